@@ -1,0 +1,107 @@
+#include "app/arguments.hpp"
+
+#include "app/text.hpp"
+#include "core/error.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace bromwich::app {
+
+namespace {
+
+std::string found(const std::string& word) { return fmt::format("found '{}'", word); }
+
+long long integer_within(const char* argument, const std::string& word, long long limit) {
+  const auto value = parse_integer(word);
+  if (!value || *value < 1 || *value > limit)
+    throw Error(argument, found(word), fmt::format("give an integer from 1 to {}", limit));
+  return *value;
+}
+
+bool contains(const std::vector<std::string>& words, const std::string& word) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+}  // namespace
+
+Index parse_steps(const std::string& word, long long limit) { return Index(integer_within("--steps", word, limit)); }
+
+int parse_threads(const std::string& word) { return int(integer_within("--threads", word, max_threads)); }
+
+double parse_iteration_tolerance(const std::string& word) {
+  const auto value = parse_double(word);
+  if (!value || *value <= 0 || *value >= 1)
+    throw Error("--iteration-tol", found(word), "give a number between 0 and 1, such as 1e-12");
+  return *value;
+}
+
+Method parse_method(const std::string& word) {
+  static const std::vector<std::string> available{"auto", "contour", "contour-literal", "march", "euler"};
+  static const std::vector<std::string> planned{"multigrid", "galerkin", "goal"};
+  if (contains(planned, word))
+    throw Error("--method", fmt::format("'{}' is not available yet", word), "use one of " + join(available));
+  if (!contains(available, word))
+    throw Error("--method", found(word) + suggestion(word, available), "use one of " + join(available));
+  return method_from_string(word);
+}
+
+std::string parse_backend(const std::string& word) {
+  if (word == "auto" || word == "cpu") return "cpu";
+  if (word == "cuda") throw Error("--backend", "found 'cuda' but this build has no CUDA backend", "use --backend cpu");
+  throw Error("--backend", found(word) + suggestion(word, {"auto", "cpu"}), "use auto or cpu");
+}
+
+void parse_states(const std::string& word, Index states, Options& options) {
+  options.components.clear();
+  options.states = word == "all" ? StateSelection::all : StateSelection::none;
+  if (word == "all" || word == "none") return;
+
+  options.states = StateSelection::list;
+  const std::string remedy =
+      fmt::format("give all, none, or different components from 0 to {} separated by commas", states - 1);
+  for (std::size_t begin = 0; begin <= word.size();) {
+    const std::size_t end = std::min(word.find(',', begin), word.size());
+    const std::string item = word.substr(begin, end - begin);
+    const auto component = parse_integer(item);
+    if (!component || *component < 0 || *component >= states)
+      throw Error("--states", item == word ? found(word) : fmt::format("found '{}' in '{}'", item, word), remedy);
+    options.components.push_back(Index(*component));
+    begin = end + 1;
+  }
+  auto sorted = options.components;
+  std::sort(sorted.begin(), sorted.end());
+  const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
+  if (twice != sorted.end()) throw Error("--states", fmt::format("component {} is given twice", *twice), remedy);
+}
+
+ParameterValues parse_settings(const std::vector<std::string>& words) {
+  ParameterValues values;
+  for (const std::string& word : words) {
+    const std::size_t equals = word.find('=');
+    if (equals == std::string::npos || equals == 0)
+      throw Error("--set", found(word), "write key=value, such as --set T=2");
+    const std::string key = word.substr(0, equals), text = word.substr(equals + 1);
+    const auto value = parse_double(text);
+    if (!value) throw Error("--set", fmt::format("found '{}' as the value of {}", text, key), "give a finite number");
+    if (!values.emplace(key, *value).second)
+      throw Error("--set", fmt::format("{} is given twice", key), "set every parameter once");
+  }
+  return values;
+}
+
+Words split_words(const std::vector<std::string>& words, const std::vector<std::string>& settings) {
+  Words split{{}, settings};
+  for (const std::string& word : words) {
+    if (word.find('=') == std::string::npos) {
+      split.names.push_back(word);
+      continue;
+    }
+    if (settings.empty()) throw Error("SCENE", found(word), fmt::format("to set a parameter write --set {}", word));
+    split.settings.push_back(word);
+  }
+  return split;
+}
+
+}  // namespace bromwich::app

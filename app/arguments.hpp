@@ -1,0 +1,39 @@
+#pragma once
+// Words of the command line into values. Every function throws Error naming the argument, what was found and what to
+// do; nothing is corrected silently.
+
+#include "core/scenes/catalogue.hpp"
+#include "core/solve.hpp"
+
+#include <string>
+#include <vector>
+
+namespace bromwich::app {
+
+inline constexpr long long max_steps = 1LL << 24;
+inline constexpr int max_threads = 4096;
+
+/// An integer from 1 to `limit`.
+Index parse_steps(const std::string& word, long long limit = max_steps);
+int parse_threads(const std::string& word);
+/// A number strictly between 0 and 1.
+double parse_iteration_tolerance(const std::string& word);
+Method parse_method(const std::string& word);
+
+/// "cpu", or what `auto` stands for in this build.
+std::string parse_backend(const std::string& word);
+
+/// "all", "none" or a list "0,3,7" of components below `states`.
+void parse_states(const std::string& word, Index states, Options& options);
+
+/// key=value, each key once.
+ParameterValues parse_settings(const std::vector<std::string>& words);
+
+/// The free words of a command: names, and more key=value words after a --set ("--set Q=39 T=2").
+struct Words {
+  std::vector<std::string> names;
+  std::vector<std::string> settings;
+};
+Words split_words(const std::vector<std::string>& words, const std::vector<std::string>& settings);
+
+}  // namespace bromwich::app

@@ -1,0 +1,67 @@
+#pragma once
+// What the benchmarks share: the request, the envelope of the JSON file, repeated timings and aligned tables.
+
+#include "app/output_json.hpp"
+#include "app/scene_choice.hpp"
+#include "core/solve.hpp"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace bromwich::app {
+
+struct BenchRequest {
+  std::optional<std::string> scene;
+  ParameterValues settings;
+  Index steps = 0;  ///< 0 = the benchmark's own choice
+  bool quick = false;
+
+  int repeats() const { return quick ? 2 : 5; }
+};
+
+/// What a benchmark hands back; it prints its own tables.
+struct BenchReport {
+  std::string scene;
+  Json parameters = Json::object();  ///< those common to all rows; each row also carries its own
+  Json rows = Json::array();
+  Json details = Json::object();   ///< how the numbers are defined
+  std::vector<std::string> notes;  ///< conclusions, lost cases among them
+};
+
+struct Benchmark {
+  const char* name;
+  const char* summary;
+  BenchReport (*run)(const BenchRequest&, Backend&);
+};
+
+BenchReport bench_baselines(const BenchRequest& request, Backend& backend);
+BenchReport bench_convolution(const BenchRequest& request, Backend& backend);
+
+/// Wall-clock seconds of repeated runs.
+struct Samples {
+  std::vector<double> total, setup, solve;
+
+  void add(double total_seconds, double setup_seconds, double solve_seconds);
+};
+double median(std::vector<double> values);
+double minimum(const std::vector<double>& values);
+double maximum(const std::vector<double>& values);
+/// {median, min, max} of the total and the medians of setup and solve; null without samples.
+Json to_json(const Samples& samples);
+
+/// Max over all entries and root mean square of y - reference over the rows t_j >= T/16, where the initial layer has
+/// passed; NaN where either holds a NaN.
+struct Deviation {
+  double max = 0, rms = 0;
+};
+Deviation deviation(const RowMatrix& y, const RowMatrix& reference);
+inline constexpr const char* deviation_definition = "y against the reference over t >= T/16, all constraints";
+
+/// First row is the header; the first column is aligned left, the others right.
+std::string table(const std::vector<std::vector<std::string>>& rows);
+
+/// "1.23e-05", or "-" for a NaN.
+std::string scientific(double value);
+
+}  // namespace bromwich::app

@@ -1,0 +1,99 @@
+// `bromwich bench`: picks the benchmark, checks the request, and wraps what comes back with its provenance.
+
+#include "app/arguments.hpp"
+#include "app/bench.hpp"
+#include "app/commands.hpp"
+#include "app/machine.hpp"
+#include "app/output_file.hpp"
+#include "app/text.hpp"
+#include "core/build_info.hpp"
+#include "core/error.hpp"
+#include "cpu/cpu_backend.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <iterator>
+
+namespace bromwich::app {
+
+namespace {
+
+constexpr std::array<Benchmark, 2> benchmarks{{
+    {"baselines", "the iteration against step-by-step methods, error beside time", bench_baselines},
+    {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
+}};
+
+/// A reference on a grid at least four times finer must fit below max_steps.
+constexpr long long max_bench_steps = max_steps / 4;
+
+const Benchmark& find_benchmark(const std::vector<std::string>& names) {
+  std::vector<std::string> known;
+  known.reserve(benchmarks.size());
+  for (const Benchmark& benchmark : benchmarks) known.emplace_back(benchmark.name);
+  if (names.empty()) throw Error("NAME", "found none", "use one of " + join(known));
+  for (const Benchmark& benchmark : benchmarks)
+    if (names.front() == benchmark.name) return benchmark;
+  throw Error("NAME", fmt::format("found '{}'", names.front()) + suggestion(names.front(), known),
+              "use one of " + join(known));
+}
+
+BenchRequest make_request(const BenchArguments& arguments, const Words& words) {
+  if (words.names.size() > 2)
+    throw Error("SCENE", "found " + join({words.names.begin() + 1, words.names.end()}), "name one scene");
+  BenchRequest request;
+  if (words.names.size() == 2) request.scene = words.names[1];
+  request.settings = parse_settings(words.settings);
+  request.quick = arguments.quick;
+  if (!arguments.steps.empty()) request.steps = parse_steps(arguments.steps, max_bench_steps);
+  return request;
+}
+
+Json envelope(const Benchmark& benchmark, const BenchRequest& request, const BenchReport& report, int threads) {
+  Json json;
+  json["schema"] = "bromwich-bench/1";
+  json["bench"] = benchmark.name;
+  json["scene"] = report.scene;
+  json["parameters"] = report.parameters;
+  json["machine"] = {{"cpu", cpu_model()}, {"cores", cpu_cores()}, {"memory", memory_bytes()}};
+  json["compiler"] = build_info::compiler;
+  json["build_type"] = build_info::build_type;
+  json["flags"] = build_info::flags;
+  json["commit"] = build_info::commit;
+  json["version"] = build_info::version;
+  json["threads"] = threads;
+  json["repeats"] = request.repeats();
+  json["quick"] = request.quick;
+  json["date"] = utc_now();
+  json["details"] = report.details;
+  json["rows"] = report.rows;
+  json["notes"] = report.notes;
+  return json;
+}
+
+}  // namespace
+
+std::string bench_list() {
+  std::string text;
+  for (const Benchmark& benchmark : benchmarks)
+    fmt::format_to(std::back_inserter(text), "  {:<12} {}\n", benchmark.name, benchmark.summary);
+  return text;
+}
+
+int run_bench(const BenchArguments& arguments) {
+  const Words words = split_words(arguments.words, arguments.settings);
+  const Benchmark& benchmark = find_benchmark(words.names);
+  const BenchRequest request = make_request(arguments, words);
+  const int threads = arguments.threads.empty() ? 0 : parse_threads(arguments.threads);
+  std::optional<OutputFile> out;
+  if (!arguments.out.empty()) out.emplace(arguments.out, ".json");
+
+  const auto backend = make_cpu_backend(threads);
+  const BenchReport report = benchmark.run(request, *backend);
+  if (!out) return exit_solved;
+  const std::string text = dump(envelope(benchmark, request, report, backend->device().threads));
+  out->write([&text](std::FILE* file) { std::fwrite(text.data(), 1, text.size(), file); });
+  return exit_solved;
+}
+
+}  // namespace bromwich::app

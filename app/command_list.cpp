@@ -1,0 +1,71 @@
+// `bromwich scenes` and `bromwich info`.
+
+#include "app/commands.hpp"
+#include "app/machine.hpp"
+#include "app/scene_choice.hpp"
+#include "app/text.hpp"
+#include "core/build_info.hpp"
+#include "core/error.hpp"
+#include "cpu/cpu_backend.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <iterator>
+
+namespace bromwich::app {
+
+namespace {
+
+/// "Q=39 (or dx) T=4"
+std::string defaults(const SceneRecipe& recipe) {
+  std::vector<std::string> words;
+  for (const SceneParameter& parameter : recipe.parameters)
+    words.push_back(parameter.replaces.empty() ? fmt::format("{}={}", parameter.name, parameter.value)
+                                               : fmt::format("(or {})", parameter.name));
+  return fmt::format("{}", fmt::join(words, " "));
+}
+
+}  // namespace
+
+void print(const std::string& text) {
+  const bool short_write = std::fwrite(text.data(), 1, text.size(), stdout) != text.size();
+  if (std::fflush(stdout) != 0 || short_write)
+    throw Error("standard output", "could not be written", "check where it is redirected to");
+}
+
+int run_scenes() {
+  std::size_t names = 0, values = 0;
+  for (const SceneRecipe& recipe : scene_catalogue()) {
+    names = std::max(names, recipe.name.size());
+    values = std::max(values, defaults(recipe).size());
+  }
+  std::string text;
+  for (const SceneRecipe& recipe : scene_catalogue())
+    fmt::format_to(std::back_inserter(text), "{:<{}}  {:<{}}  {}\n", recipe.name, names, defaults(recipe), values,
+                   recipe.summary);
+  print(text);
+  return exit_solved;
+}
+
+int run_info() {
+  const auto backend = make_cpu_backend();
+  const DeviceInfo device = backend->device();
+  std::string text;
+  const auto line = [&text](const char* label, const std::string& value) {
+    fmt::format_to(std::back_inserter(text), "{:<10} {}\n", label, value);
+  };
+  line("version", fmt::format("{} (commit {})", build_info::version, build_info::commit));
+  line("compiler", fmt::format("{}, {}", build_info::compiler, build_info::build_type));
+  line("flags", build_info::flags);
+  line("backends", "cpu (cuda is not built in)");
+  line("device",
+       fmt::format("{}: {}{}{}", backend->name(), device.name, device.detail.empty() ? "" : ", ", device.detail));
+  line("threads", fmt::format("{}", device.threads));
+  line("memory", format_bytes(memory_bytes()));
+  print(text);
+  return exit_solved;
+}
+
+}  // namespace bromwich::app

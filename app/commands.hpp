@@ -1,0 +1,36 @@
+#pragma once
+// The subcommands. Each takes the words of its command line and returns the exit code.
+
+#include <string>
+#include <vector>
+
+namespace bromwich::app {
+
+enum ExitCode : int { exit_solved = 0, exit_bad_input = 2, exit_not_solved = 3 };
+
+/// Words as they were typed; empty = not given.
+struct SolveArguments {
+  std::vector<std::string> words, settings;
+  std::string method = "auto", backend = "auto", states = "none";
+  std::string tolerance, steps, iteration_tolerance, threads, out, report;
+  bool json = false;
+};
+
+struct BenchArguments {
+  std::vector<std::string> words, settings;
+  std::string steps, threads, out;
+  bool quick = false;
+};
+
+int run_scenes();
+int run_solve(const SolveArguments& arguments);
+int run_bench(const BenchArguments& arguments);
+int run_info();
+
+/// "baselines    ...": one line per benchmark, for the help.
+std::string bench_list();
+
+/// Writes to standard output; throws Error where that fails (a full disk behind a redirection).
+void print(const std::string& text);
+
+}  // namespace bromwich::app

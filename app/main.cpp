@@ -1,0 +1,155 @@
+// The `bromwich` command: declares the command line and turns every failure into one line and an exit code.
+
+#include "app/commands.hpp"
+#include "app/text.hpp"
+#include "core/build_info.hpp"
+#include "core/error.hpp"
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include <exception>
+#include <new>
+
+namespace bromwich::app {
+
+namespace {
+
+const std::vector<std::string> commands{"scenes", "solve", "bench", "info"};
+
+int refuse(const std::string& message) {
+  fmt::print(stderr, "bromwich: {}\n", one_line(message));
+  return exit_bad_input;
+}
+
+/// All values stay words here: the checks that follow the parser name what was found and what to do.
+CLI::Option* add_word(CLI::App* command, const std::string& name, std::string& word, const char* unit,
+                      const std::string& help) {
+  const CLI::Validator not_empty(
+      [](std::string& text) { return std::string(text.empty() ? "found an empty value; give one" : ""); }, "");
+  return command->add_option(name, word, help)->check(not_empty)->type_name(unit)->option_text(unit);
+}
+
+void add_settings(CLI::App* command, std::vector<std::string>& settings) {
+  command->add_option("--set", settings, "set parameters of the scene; may be repeated")
+      ->allow_extra_args(false)
+      ->type_name("key=value")
+      ->option_text("key=value ...");
+}
+
+CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
+  CLI::App* command = app.add_subcommand("solve", "solve a scene");
+  command->add_option("SCENE", a.words, "a scene that 'bromwich scenes' lists")->option_text(" ");
+  add_settings(command, a.settings);
+  add_word(command, "--method", a.method, "NAME", "auto (default), contour, contour-literal, march or euler");
+  add_word(command, "--backend", a.backend, "NAME", "auto (default) or cpu");
+  add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
+  add_word(command, "--tol", a.tolerance, "EPS", "error to reach (not available yet)");
+  add_word(command, "--iteration-tol", a.iteration_tolerance, "EPS",
+           "stop iterating at this change of y, relative to max(1,|y|); default 1e-12");
+  add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
+  add_word(command, "--states", a.states, "LIST", "state components to write: none (default), all or 0,3,7");
+  add_word(command, "--out", a.out, "FILE.csv", "write t, y and the states asked for");
+  add_word(command, "--report", a.report, "FILE.html", "write a report (not available yet)");
+  command->add_flag("--json", a.json, "print one JSON object instead of the summary");
+  command->footer(
+      "Examples:\n"
+      "  bromwich solve signorini\n"
+      "  bromwich solve signorini --set Q=127 --steps 1000 --method march --out y.csv\n"
+      "  bromwich solve signorini --method contour --iteration-tol 1e-8 --json\n"
+      "Exit code: 0 solved, 2 bad input, 3 any other status (what is valid is still written).");
+  return command;
+}
+
+CLI::App* add_bench(CLI::App& app, BenchArguments& a) {
+  CLI::App* command = app.add_subcommand("bench", "measure methods against each other");
+  command->add_option("NAME [SCENE]", a.words, "a benchmark, and the scene where it takes one")->option_text(" ");
+  add_settings(command, a.settings);
+  add_word(command, "--steps", a.steps, "J", "time steps; default: the benchmark's own sizes");
+  add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
+  add_word(command, "--out", a.out, "FILE.json", "write the measurements with machine, compiler and commit");
+  command->add_flag("--quick", a.quick, "smallest size, fewer repeats, coarser reference");
+  command->footer("Benchmarks:\n" + bench_list() +
+                  "Examples:\n"
+                  "  bromwich bench baselines --quick\n"
+                  "  bromwich bench baselines signorini --set Q=255 --steps 400 --threads 1 --out baselines.json");
+  return command;
+}
+
+/// The parser says only that a command is missing; the word that stands in its place is worth naming.
+void check_command(int argc, char** argv) {
+  const std::string word = argc > 1 ? argv[1] : "";
+  for (const std::string& name : commands)
+    if (word == name) return;
+  if (word == "-h" || word == "--help" || word == "--version") return;
+  throw Error("command", argc > 1 ? fmt::format("found '{}'", word) + suggestion(word, commands) : "found none",
+              fmt::format("begin with one of {}; 'bromwich --help' shows how", join(commands)));
+}
+
+/// What was found and what to do, for a line that the parser refuses.
+std::string explain(const CLI::App& app, const CLI::ParseError& error) {
+  const auto used = app.get_subcommands();
+  const CLI::App& command = used.empty() ? app : *used.front();
+  const std::string remedy = fmt::format("see 'bromwich {}--help'", used.empty() ? "" : command.get_name() + " ");
+  const auto extras = app.remaining(true);
+  if (dynamic_cast<const CLI::ExtrasError*>(&error) == nullptr || extras.empty())
+    return fmt::format("{}; {}", error.what(), remedy);
+  std::vector<std::string> known;
+  for (const CLI::Option* option : command.get_options())
+    if (!option->get_lnames().empty()) known.push_back("--" + option->get_lnames().front());
+  const std::string word = extras.front().substr(0, extras.front().find('='));
+  return fmt::format("{}: is no argument of {}{}; {}", word, command.get_name(), suggestion(word, known), remedy);
+}
+
+int run(int argc, char** argv) {
+  CLI::App app{
+      "Solves differential linear complementarity problems\n"
+      "  x' = A x + B y + f(t),  0 <= y  perpendicular to  w = N x + M y + g(t) >= 0\n"
+      "for all time points at once by contour integrals, or step by step.",
+      "bromwich"};
+  app.get_formatter()->column_width(28);
+  app.set_version_flag("--version", fmt::format("bromwich {}", build_info::version), "print the version and exit");
+  app.require_subcommand(1);
+  SolveArguments solve_arguments;
+  BenchArguments bench_arguments;
+  const CLI::App* scenes = app.add_subcommand("scenes", "list the built-in scenes and their parameters");
+  const CLI::App* solve = add_solve(app, solve_arguments);
+  const CLI::App* bench = add_bench(app, bench_arguments);
+  app.add_subcommand("info", "print version, build, backends and device");
+  app.footer(
+      "Examples:\n"
+      "  bromwich scenes\n"
+      "  bromwich solve signorini --set Q=39 --steps 400 --out y.csv\n"
+      "'bromwich COMMAND --help' explains a command.");
+
+  check_command(argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help and --version
+    return refuse(explain(app, error));
+  }
+  if (scenes->parsed()) return run_scenes();
+  if (solve->parsed()) return run_solve(solve_arguments);
+  return bench->parsed() ? run_bench(bench_arguments) : run_info();
+}
+
+}  // namespace
+
+int guarded_main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const Error& error) {
+    return refuse(error.what());
+  } catch (const std::bad_alloc&) {
+    return refuse(
+        "memory: the problem does not fit into this machine's memory; use fewer --steps or --states, or a "
+        "smaller scene");
+  } catch (const std::exception& error) {
+    return refuse(fmt::format("internal error: {}; please report it with the command line", error.what()));
+  }
+}
+
+}  // namespace bromwich::app
+
+int main(int argc, char** argv) { return bromwich::app::guarded_main(argc, argv); }

@@ -1,0 +1,51 @@
+#include "app/output_csv.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <iterator>
+
+namespace bromwich::app {
+
+namespace {
+
+constexpr std::size_t flush_bytes = 1 << 20;
+
+void append(fmt::memory_buffer& text, double value) {
+  // A NaN may carry a sign, which readers of the file do not expect.
+  if (std::isnan(value))
+    fmt::format_to(std::back_inserter(text), ",nan");
+  else
+    fmt::format_to(std::back_inserter(text), ",{}", value);
+}
+
+/// `count` values of row j; what the array does not hold is nan.
+void append_row(fmt::memory_buffer& text, const RowMatrix& values, Index j, Index count) {
+  for (Index i = 0; i < count; ++i) append(text, j < values.rows() && i < values.cols() ? values(j, i) : std::nan(""));
+}
+
+void flush(fmt::memory_buffer& text, std::FILE* file) {
+  std::fwrite(text.data(), 1, text.size(), file);
+  text.clear();
+}
+
+}  // namespace
+
+void write_csv(const Result& result, Index constraints, std::FILE* file) {
+  fmt::memory_buffer text;
+  const auto out = std::back_inserter(text);
+  fmt::format_to(out, "t");
+  for (Index i = 0; i < constraints; ++i) fmt::format_to(out, ",y{}", i);
+  for (const Index component : result.x_components) fmt::format_to(out, ",x{}", component);
+  fmt::format_to(out, "\n");
+  for (Index j = 0; j < result.t.size(); ++j) {
+    fmt::format_to(out, "{}", result.t[j]);
+    append_row(text, result.y, j, constraints);
+    append_row(text, result.x, j, Index(result.x_components.size()));
+    fmt::format_to(out, "\n");
+    if (text.size() > flush_bytes) flush(text, file);
+  }
+  flush(text, file);
+}
+
+}  // namespace bromwich::app

@@ -1,0 +1,62 @@
+#include "app/output_json.hpp"
+
+#include <cmath>
+
+namespace bromwich::app {
+
+namespace {
+
+Json nullable(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
+
+Json to_json(const Seconds& seconds) {
+  return {{"total", seconds.total},
+          {"setup", seconds.setup},
+          {"solve", seconds.solve},
+          {"lcp", seconds.lcp},
+          {"convolution", seconds.convolution},
+          {"transform", seconds.transform},
+          {"other", seconds.other}};
+}
+
+Json to_json(const LcpCount& count) {
+  return {{"solved", count.solved}, {"newton", count.newton}, {"fallbacks", count.fallbacks}};
+}
+
+}  // namespace
+
+Json to_json(const ParameterValues& parameters) {
+  Json json = Json::object();
+  for (const auto& [key, value] : parameters) {
+    const bool whole = value == std::floor(value) && std::abs(value) < 1e15;
+    json[key] = whole ? Json(static_cast<long long>(value)) : Json(value);  // 39 reads better than 39.0
+  }
+  return json;
+}
+
+Json to_json(const SceneChoice& choice, const Result& result, int threads) {
+  Json json;
+  json["schema"] = "bromwich/1";
+  json["scene"] = choice.scene.name;
+  json["parameters"] = to_json(choice.parameters);
+  json["status"] = to_string(result.status);
+  json["reason"] = result.reason;
+  json["infeasible_at"] = nullable(result.infeasible_at);
+  json["method"] = result.method;
+  json["backend"] = result.backend;
+  json["threads"] = threads;
+  json["kernel"] = result.kernel;
+  json["kernel_error"] = result.kernel_error;
+  json["steps"] = result.steps;
+  json["iterations"] = result.iterations;
+  json["cycles"] = result.cycles;
+  json["residual"] = result.residual;
+  json["error_estimate"] = nullable(result.error_estimate);
+  json["lcp"] = to_json(result.lcp);
+  json["seconds"] = to_json(result.seconds);
+  json["bytes"] = result.bytes;
+  return json;
+}
+
+std::string dump(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"; }
+
+}  // namespace bromwich::app

@@ -1,0 +1,21 @@
+#pragma once
+
+#include "app/scene_choice.hpp"
+#include "core/result.hpp"
+
+#include <nlohmann/json.hpp>
+
+namespace bromwich::app {
+
+/// Keys in the order they are written.
+using Json = nlohmann::ordered_json;
+
+/// The object that `solve --json` prints, schema "bromwich/1". Numbers that are not finite become null.
+Json to_json(const SceneChoice& choice, const Result& result, int threads);
+
+Json to_json(const ParameterValues& parameters);
+
+/// Indented text; bytes that are not UTF-8 are replaced, so that every result can be printed.
+std::string dump(const Json& json);
+
+}  // namespace bromwich::app

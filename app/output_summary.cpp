@@ -1,0 +1,72 @@
+#include "app/output_summary.hpp"
+
+#include "app/text.hpp"
+
+#include <fmt/format.h>
+
+#include <iterator>
+
+namespace bromwich::app {
+
+namespace {
+
+std::string scene_line(const SceneChoice& choice) {
+  const std::string parameters = describe(choice.parameters);
+  return parameters.empty() ? choice.scene.name : fmt::format("{} ({})", choice.scene.name, parameters);
+}
+
+std::string grid_line(const Scene& scene, Index steps) {
+  std::string line = fmt::format("{} constraints, {} states", scene.constraints(), scene.states());
+  if (steps > 0) line += fmt::format(", {} steps of {:.6g} up to T = {:.6g}", steps, scene.T / double(steps), scene.T);
+  return line;
+}
+
+std::string error_line(const Result& result) {
+  return fmt::format("{:.2e} of the complementarity, {:.1e} of the kernel weights, discretisation {}", result.residual,
+                     result.kernel_error,
+                     result.error_estimate ? fmt::format("{:.2e}", *result.error_estimate) : "not estimated");
+}
+
+std::string time_line(const Seconds& s) {
+  return fmt::format("{} = setup {} + solve {}", format_seconds(s.total), format_seconds(s.setup),
+                     format_seconds(s.solve));
+}
+
+std::string split_line(const Seconds& s) {
+  return fmt::format("lcp {}, convolution {}, transform {}, other {}", format_seconds(s.lcp),
+                     format_seconds(s.convolution), format_seconds(s.transform), format_seconds(s.other));
+}
+
+/// The last row is what one looks at first.
+std::string last_line(const Result& result) {
+  if (result.y.size() == 0) return "not reached";
+  const auto last = result.y.row(result.y.rows() - 1);
+  if (!last.allFinite()) return "not reached";
+  return fmt::format("between {:.10g} and {:.10g}", last.minCoeff(), last.maxCoeff());
+}
+
+}  // namespace
+
+std::string summary(const SceneChoice& choice, const Result& result, int threads, const std::string& out) {
+  std::string text;
+  const auto line = [&text](const char* label, const std::string& value) {
+    fmt::format_to(std::back_inserter(text), "{:<11} {}\n", label, value);
+  };
+  line("scene", scene_line(choice));
+  line("size", grid_line(choice.scene, result.steps));
+  line("method", fmt::format("{} on {}, {} thread{}", result.method, result.backend, threads, threads == 1 ? "" : "s"));
+  line("kernel", result.kernel.empty() ? "-" : result.kernel);
+  line("status", to_string(result.status));
+  if (result.infeasible_at) line("infeasible", fmt::format("from t = {:.10g}", *result.infeasible_at));
+  line("iterations", fmt::format("{}; {} problems solved, {} Newton sweeps, {} fallbacks", result.iterations,
+                                 result.lcp.solved, result.lcp.newton, result.lcp.fallbacks));
+  line("errors", error_line(result));
+  line("y at T", last_line(result));
+  line("time", time_line(result.seconds));
+  line("  of solve", split_line(result.seconds));
+  line("memory", format_bytes(double(result.bytes)));
+  line("output", out.empty() ? "none; --out FILE.csv writes y, --json prints this for programs" : out);
+  return text;
+}
+
+}  // namespace bromwich::app

@@ -1,0 +1,81 @@
+#include "app/scene_choice.hpp"
+
+#include "app/machine.hpp"
+#include "app/text.hpp"
+#include "core/error.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+
+namespace bromwich::app {
+
+namespace {
+
+std::vector<std::string> scene_names() {
+  std::vector<std::string> names;
+  for (const SceneRecipe& recipe : scene_catalogue()) names.push_back(recipe.name);
+  return names;
+}
+
+/// A SCENE that can only be meant as a file.
+bool looks_like_file(const std::string& name) {
+  std::string extension = std::filesystem::path(name).extension();
+  for (char& c : extension) c = char(std::tolower(static_cast<unsigned char>(c)));
+  return extension == ".toml" || name.find('/') != std::string::npos;
+}
+
+const SceneRecipe& find_recipe(const std::string& name) {
+  for (const SceneRecipe& recipe : scene_catalogue())
+    if (recipe.name == name) return recipe;
+  const auto names = scene_names();
+  if (looks_like_file(name))
+    throw Error("SCENE", fmt::format("found '{}' but scene files are not available yet", name),
+                "use a built-in scene: " + join(names));
+  throw Error("SCENE", fmt::format("found '{}'", name) + suggestion(name, names),
+              "use a built-in scene: " + join(names));
+}
+
+void check_keys(const SceneRecipe& recipe, const ParameterValues& settings) {
+  std::vector<std::string> known;
+  for (const SceneParameter& parameter : recipe.parameters) known.push_back(parameter.name);
+  for (const auto& [key, value] : settings)
+    if (std::find(known.begin(), known.end(), key) == known.end())
+      throw Error("--set", fmt::format("'{}' is no parameter of {}", key, recipe.name) + suggestion(key, known),
+                  known.empty() ? "leave it out" : "use one of " + join(known));
+}
+
+}  // namespace
+
+SceneChoice choose_scene(const std::string& name, const ParameterValues& settings) {
+  const SceneRecipe& recipe = find_recipe(name);
+  check_keys(recipe, settings);
+  SceneChoice choice{make_scene(name, settings), settings};
+  for (const SceneParameter& parameter : recipe.parameters) choice.parameters.emplace(parameter.name, parameter.value);
+  // A parameter given instead of another one leaves that one without meaning, and the other way round.
+  for (const SceneParameter& parameter : recipe.parameters)
+    if (!parameter.replaces.empty())
+      choice.parameters.erase(settings.contains(parameter.name) ? parameter.replaces : parameter.name);
+  return choice;
+}
+
+std::string describe(const ParameterValues& parameters) {
+  std::vector<std::string> words;
+  for (const auto& [key, value] : parameters) words.push_back(fmt::format("{} = {}", key, value));
+  return join(words);
+}
+
+void check_memory(const Scene& scene, Index steps, Index state_columns) {
+  // y, r, v, the source and the copy of y in the result.
+  const double columns = 5 * double(scene.constraints()) + double(state_columns);
+  const double needed = sizeof(double) * (double(steps) + 1) * columns;
+  if (needed > memory_bytes())
+    throw Error("--steps",
+                fmt::format("{} steps need more than {} and this machine has {}", steps, format_bytes(needed),
+                            format_bytes(memory_bytes())),
+                state_columns > 0 ? "use fewer --steps or fewer --states" : "use fewer --steps");
+}
+
+}  // namespace bromwich::app

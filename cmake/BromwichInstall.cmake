@@ -1,0 +1,18 @@
+# Installs the libraries and headers, and a package for find_package(bromwich).
+include(CMakePackageConfigHelpers)
+
+set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/bromwich)
+
+set(libraries bromwich bromwich_core)
+if(BROMWICH_CPU)
+  list(APPEND libraries bromwich_cpu)
+endif()
+install(TARGETS ${libraries} EXPORT bromwichTargets FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/bromwich)
+install(EXPORT bromwichTargets NAMESPACE bromwich:: DESTINATION ${package_dir})
+
+configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/bromwichConfig.cmake.in
+                              ${PROJECT_BINARY_DIR}/bromwichConfig.cmake INSTALL_DESTINATION ${package_dir})
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/bromwichConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/bromwichConfig.cmake ${PROJECT_BINARY_DIR}/bromwichConfigVersion.cmake
+              ${PROJECT_SOURCE_DIR}/cmake/FindFFTW3.cmake DESTINATION ${package_dir})
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})

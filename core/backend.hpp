@@ -1,0 +1,130 @@
+#pragma once
+// The seam between the mathematics and the machine. A backend owns memory and prepares *plans*; each plan is one
+// operation on whole space-time arrays, never on one time step. Plans own their workspaces, allocate nothing when they
+// run, and report their bytes. Every operation has finished when it returns.
+//
+// Layout: arrays are row-major, row j = time t_j, J+1 rows. `first` restricts an operation to the rows j >= first; rows
+// before it are left as they are and are taken as final (causality makes this exact).
+
+#include "core/contour.hpp"
+#include "core/recurrence.hpp"
+#include "core/scene.hpp"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace bromwich {
+
+/// Space-time array owned by a backend; zero when made.
+class Array {
+ public:
+  virtual ~Array() = default;
+  virtual Index rows() const = 0;
+  virtual Index cols() const = 0;
+  std::size_t bytes() const { return sizeof(double) * std::size_t(rows()) * std::size_t(cols()); }
+};
+
+/// v_j <- r_j + S y_j with the symmetric orthonormal sine matrix S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)); S S = I.
+class SineTransform {
+ public:
+  virtual ~SineTransform() = default;
+  /// out = S in, row by row; with `add`, out = add + S in. `out` must not alias `in`; it may alias `add`.
+  virtual void apply(const Array& in, const Array* add, Array& out, Index first) = 0;
+  virtual std::size_t bytes() const = 0;
+};
+
+/// v_j <- Σ_{d=0}^{j-1} W_d y_{j-d} + S_j y_0 for j >= 1 (plus the part of x0 in a recurrence's `initial`), v_0 = 0.
+class Convolution {
+ public:
+  virtual ~Convolution() = default;
+  /// `v` must not alias `y`. Rows of y before `first` must be those of the previous call.
+  virtual void apply(const Array& y, Array& v, Index first) = 0;
+  virtual std::size_t bytes() const = 0;
+};
+
+/// Counters of a batch of complementarity problems.
+struct LcpCount {
+  long solved = 0;     ///< problems solved
+  long newton = 0;     ///< semismooth Newton sweeps over single problems
+  long fallbacks = 0;  ///< problems that needed pivoting or a restart from the empty active set
+  long unsolved = 0;   ///< problems left with a residual above rounding level
+};
+
+struct LcpReport {
+  LcpCount count;
+  double change = 0;      ///< max |y_new - y_old| over the rows solved
+  double magnitude = 0;   ///< max |y_new|
+  Index settled = 0;      ///< rows 0..settled-1 changed by no more than the tolerance given
+  Index infeasible = -1;  ///< first row whose problem was proven infeasible, or -1
+  bool finite = true;     ///< false: a NaN or an infinity was met
+};
+
+/// y_j in SOL(M, r_j + v_j) for all rows j >= first at once, warm-started from the y given. The class decides which
+/// solution: the only one (P), the least element (Z).
+class LcpBatch {
+ public:
+  virtual ~LcpBatch() = default;
+  virtual LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) = 0;
+  /// max_j ||min(y_j, M y_j + q_j)||_inf / max(1, ||q_j||_inf) with q = r + v (the natural map).
+  virtual double residual(const Array& r, const Array& v, const Array& y) = 0;
+  virtual std::size_t bytes() const = 0;
+};
+
+/// Everything a step-by-step solution of the discrete problem needs.
+struct MarchProblem {
+  const LcpMatrix* M = nullptr;
+  LcpClass lcp_class = LcpClass::unknown;
+  const Recurrence* recurrence = nullptr;
+  const Array* r = nullptr;      ///< (J+1) x n: what does not depend on y and is not in the recurrence's `initial`
+  const Array* drive = nullptr;  ///< (J+1) x n: phi with f = B phi, added to y where it drives the state; or null
+};
+
+struct MarchReport {
+  LcpCount count;
+  Index infeasible = -1;  ///< row at which no solution exists, or -1; rows from there on are NaN
+  Index stopped = -1;     ///< row at which a problem stayed unsolved or not finite, or -1; rows from there on are NaN
+  bool finite = true;
+  double lcp_seconds = 0;
+};
+
+/// Solves LCP(M + W_0, .) for j = 1..J in order. `y` receives the solution (row 0 must hold y_0), `v` receives
+/// v_j = (K * (y + phi))_j including the part of x0 that sits in the recurrence, so that w_j = M y_j + r_j + v_j.
+class March {
+ public:
+  virtual ~March() = default;
+  virtual MarchReport run(Array& y, Array& v) = 0;
+  virtual std::size_t bytes() const = 0;
+};
+
+enum class ConvolutionKind { scan, fft };
+
+struct DeviceInfo {
+  std::string name;
+  int threads = 1;
+  std::string detail;
+};
+
+class Backend {
+ public:
+  virtual ~Backend() = default;
+
+  virtual std::string name() const = 0;
+  virtual DeviceInfo device() const = 0;
+
+  virtual std::unique_ptr<Array> array(Index rows, Index cols) = 0;
+  virtual void upload(const RowMatrix& from, Array& to) = 0;
+  virtual void download(const Array& from, RowMatrix& to) = 0;
+
+  virtual std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) = 0;
+  virtual std::unique_ptr<Convolution> convolution(const Recurrence&, Index rows) = 0;
+  virtual std::unique_ptr<Convolution> convolution(const LagTable&, Index rows) = 0;
+  virtual std::unique_ptr<LcpBatch> lcp(const LcpMatrix&, LcpClass, Index rows) = 0;
+  virtual std::unique_ptr<March> march(const MarchProblem&, Index rows) = 0;
+
+  /// The shifted solves of the contour: N (z_p I - A)^{-1} B for all nodes at once. Row p holds the n modal values (Kronecker sum) or the n x k entries of
+  /// the block, row by row (dense).
+  virtual ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes) = 0;
+};
+
+}  // namespace bromwich

@@ -1,0 +1,69 @@
+#include "core/contour.hpp"
+
+#include <array>
+#include <cmath>
+#include <numbers>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double degree = std::numbers::pi / 180;
+
+// Worst errors are over t in [t0, 5 t0] and over a on five rays of the sector; mu is in units of 1/t0.
+constexpr std::array<ContourParameters, 6> parameter_table{{
+    //  half-angle    P   gamma              spacing             mu                 error
+    {0 * degree, 21, 1.0727203598835797, 0.10255199568324819, 8.017019961323617, 2.4e-13},
+    {0 * degree, 24, 1.0430058100318390, 0.09818070360996706, 7.468642467551716, 7.0e-15},
+    {15 * degree, 28, 0.886512, 0.110112, 3.67963, 1.9e-15},
+    {30 * degree, 36, 0.716430, 0.103542, 2.55297, 2.6e-15},
+    {45 * degree, 50, 0.548150, 0.0825328, 1.86288, 2.8e-15},
+    {60 * degree, 80, 0.386939, 0.0555961, 1.84706, 5.9e-15},
+}};
+
+// z(v) = scale (1 + sin(iv - gamma)) and z'(v) = scale i cos(iv - gamma) at v = p spacing, p = 0..P; the conjugate
+// half is folded into the weights.
+Contour hyperbola(Index P, double gamma, double spacing, double scale) {
+  Contour contour;
+  contour.nodes.resize(P + 1);
+  contour.weights.resize(P + 1);
+  const Complex i(0, 1);
+  for (Index p = 0; p <= P; ++p) {
+    const Complex angle(-gamma, double(p) * spacing);
+    contour.nodes[p] = scale * (1.0 + std::sin(angle));
+    const Complex c = spacing / (2 * std::numbers::pi * i) * scale * i * std::cos(angle);
+    contour.weights[p] = p == 0 ? c : 2.0 * c;
+  }
+  return contour;
+}
+
+}  // namespace
+
+std::optional<ContourParameters> contour_parameters(double half_angle, double tolerance) {
+  for (const ContourParameters& entry : parameter_table)
+    if (half_angle <= entry.half_angle && entry.error <= tolerance) return entry;
+  return std::nullopt;
+}
+
+Contour window_contour(const ContourParameters& parameters, double t0) {
+  Contour contour = hyperbola(parameters.P, parameters.gamma, parameters.spacing, parameters.mu / t0);
+  contour.t0 = t0;
+  contour.t1 = window_ratio * t0;
+  return contour;
+}
+
+std::vector<Contour> window_contours(const ContourParameters& parameters, double t0, double t1) {
+  // A last window that would start within rounding of t1 is not opened.
+  std::vector<Contour> windows{window_contour(parameters, t0)};
+  while (windows.back().t1 < t1 * (1 - 8 * epsilon)) windows.push_back(window_contour(parameters, windows.back().t1));
+  return windows;
+}
+
+Contour literal_contour(Index P, double t) {
+  const double root = std::sqrt(double(P));
+  Contour contour = hyperbola(P, 0.794, 2.0603 / root, root / 4 / t);
+  contour.t0 = contour.t1 = t;
+  return contour;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,50 @@
+#pragma once
+// Hyperbolic contours for the inverse Laplace transform. For t in a window [t0, ratio t0],
+//
+//     F(tA) = 1/(2 pi i) ∫_Γ F(z) (zI - A)^{-1} dz  ≈  Σ_{p=-P}^{P} c_p F(z_p) (z_p I - A)^{-1},
+//     z(v) = mu/t0 (1 + sin(iv - gamma)),   z_p = z(p dv),   c_p = dv/(2 pi i) z'(p dv),
+//
+// so all time points of a window share nodes, factorizations and solves (López-Fernández, Palencia, Schädle, SIAM J.
+// Numer. Anal. 44, 2006; Weideman, Trefethen, Math. Comp. 76, 2007). For real A the nodes come in conjugate pairs and
+// only p = 0..P are kept: the sum is then 2 Re with half weight at p = 0.
+
+#include "core/types.hpp"
+
+#include <optional>
+#include <vector>
+
+namespace bromwich {
+
+/// Parameters found by minimising the worst error of e^{at} over the sector |arg(-a)| <= half_angle and over a window
+/// of ratio 5 (scripts/contour_parameters.py).
+struct ContourParameters {
+  double half_angle;  ///< of the sector that holds the spectrum, radians
+  Index P;            ///< nodes p = 0..P
+  double gamma, spacing, mu;
+  double error;  ///< worst error of e^{at} in double precision
+};
+
+/// Ratio of the windows that the stored parameters are made for.
+inline constexpr double window_ratio = 5;
+
+/// The stored parameters with the fewest nodes whose sector holds `half_angle` and whose error is at most `tolerance`;
+/// empty where there are none (half-angles above 60 degrees, tolerances below about 1e-14).
+std::optional<ContourParameters> contour_parameters(double half_angle, double tolerance = 1e-14);
+
+/// Nodes and weights of one window, upper half of the contour only.
+struct Contour {
+  double t0 = 0, t1 = 0;   ///< the window
+  ComplexVector nodes;     ///< z_p, p = 0..P, 1/time
+  ComplexVector weights;   ///< c_p, doubled for p >= 1: F(tA) ≈ Re Σ_p weights_p F(z_p) (z_p I - A)^{-1}
+};
+
+Contour window_contour(const ContourParameters&, double t0);
+
+/// Windows [t0, 5 t0], [5 t0, 25 t0], ... that together cover [t0, t1].
+std::vector<Contour> window_contours(const ContourParameters&, double t0, double t1);
+
+/// The contour of (2.2) of the Laplace-inversion paper with its printed parameters for one time point t:
+/// gamma = 0.794, mu = sqrt(P)/4, dv = 2.0603/sqrt(P); its error is printed as e^{-2.06 sqrt P}/sqrt P (2.8).
+Contour literal_contour(Index P, double t);
+
+}  // namespace bromwich

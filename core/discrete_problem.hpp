@@ -1,0 +1,42 @@
+#pragma once
+// A scene on the grid t_j = j T/J: what every method starts from.
+
+#include "core/response.hpp"
+#include "core/spectrum.hpp"
+
+namespace bromwich {
+
+struct DiscreteProblem {
+  const Scene& scene;
+  Backend& backend;
+  LcpClass lcp_class;  ///< of M, never `automatic`
+  Index J;
+  double h;
+  Vector t;       ///< J+1
+  RowMatrix g;    ///< (J+1) x n
+  RowMatrix f;    ///< (J+1) x m, or (J+1) x n values of phi where f = B phi; empty if f is zero
+  Vector start;   ///< n: N x0 + g(0), the q of y_0
+
+  const KroneckerDynamics* kronecker() const { return std::get_if<KroneckerDynamics>(&scene.dynamics); }
+  const DenseDynamics* dense() const { return std::get_if<DenseDynamics>(&scene.dynamics); }
+  /// phi with f = B phi that a plan adds to y, or null.
+  const RowMatrix* drive() const { return scene.f_entry == SourceEntry::through_B && f.size() > 0 ? &f : nullptr; }
+};
+
+/// Samples the sources.
+DiscreteProblem discretise(const Scene&, Backend&, Index J);
+
+/// B y_j + f_j as rows in R^m (dense dynamics).
+RowMatrix state_input(const DiscreteProblem&, const RowMatrix& y);
+
+/// r of the complementarity problems with y left out: g + N e^{At} x0 + response to f, row 0 = N x0 + g(0).
+/// Dense dynamics, either rule.
+RowMatrix dense_response(const DiscreteProblem&, Rule);
+
+/// S N e^{A t_j} x0 for the Kronecker sum from contours, (J+1) x n in modes.
+RowMatrix kronecker_initial_response(const DiscreteProblem&);
+
+/// The states x_j that belong to y: (J+1) x components.size(), row 0 = x0.
+RowMatrix reconstruct_states(const DiscreteProblem&, Rule, const RowMatrix& y, const std::vector<Index>& components);
+
+}  // namespace bromwich

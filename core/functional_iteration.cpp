@@ -1,0 +1,244 @@
+#include "core/functional_iteration.hpp"
+
+#include "core/compression.hpp"
+#include "core/kernel.hpp"
+#include "core/lcp.hpp"
+#include "core/timer.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace bromwich {
+
+SpaceTimeKernel::SpaceTimeKernel(Backend& backend, std::unique_ptr<Convolution> convolution, bool modal, Index rows, Index n)
+    : convolution_(std::move(convolution)) {
+  if (!modal) return;
+  sine_ = backend.sine_transform(n, rows);
+  y_modes_ = backend.array(rows, n);
+  v_modes_ = backend.array(rows, n);
+}
+
+void SpaceTimeKernel::apply(const Array& y, Array& v, Index first) {
+  Timer timer;
+  if (!sine_) {
+    convolution_->apply(y, v, first);
+    convolution_seconds += timer.lap();
+    return;
+  }
+  sine_->apply(y, nullptr, *y_modes_, first);
+  transform_seconds += timer.lap();
+  convolution_->apply(*y_modes_, *v_modes_, first);
+  convolution_seconds += timer.lap();
+  sine_->apply(*v_modes_, nullptr, v, first);
+  transform_seconds += timer.lap();
+}
+
+std::size_t SpaceTimeKernel::bytes() const {
+  return convolution_->bytes() + (sine_ ? sine_->bytes() + y_modes_->bytes() + v_modes_->bytes() : 0);
+}
+
+namespace {
+
+constexpr double compression_tolerance = 1e-13;  ///< of the exponential sum: where contour values end
+constexpr double accepted_kernel_error = 1e-11;  ///< a contour kernel that misses its check by more is not used
+
+template <class... Args>
+std::string text(const char* format, Args... args) {
+  char buffer[192];
+  std::snprintf(buffer, sizeof buffer, format, args...);
+  return buffer;
+}
+
+KernelChoice kronecker_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
+  const KroneckerDynamics& d = *p.kronecker();
+  const Index rows = p.J + 1, n = d.along.points;
+  const auto parameters = contour_parameters(0);
+  const long windows = long(lag_windows(*parameters, p.h, p.J).size());
+  KernelChoice made;
+  const ExponentialSum sum = compress_line_kernel(d, p.h, p.scene.T, compression_tolerance);
+  if (choice == ConvolutionChoice::scan || (choice == ConvolutionChoice::automatic && sum.error <= accepted_kernel_error)) {
+    const ModalRecurrence r = compressed_recurrence(p.backend, d, sum, p.h);
+    made.kernel = std::make_unique<SpaceTimeKernel>(p.backend, p.backend.convolution(Recurrence(r), rows), true, rows, n);
+    made.description = text("scan of %ld exponentials a mode, fitted to contour values (%ld nodes a window)",
+                            long(sum.rates.size()), long(parameters->P + 1));
+    made.error = sum.error;
+    return made;
+  }
+  const LagTable table = contour_lag_table(p.backend, d, *parameters, p.h, p.J);
+  made.kernel = std::make_unique<SpaceTimeKernel>(p.backend, p.backend.convolution(table, rows), true, rows, n);
+  made.description = text("FFT over lag weights from %ld contours of %ld nodes", windows, long(parameters->P + 1));
+  made.error = std::max(parameters->error, sum.error);
+  return made;
+}
+
+// Largest deviation of two tables, relative to the largest weight.
+double deviation(const LagTable& a, const LagTable& b) {
+  const double scale = std::max(a.W.cwiseAbs().maxCoeff(), 1e-300);
+  return std::max((a.W - b.W).cwiseAbs().maxCoeff(), (a.S - b.S).cwiseAbs().maxCoeff()) / scale;
+}
+
+// Multiplications of one application: the recurrence against transforms of length 2J.
+bool scan_is_cheaper(const DiscreteProblem& p) {
+  const double m = double(p.scene.states()), n = double(p.scene.constraints()), J = double(p.J);
+  const double scan = J * (m * m + 2 * m * n + n * n), length = 2 * J;
+  return scan <= 2 * n * 2.5 * length * std::log2(length) + 2 * n * n * length;
+}
+
+KernelChoice dense_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
+  const DenseDynamics& d = *p.dense();
+  const Index rows = p.J + 1, n = p.scene.constraints();
+  const Recurrence recurrence = dense_recurrence(d, Rule::exponential, p.h);
+  const Spectrum spectrum = bromwich::spectrum(p.scene.dynamics);
+  const auto parameters = contour_parameters(spectrum.half_angle);
+  KernelChoice made;
+  const bool scan = choice == ConvolutionChoice::scan || (choice == ConvolutionChoice::automatic && scan_is_cheaper(p));
+  // The two ways to the weights share nothing, so each checks the other; a scan needs only the first lags for that.
+  const Index checked = scan ? std::min<Index>(p.J, 64) : p.J;
+  LagTable table = lag_table(recurrence, checked);
+  std::string source = "matrix exponential (" + spectrum.describe() + ")";
+  if (parameters) {
+    LagTable contour = contour_lag_table(p.backend, d, *parameters, p.h, checked);
+    made.error = deviation(table, contour);
+    if (made.error <= accepted_kernel_error) {
+      source = scan ? text("matrix exponential, checked against contours of %ld nodes", long(parameters->P + 1))
+                    : text("contours of %ld nodes a window, checked against the matrix exponential", long(parameters->P + 1));
+      table = std::move(contour);
+    } else {
+      made.error = 0;  // the contour is at fault (non-normal A): the exponential is used and has no second opinion
+    }
+  }
+  auto convolution = scan ? p.backend.convolution(recurrence, rows) : p.backend.convolution(table, rows);
+  made.kernel = std::make_unique<SpaceTimeKernel>(p.backend, std::move(convolution), false, rows, n);
+  made.description = (scan ? "scan of the state; " : "FFT over lag weights; ") + source;
+  return made;
+}
+
+// r on the backend: g + N e^{At} x0 + response to f.
+std::unique_ptr<Array> make_response(const DiscreteProblem& p, SpaceTimeKernel& kernel, Array& v) {
+  const Index rows = p.J + 1, n = p.scene.constraints();
+  auto r = p.backend.array(rows, n);
+  if (p.dense()) {
+    p.backend.upload(dense_response(p, Rule::exponential), *r);
+    return r;
+  }
+  const auto sine = p.backend.sine_transform(n, rows);
+  const auto input = p.backend.array(rows, n);
+  p.backend.upload(p.g, *r);
+  p.backend.upload(kronecker_initial_response(p), *input);
+  if (!p.drive()) {
+    sine->apply(*input, r.get(), *r, 0);
+    return r;
+  }
+  sine->apply(*input, r.get(), v, 0);  // g + S N e^{At} x0
+  p.backend.upload(*p.drive(), *input);
+  kernel.apply(*input, *r, 0);
+  RowMatrix with_f, without;
+  p.backend.download(*r, with_f);
+  p.backend.download(v, without);
+  p.backend.upload(with_f + without, *r);
+  return r;
+}
+
+}  // namespace
+
+KernelChoice make_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
+  return p.kronecker() ? kronecker_kernel(p, choice) : dense_kernel(p, choice);
+}
+
+IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const ApplyKernel& apply, LcpBatch& lcp,
+                         const Array& r, Array& y, Array& v, Result& result) {
+  IterationOutcome outcome;
+  Timer timer;
+  double settled_magnitude = 0, best = INFINITY;
+  Index first = 0;        // rows before it have settled
+  Index solved_from = 0;  // rows before it were left alone by the last batch
+  Index stuck = 0, infeasible_for = 0;
+  const auto count = [&](const LcpReport& report) {
+    result.seconds.lcp += timer.lap();
+    result.lcp.solved += report.count.solved;
+    result.lcp.newton += report.count.newton;
+    result.lcp.fallbacks += report.count.fallbacks;
+    result.lcp.unsolved = report.count.unsolved;
+    ++result.iterations;
+  };
+  {  // x^0(t) = x0 (Theorem 3.2): q_j = N x0 + g_j
+    const auto q = p.backend.array(p.J + 1, p.scene.constraints());
+    p.backend.upload(RowMatrix(p.g.rowwise() + (p.start.transpose() - p.g.row(0))), *q);
+    timer.lap();
+    const LcpReport report = lcp.solve(*q, v, y, 0, -1);
+    count(report);
+    // q_0 does not change any more: what is infeasible there is proven.
+    if (report.infeasible == 0) return {Status::infeasible, "no solution at t = 0", 0};
+  }
+  while (result.iterations < options.max_iterations) {
+    if (options.interrupted && options.interrupted()) return {Status::interrupted, "stopped on request", -1};
+    apply(y, v, solved_from);
+    timer.lap();
+    const double tolerance = options.iteration_tolerance;
+    const double settle = std::max(0.01 * tolerance, 32 * epsilon) * std::max(1.0, settled_magnitude);
+    const LcpReport report = lcp.solve(r, v, y, first, settle);
+    count(report);
+    const double change = report.change / std::max({1.0, report.magnitude, settled_magnitude});
+    result.history.push_back(change);
+    if (options.progress) options.progress({result.iterations, change});
+    if (!report.finite || !(change < 1e100)) return {Status::nonfinite, "the iterates grew beyond all bounds", -1};
+
+    const bool advanced = report.settled > first;
+    if (advanced) settled_magnitude = std::max(settled_magnitude, report.magnitude);
+    infeasible_for = report.infeasible >= 0 && !advanced ? infeasible_for + 1 : 0;
+    outcome.infeasible = report.infeasible;
+    if (change <= tolerance) {
+      outcome.status = report.count.unsolved == 0 ? Status::solved : Status::tolerance_not_met;
+      if (report.count.unsolved > 0) outcome.reason = text("%ld complementarity problems stayed unsolved", report.count.unsolved);
+      return outcome;
+    }
+    if (infeasible_for >= 8) {
+      outcome.reason = text("the iterate is infeasible from t = %.6g on", p.t[report.infeasible]);
+      return outcome;
+    }
+    solved_from = first;
+    first = report.settled;
+    // Rounding keeps a converged iteration moving at a level of its own; a 2-cycle does so at any level.
+    stuck = advanced || change < 0.99 * best ? 0 : stuck + 1;
+    best = std::min(best, change);
+    if (stuck >= 12 && change <= 1e-10) {
+      outcome.status = report.count.unsolved == 0 ? Status::solved : Status::tolerance_not_met;
+      return outcome;
+    }
+    if (stuck >= 200) break;
+  }
+  const double last = result.history.empty() ? 0 : result.history.back();
+  outcome.reason = text(stuck >= 200 ? "the iteration does not contract: change %.2e after %ld iterations"
+                                     : "change %.2e after %ld iterations, the limit",
+                        last, long(result.iterations));
+  return outcome;
+}
+
+void solve_by_iteration(const DiscreteProblem& p, const Options& options, Result& result) {
+  Timer setup;
+  const Index rows = p.J + 1, n = p.scene.constraints();
+  KernelChoice choice = make_kernel(p, options.convolution);
+  const auto y = p.backend.array(rows, n), v = p.backend.array(rows, n);
+  const auto r = make_response(p, *choice.kernel, *v);
+  p.backend.upload(RowMatrix::Zero(rows, n), *v);
+  const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, rows);
+  result.kernel = choice.description;
+  result.kernel_error = choice.error;
+  result.bytes = y->bytes() + v->bytes() + r->bytes() + choice.kernel->bytes() + lcp->bytes();
+  choice.kernel->transform_seconds = choice.kernel->convolution_seconds = 0;
+  result.seconds.setup += setup.lap();
+
+  const IterationOutcome outcome = iterate(
+      p, options, [&](const Array& in, Array& out, Index first) { choice.kernel->apply(in, out, first); }, *lcp, *r, *y, *v, result);
+  result.status = outcome.status;
+  result.reason = outcome.reason;
+  if (outcome.infeasible >= 0) result.infeasible_at = p.t[outcome.infeasible];
+  if (result.status != Status::infeasible) choice.kernel->apply(*y, *v, 0);
+  result.residual = lcp->residual(*r, *v, *y);
+  p.backend.download(*y, result.y);
+  result.seconds.transform = choice.kernel->transform_seconds;
+  result.seconds.convolution = choice.kernel->convolution_seconds;
+}
+
+}  // namespace bromwich

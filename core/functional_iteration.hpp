@@ -1,0 +1,55 @@
+#pragma once
+// The functional iteration (2.17) of the Laplace-inversion paper on all time points at once:
+//
+//     y^{k+1}_j in SOL(M, r_j + (K * y^k)_j),   j = 0..J,   from x^0(t) = x0.
+//
+// symbol  variable    shape        meaning
+// K *     SpaceTimeKernel          discrete causal convolution, in sine modes where they diagonalise it
+// r       r           (J+1) x n    what does not depend on y
+// v       v           (J+1) x n    K * y
+
+#include "core/discrete_problem.hpp"
+#include "core/solve.hpp"
+
+namespace bromwich {
+
+/// v = K * y: S (modal convolution) S for the Kronecker sum, one convolution otherwise. Counts its seconds.
+class SpaceTimeKernel {
+ public:
+  SpaceTimeKernel(Backend&, std::unique_ptr<Convolution>, bool modal, Index rows, Index n);
+
+  void apply(const Array& y, Array& v, Index first);
+  std::size_t bytes() const;
+
+  double transform_seconds = 0, convolution_seconds = 0;
+
+ private:
+  std::unique_ptr<Convolution> convolution_;
+  std::unique_ptr<SineTransform> sine_;
+  std::unique_ptr<Array> y_modes_, v_modes_;
+};
+
+/// How a kernel was made.
+struct KernelChoice {
+  std::unique_ptr<SpaceTimeKernel> kernel;
+  std::string description;
+  double error = 0;  ///< checked against contour values where a contour exists, relative to the largest weight
+};
+
+/// The kernel by recurrence (scan) or lag table (FFT), from contours where the spectrum allows one.
+KernelChoice make_kernel(const DiscreteProblem&, ConvolutionChoice);
+
+/// Fills status, y, iterations, history, counters, residual and seconds of `result`.
+void solve_by_iteration(const DiscreteProblem&, const Options&, Result& result);
+
+/// The loop itself, for kernels that are not a SpaceTimeKernel too: `apply(y, v, first)` evaluates K * y.
+struct IterationOutcome {
+  Status status = Status::tolerance_not_met;
+  std::string reason;
+  Index infeasible = -1;  ///< row of an iterate that stayed infeasible: not yet a proof for the scene
+};
+using ApplyKernel = std::function<void(const Array& y, Array& v, Index first)>;
+IterationOutcome iterate(const DiscreteProblem&, const Options&, const ApplyKernel&, LcpBatch&, const Array& r, Array& y,
+                         Array& v, Result& result);
+
+}  // namespace bromwich

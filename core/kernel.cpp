@@ -1,0 +1,174 @@
+#include "core/kernel.hpp"
+
+#include "core/phi.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+// F_d and S_d of one lag at x = h z.
+Complex factor_W(Index d, Complex x, double h) {
+  if (d == 0) return h * std::exp(x) / (x * x);
+  if (d == 1) return h * (std::exp(2.0 * x) - 2.0 * std::exp(x)) / (x * x);
+  const Complex p = phi1(x);
+  return h * std::exp(double(d - 1) * x) * p * p;
+}
+
+Complex factor_S(Index d, Complex x, double h) {
+  if (d == 0) return 0;
+  if (d == 1) return h * std::exp(x) * (x - 1.0) / (x * x);
+  return h * std::exp(double(d - 1) * x) * (phi1(x) - phi2(x));
+}
+
+// Length of a run of repeated multiplications: its relative error stays below about geometric_run eps.
+constexpr Index geometric_run = 16;
+
+LagWindow lag_window(const ContourParameters& parameters, double h, Index first, Index last) {
+  LagWindow window;
+  window.first = first;
+  window.last = last;
+  window.contour = window_contour(parameters, h * double(std::max<Index>(first - 1, 1)));
+  const Index lags = last - first + 1, nodes = window.contour.nodes.size();
+  window.F.resize(lags, nodes);
+  window.S.resize(lags, nodes);
+  for (Index p = 0; p < nodes; ++p) {
+    const Complex x = h * window.contour.nodes[p], c = window.contour.weights[p];
+    const Complex step = std::exp(x);
+    for (Index d = first; d <= last; ++d) {
+      const Index row = d - first;
+      // From lag 2 on a window is a geometric sequence: one multiplication a lag, restarted before rounding adds up.
+      if (d >= 3 && row % geometric_run != 0) {
+        window.F(row, p) = step * window.F(row - 1, p);
+        window.S(row, p) = step * window.S(row - 1, p);
+      } else {
+        window.F(row, p) = c * factor_W(d, x, h);
+        window.S(row, p) = c * factor_S(d, x, h);
+      }
+    }
+  }
+  return window;
+}
+
+// Re(F R) by two real products, four times fewer multiplications than the complex one would spend.
+void real_product(const ComplexMatrix& F, const ComplexMatrix& R, Eigen::Ref<RowMatrix> out) {
+  const Matrix Fr = F.real(), Fi = F.imag();
+  const RowMatrix Rr = R.real(), Ri = R.imag();
+  out.noalias() = Fr * Rr;
+  out.noalias() -= Fi * Ri;
+}
+
+// The sinh quotients of the discrete Green's function, written with decaying exponentials only.
+class Green {
+ public:
+  // 2 cosh theta = 2 + z dx^2/c, Re theta >= 0.
+  Green(const SecondDifference& line, Complex z)
+      : Q_(line.points), scale_(line.spacing * line.spacing / line.diffusivity) {
+    theta_ = 2.0 * std::asinh(0.5 * std::sqrt(z * scale_));
+    if (theta_.real() < 0) theta_ = -theta_;
+    end_ = decay(Q_ + 1);
+    first_ = decay(1);
+  }
+
+  // Entry (i, j) of (zI - line)^{-1}, 1 <= i, j <= Q: sinh(i theta) sinh((Q+1-j) theta)/(sinh theta sinh((Q+1) theta)).
+  Complex operator()(Index i, Index j) const {
+    if (i > j) std::swap(i, j);
+    const Complex near = i == 1 ? Complex(1) : decay(i) / first_;
+    return scale_ * std::exp(-double(1 + j - i) * theta_) * near * decay(Q_ + 1 - j) / end_;
+  }
+
+ private:
+  // 1 - e^{-2 k theta}
+  Complex decay(Index k) const { return -expm1(-2.0 * double(k) * theta_); }
+
+  Index Q_;
+  double scale_;
+  Complex theta_, end_, first_;
+};
+
+}  // namespace
+
+std::vector<LagWindow> lag_windows(const ContourParameters& parameters, double h, Index J) {
+  std::vector<LagWindow> windows;
+  for (Index first = 0; first <= J;) {
+    const Index t0 = std::max<Index>(first - 1, 1);
+    const Index last = std::min<Index>(J, Index(window_ratio) * t0 - 1);
+    windows.push_back(lag_window(parameters, h, first, last));
+    first = last + 1;
+  }
+  return windows;
+}
+
+LagTable contour_lag_table(Backend& backend, const Dynamics& dynamics, const ContourParameters& parameters, double h,
+                           Index J) {
+  LagTable table;
+  table.modal = std::holds_alternative<KroneckerDynamics>(dynamics);
+  table.outputs = constraints(dynamics);
+  table.inputs = table.modal ? table.outputs : std::get<DenseDynamics>(dynamics).B.cols();
+  const Index width = table.modal ? table.outputs : table.outputs * table.inputs;
+  table.W.resize(J + 1, width);
+  table.S.resize(J + 1, width);
+  for (const LagWindow& window : lag_windows(parameters, h, J)) {
+    const ComplexMatrix R = backend.resolvent(dynamics, window.contour.nodes);
+    const Index count = window.last - window.first + 1;
+    real_product(window.F, R, table.W.middleRows(window.first, count));
+    real_product(window.S, R, table.S.middleRows(window.first, count));
+  }
+  table.S.row(0).setZero();
+  return table;
+}
+
+ComplexVector green_row(const SecondDifference& across, const Vector& n, Complex z) {
+  const Green green(across, z);
+  ComplexVector row = ComplexVector::Zero(across.points);
+  for (Index i = 0; i < n.size(); ++i) {
+    if (n[i] == 0) continue;
+    for (Index j = 0; j < across.points; ++j) row[j] += n[i] * green(i + 1, j + 1);
+  }
+  return row;
+}
+
+Complex line_transfer(const SecondDifference& across, const Vector& n, const Vector& b, Complex z) {
+  const Green green(across, z);
+  Complex sum = 0;
+  for (Index i = 0; i < n.size(); ++i) {
+    if (n[i] == 0) continue;
+    for (Index j = 0; j < b.size(); ++j)
+      if (b[j] != 0) sum += n[i] * green(i + 1, j + 1) * b[j];
+  }
+  return sum;
+}
+
+RowMatrix contour_initial_response(const KroneckerDynamics& dynamics, const ContourParameters& parameters,
+                                   const RowMatrix& x0_lines, double h, Index J) {
+  const Index n = dynamics.along.points;
+  const Vector mu = dynamics.along.eigenvalues();
+  RowMatrix response(J + 1, n);
+  response.row(0) = (x0_lines * dynamics.n).transpose();
+  for (Index first = 1; first <= J;) {
+    const Contour contour = window_contour(parameters, h * double(first));
+    const Index last = std::min<Index>(J, Index(window_ratio) * first);
+    const Index nodes = contour.nodes.size(), count = last - first + 1;
+    ComplexMatrix rows(nodes, dynamics.across.points), F(count, nodes);
+    for (Index p = 0; p < nodes; ++p) {
+      rows.row(p) = green_row(dynamics.across, dynamics.n, contour.nodes[p]).transpose();
+      const Complex step = std::exp(h * contour.nodes[p]);
+      for (Index j = 0; j < count; ++j)
+        F(j, p) = j % geometric_run != 0 ? step * F(j - 1, p)
+                                         : contour.weights[p] * std::exp(double(first + j) * h * contour.nodes[p]);
+    }
+    ComplexMatrix R(nodes, n);
+    const Matrix lines = x0_lines.transpose();
+    const Matrix real = rows.real(), imag = rows.imag();
+    R.real() = real * lines;
+    R.imag() = imag * lines;
+    real_product(F, R, response.middleRows(first, count));
+    first = last + 1;
+  }
+  for (Index j = 1; j <= J; ++j) response.row(j).array() *= (mu.transpose().array() * (double(j) * h)).exp();
+  return response;
+}
+
+}  // namespace bromwich

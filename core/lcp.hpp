@@ -1,0 +1,78 @@
+#pragma once
+// One linear complementarity problem LCP(q, M): find y with 0 <= y ⊥ w = M y + q >= 0.
+//
+// symbol  meaning
+// S       active set, {i : y_i > 0}; y_S = -M_SS^{-1} q_S, y_i = 0 elsewhere
+// P(S)    principal pivot transform of M on S: with (a, b) = (y_S, w_I) and q, (a, b) = E q - P(:,S) q_S, where E keeps
+//         q_I. One matrix-vector product solves the problem once S is known, one rank-1 update changes S by an index.
+//
+// Facts used: P: the solution is unique; semismooth Newton on min(y, w) is an active-set exchange that can cycle, Murty's
+// least-index rule always ends (Murty, Linear Algebra Appl. 7, 1974). Z: the least element is reached from the empty
+// set by monotone additions, and the problem is infeasible exactly when an added block's solution is not positive
+// (Chandrasekaran, Opsearch 7, 1970; Cottle, Pang, Stone, The Linear Complementarity Problem).
+
+#include "core/scene.hpp"
+
+#include <vector>
+
+namespace bromwich {
+
+/// Off-diagonal entries all <= 0.
+bool is_Z(const LcpMatrix&);
+
+/// Strictly diagonally dominant with positive diagonal in rows or in columns, or positive definite symmetric part: each
+/// suffices for a P-matrix.
+bool is_surely_P(const LcpMatrix&);
+
+/// All principal minors positive, tested by Schur complements in 2^n steps. Precondition: n <= 16.
+bool is_P_exact(const Matrix&);
+
+/// P where a sufficient condition or, for n <= 16, the exact test says so; else Z where the signs say so; else unknown.
+LcpClass classify(const LcpMatrix&);
+
+const char* to_string(LcpClass);
+
+struct LcpOutcome {
+  bool solved = false;
+  bool infeasible = false;  ///< proven (Z only)
+  bool fallback = false;    ///< least-index pivoting or a restart from the empty set was needed
+  int newton = 0;           ///< active sets tried
+};
+
+/// Solves problems with one dense matrix and changing q, keeping the active set and its transform from one problem to
+/// the next. Construction O(n^2), a problem with unchanged active set O(n |S|), each exchanged index O(n^2).
+class ActiveSetLcp {
+ public:
+  /// With `least_of`, a solution also has to be the least element of LCP(., *least_of) seen from the fixed rest, that is
+  /// (*least_of)_SS has to be an M-matrix (positive pivots). For marching, M + W_0 is solved but M decides.
+  ActiveSetLcp(const Matrix& M, LcpClass, const Matrix* least_of = nullptr);
+
+  /// y in SOL(q, M); the active set of the last call is the start. Unsolved: y holds the last iterate.
+  LcpOutcome solve(const Vector& q, Vector& y);
+
+  /// w = M y + q of the last solution.
+  const Vector& slack() const { return w_; }
+
+  /// Forget the active set.
+  void reset();
+
+ private:
+  bool exchange_until_complementary(const Vector& q, int limit, bool least_index, LcpOutcome&);
+  bool least_element(const Vector& q, LcpOutcome&);
+  bool active_set_is_least() const;
+  bool toggle(Index i);
+  bool rebuild();
+  void evaluate(const Vector& q);
+  double tolerance(const Vector& q) const;
+  void accept(const Vector& q, Vector& y);
+
+  Matrix M_, P_;
+  const Matrix* least_of_;
+  LcpClass class_;
+  std::vector<char> active_;
+  std::vector<Index> support_, flips_;
+  Vector w_, value_;
+  int updates_ = 0;  ///< rank-1 updates since P_ was last built from M_
+};
+
+}  // namespace bromwich

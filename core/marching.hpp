@@ -1,0 +1,12 @@
+#pragma once
+// Step by step: the sequential baselines. `march` solves the same discrete problem as the functional iteration (exponential,
+// piecewise linear), `euler` is (1.3)-(1.4) of the Laplace-inversion paper.
+
+#include "core/discrete_problem.hpp"
+#include "core/solve.hpp"
+
+namespace bromwich {
+
+void solve_by_marching(const DiscreteProblem&, Rule, const Options&, Result& result);
+
+}  // namespace bromwich

@@ -1,0 +1,129 @@
+#include "core/recurrence.hpp"
+
+#include "core/error.hpp"
+#include "core/phi.hpp"
+
+#include <Eigen/LU>
+
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+// The numbers of one exponential e^{x/h t} with unit weight, x = h lambda.
+struct ScalarRule {
+  double decay, output, start, w0, initial;
+};
+
+ScalarRule exponential_rule(double x, double h) {
+  const double p1 = phi1(x), p2 = phi2(x), decay = std::exp(x);
+  // S_d / W_d = (phi1 - phi2)/phi1^2; x0 enters v_1 as e^x x0 = output * initial.
+  return {decay, h * p1 * p1, (p1 - p2) / (p1 * p1), h * p2, decay / (h * p1 * p1)};
+}
+
+ScalarRule euler_rule(double x, double h) {
+  const double decay = 1 / (1 - x);
+  return {decay, h * decay * decay, 0, h * decay, 1 / (h * decay)};
+}
+
+}  // namespace
+
+ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, double h, const RowMatrix& x0_modal) {
+  const Index n = dynamics.along.points, K = dynamics.across.points;
+  const Vector mu = dynamics.along.eigenvalues(), nu = dynamics.across.eigenvalues();
+  // b and n of a line in the sine basis.
+  const double scale = std::sqrt(2.0 / double(K + 1));
+  Vector b = Vector::Zero(K), seen = Vector::Zero(K);
+  for (Index i = 0; i < K; ++i) {
+    if (dynamics.b[i] == 0 && dynamics.n[i] == 0) continue;
+    for (Index k = 0; k < K; ++k) {
+      const double s = scale * std::sin(M_PI * double((i + 1) * (k + 1) % (2 * (K + 1))) / double(K + 1));
+      b[k] += s * dynamics.b[i];
+      seen[k] += s * dynamics.n[i];
+    }
+  }
+  ModalRecurrence r;
+  const bool with_x0 = x0_modal.size() > 0;
+  r.decay.resize(K, n);
+  r.output.resize(K, n);
+  r.start.resize(K, n);
+  if (with_x0) r.initial.resize(K, n);
+  r.w0 = r.w1 = r.s1 = Vector::Zero(n);
+  for (Index k = 0; k < K; ++k) {
+    for (Index l = 0; l < n; ++l) {
+      const double x = h * (mu[l] + nu[k]);
+      const ScalarRule s = rule == Rule::exponential ? exponential_rule(x, h) : euler_rule(x, h);
+      r.decay(k, l) = s.decay;
+      r.output(k, l) = seen[k] * b[k] * s.output;
+      r.start(k, l) = s.start;
+      r.w0[l] += seen[k] * b[k] * s.w0;
+      if (with_x0) r.initial(k, l) = x0_modal(l, k) * s.initial / b[k];
+    }
+  }
+  return r;
+}
+
+DenseRecurrence dense_recurrence(const DenseDynamics& dynamics, Rule rule, double h) {
+  const Index m = dynamics.A.rows();
+  DenseRecurrence r;
+  r.output = dynamics.N;
+  if (rule == Rule::exponential) {
+    const MatrixPhi phi = matrix_phi(h * dynamics.A);
+    const Matrix right = h * phi.phi2 * dynamics.B;
+    r.decay = phi.exponential;
+    r.start = h * (phi.phi1 - phi.phi2) * dynamics.B;
+    r.input = r.decay * right + r.start;
+    r.w0 = dynamics.N * right;
+    return r;
+  }
+  const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(m, m) - h * dynamics.A);
+  if (m > 0 && lu.rcond() < epsilon)
+    throw Error("steps", "I - hA is singular at this step", "implicit Euler needs another number of steps");
+  r.decay = lu.inverse();
+  const Matrix right = h * r.decay * dynamics.B;
+  r.start = Matrix::Zero(m, dynamics.B.cols());
+  r.input = r.decay * right;
+  r.w0 = dynamics.N * right;
+  return r;
+}
+
+namespace {
+
+LagTable table_of(const ModalRecurrence& r, Index J) {
+  const Index n = r.modes();
+  LagTable table{n, n, true, RowMatrix::Zero(J + 1, n), RowMatrix::Zero(J + 1, n)};
+  RowMatrix power = RowMatrix::Ones(r.exponentials(), n);
+  table.W.row(0) = r.w0.transpose();
+  for (Index d = 1; d <= J; ++d) {
+    table.W.row(d) = power.cwiseProduct(r.output).colwise().sum();
+    table.S.row(d) = power.cwiseProduct(r.output).cwiseProduct(r.start).colwise().sum();
+    power.array() *= r.decay.array();
+  }
+  if (J >= 1) {
+    table.W.row(1) += r.w1.transpose();
+    table.S.row(1) += r.s1.transpose();
+  }
+  return table;
+}
+
+LagTable table_of(const DenseRecurrence& r, Index J) {
+  const Index n = r.output.rows(), k = r.input.cols();
+  LagTable table{n, k, false, RowMatrix::Zero(J + 1, n * k), RowMatrix::Zero(J + 1, n * k)};
+  Eigen::Map<RowMatrix>(table.W.row(0).data(), n, k) = r.w0;
+  Matrix row = r.output;  // C E^{d-1}
+  for (Index d = 1; d <= J; ++d) {
+    Eigen::Map<RowMatrix>(table.W.row(d).data(), n, k) = row * r.input;
+    Eigen::Map<RowMatrix>(table.S.row(d).data(), n, k) = row * r.start;
+    row *= r.decay;
+  }
+  return table;
+}
+
+}  // namespace
+
+LagTable lag_table(const Recurrence& recurrence, Index J) {
+  return std::visit([J](const auto& r) { return table_of(r, J); }, recurrence);
+}
+
+}  // namespace bromwich

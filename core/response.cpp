@@ -1,0 +1,66 @@
+#include "core/response.hpp"
+
+#include "core/phi.hpp"
+
+#include <Eigen/LU>
+
+namespace bromwich {
+
+Vector time_grid(double T, Index J) {
+  Vector t(J + 1);
+  for (Index j = 0; j <= J; ++j) t[j] = T * double(j) / double(J);
+  return t;
+}
+
+RowMatrix sample(const TimeFunction& function, const Vector& t, Index width) {
+  RowMatrix values = RowMatrix::Zero(t.size(), width);
+  if (!function) return values;
+  Vector value(width);
+  for (Index j = 0; j < t.size(); ++j) {
+    value.setZero();
+    function(t[j], value);
+    values.row(j) = value.transpose();
+  }
+  return values;
+}
+
+RowMatrix x0_in_modes(Backend& backend, const KroneckerDynamics& d, const Vector& x0, bool both) {
+  const Index n = d.along.points, K = d.across.points;
+  const Eigen::Map<const RowMatrix> lines(x0.data(), n, K);
+  // S acts on rows: transform the transpose for the `along` direction.
+  const auto in = backend.array(K, n), out = backend.array(K, n);
+  backend.upload(lines.transpose(), *in);
+  backend.sine_transform(n, K)->apply(*in, nullptr, *out, 0);
+  RowMatrix transposed;
+  backend.download(*out, transposed);
+  RowMatrix modes = transposed.transpose();
+  if (!both) return modes;
+  const auto across_in = backend.array(n, K), across_out = backend.array(n, K);
+  backend.upload(modes, *across_in);
+  backend.sine_transform(K, n)->apply(*across_in, nullptr, *across_out, 0);
+  backend.download(*across_out, modes);
+  return modes;
+}
+
+RowMatrix dense_states(const Matrix& A, Rule rule, double h, const Vector& x0, const RowMatrix& u) {
+  const Index m = A.rows();
+  Matrix decay, left, right;  // x_{j+1} = decay x_j + left u_j + right u_{j+1}
+  if (rule == Rule::exponential) {
+    const MatrixPhi phi = matrix_phi(h * A);
+    decay = phi.exponential;
+    left = h * (phi.phi1 - phi.phi2);
+    right = h * phi.phi2;
+  } else {
+    decay = Eigen::PartialPivLU<Matrix>(Matrix::Identity(m, m) - h * A).inverse();
+    left = Matrix::Zero(m, m);
+    right = h * decay;
+  }
+  // Time-major products first, so that the sequential part is one small matrix-vector product a step.
+  RowMatrix x = u * right.transpose();
+  x.bottomRows(x.rows() - 1) += u.topRows(u.rows() - 1) * left.transpose();
+  x.row(0) = x0.transpose();
+  for (Index j = 1; j < x.rows(); ++j) x.row(j).transpose().noalias() += decay * x.row(j - 1).transpose();
+  return x;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,21 @@
+#pragma once
+// The part of w that does not depend on y: r(t) = N e^{At} x0 + ∫_0^t N e^{A(t-s)} f(s) ds + g(t), and x itself.
+
+#include "core/backend.hpp"
+
+namespace bromwich {
+
+/// t_j = j T/J, j = 0..J.
+Vector time_grid(double T, Index J);
+
+/// f(t_j) or g(t_j) as rows; zeros for an empty function.
+RowMatrix sample(const TimeFunction&, const Vector& t, Index width);
+
+/// x0 with only the `along` direction (`both` = false) or both directions in the sine basis: n x across.points.
+RowMatrix x0_in_modes(Backend&, const KroneckerDynamics&, const Vector& x0, bool both);
+
+/// x_j of x' = A x + u with u piecewise linear on the grid (exponential) or sampled at the right ends (Euler), for
+/// given inputs u_j = B y_j + f_j in R^m: (J+1) x m, row 0 = x0.
+RowMatrix dense_states(const Matrix& A, Rule, double h, const Vector& x0, const RowMatrix& u);
+
+}  // namespace bromwich

@@ -1,0 +1,45 @@
+#pragma once
+
+#include "core/backend.hpp"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace bromwich {
+
+enum class Status { solved, tolerance_not_met, infeasible, unsupported, nonfinite, interrupted };
+
+/// "solved", "tolerance_not_met", ...
+const char* to_string(Status);
+
+/// Wall-clock seconds. `setup` ends before the first complementarity problem or step; `solve` is the rest.
+struct Seconds {
+  double total = 0, setup = 0, solve = 0;
+  double lcp = 0, convolution = 0, transform = 0, other = 0;  ///< parts of `solve`
+};
+
+struct Result {
+  Status status = Status::unsupported;
+  std::string reason;  ///< one line wherever status is not solved
+
+  Vector t;                           ///< J+1 times
+  RowMatrix y;                        ///< (J+1) x n; rows after the last valid time are NaN
+  RowMatrix x;                        ///< (J+1) x components of the state that were asked for
+  std::vector<Index> x_components;    ///< which
+  std::optional<double> infeasible_at;
+
+  double residual = 0;                    ///< max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf)
+  std::optional<double> error_estimate;   ///< of y; empty where it was not estimated
+  double kernel_error = 0;                ///< a-posteriori check of the kernel weights, relative to the largest
+
+  std::string method, backend;
+  std::string kernel;  ///< how the kernel was made and applied, in words
+  Index steps = 0, iterations = 0, cycles = 0;
+  std::vector<double> history;  ///< max change of y per iteration, relative to max(1, |y|)
+  LcpCount lcp;
+  Seconds seconds;
+  std::size_t bytes = 0;  ///< arrays and plans held by the solve
+};
+
+}  // namespace bromwich

@@ -1,0 +1,212 @@
+#include "core/scene.hpp"
+
+#include "core/error.hpp"
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <sstream>
+
+namespace bromwich {
+namespace {
+
+constexpr Index largest_dense_state = 4096;  // A alone takes 128 MiB there
+
+std::string text(double value) {
+  std::ostringstream out;
+  out << value;
+  return out.str();
+}
+
+std::string shape(Index rows, Index cols) { return std::to_string(rows) + " x " + std::to_string(cols); }
+
+void require_shape(const std::string& member, const Matrix& found, Index rows, Index cols, const std::string& meaning) {
+  if (found.rows() != rows || found.cols() != cols)
+    throw Error(member, "is " + shape(found.rows(), found.cols()), "make it " + meaning + " = " + shape(rows, cols));
+}
+
+void require_length(const std::string& member, const Vector& found, Index length, const std::string& meaning) {
+  if (found.size() != length)
+    throw Error(member, "has " + std::to_string(found.size()) + " entries",
+                "give " + std::to_string(length) + ", " + meaning);
+}
+
+template <typename Derived>
+void require_finite(const std::string& member, const Eigen::DenseBase<Derived>& values) {
+  for (Index j = 0; j < values.cols(); ++j)
+    for (Index i = 0; i < values.rows(); ++i)
+      if (const double value = values(i, j); !std::isfinite(value)) {
+        const std::string where = values.cols() == 1 ? std::to_string(i) : std::to_string(i) + "," + std::to_string(j);
+        throw Error(member, "entry (" + where + ") is " + text(value), "make every entry finite");
+      }
+}
+
+void require_positive(const std::string& member, double value) {
+  if (!(value > 0) || !std::isfinite(value)) throw Error(member, "is " + text(value), "give a positive finite number");
+}
+
+void require_some(const std::string& member, Index count, const std::string& what) {
+  if (count < 1) throw Error(member, "has no " + what, "give at least one");
+}
+
+void validate(const DenseDynamics& d) {
+  const Index m = d.A.rows(), n = d.B.cols();
+  require_some("A", m, "rows");
+  require_some("B", n, "columns");
+  require_shape("A", d.A, m, m, "square, states x states");
+  require_shape("B", d.B, m, n, "states x constraints");
+  require_shape("N", d.N, n, m, "constraints x states");
+  require_finite("A", d.A);
+  require_finite("B", d.B);
+  require_finite("N", d.N);
+}
+
+void validate(const std::string& member, const SecondDifference& d) {
+  require_some(member + ".points", d.points, "points");
+  require_positive(member + ".spacing", d.spacing);
+  require_positive(member + ".diffusivity", d.diffusivity);
+}
+
+void validate(const KroneckerDynamics& d) {
+  validate("along", d.along);
+  validate("across", d.across);
+  require_length("b", d.b, d.across.points, "one per point of a line (across.points)");
+  require_length("n", d.n, d.across.points, "one per point of a line (across.points)");
+  require_finite("b", d.b);
+  require_finite("n", d.n);
+}
+
+void validate(const Matrix& M, Index n) {
+  require_shape("M", M, n, n, "constraints x constraints");
+  require_finite("M", M);
+}
+
+void validate(const Tridiagonal& M, Index n) {
+  const std::string meaning = "one per constraint";
+  require_length("M.lower", M.lower, n, meaning);
+  require_length("M.diagonal", M.diagonal, n, meaning);
+  require_length("M.upper", M.upper, n, meaning);
+  require_finite("M.lower", M.lower.tail(n - 1));  // lower[0] and upper[n-1] are not used
+  require_finite("M.diagonal", M.diagonal);
+  require_finite("M.upper", M.upper.head(n - 1));
+}
+
+/// The value at t = 0 must be written in full and finite.
+void validate(const std::string& member, const TimeFunction& function, Index length) {
+  if (!function) return;
+  Vector value = Vector::Constant(length, std::numeric_limits<double>::quiet_NaN());
+  function(0.0, value);
+  require_finite(member + "(0)", value);
+}
+
+Matrix to_dense(const SecondDifference& d) {
+  const double scale = d.diffusivity / (d.spacing * d.spacing);
+  Matrix D = Matrix::Zero(d.points, d.points);
+  D.diagonal().setConstant(-2 * scale);
+  D.diagonal(1).setConstant(scale);
+  D.diagonal(-1).setConstant(scale);
+  return D;
+}
+
+DenseDynamics to_dense(const KroneckerDynamics& d) {
+  const Index lines = d.along.points, length = d.across.points, m = lines * length;
+  if (m > largest_dense_state)
+    throw Error("dynamics", "has " + std::to_string(m) + " states",
+                "write out at most " + std::to_string(largest_dense_state) + " densely");
+  const Matrix along = to_dense(d.along), across = to_dense(d.across);
+  DenseDynamics dense{Matrix::Zero(m, m), Matrix::Zero(m, lines), Matrix::Zero(lines, m)};
+  for (Index l = 0; l < lines; ++l) {
+    for (Index k = 0; k < lines; ++k)
+      dense.A.block(l * length, k * length, length, length).diagonal().setConstant(along(l, k));
+    dense.A.block(l * length, l * length, length, length) += across;
+    dense.B.block(l * length, l, length, 1) = d.b;
+    dense.N.block(l, l * length, 1, length) = d.n.transpose();
+  }
+  return dense;
+}
+
+template <typename... Cases>
+struct Overloaded : Cases... {
+  using Cases::operator()...;
+};
+
+}  // namespace
+
+Vector SecondDifference::eigenvalues() const {
+  const double scale = -4 * diffusivity / (spacing * spacing);
+  Vector lambda(points);
+  for (Index k = 1; k <= points; ++k) {
+    const double s = std::sin(double(k) * std::numbers::pi / (2 * double(points + 1)));
+    lambda[k - 1] = scale * s * s;
+  }
+  return lambda;
+}
+
+Index states(const Dynamics& dynamics) {
+  return std::visit(Overloaded{[](const DenseDynamics& d) { return d.A.rows(); },
+                               [](const KroneckerDynamics& d) { return d.along.points * d.across.points; }},
+                    dynamics);
+}
+
+Index constraints(const Dynamics& dynamics) {
+  return std::visit(Overloaded{[](const DenseDynamics& d) { return d.B.cols(); },
+                               [](const KroneckerDynamics& d) { return d.along.points; }},
+                    dynamics);
+}
+
+Index size(const LcpMatrix& M) {
+  return std::visit(Overloaded{[](const Matrix& dense) { return dense.rows(); },
+                               [](const Tridiagonal& t) { return t.diagonal.size(); }},
+                    M);
+}
+
+Matrix to_dense(const LcpMatrix& M) {
+  if (const auto* dense = std::get_if<Matrix>(&M)) return *dense;
+  const auto& t = std::get<Tridiagonal>(M);
+  const Index n = t.diagonal.size();
+  Matrix dense = t.diagonal.asDiagonal();
+  if (n > 1) {
+    dense.diagonal(-1) = t.lower.tail(n - 1);
+    dense.diagonal(1) = t.upper.head(n - 1);
+  }
+  return dense;
+}
+
+DenseDynamics to_dense(const Dynamics& dynamics) {
+  return std::visit(
+      Overloaded{[](const DenseDynamics& d) { return d; }, [](const KroneckerDynamics& d) { return to_dense(d); }},
+      dynamics);
+}
+
+Vector multiply(const LcpMatrix& M, const Vector& y) {
+  if (const auto* dense = std::get_if<Matrix>(&M)) return *dense * y;
+  const auto& t = std::get<Tridiagonal>(M);
+  const Index n = y.size();
+  Vector product = t.diagonal.cwiseProduct(y);
+  if (n > 1) {
+    product.tail(n - 1) += t.lower.tail(n - 1).cwiseProduct(y.head(n - 1));
+    product.head(n - 1) += t.upper.head(n - 1).cwiseProduct(y.tail(n - 1));
+  }
+  return product;
+}
+
+Index Scene::states() const { return bromwich::states(dynamics); }
+Index Scene::constraints() const { return bromwich::constraints(dynamics); }
+
+void Scene::validate() const {
+  std::visit([](const auto& d) { bromwich::validate(d); }, dynamics);
+  const Index m = states(), n = constraints();
+  std::visit([n](const auto& matrix) { bromwich::validate(matrix, n); }, M);
+  require_length("x0", x0, m, "one per state");
+  require_finite("x0", x0);
+  require_positive("T", T);
+  if (default_steps < 1) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");
+  const bool through_B = f_entry == SourceEntry::through_B;
+  if (f && !through_B && std::holds_alternative<KroneckerDynamics>(dynamics))
+    throw Error("f", "enters the state of a Kronecker sum directly",
+                "give phi with f = B phi and set f_entry to through_B, or write the dynamics densely");
+  bromwich::validate("f", f, through_B ? n : m);
+  bromwich::validate("g", g, n);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,49 @@
+#pragma once
+// The entry: a scene, a backend and options go in; a certified result comes out.
+
+#include "core/result.hpp"
+
+#include <functional>
+
+namespace bromwich {
+
+enum class Method {
+  automatic,
+  contour,          ///< functional iteration, all time points at once, shared contours
+  contour_literal,  ///< (2.17) of the Laplace-inversion paper, a contour per time point
+  march,            ///< exponential piecewise-linear, step by step
+  euler,            ///< implicit Euler (1.3)-(1.4), step by step
+};
+
+/// "auto", "contour", ...
+const char* to_string(Method);
+/// Inverse of to_string; throws Error("method", ...) for an unknown name.
+Method method_from_string(const std::string&);
+
+enum class StateSelection { none, all, list };
+enum class ConvolutionChoice { automatic, scan, fft };
+enum class RecurrenceChoice { automatic, modal, compressed };
+
+struct Progress {
+  Index iteration = 0;
+  double change = 0;
+};
+
+struct Options {
+  Method method = Method::automatic;
+  Index steps = 0;                      ///< 0 = the scene's default
+  double iteration_tolerance = 1e-12;   ///< max change of y relative to max(1, |y|)
+  Index max_iterations = 2000;          ///< the iteration count of a P or Z scene is finite but can be large
+  StateSelection states = StateSelection::none;
+  std::vector<Index> components;        ///< with StateSelection::list
+  ConvolutionChoice convolution = ConvolutionChoice::automatic;
+  RecurrenceChoice recurrence = RecurrenceChoice::automatic;  ///< exponentials in marching: all modes, or compressed
+  Index literal_nodes = 25;             ///< P of contour_literal (the paper's choice)
+  std::function<void(const Progress&)> progress;
+  std::function<bool()> interrupted;    ///< polled once per iteration
+};
+
+/// Solves the scene on t_j = j T/J. Throws Error for bad input; every other outcome is a Status in the result.
+Result solve(const Scene&, Backend&, const Options& = {});
+
+}  // namespace bromwich

@@ -1,0 +1,24 @@
+#pragma once
+// Where the eigenvalues of A lie, so that a contour can be put around them.
+
+#include "core/scene.hpp"
+
+#include <string>
+
+namespace bromwich {
+
+struct Spectrum {
+  double half_angle = 0;  ///< smallest sector |arg(-z)| <= half_angle that holds the eigenvalues (pi if one is > 0)
+  double abscissa = 0;    ///< largest real part
+  double radius = 0;      ///< largest modulus
+  double slowest = 0;     ///< smallest non-zero modulus, 0 if none
+
+  bool real_negative() const { return half_angle == 0; }
+  /// "real, in [-12.8, -0.04]" and the like.
+  std::string describe() const;
+};
+
+/// Exact for a Kronecker sum (sine eigenvalues); all eigenvalues by the QR algorithm for dense A.
+Spectrum spectrum(const Dynamics&);
+
+}  // namespace bromwich

@@ -1,0 +1,29 @@
+#pragma once
+// Index and array types shared by every room. A space-time array holds one row per time point (row 0 is t = 0) and
+// one column per constraint, mode or state; rows are contiguous.
+
+#include <Eigen/Core>
+
+#include <complex>
+#include <functional>
+
+namespace bromwich {
+
+using Index = Eigen::Index;
+using Complex = std::complex<double>;
+
+using Vector = Eigen::VectorXd;
+using Matrix = Eigen::MatrixXd;
+using ComplexVector = Eigen::VectorXcd;
+using ComplexMatrix = Eigen::MatrixXcd;
+
+/// A space-time array on the host: (J+1) x n, row j belongs to time t_j.
+using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+/// A vector-valued function of time: writes the value at `t` into the second argument. Empty means zero.
+using TimeFunction = std::function<void(double t, Eigen::Ref<Vector> value)>;
+
+/// Unit roundoff scale of double, 2^-52.
+inline constexpr double epsilon = 2.220446049250313e-16;
+
+}  // namespace bromwich

@@ -1,0 +1,149 @@
+// Causal convolution along time with tabulated lag weights, by FFT of length >= 2J: one transform per mode (modal
+// tables), or per input and output column with a small product per frequency in between (dense tables).
+
+#include "core/error.hpp"
+#include "cpu/parts.hpp"
+
+#include <fftw3.h>
+#include <omp.h>
+
+#include <vector>
+
+namespace bromwich::cpu {
+
+Index fast_fft_length(Index n) {
+  Index best = 1;
+  while (best < n) best *= 2;
+  for (Index five = 1; five < best; five *= 5)
+    for (Index three = five; three < best; three *= 3) {
+      Index length = three;
+      while (length < n) length *= 2;
+      best = std::min(best, length);
+    }
+  return best;
+}
+
+namespace {
+
+struct FftwFree {
+  void operator()(void* p) const { fftw_free(p); }
+};
+using Spectra = Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// Real transforms of one length between user buffers.
+class RealFft {
+ public:
+  explicit RealFft(Index length) : length_(length) {
+    Vector real(length);
+    ComplexVector complex(length / 2 + 1);
+    auto* c = reinterpret_cast<fftw_complex*>(complex.data());
+    const std::lock_guard lock(fftw_planner());
+    forward_ = fftw_plan_dft_r2c_1d(int(length), real.data(), c, FFTW_ESTIMATE | FFTW_UNALIGNED);
+    backward_ = fftw_plan_dft_c2r_1d(int(length), c, real.data(), FFTW_ESTIMATE | FFTW_UNALIGNED);
+    if (!forward_ || !backward_) throw Error("steps", "FFTW made no plan of length " + std::to_string(length), "use fewer steps");
+  }
+  ~RealFft() {
+    const std::lock_guard lock(fftw_planner());
+    fftw_destroy_plan(forward_);
+    fftw_destroy_plan(backward_);
+  }
+  RealFft(const RealFft&) = delete;
+  RealFft& operator=(const RealFft&) = delete;
+
+  Index length() const { return length_; }
+  Index frequencies() const { return length_ / 2 + 1; }
+  void forward(double* in, Complex* out) const { fftw_execute_dft_r2c(forward_, in, reinterpret_cast<fftw_complex*>(out)); }
+  void backward(Complex* in, double* out) const { fftw_execute_dft_c2r(backward_, reinterpret_cast<fftw_complex*>(in), out); }
+
+ private:
+  Index length_;
+  fftw_plan forward_, backward_;
+};
+
+class FftConvolution final : public Convolution {
+ public:
+  FftConvolution(const LagTable& table, Index rows, int threads)
+      : n_(table.outputs), k_(table.inputs), modal_(table.modal), rows_(rows), threads_(threads),
+        fft_(fast_fft_length(2 * rows)), weights_(table.W.cols(), fft_.frequencies()), start_(table.S),
+        real_(threads, fft_.length()), work_(modal_ ? Index(threads) : k_ + Index(threads), fft_.frequencies()) {
+    // The factor 1/length of the inverse transform is folded into the weights.
+    Vector padded(fft_.length());
+    for (Index c = 0; c < weights_.rows(); ++c) {
+      padded.setZero();
+      padded.head(rows) = table.W.col(c) / double(fft_.length());
+      fft_.forward(padded.data(), weights_.row(c).data());
+    }
+  }
+
+  void apply(const Array& y_array, Array& v_array, Index) override {
+    const RowMatrix& y = host(y_array);
+    RowMatrix& v = host(v_array);
+    if (modal_)
+      apply_modal(y, v);
+    else
+      apply_dense(y, v);
+    v.row(0).setZero();
+  }
+
+  std::size_t bytes() const override {
+    return sizeof(double) * std::size_t(2 * weights_.size() + start_.size() + real_.size() + 2 * work_.size());
+  }
+
+ private:
+  // Column c of y from row 1 on (y_0 has its own weights), padded with zeros.
+  void column_spectrum(const RowMatrix& y, Index c, double* real, Complex* out) const {
+    real[0] = 0;
+    for (Index j = 1; j < rows_; ++j) real[j] = y(j, c);
+    std::fill(real + rows_, real + fft_.length(), 0.0);
+    fft_.forward(real, out);
+  }
+
+  void apply_modal(const RowMatrix& y, RowMatrix& v) {
+#pragma omp parallel for num_threads(threads_) schedule(static)
+    for (Index l = 0; l < n_; ++l) {
+      double* real = real_.row(omp_get_thread_num()).data();
+      auto spectrum = work_.row(omp_get_thread_num());
+      column_spectrum(y, l, real, spectrum.data());
+      spectrum.array() *= weights_.row(l).array();
+      fft_.backward(spectrum.data(), real);
+      const double y0 = y(0, l);
+      for (Index j = 0; j < rows_; ++j) v(j, l) = real[j] + start_(j, l) * y0;
+    }
+  }
+
+  void apply_dense(const RowMatrix& y, RowMatrix& v) {
+#pragma omp parallel num_threads(threads_)
+    {
+      const int thread = omp_get_thread_num();
+      double* real = real_.row(thread).data();
+#pragma omp for schedule(static)
+      for (Index c = 0; c < k_; ++c) column_spectrum(y, c, real, work_.row(c).data());
+      auto sum = work_.row(k_ + thread);
+#pragma omp for schedule(static)
+      for (Index i = 0; i < n_; ++i) {
+        sum.setZero();
+        for (Index c = 0; c < k_; ++c) sum.array() += weights_.row(i * k_ + c).array() * work_.row(c).array();
+        fft_.backward(sum.data(), real);
+        for (Index j = 0; j < rows_; ++j)
+          v(j, i) = real[j] + start_.row(j).segment(i * k_, k_).dot(y.row(0));
+      }
+    }
+  }
+
+  Index n_, k_;
+  bool modal_;
+  Index rows_;
+  int threads_;
+  RealFft fft_;
+  Spectra weights_;
+  RowMatrix start_, real_;
+  Spectra work_;
+};
+
+}  // namespace
+
+std::unique_ptr<Convolution> make_fft_convolution(const LagTable& table, Index rows, int threads) {
+  return std::make_unique<FftConvolution>(table, rows, threads);
+}
+
+}  // namespace bromwich::cpu

@@ -1,0 +1,56 @@
+#include "cpu/cpu_backend.hpp"
+
+#include "core/error.hpp"
+#include "cpu/parts.hpp"
+
+#include <omp.h>
+
+#include <string>
+
+namespace bromwich {
+
+namespace {
+
+class CpuBackend final : public Backend {
+ public:
+  explicit CpuBackend(int threads) : threads_(threads) {}
+
+  std::string name() const override { return "cpu"; }
+  DeviceInfo device() const override { return {"cpu", threads_, "OpenMP, FFTW"}; }
+
+  std::unique_ptr<Array> array(Index rows, Index cols) override { return std::make_unique<cpu::HostArray>(rows, cols); }
+  void upload(const RowMatrix& from, Array& to) override { cpu::host(to) = from; }
+  void download(const Array& from, RowMatrix& to) override { to = cpu::host(from); }
+
+  std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
+    return cpu::make_sine_transform(n, rows, threads_);
+  }
+  std::unique_ptr<Convolution> convolution(const Recurrence& recurrence, Index rows) override {
+    return std::visit([&](const auto& r) { return cpu::make_scan(r, rows, threads_); }, recurrence);
+  }
+  std::unique_ptr<Convolution> convolution(const LagTable& table, Index rows) override {
+    return cpu::make_fft_convolution(table, rows, threads_);
+  }
+  std::unique_ptr<LcpBatch> lcp(const LcpMatrix& M, LcpClass lcp_class, Index rows) override {
+    if (const auto* t = std::get_if<Tridiagonal>(&M)) return cpu::make_tridiagonal_lcp(*t, lcp_class, rows, threads_);
+    return cpu::make_dense_lcp(std::get<Matrix>(M), lcp_class, rows, threads_);
+  }
+  std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
+    return cpu::make_march(problem, rows, threads_);
+  }
+  ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes) override {
+    return cpu::resolvent(dynamics, nodes, threads_);
+  }
+
+ private:
+  int threads_;
+};
+
+}  // namespace
+
+std::unique_ptr<Backend> make_cpu_backend(int threads) {
+  if (threads < 0) throw Error("threads", "found " + std::to_string(threads), "pass 0 for all cores, or a number of threads");
+  return std::make_unique<CpuBackend>(threads == 0 ? omp_get_num_procs() : threads);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,89 @@
+#pragma once
+// What the batched complementarity solvers share: rows are taken `width` at a time with one row per SIMD lane, each
+// block runs semismooth Newton on min(y, w) (an exchange of active sets) until all its lanes agree, and the few rows that
+// do not settle go to the pivoting solver of core/lcp.hpp one by one.
+
+#include "core/lcp.hpp"
+#include "cpu/parts.hpp"
+#include "cpu/simd.hpp"
+
+#include <omp.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace bromwich::cpu {
+
+/// Outcome of one block.
+struct BlockOutcome {
+  bool solved[2 * lanes] = {};  ///< per lane
+  int sweeps[2 * lanes] = {};   ///< Newton sweeps per lane
+};
+
+/// Runs `newton(first row, rows, thread, outcome)` over blocks of rows and `pivot(row, thread)` on what is left, then
+/// fills the report from the change of every row.
+class RowBlocks {
+ public:
+  RowBlocks(Index rows, int threads) : change_(std::size_t(rows)), magnitude_(std::size_t(rows)), left_(std::size_t(rows)), threads_(threads) {}
+
+  template <class Newton, class Pivot>
+  LcpReport run(Index first, Index rows, Index width, double settle_tolerance, Newton newton, Pivot pivot) {
+    LcpReport report;
+    long sweeps = 0;
+    const Index count = (rows - first + width - 1) / width;
+#pragma omp parallel for num_threads(threads_) schedule(dynamic, 1) reduction(+ : sweeps) if (count > 1)
+    for (Index block = 0; block < count; ++block) {
+      const Index begin = first + block * width, size = std::min(width, rows - begin);
+      BlockOutcome outcome;
+      newton(begin, size, omp_get_thread_num(), outcome, change_.data() + begin, magnitude_.data() + begin);
+      for (Index j = 0; j < size; ++j) {
+        left_[std::size_t(begin + j)] = !outcome.solved[j];
+        sweeps += outcome.sweeps[j];
+      }
+    }
+    report.count.newton = sweeps;
+    report.count.solved = rows - first;
+    for (Index j = first; j < rows; ++j)
+      if (left_[std::size_t(j)]) finish(report, j, pivot);
+    for (Index j = first; j < rows; ++j) {
+      report.finite = report.finite && std::isfinite(change_[std::size_t(j)]);
+      report.change = std::max(report.change, change_[std::size_t(j)]);
+      report.magnitude = std::max(report.magnitude, magnitude_[std::size_t(j)]);
+    }
+    report.settled = first;
+    while (report.settled < rows && change_[std::size_t(report.settled)] <= settle_tolerance) ++report.settled;
+    return report;
+  }
+
+  std::size_t bytes() const { return change_.size() * (2 * sizeof(double) + 1); }
+
+ private:
+  template <class Pivot>
+  void finish(LcpReport& report, Index j, Pivot pivot) {
+    ++report.count.fallbacks;
+    const LcpOutcome outcome = pivot(j, change_[std::size_t(j)], magnitude_[std::size_t(j)]);
+    report.count.newton += outcome.newton;
+    if (outcome.solved) return;
+    --report.count.solved;
+    ++report.count.unsolved;
+    if (outcome.infeasible && report.infeasible < 0) report.infeasible = j;
+  }
+
+  std::vector<double> change_, magnitude_;
+  std::vector<char> left_;
+  int threads_;
+};
+
+/// Solves one row by pivoting and records how much it changed.
+inline LcpOutcome pivot_row(ActiveSetLcp& solver, const Vector& q, double* y, Vector& fresh, double& change, double& magnitude) {
+  solver.reset();
+  const LcpOutcome outcome = solver.solve(q, fresh);
+  const Eigen::Map<Vector> old(y, q.size());
+  change = q.allFinite() ? (fresh - old).cwiseAbs().maxCoeff() : NAN;
+  magnitude = fresh.cwiseAbs().maxCoeff();
+  Eigen::Map<Vector>(y, q.size()) = fresh;
+  return outcome;
+}
+
+}  // namespace bromwich::cpu

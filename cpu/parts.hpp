@@ -1,0 +1,68 @@
+#pragma once
+// What the files of this room share: the host array, threads and the makers of each plan.
+
+#include "core/backend.hpp"
+
+#include <chrono>
+#include <memory>
+#include <mutex>
+
+#if defined(__SSE2__)
+#include <xmmintrin.h>
+#endif
+
+namespace bromwich::cpu {
+
+class HostArray final : public Array {
+ public:
+  HostArray(Index rows, Index cols) : values(RowMatrix::Zero(rows, cols)) {}
+  Index rows() const override { return values.rows(); }
+  Index cols() const override { return values.cols(); }
+
+  RowMatrix values;
+};
+
+inline const RowMatrix& host(const Array& array) { return static_cast<const HostArray&>(array).values; }
+inline RowMatrix& host(Array& array) { return static_cast<HostArray&>(array).values; }
+
+/// Decaying exponentials end in denormal numbers, which cost a hundred cycles each: while this lives, the calling
+/// thread treats them as zero.
+class FlushDenormals {
+ public:
+#if defined(__SSE2__)
+  FlushDenormals() : saved_(_mm_getcsr()) { _mm_setcsr(saved_ | 0x8040); }
+  ~FlushDenormals() { _mm_setcsr(saved_); }
+#else
+  FlushDenormals() {}
+#endif
+  FlushDenormals(const FlushDenormals&) = delete;
+  FlushDenormals& operator=(const FlushDenormals&) = delete;
+
+ private:
+  [[maybe_unused]] unsigned saved_ = 0;
+};
+
+/// FFTW plans are made under one lock; executing them needs none.
+std::mutex& fftw_planner();
+
+/// The smallest 2^a 3^b 5^c >= n.
+Index fast_fft_length(Index n);
+
+/// The orthonormal sine transform of single vectors, for marching.
+class VectorSine {
+ public:
+  virtual ~VectorSine() = default;
+  virtual void apply(const double* in, double* out) = 0;  ///< `in` is not changed; no aliasing
+};
+std::unique_ptr<VectorSine> make_vector_sine(Index n);
+
+std::unique_ptr<SineTransform> make_sine_transform(Index n, Index rows, int threads);
+std::unique_ptr<Convolution> make_scan(const ModalRecurrence&, Index rows, int threads);
+std::unique_ptr<Convolution> make_scan(const DenseRecurrence&, Index rows, int threads);
+std::unique_ptr<Convolution> make_fft_convolution(const LagTable&, Index rows, int threads);
+std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal&, LcpClass, Index rows, int threads);
+std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix&, LcpClass, Index rows, int threads);
+std::unique_ptr<March> make_march(const MarchProblem&, Index rows, int threads);
+ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes, int threads);
+
+}  // namespace bromwich::cpu

@@ -1,0 +1,43 @@
+// Shifted solves at the nodes of a contour, all nodes at once.
+
+#include "core/error.hpp"
+#include "core/kernel.hpp"
+#include "cpu/parts.hpp"
+
+#include <Eigen/LU>
+
+namespace bromwich::cpu {
+
+namespace {
+
+// Every sine mode mu_l of the constrained side sees one grid line at the shift z - mu_l: a closed form.
+ComplexMatrix of(const KroneckerDynamics& dynamics, const ComplexVector& nodes, int threads) {
+  const Vector mu = dynamics.along.eigenvalues();
+  const Index n = mu.size();
+  ComplexMatrix R(nodes.size(), n);
+#pragma omp parallel for num_threads(threads) schedule(static) if (nodes.size() * n > 256)
+  for (Index l = 0; l < n; ++l)
+    for (Index p = 0; p < nodes.size(); ++p) R(p, l) = line_transfer(dynamics.across, dynamics.n, dynamics.b, nodes[p] - mu[l]);
+  return R;
+}
+
+ComplexMatrix of(const DenseDynamics& dynamics, const ComplexVector& nodes, int threads) {
+  const Index n = dynamics.N.rows(), k = dynamics.B.cols(), m = dynamics.A.rows();
+  ComplexMatrix R(nodes.size(), n * k);
+#pragma omp parallel for num_threads(threads) schedule(dynamic, 1) if (m > 16)
+  for (Index p = 0; p < nodes.size(); ++p) {
+    const ComplexMatrix shifted = nodes[p] * ComplexMatrix::Identity(m, m) - dynamics.A.cast<Complex>();
+    const ComplexMatrix block = dynamics.N.cast<Complex>() * shifted.partialPivLu().solve(dynamics.B.cast<Complex>());
+    for (Index i = 0; i < n; ++i)
+      for (Index j = 0; j < k; ++j) R(p, i * k + j) = block(i, j);
+  }
+  return R;
+}
+
+}  // namespace
+
+ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes, int threads) {
+  return std::visit([&](const auto& d) { return of(d, nodes, threads); }, dynamics);
+}
+
+}  // namespace bromwich::cpu

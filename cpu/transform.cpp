@@ -1,0 +1,197 @@
+// Sine transforms of the rows of a space-time array.
+//
+// S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)) is even or odd about the middle index according to the parity of k, so a row is
+// folded first: two products with matrices of half the size, half the multiplications of a full product. Up to about
+// n = 1000 that beats a fast transform (DESIGN: flops are cheap next to shuffles); beyond, FFTW's RODFT00.
+
+#include "cpu/parts.hpp"
+
+#include <fftw3.h>
+#include <omp.h>
+
+#include <cmath>
+#include <vector>
+
+namespace bromwich::cpu {
+
+std::mutex& fftw_planner() {
+  static std::mutex mutex;
+  return mutex;
+}
+
+namespace {
+
+constexpr Index largest_product = 1100;  ///< above it rows are transformed by FFTW
+constexpr Index row_block = 32;          ///< rows folded and multiplied together: their halves stay in L2
+
+// The even half holds the odd wave numbers 1, 3, ... and the other way round.
+struct FoldedSine {
+  explicit FoldedSine(Index n) : n(n), even((n + 1) / 2), odd(n / 2), E(even, even), O(odd, odd) {
+    const double scale = std::sqrt(2.0 / double(n + 1));
+    // sin(pi a/(n+1)) with a reduced modulo the period keeps full accuracy for large products i k.
+    const auto s = [&](Index i, Index k) { return scale * std::sin(M_PI * double(i * k % (2 * (n + 1))) / double(n + 1)); };
+    for (Index i = 0; i < even; ++i)
+      for (Index q = 0; q < even; ++q) E(i, q) = s(i + 1, 2 * q + 1);
+    for (Index i = 0; i < odd; ++i)
+      for (Index q = 0; q < odd; ++q) O(i, q) = s(i + 1, 2 * q + 2);
+  }
+
+  void fold(const double* in, double* e, double* o) const {
+    for (Index i = 0; i < odd; ++i) {
+      const double a = in[i], b = in[n - 1 - i];
+      e[i] = a + b;
+      o[i] = a - b;
+    }
+    if (even > odd) e[odd] = in[odd];
+  }
+
+  Index n, even, odd;
+  RowMatrix E, O;
+};
+
+class ProductSine final : public SineTransform {
+ public:
+  ProductSine(Index n, int threads) : sine_(n), threads_(threads) {
+    for (int t = 0; t < threads; ++t)
+      scratch_.push_back({RowMatrix(row_block, sine_.even), RowMatrix(row_block, sine_.odd),
+                          RowMatrix(row_block, sine_.even), RowMatrix(row_block, sine_.odd)});
+  }
+
+  void apply(const Array& in, const Array* add, Array& out, Index first) override {
+    const RowMatrix& x = host(in);
+    const RowMatrix* a = add ? &host(*add) : nullptr;
+    RowMatrix& y = host(out);
+    const Index rows = x.rows(), count = (rows - first + row_block - 1) / row_block;
+#pragma omp parallel for num_threads(threads_) schedule(dynamic, 1) if (count > 1)
+    for (Index block = 0; block < count; ++block) {
+      const Index begin = first + block * row_block, size = std::min(row_block, rows - begin);
+      transform(x, a, y, begin, size, scratch_[std::size_t(omp_get_thread_num())]);
+    }
+  }
+
+  std::size_t bytes() const override {
+    return sizeof(double) * std::size_t(sine_.E.size() + sine_.O.size() + Index(scratch_.size()) * 2 * row_block * sine_.n);
+  }
+
+ private:
+  struct Scratch {
+    RowMatrix e, o, even, odd;
+  };
+
+  void transform(const RowMatrix& x, const RowMatrix* add, RowMatrix& y, Index begin, Index size, Scratch& s) const {
+    for (Index j = 0; j < size; ++j) sine_.fold(x.row(begin + j).data(), s.e.row(j).data(), s.o.row(j).data());
+    s.even.topRows(size).noalias() = s.e.topRows(size) * sine_.E;
+    if (sine_.odd > 0) s.odd.topRows(size).noalias() = s.o.topRows(size) * sine_.O;
+    for (Index j = 0; j < size; ++j) {
+      const double* even = s.even.row(j).data();
+      const double* odd = s.odd.row(j).data();
+      double* to = y.row(begin + j).data();
+      const double* plus = add ? add->row(begin + j).data() : nullptr;
+      const auto interleave = [&](auto value) {
+        for (Index q = 0; q < sine_.odd; ++q) {
+          to[2 * q] = value(2 * q, even[q]);
+          to[2 * q + 1] = value(2 * q + 1, odd[q]);
+        }
+        if (sine_.even > sine_.odd) to[sine_.n - 1] = value(sine_.n - 1, even[sine_.even - 1]);
+      };
+      if (plus)
+        interleave([plus](Index i, double v) { return plus[i] + v; });
+      else
+        interleave([](Index, double v) { return v; });
+    }
+  }
+
+  FoldedSine sine_;
+  int threads_;
+  std::vector<Scratch> scratch_;
+};
+
+class FastVectorSine final : public VectorSine {
+ public:
+  explicit FastVectorSine(Index n) : n_(n), scale_(1 / std::sqrt(2.0 * double(n + 1))) {
+    Vector in(n), out(n);
+    const std::lock_guard lock(fftw_planner());
+    plan_ = fftw_plan_r2r_1d(int(n), in.data(), out.data(), FFTW_RODFT00,
+                             FFTW_ESTIMATE | FFTW_UNALIGNED | FFTW_PRESERVE_INPUT);
+  }
+  ~FastVectorSine() override {
+    const std::lock_guard lock(fftw_planner());
+    fftw_destroy_plan(plan_);
+  }
+  FastVectorSine(const FastVectorSine&) = delete;
+  FastVectorSine& operator=(const FastVectorSine&) = delete;
+
+  void apply(const double* in, double* out) override {
+    fftw_execute_r2r(plan_, const_cast<double*>(in), out);
+    for (Index i = 0; i < n_; ++i) out[i] *= scale_;
+  }
+
+ private:
+  Index n_;
+  double scale_;
+  fftw_plan plan_;
+};
+
+class FastSine final : public SineTransform {
+ public:
+  FastSine(Index n, int threads) : row_(n), threads_(threads), scratch_(threads, n) {}
+
+  void apply(const Array& in, const Array* add, Array& out, Index first) override {
+    const RowMatrix& x = host(in);
+    const RowMatrix* a = add ? &host(*add) : nullptr;
+    RowMatrix& y = host(out);
+    const Index rows = x.rows();
+#pragma omp parallel for num_threads(threads_) schedule(static)
+    for (Index j = first; j < rows; ++j) {
+      if (!a) {
+        row_.apply(x.row(j).data(), y.row(j).data());
+        continue;
+      }
+      auto buffer = scratch_.row(omp_get_thread_num());
+      row_.apply(x.row(j).data(), buffer.data());
+      y.row(j) = a->row(j) + buffer;
+    }
+  }
+
+  std::size_t bytes() const override { return sizeof(double) * std::size_t(scratch_.size()); }
+
+ private:
+  FastVectorSine row_;
+  int threads_;
+  RowMatrix scratch_;
+};
+
+class ProductVectorSine final : public VectorSine {
+ public:
+  explicit ProductVectorSine(Index n) : sine_(n), e_(sine_.even), o_(sine_.odd), even_(sine_.even), odd_(sine_.odd) {}
+
+  void apply(const double* in, double* out) override {
+    sine_.fold(in, e_.data(), o_.data());
+    even_.noalias() = sine_.E.transpose() * e_;
+    odd_.noalias() = sine_.O.transpose() * o_;
+    for (Index q = 0; q < sine_.odd; ++q) {
+      out[2 * q] = even_[q];
+      out[2 * q + 1] = odd_[q];
+    }
+    if (sine_.even > sine_.odd) out[sine_.n - 1] = even_[sine_.even - 1];
+  }
+
+ private:
+  FoldedSine sine_;
+  Vector e_, o_, even_, odd_;
+};
+
+}  // namespace
+
+std::unique_ptr<VectorSine> make_vector_sine(Index n) {
+  // A single row makes the product a matrix-vector one, bound by loads: the fast transform wins much earlier.
+  if (n <= 128) return std::make_unique<ProductVectorSine>(n);
+  return std::make_unique<FastVectorSine>(n);
+}
+
+std::unique_ptr<SineTransform> make_sine_transform(Index n, Index, int threads) {
+  if (n <= largest_product) return std::make_unique<ProductSine>(n, threads);
+  return std::make_unique<FastSine>(n, threads);
+}
+
+}  // namespace bromwich::cpu

@@ -1,0 +1,22 @@
+// Solves a small scene through the installed package. It is compiled without the library's -march, so it also shows
+// that arrays made by the library can be freed here, and the other way round.
+
+#include <bromwich/core/scenes/catalogue.hpp>
+#include <bromwich/core/solve.hpp>
+#include <bromwich/cpu/cpu_backend.hpp>
+
+#include <cstdio>
+
+int main() {
+  bromwich::Scene scene = bromwich::make_scene("bridge");
+  scene.x0 = bromwich::Vector(scene.x0);
+  const auto backend = bromwich::make_cpu_backend(1);
+
+  bromwich::Options options;
+  options.steps = 16;
+  options.method = bromwich::Method::march;
+  const bromwich::Result result = bromwich::solve(scene, *backend, options);
+
+  std::printf("%s: %s, %td rows\n", scene.name.c_str(), bromwich::to_string(result.status), result.y.rows());
+  return result.status == bromwich::Status::solved && result.y.rows() == 17 && result.y.allFinite() ? 0 : 1;
+}

@@ -1,0 +1,81 @@
+#pragma once
+// An independent dense oracle for small scenes. It shares nothing with core but the types that state a scene: matrix
+// functions come from Eigen's scaled-and-squared exponential, complementarity problems from trying every active set.
+//
+// symbol   here               meaning
+// e^{hA}   Phi::exponential   phi1(z) = (e^z - 1)/z, phi2(z) = (e^z - 1 - z)/z^2, all at z = hA
+// W_d,S_d  Weights            lag weights of continuous piecewise-linear y
+// L        lipschitz          max over active sets S of ||M_SS^{-1}||_inf
+
+#include "core/scene.hpp"
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+namespace bromwich::oracle {
+
+/// The scene with every matrix written out; f is always an m-vector.
+struct DenseScene {
+  Matrix A, B, N, M;
+  LcpClass lcp_class = LcpClass::P;
+  TimeFunction f, g;  ///< never empty
+  Vector x0;
+  double T = 1;
+};
+
+DenseScene write_out(const Scene&);
+
+struct Phi {
+  Matrix exponential, phi1, phi2;
+};
+
+/// All three at X, from one exponential of an augmented matrix.
+Phi phi_functions(const Matrix& X);
+
+/// e^X.
+Matrix exponential(const Matrix& X);
+
+/// Weights of the discrete convolution: v_j = Σ_{d<j} W_d y_{j-d} + S_j y_0.
+struct Weights {
+  std::vector<Matrix> W, S;  ///< lags 0..J; S[0] is zero
+};
+
+Weights weights(const DenseScene&, double h, Index J);
+
+/// The same by Gauss-Legendre quadrature (16 points per interval) of ∫ K(t_d - s) hat(s) ds, K(t) = N e^{At} B.
+Weights quadrature_weights(const DenseScene&, double h, Index J);
+
+/// Solution of LCP(M, q) by enumeration, n <= 10: the one of smallest residual (P), or the componentwise minimum of all
+/// solutions (Z). Empty where there is none.
+std::optional<Vector> solve_lcp(const Matrix& M, const Vector& q, LcpClass);
+
+/// max_S ||M_SS^{-1}||_inf; infinite where some M_SS is singular.
+double lipschitz(const Matrix& M);
+
+struct Trajectory {
+  Vector t;
+  RowMatrix y, x;
+  Index infeasible = -1;  ///< first row without a solution; rows from there on are NaN
+};
+
+/// Exponential marching, y and f piecewise linear.
+Trajectory march(const DenseScene&, Index J);
+/// Implicit Euler.
+Trajectory euler(const DenseScene&, Index J);
+
+/// The state that piecewise-linear y and f give, (J+1) x m.
+RowMatrix states_of(const DenseScene&, const RowMatrix& y);
+
+/// max_j ||min(y, N x + M y + g)||_inf / max(1, ||N x + g||_inf) for given y and x; NaN where they
+/// hold one.
+double complementarity_residual(const DenseScene&, const RowMatrix& y, const RowMatrix& x);
+
+enum class SpectrumKind { real_negative, sector, imaginary };
+enum class MatrixKind { dominant, positive_definite, m_matrix };
+
+/// A random scene with m states and n constraints: sines as sources, T = 1. `dominant` and `positive_definite` are P
+/// (random signs off the diagonal; L L^T + I/2 plus a small skew part), `m_matrix` is handed over as class Z.
+Scene random_scene(std::uint32_t seed, Index m, Index n, SpectrumKind, MatrixKind);
+
+}  // namespace bromwich::oracle
