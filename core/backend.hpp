@@ -10,6 +10,7 @@
 #include "core/recurrence.hpp"
 #include "core/scene.hpp"
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -78,12 +79,14 @@ struct MarchProblem {
   const Recurrence* recurrence = nullptr;
   const Array* r = nullptr;      ///< (J+1) x n: what does not depend on y and is not in the recurrence's `initial`
   const Array* drive = nullptr;  ///< (J+1) x n: phi with f = B phi, added to y where it drives the state; or null
+  std::function<bool()> interrupted;  ///< polled now and then; true ends the march
 };
 
 struct MarchReport {
   LcpCount count;
   Index infeasible = -1;  ///< row at which no solution exists, or -1; rows from there on are NaN
   Index stopped = -1;     ///< row at which a problem stayed unsolved or not finite, or -1; rows from there on are NaN
+  bool interrupted = false;
   bool finite = true;
   double lcp_seconds = 0;
 };

@@ -98,8 +98,8 @@ ModalRecurrence compressed_recurrence(Backend& backend, const KroneckerDynamics&
   r.start.resize(K, n);
   for (Index k = 0; k < K; ++k) {
     for (Index l = 0; l < n; ++l) {
-      const double x = h * (sum.rates[k] + mu[l]), p1 = phi1(x);
-      r.decay(k, l) = std::exp(x);
+      const double x = h * (sum.rates[k] + mu[l]), growth = std::expm1(x), p1 = growth / x;
+      r.decay(k, l) = growth + 1;
       r.output(k, l) = h * sum.coefficients[k] * p1 * p1;
       r.start(k, l) = (p1 - phi2(x)) / (p1 * p1);
     }

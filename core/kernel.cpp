@@ -60,32 +60,58 @@ void real_product(const ComplexMatrix& F, const ComplexMatrix& R, Eigen::Ref<Row
   out.noalias() -= Fi * Ri;
 }
 
-// The sinh quotients of the discrete Green's function, written with decaying exponentials only.
+// The sinh quotients of the discrete Green's function, written with decaying exponentials only: with 2 cosh theta =
+// 2 + z dx^2/c and rho = e^{-theta}, |rho| <= 1, entry (i, j), i <= j, of (zI - line)^{-1} is
+//
+//     dx^2/c rho^{1+j-i} (1 - rho^{2i})/(1 - rho^2) (1 - rho^{2(Q+1-j)})/(1 - rho^{2(Q+1)}).
 class Green {
  public:
-  // 2 cosh theta = 2 + z dx^2/c, Re theta >= 0.
   Green(const SecondDifference& line, Complex z)
       : Q_(line.points), scale_(line.spacing * line.spacing / line.diffusivity) {
-    theta_ = 2.0 * std::asinh(0.5 * std::sqrt(z * scale_));
-    if (theta_.real() < 0) theta_ = -theta_;
+    const Complex s = z * scale_, root = std::sqrt(s * (1.0 + 0.25 * s)), grown = 1.0 + 0.5 * s;
+    const Complex plus = grown + root, minus = grown - root;
+    rho_ = 1.0 / (std::norm(plus) >= std::norm(minus) ? plus : minus);
+    // log rho from rho loses relative accuracy where rho is close to 1; asinh keeps it.
+    if (std::norm(1.0 - rho_) < 0.01) {
+      theta_ = 2.0 * std::asinh(0.5 * std::sqrt(s));
+      if (theta_.real() < 0) theta_ = -theta_;
+    } else {
+      theta_ = -std::log(rho_);
+    }
     end_ = decay(Q_ + 1);
     first_ = decay(1);
   }
 
-  // Entry (i, j) of (zI - line)^{-1}, 1 <= i, j <= Q: sinh(i theta) sinh((Q+1-j) theta)/(sinh theta sinh((Q+1) theta)).
   Complex operator()(Index i, Index j) const {
     if (i > j) std::swap(i, j);
-    const Complex near = i == 1 ? Complex(1) : decay(i) / first_;
-    return scale_ * std::exp(-double(1 + j - i) * theta_) * near * decay(Q_ + 1 - j) / end_;
+    const Complex far = j == i ? rho_ : std::exp(-double(1 + j - i) * theta_);
+    return scale_ * far * near(i) * decay(Q_ + 1 - j) / end_;
+  }
+
+  // Row i: powers of rho by repeated multiplication.
+  void add_row(Index i, double factor, ComplexVector& row) const {
+    for (Index j = 1; j < i; ++j) row[j - 1] += factor * (*this)(i, j);
+    const Complex left = factor * scale_ * near(i) / end_;
+    Complex power = rho_;
+    for (Index j = i; j <= Q_; ++j) {
+      if ((j - i) % geometric_run == 0) power = std::exp(-double(1 + j - i) * theta_);
+      row[j - 1] += left * power * decay(Q_ + 1 - j);
+      power *= rho_;
+      if (std::norm(power) < 1e-40) break;
+    }
   }
 
  private:
-  // 1 - e^{-2 k theta}
-  Complex decay(Index k) const { return -expm1(-2.0 * double(k) * theta_); }
+  // 1 - rho^{2k}; below rounding the power is not formed.
+  Complex decay(Index k) const {
+    const Complex exponent = -2.0 * double(k) * theta_;
+    return exponent.real() < -37 ? Complex(1) : -expm1(exponent);
+  }
+  Complex near(Index i) const { return i == 1 ? Complex(1) : decay(i) / first_; }
 
   Index Q_;
   double scale_;
-  Complex theta_, end_, first_;
+  Complex rho_, theta_, end_, first_;
 };
 
 }  // namespace
@@ -123,10 +149,8 @@ LagTable contour_lag_table(Backend& backend, const Dynamics& dynamics, const Con
 ComplexVector green_row(const SecondDifference& across, const Vector& n, Complex z) {
   const Green green(across, z);
   ComplexVector row = ComplexVector::Zero(across.points);
-  for (Index i = 0; i < n.size(); ++i) {
-    if (n[i] == 0) continue;
-    for (Index j = 0; j < across.points; ++j) row[j] += n[i] * green(i + 1, j + 1);
-  }
+  for (Index i = 0; i < n.size(); ++i)
+    if (n[i] != 0) green.add_row(i + 1, n[i], row);
   return row;
 }
 

@@ -1,7 +1,6 @@
 #include "core/lcp.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 
 #include <algorithm>
 #include <cmath>
@@ -36,6 +35,9 @@ bool pivots_positive(Matrix M) {
   }
   return true;
 }
+
+// Exchanges before the transform is formed anew: its rounding errors grow with their number.
+constexpr int most_updates = 100;
 
 }  // namespace
 
@@ -91,18 +93,27 @@ const char* to_string(LcpClass c) {
 }
 
 ActiveSetLcp::ActiveSetLcp(const Matrix& M, LcpClass lcp_class, const Matrix* least_of)
-    : M_(M), P_(M), least_of_(least_of), class_(lcp_class), active_(std::size_t(M.rows()), 0) {
-  support_.reserve(active_.size());
-  flips_.reserve(active_.size());
-  value_.resize(M.rows());
+    : M_(M), P_(M), least_of_(least_of), class_(lcp_class), active_(std::size_t(M.rows()), 0), value_(M.rows()) {
+  for (std::vector<Index>* v : {&support_, &rest_, &flips_}) v->reserve(active_.size());
   w_ = Vector::Zero(M.rows());
+  reset();
 }
 
 void ActiveSetLcp::reset() {
   std::fill(active_.begin(), active_.end(), 0);
-  support_.clear();
+  flips_.clear();
+  flip_active_set();
   P_ = M_;
+  transform_ = true;
   updates_ = 0;
+}
+
+void ActiveSetLcp::start_from(const Vector& y) {
+  reset();
+  for (Index i = 0; i < y.size(); ++i)
+    if (y[i] > 0) flips_.push_back(i);
+  flip_active_set();
+  if (!factorize()) reset();
 }
 
 // A value counts as negative below this: the product E q - P q_S carries rounding of about n eps |q| times the size of
@@ -112,51 +123,66 @@ double ActiveSetLcp::tolerance(const Vector& q) const { return 16 * epsilon * q.
 // value_ = (y_S, w_I) for the current active set.
 void ActiveSetLcp::evaluate(const Vector& q) {
   value_ = q;
-  for (const Index s : support_) value_[s] = 0;
-  for (const Index s : support_) value_.noalias() -= P_.col(s) * q[s];
+  if (transform_) {
+    for (const Index s : support_) value_[s] = 0;
+    for (const Index s : support_) value_.noalias() -= P_.col(s) * q[s];
+    return;
+  }
+  const Vector y = -lu_.solve(q(support_));
+  for (std::size_t k = 0; k < support_.size(); ++k) value_.noalias() += M_.col(support_[k]) * y[Index(k)];
+  value_(support_) = y;
 }
 
-// Exchange index i: the principal pivot on P(i,i).
-bool ActiveSetLcp::toggle(Index i) {
-  const double pivot = P_(i, i);
-  if (!(std::abs(pivot) > 1e-14 * P_.row(i).cwiseAbs().maxCoeff())) return false;
-  const Vector column = P_.col(i) / pivot;
-  const Eigen::RowVectorXd row = P_.row(i);
-  P_.noalias() -= column * row;
-  P_.col(i) = column;
-  P_.row(i) = -row / pivot;
-  P_(i, i) = 1 / pivot;
-  active_[std::size_t(i)] ^= 1;
-  if (active_[std::size_t(i)])
-    support_.push_back(i);
-  else
-    support_.erase(std::find(support_.begin(), support_.end(), i));
+// Exchanges the indices in flips_ and sorts all indices into support_ (active) and rest_.
+void ActiveSetLcp::flip_active_set() {
+  for (const Index i : flips_) active_[std::size_t(i)] ^= 1;
+  support_.clear();
+  rest_.clear();
+  for (Index i = 0; i < M_.rows(); ++i) (active_[std::size_t(i)] ? support_ : rest_).push_back(i);
+}
+
+// The principal pivot on the block F = flips_: P_FF inverted, P_RF P_FF^{-1}, -P_FF^{-1} P_FR and the Schur complement.
+bool ActiveSetLcp::pivot_on_flips() {
+  const Eigen::PartialPivLU<Matrix> block(P_(flips_, flips_));
+  if (!(block.rcond() > 1e-13)) return false;
+  const Matrix inverse = block.inverse(), rows = P_(flips_, Eigen::all), columns = P_(Eigen::all, flips_) * inverse;
+  P_.noalias() -= columns * rows;
+  P_(Eigen::all, flips_) = columns;
+  P_(flips_, Eigen::all) = -inverse * rows;
+  P_(flips_, flips_) = inverse;
   ++updates_;
+  flip_active_set();
   return true;
 }
 
-// P(S) from M by one factorization of M_SS.
-bool ActiveSetLcp::rebuild() {
+// M_SS = LU for the current active set.
+bool ActiveSetLcp::factorize() {
+  transform_ = false;
   updates_ = 0;
-  std::vector<Index> inactive;
-  for (Index i = 0; i < M_.rows(); ++i)
-    if (!active_[std::size_t(i)]) inactive.push_back(i);
   if (support_.empty()) {
     P_ = M_;
+    transform_ = true;
     return true;
   }
-  const Eigen::PartialPivLU<Matrix> lu(M_(support_, support_));
-  if (!(lu.rcond() > epsilon)) return false;
-  const Matrix inverse = lu.inverse(), right = inverse * M_(support_, inactive), below = M_(inactive, support_);
+  lu_.compute(M_(support_, support_));
+  return lu_.rcond() > epsilon;
+}
+
+// P(S) from the factorization.
+bool ActiveSetLcp::form_transform() {
+  const Matrix inverse = lu_.inverse(), right = inverse * M_(support_, rest_), below = M_(rest_, support_);
   P_(support_, support_) = inverse;
-  P_(support_, inactive) = -right;
-  P_(inactive, support_) = below * inverse;
-  P_(inactive, inactive) = M_(inactive, inactive) - below * right;
-  return true;
+  P_(support_, rest_) = -right;
+  P_(rest_, support_) = below * inverse;
+  P_(rest_, rest_) = M_(rest_, rest_) - below * right;
+  transform_ = true;
+  updates_ = 0;
+  return P_.allFinite();
 }
 
 bool ActiveSetLcp::exchange_until_complementary(const Vector& q, int limit, bool least_index, LcpOutcome& outcome) {
   const double tol = tolerance(q);
+  const std::size_t small = 4 + std::size_t(q.size()) / 8;
   for (int sweep = 0; sweep < limit; ++sweep) {
     ++outcome.newton;
     evaluate(q);
@@ -164,19 +190,13 @@ bool ActiveSetLcp::exchange_until_complementary(const Vector& q, int limit, bool
     for (Index i = 0; i < q.size() && !(least_index && !flips_.empty()); ++i)
       if (value_[i] < -tol) flips_.push_back(i);
     if (flips_.empty()) return value_.allFinite();
-    // Rank-1 updates drift: after enough of them, or where many indices change, start again from M.
-    const bool many = Index(flips_.size()) > q.size() / 8 + 4 || updates_ > 64;
-    bool good = true;
-    if (many) {
-      for (const Index i : flips_) active_[std::size_t(i)] ^= 1;
-      support_.clear();
-      for (Index i = 0; i < q.size(); ++i)
-        if (active_[std::size_t(i)]) support_.push_back(i);
-      good = rebuild();
-    } else {
-      for (const Index i : flips_) good = good && toggle(i);
+    // Updates drift: after many of them, or where many indices change, start again from M.
+    if (flips_.size() <= small && updates_ <= most_updates) {
+      if (!transform_ && !form_transform()) return false;
+      if (pivot_on_flips()) continue;
     }
-    if (!good) return false;
+    flip_active_set();
+    if (!factorize()) return false;
   }
   return false;
 }
@@ -191,9 +211,11 @@ bool ActiveSetLcp::least_element(const Vector& q, LcpOutcome& outcome) {
     for (Index i = 0; i < q.size(); ++i)
       if (!active_[std::size_t(i)] && value_[i] < -tol) flips_.push_back(i);
     if (flips_.empty()) return value_.allFinite();
-    for (const Index i : flips_) {
-      // For a Z-matrix the pivots met on the way are those of M_SS: one that is not positive has no positive solution.
-      if (!(P_(i, i) > 0) || !toggle(i)) {
+    // For a Z-matrix the pivots met on the way are those of M_SS: one that is not positive has no positive solution.
+    const std::vector<Index> added = flips_;
+    for (const Index i : added) {
+      flips_.assign(1, i);
+      if (!(P_(i, i) > 0) || !pivot_on_flips()) {
         outcome.infeasible = class_ == LcpClass::Z;
         return false;
       }

@@ -13,6 +13,8 @@
 
 #include "core/scene.hpp"
 
+#include <Eigen/LU>
+
 #include <vector>
 
 namespace bromwich {
@@ -40,7 +42,8 @@ struct LcpOutcome {
 };
 
 /// Solves problems with one dense matrix and changing q, keeping the active set and its transform from one problem to
-/// the next. Construction O(n^2), a problem with unchanged active set O(n |S|), each exchanged index O(n^2).
+/// the next. A problem with unchanged active set costs O(n |S|), an exchange of k indices O(k n^2); after large exchanges
+/// M_SS is factorized anew, and the transform is formed again when a small exchange follows.
 class ActiveSetLcp {
  public:
   /// With `least_of`, a solution also has to be the least element of LCP(., *least_of) seen from the fixed rest, that is
@@ -56,23 +59,31 @@ class ActiveSetLcp {
   /// Forget the active set.
   void reset();
 
+  /// Start from the active set {y > 0}.
+  void start_from(const Vector& y);
+
  private:
   bool exchange_until_complementary(const Vector& q, int limit, bool least_index, LcpOutcome&);
   bool least_element(const Vector& q, LcpOutcome&);
   bool active_set_is_least() const;
-  bool toggle(Index i);
-  bool rebuild();
+  bool pivot_on_flips();
+  bool factorize();
+  bool form_transform();
+  void flip_active_set();
   void evaluate(const Vector& q);
   double tolerance(const Vector& q) const;
   void accept(const Vector& q, Vector& y);
 
-  Matrix M_, P_;
+  Matrix M_;
+  Matrix P_;                        ///< P(S) where transform_ holds
+  Eigen::PartialPivLU<Matrix> lu_;  ///< of M_SS where it does not
+  bool transform_ = true;
+  int updates_ = 0;  ///< exchanges since P_ was last formed from M_
   const Matrix* least_of_;
   LcpClass class_;
   std::vector<char> active_;
-  std::vector<Index> support_, flips_;
+  std::vector<Index> support_, rest_, flips_;
   Vector w_, value_;
-  int updates_ = 0;  ///< rank-1 updates since P_ was last built from M_
 };
 
 }  // namespace bromwich

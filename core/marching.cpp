@@ -78,7 +78,7 @@ void solve_by_marching(const DiscreteProblem& p, Rule rule, const Options& optio
     drive = p.backend.array(rows, n);
     p.backend.upload(*p.drive(), *drive);
   }
-  const auto march = p.backend.march({&p.scene.M, p.lcp_class, &plan.recurrence, r.get(), drive.get()}, rows);
+  const auto march = p.backend.march({&p.scene.M, p.lcp_class, &plan.recurrence, r.get(), drive.get(), options.interrupted}, rows);
   const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, rows);
   // y_0 in SOL(M, N x0 + g(0)): one problem, as a batch of one row.
   const auto first_r = p.backend.array(1, n), first_v = p.backend.array(1, n), first_y = p.backend.array(1, n);
@@ -115,7 +115,10 @@ void solve_by_marching(const DiscreteProblem& p, Rule rule, const Options& optio
   result.residual = NAN;
   char where[64];
   std::snprintf(where, sizeof where, "t = %.6g", p.t[report.stopped]);
-  if (!report.finite) {
+  if (report.interrupted) {
+    result.status = Status::interrupted;
+    result.reason = std::string("stopped on request at ") + where;
+  } else if (!report.finite) {
     result.status = Status::nonfinite;
     result.reason = std::string("the solution is not finite at ") + where;
   } else if (report.infeasible >= 0) {

@@ -28,6 +28,8 @@ class StepLcp {
   StepLcp(const Matrix& implicit, const Matrix& M, LcpClass lcp_class)
       : M_(M), solver_(implicit, step_class(implicit, lcp_class), lcp_class == LcpClass::Z ? &M_ : nullptr) {}
 
+  void start_from(const Vector& y) { solver_.start_from(y); }
+
   // false: no solution could be certified; the report says why.
   bool solve(const Vector& q, Vector& y, Index j, MarchReport& report) {
     const Clock::time_point start = Clock::now();
@@ -64,10 +66,12 @@ void invalidate(RowMatrix& y, RowMatrix& v, Index from) {
   v.bottomRows(v.rows() - from).setConstant(NAN);
 }
 
+constexpr Index polled_every = 64;  ///< steps between two looks at the request to stop
+
 class ModalMarch final : public March {
  public:
   ModalMarch(const MarchProblem& problem, const ModalRecurrence& r, Index rows, int threads)
-      : r_(r), n_(r.modes()), blocks_(blocks(n_)), K_(r.exponentials()), response_(host(*problem.r)), modes_(rows, n_),
+      : r_(r), interrupted_(problem.interrupted), n_(r.modes()), blocks_(blocks(n_)), K_(r.exponentials()), response_(host(*problem.r)), modes_(rows, n_),
         sine_(make_vector_sine(n_)), rows_sine_(make_sine_transform(n_, rows, threads)), M_(to_dense(*problem.M)),
         lcp_(M_ + implicit_part(), M_, problem.lcp_class),
         threads_(blocks_ * K_ * lanes >= parallel_size ? threads : 1) {
@@ -94,6 +98,12 @@ class ModalMarch final : public March {
     MarchReport report;
     start(Y);
     for (Index j = 1; j < Y.rows(); ++j) {
+      if (j % polled_every == 0 && interrupted_ && interrupted_()) {
+        report.interrupted = true;
+        report.stopped = j;
+        invalidate(Y, V, j);
+        return report;
+      }
       advance(j);
       if (drive_) free_.head(n_) += r_.w0.cwiseProduct(drive_->values.row(j).transpose());
       sine_->apply(free_.data(), known_.data());
@@ -119,21 +129,24 @@ class ModalMarch final : public March {
  private:
   static constexpr Index parallel_size = 1 << 16;  ///< below it a barrier per step costs more than it saves
 
+  // S diag(w0) S: products of sines are differences of cosines, so entry (i, j) is c(i-j) - c(i+j) with
+  // c(d) = 1/(n+1) Σ_k w0_k cos(pi k d/(n+1)), a Toeplitz and a Hankel matrix from one table.
   Matrix implicit_part() const {
-    // S diag(w0) S
-    Matrix S(n_, n_);
-    Vector e = Vector::Zero(n_);
-    for (Index i = 0; i < n_; ++i) {
-      e[i] = 1;
-      sine_->apply(e.data(), S.col(i).data());
-      e[i] = 0;
-    }
-    return S * r_.w0.asDiagonal() * S;
+    const Index period = 2 * (n_ + 1);
+    Vector cosine(period), c = Vector::Zero(n_ + 2);
+    for (Index a = 0; a < period; ++a) cosine[a] = std::cos(M_PI * double(a) / double(n_ + 1)) / double(n_ + 1);
+    for (Index d = 0; d < c.size(); ++d)
+      for (Index k = 0; k < n_; ++k) c[d] += r_.w0[k] * cosine[(k + 1) * d % period];
+    Matrix W(n_, n_);
+    for (Index j = 1; j <= n_; ++j)
+      for (Index i = 1; i <= n_; ++i) W(i - 1, j - 1) = c[std::abs(i - j)] - c[std::min(i + j, period - i - j)];
+    return W;
   }
 
   // z_0 from y_0, phi_0 and x0.
   void start(const RowMatrix& Y) {
     y_ = Y.row(0).transpose();
+    lcp_.start_from(y_);
     sine_->apply(y_.data(), u_.data());
     if (drive_) u_.head(n_) += drive_->values.row(0).transpose();
     for (std::size_t i = 0; i < z_.size(); ++i) z_[i] = all(0);
@@ -175,6 +188,7 @@ class ModalMarch final : public March {
   }
 
   ModalRecurrence r_;
+  std::function<bool()> interrupted_;
   Index n_, blocks_, K_;
   const RowMatrix& response_;
   std::unique_ptr<HostArray> drive_;  ///< phi in modes
@@ -191,7 +205,7 @@ class ModalMarch final : public March {
 class DenseMarch final : public March {
  public:
   DenseMarch(const MarchProblem& problem, const DenseRecurrence& r)
-      : r_(r), response_(host(*problem.r)), drive_(problem.drive ? &host(*problem.drive) : nullptr),
+      : r_(r), interrupted_(problem.interrupted), response_(host(*problem.r)), drive_(problem.drive ? &host(*problem.drive) : nullptr),
         M_(to_dense(*problem.M)), lcp_(M_ + r.w0, M_, problem.lcp_class), z_(r.decay.rows()), next_(z_), q_(M_.rows()),
         y_(q_), u_(q_) {}
 
@@ -200,9 +214,16 @@ class DenseMarch final : public March {
     RowMatrix &Y = host(y_array), &V = host(v_array);
     MarchReport report;
     u_ = Y.row(0).transpose();
+    lcp_.start_from(u_);
     if (drive_) u_ += drive_->row(0).transpose();
     z_.noalias() = r_.start * u_;
     for (Index j = 1; j < Y.rows(); ++j) {
+      if (j % polled_every == 0 && interrupted_ && interrupted_()) {
+        report.interrupted = true;
+        report.stopped = j;
+        invalidate(Y, V, j);
+        return report;
+      }
       q_.noalias() = r_.output * z_;
       if (drive_) q_.noalias() += r_.w0 * drive_->row(j).transpose();
       V.row(j) = q_.transpose();
@@ -226,6 +247,7 @@ class DenseMarch final : public March {
 
  private:
   DenseRecurrence r_;
+  std::function<bool()> interrupted_;
   const RowMatrix& response_;
   const RowMatrix* drive_;
   Matrix M_;

@@ -27,9 +27,10 @@ constexpr Index row_block = 32;          ///< rows folded and multiplied togethe
 // The even half holds the odd wave numbers 1, 3, ... and the other way round.
 struct FoldedSine {
   explicit FoldedSine(Index n) : n(n), even((n + 1) / 2), odd(n / 2), E(even, even), O(odd, odd) {
-    const double scale = std::sqrt(2.0 / double(n + 1));
-    // sin(pi a/(n+1)) with a reduced modulo the period keeps full accuracy for large products i k.
-    const auto s = [&](Index i, Index k) { return scale * std::sin(M_PI * double(i * k % (2 * (n + 1))) / double(n + 1)); };
+    // One period of the sine as a table: i k is reduced exactly, whatever its size.
+    Vector period(2 * (n + 1));
+    for (Index a = 0; a < period.size(); ++a) period[a] = std::sqrt(2.0 / double(n + 1)) * std::sin(M_PI * double(a) / double(n + 1));
+    const auto s = [&](Index i, Index k) { return period[i * k % period.size()]; };
     for (Index i = 0; i < even; ++i)
       for (Index q = 0; q < even; ++q) E(i, q) = s(i + 1, 2 * q + 1);
     for (Index i = 0; i < odd; ++i)
