@@ -15,13 +15,19 @@
 
 namespace bromwich {
 
-/// Parameters found by minimising the worst error of e^{at} over the sector |arg(-a)| <= half_angle and over a window
-/// of ratio 5 (scripts/contour_parameters.py).
-struct ContourParameters {
-  double half_angle;  ///< of the sector that holds the spectrum, radians
-  Index P;            ///< nodes p = 0..P
+/// gamma, dv and mu of a hyperbola; mu is in units of 1/t0.
+struct HyperbolaShape {
   double gamma, spacing, mu;
-  double error;  ///< worst error of e^{at} in double precision
+};
+
+/// Parameters found by minimising the worst error over the sector |arg(-a)| <= half_angle, in double precision
+/// (scripts/contour_parameters.py).
+struct ContourParameters {
+  double half_angle;      ///< of the sector that holds the spectrum, radians
+  Index P;                ///< nodes p = 0..P
+  HyperbolaShape window;  ///< for e^{at}, t in a window of ratio 5
+  double error;           ///< its worst error
+  HyperbolaShape near;    ///< for the weights of lags 0 and 1: their 1/z^2 asks for a contour farther from 0
 };
 
 /// Ratio of the windows that the stored parameters are made for.
@@ -39,6 +45,9 @@ struct Contour {
 };
 
 Contour window_contour(const ContourParameters&, double t0);
+
+/// For the weights of lags 0 and 1 at step h: t in [h, 2h], a double pole at z = 0.
+Contour near_contour(const ContourParameters&, double h);
 
 /// Windows [t0, 5 t0], [5 t0, 25 t0], ... that together cover [t0, t1].
 std::vector<Contour> window_contours(const ContourParameters&, double t0, double t1);

@@ -36,7 +36,4 @@ RowMatrix dense_response(const DiscreteProblem&, Rule);
 /// S N e^{A t_j} x0 for the Kronecker sum from contours, (J+1) x n in modes.
 RowMatrix kronecker_initial_response(const DiscreteProblem&);
 
-/// The states x_j that belong to y: (J+1) x components.size(), row 0 = x0.
-RowMatrix reconstruct_states(const DiscreteProblem&, Rule, const RowMatrix& y, const std::vector<Index>& components);
-
 }  // namespace bromwich

@@ -30,7 +30,7 @@ LagWindow lag_window(const ContourParameters& parameters, double h, Index first,
   LagWindow window;
   window.first = first;
   window.last = last;
-  window.contour = window_contour(parameters, h * double(std::max<Index>(first - 1, 1)));
+  window.contour = first == 0 ? near_contour(parameters, h) : window_contour(parameters, h * double(first - 1));
   const Index lags = last - first + 1, nodes = window.contour.nodes.size();
   window.F.resize(lags, nodes);
   window.S.resize(lags, nodes);
@@ -119,8 +119,7 @@ class Green {
 std::vector<LagWindow> lag_windows(const ContourParameters& parameters, double h, Index J) {
   std::vector<LagWindow> windows;
   for (Index first = 0; first <= J;) {
-    const Index t0 = std::max<Index>(first - 1, 1);
-    const Index last = std::min<Index>(J, Index(window_ratio) * t0 - 1);
+    const Index last = std::min<Index>(J, first == 0 ? 1 : Index(window_ratio) * (first - 1) - 1);
     windows.push_back(lag_window(parameters, h, first, last));
     first = last + 1;
   }

@@ -8,7 +8,7 @@
 //     column of y_0:     S_1 : h e^x (x-1)/x^2,         S_d : h e^{(d-1)x} (phi1 - phi2)(x)    (d >= 2)
 //
 // (0 lies inside the contour, so the parts of lags 0 and 1 without e^x integrate to zero and are left out).
-// Lag d needs t in [(d-1)h, (d+1)h]; lags 0 and 1 need [h, 2h].
+// Lag d needs t in [(d-1)h, (d+1)h]; lags 0 and 1 need [h, 2h] and have a contour of their own.
 
 #include "core/backend.hpp"
 
@@ -21,7 +21,7 @@ struct LagWindow {
   ComplexMatrix F, S;  ///< (last-first+1) x (P+1)
 };
 
-/// Windows of ratio 5 for the lags 0..J.
+/// Lags 0 and 1, then windows of ratio 5, together 0..J.
 std::vector<LagWindow> lag_windows(const ContourParameters&, double h, Index J);
 
 /// W_d and S_d for d = 0..J: one batch of shifted solves per window, then one product per window.

@@ -5,6 +5,7 @@
 #include "core/lcp.hpp"
 #include "core/literal.hpp"
 #include "core/marching.hpp"
+#include "core/states.hpp"
 #include "core/timer.hpp"
 
 #include <algorithm>
@@ -156,12 +157,29 @@ Result solve(const Scene& scene, Backend& backend, const Options& options) {
   if (result.status == Status::infeasible && result.infeasible_at == 0.0) result.y.setConstant(NAN);
   result.x_components = selected(scene, options);
   const Rule rule = options.method == Method::euler ? Rule::implicit_euler : Rule::exponential;
-  result.x = reconstruct_states(p, rule, result.y, result.x_components);
+  result.x = state_components(p, rule, result.y, result.x_components);
   Seconds& s = result.seconds;
   s.total = total.lap();
   s.solve = s.total - s.setup;
   s.other = std::max(0.0, s.solve - s.lcp - s.convolution - s.transform);
   return result;
+}
+
+Matrix states_at(const Scene& scene, Backend& backend, const Result& result, const std::vector<Index>& rows) {
+  scene.validate();
+  if (result.y.rows() != result.steps + 1 || result.y.cols() != scene.constraints())
+    throw Error("result", "its y does not have one row per time point and one column per constraint", "pass a result of this scene");
+  if (result.method == to_string(Method::euler))
+    throw Error("result", "it was computed by implicit Euler", "ask for states when solving, or use another method");
+  Index last = 0;
+  for (const Index j : rows) {
+    if (j < 0 || j > result.steps)
+      throw Error("rows", "found " + std::to_string(j), "rows are time points 0.." + std::to_string(result.steps));
+    last = std::max(last, j);
+  }
+  if (!result.y.topRows(last + 1).allFinite())
+    throw Error("rows", "the result is not valid up to row " + std::to_string(last), "ask for earlier rows");
+  return states_at_rows(discretise(scene, backend, result.steps), result.y, rows);
 }
 
 }  // namespace bromwich

@@ -1,0 +1,160 @@
+#include "core/states.hpp"
+
+#include "core/error.hpp"
+#include "core/kernel.hpp"
+
+#include <Eigen/LU>
+
+#include <map>
+#include <string>
+
+namespace bromwich {
+
+namespace {
+
+// One grid line is one observer: the recurrence with n replaced by a unit vector, run over y + phi.
+RowMatrix line_states(const DiscreteProblem& p, const ModalRecurrence& r, const RowMatrix& input) {
+  const Index rows = p.J + 1, n = input.cols();
+  const auto y = p.backend.array(rows, n), modes = p.backend.array(rows, n), x = p.backend.array(rows, n);
+  const auto sine = p.backend.sine_transform(n, rows);
+  p.backend.upload(input, *y);
+  sine->apply(*y, nullptr, *modes, 0);
+  p.backend.convolution(Recurrence(r), rows)->apply(*modes, *x, 0);
+  sine->apply(*x, nullptr, *modes, 0);
+  RowMatrix states;
+  p.backend.download(*modes, states);
+  return states;
+}
+
+RowMatrix kronecker_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const std::vector<Index>& components) {
+  KroneckerDynamics observed = *p.kronecker();
+  const Index K = observed.across.points;
+  const RowMatrix x0 = x0_in_modes(p.backend, observed, p.scene.x0, true);
+  const RowMatrix input = p.drive() ? RowMatrix(y + *p.drive()) : y;
+  std::map<Index, std::vector<std::size_t>> columns_at;  // position on the line -> columns of the result
+  for (std::size_t c = 0; c < components.size(); ++c) columns_at[components[c] % K].push_back(c);
+  RowMatrix x(p.J + 1, Index(components.size()));
+  for (const auto& [position, columns] : columns_at) {
+    observed.n = Vector::Unit(K, position);
+    const RowMatrix states = line_states(p, modal_recurrence(observed, rule, p.h, x0), input);
+    for (const std::size_t c : columns) {
+      x.col(Index(c)) = states.col(components[c] / K);
+      x(0, Index(c)) = p.scene.x0[components[c]];
+    }
+  }
+  return x;
+}
+
+// Σ_d c_p F_d(z_p) u_{j-d} over the lags of one window that reach back to u_0 at most; u_0 has weights S.
+ComplexMatrix past_inputs(const LagWindow& window, const RowMatrix& u, Index j) {
+  ComplexMatrix sums = ComplexMatrix::Zero(window.contour.nodes.size(), u.cols());
+  const Index last = std::min(window.last, j - 1);
+  for (Index d = window.first; d <= last; ++d)
+    sums.noalias() += window.F.row(d - window.first).transpose() * u.row(j - d).cast<Complex>();
+  if (window.first <= j && j <= window.last)
+    sums.noalias() += window.S.row(j - window.first).transpose() * u.row(0).cast<Complex>();
+  return sums;
+}
+
+// One time point of the Kronecker sum, in modes of the `along` direction: row l is the grid line of mode l.
+RowMatrix lines_at(const DiscreteProblem& p, const std::vector<LagWindow>& windows, const RowMatrix& u, Index j) {
+  const KroneckerDynamics& d = *p.kronecker();
+  const Vector mu = d.along.eigenvalues();
+  RowMatrix lines = RowMatrix::Zero(mu.size(), d.across.points);
+  for (const LagWindow& window : windows) {
+    if (window.first > j) break;
+    const ComplexMatrix sums = past_inputs(window, u, j);
+    for (Index l = 0; l < mu.size(); ++l)
+      for (Index q = 0; q < sums.rows(); ++q)
+        // (zI - across) is symmetric: the solution of a grid line for b is its Green's row.
+        lines.row(l) += (sums(q, l) * green_row(d.across, d.b, window.contour.nodes[q] - mu[l])).real().transpose();
+  }
+  return lines;
+}
+
+RowMatrix in_modes(Backend& backend, const RowMatrix& rows) {
+  const auto in = backend.array(rows.rows(), rows.cols()), out = backend.array(rows.rows(), rows.cols());
+  backend.upload(rows, *in);
+  backend.sine_transform(rows.cols(), rows.rows())->apply(*in, nullptr, *out, 0);
+  RowMatrix modes;
+  backend.download(*out, modes);
+  return modes;
+}
+
+Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
+  const KroneckerDynamics& d = *p.kronecker();
+  const RowMatrix u = in_modes(p.backend, p.drive() ? RowMatrix(y + *p.drive()) : y);
+  const RowMatrix x0 = x0_in_modes(p.backend, d, p.scene.x0, true);
+  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
+  const std::vector<LagWindow> windows = lag_windows(*contour_parameters(0), p.h, p.J);
+  Matrix x(p.scene.states(), Index(rows.size()));
+  for (std::size_t c = 0; c < rows.size(); ++c) {
+    const Index j = rows[c];
+    if (j == 0) {
+      x.col(Index(c)) = p.scene.x0;
+      continue;
+    }
+    // e^{A t} x0 is diagonal in both directions.
+    RowMatrix free = x0;
+    for (Index l = 0; l < mu.size(); ++l) free.row(l).array() *= (p.t[j] * (nu.transpose().array() + mu[l])).exp();
+    const RowMatrix lines = in_modes(p.backend, free) + lines_at(p, windows, u, j);
+    const RowMatrix grid = in_modes(p.backend, lines.transpose()).transpose();
+    x.col(Index(c)) = Eigen::Map<const Vector>(grid.data(), grid.size());
+  }
+  return x;
+}
+
+Matrix dense_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
+  const Matrix& A = p.dense()->A;
+  const Index m = A.rows();
+  const RowMatrix u = state_input(p, y);
+  const auto parameters = contour_parameters(spectrum(p.scene.dynamics).half_angle);
+  Matrix x(m, Index(rows.size()));
+  // A few solves a time point against m^2 work for every step before it.
+  if (!parameters || Index(rows.size()) * 200 * m > p.J) {
+    const RowMatrix all = dense_states(A, Rule::exponential, p.h, p.scene.x0, u);
+    for (std::size_t c = 0; c < rows.size(); ++c) x.col(Index(c)) = all.row(rows[c]).transpose();
+    return x;
+  }
+  const std::vector<LagWindow> windows = lag_windows(*parameters, p.h, p.J);
+  const ComplexMatrix identity = ComplexMatrix::Identity(m, m);
+  for (std::size_t c = 0; c < rows.size(); ++c) {
+    const Index j = rows[c];
+    Vector sum = j == 0 ? p.scene.x0 : Vector(Vector::Zero(m));
+    const auto add = [&](Complex z, const ComplexVector& rhs) {
+      sum += (z * identity - A.cast<Complex>()).partialPivLu().solve(rhs).real();
+    };
+    if (j > 0) {
+      const Contour contour = window_contour(*parameters, p.t[j]);
+      for (Index q = 0; q < contour.nodes.size(); ++q)
+        add(contour.nodes[q], contour.weights[q] * std::exp(p.t[j] * contour.nodes[q]) * p.scene.x0.cast<Complex>());
+    }
+    for (const LagWindow& window : windows) {
+      if (j == 0 || window.first > j) break;
+      const ComplexMatrix inputs = past_inputs(window, u, j);
+      for (Index q = 0; q < inputs.rows(); ++q) add(window.contour.nodes[q], inputs.row(q).transpose());
+    }
+    x.col(Index(c)) = sum;
+  }
+  return x;
+}
+
+}  // namespace
+
+RowMatrix state_components(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const std::vector<Index>& components) {
+  if (components.empty()) return RowMatrix(p.J + 1, 0);
+  const double bytes = 8.0 * double(p.J + 1) * double(components.size());
+  if (bytes > 16e9)
+    throw Error("states", "the table would take " + std::to_string(long(bytes / 1e9)) + " GB", "ask for fewer components or steps");
+  if (p.kronecker()) return kronecker_states(p, rule, y, components);
+  const RowMatrix all = dense_states(p.dense()->A, rule, p.h, p.scene.x0, state_input(p, y));
+  RowMatrix x(p.J + 1, Index(components.size()));
+  for (std::size_t c = 0; c < components.size(); ++c) x.col(Index(c)) = all.col(components[c]);
+  return x;
+}
+
+Matrix states_at_rows(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
+  return p.kronecker() ? kronecker_states_at(p, y, rows) : dense_states_at(p, y, rows);
+}
+
+}  // namespace bromwich

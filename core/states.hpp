@@ -1,0 +1,19 @@
+#pragma once
+// The state x, a by-product: computed only where it is asked for.
+
+#include "core/discrete_problem.hpp"
+
+namespace bromwich {
+
+/// All time points, chosen components: (J+1) x components.size(), row 0 = x0. Every grid line of the Kronecker sum that
+/// holds a component is one more observer N = e_i^T of the same recurrence; dense dynamics are stepped.
+RowMatrix state_components(const DiscreteProblem&, Rule, const RowMatrix& y, const std::vector<Index>& components);
+
+/// Chosen time points, all components: m x rows.size(). With u = y (+ phi),
+///
+///     x_j = e^{A t_j} x0 + Σ_windows Σ_p (z_p I - A)^{-1} B [ Σ_d c_p F_d(z_p) u_{j-d} ],
+///
+/// the shifted solves of a few contours a time point, whatever j; dense dynamics without a contour are stepped.
+Matrix states_at_rows(const DiscreteProblem&, const RowMatrix& y, const std::vector<Index>& rows);
+
+}  // namespace bromwich

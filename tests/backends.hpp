@@ -1,0 +1,50 @@
+#pragma once
+// The backends that the contract tests run on, and what those tests share.
+
+#include "core/backend.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "tests/reference.hpp"
+#include "tests/run.hpp"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <ostream>
+#include <string>
+#include <vector>
+
+namespace bromwich {
+
+struct BackendCase {
+  std::string name;
+  std::unique_ptr<Backend> (*make)();
+};
+
+inline void PrintTo(const BackendCase& c, std::ostream* out) { *out << c.name; }
+
+/// One thread, two, and more than there are blocks of modes or cores.
+inline std::vector<BackendCase> backend_cases() {
+  return {{"cpu1", [] { return make_cpu_backend(1); }},
+          {"cpu2", [] { return make_cpu_backend(2); }},
+          {"cpu7", [] { return make_cpu_backend(7); }}};
+}
+
+inline std::string backend_case_name(const testing::TestParamInfo<BackendCase>& info) { return info.param.name; }
+
+class BackendTest : public testing::TestWithParam<BackendCase> {
+ protected:
+  std::unique_ptr<Array> device(const RowMatrix& values) {
+    auto array = backend->array(values.rows(), values.cols());
+    backend->upload(values, *array);
+    return array;
+  }
+  RowMatrix host(const Array& array) {
+    RowMatrix values;
+    backend->download(array, values);
+    return values;
+  }
+
+  std::unique_ptr<Backend> backend = GetParam().make();
+};
+
+}  // namespace bromwich

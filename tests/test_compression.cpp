@@ -1,0 +1,84 @@
+// Short sums of exponentials against the exact sum over all eigenvalues of a line.
+
+#include "core/compression.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "tests/reference.hpp"
+#include "tests/run.hpp"
+
+namespace bromwich {
+namespace {
+
+using reference::Real;
+using reference::signorini_dynamics;
+
+constexpr double tolerance = 1e-12;
+
+/// n^T e^{across t} b.
+Real line_kernel(const KroneckerDynamics& d, const std::vector<Real>& coefficients, Real t) {
+  Real sum = 0;
+  for (Index k = 0; k < d.across.points; ++k) {
+    const Real exponent = reference::eigenvalue(d.across, k + 1) * t;
+    if (exponent < -60) break;  // eigenvalues decrease; e^{-60} is 1e-26
+    sum += coefficients[std::size_t(k)] * std::exp(exponent);
+  }
+  return sum;
+}
+
+TEST(Compression, ReproducesTheLineKernel) {
+  for (const Index Q : {3, 39, 127, 511})
+    for (const Index J : {10, 400, 4096}) {
+      const KroneckerDynamics d = signorini_dynamics(Q, Q);
+      const std::vector<Real> coefficients = reference::line_coefficients(d);
+      const double T = 4, h = T / double(J);
+      const ExponentialSum sum = compress_line_kernel(d, h, T, 1e-13);
+      EXPECT_LT(sum.rates.size(), 64) << Q << ' ' << J;
+      EXPECT_LE(sum.rates.maxCoeff(), 0);
+      double worst = 0, largest = 0;
+      const int points = 400;
+      for (int i = 0; i <= points; ++i) {
+        const double t = i == points ? T : h * std::pow(T / h, double(i) / points);
+        double fitted = 0;
+        for (Index k = 0; k < sum.rates.size(); ++k) fitted += sum.coefficients[k] * std::exp(sum.rates[k] * t);
+        const double exact = double(line_kernel(d, coefficients, t));
+        worst = std::max(worst, std::abs(fitted - exact));
+        largest = std::max(largest, std::abs(exact));
+      }
+      EXPECT_LE(worst, tolerance * largest) << "Q = " << Q << ", J = " << J << ", K = " << sum.rates.size();
+      // What it says of itself comes from fewer points and contour values good to 1e-14.
+      EXPECT_LE(worst, (4 * sum.error + 1e-13) * largest) << "Q = " << Q << ", J = " << J;
+    }
+}
+
+TEST(Compression, WeightsOfTheRecurrence) {
+  const auto backend = make_cpu_backend(1);
+  for (const auto& [Q, J] : {std::pair<Index, Index>{3, 10}, {39, 400}, {127, 400}, {511, 64}}) {
+    const KroneckerDynamics d = signorini_dynamics(Q, Q);
+    const double T = 4, h = T / double(J);
+    const ModalRecurrence r = compressed_recurrence(*backend, d, compress_line_kernel(d, h, T, 1e-13), h);
+    const LagTable table = lag_table(r, J);
+    const Index stride = Q > 50 ? 17 : 1;
+    const LagTable exact = reference::modal_weights(d, h, J, stride);
+    // Weights are averages of the kernel over [(d-1)h, (d+1)h]: lags 0 and 1 from the contour, the others within [h, T] to
+    // 1e-12 of the largest kernel value there, which is at most a few times W_2/h.
+    const double scale = tolerance * exact.W.cwiseAbs().maxCoeff();
+    for (Index l = 0; l < Q; l += stride) {
+      EXPECT_LE((table.W.col(l) - exact.W.col(l)).cwiseAbs().maxCoeff(), scale) << "Q = " << Q << ", mode " << l;
+      EXPECT_LE((table.S.col(l) - exact.S.col(l)).cwiseAbs().maxCoeff(), scale) << "Q = " << Q << ", mode " << l;
+    }
+  }
+}
+
+TEST(Compression, ModalRecurrenceSaysTheSame) {
+  const auto backend = make_cpu_backend(1);
+  const KroneckerDynamics d = signorini_dynamics(31, 31);
+  const Index J = 100;
+  const double h = 0.04;
+  const ExponentialSum sum = compress_line_kernel(d, h, 4, 1e-13);
+  const LagTable compressed = lag_table(compressed_recurrence(*backend, d, sum, h), J);
+  const LagTable modal = lag_table(modal_recurrence(d, Rule::exponential, h, {}), J);
+  EXPECT_LE(distance(compressed.W, modal.W), tolerance * modal.W.cwiseAbs().maxCoeff());
+  EXPECT_LE(distance(compressed.S, modal.S), tolerance * modal.W.cwiseAbs().maxCoeff());
+}
+
+}  // namespace
+}  // namespace bromwich

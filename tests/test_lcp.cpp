@@ -1,0 +1,242 @@
+// Classes of matrices and the active-set solver against enumeration of all active sets.
+
+#include "core/lcp.hpp"
+#include "tests/oracle.hpp"
+#include "tests/reference.hpp"
+
+#include <Eigen/Dense>
+#include <gtest/gtest.h>
+
+namespace bromwich {
+namespace {
+
+using reference::Random;
+
+const Matrix cycling{{1, 0, 2}, {2, 1, 0}, {0, 2, 1}};  // P; semismooth Newton cycles at q = -1
+const Matrix fold{{1, -2}, {-2, 1}};                    // Z, not P: two solutions where q is in the fold
+
+Tridiagonal tridiagonal(Index n, double lower, double diagonal, double upper) {
+  return {Vector::Constant(n, lower), Vector::Constant(n, diagonal), Vector::Constant(n, upper)};
+}
+
+/// All principal minors by determinants, for scaled entries of size 1.
+bool minors_positive(const Matrix& M) {
+  for (unsigned set = 1; set < 1u << M.rows(); ++set) {
+    std::vector<Index> S;
+    for (Index i = 0; i < M.rows(); ++i)
+      if (set >> i & 1u) S.push_back(i);
+    if (!(Matrix(M(S, S)).determinant() > 0)) return false;
+  }
+  return true;
+}
+
+TEST(LcpClass, SignsOfZ) {
+  EXPECT_TRUE(is_Z(fold));
+  EXPECT_FALSE(is_Z(cycling));
+  EXPECT_TRUE(is_Z(tridiagonal(5, -1, -3, 0)));
+  EXPECT_FALSE(is_Z(tridiagonal(5, -1, 4, 0.1)));
+  EXPECT_TRUE(is_Z(tridiagonal(1, 7, -1, 7))) << "the two outer entries are not used";
+  EXPECT_TRUE(is_Z(Matrix(0, 0)));
+}
+
+TEST(LcpClass, SufficientConditionsForP) {
+  EXPECT_TRUE(is_surely_P(tridiagonal(8, -1, 4, -1)));
+  EXPECT_FALSE(is_surely_P(tridiagonal(8, -1, 2, -1))) << "only weakly dominant: not decided";
+  EXPECT_TRUE(is_surely_P(Matrix{{1, 100}, {-100, 1}})) << "positive definite symmetric part";
+  EXPECT_TRUE(is_surely_P(Matrix{{1, 9}, {0.01, 10}})) << "dominant by columns";
+  EXPECT_FALSE(is_surely_P(Matrix{{1, 1}, {1, 1}})) << "singular";
+  EXPECT_FALSE(is_surely_P(Matrix{{-1}}));
+  EXPECT_FALSE(is_surely_P(cycling));
+  // What is accepted is P.
+  Random random(1);
+  int accepted = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const Index n = 1 + i % 4;
+    const Matrix M = random.matrix(n, n) + Matrix(random.uniform(0, 2) * Matrix::Identity(n, n));
+    if (!is_surely_P(M)) continue;
+    ++accepted;
+    EXPECT_TRUE(minors_positive(M)) << M;
+  }
+  EXPECT_GT(accepted, 200);
+}
+
+TEST(LcpClass, ExactTestForP) {
+  EXPECT_TRUE(is_P_exact(cycling));
+  EXPECT_FALSE(is_P_exact(fold));
+  EXPECT_FALSE(is_P_exact(Matrix{{0, 1}, {-1, 0}}));
+  EXPECT_TRUE(is_P_exact(Matrix::Identity(16, 16)));
+  Random random(2);
+  int yes = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const Index n = 1 + i % 5;
+    const Matrix M = random.matrix(n, n) + Matrix(0.7 * Matrix::Identity(n, n));
+    EXPECT_EQ(is_P_exact(M), minors_positive(M)) << M;
+    yes += is_P_exact(M);
+  }
+  EXPECT_GT(yes, 100);
+  EXPECT_LT(yes, 900);
+}
+
+TEST(LcpClass, Classification) {
+  EXPECT_EQ(classify(cycling), LcpClass::P);
+  EXPECT_EQ(classify(fold), LcpClass::Z);
+  EXPECT_EQ(classify(tridiagonal(39, -1, 4, -1)), LcpClass::P);
+  EXPECT_EQ(classify(Matrix{{-1, 1}, {1, -1}}), LcpClass::unknown);
+  EXPECT_STREQ(to_string(LcpClass::P), "P");
+  EXPECT_STREQ(to_string(LcpClass::Z), "Z");
+}
+
+Matrix random_P(Random& random, Index n, int kind) {
+  if (kind % 2 == 0) return random.dominant(n);
+  const Matrix L = random.matrix(n, n), skew = random.matrix(n, n);
+  return L * L.transpose() + 0.3 * Matrix::Identity(n, n) + skew - skew.transpose();
+}
+
+/// Two solutions by different factorizations: condition numbers of a few hundred at most, times eps and the size of y.
+double close(const Vector& y) { return 1e-11 * (1 + y.cwiseAbs().maxCoeff()); }
+
+void expect_complementary(const ActiveSetLcp& solver, const Matrix& M, const Vector& q, const Vector& y) {
+  const double scale = 1 + q.cwiseAbs().maxCoeff() + M.cwiseAbs().maxCoeff() * y.cwiseAbs().sum();
+  EXPECT_GE(y.minCoeff(), 0);
+  // Rounding of M y + q in n <= 100 terms, and of the transform kept from call to call.
+  EXPECT_LE((M * y + q - solver.slack()).cwiseAbs().maxCoeff(), 1e-12 * scale);
+  EXPECT_LE(y.cwiseMin(solver.slack()).cwiseAbs().maxCoeff(), 1e-12 * scale);
+}
+
+TEST(ActiveSetLcp, PAgainstEnumeration) {
+  Random random(3);
+  for (Index n = 1; n <= 8; ++n)
+    for (int instance = 0; instance < 300; ++instance) {
+      const Matrix M = random_P(random, n, instance);
+      const Vector q = random.vector(n);
+      const auto exact = oracle::solve_lcp(M, q, LcpClass::P);
+      ASSERT_TRUE(exact);
+      ActiveSetLcp solver(M, LcpClass::P);
+      Vector y;
+      const LcpOutcome outcome = solver.solve(q, y);
+      ASSERT_TRUE(outcome.solved) << "n = " << n << ", instance " << instance;
+      EXPECT_LE((y - *exact).cwiseAbs().maxCoeff(), close(*exact)) << "n = " << n << ", instance " << instance;
+      EXPECT_FALSE(outcome.infeasible);
+      expect_complementary(solver, M, q, y);
+    }
+}
+
+TEST(ActiveSetLcp, LeastElementsAgainstEnumeration) {
+  Random random(4);
+  int infeasible = 0;
+  for (Index n = 1; n <= 8; ++n)
+    for (int instance = 0; instance < 300; ++instance) {
+      Matrix M = -random.matrix(n, n).cwiseAbs();
+      for (Index i = 0; i < n; ++i) M(i, i) = random.uniform(-0.3, 0.7 * double(n));
+      const Vector q = random.vector(n);
+      const auto exact = oracle::solve_lcp(M, q, LcpClass::Z);
+      ActiveSetLcp solver(M, LcpClass::Z);
+      Vector y;
+      const LcpOutcome outcome = solver.solve(q, y);
+      ASSERT_EQ(outcome.solved, exact.has_value()) << "n = " << n << ", instance " << instance;
+      EXPECT_EQ(outcome.infeasible, !exact.has_value()) << "n = " << n << ", instance " << instance;
+      infeasible += outcome.infeasible;
+      // M_SS may come close to singular: up to four more digits than for P are given away, in proportion to y.
+      if (exact) EXPECT_LE((y - *exact).cwiseAbs().maxCoeff(), 1e4 * close(*exact)) << n << ' ' << instance;
+    }
+  EXPECT_GT(infeasible, 200);
+  EXPECT_LT(infeasible, 2200);
+}
+
+TEST(ActiveSetLcp, EndsWhereNewtonCycles) {
+  int fallbacks = 0;
+  for (unsigned start = 0; start < 8; ++start) {
+    ActiveSetLcp solver(cycling, LcpClass::P);
+    // y = 1 on the set, w = 1 elsewhere: the only solution of its problem.
+    Vector y(3), w(3);
+    for (Index i = 0; i < 3; ++i) {
+      y[i] = start >> i & 1u;
+      w[i] = 1 - y[i];
+    }
+    Vector found;
+    ASSERT_TRUE(solver.solve(w - cycling * y, found).solved);
+    ASSERT_LE((found - y).cwiseAbs().maxCoeff(), 1e-14);
+    const LcpOutcome outcome = solver.solve(Vector::Constant(3, -1), found);
+    EXPECT_TRUE(outcome.solved) << "from set " << start;
+    EXPECT_LE((found - Vector::Constant(3, 1. / 3)).cwiseAbs().maxCoeff(), 1e-14) << "from set " << start;
+    fallbacks += outcome.fallback;
+  }
+  EXPECT_GT(fallbacks, 0) << "some starts cycle";
+}
+
+TEST(ActiveSetLcp, WarmStartsOverSequences) {
+  Random random(5);
+  for (int kind = 0; kind < 6; ++kind) {
+    const Index n = 2 + kind;
+    const bool least = kind >= 4;
+    Matrix M = random_P(random, n, kind);
+    if (least) {
+      M = -random.matrix(n, n).cwiseAbs();
+      M.diagonal().setConstant(0.5 * double(n));
+    }
+    const Vector a = 0.3 * random.vector(n), b = random.vector(n), phase = 3 * random.vector(n);
+    ActiveSetLcp solver(M, least ? LcpClass::Z : LcpClass::P);
+    Vector y;
+    for (int j = 0; j < 200; ++j) {
+      const Vector q = a.array() + b.array() * (0.1 * j + phase.array()).sin() + (least ? 0.3 : 0.0);
+      const auto exact = oracle::solve_lcp(M, q, least ? LcpClass::Z : LcpClass::P);
+      const LcpOutcome outcome = solver.solve(q, y);
+      ASSERT_EQ(outcome.solved, exact.has_value()) << "kind " << kind << ", step " << j;
+      if (exact) EXPECT_LE((y - *exact).cwiseAbs().maxCoeff(), 1e2 * close(*exact)) << "kind " << kind << ", step " << j;
+    }
+    EXPECT_TRUE(solver.solve(Vector::Ones(n), y).solved);
+    EXPECT_EQ(y.cwiseAbs().maxCoeff(), 0);
+  }
+}
+
+TEST(ActiveSetLcp, LeastOfTwoSolutions) {
+  const Vector q{{-1, 3}}, least{{1, 0}}, other{{5. / 3, 1. / 3}};
+  ASSERT_LE((fold * other + q).cwiseAbs().maxCoeff(), 1e-15);
+  ActiveSetLcp solver(fold, LcpClass::Z);
+  solver.start_from(other);
+  Vector y;
+  ASSERT_TRUE(solver.solve(q, y).solved);
+  EXPECT_LE((y - least).cwiseAbs().maxCoeff(), 1e-15);
+
+  // The other solution's active set is no M-matrix; a matrix to judge by says so for any class.
+  ActiveSetLcp judged(fold, LcpClass::unknown, &fold);
+  judged.start_from(other);
+  if (judged.solve(q, y).solved) EXPECT_LE((y - least).cwiseAbs().maxCoeff(), 1e-15);
+
+  const LcpOutcome none = solver.solve(Vector{{-1, 1.9}}, y);
+  EXPECT_FALSE(none.solved);
+  EXPECT_TRUE(none.infeasible);
+}
+
+TEST(ActiveSetLcp, LargeProblemAgainstProjectedGaussSeidel) {
+  const Index n = 100;
+  const Matrix M = to_dense(LcpMatrix(tridiagonal(n, -1.5, 4, -0.5)));
+  ActiveSetLcp solver(M, LcpClass::P);
+  Random random(6);
+  Vector y;
+  for (int instance = 0; instance < 20; ++instance) {
+    const Vector q = random.vector(n);
+    Vector z = Vector::Zero(n);
+    for (int sweep = 0; sweep < 100; ++sweep)  // contracts by 1/2 a sweep
+      for (Index i = 0; i < n; ++i) z[i] = std::max(0.0, z[i] - (M.row(i).dot(z) + q[i]) / M(i, i));
+    ASSERT_TRUE(solver.solve(q, y).solved) << instance;
+    EXPECT_LE((y - z).cwiseAbs().maxCoeff(), 1e-14) << instance;  // ||M^{-1}|| <= 1/2, values below 1
+    expect_complementary(solver, M, q, y);
+  }
+}
+
+TEST(ActiveSetLcp, ReportsWhatIsNotFinite) {
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()})
+    for (const LcpClass c : {LcpClass::P, LcpClass::Z}) {
+      ActiveSetLcp solver(Matrix::Identity(3, 3), c);
+      Vector y = Vector::Zero(3), q{{1, bad, -1}};
+      const LcpOutcome outcome = solver.solve(q, y);
+      EXPECT_FALSE(outcome.solved);
+      EXPECT_FALSE(outcome.infeasible) << "nothing is proven";
+      EXPECT_TRUE(solver.solve(Vector{{1, 2, -1}}, y).solved) << "and it recovers";
+      EXPECT_EQ(y[2], 1);
+    }
+}
+
+}  // namespace
+}  // namespace bromwich
