@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace bromwich::app {
 
@@ -28,6 +29,7 @@ struct Contestant {
   Samples samples = {};
   Result result = {};  ///< of the warm-up, arrays dropped
   Deviation error = {};
+  double iteration_error = NAN;  ///< max |y - y of the converged iteration|, all times
 
   bool solved() const { return result.status == Status::solved; }
   double seconds() const { return median(samples.total); }
@@ -67,6 +69,30 @@ std::vector<Contestant> contestants(const Scene& scene, Index steps) {
   return list;
 }
 
+/// Every `stride`-th row: the common times of a finer grid.
+RowMatrix common_rows(const RowMatrix& y, Index stride) {
+  RowMatrix rows((y.rows() - 1) / stride + 1, y.cols());
+  for (Index j = 0; j < rows.rows(); ++j) rows.row(j) = y.row(j * stride);
+  return rows;
+}
+
+/// Implicit Euler with the fewest steps (doubling) that reach `error`: the fair comparison. Empty where memory or the
+/// largest reference ends first.
+std::optional<Contestant> euler_at_equal_error(const Scene& scene, Backend& backend, Index steps, double error,
+                                               const RowMatrix& reference) {
+  for (Index factor = 2; steps * factor <= 16 * max_reference_steps; factor *= 2) {
+    check_memory(scene, steps * factor, 0);
+    Contestant c = contestant(fmt::format("euler ({} x steps)", factor), Method::euler, steps * factor);
+    c.result = solve(scene, backend, c.options);
+    if (!c.solved()) return std::nullopt;
+    c.error = deviation(common_rows(c.result.y, factor), reference);
+    if (c.error.max <= error) return c;
+    // First order: the next doubling at most halves the error, so far ones are not tried one by one.
+    while (c.error.max > 2.5 * error && steps * factor * 2 <= 16 * max_reference_steps) factor *= 2, c.error.max /= 2;
+  }
+  return std::nullopt;
+}
+
 Reference exact_reference(const Scene& scene, Index steps) {
   Reference reference{RowMatrix(steps + 1, scene.constraints()), "the exact solution"};
   Vector x(scene.states()), y(scene.constraints());
@@ -98,9 +124,14 @@ Reference fine_reference(const Scene& scene, Backend& backend, Index steps, bool
 /// One warm-up each, which also gives the error; then whole rounds, so that no contestant runs twice in a row.
 void measure(std::vector<Contestant>& list, const Scene& scene, Backend& backend, const RowMatrix& reference,
              int repeats) {
+  const Index steps = reference.rows() - 1;
+  RowMatrix converged;
   for (Contestant& c : list) {
     c.result = solve(scene, backend, c.options);
-    c.error = deviation(c.result.y, reference);
+    const RowMatrix y = common_rows(c.result.y, c.options.steps / steps);
+    c.error = deviation(y, reference);
+    if (converged.size() == 0) converged = y;
+    if (c.iterates) c.iteration_error = (y - converged).cwiseAbs().maxCoeff();
     for (RowMatrix* array : {&c.result.y, &c.result.x}) array->resize(0, 0);
   }
   for (int round = 0; round < repeats; ++round)
@@ -112,10 +143,10 @@ void measure(std::vector<Contestant>& list, const Scene& scene, Backend& backend
 }
 
 std::string measured_table(const std::vector<Contestant>& list) {
-  std::vector<std::vector<std::string>> rows{{"contestant", "iterations", "error max", "error rms", "residual",
+  std::vector<std::vector<std::string>> rows{{"contestant", "steps", "iterations", "error max", "error rms", "residual",
                                               "median", "min", "max", "setup", "solve", "memory", "status"}};
   for (const Contestant& c : list)
-    rows.push_back({c.name, fmt::format("{}", c.result.iterations), scientific(c.error.max), scientific(c.error.rms),
+    rows.push_back({c.name, fmt::format("{}", c.options.steps), fmt::format("{}", c.result.iterations), scientific(c.error.max), scientific(c.error.rms),
                     scientific(c.result.residual), format_seconds(c.seconds()),
                     format_seconds(minimum(c.samples.total)), format_seconds(maximum(c.samples.total)),
                     format_seconds(median(c.samples.setup)), format_seconds(median(c.samples.solve)),
@@ -134,6 +165,7 @@ Json row(const Contestant& c, const SceneChoice& choice) {
           {"iterations", c.result.iterations},
           {"error_max", c.error.max},
           {"error_rms", c.error.rms},
+          {"iteration_error", c.iterates ? Json(c.iteration_error) : Json(nullptr)},
           {"residual", c.result.residual},
           {"seconds", to_json(c.samples)},
           {"bytes", c.result.bytes}};
@@ -145,14 +177,15 @@ const Contestant* fastest(const std::vector<const Contestant*>& list) {
   return best == list.end() ? nullptr : *best;
 }
 
-/// Who is fastest among those that reach the smallest error.
+/// Who is fastest among those that reach the smallest error on the grid asked for.
 std::string winner(const std::vector<Contestant>& list) {
+  const auto entered = [&](const Contestant& c) { return c.solved() && c.options.steps == list.front().options.steps; };
   double smallest = INFINITY;
   for (const Contestant& c : list)
-    if (c.solved() && c.error.max < smallest) smallest = c.error.max;
+    if (entered(c) && c.error.max < smallest) smallest = c.error.max;
   std::vector<const Contestant*> equal;
   for (const Contestant& c : list)
-    if (c.solved() && c.error.max <= same_error * smallest) equal.push_back(&c);
+    if (entered(c) && c.error.max <= same_error * smallest) equal.push_back(&c);
   const Contestant* best = fastest(equal);
   if (!best) return "no contestant solved this case";
   return fmt::format("fastest at the smallest error ({:.2e}): {}, {}", best->error.max, best->name,
@@ -169,9 +202,21 @@ std::string comparison(const Contestant& c, const Contestant& march) {
   return fmt::format("{} and {} take the same time here{}", c.name, march.name, at);
 }
 
+/// Implicit Euler at the error of the others, if it got there.
+std::string euler_note(const std::vector<Contestant>& list) {
+  const Contestant& last = list.back();
+  const Contestant* best = nullptr;
+  for (const Contestant& c : list)
+    if (c.solved() && c.options.method != Method::euler && (!best || c.seconds() < best->seconds())) best = &c;
+  if (!best || last.options.steps == list.front().options.steps || !last.solved())
+    return "implicit Euler does not reach the error of the others within the steps tried";
+  return fmt::format("at equal error implicit Euler needs {} steps and {:.3g} x the time of {}", last.options.steps,
+                     last.seconds() / best->seconds(), best->name);
+}
+
 /// Every variant of the iteration against the fastest marching, said plainly where it loses.
 std::vector<std::string> conclusions(const std::vector<Contestant>& list) {
-  std::vector<std::string> notes{winner(list)};
+  std::vector<std::string> notes{winner(list), euler_note(list)};
   std::vector<const Contestant*> marching;
   for (const Contestant& c : list)
     if (c.solved() && c.options.method == Method::march) marching.push_back(&c);
@@ -210,6 +255,9 @@ void run_case(const Case& one, const BenchRequest& request, Backend& backend, Be
   const Reference reference =
       scene.exact ? exact_reference(scene, steps) : fine_reference(scene, backend, steps, request.quick);
   auto list = contestants(scene, steps);
+  Result second_order = solve(scene, backend, list[0].options);
+  const double error = deviation(second_order.y, reference.y).max;
+  if (const auto fair = euler_at_equal_error(scene, backend, steps, error, reference.y)) list.push_back(*fair);
   measure(list, scene, backend, reference.y, request.repeats());
 
   const std::string title =

@@ -4,11 +4,11 @@
 // run, and report their bytes. Every operation has finished when it returns.
 //
 // Layout: arrays are row-major, row j = time t_j, J+1 rows. `first` restricts an operation to the rows j >= first; rows
-// before it are left as they are and are taken as final (causality makes this exact).
+// before it are taken as final (causality makes this exact).
 
-#include "core/contour.hpp"
-#include "core/recurrence.hpp"
-#include "core/scene.hpp"
+#include "contour.hpp"
+#include "recurrence.hpp"
+#include "scene.hpp"
 
 #include <functional>
 #include <memory>
@@ -39,7 +39,8 @@ class SineTransform {
 class Convolution {
  public:
   virtual ~Convolution() = default;
-  /// `v` must not alias `y`. Rows of y before `first` must be those of the previous call.
+  /// `v` must not alias `y`. Rows of y and v before `first` must be those of the previous call; those of v may be written
+  /// again with the same values.
   virtual void apply(const Array& y, Array& v, Index first) = 0;
   virtual std::size_t bytes() const = 0;
 };

@@ -4,7 +4,7 @@
 // logarithmic grid by a column-pivoted QR of the sampled exponentials (an interpolative decomposition: the picked
 // columns represent all others with small coefficients), the coefficients by least squares against contour values.
 
-#include "core/kernel.hpp"
+#include "kernel.hpp"
 
 namespace bromwich {
 

@@ -8,7 +8,7 @@
 // Numer. Anal. 44, 2006; Weideman, Trefethen, Math. Comp. 76, 2007). For real A the nodes come in conjugate pairs and
 // only p = 0..P are kept: the sum is then 2 Re with half weight at p = 0.
 
-#include "core/types.hpp"
+#include "types.hpp"
 
 #include <optional>
 #include <vector>

@@ -1,8 +1,8 @@
 #pragma once
 // A scene on the grid t_j = j T/J: what every method starts from.
 
-#include "core/response.hpp"
-#include "core/spectrum.hpp"
+#include "response.hpp"
+#include "spectrum.hpp"
 
 namespace bromwich {
 

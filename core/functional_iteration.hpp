@@ -8,8 +8,8 @@
 // r       r           (J+1) x n    what does not depend on y
 // v       v           (J+1) x n    K * y
 
-#include "core/discrete_problem.hpp"
-#include "core/solve.hpp"
+#include "discrete_problem.hpp"
+#include "solve.hpp"
 
 namespace bromwich {
 

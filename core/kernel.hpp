@@ -10,7 +10,7 @@
 // (0 lies inside the contour, so the parts of lags 0 and 1 without e^x integrate to zero and are left out).
 // Lag d needs t in [(d-1)h, (d+1)h]; lags 0 and 1 need [h, 2h] and have a contour of their own.
 
-#include "core/backend.hpp"
+#include "backend.hpp"
 
 namespace bromwich {
 

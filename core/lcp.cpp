@@ -109,11 +109,10 @@ void ActiveSetLcp::reset() {
 }
 
 void ActiveSetLcp::start_from(const Vector& y) {
-  reset();
+  flips_.clear();
   for (Index i = 0; i < y.size(); ++i)
-    if (y[i] > 0) flips_.push_back(i);
-  flip_active_set();
-  if (!factorize()) reset();
+    if ((y[i] > 0) != (active_[std::size_t(i)] != 0)) flips_.push_back(i);
+  if (!flips_.empty() && !exchange_flips()) reset();
 }
 
 // A value counts as negative below this: the product E q - P q_S carries rounding of about n eps |q| times the size of
@@ -180,9 +179,18 @@ bool ActiveSetLcp::form_transform() {
   return P_.allFinite();
 }
 
+// Updates drift: after many of them, or where many indices change, start again from M.
+bool ActiveSetLcp::exchange_flips() {
+  if (flips_.size() <= 4 + std::size_t(M_.rows()) / 8 && updates_ <= most_updates) {
+    if (!transform_ && !form_transform()) return false;
+    if (pivot_on_flips()) return true;
+  }
+  flip_active_set();
+  return factorize();
+}
+
 bool ActiveSetLcp::exchange_until_complementary(const Vector& q, int limit, bool least_index, LcpOutcome& outcome) {
   const double tol = tolerance(q);
-  const std::size_t small = 4 + std::size_t(q.size()) / 8;
   for (int sweep = 0; sweep < limit; ++sweep) {
     ++outcome.newton;
     evaluate(q);
@@ -190,13 +198,7 @@ bool ActiveSetLcp::exchange_until_complementary(const Vector& q, int limit, bool
     for (Index i = 0; i < q.size() && !(least_index && !flips_.empty()); ++i)
       if (value_[i] < -tol) flips_.push_back(i);
     if (flips_.empty()) return value_.allFinite();
-    // Updates drift: after many of them, or where many indices change, start again from M.
-    if (flips_.size() <= small && updates_ <= most_updates) {
-      if (!transform_ && !form_transform()) return false;
-      if (pivot_on_flips()) continue;
-    }
-    flip_active_set();
-    if (!factorize()) return false;
+    if (!exchange_flips()) return false;
   }
   return false;
 }
@@ -254,7 +256,7 @@ LcpOutcome ActiveSetLcp::solve(const Vector& q, Vector& y) {
       if (!outcome.solved && class_ == LcpClass::P) {
         reset();
         const int least_index_cap = q.size() < 16 ? 1 << q.size() : 100000;
-        outcome.solved = exchange_until_complementary(q, least_index_cap, true, outcome);
+        outcome.solved = exchange_until_complementary(q, least_index_cap, true, outcome) && active_set_is_least();
       }
     }
   }

@@ -11,7 +11,7 @@
 // set by monotone additions, and the problem is infeasible exactly when an added block's solution is not positive
 // (Chandrasekaran, Opsearch 7, 1970; Cottle, Pang, Stone, The Linear Complementarity Problem).
 
-#include "core/scene.hpp"
+#include "scene.hpp"
 
 #include <Eigen/LU>
 
@@ -59,13 +59,14 @@ class ActiveSetLcp {
   /// Forget the active set.
   void reset();
 
-  /// Start from the active set {y > 0}.
+  /// Start from the active set {y > 0}; what the solver holds of its present one is used where the two are close.
   void start_from(const Vector& y);
 
  private:
   bool exchange_until_complementary(const Vector& q, int limit, bool least_index, LcpOutcome&);
   bool least_element(const Vector& q, LcpOutcome&);
   bool active_set_is_least() const;
+  bool exchange_flips();
   bool pivot_on_flips();
   bool factorize();
   bool form_transform();

@@ -6,7 +6,7 @@
 // with y and f piecewise linear on the grid. Nothing is shared between time points: J (P+1) shifted solves (kept here, the
 // paper repeats them in every iteration) and O(J^2 P n) operations an iteration. A reference, not a fast path.
 
-#include "core/functional_iteration.hpp"
+#include "functional_iteration.hpp"
 
 namespace bromwich {
 

@@ -1,7 +1,6 @@
 #include "core/marching.hpp"
 
 #include "core/compression.hpp"
-#include "core/error.hpp"
 #include "core/lcp.hpp"
 #include "core/timer.hpp"
 
@@ -15,12 +14,6 @@ namespace {
 constexpr double compression_tolerance = 1e-13;
 constexpr double accepted_compression_error = 1e-11;
 
-// x0 rides in the recurrence's state where every sine component of b can carry it.
-bool carries_x0(const KroneckerDynamics& d) {
-  Index nonzeros = (d.b.array() != 0).count();
-  return nonzeros == 1 && d.b[0] != 0;  // b = beta e_1 has components beta sin(pi k/(K+1)), none of them zero
-}
-
 struct Plan {
   Recurrence recurrence;
   RowMatrix r;  ///< what the recurrence leaves out
@@ -29,8 +22,7 @@ struct Plan {
 
 Plan modal_plan(const DiscreteProblem& p, Rule rule) {
   const KroneckerDynamics& d = *p.kronecker();
-  if (carries_x0(d)) return {modal_recurrence(d, rule, p.h, x0_in_modes(p.backend, d, p.scene.x0, true)), p.g};
-  throw Error("method", "b has more than its first entry", "use contour, or march with compressed exponentials");
+  return {modal_recurrence(d, rule, p.h, x0_in_modes(p.backend, d, p.scene.x0, true)), p.g};
 }
 
 Plan compressed_plan(const DiscreteProblem& p, const ExponentialSum& sum) {

@@ -2,8 +2,8 @@
 // Step by step: the sequential baselines. `march` solves the same discrete problem as the functional iteration (exponential,
 // piecewise linear), `euler` is (1.3)-(1.4) of the Laplace-inversion paper.
 
-#include "core/discrete_problem.hpp"
-#include "core/solve.hpp"
+#include "discrete_problem.hpp"
+#include "solve.hpp"
 
 namespace bromwich {
 

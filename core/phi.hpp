@@ -1,7 +1,7 @@
 #pragma once
 // phi_1(x) = (e^x - 1)/x and phi_2(x) = (e^x - 1 - x)/x^2, the integrals of e^{(1-s)x} against 1 and s on [0,1].
 
-#include "core/types.hpp"
+#include "types.hpp"
 
 namespace bromwich {
 

@@ -13,7 +13,7 @@
 // G         -         1 per mode, or m x n
 // G0        start     K x n or m x n; differs from G because y_0 is the end point of one interval only
 
-#include "core/scene.hpp"
+#include "scene.hpp"
 
 #include <variant>
 
@@ -58,7 +58,7 @@ enum class Rule {
 };
 
 /// All `across.points` eigenvalues of the lines as exponentials. `x0_modal` is x0 transformed in both directions
-/// (n x across.points), or empty to leave x0 out.
+/// (n x across.points), or empty to leave x0 out. Throws Error where x0 is given and a sine component of b vanishes.
 ModalRecurrence modal_recurrence(const KroneckerDynamics&, Rule, double h, const RowMatrix& x0_modal);
 
 /// e^{hA} by scaling and squaring, or (I - hA)^{-1} by LU. Throws Error where I - hA is singular.

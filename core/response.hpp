@@ -1,7 +1,7 @@
 #pragma once
 // The part of w that does not depend on y: r(t) = N e^{At} x0 + ∫_0^t N e^{A(t-s)} f(s) ds + g(t), and x itself.
 
-#include "core/backend.hpp"
+#include "backend.hpp"
 
 namespace bromwich {
 

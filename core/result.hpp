@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/backend.hpp"
+#include "backend.hpp"
 
 #include <optional>
 #include <string>

@@ -9,7 +9,7 @@
 // f, g    Scene::f, Scene::g  m or n, n              sources, functions of time
 // x0, T   Scene::x0, Scene::T m, 1     initial state, final time (the unit of time is the user's)
 
-#include "core/types.hpp"
+#include "types.hpp"
 
 #include <optional>
 #include <string>

@@ -1,7 +1,7 @@
 #pragma once
 // The entry: a scene, a backend and options go in; a certified result comes out.
 
-#include "core/result.hpp"
+#include "result.hpp"
 
 #include <functional>
 
@@ -35,12 +35,12 @@ struct Options {
   double iteration_tolerance = 1e-12;   ///< max change of y relative to max(1, |y|)
   Index max_iterations = 2000;          ///< the iteration count of a P or Z scene is finite but can be large
   StateSelection states = StateSelection::none;
-  std::vector<Index> components;        ///< with StateSelection::list
+  std::vector<Index> components = {};   ///< with StateSelection::list
   ConvolutionChoice convolution = ConvolutionChoice::automatic;
   RecurrenceChoice recurrence = RecurrenceChoice::automatic;  ///< exponentials in marching: all modes, or compressed
   Index literal_nodes = 25;             ///< P of contour_literal (the paper's choice)
-  std::function<void(const Progress&)> progress;
-  std::function<bool()> interrupted;    ///< polled once per iteration
+  std::function<void(const Progress&)> progress = {};
+  std::function<bool()> interrupted = {};  ///< polled once per iteration
 };
 
 /// Solves the scene on t_j = j T/J. Throws Error for bad input; every other outcome is a Status in the result.

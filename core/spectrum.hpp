@@ -1,7 +1,7 @@
 #pragma once
 // Where the eigenvalues of A lie, so that a contour can be put around them.
 
-#include "core/scene.hpp"
+#include "scene.hpp"
 
 #include <string>
 

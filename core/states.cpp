@@ -12,31 +12,41 @@ namespace bromwich {
 
 namespace {
 
-// One grid line is one observer: the recurrence with n replaced by a unit vector, run over y + phi.
-RowMatrix line_states(const DiscreteProblem& p, const ModalRecurrence& r, const RowMatrix& input) {
-  const Index rows = p.J + 1, n = input.cols();
-  const auto y = p.backend.array(rows, n), modes = p.backend.array(rows, n), x = p.backend.array(rows, n);
-  const auto sine = p.backend.sine_transform(n, rows);
+RowMatrix in_modes(Backend& backend, const RowMatrix& rows) {
+  const auto in = backend.array(rows.rows(), rows.cols()), out = backend.array(rows.rows(), rows.cols());
+  backend.upload(rows, *in);
+  backend.sine_transform(rows.cols(), rows.rows())->apply(*in, nullptr, *out, 0);
+  RowMatrix modes;
+  backend.download(*out, modes);
+  return modes;
+}
+
+// One grid line is one observer: the recurrence with n replaced by a unit vector, run over the modes of y + phi.
+RowMatrix line_states(const DiscreteProblem& p, const KroneckerDynamics& observed, Rule rule, const RowMatrix& input) {
+  const bool exact = rule == Rule::exponential;  // then x0 has contours; Euler's response rides in the recurrence
+  const RowMatrix none;
+  const ModalRecurrence r =
+      modal_recurrence(observed, rule, p.h, exact ? none : x0_in_modes(p.backend, observed, p.scene.x0, true));
+  const auto y = p.backend.array(input.rows(), input.cols()), x = p.backend.array(input.rows(), input.cols());
   p.backend.upload(input, *y);
-  sine->apply(*y, nullptr, *modes, 0);
-  p.backend.convolution(Recurrence(r), rows)->apply(*modes, *x, 0);
-  sine->apply(*x, nullptr, *modes, 0);
-  RowMatrix states;
-  p.backend.download(*modes, states);
-  return states;
+  p.backend.convolution(Recurrence(r), input.rows())->apply(*y, *x, 0);
+  RowMatrix modes;
+  p.backend.download(*x, modes);
+  if (exact)
+    modes += contour_initial_response(observed, *contour_parameters(0), x0_in_modes(p.backend, observed, p.scene.x0, false), p.h, p.J);
+  return in_modes(p.backend, modes);
 }
 
 RowMatrix kronecker_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const std::vector<Index>& components) {
   KroneckerDynamics observed = *p.kronecker();
   const Index K = observed.across.points;
-  const RowMatrix x0 = x0_in_modes(p.backend, observed, p.scene.x0, true);
-  const RowMatrix input = p.drive() ? RowMatrix(y + *p.drive()) : y;
+  const RowMatrix input = in_modes(p.backend, p.drive() ? RowMatrix(y + *p.drive()) : y);
   std::map<Index, std::vector<std::size_t>> columns_at;  // position on the line -> columns of the result
   for (std::size_t c = 0; c < components.size(); ++c) columns_at[components[c] % K].push_back(c);
   RowMatrix x(p.J + 1, Index(components.size()));
   for (const auto& [position, columns] : columns_at) {
     observed.n = Vector::Unit(K, position);
-    const RowMatrix states = line_states(p, modal_recurrence(observed, rule, p.h, x0), input);
+    const RowMatrix states = line_states(p, observed, rule, input);
     for (const std::size_t c : columns) {
       x.col(Index(c)) = states.col(components[c] / K);
       x(0, Index(c)) = p.scene.x0[components[c]];
@@ -70,15 +80,6 @@ RowMatrix lines_at(const DiscreteProblem& p, const std::vector<LagWindow>& windo
         lines.row(l) += (sums(q, l) * green_row(d.across, d.b, window.contour.nodes[q] - mu[l])).real().transpose();
   }
   return lines;
-}
-
-RowMatrix in_modes(Backend& backend, const RowMatrix& rows) {
-  const auto in = backend.array(rows.rows(), rows.cols()), out = backend.array(rows.rows(), rows.cols());
-  backend.upload(rows, *in);
-  backend.sine_transform(rows.cols(), rows.rows())->apply(*in, nullptr, *out, 0);
-  RowMatrix modes;
-  backend.download(*out, modes);
-  return modes;
 }
 
 Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {

@@ -1,7 +1,7 @@
 #pragma once
 // The state x, a by-product: computed only where it is asked for.
 
-#include "core/discrete_problem.hpp"
+#include "discrete_problem.hpp"
 
 namespace bromwich {
 

@@ -1,5 +1,8 @@
 // Causal convolution along time with tabulated lag weights, by FFT of length >= 2J: one transform per mode (modal
 // tables), or per input and output column with a small product per frequency in between (dense tables).
+//
+// An FFT is accurate relative to its largest input: where the weights grow like e^{sigma t}, everything is multiplied by
+// e^{-sigma t} first, which commutes with causal convolution.
 
 #include "core/error.hpp"
 #include "cpu/parts.hpp"
@@ -7,6 +10,7 @@
 #include <fftw3.h>
 #include <omp.h>
 
+#include <cmath>
 #include <vector>
 
 namespace bromwich::cpu {
@@ -65,12 +69,12 @@ class FftConvolution final : public Convolution {
   FftConvolution(const LagTable& table, Index rows, int threads)
       : n_(table.outputs), k_(table.inputs), modal_(table.modal), rows_(rows), threads_(threads),
         fft_(fast_fft_length(2 * rows)), weights_(table.W.cols(), fft_.frequencies()), start_(table.S),
-        real_(threads, fft_.length()), work_(modal_ ? Index(threads) : k_ + Index(threads), fft_.frequencies()) {
+        damping_(damping(table.W)), real_(threads, fft_.length()), work_(modal_ ? Index(threads) : k_ + Index(threads), fft_.frequencies()) {
     // The factor 1/length of the inverse transform is folded into the weights.
     Vector padded(fft_.length());
     for (Index c = 0; c < weights_.rows(); ++c) {
       padded.setZero();
-      padded.head(rows) = table.W.col(c) / double(fft_.length());
+      padded.head(rows) = table.W.col(c).cwiseProduct(damping_) / double(fft_.length());
       fft_.forward(padded.data(), weights_.row(c).data());
     }
   }
@@ -90,10 +94,20 @@ class FftConvolution final : public Convolution {
   }
 
  private:
+  // e^{-sigma j}: sigma >= 0 is how fast the second half of the table outgrows the first.
+  static Vector damping(const RowMatrix& W) {
+    const Index half = W.rows() / 2;
+    const double early = half > 0 ? W.topRows(half).cwiseAbs().maxCoeff() : 0, late = W.bottomRows(W.rows() - half).cwiseAbs().maxCoeff();
+    const double sigma = early > 0 && late > 10 * early ? std::log(late / early) / double(half) : 0;
+    Vector e(W.rows());
+    for (Index j = 0; j < e.size(); ++j) e[j] = std::exp(-sigma * double(j));
+    return e;
+  }
+
   // Column c of y from row 1 on (y_0 has its own weights), padded with zeros.
   void column_spectrum(const RowMatrix& y, Index c, double* real, Complex* out) const {
     real[0] = 0;
-    for (Index j = 1; j < rows_; ++j) real[j] = y(j, c);
+    for (Index j = 1; j < rows_; ++j) real[j] = damping_[j] * y(j, c);
     std::fill(real + rows_, real + fft_.length(), 0.0);
     fft_.forward(real, out);
   }
@@ -107,7 +121,7 @@ class FftConvolution final : public Convolution {
       spectrum.array() *= weights_.row(l).array();
       fft_.backward(spectrum.data(), real);
       const double y0 = y(0, l);
-      for (Index j = 0; j < rows_; ++j) v(j, l) = real[j] + start_(j, l) * y0;
+      for (Index j = 0; j < rows_; ++j) v(j, l) = real[j] / damping_[j] + start_(j, l) * y0;
     }
   }
 
@@ -125,7 +139,7 @@ class FftConvolution final : public Convolution {
         for (Index c = 0; c < k_; ++c) sum.array() += weights_.row(i * k_ + c).array() * work_.row(c).array();
         fft_.backward(sum.data(), real);
         for (Index j = 0; j < rows_; ++j)
-          v(j, i) = real[j] + start_.row(j).segment(i * k_, k_).dot(y.row(0));
+          v(j, i) = real[j] / damping_[j] + start_.row(j).segment(i * k_, k_).dot(y.row(0));
       }
     }
   }
@@ -136,7 +150,9 @@ class FftConvolution final : public Convolution {
   int threads_;
   RealFft fft_;
   Spectra weights_;
-  RowMatrix start_, real_;
+  RowMatrix start_;
+  Vector damping_;  ///< rows
+  RowMatrix real_;
   Spectra work_;
 };
 

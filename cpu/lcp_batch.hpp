@@ -77,10 +77,14 @@ class RowBlocks {
 
 /// Solves one row by pivoting and records how much it changed.
 inline LcpOutcome pivot_row(ActiveSetLcp& solver, const Vector& q, double* y, Vector& fresh, double& change, double& magnitude) {
+  if (!q.allFinite()) {
+    change = NAN;
+    return {};
+  }
   solver.reset();
   const LcpOutcome outcome = solver.solve(q, fresh);
   const Eigen::Map<Vector> old(y, q.size());
-  change = q.allFinite() ? (fresh - old).cwiseAbs().maxCoeff() : NAN;
+  change = (fresh - old).cwiseAbs().maxCoeff();
   magnitude = fresh.cwiseAbs().maxCoeff();
   Eigen::Map<Vector>(y, q.size()) = fresh;
   return outcome;

@@ -17,19 +17,19 @@ double natural_residual(const Matrix& M, const RowMatrix& R, const RowMatrix& V,
   double worst = 0;
 #pragma omp parallel for num_threads(threads) schedule(static) reduction(max : worst) if (Y.rows() > 256)
   for (Index j = 0; j < Y.rows(); ++j) {
-    double gap = 0, scale = 1;
+    double gap = 0, scale = 1, sum = 0;
     for (Index i = 0; i < M.rows(); ++i) {
       const double q = R(j, i) + V(j, i);
       double w = q;
       for (Index k = 0; k < M.cols(); ++k) w += M(i, k) * Y(j, k);
       const double natural = std::abs(std::min(Y(j, i), w));
-      gap = natural <= gap ? gap : natural;  // keeps a NaN
+      gap = std::max(gap, natural);
+      sum += natural;  // keeps a NaN, which max need not
       scale = std::max(scale, std::abs(q));
     }
-    const double relative = gap / scale;
-    worst = relative <= worst ? worst : relative;
+    worst = std::max(worst, std::isfinite(sum) ? gap / scale : INFINITY);
   }
-  return worst;
+  return std::isinf(worst) ? NAN : worst;
 }
 
 class LaneLcp final : public LcpBatch {
@@ -169,6 +169,8 @@ class RowLcp final : public LcpBatch {
     RowMatrix& Y = host(y);
     const auto one_row = [&](Index j, Worker& s, double& change, double& magnitude) {
       s.q = R.row(j) + V.row(j);
+      s.y = Y.row(j);
+      s.solver.start_from(s.y);
       const LcpOutcome outcome = s.solver.solve(s.q, s.y);
       change = s.q.allFinite() ? (s.y.transpose() - Y.row(j)).cwiseAbs().maxCoeff() : NAN;
       magnitude = s.y.cwiseAbs().maxCoeff();

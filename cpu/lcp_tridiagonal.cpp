@@ -56,20 +56,20 @@ class TridiagonalLcp final : public LcpBatch {
     double worst = 0;
 #pragma omp parallel for num_threads(threads_) schedule(static) reduction(max : worst)
     for (Index j = 0; j < Y.rows(); ++j) {
-      double gap = 0, scale = 1;
+      double gap = 0, scale = 1, sum = 0;
       for (Index i = 0; i < n_; ++i) {
         const double q = R(j, i) + V(j, i);
         double w = q + M_.diagonal[i] * Y(j, i);
         if (i > 0) w += M_.lower[i] * Y(j, i - 1);
         if (i + 1 < n_) w += M_.upper[i] * Y(j, i + 1);
         const double natural = std::abs(std::min(Y(j, i), w));
-        gap = natural <= gap ? gap : natural;  // keeps a NaN
+        gap = std::max(gap, natural);
+      sum += natural;  // keeps a NaN, which max need not
         scale = std::max(scale, std::abs(q));
       }
-      const double relative = gap / scale;
-      worst = relative <= worst ? worst : relative;
+      worst = std::max(worst, std::isfinite(sum) ? gap / scale : INFINITY);
     }
-    return worst;
+    return std::isinf(worst) ? NAN : worst;
   }
 
   std::size_t bytes() const override {

@@ -107,7 +107,9 @@ inline RowMatrix convolve(const LagTable& table, const RowMatrix& y) {
 class Random {
  public:
   explicit Random(std::uint32_t seed) : generator_(seed) {}
-  double uniform(double low = -1, double high = 1) { return std::uniform_real_distribution<double>(low, high)(generator_); }
+  double uniform(double low = -1, double high = 1) {
+    return std::uniform_real_distribution<double>(low, high)(generator_);
+  }
   Matrix matrix(Index rows, Index cols) {
     return Matrix::NullaryExpr(rows, cols, [this](Index, Index) { return uniform(); });
   }

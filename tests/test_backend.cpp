@@ -81,9 +81,10 @@ TEST_P(BackendTest, SineTransformLeavesRowsBeforeFirst) {
       backend->sine_transform(n, rows)->apply(*in, nullptr, *out, first);
       const RowMatrix result = host(*out);
       EXPECT_EQ(result.topRows(first), before.topRows(first)) << n << ' ' << first;
-      if (first < rows)
-        EXPECT_LE(distance(result.bottomRows(rows - first), (values * sine_matrix(n)).bottomRows(rows - first)),
-                  transform_tolerance(n)) << n << ' ' << first;
+      if (first == rows) continue;
+      EXPECT_LE(distance(result.bottomRows(rows - first), (values * sine_matrix(n)).bottomRows(rows - first)),
+                transform_tolerance(n))
+          << n << ' ' << first;
     }
 }
 
@@ -99,7 +100,8 @@ ComplexMatrix shifted_solve(const DenseDynamics& d, Complex z) {
 TEST_P(BackendTest, ResolventOfDenseMatrices) {
   for (const auto& [m, n] : {std::pair<Index, Index>{1, 1}, {7, 3}, {33, 2}}) {
     Random random{5u};
-    const DenseDynamics d{random.matrix(m, m) - Matrix(2 * Matrix::Identity(m, m)), random.matrix(m, n), random.matrix(n, m)};
+    const DenseDynamics d{random.matrix(m, m) - Matrix(2 * Matrix::Identity(m, m)), random.matrix(m, n),
+                          random.matrix(n, m)};
     const ComplexVector nodes = nodes_of_a_window();
     const ComplexMatrix R = backend->resolvent(d, nodes);
     ASSERT_EQ(R.rows(), nodes.size());

@@ -79,7 +79,8 @@ TEST(Contour, RefusesWhatItCannotHold) {
 
 TEST(Contour, WindowsCover) {
   const ContourParameters parameters = *contour_parameters(0);
-  for (const auto& [t0, t1, count] : {std::tuple{1.0, 1.0, 1}, {1.0, 5.0, 1}, {0.1, 0.51, 2}, {1e-3, 0.125, 3}, {2.0, 2e4, 6}}) {
+  for (const auto& [t0, t1, count] :
+       {std::tuple{1.0, 1.0, 1}, {1.0, 5.0, 1}, {0.1, 0.51, 2}, {1e-3, 0.125, 3}, {2.0, 2e4, 6}}) {
     const std::vector<Contour> windows = window_contours(parameters, t0, t1);
     EXPECT_EQ(int(windows.size()), count) << t0 << ' ' << t1;
     EXPECT_EQ(windows.front().t0, t0);

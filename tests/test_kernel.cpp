@@ -44,7 +44,7 @@ TEST(ContourLagTable, SignoriniWeightsTo1e12) {
       const LagTable exact = reference::modal_weights(d, h, J, Q > 50 ? 5 : 1);
       const double scale = exact.W.cwiseAbs().maxCoeff();
       double W = 0, S = 0;
-      for (Index l = 0; l < Q; l += Q > 50 ? 5 : 1) {
+      for (Index l = 0; l<Q; l += Q> 50 ? 5 : 1) {
         W = std::max(W, (table.W.col(l) - exact.W.col(l)).cwiseAbs().maxCoeff());
         S = std::max(S, (table.S.col(l) - exact.S.col(l)).cwiseAbs().maxCoeff());
       }
@@ -111,15 +111,16 @@ TEST(LineResolvent, ClosedFormAgainstDenseLu) {
     const SecondDifference across{Q, 1.0 / double(Q + 1), 2e-3};
     Vector first = Vector::Zero(Q);
     first[0] = -2;
-    std::vector<Complex> shifts{1e-8, 1e-3, 1.0, 1e8, Complex(0, 1e-4), Complex(-1, 1e-2), Complex(-5, 7), Complex(-1e4, 2e4)};
+    std::vector<Complex> shifts{
+        1e-8, 1e-3, 1.0, 1e8, Complex(0, 1e-4), Complex(-1, 1e-2), Complex(-5, 7), Complex(-1e4, 2e4)};
     const Contour contour = window_contour(*contour_parameters(0), 0.04);
     for (Index p = 0; p < contour.nodes.size(); p += 5) shifts.push_back(contour.nodes[p]);
     for (const Complex z : shifts)
       for (const Vector& n : {first, random.vector(Q)}) {
         const LongVector exact = resolvent_row(across, n, z);
         const Vector b = random.vector(Q);
-        // z itself is exact. A relative perturbation eps of z moves the resolvent by eps |z| / distance to the spectrum;
-        // the closed form rounds like a few such perturbations.
+        // z itself is exact. A relative perturbation eps of z moves the resolvent by eps |z| / distance to the
+        // spectrum; the closed form rounds like a few such perturbations.
         double distance = std::abs(z);
         for (const double lambda : across.eigenvalues()) distance = std::min(distance, std::abs(z - lambda));
         const double condition = std::abs(z) / distance + 1, largest = double(exact.cwiseAbs().maxCoeff());
@@ -127,7 +128,8 @@ TEST(LineResolvent, ClosedFormAgainstDenseLu) {
         const ComplexVector row = green_row(across, n, z);
         EXPECT_LE(double((row.cast<LongComplex>() - exact).cwiseAbs().maxCoeff()), tolerance) << Q << ' ' << z;
         const LongComplex transfer = (exact.transpose() * b.cast<LongComplex>())(0, 0);
-        EXPECT_LE(double(std::abs(LongComplex(line_transfer(across, n, b, z)) - transfer)), tolerance * b.cwiseAbs().sum())
+        EXPECT_LE(double(std::abs(LongComplex(line_transfer(across, n, b, z)) - transfer)),
+                  tolerance * b.cwiseAbs().sum())
             << Q << ' ' << z;
       }
   }

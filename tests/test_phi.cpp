@@ -3,8 +3,8 @@
 #include "core/phi.hpp"
 #include "tests/reference.hpp"
 
-#include <Eigen/Dense>
 #include <gtest/gtest.h>
+#include <Eigen/Dense>
 
 #include <functional>
 
@@ -27,9 +27,12 @@ LongComplex series(LongComplex z, int first) {
 }
 
 LongComplex phi1_reference(LongComplex z) { return std::abs(z) <= 3 ? series(z, 1) : (std::exp(z) - Real(1)) / z; }
-LongComplex phi2_reference(LongComplex z) { return std::abs(z) <= 3 ? series(z, 2) : (std::exp(z) - Real(1) - z) / (z * z); }
+LongComplex phi2_reference(LongComplex z) {
+  return std::abs(z) <= 3 ? series(z, 2) : (std::exp(z) - Real(1) - z) / (z * z);
+}
 
-const std::vector<double> magnitudes{1e-300, 1e-16, 1e-8, 1e-3, 0.3, 0.999, std::nextafter(1.0, 0.0), 1.0, 1.001, 2.5, 17, 300};
+const std::vector<double> magnitudes{1e-300, 1e-16, 1e-8, 1e-3, 0.3, 0.999, std::nextafter(1.0, 0.0),
+                                     1.0,    1.001, 2.5,  17,   300};
 
 TEST(Phi, RealValuesToRounding) {
   for (double magnitude : magnitudes)
@@ -58,7 +61,9 @@ TEST(Phi, ComplexValuesToRounding) {
       EXPECT_LE(double(std::abs(LongComplex(phi2(z)) - phi2_reference(wide))), 8 * epsilon * scale2) << z;
       // Relative to the result: expm1 does not cancel at 0.
       const LongComplex grown = wide * phi1_reference(wide);
-      EXPECT_LE(double(std::abs(LongComplex(expm1(z)) - grown)), 8 * epsilon * (size < 1 ? double(std::abs(grown)) : growth + 1)) << z;
+      EXPECT_LE(double(std::abs(LongComplex(expm1(z)) - grown)),
+                8 * epsilon * (size < 1 ? double(std::abs(grown)) : growth + 1))
+          << z;
     }
   }
   EXPECT_EQ(phi1(Complex(0)), Complex(1));

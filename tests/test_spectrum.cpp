@@ -1,13 +1,15 @@
 #include "core/spectrum.hpp"
 #include "tests/reference.hpp"
 
-#include <Eigen/Dense>
 #include <gtest/gtest.h>
+#include <Eigen/Dense>
 
 namespace bromwich {
 namespace {
 
-Spectrum of(const Matrix& A) { return spectrum(DenseDynamics{A, Matrix::Zero(A.rows(), 1), Matrix::Zero(1, A.rows())}); }
+Spectrum of(const Matrix& A) {
+  return spectrum(DenseDynamics{A, Matrix::Zero(A.rows(), 1), Matrix::Zero(1, A.rows())});
+}
 
 /// Q diag Q^T with a random orthogonal Q.
 Matrix rotated(const Vector& lambda, std::uint32_t seed) {

@@ -1,7 +1,7 @@
 #pragma once
 // The built-in scenes: each a recipe that turns parameters into a Scene.
 
-#include "core/scene.hpp"
+#include "../scene.hpp"
 
 #include <map>
 #include <string>

@@ -1,8 +1,8 @@
 #pragma once
 // The recipes behind the catalogue, one file each, and the checks of parameters that they share.
 
-#include "core/error.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "../error.hpp"
+#include "catalogue.hpp"
 
 #include <sstream>
 

@@ -1,0 +1,188 @@
+// The contract of the Backend seam: batches of complementarity problems, row by row against other solvers.
+
+#include "core/lcp.hpp"
+#include "tests/backends.hpp"
+#include "tests/oracle.hpp"
+
+#include <Eigen/Dense>
+
+namespace bromwich {
+namespace {
+
+using reference::Random;
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+class BackendLcp : public BackendTest {
+ protected:
+  /// Solves with q = r + v split at random.
+  LcpReport solve(LcpBatch& lcp, const RowMatrix& q, RowMatrix& y, Index first = 0, double settle = 0) {
+    const RowMatrix part = Random(77).matrix(q.rows(), q.cols());
+    const auto r = device(q - part), v = device(part), out = device(y);
+    const LcpReport report = lcp.solve(*r, *v, *out, first, settle);
+    y = host(*out);
+    residual = lcp.residual(*r, *v, *out);
+    return report;
+  }
+  double residual = 0;  ///< after the last solve
+};
+
+INSTANTIATE_TEST_SUITE_P(Contract, BackendLcp, testing::ValuesIn(backend_cases()), backend_case_name);
+
+Tridiagonal random_tridiagonal(Random& random, Index n) {
+  Tridiagonal M{random.vector(n), Vector(n), random.vector(n)};
+  for (Index i = 0; i < n; ++i)
+    M.diagonal[i] =
+        (i > 0 ? std::abs(M.lower[i]) : 0) + (i + 1 < n ? std::abs(M.upper[i]) : 0) + random.uniform(0.1, 2);
+  return M;
+}
+
+/// Enumeration up to 8 constraints, the pivoting solver from an empty set above.
+Vector solved_alone(const Matrix& M, const Vector& q, LcpClass c) {
+  if (M.rows() <= 8) return *oracle::solve_lcp(M, q, c);
+  Vector y;
+  EXPECT_TRUE(ActiveSetLcp(M, c).solve(q, y).solved);
+  return y;
+}
+
+/// ||M^{-1}|| < 10 n for margins of dominance from 0.1; roundings of n terms of size 1, and q is r + v with a rounding.
+double tolerance(Index n) { return 64 * epsilon * 10 * double(n) * double(n); }
+
+TEST_P(BackendLcp, RowsAgainstOtherSolvers) {
+  for (const Index n : {1, 2, 3, 8, 16, 17, 33})
+    for (const bool dense : {false, true})
+      for (const Index rows : {1, 7, 50}) {
+        Random random{std::uint32_t(n)};
+        const LcpMatrix M = dense ? LcpMatrix(random.dominant(n)) : LcpMatrix(random_tridiagonal(random, n));
+        const Matrix written = to_dense(M);
+        const RowMatrix q = random.matrix(rows, n);
+        RowMatrix y = random.matrix(rows, n).cwiseMax(0);  // any start
+        const RowMatrix before = y;
+        const auto lcp = backend->lcp(M, LcpClass::P, rows);
+        const LcpReport report = solve(*lcp, q, y);
+        for (Index j = 0; j < rows; ++j)
+          EXPECT_LE((y.row(j).transpose() - solved_alone(written, q.row(j), LcpClass::P)).cwiseAbs().maxCoeff(),
+                    tolerance(n))
+              << n << (dense ? " dense" : " tridiagonal") << ", row " << j;
+        EXPECT_EQ(report.count.solved, rows);
+        EXPECT_EQ(report.count.unsolved, 0);
+        EXPECT_GE(report.count.newton, rows);
+        EXPECT_EQ(report.infeasible, -1);
+        EXPECT_TRUE(report.finite);
+        EXPECT_NEAR(report.change, distance(y, before), 1e-14);
+        EXPECT_NEAR(report.magnitude, y.maxCoeff(), 1e-14);
+        EXPECT_LE(residual, 64 * epsilon * double(n) * (1 + written.cwiseAbs().maxCoeff() * y.maxCoeff())) << n;
+
+        const LcpReport again = solve(*lcp, q, y);  // from the solution: nothing is exchanged
+        EXPECT_EQ(again.count.newton, rows) << n << (dense ? " dense" : " tridiagonal");
+        EXPECT_EQ(again.count.fallbacks, 0);
+        EXPECT_LE(again.change, tolerance(n));
+      }
+}
+
+TEST_P(BackendLcp, FirstAndSettledRows) {
+  const Index n = 5, rows = 40;
+  Random random(3);
+  for (const LcpMatrix& M : {LcpMatrix(random_tridiagonal(random, n)), LcpMatrix(random.dominant(n))}) {
+    RowMatrix q = random.matrix(rows, n), y = RowMatrix::Zero(rows, n);
+    const auto lcp = backend->lcp(M, LcpClass::P, rows);
+    solve(*lcp, q, y);
+    const RowMatrix solution = y;
+    q.bottomRows(rows - 25) = random.matrix(rows - 25, n).array() - 2;  // every row from 25 on has another solution
+    LcpReport report = solve(*lcp, q, y, 0, 1e-10);
+    EXPECT_EQ(report.settled, 25);
+    EXPECT_EQ(solve(*lcp, q, y, 0, 1e-10).settled, rows);
+    y = solution;
+    report = solve(*lcp, q, y, 30, 1e-10);
+    EXPECT_EQ(report.count.solved, 10);
+    EXPECT_EQ(report.settled, 30) << "rows before first are final";
+    EXPECT_EQ(y.topRows(30), solution.topRows(30));
+    EXPECT_GT(distance(y.bottomRows(10), solution.bottomRows(10)), 0.1);
+  }
+}
+
+TEST_P(BackendLcp, EndsWhereNewtonCycles) {
+  const Matrix cycling{{1, 0, 2}, {2, 1, 0}, {0, 2, 1}};
+  const Index rows = 8;  // one row per starting set
+  RowMatrix y(rows, 3);
+  for (Index j = 0; j < rows; ++j) y.row(j) << double(j & 1), double(j >> 1 & 1), double(j >> 2 & 1);
+  const LcpReport report = solve(*backend->lcp(cycling, LcpClass::P, rows), RowMatrix::Constant(rows, 3, -1), y);
+  EXPECT_EQ(report.count.solved, rows);
+  EXPECT_GT(report.count.fallbacks, 0);
+  EXPECT_LE(distance(y, RowMatrix::Constant(rows, 3, 1. / 3)), 1e-14);
+}
+
+TEST_P(BackendLcp, LeastElementsAndInfeasibleRows) {
+  const Index rows = 19;
+  const Matrix fold{{1, -2}, {-2, 1}};
+  const Vector both = Vector::Ones(2);
+  // n = 2 in lanes and as a tridiagonal matrix; n = 34 as 17 uncoupled folds, row by row.
+  Matrix many = Matrix::Zero(34, 34);
+  for (Index i = 0; i < 17; ++i) many.block(2 * i, 2 * i, 2, 2) = fold;
+  for (const LcpMatrix& M : {LcpMatrix(fold), LcpMatrix(Tridiagonal{-2 * both, both, -2 * both}), LcpMatrix(many)}) {
+    const Index copies = size(M) / 2;
+    RowMatrix q = Eigen::RowVector2d(-1, 3).replicate(rows, copies);
+    RowMatrix y = Eigen::RowVector2d(5. / 3, 1. / 3).replicate(rows, copies);  // a solution, but not the least one
+    const RowMatrix least = Eigen::RowVector2d(1, 0).replicate(rows, copies);
+    const auto lcp = backend->lcp(M, LcpClass::Z, rows);
+    LcpReport report = solve(*lcp, q, y);
+    EXPECT_EQ(report.count.solved, rows) << size(M);
+    EXPECT_LE(distance(y, least), 1e-14) << size(M);
+    q(13, 1) = q(17, 1) = 1.9;  // y_1 >= 1 + 2 y_2, y_2 >= 2 y_1 - 1.9: nothing
+    report = solve(*lcp, q, y);
+    EXPECT_EQ(report.infeasible, 13) << size(M);
+    EXPECT_EQ(report.count.unsolved, 2) << size(M);
+    EXPECT_EQ(report.count.solved, rows - 2) << size(M);
+    EXPECT_TRUE(report.finite);
+    EXPECT_LE(distance(y.topRows(13), least.topRows(13)), 1e-14) << size(M);
+  }
+}
+
+TEST_P(BackendLcp, NotFiniteRows) {
+  for (const Index n : {1, 3, 17, 20}) {
+    Random random(6);
+    for (const LcpMatrix& M : {LcpMatrix(random_tridiagonal(random, n)), LcpMatrix(random.dominant(n))})
+      for (const double bad : {nan, std::numeric_limits<double>::infinity()}) {
+        const Index rows = 11;
+        RowMatrix q = random.matrix(rows, n);
+        q(4, n / 2) = bad;
+        RowMatrix y = RowMatrix::Zero(rows, n);
+        const LcpReport report = solve(*backend->lcp(M, LcpClass::P, rows), q, y);
+        EXPECT_FALSE(report.finite) << n;
+        EXPECT_EQ(report.count.unsolved, 1) << n;
+        EXPECT_LE(report.settled, 4) << n;
+        for (Index j = 0; j < rows; ++j) {
+          if (j == 4) continue;
+          EXPECT_LE((y.row(j).transpose() - solved_alone(to_dense(M), q.row(j), LcpClass::P)).cwiseAbs().maxCoeff(),
+                    tolerance(n))
+              << n << ", row " << j;
+        }
+      }
+  }
+}
+
+TEST_P(BackendLcp, NaturalResidual) {
+  for (const Index n : {1, 2, 17}) {
+    Random random(7);
+    for (const LcpMatrix& M : {LcpMatrix(random_tridiagonal(random, n)), LcpMatrix(random.dominant(n))}) {
+      const RowMatrix R = 3 * random.matrix(9, n), V = random.matrix(9, n), Y = random.matrix(9, n);
+      double worst = 0;
+      for (Index j = 0; j < 9; ++j) {
+        const Vector q = R.row(j) + V.row(j), y = Y.row(j), w = to_dense(M) * y + q;
+        worst = std::max(worst, y.cwiseMin(w).cwiseAbs().maxCoeff() / std::max(1.0, q.cwiseAbs().maxCoeff()));
+      }
+      const auto lcp = backend->lcp(M, LcpClass::P, 9);
+      EXPECT_NEAR(lcp->residual(*device(R), *device(V), *device(Y)), worst, 16 * epsilon * double(n) * (1 + worst))
+          << n;
+      // A NaN anywhere shows.
+      for (const Index j : {0, 4, 8}) {
+        RowMatrix broken = Y;
+        broken(j, 0) = nan;
+        EXPECT_TRUE(std::isnan(lcp->residual(*device(R), *device(V), *device(broken)))) << n << ", row " << j;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace bromwich
