@@ -43,6 +43,10 @@ namespace {
 constexpr double compression_tolerance = 1e-13;  ///< of the exponential sum: where contour values end
 constexpr double accepted_kernel_error = 1e-11;  ///< a contour kernel that misses its check by more is not used
 
+/// An iterate may be infeasible for a while (Theorem 3.2 bounds only short horizons); after this many sweeps in which no
+/// further row settled it stays so.
+constexpr Index most_infeasible_sweeps = 40;
+
 template <class... Args>
 std::string text(const char* format, Args... args) {
   char buffer[192];
@@ -193,7 +197,7 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
       if (report.count.unsolved > 0) outcome.reason = text("%ld complementarity problems stayed unsolved", report.count.unsolved);
       return outcome;
     }
-    if (infeasible_for >= 8) {
+    if (infeasible_for >= most_infeasible_sweeps) {
       outcome.reason = text("the iterate is infeasible from t = %.6g on", p.t[report.infeasible]);
       return outcome;
     }

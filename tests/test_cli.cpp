@@ -381,7 +381,7 @@ TEST_F(Cli, BenchBaselinesWritesItsSchema) {
   for (const char* key : {"parameters", "machine", "compiler", "flags", "commit", "version", "date", "notes"})
     EXPECT_TRUE(json.contains(key)) << key;
   for (const char* key : {"cpu", "cores", "memory"}) EXPECT_TRUE(json["machine"].contains(key)) << key;
-  ASSERT_EQ(json["rows"].size(), 5u);
+  ASSERT_EQ(json["rows"].size(), 6u);
   for (const Json& row : json["rows"]) {
     for (const char* key :
          {"contestant", "method", "steps", "iterations", "error_max", "error_rms", "residual", "bytes"})

@@ -1,0 +1,50 @@
+// (2.17) to the letter, as a method.
+
+#include "core/literal.hpp"
+#include "core/scenes/catalogue.hpp"
+#include "run.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+double rate(Index P) { return std::exp(-2.06 * std::sqrt(double(P))) / std::sqrt(double(P)); }
+
+Result literal(const Scene& scene, Index steps, Index P) {
+  Options options = options_for(Method::contour_literal, steps);
+  options.literal_nodes = P;
+  return run(scene, options);
+}
+
+TEST(Literal, ApproachesTheSharedContoursAtThePrintedRate) {
+  struct Case {
+    const char* name;
+    double size;  // ||N|| ||B|| T (max |y| + max |f|) L, the factor in front of the rate in (2.8) and (2.12)
+  };
+  // signorini, Q = 7: |n b| T = 2 * 0.128 * 4, |y + psi| <= 5, L <= 1/2. dlcp-small: |N| |B| < 40, |f| < 40, L about 3.
+  for (const auto& [name, size] : {Case{"signorini", 3}, Case{"dlcp-small", 5000}}) {
+    const Scene scene = make_scene(name, std::string(name) == "signorini" ? ParameterValues{{"Q", 7}} : ParameterValues{});
+    const Result shared = run(scene, options_for(Method::contour, 64));
+    ASSERT_EQ(shared.status, Status::solved) << name << ": " << shared.reason;
+    for (const Index P : {16, 36, 64}) {
+      const Result r = literal(scene, 64, P);
+      ASSERT_EQ(r.status, Status::solved) << name << ", P = " << P << ": " << r.reason;
+      EXPECT_LE(distance(r.y, shared.y), 4 * size * rate(P)) << name << ", P = " << P;
+      // It is the literal kernel that was used: the error is there, and the residual does not see it.
+      EXPECT_GT(distance(r.y, shared.y), 1e-3 * rate(P)) << name << ", P = " << P;
+    }
+  }
+}
+
+TEST(Literal, RefusesSpectraOutsideItsSector) {
+  const Result r = literal(make_scene("bridge"), 60, 25);
+  EXPECT_EQ(r.status, Status::unsupported);
+  EXPECT_NE(r.reason.find("44.5 degrees"), std::string::npos) << r.reason;
+  EXPECT_EQ(r.y.rows(), 61);
+}
+
+}  // namespace
+}  // namespace bromwich

@@ -1,0 +1,54 @@
+// The state where it is asked for: components by observers, time points by contours, both against stepping.
+
+#include "core/error.hpp"
+#include "core/scenes/catalogue.hpp"
+#include "core/solve.hpp"
+#include "run.hpp"
+
+#include <gtest/gtest.h>
+
+namespace bromwich {
+namespace {
+
+// Rows of `result.x` (all components) against states_at.
+void expect_same_states(const Scene& scene, Index steps) {
+  Options options = options_for(Method::contour, steps);
+  options.states = StateSelection::all;
+  const auto backend = make_cpu_backend(1);
+  const Result result = solve(scene, *backend, options);
+  ASSERT_EQ(result.status, Status::solved) << result.reason;
+  const std::vector<Index> rows{0, 1, std::min<Index>(2, steps), steps / 2, steps};
+  const Matrix x = states_at(scene, *backend, result, rows);
+  ASSERT_EQ(x.rows(), scene.states());
+  for (std::size_t c = 0; c < rows.size(); ++c) {
+    const double scale = std::max(1.0, result.x.row(rows[c]).cwiseAbs().maxCoeff());
+    // Contours of 25 nodes are good to 7e-15 of the size of what they sum, lags of size 1 and up to `steps` of them.
+    EXPECT_LE((x.col(Index(c)).transpose() - result.x.row(rows[c])).cwiseAbs().maxCoeff(), 1e-11 * scale)
+        << scene.name << ", row " << rows[c];
+  }
+}
+
+TEST(StatesAt, EqualTheObserversOfSignorini) {
+  for (const double Q : {1, 2, 7, 39}) expect_same_states(make_scene("signorini", {{"Q", Q}}), 400);
+  for (const Index steps : {1, 3, 5, 20}) expect_same_states(make_scene("signorini", {{"Q", 7}}), steps);
+}
+
+TEST(StatesAt, EqualSteppingOfDenseScenes) {
+  expect_same_states(make_scene("dlcp-small"), 4000);  // by contours: few rows, many steps
+  expect_same_states(make_scene("dlcp-small"), 100);
+  expect_same_states(make_scene("bridge"), 600);
+}
+
+TEST(StatesAt, RefusesWhatItCannotDo) {
+  const Scene scene = make_scene("signorini", {{"Q", 7}});
+  const auto backend = make_cpu_backend(1);
+  const Result march = solve(scene, *backend, options_for(Method::march, 16));
+  EXPECT_THROW(states_at(scene, *backend, march, {17}), Error);
+  EXPECT_THROW(states_at(scene, *backend, march, {-1}), Error);
+  EXPECT_THROW(states_at(make_scene("bridge"), *backend, march, {1}), Error);
+  EXPECT_THROW(states_at(scene, *backend, solve(scene, *backend, options_for(Method::euler, 16)), {1}), Error);
+  EXPECT_EQ(states_at(scene, *backend, march, {}).cols(), 0);
+}
+
+}  // namespace
+}  // namespace bromwich
