@@ -4,6 +4,9 @@
 
 #include <Eigen/LU>
 
+#include <cmath>
+#include <numbers>
+
 namespace bromwich {
 
 Vector time_grid(double T, Index J) {
@@ -22,6 +25,17 @@ RowMatrix sample(const TimeFunction& function, const Vector& t, Index width) {
     values.row(j) = value.transpose();
   }
   return values;
+}
+
+Matrix sine_matrix(Index n) {
+  // One period as a table: i k is reduced exactly, whatever its size.
+  Vector period(2 * (n + 1));
+  for (Index a = 0; a < period.size(); ++a)
+    period[a] = std::sqrt(2.0 / double(n + 1)) * std::sin(std::numbers::pi * double(a) / double(n + 1));
+  Matrix S(n, n);
+  for (Index i = 0; i < n; ++i)
+    for (Index k = 0; k < n; ++k) S(k, i) = period[(i + 1) * (k + 1) % period.size()];
+  return S;
 }
 
 RowMatrix x0_in_modes(Backend& backend, const KroneckerDynamics& d, const Vector& x0, bool both) {

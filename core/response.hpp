@@ -11,6 +11,9 @@ Vector time_grid(double T, Index J);
 /// f(t_j) or g(t_j) as rows; zeros for an empty function.
 RowMatrix sample(const TimeFunction&, const Vector& t, Index width);
 
+/// S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)), n x n: symmetric, orthonormal.
+Matrix sine_matrix(Index n);
+
 /// x0 with only the `along` direction (`both` = false) or both directions in the sine basis: n x across.points.
 RowMatrix x0_in_modes(Backend&, const KroneckerDynamics&, const Vector& x0, bool both);
 

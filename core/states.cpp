@@ -2,10 +2,12 @@
 
 #include "core/error.hpp"
 #include "core/kernel.hpp"
+#include "core/phi.hpp"
 
 #include <Eigen/LU>
 
-#include <map>
+#include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace bromwich {
@@ -21,38 +23,62 @@ RowMatrix in_modes(Backend& backend, const RowMatrix& rows) {
   return modes;
 }
 
-// One grid line is one observer: the recurrence with n replaced by a unit vector, run over the modes of y + phi.
-RowMatrix line_states(const DiscreteProblem& p, const KroneckerDynamics& observed, Rule rule, const RowMatrix& input) {
-  const bool exact = rule == Rule::exponential;  // then x0 has contours; Euler's response rides in the recurrence
-  const RowMatrix none;
-  const ModalRecurrence r =
-      modal_recurrence(observed, rule, p.h, exact ? none : x0_in_modes(p.backend, observed, p.scene.x0, true));
-  const auto y = p.backend.array(input.rows(), input.cols()), x = p.backend.array(input.rows(), input.cols());
-  p.backend.upload(input, *y);
-  p.backend.convolution(Recurrence(r), input.rows())->apply(*y, *x, 0);
-  RowMatrix modes;
-  p.backend.download(*x, modes);
-  if (exact)
-    modes += contour_initial_response(observed, *contour_parameters(0), x0_in_modes(p.backend, observed, p.scene.x0, false), p.h, p.J);
-  return in_modes(p.backend, modes);
+// x_{j+1} = decay x_j + left u_j + right u_{j+1} for every pair of sine modes, b included: K x n each, k across, l along.
+struct ModalStep {
+  RowMatrix decay, left, right;
+};
+
+ModalStep modal_step(const KroneckerDynamics& d, const Matrix& S, Rule rule, double h) {
+  const Index n = d.along.points, K = d.across.points;
+  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), b = S * d.b;
+  ModalStep step{RowMatrix(K, n), RowMatrix(K, n), RowMatrix(K, n)};
+  for (Index k = 0; k < K; ++k)
+    for (Index l = 0; l < n; ++l) {
+      const double x = h * (mu[l] + nu[k]);
+      const bool exact = rule == Rule::exponential;
+      const double p2 = exact ? phi2(x) : 0;
+      step.decay(k, l) = exact ? std::exp(x) : 1 / (1 - x);
+      step.left(k, l) = exact ? h * b[k] * (phi1(x) - p2) : 0;
+      step.right(k, l) = exact ? h * b[k] * p2 : h * b[k] / (1 - x);
+    }
+  return step;
 }
 
+// Steps all modes of the state and keeps, at every time point, the grid points asked for: their positions on the lines are
+// a product with a few rows of S, the other direction is transformed for all time points together.
 RowMatrix kronecker_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const std::vector<Index>& components) {
-  KroneckerDynamics observed = *p.kronecker();
-  const Index K = observed.across.points;
-  const RowMatrix input = in_modes(p.backend, p.drive() ? RowMatrix(y + *p.drive()) : y);
-  std::map<Index, std::vector<std::size_t>> columns_at;  // position on the line -> columns of the result
-  for (std::size_t c = 0; c < components.size(); ++c) columns_at[components[c] % K].push_back(c);
-  RowMatrix x(p.J + 1, Index(components.size()));
-  for (const auto& [position, columns] : columns_at) {
-    observed.n = Vector::Unit(K, position);
-    const RowMatrix states = line_states(p, observed, rule, input);
-    for (const std::size_t c : columns) {
-      x.col(Index(c)) = states.col(components[c] / K);
-      x(0, Index(c)) = p.scene.x0[components[c]];
+  const KroneckerDynamics& d = *p.kronecker();
+  const Index n = d.along.points, K = d.across.points;
+  const Matrix S = sine_matrix(K);
+  const ModalStep step = modal_step(d, S, rule, p.h);
+  const RowMatrix u = in_modes(p.backend, p.drive() ? RowMatrix(y + *p.drive()) : y);
+  std::vector<Index> positions;
+  for (const Index c : components) positions.push_back(c % K);
+  std::sort(positions.begin(), positions.end());
+  positions.erase(std::unique(positions.begin(), positions.end()), positions.end());
+  const RowMatrix observe = S(positions, Eigen::all);
+
+  RowMatrix x = x0_in_modes(p.backend, d, p.scene.x0, true).transpose();
+  std::vector<RowMatrix> seen(positions.size(), RowMatrix(p.J + 1, n));  // per position, in modes of the lines
+  RowMatrix now(Index(positions.size()), n);
+  for (Index j = 0; j <= p.J; ++j) {
+    if (j > 0) {
+      x.array() = step.decay.array() * x.array();
+      x.array() += step.left.array().rowwise() * u.row(j - 1).array();
+      x.array() += step.right.array().rowwise() * u.row(j).array();
     }
+    now.noalias() = observe * x;
+    for (std::size_t i = 0; i < positions.size(); ++i) seen[i].row(j) = now.row(Index(i));
   }
-  return x;
+  for (RowMatrix& line : seen) line = in_modes(p.backend, line);
+
+  RowMatrix states(p.J + 1, Index(components.size()));
+  for (std::size_t c = 0; c < components.size(); ++c) {
+    const auto at = std::lower_bound(positions.begin(), positions.end(), components[c] % K) - positions.begin();
+    states.col(Index(c)) = seen[std::size_t(at)].col(components[c] / K);
+    states(0, Index(c)) = p.scene.x0[components[c]];
+  }
+  return states;
 }
 
 // Σ_d c_p F_d(z_p) u_{j-d} over the lags of one window that reach back to u_0 at most; u_0 has weights S.
