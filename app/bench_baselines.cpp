@@ -146,11 +146,12 @@ std::string measured_table(const std::vector<Contestant>& list) {
   std::vector<std::vector<std::string>> rows{{"contestant", "steps", "iterations", "error max", "error rms", "residual",
                                               "median", "min", "max", "setup", "solve", "memory", "status"}};
   for (const Contestant& c : list)
-    rows.push_back({c.name, fmt::format("{}", c.options.steps), fmt::format("{}", c.result.iterations), scientific(c.error.max), scientific(c.error.rms),
-                    scientific(c.result.residual), format_seconds(c.seconds()),
-                    format_seconds(minimum(c.samples.total)), format_seconds(maximum(c.samples.total)),
-                    format_seconds(median(c.samples.setup)), format_seconds(median(c.samples.solve)),
-                    format_bytes(double(c.result.bytes)), to_string(c.result.status)});
+    rows.push_back({c.name, fmt::format("{}", c.options.steps), fmt::format("{}", c.result.iterations),
+                    scientific(c.error.max), scientific(c.error.rms), scientific(c.result.residual),
+                    format_seconds(c.seconds()), format_seconds(minimum(c.samples.total)),
+                    format_seconds(maximum(c.samples.total)), format_seconds(median(c.samples.setup)),
+                    format_seconds(median(c.samples.solve)), format_bytes(double(c.result.bytes)),
+                    to_string(c.result.status)});
   return table(rows);
 }
 

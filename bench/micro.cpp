@@ -32,16 +32,23 @@ RowMatrix waves(Index rows, Index cols) {
   return values;
 }
 
-KroneckerDynamics signorini(Index Q) { return std::get<KroneckerDynamics>(make_scene("signorini", {{"Q", double(Q)}}).dynamics); }
+KroneckerDynamics signorini(Index Q) {
+  return std::get<KroneckerDynamics>(make_scene("signorini", {{"Q", double(Q)}}).dynamics);
+}
 
 struct Field {
   std::unique_ptr<Array> in, out;
-  Field(Index rows, Index n) : in(backend().array(rows, n)), out(backend().array(rows, n)) { backend().upload(waves(rows, n), *in); }
-  void traffic(benchmark::State& state) const { state.SetBytesProcessed(state.iterations() * long(in->bytes() + out->bytes())); }
+  Field(Index rows, Index n) : in(backend().array(rows, n)), out(backend().array(rows, n)) {
+    backend().upload(waves(rows, n), *in);
+  }
+  void traffic(benchmark::State& state) const {
+    state.SetBytesProcessed(state.iterations() * long(in->bytes() + out->bytes()));
+  }
 };
 
 void flops(benchmark::State& state, double each) {
-  state.counters["flops"] = benchmark::Counter(each, benchmark::Counter::kIsIterationInvariantRate, benchmark::Counter::kIs1000);
+  state.counters["flops"] =
+      benchmark::Counter(each, benchmark::Counter::kIsIterationInvariantRate, benchmark::Counter::kIs1000);
 }
 
 void sine_transform(benchmark::State& state) {
@@ -70,7 +77,8 @@ BENCHMARK(convolution_scan)->ArgsProduct({{39, 127, 511}, {400, 4096}})->ArgName
 void convolution_fft(benchmark::State& state) {
   const Index n = state.range(0), J = state.range(1);
   const KroneckerDynamics d = signorini(n);
-  const auto fft = backend().convolution(contour_lag_table(backend(), d, *contour_parameters(0), 4.0 / double(J), J), J + 1);
+  const auto fft =
+      backend().convolution(contour_lag_table(backend(), d, *contour_parameters(0), 4.0 / double(J), J), J + 1);
   const Field field(J + 1, n);
   for (auto _ : state) fft->apply(*field.in, *field.out, 0);
   field.traffic(state);

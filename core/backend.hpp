@@ -39,8 +39,8 @@ class SineTransform {
 class Convolution {
  public:
   virtual ~Convolution() = default;
-  /// `v` must not alias `y`. Rows of y and v before `first` must be those of the previous call; those of v may be written
-  /// again with the same values.
+  /// `v` must not alias `y`. Rows of y and v before `first` must be those of the previous call; those of v may be
+  /// written again with the same values.
   virtual void apply(const Array& y, Array& v, Index first) = 0;
   virtual std::size_t bytes() const = 0;
 };
@@ -78,8 +78,8 @@ struct MarchProblem {
   const LcpMatrix* M = nullptr;
   LcpClass lcp_class = LcpClass::unknown;
   const Recurrence* recurrence = nullptr;
-  const Array* r = nullptr;      ///< (J+1) x n: what does not depend on y and is not in the recurrence's `initial`
-  const Array* drive = nullptr;  ///< (J+1) x n: phi with f = B phi, added to y where it drives the state; or null
+  const Array* r = nullptr;           ///< (J+1) x n: what does not depend on y and is not in the recurrence's `initial`
+  const Array* drive = nullptr;       ///< (J+1) x n: phi with f = B phi, added to y where it drives the state; or null
   std::function<bool()> interrupted;  ///< polled now and then; true ends the march
 };
 
@@ -126,8 +126,8 @@ class Backend {
   virtual std::unique_ptr<LcpBatch> lcp(const LcpMatrix&, LcpClass, Index rows) = 0;
   virtual std::unique_ptr<March> march(const MarchProblem&, Index rows) = 0;
 
-  /// The shifted solves of the contour: N (z_p I - A)^{-1} B for all nodes at once. Row p holds the n modal values (Kronecker sum) or the n x k entries of
-  /// the block, row by row (dense).
+  /// The shifted solves of the contour: N (z_p I - A)^{-1} B for all nodes at once. Row p holds the n modal values
+  /// (Kronecker sum) or the n x k entries of the block, row by row (dense).
   virtual ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes) = 0;
 };
 

@@ -32,7 +32,8 @@ Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& paramete
 
 Vector logarithmic(double from, double to, Index count) {
   Vector grid(count);
-  for (Index i = 0; i < count; ++i) grid[i] = from * std::pow(to / from, double(i) / double(std::max<Index>(count - 1, 1)));
+  for (Index i = 0; i < count; ++i)
+    grid[i] = from * std::pow(to / from, double(i) / double(std::max<Index>(count - 1, 1)));
   grid[count - 1] = to;
   return grid;
 }
@@ -70,7 +71,8 @@ ExponentialSum compress_line_kernel(const KroneckerDynamics& dynamics, double h,
   const Vector times = logarithmic(h, std::max(T, 2 * h), samples);
   Vector checks(samples - 1);
   for (Index i = 0; i + 1 < samples; ++i) checks[i] = std::sqrt(times[i] * times[i + 1]);
-  const Vector values = line_kernel(dynamics, *parameters, times), check_values = line_kernel(dynamics, *parameters, checks);
+  const Vector values = line_kernel(dynamics, *parameters, times),
+               check_values = line_kernel(dynamics, *parameters, checks);
   const double scale = std::max(values.cwiseAbs().maxCoeff(), 1e-300);
 
   const Matrix all = exponentials(times, rates);

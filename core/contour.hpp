@@ -39,9 +39,9 @@ std::optional<ContourParameters> contour_parameters(double half_angle, double to
 
 /// Nodes and weights of one window, upper half of the contour only.
 struct Contour {
-  double t0 = 0, t1 = 0;   ///< the window
-  ComplexVector nodes;     ///< z_p, p = 0..P, 1/time
-  ComplexVector weights;   ///< c_p, doubled for p >= 1: F(tA) ≈ Re Σ_p weights_p F(z_p) (z_p I - A)^{-1}
+  double t0 = 0, t1 = 0;  ///< the window
+  ComplexVector nodes;    ///< z_p, p = 0..P, 1/time
+  ComplexVector weights;  ///< c_p, doubled for p >= 1: F(tA) ≈ Re Σ_p weights_p F(z_p) (z_p I - A)^{-1}
 };
 
 Contour window_contour(const ContourParameters&, double t0);

@@ -12,10 +12,10 @@ struct DiscreteProblem {
   LcpClass lcp_class;  ///< of M, never `automatic`
   Index J;
   double h;
-  Vector t;       ///< J+1
-  RowMatrix g;    ///< (J+1) x n
-  RowMatrix f;    ///< (J+1) x m, or (J+1) x n values of phi where f = B phi; empty if f is zero
-  Vector start;   ///< n: N x0 + g(0), the q of y_0
+  Vector t;      ///< J+1
+  RowMatrix g;   ///< (J+1) x n
+  RowMatrix f;   ///< (J+1) x m, or (J+1) x n values of phi where f = B phi; empty if f is zero
+  Vector start;  ///< n: N x0 + g(0), the q of y_0
 
   const KroneckerDynamics* kronecker() const { return std::get_if<KroneckerDynamics>(&scene.dynamics); }
   const DenseDynamics* dense() const { return std::get_if<DenseDynamics>(&scene.dynamics); }

@@ -11,7 +11,8 @@
 
 namespace bromwich {
 
-SpaceTimeKernel::SpaceTimeKernel(Backend& backend, std::unique_ptr<Convolution> convolution, bool modal, Index rows, Index n)
+SpaceTimeKernel::SpaceTimeKernel(Backend& backend, std::unique_ptr<Convolution> convolution, bool modal, Index rows,
+                                 Index n)
     : convolution_(std::move(convolution)) {
   if (!modal) return;
   sine_ = backend.sine_transform(n, rows);
@@ -43,8 +44,8 @@ namespace {
 constexpr double compression_tolerance = 1e-13;  ///< of the exponential sum: where contour values end
 constexpr double accepted_kernel_error = 1e-11;  ///< a contour kernel that misses its check by more is not used
 
-/// An iterate may be infeasible for a while (Theorem 3.2 bounds only short horizons); after this many sweeps in which no
-/// further row settled it stays so.
+/// An iterate may be infeasible for a while (Theorem 3.2 bounds only short horizons); after this many sweeps in which
+/// no further row settled it stays so.
 constexpr Index most_infeasible_sweeps = 40;
 
 template <class... Args>
@@ -61,9 +62,11 @@ KernelChoice kronecker_kernel(const DiscreteProblem& p, ConvolutionChoice choice
   const long windows = long(lag_windows(*parameters, p.h, p.J).size());
   KernelChoice made;
   const ExponentialSum sum = compress_line_kernel(d, p.h, p.scene.T, compression_tolerance);
-  if (choice == ConvolutionChoice::scan || (choice == ConvolutionChoice::automatic && sum.error <= accepted_kernel_error)) {
+  if (choice == ConvolutionChoice::scan ||
+      (choice == ConvolutionChoice::automatic && sum.error <= accepted_kernel_error)) {
     const ModalRecurrence r = compressed_recurrence(p.backend, d, sum, p.h);
-    made.kernel = std::make_unique<SpaceTimeKernel>(p.backend, p.backend.convolution(Recurrence(r), rows), true, rows, n);
+    made.kernel =
+        std::make_unique<SpaceTimeKernel>(p.backend, p.backend.convolution(Recurrence(r), rows), true, rows, n);
     made.description = text("scan of %ld exponentials a mode, fitted to contour values (%ld nodes a window)",
                             long(sum.rates.size()), long(parameters->P + 1));
     made.error = sum.error;
@@ -106,7 +109,8 @@ KernelChoice dense_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
     made.error = deviation(table, contour);
     if (made.error <= accepted_kernel_error) {
       source = scan ? text("matrix exponential, checked against contours of %ld nodes", long(parameters->P + 1))
-                    : text("contours of %ld nodes a window, checked against the matrix exponential", long(parameters->P + 1));
+                    : text("contours of %ld nodes a window, checked against the matrix exponential",
+                           long(parameters->P + 1));
       table = std::move(contour);
     } else {
       made.error = 0;  // the contour is at fault (non-normal A): the exponential is used and has no second opinion
@@ -194,7 +198,8 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
     outcome.infeasible = report.infeasible;
     if (change <= tolerance) {
       outcome.status = report.count.unsolved == 0 ? Status::solved : Status::tolerance_not_met;
-      if (report.count.unsolved > 0) outcome.reason = text("%ld complementarity problems stayed unsolved", report.count.unsolved);
+      if (report.count.unsolved > 0)
+        outcome.reason = text("%ld complementarity problems stayed unsolved", report.count.unsolved);
       return outcome;
     }
     if (infeasible_for >= most_infeasible_sweeps) {
@@ -234,7 +239,8 @@ void solve_by_iteration(const DiscreteProblem& p, const Options& options, Result
   result.seconds.setup += setup.lap();
 
   const IterationOutcome outcome = iterate(
-      p, options, [&](const Array& in, Array& out, Index first) { choice.kernel->apply(in, out, first); }, *lcp, *r, *y, *v, result);
+      p, options, [&](const Array& in, Array& out, Index first) { choice.kernel->apply(in, out, first); }, *lcp, *r, *y,
+      *v, result);
   result.status = outcome.status;
   result.reason = outcome.reason;
   if (outcome.infeasible >= 0) result.infeasible_at = p.t[outcome.infeasible];

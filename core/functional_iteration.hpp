@@ -49,7 +49,7 @@ struct IterationOutcome {
   Index infeasible = -1;  ///< row of an iterate that stayed infeasible: not yet a proof for the scene
 };
 using ApplyKernel = std::function<void(const Array& y, Array& v, Index first)>;
-IterationOutcome iterate(const DiscreteProblem&, const Options&, const ApplyKernel&, LcpBatch&, const Array& r, Array& y,
-                         Array& v, Result& result);
+IterationOutcome iterate(const DiscreteProblem&, const Options&, const ApplyKernel&, LcpBatch&, const Array& r,
+                         Array& y, Array& v, Result& result);
 
 }  // namespace bromwich

@@ -30,8 +30,8 @@ LagTable contour_lag_table(Backend&, const Dynamics&, const ContourParameters&, 
 /// N e^{A t_j} x0 for j = 0..J in the sine basis of the constraints, as (J+1) x n. The lines share their nodes:
 /// e^{At} = e^{along t} ⊗ e^{across t}, and only the second factor needs a contour.
 /// `x0_lines` is x0 with only the `along` direction transformed (n x across.points).
-RowMatrix contour_initial_response(const KroneckerDynamics&, const ContourParameters&, const RowMatrix& x0_lines, double h,
-                                   Index J);
+RowMatrix contour_initial_response(const KroneckerDynamics&, const ContourParameters&, const RowMatrix& x0_lines,
+                                   double h, Index J);
 
 /// n^T (zI - across)^{-1} for one grid line, in closed form (the discrete Green's function of the second difference).
 ComplexVector green_row(const SecondDifference& across, const Vector& n, Complex z);

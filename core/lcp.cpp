@@ -21,8 +21,7 @@ bool minors_positive(const Matrix& M) {
   if (n == 0) return true;
   if (!(M(0, 0) > 0)) return false;
   const Matrix rest = M.bottomRightCorner(n - 1, n - 1);
-  return minors_positive(rest) &&
-         minors_positive(rest - M.col(0).tail(n - 1) * M.row(0).tail(n - 1) / M(0, 0));
+  return minors_positive(rest) && minors_positive(rest - M.col(0).tail(n - 1) * M.row(0).tail(n - 1) / M(0, 0));
 }
 
 // Gaussian elimination without exchanges meets positive pivots only. For a Z-matrix: it is a nonsingular M-matrix.
@@ -83,11 +82,16 @@ LcpClass classify(const LcpMatrix& M) {
 
 const char* to_string(LcpClass c) {
   switch (c) {
-    case LcpClass::P: return "P";
-    case LcpClass::Z: return "Z";
-    case LcpClass::PSD: return "PSD";
-    case LcpClass::unknown: return "unknown";
-    case LcpClass::automatic: break;
+    case LcpClass::P:
+      return "P";
+    case LcpClass::Z:
+      return "Z";
+    case LcpClass::PSD:
+      return "PSD";
+    case LcpClass::unknown:
+      return "unknown";
+    case LcpClass::automatic:
+      break;
   }
   return "auto";
 }

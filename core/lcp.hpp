@@ -6,9 +6,9 @@
 // P(S)    principal pivot transform of M on S: with (a, b) = (y_S, w_I) and q, (a, b) = E q - P(:,S) q_S, where E keeps
 //         q_I. One matrix-vector product solves the problem once S is known, one rank-1 update changes S by an index.
 //
-// Facts used: P: the solution is unique; semismooth Newton on min(y, w) is an active-set exchange that can cycle, Murty's
-// least-index rule always ends (Murty, Linear Algebra Appl. 7, 1974). Z: the least element is reached from the empty
-// set by monotone additions, and the problem is infeasible exactly when an added block's solution is not positive
+// Facts used: P: the solution is unique; semismooth Newton on min(y, w) is an active-set exchange that can cycle,
+// Murty's least-index rule always ends (Murty, Linear Algebra Appl. 7, 1974). Z: the least element is reached from the
+// empty set by monotone additions, and the problem is infeasible exactly when an added block's solution is not positive
 // (Chandrasekaran, Opsearch 7, 1970; Cottle, Pang, Stone, The Linear Complementarity Problem).
 
 #include "scene.hpp"
@@ -42,11 +42,12 @@ struct LcpOutcome {
 };
 
 /// Solves problems with one dense matrix and changing q, keeping the active set and its transform from one problem to
-/// the next. A problem with unchanged active set costs O(n |S|), an exchange of k indices O(k n^2); after large exchanges
-/// M_SS is factorized anew, and the transform is formed again when a small exchange follows.
+/// the next. A problem with unchanged active set costs O(n |S|), an exchange of k indices O(k n^2); after large
+/// exchanges M_SS is factorized anew, and the transform is formed again when a small exchange follows.
 class ActiveSetLcp {
  public:
-  /// With `least_of`, a solution also has to be the least element of LCP(., *least_of) seen from the fixed rest, that is
+  /// With `least_of`, a solution also has to be the least element of LCP(., *least_of) seen from the fixed rest, that
+  /// is
   /// (*least_of)_SS has to be an M-matrix (positive pivots). For marching, M + W_0 is solved but M decides.
   ActiveSetLcp(const Matrix& M, LcpClass, const Matrix* least_of = nullptr);
 

@@ -23,7 +23,8 @@ class TimePoint {
   ComplexMatrix weights() const {
     ComplexMatrix w(contour_.nodes.size(), j_ + 1);
     for (Index p = 0; p < w.rows(); ++p) {
-      const Complex x = h_ * contour_.nodes[p], p1 = phi1(x), p2 = phi2(x), c = contour_.weights[p] * h_, step = std::exp(x);
+      const Complex x = h_ * contour_.nodes[p], p1 = phi1(x), p2 = phi2(x), c = contour_.weights[p] * h_,
+                    step = std::exp(x);
       w(p, j_) = c * p2;
       Complex power = c;
       for (Index l = j_ - 1; l >= 1; --l, power *= step) w(p, l) = power * p1 * p1;
@@ -64,7 +65,8 @@ class LiteralKernel {
         v.row(j) = R.cwiseProduct(integrals).colwise().sum().real();
         continue;
       }
-      for (Index i = 0; i < n_; ++i) v(j, i) = R.middleCols(i * u.cols(), u.cols()).cwiseProduct(integrals).sum().real();
+      for (Index i = 0; i < n_; ++i)
+        v(j, i) = R.middleCols(i * u.cols(), u.cols()).cwiseProduct(integrals).sum().real();
     }
     return v;
   }
@@ -107,7 +109,8 @@ RowMatrix literal_response(const DiscreteProblem& p, const LiteralKernel& kernel
     r += part;
   } else {
     const DenseDynamics& d = *p.dense();
-    r += dense_states(d.A, Rule::exponential, p.h, p.scene.x0, RowMatrix::Zero(rows, p.scene.states())) * d.N.transpose();
+    r += dense_states(d.A, Rule::exponential, p.h, p.scene.x0, RowMatrix::Zero(rows, p.scene.states())) *
+         d.N.transpose();
   }
   if (const RowMatrix* phi = p.drive()) {
     p.backend.upload(*phi, *in);
@@ -129,8 +132,8 @@ void solve_literally(const DiscreteProblem& p, const Options& options, Result& r
   const Spectrum where = spectrum(p.scene.dynamics);
   if (where.half_angle >= largest_half_angle) {
     result.status = Status::unsupported;
-    result.reason = "contour-literal needs a spectrum in a sector of half-angle below 44.5 degrees; this one is " + where.describe() +
-                    "; use another method";
+    result.reason = "contour-literal needs a spectrum in a sector of half-angle below 44.5 degrees; this one is " +
+                    where.describe() + "; use another method";
     return;
   }
   const Index rows = p.J + 1, n = p.scene.constraints(), P = options.literal_nodes;

@@ -70,7 +70,8 @@ void solve_by_marching(const DiscreteProblem& p, Rule rule, const Options& optio
     drive = p.backend.array(rows, n);
     p.backend.upload(*p.drive(), *drive);
   }
-  const auto march = p.backend.march({&p.scene.M, p.lcp_class, &plan.recurrence, r.get(), drive.get(), options.interrupted}, rows);
+  const auto march =
+      p.backend.march({&p.scene.M, p.lcp_class, &plan.recurrence, r.get(), drive.get(), options.interrupted}, rows);
   const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, rows);
   // y_0 in SOL(M, N x0 + g(0)): one problem, as a batch of one row.
   const auto first_r = p.backend.array(1, n), first_v = p.backend.array(1, n), first_y = p.backend.array(1, n);
@@ -119,7 +120,8 @@ void solve_by_marching(const DiscreteProblem& p, Rule rule, const Options& optio
     result.reason = std::string("no solution from ") + where + " on";
   } else {
     result.status = Status::tolerance_not_met;
-    result.reason = std::string("the complementarity problem of the step to ") + where + " stayed unsolved; try other steps or method contour";
+    result.reason = std::string("the complementarity problem of the step to ") + where +
+                    " stayed unsolved; try other steps or method contour";
   }
 }
 

@@ -1,6 +1,6 @@
 #pragma once
-// Step by step: the sequential baselines. `march` solves the same discrete problem as the functional iteration (exponential,
-// piecewise linear), `euler` is (1.3)-(1.4) of the Laplace-inversion paper.
+// Step by step: the sequential baselines. `march` solves the same discrete problem as the functional iteration
+// (exponential, piecewise linear), `euler` is (1.3)-(1.4) of the Laplace-inversion paper.
 
 #include "discrete_problem.hpp"
 #include "solve.hpp"

@@ -42,11 +42,11 @@ struct ModalRecurrence {
 
 /// The state itself as z: E = e^{hA} or (I - hA)^{-1}.
 struct DenseRecurrence {
-  Matrix decay;    ///< m x m
-  Matrix input;    ///< m x n, G
-  Matrix start;    ///< m x n, G0
-  Matrix output;   ///< n x m
-  Matrix w0;       ///< n x n
+  Matrix decay;   ///< m x m
+  Matrix input;   ///< m x n, G
+  Matrix start;   ///< m x n, G0
+  Matrix output;  ///< n x m
+  Matrix w0;      ///< n x n
 };
 
 using Recurrence = std::variant<ModalRecurrence, DenseRecurrence>;

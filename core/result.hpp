@@ -23,15 +23,15 @@ struct Result {
   Status status = Status::unsupported;
   std::string reason;  ///< one line wherever status is not solved
 
-  Vector t;                           ///< J+1 times
-  RowMatrix y;                        ///< (J+1) x n; rows after the last valid time are NaN
-  RowMatrix x;                        ///< (J+1) x components of the state that were asked for
-  std::vector<Index> x_components;    ///< which
+  Vector t;                         ///< J+1 times
+  RowMatrix y;                      ///< (J+1) x n; rows after the last valid time are NaN
+  RowMatrix x;                      ///< (J+1) x components of the state that were asked for
+  std::vector<Index> x_components;  ///< which
   std::optional<double> infeasible_at;
 
-  double residual = 0;                    ///< max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf)
-  std::optional<double> error_estimate;   ///< of y; empty where it was not estimated
-  double kernel_error = 0;                ///< a-posteriori check of the kernel weights, relative to the largest
+  double residual = 0;                   ///< max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf)
+  std::optional<double> error_estimate;  ///< of y; empty where it was not estimated
+  double kernel_error = 0;               ///< a-posteriori check of the kernel weights, relative to the largest
 
   std::string method, backend;
   std::string kernel;  ///< how the kernel was made and applied, in words

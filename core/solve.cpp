@@ -31,7 +31,8 @@ void validate(const Scene& scene, const Options& options) {
   if (options.steps < 0 || options.steps > most_steps)
     throw Error("steps", "found " + std::to_string(options.steps), "give a whole number from 1 to 16777216");
   if (!(options.iteration_tolerance > 0) || !(options.iteration_tolerance < 1))
-    throw Error("iteration_tolerance", "found " + std::to_string(options.iteration_tolerance), "give a number between 0 and 1");
+    throw Error("iteration_tolerance", "found " + std::to_string(options.iteration_tolerance),
+                "give a number between 0 and 1");
   if (options.max_iterations < 1)
     throw Error("max_iterations", "found " + std::to_string(options.max_iterations), "give at least 1");
   if (options.literal_nodes < 2 || options.literal_nodes > 400)
@@ -42,7 +43,8 @@ void validate(const Scene& scene, const Options& options) {
                   "components are counted from 0");
 }
 
-// The natural-map residual that a solution may have: rounding of the kernel and what an iteration tolerance leaves open.
+// The natural-map residual that a solution may have: rounding of the kernel and what an iteration tolerance leaves
+// open.
 double residual_limit(const Options& options) { return std::max(1e-9, 1e3 * options.iteration_tolerance); }
 
 // An infeasible iterate proves nothing about the scene; marching the same discretisation decides.
@@ -65,10 +67,18 @@ void confirm_infeasible(const DiscreteProblem& p, const Options& options, Result
 void run(const DiscreteProblem& p, Method method, const Options& options, Result& result) {
   result.method = to_string(method);
   switch (method) {
-    case Method::contour: solve_by_iteration(p, options, result); break;
-    case Method::contour_literal: solve_literally(p, options, result); break;
-    case Method::euler: solve_by_marching(p, Rule::implicit_euler, options, result); break;
-    default: solve_by_marching(p, Rule::exponential, options, result); break;
+    case Method::contour:
+      solve_by_iteration(p, options, result);
+      break;
+    case Method::contour_literal:
+      solve_literally(p, options, result);
+      break;
+    case Method::euler:
+      solve_by_marching(p, Rule::implicit_euler, options, result);
+      break;
+    default:
+      solve_by_marching(p, Rule::exponential, options, result);
+      break;
   }
   const bool iterated = method == Method::contour || method == Method::contour_literal;
   if (iterated && result.infeasible_at && result.status == Status::tolerance_not_met)
@@ -168,7 +178,8 @@ Result solve(const Scene& scene, Backend& backend, const Options& options) {
 Matrix states_at(const Scene& scene, Backend& backend, const Result& result, const std::vector<Index>& rows) {
   scene.validate();
   if (result.y.rows() != result.steps + 1 || result.y.cols() != scene.constraints())
-    throw Error("result", "its y does not have one row per time point and one column per constraint", "pass a result of this scene");
+    throw Error("result", "its y does not have one row per time point and one column per constraint",
+                "pass a result of this scene");
   if (result.method == to_string(Method::euler))
     throw Error("result", "it was computed by implicit Euler", "ask for states when solving, or use another method");
   Index last = 0;

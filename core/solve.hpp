@@ -31,14 +31,14 @@ struct Progress {
 
 struct Options {
   Method method = Method::automatic;
-  Index steps = 0;                      ///< 0 = the scene's default
-  double iteration_tolerance = 1e-12;   ///< max change of y relative to max(1, |y|)
-  Index max_iterations = 2000;          ///< the iteration count of a P or Z scene is finite but can be large
+  Index steps = 0;                     ///< 0 = the scene's default
+  double iteration_tolerance = 1e-12;  ///< max change of y relative to max(1, |y|)
+  Index max_iterations = 2000;         ///< the iteration count of a P or Z scene is finite but can be large
   StateSelection states = StateSelection::none;
-  std::vector<Index> components = {};   ///< with StateSelection::list
+  std::vector<Index> components = {};  ///< with StateSelection::list
   ConvolutionChoice convolution = ConvolutionChoice::automatic;
   RecurrenceChoice recurrence = RecurrenceChoice::automatic;  ///< exponentials in marching: all modes, or compressed
-  Index literal_nodes = 25;             ///< P of contour_literal (the paper's choice)
+  Index literal_nodes = 25;                                   ///< P of contour_literal (the paper's choice)
   std::function<void(const Progress&)> progress = {};
   std::function<bool()> interrupted = {};  ///< polled once per iteration
 };

@@ -44,8 +44,8 @@ std::string Spectrum::describe() const {
   else if (abscissa > 16 * epsilon * radius)
     std::snprintf(text, sizeof text, "unstable, abscissa %.3g", abscissa);
   else
-    std::snprintf(text, sizeof text, "sector of half-angle %.1f degrees, moduli %.3g to %.3g", half_angle * 57.29577951308232,
-                  slowest, radius);
+    std::snprintf(text, sizeof text, "sector of half-angle %.1f degrees, moduli %.3g to %.3g",
+                  half_angle * 57.29577951308232, slowest, radius);
   return text;
 }
 

@@ -23,7 +23,8 @@ RowMatrix in_modes(Backend& backend, const RowMatrix& rows) {
   return modes;
 }
 
-// x_{j+1} = decay x_j + left u_j + right u_{j+1} for every pair of sine modes, b included: K x n each, k across, l along.
+// x_{j+1} = decay x_j + left u_j + right u_{j+1} for every pair of sine modes, b included: K x n each, k across, l
+// along.
 struct ModalStep {
   RowMatrix decay, left, right;
 };
@@ -44,9 +45,10 @@ ModalStep modal_step(const KroneckerDynamics& d, const Matrix& S, Rule rule, dou
   return step;
 }
 
-// Steps all modes of the state and keeps, at every time point, the grid points asked for: their positions on the lines are
-// a product with a few rows of S, the other direction is transformed for all time points together.
-RowMatrix kronecker_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const std::vector<Index>& components) {
+// Steps all modes of the state and keeps, at every time point, the grid points asked for: their positions on the lines
+// are a product with a few rows of S, the other direction is transformed for all time points together.
+RowMatrix kronecker_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y,
+                           const std::vector<Index>& components) {
   const KroneckerDynamics& d = *p.kronecker();
   const Index n = d.along.points, K = d.across.points;
   const Matrix S = sine_matrix(K);
@@ -168,11 +170,13 @@ Matrix dense_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::
 
 }  // namespace
 
-RowMatrix state_components(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const std::vector<Index>& components) {
+RowMatrix state_components(const DiscreteProblem& p, Rule rule, const RowMatrix& y,
+                           const std::vector<Index>& components) {
   if (components.empty()) return RowMatrix(p.J + 1, 0);
   const double bytes = 8.0 * double(p.J + 1) * double(components.size());
   if (bytes > 16e9)
-    throw Error("states", "the table would take " + std::to_string(long(bytes / 1e9)) + " GB", "ask for fewer components or steps");
+    throw Error("states", "the table would take " + std::to_string(long(bytes / 1e9)) + " GB",
+                "ask for fewer components or steps");
   if (p.kronecker()) return kronecker_states(p, rule, y, components);
   const RowMatrix all = dense_states(p.dense()->A, rule, p.h, p.scene.x0, state_input(p, y));
   RowMatrix x(p.J + 1, Index(components.size()));

@@ -5,8 +5,8 @@
 
 namespace bromwich {
 
-/// All time points, chosen components: (J+1) x components.size(), row 0 = x0. The state is stepped (in sine modes for the
-/// Kronecker sum), O(J m) operations and, for the grid points asked for, O(J m) more per position on the lines.
+/// All time points, chosen components: (J+1) x components.size(), row 0 = x0. The state is stepped (in sine modes for
+/// the Kronecker sum), O(J m) operations and, for the grid points asked for, O(J m) more per position on the lines.
 RowMatrix state_components(const DiscreteProblem&, Rule, const RowMatrix& y, const std::vector<Index>& components);
 
 /// Chosen time points, all components: m x rows.size(). With u = y (+ phi),

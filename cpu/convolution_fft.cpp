@@ -1,8 +1,8 @@
 // Causal convolution along time with tabulated lag weights, by FFT of length >= 2J: one transform per mode (modal
 // tables), or per input and output column with a small product per frequency in between (dense tables).
 //
-// An FFT is accurate relative to its largest input: where the weights grow like e^{sigma t}, everything is multiplied by
-// e^{-sigma t} first, which commutes with causal convolution.
+// An FFT is accurate relative to its largest input: where the weights grow like e^{sigma t}, everything is multiplied
+// by e^{-sigma t} first, which commutes with causal convolution.
 
 #include "core/error.hpp"
 #include "cpu/parts.hpp"
@@ -44,7 +44,8 @@ class RealFft {
     const std::lock_guard lock(fftw_planner());
     forward_ = fftw_plan_dft_r2c_1d(int(length), real.data(), c, FFTW_ESTIMATE | FFTW_UNALIGNED);
     backward_ = fftw_plan_dft_c2r_1d(int(length), c, real.data(), FFTW_ESTIMATE | FFTW_UNALIGNED);
-    if (!forward_ || !backward_) throw Error("steps", "FFTW made no plan of length " + std::to_string(length), "use fewer steps");
+    if (!forward_ || !backward_)
+      throw Error("steps", "FFTW made no plan of length " + std::to_string(length), "use fewer steps");
   }
   ~RealFft() {
     const std::lock_guard lock(fftw_planner());
@@ -56,8 +57,12 @@ class RealFft {
 
   Index length() const { return length_; }
   Index frequencies() const { return length_ / 2 + 1; }
-  void forward(double* in, Complex* out) const { fftw_execute_dft_r2c(forward_, in, reinterpret_cast<fftw_complex*>(out)); }
-  void backward(Complex* in, double* out) const { fftw_execute_dft_c2r(backward_, reinterpret_cast<fftw_complex*>(in), out); }
+  void forward(double* in, Complex* out) const {
+    fftw_execute_dft_r2c(forward_, in, reinterpret_cast<fftw_complex*>(out));
+  }
+  void backward(Complex* in, double* out) const {
+    fftw_execute_dft_c2r(backward_, reinterpret_cast<fftw_complex*>(in), out);
+  }
 
  private:
   Index length_;
@@ -67,9 +72,17 @@ class RealFft {
 class FftConvolution final : public Convolution {
  public:
   FftConvolution(const LagTable& table, Index rows, int threads)
-      : n_(table.outputs), k_(table.inputs), modal_(table.modal), rows_(rows), threads_(threads),
-        fft_(fast_fft_length(2 * rows)), weights_(table.W.cols(), fft_.frequencies()), start_(table.S),
-        damping_(damping(table.W)), real_(threads, fft_.length()), work_(modal_ ? Index(threads) : k_ + Index(threads), fft_.frequencies()) {
+      : n_(table.outputs),
+        k_(table.inputs),
+        modal_(table.modal),
+        rows_(rows),
+        threads_(threads),
+        fft_(fast_fft_length(2 * rows)),
+        weights_(table.W.cols(), fft_.frequencies()),
+        start_(table.S),
+        damping_(damping(table.W)),
+        real_(threads, fft_.length()),
+        work_(modal_ ? Index(threads) : k_ + Index(threads), fft_.frequencies()) {
     // The factor 1/length of the inverse transform is folded into the weights.
     Vector padded(fft_.length());
     for (Index c = 0; c < weights_.rows(); ++c) {
@@ -97,7 +110,8 @@ class FftConvolution final : public Convolution {
   // e^{-sigma j}: sigma >= 0 is how fast the second half of the table outgrows the first.
   static Vector damping(const RowMatrix& W) {
     const Index half = W.rows() / 2;
-    const double early = half > 0 ? W.topRows(half).cwiseAbs().maxCoeff() : 0, late = W.bottomRows(W.rows() - half).cwiseAbs().maxCoeff();
+    const double early = half > 0 ? W.topRows(half).cwiseAbs().maxCoeff() : 0,
+                 late = W.bottomRows(W.rows() - half).cwiseAbs().maxCoeff();
     const double sigma = early > 0 && late > 10 * early ? std::log(late / early) / double(half) : 0;
     Vector e(W.rows());
     for (Index j = 0; j < e.size(); ++j) e[j] = std::exp(-sigma * double(j));

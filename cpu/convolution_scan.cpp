@@ -5,8 +5,8 @@
 // mode and exponential: two multiply-adds and no memory traffic. States at the start of every tile are kept, so a later
 // call can begin at any tile whose past has not changed.
 //
-// Where there are fewer blocks of modes than threads, time is cut into chunks: (1) the state each chunk adds, from zero;
-// (2) carry: z at the start of chunk c+1 = E^length z at the start of c + what c adds; (3) apply.
+// Where there are fewer blocks of modes than threads, time is cut into chunks: (1) the state each chunk adds, from
+// zero; (2) carry: z at the start of chunk c+1 = E^length z at the start of c + what c adds; (3) apply.
 
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"
@@ -56,8 +56,12 @@ inline void accumulate(const Bank& bank, Lanes* z, const Lanes* y, Index count) 
 class ModalScan final : public Convolution {
  public:
   ModalScan(const ModalRecurrence& r, Index rows, int threads)
-      : rows_(rows), n_(r.modes()), blocks_(blocks(n_)), groups_((r.exponentials() + group - 1) / group),
-        tiles_(std::max<Index>(1, (rows - 1 + tile - 1) / tile)), threads_(threads),
+      : rows_(rows),
+        n_(r.modes()),
+        blocks_(blocks(n_)),
+        groups_((r.exponentials() + group - 1) / group),
+        tiles_(std::max<Index>(1, (rows - 1 + tile - 1) / tile)),
+        threads_(threads),
         chunks_(std::clamp<Index>(blocks_ >= threads ? 1 : threads / blocks_, 1, tiles_)) {
     banks_.resize(std::size_t(blocks_ * groups_));
     start_.resize(banks_.size() * group);
@@ -94,7 +98,8 @@ class ModalScan final : public Convolution {
   }
 
   std::size_t bytes() const override {
-    return banks_.size() * sizeof(Bank) + sizeof(Lanes) * (start_.size() + initial_.size() + states_.size() + 3 * w0_.size());
+    return banks_.size() * sizeof(Bank) +
+           sizeof(Lanes) * (start_.size() + initial_.size() + states_.size() + 3 * w0_.size());
   }
 
  private:
@@ -172,7 +177,8 @@ class ModalScan final : public Convolution {
         for (Index e = 0; e < group; ++e)
           for (Index lane = 0; lane < lanes; ++lane)
             after[g * group + e][lane] +=
-                std::pow(banks_[std::size_t(b * groups_ + g)].decay[e][lane], double(chunk * tile)) * before[g * group + e][lane];
+                std::pow(banks_[std::size_t(b * groups_ + g)].decay[e][lane], double(chunk * tile)) *
+                before[g * group + e][lane];
     }
   }
 
@@ -213,9 +219,14 @@ class ModalScan final : public Convolution {
 class DenseScan final : public Convolution {
  public:
   DenseScan(const DenseRecurrence& r, Index rows, int threads)
-      : r_(r), threads_(threads), length_(std::max<Index>(tile, (rows - 1 + threads - 1) / threads)),
-        chunks_(std::max<Index>(1, (rows - 1 + length_ - 1) / length_)), states_(r.decay.rows(), chunks_ + 1),
-        next_(r.decay.rows(), chunks_), fresh_(r.decay.rows(), chunks_), power_(Matrix::Identity(r.decay.rows(), r.decay.rows())) {
+      : r_(r),
+        threads_(threads),
+        length_(std::max<Index>(tile, (rows - 1 + threads - 1) / threads)),
+        chunks_(std::max<Index>(1, (rows - 1 + length_ - 1) / length_)),
+        states_(r.decay.rows(), chunks_ + 1),
+        next_(r.decay.rows(), chunks_),
+        fresh_(r.decay.rows(), chunks_),
+        power_(Matrix::Identity(r.decay.rows(), r.decay.rows())) {
     if (chunks_ > 1)
       for (Index i = 0; i < length_; ++i) power_ = power_ * r_.decay;
   }

@@ -49,7 +49,8 @@ class CpuBackend final : public Backend {
 }  // namespace
 
 std::unique_ptr<Backend> make_cpu_backend(int threads) {
-  if (threads < 0) throw Error("threads", "found " + std::to_string(threads), "pass 0 for all cores, or a number of threads");
+  if (threads < 0)
+    throw Error("threads", "found " + std::to_string(threads), "pass 0 for all cores, or a number of threads");
   return std::make_unique<CpuBackend>(threads == 0 ? omp_get_max_threads() : threads);
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 // What the batched complementarity solvers share: rows are taken `width` at a time with one row per SIMD lane, each
-// block runs semismooth Newton on min(y, w) (an exchange of active sets) until all its lanes agree, and the few rows that
-// do not settle go to the pivoting solver of core/lcp.hpp one by one.
+// block runs semismooth Newton on min(y, w) (an exchange of active sets) until all its lanes agree, and the few rows
+// that do not settle go to the pivoting solver of core/lcp.hpp one by one.
 
 #include "core/lcp.hpp"
 #include "cpu/parts.hpp"
@@ -25,7 +25,8 @@ struct BlockOutcome {
 /// fills the report from the change of every row.
 class RowBlocks {
  public:
-  RowBlocks(Index rows, int threads) : change_(std::size_t(rows)), magnitude_(std::size_t(rows)), left_(std::size_t(rows)), threads_(threads) {}
+  RowBlocks(Index rows, int threads)
+      : change_(std::size_t(rows)), magnitude_(std::size_t(rows)), left_(std::size_t(rows)), threads_(threads) {}
 
   template <class Newton, class Pivot>
   LcpReport run(Index first, Index rows, Index width, double settle_tolerance, Newton newton, Pivot pivot) {
@@ -76,7 +77,8 @@ class RowBlocks {
 };
 
 /// Solves one row by pivoting and records how much it changed.
-inline LcpOutcome pivot_row(ActiveSetLcp& solver, const Vector& q, double* y, Vector& fresh, double& change, double& magnitude) {
+inline LcpOutcome pivot_row(ActiveSetLcp& solver, const Vector& q, double* y, Vector& fresh, double& change,
+                            double& magnitude) {
   if (!q.allFinite()) {
     change = NAN;
     return {};

@@ -1,9 +1,9 @@
 // Batched complementarity problems with one small dense matrix.
 //
-// Up to `largest_lane_size` constraints eight problems share the lanes of a vector: a Newton sweep eliminates the matrix
-// that equals M on the active set and the identity elsewhere, without exchanges (all leading minors are positive for a
-// P-matrix; where a pivot fails the row is left to pivoting). Larger matrices go row by row to the active-set solver,
-// which keeps its transform from one time point to the next.
+// Up to `largest_lane_size` constraints eight problems share the lanes of a vector: a Newton sweep eliminates the
+// matrix that equals M on the active set and the identity elsewhere, without exchanges (all leading minors are positive
+// for a P-matrix; where a pivot fails the row is left to pivoting). Larger matrices go row by row to the active-set
+// solver, which keeps its transform from one time point to the next.
 
 #include "cpu/lcp_batch.hpp"
 
@@ -35,8 +35,14 @@ double natural_residual(const Matrix& M, const RowMatrix& R, const RowMatrix& V,
 class LaneLcp final : public LcpBatch {
  public:
   LaneLcp(const Matrix& M, LcpClass lcp_class, Index rows, int threads)
-      : n_(M.rows()), M_(M), class_(lcp_class == LcpClass::automatic ? classify(LcpMatrix(M)) : lcp_class),
-        row_blocks_(rows, threads), threads_(threads), pivoting_(M, class_), q_(n_), fresh_(n_) {}
+      : n_(M.rows()),
+        M_(M),
+        class_(lcp_class == LcpClass::automatic ? classify(LcpMatrix(M)) : lcp_class),
+        row_blocks_(rows, threads),
+        threads_(threads),
+        pivoting_(M, class_),
+        q_(n_),
+        fresh_(n_) {}
 
   LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     const RowMatrix &R = host(r), &V = host(v);
@@ -159,7 +165,9 @@ class LaneLcp final : public LcpBatch {
 class RowLcp final : public LcpBatch {
  public:
   RowLcp(const Matrix& M, LcpClass lcp_class, Index rows, int threads)
-      : M_(M), class_(lcp_class == LcpClass::automatic ? classify(LcpMatrix(M)) : lcp_class), row_blocks_(rows, threads),
+      : M_(M),
+        class_(lcp_class == LcpClass::automatic ? classify(LcpMatrix(M)) : lcp_class),
+        row_blocks_(rows, threads),
         threads_(threads) {
     for (int t = 0; t < threads; ++t) solvers_.push_back({ActiveSetLcp(M, class_), Vector(M.rows()), Vector(M.rows())});
   }

@@ -1,9 +1,10 @@
 // Batched complementarity problems with one tridiagonal matrix.
 //
-// Rows of the space-time array are transposed into lanes, sixteen problems at a time (two vectors, so that the divisions
-// of one hide behind those of the other). A Newton sweep solves the system that equals M on the active set and the
-// identity elsewhere by the Thomas algorithm, eliminating downwards and substituting upwards, and finds the indices to
-// exchange on the way up. Memory per sweep: everything of a block stays in L1/L2; q is read and y written once.
+// Rows of the space-time array are transposed into lanes, sixteen problems at a time (two vectors, so that the
+// divisions of one hide behind those of the other). A Newton sweep solves the system that equals M on the active set
+// and the identity elsewhere by the Thomas algorithm, eliminating downwards and substituting upwards, and finds the
+// indices to exchange on the way up. Memory per sweep: everything of a block stays in L1/L2; q is read and y written
+// once.
 
 #include "cpu/lcp_batch.hpp"
 
@@ -27,8 +28,13 @@ struct Workspace {
 class TridiagonalLcp final : public LcpBatch {
  public:
   TridiagonalLcp(const Tridiagonal& M, LcpClass lcp_class, Index rows, int threads)
-      : n_(M.diagonal.size()), M_(M), class_(lcp_class == LcpClass::automatic ? classify(LcpMatrix(M)) : lcp_class),
-        row_blocks_(rows, threads), threads_(threads), q_(n_), fresh_(n_) {
+      : n_(M.diagonal.size()),
+        M_(M),
+        class_(lcp_class == LcpClass::automatic ? classify(LcpMatrix(M)) : lcp_class),
+        row_blocks_(rows, threads),
+        threads_(threads),
+        q_(n_),
+        fresh_(n_) {
     for (int t = 0; t < threads; ++t) work_.emplace_back(n_);
     if (n_ == 0) return;
     M_.lower[0] = 0;
@@ -64,7 +70,7 @@ class TridiagonalLcp final : public LcpBatch {
         if (i + 1 < n_) w += M_.upper[i] * Y(j, i + 1);
         const double natural = std::abs(std::min(Y(j, i), w));
         gap = std::max(gap, natural);
-      sum += natural;  // keeps a NaN, which max need not
+        sum += natural;  // keeps a NaN, which max need not
         scale = std::max(scale, std::abs(q));
       }
       worst = std::max(worst, std::isfinite(sum) ? gap / scale : INFINITY);
@@ -93,8 +99,7 @@ class TridiagonalLcp final : public LcpBatch {
       }
     }
     for (Index i = 0; i < n_; ++i)
-      for (Index h = 0; h < pair; ++h)
-        s.active[std::size_t(i)].v[h] = s.y[std::size_t(i)].v[h] > 0 ? all(1) : all(0);
+      for (Index h = 0; h < pair; ++h) s.active[std::size_t(i)].v[h] = s.y[std::size_t(i)].v[h] > 0 ? all(1) : all(0);
   }
 
   // c_i and d_i with y_i = d_i - c_i y_{i+1}. Returns per lane whether all pivots of active rows were positive.
@@ -117,10 +122,11 @@ class TridiagonalLcp final : public LcpBatch {
   }
 
   // One sweep: y for the current active sets, then the exchanges. Returns per lane whether nothing was exchanged.
-  void sweep(Workspace& s, const Lanes tolerance[pair], LaneMask same[pair], LaneMask positive[pair], Pair* fresh) const {
+  void sweep(Workspace& s, const Lanes tolerance[pair], LaneMask same[pair], LaneMask positive[pair],
+             Pair* fresh) const {
     for (Index h = 0; h < pair; ++h) same[h] = positive[h] = all(0) == all(0);
     eliminate(s, positive);
-    Pair next = {{all(0), all(0)}};    // y_{i+1}
+    Pair next = {{all(0), all(0)}};  // y_{i+1}
     Pair present = s.d[std::size_t(n_ - 1)];
     for (Index i = n_ - 1; i >= 0; --i) {
       const std::size_t k = std::size_t(i);
@@ -170,8 +176,8 @@ class TridiagonalLcp final : public LcpBatch {
     finish(Y, begin, size, s, done, least, outcome, change, magnitude);
   }
 
-  void finish(RowMatrix& Y, Index begin, Index size, const Workspace& s, const LaneMask done[pair], const LaneMask least[pair],
-              BlockOutcome& outcome, double* change, double* magnitude) const {
+  void finish(RowMatrix& Y, Index begin, Index size, const Workspace& s, const LaneMask done[pair],
+              const LaneMask least[pair], BlockOutcome& outcome, double* change, double* magnitude) const {
     for (Index h = 0; h < pair; ++h) {
       Lanes largest_change = all(0), largest = all(0), sum = all(0);
       for (Index i = 0; i < n_; ++i) {

@@ -2,8 +2,8 @@
 //
 //     q_j = r_j + (part of v_j that is known),   y_j in SOL(M + W_0, q_j),   v_j = q_j - r_j + W_0 y_j,
 //
-// and one pass over the recurrence's state advances z and sums its output. This is the sequential baseline; the pass over
-// z moves 4 x 8 bytes per exponential and mode, and is all the work for large scenes.
+// and one pass over the recurrence's state advances z and sums its output. This is the sequential baseline; the pass
+// over z moves 4 x 8 bytes per exponential and mode, and is all the work for large scenes.
 
 #include "core/lcp.hpp"
 #include "cpu/parts.hpp"
@@ -71,8 +71,16 @@ constexpr Index polled_every = 64;  ///< steps between two looks at the request 
 class ModalMarch final : public March {
  public:
   ModalMarch(const MarchProblem& problem, const ModalRecurrence& r, Index rows, int threads)
-      : r_(r), interrupted_(problem.interrupted), n_(r.modes()), blocks_(blocks(n_)), K_(r.exponentials()), response_(host(*problem.r)), modes_(rows, n_),
-        sine_(make_vector_sine(n_)), rows_sine_(make_sine_transform(n_, rows, threads)), M_(to_dense(*problem.M)),
+      : r_(r),
+        interrupted_(problem.interrupted),
+        n_(r.modes()),
+        blocks_(blocks(n_)),
+        K_(r.exponentials()),
+        response_(host(*problem.r)),
+        modes_(rows, n_),
+        sine_(make_vector_sine(n_)),
+        rows_sine_(make_sine_transform(n_, rows, threads)),
+        M_(to_dense(*problem.M)),
         lcp_(M_ + implicit_part(), M_, problem.lcp_class),
         threads_(blocks_ * K_ * lanes >= parallel_size ? threads : 1) {
     decay_.resize(std::size_t(blocks_ * K_));
@@ -205,9 +213,17 @@ class ModalMarch final : public March {
 class DenseMarch final : public March {
  public:
   DenseMarch(const MarchProblem& problem, const DenseRecurrence& r)
-      : r_(r), interrupted_(problem.interrupted), response_(host(*problem.r)), drive_(problem.drive ? &host(*problem.drive) : nullptr),
-        M_(to_dense(*problem.M)), lcp_(M_ + r.w0, M_, problem.lcp_class), z_(r.decay.rows()), next_(z_), q_(M_.rows()),
-        y_(q_), u_(q_) {}
+      : r_(r),
+        interrupted_(problem.interrupted),
+        response_(host(*problem.r)),
+        drive_(problem.drive ? &host(*problem.drive) : nullptr),
+        M_(to_dense(*problem.M)),
+        lcp_(M_ + r.w0, M_, problem.lcp_class),
+        z_(r.decay.rows()),
+        next_(z_),
+        q_(M_.rows()),
+        y_(q_),
+        u_(q_) {}
 
   MarchReport run(Array& y_array, Array& v_array) override {
     const FlushDenormals flush;

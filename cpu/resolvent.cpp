@@ -17,7 +17,8 @@ ComplexMatrix of(const KroneckerDynamics& dynamics, const ComplexVector& nodes, 
   ComplexMatrix R(nodes.size(), n);
 #pragma omp parallel for num_threads(threads) schedule(static) if (nodes.size() * n > 256)
   for (Index l = 0; l < n; ++l)
-    for (Index p = 0; p < nodes.size(); ++p) R(p, l) = line_transfer(dynamics.across, dynamics.n, dynamics.b, nodes[p] - mu[l]);
+    for (Index p = 0; p < nodes.size(); ++p)
+      R(p, l) = line_transfer(dynamics.across, dynamics.n, dynamics.b, nodes[p] - mu[l]);
   return R;
 }
 

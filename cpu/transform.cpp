@@ -1,7 +1,7 @@
 // Sine transforms of the rows of a space-time array.
 //
-// S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)) is even or odd about the middle index according to the parity of k, so a row is
-// folded first: two products with matrices of half the size, half the multiplications of a full product. Up to about
+// S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)) is even or odd about the middle index according to the parity of k, so a row
+// is folded first: two products with matrices of half the size, half the multiplications of a full product. Up to about
 // n = 1000 that beats a fast transform (DESIGN: flops are cheap next to shuffles); beyond, FFTW's RODFT00.
 
 #include "cpu/parts.hpp"
@@ -29,7 +29,8 @@ struct FoldedSine {
   explicit FoldedSine(Index n) : n(n), even((n + 1) / 2), odd(n / 2), E(even, even), O(odd, odd) {
     // One period of the sine as a table: i k is reduced exactly, whatever its size.
     Vector period(2 * (n + 1));
-    for (Index a = 0; a < period.size(); ++a) period[a] = std::sqrt(2.0 / double(n + 1)) * std::sin(M_PI * double(a) / double(n + 1));
+    for (Index a = 0; a < period.size(); ++a)
+      period[a] = std::sqrt(2.0 / double(n + 1)) * std::sin(M_PI * double(a) / double(n + 1));
     const auto s = [&](Index i, Index k) { return period[i * k % period.size()]; };
     for (Index i = 0; i < even; ++i)
       for (Index q = 0; q < even; ++q) E(i, q) = s(i + 1, 2 * q + 1);
@@ -71,7 +72,8 @@ class ProductSine final : public SineTransform {
   }
 
   std::size_t bytes() const override {
-    return sizeof(double) * std::size_t(sine_.E.size() + sine_.O.size() + Index(scratch_.size()) * 2 * row_block * sine_.n);
+    return sizeof(double) *
+           std::size_t(sine_.E.size() + sine_.O.size() + Index(scratch_.size()) * 2 * row_block * sine_.n);
   }
 
  private:

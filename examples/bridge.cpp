@@ -1,5 +1,5 @@
-// A suspension bridge whose cables go slack: an undamped oscillator, imaginary spectrum, no contour. The engine uses the
-// matrix exponential and says so.
+// A suspension bridge whose cables go slack: an undamped oscillator, imaginary spectrum, no contour. The engine uses
+// the matrix exponential and says so.
 
 #include "core/scenes/catalogue.hpp"
 #include "core/solve.hpp"

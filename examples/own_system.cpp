@@ -15,7 +15,8 @@ int main() {
 
   Scene scene;
   scene.name = "rlcd";
-  scene.dynamics = DenseDynamics{.A = Matrix{{0, -1 / C}, {1 / L, 0}}, .B = Matrix{{-1 / C}, {0}}, .N = Matrix{{-1, 0}}};
+  scene.dynamics =
+      DenseDynamics{.A = Matrix{{0, -1 / C}, {1 / L, 0}}, .B = Matrix{{-1 / C}, {0}}, .N = Matrix{{-1, 0}}};
   scene.M = Matrix{{R}};
   scene.x0 = Vector{{10, 0}};
   scene.T = 5e-3;

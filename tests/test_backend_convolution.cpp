@@ -150,7 +150,8 @@ TEST_P(BackendConvolution, RowsBeforeFirstKeepTheirValues) {
     plan->apply(*y, *v, first);
     plan->apply(*y, *again, 0);
     EXPECT_LE(distance(host(*v).topRows(first), before.topRows(first)), tolerance(rows, 2 * double(n))) << name;
-    EXPECT_LE(distance(host(*v).bottomRows(rows - first), host(*again).bottomRows(rows - first)), tolerance(rows, 4 * double(n)))
+    EXPECT_LE(distance(host(*v).bottomRows(rows - first), host(*again).bottomRows(rows - first)),
+              tolerance(rows, 4 * double(n)))
         << name;
   }
 }

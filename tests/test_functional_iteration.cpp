@@ -23,7 +23,8 @@ TEST(FunctionalIteration, ReachesThePapersToleranceInSixteenSweeps) {
 }
 
 TEST(FunctionalIteration, SweepsDoNotDependOnTheStep) {
-  // Superlinear convergence of a Volterra iteration is a matter of T and K, not of h: the counts of the paper's Fig. 4.6.
+  // Superlinear convergence of a Volterra iteration is a matter of T and K, not of h: the counts of the paper's
+  // Fig. 4.6.
   const Scene scene = make_scene("signorini", {{"Q", 39}});
   const Index coarse = run(scene, options_for(Method::contour, 200)).iterations;
   const Index fine = run(scene, options_for(Method::contour, 1600)).iterations;
@@ -61,7 +62,8 @@ TEST(FunctionalIteration, DoesNotConvergeWhereItMustNot) {
   EXPECT_EQ(march.status, Status::solved);
   EXPECT_EQ(run(expanding(), options_for(Method::automatic, 8)).status, Status::solved);
   // With L ||W_0|| = 0.12 both agree.
-  EXPECT_LE(distance(run(expanding(), options_for(Method::contour, 320)).y, run(expanding(), options_for(Method::march, 320)).y),
+  EXPECT_LE(distance(run(expanding(), options_for(Method::contour, 320)).y,
+                     run(expanding(), options_for(Method::march, 320)).y),
             same_problem);
 }
 

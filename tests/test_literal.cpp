@@ -26,7 +26,8 @@ TEST(Literal, ApproachesTheSharedContoursAtThePrintedRate) {
   };
   // signorini, Q = 7: |n b| T = 2 * 0.128 * 4, |y + psi| <= 5, L <= 1/2. dlcp-small: |N| |B| < 40, |f| < 40, L about 3.
   for (const auto& [name, size] : {Case{"signorini", 3}, Case{"dlcp-small", 5000}}) {
-    const Scene scene = make_scene(name, std::string(name) == "signorini" ? ParameterValues{{"Q", 7}} : ParameterValues{});
+    const Scene scene =
+        make_scene(name, std::string(name) == "signorini" ? ParameterValues{{"Q", 7}} : ParameterValues{});
     const Result shared = run(scene, options_for(Method::contour, 64));
     ASSERT_EQ(shared.status, Status::solved) << name << ": " << shared.reason;
     for (const Index P : {16, 36, 64}) {

@@ -13,7 +13,8 @@ struct SceneParameter {
   std::string name;
   double value;  ///< default
   std::string meaning;
-  std::string replaces = {};  ///< the parameter this one may be given instead of; its own default is then NaN, "not given"
+  std::string replaces =
+      {};  ///< the parameter this one may be given instead of; its own default is then NaN, "not given"
 };
 
 using ParameterValues = std::map<std::string, double>;
