@@ -25,7 +25,10 @@ void ProgressLine::show(const Progress& progress) {
   const auto now = Clock::now();
   if (!visible_ || now < next_) return;
   next_ = now + std::chrono::milliseconds(100);
-  fmt::print(stderr, "\r\033[Kiteration {}, change {:.2e}", progress.iteration, progress.change);
+  if (progress.total > 0)
+    fmt::print(stderr, "\r\033[Kstep {} of {}", progress.iteration, progress.total);
+  else
+    fmt::print(stderr, "\r\033[Kiteration {}, change {:.2e}", progress.iteration, progress.change);
   std::fflush(stderr);
   drawn_ = true;
 }

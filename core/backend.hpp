@@ -55,9 +55,9 @@ struct LcpCount {
 
 struct LcpReport {
   LcpCount count;
-  double change = 0;      ///< max |y_new - y_old| over the rows solved
+  double change = 0;      ///< max over the rows solved of |y_new - y_old|_inf / max(1, |y_new|_inf)
   double magnitude = 0;   ///< max |y_new|
-  Index settled = 0;      ///< rows 0..settled-1 changed by no more than the tolerance given
+  Index settled = 0;      ///< rows 0..settled-1 changed by no more than the tolerance given, in the same measure
   Index infeasible = -1;  ///< first row whose problem was proven infeasible, or -1
   bool finite = true;     ///< false: a NaN or an infinity was met
 };
@@ -73,7 +73,7 @@ class LcpBatch {
   virtual std::size_t bytes() const = 0;
 };
 
-/// Everything a step-by-step solution of the discrete problem needs.
+/// Everything a step-by-step solution of the discrete problem needs. What it points to has to outlive the plan.
 struct MarchProblem {
   const LcpMatrix* M = nullptr;
   LcpClass lcp_class = LcpClass::unknown;
@@ -81,6 +81,7 @@ struct MarchProblem {
   const Array* r = nullptr;           ///< (J+1) x n: what does not depend on y and is not in the recurrence's `initial`
   const Array* drive = nullptr;       ///< (J+1) x n: phi with f = B phi, added to y where it drives the state; or null
   std::function<bool()> interrupted;  ///< polled now and then; true ends the march
+  std::function<void(Index step)> progress;  ///< called now and then
 };
 
 struct MarchReport {

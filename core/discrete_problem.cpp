@@ -25,6 +25,8 @@ DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J) {
   return p;
 }
 
+std::size_t host_bytes(const DiscreteProblem& p) { return sizeof(double) * std::size_t(2 * p.g.size() + p.f.size()); }
+
 RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) {
   const Matrix& B = p.dense()->B;
   if (const RowMatrix* phi = p.drive()) return (y + *phi) * B.transpose();

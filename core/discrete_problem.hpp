@@ -23,6 +23,9 @@ struct DiscreteProblem {
   const RowMatrix* drive() const { return scene.f_entry == SourceEntry::through_B && f.size() > 0 ? &f : nullptr; }
 };
 
+/// Bytes of the tables on the host: sources and y.
+std::size_t host_bytes(const DiscreteProblem&);
+
 /// Samples the sources.
 DiscreteProblem discretise(const Scene&, Backend&, Index J);
 

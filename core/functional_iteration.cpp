@@ -59,7 +59,6 @@ KernelChoice kronecker_kernel(const DiscreteProblem& p, ConvolutionChoice choice
   const KroneckerDynamics& d = *p.kronecker();
   const Index rows = p.J + 1, n = d.along.points;
   const auto parameters = contour_parameters(0);
-  const long windows = long(lag_windows(*parameters, p.h, p.J).size());
   KernelChoice made;
   const ExponentialSum sum = compress_line_kernel(d, p.h, p.scene.T, compression_tolerance);
   if (choice == ConvolutionChoice::scan ||
@@ -74,8 +73,8 @@ KernelChoice kronecker_kernel(const DiscreteProblem& p, ConvolutionChoice choice
   }
   const LagTable table = contour_lag_table(p.backend, d, *parameters, p.h, p.J);
   made.kernel = std::make_unique<SpaceTimeKernel>(p.backend, p.backend.convolution(table, rows), true, rows, n);
-  made.description = text("FFT over lag weights from %ld contours of %ld nodes", windows, long(parameters->P + 1));
-  made.error = std::max(parameters->error, sum.error);
+  made.description = text("FFT over lag weights from contours of %ld nodes a window", long(parameters->P + 1));
+  made.error = parameters->error;
   return made;
 }
 
@@ -104,6 +103,7 @@ KernelChoice dense_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
   const Index checked = scan ? std::min<Index>(p.J, 64) : p.J;
   LagTable table = lag_table(recurrence, checked);
   std::string source = "matrix exponential (" + spectrum.describe() + ")";
+  made.error = NAN;
   if (parameters) {
     LagTable contour = contour_lag_table(p.backend, d, *parameters, p.h, checked);
     made.error = deviation(table, contour);
@@ -113,7 +113,8 @@ KernelChoice dense_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
                            long(parameters->P + 1));
       table = std::move(contour);
     } else {
-      made.error = 0;  // the contour is at fault (non-normal A): the exponential is used and has no second opinion
+      // Non-normal A defeats the contour, stiff A costs both some digits: the exponential is used, the gap is reported.
+      source = text("matrix exponential, from which contours differ by %.1e", made.error);
     }
   }
   auto convolution = scan ? p.backend.convolution(recurrence, rows) : p.backend.convolution(table, rows);
@@ -154,74 +155,107 @@ KernelChoice make_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
   return p.kronecker() ? kronecker_kernel(p, choice) : dense_kernel(p, choice);
 }
 
+namespace {
+
+// Watches the sweeps and says when they are over.
+class Watch {
+ public:
+  explicit Watch(double tolerance) : tolerance_(tolerance) {}
+
+  // The outcome once it is known. `advanced`: rows have settled since the last sweep.
+  std::optional<IterationOutcome> after(const DiscreteProblem& p, const LcpReport& report, bool advanced) {
+    if (!report.finite || !(report.magnitude < 1e100))
+      return IterationOutcome{Status::nonfinite, "the iterates grew beyond all bounds", -1};
+    infeasible_for_ = report.infeasible >= 0 && !advanced ? infeasible_for_ + 1 : 0;
+    // Rounding keeps a converged iteration moving at a level of its own; a 2-cycle does so at any level.
+    stuck_ = advanced || report.change < 0.99 * best_ ? 0 : stuck_ + 1;
+    best_ = std::min(best_, report.change);
+    if (report.change <= tolerance_ || (stuck_ >= 12 && report.change <= rounding_level)) return converged(report);
+    if (infeasible_for_ >= most_infeasible_sweeps)
+      return IterationOutcome{Status::tolerance_not_met,
+                              text("the iterate is infeasible from t = %.6g on", p.t[report.infeasible]),
+                              report.infeasible};
+    if (stuck_ >= 200)
+      return IterationOutcome{Status::tolerance_not_met,
+                              text("the iteration does not contract: change %.2e in the last sweep", report.change),
+                              -1};
+    return std::nullopt;
+  }
+
+ private:
+  static constexpr double rounding_level = 1e-10;
+
+  static IterationOutcome converged(const LcpReport& report) {
+    if (report.count.unsolved == 0) return {Status::solved, "", -1};
+    return {Status::tolerance_not_met, text("%ld complementarity problems stayed unsolved", report.count.unsolved),
+            report.infeasible};
+  }
+
+  double tolerance_, best_ = INFINITY;
+  Index stuck_ = 0, infeasible_for_ = 0;
+};
+
+void count(const LcpReport& report, double seconds, Result& result) {
+  result.seconds.lcp += seconds;
+  result.lcp.solved += report.count.solved;
+  result.lcp.newton += report.count.newton;
+  result.lcp.fallbacks += report.count.fallbacks;
+  result.lcp.unsolved = report.count.unsolved;
+  ++result.iterations;
+}
+
+}  // namespace
+
 IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const ApplyKernel& apply, LcpBatch& lcp,
                          const Array& r, Array& y, Array& v, Result& result) {
-  IterationOutcome outcome;
+  const double settle = std::max(0.01 * options.iteration_tolerance, 32 * epsilon);
   Timer timer;
-  double settled_magnitude = 0, best = INFINITY;
-  Index first = 0;        // rows before it have settled
-  Index solved_from = 0;  // rows before it were left alone by the last batch
-  Index stuck = 0, infeasible_for = 0;
-  const auto count = [&](const LcpReport& report) {
-    result.seconds.lcp += timer.lap();
-    result.lcp.solved += report.count.solved;
-    result.lcp.newton += report.count.newton;
-    result.lcp.fallbacks += report.count.fallbacks;
-    result.lcp.unsolved = report.count.unsolved;
-    ++result.iterations;
-  };
   {  // x^0(t) = x0 (Theorem 3.2): q_j = N x0 + g_j
     const auto q = p.backend.array(p.J + 1, p.scene.constraints());
     p.backend.upload(RowMatrix(p.g.rowwise() + (p.start.transpose() - p.g.row(0))), *q);
     timer.lap();
     const LcpReport report = lcp.solve(*q, v, y, 0, -1);
-    count(report);
+    count(report, timer.lap(), result);
     // q_0 does not change any more: what is infeasible there is proven.
-    if (report.infeasible == 0) return {Status::infeasible, "no solution at t = 0", 0};
+    if (report.infeasible == 0) return {Status::infeasible, "no solution at t = 0", 0, 0};
   }
+  Watch watch(options.iteration_tolerance);
+  Index first = 0;        // rows before it have settled
+  Index solved_from = 0;  // rows before it were left alone by the last batch
+  const auto ended = [&](IterationOutcome outcome) {
+    outcome.settled = first;
+    return outcome;
+  };
   while (result.iterations < options.max_iterations) {
-    if (options.interrupted && options.interrupted()) return {Status::interrupted, "stopped on request", -1};
+    if (options.interrupted && options.interrupted()) return ended({Status::interrupted, "stopped on request", -1});
     apply(y, v, solved_from);
     timer.lap();
-    const double tolerance = options.iteration_tolerance;
-    const double settle = std::max(0.01 * tolerance, 32 * epsilon) * std::max(1.0, settled_magnitude);
     const LcpReport report = lcp.solve(r, v, y, first, settle);
-    count(report);
-    const double change = report.change / std::max({1.0, report.magnitude, settled_magnitude});
-    result.history.push_back(change);
-    if (options.progress) options.progress({result.iterations, change});
-    if (!report.finite || !(change < 1e100)) return {Status::nonfinite, "the iterates grew beyond all bounds", -1};
-
+    count(report, timer.lap(), result);
+    result.history.push_back(report.change);
+    if (options.progress) options.progress({result.iterations, report.change});
     const bool advanced = report.settled > first;
-    if (advanced) settled_magnitude = std::max(settled_magnitude, report.magnitude);
-    infeasible_for = report.infeasible >= 0 && !advanced ? infeasible_for + 1 : 0;
-    outcome.infeasible = report.infeasible;
-    if (change <= tolerance) {
-      outcome.status = report.count.unsolved == 0 ? Status::solved : Status::tolerance_not_met;
-      if (report.count.unsolved > 0)
-        outcome.reason = text("%ld complementarity problems stayed unsolved", report.count.unsolved);
-      return outcome;
-    }
-    if (infeasible_for >= most_infeasible_sweeps) {
-      outcome.reason = text("the iterate is infeasible from t = %.6g on", p.t[report.infeasible]);
-      return outcome;
-    }
     solved_from = first;
     first = report.settled;
-    // Rounding keeps a converged iteration moving at a level of its own; a 2-cycle does so at any level.
-    stuck = advanced || change < 0.99 * best ? 0 : stuck + 1;
-    best = std::min(best, change);
-    if (stuck >= 12 && change <= 1e-10) {
-      outcome.status = report.count.unsolved == 0 ? Status::solved : Status::tolerance_not_met;
-      return outcome;
-    }
-    if (stuck >= 200) break;
+    if (auto outcome = watch.after(p, report, advanced)) return ended(*outcome);
   }
-  const double last = result.history.empty() ? 0 : result.history.back();
-  outcome.reason = text(stuck >= 200 ? "the iteration does not contract: change %.2e after %ld iterations"
-                                     : "change %.2e after %ld iterations, the limit",
-                        last, long(result.iterations));
-  return outcome;
+  const double last = result.history.empty() ? NAN : result.history.back();
+  return ended({Status::tolerance_not_met,
+                text("change %.2e after %ld iterations, the limit", last, long(result.iterations)), -1});
+}
+
+void finish_iteration(const DiscreteProblem& p, const IterationOutcome& outcome, const ApplyKernel& apply,
+                      LcpBatch& lcp, const Array& r, const Array& y, Array& v, Result& result) {
+  result.status = outcome.status;
+  result.reason = outcome.reason;
+  if (outcome.infeasible >= 0) result.infeasible_at = p.t[outcome.infeasible];
+  p.backend.download(y, result.y);
+  if (outcome.status == Status::infeasible) return;
+  apply(y, v, 0);
+  result.residual = lcp.residual(r, v, y);
+  // What had not settled when the iteration was cut off is no solution.
+  if (outcome.status == Status::interrupted || outcome.status == Status::nonfinite)
+    result.y.bottomRows(result.y.rows() - outcome.settled).setConstant(NAN);
 }
 
 void solve_by_iteration(const DiscreteProblem& p, const Options& options, Result& result) {
@@ -234,19 +268,13 @@ void solve_by_iteration(const DiscreteProblem& p, const Options& options, Result
   const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, rows);
   result.kernel = choice.description;
   result.kernel_error = choice.error;
-  result.bytes = y->bytes() + v->bytes() + r->bytes() + choice.kernel->bytes() + lcp->bytes();
+  result.bytes = y->bytes() + v->bytes() + r->bytes() + choice.kernel->bytes() + lcp->bytes() + host_bytes(p);
   choice.kernel->transform_seconds = choice.kernel->convolution_seconds = 0;
   result.seconds.setup += setup.lap();
 
-  const IterationOutcome outcome = iterate(
-      p, options, [&](const Array& in, Array& out, Index first) { choice.kernel->apply(in, out, first); }, *lcp, *r, *y,
-      *v, result);
-  result.status = outcome.status;
-  result.reason = outcome.reason;
-  if (outcome.infeasible >= 0) result.infeasible_at = p.t[outcome.infeasible];
-  if (result.status != Status::infeasible) choice.kernel->apply(*y, *v, 0);
-  result.residual = lcp->residual(*r, *v, *y);
-  p.backend.download(*y, result.y);
+  const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { choice.kernel->apply(in, out, first); };
+  const IterationOutcome outcome = iterate(p, options, apply, *lcp, *r, *y, *v, result);
+  finish_iteration(p, outcome, apply, *lcp, *r, *y, *v, result);
   result.seconds.transform = choice.kernel->transform_seconds;
   result.seconds.convolution = choice.kernel->convolution_seconds;
 }

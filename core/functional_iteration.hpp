@@ -33,7 +33,7 @@ class SpaceTimeKernel {
 struct KernelChoice {
   std::unique_ptr<SpaceTimeKernel> kernel;
   std::string description;
-  double error = 0;  ///< checked against contour values where a contour exists, relative to the largest weight
+  double error = 0;  ///< see Result::kernel_error
 };
 
 /// The kernel by recurrence (scan) or lag table (FFT), from contours where the spectrum allows one.
@@ -47,9 +47,15 @@ struct IterationOutcome {
   Status status = Status::tolerance_not_met;
   std::string reason;
   Index infeasible = -1;  ///< row of an iterate that stayed infeasible: not yet a proof for the scene
+  Index settled = 0;      ///< rows before it had settled
 };
 using ApplyKernel = std::function<void(const Array& y, Array& v, Index first)>;
 IterationOutcome iterate(const DiscreteProblem&, const Options&, const ApplyKernel&, LcpBatch&, const Array& r,
                          Array& y, Array& v, Result& result);
+
+/// Writes y, status and the residual of a fresh K * y to `result`; rows that had not settled in an iteration that was
+/// cut off become NaN.
+void finish_iteration(const DiscreteProblem&, const IterationOutcome&, const ApplyKernel&, LcpBatch&, const Array& r,
+                      const Array& y, Array& v, Result& result);
 
 }  // namespace bromwich

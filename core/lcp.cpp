@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 namespace bromwich {
 
@@ -77,7 +78,17 @@ bool is_P_exact(const Matrix& M) { return minors_positive(M); }
 LcpClass classify(const LcpMatrix& M) {
   if (is_surely_P(M)) return LcpClass::P;
   if (size(M) <= 16 && is_P_exact(to_dense(M))) return LcpClass::P;
-  return is_Z(M) ? LcpClass::Z : LcpClass::unknown;
+  // With a zero on the diagonal (M = 0 in the extreme) the least element of the static problem is not what is meant:
+  // the constraint then acts through N x, and only the user can say Z.
+  const bool positive = std::visit(
+      [](const auto& m) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(m)>, Matrix>)
+          return (m.diagonal().array() > 0).all();
+        else
+          return (m.diagonal.array() > 0).all();
+      },
+      M);
+  return positive && is_Z(M) ? LcpClass::Z : LcpClass::unknown;
 }
 
 const char* to_string(LcpClass c) {
@@ -216,7 +227,7 @@ bool ActiveSetLcp::least_element(const Vector& q, LcpOutcome& outcome) {
     flips_.clear();
     for (Index i = 0; i < q.size(); ++i)
       if (!active_[std::size_t(i)] && value_[i] < -tol) flips_.push_back(i);
-    if (flips_.empty()) return value_.allFinite();
+    if (flips_.empty()) return value_.allFinite() && (value_.array() >= -tol).all();
     // For a Z-matrix the pivots met on the way are those of M_SS: one that is not positive has no positive solution.
     const std::vector<Index> added = flips_;
     for (const Index i : added) {

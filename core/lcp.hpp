@@ -29,7 +29,8 @@ bool is_surely_P(const LcpMatrix&);
 /// All principal minors positive, tested by Schur complements in 2^n steps. Precondition: n <= 16.
 bool is_P_exact(const Matrix&);
 
-/// P where a sufficient condition or, for n <= 16, the exact test says so; else Z where the signs say so; else unknown.
+/// P where a sufficient condition or, for n <= 16, the exact test says so; else Z where the signs say so and the
+/// diagonal is positive; else unknown.
 LcpClass classify(const LcpMatrix&);
 
 const char* to_string(LcpClass);

@@ -2,6 +2,7 @@
 
 #include "backend.hpp"
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -29,9 +30,13 @@ struct Result {
   std::vector<Index> x_components;  ///< which
   std::optional<double> infeasible_at;
 
-  double residual = 0;                   ///< max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf)
+  /// max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf) with the kernel of the method; NaN where no solution was
+  /// evaluated.
+  double residual = std::numeric_limits<double>::quiet_NaN();
   std::optional<double> error_estimate;  ///< of y; empty where it was not estimated
-  double kernel_error = 0;               ///< a-posteriori check of the kernel weights, relative to the largest
+  /// Deviation of the kernel weights from values they were not made from, relative to the largest; NaN where there are
+  /// none to compare with.
+  double kernel_error = std::numeric_limits<double>::quiet_NaN();
 
   std::string method, backend;
   std::string kernel;  ///< how the kernel was made and applied, in words

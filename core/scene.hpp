@@ -1,5 +1,5 @@
 #pragma once
-// What a user states (DESIGN: one problem):
+// What a user states:
 //
 //     x' = A x + B y + f(t),   0 <= y  ⊥  w = N x + M y + g(t) >= 0,   x(0) = x0,   0 <= t <= T.
 //

@@ -43,25 +43,29 @@ void validate(const Scene& scene, const Options& options) {
                   "components are counted from 0");
 }
 
-// The natural-map residual that a solution may have: rounding of the kernel and what an iteration tolerance leaves
+// The natural-map residual that a solution may have: rounding of the kernel, and what an iteration tolerance leaves
 // open.
-double residual_limit(const Options& options) { return std::max(1e-9, 1e3 * options.iteration_tolerance); }
+double residual_limit(bool iterated, const Options& options) {
+  return iterated ? std::clamp(1e3 * options.iteration_tolerance, 1e-9, 1e-2) : 1e-9;
+}
 
 // An infeasible iterate proves nothing about the scene; marching the same discretisation decides.
 void confirm_infeasible(const DiscreteProblem& p, const Options& options, Result& result) {
   const std::string observed = result.reason;
   Result marched;
   solve_by_marching(p, Rule::exponential, options, marched);
+  result.infeasible_at.reset();
   if (marched.status == Status::infeasible) {
     result.status = Status::infeasible;
     result.reason = marched.reason + " (confirmed by marching)";
     result.infeasible_at = marched.infeasible_at;
     result.y = std::move(marched.y);
-    return;
+    result.residual = marched.residual;
+  } else if (marched.status == Status::solved) {
+    result.reason = observed + ", but marching gets past it: use method march";
+  } else {
+    result.reason = observed + "; marching ends too: " + marched.reason;
   }
-  result.status = Status::tolerance_not_met;
-  result.reason = observed + ", but marching gets past it: use method march";
-  result.infeasible_at.reset();
 }
 
 void run(const DiscreteProblem& p, Method method, const Options& options, Result& result) {
@@ -85,7 +89,7 @@ void run(const DiscreteProblem& p, Method method, const Options& options, Result
     confirm_infeasible(p, options, result);
   else if (iterated && result.status != Status::infeasible)
     result.infeasible_at.reset();
-  if (result.status == Status::solved && !(result.residual <= residual_limit(options))) {
+  if (result.status == Status::solved && !(result.residual <= residual_limit(iterated, options))) {
     result.status = Status::tolerance_not_met;
     result.reason = "the residual is above the limit for a solution";
   }

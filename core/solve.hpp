@@ -25,15 +25,16 @@ enum class ConvolutionChoice { automatic, scan, fft };
 enum class RecurrenceChoice { automatic, modal, compressed };
 
 struct Progress {
-  Index iteration = 0;
-  double change = 0;
+  Index iteration = 0;  ///< sweeps done, or time steps where `total` says how many there are
+  double change = 0;    ///< of the last sweep
+  Index total = 0;      ///< steps of a march, 0 for an iteration
 };
 
 struct Options {
   Method method = Method::automatic;
   Index steps = 0;                     ///< 0 = the scene's default
   double iteration_tolerance = 1e-12;  ///< max change of y relative to max(1, |y|)
-  Index max_iterations = 2000;         ///< the iteration count of a P or Z scene is finite but can be large
+  Index max_iterations = 2000;         ///< converging scenes need tens to hundreds; others stop earlier by themselves
   StateSelection states = StateSelection::none;
   std::vector<Index> components = {};  ///< with StateSelection::list
   ConvolutionChoice convolution = ConvolutionChoice::automatic;

@@ -4,8 +4,6 @@
 #include "core/kernel.hpp"
 #include "core/phi.hpp"
 
-#include <Eigen/LU>
-
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -133,39 +131,10 @@ Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const s
   return x;
 }
 
+// A dense state is small: stepping it costs little and needs no contour.
 Matrix dense_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
-  const Matrix& A = p.dense()->A;
-  const Index m = A.rows();
-  const RowMatrix u = state_input(p, y);
-  const auto parameters = contour_parameters(spectrum(p.scene.dynamics).half_angle);
-  Matrix x(m, Index(rows.size()));
-  // A few solves a time point against m^2 work for every step before it.
-  if (!parameters || Index(rows.size()) * 200 * m > p.J) {
-    const RowMatrix all = dense_states(A, Rule::exponential, p.h, p.scene.x0, u);
-    for (std::size_t c = 0; c < rows.size(); ++c) x.col(Index(c)) = all.row(rows[c]).transpose();
-    return x;
-  }
-  const std::vector<LagWindow> windows = lag_windows(*parameters, p.h, p.J);
-  const ComplexMatrix identity = ComplexMatrix::Identity(m, m);
-  for (std::size_t c = 0; c < rows.size(); ++c) {
-    const Index j = rows[c];
-    Vector sum = j == 0 ? p.scene.x0 : Vector(Vector::Zero(m));
-    const auto add = [&](Complex z, const ComplexVector& rhs) {
-      sum += (z * identity - A.cast<Complex>()).partialPivLu().solve(rhs).real();
-    };
-    if (j > 0) {
-      const Contour contour = window_contour(*parameters, p.t[j]);
-      for (Index q = 0; q < contour.nodes.size(); ++q)
-        add(contour.nodes[q], contour.weights[q] * std::exp(p.t[j] * contour.nodes[q]) * p.scene.x0.cast<Complex>());
-    }
-    for (const LagWindow& window : windows) {
-      if (j == 0 || window.first > j) break;
-      const ComplexMatrix inputs = past_inputs(window, u, j);
-      for (Index q = 0; q < inputs.rows(); ++q) add(window.contour.nodes[q], inputs.row(q).transpose());
-    }
-    x.col(Index(c)) = sum;
-  }
-  return x;
+  const RowMatrix all = dense_states(p.dense()->A, Rule::exponential, p.h, p.scene.x0, state_input(p, y));
+  return all(rows, Eigen::all).transpose();
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ RowMatrix state_components(const DiscreteProblem&, Rule, const RowMatrix& y, con
 ///
 ///     x_j = e^{A t_j} x0 + Σ_windows Σ_p (z_p I - A)^{-1} B [ Σ_d c_p F_d(z_p) u_{j-d} ],
 ///
-/// the shifted solves of a few contours a time point, whatever j; dense dynamics without a contour are stepped.
+/// the shifted solves of a few contours a time point, whatever j (Kronecker sum); dense dynamics are stepped.
 Matrix states_at_rows(const DiscreteProblem&, const RowMatrix& y, const std::vector<Index>& rows);
 
 }  // namespace bromwich

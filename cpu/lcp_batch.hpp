@@ -48,9 +48,12 @@ class RowBlocks {
     for (Index j = first; j < rows; ++j)
       if (left_[std::size_t(j)]) finish(report, j, pivot);
     for (Index j = first; j < rows; ++j) {
-      report.finite = report.finite && std::isfinite(change_[std::size_t(j)]);
-      report.change = std::max(report.change, change_[std::size_t(j)]);
-      report.magnitude = std::max(report.magnitude, magnitude_[std::size_t(j)]);
+      double& change = change_[std::size_t(j)];
+      const double magnitude = magnitude_[std::size_t(j)];
+      change /= std::max(1.0, magnitude);
+      report.finite = report.finite && std::isfinite(change);
+      report.change = std::max(report.change, change);
+      report.magnitude = std::max(report.magnitude, magnitude);
     }
     report.settled = first;
     while (report.settled < rows && change_[std::size_t(report.settled)] <= settle_tolerance) ++report.settled;

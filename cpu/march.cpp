@@ -22,11 +22,11 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-// The LCP of a step and its bookkeeping.
+// The LCP of a step and its bookkeeping. M + W_0 does not inherit the class of M: it is tested itself.
 class StepLcp {
  public:
   StepLcp(const Matrix& implicit, const Matrix& M, LcpClass lcp_class)
-      : M_(M), solver_(implicit, step_class(implicit, lcp_class), lcp_class == LcpClass::Z ? &M_ : nullptr) {}
+      : M_(M), solver_(implicit, classify(LcpMatrix(implicit)), lcp_class == LcpClass::Z ? &M_ : nullptr) {}
 
   void start_from(const Vector& y) { solver_.start_from(y); }
 
@@ -51,12 +51,6 @@ class StepLcp {
   }
 
  private:
-  // M + W_0 inherits neither class by itself; large matrices keep the class of M as a hint, results are checked anyway.
-  static LcpClass step_class(const Matrix& implicit, LcpClass lcp_class) {
-    if (implicit.rows() <= 64) return classify(LcpMatrix(implicit));
-    return lcp_class;
-  }
-
   Matrix M_;
   ActiveSetLcp solver_;
 };
@@ -66,13 +60,31 @@ void invalidate(RowMatrix& y, RowMatrix& v, Index from) {
   v.bottomRows(v.rows() - from).setConstant(NAN);
 }
 
-constexpr Index polled_every = 64;  ///< steps between two looks at the request to stop
+// Every `polled_every` steps: reports progress and looks whether to stop.
+class Poll {
+ public:
+  explicit Poll(const MarchProblem& problem) : interrupted_(problem.interrupted), progress_(problem.progress) {}
+
+  bool operator()(Index j, MarchReport& report) const {
+    if (j % polled_every != 0) return false;
+    if (progress_) progress_(j);
+    if (!interrupted_ || !interrupted_()) return false;
+    report.interrupted = true;
+    report.stopped = j;
+    return true;
+  }
+
+ private:
+  static constexpr Index polled_every = 64;
+  std::function<bool()> interrupted_;
+  std::function<void(Index)> progress_;
+};
 
 class ModalMarch final : public March {
  public:
   ModalMarch(const MarchProblem& problem, const ModalRecurrence& r, Index rows, int threads)
       : r_(r),
-        interrupted_(problem.interrupted),
+        asked_to_stop_(problem),
         n_(r.modes()),
         blocks_(blocks(n_)),
         K_(r.exponentials()),
@@ -106,9 +118,7 @@ class ModalMarch final : public March {
     MarchReport report;
     start(Y);
     for (Index j = 1; j < Y.rows(); ++j) {
-      if (j % polled_every == 0 && interrupted_ && interrupted_()) {
-        report.interrupted = true;
-        report.stopped = j;
+      if (asked_to_stop_(j, report)) {
         invalidate(Y, V, j);
         return report;
       }
@@ -195,8 +205,8 @@ class ModalMarch final : public March {
     }
   }
 
-  ModalRecurrence r_;
-  std::function<bool()> interrupted_;
+  const ModalRecurrence& r_;
+  Poll asked_to_stop_;
   Index n_, blocks_, K_;
   const RowMatrix& response_;
   std::unique_ptr<HostArray> drive_;  ///< phi in modes
@@ -214,7 +224,7 @@ class DenseMarch final : public March {
  public:
   DenseMarch(const MarchProblem& problem, const DenseRecurrence& r)
       : r_(r),
-        interrupted_(problem.interrupted),
+        asked_to_stop_(problem),
         response_(host(*problem.r)),
         drive_(problem.drive ? &host(*problem.drive) : nullptr),
         M_(to_dense(*problem.M)),
@@ -234,9 +244,7 @@ class DenseMarch final : public March {
     if (drive_) u_ += drive_->row(0).transpose();
     z_.noalias() = r_.start * u_;
     for (Index j = 1; j < Y.rows(); ++j) {
-      if (j % polled_every == 0 && interrupted_ && interrupted_()) {
-        report.interrupted = true;
-        report.stopped = j;
+      if (asked_to_stop_(j, report)) {
         invalidate(Y, V, j);
         return report;
       }
@@ -262,8 +270,8 @@ class DenseMarch final : public March {
   std::size_t bytes() const override { return sizeof(double) * std::size_t(2 * r_.decay.size() + 5 * M_.size()); }
 
  private:
-  DenseRecurrence r_;
-  std::function<bool()> interrupted_;
+  const DenseRecurrence& r_;
+  Poll asked_to_stop_;
   const RowMatrix& response_;
   const RowMatrix* drive_;
   Matrix M_;

@@ -2,7 +2,7 @@
 //
 // S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)) is even or odd about the middle index according to the parity of k, so a row
 // is folded first: two products with matrices of half the size, half the multiplications of a full product. Up to about
-// n = 1000 that beats a fast transform (DESIGN: flops are cheap next to shuffles); beyond, FFTW's RODFT00.
+// n = 1000 that beats a fast transform; beyond, FFTW's RODFT00.
 
 #include "cpu/parts.hpp"
 

@@ -47,5 +47,22 @@ TEST(Literal, RefusesSpectraOutsideItsSector) {
   EXPECT_EQ(r.y.rows(), 61);
 }
 
+TEST(Literal, RefusesSystemsFarFromNormal) {
+  // All eigenvalues are -1, but the resolvent is not bounded by that: (2.1b) does not hold.
+  Scene scene = make_scene("dlcp-small");
+  Matrix A = -Matrix::Identity(8, 8);
+  A.diagonal(1).setConstant(-4);
+  scene.dynamics = DenseDynamics{A, Matrix::Ones(8, 1), Matrix::Ones(1, 8)};
+  scene.M = Matrix{{1}};
+  scene.lcp_class = LcpClass::P;
+  scene.f = scene.g = nullptr;
+  scene.x0 = Vector::Ones(8);
+  scene.exact = nullptr;
+  scene.T = 4;
+  const Result r = literal(scene, 100, 25);
+  EXPECT_EQ(r.status, Status::unsupported);
+  EXPECT_NE(r.reason.find("normal"), std::string::npos) << r.reason;
+}
+
 }  // namespace
 }  // namespace bromwich

@@ -106,7 +106,7 @@ TEST(Solve, ZScenesEqualOracle) {  // M is no P-matrix: the least element has to
 struct Probe {
   Index Q, J;
   Method method;
-  double Y;  ///< y at t = T in the middle of the side, to ten digits, from prototypes that share no code with this one
+  double Y;  ///< y at t = T in the middle of the side, to ten digits, from programs that share no code with this one
 };
 
 class SignoriniProbe : public testing::TestWithParam<Probe> {};
