@@ -15,8 +15,8 @@ namespace bromwich::app {
 
 namespace {
 
-/// Enough for a mean, few enough that no row has settled and left the iteration. The first sweep starts from x0 without
-/// a kernel, and the residual takes one application at the end: as many applications as sweeps.
+/// Enough for a mean, few enough that hardly a row has settled and left the iteration. The first sweep starts from x0
+/// without a kernel, and the residual takes one application at the end: as many applications as sweeps.
 constexpr Index iterations = 10;
 
 struct Contender {

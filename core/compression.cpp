@@ -79,6 +79,7 @@ ExponentialSum compress_line_kernel(const KroneckerDynamics& dynamics, double h,
   const std::vector<Index> order = pivots(all, std::min<Index>({rates.size(), samples, 64}));
   ExponentialSum best;
   best.error = INFINITY;
+  if (order.empty()) return best;  // nothing is left of the kernel at t = h
   for (Index K = std::min<Index>(8, Index(order.size())); K <= Index(order.size()); K += 2) {
     Vector chosen(K);
     for (Index k = 0; k < K; ++k) chosen[k] = rates[order[std::size_t(k)]];

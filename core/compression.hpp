@@ -14,8 +14,13 @@ struct ExponentialSum {
   double error = 0;     ///< max |k(t) - Σ c_k e^{s_k t}| over check points between the samples, relative to max |k|
 };
 
-/// Fits n^T e^{across t} b on [h, T]. The number of rates grows until `tolerance` is met or no longer improves.
-ExponentialSum compress_line_kernel(const KroneckerDynamics&, double h, double T, double tolerance);
+/// Where the fit stops growing, and the error up to which it may replace the eigenvalues.
+inline constexpr double compression_tolerance = 1e-13, accepted_compression_error = 1e-11;
+
+/// Fits n^T e^{across t} b on [h, T]. The number of rates grows until `tolerance` is met or there are no more. The
+/// error is infinite where nothing of the kernel is left at t = h.
+ExponentialSum compress_line_kernel(const KroneckerDynamics&, double h, double T,
+                                    double tolerance = compression_tolerance);
 
 /// The recurrence with these exponentials in place of all eigenvalues: lags 0 and 1 come from the contour, and each
 /// mode l uses the rates s_k + mu_l.

@@ -41,7 +41,6 @@ std::size_t SpaceTimeKernel::bytes() const {
 
 namespace {
 
-constexpr double compression_tolerance = 1e-13;  ///< of the exponential sum: where contour values end
 constexpr double accepted_kernel_error = 1e-11;  ///< a contour kernel that misses its check by more is not used
 
 /// An iterate may be infeasible for a while (Theorem 3.2 bounds only short horizons); after this many sweeps in which
@@ -60,16 +59,20 @@ KernelChoice kronecker_kernel(const DiscreteProblem& p, ConvolutionChoice choice
   const Index rows = p.J + 1, n = d.along.points;
   const auto parameters = contour_parameters(0);
   KernelChoice made;
-  const ExponentialSum sum = compress_line_kernel(d, p.h, p.scene.T, compression_tolerance);
-  if (choice == ConvolutionChoice::scan ||
-      (choice == ConvolutionChoice::automatic && sum.error <= accepted_kernel_error)) {
-    const ModalRecurrence r = compressed_recurrence(p.backend, d, sum, p.h);
-    made.kernel =
-        std::make_unique<SpaceTimeKernel>(p.backend, p.backend.convolution(Recurrence(r), rows), true, rows, n);
-    made.description = text("scan of %ld exponentials a mode, fitted to contour values (%ld nodes a window)",
-                            long(sum.rates.size()), long(parameters->P + 1));
-    made.error = sum.error;
-    return made;
+  if (choice != ConvolutionChoice::fft) {
+    const ExponentialSum sum = compress_line_kernel(d, p.h, p.scene.T);
+    const bool fits = sum.error <= accepted_compression_error;
+    if (fits || choice == ConvolutionChoice::scan) {
+      // Where no short sum fits, all eigenvalues are one.
+      const Recurrence r = fits ? compressed_recurrence(p.backend, d, sum, p.h)
+                                : modal_recurrence(d, Rule::exponential, p.h, RowMatrix());
+      made.kernel = std::make_unique<SpaceTimeKernel>(p.backend, p.backend.convolution(r, rows), true, rows, n);
+      made.description = fits ? text("scan of %ld exponentials a mode, fitted to contour values (%ld nodes a window)",
+                                     long(sum.rates.size()), long(parameters->P + 1))
+                              : text("scan of all %ld eigenvalues a mode", long(d.across.points));
+      made.error = fits ? sum.error : NAN;
+      return made;
+    }
   }
   const LagTable table = contour_lag_table(p.backend, d, *parameters, p.h, p.J);
   made.kernel = std::make_unique<SpaceTimeKernel>(p.backend, p.backend.convolution(table, rows), true, rows, n);

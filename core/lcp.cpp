@@ -16,13 +16,15 @@ bool dominant(const Matrix& M) {
   return true;
 }
 
-// All principal minors of M positive: M_11 > 0, and the same for M without index 1 and for its Schur complement.
-bool minors_positive(const Matrix& M) {
+// All principal minors of M positive: M_11 > 0, and the same for M without index 1 and for its Schur complement. A
+// pivot at the level of rounding counts as zero.
+bool minors_positive(const Matrix& M, double rounding) {
   const Index n = M.rows();
   if (n == 0) return true;
-  if (!(M(0, 0) > 0)) return false;
+  if (!(M(0, 0) > rounding)) return false;
   const Matrix rest = M.bottomRightCorner(n - 1, n - 1);
-  return minors_positive(rest) && minors_positive(rest - M.col(0).tail(n - 1) * M.row(0).tail(n - 1) / M(0, 0));
+  return minors_positive(rest, rounding) &&
+         minors_positive(rest - M.col(0).tail(n - 1) * M.row(0).tail(n - 1) / M(0, 0), rounding);
 }
 
 // Gaussian elimination without exchanges meets positive pivots only. For a Z-matrix: it is a nonsingular M-matrix.
@@ -73,7 +75,9 @@ bool is_surely_P(const LcpMatrix& M) {
   return cholesky.info() == Eigen::Success && cholesky.rcond() > 1e3 * epsilon;
 }
 
-bool is_P_exact(const Matrix& M) { return minors_positive(M); }
+bool is_P_exact(const Matrix& M) {
+  return minors_positive(M, M.size() > 0 ? 16 * epsilon * M.cwiseAbs().maxCoeff() : 0);
+}
 
 LcpClass classify(const LcpMatrix& M) {
   if (is_surely_P(M)) return LcpClass::P;

@@ -12,9 +12,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr double compression_tolerance = 1e-13;
-constexpr double accepted_compression_error = 1e-11;
-
 struct Plan {
   Recurrence recurrence;
   RowMatrix r;  ///< what the recurrence leaves out
@@ -49,7 +46,7 @@ RowMatrix with_modes(const DiscreteProblem& p, const RowMatrix& values) {
 Plan modal_plan(const DiscreteProblem& p, Rule rule) {
   const KroneckerDynamics& d = *p.kronecker();
   const Vector b = sine_matrix(d.across.points) * d.b;
-  if (b.cwiseAbs().minCoeff() < 1e-10 * b.cwiseAbs().maxCoeff())
+  if (b.cwiseAbs().minCoeff() <= 1e-10 * b.cwiseAbs().maxCoeff())
     return {modal_recurrence(d, rule, p.h, RowMatrix()), with_modes(p, stepped_initial_response(p, rule))};
   return {modal_recurrence(d, rule, p.h, x0_in_modes(p.backend, d, p.scene.x0, true)), p.g};
 }
@@ -66,9 +63,9 @@ Plan make_plan(const DiscreteProblem& p, Rule rule, RecurrenceChoice choice, std
   }
   const Index all = p.kronecker()->across.points;
   if (rule == Rule::exponential && choice != RecurrenceChoice::modal) {
-    const ExponentialSum sum = compress_line_kernel(*p.kronecker(), p.h, p.scene.T, compression_tolerance);
-    const bool pays = 2 * sum.rates.size() <= all && sum.error <= accepted_compression_error;
-    if (choice == RecurrenceChoice::compressed || pays) {
+    const ExponentialSum sum = compress_line_kernel(*p.kronecker(), p.h, p.scene.T);
+    const bool fits = sum.error <= accepted_compression_error;
+    if (fits && (choice == RecurrenceChoice::compressed || 2 * sum.rates.size() <= all)) {
       description = std::to_string(sum.rates.size()) + " exponentials a mode, stepped";
       return compressed_plan(p, sum);
     }

@@ -45,7 +45,7 @@ ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, d
   }
   ModalRecurrence r;
   const bool with_x0 = x0_modal.size() > 0;
-  if (with_x0 && b.cwiseAbs().minCoeff() < 1e-12 * b.cwiseAbs().maxCoeff())
+  if (with_x0 && b.cwiseAbs().minCoeff() <= 1e-12 * b.cwiseAbs().maxCoeff())
     throw Error("dynamics.b", "a sine component of it is zero, so that mode of x0 is not in the driven recurrence",
                 "leave x0 out and add its response");
   r.decay.resize(K, n);

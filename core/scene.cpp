@@ -1,6 +1,7 @@
 #include "core/scene.hpp"
 
 #include "core/error.hpp"
+#include "core/lcp.hpp"
 
 #include <cmath>
 #include <limits>
@@ -197,6 +198,8 @@ void Scene::validate() const {
   std::visit([](const auto& d) { bromwich::validate(d); }, dynamics);
   const Index m = states(), n = constraints();
   std::visit([n](const auto& matrix) { bromwich::validate(matrix, n); }, M);
+  if (lcp_class == LcpClass::Z && !is_Z(M))
+    throw Error("lcp_class", "says Z, but M has a positive entry off its diagonal", "use automatic");
   require_length("x0", x0, m, "one per state");
   require_finite("x0", x0);
   require_positive("T", T);

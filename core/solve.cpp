@@ -8,6 +8,8 @@
 #include "core/states.hpp"
 #include "core/timer.hpp"
 
+#include <Eigen/LU>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -68,8 +70,21 @@ void confirm_infeasible(const DiscreteProblem& p, const Options& options, Result
   }
 }
 
+// Where M is singular (M = 0 in the extreme) y acts through the state alone, and continuous piecewise-linear y has the
+// characteristic root -1: it can alternate from one time point to the next with a perfect residual.
+bool can_ring(const DiscreteProblem& p) {
+  if (p.lcp_class == LcpClass::P || p.lcp_class == LcpClass::Z) return false;
+  const Eigen::FullPivLU<Matrix> lu(to_dense(p.scene.M));
+  return !lu.isInvertible();
+}
+
 void run(const DiscreteProblem& p, Method method, const Options& options, Result& result) {
   result.method = to_string(method);
+  if (method != Method::euler && can_ring(p)) {
+    result.status = Status::unsupported;
+    result.reason = "M is singular, and piecewise-linear y can ring from one time point to the next; use method euler";
+    return;
+  }
   switch (method) {
     case Method::contour:
       solve_by_iteration(p, options, result);
@@ -99,7 +114,13 @@ void run(const DiscreteProblem& p, Method method, const Options& options, Result
 // cannot be solved (M + W_0 may leave the class of M), the iteration only ever needs M.
 void run_automatic(const DiscreteProblem& p, const Options& options, Result& result) {
   run(p, Method::march, options, result);
-  if (result.status != Status::tolerance_not_met) return;
+  if (result.status == Status::unsupported) {
+    const std::string why = result.reason;
+    result.reason.clear();
+    run(p, Method::euler, options, result);
+    result.kernel += "; march was not used: " + why;
+  }
+  if (result.status != Status::tolerance_not_met || result.method == to_string(Method::euler)) return;
   Result iterated;
   iterated.seconds.setup = result.seconds.setup;
   run(p, Method::contour, options, iterated);
@@ -150,13 +171,14 @@ Result solve(const Scene& scene, Backend& backend, const Options& options) {
   scene.validate();
   validate(scene, options);
   Result result;
-  result.backend = backend.name();
   result.method = to_string(options.method);
   const Index J = options.steps > 0 ? options.steps : scene.default_steps;
+  const std::vector<Index> components = selected(scene, options);
+  const double table = 8.0 * double(J + 1) * double(components.size());
+  if (table > 16e9)
+    throw Error("states", "the table would take " + std::to_string(long(table / 1e9)) + " GB",
+                "ask for fewer components or steps");
   const DiscreteProblem p = discretise(scene, backend, J);
-  result.t = p.t;
-  result.steps = J;
-  result.x_components = selected(scene, options);
   result.seconds.setup = Timer(total).lap();
   if (finite_sources(p, result)) {
     if (options.method == Method::automatic)
@@ -169,8 +191,8 @@ Result solve(const Scene& scene, Backend& backend, const Options& options) {
   result.steps = J;
   if (result.y.size() == 0) result.y = RowMatrix::Constant(J + 1, scene.constraints(), NAN);
   if (result.status == Status::infeasible && result.infeasible_at == 0.0) result.y.setConstant(NAN);
-  result.x_components = selected(scene, options);
-  const Rule rule = options.method == Method::euler ? Rule::implicit_euler : Rule::exponential;
+  result.x_components = components;
+  const Rule rule = result.method == to_string(Method::euler) ? Rule::implicit_euler : Rule::exponential;
   result.x = state_components(p, rule, result.y, result.x_components);
   Seconds& s = result.seconds;
   s.total = total.lap();

@@ -1,12 +1,10 @@
 #include "core/states.hpp"
 
-#include "core/error.hpp"
 #include "core/kernel.hpp"
 #include "core/phi.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <string>
 
 namespace bromwich {
 
@@ -142,10 +140,6 @@ Matrix dense_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::
 RowMatrix state_components(const DiscreteProblem& p, Rule rule, const RowMatrix& y,
                            const std::vector<Index>& components) {
   if (components.empty()) return RowMatrix(p.J + 1, 0);
-  const double bytes = 8.0 * double(p.J + 1) * double(components.size());
-  if (bytes > 16e9)
-    throw Error("states", "the table would take " + std::to_string(long(bytes / 1e9)) + " GB",
-                "ask for fewer components or steps");
   if (p.kronecker()) return kronecker_states(p, rule, y, components);
   const RowMatrix all = dense_states(p.dense()->A, rule, p.h, p.scene.x0, state_input(p, y));
   RowMatrix x(p.J + 1, Index(components.size()));

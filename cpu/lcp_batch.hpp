@@ -33,7 +33,7 @@ class RowBlocks {
     LcpReport report;
     long sweeps = 0;
     const Index count = (rows - first + width - 1) / width;
-#pragma omp parallel for num_threads(threads_) schedule(dynamic, 1) reduction(+ : sweeps) if (count > 1)
+#pragma omp parallel for num_threads(threads_) schedule(static) reduction(+ : sweeps) if (count > 1)
     for (Index block = 0; block < count; ++block) {
       const Index begin = first + block * width, size = std::min(width, rows - begin);
       BlockOutcome outcome;

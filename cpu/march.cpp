@@ -26,7 +26,9 @@ double seconds_since(Clock::time_point start) { return std::chrono::duration<dou
 class StepLcp {
  public:
   StepLcp(const Matrix& implicit, const Matrix& M, LcpClass lcp_class)
-      : M_(M), solver_(implicit, classify(LcpMatrix(implicit)), lcp_class == LcpClass::Z ? &M_ : nullptr) {}
+      : M_(M),
+        is_Z_(lcp_class == LcpClass::Z),
+        solver_(implicit, classify(LcpMatrix(implicit)), is_Z_ ? &M_ : nullptr) {}
 
   void start_from(const Vector& y) { solver_.start_from(y); }
 
@@ -44,7 +46,7 @@ class StepLcp {
     ++report.count.unsolved;
     if (!q.allFinite())
       report.finite = false;
-    else if (outcome.infeasible)
+    else if (outcome.infeasible && is_Z_)  // the proof is about least elements, which only a Z scene asks for
       report.infeasible = j;
     report.stopped = j;
     return false;
@@ -52,6 +54,7 @@ class StepLcp {
 
  private:
   Matrix M_;
+  bool is_Z_;
   ActiveSetLcp solver_;
 };
 
