@@ -12,38 +12,17 @@ constexpr double degree = std::numbers::pi / 180;
 
 // Worst errors are over t in [t0, 5 t0] and over the rays of the sector; the near shapes give the weights of lags 0 and
 // 1 to 1e-15 h.
+// clang-format off
 constexpr std::array<ContourParameters, 6> parameter_table{{
-    {0 * degree,
-     21,
-     {1.0727203598835797, 0.10255199568324819, 8.017019961323617},
-     2.4e-13,
-     {0.8747230668157121, 0.095464762163727485, 12.699437209120001}},
-    {0 * degree,
-     24,
-     {1.0430058100318390, 0.09818070360996706, 7.468642467551716},
-     7.0e-15,
-     {0.70948548030263736, 0.11496891620580689, 5.9838624686408988}},
-    {15 * degree,
-     28,
-     {0.886512, 0.110112, 3.67963},
-     1.9e-15,
-     {0.63471622526539417, 0.11991345751336399, 3.327332180945608}},
-    {30 * degree,
-     36,
-     {0.716430, 0.103542, 2.55297},
-     2.6e-15,
-     {0.58707119397394181, 0.11245196213651897, 2.1380801233261493}},
-    {45 * degree,
-     50,
-     {0.548150, 0.0825328, 1.86288},
-     2.8e-15,
-     {0.59139687474802605, 0.076119227601541453, 2.9415074482598342}},
-    {60 * degree,
-     80,
-     {0.386939, 0.0555961, 1.84706},
-     5.9e-15,
-     {0.35947699571943448, 0.054798602738911351, 2.2757961603433912}},
+    // half-angle   P   window: gamma, spacing, mu                                   error    near: gamma, spacing, mu
+    { 0 * degree, 21, {1.0727203598835797, 0.10255199568324819, 8.017019961323617}, 2.4e-13, {0.8747230668157121,  0.095464762163727485, 12.699437209120001}},
+    { 0 * degree, 24, {1.0430058100318390, 0.09818070360996706, 7.468642467551716}, 7.0e-15, {0.70948548030263736, 0.11496891620580689,   5.9838624686408988}},
+    {15 * degree, 28, {0.886512, 0.110112,  3.67963},                               1.9e-15, {0.63471622526539417, 0.11991345751336399,   3.327332180945608}},
+    {30 * degree, 36, {0.716430, 0.103542,  2.55297},                               2.6e-15, {0.58707119397394181, 0.11245196213651897,   2.1380801233261493}},
+    {45 * degree, 50, {0.548150, 0.0825328, 1.86288},                               2.8e-15, {0.59139687474802605, 0.076119227601541453,  2.9415074482598342}},
+    {60 * degree, 80, {0.386939, 0.0555961, 1.84706},                               5.9e-15, {0.35947699571943448, 0.054798602738911351,  2.2757961603433912}},
 }};
+// clang-format on
 
 // z(v) = scale (1 + sin(iv - gamma)) and z'(v) = scale i cos(iv - gamma) at v = p spacing, p = 0..P; the conjugate
 // half is folded into the weights.
@@ -82,13 +61,6 @@ Contour near_contour(const ContourParameters& parameters, double h) {
   contour.t0 = h;
   contour.t1 = 2 * h;
   return contour;
-}
-
-std::vector<Contour> window_contours(const ContourParameters& parameters, double t0, double t1) {
-  // A last window that would start within rounding of t1 is not opened.
-  std::vector<Contour> windows{window_contour(parameters, t0)};
-  while (windows.back().t1 < t1 * (1 - 8 * epsilon)) windows.push_back(window_contour(parameters, windows.back().t1));
-  return windows;
 }
 
 Contour literal_contour(Index P, double t) {

@@ -49,9 +49,6 @@ Contour window_contour(const ContourParameters&, double t0);
 /// For the weights of lags 0 and 1 at step h: t in [h, 2h], a double pole at z = 0.
 Contour near_contour(const ContourParameters&, double h);
 
-/// Windows [t0, 5 t0], [5 t0, 25 t0], ... that together cover [t0, t1].
-std::vector<Contour> window_contours(const ContourParameters&, double t0, double t1);
-
 /// The contour of (2.2) of the Laplace-inversion paper with its printed parameters for one time point t:
 /// gamma = 0.794, mu = sqrt(P)/4, dv = 2.0603/sqrt(P); its error is printed as e^{-2.06 sqrt P}/sqrt P (2.8).
 Contour literal_contour(Index P, double t);

@@ -13,25 +13,6 @@ namespace {
 
 constexpr Index largest_lane_size = 16;
 
-double natural_residual(const Matrix& M, const RowMatrix& R, const RowMatrix& V, const RowMatrix& Y, int threads) {
-  double worst = 0;
-#pragma omp parallel for num_threads(threads) schedule(static) reduction(max : worst) if (Y.rows() > 256)
-  for (Index j = 0; j < Y.rows(); ++j) {
-    double gap = 0, scale = 1, sum = 0;
-    for (Index i = 0; i < M.rows(); ++i) {
-      const double q = R(j, i) + V(j, i);
-      double w = q;
-      for (Index k = 0; k < M.cols(); ++k) w += M(i, k) * Y(j, k);
-      const double natural = std::abs(std::min(Y(j, i), w));
-      gap = std::max(gap, natural);
-      sum += natural;  // keeps a NaN, which max need not
-      scale = std::max(scale, std::abs(q));
-    }
-    worst = std::max(worst, std::isfinite(sum) ? gap / scale : INFINITY);
-  }
-  return std::isinf(worst) ? NAN : worst;
-}
-
 class LaneLcp final : public LcpBatch {
  public:
   LaneLcp(const Matrix& M, LcpClass lcp_class, Index rows, int threads)

@@ -58,24 +58,10 @@ class TridiagonalLcp final : public LcpBatch {
   }
 
   double residual(const Array& r, const Array& v, const Array& y) override {
-    const RowMatrix &R = host(r), &V = host(v), &Y = host(y);
-    double worst = 0;
-#pragma omp parallel for num_threads(threads_) schedule(static) reduction(max : worst)
-    for (Index j = 0; j < Y.rows(); ++j) {
-      double gap = 0, scale = 1, sum = 0;
-      for (Index i = 0; i < n_; ++i) {
-        const double q = R(j, i) + V(j, i);
-        double w = q + M_.diagonal[i] * Y(j, i);
-        if (i > 0) w += M_.lower[i] * Y(j, i - 1);
-        if (i + 1 < n_) w += M_.upper[i] * Y(j, i + 1);
-        const double natural = std::abs(std::min(Y(j, i), w));
-        gap = std::max(gap, natural);
-        sum += natural;  // keeps a NaN, which max need not
-        scale = std::max(scale, std::abs(q));
-      }
-      worst = std::max(worst, std::isfinite(sum) ? gap / scale : INFINITY);
-    }
-    return std::isinf(worst) ? NAN : worst;
+    return natural_residual(host(r), host(v), host(y), threads_, [this](const double* row, Index i) {
+      const double left = i > 0 ? M_.lower[i] * row[i - 1] : 0, right = i + 1 < n_ ? M_.upper[i] * row[i + 1] : 0;
+      return M_.diagonal[i] * row[i] + left + right;
+    });
   }
 
   std::size_t bytes() const override {

@@ -1,6 +1,7 @@
 // The shared hyperbolas reproduce e^{at} over whole windows and sectors; the literal one has its printed rate.
 
 #include "core/contour.hpp"
+#include "core/kernel.hpp"
 #include "core/literal.hpp"
 #include "tests/reference.hpp"
 
@@ -77,16 +78,21 @@ TEST(Contour, RefusesWhatItCannotHold) {
   EXPECT_FALSE(contour_parameters(std::numeric_limits<double>::quiet_NaN()));
 }
 
-TEST(Contour, WindowsCover) {
+TEST(Contour, LagWindowsCover) {
   const ContourParameters parameters = *contour_parameters(0);
-  for (const auto& [t0, t1, count] :
-       {std::tuple{1.0, 1.0, 1}, {1.0, 5.0, 1}, {0.1, 0.51, 2}, {1e-3, 0.125, 3}, {2.0, 2e4, 6}}) {
-    const std::vector<Contour> windows = window_contours(parameters, t0, t1);
-    EXPECT_EQ(int(windows.size()), count) << t0 << ' ' << t1;
-    EXPECT_EQ(windows.front().t0, t0);
-    EXPECT_GE(windows.back().t1, t1 * (1 - 8 * epsilon));  // a window is not opened for a rounding
-    for (std::size_t i = 1; i < windows.size(); ++i) EXPECT_EQ(windows[i].t0, windows[i - 1].t1);
-    for (const Contour& w : windows) EXPECT_EQ(w.nodes.size(), parameters.P + 1);
+  const double h = 0.01;
+  for (const Index J : {0, 1, 2, 4, 5, 19, 400, 4096}) {
+    Index next = 0;
+    for (const LagWindow& w : lag_windows(parameters, h, J)) {
+      EXPECT_EQ(w.first, next) << J;
+      EXPECT_EQ(w.F.rows(), w.last - w.first + 1);
+      EXPECT_EQ(w.contour.nodes.size(), parameters.P + 1);
+      // Lag d is an integral over [(d-1)h, (d+1)h]; of lags 0 and 1 only [h, 2h] is left.
+      EXPECT_LE(w.contour.t0, h * double(std::max<Index>(w.first - 1, 1)) * (1 + epsilon)) << J;
+      EXPECT_GE(w.contour.t1, h * double(w.last + 1) * (1 - 4 * epsilon)) << J;
+      next = w.last + 1;
+    }
+    EXPECT_EQ(next, J + 1);
   }
 }
 
