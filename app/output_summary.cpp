@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <iterator>
 
 namespace bromwich::app {
@@ -16,14 +17,19 @@ std::string scene_line(const SceneChoice& choice) {
 }
 
 std::string grid_line(const Scene& scene, Index steps) {
-  std::string line = fmt::format("{} constraints, {} states", scene.constraints(), scene.states());
+  const auto counted = [](Index number, const char* noun) {
+    return fmt::format("{} {}{}", number, noun, number == 1 ? "" : "s");
+  };
+  std::string line = counted(scene.constraints(), "constraint") + ", " + counted(scene.states(), "state");
   if (steps > 0) line += fmt::format(", {} steps of {:.6g} up to T = {:.6g}", steps, scene.T / double(steps), scene.T);
   return line;
 }
 
 std::string error_line(const Result& result) {
-  return fmt::format("{:.2e} of the complementarity, {:.1e} of the kernel weights, discretisation {}", result.residual,
-                     result.kernel_error,
+  const std::string kernel = std::isnan(result.kernel_error)
+                                 ? "kernel weights not cross-checked"
+                                 : fmt::format("{:.1e} of the kernel weights", result.kernel_error);
+  return fmt::format("{:.2e} of the complementarity, {}, discretisation {}", result.residual, kernel,
                      result.error_estimate ? fmt::format("{:.2e}", *result.error_estimate) : "not estimated");
 }
 

@@ -221,7 +221,7 @@ class DenseScan final : public Convolution {
   DenseScan(const DenseRecurrence& r, Index rows, int threads)
       : r_(r),
         threads_(threads),
-        length_(std::max<Index>(tile, (rows - 1 + threads - 1) / threads)),
+        length_(std::max(shortest_chunk(r), (rows - 1 + threads - 1) / threads)),
         chunks_(std::max<Index>(1, (rows - 1 + length_ - 1) / length_)),
         states_(r.decay.rows(), chunks_ + 1),
         next_(r.decay.rows(), chunks_),
@@ -265,6 +265,12 @@ class DenseScan final : public Convolution {
   }
 
  private:
+  // Below some 10^5 operations a chunk costs less than waking a thread for it.
+  static Index shortest_chunk(const DenseRecurrence& r) {
+    const Index m = r.decay.rows(), n = r.output.rows(), k = r.input.cols();
+    return std::max<Index>(tile, (1 << 17) / (1 + m * m + m * n + m * k + n * k));
+  }
+
   // Advances next_.col(c) over the rows of chunk c; with v, writes the output on the way.
   void run(const RowMatrix& y, RowMatrix* v, Index c) {
     const Index m = r_.decay.rows(), n = r_.output.rows(), k = r_.input.cols();

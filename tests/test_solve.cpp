@@ -124,7 +124,8 @@ INSTANTIATE_TEST_SUITE_P(
                     Probe{39, 400, Method::euler, 0.4630299969}, Probe{39, 4096, Method::march, 0.4643275556},
                     Probe{39, 4096, Method::contour, 0.4643275556}, Probe{39, 4096, Method::euler, 0.4641993730},
                     Probe{127, 400, Method::march, 0.5389600038}, Probe{127, 400, Method::contour, 0.5389600038},
-                    Probe{127, 400, Method::euler, 0.5380450172}),
+                    Probe{127, 400, Method::euler, 0.5380450172}, Probe{511, 4096, Method::march, 0.5652547659},
+                    Probe{511, 4096, Method::euler, 0.5652243010}),
     [](const auto& probe) {
       return "Q" + std::to_string(probe.param.Q) + "_J" + std::to_string(probe.param.J) + "_" +
              to_string(probe.param.method);
