@@ -9,8 +9,6 @@
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"
 
-#include <omp.h>
-
 #include <cmath>
 #include <vector>
 
