@@ -37,8 +37,15 @@ double parse_iteration_tolerance(const std::string& word) {
   return *value;
 }
 
+std::vector<std::string> method_names() {
+  std::vector<std::string> names;
+  // The enumerators count up from 0, and to_string knows no others.
+  for (int i = 0; to_string(Method(i)) != std::string("unknown"); ++i) names.emplace_back(to_string(Method(i)));
+  return names;
+}
+
 Method parse_method(const std::string& word) {
-  static const std::vector<std::string> available{"auto", "contour", "contour-literal", "march", "euler"};
+  static const std::vector<std::string> available = method_names();
   static const std::vector<std::string> planned{"multigrid", "galerkin", "goal"};
   if (contains(planned, word))
     throw Error("--method", fmt::format("'{}' is not available yet", word), "use one of " + join(available));
@@ -53,27 +60,10 @@ std::string parse_backend(const std::string& word) {
   throw Error("--backend", found(word) + suggestion(word, {"auto", "cpu"}), "use auto or cpu");
 }
 
-void parse_states(const std::string& word, Index states, Options& options) {
-  options.components.clear();
-  options.states = word == "all" ? StateSelection::all : StateSelection::none;
-  if (word == "all" || word == "none") return;
-
-  options.states = StateSelection::list;
-  const std::string remedy =
-      fmt::format("give all, none, or different components from 0 to {} separated by commas", states - 1);
-  for (std::size_t begin = 0; begin <= word.size();) {
-    const std::size_t end = std::min(word.find(',', begin), word.size());
-    const std::string item = word.substr(begin, end - begin);
-    const auto component = parse_integer(item);
-    if (!component || *component < 0 || *component >= states)
-      throw Error("--states", item == word ? found(word) : fmt::format("found '{}' in '{}'", item, word), remedy);
-    options.components.push_back(Index(*component));
-    begin = end + 1;
-  }
-  auto sorted = options.components;
-  std::sort(sorted.begin(), sorted.end());
-  const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
-  if (twice != sorted.end()) throw Error("--states", fmt::format("component {} is given twice", *twice), remedy);
+void parse_states(const std::string& argument, const std::string& word, Index states, Options& options) {
+  StateChoice choice = parse_state_choice(argument, word, states);
+  options.states = choice.selection;
+  options.components = std::move(choice.components);
 }
 
 ParameterValues parse_settings(const std::vector<std::string>& words) {

@@ -19,12 +19,14 @@ int parse_threads(const std::string& word);
 /// A number strictly between 0 and 1.
 double parse_iteration_tolerance(const std::string& word);
 Method parse_method(const std::string& word);
+/// "auto", "contour", ...: the words that parse_method takes.
+std::vector<std::string> method_names();
 
 /// "cpu", or what `auto` stands for in this build.
 std::string parse_backend(const std::string& word);
 
-/// "all", "none" or a list "0,3,7" of components below `states`.
-void parse_states(const std::string& word, Index states, Options& options);
+/// "all", "none" or a list "0,3,7" of components below `states`; `argument` is what a refusal names.
+void parse_states(const std::string& argument, const std::string& word, Index states, Options& options);
 
 /// key=value, each key once.
 ParameterValues parse_settings(const std::vector<std::string>& words);

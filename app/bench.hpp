@@ -37,6 +37,9 @@ struct Benchmark {
 
 BenchReport bench_baselines(const BenchRequest& request, Backend& backend);
 BenchReport bench_convolution(const BenchRequest& request, Backend& backend);
+/// SCENE is a scene file or a folder of them.
+BenchReport bench_scenes(const BenchRequest& request, Backend& backend);
+BenchReport bench_sparse(const BenchRequest& request, Backend& backend);
 
 /// Wall-clock seconds of repeated runs.
 struct Samples {

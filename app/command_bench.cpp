@@ -19,9 +19,11 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr std::array<Benchmark, 2> benchmarks{{
+constexpr std::array<Benchmark, 4> benchmarks{{
     {"baselines", "the iteration against step-by-step methods, error beside time", bench_baselines},
     {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
+    {"scenes", "all scene files of a folder: what they are, how they are solved, error and time", bench_scenes},
+    {"sparse", "heat on a square with 1e5 states and ten contacts", bench_sparse},
 }};
 
 /// A reference on a grid at least four times finer must fit below max_steps.

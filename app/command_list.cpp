@@ -45,6 +45,11 @@ int run_scenes() {
   for (const SceneRecipe& recipe : scene_catalogue())
     fmt::format_to(std::back_inserter(text), "{:<{}}  {:<{}}  {}\n", recipe.name, names, defaults(recipe), values,
                    recipe.summary);
+  text += scene_files_available()
+              ? "FILE.toml is a scene of your own: 'bromwich solve --template > my.toml' prints one to start from, the "
+                "folder "
+                "examples of the source has more\n"
+              : "this build reads no scene files (.toml): toml++ or muParser was not found when it was built\n";
   print(text);
   return exit_solved;
 }

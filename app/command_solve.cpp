@@ -3,11 +3,14 @@
 #include "app/arguments.hpp"
 #include "app/commands.hpp"
 #include "app/interaction.hpp"
+#include "app/machine.hpp"
 #include "app/output_csv.hpp"
 #include "app/output_file.hpp"
 #include "app/output_json.hpp"
 #include "app/output_summary.hpp"
+#include "app/reference_error.hpp"
 #include "app/scene_choice.hpp"
+#include "app/scene_template.hpp"
 #include "app/text.hpp"
 #include "core/error.hpp"
 #include "cpu/cpu_backend.hpp"
@@ -36,15 +39,19 @@ std::string scene_name(const Words& words) {
   return words.names.front();
 }
 
-Options solve_options(const SolveArguments& arguments, const Scene& scene) {
+Options solve_options(const SolveArguments& arguments, const SceneChoice& choice) {
   Options options;
   options.method = parse_method(arguments.method);
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
   if (!arguments.iteration_tolerance.empty())
     options.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
-  parse_states(arguments.states, scene.states(), options);
+  const bool given = !arguments.states.empty();
+  parse_states("--states", given ? arguments.states : choice.states, choice.scene.states(), options);
   return options;
 }
+
+/// States of a scene with a reference are computed for the comparison where there are few.
+constexpr Index most_reference_states = 64;
 
 Index state_columns(const Options& options, const Scene& scene) {
   return options.states == StateSelection::all ? scene.states() : Index(options.components.size());
@@ -58,11 +65,17 @@ void report_status(const Result& result) {
 }  // namespace
 
 int run_solve(const SolveArguments& arguments) {
+  if (arguments.print_template) {
+    if (!arguments.words.empty())
+      throw Error("--template", "found a SCENE beside it", "use it alone: bromwich solve --template > my.toml");
+    print(scene_template);
+    return exit_solved;
+  }
   refuse_unavailable(arguments);
   const Words words = split_words(arguments.words, arguments.settings);
   const ParameterValues settings = parse_settings(words.settings);
   const SceneChoice choice = choose_scene(scene_name(words), settings);
-  Options options = solve_options(arguments, choice.scene);
+  Options options = solve_options(arguments, choice);
   parse_backend(arguments.backend);
   const int threads = arguments.threads.empty() ? 0 : parse_threads(arguments.threads);
   check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps,
@@ -75,12 +88,22 @@ int run_solve(const SolveArguments& arguments) {
   if (progress.visible()) options.progress = [&progress](const Progress& state) { progress.show(state); };
   catch_interrupts();
   options.interrupted = interrupted;
-  const Result result = solve(choice.scene, *backend, options);
+  options.memory_limit = memory_bytes();
+  const bool states_for_reference =
+      options.states == StateSelection::none && has_reference(choice) && choice.scene.states() <= most_reference_states;
+  if (states_for_reference) options.states = StateSelection::all;
+  Result result = solve(choice.scene, *backend, options);
   progress.clear();
+  const ReferenceError error = reference_error(choice, *backend, result);
+  if (states_for_reference) {  // they were not asked for
+    result.x_components.clear();
+    result.x.resize(result.y.rows(), 0);
+  }
 
   if (out) out->write([&](std::FILE* file) { write_csv(result, choice.scene.constraints(), file); });
   const int used = backend->device().threads;
-  print(arguments.json ? dump(to_json(choice, result, used)) : summary(choice, result, used, arguments.out));
+  print(arguments.json ? dump(to_json(choice, result, used, error))
+                       : summary(choice, result, used, error, arguments.out));
   if (result.status == Status::solved) return exit_solved;
   report_status(result);
   return exit_not_solved;

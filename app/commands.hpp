@@ -11,9 +11,9 @@ enum ExitCode : int { exit_solved = 0, exit_bad_input = 2, exit_not_solved = 3 }
 /// Words as they were typed; empty = not given.
 struct SolveArguments {
   std::vector<std::string> words, settings;
-  std::string method = "auto", backend = "auto", states = "none";
-  std::string tolerance, steps, iteration_tolerance, threads, out, report;
-  bool json = false;
+  std::string method = "auto", backend = "auto";
+  std::string states, tolerance, steps, iteration_tolerance, threads, out, report;
+  bool json = false, print_template = false;
 };
 
 struct BenchArguments {

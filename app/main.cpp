@@ -1,5 +1,6 @@
 // The `bromwich` command: declares the command line and turns every failure into one line and an exit code.
 
+#include "app/arguments.hpp"
 #include "app/commands.hpp"
 #include "app/text.hpp"
 #include "core/build_info.hpp"
@@ -10,6 +11,7 @@
 
 #include <exception>
 #include <new>
+#include <sstream>
 
 namespace bromwich::app {
 
@@ -39,22 +41,25 @@ void add_settings(CLI::App* command, std::vector<std::string>& settings) {
 
 CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   CLI::App* command = app.add_subcommand("solve", "solve a scene");
-  command->add_option("SCENE", a.words, "a scene that 'bromwich scenes' lists")->option_text(" ");
+  command->add_option("SCENE", a.words, "a scene that 'bromwich scenes' lists, or a file .toml")->option_text(" ");
   add_settings(command, a.settings);
-  add_word(command, "--method", a.method, "NAME", "auto (default), contour, contour-literal, march or euler");
+  add_word(command, "--method", a.method, "NAME", join(method_names()) + "; default: auto");
   add_word(command, "--backend", a.backend, "NAME", "auto (default) or cpu");
   add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
   add_word(command, "--tol", a.tolerance, "EPS", "error to reach (not available yet)");
   add_word(command, "--iteration-tol", a.iteration_tolerance, "EPS",
            "stop iterating at this change of y, relative to max(1,|y|); default 1e-12");
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
-  add_word(command, "--states", a.states, "LIST", "state components to write: none (default), all or 0,3,7");
+  add_word(command, "--states", a.states, "LIST",
+           "state components to write: none, all or 0,3,7; default: the scene's, or none");
   add_word(command, "--out", a.out, "FILE.csv", "write t, y and the states asked for");
   add_word(command, "--report", a.report, "FILE.html", "write a report (not available yet)");
   command->add_flag("--json", a.json, "print one JSON object instead of the summary");
+  command->add_flag("--template", a.print_template, "print a commented scene file to start from, and exit");
   command->footer(
       "Examples:\n"
       "  bromwich solve signorini\n"
+      "  bromwich solve --template > my.toml && bromwich solve my.toml --set R=500\n"
       "  bromwich solve signorini --set Q=127 --steps 1000 --method march --out y.csv\n"
       "  bromwich solve signorini --method contour --iteration-tol 1e-8 --json\n"
       "Exit code: 0 solved, 2 bad input, 3 any other status (what is valid is still written).");
@@ -126,7 +131,12 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);  // --help and --version
+    if (error.get_exit_code() == 0) {  // --help and --version
+      std::ostringstream out;
+      app.exit(error, out, out);
+      print(out.str());
+      return exit_solved;
+    }
     return refuse(explain(app, error));
   }
   if (scenes->parsed()) return run_scenes();

@@ -1,5 +1,7 @@
 #include "app/output_json.hpp"
 
+#include "app/scene_facts.hpp"
+
 #include <cmath>
 
 namespace bromwich::app {
@@ -22,6 +24,15 @@ Json to_json(const LcpCount& count) {
   return {{"solved", count.solved}, {"newton", count.newton}, {"fallbacks", count.fallbacks}};
 }
 
+Json reference_to_json(const std::optional<Reference>& reference) {
+  if (!reference) return nullptr;
+  return {{"t", nullable(reference->t)},
+          {"tolerance", nullable(reference->tolerance)},
+          {"status", reference->status},
+          {"infeasible_at", nullable(reference->infeasible_at)},
+          {"source", reference->source}};
+}
+
 }  // namespace
 
 Json to_json(const ParameterValues& parameters) {
@@ -33,7 +44,7 @@ Json to_json(const ParameterValues& parameters) {
   return json;
 }
 
-Json to_json(const SceneChoice& choice, const Result& result, int threads) {
+Json to_json(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error) {
   Json json;
   json["schema"] = "bromwich/1";
   json["scene"] = choice.scene.name;
@@ -41,6 +52,8 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads) {
   json["status"] = to_string(result.status);
   json["reason"] = result.reason;
   json["infeasible_at"] = nullable(result.infeasible_at);
+  json["class"] = matrix_class(choice.scene);
+  json["spectrum"] = spectrum_text(choice.scene);
   json["method"] = result.method;
   json["backend"] = result.backend;
   json["threads"] = threads;
@@ -51,6 +64,9 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads) {
   json["cycles"] = result.cycles;
   json["residual"] = result.residual;
   json["error_estimate"] = nullable(result.error_estimate);
+  json["reference_error"] = nullptr;
+  if (has_reference(choice)) json["reference_error"] = {{"x", nullable(error.x)}, {"y", nullable(error.y)}};
+  json["reference"] = reference_to_json(choice.reference);
   json["lcp"] = to_json(result.lcp);
   json["seconds"] = to_json(result.seconds);
   json["bytes"] = result.bytes;

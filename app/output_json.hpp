@@ -1,5 +1,6 @@
 #pragma once
 
+#include "app/reference_error.hpp"
 #include "app/scene_choice.hpp"
 #include "core/result.hpp"
 
@@ -11,7 +12,7 @@ namespace bromwich::app {
 using Json = nlohmann::ordered_json;
 
 /// The object that `solve --json` prints, schema "bromwich/1". Numbers that are not finite become null.
-Json to_json(const SceneChoice& choice, const Result& result, int threads);
+Json to_json(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error);
 
 Json to_json(const ParameterValues& parameters);
 

@@ -1,5 +1,6 @@
 #include "app/output_summary.hpp"
 
+#include "app/scene_facts.hpp"
 #include "app/text.hpp"
 
 #include <fmt/format.h>
@@ -51,15 +52,30 @@ std::string last_line(const Result& result) {
   return fmt::format("between {:.10g} and {:.10g}", last.minCoeff(), last.maxCoeff());
 }
 
+std::string reference_line(const SceneChoice& choice, const ReferenceError& error) {
+  const auto difference = [](const std::optional<double>& value, const char* name) {
+    return value ? fmt::format("{:.2e} of {}", *value, name) : fmt::format("{} not compared", name);
+  };
+  std::string line = fmt::format("error {}, {}", difference(error.x, "x"), difference(error.y, "y"));
+  if (!choice.reference) return line;
+  const Reference& reference = *choice.reference;
+  if (reference.tolerance) line += fmt::format("; expected at most {:.2g}", *reference.tolerance);
+  if (reference.status != to_string(Status::solved)) line += "; expected to end as " + reference.status;
+  if (reference.infeasible_at) line += fmt::format(" from t = {:.10g}", *reference.infeasible_at);
+  return line;
+}
+
 }  // namespace
 
-std::string summary(const SceneChoice& choice, const Result& result, int threads, const std::string& out) {
+std::string summary(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error,
+                    const std::string& out) {
   std::string text;
   const auto line = [&text](const char* label, const std::string& value) {
     fmt::format_to(std::back_inserter(text), "{:<11} {}\n", label, value);
   };
   line("scene", scene_line(choice));
   line("size", grid_line(choice.scene, result.steps));
+  line("class", fmt::format("{}; spectrum {}", matrix_class(choice.scene), spectrum_text(choice.scene)));
   line("method", fmt::format("{} on {}, {} thread{}", result.method, result.backend, threads, threads == 1 ? "" : "s"));
   line("kernel", result.kernel.empty() ? "-" : result.kernel);
   line("status", to_string(result.status));
@@ -67,6 +83,7 @@ std::string summary(const SceneChoice& choice, const Result& result, int threads
   line("iterations", fmt::format("{}; {} problems solved, {} Newton sweeps, {} fallbacks", result.iterations,
                                  result.lcp.solved, result.lcp.newton, result.lcp.fallbacks));
   line("errors", error_line(result));
+  if (has_reference(choice)) line("reference", reference_line(choice, error));
   line("y at T", last_line(result));
   line("time", time_line(result.seconds));
   line("  of solve", split_line(result.seconds));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "app/reference_error.hpp"
 #include "app/scene_choice.hpp"
 #include "core/result.hpp"
 
@@ -8,6 +9,7 @@
 namespace bromwich::app {
 
 /// What `solve` prints for people: about ten aligned lines. `out` is the file that was written, or empty.
-std::string summary(const SceneChoice& choice, const Result& result, int threads, const std::string& out);
+std::string summary(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error,
+                    const std::string& out);
 
 }  // namespace bromwich::app

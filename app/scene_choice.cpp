@@ -31,11 +31,8 @@ const SceneRecipe& find_recipe(const std::string& name) {
   for (const SceneRecipe& recipe : scene_catalogue())
     if (recipe.name == name) return recipe;
   const auto names = scene_names();
-  if (looks_like_file(name))
-    throw Error("SCENE", fmt::format("found '{}' but scene files are not available yet", name),
-                "use a built-in scene: " + join(names));
   throw Error("SCENE", fmt::format("found '{}'", name) + suggestion(name, names),
-              "use a built-in scene: " + join(names));
+              fmt::format("use a built-in scene ({}) or a file .toml", join(names)));
 }
 
 void check_keys(const SceneRecipe& recipe, const ParameterValues& settings) {
@@ -47,12 +44,23 @@ void check_keys(const SceneRecipe& recipe, const ParameterValues& settings) {
                   known.empty() ? "leave it out" : "use one of " + join(known));
 }
 
+SceneChoice choose_file(const std::string& name, const ParameterValues& settings) {
+  std::error_code failure;
+  if (scene_files_available() && !std::filesystem::exists(name, failure))
+    throw Error("SCENE", fmt::format("the file '{}' does not exist", name),
+                "give the path of a scene file; 'bromwich solve --template' prints one to start from");
+  SceneFile file = read_scene_file(name, settings);
+  if (!settings.empty()) file.reference.reset();  // it belongs to the parameters of the file
+  return {std::move(file.scene), std::move(file.parameters), std::move(file.states), std::move(file.reference)};
+}
+
 }  // namespace
 
 SceneChoice choose_scene(const std::string& name, const ParameterValues& settings) {
+  if (looks_like_file(name)) return choose_file(name, settings);
   const SceneRecipe& recipe = find_recipe(name);
   check_keys(recipe, settings);
-  SceneChoice choice{make_scene(name, settings), settings};
+  SceneChoice choice{make_scene(name, settings), settings, "none", std::nullopt};
   for (const SceneParameter& parameter : recipe.parameters) choice.parameters.emplace(parameter.name, parameter.value);
   // A parameter given instead of another one leaves that one without meaning, and the other way round.
   for (const SceneParameter& parameter : recipe.parameters)

@@ -1,7 +1,9 @@
 #pragma once
 
 #include "core/scenes/catalogue.hpp"
+#include "files/scene_file.hpp"
 
+#include <optional>
 #include <string>
 
 namespace bromwich::app {
@@ -10,10 +12,12 @@ namespace bromwich::app {
 struct SceneChoice {
   Scene scene;
   ParameterValues parameters;
+  std::string states = "none";         ///< default of --states
+  std::optional<Reference> reference;  ///< empty where parameters were set: it belongs to those of the file
 };
 
-/// Throws Error for a name that is no built-in scene and for a key that is none of its parameters, with the nearest one
-/// that is, and for values that the scene refuses.
+/// A built-in scene or a TOML file. Throws Error for a name that is neither and for a key that is none of its
+/// parameters, with the nearest one that is, and for values that the scene refuses.
 SceneChoice choose_scene(const std::string& name, const ParameterValues& settings);
 
 /// "Q = 39, T = 4"

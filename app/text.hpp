@@ -1,28 +1,11 @@
 #pragma once
-// Small text helpers of the command: numbers from and to words, and the nearest known name to a misspelt one.
+// Small text helpers of the command: quantities for people to read, besides what files/words.hpp has.
 
-#include <optional>
+#include "files/words.hpp"
+
 #include <string>
-#include <string_view>
-#include <vector>
 
 namespace bromwich::app {
-
-/// "a, b, c"
-std::string join(const std::vector<std::string>& words);
-
-/// The candidate within a third of the name's length (at least 2 edits) of `name`, or nothing.
-std::optional<std::string> nearest(const std::string& name, const std::vector<std::string>& candidates);
-
-/// " (did you mean 'x'?)" or "": to be put behind what was found.
-std::string suggestion(const std::string& name, const std::vector<std::string>& candidates);
-
-/// Line breaks and runs of blanks become one blank; nothing else that would move the cursor is kept.
-std::string one_line(std::string_view text);
-
-/// The whole word as a number; empty where it is none, is not finite or has anything behind it.
-std::optional<double> parse_double(std::string_view word);
-std::optional<long long> parse_integer(std::string_view word);
 
 /// "12.3 ms", with a unit that keeps three digits.
 std::string format_seconds(double seconds);

@@ -73,13 +73,17 @@ class LcpBatch {
   virtual std::size_t bytes() const = 0;
 };
 
-/// Everything a step-by-step solution of the discrete problem needs. What it points to has to outlive the plan.
+/// Everything a step-by-step solution of the discrete problem needs: the convolution as a recurrence or, where there is
+/// none, as lag weights. What it points to has to outlive the plan.
 struct MarchProblem {
   const LcpMatrix* M = nullptr;
   LcpClass lcp_class = LcpClass::unknown;
   const Recurrence* recurrence = nullptr;
-  const Array* r = nullptr;           ///< (J+1) x n: what does not depend on y and is not in the recurrence's `initial`
-  const Array* drive = nullptr;       ///< (J+1) x n: phi with f = B phi, added to y where it drives the state; or null
+  const LagTable* lags = nullptr;     ///< instead of a recurrence: n x n weights, applied in blocks of time
+  const Array* r = nullptr;           ///< (J+1) x n: what does not depend on y and is not in the recurrence's state
+  const Array* drive = nullptr;       ///< modal: (J+1) x n, phi with f = B phi, added to y where it drives the state
+  const Vector* start = nullptr;      ///< dense: m, what x0 and f_0 add to z_0
+  const Array* forcing = nullptr;     ///< dense: (J+1) x m, what f adds to z_j, j >= 1
   std::function<bool()> interrupted;  ///< polled now and then; true ends the march
   std::function<void(Index step)> progress;  ///< called now and then
 };
@@ -88,6 +92,7 @@ struct MarchReport {
   LcpCount count;
   Index infeasible = -1;  ///< row at which no solution exists, or -1; rows from there on are NaN
   Index stopped = -1;     ///< row at which a problem stayed unsolved or not finite, or -1; rows from there on are NaN
+  Index jumps = 0;        ///< steps of a StageMarch that were taken by implicit Euler
   bool interrupted = false;
   bool finite = true;
   double lcp_seconds = 0;
@@ -99,6 +104,39 @@ class March {
  public:
   virtual ~March() = default;
   virtual MarchReport run(Array& y, Array& v) = 0;
+  virtual std::size_t bytes() const = 0;
+};
+
+/// y discontinuous from one step to the next, for M that leaves y to the dynamics (M = 0 in the extreme).
+///
+/// Two stages: the Radau IIA method with nodes c = 1/3, 1, complementarity at both,
+///     X_i = x_{j-1} + h Σ_k a_ik (A X_k + B y_k + f_k),   0 <= y_i ⊥ N X_i + M y_i + g_i >= 0,   x_j = X_2,
+/// one complex shifted solve a step, since the inverse of (a_ik) has eigenvalues 2 ± i sqrt(2). It is stiffly accurate,
+/// so that y has no memory of its own, and algebraically stable, so that passive scenes stay passive. A step in which
+/// the state jumps is taken by implicit Euler instead, which puts x_j on the constraint at once; so are
+/// all steps where the problem of two stages is neither P nor PSD and that of one stage is. One stage: implicit Euler
+/// throughout.
+struct StageProblem {
+  const Dynamics* dynamics = nullptr;  ///< dense or sparse
+  const LcpMatrix* M = nullptr;
+  LcpClass lcp_class = LcpClass::unknown;
+  Index stages = 2;               ///< 2 or 1
+  double h = 0;                   ///< step
+  Vector x0;                      ///< m
+  const Array* g = nullptr;       ///< (J+1) x (stages n): row j holds g at the stages of the step to t_j; row 0 is g(0)
+  const Array* phi = nullptr;     ///< (J+1) x (stages k): the same of phi with f = F phi; or null
+  SparseMatrix F;                 ///< m x k
+  std::vector<Index> components;  ///< of the state, to be recorded
+  std::function<bool()> interrupted;         ///< polled now and then; true ends the march
+  std::function<void(Index step)> progress;  ///< called now and then
+};
+
+/// y receives the values at the right ends (row 0 must hold y_0, or NaN where there is none: it then becomes the value
+/// at the first stage), v = N x_j, x the components asked for.
+class StageMarch {
+ public:
+  virtual ~StageMarch() = default;
+  virtual MarchReport run(Array& y, Array& v, Array& x) = 0;
   virtual std::size_t bytes() const = 0;
 };
 
@@ -126,9 +164,11 @@ class Backend {
   virtual std::unique_ptr<Convolution> convolution(const LagTable&, Index rows) = 0;
   virtual std::unique_ptr<LcpBatch> lcp(const LcpMatrix&, LcpClass, Index rows) = 0;
   virtual std::unique_ptr<March> march(const MarchProblem&, Index rows) = 0;
+  virtual std::unique_ptr<StageMarch> stage_march(const StageProblem&, Index rows) = 0;
 
   /// The shifted solves of the contour: N (z_p I - A)^{-1} B for all nodes at once. Row p holds the n modal values
-  /// (Kronecker sum) or the n x k entries of the block, row by row (dense).
+  /// (Kronecker sum) or the n x k entries of the block, row by row (dense, sparse; N and B may have any shape that fits
+  /// A). Sparse: one symbolic analysis, the nodes in parallel. Throws Error where a node is an eigenvalue.
   virtual ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes) = 0;
 };
 

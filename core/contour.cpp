@@ -1,5 +1,6 @@
 #include "core/contour.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -60,6 +61,21 @@ Contour near_contour(const ContourParameters& parameters, double h) {
   Contour contour = hyperbola(parameters.P, parameters.near, h);
   contour.t0 = h;
   contour.t1 = 2 * h;
+  return contour;
+}
+
+std::optional<Contour> circle(double rho, double h) {
+  constexpr Index points = 128;
+  if (!(h * rho <= 9)) return std::nullopt;
+  const double radius = std::max(2 * rho, rho + 3 / h);
+  Contour contour;
+  contour.t1 = 2 * h;
+  contour.nodes.resize(points / 2);
+  contour.weights.resize(points / 2);
+  for (Index p = 0; p < points / 2; ++p) {
+    contour.nodes[p] = std::polar(radius, 2 * std::numbers::pi * (double(p) + 0.5) / double(points));
+    contour.weights[p] = 2.0 / double(points) * contour.nodes[p];
+  }
   return contour;
 }
 

@@ -49,6 +49,11 @@ Contour window_contour(const ContourParameters&, double t0);
 /// For the weights of lags 0 and 1 at step h: t in [h, 2h], a double pole at z = 0.
 Contour near_contour(const ContourParameters&, double h);
 
+/// A circle around the spectrum, for entire functions of hA with any spectrum of radius rho: oscillators and unstable
+/// modes included. Its radius is max(2 rho, rho + 3/h), its trapezoidal rule has 128 nodes (64 kept): error about
+/// 2^-128 or (rho/radius)^128, and eps e^{h radius} by rounding. Empty where h rho > 9. Center 0, t0 = 0, t1 = 2h.
+std::optional<Contour> circle(double rho, double h);
+
 /// The contour of (2.2) of the Laplace-inversion paper with its printed parameters for one time point t:
 /// gamma = 0.794, mu = sqrt(P)/4, dv = 2.0603/sqrt(P); its error is printed as e^{-2.06 sqrt P}/sqrt P (2.8).
 Contour literal_contour(Index P, double t);

@@ -9,6 +9,7 @@ namespace {
 
 Vector seen(const Dynamics& dynamics, const Vector& x0) {
   if (const auto* d = std::get_if<DenseDynamics>(&dynamics)) return d->N * x0;
+  if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) return d->N * x0;
   const auto& d = std::get<KroneckerDynamics>(dynamics);
   return Eigen::Map<const RowMatrix>(x0.data(), d.along.points, d.across.points) * d.n;
 }
@@ -19,8 +20,7 @@ DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J) {
   const LcpClass lcp_class = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
   DiscreteProblem p{scene, backend, lcp_class, J, scene.T / double(J), time_grid(scene.T, J), {}, {}, {}};
   p.g = sample(scene.g, p.t, scene.constraints());
-  const Index width = scene.f_entry == SourceEntry::through_B ? scene.constraints() : scene.states();
-  if (scene.f) p.f = sample(scene.f, p.t, width);
+  if (scene.f) p.f = sample(scene.f, p.t, scene.sources());
   p.start = seen(scene.dynamics, scene.x0) + p.g.row(0).transpose();
   return p;
 }
@@ -31,7 +31,10 @@ RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) {
   const Matrix& B = p.dense()->B;
   if (const RowMatrix* phi = p.drive()) return (y + *phi) * B.transpose();
   RowMatrix input = y * B.transpose();
-  if (p.f.size() > 0) input += p.f;
+  if (p.f.size() > 0 && p.scene.f_entry == SourceEntry::through_F)
+    input += p.f * p.scene.F.transpose();
+  else if (p.f.size() > 0)
+    input += p.f;
   return input;
 }
 

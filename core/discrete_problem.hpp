@@ -14,11 +14,13 @@ struct DiscreteProblem {
   double h;
   Vector t;      ///< J+1
   RowMatrix g;   ///< (J+1) x n
-  RowMatrix f;   ///< (J+1) x m, or (J+1) x n values of phi where f = B phi; empty if f is zero
+  RowMatrix f;   ///< (J+1) x m, or x n or k values of phi where f = B phi or F phi; empty if f is zero
   Vector start;  ///< n: N x0 + g(0), the q of y_0
+  std::vector<Index> components = {};  ///< of the state, to be recorded by methods that pass through it
 
   const KroneckerDynamics* kronecker() const { return std::get_if<KroneckerDynamics>(&scene.dynamics); }
   const DenseDynamics* dense() const { return std::get_if<DenseDynamics>(&scene.dynamics); }
+  const SparseDynamics* sparse() const { return std::get_if<SparseDynamics>(&scene.dynamics); }
   /// phi with f = B phi that a plan adds to y, or null.
   const RowMatrix* drive() const { return scene.f_entry == SourceEntry::through_B && f.size() > 0 ? &f : nullptr; }
 };

@@ -4,6 +4,7 @@
 #include "core/kernel.hpp"
 #include "core/lcp.hpp"
 #include "core/timer.hpp"
+#include "core/weight_check.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -107,7 +108,11 @@ KernelChoice dense_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
   LagTable table = lag_table(recurrence, checked);
   std::string source = "matrix exponential (" + spectrum.describe() + ")";
   made.error = NAN;
-  if (parameters) {
+  if (!parameters) {
+    const WeightCheck check = check_weights(p, std::get<DenseRecurrence>(recurrence), INFINITY);
+    made.error = check.error;
+    if (!check.against.empty()) source += ", checked against " + check.against;
+  } else {
     LagTable contour = contour_lag_table(p.backend, d, *parameters, p.h, checked);
     made.error = deviation(table, contour);
     if (made.error <= accepted_kernel_error) {
@@ -261,25 +266,47 @@ void finish_iteration(const DiscreteProblem& p, const IterationOutcome& outcome,
     result.y.bottomRows(result.y.rows() - outcome.settled).setConstant(NAN);
 }
 
-void solve_by_iteration(const DiscreteProblem& p, const Options& options, Result& result) {
-  Timer setup;
+namespace {
+
+// Iterates with a kernel and a response that are ready, and accounts for it.
+void iterate_with(const DiscreteProblem& p, KernelChoice& choice, const Array& r, Timer& setup, const Options& options,
+                  Result& result) {
   const Index rows = p.J + 1, n = p.scene.constraints();
-  KernelChoice choice = make_kernel(p, options.convolution);
   const auto y = p.backend.array(rows, n), v = p.backend.array(rows, n);
-  const auto r = make_response(p, *choice.kernel, *v);
-  p.backend.upload(RowMatrix::Zero(rows, n), *v);
   const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, rows);
   result.kernel = choice.description;
   result.kernel_error = choice.error;
-  result.bytes = y->bytes() + v->bytes() + r->bytes() + choice.kernel->bytes() + lcp->bytes() + host_bytes(p);
+  result.bytes += y->bytes() + v->bytes() + r.bytes() + choice.kernel->bytes() + lcp->bytes() + host_bytes(p);
   choice.kernel->transform_seconds = choice.kernel->convolution_seconds = 0;
   result.seconds.setup += setup.lap();
 
   const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { choice.kernel->apply(in, out, first); };
-  const IterationOutcome outcome = iterate(p, options, apply, *lcp, *r, *y, *v, result);
-  finish_iteration(p, outcome, apply, *lcp, *r, *y, *v, result);
+  const IterationOutcome outcome = iterate(p, options, apply, *lcp, r, *y, *v, result);
+  finish_iteration(p, outcome, apply, *lcp, r, *y, *v, result);
   result.seconds.transform = choice.kernel->transform_seconds;
   result.seconds.convolution = choice.kernel->convolution_seconds;
+}
+
+}  // namespace
+
+void solve_by_iteration(const DiscreteProblem& p, const Options& options, Result& result) {
+  Timer setup;
+  KernelChoice choice = make_kernel(p, options.convolution);
+  const auto workspace = p.backend.array(p.J + 1, p.scene.constraints());
+  const auto r = make_response(p, *choice.kernel, *workspace);
+  iterate_with(p, choice, *r, setup, options, result);
+}
+
+void solve_by_iteration(const DiscreteProblem& p, const SparseKernel& kernel, const Options& options, Result& result) {
+  Timer setup;
+  const Index rows = p.J + 1, n = p.scene.constraints();
+  KernelChoice choice{
+      std::make_unique<SpaceTimeKernel>(p.backend, p.backend.convolution(kernel.weights, rows), false, rows, n),
+      "FFT over lag weights; " + kernel.description, kernel.error};
+  const auto r = p.backend.array(rows, n);
+  p.backend.upload(p.g + kernel.free, *r);
+  result.bytes = kernel.bytes;
+  iterate_with(p, choice, *r, setup, options, result);
 }
 
 }  // namespace bromwich

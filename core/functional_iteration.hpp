@@ -10,6 +10,7 @@
 
 #include "discrete_problem.hpp"
 #include "solve.hpp"
+#include "sparse_kernel.hpp"
 
 namespace bromwich {
 
@@ -41,6 +42,8 @@ KernelChoice make_kernel(const DiscreteProblem&, ConvolutionChoice);
 
 /// Fills status, y, iterations, history, counters, residual and seconds of `result`.
 void solve_by_iteration(const DiscreteProblem&, const Options&, Result& result);
+/// The same with the kernel of sparse dynamics.
+void solve_by_iteration(const DiscreteProblem&, const SparseKernel&, const Options&, Result& result);
 
 /// The loop itself, for kernels that are not a SpaceTimeKernel too: `apply(y, v, first)` evaluates K * y.
 struct IterationOutcome {

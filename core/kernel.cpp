@@ -26,40 +26,6 @@ Complex factor_S(Index d, Complex x, double h) {
 // Length of a run of repeated multiplications: its relative error stays below about geometric_run eps.
 constexpr Index geometric_run = 16;
 
-LagWindow lag_window(const ContourParameters& parameters, double h, Index first, Index last) {
-  LagWindow window;
-  window.first = first;
-  window.last = last;
-  window.contour = first == 0 ? near_contour(parameters, h) : window_contour(parameters, h * double(first - 1));
-  const Index lags = last - first + 1, nodes = window.contour.nodes.size();
-  window.F.resize(lags, nodes);
-  window.S.resize(lags, nodes);
-  for (Index p = 0; p < nodes; ++p) {
-    const Complex x = h * window.contour.nodes[p], c = window.contour.weights[p];
-    const Complex step = std::exp(x);
-    for (Index d = first; d <= last; ++d) {
-      const Index row = d - first;
-      // From lag 2 on a window is a geometric sequence: one multiplication a lag, restarted before rounding adds up.
-      if (d >= 3 && row % geometric_run != 0) {
-        window.F(row, p) = step * window.F(row - 1, p);
-        window.S(row, p) = step * window.S(row - 1, p);
-      } else {
-        window.F(row, p) = c * factor_W(d, x, h);
-        window.S(row, p) = c * factor_S(d, x, h);
-      }
-    }
-  }
-  return window;
-}
-
-// Re(F R) by two real products, four times fewer multiplications than the complex one would spend.
-void real_product(const ComplexMatrix& F, const ComplexMatrix& R, Eigen::Ref<RowMatrix> out) {
-  const Matrix Fr = F.real(), Fi = F.imag();
-  const RowMatrix Rr = R.real(), Ri = R.imag();
-  out.noalias() = Fr * Rr;
-  out.noalias() -= Fi * Ri;
-}
-
 // The sinh quotients of the discrete Green's function, written with decaying exponentials only: with 2 cosh theta =
 // 2 + z dx^2/c and rho = e^{-theta}, |rho| <= 1, entry (i, j), i <= j, of (zI - line)^{-1} is
 //
@@ -116,11 +82,55 @@ class Green {
 
 }  // namespace
 
-std::vector<LagWindow> lag_windows(const ContourParameters& parameters, double h, Index J) {
+LagWindow lag_window(const Contour& contour, double h, Index first, Index last) {
+  LagWindow window{first, last, contour, {}, {}};
+  const Index lags = last - first + 1, nodes = window.contour.nodes.size();
+  window.F.resize(lags, nodes);
+  window.S.resize(lags, nodes);
+  for (Index p = 0; p < nodes; ++p) {
+    const Complex x = h * window.contour.nodes[p], c = window.contour.weights[p];
+    const Complex step = std::exp(x);
+    for (Index d = first; d <= last; ++d) {
+      const Index row = d - first;
+      // From lag 2 on a window is a geometric sequence: one multiplication a lag, restarted before rounding adds up.
+      if (d >= 3 && row % geometric_run != 0) {
+        window.F(row, p) = step * window.F(row - 1, p);
+        window.S(row, p) = step * window.S(row - 1, p);
+      } else {
+        window.F(row, p) = c * factor_W(d, x, h);
+        window.S(row, p) = c * factor_S(d, x, h);
+      }
+    }
+  }
+  return window;
+}
+
+ComplexMatrix exponential_factors(const Contour& contour, double h, Index first, Index last) {
+  ComplexMatrix F(last - first + 1, contour.nodes.size());
+  for (Index p = 0; p < F.cols(); ++p) {
+    const Complex step = std::exp(h * contour.nodes[p]);
+    for (Index j = 0; j < F.rows(); ++j)
+      F(j, p) = j % geometric_run != 0 ? step * F(j - 1, p)
+                                       : contour.weights[p] * std::exp(double(first + j) * h * contour.nodes[p]);
+  }
+  return F;
+}
+
+// Re(F R) by two real products, four times fewer multiplications than the complex one would spend.
+void real_product(const ComplexMatrix& F, const ComplexMatrix& R, Eigen::Ref<RowMatrix> out) {
+  const Matrix Fr = F.real(), Fi = F.imag();
+  const RowMatrix Rr = R.real(), Ri = R.imag();
+  out.noalias() = Fr * Rr;
+  out.noalias() -= Fi * Ri;
+}
+
+std::vector<LagWindow> lag_windows(const ContourParameters& parameters, double h, Index J, double shift) {
   std::vector<LagWindow> windows;
   for (Index first = 0; first <= J;) {
     const Index last = std::min<Index>(J, first == 0 ? 1 : Index(window_ratio) * (first - 1) - 1);
-    windows.push_back(lag_window(parameters, h, first, last));
+    Contour contour = first == 0 ? near_contour(parameters, h) : window_contour(parameters, h * double(first - 1));
+    contour.nodes.array() += shift;
+    windows.push_back(lag_window(contour, h, first, last));
     first = last + 1;
   }
   return windows;
@@ -174,20 +184,15 @@ RowMatrix contour_initial_response(const KroneckerDynamics& dynamics, const Cont
     const Contour contour = window_contour(parameters, h * double(first));
     const Index last = std::min<Index>(J, Index(window_ratio) * first);
     const Index nodes = contour.nodes.size(), count = last - first + 1;
-    ComplexMatrix rows(nodes, dynamics.across.points), F(count, nodes);
-    for (Index p = 0; p < nodes; ++p) {
+    ComplexMatrix rows(nodes, dynamics.across.points);
+    for (Index p = 0; p < nodes; ++p)
       rows.row(p) = green_row(dynamics.across, dynamics.n, contour.nodes[p]).transpose();
-      const Complex step = std::exp(h * contour.nodes[p]);
-      for (Index j = 0; j < count; ++j)
-        F(j, p) = j % geometric_run != 0 ? step * F(j - 1, p)
-                                         : contour.weights[p] * std::exp(double(first + j) * h * contour.nodes[p]);
-    }
     ComplexMatrix R(nodes, n);
     const Matrix lines = x0_lines.transpose();
     const Matrix real = rows.real(), imag = rows.imag();
     R.real() = real * lines;
     R.imag() = imag * lines;
-    real_product(F, R, response.middleRows(first, count));
+    real_product(exponential_factors(contour, h, first, last), R, response.middleRows(first, count));
     first = last + 1;
   }
   for (Index j = 1; j <= J; ++j) response.row(j).array() *= (mu.transpose().array() * (double(j) * h)).exp();

@@ -21,8 +21,17 @@ struct LagWindow {
   ComplexMatrix F, S;  ///< (last-first+1) x (P+1)
 };
 
-/// Lags 0 and 1, then windows of ratio 5, together 0..J.
-std::vector<LagWindow> lag_windows(const ContourParameters&, double h, Index J);
+/// Lags 0 and 1, then windows of ratio 5, together 0..J. `shift` moves every node to the right, for eigenvalues there.
+std::vector<LagWindow> lag_windows(const ContourParameters&, double h, Index J, double shift = 0);
+
+/// The factors of lags first..last on a contour that covers them.
+LagWindow lag_window(const Contour&, double h, Index first, Index last);
+
+/// c_p e^{z_p t_j} for j = first..last.
+ComplexMatrix exponential_factors(const Contour&, double h, Index first, Index last);
+
+/// Re(F R), R with one row per node.
+void real_product(const ComplexMatrix& F, const ComplexMatrix& R, Eigen::Ref<RowMatrix> out);
 
 /// W_d and S_d for d = 0..J: one batch of shifted solves per window, then one product per window.
 LagTable contour_lag_table(Backend&, const Dynamics&, const ContourParameters&, double h, Index J);

@@ -1,37 +1,23 @@
 #include "core/lcp.hpp"
 
-#include <Eigen/Cholesky>
+#include "core/active_sets.hpp"
+#include "core/least_norm.hpp"
+#include "core/lemke.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <type_traits>
 
 namespace bromwich {
 
 namespace {
 
-bool dominant(const Matrix& M) {
-  for (Index i = 0; i < M.rows(); ++i)
-    if (!(2 * M(i, i) > M.row(i).cwiseAbs().sum())) return false;
-  return true;
-}
-
-// All principal minors of M positive: M_11 > 0, and the same for M without index 1 and for its Schur complement. A
-// pivot at the level of rounding counts as zero.
-bool minors_positive(const Matrix& M, double rounding) {
-  const Index n = M.rows();
-  if (n == 0) return true;
-  if (!(M(0, 0) > rounding)) return false;
-  const Matrix rest = M.bottomRightCorner(n - 1, n - 1);
-  return minors_positive(rest, rounding) &&
-         minors_positive(rest - M.col(0).tail(n - 1) * M.row(0).tail(n - 1) / M(0, 0), rounding);
-}
-
-// Gaussian elimination without exchanges meets positive pivots only. For a Z-matrix: it is a nonsingular M-matrix.
+// Gaussian elimination without exchanges meets positive pivots only, beyond rounding. For a Z-matrix: it is a
+// nonsingular M-matrix, whose pivots fall from the diagonal entries.
 bool pivots_positive(Matrix M) {
   const Index n = M.rows();
+  const Vector level = 16 * double(n) * epsilon * M.diagonal().cwiseAbs();
   for (Index k = 0; k < n; ++k) {
-    if (!(M(k, k) > 0)) return false;
+    if (!(M(k, k) > level[k])) return false;
     const Index rest = n - k - 1;
     M.bottomRightCorner(rest, rest) -= M.col(k).tail(rest) * M.row(k).tail(rest) / M(k, k);
   }
@@ -41,78 +27,31 @@ bool pivots_positive(Matrix M) {
 // Exchanges before the transform is formed anew: its rounding errors grow with their number.
 constexpr int most_updates = 100;
 
+// A set's hash is the sum of its members' (the finalizer of splitmix64).
+std::uint64_t hash(Index i) {
+  std::uint64_t z = (std::uint64_t(i) + 1) * 0x9e3779b97f4a7c15u;
+  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+  z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+  return z ^ (z >> 31);
+}
+
+// With another matrix to judge by, the least norm means nothing.
+LcpClass class_to_solve(const Matrix& M, LcpClass stated, bool judged) {
+  const LcpClass c = selection_class(M, stated);
+  return c == LcpClass::PSD && judged ? LcpClass::unknown : c;
+}
+
 }  // namespace
 
-bool is_Z(const LcpMatrix& M) {
-  if (const auto* t = std::get_if<Tridiagonal>(&M)) {
-    const Index n = t->diagonal.size();
-    return n <= 1 || ((t->lower.tail(n - 1).array() <= 0).all() && (t->upper.head(n - 1).array() <= 0).all());
-  }
-  const Matrix& dense = std::get<Matrix>(M);
-  for (Index i = 0; i < dense.rows(); ++i)
-    for (Index j = 0; j < dense.cols(); ++j)
-      if (i != j && dense(i, j) > 0) return false;
-  return true;
-}
-
-bool is_surely_P(const LcpMatrix& M) {
-  if (const auto* t = std::get_if<Tridiagonal>(&M)) {
-    const Index n = t->diagonal.size();
-    bool rows = true, columns = true;
-    for (Index i = 0; i < n; ++i) {
-      const double left = i > 0 ? std::abs(t->lower[i]) : 0, right = i + 1 < n ? std::abs(t->upper[i]) : 0;
-      const double above = i > 0 ? std::abs(t->upper[i - 1]) : 0, below = i + 1 < n ? std::abs(t->lower[i + 1]) : 0;
-      rows = rows && t->diagonal[i] > left + right;
-      columns = columns && t->diagonal[i] > above + below;
-    }
-    return rows || columns;
-  }
-  const Matrix& dense = std::get<Matrix>(M);
-  if (dense.rows() == 0 || dominant(dense) || dominant(dense.transpose())) return true;
-  const Matrix symmetric = dense + dense.transpose();
-  const Eigen::LLT<Matrix> cholesky(symmetric);
-  // A rounding margin: a singular positive semidefinite matrix may pass the factorization by accident.
-  return cholesky.info() == Eigen::Success && cholesky.rcond() > 1e3 * epsilon;
-}
-
-bool is_P_exact(const Matrix& M) {
-  return minors_positive(M, M.size() > 0 ? 16 * epsilon * M.cwiseAbs().maxCoeff() : 0);
-}
-
-LcpClass classify(const LcpMatrix& M) {
-  if (is_surely_P(M)) return LcpClass::P;
-  if (size(M) <= 16 && is_P_exact(to_dense(M))) return LcpClass::P;
-  // With a zero on the diagonal (M = 0 in the extreme) the least element of the static problem is not what is meant:
-  // the constraint then acts through N x, and only the user can say Z.
-  const bool positive = std::visit(
-      [](const auto& m) {
-        if constexpr (std::is_same_v<std::decay_t<decltype(m)>, Matrix>)
-          return (m.diagonal().array() > 0).all();
-        else
-          return (m.diagonal.array() > 0).all();
-      },
-      M);
-  return positive && is_Z(M) ? LcpClass::Z : LcpClass::unknown;
-}
-
-const char* to_string(LcpClass c) {
-  switch (c) {
-    case LcpClass::P:
-      return "P";
-    case LcpClass::Z:
-      return "Z";
-    case LcpClass::PSD:
-      return "PSD";
-    case LcpClass::unknown:
-      return "unknown";
-    case LcpClass::automatic:
-      break;
-  }
-  return "auto";
-}
-
 ActiveSetLcp::ActiveSetLcp(const Matrix& M, LcpClass lcp_class, const Matrix* least_of)
-    : M_(M), P_(M), least_of_(least_of), class_(lcp_class), active_(std::size_t(M.rows()), 0), value_(M.rows()) {
+    : scale_(equilibrate(M)),
+      M_(std::get<Matrix>(scaled(M, scale_))),
+      P_(M_),
+      least_of_(least_of),
+      class_(class_to_solve(M, lcp_class, least_of != nullptr)),
+      active_(std::size_t(M.rows()), 0),
+      value_(M.rows()) {
+  if (class_ == LcpClass::PSD) original_ = M;
   for (std::vector<Index>* v : {&support_, &rest_, &flips_}) v->reserve(active_.size());
   w_ = Vector::Zero(M.rows());
   reset();
@@ -134,19 +73,30 @@ void ActiveSetLcp::start_from(const Vector& y) {
   if (!flips_.empty() && !exchange_flips()) reset();
 }
 
-// A value counts as negative below this: the product E q - P q_S carries rounding of about n eps |q| times the size of
-// P's entries, and a flip at that level would only swap two equally good active sets.
-double ActiveSetLcp::tolerance(const Vector& q) const { return 16 * epsilon * q.cwiseAbs().maxCoeff(); }
+// A value counts as negative below the rounding of the terms it is summed from, and of the largest q: a flip at that
+// level would only swap two equally good active sets. The sum is formed for the few values that need it.
+bool ActiveSetLcp::negative(Index i) const {
+  if (!(value_[i] < -rounding_)) return false;
+  const bool inactive = !active_[std::size_t(i)];
+  double terms = inactive ? std::abs(q_[i]) : 0;
+  if (transform_) {
+    for (const Index s : support_) terms += std::abs(P_(i, s) * q_[s]);
+  } else {
+    for (const Index s : support_)
+      terms = inactive ? terms + std::abs(M_(i, s) * value_[s]) : std::max(terms, std::abs(value_[s]));
+  }
+  return value_[i] < -16 * epsilon * terms;
+}
 
 // value_ = (y_S, w_I) for the current active set.
-void ActiveSetLcp::evaluate(const Vector& q) {
-  value_ = q;
+void ActiveSetLcp::evaluate() {
+  value_ = q_;
   if (transform_) {
     for (const Index s : support_) value_[s] = 0;
-    for (const Index s : support_) value_.noalias() -= P_.col(s) * q[s];
+    for (const Index s : support_) value_.noalias() -= P_.col(s) * q_[s];
     return;
   }
-  const Vector y = -lu_.solve(q(support_));
+  const Vector y = -lu_.solve(q_(support_));
   for (std::size_t k = 0; k < support_.size(); ++k) value_.noalias() += M_.col(support_[k]) * y[Index(k)];
   value_(support_) = y;
 }
@@ -162,7 +112,7 @@ void ActiveSetLcp::flip_active_set() {
 // The principal pivot on the block F = flips_: P_FF inverted, P_RF P_FF^{-1}, -P_FF^{-1} P_FR and the Schur complement.
 bool ActiveSetLcp::pivot_on_flips() {
   const Eigen::PartialPivLU<Matrix> block(P_(flips_, flips_));
-  if (!(block.rcond() > 1e-13)) return false;
+  if (!(reciprocal_condition(block) > 1e-13)) return false;
   const Matrix inverse = block.inverse(), rows = P_(flips_, Eigen::all), columns = P_(Eigen::all, flips_) * inverse;
   P_.noalias() -= columns * rows;
   P_(Eigen::all, flips_) = columns;
@@ -183,7 +133,7 @@ bool ActiveSetLcp::factorize() {
     return true;
   }
   lu_.compute(M_(support_, support_));
-  return lu_.rcond() > epsilon;
+  return reciprocal_condition(lu_) > epsilon;
 }
 
 // P(S) from the factorization.
@@ -208,35 +158,62 @@ bool ActiveSetLcp::exchange_flips() {
   return factorize();
 }
 
-bool ActiveSetLcp::exchange_until_complementary(const Vector& q, int limit, bool least_index, LcpOutcome& outcome) {
-  const double tol = tolerance(q);
-  for (int sweep = 0; sweep < limit; ++sweep) {
+// Exchanges all that has the wrong sign, until nothing has. A set that comes up again starts a cycle.
+bool ActiveSetLcp::newton(LcpOutcome& outcome) {
+  visited_.clear();
+  std::uint64_t set = 0;
+  for (const Index s : support_) set += hash(s);
+  const int cap = 12 + int(std::min<Index>(q_.size(), 40));
+  for (int sweep = 0; sweep < cap; ++sweep) {
     ++outcome.newton;
-    evaluate(q);
+    evaluate();
     flips_.clear();
-    for (Index i = 0; i < q.size() && !(least_index && !flips_.empty()); ++i)
-      if (value_[i] < -tol) flips_.push_back(i);
-    if (flips_.empty()) return value_.allFinite();
+    for (Index i = 0; i < q_.size(); ++i)
+      if (negative(i)) flips_.push_back(i);
+    if (flips_.empty()) return value_.allFinite() && may_be_taken(support_);
+    visited_.push_back(set);
+    for (const Index i : flips_) set += active_[std::size_t(i)] ? -hash(i) : hash(i);
+    if (std::find(visited_.begin(), visited_.end(), set) != visited_.end()) return false;
     if (!exchange_flips()) return false;
   }
   return false;
 }
 
-bool ActiveSetLcp::least_element(const Vector& q, LcpOutcome& outcome) {
+// Murty's rule: the first index with the wrong sign alone. It ends for every P-matrix, after at most 2^n exchanges.
+bool ActiveSetLcp::least_index(LcpOutcome& outcome) {
   reset();
-  const double tol = tolerance(q);
-  for (Index block = 0; block <= q.size(); ++block) {
+  const int cap = q_.size() < 16 ? 1 << q_.size() : 100 * int(q_.size());
+  for (int exchange = 0; exchange < cap; ++exchange) {
     ++outcome.newton;
-    evaluate(q);
+    evaluate();
+    Index i = 0;
+    while (i < q_.size() && !negative(i)) ++i;
+    if (i == q_.size()) return value_.allFinite() && may_be_taken(support_);
+    flips_.assign(1, i);
+    if (!exchange_flips()) return false;
+  }
+  return false;
+}
+
+bool ActiveSetLcp::least_element(LcpOutcome& outcome) {
+  reset();
+  for (Index block = 0; block <= q_.size(); ++block) {
+    ++outcome.newton;
+    evaluate();
     flips_.clear();
-    for (Index i = 0; i < q.size(); ++i)
-      if (!active_[std::size_t(i)] && value_[i] < -tol) flips_.push_back(i);
-    if (flips_.empty()) return value_.allFinite() && (value_.array() >= -tol).all();
-    // For a Z-matrix the pivots met on the way are those of M_SS: one that is not positive has no positive solution.
+    for (Index i = 0; i < q_.size(); ++i)
+      if (!active_[std::size_t(i)] && negative(i)) flips_.push_back(i);
+    if (flips_.empty()) {
+      for (Index i = 0; i < q_.size(); ++i)
+        if (negative(i)) return false;
+      return value_.allFinite() && may_be_taken(support_);
+    }
+    // For a Z-matrix the pivots met on the way are those of M_SS, and fall from the diagonal entry: one that is not
+    // positive beyond rounding has no positive solution.
     const std::vector<Index> added = flips_;
     for (const Index i : added) {
       flips_.assign(1, i);
-      if (!(P_(i, i) > 0) || !pivot_on_flips()) {
+      if (!(P_(i, i) > 16 * double(q_.size()) * epsilon * std::abs(M_(i, i))) || !pivot_on_flips()) {
         outcome.infeasible = class_ == LcpClass::Z;
         return false;
       }
@@ -245,17 +222,73 @@ bool ActiveSetLcp::least_element(const Vector& q, LcpOutcome& outcome) {
   return false;
 }
 
-bool ActiveSetLcp::active_set_is_least() const {
-  if (least_of_ == nullptr && class_ != LcpClass::Z) return true;
-  const Matrix& Z = least_of_ ? *least_of_ : M_;
-  return pivots_positive(Z(support_, support_));
+// A solution found without the active set, in scaled units.
+bool ActiveSetLcp::take(const Vector& y) {
+  if (!is_solution(M_, q_, y) || !may_be_taken(support_of(y))) return false;
+  start_from(y);  // where M_SS is singular the next problem starts from the empty set
+  taken_ = y;
+  return true;
 }
 
-void ActiveSetLcp::accept(const Vector& q, Vector& y) {
-  y.setZero(q.size());
-  w_ = value_;
+bool ActiveSetLcp::least_norm(const Vector& q, LcpOutcome& outcome) {
+  const LeastNorm found = least_norm_solution(original_, q);
+  outcome.newton += found.problems;
+  outcome.infeasible = found.infeasible;
+  return found.solved && take(found.y.cwiseQuotient(scale_.columns));
+}
+
+bool ActiveSetLcp::lemke(LcpOutcome& outcome) {
+  const LemkeOutcome found = bromwich::lemke(M_, q_);
+  outcome.newton += found.pivots;
+  return found.solved && take(found.y);
+}
+
+bool ActiveSetLcp::enumerate(LcpOutcome& outcome) {
+  if (q_.size() > largest_enumeration) return false;
+  const auto y = solve_by_enumeration(M_, q_, [this](const std::vector<Index>& S) { return may_be_taken(S); });
+  outcome.newton += 1 << q_.size();
+  outcome.exhausted = !y;
+  return y && take(*y);
+}
+
+// For Z, and where another matrix decides: the active set is that of a least element.
+bool ActiveSetLcp::may_be_taken(const std::vector<Index>& S) const {
+  if (least_of_ == nullptr && class_ != LcpClass::Z) return true;
+  return pivots_positive((least_of_ ? *least_of_ : M_)(S, S));
+}
+
+// Newton's method ends at a solution wherever M_SS is not close to singular, which P- and Z-matrices are not there.
+// Elsewhere the residual decides; and a monotone problem may have other solutions, of smaller norm.
+bool ActiveSetLcp::is_confirmed() const {
+  if (class_ == LcpClass::P || class_ == LcpClass::Z) return true;
+  Vector y = Vector::Zero(q_.size());
+  y(support_) = value_(support_).cwiseMax(0);
+  return is_solution(M_, q_, y) && (class_ != LcpClass::PSD || is_certainly_unique(M_, q_, y));
+}
+
+// What follows where Newton's method found nothing that may be taken.
+bool ActiveSetLcp::fall_back(const Vector& q, LcpOutcome& outcome) {
+  outcome.fallback = true;
+  if (class_ == LcpClass::PSD) return least_norm(q, outcome);
+  if (class_ == LcpClass::Z) return least_element(outcome) || (!outcome.infeasible && enumerate(outcome));
+  reset();
+  if (newton(outcome) && is_confirmed()) return true;
+  if (class_ == LcpClass::P && least_index(outcome)) return true;
+  return lemke(outcome) || enumerate(outcome);
+}
+
+void ActiveSetLcp::accept(Vector& y) {
+  y.setZero(q_.size());
+  if (taken_.size() > 0) {
+    y = scale_.columns.cwiseProduct(taken_);
+    w_ = (M_ * taken_ + q_).cwiseQuotient(scale_.rows);
+    for (Index i = 0; i < y.size(); ++i)
+      if (y[i] > 0) w_[i] = 0;
+    return;
+  }
+  w_ = value_.cwiseQuotient(scale_.rows);
   for (const Index s : support_) {
-    y[s] = std::max(value_[s], 0.0);
+    y[s] = scale_.columns[s] * std::max(value_[s], 0.0);
     w_[s] = 0;
   }
 }
@@ -263,23 +296,11 @@ void ActiveSetLcp::accept(const Vector& q, Vector& y) {
 LcpOutcome ActiveSetLcp::solve(const Vector& q, Vector& y) {
   LcpOutcome outcome;
   if (!q.allFinite()) return outcome;
-  const int cap = 12 + int(std::min<Index>(q.size(), 40));
-  outcome.solved = exchange_until_complementary(q, cap, false, outcome) && active_set_is_least();
-  if (!outcome.solved) {
-    outcome.fallback = true;
-    if (class_ == LcpClass::Z) {
-      outcome.solved = least_element(q, outcome);
-    } else {
-      reset();
-      outcome.solved = exchange_until_complementary(q, cap, false, outcome) && active_set_is_least();
-      if (!outcome.solved && class_ == LcpClass::P) {
-        reset();
-        const int least_index_cap = q.size() < 16 ? 1 << q.size() : 100000;
-        outcome.solved = exchange_until_complementary(q, least_index_cap, true, outcome) && active_set_is_least();
-      }
-    }
-  }
-  accept(q, y);
+  q_ = scale_.rows.cwiseProduct(q);
+  rounding_ = 16 * epsilon * (q.size() > 0 ? q_.cwiseAbs().maxCoeff() : 0);
+  taken_.resize(0);
+  outcome.solved = (newton(outcome) && is_confirmed()) || fall_back(q, outcome);
+  accept(y);
   return outcome;
 }
 

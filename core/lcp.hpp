@@ -9,47 +9,36 @@
 // Facts used: P: the solution is unique; semismooth Newton on min(y, w) is an active-set exchange that can cycle,
 // Murty's least-index rule always ends (Murty, Linear Algebra Appl. 7, 1974). Z: the least element is reached from the
 // empty set by monotone additions, and the problem is infeasible exactly when an added block's solution is not positive
-// (Chandrasekaran, Opsearch 7, 1970; Cottle, Pang, Stone, The Linear Complementarity Problem).
+// (Chandrasekaran, Opsearch 7, 1970; Cottle, Pang, Stone, The Linear Complementarity Problem). PSD: the solutions form
+// a convex set, so that one that is isolated is the only one; otherwise the one of least norm is taken
+// (core/least_norm.hpp). A matrix that is both PSD and Z is treated as Z: the least element has the least norm.
 
-#include "scene.hpp"
+#include "lcp_class.hpp"
+#include "lcp_solution.hpp"
 
 #include <Eigen/LU>
 
+#include <cstdint>
 #include <vector>
 
 namespace bromwich {
 
-/// Off-diagonal entries all <= 0.
-bool is_Z(const LcpMatrix&);
-
-/// Strictly diagonally dominant with positive diagonal in rows or in columns, or positive definite symmetric part: each
-/// suffices for a P-matrix.
-bool is_surely_P(const LcpMatrix&);
-
-/// All principal minors positive, tested by Schur complements in 2^n steps. Precondition: n <= 16.
-bool is_P_exact(const Matrix&);
-
-/// P where a sufficient condition or, for n <= 16, the exact test says so; else Z where the signs say so and the
-/// diagonal is positive; else unknown.
-LcpClass classify(const LcpMatrix&);
-
-const char* to_string(LcpClass);
-
 struct LcpOutcome {
   bool solved = false;
-  bool infeasible = false;  ///< proven (Z only)
-  bool fallback = false;    ///< least-index pivoting or a restart from the empty set was needed
+  bool infeasible = false;  ///< proven (Z and PSD)
+  bool fallback = false;    ///< pivoting, a restart from the empty set or the least-norm solver was needed
+  bool exhausted = false;   ///< every active set was tried (n <= 12): no solution exists that may be taken
   int newton = 0;           ///< active sets tried
 };
 
 /// Solves problems with one dense matrix and changing q, keeping the active set and its transform from one problem to
 /// the next. A problem with unchanged active set costs O(n |S|), an exchange of k indices O(k n^2); after large
-/// exchanges M_SS is factorized anew, and the transform is formed again when a small exchange follows.
+/// exchanges M_SS is factorized anew, and the transform is formed again when a small exchange follows. Inside, rows and
+/// columns are scaled to comparable size, so that M and q may have any.
 class ActiveSetLcp {
  public:
   /// With `least_of`, a solution also has to be the least element of LCP(., *least_of) seen from the fixed rest, that
-  /// is
-  /// (*least_of)_SS has to be an M-matrix (positive pivots). For marching, M + W_0 is solved but M decides.
+  /// is (*least_of)_SS has to be an M-matrix (positive pivots). For marching, M + W_0 is solved but M decides.
   ActiveSetLcp(const Matrix& M, LcpClass, const Matrix* least_of = nullptr);
 
   /// y in SOL(q, M); the active set of the last call is the start. Unsolved: y holds the last iterate.
@@ -65,19 +54,28 @@ class ActiveSetLcp {
   void start_from(const Vector& y);
 
  private:
-  bool exchange_until_complementary(const Vector& q, int limit, bool least_index, LcpOutcome&);
-  bool least_element(const Vector& q, LcpOutcome&);
-  bool active_set_is_least() const;
+  bool newton(LcpOutcome&);
+  bool least_index(LcpOutcome&);
+  bool least_element(LcpOutcome&);
+  bool least_norm(const Vector& q, LcpOutcome&);
+  bool lemke(LcpOutcome&);
+  bool enumerate(LcpOutcome&);
+  bool fall_back(const Vector& q, LcpOutcome&);
+  bool take(const Vector& scaled_y);
+  bool may_be_taken(const std::vector<Index>& S) const;
+  bool is_confirmed() const;
   bool exchange_flips();
   bool pivot_on_flips();
   bool factorize();
   bool form_transform();
   void flip_active_set();
-  void evaluate(const Vector& q);
-  double tolerance(const Vector& q) const;
-  void accept(const Vector& q, Vector& y);
+  void evaluate();
+  bool negative(Index i) const;
+  void accept(Vector& y);
 
-  Matrix M_;
+  Equilibration scale_;
+  Matrix M_;                        ///< R M C
+  Matrix original_;                 ///< M as given: PSD only, the least norm depends on the columns' scale
   Matrix P_;                        ///< P(S) where transform_ holds
   Eigen::PartialPivLU<Matrix> lu_;  ///< of M_SS where it does not
   bool transform_ = true;
@@ -86,7 +84,10 @@ class ActiveSetLcp {
   LcpClass class_;
   std::vector<char> active_;
   std::vector<Index> support_, rest_, flips_;
-  Vector w_, value_;
+  std::vector<std::uint64_t> visited_;  ///< hashes of the active sets of this call
+  Vector q_, w_, value_;                ///< R q; w; (y_S, w_I) in scaled units
+  Vector taken_;                        ///< scaled y found without the active set; empty: value_ holds the solution
+  double rounding_ = 0;                 ///< of the largest entry of q_
 };
 
 }  // namespace bromwich

@@ -1,11 +1,11 @@
 #include "core/marching.hpp"
 
 #include "core/compression.hpp"
-#include "core/lcp.hpp"
+#include "core/march_outcome.hpp"
 #include "core/timer.hpp"
+#include "core/weight_check.hpp"
 
 #include <cmath>
-#include <cstdio>
 #include <type_traits>
 
 namespace bromwich {
@@ -16,7 +16,29 @@ struct Plan {
   Recurrence recurrence;
   RowMatrix r;  ///< what the recurrence leaves out
   double error = NAN;
+  Vector start = {};       ///< dense: what x0 and f_0 add to z_0
+  RowMatrix forcing = {};  ///< dense: what f adds to z_j
 };
+
+// f_j = F phi_j in R^m: the matrix F that goes with the samples of a dense scene.
+Matrix source_matrix(const DiscreteProblem& p) {
+  if (p.scene.f_entry == SourceEntry::through_F) return p.scene.F;
+  if (p.scene.f_entry == SourceEntry::through_B) return p.dense()->B;
+  return Matrix::Identity(p.scene.states(), p.scene.states());
+}
+
+// The state itself is stepped, x0 and f with it: nothing that grows is computed apart and cancelled later.
+Plan dense_plan(const DiscreteProblem& p, Rule rule) {
+  const DenseDynamics& d = *p.dense();
+  const StepOperators step = step_operators(d.A, rule, p.h);
+  Plan plan{dense_recurrence(d, step), p.g, NAN, step.decay * p.scene.x0};
+  if (p.f.size() == 0) return plan;
+  const Matrix F = source_matrix(p), left = step.left * F, right = step.right * F;
+  plan.start += left * p.f.row(0).transpose();
+  plan.forcing = p.f * (step.decay * right + left).transpose();
+  plan.r += p.f * (d.N * right).transpose();
+  return plan;
+}
 
 // S N (discrete e^{A t_j}) x0 by stepping all modes: for x0 that the driven recurrence cannot carry.
 RowMatrix stepped_initial_response(const DiscreteProblem& p, Rule rule) {
@@ -57,9 +79,16 @@ Plan compressed_plan(const DiscreteProblem& p, const ExponentialSum& sum) {
 }
 
 Plan make_plan(const DiscreteProblem& p, Rule rule, RecurrenceChoice choice, std::string& description) {
-  if (const DenseDynamics* d = p.dense()) {
+  if (p.dense()) {
+    Plan plan = dense_plan(p, rule);
     description = "state of the scene, stepped";
-    return {dense_recurrence(*d, rule, p.h), dense_response(p, rule)};
+    if (rule == Rule::implicit_euler) return plan;
+    const double m = double(p.scene.states()), n = double(p.scene.constraints());
+    const WeightCheck check =
+        check_weights(p, std::get<DenseRecurrence>(plan.recurrence), double(p.J) * (m * m + 2 * m * n));
+    plan.error = check.error;
+    description += " by the matrix exponential" + (check.against.empty() ? "" : ", checked against " + check.against);
+    return plan;
   }
   const Index all = p.kronecker()->across.points;
   if (rule == Rule::exponential && choice != RecurrenceChoice::modal) {
@@ -83,87 +112,93 @@ std::size_t bytes_of(const Plan& plan) {
           return r.decay.size() + 3 * r.input.size();
       },
       plan.recurrence);
-  return sizeof(double) * std::size_t(numbers + plan.r.size());
+  return sizeof(double) * std::size_t(numbers + plan.r.size() + plan.forcing.size());
 }
 
-// y_0 in SOL(M, N x0 + g(0)): one problem, as a batch of one row. False: there is none, and the result says why.
-bool solve_at_zero(const DiscreteProblem& p, Result& result) {
-  const Index n = p.scene.constraints();
-  const auto r = p.backend.array(1, n), v = p.backend.array(1, n), y = p.backend.array(1, n);
-  p.backend.upload(p.start.transpose(), *r);
-  const LcpReport report = p.backend.lcp(p.scene.M, p.lcp_class, 1)->solve(*r, *v, *y, 0, 0);
-  result.lcp.newton += report.count.newton;
-  result.y = RowMatrix::Constant(p.J + 1, n, NAN);
-  if (report.count.unsolved == 0 && report.finite) {
-    RowMatrix start;
-    p.backend.download(*y, start);
-    result.y.row(0) = start;
-    ++result.lcp.solved;
-    return true;
-  }
-  result.status = report.infeasible == 0 ? Status::infeasible : Status::tolerance_not_met;
-  result.reason = report.infeasible == 0 ? "no solution at t = 0" : "the problem at t = 0 stayed unsolved";
-  if (report.infeasible == 0) result.infeasible_at = 0;
-  return false;
-}
+}  // namespace
 
-void explain_stop(const DiscreteProblem& p, const MarchReport& report, Result& result) {
-  char where[64];
-  std::snprintf(where, sizeof where, "t = %.6g", p.t[report.stopped]);
-  if (report.interrupted) {
-    result.status = Status::interrupted;
-    result.reason = std::string("stopped on request at ") + where;
-  } else if (!report.finite) {
-    result.status = Status::nonfinite;
-    result.reason = std::string("the solution is not finite at ") + where;
-  } else if (report.infeasible >= 0) {
-    result.status = Status::infeasible;
-    result.infeasible_at = p.t[report.infeasible];
-    result.reason = std::string("no solution from ") + where + " on";
-  } else {
-    result.status = Status::tolerance_not_met;
-    result.reason = std::string("the complementarity problem of the step to ") + where +
-                    " stayed unsolved; try other steps or method contour";
+namespace {
+
+// What stays the same for a march by recurrence and one by lag weights.
+class Marching {
+ public:
+  Marching(const DiscreteProblem& p, const Options& options) : p_(p) {
+    problem.M = &p.scene.M;
+    problem.lcp_class = p.lcp_class;
+    problem.interrupted = options.interrupted;
+    if (options.progress) problem.progress = [&options, J = p.J](Index step) { options.progress({step, 0, J}); };
   }
-}
+
+  const Array* array(const RowMatrix& values) {
+    arrays_.push_back(p_.backend.array(values.rows(), values.cols()));
+    p_.backend.upload(values, *arrays_.back());
+    bytes_ += arrays_.back()->bytes();
+    return arrays_.back().get();
+  }
+
+  void run(Timer& timer, bool impulse_allowed, Result& result) {
+    const Index rows = p_.J + 1, n = p_.scene.constraints();
+    const auto y = p_.backend.array(rows, n), v = p_.backend.array(rows, n);
+    const auto march = p_.backend.march(problem, rows);
+    result.bytes = 2 * y->bytes() + bytes_ + march->bytes() + host_bytes(p_);
+    result.seconds.setup += timer.lap();
+
+    const Start start = solve_at_zero(p_, result);
+    if (start == Start::none) return;
+    if (start == Start::impulse) {
+      if (!impulse_allowed) {
+        result.status = Status::unsupported;
+        result.reason = "x0 violates the constraints and y has to jump; use method march or auto";
+        return;
+      }
+      result.y.row(0).setZero();  // implicit Euler does not look at it
+      result.kernel += impulse_note;
+    }
+    p_.backend.upload(result.y, *y);
+    result.seconds.lcp += timer.lap();
+    const MarchReport report = march->run(*y, *v);
+    p_.backend.download(*y, result.y);
+    if (start == Start::impulse) result.y.row(0) = result.y.row(1);
+    count(report, result);
+    if (report.stopped >= 0) return explain_stop(p_, report, result);
+    result.residual = march_residual(p_, start, *problem.r, *v, *y);
+    result.status = Status::solved;
+  }
+
+  MarchProblem problem;
+
+ private:
+  const DiscreteProblem& p_;
+  std::vector<std::unique_ptr<Array>> arrays_;
+  std::size_t bytes_ = 0;
+};
 
 }  // namespace
 
 void solve_by_marching(const DiscreteProblem& p, Rule rule, const Options& options, Result& result) {
   Timer timer;
-  const Index rows = p.J + 1, n = p.scene.constraints();
   Plan plan = make_plan(p, rule, options.recurrence, result.kernel);
   result.kernel_error = plan.error;
   plan.r.row(0) = p.start.transpose();
-  const auto y = p.backend.array(rows, n), v = p.backend.array(rows, n), r = p.backend.array(rows, n);
-  p.backend.upload(plan.r, *r);
-  std::unique_ptr<Array> drive;
-  if (p.kronecker() && p.drive()) {
-    drive = p.backend.array(rows, n);
-    p.backend.upload(*p.drive(), *drive);
-  }
-  MarchProblem problem{&p.scene.M, p.lcp_class, &plan.recurrence, r.get(), drive.get(), options.interrupted, {}};
-  if (options.progress) problem.progress = [&](Index step) { options.progress({step, 0, p.J}); };
-  const auto march = p.backend.march(problem, rows);
-  const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, rows);
-  result.bytes =
-      y->bytes() * 3 + (drive ? drive->bytes() : 0) + march->bytes() + lcp->bytes() + bytes_of(plan) + host_bytes(p);
-  result.seconds.setup += timer.lap();
+  Marching marching(p, options);
+  marching.problem.recurrence = &plan.recurrence;
+  marching.problem.r = marching.array(plan.r);
+  if (p.kronecker() && p.drive()) marching.problem.drive = marching.array(*p.drive());
+  if (plan.forcing.size() > 0) marching.problem.forcing = marching.array(plan.forcing);
+  if (plan.start.size() > 0) marching.problem.start = &plan.start;
+  marching.run(timer, rule == Rule::implicit_euler, result);
+  result.bytes += bytes_of(plan);
+}
 
-  if (!solve_at_zero(p, result)) return;
-  p.backend.upload(result.y, *y);
-  result.seconds.lcp += timer.lap();
-  const MarchReport report = march->run(*y, *v);
-  p.backend.download(*y, result.y);
-  result.iterations = 1;
-  result.lcp.solved += report.count.solved;
-  result.lcp.newton += report.count.newton;
-  result.lcp.fallbacks += report.count.fallbacks;
-  result.lcp.unsolved += report.count.unsolved;
-  result.seconds.lcp += report.lcp_seconds;
-  if (report.stopped >= 0) return explain_stop(p, report, result);
-  result.residual = lcp->residual(*r, *v, *y);
-  result.status = Status::solved;
+void solve_by_marching(const DiscreteProblem& p, const SparseKernel& kernel, const Options& options, Result& result) {
+  Timer timer;
+  Marching marching(p, options);
+  marching.problem.lags = &kernel.weights;
+  marching.problem.r = marching.array(p.g + kernel.free);
+  result.kernel = "lag weights, summed in blocks of time; " + kernel.description;
+  result.kernel_error = kernel.error;
+  marching.run(timer, false, result);
+  result.bytes += kernel.bytes;
 }
 
 }  // namespace bromwich

@@ -4,9 +4,14 @@
 
 #include "discrete_problem.hpp"
 #include "solve.hpp"
+#include "sparse_kernel.hpp"
 
 namespace bromwich {
 
+/// By a recurrence: dense dynamics and Kronecker sums.
 void solve_by_marching(const DiscreteProblem&, Rule, const Options&, Result& result);
+
+/// By lag weights: sparse dynamics, exponential.
+void solve_by_marching(const DiscreteProblem&, const SparseKernel&, const Options&, Result& result);
 
 }  // namespace bromwich

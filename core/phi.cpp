@@ -47,15 +47,57 @@ Complex phi1(Complex x) { return x == 0.0 ? Complex(1) : expm1(x) / x; }
 
 Complex phi2(Complex x) { return std::abs(x) < series_radius ? phi2_series(x) : (phi1(x) - 1.0) / x; }
 
-MatrixPhi matrix_phi(const Matrix& A) {
+namespace {
+
+// Above this size the block matrix of 3m rows costs more than doublings of three m x m matrices.
+constexpr Index largest_block = 16;
+
+MatrixPhi symmetric_phi(const Matrix& A) {
+  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(A);
+  const Matrix& V = eigen.eigenvectors();
+  const Vector& lambda = eigen.eigenvalues();
+  const auto function = [&](double (*f)(double)) -> Matrix {
+    return V * lambda.unaryExpr(f).asDiagonal() * V.transpose();
+  };
+  return {function(+[](double x) { return std::exp(x); }), function(+[](double x) { return phi1(x); }),
+          function(+[](double x) { return phi2(x); })};
+}
+
+MatrixPhi block_phi(const Matrix& A) {
   const Index m = A.rows();
-  if (m == 0) return {A, A, A};
   Matrix block = Matrix::Zero(3 * m, 3 * m);
   block.topLeftCorner(m, m) = A;
   block.block(0, m, m, m).setIdentity();
   block.block(m, 2 * m, m, m).setIdentity();
   const Matrix e = block.exp();
   return {e.topLeftCorner(m, m), e.block(0, m, m, m), e.topRightCorner(m, m)};
+}
+
+MatrixPhi doubled_phi(const Matrix& A) {
+  const Index m = A.rows();
+  const Matrix I = Matrix::Identity(m, m);
+  const double norm = A.cwiseAbs().colwise().sum().maxCoeff();
+  const int doublings = norm > series_radius ? int(std::ceil(std::log2(norm / series_radius))) : 0;
+  const Matrix X = std::ldexp(1.0, -doublings) * A;
+  Matrix p2 = phi2_coefficients.back() * I;
+  for (std::size_t k = phi2_coefficients.size() - 1; k-- > 0;) p2 = (X * p2 + phi2_coefficients[k] * I).eval();
+  Matrix p1 = I + X * p2, e = I + X * p1;
+  for (int i = 0; i < doublings; ++i) {
+    p2 = (0.25 * p1 * p1 + 0.5 * p2).eval();
+    p1 = (0.5 * e * p1 + 0.5 * p1).eval();
+    e = (e * e).eval();
+  }
+  return {e, p1, p2};
+}
+
+}  // namespace
+
+MatrixPhi matrix_phi(const Matrix& A) {
+  if (A.rows() == 0) return {A, A, A};
+  // A symmetric matrix that was computed is so to rounding of its largest entries; it is not known better than that.
+  const bool symmetric = (A - A.transpose()).cwiseAbs().maxCoeff() <= 8 * epsilon * A.cwiseAbs().maxCoeff();
+  if (symmetric) return symmetric_phi(0.5 * (A + A.transpose()));
+  return A.rows() <= largest_block ? block_phi(A) : doubled_phi(A);
 }
 
 }  // namespace bromwich

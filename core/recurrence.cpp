@@ -67,28 +67,26 @@ ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, d
   return r;
 }
 
-DenseRecurrence dense_recurrence(const DenseDynamics& dynamics, Rule rule, double h) {
-  const Index m = dynamics.A.rows();
-  DenseRecurrence r;
-  r.output = dynamics.N;
+StepOperators step_operators(const Matrix& A, Rule rule, double h) {
+  const Index m = A.rows();
   if (rule == Rule::exponential) {
-    const MatrixPhi phi = matrix_phi(h * dynamics.A);
-    const Matrix right = h * phi.phi2 * dynamics.B;
-    r.decay = phi.exponential;
-    r.start = h * (phi.phi1 - phi.phi2) * dynamics.B;
-    r.input = r.decay * right + r.start;
-    r.w0 = dynamics.N * right;
-    return r;
+    const MatrixPhi phi = matrix_phi(h * A);
+    return {phi.exponential, h * (phi.phi1 - phi.phi2), h * phi.phi2};
   }
-  const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(m, m) - h * dynamics.A);
+  const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(m, m) - h * A);
   if (m > 0 && lu.rcond() < epsilon)
     throw Error("steps", "I - hA is singular at this step", "implicit Euler needs another number of steps");
-  r.decay = lu.inverse();
-  const Matrix right = h * r.decay * dynamics.B;
-  r.start = Matrix::Zero(m, dynamics.B.cols());
-  r.input = r.decay * right;
-  r.w0 = dynamics.N * right;
-  return r;
+  const Matrix decay = lu.inverse();
+  return {decay, Matrix::Zero(m, m), h * decay};
+}
+
+DenseRecurrence dense_recurrence(const DenseDynamics& dynamics, const StepOperators& step) {
+  const Matrix right = step.right * dynamics.B, left = step.left * dynamics.B;
+  return {step.decay, step.decay * right + left, left, dynamics.N, dynamics.N * right};
+}
+
+DenseRecurrence dense_recurrence(const DenseDynamics& dynamics, Rule rule, double h) {
+  return dense_recurrence(dynamics, step_operators(dynamics.A, rule, h));
 }
 
 namespace {

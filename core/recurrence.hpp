@@ -61,7 +61,17 @@ enum class Rule {
 /// (n x across.points), or empty to leave x0 out. Throws Error where x0 is given and a sine component of b vanishes.
 ModalRecurrence modal_recurrence(const KroneckerDynamics&, Rule, double h, const RowMatrix& x0_modal);
 
-/// e^{hA} by scaling and squaring, or (I - hA)^{-1} by LU. Throws Error where I - hA is singular.
+/// One step of x' = A x + u: x_j = decay x_{j-1} + left u_{j-1} + right u_j, m x m each. Exponential: u linear in
+/// between; implicit Euler: left = 0.
+struct StepOperators {
+  Matrix decay, left, right;
+};
+
+/// e^{hA} and its phi-functions (core/phi.hpp), or (I - hA)^{-1} by LU. Throws Error where I - hA is singular.
+StepOperators step_operators(const Matrix& A, Rule, double h);
+
+/// z_j = decay x_j + left B y_j: what the next step starts from.
+DenseRecurrence dense_recurrence(const DenseDynamics&, const StepOperators&);
 DenseRecurrence dense_recurrence(const DenseDynamics&, Rule, double h);
 
 /// W_d and S_d, d = 0..J, that the recurrence stands for.

@@ -1,9 +1,5 @@
 #include "core/response.hpp"
 
-#include "core/phi.hpp"
-
-#include <Eigen/LU>
-
 #include <cmath>
 #include <numbers>
 
@@ -56,25 +52,17 @@ RowMatrix x0_in_modes(Backend& backend, const KroneckerDynamics& d, const Vector
   return modes;
 }
 
-RowMatrix dense_states(const Matrix& A, Rule rule, double h, const Vector& x0, const RowMatrix& u) {
-  const Index m = A.rows();
-  Matrix decay, left, right;  // x_{j+1} = decay x_j + left u_j + right u_{j+1}
-  if (rule == Rule::exponential) {
-    const MatrixPhi phi = matrix_phi(h * A);
-    decay = phi.exponential;
-    left = h * (phi.phi1 - phi.phi2);
-    right = h * phi.phi2;
-  } else {
-    decay = Eigen::PartialPivLU<Matrix>(Matrix::Identity(m, m) - h * A).inverse();
-    left = Matrix::Zero(m, m);
-    right = h * decay;
-  }
+RowMatrix dense_states(const StepOperators& step, const Vector& x0, const RowMatrix& u) {
   // Time-major products first, so that the sequential part is one small matrix-vector product a step.
-  RowMatrix x = u * right.transpose();
-  x.bottomRows(x.rows() - 1) += u.topRows(u.rows() - 1) * left.transpose();
+  RowMatrix x = u * step.right.transpose();
+  x.bottomRows(x.rows() - 1) += u.topRows(u.rows() - 1) * step.left.transpose();
   x.row(0) = x0.transpose();
-  for (Index j = 1; j < x.rows(); ++j) x.row(j).transpose().noalias() += decay * x.row(j - 1).transpose();
+  for (Index j = 1; j < x.rows(); ++j) x.row(j).transpose().noalias() += step.decay * x.row(j - 1).transpose();
   return x;
+}
+
+RowMatrix dense_states(const Matrix& A, Rule rule, double h, const Vector& x0, const RowMatrix& u) {
+  return dense_states(step_operators(A, rule, h), x0, u);
 }
 
 }  // namespace bromwich

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 #include <sstream>
+#include <vector>
 
 namespace bromwich {
 namespace {
@@ -51,6 +52,33 @@ void require_some(const std::string& member, Index count, const std::string& wha
 }
 
 void validate(const DenseDynamics& d) {
+  const Index m = d.A.rows(), n = d.B.cols();
+  require_some("A", m, "rows");
+  require_some("B", n, "columns");
+  require_shape("A", d.A, m, m, "square, states x states");
+  require_shape("B", d.B, m, n, "states x constraints");
+  require_shape("N", d.N, n, m, "constraints x states");
+  require_finite("A", d.A);
+  require_finite("B", d.B);
+  require_finite("N", d.N);
+}
+
+void require_shape(const std::string& member, const SparseMatrix& found, Index rows, Index cols,
+                   const std::string& meaning) {
+  if (found.rows() != rows || found.cols() != cols)
+    throw Error(member, "is " + shape(found.rows(), found.cols()), "make it " + meaning + " = " + shape(rows, cols));
+}
+
+void require_finite(const std::string& member, const SparseMatrix& values) {
+  for (Index j = 0; j < values.outerSize(); ++j)
+    for (SparseMatrix::InnerIterator entry(values, j); entry; ++entry)
+      if (!std::isfinite(entry.value()))
+        throw Error(member,
+                    "entry (" + std::to_string(entry.row()) + "," + std::to_string(j) + ") is " + text(entry.value()),
+                    "make every entry finite");
+}
+
+void validate(const SparseDynamics& d) {
   const Index m = d.A.rows(), n = d.B.cols();
   require_some("A", m, "rows");
   require_some("B", n, "columns");
@@ -126,6 +154,13 @@ DenseDynamics to_dense(const KroneckerDynamics& d) {
   return dense;
 }
 
+DenseDynamics to_dense(const SparseDynamics& d) {
+  if (d.A.rows() > largest_dense_state)
+    throw Error("dynamics", "has " + std::to_string(d.A.rows()) + " states",
+                "write out at most " + std::to_string(largest_dense_state) + " densely");
+  return {Matrix(d.A), Matrix(d.B), Matrix(d.N)};
+}
+
 template <typename... Cases>
 struct Overloaded : Cases... {
   using Cases::operator()...;
@@ -145,13 +180,15 @@ Vector SecondDifference::eigenvalues() const {
 
 Index states(const Dynamics& dynamics) {
   return std::visit(Overloaded{[](const DenseDynamics& d) { return d.A.rows(); },
-                               [](const KroneckerDynamics& d) { return d.along.points * d.across.points; }},
+                               [](const KroneckerDynamics& d) { return d.along.points * d.across.points; },
+                               [](const SparseDynamics& d) { return d.A.rows(); }},
                     dynamics);
 }
 
 Index constraints(const Dynamics& dynamics) {
   return std::visit(Overloaded{[](const DenseDynamics& d) { return d.B.cols(); },
-                               [](const KroneckerDynamics& d) { return d.along.points; }},
+                               [](const KroneckerDynamics& d) { return d.along.points; },
+                               [](const SparseDynamics& d) { return d.B.cols(); }},
                     dynamics);
 }
 
@@ -175,8 +212,32 @@ Matrix to_dense(const LcpMatrix& M) {
 
 DenseDynamics to_dense(const Dynamics& dynamics) {
   return std::visit(
-      Overloaded{[](const DenseDynamics& d) { return d; }, [](const KroneckerDynamics& d) { return to_dense(d); }},
+      Overloaded{[](const DenseDynamics& d) { return d; }, [](const KroneckerDynamics& d) { return to_dense(d); },
+                 [](const SparseDynamics& d) { return to_dense(d); }},
       dynamics);
+}
+
+SparseDynamics to_sparse(const KroneckerDynamics& d) {
+  const Index lines = d.along.points, length = d.across.points, m = lines * length;
+  const double along = d.along.diffusivity / (d.along.spacing * d.along.spacing);
+  const double across = d.across.diffusivity / (d.across.spacing * d.across.spacing);
+  std::vector<Eigen::Triplet<double>> A, B, N;
+  for (Index l = 0; l < lines; ++l)
+    for (Index k = 0; k < length; ++k) {
+      const Index i = l * length + k;
+      A.emplace_back(i, i, -2 * (along + across));
+      if (k > 0) A.emplace_back(i, i - 1, across);
+      if (k + 1 < length) A.emplace_back(i, i + 1, across);
+      if (l > 0) A.emplace_back(i, i - length, along);
+      if (l + 1 < lines) A.emplace_back(i, i + length, along);
+      if (d.b[k] != 0) B.emplace_back(i, l, d.b[k]);
+      if (d.n[k] != 0) N.emplace_back(l, i, d.n[k]);
+    }
+  SparseDynamics sparse{SparseMatrix(m, m), SparseMatrix(m, lines), SparseMatrix(lines, m)};
+  sparse.A.setFromTriplets(A.begin(), A.end());
+  sparse.B.setFromTriplets(B.begin(), B.end());
+  sparse.N.setFromTriplets(N.begin(), N.end());
+  return sparse;
 }
 
 Vector multiply(const LcpMatrix& M, const Vector& y) {
@@ -194,21 +255,32 @@ Vector multiply(const LcpMatrix& M, const Vector& y) {
 Index Scene::states() const { return bromwich::states(dynamics); }
 Index Scene::constraints() const { return bromwich::constraints(dynamics); }
 
+Index Scene::sources() const {
+  if (f_entry == SourceEntry::through_F) return F.cols();
+  return f_entry == SourceEntry::through_B ? constraints() : states();
+}
+
 void Scene::validate() const {
   std::visit([](const auto& d) { bromwich::validate(d); }, dynamics);
   const Index m = states(), n = constraints();
   std::visit([n](const auto& matrix) { bromwich::validate(matrix, n); }, M);
-  if (lcp_class == LcpClass::Z && !is_Z(M))
-    throw Error("lcp_class", "says Z, but M has a positive entry off its diagonal", "use automatic");
+  if (const auto reason = contradiction(M, lcp_class))
+    throw Error("lcp_class", std::string("says ") + to_string(lcp_class) + ", but " + *reason, "use automatic");
   require_length("x0", x0, m, "one per state");
   require_finite("x0", x0);
   require_positive("T", T);
   if (default_steps < 1) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");
-  const bool through_B = f_entry == SourceEntry::through_B;
-  if (f && !through_B && std::holds_alternative<KroneckerDynamics>(dynamics))
+  if (f_entry == SourceEntry::through_F) {
+    if (F.rows() != m)
+      throw Error("F", "has " + std::to_string(F.rows()) + " rows", "give " + std::to_string(m) + ", one per state");
+    require_finite("F", F);
+  } else if (F.size() > 0) {
+    throw Error("F", "is given but f_entry does not use it", "set f_entry to through_F");
+  }
+  if (f && f_entry != SourceEntry::through_B && std::holds_alternative<KroneckerDynamics>(dynamics))
     throw Error("f", "enters the state of a Kronecker sum directly",
                 "give phi with f = B phi and set f_entry to through_B, or write the dynamics densely");
-  bromwich::validate("f", f, through_B ? n : m);
+  bromwich::validate("f", f, sources());
   bromwich::validate("g", g, n);
 }
 

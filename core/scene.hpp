@@ -45,7 +45,15 @@ struct KroneckerDynamics {
   Vector n;                 ///< across.points: how the line is seen by its constraint
 };
 
-using Dynamics = std::variant<DenseDynamics, KroneckerDynamics>;
+/// A, B and N as sparse matrices: many states (10^5 and more), few constraints. Every scene of this form is solved
+/// through its kernel (shifted sparse solves) or by stepping the state with one sparse factorization.
+struct SparseDynamics {
+  SparseMatrix A;  ///< m x m
+  SparseMatrix B;  ///< m x n
+  SparseMatrix N;  ///< n x m
+};
+
+using Dynamics = std::variant<DenseDynamics, KroneckerDynamics, SparseDynamics>;
 
 /// Tridiagonal matrix by its three diagonals; lower[0] and upper[n-1] are not used.
 struct Tridiagonal {
@@ -58,16 +66,18 @@ using LcpMatrix = std::variant<Matrix, Tridiagonal>;
 /// What is known of M. `automatic` asks for a test (core/lcp.hpp).
 enum class LcpClass { automatic, P, Z, PSD, unknown };
 
-/// How f(t) enters: as an m-vector, or as B phi(t) with an n-vector phi that is stored instead.
-enum class SourceEntry { state, through_B };
+/// How f(t) enters: as an m-vector, as B phi(t) with an n-vector phi, or as F phi(t) with a k-vector phi. What is
+/// stored and sampled is phi: a heat source that many cells share costs one number a time point.
+enum class SourceEntry { state, through_B, through_F };
 
 struct Scene {
   std::string name;
   Dynamics dynamics;
   LcpMatrix M;
   LcpClass lcp_class = LcpClass::automatic;
-  TimeFunction f;  ///< m values (or n values of phi where f_entry is through_B); empty = 0
+  TimeFunction f;  ///< m values, or the n or k values of phi, see f_entry; empty = 0
   SourceEntry f_entry = SourceEntry::state;
+  SparseMatrix F;  ///< m x k with f_entry through_F, otherwise empty
   TimeFunction g;  ///< n values; empty = 0
   Vector x0;       ///< m
   double T = 1;
@@ -78,6 +88,7 @@ struct Scene {
 
   Index states() const;       ///< m
   Index constraints() const;  ///< n
+  Index sources() const;      ///< length of what `f` writes: m, n or k
 
   /// Throws Error naming the first member whose size or value is wrong (shapes, NaN, T <= 0).
   void validate() const;
@@ -90,6 +101,9 @@ Matrix to_dense(const LcpMatrix&);
 
 /// A, B and N written out densely: for small scenes and as an oracle. Throws Error above 4096 states.
 DenseDynamics to_dense(const Dynamics&);
+
+/// The Kronecker sum as sparse matrices, at any size.
+SparseDynamics to_sparse(const KroneckerDynamics&);
 
 /// M y for one vector.
 Vector multiply(const LcpMatrix& M, const Vector& y);

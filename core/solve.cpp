@@ -1,18 +1,17 @@
 #include "core/solve.hpp"
 
+#include "core/certificate.hpp"
+#include "core/cost.hpp"
 #include "core/error.hpp"
-#include "core/functional_iteration.hpp"
-#include "core/lcp.hpp"
-#include "core/literal.hpp"
-#include "core/marching.hpp"
+#include "core/methods.hpp"
 #include "core/states.hpp"
 #include "core/timer.hpp"
-
-#include <Eigen/LU>
+#include "core/windows.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <utility>
 
 namespace bromwich {
@@ -51,84 +50,151 @@ double residual_limit(bool iterated, const Options& options) {
   return iterated ? std::clamp(1e3 * options.iteration_tolerance, 1e-9, 1e-2) : 1e-9;
 }
 
-// An infeasible iterate proves nothing about the scene; marching the same discretisation decides.
-void confirm_infeasible(const DiscreteProblem& p, const Options& options, Result& result) {
-  const std::string observed = result.reason;
-  Result marched;
-  solve_by_marching(p, Rule::exponential, options, marched);
-  result.infeasible_at.reset();
-  if (marched.status == Status::infeasible) {
-    result.status = Status::infeasible;
-    result.reason = marched.reason + " (confirmed by marching)";
-    result.infeasible_at = marched.infeasible_at;
-    result.y = std::move(marched.y);
-    result.residual = marched.residual;
-  } else if (marched.status == Status::solved) {
-    result.reason = observed + ", but marching gets past it: use method march";
-  } else {
-    result.reason = observed + "; marching ends too: " + marched.reason;
-  }
+bool iterates(Method method) { return method == Method::contour || method == Method::contour_literal; }
+
+template <class... Args>
+std::string text(const char* format, Args... args) {
+  char buffer[224];
+  std::snprintf(buffer, sizeof buffer, format, args...);
+  return buffer;
 }
 
-// Where M is singular (M = 0 in the extreme) y acts through the state alone, and continuous piecewise-linear y has the
-// characteristic root -1: it can alternate from one time point to the next with a perfect residual.
-bool can_ring(const DiscreteProblem& p) {
-  if (p.lcp_class == LcpClass::P || p.lcp_class == LcpClass::Z) return false;
-  const Eigen::FullPivLU<Matrix> lu(to_dense(p.scene.M));
-  return !lu.isInvertible();
+void demote(Result& result, const std::string& reason) {
+  result.status = Status::tolerance_not_met;
+  result.reason = reason;
 }
 
-void run(const DiscreteProblem& p, Method method, const Options& options, Result& result) {
-  result.method = to_string(method);
-  if (method != Method::euler && can_ring(p)) {
-    result.status = Status::unsupported;
-    result.reason = "M is singular, and piecewise-linear y can ring from one time point to the next; use method euler";
-    return;
+// One run of a scene: its methods on the grid asked for, and on finer ones where a result has to be confirmed.
+class Run {
+ public:
+  Run(Methods& methods, Backend& backend, const Options& options)
+      : methods_(methods), backend_(backend), options_(options) {}
+
+  void named(Method method, Result& result) {
+    methods_.run(method, options_, result);
+    if (iterates(method) && result.infeasible_at && result.status == Status::tolerance_not_met)
+      confirm_by_marching(result);
+    else if (iterates(method) && result.status != Status::infeasible)
+      result.infeasible_at.reset();
+    if (result.status == Status::infeasible && result.infeasible_at.value_or(0) > 0) confirm_infeasible(result);
+    if (result.status == Status::solved) certify(method, result);
   }
-  switch (method) {
-    case Method::contour:
-      solve_by_iteration(p, options, result);
-      break;
-    case Method::contour_literal:
-      solve_literally(p, options, result);
-      break;
-    case Method::euler:
-      solve_by_marching(p, Rule::implicit_euler, options, result);
-      break;
-    default:
-      solve_by_marching(p, Rule::exponential, options, result);
-      break;
+
+  // Marching costs less than a few sweeps of the iteration on these backends. Where it does not fit into memory, or a
+  // step cannot be solved (M + W_0 may leave the class of M), the iteration, which only ever needs M, and implicit
+  // Euler are tried, in this order.
+  void automatic(Result& result) {
+    std::string before;
+    for (const Method method : {Method::march, Method::contour, Method::euler}) {
+      if (const std::string why = against(method); !why.empty()) {
+        before += std::string("; not ") + to_string(method) + ": " + why;
+        continue;
+      }
+      Result next;
+      next.seconds.setup = result.seconds.setup;
+      named(method, next);
+      const bool ended = next.status != Status::tolerance_not_met && next.status != Status::unsupported;
+      const std::string reason = next.reason;
+      if (ended || result.reason.empty()) {  // of several failures the first is the one to explain
+        result = std::move(next);
+        if (ended) result.kernel += before;
+      }
+      if (ended) return;
+      before += std::string("; not ") + to_string(method) + ": " + reason;
+    }
   }
-  const bool iterated = method == Method::contour || method == Method::contour_literal;
-  if (iterated && result.infeasible_at && result.status == Status::tolerance_not_met)
-    confirm_infeasible(p, options, result);
-  else if (iterated && result.status != Status::infeasible)
+
+ private:
+  // What speaks against a method before it runs.
+  std::string against(Method method) {
+    const DiscreteProblem& p = methods_.problem();
+    const Cost cost = predicted_cost(p.scene, method, p.J, Index(p.components.size()), backend_.device().threads);
+    if (options_.memory_limit > 0 && cost.bytes > options_.memory_limit) return "it does not fit into memory";
+    if (method != Method::contour || p.lcp_class == LcpClass::Z) return "";
+    const std::optional<Forecast> f = iteration_forecast(p, options_.iteration_tolerance);
+    if (f && f->longest_window(options_.iteration_tolerance) == 0)
+      return text("its sweeps are not known to contract (kappa_0 = %.2g)", f->kappa0);
+    return "";
+  }
+
+  // An infeasible iterate proves nothing about the scene; marching the same discretisation decides.
+  void confirm_by_marching(Result& result) {
+    const std::string observed = result.reason;
+    Result marched;
+    methods_.run(Method::march, options_, marched);
     result.infeasible_at.reset();
-  if (result.status == Status::solved && !(result.residual <= residual_limit(iterated, options))) {
-    result.status = Status::tolerance_not_met;
-    result.reason = "the residual is above the limit for a solution";
+    if (marched.status == Status::infeasible) {
+      result.status = Status::infeasible;
+      result.reason = marched.reason + " (confirmed by marching)";
+      result.infeasible_at = marched.infeasible_at;
+      result.y = std::move(marched.y);
+      result.x = std::move(marched.x);
+      result.residual = marched.residual;
+    } else if (marched.status == Status::solved) {
+      result.reason = observed + ", but marching gets past it: use method march";
+    } else {
+      result.reason = observed + "; marching ends too: " + marched.reason;
+    }
   }
-}
 
-// On these backends marching with compressed exponentials costs less than a few sweeps of the iteration; where a step
-// cannot be solved (M + W_0 may leave the class of M), the iteration only ever needs M.
-void run_automatic(const DiscreteProblem& p, const Options& options, Result& result) {
-  run(p, Method::march, options, result);
-  if (result.status == Status::unsupported) {
-    const std::string why = result.reason;
-    result.reason.clear();
-    run(p, Method::euler, options, result);
-    result.kernel += "; march was not used: " + why;
+  Result refined(Method method) {
+    const DiscreteProblem& p = methods_.problem();
+    Methods fine(p.scene, backend_, 2 * p.J, {});
+    Result result;
+    fine.run(method, options_, result);
+    return result;
   }
-  if (result.status != Status::tolerance_not_met || result.method == to_string(Method::euler)) return;
-  Result iterated;
-  iterated.seconds.setup = result.seconds.setup;
-  run(p, Method::contour, options, iterated);
-  if (iterated.status == Status::solved || iterated.status == Status::infeasible) {
-    iterated.kernel += "; march was tried first: " + result.reason;
-    result = std::move(iterated);
+
+  // A step without a solution ends the discrete problem. It says something about the scene only where the solution up
+  // to there is one: with half the step the end has to stay where it is, and so has y.
+  void confirm_infeasible(Result& result) {
+    const DiscreteProblem& p = methods_.problem();
+    const Method method = method_from_string(result.method);
+    const Result fine = refined(iterates(method) ? Method::march : method);
+    const double at = *result.infeasible_at;
+    const Index last = std::max<Index>(Index(std::llround(at / p.h)) - 1, 0);
+    const bool same_end = fine.status == Status::infeasible && std::abs(*fine.infeasible_at - at) <= 2 * p.h;
+    if (same_end && (last == 0 || change_when_halved(result.y, fine.y, last).largest <= confirmed_change)) return;
+    result.infeasible_at.reset();
+    demote(result,
+           text("the step to t = %.6g has no solution, but that changes with the step: not proven for the scene", at));
   }
-}
+
+  void certify(Method method, Result& result) {
+    const DiscreteProblem& p = methods_.problem();
+    if (!(result.residual <= residual_limit(iterates(method), options_)))
+      return demote(result, "the residual is above the limit for a solution");
+    if (method != Method::contour_literal && result.kernel_error > most_kernel_error)
+      return demote(result, text("the weights of the kernel are known only to %.1e: use other steps, or method euler",
+                                 result.kernel_error));
+    const bool continuous = method != Method::euler && methods_.basis().continuous;
+    if (const Index j = continuous ? ringing_from(result.y) : -1; j >= 0)
+      return demote(result,
+                    text("y alternates between time points from t = %.6g on; use more steps or method euler", p.t[j]));
+    const Rule rule = continuous ? Rule::exponential : Rule::implicit_euler;
+    const Magnification m = magnification(p, rule, result.y);
+    if (m.rounding > most_rounding)
+      return demote(result, text("the scene magnifies perturbations %.1e times up to T: rounding leaves no digit of y",
+                                 m.growth));
+    if (!(m.growth > doubtful_growth)) return;
+    const Result fine = refined(method);
+    const double change = fine.status == Status::solved ? change_when_halved(result.y, fine.y, p.J).mean : INFINITY;
+    if (!(change <= most_change))
+      demote(result, text("the scene magnifies errors %.1e times, and y changes by %.1e of its size when the step is "
+                          "halved: use more steps",
+                          m.growth, change));
+  }
+
+  static constexpr double most_kernel_error = 1e-6;  ///< two ways to the same weights, relative to the largest
+  static constexpr double most_rounding = 1e-4;      ///< of the state, left by rounding
+  static constexpr double doubtful_growth = 100;     ///< of perturbations: an error of one step may fill the result
+  static constexpr double most_change = 0.1;         ///< of y, in the mean, with half the step where errors grow
+  static constexpr double confirmed_change = 0.05;   ///< of y before a step without a solution
+
+  Methods& methods_;
+  Backend& backend_;
+  const Options& options_;
+};
 
 bool finite_sources(const DiscreteProblem& p, Result& result) {
   for (const auto& [values, name] : {std::pair(&p.f, "f"), std::pair(&p.g, "g")}) {
@@ -166,34 +232,45 @@ Method method_from_string(const std::string& name) {
   throw Error("method", "found '" + name + "'", "use one of " + known);
 }
 
-Result solve(const Scene& scene, Backend& backend, const Options& options) {
+namespace {
+
+// Below this size dense matrices are faster in everything, and e^{hA} needs no contour.
+constexpr Index smallest_sparse = 512;
+
+}  // namespace
+
+Result solve(const Scene& given, Backend& backend, const Options& options) {
   Timer total;
-  scene.validate();
-  validate(scene, options);
+  given.validate();
+  validate(given, options);
+  std::optional<Scene> written_out;
+  if (std::holds_alternative<SparseDynamics>(given.dynamics) && given.states() <= smallest_sparse) {
+    written_out = given;
+    written_out->dynamics = to_dense(given.dynamics);
+  }
+  const Scene& scene = written_out ? *written_out : given;
   Result result;
   result.method = to_string(options.method);
   const Index J = options.steps > 0 ? options.steps : scene.default_steps;
   const std::vector<Index> components = selected(scene, options);
-  const double table = 8.0 * double(J + 1) * double(components.size());
-  if (table > 16e9)
-    throw Error("states", "the table would take " + std::to_string(long(table / 1e9)) + " GB",
-                "ask for fewer components or steps");
-  const DiscreteProblem p = discretise(scene, backend, J);
+  refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device().threads);
+  Methods methods(scene, backend, J, components);
+  const DiscreteProblem& p = methods.problem();
   result.seconds.setup = Timer(total).lap();
   if (finite_sources(p, result)) {
+    Run run(methods, backend, options);
     if (options.method == Method::automatic)
-      run_automatic(p, options, result);
+      run.automatic(result);
     else
-      run(p, options.method, options, result);
+      run.named(options.method, result);
   }
   result.backend = backend.name();
   result.t = p.t;
   result.steps = J;
   if (result.y.size() == 0) result.y = RowMatrix::Constant(J + 1, scene.constraints(), NAN);
+  if (result.x.rows() != J + 1) result.x = RowMatrix::Constant(J + 1, Index(components.size()), NAN);
   if (result.status == Status::infeasible && result.infeasible_at == 0.0) result.y.setConstant(NAN);
   result.x_components = components;
-  const Rule rule = result.method == to_string(Method::euler) ? Rule::implicit_euler : Rule::exponential;
-  result.x = state_components(p, rule, result.y, result.x_components);
   Seconds& s = result.seconds;
   s.total = total.lap();
   s.solve = s.total - s.setup;
@@ -206,8 +283,8 @@ Matrix states_at(const Scene& scene, Backend& backend, const Result& result, con
   if (result.y.rows() != result.steps + 1 || result.y.cols() != scene.constraints())
     throw Error("result", "its y does not have one row per time point and one column per constraint",
                 "pass a result of this scene");
-  if (result.method == to_string(Method::euler))
-    throw Error("result", "it was computed by implicit Euler", "ask for states when solving, or use another method");
+  if (result.method == to_string(Method::euler) || !result.continuous)
+    throw Error("result", "its y is not linear between time points", "ask for states when solving");
   Index last = 0;
   for (const Index j : rows) {
     if (j < 0 || j > result.steps)

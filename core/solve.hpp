@@ -40,6 +40,7 @@ struct Options {
   ConvolutionChoice convolution = ConvolutionChoice::automatic;
   RecurrenceChoice recurrence = RecurrenceChoice::automatic;  ///< exponentials in marching: all modes, or compressed
   Index literal_nodes = 25;                                   ///< P of contour_literal (the paper's choice)
+  double memory_limit = 0;  ///< bytes; a solve that is predicted to need more is refused. 0 = no limit
   std::function<void(const Progress&)> progress = {};
   std::function<bool()> interrupted = {};  ///< polled once per iteration
 };

@@ -35,11 +35,18 @@ Spectrum of(const DenseDynamics& d) {
   return s;
 }
 
+Spectrum of(const SparseDynamics& d) {
+  constexpr Index exact_size = 256;  // 25 m^3 operations: below a second
+  return d.A.rows() <= exact_size ? of(DenseDynamics{Matrix(d.A), {}, {}}) : sparse_spectrum(d.A);
+}
+
 }  // namespace
 
 std::string Spectrum::describe() const {
   char text[128];
-  if (real_negative())
+  if (real_negative() && slowest == 0)
+    std::snprintf(text, sizeof text, "real, moduli up to %.3g", radius);
+  else if (real_negative())
     std::snprintf(text, sizeof text, "real, moduli %.3g to %.3g", slowest, radius);
   else if (abscissa > 16 * epsilon * radius)
     std::snprintf(text, sizeof text, "unstable, abscissa %.3g", abscissa);

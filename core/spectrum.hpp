@@ -18,7 +18,11 @@ struct Spectrum {
   std::string describe() const;
 };
 
-/// Exact for a Kronecker sum (sine eigenvalues); all eigenvalues by the QR algorithm for dense A.
+/// Exact for a Kronecker sum (sine eigenvalues); all eigenvalues by the QR algorithm for dense A and for sparse A with
+/// at most 256 states. Larger sparse A: bounds and estimates, `abscissa` at least 0 and `slowest` not known (0).
 Spectrum spectrum(const Dynamics&);
+
+/// The bounds and estimates of a large sparse A, whatever its size.
+Spectrum sparse_spectrum(const SparseMatrix& A);
 
 }  // namespace bromwich

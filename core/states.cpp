@@ -1,5 +1,6 @@
 #include "core/states.hpp"
 
+#include "core/error.hpp"
 #include "core/kernel.hpp"
 #include "core/phi.hpp"
 
@@ -137,6 +138,18 @@ Matrix dense_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::
 
 }  // namespace
 
+RowMatrix sparse_states(const DiscreteProblem& p, const SparseKernel& kernel, const RowMatrix& y) {
+  const Index rows = p.J + 1, c = kernel.seen_free.cols();
+  if (c == 0) return RowMatrix(rows, 0);
+  const auto in = p.backend.array(rows, y.cols()), out = p.backend.array(rows, c);
+  p.backend.upload(y, *in);
+  p.backend.convolution(kernel.seen, rows)->apply(*in, *out, 0);
+  RowMatrix x;
+  p.backend.download(*out, x);
+  x += kernel.seen_free;
+  return x;
+}
+
 RowMatrix state_components(const DiscreteProblem& p, Rule rule, const RowMatrix& y,
                            const std::vector<Index>& components) {
   if (components.empty()) return RowMatrix(p.J + 1, 0);
@@ -148,6 +161,9 @@ RowMatrix state_components(const DiscreteProblem& p, Rule rule, const RowMatrix&
 }
 
 Matrix states_at_rows(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
+  if (p.sparse())
+    throw Error("dynamics", "whole states of sparse dynamics are not computed afterwards",
+                "ask for components with Options::states when solving");
   return p.kronecker() ? kronecker_states_at(p, y, rows) : dense_states_at(p, y, rows);
 }
 

@@ -3,6 +3,7 @@
 // one column per constraint, mode or state; rows are contiguous.
 
 #include <Eigen/Core>
+#include <Eigen/SparseCore>
 
 #include <complex>
 #include <functional>
@@ -16,6 +17,9 @@ using Vector = Eigen::VectorXd;
 using Matrix = Eigen::MatrixXd;
 using ComplexVector = Eigen::VectorXcd;
 using ComplexMatrix = Eigen::MatrixXcd;
+
+/// Compressed columns.
+using SparseMatrix = Eigen::SparseMatrix<double>;
 
 /// A space-time array on the host: (J+1) x n, row j belongs to time t_j.
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;

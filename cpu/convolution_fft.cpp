@@ -4,10 +4,9 @@
 // An FFT is accurate relative to its largest input: where the weights grow like e^{sigma t}, everything is multiplied
 // by e^{-sigma t} first, which commutes with causal convolution.
 
-#include "core/error.hpp"
 #include "cpu/parts.hpp"
+#include "cpu/real_fft.hpp"
 
-#include <fftw3.h>
 #include <omp.h>
 
 #include <cmath>
@@ -29,46 +28,6 @@ Index fast_fft_length(Index n) {
 
 namespace {
 
-struct FftwFree {
-  void operator()(void* p) const { fftw_free(p); }
-};
-using Spectra = Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-// Real transforms of one length between user buffers.
-class RealFft {
- public:
-  explicit RealFft(Index length) : length_(length) {
-    Vector real(length);
-    ComplexVector complex(length / 2 + 1);
-    auto* c = reinterpret_cast<fftw_complex*>(complex.data());
-    const std::lock_guard lock(fftw_planner());
-    forward_ = fftw_plan_dft_r2c_1d(int(length), real.data(), c, FFTW_ESTIMATE | FFTW_UNALIGNED);
-    backward_ = fftw_plan_dft_c2r_1d(int(length), c, real.data(), FFTW_ESTIMATE | FFTW_UNALIGNED);
-    if (!forward_ || !backward_)
-      throw Error("steps", "FFTW made no plan of length " + std::to_string(length), "use fewer steps");
-  }
-  ~RealFft() {
-    const std::lock_guard lock(fftw_planner());
-    fftw_destroy_plan(forward_);
-    fftw_destroy_plan(backward_);
-  }
-  RealFft(const RealFft&) = delete;
-  RealFft& operator=(const RealFft&) = delete;
-
-  Index length() const { return length_; }
-  Index frequencies() const { return length_ / 2 + 1; }
-  void forward(double* in, Complex* out) const {
-    fftw_execute_dft_r2c(forward_, in, reinterpret_cast<fftw_complex*>(out));
-  }
-  void backward(Complex* in, double* out) const {
-    fftw_execute_dft_c2r(backward_, reinterpret_cast<fftw_complex*>(in), out);
-  }
-
- private:
-  Index length_;
-  fftw_plan forward_, backward_;
-};
-
 class FftConvolution final : public Convolution {
  public:
   FftConvolution(const LagTable& table, Index rows, int threads)
@@ -80,7 +39,7 @@ class FftConvolution final : public Convolution {
         fft_(fast_fft_length(2 * rows)),
         weights_(table.W.cols(), fft_.frequencies()),
         start_(table.S),
-        damping_(damping(table.W)),
+        damping_(damping(growth(table.W), rows)),
         real_(threads, fft_.length()),
         work_(modal_ ? Index(threads) : k_ + Index(threads), fft_.frequencies()) {
     // The factor 1/length of the inverse transform is folded into the weights.
@@ -107,17 +66,6 @@ class FftConvolution final : public Convolution {
   }
 
  private:
-  // e^{-sigma j}: sigma >= 0 is how fast the second half of the table outgrows the first.
-  static Vector damping(const RowMatrix& W) {
-    const Index half = W.rows() / 2;
-    const double early = half > 0 ? W.topRows(half).cwiseAbs().maxCoeff() : 0,
-                 late = W.bottomRows(W.rows() - half).cwiseAbs().maxCoeff();
-    const double sigma = early > 0 && late > 10 * early ? std::log(late / early) / double(half) : 0;
-    Vector e(W.rows());
-    for (Index j = 0; j < e.size(); ++j) e[j] = std::exp(-sigma * double(j));
-    return e;
-  }
-
   // Column c of y from row 1 on (y_0 has its own weights), padded with zeros.
   void column_spectrum(const RowMatrix& y, Index c, double* real, Complex* out) const {
     real[0] = 0;

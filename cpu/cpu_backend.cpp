@@ -36,7 +36,10 @@ class CpuBackend final : public Backend {
     return cpu::make_dense_lcp(std::get<Matrix>(M), lcp_class, rows, threads_);
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
-    return cpu::make_march(problem, rows, threads_);
+    return problem.lags ? cpu::make_lag_march(problem, rows, threads_) : cpu::make_march(problem, rows, threads_);
+  }
+  std::unique_ptr<StageMarch> stage_march(const StageProblem& problem, Index rows) override {
+    return cpu::make_stage_march(problem, rows, threads_);
   }
   ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes) override {
     return cpu::resolvent(dynamics, nodes, threads_);

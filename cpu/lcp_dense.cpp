@@ -3,7 +3,9 @@
 // Up to `largest_lane_size` constraints eight problems share the lanes of a vector: a Newton sweep eliminates the
 // matrix that equals M on the active set and the identity elsewhere, without exchanges (all leading minors are positive
 // for a P-matrix; where a pivot fails the row is left to pivoting). Larger matrices go row by row to the active-set
-// solver, which keeps its transform from one time point to the next.
+// solver, which keeps its transform from one time point to the next. The lanes work on R M C with rows and columns of
+// comparable size (core/lcp_solution.hpp). For a PSD matrix a lane counts as solved only where its solution is
+// certainly the only one.
 
 #include "cpu/lcp_batch.hpp"
 
@@ -17,8 +19,10 @@ class LaneLcp final : public LcpBatch {
  public:
   LaneLcp(const Matrix& M, LcpClass lcp_class, Index rows, int threads)
       : n_(M.rows()),
-        M_(M),
-        class_(lcp_class == LcpClass::automatic ? classify(LcpMatrix(M)) : lcp_class),
+        original_(M),
+        scale_(equilibrate(M)),
+        M_(std::get<Matrix>(scaled(M, scale_))),
+        class_(selection_class(M, lcp_class)),
         row_blocks_(rows, threads),
         threads_(threads),
         pivoting_(M, class_),
@@ -40,10 +44,10 @@ class LaneLcp final : public LcpBatch {
   }
 
   double residual(const Array& r, const Array& v, const Array& y) override {
-    return natural_residual(M_, host(r), host(v), host(y), threads_);
+    return natural_residual(original_, host(r), host(v), host(y), threads_);
   }
 
-  std::size_t bytes() const override { return row_blocks_.bytes() + 3 * sizeof(double) * std::size_t(M_.size()); }
+  std::size_t bytes() const override { return row_blocks_.bytes() + 4 * sizeof(double) * std::size_t(M_.size()); }
 
  private:
   struct Block {
@@ -56,14 +60,14 @@ class LaneLcp final : public LcpBatch {
       s.q[i] = all(1);  // rows past the end: y = 0
       s.old[i] = all(0);
       for (Index k = 0; k < size; ++k) {
-        s.q[i][k] = R.data()[(begin + k) * n_ + i] + V.data()[(begin + k) * n_ + i];
+        s.q[i][k] = scale_.rows[i] * (R.data()[(begin + k) * n_ + i] + V.data()[(begin + k) * n_ + i]);
         s.old[i][k] = Y.data()[(begin + k) * n_ + i];
       }
       s.active[i] = s.old[i] > 0 ? all(1) : all(0);
     }
   }
 
-  // y_S = -M_SS^{-1} q_S, 0 elsewhere. Returns the lanes whose pivots were all positive.
+  // y_S = -M_SS^{-1} q_S, 0 elsewhere. Returns the lanes whose pivots were all positive, beyond rounding.
   LaneMask eliminate(Block& s) const {
     LaneMask positive = all(0) == all(0);
     for (Index i = 0; i < n_; ++i) {
@@ -72,7 +76,7 @@ class LaneLcp final : public LcpBatch {
       s.y[i] = -s.active[i] * s.q[i];
     }
     for (Index k = 0; k < n_; ++k) {
-      positive &= s.a[k][k] > 0;
+      positive &= s.a[k][k] > 16 * double(n_) * epsilon * M_(k, k);
       const Lanes inverse = 1 / s.a[k][k];
       s.a[k][k] = inverse;
       for (Index i = k + 1; i < n_; ++i) {
@@ -120,13 +124,14 @@ class LaneLcp final : public LcpBatch {
     Lanes largest_change = all(0), largest = all(0), sum = all(0);
     for (Index i = 0; i < n_; ++i) {
       sum += s.q[i] + s.y[i];
-      s.y[i] = s.y[i] < 0 ? all(0) : s.y[i];
+      s.y[i] = s.y[i] < 0 ? all(0) : scale_.columns[i] * s.y[i];
       largest_change = max(largest_change, abs(s.y[i] - s.old[i]));
       largest = max(largest, s.y[i]);
     }
     for (Index k = 0; k < size; ++k) {
       const bool finite = std::isfinite(sum[k]);
-      outcome.solved[k] = finite && same[k] && (class_ != LcpClass::Z || positive[k]);
+      outcome.solved[k] = finite && same[k] && (class_ != LcpClass::Z || positive[k]) &&
+                          (class_ != LcpClass::PSD || is_only_solution(s, k));
       change[k] = finite ? largest_change[k] : NAN;
       magnitude[k] = largest[k];
       if (outcome.solved[k])
@@ -134,8 +139,19 @@ class LaneLcp final : public LcpBatch {
     }
   }
 
+  bool is_only_solution(const Block& s, Index lane) const {
+    Vector q(n_), y(n_);
+    for (Index i = 0; i < n_; ++i) {
+      q[i] = s.q[i][lane];
+      y[i] = s.y[i][lane] / scale_.columns[i];
+    }
+    return is_certainly_unique(M_, q, y);
+  }
+
   Index n_;
-  Matrix M_;
+  Matrix original_;
+  Equilibration scale_;
+  Matrix M_;  ///< R M C
   LcpClass class_;
   RowBlocks row_blocks_;
   int threads_;
@@ -146,10 +162,7 @@ class LaneLcp final : public LcpBatch {
 class RowLcp final : public LcpBatch {
  public:
   RowLcp(const Matrix& M, LcpClass lcp_class, Index rows, int threads)
-      : M_(M),
-        class_(lcp_class == LcpClass::automatic ? classify(LcpMatrix(M)) : lcp_class),
-        row_blocks_(rows, threads),
-        threads_(threads) {
+      : M_(M), class_(selection_class(M, lcp_class)), row_blocks_(rows, threads), threads_(threads) {
     for (int t = 0; t < threads; ++t) solvers_.push_back({ActiveSetLcp(M, class_), Vector(M.rows()), Vector(M.rows())});
   }
 

@@ -4,7 +4,8 @@
 // divisions of one hide behind those of the other). A Newton sweep solves the system that equals M on the active set
 // and the identity elsewhere by the Thomas algorithm, eliminating downwards and substituting upwards, and finds the
 // indices to exchange on the way up. Memory per sweep: everything of a block stays in L1/L2; q is read and y written
-// once.
+// once. Rows and columns are scaled to comparable size (core/lcp_solution.hpp) as q comes in and y goes out. For a PSD
+// matrix a lane counts as solved only where its solution is certainly the only one.
 
 #include "cpu/lcp_batch.hpp"
 
@@ -29,16 +30,17 @@ class TridiagonalLcp final : public LcpBatch {
  public:
   TridiagonalLcp(const Tridiagonal& M, LcpClass lcp_class, Index rows, int threads)
       : n_(M.diagonal.size()),
-        M_(M),
-        class_(lcp_class == LcpClass::automatic ? classify(LcpMatrix(M)) : lcp_class),
+        original_(M),
+        scale_(equilibrate(M)),
+        M_(std::get<Tridiagonal>(scaled(M, scale_))),
+        class_(selection_class(M, lcp_class)),
         row_blocks_(rows, threads),
         threads_(threads),
         q_(n_),
         fresh_(n_) {
     for (int t = 0; t < threads; ++t) work_.emplace_back(n_);
     if (n_ == 0) return;
-    M_.lower[0] = 0;
-    M_.upper[n_ - 1] = 0;
+    for (Tridiagonal* t : {&M_, &original_}) t->lower[0] = t->upper[n_ - 1] = 0;
   }
 
   LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
@@ -51,7 +53,7 @@ class TridiagonalLcp final : public LcpBatch {
         },
         [&](Index j, double& change, double& magnitude) {
           // Made when first needed: it is dense, and most scenes never get here.
-          if (!pivoting_) pivoting_ = std::make_unique<ActiveSetLcp>(to_dense(LcpMatrix(M_)), class_);
+          if (!pivoting_) pivoting_ = std::make_unique<ActiveSetLcp>(to_dense(LcpMatrix(original_)), class_);
           q_ = R.row(j) + V.row(j);
           return pivot_row(*pivoting_, q_, Y.row(j).data(), fresh_, change, magnitude);
         });
@@ -59,8 +61,9 @@ class TridiagonalLcp final : public LcpBatch {
 
   double residual(const Array& r, const Array& v, const Array& y) override {
     return natural_residual(host(r), host(v), host(y), threads_, [this](const double* row, Index i) {
-      const double left = i > 0 ? M_.lower[i] * row[i - 1] : 0, right = i + 1 < n_ ? M_.upper[i] * row[i + 1] : 0;
-      return M_.diagonal[i] * row[i] + left + right;
+      const Tridiagonal& M = original_;
+      const double left = i > 0 ? M.lower[i] * row[i - 1] : 0, right = i + 1 < n_ ? M.upper[i] * row[i + 1] : 0;
+      return M.diagonal[i] * row[i] + left + right;
     });
   }
 
@@ -80,7 +83,7 @@ class TridiagonalLcp final : public LcpBatch {
       }
       const double *r = R.data() + (begin + k) * n_, *v = V.data() + (begin + k) * n_, *y = Y.data() + (begin + k) * n_;
       for (Index i = 0; i < n_; ++i) {
-        s.q[std::size_t(i)].v[h][lane] = r[i] + v[i];
+        s.q[std::size_t(i)].v[h][lane] = scale_.rows[i] * (r[i] + v[i]);
         s.y[std::size_t(i)].v[h][lane] = y[i];
       }
     }
@@ -98,7 +101,7 @@ class TridiagonalLcp final : public LcpBatch {
         const Lanes lower = active * M_.lower[i], upper = active * M_.upper[i];
         const Lanes pivot = (1 - active) + active * M_.diagonal[i] - lower * c[h];
         const Lanes inverse = 1 / pivot;
-        positive[h] &= pivot > 0;
+        positive[h] &= pivot > 64 * epsilon * M_.diagonal[i];  // beyond rounding
         c[h] = upper * inverse;
         d[h] = -(active * s.q[k].v[h] + lower * d[h]) * inverse;
         s.c[k].v[h] = c[h];
@@ -168,7 +171,7 @@ class TridiagonalLcp final : public LcpBatch {
       Lanes largest_change = all(0), largest = all(0), sum = all(0);
       for (Index i = 0; i < n_; ++i) {
         const std::size_t k = std::size_t(i);
-        const Lanes y = s.d[k].v[h] < 0 ? all(0) : s.d[k].v[h];
+        const Lanes y = s.d[k].v[h] < 0 ? all(0) : scale_.columns[i] * s.d[k].v[h];
         const Lanes step = abs(y - s.y[k].v[h]);
         largest_change = max(largest_change, step);
         largest = max(largest, y);
@@ -179,17 +182,30 @@ class TridiagonalLcp final : public LcpBatch {
         if (k >= size) continue;
         const bool finite = std::isfinite(sum[lane]);
         // For a Z-matrix the solution is the least one exactly when the active block has positive pivots.
-        outcome.solved[k] = finite && done[h][lane] && (class_ != LcpClass::Z || least[h][lane]);
+        outcome.solved[k] = finite && done[h][lane] && (class_ != LcpClass::Z || least[h][lane]) &&
+                            (class_ != LcpClass::PSD || is_only_solution(s, h, lane));
         change[k] = finite ? largest_change[lane] : NAN;
         magnitude[k] = largest[lane];
         if (outcome.solved[k])
-          for (Index i = 0; i < n_; ++i) Y(begin + k, i) = std::max(s.d[std::size_t(i)].v[h][lane], 0.0);
+          for (Index i = 0; i < n_; ++i)
+            Y(begin + k, i) = scale_.columns[i] * std::max(s.d[std::size_t(i)].v[h][lane], 0.0);
       }
     }
   }
 
+  bool is_only_solution(const Workspace& s, Index h, Index lane) const {
+    Vector q(n_), y(n_);
+    for (Index i = 0; i < n_; ++i) {
+      q[i] = s.q[std::size_t(i)].v[h][lane];
+      y[i] = std::max(s.d[std::size_t(i)].v[h][lane], 0.0);
+    }
+    return is_certainly_unique(M_, q, y);
+  }
+
   Index n_;
-  Tridiagonal M_;
+  Tridiagonal original_;
+  Equilibration scale_;
+  Tridiagonal M_;  ///< R M C
   LcpClass class_;
   RowBlocks row_blocks_;
   int threads_;

@@ -5,9 +5,9 @@
 // and one pass over the recurrence's state advances z and sums its output. This is the sequential baseline; the pass
 // over z moves 4 x 8 bytes per exponential and mode, and is all the work for large scenes.
 
-#include "core/lcp.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"
+#include "cpu/step_lcp.hpp"
 
 #include <cmath>
 #include <vector>
@@ -15,71 +15,6 @@
 namespace bromwich::cpu {
 
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-// The LCP of a step and its bookkeeping. M + W_0 does not inherit the class of M: it is tested itself.
-class StepLcp {
- public:
-  StepLcp(const Matrix& implicit, const Matrix& M, LcpClass lcp_class)
-      : M_(M),
-        is_Z_(lcp_class == LcpClass::Z),
-        solver_(implicit, classify(LcpMatrix(implicit)), is_Z_ ? &M_ : nullptr) {}
-
-  void start_from(const Vector& y) { solver_.start_from(y); }
-
-  // false: no solution could be certified; the report says why.
-  bool solve(const Vector& q, Vector& y, Index j, MarchReport& report) {
-    const Clock::time_point start = Clock::now();
-    const LcpOutcome outcome = solver_.solve(q, y);
-    report.lcp_seconds += seconds_since(start);
-    report.count.newton += outcome.newton;
-    report.count.fallbacks += outcome.fallback;
-    if (outcome.solved) {
-      ++report.count.solved;
-      return true;
-    }
-    ++report.count.unsolved;
-    if (!q.allFinite())
-      report.finite = false;
-    else if (outcome.infeasible && is_Z_)  // the proof is about least elements, which only a Z scene asks for
-      report.infeasible = j;
-    report.stopped = j;
-    return false;
-  }
-
- private:
-  Matrix M_;
-  bool is_Z_;
-  ActiveSetLcp solver_;
-};
-
-void invalidate(RowMatrix& y, RowMatrix& v, Index from) {
-  y.bottomRows(y.rows() - from).setConstant(NAN);
-  v.bottomRows(v.rows() - from).setConstant(NAN);
-}
-
-// Every `polled_every` steps: reports progress and looks whether to stop.
-class Poll {
- public:
-  explicit Poll(const MarchProblem& problem) : interrupted_(problem.interrupted), progress_(problem.progress) {}
-
-  bool operator()(Index j, MarchReport& report) const {
-    if (j % polled_every != 0) return false;
-    if (progress_) progress_(j);
-    if (!interrupted_ || !interrupted_()) return false;
-    report.interrupted = true;
-    report.stopped = j;
-    return true;
-  }
-
- private:
-  static constexpr Index polled_every = 64;
-  std::function<bool()> interrupted_;
-  std::function<void(Index)> progress_;
-};
 
 class ModalMarch final : public March {
  public:
@@ -227,30 +162,29 @@ class DenseMarch final : public March {
       : r_(r),
         asked_to_stop_(problem),
         response_(host(*problem.r)),
-        drive_(problem.drive ? &host(*problem.drive) : nullptr),
+        start_(problem.start),
+        forcing_(problem.forcing ? &host(*problem.forcing) : nullptr),
         M_(to_dense(*problem.M)),
         lcp_(M_ + r.w0, M_, problem.lcp_class),
         z_(r.decay.rows()),
         next_(z_),
         q_(M_.rows()),
-        y_(q_),
-        u_(q_) {}
+        y_(q_) {}
 
   MarchReport run(Array& y_array, Array& v_array) override {
     const FlushDenormals flush;
     RowMatrix &Y = host(y_array), &V = host(v_array);
     MarchReport report;
-    u_ = Y.row(0).transpose();
-    lcp_.start_from(u_);
-    if (drive_) u_ += drive_->row(0).transpose();
-    z_.noalias() = r_.start * u_;
+    y_ = Y.row(0).transpose();
+    lcp_.start_from(y_);
+    z_.noalias() = r_.start * y_;
+    if (start_) z_ += *start_;
     for (Index j = 1; j < Y.rows(); ++j) {
       if (asked_to_stop_(j, report)) {
         invalidate(Y, V, j);
         return report;
       }
       q_.noalias() = r_.output * z_;
-      if (drive_) q_.noalias() += r_.w0 * drive_->row(j).transpose();
       V.row(j) = q_.transpose();
       q_ += response_.row(j).transpose();
       if (!lcp_.solve(q_, y_, j, report)) {
@@ -259,10 +193,9 @@ class DenseMarch final : public March {
       }
       Y.row(j) = y_.transpose();
       V.row(j).transpose().noalias() += r_.w0 * y_;
-      u_ = y_;
-      if (drive_) u_ += drive_->row(j).transpose();
       next_.noalias() = r_.decay * z_;
-      next_.noalias() += r_.input * u_;
+      next_.noalias() += r_.input * y_;
+      if (forcing_) next_ += forcing_->row(j).transpose();
       z_.swap(next_);
     }
     return report;
@@ -274,10 +207,11 @@ class DenseMarch final : public March {
   const DenseRecurrence& r_;
   Poll asked_to_stop_;
   const RowMatrix& response_;
-  const RowMatrix* drive_;
+  const Vector* start_;
+  const RowMatrix* forcing_;
   Matrix M_;
   StepLcp lcp_;
-  Vector z_, next_, q_, y_, u_;
+  Vector z_, next_, q_, y_;
 };
 
 }  // namespace

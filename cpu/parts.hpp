@@ -2,6 +2,7 @@
 // What the files of this room share: the host array, threads and the makers of each plan.
 
 #include "core/backend.hpp"
+#include "core/error.hpp"
 
 #include <chrono>
 #include <memory>
@@ -63,6 +64,10 @@ std::unique_ptr<Convolution> make_fft_convolution(const LagTable&, Index rows, i
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal&, LcpClass, Index rows, int threads);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix&, LcpClass, Index rows, int threads);
 std::unique_ptr<March> make_march(const MarchProblem&, Index rows, int threads);
+std::unique_ptr<March> make_lag_march(const MarchProblem&, Index rows, int threads);
+std::unique_ptr<StageMarch> make_stage_march(const StageProblem&, Index rows, int threads);
 ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes, int threads);
+ComplexMatrix sparse_resolvent(const SparseDynamics&, const ComplexVector& nodes, int threads);
+Error eigenvalue_at(Complex z);
 
 }  // namespace bromwich::cpu

@@ -6,7 +6,15 @@
 
 #include <Eigen/LU>
 
+#include <cstdio>
+
 namespace bromwich::cpu {
+
+Error eigenvalue_at(Complex z) {
+  char text[96];
+  std::snprintf(text, sizeof text, "found an eigenvalue of A at or next to the node %.6g%+.6gi", z.real(), z.imag());
+  return Error("resolvent", text, "choose nodes away from the spectrum");
+}
 
 namespace {
 
@@ -32,7 +40,13 @@ ComplexMatrix of(const DenseDynamics& dynamics, const ComplexVector& nodes, int 
     for (Index i = 0; i < n; ++i)
       for (Index j = 0; j < k; ++j) R(p, i * k + j) = block(i, j);
   }
+  for (Index p = 0; p < nodes.size(); ++p)
+    if (!R.row(p).allFinite()) throw eigenvalue_at(nodes[p]);
   return R;
+}
+
+ComplexMatrix of(const SparseDynamics& dynamics, const ComplexVector& nodes, int threads) {
+  return sparse_resolvent(dynamics, nodes, threads);
 }
 
 }  // namespace

@@ -124,6 +124,10 @@ DenseScene write_out(const Scene& scene) {
     s.A = dense->A;
     s.B = dense->B;
     s.N = dense->N;
+  } else if (const auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
+    s.A = sparse->A;
+    s.B = sparse->B;
+    s.N = sparse->N;
   } else {
     const auto& k = std::get<KroneckerDynamics>(scene.dynamics);
     const Matrix lines = Matrix::Identity(k.along.points, k.along.points);
@@ -145,12 +149,15 @@ DenseScene write_out(const Scene& scene) {
       if (i + 1 < n) s.M(i, i + 1) = t.upper[i];
     }
   }
-  s.lcp_class = scene.lcp_class == LcpClass::Z ? LcpClass::Z : LcpClass::P;
+  s.lcp_class = scene.lcp_class;
+  if (s.lcp_class == LcpClass::automatic) s.lcp_class = s.M.rows() <= 10 ? class_of(s.M) : LcpClass::P;
   const TimeFunction zero = [](double, Eigen::Ref<Vector> v) { v.setZero(); };
   s.g = scene.g ? scene.g : zero;
   s.f = scene.f ? scene.f : zero;
   if (scene.f && scene.f_entry == SourceEntry::through_B)
     s.f = [phi = scene.f, B = s.B](double t, Eigen::Ref<Vector> f) { f = B * value(phi, t, B.cols()); };
+  if (scene.f && scene.f_entry == SourceEntry::through_F)
+    s.f = [phi = scene.f, F = Matrix(scene.F)](double t, Eigen::Ref<Vector> f) { f = F * value(phi, t, F.cols()); };
   s.x0 = scene.x0;
   s.T = scene.T;
   return s;

@@ -53,11 +53,65 @@ std::optional<Vector> solve_lcp(const Matrix& M, const Vector& q, LcpClass);
 /// max_S ||M_SS^{-1}||_inf; infinite where some M_SS is singular.
 double lipschitz(const Matrix& M);
 
+/// P (minors), else PSD, else Z with a positive diagonal, else unknown: the classes as defined, for n <= 10.
+LcpClass class_of(const Matrix& M);
+
+/// All principal minors positive, clearly; n <= 12.
+bool is_p_matrix(const Matrix& M);
+
+/// One solution for each active set that has one, in any units, n <= 6. Where M_SS is singular, that of least norm on
+/// S.
+std::vector<Vector> solutions(const Matrix& M, const Vector& q);
+
+/// The solution that a class asks for: the least (Z), the one of least norm (PSD), any. Empty where there is none.
+std::optional<Vector> selected_solution(const Matrix& M, const Vector& q, LcpClass);
+
+/// Some solution, n <= 12: active sets close to that of `near` first. Empty where no active set with M_SS nonsingular
+/// gives one.
+std::optional<Vector> some_solution(const Matrix& M, const Vector& q, const Vector& near);
+
 struct Trajectory {
   Vector t;
   RowMatrix y, x;
   Index infeasible = -1;  ///< first row without a solution; rows from there on are NaN
 };
+
+/// The three discretisations.
+enum class Scheme {
+  exponential,  ///< y and f piecewise linear
+  euler,        ///< implicit Euler
+  radau,        ///< Radau IIA with two stages on the state, Y = (y at c = 1/3, y at c = 1)
+};
+
+/// One step: 0 <= Y ⊥ matrix Y + q >= 0 for the y of all stages, x_j = free + drive Y.
+struct StepProblem {
+  Matrix matrix, drive;
+  Vector q, free;
+};
+
+/// The steps of a scheme, by plain linear algebra with the whole stage system.
+class Steps {
+ public:
+  Steps(const DenseScene&, Scheme, Index J);
+  StepProblem problem(Index j, const Vector& x, const Vector& y) const;  ///< the step to t_j from x_{j-1}, y_{j-1}
+
+ private:
+  const DenseScene& s_;
+  Scheme scheme_;
+  double h_;
+  Matrix decay_, left_, right_;  ///< of the stages: X = decay x + left u_{j-1} + right (u of the stages), u = B y + f
+};
+
+/// Some Y that solves a step. Z in one stage: it also has to be least in LCP(M, N x_j + g_j).
+std::optional<Vector> step_solution(const DenseScene&, const StepProblem&, const Vector& near);
+
+/// A step of Radau IIA in which the state jumps is to be taken by implicit Euler: some constraint is active at one
+/// stage only, and h max_i ||B y_i||_inf exceeds a quarter of max(||x_{j-1}||_inf, ||x_j||_inf).
+bool jumps(const DenseScene&, double h, const Vector& Y, const Vector& before, const Vector& after);
+
+/// The whole march in any units: y_0 where there is one, or none where M is singular (an impulse, not for exponential),
+/// then every step by some solution (Z in one stage: the least); Radau IIA with Euler for jumps.
+Trajectory trajectory(const DenseScene&, Scheme, Index J);
 
 /// Exponential marching, y and f piecewise linear.
 Trajectory march(const DenseScene&, Index J);

@@ -142,6 +142,36 @@ TEST_P(BackendLcp, LeastElementsAndInfeasibleRows) {
   }
 }
 
+TEST_P(BackendLcp, LeastNormRows) {
+  // Pairs of equal diodes, M = R [[1, 1], [1, 1]], in lanes, tridiagonal and row by row: y_0 + y_1 is determined.
+  const double R = 1e3;
+  const Index rows = 19;
+  const Matrix pair = R * Matrix::Ones(2, 2);
+  const Vector both = R * Vector::Ones(2);
+  Matrix many = Matrix::Zero(34, 34);
+  for (Index i = 0; i < 17; ++i) many.block(2 * i, 2 * i, 2, 2) = pair;
+  for (const LcpMatrix& M : {LcpMatrix(pair), LcpMatrix(Tridiagonal{both, both, both}), LcpMatrix(many)}) {
+    const Index copies = size(M) / 2;
+    RowMatrix q = -RowMatrix::Ones(rows, size(M));
+    RowMatrix y = Eigen::RowVector2d(1 / R, 0).replicate(rows, copies);  // a solution, but not of least norm
+    RowMatrix least = RowMatrix::Constant(rows, size(M), 0.5 / R);
+    q.row(5).setOnes();
+    least.row(5).setZero();
+    const auto lcp = backend->lcp(M, LcpClass::PSD, rows);
+    const LcpReport report = solve(*lcp, q, y);
+    EXPECT_EQ(report.count.solved, rows) << size(M);
+    EXPECT_LE(distance(y, least), 1e-14 / R * double(size(M))) << size(M);
+    EXPECT_EQ(report.infeasible, -1) << size(M);
+  }
+  // Relays, M = [[0, 1], [-1, 0]]: q_1 < 0 asks for y_0 <= q_1.
+  RowMatrix q = Eigen::RowVector2d(-2, 1).replicate(rows, 1), y = RowMatrix::Zero(rows, 2);
+  q(7, 1) = -1;
+  const LcpReport report = solve(*backend->lcp(Matrix{{0, 1}, {-1, 0}}, LcpClass::PSD, rows), q, y);
+  EXPECT_EQ(report.infeasible, 7);
+  EXPECT_EQ(report.count.solved, rows - 1);
+  EXPECT_LE((y.row(0) - Eigen::RowVector2d(1, 2)).cwiseAbs().maxCoeff(), 1e-15);
+}
+
 TEST_P(BackendLcp, NotFiniteRows) {
   for (const Index n : {1, 3, 17, 20}) {
     Random random(6);

@@ -1,103 +1,18 @@
-// The command seen from outside: exit codes, what goes to which stream, and the files it writes. The binary is run as a
-// user runs it; its path comes from the build (BROMWICH_CLI).
+// The command seen from outside: exit codes, what goes to which stream, and the files it writes.
 
-#include <gtest/gtest.h>
+#include "cli.hpp"
+
 #include <nlohmann/json.hpp>
 
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
-#include <string>
-#include <vector>
 
+namespace bromwich {
 namespace {
 
-namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 /// Small enough that every solve of these tests takes milliseconds.
 const std::string small = "solve signorini --set Q=7 --steps 20 --threads 1";
-
-struct Outcome {
-  int exit_code = -1;
-  std::string out, err;
-};
-
-std::string read(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
-/// A folder of its own for every test, removed at the end.
-class Cli : public testing::Test {
- protected:
-  void SetUp() override {
-    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    std::string name = info->name();
-    std::replace(name.begin(), name.end(), '/', '_');
-    folder_ = fs::temp_directory_path() / ("bromwich_cli_" + name + "_" + std::to_string(::getpid()));
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  /// `arguments` and `before` (a command that starts the binary) are shell text.
-  Outcome run(const std::string& arguments, const std::string& before = "") const {
-    const fs::path err = folder_ / ".stderr";
-    const std::string line =
-        "cd '" + folder_.string() + "' && " + before + " '" BROMWICH_CLI "' " + arguments + " 2>'" + err.string() + "'";
-    Outcome result;
-    std::FILE* pipe = ::popen(line.c_str(), "r");
-    if (!pipe) return result;
-    std::array<char, 4096> buffer;
-    for (std::size_t count; (count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;)
-      result.out.append(buffer.data(), count);
-    const int status = ::pclose(pipe);
-    result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    result.err = read(err);
-    fs::remove(err);
-    return result;
-  }
-
-  /// Bad input: exit code 2, nothing on standard output, one line on standard error.
-  Outcome refused(const std::string& arguments) const {
-    Outcome result = run(arguments);
-    EXPECT_EQ(result.exit_code, 2) << arguments;
-    EXPECT_EQ(result.out, "") << arguments;
-    EXPECT_TRUE(result.err.starts_with("bromwich: ")) << arguments << "\n" << result.err;
-    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << arguments << "\n" << result.err;
-    EXPECT_TRUE(result.err.ends_with('\n')) << arguments;
-    return result;
-  }
-
-  std::size_t files() const {
-    return std::size_t(std::distance(fs::directory_iterator(folder_), fs::directory_iterator{}));
-  }
-
-  fs::path folder_;
-};
-
-std::vector<std::string> split(const std::string& text, char separator) {
-  std::vector<std::string> parts;
-  std::istringstream stream(text);
-  for (std::string part; std::getline(stream, part, separator);) parts.push_back(part);
-  return parts;
-}
-
-bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
-
-struct BadInput {
-  std::string arguments;
-  std::vector<std::string> mentions;  ///< the argument, what was found, what to do
-};
 
 TEST_F(Cli, RefusesBadInputInOneLine) {
   const std::vector<BadInput> cases{
@@ -108,8 +23,10 @@ TEST_F(Cli, RefusesBadInputInOneLine) {
       {"info --json", {"--json"}},
       {"solve", {"SCENE", "bromwich scenes"}},
       {"solve signorni", {"SCENE", "signorni", "did you mean 'signorini'", "bridge"}},
-      {"solve ./mine.toml", {"SCENE", "mine.toml", "not available yet", "signorini"}},
-      {"solve mine.TOML", {"SCENE", "mine.TOML", "not available yet"}},
+      {"solve ./mine.toml", {"mine.toml"}},
+      {"solve mine.TOML", {"mine.TOML"}},
+      {"bench baselines mine.toml", {"mine.toml"}},
+      {"solve --template signorini", {"--template", "alone"}},
       {"solve signorini bridge", {"SCENE", "bridge"}},
       {"solve ''", {"SCENE"}},
       {"solve \"$(printf 'two\\nlines')\"", {"SCENE", "two lines"}},
@@ -218,6 +135,21 @@ TEST_F(Cli, HelpAndVersionGoToStandardOutput) {
   EXPECT_TRUE(version.out.starts_with("bromwich ")) << version.out;
 }
 
+TEST_F(Cli, HelpThatCannotBeWrittenIsAFailure) {
+  if (!fs::exists("/dev/full")) GTEST_SKIP() << "this system has no device that is always full";
+  for (const std::string arguments : {"--help", "solve --help", "--version", "scenes"}) {
+    const Outcome result = run(arguments + " >/dev/full");
+    EXPECT_EQ(result.exit_code, 2) << arguments;
+    EXPECT_TRUE(contains(result.err, "standard output")) << result.err;
+  }
+}
+
+TEST_F(Cli, HelpNamesEveryMethodThatIsAccepted) {
+  const std::string help = run("solve --help").out;
+  for (const char* method : {"auto", "contour", "contour-literal", "march", "euler"})
+    EXPECT_TRUE(contains(help, method)) << method;
+}
+
 TEST_F(Cli, ListsScenesWithDefaults) {
   const Outcome result = run("scenes");
   EXPECT_EQ(result.exit_code, 0);
@@ -228,6 +160,8 @@ TEST_F(Cli, ListsScenesWithDefaults) {
   ASSERT_TRUE(contains(result.out, "signorini ") && contains(result.out, "\nbridge "));
   for (const char* word : {"Q=39", "dx", "c=0.002", "T=4"}) EXPECT_TRUE(contains(line_of("signorini"), word)) << word;
 }
+
+TEST_F(Cli, ScenesSayWhetherFilesAreRead) { EXPECT_TRUE(contains(run("scenes").out, ".toml")); }
 
 TEST_F(Cli, InfoNamesVersionBackendAndThreads) {
   const Outcome result = run("info");
@@ -396,3 +330,4 @@ TEST_F(Cli, BenchBaselinesWritesItsSchema) {
 }
 
 }  // namespace
+}  // namespace bromwich

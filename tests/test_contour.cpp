@@ -3,6 +3,7 @@
 #include "core/contour.hpp"
 #include "core/kernel.hpp"
 #include "core/literal.hpp"
+#include "core/phi.hpp"
 #include "tests/reference.hpp"
 
 #include <gtest/gtest.h>
@@ -94,6 +95,27 @@ TEST(Contour, LagWindowsCover) {
     }
     EXPECT_EQ(next, J + 1);
   }
+}
+
+// Any spectrum of radius rho, on both sides of the axis: the residues of phi functions at the eigenvalues.
+TEST(Circle, GivesEntireFunctionsOnAnySpectrum) {
+  const double h = 0.1;
+  for (const double rho : {0.0, 1.0, 20.0, 80.0}) {
+    const Contour contour = *circle(rho, h);
+    for (int i = 0; i < 12; ++i) {
+      const Complex a = std::polar(rho, 0.55 * double(i));
+      Complex sum = 0;  // real data: the eigenvalue comes with its conjugate
+      for (Index p = 0; p < contour.nodes.size(); ++p) {
+        const Complex z = contour.nodes[p], value = contour.weights[p] * bromwich::phi2(h * z);
+        sum += 0.5 * (value / (z - a) + value / (z - std::conj(a))).real();
+      }
+      // Rounding: eps times the largest |phi_2| on the circle.
+      const double largest = std::exp(h * std::abs(contour.nodes[0]));
+      EXPECT_NEAR(sum.real(), bromwich::phi2(h * a).real(), 20 * epsilon * largest) << rho << ' ' << i;
+    }
+  }
+  EXPECT_FALSE(circle(91, h));
+  EXPECT_FALSE(circle(std::numeric_limits<double>::quiet_NaN(), h));
 }
 
 TEST(LiteralContour, HasThePrintedRate) {

@@ -1,4 +1,4 @@
-// Classes of matrices and the active-set solver against enumeration of all active sets.
+// The active-set solver for P- and Z-matrices against enumeration of all active sets.
 
 #include "core/lcp.hpp"
 #include "tests/oracle.hpp"
@@ -17,73 +17,6 @@ const Matrix fold{{1, -2}, {-2, 1}};                    // Z, not P: two solutio
 
 Tridiagonal tridiagonal(Index n, double lower, double diagonal, double upper) {
   return {Vector::Constant(n, lower), Vector::Constant(n, diagonal), Vector::Constant(n, upper)};
-}
-
-/// All principal minors by determinants, for scaled entries of size 1.
-bool minors_positive(const Matrix& M) {
-  for (unsigned set = 1; set < 1u << M.rows(); ++set) {
-    std::vector<Index> S;
-    for (Index i = 0; i < M.rows(); ++i)
-      if (set >> i & 1u) S.push_back(i);
-    if (!(Matrix(M(S, S)).determinant() > 0)) return false;
-  }
-  return true;
-}
-
-TEST(LcpClass, SignsOfZ) {
-  EXPECT_TRUE(is_Z(fold));
-  EXPECT_FALSE(is_Z(cycling));
-  EXPECT_TRUE(is_Z(tridiagonal(5, -1, -3, 0)));
-  EXPECT_FALSE(is_Z(tridiagonal(5, -1, 4, 0.1)));
-  EXPECT_TRUE(is_Z(tridiagonal(1, 7, -1, 7))) << "the two outer entries are not used";
-  EXPECT_TRUE(is_Z(Matrix(0, 0)));
-}
-
-TEST(LcpClass, SufficientConditionsForP) {
-  EXPECT_TRUE(is_surely_P(tridiagonal(8, -1, 4, -1)));
-  EXPECT_FALSE(is_surely_P(tridiagonal(8, -1, 2, -1))) << "only weakly dominant: not decided";
-  EXPECT_TRUE(is_surely_P(Matrix{{1, 100}, {-100, 1}})) << "positive definite symmetric part";
-  EXPECT_TRUE(is_surely_P(Matrix{{1, 9}, {0.01, 10}})) << "dominant by columns";
-  EXPECT_FALSE(is_surely_P(Matrix{{1, 1}, {1, 1}})) << "singular";
-  EXPECT_FALSE(is_surely_P(Matrix{{-1}}));
-  EXPECT_FALSE(is_surely_P(cycling));
-  // What is accepted is P.
-  Random random(1);
-  int accepted = 0;
-  for (int i = 0; i < 2000; ++i) {
-    const Index n = 1 + i % 4;
-    const Matrix M = random.matrix(n, n) + Matrix(random.uniform(0, 2) * Matrix::Identity(n, n));
-    if (!is_surely_P(M)) continue;
-    ++accepted;
-    EXPECT_TRUE(minors_positive(M)) << M;
-  }
-  EXPECT_GT(accepted, 200);
-}
-
-TEST(LcpClass, ExactTestForP) {
-  EXPECT_TRUE(is_P_exact(cycling));
-  EXPECT_FALSE(is_P_exact(fold));
-  EXPECT_FALSE(is_P_exact(Matrix{{0, 1}, {-1, 0}}));
-  EXPECT_TRUE(is_P_exact(Matrix::Identity(16, 16)));
-  Random random(2);
-  int yes = 0;
-  for (int i = 0; i < 1000; ++i) {
-    const Index n = 1 + i % 5;
-    const Matrix M = random.matrix(n, n) + Matrix(0.7 * Matrix::Identity(n, n));
-    EXPECT_EQ(is_P_exact(M), minors_positive(M)) << M;
-    yes += is_P_exact(M);
-  }
-  EXPECT_GT(yes, 100);
-  EXPECT_LT(yes, 900);
-}
-
-TEST(LcpClass, Classification) {
-  EXPECT_EQ(classify(cycling), LcpClass::P);
-  EXPECT_EQ(classify(fold), LcpClass::Z);
-  EXPECT_EQ(classify(tridiagonal(39, -1, 4, -1)), LcpClass::P);
-  EXPECT_EQ(classify(Matrix{{-1, 1}, {1, -1}}), LcpClass::unknown);
-  EXPECT_STREQ(to_string(LcpClass::P), "P");
-  EXPECT_STREQ(to_string(LcpClass::Z), "Z");
 }
 
 Matrix random_P(Random& random, Index n, int kind) {

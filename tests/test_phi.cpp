@@ -135,6 +135,36 @@ TEST(MatrixPhi, DiagonalisableMatrices) {
   }
 }
 
+// Eigenvalues from -1e8 to 0 side by side: the slow ones keep their digits, up to what rounding of the entries (eps 1e8)
+// does to them.
+TEST(MatrixPhi, StiffSymmetricMatrices) {
+  const Vector v = Vector::LinSpaced(6, 1, 6), lambda{{-1e8, -1e4, -1e2, -1, -1e-4, 0}};
+  const Matrix V = Matrix::Identity(6, 6) - 2 * v * v.transpose() / v.squaredNorm();
+  const MatrixPhi phi = matrix_phi(V * lambda.asDiagonal() * V.transpose());
+  const auto exact = [&](double (*f)(double)) -> Matrix {
+    return V * lambda.unaryExpr(f).asDiagonal() * V.transpose();
+  };
+  const double tolerance = 4 * epsilon * 1e8;
+  EXPECT_LE((phi.exponential - exact(+[](double x) { return std::exp(x); })).norm(), tolerance);
+  EXPECT_LE((phi.phi1 - exact(+[](double x) { return double(reference::phi1(x)); })).norm(), tolerance);
+  EXPECT_LE((phi.phi2 - exact(+[](double x) { return double(reference::phi2(x)); })).norm(), tolerance);
+}
+
+// Nilpotent: the series end. Above 16 rows it is the doublings that have to get this right.
+TEST(MatrixPhi, LongShifts) {
+  for (const Index m : {16, 17, 40}) {
+    Matrix A = Matrix::Zero(m, m);
+    A.diagonal(1).setConstant(3);
+    const MatrixPhi phi = matrix_phi(A);
+    double power = 1;  // 3^k / k!
+    for (Index k = 0; k < m; power *= 3 / double(++k)) {
+      EXPECT_NEAR(phi.exponential(0, k), power, 1e-14) << m << ' ' << k;
+      EXPECT_NEAR(phi.phi1(0, k), power / double(k + 1), 1e-14) << m << ' ' << k;
+      EXPECT_NEAR(phi.phi2(0, k), power / double((k + 1) * (k + 2)), 1e-14) << m << ' ' << k;
+    }
+  }
+}
+
 TEST(MatrixPhi, RecurrencesAndEmptyMatrix) {
   const Matrix A = 3 * reference::Random(3).matrix(13, 13);
   const MatrixPhi phi = matrix_phi(A);

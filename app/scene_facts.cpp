@@ -1,0 +1,23 @@
+#include "app/scene_facts.hpp"
+
+#include "core/lcp_class.hpp"
+#include "core/spectrum.hpp"
+
+namespace bromwich::app {
+
+namespace {
+
+constexpr Index most_states = 400;  ///< all eigenvalues of a dense matrix take a second beyond
+
+}  // namespace
+
+std::string matrix_class(const Scene& scene) {
+  return describe_class(scene.M, scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class);
+}
+
+std::string spectrum_text(const Scene& scene) {
+  const bool small = !std::holds_alternative<DenseDynamics>(scene.dynamics) || scene.states() <= most_states;
+  return small ? spectrum(scene.dynamics).describe() : "not computed";
+}
+
+}  // namespace bromwich::app

@@ -1,0 +1,81 @@
+#include "core/active_sets.hpp"
+
+#include "core/lcp_solution.hpp"
+
+#include <Eigen/LU>
+#include <Eigen/QR>
+
+#include <algorithm>
+
+namespace bromwich {
+
+namespace {
+
+// y >= 0 on S with q in the cone of the columns -M_S and e_i, i not in S: some solution with this active set, if any.
+Vector in_complementary_cone(const Matrix& M, const Vector& q, const std::vector<Index>& S) {
+  const Index n = q.size();
+  Matrix A = Matrix::Identity(n, n);
+  for (const Index s : S) A.col(s) = -M.col(s);
+  const Vector x = nonnegative_least_squares(A, q);
+  Vector y = Vector::Zero(n);
+  y(S) = x(S);
+  return y;
+}
+
+}  // namespace
+
+Vector nonnegative_least_squares(const Matrix& A, const Vector& b) {
+  const Index n = A.cols();
+  Vector x = Vector::Zero(n);
+  std::vector<Index> P;  // columns in use
+  const double level = 64 * double(n) * epsilon * (b.norm() > 0 ? b.norm() : 1);
+  for (Index round = 0; round < 4 * n; ++round) {
+    Vector gradient = A.transpose() * (b - A * x);
+    for (const Index j : P) gradient[j] = 0;
+    Index enters;
+    if (n == 0 || !(gradient.maxCoeff(&enters) > level * A.col(enters).norm())) return x;
+    P.push_back(enters);
+    for (;;) {
+      const Vector z = Eigen::ColPivHouseholderQR<Matrix>(A(Eigen::all, P)).solve(b);
+      if (z.minCoeff() > 0) {
+        x.setZero();
+        x(P) = z;
+        break;
+      }
+      double step = 1;  // the longest from x towards z that stays >= 0
+      for (std::size_t k = 0; k < P.size(); ++k)
+        if (z[Index(k)] <= 0) step = std::min(step, x[P[k]] / (x[P[k]] - z[Index(k)]));
+      for (std::size_t k = 0; k < P.size(); ++k) x[P[k]] += step * (z[Index(k)] - x[P[k]]);
+      for (std::size_t k = 0; k < P.size(); ++k)
+        if (z[Index(k)] <= 0 && x[P[k]] <= epsilon * x.maxCoeff()) x[P[k]] = 0;
+      const std::size_t before = P.size();
+      std::erase_if(P, [&x](Index j) { return !(x[j] > 0); });
+      if (P.empty() || P.size() == before) return x;
+    }
+  }
+  return x;
+}
+
+std::optional<Vector> solve_by_enumeration(const Matrix& M, const Vector& q,
+                                           const std::function<bool(const std::vector<Index>&)>& admissible) {
+  const Index n = q.size();
+  std::vector<Index> S;
+  for (unsigned set = 0; set < 1u << n; ++set) {
+    S.clear();
+    for (Index i = 0; i < n; ++i)
+      if (set >> i & 1u) S.push_back(i);
+    if (!admissible(S)) continue;
+    Vector y = Vector::Zero(n);
+    if (!S.empty()) {
+      const Eigen::PartialPivLU<Matrix> lu(M(S, S));
+      if (reciprocal_condition(lu) > 1e-13)
+        y(S) = Vector(lu.solve(-q(S))).cwiseMax(0);
+      else
+        y = in_complementary_cone(M, q, S);
+    }
+    if (is_solution(M, q, y)) return y;
+  }
+  return std::nullopt;
+}
+
+}  // namespace bromwich

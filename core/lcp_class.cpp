@@ -1,0 +1,232 @@
+#include "core/lcp_class.hpp"
+
+#include "core/lcp_comparison.hpp"
+#include "core/lcp_solution.hpp"
+
+#include <Eigen/Cholesky>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+Vector diagonal(const LcpMatrix& M) {
+  if (const auto* t = std::get_if<Tridiagonal>(&M)) return t->diagonal;
+  return std::get<Matrix>(M).diagonal();
+}
+
+// The first positive entry off the diagonal.
+std::optional<std::pair<Index, Index>> positive_off_diagonal(const LcpMatrix& M) {
+  if (const auto* t = std::get_if<Tridiagonal>(&M)) {
+    for (Index i = 0; i + 1 < t->diagonal.size(); ++i) {
+      if (t->upper[i] > 0) return std::pair(i, i + 1);
+      if (t->lower[i + 1] > 0) return std::pair(i + 1, i);
+    }
+    return std::nullopt;
+  }
+  const Matrix& dense = std::get<Matrix>(M);
+  for (Index i = 0; i < dense.rows(); ++i)
+    for (Index j = 0; j < dense.cols(); ++j)
+      if (i != j && dense(i, j) > 0) return std::pair(i, j);
+  return std::nullopt;
+}
+
+bool strictly_dominant(const LcpMatrix& M) {
+  if (const auto* t = std::get_if<Tridiagonal>(&M)) {
+    const Index n = t->diagonal.size();
+    bool rows = true, columns = true;
+    for (Index i = 0; i < n; ++i) {
+      const double left = i > 0 ? std::abs(t->lower[i]) : 0, right = i + 1 < n ? std::abs(t->upper[i]) : 0;
+      const double above = i > 0 ? std::abs(t->upper[i - 1]) : 0, below = i + 1 < n ? std::abs(t->lower[i + 1]) : 0;
+      rows = rows && t->diagonal[i] > left + right;
+      columns = columns && t->diagonal[i] > above + below;
+    }
+    return rows || columns;
+  }
+  const Matrix& dense = std::get<Matrix>(M);
+  const Vector twice = 2 * dense.diagonal();
+  return (twice.array() > dense.cwiseAbs().rowwise().sum().array()).all() ||
+         (twice.array() > dense.cwiseAbs().colwise().sum().transpose().array()).all();
+}
+
+// D M D with the largest entry of every row of |M| + |M|^T about one: definite as M is, and rounding is comparable.
+LcpMatrix congruent(const LcpMatrix& M) {
+  if (const auto* t = std::get_if<Tridiagonal>(&M)) {
+    const Index n = t->diagonal.size();
+    Tridiagonal sizes = *t;
+    sizes.diagonal = t->diagonal.cwiseAbs();
+    for (Index i = 0; i + 1 < n; ++i)
+      sizes.upper[i] = sizes.lower[i + 1] = std::max(std::abs(t->upper[i]), std::abs(t->lower[i + 1]));
+    const Vector d = equilibrate(sizes).rows;
+    return scaled(M, {d, d});
+  }
+  const Matrix& dense = std::get<Matrix>(M);
+  const Vector d = equilibrate(Matrix(dense.cwiseAbs().cwiseMax(dense.transpose().cwiseAbs()))).rows;
+  return scaled(M, {d, d});
+}
+
+// Definiteness of S = M + M^T under any rounding of M's entries: rounding moves the eigenvalues of S by no more than
+// those of E = diag(c eps Σ_j |m_ij| + |m_ji|), and S + E or S - E is scaled to a unit diagonal, which changes no sign.
+constexpr double entry_rounding = 4 * epsilon;
+
+// A Cholesky factorization of the scaled matrix with `margin` added to the diagonal succeeds. Its own rounding is below
+// 32 n eps for a unit diagonal.
+bool definite(const Matrix& M, double sign) {
+  const Index n = M.rows();
+  Matrix S = M + M.transpose();
+  const Vector E = entry_rounding * (M.cwiseAbs().rowwise().sum() + M.cwiseAbs().colwise().sum().transpose());
+  S.diagonal() += sign * E;
+  Vector scale(n);
+  for (Index i = 0; i < n; ++i) {
+    if (S(i, i) < 0 || (sign < 0 && S(i, i) == 0)) return false;
+    scale[i] = S(i, i) > 0 ? 1 / std::sqrt(S(i, i)) : 1;  // S_ii = 0 with E only where row and column are zero
+  }
+  S = scale.asDiagonal() * S * scale.asDiagonal();
+  S.diagonal().setConstant(1 + sign * 32 * double(n) * epsilon);
+  return Eigen::LLT<Matrix>(S).info() == Eigen::Success;
+}
+
+// The same by the pivots of the symmetric tridiagonal matrix.
+bool definite(const Tridiagonal& t, double sign) {
+  const Index n = t.diagonal.size();
+  double pivot = 1, last = 1;
+  for (Index i = 0; i < n; ++i) {
+    const double off = i > 0 ? t.lower[i] + t.upper[i - 1] : 0;
+    double row = 2 * std::abs(t.diagonal[i]);
+    if (i > 0) row += std::abs(t.lower[i]) + std::abs(t.upper[i - 1]);
+    if (i + 1 < n) row += std::abs(t.upper[i]) + std::abs(t.lower[i + 1]);
+    double s = 2 * t.diagonal[i] + sign * entry_rounding * row;
+    if (s < 0 || (sign < 0 && s == 0)) return false;
+    if (s == 0) s = 1;
+    pivot = 1 + sign * 32 * epsilon - (i > 0 ? off * off / (s * last * pivot) : 0);
+    if (!(pivot > 0)) return false;
+    last = s;
+  }
+  return true;
+}
+
+bool is_positive_definite(const LcpMatrix& M) {
+  return std::visit([](const auto& m) { return definite(m, -1); }, congruent(M));
+}
+
+// Minors by elimination: m_11 > 0, and the same for M without index 1 and for its Schur complement. `error` bounds the
+// rounding of each entry (running error analysis), so that the answer does not depend on how rows are scaled.
+struct Minors {
+  enum class Wanted { positive_beyond_rounding, positive_as_computed };
+  Wanted wanted;
+  std::vector<Index> rows{};  ///< of the last minor that was not positive
+
+  bool positive(const Matrix& M, const Matrix& error, std::vector<Index>& eliminated, Index first) {
+    const Index n = M.rows() - 1;
+    if (n < 0) return true;
+    const double pivot = M(0, 0), doubt = wanted == Wanted::positive_beyond_rounding ? error(0, 0) : 0;
+    if (!(pivot > doubt)) {
+      rows = eliminated;
+      rows.push_back(first);
+      return false;
+    }
+    if (!positive(M.bottomRightCorner(n, n), error.bottomRightCorner(n, n), eliminated, first + 1)) return false;
+    const Vector column = M.col(0).tail(n) / pivot, column_error = error.col(0).tail(n) / pivot;
+    const auto row = M.row(0).tail(n), row_error = error.row(0).tail(n);
+    const Matrix product = column * row, size = product.cwiseAbs();
+    Matrix next = error.bottomRightCorner(n, n) + column_error * row.cwiseAbs() + column.cwiseAbs() * row_error;
+    next += (error(0, 0) / pivot + 3 * epsilon) * size;
+    const Matrix complement = M.bottomRightCorner(n, n) - product;
+    eliminated.push_back(first);
+    const bool all = positive(complement, next, eliminated, first + 1);
+    eliminated.pop_back();
+    return all;
+  }
+
+  bool positive(const Matrix& M) {
+    std::vector<Index> none;
+    return positive(M, entry_rounding * M.cwiseAbs(), none, 0);
+  }
+};
+
+constexpr Index largest_exact_P = 16;
+
+std::string entry(Index i, Index j, double value) {
+  char text[96];
+  std::snprintf(text, sizeof text, "M(%td,%td) = %.6g", i, j, value);
+  return text;
+}
+
+std::optional<std::string> contradicts_P(const LcpMatrix& M) {
+  const Vector d = diagonal(M);
+  for (Index i = 0; i < d.size(); ++i)
+    if (!(d[i] > 0)) return "M has the diagonal entry " + entry(i, i, d[i]) + ", not positive";
+  if (size(M) > largest_exact_P || is_surely_P(M)) return std::nullopt;
+  Minors minors{Minors::Wanted::positive_as_computed};
+  if (minors.positive(to_dense(M))) return std::nullopt;
+  std::string rows;
+  for (const Index i : minors.rows) rows += (rows.empty() ? "" : ", ") + std::to_string(i);
+  return "the principal minor of M with rows " + rows + " is not positive";
+}
+
+}  // namespace
+
+bool is_Z(const LcpMatrix& M) { return !positive_off_diagonal(M); }
+
+bool is_H_plus(const LcpMatrix& M) { return (diagonal(M).array() > 0).all() && Comparison(M).is_M_matrix(); }
+
+bool is_surely_P(const LcpMatrix& M) { return strictly_dominant(M) || is_H_plus(M) || is_positive_definite(M); }
+
+bool is_P_exact(const Matrix& M) { return Minors{Minors::Wanted::positive_beyond_rounding}.positive(M); }
+
+bool is_PSD(const LcpMatrix& M) {
+  return std::visit([](const auto& m) { return definite(m, 1); }, congruent(M));
+}
+
+LcpClass classify(const LcpMatrix& M) {
+  if (is_surely_P(M)) return LcpClass::P;
+  if (size(M) <= largest_exact_P && is_P_exact(to_dense(M))) return LcpClass::P;
+  if (is_PSD(M)) return LcpClass::PSD;
+  return is_Z(M) && (diagonal(M).array() > 0).all() ? LcpClass::Z : LcpClass::unknown;
+}
+
+LcpClass selection_class(const LcpMatrix& M, LcpClass c) {
+  if (c == LcpClass::automatic) c = classify(M);
+  return c == LcpClass::PSD && is_Z(M) ? LcpClass::Z : c;
+}
+
+const char* to_string(LcpClass c) {
+  switch (c) {
+    case LcpClass::P:
+      return "P";
+    case LcpClass::Z:
+      return "Z";
+    case LcpClass::PSD:
+      return "PSD";
+    case LcpClass::unknown:
+      return "unknown";
+    case LcpClass::automatic:
+      break;
+  }
+  return "auto";
+}
+
+std::string describe_class(const LcpMatrix& M, LcpClass c) {
+  if (c != LcpClass::P) return to_string(c);
+  if (strictly_dominant(M)) return "P (strictly diagonally dominant)";
+  if (is_H_plus(M)) return "P (H+)";
+  if (is_positive_definite(M)) return "P (positive definite)";
+  if (size(M) <= largest_exact_P && is_P_exact(to_dense(M))) return "P (all principal minors)";
+  return "P (as stated)";
+}
+
+std::optional<std::string> contradiction(const LcpMatrix& M, LcpClass stated) {
+  if (stated == LcpClass::P) return contradicts_P(M);
+  if (stated == LcpClass::PSD && !is_PSD(M)) return "the symmetric part of M has a negative eigenvalue";
+  if (stated != LcpClass::Z) return std::nullopt;
+  const auto found = positive_off_diagonal(M);
+  if (!found) return std::nullopt;
+  const auto [i, j] = *found;
+  const auto* t = std::get_if<Tridiagonal>(&M);
+  const double value = !t ? std::get<Matrix>(M)(i, j) : i < j ? t->upper[i] : t->lower[i];
+  return "M has a positive entry off its diagonal, " + entry(i, j, value);
+}
+
+}  // namespace bromwich

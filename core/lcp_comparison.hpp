@@ -1,0 +1,27 @@
+#pragma once
+// The comparison matrix <M> (|m_ii| on the diagonal, -|m_ij| off it) and systems with it.
+
+#include "scene.hpp"
+
+#include <Eigen/LU>
+
+namespace bromwich {
+
+class Comparison {
+ public:
+  explicit Comparison(const LcpMatrix&);
+
+  /// <M> is a nonsingular M-matrix: the solution u of <M> u = diag|M| is positive, and <M> u is, beyond rounding.
+  bool is_M_matrix() const;
+
+  /// <M> u = b.
+  Vector solve(const Vector& b) const;
+
+ private:
+  Vector solve_tridiagonal(const Vector& b) const;
+
+  LcpMatrix C_;  ///< <M>
+  Eigen::PartialPivLU<Matrix> lu_;
+};
+
+}  // namespace bromwich

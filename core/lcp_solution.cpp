@@ -1,0 +1,130 @@
+#include "core/lcp_solution.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace bromwich {
+
+namespace {
+
+// Where a number is clearly not rounding, relative to what it is summed from.
+constexpr double clear = 1e-10;
+
+// Largest entry of each row and column of R |M| C.
+void largest_entries(const LcpMatrix& M, const Equilibration& e, Vector& rows, Vector& columns) {
+  if (const auto* dense = std::get_if<Matrix>(&M)) {
+    const Matrix scaled = e.rows.asDiagonal() * dense->cwiseAbs() * e.columns.asDiagonal();
+    rows = scaled.rowwise().maxCoeff();
+    columns = scaled.colwise().maxCoeff().transpose();
+    return;
+  }
+  const Tridiagonal& t = std::get<Tridiagonal>(M);
+  const Index n = t.diagonal.size();
+  rows = columns = Vector::Zero(n);
+  const auto take = [&](Index i, Index j, double value) {
+    const double entry = e.rows[i] * std::abs(value) * e.columns[j];
+    rows[i] = std::max(rows[i], entry);
+    columns[j] = std::max(columns[j], entry);
+  };
+  for (Index i = 0; i < n; ++i) {
+    take(i, i, t.diagonal[i]);
+    if (i > 0) take(i, i - 1, t.lower[i]);
+    if (i + 1 < n) take(i, i + 1, t.upper[i]);
+  }
+}
+
+double rounding(Index n) { return 16 * double(n + 4) * epsilon; }
+
+}  // namespace
+
+Equilibration equilibrate(const LcpMatrix& M) {
+  const Index n = size(M);
+  Equilibration e{Vector::Ones(n), Vector::Ones(n)};
+  if (n == 0) return e;
+  Vector rows, columns;
+  const auto root = [](double largest) { return largest > 0 ? 1 / std::sqrt(largest) : 1.0; };
+  for (int sweep = 0; sweep < 8; ++sweep) {  // the logarithms of the largest entries halve in each
+    largest_entries(M, e, rows, columns);
+    for (Index i = 0; i < n; ++i) {
+      e.rows[i] *= root(rows[i]);
+      e.columns[i] *= root(columns[i]);
+    }
+  }
+  for (Vector* v : {&e.rows, &e.columns})
+    for (double& s : *v) s = std::exp2(std::round(std::log2(s)));
+  return e;
+}
+
+LcpMatrix scaled(const LcpMatrix& M, const Equilibration& e) {
+  if (const auto* dense = std::get_if<Matrix>(&M)) return Matrix(e.rows.asDiagonal() * *dense * e.columns.asDiagonal());
+  Tridiagonal t = std::get<Tridiagonal>(M);
+  const Index n = t.diagonal.size();
+  for (Index i = 0; i < n; ++i) {
+    t.diagonal[i] *= e.rows[i] * e.columns[i];
+    if (i > 0) t.lower[i] *= e.rows[i] * e.columns[i - 1];
+    if (i + 1 < n) t.upper[i] *= e.rows[i] * e.columns[i + 1];
+  }
+  return t;
+}
+
+double reciprocal_condition(const Eigen::PartialPivLU<Matrix>& lu) {
+  const Vector pivots = lu.matrixLU().diagonal().cwiseAbs();
+  for (const double p : pivots)
+    if (!(p > 0) || !std::isfinite(p)) return 0;
+  return lu.rcond();
+}
+
+std::vector<Index> support_of(const Vector& y) {
+  std::vector<Index> S;
+  for (Index i = 0; i < y.size(); ++i)
+    if (y[i] > 0) S.push_back(i);
+  return S;
+}
+
+bool is_solution(const Matrix& M, const Vector& q, const Vector& y) {
+  if (!y.allFinite() || (y.array() < 0).any()) return false;
+  const Vector w = M * y + q, terms = q.cwiseAbs() + M.cwiseAbs() * y;
+  const double largest = q.size() > 0 ? q.cwiseAbs().maxCoeff() : 0;
+  for (Index i = 0; i < y.size(); ++i) {
+    const double level = rounding(y.size()) * (terms[i] + largest);
+    if (level > 1e-4 * largest) return false;
+    if (w[i] < -level || (y[i] > 0 && w[i] > level)) return false;
+  }
+  return true;
+}
+
+bool is_certainly_unique(const Matrix& M, const Vector& q, const Vector& y) {
+  const std::vector<Index> S = support_of(y);
+  const Vector w = M * y + q, terms = q.cwiseAbs() + M.cwiseAbs() * y;
+  for (Index i = 0; i < y.size(); ++i)
+    if (y[i] > 0 ? !((M.col(i).cwiseAbs().array() * y[i] > clear * terms.array()).any()) : !(w[i] > clear * terms[i]))
+      return false;
+  if (S.empty()) return true;
+  const Matrix block = M(S, S);
+  const Eigen::PartialPivLU<Matrix> lu(std::get<Matrix>(scaled(block, equilibrate(block))));
+  return reciprocal_condition(lu) > clear;
+}
+
+bool is_certainly_unique(const Tridiagonal& M, const Vector& q, const Vector& y) {
+  const Index n = y.size();
+  double c = 0;  // eliminated superdiagonal of the row before, where that is active
+  for (Index i = 0; i < n; ++i) {
+    const double lower = i > 0 ? M.lower[i] : 0, upper = i + 1 < n ? M.upper[i] : 0;
+    const double left = i > 0 ? lower * y[i - 1] : 0, right = i + 1 < n ? upper * y[i + 1] : 0;
+    const double own = M.diagonal[i] * y[i];
+    const double terms = std::abs(q[i]) + std::abs(left) + std::abs(own) + std::abs(right);
+    if (!(y[i] > 0)) {
+      if (!(q[i] + left + right > clear * terms)) return false;
+      c = 0;
+      continue;
+    }
+    const double pivot = M.diagonal[i] - lower * c;
+    if (!(pivot > clear * (std::abs(lower) + M.diagonal[i] + std::abs(upper)))) return false;
+    if (!(own > clear * terms)) return false;
+    c = upper / pivot;
+  }
+  return true;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,30 @@
+#pragma once
+// The solution of least Euclidean norm of LCP(q, M), M positive semidefinite.
+//
+// y_eps in SOL(q, M + eps I) tends to it as eps -> 0 (Tikhonov), and for all small eps on one active set S. On that set
+// the limit is y_S = M_SS^+ (-q_S): a positive semidefinite M_SS has the same null space as its transpose, so that
+// (M_SS + eps I)^{-1} tends to the pseudoinverse on its range. So the exact limit is known once S is, and S is right
+// when the first-order term of y_eps = y + eps y' + ... belongs to a solution too:
+//
+//     y'_S = -M_SS^+ y_S,  w' = M y' + y;   y'_i >= 0 where y_i = 0, w'_i >= 0 where w_i = 0.
+//
+// (Then y + eps y' solves the Tikhonov problem up to eps^2 y', whose modulus of monotonicity is eps: the limit is y.)
+//
+// A monotone problem without a solution has no feasible point: v >= 0 with M^T v <= 0 and q^T v < 0 exists (Farkas),
+// and v = lim eps y_eps is one: v_S = -(I - M_SS M_SS^+) q_S.
+
+#include "scene.hpp"
+
+namespace bromwich {
+
+struct LeastNorm {
+  bool solved = false;
+  bool infeasible = false;  ///< proven by a v as above, up to rounding
+  int problems = 0;         ///< active sets tried
+  Vector y;
+};
+
+/// Any scale of M's rows and of q.
+LeastNorm least_norm_solution(const Matrix& M, const Vector& q);
+
+}  // namespace bromwich

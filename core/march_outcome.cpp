@@ -1,0 +1,82 @@
+#include "core/march_outcome.hpp"
+
+#include <Eigen/LU>
+
+#include <cstdio>
+
+namespace bromwich {
+
+namespace {
+
+bool is_singular(const LcpMatrix& M) { return !Eigen::FullPivLU<Matrix>(to_dense(M)).isInvertible(); }
+
+}  // namespace
+
+Start solve_at_zero(const DiscreteProblem& p, Result& result) {
+  const Index n = p.scene.constraints();
+  const auto r = p.backend.array(1, n), v = p.backend.array(1, n), y = p.backend.array(1, n);
+  p.backend.upload(p.start.transpose(), *r);
+  const LcpReport report = p.backend.lcp(p.scene.M, p.lcp_class, 1)->solve(*r, *v, *y, 0, 0);
+  result.lcp.newton += report.count.newton;
+  result.y = RowMatrix::Constant(p.J + 1, n, NAN);
+  if (report.count.unsolved == 0 && report.finite) {
+    RowMatrix start;
+    p.backend.download(*y, start);
+    result.y.row(0) = start;
+    ++result.lcp.solved;
+    return Start::found;
+  }
+  if (report.finite && p.lcp_class != LcpClass::P && is_singular(p.scene.M)) return Start::impulse;
+  result.status = report.infeasible == 0 ? Status::infeasible : Status::tolerance_not_met;
+  result.reason = report.infeasible == 0 ? "no solution at t = 0" : "the problem at t = 0 stayed unsolved";
+  if (report.infeasible == 0) result.infeasible_at = 0;
+  return Start::none;
+}
+
+void explain_stop(const DiscreteProblem& p, const MarchReport& report, Result& result) {
+  char where[64];
+  std::snprintf(where, sizeof where, "t = %.6g", p.t[report.stopped]);
+  if (report.interrupted) {
+    result.status = Status::interrupted;
+    result.reason = std::string("stopped on request at ") + where;
+  } else if (!report.finite) {
+    result.status = Status::nonfinite;
+    result.reason = std::string("the solution is not finite at ") + where;
+  } else if (report.infeasible >= 0) {
+    result.status = Status::infeasible;
+    result.infeasible_at = p.t[report.infeasible];
+    result.reason = std::string("no solution from ") + where + " on";
+  } else {
+    result.status = Status::tolerance_not_met;
+    result.reason = std::string("the complementarity problem of the step to ") + where +
+                    " stayed unsolved; try other steps or another method";
+  }
+}
+
+void count(const MarchReport& report, Result& result) {
+  result.iterations = 1;
+  result.lcp.solved += report.count.solved;
+  result.lcp.newton += report.count.newton;
+  result.lcp.fallbacks += report.count.fallbacks;
+  result.lcp.unsolved += report.count.unsolved;
+  result.seconds.lcp += report.lcp_seconds;
+}
+
+double march_residual(const DiscreteProblem& p, Start start, const Array& r, const Array& v, const Array& y) {
+  const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);
+  if (start == Start::found) return lcp->residual(r, v, y);
+  RowMatrix q, response, values;
+  p.backend.download(r, response);
+  p.backend.download(v, q);
+  p.backend.download(y, values);
+  q += response;
+  q.row(0) = q.row(1);
+  values.row(0) = values.row(1);
+  const auto known = p.backend.array(q.rows(), q.cols()), zero = p.backend.array(q.rows(), q.cols()),
+             solution = p.backend.array(q.rows(), q.cols());
+  p.backend.upload(q, *known);
+  p.backend.upload(values, *solution);
+  return lcp->residual(*known, *zero, *solution);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,104 @@
+#include "core/methods.hpp"
+
+#include "core/functional_iteration.hpp"
+#include "core/literal.hpp"
+#include "core/marching.hpp"
+#include "core/stage_marching.hpp"
+#include "core/states.hpp"
+#include "core/timer.hpp"
+#include "core/windows.hpp"
+
+namespace bromwich {
+
+Methods::Methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components)
+    : problem_(discretise(scene, backend, J)) {
+  problem_.components = components;
+}
+
+const SparseKernel* Methods::kernel() {
+  if (!kernel_) kernel_ = sparse_kernel(problem_, problem_.components);
+  return *kernel_ ? &**kernel_ : nullptr;
+}
+
+const BasisChoice& Methods::basis() {
+  if (basis_) return *basis_;
+  const LcpMatrix& M = problem_.scene.M;
+  basis_ = choose_basis(M, problem_.lcp_class);
+  if (const auto* d = problem_.dense())
+    basis_ = choose_basis(M, problem_.lcp_class, dense_recurrence(*d, Rule::exponential, problem_.h));
+  else if (basis_->continuous && problem_.sparse() && kernel())
+    basis_ = choose_basis(M, problem_.lcp_class, kernel()->weights);
+  return *basis_;
+}
+
+void Methods::run(Method method, const Options& options, Result& result) {
+  result.method = to_string(method);
+  Timer timer;
+  if (method != Method::euler) basis();
+  if (problem_.sparse() && method != Method::euler && basis().continuous) kernel();
+  result.seconds.setup += timer.lap();
+  switch (method) {
+    case Method::contour:
+    case Method::contour_literal:
+      if (!basis().continuous) {
+        result.status = Status::unsupported;
+        result.reason = basis().reason + ": piecewise-linear y would ring; use method march or euler";
+      } else if (method == Method::contour) {
+        iterate(options, result);
+      } else {
+        solve_literally(problem_, options, result);
+      }
+      break;
+    case Method::euler:
+      if (problem_.sparse())
+        solve_by_stages(problem_, 1, options, result);
+      else
+        solve_by_marching(problem_, Rule::implicit_euler, options, result);
+      break;
+    default:
+      march(options, result);
+      break;
+  }
+  record_states(method, result);
+}
+
+void Methods::march(const Options& options, Result& result) {
+  if (!basis().continuous) {
+    solve_by_stages(problem_, 2, options, result);
+    result.kernel += "; " + basis().reason;
+  } else if (!problem_.sparse()) {
+    solve_by_marching(problem_, Rule::exponential, options, result);
+  } else if (const SparseKernel* k = kernel()) {
+    solve_by_marching(problem_, *k, options, result);
+  } else {
+    solve_by_stages(problem_, 2, options, result);
+    result.kernel += "; no contour holds the spectrum of this A";
+  }
+}
+
+void Methods::iterate(const Options& options, Result& result) {
+  if (!problem_.sparse()) {
+    const Index window = iteration_window(problem_, options.iteration_tolerance);
+    return window < problem_.J ? solve_in_windows(problem_, window, options, result)
+                               : solve_by_iteration(problem_, options, result);
+  }
+  if (const SparseKernel* k = kernel()) return solve_by_iteration(problem_, *k, options, result);
+  result.status = Status::unsupported;
+  result.reason = "no contour holds the spectrum of this A; use method march or euler";
+}
+
+// What a method that passes through the state has recorded stays; otherwise y gives the states.
+void Methods::record_states(Method method, Result& result) {
+  const Index rows = problem_.J + 1, c = Index(problem_.components.size());
+  if (result.y.size() == 0) result.y = RowMatrix::Constant(rows, problem_.scene.constraints(), NAN);
+  if (result.x.rows() == rows && result.x.cols() == c) return;
+  const Rule rule = method == Method::euler ? Rule::implicit_euler : Rule::exponential;
+  if (!problem_.sparse())
+    result.x = state_components(problem_, rule, result.y, problem_.components);
+  else if (kernel_ && *kernel_)
+    result.x = sparse_states(problem_, **kernel_, result.y);
+  else
+    result.x = RowMatrix::Constant(rows, c, NAN);
+}
+
+}  // namespace bromwich

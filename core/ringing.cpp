@@ -1,0 +1,106 @@
+#include "core/ringing.hpp"
+
+#include "core/lcp.hpp"
+
+#include <Eigen/LU>
+
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double margin = 0.1;     ///< delta
+constexpr Index most_sets_n = 12;  ///< active sets are enumerated up to this size
+constexpr Index ringing_run = 16;  ///< rows
+
+std::vector<Index> members(unsigned set, Index n) {
+  std::vector<Index> S;
+  for (Index i = 0; i < n; ++i)
+    if (set >> i & 1u) S.push_back(i);
+  return S;
+}
+
+// Sign of the determinant; 0 where the matrix is singular to rounding, whatever the units of its rows and columns.
+int determinant_sign(Matrix matrix) {
+  for (Index i = 0; i < matrix.rows(); ++i) matrix.row(i) /= std::max(matrix.row(i).cwiseAbs().maxCoeff(), 1e-300);
+  for (Index i = 0; i < matrix.cols(); ++i) matrix.col(i) /= std::max(matrix.col(i).cwiseAbs().maxCoeff(), 1e-300);
+  const Eigen::PartialPivLU<Matrix> lu(matrix);
+  if (!(lu.rcond() > 1e3 * epsilon)) return 0;
+  const double d = lu.permutationP().determinant() * lu.matrixLU().diagonal().array().sign().prod();
+  return d > 0 ? 1 : -1;
+}
+
+bool same_minors(const Matrix& a, const Matrix& b) {
+  const Index n = a.rows();
+  for (unsigned set = 1; set < 1u << n; ++set) {
+    const std::vector<Index> S = members(set, n);
+    const int sign = determinant_sign(a(S, S));
+    if (sign == 0 || sign != determinant_sign(b(S, S))) return false;
+  }
+  return true;
+}
+
+BasisChoice discontinuous(const std::string& reason) { return {false, reason}; }
+
+// at_minus_one = W^(-1).
+BasisChoice decide(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, const Matrix& at_minus_one) {
+  const BasisChoice without = choose_basis(M, lcp_class);
+  if (lcp_class == LcpClass::Z) return without;
+  if (!at_minus_one.allFinite()) return discontinuous("the step meets an oscillation of the scene");
+  const Matrix dense = to_dense(M), damped = dense + at_minus_one - margin * w0;
+  if (dense.rows() <= most_sets_n)
+    return same_minors(dense + w0, damped) ? BasisChoice{} : discontinuous("M leaves y to the dynamics at this step");
+  // Too many active sets to look at: what is surely P is safe, the rest of the P-matrices is watched (ringing_from).
+  return lcp_class == LcpClass::P ? BasisChoice{} : without;
+}
+
+}  // namespace
+
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class) {
+  if (lcp_class == LcpClass::P) return {};
+  const Matrix dense = to_dense(M);
+  if (lcp_class == LcpClass::Z && (dense.diagonal().array() != 0).any()) return {};
+  const Eigen::FullPivLU<Matrix> lu(dense);
+  return lu.isInvertible() && lcp_class != LcpClass::PSD ? BasisChoice{} : discontinuous("M leaves y to the dynamics");
+}
+
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const DenseRecurrence& r) {
+  const Index m = r.decay.rows();
+  // Σ_{d>=1} (-1)^d C E^{d-1} G = -C (I + E)^{-1} G.
+  const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(m, m) + r.decay);
+  const bool regular = lu.rcond() > epsilon;
+  const Matrix at = r.w0 - r.output * lu.solve(r.input);
+  return decide(M, lcp_class, r.w0, regular ? at : Matrix::Constant(at.rows(), at.cols(), NAN));
+}
+
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const LagTable& table) {
+  const Index n = table.outputs;
+  RowMatrix sum = table.W.row(0), last = sum;
+  for (Index d = 1; d < table.W.rows(); ++d) {
+    last = sum;
+    sum += (d % 2 == 0 ? 1 : -1) * table.W.row(d);
+  }
+  const RowMatrix mean = 0.5 * (sum + last);  // partial sums of a slowly changing alternating series lie on both sides
+  const auto square = [n](const RowMatrix& row) { return Matrix(Eigen::Map<const RowMatrix>(row.data(), n, n)); };
+  return decide(M, lcp_class, square(table.W.row(0)), square(mean));
+}
+
+Index ringing_from(const RowMatrix& y) {
+  for (Index i = 0; i < y.cols(); ++i) {
+    const double scale = 0.01 * y.col(i).cwiseAbs().maxCoeff();
+    if (!(scale > 0)) continue;
+    Index run = 0;
+    double before = 0, first = 0;
+    for (Index j = 1; j + 1 < y.rows(); ++j) {
+      const double bend = y(j - 1, i) - 2 * y(j, i) + y(j + 1, i);
+      run = std::abs(bend) > scale && bend * before < 0 ? run + 1 : 0;
+      if (run == 0) first = std::abs(bend);
+      if (run >= ringing_run && std::abs(bend) > 0.3 * first) return j - run;
+      before = bend;
+    }
+  }
+  return -1;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,170 @@
+// Step-by-step solution from lag weights alone,
+//
+//     y_j in SOL(M + W_0, r_j + h_j),   h_j = Σ_{d=1}^{j-1} W_d y_{j-d} + S_j y_0,   v_j = h_j + W_0 y_j.
+//
+// The history h is a convolution whose input becomes known row by row (Hairer, Lubich, Schlichte, SIAM J. Sci. Stat.
+// Comput. 6, 1985). Rows are cut into blocks of b; within a block the sums are direct. When k blocks are complete and
+// 2^s is the largest power of 2 that divides k, the last L = 2^s b rows act on the next L ones by one FFT of length 2L:
+//
+//     source  |      k-2^s .. k      |   Every pair of a row and a later one is in exactly one such product, that of
+//     the target          | k .. k+2^s   |   smallest dyadic interval that holds both.
+//
+// O(J log^2 J) operations per entry of W.
+
+#include "core/error.hpp"
+#include "cpu/parts.hpp"
+#include "cpu/real_fft.hpp"
+#include "cpu/step_lcp.hpp"
+
+#include <omp.h>
+
+#include <bit>
+#include <vector>
+
+namespace bromwich::cpu {
+
+namespace {
+
+// The product of one level: L rows of y into the L rows after them.
+class Level {
+ public:
+  Level(const LagTable& table, double sigma, Index L, int threads)
+      : n_(table.outputs),
+        L_(L),
+        fft_(2 * L),
+        damping_(damping(sigma, 2 * L)),
+        weights_(n_ * n_, fft_.frequencies()),
+        spectra_(n_ + threads, fft_.frequencies()),
+        real_(threads, 2 * L),
+        threads_(n_ * L >= parallel_size ? threads : 1) {
+    const Index lags = std::min<Index>(2 * L, table.W.rows());
+    Vector padded(2 * L);
+    for (Index c = 0; c < weights_.rows(); ++c) {
+      padded.setZero();
+      for (Index d = 1; d < lags; ++d) padded[d] = damping_[d] * table.W(d, c) / double(2 * L);
+      fft_.forward(padded.data(), weights_.row(c).data());
+    }
+  }
+
+  // v(from + L ..) += Σ_d W_d y, y the rows from .. from + L - 1; rows past the end of v are left out.
+  void apply(const RowMatrix& y, Index from, RowMatrix& v) {
+    const Index rows = std::min(L_, v.rows() - from - L_);
+#pragma omp parallel num_threads(threads_) if (threads_ > 1)
+    {
+      const int thread = omp_get_thread_num();
+      double* real = real_.row(thread).data();
+#pragma omp for schedule(static)
+      for (Index c = 0; c < n_; ++c) {
+        for (Index i = 0; i < L_; ++i) real[i] = damping_[i] * y(from + i, c);
+        std::fill(real + L_, real + 2 * L_, 0.0);
+        fft_.forward(real, spectra_.row(c).data());
+      }
+      auto sum = spectra_.row(n_ + thread);
+#pragma omp for schedule(static)
+      for (Index i = 0; i < n_; ++i) {
+        sum.setZero();
+        for (Index c = 0; c < n_; ++c) sum.array() += weights_.row(i * n_ + c).array() * spectra_.row(c).array();
+        fft_.backward(sum.data(), real);
+        // The first half of the product has wrapped around; the second is what the targets get.
+        for (Index j = 0; j < rows; ++j) v(from + L_ + j, i) += real[L_ + j] / damping_[L_ + j];
+      }
+    }
+  }
+
+  std::size_t bytes() const {
+    return sizeof(double) * std::size_t(2 * weights_.size() + 2 * spectra_.size() + real_.size() + damping_.size());
+  }
+
+ private:
+  static constexpr Index parallel_size = 1 << 15;  ///< below it starting the threads costs more than they save
+
+  Index n_, L_;
+  RealFft fft_;
+  Vector damping_;
+  Spectra weights_, spectra_;
+  RowMatrix real_;
+  int threads_;
+};
+
+class LagMarch final : public March {
+ public:
+  LagMarch(const MarchProblem& problem, Index rows, int threads)
+      : table_(*problem.lags),
+        n_(table_.outputs),
+        asked_to_stop_(problem),
+        response_(host(*problem.r)),
+        M_(to_dense(*problem.M)),
+        W0_(weight(table_.W, 0)),
+        lcp_(M_ + W0_, M_, problem.lcp_class),
+        q_(n_),
+        y_(n_) {
+    const double sigma = growth(table_.W);
+    for (Index L = block; L < rows - 1; L *= 2) levels_.push_back(std::make_unique<Level>(table_, sigma, L, threads));
+  }
+
+  MarchReport run(Array& y_array, Array& v_array) override {
+    const FlushDenormals flush;
+    RowMatrix &Y = host(y_array), &V = host(v_array);
+    MarchReport report;
+    y_ = Y.row(0).transpose();
+    lcp_.start_from(y_);
+    V.row(0).setZero();
+    for (Index j = 1; j < Y.rows(); ++j) V.row(j).transpose().noalias() = weight(table_.S, j) * y_;
+    for (Index j = 1; j < Y.rows(); ++j) {
+      if (asked_to_stop_(j, report)) {
+        invalidate(Y, V, j);
+        return report;
+      }
+      // Row 1 is the first of the first block.
+      const Index begin = 1 + (j - 1) / block * block;
+      for (Index l = begin; l < j; ++l)
+        V.row(j).transpose().noalias() += weight(table_.W, j - l) * Y.row(l).transpose();
+      q_ = (response_.row(j) + V.row(j)).transpose();
+      if (!lcp_.solve(q_, y_, j, report)) {
+        invalidate(Y, V, j);
+        return report;
+      }
+      Y.row(j) = y_.transpose();
+      V.row(j).transpose().noalias() += W0_ * y_;
+      if (j % block == 0) act_on_later_rows(j, Y, V);
+    }
+    return report;
+  }
+
+  std::size_t bytes() const override {
+    std::size_t sum = sizeof(double) * std::size_t(6 * M_.size());
+    for (const auto& level : levels_) sum += level->bytes();
+    return sum;
+  }
+
+ private:
+  static constexpr Index block = 64;
+
+  Eigen::Map<const RowMatrix> weight(const RowMatrix& rows, Index d) const {
+    return {rows.row(d).data(), table_.outputs, table_.inputs};
+  }
+
+  // Rows 1..j are known, j a multiple of `block`.
+  void act_on_later_rows(Index j, const RowMatrix& Y, RowMatrix& V) {
+    const int s = std::countr_zero(std::size_t(j / block));
+    const Index L = block << s;
+    if (j + 1 < Y.rows()) levels_[std::size_t(s)]->apply(Y, j + 1 - L, V);
+  }
+
+  const LagTable& table_;
+  Index n_;
+  Poll asked_to_stop_;
+  const RowMatrix& response_;
+  Matrix M_, W0_;
+  StepLcp lcp_;
+  std::vector<std::unique_ptr<Level>> levels_;
+  Vector q_, y_;
+};
+
+}  // namespace
+
+std::unique_ptr<March> make_lag_march(const MarchProblem& problem, Index rows, int threads) {
+  return std::make_unique<LagMarch>(problem, rows, threads);
+}
+
+}  // namespace bromwich::cpu

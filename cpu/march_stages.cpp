@@ -1,0 +1,173 @@
+// Step by step with y discontinuous from one step to the next (core/backend.hpp, StageProblem). Every step solves
+//
+//     0 <= Y ⊥ D (I ⊗ M + W) Y + D q >= 0,   Y = (y_1, ..., y_s),   D = diag(3/4, 1/4) for two stages,
+//
+// where W is the implicit part. The weights D of the quadrature make D (I ⊗ M + W) positive semidefinite where the
+// scene is passive (algebraic stability), so that the problem stays in a class that can be solved; they do not change
+// solutions.
+
+#include "core/lcp.hpp"
+#include "cpu/parts.hpp"
+#include "cpu/stage_step.hpp"
+#include "cpu/step_lcp.hpp"
+
+#include <cmath>
+
+namespace bromwich::cpu {
+
+namespace {
+
+// A step with its complementarity problem.
+class Stepper {
+ public:
+  Stepper(const StageProblem& p, Index stages)
+      : step_(make_stage_step(p, stages)),
+        M_(to_dense(*p.M)),
+        stages_(stages),
+        scale_(weights()),
+        // A problem of two stages is new in kind: the class of M says nothing of least elements there.
+        lcp_(scale_.asDiagonal() * (blocks() + step_->implicit_part()), M_,
+             stages == 1 ? p.lcp_class : LcpClass::unknown) {}
+
+  // x_{j-1} -> Y and x_j; false: the problem of the step stayed unsolved.
+  bool advance(const Vector& x, Index j, Vector& next, MarchReport& report) {
+    step_->free(x, j, q_, next);
+    q_.array() *= scale_.array();
+    if (!lcp_.solve(q_, Y, j, report)) return false;
+    step_->drive(Y, next);
+    return true;
+  }
+
+  Vector first_stage() const { return Y.head(M_.rows()); }
+  Vector last_stage() const { return Y.tail(M_.rows()); }
+
+  // Solutions of a step are unique, or at least form a convex set of which one is taken.
+  bool well_posed() const { return lcp_.implicit_class() == LcpClass::P || lcp_.implicit_class() == LcpClass::PSD; }
+
+  // Constraints that are active at one stage of the step and not at another.
+  bool switches() const {
+    for (Index i = 0; i < M_.rows() && stages_ == 2; ++i)
+      if ((Y[i] > 0) != (Y[M_.rows() + i] > 0)) return true;
+    return false;
+  }
+
+  std::size_t bytes() const { return step_->bytes() + 4 * sizeof(double) * std::size_t(scale_.size() * scale_.size()); }
+
+  Vector Y;
+
+ private:
+  Vector weights() const {
+    Vector d = Vector::Ones(stages_ * M_.rows());
+    if (stages_ == 2) d << Vector::Constant(M_.rows(), 0.75), Vector::Constant(M_.rows(), 0.25);
+    return d;
+  }
+  Matrix blocks() const {
+    const Index n = M_.rows();
+    Matrix all = Matrix::Zero(stages_ * n, stages_ * n);
+    for (Index i = 0; i < stages_; ++i) all.block(i * n, i * n, n, n) = M_;
+    return all;
+  }
+
+  std::unique_ptr<StageStep> step_;
+  Matrix M_;
+  Index stages_;
+  Vector scale_;
+  StepLcp lcp_;
+  Vector q_;
+};
+
+class Stages final : public StageMarch {
+ public:
+  Stages(const StageProblem& p, Index rows) : problem_(p), asked_to_stop_(p), rows_(rows), main_(p, p.stages) {
+    if (const auto* d = std::get_if<DenseDynamics>(p.dynamics)) B_ = d->B.sparseView();
+    if (const auto* d = std::get_if<SparseDynamics>(p.dynamics)) B_ = d->B;
+    // Where two stages have lost uniqueness and one has not, every step takes one.
+    if (p.stages == 2 && !main_.well_posed()) one_stage_only_ = one_stage().well_posed();
+  }
+
+  MarchReport run(Array& y_array, Array& v_array, Array& x_array) override {
+    const FlushDenormals flush;
+    RowMatrix &Y = host(y_array), &V = host(v_array), &X = host(x_array);
+    MarchReport report;
+    Vector x = problem_.x0, next(x.size());
+    record(x, 0, V, X);
+    for (Index j = 1; j < rows_; ++j) {
+      const Stepper* used = asked_to_stop_(j, report) ? nullptr : take(x, j, next, report);
+      if (!used) {
+        for (RowMatrix* values : {&Y, &V, &X}) values->bottomRows(rows_ - j).setConstant(NAN);
+        return report;
+      }
+      if (j == 1 && !Y.row(0).allFinite()) Y.row(0) = used->first_stage().transpose();
+      Y.row(j) = used->last_stage().transpose();
+      x.swap(next);
+      record(x, j, V, X);
+    }
+    return report;
+  }
+
+  std::size_t bytes() const override { return main_.bytes() + (one_stage_ ? one_stage_->bytes() : 0); }
+
+ private:
+  // y moves the state by a good part of its size within the step, and lets go within the step: an impulse.
+  bool jumps(const Vector& before, const Vector& after) const {
+    if (!main_.switches()) return false;
+    const double moved = problem_.h * std::max((B_ * main_.first_stage()).cwiseAbs().maxCoeff(),
+                                               (B_ * main_.last_stage()).cwiseAbs().maxCoeff());
+    return moved > 0.25 * std::max(before.cwiseAbs().maxCoeff(), after.cwiseAbs().maxCoeff());
+  }
+
+  Stepper& one_stage() {
+    if (!one_stage_) one_stage_ = std::make_unique<Stepper>(problem_, 1);
+    return *one_stage_;
+  }
+
+  // The step to t_j by the stages asked for, or by one where the state jumps or there is no solution otherwise. Null:
+  // it stayed unsolved.
+  const Stepper* take(const Vector& x, Index j, Vector& next, MarchReport& report) {
+    if (!one_stage_only_) {
+      const bool fine = main_.advance(x, j, next, report);
+      if (fine && !jumps(x, next)) return &main_;
+      if (problem_.stages == 1) return nullptr;
+      MarchReport by_euler = report;
+      by_euler.stopped = by_euler.infeasible = -1;
+      by_euler.count.unsolved = 0;
+      other_.resize(x.size());
+      if (!one_stage().advance(x, j, other_, by_euler)) return fine ? &main_ : nullptr;
+      next.swap(other_);
+      report = by_euler;
+    } else if (!one_stage().advance(x, j, next, report)) {
+      return nullptr;
+    }
+    ++report.jumps;
+    return &one_stage();
+  }
+
+  void record(const Vector& x, Index j, RowMatrix& V, RowMatrix& X) const {
+    V.row(j) = std::visit(
+        [&](const auto& d) -> Vector {
+          if constexpr (requires { d.N; })
+            return d.N * x;
+          else
+            return {};
+        },
+        *problem_.dynamics);
+    for (std::size_t c = 0; c < problem_.components.size(); ++c) X(j, Index(c)) = x[problem_.components[c]];
+  }
+
+  StageProblem problem_;
+  Poll asked_to_stop_;
+  Index rows_;
+  Stepper main_;
+  std::unique_ptr<Stepper> one_stage_;
+  bool one_stage_only_ = false;
+  Vector other_;
+  SparseMatrix B_;
+};
+
+}  // namespace
+
+std::unique_ptr<StageMarch> make_stage_march(const StageProblem& problem, Index rows, int) {
+  return std::make_unique<Stages>(problem, rows);
+}
+
+}  // namespace bromwich::cpu

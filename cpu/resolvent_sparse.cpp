@@ -1,0 +1,338 @@
+// N (z_p I - A)^{-1} B for sparse A: the multifrontal elimination of core/elimination.hpp, eight nodes at a time, one
+// in each lane. All lanes share the structure, so even the many fronts with one or two pivots run on whole vectors.
+//
+// No pivoting: for z outside the numerical range of A a rotation of zI - A has a positive definite Hermitian part, and
+// every order of elimination is stable. Whether that held is measured: the column (zI - A) u, u = ±1, is carried along,
+// whose answer N u is known. A node that misses it is solved again by an LU factorization with partial pivoting.
+
+#include "core/elimination.hpp"
+#include "core/error.hpp"
+#include "cpu/parts.hpp"
+#include "cpu/simd.hpp"
+
+#include <omp.h>
+#include <Eigen/SparseLU>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich::cpu {
+
+namespace {
+
+using RowSparse = Eigen::SparseMatrix<double, Eigen::RowMajor>;
+
+// A node whose test column misses N u by more is solved again. Rounding grows with the condition number of zI - A,
+// about
+// ||A|| over the distance of z from the spectrum, 1e6 for a fine grid.
+constexpr double accepted_miss = 1e-8;
+// Pivoting is the last resort: with less than four digits the matrix counts as singular.
+constexpr double accepted_pivoted_miss = 1e-4;
+
+struct Entry {
+  Lanes re, im;
+};
+
+inline void add(Entry& a, const Entry& b) {
+  a.re += b.re;
+  a.im += b.im;
+}
+
+// a -= b c
+inline void subtract_product(Entry& a, const Entry& b, const Entry& c) {
+  a.re -= b.re * c.re;
+  a.re += b.im * c.im;
+  a.im -= b.re * c.im;
+  a.im -= b.im * c.re;
+}
+
+inline Entry product(const Entry& b, const Entry& c) { return {b.re * c.re - b.im * c.im, b.re * c.im + b.im * c.re}; }
+
+inline Entry inverse(const Entry& a) {
+  const Lanes norm = a.re * a.re + a.im * a.im;
+  return {a.re / norm, -a.im / norm};
+}
+
+// What all threads read: A in the order of elimination, B and N, the test column.
+struct System {
+  Elimination plan;
+  bool symmetric = false;
+  std::vector<int> position;
+  const SparseMatrix& A;
+  RowSparse rows_of_A;  ///< only for non-symmetric A
+  RowSparse B;
+  const SparseMatrix& N;
+  Vector u, Au;
+
+  System(const SparseDynamics& d, Elimination elimination)
+      : plan(std::move(elimination)), symmetric(is_symmetric(d.A)), A(d.A), B(d.B), N(d.N), u(d.A.rows()) {
+    position.resize(plan.order.size());
+    for (std::size_t i = 0; i < position.size(); ++i) position[std::size_t(plan.order[i])] = int(i);
+    if (!symmetric) rows_of_A = d.A;
+    unsigned long long random = 1;
+    for (double& value : u) {
+      random = random * 6364136223846793005ULL + 1442695040888963407ULL;
+      value = random >> 63 ? 1 : -1;
+    }
+    Au = A * u;
+  }
+
+  static bool is_symmetric(const SparseMatrix& A) {
+    const SparseMatrix transposed = A.transpose();
+    return (A - transposed).norm() == 0;
+  }
+};
+
+// One thread's elimination of eight nodes.
+class Fronts {
+ public:
+  explicit Fronts(const System& system)
+      : s_(system),
+        inputs_(s_.B.cols() + 1),
+        place_(s_.plan.order.size()),
+        row_place_(std::size_t(s_.N.rows())),
+        column_place_(std::size_t(inputs_)),
+        front_(std::size_t(s_.plan.largest_front)),
+        stack_(std::size_t(s_.plan.largest_stack)),
+        result_(std::size_t(s_.N.rows() * inputs_)) {}
+
+  // result(i, c): entry (i, c) of N (zI - A)^{-1} [B, (zI - A) u].
+  void run(const Entry& z) {
+    z_ = z;
+    std::fill(result_.begin(), result_.end(), Entry{all(0), all(0)});
+    remainders_.clear();
+    top_ = 0;
+    for (std::size_t f = 0; f < s_.plan.fronts.size(); ++f) {
+      const Front& front = s_.plan.fronts[f];
+      rows_ = front.rows();
+      cols_ = front.cols();
+      pivots_ = front.pivots;
+      main_ = pivots_ + Index(front.rest.size());
+      std::fill_n(front_.begin(), rows_ * cols_, Entry{all(0), all(0)});
+      find_places(front);
+      assemble(front);
+      for (Index c = 0; c < front.children; ++c) take_child();
+      eliminate();
+      hand_on(front, f);
+    }
+  }
+
+  Complex result(Index i, Index c, Index lane) const {
+    const Entry& e = result_[std::size_t(i * inputs_ + c)];
+    return {e.re[lane], e.im[lane]};
+  }
+
+ private:
+  Entry& at(Index i, Index j) { return front_[std::size_t(j * rows_ + i)]; }
+
+  void find_places(const Front& front) {
+    for (Index p = 0; p < pivots_; ++p) place_[std::size_t(front.first + p)] = int(p);
+    int next = int(pivots_);
+    for (const int i : front.rest) place_[std::size_t(i)] = next++;
+    next = int(main_);
+    for (const int i : front.outputs) row_place_[std::size_t(i)] = next++;
+    next = int(main_);
+    for (const int c : front.inputs) column_place_[std::size_t(c)] = next++;
+  }
+
+  // Entries of zI - A, B and -N in the rows and columns of the pivots that no earlier front had.
+  void assemble(const Front& front) {
+    const Index test = inputs_ - 1;
+    for (Index p = 0; p < pivots_; ++p) {
+      const Index original = s_.plan.order[std::size_t(front.first + p)];
+      for (SparseMatrix::InnerIterator a(s_.A, original); a; ++a) {
+        const int i = s_.position[std::size_t(a.row())];
+        if (i >= front.first) at(place_[std::size_t(i)], p).re -= all(a.value());
+      }
+      at(p, p).re += z_.re;
+      at(p, p).im += z_.im;
+      if (!s_.symmetric)
+        for (RowSparse::InnerIterator a(s_.rows_of_A, original); a; ++a) {
+          const int j = s_.position[std::size_t(a.col())];
+          if (j >= front.first + pivots_) at(p, place_[std::size_t(j)]).re -= all(a.value());
+        }
+      for (RowSparse::InnerIterator b(s_.B, original); b; ++b)
+        at(p, column_place_[std::size_t(b.col())]).re += all(b.value());
+      Entry& known = at(p, column_place_[std::size_t(test)]);
+      known.re += z_.re * all(s_.u[original]) - all(s_.Au[original]);
+      known.im += z_.im * all(s_.u[original]);
+      for (SparseMatrix::InnerIterator n(s_.N, original); n; ++n)
+        at(row_place_[std::size_t(n.row())], p).re -= all(n.value());
+    }
+  }
+
+  // The remainder on top of the stack moves into the front: rest x rest (rest x inputs), outputs x rest.
+  void take_child() {
+    const Front& child = s_.plan.fronts[remainders_.back()];
+    remainders_.pop_back();
+    top_ -= child.remainder();
+    const Entry* from = &stack_[std::size_t(top_)];
+    const Index rest = Index(child.rest.size()), rows = child.rows() - child.pivots, cols = child.cols() - child.pivots;
+    for (Index j = 0; j < cols; ++j) {
+      const bool in_rest = j < rest;
+      const int to = in_rest ? place_[std::size_t(child.rest[std::size_t(j)])]
+                             : column_place_[std::size_t(child.inputs[std::size_t(j - rest)])];
+      for (Index i = in_rest && s_.symmetric ? j : 0; i < rest; ++i)
+        add(at(place_[std::size_t(child.rest[std::size_t(i)])], to), from[j * rows + i]);
+      for (Index i = rest; in_rest && i < rows; ++i)
+        add(at(row_place_[std::size_t(child.outputs[std::size_t(i - rest)])], to), from[j * rows + i]);
+    }
+  }
+
+  // Pivots in panels: L below them, U to their right, then one product for all that remains.
+  void eliminate() {
+    for (Index first = 0; first < pivots_; first += panel) {
+      const Index last = std::min(pivots_, first + panel);
+      for (Index p = first; p < last; ++p) {
+        const Entry scale = inverse(at(p, p));
+        for (Index i = p + 1; i < rows_; ++i) at(i, p) = product(at(i, p), scale);
+        for (Index j = p + 1; j < last; ++j) {
+          // Below the diagonal only: with symmetry U is the transpose of L times the pivot.
+          const Entry u = s_.symmetric ? product(at(j, p), at(p, p)) : at(p, j);
+          for (Index i = s_.symmetric ? j : p + 1; i < rows_; ++i) subtract_product(at(i, j), at(i, p), u);
+        }
+      }
+      // Tiles do not cross from the rest to the inputs: symmetry ends there.
+      for (Index j = last; j < main_; j += tile_columns)
+        update_columns(first, last, j, std::min(tile_columns, main_ - j));
+      for (Index j = main_; j < cols_; j += tile_columns)
+        update_columns(first, last, j, std::min(tile_columns, cols_ - j));
+    }
+  }
+
+  // Columns j.. of everything below and to the right of the panel.
+  void update_columns(Index first, Index last, Index j, Index count) {
+    Entry U[panel * tile_columns];
+    const Index width = last - first;
+    for (Index c = 0; c < tile_columns; ++c) {
+      Entry* u = U + c * width;
+      if (c >= count) {
+        std::fill_n(u, width, Entry{all(0), all(0)});
+        continue;
+      }
+      if (s_.symmetric && j + c < main_) {
+        for (Index p = 0; p < width; ++p) u[p] = product(at(j + c, first + p), at(first + p, first + p));
+        continue;
+      }
+      for (Index p = 0; p < width; ++p) {
+        u[p] = at(first + p, j + c);
+        for (Index q = 0; q < p; ++q) subtract_product(u[p], at(first + p, first + q), u[q]);
+      }
+    }
+    const Index start = s_.symmetric && j < main_ ? j : last;
+    Index i = start;
+    for (; i + tile_rows <= rows_; i += tile_rows) update_tile<tile_rows>(i, j, first, width, U, count);
+    for (; i < rows_; ++i) update_tile<1>(i, j, first, width, U, count);
+  }
+
+  template <Index height>
+  void update_tile(Index i, Index j, Index first, Index width, const Entry* U, Index count) {
+    Entry sum[height][tile_columns] = {};
+    const Entry* L = &at(i, first);
+    for (Index p = 0; p < width; ++p, L += rows_)
+      for (Index c = 0; c < tile_columns; ++c)
+        for (Index k = 0; k < height; ++k) subtract_product(sum[k][c], L[k], U[c * width + p]);
+    for (Index c = 0; c < count; ++c)
+      for (Index k = 0; k < height; ++k) add(at(i + k, j + c), sum[k][c]);
+  }
+
+  // The block of outputs and inputs is done; the rest waits for the parent.
+  void hand_on(const Front& front, std::size_t f) {
+    for (Index j = main_; j < cols_; ++j)
+      for (Index i = main_; i < rows_; ++i)
+        add(result_[std::size_t(front.outputs[std::size_t(i - main_)] * inputs_ +
+                                front.inputs[std::size_t(j - main_)])],
+            at(i, j));
+    if (front.rest.empty()) return;
+    Entry* to = &stack_[std::size_t(top_)];
+    for (Index j = pivots_; j < cols_; ++j, to += rows_ - pivots_) std::copy_n(&at(pivots_, j), rows_ - pivots_, to);
+    top_ += front.remainder();
+    remainders_.push_back(f);
+  }
+
+  static constexpr Index panel = 32;
+#if defined(__AVX512F__)
+  static constexpr Index tile_rows = 4, tile_columns = 2;  // 16 of 32 registers are sums
+#else
+  static constexpr Index tile_rows = 2, tile_columns = 1;
+#endif
+
+  const System& s_;
+  Index inputs_;
+  std::vector<int> place_, row_place_, column_place_;
+  std::vector<Entry> front_, stack_, result_;
+  std::vector<std::size_t> remainders_;
+  Index top_ = 0, rows_ = 0, cols_ = 0, pivots_ = 0, main_ = 0;
+  Entry z_{};
+};
+
+// Largest relative deviation of an answer from N u.
+template <class Answer>
+double miss(const Vector& Nu, const Vector& scale, const Answer& answer) {
+  double worst = 0;
+  for (Index i = 0; i < Nu.size(); ++i) {
+    const double deviation = std::abs(answer(i) - Nu[i]);
+    if (!std::isfinite(deviation)) return INFINITY;
+    if (scale[i] > 0) worst = std::max(worst, deviation / scale[i]);
+  }
+  return worst;
+}
+
+// A plain LU factorization with partial pivoting of one node.
+bool solve_pivoted(const System& s, Complex z, Eigen::Ref<Eigen::RowVectorXcd> out) {
+  Eigen::SparseMatrix<Complex> shifted(s.A.rows(), s.A.cols());
+  shifted.setIdentity();
+  shifted = z * shifted - s.A.cast<Complex>();
+  shifted.makeCompressed();
+  Eigen::SparseLU<Eigen::SparseMatrix<Complex>> lu;
+  lu.compute(shifted);
+  if (lu.info() != Eigen::Success) return false;
+  const Eigen::SparseMatrix<Complex> N = s.N.cast<Complex>();
+  const ComplexVector test = lu.solve(ComplexVector(z * s.u.cast<Complex>() - s.Au.cast<Complex>()));
+  if (!((test - s.u).cwiseAbs().maxCoeff() < accepted_pivoted_miss)) return false;
+  for (Index c = 0; c < s.B.cols(); ++c) {
+    const ComplexVector column = N * ComplexVector(lu.solve(ComplexVector(s.B.col(c).cast<Complex>())));
+    for (Index i = 0; i < column.size(); ++i) out[i * s.B.cols() + c] = column[i];
+  }
+  return out.allFinite();
+}
+
+}  // namespace
+
+ComplexMatrix sparse_resolvent(const SparseDynamics& d, const ComplexVector& nodes, int threads) {
+  const System system(d, analyse(d.A, d.B, d.N, 1));
+  const Index n = d.N.rows(), k = d.B.cols(), groups = blocks(nodes.size());
+  const Vector Nu = d.N * system.u, scale = d.N.cwiseAbs() * Vector::Ones(d.N.cols());
+  ComplexMatrix R(nodes.size(), n * k);
+  std::vector<char> again(std::size_t(nodes.size()), 0);
+#pragma omp parallel num_threads(int(std::min <Index>(threads, groups)))
+  {
+    Fronts fronts(system);
+#pragma omp for schedule(dynamic, 1)
+    for (Index g = 0; g < groups; ++g) {
+      Entry z;
+      for (Index lane = 0; lane < lanes; ++lane) {
+        const Complex node = nodes[std::min(g * lanes + lane, nodes.size() - 1)];
+        z.re[lane] = node.real();
+        z.im[lane] = node.imag();
+      }
+      fronts.run(z);
+      for (Index lane = 0; lane < lanes && g * lanes + lane < nodes.size(); ++lane) {
+        const Index p = g * lanes + lane;
+        for (Index i = 0; i < n; ++i)
+          for (Index c = 0; c < k; ++c) R(p, i * k + c) = fronts.result(i, c, lane);
+        const double missed = miss(Nu, scale, [&](Index i) { return fronts.result(i, k, lane); });
+        again[std::size_t(p)] = !(missed <= accepted_miss) || !R.row(p).allFinite();
+      }
+    }
+  }
+  for (Index p = 0; p < nodes.size(); ++p) {
+    if (!again[std::size_t(p)]) continue;
+    Eigen::RowVectorXcd row(n * k);
+    if (!solve_pivoted(system, nodes[p], row)) throw eigenvalue_at(nodes[p]);
+    R.row(p) = row;
+  }
+  return R;
+}
+
+}  // namespace bromwich::cpu

@@ -1,0 +1,176 @@
+#include "cpu/stage_step.hpp"
+
+#include "core/error.hpp"
+#include "cpu/parts.hpp"
+
+#include <Eigen/LU>
+#include <Eigen/SparseLU>
+
+#include <cmath>
+#include <type_traits>
+
+namespace bromwich::cpu {
+
+namespace {
+
+// The coefficients of the head comment for complex (Radau IIA) or real (implicit Euler) arithmetic.
+template <class Scalar>
+struct Coefficients;
+
+template <>
+struct Coefficients<Complex> {
+  static constexpr Index stages = 2;
+  Complex mu{2, std::sqrt(2.0)};
+  Complex v[2] = {1, Complex(1, 2 * std::sqrt(2.0))};
+  Complex w[2] = {std::conj(v[1]) / (std::conj(v[1]) - v[1]), -1.0 / (std::conj(v[1]) - v[1])};
+  Complex start = 2.0 * w[0] - 2.0 * w[1];  // w · L1, L1 = (2, -2)
+  static Matrix real(const Eigen::Ref<const ComplexMatrix>& z) { return 2 * z.real(); }
+};
+
+template <>
+struct Coefficients<double> {
+  static constexpr Index stages = 1;
+  double mu = 1;
+  double v[1] = {1};
+  double w[1] = {1};
+  double start = 1;
+  static const Matrix& real(const Matrix& z) { return z; }
+};
+
+// The stage values of g or phi that a step of s stages uses: the last s of those given.
+RowMatrix last_stages(const Array* values, Index given, Index used) {
+  if (!values) return {};
+  const Index width = values->cols() / given;
+  return host(*values).rightCols(used * width);
+}
+
+[[noreturn]] void singular_step() {
+  throw Error("steps", "a step is singular: h meets an eigenvalue of A", "use another number of steps");
+}
+
+// All operators written out: a step is a few products with small matrices.
+template <class Scalar>
+class DenseStep final : public StageStep {
+  static constexpr Index s = Coefficients<Scalar>::stages;
+  using ScalarMatrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
+
+ public:
+  DenseStep(const StageProblem& p, const DenseDynamics& d) : q_(last_stages(p.g, p.stages, s)) {
+    const Coefficients<Scalar> c;
+    const Index m = d.A.rows(), n = d.N.rows();
+    const Eigen::PartialPivLU<ScalarMatrix> lu(c.mu / p.h * ScalarMatrix::Identity(m, m) - d.A.cast<Scalar>());
+    if (!(lu.rcond() > epsilon)) singular_step();
+    const ScalarMatrix R = lu.inverse();
+    see_.resize(s * n, m);
+    drive_.resize(m, s * n);
+    implicit_.resize(s * n, s * n);
+    const Matrix F = p.F;
+    const RowMatrix phi = last_stages(p.phi, p.stages, s);
+    if (phi.size() > 0) forcing_ = RowMatrix::Zero(phi.rows(), m);
+    for (Index i = 0; i < s; ++i) {
+      decay_ = c.real(c.v[i] * c.start / p.h * R);  // of the last stage in the end
+      see_.middleRows(i * n, n) = d.N * decay_;
+      for (Index k = 0; k < s; ++k) {
+        const Matrix Q = c.real(c.v[i] * c.w[k] * R), QB = Q * d.B;
+        implicit_.block(i * n, k * n, n, n) = d.N * QB;
+        if (i == s - 1) drive_.middleCols(k * n, n) = QB;
+        if (phi.size() == 0) continue;
+        const Matrix QF = Q * F;
+        q_.middleCols(i * n, n) += phi.middleCols(k * F.cols(), F.cols()) * (d.N * QF).transpose();
+        if (i == s - 1) forcing_ += phi.middleCols(k * F.cols(), F.cols()) * QF.transpose();
+      }
+    }
+  }
+
+  void free(const Vector& x, Index j, Vector& q, Vector& x_free) override {
+    q = q_.row(j).transpose();
+    q.noalias() += see_ * x;
+    x_free.noalias() = decay_ * x;
+    if (forcing_.size() > 0) x_free += forcing_.row(j).transpose();
+  }
+  void drive(const Vector& y, Vector& x_free) const override { x_free.noalias() += drive_ * y; }
+  const Matrix& implicit_part() const override { return implicit_; }
+  std::size_t bytes() const override {
+    return sizeof(double) *
+           std::size_t(decay_.size() + see_.size() + drive_.size() + implicit_.size() + q_.size() + forcing_.size());
+  }
+
+ private:
+  RowMatrix q_, forcing_;
+  Matrix decay_, see_, drive_, implicit_;
+};
+
+// One sparse factorization, one solve a step.
+template <class Scalar>
+class SparseStep final : public StageStep {
+  static constexpr Index s = Coefficients<Scalar>::stages;
+  using ScalarVector = Eigen::Matrix<Scalar, Eigen::Dynamic, 1>;
+  using ScalarMatrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
+  using ScalarSparse = Eigen::SparseMatrix<Scalar>;
+
+ public:
+  SparseStep(const StageProblem& p, const SparseDynamics& d)
+      : h_(p.h), N_(d.N), F_(p.F), g_(last_stages(p.g, p.stages, s)), phi_(last_stages(p.phi, p.stages, s)) {
+    const Index m = d.A.rows(), n = d.N.rows();
+    ScalarSparse shifted(m, m);
+    shifted.setIdentity();
+    shifted = (c_.mu / p.h * shifted - d.A.cast<Scalar>()).pruned(Scalar(0), 0);
+    shifted.makeCompressed();
+    lu_.compute(shifted);
+    if (lu_.info() != Eigen::Success) singular_step();
+    const ScalarMatrix RB = lu_.solve(ScalarMatrix(d.B.cast<Scalar>()));
+    drive_.resize(m, s * n);
+    implicit_.resize(s * n, s * n);
+    for (Index i = 0; i < s; ++i)
+      for (Index k = 0; k < s; ++k) {
+        const Matrix QB = c_.real(c_.v[i] * c_.w[k] * RB);
+        implicit_.block(i * n, k * n, n, n) = N_ * QB;
+        if (i == s - 1) drive_.middleCols(k * n, n) = QB;
+      }
+  }
+
+  void free(const Vector& x, Index j, Vector& q, Vector& x_free) override {
+    rhs_ = (c_.start / h_) * x.cast<Scalar>();
+    for (Index k = 0; k < s && phi_.size() > 0; ++k) {
+      x_free.noalias() = F_ * phi_.row(j).segment(k * F_.cols(), F_.cols()).transpose();
+      rhs_ += c_.w[k] * x_free.cast<Scalar>();
+    }
+    xi_ = lu_.solve(rhs_);
+    const Index n = N_.rows();
+    q = g_.row(j).transpose();
+    for (Index i = 0; i < s; ++i) {
+      x_free = c_.real(c_.v[i] * xi_);
+      q.segment(i * n, n) += N_ * x_free;
+    }
+  }
+  void drive(const Vector& y, Vector& x_free) const override { x_free.noalias() += drive_ * y; }
+  const Matrix& implicit_part() const override { return implicit_; }
+  std::size_t bytes() const override {
+    return std::size_t(lu_.nnzL() + lu_.nnzU()) * (sizeof(Scalar) + 4) +
+           sizeof(double) * std::size_t(drive_.size() + implicit_.size() + g_.size() + phi_.size());
+  }
+
+ private:
+  Coefficients<Scalar> c_;
+  double h_;
+  SparseMatrix N_, F_;
+  RowMatrix g_, phi_;
+  mutable Eigen::SparseLU<ScalarSparse> lu_;  // nnzL() is not const
+  Matrix drive_, implicit_;
+  ScalarVector rhs_, xi_;
+};
+
+template <class Scalar>
+std::unique_ptr<StageStep> make(const StageProblem& p) {
+  if (const auto* d = std::get_if<DenseDynamics>(p.dynamics)) return std::make_unique<DenseStep<Scalar>>(p, *d);
+  if (const auto* d = std::get_if<SparseDynamics>(p.dynamics)) return std::make_unique<SparseStep<Scalar>>(p, *d);
+  throw Error("dynamics", "a Kronecker sum has no stages", "write it out densely");
+}
+
+}  // namespace
+
+std::unique_ptr<StageStep> make_stage_step(const StageProblem& p, Index stages) {
+  return stages == 2 ? make<Complex>(p) : make<double>(p);
+}
+
+}  // namespace bromwich::cpu

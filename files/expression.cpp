@@ -1,0 +1,338 @@
+#include "files/expression.hpp"
+
+#include "core/error.hpp"
+#include "files/words.hpp"
+
+#include <fmt/format.h>
+#include <muParser.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <mutex>
+#include <numbers>
+#include <string_view>
+
+namespace bromwich {
+
+namespace {
+
+/// muParser evaluates several results in one call, but refuses long texts: expressions share a parser up to here.
+constexpr std::size_t longest_batch = 4000;
+
+template <typename Pointer>
+struct Named {
+  const char* name;
+  Pointer function;
+};
+
+using Unary = double (*)(double);
+using Binary = double (*)(double, double);
+using Variadic = double (*)(const double*, int);
+
+constexpr std::array<Named<Unary>, 25> unary{{
+    {"sin", [](double s) { return std::sin(s); }},
+    {"cos", [](double s) { return std::cos(s); }},
+    {"tan", [](double s) { return std::tan(s); }},
+    {"asin", [](double s) { return std::asin(s); }},
+    {"acos", [](double s) { return std::acos(s); }},
+    {"atan", [](double s) { return std::atan(s); }},
+    {"sinh", [](double s) { return std::sinh(s); }},
+    {"cosh", [](double s) { return std::cosh(s); }},
+    {"tanh", [](double s) { return std::tanh(s); }},
+    {"exp", [](double s) { return std::exp(s); }},
+    {"expm1", [](double s) { return std::expm1(s); }},
+    {"log", [](double s) { return std::log(s); }},
+    {"ln", [](double s) { return std::log(s); }},
+    {"log10", [](double s) { return std::log10(s); }},
+    {"log2", [](double s) { return std::log2(s); }},
+    {"sqrt", [](double s) { return std::sqrt(s); }},
+    {"cbrt", [](double s) { return std::cbrt(s); }},
+    {"erf", [](double s) { return std::erf(s); }},
+    {"erfc", [](double s) { return std::erfc(s); }},
+    {"abs", [](double s) { return std::abs(s); }},
+    {"sign", [](double s) { return double(s > 0) - double(s < 0); }},
+    {"heaviside", [](double s) { return double(s >= 0); }},
+    {"floor", [](double s) { return std::floor(s); }},
+    {"ceil", [](double s) { return std::ceil(s); }},
+    {"round", [](double s) { return std::round(s); }},
+}};
+
+constexpr std::array<Named<Binary>, 3> binary{{
+    {"pow", [](double a, double b) { return std::pow(a, b); }},
+    {"atan2", [](double y, double x) { return std::atan2(y, x); }},
+    // In [0, b), also for negative a: mod(t, period) is periodic on the whole axis.
+    {"mod", [](double a, double b) { return a - b * std::floor(a / b); }},
+}};
+
+constexpr std::array<Named<Variadic>, 2> variadic{{
+    {"min", [](const double* values, int count) { return *std::min_element(values, values + count); }},
+    {"max", [](const double* values, int count) { return *std::max_element(values, values + count); }},
+}};
+
+/// With only the functions and constants above, whatever muParser brings along.
+mu::Parser make_parser(const ParameterValues& parameters) {
+  mu::Parser parser;
+  parser.ClearFun();
+  parser.ClearConst();
+  for (const auto& [name, function] : unary) parser.DefineFun(name, function);
+  for (const auto& [name, function] : binary) parser.DefineFun(name, function);
+  for (const auto& [name, function] : variadic) parser.DefineFun(name, function);
+  parser.DefineConst("pi", std::numbers::pi);
+  for (const auto& [name, value] : parameters) parser.DefineConst(name, value);
+  return parser;
+}
+
+bool begins_name(char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0 || c == '_'; }
+bool continues_name(char c) { return begins_name(c) || std::isdigit(static_cast<unsigned char>(c)) != 0; }
+
+std::string quoted(std::string_view text) {
+  constexpr std::size_t longest = 60;
+  const std::string line = one_line(text);
+  return line.size() <= longest ? "'" + line + "'" : "'" + line.substr(0, longest) + "...'";
+}
+
+/// Past the number that starts at `begin`: "2.5e-3" holds no name e.
+std::size_t skip_number(std::string_view text, std::size_t begin) {
+  const auto digits = [&](std::size_t i) {
+    while (i < text.size() && (std::isdigit(static_cast<unsigned char>(text[i])) != 0 || text[i] == '.')) ++i;
+    return i;
+  };
+  const std::size_t end = digits(begin);
+  if (end >= text.size() || (text[end] != 'e' && text[end] != 'E')) return end;
+  std::size_t exponent = end + 1;
+  if (exponent < text.size() && (text[exponent] == '+' || text[exponent] == '-')) ++exponent;
+  return digits(exponent) > exponent ? digits(exponent) : end;
+}
+
+struct Name {
+  std::string text;
+  bool called = false;  ///< a parenthesis follows
+};
+
+std::vector<Name> names_in(std::string_view text) {
+  std::vector<Name> names;
+  for (std::size_t i = 0; i < text.size();) {
+    if (std::isdigit(static_cast<unsigned char>(text[i])) != 0 || text[i] == '.') {
+      i = skip_number(text, i);
+    } else if (begins_name(text[i])) {
+      std::size_t end = i;
+      while (end < text.size() && continues_name(text[end])) ++end;
+      const std::size_t next = text.find_first_not_of(' ', end);
+      names.push_back({std::string(text.substr(i, end - i)), next != std::string_view::npos && text[next] == '('});
+      i = end;
+    } else {
+      ++i;
+    }
+  }
+  return names;
+}
+
+bool uses_time(std::string_view text) {
+  const auto names = names_in(text);
+  return std::any_of(names.begin(), names.end(), [](const Name& name) { return name.text == "t" && !name.called; });
+}
+
+bool contains(const std::vector<std::string>& words, const std::string& word) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+/// What muParser would take for something else: "a = 2" assigns, "1,5" has two values.
+void check_signs(const std::string& text, const std::string& where) {
+  if (one_line(text).empty()) throw Error(where, "found an empty expression", "write a number or an expression");
+  int depth = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    depth += int(text[i] == '(') - int(text[i] == ')');
+    if (text[i] == ',' && depth <= 0)
+      throw Error(where, quoted(text) + " has a comma outside of a function", "write decimals with a point");
+    if (text[i] != '=') continue;
+    const bool compares = i > 0 && std::string_view("<>!").find(text[i - 1]) != std::string_view::npos;
+    const bool doubled = i + 1 < text.size() && text[i + 1] == '=';
+    if (!compares && !doubled) throw Error(where, quoted(text) + " assigns with '='", "compare with ==");
+    i += std::size_t(doubled);
+  }
+}
+
+void check_names(const std::string& text, const ParameterValues& parameters, bool time_allowed,
+                 const std::string& where) {
+  static const auto functions = expression_functions();
+  std::vector<std::string> known{"pi"};
+  if (time_allowed) known.emplace_back("t");
+  for (const auto& [name, value] : parameters) known.push_back(name);
+  for (const auto& [name, called] : names_in(text)) {
+    if (called && !contains(functions, name))
+      throw Error(where, quoted(text) + fmt::format(" calls '{}'", name) + suggestion(name, functions),
+                  contains(known, name) ? "write * to multiply" : "use one of the functions " + join(functions));
+    if (called || contains(known, name)) continue;
+    if (contains(functions, name))
+      throw Error(where, quoted(text) + fmt::format(" uses the function '{}' without arguments", name),
+                  fmt::format("write {}(...)", name));
+    if (name == "t")
+      throw Error(where, quoted(text) + " depends on the time t", "only f, g and exact solutions may depend on it");
+    throw Error(where, quoted(text) + fmt::format(" uses '{}', which is not defined", name) + suggestion(name, known),
+                "define it in [parameters], before its first use, or use one of " + join(known));
+  }
+}
+
+/// A constant; the names were checked.
+double evaluate(mu::Parser& parser, const std::string& text, const std::string& where) {
+  double value = 0;
+  try {
+    parser.SetExpr(text);
+    value = parser.Eval();
+  } catch (const mu::Parser::exception_type& error) {
+    throw Error(where, quoted(text) + " is no expression: " + one_line(error.GetMsg()), "correct it");
+  }
+  return value;
+}
+
+double finite(double value, const std::string& text, const std::string& where) {
+  if (!std::isfinite(value))
+    throw Error(where, fmt::format("{} is {}", quoted(text), std::isnan(value) ? "not a number" : "infinite"),
+                "check the divisions in it and the values of the parameters");
+  return value;
+}
+
+/// The parsers of one thread. muParser keeps the address of t, so they stay where they were made.
+class ParserSet {
+ public:
+  ParserSet(const std::vector<std::string>& texts, const ParameterValues& parameters) {
+    for (std::size_t begin = 0; begin < texts.size();) {
+      std::string batch;
+      std::size_t end = begin;
+      for (; end < texts.size() && (end == begin || batch.size() + texts[end].size() < longest_batch); ++end)
+        batch += (end == begin ? "(" : ",(") + texts[end] + ")";
+      parsers_.push_back(make_parser(parameters));
+      parsers_.back().DefineVar("t", &t_);
+      parsers_.back().SetExpr(batch);
+      begin = end;
+    }
+  }
+  ParserSet(const ParserSet&) = delete;
+  ParserSet& operator=(const ParserSet&) = delete;
+
+  /// Hands every value to `write`, in the order of the texts.
+  template <typename Write>
+  void evaluate(double t, const Write& write) {
+    t_ = t;
+    std::size_t next = 0;
+    for (mu::Parser& parser : parsers_) {
+      int count = 0;
+      const double* values = parser.Eval(count);
+      for (int i = 0; i < count; ++i) write(next++, values[i]);
+    }
+  }
+
+ private:
+  double t_ = 0;
+  std::vector<mu::Parser> parsers_;
+};
+
+/// Parser sets that no thread is using. A thread takes one, or makes one where all are in use.
+class TimeVector {
+ public:
+  TimeVector(Vector constants, std::vector<Index> rows, std::vector<std::string> texts, ParameterValues parameters)
+      : constants_(std::move(constants)),
+        rows_(std::move(rows)),
+        texts_(std::move(texts)),
+        parameters_(std::move(parameters)) {}
+
+  void operator()(double t, Eigen::Ref<Vector> value) {
+    value = constants_;
+    if (rows_.empty()) return;
+    std::unique_ptr<ParserSet> set = take();
+    set->evaluate(t, [&](std::size_t i, double entry) { value[rows_[i]] = entry; });
+    const std::lock_guard lock(mutex_);
+    idle_.push_back(std::move(set));
+  }
+
+ private:
+  std::unique_ptr<ParserSet> take() {
+    {
+      const std::lock_guard lock(mutex_);
+      if (!idle_.empty()) {
+        auto set = std::move(idle_.back());
+        idle_.pop_back();
+        return set;
+      }
+    }
+    return std::make_unique<ParserSet>(texts_, parameters_);
+  }
+
+  Vector constants_;
+  std::vector<Index> rows_;  ///< texts_[i] is the entry rows_[i]
+  std::vector<std::string> texts_;
+  ParameterValues parameters_;
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<ParserSet>> idle_;
+};
+
+}  // namespace
+
+struct Expressions::Implementation {
+  ParameterValues parameters;
+  mutable mu::Parser parser = make_parser({});  ///< of constants
+};
+
+Expressions::Expressions() : implementation_(std::make_unique<Implementation>()) {}
+Expressions::~Expressions() = default;
+
+const ParameterValues& Expressions::parameters() const { return implementation_->parameters; }
+
+void Expressions::define(const std::string& name, double value, const std::string& where) {
+  if (name.empty() || !begins_name(name[0]) || !std::all_of(name.begin(), name.end(), continues_name))
+    throw Error(where, fmt::format("'{}' cannot be used in expressions", one_line(name)),
+                "write a name of letters, digits and _ that does not begin with a digit");
+  if (name == "t" || name == "pi" || contains(expression_functions(), name))
+    throw Error(where, fmt::format("'{}' already has a meaning in expressions", name), "choose another name");
+  if (!implementation_->parameters.emplace(name, value).second)
+    throw Error(where, fmt::format("'{}' is defined twice", name), "define it once");
+  implementation_->parser.DefineConst(name, value);
+}
+
+double Expressions::number(const std::string& text, const std::string& where) const {
+  check_signs(text, where);
+  check_names(text, implementation_->parameters, false, where);
+  return finite(evaluate(implementation_->parser, text, where), text, where);
+}
+
+void Expressions::check_in_time(const std::string& text, const std::string& where) const {
+  if (!uses_time(text)) {
+    number(text, where);
+    return;
+  }
+  check_signs(text, where);
+  check_names(text, implementation_->parameters, true, where);
+  double t = 0;
+  mu::Parser parser = implementation_->parser;
+  parser.DefineVar("t", &t);
+  evaluate(parser, text, where);
+}
+
+TimeFunction Expressions::in_time(const std::vector<std::string>& texts) const {
+  Vector constants = Vector::Zero(Index(texts.size()));
+  std::vector<Index> rows;
+  std::vector<std::string> in_time;
+  for (std::size_t i = 0; i < texts.size(); ++i) {
+    if (!uses_time(texts[i])) {
+      constants[Index(i)] = number(texts[i], "expression");
+    } else {
+      rows.push_back(Index(i));
+      in_time.push_back(texts[i]);
+    }
+  }
+  auto function = std::make_shared<TimeVector>(std::move(constants), std::move(rows), std::move(in_time),
+                                               implementation_->parameters);
+  return [function](double t, Eigen::Ref<Vector> value) { (*function)(t, value); };
+}
+
+std::vector<std::string> expression_functions() {
+  std::vector<std::string> names;
+  for (const auto& entry : unary) names.emplace_back(entry.name);
+  for (const auto& entry : binary) names.emplace_back(entry.name);
+  for (const auto& entry : variadic) names.emplace_back(entry.name);
+  return names;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,46 @@
+#pragma once
+// Matrices and tables in files: Matrix Market, and numbers separated by commas. Every Error names the file and line.
+
+#include "core/types.hpp"
+
+#include <filesystem>
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace bromwich {
+
+/// Dense, or sparse where the file lists positions.
+using MatrixValue = std::variant<Matrix, SparseMatrix>;
+
+Index rows(const MatrixValue&);
+Index columns(const MatrixValue&);
+
+/// As it is named in messages, and where it is.
+struct NumberFile {
+  std::string name;
+  std::filesystem::path path;
+};
+
+/// The whole file. Throws Error(where, ...) where it cannot be read, `where` being the place that names it.
+std::string read_text(const NumberFile& file, const std::string& where);
+
+/// Matrix Market: coordinate or array; real, integer or pattern; general, symmetric or skew-symmetric. Positions given
+/// twice are summed.
+MatrixValue read_matrix_market(const std::string& text, const std::string& name);
+
+/// Rows of equally many numbers separated by commas; blank lines and lines that begin with # are skipped.
+Matrix read_number_table(const std::string& text, const std::string& name);
+
+/// Times and one column of values per entry, from a file with the header `t,f0,f1,...` (`letter` = f).
+struct TimeTable {
+  Vector t;          ///< strictly ascending
+  RowMatrix values;  ///< t.size() x entries
+};
+/// Throws where the header is another one or the times do not ascend from 0 or below to `last_time` or beyond.
+TimeTable read_time_table(const std::string& text, const std::string& name, char letter, double last_time);
+
+/// Piecewise linear in t, constant before the first and after the last time.
+TimeFunction interpolate(TimeTable table);
+
+}  // namespace bromwich

@@ -1,0 +1,131 @@
+#include "core/error.hpp"
+#include "files/line_reader.hpp"
+#include "files/number_files.hpp"
+#include "files/words.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <memory>
+#include <sstream>
+#include <system_error>
+
+namespace bromwich {
+
+namespace {
+
+/// Times are written with fewer digits than T has, T = 3 pi for one.
+constexpr double rounding = 1e-9;
+
+bool next_row(LineReader& lines) {
+  while (lines.next())
+    if (!lines.blank() && lines.line()[0] != '#') return true;
+  return false;
+}
+
+/// Appends the numbers of the line, `columns` of them; 0 takes as many as there are.
+void append_row(const LineReader& lines, std::size_t columns, std::vector<double>& values) {
+  const auto cells = lines.cells();
+  if (columns > 0 && cells.size() != columns)
+    throw Error(lines.place(), fmt::format("found {} values where the lines before have {}", cells.size(), columns),
+                "give rows of equal length");
+  for (const std::string_view cell : cells) values.push_back(lines.number(cell));
+}
+
+RowMatrix as_matrix(const std::vector<double>& values, std::size_t columns) {
+  const Index width = Index(columns);
+  return Eigen::Map<const RowMatrix>(values.data(), Index(values.size()) / width, width);
+}
+
+/// `t,f0,f1,...`; the number of entries.
+std::size_t read_header(LineReader& lines, char letter) {
+  const std::string form = fmt::format("begin with a line t,{0}0,{0}1,... that has one column per entry", letter);
+  const bool some = next_row(lines);
+  const auto cells = some ? lines.cells() : std::vector<std::string_view>{};
+  if (cells.size() < 2 || cells[0] != "t") throw Error(lines.place(), "found no header", form);
+  for (std::size_t i = 1; i < cells.size(); ++i) {
+    const std::string expected = fmt::format("{}{}", letter, i - 1);
+    if (cells[i] != expected)
+      throw Error(lines.place(), fmt::format("column {} is '{}', not {}", i, one_line(cells[i]), expected), form);
+  }
+  return cells.size() - 1;
+}
+
+}  // namespace
+
+std::string read_text(const NumberFile& file, const std::string& where) {
+  std::error_code failure;
+  if (!std::filesystem::exists(file.path, failure))
+    throw Error(where, fmt::format("the file '{}' does not exist", one_line(file.name)),
+                "name a file by its path from the folder of the scene file");
+  if (std::filesystem::is_directory(file.path, failure))
+    throw Error(where, fmt::format("'{}' is a folder", one_line(file.name)), "name a file");
+  std::ifstream stream(file.path, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  // An empty file sets failbit on `text`, not on the stream.
+  if (!stream.is_open() || stream.bad())
+    throw Error(where, fmt::format("the file '{}' cannot be read", one_line(file.name)), "check its permissions");
+  return std::move(text).str();
+}
+
+Matrix read_number_table(const std::string& text, const std::string& name) {
+  LineReader lines(text, name);
+  std::vector<double> values;
+  std::size_t columns = 0;
+  while (next_row(lines)) {
+    append_row(lines, columns, values);
+    if (columns == 0) columns = values.size();
+  }
+  if (columns == 0) throw Error(lines.place(), "the file holds no numbers", "write one row per line");
+  return as_matrix(values, columns);
+}
+
+TimeTable read_time_table(const std::string& text, const std::string& name, char letter, double last_time) {
+  LineReader lines(text, name);
+  const std::size_t columns = read_header(lines, letter) + 1;
+  std::vector<double> values;
+  double previous = 0;
+  while (next_row(lines)) {
+    append_row(lines, columns, values);
+    const double t = values[values.size() - columns];
+    if (values.size() == columns && t > 0)
+      throw Error(lines.place(), fmt::format("the times begin at {}", t), "begin at t = 0 or before");
+    if (values.size() > columns && !(t > previous))
+      throw Error(lines.place(), fmt::format("the time {} follows {}", t, previous), "give ascending times");
+    previous = t;
+  }
+  if (values.empty()) throw Error(lines.place(), "the file holds no times", "give one line per time");
+  if (previous < last_time - rounding * std::abs(last_time))
+    throw Error(lines.place(), fmt::format("the times end at {}, before T = {}", previous, last_time),
+                "go on to T or shorten the time");
+  const RowMatrix table = as_matrix(values, columns);
+  return {table.col(0), table.rightCols(table.cols() - 1)};
+}
+
+TimeFunction interpolate(TimeTable table) {
+  const auto shared = std::make_shared<const TimeTable>(std::move(table));
+  return [shared](double t, Eigen::Ref<Vector> value) {
+    const Vector& times = shared->t;
+    const double* after = std::upper_bound(times.data(), times.data() + times.size(), t);
+    const Index right = Index(after - times.data());
+    if (right == 0 || right == times.size()) {
+      value = shared->values.row(right == 0 ? 0 : right - 1).transpose();
+      return;
+    }
+    const double weight = (t - times[right - 1]) / (times[right] - times[right - 1]);
+    value = (1 - weight) * shared->values.row(right - 1).transpose() + weight * shared->values.row(right).transpose();
+  };
+}
+
+Index rows(const MatrixValue& value) {
+  return std::visit([](const auto& matrix) { return matrix.rows(); }, value);
+}
+
+Index columns(const MatrixValue& value) {
+  return std::visit([](const auto& matrix) { return matrix.cols(); }, value);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,345 @@
+#include "files/scene_file.hpp"
+
+#include "core/error.hpp"
+#include "core/relay.hpp"
+#include "core/result.hpp"
+#include "files/section.hpp"
+#include "files/words.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+namespace bromwich {
+
+namespace {
+
+constexpr Index largest_dense = 4096;       ///< states; a dense A takes 128 MiB there
+constexpr Index smallest_sparse = 257;      ///< states from which a sparse A is kept sparse
+constexpr double largest_density = 0.1;     ///< of a sparse A
+constexpr Index smallest_tridiagonal = 17;  ///< constraints from which a tridiagonal M is kept as one
+
+/// The sections of a file, by name.
+struct Sections {
+  Section top, parameters, dynamics, complementarity, relay, time, output, exact, reference;
+};
+
+const toml::table* find_table(const Document& document, const toml::table& root, const std::string& name) {
+  const toml::node* node = root.get(name);
+  if (!node) return nullptr;
+  if (const toml::table* table = node->as_table()) return table;
+  throw Error(fmt::format("{}:{}: {}", document.name, node->source().begin.line, name), "found " + kind(*node),
+              fmt::format("write a section [{}]", name));
+}
+
+void refuse_unavailable(const Document& document, const toml::table& root) {
+  for (const auto& [name, found] : {std::pair("boundary", "boundary values are not available yet"),
+                                    std::pair("free", "free unknowns are not available yet")})
+    if (const toml::node* node = root.get(name))
+      throw Error(fmt::format("{}:{}: {}", document.name, node->source().begin.line, name), found,
+                  "state an initial-value problem with x0 and [complementarity]");
+}
+
+std::vector<std::string> keys_of(const toml::table* table) {
+  std::vector<std::string> keys;
+  if (table)
+    for (const auto& [key, node] : *table) keys.emplace_back(key.str());
+  return keys;
+}
+
+Sections read_sections(const Document& document, const toml::table& root) {
+  const auto table = [&](const char* name) { return find_table(document, root, name); };
+  const Section top(document, &root, "",
+                    {"name", "description", "parameters", "dynamics", "complementarity", "relay", "boundary", "free",
+                     "time", "output", "exact", "reference"});
+  refuse_unavailable(document, root);
+  const toml::table* parameters = table("parameters");
+  return {top,
+          Section(document, parameters, "parameters", keys_of(parameters)),
+          Section(document, table("dynamics"), "dynamics", {"A", "B", "f", "F", "x0"}),
+          Section(document, table("complementarity"), "complementarity", {"N", "M", "g", "class"}),
+          Section(document, table("relay"), "relay", {"C"}),
+          Section(document, table("time"), "time", {"T", "steps"}),
+          Section(document, table("output"), "output", {"states"}),
+          Section(document, table("exact"), "exact", {"x", "y"}),
+          Section(document, table("reference"), "reference",
+                  {"t", "x", "y", "status", "infeasible_at", "tolerance", "source"})};
+}
+
+/// The keys in the order of the file: a parameter may use those above it.
+std::vector<std::string> in_file_order(const toml::table& table) {
+  std::vector<std::pair<toml::source_position, std::string>> found;
+  for (const auto& [key, node] : table) found.emplace_back(key.source().begin, key.str());
+  std::sort(found.begin(), found.end());
+  std::vector<std::string> keys;
+  for (const auto& [position, key] : found) keys.push_back(key);
+  return keys;
+}
+
+void read_parameters(Document& document, const toml::table& root, const Section& section,
+                     const ParameterValues& settings) {
+  const toml::table* table = find_table(document, root, "parameters");
+  const auto keys = table ? in_file_order(*table) : std::vector<std::string>{};
+  for (const auto& [key, value] : settings) {
+    if (std::find(keys.begin(), keys.end(), key) == keys.end())
+      throw Error("--set", fmt::format("'{}' is no parameter of {}", key, document.name) + suggestion(key, keys),
+                  keys.empty() ? "leave it out" : "use one of " + join(keys));
+    if (!std::isfinite(value)) throw Error("--set", fmt::format("{} is {}", key, value), "give a finite number");
+  }
+  for (const std::string& key : keys) {
+    const double written = settings.contains(key) ? settings.at(key) : section.number(key);
+    document.expressions.define(key, written, section.where(key));
+  }
+}
+
+/// Runs `check`, whose Errors name a member of Scene, and lets them name its place in the file instead.
+void in_the_file(const std::map<std::string, std::string>& places, const std::function<void()>& check) {
+  try {
+    check();
+  } catch (const Error& error) {
+    const std::string line = error.what();
+    const std::size_t colon = std::min(line.find(": "), line.size());
+    const std::size_t member = std::min(line.find_first_of(".(:"), line.size());
+    const auto place = places.find(line.substr(0, member));
+    const std::size_t semicolon = line.rfind("; ");
+    if (place == places.end() || semicolon == std::string::npos || semicolon < colon) throw;
+    throw Error(place->second, line.substr(colon + 2, semicolon - colon - 2), line.substr(semicolon + 2));
+  }
+}
+
+std::map<std::string, std::string> places(const Sections& s) {
+  const Section& seen = s.relay.given() ? s.relay : s.complementarity;
+  return {{"A", s.dynamics.where("A")},
+          {"B", s.dynamics.where("B")},
+          {"F", s.dynamics.where("F")},
+          {"f", s.dynamics.where("f")},
+          {"x0", s.dynamics.where("x0")},
+          {"C", s.relay.where("C")},
+          {"N", seen.where(s.relay.given() ? "C" : "N")},
+          {"M", s.complementarity.where("M")},
+          {"g", s.complementarity.where("g")},
+          {"lcp_class", s.complementarity.where("class")},
+          {"T", s.time.where("T")},
+          {"default_steps", s.time.where("steps")}};
+}
+
+SparseMatrix to_sparse(const MatrixValue& value) {
+  if (const auto* sparse = std::get_if<SparseMatrix>(&value)) return *sparse;
+  return std::get<Matrix>(value).sparseView();
+}
+
+Matrix to_dense(const MatrixValue& value, const std::string& where) {
+  if (const auto* dense = std::get_if<Matrix>(&value)) return *dense;
+  if (rows(value) > largest_dense * largest_dense / columns(value))
+    throw Error(where, fmt::format("is {} x {} and would be kept densely", rows(value), columns(value)),
+                "use a sparse A (coordinate .mtx) with few constraints, or fewer states");
+  return Matrix(std::get<SparseMatrix>(value));
+}
+
+bool stays_sparse(const MatrixValue& A) {
+  const auto* sparse = std::get_if<SparseMatrix>(&A);
+  return sparse && sparse->rows() >= smallest_sparse &&
+         double(sparse->nonZeros()) < largest_density * double(sparse->rows()) * double(sparse->cols());
+}
+
+bool is_tridiagonal(const SparseMatrix& M) {
+  for (Index j = 0; j < M.outerSize(); ++j)
+    for (SparseMatrix::InnerIterator entry(M, j); entry; ++entry)
+      if (entry.value() != 0 && std::abs(entry.row() - j) > 1) return false;
+  return true;
+}
+
+LcpMatrix lcp_matrix(const MatrixValue& value, const std::string& where) {
+  const SparseMatrix M = to_sparse(value);
+  const Index n = M.rows();
+  if (n < smallest_tridiagonal || M.cols() != n || !is_tridiagonal(M)) return to_dense(value, where);
+  Tridiagonal t{Vector::Zero(n), Vector::Zero(n), Vector::Zero(n)};
+  for (Index i = 0; i < n; ++i) {
+    if (i > 0) t.lower[i] = M.coeff(i, i - 1);
+    t.diagonal[i] = M.coeff(i, i);
+    if (i + 1 < n) t.upper[i] = M.coeff(i, i + 1);
+  }
+  return t;
+}
+
+Dynamics dynamics(const Sections& s) {
+  const MatrixValue A = s.dynamics.matrix("A"), B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N");
+  if (stays_sparse(A)) return SparseDynamics{to_sparse(A), to_sparse(B), to_sparse(N)};
+  return DenseDynamics{to_dense(A, s.dynamics.where("A")), to_dense(B, s.dynamics.where("B")),
+                       to_dense(N, s.complementarity.where("N"))};
+}
+
+LcpClass lcp_class(const Section& complementarity) {
+  const std::string word = complementarity.word("class", {"auto", "P", "Z", "PSD"});
+  if (word == "P") return LcpClass::P;
+  if (word == "Z") return LcpClass::Z;
+  return word == "PSD" ? LcpClass::PSD : LcpClass::automatic;
+}
+
+void require_entries(const FunctionValue& value, Index expected, const std::string& where, const char* meaning) {
+  if (value.function && value.entries != expected)
+    throw Error(where, fmt::format("has {} entries", value.entries), fmt::format("give {}, {}", expected, meaning));
+}
+
+/// f = F phi as a function with one entry per state.
+TimeFunction spread(const SparseMatrix& F, const TimeFunction& phi) {
+  return [F, phi](double t, Eigen::Ref<Vector> f) {
+    Vector sources(F.cols());
+    phi(t, sources);
+    f = F * sources;
+  };
+}
+
+Scene complementarity_scene(const Sections& s) {
+  Scene scene;
+  scene.dynamics = dynamics(s);
+  scene.M = lcp_matrix(s.complementarity.matrix("M"), s.complementarity.where("M"));
+  scene.lcp_class = lcp_class(s.complementarity);
+  scene.x0 = s.dynamics.vector("x0");
+  return scene;
+}
+
+Scene relay_scene(const Sections& s) {
+  if (s.complementarity.given())
+    throw Error(s.relay.where("C"), "found [relay] and [complementarity]", "give one of the two");
+  const auto dense = [](const Section& section, const char* key) {
+    return to_dense(section.matrix(key), section.where(key));
+  };
+  const Matrix A = dense(s.dynamics, "A"), B = dense(s.dynamics, "B"), C = dense(s.relay, "C");
+  const Vector x0 = s.dynamics.vector("x0");
+  Scene scene;
+  // The sources follow once their length is known to be right.
+  in_the_file(places(s), [&] { scene = bromwich::relay_scene(A, B, C, {}, x0); });
+  return scene;
+}
+
+/// Adds f of the file to what a relay brings.
+void add_f(const Sections& s, Scene& scene) {
+  FunctionValue f = s.dynamics.function("f", scene.T);
+  if (s.dynamics.has("F")) {
+    if (!f.function) throw Error(s.dynamics.where("F"), "is given without f", "add f with one entry per column of F");
+    scene.F = to_sparse(s.dynamics.matrix("F"));
+    scene.f_entry = SourceEntry::through_F;
+    require_entries(f, scene.F.cols(), s.dynamics.where("f"), "one per column of F");
+    in_the_file(places(s), [&] { scene.validate(); });
+  } else {
+    require_entries(f, scene.states(), s.dynamics.where("f"), "one per state");
+  }
+  if (!f.function) return;
+  if (!s.relay.given()) {
+    scene.f = f.function;
+    return;
+  }
+  const TimeFunction entering = s.dynamics.has("F") ? spread(scene.F, f.function) : f.function;
+  scene.f_entry = SourceEntry::state;
+  scene.F = {};
+  scene.f = [entering, brought = scene.f, m = scene.states()](double t, Eigen::Ref<Vector> value) {
+    Vector own(m);
+    entering(t, own);
+    brought(t, value);
+    value += own;
+  };
+}
+
+void add_g(const Sections& s, Scene& scene) {
+  const FunctionValue g = s.complementarity.function("g", scene.T);
+  require_entries(g, scene.constraints(), s.complementarity.where("g"), "one per constraint");
+  if (g.function) scene.g = g.function;
+}
+
+void add_exact(const Section& section, Scene& scene) {
+  if (!section.given()) return;
+  const FunctionValue x = section.expressions("x"), y = section.expressions("y");
+  if (!x.function && !y.function) throw Error(section.where("x"), "found neither x nor y", "give one of them or both");
+  require_entries(x, scene.states(), section.where("x"), "one per state");
+  require_entries(y, scene.constraints(), section.where("y"), "one per constraint");
+  scene.exact = [x, y](double t, Eigen::Ref<Vector> x_value, Eigen::Ref<Vector> y_value) {
+    x_value.setConstant(std::numeric_limits<double>::quiet_NaN());
+    y_value.setConstant(std::numeric_limits<double>::quiet_NaN());
+    if (x.function) x.function(t, x_value);
+    if (y.function) y.function(t, y_value);
+  };
+}
+
+Scene build(const Sections& s) {
+  Scene scene = s.relay.given() ? relay_scene(s) : complementarity_scene(s);
+  scene.T = s.time.number("T");
+  scene.default_steps = s.time.positive_integer("steps", scene.default_steps);
+  in_the_file(places(s), [&] { scene.validate(); });
+  add_f(s, scene);
+  add_g(s, scene);
+  in_the_file(places(s), [&] { scene.validate(); });
+  add_exact(s.exact, scene);
+  return scene;
+}
+
+std::vector<std::string> status_words() {
+  std::vector<std::string> words;
+  for (const Status status : {Status::solved, Status::tolerance_not_met, Status::infeasible, Status::unsupported,
+                              Status::nonfinite, Status::interrupted})
+    words.emplace_back(to_string(status));
+  return words;
+}
+
+std::optional<Reference> read_reference(const Section& section, const Scene& scene) {
+  if (!section.given()) return std::nullopt;
+  Reference reference;
+  reference.t = section.optional_number("t");
+  reference.x = section.partly_known("x");
+  reference.y = section.partly_known("y");
+  reference.tolerance = section.optional_number("tolerance");
+  reference.status = section.word("status", status_words());
+  reference.infeasible_at = section.optional_number("infeasible_at");
+  reference.source = section.text("source", "");
+  for (const auto& [key, values, expected] :
+       {std::tuple("x", &reference.x, scene.states()), std::tuple("y", &reference.y, scene.constraints())})
+    if (!values->empty() && Index(values->size()) != expected)
+      throw Error(section.where(key), fmt::format("has {} entries", values->size()), fmt::format("give {}", expected));
+  if (reference.t && (*reference.t < 0 || *reference.t > scene.T))
+    throw Error(section.where("t"), fmt::format("found {}", *reference.t), fmt::format("give 0 to T = {}", scene.T));
+  if (!reference.t && !(reference.x.empty() && reference.y.empty()))
+    throw Error(section.where("t"), "is missing", "add the time t of x and y");
+  if (reference.tolerance && !(*reference.tolerance > 0))
+    throw Error(section.where("tolerance"), fmt::format("found {}", *reference.tolerance), "give a positive number");
+  return reference;
+}
+
+toml::table parse_toml(std::string_view text, const std::string& name) {
+  try {
+    return toml::parse(text, name);
+  } catch (const toml::parse_error& error) {
+    throw Error(fmt::format("{}:{}", name, error.source().begin.line), one_line(error.description()),
+                "correct the TOML of this line");
+  }
+}
+
+}  // namespace
+
+bool scene_files_available() { return true; }
+
+SceneFile parse_scene(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder,
+                      const ParameterValues& settings) {
+  const toml::table root = parse_toml(toml, file_name);
+  Document document{file_name, folder, {}};
+  const Sections sections = read_sections(document, root);
+  read_parameters(document, root, sections.parameters, settings);
+  SceneFile file;
+  file.scene = build(sections);
+  file.scene.name = sections.top.text("name", std::filesystem::path(file_name).stem().string());
+  file.description = sections.top.text("description", "");
+  file.parameters = document.expressions.parameters();
+  file.states = sections.output.text("states", "none");
+  parse_state_choice(sections.output.where("states"), file.states, file.scene.states());
+  file.reference = read_reference(sections.reference, file.scene);
+  return file;
+}
+
+SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValues& settings) {
+  const std::string name = one_line(file.string());
+  return parse_scene(read_text({name, file}, name), name, file.parent_path(), settings);
+}
+
+}  // namespace bromwich

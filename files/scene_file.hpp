@@ -1,0 +1,42 @@
+#pragma once
+// Scenes in TOML files; docs/scene-files.md describes the format.
+
+#include "core/scenes/catalogue.hpp"
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace bromwich {
+
+/// What the solution is known to be; nothing of it takes part in solving. Unknown entries are NaN.
+struct Reference {
+  std::optional<double> t;          ///< the time of x and y
+  std::vector<double> x, y;         ///< empty, or m and n values
+  std::optional<double> tolerance;  ///< absolute error of x and y with the default steps and method
+  std::string status = "solved";    ///< how a solve ends
+  std::optional<double> infeasible_at;
+  std::string source;  ///< one line
+};
+
+struct SceneFile {
+  Scene scene;
+  std::string description;      ///< one line
+  ParameterValues parameters;   ///< of [parameters], with the settings
+  std::string states = "none";  ///< components to write: "none", "all" or "0,3"
+  std::optional<Reference> reference;
+};
+
+/// False where this build has no reader: read_scene_file then throws an Error that says what to install.
+bool scene_files_available();
+
+/// Reads a scene. `settings` replace values of [parameters]. Every Error names file, line and key.
+SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValues& settings = {});
+
+/// The same from text. `file_name` is what messages call it; other files are looked for in `folder`.
+SceneFile parse_scene(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder = {},
+                      const ParameterValues& settings = {});
+
+}  // namespace bromwich

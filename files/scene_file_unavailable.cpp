@@ -1,0 +1,20 @@
+// In place of the reader, where toml++ or muParser was not found.
+
+#include "core/error.hpp"
+#include "files/scene_file.hpp"
+
+namespace bromwich {
+
+bool scene_files_available() { return false; }
+
+SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValues& settings) {
+  return parse_scene({}, file.string(), {}, settings);
+}
+
+SceneFile parse_scene(std::string_view, const std::string& file_name, const std::filesystem::path&,
+                      const ParameterValues&) {
+  throw Error(file_name, "found a scene file, but this build reads none",
+              "install the Debian packages libtomlplusplus-dev and libmuparser-dev and build again");
+}
+
+}  // namespace bromwich

@@ -1,0 +1,201 @@
+#include "files/section.hpp"
+
+#include "core/error.hpp"
+#include "files/words.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <limits>
+
+namespace bromwich {
+
+namespace {
+
+constexpr const char* list_remedy = "give a list such as [1, \"2*R\"] or the name of a file .csv or .mtx";
+constexpr const char* rows_remedy =
+    "give rows of numbers and expressions such as [[1, \"-1/C\"], [0, 1]] or the name of a file .mtx or .csv";
+constexpr const char* function_remedy = "give a list of expressions of t, or the name of a file .csv";
+
+std::string extension(const std::string& name) {
+  std::string found = std::filesystem::path(name).extension();
+  std::transform(found.begin(), found.end(), found.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+  return found;
+}
+
+}  // namespace
+
+std::string kind(const toml::node& node) {
+  if (node.is_table()) return "a table";
+  if (node.is_array()) return "a list";
+  if (const auto* text = node.as_string()) return fmt::format("the text '{}'", one_line(text->get()));
+  if (const auto* flag = node.as_boolean()) return flag->get() ? "true" : "false";
+  if (const auto* value = node.as_floating_point()) return fmt::format("{}", value->get());
+  if (const auto* value = node.as_integer()) return fmt::format("{}", value->get());
+  return "a date or time";
+}
+
+Section::Section(const Document& document, const toml::table* table, std::string name,
+                 const std::vector<std::string>& keys)
+    : document_(&document), table_(table), name_(std::move(name)) {
+  if (!table_) return;
+  for (const auto& [key, node] : *table_) {
+    const std::string found(key.str());
+    if (std::find(keys.begin(), keys.end(), found) != keys.end()) continue;
+    const std::string what = name_.empty() && node.is_table() ? "section" : "key";
+    throw Error(fmt::format("{}:{}: {}", document_->name, key.source().begin.line,
+                            name_.empty() ? one_line(found) : name_ + "." + one_line(found)),
+                fmt::format("is no known {}{}", what, suggestion(found, keys)), "use one of " + join(keys));
+  }
+}
+
+const toml::node* Section::find(const std::string& key) const { return table_ ? table_->get(key) : nullptr; }
+
+std::string Section::where(const toml::node& node, const std::string& key) const {
+  return fmt::format("{}:{}: {}", document_->name, std::max<std::uint32_t>(node.source().begin.line, 1),
+                     name_.empty() ? key : name_ + "." + key);
+}
+
+std::string Section::where(const std::string& key) const {
+  if (const toml::node* node = find(key)) return where(*node, key);
+  if (table_) return where(*table_, key);
+  return fmt::format("{}:1: {}.{}", document_->name, name_, key);
+}
+
+const toml::node& Section::require(const std::string& key) const {
+  const toml::node* node = find(key);
+  if (!node) throw Error(where(key), "is missing", fmt::format("add {} = ... to [{}]", key, name_));
+  return *node;
+}
+
+const toml::array& Section::require_list(const std::string& key, const std::string& remedy) const {
+  const toml::node& node = require(key);
+  if (!node.is_array()) throw Error(where(key), "found " + kind(node), remedy);
+  return *node.as_array();
+}
+
+double Section::number(const toml::node& node, const std::string& key) const {
+  if (const auto* text = node.as_string()) return document_->expressions.number(text->get(), where(node, key));
+  const auto value = node.is_number() ? node.value<double>() : std::nullopt;
+  if (!value || !std::isfinite(*value))
+    throw Error(where(node, key), "found " + kind(node), "give a finite number, or an expression in quotes");
+  return *value;
+}
+
+double Section::number(const std::string& key) const { return number(require(key), key); }
+
+std::optional<double> Section::optional_number(const std::string& key) const {
+  return has(key) ? std::optional(number(key)) : std::nullopt;
+}
+
+Index Section::positive_integer(const std::string& key, Index otherwise) const {
+  if (!has(key)) return otherwise;
+  constexpr double largest = 1 << 24;
+  const double value = number(key);
+  if (value != std::floor(value) || value < 1 || value > largest)
+    throw Error(where(key), fmt::format("found {}", value), fmt::format("give a whole number from 1 to {}", largest));
+  return Index(value);
+}
+
+std::string Section::text(const std::string& key, const std::string& otherwise) const {
+  const toml::node* node = find(key);
+  if (!node) return otherwise;
+  const auto* text = node->as_string();
+  if (!text) throw Error(where(key), "found " + kind(*node), "give a text in quotes");
+  return one_line(text->get());
+}
+
+std::string Section::word(const std::string& key, const std::vector<std::string>& words) const {
+  const std::string found = text(key, words.front());
+  if (std::find(words.begin(), words.end(), found) == words.end())
+    throw Error(where(key), fmt::format("found '{}'", found) + suggestion(found, words), "use one of " + join(words));
+  return found;
+}
+
+std::optional<NumberFile> Section::file(const std::string& key) const {
+  const auto* text = require(key).as_string();
+  if (!text) return std::nullopt;
+  const std::string& name = text->get();
+  if (const std::string found = extension(name); found != ".mtx" && found != ".csv") return std::nullopt;
+  const std::filesystem::path path = document_->folder / name;
+  return NumberFile{path.string(), path};
+}
+
+Vector Section::vector(const std::string& key) const {
+  if (file(key)) {
+    const MatrixValue value = matrix(key);
+    if (rows(value) != 1 && columns(value) != 1)
+      throw Error(where(key), fmt::format("the file holds a matrix of {} x {}", rows(value), columns(value)),
+                  "give a single row or column");
+    const Matrix dense = std::visit([](const auto& found) { return Matrix(found); }, value);
+    return dense.reshaped();
+  }
+  const toml::array& list = require_list(key, list_remedy);
+  Vector values(Index(list.size()));
+  for (std::size_t i = 0; i < list.size(); ++i) values[Index(i)] = number(list[i], key);
+  return values;
+}
+
+std::vector<double> Section::partly_known(const std::string& key) const {
+  std::vector<double> values;
+  if (!has(key)) return values;
+  for (const toml::node& entry : require_list(key, "give a list; nan or \"\" stand for unknown entries")) {
+    const auto* text = entry.as_string();
+    const auto* value = entry.as_floating_point();
+    const bool unknown =
+        text ? text->get().empty() || text->get() == "nan" : value != nullptr && std::isnan(value->get());
+    values.push_back(unknown ? std::numeric_limits<double>::quiet_NaN() : number(entry, key));
+  }
+  return values;
+}
+
+MatrixValue Section::matrix(const std::string& key) const {
+  const auto named = file(key);
+  if (!named) return inline_matrix(key);
+  const std::string text = read_text(*named, where(key));
+  if (extension(named->name) == ".csv") return read_number_table(text, named->name);
+  return read_matrix_market(text, named->name);
+}
+
+Matrix Section::inline_matrix(const std::string& key) const {
+  const toml::array& list = require_list(key, rows_remedy);
+  Matrix values;
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    const toml::array* row = list[i].as_array();
+    if (!row) throw Error(where(list[i], key), fmt::format("row {} is {}", i, kind(list[i])), rows_remedy);
+    if (i == 0) values.resize(Index(list.size()), Index(row->size()));
+    if (Index(row->size()) != values.cols())
+      throw Error(where(list[i], key),
+                  fmt::format("row 0 has {} entries and row {} has {}", values.cols(), i, row->size()),
+                  "give rows of equal length");
+    for (std::size_t j = 0; j < row->size(); ++j) values(Index(i), Index(j)) = number((*row)[j], key);
+  }
+  return values;
+}
+
+std::string Section::time_expression(const toml::node& node, const std::string& key) const {
+  const auto* text = node.as_string();
+  if (!text) return fmt::format("({})", number(node, key));
+  document_->expressions.check_in_time(text->get(), where(node, key));
+  return text->get();
+}
+
+FunctionValue Section::expressions(const std::string& key) const {
+  if (!has(key)) return {};
+  std::vector<std::string> texts;
+  for (const toml::node& entry : require_list(key, function_remedy)) texts.push_back(time_expression(entry, key));
+  return {document_->expressions.in_time(texts), Index(texts.size())};
+}
+
+FunctionValue Section::function(const std::string& key, double last_time) const {
+  if (!has(key)) return {};
+  const auto named = file(key);
+  if (!named || extension(named->name) != ".csv") return expressions(key);
+  TimeTable table = read_time_table(read_text(*named, where(key)), named->name, key.back(), last_time);
+  const Index entries = table.values.cols();
+  return {interpolate(std::move(table)), entries};
+}
+
+}  // namespace bromwich

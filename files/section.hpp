@@ -1,0 +1,73 @@
+#pragma once
+// One section of a scene file: typed values by key, with errors that name file, line and key.
+
+#include "files/expression.hpp"
+#include "files/number_files.hpp"
+
+#include <toml++/toml.h>
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace bromwich {
+
+/// What all sections of a file share.
+struct Document {
+  std::string name;  ///< of the file in messages
+  std::filesystem::path folder;
+  Expressions expressions;
+};
+
+/// A function of time and how many values it has; no function is zero.
+struct FunctionValue {
+  TimeFunction function;
+  Index entries = 0;
+};
+
+class Section {
+ public:
+  /// `table` is null where the file has no such section. `keys` are those it may have: Error for any other.
+  Section(const Document& document, const toml::table* table, std::string name, const std::vector<std::string>& keys);
+
+  bool given() const { return table_ != nullptr; }
+  bool has(const std::string& key) const { return find(key) != nullptr; }
+  /// "rlcd.toml:7: dynamics.A"; where the key is missing, the line of the section.
+  std::string where(const std::string& key) const;
+
+  double number(const std::string& key) const;
+  std::optional<double> optional_number(const std::string& key) const;
+  Index positive_integer(const std::string& key, Index otherwise) const;
+  std::string text(const std::string& key, const std::string& otherwise) const;
+  /// One of `words`, the first where the key is missing.
+  std::string word(const std::string& key, const std::vector<std::string>& words) const;
+
+  Vector vector(const std::string& key) const;
+  /// Unknown entries, "" or nan, are NaN; empty where the key is missing.
+  std::vector<double> partly_known(const std::string& key) const;
+  MatrixValue matrix(const std::string& key) const;
+  /// Expressions of t, or a table of values up to `last_time`.
+  FunctionValue function(const std::string& key, double last_time) const;
+  /// Expressions of t; empty where the key is missing.
+  FunctionValue expressions(const std::string& key) const;
+
+ private:
+  const toml::node* find(const std::string& key) const;
+  const toml::node& require(const std::string& key) const;
+  const toml::array& require_list(const std::string& key, const std::string& remedy) const;
+  std::string where(const toml::node& node, const std::string& key) const;
+  double number(const toml::node& node, const std::string& key) const;
+  std::string time_expression(const toml::node& node, const std::string& key) const;
+  Matrix inline_matrix(const std::string& key) const;
+  std::optional<NumberFile> file(const std::string& key) const;
+
+  const Document* document_;
+  const toml::table* table_;
+  std::string name_;
+};
+
+/// "a number", "a list", ...
+std::string kind(const toml::node& node);
+
+}  // namespace bromwich

@@ -1,0 +1,38 @@
+#pragma once
+// Words that people type, in files and on command lines: numbers from them, and the nearest known name to a misspelt
+// one.
+
+#include "core/solve.hpp"
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace bromwich {
+
+/// "a, b, c"
+std::string join(const std::vector<std::string>& words);
+
+/// The candidate within a third of the name's length (at least 2 edits) of `name`, or nothing.
+std::optional<std::string> nearest(const std::string& name, const std::vector<std::string>& candidates);
+
+/// " (did you mean 'x'?)" or "": to be put behind what was found.
+std::string suggestion(const std::string& name, const std::vector<std::string>& candidates);
+
+/// Line breaks and runs of blanks become one blank; nothing else that would move the cursor is kept.
+std::string one_line(std::string_view text);
+
+/// The whole word as a number; empty where it is none, is not finite or has anything behind it.
+std::optional<double> parse_double(std::string_view word);
+std::optional<long long> parse_integer(std::string_view word);
+
+/// "all", "none" or a list "0,3,7" of different components below `states`.
+struct StateChoice {
+  StateSelection selection = StateSelection::none;
+  std::vector<Index> components;
+};
+/// Throws Error(argument, ...) for anything else.
+StateChoice parse_state_choice(const std::string& argument, const std::string& word, Index states);
+
+}  // namespace bromwich

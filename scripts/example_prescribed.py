@@ -1,0 +1,135 @@
+"""Scenes with prescribed solutions, for any A, B, N and M; see manufactured()."""
+import numpy as np
+
+from example_files import made, matrix_market, numbers, rows, texts, wrapped
+
+
+def manufactured(name, description, comment, A, B, N, M, steps, tolerance, why, matrices=False):
+    """x_i = cos((1 + i/m) t), y = S+, w = S-, S_j = sin(2 pi t + 0.3 + j): f = F (x', x, y), g = w - N x - M y."""
+    m, n = B.shape
+    rate = 1 + np.arange(m) / m
+    x = [f"cos({float(r)!r}*t)" for r in rate]
+    S = [f"sin(2*pi*t + {0.3 + j:g})" for j in range(n)]
+    y = [f"max({s}, 0)" for s in S]
+    F = np.hstack([np.diag(-rate), -A, -B])
+    phi = [f"sin({float(r)!r}*t)" for r in rate] + x + y
+
+    def combine(i):
+        terms = [(-N[i, j], x[j]) for j in range(m)] + [(-M[i, j], y[j]) for j in range(n)]
+        words = [f" {'-' if c < 0 else '+'} {abs(float(c))!r}*{term}" for c, term in terms if c]
+        return f"max(-{S[i]}, 0)" + "".join(words)
+
+    if matrices:
+        for letter, matrix in (("A", A), ("B", B), ("N", N), ("F", F)):
+            matrix_market(f"{name}-{letter}.mtx", matrix)
+
+    def matrix(letter, value):
+        return f'"{name}-{letter}.mtx"' if matrices else rows(value)
+
+    made[name + ".toml"] = wrapped(f"""{comment}
+#
+# Prescribed: x_i = cos((1 + i/m) t), y_j = S_j+, w_j = S_j- with S_j = sin(2 pi t + 0.3 + j); f and g follow from
+# them.
+name = "{name}"
+description = "{description}"
+
+[dynamics]
+A = {matrix("A", A)}
+B = {matrix("B", B)}
+F = {matrix("F", F)}
+f = {texts(phi)}
+x0 = {numbers(np.ones(m))}
+
+[complementarity]
+N = {matrix("N", N)}
+M = {rows(M)}
+g = {texts(combine(i) for i in range(n))}
+
+[time]
+T = 2
+steps = {steps}
+
+[output]
+states = "all"
+
+[exact]
+x = {texts(x)}
+y = {texts(y)}
+
+{why}
+[reference]
+tolerance = {tolerance}
+source = "the exact solution, prescribed; f = F (sin, x, y) = x' - A x - B y and g = w - N x - M y follow from it"
+""")
+
+
+COUPLED = np.array([[2.0, -1], [-1, 2]])
+NONE = np.zeros((2, 2))
+
+STIFF = """\
+# A stiff system: eigenvalues -1e8, -1e4, -1e2, -1, -1e-4 and 0, turned by a reflection; constructed.
+# Hard to pass: """
+STIFF_ERROR = """\
+# Interpolation of y and f errs by h^2/8 |y''| = h^2/8 (2 pi)^2 = 1.2e-4 between grid points, a third of
+# it on the average; B x is of size 2 and M keeps y within 1 of it."""
+STIFF_SINGULAR_ERROR = """\
+# x is smooth: f takes up the kinks of y. y follows from N x', which a second-order method
+# knows to h^2 |d^3x/dt^3| = 2e-4, h = 5e-3, through the inverse of N B, smaller than 1."""
+
+NON_NORMAL = """\
+# A single eigenvalue -1 of multiplicity 32 with one eigenvector: A = -I - 8 on the superdiagonal,
+# ||e^A|| = 1046. Constructed.
+# Hard to pass: eigenvalues say nothing about this A; implicit Euler is off by 29 with 1024 steps."""
+NON_NORMAL_ERROR = """\
+# y feeds the last state through 31 couplings of 8: a defect of h^2/12 |y''| = 1.3e-5 (h = 2e-3) and
+# of as much from f is amplified by ||e^{2A}|| = 2e3 to 4e3 and what is left of it at T."""
+
+UNSTABLE = """\
+# A fast unstable spiral, 5 +- 20i, beside a slow oscillator, +-3i; constructed.
+# Hard to pass: errors grow by up to e^10; implicit Euler is off by 0.63 with 1024 steps."""
+UNSTABLE_ERROR = """\
+# f is up to 25 times x and turns at rates up to 2: a defect of h^2/12 25 4 = 3.3e-5, h = 2e-3. Growing
+# at 5 over T it becomes 3.3e-5 e^10/20 = 4e-2; complementarity stops part of the growth."""
+
+DAMPED = """\
+# A damped system (-0.75 +- i and -1 +- 0.15 i) in which y acts on what it is compared with; constructed.
+# Hard to pass: """
+DAMPED_ERROR = """\
+# x is smooth: f takes up the kinks of y. y follows from x', which a second-order method knows to
+# h^2 |d^3x/dt^3| = 2e-4, h = 5e-3; N B = I."""
+
+
+def stiff():
+    v = np.arange(1.0, 7)
+    V = np.eye(6) - 2 * np.outer(v, v) / (v @ v)
+    A = V @ np.diag([-1e8, -1e4, -1e2, -1, -1e-4, 0]) @ V.T
+    B = np.cos(np.arange(6)[:, None] + 2 * np.arange(2))
+    about = STIFF + "no step resolves the fast modes, and an eigenvalue is zero."
+    known = "eigenvalues -1e8 to 0; the exact solution is known"
+    manufactured("stiff", f"stiff system, {known}", about, A, B, B.T, COUPLED, 400, "1e-4", STIFF_ERROR)
+    about = STIFF + "M = 0, y is determined only through x', which is stiff."
+    known = f"stiff system with M = 0, {known}"
+    manufactured("stiff-singular", known, about, A, B, B.T, NONE, 400, "2e-4", STIFF_SINGULAR_ERROR)
+
+
+def non_normal():
+    m = 32
+    A = -np.eye(m) - 8 * np.eye(m, k=1)
+    B = np.eye(m)[:, [m - 1, 0]]
+    known = "all eigenvalues -1, yet e^{At} grows to 1000; the exact solution is known"
+    manufactured("non-normal", known, NON_NORMAL, A, B, B.T, COUPLED, 1000, "0.1", NON_NORMAL_ERROR, matrices=True)
+
+
+def unstable():
+    A = np.zeros((4, 4))
+    A[:2, :2] = [[5, 20], [-20, 5]]
+    A[2:, 2:] = [[0, 3], [-3, 0]]
+    B = np.eye(4)[:, [0, 2]]
+    known = "open loop grows like e^{5t}; the exact solution is known"
+    manufactured("unstable", known, UNSTABLE, A, B, B.T, COUPLED, 1000, "5e-2", UNSTABLE_ERROR)
+    A = A / 20 - np.eye(4)
+    about = DAMPED + "M = 1e-10 I is P on paper only; continuous piecewise-linear y would ring from step to step."
+    known = "M = 1e-10 I; the exact solution is known"
+    manufactured("nearly-singular", known, about, A, B, B.T, 1e-10 * np.eye(2), 400, "2e-4", DAMPED_ERROR)
+    about = DAMPED + "M = 0; at t = 0 complementarity alone does not determine y."
+    manufactured("singular", "M = 0; the exact solution is known", about, A, B, B.T, NONE, 400, "2e-4", DAMPED_ERROR)

@@ -1,0 +1,134 @@
+"""Reference solutions of the scenes that scripts/make_examples writes, by other methods than the solver's: switches are
+located by bisection; between them the linear system is advanced by its eigenvectors, or by Runge-Kutta steps where
+those are badly conditioned. Needs numpy.
+"""
+import numpy as np
+
+
+def bisect(g, a, b):
+    """The zero of g between a and b, g(a) > 0 > g(b), to rounding."""
+    for _ in range(100):
+        c = 0.5 * (a + b)
+        a, b = (c, b) if g(c) > 0 else (a, c)
+    return b
+
+
+def symmetric_flow(A, scale, c0, c1, x, t0):
+    """x' = A x + c0 + c1 t with diag(scale) A diag(1/scale) symmetric: the solution as a function of time."""
+    lam, V = np.linalg.eigh(scale[:, None] * A / scale)
+
+    def solve(b):
+        return V @ ((V.T @ b) / lam)
+
+    q = -solve(scale * c1)
+    p = solve(q - scale * c0)
+    z = V.T @ (scale * x - p - q * t0)
+    return lambda t: (V @ (np.exp(lam * (t - t0)) * z) + p + q * t) / scale
+
+
+def second_difference(n, dx):
+    return (np.diag(np.full(n, -2.0)) + np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1)) / dx**2
+
+
+def runge_kutta(rhs, guard, x, start, end, h):
+    """Runge-Kutta 4; a step in which a component of guard(x) changes its sign ends there and a fresh one begins."""
+
+    def step(t, x, h):
+        k1 = rhs(t, x)
+        k2 = rhs(t + h / 2, x + h / 2 * k1)
+        k3 = rhs(t + h / 2, x + h / 2 * k2)
+        return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rhs(t + h, x + h * k3))
+
+    t = start
+    while end - t > 1e-12 * (end - start):
+        length = min(h, end - t)
+        y, sides = step(t, x, length), guard(x) > 0
+        if ((guard(y) > 0) != sides).any():
+            length = bisect(lambda s: 0.5 - float(((guard(step(t, x, s)) > 0) != sides).any()), 0.0, length)
+            y = step(t, x, length)
+        t, x = t + length, y
+    return x
+
+
+def stefan_solution(n, T):
+    """w_i and y_i at T, i = 1..n-1: k cells are wet, w' = D w - 1 + e_1 t/dx^2; the next begins when y = 0."""
+    dx, t, k, w = 1 / n, 1 / n**2, 1, np.zeros(1)
+    while True:
+        e1 = np.eye(1, k)[0]
+        flow = symmetric_flow(second_difference(k, dx), np.ones(k), -np.ones(k), e1 / dx**2, w, t)
+        b = t + dx**2
+        while flow(b)[-1] < dx**2 and b < T:
+            b = t + 2 * (b - t)
+        if flow(min(b, T))[-1] < dx**2:
+            break
+        t, k, w = (s := bisect(lambda s: dx**2 - flow(s)[-1], t, b)), k + 1, np.append(flow(s), 0)
+        if t > T:
+            raise RuntimeError("the last event was passed")
+    w = np.append(flow(T), np.zeros(n - 1 - k))
+    y = np.where(np.arange(n - 1) < k, 0.0, 1.0)
+    y[k] = 1 - w[k - 1] / dx**2
+    return w, y
+
+
+def put_solution(phi, left, lower, diagonal, upper, T):
+    """V and y at T: nodes from k on are free, k falls by one when the multiplier of node k-1 reaches zero."""
+    n, t, V = len(phi), 0.0, phi.copy()
+    k = int(np.argmax(phi <= 0))
+    while True:
+        m = n - k
+        A = np.diag(np.full(m, diagonal)) + np.diag(np.full(m - 1, upper), 1) + np.diag(np.full(m - 1, lower), -1)
+        c = np.eye(1, m)[0] * lower * phi[k - 1]
+        flow = symmetric_flow(A, np.sqrt(upper / lower) ** np.arange(m), c, np.zeros(m), V[k:], t)
+
+        def multiplier(s):
+            return -(lower * phi[k - 2] + diagonal * phi[k - 1] + upper * flow(s)[0])
+
+        if multiplier(T) > 0:
+            break
+        t = t if multiplier(t) < 0 else bisect(multiplier, t, T)
+        V[k:] = flow(t)
+        k -= 1
+    V[k:] = flow(T)
+    y = -(diagonal * V + lower * np.append(left, V[:-1]) + upper * np.append(V[1:], 0))
+    return V, np.where(np.arange(n) < k, y, 0.0)
+
+
+def bar_modes(mass, stiffness):
+    """omega and vectors of mass q'' = -stiffness q in q sqrt(mass)."""
+    scale = 1 / np.sqrt(mass)
+    squares, vectors = np.linalg.eigh(scale[:, None] * stiffness * scale)
+    return np.sqrt(np.where(squares > 1e-8, squares, 0)), vectors
+
+
+def bar_solution(mass, stiffness, eps, gap, T):
+    """q at T and the number of times that the first node meets the wall or leaves it."""
+    touching = stiffness.copy()
+    touching[0, 0] += 1 / eps
+    modes = [bar_modes(mass, stiffness), bar_modes(mass, touching)]
+    scale = np.sqrt(mass)
+    q, v, t, contact, events = gap * scale, -scale, 0.0, 0, 0
+    while True:
+        omega, Q = modes[contact]
+        a, b = Q.T @ q, Q.T @ v
+        still = omega == 0
+        b_over = np.where(still, 0, b / np.where(still, 1, omega))
+
+        def gap_at(s):
+            phase = np.multiply.outer(np.atleast_1d(s), omega)
+            position = np.cos(phase) @ (a * Q[0]) + np.sin(phase) @ (b_over * Q[0]) + s * (b[still] @ Q[0, still])
+            return -position if contact else position
+
+        step = 2e-6 if contact else 2e-5
+        begin, found = 1e-3 * step, None
+        while found is None and t + begin < T:
+            s = begin + step * np.arange(2001)
+            outside = np.flatnonzero(gap_at(s) < 0)
+            if len(outside):
+                found = bisect(lambda z: gap_at(z)[0], s[max(outside[0] - 1, 0)], s[outside[0]])
+            begin = s[-1]
+        s = min(found if found is not None else np.inf, T - t)
+        c, d = np.cos(omega * s), np.sin(omega * s)
+        q, v = Q @ (a * c + b_over * d + np.where(still, b * s, 0)), Q @ (b * c - a * omega * d)
+        if found is None or t + found >= T:
+            return q / scale, v / scale, events
+        q[0], t, contact, events = 0.0, t + s, 1 - contact, events + 1

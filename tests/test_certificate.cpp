@@ -1,0 +1,81 @@
+// What goes beyond the residual: magnified perturbations, and solutions that change with the step.
+
+#include "core/certificate.hpp"
+
+#include "run.hpp"
+
+#include <Eigen/Dense>
+
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+// x' = a x + f with x = cos t and y = 0 (g = 1): a perturbation grows by e^{aT}, the solution does not.
+Scene growing(double a, double T) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{a}}, Matrix{{1}}, Matrix{{0}}};
+  scene.M = Matrix{{1}};
+  scene.f = [a](double t, Eigen::Ref<Vector> f) { f[0] = -std::sin(t) - a * std::cos(t); };
+  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 1; };
+  scene.x0 = Vector{{1}};
+  scene.T = T;
+  return scene;
+}
+
+TEST(Certificate, MagnificationIsTheGrowthOfPerturbations) {
+  const auto backend = make_cpu_backend(1);
+  for (const double a : {-1.0, 2.0, 5.0}) {
+    const Scene scene = growing(a, 2);
+    const DiscreteProblem p = discretise(scene, *backend, 50);
+    const Magnification m = magnification(p, Rule::exponential, RowMatrix::Zero(51, 1));
+    // The largest state is that of the discrete solution, which leaves cos t as its own errors grow.
+    EXPECT_LE(m.growth, std::exp(std::max(2 * a, 0.0)) * (1 + 1e-10)) << a;
+    if (a < 0)
+      EXPECT_NEAR(m.growth, 1, 1e-12);
+    else
+      EXPECT_GE(m.growth, 0.1 * std::exp(2 * a)) << a;
+    EXPECT_GE(m.rounding, epsilon);
+    EXPECT_LE(m.rounding, 100 * epsilon * std::exp(std::max(2 * a, 0.0))) << a;
+  }
+}
+
+TEST(Certificate, GrowthThatTheSolutionSharesIsNoMagnification) {
+  Scene scene = growing(3, 5);
+  scene.f = {};
+  const auto backend = make_cpu_backend(1);
+  const DiscreteProblem p = discretise(scene, *backend, 100);
+  EXPECT_NEAR(magnification(p, Rule::exponential, RowMatrix::Zero(101, 1)).growth, 1, 1e-9);
+}
+
+TEST(Certificate, ActiveConstraintsTakePerturbationsAway) {
+  // x' = 5 x + y, w = x + y/100: while y > 0 it holds x near 0, and the closed loop decays with 5 - 100.
+  Scene scene = growing(5, 2);
+  scene.dynamics = DenseDynamics{Matrix{{5}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{0.01}};
+  const auto backend = make_cpu_backend(1);
+  const DiscreteProblem p = discretise(scene, *backend, 2000);
+  EXPECT_LE(magnification(p, Rule::exponential, RowMatrix::Ones(2001, 1)).growth, 1 + 1e-9);
+}
+
+// Rounding alone fills the result: e^{40} eps > 1.
+TEST(Certificate, ASolutionWithoutDigitsIsNotCalledSolved) {
+  for (const Method method : {Method::march, Method::contour, Method::euler}) {
+    const Result r = run(growing(20, 2), method, 400);
+    EXPECT_EQ(r.status, Status::tolerance_not_met) << to_string(method);
+    EXPECT_NE(r.reason.find("magnifies"), std::string::npos) << r.reason;
+  }
+}
+
+TEST(Certificate, ChangeWithTheStepIsTakenOnCommonNodes) {
+  RowMatrix coarse(3, 1), fine(5, 1);
+  coarse << 0, 1, 2;
+  fine << 0, 7, 1, 7, 4;
+  const Change whole = change_when_halved(coarse, fine, 2), first = change_when_halved(coarse, fine, 1);
+  EXPECT_EQ(first.largest, 0);
+  EXPECT_EQ(whole.largest, 0.5);
+  EXPECT_EQ(whole.mean, 2.0 / 5);
+}
+
+}  // namespace
+}  // namespace bromwich

@@ -1,0 +1,138 @@
+// Scene files as the command takes them.
+
+#include "cli.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+using Json = nlohmann::json;
+
+const std::string decay = R"toml(
+name = "decay"
+[parameters]
+x0 = 2
+[dynamics]
+A = [[-1]]
+B = [[0]]
+x0 = ["x0"]
+[complementarity]
+N = [[1]]
+M = [[1]]
+[time]
+T = 1
+steps = 8
+[output]
+states = "all"
+)toml";
+
+const std::string exact = "[exact]\nx = [\"x0*exp(-t)\"]\ny = [0]\n";
+
+class CliFiles : public Cli {
+ protected:
+  void SetUp() override {
+    Cli::SetUp();
+    save("decay.toml", decay);
+  }
+  void save(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
+  Json solved(const std::string& arguments) const {
+    const Outcome result = run("solve " + arguments + " --threads 1 --json");
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return Json::parse(result.out);
+  }
+};
+
+TEST_F(CliFiles, SolvesASceneFile) {
+  const Json json = solved("decay.toml --method march --out y.csv");
+  EXPECT_EQ(json["scene"], "decay");
+  EXPECT_EQ(json["steps"], 8);
+  EXPECT_EQ(json["parameters"]["x0"], 2);
+  EXPECT_TRUE(json["reference_error"].is_null());
+  EXPECT_TRUE(json["reference"].is_null());
+  const auto lines = split(read(folder_ / "y.csv"), '\n');
+  EXPECT_EQ(lines[0], "t,y0,x0");  // states = "all" in the file
+  const auto last = split(lines.back(), ',');
+  // One exponential: exact but for the kernel's 1e-13 of its largest weight.
+  EXPECT_NEAR(std::stod(last[2]), 2 * std::exp(-1), 1e-12);
+}
+
+TEST_F(CliFiles, OptionsOverrideTheFile) {
+  const Json json = solved("./decay.toml --set x0=3 --steps 4 --states none --out y.csv");
+  EXPECT_EQ(json["parameters"]["x0"], 3);
+  EXPECT_EQ(json["steps"], 4);
+  EXPECT_EQ(split(read(folder_ / "y.csv"), '\n')[0], "t,y0");
+}
+
+TEST_F(CliFiles, UnknownParametersAreRefused) {
+  EXPECT_TRUE(contains(refused("solve decay.toml --set x=3").err, "'x' is no parameter of decay.toml"));
+  EXPECT_TRUE(contains(refused("solve decay.toml --set x0=nan").err, "finite"));
+}
+
+TEST_F(CliFiles, MistakesNameFileLineAndKey) {
+  save("bad.toml", decay + "[boundary]\n");
+  EXPECT_TRUE(contains(refused("solve bad.toml").err, "bad.toml:17: boundary: boundary values are not available yet"));
+  EXPECT_TRUE(contains(refused("solve none.toml").err, "SCENE: the file 'none.toml' does not exist"));
+  EXPECT_TRUE(contains(refused("solve .").err, "SCENE"));
+  EXPECT_TRUE(contains(refused("solve ./").err, "is a folder"));
+}
+
+TEST_F(CliFiles, ErrorAgainstTheExactSolution) {
+  save("exact.toml", decay + exact);
+  const Json march = solved("exact.toml --method march")["reference_error"];
+  EXPECT_LT(march["x"], 1e-12);  // as above
+  EXPECT_EQ(march["y"], 0);
+  // Implicit Euler after 8 steps: 2 ((8/9)^8 - 1/e) = 4.3e-2 at t = 1, which is where the error is largest.
+  const double error = 2 * (std::pow(8. / 9, 8) - std::exp(-1));
+  EXPECT_NEAR(solved("exact.toml --method euler")["reference_error"]["x"], error, 1e-12);
+  // Without states there is nothing to compare x with.
+  EXPECT_TRUE(solved("exact.toml --states none")["reference_error"]["x"].is_null());
+  EXPECT_TRUE(contains(run("solve exact.toml").out, "\nreference ")) << run("solve exact.toml").out;
+}
+
+TEST_F(CliFiles, ErrorAgainstReferenceValues) {
+  save("reference.toml", decay + "[reference]\nt = 0.5\nx = [1]\ny = [nan]\ntolerance = 0.5\nsource = \"by hand\"\n");
+  for (const std::string states : {"all", "none"}) {  // without states, x is computed at that time alone
+    const Json json = solved("reference.toml --method march --states " + states);
+    EXPECT_NEAR(json["reference_error"]["x"], 2 * std::exp(-0.5) - 1, 1e-12) << states;
+    EXPECT_TRUE(json["reference_error"]["y"].is_null());
+    EXPECT_EQ(json["reference"]["tolerance"], 0.5);
+    EXPECT_EQ(json["reference"]["status"], "solved");
+    EXPECT_EQ(json["reference"]["source"], "by hand");
+  }
+  // Five steps have no point at 0.5: the value is linear between 0.4 and 0.6.
+  const double between = std::exp(-0.4) + std::exp(-0.6);
+  EXPECT_NEAR(solved("reference.toml --method march --steps 5")["reference_error"]["x"], between - 1, 1e-12);
+  // The values belong to the parameters of the file.
+  EXPECT_TRUE(solved("reference.toml --set x0=3")["reference_error"].is_null());
+}
+
+TEST_F(CliFiles, BuiltInScenesHaveExactSolutionsToo) {
+  const Json json = solved("dlcp-small --method march --states all");
+  // 400 steps, second order, kinks between time points: of the order h = 2.5e-3 at worst.
+  EXPECT_LT(json["reference_error"]["x"], 2.5e-3);
+  EXPECT_LT(json["reference_error"]["y"], 2.5e-2);
+  EXPECT_TRUE(solved("signorini --set Q=7 --steps 8")["reference_error"].is_null());
+}
+
+TEST_F(CliFiles, TemplateIsTheExampleAndCanBeSolved) {
+  const Outcome printed = run("solve --template > my.toml");
+  EXPECT_EQ(printed.exit_code, 0) << printed.err;
+  EXPECT_EQ(read(folder_ / "my.toml"), read(fs::path(BROMWICH_EXAMPLES) / "template.toml"));
+  const Json json = solved("my.toml");
+  EXPECT_EQ(json["scene"], "rlcd");
+  EXPECT_LT(json["reference_error"]["x"], json["reference"]["tolerance"]);
+  EXPECT_LT(json["reference_error"]["y"], json["reference"]["tolerance"]);
+}
+
+TEST_F(CliFiles, BaselinesTakeSceneFiles) {
+  save("exact.toml", decay + exact);
+  const Outcome result = run("bench baselines exact.toml --quick --threads 1 --out b.json");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(Json::parse(read(folder_ / "b.json"))["scene"], "exact.toml");
+}
+
+}  // namespace
+}  // namespace bromwich

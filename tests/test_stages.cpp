@@ -1,0 +1,221 @@
+// Marching with discontinuous y (Radau IIA, and implicit Euler where the state jumps).
+
+#include "core/stage_marching.hpp"
+
+#include "backends.hpp"
+#include "core/methods.hpp"
+#include "core/relay.hpp"
+
+#include <Eigen/Dense>
+
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+using reference::Random;
+
+const Matrix radau{{5. / 12, -1. / 12}, {3. / 4, 1. / 4}};
+
+// Stage states of one step by one real system of size 2 m.
+Matrix stages(const Matrix& A, double h, const Vector& x, const Matrix& u) {
+  const Index m = A.rows();
+  Matrix system = Matrix::Identity(2 * m, 2 * m);
+  Vector right(2 * m);
+  for (Index i = 0; i < 2; ++i) {
+    right.segment(i * m, m) = x;
+    for (Index k = 0; k < 2; ++k) {
+      system.block(i * m, k * m, m, m) -= h * radau(i, k) * A;
+      right.segment(i * m, m) += h * radau(i, k) * u.col(k);
+    }
+  }
+  const Vector X = system.partialPivLu().solve(right);
+  return Eigen::Map<const Matrix>(X.data(), m, 2);
+}
+
+class StageMarching : public BackendTest {
+ protected:
+  Result solve_in_stages(const Scene& scene, Index count, Index J, std::vector<Index> components = {}) {
+    DiscreteProblem p = discretise(scene, *backend, J);
+    p.components = std::move(components);
+    Result result;
+    solve_by_stages(p, count, {}, result);
+    return result;
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(Contract, StageMarching, testing::ValuesIn(backend_cases()), backend_case_name);
+
+Scene random_passive(std::uint32_t seed, Index m, Index n) {
+  Random random(seed);
+  const Matrix A = random.matrix(m, m) - 2.0 * Matrix::Identity(m, m), B = random.matrix(m, n);
+  Scene scene;
+  scene.dynamics = DenseDynamics{A, B, B.transpose()};
+  scene.M = Matrix(Matrix::Zero(n, n));
+  scene.f = [m](double t, Eigen::Ref<Vector> f) {
+    for (Index i = 0; i < m; ++i) f[i] = std::cos(t + double(i));
+  };
+  scene.g = [n](double t, Eigen::Ref<Vector> g) {
+    for (Index i = 0; i < n; ++i) g[i] = 2 + std::sin(5 * t + double(i));
+  };
+  scene.x0 = Vector::Zero(m);
+  return scene;
+}
+
+// Every row of a run is a solution of the stage equations, formed here in another way: x_j follows from x_{j-1} and the
+// y of both stages, so the y of the first stage is recovered from them (m >= n, B of full rank), and both stages have
+// to be complementary.
+TEST_P(StageMarching, EveryStepSolvesTheStageEquations) {
+  const Index m = 4, n = 2, J = 40;
+  for (const std::uint32_t seed : {1u, 2u, 3u}) {
+    const Scene scene = random_passive(seed, m, n);
+    const auto& d = std::get<DenseDynamics>(scene.dynamics);
+    const Result r = solve_in_stages(scene, 2, J, {0, 1, 2, 3});
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    const double h = scene.T / double(J);
+    double active = 0;
+    for (Index j = 1; j <= J; ++j) {
+      const double t = h * double(j);
+      Matrix u(m, 2);
+      Vector f(m), g1(n), g2(n);
+      scene.f(t - 2 * h / 3, f);
+      u.col(0) = f;
+      scene.f(t, f);
+      u.col(1) = f + d.B * r.y.row(j).transpose();
+      const Vector x = r.x.row(j - 1).transpose(), next = r.x.row(j).transpose();
+      // next is linear in y_1: two evaluations give the map.
+      const Vector without = stages(d.A, h, x, u).col(1);
+      Matrix map(m, n);
+      for (Index i = 0; i < n; ++i) {
+        Matrix one = u;
+        one.col(0) += d.B.col(i);
+        map.col(i) = stages(d.A, h, x, one).col(1) - without;
+      }
+      const Vector y1 = map.colPivHouseholderQr().solve(next - without);
+      u.col(0) += d.B * y1;
+      const Matrix X = stages(d.A, h, x, u);
+      scene.g(t - 2 * h / 3, g1);
+      scene.g(t, g2);
+      const Vector w1 = d.N * X.col(0) + g1, w2 = d.N * X.col(1) + g2, y2 = r.y.row(j).transpose();
+      // y_1 comes from differences of states of size 10 divided by h/3 ~ 1e-2: rounding 1e-16 * 10 / 1e-2 * cond(B).
+      EXPECT_LE((X.col(1) - next).norm(), 1e-12);
+      EXPECT_LE(y1.cwiseMin(w1).cwiseAbs().maxCoeff(), 1e-10) << seed << " " << j;
+      EXPECT_LE(y2.cwiseMin(w2).cwiseAbs().maxCoeff(), 1e-10) << seed << " " << j;
+      active = std::max(active, y2.maxCoeff());
+    }
+    EXPECT_GT(active, 0.01);  // something did press
+  }
+}
+
+TEST_P(StageMarching, SparseAndDenseStepsAgree) {
+  for (const Index count : {1, 2}) {
+    Scene scene = random_passive(7, 5, 2);
+    const Result dense = solve_in_stages(scene, count, 33, {4, 0});
+    const auto d = std::get<DenseDynamics>(scene.dynamics);
+    scene.dynamics = SparseDynamics{d.A.sparseView(), d.B.sparseView(), d.N.sparseView()};
+    const Result sparse = solve_in_stages(scene, count, 33, {4, 0});
+    ASSERT_EQ(sparse.status, Status::solved);
+    EXPECT_LE(distance(dense.y, sparse.y), same_problem);
+    EXPECT_LE(distance(dense.x, sparse.x), same_problem);
+  }
+}
+
+TEST_P(StageMarching, SourcesThroughAMatrixAreTheSameSources) {
+  Scene scene = random_passive(9, 3, 1);
+  const Result plain = solve_in_stages(scene, 2, 20, {0, 1, 2});
+  scene.f_entry = SourceEntry::through_F;
+  scene.F = Matrix(Matrix::Identity(3, 3)).sparseView();
+  const Result through = solve_in_stages(scene, 2, 20, {0, 1, 2});
+  EXPECT_LE(distance(plain.x, through.x), same_problem);
+}
+
+// w = x - 2 - sin t = 0 throughout: x is on the constraint at every node and y = x' + x - f exactly.
+TEST(Stages, AreOfSecondOrderInYWhereMIsZero) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{0}};
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g[0] = -2 - std::sin(t); };
+  scene.x0 = Vector{{2}};
+  scene.T = 2;
+  std::vector<double> errors;
+  for (const Index J : {20, 40, 80}) {
+    const Result r = run(scene, Method::march, J);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    double error = 0;
+    for (Index j = 1; j <= J; ++j)
+      error = std::max(error, std::abs(r.y(j, 0) - (std::cos(r.t[j]) + 2 + std::sin(r.t[j]))));
+    errors.push_back(error);
+  }
+  EXPECT_GE(std::log2(errors[0] / errors[1]), 1.8);
+  EXPECT_GE(std::log2(errors[1] / errors[2]), 1.8);
+}
+
+// A mass pressed on an obstacle: x'' = y - 1, 0 <= y ⊥ x >= 0, x(0) = 1/2, at rest. It falls until t = 1, where its
+// velocity -1 vanishes in an impulse (inelastic), and lies still with y = 1 from then on.
+TEST(Stages, AFallingMassComesToRest) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{0}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f << 0, -1; };
+  scene.x0 = Vector{{0.5, 0}};
+  scene.T = 2;
+  for (const Index J : {37, 200, 1000}) {
+    Options options = options_for(Method::automatic, J);
+    options.states = StateSelection::all;
+    const Result r = run(scene, options);
+    ASSERT_EQ(r.status, Status::solved) << J << ": " << r.reason;
+    EXPECT_EQ(r.method, "march");
+    EXPECT_NEAR(r.x(J, 0), 0, 1e-10) << J;
+    EXPECT_NEAR(r.x(J, 1), 0, 1e-10) << J;
+    EXPECT_NEAR(r.y(J, 0), 1, 1e-8) << J;
+    for (Index j = 0; j <= J; ++j) EXPECT_GE(r.x(j, 0), -1e-10);
+  }
+}
+
+TEST(Stages, AStateThatViolatesTheConstraintJumpsOntoIt) {
+  Scene scene;  // x' = y - 1, x >= 0, x(0) = -1: x = 0 at once, then y = 1
+  scene.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{0}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f[0] = -1; };
+  scene.x0 = Vector{{-1}};
+  for (const Method method : {Method::automatic, Method::march, Method::euler}) {
+    Options options = options_for(method, 10);
+    options.states = StateSelection::all;
+    const Result r = run(scene, options);
+    ASSERT_EQ(r.status, Status::solved) << to_string(method) << r.reason;
+    EXPECT_NE(r.kernel.find("jumps at t = 0"), std::string::npos) << r.kernel;
+    EXPECT_TRUE(r.y.allFinite());
+    EXPECT_NEAR(r.x(1, 0), 0, 1e-12) << to_string(method);
+    EXPECT_NEAR(r.y(10, 0), 1, 1e-10) << to_string(method);
+  }
+  EXPECT_EQ(run(scene, options_for(Method::contour, 10)).status, Status::unsupported);
+}
+
+TEST(Stages, AZenoSpiralEndsAtTheOrigin) {
+  Scene scene = relay_scene(Matrix::Zero(2, 2), 500 * Matrix{{.01, .99}, {-.99, .01}}, Matrix::Identity(2, 2), {},
+                            Vector{{10, 10}});
+  scene.T = 2.5;
+  Options options = options_for(Method::automatic, 1000);
+  options.states = StateSelection::all;
+  const Result r = run(scene, options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  for (Index j = 850; j <= 1000; ++j) EXPECT_LE(r.x.row(j).cwiseAbs().maxCoeff(), 1e-9) << j;  // reached at t = 2
+  EXPECT_GE(r.x.row(760).cwiseAbs().maxCoeff(), 0.01);                                         // and not before
+}
+
+TEST(Stages, AKroneckerSumWithMZeroIsWrittenOut) {
+  Scene scene;
+  scene.dynamics = KroneckerDynamics{{3, 0.25, 0.1}, {4, 0.2, 0.1}, Vector{{1, 0, 0, 0}}, Vector{{1, 0, 0, 0}}};
+  scene.M = Matrix(Matrix::Zero(3, 3));
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g.setConstant(0.2 - t); };
+  scene.x0 = Vector::Zero(12);
+  Scene dense = scene;
+  dense.dynamics = to_dense(scene.dynamics);
+  const Result a = run(scene, Method::march, 30), b = run(dense, Method::march, 30);
+  ASSERT_EQ(a.status, Status::solved) << a.reason;
+  EXPECT_LE(distance(a.y, b.y), 1e-9);
+  EXPECT_GT(a.y.maxCoeff(), 0.1);
+}
+
+}  // namespace
+}  // namespace bromwich
