@@ -36,6 +36,8 @@ class ActiveResponse {
   Vector response_;
 };
 
+bool same_set(const RowMatrix& y, Index a, Index b) { return ((y.row(a).array() > 0) == (y.row(b).array() > 0)).all(); }
+
 // Fixed, with parts in all directions.
 Vector perturbation(Index m) {
   Vector dz(m);
@@ -48,46 +50,52 @@ Vector perturbation(Index m) {
 Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix& y) {
   const DenseDynamics* d = p.dense();
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
-  if (!d || double(p.J) * (2 * m * m + 4 * m * n) > most_operations || !y.allFinite()) return {NAN, NAN};
+  if (!d || double(p.J) * (2 * m * m + 4 * m * n) > most_operations || !y.allFinite()) return {NAN, NAN, NAN};
   const StepOperators step = step_operators(d->A, rule, p.h);
   const DenseRecurrence r = dense_recurrence(*d, step);
-  const RowMatrix input = state_input(p, y);
+  const RowMatrix input = state_input(p, y), driven = y * d->B.transpose();
   ActiveResponse response(to_dense(p.scene.M) + r.w0);
   Vector dz = perturbation(p.scene.states()), x = p.scene.x0;
-  double log_growth = 0, least = 0, most = 0, error = epsilon * x.norm(), worst = error, size = x.norm();
+  double log_growth = 0, least = 0, most = 0, error = epsilon * x.norm(), worst = error, size = x.norm(), impulse = 0;
   for (Index j = 1; j <= p.J; ++j) {
     x = step.decay * x + step.left * input.row(j - 1).transpose() + step.right * input.row(j).transpose();
     const Vector dy = response(y.row(j).transpose(), r.output * dz);
     dz = (r.decay * dz + r.input * dy).eval();
     const double rho = dz.norm();
-    if (!(rho > 1e-290) || !std::isfinite(rho)) {  // the perturbation is gone: start another one
+    size = std::max(size, x.norm());
+    if (j < p.J && (!same_set(y, j, j - 1) || !same_set(y, j, j + 1)))
+      impulse = std::max(impulse, p.h * driven.row(j).norm());
+    if (rho < 1e-14) {  // the perturbation is gone, what is left of it is rounding: another one starts
       dz = perturbation(p.scene.states());
-      least = std::min(least, log_growth);
+      log_growth = least = 0;
+      error = epsilon * x.norm();
       continue;
     }
     dz /= rho;
-    size = std::max(size, x.norm());
     error = rho * error + epsilon * x.norm();
     worst = std::max(worst, error);
     log_growth += std::log(rho);
     least = std::min(least, log_growth);
     most = std::max(most, log_growth - least);
   }
-  const double own = size / std::max(p.scene.x0.norm(), 1e-6 * size);
-  return {std::exp(std::min(most, 700.0)) / std::max(own, 1.0), size > 0 ? worst / size : 0};
+  if (size == 0) return {};
+  return {std::exp(std::min(most, 700.0)), worst / size, impulse / size};
 }
 
 Change change_when_halved(const RowMatrix& coarse, const RowMatrix& fine, Index last) {
-  double largest = 0, size = 0, sum = 0, whole = 0;
-  for (Index j = 1; j <= last; ++j) {
+  std::vector<double> rows;
+  double size = 0, sum = 0, whole = 0;
+  for (Index j = 1; j <= last && coarse.cols() > 0; ++j) {
     const auto difference = (coarse.row(j) - fine.row(2 * j)).cwiseAbs();
-    largest = std::max(largest, difference.maxCoeff<Eigen::PropagateNaN>());
+    rows.push_back(difference.maxCoeff<Eigen::PropagateNaN>());
+    if (std::isnan(rows.back())) return {INFINITY, INFINITY, INFINITY};
     size = std::max(size, fine.row(2 * j).cwiseAbs().maxCoeff());
     sum += difference.sum();
     whole += fine.row(2 * j).cwiseAbs().sum();
   }
-  const double least = 1e-300;
-  return {largest / std::max(size, least), sum / std::max(whole, least)};
+  if (rows.empty() || size == 0) return {};
+  std::sort(rows.begin(), rows.end());
+  return {rows.back() / size, rows[(rows.size() - 1) * 95 / 100] / size, sum / whole};
 }
 
 }  // namespace bromwich

@@ -256,6 +256,7 @@ void finish_iteration(const DiscreteProblem& p, const IterationOutcome& outcome,
                       LcpBatch& lcp, const Array& r, const Array& y, Array& v, Result& result) {
   result.status = outcome.status;
   result.reason = outcome.reason;
+  result.well_posed = p.lcp_class != LcpClass::unknown;
   if (outcome.infeasible >= 0) result.infeasible_at = p.t[outcome.infeasible];
   p.backend.download(y, result.y);
   if (outcome.status == Status::infeasible) return;

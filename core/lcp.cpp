@@ -24,6 +24,9 @@ bool pivots_positive(Matrix M) {
   return true;
 }
 
+// A pivot so small beside its row that the update would lose six digits: the factorization is better off.
+constexpr double safe_growth = 1e6;
+
 // Exchanges before the transform is formed anew: its rounding errors grow with their number.
 constexpr int most_updates = 100;
 
@@ -110,10 +113,11 @@ void ActiveSetLcp::flip_active_set() {
 }
 
 // The principal pivot on the block F = flips_: P_FF inverted, P_RF P_FF^{-1}, -P_FF^{-1} P_FR and the Schur complement.
-bool ActiveSetLcp::pivot_on_flips() {
+bool ActiveSetLcp::pivot_on_flips(double most_growth) {
   const Eigen::PartialPivLU<Matrix> block(P_(flips_, flips_));
   if (!(reciprocal_condition(block) > 1e-13)) return false;
   const Matrix inverse = block.inverse(), rows = P_(flips_, Eigen::all), columns = P_(Eigen::all, flips_) * inverse;
+  if (inverse.cwiseAbs().maxCoeff() * rows.cwiseAbs().maxCoeff() > most_growth) return false;
   P_.noalias() -= columns * rows;
   P_(Eigen::all, flips_) = columns;
   P_(flips_, Eigen::all) = -inverse * rows;
@@ -152,7 +156,7 @@ bool ActiveSetLcp::form_transform() {
 bool ActiveSetLcp::exchange_flips() {
   if (flips_.size() <= 4 + std::size_t(M_.rows()) / 8 && updates_ <= most_updates) {
     if (!transform_ && !form_transform()) return false;
-    if (pivot_on_flips()) return true;
+    if (pivot_on_flips(safe_growth)) return true;
   }
   flip_active_set();
   return factorize();
@@ -269,7 +273,7 @@ bool ActiveSetLcp::is_confirmed() const {
 // What follows where Newton's method found nothing that may be taken.
 bool ActiveSetLcp::fall_back(const Vector& q, LcpOutcome& outcome) {
   outcome.fallback = true;
-  if (class_ == LcpClass::PSD) return least_norm(q, outcome);
+  if (class_ == LcpClass::PSD) return least_norm(q, outcome) || (!outcome.infeasible && lemke(outcome));
   if (class_ == LcpClass::Z) return least_element(outcome) || (!outcome.infeasible && enumerate(outcome));
   reset();
   if (newton(outcome) && is_confirmed()) return true;

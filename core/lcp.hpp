@@ -18,6 +18,7 @@
 
 #include <Eigen/LU>
 
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -65,7 +66,7 @@ class ActiveSetLcp {
   bool may_be_taken(const std::vector<Index>& S) const;
   bool is_confirmed() const;
   bool exchange_flips();
-  bool pivot_on_flips();
+  bool pivot_on_flips(double most_growth = INFINITY);
   bool factorize();
   bool form_transform();
   void flip_active_set();

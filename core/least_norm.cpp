@@ -44,8 +44,10 @@ class Monotone {
     Vector y = Vector::Zero(n_);
     if (S.empty()) return y;
     const Vector limit = least_norm_solve(M_(S, S), -q_(S));
-    // What is zero in exact arithmetic comes out at the size of rounding, times the condition of M_SS.
+    // What is zero in exact arithmetic comes out at the size of rounding, times the condition of M_SS. Where leaving it
+    // out shows in the residual it was not zero.
     y(S) = (limit.array() > 1e-12 * limit.cwiseAbs().maxCoeff()).select(limit, 0);
+    if (!solves(y)) y(S) = limit.cwiseMax(0);
     return y;
   }
 

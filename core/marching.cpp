@@ -160,6 +160,7 @@ class Marching {
     p_.backend.download(*y, result.y);
     if (start == Start::impulse) result.y.row(0) = result.y.row(1);
     count(report, result);
+    result.well_posed = report.well_posed;
     if (report.stopped >= 0) return explain_stop(p_, report, result);
     result.residual = march_residual(p_, start, *problem.r, *v, *y);
     result.status = Status::solved;

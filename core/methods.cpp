@@ -8,6 +8,8 @@
 #include "core/timer.hpp"
 #include "core/windows.hpp"
 
+#include <numeric>
+
 namespace bromwich {
 
 Methods::Methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components)
@@ -51,7 +53,7 @@ void Methods::run(Method method, const Options& options, Result& result) {
       break;
     case Method::euler:
       if (problem_.sparse())
-        solve_by_stages(problem_, 1, options, result);
+        step_in_stages(1, options, result);
       else
         solve_by_marching(problem_, Rule::implicit_euler, options, result);
       break;
@@ -64,16 +66,37 @@ void Methods::run(Method method, const Options& options, Result& result) {
 
 void Methods::march(const Options& options, Result& result) {
   if (!basis().continuous) {
-    solve_by_stages(problem_, 2, options, result);
+    step_in_stages(2, options, result);
     result.kernel += "; " + basis().reason;
   } else if (!problem_.sparse()) {
     solve_by_marching(problem_, Rule::exponential, options, result);
   } else if (const SparseKernel* k = kernel()) {
     solve_by_marching(problem_, *k, options, result);
   } else {
-    solve_by_stages(problem_, 2, options, result);
+    step_in_stages(2, options, result);
     result.kernel += "; no contour holds the spectrum of this A";
   }
+}
+
+// The state passes through: all of it is recorded where it is small, and what was asked for taken from that.
+void Methods::step_in_stages(Index stages, const Options& options, Result& result) {
+  const Index m = problem_.scene.states();
+  if (m > most_recorded_states) return solve_by_stages(problem_, stages, options, result);
+  DiscreteProblem p = problem_;
+  p.components.resize(std::size_t(m));
+  std::iota(p.components.begin(), p.components.end(), Index(0));
+  solve_by_stages(p, stages, options, result);
+  if (result.x.cols() != m) return;
+  stage_states_ = std::move(result.x);
+  result.x = stage_states_(Eigen::all, problem_.components);
+}
+
+RowMatrix Methods::all_states(Method method, const Result& result) const {
+  if (!result.continuous) return stage_states_;
+  std::vector<Index> all(std::size_t(problem_.scene.states()));
+  std::iota(all.begin(), all.end(), Index(0));
+  const Rule rule = method == Method::euler ? Rule::implicit_euler : Rule::exponential;
+  return state_components(problem_, rule, result.y, all);
 }
 
 void Methods::iterate(const Options& options, Result& result) {

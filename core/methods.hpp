@@ -18,12 +18,17 @@ class Methods {
   /// Fills everything of `result` but times of the whole, states included.
   void run(Method, const Options&, Result& result);
 
+  /// All states of a dense scene after a run of `method` that gave `result`: (J+1) x m. For m <= most_recorded_states.
+  RowMatrix all_states(Method, const Result& result) const;
+  static constexpr Index most_recorded_states = 64;
+
   const DiscreteProblem& problem() const { return problem_; }
   /// Whether continuous piecewise-linear y is safe here.
   const BasisChoice& basis();
 
  private:
   void march(const Options&, Result&);
+  void step_in_stages(Index stages, const Options&, Result&);
   void iterate(const Options&, Result&);
   void record_states(Method, Result&);
   const SparseKernel* kernel();
@@ -31,6 +36,7 @@ class Methods {
   DiscreteProblem problem_;
   std::optional<BasisChoice> basis_;
   std::optional<std::optional<SparseKernel>> kernel_;
+  RowMatrix stage_states_;  ///< all states of the last run in stages, where there are few
 };
 
 }  // namespace bromwich

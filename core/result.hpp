@@ -29,6 +29,7 @@ struct Result {
   RowMatrix x;                      ///< (J+1) x components of the state that were asked for
   std::vector<Index> x_components;  ///< which
   bool continuous = true;           ///< y is linear between its rows; false: it may jump from step to step
+  bool well_posed = true;  ///< the problems of the steps are known to determine y, as far as that was looked at
   std::optional<double> infeasible_at;
 
   /// max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf) with the kernel of the method; NaN where no solution was

@@ -93,7 +93,9 @@ class Run {
       Result next;
       next.seconds.setup = result.seconds.setup;
       named(method, next);
-      const bool ended = next.status != Status::tolerance_not_met && next.status != Status::unsupported;
+      // Implicit Euler, the last resort, is too inexact to prove that there is no solution where the others did not.
+      const bool ended = next.status != Status::tolerance_not_met && next.status != Status::unsupported &&
+                         (method != Method::euler || next.status != Status::infeasible);
       const std::string reason = next.reason;
       if (ended || result.reason.empty()) {  // of several failures the first is the one to explain
         result = std::move(next);
@@ -171,25 +173,41 @@ class Run {
     if (const Index j = continuous ? ringing_from(result.y) : -1; j >= 0)
       return demote(result,
                     text("y alternates between time points from t = %.6g on; use more steps or method euler", p.t[j]));
-    const Rule rule = continuous ? Rule::exponential : Rule::implicit_euler;
-    const Magnification m = magnification(p, rule, result.y);
+    const Magnification m = magnification(p, continuous ? Rule::exponential : Rule::implicit_euler, result.y);
     if (m.rounding > most_rounding)
       return demote(result, text("the scene magnifies perturbations %.1e times up to T: rounding leaves no digit of y",
                                  m.growth));
-    if (!(m.growth > doubtful_growth)) return;
-    const Result fine = refined(method);
-    const double change = fine.status == Status::solved ? change_when_halved(result.y, fine.y, p.J).mean : INFINITY;
-    if (!(change <= most_change))
-      demote(result, text("the scene magnifies errors %.1e times, and y changes by %.1e of its size when the step is "
-                          "halved: use more steps",
-                          m.growth, change));
+    if (!result.well_posed)
+      confirm_by_half_the_step(method, "the problems of the steps may have several solutions", result);
+    else if (m.growth > doubtful_growth)
+      confirm_by_half_the_step(method, text("the scene magnifies errors %.1e times", m.growth), result);
+    else if (m.impulse > unresolved_impulse && continuous)
+      confirm_by_half_the_step(method, "a constraint is active for a few steps only, and strongly", result);
   }
 
-  static constexpr double most_kernel_error = 1e-6;  ///< two ways to the same weights, relative to the largest
-  static constexpr double most_rounding = 1e-4;      ///< of the state, left by rounding
-  static constexpr double doubtful_growth = 100;     ///< of perturbations: an error of one step may fill the result
-  static constexpr double most_change = 0.1;         ///< of y, in the mean, with half the step where errors grow
-  static constexpr double confirmed_change = 0.05;   ///< of y before a step without a solution
+  // An error of one step may fill the result, or a step may have several solutions: with half the step the same must
+  // come out.
+  void confirm_by_half_the_step(Method method, const std::string& why, Result& result) {
+    const DiscreteProblem& p = methods_.problem();
+    Methods half(p.scene, backend_, 2 * p.J, {});
+    Result fine;
+    half.run(method, options_, fine);
+    bool same = fine.status == Status::solved && change_when_halved(result.y, fine.y, p.J).mean <= most_mean_change;
+    if (same && p.dense() && p.scene.states() <= Methods::most_recorded_states) {
+      const Change x = change_when_halved(methods_.all_states(method, result), half.all_states(method, fine), p.J);
+      same = x.mean <= most_mean_change && x.typical <= most_typical_change;
+    }
+    if (!same)
+      demote(result, why + ", and with half the step another result comes out; use more steps or another method");
+  }
+
+  static constexpr double most_kernel_error = 1e-6;    ///< two ways to the same weights, relative to the largest
+  static constexpr double most_rounding = 1e-4;        ///< of the state, left by rounding
+  static constexpr double doubtful_growth = 1e4;       ///< of perturbations: an error of one step may fill the result
+  static constexpr double unresolved_impulse = 0.1;    ///< of the state, in a step in which the active set changes
+  static constexpr double most_mean_change = 0.1;      ///< of y and x with half the step, where that is looked at
+  static constexpr double most_typical_change = 0.05;  ///< of x at 95 of 100 time points
+  static constexpr double confirmed_change = 0.05;     ///< of y before a step without a solution
 
   Methods& methods_;
   Backend& backend_;

@@ -37,9 +37,8 @@ SparseMatrix source_matrix(const Scene& scene, const Dynamics& dynamics) {
   return identity;
 }
 
-std::string describe(Index stages, Index steps, const MarchReport& report) {
+std::string describe(Index stages, const MarchReport& report) {
   if (stages == 1) return "implicit Euler on the state";
-  if (report.jumps == steps) return "implicit Euler on the state: two stages a step would have several solutions";
   std::string text = "y discontinuous between steps: Radau IIA on the state";
   if (report.jumps > 0) text += ", " + std::to_string(report.jumps) + " steps by implicit Euler (the state jumps)";
   return text;
@@ -88,7 +87,8 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& opti
   p.backend.download(*y, result.y);
   p.backend.download(*x, result.x);
   result.continuous = false;
-  result.kernel = describe(stages, p.J, report);
+  result.well_posed = report.well_posed;
+  result.kernel = describe(stages, report);
   if (start == Start::impulse) result.kernel += impulse_note;
   count(report, result);
   if (report.stopped >= 0) return explain_stop(p, report, result);

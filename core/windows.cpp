@@ -55,7 +55,8 @@ std::optional<Forecast> iteration_forecast(const DiscreteProblem& p, double tole
 
 Index iteration_window(const DiscreteProblem& p, double tolerance) {
   const std::optional<Forecast> f = iteration_forecast(p, tolerance);
-  if (!f) return p.J;
+  // With several solutions a window could begin on another one than its state was made with.
+  if (!f || (p.lcp_class != LcpClass::P && p.lcp_class != LcpClass::Z)) return p.J;
   const double longest = f->longest_window(safety * tolerance);
   return longest > 0 && longest < p.scene.T ? std::max<Index>(1, Index(longest / p.h)) : p.J;
 }

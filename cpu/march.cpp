@@ -52,6 +52,7 @@ class ModalMarch final : public March {
     const FlushDenormals flush;
     RowMatrix &Y = host(y_array), &V = host(v_array);
     MarchReport report;
+    report.well_posed = lcp_.well_posed();
     start(Y);
     for (Index j = 1; j < Y.rows(); ++j) {
       if (asked_to_stop_(j, report)) {
@@ -175,6 +176,7 @@ class DenseMarch final : public March {
     const FlushDenormals flush;
     RowMatrix &Y = host(y_array), &V = host(v_array);
     MarchReport report;
+    report.well_posed = lcp_.well_posed();
     y_ = Y.row(0).transpose();
     lcp_.start_from(y_);
     z_.noalias() = r_.start * y_;

@@ -106,6 +106,7 @@ class LagMarch final : public March {
     const FlushDenormals flush;
     RowMatrix &Y = host(y_array), &V = host(v_array);
     MarchReport report;
+    report.well_posed = lcp_.well_posed();
     y_ = Y.row(0).transpose();
     lcp_.start_from(y_);
     V.row(0).setZero();

@@ -42,7 +42,7 @@ class Stepper {
   Vector last_stage() const { return Y.tail(M_.rows()); }
 
   // Solutions of a step are unique, or at least form a convex set of which one is taken.
-  bool well_posed() const { return lcp_.implicit_class() == LcpClass::P || lcp_.implicit_class() == LcpClass::PSD; }
+  bool well_posed() const { return lcp_.well_posed(); }
 
   // Constraints that are active at one stage of the step and not at another.
   bool switches() const {
@@ -81,14 +81,13 @@ class Stages final : public StageMarch {
   Stages(const StageProblem& p, Index rows) : problem_(p), asked_to_stop_(p), rows_(rows), main_(p, p.stages) {
     if (const auto* d = std::get_if<DenseDynamics>(p.dynamics)) B_ = d->B.sparseView();
     if (const auto* d = std::get_if<SparseDynamics>(p.dynamics)) B_ = d->B;
-    // Where two stages have lost uniqueness and one has not, every step takes one.
-    if (p.stages == 2 && !main_.well_posed()) one_stage_only_ = one_stage().well_posed();
   }
 
   MarchReport run(Array& y_array, Array& v_array, Array& x_array) override {
     const FlushDenormals flush;
     RowMatrix &Y = host(y_array), &V = host(v_array), &X = host(x_array);
     MarchReport report;
+    report.well_posed = main_.well_posed();
     Vector x = problem_.x0, next(x.size());
     record(x, 0, V, X);
     for (Index j = 1; j < rows_; ++j) {
@@ -124,20 +123,16 @@ class Stages final : public StageMarch {
   // The step to t_j by the stages asked for, or by one where the state jumps or there is no solution otherwise. Null:
   // it stayed unsolved.
   const Stepper* take(const Vector& x, Index j, Vector& next, MarchReport& report) {
-    if (!one_stage_only_) {
-      const bool fine = main_.advance(x, j, next, report);
-      if (fine && !jumps(x, next)) return &main_;
-      if (problem_.stages == 1) return nullptr;
-      MarchReport by_euler = report;
-      by_euler.stopped = by_euler.infeasible = -1;
-      by_euler.count.unsolved = 0;
-      other_.resize(x.size());
-      if (!one_stage().advance(x, j, other_, by_euler)) return fine ? &main_ : nullptr;
-      next.swap(other_);
-      report = by_euler;
-    } else if (!one_stage().advance(x, j, next, report)) {
-      return nullptr;
-    }
+    const bool fine = main_.advance(x, j, next, report);
+    if (fine && !jumps(x, next)) return &main_;
+    if (problem_.stages == 1) return nullptr;
+    MarchReport by_euler = report;
+    by_euler.stopped = by_euler.infeasible = -1;
+    by_euler.count.unsolved = 0;
+    other_.resize(x.size());
+    if (!one_stage().advance(x, j, other_, by_euler)) return fine ? &main_ : nullptr;
+    next.swap(other_);
+    report = by_euler;
     ++report.jumps;
     return &one_stage();
   }
@@ -159,7 +154,6 @@ class Stages final : public StageMarch {
   Index rows_;
   Stepper main_;
   std::unique_ptr<Stepper> one_stage_;
-  bool one_stage_only_ = false;
   Vector other_;
   SparseMatrix B_;
 };

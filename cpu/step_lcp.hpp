@@ -14,11 +14,14 @@ class StepLcp {
  public:
   StepLcp(const Matrix& implicit, const Matrix& M, LcpClass lcp_class)
       : M_(M),
+        scene_class_(lcp_class),
         implicit_class_(classify(LcpMatrix(implicit))),
         solver_(implicit, implicit_class_, lcp_class == LcpClass::Z ? &M_ : nullptr) {}
 
-  /// Of the matrix of the step.
-  LcpClass implicit_class() const { return implicit_class_; }
+  /// The problem of a step determines its solution: it is the only one, of least norm, or a least element.
+  bool well_posed() const {
+    return scene_class_ == LcpClass::Z || implicit_class_ == LcpClass::P || implicit_class_ == LcpClass::PSD;
+  }
 
   void start_from(const Vector& y) { solver_.start_from(y); }
 
@@ -36,7 +39,7 @@ class StepLcp {
     ++report.count.unsolved;
     if (!q.allFinite())
       report.finite = false;
-    else if (outcome.infeasible || outcome.exhausted)  // proven, or every active set was tried
+    else if (outcome.infeasible && scene_class_ != LcpClass::P)  // with M of class P the scene has a solution
       report.infeasible = j;
     report.stopped = j;
     return false;
@@ -44,7 +47,7 @@ class StepLcp {
 
  private:
   Matrix M_;
-  LcpClass implicit_class_;
+  LcpClass scene_class_, implicit_class_;
   ActiveSetLcp solver_;
 };
 

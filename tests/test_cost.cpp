@@ -42,7 +42,12 @@ TEST(Cost, WhatDoesNotFitIsRefusedWithNumbers) {
 
 // A Kronecker sum with 10^4 constraints: marching wants n x n matrices, the iteration does not.
 TEST(Cost, AutoIsRefusedOnlyWhereNothingFits) {
-  const Scene scene = make_scene("signorini", {{"Q", 10000}});
+  const Index n = 10000;
+  Scene scene = make_scene("signorini");
+  scene.dynamics = KroneckerDynamics{{n, 1e-4, 1}, {n, 1e-4, 1}, Vector::Unit(n, 0), Vector::Unit(n, 0)};
+  scene.M = Tridiagonal{-Vector::Ones(n), Vector::Constant(n, 4), -Vector::Ones(n)};
+  scene.f = scene.g = {};
+  scene.x0 = Vector::Zero(n * n);
   const double march = predicted_cost(scene, Method::march, 4, 0).bytes;
   const double contour = predicted_cost(scene, Method::contour, 4, 0).bytes;
   EXPECT_GT(march, 5e9);

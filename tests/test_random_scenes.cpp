@@ -54,17 +54,17 @@ TEST(RandomScenes, NothingFailsSilently) {
 TEST(RandomScenes, ScenesThatNeedCare) {
   const auto backend = make_cpu_backend(1);
   const std::vector<std::pair<std::uint32_t, Method>> cases{
-      {16059, Method::contour},  // windows in time, and several solutions where two windows meet
-      {13749, Method::contour},  //
-      {2595, Method::march},     // one branch of solutions ends, another one leads to T
-      {5748, Method::euler},     //
-      {23162, Method::march},    //
-      {25941,
-       Method::automatic},     // M is P, steps so long that M + W_0 is not: a step without a solution proves nothing
-      {3076, Method::march},   // M skew, h B N small: pivots of 1e-5 in the matrix of the step
-      {52, Method::euler},     // the state jumps to zero and stays there
-      {18103, Method::march},  //
-      {1549, Method::euler},   // duplicated constraints, y_0 of least norm
+      {16059, Method::contour},    // windows in time, and several solutions where two windows meet
+      {13749, Method::contour},    //
+      {2595, Method::march},       // one branch of solutions ends, another one leads to T
+      {5748, Method::euler},       //
+      {23162, Method::march},      //
+      {25941, Method::automatic},  // M is P, M + W_0 is not: a step without a solution proves nothing
+      {7530, Method::march},       // the same, solved with four times the steps
+      {3076, Method::march},       // M skew, h B N small: pivots of 1e-5 in the matrix of the step
+      {52, Method::euler},         // the state jumps to zero and stays there
+      {18103, Method::march},      //
+      {1549, Method::euler},       // duplicated constraints, y_0 of least norm
   };
   for (const auto& [seed, method] : cases) {
     const RandomScene random = any_scene(seed);
@@ -80,13 +80,13 @@ TEST(RandomScenes, EveryFamilyIsOfItsClass) {
     const Matrix& M = std::get<Matrix>(random.scene.M);
     const LcpClass found = class_of(M);
     const std::string name = to_string(random.family);
-    if (name.starts_with("P,")) EXPECT_EQ(found, LcpClass::P) << name << " " << seed;
-    if (random.family == Family::m_matrix) EXPECT_EQ(found, LcpClass::P) << seed;
+    if (name.starts_with("P,") || random.family == Family::m_matrix) {
+      EXPECT_EQ(found, LcpClass::P) << name << " " << seed;
+    }
     // A matrix of low rank with a skew part may be P.
-    if (random.family == Family::low_rank)
-      EXPECT_TRUE(found == LcpClass::PSD || found == LcpClass::P) << seed;
-    else if (name.starts_with("PSD"))
+    if (name.starts_with("PSD") && !(random.family == Family::low_rank && found == LcpClass::P)) {
       EXPECT_EQ(found, LcpClass::PSD) << name << " " << seed;
+    }
     if (random.scene.lcp_class == LcpClass::Z) {
       Matrix off = M;
       off.diagonal().setZero();
@@ -174,7 +174,7 @@ TEST(OracleSteps, StabilityFunctionOfRadau) {
   }
 }
 
-// x' = y, 0 <= y ⊥ x + t - 1/2 >= 0 from x0: y = -1 is not allowed, x stays; with g = x - (t - 1/2) y = 1 from 1/2 on.
+// x' = y, 0 <= y ⊥ x - (t - 1/2) >= 0: a wall that moves to the right with speed 1 pushes x once it has come.
 Scene wall(double x0) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix::Zero(1, 1), Matrix::Ones(1, 1), Matrix::Ones(1, 1)};
@@ -190,7 +190,7 @@ TEST(OracleSteps, RadauFollowsAMovingWall) {
   for (Index j = 0; j <= 8; ++j) {
     // Linear in time, and 1/2 is a time point: exact.
     EXPECT_NEAR(found.x(j, 0), std::max(0.0, found.t[j] - 0.5), 1e-15) << j;
-    if (j > 0) EXPECT_NEAR(found.y(j, 0), found.t[j] > 0.5 ? 1 : 0, 1e-14) << j;
+    EXPECT_NEAR(found.y(j, 0), j > 0 && found.t[j] > 0.5 ? 1 : 0, 1e-14) << j;
   }
 }
 

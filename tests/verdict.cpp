@@ -64,30 +64,8 @@ class Judge {
         main_(s, scheme_, J_),
         euler_(s, Scheme::euler, J_) {}
 
-  Verdict solved() {
-    if (!r_.y.allFinite() || !r_.x.allFinite()) return fails("y or x is not finite");
-    if (!start()) return verdict_;
-    for (Index j = 1; j <= J_; ++j)
-      if (!step(j)) return verdict_;
-    // Where y_1 is not unique, a step of Euler may be one of Radau IIA too.
-    if (scheme_ == Scheme::radau && (unique_ ? said_jumps() != jumps_ : said_jumps() < jumps_))
-      return fails(text("%ld steps by Euler were found, %ld are reported", long(jumps_), long(said_jumps())));
-    return compare_residual();
-  }
-
-  Verdict infeasible() {
-    if (!r_.infeasible_at) return fails("infeasible without a time");
-    if (s_.lcp_class == LcpClass::P) return fails("infeasible, but M is P: y is a Lipschitz function of the state");
-    const Index end = Index(std::llround(*r_.infeasible_at / h_));
-    if (end == 0)
-      return solutions(s_.M, q(0)).empty() ? verdict_ : fails("infeasible at t = 0, but there is a solution");
-    if (!start()) return verdict_;
-    for (Index j = 1; j < end; ++j)
-      if (!step(j)) return verdict_;
-    if (has_solution(end)) return fails(text("infeasible at step %ld, but it has a solution", long(end)));
-    // Steps with several solutions: the end of one branch is not the end of all.
-    if (!unique_ && trajectory(s_, scheme_, J_).infeasible < 0)
-      return fails(text("infeasible at step %ld, but other solutions of earlier steps lead to T", long(end)));
+  Verdict verdict() {
+    r_.status == Status::solved ? solved() : infeasible();
     return verdict_;
   }
 
@@ -104,6 +82,32 @@ class Judge {
   }
 
  private:
+  bool solved() {
+    if (!r_.y.allFinite() || !r_.x.allFinite()) return fails("y or x is not finite");
+    if (!start()) return false;
+    for (Index j = 1; j <= J_; ++j)
+      if (!step(j)) return false;
+    // Where y_1 is not unique, or the state is rounding only, a step of Euler may be one of Radau IIA too.
+    if (scheme_ == Scheme::radau && (unique_ && !vanished_ ? said_jumps() != jumps_ : said_jumps() < jumps_))
+      return fails(text("%ld steps by Euler were found, %ld are reported", long(jumps_), long(said_jumps())));
+    return compare_residual();
+  }
+
+  bool infeasible() {
+    if (!r_.infeasible_at) return fails("infeasible without a time");
+    if (s_.lcp_class == LcpClass::P) return fails("infeasible, but M is P: y is a Lipschitz function of the state");
+    const Index end = Index(std::llround(*r_.infeasible_at / h_));
+    if (end == 0) return solutions(s_.M, q(0)).empty() || fails("infeasible at t = 0, but there is a solution");
+    if (!start()) return false;
+    for (Index j = 1; j < end; ++j)
+      if (!step(j)) return false;
+    if (has_solution(end)) return fails(text("infeasible at step %ld, but it has a solution", long(end)));
+    // Steps with several solutions: the end of one branch is not the end of all.
+    if (!unique_ && trajectory(s_, scheme_, J_).infeasible < 0)
+      return fails(text("infeasible at step %ld, but other solutions of earlier steps lead to T", long(end)));
+    return true;
+  }
+
   /// The step to t_j from the x_{j-1} and y_{j-1} of the result, by Radau IIA or else by Euler.
   bool has_solution(Index j) const {
     const Vector before = j > 1 ? x(j - 1) : s_.x0, last = impulse_ && j == 1 ? Vector::Zero(s_.M.rows()) : y(j - 1);
@@ -117,9 +121,9 @@ class Judge {
   Vector g(Index j) const { return value(s_.g, h_ * double(j), s_.M.rows()); }
   Vector q(Index j) const { return s_.N * (j == 0 ? s_.x0 : x(j)) + g(j); }
 
-  Verdict fails(const std::string& what) {
+  bool fails(const std::string& what) {
     verdict_.failure = what;
-    return verdict_;
+    return false;
   }
 
   bool accepts(Index j, double relative, const Vector& w) {
@@ -127,8 +131,7 @@ class Judge {
     if (relative <= most_violation) return true;
     // An iteration promises 1e-9 in the natural map only, in absolute terms below 1.
     if (iterates(r_) && largest(y(j).cwiseMin(w)) <= 1.1e-9 * std::max(1.0, largest(w - s_.M * y(j)))) return true;
-    fails(text("row %ld is not complementary: violation %.1e of its terms", long(j), relative));
-    return false;
+    return fails(text("row %ld is not complementary: violation %.1e of its terms", long(j), relative));
   }
 
   bool start() {
@@ -136,17 +139,12 @@ class Judge {
     const Vector terms = s_.M.cwiseAbs() * y(0) + s_.N.cwiseAbs() * s_.x0.cwiseAbs() + g(0).cwiseAbs();
     if (contains(r_.kernel, "the state jumps at t = 0")) {
       impulse_ = true;
-      if (!selected_solution(s_.M, q0, s_.lcp_class)) return true;
-      fails("an impulse at t = 0, but there is a solution");
-      return false;
+      return !selected_solution(s_.M, q0, s_.lcp_class) || fails("an impulse at t = 0, but there is a solution");
     }
     if (!accepts(0, violation(y(0), w, terms, columns(s_.M, terms)), w)) return false;
     if (s_.lcp_class != LcpClass::Z && s_.lcp_class != LcpClass::PSD) return true;
     const auto selected = selected_solution(s_.M, q0, s_.lcp_class);
-    if (!selected || differs(*selected, y(0))) {
-      fails("y_0 is not the solution that the class selects");
-      return false;
-    }
+    if (!selected || differs(*selected, y(0))) return fails("y_0 is not the solution that the class selects");
     return true;
   }
 
@@ -176,19 +174,15 @@ class Judge {
   }
 
   bool one_stage(const StepProblem& p, Index j) {
-    if (const double e = state_error(p, j, y(j)); !(e <= most_in_state)) {
-      fails(text("x_%ld does not follow from x and y: %.1e", long(j), e));
-      return false;
-    }
+    if (const double e = state_error(p, j, y(j)); !(e <= most_in_state))
+      return fails(text("x_%ld does not follow from x and y: %.1e", long(j), e));
     const Vector w = s_.M * y(j) + q(j), terms = terms_of(p, j, y(j));
     if (!accepts(j, violation(y(j), w, terms, columns(p.matrix, terms)), w)) return false;
     // What the tolerance of an iteration leaves open may be more than this comparison allows.
     if (s_.lcp_class != LcpClass::Z || (iterates(r_) && is_p_matrix(s_.M))) return true;
     const auto least = selected_solution(s_.M, q(j), LcpClass::Z);
-    if (least && differs(*least, y(j)) && (*least - y(j)).minCoeff() < -same_solution * largest(y(j))) {
-      fails(text("row %ld is a solution, but not the least", long(j)));
-      return false;
-    }
+    if (least && differs(*least, y(j)) && (*least - y(j)).minCoeff() < -same_solution * largest(y(j)))
+      return fails(text("row %ld is a solution, but not the least", long(j)));
     return true;
   }
 
@@ -218,10 +212,11 @@ class Judge {
 
   bool step(Index j) {
     before_ = std::max(before_, largest(x(j - 1)));
+    vanished_ = vanished_ || largest(x(j - 1)) <= carried * before_;
     const StepProblem p = main_.problem(j, x(j - 1), y(j - 1));
     if (j == 1) unique_ = is_p_matrix(p.matrix);
     if (scheme_ != Scheme::radau) {
-      if (impulse_ && j == 1 && differs(y(0), y(1))) return fails("y_0 of an impulse is not y_1"), false;
+      if (impulse_ && j == 1 && differs(y(0), y(1))) return fails("y_0 of an impulse is not y_1");
       return one_stage(p, j);
     }
     const Index n = s_.M.rows();
@@ -242,9 +237,8 @@ class Judge {
       verdict_.violation = std::max(verdict_.violation, best);
       // Where Y is not unique, it may be another one that was looked at.
       if (really_jumps(p, j, best_Y, 0.999 * h_) && unique_ && step_solution(s_, euler_step(j), y(j)))
-        return fails(text("step %ld jumps, but was not taken by Euler", long(j))), false;
-      if (impulse_ && j == 1 && unique_ && differs(y(0), best_Y.head(n)))
-        return fails("y_0 is not the first stage"), false;
+        return fails(text("step %ld jumps, but was not taken by Euler", long(j)));
+      if (impulse_ && j == 1 && unique_ && differs(y(0), best_Y.head(n))) return fails("y_0 is not the first stage");
       return true;
     }
     return jump_step(p, j, best);
@@ -263,15 +257,14 @@ class Judge {
     const double as_euler = violation(y(j), w, terms, columns(jump.matrix, terms));
     if (!(as_euler <= most_violation) || !(state_error(jump, j, y(j)) <= most_in_state))
       return fails(text("step %ld is no step of Radau IIA (%.1e) nor of Euler (%.1e, state %.1e)", long(j), as_radau,
-                        as_euler, state_error(jump, j, y(j)))),
-             false;
+                        as_euler, state_error(jump, j, y(j))));
     ++jumps_;
-    if (impulse_ && j == 1 && differs(y(0), y(1))) return fails("y_0 of an impulse is not y_1"), false;
+    if (impulse_ && j == 1 && differs(y(0), y(1))) return fails("y_0 of an impulse is not y_1");
     verdict_.violation = std::max(verdict_.violation, as_euler);
     const auto stages = step_solution(s_, p, y(j).replicate(2, 1));
     if (stages && unique_ && !jumps(s_, 1.001 * h_, *stages, x(j - 1), p.free + p.drive * *stages) &&
         largest(x(j - 1)) > carried * before_)
-      return fails(text("step %ld was taken by Euler without a jump", long(j))), false;
+      return fails(text("step %ld was taken by Euler without a jump", long(j)));
     return true;
   }
 
@@ -280,7 +273,7 @@ class Judge {
     return at == std::string::npos ? 0 : std::atol(r_.kernel.c_str() + at + 14);
   }
 
-  Verdict compare_residual() {
+  bool compare_residual() {
     double magnitude = 1;
     for (Index j = impulse_ ? 1 : 0; j <= J_; ++j) {
       const Vector qj = q(j), w = s_.M * y(j) + qj;
@@ -293,7 +286,7 @@ class Judge {
     const double limit = (1e-10 + 10 * verdict_.violation) * magnitude;
     if (!(std::abs(verdict_.residual - r_.residual) <= limit))
       return fails(text("the residual is %.1e, not %.1e", verdict_.residual, r_.residual));
-    return verdict_;
+    return true;
   }
 
   const DenseScene& s_;
@@ -303,9 +296,10 @@ class Judge {
   double h_;
   Steps main_, euler_;
   bool impulse_ = false;
-  bool unique_ = false;  ///< the matrix of a step is P
-  double before_ = 0;    ///< largest state so far
-  unsigned last_ = 0;    ///< active set of the first stage in the last step
+  bool unique_ = false;    ///< the matrix of a step is P
+  bool vanished_ = false;  ///< the state has been rounding only
+  double before_ = 0;      ///< largest state so far
+  unsigned last_ = 0;      ///< active set of the first stage in the last step
   long jumps_ = 0;
   Verdict verdict_;
 };
@@ -313,14 +307,11 @@ class Judge {
 }  // namespace
 
 Scheme scheme_of(const Result& result) {
-  if (result.method == "euler") return Scheme::euler;
+  if (result.method == "euler" || result.kernel.starts_with("implicit Euler on the state")) return Scheme::euler;
   return result.kernel.starts_with("y discontinuous") ? Scheme::radau : Scheme::exponential;
 }
 
-Verdict judge(const DenseScene& scene, const Result& result) {
-  Judge judge(scene, result);
-  return result.status == Status::solved ? judge.solved() : judge.infeasible();
-}
+Verdict judge(const DenseScene& scene, const Result& result) { return Judge(scene, result).verdict(); }
 
 Trial try_method(const RandomScene& random, const DenseScene& dense, Method method, Backend& backend) {
   Options options;
