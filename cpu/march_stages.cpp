@@ -44,10 +44,11 @@ class Stepper {
   // Solutions of a step are unique, or at least form a convex set of which one is taken.
   bool well_posed() const { return lcp_.well_posed(); }
 
-  // Constraints that are active at one stage of the step and not at another.
+  // Constraints that are active at one stage of the step and not at the other, beyond rounding.
   bool switches() const {
+    const double zero = 1e-9 * Y.cwiseAbs().maxCoeff();
     for (Index i = 0; i < M_.rows() && stages_ == 2; ++i)
-      if ((Y[i] > 0) != (Y[M_.rows() + i] > 0)) return true;
+      if ((Y[i] > zero) != (Y[M_.rows() + i] > zero)) return true;
     return false;
   }
 

@@ -73,6 +73,16 @@ TEST(Certificate, ASolutionWithoutDigitsIsNotCalledSolved) {
   }
 }
 
+TEST(Certificate, ImpulsesAreComparedByTheirIntegral) {
+  RowMatrix coarse = RowMatrix::Ones(5, 1), fine = RowMatrix::Ones(9, 1);
+  coarse(2, 0) += 10;  // 10 h = 20 h/2
+  fine(4, 0) += 20;
+  const RowMatrix a = running_integral(coarse, 0.5), b = running_integral(fine, 0.25);
+  EXPECT_EQ(a(0, 0), 0);
+  EXPECT_EQ(a(4, 0), 7);
+  EXPECT_EQ(change_when_halved(a, b, 4).largest, 0);
+}
+
 TEST(Certificate, ChangeWithTheStepIsTakenOnCommonNodes) {
   RowMatrix coarse(3, 1), fine(5, 1);
   coarse << 0, 1, 2;
