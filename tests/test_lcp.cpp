@@ -77,7 +77,29 @@ TEST(ActiveSetLcp, LeastElementsAgainstEnumeration) {
   EXPECT_LT(infeasible, 2200);
 }
 
+/// Semismooth Newton on min(y, w) by itself: from an active set to the next until one comes back; true where that is not
+/// the same set (a cycle).
+bool newton_cycles(const Matrix& M, const Vector& q, unsigned set) {
+  std::vector<char> seen(std::size_t(1) << q.size(), 0);
+  while (!seen[set]) {
+    seen[set] = 1;
+    Matrix system = Matrix::Identity(q.size(), q.size());  // rows of M on the set, y_i = 0 elsewhere
+    Vector right = Vector::Zero(q.size());
+    for (Index i = 0; i < q.size(); ++i)
+      if (set >> i & 1u) system.row(i) = M.row(i), right[i] = -q[i];
+    const Vector y = system.partialPivLu().solve(right), w = M * y + q;
+    unsigned next = 0;
+    for (Index i = 0; i < q.size(); ++i) next |= unsigned(y[i] > w[i]) << i;
+    if (next == set) return false;
+    set = next;
+  }
+  return true;
+}
+
 TEST(ActiveSetLcp, EndsWhereNewtonCycles) {
+  int cycles = 0;
+  for (unsigned start = 0; start < 8; ++start) cycles += newton_cycles(cycling, Vector::Constant(3, -1), start);
+  EXPECT_EQ(cycles, 6);
   int fallbacks = 0;
   for (unsigned start = 0; start < 8; ++start) {
     ActiveSetLcp solver(cycling, LcpClass::P);
