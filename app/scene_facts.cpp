@@ -1,6 +1,6 @@
 #include "app/scene_facts.hpp"
 
-#include "core/lcp_class.hpp"
+#include "core/lcp/lcp_class.hpp"
 #include "core/spectrum.hpp"
 
 namespace bromwich::app {

@@ -1,7 +1,7 @@
 #include "core/discrete_problem.hpp"
 
 #include "core/kernel.hpp"
-#include "core/lcp.hpp"
+#include "core/lcp/active_set_lcp.hpp"
 
 namespace bromwich {
 

@@ -1,6 +1,6 @@
 #include "core/forecast.hpp"
 
-#include "core/lcp_class.hpp"
+#include "core/lcp/lcp_class.hpp"
 
 #include <algorithm>
 #include <cmath>

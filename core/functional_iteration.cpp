@@ -2,7 +2,7 @@
 
 #include "core/compression.hpp"
 #include "core/kernel.hpp"
-#include "core/lcp.hpp"
+#include "core/lcp/active_set_lcp.hpp"
 #include "core/timer.hpp"
 #include "core/weight_check.hpp"
 

@@ -1,6 +1,6 @@
 #include "core/literal.hpp"
 
-#include "core/lcp.hpp"
+#include "core/lcp/active_set_lcp.hpp"
 #include "core/phi.hpp"
 #include "core/timer.hpp"
 

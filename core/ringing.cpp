@@ -1,6 +1,6 @@
 #include "core/ringing.hpp"
 
-#include "core/lcp.hpp"
+#include "core/lcp/active_set_lcp.hpp"
 
 #include <Eigen/LU>
 

@@ -1,7 +1,7 @@
 #include "core/scene.hpp"
 
 #include "core/error.hpp"
-#include "core/lcp.hpp"
+#include "core/lcp/active_set_lcp.hpp"
 
 #include <cmath>
 #include <limits>

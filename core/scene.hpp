@@ -63,7 +63,7 @@ struct Tridiagonal {
 /// The complementarity matrix M, dense or tridiagonal.
 using LcpMatrix = std::variant<Matrix, Tridiagonal>;
 
-/// What is known of M. `automatic` asks for a test (core/lcp.hpp).
+/// What is known of M. `automatic` asks for a test (core/lcp/active_set_lcp.hpp).
 enum class LcpClass { automatic, P, Z, PSD, unknown };
 
 /// How f(t) enters: as an m-vector, as B phi(t) with an n-vector phi, or as F phi(t) with a k-vector phi. What is

@@ -4,7 +4,7 @@
 // matrix that equals M on the active set and the identity elsewhere, without exchanges (all leading minors are positive
 // for a P-matrix; where a pivot fails the row is left to pivoting). Larger matrices go row by row to the active-set
 // solver, which keeps its transform from one time point to the next. The lanes work on R M C with rows and columns of
-// comparable size (core/lcp_solution.hpp). For a PSD matrix a lane counts as solved only where its solution is
+// comparable size (core/lcp/solution.hpp). For a PSD matrix a lane counts as solved only where its solution is
 // certainly the only one.
 
 #include "cpu/lcp_batch.hpp"

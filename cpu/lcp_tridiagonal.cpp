@@ -4,7 +4,7 @@
 // divisions of one hide behind those of the other). A Newton sweep solves the system that equals M on the active set
 // and the identity elsewhere by the Thomas algorithm, eliminating downwards and substituting upwards, and finds the
 // indices to exchange on the way up. Memory per sweep: everything of a block stays in L1/L2; q is read and y written
-// once. Rows and columns are scaled to comparable size (core/lcp_solution.hpp) as q comes in and y goes out. For a PSD
+// once. Rows and columns are scaled to comparable size (core/lcp/solution.hpp) as q comes in and y goes out. For a PSD
 // matrix a lane counts as solved only where its solution is certainly the only one.
 
 #include "cpu/lcp_batch.hpp"

@@ -6,7 +6,7 @@
 // scene is passive (algebraic stability), so that the problem stays in a class that can be solved; they do not change
 // solutions.
 
-#include "core/lcp.hpp"
+#include "core/lcp/active_set_lcp.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/stage_step.hpp"
 #include "cpu/step_lcp.hpp"

@@ -1,6 +1,6 @@
 // The contract of the Backend seam: step-by-step solutions against a loop over the lag table.
 
-#include "core/lcp.hpp"
+#include "core/lcp/active_set_lcp.hpp"
 #include "tests/backends.hpp"
 #include "tests/oracle.hpp"
 

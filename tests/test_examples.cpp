@@ -3,7 +3,7 @@
 // solver; each file derives its tolerance from the discretisation.
 
 #include "core/error.hpp"
-#include "core/lcp_class.hpp"
+#include "core/lcp/lcp_class.hpp"
 #include "files/scene_file.hpp"
 #include "tests/run.hpp"
 
@@ -184,6 +184,21 @@ TEST_P(SmallExample, ImplicitEulerConvergesOrSaysNo) {
   constexpr double well_conditioned = 1e3;  // of M as a map from w to y; scenes of the kind above have 1e10 or infinity
   if (solution_lipschitz(s.M) * std::max(1., to_dense(s.M).cwiseAbs().maxCoeff()) > well_conditioned) return;
   EXPECT_LE(near.y.largest, std::max(far.y.largest / 2, bound_));
+}
+
+// Up to T = 1 an error grows by e^118: no step is small enough, and no method may claim otherwise.
+TEST(UnstableVariant, IsRightOrSaysNoUnderEveryMethod) {
+  SceneFile file = read("dlcp-small-unstable");
+  file.scene.T = 1;
+  for (const Method method :
+       {Method::automatic, Method::march, Method::contour, Method::contour_literal, Method::euler})
+    for (const Index steps : {32, 200, 1000}) {
+      if (method == Method::contour_literal && steps > 200) continue;  // seconds, for the same answer
+      const Result result = run_with_states(file.scene, method, steps);
+      EXPECT_TRUE(result.status != Status::infeasible) << to_string(method) << ' ' << steps;
+      if (result.status != Status::solved) continue;
+      EXPECT_LE(errors(file, result).x.largest, 0.01) << to_string(method) << ' ' << steps;
+    }
 }
 
 GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(SmallExample);  // without a reader there are none

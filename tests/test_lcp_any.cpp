@@ -1,8 +1,8 @@
 // Matrices of no class, matrices of any scale, Lemke's method and the enumeration of active sets.
 
-#include "core/active_sets.hpp"
-#include "core/lcp.hpp"
-#include "core/lemke.hpp"
+#include "core/lcp/enumeration.hpp"
+#include "core/lcp/active_set_lcp.hpp"
+#include "core/lcp/lemke.hpp"
 #include "tests/lcp_oracle.hpp"
 #include "tests/oracle.hpp"
 

@@ -1,6 +1,6 @@
-#include "core/active_sets.hpp"
+#include "core/lcp/enumeration.hpp"
 
-#include "core/lcp_solution.hpp"
+#include "core/lcp/solution.hpp"
 
 #include <Eigen/LU>
 #include <Eigen/QR>

@@ -1,7 +1,7 @@
-#include "core/lcp_class.hpp"
+#include "core/lcp/lcp_class.hpp"
 
-#include "core/lcp_comparison.hpp"
-#include "core/lcp_solution.hpp"
+#include "core/lcp/comparison.hpp"
+#include "core/lcp/solution.hpp"
 
 #include <Eigen/Cholesky>
 

@@ -4,7 +4,7 @@
 // With positive diagonal R and C, y solves LCP(q, M) exactly when C^{-1} y solves LCP(R q, R M C); the active sets, P
 // and Z stay what they are. Powers of two, so that scaling rounds nothing.
 
-#include "scene.hpp"
+#include "../scene.hpp"
 
 #include <Eigen/LU>
 

@@ -1,4 +1,4 @@
-#include "core/lcp_solution.hpp"
+#include "core/lcp/solution.hpp"
 
 #include <algorithm>
 #include <cmath>

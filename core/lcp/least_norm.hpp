@@ -13,7 +13,7 @@
 // A monotone problem without a solution has no feasible point: v >= 0 with M^T v <= 0 and q^T v < 0 exists (Farkas),
 // and v = lim eps y_eps is one: v_S = -(I - M_SS M_SS^+) q_S.
 
-#include "scene.hpp"
+#include "../scene.hpp"
 
 namespace bromwich {
 

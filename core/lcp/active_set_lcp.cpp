@@ -1,8 +1,8 @@
-#include "core/lcp.hpp"
+#include "core/lcp/active_set_lcp.hpp"
 
-#include "core/active_sets.hpp"
-#include "core/least_norm.hpp"
-#include "core/lemke.hpp"
+#include "core/lcp/enumeration.hpp"
+#include "core/lcp/least_norm.hpp"
+#include "core/lcp/lemke.hpp"
 
 #include <algorithm>
 #include <cmath>

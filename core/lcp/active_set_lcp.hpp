@@ -11,10 +11,10 @@
 // empty set by monotone additions, and the problem is infeasible exactly when an added block's solution is not positive
 // (Chandrasekaran, Opsearch 7, 1970; Cottle, Pang, Stone, The Linear Complementarity Problem). PSD: the solutions form
 // a convex set, so that one that is isolated is the only one; otherwise the one of least norm is taken
-// (core/least_norm.hpp). A matrix that is both PSD and Z is treated as Z: the least element has the least norm.
+// (core/lcp/least_norm.hpp). A matrix that is both PSD and Z is treated as Z: the least element has the least norm.
 
 #include "lcp_class.hpp"
-#include "lcp_solution.hpp"
+#include "solution.hpp"
 
 #include <Eigen/LU>
 

@@ -12,7 +12,7 @@
 // H+ and positive definite matrices are P (Cottle, Pang, Stone, The Linear Complementarity Problem, chapter 3). All
 // tests hold for any positive scaling of rows and columns that keeps the class: rounding is judged row by row.
 
-#include "scene.hpp"
+#include "../scene.hpp"
 
 #include <optional>
 #include <string>

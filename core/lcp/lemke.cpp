@@ -2,7 +2,7 @@
 // B       basis, n columns of (I, -M, -d); variables 0..n-1 are w, n..2n-1 are y, 2n is y_0
 // T       B^{-1} (q, I): a row divided by its entry of the entering column is what the lexicographic order compares
 
-#include "core/lemke.hpp"
+#include "core/lcp/lemke.hpp"
 
 #include <Eigen/LU>
 
