@@ -17,7 +17,12 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <optional>
+#include <regex>
+#include <vector>
 
 namespace bromwich::app {
 
@@ -53,6 +58,22 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
 /// States of a scene with a reference are computed for the comparison where there are few.
 constexpr Index most_reference_states = 64;
 
+/// A result may not replace the scene file or a table or matrix that it names.
+void keep_inputs(const std::string& scene, const std::string& out) {
+  namespace fs = std::filesystem;
+  std::error_code none;
+  if (out.empty() || !fs::is_regular_file(scene, none)) return;
+  std::ifstream file(scene);
+  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  std::vector<fs::path> inputs{scene};
+  static const std::regex quoted("[\"']([^\"'\\n]+\\.[A-Za-z]+)[\"']");
+  for (std::sregex_iterator found(text.begin(), text.end(), quoted), end; found != end; ++found)
+    inputs.push_back(fs::path(scene).parent_path() / (*found)[1].str());
+  for (const fs::path& input : inputs)
+    if (fs::equivalent(input, out, none))
+      throw Error("--out", fmt::format("'{}' is an input of the scene", out), "choose another file");
+}
+
 Index state_columns(const Options& options, const Scene& scene) {
   return options.states == StateSelection::all ? scene.states() : Index(options.components.size());
 }
@@ -80,6 +101,7 @@ int run_solve(const SolveArguments& arguments) {
   const int threads = arguments.threads.empty() ? 0 : parse_threads(arguments.threads);
   check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps,
                state_columns(options, choice.scene));
+  keep_inputs(scene_name(words), arguments.out);
   std::optional<OutputFile> out;
   if (!arguments.out.empty()) out.emplace(arguments.out, ".csv");
 

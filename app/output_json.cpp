@@ -63,6 +63,7 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["iterations"] = result.iterations;
   json["cycles"] = result.cycles;
   json["residual"] = result.residual;
+  json["magnification"] = result.magnification;
   json["error_estimate"] = nullable(result.error_estimate);
   json["reference_error"] = nullptr;
   if (has_reference(choice)) json["reference_error"] = {{"x", nullable(error.x)}, {"y", nullable(error.y)}};

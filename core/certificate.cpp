@@ -50,36 +50,59 @@ Vector perturbation(Index m) {
 Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix& y) {
   const DenseDynamics* d = p.dense();
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
-  if (!d || double(p.J) * (2 * m * m + 4 * m * n) > most_operations || !y.allFinite()) return {NAN, NAN, NAN};
+  if (!d || double(p.J) * (3 * m * m + 4 * m * n) > most_operations || !y.allFinite()) return {NAN, NAN, NAN, NAN, {}};
   const StepOperators step = step_operators(d->A, rule, p.h);
   const DenseRecurrence r = dense_recurrence(*d, step);
-  const RowMatrix input = state_input(p, y), driven = y * d->B.transpose();
+  const RowMatrix input = state_input(p, y), driven = y * d->B.transpose(), x = dense_states(step, p.scene.x0, input);
+  const RowMatrix terms = input * step.right.transpose();
+  Magnification result;
+  const Vector largest = x.cwiseAbs().colwise().maxCoeff().transpose();
+  result.scale = largest.cwiseMax(1e-8 * largest.maxCoeff()).cwiseMax(1e-290);
+  const auto norm = [&](const auto& v) { return v.cwiseQuotient(result.scale).norm(); };
+
   ActiveResponse response(to_dense(p.scene.M) + r.w0);
-  Vector dz = perturbation(p.scene.states()), x = p.scene.x0;
-  double log_growth = 0, least = 0, most = 0, error = epsilon * x.norm(), worst = error, size = x.norm(), impulse = 0;
+  const Vector first = perturbation(p.scene.states()).cwiseProduct(result.scale);
+  Vector dz = first / norm(first);
+  double size = norm(p.scene.x0), rounding = epsilon * size, unit = 0, log_growth = 0, least = 0, most = 0;
   for (Index j = 1; j <= p.J; ++j) {
-    x = step.decay * x + step.left * input.row(j - 1).transpose() + step.right * input.row(j).transpose();
     const Vector dy = response(y.row(j).transpose(), r.output * dz);
     dz = (r.decay * dz + r.input * dy).eval();
-    const double rho = dz.norm();
-    size = std::max(size, x.norm());
+    double rho = norm(dz);
+    const double sum = norm(Vector(x.row(j).transpose())) + norm(Vector(terms.row(j).transpose()));
+    size = std::max(size, sum);
     if (j < p.J && (!same_set(y, j, j - 1) || !same_set(y, j, j + 1)))
-      impulse = std::max(impulse, p.h * driven.row(j).norm());
+      result.impulse = std::max(result.impulse, p.h * norm(Vector(driven.row(j).transpose())) / size);
     if (rho < 1e-14) {  // the perturbation is gone, what is left of it is rounding: another one starts
-      dz = perturbation(p.scene.states());
-      log_growth = least = 0;
-      error = epsilon * x.norm();
-      continue;
+      dz = first / norm(first);
+      log_growth = least = rho = 0;
+    } else {
+      dz /= rho;
+      log_growth += std::log(rho);
+      least = std::min(least, log_growth);
+      most = std::max(most, log_growth - least);
     }
-    dz /= rho;
-    error = rho * error + epsilon * x.norm();
-    worst = std::max(worst, error);
-    log_growth += std::log(rho);
-    least = std::min(least, log_growth);
-    most = std::max(most, log_growth - least);
+    rounding = rho * rounding + epsilon * sum;
+    unit = rho * unit + 1;
+    result.rounding = std::max(result.rounding, size > 0 ? rounding / size : 0);
+    result.condition = std::max(result.condition, size > 0 ? unit / size : 0);
   }
-  if (size == 0) return {};
-  return {std::exp(std::min(most, 700.0)), worst / size, impulse / size};
+  result.growth = std::exp(std::min(most, 700.0));
+  return result;
+}
+
+Divergence divergence(const RowMatrix& coarse, const RowMatrix& fine, const Vector& scale) {
+  constexpr Index first_steps = 3;
+  Divergence d;
+  double size = 0;
+  for (Index j = 1; j < coarse.rows(); ++j) {
+    const double apart = (coarse.row(j) - fine.row(2 * j)).transpose().cwiseQuotient(scale).norm();
+    if (!std::isfinite(apart)) return {INFINITY, INFINITY};
+    size = std::max({size, coarse.row(j - 1).transpose().cwiseQuotient(scale).norm(),
+                     coarse.row(j).transpose().cwiseQuotient(scale).norm()});
+    d.pointwise = std::max(d.pointwise, size > 0 ? apart / size : 0);
+    if (j <= first_steps) d.defect = std::max(d.defect, apart / double(j));
+  }
+  return d;
 }
 
 Change change_when_halved(const RowMatrix& coarse, const RowMatrix& fine, Index last) {

@@ -10,17 +10,28 @@ namespace bromwich {
 ///
 ///     dy_S = -(M + W_0)_SS^{-1} C dz_{j-1},   dz_j = E dz_{j-1} + G dy,
 ///
-/// one random dz is carried along and its growth per step rho_j gives e_j = rho_j e_{j-1} + eps |x_j|.
+/// one dz with parts in all directions is carried along. Its growth per step rho_j gives what errors add up to,
+/// e_j = rho_j e_{j-1} + (error of step j), in the norm |D^{-1} x|, D the largest value of each component. Sizes are
+/// the largest |D^{-1} x_i| so far, or the terms that x_i is summed from where these are larger and cancel.
 struct Magnification {
-  double growth = 1;    ///< largest growth of dz from any step to any later one
-  double rounding = 0;  ///< max e_j over the largest |x_j|: what rounding alone may have left of the digits
-  double impulse = 0;   ///< largest h |B y_j| over the largest |x_j| where the active set of row j is not that of both
-                        ///< its neighbours: a contact that begins and ends within few steps is not resolved
+  double growth = 1;     ///< largest growth of dz from any step to any later one
+  double rounding = 0;   ///< largest e_j / size_j for the rounding of each step
+  double condition = 0;  ///< the same for an error of 1 in each step
+  double impulse = 0;    ///< largest h |B y_j| / size where the active set of row j is not that of both its
+                         ///< neighbours: a contact that begins and ends within few steps is not resolved
+  Vector scale;          ///< D, m
 };
 
-/// With the recurrence of the rule: implicit Euler where continuous y would ring. Dense dynamics; NaN in both where the
-/// scene is not dense or too large for a pass over its state.
+/// With the recurrence of the rule: implicit Euler where continuous y would ring. Dense dynamics; NaN and no scale
+/// where the scene is not dense or too large for a pass over its state.
 Magnification magnification(const DiscreteProblem&, Rule, const RowMatrix& y);
+
+/// Two solutions of a scene that magnifies errors, the second with half the step, both as states (rows in R^m).
+struct Divergence {
+  double pointwise = 0;  ///< largest |D^{-1} (x_j - x'_2j)| over the largest state up to there
+  double defect = 0;     ///< error of one step: the same difference without the quotient, over j, in the first steps
+};
+Divergence divergence(const RowMatrix& coarse, const RowMatrix& fine, const Vector& scale);
 
 /// How y or x changes when the step is halved, on the nodes that both grids have (`fine` has twice the steps), rows
 /// 1..last of the coarse one. A jump that moves by a step is a large change at one time point, a small one in the mean,

@@ -26,7 +26,8 @@ Start solve_at_zero(const DiscreteProblem& p, Result& result) {
     ++result.lcp.solved;
     return Start::found;
   }
-  if (report.finite && p.lcp_class != LcpClass::P && is_singular(p.scene.M)) return Start::impulse;
+  const bool left_open = p.lcp_class == LcpClass::PSD || (p.lcp_class != LcpClass::P && is_singular(p.scene.M));
+  if (report.finite && left_open) return Start::impulse;
   result.status = report.infeasible == 0 ? Status::infeasible : Status::tolerance_not_met;
   result.reason = report.infeasible == 0 ? "no solution at t = 0" : "the problem at t = 0 stayed unsolved";
   if (report.infeasible == 0) result.infeasible_at = 0;

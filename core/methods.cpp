@@ -37,12 +37,12 @@ void Methods::run(Method method, const Options& options, Result& result) {
   result.method = to_string(method);
   Timer timer;
   if (method != Method::euler) basis();
-  if (problem_.sparse() && method != Method::euler && basis().continuous) kernel();
+  if (problem_.sparse() && method != Method::euler && !basis().rings) kernel();
   result.seconds.setup += timer.lap();
   switch (method) {
     case Method::contour:
     case Method::contour_literal:
-      if (!basis().continuous) {
+      if (basis().rings) {
         result.status = Status::unsupported;
         result.reason = basis().reason + ": piecewise-linear y would ring; use method march or euler";
       } else if (method == Method::contour) {

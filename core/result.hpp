@@ -40,6 +40,10 @@ struct Result {
   /// none to compare with.
   double kernel_error = std::numeric_limits<double>::quiet_NaN();
 
+  /// Largest growth of perturbations along the solution (core/certificate.hpp); NaN where it was not looked at: sparse
+  /// dynamics, Kronecker sums and very long or large dense scenes.
+  double magnification = std::numeric_limits<double>::quiet_NaN();
+
   std::string method, backend;
   std::string kernel;  ///< how the kernel was made and applied, in words
   Index steps = 0, iterations = 0, cycles = 0;

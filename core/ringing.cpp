@@ -10,9 +10,9 @@ namespace bromwich {
 
 namespace {
 
-constexpr double margin = 0.1;     ///< delta
-constexpr Index most_sets_n = 12;  ///< active sets are enumerated up to this size
-constexpr Index ringing_run = 16;  ///< rows
+constexpr double margin = 1, ringing_margin = 0.1;  ///< delta
+constexpr Index most_sets_n = 12;                   ///< active sets are enumerated up to this size
+constexpr Index ringing_run = 16;                   ///< rows
 
 std::vector<Index> members(unsigned set, Index n) {
   std::vector<Index> S;
@@ -41,18 +41,23 @@ bool same_minors(const Matrix& a, const Matrix& b) {
   return true;
 }
 
-BasisChoice discontinuous(const std::string& reason) { return {false, reason}; }
+BasisChoice discontinuous(const std::string& reason, bool rings = true) { return {false, rings, reason}; }
 
 // at_minus_one = W^(-1).
 BasisChoice decide(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, const Matrix& at_minus_one) {
   const BasisChoice without = choose_basis(M, lcp_class);
   if (lcp_class == LcpClass::Z) return without;
   if (!at_minus_one.allFinite()) return discontinuous("the step meets an oscillation of the scene");
-  const Matrix dense = to_dense(M), damped = dense + at_minus_one - margin * w0;
-  if (dense.rows() <= most_sets_n)
-    return same_minors(dense + w0, damped) ? BasisChoice{} : discontinuous("M leaves y to the dynamics at this step");
-  // Too many active sets to look at: what is surely P is safe, the rest of the P-matrices is watched (ringing_from).
-  return lcp_class == LcpClass::P ? BasisChoice{} : without;
+  const std::string reason = "M leaves y to the dynamics at this step";
+  const Matrix dense = to_dense(M);
+  const auto keeps_its_kind = [&](double delta) -> bool {
+    const Matrix damped = dense + at_minus_one - delta * w0;
+    // Beyond that, those of one index; for the rest of the P-matrices the solution is watched (ringing_from).
+    return dense.rows() <= most_sets_n ? same_minors(dense + w0, damped) : (damped.diagonal().array() > 0).all();
+  };
+  if (dense.rows() > most_sets_n && lcp_class != LcpClass::P) return without;
+  if (keeps_its_kind(margin)) return {};
+  return discontinuous(reason, !keeps_its_kind(ringing_margin));
 }
 
 }  // namespace
@@ -81,7 +86,8 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const LagTable&
     last = sum;
     sum += (d % 2 == 0 ? 1 : -1) * table.W.row(d);
   }
-  const RowMatrix mean = 0.5 * (sum + last);  // partial sums of a slowly changing alternating series lie on both sides
+  const RowMatrix mean = 0.5 * (sum + last);  // partial sums of a slowly changing
+                                              // alternating series lie on both sides
   const auto square = [n](const RowMatrix& row) { return Matrix(Eigen::Map<const RowMatrix>(row.data(), n, n)); };
   return decide(M, lcp_class, square(table.W.row(0)), square(mean));
 }

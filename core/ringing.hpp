@@ -4,12 +4,12 @@
 // On an active set S the discrete problem is M_SS y_j + Σ_d W_d,SS y_{j-d} = -q_j, with symbol M_SS + W^(zeta)_SS,
 // W^(zeta) = Σ_d W_d zeta^d. Its root nearest to -1 decides whether y rings: for K = 1, W^ = h/2 (1 + zeta)/(1 - zeta),
 // so a wrong y_0 comes back at every step with the factor (M - h/2)/(M + h/2); for K = t (a contact force and a
-// position) the root passes through -1 at M = h^2/12 and y grows where M is smaller. With delta = 1/10,
+// position) the root passes through -1 at M = h^2/12 and y grows where M is smaller. With delta = 1,
 //
 //     M_delta = M + W^(-1) - delta W_0
 //
-// has to be of the kind that M + W_0 is: all principal minors of the same sign. Then ringing dies by a fifth a step at
-// least, and no root has crossed -1.
+// has to be of the kind that M + W_0 is: all principal minors of the same sign. Then no root has crossed -1, and what y
+// forgets it forgets without changing sign: M > h/2 for K = 1, M > h^2/4 for K = t, the step resolves what M damps.
 
 #include "discrete_problem.hpp"
 #include "recurrence.hpp"
@@ -18,6 +18,7 @@ namespace bromwich {
 
 struct BasisChoice {
   bool continuous = true;
+  bool rings = false;  ///< even with delta = 1/10: an error of y would alternate for many steps, or grow
   std::string reason;  ///< where it is not
 };
 

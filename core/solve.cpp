@@ -84,6 +84,8 @@ class Run {
   // step cannot be solved (M + W_0 may leave the class of M), the iteration, which only ever needs M, and implicit
   // Euler are tried, in this order.
   void automatic(Result& result) {
+    const DiscreteProblem& p = methods_.problem();
+    if (p.kronecker() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
     std::string before;
     for (const Method method : {Method::march, Method::contour, Method::euler}) {
       if (const std::string why = against(method); !why.empty()) {
@@ -101,12 +103,31 @@ class Run {
         result = std::move(next);
         if (ended) result.kernel += before;
       }
-      if (ended) return;
+      if (ended || sensitive_) return;
       before += std::string("; not ") + to_string(method) + ": " + reason;
     }
   }
 
  private:
+  // Above this many constraints the n x n problems of marching cost more than many sweeps; the iteration gets as many
+  // as marching is predicted to cost.
+  bool iterate_first(Result& result) {
+    const DiscreteProblem& p = methods_.problem();
+    const double march = predicted_cost(p.scene, Method::march, p.J, 0).operations;
+    const double sweep = predicted_cost(p.scene, Method::contour, p.J, 0).operations / 100;
+    Options limited = options_;
+    limited.max_iterations = std::clamp<Index>(Index(march / sweep), 1, options_.max_iterations);
+    Run run(methods_, backend_, limited);
+    Result first;
+    first.seconds.setup = result.seconds.setup;
+    run.named(Method::contour, first);
+    if (first.status != Status::solved && first.status != Status::infeasible) return false;
+    first.kernel += "; taken before march, whose n x n problems cost more";
+    result = std::move(first);
+    return true;
+  }
+  static constexpr Index largest_marched = 1024;
+
   // What speaks against a method before it runs.
   std::string against(Method method) {
     const DiscreteProblem& p = methods_.problem();
@@ -169,29 +190,59 @@ class Run {
     if (method != Method::contour_literal && result.kernel_error > most_kernel_error)
       return demote(result, text("the weights of the kernel are known only to %.1e: use other steps, or method euler",
                                  result.kernel_error));
-    const bool continuous = method != Method::euler && methods_.basis().continuous;
+    const bool continuous = method != Method::euler && result.continuous;
     if (const Index j = continuous ? ringing_from(result.y) : -1; j >= 0)
       return demote(result,
                     text("y alternates between time points from t = %.6g on; use more steps or method euler", p.t[j]));
+    const bool ringing = methods_.basis().rings;  // of continuous y, whatever the method
     const Magnification m = magnification(p, continuous ? Rule::exponential : Rule::implicit_euler, result.y);
-    if (m.rounding > most_rounding)
+    result.magnification = m.growth;
+    if (m.rounding > most_rounding) {
+      sensitive_ = true;
       return demote(result, text("the scene magnifies perturbations %.1e times up to T: rounding leaves no digit of y",
                                  m.growth));
+    }
     if (!result.well_posed)
       confirm_by_half_the_step(method, 1, "the problems of the steps may have several solutions", result);
-    else if (m.growth > doubtful_growth)
+    else if (ringing && m.growth > doubtful_growth_with_jumps)
       confirm_by_half_the_step(method, 1, text("the scene magnifies errors %.1e times", m.growth), result);
-    else if (m.impulse > unresolved_impulse && continuous && p.J >= fewest_steps_to_judge)
-      confirm_by_half_the_step(method, 5, "a constraint is active for a few steps only, and strongly", result);
+    else if (!ringing && m.growth > doubtful_growth)
+      confirm_errors_stay_small(method, m, result);
+    // With M of class P a contact is a spring, however stiff, and its rebound wants to be resolved. (With M = 0 an
+    // impact is over at once, and nothing is to be resolved.)
+    else if (m.impulse > unresolved_impulse && p.lcp_class == LcpClass::P && p.J >= fewest_steps_to_judge)
+      confirm_by_half_the_step(method, continuous ? 5 : 1, "a constraint is active for a few steps only, and strongly",
+                               result);
   }
 
-  // An error of one step may fill the result, or a step may have several solutions: with half the step the same must
-  // come out, up to what a step of this size may miss. y is compared by its integral, so that impulses are.
+  Result with_half_the_step(Method method, Methods& half) {
+    Result fine;
+    half.run(method, options_, fine);
+    return fine;
+  }
+
+  // A scene that magnifies errors: those of the steps, seen in the first steps against half the step, may not add up to
+  // the size of the state, and nowhere may the two runs part.
+  void confirm_errors_stay_small(Method method, const Magnification& m, Result& result) {
+    const DiscreteProblem& p = methods_.problem();
+    Methods half(p.scene, backend_, 2 * p.J, {});
+    const Result fine = with_half_the_step(method, half);
+    Divergence d{INFINITY, INFINITY};
+    if (fine.status == Status::solved)
+      d = divergence(methods_.all_states(method, result), half.all_states(method, fine), m.scale);
+    if (d.pointwise <= most_divergence && d.defect * m.condition <= most_predicted_error) return;
+    sensitive_ = true;
+    demote(result,
+           text("the scene magnifies errors %.1e times, and those of the steps then fill the result", m.growth) +
+               "; use more steps");
+  }
+
+  // A step may have several solutions, or see a contact hardly at all: with half the step the same must come out, up to
+  // what a step of this size may miss. y is compared by its integral, so that impulses are.
   void confirm_by_half_the_step(Method method, double slack, const std::string& why, Result& result) {
     const DiscreteProblem& p = methods_.problem();
     Methods half(p.scene, backend_, 2 * p.J, {});
-    Result fine;
-    half.run(method, options_, fine);
+    const Result fine = with_half_the_step(method, half);
     bool same = fine.status == Status::solved;
     if (same) {
       const Change y = change_when_halved(running_integral(result.y, p.h), running_integral(fine.y, p.h / 2), p.J);
@@ -201,19 +252,24 @@ class Run {
       const Change x = change_when_halved(methods_.all_states(method, result), half.all_states(method, fine), p.J);
       same = x.mean <= slack * most_mean_change && x.typical <= slack * most_typical_change;
     }
+    if (!same && slack > 1) sensitive_ = true;
     if (!same)
       demote(result, why + ", and with half the step another result comes out; use more steps or another method");
   }
 
-  static constexpr double most_kernel_error = 1e-6;    ///< two ways to the same weights, relative to the largest
-  static constexpr double most_rounding = 1e-4;        ///< of the state, left by rounding
-  static constexpr double doubtful_growth = 1e4;       ///< of perturbations: an error of one step may fill the result
-  static constexpr Index fewest_steps_to_judge = 32;   ///< on coarser grids every contact is short
+  static constexpr double most_kernel_error = 1e-6;  ///< two ways to the same weights, relative to the largest
+  static constexpr double most_rounding = 1e-4;      ///< of the state, left by rounding
+  static constexpr double doubtful_growth = 100;     ///< of perturbations: an error of one step may fill the result
+  static constexpr double doubtful_growth_with_jumps = 1e4;  ///< the same where a position held moves a velocity by 1/h
+  static constexpr double most_divergence = 0.1;             ///< of the state, between a step and half of it
+  static constexpr double most_predicted_error = 0.5;        ///< of the state
+  static constexpr Index fewest_steps_to_judge = 32;         ///< on coarser grids every contact is short
   static constexpr double unresolved_impulse = 0.1;    ///< of the state, in a step in which the active set changes
   static constexpr double most_mean_change = 0.1;      ///< of y and x with half the step, where that is looked at
   static constexpr double most_typical_change = 0.05;  ///< of x at 95 of 100 time points
   static constexpr double confirmed_change = 0.05;     ///< of y before a step without a solution
 
+  bool sensitive_ = false;  ///< the scene itself magnifies errors: no method of lower order will do better
   Methods& methods_;
   Backend& backend_;
   const Options& options_;

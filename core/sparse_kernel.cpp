@@ -290,8 +290,11 @@ std::optional<SparseKernel> sparse_kernel(const DiscreteProblem& p, const std::v
   const double start = shift > 0 ? 0 : std::min(s.half_angle, 60 * degree);
   for (const double sector : {0, 15, 30, 45, 60}) {
     if (sector * degree < start * (1 - epsilon)) continue;
-    const Attempt attempt(p, wide, *contour_parameters(sector * degree), shift);
-    if (attempt.error() <= accepted_contour_error) return finish(p, wide, attempt, s);
+    try {
+      const Attempt attempt(p, wide, *contour_parameters(sector * degree), shift);
+      if (attempt.error() <= accepted_contour_error) return finish(p, wide, attempt, s);
+    } catch (const Error&) {  // a node is an eigenvalue to rounding: this contour runs through the spectrum
+    }
   }
   return std::nullopt;
 }

@@ -22,6 +22,7 @@ Spectrum of(const DenseDynamics& d) {
   Spectrum s;
   if (d.A.rows() == 0) return s;
   const ComplexVector eigenvalues = Eigen::EigenSolver<Matrix>(d.A, false).eigenvalues();
+  s.non_normal = (d.A * d.A.transpose() - d.A.transpose() * d.A).norm() > 0.1 * d.A.squaredNorm();
   s.radius = eigenvalues.cwiseAbs().maxCoeff();
   s.abscissa = eigenvalues.real().maxCoeff();
   // The QR algorithm returns eigenvalues to about eps ||A||: smaller ones are zero, and so are smaller imaginary parts.
@@ -43,17 +44,22 @@ Spectrum of(const SparseDynamics& d) {
 }  // namespace
 
 std::string Spectrum::describe() const {
-  char text[128];
-  if (real_negative() && slowest == 0)
-    std::snprintf(text, sizeof text, "real, moduli up to %.3g", radius);
-  else if (real_negative())
-    std::snprintf(text, sizeof text, "real, moduli %.3g to %.3g", slowest, radius);
-  else if (abscissa > 16 * epsilon * radius)
-    std::snprintf(text, sizeof text, "unstable, abscissa %.3g", abscissa);
+  if (radius == 0) return "zero";
+  constexpr double degree = 57.29577951308232;
+  const bool unstable = abscissa > 16 * epsilon * radius, imaginary = !unstable && half_angle * degree > 89.9999;
+  char kind[96], moduli[64];
+  if (unstable)
+    std::snprintf(kind, sizeof kind, "unstable, abscissa %.3g", abscissa);
+  else if (real_negative() || imaginary)
+    std::snprintf(kind, sizeof kind, real_negative() ? "real" : "imaginary");
   else
-    std::snprintf(text, sizeof text, "sector of half-angle %.1f degrees, moduli %.3g to %.3g",
-                  half_angle * 57.29577951308232, slowest, radius);
-  return text;
+    std::snprintf(kind, sizeof kind, "sector of half-angle %.1f degrees", half_angle * degree);
+  if (slowest > 0 && slowest < radius)
+    std::snprintf(moduli, sizeof moduli, ", moduli %.3g to %.3g", slowest, radius);
+  else
+    std::snprintf(moduli, sizeof moduli, slowest > 0 ? ", modulus %.3g" : ", moduli up to %.3g", radius);
+  const bool stiff = slowest > 0 && radius > 1e6 * slowest;
+  return std::string(kind) + moduli + (stiff ? ", stiff" : "") + (non_normal ? ", non-normal" : "");
 }
 
 Spectrum spectrum(const Dynamics& dynamics) {

@@ -8,10 +8,11 @@
 namespace bromwich {
 
 struct Spectrum {
-  double half_angle = 0;  ///< smallest sector |arg(-z)| <= half_angle that holds the eigenvalues (pi if one is > 0)
-  double abscissa = 0;    ///< largest real part
-  double radius = 0;      ///< largest modulus
-  double slowest = 0;     ///< smallest non-zero modulus, 0 if none
+  double half_angle = 0;    ///< smallest sector |arg(-z)| <= half_angle that holds the eigenvalues (pi if one is > 0)
+  double abscissa = 0;      ///< largest real part
+  double radius = 0;        ///< largest modulus
+  double slowest = 0;       ///< smallest non-zero modulus, 0 if none or not known
+  bool non_normal = false;  ///< dense: ||A A^T - A^T A||_F > ||A||_F^2 / 10
 
   bool real_negative() const { return half_angle == 0; }
   /// "real, in [-12.8, -0.04]" and the like.

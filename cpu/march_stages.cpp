@@ -108,12 +108,14 @@ class Stages final : public StageMarch {
   std::size_t bytes() const override { return main_.bytes() + (one_stage_ ? one_stage_->bytes() : 0); }
 
  private:
-  // y moves the state by a good part of its size within the step, and lets go within the step: an impulse.
+  // y moves a component of the state by a good part of its size within the step, and lets go within the step: an
+  // impulse. A component near zero is measured against a hundredth of the largest.
   bool jumps(const Vector& before, const Vector& after) const {
     if (!main_.switches()) return false;
-    const double moved = problem_.h * std::max((B_ * main_.first_stage()).cwiseAbs().maxCoeff(),
-                                               (B_ * main_.last_stage()).cwiseAbs().maxCoeff());
-    return moved > 0.25 * std::max(before.cwiseAbs().maxCoeff(), after.cwiseAbs().maxCoeff());
+    const Vector moved =
+        problem_.h * (B_ * main_.first_stage()).cwiseAbs().cwiseMax((B_ * main_.last_stage()).cwiseAbs());
+    const Vector size = before.cwiseAbs().cwiseMax(after.cwiseAbs());
+    return (moved.array() > 0.25 * size.cwiseMax(0.01 * size.maxCoeff()).array()).any();
   }
 
   Stepper& one_stage() {

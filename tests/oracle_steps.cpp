@@ -184,8 +184,12 @@ bool jumps(const DenseScene& s, double h, const Vector& Y, const Vector& before,
   const Index n = s.M.rows();
   const Vector first = Y.head(n), last = Y.tail(n);
   if (((first.array() > 0) == (last.array() > 0)).all()) return false;
-  const double moved = h * std::max((s.B * first).cwiseAbs().maxCoeff(), (s.B * last).cwiseAbs().maxCoeff());
-  return moved > 0.25 * std::max(before.cwiseAbs().maxCoeff(), after.cwiseAbs().maxCoeff());
+  const Vector moved = h * (s.B * first).cwiseAbs().cwiseMax((s.B * last).cwiseAbs());
+  const Vector size = before.cwiseAbs().cwiseMax(after.cwiseAbs());
+  const double least = 0.01 * size.maxCoeff();
+  for (Index i = 0; i < size.size(); ++i)
+    if (moved[i] > 0.25 * std::max(size[i], least)) return true;
+  return false;
 }
 
 std::optional<Vector> step_solution(const DenseScene& s, const StepProblem& p, const Vector& near) {

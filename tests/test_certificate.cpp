@@ -7,6 +7,7 @@
 #include <Eigen/Dense>
 
 #include <cmath>
+#include <numbers>
 
 namespace bromwich {
 namespace {
@@ -92,6 +93,64 @@ TEST(Certificate, ChangeWithTheStepIsTakenOnCommonNodes) {
   EXPECT_EQ(whole.largest, 0.5);
   EXPECT_EQ(whole.typical, 0);
   EXPECT_EQ(whole.mean, 2.0 / 5);
+}
+
+// x = cos t, y = 2 + sin t > 0 held by feedback of the wrong sign: with y active the closed loop grows by e^{(b-1)t}.
+// Once errors of the steps have grown to the size of y, y drops to 0 and stays there: a solution of the discrete
+// problem, with half the step too, and of no use.
+TEST(Certificate, ATrajectoryThatHasLeftTheSolutionIsNotCalledSolved) {
+  for (const double b : {10.0, 30.0, 100.0})
+    for (const Index J : {200, 1000})
+      for (const Method method : {Method::automatic, Method::march, Method::contour, Method::euler}) {
+        Scene scene;
+        scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{b}}, Matrix{{-1}}};
+        scene.M = Matrix{{1}};
+        const auto x = [](double t) { return std::cos(t); };
+        const auto y = [](double t) { return 2 + std::sin(t); };
+        scene.f = [=](double t, Eigen::Ref<Vector> f) { f[0] = -std::sin(t) + x(t) - b * y(t); };
+        scene.g = [=](double t, Eigen::Ref<Vector> g) { g[0] = x(t) - y(t); };
+        scene.x0 = Vector{{1}};
+        const Result r = run(scene, method, J);
+        if (r.status != Status::solved) continue;
+        for (Index j = 0; j <= J; ++j) EXPECT_NEAR(r.y(j, 0), y(r.t[j]), 0.5) << b << ' ' << J << ' ' << r.method;
+      }
+}
+
+// M = 1e-6 is a spring that throws the mass back within pi/1000: steps that do not see the rebound have no answer.
+TEST(Certificate, ARebound) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{1e-6}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f << 0, -10; };
+  scene.x0 = Vector{{1, 0}};
+  // Free fall to sqrt(0.2), a contact of about pi/1000, and the way back up.
+  const double up = 1 - std::sqrt(0.2) - std::numbers::pi * 1e-3, v = std::sqrt(20.0);
+  for (const Index J : {100, 400, 1000, 40000}) {
+    Options options = options_for(Method::automatic, J);
+    options.states = StateSelection::all;
+    const Result r = run(scene, options);
+    if (J == 40000) {
+      ASSERT_EQ(r.status, Status::solved) << r.reason;
+    }
+    if (r.status != Status::solved) continue;
+    EXPECT_NEAR(r.x(J, 0), v * up - 5 * up * up, 0.02) << J;
+  }
+}
+
+// An initial layer of width M = 1e-4 that no step of 1e-3 resolves: x rises from -1 to 0 and no further.
+TEST(Certificate, AnUnresolvedLayerDoesNotThrowTheStateOver) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1e-4}};
+  scene.x0 = Vector{{-1}};
+  for (const Index J : {10, 100, 1000, 10000}) {
+    Options options = options_for(Method::automatic, J);
+    options.states = StateSelection::all;
+    const Result r = run(scene, options);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    EXPECT_LE(r.x.maxCoeff(), 1e-12) << J;
+    EXPECT_NEAR(r.x(J, 0), 0, 1e-12) << J;
+  }
 }
 
 }  // namespace

@@ -50,8 +50,14 @@ TEST(Cost, AutoIsRefusedOnlyWhereNothingFits) {
   scene.x0 = Vector::Zero(n * n);
   const double march = predicted_cost(scene, Method::march, 4, 0).bytes;
   const double contour = predicted_cost(scene, Method::contour, 4, 0).bytes;
-  EXPECT_GT(march, 5e9);
-  EXPECT_LT(contour, 1e9);
+  EXPECT_GT(march, 2 * contour);
+  Options options = options_for(Method::automatic, 4);
+  options.memory_limit = contour / 2;
+  EXPECT_THROW(refuse_what_does_not_fit(scene, options, 4, 0), Error);
+  options.memory_limit = 0.5 * (contour + march);
+  EXPECT_NO_THROW(refuse_what_does_not_fit(scene, options, 4, 0));
+  options.method = Method::march;
+  EXPECT_THROW(refuse_what_does_not_fit(scene, options, 4, 0), Error);
 }
 
 TEST(Cost, WeeksOfWorkAreRefused) {

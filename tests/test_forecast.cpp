@@ -45,7 +45,7 @@ TEST(Forecast, RefusesTheTwoCycle) {
   EXPECT_GE(of(scene, 4).kappa0, 1);
   EXPECT_FALSE(of(scene, 4).converges(4, 1e-12));
   EXPECT_EQ(of(scene, 4).sweeps, INFINITY);
-  EXPECT_EQ(run(scene, Method::contour, 4).status, Status::tolerance_not_met);
+  EXPECT_NE(run(scene, Method::contour, 4).status, Status::solved);
   const Result r = run(scene, Method::automatic, 4);
   EXPECT_EQ(r.status, Status::solved);
   EXPECT_EQ(r.method, "march");

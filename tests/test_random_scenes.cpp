@@ -48,7 +48,7 @@ TEST(RandomScenes, NothingFailsSilently) {
     EXPECT_TRUE(statuses.contains(status)) << status;
   // Of 10^4 scenes auto solves 8200 and withholds 36 that the oracle solves, nearly all because errors grow in them.
   EXPECT_GT(solved, Index(0.75 * count));
-  EXPECT_LE(missed, Index(0.02 * count));
+  EXPECT_LE(missed, Index(0.04 * count));
 }
 
 TEST(RandomScenes, ScenesThatNeedCare) {
