@@ -1,9 +1,12 @@
 #include "core/certificate.hpp"
 
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <Eigen/QR>
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 namespace bromwich {
 
@@ -88,6 +91,30 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   }
   result.growth = std::exp(std::min(most, 700.0));
   return result;
+}
+
+double contact_frequency(const DiscreteProblem& p, const RowMatrix& y) {
+  constexpr std::size_t most_sets = 16;
+  constexpr double hardly_damped = 0.1;
+  const DenseDynamics& d = *p.dense();
+  const Matrix M = to_dense(p.scene.M);
+  std::set<std::vector<Index>> sets;
+  for (Index j = 0; j < y.rows() && sets.size() < most_sets; ++j) {
+    std::vector<Index> S;
+    for (Index i = 0; i < y.cols(); ++i)
+      if (y(j, i) > 0) S.push_back(i);
+    if (!S.empty()) sets.insert(S);
+  }
+  double frequency = 0;
+  for (const std::vector<Index>& S : sets) {
+    const Matrix response = M(S, S).partialPivLu().solve(Matrix(d.N(S, Eigen::all)));
+    const Matrix closed = d.A - d.B(Eigen::all, S) * response;
+    const ComplexVector eigenvalues = Eigen::EigenSolver<Matrix>(closed, false).eigenvalues();
+    for (const Complex lambda : eigenvalues)
+      if (std::abs(lambda.real()) < hardly_damped * std::abs(lambda.imag()))
+        frequency = std::max(frequency, std::abs(lambda.imag()));
+  }
+  return frequency;
 }
 
 Divergence divergence(const RowMatrix& coarse, const RowMatrix& fine, const Vector& scale) {

@@ -26,6 +26,10 @@ struct Magnification {
 /// where the scene is not dense or too large for a pass over its state.
 Magnification magnification(const DiscreteProblem&, Rule, const RowMatrix& y);
 
+/// Largest frequency (radians per unit of time) of a hardly damped mode of A - B_S M_SS^{-1} N_S over the active sets S
+/// of y: contacts that act as springs. M of class P, dense dynamics; 0 where no set has such a mode.
+double contact_frequency(const DiscreteProblem&, const RowMatrix& y);
+
 /// Two solutions of a scene that magnifies errors, the second with half the step, both as states (rows in R^m).
 struct Divergence {
   double pointwise = 0;  ///< largest |D^{-1} (x_j - x'_2j)| over the largest state up to there

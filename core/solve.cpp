@@ -202,6 +202,11 @@ class Run {
       return demote(result, text("the scene magnifies perturbations %.1e times up to T: rounding leaves no digit of y",
                                  m.growth));
     }
+    if (m.impulse > strong_impulse && p.lcp_class == LcpClass::P && p.scene.states() <= Methods::most_recorded_states &&
+        contact_frequency(p, result.y) * p.h > 1) {
+      sensitive_ = true;
+      return demote(result, "a contact throws the state back within less than a step: use more steps");
+    }
     if (!result.well_posed)
       confirm_by_half_the_step(method, 1, "the problems of the steps may have several solutions", result);
     else if (ringing && m.growth > doubtful_growth_with_jumps)
@@ -264,6 +269,7 @@ class Run {
   static constexpr double most_divergence = 0.1;             ///< of the state, between a step and half of it
   static constexpr double most_predicted_error = 0.5;        ///< of the state
   static constexpr Index fewest_steps_to_judge = 32;         ///< on coarser grids every contact is short
+  static constexpr double strong_impulse = 0.3;              ///< of the state, by a contact that may be a spring
   static constexpr double unresolved_impulse = 0.1;    ///< of the state, in a step in which the active set changes
   static constexpr double most_mean_change = 0.1;      ///< of y and x with half the step, where that is looked at
   static constexpr double most_typical_change = 0.05;  ///< of x at 95 of 100 time points
