@@ -190,6 +190,9 @@ class Run {
     if (method != Method::contour_literal && result.kernel_error > most_kernel_error)
       return demote(result, text("the weights of the kernel are known only to %.1e: use other steps, or method euler",
                                  result.kernel_error));
+    if (method == Method::contour_literal && p.dense() && !(true_residual(result) <= most_literal_residual))
+      return demote(result, text("with the states that y gives, complementarity fails by %.1e: its contours miss them",
+                                 true_residual(result)));
     const bool continuous = method != Method::euler && result.continuous;
     if (const Index j = continuous ? ringing_from(result.y) : -1; j >= 0)
       return demote(result,
@@ -218,6 +221,19 @@ class Run {
     else if (m.impulse > unresolved_impulse && p.lcp_class == LcpClass::P && p.J >= fewest_steps_to_judge)
       confirm_by_half_the_step(method, continuous ? 5 : 1, "a constraint is active for a few steps only, and strongly",
                                result);
+  }
+
+  // The natural map with N x of the states that y gives by the matrix exponential: contours of the method itself do not
+  // enter.
+  double true_residual(const Result& result) const {
+    const DiscreteProblem& p = methods_.problem();
+    const RowMatrix q = methods_.all_states(Method::march, result) * p.dense()->N.transpose() + p.g;
+    const RowMatrix w = q + result.y * to_dense(p.scene.M).transpose();
+    double worst = 0;
+    for (Index j = 0; j <= p.J; ++j)
+      worst = std::max(worst, result.y.row(j).cwiseMin(w.row(j)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() /
+                                  std::max(1.0, q.row(j).cwiseAbs().maxCoeff()));
+    return worst;
   }
 
   Result with_half_the_step(Method method, Methods& half) {
@@ -263,8 +279,10 @@ class Run {
   }
 
   static constexpr double most_kernel_error = 1e-6;  ///< two ways to the same weights, relative to the largest
-  static constexpr double most_rounding = 1e-4;      ///< of the state, left by rounding
-  static constexpr double doubtful_growth = 100;     ///< of perturbations: an error of one step may fill the result
+  static constexpr double most_literal_residual =
+      0.2;  ///< few nodes miss by a few hundredths, a contour through the spectrum by 1
+  static constexpr double most_rounding = 1e-4;   ///< of the state, left by rounding
+  static constexpr double doubtful_growth = 100;  ///< of perturbations: an error of one step may fill the result
   static constexpr double doubtful_growth_with_jumps = 1e4;  ///< the same where a position held moves a velocity by 1/h
   static constexpr double most_divergence = 0.1;             ///< of the state, between a step and half of it
   static constexpr double most_predicted_error = 0.5;        ///< of the state
