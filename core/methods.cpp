@@ -65,7 +65,8 @@ void Methods::run(Method method, const Options& options, Result& result) {
 }
 
 void Methods::march(const Options& options, Result& result) {
-  if (!basis().continuous) {
+  // Stepping a large sparse state costs a solve a step: there only what would ring keeps it from the lag weights.
+  if (basis().rings || (!basis().continuous && !problem_.sparse())) {
     step_in_stages(2, options, result);
     result.kernel += "; " + basis().reason;
   } else if (!problem_.sparse()) {
