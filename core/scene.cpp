@@ -51,18 +51,6 @@ void require_some(const std::string& member, Index count, const std::string& wha
   if (count < 1) throw Error(member, "has no " + what, "give at least one");
 }
 
-void validate(const DenseDynamics& d) {
-  const Index m = d.A.rows(), n = d.B.cols();
-  require_some("A", m, "rows");
-  require_some("B", n, "columns");
-  require_shape("A", d.A, m, m, "square, states x states");
-  require_shape("B", d.B, m, n, "states x constraints");
-  require_shape("N", d.N, n, m, "constraints x states");
-  require_finite("A", d.A);
-  require_finite("B", d.B);
-  require_finite("N", d.N);
-}
-
 void require_shape(const std::string& member, const SparseMatrix& found, Index rows, Index cols,
                    const std::string& meaning) {
   if (found.rows() != rows || found.cols() != cols)
@@ -78,7 +66,9 @@ void require_finite(const std::string& member, const SparseMatrix& values) {
                     "make every entry finite");
 }
 
-void validate(const SparseDynamics& d) {
+/// Dense and sparse matrices alike.
+template <typename Matrices>
+void validate_matrices(const Matrices& d) {
   const Index m = d.A.rows(), n = d.B.cols();
   require_some("A", m, "rows");
   require_some("B", n, "columns");
@@ -89,6 +79,9 @@ void validate(const SparseDynamics& d) {
   require_finite("B", d.B);
   require_finite("N", d.N);
 }
+
+void validate(const DenseDynamics& d) { validate_matrices(d); }
+void validate(const SparseDynamics& d) { validate_matrices(d); }
 
 void validate(const std::string& member, const SecondDifference& d) {
   require_some(member + ".points", d.points, "points");
