@@ -1,7 +1,7 @@
 // `bromwich bench`: picks the benchmark, checks the request, and wraps what comes back with its provenance.
 
 #include "app/arguments.hpp"
-#include "app/bench.hpp"
+#include "app/bench/study.hpp"
 #include "app/commands.hpp"
 #include "app/machine.hpp"
 #include "app/output_file.hpp"
@@ -19,9 +19,12 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr std::array<Benchmark, 4> benchmarks{{
+constexpr std::array<Benchmark, 6> benchmarks{{
+    {"speed-vs-error", "every method over a ladder of steps: error beside time, one thread and all",
+     bench_speed_vs_error},
     {"baselines", "the iteration against step-by-step methods, error beside time", bench_baselines},
     {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
+    {"paper", "the experiments of the paper on Laplace inversion, beside the numbers it quotes", bench_paper},
     {"scenes", "all scene files of a folder: what they are, how they are solved, error and time", bench_scenes},
     {"sparse", "heat on a square with 1e5 states and ten contacts", bench_sparse},
 }};
@@ -78,7 +81,7 @@ Json envelope(const Benchmark& benchmark, const BenchRequest& request, const Ben
 std::string bench_list() {
   std::string text;
   for (const Benchmark& benchmark : benchmarks)
-    fmt::format_to(std::back_inserter(text), "  {:<12} {}\n", benchmark.name, benchmark.summary);
+    fmt::format_to(std::back_inserter(text), "  {:<15} {}\n", benchmark.name, benchmark.summary);
   return text;
 }
 

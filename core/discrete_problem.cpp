@@ -5,23 +5,12 @@
 
 namespace bromwich {
 
-namespace {
-
-Vector seen(const Dynamics& dynamics, const Vector& x0) {
-  if (const auto* d = std::get_if<DenseDynamics>(&dynamics)) return d->N * x0;
-  if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) return d->N * x0;
-  const auto& d = std::get<KroneckerDynamics>(dynamics);
-  return Eigen::Map<const RowMatrix>(x0.data(), d.along.points, d.across.points) * d.n;
-}
-
-}  // namespace
-
 DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J) {
   const LcpClass lcp_class = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
   DiscreteProblem p{scene, backend, lcp_class, J, scene.T / double(J), time_grid(scene.T, J), {}, {}, {}};
   p.g = sample(scene.g, p.t, scene.constraints());
   if (scene.f) p.f = sample(scene.f, p.t, scene.sources());
-  p.start = seen(scene.dynamics, scene.x0) + p.g.row(0).transpose();
+  p.start = observe(scene.dynamics, scene.x0) + p.g.row(0).transpose();
   return p;
 }
 
@@ -41,6 +30,13 @@ RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) {
 RowMatrix dense_response(const DiscreteProblem& p, Rule rule) {
   const RowMatrix input = state_input(p, RowMatrix::Zero(p.J + 1, p.scene.constraints()));
   return p.g + dense_states(p.dense()->A, rule, p.h, p.scene.x0, input) * p.dense()->N.transpose();
+}
+
+RowMatrix trace(const DiscreteProblem& p, const Array& r, const Array& v) {
+  RowMatrix known, response;
+  p.backend.download(r, known);
+  p.backend.download(v, response);
+  return known + response - p.g;
 }
 
 RowMatrix kronecker_initial_response(const DiscreteProblem& p) {

@@ -38,6 +38,9 @@ RowMatrix state_input(const DiscreteProblem&, const RowMatrix& y);
 /// Dense dynamics, either rule.
 RowMatrix dense_response(const DiscreteProblem&, Rule);
 
+/// N x at the time points from r and v = K * y: (J+1) x n; w = r + v + M y, so that r + v = N x + g.
+RowMatrix trace(const DiscreteProblem&, const Array& r, const Array& v);
+
 /// S N e^{A t_j} x0 for the Kronecker sum from contours, (J+1) x n in modes.
 RowMatrix kronecker_initial_response(const DiscreteProblem&);
 

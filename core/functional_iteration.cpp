@@ -252,8 +252,9 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
                 text("change %.2e after %ld iterations, the limit", last, long(result.iterations)), -1});
 }
 
-void finish_iteration(const DiscreteProblem& p, const IterationOutcome& outcome, const ApplyKernel& apply,
-                      LcpBatch& lcp, const Array& r, const Array& y, Array& v, Result& result) {
+void finish_iteration(const DiscreteProblem& p, const Options& options, const IterationOutcome& outcome,
+                      const ApplyKernel& apply, LcpBatch& lcp, const Array& r, const Array& y, Array& v,
+                      Result& result) {
   result.status = outcome.status;
   result.reason = outcome.reason;
   result.well_posed = p.lcp_class != LcpClass::unknown;
@@ -262,6 +263,7 @@ void finish_iteration(const DiscreteProblem& p, const IterationOutcome& outcome,
   if (outcome.status == Status::infeasible) return;
   apply(y, v, 0);
   result.residual = lcp.residual(r, v, y);
+  if (options.trace) result.trace = trace(p, r, v);
   // What had not settled when the iteration was cut off is no solution.
   if (outcome.status == Status::interrupted || outcome.status == Status::nonfinite)
     result.y.bottomRows(result.y.rows() - outcome.settled).setConstant(NAN);
@@ -283,7 +285,7 @@ void iterate_with(const DiscreteProblem& p, KernelChoice& choice, const Array& r
 
   const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { choice.kernel->apply(in, out, first); };
   const IterationOutcome outcome = iterate(p, options, apply, *lcp, r, *y, *v, result);
-  finish_iteration(p, outcome, apply, *lcp, r, *y, *v, result);
+  finish_iteration(p, options, outcome, apply, *lcp, r, *y, *v, result);
   result.seconds.transform = choice.kernel->transform_seconds;
   result.seconds.convolution = choice.kernel->convolution_seconds;
 }

@@ -56,9 +56,9 @@ using ApplyKernel = std::function<void(const Array& y, Array& v, Index first)>;
 IterationOutcome iterate(const DiscreteProblem&, const Options&, const ApplyKernel&, LcpBatch&, const Array& r,
                          Array& y, Array& v, Result& result);
 
-/// Writes y, status and the residual of a fresh K * y to `result`; rows that had not settled in an iteration that was
-/// cut off become NaN.
-void finish_iteration(const DiscreteProblem&, const IterationOutcome&, const ApplyKernel&, LcpBatch&, const Array& r,
-                      const Array& y, Array& v, Result& result);
+/// Writes y, the trace, status and the residual of a fresh K * y to `result`; rows that had not settled in an iteration
+/// that was cut off become NaN.
+void finish_iteration(const DiscreteProblem&, const Options&, const IterationOutcome&, const ApplyKernel&, LcpBatch&,
+                      const Array& r, const Array& y, Array& v, Result& result);
 
 }  // namespace bromwich

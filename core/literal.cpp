@@ -185,7 +185,7 @@ void solve_literally(const DiscreteProblem& p, const Options& options, Result& r
     convolution += lap.lap();
   };
   const IterationOutcome outcome = iterate(p, options, apply, *lcp, *r, *y, *v, result);
-  finish_iteration(p, outcome, apply, *lcp, *r, *y, *v, result);
+  finish_iteration(p, options, outcome, apply, *lcp, *r, *y, *v, result);
   result.seconds.convolution = convolution;
 }
 

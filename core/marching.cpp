@@ -122,7 +122,7 @@ namespace {
 // What stays the same for a march by recurrence and one by lag weights.
 class Marching {
  public:
-  Marching(const DiscreteProblem& p, const Options& options) : p_(p) {
+  Marching(const DiscreteProblem& p, const Options& options) : p_(p), wants_trace_(options.trace) {
     problem.M = &p.scene.M;
     problem.lcp_class = p.lcp_class;
     problem.interrupted = options.interrupted;
@@ -160,6 +160,7 @@ class Marching {
     p_.backend.download(*y, result.y);
     if (start == Start::impulse) result.y.row(0) = result.y.row(1);
     count(report, result);
+    if (wants_trace_) result.trace = trace(p_, *problem.r, *v);
     result.well_posed = report.well_posed;
     if (report.stopped >= 0) return explain_stop(p_, report, result);
     result.residual = march_residual(p_, start, *problem.r, *v, *y);
@@ -170,6 +171,7 @@ class Marching {
 
  private:
   const DiscreteProblem& p_;
+  bool wants_trace_;
   std::vector<std::unique_ptr<Array>> arrays_;
   std::size_t bytes_ = 0;
 };

@@ -28,6 +28,7 @@ struct Result {
   RowMatrix y;                      ///< (J+1) x n; rows after the last valid time are NaN
   RowMatrix x;                      ///< (J+1) x components of the state that were asked for
   std::vector<Index> x_components;  ///< which
+  RowMatrix trace;                  ///< (J+1) x n, N x where it was asked for; w = trace + M y + g
   bool continuous = true;           ///< y is linear between its rows; false: it may jump from step to step
   bool well_posed = true;  ///< the problems of the steps are known to determine y, as far as that was looked at
   std::optional<double> infeasible_at;

@@ -233,6 +233,13 @@ SparseDynamics to_sparse(const KroneckerDynamics& d) {
   return sparse;
 }
 
+Vector observe(const Dynamics& dynamics, const Vector& x) {
+  if (const auto* d = std::get_if<DenseDynamics>(&dynamics)) return d->N * x;
+  if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) return d->N * x;
+  const auto& d = std::get<KroneckerDynamics>(dynamics);
+  return Eigen::Map<const RowMatrix>(x.data(), d.along.points, d.across.points) * d.n;
+}
+
 Vector multiply(const LcpMatrix& M, const Vector& y) {
   if (const auto* dense = std::get_if<Matrix>(&M)) return *dense * y;
   const auto& t = std::get<Tridiagonal>(M);

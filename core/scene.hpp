@@ -105,6 +105,9 @@ DenseDynamics to_dense(const Dynamics&);
 /// The Kronecker sum as sparse matrices, at any size.
 SparseDynamics to_sparse(const KroneckerDynamics&);
 
+/// N x for one state.
+Vector observe(const Dynamics&, const Vector& x);
+
 /// M y for one vector.
 Vector multiply(const LcpMatrix& M, const Vector& y);
 

@@ -1,9 +1,8 @@
 #include "core/solve.hpp"
 
-#include "core/certificate.hpp"
+#include "core/certification.hpp"
 #include "core/cost.hpp"
 #include "core/error.hpp"
-#include "core/methods.hpp"
 #include "core/states.hpp"
 #include "core/timer.hpp"
 #include "core/windows.hpp"
@@ -44,14 +43,6 @@ void validate(const Scene& scene, const Options& options) {
                   "components are counted from 0");
 }
 
-// The natural-map residual that a solution may have: rounding of the kernel, and what an iteration tolerance leaves
-// open.
-double residual_limit(bool iterated, const Options& options) {
-  return iterated ? std::clamp(1e3 * options.iteration_tolerance, 1e-9, 1e-2) : 1e-9;
-}
-
-bool iterates(Method method) { return method == Method::contour || method == Method::contour_literal; }
-
 template <class... Args>
 std::string text(const char* format, Args... args) {
   char buffer[224];
@@ -59,16 +50,11 @@ std::string text(const char* format, Args... args) {
   return buffer;
 }
 
-void demote(Result& result, const std::string& reason) {
-  result.status = Status::tolerance_not_met;
-  result.reason = reason;
-}
-
 // One run of a scene: its methods on the grid asked for, and on finer ones where a result has to be confirmed.
 class Run {
  public:
   Run(Methods& methods, Backend& backend, const Options& options)
-      : methods_(methods), backend_(backend), options_(options) {}
+      : methods_(methods), backend_(backend), options_(options), certification_(methods, backend, options) {}
 
   void named(Method method, Result& result) {
     methods_.run(method, options_, result);
@@ -76,8 +62,9 @@ class Run {
       confirm_by_marching(result);
     else if (iterates(method) && result.status != Status::infeasible)
       result.infeasible_at.reset();
-    if (result.status == Status::infeasible && result.infeasible_at.value_or(0) > 0) confirm_infeasible(result);
-    if (result.status == Status::solved) certify(method, result);
+    if (result.status == Status::infeasible && result.infeasible_at.value_or(0) > 0)
+      certification_.confirm_infeasible(result);
+    if (result.status == Status::solved) certification_.certify(method, result);
   }
 
   // Marching costs less than a few sweeps of the iteration on these backends. Where it does not fit into memory, or a
@@ -103,7 +90,7 @@ class Run {
         result = std::move(next);
         if (ended) result.kernel += before;
       }
-      if (ended || sensitive_) return;
+      if (ended || certification_.sensitive()) return;
       before += std::string("; not ") + to_string(method) + ": " + reason;
     }
   }
@@ -152,6 +139,7 @@ class Run {
       result.infeasible_at = marched.infeasible_at;
       result.y = std::move(marched.y);
       result.x = std::move(marched.x);
+      result.trace = std::move(marched.trace);
       result.residual = marched.residual;
     } else if (marched.status == Status::solved) {
       result.reason = observed + ", but marching gets past it: use method march";
@@ -160,151 +148,10 @@ class Run {
     }
   }
 
-  Result refined(Method method) {
-    const DiscreteProblem& p = methods_.problem();
-    Methods fine(p.scene, backend_, 2 * p.J, {});
-    Result result;
-    fine.run(method, options_, result);
-    return result;
-  }
-
-  // A step without a solution ends the discrete problem. It says something about the scene only where the solution up
-  // to there is one: with half the step the end has to stay where it is, and so has y.
-  void confirm_infeasible(Result& result) {
-    const DiscreteProblem& p = methods_.problem();
-    const Method method = method_from_string(result.method);
-    const Result fine = refined(iterates(method) ? Method::march : method);
-    const double at = *result.infeasible_at;
-    const Index last = std::max<Index>(Index(std::llround(at / p.h)) - 1, 0);
-    const bool same_end = fine.status == Status::infeasible && std::abs(*fine.infeasible_at - at) <= 2 * p.h;
-    if (same_end && (last == 0 || change_when_halved(result.y, fine.y, last).largest <= confirmed_change)) return;
-    result.infeasible_at.reset();
-    demote(result,
-           text("the step to t = %.6g has no solution, but that changes with the step: not proven for the scene", at));
-  }
-
-  void certify(Method method, Result& result) {
-    const DiscreteProblem& p = methods_.problem();
-    if (!(result.residual <= residual_limit(iterates(method), options_)))
-      return demote(result, "the residual is above the limit for a solution");
-    if (method != Method::contour_literal && result.kernel_error > most_kernel_error)
-      return demote(result, text("the weights of the kernel are known only to %.1e: use other steps, or method euler",
-                                 result.kernel_error));
-    if (const double missed = method == Method::contour_literal && p.dense() ? true_residual(result) : 0;
-        !(missed <= most_literal_residual))
-      return demote(
-          result, text("with the states that y gives, complementarity fails by %.1e: its contours miss them", missed));
-    const bool continuous = method != Method::euler && result.continuous;
-    if (const Index j = continuous ? ringing_from(result.y) : -1; j >= 0)
-      return demote(result,
-                    text("y alternates between time points from t = %.6g on; use more steps or method euler", p.t[j]));
-    const bool ringing = methods_.basis().rings;  // of continuous y, whatever the method
-    const Magnification m = magnification(p, continuous ? Rule::exponential : Rule::implicit_euler, result.y);
-    result.magnification = m.growth;
-    if (m.rounding > most_rounding) {
-      sensitive_ = true;
-      return demote(result, text("the scene magnifies perturbations %.1e times up to T: rounding leaves no digit of y",
-                                 m.growth));
-    }
-    if (m.impulse > strong_impulse && p.lcp_class == LcpClass::P && p.scene.states() <= Methods::most_recorded_states &&
-        contact_frequency(p, result.y) * p.h > 1) {
-      sensitive_ = true;
-      return demote(result, "a contact throws the state back within less than a step: use more steps");
-    }
-    if (!result.well_posed)
-      confirm_by_half_the_step(method, 1, "the problems of the steps may have several solutions", result);
-    else if (ringing && m.growth > doubtful_growth_with_jumps)
-      confirm_by_half_the_step(method, 1, text("the scene magnifies errors %.1e times", m.growth), result);
-    else if (!ringing && m.growth > doubtful_growth && states_are_known(result))
-      confirm_errors_stay_small(method, m, result);
-    else if (!ringing && m.growth > doubtful_growth)
-      confirm_by_half_the_step(method, 1, text("the scene magnifies errors %.1e times", m.growth), result);
-    // With M of class P a contact is a spring, however stiff, and its rebound wants to be resolved. (With M = 0 an
-    // impact is over at once, and nothing is to be resolved.)
-    else if (m.impulse > unresolved_impulse && p.lcp_class == LcpClass::P && p.J >= fewest_steps_to_judge)
-      confirm_by_half_the_step(method, continuous ? 5 : 1, "a constraint is active for a few steps only, and strongly",
-                               result);
-  }
-
-  // Stages record the state only where it is small; continuous y gives it afterwards.
-  bool states_are_known(const Result& result) const {
-    return result.continuous || methods_.problem().scene.states() <= Methods::most_recorded_states;
-  }
-
-  // The natural map with N x of the states that y gives by the matrix exponential: contours of the method itself do not
-  // enter.
-  double true_residual(const Result& result) const {
-    const DiscreteProblem& p = methods_.problem();
-    const RowMatrix q = methods_.all_states(Method::march, result) * p.dense()->N.transpose() + p.g;
-    const RowMatrix w = q + result.y * to_dense(p.scene.M).transpose();
-    double worst = 0;
-    for (Index j = 0; j <= p.J; ++j)
-      worst = std::max(worst, result.y.row(j).cwiseMin(w.row(j)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() /
-                                  std::max(1.0, q.row(j).cwiseAbs().maxCoeff()));
-    return worst;
-  }
-
-  Result with_half_the_step(Method method, Methods& half) {
-    Result fine;
-    half.run(method, options_, fine);
-    return fine;
-  }
-
-  // A scene that magnifies errors: those of the steps, seen in the first steps against half the step, may not add up to
-  // the size of the state, and nowhere may the two runs part.
-  void confirm_errors_stay_small(Method method, const Magnification& m, Result& result) {
-    const DiscreteProblem& p = methods_.problem();
-    Methods half(p.scene, backend_, 2 * p.J, {});
-    const Result fine = with_half_the_step(method, half);
-    Divergence d{INFINITY, INFINITY};
-    if (fine.status == Status::solved)
-      d = divergence(methods_.all_states(method, result), half.all_states(method, fine), m.scale);
-    if (d.pointwise <= most_divergence && d.defect * m.condition <= most_predicted_error) return;
-    sensitive_ = true;
-    demote(result,
-           text("the scene magnifies errors %.1e times, and those of the steps then fill the result", m.growth) +
-               "; use more steps");
-  }
-
-  // A step may have several solutions, or see a contact hardly at all: with half the step the same must come out, up to
-  // what a step of this size may miss. y is compared by its integral, so that impulses are.
-  void confirm_by_half_the_step(Method method, double slack, const std::string& why, Result& result) {
-    const DiscreteProblem& p = methods_.problem();
-    Methods half(p.scene, backend_, 2 * p.J, {});
-    const Result fine = with_half_the_step(method, half);
-    bool same = fine.status == Status::solved;
-    if (same) {
-      const Change y = change_when_halved(running_integral(result.y, p.h), running_integral(fine.y, p.h / 2), p.J);
-      same = y.mean <= slack * most_mean_change;
-    }
-    if (same && p.dense() && p.scene.states() <= Methods::most_recorded_states) {
-      const Change x = change_when_halved(methods_.all_states(method, result), half.all_states(method, fine), p.J);
-      same = x.mean <= slack * most_mean_change && x.typical <= slack * most_typical_change;
-    }
-    if (!same && slack > 1) sensitive_ = true;
-    if (!same)
-      demote(result, why + ", and with half the step another result comes out; use more steps or another method");
-  }
-
-  static constexpr double most_kernel_error = 1e-6;  ///< two ways to the same weights, relative to the largest
-  static constexpr double most_literal_residual =
-      0.2;  ///< few nodes miss by a few hundredths, a contour through the spectrum by 1
-  static constexpr double most_rounding = 1e-4;   ///< of the state, left by rounding
-  static constexpr double doubtful_growth = 100;  ///< of perturbations: an error of one step may fill the result
-  static constexpr double doubtful_growth_with_jumps = 1e4;  ///< the same where a position held moves a velocity by 1/h
-  static constexpr double most_divergence = 0.1;             ///< of the state, between a step and half of it
-  static constexpr double most_predicted_error = 0.5;        ///< of the state
-  static constexpr Index fewest_steps_to_judge = 32;         ///< on coarser grids every contact is short
-  static constexpr double strong_impulse = 0.3;              ///< of the state, by a contact that may be a spring
-  static constexpr double unresolved_impulse = 0.1;    ///< of the state, in a step in which the active set changes
-  static constexpr double most_mean_change = 0.1;      ///< of y and x with half the step, where that is looked at
-  static constexpr double most_typical_change = 0.05;  ///< of x at 95 of 100 time points
-  static constexpr double confirmed_change = 0.05;     ///< of y before a step without a solution
-
-  bool sensitive_ = false;  ///< the scene itself magnifies errors: no method of lower order will do better
   Methods& methods_;
   Backend& backend_;
   const Options& options_;
+  Certification certification_;
 };
 
 bool finite_sources(const DiscreteProblem& p, Result& result) {
@@ -379,8 +226,12 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
   result.t = p.t;
   result.steps = J;
   if (result.y.size() == 0) result.y = RowMatrix::Constant(J + 1, scene.constraints(), NAN);
+  if (options.trace && result.trace.rows() != J + 1)
+    result.trace = RowMatrix::Constant(J + 1, scene.constraints(), NAN);
   if (result.x.rows() != J + 1) result.x = RowMatrix::Constant(J + 1, Index(components.size()), NAN);
   if (result.status == Status::infeasible && result.infeasible_at == 0.0) result.y.setConstant(NAN);
+  for (Index j = 0; j < result.trace.rows(); ++j)  // what is not valid of y is not of its trace
+    if (!result.y.row(j).allFinite()) result.trace.row(j).setConstant(NAN);
   result.x_components = components;
   Seconds& s = result.seconds;
   s.total = total.lap();

@@ -37,6 +37,7 @@ struct Options {
   Index max_iterations = 2000;         ///< converging scenes need tens to hundreds; others stop earlier by themselves
   StateSelection states = StateSelection::none;
   std::vector<Index> components = {};  ///< with StateSelection::list
+  bool trace = false;                  ///< record N x
   ConvolutionChoice convolution = ConvolutionChoice::automatic;
   RecurrenceChoice recurrence = RecurrenceChoice::automatic;  ///< exponentials in marching: all modes, or compressed
   Index literal_nodes = 25;                                   ///< P of contour_literal (the paper's choice)

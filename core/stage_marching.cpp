@@ -91,6 +91,7 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& opti
   result.kernel = describe(stages, report);
   if (start == Start::impulse) result.kernel += impulse_note;
   count(report, result);
+  if (options.trace) result.trace = trace(p, *r, *v);
   if (report.stopped >= 0) return explain_stop(p, report, result);
   result.residual = march_residual(p, start, *r, *v, *y);
   result.status = Status::solved;

@@ -26,6 +26,7 @@ DiscreteProblem window(const DiscreteProblem& p, const Scene& scene, Index first
 
 void add(const Result& part, Index first, Index count, Result& whole) {
   whole.y.middleRows(first, count + 1) = part.y;
+  if (part.trace.size() > 0) whole.trace.middleRows(first, count + 1) = part.trace;
   whole.status = part.status;
   whole.reason = part.reason;
   whole.infeasible_at = part.infeasible_at;
@@ -66,6 +67,7 @@ void solve_in_windows(const DiscreteProblem& p, Index steps, const Options& opti
   const StepOperators step = step_operators(p.dense()->A, Rule::exponential, p.h);
   Scene scene = p.scene;
   result.y = RowMatrix::Constant(p.J + 1, p.scene.constraints(), NAN);
+  if (options.trace) result.trace = result.y;
   result.residual = 0;
   for (Index first = 0; first < p.J; first += length) {
     const DiscreteProblem w = window(p, scene, first, std::min(length, p.J - first));

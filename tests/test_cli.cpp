@@ -303,31 +303,5 @@ TEST_F(Cli, InterruptWritesTheValidPart) {
   EXPECT_EQ(lines.size(), 4098u);
 }
 
-TEST_F(Cli, BenchBaselinesWritesItsSchema) {
-  const Outcome result = run("bench baselines signorini --set Q=7 --steps 32 --quick --threads 1 --out b.json");
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_TRUE(contains(result.out, "fastest at the smallest error")) << result.out;
-  const Json json = Json::parse(read(folder_ / "b.json"));
-  EXPECT_EQ(json["schema"], "bromwich-bench/1");
-  EXPECT_EQ(json["bench"], "baselines");
-  EXPECT_EQ(json["scene"], "signorini");
-  EXPECT_EQ(json["repeats"], 2);
-  EXPECT_EQ(json["threads"], 1);
-  for (const char* key : {"parameters", "machine", "compiler", "flags", "commit", "version", "date", "notes"})
-    EXPECT_TRUE(json.contains(key)) << key;
-  for (const char* key : {"cpu", "cores", "memory"}) EXPECT_TRUE(json["machine"].contains(key)) << key;
-  ASSERT_EQ(json["rows"].size(), 6u);
-  for (const Json& row : json["rows"]) {
-    for (const char* key :
-         {"contestant", "method", "steps", "iterations", "error_max", "error_rms", "residual", "bytes"})
-      EXPECT_TRUE(row.contains(key)) << key;
-    EXPECT_LE(row["seconds"]["min"], row["seconds"]["median"]);
-    EXPECT_LE(row["seconds"]["median"], row["seconds"]["max"]);
-    // The stopping rule of the paper leaves an error of the order of its tolerance, min(1/8, 1/64)/50 here; implicit
-    // Euler with h = 1/8 is first order: everything stays below one.
-    EXPECT_LT(row["error_max"], 1) << row;
-  }
-}
-
 }  // namespace
 }  // namespace bromwich

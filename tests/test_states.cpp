@@ -50,5 +50,58 @@ TEST(StatesAt, RefusesWhatItCannotDo) {
   EXPECT_EQ(states_at(scene, *backend, march, {}).cols(), 0);
 }
 
+// N x as the methods hand it out against N times the states, whatever way each of them takes to y.
+TEST(Trace, IsNTimesTheState) {
+  const auto backend = make_cpu_backend(1);
+  for (const char* name : {"dlcp-small", "bridge"})
+    for (const Method method : {Method::contour, Method::contour_literal, Method::march, Method::euler}) {
+      const Scene scene = make_scene(name);
+      if (method == Method::contour_literal && scene.name == "bridge") continue;  // eigenvalues on the imaginary axis
+      Options options = options_for(method, 64);
+      options.states = StateSelection::all;
+      options.trace = true;
+      options.literal_nodes = 64;
+      const Result result = solve(scene, *backend, options);
+      ASSERT_EQ(result.status, Status::solved) << name << ", " << to_string(method) << ": " << result.reason;
+      const RowMatrix expected = result.x * std::get<DenseDynamics>(scene.dynamics).N.transpose();
+      ASSERT_EQ(result.trace.rows(), expected.rows());
+      // contour-literal accepts contours up to 100 times the printed rate e^{-2.06 sqrt P}/sqrt P, 9e-9 here; the
+      // others are exact up to rounding.
+      const double tolerance = (method == Method::contour_literal ? 9e-7 : 1e-11) * expected.cwiseAbs().maxCoeff();
+      EXPECT_LE((result.trace - expected).cwiseAbs().maxCoeff(), tolerance) << name << ", " << to_string(method);
+    }
+}
+
+TEST(Trace, OfSignoriniIsTheLineNextToTheMembrane) {
+  const Scene scene = make_scene("signorini", {{"Q", 7}});
+  const auto backend = make_cpu_backend(1);
+  for (const Method method : {Method::contour, Method::march, Method::euler})
+    for (const RecurrenceChoice recurrence : {RecurrenceChoice::modal, RecurrenceChoice::compressed}) {
+      Options options = options_for(method, 50);
+      options.recurrence = recurrence;
+      options.trace = true;
+      options.states = StateSelection::list;
+      for (Index j = 0; j < 7; ++j) options.components.push_back(7 * j);
+      const Result result = solve(scene, *backend, options);
+      ASSERT_EQ(result.status, Status::solved) << result.reason;
+      // Compressed exponentials hold the kernel to 1e-12 or better.
+      EXPECT_LE((result.trace + 2 * result.x).cwiseAbs().maxCoeff(), 1e-10) << to_string(method);
+    }
+}
+
+TEST(Trace, EndsWhereTheSolutionEndsAndIsEmptyUnasked) {
+  const auto backend = make_cpu_backend(1);
+  const Scene scene = make_scene("bridge");
+  EXPECT_EQ(solve(scene, *backend, options_for(Method::march, 8)).trace.size(), 0);
+  Options options = options_for(Method::contour, 400);
+  options.trace = true;
+  Index polls = 0;
+  options.interrupted = [&polls] { return ++polls > 3; };
+  const Result result = solve(make_scene("signorini", {{"Q", 15}}), *backend, options);
+  ASSERT_EQ(result.status, Status::interrupted);
+  ASSERT_EQ(result.trace.rows(), 401);
+  for (Index j = 0; j <= 400; ++j) EXPECT_EQ(result.y.row(j).allFinite(), result.trace.row(j).allFinite()) << j;
+}
+
 }  // namespace
 }  // namespace bromwich

@@ -1,7 +1,7 @@
 // The functional iteration against step-by-step methods of the same scene, at the error that each one reaches. The
 // runs are interleaved, so that a slow moment of the machine meets all contestants alike.
 
-#include "app/bench.hpp"
+#include "app/bench/study.hpp"
 #include "app/commands.hpp"
 #include "app/text.hpp"
 #include "core/error.hpp"
@@ -35,12 +35,6 @@ struct Contestant {
   double seconds() const { return median(samples.total); }
 };
 
-/// Solution at the common times, and where it comes from.
-struct Reference {
-  RowMatrix y;
-  std::string source;
-};
-
 Contestant contestant(const std::string& name, Method method, Index steps) {
   Contestant made{name, {}, method == Method::contour};
   made.options.method = method;
@@ -69,17 +63,10 @@ std::vector<Contestant> contestants(const Scene& scene, Index steps) {
   return list;
 }
 
-/// Every `stride`-th row: the common times of a finer grid.
-RowMatrix common_rows(const RowMatrix& y, Index stride) {
-  RowMatrix rows((y.rows() - 1) / stride + 1, y.cols());
-  for (Index j = 0; j < rows.rows(); ++j) rows.row(j) = y.row(j * stride);
-  return rows;
-}
-
 /// Implicit Euler with the fewest steps (doubling) that reach `error`: the fair comparison. Empty where memory or the
 /// largest reference ends first.
 std::optional<Contestant> euler_at_equal_error(const Scene& scene, Backend& backend, Index steps, double error,
-                                               const RowMatrix& reference) {
+                                               const Truth& truth) {
   for (Index factor = 2; steps * factor <= 16 * max_reference_steps; factor *= 2) {
     try {
       check_memory(scene, steps * factor, 0);
@@ -89,7 +76,7 @@ std::optional<Contestant> euler_at_equal_error(const Scene& scene, Backend& back
     Contestant c = contestant(fmt::format("euler ({} x steps)", factor), Method::euler, steps * factor);
     c.result = solve(scene, backend, c.options);
     if (!c.solved()) return std::nullopt;
-    c.error = deviation(common_rows(c.result.y, factor), reference);
+    c.error = truth.of(c.result).y;
     if (c.error.max <= error) return c;
     // First order: the next doubling at most halves the error, so far ones are not tried one by one.
     while (c.error.max > 2.5 * error && steps * factor * 2 <= 16 * max_reference_steps) factor *= 2, c.error.max /= 2;
@@ -97,43 +84,20 @@ std::optional<Contestant> euler_at_equal_error(const Scene& scene, Backend& back
   return std::nullopt;
 }
 
-Reference exact_reference(const Scene& scene, Index steps) {
-  Reference reference{RowMatrix(steps + 1, scene.constraints()), "the exact solution"};
-  Vector x(scene.states()), y(scene.constraints());
-  for (Index j = 0; j <= steps; ++j) {
-    scene.exact(scene.T * double(j) / double(steps), x, y);
-    reference.y.row(j) = y.transpose();
-  }
-  return reference;
-}
-
-Reference fine_reference(const Scene& scene, Backend& backend, Index steps, bool quick) {
+Index reference_steps(Index steps, bool quick) {
   Index factor = quick ? 8 : 64;
   while (factor > 4 && steps * factor > max_reference_steps) factor /= 2;
-  check_memory(scene, steps * factor, 0);
-  Options options;
-  options.method = Method::march;
-  options.steps = steps * factor;
-  const Result fine = solve(scene, backend, options);
-  if (fine.status != Status::solved)
-    throw Error("SCENE",
-                fmt::format("the reference solution of {} with {} steps ended as {} ({})", scene.name, options.steps,
-                            to_string(fine.status), fine.reason),
-                "compare methods on another scene or with other parameters");
-  Reference reference{RowMatrix(steps + 1, scene.constraints()), fmt::format("march with {} steps", options.steps)};
-  for (Index j = 0; j <= steps; ++j) reference.y.row(j) = fine.y.row(j * factor);
-  return reference;
+  return steps * factor;
 }
 
 /// One warm-up each, which also gives the error; then whole rounds, so that no contestant runs twice in a row.
-void measure(std::vector<Contestant>& list, const Scene& scene, Backend& backend, const RowMatrix& reference,
+void measure(std::vector<Contestant>& list, const Scene& scene, Backend& backend, Index steps, const Truth& truth,
              int repeats) {
-  const Index steps = reference.rows() - 1;
   RowMatrix converged;
   for (Contestant& c : list) {
     c.result = solve(scene, backend, c.options);
+    c.error = truth.of(c.result).y;
     const RowMatrix y = common_rows(c.result.y, c.options.steps / steps);
-    c.error = deviation(y, reference);
     if (converged.size() == 0) converged = y;
     if (c.options.method != Method::euler) c.from_contour = (y - converged).cwiseAbs().maxCoeff();
     for (RowMatrix* array : {&c.result.y, &c.result.x}) array->resize(0, 0);
@@ -257,17 +221,15 @@ void run_case(const Case& one, const BenchRequest& request, Backend& backend, Be
   const Scene& scene = choice.scene;
   const Index steps = one.steps > 0 ? one.steps : scene.default_steps;
   check_memory(scene, steps, 0);
-  const Reference reference =
-      scene.exact ? exact_reference(scene, steps) : fine_reference(scene, backend, steps, request.quick);
+  const Truth truth(scene, backend, reference_steps(steps, request.quick));
   auto list = contestants(scene, steps);
-  Result second_order = solve(scene, backend, list[0].options);
-  const double error = deviation(second_order.y, reference.y).max;
-  if (const auto fair = euler_at_equal_error(scene, backend, steps, error, reference.y)) list.push_back(*fair);
-  measure(list, scene, backend, reference.y, request.repeats());
+  const double error = truth.of(solve(scene, backend, list[0].options)).y.max;
+  if (const auto fair = euler_at_equal_error(scene, backend, steps, error, truth)) list.push_back(*fair);
+  measure(list, scene, backend, steps, truth, request.repeats());
 
   const std::string title =
       fmt::format("{} ({}), {} steps, {} repeats, {} threads; error: {}, {}", scene.name, describe(choice.parameters),
-                  steps, request.repeats(), backend.device().threads, deviation_definition, reference.source);
+                  steps, request.repeats(), backend.device().threads, error_definition, truth.source());
   std::string text = title + "\n" + measured_table(list);
   for (const std::string& note : conclusions(list)) {
     text += note + "\n";
@@ -282,7 +244,7 @@ void run_case(const Case& one, const BenchRequest& request, Backend& backend, Be
     if (report.parameters.contains(key) && report.parameters[key] != value) report.parameters.erase(key);
   for (const Contestant& c : list) {
     report.rows.push_back(row(c, choice));
-    report.rows.back()["reference"] = reference.source;
+    report.rows.back()["reference"] = truth.source();
   }
 }
 
@@ -291,7 +253,7 @@ void run_case(const Case& one, const BenchRequest& request, Backend& backend, Be
 BenchReport bench_baselines(const BenchRequest& request, Backend& backend) {
   BenchReport report;
   report.scene = request.scene.value_or("signorini");
-  report.details["error"] = deviation_definition;
+  report.details["error"] = error_definition;
   report.details["seconds"] = "wall clock; median, min and max of the whole solve, medians of its two parts";
   for (const Case& one : cases(request, report.scene)) run_case(one, request, backend, report);
   return report;

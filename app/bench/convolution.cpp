@@ -1,7 +1,7 @@
 // The two ways to apply the kernel of the signorini scene, timed inside the functional iteration: a chunked scan of
 // compressed exponentials, and causal FFT convolution with one weight per lag.
 
-#include "app/bench.hpp"
+#include "app/bench/study.hpp"
 #include "app/commands.hpp"
 #include "app/text.hpp"
 #include "core/error.hpp"

@@ -1,6 +1,7 @@
 #pragma once
 // What the benchmarks share: the request, the envelope of the JSON file, repeated timings and aligned tables.
 
+#include "app/bench/accuracy.hpp"
 #include "app/output_json.hpp"
 #include "app/scene_choice.hpp"
 #include "core/solve.hpp"
@@ -36,7 +37,10 @@ struct Benchmark {
 };
 
 BenchReport bench_baselines(const BenchRequest& request, Backend& backend);
+/// SCENE is a scene or a scene file; without one, all scenes of the study.
+BenchReport bench_speed_vs_error(const BenchRequest& request, Backend& backend);
 BenchReport bench_convolution(const BenchRequest& request, Backend& backend);
+BenchReport bench_paper(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene file or a folder of them.
 BenchReport bench_scenes(const BenchRequest& request, Backend& backend);
 BenchReport bench_sparse(const BenchRequest& request, Backend& backend);
@@ -52,14 +56,8 @@ double minimum(const std::vector<double>& values);
 double maximum(const std::vector<double>& values);
 /// {median, min, max} of the total and the medians of setup and solve; null without samples.
 Json to_json(const Samples& samples);
-
-/// Max over all entries and root mean square of y - reference over the rows t_j >= T/16, where the initial layer has
-/// passed; NaN where either holds a NaN.
-struct Deviation {
-  double max = 0, rms = 0;
-};
-Deviation deviation(const RowMatrix& y, const RowMatrix& reference);
-inline constexpr const char* deviation_definition = "y against the reference over t >= T/16, all constraints";
+/// {y: {max, rms}, trace: {max, rms}}
+Json to_json(const Errors& errors);
 
 /// First row is the header; the first column is aligned left, the others right.
 std::string table(const std::vector<std::vector<std::string>>& rows);

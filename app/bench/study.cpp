@@ -1,4 +1,4 @@
-#include "app/bench.hpp"
+#include "app/bench/study.hpp"
 
 #include <fmt/format.h>
 
@@ -42,14 +42,9 @@ Json to_json(const Samples& samples) {
           {"solve", median(samples.solve)}};
 }
 
-Deviation deviation(const RowMatrix& y, const RowMatrix& reference) {
-  if (y.rows() < 2 || y.rows() != reference.rows() || y.cols() != reference.cols()) return {nan, nan};
-  const Index first = (y.rows() - 1 + 15) / 16;
-  const auto difference = (y - reference).bottomRows(y.rows() - first);
-  const double squares = difference.squaredNorm();
-  // The sum propagates a NaN, the maximum need not.
-  if (!std::isfinite(squares)) return {nan, nan};
-  return {difference.lpNorm<Eigen::Infinity>(), std::sqrt(squares / double(difference.size()))};
+Json to_json(const Errors& errors) {
+  const auto json = [](const Deviation& d) { return Json{{"max", d.max}, {"rms", d.rms}}; };
+  return {{"y", json(errors.y)}, {"trace", json(errors.trace)}};
 }
 
 std::string table(const std::vector<std::vector<std::string>>& rows) {

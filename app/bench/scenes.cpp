@@ -1,7 +1,7 @@
 // Every scene file of a folder, solved as `auto` chooses: what the scene is, what was chosen, and how far the result is
 // from what is known of the solution. A scene whose reference says that it has no solution is in the table as well.
 
-#include "app/bench.hpp"
+#include "app/bench/study.hpp"
 #include "app/commands.hpp"
 #include "app/scene_facts.hpp"
 #include "app/text.hpp"

@@ -1,0 +1,41 @@
+#pragma once
+// What a result has to pass before it is called solved, or infeasible: residual, kernel, ringing, and, where the scene
+// magnifies errors or its steps may have several solutions, the same with half the step (core/certificate.hpp measures,
+// this decides).
+
+#include "certificate.hpp"
+#include "methods.hpp"
+
+namespace bromwich {
+
+class Certification {
+ public:
+  Certification(Methods& methods, Backend& backend, const Options& options)
+      : methods_(methods), backend_(backend), options_(options) {}
+
+  /// Of a result that its method calls solved; demotes it to tolerance_not_met with the reason.
+  void certify(Method, Result&);
+
+  /// Of a result that a step without a solution has ended; demotes it where that depends on the step.
+  void confirm_infeasible(Result&);
+
+  /// The scene itself magnifies errors: no method of lower order will do better.
+  bool sensitive() const { return sensitive_; }
+
+ private:
+  bool states_are_known(const Result&) const;
+  double true_residual(const Result&) const;
+  Result with_half_the_step(Method, Methods& half);
+  void confirm_errors_stay_small(Method, const Magnification&, Result&);
+  void confirm_by_half_the_step(Method, double slack, const std::string& why, Result&);
+
+  bool sensitive_ = false;
+  Methods& methods_;
+  Backend& backend_;
+  const Options& options_;
+};
+
+/// Whether a method sweeps over all time points, so that its residual is limited by the iteration tolerance.
+bool iterates(Method);
+
+}  // namespace bromwich

@@ -1,0 +1,77 @@
+"""What the scripts of tables and pictures share: the committed measurements, words for them, and the mark in every
+picture that says which measurements it was drawn from."""
+import hashlib
+import json
+import pathlib
+import re
+
+root = pathlib.Path(__file__).resolve().parent.parent
+results = root / "bench" / "results"
+pictures = root / "docs" / "pictures"
+
+# One colour and marker a method, in every picture.
+styles = {
+    "contour": ("tab:blue", "o", "contour: all time points at once"),
+    "contour (paper's tolerance)": ("tab:cyan", "o", "contour, to the paper's tolerance"),
+    "contour-literal": ("tab:purple", "v", "contour-literal: the paper to the letter"),
+    "march": ("tab:green", "s", "march: exponential, step by step"),
+    "march (modal)": ("tab:olive", "s", "march, all eigenvalues"),
+    "march (compressed)": ("tab:green", "s", "march, compressed exponentials"),
+    "euler": ("tab:red", "X", "implicit Euler"),
+    "siconos": ("tab:brown", "P", "Siconos"),
+}
+
+
+def load(name):
+    return json.loads((results / f"{name}.json").read_text())
+
+
+def seconds(value):
+    """12.3 ms, with the unit that keeps three digits."""
+    for unit, factor in (("s", 1), ("ms", 1e3), ("µs", 1e6)):
+        if value * factor >= 1:
+            digits = f"{value * factor:.3g}"
+            return f"{float(digits):.0f} {unit}" if "e" in digits else f"{digits} {unit}"
+    return f"{value * 1e9:.3g} ns"
+
+
+def number(value):
+    return "" if value is None else f"{value:.1e}"
+
+
+def machine(data):
+    return f"{data['machine']['cpu']}, {data['threads']} threads, {data['compiler']}, commit {data['commit'][:9]}"
+
+
+def sources_mark(names):
+    """'NAME:HASH ...' of the measurements as they are committed."""
+    marks = []
+    for name in names:
+        digest = hashlib.sha256((results / f"{name}.json").read_bytes()).hexdigest()
+        marks.append(f"{name}:{digest[:16]}")
+    return "measurements " + " ".join(marks)
+
+
+def save(figure, picture, names):
+    """Writes docs/pictures/PICTURE (.svg or .png), marked with the measurements NAMES that it shows."""
+    pictures.mkdir(exist_ok=True)
+    mark = sources_mark(names)
+    path = pictures / picture
+    if path.suffix == ".svg":
+        figure.savefig(path, metadata={"Source": mark, "Date": None, "Creator": None})
+    else:
+        figure.savefig(path, dpi=110, metadata={"Source": mark, "Software": None})
+    return path
+
+
+def outdated_pictures():
+    """Pictures whose mark is missing or not that of the committed measurements."""
+    wrong = []
+    for path in sorted(pictures.glob("*.*")):
+        found = re.search(rb"measurements((?: \w[\w-]*:[0-9a-f]{16})+)", path.read_bytes())
+        names = [word.split(":")[0] for word in found[1].decode().split()] if found else []
+        if not found or not all((results / f"{name}.json").exists() for name in names):
+            wrong.append(path.name)
+        elif sources_mark(names) != found[0].decode():
+            wrong.append(path.name)
+    return wrong

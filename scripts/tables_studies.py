@@ -1,0 +1,169 @@
+"""The tables of README and docs that come from studies of `bromwich bench`: each takes the measurements and gives lines
+of markdown."""
+from evidence import machine, number, seconds
+
+
+def repeats(data):
+    return f"{machine(data)}, median of {data['repeats']} interleaved repeats"
+
+
+# Speed against error
+
+
+def scene_title(row):
+    title = row["scene"]
+    if row["scene"] == "signorini":
+        title += f", Q = {row['parameters']['Q']:g}"
+    return title
+
+
+def family(row):
+    return row["contestant"].split(" ")[0].split(",")[0]
+
+
+def fastest(rows, error, members=None):
+    """The row with the shortest time among those with an error of y of at most `error`, or None."""
+    fit = [
+        row
+        for row in rows
+        if row["status"] == "solved"
+        and row["error"]["y"]["max"] is not None
+        and row["error"]["y"]["max"] <= error
+        and (members is None or family(row) in members)
+    ]
+    return min(fit, key=lambda row: row["seconds"]["median"], default=None)
+
+
+def time_and_steps(row):
+    if row is None:
+        return "not reached"
+    time = row["seconds"]
+    return f"{seconds(time['median'])} ({seconds(time['min'])} to {seconds(time['max'])}), {row['steps']} steps"
+
+
+def speed_vs_error(data):
+    scenes = {}
+    for row in data["rows"]:
+        scenes.setdefault(scene_title(row), []).append(row)
+    lines = ["| scene | error of y | march | contour | implicit Euler | Euler / fastest |", "|--" * 6 + "|"]
+    for title, rows in scenes.items():
+        for error in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
+            best = fastest(rows, error)
+            if best is None:
+                continue
+            march, contour, euler = (fastest(rows, error, {name}) for name in ("march", "contour", "euler"))
+            ratio = f"{euler['seconds']['median'] / best['seconds']['median']:.3g}" if euler else "-"
+            cells = [title, f"{error:.0e}", *map(time_and_steps, (march, contour, euler)), ratio]
+            lines.append("| " + " | ".join(cells) + " |")
+    known = {scene_title(rows[0]): rows[0] for rows in scenes.values()}
+    sources = "; ".join(
+        f"{title}: {row['reference']}"
+        + (f", known to {row['reference_known_to']['y']['max']:.0e}" if row["reference_known_to"]["y"]["max"] else "")
+        for title, row in known.items()
+    )
+    return lines + [
+        "",
+        "Each cell is the fastest run of the ladder, on one thread or on all, whose largest error of y over t >= T/16 is at most "
+        f"the error of its line. Errors against: {sources}. {repeats(data)} (minimum to maximum).",
+    ]
+
+
+def headline(data):
+    """The lines that matter, for the README."""
+    lines = []
+    for Q, error in ((39, 1e-5), (511, 1e-4)):
+        rows = [row for row in data["rows"] if row["scene"] == "signorini" and row["parameters"]["Q"] == Q]
+        best, euler = fastest(rows, error), fastest(rows, error, {"euler"})
+        if best is None:
+            continue
+        text = f"- Signorini, Q = {Q}, error of y {error:.0e}: **{seconds(best['seconds']['median'])}** by {best['contestant']} ({best['steps']} steps)"
+        if euler:
+            ratio = euler["seconds"]["median"] / best["seconds"]["median"]
+            text += f", {seconds(euler['seconds']['median'])} by our own implicit Euler ({euler['steps']} steps): **{ratio:.0f} times faster**."
+        else:
+            text += "; our own implicit Euler does not get there on the ladder measured."
+        lines.append(text)
+    return lines
+
+
+# The other studies
+
+
+def baselines(data):
+    lines = ["| Q | method | steps | sweeps | error of y, max | time |", "|--|--|--|--|--|--|"]
+    for row in data["rows"]:
+        if row["status"] != "solved":
+            continue
+        time = row["seconds"]
+        lines.append(
+            f"| {row['parameters']['Q']:g} | {row['contestant']} | {row['steps']} | {row['iterations']} | "
+            f"{row['error_max']:.1e} | {seconds(time['median'])} ({seconds(time['min'])} to {seconds(time['max'])}) |"
+        )
+    lines += [""] + ["- " + note for note in data["notes"] if "equal error" in note]
+    return lines + ["", f"Error against {data['rows'][0]['reference']}, t >= T/16. {repeats(data)} (minimum to maximum)."]
+
+
+def convolution(data):
+    cells = {}
+    for row in data["rows"]:
+        key = (row["parameters"]["Q"], row["steps"])
+        cells.setdefault(key, {})[row["contestant"]] = row["seconds"]["median"]
+    lines = ["| Q | J | scan of exponentials | FFT |", "|--|--|--|--|"]
+    for (Q, steps), cell in cells.items():
+        lines.append(f"| {Q:g} | {steps} | {seconds(cell['scan'])} | {seconds(cell['fft'])} |")
+    return lines + ["", f"One application of K * y in modes. {repeats(data)}."]
+
+
+def scenes(data):
+    lines = ["| scene | m | n | M | spectrum of A | method | steps | error of x | error of y | status | time |"]
+    lines.append("|--" * 11 + "|")
+    for row in data["rows"]:
+        if row["scene"] == "template":  # rlcd once more
+            continue
+        status = row["status"]
+        if status == "infeasible" and row["infeasible_at"] is not None:
+            status += f" at t = {row['infeasible_at']:.4g}"
+        if not row["as_expected"]:
+            status += " (not as the file says)"
+        lines.append(
+            f"| [{row['scene']}](../examples/{row['scene']}.toml) | {row['states']} | {row['constraints']} | "
+            f"{row['class']} | {row['spectrum']} | {row['method']} | {row['steps']} | "
+            f"{number(row['error_x'])} | {number(row['error_y'])} | "
+            f"{status} | {seconds(row['seconds']['median'])} |"
+        )
+    return lines + ["", f"Time: the whole solve without states, median of {data['repeats']} repeats. {machine(data)}."]
+
+
+def sparse(data):
+    lines = ["| states | nonzeros of A | kernel set-up | whole solve | memory | kernel error | difference from the dense solution |"]
+    lines.append("|--" * 7 + "|")
+    for row in data["rows"]:
+        if row["contestant"] != "sparse":
+            continue
+        difference = number(row["difference_max"]) or "-"
+        lines.append(
+            f"| {row['states']} | {row['nonzeros']} | {seconds(row['seconds']['setup'])} | "
+            f"{seconds(row['seconds']['median'])} | {row['bytes'] / 1e6:.0f} MB | {number(row['kernel_error'])} | {difference} |"
+        )
+    return lines + ["", f"Heat in a square, 10 contact points, {data['rows'][0]['steps']} steps. {machine(data)}."]
+
+
+def random(data):
+    methods = data["all"]
+    lines = ["| method | " + " | ".join(methods) + " |", "|--" * (len(methods) + 1) + "|"]
+    for label, key in (
+        ("solved", "solved"),
+        ("infeasible", "infeasible"),
+        ("tolerance_not_met", "tolerance_not_met"),
+        ("unsupported", "unsupported"),
+        ("nonfinite", "nonfinite"),
+        ("of these not solved though the discrete problem has a solution", "missed"),
+        ("**not what the status says**", "silent_failures"),
+    ):
+        counts = ["-" if key == "missed" and name == "contour" else str(c.get(key, 0)) for name, c in methods.items()]
+        lines.append(f"| {label} | " + " | ".join(counts) + " |")
+    return lines + [
+        "",
+        f"{data['count']} random scenes of all classes and spectra (up to 6 states and constraints, coarse grids, units from 1e-6 to "
+        "1e6), each step of every result called solved, and every `infeasible`, judged by an independent dense oracle (`bromwich_random_scenes`).",
+    ]

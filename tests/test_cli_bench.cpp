@@ -1,0 +1,101 @@
+// The studies of `bromwich bench`, at their smallest sizes: what they write is complete and says what is true.
+
+#include "cli.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <map>
+
+namespace bromwich {
+namespace {
+
+using Json = nlohmann::json;
+
+class Bench : public Cli {
+ protected:
+  Json study(const std::string& arguments) const {
+    const Outcome result = run("bench " + arguments + " --quick --threads 1 --out study.json");
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    const Json json = Json::parse(read(folder_ / "study.json"));
+    EXPECT_EQ(json["schema"], "bromwich-bench/1");
+    for (const char* key :
+         {"bench", "parameters", "machine", "compiler", "flags", "commit", "version", "date", "details"})
+      EXPECT_TRUE(json.contains(key)) << key;
+    for (const Json& note : json["notes"]) EXPECT_TRUE(contains(result.out, text_after_colon(note))) << note;
+    return json;
+  }
+
+  static std::string text_after_colon(const std::string& note) { return note.substr(note.find(": ") + 2); }
+
+  // Errors of one contestant by its steps.
+  static std::map<long, double> errors(const Json& study, const std::string& contestant, const char* of) {
+    std::map<long, double> found;
+    for (const Json& row : study["rows"])
+      if (row["contestant"] == contestant) found[row["steps"]] = row["error"][of]["max"];
+    return found;
+  }
+};
+
+TEST_F(Bench, BaselinesWritesItsSchema) {
+  const Json json = study("baselines signorini --set Q=7 --steps 32");
+  EXPECT_EQ(json["bench"], "baselines");
+  EXPECT_EQ(json["scene"], "signorini");
+  EXPECT_EQ(json["repeats"], 2);
+  EXPECT_EQ(json["threads"], 1);
+  for (const char* key : {"cpu", "cores", "memory"}) EXPECT_TRUE(json["machine"].contains(key)) << key;
+  ASSERT_EQ(json["rows"].size(), 6u);
+  for (const Json& row : json["rows"]) {
+    for (const char* key :
+         {"contestant", "method", "steps", "iterations", "error_max", "error_rms", "residual", "bytes"})
+      EXPECT_TRUE(row.contains(key)) << key;
+    EXPECT_LE(row["seconds"]["min"], row["seconds"]["median"]);
+    EXPECT_LE(row["seconds"]["median"], row["seconds"]["max"]);
+    // The stopping rule of the paper leaves an error of the order of its tolerance, min(1/8, 1/64)/50 here; implicit
+    // Euler with h = 1/8 is first order: everything stays below one.
+    EXPECT_LT(row["error_max"], 1) << row;
+  }
+}
+
+TEST_F(Bench, SpeedVsErrorFindsTheOrdersOfTheMethods) {
+  const Json json = study("speed-vs-error dlcp-small");
+  EXPECT_EQ(json["bench"], "speed-vs-error");
+  for (const char* of : {"y", "trace"}) {
+    // The exact solution is known: halving the step divides errors by 4 and 2, but for where the kinks lie.
+    const auto march = errors(json, "march", of), euler = errors(json, "euler", of);
+    ASSERT_TRUE(march.contains(64) && march.contains(128)) << of;
+    ASSERT_TRUE(euler.contains(64) && euler.contains(128)) << of;
+    EXPECT_NEAR(std::log2(march.at(64) / march.at(128)), 2, 0.3) << of;
+    EXPECT_NEAR(std::log2(euler.at(64) / euler.at(128)), 1, 0.3) << of;
+    const auto contour = errors(json, "contour", of);
+    ASSERT_TRUE(contour.contains(32)) << of;
+    EXPECT_NEAR(contour.at(32) / march.at(32), 1, 1e-6) << of;  // one discretisation
+  }
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["reference"], "the exact solution");
+    EXPECT_EQ(row["threads"], 1);
+    if (row["status"] != "solved") continue;
+    EXPECT_LE(row["seconds"]["min"], row["seconds"]["median"]);
+    EXPECT_LE(row["seconds"]["median"], row["seconds"]["max"]);
+  }
+  EXPECT_FALSE(json["notes"].empty());
+}
+
+TEST_F(Bench, SpeedVsErrorSaysHowFarItsReferenceIsKnown) {
+  const Json json = study("speed-vs-error signorini --set Q=7");
+  ASSERT_FALSE(json["rows"].empty());
+  for (const Json& row : json["rows"]) {
+    const double known_to = row["reference_known_to"]["y"]["max"];
+    EXPECT_GT(known_to, 0);
+    if (row["contestant"] == "euler" && row["steps"] == 32) EXPECT_GT(row["error"]["y"]["max"], 100 * known_to);
+  }
+  // The same reference, whatever the steps: 4096 halved often enough.
+  EXPECT_EQ(json["rows"][0]["reference"], "march with 4096 steps");
+}
+
+TEST_F(Bench, SpeedVsErrorRefusesWhatHasNoScene) {
+  EXPECT_TRUE(contains(refused("bench speed-vs-error --steps 64").err, "SCENE"));
+  EXPECT_TRUE(contains(refused("bench speed-vs-error --set Q=7").err, "SCENE"));
+}
+
+}  // namespace
+}  // namespace bromwich
