@@ -1,11 +1,15 @@
 // Batched complementarity problems with one tridiagonal matrix.
 //
 // Rows of the space-time array are transposed into lanes, sixteen problems at a time (two vectors, so that the
-// divisions of one hide behind those of the other). A Newton sweep solves the system that equals M on the active set
-// and the identity elsewhere by the Thomas algorithm, eliminating downwards and substituting upwards, and finds the
-// indices to exchange on the way up. Memory per sweep: everything of a block stays in L1/L2; q is read and y written
-// once. Rows and columns are scaled to comparable size (core/lcp/solution.hpp) as q comes in and y goes out. For a PSD
-// matrix a lane counts as solved only where its solution is certainly the only one.
+// divisions of one hide behind those of the other), eight columns at a time. A Newton sweep solves the system that
+// equals M on the active set and the identity elsewhere by the Thomas algorithm, eliminating downwards and substituting
+// upwards, and finds the indices to exchange on the way up.
+//
+// A warm block, whose active sets are those of its solution, takes two passes: downwards q = r + v comes in and is
+// eliminated, upwards y is substituted, checked and goes out. What has not settled then takes further sweeps in the
+// workspace, which lies in L2: 4 numbers a value, 5 with the active set. Memory per block: r, v and y are read and y
+// written once. Rows and columns are scaled to comparable size (core/lcp/solution.hpp) as q comes in and y goes out.
+// For a PSD matrix a lane counts as solved only where its solution is certainly the only one.
 
 #include "cpu/lcp_batch.hpp"
 
@@ -16,14 +20,61 @@ namespace {
 constexpr Index pair = 2;
 constexpr Index width = pair * lanes;
 
-struct Pair {
-  Lanes v[pair];
+/// One column of eight problems: q, the y given, and the eliminated system y_i = d_i - c_i y_{i+1}. After a sweep in
+/// the workspace d holds the solution.
+struct Cell {
+  Lanes q, y, c, d;
+};
+struct Column {
+  Cell of[pair];
+};
+struct ActivePair {
+  LaneMask of[pair];
 };
 
-// Workspace of one thread: q, y, the eliminated superdiagonal and right-hand side, and the active set as 0.0 or 1.0.
 struct Workspace {
-  explicit Workspace(Index n) : q(std::size_t(n)), y(q.size()), c(q.size()), d(q.size()), active(q.size()) {}
-  std::vector<Pair> q, y, c, d, active;
+  explicit Workspace(Index n) : columns(std::size_t(n)), active(columns.size()) {}
+  std::vector<Column> columns;
+  std::vector<ActivePair> active;
+};
+
+/// A block of rows in the three arrays: `size` rows from `begin` on.
+struct Rows {
+  const double *r, *v;
+  double* y;
+  Index n, size;
+
+  Index of(Index h) const { return std::clamp<Index>(size - h * lanes, 0, lanes); }
+  Index at(Index h, Index k) const { return (h * lanes + k) * n; }
+};
+
+/// Up to eight columns, loaded and stored by eight where the rows are that long: the last ones then take some of the
+/// columns before them along, which are loaded twice and stored before those columns are stored themselves.
+struct Columns {
+  Index begin, size, from;  ///< columns begin .. begin+size-1, moved as from .. from+7
+
+  Columns(Index begin, Index n) : begin(begin), size(std::min(lanes, n - begin)), from(std::min(begin, n - lanes)) {}
+
+  Index lane(Index column) const { return from < 0 ? column : begin - from + column; }
+
+  Lanes load(const double* row) const {
+    if (from >= 0) return cpu::load(row + from);
+    Lanes v = all(0);
+    for (Index k = 0; k < size; ++k) v[k] = row[k];
+    return v;
+  }
+  void store(double* row, const Lanes& v) const {
+    if (from >= 0) return cpu::store(row + from, v);
+    for (Index k = 0; k < size; ++k) row[k] = v[k];
+  }
+};
+
+/// What the lanes of one vector have come to.
+struct Lap {
+  LaneMask same = all(0) == all(0);      ///< nothing to exchange
+  LaneMask positive = all(0) == all(0);  ///< all pivots of active rows were, beyond rounding
+  Lanes tolerance = all(0);              ///< rounding of M y + q: a handful of operations of the size of q
+  Lanes change = all(0), largest = all(0), sum = all(0);
 };
 
 class TridiagonalLcp final : public LcpBatch {
@@ -49,7 +100,9 @@ class TridiagonalLcp final : public LcpBatch {
     return row_blocks_.run(
         first, R.rows(), width, settle_tolerance,
         [&](Index begin, Index size, int thread, BlockOutcome& outcome, double* change, double* magnitude) {
-          newton(R, V, Y, begin, size, work_[std::size_t(thread)], outcome, change, magnitude);
+          const Index at = begin * n_;
+          const Rows rows{R.data() + at, V.data() + at, Y.data() + at, n_, size};
+          newton(rows, work_[std::size_t(thread)], outcome, change, magnitude);
         },
         [&](Index j, double& change, double& magnitude) {
           // Made when first needed: it is dense, and most scenes never get here.
@@ -68,136 +121,199 @@ class TridiagonalLcp final : public LcpBatch {
   }
 
   std::size_t bytes() const override {
-    return row_blocks_.bytes() + work_.size() * 5 * std::size_t(n_) * sizeof(Pair) +
+    return row_blocks_.bytes() + work_.size() * std::size_t(n_) * (sizeof(Column) + sizeof(ActivePair)) +
            (pivoting_ ? 2 * sizeof(double) * std::size_t(n_ * n_) : 0);
   }
 
  private:
-  // Lane `lane` of vector `h` is row begin + h*lanes + lane; rows past the end get q = 1, y = 0 and are solved at once.
-  void gather(const RowMatrix& R, const RowMatrix& V, const RowMatrix& Y, Index begin, Index size, Workspace& s) const {
-    for (Index k = 0; k < width; ++k) {
-      const Index h = k / lanes, lane = k % lanes;
-      if (k >= size) {
-        for (Index i = 0; i < n_; ++i) s.q[std::size_t(i)].v[h][lane] = 1, s.y[std::size_t(i)].v[h][lane] = 0;
-        continue;
+  // Eight columns of eight rows as lanes. Rows past the end get q = 1, y = 0 and are solved at once.
+  void gather(const Rows& rows, Index h, const Columns& at, Lanes q[lanes], Lanes y[lanes]) const {
+    const Lanes scale = at.load(scale_.rows.data());
+    const Index given = rows.of(h);
+    for (Index k = 0; k < given; ++k) {
+      const Index row = rows.at(h, k);
+      q[k] = scale * (at.load(rows.r + row) + at.load(rows.v + row));
+      y[k] = at.load(rows.y + row);
+    }
+    for (Index k = given; k < lanes; ++k) q[k] = all(1), y[k] = all(0);
+    transpose(q);
+    transpose(y);
+  }
+
+  static void scatter(const Rows& rows, Index h, const Columns& at, Lanes y[lanes]) {
+    transpose(y);
+    for (Index k = 0; k < rows.of(h); ++k) at.store(rows.y + rows.at(h, k), y[k]);
+  }
+
+  // c_i and d_i from those of the row above.
+  void eliminate(Index i, LaneMask active, const Lanes& q, Lanes& c, Lanes& d, LaneMask& positive) const {
+    const Lanes pivot = active ? M_.diagonal[i] - M_.lower[i] * c : all(1);
+    const Lanes inverse = 1 / pivot;
+    positive &= pivot > 64 * epsilon * M_.diagonal[i];
+    c = active ? M_.upper[i] * inverse : all(0);
+    d = active ? -(q + M_.lower[i] * d) * inverse : all(0);
+  }
+
+  // Downwards: everything of a block comes in; the system of the active set that y gives is eliminated.
+  void come_in(const Rows& rows, Workspace& s, Lap lap[pair]) const {
+    Lanes c[pair] = {all(0), all(0)}, d[pair] = {all(0), all(0)}, largest[pair] = {all(0), all(0)};
+    for (Index first = 0; first < n_; first += lanes) {
+      const Columns at(first, n_);
+      Lanes q[pair][lanes], y[pair][lanes];
+      for (Index h = 0; h < pair; ++h) gather(rows, h, at, q[h], y[h]);
+      for (Index k = 0; k < at.size; ++k)
+        for (Index h = 0; h < pair; ++h) {
+          const Index i = first + k;
+          const Lanes &qi = q[h][at.lane(k)], &yi = y[h][at.lane(k)];
+          eliminate(i, yi > 0, qi, c[h], d[h], lap[h].positive);
+          largest[h] = max(largest[h], abs(qi));
+          lap[h].largest = max(lap[h].largest, yi);
+          s.columns[std::size_t(i)].of[h] = {qi, yi, c[h], d[h]};
+        }
+    }
+    for (Index h = 0; h < pair; ++h) lap[h].tolerance = 16 * epsilon * largest[h];
+  }
+
+  // y_{i-1}, and whether y_i and w_i have the signs that the active set says.
+  Lanes substitute(const Workspace& s, Index i, Index h, LaneMask active, const Lanes& present, const Lanes& next,
+                   const Lanes& tolerance, LaneMask& flip) const {
+    const Cell& cell = s.columns[std::size_t(i)].of[h];
+    Lanes previous = all(0);
+    if (i > 0) {
+      const Cell& above = s.columns[std::size_t(i - 1)].of[h];
+      previous = above.d - above.c * present;
+    }
+    const Lanes w = cell.q + M_.lower[i] * previous + M_.diagonal[i] * present + M_.upper[i] * next;
+    flip = (active ? present : w) < -tolerance;
+    return previous;
+  }
+
+  // What a solution leaves behind, and the solution itself in the units of the caller.
+  Lanes account(Index i, const Cell& cell, const Lanes& y, Lap& lap) const {
+    const Lanes value = scale_.columns[i] * max(y, all(0));
+    lap.change = max(lap.change, abs(value - cell.y));
+    lap.largest = max(lap.largest, value);
+    lap.sum += cell.q + y;  // a NaN or an infinity ends here
+    return value;
+  }
+
+  // Upwards: y is substituted and goes out, whether or not it is the solution.
+  void go_out(const Rows& rows, const Workspace& s, Lap lap[pair]) const {
+    Lanes next[pair] = {all(0), all(0)}, present[pair];
+    for (Index h = 0; h < pair; ++h) present[h] = s.columns[std::size_t(n_ - 1)].of[h].d;
+    for (Index first = (n_ - 1) / lanes * lanes; first >= 0; first -= lanes) {
+      const Columns at(first, n_);
+      Lanes out[pair][lanes];
+      for (Index k = at.size - 1; k >= 0; --k)
+        for (Index h = 0; h < pair; ++h) {
+          const Index i = first + k;
+          const Cell& cell = s.columns[std::size_t(i)].of[h];
+          LaneMask flip;
+          const Lanes previous = substitute(s, i, h, cell.y > 0, present[h], next[h], lap[h].tolerance, flip);
+          lap[h].same &= ~flip;
+          out[h][at.lane(k)] = account(i, cell, present[h], lap[h]);
+          next[h] = present[h];
+          present[h] = previous;
+        }
+      for (Index h = 0; h < pair; ++h) scatter(rows, h, at, out[h]);
+    }
+  }
+
+  // One sweep in the workspace: y for the current active sets, then the exchanges.
+  void sweep(Workspace& s, Lap lap[pair]) const {
+    Lanes c[pair] = {all(0), all(0)}, d[pair] = {all(0), all(0)};
+    for (Index h = 0; h < pair; ++h) lap[h].same = lap[h].positive = all(0) == all(0);
+    for (Index i = 0; i < n_; ++i)
+      for (Index h = 0; h < pair; ++h) {
+        Cell& cell = s.columns[std::size_t(i)].of[h];
+        eliminate(i, s.active[std::size_t(i)].of[h], cell.q, c[h], d[h], lap[h].positive);
+        cell.c = c[h];
+        cell.d = d[h];
       }
-      const double *r = R.data() + (begin + k) * n_, *v = V.data() + (begin + k) * n_, *y = Y.data() + (begin + k) * n_;
-      for (Index i = 0; i < n_; ++i) {
-        s.q[std::size_t(i)].v[h][lane] = scale_.rows[i] * (r[i] + v[i]);
-        s.y[std::size_t(i)].v[h][lane] = y[i];
+    Lanes next[pair] = {all(0), all(0)}, present[pair] = {d[0], d[1]};
+    for (Index i = n_ - 1; i >= 0; --i)
+      for (Index h = 0; h < pair; ++h) {
+        LaneMask& active = s.active[std::size_t(i)].of[h];
+        LaneMask flip;
+        const Lanes previous = substitute(s, i, h, active, present[h], next[h], lap[h].tolerance, flip);
+        lap[h].same &= ~flip;
+        active ^= flip;
+        s.columns[std::size_t(i)].of[h].d = present[h];
+        next[h] = present[h];
+        present[h] = previous;
       }
+  }
+
+  void newton(const Rows& rows, Workspace& s, BlockOutcome& outcome, double* change, double* magnitude) const {
+    if (n_ == 0) return;
+    Lap lap[pair];
+    come_in(rows, s, lap);
+    // Whether a PSD matrix has other solutions is asked of a solution in the workspace; a start from y = 0 has no
+    // active set to try.
+    if (class_ != LcpClass::PSD && any((lap[0].largest > 0) | (lap[1].largest > 0))) {
+      lap[0].largest = lap[1].largest = all(0);
+      go_out(rows, s, lap);
+      std::fill_n(outcome.sweeps, rows.size, 1);
+      if (!any(~settled(lap[0]) | ~settled(lap[1]))) return report(rows, s, lap, outcome, change, magnitude);
     }
     for (Index i = 0; i < n_; ++i)
-      for (Index h = 0; h < pair; ++h) s.active[std::size_t(i)].v[h] = s.y[std::size_t(i)].v[h] > 0 ? all(1) : all(0);
-  }
-
-  // c_i and d_i with y_i = d_i - c_i y_{i+1}. Returns per lane whether all pivots of active rows were positive.
-  void eliminate(Workspace& s, LaneMask positive[pair]) const {
-    Lanes c[pair] = {all(0), all(0)}, d[pair] = {all(0), all(0)};
-    for (Index i = 0; i < n_; ++i) {
-      const std::size_t k = std::size_t(i);
-      for (Index h = 0; h < pair; ++h) {
-        const Lanes active = s.active[k].v[h];
-        const Lanes lower = active * M_.lower[i], upper = active * M_.upper[i];
-        const Lanes pivot = (1 - active) + active * M_.diagonal[i] - lower * c[h];
-        const Lanes inverse = 1 / pivot;
-        positive[h] &= pivot > 64 * epsilon * M_.diagonal[i];  // beyond rounding
-        c[h] = upper * inverse;
-        d[h] = -(active * s.q[k].v[h] + lower * d[h]) * inverse;
-        s.c[k].v[h] = c[h];
-        s.d[k].v[h] = d[h];
-      }
-    }
-  }
-
-  // One sweep: y for the current active sets, then the exchanges. Returns per lane whether nothing was exchanged.
-  void sweep(Workspace& s, const Lanes tolerance[pair], LaneMask same[pair], LaneMask positive[pair],
-             Pair* fresh) const {
-    for (Index h = 0; h < pair; ++h) same[h] = positive[h] = all(0) == all(0);
-    eliminate(s, positive);
-    Pair next = {{all(0), all(0)}};  // y_{i+1}
-    Pair present = s.d[std::size_t(n_ - 1)];
-    for (Index i = n_ - 1; i >= 0; --i) {
-      const std::size_t k = std::size_t(i);
-      Pair previous = {{all(0), all(0)}};
-      for (Index h = 0; h < pair; ++h) {
-        if (i > 0) previous.v[h] = s.d[k - 1].v[h] - s.c[k - 1].v[h] * present.v[h];
-        const Lanes active = s.active[k].v[h], y = present.v[h];
-        const Lanes w = s.q[k].v[h] + M_.lower[i] * previous.v[h] + M_.diagonal[i] * y + M_.upper[i] * next.v[h];
-        const Lanes value = active > 0.5 ? y : w;
-        const LaneMask flip = value < -tolerance[h];
-        same[h] &= ~flip;
-        s.active[k].v[h] = flip ? 1 - active : active;
-        fresh[k].v[h] = y;
-      }
-      next = present;
-      present = previous;
-    }
-  }
-
-  void newton(const RowMatrix& R, const RowMatrix& V, RowMatrix& Y, Index begin, Index size, Workspace& s,
-              BlockOutcome& outcome, double* change, double* magnitude) const {
-    gather(R, V, Y, begin, size, s);
-    Lanes tolerance[pair];
-    LaneMask done[pair], least[pair];
-    for (Index h = 0; h < pair; ++h) {
-      Lanes largest = all(0);
-      for (Index i = 0; i < n_; ++i) largest = max(largest, abs(s.q[std::size_t(i)].v[h]));
-      // Rounding of M y + q: a handful of operations of the size of q for a well-scaled M.
-      tolerance[h] = 16 * epsilon * largest;
-      done[h] = all(0) != all(0);
-      least[h] = done[h];
-    }
+      for (Index h = 0; h < pair; ++h) s.active[std::size_t(i)].of[h] = s.columns[std::size_t(i)].of[h].y > 0;
+    for (Lap& one : lap) one.same = all(0) != all(0);
     const int cap = 12 + int(std::min<Index>(n_, 40));
-    for (int count = 1; count <= cap; ++count) {
-      LaneMask same[pair], positive[pair];
-      sweep(s, tolerance, same, positive, s.d.data());
-      bool open = false;
-      for (Index h = 0; h < pair; ++h) {
-        for (Index lane = 0; lane < lanes; ++lane)
-          if (!done[h][lane]) outcome.sweeps[h * lanes + lane] = count;
-        done[h] = same[h];
-        least[h] = positive[h];
-        open = open || any(~same[h]);
-      }
-      if (!open) break;
+    for (int count = 1; count <= cap && any(~lap[0].same | ~lap[1].same); ++count) {
+      for (Index k = 0; k < rows.size; ++k)
+        if (!lap[k / lanes].same[k % lanes]) outcome.sweeps[k] = count;
+      sweep(s, lap);
     }
-    finish(Y, begin, size, s, done, least, outcome, change, magnitude);
+    finish(rows, s, lap, outcome, change, magnitude);
   }
 
-  void finish(RowMatrix& Y, Index begin, Index size, const Workspace& s, const LaneMask done[pair],
-              const LaneMask least[pair], BlockOutcome& outcome, double* change, double* magnitude) const {
+  // Lanes whose active set is that of the solution asked for: for a Z-matrix, of the least one, which it is exactly
+  // when the active block has positive pivots.
+  LaneMask settled(const Lap& lap) const { return class_ == LcpClass::Z ? lap.same & lap.positive : lap.same; }
+
+  // The solutions in the workspace go out; where there is none the y given returns.
+  void finish(const Rows& rows, const Workspace& s, Lap lap[pair], BlockOutcome& outcome, double* change,
+              double* magnitude) const {
     for (Index h = 0; h < pair; ++h) {
-      Lanes largest_change = all(0), largest = all(0), sum = all(0);
+      lap[h].change = lap[h].largest = lap[h].sum = all(0);
       for (Index i = 0; i < n_; ++i) {
-        const std::size_t k = std::size_t(i);
-        const Lanes y = s.d[k].v[h] < 0 ? all(0) : scale_.columns[i] * s.d[k].v[h];
-        const Lanes step = abs(y - s.y[k].v[h]);
-        largest_change = max(largest_change, step);
-        largest = max(largest, y);
-        sum += s.q[k].v[h] + y;  // a NaN or an infinity ends here
+        const Cell& cell = s.columns[std::size_t(i)].of[h];
+        account(i, cell, cell.d, lap[h]);
       }
-      for (Index lane = 0; lane < lanes; ++lane) {
-        const Index k = h * lanes + lane;
-        if (k >= size) continue;
-        const bool finite = std::isfinite(sum[lane]);
-        // For a Z-matrix the solution is the least one exactly when the active block has positive pivots.
-        outcome.solved[k] = finite && done[h][lane] && (class_ != LcpClass::Z || least[h][lane]) &&
-                            (class_ != LcpClass::PSD || is_only_solution(s, h, lane));
-        change[k] = finite ? largest_change[lane] : NAN;
-        magnitude[k] = largest[lane];
-        if (outcome.solved[k])
-          for (Index i = 0; i < n_; ++i)
-            Y(begin + k, i) = scale_.columns[i] * std::max(s.d[std::size_t(i)].v[h][lane], 0.0);
+    }
+    report(rows, s, lap, outcome, change, magnitude);
+    for (Index h = 0; h < pair; ++h) {
+      LaneMask solved;
+      for (Index lane = 0; lane < lanes; ++lane) solved[lane] = outcome.solved[h * lanes + lane] ? -1 : 0;
+      for (Index first = (n_ - 1) / lanes * lanes; first >= 0; first -= lanes) {
+        const Columns at(first, n_);
+        Lanes out[lanes] = {};
+        for (Index k = 0; k < at.size; ++k) {
+          const Cell& cell = s.columns[std::size_t(first + k)].of[h];
+          out[at.lane(k)] = solved ? scale_.columns[first + k] * max(cell.d, all(0)) : cell.y;
+        }
+        scatter(rows, h, at, out);
       }
+    }
+  }
+
+  void report(const Rows& rows, const Workspace& s, const Lap lap[pair], BlockOutcome& outcome, double* change,
+              double* magnitude) const {
+    for (Index k = 0; k < rows.size; ++k) {
+      const Index h = k / lanes, lane = k % lanes;
+      const bool finite = std::isfinite(lap[h].sum[lane]);
+      outcome.solved[k] = finite && settled(lap[h])[lane] && (class_ != LcpClass::PSD || is_only_solution(s, h, lane));
+      change[k] = finite ? lap[h].change[lane] : NAN;
+      magnitude[k] = lap[h].largest[lane];
     }
   }
 
   bool is_only_solution(const Workspace& s, Index h, Index lane) const {
     Vector q(n_), y(n_);
     for (Index i = 0; i < n_; ++i) {
-      q[i] = s.q[std::size_t(i)].v[h][lane];
-      y[i] = std::max(s.d[std::size_t(i)].v[h][lane], 0.0);
+      q[i] = s.columns[std::size_t(i)].of[h].q[lane];
+      y[i] = std::max(s.columns[std::size_t(i)].of[h].d[lane], 0.0);
     }
     return is_certainly_unique(M_, q, y);
   }
