@@ -42,12 +42,10 @@ def time_and_steps(row):
 
 
 def speed_vs_error(data):
-    scenes = {}
-    for row in data["rows"]:
-        scenes.setdefault(scene_title(row), []).append(row)
+    scenes = by_scene(data)
     lines = ["| scene | error of y | march | contour | implicit Euler | Euler / fastest |", "|--" * 6 + "|"]
     for title, rows in scenes.items():
-        for error in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
+        for error in targets:
             best = fastest(rows, error)
             if best is None:
                 continue
@@ -66,6 +64,58 @@ def speed_vs_error(data):
         "Each cell is the fastest run of the ladder, on one thread or on all, whose largest error of y over t >= T/16 is at most "
         f"the error of its line. Errors against: {sources}. {repeats(data)} (minimum to maximum).",
     ]
+
+
+targets = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+
+
+def by_scene(data):
+    scenes = {}
+    for row in data["rows"]:
+        scenes.setdefault(scene_title(row), []).append(row)
+    return scenes
+
+
+def lost(data):
+    """The cases that the methods of the project lose, or do not solve."""
+    euler_wins, ratios, literal, failures = [], [], [], {}
+    for title, rows in by_scene(data).items():
+        for error in targets:
+            march, contour, euler, printed = (
+                fastest(rows, error, {name}) for name in ("march", "contour", "euler", "contour-literal")
+            )
+            time = {name: row["seconds"]["median"] if row else float("inf") for name, row in
+                    (("march", march), ("contour", contour), ("euler", euler), ("printed", printed))}  # fmt: skip
+            if euler and time["euler"] < min(time["march"], time["contour"]):
+                other = min((row for row in (march, contour) if row), key=lambda row: row["seconds"]["median"], default=None)
+                beside = f", {other['contestant']} {seconds(other['seconds']['median'])}" if other else ", nothing else gets there"
+                euler_wins.append(f"{title} at {error:.0e} ({seconds(time['euler'])}{beside})")
+            if march and contour:
+                ratios.append((time["contour"] / time["march"], f"{title} at {error:.0e}"))
+            if printed and march:
+                literal.append((time["printed"] / time["march"], f"{title} at {error:.0e}"))
+        for row in rows:
+            if row["status"] != "solved":
+                what = f"{row['literal_nodes'] + 1} nodes" if row["contestant"].endswith("nodes") else f"{row['steps']} steps"
+                place = failures.setdefault((title, row["contestant"], row["status"]), {})
+                place[what] = row["reason"]
+    lines = []
+    if euler_wins:
+        lines.append("- Implicit Euler is the fastest at: " + "; ".join(euler_wins) + ".")
+    else:
+        lines.append("- Implicit Euler is the fastest nowhere in this table.")
+    for name, found in (("contour", ratios), ("contour-literal", literal)):
+        slower = sorted(pair for pair in found if pair[0] > 1)
+        if slower:
+            faster = len(found) - len(slower)
+            lines.append(
+                f"- `{name}` is slower than `march` in {len(slower)} of {len(found)} cases, by {slower[0][0]:.3g} ({slower[0][1]}) to "
+                f"{slower[-1][0]:.3g} times ({slower[-1][1]})" + (f"; it is faster in {faster}." if faster else ".")
+            )
+    for (title, name, status), places in failures.items():
+        reason = next(iter(places.values()))
+        lines.append(f"- {title}, `{name}`: {status} with {', '.join(places)} ({reason}).")
+    return lines
 
 
 def headline(data):

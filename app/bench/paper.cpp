@@ -17,27 +17,27 @@ void refuse_unused(const BenchRequest& request) {
 }
 
 Json definitions() {
-  return {{"paper",
-           "Wu and Chen, A parallel iterative algorithm for differential linear complementarity problems, SIAM J. "
-           "Sci. Comput. 39, 2017"},
-          {"small scene",
-           "dlcp-small has the paper's matrices; its printed sources admit no solution, so the solution is "
-           "prescribed: iteration counts are those of our variant"},
-          {"iterates",
-           "k sweeps of contour against the iteration run until nothing changes, largest entry over all times; "
-           "trace = N x, in signorini -2 times the state next to the membrane; sweeps_to_* for signorini are "
-           "counted in half the trace, sweeps_to_tolerance_x in the whole state"},
-          {"bound",
-           "Theorem 2.2 (1), Euclidean norms, P = 25, with phi taken at the nodes of the contours of the time grid "
-           "and L of Lemma 3.1; log10 of an absolute error"},
-          {"difference",
-           "4.3 left: largest difference between h and h/2 at the common times; 4.3 right: from contour on the "
-           "same grid"},
-          {"error", error_definition},
-          {"seconds",
-           "wall clock of whole solves without the trace, runs interleaved; median, min, max, and medians of "
-           "set-up and solve"},
-          {"split_percent", "of the whole time; lcp, convolution, transform and other are the parts of the solve"}};
+  return {
+      {"paper",
+       "Wu and Chen, A parallel iterative algorithm for differential linear complementarity problems, SIAM J. Sci. "
+       "Comput. 39, 2017"},
+      {"small scene",
+       "dlcp-small has the paper's matrices; its printed sources admit no solution, so the solution is prescribed: "
+       "iteration counts are those of our variant"},
+      {"iterates",
+       "k sweeps of contour against the iteration run until nothing changes, largest entry over all times; trace = N "
+       "x, in signorini -2 times the state next to the membrane; sweeps_to_* for signorini are counted in half the "
+       "trace, sweeps_to_tolerance_x in the whole state"},
+      {"bound",
+       "Theorem 2.2 (1), Euclidean norms, P = 25, with phi taken at the nodes of the contours of the time grid and L "
+       "of Lemma 3.1; log10 of an absolute error"},
+      {"difference",
+       "4.3 left: largest difference between h and h/2 at the common times; 4.3 right: from contour on the same grid"},
+      {"error", error_definition},
+      {"seconds",
+       "wall clock of whole solves without the trace, runs interleaved; median, min, max, and medians of set-up and "
+       "solve"},
+      {"split_percent", "of the whole time; lcp, convolution, transform and other are the parts of the solve"}};
 }
 
 }  // namespace

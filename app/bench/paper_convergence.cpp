@@ -96,13 +96,11 @@ void paper_small_iterates(bool quick, Backend& backend, BenchReport& report) {
     lines.push_back({fmt::format("1/{}", steps), fmt::format("{}", last), fmt::format("{:.3g}", bound.phi),
                      fmt::format("{:.3g}", bound.lipschitz), fmt::format("{}", bound.useful_from())});
     report.notes.push_back(superlinear(scene, iterates, last, peak_of(row)));
-    report.notes.push_back(
-        fmt::format("Fig. 4.1, h = 1/{}: with its constants computed (phi = {:.3g}, L = {:.3g}, phi L |B| |N| T = "
-                    "{:.3g}) the bound "
-                    "of Theorem 2.2 stays above the error of the start ({:.2g}) up to about sweep {:.2g}: it says "
-                    "nothing about the "
-                    "{} sweeps that are needed. A bound C^k/k! of the same form would hold with C = {:.3g}",
-                    steps, bound.phi, bound.lipschitz, bound.factor, start, double(bound.useful_from()), last, fitted));
+    report.notes.push_back(fmt::format(
+        "Fig. 4.1, h = 1/{}: with its constants computed (phi = {:.3g}, L = {:.3g}, phi L |B| |N| T = {:.3g}) the "
+        "bound of Theorem 2.2 stays above the error of the start ({:.2g}) up to about sweep {:.2g}: it says nothing "
+        "about the {} sweeps that are needed. A bound C^k/k! of the same form would hold with C = {:.3g}",
+        steps, bound.phi, bound.lipschitz, bound.factor, start, double(bound.useful_from()), last, fitted));
     report.rows.push_back(std::move(row));
   }
   print("Fig. 4.1: iterates of dlcp-small (prescribed solution)\n" + table(lines) + "\n");
@@ -175,11 +173,11 @@ void paper_large_iterates(bool quick, Backend& backend, BenchReport& report) {
   report.notes.push_back(
       "Fig. 4.6 left, dx = 1/25: sweeps to 1e-12 at the steps in brackets: " + counts(left, "sweeps_to_1e-12", "h") +
       "; to (4.8): " + counts(left, "sweeps_to_tolerance", "h"));
-  report.notes.push_back(fmt::format(
-      "Fig. 4.6 right, h = 1/100: sweeps to (4.8) at the spacings in brackets: {}; they grow by {:.2f} a grid point of "
-      "a side (to 1e-12: by {:.2f}), where the paper says 'somehow slightly increases'",
-      counts(right, "sweeps_to_tolerance", "dx"), growth_per_point(right, "sweeps_to_tolerance"),
-      growth_per_point(right, "sweeps_to_1e-12")));
+  report.notes.push_back(
+      fmt::format("Fig. 4.6 right, h = 1/100: sweeps to (4.8) at the spacings in brackets: {}; they grow by {:.2f} a "
+                  "grid point of a side (to 1e-12: by {:.2f}), where the paper says 'somehow slightly increases'",
+                  counts(right, "sweeps_to_tolerance", "dx"), growth_per_point(right, "sweeps_to_tolerance"),
+                  growth_per_point(right, "sweeps_to_1e-12")));
 }
 
 }  // namespace bromwich::app
