@@ -16,6 +16,12 @@ DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J) {
 
 std::size_t host_bytes(const DiscreteProblem& p) { return sizeof(double) * std::size_t(2 * p.g.size() + p.f.size()); }
 
+Matrix source_matrix(const DiscreteProblem& p) {
+  if (p.scene.f_entry == SourceEntry::through_F) return p.scene.F;
+  if (p.scene.f_entry == SourceEntry::through_B) return p.dense()->B;
+  return Matrix::Identity(p.scene.states(), p.scene.states());
+}
+
 RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) {
   const Matrix& B = p.dense()->B;
   if (const RowMatrix* phi = p.drive()) return (y + *phi) * B.transpose();

@@ -31,6 +31,9 @@ std::size_t host_bytes(const DiscreteProblem&);
 /// Samples the sources.
 DiscreteProblem discretise(const Scene&, Backend&, Index J);
 
+/// F with f_j = F phi_j, the samples p.f: m x their number (dense dynamics).
+Matrix source_matrix(const DiscreteProblem&);
+
 /// B y_j + f_j as rows in R^m (dense dynamics).
 RowMatrix state_input(const DiscreteProblem&, const RowMatrix& y);
 

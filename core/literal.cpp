@@ -119,7 +119,7 @@ RowMatrix literal_response(const DiscreteProblem& p, const LiteralKernel& kernel
     r += part;
   } else if (p.f.size() > 0) {
     DenseDynamics source = *p.dense();
-    source.B = Matrix::Identity(source.A.rows(), source.A.rows());
+    source.B = source_matrix(p);
     r += LiteralKernel(p, source, P).respond(p.f);
   }
   return r;

@@ -20,13 +20,6 @@ struct Plan {
   RowMatrix forcing = {};  ///< dense: what f adds to z_j
 };
 
-// f_j = F phi_j in R^m: the matrix F that goes with the samples of a dense scene.
-Matrix source_matrix(const DiscreteProblem& p) {
-  if (p.scene.f_entry == SourceEntry::through_F) return p.scene.F;
-  if (p.scene.f_entry == SourceEntry::through_B) return p.dense()->B;
-  return Matrix::Identity(p.scene.states(), p.scene.states());
-}
-
 // The state itself is stepped, x0 and f with it: nothing that grows is computed apart and cancelled later.
 Plan dense_plan(const DiscreteProblem& p, Rule rule) {
   const DenseDynamics& d = *p.dense();

@@ -219,6 +219,7 @@ Scene relay_scene(const Sections& s) {
 /// Adds f of the file to what a relay brings.
 void add_f(const Sections& s, Scene& scene) {
   FunctionValue f = s.dynamics.function("f", scene.T);
+  const TimeFunction brought = std::exchange(scene.f, {});  // it is as long as the state, f need not be
   if (s.dynamics.has("F")) {
     if (!f.function) throw Error(s.dynamics.where("F"), "is given without f", "add f with one entry per column of F");
     scene.F = to_sparse(s.dynamics.matrix("F"));
@@ -228,15 +229,14 @@ void add_f(const Sections& s, Scene& scene) {
   } else {
     require_entries(f, scene.states(), s.dynamics.where("f"), "one per state");
   }
-  if (!f.function) return;
-  if (!s.relay.given()) {
-    scene.f = f.function;
+  if (!f.function || !s.relay.given()) {
+    scene.f = f.function ? f.function : brought;
     return;
   }
   const TimeFunction entering = s.dynamics.has("F") ? spread(scene.F, f.function) : f.function;
   scene.f_entry = SourceEntry::state;
   scene.F = {};
-  scene.f = [entering, brought = scene.f, m = scene.states()](double t, Eigen::Ref<Vector> value) {
+  scene.f = [entering, brought, m = scene.states()](double t, Eigen::Ref<Vector> value) {
     Vector own(m);
     entering(t, own);
     brought(t, value);

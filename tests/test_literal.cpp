@@ -40,6 +40,26 @@ TEST(Literal, ApproachesTheSharedContoursAtThePrintedRate) {
   }
 }
 
+// f = F phi with one source for two states, as a vector of the state's length and as the source itself.
+TEST(Literal, TakesSourcesThroughTheirMatrix) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1, 0.3}, {0.3, -2}}, Matrix{{1}, {0}}, Matrix{{-1, 0.5}}};
+  scene.M = Matrix{{1}};
+  scene.x0 = Vector{{1, 0}};
+  scene.T = 4;
+  scene.f = [](double t, Eigen::Ref<Vector> f) { f << std::sin(3 * t), 2 * std::sin(3 * t); };
+  const Result by_state = literal(scene, 64, 64);
+  scene.F = Matrix{{1}, {2}}.sparseView();
+  scene.f_entry = SourceEntry::through_F;
+  scene.f = [](double t, Eigen::Ref<Vector> phi) { phi[0] = std::sin(3 * t); };
+  const Result by_source = literal(scene, 64, 64);
+  ASSERT_EQ(by_state.status, Status::solved) << by_state.reason;
+  ASSERT_EQ(by_source.status, Status::solved) << by_source.reason;
+  // The same sums in another order.
+  EXPECT_LE(distance(by_source.y, by_state.y), 1e-12);
+  EXPECT_LE(distance(by_source.y, run(scene, options_for(Method::march, 64)).y), 100 * rate(64));
+}
+
 TEST(Literal, RefusesSpectraOutsideItsSector) {
   const Result r = literal(make_scene("bridge"), 60, 25);
   EXPECT_EQ(r.status, Status::unsupported);

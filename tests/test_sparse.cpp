@@ -114,9 +114,8 @@ TEST_P(SparseResolvent, RefusesAnEigenvalue) {
   const SparseMatrix pair = assemble(2, 2, {{0, 0, -2.0}, {0, 1, 1.0}, {1, 0, 1.0}, {1, 1, -2.0}});
   for (const auto& [A, z] : {std::pair{diagonal, -2.0}, {pair, -1.0}}) {
     const SparseMatrix B = Matrix::Ones(A.rows(), 1).sparseView(), N = Matrix::Ones(1, A.rows()).sparseView();
-    const auto at = [&](Complex node) {
-      backend->resolvent(Dynamics(SparseDynamics{A, B, N}), ComplexVector{{Complex(1, 1), node}});
-    };
+    const Dynamics dynamics = SparseDynamics{A, B, N};
+    const auto at = [&](Complex node) { backend->resolvent(dynamics, ComplexVector{{Complex(1, 1), node}}); };
     EXPECT_THROW(at(z), Error);
     EXPECT_NO_THROW(at(Complex(z, 1e-3)));
   }

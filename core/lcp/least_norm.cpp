@@ -1,9 +1,9 @@
 #include "core/lcp/least_norm.hpp"
 
-#include "core/lcp/enumeration.hpp"
 #include "core/lcp/active_set_lcp.hpp"
-#include "core/lcp/solution.hpp"
+#include "core/lcp/enumeration.hpp"
 #include "core/lcp/lemke.hpp"
+#include "core/lcp/solution.hpp"
 
 #include <Eigen/LU>
 #include <Eigen/QR>
