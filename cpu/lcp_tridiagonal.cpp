@@ -74,7 +74,8 @@ struct Lap {
   LaneMask same = all(0) == all(0);      ///< nothing to exchange
   LaneMask positive = all(0) == all(0);  ///< all pivots of active rows were, beyond rounding
   Lanes tolerance = all(0);              ///< rounding of M y + q: a handful of operations of the size of q
-  Lanes change = all(0), largest = all(0), sum = all(0);
+  Lanes change = all(0), largest = all(0);
+  Lanes sum = all(0);  ///< a NaN or an infinity ends here
 };
 
 class TridiagonalLcp final : public LcpBatch {
@@ -145,18 +146,19 @@ class TridiagonalLcp final : public LcpBatch {
     for (Index k = 0; k < rows.of(h); ++k) at.store(rows.y + rows.at(h, k), y[k]);
   }
 
-  // c_i and d_i from those of the row above.
-  void eliminate(Index i, LaneMask active, const Lanes& q, Lanes& c, Lanes& d, LaneMask& positive) const {
+  // c_i and d_i from those of the row above; `pivots` keeps the least excess over what may be rounding.
+  void eliminate(Index i, LaneMask active, const Lanes& q, Lanes& c, Lanes& d, Lanes& pivots) const {
     const Lanes pivot = active ? M_.diagonal[i] - M_.lower[i] * c : all(1);
     const Lanes inverse = 1 / pivot;
-    positive &= pivot > 64 * epsilon * M_.diagonal[i];
+    pivots = min(pivots, pivot - 64 * epsilon * M_.diagonal[i]);
     c = active ? M_.upper[i] * inverse : all(0);
     d = active ? -(q + M_.lower[i] * d) * inverse : all(0);
   }
 
   // Downwards: everything of a block comes in; the system of the active set that y gives is eliminated.
   void come_in(const Rows& rows, Workspace& s, Lap lap[pair]) const {
-    Lanes c[pair] = {all(0), all(0)}, d[pair] = {all(0), all(0)}, largest[pair] = {all(0), all(0)};
+    Lanes c[pair] = {all(0), all(0)}, d[pair] = {all(0), all(0)}, q_size[pair] = {all(0), all(0)};
+    Lanes y_size[pair] = {all(0), all(0)}, pivots[pair] = {all(1), all(1)};
     for (Index first = 0; first < n_; first += lanes) {
       const Columns at(first, n_);
       Lanes q[pair][lanes], y[pair][lanes];
@@ -165,41 +167,38 @@ class TridiagonalLcp final : public LcpBatch {
         for (Index h = 0; h < pair; ++h) {
           const Index i = first + k;
           const Lanes &qi = q[h][at.lane(k)], &yi = y[h][at.lane(k)];
-          eliminate(i, yi > 0, qi, c[h], d[h], lap[h].positive);
-          largest[h] = max(largest[h], abs(qi));
-          lap[h].largest = max(lap[h].largest, yi);
+          eliminate(i, yi > 0, qi, c[h], d[h], pivots[h]);
+          q_size[h] = max(q_size[h], abs(qi));
+          y_size[h] = max(y_size[h], yi);
           s.columns[std::size_t(i)].of[h] = {qi, yi, c[h], d[h]};
         }
     }
-    for (Index h = 0; h < pair; ++h) lap[h].tolerance = 16 * epsilon * largest[h];
+    for (Index h = 0; h < pair; ++h) {
+      lap[h].tolerance = 16 * epsilon * q_size[h];
+      lap[h].largest = y_size[h];
+      lap[h].positive = pivots[h] > 0;
+    }
   }
 
-  // y_{i-1}, and whether y_i and w_i have the signs that the active set says.
-  Lanes substitute(const Workspace& s, Index i, Index h, LaneMask active, const Lanes& present, const Lanes& next,
-                   const Lanes& tolerance, LaneMask& flip) const {
+  // y_{i-1} and w_i.
+  Lanes substitute(const Workspace& s, Index i, Index h, const Lanes& present, const Lanes& next, Lanes& w) const {
     const Cell& cell = s.columns[std::size_t(i)].of[h];
     Lanes previous = all(0);
     if (i > 0) {
       const Cell& above = s.columns[std::size_t(i - 1)].of[h];
       previous = above.d - above.c * present;
     }
-    const Lanes w = cell.q + M_.lower[i] * previous + M_.diagonal[i] * present + M_.upper[i] * next;
-    flip = (active ? present : w) < -tolerance;
+    w = cell.q + M_.lower[i] * previous + M_.diagonal[i] * present + M_.upper[i] * next;
     return previous;
   }
 
-  // What a solution leaves behind, and the solution itself in the units of the caller.
-  Lanes account(Index i, const Cell& cell, const Lanes& y, Lap& lap) const {
-    const Lanes value = scale_.columns[i] * max(y, all(0));
-    lap.change = max(lap.change, abs(value - cell.y));
-    lap.largest = max(lap.largest, value);
-    lap.sum += cell.q + y;  // a NaN or an infinity ends here
-    return value;
-  }
+  Lanes in_units_of_the_caller(Index i, const Lanes& y) const { return scale_.columns[i] * max(y, all(0)); }
 
   // Upwards: y is substituted and goes out, whether or not it is the solution.
   void go_out(const Rows& rows, const Workspace& s, Lap lap[pair]) const {
     Lanes next[pair] = {all(0), all(0)}, present[pair];
+    Lanes lowest[pair] = {all(0), all(0)}, change[pair] = {all(0), all(0)}, largest[pair] = {all(0), all(0)};
+    Lanes sum[pair] = {all(0), all(0)};
     for (Index h = 0; h < pair; ++h) present[h] = s.columns[std::size_t(n_ - 1)].of[h].d;
     for (Index first = (n_ - 1) / lanes * lanes; first >= 0; first -= lanes) {
       const Columns at(first, n_);
@@ -208,25 +207,35 @@ class TridiagonalLcp final : public LcpBatch {
         for (Index h = 0; h < pair; ++h) {
           const Index i = first + k;
           const Cell& cell = s.columns[std::size_t(i)].of[h];
-          LaneMask flip;
-          const Lanes previous = substitute(s, i, h, cell.y > 0, present[h], next[h], lap[h].tolerance, flip);
-          lap[h].same &= ~flip;
-          out[h][at.lane(k)] = account(i, cell, present[h], lap[h]);
+          Lanes w;
+          const Lanes previous = substitute(s, i, h, present[h], next[h], w);
+          const Lanes value = in_units_of_the_caller(i, present[h]);
+          lowest[h] = min(lowest[h], cell.y > 0 ? present[h] : w);
+          change[h] = max(change[h], abs(value - cell.y));
+          largest[h] = max(largest[h], value);
+          sum[h] += w;
+          out[h][at.lane(k)] = value;
           next[h] = present[h];
           present[h] = previous;
         }
       for (Index h = 0; h < pair; ++h) scatter(rows, h, at, out[h]);
     }
+    for (Index h = 0; h < pair; ++h) {
+      lap[h].same = lowest[h] >= -lap[h].tolerance;
+      lap[h].change = change[h];
+      lap[h].largest = largest[h];
+      lap[h].sum = sum[h];
+    }
   }
 
   // One sweep in the workspace: y for the current active sets, then the exchanges.
   void sweep(Workspace& s, Lap lap[pair]) const {
-    Lanes c[pair] = {all(0), all(0)}, d[pair] = {all(0), all(0)};
-    for (Index h = 0; h < pair; ++h) lap[h].same = lap[h].positive = all(0) == all(0);
+    Lanes c[pair] = {all(0), all(0)}, d[pair] = {all(0), all(0)}, pivots[pair] = {all(1), all(1)};
+    LaneMask same[pair] = {all(0) == all(0), all(0) == all(0)};
     for (Index i = 0; i < n_; ++i)
       for (Index h = 0; h < pair; ++h) {
         Cell& cell = s.columns[std::size_t(i)].of[h];
-        eliminate(i, s.active[std::size_t(i)].of[h], cell.q, c[h], d[h], lap[h].positive);
+        eliminate(i, s.active[std::size_t(i)].of[h], cell.q, c[h], d[h], pivots[h]);
         cell.c = c[h];
         cell.d = d[h];
       }
@@ -234,14 +243,19 @@ class TridiagonalLcp final : public LcpBatch {
     for (Index i = n_ - 1; i >= 0; --i)
       for (Index h = 0; h < pair; ++h) {
         LaneMask& active = s.active[std::size_t(i)].of[h];
-        LaneMask flip;
-        const Lanes previous = substitute(s, i, h, active, present[h], next[h], lap[h].tolerance, flip);
-        lap[h].same &= ~flip;
+        Lanes w;
+        const Lanes previous = substitute(s, i, h, present[h], next[h], w);
+        const LaneMask flip = (active ? present[h] : w) < -lap[h].tolerance;
+        same[h] &= ~flip;
         active ^= flip;
         s.columns[std::size_t(i)].of[h].d = present[h];
         next[h] = present[h];
         present[h] = previous;
       }
+    for (Index h = 0; h < pair; ++h) {
+      lap[h].same = same[h];
+      lap[h].positive = pivots[h] > 0;
+    }
   }
 
   void newton(const Rows& rows, Workspace& s, BlockOutcome& outcome, double* change, double* magnitude) const {
@@ -279,7 +293,10 @@ class TridiagonalLcp final : public LcpBatch {
       lap[h].change = lap[h].largest = lap[h].sum = all(0);
       for (Index i = 0; i < n_; ++i) {
         const Cell& cell = s.columns[std::size_t(i)].of[h];
-        account(i, cell, cell.d, lap[h]);
+        const Lanes value = in_units_of_the_caller(i, cell.d);
+        lap[h].change = max(lap[h].change, abs(value - cell.y));
+        lap[h].largest = max(lap[h].largest, value);
+        lap[h].sum += cell.q + cell.d;
       }
     }
     report(rows, s, lap, outcome, change, magnitude);
@@ -291,7 +308,7 @@ class TridiagonalLcp final : public LcpBatch {
         Lanes out[lanes] = {};
         for (Index k = 0; k < at.size; ++k) {
           const Cell& cell = s.columns[std::size_t(first + k)].of[h];
-          out[at.lane(k)] = solved ? scale_.columns[first + k] * max(cell.d, all(0)) : cell.y;
+          out[at.lane(k)] = solved ? in_units_of_the_caller(first + k, cell.d) : cell.y;
         }
         scatter(rows, h, at, out);
       }

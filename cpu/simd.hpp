@@ -24,6 +24,7 @@ inline Lanes load(const double* from) {
 inline void store(double* to, Lanes v) { std::memcpy(to, &v, sizeof v); }
 
 inline Lanes max(Lanes a, Lanes b) { return a > b ? a : b; }
+inline Lanes min(Lanes a, Lanes b) { return a < b ? a : b; }
 inline Lanes abs(Lanes a) { return Lanes(LaneMask(a) & ~(1ll << 63)); }  // the sign bit away
 
 inline bool any(LaneMask m) {
