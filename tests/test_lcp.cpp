@@ -77,8 +77,8 @@ TEST(ActiveSetLcp, LeastElementsAgainstEnumeration) {
   EXPECT_LT(infeasible, 2200);
 }
 
-/// Semismooth Newton on min(y, w) by itself: from an active set to the next until one comes back; true where that is not
-/// the same set (a cycle).
+/// Semismooth Newton on min(y, w) by itself: from an active set to the next until one comes back; true where that is
+/// not the same set (a cycle).
 bool newton_cycles(const Matrix& M, const Vector& q, unsigned set) {
   std::vector<char> seen(std::size_t(1) << q.size(), 0);
   while (!seen[set]) {

@@ -135,8 +135,8 @@ TEST(MatrixPhi, DiagonalisableMatrices) {
   }
 }
 
-// Eigenvalues from -1e8 to 0 side by side: the slow ones keep their digits, up to what rounding of the entries (eps 1e8)
-// does to them.
+// Eigenvalues from -1e8 to 0 side by side: the slow ones keep their digits, up to what rounding of the entries (eps
+// 1e8) does to them.
 TEST(MatrixPhi, StiffSymmetricMatrices) {
   const Vector v = Vector::LinSpaced(6, 1, 6), lambda{{-1e8, -1e4, -1e2, -1, -1e-4, 0}};
   const Matrix V = Matrix::Identity(6, 6) - 2 * v * v.transpose() / v.squaredNorm();

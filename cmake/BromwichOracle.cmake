@@ -1,0 +1,8 @@
+# bromwich_oracle: the independent dense oracle, the random scenes and the verdict on a result, which the tests and
+# bromwich_random_scenes share.
+include_guard(GLOBAL)
+add_library(
+  bromwich_oracle STATIC
+  ${PROJECT_SOURCE_DIR}/tests/oracle.cpp ${PROJECT_SOURCE_DIR}/tests/oracle_steps.cpp
+  ${PROJECT_SOURCE_DIR}/tests/random_scenes.cpp ${PROJECT_SOURCE_DIR}/tests/verdict.cpp)
+target_link_libraries(bromwich_oracle PUBLIC bromwich::core PRIVATE bromwich::cpu bromwich_build_options)
