@@ -54,12 +54,6 @@ Method parse_method(const std::string& word) {
   return method_from_string(word);
 }
 
-std::string parse_backend(const std::string& word) {
-  if (word == "auto" || word == "cpu") return "cpu";
-  if (word == "cuda") throw Error("--backend", "found 'cuda' but this build has no CUDA backend", "use --backend cpu");
-  throw Error("--backend", found(word) + suggestion(word, {"auto", "cpu"}), "use auto or cpu");
-}
-
 void parse_states(const std::string& argument, const std::string& word, Index states, Options& options) {
   StateChoice choice = parse_state_choice(argument, word, states);
   options.states = choice.selection;

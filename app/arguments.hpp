@@ -22,9 +22,6 @@ Method parse_method(const std::string& word);
 /// "auto", "contour", ...: the words that parse_method takes.
 std::vector<std::string> method_names();
 
-/// "cpu", or what `auto` stands for in this build.
-std::string parse_backend(const std::string& word);
-
 /// "all", "none" or a list "0,3,7" of components below `states`; `argument` is what a refusal names.
 void parse_states(const std::string& argument, const std::string& word, Index states, Options& options);
 

@@ -1,5 +1,6 @@
 // `bromwich scenes` and `bromwich info`.
 
+#include "app/backend_choice.hpp"
 #include "app/commands.hpp"
 #include "app/machine.hpp"
 #include "app/scene_choice.hpp"
@@ -64,7 +65,7 @@ int run_info() {
   line("version", fmt::format("{} (commit {})", build_info::version, build_info::commit));
   line("compiler", fmt::format("{}, {}", build_info::compiler, build_info::build_type));
   line("flags", build_info::flags);
-  line("backends", "cpu (cuda is not built in)");
+  line("backends", backend_list());
   line("device",
        fmt::format("{}: {}{}{}", backend->name(), device.name, device.detail.empty() ? "" : ", ", device.detail));
   line("threads", fmt::format("{}", device.threads));

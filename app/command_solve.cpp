@@ -1,6 +1,7 @@
 // `bromwich solve`: everything that can be refused is refused before the first step is computed.
 
 #include "app/arguments.hpp"
+#include "app/backend_choice.hpp"
 #include "app/commands.hpp"
 #include "app/interaction.hpp"
 #include "app/machine.hpp"
@@ -13,7 +14,6 @@
 #include "app/scene_template.hpp"
 #include "app/text.hpp"
 #include "core/error.hpp"
-#include "cpu/cpu_backend.hpp"
 
 #include <fmt/format.h>
 
@@ -97,7 +97,6 @@ int run_solve(const SolveArguments& arguments) {
   const ParameterValues settings = parse_settings(words.settings);
   const SceneChoice choice = choose_scene(scene_name(words), settings);
   Options options = solve_options(arguments, choice);
-  parse_backend(arguments.backend);
   const int threads = arguments.threads.empty() ? 0 : parse_threads(arguments.threads);
   check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps,
                state_columns(options, choice.scene));
@@ -105,7 +104,7 @@ int run_solve(const SolveArguments& arguments) {
   std::optional<OutputFile> out;
   if (!arguments.out.empty()) out.emplace(arguments.out, ".csv");
 
-  const auto backend = make_cpu_backend(threads);
+  const auto backend = choose_backend(arguments.backend, options.method, threads);
   ProgressLine progress;
   if (progress.visible()) options.progress = [&progress](const Progress& state) { progress.show(state); };
   catch_interrupts();

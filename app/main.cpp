@@ -44,7 +44,7 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   command->add_option("SCENE", a.words, "a scene that 'bromwich scenes' lists, or a file .toml")->option_text(" ");
   add_settings(command, a.settings);
   add_word(command, "--method", a.method, "NAME", join(method_names()) + "; default: auto");
-  add_word(command, "--backend", a.backend, "NAME", "auto (default) or cpu");
+  add_word(command, "--backend", a.backend, "NAME", "auto (default), cpu or cuda");
   add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
   add_word(command, "--tol", a.tolerance, "EPS", "error to reach (not available yet)");
   add_word(command, "--iteration-tol", a.iteration_tolerance, "EPS",
@@ -68,7 +68,7 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
 
 CLI::App* add_bench(CLI::App& app, BenchArguments& a) {
   CLI::App* command = app.add_subcommand("bench", "measure methods against each other");
-  command->add_option("NAME [SCENE]", a.words, "a benchmark, and the scene where it takes one")->option_text(" ");
+  command->add_option("NAME", a.words, "a benchmark, and the scene where it takes one")->option_text("[SCENE]");
   add_settings(command, a.settings);
   add_word(command, "--steps", a.steps, "J", "time steps; default: the benchmark's own sizes");
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");

@@ -127,4 +127,17 @@ LagTable lag_table(const Recurrence& recurrence, Index J) {
   return std::visit([J](const auto& r) { return table_of(r, J); }, recurrence);
 }
 
+double growth(const RowMatrix& W) {
+  const Index half = W.rows() / 2;
+  const double early = half > 0 ? W.topRows(half).cwiseAbs().maxCoeff() : 0,
+               late = W.bottomRows(W.rows() - half).cwiseAbs().maxCoeff();
+  return early > 0 && late > 10 * early ? std::log(late / early) / double(half) : 0;
+}
+
+Vector damping(double sigma, Index rows) {
+  Vector e(rows);
+  for (Index j = 0; j < rows; ++j) e[j] = std::exp(-sigma * double(j));
+  return e;
+}
+
 }  // namespace bromwich

@@ -26,6 +26,13 @@ struct LagTable {
   RowMatrix W, S;      ///< (J+1) x n, or (J+1) x (n k); row 0 of S is zero
 };
 
+/// Rate per lag at which weights grow; 0 where they do not grow tenfold. An FFT is accurate relative to its largest
+/// input: e^{-growth d}, which commutes with causal convolution, goes before it and e^{growth d} after it.
+double growth(const RowMatrix& W);
+
+/// e^{-sigma j}, j = 0..rows-1.
+Vector damping(double sigma, Index rows);
+
 /// One scalar convolution per sine mode, K real exponentials each. Matrices are K x n with the mode index contiguous.
 struct ModalRecurrence {
   RowMatrix decay;

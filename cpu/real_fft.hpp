@@ -1,5 +1,5 @@
 #pragma once
-// Real transforms along time, and the damping that keeps them accurate for growing weights.
+// Real transforms along time.
 
 #include "core/error.hpp"
 #include "cpu/parts.hpp"
@@ -46,20 +46,5 @@ class RealFft {
   Index length_;
   fftw_plan forward_, backward_;
 };
-
-/// sigma >= 0 per row: how fast the second half of the table outgrows the first.
-inline double growth(const RowMatrix& W) {
-  const Index half = W.rows() / 2;
-  const double early = half > 0 ? W.topRows(half).cwiseAbs().maxCoeff() : 0,
-               late = W.bottomRows(W.rows() - half).cwiseAbs().maxCoeff();
-  return early > 0 && late > 10 * early ? std::log(late / early) / double(half) : 0;
-}
-
-/// e^{-sigma j}, j = 0..rows-1.
-inline Vector damping(double sigma, Index rows) {
-  Vector e(rows);
-  for (Index j = 0; j < rows; ++j) e[j] = std::exp(-sigma * double(j));
-  return e;
-}
 
 }  // namespace bromwich::cpu

@@ -47,3 +47,22 @@ def peers(data):
         f"turns, median of {data['repeats']} repeats (of {min(row['repeats'] for row in data['rows'] if row['contestant'].startswith('Siconos'))} "
         "at least where one run takes seconds).",
     ]
+
+
+def headline(data):
+    """Siconos at its best and as its users run it, on the finest Signorini scene, for the README."""
+    timed = [row for row in data["rows"] if row["status"] == "solved" and row["seconds"]]
+    scene = [row["scene"] for row in timed if row["scene"].startswith("signorini")][-1]
+    here = [row for row in timed if row["scene"] == scene]
+    ratios = []
+    for row in here:
+        if row["contestant"].startswith("Siconos"):
+            best = fastest_as_accurate(here, row)
+            if best:
+                ratios.append((row["seconds"]["median"] / best["seconds"]["median"], row))
+    (low, nearest), (high, farthest) = min(ratios, key=lambda r: r[0]), max(ratios, key=lambda r: r[0])
+    name = lambda row: f"{row['contestant'].removeprefix('Siconos ')}, {row['method'].replace('gamma = ', '').replace('theta = 0.5', 'theta = 1/2')}"
+    return [
+        f"- {scene.replace('signorini, ', 'Against Siconos, ')}, errors of y and N x no larger: **{ratio_text(low)}** (its best: {name(nearest)}) to "
+        f"**{ratio_text(high)}** times as fast ({name(farthest)})."
+    ]

@@ -3,6 +3,7 @@
 
 #include "core/backend.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
 #include "tests/reference.hpp"
 #include "tests/run.hpp"
 
@@ -22,11 +23,13 @@ struct BackendCase {
 
 inline void PrintTo(const BackendCase& c, std::ostream* out) { *out << c.name; }
 
-/// One thread, two, and more than there are blocks of modes or cores.
+/// One thread, two, and more than there are blocks of modes or cores; the CUDA backend where a device is found.
 inline std::vector<BackendCase> backend_cases() {
-  return {{"cpu1", [] { return make_cpu_backend(1); }},
-          {"cpu2", [] { return make_cpu_backend(2); }},
-          {"cpu7", [] { return make_cpu_backend(7); }}};
+  std::vector<BackendCase> cases{{"cpu1", [] { return make_cpu_backend(1); }},
+                                 {"cpu2", [] { return make_cpu_backend(2); }},
+                                 {"cpu7", [] { return make_cpu_backend(7); }}};
+  if (!cuda_devices().empty()) cases.push_back({"cuda", [] { return make_cuda_backend(make_cpu_backend(2)); }});
+  return cases;
 }
 
 inline std::string backend_case_name(const testing::TestParamInfo<BackendCase>& info) { return info.param.name; }

@@ -112,7 +112,7 @@ TEST_F(Cli, RefusesStepsThatCannotFitIntoMemory) {
 TEST_F(Cli, RefusesBadBenchInput) {
   EXPECT_TRUE(contains(refused("bench").err, "baselines"));
   EXPECT_TRUE(contains(refused("bench baseline").err, "did you mean 'baselines'"));
-  EXPECT_TRUE(contains(refused("bench gpu").err, "convolution"));
+  EXPECT_TRUE(contains(refused("bench speed").err, "convolution"));
   EXPECT_TRUE(contains(refused("bench baselines signorni").err, "signorini"));
   EXPECT_TRUE(contains(refused("bench baselines signorini bridge").err, "SCENE"));
   EXPECT_TRUE(contains(refused("bench convolution bridge").err, "signorini"));

@@ -27,7 +27,8 @@ class Truth {
   /// The exact solution where the scene has one, else march with `steps` steps. Throws Error where that is not solved.
   Truth(const Scene&, Backend&, Index steps);
 
-  /// The steps of `result` must divide those of the reference; any number against an exact solution.
+  /// At the time points that both have: the steps of `result` must divide those of the reference or be a multiple of
+  /// them; any number against an exact solution.
   Errors of(const Result& result) const;
 
   const std::string& source() const { return source_; }

@@ -212,7 +212,8 @@ std::vector<Case> cases(const BenchRequest& request, const std::string& scene) {
     return {{request.settings, request.steps}};
   std::vector<Case> list{{{{"Q", 39}}, 400}};
   if (!request.quick)
-    for (const double Q : {127, 511}) list.push_back({{{"Q", Q}}, 400});
+    for (const auto& [Q, steps] : {std::pair(127.0, 400), {511.0, 400}, {511.0, 4096}})
+      list.push_back({{{"Q", Q}}, steps});
   return list;
 }
 

@@ -39,6 +39,8 @@ struct Benchmark {
 BenchReport bench_baselines(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene or a scene file; without one, all scenes of the study.
 BenchReport bench_speed_vs_error(const BenchRequest& request, Backend& backend);
+/// Throws Error where there is no CUDA device.
+BenchReport bench_gpu(const BenchRequest& request, Backend& backend);
 BenchReport bench_convolution(const BenchRequest& request, Backend& backend);
 BenchReport bench_paper(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene file or a folder of them.

@@ -16,7 +16,7 @@ if echo 'int  bad( ) ;' | "$tool" --dry-run -Werror 2>/dev/null; then
 fi
 
 mapfile -d '' files < <(find . \( -name 'build*' -o -name '.*' ! -name . \) -prune -o \
-  -type f \( -name '*.cpp' -o -name '*.hpp' \) -print0 | sort -z)
+  -type f \( -name '*.cpp' -o -name '*.hpp' -o -name '*.cu' \) -print0 | sort -z)
 ((${#files[@]} > 100)) || { echo "format: only ${#files[@]} files found in $PWD"; exit 1; }
 "$tool" --dry-run -Werror "${files[@]}"
 echo "format: ${#files[@]} files"

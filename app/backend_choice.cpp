@@ -1,0 +1,29 @@
+#include "app/backend_choice.hpp"
+
+#include "app/text.hpp"
+#include "core/error.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
+
+namespace bromwich::app {
+
+std::unique_ptr<Backend> choose_backend(const std::string& word, Method method, int threads) {
+  if (word == "cpu" || (word == "auto" && (method != Method::contour || cuda_devices().empty())))
+    return make_cpu_backend(threads);
+  if (word != "auto" && word != "cuda")
+    throw Error("--backend", "found '" + word + "'" + suggestion(word, {"auto", "cpu", "cuda"}),
+                "use auto, cpu or cuda");
+  if (!cuda_built()) throw Error("--backend", "found 'cuda' but this build has no CUDA backend", "use --backend cpu");
+  if (cuda_devices().empty())
+    throw Error("--backend", "found 'cuda' but no CUDA device", "use --backend cpu, or see what nvidia-smi says");
+  return make_cuda_backend(make_cpu_backend(threads));
+}
+
+std::string backend_list() {
+  if (!cuda_built()) return "cpu (cuda is not built in)";
+  const auto devices = cuda_devices();
+  if (devices.empty()) return "cpu (cuda finds no device)";
+  return "cpu, cuda: " + join(devices);
+}
+
+}  // namespace bromwich::app
