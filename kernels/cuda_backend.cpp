@@ -1,0 +1,85 @@
+#include "kernels/cuda_backend.hpp"
+
+#include "core/error.hpp"
+#include "core/lcp/active_set_lcp.hpp"
+#include "kernels/host_plans.hpp"
+#include "kernels/parts.hpp"
+
+#include <string>
+
+namespace bromwich {
+
+namespace {
+
+class CudaBackend final : public Backend {
+ public:
+  CudaBackend(std::unique_ptr<Backend> host, int number, std::string name)
+      : host_(std::move(host)), device_(number), name_(std::move(name)) {}
+
+  std::string name() const override { return "cuda"; }
+  DeviceInfo device() const override { return {name_, host_->device().threads, "cuBLAS, cuFFT"}; }
+
+  std::unique_ptr<Array> array(Index rows, Index cols) override {
+    return std::make_unique<cuda::DeviceArray>(device_, rows, cols);
+  }
+  void upload(const RowMatrix& from, Array& to) override { cuda::upload(device_, from, to); }
+  void download(const Array& from, RowMatrix& to) override { cuda::download(device_, from, to); }
+
+  std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
+    return cuda::make_sine_transform(device_, n, rows);
+  }
+  std::unique_ptr<Convolution> convolution(const Recurrence& recurrence, Index rows) override {
+    return std::visit([&](const auto& r) { return cuda::make_scan(device_, r, rows); }, recurrence);
+  }
+  std::unique_ptr<Convolution> convolution(const LagTable& table, Index rows) override {
+    return cuda::make_fft_convolution(device_, table, rows);
+  }
+  std::unique_ptr<LcpBatch> lcp(const LcpMatrix& M, LcpClass lcp_class, Index rows) override {
+    // Which solution of a semidefinite problem is the least in norm takes more than an active set.
+    const bool semidefinite = selection_class(M, lcp_class) == LcpClass::PSD;
+    if (semidefinite || size(M) == 0) return cuda::make_host_lcp(device_, *host_, M, lcp_class, rows);
+    if (const auto* t = std::get_if<Tridiagonal>(&M)) return cuda::make_tridiagonal_lcp(device_, *t, lcp_class, rows);
+    auto plan = cuda::make_dense_lcp(device_, std::get<Matrix>(M), lcp_class, rows);
+    return plan ? std::move(plan) : cuda::make_host_lcp(device_, *host_, M, lcp_class, rows);
+  }
+  std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
+    return cuda::make_host_march(device_, *host_, problem, rows);
+  }
+  std::unique_ptr<StageMarch> stage_march(const StageProblem& problem, Index rows) override {
+    return cuda::make_host_stage_march(device_, *host_, problem, rows);
+  }
+  void wait() override { device_.wait(); }
+  ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes) override {
+    return host_->resolvent(dynamics, nodes);
+  }
+
+ private:
+  std::unique_ptr<Backend> host_;
+  cuda::Device device_;
+  std::string name_;
+};
+
+}  // namespace
+
+std::vector<std::string> cuda_devices() {
+  int count = 0;
+  std::vector<std::string> names;
+  if (cudaGetDeviceCount(&count) != cudaSuccess) return names;  // no driver is no device
+  for (int i = 0; i < count; ++i) {
+    cudaDeviceProp properties;
+    if (cudaGetDeviceProperties(&properties, i) == cudaSuccess) names.emplace_back(properties.name);
+  }
+  return names;
+}
+
+bool cuda_built() { return true; }
+
+std::unique_ptr<Backend> make_cuda_backend(std::unique_ptr<Backend> host, int device) {
+  const std::vector<std::string> names = cuda_devices();
+  if (device < 0 || device >= int(names.size()))
+    throw Error("device", "found " + std::to_string(device) + " where there are " + std::to_string(names.size()),
+                "use a machine with a CUDA device and its driver, or the cpu backend");
+  return std::make_unique<CudaBackend>(std::move(host), device, names[std::size_t(device)]);
+}
+
+}  // namespace bromwich

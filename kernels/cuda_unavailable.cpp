@@ -1,0 +1,24 @@
+// What takes the place of the CUDA backend in builds without it.
+
+#include "core/error.hpp"
+#include "kernels/ceilings.hpp"
+#include "kernels/cuda_backend.hpp"
+
+namespace bromwich {
+
+std::vector<std::string> cuda_devices() { return {}; }
+bool cuda_built() { return false; }
+
+namespace {
+
+[[noreturn]] void refuse() {
+  throw Error("backend", "found 'cuda' but this build has no CUDA backend",
+              "configure with -DBROMWICH_CUDA=ON where nvcc is installed, or use cpu");
+}
+
+}  // namespace
+
+std::unique_ptr<Backend> make_cuda_backend(std::unique_ptr<Backend>, int) { refuse(); }
+CudaCeilings cuda_ceilings() { refuse(); }
+
+}  // namespace bromwich

@@ -1,0 +1,32 @@
+#include "kernels/device.hpp"
+
+#include "core/error.hpp"
+
+#include <string>
+
+namespace bromwich::cuda {
+
+void check(cudaError_t status, const char* what) {
+  if (status == cudaSuccess) return;
+  const char* remedy = status == cudaErrorMemoryAllocation ? "use fewer steps or a smaller scene, or the cpu backend"
+                                                           : "check the device with nvidia-smi, or use the cpu backend";
+  throw Error("cuda", std::string(what) + " failed: " + cudaGetErrorString(status), remedy);
+}
+
+Device::Device(int number) {
+  check(cudaSetDevice(number), "choosing the device");
+  check(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, number), "asking the device");
+  check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
+  // What has been freed stays with the pool, so that no plan waits for the driver twice.
+  cudaMemPool_t pool;
+  check(cudaDeviceGetDefaultMemPool(&pool, number), "asking for the memory pool");
+  std::uint64_t keep = ~std::uint64_t(0);
+  check(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &keep), "setting up the memory pool");
+}
+
+Device::~Device() {
+  cudaStreamSynchronize(stream_);
+  cudaStreamDestroy(stream_);
+}
+
+}  // namespace bromwich::cuda

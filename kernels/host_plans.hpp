@@ -1,0 +1,18 @@
+#pragma once
+// Plans that another backend carries out: arrays are copied there, the operation runs, the results come back.
+
+#include "kernels/device.hpp"
+
+#include <memory>
+
+namespace bromwich::cuda {
+
+std::unique_ptr<LcpBatch> make_host_lcp(const Device&, Backend& host, const LcpMatrix&, LcpClass, Index rows);
+std::unique_ptr<March> make_host_march(const Device&, Backend& host, const MarchProblem&, Index rows);
+std::unique_ptr<StageMarch> make_host_stage_march(const Device&, Backend& host, const StageProblem&, Index rows);
+
+/// Copies between host values and an array of this backend.
+void upload(const Device&, const RowMatrix& from, Array& to);
+void download(const Device&, const Array& from, RowMatrix& to);
+
+}  // namespace bromwich::cuda

@@ -1,0 +1,136 @@
+// The orthonormal sine transform of rows. Up to `largest_product` points it is a product with the dense matrix, which
+// the tensor cores do faster than an FFT of awkward length; beyond, the odd extension of each row goes through cuFFT.
+
+#include "kernels/parts.hpp"
+
+#include "core/error.hpp"
+#include "core/response.hpp"
+
+#include <cublas_v2.h>
+#include <cufft.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich::cuda {
+
+namespace {
+
+constexpr Index largest_product = 1024;
+
+void check(cublasStatus_t status, const char* what) {
+  if (status != CUBLAS_STATUS_SUCCESS)
+    throw Error("cuda", std::string(what) + " failed: " + cublasGetStatusString(status), "use the cpu backend");
+}
+
+void check(cufftResult status, const char* what) {
+  if (status != CUFFT_SUCCESS)
+    throw Error("cuda", std::string(what) + " failed with cuFFT error " + std::to_string(int(status)),
+                "use fewer steps or the cpu backend");
+}
+
+using cuda::check;
+
+class SineProduct final : public SineTransform {
+ public:
+  SineProduct(const Device& device, Index n) : device_(device), n_(stride(n)), S_(on_device(device, padded(n))) {
+    check(cublasCreate(&handle_), "starting cuBLAS");
+    check(cublasSetStream(handle_, device.stream()), "starting cuBLAS");
+  }
+  ~SineProduct() override { cublasDestroy(handle_); }
+
+  // Rows are columns to cuBLAS: out^T = S in^T + add^T.
+  void apply(const Array& in, const Array* add, Array& out, Index first) override {
+    const Index rows = in.rows() - first, offset = first * n_;
+    if (rows <= 0 || n_ == 0) return;
+    const double one = 1, beta = add ? 1 : 0;
+    if (add && add != &out)
+      check(cudaMemcpyAsync(values(out) + offset, values(*add) + offset, sizeof(double) * std::size_t(rows * n_),
+                            cudaMemcpyDeviceToDevice, device_.stream()),
+            "copying on the device");
+    check(cublasDgemm(handle_, CUBLAS_OP_N, CUBLAS_OP_N, int(n_), int(rows), int(n_), &one, S_.data(), int(n_),
+                      values(in) + offset, int(n_), &beta, values(out) + offset, int(n_)),
+          "the sine transform");
+  }
+
+  std::size_t bytes() const override { return S_.bytes(); }
+
+ private:
+  // Zeros beyond n, so that what lies between the rows of an array stays zero.
+  static Matrix padded(Index n) {
+    Matrix S = Matrix::Zero(stride(n), stride(n));
+    S.topLeftCorner(n, n) = sine_matrix(n);
+    return S;
+  }
+
+  const Device& device_;
+  Index n_;  ///< with the padding
+  Memory<double> S_;
+  cublasHandle_t handle_ = nullptr;
+};
+
+// x_1, ..., x_n between zeros, then the same backwards with the other sign.
+__global__ void extend(const double* in, int n, int stride, double* out) {
+  const int length = 2 * (n + 1);
+  const long row = blockIdx.x;
+  for (int i = threadIdx.x; i < length; i += blockDim.x) {
+    double value = 0;
+    if (i > 0 && i <= n) value = in[row * stride + i - 1];
+    if (i > n + 1) value = -in[row * stride + length - i - 1];
+    out[row * length + i] = value;
+  }
+}
+
+__global__ void take_imaginary(const cufftDoubleComplex* spectrum, int n, int stride, double scale, const double* add,
+                               double* out) {
+  const long row = blockIdx.x;
+  for (int i = threadIdx.x; i < n; i += blockDim.x)
+    out[row * stride + i] = (add ? add[row * stride + i] : 0) - scale * spectrum[row * (n + 2) + i + 1].y;
+}
+
+class SineFft final : public SineTransform {
+ public:
+  SineFft(const Device& device, Index n, Index rows)
+      : device_(device),
+        n_(n),
+        batch_(std::min<Index>(rows, 256)),
+        extended_(device, std::size_t(batch_ * 2 * (n + 1))),
+        spectrum_(device, std::size_t(batch_ * (n + 2))) {
+    int length = int(2 * (n + 1));
+    check(cufftPlanMany(&plan_, 1, &length, nullptr, 1, length, nullptr, 1, int(n + 2), CUFFT_D2Z, int(batch_)),
+          "planning the sine transform");
+    check(cufftSetStream(plan_, device.stream()), "planning the sine transform");
+  }
+  ~SineFft() override { cufftDestroy(plan_); }
+
+  void apply(const Array& in, const Array* add, Array& out, Index first) override {
+    const Index step = stride(n_);
+    for (Index j = first; j < in.rows(); j += batch_) {
+      const unsigned count = unsigned(std::min(batch_, in.rows() - j));
+      extend<<<count, 256, 0, device_.stream()>>>(values(in) + j * step, int(n_), int(step), extended_.data());
+      check(cufftExecD2Z(plan_, extended_.data(), spectrum_.data()), "the sine transform");
+      take_imaginary<<<count, 256, 0, device_.stream()>>>(
+          spectrum_.data(), int(n_), 0.5 * std::sqrt(2.0 / double(n_ + 1)), add ? values(*add) + j * step : nullptr,
+          values(out) + j * step);
+      check(cudaGetLastError(), "the sine transform");
+    }
+  }
+
+  std::size_t bytes() const override { return extended_.bytes() + spectrum_.bytes(); }
+
+ private:
+  const Device& device_;
+  Index n_, batch_;
+  Memory<double> extended_;
+  Memory<cufftDoubleComplex> spectrum_;
+  cufftHandle plan_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<SineTransform> make_sine_transform(const Device& device, Index n, Index rows) {
+  if (n <= largest_product) return std::make_unique<SineProduct>(device, n);
+  return std::make_unique<SineFft>(device, n, rows);
+}
+
+}  // namespace bromwich::cuda
