@@ -81,7 +81,7 @@ __global__ void multiply(const cufftDoubleComplex* W, const cufftDoubleComplex* 
 
 // v_j, j >= 1, from the convolution of y_1, ..., with the part of y_0.
 __global__ void take(const double* convolved, const double* damping, const double* S, const double* y0, long rows,
-                     int outputs, int inputs, bool modal, double* v) {
+                     int outputs, int inputs, int step, bool modal, double* v) {
   const long count = rows * outputs;
   for (long at = blockIdx.x * long(blockDim.x) + threadIdx.x; at < count; at += long(gridDim.x) * blockDim.x) {
     const long j = at / outputs;

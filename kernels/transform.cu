@@ -110,8 +110,8 @@ class SineFft final : public SineTransform {
       extend<<<count, 256, 0, device_.stream()>>>(values(in) + j * step, int(n_), int(step), extended_.data());
       check(cufftExecD2Z(plan_, extended_.data(), spectrum_.data()), "the sine transform");
       take_imaginary<<<count, 256, 0, device_.stream()>>>(
-          spectrum_.data(), int(n_), 0.5 * std::sqrt(2.0 / double(n_ + 1)), add ? values(*add) + j * step : nullptr,
-          values(out) + j * step);
+          spectrum_.data(), int(n_), int(step), 0.5 * std::sqrt(2.0 / double(n_ + 1)),
+          add ? values(*add) + j * step : nullptr, values(out) + j * step);
       check(cudaGetLastError(), "the sine transform");
     }
   }
