@@ -1,4 +1,4 @@
-// Batched complementarity problems with one small dense matrix. Up to `largest_register_size` constraints a thread
+// Batched complementarity problems with one small dense matrix. Up to eight constraints a thread
 // takes a problem and keeps everything in registers; up to `largest_shared_size` a warp does, with the eliminated
 // matrix in shared memory. A Newton sweep eliminates the matrix that equals M on the active set and the identity
 // elsewhere, without exchanges: all leading minors are positive for a P-matrix, and where a pivot fails the row is left
@@ -13,7 +13,7 @@ namespace bromwich::cuda {
 
 namespace {
 
-constexpr int largest_register_size = 8, largest_shared_size = 64;
+constexpr int largest_shared_size = 64;
 
 struct Arrays {
   const double *r, *v;

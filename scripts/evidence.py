@@ -65,9 +65,14 @@ def save(figure, picture, names):
 
 
 def outdated_pictures():
-    """Pictures whose mark is missing or not that of the committed measurements."""
+    """Pictures that README or docs show and that are missing, or whose mark is not that of the committed measurements."""
+    texts = [root / "README.md", *sorted((root / "docs").glob("*.md"))]
+    shown = {name for text in texts for name in re.findall(r"\]\((?:docs/)?pictures/([^)]+)\)", text.read_text())}
     wrong = []
-    for path in sorted(pictures.glob("*.*")):
+    for path in sorted({pictures / name for name in shown} | set(pictures.glob("*.*"))):
+        if not path.exists():
+            wrong.append(path.name)
+            continue
         found = re.search(rb"measurements((?: \w[\w-]*:[0-9a-f]{16})+)", path.read_bytes())
         names = [word.split(":")[0] for word in found[1].decode().split()] if found else []
         if not found or not all((results / f"{name}.json").exists() for name in names):

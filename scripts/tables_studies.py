@@ -7,6 +7,11 @@ def repeats(data):
     return f"{machine(data)}, median of {data['repeats']} interleaved repeats"
 
 
+def plain(ratio):
+    """Three digits without an exponent."""
+    return f"{ratio:.3g}" if ratio < 1000 else f"{float(f'{ratio:.3g}'):.0f}"
+
+
 # Speed against error
 
 
@@ -50,7 +55,7 @@ def speed_vs_error(data):
             if best is None:
                 continue
             march, contour, euler = (fastest(rows, error, {name}) for name in ("march", "contour", "euler"))
-            ratio = f"{euler['seconds']['median'] / best['seconds']['median']:.3g}" if euler else "-"
+            ratio = plain(euler["seconds"]["median"] / best["seconds"]["median"]) if euler else "-"
             cells = [title, f"{error:.0e}", *map(time_and_steps, (march, contour, euler)), ratio]
             lines.append("| " + " | ".join(cells) + " |")
     known = {scene_title(rows[0]): rows[0] for rows in scenes.values()}
@@ -78,7 +83,7 @@ def by_scene(data):
 
 def lost(data):
     """The cases that the methods of the project lose, or do not solve."""
-    euler_wins, ratios, literal, failures = [], [], [], {}
+    euler_wins, iteration_loses, ratios, literal, failures = [], [], [], [], {}
     for title, rows in by_scene(data).items():
         for error in targets:
             march, contour, euler, printed = (
@@ -90,6 +95,8 @@ def lost(data):
                 other = min((row for row in (march, contour) if row), key=lambda row: row["seconds"]["median"], default=None)
                 beside = f", {other['contestant']} {seconds(other['seconds']['median'])}" if other else ", nothing else gets there"
                 euler_wins.append(f"{title} at {error:.0e} ({seconds(time['euler'])}{beside})")
+            if euler and contour and time["euler"] < time["contour"]:
+                iteration_loses.append(f"{title} at {error:.0e} ({time['contour'] / time['euler']:.3g} times slower)")
             if march and contour:
                 ratios.append((time["contour"] / time["march"], f"{title} at {error:.0e}"))
             if printed and march:
@@ -104,6 +111,8 @@ def lost(data):
         lines.append("- Implicit Euler is the fastest at: " + "; ".join(euler_wins) + ".")
     else:
         lines.append("- Implicit Euler is the fastest nowhere in this table.")
+    if iteration_loses:
+        lines.append("- `contour` is slower than implicit Euler at: " + "; ".join(iteration_loses) + ".")
     for name, found in (("contour", ratios), ("contour-literal", literal)):
         slower = sorted(pair for pair in found if pair[0] > 1)
         if slower:
@@ -119,7 +128,7 @@ def lost(data):
 
 
 def times_faster(ratio):
-    return f"{ratio:.3g} times" if ratio < 1000 else f"{float(f'{ratio:.2g}'):.0f} times"
+    return f"{plain(ratio)} times"
 
 
 def headline(data):
@@ -147,7 +156,7 @@ def headline_large(data):
         return [text + "; our implicit Euler does not get there with the steps tried."]
     best = min(euler, key=lambda row: row["seconds"]["median"])
     ratio = best["seconds"]["median"] / march["seconds"]["median"]
-    return [text + f"; our implicit Euler needs {best['steps']} steps and {seconds(best['seconds']['median'])}: **{times_faster(ratio)}** as long."]
+    return [text + f"; our implicit Euler needs {best['steps']} steps for {number(best['error_max'])} and {seconds(best['seconds']['median'])}: **{times_faster(ratio)}** as long."]
 
 
 # The other studies
@@ -199,7 +208,7 @@ def scenes(data):
 
 
 def sparse(data):
-    lines = ["| states | nonzeros of A | kernel set-up | whole solve | memory | kernel error | difference from the dense solution |"]
+    lines = ["| states | nonzeros of A | kernel set-up | whole solve | kept, without A | kernel error | difference from the dense solution |"]
     lines.append("|--" * 7 + "|")
     for row in data["rows"]:
         if row["contestant"] != "sparse":
@@ -209,7 +218,13 @@ def sparse(data):
             f"| {row['states']} | {row['nonzeros']} | {seconds(row['seconds']['setup'])} | "
             f"{seconds(row['seconds']['median'])} | {row['bytes'] / 1e6:.0f} MB | {number(row['kernel_error'])} | {difference} |"
         )
-    return lines + ["", f"Heat in a square, 10 contact points, {data['rows'][0]['steps']} steps. {machine(data)}."]
+    return lines + [
+        "",
+        "The dense scene is small enough to step its state, which `march` does with discontinuous y (Radau IIA) at this step: the "
+        "difference is that of two discretisations. On one discretisation the tests hold 1e-10.",
+        "",
+        f"Heat in a square, 10 contact points, {data['rows'][0]['steps']} steps. {machine(data)}.",
+    ]
 
 
 def random(data):
