@@ -1,7 +1,7 @@
 # bromwich_build_info: the generated header core/build_info.hpp, for programs that report what they were built from.
-# The commit comes from git, else from the environment variable BROMWICH_COMMIT.
-set(commit "")
-if(EXISTS ${PROJECT_SOURCE_DIR}/.git)
+# The commit comes from the environment variable BROMWICH_COMMIT, else from git.
+set(commit "$ENV{BROMWICH_COMMIT}")
+if(NOT commit AND EXISTS ${PROJECT_SOURCE_DIR}/.git)
   find_package(Git QUIET)
   if(GIT_FOUND)
     execute_process(
@@ -20,9 +20,6 @@ if(EXISTS ${PROJECT_SOURCE_DIR}/.git)
       set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${head_log})
     endif()
   endif()
-endif()
-if(NOT commit)
-  set(commit "$ENV{BROMWICH_COMMIT}")
 endif()
 if(NOT commit)
   set(commit unknown)

@@ -253,3 +253,26 @@ def coverage(data):
     for folder, count in data["folders"].items():
         lines.append(f"| {folder} | {count['lines']} | {100 * count['covered'] / count['lines']:.1f} % |")
     return lines + ["", f"All tests, commit {data['commit'][:9]}, {data['compiler']}."]
+
+
+def gpu(data):
+    device = data["parameters"]
+    lines = ["| Q | J | one sweep | LCP, warm | of copy | sine transform | of DGEMM | scan | FFT |", "|--" * 9 + "|"]
+    for row in data["rows"]:
+        if row["part"] == "sweep":
+            cells = [f"{row['Q']:g}", row["steps"], seconds(row["seconds"]["median"]), seconds(row["lcp"]["median"])]
+            cells += [f"{100 * row['lcp_of_copy']:.0f} %", seconds(row["transform"]["median"]), f"{100 * row['transform_of_gemm']:.0f} %"]
+            cells += [seconds(row["scan"]["median"]), seconds(row["fft"]["median"])]
+            lines.append("| " + " | ".join(map(str, cells)) + " |")
+    lines += ["", "| Q | J | method | sweeps | set-up | iterations or steps | difference from march |", "|--" * 7 + "|"]
+    for row in data["rows"]:
+        if row["part"] == "solve":
+            time = row["seconds"]
+            cells = [f"{row['Q']:g}", row["steps"], row["contestant"], row["iterations"], seconds(time["setup"]), seconds(time["solve"])]
+            lines.append("| " + " | ".join(map(str, [*cells, number(row["difference_from_march"])])) + " |")
+    return lines + [
+        "",
+        f"{device['device']}: copies {device['copy_bytes_per_second'] / 1e12:.2f} TB/s, DGEMM {device['gemm_flops_per_second'] / 1e12:.1f} Tflop/s "
+        f"in this run; a sweep is two sine transforms, a scan and the batch of problems with its report. Beside it {data['threads']} threads of "
+        f"{machine(data)}, median of {data['repeats']} repeats.",
+    ]
