@@ -6,3 +6,5 @@ add_library(
   ${PROJECT_SOURCE_DIR}/tests/oracle.cpp ${PROJECT_SOURCE_DIR}/tests/oracle_steps.cpp
   ${PROJECT_SOURCE_DIR}/tests/random_scenes.cpp ${PROJECT_SOURCE_DIR}/tests/verdict.cpp)
 target_link_libraries(bromwich_oracle PUBLIC bromwich::core PRIVATE bromwich::cpu bromwich_build_options)
+# Its templates are large and its problems small: the time goes into compiling it.
+target_compile_options(bromwich_oracle PRIVATE "$<$<CONFIG:Release>:-O1>")

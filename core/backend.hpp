@@ -1,8 +1,9 @@
 #pragma once
 // The seam between the mathematics and the machine. A backend owns memory and prepares *plans*; each plan is one
 // operation on whole space-time arrays, never on one time step. Plans own their workspaces, allocate nothing when they
-// run, and report their bytes. Operations are done in the order in which they are asked for; on a device they may return
-// before they have finished, and what hands something to the host (download, the report of a batch) waits for it.
+// run, and report their bytes. Operations are done in the order in which they are asked for; on a device they may
+// return before they have finished, and what hands something to the host (download, the report of a batch) waits for
+// it.
 //
 // Layout: arrays are row-major, row j = time t_j, J+1 rows. `first` restricts an operation to the rows j >= first; rows
 // before it are taken as final (causality makes this exact).
