@@ -1,14 +1,18 @@
 #include "app/backend_choice.hpp"
 
 #include "app/text.hpp"
+#include "core/cost.hpp"
 #include "core/error.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
 
+#include <utility>
+
 namespace bromwich::app {
 
-std::unique_ptr<Backend> choose_backend(const std::string& word, Method method, int threads) {
-  if (word == "cpu" || (word == "auto" && (method != Method::contour || cuda_devices().empty())))
+std::unique_ptr<Backend> choose_backend(const std::string& word, const Scene& scene, const Options& options,
+                                        Index components, int threads) {
+  if (word == "cpu" || (word == "auto" && (options.method != Method::contour || cuda_devices().empty())))
     return make_cpu_backend(threads);
   if (word != "auto" && word != "cuda")
     throw Error("--backend", "found '" + word + "'" + suggestion(word, {"auto", "cpu", "cuda"}),
@@ -16,7 +20,10 @@ std::unique_ptr<Backend> choose_backend(const std::string& word, Method method, 
   if (!cuda_built()) throw Error("--backend", "found 'cuda' but this build has no CUDA backend", "use --backend cpu");
   if (cuda_devices().empty())
     throw Error("--backend", "found 'cuda' but no CUDA device", "use --backend cpu, or see what nvidia-smi says");
-  return make_cuda_backend(make_cpu_backend(threads));
+  auto cuda = make_cuda_backend(make_cpu_backend(threads));
+  const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
+  const bool fits = fits_on_device(scene, options.method, steps, components, cuda->device());
+  return word == "cuda" || fits ? std::move(cuda) : make_cpu_backend(threads);
 }
 
 std::string backend_list() {

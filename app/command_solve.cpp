@@ -98,13 +98,13 @@ int run_solve(const SolveArguments& arguments) {
   const SceneChoice choice = choose_scene(scene_name(words), settings);
   Options options = solve_options(arguments, choice);
   const int threads = arguments.threads.empty() ? 0 : parse_threads(arguments.threads);
-  check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps,
-               state_columns(options, choice.scene));
+  const Index columns = state_columns(options, choice.scene);
+  check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps, columns);
   keep_inputs(scene_name(words), arguments.out);
   std::optional<OutputFile> out;
   if (!arguments.out.empty()) out.emplace(arguments.out, ".csv");
 
-  const auto backend = choose_backend(arguments.backend, options.method, threads);
+  const auto backend = choose_backend(arguments.backend, choice.scene, options, columns, threads);
   ProgressLine progress;
   if (progress.visible()) options.progress = [&progress](const Progress& state) { progress.show(state); };
   catch_interrupts();

@@ -71,6 +71,7 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["lcp"] = to_json(result.lcp);
   json["seconds"] = to_json(result.seconds);
   json["bytes"] = result.bytes;
+  json["bytes_predicted"] = result.bytes_predicted;
   return json;
 }
 

@@ -87,7 +87,8 @@ std::string summary(const SceneChoice& choice, const Result& result, int threads
   line("y at T", last_line(result));
   line("time", time_line(result.seconds));
   line("  of solve", split_line(result.seconds));
-  line("memory", format_bytes(double(result.bytes)));
+  line("memory", fmt::format("{}, predicted {}", format_bytes(double(result.bytes)),
+                             format_bytes(double(result.bytes_predicted))));
   line("output", out.empty() ? "none; --out FILE.csv writes y, --json prints this for programs" : out);
   return text;
 }

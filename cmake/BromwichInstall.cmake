@@ -5,7 +5,7 @@ set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/bromwich)
 
 set(libraries bromwich bromwich_core)
 if(BROMWICH_CPU)
-  list(APPEND libraries bromwich_cpu)
+  list(APPEND libraries bromwich_cpu bromwich_cuda)
 endif()
 install(TARGETS ${libraries} EXPORT bromwichTargets FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/bromwich)
 install(EXPORT bromwichTargets NAMESPACE bromwich:: DESTINATION ${package_dir})

@@ -70,6 +70,11 @@ class LcpBatch {
  public:
   virtual ~LcpBatch() = default;
   virtual LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) = 0;
+  /// `solve` in two parts: what `start` begins, `finish` waits for and completes. Only `start` may be recorded.
+  virtual void start(const Array&, const Array&, Array&, Index /*first*/, double /*settle_tolerance*/) {}
+  virtual LcpReport finish(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) {
+    return solve(r, v, y, first, settle_tolerance);
+  }
   /// max_j ||min(y_j, M y_j + q_j)||_inf / max(1, ||q_j||_inf) with q = r + v (the natural map).
   virtual double residual(const Array& r, const Array& v, const Array& y) = 0;
   virtual std::size_t bytes() const = 0;
@@ -143,12 +148,18 @@ class StageMarch {
   virtual std::size_t bytes() const = 0;
 };
 
-enum class ConvolutionKind { scan, fft };
-
 struct DeviceInfo {
   std::string name;
   int threads = 1;
   std::string detail;
+  double memory = 0;  ///< bytes free for arrays and plans; 0: they lie in the memory of the machine
+};
+
+/// Operations that were recorded, to be run again and again.
+class Program {
+ public:
+  virtual ~Program() = default;
+  virtual void run() = 0;
 };
 
 class Backend {
@@ -160,6 +171,13 @@ class Backend {
 
   /// Until all that was asked for is done.
   virtual void wait() {}
+
+  /// What `operations` asks for, on arrays and plans that outlive the program; nothing is done yet. Null where starting
+  /// them one by one costs no more: they are short (`values` of an array) and the backend takes long to start one.
+  virtual std::unique_ptr<Program> record(Index values, const std::function<void()>& operations) {
+    (void)values, (void)operations;
+    return nullptr;
+  }
 
   virtual std::unique_ptr<Array> array(Index rows, Index cols) = 0;
   virtual void upload(const RowMatrix& from, Array& to) = 0;

@@ -1,5 +1,6 @@
 #include "core/cost.hpp"
 
+#include "core/certification.hpp"
 #include "core/error.hpp"
 #include "core/sparse_kernel.hpp"
 
@@ -42,6 +43,12 @@ constexpr const char* states = "matrices of the state (m x m)";
 constexpr const char* problems = "matrices of the complementarity problem (n x n)";
 constexpr const char* weights = "lag weights (J x n x n)";
 
+// The convolution of a dense scene steps the state where that costs less than transforms of length 2J.
+bool scanned(const Sizes& s) {
+  const double length = 2 * s.J;
+  return s.J * (s.m * s.m + 2 * s.m * s.n + s.n * s.n) <= 5 * s.n * length * std::log2(length) + 2 * s.n * s.n * length;
+}
+
 Cost dense(const Sizes& s, Method method) {
   const double step = s.J * (s.m * s.m + 2 * s.m * s.n + 4 * s.n * s.n);
   const double setup = 60 * s.m * s.m * s.m + 10 * s.n * s.n * s.n;
@@ -50,10 +57,12 @@ Cost dense(const Sizes& s, Method method) {
     return sum({{s.table(), tables}, {26 * 16 * s.J * s.n * s.n, "resolvents of every time point (26 J x n x n)"}},
                26 * s.J * s.m * s.m * s.m + sweeps * 26 * s.J * s.J * s.n);
   const double iterated = method == Method::contour ? sweeps : 1;
+  // W_d and S_d from both ways to them, 64 lags to check a scan with or all; then one of the two beside its spectrum.
+  const double table = method != Method::contour ? 0 : scanned(s) ? 4 * std::min(s.J, 65.) : 5 * s.J;
   return sum({{s.table() + forcing, tables},
               {number * 14 * s.m * s.m, states},
               {number * 24 * s.n * s.n, problems},
-              {method == Method::contour ? number * 130 * s.n * s.n : 0, weights}},
+              {number * table * s.n * s.n, weights}},
              setup + iterated * step);
 }
 
@@ -64,7 +73,9 @@ Cost kronecker(const Sizes& s, Method method) {
                sweeps * 26 * s.J * s.J * s.n);
   if (method == Method::contour)
     return sum({{s.table() + number * 6 * s.J * s.n, tables}}, sweeps * s.J * s.n * (150 + 2 * std::min(s.n, 1000.0)));
-  return sum({{s.table(), tables}, {number * 6 * s.n * s.n, problems}, {number * 4 * s.m, "modes of the state"}},
+  return sum({{s.table() + number * 3 * s.J * s.n, tables},
+              {number * 6 * s.n * s.n, problems},
+              {number * 4 * s.m, "modes of the state"}},
              s.J * (s.n * s.n + 3 * s.n * std::min(lines, 60.0)) + s.n * s.n * s.n);
 }
 
@@ -81,6 +92,41 @@ Cost sparse(const Sizes& s, const SparseDynamics& d, Method method, Index J, int
       2e5 * std::pow(s.m, 1.1) + (method == Method::contour ? sweeps : 1) * 40 * s.J * n * n * std::log2(s.J + 2));
 }
 
+Sizes sizes(const Scene& scene, Index J, Index components) {
+  return {double(scene.states()), double(scene.constraints()), double(J) + 1, double(components),
+          scene.f ? double(scene.sources()) : 0};
+}
+
+// ---- on a device ----
+
+// Rows begin at cache lines (kernels/device.hpp).
+double padded(double n) { return n < 16 ? n : 8 * std::ceil(n / 8); }
+
+// An FFT over lag weights: their spectrum, the column of y_0, and spectra with workspaces of all columns.
+Part lag_weights(const Sizes& s) { return {number * s.J * (3 * s.n * s.n + 10 * s.n), weights}; }
+
+void add_dense_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
+  parts.push_back({number * (4 * s.m * s.m + 3 * s.m * s.n), states});
+  parts.push_back({number * 6 * s.n * s.n, problems});
+  if (s.k > 0 && !iterates(method)) parts.push_back({number * s.J * s.m, "the source at all times (J x m)"});
+  if (method != Method::contour) return;
+  parts.push_back({std::min(1.1e9, 420 * s.m * s.m), "shifted solves of the nodes"});
+  parts.push_back(scanned(s) ? Part{number * 2 * s.m * std::sqrt(s.J), "states at the starts of chunks of time"}
+                             : lag_weights(s));
+}
+
+void add_kronecker_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
+  if (!iterates(method)) {
+    parts.push_back({number * 6 * s.n * s.n, problems});
+    parts.push_back({number * 4 * s.m, "modes of the state"});
+    return;
+  }
+  // At most 56 exponentials; chunks of 16 to 128 time points, so that some 25 000 threads have a mode each.
+  const double modes = 32 * std::ceil(s.n / 32), chunks = std::min(s.J * modes / 16, s.J * modes / 128 + 25e3);
+  parts.push_back({number * 2 * 56 * chunks, "states at the starts of chunks of time"});
+  parts.push_back({number * (s.n <= 1024 ? s.n * s.n : 2048 * s.n), "the sine transform"});
+}
+
 std::string amount(double value, const char* unit) {
   char text[48];
   std::snprintf(text, sizeof text, "%.3g %s", value, unit);
@@ -95,29 +141,59 @@ std::string excess(const Cost& cost, double limit) {
   return "";
 }
 
+std::string device_excess(const Cost& cost, const DeviceInfo& device) {
+  return "needs about " + amount(cost.bytes * 1e-9, "GB") + " on the device, most of it for " + cost.largest +
+         ", and " + device.name + " has " + amount(device.memory * 1e-9, "GB") + " free";
+}
+
 }  // namespace
 
 Cost predicted_cost(const Scene& scene, Method method, Index J, Index components, int threads) {
-  const Sizes s{double(scene.states()), double(scene.constraints()), double(J) + 1, double(components),
-                scene.f ? double(scene.sources()) : 0};
+  const Sizes s = sizes(scene, J, components);
   if (std::holds_alternative<DenseDynamics>(scene.dynamics)) return dense(s, method);
   if (const auto* d = std::get_if<SparseDynamics>(&scene.dynamics)) return sparse(s, *d, method, J, threads);
   return kronecker(s, method);
 }
 
-void refuse_what_does_not_fit(const Scene& scene, const Options& options, Index J, Index components, int threads) {
-  std::string found;
+Cost predicted_device_cost(const Scene& scene, Method method, Index J, Index components) {
+  const Sizes s = sizes(scene, J, components);
+  // Iterating: y, v, r, two in modes, the first q, one to work in. Marching: y, v, r, the source, and as much in the
+  // plan.
+  std::vector<Part> parts{{number * s.J * padded(s.n) * (iterates(method) ? 7 : 8) + 32 * s.J, tables}};
+  if (std::holds_alternative<DenseDynamics>(scene.dynamics))
+    add_dense_plans(s, method, parts);
+  else if (std::holds_alternative<KroneckerDynamics>(scene.dynamics))
+    add_kronecker_plans(s, method, parts);
+  else if (method == Method::contour)
+    parts.push_back(lag_weights(s));
+  else
+    parts.push_back({number * s.J * s.c, tables});
+  return sum(parts, 0);
+}
+
+bool fits_on_device(const Scene& scene, Method method, Index J, Index components, const DeviceInfo& device) {
+  return device.memory <= 0 || predicted_device_cost(scene, method, J, components).bytes <= device.memory;
+}
+
+Cost refuse_what_does_not_fit(const Scene& scene, const Options& options, Index J, Index components,
+                              const DeviceInfo& device) {
+  std::string found, remedy;
   const std::array<Method, 3> all{Method::march, Method::contour, Method::euler};
   for (const Method method : all) {
     const Method asked = options.method == Method::automatic ? method : options.method;
-    const std::string because = excess(predicted_cost(scene, asked, J, components, threads), options.memory_limit);
-    if (because.empty()) return;
-    if (found.empty())
+    const Cost cost = predicted_cost(scene, asked, J, components, device.threads);
+    std::string because = excess(cost, options.memory_limit);
+    const bool on_machine = because.empty();
+    if (on_machine && !fits_on_device(scene, asked, J, components, device))
+      because = device_excess(predicted_device_cost(scene, asked, J, components), device);
+    if (because.empty()) return cost;
+    if (found.empty()) {
       found = std::string("method ") + to_string(asked) + " with " + std::to_string(J) + " steps " + because;
+      remedy = on_machine ? ", or the cpu backend" : components > 0 ? " or fewer states" : ", or another method";
+    }
     if (asked == options.method) break;
   }
-  throw Error("steps", found,
-              components > 0 ? "use fewer steps or fewer states" : "use fewer steps, or another method");
+  throw Error("steps", found, "use fewer steps" + remedy);
 }
 
 }  // namespace bromwich

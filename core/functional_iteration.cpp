@@ -214,8 +214,8 @@ void count(const LcpReport& report, double seconds, Result& result) {
 
 }  // namespace
 
-IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const ApplyKernel& apply, LcpBatch& lcp,
-                         const Array& r, Array& y, Array& v, Result& result) {
+IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const ApplyKernel& apply, bool recordable,
+                         LcpBatch& lcp, const Array& r, Array& y, Array& v, Result& result) {
   const double settle = std::max(0.01 * options.iteration_tolerance, 32 * epsilon);
   Timer timer;
   {  // x^0(t) = x0 (Theorem 3.2): q_j = N x0 + g_j
@@ -227,18 +227,34 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
     // q_0 does not change any more: what is infeasible there is proven.
     if (report.infeasible == 0) return {Status::infeasible, "no solution at t = 0", 0, 0};
   }
+  // Short sweeps are recorded once; they then do all rows, since leaving out what has settled would save nothing.
+  std::unique_ptr<Program> sweep;
+  if (recordable)
+    sweep = p.backend.record(y.rows() * y.cols(), [&] {
+      apply(y, v, 0);
+      lcp.start(r, v, y, 0, settle);
+    });
+  Timer sweeps;
   Watch watch(options.iteration_tolerance);
   Index first = 0;        // rows before it have settled
   Index solved_from = 0;  // rows before it were left alone by the last batch
   const auto ended = [&](IterationOutcome outcome) {
     outcome.settled = first;
+    result.seconds.sweeps = sweeps.lap();
     return outcome;
   };
   while (result.iterations < options.max_iterations) {
     if (options.interrupted && options.interrupted()) return ended({Status::interrupted, "stopped on request", -1});
-    apply(y, v, solved_from);
-    timer.lap();
-    const LcpReport report = lcp.solve(r, v, y, first, settle);
+    LcpReport report;
+    if (sweep) {
+      sweep->run();
+      timer.lap();
+      report = lcp.finish(r, v, y, 0, settle);
+    } else {
+      apply(y, v, solved_from);
+      timer.lap();
+      report = lcp.solve(r, v, y, first, settle);
+    }
     count(report, timer.lap(), result);
     result.history.push_back(report.change);
     if (options.progress) options.progress({result.iterations, report.change});
@@ -284,7 +300,7 @@ void iterate_with(const DiscreteProblem& p, KernelChoice& choice, const Array& r
   result.seconds.setup += setup.lap();
 
   const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { choice.kernel->apply(in, out, first); };
-  const IterationOutcome outcome = iterate(p, options, apply, *lcp, r, *y, *v, result);
+  const IterationOutcome outcome = iterate(p, options, apply, true, *lcp, r, *y, *v, result);
   finish_iteration(p, options, outcome, apply, *lcp, r, *y, *v, result);
   result.seconds.transform = choice.kernel->transform_seconds;
   result.seconds.convolution = choice.kernel->convolution_seconds;

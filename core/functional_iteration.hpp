@@ -45,7 +45,8 @@ void solve_by_iteration(const DiscreteProblem&, const Options&, Result& result);
 /// The same with the kernel of sparse dynamics.
 void solve_by_iteration(const DiscreteProblem&, const SparseKernel&, const Options&, Result& result);
 
-/// The loop itself, for kernels that are not a SpaceTimeKernel too: `apply(y, v, first)` evaluates K * y.
+/// The loop itself, for kernels that are not a SpaceTimeKernel too: `apply(y, v, first)` evaluates K * y. `recordable`:
+/// it does so by operations of the backend alone, which may be recorded.
 struct IterationOutcome {
   Status status = Status::tolerance_not_met;
   std::string reason;
@@ -53,8 +54,8 @@ struct IterationOutcome {
   Index settled = 0;      ///< rows before it had settled
 };
 using ApplyKernel = std::function<void(const Array& y, Array& v, Index first)>;
-IterationOutcome iterate(const DiscreteProblem&, const Options&, const ApplyKernel&, LcpBatch&, const Array& r,
-                         Array& y, Array& v, Result& result);
+IterationOutcome iterate(const DiscreteProblem&, const Options&, const ApplyKernel&, bool recordable, LcpBatch&,
+                         const Array& r, Array& y, Array& v, Result& result);
 
 /// Writes y, the trace, status and the residual of a fresh K * y to `result`; rows that had not settled in an iteration
 /// that was cut off become NaN.

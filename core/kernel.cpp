@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 namespace bromwich {
 
@@ -153,6 +154,12 @@ LagTable contour_lag_table(Backend& backend, const Dynamics& dynamics, const Con
   }
   table.S.row(0).setZero();
   return table;
+}
+
+Error eigenvalue_at(Complex z) {
+  char text[96];
+  std::snprintf(text, sizeof text, "found an eigenvalue of A at or next to the node %.6g%+.6gi", z.real(), z.imag());
+  return Error("resolvent", text, "choose nodes away from the spectrum");
 }
 
 ComplexVector green_row(const SecondDifference& across, const Vector& n, Complex z) {

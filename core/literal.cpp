@@ -184,7 +184,7 @@ void solve_literally(const DiscreteProblem& p, const Options& options, Result& r
     kernel.apply(in, out);
     convolution += lap.lap();
   };
-  const IterationOutcome outcome = iterate(p, options, apply, *lcp, *r, *y, *v, result);
+  const IterationOutcome outcome = iterate(p, options, apply, false, *lcp, *r, *y, *v, result);
   finish_iteration(p, options, outcome, apply, *lcp, *r, *y, *v, result);
   result.seconds.convolution = convolution;
 }

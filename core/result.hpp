@@ -18,6 +18,7 @@ const char* to_string(Status);
 struct Seconds {
   double total = 0, setup = 0, solve = 0;
   double lcp = 0, convolution = 0, transform = 0, other = 0;  ///< parts of `solve`
+  double sweeps = 0;  ///< of `solve`: the functional iteration after its first batch, all parts
 };
 
 struct Result {
@@ -52,6 +53,8 @@ struct Result {
   LcpCount lcp;
   Seconds seconds;
   std::size_t bytes = 0;  ///< arrays and plans held by the solve
+  /// What core/cost.hpp predicted before the solve, for auto the first of its methods that fits.
+  std::size_t bytes_predicted = 0;
 };
 
 }  // namespace bromwich

@@ -118,8 +118,11 @@ class Run {
   // What speaks against a method before it runs.
   std::string against(Method method) {
     const DiscreteProblem& p = methods_.problem();
-    const Cost cost = predicted_cost(p.scene, method, p.J, Index(p.components.size()), backend_.device().threads);
+    const DeviceInfo device = backend_.device();
+    const Cost cost = predicted_cost(p.scene, method, p.J, Index(p.components.size()), device.threads);
     if (options_.memory_limit > 0 && cost.bytes > options_.memory_limit) return "it does not fit into memory";
+    if (!fits_on_device(p.scene, method, p.J, Index(p.components.size()), device))
+      return "it does not fit into the memory of the device";
     if (method != Method::contour || p.lcp_class == LcpClass::Z) return "";
     const std::optional<Forecast> f = iteration_forecast(p, options_.iteration_tolerance);
     if (f && f->longest_window(options_.iteration_tolerance) == 0)
@@ -211,7 +214,7 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
   result.method = to_string(options.method);
   const Index J = options.steps > 0 ? options.steps : scene.default_steps;
   const std::vector<Index> components = selected(scene, options);
-  refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device().threads);
+  const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device());
   Methods methods(scene, backend, J, components);
   const DiscreteProblem& p = methods.problem();
   result.seconds.setup = Timer(total).lap();
@@ -223,6 +226,7 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
       run.named(options.method, result);
   }
   result.backend = backend.name();
+  result.bytes_predicted = std::size_t(cost.bytes);
   result.t = p.t;
   result.steps = J;
   if (result.y.size() == 0) result.y = RowMatrix::Constant(J + 1, scene.constraints(), NAN);

@@ -68,6 +68,5 @@ std::unique_ptr<March> make_lag_march(const MarchProblem&, Index rows, int threa
 std::unique_ptr<StageMarch> make_stage_march(const StageProblem&, Index rows, int threads);
 ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes, int threads);
 ComplexMatrix sparse_resolvent(const SparseDynamics&, const ComplexVector& nodes, int threads);
-Error eigenvalue_at(Complex z);
 
 }  // namespace bromwich::cpu

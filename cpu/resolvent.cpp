@@ -1,20 +1,11 @@
 // Shifted solves at the nodes of a contour, all nodes at once.
 
-#include "core/error.hpp"
 #include "core/kernel.hpp"
 #include "cpu/parts.hpp"
 
 #include <Eigen/LU>
 
-#include <cstdio>
-
 namespace bromwich::cpu {
-
-Error eigenvalue_at(Complex z) {
-  char text[96];
-  std::snprintf(text, sizeof text, "found an eigenvalue of A at or next to the node %.6g%+.6gi", z.real(), z.imag());
-  return Error("resolvent", text, "choose nodes away from the spectrum");
-}
 
 namespace {
 
@@ -40,8 +31,6 @@ ComplexMatrix of(const DenseDynamics& dynamics, const ComplexVector& nodes, int 
     for (Index i = 0; i < n; ++i)
       for (Index j = 0; j < k; ++j) R(p, i * k + j) = block(i, j);
   }
-  for (Index p = 0; p < nodes.size(); ++p)
-    if (!R.row(p).allFinite()) throw eigenvalue_at(nodes[p]);
   return R;
 }
 
@@ -52,7 +41,10 @@ ComplexMatrix of(const SparseDynamics& dynamics, const ComplexVector& nodes, int
 }  // namespace
 
 ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes, int threads) {
-  return std::visit([&](const auto& d) { return of(d, nodes, threads); }, dynamics);
+  ComplexMatrix R = std::visit([&](const auto& d) { return of(d, nodes, threads); }, dynamics);
+  for (Index p = 0; p < nodes.size(); ++p)
+    if (!R.row(p).allFinite()) throw eigenvalue_at(nodes[p]);
+  return R;
 }
 
 }  // namespace bromwich::cpu

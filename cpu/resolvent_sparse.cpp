@@ -6,7 +6,7 @@
 // whose answer N u is known. A node that misses it is solved again by an LU factorization with partial pivoting.
 
 #include "core/elimination.hpp"
-#include "core/error.hpp"
+#include "core/kernel.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"
 

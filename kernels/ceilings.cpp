@@ -1,6 +1,6 @@
 #include "kernels/ceilings.hpp"
 
-#include "kernels/device.hpp"
+#include "kernels/parts.hpp"
 
 #include <cublas_v2.h>
 
@@ -58,6 +58,15 @@ CudaCeilings cuda_ceilings() {
   cublasDestroy(handle);
   found.gemm_flops_per_second = 2.0 * n * n * n / seconds;
   return found;
+}
+
+CudaTransformSeconds cuda_transform_seconds(Index n, Index rows) {
+  const cuda::Device device(0);
+  const cuda::DeviceArray from(device, rows, n);
+  cuda::DeviceArray to(device, rows, n);
+  const auto product = cuda::make_sine_product(device, n), fft = cuda::make_sine_fft(device, n, rows);
+  return {shortest(device, [&] { product->apply(from, nullptr, to, 0); }),
+          shortest(device, [&] { fft->apply(from, nullptr, to, 0); })};
 }
 
 }  // namespace bromwich

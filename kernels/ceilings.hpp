@@ -1,14 +1,20 @@
 #pragma once
+// What operations of the CUDA backend are held against, measured on the device. Throws Error where there is none.
+
+#include "core/types.hpp"
 
 namespace bromwich {
 
-/// What the device can do at best, measured.
 struct CudaCeilings {
-  double copy_bytes_per_second = 0;  ///< device to device, bytes read and written, arrays of several gigabytes
-  double gemm_flops_per_second = 0;  ///< double precision, 8192 x 8192 x 8192, random values
+  double copy_bytes_per_second = 0;  ///< of a copy of 2 GiB on the device, read and written bytes together
+  double gemm_flops_per_second = 0;  ///< of a DGEMM of order 8192, a multiply-add being two
 };
-
-/// Throws Error where there is no device.
 CudaCeilings cuda_ceilings();
+
+/// Seconds of the sine transform of n points and so many rows in its two forms; the backend takes one of them.
+struct CudaTransformSeconds {
+  double product = 0, fft = 0;
+};
+CudaTransformSeconds cuda_transform_seconds(Index n, Index rows);
 
 }  // namespace bromwich

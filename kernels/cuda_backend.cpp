@@ -5,11 +5,27 @@
 #include "kernels/host_plans.hpp"
 #include "kernels/parts.hpp"
 
+#include <algorithm>
+#include <cstdint>
 #include <string>
 
 namespace bromwich {
 
 namespace {
+
+// What the driver has free, and what the pool keeps of what was freed. Never 0, which would mean no memory of its own.
+double free_memory() {
+  std::size_t free = 0, total = 0;
+  std::uint64_t reserved = 0, used = 0;
+  int number = 0;
+  cudaMemPool_t pool;
+  cuda::check(cudaMemGetInfo(&free, &total), "asking for the free memory");
+  cuda::check(cudaGetDevice(&number), "asking for the device");
+  cuda::check(cudaDeviceGetDefaultMemPool(&pool, number), "asking for the memory pool");
+  cuda::check(cudaMemPoolGetAttribute(pool, cudaMemPoolAttrReservedMemCurrent, &reserved), "asking the memory pool");
+  cuda::check(cudaMemPoolGetAttribute(pool, cudaMemPoolAttrUsedMemCurrent, &used), "asking the memory pool");
+  return std::max(1.0, double(free) + double(reserved) - double(used));
+}
 
 class CudaBackend final : public Backend {
  public:
@@ -17,7 +33,7 @@ class CudaBackend final : public Backend {
       : host_(std::move(host)), device_(number), name_(std::move(name)) {}
 
   std::string name() const override { return "cuda"; }
-  DeviceInfo device() const override { return {name_, host_->device().threads, "cuBLAS, cuFFT"}; }
+  DeviceInfo device() const override { return {name_, host_->device().threads, "cuBLAS, cuFFT", free_memory()}; }
 
   std::unique_ptr<Array> array(Index rows, Index cols) override {
     return std::make_unique<cuda::DeviceArray>(device_, rows, cols);
@@ -38,24 +54,31 @@ class CudaBackend final : public Backend {
     // Which solution of a semidefinite problem is the least in norm takes more than an active set.
     const bool semidefinite = selection_class(M, lcp_class) == LcpClass::PSD;
     if (semidefinite || size(M) == 0) return cuda::make_host_lcp(device_, *host_, M, lcp_class, rows);
-    if (const auto* t = std::get_if<Tridiagonal>(&M)) return cuda::make_tridiagonal_lcp(device_, *t, lcp_class, rows);
-    auto plan = cuda::make_dense_lcp(device_, std::get<Matrix>(M), lcp_class, rows);
+    const auto* tridiagonal = std::get_if<Tridiagonal>(&M);
+    auto plan = tridiagonal ? cuda::make_tridiagonal_lcp(device_, *tridiagonal, lcp_class, rows)
+                            : cuda::make_dense_lcp(device_, std::get<Matrix>(M), lcp_class, rows);
     return plan ? std::move(plan) : cuda::make_host_lcp(device_, *host_, M, lcp_class, rows);
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
-    return cuda::make_host_march(device_, *host_, problem, rows);
+    return cuda::make_march(device_, *host_, problem, rows);
   }
   std::unique_ptr<StageMarch> stage_march(const StageProblem& problem, Index rows) override {
     return cuda::make_host_stage_march(device_, *host_, problem, rows);
   }
   void wait() override { device_.wait(); }
+  std::unique_ptr<Program> record(Index values, const std::function<void()>& operations) override {
+    return cuda::make_program(device_, values, operations);
+  }
   ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes) override {
+    if (const auto* d = std::get_if<DenseDynamics>(&dynamics)) return resolvent_(*d, nodes);
+    if (const auto* d = std::get_if<KroneckerDynamics>(&dynamics)) return resolvent_(*d, nodes);
     return host_->resolvent(dynamics, nodes);
   }
 
  private:
   std::unique_ptr<Backend> host_;
   cuda::Device device_;
+  cuda::Resolvent resolvent_{device_};
   std::string name_;
 };
 

@@ -15,9 +15,8 @@ std::vector<std::string> cuda_devices();
 /// Whether this build has the backend at all.
 bool cuda_built();
 
-/// What is sequential in time or runs once in a set-up (marching, the shifted solves), and the few batches that no
-/// kernel here takes (positive semidefinite M, dense M above 64), goes to `host`, with copies to and fro. Throws Error
-/// where there is no such device.
+/// What no kernel here takes goes to `host`, with copies to and fro: some of marching, the shifted solves of sparse
+/// scenes, batches with positive semidefinite M or dense M above 64. Throws Error where there is no such device.
 std::unique_ptr<Backend> make_cuda_backend(std::unique_ptr<Backend> host, int device = 0);
 
 }  // namespace bromwich

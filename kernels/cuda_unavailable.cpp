@@ -20,5 +20,6 @@ namespace {
 
 std::unique_ptr<Backend> make_cuda_backend(std::unique_ptr<Backend>, int) { refuse(); }
 CudaCeilings cuda_ceilings() { refuse(); }
+CudaTransformSeconds cuda_transform_seconds(Index, Index) { refuse(); }
 
 }  // namespace bromwich

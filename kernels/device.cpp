@@ -16,6 +16,7 @@ void check(cudaError_t status, const char* what) {
 Device::Device(int number) {
   check(cudaSetDevice(number), "choosing the device");
   check(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, number), "asking the device");
+  check(cudaDeviceGetAttribute(&shared_memory_, cudaDevAttrMaxSharedMemoryPerBlockOptin, number), "asking the device");
   check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
   // What has been freed stays with the pool, so that no plan waits for the driver twice.
   cudaMemPool_t pool;

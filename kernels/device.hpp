@@ -25,10 +25,11 @@ class Device {
   cudaStream_t stream() const { return stream_; }
   void wait() const { check(cudaStreamSynchronize(stream_), "waiting for the device"); }
   int multiprocessors() const { return multiprocessors_; }
+  std::size_t shared_memory() const { return std::size_t(shared_memory_); }  ///< bytes a block may have
 
  private:
   cudaStream_t stream_ = nullptr;
-  int multiprocessors_ = 1;
+  int multiprocessors_ = 1, shared_memory_ = 0;
 };
 
 /// `size` values of T on the device, from the pool; not initialised.

@@ -88,18 +88,20 @@ class HostLcp final : public LcpBatch {
 class HostMarch final : public March {
  public:
   HostMarch(const Device& device, Backend& host, MarchProblem problem, Index rows)
-      : r_(twin(device, host, problem.r)),
+      : given_r_(*problem.r),
+        r_(device, host, *problem.r),
         drive_(twin(device, host, problem.drive)),
         forcing_(twin(device, host, problem.forcing)),
         y_(device, host, rows, problem.r->cols()),
         v_(device, host, rows, problem.r->cols()) {
-    problem.r = r_->array.get();
+    problem.r = r_.array.get();
     problem.drive = drive_ ? drive_->array.get() : nullptr;
     problem.forcing = forcing_ ? forcing_->array.get() : nullptr;
     plan_ = host.march(problem, rows);
   }
 
   MarchReport run(Array& y, Array& v) override {
+    r_.fetch(given_r_);  // it may have changed since the last run
     y_.fetch(y);
     const MarchReport report = plan_->run(*y_.array, *v_.array);
     y_.send(y);
@@ -109,7 +111,9 @@ class HostMarch final : public March {
   std::size_t bytes() const override { return 3 * y_.array->bytes() + plan_->bytes(); }
 
  private:
-  std::unique_ptr<Twin> r_, drive_, forcing_;
+  const Array& given_r_;
+  Twin r_;
+  std::unique_ptr<Twin> drive_, forcing_;
   Twin y_, v_;
   std::unique_ptr<March> plan_;
 };

@@ -1,6 +1,7 @@
 #pragma once
-// What the batched complementarity solvers of this room share: one entry a row for what became of it, its reduction to
-// a report, and the rows that are left to pivoting on the host.
+// What the batched complementarity solvers of this room share. A kernel counts what becomes of its problems on the way
+// (lcp_outcome.cuh), and its last block hands the sums to the host; only problems that it leaves are looked at one by
+// one, by pivoting on the host.
 
 #include "core/lcp/active_set_lcp.hpp"
 #include "kernels/device.hpp"
@@ -9,43 +10,69 @@
 
 namespace bromwich::cuda {
 
-/// One row of the batch. `sweeps` is negative where the row is unsolved.
-struct RowOutcome {
-  double change, magnitude;  ///< change NaN: not finite
-  int sweeps;
+/// What a batch works on.
+struct LcpArrays {
+  const double *r, *v;
+  double* y;
+  int stride;  ///< from row to row
 };
 
-/// The sum of all rows, reduced on the device.
+/// What became of a batch. Doubles >= 0 are ordered as their bits are, so that maxima are taken of the bits.
 struct BatchOutcome {
-  double change, magnitude;
-  long long sweeps;
-  int unsolved, finite, settled;  ///< settled: rows before it changed by no more than the tolerance
+  unsigned long long change, magnitude;  ///< bits of max |y_new - y_old| / max(1, |y_new|) and of max |y_new|
+  unsigned long long sweeps;
+  unsigned unsolved;
+  unsigned settled;  ///< first row that changed by more than the tolerance
 };
 
-class RowOutcomes {
- public:
-  RowOutcomes(const Device&, Index rows);
-  ~RowOutcomes();
-  RowOutcomes(const RowOutcomes&) = delete;
-  RowOutcomes& operator=(const RowOutcomes&) = delete;
+inline constexpr BatchOutcome empty_outcome{0, 0, 0, 0, ~0u};
 
-  RowOutcome* data() { return rows_.data(); }
+/// In memory of the host that the device writes.
+struct HandedOver {
+  BatchOutcome sum;
+  unsigned batches;  ///< that have been handed over; written after `sum`
+};
+
+/// Where a kernel leaves its outcome.
+struct OutcomeTarget {
+  int* rows;           ///< per row: Newton sweeps, negative where the row is unsolved
+  BatchOutcome* sum;   ///< empty before and after
+  unsigned* finished;  ///< blocks of this batch that are done; 0 before and after
+  unsigned* batches;   ///< that have been handed over
+  HandedOver* host;
+  double settle_tolerance;
+};
+
+class BatchOutcomes {
+ public:
+  BatchOutcomes(const Device&, Index rows);
+  ~BatchOutcomes();
+  BatchOutcomes(const BatchOutcomes&) = delete;
+  BatchOutcomes& operator=(const BatchOutcomes&) = delete;
+
+  /// For the kernel that is started next.
+  OutcomeTarget target(double settle_tolerance);
   std::size_t bytes() const { return rows_.bytes(); }
 
-  /// Reduces rows first .. rows-1 and waits. What is unsolved goes to the solver row by row on the host.
+  /// Waits for the batch over rows first .. rows-1 that was started last; one report a batch. What is unsolved goes to
+  /// the solver row by row.
   LcpReport report(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance,
                    const std::function<ActiveSetLcp&()>& solver);
 
  private:
-  BatchOutcome reduce(Index first, Index rows, double settle_tolerance);
-  void pivot(const Array& r, const Array& v, Array& y, Index first, ActiveSetLcp& solver, LcpReport& report);
+  BatchOutcome wait();
+  void pivot(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance, ActiveSetLcp& solver,
+             LcpReport& report);
 
   const Device& device_;
-  Memory<RowOutcome> rows_;
-  BatchOutcome* pinned_ = nullptr;  ///< on the host, written by the device
+  Memory<int> rows_;
+  Memory<BatchOutcome> sum_;
+  Memory<unsigned> counters_;  ///< finished, batches
+  HandedOver* handed_over_ = nullptr;
+  unsigned batches_ = 0;  ///< reported
 };
 
-/// max_j ||min(y_j, w_j)||_inf / max(1, ||q_j||_inf) from one value a row, NaN where one of them is.
+/// The largest of one value a row, NaN where one of them is.
 double largest(const Device&, const Memory<double>& per_row);
 
 }  // namespace bromwich::cuda

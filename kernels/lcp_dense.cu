@@ -4,52 +4,60 @@
 // elsewhere, without exchanges: all leading minors are positive for a P-matrix, and where a pivot fails the row is left
 // to pivoting on the host.
 
-#include "kernels/lcp_batch.hpp"
+#include "kernels/lcp_outcome.cuh"
 #include "kernels/parts.hpp"
+#include "kernels/reciprocal.cuh"
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace bromwich::cuda {
 
 namespace {
 
-constexpr int largest_shared_size = 64;
-
-struct Arrays {
-  const double *r, *v;
-  double* y;
-  int stride;  ///< from row to row; n where a thread takes a problem
-};
+constexpr int largest_register_size = 8, largest_shared_size = 64;
+constexpr int block = 128;  ///< threads, where a thread takes a problem
 
 /// R M C by rows, and the scales.
 struct Coefficients {
   const double *M, *row_scale, *column_scale;
 };
 
+// n neighbouring values, two at a time where they begin at multiples of 16 bytes.
 template <int n>
-__global__ void __launch_bounds__(128)
-    newton_in_registers(Arrays arrays, Coefficients m, int first, int rows, bool least, RowOutcome* outcomes) {
-  __shared__ double M[n * n], row_scale[n], column_scale[n];
-  for (int i = threadIdx.x; i < n * n; i += blockDim.x) M[i] = m.M[i];
-  for (int i = threadIdx.x; i < n; i += blockDim.x) row_scale[i] = m.row_scale[i], column_scale[i] = m.column_scale[i];
-  __syncthreads();
-  const int j = first + blockIdx.x * blockDim.x + threadIdx.x;
-  if (j >= rows) return;
-  double q[n], old[n], x[n];
-  unsigned active = 0;
-  double size = 0;
+__device__ void load(const double* from, double (&to)[n]) {
+  if constexpr (n % 2 == 0) {
 #pragma unroll
-  for (int i = 0; i < n; ++i) {
-    q[i] = row_scale[i] * (arrays.r[long(j) * n + i] + arrays.v[long(j) * n + i]);
-    old[i] = arrays.y[long(j) * n + i];
-    if (old[i] > 0) active |= 1u << i;
-    size = fmax(size, fabs(q[i]));
+    for (int i = 0; i < n; i += 2) {
+      const double2 two = *reinterpret_cast<const double2*>(from + i);
+      to[i] = two.x, to[i + 1] = two.y;
+    }
+  } else {
+#pragma unroll
+    for (int i = 0; i < n; ++i) to[i] = from[i];
   }
-  const double tolerance = 16 * epsilon * size;
-  bool same = false, positive = false;
-  int sweeps = 0;
-  while (!same && sweeps < 8 + n) {
-    ++sweeps;
+}
+template <int n>
+__device__ void store(const double (&from)[n], double* to) {
+  if constexpr (n % 2 == 0) {
+#pragma unroll
+    for (int i = 0; i < n; i += 2) *reinterpret_cast<double2*>(to + i) = {from[i], from[i + 1]};
+  } else {
+#pragma unroll
+    for (int i = 0; i < n; ++i) to[i] = from[i];
+  }
+}
+
+/// One problem in the registers of a thread.
+template <int n>
+struct Problem {
+  double q[n], x[n];
+  unsigned active = 0;
+  double size = 0;  ///< of q
+  bool positive = false;
+
+  __device__ void eliminate(const double* M) {
     double a[n][n];
     positive = true;
 #pragma unroll
@@ -63,7 +71,7 @@ __global__ void __launch_bounds__(128)
 #pragma unroll
     for (int k = 0; k < n; ++k) {
       positive = positive && a[k][k] > 16 * n * epsilon * M[k * n + k];
-      const double inverse = 1 / a[k][k];
+      const double inverse = reciprocal(a[k][k]);
       a[k][k] = inverse;
 #pragma unroll
       for (int i = k + 1; i < n; ++i) {
@@ -79,6 +87,10 @@ __global__ void __launch_bounds__(128)
       for (int k = i + 1; k < n; ++k) x[i] -= a[i][k] * x[k];
       x[i] *= a[i][i];
     }
+  }
+
+  // Exchanges what has the wrong sign; whether there was any.
+  __device__ bool exchange(const double* M, double tolerance) {
     unsigned flips = 0;
 #pragma unroll
     for (int i = 0; i < n; ++i) {
@@ -88,95 +100,147 @@ __global__ void __launch_bounds__(128)
       if (((active >> i & 1) ? x[i] : w) < -tolerance) flips |= 1u << i;
     }
     active ^= flips;
-    same = flips == 0;
+    return flips != 0;
   }
-  double change = 0, magnitude = 0, sum = 0;
+};
+
+// Thread after thread; the rows of a block lie beside each other.
+template <int n>
+__global__ void __launch_bounds__(block)
+    newton_in_registers(LcpArrays arrays, Coefficients m, int first, int rows, bool least, OutcomeTarget target) {
+  __shared__ double M[n * n], row_scale[n], column_scale[n];
+  for (int i = threadIdx.x; i < n * n; i += blockDim.x) M[i] = m.M[i];
+  for (int i = threadIdx.x; i < n; i += blockDim.x) row_scale[i] = m.row_scale[i], column_scale[i] = m.column_scale[i];
+  __syncthreads();
+  Outcomes outcomes(target);
+  for (int j = first + blockIdx.x * block + threadIdx.x; j < rows; j += gridDim.x * block) {
+    const long at = long(j) * n;
+    Problem<n> p;
+    double r[n], v[n], old[n];
+    load(arrays.r + at, r), load(arrays.v + at, v), load(arrays.y + at, old);
 #pragma unroll
-  for (int i = 0; i < n; ++i) {
-    sum += fabs(q[i]) + fabs(x[i]);
-    x[i] = column_scale[i] * fmax(x[i], 0.0);
-    change = fmax(change, fabs(x[i] - old[i]));
-    magnitude = fmax(magnitude, x[i]);
-  }
-  const bool finite = isfinite(sum), solved = finite && same && (!least || positive);
-  if (solved) {
+    for (int i = 0; i < n; ++i) {
+      p.q[i] = row_scale[i] * (r[i] + v[i]);
+      if (old[i] > 0) p.active |= 1u << i;
+      p.size = larger(fabs(p.q[i]), p.size);
+    }
+    bool same = false;
+    int sweeps = 0;
+    while (!same && sweeps < 8 + n) {
+      ++sweeps;
+      p.eliminate(M);
+      same = !p.exchange(M, 16 * epsilon * p.size);
+    }
+    double change = 0, magnitude = 0;
 #pragma unroll
-    for (int i = 0; i < n; ++i) arrays.y[long(j) * n + i] = x[i];
+    for (int i = 0; i < n; ++i) {
+      p.x[i] = p.x[i] <= 0 ? 0 : column_scale[i] * p.x[i];  // a NaN stays one
+      change = larger(fabs(p.x[i] - old[i]), change);
+      magnitude = larger(fabs(p.x[i]), magnitude);
+    }
+    if (same && (!least || p.positive) && isfinite(p.size) && isfinite(change) && isfinite(magnitude)) {
+      store(p.x, arrays.y + at);
+      outcomes.solved(j, sweeps, change, magnitude);
+    } else {
+      outcomes.unsolved(j, sweeps);
+    }
   }
-  outcomes[j] = {finite ? change : nan(""), magnitude, solved ? sweeps : -sweeps};
+  outcomes.finish();
 }
 
 __device__ double largest_of_warp(double mine) {
-  for (int s = 16; s > 0; s /= 2) mine = fmax(mine, __shfl_xor_sync(0xffffffffu, mine, s));
+  for (int s = 16; s > 0; s /= 2) mine = larger(mine, __shfl_xor_sync(0xffffffffu, mine, s));
   return mine;
 }
 
-// One warp a block: problem first + blockIdx.x; thread t has the rows t, t + 32.
+// x for the active set, by all threads of a warp; whether all pivots were positive.
+__device__ bool eliminate(int n, const double* M, const double* active, const double* q, double* a, double* x) {
+  const int t = threadIdx.x, step = n + 1;
+  bool positive = true;
+  __syncwarp();
+  for (int i = t; i < n; i += 32) {
+    for (int k = 0; k < n; ++k) a[i * step + k] = active[i] * active[k] * M[i * n + k];
+    a[i * step + i] += 1 - active[i];
+    x[i] = -active[i] * q[i];
+  }
+  __syncwarp();
+  for (int k = 0; k < n; ++k) {
+    const double pivot = a[k * step + k];
+    positive = positive && pivot > 16 * n * epsilon * M[k * n + k];
+    for (int i = t; i < n; i += 32) {
+      if (i <= k) continue;
+      const double factor = a[i * step + k] / pivot;
+      for (int l = k + 1; l < n; ++l) a[i * step + l] -= factor * a[k * step + l];
+      x[i] -= factor * x[k];
+    }
+    __syncwarp();
+  }
+  for (int k = n - 1; k >= 0; --k) {
+    if (t == k % 32) x[k] /= a[k * step + k];
+    __syncwarp();
+    for (int i = t; i < k; i += 32) x[i] -= a[i * step + k] * x[k];
+    __syncwarp();
+  }
+  return positive;
+}
+
+// Exchanges what has the wrong sign; whether the warp had any.
+__device__ bool exchange(int n, const double* M, const double* q, const double* x, double* active, double tolerance) {
+  bool flipped = false;
+  for (int i = threadIdx.x; i < n; i += 32) {
+    double w = q[i];
+    for (int k = 0; k < n; ++k) w += M[i * n + k] * x[k];
+    if ((active[i] > 0.5 ? x[i] : w) < -tolerance) {
+      active[i] = 1 - active[i];
+      flipped = true;
+    }
+  }
+  return __any_sync(0xffffffffu, flipped);
+}
+
+// One warp a block, which takes every gridDim.x-th problem; thread t has the rows t, t + 32.
 __global__ void __launch_bounds__(32)
-    newton_in_shared(Arrays arrays, Coefficients m, int n, int first, bool least, RowOutcome* outcomes) {
+    newton_in_shared(LcpArrays arrays, Coefficients m, int n, int first, int rows, bool least, OutcomeTarget target) {
   extern __shared__ double shared[];
   double *a = shared, *x = a + n * (n + 1), *q = x + n, *active = q + n;
-  const int t = threadIdx.x, j = first + blockIdx.x;
-  const long at = long(j) * arrays.stride;
-  double size = 0;
-  for (int i = t; i < n; i += 32) {
-    q[i] = m.row_scale[i] * (arrays.r[at + i] + arrays.v[at + i]);
-    active[i] = arrays.y[at + i] > 0 ? 1 : 0;
-    size = fmax(size, fabs(q[i]));
-  }
-  const double tolerance = 16 * epsilon * largest_of_warp(size);
-  bool same = false, positive = false;
-  int sweeps = 0;
-  while (!same && sweeps < 8 + n) {
-    ++sweeps;
-    positive = true;
-    __syncwarp();
+  const int t = threadIdx.x;
+  Outcomes outcomes(target);
+  for (int j = first + blockIdx.x; j < rows; j += gridDim.x) {
+    const long at = long(j) * arrays.stride;
+    double size = 0;
     for (int i = t; i < n; i += 32) {
-      for (int k = 0; k < n; ++k) a[i * (n + 1) + k] = active[i] * active[k] * m.M[i * n + k];
-      a[i * (n + 1) + i] += 1 - active[i];
-      x[i] = -active[i] * q[i];
+      q[i] = m.row_scale[i] * (arrays.r[at + i] + arrays.v[at + i]);
+      active[i] = arrays.y[at + i] > 0 ? 1 : 0;
+      size = larger(fabs(q[i]), size);
+    }
+    size = largest_of_warp(size);
+    bool same = false, positive = false;
+    int sweeps = 0;
+    while (!same && sweeps < 8 + n) {
+      ++sweeps;
+      positive = eliminate(n, m.M, active, q, a, x);
+      same = !exchange(n, m.M, q, x, active, 16 * epsilon * size);
+    }
+    double change = 0, magnitude = 0;
+    for (int i = t; i < n; i += 32) {
+      x[i] = x[i] <= 0 ? 0 : m.column_scale[i] * x[i];  // a NaN stays one
+      change = larger(fabs(x[i] - arrays.y[at + i]), change);
+      magnitude = larger(fabs(x[i]), magnitude);
+    }
+    change = largest_of_warp(change), magnitude = largest_of_warp(magnitude);
+    const bool finite = isfinite(size) && isfinite(change) && isfinite(magnitude);
+    const bool solved = finite && same && (!least || positive);
+    if (solved)
+      for (int i = t; i < n; i += 32) arrays.y[at + i] = x[i];
+    if (t == 0) {
+      if (solved)
+        outcomes.solved(j, sweeps, change, magnitude);
+      else
+        outcomes.unsolved(j, sweeps);
     }
     __syncwarp();
-    for (int k = 0; k < n; ++k) {
-      const double pivot = a[k * (n + 1) + k];
-      positive = positive && pivot > 16 * n * epsilon * m.M[k * n + k];
-      for (int i = t; i < n; i += 32) {
-        if (i <= k) continue;
-        const double factor = a[i * (n + 1) + k] / pivot;
-        for (int l = k + 1; l < n; ++l) a[i * (n + 1) + l] -= factor * a[k * (n + 1) + l];
-        x[i] -= factor * x[k];
-      }
-      __syncwarp();
-    }
-    for (int k = n - 1; k >= 0; --k) {
-      if (t == k % 32) x[k] /= a[k * (n + 1) + k];
-      __syncwarp();
-      for (int i = t; i < k; i += 32) x[i] -= a[i * (n + 1) + k] * x[k];
-      __syncwarp();
-    }
-    bool flipped = false;
-    for (int i = t; i < n; i += 32) {
-      double w = q[i];
-      for (int k = 0; k < n; ++k) w += m.M[i * n + k] * x[k];
-      if ((active[i] > 0.5 ? x[i] : w) < -tolerance) {
-        active[i] = 1 - active[i];
-        flipped = true;
-      }
-    }
-    same = !__any_sync(0xffffffffu, flipped);
   }
-  double change = 0, magnitude = 0, bad = 0;
-  for (int i = t; i < n; i += 32) {
-    if (!isfinite(q[i]) || !isfinite(x[i])) bad = 1;
-    x[i] = m.column_scale[i] * fmax(x[i], 0.0);
-    change = fmax(change, fabs(x[i] - arrays.y[at + i]));
-    magnitude = fmax(magnitude, x[i]);
-  }
-  change = largest_of_warp(change), magnitude = largest_of_warp(magnitude);
-  const bool finite = largest_of_warp(bad) == 0, solved = finite && same && (!least || positive);
-  if (solved)
-    for (int i = t; i < n; i += 32) arrays.y[at + i] = x[i];
-  if (t == 0) outcomes[j] = {finite ? change : nan(""), magnitude, solved ? sweeps : -sweeps};
+  outcomes.finish();
 }
 
 // A warp a row, with M as it was given.
@@ -190,11 +254,23 @@ __global__ void natural_residual(const double* r, const double* v, const double*
     const double q = r[at + i] + v[at + i];
     double w = q;
     for (int k = 0; k < n; ++k) w += M[i * n + k] * y[at + k];
-    gap = isfinite(w + y[at + i]) ? fmax(gap, fabs(fmin(y[at + i], w))) : INFINITY;
+    gap = larger(isfinite(w + y[at + i]) ? fabs(fmin(y[at + i], w)) : nan(""), gap);
     scale = fmax(scale, fabs(q));
   }
   gap = largest_of_warp(gap), scale = largest_of_warp(scale);
-  if (threadIdx.x == 0) out[j] = isinf(gap) ? nan("") : gap / scale;
+  if (threadIdx.x == 0) out[j] = gap / scale;
+}
+
+using RegisterKernel = void (*)(LcpArrays, Coefficients, int, int, bool, OutcomeTarget);
+
+template <int... sizes>
+RegisterKernel register_kernel(Index n, std::integer_sequence<int, sizes...>) {
+  constexpr RegisterKernel kernels[] = {newton_in_registers<sizes + 1>...};
+  return kernels[n - 1];
+}
+
+RegisterKernel register_kernel(Index n) {
+  return register_kernel(n, std::make_integer_sequence<int, largest_register_size>());
 }
 
 class DenseLcp final : public LcpBatch {
@@ -214,7 +290,14 @@ class DenseLcp final : public LcpBatch {
   }
 
   LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
-    if (first < y.rows()) start({values(r), values(v), values(y), int(stride(n_))}, first, y.rows());
+    start(r, v, y, first, settle_tolerance);
+    return finish(r, v, y, first, settle_tolerance);
+  }
+  void start(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
+    if (first < y.rows())
+      start(LcpArrays{values(r), values(v), values(y), int(stride(n_))}, first, y.rows(), settle_tolerance);
+  }
+  LcpReport finish(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     return outcomes_.report(r, v, y, first, settle_tolerance, [this]() -> ActiveSetLcp& { return solver_; });
   }
 
@@ -228,38 +311,20 @@ class DenseLcp final : public LcpBatch {
   std::size_t bytes() const override { return outcomes_.bytes() + residuals_.bytes() + 2 * M_.bytes(); }
 
  private:
-  void start(const Arrays& arrays, Index first, Index rows) {
-    switch (n_) {
-      case 1:
-        return in_registers<1>(arrays, first, rows);
-      case 2:
-        return in_registers<2>(arrays, first, rows);
-      case 3:
-        return in_registers<3>(arrays, first, rows);
-      case 4:
-        return in_registers<4>(arrays, first, rows);
-      case 5:
-        return in_registers<5>(arrays, first, rows);
-      case 6:
-        return in_registers<6>(arrays, first, rows);
-      case 7:
-        return in_registers<7>(arrays, first, rows);
-      case 8:
-        return in_registers<8>(arrays, first, rows);
-      default:
-        break;
+  void start(const LcpArrays& arrays, Index first, Index rows, double settle_tolerance) {
+    const OutcomeTarget target = outcomes_.target(settle_tolerance);
+    const bool least = class_ == LcpClass::Z;
+    const unsigned most = unsigned(device_.multiprocessors());
+    if (n_ <= largest_register_size) {
+      const unsigned blocks = std::min(unsigned((rows - first + block - 1) / block), 16 * most);
+      register_kernel(n_)<<<blocks, block, 0, device_.stream()>>>(arrays, coefficients(), int(first), int(rows), least,
+                                                                  target);
+    } else {
+      const std::size_t shared = sizeof(double) * std::size_t(n_ * (n_ + 1) + 3 * n_);
+      const unsigned blocks = std::min(unsigned(rows - first), 32 * most);
+      newton_in_shared<<<blocks, 32, shared, device_.stream()>>>(arrays, coefficients(), int(n_), int(first), int(rows),
+                                                                 least, target);
     }
-    const std::size_t shared = sizeof(double) * std::size_t(n_ * (n_ + 1) + 3 * n_);
-    newton_in_shared<<<unsigned(rows - first), 32, shared, device_.stream()>>>(
-        arrays, coefficients(), int(n_), int(first), class_ == LcpClass::Z, outcomes_.data());
-    check(cudaGetLastError(), "starting the complementarity problems");
-  }
-
-  template <int n>
-  void in_registers(const Arrays& arrays, Index first, Index rows) {
-    const unsigned blocks = unsigned((rows - first + 127) / 128);
-    newton_in_registers<n><<<blocks, 128, 0, device_.stream()>>>(arrays, coefficients(), int(first), int(rows),
-                                                                 class_ == LcpClass::Z, outcomes_.data());
     check(cudaGetLastError(), "starting the complementarity problems");
   }
 
@@ -268,7 +333,7 @@ class DenseLcp final : public LcpBatch {
   const Device& device_;
   Index n_;
   LcpClass class_;
-  RowOutcomes outcomes_;
+  BatchOutcomes outcomes_;
   Memory<double> residuals_, given_, M_, row_scale_, column_scale_;
   ActiveSetLcp solver_;
 };

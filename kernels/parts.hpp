@@ -3,16 +3,42 @@
 
 #include "kernels/device.hpp"
 
+#include <functional>
 #include <memory>
 
 namespace bromwich::cuda {
 
 std::unique_ptr<SineTransform> make_sine_transform(const Device&, Index n, Index rows);
+/// The two that it chooses from: a product with the dense matrix, and cuFFT.
+std::unique_ptr<SineTransform> make_sine_product(const Device&, Index n);
+std::unique_ptr<SineTransform> make_sine_fft(const Device&, Index n, Index rows);
 std::unique_ptr<Convolution> make_scan(const Device&, const ModalRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_scan(const Device&, const DenseRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_fft_convolution(const Device&, const LagTable&, Index rows);
-std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Device&, const Tridiagonal&, LcpClass, Index rows);
+/// The operations as a CUDA graph; null above the size where launching them one by one is hidden behind their work.
+std::unique_ptr<Program> make_program(const Device&, Index values, const std::function<void()>& operations);
 /// Null where the matrix is too large for these kernels.
+std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Device&, const Tridiagonal&, LcpClass, Index rows);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Device&, const Matrix&, LcpClass, Index rows);
+
+/// What no kernel here takes is marched by `host`.
+std::unique_ptr<March> make_march(const Device&, Backend& host, const MarchProblem&, Index rows);
+
+/// The shifted solves of dense scenes and Kronecker sums. Waits for what it returns.
+class Resolvent {
+ public:
+  explicit Resolvent(const Device&);
+  ~Resolvent();
+  Resolvent(const Resolvent&) = delete;
+  Resolvent& operator=(const Resolvent&) = delete;
+
+  ComplexMatrix operator()(const KroneckerDynamics&, const ComplexVector& nodes);
+  ComplexMatrix operator()(const DenseDynamics&, const ComplexVector& nodes);
+
+ private:
+  struct Blas;
+  const Device& device_;
+  std::unique_ptr<Blas> blas_;  ///< made by the first dense scene
+};
 
 }  // namespace bromwich::cuda

@@ -128,9 +128,16 @@ class SineFft final : public SineTransform {
 
 }  // namespace
 
-std::unique_ptr<SineTransform> make_sine_transform(const Device& device, Index n, Index rows) {
-  if (n <= largest_product) return std::make_unique<SineProduct>(device, n);
+std::unique_ptr<SineTransform> make_sine_product(const Device& device, Index n) {
+  return std::make_unique<SineProduct>(device, n);
+}
+
+std::unique_ptr<SineTransform> make_sine_fft(const Device& device, Index n, Index rows) {
   return std::make_unique<SineFft>(device, n, rows);
+}
+
+std::unique_ptr<SineTransform> make_sine_transform(const Device& device, Index n, Index rows) {
+  return n <= largest_product ? make_sine_product(device, n) : make_sine_fft(device, n, rows);
 }
 
 }  // namespace bromwich::cuda

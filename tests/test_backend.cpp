@@ -1,11 +1,14 @@
 // The contract of the Backend seam: arrays, sine transforms and shifted solves.
 
 #include "core/contour.hpp"
+#include "core/error.hpp"
 #include "tests/backends.hpp"
 
 #include <Eigen/Dense>
 
 #include <map>
+#include <string>
+#include <utility>
 
 namespace bromwich {
 namespace {
@@ -98,39 +101,83 @@ ComplexMatrix shifted_solve(const DenseDynamics& d, Complex z) {
 }
 
 TEST_P(BackendTest, ResolventOfDenseMatrices) {
-  for (const auto& [m, n] : {std::pair<Index, Index>{1, 1}, {7, 3}, {33, 2}}) {
+  struct Shape {
+    Index m, n, k;  // states, rows of N, columns of B
+  };
+  for (const auto [m, n, k] : {Shape{1, 1, 1}, {2, 2, 1}, {7, 3, 5}, {7, 5, 2}, {33, 2, 2}, {200, 1, 4}}) {
     Random random{5u};
-    const DenseDynamics d{random.matrix(m, m) - Matrix(2 * Matrix::Identity(m, m)), random.matrix(m, n),
-                          random.matrix(n, m)};
-    const ComplexVector nodes = nodes_of_a_window();
+    // Eigenvalues in a disk of radius 1 around -2, the nodes to the right of it or far from it.
+    const Matrix A = random.matrix(m, m) / std::sqrt(double(m)) - Matrix(2 * Matrix::Identity(m, m));
+    const DenseDynamics d{A, random.matrix(m, k), random.matrix(n, m)};
+    const ComplexVector nodes = m < 100 ? nodes_of_a_window() : ComplexVector(nodes_of_a_window().head(2));
     const ComplexMatrix R = backend->resolvent(d, nodes);
     ASSERT_EQ(R.rows(), nodes.size());
-    ASSERT_EQ(R.cols(), n * n);
+    ASSERT_EQ(R.cols(), n * k);
     for (Index p = 0; p < nodes.size(); ++p) {
       const ComplexMatrix exact = shifted_solve(d, nodes[p]);
       for (Index i = 0; i < n; ++i)
-        for (Index k = 0; k < n; ++k)
+        for (Index j = 0; j < k; ++j)
           // Two factorizations of matrices with a condition number below 1e3.
-          EXPECT_LE(std::abs(R(p, i * n + k) - exact(i, k)), 1e-12) << m << ", node " << p;
+          EXPECT_LE(std::abs(R(p, i * k + j) - exact(i, j)), 1e-12) << m << ", node " << p;
     }
   }
 }
 
-TEST_P(BackendTest, ResolventOfKroneckerSums) {
-  for (const auto& [along, across] : {std::pair<Index, Index>{1, 1}, {2, 5}, {7, 3}, {8, 8}}) {
-    KroneckerDynamics d = reference::signorini_dynamics(along, across, 0.05);
-    const ComplexVector nodes = nodes_of_a_window();
-    const Matrix& S = sine_matrix(along);
-    const DenseDynamics dense = to_dense(Dynamics(d));
-    const ComplexMatrix R = backend->resolvent(d, nodes);
-    ASSERT_EQ(R.rows(), nodes.size());
-    ASSERT_EQ(R.cols(), along);
-    for (Index p = 0; p < nodes.size(); ++p) {
-      const ComplexMatrix modes = S.cast<Complex>() * shifted_solve(dense, nodes[p]) * S.cast<Complex>();
-      // |N (zI-A)^{-1} B| <= 2 c/dx^2 / distance: below 10; the matrices' condition numbers are below 1e2.
-      EXPECT_LE((modes - ComplexMatrix(R.row(p).asDiagonal())).cwiseAbs().maxCoeff(), 1e-13) << along << ", node " << p;
+TEST_P(BackendTest, ResolventRefusesAnEigenvalue) {
+  const auto diagonal = [](Index m) { return Matrix(Vector::LinSpaced(m, -double(m), -1).asDiagonal()); };
+  // Pivots that are zero without rounding.
+  for (const auto& [A, z] : {std::pair<Matrix, double>{diagonal(1), -1},
+                             {diagonal(3), -2},
+                             {Matrix{{-2, 1}, {1, -2}}, -1},
+                             {diagonal(50), -7}}) {
+    const Dynamics d = DenseDynamics{A, Matrix::Ones(A.rows(), 1), Matrix::Ones(1, A.rows())};
+    const auto at = [&](Complex node) { backend->resolvent(d, ComplexVector{{Complex(1, 1), node}}); };
+    EXPECT_NO_THROW(at(Complex(z, 1e-3))) << A.rows();
+    try {
+      at(z);
+      ADD_FAILURE() << "an eigenvalue of " << A.rows();
+    } catch (const Error& error) {
+      EXPECT_TRUE(std::string(error.what()).starts_with("resolvent: found an eigenvalue of A at or next to the node -"))
+          << error.what();
     }
   }
+}
+
+// Row p: the diagonal of S N (z_p I - A)^{-1} B S; nothing else may be left of it.
+void expect_modes(const KroneckerDynamics& d, const ComplexVector& nodes, const ComplexMatrix& R, double tolerance) {
+  const Index n = d.along.points;
+  const Matrix& S = sine_matrix(n);
+  const DenseDynamics dense = to_dense(Dynamics(d));
+  ASSERT_EQ(R.rows(), nodes.size());
+  ASSERT_EQ(R.cols(), n);
+  for (Index p = 0; p < nodes.size(); ++p) {
+    const ComplexMatrix modes = S.cast<Complex>() * shifted_solve(dense, nodes[p]) * S.cast<Complex>();
+    EXPECT_LE((modes - ComplexMatrix(R.row(p).asDiagonal())).cwiseAbs().maxCoeff(), tolerance)
+        << n << " x " << d.across.points << ", node " << p;
+  }
+}
+
+TEST_P(BackendTest, ResolventOfKroneckerSums) {
+  const ComplexVector nodes = nodes_of_a_window();
+  for (const auto& [along, across] : {std::pair<Index, Index>{1, 1}, {1, 6}, {2, 5}, {7, 3}, {8, 8}}) {
+    KroneckerDynamics d = reference::signorini_dynamics(along, across, 0.05);
+    // |N (zI-A)^{-1} B| <= 2 c/dx^2 / distance: below 10; the matrices' condition numbers are below 1e2.
+    expect_modes(d, nodes, backend->resolvent(d, nodes), 1e-13);
+    // Constraints that see and drive all points of their line: |n| |b| / distance is smaller still.
+    Random random{std::uint32_t(across)};
+    d.n = random.vector(across);
+    d.b = random.vector(across);
+    if (across > 2) d.n[1] = 0;
+    expect_modes(d, nodes, backend->resolvent(d, nodes), 1e-13);
+  }
+}
+
+TEST_P(BackendTest, ResolventOfFineLinesAtSmallShifts) {
+  // |z - mu| dx^2/c from 1e-3 on, where the logarithm of rho would lose digits.
+  const KroneckerDynamics d = reference::signorini_dynamics(1, 64);
+  const ComplexVector nodes{{Complex(1e-3, 0), Complex(1e-3, 2e-3), Complex(-1e-3, 1e-2), Complex(0.05, 0)}};
+  // Condition numbers of 4c/dx^2 over a distance of 0.02 to the spectrum: 2e3, times 64 roundings; values below 2.
+  expect_modes(d, nodes, backend->resolvent(d, nodes), 3e-11);
 }
 
 }  // namespace

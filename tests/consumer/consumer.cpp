@@ -4,6 +4,7 @@
 #include <bromwich/core/scenes/catalogue.hpp>
 #include <bromwich/core/solve.hpp>
 #include <bromwich/cpu/cpu_backend.hpp>
+#include <bromwich/kernels/cuda_backend.hpp>
 
 #include <cstdio>
 
@@ -17,6 +18,7 @@ int main() {
   options.method = bromwich::Method::march;
   const bromwich::Result result = bromwich::solve(scene, *backend, options);
 
-  std::printf("%s: %s, %td rows\n", scene.name.c_str(), bromwich::to_string(result.status), result.y.rows());
+  std::printf("%s: %s, %td rows; %zu CUDA devices\n", scene.name.c_str(), bromwich::to_string(result.status),
+              result.y.rows(), bromwich::cuda_devices().size());
   return result.status == bromwich::Status::solved && result.y.rows() == 17 && result.y.allFinite() ? 0 : 1;
 }

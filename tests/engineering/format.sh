@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# format.sh SOURCE: every .cpp and .hpp file is as clang-format 14 writes it. Exit code 77: no clang-format 14 here
+# format.sh SOURCE: every C++ and CUDA file is as clang-format 14 writes it. Exit code 77: no clang-format 14 here
 # (other versions write other files).
 set -euo pipefail
 cd "$1"
@@ -16,7 +16,7 @@ if echo 'int  bad( ) ;' | "$tool" --dry-run -Werror 2>/dev/null; then
 fi
 
 mapfile -d '' files < <(find . \( -name 'build*' -o -name '.*' ! -name . \) -prune -o \
-  -type f \( -name '*.cpp' -o -name '*.hpp' -o -name '*.cu' \) -print0 | sort -z)
+  -type f \( -name '*.cpp' -o -name '*.hpp' -o -name '*.cu' -o -name '*.cuh' \) -print0 | sort -z)
 ((${#files[@]} > 100)) || { echo "format: only ${#files[@]} files found in $PWD"; exit 1; }
 "$tool" --dry-run -Werror "${files[@]}"
 echo "format: ${#files[@]} files"

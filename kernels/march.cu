@@ -1,0 +1,324 @@
+// Step-by-step solution of modal recurrences (cpu/march.cpp) where the problem of a step is of class P. The steps are
+// taken by kernels/march_steps.cu; here are the state they begin with, the sine transforms of all rows afterwards, and
+// the check of every row. What the device cannot finish is marched by the host, so that the outcome is the host's.
+//
+// symbol  meaning
+// u_j     S y_j, the modes of y
+// free_j  what v_j holds without W_0 y_j, in modes; v_j = S (free_j + w0 u_j)
+// R, C    scaling of M + W_0 (core/lcp/solution.hpp)
+
+#include "kernels/host_plans.hpp"
+#include "kernels/march_steps.hpp"
+#include "kernels/parts.hpp"
+
+#include "core/lcp/lcp_class.hpp"
+#include "core/lcp/solution.hpp"
+#include "core/response.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich::cuda {
+
+namespace {
+
+constexpr int threads = 128;
+constexpr Index piece = 512;  ///< steps of one launch where somebody wants to hear of them
+
+// What rounding, and the drift of an updated transform, may leave in a row, relative to its largest term: what
+// is_solution() allows for n = 1000.
+constexpr double tolerance = 4e-12;
+
+/// M as it was given: bands, or all columns.
+struct GivenMatrix {
+  const double *lower, *diagonal, *upper, *dense;
+
+  __device__ double row_times(int i, int n, const double* y, double& terms) const {
+    double sum = 0;
+    const auto add = [&](double m, double value) { sum += m * value, terms += fabs(m * value); };
+    if (dense) {
+      for (int k = 0; k < n; ++k) add(dense[long(k) * n + i], y[k]);
+      return sum;
+    }
+    add(diagonal[i], y[i]);
+    if (i > 0) add(lower[i], y[i - 1]);
+    if (i + 1 < n) add(upper[i], y[i + 1]);
+    return sum;
+  }
+};
+
+template <class Operation>
+__device__ double reduced(double mine, Operation operation) {
+  __shared__ double values[threads];
+  values[threadIdx.x] = mine;
+  for (int half = threads / 2; half > 0; half /= 2) {
+    __syncthreads();
+    if (threadIdx.x < half) values[threadIdx.x] = operation(values[threadIdx.x], values[threadIdx.x + half]);
+  }
+  __syncthreads();
+  const double all = values[0];
+  __syncthreads();
+  return all;
+}
+
+__device__ double sum_of_block(double mine) {
+  return reduced(mine, [](double a, double b) { return a + b; });
+}
+
+// NaN wins.
+__device__ double larger(double a, double b) { return isnan(a) || a > b ? a : b; }
+
+__device__ double largest_of_block(double mine) {
+  return reduced(mine, [](double a, double b) { return larger(a, b); });
+}
+
+/// Of the first step: z_0 = G0 u_0 + initial, and lag 1 of y_0 has the weight s1 beside it.
+struct First {
+  const double *start, *initial, *s1;
+};
+
+// A block a mode: z and free of step 1 from y_0 and the drive.
+__global__ void begin(StepTables m, First first, StepArrays a, double* z, double* known) {
+  const int l = blockIdx.x;
+  double sum = 0;
+  for (int c = threadIdx.x; c < m.n; c += threads) sum += m.sine[long(l) * m.n + c] * a.y[c];
+  const double u = sum_of_block(sum) + (a.drive ? a.drive[l] : 0);
+  sum = 0;
+  for (int k = threadIdx.x; k < m.exponentials; k += threads) {
+    const long at = long(k) * m.n + l;
+    const double value = first.start[at] * u + (first.initial ? first.initial[at] : 0);
+    z[at] = value;
+    sum += m.output[at] * value;
+  }
+  sum = sum_of_block(sum) + first.s1[l] * u;
+  if (threadIdx.x == 0) known[l] = sum + (a.drive ? m.w0[l] * a.drive[a.step + l] : 0);
+}
+
+// free <- free + w0 u, a block a row j >= 1.
+__global__ void add_implicit(const double* w0, int n, int step, const double* u, double* known) {
+  const long at = long(blockIdx.x + 1) * step;
+  for (int l = threadIdx.x; l < n; l += threads) known[at + l] += w0[l] * u[at + l];
+}
+
+// A block a row j >= 1: min(y, w) = 0 with w = M y + r + v, and the u that the steps went on with is S y.
+__global__ void check_rows(StepTables m, GivenMatrix M, StepArrays a, const double* v, const double* exact_u,
+                           StepOutcome* out) {
+  const long at = long(blockIdx.x + 1) * a.step;
+  const double* const y = a.y + at;
+  double worst = 0, scale = 0, column = 0, gap = 0;
+  for (int i = threadIdx.x; i < m.n; i += threads) {
+    double terms = fabs(a.r[at + i]) + fabs(v[at + i]);
+    const double w = m.row_scale[i] * (M.row_times(i, m.n, y, terms) + a.r[at + i] + v[at + i]);
+    const double wrong = y[i] > 0 ? fabs(w) : y[i] < 0 ? nan("") : fmax(-w, 0.0);
+    worst = larger(isnan(w) ? w : wrong, worst);
+    scale = fmax(scale, fmax(m.row_scale[i] * terms, y[i] / m.column_scale[i]));
+    column = fmax(column, m.column_scale[i]);
+    gap = larger(fabs(a.input[at + i] - exact_u[at + i]), gap);
+  }
+  scale = largest_of_block(scale), worst = largest_of_block(worst);
+  column = largest_of_block(column), gap = largest_of_block(gap);
+  if (threadIdx.x == 0 && !(worst <= tolerance * scale && gap <= tolerance * scale * column)) out->drifted = 1;
+}
+
+__global__ void invalidate(double* y, double* v, int n, int step, int from) {
+  const long at = long(from + blockIdx.x) * step;
+  for (int i = threadIdx.x; i < n; i += threads) y[at + i] = v[at + i] = nan("");
+}
+
+Matrix implicit_matrix(const LcpMatrix& M, const ModalRecurrence& r) {
+  const Matrix S = sine_matrix(r.modes());
+  return to_dense(M) + S * r.w0.asDiagonal() * S;
+}
+
+class ModalMarch final : public March {
+ public:
+  ModalMarch(const Device& device, Backend& host, const MarchProblem& problem, const ModalRecurrence& r,
+             const Matrix& implicit, const StepKernel& kernel, Index rows)
+      : device_(device),
+        host_(host),
+        problem_(problem),
+        kernel_(kernel),
+        n_(r.modes()),
+        rows_(rows),
+        sine_(make_sine_transform(device, n_, rows)),
+        known_(device, rows, n_),
+        input_(device, rows, n_),
+        exact_input_(device, rows, n_) {
+    put_matrices(implicit);
+    put_recurrence(r);
+    reserve_state(r.exponentials());
+    if (problem.drive) {
+      drive_ = std::make_unique<DeviceArray>(device, rows, n_);
+      sine_->apply(*problem.drive, nullptr, *drive_, 0);
+    }
+    check(cudaMallocHost(&outcome_, sizeof *outcome_), "allocating pinned memory");
+  }
+  ~ModalMarch() override { cudaFreeHost(outcome_); }
+  ModalMarch(const ModalMarch&) = delete;
+  ModalMarch& operator=(const ModalMarch&) = delete;
+
+  MarchReport run(Array& y, Array& v) override {
+    *outcome_ = {};
+    MarchReport report;
+    const Index done = take_steps(y, report);
+    if (done > 0) complete(y, v, done);
+    device_.wait();
+    if (done == 0 || outcome_->drifted || (!polled() && outcome_->reached < rows_ && rows_ > 1))
+      return make_host_march(device_, host_, problem_, rows_)->run(y, v);
+    if (!polled()) count_steps(report);
+    report.count.solved = done - 1;
+    return report;
+  }
+
+  std::size_t bytes() const override {
+    std::size_t sum = sine_->bytes() + known_.bytes() + input_.bytes() + exact_input_.bytes();
+    if (drive_) sum += drive_->bytes();
+    for (const Memory<double>* memory :
+         {&A_,         &S_,      &row_scale_,  &column_scale_, &lower_, &diagonal_, &upper_, &dense_,
+          &decay_,     &output_, &start_,      &initial_,      &lag1_,  &s1_,       &w0_,    &start_transform_,
+          &transform_, &z_,      &next_known_, &exchanged_})
+      sum += memory->bytes();
+    return sum + active_.bytes() + updates_.bytes() + mail_.bytes();
+  }
+
+ private:
+  void put_matrices(const Matrix& implicit) {
+    const Equilibration scale = equilibrate(implicit);
+    A_ = on_device(device_, RowMatrix(std::get<Matrix>(scaled(implicit, scale))));
+    S_ = on_device(device_, sine_matrix(n_));
+    row_scale_ = on_device(device_, scale.rows);
+    column_scale_ = on_device(device_, scale.columns);
+    if (const auto* t = std::get_if<Tridiagonal>(problem_.M)) {
+      lower_ = on_device(device_, t->lower);
+      diagonal_ = on_device(device_, t->diagonal);
+      upper_ = on_device(device_, t->upper);
+    } else {
+      dense_ = on_device(device_, std::get<Matrix>(*problem_.M));
+    }
+  }
+
+  void put_recurrence(const ModalRecurrence& r) {
+    decay_ = on_device(device_, r.decay);
+    output_ = on_device(device_, r.output);
+    start_ = on_device(device_, r.start);
+    initial_ = on_device(device_, r.initial);
+    lag1_ = on_device(device_, Vector(r.w1 + r.output.colwise().sum().transpose()));
+    s1_ = on_device(device_, r.s1);
+    w0_ = on_device(device_, r.w0);
+  }
+
+  void reserve_state(Index exponentials) {
+    start_transform_ = Memory<double>(device_, kernel_.transform_size());
+    if (polled() || !kernel_.resident()) transform_ = Memory<double>(device_, kernel_.transform_size());
+    z_ = Memory<double>(device_, std::size_t(exponentials * n_));
+    next_known_ = Memory<double>(device_, std::size_t(n_));
+    exchanged_ = Memory<double>(device_, std::size_t(4 * n_ * n_));
+    active_ = Memory<unsigned char>(device_, std::size_t(2 * n_));
+    updates_ = Memory<int>(device_, 2);
+    mail_ = Memory<unsigned long long>(device_, std::size_t(2 * n_));
+    active_.clear();
+    updates_.clear();
+    kernel_.form(tables(), start_transform_.data());
+  }
+
+  bool polled() const { return problem_.interrupted || problem_.progress; }
+
+  StepTables tables() const {
+    return {A_.data(),         S_.data(),
+            row_scale_.data(), column_scale_.data(),
+            decay_.data(),     output_.data(),
+            lag1_.data(),      w0_.data(),
+            int(n_),           int(z_.size() / std::size_t(n_))};
+  }
+
+  StepArrays arrays(Array& y) {
+    const double* drive = drive_ ? drive_->memory.data() : nullptr;
+    return {values(*problem_.r), drive, values(y), values(input_), values(known_), int(rows_), int(stride(n_))};
+  }
+
+  // Rows that are final, 0 where the host has to take over.
+  Index take_steps(Array& y, MarchReport& report) {
+    if (rows_ < 2) return rows_;
+    const First first{start_.data(), initial_.size() > 0 ? initial_.data() : nullptr, s1_.data()};
+    const StepState state{
+        start_transform_.data(), transform_.data(), active_.data(),     active_.data() + n_, updates_.data(),
+        updates_.data() + 1,     z_.data(),         next_known_.data(), mail_.data(),        exchanged_.data()};
+    begin<<<unsigned(n_), threads, 0, device_.stream()>>>(tables(), first, arrays(y), z_.data(), next_known_.data());
+    check(cudaGetLastError(), "starting the march");
+    for (Index j = 1, last; j < rows_; j = last) {
+      last = polled() ? std::min(rows_, j + piece) : rows_;
+      kernel_.launch(tables(), state, arrays(y), {int(j), int(last), j == 1, last < rows_}, outcome_);
+      if (!polled()) continue;
+      device_.wait();
+      if (outcome_->reached < last) return 0;
+      count_steps(report);
+      if (last < rows_ && stops(last, report)) return last;
+    }
+    return rows_;
+  }
+
+  void count_steps(MarchReport& report) const {
+    report.count.newton += long(outcome_->sweeps);
+    report.count.fallbacks += outcome_->fallbacks;
+  }
+
+  bool stops(Index j, MarchReport& report) const {
+    if (problem_.progress) problem_.progress(j);
+    if (!problem_.interrupted || !problem_.interrupted()) return false;
+    report.interrupted = true;
+    report.stopped = j;
+    return true;
+  }
+
+  // v from the rows 0 .. done-1 of y, and their check; NaN beyond.
+  void complete(Array& y, Array& v, Index done) {
+    sine_->apply(y, nullptr, exact_input_, 1);
+    const unsigned last = unsigned(done - 1);
+    const StepArrays a = arrays(y);
+    if (done > 1)
+      add_implicit<<<last, threads, 0, device_.stream()>>>(w0_.data(), int(n_), a.step, values(exact_input_),
+                                                           values(known_));
+    sine_->apply(known_, nullptr, v, 0);
+    const GivenMatrix M{lower_.data(), diagonal_.data(), upper_.data(), dense_.data()};
+    if (done > 1)
+      check_rows<<<last, threads, 0, device_.stream()>>>(tables(), M, a, values(v), values(exact_input_), outcome_);
+    if (done < rows_)
+      invalidate<<<unsigned(rows_ - done), threads, 0, device_.stream()>>>(values(y), values(v), int(n_), a.step,
+                                                                           int(done));
+    check(cudaGetLastError(), "finishing the march");
+  }
+
+  const Device& device_;
+  Backend& host_;
+  MarchProblem problem_;
+  StepKernel kernel_;
+  Index n_, rows_;
+  std::unique_ptr<SineTransform> sine_;
+  DeviceArray known_;                   ///< free_j, then free_j + w0 u_j
+  DeviceArray input_, exact_input_;     ///< u as the steps had it, and S y
+  std::unique_ptr<DeviceArray> drive_;  ///< phi in modes
+  Memory<double> A_, S_, row_scale_, column_scale_, lower_, diagonal_, upper_, dense_;
+  Memory<double> decay_, output_, start_, initial_, lag1_, s1_, w0_;
+  Memory<double> start_transform_, transform_, z_, next_known_, exchanged_;
+  Memory<unsigned char> active_;
+  Memory<int> updates_;
+  Memory<unsigned long long> mail_;
+  StepOutcome* outcome_ = nullptr;  ///< pinned, written by the device
+};
+
+}  // namespace
+
+std::unique_ptr<March> make_march(const Device& device, Backend& host, const MarchProblem& problem, Index rows) {
+  const auto* modal = problem.recurrence ? std::get_if<ModalRecurrence>(problem.recurrence) : nullptr;
+  if (modal && modal->modes() > 0 && problem.lcp_class != LcpClass::Z) {
+    const StepKernel kernel(device, modal->modes(), modal->exponentials());
+    if (kernel.fits()) {
+      const Matrix implicit = implicit_matrix(*problem.M, *modal);
+      if (classify(LcpMatrix(implicit)) == LcpClass::P)
+        return std::make_unique<ModalMarch>(device, host, problem, *modal, implicit, kernel, rows);
+    }
+  }
+  return make_host_march(device, host, problem, rows);
+}
+
+}  // namespace bromwich::cuda

@@ -1,0 +1,46 @@
+// Operations recorded as a CUDA graph: one launch instead of one a kernel.
+
+#include "kernels/parts.hpp"
+
+namespace bromwich::cuda {
+
+namespace {
+
+/// Kernels over more values than this take longer than their launches.
+constexpr Index most_values = Index(1) << 22;
+
+class Graph final : public Program {
+ public:
+  Graph(const Device& device, const std::function<void()>& operations) : stream_(device.stream()) {
+    cudaGraph_t graph = nullptr;
+    check(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeThreadLocal), "recording operations");
+    try {
+      operations();
+    } catch (...) {
+      cudaStreamEndCapture(stream_, &graph);
+      cudaGraphDestroy(graph);
+      throw;
+    }
+    check(cudaStreamEndCapture(stream_, &graph), "recording operations");
+    const cudaError_t status = cudaGraphInstantiate(&executable_, graph, 0);
+    cudaGraphDestroy(graph);
+    check(status, "recording operations");
+  }
+  ~Graph() override { cudaGraphExecDestroy(executable_); }
+  Graph(const Graph&) = delete;
+  Graph& operator=(const Graph&) = delete;
+
+  void run() override { check(cudaGraphLaunch(executable_, stream_), "starting recorded operations"); }
+
+ private:
+  cudaStream_t stream_;
+  cudaGraphExec_t executable_ = nullptr;
+};
+
+}  // namespace
+
+std::unique_ptr<Program> make_program(const Device& device, Index values, const std::function<void()>& operations) {
+  return values <= most_values ? std::make_unique<Graph>(device, operations) : nullptr;
+}
+
+}  // namespace bromwich::cuda
