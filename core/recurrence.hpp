@@ -47,6 +47,9 @@ struct ModalRecurrence {
   Index exponentials() const { return decay.rows(); }
 };
 
+/// W_0 = S diag(w0) S, n x n: what a step of marching adds to M.
+Matrix implicit_part(const ModalRecurrence&);
+
 /// The state itself as z: E = e^{hA} or (I - hA)^{-1}.
 struct DenseRecurrence {
   Matrix decay;   ///< m x m

@@ -92,20 +92,21 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const LagTable&
   return decide(M, lcp_class, square(table.W.row(0)), square(mean));
 }
 
+// Row by row, as y lies in memory.
 Index ringing_from(const RowMatrix& y) {
-  for (Index i = 0; i < y.cols(); ++i) {
-    const double scale = 0.01 * y.col(i).cwiseAbs().maxCoeff();
-    if (!(scale > 0)) continue;
-    Index run = 0;
-    double before = 0, first = 0;
-    for (Index j = 1; j + 1 < y.rows(); ++j) {
-      const double bend = y(j - 1, i) - 2 * y(j, i) + y(j + 1, i);
-      run = std::abs(bend) > scale && bend * before < 0 ? run + 1 : 0;
-      if (run == 0) first = std::abs(bend);
-      if (run >= ringing_run && std::abs(bend) > 0.3 * first) return j - run;
-      before = bend;
+  const Index n = y.cols();
+  Eigen::ArrayXd scale = Eigen::ArrayXd::Zero(n), before = scale, first = scale;
+  for (Index j = 0; j < y.rows(); ++j) scale = scale.max(0.01 * y.row(j).transpose().array().abs());
+  std::vector<Index> run(std::size_t(n), 0);
+  for (Index j = 1; j + 1 < y.rows(); ++j)
+    for (Index i = 0; i < n; ++i) {
+      const double bend = y(j - 1, i) - 2 * y(j, i) + y(j + 1, i), size = std::abs(bend);
+      Index& length = run[std::size_t(i)];
+      length = size > scale[i] && bend * before[i] < 0 ? length + 1 : 0;
+      if (length == 0) first[i] = size;
+      if (length >= ringing_run && size > 0.3 * first[i]) return j - length;
+      before[i] = bend;
     }
-  }
   return -1;
 }
 

@@ -29,7 +29,7 @@ class ModalMarch final : public March {
         sine_(make_vector_sine(n_)),
         rows_sine_(make_sine_transform(n_, rows, threads)),
         M_(to_dense(*problem.M)),
-        lcp_(M_ + implicit_part(), M_, problem.lcp_class),
+        lcp_(M_ + implicit_part(r), M_, problem.lcp_class),
         threads_(blocks_ * K_ * lanes >= parallel_size ? threads : 1) {
     decay_.resize(std::size_t(blocks_ * K_));
     output_.resize(decay_.size());
@@ -83,20 +83,6 @@ class ModalMarch final : public March {
 
  private:
   static constexpr Index parallel_size = 1 << 16;  ///< below it a barrier per step costs more than it saves
-
-  // S diag(w0) S: products of sines are differences of cosines, so entry (i, j) is c(i-j) - c(i+j) with
-  // c(d) = 1/(n+1) Σ_k w0_k cos(pi k d/(n+1)), a Toeplitz and a Hankel matrix from one table.
-  Matrix implicit_part() const {
-    const Index period = 2 * (n_ + 1);
-    Vector cosine(period), c = Vector::Zero(n_ + 2);
-    for (Index a = 0; a < period; ++a) cosine[a] = std::cos(M_PI * double(a) / double(n_ + 1)) / double(n_ + 1);
-    for (Index d = 0; d < c.size(); ++d)
-      for (Index k = 0; k < n_; ++k) c[d] += r_.w0[k] * cosine[(k + 1) * d % period];
-    Matrix W(n_, n_);
-    for (Index j = 1; j <= n_; ++j)
-      for (Index i = 1; i <= n_; ++i) W(i - 1, j - 1) = c[std::abs(i - j)] - c[std::min(i + j, period - i - j)];
-    return W;
-  }
 
   // z_0 from y_0, phi_0 and x0.
   void start(const RowMatrix& Y) {

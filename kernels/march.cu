@@ -8,6 +8,7 @@
 // R, C    scaling of M + W_0 (core/lcp/solution.hpp)
 
 #include "kernels/host_plans.hpp"
+#include "kernels/lcp_outcome.cuh"
 #include "kernels/march_steps.hpp"
 #include "kernels/parts.hpp"
 
@@ -65,9 +66,6 @@ __device__ double sum_of_block(double mine) {
   return reduced(mine, [](double a, double b) { return a + b; });
 }
 
-// NaN wins.
-__device__ double larger(double a, double b) { return isnan(a) || a > b ? a : b; }
-
 __device__ double largest_of_block(double mine) {
   return reduced(mine, [](double a, double b) { return larger(a, b); });
 }
@@ -123,11 +121,6 @@ __global__ void check_rows(StepTables m, GivenMatrix M, StepArrays a, const doub
 __global__ void invalidate(double* y, double* v, int n, int step, int from) {
   const long at = long(from + blockIdx.x) * step;
   for (int i = threadIdx.x; i < n; i += threads) y[at + i] = v[at + i] = nan("");
-}
-
-Matrix implicit_matrix(const LcpMatrix& M, const ModalRecurrence& r) {
-  const Matrix S = sine_matrix(r.modes());
-  return to_dense(M) + S * r.w0.asDiagonal() * S;
 }
 
 class ModalMarch final : public March {
@@ -313,7 +306,7 @@ std::unique_ptr<March> make_march(const Device& device, Backend& host, const Mar
   if (modal && modal->modes() > 0 && problem.lcp_class != LcpClass::Z) {
     const StepKernel kernel(device, modal->modes(), modal->exponentials());
     if (kernel.fits()) {
-      const Matrix implicit = implicit_matrix(*problem.M, *modal);
+      const Matrix implicit = to_dense(*problem.M) + implicit_part(*modal);
       if (classify(LcpMatrix(implicit)) == LcpClass::P)
         return std::make_unique<ModalMarch>(device, host, problem, *modal, implicit, kernel, rows);
     }

@@ -10,8 +10,8 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr Index most_steps = Index(1) << 17;  ///< of implicit Euler and of references
-constexpr double most_step_values = 2e7;      ///< steps times constraints that the processor is given
+constexpr double most_values = 3e7;         ///< steps times constraints of implicit Euler at equal error
+constexpr double most_step_values = 2.2e6;  ///< steps times constraints that the processor is given
 
 Options with(Method method, Index J) {
   Options options;
@@ -45,6 +45,7 @@ void warm_up(GpuContestant& c, const Scene& scene, const Truth* truth) {
 // The fewest steps, doubled from J, whose error is no larger; nothing where they would be too many.
 std::optional<GpuContestant> euler_at_equal_error(const Scene& scene, Index J, Backend& one, double error,
                                                   const Truth& truth) {
+  const Index most_steps = Index(most_values / double(scene.constraints()));
   for (Index steps = 2 * J; steps <= most_steps; steps *= 2) {
     GpuContestant c{"euler, cpu, one core, equal error", &one, with(Method::euler, steps)};
     warm_up(c, scene, &truth);
