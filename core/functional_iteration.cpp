@@ -227,6 +227,7 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
     // q_0 does not change any more: what is infeasible there is proven.
     if (report.infeasible == 0) return {Status::infeasible, "no solution at t = 0", 0, 0};
   }
+  Timer sweeps;
   // Short sweeps are recorded once; they then do all rows, since leaving out what has settled would save nothing.
   std::unique_ptr<Program> sweep;
   if (recordable)
@@ -234,7 +235,6 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
       apply(y, v, 0);
       lcp.start(r, v, y, 0, settle);
     });
-  Timer sweeps;
   Watch watch(options.iteration_tolerance);
   Index first = 0;        // rows before it have settled
   Index solved_from = 0;  // rows before it were left alone by the last batch
