@@ -87,7 +87,8 @@ struct MarchProblem {
   LcpClass lcp_class = LcpClass::unknown;
   const Recurrence* recurrence = nullptr;
   const LagTable* lags = nullptr;     ///< instead of a recurrence: n x n weights, applied in blocks of time
-  const Array* r = nullptr;           ///< (J+1) x n: what does not depend on y and is not in the recurrence's state
+  /// (J+1) x n: what does not depend on y and is not in the recurrence's state; read anew by every run.
+  const Array* r = nullptr;
   const Array* drive = nullptr;       ///< modal: (J+1) x n, phi with f = B phi, added to y where it drives the state
   const Vector* start = nullptr;      ///< dense: m, what x0 and f_0 add to z_0
   const Array* forcing = nullptr;     ///< dense: (J+1) x m, what f adds to z_j, j >= 1
@@ -182,6 +183,15 @@ class Backend {
   virtual std::unique_ptr<Array> array(Index rows, Index cols) = 0;
   virtual void upload(const RowMatrix& from, Array& to) = 0;
   virtual void download(const Array& from, RowMatrix& to) = 0;
+
+  /// Row i of `coarse` <- row R i of `fine`, R = (rows of fine - 1) / (rows of coarse - 1) a whole number; R = 1 copies.
+  virtual void inject(const Array& fine, Array& coarse) = 0;
+  /// fine <- fine + I (coarse - old), I the linear interpolation to twice as many steps; without `old`, fine + I coarse.
+  virtual void interpolate(const Array& coarse, const Array* old, Array& fine) = 0;
+  /// a <- b + s c; `a` may be `b` or `c`.
+  virtual void add(const Array& b, double s, const Array& c, Array& a) = 0;
+  /// max_j |a_j - b_j|_inf / max(1, |a_j|_inf), the measure of LcpReport::change; NaN where a value is not finite.
+  virtual double difference(const Array& a, const Array& b) = 0;
 
   virtual std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) = 0;
   virtual std::unique_ptr<Convolution> convolution(const Recurrence&, Index rows) = 0;

@@ -46,7 +46,9 @@ void demote(Result& result, const std::string& reason) {
 
 }  // namespace
 
-bool iterates(Method method) { return method == Method::contour || method == Method::contour_literal; }
+bool iterates(Method method) {
+  return method == Method::multigrid || method == Method::contour || method == Method::contour_literal;
+}
 
 void Certification::certify(Method method, Result& result) {
   const DiscreteProblem& p = methods_.problem();

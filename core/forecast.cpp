@@ -1,5 +1,6 @@
 #include "core/forecast.hpp"
 
+#include "core/lcp/comparison.hpp"
 #include "core/lcp/lcp_class.hpp"
 
 #include <algorithm>
@@ -44,6 +45,12 @@ double unit_rate(const Vector& kappa, double h) {
 }
 
 }  // namespace
+
+double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Matrix& W0) {
+  const Vector rows = W0.cwiseAbs().rowwise().sum();
+  if (is_H_plus(M)) return Comparison(M).solve(rows).maxCoeff();
+  return lcp_class == LcpClass::P ? solution_lipschitz(M) * rows.maxCoeff() : INFINITY;
+}
 
 Forecast forecast(const LcpMatrix& M, const LagTable& table, double h, double tolerance) {
   Forecast f{solution_lipschitz(M), INFINITY, INFINITY, INFINITY};

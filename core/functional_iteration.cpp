@@ -88,12 +88,16 @@ double deviation(const LagTable& a, const LagTable& b) {
   return std::max((a.W - b.W).cwiseAbs().maxCoeff(), (a.S - b.S).cwiseAbs().maxCoeff()) / scale;
 }
 
+}  // namespace
+
 // Multiplications of one application: the recurrence against transforms of length 2J.
 bool scan_is_cheaper(const DiscreteProblem& p) {
   const double m = double(p.scene.states()), n = double(p.scene.constraints()), J = double(p.J);
   const double scan = J * (m * m + 2 * m * n + n * n), length = 2 * J;
   return scan <= 2 * n * 2.5 * length * std::log2(length) + 2 * n * n * length;
 }
+
+namespace {
 
 KernelChoice dense_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
   const DenseDynamics& d = *p.dense();
@@ -131,7 +135,8 @@ KernelChoice dense_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
   return made;
 }
 
-// r on the backend: g + N e^{At} x0 + response to f.
+}  // namespace
+
 std::unique_ptr<Array> make_response(const DiscreteProblem& p, SpaceTimeKernel& kernel, Array& v) {
   const Index rows = p.J + 1, n = p.scene.constraints();
   auto r = p.backend.array(rows, n);
@@ -156,8 +161,6 @@ std::unique_ptr<Array> make_response(const DiscreteProblem& p, SpaceTimeKernel& 
   p.backend.upload(with_f + without, *r);
   return r;
 }
-
-}  // namespace
 
 KernelChoice make_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
   return p.kronecker() ? kronecker_kernel(p, choice) : dense_kernel(p, choice);

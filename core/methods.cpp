@@ -3,6 +3,7 @@
 #include "core/functional_iteration.hpp"
 #include "core/literal.hpp"
 #include "core/marching.hpp"
+#include "core/multigrid.hpp"
 #include "core/stage_marching.hpp"
 #include "core/states.hpp"
 #include "core/timer.hpp"
@@ -11,6 +12,15 @@
 #include <numeric>
 
 namespace bromwich {
+
+namespace {
+
+void refuse_spectrum(Result& result) {
+  result.status = Status::unsupported;
+  result.reason = "no contour holds the spectrum of this A; use method march or euler";
+}
+
+}  // namespace
 
 Methods::Methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components)
     : problem_(discretise(scene, backend, J)) {
@@ -40,6 +50,7 @@ void Methods::run(Method method, const Options& options, Result& result) {
   if (problem_.sparse() && method != Method::euler && !basis().rings) kernel();
   result.seconds.setup += timer.lap();
   switch (method) {
+    case Method::multigrid:
     case Method::contour:
     case Method::contour_literal:
       if (basis().rings) {
@@ -47,6 +58,8 @@ void Methods::run(Method method, const Options& options, Result& result) {
         result.reason = basis().reason + ": piecewise-linear y would ring; use method march or euler";
       } else if (method == Method::contour) {
         iterate(options, result);
+      } else if (method == Method::multigrid) {
+        cycle(options, result);
       } else {
         solve_literally(problem_, options, result);
       }
@@ -107,8 +120,14 @@ void Methods::iterate(const Options& options, Result& result) {
                                : solve_by_iteration(problem_, options, result);
   }
   if (const SparseKernel* k = kernel()) return solve_by_iteration(problem_, *k, options, result);
-  result.status = Status::unsupported;
-  result.reason = "no contour holds the spectrum of this A; use method march or euler";
+  refuse_spectrum(result);
+}
+
+void Methods::cycle(const Options& options, Result& result) {
+  if (!problem_.sparse() || kernel())
+    solve_by_multigrid(problem_, problem_.sparse() ? kernel() : nullptr, options, result);
+  else
+    refuse_spectrum(result);
 }
 
 // What a method that passes through the state has recorded stays; otherwise y gives the states.

@@ -30,6 +30,7 @@ class Methods {
   void march(const Options&, Result&);
   void step_in_stages(Index stages, const Options&, Result&);
   void iterate(const Options&, Result&);
+  void cycle(const Options&, Result&);
   void record_states(Method, Result&);
   const SparseKernel* kernel();
 

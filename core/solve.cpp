@@ -17,8 +17,9 @@ namespace bromwich {
 
 namespace {
 
-constexpr std::array<std::pair<Method, const char*>, 5> method_names{{
+constexpr std::array<std::pair<Method, const char*>, 6> method_names{{
     {Method::automatic, "auto"},
+    {Method::multigrid, "multigrid"},
     {Method::contour, "contour"},
     {Method::contour_literal, "contour-literal"},
     {Method::march, "march"},

@@ -9,6 +9,7 @@ namespace bromwich {
 
 enum class Method {
   automatic,
+  multigrid,        ///< functional iteration as the smoother on nested time grids
   contour,          ///< functional iteration, all time points at once, shared contours
   contour_literal,  ///< (2.17) of the Laplace-inversion paper, a contour per time point
   march,            ///< exponential piecewise-linear, step by step

@@ -22,6 +22,17 @@ class CpuBackend final : public Backend {
   void upload(const RowMatrix& from, Array& to) override { cpu::host(to) = from; }
   void download(const Array& from, RowMatrix& to) override { to = cpu::host(from); }
 
+  void inject(const Array& fine, Array& coarse) override { cpu::inject(cpu::host(fine), cpu::host(coarse), threads_); }
+  void interpolate(const Array& coarse, const Array* old, Array& fine) override {
+    cpu::interpolate(cpu::host(coarse), old ? &cpu::host(*old) : nullptr, cpu::host(fine), threads_);
+  }
+  void add(const Array& b, double s, const Array& c, Array& a) override {
+    cpu::add(cpu::host(b), s, cpu::host(c), cpu::host(a), threads_);
+  }
+  double difference(const Array& a, const Array& b) override {
+    return cpu::difference(cpu::host(a), cpu::host(b), threads_);
+  }
+
   std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
     return cpu::make_sine_transform(n, rows, threads_);
   }

@@ -66,6 +66,10 @@ std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix&, LcpClass, Index rows, in
 std::unique_ptr<March> make_march(const MarchProblem&, Index rows, int threads);
 std::unique_ptr<March> make_lag_march(const MarchProblem&, Index rows, int threads);
 std::unique_ptr<StageMarch> make_stage_march(const StageProblem&, Index rows, int threads);
+void inject(const RowMatrix& fine, RowMatrix& coarse, int threads);
+void interpolate(const RowMatrix& coarse, const RowMatrix* old, RowMatrix& fine, int threads);
+void add(const RowMatrix& b, double s, const RowMatrix& c, RowMatrix& a, int threads);
+double difference(const RowMatrix& a, const RowMatrix& b, int threads);
 ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes, int threads);
 ComplexMatrix sparse_resolvent(const SparseDynamics&, const ComplexVector& nodes, int threads);
 

@@ -41,6 +41,13 @@ class CudaBackend final : public Backend {
   void upload(const RowMatrix& from, Array& to) override { cuda::upload(device_, from, to); }
   void download(const Array& from, RowMatrix& to) override { cuda::download(device_, from, to); }
 
+  void inject(const Array& fine, Array& coarse) override { cuda::inject(device_, fine, coarse); }
+  void interpolate(const Array& coarse, const Array* old, Array& fine) override {
+    cuda::interpolate(device_, coarse, old, fine);
+  }
+  void add(const Array& b, double s, const Array& c, Array& a) override { cuda::add(device_, b, s, c, a); }
+  double difference(const Array& a, const Array& b) override { return cuda::difference(device_, a, b); }
+
   std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
     return cuda::make_sine_transform(device_, n, rows);
   }

@@ -17,6 +17,10 @@ std::unique_ptr<Convolution> make_scan(const Device&, const DenseRecurrence&, In
 std::unique_ptr<Convolution> make_fft_convolution(const Device&, const LagTable&, Index rows);
 /// The operations as a CUDA graph; null above the size where launching them one by one is hidden behind their work.
 std::unique_ptr<Program> make_program(const Device&, Index values, const std::function<void()>& operations);
+void inject(const Device&, const Array& fine, Array& coarse);
+void interpolate(const Device&, const Array& coarse, const Array* old, Array& fine);
+void add(const Device&, const Array& b, double s, const Array& c, Array& a);
+double difference(const Device&, const Array& a, const Array& b);
 /// Null where the matrix is too large for these kernels.
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Device&, const Tridiagonal&, LcpClass, Index rows);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Device&, const Matrix&, LcpClass, Index rows);

@@ -1,0 +1,229 @@
+#include "core/multigrid.hpp"
+
+#include "core/march_outcome.hpp"
+#include "core/time_levels.hpp"
+#include "core/timer.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace bromwich {
+
+namespace {
+
+constexpr int sweeps_before = 1, sweeps_after = 1;  ///< on every grid but the coarsest
+constexpr int nested_cycles = 1;                    ///< on the way up to the finest
+constexpr Index most_marched = 64;                  ///< steps of a grid that has no coarser one
+constexpr Index most_cycles = 40;
+constexpr double slow = 0.5;              ///< contraction of a cycle that does not pay
+constexpr double rounding_level = 1e-10;  ///< changes that rounding may keep up
+
+template <class... Args>
+std::string text(const char* format, Args... args) {
+  char buffer[192];
+  std::snprintf(buffer, sizeof buffer, format, args...);
+  return buffer;
+}
+
+// Watches the changes of y from cycle to cycle and says when they are over.
+class Watch {
+ public:
+  explicit Watch(double tolerance) : tolerance_(tolerance) {}
+
+  // With contraction c what is left after a change is at most change c / (1 - c).
+  std::optional<IterationOutcome> after(double change) {
+    if (!std::isfinite(change)) return IterationOutcome{Status::nonfinite, "the iterates grew beyond all bounds"};
+    const double contraction = change / change_, worst = std::max(contraction, contraction_);
+    slow_ = contraction > slow ? slow_ + 1 : 0;
+    change_ = change;
+    contraction_ = contraction;
+    if (change <= tolerance_ || (worst < slow && change * worst / (1 - worst) <= tolerance_) ||
+        (slow_ > 0 && change <= rounding_level))
+      return IterationOutcome{Status::solved, ""};
+    if (slow_ >= 2 || ++cycles_ >= most_cycles)
+      return IterationOutcome{Status::tolerance_not_met,
+                              text("the cycles do not contract: change %.2e in the last, %.2f of that before; use "
+                                   "method march or more steps",
+                                   change, contraction)};
+    return std::nullopt;
+  }
+
+ private:
+  double tolerance_, change_ = INFINITY, contraction_ = INFINITY;
+  Index slow_ = 0, cycles_ = 0;
+};
+
+class Multigrid {
+ public:
+  Multigrid(const DiscreteProblem& p, const Options& options, TimeLevels& levels, Result& result)
+      : backend_(p.backend), options_(options), levels_(levels), result_(result) {}
+
+  // From y_0 alone to the finest grid; `solutions` receives y of the two grids below it, the finer first.
+  void nest(const RowMatrix& start, std::vector<RowMatrix>& solutions) {
+    const std::size_t last = levels_.size() - 1;
+    backend_.upload(start, *levels_[last].y);
+    cycle(last);
+    for (std::size_t l = last; l-- > 0 && !failure_;) {
+      if (l < 2) solutions.insert(solutions.begin(), download(*levels_[l + 1].y));
+      backend_.interpolate(*levels_[l + 1].y, nullptr, *levels_[l].y);
+      if (l > 0)
+        for (int i = 0; i < nested_cycles; ++i) cycle(l);
+    }
+  }
+
+  IterationOutcome iterate() {
+    TimeLevel& fine = levels_[0];
+    Watch watch(options_.iteration_tolerance);
+    while (!failure_) {
+      if (options_.interrupted && options_.interrupted()) return {Status::interrupted, "stopped on request"};
+      if (result_.iterations >= options_.max_iterations)
+        return {Status::tolerance_not_met, text("the limit of %ld sweeps", long(result_.iterations))};
+      backend_.inject(*fine.y, *fine.old);
+      cycle(0);
+      if (failure_) break;
+      const double change = backend_.difference(*fine.y, *fine.old);
+      ++result_.cycles;
+      result_.history.push_back(change);
+      if (options_.progress) options_.progress({result_.iterations, change});
+      if (const auto outcome = watch.after(change)) return *outcome;
+    }
+    return *failure_;
+  }
+
+ private:
+  void cycle(std::size_t l) {
+    if (l + 1 == levels_.size()) return march(levels_[l]);
+    TimeLevel &fine = levels_[l], &coarse = levels_[l + 1];
+    for (int i = 0; i < sweeps_before; ++i) smooth(l);
+    apply(fine);
+    backend_.add(*fine.r, 1, *fine.v, *fine.v);
+    backend_.inject(*fine.v, *coarse.r);  // R (r + K y)
+    backend_.inject(*fine.y, *coarse.y);
+    backend_.inject(*coarse.y, *coarse.old);
+    apply(coarse);
+    backend_.add(*coarse.r, -1, *coarse.v, *coarse.r);  // - K_c R y
+    cycle(l + 1);
+    backend_.interpolate(*coarse.y, coarse.old.get(), *fine.y);
+    for (int i = 0; i < sweeps_after; ++i) smooth(l);
+  }
+
+  // y <- SOL(M + D, r + K y - D y)
+  void smooth(std::size_t l) {
+    if (failure_) return;
+    TimeLevel& level = levels_[l];
+    apply(level);
+    if (level.shift != 0) backend_.add(*level.v, -level.shift, *level.y, *level.v);
+    Timer timer;
+    const LcpReport report = level.lcp->solve(*level.r, *level.v, *level.y, 1, -1);
+    result_.seconds.lcp += timer.lap();
+    count(report.count);
+    if (l == 0) ++result_.iterations;
+    if (!report.finite || !(report.magnitude < 1e100))
+      failure_ = {Status::nonfinite, "the iterates grew beyond all bounds"};
+    else if (report.count.unsolved > 0)
+      failure_ = {Status::tolerance_not_met,
+                  text("%ld complementarity problems stayed unsolved; use method march", report.count.unsolved)};
+  }
+
+  void march(TimeLevel& level) {
+    if (failure_) return;
+    const MarchReport report = level.march->run(*level.y, *level.v);
+    count(report.count);
+    result_.seconds.lcp += report.lcp_seconds;
+    if (report.interrupted)
+      failure_ = {Status::interrupted, "stopped on request"};
+    else if (report.stopped >= 0)
+      failure_ = {Status::tolerance_not_met, text("a step of the coarsest grid, %ld steps, has no solution; use method "
+                                                  "march or more steps",
+                                                  long(level.steps))};
+  }
+
+  void apply(TimeLevel& level) { level.kernel->apply(*level.y, *level.v, 0); }
+
+  void count(const LcpCount& c) {
+    result_.lcp.solved += c.solved;
+    result_.lcp.newton += c.newton;
+    result_.lcp.fallbacks += c.fallbacks;
+    result_.lcp.unsolved = c.unsolved;
+  }
+
+  RowMatrix download(const Array& array) {
+    RowMatrix values;
+    backend_.download(array, values);
+    return values;
+  }
+
+  Backend& backend_;
+  const Options& options_;
+  TimeLevels& levels_;
+  Result& result_;
+  std::optional<IterationOutcome> failure_;
+};
+
+// Largest difference at the points of the coarser grid.
+double distance(const RowMatrix& fine, const RowMatrix& coarse) {
+  double largest = 0;
+  for (Index i = 0; i < coarse.rows(); ++i)
+    largest = std::max(largest, (fine.row(2 * i) - coarse.row(i)).cwiseAbs().maxCoeff());
+  return largest;
+}
+
+// With y_2h and y_4h, the solutions on the next grids: |y_h - y_2h| / (q - 1), q = |y_2h - y_4h| / |y_h - y_2h|; 4
+// where the order is 2, and at most that. Below an order of 1/2 the differences say nothing yet.
+std::optional<double> estimated_error(const RowMatrix& y, const std::vector<RowMatrix>& coarser) {
+  if (coarser.size() < 2) return std::nullopt;
+  const double last = distance(y, coarser[0]), before = distance(coarser[0], coarser[1]);
+  const double ratio = last > 0 ? before / last : 4;
+  if (!(ratio > std::sqrt(2.0))) return std::nullopt;
+  return last / (std::min(ratio, 4.0) - 1);
+}
+
+void add_seconds(TimeLevels& levels, Result& result) {
+  for (auto& level : levels.grids) {
+    result.seconds.transform += level->kernel->transform_seconds;
+    result.seconds.convolution += level->kernel->convolution_seconds;
+  }
+}
+
+}  // namespace
+
+void solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, const Options& options, Result& result) {
+  Timer setup;
+  TimeLevels levels = time_levels(p, kernel, options);
+  TimeLevel& finest = levels[0];
+  if (levels.size() == 1 && p.J > most_marched) {
+    kernel ? solve_by_iteration(p, *kernel, options, result) : solve_by_iteration(p, options, result);
+    result.kernel += "; no coarser grid: the functional iteration";
+    return;
+  }
+  result.kernel = levels.description;
+  result.kernel_error = levels.kernel_error;
+  result.bytes += host_bytes(p) + (kernel ? kernel->bytes : 0);
+  for (auto& level : levels.grids) {
+    result.bytes += level->bytes();
+    level->kernel->transform_seconds = level->kernel->convolution_seconds = 0;
+  }
+  result.seconds.setup += setup.lap();
+
+  const Start at_zero = solve_at_zero(p, result);
+  if (at_zero == Start::impulse) {
+    result.status = Status::unsupported;
+    result.reason = "x0 violates the constraints and y has to jump; use method march or auto";
+  }
+  if (at_zero != Start::found) return;
+  RowMatrix start = RowMatrix::Zero(levels.grids.back()->steps + 1, p.scene.constraints());
+  start.row(0) = result.y.row(0);
+  std::vector<RowMatrix> coarser;
+  Multigrid multigrid(p, options, levels, result);
+  multigrid.nest(start, coarser);
+  const IterationOutcome outcome = multigrid.iterate();
+  result.seconds.sweeps = setup.lap();
+  const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);
+  const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { finest.kernel->apply(in, out, first); };
+  finish_iteration(p, options, outcome, apply, *lcp, *finest.r, *finest.y, *finest.v, result);
+  if (result.status == Status::solved) result.error_estimate = estimated_error(result.y, coarser);
+  add_seconds(levels, result);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,65 @@
+#include "core/smoothing.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+namespace bromwich {
+
+namespace {
+
+constexpr Index frequencies = 24, most_modes = 48;  ///< of the sample; the symbols are smooth in both
+constexpr Index candidates = 120;
+constexpr double least_diagonal = 0.05;  ///< M + D I keeps this part of the smallest eigenvalue of M
+constexpr double least_gain = 0.9;       ///< a shift that gains less is left out
+
+// The eigenvalues 0 < M^_l of tridiag(b, a, b), b <= 0, in the order of the sine modes.
+std::optional<Vector> eigenvalues(const LcpMatrix& matrix) {
+  const auto* M = std::get_if<Tridiagonal>(&matrix);
+  if (!M) return std::nullopt;
+  const Index n = M->diagonal.size();
+  const double a = M->diagonal[0], b = n > 1 ? M->upper[0] : 0;
+  for (Index i = 0; i < n; ++i)
+    if (M->diagonal[i] != a || (i > 0 && M->lower[i] != b) || (i + 1 < n && M->upper[i] != b)) return std::nullopt;
+  Vector values(n);
+  for (Index l = 0; l < n; ++l) values[l] = a + 2 * b * std::cos(std::numbers::pi * double(l + 1) / double(n + 1));
+  if (b > 0 || !(values.minCoeff() > 0)) return std::nullopt;
+  return values;
+}
+
+// K^_l(omega) from the recurrence: w0 + w1 e^{-i omega} + Σ_k C_k e^{-i omega} / (1 - E_k e^{-i omega}).
+Complex symbol(const ModalRecurrence& r, Index l, double omega) {
+  const Complex delay = std::polar(1.0, -omega);
+  Complex sum = r.w0[l] + r.w1[l] * delay;
+  for (Index k = 0; k < r.exponentials(); ++k) sum += r.output(k, l) * delay / (1.0 - r.decay(k, l) * delay);
+  return sum;
+}
+
+}  // namespace
+
+Smoothing best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r) {
+  const std::optional<Vector> all = eigenvalues(matrix);
+  if (!all) return {};
+  const Index n = all->size(), modes = std::min(n, most_modes);
+  ComplexMatrix K(modes, frequencies);
+  Vector M(modes);
+  for (Index i = 0; i < modes; ++i) {
+    const Index l = modes > 1 ? i * (n - 1) / (modes - 1) : 0;
+    M[i] = (*all)[l];
+    for (Index f = 0; f < frequencies; ++f)
+      K(i, f) = symbol(r, l, std::numbers::pi * (0.25 + 0.75 * double(f) / double(frequencies - 1)));
+  }
+  const auto factor = [&](double D) {
+    return ((K.array() - D).abs().rowwise().maxCoeff() / (M.array() + D)).maxCoeff();
+  };
+  Smoothing best{0, factor(0)};
+  const double plain = best.factor, lowest = (least_diagonal - 1) * all->minCoeff(), highest = all->maxCoeff();
+  for (Index i = 0; i <= candidates; ++i) {
+    const double D = lowest + (highest - lowest) * double(i) / double(candidates);
+    if (const double f = factor(D); f < best.factor) best = {D, f};
+  }
+  return best.factor < least_gain * plain ? best : Smoothing{0, plain};
+}
+
+}  // namespace bromwich

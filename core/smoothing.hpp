@@ -1,0 +1,23 @@
+#pragma once
+// The shifted functional iteration as a smoother in time,
+//
+//     y^{k+1} in SOL(M + D I, r + K y^k - D y^k),
+//
+// which has the fixed points of the plain one (D = 0). Where y > 0 and sine modes diagonalise both M and K, an error
+// with mode l and frequency omega (per step) is multiplied by (D - K^_l(omega)) / (M^_l + D), K^_l(omega) = Σ_d W_d,l
+// e^{-i omega d}. What a coarser grid cannot see are the frequencies in [pi/4, pi].
+
+#include "recurrence.hpp"
+
+namespace bromwich {
+
+struct Smoothing {
+  double shift = 0;   ///< D
+  double factor = 0;  ///< largest factor over modes and frequencies
+};
+
+/// The D that makes the factor smallest, M + D I an M-matrix as M is; D = 0 where M is not a symmetric tridiagonal
+/// Toeplitz matrix with entries off its diagonal <= 0, and where little is gained.
+Smoothing best_smoothing(const LcpMatrix& M, const ModalRecurrence&);
+
+}  // namespace bromwich

@@ -1,0 +1,54 @@
+// Operations on whole arrays that a hierarchy of time grids needs.
+
+#include "cpu/parts.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich::cpu {
+
+namespace {
+
+constexpr Index parallel_size = 1 << 15;  ///< below it starting the threads costs more than they save
+
+}  // namespace
+
+void inject(const RowMatrix& fine, RowMatrix& coarse, int threads) {
+  const Index last = coarse.rows() - 1, ratio = (fine.rows() - 1) / last;
+#pragma omp parallel for num_threads(threads) schedule(static) if (coarse.size() > parallel_size)
+  for (Index i = 0; i <= last; ++i) coarse.row(i) = fine.row(i * ratio);
+}
+
+void interpolate(const RowMatrix& coarse, const RowMatrix* old, RowMatrix& fine, int threads) {
+  const Index last = coarse.rows() - 1;
+#pragma omp parallel for num_threads(threads) schedule(static) if (fine.size() > parallel_size)
+  for (Index i = 0; i <= last; ++i) {
+    if (old)
+      fine.row(2 * i) += coarse.row(i) - old->row(i);
+    else
+      fine.row(2 * i) += coarse.row(i);
+    if (i == last) continue;
+    if (old)
+      fine.row(2 * i + 1) += 0.5 * (coarse.row(i) - old->row(i) + coarse.row(i + 1) - old->row(i + 1));
+    else
+      fine.row(2 * i + 1) += 0.5 * (coarse.row(i) + coarse.row(i + 1));
+  }
+}
+
+void add(const RowMatrix& b, double s, const RowMatrix& c, RowMatrix& a, int threads) {
+#pragma omp parallel for num_threads(threads) schedule(static) if (a.size() > parallel_size)
+  for (Index j = 0; j < a.rows(); ++j) a.row(j) = b.row(j) + s * c.row(j);
+}
+
+double difference(const RowMatrix& a, const RowMatrix& b, int threads) {
+  double worst = 0;
+#pragma omp parallel for num_threads(threads) schedule(static) reduction(max : worst) if (a.size() > parallel_size)
+  for (Index j = 0; j < a.rows(); ++j) {
+    const double gap = (a.row(j) - b.row(j)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+    const double relative = gap / std::max(1.0, a.row(j).cwiseAbs().maxCoeff());
+    worst = std::max(worst, std::isfinite(relative) ? relative : INFINITY);  // a maximum need not keep a NaN
+  }
+  return std::isinf(worst) ? NAN : worst;
+}
+
+}  // namespace bromwich::cpu
