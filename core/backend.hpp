@@ -86,7 +86,7 @@ struct MarchProblem {
   const LcpMatrix* M = nullptr;
   LcpClass lcp_class = LcpClass::unknown;
   const Recurrence* recurrence = nullptr;
-  const LagTable* lags = nullptr;     ///< instead of a recurrence: n x n weights, applied in blocks of time
+  const LagTable* lags = nullptr;  ///< instead of a recurrence: n x n weights, applied in blocks of time
   /// (J+1) x n: what does not depend on y and is not in the recurrence's state; read anew by every run.
   const Array* r = nullptr;
   const Array* drive = nullptr;       ///< modal: (J+1) x n, phi with f = B phi, added to y where it drives the state
@@ -184,9 +184,11 @@ class Backend {
   virtual void upload(const RowMatrix& from, Array& to) = 0;
   virtual void download(const Array& from, RowMatrix& to) = 0;
 
-  /// Row i of `coarse` <- row R i of `fine`, R = (rows of fine - 1) / (rows of coarse - 1) a whole number; R = 1 copies.
+  /// Row i of `coarse` <- row R i of `fine`, R = (rows of fine - 1) / (rows of coarse - 1) a whole number; R = 1
+  /// copies.
   virtual void inject(const Array& fine, Array& coarse) = 0;
-  /// fine <- fine + I (coarse - old), I the linear interpolation to twice as many steps; without `old`, fine + I coarse.
+  /// fine <- fine + I (coarse - old), I the linear interpolation to twice as many steps; without `old`, fine + I
+  /// coarse.
   virtual void interpolate(const Array& coarse, const Array* old, Array& fine) = 0;
   /// a <- b + s c; `a` may be `b` or `c`.
   virtual void add(const Array& b, double s, const Array& c, Array& a) = 0;

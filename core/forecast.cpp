@@ -46,10 +46,9 @@ double unit_rate(const Vector& kappa, double h) {
 
 }  // namespace
 
-double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Matrix& W0) {
-  const Vector rows = W0.cwiseAbs().rowwise().sum();
-  if (is_H_plus(M)) return Comparison(M).solve(rows).maxCoeff();
-  return lcp_class == LcpClass::P ? solution_lipschitz(M) * rows.maxCoeff() : INFINITY;
+double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Vector& row_sums) {
+  if (is_H_plus(M)) return Comparison(M).solve(row_sums).maxCoeff();
+  return lcp_class == LcpClass::P ? solution_lipschitz(M) * row_sums.maxCoeff() : INFINITY;
 }
 
 Forecast forecast(const LcpMatrix& M, const LagTable& table, double h, double tolerance) {

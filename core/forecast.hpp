@@ -29,8 +29,8 @@ struct Forecast {
   double longest_window(double tolerance) const;
 };
 
-/// kappa_0 alone, W_0 given as an n x n matrix; infinite where M is neither H+ nor, as a P-matrix, has a known L.
-double instant_contraction(const LcpMatrix& M, LcpClass, const Matrix& W0);
+/// kappa_0 alone, from |W_0| 1; infinite where M is neither H+ nor, as a P-matrix, has a known L.
+double instant_contraction(const LcpMatrix& M, LcpClass, const Vector& row_sums);
 
 Forecast forecast(const LcpMatrix& M, const LagTable&, double h, double tolerance);
 

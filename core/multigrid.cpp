@@ -12,9 +12,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr int sweeps_before = 1, sweeps_after = 1;  ///< on every grid but the coarsest
-constexpr int nested_cycles = 1;                    ///< on the way up to the finest
-constexpr Index most_marched = 64;                  ///< steps of a grid that has no coarser one
+constexpr Index most_marched = 64;  ///< steps of a grid that has no coarser one
 constexpr Index most_cycles = 40;
 constexpr double slow = 0.5;              ///< contraction of a cycle that does not pay
 constexpr double rounding_level = 1e-10;  ///< changes that rounding may keep up
@@ -67,8 +65,7 @@ class Multigrid {
     for (std::size_t l = last; l-- > 0 && !failure_;) {
       if (l < 2) solutions.insert(solutions.begin(), download(*levels_[l + 1].y));
       backend_.interpolate(*levels_[l + 1].y, nullptr, *levels_[l].y);
-      if (l > 0)
-        for (int i = 0; i < nested_cycles; ++i) cycle(l);
+      if (l > 0) cycle(l);
     }
   }
 
@@ -95,7 +92,7 @@ class Multigrid {
   void cycle(std::size_t l) {
     if (l + 1 == levels_.size()) return march(levels_[l]);
     TimeLevel &fine = levels_[l], &coarse = levels_[l + 1];
-    for (int i = 0; i < sweeps_before; ++i) smooth(l);
+    for (int i = 0; i < fine.sweeps; ++i) smooth(l);
     apply(fine);
     backend_.add(*fine.r, 1, *fine.v, *fine.v);
     backend_.inject(*fine.v, *coarse.r);  // R (r + K y)
@@ -105,7 +102,7 @@ class Multigrid {
     backend_.add(*coarse.r, -1, *coarse.v, *coarse.r);  // - K_c R y
     cycle(l + 1);
     backend_.interpolate(*coarse.y, coarse.old.get(), *fine.y);
-    for (int i = 0; i < sweeps_after; ++i) smooth(l);
+    smooth(l);
   }
 
   // y <- SOL(M + D, r + K y - D y)

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <optional>
 
 namespace bromwich {
 
@@ -12,7 +11,6 @@ namespace {
 constexpr Index frequencies = 24, most_modes = 48;  ///< of the sample; the symbols are smooth in both
 constexpr Index candidates = 120;
 constexpr double least_diagonal = 0.05;  ///< M + D I keeps this part of the smallest eigenvalue of M
-constexpr double least_gain = 0.9;       ///< a shift that gains less is left out
 
 // The eigenvalues 0 < M^_l of tridiag(b, a, b), b <= 0, in the order of the sine modes.
 std::optional<Vector> eigenvalues(const LcpMatrix& matrix) {
@@ -38,9 +36,9 @@ Complex symbol(const ModalRecurrence& r, Index l, double omega) {
 
 }  // namespace
 
-Smoothing best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r) {
+std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r) {
   const std::optional<Vector> all = eigenvalues(matrix);
-  if (!all) return {};
+  if (!all) return std::nullopt;
   const Index n = all->size(), modes = std::min(n, most_modes);
   ComplexMatrix K(modes, frequencies);
   Vector M(modes);
@@ -54,12 +52,12 @@ Smoothing best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r) {
     return ((K.array() - D).abs().rowwise().maxCoeff() / (M.array() + D)).maxCoeff();
   };
   Smoothing best{0, factor(0)};
-  const double plain = best.factor, lowest = (least_diagonal - 1) * all->minCoeff(), highest = all->maxCoeff();
+  const double lowest = (least_diagonal - 1) * all->minCoeff(), highest = all->maxCoeff();
   for (Index i = 0; i <= candidates; ++i) {
     const double D = lowest + (highest - lowest) * double(i) / double(candidates);
     if (const double f = factor(D); f < best.factor) best = {D, f};
   }
-  return best.factor < least_gain * plain ? best : Smoothing{0, plain};
+  return best;
 }
 
 }  // namespace bromwich

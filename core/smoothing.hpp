@@ -9,15 +9,17 @@
 
 #include "recurrence.hpp"
 
+#include <optional>
+
 namespace bromwich {
 
 struct Smoothing {
   double shift = 0;   ///< D
-  double factor = 0;  ///< largest factor over modes and frequencies
+  double factor = 0;  ///< largest over modes and frequencies
 };
 
-/// The D that makes the factor smallest, M + D I an M-matrix as M is; D = 0 where M is not a symmetric tridiagonal
-/// Toeplitz matrix with entries off its diagonal <= 0, and where little is gained.
-Smoothing best_smoothing(const LcpMatrix& M, const ModalRecurrence&);
+/// The D that makes the factor smallest, M + D I an M-matrix as M is. Nothing where M is not a symmetric tridiagonal
+/// Toeplitz matrix with entries off its diagonal <= 0.
+std::optional<Smoothing> best_smoothing(const LcpMatrix& M, const ModalRecurrence&);
 
 }  // namespace bromwich

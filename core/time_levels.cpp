@@ -6,12 +6,15 @@
 #include "core/weight_check.hpp"
 
 #include <cmath>
+#include <numbers>
 
 namespace bromwich {
 
 namespace {
 
-constexpr double largest_kappa0 = 0.5;
+constexpr double largest_kappa0 = 1;                              ///< of a grid that is marched
+constexpr double smoothing_kappa0 = 0.5, smoothing_factor = 0.6;  ///< of one that smooths
+constexpr double easily_smoothed = 0.25;                          ///< by a single sweep before
 
 // Where the weights of every grid come from.
 class Source {
@@ -29,7 +32,7 @@ class Source {
   }
 
   // Of the grid with `steps` steps; `finer` are the weights of that with twice as many, or null.
-  std::variant<Recurrence, LagTable> weights(Index steps, const std::variant<Recurrence, LagTable>* finer) {
+  Weights weights(Index steps, const Weights* finer) {
     if (sparse_) return finer ? coarsen(std::get<LagTable>(*finer)) : sparse_->weights;
     const double h = p_.scene.T / double(steps);
     if (const KroneckerDynamics* d = p_.kronecker())
@@ -77,15 +80,30 @@ class Source {
   ExponentialSum sum_;
 };
 
-// W_0 as an n x n matrix.
-Matrix first_weight(const std::variant<Recurrence, LagTable>& weights) {
+// |S diag(w) S| 1. Products of sines are differences of cosines: entry (i, j) is c(i-j) - c(i+j) with
+// c(d) = 1/(n+1) Σ_k w_k cos(pi k d/(n+1)).
+Vector row_sums_in_modes(const Vector& w) {
+  const Index n = w.size(), period = 2 * (n + 1);
+  Vector cosine(period), c = Vector::Zero(period);
+  for (Index a = 0; a < period; ++a) cosine[a] = std::cos(std::numbers::pi * double(a) / double(n + 1)) / double(n + 1);
+  for (Index d = 0; d < period; ++d)
+    for (Index k = 0; k < n; ++k) c[d] += w[k] * cosine[(k + 1) * d % period];
+  Vector sums = Vector::Zero(n);
+  for (Index i = 1; i <= n; ++i)
+    for (Index j = 1; j <= n; ++j) sums[i - 1] += std::abs(c[std::abs(i - j)] - c[i + j]);
+  return sums;
+}
+
+// |W_0| 1
+Vector first_row_sums(const Weights& weights) {
   if (const auto* table = std::get_if<LagTable>(&weights))
-    return Eigen::Map<const RowMatrix>(table->W.row(0).data(), table->outputs, table->inputs);
+    return Eigen::Map<const RowMatrix>(table->W.row(0).data(), table->outputs, table->inputs)
+        .cwiseAbs()
+        .rowwise()
+        .sum();
   const auto& recurrence = std::get<Recurrence>(weights);
-  if (const auto* dense = std::get_if<DenseRecurrence>(&recurrence)) return dense->w0;
-  const Vector& w0 = std::get<ModalRecurrence>(recurrence).w0;
-  const Matrix S = sine_matrix(w0.size());
-  return S * w0.asDiagonal() * S;
+  if (const auto* dense = std::get_if<DenseRecurrence>(&recurrence)) return dense->w0.cwiseAbs().rowwise().sum();
+  return row_sums_in_modes(std::get<ModalRecurrence>(recurrence).w0);
 }
 
 LcpMatrix shifted(const LcpMatrix& M, double shift) {
@@ -100,11 +118,14 @@ void prepare(const DiscreteProblem& p, const Source& source, TimeLevel& level) {
   for (auto* array : {&level.r, &level.y, &level.v, &level.old}) *array = p.backend.array(rows, n);
 }
 
-void prepare_smoothing(const DiscreteProblem& p, TimeLevel& level) {
-  if (const auto* recurrence = std::get_if<Recurrence>(&level.weights))
-    if (const auto* modal = std::get_if<ModalRecurrence>(recurrence))
-      level.shift = best_smoothing(p.scene.M, *modal).shift;
-  level.lcp = p.backend.lcp(shifted(p.scene.M, level.shift), p.lcp_class, level.steps + 1);
+// Whether sweeps on this grid smooth, and with which shift.
+bool smooths(const DiscreteProblem& p, double kappa0, TimeLevel& level) {
+  const auto* recurrence = std::get_if<Recurrence>(&level.weights);
+  const auto* modal = recurrence ? std::get_if<ModalRecurrence>(recurrence) : nullptr;
+  const std::optional<Smoothing> best = modal ? best_smoothing(p.scene.M, *modal) : std::nullopt;
+  level.shift = best ? best->shift : 0;
+  level.sweeps = (best ? best->factor : kappa0) <= easily_smoothed ? 1 : 2;
+  return best ? best->factor < smoothing_factor : kappa0 < smoothing_kappa0;
 }
 
 void prepare_march(const DiscreteProblem& p, const Options& options, TimeLevel& level) {
@@ -118,13 +139,42 @@ void prepare_march(const DiscreteProblem& p, const Options& options, TimeLevel& 
   level.march = p.backend.march(problem, level.steps + 1);
 }
 
+// Every R-th row of the tables.
+DiscreteProblem on_grid(const DiscreteProblem& p, Index steps) {
+  const auto rows = Eigen::seqN(0, steps + 1, p.J / steps);
+  DiscreteProblem coarse{p.scene, p.backend, p.lcp_class, steps, p.scene.T / double(steps), p.t(rows), {}, {}, p.start};
+  coarse.g = p.g(rows, Eigen::all);
+  if (p.f.size() > 0) coarse.f = p.f(rows, Eigen::all);
+  return coarse;
+}
+
+// r_c = R r, and K_c phi in place of R K phi: the source piecewise linear on the coarse grid. phi is left in `old`.
+void add_driven_difference(Backend& backend, TimeLevel& fine, TimeLevel& coarse) {
+  backend.inject(*fine.v, *coarse.y);
+  backend.add(*coarse.r, -1, *coarse.y, *coarse.r);
+  backend.inject(*fine.old, *coarse.old);
+  coarse.kernel->apply(*coarse.old, *coarse.v, 0);
+  backend.add(*coarse.r, 1, *coarse.v, *coarse.r);
+  backend.add(*coarse.y, -1, *coarse.y, *coarse.y);
+}
+
 void set_responses(const DiscreteProblem& p, const SparseKernel* sparse, TimeLevels& levels) {
   TimeLevel& finest = levels[0];
   if (sparse)
     p.backend.upload(p.g + sparse->free, *finest.r);
   else
     finest.r = make_response(p, *finest.kernel, *finest.v);
-  for (std::size_t l = 1; l < levels.size(); ++l) p.backend.inject(*levels[l - 1].r, *levels[l].r);
+  const bool driven = p.kronecker() && p.drive();
+  if (driven) {
+    p.backend.upload(*p.drive(), *finest.old);
+    finest.kernel->apply(*finest.old, *finest.v, 0);
+  }
+  for (std::size_t l = 1; l < levels.size(); ++l) {
+    p.backend.inject(*levels[l - 1].r, *levels[l].r);
+    if (driven) add_driven_difference(p.backend, levels[l - 1], levels[l]);
+    if (p.dense() && p.f.size() > 0)
+      p.backend.upload(dense_response(on_grid(p, levels[l].steps), Rule::exponential), *levels[l].r);
+  }
 }
 
 }  // namespace
@@ -154,13 +204,15 @@ TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, con
     auto level = std::make_unique<TimeLevel>();
     level->steps = steps;
     level->weights = source.weights(steps, levels.size() > 0 ? &levels.grids.back()->weights : nullptr);
-    const bool contracts = instant_contraction(p.scene.M, p.lcp_class, first_weight(level->weights)) < largest_kappa0;
-    if (levels.size() > 0 && !contracts) break;
+    const double kappa0 = instant_contraction(p.scene.M, p.lcp_class, first_row_sums(level->weights));
+    if (levels.size() > 0 && !(kappa0 < largest_kappa0)) break;
+    const bool has_coarser = steps % 2 == 0 && steps / 2 >= fewest_steps && smooths(p, kappa0, *level);
     levels.grids.push_back(std::move(level));
-    if (!contracts || steps % 2 != 0 || steps / 2 < fewest_steps) break;
+    if (!has_coarser) break;
   }
   for (auto& level : levels.grids) prepare(p, source, *level);
-  for (std::size_t l = 0; l + 1 < levels.size(); ++l) prepare_smoothing(p, levels[l]);
+  for (std::size_t l = 0; l + 1 < levels.size(); ++l)
+    levels[l].lcp = p.backend.lcp(shifted(p.scene.M, levels[l].shift), p.lcp_class, levels[l].steps + 1);
   set_responses(p, sparse, levels);
   prepare_march(p, options, *levels.grids.back());
   levels.description = source.description + "; grids of ";

@@ -21,13 +21,16 @@
 
 namespace bromwich {
 
+using Weights = std::variant<Recurrence, LagTable>;
+
 struct TimeLevel {
   Index steps = 0;
-  std::variant<Recurrence, LagTable> weights;
+  Weights weights;
   std::unique_ptr<SpaceTimeKernel> kernel;
   std::unique_ptr<Array> r, y, v, old;
-  std::unique_ptr<LcpBatch> lcp;  ///< with M + D I
+  std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; of all but the coarsest grid
   double shift = 0;
+  int sweeps = 1;                ///< before a coarser grid is asked
   std::unique_ptr<March> march;  ///< of the coarsest grid only, in place of `lcp`
 
   std::size_t bytes() const;
@@ -42,12 +45,13 @@ struct TimeLevels {
   std::size_t size() const { return grids.size(); }
 };
 
-/// The grids on which a sweep contracts where it stands: kappa_0 < 1/2 (core/forecast.hpp), so that M + W_0 is in the
-/// class of M there; at least `fewest_steps` each. r of the finest holds the response, those of the others its values
-/// at their time points; y is zero. `kernel` is that of sparse dynamics, otherwise null.
+/// A grid may have a coarser one if its sweeps smooth: their factor is below 0.6 (core/smoothing.hpp), or where that is
+/// not known, kappa_0 < 1/2 (core/forecast.hpp). The coarser one needs kappa_0 < 1, so that M + W_0 is P there, and
+/// `fewest_steps`. r holds the response on each grid (sparse dynamics: its values on the finest), y is zero. `kernel`
+/// is that of sparse dynamics, otherwise null.
 TimeLevels time_levels(const DiscreteProblem&, const SparseKernel* kernel, const Options&);
 
-inline constexpr Index fewest_steps = 8;
+inline constexpr Index fewest_steps = 16;
 
 /// The weights of the grid with half the steps.
 LagTable coarsen(const LagTable&);
