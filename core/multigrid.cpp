@@ -12,7 +12,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index most_marched = 64;  ///< steps of a grid that has no coarser one
 constexpr Index most_cycles = 40;
 constexpr double slow = 0.5;              ///< contraction of a cycle that does not pay
 constexpr double rounding_level = 1e-10;  ///< changes that rounding may keep up
@@ -188,8 +187,7 @@ void add_seconds(TimeLevels& levels, Result& result) {
 void solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, const Options& options, Result& result) {
   Timer setup;
   TimeLevels levels = time_levels(p, kernel, options);
-  TimeLevel& finest = levels[0];
-  if (levels.size() == 1 && p.J > most_marched) {
+  if (levels.size() == 0) {
     kernel ? solve_by_iteration(p, *kernel, options, result) : solve_by_iteration(p, options, result);
     result.kernel += "; no coarser grid: the functional iteration";
     return;
@@ -203,12 +201,7 @@ void solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, co
   }
   result.seconds.setup += setup.lap();
 
-  const Start at_zero = solve_at_zero(p, result);
-  if (at_zero == Start::impulse) {
-    result.status = Status::unsupported;
-    result.reason = "x0 violates the constraints and y has to jump; use method march or auto";
-  }
-  if (at_zero != Start::found) return;
+  if (solve_at_zero(p, result) != Start::found) return;
   RowMatrix start = RowMatrix::Zero(levels.grids.back()->steps + 1, p.scene.constraints());
   start.row(0) = result.y.row(0);
   std::vector<RowMatrix> coarser;
@@ -217,6 +210,7 @@ void solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, co
   const IterationOutcome outcome = multigrid.iterate();
   result.seconds.sweeps = setup.lap();
   const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);
+  TimeLevel& finest = levels[0];
   const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { finest.kernel->apply(in, out, first); };
   finish_iteration(p, options, outcome, apply, *lcp, *finest.r, *finest.y, *finest.v, result);
   if (result.status == Status::solved) result.error_estimate = estimated_error(result.y, coarser);

@@ -3,7 +3,6 @@
 #include "core/compression.hpp"
 #include "core/forecast.hpp"
 #include "core/smoothing.hpp"
-#include "core/weight_check.hpp"
 
 #include <cmath>
 #include <numbers>
@@ -16,31 +15,40 @@ constexpr double largest_kappa0 = 1;                              ///< of a grid
 constexpr double smoothing_kappa0 = 0.5, smoothing_factor = 0.6;  ///< of one that smooths
 constexpr double easily_smoothed = 0.25;                          ///< by a single sweep before
 
-// Where the weights of every grid come from.
+// Where the weights and kernels of all grids come from.
 class Source {
  public:
   Source(const DiscreteProblem& p, const SparseKernel* sparse, ConvolutionChoice choice)
-      : p_(p), sparse_(sparse), by_fft_(choice == ConvolutionChoice::fft) {
-    if (sparse) {
-      description = "FFT over lag weights; " + sparse->description;
-      error = sparse->error;
-    } else if (p.kronecker()) {
-      fit(*p.kronecker());
-    } else {
-      by_fft_ = by_fft_ || (choice == ConvolutionChoice::automatic && !scan_is_cheaper(p));
-    }
+      : p_(p), sparse_(sparse), choice_(choice) {
+    by_fft_ = choice == ConvolutionChoice::fft ||
+              (choice == ConvolutionChoice::automatic && p.dense() && !scan_is_cheaper(p));
+    if (p.kronecker()) fit(*p.kronecker());
   }
 
   // Of the grid with `steps` steps; `finer` are the weights of that with twice as many, or null.
-  Weights weights(Index steps, const Weights* finer) {
+  Weights weights(Index steps, const Weights* finer) const {
     if (sparse_) return finer ? coarsen(std::get<LagTable>(*finer)) : sparse_->weights;
     const double h = p_.scene.T / double(steps);
-    if (const KroneckerDynamics* d = p_.kronecker())
-      return Recurrence(fits_ ? compressed_recurrence(p_.backend, *d, sum_, h)
-                              : modal_recurrence(*d, Rule::exponential, h, RowMatrix()));
-    const DenseRecurrence r = dense_recurrence(*p_.dense(), Rule::exponential, h);
-    if (!finer) describe(r);
-    return Recurrence(r);
+    if (p_.dense()) return Recurrence(dense_recurrence(*p_.dense(), Rule::exponential, h));
+    const KroneckerDynamics& d = *p_.kronecker();
+    return Recurrence(fits_ ? compressed_recurrence(p_.backend, d, sum_, h)
+                            : modal_recurrence(d, Rule::exponential, h, RowMatrix()));
+  }
+
+  // The kernel of the finest grid.
+  KernelChoice finest(const TimeLevel& level) const {
+    if (p_.dense()) return make_kernel(p_, choice_);
+    KernelChoice made{kernel(level), "", NAN};
+    if (sparse_) {
+      made.description = "FFT over lag weights; " + sparse_->description;
+      made.error = sparse_->error;
+      return made;
+    }
+    made.description = (by_fft_ ? "FFT over lag weights of " : "scan of ") +
+                       (fits_ ? std::to_string(sum_.rates.size()) + " exponentials a mode, fitted to contour values"
+                              : "all " + std::to_string(p_.kronecker()->across.points) + " eigenvalues a mode");
+    if (fits_) made.error = sum_.error;
+    return made;
   }
 
   std::unique_ptr<SpaceTimeKernel> kernel(const TimeLevel& level) const {
@@ -53,30 +61,17 @@ class Source {
     return std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), p_.kronecker() != nullptr, rows, n);
   }
 
-  std::string description;
-  double error = NAN;
-
  private:
   // One fit on [h, T] serves all grids: the coarser ones begin later.
   void fit(const KroneckerDynamics& d) {
     sum_ = compress_line_kernel(d, p_.h, p_.scene.T);
     fits_ = sum_.error <= accepted_compression_error;
-    if (fits_) error = sum_.error;
-    description = (by_fft_ ? "FFT over lag weights of " : "scan of ") +
-                  (fits_ ? std::to_string(sum_.rates.size()) + " exponentials a mode, fitted to contour values"
-                         : "all " + std::to_string(d.across.points) + " eigenvalues a mode");
-  }
-
-  void describe(const DenseRecurrence& r) {
-    const WeightCheck check = check_weights(p_, r, INFINITY);
-    error = check.error;
-    description = std::string(by_fft_ ? "FFT over lag weights" : "scan of the state") + "; matrix exponential" +
-                  (check.against.empty() ? "" : ", checked against " + check.against);
   }
 
   const DiscreteProblem& p_;
   const SparseKernel* sparse_;
-  bool by_fft_, fits_ = false;
+  ConvolutionChoice choice_;
+  bool by_fft_ = false, fits_ = false;
   ExponentialSum sum_;
 };
 
@@ -110,12 +105,6 @@ LcpMatrix shifted(const LcpMatrix& M, double shift) {
   LcpMatrix sum = M;
   if (shift != 0) std::get<Tridiagonal>(sum).diagonal.array() += shift;
   return sum;
-}
-
-void prepare(const DiscreteProblem& p, const Source& source, TimeLevel& level) {
-  const Index rows = level.steps + 1, n = p.scene.constraints();
-  level.kernel = source.kernel(level);
-  for (auto* array : {&level.r, &level.y, &level.v, &level.old}) *array = p.backend.array(rows, n);
 }
 
 // Whether sweeps on this grid smooth, and with which shift.
@@ -197,29 +186,45 @@ LagTable coarsen(const LagTable& fine) {
   return coarse;
 }
 
-TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, const Options& options) {
-  Source source(p, sparse, options.convolution);
+namespace {
+
+// Weights of all grids there may be, with how they smooth.
+TimeLevels choose_grids(const DiscreteProblem& p, const Source& source) {
   TimeLevels levels;
   for (Index steps = p.J;; steps /= 2) {
     auto level = std::make_unique<TimeLevel>();
     level->steps = steps;
     level->weights = source.weights(steps, levels.size() > 0 ? &levels.grids.back()->weights : nullptr);
     const double kappa0 = instant_contraction(p.scene.M, p.lcp_class, first_row_sums(level->weights));
-    if (levels.size() > 0 && !(kappa0 < largest_kappa0)) break;
+    if (!(kappa0 < largest_kappa0)) break;
     const bool has_coarser = steps % 2 == 0 && steps / 2 >= fewest_steps && smooths(p, kappa0, *level);
     levels.grids.push_back(std::move(level));
     if (!has_coarser) break;
   }
-  for (auto& level : levels.grids) prepare(p, source, *level);
-  for (std::size_t l = 0; l + 1 < levels.size(); ++l)
-    levels[l].lcp = p.backend.lcp(shifted(p.scene.M, levels[l].shift), p.lcp_class, levels[l].steps + 1);
+  if (levels.size() == 1 && p.J > most_marched) levels.grids.clear();
+  return levels;
+}
+
+}  // namespace
+
+TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, const Options& options) {
+  const Source source(p, sparse, options.convolution);
+  TimeLevels levels = choose_grids(p, source);
+  if (levels.size() == 0) return levels;
+  KernelChoice finest = source.finest(levels[0]);
+  levels.kernel_error = finest.error;
+  levels.description = finest.description + "; grids of ";
+  for (std::size_t l = 0; l < levels.size(); ++l) {
+    TimeLevel& level = levels[l];
+    level.kernel = l == 0 ? std::move(finest.kernel) : source.kernel(level);
+    for (auto* array : {&level.r, &level.y, &level.v, &level.old})
+      *array = p.backend.array(level.steps + 1, p.scene.constraints());
+    if (l + 1 < levels.size()) level.lcp = p.backend.lcp(shifted(p.scene.M, level.shift), p.lcp_class, level.steps + 1);
+    levels.description += (l > 0 ? ", " : "") + std::to_string(level.steps);
+  }
+  levels.description += " steps, the last marched";
   set_responses(p, sparse, levels);
   prepare_march(p, options, *levels.grids.back());
-  levels.description = source.description + "; grids of ";
-  for (std::size_t l = 0; l < levels.size(); ++l)
-    levels.description += (l > 0 ? ", " : "") + std::to_string(levels[l].steps);
-  levels.description += " steps, the last marched";
-  levels.kernel_error = source.error;
   return levels;
 }
 

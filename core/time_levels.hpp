@@ -47,11 +47,12 @@ struct TimeLevels {
 
 /// A grid may have a coarser one if its sweeps smooth: their factor is below 0.6 (core/smoothing.hpp), or where that is
 /// not known, kappa_0 < 1/2 (core/forecast.hpp). The coarser one needs kappa_0 < 1, so that M + W_0 is P there, and
-/// `fewest_steps`. r holds the response on each grid (sparse dynamics: its values on the finest), y is zero. `kernel`
-/// is that of sparse dynamics, otherwise null.
+/// `fewest_steps`. None where that leaves but one, too long to march in every cycle. r holds the response on each grid
+/// (sparse dynamics: its values on the finest), y is zero. `kernel` is that of sparse dynamics, otherwise null.
 TimeLevels time_levels(const DiscreteProblem&, const SparseKernel* kernel, const Options&);
 
-inline constexpr Index fewest_steps = 16;
+inline constexpr Index fewest_steps = 16;  ///< of a grid but the finest
+inline constexpr Index most_marched = 64;  ///< of a finest grid that is the only one
 
 /// The weights of the grid with half the steps.
 LagTable coarsen(const LagTable&);
