@@ -46,7 +46,7 @@ std::vector<std::string> method_names() {
 
 Method parse_method(const std::string& word) {
   static const std::vector<std::string> available = method_names();
-  static const std::vector<std::string> planned{"multigrid", "galerkin", "goal"};
+  static const std::vector<std::string> planned{"galerkin", "goal"};
   if (contains(planned, word))
     throw Error("--method", fmt::format("'{}' is not available yet", word), "use one of " + join(available));
   if (!contains(available, word))

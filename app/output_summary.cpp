@@ -80,7 +80,8 @@ std::string summary(const SceneChoice& choice, const Result& result, int threads
   line("kernel", result.kernel.empty() ? "-" : result.kernel);
   line("status", to_string(result.status));
   if (result.infeasible_at) line("infeasible", fmt::format("from t = {:.10g}", *result.infeasible_at));
-  line("iterations", fmt::format("{}; {} problems solved, {} Newton sweeps, {} fallbacks", result.iterations,
+  line("iterations", fmt::format("{}{}; {} problems solved, {} Newton sweeps, {} fallbacks", result.iterations,
+                                 result.cycles > 0 ? fmt::format(" in {} cycles", result.cycles) : "",
                                  result.lcp.solved, result.lcp.newton, result.lcp.fallbacks));
   line("errors", error_line(result));
   if (has_reference(choice)) line("reference", reference_line(choice, error));

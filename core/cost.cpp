@@ -16,6 +16,13 @@ namespace {
 constexpr double number = sizeof(double);
 constexpr double most_operations = 1e16;
 constexpr double sweeps = 100;
+constexpr double sweeps_in_cycles = 60;  ///< eight cycles, with what they do on the coarser grids
+
+bool convolves(Method method) { return method == Method::contour || method == Method::multigrid; }
+
+double sweeps_of(Method method) {
+  return method == Method::contour ? sweeps : method == Method::multigrid ? sweeps_in_cycles : 1;
+}
 
 struct Part {
   double bytes;
@@ -38,6 +45,11 @@ struct Sizes {
   double table() const { return number * J * (6 * n + k + c); }
 };
 
+// What the grids of a multigrid method hold beyond y, v and r of one grid.
+Part grids(const Sizes& s, Method method, double arrays) {
+  return {method == Method::multigrid ? number * arrays * s.J * s.n : 0, "arrays of all time grids"};
+}
+
 constexpr const char* tables = "tables over time (J x n and J x states asked for)";
 constexpr const char* states = "matrices of the state (m x m)";
 constexpr const char* problems = "matrices of the complementarity problem (n x n)";
@@ -56,14 +68,15 @@ Cost dense(const Sizes& s, Method method) {
   if (method == Method::contour_literal)
     return sum({{s.table(), tables}, {26 * 16 * s.J * s.n * s.n, "resolvents of every time point (26 J x n x n)"}},
                26 * s.J * s.m * s.m * s.m + sweeps * 26 * s.J * s.J * s.n);
-  const double iterated = method == Method::contour ? sweeps : 1;
   // W_d and S_d from both ways to them, 64 lags to check a scan with or all; then one of the two beside its spectrum.
-  const double table = method != Method::contour ? 0 : scanned(s) ? 4 * std::min(s.J, 65.) : 5 * s.J;
+  const double all = method == Method::multigrid ? 7 : 5;
+  const double table = !convolves(method) ? 0 : scanned(s) ? 4 * std::min(s.J, 65.) : all * s.J;
   return sum({{s.table() + forcing, tables},
+              grids(s, method, 5),
               {number * 14 * s.m * s.m, states},
               {number * 24 * s.n * s.n, problems},
               {number * table * s.n * s.n, weights}},
-             setup + iterated * step);
+             setup + sweeps_of(method) * step);
 }
 
 Cost kronecker(const Sizes& s, Method method) {
@@ -71,8 +84,9 @@ Cost kronecker(const Sizes& s, Method method) {
   if (method == Method::contour_literal)
     return sum({{s.table(), tables}, {26 * 16 * s.J * s.n, "resolvents of every time point (26 J x n)"}},
                sweeps * 26 * s.J * s.J * s.n);
-  if (method == Method::contour)
-    return sum({{s.table() + number * 6 * s.J * s.n, tables}}, sweeps * s.J * s.n * (150 + 2 * std::min(s.n, 1000.0)));
+  if (convolves(method))
+    return sum({{s.table() + number * 6 * s.J * s.n, tables}, grids(s, method, 8)},
+               sweeps_of(method) * s.J * s.n * (150 + 2 * std::min(s.n, 1000.0)));
   return sum({{s.table() + number * 3 * s.J * s.n, tables},
               {number * 6 * s.n * s.n, problems},
               {number * 4 * s.m, "modes of the state"}},
@@ -87,9 +101,11 @@ Cost sparse(const Sizes& s, const SparseDynamics& d, Method method, Index J, int
                 {number * (s.m * n + 6 * n * n), "responses of the state to y (m x n)"}},
                s.J * (60 * std::pow(s.m, 1.2) + s.m * n));
   const double solver = predicted_sparse_bytes(d, J, Index(inputs), Index(n + s.c), threads);
-  return sum(
-      {{s.table(), tables}, {number * 2 * s.J * (n + s.c) * inputs, weights}, {solver, "factors of zI - A"}},
-      2e5 * std::pow(s.m, 1.1) + (method == Method::contour ? sweeps : 1) * 40 * s.J * n * n * std::log2(s.J + 2));
+  return sum({{s.table(), tables},
+              grids(s, method, 5 + 4 * n),  // with the weights of all of them
+              {number * 2 * s.J * (n + s.c) * inputs, weights},
+              {solver, "factors of zI - A"}},
+             2e5 * std::pow(s.m, 1.1) + sweeps_of(method) * 40 * s.J * n * n * std::log2(s.J + 2));
 }
 
 Sizes sizes(const Scene& scene, Index J, Index components) {
@@ -109,7 +125,7 @@ void add_dense_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
   parts.push_back({number * (4 * s.m * s.m + 3 * s.m * s.n), states});
   parts.push_back({number * 6 * s.n * s.n, problems});
   if (s.k > 0 && !iterates(method)) parts.push_back({number * s.J * s.m, "the source at all times (J x m)"});
-  if (method != Method::contour) return;
+  if (!convolves(method)) return;
   parts.push_back({std::min(1.1e9, 420 * s.m * s.m), "shifted solves of the nodes"});
   parts.push_back(scanned(s) ? Part{number * 2 * s.m * std::sqrt(s.J), "states at the starts of chunks of time"}
                              : lag_weights(s));
@@ -157,14 +173,15 @@ Cost predicted_cost(const Scene& scene, Method method, Index J, Index components
 
 Cost predicted_device_cost(const Scene& scene, Method method, Index J, Index components) {
   const Sizes s = sizes(scene, J, components);
-  // Iterating: y, v, r, two in modes, the first q, one to work in. Marching: y, v, r, the source, and as much in the
-  // plan.
-  std::vector<Part> parts{{number * s.J * padded(s.n) * (iterates(method) ? 7 : 8) + 32 * s.J, tables}};
+  // Iterating: y, v, r, two in modes, the first q, one to work in. Cycles: y, v, r, y~ and two in modes on all grids,
+  // one to work in. Marching: y, v, r, the source, and as much in the plan.
+  const double arrays = method == Method::multigrid ? 13 : iterates(method) ? 7 : 8;
+  std::vector<Part> parts{{number * s.J * padded(s.n) * arrays + 32 * s.J, tables}};
   if (std::holds_alternative<DenseDynamics>(scene.dynamics))
     add_dense_plans(s, method, parts);
   else if (std::holds_alternative<KroneckerDynamics>(scene.dynamics))
     add_kronecker_plans(s, method, parts);
-  else if (method == Method::contour)
+  else if (convolves(method))
     parts.push_back(lag_weights(s));
   else
     parts.push_back({number * s.J * s.c, tables});

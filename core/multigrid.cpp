@@ -1,7 +1,6 @@
 #include "core/multigrid.hpp"
 
 #include "core/march_outcome.hpp"
-#include "core/time_levels.hpp"
 #include "core/timer.hpp"
 
 #include <algorithm>
@@ -28,11 +27,12 @@ class Watch {
  public:
   explicit Watch(double tolerance) : tolerance_(tolerance) {}
 
-  // With contraction c what is left after a change is at most change c / (1 - c).
+  // With contraction c what is left after a change is at most change c / (1 - c); c is the larger of the last two,
+  // since the first is flattered by the error of the start.
   std::optional<IterationOutcome> after(double change) {
     if (!std::isfinite(change)) return IterationOutcome{Status::nonfinite, "the iterates grew beyond all bounds"};
     const double contraction = change / change_, worst = std::max(contraction, contraction_);
-    slow_ = contraction > slow ? slow_ + 1 : 0;
+    slow_ = cycles_ > 0 && contraction > slow ? slow_ + 1 : 0;
     change_ = change;
     contraction_ = contraction;
     if (change <= tolerance_ || (worst < slow && change * worst / (1 - worst) <= tolerance_) ||
@@ -47,115 +47,112 @@ class Watch {
   }
 
  private:
-  double tolerance_, change_ = INFINITY, contraction_ = INFINITY;
+  double tolerance_, change_ = 0, contraction_ = INFINITY;
   Index slow_ = 0, cycles_ = 0;
 };
 
-class Multigrid {
- public:
-  Multigrid(const DiscreteProblem& p, const Options& options, TimeLevels& levels, Result& result)
-      : backend_(p.backend), options_(options), levels_(levels), result_(result) {}
+}  // namespace
 
-  // From y_0 alone to the finest grid; `solutions` receives y of the two grids below it, the finer first.
-  void nest(const RowMatrix& start, std::vector<RowMatrix>& solutions) {
-    const std::size_t last = levels_.size() - 1;
-    backend_.upload(start, *levels_[last].y);
-    cycle(last);
-    for (std::size_t l = last; l-- > 0 && !failure_;) {
-      if (l < 2) solutions.insert(solutions.begin(), download(*levels_[l + 1].y));
-      backend_.interpolate(*levels_[l + 1].y, nullptr, *levels_[l].y);
-      if (l > 0) cycle(l);
-    }
+std::vector<RowMatrix> Multigrid::nest(const Vector& y0) {
+  const std::size_t last = levels_.size() - 1;
+  RowMatrix start = RowMatrix::Zero(levels_[last].steps + 1, y0.size());
+  start.row(0) = y0.transpose();
+  backend_.upload(start, *levels_[last].y);
+  march(levels_[last]);
+  std::vector<RowMatrix> solutions;
+  for (std::size_t l = last; l-- > 0 && !failure_;) {
+    if (l < 2) solutions.insert(solutions.begin(), download(*levels_[l + 1].y));
+    backend_.interpolate(*levels_[l + 1].y, nullptr, *levels_[l].y);
+    if (l > 0) cycle(l);
   }
+  return solutions;
+}
 
-  IterationOutcome iterate() {
-    TimeLevel& fine = levels_[0];
-    Watch watch(options_.iteration_tolerance);
-    while (!failure_) {
-      if (options_.interrupted && options_.interrupted()) return {Status::interrupted, "stopped on request"};
-      if (result_.iterations >= options_.max_iterations)
-        return {Status::tolerance_not_met, text("the limit of %ld sweeps", long(result_.iterations))};
-      backend_.inject(*fine.y, *fine.old);
-      cycle(0);
-      if (failure_) break;
-      const double change = backend_.difference(*fine.y, *fine.old);
-      ++result_.cycles;
-      result_.history.push_back(change);
-      if (options_.progress) options_.progress({result_.iterations, change});
-      if (const auto outcome = watch.after(change)) return *outcome;
-    }
-    return *failure_;
+IterationOutcome Multigrid::iterate() {
+  TimeLevel& finest = levels_[0];
+  Watch watch(options_.iteration_tolerance);
+  while (!failure_) {
+    if (options_.interrupted && options_.interrupted()) return {Status::interrupted, "stopped on request"};
+    if (result_.iterations >= options_.max_iterations)
+      return {Status::tolerance_not_met, text("%ld sweeps, the limit", long(result_.iterations))};
+    backend_.inject(*finest.y, *finest.old);
+    cycle(0);
+    if (failure_) break;
+    const double change = backend_.difference(*finest.y, *finest.old);
+    ++result_.cycles;
+    result_.history.push_back(change);
+    if (options_.progress) options_.progress({result_.iterations, change});
+    if (const auto outcome = watch.after(change)) return *outcome;
   }
+  return *failure_;
+}
 
- private:
-  void cycle(std::size_t l) {
-    if (l + 1 == levels_.size()) return march(levels_[l]);
-    TimeLevel &fine = levels_[l], &coarse = levels_[l + 1];
-    for (int i = 0; i < fine.sweeps; ++i) smooth(l);
-    apply(fine);
-    backend_.add(*fine.r, 1, *fine.v, *fine.v);
-    backend_.inject(*fine.v, *coarse.r);  // R (r + K y)
-    backend_.inject(*fine.y, *coarse.y);
-    backend_.inject(*coarse.y, *coarse.old);
-    apply(coarse);
-    backend_.add(*coarse.r, -1, *coarse.v, *coarse.r);  // - K_c R y
-    cycle(l + 1);
-    backend_.interpolate(*coarse.y, coarse.old.get(), *fine.y);
-    smooth(l);
-  }
+void Multigrid::cycle(std::size_t l) {
+  if (l + 1 == levels_.size()) return march(levels_[l]);
+  TimeLevel &fine = levels_[l], &coarse = levels_[l + 1];
+  for (int i = 0; i < fine.sweeps; ++i) smooth(fine);
+  pose_coarse_problem(fine, coarse);
+  cycle(l + 1);
+  backend_.interpolate(*coarse.y, coarse.old.get(), *fine.y);
+  smooth(fine);
+}
 
-  // y <- SOL(M + D, r + K y - D y)
-  void smooth(std::size_t l) {
-    if (failure_) return;
-    TimeLevel& level = levels_[l];
-    apply(level);
-    if (level.shift != 0) backend_.add(*level.v, -level.shift, *level.y, *level.v);
-    Timer timer;
-    const LcpReport report = level.lcp->solve(*level.r, *level.v, *level.y, 1, -1);
-    result_.seconds.lcp += timer.lap();
-    count(report.count);
-    if (l == 0) ++result_.iterations;
-    if (!report.finite || !(report.magnitude < 1e100))
-      failure_ = {Status::nonfinite, "the iterates grew beyond all bounds"};
-    else if (report.count.unsolved > 0)
-      failure_ = {Status::tolerance_not_met,
-                  text("%ld complementarity problems stayed unsolved; use method march", report.count.unsolved)};
-  }
+// r_c = R (r + K y) - K_c R y, and y_c = R y to begin with.
+void Multigrid::pose_coarse_problem(TimeLevel& fine, TimeLevel& coarse) {
+  fine.kernel->apply(*fine.y, *fine.v, 0);
+  backend_.add(*fine.r, 1, *fine.v, *fine.v);
+  backend_.inject(*fine.v, *coarse.r);
+  backend_.inject(*fine.y, *coarse.y);
+  backend_.inject(*coarse.y, *coarse.old);
+  coarse.kernel->apply(*coarse.y, *coarse.v, 0);
+  backend_.add(*coarse.r, -1, *coarse.v, *coarse.r);
+}
 
-  void march(TimeLevel& level) {
-    if (failure_) return;
-    const MarchReport report = level.march->run(*level.y, *level.v);
-    count(report.count);
-    result_.seconds.lcp += report.lcp_seconds;
-    if (report.interrupted)
-      failure_ = {Status::interrupted, "stopped on request"};
-    else if (report.stopped >= 0)
-      failure_ = {Status::tolerance_not_met, text("a step of the coarsest grid, %ld steps, has no solution; use method "
-                                                  "march or more steps",
-                                                  long(level.steps))};
-  }
+// y <- SOL(M + D, r + K y - D y)
+void Multigrid::smooth(TimeLevel& level) {
+  if (failure_) return;
+  level.kernel->apply(*level.y, *level.v, 0);
+  if (level.shift != 0) backend_.add(*level.v, -level.shift, *level.y, *level.v);
+  Timer timer;
+  const LcpReport report = level.lcp->solve(*level.r, *level.v, *level.y, 1, -1);
+  result_.seconds.lcp += timer.lap();
+  count(report.count);
+  if (&level == &levels_[0]) ++result_.iterations;
+  if (!report.finite || !(report.magnitude < 1e100))
+    failure_ = {Status::nonfinite, "the iterates grew beyond all bounds"};
+  else if (report.count.unsolved > 0)
+    failure_ = {Status::tolerance_not_met,
+                text("%ld complementarity problems stayed unsolved; use method march", report.count.unsolved)};
+}
 
-  void apply(TimeLevel& level) { level.kernel->apply(*level.y, *level.v, 0); }
+void Multigrid::march(TimeLevel& level) {
+  if (failure_) return;
+  const MarchReport report = level.march->run(*level.y, *level.v);
+  count(report.count);
+  result_.seconds.lcp += report.lcp_seconds;
+  if (report.interrupted)
+    failure_ = {Status::interrupted, "stopped on request"};
+  else if (!report.finite)
+    failure_ = {Status::nonfinite, "the iterates grew beyond all bounds"};
+  else if (report.stopped >= 0)
+    failure_ = {Status::tolerance_not_met,
+                text("a step of the coarsest grid, %ld steps, stayed unsolved; use method march", long(level.steps))};
+}
 
-  void count(const LcpCount& c) {
-    result_.lcp.solved += c.solved;
-    result_.lcp.newton += c.newton;
-    result_.lcp.fallbacks += c.fallbacks;
-    result_.lcp.unsolved = c.unsolved;
-  }
+void Multigrid::count(const LcpCount& c) {
+  result_.lcp.solved += c.solved;
+  result_.lcp.newton += c.newton;
+  result_.lcp.fallbacks += c.fallbacks;
+  result_.lcp.unsolved = c.unsolved;
+}
 
-  RowMatrix download(const Array& array) {
-    RowMatrix values;
-    backend_.download(array, values);
-    return values;
-  }
+RowMatrix Multigrid::download(const Array& array) {
+  RowMatrix values;
+  backend_.download(array, values);
+  return values;
+}
 
-  Backend& backend_;
-  const Options& options_;
-  TimeLevels& levels_;
-  Result& result_;
-  std::optional<IterationOutcome> failure_;
-};
+namespace {
 
 // Largest difference at the points of the coarser grid.
 double distance(const RowMatrix& fine, const RowMatrix& coarse) {
@@ -202,11 +199,8 @@ void solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, co
   result.seconds.setup += setup.lap();
 
   if (solve_at_zero(p, result) != Start::found) return;
-  RowMatrix start = RowMatrix::Zero(levels.grids.back()->steps + 1, p.scene.constraints());
-  start.row(0) = result.y.row(0);
-  std::vector<RowMatrix> coarser;
-  Multigrid multigrid(p, options, levels, result);
-  multigrid.nest(start, coarser);
+  Multigrid multigrid(p.backend, options, levels, result);
+  const std::vector<RowMatrix> coarser = multigrid.nest(result.y.row(0).transpose());
   const IterationOutcome outcome = multigrid.iterate();
   result.seconds.sweeps = setup.lap();
   const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);

@@ -37,7 +37,8 @@ struct Result {
   /// max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf) with the kernel of the method; NaN where no solution was
   /// evaluated.
   double residual = std::numeric_limits<double>::quiet_NaN();
-  std::optional<double> error_estimate;  ///< of y; empty where it was not estimated
+  /// Of y at the points of the next coarser grid, in the maximum norm (multigrid); empty where it was not estimated.
+  std::optional<double> error_estimate;
   /// Deviation of the kernel weights from values they were not made from, relative to the largest; NaN where there are
   /// none to compare with.
   double kernel_error = std::numeric_limits<double>::quiet_NaN();
@@ -49,7 +50,7 @@ struct Result {
   std::string method, backend;
   std::string kernel;  ///< how the kernel was made and applied, in words
   Index steps = 0, iterations = 0, cycles = 0;
-  std::vector<double> history;  ///< max change of y per iteration, relative to max(1, |y|)
+  std::vector<double> history;  ///< max change of y per iteration, or per cycle, relative to max(1, |y|)
   LcpCount lcp;
   Seconds seconds;
   std::size_t bytes = 0;  ///< arrays and plans held by the solve

@@ -47,13 +47,13 @@ INSTANTIATE_TEST_SUITE_P(Contract, CostTest, testing::ValuesIn(backend_cases()),
 TEST_P(CostTest, AScenePredictsWhatItHolds) {
   for (const double Q : {39., 127.})
     for (const Index J : {400, 4000})
-      for (const Method method : {Method::march, Method::contour, Method::euler}) {
+      for (const Method method : {Method::march, Method::contour, Method::multigrid, Method::euler}) {
         if (Q == 127 && J == 4000) continue;  // takes long and says nothing new
         expect_predicted(make_scene("signorini", {{"Q", Q}}), method, J);
       }
   // 100 states and 10 constraints, where one application of the kernel is an FFT over n x n weights.
   for (const auto& [m, n] : {std::pair<Index, Index>{7, 1}, {10, 33}, {100, 10}})
-    for (const Method method : {Method::march, Method::contour, Method::euler})
+    for (const Method method : {Method::march, Method::contour, Method::multigrid, Method::euler})
       expect_predicted(oracle::random_scene(3, m, n, oracle::SpectrumKind::real_negative, oracle::MatrixKind::dominant),
                        method, 2000);
 }

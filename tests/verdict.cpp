@@ -31,7 +31,7 @@ std::string text(const char* format, Args... args) {
 
 bool contains(const std::string& whole, const char* part) { return whole.find(part) != std::string::npos; }
 
-bool iterates(const Result& result) { return contains(result.method, "contour"); }
+bool iterates(const Result& result) { return contains(result.method, "contour") || result.method == "multigrid"; }
 
 double largest(const Vector& v) { return v.size() == 0 ? 0 : v.cwiseAbs().maxCoeff(); }
 

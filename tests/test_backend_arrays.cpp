@@ -1,0 +1,123 @@
+// The contract of the Backend seam: operations on whole arrays of a hierarchy of time grids.
+
+#include "core/recurrence.hpp"
+#include "tests/backends.hpp"
+
+#include <cmath>
+#include <limits>
+
+namespace bromwich {
+namespace {
+
+using reference::Random;
+
+class BackendArrays : public BackendTest {};
+
+INSTANTIATE_TEST_SUITE_P(Contract, BackendArrays, testing::ValuesIn(backend_cases()), backend_case_name);
+
+/// Rows that are padded on a device and rows that are not, short arrays and some of many blocks.
+const std::vector<std::pair<Index, Index>> shapes{{1, 1}, {1, 5}, {2, 16}, {3, 15}, {7, 33}, {64, 64}, {500, 127}};
+
+TEST_P(BackendArrays, InjectionTakesEveryRthRow) {
+  for (const auto& [steps, n] : shapes)
+    for (const Index ratio : {1, 2, 3}) {
+      const RowMatrix fine = Random(1).matrix(ratio * steps + 1, n);
+      const auto from = device(fine), to = device(Random(2).matrix(steps + 1, n));
+      backend->inject(*from, *to);
+      EXPECT_EQ(host(*to), RowMatrix(fine(Eigen::seqN(0, steps + 1, ratio), Eigen::all))) << steps << ' ' << n;
+      EXPECT_EQ(host(*from), fine) << "the fine array is not touched";
+    }
+}
+
+TEST_P(BackendArrays, InterpolationIsLinearBetweenRows) {
+  for (const auto& [steps, n] : shapes)
+    for (const bool corrected : {false, true}) {
+      const RowMatrix coarse = Random(3).matrix(steps + 1, n), old = Random(4).matrix(steps + 1, n),
+                      fine = Random(5).matrix(2 * steps + 1, n);
+      const auto c = device(coarse), o = device(old), f = device(fine);
+      backend->interpolate(*c, corrected ? o.get() : nullptr, *f);
+      const RowMatrix added = corrected ? RowMatrix(coarse - old) : coarse;
+      RowMatrix expected = fine;
+      for (Index j = 0; j <= 2 * steps; ++j) expected.row(j) += 0.5 * (added.row(j / 2) + added.row((j + 1) / 2));
+      // Three sums of numbers below 2, in any order.
+      EXPECT_LE(distance(host(*f), expected), 6 * epsilon) << steps << ' ' << n;
+    }
+}
+
+TEST_P(BackendArrays, SumsMayOverwriteWhatTheyAdd) {
+  for (const auto& [steps, n] : shapes) {
+    const RowMatrix first = Random(6).matrix(steps + 1, n), second = Random(7).matrix(steps + 1, n);
+    const RowMatrix expected = first - 3 * second;
+    const auto a = device(Random(8).matrix(steps + 1, n)), b = device(first), c = device(second);
+    backend->add(*b, -3, *c, *a);
+    EXPECT_LE(distance(host(*a), expected), 8 * epsilon) << "three arrays";  // of numbers up to 4
+    backend->add(*b, -3, *c, *b);
+    EXPECT_EQ(host(*b), host(*a)) << "into the first";
+    backend->upload(first, *b);
+    backend->add(*b, -3, *c, *c);
+    EXPECT_EQ(host(*c), host(*a)) << "into the second";
+  }
+}
+
+TEST_P(BackendArrays, SumsLeaveThePaddingOfRowsAlone) {
+  // 17 columns lie in rows of 24 on a device: what is summed there must stay out of a transform that reads it.
+  const RowMatrix values = Random(9).matrix(9, 17);
+  const auto a = device(values), b = backend->array(9, 17), sine_of_sum = backend->array(9, 17);
+  backend->add(*a, 1, *a, *b);
+  backend->sine_transform(17, 9)->apply(*b, nullptr, *sine_of_sum, 0);
+  // Sums of 17 products of numbers below 2.
+  EXPECT_LE(distance(host(*sine_of_sum), 2 * values * reference::sine_matrix(17)), 100 * epsilon);
+}
+
+TEST_P(BackendArrays, DifferenceIsRelativeToLargeRowsOnly) {
+  for (const auto& [steps, n] : shapes) {
+    RowMatrix a = RowMatrix::Zero(steps + 1, n), b = a;
+    const auto difference = [&] { return backend->difference(*device(a), *device(b)); };
+    EXPECT_EQ(difference(), 0);
+    b(steps, n - 1) = -0.25;
+    EXPECT_EQ(difference(), 0.25) << "small rows count as they are";
+    a.row(steps).array() += 4;
+    b.row(steps).array() += 4;
+    EXPECT_EQ(difference(), 0.0625) << "a row of size 4";
+    a(0, n - 1) = 0.5;
+    EXPECT_EQ(difference(), 0.5) << "the largest of all rows";
+  }
+}
+
+TEST_P(BackendArrays, DifferenceOfWhatIsNotFinite) {
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()})
+    for (const bool in_first : {false, true}) {
+      RowMatrix a = RowMatrix::Zero(70, 33), b = a;
+      a(1, 1) = 3;
+      (in_first ? a : b)(68, 31) = bad;
+      EXPECT_TRUE(std::isnan(backend->difference(*device(a), *device(b)))) << bad;
+    }
+}
+
+// A plan is made once and run with the right-hand side of every cycle.
+TEST_P(BackendArrays, MarchReadsItsResponseAnew) {
+  const Index rows = 40;
+  const DenseDynamics d{Matrix{{-1, 0.5}, {0, -2}}, Matrix{{1}, {1}}, Matrix{{1, -1}}};
+  const LcpMatrix M = Matrix{{2}};
+  const Recurrence recurrence = dense_recurrence(d, Rule::exponential, 0.1);
+  const auto r = backend->array(rows, 1), y = backend->array(rows, 1), v = backend->array(rows, 1);
+  MarchProblem problem;
+  problem.M = &M;
+  problem.lcp_class = LcpClass::P;
+  problem.recurrence = &recurrence;
+  problem.r = r.get();
+  const auto plan = backend->march(problem, rows);
+  for (const unsigned seed : {10u, 11u}) {
+    const RowMatrix response = Random(seed).matrix(rows, 1);
+    backend->upload(response, *r);
+    backend->upload(RowMatrix::Zero(rows, 1), *y);
+    ASSERT_EQ(plan->run(*y, *v).stopped, -1);
+    const RowMatrix found = host(*y), w = 2 * found + response + host(*v);
+    // min(y, w) of numbers of size 1, after a few operations.
+    EXPECT_LE(found.cwiseMin(w).bottomRows(rows - 1).cwiseAbs().maxCoeff(), 1e-14) << seed;
+    EXPECT_GT(found.maxCoeff(), 0.1) << seed;
+  }
+}
+
+}  // namespace
+}  // namespace bromwich
