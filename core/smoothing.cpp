@@ -40,23 +40,25 @@ std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecu
   const std::optional<Vector> all = eigenvalues(matrix);
   if (!all) return std::nullopt;
   const Index n = all->size(), modes = std::min(n, most_modes);
-  ComplexMatrix K(modes, frequencies);
+  ComplexMatrix K(modes, frequencies), K_smooth(modes, 1);
   Vector M(modes);
   for (Index i = 0; i < modes; ++i) {
     const Index l = modes > 1 ? i * (n - 1) / (modes - 1) : 0;
     M[i] = (*all)[l];
+    K_smooth(i, 0) = symbol(r, l, 0);
     for (Index f = 0; f < frequencies; ++f)
       K(i, f) = symbol(r, l, std::numbers::pi * (0.25 + 0.75 * double(f) / double(frequencies - 1)));
   }
-  const auto factor = [&](double D) {
-    return ((K.array() - D).abs().rowwise().maxCoeff() / (M.array() + D)).maxCoeff();
+  const auto factor = [&](const ComplexMatrix& symbols, double D) {
+    return ((symbols.array() - D).abs().rowwise().maxCoeff() / (M.array() + D)).maxCoeff();
   };
-  Smoothing best{0, factor(0)};
+  Smoothing best{0, factor(K, 0), 0};
   const double lowest = (least_diagonal - 1) * all->minCoeff(), highest = all->maxCoeff();
   for (Index i = 0; i <= candidates; ++i) {
     const double D = lowest + (highest - lowest) * double(i) / double(candidates);
-    if (const double f = factor(D); f < best.factor) best = {D, f};
+    if (const double f = factor(K, D); f < best.factor) best = {D, f, 0};
   }
+  best.smooth_factor = factor(K_smooth, best.shift);
   return best;
 }
 

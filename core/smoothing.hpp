@@ -14,8 +14,9 @@
 namespace bromwich {
 
 struct Smoothing {
-  double shift = 0;   ///< D
-  double factor = 0;  ///< largest over modes and frequencies
+  double shift = 0;          ///< D
+  double factor = 0;         ///< largest over modes and frequencies in [pi/4, pi]
+  double smooth_factor = 0;  ///< largest over modes at frequency 0
 };
 
 /// The D that makes the factor smallest, M + D I an M-matrix as M is. Nothing where M is not a symmetric tridiagonal

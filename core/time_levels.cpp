@@ -11,9 +11,11 @@ namespace bromwich {
 
 namespace {
 
-constexpr double largest_kappa0 = 1;                              ///< of a grid that is marched
-constexpr double smoothing_kappa0 = 0.5, smoothing_factor = 0.6;  ///< of one that smooths
-constexpr double easily_smoothed = 0.25;                          ///< by a single sweep before
+constexpr double marched_kappa0 = 1;         ///< M + W_0 is P below it
+constexpr double accurate_kappa0 = 0.1;      ///< of coarse grids that have to make up for what sweeps add
+constexpr double smoothing_factor = 0.6;     ///< of a grid that has a coarser one
+constexpr double largest_smooth_factor = 1;  ///< at frequency 0
+constexpr double easily_smoothed = 0.25;     ///< by a single sweep before
 
 // Where the weights and kernels of all grids come from.
 class Source {
@@ -107,14 +109,19 @@ LcpMatrix shifted(const LcpMatrix& M, double shift) {
   return sum;
 }
 
-// Whether sweeps on this grid smooth, and with which shift.
-bool smooths(const DiscreteProblem& p, double kappa0, TimeLevel& level) {
+// Chooses the sweeps of this grid. Returns the kappa_0 that a coarser one may have, 0 for none.
+//
+// A sweep multiplies what is smooth in time by K/M, which may be far above 1; the coarse grid has to make up for that,
+// so that there is but one sweep a cycle, and the coarse grids have to be accurate. Where the symbol is known and its
+// size at frequency 0 is at most 1, there may be more of both.
+double choose_sweeps(const DiscreteProblem& p, TimeLevel& level) {
   const auto* recurrence = std::get_if<Recurrence>(&level.weights);
   const auto* modal = recurrence ? std::get_if<ModalRecurrence>(recurrence) : nullptr;
   const std::optional<Smoothing> best = modal ? best_smoothing(p.scene.M, *modal) : std::nullopt;
-  level.shift = best ? best->shift : 0;
-  level.sweeps = (best ? best->factor : kappa0) <= easily_smoothed ? 1 : 2;
-  return best ? best->factor < smoothing_factor : kappa0 < smoothing_kappa0;
+  if (!best || best->smooth_factor > largest_smooth_factor) return accurate_kappa0;
+  level.shift = best->shift;
+  level.sweeps = best->factor <= easily_smoothed ? 1 : 2;
+  return best->factor < smoothing_factor ? marched_kappa0 : 0;
 }
 
 void prepare_march(const DiscreteProblem& p, const Options& options, TimeLevel& level) {
@@ -191,15 +198,16 @@ namespace {
 // Weights of all grids there may be, with how they smooth.
 TimeLevels choose_grids(const DiscreteProblem& p, const Source& source) {
   TimeLevels levels;
+  double largest_kappa0 = marched_kappa0;
   for (Index steps = p.J;; steps /= 2) {
     auto level = std::make_unique<TimeLevel>();
     level->steps = steps;
     level->weights = source.weights(steps, levels.size() > 0 ? &levels.grids.back()->weights : nullptr);
     const double kappa0 = instant_contraction(p.scene.M, p.lcp_class, first_row_sums(level->weights));
     if (!(kappa0 < largest_kappa0)) break;
-    const bool has_coarser = steps % 2 == 0 && steps / 2 >= fewest_steps && smooths(p, kappa0, *level);
+    largest_kappa0 = choose_sweeps(p, *level);
     levels.grids.push_back(std::move(level));
-    if (!has_coarser) break;
+    if (steps % 2 != 0 || steps / 2 < fewest_steps) break;
   }
   if (levels.size() == 1 && p.J > most_marched) levels.grids.clear();
   return levels;

@@ -30,7 +30,7 @@ struct TimeLevel {
   std::unique_ptr<Array> r, y, v, old;
   std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; of all but the coarsest grid
   double shift = 0;
-  int sweeps = 1;                ///< before a coarser grid is asked
+  int sweeps = 0;                ///< before a coarser grid is asked; one follows
   std::unique_ptr<March> march;  ///< of the coarsest grid only, in place of `lcp`
 
   std::size_t bytes() const;
@@ -45,10 +45,10 @@ struct TimeLevels {
   std::size_t size() const { return grids.size(); }
 };
 
-/// A grid may have a coarser one if its sweeps smooth: their factor is below 0.6 (core/smoothing.hpp), or where that is
-/// not known, kappa_0 < 1/2 (core/forecast.hpp). The coarser one needs kappa_0 < 1, so that M + W_0 is P there, and
-/// `fewest_steps`. None where that leaves but one, too long to march in every cycle. r holds the response on each grid
-/// (sparse dynamics: its values on the finest), y is zero. `kernel` is that of sparse dynamics, otherwise null.
+/// A coarser grid needs `fewest_steps`, and kappa_0 (core/forecast.hpp) below 0.1; or below 1 where the symbol of a
+/// sweep (core/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.6 at the high ones. M + W_0 is P there.
+/// None where that leaves but the finest, and it is too long to be marched in every cycle. r holds the response on each
+/// grid (sparse dynamics: its values on the finest), y is zero. `kernel` is that of sparse dynamics, otherwise null.
 TimeLevels time_levels(const DiscreteProblem&, const SparseKernel* kernel, const Options&);
 
 inline constexpr Index fewest_steps = 16;  ///< of a grid but the finest
