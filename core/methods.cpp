@@ -124,10 +124,10 @@ void Methods::iterate(const Options& options, Result& result) {
 }
 
 void Methods::cycle(const Options& options, Result& result) {
-  if (!problem_.sparse() || kernel())
-    solve_by_multigrid(problem_, problem_.sparse() ? kernel() : nullptr, options, result);
-  else
-    refuse_spectrum(result);
+  if (problem_.sparse() && !kernel()) return refuse_spectrum(result);
+  if (solve_by_multigrid(problem_, problem_.sparse() ? kernel() : nullptr, options, result)) return;
+  iterate(options, result);
+  result.kernel += "; no coarser grid: the functional iteration";
 }
 
 // What a method that passes through the state has recorded stays; otherwise y gives the states.

@@ -181,13 +181,12 @@ void add_seconds(TimeLevels& levels, Result& result) {
 
 }  // namespace
 
-void solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, const Options& options, Result& result) {
-  Timer setup;
+bool solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, const Options& options, Result& result) {
+  Timer timer;
   TimeLevels levels = time_levels(p, kernel, options);
   if (levels.size() == 0) {
-    kernel ? solve_by_iteration(p, *kernel, options, result) : solve_by_iteration(p, options, result);
-    result.kernel += "; no coarser grid: the functional iteration";
-    return;
+    result.seconds.setup += timer.lap();
+    return false;
   }
   result.kernel = levels.description;
   result.kernel_error = levels.kernel_error;
@@ -196,19 +195,20 @@ void solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, co
     result.bytes += level->bytes();
     level->kernel->transform_seconds = level->kernel->convolution_seconds = 0;
   }
-  result.seconds.setup += setup.lap();
+  result.seconds.setup += timer.lap();
 
-  if (solve_at_zero(p, result) != Start::found) return;
+  if (solve_at_zero(p, result) != Start::found) return true;
   Multigrid multigrid(p.backend, options, levels, result);
   const std::vector<RowMatrix> coarser = multigrid.nest(result.y.row(0).transpose());
   const IterationOutcome outcome = multigrid.iterate();
-  result.seconds.sweeps = setup.lap();
-  const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);
+  result.seconds.sweeps = timer.lap();
   TimeLevel& finest = levels[0];
+  const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);  // without the shift
   const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { finest.kernel->apply(in, out, first); };
   finish_iteration(p, options, outcome, apply, *lcp, *finest.r, *finest.y, *finest.v, result);
   if (result.status == Status::solved) result.error_estimate = estimated_error(result.y, coarser);
   add_seconds(levels, result);
+  return true;
 }
 
 }  // namespace bromwich

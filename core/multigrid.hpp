@@ -45,7 +45,7 @@ class Multigrid {
 };
 
 /// Fills everything that solve_by_iteration does, cycles and error_estimate too. `kernel`: that of sparse dynamics, or
-/// null. Where there are no grids to cycle on, it is the functional iteration.
-void solve_by_multigrid(const DiscreteProblem&, const SparseKernel* kernel, const Options&, Result&);
+/// null. False where there are no grids to cycle on; nothing is done then.
+bool solve_by_multigrid(const DiscreteProblem&, const SparseKernel* kernel, const Options&, Result&);
 
 }  // namespace bromwich
