@@ -34,9 +34,19 @@ Complex symbol(const ModalRecurrence& r, Index l, double omega) {
   return sum;
 }
 
+// Σ_{d<=steps} W_d. A fit of exponentials holds up to there and no longer: its slowest ones may stand for nothing.
+double sum_of_weights(const ModalRecurrence& r, Index l, Index steps) {
+  double sum = r.w0[l] + r.w1[l];
+  for (Index k = 0; k < r.exponentials(); ++k) {
+    const double E = r.decay(k, l);
+    sum += r.output(k, l) * (E < 1 ? (1 - std::pow(E, double(steps))) / (1 - E) : double(steps));
+  }
+  return sum;
+}
+
 }  // namespace
 
-std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r) {
+std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r, Index steps) {
   const std::optional<Vector> all = eigenvalues(matrix);
   if (!all) return std::nullopt;
   const Index n = all->size(), modes = std::min(n, most_modes);
@@ -45,7 +55,7 @@ std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecu
   for (Index i = 0; i < modes; ++i) {
     const Index l = modes > 1 ? i * (n - 1) / (modes - 1) : 0;
     M[i] = (*all)[l];
-    K_smooth(i, 0) = symbol(r, l, 0);
+    K_smooth(i, 0) = sum_of_weights(r, l, steps);
     for (Index f = 0; f < frequencies; ++f)
       K(i, f) = symbol(r, l, std::numbers::pi * (0.25 + 0.75 * double(f) / double(frequencies - 1)));
   }

@@ -16,11 +16,11 @@ namespace bromwich {
 struct Smoothing {
   double shift = 0;          ///< D
   double factor = 0;         ///< largest over modes and frequencies in [pi/4, pi]
-  double smooth_factor = 0;  ///< largest over modes at frequency 0
+  double smooth_factor = 0;  ///< largest over modes at frequency 0, that is for Σ_d W_d over all steps
 };
 
 /// The D that makes the factor smallest, M + D I an M-matrix as M is. Nothing where M is not a symmetric tridiagonal
 /// Toeplitz matrix with entries off its diagonal <= 0.
-std::optional<Smoothing> best_smoothing(const LcpMatrix& M, const ModalRecurrence&);
+std::optional<Smoothing> best_smoothing(const LcpMatrix& M, const ModalRecurrence&, Index steps);
 
 }  // namespace bromwich

@@ -11,11 +11,11 @@ namespace bromwich {
 
 namespace {
 
-constexpr double marched_kappa0 = 1;         ///< M + W_0 is P below it
-constexpr double accurate_kappa0 = 0.1;      ///< of coarse grids that have to make up for what sweeps add
-constexpr double smoothing_factor = 0.6;     ///< of a grid that has a coarser one
-constexpr double largest_smooth_factor = 1;  ///< at frequency 0
-constexpr double easily_smoothed = 0.25;     ///< by a single sweep before
+constexpr double marched_kappa0 = 1;            ///< M + W_0 is P below it
+constexpr double accurate_kappa0 = 0.1;         ///< of coarse grids that have to make up for what sweeps add
+constexpr double smoothing_factor = 0.6;        ///< of a grid that has a coarser one
+constexpr double largest_smooth_factor = 1.01;  ///< at frequency 0: 1, and what a sample of it may miss
+constexpr double easily_smoothed = 0.25;        ///< by a single sweep before
 
 // Where the weights and kernels of all grids come from.
 class Source {
@@ -117,7 +117,7 @@ LcpMatrix shifted(const LcpMatrix& M, double shift) {
 double choose_sweeps(const DiscreteProblem& p, TimeLevel& level) {
   const auto* recurrence = std::get_if<Recurrence>(&level.weights);
   const auto* modal = recurrence ? std::get_if<ModalRecurrence>(recurrence) : nullptr;
-  const std::optional<Smoothing> best = modal ? best_smoothing(p.scene.M, *modal) : std::nullopt;
+  const std::optional<Smoothing> best = modal ? best_smoothing(p.scene.M, *modal, level.steps) : std::nullopt;
   if (!best || best->smooth_factor > largest_smooth_factor) return accurate_kappa0;
   level.shift = best->shift;
   level.sweeps = best->factor <= easily_smoothed ? 1 : 2;

@@ -148,7 +148,7 @@ ModalRecurrence memoryless(Index n, double w) {
 }
 
 TEST(Smoothing, FindsTheShiftThatCancelsAKernelWithoutMemory) {
-  const std::optional<Smoothing> found = best_smoothing(toeplitz(20, 4, -1), memoryless(20, -1.2));
+  const std::optional<Smoothing> found = best_smoothing(toeplitz(20, 4, -1), memoryless(20, -1.2), 200);
   ASSERT_TRUE(found);
   // Shifts are tried in steps of 8/120 at most: |D + 1.2| <= 1/30, over eigenvalues of M + D of at least 0.7.
   EXPECT_NEAR(found->shift, -1.2, 1. / 30);
@@ -160,22 +160,22 @@ TEST(Smoothing, SumsTheWeightsAtFrequencyZero) {
   ModalRecurrence r = memoryless(20, 0);
   r.decay = RowMatrix::Constant(1, 20, 0.75);
   r.output = RowMatrix::Constant(1, 20, -0.5);
-  const std::optional<Smoothing> found = best_smoothing(toeplitz(20, 4, -1), r);
+  const std::optional<Smoothing> found = best_smoothing(toeplitz(20, 4, -1), r, 200);
   ASSERT_TRUE(found);
   const double smallest = 4 - 2 * std::cos(M_PI / 21), D = found->shift;
   EXPECT_NEAR(found->smooth_factor, std::abs(-2 - D) / (smallest + D), 1e-12);
 }
 
 TEST(Smoothing, KeepsMPlusDAnMMatrix) {
-  const std::optional<Smoothing> found = best_smoothing(toeplitz(20, 4, -1), memoryless(20, -5));
+  const std::optional<Smoothing> found = best_smoothing(toeplitz(20, 4, -1), memoryless(20, -5), 200);
   ASSERT_TRUE(found);
   EXPECT_GT(found->shift, -(4 - 2 * std::cos(M_PI / 21)));
-  EXPECT_FALSE(best_smoothing(toeplitz(20, 4, 1), memoryless(20, -1))) << "not an M-matrix";
-  EXPECT_FALSE(best_smoothing(toeplitz(20, 1, -1), memoryless(20, -1))) << "not definite";
-  EXPECT_FALSE(best_smoothing(LcpMatrix(Matrix(Matrix::Identity(3, 3))), memoryless(3, -1))) << "dense";
+  EXPECT_FALSE(best_smoothing(toeplitz(20, 4, 1), memoryless(20, -1), 200)) << "not an M-matrix";
+  EXPECT_FALSE(best_smoothing(toeplitz(20, 1, -1), memoryless(20, -1), 200)) << "not definite";
+  EXPECT_FALSE(best_smoothing(LcpMatrix(Matrix(Matrix::Identity(3, 3))), memoryless(3, -1), 200)) << "dense";
   Tridiagonal uneven = toeplitz(20, 4, -1);
   uneven.upper[7] = -0.9;
-  EXPECT_FALSE(best_smoothing(uneven, memoryless(20, -1)));
+  EXPECT_FALSE(best_smoothing(uneven, memoryless(20, -1), 200));
 }
 
 // ---- the error that it estimates ----
