@@ -20,6 +20,13 @@ long long integer_within(const char* argument, const std::string& word, long lon
   return *value;
 }
 
+double fraction(const char* argument, const std::string& word, const char* example) {
+  const auto value = parse_double(word);
+  if (!value || *value <= 0 || *value >= 1)
+    throw Error(argument, found(word), fmt::format("give a number between 0 and 1, such as {}", example));
+  return *value;
+}
+
 bool contains(const std::vector<std::string>& words, const std::string& word) {
   return std::find(words.begin(), words.end(), word) != words.end();
 }
@@ -30,12 +37,9 @@ Index parse_steps(const std::string& word, long long limit) { return Index(integ
 
 int parse_threads(const std::string& word) { return int(integer_within("--threads", word, max_threads)); }
 
-double parse_iteration_tolerance(const std::string& word) {
-  const auto value = parse_double(word);
-  if (!value || *value <= 0 || *value >= 1)
-    throw Error("--iteration-tol", found(word), "give a number between 0 and 1, such as 1e-12");
-  return *value;
-}
+double parse_tolerance(const std::string& word) { return fraction("--tol", word, "1e-4"); }
+
+double parse_iteration_tolerance(const std::string& word) { return fraction("--iteration-tol", word, "1e-12"); }
 
 std::vector<std::string> method_names() {
   std::vector<std::string> names;

@@ -17,6 +17,7 @@ inline constexpr int max_threads = 4096;
 Index parse_steps(const std::string& word, long long limit = max_steps);
 int parse_threads(const std::string& word);
 /// A number strictly between 0 and 1.
+double parse_tolerance(const std::string& word);
 double parse_iteration_tolerance(const std::string& word);
 Method parse_method(const std::string& word);
 /// "auto", "contour", ...: the words that parse_method takes.

@@ -17,6 +17,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -29,9 +30,6 @@ namespace bromwich::app {
 namespace {
 
 void refuse_unavailable(const SolveArguments& arguments) {
-  if (!arguments.tolerance.empty())
-    throw Error("--tol", fmt::format("found '{}' but error control is not available yet", arguments.tolerance),
-                "use --steps J");
   if (!arguments.report.empty())
     throw Error("--report", fmt::format("found '{}' but reports are not available yet", arguments.report),
                 "use --out FILE.csv or --json");
@@ -48,6 +46,11 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   Options options;
   options.method = parse_method(arguments.method);
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
+  if (!arguments.tolerance.empty()) {
+    options.tolerance = parse_tolerance(arguments.tolerance);
+    // Sweeps beyond what the tolerance asks for would be wasted; a thousandth keeps the differences of grids clean.
+    options.iteration_tolerance = std::max(1e-3 * options.tolerance, options.iteration_tolerance);
+  }
   if (!arguments.iteration_tolerance.empty())
     options.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
   const bool given = !arguments.states.empty();
@@ -112,7 +115,10 @@ int run_solve(const SolveArguments& arguments) {
   options.memory_limit = memory_bytes();
   const bool states_for_reference =
       options.states == StateSelection::none && has_reference(choice) && choice.scene.states() <= most_reference_states;
-  if (states_for_reference) options.states = StateSelection::all;
+  if (states_for_reference) {
+    options.states = StateSelection::all;
+    options.control_states = false;
+  }
   Result result = solve(choice.scene, *backend, options);
   progress.clear();
   const ReferenceError error = reference_error(choice, *backend, result);

@@ -45,10 +45,11 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_settings(command, a.settings);
   add_word(command, "--method", a.method, "NAME", join(method_names()) + "; default: auto");
   add_word(command, "--backend", a.backend, "NAME", "auto (default), cpu or cuda");
-  add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
-  add_word(command, "--tol", a.tolerance, "EPS", "error to reach (not available yet)");
+  add_word(command, "--steps", a.steps, "J", "time steps, with --tol of the first grid; default: the scene's own");
+  add_word(command, "--tol", a.tolerance, "EPS",
+           "refine the grid until the error of y and of the states asked for is below EPS");
   add_word(command, "--iteration-tol", a.iteration_tolerance, "EPS",
-           "stop iterating at this change of y, relative to max(1,|y|); default 1e-12");
+           "stop iterating at this change of y, relative to max(1,|y|); default 1e-12, or a thousandth of --tol");
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
   add_word(command, "--states", a.states, "LIST",
            "state components to write: none, all or 0,3,7; default: the scene's, or none");
@@ -61,6 +62,7 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
       "  bromwich solve signorini\n"
       "  bromwich solve --template > my.toml && bromwich solve my.toml --set R=500\n"
       "  bromwich solve signorini --set Q=127 --steps 1000 --method march --out y.csv\n"
+      "  bromwich solve signorini --tol 1e-5\n"
       "  bromwich solve signorini --method contour --iteration-tol 1e-8 --json\n"
       "Exit code: 0 solved, 2 bad input, 3 any other status (what is valid is still written).");
   return command;

@@ -24,6 +24,18 @@ Json to_json(const LcpCount& count) {
   return {{"solved", count.solved}, {"newton", count.newton}, {"fallbacks", count.fallbacks}};
 }
 
+Json errors_to_json(const std::optional<ErrorEstimate>& errors) {
+  if (!errors) return nullptr;
+  return {{"discretisation", errors->discretisation},
+          {"kernel", errors->kernel},
+          {"iteration", errors->iteration},
+          {"states", errors->states},
+          {"order", errors->order},
+          {"tolerance", errors->tolerance},
+          {"of", errors->of_integral ? "mean of y" : "y"},
+          {"grids", errors->grids}};
+}
+
 Json reference_to_json(const std::optional<Reference>& reference) {
   if (!reference) return nullptr;
   return {{"t", nullable(reference->t)},
@@ -65,6 +77,7 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["residual"] = result.residual;
   json["magnification"] = result.magnification;
   json["error_estimate"] = nullable(result.error_estimate);
+  json["errors"] = errors_to_json(result.errors);
   json["reference_error"] = nullptr;
   if (has_reference(choice)) json["reference_error"] = {{"x", nullable(error.x)}, {"y", nullable(error.y)}};
   json["reference"] = reference_to_json(choice.reference);

@@ -4,6 +4,7 @@
 #include "app/text.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cmath>
 #include <iterator>
@@ -31,7 +32,19 @@ std::string error_line(const Result& result) {
                                  ? "kernel weights not cross-checked"
                                  : fmt::format("{:.1e} of the kernel weights", result.kernel_error);
   return fmt::format("{:.2e} of the complementarity, {}, discretisation {}", result.residual, kernel,
-                     result.error_estimate ? fmt::format("{:.2e}", *result.error_estimate) : "not estimated");
+                     result.errors && !std::isnan(result.errors->discretisation)
+                         ? fmt::format("{:.2e}", result.errors->discretisation)
+                         : "not estimated (--tol)");
+}
+
+std::string estimate_line(const Result& result) {
+  const ErrorEstimate& errors = *result.errors;
+  const std::string what =
+      std::string(errors.of_integral ? "the mean of y over [0, t]" : "y") + (std::isnan(errors.states) ? "" : " and x");
+  const std::string found =
+      result.error_estimate ? fmt::format("about {:.1e} of {}", *result.error_estimate, what) : "not estimated";
+  const std::string order = std::isnan(errors.order) ? "" : fmt::format(", order {:.1f} observed", errors.order);
+  return fmt::format("{} (tolerance {:g}){}, grids {}", found, errors.tolerance, order, fmt::join(errors.grids, " "));
 }
 
 std::string time_line(const Seconds& s) {
@@ -84,6 +97,7 @@ std::string summary(const SceneChoice& choice, const Result& result, int threads
                                  result.cycles > 0 ? fmt::format(" in {} cycles", result.cycles) : "",
                                  result.lcp.solved, result.lcp.newton, result.lcp.fallbacks));
   line("errors", error_line(result));
+  if (result.errors) line("error", estimate_line(result));
   if (has_reference(choice)) line("reference", reference_line(choice, error));
   line("y at T", last_line(result));
   line("time", time_line(result.seconds));

@@ -215,6 +215,16 @@ void count(const LcpReport& report, double seconds, Result& result) {
   ++result.iterations;
 }
 
+// Other grids (half the step, windows in time) are solved with the same options: they start from x0.
+void start_from_given(const DiscreteProblem& p, const Options& options, Array& y) {
+  const RowMatrix* given = options.first_iterate;
+  if (!given || given->rows() != p.J + 1 || p.lcp_class == LcpClass::Z) return;
+  RowMatrix start;
+  p.backend.download(y, start);
+  start.bottomRows(p.J) = given->bottomRows(p.J);  // y_0 is the solution of its problem already
+  p.backend.upload(start, y);
+}
+
 }  // namespace
 
 IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const ApplyKernel& apply, bool recordable,
@@ -229,6 +239,8 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
     count(report, timer.lap(), result);
     // q_0 does not change any more: what is infeasible there is proven.
     if (report.infeasible == 0) return {Status::infeasible, "no solution at t = 0", 0, 0};
+    start_from_given(p, options, y);
+    timer.lap();
   }
   Timer sweeps;
   // Short sweeps are recorded once; they then do all rows, since leaving out what has settled would save nothing.

@@ -1,5 +1,7 @@
 #include "core/result.hpp"
 
+#include <cmath>
+
 namespace bromwich {
 
 const char* to_string(Status status) {
@@ -18,6 +20,14 @@ const char* to_string(Status status) {
       return "interrupted";
   }
   return "unknown";
+}
+
+double ErrorEstimate::total() const { return discretisation + (std::isnan(kernel) ? 0 : kernel) + iteration; }
+
+Seconds operator+(const Seconds& a, const Seconds& b) {
+  return {
+      a.total + b.total,         a.setup + b.setup, a.solve + b.solve,  a.lcp + b.lcp, a.convolution + b.convolution,
+      a.transform + b.transform, a.other + b.other, a.sweeps + b.sweeps};
 }
 
 }  // namespace bromwich

@@ -20,6 +20,22 @@ struct Seconds {
   double lcp = 0, convolution = 0, transform = 0, other = 0;  ///< parts of `solve`
   double sweeps = 0;  ///< of `solve`: the functional iteration after its first batch, all parts
 };
+Seconds operator+(const Seconds&, const Seconds&);
+
+/// What the error of a result is made of; core/error_control.hpp estimates it. All parts are in the units of y,
+/// relative to max(1, max |y|).
+struct ErrorEstimate {
+  double discretisation = std::numeric_limits<double>::quiet_NaN();  ///< of the finest grid, from the grids before it
+  double kernel = std::numeric_limits<double>::quiet_NaN();          ///< of the weights; NaN where nothing was compared
+  double iteration = 0;                                              ///< left by the last sweep
+  double states = std::numeric_limits<double>::quiet_NaN();  ///< of the recorded x, a component by its largest value
+  double order = std::numeric_limits<double>::quiet_NaN();   ///< observed on the last grids
+  double tolerance = 0;                                      ///< that was asked for
+  bool of_integral = false;  ///< of the mean of y over [0, t] instead of y(t), where y may jump
+  std::vector<Index> grids;  ///< steps of all grids, the finest last
+
+  double total() const;  ///< of y: the sum of its parts, a kernel error that is not known left out
+};
 
 struct Result {
   Status status = Status::unsupported;
@@ -37,8 +53,10 @@ struct Result {
   /// max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf) with the kernel of the method; NaN where no solution was
   /// evaluated.
   double residual = std::numeric_limits<double>::quiet_NaN();
-  /// Of y at the points of the next coarser grid, in the maximum norm (multigrid); empty where it was not estimated.
+  /// total() of `errors`, or of x if that is larger. Without Options::tolerance, from method multigrid alone: of y at the
+  /// points of the next coarser grid, in the maximum norm. Empty where not estimated.
   std::optional<double> error_estimate;
+  std::optional<ErrorEstimate> errors;  ///< with Options::tolerance
   /// Deviation of the kernel weights from values they were not made from, relative to the largest; NaN where there are
   /// none to compare with.
   double kernel_error = std::numeric_limits<double>::quiet_NaN();

@@ -3,6 +3,7 @@
 #include "core/certification.hpp"
 #include "core/cost.hpp"
 #include "core/error.hpp"
+#include "core/error_control.hpp"
 #include "core/states.hpp"
 #include "core/timer.hpp"
 #include "core/windows.hpp"
@@ -34,6 +35,8 @@ void validate(const Scene& scene, const Options& options) {
   if (!(options.iteration_tolerance > 0) || !(options.iteration_tolerance < 1))
     throw Error("iteration_tolerance", "found " + std::to_string(options.iteration_tolerance),
                 "give a number between 0 and 1");
+  if (!(options.tolerance >= 0) || !(options.tolerance < 1))
+    throw Error("tolerance", "found " + std::to_string(options.tolerance), "give a number between 0 and 1");
   if (options.max_iterations < 1)
     throw Error("max_iterations", "found " + std::to_string(options.max_iterations), "give at least 1");
   if (options.literal_nodes < 2 || options.literal_nodes > 400)
@@ -205,6 +208,7 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
   Timer total;
   given.validate();
   validate(given, options);
+  if (options.tolerance > 0) return solve_to_tolerance(given, backend, options);
   std::optional<Scene> written_out;
   if (std::holds_alternative<SparseDynamics>(given.dynamics) && given.states() <= smallest_sparse) {
     written_out = given;
@@ -214,6 +218,9 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
   Result result;
   result.method = to_string(options.method);
   const Index J = options.steps > 0 ? options.steps : scene.default_steps;
+  if (const RowMatrix* y = options.first_iterate; y && (y->rows() != J + 1 || y->cols() != scene.constraints()))
+    throw Error("first_iterate", "found " + std::to_string(y->rows()) + " x " + std::to_string(y->cols()),
+                "give one row per time point and one column per constraint");
   const std::vector<Index> components = selected(scene, options);
   const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device());
   Methods methods(scene, backend, J, components);

@@ -33,7 +33,9 @@ struct Progress {
 
 struct Options {
   Method method = Method::automatic;
-  Index steps = 0;                     ///< 0 = the scene's default
+  Index steps = 0;                     ///< 0 = the scene's default; with a tolerance the first grid
+  double tolerance = 0;                ///< error to reach by refining the grid (core/error_control.hpp); 0 = one grid
+  bool control_states = true;          ///< the tolerance is for the recorded states too
   double iteration_tolerance = 1e-12;  ///< max change of y relative to max(1, |y|)
   Index max_iterations = 2000;         ///< converging scenes need tens to hundreds; others stop earlier by themselves
   StateSelection states = StateSelection::none;
@@ -42,6 +44,9 @@ struct Options {
   ConvolutionChoice convolution = ConvolutionChoice::automatic;
   RecurrenceChoice recurrence = RecurrenceChoice::automatic;  ///< exponentials in marching: all modes, or compressed
   Index literal_nodes = 25;                                   ///< P of contour_literal (the paper's choice)
+  /// (J+1) x n, where the iteration starts instead of from the constant x0; not for M of class Z, whose least solution
+  /// is reached from there.
+  const RowMatrix* first_iterate = nullptr;
   double memory_limit = 0;  ///< bytes; a solve that is predicted to need more is refused. 0 = no limit
   std::function<void(const Progress&)> progress = {};
   std::function<bool()> interrupted = {};  ///< polled once per iteration
