@@ -36,7 +36,9 @@ Index first_grid(const Scene& scene, const Options& options) {
 double difference(const RowMatrix& coarse, const RowMatrix& fine) {
   double largest = 0, size = 1;
   for (Index j = 1; j < coarse.rows() && coarse.cols() > 0; ++j) {
-    largest = std::max(largest, (coarse.row(j) - fine.row(2 * j)).cwiseAbs().maxCoeff());
+    const double apart = (coarse.row(j) - fine.row(2 * j)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+    if (std::isnan(apart)) return INFINITY;  // states that the method cannot give
+    largest = std::max(largest, apart);
     size = std::max(size, fine.row(2 * j).cwiseAbs().maxCoeff());
   }
   return largest / size;
@@ -96,7 +98,7 @@ class Refinement {
       }
       grids_.push_back(J);
       if (next.status != Status::solved) {
-        if (is_final(next)) return solved_ ? ended(text("with %ld steps: ", long(J)) + next.reason) : failed(next);
+        if (is_final(next)) return ended_by(next);
         failed_ = std::move(next);
         differences_.reset();
         continue;
@@ -167,22 +169,30 @@ class Refinement {
     const ErrorEstimate& e = *solved_->errors;
     const GridDifferences& y = e.of_integral ? differences_->mean : differences_->y;
     const double goal = accepted * options_.tolerance;
-    if (y.confirmed() && *solved_->error_estimate <= goal) return "";
+    const bool falls = !e.of_integral || !y.stands_still();
+    if (y.confirmed() && falls && *solved_->error_estimate <= goal) return "";
     if (solved_->steps < patience * expected_) return std::nullopt;
     const double other = e.total() - (std::isnan(e.discretisation) ? 0 : e.discretisation);
     if (other > goal)
       return text("the weights of the kernel are known to %.1e and the iteration leaves %.1e: no grid does better",
                   e.kernel, e.iteration);
     if (!y.confirmed()) return std::nullopt;
-    if (y.stands_still())
+    if (y.stalled() && e.total() > goal)
       return text("halving the step does not bring the solutions together any more: %s still moves by %.1e",
                   e.of_integral ? "the mean of y" : "y", y.last());
-    if (controls_states() && differences_->x.stands_still())
+    if (controls_states() && differences_->x.stalled() && e.states > goal)
       return text("halving the step does not bring the states together any more: they still move by %.1e",
                   differences_->x.last());
     const double needed = double(solved_->steps) * std::exp2(y.halvings_to(goal - other));
     if (needed > out_of_reach * double(most_steps)) return text("about %.0e steps would be needed", needed);
     return std::nullopt;
+  }
+
+  // What a coarser grid has found stays, except where the scene has no solution.
+  Result ended_by(Result& next) {
+    if (!solved_ || next.status == Status::infeasible) return failed(next);
+    const Status why = next.status == Status::interrupted ? next.status : Status::tolerance_not_met;
+    return ended(text("with %ld steps: ", long(next.steps)) + next.reason, why);
   }
 
   Result failed(Result& next) {
@@ -192,13 +202,13 @@ class Refinement {
     return std::move(next);
   }
 
-  Result ended(const std::string& reason) {
+  Result ended(const std::string& reason, Status status = Status::tolerance_not_met) {
     if (!solved_) return failed(*failed_);
     Result& result = *solved_;
     result.errors->grids = grids_;
     result.seconds = spent_;
     if (reason.empty()) return std::move(result);
-    result.status = Status::tolerance_not_met;
+    result.status = status;
     result.reason = result.error_estimate
                         ? text("the error is about %.1e with %ld steps, not %.1e: ", *result.error_estimate,
                                long(result.steps), options_.tolerance) +
@@ -241,6 +251,12 @@ double GridDifferences::error() const {
 bool GridDifferences::stands_still() const {
   const std::size_t n = differences_.size();
   return n >= 3 && differences_[n - 1] > 0.5 * differences_[n - 3];
+}
+
+bool GridDifferences::stalled() const {
+  const std::size_t n = differences_.size();
+  const auto pair = [&](std::size_t k) { return std::min(differences_[k], differences_[k - 1]); };
+  return n >= 4 && pair(n - 1) > 0.5 * pair(n - 3);
 }
 
 double GridDifferences::halvings_to(double tolerance) const {

@@ -32,6 +32,8 @@ class GridDifferences {
   bool confirmed() const { return differences_.size() >= 3; }
   /// The last two halvings have not halved the difference: it does not converge, or not yet.
   bool stands_still() const;
+  /// The same of the last four halvings, in pairs: jumps make single differences irregular.
+  bool stalled() const;
   /// How often the step has to be halved at least, if the full order comes, for an error of `tolerance`.
   double halvings_to(double tolerance) const;
   double last() const { return differences_.back(); }

@@ -75,11 +75,15 @@ TEST_F(Cli, RefusesBadOptionValues) {
       {"--iteration-tol -1e-3", {"--iteration-tol", "'-1e-3'"}},
       {"--iteration-tol nan", {"--iteration-tol", "nan"}},
       {"--iteration-tol inf", {"--iteration-tol", "inf"}},
-      {"--tol 1e-6", {"--tol", "1e-6", "error control is not available yet", "--steps J"}},
-      {"--method galerkin", {"--method", "galerkin", "not available yet", "march"}},
+      {"--tol 0", {"--tol", "'0'", "between 0 and 1"}},
+      {"--tol 1", {"--tol", "'1'"}},
+      {"--tol -1e-3", {"--tol", "'-1e-3'"}},
+      {"--tol nan", {"--tol", "nan"}},
+      {"--tol small", {"--tol", "small", "1e-4"}},
+      {"--method galerkin", {"--method", "galerkin", "not available yet"}},
       {"--method goal", {"--method", "goal", "not available yet"}},
       {"--method marsh", {"--method", "marsh", "did you mean 'march'"}},
-      {"--backend cuda", {"--backend", "this build has no CUDA backend", "use --backend cpu"}},
+      {"--backend cuda", {"--backend", "no CUDA", "use --backend cpu"}},
       {"--backend gpu", {"--backend", "gpu"}},
       {"--states 1521", {"--states", "1521", "1520"}},
       {"--states -1", {"--states", "'-1'"}},
@@ -190,6 +194,31 @@ TEST_F(Cli, JsonIsOneObjectWithTheKeysOfTheContract) {
   EXPECT_EQ(json["parameters"]["Q"], 7);
   EXPECT_FALSE(json["parameters"].contains("dx"));  // Q was used, not dx
   EXPECT_TRUE(json["residual"].is_number());
+}
+
+TEST_F(Cli, ToleranceChoosesTheStepsAndReportsTheError) {
+  const Outcome result = run("solve signorini --set Q=7 --tol 1e-3 --json --out y.csv");
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  const Json json = Json::parse(result.out);
+  EXPECT_EQ(json["status"], "solved");
+  EXPECT_LE(json["error_estimate"].get<double>(), 1e-3);
+  const Json& errors = json["errors"];
+  for (const char* key : {"discretisation", "kernel", "iteration", "states", "order", "tolerance", "of", "grids"})
+    EXPECT_TRUE(errors.contains(key)) << key;
+  EXPECT_EQ(errors["of"], "y");
+  EXPECT_TRUE(errors["states"].is_null()) << "none were asked for";
+  EXPECT_EQ(errors["grids"].back(), json["steps"]);
+  const std::size_t rows = split(read(folder_ / "y.csv"), '\n').size();
+  EXPECT_EQ(rows, json["steps"].get<std::size_t>() + 2) << "a heading, and t = 0";
+  EXPECT_TRUE(Json::parse(run(small + " --json").out)["errors"].is_null());
+}
+
+TEST_F(Cli, ToleranceOutOfReachIsNotMet) {
+  const Outcome result = run("solve signorini --set Q=7 --method euler --tol 1e-9");
+  EXPECT_EQ(result.exit_code, 3);
+  for (const char* word : {"tolerance_not_met", "steps would be needed", "not 1.0e-09"})
+    EXPECT_TRUE(contains(result.err, word)) << word << "\n" << result.err;
+  EXPECT_TRUE(contains(result.out, "grids 25 50"));
 }
 
 TEST_F(Cli, NamedMethodIsTheOneThatRuns) {
