@@ -78,6 +78,7 @@ struct Differences {
   }
 
   GridDifferences y, mean, x;
+  bool jumps = false;  ///< y does not converge at all time points
 };
 
 class Refinement {
@@ -150,8 +151,10 @@ class Refinement {
     const double largest = solved_->y.bottomRows(solved_->steps).cwiseAbs().maxCoeff();
     e.kernel = solved_->kernel_error * largest / std::max(1.0, largest);
     e.iteration = iteration_error(solved_->history);
-    const Differences& d = *differences_;
-    e.of_integral = may_jump(*solved_) && solved_->steps >= expected_ && d.y.stands_still();
+    Differences& d = *differences_;
+    // Once is enough: later differences may be small because all jumps happen to be in the same steps.
+    d.jumps = d.jumps || (may_jump(*solved_) && solved_->steps >= expected_ && d.y.stands_still());
+    e.of_integral = d.jumps;
     const GridDifferences& y = e.of_integral ? d.mean : d.y;
     e.discretisation = y.error();
     e.order = y.order();
