@@ -1,0 +1,53 @@
+#include "core/switching.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+// The root of the rows nearest, next, last (NaN where there is none) at distances 0, 1, 2 steps on the active side, in
+// steps from `nearest` into the step where y vanishes; its error likewise. Nothing where it does not lie in the step.
+struct Root {
+  double distance, error;
+};
+std::optional<Root> root(double nearest, double next, double last) {
+  const double slope = next - nearest, distance = nearest / slope;
+  if (!(distance >= 0) || !(distance <= 1)) return std::nullopt;
+  // Remainder of the linear continuation, d (1 + d)/2 times the second difference, over the slope.
+  const double curvature = std::abs(last - 2 * next + nearest);
+  const double error = distance * (1 + distance) / 2 * curvature / slope;
+  return Root{distance, std::isnan(error) ? 0.5 : std::min(error, 0.5)};
+}
+
+}  // namespace
+
+std::vector<Switch> switches(const Result& result, double negligible) {
+  const RowMatrix& y = result.y;
+  Index rows = 0;
+  while (rows < y.rows() && (rows == 0 || y.row(rows).allFinite())) ++rows;
+  const Index first = rows > 0 && y.row(0).allFinite() ? 0 : 1;
+  std::vector<Switch> found;
+  if (rows - first < 2) return found;
+  const double zero = negligible * y.middleRows(first, rows - first).cwiseAbs().maxCoeff();
+  const double h = result.t[1] - result.t[0];
+  for (Index j = first; j + 1 < rows; ++j)
+    for (Index i = 0; i < y.cols(); ++i) {
+      const bool before = y(j, i) > zero, on = y(j + 1, i) > zero;
+      if (before == on) continue;
+      // Rows of the active side, going away from the step; a row where y vanishes again is of no use.
+      const Index start = on ? j + 1 : j, direction = on ? 1 : -1;
+      const auto value = [&](Index steps) {
+        const Index row = start + direction * steps;
+        return row >= first && row < rows && y(row, i) > zero ? y(row, i) : NAN;
+      };
+      const std::optional<Root> r = root(value(0), value(1), value(2));
+      const double from = result.t[start], t = r ? from - double(direction) * h * r->distance : result.t[j] + h / 2;
+      found.push_back({t, i, on, h * (r ? r->error : 0.5)});
+    }
+  std::stable_sort(found.begin(), found.end(), [](const Switch& a, const Switch& b) { return a.t < b.t; });
+  return found;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,92 @@
+// Switching times between grid points, against exact solutions.
+
+#include "core/scenes/catalogue.hpp"
+#include "core/switching.hpp"
+#include "tests/run.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+namespace bromwich {
+namespace {
+
+Result rows_of(const std::vector<double>& y, double h = 1) {
+  Result result;
+  result.steps = Index(y.size()) - 1;
+  result.t = Vector::LinSpaced(Index(y.size()), 0, h * double(result.steps));
+  result.y = Eigen::Map<const RowMatrix>(y.data(), Index(y.size()), 1);
+  return result;
+}
+
+TEST(Switches, OfStraightLinesAreExact) {
+  // Zero until 2.25, slope 2 up to 5, slope -4 down to 0 at 6.375.
+  const auto found = switches(rows_of({0, 0, 0, 1.5, 3.5, 5.5, 1.5, 0, 0}));
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_TRUE(found[0].on);
+  EXPECT_NEAR(found[0].t, 2.25, 1e-14);
+  EXPECT_NEAR(found[0].error, 0, 1e-14);
+  EXPECT_FALSE(found[1].on);
+  EXPECT_NEAR(found[1].t, 6.375, 1e-14);
+}
+
+TEST(Switches, WhereOnlyTheStepIsKnownAreItsMiddle) {
+  for (const std::vector<double>& y : {std::vector<double>{0, 0, 3, 0, 0}, {0, 0, 1, 1, 1}, {0, 0, 2, 1, 1}}) {
+    const auto found = switches(rows_of(y, 0.5));
+    ASSERT_FALSE(found.empty());
+    EXPECT_TRUE(found[0].on);
+    EXPECT_EQ(found[0].t, 0.75);
+    EXPECT_EQ(found[0].error, 0.25);
+  }
+}
+
+TEST(Switches, DoNotCountRoundingOrRowsThatAreNotValid) {
+  EXPECT_TRUE(switches(rows_of({1, 1e-17, 1})).size() == 2u);
+  EXPECT_TRUE(switches(rows_of({0, 1e-17, 0, 1, 1, 1})).size() == 1u);
+  EXPECT_TRUE(switches(rows_of({0, 0, NAN, 1, 0})).empty());
+  EXPECT_TRUE(switches(rows_of({NAN, 1, 1})).empty()) << "y at 0 need not be known";
+  EXPECT_TRUE(switches(rows_of({1})).empty());
+  EXPECT_TRUE(switches(rows_of({})).empty());
+}
+
+struct Known {
+  double t;
+  Index component;
+  bool on;
+};
+
+// y1 = max(sin 3 pi t, 0)/2, y3 = max(-sin 3 pi t - 0.3, 0)/4.
+std::vector<Known> switches_of_dlcp_small() {
+  const double pi = std::numbers::pi, a = std::asin(0.3);
+  return {{1. / 3, 1, false}, {(pi + a) / (3 * pi), 3, true}, {(2 * pi - a) / (3 * pi), 3, false}, {2. / 3, 1, true}};
+}
+
+double largest_error(Index steps) {
+  const std::vector<Known> known = switches_of_dlcp_small();
+  const Result result = run(make_scene("dlcp-small"), Method::march, steps);
+  EXPECT_EQ(result.status, Status::solved) << result.reason;
+  std::vector<Switch> found = switches(result);
+  std::erase_if(found, [](const Switch& s) { return s.t < 0.01 || s.t > 0.99; });  // sin is 0 at both ends
+  EXPECT_EQ(found.size(), known.size());
+  double largest = 0;
+  for (std::size_t k = 0; k < std::min(found.size(), known.size()); ++k) {
+    EXPECT_EQ(found[k].component, known[k].component);
+    EXPECT_EQ(found[k].on, known[k].on);
+    const double error = std::abs(found[k].t - known[k].t);
+    // The estimate leaves out third differences (a tenth of the second at these steps) and the error of y, which is of
+    // the same order.
+    EXPECT_LE(error, 3 * found[k].error + 1e-2 * result.t[1]);
+    largest = std::max(largest, error);
+  }
+  return largest;
+}
+
+TEST(Switches, AreOfSecondOrder) {
+  const double coarse = largest_error(110), fine = largest_error(440);
+  EXPECT_LE(coarse, 0.1 / 110) << "far within a step";
+  EXPECT_LE(fine, coarse / 6);  // 16 at equal positions in the step; the remainder varies with them
+}
+
+}  // namespace
+}  // namespace bromwich
