@@ -253,6 +253,7 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
   Watch watch(options.iteration_tolerance);
   Index first = 0;        // rows before it have settled
   Index solved_from = 0;  // rows before it were left alone by the last batch
+  Index furthest = 0;     // that `first` has been; recorded sweeps may fall back
   const auto ended = [&](IterationOutcome outcome) {
     outcome.settled = first;
     result.seconds.sweeps = sweeps.lap();
@@ -273,7 +274,8 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
     count(report, timer.lap(), result);
     result.history.push_back(report.change);
     if (options.progress) options.progress({result.iterations, report.change});
-    const bool advanced = report.settled > first;
+    const bool advanced = report.settled > furthest;
+    furthest = std::max(furthest, report.settled);
     solved_from = first;
     first = report.settled;
     if (auto outcome = watch.after(p, report, advanced)) return ended(*outcome);

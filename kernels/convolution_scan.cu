@@ -19,8 +19,9 @@ namespace bromwich::cuda {
 namespace {
 
 constexpr int lanes = 32, group = 8, tile = 16;
-constexpr int most_warps = 8;        ///< of a block; more exponentials are taken in slabs
-constexpr double cheap_carry = 8e6;  ///< bytes read for carrying without a pass of its own
+constexpr int most_warps = 8;         ///< of a block; more exponentials are taken in slabs
+constexpr Index most_chunks = 65535;  ///< of a grid of blocks in its second direction
+constexpr double cheap_carry = 8e6;   ///< bytes read for carrying without a pass of its own
 
 /// K x n tables with the mode index contiguous, K a multiple of `group`, n of `lanes`.
 struct Tables {
@@ -248,7 +249,8 @@ class ModalScan final : public Convolution {
                                                         shared_bytes(warps(0))),
           "asking for the occupancy");
     const Index chunks = std::max<Index>(1, Index(blocks) * device_.multiprocessors() * lanes / stride_);
-    return rounded_up(std::clamp<Index>((rows + chunks - 1) / chunks, tile, 16 * tile), tile);
+    const Index longest = std::max<Index>(16 * tile, rows / most_chunks + 1);
+    return rounded_up(std::clamp<Index>((rows + chunks - 1) / chunks, tile, longest), tile);
   }
 
   const Device& device_;

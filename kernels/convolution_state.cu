@@ -107,7 +107,11 @@ class DenseScan final : public Convolution {
         w0_(on_device(device, r.w0)),
         power_(on_device(device, power(r.decay, length_))),
         states_(device, std::size_t(chunks_ * m_)),
-        added_(device, std::size_t(chunks_ * m_)) {}
+        added_(device, std::size_t(chunks_ * m_)) {
+    for (const void* kernel : {(const void*)accumulate_dense, (const void*)apply_dense})
+      check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(device.shared_memory())),
+            "reserving shared memory");
+  }
 
   void apply(const Array& y, Array& v, Index first) override {
     const cudaStream_t stream = device_.stream();

@@ -8,6 +8,7 @@ namespace bromwich::cuda {
 
 void check(cudaError_t status, const char* what) {
   if (status == cudaSuccess) return;
+  cudaGetLastError();  // it is told here, and not again by the next call
   const char* remedy = status == cudaErrorMemoryAllocation ? "use fewer steps or a smaller scene, or the cpu backend"
                                                            : "check the device with nvidia-smi, or use the cpu backend";
   throw Error("cuda", std::string(what) + " failed: " + cudaGetErrorString(status), remedy);

@@ -64,7 +64,7 @@ OutcomeTarget BatchOutcomes::target(double settle_tolerance) {
 BatchOutcome BatchOutcomes::wait() {
   ++batches_;
   const std::atomic_ref<unsigned> batches(handed_over_->batches);
-  for (int looks = 1; batches.load(std::memory_order_acquire) != batches_; ++looks)
+  for (unsigned looks = 1; batches.load(std::memory_order_acquire) != batches_; ++looks)
     if (looks % 4096 == 0 && cudaStreamQuery(device_.stream()) != cudaErrorNotReady) {
       device_.wait();  // throws where the kernel failed
       break;

@@ -18,7 +18,7 @@ namespace bromwich::cuda {
 namespace {
 
 constexpr int most_threads = 256;  ///< of a block, where groups are no larger than a warp
-constexpr Index largest_size = 8192;
+constexpr Index largest_size = 4096;
 
 struct Problem {
   int n, first, rows, cap;
@@ -199,10 +199,8 @@ class TridiagonalLcp final : public LcpBatch {
         return use<64, 16>();
       case 2048:
         return use<128, 16>();
-      case 4096:
-        return use<256, 16>();
       default:
-        return use<512, 16>();
+        return use<256, 16>();
     }
   }
 
@@ -213,7 +211,7 @@ class TridiagonalLcp final : public LcpBatch {
     if constexpr (T == 32) uniform_kernel_ = newton<T, K, true>;
     const void* const kernel = uniform_ ? (const void*)uniform_kernel_ : (const void*)general_;
     const int all = int(device_.shared_memory());
-    groups_ = std::min<int>(std::max(most_threads / T, 1), all / int(bytes_a_group_));
+    groups_ = std::min<int>(T > 32 ? 1 : most_threads / T, all / int(bytes_a_group_));
     groups_ -= groups_ % std::max(32 / T, 1);  // whole warps
     if (groups_ == 0) return;
     check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, groups_ * int(bytes_a_group_)),

@@ -354,6 +354,9 @@ void StepKernel::form(const StepTables& tables, double* transform) const {
 void StepKernel::launch(StepTables tables, StepState state, StepArrays arrays, StepSpan span, StepOutcome* out) const {
   check(cudaMemsetAsync(state.mail, 0, 2 * sizeof(unsigned long long) * std::size_t(n_), device_.stream()),
         "clearing the messages");
+  // The limit is the kernel's: another plan may have lowered it.
+  check(cudaFuncSetAttribute(kernel_, cudaFuncAttributeMaxDynamicSharedMemorySize, int(shared_)),
+        "reserving shared memory");
   void* arguments[] = {&tables, &state, &arrays, &span, &out};
   check(
       cudaLaunchCooperativeKernel(kernel_, unsigned(blocks_), unsigned(threads_), arguments, shared_, device_.stream()),

@@ -111,9 +111,11 @@ requires(T > 32) class Group<T> {
   int t_, turn_ = 0;
 };
 
-/// A pivot counts as positive above 2^-46 of the diagonal entry it came from, by exponents alone.
-__device__ inline bool is_positive(double pivot, double entry) {
-  return __double2hiint(pivot) > __double2hiint(entry) - (46 << 20);
+/// A pivot counts as positive above 2^-46 of the diagonal entry it came from, by exponents alone, times the square of
+/// the `distance` of the rows it now couples: their row sums have lost as much. A doubt costs a look on the host.
+__device__ inline bool is_positive(double pivot, double entry, int distance) {
+  const double size = fabs(entry) * double(distance) * double(distance);
+  return pivot > 0 && __double2hiint(pivot) > __double2hiint(size) - (46 << 20);
 }
 
 /// x of rows t K .. t K + K - 1, with a x_above + b x + c x_below = d; b stays as it is. The result is whether all
@@ -125,15 +127,15 @@ __device__ bool solve_tridiagonal(Group<T>& group, double (&a)[K], const double 
   double pivot[K];
 #pragma unroll
   for (int i = 0; i < K; ++i) pivot[i] = b[i];
-  const auto normalise = [&](int i) {
-    positive = positive && is_positive(pivot[i], b[i]);
+  const auto normalise = [&](int i, int distance) {
+    positive = positive && is_positive(pivot[i], b[i], distance);
     const double inverse = reciprocal(pivot[i]);
     a[i] *= inverse, c[i] *= inverse, d[i] *= inverse;
   };
 #pragma unroll
   for (int s = 1; s < K; s *= 2) {
 #pragma unroll
-    for (int i = s - 1; i < K; i += 2 * s) normalise(i);
+    for (int i = s - 1; i < K; i += 2 * s) normalise(i, s);
     const Row next = group.below(Row{a[s - 1], c[s - 1], d[s - 1]});
 #pragma unroll
     for (int i = 2 * s - 1; i < K; i += 2 * s) {
@@ -145,14 +147,14 @@ __device__ bool solve_tridiagonal(Group<T>& group, double (&a)[K], const double 
       c[i] *= -down.c;
     }
   }
-  normalise(K - 1);
+  normalise(K - 1, K);
   Row row{a[K - 1], c[K - 1], d[K - 1]};
 #pragma unroll
   for (int s = 1; s < T; s *= 2) {
     Row up, down;
     group.neighbours(row, s, up, down);
     const double rest = 1 - (row.a * up.c + row.c * down.a);
-    positive = positive && is_positive(rest, 1);
+    positive = positive && is_positive(rest, 1, s * K);
     const double inverse = reciprocal(rest);
     row = {-row.a * up.a * inverse, -row.c * down.c * inverse, (row.d - (row.a * up.d + row.c * down.d)) * inverse};
   }
