@@ -64,6 +64,19 @@ void parse_states(const std::string& argument, const std::string& word, Index st
   options.components = std::move(choice.components);
 }
 
+std::vector<double> parse_times(const std::string& word, double T) {
+  std::vector<double> times;
+  for (std::size_t begin = 0; begin <= word.size();) {
+    const std::size_t end = std::min(word.find(',', begin), word.size());
+    const auto value = parse_double(word.substr(begin, end - begin));
+    if (!value || *value < 0 || *value > T)
+      throw Error("--at", found(word), fmt::format("give times from 0 to T = {}, such as 0.1,0.25", T));
+    times.push_back(*value);
+    begin = end + 1;
+  }
+  return times;
+}
+
 ParameterValues parse_settings(const std::vector<std::string>& words) {
   ParameterValues values;
   for (const std::string& word : words) {

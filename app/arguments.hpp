@@ -26,6 +26,9 @@ std::vector<std::string> method_names();
 /// "all", "none" or a list "0,3,7" of components below `states`; `argument` is what a refusal names.
 void parse_states(const std::string& argument, const std::string& word, Index states, Options& options);
 
+/// Times from 0 to T, "0.1,0.25".
+std::vector<double> parse_times(const std::string& word, double T);
+
 /// key=value, each key once.
 ParameterValues parse_settings(const std::vector<std::string>& words);
 

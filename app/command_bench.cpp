@@ -92,7 +92,7 @@ int run_bench(const BenchArguments& arguments) {
   const BenchRequest request = make_request(arguments, words);
   const int threads = arguments.threads.empty() ? 0 : parse_threads(arguments.threads);
   std::optional<OutputFile> out;
-  if (!arguments.out.empty()) out.emplace(arguments.out, ".json");
+  if (!arguments.out.empty()) out.emplace("--out", arguments.out, ".json");
 
   const auto backend = make_cpu_backend(threads);
   const BenchReport report = benchmark.run(request, *backend);

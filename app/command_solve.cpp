@@ -13,7 +13,9 @@
 #include "app/scene_choice.hpp"
 #include "app/scene_template.hpp"
 #include "app/text.hpp"
+#include "core/dense_output.hpp"
 #include "core/error.hpp"
+#include "core/switching.hpp"
 
 #include <fmt/format.h>
 
@@ -23,6 +25,7 @@
 #include <iterator>
 #include <optional>
 #include <regex>
+#include <tuple>
 #include <vector>
 
 namespace bromwich::app {
@@ -62,7 +65,7 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
 constexpr Index most_reference_states = 64;
 
 /// A result may not replace the scene file or a table or matrix that it names.
-void keep_inputs(const std::string& scene, const std::string& out) {
+void keep_inputs(const std::string& scene, const std::string& argument, const std::string& out) {
   namespace fs = std::filesystem;
   std::error_code none;
   if (out.empty() || !fs::is_regular_file(scene, none)) return;
@@ -74,7 +77,38 @@ void keep_inputs(const std::string& scene, const std::string& out) {
     inputs.push_back(fs::path(scene).parent_path() / (*found)[1].str());
   for (const fs::path& input : inputs)
     if (fs::equivalent(input, out, none))
-      throw Error("--out", fmt::format("'{}' is an input of the scene", out), "choose another file");
+      throw Error(argument, fmt::format("'{}' is an input of the scene", out), "choose another file");
+}
+
+/// What is written, and where: made before anything is computed.
+struct Outputs {
+  std::optional<OutputFile> out, switches;
+  std::vector<double> times;  ///< of the rows of `out`; empty = the time points
+};
+
+Outputs outputs(const SolveArguments& arguments, const std::string& scene, double T) {
+  if (!arguments.at.empty() && arguments.out.empty())
+    throw Error("--at", fmt::format("found '{}' without --out", arguments.at), "add --out FILE.csv");
+  if (!arguments.out.empty() && arguments.out == arguments.switches)
+    throw Error("--switches", fmt::format("'{}' is the file of --out", arguments.switches), "choose another file");
+  Outputs made;
+  if (!arguments.at.empty()) made.times = parse_times(arguments.at, T);
+  for (auto [argument, name, file] : {std::tuple{"--out", &arguments.out, &made.out},
+                                      std::tuple{"--switches", &arguments.switches, &made.switches}}) {
+    if (name->empty()) continue;
+    keep_inputs(scene, argument, *name);
+    file->emplace(argument, *name, ".csv");
+  }
+  return made;
+}
+
+void write(const Outputs& outputs, const Scene& scene, Backend& backend, const Result& result) {
+  if (outputs.out) {
+    const bool sampled = !outputs.times.empty() && result.y.rows() == result.steps + 1;
+    const Result rows = sampled ? at_times(scene, backend, result, outputs.times) : Result{};
+    outputs.out->write([&](std::FILE* file) { write_csv(sampled ? rows : result, scene.constraints(), file); });
+  }
+  if (outputs.switches) outputs.switches->write([&](std::FILE* file) { write_switches_csv(switches(result), file); });
 }
 
 Index state_columns(const Options& options, const Scene& scene) {
@@ -103,9 +137,7 @@ int run_solve(const SolveArguments& arguments) {
   const int threads = arguments.threads.empty() ? 0 : parse_threads(arguments.threads);
   const Index columns = state_columns(options, choice.scene);
   check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps, columns);
-  keep_inputs(scene_name(words), arguments.out);
-  std::optional<OutputFile> out;
-  if (!arguments.out.empty()) out.emplace(arguments.out, ".csv");
+  const Outputs files = outputs(arguments, scene_name(words), choice.scene.T);
 
   const auto backend = choose_backend(arguments.backend, choice.scene, options, columns, threads);
   ProgressLine progress;
@@ -127,7 +159,7 @@ int run_solve(const SolveArguments& arguments) {
     result.x.resize(result.y.rows(), 0);
   }
 
-  if (out) out->write([&](std::FILE* file) { write_csv(result, choice.scene.constraints(), file); });
+  write(files, choice.scene, *backend, result);
   const int used = backend->device().threads;
   print(arguments.json ? dump(to_json(choice, result, used, error))
                        : summary(choice, result, used, error, arguments.out));

@@ -12,7 +12,7 @@ enum ExitCode : int { exit_solved = 0, exit_bad_input = 2, exit_not_solved = 3 }
 struct SolveArguments {
   std::vector<std::string> words, settings;
   std::string method = "auto", backend = "auto";
-  std::string states, tolerance, steps, iteration_tolerance, threads, out, report;
+  std::string states, tolerance, steps, iteration_tolerance, threads, at, out, switches, report;
   bool json = false, print_template = false;
 };
 

@@ -54,6 +54,8 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_word(command, "--states", a.states, "LIST",
            "state components to write: none, all or 0,3,7; default: the scene's, or none");
   add_word(command, "--out", a.out, "FILE.csv", "write t, y and the states asked for");
+  add_word(command, "--at", a.at, "LIST", "with --out: rows at these times, 0.1,0.25, instead of the time points");
+  add_word(command, "--switches", a.switches, "FILE.csv", "write when constraints become active and inactive");
   add_word(command, "--report", a.report, "FILE.html", "write a report (not available yet)");
   command->add_flag("--json", a.json, "print one JSON object instead of the summary");
   command->add_flag("--template", a.print_template, "print a commented scene file to start from, and exit");

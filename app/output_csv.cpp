@@ -48,4 +48,12 @@ void write_csv(const Result& result, Index constraints, std::FILE* file) {
   flush(text, file);
 }
 
+void write_switches_csv(const std::vector<Switch>& switches, std::FILE* file) {
+  fmt::memory_buffer text;
+  const auto out = std::back_inserter(text);
+  fmt::format_to(out, "t,component,on,error\n");
+  for (const Switch& s : switches) fmt::format_to(out, "{},{},{},{}\n", s.t, s.component, s.on ? 1 : 0, s.error);
+  flush(text, file);
+}
+
 }  // namespace bromwich::app

@@ -18,17 +18,18 @@ namespace fs = std::filesystem;
 
 namespace {
 
-Error refused(const std::string& name, const std::string& why, const std::string& remedy) {
-  return {"--out", fmt::format("'{}' {}", name, why), remedy};
+Error refused(const std::string& argument, const std::string& name, const std::string& why, const std::string& remedy) {
+  return {argument, fmt::format("'{}' {}", name, why), remedy};
 }
 
-void check_name(const std::string& name, const std::string& extension) {
+void check_name(const std::string& argument, const std::string& name, const std::string& extension) {
   std::string found = fs::path(name).extension();
   for (char& c : found) c = char(std::tolower(static_cast<unsigned char>(c)));
   const std::string remedy = "give a file name that ends in " + extension;
-  if (name.empty() || name[0] == '-') throw refused(name, "is not a file name", remedy);
-  if (found == ".h5" || found == ".npz") throw refused(name, "asks for a format that is not available yet", remedy);
-  if (found != extension) throw refused(name, fmt::format("does not end in {}", extension), remedy);
+  if (name.empty() || name[0] == '-') throw refused(argument, name, "is not a file name", remedy);
+  if (found == ".h5" || found == ".npz")
+    throw refused(argument, name, "asks for a format that is not available yet", remedy);
+  if (found != extension) throw refused(argument, name, fmt::format("does not end in {}", extension), remedy);
 }
 
 std::FILE* create(const fs::path& path) {
@@ -38,23 +39,26 @@ std::FILE* create(const fs::path& path) {
 
 }  // namespace
 
-OutputFile::OutputFile(const std::string& name, const std::string& extension) : name_(name) {
-  check_name(name, extension);
+OutputFile::OutputFile(const std::string& argument, const std::string& name, const std::string& extension)
+    : argument_(argument), name_(name) {
+  check_name(argument, name, extension);
   std::error_code failure;
   target_ = fs::weakly_canonical(fs::absolute(name, failure), failure);
-  if (failure) throw refused(name, "cannot be reached: " + failure.message(), "choose another file");
+  if (failure) throw refused(argument, name, "cannot be reached: " + failure.message(), "choose another file");
   const fs::path folder = target_.parent_path();
   if (!fs::is_directory(folder, failure))
-    throw refused(name, "lies in a folder that does not exist", fmt::format("create {} first", folder.string()));
+    throw refused(argument, name, "lies in a folder that does not exist",
+                  fmt::format("create {} first", folder.string()));
   const fs::file_status status = fs::status(target_, failure);
   if (fs::exists(status) && !fs::is_regular_file(status))
-    throw refused(name, "is not a regular file", "choose another file");
+    throw refused(argument, name, "is not a regular file", "choose another file");
   if (fs::exists(status) && ::access(target_.c_str(), W_OK) != 0)
-    throw refused(name, "is write-protected", "choose another file");
+    throw refused(argument, name, "is write-protected", "choose another file");
 
   temporary_ = folder / fmt::format(".{}.{}.tmp", target_.filename().string(), ::getpid());
   std::FILE* probe = create(temporary_);
-  if (!probe) throw refused(name, fmt::format("cannot be written ({})", std::strerror(errno)), "choose another folder");
+  if (!probe)
+    throw refused(argument, name, fmt::format("cannot be written ({})", std::strerror(errno)), "choose another folder");
   std::fclose(probe);
   fs::remove(temporary_, failure);
 }
@@ -64,7 +68,8 @@ void OutputFile::write(const std::function<void(std::FILE*)>& fill) const {
   const auto fail = [&](const char* why) {
     std::error_code ignored;
     fs::remove(temporary_, ignored);
-    return refused(name_, fmt::format("could not be written ({})", why), "free some space or choose another folder");
+    return refused(argument_, name_, fmt::format("could not be written ({})", why),
+                   "free some space or choose another folder");
   };
   if (!file) throw fail(std::strerror(errno));
   struct stat previous {};

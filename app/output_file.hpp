@@ -11,14 +11,15 @@ namespace bromwich::app {
 /// Checks when made that FILE can be written, without touching it; write() fills a temporary beside it and renames.
 class OutputFile {
  public:
-  /// Throws Error where the name does not end in `extension`, or the file or its folder cannot be written.
-  OutputFile(const std::string& name, const std::string& extension);
+  /// Throws Error, naming `argument`, where the name does not end in `extension`, or the file or its folder cannot be
+  /// written.
+  OutputFile(const std::string& argument, const std::string& name, const std::string& extension);
 
   void write(const std::function<void(std::FILE*)>& fill) const;
   const std::string& name() const { return name_; }
 
  private:
-  std::string name_;
+  std::string argument_, name_;
   std::filesystem::path target_;     ///< symbolic links resolved, so that a link stays one
   std::filesystem::path temporary_;  ///< beside the target: a rename within one folder is atomic
 };

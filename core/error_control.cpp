@@ -17,6 +17,7 @@ constexpr double lowest_order = 0.5;          ///< that an estimate is made with
 constexpr Index fewest_steps = 16;            ///< of a first grid of our choice
 constexpr Index most_steps = Index(1) << 20;  ///< of a further grid
 constexpr Index patience = 4;                 ///< times the scene's steps: below, a failure is put down to the grid
+constexpr double smallest_jump = 1e-4;        ///< differences below that stop falling are rounding, not jumps
 constexpr double out_of_reach = 4;            ///< times most_steps, predicted with the full order
 
 template <class... Args>
@@ -153,7 +154,8 @@ class Refinement {
     e.iteration = iteration_error(solved_->history);
     Differences& d = *differences_;
     // Once is enough: later differences may be small because all jumps happen to be in the same steps.
-    d.jumps = d.jumps || (may_jump(*solved_) && solved_->steps >= expected_ && d.y.stands_still());
+    d.jumps = d.jumps ||
+              (may_jump(*solved_) && solved_->steps >= expected_ && d.y.stands_still() && d.y.last() > smallest_jump);
     e.of_integral = d.jumps;
     const GridDifferences& y = e.of_integral ? d.mean : d.y;
     e.discretisation = y.error();
@@ -172,6 +174,7 @@ class Refinement {
     const ErrorEstimate& e = *solved_->errors;
     const GridDifferences& y = e.of_integral ? differences_->mean : differences_->y;
     const double goal = accepted * options_.tolerance;
+    const std::size_t window = e.of_integral ? 3 : 2;
     const bool falls = !e.of_integral || !y.stands_still();
     if (y.confirmed() && falls && *solved_->error_estimate <= goal) return "";
     if (solved_->steps < patience * expected_) return std::nullopt;
@@ -180,10 +183,10 @@ class Refinement {
       return text("the weights of the kernel are known to %.1e and the iteration leaves %.1e: no grid does better",
                   e.kernel, e.iteration);
     if (!y.confirmed()) return std::nullopt;
-    if (y.stalled() && e.total() > goal)
+    if (y.stalled(window) && e.total() > goal)
       return text("halving the step does not bring the solutions together any more: %s still moves by %.1e",
                   e.of_integral ? "the mean of y" : "y", y.last());
-    if (controls_states() && differences_->x.stalled() && e.states > goal)
+    if (controls_states() && differences_->x.stalled(window) && e.states > goal)
       return text("halving the step does not bring the states together any more: they still move by %.1e",
                   differences_->x.last());
     const double needed = double(solved_->steps) * std::exp2(y.halvings_to(goal - other));
@@ -256,10 +259,11 @@ bool GridDifferences::stands_still() const {
   return n >= 3 && differences_[n - 1] > 0.5 * differences_[n - 3];
 }
 
-bool GridDifferences::stalled() const {
-  const std::size_t n = differences_.size();
-  const auto pair = [&](std::size_t k) { return std::min(differences_[k], differences_[k - 1]); };
-  return n >= 4 && pair(n - 1) > 0.5 * pair(n - 3);
+bool GridDifferences::stalled(std::size_t window) const {
+  if (differences_.size() < 2 * window) return false;
+  const auto middle = differences_.end() - std::ptrdiff_t(window);
+  return *std::min_element(middle, differences_.end()) >
+         0.5 * *std::min_element(middle - std::ptrdiff_t(window), middle);
 }
 
 double GridDifferences::halvings_to(double tolerance) const {

@@ -32,8 +32,9 @@ class GridDifferences {
   bool confirmed() const { return differences_.size() >= 3; }
   /// The last two halvings have not halved the difference: it does not converge, or not yet.
   bool stands_still() const;
-  /// The same of the last four halvings, in pairs: jumps make single differences irregular.
-  bool stalled() const;
+  /// The smallest of the last `window` differences is not half of the smallest of the `window` before: it will not
+  /// converge. Jumps make single differences irregular.
+  bool stalled(std::size_t window) const;
   /// How often the step has to be halved at least, if the full order comes, for an error of `tolerance`.
   double halvings_to(double tolerance) const;
   double last() const { return differences_.back(); }

@@ -92,6 +92,12 @@ TEST_F(Cli, RefusesBadOptionValues) {
       {"--states 1,", {"--states", "'1,'"}},
       {"--states some", {"--states", "some", "all, none"}},
       {"--report a.html", {"--report", "a.html", "not available yet"}},
+      {"--at 1", {"--at", "without --out"}},
+      {"--at 1,5 --out y.csv", {"--at", "1,5", "T = 4"}},
+      {"--at 1, --out y.csv", {"--at", "'1,'"}},
+      {"--at -1 --out y.csv", {"--at", "-1"}},
+      {"--switches s.txt", {"--switches", "s.txt", ".csv"}},
+      {"--switches a.csv --out a.csv", {"--switches", "a.csv", "--out"}},
       {"--out y.h5", {"--out", "y.h5", "not available yet", ".csv"}},
       {"--out y.npz", {"--out", "y.npz", "not available yet", ".csv"}},
       {"--out y.txt", {"--out", "y.txt", ".csv"}},
@@ -219,6 +225,22 @@ TEST_F(Cli, ToleranceOutOfReachIsNotMet) {
   for (const char* word : {"tolerance_not_met", "steps would be needed", "not 1.0e-09"})
     EXPECT_TRUE(contains(result.err, word)) << word << "\n" << result.err;
   EXPECT_TRUE(contains(result.out, "grids 25 50"));
+}
+
+TEST_F(Cli, WritesRowsAtTimesAndSwitches) {
+  const Outcome result = run(small + " --states 0 --at 0,0.2,0.31 --out y.csv --switches s.csv");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto rows = split(read(folder_ / "y.csv"), '\n');
+  ASSERT_EQ(rows.size(), 4u);
+  EXPECT_EQ(split(rows[3], ',')[0], "0.31");
+  EXPECT_EQ(split(rows[3], ',').size(), 9u) << "t, seven y and x0";
+  EXPECT_FALSE(contains(rows[3], "nan"));
+  ASSERT_EQ(run(small + " --states 0 --out all.csv").exit_code, 0);
+  EXPECT_EQ(rows[2], split(read(folder_ / "all.csv"), '\n')[2]) << "0.2 is a time point";
+  const auto found = split(read(folder_ / "s.csv"), '\n');
+  ASSERT_GE(found.size(), 2u);
+  EXPECT_EQ(found[0], "t,component,on,error");
+  EXPECT_EQ(split(found[1], ',').size(), 4u);
 }
 
 TEST_F(Cli, NamedMethodIsTheOneThatRuns) {

@@ -51,14 +51,14 @@ TEST(GridDifferences, WithoutOrderAreNotConfirmed) {
   EXPECT_FALSE(differences(2, {1, 0.25}).confirmed());
   EXPECT_TRUE(differences(2, {1, 0.9, 1.1}).stands_still());
   EXPECT_FALSE(differences(2, {1, 0.5, 0.26}).stands_still());
-  EXPECT_TRUE(differences(2, {1e-13, 2e-13, 1e-13, 2e-13}).stalled());
-  EXPECT_FALSE(differences(1, {1, 0.6, 0.1, 0.3}).stalled()) << "one difference may rise";
+  EXPECT_TRUE(differences(2, {1e-13, 2e-13, 1e-13, 2e-13}).stalled(2));
+  EXPECT_FALSE(differences(1, {1, 0.6, 0.1, 0.3}).stalled(2)) << "one difference may rise";
 }
 
 TEST(GridDifferences, OfTheSameSolutionAreNoError) {
   const GridDifferences d = differences(2, {0, 0, 0});
   EXPECT_EQ(d.error(), 0);
-  EXPECT_FALSE(d.stalled());
+  EXPECT_FALSE(d.stalled(2));
 }
 
 TEST(IterationError, IsTheSumOfTheSweepsThatAreLeft) {
