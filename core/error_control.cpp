@@ -69,16 +69,17 @@ bool may_jump(const Result& result) { return !result.continuous || result.method
 
 // The differences of one sequence of grids that one method has solved.
 struct Differences {
-  explicit Differences(const Result& first) : y(order_of(first)), mean(1), x(order_of(first)) {}
+  explicit Differences(const Result& first) : y(order_of(first)), mean(1, 3), x(order_of(first)), x_with_jumps(1, 3) {}
 
   void add(const Result& coarse, const Result& fine) {
     y.add(difference(coarse.y, fine.y));
     mean.add(difference(running_integral(coarse.y, 1 / double(coarse.steps)),
                         running_integral(fine.y, 1 / double(fine.steps))));
     x.add(difference_of_states(coarse.x, fine.x));
+    x_with_jumps.add(x.last());
   }
 
-  GridDifferences y, mean, x;
+  GridDifferences y, mean, x, x_with_jumps;
   bool jumps = false;  ///< y does not converge at all time points
 };
 
@@ -160,7 +161,7 @@ class Refinement {
     const GridDifferences& y = e.of_integral ? d.mean : d.y;
     e.discretisation = y.error();
     e.order = y.order();
-    if (controls_states()) e.states = d.x.error();
+    if (controls_states()) e.states = (d.jumps ? d.x_with_jumps : d.x).error();
     e.grids = grids_;
     solved_->errors = e;
     solved_->error_estimate.reset();
@@ -236,7 +237,10 @@ class Refinement {
 }  // namespace
 
 double GridDifferences::counted(std::size_t k) const {
-  return k == 0 ? differences_[0] : std::max(differences_[k], differences_[k - 1] * std::exp2(-highest_));
+  double largest = 0;
+  for (std::size_t i = 0; i <= std::min(k, memory_); ++i)
+    largest = std::max(largest, differences_[k - i] * std::exp2(-highest_ * double(i)));
+  return largest;
 }
 
 double GridDifferences::order_at(std::size_t k) const {
@@ -256,7 +260,7 @@ double GridDifferences::error() const {
 
 bool GridDifferences::stands_still() const {
   const std::size_t n = differences_.size();
-  return n >= 3 && differences_[n - 1] > 0.5 * differences_[n - 3];
+  return n >= 3 && counted(n - 1) > 0.5 * counted(n - 3);
 }
 
 bool GridDifferences::stalled(std::size_t window) const {

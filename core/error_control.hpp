@@ -12,7 +12,8 @@
 // iteration, c/(1 - c) times the last change where sweeps contract by c.
 //
 // Where y jumps, a jump that moves by a step is a difference as large as the jump on every grid. There the mean of y
-// over [0, t], h/T Σ_{i<=j} y_i, takes the place of y: of first order.
+// over [0, t], h/T Σ_{i<=j} y_i, takes the place of y: of first order. That a jump stays in the same step when the step
+// is halved has a chance of one half: there three differences are remembered, with order 1 for x too.
 
 #include "solve.hpp"
 
@@ -21,8 +22,9 @@ namespace bromwich {
 /// Differences of consecutive grids, the step halved from one to the next.
 class GridDifferences {
  public:
-  /// `order`: of the discretisation where the solution is smooth.
-  explicit GridDifferences(double order) : highest_(order) {}
+  /// `order`: of the discretisation where the solution is smooth. `memory`: how many differences before the last one
+  /// bound it from below.
+  explicit GridDifferences(double order, std::size_t memory = 1) : highest_(order), memory_(memory) {}
 
   void add(double difference) { differences_.push_back(difference); }
 
@@ -44,6 +46,7 @@ class GridDifferences {
   double order_at(std::size_t k) const;
 
   double highest_;
+  std::size_t memory_;
   std::vector<double> differences_;
 };
 
