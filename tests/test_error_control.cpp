@@ -268,6 +268,17 @@ TEST(FirstIterate, OfTheSolutionLeavesNothingToDo) {
   EXPECT_LE(distance(warm.y, cold.y), same_problem);
 }
 
+TEST(FirstIterate, IsTheCoarserGridInErrorControl) {
+  const Scene scene = make_scene("signorini");
+  Options options = options_to(1e-5, Method::contour);
+  options.iteration_tolerance = 1e-8;
+  const Result result = run(scene, options);
+  ASSERT_EQ(result.status, Status::solved) << result.reason;
+  options.tolerance = 0;
+  options.steps = result.steps;
+  EXPECT_LT(result.iterations, run(scene, options).iterations);
+}
+
 TEST(FirstIterate, DoesNotDecideWhichSolutionOfAZSceneIsFound) {
   const Scene scene = make_scene("dlcp-small");
   Options options = options_for(Method::contour, 100);
