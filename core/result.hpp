@@ -53,8 +53,8 @@ struct Result {
   /// max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf) with the kernel of the method; NaN where no solution was
   /// evaluated.
   double residual = std::numeric_limits<double>::quiet_NaN();
-  /// total() of `errors`, or of x if that is larger. Without Options::tolerance, from method multigrid alone: of y at the
-  /// points of the next coarser grid, in the maximum norm. Empty where not estimated.
+  /// total() of `errors`, or of x if that is larger. Without Options::tolerance, from method multigrid alone: of y at
+  /// the points of the next coarser grid, in the maximum norm. Empty where not estimated.
   std::optional<double> error_estimate;
   std::optional<ErrorEstimate> errors;  ///< with Options::tolerance
   /// Deviation of the kernel weights from values they were not made from, relative to the largest; NaN where there are
