@@ -28,6 +28,7 @@ Json errors_to_json(const std::optional<ErrorEstimate>& errors) {
   if (!errors) return nullptr;
   return {{"discretisation", errors->discretisation},
           {"kernel", errors->kernel},
+          {"rounding", errors->rounding},
           {"iteration", errors->iteration},
           {"states", errors->states},
           {"order", errors->order},

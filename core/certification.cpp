@@ -68,6 +68,7 @@ void Certification::certify(Method method, Result& result) {
   const bool ringing = methods_.basis().rings;  // of continuous y, whatever the method
   const Magnification m = magnification(p, continuous ? Rule::exponential : Rule::implicit_euler, result.y);
   result.magnification = m.growth;
+  result.rounding = std::isnan(m.rounding) ? 0 : m.rounding;
   if (m.rounding > most_rounding) {
     sensitive_ = true;
     return demote(

@@ -153,6 +153,7 @@ class Refinement {
     const double largest = solved_->y.bottomRows(solved_->steps).cwiseAbs().maxCoeff();
     e.kernel = solved_->kernel_error * largest / std::max(1.0, largest);
     e.iteration = iteration_error(solved_->history);
+    e.rounding = solved_->rounding * largest / std::max(1.0, largest);
     Differences& d = *differences_;
     // Once is enough: later differences may be small because all jumps happen to be in the same steps.
     d.jumps = d.jumps ||
@@ -181,8 +182,10 @@ class Refinement {
     if (solved_->steps < patience * expected_) return std::nullopt;
     const double other = e.total() - (std::isnan(e.discretisation) ? 0 : e.discretisation);
     if (other > goal)
-      return text("the weights of the kernel are known to %.1e and the iteration leaves %.1e: no grid does better",
-                  e.kernel, e.iteration);
+      return text(
+          "the weights of the kernel are known to %.1e, the iteration leaves %.1e and rounding %.1e: no grid "
+          "does better",
+          e.kernel, e.iteration, e.rounding);
     if (!y.confirmed()) return std::nullopt;
     if (y.stalled(window) && e.total() > goal)
       return text("halving the step does not bring the solutions together any more: %s still moves by %.1e",

@@ -22,7 +22,9 @@ const char* to_string(Status status) {
   return "unknown";
 }
 
-double ErrorEstimate::total() const { return discretisation + (std::isnan(kernel) ? 0 : kernel) + iteration; }
+double ErrorEstimate::total() const {
+  return discretisation + (std::isnan(kernel) ? 0 : kernel) + iteration + rounding;
+}
 
 Seconds operator+(const Seconds& a, const Seconds& b) {
   return {

@@ -28,6 +28,7 @@ struct ErrorEstimate {
   double discretisation = std::numeric_limits<double>::quiet_NaN();  ///< of the finest grid, from the grids before it
   double kernel = std::numeric_limits<double>::quiet_NaN();          ///< of the weights; NaN where nothing was compared
   double iteration = 0;                                              ///< left by the last sweep
+  double rounding = 0;  ///< carried along with the active sets; 0 where it was not looked at (large and sparse scenes)
   double states = std::numeric_limits<double>::quiet_NaN();  ///< of the recorded x, a component by its largest value
   double order = std::numeric_limits<double>::quiet_NaN();   ///< observed on the last grids
   double tolerance = 0;                                      ///< that was asked for
@@ -64,6 +65,7 @@ struct Result {
   /// Largest growth of perturbations along the solution (core/certificate.hpp); NaN where it was not looked at: sparse
   /// dynamics, Kronecker sums and very long or large dense scenes.
   double magnification = std::numeric_limits<double>::quiet_NaN();
+  double rounding = 0;  ///< of the state, what rounding leaves of it, relative; 0 where it was not looked at
 
   std::string method, backend;
   std::string kernel;  ///< how the kernel was made and applied, in words
