@@ -3,6 +3,7 @@
 #include "core/functional_iteration.hpp"
 #include "core/scenes/catalogue.hpp"
 #include "run.hpp"
+#include "tests/expanding.hpp"
 
 #include <gtest/gtest.h>
 
@@ -40,18 +41,6 @@ TEST(FunctionalIteration, EqualsMarchingOnALargeGrid) {
   ASSERT_EQ(contour.status, Status::solved);
   // A change of 1e-12 leaves 1e-12/(1 - rate); weights are good to 1e-13 of their sum (below 2) in every lag.
   EXPECT_LE(distance(march.y, contour.y), 1e-9);
-}
-
-// A = -1, B = 1, N = 10, M = 1, h = 1: L ||W_0|| = 10 phi2(-1) = 3.7, so Theorem 2.3 (1) of the paper cannot hold.
-Scene expanding() {
-  Scene scene;
-  scene.name = "expanding";
-  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{10}}};
-  scene.M = Matrix{{1}};
-  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = -1; };
-  scene.x0 = Vector::Zero(1);
-  scene.T = 8;
-  return scene;
 }
 
 TEST(FunctionalIteration, DoesNotConvergeWhereItMustNot) {

@@ -5,6 +5,7 @@
 #include "core/scenes/catalogue.hpp"
 #include "core/smoothing.hpp"
 #include "core/time_levels.hpp"
+#include "tests/expanding.hpp"
 #include "tests/oracle.hpp"
 #include "tests/run.hpp"
 
@@ -206,18 +207,6 @@ TEST(Multigrid, EstimatesNothingFromFewerThanThreeGrids) {
 }
 
 // ---- where it cannot work, or has to stop ----
-
-// A = -1, B = 1, N = 10, M = 1: L ||W_0|| = 10 phi2(-1) = 3.7 at h = 1.
-Scene expanding() {
-  Scene scene;
-  scene.name = "expanding";
-  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{10}}};
-  scene.M = Matrix{{1}};
-  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = -1; };
-  scene.x0 = Vector::Zero(1);
-  scene.T = 8;
-  return scene;
-}
 
 TEST(Multigrid, EndsHonestlyWhereSweepsCannotContract) {
   const Result coarse = run(expanding(), Method::multigrid, 8);
