@@ -3,10 +3,10 @@
 #include "core/certification.hpp"
 #include "core/error.hpp"
 #include "core/sparse_kernel.hpp"
+#include "core/text.hpp"
 
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <vector>
 
 namespace bromwich {
@@ -143,11 +143,7 @@ void add_kronecker_plans(const Sizes& s, Method method, std::vector<Part>& parts
   parts.push_back({number * (s.n <= 1536 ? s.n * s.n : 2048 * s.n), "the sine transform"});
 }
 
-std::string amount(double value, const char* unit) {
-  char text[48];
-  std::snprintf(text, sizeof text, "%.3g %s", value, unit);
-  return text;
-}
+std::string amount(double value, const char* unit) { return text("%.3g %s", value, unit); }
 
 std::string excess(const Cost& cost, double limit) {
   if (limit > 0 && cost.bytes > limit)
