@@ -19,10 +19,11 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr std::array<Benchmark, 7> benchmarks{{
+constexpr std::array<Benchmark, 8> benchmarks{{
     {"speed-vs-error", "every method over a ladder of steps: error beside time, one thread and all",
      bench_speed_vs_error},
     {"baselines", "the iteration against step-by-step methods, error beside time", bench_baselines},
+    {"auto", "what auto chooses, against the best of the methods by name", bench_auto},
     {"gpu", "the CUDA backend on signorini: one sweep in parts, whole solves, the processor beside it", bench_gpu},
     {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
     {"paper", "the experiments of the paper on Laplace inversion, beside the numbers it quotes", bench_paper},

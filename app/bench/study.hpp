@@ -36,6 +36,8 @@ struct Benchmark {
   BenchReport (*run)(const BenchRequest&, Backend&);
 };
 
+/// SCENE is a scene or a scene file; without one, scenes of all structures.
+BenchReport bench_auto(const BenchRequest& request, Backend& backend);
 BenchReport bench_baselines(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene or a scene file; without one, all scenes of the study.
 BenchReport bench_speed_vs_error(const BenchRequest& request, Backend& backend);
