@@ -14,7 +14,7 @@ namespace bromwich {
 
 SpaceTimeKernel::SpaceTimeKernel(Backend& backend, std::unique_ptr<Convolution> convolution, bool modal, Index rows,
                                  Index n)
-    : convolution_(std::move(convolution)) {
+    : backend_(backend), convolution_(std::move(convolution)) {
   if (!modal) return;
   sine_ = backend.sine_transform(n, rows);
   y_modes_ = backend.array(rows, n);
@@ -33,6 +33,19 @@ void SpaceTimeKernel::apply(const Array& y, Array& v, Index first) {
   convolution_->apply(*y_modes_, *v_modes_, first);
   convolution_seconds += timer.lap();
   sine_->apply(*v_modes_, nullptr, v, first);
+  transform_seconds += timer.lap();
+}
+
+void SpaceTimeKernel::apply_injected(const SpaceTimeKernel& fine, const Array& y_fine, Array& y, Array& v) {
+  if (!sine_) {
+    backend_.inject(y_fine, y);
+    return apply(y, v, 0);
+  }
+  Timer timer;
+  backend_.inject(*fine.y_modes_, *y_modes_);
+  convolution_->apply(*y_modes_, *v_modes_, 0);
+  convolution_seconds += timer.lap();
+  sine_->apply(*v_modes_, nullptr, v, 0);
   transform_seconds += timer.lap();
 }
 
