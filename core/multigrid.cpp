@@ -58,8 +58,7 @@ Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& level
   if (!queued_) return;
   for (std::size_t l = 0; l + 1 < levels_.size(); ++l) {
     const Index values = levels_[l].y->rows() * levels_[l].y->cols();
-    recorded_.push_back(
-        {backend_.record(values, [&] { descend(l); }), backend_.record(values, [&] { ascend(l); })});
+    recorded_.push_back({backend_.record(values, [&] { descend(l); }), backend_.record(values, [&] { ascend(l); })});
   }
 }
 

@@ -226,8 +226,7 @@ TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, con
     for (auto* array : {&level.r, &level.y, &level.v, &level.old})
       *array = p.backend.array(level.steps + 1, p.scene.constraints());
     if (l == 1 || l == 2) level.nested = p.backend.array(level.steps + 1, p.scene.constraints());
-    if (l + 1 < levels.size())
-      level.lcp = p.backend.shifted_lcp(p.scene.M, p.lcp_class, level.shift, level.steps + 1);
+    if (l + 1 < levels.size()) level.lcp = p.backend.shifted_lcp(p.scene.M, p.lcp_class, level.shift, level.steps + 1);
     levels.description += (l > 0 ? ", " : "") + std::to_string(level.steps);
   }
   levels.description += " steps, the last marched";

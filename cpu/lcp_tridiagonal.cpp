@@ -8,8 +8,9 @@
 // A warm block, whose active sets are those of its solution, takes two passes: downwards q = r + v comes in and is
 // eliminated, upwards y is substituted, checked and goes out. What has not settled then takes further sweeps in the
 // workspace, which lies in L2: 4 numbers a value, 5 with the active set. Memory per block: r, v and y are read and y
-// written once; a shift D needs no more, since the y given is there. Rows and columns are scaled to comparable size (core/lcp/solution.hpp) as q comes in and y goes out.
-// For a PSD matrix a lane counts as solved only where its solution is certainly the only one.
+// written once; a shift D needs no more, since the y given is there. Rows and columns are scaled to comparable size
+// (core/lcp/solution.hpp) as q comes in and y goes out. For a PSD matrix a lane counts as solved only where its
+// solution is certainly the only one.
 
 #include "cpu/lcp_batch.hpp"
 
@@ -338,9 +339,9 @@ class TridiagonalLcp final : public LcpBatch {
   }
 
   Index n_;
-  double shift_;           ///< D
-  Tridiagonal original_;   ///< M
-  Tridiagonal shifted_;    ///< M + D I
+  double shift_;          ///< D
+  Tridiagonal original_;  ///< M
+  Tridiagonal shifted_;   ///< M + D I
   Equilibration scale_;
   Tridiagonal M_;  ///< R (M + D I) C
   LcpClass class_;

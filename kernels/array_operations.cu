@@ -91,8 +91,8 @@ void restrict_problem(const Device& device, const Array& r, const Array& v, cons
                       Array& coarse_r, Array& coarse_y, Array& old) {
   const Index size = values_of(coarse_y);
   pose<<<blocks(size), threads, 0, device.stream()>>>(values(r), values(v), values(y), values(coarse_v),
-                                                      stride(coarse_y.cols()), size, values(coarse_r),
-                                                      values(coarse_y), values(old));
+                                                      stride(coarse_y.cols()), size, values(coarse_r), values(coarse_y),
+                                                      values(old));
   check(cudaGetLastError(), "posing a coarse problem");
 }
 

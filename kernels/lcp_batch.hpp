@@ -41,8 +41,8 @@ struct HandedOver {
 
 /// Where a kernel leaves its outcome.
 struct OutcomeTarget {
-  int* rows;           ///< per row: Newton sweeps, negative where the row is unsolved
-  BatchOutcome* sum;   ///< empty before and after
+  int* rows;          ///< per row: Newton sweeps, negative where the row is unsolved
+  BatchOutcome* sum;  ///< empty before and after
   BatchTotals* totals;
   unsigned* finished;  ///< blocks of this batch that are done; 0 before and after
   unsigned* batches;   ///< that have been handed over

@@ -69,7 +69,8 @@ struct Slot {
   }
 };
 
-/// One thread's part of a problem with M + D I in place of M, and q = r + v - D y with the y given. q takes the place of r in the slot.
+/// One thread's part of a problem with M + D I in place of M, and q = r + v - D y with the y given. q takes the place
+/// of r in the slot.
 template <int T, int K, bool uniform>
 struct Part {
   Group<T>& group;

@@ -76,8 +76,8 @@ class SineProduct final : public SineTransform {
       check(cudaMemcpyAsync(values(out) + offset, values(*add) + offset, sizeof(double) * std::size_t(rows * n_),
                             cudaMemcpyDeviceToDevice, device_.stream()),
             "copying on the device");
-    check(cublasDgemm(blas_->handle, CUBLAS_OP_N, CUBLAS_OP_N, int(n_), int(rows), int(n_), &one, S_->values.data(), int(n_),
-                      values(in) + offset, int(n_), &beta, values(out) + offset, int(n_)),
+    check(cublasDgemm(blas_->handle, CUBLAS_OP_N, CUBLAS_OP_N, int(n_), int(rows), int(n_), &one, S_->values.data(),
+                      int(n_), values(in) + offset, int(n_), &beta, values(out) + offset, int(n_)),
           "the sine transform");
   }
 
