@@ -36,6 +36,8 @@ class Random {
 std::unique_ptr<Array> device(const RowMatrix& values);
 RowMatrix host(const Array& array);
 
+inline constexpr Index ports = 4;  ///< inputs and outputs of the dense dynamics
+
 /// Random input and an output of the same shape.
 struct Field {
   Field(Index rows, Index n);

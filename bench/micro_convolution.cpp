@@ -25,7 +25,6 @@ namespace bromwich::micro {
 namespace {
 
 constexpr double end = 4;
-constexpr Index ports = 4;
 // The compressed kernel is fitted to 1e-11 of its largest value, and v sums J of them.
 constexpr double accepted_difference = 1e-8;
 

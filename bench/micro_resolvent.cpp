@@ -21,7 +21,7 @@ namespace bromwich::micro {
 
 namespace {
 
-constexpr Index ports = 4, contacts = 10;
+constexpr Index contacts = 10;
 
 ComplexVector nodes() { return window_contour(*contour_parameters(0), 0.01).nodes; }
 

@@ -12,7 +12,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr double most_operations = 2e9;  ///< of a pass over the state; beyond, no magnification is computed
+constexpr double most_certified_operations = 2e9;  ///< of a pass over the state; beyond, no magnification is computed
 
 // dy of the active set of a row of y for a given C dz; the factorization is kept while the set stays.
 class ActiveResponse {
@@ -53,7 +53,8 @@ Vector perturbation(Index m) {
 Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix& y) {
   const DenseDynamics* d = p.dense();
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
-  if (!d || double(p.J) * (3 * m * m + 4 * m * n) > most_operations || !y.allFinite()) return {NAN, NAN, NAN, NAN, {}};
+  if (!d || double(p.J) * (3 * m * m + 4 * m * n) > most_certified_operations || !y.allFinite())
+    return {NAN, NAN, NAN, NAN, {}};
   const StepOperators step = step_operators(d->A, rule, p.h);
   const DenseRecurrence r = dense_recurrence(*d, step);
   const RowMatrix input = state_input(p, y), driven = y * d->B.transpose(), x = dense_states(step, p.scene.x0, input);

@@ -2,10 +2,10 @@
 
 #include "core/certificate.hpp"
 #include "core/ringing.hpp"
+#include "core/text.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 namespace bromwich {
 
@@ -30,13 +30,6 @@ constexpr double confirmed_change = 0.05;           ///< of y before a step with
 // open.
 double residual_limit(bool iterated, const Options& options) {
   return iterated ? std::clamp(1e3 * options.iteration_tolerance, 1e-9, 1e-2) : 1e-9;
-}
-
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[224];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
 }
 
 void demote(Result& result, const std::string& reason) {

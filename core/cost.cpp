@@ -3,10 +3,10 @@
 #include "core/certification.hpp"
 #include "core/error.hpp"
 #include "core/sparse_kernel.hpp"
+#include "core/text.hpp"
 
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <vector>
 
 namespace bromwich {
@@ -140,14 +140,10 @@ void add_kronecker_plans(const Sizes& s, Method method, std::vector<Part>& parts
   // At most 56 exponentials; chunks of 16 to 128 time points, so that some 25 000 threads have a mode each.
   const double modes = 32 * std::ceil(s.n / 32), chunks = std::min(s.J * modes / 16, s.J * modes / 128 + 25e3);
   parts.push_back({number * 2 * 56 * chunks, "states at the starts of chunks of time"});
-  parts.push_back({number * (s.n <= 1024 ? s.n * s.n : 2048 * s.n), "the sine transform"});
+  parts.push_back({number * (s.n <= 1536 ? s.n * s.n : 2048 * s.n), "the sine transform"});
 }
 
-std::string amount(double value, const char* unit) {
-  char text[48];
-  std::snprintf(text, sizeof text, "%.3g %s", value, unit);
-  return text;
-}
+std::string amount(double value, const char* unit) { return text("%.3g %s", value, unit); }
 
 std::string excess(const Cost& cost, double limit) {
   if (limit > 0 && cost.bytes > limit)

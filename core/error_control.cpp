@@ -2,11 +2,11 @@
 
 #include "core/certificate.hpp"
 #include "core/error.hpp"
+#include "core/text.hpp"
 #include "core/timer.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 namespace bromwich {
 
@@ -19,13 +19,6 @@ constexpr Index most_steps = Index(1) << 20;  ///< of a further grid
 constexpr Index patience = 4;                 ///< times the scene's steps: below, a failure is put down to the grid
 constexpr double smallest_jump = 1e-4;        ///< differences below that stop falling are rounding, not jumps
 constexpr double out_of_reach = 4;            ///< times most_steps, predicted with the full order
-
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
 
 Index first_grid(const Scene& scene, const Options& options) {
   Index J = options.steps > 0 ? options.steps : scene.default_steps;

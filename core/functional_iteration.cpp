@@ -3,12 +3,12 @@
 #include "core/compression.hpp"
 #include "core/kernel.hpp"
 #include "core/lcp/active_set_lcp.hpp"
+#include "core/text.hpp"
 #include "core/timer.hpp"
 #include "core/weight_check.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 namespace bromwich {
 
@@ -60,13 +60,6 @@ constexpr double accepted_kernel_error = 1e-11;  ///< a contour kernel that miss
 /// An iterate may be infeasible for a while (Theorem 3.2 bounds only short horizons); after this many sweeps in which
 /// no further row settled it stays so.
 constexpr Index most_infeasible_sweeps = 40;
-
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[192];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
 
 KernelChoice kronecker_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
   const KroneckerDynamics& d = *p.kronecker();

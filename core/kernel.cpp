@@ -1,10 +1,10 @@
 #include "core/kernel.hpp"
 
 #include "core/phi.hpp"
+#include "core/text.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 namespace bromwich {
 
@@ -157,9 +157,8 @@ LagTable contour_lag_table(Backend& backend, const Dynamics& dynamics, const Con
 }
 
 Error eigenvalue_at(Complex z) {
-  char text[96];
-  std::snprintf(text, sizeof text, "found an eigenvalue of A at or next to the node %.6g%+.6gi", z.real(), z.imag());
-  return Error("resolvent", text, "choose nodes away from the spectrum");
+  return Error("resolvent", text("found an eigenvalue of A at or next to the node %.6g%+.6gi", z.real(), z.imag()),
+               "choose nodes away from the spectrum");
 }
 
 ComplexVector green_row(const SecondDifference& across, const Vector& n, Complex z) {

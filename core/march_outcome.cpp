@@ -1,8 +1,8 @@
 #include "core/march_outcome.hpp"
 
-#include <Eigen/LU>
+#include "core/text.hpp"
 
-#include <cstdio>
+#include <Eigen/LU>
 
 namespace bromwich {
 
@@ -35,22 +35,21 @@ Start solve_at_zero(const DiscreteProblem& p, Result& result) {
 }
 
 void explain_stop(const DiscreteProblem& p, const MarchReport& report, Result& result) {
-  char where[64];
-  std::snprintf(where, sizeof where, "t = %.6g", p.t[report.stopped]);
+  const std::string where = text("t = %.6g", p.t[report.stopped]);
   if (report.interrupted) {
     result.status = Status::interrupted;
-    result.reason = std::string("stopped on request at ") + where;
+    result.reason = "stopped on request at " + where;
   } else if (!report.finite) {
     result.status = Status::nonfinite;
-    result.reason = std::string("the solution is not finite at ") + where;
+    result.reason = "the solution is not finite at " + where;
   } else if (report.infeasible >= 0) {
     result.status = Status::infeasible;
     result.infeasible_at = p.t[report.infeasible];
-    result.reason = std::string("no solution from ") + where + " on";
+    result.reason = "no solution from " + where + " on";
   } else {
     result.status = Status::tolerance_not_met;
-    result.reason = std::string("the complementarity problem of the step to ") + where +
-                    " stayed unsolved; try other steps or another method";
+    result.reason =
+        "the complementarity problem of the step to " + where + " stayed unsolved; try other steps or another method";
   }
 }
 

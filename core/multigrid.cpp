@@ -1,11 +1,11 @@
 #include "core/multigrid.hpp"
 
 #include "core/march_outcome.hpp"
+#include "core/text.hpp"
 #include "core/timer.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 namespace bromwich {
 
@@ -14,13 +14,6 @@ namespace {
 constexpr Index most_cycles = 40;
 constexpr double slow = 0.5;              ///< contraction of a cycle that does not pay
 constexpr double rounding_level = 1e-10;  ///< changes that rounding may keep up
-
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[192];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
 
 // Watches the changes of y from cycle to cycle and says when they are over.
 class Watch {

@@ -2,23 +2,17 @@
 
 #include "core/error.hpp"
 #include "core/lcp/active_set_lcp.hpp"
+#include "core/text.hpp"
 
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <sstream>
 #include <vector>
 
 namespace bromwich {
 namespace {
 
 constexpr Index largest_dense_state = 4096;  // A alone takes 128 MiB there
-
-std::string text(double value) {
-  std::ostringstream out;
-  out << value;
-  return out.str();
-}
 
 std::string shape(Index rows, Index cols) { return std::to_string(rows) + " x " + std::to_string(cols); }
 
@@ -39,12 +33,13 @@ void require_finite(const std::string& member, const Eigen::DenseBase<Derived>& 
     for (Index i = 0; i < values.rows(); ++i)
       if (const double value = values(i, j); !std::isfinite(value)) {
         const std::string where = values.cols() == 1 ? std::to_string(i) : std::to_string(i) + "," + std::to_string(j);
-        throw Error(member, "entry (" + where + ") is " + text(value), "make every entry finite");
+        throw Error(member, "entry (" + where + ") is " + text("%g", value), "make every entry finite");
       }
 }
 
 void require_positive(const std::string& member, double value) {
-  if (!(value > 0) || !std::isfinite(value)) throw Error(member, "is " + text(value), "give a positive finite number");
+  if (!(value > 0) || !std::isfinite(value))
+    throw Error(member, "is " + text("%g", value), "give a positive finite number");
 }
 
 void require_some(const std::string& member, Index count, const std::string& what) {
@@ -61,9 +56,10 @@ void require_finite(const std::string& member, const SparseMatrix& values) {
   for (Index j = 0; j < values.outerSize(); ++j)
     for (SparseMatrix::InnerIterator entry(values, j); entry; ++entry)
       if (!std::isfinite(entry.value()))
-        throw Error(member,
-                    "entry (" + std::to_string(entry.row()) + "," + std::to_string(j) + ") is " + text(entry.value()),
-                    "make every entry finite");
+        throw Error(
+            member,
+            "entry (" + std::to_string(entry.row()) + "," + std::to_string(j) + ") is " + text("%g", entry.value()),
+            "make every entry finite");
 }
 
 /// Dense and sparse matrices alike.

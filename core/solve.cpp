@@ -5,13 +5,13 @@
 #include "core/error.hpp"
 #include "core/error_control.hpp"
 #include "core/states.hpp"
+#include "core/text.hpp"
 #include "core/timer.hpp"
 #include "core/windows.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
 namespace bromwich {
@@ -45,13 +45,6 @@ void validate(const Scene& scene, const Options& options) {
     if (c < 0 || c >= scene.states())
       throw Error("states", "component " + std::to_string(c) + " of " + std::to_string(scene.states()),
                   "components are counted from 0");
-}
-
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[224];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
 }
 
 // One run of a scene: its methods on the grid asked for, and on finer ones where a result has to be confirmed.

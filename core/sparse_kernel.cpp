@@ -8,11 +8,11 @@
 
 #include "core/elimination.hpp"
 #include "core/error.hpp"
+#include "core/text.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 namespace bromwich {
@@ -125,11 +125,8 @@ class Attempt {
   double error() const { return error_; }
 
   std::string describe() const {
-    char text[160];
-    int length = std::snprintf(text, sizeof text, "contours of %td nodes, %zu windows, %td shifted solves", P_ + 1,
-                               windows_.size(), count_);
-    if (shift_ > 0) std::snprintf(text + length, sizeof text - std::size_t(length), ", shifted by %.3g", shift_);
-    return text;
+    return text("contours of %td nodes, %zu windows, %td shifted solves", P_ + 1, windows_.size(), count_) +
+           (shift_ > 0 ? text(", shifted by %.3g", shift_) : "");
   }
 
  private:

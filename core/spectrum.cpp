@@ -1,9 +1,10 @@
 #include "core/spectrum.hpp"
 
+#include "core/text.hpp"
+
 #include <Eigen/Eigenvalues>
 
 #include <cmath>
-#include <cstdio>
 
 namespace bromwich {
 
@@ -47,19 +48,15 @@ std::string Spectrum::describe() const {
   if (radius == 0) return "zero";
   constexpr double degree = 57.29577951308232;
   const bool unstable = abscissa > 16 * epsilon * radius, imaginary = !unstable && half_angle * degree > 89.9999;
-  char kind[96], moduli[64];
-  if (unstable)
-    std::snprintf(kind, sizeof kind, "unstable, abscissa %.3g", abscissa);
-  else if (real_negative() || imaginary)
-    std::snprintf(kind, sizeof kind, real_negative() ? "real" : "imaginary");
-  else
-    std::snprintf(kind, sizeof kind, "sector of half-angle %.1f degrees", half_angle * degree);
-  if (slowest > 0 && slowest < radius)
-    std::snprintf(moduli, sizeof moduli, ", moduli %.3g to %.3g", slowest, radius);
-  else
-    std::snprintf(moduli, sizeof moduli, slowest > 0 ? ", modulus %.3g" : ", moduli up to %.3g", radius);
+  const std::string kind = unstable          ? text("unstable, abscissa %.3g", abscissa)
+                           : real_negative() ? "real"
+                           : imaginary       ? "imaginary"
+                                             : text("sector of half-angle %.1f degrees", half_angle * degree);
+  const std::string moduli = slowest > 0 && slowest < radius ? text(", moduli %.3g to %.3g", slowest, radius)
+                             : slowest > 0                   ? text(", modulus %.3g", radius)
+                                                             : text(", moduli up to %.3g", radius);
   const bool stiff = slowest > 0 && radius > 1e6 * slowest;
-  return std::string(kind) + moduli + (stiff ? ", stiff" : "") + (non_normal ? ", non-normal" : "");
+  return kind + moduli + (stiff ? ", stiff" : "") + (non_normal ? ", non-normal" : "");
 }
 
 Spectrum spectrum(const Dynamics& dynamics) {

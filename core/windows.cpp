@@ -10,9 +10,9 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index largest_forecast = 8;    ///< constraints: 2^n active sets give L
-constexpr double most_operations = 3e7;  ///< of the lag weights that the forecast needs
-constexpr double safety = 0.1;           ///< of the tolerance, for what rounding grows to
+constexpr Index largest_forecast = 8;             ///< constraints: 2^n active sets give L
+constexpr double most_forecast_operations = 3e7;  ///< of the lag weights that the forecast needs
+constexpr double safety = 0.1;                    ///< of the tolerance, for what rounding grows to
 
 // Rows first..first+count of the problem as a problem of its own.
 DiscreteProblem window(const DiscreteProblem& p, const Scene& scene, Index first, Index count) {
@@ -49,7 +49,8 @@ void add(const Result& part, Index first, Index count, Result& whole) {
 std::optional<Forecast> iteration_forecast(const DiscreteProblem& p, double tolerance) {
   const DenseDynamics* d = p.dense();
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
-  if (!d || p.scene.constraints() > largest_forecast || double(p.J) * (m * m * n + m * n * n) > most_operations)
+  if (!d || p.scene.constraints() > largest_forecast ||
+      double(p.J) * (m * m * n + m * n * n) > most_forecast_operations)
     return std::nullopt;
   return forecast(p.scene.M, lag_table(dense_recurrence(*d, Rule::exponential, p.h), p.J), p.h, tolerance);
 }

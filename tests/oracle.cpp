@@ -14,7 +14,6 @@
 namespace bromwich::oracle {
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 double norm_inf(const Matrix& A) { return A.size() == 0 ? 0 : A.cwiseAbs().rowwise().sum().maxCoeff(); }
@@ -25,19 +24,6 @@ Matrix second_difference(const SecondDifference& d) {
     for (Index j = 0; j < d.points; ++j)
       D(i, j) = d.diffusivity / (d.spacing * d.spacing) * (i == j ? -2 : std::abs(i - j) == 1 ? 1 : 0);
   return D;
-}
-
-Vector value(const TimeFunction& function, double t, Index size) {
-  Vector out(size);
-  function(t, out);
-  return out;
-}
-
-std::vector<Index> members(unsigned set, Index n) {
-  std::vector<Index> indices;
-  for (Index i = 0; i < n; ++i)
-    if (set >> i & 1u) indices.push_back(i);
-  return indices;
 }
 
 struct Candidate {
@@ -66,14 +52,14 @@ std::vector<Candidate> candidates(const Matrix& M, const Vector& q) {
 }
 
 /// A residual that rounding in a solve of size n <= 10 explains.
-constexpr double solved = 1e-12;
+constexpr double solved_by_a_set = 1e-12;
 
 /// One step's problem: y with 0 <= y ⊥ q + (M + W0) y >= 0; for Z also least in LCP(M, q + W0 y).
 std::optional<Vector> solve_step(const DenseScene& s, const Matrix& W0, const Vector& q) {
   const Matrix shifted = s.M + W0;
   if (s.lcp_class != LcpClass::Z) return solve_lcp(shifted, q, s.lcp_class);
   for (const Candidate& c : candidates(shifted, q)) {
-    if (c.residual > solved) continue;
+    if (c.residual > solved_by_a_set) continue;
     const auto least = solve_lcp(s.M, q + W0 * c.y, LcpClass::Z);
     if (least && (*least - c.y).cwiseAbs().maxCoeff() <= 1e-8 * (1 + c.y.cwiseAbs().maxCoeff())) return c.y;
   }
@@ -82,7 +68,7 @@ std::optional<Vector> solve_step(const DenseScene& s, const Matrix& W0, const Ve
 
 Trajectory empty_trajectory(const DenseScene& s, Index J) {
   const Index n = s.M.rows(), m = s.A.rows();
-  return {Vector::LinSpaced(J + 1, 0, s.T), RowMatrix::Constant(J + 1, n, nan), RowMatrix::Constant(J + 1, m, nan), -1};
+  return {Vector::LinSpaced(J + 1, 0, s.T), RowMatrix::Constant(J + 1, n, NAN), RowMatrix::Constant(J + 1, m, NAN), -1};
 }
 
 /// Both schemes: x_{j+1} = from(x_j, y_j, j) + D y_{j+1}.
@@ -117,6 +103,28 @@ std::pair<Vector, Vector> gauss_legendre(Index points) {
 }
 
 }  // namespace
+
+Vector value(const TimeFunction& function, double t, Index size) {
+  Vector out(size);
+  function(t, out);
+  return out;
+}
+
+std::vector<Index> members(unsigned set, Index n) {
+  std::vector<Index> indices;
+  for (Index i = 0; i < n; ++i)
+    if (set >> i & 1u) indices.push_back(i);
+  return indices;
+}
+
+double smallest_principal_minor(const Matrix& M) {
+  double smallest = INFINITY;
+  for (unsigned set = 1; set < 1u << M.rows(); ++set) {
+    const std::vector<Index> S = members(set, M.rows());
+    smallest = std::min(smallest, Matrix(M(S, S)).determinant());
+  }
+  return smallest;
+}
 
 DenseScene write_out(const Scene& scene) {
   DenseScene s;
@@ -213,13 +221,13 @@ std::optional<Vector> solve_lcp(const Matrix& M, const Vector& q, LcpClass lcp_c
   if (lcp_class == LcpClass::Z) {
     std::optional<Vector> least;
     for (const Candidate& c : all)
-      if (c.residual <= solved) least = least ? Vector(least->cwiseMin(c.y)) : c.y;
+      if (c.residual <= solved_by_a_set) least = least ? Vector(least->cwiseMin(c.y)) : c.y;
     return least;
   }
   const Candidate* best = nullptr;
   for (const Candidate& c : all)
     if (!best || c.residual < best->residual) best = &c;
-  if (best->residual > solved) return std::nullopt;
+  if (best->residual > solved_by_a_set) return std::nullopt;
   return best->y;
 }
 
@@ -270,7 +278,7 @@ RowMatrix states_of(const DenseScene& s, const RowMatrix& y) {
 }
 
 double complementarity_residual(const DenseScene& s, const RowMatrix& y, const RowMatrix& x) {
-  if (!y.allFinite() || !x.allFinite()) return nan;
+  if (!y.allFinite() || !x.allFinite()) return NAN;
   const Index J = y.rows() - 1;
   double worst = 0;
   for (Index j = 0; j <= J; ++j) {

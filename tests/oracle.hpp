@@ -56,6 +56,15 @@ double lipschitz(const Matrix& M);
 /// P (minors), else PSD, else Z with a positive diagonal, else unknown: the classes as defined, for n <= 10.
 LcpClass class_of(const Matrix& M);
 
+/// The function's values at t.
+Vector value(const TimeFunction&, double t, Index size);
+
+/// The indices whose bits are set, of n.
+std::vector<Index> members(unsigned set, Index n);
+
+/// By determinants, for entries of size about 1 and n <= 12.
+double smallest_principal_minor(const Matrix& M);
+
 /// All principal minors positive, clearly; n <= 12.
 bool is_p_matrix(const Matrix& M);
 

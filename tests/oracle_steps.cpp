@@ -13,26 +13,11 @@
 namespace bromwich::oracle {
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
 /// What a solution may miss after a solve of size <= 12 with M_SS of condition up to 1e5, relative to the terms of a
 /// row.
 constexpr double solved = 1e-11;
 /// A pivot below this, relative to the largest entry of rows and columns of size 1, is taken as zero.
 constexpr double rank = 1e-12;
-
-std::vector<Index> members(unsigned set, Index n) {
-  std::vector<Index> indices;
-  for (Index i = 0; i < n; ++i)
-    if (set >> i & 1u) indices.push_back(i);
-  return indices;
-}
-
-Vector value(const TimeFunction& function, double t, Index size) {
-  Vector out(size);
-  function(t, out);
-  return out;
-}
 
 /// R M C with rows and columns of size about 1; units do not matter any more.
 struct Scaled {
@@ -203,8 +188,8 @@ std::optional<Vector> step_solution(const DenseScene& s, const StepProblem& p, c
 
 Trajectory trajectory(const DenseScene& s, Scheme scheme, Index J) {
   const Index n = s.M.rows(), m = s.A.rows();
-  Trajectory out{Vector::LinSpaced(J + 1, 0, s.T), RowMatrix::Constant(J + 1, n, nan),
-                 RowMatrix::Constant(J + 1, m, nan), 0};
+  Trajectory out{Vector::LinSpaced(J + 1, 0, s.T), RowMatrix::Constant(J + 1, n, NAN),
+                 RowMatrix::Constant(J + 1, m, NAN), 0};
   const Steps main(s, scheme, J), euler(s, Scheme::euler, J);
   const auto start = selected_solution(s.M, s.N * s.x0 + value(s.g, 0, n), s.lcp_class);
   Eigen::FullPivLU<Matrix> lu(Scaled(s.M, Vector::Zero(n)).matrix);

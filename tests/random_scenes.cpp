@@ -1,5 +1,7 @@
 #include "tests/random_scenes.hpp"
 
+#include "tests/oracle.hpp"
+
 #include <Eigen/Dense>
 
 #include <cmath>
@@ -27,16 +29,6 @@ class Draw {
   std::mt19937 engine_;
 };
 
-bool minors_positive(const Matrix& M) {
-  for (unsigned set = 1; set < 1u << M.rows(); ++set) {
-    std::vector<Index> S;
-    for (Index i = 0; i < M.rows(); ++i)
-      if (set >> i & 1u) S.push_back(i);
-    if (!(Matrix(M(S, S)).determinant() > 1e-2)) return false;
-  }
-  return true;
-}
-
 Matrix dominant(Draw& draw, Index n) {
   Matrix M = draw.matrix(n, n);
   M.diagonal().setZero();
@@ -53,7 +45,7 @@ Matrix general_p(Draw& draw, Index n) {
   for (int attempt = 0; attempt < 2000; ++attempt) {
     Matrix M = draw.matrix(n, n);
     M.diagonal() = draw.positive(n, 0.1, 1);
-    if (minors_positive(M)) return M;
+    if (smallest_principal_minor(M) > 1e-2) return M;
   }
   return dominant(draw, n);
 }

@@ -12,6 +12,15 @@ namespace bromwich::reference {
 
 using Real = long double;
 
+inline constexpr double pi = std::numbers::pi;
+
+inline const Matrix cycling{{1, 0, 2}, {2, 1, 0}, {0, 2, 1}};  ///< P; semismooth Newton cycles at q = -1
+inline const Matrix fold{{1, -2}, {-2, 1}};                    ///< Z, not P: two solutions where q is in the fold
+
+inline Tridiagonal tridiagonal(Index n, double lower, double diagonal, double upper) {
+  return {Vector::Constant(n, lower), Vector::Constant(n, diagonal), Vector::Constant(n, upper)};
+}
+
 /// (e^x - 1)/x.
 inline Real phi1(Real x) { return x == 0 ? 1 : std::expm1(x) / x; }
 

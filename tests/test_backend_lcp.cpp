@@ -11,8 +11,6 @@ namespace {
 
 using reference::Random;
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
 class BackendLcp : public BackendTest {
  protected:
   /// Solves with q = r + v split at random.
@@ -176,7 +174,7 @@ TEST_P(BackendLcp, NotFiniteRows) {
   for (const Index n : {1, 3, 17, 20}) {
     Random random(6);
     for (const LcpMatrix& M : {LcpMatrix(random_tridiagonal(random, n)), LcpMatrix(random.dominant(n))})
-      for (const double bad : {nan, std::numeric_limits<double>::infinity()}) {
+      for (const double bad : {double(NAN), double(INFINITY)}) {
         const Index rows = 11;
         RowMatrix q = random.matrix(rows, n);
         q(4, n / 2) = bad;
@@ -211,7 +209,7 @@ TEST_P(BackendLcp, NaturalResidual) {
       // A NaN anywhere shows.
       for (const Index j : {0, 4, 8}) {
         RowMatrix broken = Y;
-        broken(j, 0) = nan;
+        broken(j, 0) = NAN;
         EXPECT_TRUE(std::isnan(lcp->residual(*device(R), *device(V), *device(broken)))) << n << ", row " << j;
       }
     }

@@ -2,6 +2,7 @@
 
 #include "core/error.hpp"
 #include "files/expression.hpp"
+#include "tests/reference.hpp"
 
 #include <gtest/gtest.h>
 
@@ -16,7 +17,7 @@
 namespace bromwich {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using reference::pi;
 
 /// R = 1000 and C = 1e-6 are defined.
 class ExpressionTest : public testing::Test {

@@ -3,6 +3,7 @@
 #include "core/error.hpp"
 #include "core/scenes/catalogue.hpp"
 #include "run.hpp"
+#include "tests/dense_twin.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,20 +11,6 @@
 
 namespace bromwich {
 namespace {
-
-Scene dense_twin(Scene scene) {
-  const Matrix B = to_dense(scene.dynamics).B;
-  if (scene.f) {
-    scene.f = [phi = scene.f, B](double t, Eigen::Ref<Vector> f) {
-      Vector values(B.cols());
-      phi(t, values);
-      f = B * values;
-    };
-    scene.f_entry = SourceEntry::state;
-  }
-  scene.dynamics = to_dense(scene.dynamics);
-  return scene;
-}
 
 // x' = (along ⊕ across) x + B y with general b and n, g(t) = -1 + t.
 Scene rectangle(const Vector& b, const Vector& n, double T) {

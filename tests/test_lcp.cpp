@@ -10,14 +10,10 @@
 namespace bromwich {
 namespace {
 
+using reference::cycling;
+using reference::fold;
 using reference::Random;
-
-const Matrix cycling{{1, 0, 2}, {2, 1, 0}, {0, 2, 1}};  // P; semismooth Newton cycles at q = -1
-const Matrix fold{{1, -2}, {-2, 1}};                    // Z, not P: two solutions where q is in the fold
-
-Tridiagonal tridiagonal(Index n, double lower, double diagonal, double upper) {
-  return {Vector::Constant(n, lower), Vector::Constant(n, diagonal), Vector::Constant(n, upper)};
-}
+using reference::tridiagonal;
 
 Matrix random_P(Random& random, Index n, int kind) {
   if (kind % 2 == 0) return random.dominant(n);

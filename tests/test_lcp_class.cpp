@@ -10,27 +10,12 @@
 namespace bromwich {
 namespace {
 
+using reference::cycling;
+using reference::fold;
 using reference::Random;
+using reference::tridiagonal;
 
-const Matrix cycling{{1, 0, 2}, {2, 1, 0}, {0, 2, 1}};  // P, neither H+ nor positive definite
-const Matrix fold{{1, -2}, {-2, 1}};                    // Z, not P
 const Matrix relays{{0, 0, 1, 0}, {0, 0, 0, 1}, {-1, 0, 0, 0}, {0, -1, 0, 0}};
-const double infinity = std::numeric_limits<double>::infinity();
-
-Tridiagonal tridiagonal(Index n, double lower, double diagonal, double upper) {
-  return {Vector::Constant(n, lower), Vector::Constant(n, diagonal), Vector::Constant(n, upper)};
-}
-
-/// All principal minors by determinants, for scaled entries of size 1.
-bool minors_positive(const Matrix& M) {
-  for (unsigned set = 1; set < 1u << M.rows(); ++set) {
-    std::vector<Index> S;
-    for (Index i = 0; i < M.rows(); ++i)
-      if (set >> i & 1u) S.push_back(i);
-    if (!(Matrix(M(S, S)).determinant() > 0)) return false;
-  }
-  return true;
-}
 
 TEST(LcpClass, SignsOfZ) {
   EXPECT_TRUE(is_Z(fold));
@@ -57,7 +42,7 @@ TEST(LcpClass, SufficientConditionsForP) {
     const Matrix M = random.matrix(n, n) + Matrix(random.uniform(0, 2) * Matrix::Identity(n, n));
     if (!is_surely_P(M)) continue;
     ++accepted;
-    EXPECT_TRUE(minors_positive(M)) << M;
+    EXPECT_GT(oracle::smallest_principal_minor(M), 0) << M;
   }
   EXPECT_GT(accepted, 200);
 }
@@ -72,7 +57,7 @@ TEST(LcpClass, ExactTestForP) {
   for (int i = 0; i < 1000; ++i) {
     const Index n = 1 + i % 5;
     const Matrix M = random.matrix(n, n) + Matrix(0.7 * Matrix::Identity(n, n));
-    EXPECT_EQ(is_P_exact(M), minors_positive(M)) << M;
+    EXPECT_EQ(is_P_exact(M), oracle::smallest_principal_minor(M) > 0) << M;
     yes += is_P_exact(M);
   }
   EXPECT_GT(yes, 100);
@@ -186,15 +171,15 @@ TEST(LcpClass, LipschitzConstant) {
     EXPECT_NEAR(solution_lipschitz(M), exact, 1e-10 * exact);
     EXPECT_NEAR(solution_lipschitz(Matrix(1e-20 * M)), 1e20 * exact, 1e10 * exact);
   }
-  EXPECT_EQ(solution_lipschitz(Matrix(Matrix::Ones(2, 2))), infinity);
-  EXPECT_EQ(solution_lipschitz(relays), infinity);
+  EXPECT_EQ(solution_lipschitz(Matrix(Matrix::Ones(2, 2))), INFINITY);
+  EXPECT_EQ(solution_lipschitz(relays), INFINITY);
   EXPECT_NEAR(solution_lipschitz(Matrix{{1e-20, 0}, {0, 1}}), 1e20, 1e6) << "small is not singular";
   // Above 12: by <M>^{-1}, by the smallest eigenvalue, by nothing.
   EXPECT_NEAR(solution_lipschitz(tridiagonal(20, -1, 4, -1)), 0.5, 1e-5);
   Matrix K = random.matrix(16, 16);
   EXPECT_NEAR(solution_lipschitz(Matrix(Matrix::Identity(16, 16) + 10 * (K - K.transpose()))), 4, 1e-10);
-  EXPECT_EQ(solution_lipschitz(Matrix(K - K.transpose())), infinity);
-  EXPECT_EQ(solution_lipschitz(Tridiagonal{Vector::Ones(20), Vector::Zero(20), -Vector::Ones(20)}), infinity);
+  EXPECT_EQ(solution_lipschitz(Matrix(K - K.transpose())), INFINITY);
+  EXPECT_EQ(solution_lipschitz(Tridiagonal{Vector::Ones(20), Vector::Zero(20), -Vector::Ones(20)}), INFINITY);
   // A bound of the constant itself, seen on principal submatrices that can be enumerated.
   const Matrix M = random.dominant(14);
   for (Index k = 0; k < 7; ++k)

@@ -13,7 +13,7 @@ namespace {
 using reference::Random;
 
 /// Least-norm solutions are known to the condition of the active set (up to 1e4 here) times eps, in both solvers.
-constexpr double close = 1e-9;
+constexpr double close_enough = 1e-9;
 
 TEST(LcpPSD, LeastNormAgainstEnumeration) {
   Random random(21);
@@ -27,14 +27,14 @@ TEST(LcpPSD, LeastNormAgainstEnumeration) {
     const LcpOutcome outcome = solver.solve(p.q, y);
     ASSERT_TRUE(outcome.solved) << instance << "\n" << p.M << "\n" << p.q.transpose();
     EXPECT_FALSE(outcome.infeasible);
-    EXPECT_LE((y - exact).cwiseAbs().maxCoeff(), close)
+    EXPECT_LE((y - exact).cwiseAbs().maxCoeff(), close_enough)
         << instance << "\n"
         << p.M << "\nq " << p.q.transpose() << "\ny " << y.transpose() << "\nexact " << exact.transpose();
     degenerate += (p.known - exact).cwiseAbs().maxCoeff() > 1e-6;
     // From another solution: the answer does not depend on the start.
     solver.start_from(p.known);
     ASSERT_TRUE(solver.solve(p.q, y).solved) << instance;
-    EXPECT_LE((y - exact).cwiseAbs().maxCoeff(), close) << instance;
+    EXPECT_LE((y - exact).cwiseAbs().maxCoeff(), close_enough) << instance;
   }
   EXPECT_GT(degenerate, 300) << "the known solution often is another one";
 }
@@ -46,7 +46,8 @@ TEST(LcpPSD, LargerLeastNormProblems) {
     const Vector exact = oracle::least_norm(p.M, p.q, p.known);
     const LeastNorm found = least_norm_solution(p.M, p.q);
     ASSERT_TRUE(found.solved) << instance;
-    EXPECT_LE((found.y - exact).cwiseAbs().maxCoeff(), close) << instance << "\n" << p.M << "\nq " << p.q.transpose();
+    EXPECT_LE((found.y - exact).cwiseAbs().maxCoeff(), close_enough) << instance << "\n"
+                                                                     << p.M << "\nq " << p.q.transpose();
   }
 }
 
@@ -60,7 +61,7 @@ TEST(LcpPSD, AnyScale) {
       ActiveSetLcp solver(m * p.M, LcpClass::PSD);
       Vector y;
       ASSERT_TRUE(solver.solve(q * p.q, y).solved) << instance << ' ' << m << ' ' << q;
-      EXPECT_LE((m / q * y - exact.y).cwiseAbs().maxCoeff(), close) << instance << ' ' << m << ' ' << q;
+      EXPECT_LE((m / q * y - exact.y).cwiseAbs().maxCoeff(), close_enough) << instance << ' ' << m << ' ' << q;
     }
   }
 }

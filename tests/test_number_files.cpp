@@ -4,6 +4,7 @@
 #include "core/error.hpp"
 #include "files/number_files.hpp"
 #include "files/scene_file.hpp"
+#include "tests/refusal.hpp"
 
 #include <gtest/gtest.h>
 
@@ -19,15 +20,6 @@ namespace bromwich {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string refusal(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "nothing was refused";
-}
 
 Matrix market(const std::string& text) {
   return std::visit([](const auto& matrix) { return Matrix(matrix); }, read_matrix_market(text, "A.mtx"));
@@ -48,10 +40,6 @@ TEST(MatrixMarket, ReadsEveryVariant) {
   EXPECT_EQ(market(head + "array real skew-symmetric\n3 3\n1\n2\n3\n"), (Matrix{{0, -1, -2}, {1, 0, -3}, {2, 3, 0}}));
   EXPECT_EQ(market("%%MatrixMarket MATRIX Coordinate Real GENERAL\r\n1 1 1\r\n1 1 7\r\n"), (Matrix{{7}}));
 }
-
-struct Refused {
-  std::string text, message;  ///< the message begins with this
-};
 
 TEST(MatrixMarket, MistakesNameTheirLine) {
   const std::string coordinate = "%%MatrixMarket matrix coordinate real general\n";

@@ -7,10 +7,8 @@
 
 #include <cmath>
 
-namespace bromwich {
+namespace bromwich::oracle {
 namespace {
-
-using namespace oracle;
 
 TEST(Oracle, PhiFunctionsOfScalars) {
   for (const double z : {-30.0, -2.0, -1e-3, 0.5}) {
@@ -71,4 +69,4 @@ TEST(Oracle, EnumeratesSolutions) {
 }
 
 }  // namespace
-}  // namespace bromwich
+}  // namespace bromwich::oracle

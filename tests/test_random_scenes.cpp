@@ -14,10 +14,8 @@
 #include <utility>
 #include <vector>
 
-namespace bromwich {
+namespace bromwich::oracle {
 namespace {
-
-using namespace oracle;
 
 constexpr std::uint32_t count = 500;
 
@@ -217,4 +215,4 @@ TEST(OracleSteps, SelectedSolutions) {
 }
 
 }  // namespace
-}  // namespace bromwich
+}  // namespace bromwich::oracle

@@ -17,9 +17,6 @@
 namespace bromwich {
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
 Scene dense_scene() {
   Scene s;
   s.dynamics = DenseDynamics{Matrix::Identity(3, 3), Matrix::Ones(3, 2), Matrix::Ones(2, 3)};
@@ -33,7 +30,7 @@ Scene dense_scene() {
 Scene kronecker_scene() {
   Scene s;
   s.dynamics = KroneckerDynamics{{3, 0.5, 2.0}, {2, 0.25, 1.0}, Vector{{1, 2}}, Vector{{3, -4}}};
-  s.M = Tridiagonal{Vector{{nan, -1, -1}}, Vector{{4, 5, 6}}, Vector{{-2, -2, nan}}};  // ends are not used
+  s.M = Tridiagonal{Vector{{NAN, -1, -1}}, Vector{{4, 5, 6}}, Vector{{-2, -2, NAN}}};  // ends are not used
   s.x0 = Vector::Zero(6);
   return s;
 }
@@ -90,11 +87,11 @@ TEST(Scene, RejectsWrongSizes) {
 
 TEST(Scene, RejectsValuesThatAreNotFinite) {
   const std::vector<Rejection> rejections{
-      {"A", [](Scene& s) { dense(s).A(1, 2) = nan; }},
-      {"B", [](Scene& s) { dense(s).B(2, 0) = infinity; }},
-      {"N", [](Scene& s) { dense(s).N(0, 1) = -infinity; }},
-      {"M", [](Scene& s) { std::get<Matrix>(s.M)(1, 1) = nan; }},
-      {"x0", [](Scene& s) { s.x0[1] = nan; }},
+      {"A", [](Scene& s) { dense(s).A(1, 2) = NAN; }},
+      {"B", [](Scene& s) { dense(s).B(2, 0) = INFINITY; }},
+      {"N", [](Scene& s) { dense(s).N(0, 1) = -INFINITY; }},
+      {"M", [](Scene& s) { std::get<Matrix>(s.M)(1, 1) = NAN; }},
+      {"x0", [](Scene& s) { s.x0[1] = NAN; }},
       {"f(0)", [](Scene& s) { s.f = [](double t, Eigen::Ref<Vector> f) { f.setConstant(1 / t); }; }},
       {"g(0)", [](Scene& s) { s.g = [](double, Eigen::Ref<Vector> g) { g[0] = 1; }; }},  // g[1] is never written
   };
@@ -105,8 +102,8 @@ TEST(Scene, RejectsTimesAndSteps) {
   const std::vector<Rejection> rejections{
       {"T", [](Scene& s) { s.T = 0; }},
       {"T", [](Scene& s) { s.T = -1; }},
-      {"T", [](Scene& s) { s.T = nan; }},
-      {"T", [](Scene& s) { s.T = infinity; }},
+      {"T", [](Scene& s) { s.T = NAN; }},
+      {"T", [](Scene& s) { s.T = INFINITY; }},
       {"default_steps", [](Scene& s) { s.default_steps = 0; }},
   };
   expect_rejected(dense_scene(), rejections);
@@ -117,16 +114,16 @@ TEST(Scene, RejectsKroneckerSums) {
       {"along.points", [](Scene& s) { kronecker(s).along.points = 0; }},
       {"across.points", [](Scene& s) { kronecker(s).across.points = -1; }},
       {"along.spacing", [](Scene& s) { kronecker(s).along.spacing = 0; }},
-      {"across.spacing", [](Scene& s) { kronecker(s).across.spacing = nan; }},
+      {"across.spacing", [](Scene& s) { kronecker(s).across.spacing = NAN; }},
       {"along.diffusivity", [](Scene& s) { kronecker(s).along.diffusivity = -1; }},
-      {"across.diffusivity", [](Scene& s) { kronecker(s).across.diffusivity = infinity; }},
+      {"across.diffusivity", [](Scene& s) { kronecker(s).across.diffusivity = INFINITY; }},
       {"b", [](Scene& s) { kronecker(s).b = Vector::Zero(3); }},
       {"n", [](Scene& s) { kronecker(s).n = Vector::Zero(1); }},
-      {"b", [](Scene& s) { kronecker(s).b[1] = nan; }},
-      {"n", [](Scene& s) { kronecker(s).n[0] = infinity; }},
-      {"M.lower", [](Scene& s) { tridiagonal(s).lower[1] = nan; }},
-      {"M.diagonal", [](Scene& s) { tridiagonal(s).diagonal[2] = nan; }},
-      {"M.upper", [](Scene& s) { tridiagonal(s).upper[0] = nan; }},
+      {"b", [](Scene& s) { kronecker(s).b[1] = NAN; }},
+      {"n", [](Scene& s) { kronecker(s).n[0] = INFINITY; }},
+      {"M.lower", [](Scene& s) { tridiagonal(s).lower[1] = NAN; }},
+      {"M.diagonal", [](Scene& s) { tridiagonal(s).diagonal[2] = NAN; }},
+      {"M.upper", [](Scene& s) { tridiagonal(s).upper[0] = NAN; }},
       {"M", [](Scene& s) { s.M = Matrix(Matrix::Identity(6, 6)); }},
       {"x0", [](Scene& s) { s.x0 = Vector::Zero(3); }},
       {"f", [](Scene& s) { s.f = [](double, Eigen::Ref<Vector> f) { f.setZero(); }; }},
@@ -191,7 +188,7 @@ TEST(Scene, MultipliesByM) {
   const Vector y{{1, -2, 3}};
   EXPECT_EQ(multiply(kronecker_scene().M, y), to_dense(kronecker_scene().M) * y);
   EXPECT_EQ(multiply(dense_scene().M, y.head(2)), y.head(2));
-  const LcpMatrix single = Tridiagonal{Vector::Constant(1, nan), Vector::Constant(1, 3), Vector::Constant(1, nan)};
+  const LcpMatrix single = Tridiagonal{Vector::Constant(1, NAN), Vector::Constant(1, 3), Vector::Constant(1, NAN)};
   EXPECT_EQ(multiply(single, Vector::Constant(1, 2)), Vector::Constant(1, 6));
   EXPECT_EQ(to_dense(single), Matrix::Constant(1, 1, 3));
 }

@@ -5,6 +5,8 @@
 #include "core/relay.hpp"
 #include "files/scene_file.hpp"
 #include "run.hpp"
+#include "tests/oracle.hpp"
+#include "tests/refusal.hpp"
 
 #include <gtest/gtest.h>
 
@@ -53,22 +55,7 @@ SceneFile parse(const std::string& text, const ParameterValues& settings = {}) {
   return parse_scene(text, "my.toml", {}, settings);
 }
 
-std::string refusal(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "nothing was refused";
-}
-
 const DenseDynamics& dense(const SceneFile& file) { return std::get<DenseDynamics>(file.scene.dynamics); }
-
-Vector value(const TimeFunction& function, double t, Index size) {
-  Vector values(size);
-  function(t, values);
-  return values;
-}
 
 TEST(SceneFile, ReadsWhatIsWritten) {
   const SceneFile file =
@@ -123,10 +110,6 @@ TEST(SceneFile, ClassIsPassedOn) {
   EXPECT_EQ(read("Z"), LcpClass::Z);
   EXPECT_EQ(read("PSD"), LcpClass::PSD);
 }
-
-struct Refused {
-  std::string text, message;  ///< the message begins with this
-};
 
 TEST(SceneFile, MistakesNameFileLineAndKey) {
   const std::vector<Refused> cases{
@@ -304,15 +287,15 @@ TEST(SceneFile, RelayBecomesAComplementaritySystem) {
   EXPECT_EQ(to_dense(scene.dynamics).N, to_dense(expected.dynamics).N);
   EXPECT_EQ(to_dense(scene.M), to_dense(expected.M));
   EXPECT_EQ(scene.lcp_class, LcpClass::PSD);
-  EXPECT_EQ(value(scene.f, 0.5, 2), value(expected.f, 0.5, 2));
-  EXPECT_EQ(value(scene.g, 0.5, 2), value(expected.g, 0.5, 2));
+  EXPECT_EQ(oracle::value(scene.f, 0.5, 2), oracle::value(expected.f, 0.5, 2));
+  EXPECT_EQ(oracle::value(scene.g, 0.5, 2), oracle::value(expected.g, 0.5, 2));
   // The same source through F, and none at all.
   const std::string f = "f = [\"t\", \"2*t\"]\n";
   auto through = text, without = text;
   through.replace(through.find(f), f.size(), "f = [\"t\"]\nF = [[1], [2]]\n");
   without.replace(without.find(f), f.size(), "");
-  EXPECT_EQ(value(parse(through).scene.f, 0.5, 2), value(expected.f, 0.5, 2));
-  EXPECT_EQ(value(parse(without).scene.f, 0.5, 2), (Vector{{0, 1}}));
+  EXPECT_EQ(oracle::value(parse(through).scene.f, 0.5, 2), oracle::value(expected.f, 0.5, 2));
+  EXPECT_EQ(oracle::value(parse(without).scene.f, 0.5, 2), (Vector{{0, 1}}));
 }
 
 TEST(SceneFile, RelayMistakesNameTheirKey) {
@@ -366,8 +349,10 @@ TEST(SceneFile, SourcesMayBeSampledByManyThreads) {
     threads.emplace_back([&, k] {
       for (int i = 0; i < 500; ++i) {
         const double t = (double(k) + i * 8.) / 4000;
-        largest[k] = std::max(largest[k], (value(scene.f, t, 3) - value(built_in.f, t, 3)).cwiseAbs().maxCoeff());
-        largest[k] = std::max(largest[k], (value(scene.g, t, 4) - value(built_in.g, t, 4)).cwiseAbs().maxCoeff());
+        largest[k] = std::max(largest[k],
+                              (oracle::value(scene.f, t, 3) - oracle::value(built_in.f, t, 3)).cwiseAbs().maxCoeff());
+        largest[k] = std::max(largest[k],
+                              (oracle::value(scene.g, t, 4) - oracle::value(built_in.g, t, 4)).cwiseAbs().maxCoeff());
       }
     });
   for (std::thread& thread : threads) thread.join();

@@ -1,6 +1,7 @@
 #include "core/error.hpp"
 #include "core/scenes/catalogue.hpp"
 #include "tests/oracle.hpp"
+#include "tests/reference.hpp"
 
 #include <gtest/gtest.h>
 
@@ -14,13 +15,7 @@
 namespace bromwich {
 namespace {
 
-constexpr double pi = std::numbers::pi;
-
-Vector value(const TimeFunction& function, double t, Index size) {
-  Vector out(size);
-  function(t, out);
-  return out;
-}
+using reference::pi;
 
 /// A built-in scene's exact solution at one time.
 struct Exact {
@@ -42,7 +37,7 @@ void expect_exact(const Scene& scene, const std::vector<double>& kinks) {
   for (int i = 0; i <= samples; ++i) {
     const double t = s.T * i / samples;
     const auto [x, y] = exact(scene, t);
-    const Vector w = s.N * x + s.M * y + value(s.g, t, y.size());
+    const Vector w = s.N * x + s.M * y + oracle::value(s.g, t, y.size());
     // |x|, |y|, |g| stay below 10 and N, M below 3: some 20 roundings of numbers up to 30.
     EXPECT_GE(y.minCoeff(), 0) << "t = " << t;
     EXPECT_GE(w.minCoeff(), -100 * epsilon) << "t = " << t;
@@ -53,7 +48,7 @@ void expect_exact(const Scene& scene, const std::vector<double>& kinks) {
     const Vector slope = (8 * (exact(scene, t + d).x - exact(scene, t - d).x) -
                           (exact(scene, t + 2 * d).x - exact(scene, t - 2 * d).x)) /
                          (12 * d);
-    const Vector rate = s.A * x + s.B * y + value(s.f, t, x.size());
+    const Vector rate = s.A * x + s.B * y + oracle::value(s.f, t, x.size());
     EXPECT_LE((slope - rate).cwiseAbs().maxCoeff(), 5e-11) << "t = " << t;
   }
 }
@@ -70,7 +65,7 @@ TEST(DlcpSmall, ExactSolutionIsTheLeastElement) {
   for (int i = 0; i <= 200; ++i) {
     const double t = i / 200.;
     const auto [x, y] = exact(scene, t);
-    const auto least = oracle::solve_lcp(s.M, s.N * x + value(s.g, t, 4), LcpClass::Z);
+    const auto least = oracle::solve_lcp(s.M, s.N * x + oracle::value(s.g, t, 4), LcpClass::Z);
     ASSERT_TRUE(least) << "t = " << t;
     // The inverse of M on the active sets {}, {2}, {4} is at most 3 and q is rounded at size 10.
     EXPECT_LE((*least - y).cwiseAbs().maxCoeff(), 100 * epsilon) << "t = " << t;
@@ -106,8 +101,8 @@ TEST(Signorini, OnePointByHand) {
   EXPECT_EQ(scene.lcp_class, LcpClass::P);
   for (const double t : {0., 0.3, 4.}) {
     const double psi = std::sin(2 * pi * t);  // x2 = 1/2
-    EXPECT_DOUBLE_EQ(value(s.f, t, 1)[0], 4 * c * psi);
-    EXPECT_DOUBLE_EQ(value(s.g, t, 1)[0], 4 * psi);
+    EXPECT_DOUBLE_EQ(oracle::value(s.f, t, 1)[0], 4 * c * psi);
+    EXPECT_DOUBLE_EQ(oracle::value(s.g, t, 1)[0], 4 * psi);
   }
 }
 
@@ -131,7 +126,7 @@ TEST(Signorini, ThreePointsByHand) {
   for (Index i = 0; i < 9; ++i) EXPECT_DOUBLE_EQ(s.x0[i], 2 * expected[i]);
   // x2 = 1/4 and 3/4 belong to the outer part.
   const double t = 0.3, a = 4 / 1.3, b = std::sin(0.6 * pi);
-  const Vector phi = value(scene.f, t, 3), g = value(scene.g, t, 3);
+  const Vector phi = oracle::value(scene.f, t, 3), g = oracle::value(scene.g, t, 3);
   EXPECT_EQ(scene.f_entry, SourceEntry::through_B);
   const double psi[3] = {a, b, a}, M_psi[3] = {4 * a - b, 4 * b - 2 * a, 4 * a - b};
   for (Index i = 0; i < 3; ++i) {
@@ -143,7 +138,7 @@ TEST(Signorini, ThreePointsByHand) {
 TEST(Signorini, ObstacleJumpsAtTheQuarters) {
   for (const Index Q : {3, 7, 39, 127, 511}) {
     const Scene scene = make_scene("signorini", {{"Q", double(Q)}});
-    const Vector psi = value(scene.f, 0, Q);  // 4 outside, 0 inside
+    const Vector psi = oracle::value(scene.f, 0, Q);  // 4 outside, 0 inside
     const Index quarter = (Q + 1) / 4;
     for (Index i = 1; i <= Q; ++i) EXPECT_EQ(psi[i - 1], i <= quarter || i >= 3 * quarter ? 4 : 0) << Q << " " << i;
   }

@@ -5,6 +5,7 @@
 #include "core/error.hpp"
 #include "core/sparse_kernel.hpp"
 #include "tests/backends.hpp"
+#include "tests/dense_twin.hpp"
 #include "tests/oracle.hpp"
 
 #include <Eigen/Dense>
@@ -242,23 +243,6 @@ Scene scene_on(const SparseMatrix& A, Index n, SourceEntry entry, Index sources,
   };
   if (entry == SourceEntry::through_F) scene.F = assemble(m, sources, F);
   return scene;
-}
-
-/// The same with every matrix written out and f as an m-vector.
-Scene dense_twin(const Scene& scene) {
-  Scene twin = scene;
-  const auto& d = std::get<SparseDynamics>(scene.dynamics);
-  twin.dynamics = DenseDynamics{Matrix(d.A), Matrix(d.B), Matrix(d.N)};
-  if (!scene.f || scene.f_entry == SourceEntry::state) return twin;
-  const SparseMatrix F = scene.f_entry == SourceEntry::through_B ? d.B : scene.F;
-  twin.f = [F, phi = scene.f](double t, Eigen::Ref<Vector> value) {
-    Vector values = Vector::Zero(F.cols());
-    phi(t, values);
-    value = F * values;
-  };
-  twin.f_entry = SourceEntry::state;
-  twin.F = SparseMatrix();
-  return twin;
 }
 
 double weight_distance(const LagTable& table, const oracle::Weights& exact) {

@@ -1,12 +1,12 @@
 #include "tests/verdict.hpp"
 
 #include "core/error.hpp"
+#include "core/text.hpp"
 
 #include <Eigen/Dense>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 
 namespace bromwich::oracle {
@@ -22,24 +22,11 @@ constexpr double carried = 1e-5;
 /// Two solutions that differ by more are two.
 constexpr double same_solution = 1e-6;
 
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[200];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
-
 bool contains(const std::string& whole, const char* part) { return whole.find(part) != std::string::npos; }
 
 bool iterates(const Result& result) { return contains(result.method, "contour") || result.method == "multigrid"; }
 
 double largest(const Vector& v) { return v.size() == 0 ? 0 : v.cwiseAbs().maxCoeff(); }
-
-Vector value(const TimeFunction& function, double t, Index size) {
-  Vector out(size);
-  function(t, out);
-  return out;
-}
 
 /// Complementarity of y and w, row by row, relative to the terms that w is summed from; `columns`: what a unit of y_i
 /// adds to the rows, in those terms. A y_i below rounding counts as zero.

@@ -10,6 +10,8 @@
 
 namespace bromwich::app {
 
+inline constexpr double horizon = 4;  ///< T of the second example
+
 /// Fig. 4.1: the k-th iterate of dlcp-small beside Theorem 2.2.
 void paper_small_iterates(bool quick, Backend&, BenchReport&);
 /// Fig. 4.6: the k-th iterate of signorini for several h and dx.

@@ -14,9 +14,6 @@ namespace {
 
 constexpr double stop = 1e-12;       ///< (4.1)
 constexpr Index printed_nodes = 25;  ///< P of the contours in the bound
-constexpr double horizon = 4;        ///< T of the second example
-
-using Error = Iterates::Error;
 
 /// 1..12 one by one, then in growing strides, up to `last`.
 std::vector<Index> sweeps_shown(Index last, bool all) {
@@ -30,7 +27,7 @@ std::vector<Index> sweeps_shown(Index last, bool all) {
 Json curve(Iterates& iterates, const std::vector<Index>& sweeps) {
   Json k = Json::array(), y = Json::array(), trace = Json::array(), x = Json::array();
   for (const Index i : sweeps) {
-    const Error& e = iterates.error(i);
+    const Iterates::Error& e = iterates.error(i);
     k.push_back(i);
     y.push_back(e.y);
     trace.push_back(e.trace);
@@ -77,7 +74,7 @@ void paper_small_iterates(bool quick, Backend& backend, BenchReport& report) {
   std::vector<std::vector<std::string>> lines{{"h", "sweeps to 1e-12", "bound: phi", "L", "below 1 from sweep"}};
   for (const Index steps : {32, 128}) {
     Iterates iterates(scene, backend, steps, true);
-    const Index last = iterates.sweeps_to(stop, [](const Error& e) { return e.x; });
+    const Index last = iterates.sweeps_to(stop, [](const Iterates::Error& e) { return e.x; });
     const IterationBound bound = iteration_bound(scene, printed_nodes, steps, last);
     Json row{{"figure", "4.1"}, {"scene", scene.name}, {"steps", steps}, {"h", iterates.h()}};
     row.update(curve(iterates, sweeps_shown(last, !quick)));
@@ -86,7 +83,7 @@ void paper_small_iterates(bool quick, Backend& backend, BenchReport& report) {
     for (const Index k : row["sweeps"]) printed.push_back(bound.decades[std::size_t(k)] + std::log10(start));
     row.update({{"start_error", start},
                 {"sweeps_to_1e-12", last},
-                {"sweeps_to_1e-12_y", iterates.sweeps_to(stop, [](const Error& e) { return e.y; })},
+                {"sweeps_to_1e-12_y", iterates.sweeps_to(stop, [](const Iterates::Error& e) { return e.y; })},
                 {"bound_log10", printed},
                 {"bound_phi", bound.phi},
                 {"bound_lipschitz", bound.lipschitz},
@@ -120,7 +117,7 @@ Json large_row(const char* figure, Index cells, Index steps, bool quick, Backend
   Iterates iterates(choice.scene, backend, steps, cells - 1 <= most_points_with_states);
   const double tolerance = paper_tolerance(iterates.h(), dx);
   // N = -2 (I ⊗ e_1^T): half the trace is the state next to the membrane.
-  const auto neighbour = [](const Error& e) { return e.trace / 2; };
+  const auto neighbour = [](const Iterates::Error& e) { return e.trace / 2; };
   const Index last = iterates.sweeps_to(stop, neighbour);
   Json row{{"figure", figure}, {"scene", choice.scene.name}, {"steps", steps},        {"h", iterates.h()},
            {"dx", dx},         {"points", cells - 1},        {"tolerance", tolerance}};
@@ -129,7 +126,7 @@ Json large_row(const char* figure, Index cells, Index steps, bool quick, Backend
   row["sweeps_to_1e-12"] = last;
   row["sweeps_to_tolerance_x"] = nullptr;
   if (cells - 1 <= most_points_with_states && !quick)
-    row["sweeps_to_tolerance_x"] = iterates.sweeps_to(tolerance, [](const Error& e) { return e.x; });
+    row["sweeps_to_tolerance_x"] = iterates.sweeps_to(tolerance, [](const Iterates::Error& e) { return e.x; });
   return row;
 }
 

@@ -13,16 +13,15 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr double horizon = 4;         ///< T of the second example
 constexpr Index default_cells = 40;   ///< dx = 0.025
 constexpr Index default_steps = 400;  ///< h = 0.01
 constexpr Index literal_cells = 40;   ///< contour-literal takes seconds there and minutes beyond
 
-struct Case {
+struct PaperCase {
   Index cells, steps, reference;  ///< 1/dx, T/h, steps of the reference
 };
 
-struct Contestant {
+struct PaperContestant {
   std::string name;
   Options options;
   bool iterates = false;
@@ -51,18 +50,18 @@ constexpr Quoted quoted[] = {
 };
 constexpr double quoted_over_all_steps = 60;  ///< 'a constant value around 60 seconds' over all h of Fig. 4.10 left
 
-std::vector<Case> cases(bool quick) {
+std::vector<PaperCase> cases(bool quick) {
   if (quick) return {{16, 64, 1024}, {default_cells, default_steps, 3200}};
-  std::vector<Case> list;
+  std::vector<PaperCase> list;
   for (Index steps = 64; steps <= 2048; steps *= 2) list.push_back({default_cells, steps, 32768});
   list.push_back({default_cells, default_steps, 51200});
   for (const Index cells : {16, 32, 64, 128, 256, 512}) list.push_back({cells, default_steps, 12800});
   return list;
 }
 
-std::vector<Contestant> contestants(const Case& one, bool quick) {
+std::vector<PaperContestant> contestants(const PaperCase& one, bool quick) {
   const double h = horizon / double(one.steps), dx = 1 / double(one.cells);
-  std::vector<Contestant> list{{"contour, to (4.8)", {}, true}, {"march", {}}, {"euler", {}}};
+  std::vector<PaperContestant> list{{"contour, to (4.8)", {}, true}, {"march", {}}, {"euler", {}}};
   list[0].options.method = Method::contour;
   list[1].options.method = Method::march;
   list[2].options.method = Method::euler;
@@ -70,7 +69,7 @@ std::vector<Contestant> contestants(const Case& one, bool quick) {
     list.push_back({"contour-literal, to (4.8)", {}, true});
     list.back().options.method = Method::contour_literal;
   }
-  for (Contestant& c : list) {
+  for (PaperContestant& c : list) {
     c.options.steps = one.steps;
     if (c.iterates) c.options.iteration_tolerance = std::min(h, dx * dx) / 50;  // (4.8)
   }
@@ -78,8 +77,9 @@ std::vector<Contestant> contestants(const Case& one, bool quick) {
 }
 
 /// A warm-up that gives the errors, then whole rounds.
-void measure(std::vector<Contestant>& list, const Scene& scene, Backend& backend, const Truth& truth, int repeats) {
-  for (Contestant& c : list) {
+void measure(std::vector<PaperContestant>& list, const Scene& scene, Backend& backend, const Truth& truth,
+             int repeats) {
+  for (PaperContestant& c : list) {
     Options options = c.options;
     options.trace = true;
     c.result = solve(scene, backend, options);
@@ -87,7 +87,7 @@ void measure(std::vector<Contestant>& list, const Scene& scene, Backend& backend
     for (RowMatrix* array : {&c.result.y, &c.result.x, &c.result.trace}) array->resize(0, 0);
   }
   for (int round = 0; round < repeats; ++round)
-    for (Contestant& c : list) {
+    for (PaperContestant& c : list) {
       if (!c.solved()) continue;
       const Seconds s = solve(scene, backend, c.options).seconds;
       c.samples.add(s.total, s.setup, s.solve);
@@ -98,7 +98,7 @@ void measure(std::vector<Contestant>& list, const Scene& scene, Backend& backend
 }
 
 /// Parts of the whole time in percent, from medians.
-Json split(const Contestant& c) {
+Json split(const PaperContestant& c) {
   const double setup = median(c.samples.setup), lcp = median(c.lcp), convolution = median(c.convolution),
                transform = median(c.transform), solve = median(c.samples.solve), total = setup + solve;
   const double other = std::max(0.0, solve - lcp - convolution - transform);
@@ -110,7 +110,7 @@ Json split(const Contestant& c) {
           {"other", percent(other)}};
 }
 
-Json row(const Contestant& c, const Case& one, const Truth& truth) {
+Json row(const PaperContestant& c, const PaperCase& one, const Truth& truth) {
   return {{"figure", "4.10"},
           {"contestant", c.name},
           {"h", horizon / double(one.steps)},
@@ -131,7 +131,7 @@ Json row(const Contestant& c, const Case& one, const Truth& truth) {
           {"split_percent", c.iterates ? split(c) : Json(nullptr)}};
 }
 
-std::vector<std::string> cells(const Contestant& c, const Case& one) {
+std::vector<std::string> cells(const PaperContestant& c, const PaperCase& one) {
   return {c.name,
           fmt::format("1/{:g}", double(one.steps) / horizon),
           fmt::format("1/{}", one.cells),
@@ -229,7 +229,7 @@ void paper_times(bool quick, int repeats, Backend& backend, BenchReport& report)
   std::optional<Truth> truth;
   std::optional<SceneChoice> choice;
   Index reference = 0, side = 0;
-  for (const Case& one : cases(quick)) {
+  for (const PaperCase& one : cases(quick)) {
     if (one.cells != side || one.reference != reference) {
       truth.reset();
       choice = choose_scene("signorini", {{"Q", double(one.cells - 1)}, {"T", horizon}});
@@ -238,7 +238,7 @@ void paper_times(bool quick, int repeats, Backend& backend, BenchReport& report)
     }
     auto list = contestants(one, quick);
     measure(list, choice->scene, backend, *truth, repeats);
-    for (const Contestant& c : list) {
+    for (const PaperContestant& c : list) {
       report.rows.push_back(row(c, one, *truth));
       lines.push_back(cells(c, one));
     }

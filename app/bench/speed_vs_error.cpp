@@ -39,7 +39,7 @@ struct Runner {
   int threads;
 };
 
-struct Contestant {
+struct LadderContestant {
   std::string name;
   Options options;
   Runner runner;
@@ -89,9 +89,9 @@ bool worth_refining(const Errors& errors, const Truth& truth) {
 }
 
 /// One rung: solved once, which warms up and gives the error.
-Contestant rung(const Ladder& ladder, const Options& options, const Scene& scene, const Runner& runner,
-                const Truth& truth) {
-  Contestant c{ladder.name, options, runner};
+LadderContestant rung(const Ladder& ladder, const Options& options, const Scene& scene, const Runner& runner,
+                      const Truth& truth) {
+  LadderContestant c{ladder.name, options, runner};
   check_memory(scene, options.steps, 0);
   c.result = solve(scene, *runner.backend, options);
   c.errors = truth.of(c.result);
@@ -102,13 +102,13 @@ Contestant rung(const Ladder& ladder, const Options& options, const Scene& scene
 
 /// All rungs of one ladder on one runner, up to where they no longer pay.
 void climb(const Ladder& ladder, const Scene& scene, const Runner& runner, const Truth& truth, const Limits& limits,
-           std::vector<Contestant>& list) {
+           std::vector<LadderContestant>& list) {
   Options options = ladder.options;
   double before = 0;
   for (;;) {
     const Index most = truth.steps() > 0 ? truth.steps() : Index(1) << 22;
     if (options.steps > most || options.literal_nodes > 100) return;
-    Contestant c = rung(ladder, options, scene, runner, truth);
+    LadderContestant c = rung(ladder, options, scene, runner, truth);
     const double seconds = c.result.seconds.total;
     const bool hopeless = c.result.status == Status::unsupported;
     // Where the nodes no longer change the error, the steps limit it.
@@ -125,16 +125,16 @@ void climb(const Ladder& ladder, const Scene& scene, const Runner& runner, const
 }
 
 /// Whole rounds, so that no contestant runs twice in a row and a slow moment of the machine meets all alike.
-void measure(std::vector<Contestant>& list, const Scene& scene, int repeats) {
+void measure(std::vector<LadderContestant>& list, const Scene& scene, int repeats) {
   for (int round = 0; round < repeats; ++round)
-    for (Contestant& c : list) {
+    for (LadderContestant& c : list) {
       if (!c.solved()) continue;
       const Seconds seconds = solve(scene, *c.runner.backend, c.options).seconds;
       c.samples.add(seconds.total, seconds.setup, seconds.solve);
     }
 }
 
-Json row(const Contestant& c, const std::string& scene, const SceneChoice& choice, const Truth& truth) {
+Json row(const LadderContestant& c, const std::string& scene, const SceneChoice& choice, const Truth& truth) {
   return {
       {"scene", scene},
       {"parameters", to_json(choice.parameters)},
@@ -156,10 +156,10 @@ Json row(const Contestant& c, const std::string& scene, const SceneChoice& choic
       {"reference_known_to", to_json(truth.known_to())}};
 }
 
-std::string measured_table(const std::vector<Contestant>& list) {
+std::string measured_table(const std::vector<LadderContestant>& list) {
   std::vector<std::vector<std::string>> rows{{"contestant", "threads", "steps", "nodes", "iterations", "error y",
                                               "rms y", "error N x", "median", "min", "max", "status"}};
-  for (const Contestant& c : list)
+  for (const LadderContestant& c : list)
     rows.push_back({c.name, fmt::format("{}", c.runner.threads), fmt::format("{}", c.options.steps),
                     c.options.method == Method::contour_literal ? fmt::format("{}", c.options.literal_nodes + 1) : "-",
                     fmt::format("{}", c.result.iterations), scientific(c.errors.y.max), scientific(c.errors.y.rms),
@@ -170,26 +170,27 @@ std::string measured_table(const std::vector<Contestant>& list) {
 }
 
 /// The fastest run of a contestant, on any number of threads, whose y is within `error`.
-const Contestant* fastest(const std::vector<Contestant>& list, double error, const auto& belongs) {
-  const Contestant* best = nullptr;
-  for (const Contestant& c : list)
+const LadderContestant* fastest(const std::vector<LadderContestant>& list, double error, const auto& belongs) {
+  const LadderContestant* best = nullptr;
+  for (const LadderContestant& c : list)
     if (c.solved() && c.errors.y.max <= error && belongs(c) && (!best || c.seconds() < best->seconds())) best = &c;
   return best;
 }
 
-std::string words(const Contestant& c) {
+std::string words(const LadderContestant& c) {
   return fmt::format("{} with {} steps on {} thread{}: {}", c.name, c.options.steps, c.runner.threads,
                      c.runner.threads == 1 ? "" : "s", format_seconds(c.seconds()));
 }
 
 /// Who is fastest at an error, and by how much; implicit Euler and the iteration are always named.
-std::string at_error(const std::vector<Contestant>& list, double error) {
-  const Contestant* best = fastest(list, error, [](const Contestant&) { return true; });
+std::string at_error(const std::vector<LadderContestant>& list, double error) {
+  const LadderContestant* best = fastest(list, error, [](const LadderContestant&) { return true; });
   if (!best) return "";
   std::string text = fmt::format("error of y {:.0e}: fastest is {}", error, words(*best));
   for (const Method method : {Method::euler, Method::contour}) {
     if (best->options.method == method) continue;
-    const Contestant* other = fastest(list, error, [&](const Contestant& c) { return c.options.method == method; });
+    const LadderContestant* other =
+        fastest(list, error, [&](const LadderContestant& c) { return c.options.method == method; });
     if (other)
       text += fmt::format("; {:.3g} x of that: {}", other->seconds() / best->seconds(), words(*other));
     else
@@ -199,10 +200,10 @@ std::string at_error(const std::vector<Contestant>& list, double error) {
 }
 
 /// Rungs on which a method gave no solution.
-std::vector<std::string> failures(const std::vector<Contestant>& list) {
+std::vector<std::string> failures(const std::vector<LadderContestant>& list) {
   std::vector<std::string> notes;
   std::map<std::string, std::string> steps_of;
-  for (const Contestant& c : list)
+  for (const LadderContestant& c : list)
     if (!c.solved())
       steps_of[c.name] += fmt::format("{}{}", steps_of[c.name].empty() ? "" : ", ", c.options.steps) +
                           fmt::format(" ({})", to_string(c.result.status));
@@ -220,7 +221,7 @@ void run_scene(const std::string& name, const ParameterValues& settings, const L
   std::vector<Runner> runners{{alone.get(), 1}};
   if (backend.device().threads > 1) runners.push_back({&backend, backend.device().threads});
 
-  std::vector<Contestant> list;
+  std::vector<LadderContestant> list;
   for (const Ladder& ladder : ladders(scene, limits))
     for (const Runner& runner : runners) climb(ladder, scene, runner, truth, limits, list);
   measure(list, scene, request.repeats());
@@ -240,16 +241,16 @@ void run_scene(const std::string& name, const ParameterValues& settings, const L
     report.notes.push_back(title + ": " + note);
   }
   print(text + "\n");
-  for (const Contestant& c : list) report.rows.push_back(row(c, scene.name, choice, truth));
+  for (const LadderContestant& c : list) report.rows.push_back(row(c, scene.name, choice, truth));
 }
 
-struct Case {
+struct LadderCase {
   std::string scene;
   ParameterValues settings;
   Limits limits;
 };
 
-std::vector<Case> cases(const BenchRequest& request) {
+std::vector<LadderCase> cases(const BenchRequest& request) {
   const Limits small{1.5, 32, Index(1) << 18, 512}, quick{0.02, 32, 4096, 64};
   if (request.scene) {
     Limits limits = request.quick ? quick : small;
@@ -259,10 +260,10 @@ std::vector<Case> cases(const BenchRequest& request) {
   if (!request.settings.empty() || request.steps > 0)
     throw Error(request.steps > 0 ? "--steps" : "--set", "found without a SCENE", "name the scene they belong to");
   if (request.quick) return {{"signorini", {{"Q", 15}}, quick}, {"dlcp-small", {}, quick}};
-  std::vector<Case> list{{"signorini", {{"Q", 39}}, small},
-                         {"signorini", {{"Q", 511}}, {4, 32, Index(1) << 16, 64}},
-                         {"dlcp-small", {}, small},
-                         {"bridge", {}, small}};
+  std::vector<LadderCase> list{{"signorini", {{"Q", 39}}, small},
+                               {"signorini", {{"Q", 511}}, {4, 32, Index(1) << 16, 64}},
+                               {"dlcp-small", {}, small},
+                               {"bridge", {}, small}};
   for (const char* circuit : {"examples/rlcd.toml", "examples/diode-bridge.toml"})
     if (std::filesystem::exists(circuit)) list.push_back({circuit, {}, small});
   return list;
@@ -283,7 +284,7 @@ BenchReport bench_speed_vs_error(const BenchRequest& request, Backend& backend) 
       "the reference is known to; P + 1 shifted solves a time point";
   report.details["reference_known_to"] =
       "deviation of the reference from itself with half its steps; 0: exact solution";
-  for (const Case& one : cases(request)) run_scene(one.scene, one.settings, one.limits, request, backend, report);
+  for (const LadderCase& one : cases(request)) run_scene(one.scene, one.settings, one.limits, request, backend, report);
   return report;
 }
 

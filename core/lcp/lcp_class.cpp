@@ -2,6 +2,7 @@
 
 #include "core/lcp/comparison.hpp"
 #include "core/lcp/solution.hpp"
+#include "core/text.hpp"
 
 #include <Eigen/Cholesky>
 
@@ -148,11 +149,7 @@ struct Minors {
 
 constexpr Index largest_exact_P = 16;
 
-std::string entry(Index i, Index j, double value) {
-  char text[96];
-  std::snprintf(text, sizeof text, "M(%td,%td) = %.6g", i, j, value);
-  return text;
-}
+std::string entry(Index i, Index j, double value) { return text("M(%td,%td) = %.6g", i, j, value); }
 
 std::optional<std::string> contradicts_P(const LcpMatrix& M) {
   const Vector d = diagonal(M);

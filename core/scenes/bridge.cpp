@@ -28,7 +28,7 @@ void exact_state(double nu, double t, Eigen::Ref<Vector> x) {
   }
 }
 
-Scene build(const ParameterValues& values) {
+Scene build_bridge(const ParameterValues& values) {
   const double nu = values.at("nu");
   DenseDynamics bridge{Matrix(2, 2), Matrix(2, 1), Matrix(1, 2)};
   bridge.A << 0, 1, -4, 0;
@@ -57,7 +57,7 @@ SceneRecipe bridge_recipe() {
   return {"bridge",
           "suspension bridge with slack cables, an oscillator; the exact solution is known",
           {{"nu", 1, "initial velocity; the exact solution is known for nu >= 0"}, {"T", 3 * pi, "final time"}},
-          build};
+          build_bridge};
 }
 
 }  // namespace bromwich

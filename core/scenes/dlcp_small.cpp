@@ -58,7 +58,7 @@ Vector4 slack(double t) {
   return {0.15 + t * std::exp(-t), std::max(-S, 0.), 0.15 + t * std::exp(-t / 3), std::max(S + 0.3, 0.)};
 }
 
-Scene build(const ParameterValues& values) {
+Scene build_dlcp_small(const ParameterValues& values) {
   const Matrices m = matrices();
   Scene scene;
   scene.dynamics = DenseDynamics{m.A, m.B, m.N};
@@ -82,7 +82,7 @@ SceneRecipe dlcp_small_recipe() {
   return {"dlcp-small",
           "three states, four constraints, M a Z-matrix; the exact solution is known",
           {{"T", 1, "final time"}},
-          build};
+          build_dlcp_small};
 }
 
 }  // namespace bromwich

@@ -45,7 +45,7 @@ void obstacle(double t, Eigen::Ref<Vector> psi) {
     psi[i - 1] = std::abs(4 * i - 2 * cells) >= cells ? outside : inside;
 }
 
-Scene build(const ParameterValues& values) {
+Scene build_signorini(const ParameterValues& values) {
   const Index Q = points_per_side(values);
   const double c = positive_parameter(values, "c"), dx = 1.0 / double(Q + 1);
 
@@ -89,7 +89,7 @@ SceneRecipe signorini_recipe() {
            {"dx", std::numeric_limits<double>::quiet_NaN(), "grid spacing 1/(Q+1), instead of Q", "Q"},
            {"c", 2e-3, "diffusivity"},
            {"T", 4, "final time"}},
-          build};
+          build_signorini};
 }
 
 }  // namespace bromwich

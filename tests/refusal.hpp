@@ -1,0 +1,25 @@
+#pragma once
+// Bad input: the one line that says what is wrong with it.
+
+#include "core/error.hpp"
+
+#include <functional>
+#include <string>
+
+namespace bromwich {
+
+/// An input, and how the message about it begins.
+struct Refused {
+  std::string text, message;
+};
+
+inline std::string refusal(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "nothing was refused";
+}
+
+}  // namespace bromwich
