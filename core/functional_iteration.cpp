@@ -154,17 +154,11 @@ std::unique_ptr<Array> make_response(const DiscreteProblem& p, SpaceTimeKernel& 
   const auto input = p.backend.array(rows, n);
   p.backend.upload(p.g, *r);
   p.backend.upload(kronecker_initial_response(p), *input);
-  if (!p.drive()) {
-    sine->apply(*input, r.get(), *r, 0);
-    return r;
-  }
-  sine->apply(*input, r.get(), v, 0);  // g + S N e^{At} x0
+  sine->apply(*input, r.get(), *r, 0);  // g + S N e^{At} x0
+  if (!p.drive()) return r;
   p.backend.upload(*p.drive(), *input);
-  kernel.apply(*input, *r, 0);
-  RowMatrix with_f, without;
-  p.backend.download(*r, with_f);
-  p.backend.download(v, without);
-  p.backend.upload(with_f + without, *r);
+  kernel.apply(*input, v, 0);
+  p.backend.add(*r, 1, v, *r);
   return r;
 }
 

@@ -47,8 +47,8 @@ KernelChoice make_kernel(const DiscreteProblem&, ConvolutionChoice);
 /// One step of the state costs less than its share of transforms over time (dense dynamics).
 bool scan_is_cheaper(const DiscreteProblem&);
 
-/// r on the backend: g + N e^{At} x0 + response to f. `work` is one array of its shape. Dense dynamics and Kronecker
-/// sums.
+/// r on the backend: g + N e^{At} x0 + response to f. `work` is one array of its shape; where f = B phi in a Kronecker
+/// sum it is left with K phi. Dense dynamics and Kronecker sums.
 std::unique_ptr<Array> make_response(const DiscreteProblem&, SpaceTimeKernel&, Array& work);
 
 /// Fills status, y, iterations, history, counters, residual and seconds of `result`.
