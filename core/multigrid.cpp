@@ -12,24 +12,26 @@ namespace bromwich {
 namespace {
 
 constexpr Index most_cycles = 40;
-constexpr double slow = 0.5;              ///< contraction of a cycle that does not pay
-constexpr double rounding_level = 1e-10;  ///< changes that rounding may keep up
+constexpr int first_visits = 3;             ///< to the coarsest grid before anything else, where it is not marched
+constexpr double poor = 0.15;               ///< contraction of a cycle that may need an exact solution on the coarsest
+constexpr double slow = 0.5;                ///< contraction of a cycle that does not pay
+constexpr double unseen = 0.1;              ///< contraction of further cycles at least, after one was seen
+constexpr double rounding_changes = 1e-10;  ///< changes that rounding may keep up
 
 // Watches the changes of y from cycle to cycle and says when they are over.
-class Watch {
+class CycleWatch {
  public:
-  explicit Watch(double tolerance) : tolerance_(tolerance) {}
+  // `contraction`: of the first cycle, or infinite.
+  CycleWatch(double tolerance, double contraction) : tolerance_(tolerance), contraction_(contraction) {}
 
-  // With contraction c what is left after a change is at most change c / (1 - c); c is the larger of the last two,
-  // since the first is flattered by the error of the start.
   std::optional<IterationOutcome> after(double change) {
     if (!std::isfinite(change)) return IterationOutcome{Status::nonfinite, "the iterates grew beyond all bounds"};
-    const double contraction = change / change_, worst = std::max(contraction, contraction_);
+    const double contraction = cycles_ > 0 ? change / change_ : contraction_;
+    worst_ = std::max(contraction, contraction_);
     slow_ = cycles_ > 0 && contraction > slow ? slow_ + 1 : 0;
     change_ = change;
-    contraction_ = contraction;
-    if (change <= tolerance_ || (worst < slow && change * worst / (1 - worst) <= tolerance_) ||
-        (slow_ > 0 && change <= rounding_level))
+    contraction_ = cycles_ > 0 ? contraction : std::max(contraction, unseen);
+    if (change <= tolerance_ || left() <= tolerance_ || (slow_ > 0 && change <= rounding_changes))
       return IterationOutcome{Status::solved, ""};
     if (slow_ >= 2 || ++cycles_ >= most_cycles)
       return IterationOutcome{Status::tolerance_not_met,
@@ -39,8 +41,15 @@ class Watch {
     return std::nullopt;
   }
 
+  // With contraction c what is left after a change is at most change c / (1 - c); c is the larger of the last two,
+  // since the first is flattered by the error of the start. Infinite where cycles do not contract, or too few were
+  // seen.
+  double contraction() const { return cycles_ > 1 ? contraction_ : 0; }  ///< as it was seen
+
+  double left() const { return worst_ < slow ? change_ * worst_ / (1 - worst_) : INFINITY; }
+
  private:
-  double tolerance_, change_ = 0, contraction_ = INFINITY;
+  double tolerance_, contraction_, change_ = 0, worst_ = INFINITY;
   Index slow_ = 0, cycles_ = 0;
 };
 
@@ -48,25 +57,38 @@ class Watch {
 
 Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& levels, Result& result)
     : backend_(backend), options_(options), levels_(levels), result_(result), queued_(all_queue()) {
-  if (!queued_) return;
-  for (std::size_t l = 0; l + 1 < levels_.size(); ++l) {
+  recorded_.resize(levels_.size());
+  const std::size_t last = levels_.size() - 1;
+  for (std::size_t l = 0; queued_ && l <= last; ++l) {
     const Index values = levels_[l].y->rows() * levels_[l].y->cols();
-    recorded_.push_back({backend_.record(values, [&] { descend(l); }), backend_.record(values, [&] { ascend(l); })});
+    Recorded& recorded = recorded_[l];
+    if (l < last) {
+      recorded.descend = backend_.record(values, [&] { descend(l); });
+      recorded.ascend = backend_.record(values, [&] { ascend(l); });
+    } else if (!levels_[l].march) {
+      recorded.descend = backend_.record(values, [&] { sweep_coarsest(); });
+    }
   }
 }
 
 bool Multigrid::all_queue() const {
   for (const auto& level : levels_.grids)
-    if (level->lcp ? !level->lcp->queues() : !level->march->queues()) return false;
+    if (level->march ? !level->march->queues() : !level->lcp->queues()) return false;
   return true;
 }
 
 void Multigrid::nest(const Vector& y0) {
+  const std::size_t last = levels_.size() - 1;
+  const std::size_t observed = options_.algebraic_share > 0 && last >= 2 ? std::min<std::size_t>(2, last - 1) : 0;
   for (std::size_t l = levels_.size(); l-- > 0 && !failure_;) {
     start_on(l, y0);
-    if (l > 0) cycle(l);
+    if (l > 0 && l == observed)
+      contraction_ = observed_contraction(l);
+    else if (l > 0 || last == 0)
+      for (int visits = 0; visits < (l == last && !levels_[l].march ? first_visits : 1); ++visits) cycle(l);
     if (levels_[l].nested) backend_.inject(*levels_[l].y, *levels_[l].nested);
   }
+  nested_ = true;
   if (!queued_ || collected()) return;
   queued_ = false;
   levels_.respond();
@@ -75,15 +97,18 @@ void Multigrid::nest(const Vector& y0) {
 
 // y of the next coarser grid, or y_0 alone.
 void Multigrid::start_on(std::size_t l, const Vector& y0) {
-  RowMatrix start = RowMatrix::Zero(levels_[l].steps + 1, y0.size());
-  if (l + 1 == levels_.size()) start.row(0) = y0.transpose();
-  backend_.upload(start, *levels_[l].y);
-  if (l + 1 < levels_.size()) backend_.interpolate(*levels_[l + 1].y, nullptr, *levels_[l].y);
+  const bool coarsest = l + 1 == levels_.size();
+  if (nested_ || coarsest) {  // arrays are zero when they are made
+    RowMatrix start = RowMatrix::Zero(levels_[l].steps + 1, y0.size());
+    if (coarsest) start.row(0) = y0.transpose();
+    backend_.upload(start, *levels_[l].y);
+  }
+  if (!coarsest) backend_.interpolate(*levels_[l + 1].y, nullptr, *levels_[l].y);
 }
 
 IterationOutcome Multigrid::iterate() {
   TimeLevel& finest = levels_[0];
-  Watch watch(options_.iteration_tolerance);
+  CycleWatch watch(options_.iteration_tolerance, contraction_);
   while (!failure_) {
     if (options_.interrupted && options_.interrupted()) return {Status::interrupted, "stopped on request"};
     if (result_.iterations >= options_.max_iterations)
@@ -94,9 +119,38 @@ IterationOutcome Multigrid::iterate() {
     ++result_.cycles;
     result_.history.push_back(change);
     if (options_.progress) options_.progress({result_.iterations, change});
-    if (const auto outcome = watch.after(change)) return *outcome;
+    const auto outcome = watch.after(change);
+    if (std::isfinite(watch.left())) result_.algebraic_error = watch.left();
+    if (outcome) return *outcome;
+    if (watch.contraction() > poor) march_from_now_on();
+    if (watch.left() <= options_.algebraic_share * least_discretisation_error()) return {Status::solved, ""};
   }
   return *failure_;
+}
+
+void Multigrid::march_from_now_on() {
+  if (levels_[levels_.size() - 1].march) return;
+  levels_.prepare_march();
+  queued_ = all_queue();
+}
+
+// Of a cycle from the solution of the next coarser grid: two cycles instead of one.
+double Multigrid::observed_contraction(std::size_t l) {
+  TimeLevel& level = levels_[l];
+  double changes[2];
+  for (double& change : changes) {
+    backend_.inject(*level.y, *level.old);
+    cycle(l);
+    change = backend_.difference(*level.y, *level.old);
+  }
+  return changes[0] > 0 ? changes[1] / changes[0] : INFINITY;
+}
+
+// |y_h - y_2h| / 3, what the error would be with the full order 2.
+double Multigrid::least_discretisation_error() {
+  if (options_.algebraic_share == 0 || levels_.size() < 2) return 0;
+  backend_.inject(*levels_[0].y, *levels_[1].old);
+  return backend_.difference(*levels_[1].old, *levels_[1].nested) / 3;
 }
 
 void Multigrid::cycle_and_look(std::size_t l) {
@@ -106,21 +160,30 @@ void Multigrid::cycle_and_look(std::size_t l) {
   backend_.inject(*levels_[l].old, *levels_[l].y);
   queued_ = false;
   cycle(l);
-  queued_ = true;
+  queued_ = all_queue();
 }
 
 void Multigrid::cycle(std::size_t l) {
-  if (levels_[l].lcp) apply(levels_[l]);
+  if (!levels_[l].march) apply(levels_[l]);
   solve_on(l);
 }
 
 void Multigrid::solve_on(std::size_t l) {
-  if (l + 1 == levels_.size()) return march(levels_[l]);
+  if (levels_[l].march) return march(levels_[l]);
+  if (l + 1 == levels_.size()) return queued_ && recorded_[l].descend ? recorded_[l].descend->run() : sweep_coarsest();
   const bool recorded = queued_ && recorded_[l].descend && recorded_[l].ascend;
   recorded ? recorded_[l].descend->run() : descend(l);
   solve_on(l + 1);
   recorded ? recorded_[l].ascend->run() : ascend(l);
   if (queued_ && l == 0) result_.iterations += levels_[l].sweeps + 1;
+}
+
+void Multigrid::sweep_coarsest() {
+  TimeLevel& coarsest = levels_[levels_.size() - 1];
+  for (int i = 0; i < coarsest.sweeps; ++i) {
+    if (i > 0) apply(coarsest);
+    smooth(coarsest);
+  }
 }
 
 // Sweeps, then r_c = R (r + K y) - K_c R y, and y_c = R y to begin with.
@@ -167,11 +230,12 @@ void Multigrid::march(TimeLevel& level) {
 bool Multigrid::collected() {
   bool solved = true;
   for (const auto& level : levels_.grids) {
-    if (level->march) {
+    if (level->march && level->march->queues()) {
       const MarchReport report = level->march->collect();
       count(report.count);
       solved = solved && report.stopped < 0;
-    } else {
+    }
+    if (level->lcp) {
       const LcpReport report = level->lcp->collect();
       count(report.count);
       solved = solved && report.count.unsolved == 0 && report.finite && report.magnitude < 1e100;

@@ -8,7 +8,8 @@
 //     smooth
 //
 // R y of a solution y solves its coarse problem, so that y is left as it is. R has to be injection: averages of y and w
-// over time are not complementary where the active set changes. The coarsest grid is marched. The start comes from the
+// over time are not complementary where the active set changes. On the coarsest grid there are only sweeps, or, where
+// these do not do, it is marched. The start comes from the
 // coarse grids (nested iteration). K_c R y serves the coarse problem and the first sweep on it.
 
 #include "time_levels.hpp"
@@ -23,7 +24,7 @@ class Multigrid {
   /// From y_0 alone to a first y on the finest grid.
   void nest(const Vector& y0);
 
-  /// Cycles on the finest grid until y stands still.
+  /// Cycles on the finest grid until y stands still, or, with Options::algebraic_share, as long as they are useful.
   IterationOutcome iterate();
 
   /// One V-cycle for the y and r that grid l holds.
@@ -35,9 +36,13 @@ class Multigrid {
   bool all_queue() const;
   bool collected();
   void cycle_and_look(std::size_t l);
+  double observed_contraction(std::size_t l);
+  void march_from_now_on();
+  double least_discretisation_error();
 
   void start_on(std::size_t l, const Vector& y0);
   void solve_on(std::size_t l);  // v holds K y
+  void sweep_coarsest();
   void descend(std::size_t l);
   void ascend(std::size_t l);
   void apply(TimeLevel&);
@@ -47,7 +52,8 @@ class Multigrid {
   void judge(const LcpReport&);
   void judge(const MarchReport&, Index steps);
 
-  /// The two halves of a cycle on one grid, recorded; null where they are asked for one by one.
+  /// The two halves of a cycle on one grid, recorded; null where they are asked for one by one. On the coarsest grid
+  /// `descend` is all.
   struct Recorded {
     std::unique_ptr<Program> descend, ascend;
   };
@@ -56,8 +62,9 @@ class Multigrid {
   const Options& options_;
   TimeLevels& levels_;
   Result& result_;
-  bool queued_;
+  bool queued_, nested_ = false;
   std::vector<Recorded> recorded_;
+  double contraction_ = INFINITY;            ///< of a first cycle, as observed on a coarser grid
   std::optional<IterationOutcome> failure_;  ///< what ended a sweep or a march; nothing is done after it
 };
 

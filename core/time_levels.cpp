@@ -16,6 +16,7 @@ constexpr double accurate_kappa0 = 0.1;         ///< of coarse grids that have t
 constexpr double smoothing_factor = 0.6;        ///< of a grid that has a coarser one
 constexpr double largest_smooth_factor = 1.01;  ///< at frequency 0: 1, and what a sample of it may miss
 constexpr double easily_smoothed = 0.25;        ///< by a single sweep before
+constexpr int coarsest_sweeps = 4;              ///< of a visit to a coarsest grid that is not marched
 constexpr Index most_unasked = 2048;            ///< steps of a march that nobody is asked about
 
 // Where the weights and kernels of all grids come from.
@@ -31,6 +32,7 @@ class Source {
   // Of the grid with `steps` steps; `finer` are the weights of that with twice as many, or null.
   Weights weights(Index steps, const Weights* finer) const {
     if (sparse_) return finer ? coarsen(std::get<LagTable>(*finer)) : sparse_->weights;
+    if (finer && p_.kronecker()) return Recurrence(coarsen(std::get<ModalRecurrence>(std::get<Recurrence>(*finer))));
     const double h = p_.scene.T / double(steps);
     if (p_.dense()) return Recurrence(dense_recurrence(*p_.dense(), Rule::exponential, h));
     const KroneckerDynamics& d = *p_.kronecker();
@@ -65,7 +67,7 @@ class Source {
   }
 
  private:
-  // One fit on [h, T] serves all grids: the coarser ones begin later.
+  // Of the finest grid: it serves all.
   void fit(const KroneckerDynamics& d) {
     sum_ = compress_line_kernel(d, p_.h, p_.scene.T);
     fits_ = sum_.error <= accepted_compression_error;
@@ -156,13 +158,11 @@ void set_finest_response(const DiscreteProblem& p, const SparseKernel* sparse, T
     finest.r = make_response(p, *finest.kernel, *finest.v);
 }
 
-// r of all grids but the finest, from that.
-void set_coarse_responses(const DiscreteProblem& p, const std::vector<TimeLevel*>& grids) {
+// r of all grids but the finest, from that. `kernel_of_drive`: v of the finest grid holds K phi already.
+void set_coarse_responses(const DiscreteProblem& p, const std::vector<TimeLevel*>& grids, bool kernel_of_drive) {
   const bool driven = p.kronecker() && p.drive();
-  if (driven) {
-    p.backend.upload(*p.drive(), *grids[0]->old);
-    grids[0]->kernel->apply(*grids[0]->old, *grids[0]->v, 0);
-  }
+  if (driven) p.backend.upload(*p.drive(), *grids[0]->old);
+  if (driven && !kernel_of_drive) grids[0]->kernel->apply(*grids[0]->old, *grids[0]->v, 0);
   for (std::size_t l = 1; l < grids.size(); ++l) {
     p.backend.inject(*grids[l - 1]->r, *grids[l]->r);
     if (driven) add_driven_difference(p.backend, *grids[l - 1], *grids[l]);
@@ -188,6 +188,17 @@ LagTable coarsen(const LagTable& fine) {
     if (2 * d < end) coarse.W.row(d) += 0.5 * fine.W.row(2 * d + 1);  // the last lag acts on y_0 alone, by S
     coarse.S.row(d) = fine.S.row(2 * d) + 0.5 * fine.W.row(2 * d - 1);
   }
+  return coarse;
+}
+
+ModalRecurrence coarsen(const ModalRecurrence& fine) {
+  ModalRecurrence coarse;
+  const auto E = fine.decay.array(), C = fine.output.array();
+  coarse.decay = E.square();
+  coarse.output = 0.5 * C * (1 + E).square();
+  coarse.start = (2 * E * fine.start.array() + 1) / (1 + E).square();
+  coarse.w0 = fine.w0 + 0.5 * (fine.w1 + fine.output.colwise().sum().transpose());
+  coarse.w1 = coarse.s1 = 0.5 * fine.w1;
   return coarse;
 }
 
@@ -220,22 +231,30 @@ TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, con
   KernelChoice finest = source.finest(levels[0]);
   levels.kernel_error = finest.error;
   levels.description = finest.description + "; grids of ";
+  // Sweeps that smooth and do not enlarge what is smooth do, after a nested start, for what is left on the coarsest.
+  const bool swept = levels.size() > 1 && levels.grids.back()->sweeps > 0;
   for (std::size_t l = 0; l < levels.size(); ++l) {
     TimeLevel& level = levels[l];
     level.kernel = l == 0 ? std::move(finest.kernel) : source.kernel(level);
     for (auto* array : {&level.r, &level.y, &level.v, &level.old})
       *array = p.backend.array(level.steps + 1, p.scene.constraints());
     if (l == 1 || l == 2) level.nested = p.backend.array(level.steps + 1, p.scene.constraints());
-    if (l + 1 < levels.size()) level.lcp = p.backend.shifted_lcp(p.scene.M, p.lcp_class, level.shift, level.steps + 1);
+    if (l + 1 < levels.size() || swept)
+      level.lcp = p.backend.shifted_lcp(p.scene.M, p.lcp_class, level.shift, level.steps + 1);
     levels.description += (l > 0 ? ", " : "") + std::to_string(level.steps);
   }
-  levels.description += " steps, the last marched";
+  levels.description += swept ? " steps" : " steps, the last marched";
   set_finest_response(p, sparse, levels[0]);
   std::vector<TimeLevel*> grids;
   for (const auto& level : levels.grids) grids.push_back(level.get());
-  levels.respond = [&p, grids] { set_coarse_responses(p, grids); };
-  levels.respond();
-  prepare_march(p, options, *levels.grids.back());
+  levels.respond = [&p, grids] { set_coarse_responses(p, grids, false); };
+  set_coarse_responses(p, grids, true);
+  TimeLevel& coarsest = *levels.grids.back();
+  levels.prepare_march = [&p, &options, &coarsest] { prepare_march(p, options, coarsest); };
+  if (swept)
+    coarsest.sweeps = coarsest_sweeps;
+  else
+    levels.prepare_march();
   return levels;
 }
 
