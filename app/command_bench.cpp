@@ -19,12 +19,14 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr std::array<Benchmark, 7> benchmarks{{
+constexpr std::array<Benchmark, 8> benchmarks{{
     {"speed-vs-error", "every method over a ladder of steps: error beside time, one thread and all",
      bench_speed_vs_error},
     {"baselines", "the iteration against step-by-step methods, error beside time", bench_baselines},
     {"gpu", "the CUDA backend on signorini: one sweep in parts, whole solves, the processor beside it", bench_gpu},
     {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
+    {"multigrid", "cycles on signorini: contraction, and the way to a tenth of the discretisation error",
+     bench_multigrid},
     {"paper", "the experiments of the paper on Laplace inversion, beside the numbers it quotes", bench_paper},
     {"scenes", "all scene files of a folder: what they are, how they are solved, error and time", bench_scenes},
     {"sparse", "heat on a square with 1e5 states and ten contacts", bench_sparse},
