@@ -26,6 +26,8 @@ constexpr std::array<Benchmark, 8> benchmarks{{
     {"auto", "what auto chooses, against the best of the methods by name", bench_auto},
     {"gpu", "the CUDA backend on signorini: one sweep in parts, whole solves, the processor beside it", bench_gpu},
     {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
+    {"multigrid", "cycles on signorini: contraction, and the way to a tenth of the discretisation error",
+     bench_multigrid},
     {"paper", "the experiments of the paper on Laplace inversion, beside the numbers it quotes", bench_paper},
     {"scenes", "all scene files of a folder: what they are, how they are solved, error and time", bench_scenes},
     {"sparse", "heat on a square with 1e5 states and ten contacts", bench_sparse},

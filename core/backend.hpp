@@ -75,7 +75,12 @@ class LcpBatch {
   virtual LcpReport finish(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) {
     return solve(r, v, y, first, settle_tolerance);
   }
-  /// max_j ||min(y_j, M y_j + q_j)||_inf / max(1, ||q_j||_inf) with q = r + v (the natural map).
+  /// `start` does the work, and several may be asked for before anybody looks; false: it is done by `finish`.
+  virtual bool queues() const { return false; }
+  /// Where it queues: waits, and sums up all that was started since the last report. Rows that were left unsolved keep
+  /// the y given; `change` and `settled` are not known.
+  virtual LcpReport collect() { return {}; }
+  /// max_j ||min(y_j, M y_j + q_j)||_inf / max(1, ||q_j||_inf) with q = r + v (the natural map), without a shift.
   virtual double residual(const Array& r, const Array& v, const Array& y) = 0;
   virtual std::size_t bytes() const = 0;
 };
@@ -113,6 +118,11 @@ class March {
  public:
   virtual ~March() = default;
   virtual MarchReport run(Array& y, Array& v) = 0;
+  /// As for LcpBatch: where it queues, `start` begins a run, and `collect` waits and sums up what was started since it
+  /// was last called; `stopped` is 0 where one of the runs failed.
+  virtual bool queues() const { return false; }
+  virtual void start(Array& /*y*/, Array& /*v*/) {}
+  virtual MarchReport collect() { return {}; }
   virtual std::size_t bytes() const = 0;
 };
 
@@ -190,6 +200,10 @@ class Backend {
   /// fine <- fine + I (coarse - old), I the linear interpolation to twice as many steps; without `old`, fine + I
   /// coarse.
   virtual void interpolate(const Array& coarse, const Array* old, Array& fine) = 0;
+  /// The problem of a coarser grid with half the steps, R every second row: coarse_r <- R (r + v) - coarse_v, and
+  /// coarse_y, old <- R y.
+  virtual void restrict_problem(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
+                                Array& coarse_y, Array& old) = 0;
   /// a <- b + s c; `a` may be `b` or `c`.
   virtual void add(const Array& b, double s, const Array& c, Array& a) = 0;
   /// max_j |a_j - b_j|_inf / max(1, |a_j|_inf), the measure of LcpReport::change; NaN where a value is not finite.
@@ -198,7 +212,10 @@ class Backend {
   virtual std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) = 0;
   virtual std::unique_ptr<Convolution> convolution(const Recurrence&, Index rows) = 0;
   virtual std::unique_ptr<Convolution> convolution(const LagTable&, Index rows) = 0;
-  virtual std::unique_ptr<LcpBatch> lcp(const LcpMatrix&, LcpClass, Index rows) = 0;
+  std::unique_ptr<LcpBatch> lcp(const LcpMatrix& M, LcpClass c, Index rows) { return shifted_lcp(M, c, 0, rows); }
+  /// y_j in SOL(M + D I, r_j + v_j - D y_j) with the y given on the right (core/smoothing.hpp), the class being that of
+  /// M + D I. D other than 0: tridiagonal M.
+  virtual std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix&, LcpClass, double D, Index rows) = 0;
   virtual std::unique_ptr<March> march(const MarchProblem&, Index rows) = 0;
   virtual std::unique_ptr<StageMarch> stage_march(const StageProblem&, Index rows) = 0;
 

@@ -28,8 +28,12 @@ constexpr double confirmed_change = 0.05;           ///< of y before a step with
 
 // The natural-map residual that a solution may have: rounding of the kernel, and what an iteration tolerance leaves
 // open.
-double residual_limit(bool iterated, const Options& options) {
-  return iterated ? std::clamp(1e3 * options.iteration_tolerance, 1e-9, 1e-2) : 1e-9;
+double residual_limit(bool iterated, const Result& result, const Options& options) {
+  if (!iterated) return 1e-9;
+  const double accurate = std::clamp(1e3 * options.iteration_tolerance, 1e-9, 1e-2);
+  return options.algebraic_share > 0 && result.algebraic_error
+             ? std::clamp(1e3 * *result.algebraic_error, accurate, 0.1)
+             : accurate;
 }
 
 void demote(Result& result, const std::string& reason) {
@@ -45,7 +49,7 @@ bool iterates(Method method) {
 
 void Certification::certify(Method method, Result& result) {
   const DiscreteProblem& p = methods_.problem();
-  if (!(result.residual <= residual_limit(iterates(method), options_)))
+  if (!(result.residual <= residual_limit(iterates(method), result, options_)))
     return demote(result, "the residual is above the limit for a solution");
   if (method != Method::contour_literal && result.kernel_error > most_kernel_error)
     return demote(result, text("the weights of the kernel are known only to %.1e: use other steps, or method euler",

@@ -13,6 +13,7 @@ namespace bromwich {
 namespace {
 
 constexpr double accepted = 0.8;              ///< of the tolerance
+constexpr double algebraic_share = 0.1;       ///< of a grid's discretisation error, that cycles may leave
 constexpr double lowest_order = 0.5;          ///< that an estimate is made with
 constexpr Index fewest_steps = 16;            ///< of a first grid of our choice
 constexpr Index most_steps = Index(1) << 20;  ///< of a further grid
@@ -109,6 +110,7 @@ class Refinement {
     Options one = options_;
     one.tolerance = 0;
     one.steps = J;
+    one.algebraic_share = algebraic_share;
     RowMatrix start;
     if (solved_ && solved_->continuous && 2 * solved_->steps == J) {
       start = refined(solved_->y);
@@ -145,7 +147,7 @@ class Refinement {
     e.tolerance = options_.tolerance;
     const double largest = solved_->y.bottomRows(solved_->steps).cwiseAbs().maxCoeff();
     e.kernel = solved_->kernel_error * largest / std::max(1.0, largest);
-    e.iteration = iteration_error(solved_->history);
+    e.iteration = solved_->algebraic_error.value_or(iteration_error(solved_->history));
     e.rounding = solved_->rounding * largest / std::max(1.0, largest);
     Differences& d = *differences_;
     // Once is enough: later differences may be small because all jumps happen to be in the same steps.

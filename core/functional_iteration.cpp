@@ -14,7 +14,7 @@ namespace bromwich {
 
 SpaceTimeKernel::SpaceTimeKernel(Backend& backend, std::unique_ptr<Convolution> convolution, bool modal, Index rows,
                                  Index n)
-    : convolution_(std::move(convolution)) {
+    : backend_(backend), convolution_(std::move(convolution)) {
   if (!modal) return;
   sine_ = backend.sine_transform(n, rows);
   y_modes_ = backend.array(rows, n);
@@ -33,6 +33,19 @@ void SpaceTimeKernel::apply(const Array& y, Array& v, Index first) {
   convolution_->apply(*y_modes_, *v_modes_, first);
   convolution_seconds += timer.lap();
   sine_->apply(*v_modes_, nullptr, v, first);
+  transform_seconds += timer.lap();
+}
+
+void SpaceTimeKernel::apply_injected(const SpaceTimeKernel& fine, const Array& y_fine, Array& y, Array& v) {
+  if (!sine_) {
+    backend_.inject(y_fine, y);
+    return apply(y, v, 0);
+  }
+  Timer timer;
+  backend_.inject(*fine.y_modes_, *y_modes_);
+  convolution_->apply(*y_modes_, *v_modes_, 0);
+  convolution_seconds += timer.lap();
+  sine_->apply(*v_modes_, nullptr, v, 0);
   transform_seconds += timer.lap();
 }
 
@@ -141,17 +154,11 @@ std::unique_ptr<Array> make_response(const DiscreteProblem& p, SpaceTimeKernel& 
   const auto input = p.backend.array(rows, n);
   p.backend.upload(p.g, *r);
   p.backend.upload(kronecker_initial_response(p), *input);
-  if (!p.drive()) {
-    sine->apply(*input, r.get(), *r, 0);
-    return r;
-  }
-  sine->apply(*input, r.get(), v, 0);  // g + S N e^{At} x0
+  sine->apply(*input, r.get(), *r, 0);  // g + S N e^{At} x0
+  if (!p.drive()) return r;
   p.backend.upload(*p.drive(), *input);
-  kernel.apply(*input, *r, 0);
-  RowMatrix with_f, without;
-  p.backend.download(*r, with_f);
-  p.backend.download(v, without);
-  p.backend.upload(with_f + without, *r);
+  kernel.apply(*input, v, 0);
+  p.backend.add(*r, 1, v, *r);
   return r;
 }
 

@@ -20,11 +20,15 @@ class SpaceTimeKernel {
   SpaceTimeKernel(Backend&, std::unique_ptr<Convolution>, bool modal, Index rows, Index n);
 
   void apply(const Array& y, Array& v, Index first);
+  /// The same for y = R y_fine on the grid with half the steps, y_fine what `fine` was last applied to: its modes are
+  /// known.
+  void apply_injected(const SpaceTimeKernel& fine, const Array& y_fine, Array& y, Array& v);
   std::size_t bytes() const;
 
   double transform_seconds = 0, convolution_seconds = 0;
 
  private:
+  Backend& backend_;
   std::unique_ptr<Convolution> convolution_;
   std::unique_ptr<SineTransform> sine_;
   std::unique_ptr<Array> y_modes_, v_modes_;
@@ -43,8 +47,8 @@ KernelChoice make_kernel(const DiscreteProblem&, ConvolutionChoice);
 /// One step of the state costs less than its share of transforms over time (dense dynamics).
 bool scan_is_cheaper(const DiscreteProblem&);
 
-/// r on the backend: g + N e^{At} x0 + response to f. `work` is one array of its shape. Dense dynamics and Kronecker
-/// sums.
+/// r on the backend: g + N e^{At} x0 + response to f. `work` is one array of its shape; where f = B phi in a Kronecker
+/// sum it is left with K phi. Dense dynamics and Kronecker sums.
 std::unique_ptr<Array> make_response(const DiscreteProblem&, SpaceTimeKernel&, Array& work);
 
 /// Fills status, y, iterations, history, counters, residual and seconds of `result`.

@@ -201,7 +201,15 @@ RowMatrix contour_initial_response(const KroneckerDynamics& dynamics, const Cont
     real_product(exponential_factors(contour, h, first, last), R, response.middleRows(first, count));
     first = last + 1;
   }
-  for (Index j = 1; j <= J; ++j) response.row(j).array() *= (mu.transpose().array() * (double(j) * h)).exp();
+  const Eigen::RowVectorXd step = (mu * h).array().exp().transpose();
+  Eigen::RowVectorXd power(n);
+  for (Index j = 1; j <= J; ++j) {
+    if (j % geometric_run == 1)
+      power = (mu * (double(j) * h)).array().exp().transpose();
+    else
+      power.array() *= step.array();
+    response.row(j).array() *= power.array();
+  }
   return response;
 }
 

@@ -12,24 +12,26 @@ namespace bromwich {
 namespace {
 
 constexpr Index most_cycles = 40;
-constexpr double slow = 0.5;              ///< contraction of a cycle that does not pay
-constexpr double rounding_level = 1e-10;  ///< changes that rounding may keep up
+constexpr int first_visits = 3;             ///< to the coarsest grid before anything else, where it is not marched
+constexpr double poor = 0.15;               ///< contraction of a cycle that may need an exact solution on the coarsest
+constexpr double slow = 0.5;                ///< contraction of a cycle that does not pay
+constexpr double unseen = 0.1;              ///< contraction of further cycles at least, after one was seen
+constexpr double rounding_changes = 1e-10;  ///< changes that rounding may keep up
 
 // Watches the changes of y from cycle to cycle and says when they are over.
-class Watch {
+class CycleWatch {
  public:
-  explicit Watch(double tolerance) : tolerance_(tolerance) {}
+  // `contraction`: of the first cycle, or infinite.
+  CycleWatch(double tolerance, double contraction) : tolerance_(tolerance), contraction_(contraction) {}
 
-  // With contraction c what is left after a change is at most change c / (1 - c); c is the larger of the last two,
-  // since the first is flattered by the error of the start.
   std::optional<IterationOutcome> after(double change) {
     if (!std::isfinite(change)) return IterationOutcome{Status::nonfinite, "the iterates grew beyond all bounds"};
-    const double contraction = change / change_, worst = std::max(contraction, contraction_);
+    const double contraction = cycles_ > 0 ? change / change_ : contraction_;
+    worst_ = std::max(contraction, contraction_);
     slow_ = cycles_ > 0 && contraction > slow ? slow_ + 1 : 0;
     change_ = change;
-    contraction_ = contraction;
-    if (change <= tolerance_ || (worst < slow && change * worst / (1 - worst) <= tolerance_) ||
-        (slow_ > 0 && change <= rounding_level))
+    contraction_ = cycles_ > 0 ? contraction : std::max(contraction, unseen);
+    if (change <= tolerance_ || left() <= tolerance_ || (slow_ > 0 && change <= rounding_changes))
       return IterationOutcome{Status::solved, ""};
     if (slow_ >= 2 || ++cycles_ >= most_cycles)
       return IterationOutcome{Status::tolerance_not_met,
@@ -39,78 +41,211 @@ class Watch {
     return std::nullopt;
   }
 
+  // With contraction c what is left after a change is at most change c / (1 - c); c is the larger of the last two,
+  // since the first is flattered by the error of the start. Infinite where cycles do not contract, or too few were
+  // seen.
+  double contraction() const { return cycles_ > 1 ? contraction_ : 0; }  ///< as it was seen
+
+  double left() const { return worst_ < slow ? change_ * worst_ / (1 - worst_) : INFINITY; }
+
  private:
-  double tolerance_, change_ = 0, contraction_ = INFINITY;
+  double tolerance_, contraction_, change_ = 0, worst_ = INFINITY;
   Index slow_ = 0, cycles_ = 0;
 };
 
 }  // namespace
 
-std::vector<RowMatrix> Multigrid::nest(const Vector& y0) {
+Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& levels, Result& result)
+    : backend_(backend), options_(options), levels_(levels), result_(result), queued_(all_queue()) {
+  recorded_.resize(levels_.size());
   const std::size_t last = levels_.size() - 1;
-  RowMatrix start = RowMatrix::Zero(levels_[last].steps + 1, y0.size());
-  start.row(0) = y0.transpose();
-  backend_.upload(start, *levels_[last].y);
-  march(levels_[last]);
-  std::vector<RowMatrix> solutions;
-  for (std::size_t l = last; l-- > 0 && !failure_;) {
-    if (l < 2) solutions.insert(solutions.begin(), download(*levels_[l + 1].y));
-    backend_.interpolate(*levels_[l + 1].y, nullptr, *levels_[l].y);
-    if (l > 0) cycle(l);
+  for (std::size_t l = 0; queued_ && l <= last; ++l) {
+    const Index values = levels_[l].y->rows() * levels_[l].y->cols();
+    Recorded& recorded = recorded_[l];
+    if (l < last) {
+      recorded.descend = backend_.record(values, [&] { descend(l); });
+      recorded.ascend = backend_.record(values, [&] { ascend(l); });
+    } else if (!levels_[l].march) {
+      recorded.descend = backend_.record(values, [&] { sweep_coarsest(); });
+    }
   }
-  return solutions;
+}
+
+bool Multigrid::all_queue() const {
+  for (const auto& level : levels_.grids)
+    if (level->march ? !level->march->queues() : !level->lcp->queues()) return false;
+  return true;
+}
+
+void Multigrid::nest(const Vector& y0) {
+  const std::size_t last = levels_.size() - 1;
+  const std::size_t observed = options_.algebraic_share > 0 && last >= 2 ? std::min<std::size_t>(2, last - 1) : 0;
+  for (std::size_t l = levels_.size(); l-- > 0 && !failure_;) {
+    start_on(l, y0);
+    if (l > 0 && l == observed)
+      contraction_ = observed_contraction(l);
+    else if (l > 0 || last == 0)
+      for (int visits = 0; visits < (l == last && !levels_[l].march ? first_visits : 1); ++visits) cycle(l);
+    if (levels_[l].nested) backend_.inject(*levels_[l].y, *levels_[l].nested);
+  }
+  nested_ = true;
+  if (!queued_ || collected()) return;
+  queued_ = false;
+  levels_.respond();
+  nest(y0);
+}
+
+// y of the next coarser grid, or y_0 alone.
+void Multigrid::start_on(std::size_t l, const Vector& y0) {
+  const bool coarsest = l + 1 == levels_.size();
+  if (nested_ || coarsest) {  // arrays are zero when they are made
+    RowMatrix start = RowMatrix::Zero(levels_[l].steps + 1, y0.size());
+    if (coarsest) start.row(0) = y0.transpose();
+    backend_.upload(start, *levels_[l].y);
+  }
+  if (!coarsest) backend_.interpolate(*levels_[l + 1].y, nullptr, *levels_[l].y);
 }
 
 IterationOutcome Multigrid::iterate() {
   TimeLevel& finest = levels_[0];
-  Watch watch(options_.iteration_tolerance);
+  CycleWatch watch(options_.iteration_tolerance, contraction_);
   while (!failure_) {
     if (options_.interrupted && options_.interrupted()) return {Status::interrupted, "stopped on request"};
     if (result_.iterations >= options_.max_iterations)
       return {Status::tolerance_not_met, text("%ld sweeps, the limit", long(result_.iterations))};
-    backend_.inject(*finest.y, *finest.old);
-    cycle(0);
+    cycle_and_look(0);
     if (failure_) break;
     const double change = backend_.difference(*finest.y, *finest.old);
     ++result_.cycles;
     result_.history.push_back(change);
     if (options_.progress) options_.progress({result_.iterations, change});
-    if (const auto outcome = watch.after(change)) return *outcome;
+    const auto outcome = watch.after(change);
+    if (std::isfinite(watch.left())) result_.algebraic_error = watch.left();
+    if (outcome) return *outcome;
+    if (watch.contraction() > poor) march_from_now_on();
+    if (watch.left() <= options_.algebraic_share * least_discretisation_error()) return {Status::solved, ""};
   }
   return *failure_;
 }
 
+void Multigrid::march_from_now_on() {
+  if (levels_[levels_.size() - 1].march) return;
+  levels_.prepare_march();
+  queued_ = all_queue();
+}
+
+// Of a cycle from the solution of the next coarser grid: two cycles instead of one.
+double Multigrid::observed_contraction(std::size_t l) {
+  TimeLevel& level = levels_[l];
+  double changes[2];
+  for (double& change : changes) {
+    backend_.inject(*level.y, *level.old);
+    cycle(l);
+    change = backend_.difference(*level.y, *level.old);
+  }
+  return changes[0] > 0 ? changes[1] / changes[0] : INFINITY;
+}
+
+// |y_h - y_2h| / 3, what the error would be with the full order 2.
+double Multigrid::least_discretisation_error() {
+  if (options_.algebraic_share == 0 || levels_.size() < 2) return 0;
+  backend_.inject(*levels_[0].y, *levels_[1].old);
+  return backend_.difference(*levels_[1].old, *levels_[1].nested) / 3;
+}
+
+void Multigrid::cycle_and_look(std::size_t l) {
+  backend_.inject(*levels_[l].y, *levels_[l].old);
+  cycle(l);
+  if (!queued_ || collected()) return;
+  backend_.inject(*levels_[l].old, *levels_[l].y);
+  queued_ = false;
+  cycle(l);
+  queued_ = all_queue();
+}
+
 void Multigrid::cycle(std::size_t l) {
-  if (l + 1 == levels_.size()) return march(levels_[l]);
+  if (!levels_[l].march) apply(levels_[l]);
+  solve_on(l);
+}
+
+void Multigrid::solve_on(std::size_t l) {
+  if (levels_[l].march) return march(levels_[l]);
+  if (l + 1 == levels_.size()) return queued_ && recorded_[l].descend ? recorded_[l].descend->run() : sweep_coarsest();
+  const bool recorded = queued_ && recorded_[l].descend && recorded_[l].ascend;
+  recorded ? recorded_[l].descend->run() : descend(l);
+  solve_on(l + 1);
+  recorded ? recorded_[l].ascend->run() : ascend(l);
+  if (queued_ && l == 0) result_.iterations += levels_[l].sweeps + 1;
+}
+
+void Multigrid::sweep_coarsest() {
+  TimeLevel& coarsest = levels_[levels_.size() - 1];
+  for (int i = 0; i < coarsest.sweeps; ++i) {
+    if (i > 0) apply(coarsest);
+    smooth(coarsest);
+  }
+}
+
+// Sweeps, then r_c = R (r + K y) - K_c R y, and y_c = R y to begin with.
+void Multigrid::descend(std::size_t l) {
   TimeLevel &fine = levels_[l], &coarse = levels_[l + 1];
-  for (int i = 0; i < fine.sweeps; ++i) smooth(fine);
-  pose_coarse_problem(fine, coarse);
-  cycle(l + 1);
+  for (int i = 0; i < fine.sweeps; ++i) {
+    smooth(fine);
+    apply(fine);
+  }
+  coarse.kernel->apply_injected(*fine.kernel, *fine.y, *coarse.y, *coarse.v);
+  backend_.restrict_problem(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
+}
+
+// y <- y + I (y_c - R y), then a sweep.
+void Multigrid::ascend(std::size_t l) {
+  TimeLevel &fine = levels_[l], &coarse = levels_[l + 1];
   backend_.interpolate(*coarse.y, coarse.old.get(), *fine.y);
+  apply(fine);
   smooth(fine);
 }
 
-// r_c = R (r + K y) - K_c R y, and y_c = R y to begin with.
-void Multigrid::pose_coarse_problem(TimeLevel& fine, TimeLevel& coarse) {
-  fine.kernel->apply(*fine.y, *fine.v, 0);
-  backend_.add(*fine.r, 1, *fine.v, *fine.v);
-  backend_.inject(*fine.v, *coarse.r);
-  backend_.inject(*fine.y, *coarse.y);
-  backend_.inject(*coarse.y, *coarse.old);
-  coarse.kernel->apply(*coarse.y, *coarse.v, 0);
-  backend_.add(*coarse.r, -1, *coarse.v, *coarse.r);
-}
+void Multigrid::apply(TimeLevel& level) { level.kernel->apply(*level.y, *level.v, 0); }
 
 // y <- SOL(M + D, r + K y - D y)
 void Multigrid::smooth(TimeLevel& level) {
   if (failure_) return;
-  level.kernel->apply(*level.y, *level.v, 0);
-  if (level.shift != 0) backend_.add(*level.v, -level.shift, *level.y, *level.v);
+  if (queued_) return level.lcp->start(*level.r, *level.v, *level.y, 1, -1);
   Timer timer;
   const LcpReport report = level.lcp->solve(*level.r, *level.v, *level.y, 1, -1);
   result_.seconds.lcp += timer.lap();
-  count(report.count);
   if (&level == &levels_[0]) ++result_.iterations;
+  judge(report);
+}
+
+void Multigrid::march(TimeLevel& level) {
+  if (failure_) return;
+  if (queued_) return level.march->start(*level.y, *level.v);
+  const MarchReport report = level.march->run(*level.y, *level.v);
+  result_.seconds.lcp += report.lcp_seconds;
+  judge(report, level.steps);
+}
+
+// Whether everything that was queued came to a solution. Its counts are kept.
+bool Multigrid::collected() {
+  bool solved = true;
+  for (const auto& level : levels_.grids) {
+    if (level->march && level->march->queues()) {
+      const MarchReport report = level->march->collect();
+      count(report.count);
+      solved = solved && report.stopped < 0;
+    }
+    if (level->lcp) {
+      const LcpReport report = level->lcp->collect();
+      count(report.count);
+      solved = solved && report.count.unsolved == 0 && report.finite && report.magnitude < 1e100;
+    }
+  }
+  return solved;
+}
+
+void Multigrid::judge(const LcpReport& report) {
+  count(report.count);
   if (!report.finite || !(report.magnitude < 1e100))
     failure_ = {Status::nonfinite, "the iterates grew beyond all bounds"};
   else if (report.count.unsolved > 0)
@@ -118,18 +253,15 @@ void Multigrid::smooth(TimeLevel& level) {
                 text("%ld complementarity problems stayed unsolved; use method march", report.count.unsolved)};
 }
 
-void Multigrid::march(TimeLevel& level) {
-  if (failure_) return;
-  const MarchReport report = level.march->run(*level.y, *level.v);
+void Multigrid::judge(const MarchReport& report, Index steps) {
   count(report.count);
-  result_.seconds.lcp += report.lcp_seconds;
   if (report.interrupted)
     failure_ = {Status::interrupted, "stopped on request"};
   else if (!report.finite)
     failure_ = {Status::nonfinite, "the iterates grew beyond all bounds"};
   else if (report.stopped >= 0)
     failure_ = {Status::tolerance_not_met,
-                text("a step of the coarsest grid, %ld steps, stayed unsolved; use method march", long(level.steps))};
+                text("a step of the coarsest grid, %ld steps, stayed unsolved; use method march", long(steps))};
 }
 
 void Multigrid::count(const LcpCount& c) {
@@ -139,27 +271,17 @@ void Multigrid::count(const LcpCount& c) {
   result_.lcp.unsolved = c.unsolved;
 }
 
-RowMatrix Multigrid::download(const Array& array) {
-  RowMatrix values;
-  backend_.download(array, values);
-  return values;
-}
-
 namespace {
-
-// Largest difference at the points of the coarser grid.
-double distance(const RowMatrix& fine, const RowMatrix& coarse) {
-  double largest = 0;
-  for (Index i = 0; i < coarse.rows(); ++i)
-    largest = std::max(largest, (fine.row(2 * i) - coarse.row(i)).cwiseAbs().maxCoeff());
-  return largest;
-}
 
 // With y_2h and y_4h, the solutions on the next grids: |y_h - y_2h| / (q - 1), q = |y_2h - y_4h| / |y_h - y_2h|; 4
 // where the order is 2, and at most that. Below an order of 1/2 the differences say nothing yet.
-std::optional<double> estimated_error(const RowMatrix& y, const std::vector<RowMatrix>& coarser) {
-  if (coarser.size() < 2) return std::nullopt;
-  const double last = distance(y, coarser[0]), before = distance(coarser[0], coarser[1]);
+std::optional<double> estimated_error(Backend& backend, TimeLevels& levels) {
+  if (levels.size() < 3) return std::nullopt;
+  TimeLevel &half = levels[1], &quarter = levels[2];
+  backend.inject(*levels[0].y, *half.old);
+  backend.inject(*half.nested, *quarter.old);
+  const double last = backend.difference(*half.old, *half.nested),
+               before = backend.difference(*quarter.old, *quarter.nested);
   const double ratio = last > 0 ? before / last : 4;
   if (!(ratio > std::sqrt(2.0))) return std::nullopt;
   return last / (std::min(ratio, 4.0) - 1);
@@ -188,18 +310,19 @@ bool solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, co
     result.bytes += level->bytes();
     level->kernel->transform_seconds = level->kernel->convolution_seconds = 0;
   }
+  Multigrid multigrid(p.backend, options, levels, result);
   result.seconds.setup += timer.lap();
 
   if (solve_at_zero(p, result) != Start::found) return true;
-  Multigrid multigrid(p.backend, options, levels, result);
-  const std::vector<RowMatrix> coarser = multigrid.nest(result.y.row(0).transpose());
+  multigrid.nest(result.y.row(0).transpose());
   const IterationOutcome outcome = multigrid.iterate();
   result.seconds.sweeps = timer.lap();
   TimeLevel& finest = levels[0];
-  const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);  // without the shift
   const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { finest.kernel->apply(in, out, first); };
-  finish_iteration(p, options, outcome, apply, *lcp, *finest.r, *finest.y, *finest.v, result);
-  if (result.status == Status::solved) result.error_estimate = estimated_error(result.y, coarser);
+  const auto lcp = finest.lcp ? nullptr : p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);  // a grid that is marched
+  finish_iteration(p, options, outcome, apply, finest.lcp ? *finest.lcp : *lcp, *finest.r, *finest.y, *finest.v,
+                   result);
+  if (result.status == Status::solved) result.error_estimate = estimated_error(p.backend, levels);
   add_seconds(levels, result);
   return true;
 }

@@ -8,8 +8,9 @@
 //     smooth
 //
 // R y of a solution y solves its coarse problem, so that y is left as it is. R has to be injection: averages of y and w
-// over time are not complementary where the active set changes. The coarsest grid is marched. The start comes from the
-// coarse grids (nested iteration).
+// over time are not complementary where the active set changes. On the coarsest grid there are only sweeps, or, where
+// these do not do, it is marched. The start comes from the
+// coarse grids (nested iteration). K_c R y serves the coarse problem and the first sweep on it.
 
 #include "time_levels.hpp"
 
@@ -18,29 +19,52 @@ namespace bromwich {
 class Multigrid {
  public:
   /// Counters, sweeps and seconds go to `result`.
-  Multigrid(Backend& backend, const Options& options, TimeLevels& levels, Result& result)
-      : backend_(backend), options_(options), levels_(levels), result_(result) {}
+  Multigrid(Backend& backend, const Options& options, TimeLevels& levels, Result& result);
 
-  /// From y_0 alone to a first y on the finest grid. Returns y of the grids below it, the finer first, at most two.
-  std::vector<RowMatrix> nest(const Vector& y0);
+  /// From y_0 alone to a first y on the finest grid.
+  void nest(const Vector& y0);
 
-  /// Cycles on the finest grid until y stands still.
+  /// Cycles on the finest grid until y stands still, or, with Options::algebraic_share, as long as they are useful.
   IterationOutcome iterate();
 
   /// One V-cycle for the y and r that grid l holds.
   void cycle(std::size_t l);
 
  private:
+  // Nothing is waited for in a cycle where all plans of all grids queue what they are asked for; what became of it is
+  // looked at afterwards. A cycle that left a problem unsolved is done again, waiting for each batch.
+  bool all_queue() const;
+  bool collected();
+  void cycle_and_look(std::size_t l);
+  double observed_contraction(std::size_t l);
+  void march_from_now_on();
+  double least_discretisation_error();
+
+  void start_on(std::size_t l, const Vector& y0);
+  void solve_on(std::size_t l);  // v holds K y
+  void sweep_coarsest();
+  void descend(std::size_t l);
+  void ascend(std::size_t l);
+  void apply(TimeLevel&);
   void smooth(TimeLevel&);
   void march(TimeLevel&);
-  void pose_coarse_problem(TimeLevel& fine, TimeLevel& coarse);
   void count(const LcpCount&);
-  RowMatrix download(const Array&);
+  void judge(const LcpReport&);
+  void judge(const MarchReport&, Index steps);
+
+  /// The two halves of a cycle on one grid, recorded; null where they are asked for one by one. On the coarsest grid
+  /// `descend` is all.
+  struct Recorded {
+    std::unique_ptr<Program> descend, ascend;
+  };
 
   Backend& backend_;
   const Options& options_;
   TimeLevels& levels_;
   Result& result_;
+  bool queued_, nested_ = false;
+  std::vector<Recorded> recorded_;
+  double contraction_ = INFINITY;            ///< of a first cycle, as observed on a coarser grid
   std::optional<IterationOutcome> failure_;  ///< what ended a sweep or a march; nothing is done after it
 };
 

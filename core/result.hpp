@@ -57,6 +57,8 @@ struct Result {
   /// total() of `errors`, or of x if that is larger. Without Options::tolerance, from method multigrid alone: of y at
   /// the points of the next coarser grid, in the maximum norm. Empty where not estimated.
   std::optional<double> error_estimate;
+  /// Method multigrid: what further cycles would change, in the measure of `history`. Empty where not estimated.
+  std::optional<double> algebraic_error;
   std::optional<ErrorEstimate> errors;  ///< with Options::tolerance
   /// Deviation of the kernel weights from values they were not made from, relative to the largest; NaN where there are
   /// none to compare with.

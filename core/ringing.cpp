@@ -95,18 +95,19 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const LagTable&
 // Row by row, as y lies in memory.
 Index ringing_from(const RowMatrix& y) {
   const Index n = y.cols();
-  Eigen::ArrayXd scale = Eigen::ArrayXd::Zero(n), before = scale, first = scale;
-  for (Index j = 0; j < y.rows(); ++j) scale = scale.max(0.01 * y.row(j).transpose().array().abs());
-  std::vector<Index> run(std::size_t(n), 0);
-  for (Index j = 1; j + 1 < y.rows(); ++j)
-    for (Index i = 0; i < n; ++i) {
-      const double bend = y(j - 1, i) - 2 * y(j, i) + y(j + 1, i), size = std::abs(bend);
-      Index& length = run[std::size_t(i)];
-      length = size > scale[i] && bend * before[i] < 0 ? length + 1 : 0;
-      if (length == 0) first[i] = size;
-      if (length >= ringing_run && size > 0.3 * first[i]) return j - length;
-      before[i] = bend;
-    }
+  using Row = Eigen::Array<double, 1, Eigen::Dynamic>;
+  Row scale = Row::Zero(n), before = scale, first = scale, length = scale, bend(n), size(n);
+  for (Index j = 0; j < y.rows(); ++j) scale = scale.max(0.01 * y.row(j).array().abs());
+  for (Index j = 1; j + 1 < y.rows(); ++j) {
+    bend = y.row(j - 1).array() - 2 * y.row(j).array() + y.row(j + 1).array();
+    size = bend.abs();
+    length = (size > scale && bend * before < 0).select(length + 1, 0);
+    first = (length == 0).select(size, first);
+    before = bend;
+    if (n == 0 || !(length.maxCoeff() >= double(ringing_run))) continue;
+    for (Index i = 0; i < n; ++i)
+      if (length[i] >= double(ringing_run) && size[i] > 0.3 * first[i]) return j - Index(length[i]);
+  }
   return -1;
 }
 

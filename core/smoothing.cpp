@@ -26,12 +26,16 @@ std::optional<Vector> eigenvalues(const LcpMatrix& matrix) {
   return values;
 }
 
-// K^_l(omega) from the recurrence: w0 + w1 e^{-i omega} + Σ_k C_k e^{-i omega} / (1 - E_k e^{-i omega}).
+// K^_l(omega) from the recurrence: w0 + w1 e^{-i omega} + Σ_k C_k / (e^{i omega} - E_k).
 Complex symbol(const ModalRecurrence& r, Index l, double omega) {
-  const Complex delay = std::polar(1.0, -omega);
-  Complex sum = r.w0[l] + r.w1[l] * delay;
-  for (Index k = 0; k < r.exponentials(); ++k) sum += r.output(k, l) * delay / (1.0 - r.decay(k, l) * delay);
-  return sum;
+  const double c = std::cos(omega), s = std::sin(omega);
+  double real = r.w0[l] + r.w1[l] * c, imaginary = -r.w1[l] * s;
+  for (Index k = 0; k < r.exponentials(); ++k) {
+    const double E = r.decay(k, l), weight = r.output(k, l) / ((c - E) * (c - E) + s * s);
+    real += weight * (c - E);
+    imaginary -= weight * s;
+  }
+  return {real, imaginary};
 }
 
 // Σ_{d<=steps} W_d. A fit of exponentials holds up to there and no longer: its slowest ones may stand for nothing.
@@ -60,7 +64,7 @@ std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecu
       K(i, f) = symbol(r, l, std::numbers::pi * (0.25 + 0.75 * double(f) / double(frequencies - 1)));
   }
   const auto factor = [&](const ComplexMatrix& symbols, double D) {
-    return ((symbols.array() - D).abs().rowwise().maxCoeff() / (M.array() + D)).maxCoeff();
+    return ((symbols.array() - D).abs2().rowwise().maxCoeff().sqrt() / (M.array() + D)).maxCoeff();
   };
   Smoothing best{0, factor(K, 0), 0};
   const double lowest = (least_diagonal - 1) * all->minCoeff(), highest = all->maxCoeff();

@@ -37,6 +37,9 @@ void validate(const Scene& scene, const Options& options) {
                 "give a number between 0 and 1");
   if (!(options.tolerance >= 0) || !(options.tolerance < 1))
     throw Error("tolerance", "found " + std::to_string(options.tolerance), "give a number between 0 and 1");
+  if (!(options.algebraic_share >= 0) || !(options.algebraic_share < 1))
+    throw Error("algebraic_share", "found " + std::to_string(options.algebraic_share),
+                "give a number from 0 to below 1");
   if (options.max_iterations < 1)
     throw Error("max_iterations", "found " + std::to_string(options.max_iterations), "give at least 1");
   if (options.literal_nodes < 2 || options.literal_nodes > 400)

@@ -37,7 +37,10 @@ struct Options {
   double tolerance = 0;                ///< error to reach by refining the grid (core/error_control.hpp); 0 = one grid
   bool control_states = true;          ///< the tolerance is for the recorded states too
   double iteration_tolerance = 1e-12;  ///< max change of y relative to max(1, |y|)
-  Index max_iterations = 2000;         ///< converging scenes need tens to hundreds; others stop earlier by themselves
+  /// Multigrid may stop earlier, where what the cycles would still change is below this part of the discretisation
+  /// error, both estimated; 0 = iteration_tolerance alone decides.
+  double algebraic_share = 0;
+  Index max_iterations = 2000;  ///< converging scenes need tens to hundreds; others stop earlier by themselves
   StateSelection states = StateSelection::none;
   std::vector<Index> components = {};  ///< with StateSelection::list
   bool trace = false;                  ///< record N x

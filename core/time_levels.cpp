@@ -16,6 +16,8 @@ constexpr double accurate_kappa0 = 0.1;         ///< of coarse grids that have t
 constexpr double smoothing_factor = 0.6;        ///< of a grid that has a coarser one
 constexpr double largest_smooth_factor = 1.01;  ///< at frequency 0: 1, and what a sample of it may miss
 constexpr double easily_smoothed = 0.25;        ///< by a single sweep before
+constexpr int coarsest_sweeps = 4;              ///< of a visit to a coarsest grid that is not marched
+constexpr Index most_unasked = 2048;            ///< steps of a march that nobody is asked about
 
 // Where the weights and kernels of all grids come from.
 class Source {
@@ -30,6 +32,7 @@ class Source {
   // Of the grid with `steps` steps; `finer` are the weights of that with twice as many, or null.
   Weights weights(Index steps, const Weights* finer) const {
     if (sparse_) return finer ? coarsen(std::get<LagTable>(*finer)) : sparse_->weights;
+    if (finer && p_.kronecker()) return Recurrence(coarsen(std::get<ModalRecurrence>(std::get<Recurrence>(*finer))));
     const double h = p_.scene.T / double(steps);
     if (p_.dense()) return Recurrence(dense_recurrence(*p_.dense(), Rule::exponential, h));
     const KroneckerDynamics& d = *p_.kronecker();
@@ -64,7 +67,7 @@ class Source {
   }
 
  private:
-  // One fit on [h, T] serves all grids: the coarser ones begin later.
+  // Of the finest grid: it serves all.
   void fit(const KroneckerDynamics& d) {
     sum_ = compress_line_kernel(d, p_.h, p_.scene.T);
     fits_ = sum_.error <= accepted_compression_error;
@@ -103,12 +106,6 @@ Vector first_row_sums(const Weights& weights) {
   return row_sums_in_modes(std::get<ModalRecurrence>(recurrence).w0);
 }
 
-LcpMatrix shifted(const LcpMatrix& M, double shift) {
-  LcpMatrix sum = M;
-  if (shift != 0) std::get<Tridiagonal>(sum).diagonal.array() += shift;
-  return sum;
-}
-
 // Chooses the sweeps of this grid. Returns the kappa_0 that a coarser one may have, 0 for none.
 //
 // A sweep multiplies what is smooth in time by K/M, which may be far above 1; the coarse grid has to make up for that,
@@ -131,7 +128,7 @@ void prepare_march(const DiscreteProblem& p, const Options& options, TimeLevel& 
   problem.recurrence = std::get_if<Recurrence>(&level.weights);
   problem.lags = std::get_if<LagTable>(&level.weights);
   problem.r = level.r.get();
-  problem.interrupted = options.interrupted;
+  if (level.steps > most_unasked) problem.interrupted = options.interrupted;
   level.march = p.backend.march(problem, level.steps + 1);
 }
 
@@ -154,30 +151,31 @@ void add_driven_difference(Backend& backend, TimeLevel& fine, TimeLevel& coarse)
   backend.add(*coarse.y, -1, *coarse.y, *coarse.y);
 }
 
-void set_responses(const DiscreteProblem& p, const SparseKernel* sparse, TimeLevels& levels) {
-  TimeLevel& finest = levels[0];
+void set_finest_response(const DiscreteProblem& p, const SparseKernel* sparse, TimeLevel& finest) {
   if (sparse)
     p.backend.upload(p.g + sparse->free, *finest.r);
   else
     finest.r = make_response(p, *finest.kernel, *finest.v);
+}
+
+// r of all grids but the finest, from that. `kernel_of_drive`: v of the finest grid holds K phi already.
+void set_coarse_responses(const DiscreteProblem& p, const std::vector<TimeLevel*>& grids, bool kernel_of_drive) {
   const bool driven = p.kronecker() && p.drive();
-  if (driven) {
-    p.backend.upload(*p.drive(), *finest.old);
-    finest.kernel->apply(*finest.old, *finest.v, 0);
-  }
-  for (std::size_t l = 1; l < levels.size(); ++l) {
-    p.backend.inject(*levels[l - 1].r, *levels[l].r);
-    if (driven) add_driven_difference(p.backend, levels[l - 1], levels[l]);
+  if (driven) p.backend.upload(*p.drive(), *grids[0]->old);
+  if (driven && !kernel_of_drive) grids[0]->kernel->apply(*grids[0]->old, *grids[0]->v, 0);
+  for (std::size_t l = 1; l < grids.size(); ++l) {
+    p.backend.inject(*grids[l - 1]->r, *grids[l]->r);
+    if (driven) add_driven_difference(p.backend, *grids[l - 1], *grids[l]);
     if (p.dense() && p.f.size() > 0)
-      p.backend.upload(dense_response(on_grid(p, levels[l].steps), Rule::exponential), *levels[l].r);
+      p.backend.upload(dense_response(on_grid(p, grids[l]->steps), Rule::exponential), *grids[l]->r);
   }
 }
 
 }  // namespace
 
 std::size_t TimeLevel::bytes() const {
-  return r->bytes() + y->bytes() + v->bytes() + old->bytes() + kernel->bytes() + (lcp ? lcp->bytes() : 0) +
-         (march ? march->bytes() : 0);
+  return r->bytes() + y->bytes() + v->bytes() + old->bytes() + (nested ? nested->bytes() : 0) + kernel->bytes() +
+         (lcp ? lcp->bytes() : 0) + (march ? march->bytes() : 0);
 }
 
 LagTable coarsen(const LagTable& fine) {
@@ -190,6 +188,17 @@ LagTable coarsen(const LagTable& fine) {
     if (2 * d < end) coarse.W.row(d) += 0.5 * fine.W.row(2 * d + 1);  // the last lag acts on y_0 alone, by S
     coarse.S.row(d) = fine.S.row(2 * d) + 0.5 * fine.W.row(2 * d - 1);
   }
+  return coarse;
+}
+
+ModalRecurrence coarsen(const ModalRecurrence& fine) {
+  ModalRecurrence coarse;
+  const auto E = fine.decay.array(), C = fine.output.array();
+  coarse.decay = E.square();
+  coarse.output = 0.5 * C * (1 + E).square();
+  coarse.start = (2 * E * fine.start.array() + 1) / (1 + E).square();
+  coarse.w0 = fine.w0 + 0.5 * (fine.w1 + fine.output.colwise().sum().transpose());
+  coarse.w1 = coarse.s1 = 0.5 * fine.w1;
   return coarse;
 }
 
@@ -222,17 +231,30 @@ TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, con
   KernelChoice finest = source.finest(levels[0]);
   levels.kernel_error = finest.error;
   levels.description = finest.description + "; grids of ";
+  // Sweeps that smooth and do not enlarge what is smooth do, after a nested start, for what is left on the coarsest.
+  const bool swept = levels.size() > 1 && levels.grids.back()->sweeps > 0;
   for (std::size_t l = 0; l < levels.size(); ++l) {
     TimeLevel& level = levels[l];
     level.kernel = l == 0 ? std::move(finest.kernel) : source.kernel(level);
     for (auto* array : {&level.r, &level.y, &level.v, &level.old})
       *array = p.backend.array(level.steps + 1, p.scene.constraints());
-    if (l + 1 < levels.size()) level.lcp = p.backend.lcp(shifted(p.scene.M, level.shift), p.lcp_class, level.steps + 1);
+    if (l == 1 || l == 2) level.nested = p.backend.array(level.steps + 1, p.scene.constraints());
+    if (l + 1 < levels.size() || swept)
+      level.lcp = p.backend.shifted_lcp(p.scene.M, p.lcp_class, level.shift, level.steps + 1);
     levels.description += (l > 0 ? ", " : "") + std::to_string(level.steps);
   }
-  levels.description += " steps, the last marched";
-  set_responses(p, sparse, levels);
-  prepare_march(p, options, *levels.grids.back());
+  levels.description += swept ? " steps" : " steps, the last marched";
+  set_finest_response(p, sparse, levels[0]);
+  std::vector<TimeLevel*> grids;
+  for (const auto& level : levels.grids) grids.push_back(level.get());
+  levels.respond = [&p, grids] { set_coarse_responses(p, grids, false); };
+  set_coarse_responses(p, grids, true);
+  TimeLevel& coarsest = *levels.grids.back();
+  levels.prepare_march = [&p, &options, &coarsest] { prepare_march(p, options, coarsest); };
+  if (swept)
+    coarsest.sweeps = coarsest_sweeps;
+  else
+    levels.prepare_march();
   return levels;
 }
 

@@ -10,12 +10,14 @@
 // K         kernel     -              discrete convolution of this grid
 // r         r          (J_l+1) x n    right-hand side of this grid's problem y in SOL(M, r + K y)
 // y         y          (J_l+1) x n    its iterate; row 0 is y_0 and never changes
-// v         v          (J_l+1) x n    K y, and what is made of it
+// v         v          (J_l+1) x n    K y
 // y~        old        (J_l+1) x n    y as the cycle found it
+// y_h       nested     (J_l+1) x n    y that the nested iteration came to; of the two grids below the finest
 // D         shift      1              smoothing solves LCP(M + D I, .), see core/smoothing.hpp
 
 #include "functional_iteration.hpp"
 
+#include <functional>
 #include <variant>
 #include <vector>
 
@@ -27,11 +29,11 @@ struct TimeLevel {
   Index steps = 0;
   Weights weights;
   std::unique_ptr<SpaceTimeKernel> kernel;
-  std::unique_ptr<Array> r, y, v, old;
-  std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; of all but the coarsest grid
+  std::unique_ptr<Array> r, y, v, old, nested;
+  std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; not of a coarsest grid that is marched from the start
   double shift = 0;
-  int sweeps = 0;                ///< before a coarser grid is asked; one follows
-  std::unique_ptr<March> march;  ///< of the coarsest grid only, in place of `lcp`
+  int sweeps = 0;                ///< before a coarser grid is asked; one follows. On the coarsest: all of a visit
+  std::unique_ptr<March> march;  ///< of the coarsest grid only, in place of sweeps
 
   std::size_t bytes() const;
 };
@@ -40,6 +42,8 @@ struct TimeLevels {
   std::vector<std::unique_ptr<TimeLevel>> grids;  ///< finest first; what points to one stays valid
   std::string description;                        ///< of the kernel and the grids
   double kernel_error = 0;                        ///< see Result::kernel_error
+  std::function<void()> respond;                  ///< sets r of all grids below the finest
+  std::function<void()> prepare_march;            ///< of the coarsest grid, instead of the sweeps there
 
   TimeLevel& operator[](std::size_t l) { return *grids[l]; }
   std::size_t size() const { return grids.size(); }
@@ -47,7 +51,8 @@ struct TimeLevels {
 
 /// A coarser grid needs `fewest_steps`, and kappa_0 (core/forecast.hpp) below 0.1; or below 1 where the symbol of a
 /// sweep (core/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.6 at the high ones. M + W_0 is P there.
-/// None where that leaves but the finest, and it is too long to be marched in every cycle. r holds the response on each
+/// None where that leaves but the finest, and it is too long to be marched in every cycle. The problem has to outlive
+/// them. The coarsest grid is swept where the symbol is known, and marched otherwise. r holds the response on each
 /// grid (sparse dynamics: its values on the finest), y is zero. `kernel` is that of sparse dynamics, otherwise null.
 TimeLevels time_levels(const DiscreteProblem&, const SparseKernel* kernel, const Options&);
 
@@ -56,5 +61,10 @@ inline constexpr Index most_marched = 64;  ///< of a finest grid that is the onl
 
 /// The weights of the grid with half the steps.
 LagTable coarsen(const LagTable&);
+
+/// The same for exponentials, all e^{2x} now:
+///     E^c = E^2,   C^c = C (1 + E)^2 / 2,   C^c G0^c = C (E G0 + 1/2),   W^c_0 = W_0 + W_1/2,   w1^c = s1^c = w1/2.
+/// x0 is left out.
+ModalRecurrence coarsen(const ModalRecurrence&);
 
 }  // namespace bromwich

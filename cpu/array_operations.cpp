@@ -35,6 +35,16 @@ void interpolate(const RowMatrix& coarse, const RowMatrix* old, RowMatrix& fine,
   }
 }
 
+void restrict_problem(const RowMatrix& r, const RowMatrix& v, const RowMatrix& y, const RowMatrix& coarse_v,
+                      RowMatrix& coarse_r, RowMatrix& coarse_y, RowMatrix& old, int threads) {
+#pragma omp parallel for num_threads(threads) schedule(static) if (coarse_y.size() > parallel_size)
+  for (Index i = 0; i < coarse_y.rows(); ++i) {
+    coarse_r.row(i) = r.row(2 * i) + v.row(2 * i) - coarse_v.row(i);
+    coarse_y.row(i) = y.row(2 * i);
+    old.row(i) = y.row(2 * i);
+  }
+}
+
 void add(const RowMatrix& b, double s, const RowMatrix& c, RowMatrix& a, int threads) {
 #pragma omp parallel for num_threads(threads) schedule(static) if (a.size() > parallel_size)
   for (Index j = 0; j < a.rows(); ++j) a.row(j) = b.row(j) + s * c.row(j);

@@ -26,6 +26,11 @@ class CpuBackend final : public Backend {
   void interpolate(const Array& coarse, const Array* old, Array& fine) override {
     cpu::interpolate(cpu::host(coarse), old ? &cpu::host(*old) : nullptr, cpu::host(fine), threads_);
   }
+  void restrict_problem(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
+                        Array& coarse_y, Array& old) override {
+    cpu::restrict_problem(cpu::host(r), cpu::host(v), cpu::host(y), cpu::host(coarse_v), cpu::host(coarse_r),
+                          cpu::host(coarse_y), cpu::host(old), threads_);
+  }
   void add(const Array& b, double s, const Array& c, Array& a) override {
     cpu::add(cpu::host(b), s, cpu::host(c), cpu::host(a), threads_);
   }
@@ -42,8 +47,10 @@ class CpuBackend final : public Backend {
   std::unique_ptr<Convolution> convolution(const LagTable& table, Index rows) override {
     return cpu::make_fft_convolution(table, rows, threads_);
   }
-  std::unique_ptr<LcpBatch> lcp(const LcpMatrix& M, LcpClass lcp_class, Index rows) override {
-    if (const auto* t = std::get_if<Tridiagonal>(&M)) return cpu::make_tridiagonal_lcp(*t, lcp_class, rows, threads_);
+  std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass lcp_class, double shift, Index rows) override {
+    if (const auto* t = std::get_if<Tridiagonal>(&M))
+      return cpu::make_tridiagonal_lcp(*t, lcp_class, shift, rows, threads_);
+    if (shift != 0) throw Error("shift", "found a matrix that is not tridiagonal", "shift tridiagonal ones");
     return cpu::make_dense_lcp(std::get<Matrix>(M), lcp_class, rows, threads_);
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {

@@ -8,8 +8,9 @@
 // A warm block, whose active sets are those of its solution, takes two passes: downwards q = r + v comes in and is
 // eliminated, upwards y is substituted, checked and goes out. What has not settled then takes further sweeps in the
 // workspace, which lies in L2: 4 numbers a value, 5 with the active set. Memory per block: r, v and y are read and y
-// written once. Rows and columns are scaled to comparable size (core/lcp/solution.hpp) as q comes in and y goes out.
-// For a PSD matrix a lane counts as solved only where its solution is certainly the only one.
+// written once; a shift D needs no more, since the y given is there. Rows and columns are scaled to comparable size
+// (core/lcp/solution.hpp) as q comes in and y goes out. For a PSD matrix a lane counts as solved only where its
+// solution is certainly the only one.
 
 #include "cpu/lcp_batch.hpp"
 
@@ -80,19 +81,21 @@ struct Lap {
 
 class TridiagonalLcp final : public LcpBatch {
  public:
-  TridiagonalLcp(const Tridiagonal& M, LcpClass lcp_class, Index rows, int threads)
+  TridiagonalLcp(const Tridiagonal& M, LcpClass lcp_class, double shift, Index rows, int threads)
       : n_(M.diagonal.size()),
+        shift_(shift),
         original_(M),
-        scale_(equilibrate(M)),
-        M_(std::get<Tridiagonal>(scaled(M, scale_))),
-        class_(selection_class(M, lcp_class)),
+        shifted_(plus_identity(M, shift)),
+        scale_(equilibrate(shifted_)),
+        M_(std::get<Tridiagonal>(scaled(shifted_, scale_))),
+        class_(selection_class(shifted_, lcp_class)),
         row_blocks_(rows, threads),
         threads_(threads),
         q_(n_),
         fresh_(n_) {
     for (int t = 0; t < threads; ++t) work_.emplace_back(n_);
     if (n_ == 0) return;
-    for (Tridiagonal* t : {&M_, &original_}) t->lower[0] = t->upper[n_ - 1] = 0;
+    for (Tridiagonal* t : {&M_, &original_, &shifted_}) t->lower[0] = t->upper[n_ - 1] = 0;
   }
 
   LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
@@ -107,8 +110,8 @@ class TridiagonalLcp final : public LcpBatch {
         },
         [&](Index j, double& change, double& magnitude) {
           // Made when first needed: it is dense, and most scenes never get here.
-          if (!pivoting_) pivoting_ = std::make_unique<ActiveSetLcp>(to_dense(LcpMatrix(original_)), class_);
-          q_ = R.row(j) + V.row(j);
+          if (!pivoting_) pivoting_ = std::make_unique<ActiveSetLcp>(to_dense(LcpMatrix(shifted_)), class_);
+          q_ = R.row(j) + V.row(j) - shift_ * Y.row(j);  // an unsolved row has kept its y
           return pivot_row(*pivoting_, q_, Y.row(j).data(), fresh_, change, magnitude);
         });
   }
@@ -133,8 +136,8 @@ class TridiagonalLcp final : public LcpBatch {
     const Index given = rows.of(h);
     for (Index k = 0; k < given; ++k) {
       const Index row = rows.at(h, k);
-      q[k] = scale * (at.load(rows.r + row) + at.load(rows.v + row));
       y[k] = at.load(rows.y + row);
+      q[k] = scale * (at.load(rows.r + row) + at.load(rows.v + row) - shift_ * y[k]);
     }
     for (Index k = given; k < lanes; ++k) q[k] = all(1), y[k] = all(0);
     transpose(q);
@@ -336,9 +339,11 @@ class TridiagonalLcp final : public LcpBatch {
   }
 
   Index n_;
-  Tridiagonal original_;
+  double shift_;          ///< D
+  Tridiagonal original_;  ///< M
+  Tridiagonal shifted_;   ///< M + D I
   Equilibration scale_;
-  Tridiagonal M_;  ///< R M C
+  Tridiagonal M_;  ///< R (M + D I) C
   LcpClass class_;
   RowBlocks row_blocks_;
   int threads_;
@@ -349,8 +354,9 @@ class TridiagonalLcp final : public LcpBatch {
 
 }  // namespace
 
-std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal& M, LcpClass lcp_class, Index rows, int threads) {
-  return std::make_unique<TridiagonalLcp>(M, lcp_class, rows, threads);
+std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal& M, LcpClass lcp_class, double shift, Index rows,
+                                               int threads) {
+  return std::make_unique<TridiagonalLcp>(M, lcp_class, shift, rows, threads);
 }
 
 }  // namespace bromwich::cpu

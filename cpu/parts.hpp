@@ -61,13 +61,15 @@ std::unique_ptr<SineTransform> make_sine_transform(Index n, Index rows, int thre
 std::unique_ptr<Convolution> make_scan(const ModalRecurrence&, Index rows, int threads);
 std::unique_ptr<Convolution> make_scan(const DenseRecurrence&, Index rows, int threads);
 std::unique_ptr<Convolution> make_fft_convolution(const LagTable&, Index rows, int threads);
-std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal&, LcpClass, Index rows, int threads);
+std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal&, LcpClass, double shift, Index rows, int threads);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix&, LcpClass, Index rows, int threads);
 std::unique_ptr<March> make_march(const MarchProblem&, Index rows, int threads);
 std::unique_ptr<March> make_lag_march(const MarchProblem&, Index rows, int threads);
 std::unique_ptr<StageMarch> make_stage_march(const StageProblem&, Index rows, int threads);
 void inject(const RowMatrix& fine, RowMatrix& coarse, int threads);
 void interpolate(const RowMatrix& coarse, const RowMatrix* old, RowMatrix& fine, int threads);
+void restrict_problem(const RowMatrix& r, const RowMatrix& v, const RowMatrix& y, const RowMatrix& coarse_v,
+                      RowMatrix& coarse_r, RowMatrix& coarse_y, RowMatrix& old, int threads);
 void add(const RowMatrix& b, double s, const RowMatrix& c, RowMatrix& a, int threads);
 double difference(const RowMatrix& a, const RowMatrix& b, int threads);
 ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes, int threads);

@@ -38,6 +38,15 @@ __global__ void add_interpolation(const double* coarse, const double* old, long 
   }
 }
 
+__global__ void pose(const double* r, const double* v, const double* y, const double* coarse_v, long step, long values,
+                     double* coarse_r, double* coarse_y, double* old) {
+  for (long i = first_value(); i < values; i += all_threads()) {
+    const long fine = i + i / step * step;
+    coarse_r[i] = r[fine] + v[fine] - coarse_v[i];
+    coarse_y[i] = old[i] = y[fine];
+  }
+}
+
 __global__ void add_multiple(const double* b, double s, const double* c, long values, double* a) {
   for (long i = first_value(); i < values; i += all_threads()) a[i] = b[i] + s * c[i];
 }
@@ -76,6 +85,15 @@ void interpolate(const Device& device, const Array& coarse, const Array* old, Ar
   add_interpolation<<<blocks(size), threads, 0, device.stream()>>>(values(coarse), old ? values(*old) : nullptr,
                                                                    stride(fine.cols()), size, values(fine));
   check(cudaGetLastError(), "starting an interpolation");
+}
+
+void restrict_problem(const Device& device, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
+                      Array& coarse_r, Array& coarse_y, Array& old) {
+  const Index size = values_of(coarse_y);
+  pose<<<blocks(size), threads, 0, device.stream()>>>(values(r), values(v), values(y), values(coarse_v),
+                                                      stride(coarse_y.cols()), size, values(coarse_r), values(coarse_y),
+                                                      values(old));
+  check(cudaGetLastError(), "posing a coarse problem");
 }
 
 void add(const Device& device, const Array& b, double s, const Array& c, Array& a) {

@@ -45,6 +45,10 @@ class CudaBackend final : public Backend {
   void interpolate(const Array& coarse, const Array* old, Array& fine) override {
     cuda::interpolate(device_, coarse, old, fine);
   }
+  void restrict_problem(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
+                        Array& coarse_y, Array& old) override {
+    cuda::restrict_problem(device_, r, v, y, coarse_v, coarse_r, coarse_y, old);
+  }
   void add(const Array& b, double s, const Array& c, Array& a) override { cuda::add(device_, b, s, c, a); }
   double difference(const Array& a, const Array& b) override { return cuda::difference(device_, a, b); }
 
@@ -57,14 +61,16 @@ class CudaBackend final : public Backend {
   std::unique_ptr<Convolution> convolution(const LagTable& table, Index rows) override {
     return cuda::make_fft_convolution(device_, table, rows);
   }
-  std::unique_ptr<LcpBatch> lcp(const LcpMatrix& M, LcpClass lcp_class, Index rows) override {
+  std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass lcp_class, double shift, Index rows) override {
     // Which solution of a semidefinite problem is the least in norm takes more than an active set.
     const bool semidefinite = selection_class(M, lcp_class) == LcpClass::PSD;
-    if (semidefinite || size(M) == 0) return cuda::make_host_lcp(device_, *host_, M, lcp_class, rows);
     const auto* tridiagonal = std::get_if<Tridiagonal>(&M);
-    auto plan = tridiagonal ? cuda::make_tridiagonal_lcp(device_, *tridiagonal, lcp_class, rows)
-                            : cuda::make_dense_lcp(device_, std::get<Matrix>(M), lcp_class, rows);
-    return plan ? std::move(plan) : cuda::make_host_lcp(device_, *host_, M, lcp_class, rows);
+    std::unique_ptr<LcpBatch> plan;
+    if (!semidefinite && tridiagonal && size(M) > 0)
+      plan = cuda::make_tridiagonal_lcp(device_, *tridiagonal, lcp_class, shift, rows);
+    else if (!semidefinite && !tridiagonal && shift == 0 && size(M) > 0)
+      plan = cuda::make_dense_lcp(device_, std::get<Matrix>(M), lcp_class, rows);
+    return plan ? std::move(plan) : cuda::make_host_lcp(device_, *host_, M, lcp_class, shift, rows);
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
     return cuda::make_march(device_, *host_, problem, rows);

@@ -27,6 +27,7 @@ Device::Device(int number) {
 }
 
 Device::~Device() {
+  kept_.clear();
   cudaStreamSynchronize(stream_);
   cudaStreamDestroy(stream_);
 }

@@ -7,6 +7,9 @@
 #include <cuda_runtime.h>
 
 #include <cstddef>
+#include <map>
+#include <memory>
+#include <typeindex>
 #include <utility>
 
 namespace bromwich::cuda {
@@ -27,9 +30,19 @@ class Device {
   int multiprocessors() const { return multiprocessors_; }
   std::size_t shared_memory() const { return std::size_t(shared_memory_); }  ///< bytes a block may have
 
+  /// The T that plans of this device share: the one made last, if `fits` it; otherwise what `make` makes. It stays
+  /// until another takes its place.
+  template <class T, class Fits, class Make>
+  std::shared_ptr<T> shared(Fits fits, Make make) const {
+    std::shared_ptr<void>& kept = kept_[typeid(T)];
+    if (!kept || !fits(*static_cast<T*>(kept.get()))) kept = make();
+    return std::static_pointer_cast<T>(kept);
+  }
+
  private:
   cudaStream_t stream_ = nullptr;
   int multiprocessors_ = 1, shared_memory_ = 0;
+  mutable std::map<std::type_index, std::shared_ptr<void>> kept_;
 };
 
 /// `size` values of T on the device, from the pool; not initialised.

@@ -56,11 +56,11 @@ std::unique_ptr<Twin> twin(const Device& device, Backend& host, const Array* fro
 
 class HostLcp final : public LcpBatch {
  public:
-  HostLcp(const Device& device, Backend& host, const LcpMatrix& M, LcpClass lcp_class, Index rows)
+  HostLcp(const Device& device, Backend& host, const LcpMatrix& M, LcpClass lcp_class, double shift, Index rows)
       : r_(device, host, rows, size(M)),
         v_(device, host, rows, size(M)),
         y_(device, host, rows, size(M)),
-        plan_(host.lcp(M, lcp_class, rows)) {}
+        plan_(host.shifted_lcp(M, lcp_class, shift, rows)) {}
 
   LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     fetch(r, v, y);
@@ -150,8 +150,8 @@ class HostStageMarch final : public StageMarch {
 }  // namespace
 
 std::unique_ptr<LcpBatch> make_host_lcp(const Device& device, Backend& host, const LcpMatrix& M, LcpClass lcp_class,
-                                        Index rows) {
-  return std::make_unique<HostLcp>(device, host, M, lcp_class, rows);
+                                        double shift, Index rows) {
+  return std::make_unique<HostLcp>(device, host, M, lcp_class, shift, rows);
 }
 
 std::unique_ptr<March> make_host_march(const Device& device, Backend& host, const MarchProblem& problem, Index rows) {

@@ -7,7 +7,8 @@
 
 namespace bromwich::cuda {
 
-std::unique_ptr<LcpBatch> make_host_lcp(const Device&, Backend& host, const LcpMatrix&, LcpClass, Index rows);
+std::unique_ptr<LcpBatch> make_host_lcp(const Device&, Backend& host, const LcpMatrix&, LcpClass, double shift,
+                                        Index rows);
 std::unique_ptr<March> make_host_march(const Device&, Backend& host, const MarchProblem&, Index rows);
 std::unique_ptr<StageMarch> make_host_stage_march(const Device&, Backend& host, const StageProblem&, Index rows);
 

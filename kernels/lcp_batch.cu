@@ -46,18 +46,39 @@ void put_row(const Vector& row, double* array, Index j, cudaStream_t stream) {
 
 }  // namespace
 
-BatchOutcomes::BatchOutcomes(const Device& device, Index rows)
-    : device_(device), rows_(device, std::size_t(rows)), sum_(device, 1), counters_(device, 2) {
+BatchOutcomes::BatchOutcomes(const Device& device, Index rows, double shift)
+    : device_(device),
+      rows_(device, std::size_t(rows)),
+      shift_(shift),
+      sum_(device, 1),
+      totals_(device, 1),
+      counters_(device, 2) {
   sum_.put(&empty_outcome);
+  totals_.clear();
   counters_.clear();
   check(cudaMallocHost(&handed_over_, sizeof *handed_over_), "allocating pinned memory");
-  handed_over_->batches = 0;
+  *handed_over_ = {empty_outcome, {0, 0, 0}, 0};
 }
 
 BatchOutcomes::~BatchOutcomes() { cudaFreeHost(handed_over_); }
 
-OutcomeTarget BatchOutcomes::target(double settle_tolerance) {
-  return {rows_.data(), sum_.data(), counters_.data(), counters_.data() + 1, handed_over_, settle_tolerance};
+OutcomeTarget BatchOutcomes::target(Index problems, double settle_tolerance) {
+  problems_ = problems;
+  return {rows_.data(),         sum_.data(),  totals_.data(),  counters_.data(),
+          counters_.data() + 1, handed_over_, settle_tolerance};
+}
+
+LcpReport BatchOutcomes::collect() {
+  device_.wait();
+  const BatchTotals &now = handed_over_->totals, &then = reported_;
+  LcpReport report;
+  report.count.unsolved = long(now.unsolved - then.unsolved);
+  report.count.solved = long(handed_over_->batches - batches_) * long(problems_) - report.count.unsolved;
+  report.count.newton = long(now.sweeps - then.sweeps);
+  report.magnitude = std::bit_cast<double>(now.magnitude);
+  reported_ = now;
+  batches_ = handed_over_->batches;
+  return report;
 }
 
 // Looking at the counter answers some microseconds before the stream does.
@@ -69,6 +90,7 @@ BatchOutcome BatchOutcomes::wait() {
       device_.wait();  // throws where the kernel failed
       break;
     }
+  reported_ = handed_over_->totals;
   return handed_over_->sum;
 }
 
@@ -96,7 +118,8 @@ void BatchOutcomes::pivot(const Array& r, const Array& v, Array& y, Index first,
   for (Index j = first; j < y.rows(); ++j) {
     if (sweeps[std::size_t(j)] >= 0) continue;
     ++report.count.fallbacks;
-    const Vector q = row_of(values(r), j, y.cols(), stream) + row_of(values(v), j, y.cols(), stream);
+    const Vector old = row_of(values(y), j, y.cols(), stream);  // an unsolved row has kept it
+    const Vector q = row_of(values(r), j, y.cols(), stream) + row_of(values(v), j, y.cols(), stream) - shift_ * old;
     LcpOutcome outcome;
     double change = std::numeric_limits<double>::quiet_NaN();
     if (q.allFinite()) {
@@ -104,7 +127,7 @@ void BatchOutcomes::pivot(const Array& r, const Array& v, Array& y, Index first,
       solver.reset();
       outcome = solver.solve(q, fresh);
       const double magnitude = fresh.cwiseAbs().maxCoeff();
-      change = (fresh - row_of(values(y), j, y.cols(), stream)).cwiseAbs().maxCoeff() / std::max(1.0, magnitude);
+      change = (fresh - old).cwiseAbs().maxCoeff() / std::max(1.0, magnitude);
       report.magnitude = std::max(report.magnitude, magnitude);
       report.count.newton += outcome.newton;
       put_row(fresh, values(y), j, stream);

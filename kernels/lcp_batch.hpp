@@ -27,16 +27,23 @@ struct BatchOutcome {
 
 inline constexpr BatchOutcome empty_outcome{0, 0, 0, 0, ~0u};
 
+/// Of all batches since the plan was made; they only grow.
+struct BatchTotals {
+  unsigned long long magnitude, sweeps, unsolved;  ///< magnitude: bits of the largest
+};
+
 /// In memory of the host that the device writes.
 struct HandedOver {
   BatchOutcome sum;
-  unsigned batches;  ///< that have been handed over; written after `sum`
+  BatchTotals totals;
+  unsigned batches;  ///< that have been handed over; written last
 };
 
 /// Where a kernel leaves its outcome.
 struct OutcomeTarget {
-  int* rows;           ///< per row: Newton sweeps, negative where the row is unsolved
-  BatchOutcome* sum;   ///< empty before and after
+  int* rows;          ///< per row: Newton sweeps, negative where the row is unsolved
+  BatchOutcome* sum;  ///< empty before and after
+  BatchTotals* totals;
   unsigned* finished;  ///< blocks of this batch that are done; 0 before and after
   unsigned* batches;   ///< that have been handed over
   HandedOver* host;
@@ -45,19 +52,22 @@ struct OutcomeTarget {
 
 class BatchOutcomes {
  public:
-  BatchOutcomes(const Device&, Index rows);
+  /// `shift`: see Backend::shifted_lcp.
+  BatchOutcomes(const Device&, Index rows, double shift = 0);
   ~BatchOutcomes();
   BatchOutcomes(const BatchOutcomes&) = delete;
   BatchOutcomes& operator=(const BatchOutcomes&) = delete;
 
-  /// For the kernel that is started next.
-  OutcomeTarget target(double settle_tolerance);
+  /// For the kernel that is started next, over so many problems.
+  OutcomeTarget target(Index problems, double settle_tolerance);
   std::size_t bytes() const { return rows_.bytes(); }
 
   /// Waits for the batch over rows first .. rows-1 that was started last; one report a batch. What is unsolved goes to
   /// the solver row by row.
   LcpReport report(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance,
                    const std::function<ActiveSetLcp&()>& solver);
+  /// Waits for all batches, and sums up those since the last report; they were over as many problems each.
+  LcpReport collect();
 
  private:
   BatchOutcome wait();
@@ -66,10 +76,14 @@ class BatchOutcomes {
 
   const Device& device_;
   Memory<int> rows_;
+  double shift_;
+  Index problems_ = 0;
   Memory<BatchOutcome> sum_;
+  Memory<BatchTotals> totals_;
   Memory<unsigned> counters_;  ///< finished, batches
   HandedOver* handed_over_ = nullptr;
   unsigned batches_ = 0;  ///< reported
+  BatchTotals reported_{0, 0, 0};
 };
 
 /// The largest of one value a row, NaN where one of them is.

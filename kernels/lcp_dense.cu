@@ -297,6 +297,8 @@ class DenseLcp final : public LcpBatch {
     if (first < y.rows())
       start(LcpArrays{values(r), values(v), values(y), int(stride(n_))}, first, y.rows(), settle_tolerance);
   }
+  bool queues() const override { return true; }
+  LcpReport collect() override { return outcomes_.collect(); }
   LcpReport finish(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     return outcomes_.report(r, v, y, first, settle_tolerance, [this]() -> ActiveSetLcp& { return solver_; });
   }
@@ -312,7 +314,7 @@ class DenseLcp final : public LcpBatch {
 
  private:
   void start(const LcpArrays& arrays, Index first, Index rows, double settle_tolerance) {
-    const OutcomeTarget target = outcomes_.target(settle_tolerance);
+    const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance);
     const bool least = class_ == LcpClass::Z;
     const unsigned most = unsigned(device_.multiprocessors());
     if (n_ <= largest_register_size) {

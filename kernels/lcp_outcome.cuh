@@ -56,7 +56,12 @@ class Outcomes {
   __device__ void hand_over() {
     __threadfence();
     BatchOutcome& sum = *target_.sum;
+    BatchTotals& totals = *target_.totals;
     volatile BatchOutcome& host = target_.host->sum;
+    volatile BatchTotals& host_totals = target_.host->totals;
+    host_totals.magnitude = totals.magnitude = max(totals.magnitude, atomicMax(&sum.magnitude, 0ull));
+    host_totals.sweeps = totals.sweeps += atomicAdd(&sum.sweeps, 0ull);
+    host_totals.unsolved = totals.unsolved += atomicAdd(&sum.unsolved, 0u);
     host.change = atomicExch(&sum.change, empty_outcome.change);
     host.magnitude = atomicExch(&sum.magnitude, empty_outcome.magnitude);
     host.sweeps = atomicExch(&sum.sweeps, empty_outcome.sweeps);

@@ -23,6 +23,7 @@ constexpr Index largest_size = 4096;
 struct Problem {
   int n, first, rows, cap;
   bool least;
+  double shift;
 };
 
 template <int T, int K, bool uniform>
@@ -49,7 +50,7 @@ __global__ void __launch_bounds__(T > most_threads ? T : most_threads)
     __pipeline_commit();
     __pipeline_wait_prior(1);
     group.meet();
-    Part<T, K, uniform> part{group, M, Here(shared + stage * Here::size), t, valid};
+    Part<T, K, uniform> part{group, M, Here(shared + stage * Here::size), t, valid, problem.shift};
     part.take_up();
     const int sweeps = part.sweep(problem.cap);
     double change = 0, magnitude = 0;
@@ -130,16 +131,17 @@ Shape shape_for(Index n) {
 
 class TridiagonalLcp final : public LcpBatch {
  public:
-  TridiagonalLcp(const Device& device, const Tridiagonal& M, LcpClass lcp_class, Index rows)
+  TridiagonalLcp(const Device& device, const Tridiagonal& M, LcpClass lcp_class, double shift, Index rows)
       : device_(device),
         n_(M.diagonal.size()),
         shape_(shape_for(n_)),
-        class_(selection_class(M, lcp_class)),
-        outcomes_(device, rows),
-        residuals_(device, std::size_t(rows)),
-        original_(M) {
-    const Equilibration scale = equilibrate(M);
-    Tridiagonal A = std::get<Tridiagonal>(scaled(M, scale)), given = M;
+        shift_(shift),
+        shifted_(plus_identity(M, shift)),
+        class_(selection_class(shifted_, lcp_class)),
+        outcomes_(device, rows, shift),
+        residuals_(device, std::size_t(rows)) {
+    const Equilibration scale = equilibrate(shifted_);
+    Tridiagonal A = std::get<Tridiagonal>(scaled(shifted_, scale)), given = M;
     if (shape_.T == 32) uniform_ = uniform_coefficients(A, scale);
     for (Tridiagonal* t : {&A, &given}) t->lower[0] = t->upper[n_ - 1] = 0;
     lower_ = spread(device, A.lower, shape_.T, shape_.K, 0);
@@ -164,10 +166,12 @@ class TridiagonalLcp final : public LcpBatch {
     if (first < y.rows())
       start(LcpArrays{values(r), values(v), values(y), int(stride(n_))}, first, y.rows(), settle_tolerance);
   }
+  bool queues() const override { return true; }
+  LcpReport collect() override { return outcomes_.collect(); }
   LcpReport finish(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     return outcomes_.report(r, v, y, first, settle_tolerance, [this]() -> ActiveSetLcp& {
       // Made when first needed: it is dense, and most scenes never get here.
-      if (!solver_) solver_.emplace(to_dense(LcpMatrix(original_)), class_);
+      if (!solver_) solver_.emplace(to_dense(LcpMatrix(shifted_)), class_);
       return *solver_;
     });
   }
@@ -227,8 +231,9 @@ class TridiagonalLcp final : public LcpBatch {
     const int even = (count + device_.multiprocessors() - 1) / device_.multiprocessors();
     const int groups = std::clamp((even + together - 1) / together * together, together, groups_);
     const int blocks = std::min((count + groups - 1) / groups, blocks_ * device_.multiprocessors());
-    const Problem problem{int(n_), int(first), int(rows), 12 + int(std::min<Index>(n_, 40)), class_ == LcpClass::Z};
-    const OutcomeTarget target = outcomes_.target(settle_tolerance);
+    const Problem problem{int(n_), int(first), int(rows), 12 + int(std::min<Index>(n_, 40)), class_ == LcpClass::Z,
+                          shift_};
+    const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance);
     const std::size_t shared = std::size_t(groups) * bytes_a_group_;
     if (uniform_)
       uniform_kernel_<<<blocks, groups * shape_.T, shared, device_.stream()>>>(arrays, *uniform_, problem, target);
@@ -242,6 +247,8 @@ class TridiagonalLcp final : public LcpBatch {
   const Device& device_;
   Index n_;
   Shape shape_;
+  double shift_;         ///< D
+  Tridiagonal shifted_;  ///< M + D I
   LcpClass class_;
   BatchOutcomes outcomes_;
   Memory<double> residuals_;
@@ -253,16 +260,15 @@ class TridiagonalLcp final : public LcpBatch {
   std::size_t bytes_a_group_ = 0;
   int groups_ = 0;  ///< a block at most
   int blocks_ = 1;  ///< a multiprocessor
-  Tridiagonal original_;
   std::optional<ActiveSetLcp> solver_;
 };
 
 }  // namespace
 
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Device& device, const Tridiagonal& M, LcpClass lcp_class,
-                                               Index rows) {
+                                               double shift, Index rows) {
   if (M.diagonal.size() > largest_size) return nullptr;
-  auto plan = std::make_unique<TridiagonalLcp>(device, M, lcp_class, rows);
+  auto plan = std::make_unique<TridiagonalLcp>(device, M, lcp_class, shift, rows);
   return plan->fits() ? std::move(plan) : nullptr;
 }
 

@@ -69,7 +69,8 @@ struct Slot {
   }
 };
 
-/// One thread's part of a problem. q takes the place of r in the slot.
+/// One thread's part of a problem with M + D I in place of M, and q = r + v - D y with the y given. q takes the place
+/// of r in the slot.
 template <int T, int K, bool uniform>
 struct Part {
   Group<T>& group;
@@ -77,6 +78,7 @@ struct Part {
   Slot<T, K> slot;
   int t;
   unsigned valid;  ///< bit i: row t K + i exists
+  double shift;    ///< D
   unsigned active = 0;
   double size = 0;  ///< of q
   bool positive = true;
@@ -90,7 +92,8 @@ struct Part {
 #pragma unroll
     for (int p = 0; p < K / 2; ++p) {
       const double2 r = at(slot.r, p), v = at(slot.v, p), y = at(slot.y, p);
-      double2 q{coefficient(M.row_scale, 2 * p) * (r.x + v.x), coefficient(M.row_scale, 2 * p + 1) * (r.y + v.y)};
+      double2 q{coefficient(M.row_scale, 2 * p) * (r.x + v.x - shift * y.x),
+                coefficient(M.row_scale, 2 * p + 1) * (r.y + v.y - shift * y.y)};
       if (y.x > 0) active |= 1u << 2 * p;
       if (y.y > 0) active |= 2u << 2 * p;
       if (!(valid >> 2 * p & 1)) q.x = 1;

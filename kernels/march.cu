@@ -118,6 +118,18 @@ __global__ void check_rows(StepTables m, GivenMatrix M, StepArrays a, const doub
   if (threadIdx.x == 0 && !(worst <= tolerance * scale && gap <= tolerance * scale * column)) out->drifted = 1;
 }
 
+/// Of all queued runs since the plan was made; they only grow.
+struct MarchTotals {
+  long long sweeps, fallbacks, runs, failed;
+};
+
+__global__ void tally(const StepOutcome* run, int rows, MarchTotals* totals) {
+  totals->sweeps += run->sweeps;
+  totals->fallbacks += run->fallbacks;
+  totals->failed += rows > 1 && (run->drifted != 0 || run->reached < rows) ? 1 : 0;
+  ++totals->runs;
+}
+
 __global__ void invalidate(double* y, double* v, int n, int step, int from) {
   const long at = long(from + blockIdx.x) * step;
   for (int i = threadIdx.x; i < n; i += threads) y[at + i] = v[at + i] = nan("");
@@ -136,7 +148,10 @@ class ModalMarch final : public March {
         sine_(make_sine_transform(device, n_, rows)),
         known_(device, rows, n_),
         input_(device, rows, n_),
-        exact_input_(device, rows, n_) {
+        exact_input_(device, rows, n_),
+        queued_(device, 1),
+        totals_(device, 1) {
+    totals_.clear();
     put_matrices(implicit);
     put_recurrence(r);
     reserve_state(r.exponentials());
@@ -154,12 +169,33 @@ class ModalMarch final : public March {
     *outcome_ = {};
     MarchReport report;
     const Index done = take_steps(y, report);
-    if (done > 0) complete(y, v, done);
+    if (done > 0) complete(y, v, done, outcome_);
     device_.wait();
     if (done == 0 || outcome_->drifted || (!polled() && outcome_->reached < rows_ && rows_ > 1))
       return make_host_march(device_, host_, problem_, rows_)->run(y, v);
     if (!polled()) count_steps(report);
     report.count.solved = done - 1;
+    return report;
+  }
+
+  // Asked about nothing on the way, and looked at by `collect`: what failed there is for the caller to do again.
+  bool queues() const override { return !polled(); }
+  void start(Array& y, Array& v) override {
+    queued_.clear();
+    if (rows_ > 1) launch(y, 1, rows_, queued_.data());
+    complete(y, v, rows_, queued_.data());
+    tally<<<1, 1, 0, device_.stream()>>>(queued_.data(), int(rows_), totals_.data());
+    check(cudaGetLastError(), "finishing the march");
+  }
+  MarchReport collect() override {
+    MarchTotals now{};
+    totals_.get(&now);
+    MarchReport report;
+    report.count.solved = (now.runs - reported_.runs) * (rows_ - 1);
+    report.count.newton = now.sweeps - reported_.sweeps;
+    report.count.fallbacks = now.fallbacks - reported_.fallbacks;
+    if (now.failed > reported_.failed) report.stopped = 0;
+    reported_ = now;
     return report;
   }
 
@@ -232,15 +268,9 @@ class ModalMarch final : public March {
   // Rows that are final, 0 where the host has to take over.
   Index take_steps(Array& y, MarchReport& report) {
     if (rows_ < 2) return rows_;
-    const First first{start_.data(), initial_.size() > 0 ? initial_.data() : nullptr, s1_.data()};
-    const StepState state{
-        start_transform_.data(), transform_.data(), active_.data(),     active_.data() + n_, updates_.data(),
-        updates_.data() + 1,     z_.data(),         next_known_.data(), mail_.data(),        exchanged_.data()};
-    begin<<<unsigned(n_), threads, 0, device_.stream()>>>(tables(), first, arrays(y), z_.data(), next_known_.data());
-    check(cudaGetLastError(), "starting the march");
     for (Index j = 1, last; j < rows_; j = last) {
       last = polled() ? std::min(rows_, j + piece) : rows_;
-      kernel_.launch(tables(), state, arrays(y), {int(j), int(last), j == 1, last < rows_}, outcome_);
+      launch(y, j, last, outcome_);
       if (!polled()) continue;
       device_.wait();
       if (outcome_->reached < last) return 0;
@@ -248,6 +278,18 @@ class ModalMarch final : public March {
       if (last < rows_ && stops(last, report)) return last;
     }
     return rows_;
+  }
+
+  // Steps j .. last-1.
+  void launch(Array& y, Index j, Index last, StepOutcome* out) {
+    const First first{start_.data(), initial_.size() > 0 ? initial_.data() : nullptr, s1_.data()};
+    const StepState state{
+        start_transform_.data(), transform_.data(), active_.data(),     active_.data() + n_, updates_.data(),
+        updates_.data() + 1,     z_.data(),         next_known_.data(), mail_.data(),        exchanged_.data()};
+    if (j == 1)
+      begin<<<unsigned(n_), threads, 0, device_.stream()>>>(tables(), first, arrays(y), z_.data(), next_known_.data());
+    check(cudaGetLastError(), "starting the march");
+    kernel_.launch(tables(), state, arrays(y), {int(j), int(last), j == 1, last < rows_}, out);
   }
 
   void count_steps(MarchReport& report) const {
@@ -264,7 +306,7 @@ class ModalMarch final : public March {
   }
 
   // v from the rows 0 .. done-1 of y, and their check; NaN beyond.
-  void complete(Array& y, Array& v, Index done) {
+  void complete(Array& y, Array& v, Index done, StepOutcome* out) {
     sine_->apply(y, nullptr, exact_input_, 1);
     const unsigned last = unsigned(done - 1);
     const StepArrays a = arrays(y);
@@ -274,7 +316,7 @@ class ModalMarch final : public March {
     sine_->apply(known_, nullptr, v, 0);
     const GivenMatrix M{lower_.data(), diagonal_.data(), upper_.data(), dense_.data()};
     if (done > 1)
-      check_rows<<<last, threads, 0, device_.stream()>>>(tables(), M, a, values(v), values(exact_input_), outcome_);
+      check_rows<<<last, threads, 0, device_.stream()>>>(tables(), M, a, values(v), values(exact_input_), out);
     if (done < rows_)
       invalidate<<<unsigned(rows_ - done), threads, 0, device_.stream()>>>(values(y), values(v), int(n_), a.step,
                                                                            int(done));
@@ -297,6 +339,9 @@ class ModalMarch final : public March {
   Memory<int> updates_;
   Memory<unsigned long long> mail_;
   StepOutcome* outcome_ = nullptr;  ///< pinned, written by the device
+  Memory<StepOutcome> queued_;      ///< of the run that `start` began last
+  Memory<MarchTotals> totals_;
+  MarchTotals reported_{};
 };
 
 }  // namespace

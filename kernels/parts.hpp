@@ -19,10 +19,12 @@ std::unique_ptr<Convolution> make_fft_convolution(const Device&, const LagTable&
 std::unique_ptr<Program> make_program(const Device&, Index values, const std::function<void()>& operations);
 void inject(const Device&, const Array& fine, Array& coarse);
 void interpolate(const Device&, const Array& coarse, const Array* old, Array& fine);
+void restrict_problem(const Device&, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
+                      Array& coarse_r, Array& coarse_y, Array& old);
 void add(const Device&, const Array& b, double s, const Array& c, Array& a);
 double difference(const Device&, const Array& a, const Array& b);
 /// Null where the matrix is too large for these kernels.
-std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Device&, const Tridiagonal&, LcpClass, Index rows);
+std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Device&, const Tridiagonal&, LcpClass, double shift, Index rows);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Device&, const Matrix&, LcpClass, Index rows);
 
 /// What no kernel here takes is marched by `host`.

@@ -31,13 +31,41 @@ void check(cufftResult status, const char* what) {
 
 using cuda::check;
 
+/// Starting the library takes longer than most solves.
+struct Blas {
+  explicit Blas(const Device& device) {
+    check(cublasCreate(&handle), "starting cuBLAS");
+    check(cublasSetStream(handle, device.stream()), "starting cuBLAS");
+  }
+  ~Blas() { cublasDestroy(handle); }
+  Blas(const Blas&) = delete;
+  Blas& operator=(const Blas&) = delete;
+
+  cublasHandle_t handle = nullptr;
+};
+
+/// S, n x n, with zeros beyond up to the stride, so that what lies between the rows of an array stays zero.
+struct SineTable {
+  SineTable(const Device& device, Index n) : n(n), values(on_device(device, padded(n))) {}
+
+  static Matrix padded(Index n) {
+    Matrix S = Matrix::Zero(stride(n), stride(n));
+    S.topLeftCorner(n, n) = sine_matrix(n);
+    return S;
+  }
+
+  Index n;
+  Memory<double> values;
+};
+
 class SineProduct final : public SineTransform {
  public:
-  SineProduct(const Device& device, Index n) : device_(device), n_(stride(n)), S_(on_device(device, padded(n))) {
-    check(cublasCreate(&handle_), "starting cuBLAS");
-    check(cublasSetStream(handle_, device.stream()), "starting cuBLAS");
-  }
-  ~SineProduct() override { cublasDestroy(handle_); }
+  SineProduct(const Device& device, Index n)
+      : device_(device),
+        n_(stride(n)),
+        blas_(device.shared<Blas>([](const Blas&) { return true; }, [&] { return std::make_shared<Blas>(device); })),
+        S_(device.shared<SineTable>([n](const SineTable& kept) { return kept.n == n; },
+                                    [&] { return std::make_shared<SineTable>(device, n); })) {}
 
   // Rows are columns to cuBLAS: out^T = S in^T + add^T.
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
@@ -48,25 +76,18 @@ class SineProduct final : public SineTransform {
       check(cudaMemcpyAsync(values(out) + offset, values(*add) + offset, sizeof(double) * std::size_t(rows * n_),
                             cudaMemcpyDeviceToDevice, device_.stream()),
             "copying on the device");
-    check(cublasDgemm(handle_, CUBLAS_OP_N, CUBLAS_OP_N, int(n_), int(rows), int(n_), &one, S_.data(), int(n_),
-                      values(in) + offset, int(n_), &beta, values(out) + offset, int(n_)),
+    check(cublasDgemm(blas_->handle, CUBLAS_OP_N, CUBLAS_OP_N, int(n_), int(rows), int(n_), &one, S_->values.data(),
+                      int(n_), values(in) + offset, int(n_), &beta, values(out) + offset, int(n_)),
           "the sine transform");
   }
 
-  std::size_t bytes() const override { return S_.bytes(); }
+  std::size_t bytes() const override { return S_->values.bytes(); }
 
  private:
-  // Zeros beyond n, so that what lies between the rows of an array stays zero.
-  static Matrix padded(Index n) {
-    Matrix S = Matrix::Zero(stride(n), stride(n));
-    S.topLeftCorner(n, n) = sine_matrix(n);
-    return S;
-  }
-
   const Device& device_;
   Index n_;  ///< with the padding
-  Memory<double> S_;
-  cublasHandle_t handle_ = nullptr;
+  std::shared_ptr<Blas> blas_;
+  std::shared_ptr<SineTable> S_;
 };
 
 // x_1, ..., x_n between zeros, then the same backwards with the other sign.

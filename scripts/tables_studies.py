@@ -187,6 +187,29 @@ def convolution(data):
     return lines + ["", f"One application of K * y in modes. {repeats(data)}."]
 
 
+def multigrid(data):
+    lines = ["| backend | dx | J | contraction | cycles to 1e-12 | cycles that are useful | algebraic error | discretisation error | "
+             "in fine sweeps | set-up | solve | plain sweeps to 1e-12 |", "|--" * 12 + "|"]  # fmt: skip
+    skipped = []
+    for row in sorted(data["rows"], key=lambda row: (row["backend"], row["Q"], row["steps"])):
+        if "skipped" in row:
+            skipped.append(f"{row['backend']} at dx = 1/{row['Q'] + 1:g}, J = {row['steps']}: {row['skipped']}")
+            continue
+        useful, counted = row["useful"], row["plain_counted_with_steps"] == row["steps"]
+        lines.append(
+            f"| {row['backend']} | 1/{row['Q'] + 1:g} | {row['steps']} | {row['contraction']:.3f} | {row['cycles']} | {useful['cycles']} | "
+            f"{number(useful['algebraic_error'])} | {number(useful['discretisation_error'])} | {useful['fine_sweep_equivalents']:.1f} | "
+            f"{seconds(useful['seconds']['setup'])} | {seconds(useful['seconds']['solve'])} | {'' if counted else '~ '}{row['plain_sweeps']} |"
+        )
+    lines += [""] + ["- " + note for note in data["notes"]] + ["- not run: " + what for what in skipped]
+    return lines + [
+        "",
+        "Useful: until the algebraic error is estimated below a tenth of the discretisation error; set-up and solve are of that run. "
+        "Algebraic error: against the run to 1e-12. Discretisation error: from the differences of the three finest grids. "
+        f"~: counted with fewer steps. {repeats(data)}.",
+    ]
+
+
 def scenes(data):
     lines = ["| scene | m | n | M | spectrum of A | method | steps | error of x | error of y | status | time |"]
     lines.append("|--" * 11 + "|")

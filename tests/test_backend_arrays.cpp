@@ -44,6 +44,20 @@ TEST_P(BackendArrays, InterpolationIsLinearBetweenRows) {
     }
 }
 
+TEST_P(BackendArrays, ACoarseProblemTakesEverySecondRow) {
+  for (const auto& [steps, n] : shapes) {
+    const RowMatrix r = Random(12).matrix(2 * steps + 1, n), v = Random(13).matrix(2 * steps + 1, n),
+                    y = Random(14).matrix(2 * steps + 1, n), coarse_v = Random(15).matrix(steps + 1, n);
+    const auto coarse_r = backend->array(steps + 1, n), coarse_y = backend->array(steps + 1, n),
+               old = backend->array(steps + 1, n);
+    backend->restrict_problem(*device(r), *device(v), *device(y), *device(coarse_v), *coarse_r, *coarse_y, *old);
+    const auto second = Eigen::seqN(0, steps + 1, 2);
+    EXPECT_LE(distance(host(*coarse_r), RowMatrix(r + v)(second, Eigen::all) - coarse_v), 4 * epsilon) << steps;
+    EXPECT_EQ(host(*coarse_y), RowMatrix(y(second, Eigen::all))) << steps << ' ' << n;
+    EXPECT_EQ(host(*old), host(*coarse_y)) << steps << ' ' << n;
+  }
+}
+
 TEST_P(BackendArrays, SumsMayOverwriteWhatTheyAdd) {
   for (const auto& [steps, n] : shapes) {
     const RowMatrix first = Random(6).matrix(steps + 1, n), second = Random(7).matrix(steps + 1, n);

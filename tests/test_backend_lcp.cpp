@@ -82,6 +82,54 @@ TEST_P(BackendLcp, RowsAgainstOtherSolvers) {
       }
 }
 
+TEST_P(BackendLcp, ShiftedRows) {
+  for (const Index n : {1, 3, 17, 40})
+    for (const double D : {-0.05, 0.5}) {
+      Random random{std::uint32_t(50 + n)};
+      const Tridiagonal M = random_tridiagonal(random, n);
+      const Matrix shifted = to_dense(LcpMatrix(M)) + D * Matrix::Identity(n, n);
+      const Index rows = 20;
+      const RowMatrix q = random.matrix(rows, n);
+      RowMatrix y = random.matrix(rows, n).cwiseMax(0);
+      const RowMatrix before = y;
+      const auto lcp = backend->shifted_lcp(LcpMatrix(M), LcpClass::P, D, rows);
+      EXPECT_EQ(solve(*lcp, q, y).count.unsolved, 0);
+      // Half of the least margin of dominance is left.
+      for (Index j = 0; j < rows; ++j) {
+        const Vector expected = solved_alone(shifted, (q.row(j) - D * before.row(j)).transpose(), LcpClass::P);
+        EXPECT_LE((y.row(j).transpose() - expected).cwiseAbs().maxCoeff(), 2 * tolerance(n)) << n << ' ' << D;
+      }
+      const RowMatrix w = q + y * to_dense(LcpMatrix(M)).transpose();
+      double natural = 0;
+      for (Index j = 0; j < rows; ++j)
+        natural = std::max(
+            natural, y.row(j).cwiseMin(w.row(j)).cwiseAbs().maxCoeff() / std::max(1.0, q.row(j).cwiseAbs().maxCoeff()));
+      EXPECT_NEAR(residual, natural, tolerance(n)) << "the residual knows no shift";
+    }
+}
+
+TEST_P(BackendLcp, QueuedBatchesAreSummedUp) {
+  const Index n = 17, rows = 50;
+  Random random{61};
+  for (const LcpMatrix& M : {LcpMatrix(random_tridiagonal(random, n)), LcpMatrix(random.dominant(n))}) {
+    const auto lcp = backend->lcp(M, LcpClass::P, rows);
+    if (!lcp->queues()) continue;
+    const auto v = backend->array(rows, n), y = backend->array(rows, n), expected = backend->array(rows, n);
+    const auto first = device(random.matrix(rows, n)), second = device(random.matrix(rows, n));
+    lcp->solve(*first, *v, *expected, 0, 0);
+    lcp->start(*first, *v, *y, 0, 0);
+    lcp->start(*second, *v, *y, 0, 0);
+    const LcpReport both = lcp->collect();
+    EXPECT_EQ(both.count.solved, 2 * rows);
+    EXPECT_EQ(both.count.unsolved, 0);
+    EXPECT_GE(both.count.newton, 2 * rows);
+    const LcpReport one = lcp->solve(*second, *v, *expected, 0, 0);
+    EXPECT_EQ(host(*y), host(*expected));
+    EXPECT_EQ(one.count.solved, rows) << "a batch that is waited for reports itself alone";
+    EXPECT_EQ(lcp->collect().count.solved, 0) << "nothing was started since";
+  }
+}
+
 TEST_P(BackendLcp, FirstAndSettledRows) {
   const Index n = 5, rows = 40;
   Random random(3);

@@ -101,6 +101,19 @@ TEST_F(Bench, SparseSolvesAllItsRows) {
   EXPECT_LT(json["rows"][0]["difference_max"], 0.1);
 }
 
+TEST_F(Bench, MultigridContractsAndStopsInTime) {
+  const Json json = study("multigrid");
+  ASSERT_GE(json["rows"].size(), 2u);
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["status"], "solved") << row;
+    EXPECT_LE(row["contraction"], 0.1) << row;
+    const Json& useful = row["useful"];
+    EXPECT_LE(useful["algebraic_error"], 0.1 * useful["discretisation_error"].get<double>()) << row;
+    EXPECT_LT(useful["cycles"], row["cycles"]) << row;
+    EXPECT_GT(row["plain_sweeps"], row["sweeps"]) << row;
+  }
+}
+
 TEST_F(Bench, PaperFindsWhatItsFiguresShow) {
   const Json json = study("paper");
   std::map<std::string, int> figures;

@@ -44,6 +44,8 @@ BenchReport bench_speed_vs_error(const BenchRequest& request, Backend& backend);
 /// Throws Error where there is no CUDA device.
 BenchReport bench_gpu(const BenchRequest& request, Backend& backend);
 BenchReport bench_convolution(const BenchRequest& request, Backend& backend);
+/// Throws Error for another scene. On the CUDA backend too, where a device is found.
+BenchReport bench_multigrid(const BenchRequest& request, Backend& backend);
 BenchReport bench_paper(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene file or a folder of them.
 BenchReport bench_scenes(const BenchRequest& request, Backend& backend);

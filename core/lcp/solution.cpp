@@ -38,6 +38,11 @@ double rounding(Index n) { return 16 * double(n + 4) * epsilon; }
 
 }  // namespace
 
+Tridiagonal plus_identity(Tridiagonal M, double D) {
+  M.diagonal.array() += D;
+  return M;
+}
+
 Equilibration equilibrate(const LcpMatrix& M) {
   const Index n = size(M);
   Equilibration e{Vector::Ones(n), Vector::Ones(n)};

@@ -20,6 +20,9 @@ struct Equilibration {
 /// R and C with the largest entry of every row and column of R M C between about 1/2 and 2; 1 for zero rows, columns.
 Equilibration equilibrate(const LcpMatrix&);
 
+/// M + D I.
+Tridiagonal plus_identity(Tridiagonal M, double D);
+
 /// R M C.
 LcpMatrix scaled(const LcpMatrix&, const Equilibration&);
 

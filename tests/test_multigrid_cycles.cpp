@@ -1,0 +1,173 @@
+// What a cycle of multigrid in time is made of: kernels and weights of coarse grids, queued batches, and when to stop.
+
+#include "core/functional_iteration.hpp"
+#include "core/multigrid.hpp"
+#include "core/scenes/catalogue.hpp"
+#include "core/time_levels.hpp"
+#include "tests/expanding.hpp"
+#include "tests/queueing_backend.hpp"
+#include "tests/reference.hpp"
+#include "tests/run.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+namespace bromwich {
+namespace {
+
+using reference::Random;
+
+Scene membrane(double Q) { return make_scene("signorini", {{"Q", Q}}); }
+
+ModalRecurrence some_exponentials(Index n) {
+  Random random{31};
+  ModalRecurrence r;
+  r.decay = random.matrix(3, n).cwiseAbs();
+  r.output = random.matrix(3, n);
+  r.start = random.matrix(3, n);
+  r.w0 = random.vector(n);
+  r.w1 = random.vector(n);
+  r.s1 = random.vector(n);
+  return r;
+}
+
+// Two ways to the same weights. S_1 of the fine grid acts on no point of the coarse one.
+TEST(TimeLevels, ExponentialsOfTheCoarseGridAreThoseOfItsTable) {
+  const ModalRecurrence fine = some_exponentials(5);
+  const LagTable expected = coarsen(lag_table(fine, 40)), found = lag_table(coarsen(fine), 20);
+  // Sums of ten products of numbers up to 2; the last lag of W acts on nothing.
+  EXPECT_LE(distance(found.W.topRows(20), expected.W.topRows(20)), 100 * epsilon);
+  EXPECT_LE(distance(found.S.topRows(20), expected.S.topRows(20)), 100 * epsilon);
+}
+
+TEST(TimeLevels, AKernelKnowsTheModesOfInjectedValues) {
+  const auto backend = make_cpu_backend(1);
+  const Scene scene = membrane(15);
+  const DiscreteProblem p = discretise(scene, *backend, 64);
+  TimeLevels levels = time_levels(p, nullptr, {});
+  TimeLevel &fine = levels[0], &coarse = levels[1];
+  backend->upload(Random(32).matrix(65, 15), *fine.y);
+  fine.kernel->apply(*fine.y, *fine.v, 0);
+  coarse.kernel->apply_injected(*fine.kernel, *fine.y, *coarse.y, *coarse.v);
+  RowMatrix found, expected;
+  backend->download(*coarse.v, found);
+  backend->inject(*fine.y, *coarse.y);
+  coarse.kernel->apply(*coarse.y, *coarse.v, 0);
+  backend->download(*coarse.v, expected);
+  EXPECT_EQ(found, expected) << "the same operations on the same modes";
+}
+
+// ---- queued cycles ----
+
+Result solved_by(Backend& backend, const Scene& scene, Index J) {
+  Options options = options_for(Method::multigrid, J);
+  return solve(scene, backend, options);
+}
+
+TEST(QueuedMultigrid, DoesWhatTheOtherDoes) {
+  for (const Scene& scene : {membrane(15), expanding()}) {
+    const Index J = scene.constraints() > 1 ? 128 : 1280;
+    QueueLog log;
+    QueueingBackend queueing(log);
+    const Result found = solved_by(queueing, scene, J), expected = run(scene, Method::multigrid, J);
+    ASSERT_EQ(found.status, Status::solved) << found.reason;
+    EXPECT_EQ(found.y, expected.y) << "the same operations in the same order";
+    EXPECT_EQ(found.iterations, expected.iterations);
+    EXPECT_EQ(found.lcp.newton, expected.lcp.newton);
+    EXPECT_EQ(found.cycles, expected.cycles);
+    EXPECT_GT(log.batches, 0);
+    EXPECT_GT(log.replays, 0);
+  }
+}
+
+// A batch left unsolved in the nested start, and one in the second cycle.
+TEST(QueuedMultigrid, DoesAgainWhatStayedUnsolved) {
+  const Scene scene = membrane(15);
+  QueueLog all;
+  QueueingBackend undisturbed(all);
+  const Result expected = solved_by(undisturbed, scene, 128);
+  for (const long failing : {2l, all.batches - 1}) {
+    QueueLog log;
+    log.failing = failing;
+    QueueingBackend backend(log);
+    const Result found = solved_by(backend, scene, 128);
+    ASSERT_EQ(found.status, Status::solved) << failing << found.reason;
+    EXPECT_LE(distance(found.y, expected.y), same_problem) << failing;
+    EXPECT_EQ(found.lcp.unsolved, 0) << failing;
+    EXPECT_GT(log.waited, all.waited) << failing << ": again, batch by batch";
+  }
+}
+
+// ---- the coarsest grid ----
+
+TEST(Multigrid, ContractsAsWellWithSweepsOnTheCoarsestGridAsWithAMarch) {
+  const auto backend = make_cpu_backend(1);
+  const Scene scene = membrane(63);
+  const Index J = 256;
+  const DiscreteProblem p = discretise(scene, *backend, J);
+  const RowMatrix exact = solved_y(scene, Method::march, J);
+  for (const bool marched : {false, true}) {
+    const Options options;
+    TimeLevels levels = time_levels(p, nullptr, options);
+    EXPECT_FALSE(levels.grids.back()->march) << "its symbol is known";
+    if (marched) levels.prepare_march();
+    Result result;
+    Multigrid multigrid(*backend, options, levels, result);
+    multigrid.nest(exact.row(0).transpose());
+    RowMatrix y;
+    const auto error = [&] {
+      backend->download(*levels[0].y, y);
+      return distance(y, exact);
+    };
+    double before = error();
+    for (int cycle = 0; cycle < 3; ++cycle) {
+      multigrid.cycle(0);
+      const double after = error();
+      EXPECT_LE(after, 0.1 * before) << marched << ' ' << cycle;
+      before = after;
+    }
+  }
+}
+
+TEST(Multigrid, MarchesTheCoarsestGridWhereNoSymbolIsKnown) {
+  const auto backend = make_cpu_backend(1);
+  const Scene scene = expanding();
+  const DiscreteProblem p = discretise(scene, *backend, 1280);
+  EXPECT_TRUE(time_levels(p, nullptr, {}).grids.back()->march);
+}
+
+// ---- no further than is useful ----
+
+TEST(Multigrid, StopsWhereFurtherCyclesAreOfNoUse) {
+  for (const double Q : {15., 63., 127.})
+    for (const Index J : {128, 512}) {
+      const Scene scene = membrane(Q);
+      Options options = options_for(Method::multigrid, J);
+      options.algebraic_share = 0.1;
+      const Result found = run(scene, options), tight = run(scene, Method::multigrid, J);
+      ASSERT_EQ(found.status, Status::solved) << found.reason;
+      const RowMatrix finer = solved_y(scene, Method::march, 4 * J);
+      double left = 0, error = 0, size = 1;
+      for (Index j = 1; j <= J; ++j) {
+        left = std::max(left, (found.y.row(j) - tight.y.row(j)).cwiseAbs().maxCoeff());
+        error = std::max(error, (tight.y.row(j) - finer.row(4 * j)).cwiseAbs().maxCoeff());
+        size = std::max(size, tight.y.row(j).maxCoeff());
+      }
+      EXPECT_LE(left, 0.1 * error) << Q << ' ' << J;
+      EXPECT_LT(found.cycles, tight.cycles) << Q << ' ' << J;
+      ASSERT_TRUE(found.algebraic_error) << Q << ' ' << J;
+      EXPECT_GE(*found.algebraic_error * size, left) << Q << ' ' << J;
+    }
+}
+
+TEST(Multigrid, RefusesAShareThatIsNoPart) {
+  Options options = options_for(Method::multigrid, 64);
+  for (const double share : {-0.1, 1.0, double(NAN)}) {
+    options.algebraic_share = share;
+    EXPECT_THROW(run(membrane(3), options), Error) << share;
+  }
+}
+
+}  // namespace
+}  // namespace bromwich
