@@ -59,7 +59,7 @@ struct LcpReport {
   LcpCount count;
   double change = 0;      ///< max over the rows solved of |y_new - y_old|_inf / max(1, |y_new|_inf)
   double magnitude = 0;   ///< max |y_new|
-  Index settled = 0;      ///< rows 0..settled-1 changed by no more than the tolerance given, in the same measure
+  Index settled = 0;      ///< rows 0..settled-1 are solved and changed by no more than the tolerance given
   Index infeasible = -1;  ///< first row whose problem was proven infeasible, or -1
   bool finite = true;     ///< false: a NaN or an infinity was met
 };

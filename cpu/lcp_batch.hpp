@@ -56,7 +56,8 @@ class RowBlocks {
       report.magnitude = std::max(report.magnitude, magnitude);
     }
     report.settled = first;
-    while (report.settled < rows && change_[std::size_t(report.settled)] <= settle_tolerance) ++report.settled;
+    const auto stays = [&](Index j) { return !left_[std::size_t(j)] && change_[std::size_t(j)] <= settle_tolerance; };
+    while (report.settled < rows && stays(report.settled)) ++report.settled;
     return report;
   }
 
@@ -68,6 +69,7 @@ class RowBlocks {
     ++report.count.fallbacks;
     const LcpOutcome outcome = pivot(j, change_[std::size_t(j)], magnitude_[std::size_t(j)]);
     report.count.newton += outcome.newton;
+    left_[std::size_t(j)] = !outcome.solved;
     if (outcome.solved) return;
     --report.count.solved;
     ++report.count.unsolved;

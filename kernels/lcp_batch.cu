@@ -133,7 +133,7 @@ void BatchOutcomes::pivot(const Array& r, const Array& v, Array& y, Index first,
       put_row(fresh, values(y), j, stream);
     }
     if (std::isnan(change) || change > report.change) report.change = change;
-    if (!(change <= settle_tolerance)) report.settled = std::min(report.settled, j);
+    if (!outcome.solved || !(change <= settle_tolerance)) report.settled = std::min(report.settled, j);
     if (outcome.solved) continue;
     --report.count.solved;
     ++report.count.unsolved;

@@ -216,6 +216,8 @@ TEST_P(BackendLcp, LeastNormRows) {
   EXPECT_EQ(report.infeasible, 7);
   EXPECT_EQ(report.count.solved, rows - 1);
   EXPECT_LE((y.row(0) - Eigen::RowVector2d(1, 2)).cwiseAbs().maxCoeff(), 1e-15);
+  EXPECT_EQ(solve(*backend->lcp(Matrix{{0, 1}, {-1, 0}}, LcpClass::PSD, rows), q, y, 0, 1).settled, 7)
+      << "what has no solution has not settled, though it stands still";
 }
 
 TEST_P(BackendLcp, NotFiniteRows) {
