@@ -63,10 +63,10 @@ Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& level
     const Index values = levels_[l].y->rows() * levels_[l].y->cols();
     Recorded& recorded = recorded_[l];
     if (l < last) {
-      recorded.descend = backend_.record(values, [&] { descend(l); });
-      recorded.ascend = backend_.record(values, [&] { ascend(l); });
+      recorded.descend = backend_.record(values, [this, l] { descend(l); });
+      recorded.ascend = backend_.record(values, [this, l] { ascend(l); });
     } else if (!levels_[l].march) {
-      recorded.descend = backend_.record(values, [&] { sweep_coarsest(); });
+      recorded.descend = backend_.record(values, [this] { sweep_coarsest(); });
     }
   }
 }
