@@ -2,8 +2,12 @@
 //
 //     q_j = r_j + (part of v_j that is known),   y_j in SOL(M + W_0, q_j),   v_j = q_j - r_j + W_0 y_j,
 //
-// and one pass over the recurrence's state advances z and sums its output. This is the sequential baseline; the pass
-// over z moves 4 x 8 bytes per exponential and mode, and is all the work for large scenes.
+// The past of a Kronecker sum is cut into blocks of b steps. With Z = z at the last step s of the block before,
+//
+//     v_{s+i} = C E^{i-1} Z + Σ_{d=1}^{i-1} W_d u_{s+i-d} + W_0 u_{s+i},   1 <= i <= b,
+//
+// so that the exponentials are read once a block, while b sums stay in registers, and not once a step: 4 x 8 bytes per
+// exponential and mode, which was most of the work. Within the block the few nearest lags act directly, in modes.
 
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"
@@ -25,11 +29,9 @@ class ModalMarch final : public March {
         blocks_(blocks(n_)),
         K_(r.exponentials()),
         response_(host(*problem.r)),
-        modes_(rows, n_),
         sine_(make_vector_sine(n_)),
-        rows_sine_(make_sine_transform(n_, rows, threads)),
-        M_(to_dense(*problem.M)),
-        lcp_(M_ + implicit_part(r), M_, problem.lcp_class),
+        M_(*problem.M),
+        lcp_(to_dense(M_) + implicit_part(r), to_dense(M_), problem.lcp_class),
         threads_(blocks_ * K_ * lanes >= parallel_size ? threads : 1) {
     decay_.resize(std::size_t(blocks_ * K_));
     output_.resize(decay_.size());
@@ -40,12 +42,14 @@ class ModalMarch final : public March {
         decay_[at][l % lanes] = r.decay(k, l);
         output_[at][l % lanes] = r.output(k, l);
       }
-    for (Vector* v : {&u_, &free_, &known_, &w1_}) *v = Vector::Zero(blocks_ * lanes);
-    w1_.head(n_) = r.w1;
+    for (RowMatrix* m : {&near_, &u_, &far_}) *m = RowMatrix::Zero(block_steps, blocks_ * lanes);
+    make_near_lags();
+    for (Vector* v : {&free_, &known_, &w0_, &first_}) *v = Vector::Zero(blocks_ * lanes);
+    w0_.head(n_) = r.w0;
     q_ = y_ = Vector::Zero(n_);
     if (!problem.drive) return;
     drive_ = std::make_unique<HostArray>(rows, n_);
-    rows_sine_->apply(*problem.drive, nullptr, *drive_, 0);
+    make_sine_transform(n_, rows, threads)->apply(*problem.drive, nullptr, *drive_, 0);
   }
 
   MarchReport run(Array& y_array, Array& v_array) override {
@@ -59,7 +63,9 @@ class ModalMarch final : public March {
         invalidate(Y, V, j);
         return report;
       }
-      advance(j);
+      const Index i = (j - 1) % block_steps;
+      if (i == 0) begin_block(j);
+      sum_near(i);
       if (drive_) free_.head(n_) += r_.w0.cwiseProduct(drive_->values.row(j).transpose());
       sine_->apply(free_.data(), known_.data());
       q_ = response_.row(j).transpose() + known_.head(n_);
@@ -68,64 +74,121 @@ class ModalMarch final : public March {
         return report;
       }
       Y.row(j) = y_.transpose();
-      sine_->apply(y_.data(), u_.data());
-      modes_.values.row(j) = (free_.head(n_) + r_.w0.cwiseProduct(u_.head(n_))).transpose();
-      if (drive_) u_.head(n_) += drive_->values.row(j).transpose();
+      sine_->apply(y_.data(), u_.row(i).data());
+      add_implicit(i);
+      V.row(j) = known_.head(n_).transpose();
+      if (drive_) u_.row(i).head(n_) += drive_->values.row(j);
     }
-    rows_sine_->apply(modes_, nullptr, v_array, 0);  // v = S (free + W_0 y), all rows together
     return report;
   }
 
   std::size_t bytes() const override {
-    return 3 * decay_.size() * sizeof(Lanes) + sizeof(double) * std::size_t(5 * M_.size()) + modes_.bytes() +
-           (drive_ ? drive_->bytes() : 0) + rows_sine_->bytes();
+    return 3 * decay_.size() * sizeof(Lanes) + lcp_.bytes() + (drive_ ? drive_->bytes() : 0);
   }
 
  private:
-  static constexpr Index parallel_size = 1 << 16;  ///< below it a barrier per step costs more than it saves
+  static constexpr Index parallel_size = 1 << 16;  ///< below it a barrier per block costs more than it saves
+  static constexpr Index block_steps = 16;
 
-  // z_0 from y_0, phi_0 and x0.
+  // Row d - 1: W_d in modes, the far parts of z = 1 and what lag 1 has besides.
+  void make_near_lags() {
+    std::fill(z_.begin(), z_.end(), all(1));
+    for (Index b = 0; b < blocks_; ++b) sum_far(b);
+    near_ = far_;
+    near_.row(0).head(n_) += r_.w1.transpose();
+  }
+
+  // z_0 from y_0, phi_0 and x0; lag 1 of y_0 has its own weight.
   void start(const RowMatrix& Y) {
     y_ = Y.row(0).transpose();
     lcp_.start_from(y_);
-    sine_->apply(y_.data(), u_.data());
-    if (drive_) u_.head(n_) += drive_->values.row(0).transpose();
+    u_.setZero();
+    Vector u = Vector::Zero(n_);
+    sine_->apply(y_.data(), u.data());
+    if (drive_) u += drive_->values.row(0).transpose();
     for (std::size_t i = 0; i < z_.size(); ++i) z_[i] = all(0);
     for (Index l = 0; l < n_; ++l)
       for (Index k = 0; k < K_; ++k)
         z_[std::size_t((l / lanes) * K_ + k)][l % lanes] =
-            r_.start(k, l) * u_[l] + (r_.initial.size() > 0 ? r_.initial(k, l) : 0.0);
+            r_.start(k, l) * u[l] + (r_.initial.size() > 0 ? r_.initial(k, l) : 0.0);
+    first_.head(n_) = r_.s1.cwiseProduct(u);
   }
 
-  // free_l = w1 u_l + Σ_k C_kl z_kl for step j, z advanced by the input u of step j-1 on the way.
-  void advance(Index j) {
+  // z advanced by the inputs of the block before, then what it contributes to the steps j .. j + b - 1.
+  void begin_block(Index j) {
+    if (j > 1) first_.head(n_) = r_.w1.cwiseProduct(u_.row(block_steps - 1).head(n_).transpose());
 #pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1)
     for (Index b = 0; b < blocks_; ++b) {
-      const Lanes u = load(u_.data() + b * lanes);
-      const Lanes* E = &decay_[std::size_t(b * K_)];
-      const Lanes* C = &output_[std::size_t(b * K_)];
-      Lanes* z = &z_[std::size_t(b * K_)];
-      Lanes sum[4] = {load(w1_.data() + b * lanes) * u, all(0), all(0), all(0)};
-      if (j == 1) {
-        // z_0 is complete, and lag 1 of y_0 has its own weight.
-        for (Index k = 0; k < K_; ++k) sum[k % 4] += C[k] * z[k];
-        sum[0] -= load(w1_.data() + b * lanes) * u;
-        for (Index i = 0; i < lanes && b * lanes + i < n_; ++i) sum[0][i] += r_.s1[b * lanes + i] * u[i];
-      } else {
-        Index k = 0;
-        for (; k + 4 <= K_; k += 4)
-          for (Index i = 0; i < 4; ++i) {
-            const Lanes s = E[k + i] * z[k + i] + u;
-            z[k + i] = s;
-            sum[i] += C[k + i] * s;
-          }
-        for (; k < K_; ++k) {
-          z[k] = E[k] * z[k] + u;
-          sum[0] += C[k] * z[k];
-        }
-      }
-      store(free_.data() + b * lanes, (sum[0] + sum[1]) + (sum[2] + sum[3]));
+      if (j > 1) advance(b);
+      sum_far(b);
     }
+    far_.row(0) += first_.transpose();
+  }
+
+  // z <- E^b z + Σ_i E^{b-i} u_i in the eight modes of block b.
+  void advance(Index b) {
+    constexpr Index group = 8;
+    const Lanes* E = &decay_[std::size_t(b * K_)];
+    Lanes* z = &z_[std::size_t(b * K_)];
+    Lanes u[block_steps];
+    for (Index i = 0; i < block_steps; ++i) u[i] = load(u_.row(i).data() + b * lanes);
+    Index k = 0;
+    for (; k + group <= K_; k += group) {
+      Lanes e[group], s[group];
+      for (Index g = 0; g < group; ++g) e[g] = E[k + g], s[g] = z[k + g];
+      for (Index i = 0; i < block_steps; ++i)
+        for (Index g = 0; g < group; ++g) s[g] = e[g] * s[g] + u[i];
+      for (Index g = 0; g < group; ++g) z[k + g] = s[g];
+    }
+    for (; k < K_; ++k)
+      for (Index i = 0; i < block_steps; ++i) z[k] = E[k] * z[k] + u[i];
+  }
+
+  // far_i = Σ_k C_k E_k^i z_k, i = 0 .. b-1, in the eight modes of block b.
+  void sum_far(Index b) {
+    constexpr Index group = 4;
+    const Lanes* E = &decay_[std::size_t(b * K_)];
+    const Lanes* C = &output_[std::size_t(b * K_)];
+    const Lanes* z = &z_[std::size_t(b * K_)];
+    Lanes sum[block_steps];
+    for (Index i = 0; i < block_steps; ++i) sum[i] = all(0);
+    Index k = 0;
+    for (; k + group <= K_; k += group) {
+      Lanes t[group], e[group];
+      for (Index g = 0; g < group; ++g) e[g] = E[k + g], t[g] = C[k + g] * z[k + g];
+#pragma GCC unroll 16
+      for (Index i = 0; i < block_steps; ++i) {
+        sum[i] += (t[0] + t[1]) + (t[2] + t[3]);
+        for (Index g = 0; g < group; ++g) t[g] *= e[g];
+      }
+    }
+    for (; k < K_; ++k) {
+      Lanes t = C[k] * z[k];
+      for (Index i = 0; i < block_steps; ++i, t *= E[k]) sum[i] += t;
+    }
+    for (Index i = 0; i < block_steps; ++i) store(far_.row(i).data() + b * lanes, sum[i]);
+  }
+
+  // free = what is known of v in modes: the far part and the lags within the block.
+  void sum_near(Index i) {
+    for (Index b = 0; b < blocks_; ++b) {
+      Lanes sum[2] = {load(far_.row(i).data() + b * lanes), all(0)};
+      for (Index d = 1; d <= i; ++d)
+        sum[d % 2] += load(near_.row(d - 1).data() + b * lanes) * load(u_.row(i - d).data() + b * lanes);
+      store(free_.data() + b * lanes, sum[0] + sum[1]);
+    }
+  }
+
+  // known + W_0 y, from the product of the complementarity problem or in modes.
+  void add_implicit(Index i) {
+    const double* product = lcp_.product();
+    if (const auto* M = std::get_if<Tridiagonal>(&M_); M && product) {
+      multiply(*M, y_.data(), q_.data());
+      known_.head(n_) += Eigen::Map<const Vector>(product, n_) - q_;
+      return;
+    }
+    free_ += w0_.cwiseProduct(u_.row(i).transpose());
+    sine_->apply(free_.data(), known_.data());
   }
 
   const ModalRecurrence& r_;
@@ -133,14 +196,14 @@ class ModalMarch final : public March {
   Index n_, blocks_, K_;
   const RowMatrix& response_;
   std::unique_ptr<HostArray> drive_;  ///< phi in modes
-  HostArray modes_;                   ///< v in modes
   std::unique_ptr<VectorSine> sine_;
-  std::unique_ptr<SineTransform> rows_sine_;
-  Matrix M_;
+  const LcpMatrix& M_;
   StepLcp lcp_;
   int threads_;
   std::vector<Lanes> decay_, output_, z_;
-  Vector u_, free_, known_, w1_, q_, y_;
+  RowMatrix near_;     ///< b x n: W_1 .. W_b
+  RowMatrix u_, far_;  ///< b x n: inputs and far parts of the block's steps
+  Vector free_, known_, w0_, first_, q_, y_;
 };
 
 class DenseMarch final : public March {

@@ -49,6 +49,15 @@ std::mutex& fftw_planner();
 /// The smallest 2^a 3^b 5^c >= n.
 Index fast_fft_length(Index n);
 
+/// product = M y; no aliasing.
+inline void multiply(const Tridiagonal& M, const double* y, double* product) {
+  const Index n = M.diagonal.size();
+  const double *lower = M.lower.data(), *diagonal = M.diagonal.data(), *upper = M.upper.data();
+  for (Index i = 0; i < n; ++i) product[i] = diagonal[i] * y[i];
+  for (Index i = 1; i < n; ++i) product[i] += lower[i] * y[i - 1];
+  for (Index i = 0; i + 1 < n; ++i) product[i] += upper[i] * y[i + 1];
+}
+
 /// The orthonormal sine transform of single vectors, for marching.
 class VectorSine {
  public:

@@ -2,33 +2,45 @@
 // What the marches share: the complementarity problem of one step, rows without a solution, polling.
 
 #include "core/lcp/active_set_lcp.hpp"
+#include "cpu/banded_lcp.hpp"
 #include "cpu/parts.hpp"
 
 #include <chrono>
 #include <cmath>
+#include <optional>
 
 namespace bromwich::cpu {
 
-// The LCP of a step and its bookkeeping. M + W_0 does not inherit the class of M: it is tested itself.
+// The LCP of a step and its bookkeeping. M + W_0 does not inherit the class of M: it is tested itself. Where it is P
+// and its entries decay, bands solve it, and the dense solver is made when they cannot.
 class StepLcp {
  public:
   StepLcp(const Matrix& implicit, const Matrix& M, LcpClass lcp_class)
       : M_(M),
+        implicit_(implicit),
         scene_class_(lcp_class),
         implicit_class_(classify(LcpMatrix(implicit))),
-        solver_(implicit, implicit_class_, lcp_class == LcpClass::Z ? &M_ : nullptr) {}
+        y_(Vector::Zero(M.rows())) {
+    if (implicit_class_ == LcpClass::P && lcp_class != LcpClass::Z) banded_ = BandedLcp::make(implicit);
+  }
 
   /// The problem of a step determines its solution: it is the only one, of least norm, or a least element.
   bool well_posed() const {
     return scene_class_ == LcpClass::Z || implicit_class_ == LcpClass::P || implicit_class_ == LcpClass::PSD;
   }
 
-  void start_from(const Vector& y) { solver_.start_from(y); }
+  void start_from(const Vector& y) {
+    y_ = y;
+    if (banded_)
+      banded_->start_from(y);
+    else
+      dense().start_from(y);
+  }
 
   // false: no solution could be certified; the report says why.
   bool solve(const Vector& q, Vector& y, Index j, MarchReport& report) {
     const auto start = std::chrono::steady_clock::now();
-    const LcpOutcome outcome = solver_.solve(q, y);
+    const LcpOutcome outcome = solve(q, y);
     report.lcp_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     report.count.newton += outcome.newton;
     report.count.fallbacks += outcome.fallback;
@@ -45,10 +57,46 @@ class StepLcp {
     return false;
   }
 
+  /// (M + W_0) y of the last solution where it is at hand, n entries; otherwise null.
+  const double* product() const { return product_; }
+
+  std::size_t bytes() const {
+    return sizeof(double) * std::size_t((solver_ ? 5 : 2) * M_.size()) + (banded_ ? banded_->bytes() : 0);
+  }
+
  private:
-  Matrix M_;
+  LcpOutcome solve(const Vector& q, Vector& y) {
+    int newton = 0;
+    product_ = nullptr;
+    if (banded_ && banded_->solve(q, y, newton)) {
+      product_ = banded_->product();
+      return {.solved = true, .newton = newton};
+    }
+    if (banded_ && ++given_up_ > most_given_up) banded_.reset();
+    LcpOutcome outcome = dense().solve(q, y);
+    outcome.newton += newton;
+    outcome.fallback |= newton > 0;
+    if (banded_ && outcome.solved) banded_->start_from(y);
+    return outcome;
+  }
+
+  ActiveSetLcp& dense() {
+    if (!solver_) {
+      solver_.emplace(implicit_, implicit_class_, scene_class_ == LcpClass::Z ? &M_ : nullptr);
+      solver_->start_from(y_);
+    }
+    return *solver_;
+  }
+
+  static constexpr int most_given_up = 8;  ///< problems that bands cannot solve, before they are given up
+
+  Matrix M_, implicit_;
   LcpClass scene_class_, implicit_class_;
-  ActiveSetLcp solver_;
+  std::unique_ptr<BandedLcp> banded_;
+  std::optional<ActiveSetLcp> solver_;
+  const double* product_ = nullptr;
+  Vector y_;
+  int given_up_ = 0;
 };
 
 inline void invalidate(RowMatrix& y, RowMatrix& v, Index from) {
