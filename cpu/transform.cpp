@@ -1,8 +1,8 @@
 // Sine transforms of the rows of a space-time array.
 //
 // S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)) is even or odd about the middle index according to the parity of k, so a row
-// is folded first: two products with matrices of half the size, half the multiplications of a full product. Up to about
-// n = 1000 that beats a fast transform; beyond, FFTW's RODFT00.
+// is folded first: two products with matrices of half the size, half the multiplications of a full product. From n =
+// 129 on a fast transform beats that where n + 1 has small factors, otherwise from about n = 1000 on.
 
 #include "cpu/parts.hpp"
 
@@ -52,6 +52,8 @@ struct FoldedSine {
 };
 
 class ProductSine final : public SineTransform {
+  static constexpr Index parallel_size = 1 << 25;  ///< multiplications: below it a thread starts later than it is done
+
  public:
   ProductSine(Index n, int threads) : sine_(n), threads_(threads) {
     for (int t = 0; t < threads; ++t)
@@ -64,7 +66,8 @@ class ProductSine final : public SineTransform {
     const RowMatrix* a = add ? &host(*add) : nullptr;
     RowMatrix& y = host(out);
     const Index rows = x.rows(), count = (rows - first + row_block - 1) / row_block;
-#pragma omp parallel for num_threads(threads_) schedule(dynamic, 1) if (count > 1)
+#pragma omp parallel for num_threads(threads_) \
+    schedule(dynamic, 1) if ((rows - first) * sine_.n * sine_.n > parallel_size)
     for (Index block = 0; block < count; ++block) {
       const FlushDenormals flush;  // what decays in time leaves them behind, and they cost a hundredfold
       const Index begin = first + block * row_block, size = std::min(row_block, rows - begin);
@@ -130,39 +133,92 @@ class FastVectorSine final : public VectorSine {
     for (Index i = 0; i < n_; ++i) out[i] *= scale_;
   }
 
+  Index n() const { return n_; }
+
  private:
   Index n_;
   double scale_;
   fftw_plan plan_;
 };
 
-class FastSine final : public SineTransform {
+/// By a real transform of length N = n + 1, N even: with y_j = sin(pi j/N) (x_j + x_{N-j}) + (x_j - x_{N-j}) / 2 and
+/// its discrete Fourier transform Y, the sine sums are F_{2k} = -Im Y_k, F_{2k+1} = F_{2k-1} + Re Y_k, F_1 = Y_0 / 2.
+/// Half the work of FFTW's own, which pads to 2N; the running sum costs sqrt(N) eps in the odd half.
+class HalvedVectorSine final : public VectorSine {
  public:
-  FastSine(Index n, int threads) : row_(n), threads_(threads), scratch_(threads, n) {}
+  /// Where FFTW has codelets for N.
+  static bool suits(Index n) { return n % 2 == 1 && fast_fft_length(n + 1) == n + 1; }
+
+  explicit HalvedVectorSine(Index n)
+      : n_(n), scale_(std::sqrt(2.0 / double(n + 1))), sine_(n), y_(Vector::Zero(n + 1)), Y_((n + 1) / 2 + 1) {
+    for (Index j = 0; j < n; ++j) sine_[j] = scale_ * std::sin(M_PI * double(j + 1) / double(n + 1));
+    const std::lock_guard lock(fftw_planner());
+    plan_ = fftw_plan_dft_r2c_1d(int(n + 1), y_.data(), spectrum(), FFTW_ESTIMATE);
+  }
+  ~HalvedVectorSine() override {
+    const std::lock_guard lock(fftw_planner());
+    fftw_destroy_plan(plan_);
+  }
+  HalvedVectorSine(const HalvedVectorSine&) = delete;
+  HalvedVectorSine& operator=(const HalvedVectorSine&) = delete;
+
+  void apply(const double* in, double* out) override {
+    const double half = 0.5 * scale_;
+    double* y = y_.data() + 1;
+    for (Index j = 0; j < n_; ++j) y[j] = sine_[j] * (in[j] + in[n_ - 1 - j]) + half * (in[j] - in[n_ - 1 - j]);
+    y_[0] = 0;
+    fftw_execute_dft_r2c(plan_, y_.data(), spectrum());
+    double odd = out[0] = 0.5 * Y_[0].real();
+    for (Index k = 1; 2 * k < n_; ++k) {
+      out[2 * k - 1] = -Y_[k].imag();
+      out[2 * k] = odd += Y_[k].real();
+    }
+  }
+
+ private:
+  fftw_complex* spectrum() { return reinterpret_cast<fftw_complex*>(Y_.data()); }
+
+  Index n_;
+  double scale_;
+  Vector sine_, y_;
+  ComplexVector Y_;
+  fftw_plan plan_;
+};
+
+class FastSine final : public SineTransform {
+  static constexpr Index parallel_size = 1 << 19;  ///< values: below it a thread starts later than it is done
+
+ public:
+  FastSine(Index n, int threads) : n_(n), scratch_(threads, n) {
+    for (int t = 0; t < threads; ++t) rows_.push_back(make_vector_sine(n));
+  }
 
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
     const RowMatrix& x = host(in);
     const RowMatrix* a = add ? &host(*add) : nullptr;
     RowMatrix& y = host(out);
     const Index rows = x.rows();
-#pragma omp parallel for num_threads(threads_) schedule(static)
+    const int threads = (rows - first) * n_ > parallel_size ? int(rows_.size()) : 1;
+#pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
     for (Index j = first; j < rows; ++j) {
       const FlushDenormals flush;
+      const int thread = omp_get_thread_num();
+      VectorSine& row = *rows_[std::size_t(thread)];
       if (!a) {
-        row_.apply(x.row(j).data(), y.row(j).data());
+        row.apply(x.row(j).data(), y.row(j).data());
         continue;
       }
-      auto buffer = scratch_.row(omp_get_thread_num());
-      row_.apply(x.row(j).data(), buffer.data());
+      auto buffer = scratch_.row(thread);
+      row.apply(x.row(j).data(), buffer.data());
       y.row(j) = a->row(j) + buffer;
     }
   }
 
-  std::size_t bytes() const override { return sizeof(double) * std::size_t(scratch_.size()); }
+  std::size_t bytes() const override { return sizeof(double) * std::size_t(3 * scratch_.size()); }
 
  private:
-  FastVectorSine row_;
-  int threads_;
+  Index n_;
+  std::vector<std::unique_ptr<VectorSine>> rows_;
   RowMatrix scratch_;
 };
 
@@ -189,13 +245,15 @@ class ProductVectorSine final : public VectorSine {
 }  // namespace
 
 std::unique_ptr<VectorSine> make_vector_sine(Index n) {
-  // A single row makes the product a matrix-vector one, bound by loads: the fast transform wins much earlier.
+  // A single row makes the product a matrix-vector one, bound by loads: the fast transforms win much earlier.
   if (n <= 128) return std::make_unique<ProductVectorSine>(n);
+  if (HalvedVectorSine::suits(n)) return std::make_unique<HalvedVectorSine>(n);
   return std::make_unique<FastVectorSine>(n);
 }
 
 std::unique_ptr<SineTransform> make_sine_transform(Index n, Index, int threads) {
-  if (n <= largest_product) return std::make_unique<ProductSine>(n, threads);
+  if (n <= 128 || (n <= largest_product && !HalvedVectorSine::suits(n)))
+    return std::make_unique<ProductSine>(n, threads);
   return std::make_unique<FastSine>(n, threads);
 }
 
