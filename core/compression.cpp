@@ -14,13 +14,13 @@ namespace {
 
 // k(t) = n^T e^{across t} b at the times given (ascending), from one contour per window of ratio 5.
 Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& parameters, const Vector& times) {
+  const LineTransfer transfer(d.across, d.n, d.b);
   Vector values(times.size());
   for (Index i = 0; i < times.size();) {
     const Contour contour = window_contour(parameters, times[i]);
     const Index nodes = contour.nodes.size();
     ComplexVector weighted(nodes);
-    for (Index p = 0; p < nodes; ++p)
-      weighted[p] = contour.weights[p] * line_transfer(d.across, d.n, d.b, contour.nodes[p]);
+    for (Index p = 0; p < nodes; ++p) weighted[p] = contour.weights[p] * transfer(contour.nodes[p]);
     for (; i < times.size() && times[i] <= contour.t1; ++i) {
       double sum = 0;
       for (Index p = 0; p < nodes; ++p) sum += (weighted[p] * std::exp(times[i] * contour.nodes[p])).real();
@@ -42,20 +42,27 @@ Matrix exponentials(const Vector& times, const Vector& rates) {
   return (times * rates.transpose()).array().exp().matrix();
 }
 
-// Pivot order of the first `count` columns by modified Gram-Schmidt with column pivoting.
-std::vector<Index> pivots(Matrix columns, Index count) {
+struct Pivots {
   std::vector<Index> order;
+  std::vector<double> left;  ///< largest norm of a column's part outside the span of those picked before
+};
+
+// Pivot order of the first `count` columns by modified Gram-Schmidt with column pivoting.
+Pivots pivots(Matrix columns, Index count) {
+  Pivots found;
   Vector norms = columns.colwise().squaredNorm().transpose();
   for (Index k = 0; k < count; ++k) {
     Index best = 0;
-    if (norms.maxCoeff(&best) <= 0) break;
-    order.push_back(best);
+    const double most = norms.maxCoeff(&best);
+    if (most <= 0) break;
+    found.order.push_back(best);
+    found.left.push_back(std::sqrt(most));
     const Vector q = columns.col(best).normalized();
     columns.noalias() -= q * (q.transpose() * columns).eval();
     columns.col(best).setZero();
     norms = columns.colwise().squaredNorm().transpose();
   }
-  return order;
+  return found;
 }
 
 }  // namespace
@@ -76,11 +83,14 @@ ExponentialSum compress_line_kernel(const KroneckerDynamics& dynamics, double h,
   const double scale = std::max(values.cwiseAbs().maxCoeff(), 1e-300);
 
   const Matrix all = exponentials(times, rates);
-  const std::vector<Index> order = pivots(all, std::min<Index>({rates.size(), samples, 64}));
+  const auto [order, left] = pivots(all, std::min<Index>({rates.size(), samples, 64}));
   ExponentialSum best;
   best.error = INFINITY;
   if (order.empty()) return best;  // nothing is left of the kernel at t = h
-  for (Index K = std::min<Index>(8, Index(order.size())); K <= Index(order.size()); K += 2) {
+  // As long as some exponential is missed by 1e6 times the tolerance, so is their sum: no fit is tried.
+  Index fewest = std::min<Index>(8, Index(order.size()));
+  while (fewest + 2 <= Index(order.size()) && left[std::size_t(fewest)] > 1e6 * tolerance * left[0]) fewest += 2;
+  for (Index K = fewest; K <= Index(order.size()); K += 2) {
     Vector chosen(K);
     for (Index k = 0; k < K; ++k) chosen[k] = rates[order[std::size_t(k)]];
     const Vector c = exponentials(times, chosen).colPivHouseholderQr().solve(values);

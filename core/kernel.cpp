@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 
 namespace bromwich {
 
@@ -37,21 +38,16 @@ class Green {
       : Q_(line.points), scale_(line.spacing * line.spacing / line.diffusivity) {
     const Complex s = z * scale_, root = std::sqrt(s * (1.0 + 0.25 * s)), grown = 1.0 + 0.5 * s;
     const Complex plus = grown + root, minus = grown - root;
-    rho_ = 1.0 / (std::norm(plus) >= std::norm(minus) ? plus : minus);
-    // log rho from rho loses relative accuracy where rho is close to 1; asinh keeps it.
-    if (std::norm(1.0 - rho_) < 0.01) {
-      theta_ = 2.0 * std::asinh(0.5 * std::sqrt(s));
-      if (theta_.real() < 0) theta_ = -theta_;
-    } else {
-      theta_ = -std::log(rho_);
-    }
+    const double plus_size = std::norm(plus), minus_size = std::norm(minus);
+    rho_ = plus_size >= minus_size ? std::conj(plus) / plus_size : std::conj(minus) / minus_size;
+    log_norm_ = -std::log(std::max(plus_size, minus_size));
+    s_ = s;
     end_ = decay(Q_ + 1);
-    first_ = decay(1);
   }
 
   Complex operator()(Index i, Index j) const {
     if (i > j) std::swap(i, j);
-    const Complex far = j == i ? rho_ : std::exp(-double(1 + j - i) * theta_);
+    const Complex far = j == i ? rho_ : std::exp(-double(1 + j - i) * theta());
     return scale_ * far * near(i) * decay(Q_ + 1 - j) / end_;
   }
 
@@ -61,7 +57,7 @@ class Green {
     const Complex left = factor * scale_ * near(i) / end_;
     Complex power = rho_;
     for (Index j = i; j <= Q_; ++j) {
-      if ((j - i) % geometric_run == 0) power = std::exp(-double(1 + j - i) * theta_);
+      if ((j - i) % geometric_run == 0) power = std::exp(-double(1 + j - i) * theta());
       row[j - 1] += left * power * decay(Q_ + 1 - j);
       power *= rho_;
       if (std::norm(power) < 1e-40) break;
@@ -69,16 +65,23 @@ class Green {
   }
 
  private:
-  // 1 - rho^{2k}; below rounding the power is not formed.
-  Complex decay(Index k) const {
-    const Complex exponent = -2.0 * double(k) * theta_;
-    return exponent.real() < -37 ? Complex(1) : -expm1(exponent);
+  // Formed where it is needed: far from the spectrum a line does not see its other end. log rho from rho loses relative
+  // accuracy where rho is close to 1; asinh keeps it.
+  Complex theta() const {
+    if (!theta_) {
+      theta_ = std::norm(1.0 - rho_) < 0.01 ? 2.0 * std::asinh(0.5 * std::sqrt(s_)) : -std::log(rho_);
+      if (theta_->real() < 0) theta_ = -*theta_;
+    }
+    return *theta_;
   }
-  Complex near(Index i) const { return i == 1 ? Complex(1) : decay(i) / first_; }
+  // 1 - rho^{2k}; below rounding the power is not formed.
+  Complex decay(Index k) const { return double(k) * log_norm_ < -37 ? Complex(1) : -expm1(-2.0 * double(k) * theta()); }
+  Complex near(Index i) const { return i == 1 ? Complex(1) : decay(i) / decay(1); }
 
   Index Q_;
-  double scale_;
-  Complex rho_, theta_, end_, first_;
+  double scale_, log_norm_;  ///< log |rho|^2
+  Complex s_, rho_, end_;
+  mutable std::optional<Complex> theta_;
 };
 
 }  // namespace
@@ -170,14 +173,16 @@ ComplexVector green_row(const SecondDifference& across, const Vector& n, Complex
   return row;
 }
 
-Complex line_transfer(const SecondDifference& across, const Vector& n, const Vector& b, Complex z) {
-  const Green green(across, z);
+LineTransfer::LineTransfer(const SecondDifference& across, const Vector& n, const Vector& b) : across_(across) {
+  for (Index i = 0; i < n.size(); ++i)
+    for (Index j = 0; n[i] != 0 && j < b.size(); ++j)
+      if (b[j] != 0) terms_.push_back({i + 1, j + 1, n[i] * b[j]});
+}
+
+Complex LineTransfer::operator()(Complex z) const {
+  const Green green(across_, z);
   Complex sum = 0;
-  for (Index i = 0; i < n.size(); ++i) {
-    if (n[i] == 0) continue;
-    for (Index j = 0; j < b.size(); ++j)
-      if (b[j] != 0) sum += n[i] * green(i + 1, j + 1) * b[j];
-  }
+  for (const Term& t : terms_) sum += t.factor * green(t.i, t.j);
   return sum;
 }
 
@@ -202,7 +207,16 @@ RowMatrix contour_initial_response(const KroneckerDynamics& dynamics, const Cont
     real_product(exponential_factors(contour, h, first, last), R, response.middleRows(first, count));
     first = last + 1;
   }
-  for (Index j = 1; j <= J; ++j) response.row(j).array() *= (mu.transpose().array() * (double(j) * h)).exp();
+  // What has decayed below 1e-200 is zero: its products would be denormal.
+  const Eigen::ArrayXd step = (h * mu.array()).exp();
+  Eigen::ArrayXd power(n);
+  for (Index j = 1; j <= J; ++j) {
+    if (j % geometric_run == 1)
+      power = (double(j) * h * mu.array()).max(-460).exp() * (double(j) * h * mu.array() > -460).cast<double>();
+    else
+      power *= step;
+    response.row(j).array() *= power.transpose();
+  }
   return response;
 }
 

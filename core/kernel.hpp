@@ -50,6 +50,18 @@ Error eigenvalue_at(Complex z);
 ComplexVector green_row(const SecondDifference& across, const Vector& n, Complex z);
 
 /// n^T (zI - across)^{-1} b, the transfer function of one grid line, in closed form.
-Complex line_transfer(const SecondDifference& across, const Vector& n, const Vector& b, Complex z);
+class LineTransfer {
+ public:
+  LineTransfer(const SecondDifference& across, const Vector& n, const Vector& b);
+  Complex operator()(Complex z) const;
+
+ private:
+  struct Term {
+    Index i, j;     ///< positions on the line, from 1
+    double factor;  ///< n_i b_j
+  };
+  SecondDifference across_;
+  std::vector<Term> terms_;
+};
 
 }  // namespace bromwich

@@ -71,6 +71,9 @@ Plan compressed_plan(const DiscreteProblem& p, const ExponentialSum& sum) {
           sum.error};
 }
 
+/// Up to this many eigenvalues a fit, which takes 20 and more exponentials, would not halve their number.
+constexpr Index fewest_compressed = 40;
+
 Plan make_plan(const DiscreteProblem& p, Rule rule, RecurrenceChoice choice, std::string& description) {
   if (p.dense()) {
     Plan plan = dense_plan(p, rule);
@@ -84,7 +87,8 @@ Plan make_plan(const DiscreteProblem& p, Rule rule, RecurrenceChoice choice, std
     return plan;
   }
   const Index all = p.kronecker()->across.points;
-  if (rule == Rule::exponential && choice != RecurrenceChoice::modal) {
+  if (rule == Rule::exponential && choice != RecurrenceChoice::modal &&
+      (choice == RecurrenceChoice::compressed || all > fewest_compressed)) {
     const ExponentialSum sum = compress_line_kernel(*p.kronecker(), p.h, p.scene.T);
     const bool fits = sum.error <= accepted_compression_error;
     if (fits && (choice == RecurrenceChoice::compressed || 2 * sum.rates.size() <= all)) {

@@ -13,11 +13,11 @@ namespace {
 ComplexMatrix of(const KroneckerDynamics& dynamics, const ComplexVector& nodes, int threads) {
   const Vector mu = dynamics.along.eigenvalues();
   const Index n = mu.size();
+  const LineTransfer transfer(dynamics.across, dynamics.n, dynamics.b);
   ComplexMatrix R(nodes.size(), n);
-#pragma omp parallel for num_threads(threads) schedule(static) if (nodes.size() * n > 256)
+#pragma omp parallel for num_threads(threads) schedule(static) if (nodes.size() * n > 1 << 15)
   for (Index l = 0; l < n; ++l)
-    for (Index p = 0; p < nodes.size(); ++p)
-      R(p, l) = line_transfer(dynamics.across, dynamics.n, dynamics.b, nodes[p] - mu[l]);
+    for (Index p = 0; p < nodes.size(); ++p) R(p, l) = transfer(nodes[p] - mu[l]);
   return R;
 }
 

@@ -128,7 +128,7 @@ TEST(LineResolvent, ClosedFormAgainstDenseLu) {
         const ComplexVector row = green_row(across, n, z);
         EXPECT_LE(double((row.cast<LongComplex>() - exact).cwiseAbs().maxCoeff()), tolerance) << Q << ' ' << z;
         const LongComplex transfer = (exact.transpose() * b.cast<LongComplex>())(0, 0);
-        EXPECT_LE(double(std::abs(LongComplex(line_transfer(across, n, b, z)) - transfer)),
+        EXPECT_LE(double(std::abs(LongComplex(LineTransfer(across, n, b)(z)) - transfer)),
                   tolerance * b.cwiseAbs().sum())
             << Q << ' ' << z;
       }
