@@ -13,6 +13,10 @@
 #include <new>
 #include <sstream>
 
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
+
 namespace bromwich::app {
 
 namespace {
@@ -166,4 +170,11 @@ int guarded_main(int argc, char** argv) {
 
 }  // namespace bromwich::app
 
-int main(int argc, char** argv) { return bromwich::app::guarded_main(argc, argv); }
+int main(int argc, char** argv) {
+#if defined(__GLIBC__)
+  // Tables over time that are freed serve the next ones: fresh pages cost more than what is computed with them.
+  mallopt(M_MMAP_MAX, 0);
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);
+#endif
+  return bromwich::app::guarded_main(argc, argv);
+}

@@ -95,18 +95,30 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const LagTable&
 // Row by row, as y lies in memory.
 Index ringing_from(const RowMatrix& y) {
   const Index n = y.cols();
-  Eigen::ArrayXd scale = Eigen::ArrayXd::Zero(n), before = scale, first = scale;
+  Eigen::ArrayXd scale = Eigen::ArrayXd::Zero(n), before = scale, bends = scale, first = scale;
   for (Index j = 0; j < y.rows(); ++j) scale = scale.max(0.01 * y.row(j).transpose().array().abs());
   std::vector<Index> run(std::size_t(n), 0);
-  for (Index j = 1; j + 1 < y.rows(); ++j)
+  bool running = false;
+  for (Index j = 1; j + 1 < y.rows(); ++j, before.swap(bends)) {
+    const double *last = y.row(j - 1).data(), *here = y.row(j).data(), *next = y.row(j + 1).data();
+    Index alternating = 0;  // most rows have none: counted without branches
     for (Index i = 0; i < n; ++i) {
-      const double bend = y(j - 1, i) - 2 * y(j, i) + y(j + 1, i), size = std::abs(bend);
-      Index& length = run[std::size_t(i)];
-      length = size > scale[i] && bend * before[i] < 0 ? length + 1 : 0;
-      if (length == 0) first[i] = size;
-      if (length >= ringing_run && size > 0.3 * first[i]) return j - length;
-      before[i] = bend;
+      bends[i] = last[i] - 2 * here[i] + next[i];
+      alternating += Index(std::abs(bends[i]) > scale[i]) & Index(bends[i] * before[i] < 0);
     }
+    if (alternating == 0 && !running) continue;
+    running = alternating > 0;
+    for (Index i = 0; i < n; ++i) {
+      const double size = std::abs(bends[i]);
+      Index& length = run[std::size_t(i)];
+      if (!(size > scale[i] && bends[i] * before[i] < 0)) {
+        length = 0;
+        continue;
+      }
+      if (++length == 1) first[i] = std::abs(before[i]);
+      if (length >= ringing_run && size > 0.3 * first[i]) return j - length;
+    }
+  }
   return -1;
 }
 

@@ -95,22 +95,27 @@ inline LcpOutcome pivot_row(ActiveSetLcp& solver, const Vector& q, double* y, Ve
   return outcome;
 }
 
-/// max_j ||min(y_j, w_j)||_inf / max(1, ||q_j||_inf) with w = M y + q; `product(y_j, i)` is (M y_j)_i. NaN where any
+/// max_j ||min(y_j, w_j)||_inf / max(1, ||q_j||_inf) with w = M y + q; `product(y_j, w)` writes M y_j. NaN where any
 /// value is not finite.
 template <class Product>
 double natural_residual(const RowMatrix& R, const RowMatrix& V, const RowMatrix& Y, int threads, Product product) {
+  constexpr Index parallel_size = 1 << 19;  // values: a millisecond, less than threads may take to start
+  const Index n = Y.cols();
   double worst = 0;
-#pragma omp parallel for num_threads(threads) schedule(static) reduction(max : worst) if (Y.size() > 1024)
-  for (Index j = 0; j < Y.rows(); ++j) {
-    const double *r = R.data() + j * Y.cols(), *v = V.data() + j * Y.cols(), *y = Y.data() + j * Y.cols();
-    double gap = 0, scale = 1, sum = 0;
-    for (Index i = 0; i < Y.cols(); ++i) {
-      const double q = r[i] + v[i], natural = std::abs(std::min(y[i], q + product(y, i)));
-      gap = std::max(gap, natural);
-      scale = std::max(scale, std::abs(q));
-      sum += natural;  // keeps a NaN, which max need not
+#pragma omp parallel num_threads(threads) reduction(max : worst) if (threads > 1 && Y.size() > parallel_size)
+  {
+    Eigen::ArrayXd q(n), w(n);
+#pragma omp for schedule(static)
+    for (Index j = 0; j < Y.rows(); ++j) {
+      const auto y = Y.row(j).transpose().array();
+      q = R.row(j).transpose().array() + V.row(j).transpose().array();
+      product(Y.row(j).data(), w.data());
+      w += q;
+      const double sum = w.abs().sum() + y.abs().sum();  // keeps a NaN, which the largest need not
+      if (n == 0) continue;
+      const double gap = y.min(w).abs().maxCoeff(), scale = std::max(1.0, q.abs().maxCoeff());
+      worst = std::max(worst, std::isfinite(sum) ? gap / scale : INFINITY);
     }
-    worst = std::max(worst, std::isfinite(sum) ? gap / scale : INFINITY);
   }
   return std::isinf(worst) ? NAN : worst;
 }
@@ -118,10 +123,8 @@ double natural_residual(const RowMatrix& R, const RowMatrix& V, const RowMatrix&
 /// The same for a dense M.
 inline double natural_residual(const Matrix& M, const RowMatrix& R, const RowMatrix& V, const RowMatrix& Y,
                                int threads) {
-  return natural_residual(R, V, Y, threads, [&M](const double* y, Index i) {
-    double sum = 0;
-    for (Index k = 0; k < M.cols(); ++k) sum += M(i, k) * y[k];
-    return sum;
+  return natural_residual(R, V, Y, threads, [&M](const double* y, double* w) {
+    Eigen::Map<Vector>(w, M.rows()).noalias() = M * Eigen::Map<const Vector>(y, M.cols());
   });
 }
 

@@ -114,11 +114,8 @@ class TridiagonalLcp final : public LcpBatch {
   }
 
   double residual(const Array& r, const Array& v, const Array& y) override {
-    return natural_residual(host(r), host(v), host(y), threads_, [this](const double* row, Index i) {
-      const Tridiagonal& M = original_;
-      const double left = i > 0 ? M.lower[i] * row[i - 1] : 0, right = i + 1 < n_ ? M.upper[i] * row[i + 1] : 0;
-      return M.diagonal[i] * row[i] + left + right;
-    });
+    return natural_residual(host(r), host(v), host(y), threads_,
+                            [this](const double* row, double* product) { multiply(original_, row, product); });
   }
 
   std::size_t bytes() const override {
