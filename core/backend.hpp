@@ -94,10 +94,13 @@ struct MarchProblem {
   const LagTable* lags = nullptr;  ///< instead of a recurrence: n x n weights, applied in blocks of time
   /// (J+1) x n: what does not depend on y and is not in the recurrence's state; read anew by every run.
   const Array* r = nullptr;
-  const Array* drive = nullptr;       ///< modal: (J+1) x n, phi with f = B phi, added to y where it drives the state
-  const Vector* start = nullptr;      ///< dense: m, what x0 and f_0 add to z_0
-  const Array* forcing = nullptr;     ///< dense: (J+1) x m, what f adds to z_j, j >= 1
-  std::function<bool()> interrupted;  ///< polled now and then; true ends the march
+  const Array* drive = nullptr;    ///< modal: (J+1) x n, phi with f = B phi, added to y where it drives the state
+  const Vector* start = nullptr;   ///< dense: m, what x0 and f_0 add to z_0
+  const Array* forcing = nullptr;  ///< dense: (J+1) x m, what f adds to z_j, j >= 1
+  /// dense, beside `forcing` where they have few columns: (J+1) x k and m x k, forcing_j = source_input sources_j.
+  const RowMatrix* sources = nullptr;
+  const Matrix* source_input = nullptr;
+  std::function<bool()> interrupted;         ///< polled now and then; true ends the march
   std::function<void(Index step)> progress;  ///< called now and then
 };
 

@@ -55,7 +55,8 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
   if (!d || double(p.J) * (3 * m * m + 4 * m * n) > most_certified_operations || !y.allFinite())
     return {NAN, NAN, NAN, NAN, {}};
-  const StepOperators step = step_operators(d->A, rule, p.h);
+  const std::shared_ptr<const StepOperators> operators = state_step(p, rule);
+  const StepOperators& step = *operators;
   const DenseRecurrence r = dense_recurrence(*d, step);
   const RowMatrix input = state_input(p, y), driven = y * d->B.transpose(), x = dense_states(step, p.scene.x0, input);
   const RowMatrix terms = input * step.right.transpose();

@@ -16,6 +16,13 @@ DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J) {
 
 std::size_t host_bytes(const DiscreteProblem& p) { return sizeof(double) * std::size_t(2 * p.g.size() + p.f.size()); }
 
+std::shared_ptr<const StepOperators> state_step(const DiscreteProblem& p, Rule rule) {
+  if (rule != Rule::exponential) return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h));
+  if (!p.exponential_step)
+    p.exponential_step = std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h));
+  return p.exponential_step;
+}
+
 Matrix source_matrix(const DiscreteProblem& p) {
   if (p.scene.f_entry == SourceEntry::through_F) return p.scene.F;
   if (p.scene.f_entry == SourceEntry::through_B) return p.dense()->B;
@@ -35,7 +42,7 @@ RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) {
 
 RowMatrix dense_response(const DiscreteProblem& p, Rule rule) {
   const RowMatrix input = state_input(p, RowMatrix::Zero(p.J + 1, p.scene.constraints()));
-  return p.g + dense_states(p.dense()->A, rule, p.h, p.scene.x0, input) * p.dense()->N.transpose();
+  return p.g + dense_states(*state_step(p, rule), p.scene.x0, input) * p.dense()->N.transpose();
 }
 
 RowMatrix trace(const DiscreteProblem& p, const Array& r, const Array& v) {

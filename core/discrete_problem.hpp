@@ -4,6 +4,8 @@
 #include "response.hpp"
 #include "spectrum.hpp"
 
+#include <memory>
+
 namespace bromwich {
 
 struct DiscreteProblem {
@@ -17,6 +19,7 @@ struct DiscreteProblem {
   RowMatrix f;   ///< (J+1) x m, or x n or k values of phi where f = B phi or F phi; empty if f is zero
   Vector start;  ///< n: N x0 + g(0), the q of y_0
   std::vector<Index> components = {};  ///< of the state, to be recorded by methods that pass through it
+  mutable std::shared_ptr<const StepOperators> exponential_step = {};  ///< made when first asked for, see state_step
 
   const KroneckerDynamics* kronecker() const { return std::get_if<KroneckerDynamics>(&scene.dynamics); }
   const DenseDynamics* dense() const { return std::get_if<DenseDynamics>(&scene.dynamics); }
@@ -30,6 +33,9 @@ std::size_t host_bytes(const DiscreteProblem&);
 
 /// Samples the sources.
 DiscreteProblem discretise(const Scene&, Backend&, Index J);
+
+/// One step of the dense state; the exponential one takes some twenty products of m x m matrices and is made once.
+std::shared_ptr<const StepOperators> state_step(const DiscreteProblem&, Rule);
 
 /// F with f_j = F phi_j, the samples p.f: m x their number (dense dynamics).
 Matrix source_matrix(const DiscreteProblem&);

@@ -16,19 +16,22 @@ struct Plan {
   Recurrence recurrence;
   RowMatrix r;  ///< what the recurrence leaves out
   double error = NAN;
-  Vector start = {};       ///< dense: what x0 and f_0 add to z_0
-  RowMatrix forcing = {};  ///< dense: what f adds to z_j
+  Vector start = {};         ///< dense: what x0 and f_0 add to z_0
+  RowMatrix forcing = {};    ///< dense: what f adds to z_j
+  Matrix source_input = {};  ///< dense: forcing = p.f source_input^T
 };
 
 // The state itself is stepped, x0 and f with it: nothing that grows is computed apart and cancelled later.
 Plan dense_plan(const DiscreteProblem& p, Rule rule) {
   const DenseDynamics& d = *p.dense();
-  const StepOperators step = step_operators(d.A, rule, p.h);
+  const std::shared_ptr<const StepOperators> operators = state_step(p, rule);
+  const StepOperators& step = *operators;
   Plan plan{dense_recurrence(d, step), p.g, NAN, step.decay * p.scene.x0};
   if (p.f.size() == 0) return plan;
   const Matrix F = source_matrix(p), left = step.left * F, right = step.right * F;
   plan.start += left * p.f.row(0).transpose();
-  plan.forcing = p.f * (step.decay * right + left).transpose();
+  plan.source_input = step.decay * right + left;
+  plan.forcing = p.f * plan.source_input.transpose();
   plan.r += p.f * (d.N * right).transpose();
   return plan;
 }
@@ -184,7 +187,11 @@ void solve_by_marching(const DiscreteProblem& p, Rule rule, const Options& optio
   marching.problem.recurrence = &plan.recurrence;
   marching.problem.r = marching.array(plan.r);
   if (p.kronecker() && p.drive()) marching.problem.drive = marching.array(*p.drive());
-  if (plan.forcing.size() > 0) marching.problem.forcing = marching.array(plan.forcing);
+  if (plan.forcing.size() > 0) {
+    marching.problem.forcing = marching.array(plan.forcing);
+    marching.problem.sources = &p.f;
+    marching.problem.source_input = &plan.source_input;
+  }
   if (plan.start.size() > 0) marching.problem.start = &plan.start;
   marching.run(timer, rule == Rule::implicit_euler, result);
   result.bytes += bytes_of(plan);

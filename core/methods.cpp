@@ -37,7 +37,7 @@ const BasisChoice& Methods::basis() {
   const LcpMatrix& M = problem_.scene.M;
   basis_ = choose_basis(M, problem_.lcp_class);
   if (const auto* d = problem_.dense())
-    basis_ = choose_basis(M, problem_.lcp_class, dense_recurrence(*d, Rule::exponential, problem_.h));
+    basis_ = choose_basis(M, problem_.lcp_class, dense_recurrence(*d, *state_step(problem_, Rule::exponential)));
   else if (basis_->continuous && problem_.sparse() && kernel())
     basis_ = choose_basis(M, problem_.lcp_class, kernel()->weights);
   return *basis_;

@@ -79,8 +79,15 @@ MatrixPhi doubled_phi(const Matrix& A) {
   const double norm = A.cwiseAbs().colwise().sum().maxCoeff();
   const int doublings = norm > series_radius ? int(std::ceil(std::log2(norm / series_radius))) : 0;
   const Matrix X = std::ldexp(1.0, -doublings) * A;
+  // Paterson and Stockmeyer: polynomials of degree 3 in X, themselves the coefficients of one in X^4.
+  const Matrix X2 = X * X, X3 = X2 * X, X4 = X2 * X2;
   Matrix p2 = phi2_coefficients.back() * I;
-  for (std::size_t k = phi2_coefficients.size() - 1; k-- > 0;) p2 = (X * p2 + phi2_coefficients[k] * I).eval();
+  for (std::size_t k = phi2_coefficients.size() - 1; k > 0;) {
+    k -= 4;
+    p2 = (X4 * p2).eval();
+    p2 += phi2_coefficients[k + 3] * X3 + phi2_coefficients[k + 2] * X2 + phi2_coefficients[k + 1] * X;
+    p2.diagonal().array() += phi2_coefficients[k];
+  }
   Matrix p1 = I + X * p2, e = I + X * p1;
   for (int i = 0; i < doublings; ++i) {
     p2 = (0.25 * p1 * p1 + 0.5 * p2).eval();

@@ -206,71 +206,12 @@ class ModalMarch final : public March {
   Vector free_, known_, w0_, first_, q_, y_;
 };
 
-class DenseMarch final : public March {
- public:
-  DenseMarch(const MarchProblem& problem, const DenseRecurrence& r)
-      : r_(r),
-        asked_to_stop_(problem),
-        response_(host(*problem.r)),
-        start_(problem.start),
-        forcing_(problem.forcing ? &host(*problem.forcing) : nullptr),
-        M_(to_dense(*problem.M)),
-        lcp_(M_ + r.w0, M_, problem.lcp_class),
-        z_(r.decay.rows()),
-        next_(z_),
-        q_(M_.rows()),
-        y_(q_) {}
-
-  MarchReport run(Array& y_array, Array& v_array) override {
-    const FlushDenormals flush;
-    RowMatrix &Y = host(y_array), &V = host(v_array);
-    MarchReport report;
-    report.well_posed = lcp_.well_posed();
-    y_ = Y.row(0).transpose();
-    lcp_.start_from(y_);
-    z_.noalias() = r_.start * y_;
-    if (start_) z_ += *start_;
-    for (Index j = 1; j < Y.rows(); ++j) {
-      if (asked_to_stop_(j, report)) {
-        invalidate(Y, V, j);
-        return report;
-      }
-      q_.noalias() = r_.output * z_;
-      V.row(j) = q_.transpose();
-      q_ += response_.row(j).transpose();
-      if (!lcp_.solve(q_, y_, j, report)) {
-        invalidate(Y, V, j);
-        return report;
-      }
-      Y.row(j) = y_.transpose();
-      V.row(j).transpose().noalias() += r_.w0 * y_;
-      next_.noalias() = r_.decay * z_;
-      next_.noalias() += r_.input * y_;
-      if (forcing_) next_ += forcing_->row(j).transpose();
-      z_.swap(next_);
-    }
-    return report;
-  }
-
-  std::size_t bytes() const override { return sizeof(double) * std::size_t(2 * r_.decay.size() + 5 * M_.size()); }
-
- private:
-  const DenseRecurrence& r_;
-  Poll asked_to_stop_;
-  const RowMatrix& response_;
-  const Vector* start_;
-  const RowMatrix* forcing_;
-  Matrix M_;
-  StepLcp lcp_;
-  Vector z_, next_, q_, y_;
-};
-
 }  // namespace
 
 std::unique_ptr<March> make_march(const MarchProblem& problem, Index rows, int threads) {
   if (const auto* modal = std::get_if<ModalRecurrence>(problem.recurrence))
     return std::make_unique<ModalMarch>(problem, *modal, rows, threads);
-  return std::make_unique<DenseMarch>(problem, std::get<DenseRecurrence>(*problem.recurrence));
+  return make_dense_march(problem, std::get<DenseRecurrence>(*problem.recurrence), rows);
 }
 
 }  // namespace bromwich::cpu

@@ -73,6 +73,7 @@ std::unique_ptr<Convolution> make_fft_convolution(const LagTable&, Index rows, i
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal&, LcpClass, double shift, Index rows, int threads);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix&, LcpClass, Index rows, int threads);
 std::unique_ptr<March> make_march(const MarchProblem&, Index rows, int threads);
+std::unique_ptr<March> make_dense_march(const MarchProblem&, const DenseRecurrence&, Index rows);
 std::unique_ptr<March> make_lag_march(const MarchProblem&, Index rows, int threads);
 std::unique_ptr<StageMarch> make_stage_march(const StageProblem&, Index rows, int threads);
 void inject(const RowMatrix& fine, RowMatrix& coarse, int threads);
