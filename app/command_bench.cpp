@@ -19,7 +19,7 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr std::array<Benchmark, 7> benchmarks{{
+constexpr std::array<Benchmark, 8> benchmarks{{
     {"speed-vs-error", "every method over a ladder of steps: error beside time, one thread and all",
      bench_speed_vs_error},
     {"baselines", "the iteration against step-by-step methods, error beside time", bench_baselines},
@@ -28,6 +28,7 @@ constexpr std::array<Benchmark, 7> benchmarks{{
     {"paper", "the experiments of the paper on Laplace inversion, beside the numbers it quotes", bench_paper},
     {"scenes", "all scene files of a folder: what they are, how they are solved, error and time", bench_scenes},
     {"sparse", "heat on a square with 1e5 states and ten contacts", bench_sparse},
+    {"tol", "error control: the tolerance asked for, the error estimated and the true one, and the work", bench_tol},
 }};
 
 /// A reference on a grid at least four times finer must fit below max_steps.

@@ -53,7 +53,8 @@ Vector perturbation(Index m) {
 Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix& y) {
   const DenseDynamics* d = p.dense();
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
-  if (!d || double(p.J) * (3 * m * m + 4 * m * n) > most_operations || !y.allFinite()) return {NAN, NAN, NAN, NAN, {}};
+  if (!d || double(p.J) * (3 * m * m + 4 * m * n) > most_operations || !y.allFinite())
+    return {NAN, NAN, NAN, NAN, NAN, {}};
   const StepOperators step = step_operators(d->A, rule, p.h);
   const DenseRecurrence r = dense_recurrence(*d, step);
   const RowMatrix input = state_input(p, y), driven = y * d->B.transpose(), x = dense_states(step, p.scene.x0, input);
@@ -69,6 +70,7 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   double size = norm(p.scene.x0), rounding = epsilon * size, unit = 0, log_growth = 0, least = 0, most = 0;
   for (Index j = 1; j <= p.J; ++j) {
     const Vector dy = response(y.row(j).transpose(), r.output * dz);
+    if (dy.size() > 0) result.output = std::max(result.output, rounding * dy.cwiseAbs().maxCoeff());
     dz = (r.decay * dz + r.input * dy).eval();
     double rho = norm(dz);
     const double sum = norm(Vector(x.row(j).transpose())) + norm(Vector(terms.row(j).transpose()));
