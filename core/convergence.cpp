@@ -10,6 +10,7 @@ namespace bromwich {
 namespace {
 
 constexpr double smallest_jump = 1e-4;  ///< of y; differences below that stop falling are rounding
+constexpr double chance = 100;          ///< factor from one difference of x to the next that no order makes
 
 // Where solutions are smooth: implicit Euler, continuous piecewise-linear y, Radau IIA.
 double order_of(const Result& result) {
@@ -38,33 +39,43 @@ Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stri
   return d;
 }
 
-double largest_jump(const RowMatrix& y) {
-  double largest = 0;
-  for (Index j = 3; j + 1 < y.rows() && y.cols() > 0; ++j)
-    largest = std::max(
-        largest, (y.row(j) - y.row(j - 1)).cwiseAbs().cwiseMin((y.row(j + 1) - y.row(j - 2)).cwiseAbs()).maxCoeff());
+Vector largest_jumps(const RowMatrix& y) {
+  Vector largest = Vector::Zero(y.cols());
+  for (Index j = 3; j + 1 < y.rows(); ++j) {
+    const auto at_once = (y.row(j) - y.row(j - 1)).cwiseAbs(), for_good = (y.row(j + 1) - y.row(j - 2)).cwiseAbs();
+    largest = largest.cwiseMax(at_once.cwiseMin(for_good).transpose());
+  }
   return largest;
 }
 
-Convergence::Convergence(const Result& first)
+Convergence::Convergence(const Scene& scene, const Result& first)
     : y_(order_of(first)),
       mean_(1),
       x_(order_of(first)),
       x_with_jumps_(std::min(order_of(first), 2.0)),
       jump_(1),
+      scene_(scene),
       may_jump_(!first.continuous || first.method == to_string(Method::euler)) {}
 
 void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   const Distance d = distance(coarse, 1, fine, 2);
+  if (y_.confirmed() && (d.x > chance * x_.last() || d.x < x_.last() / chance)) erratic_ = true;
   y_.add(d.y);
   mean_.add(d.mean);
   x_.add(d.x);
   x_with_jumps_.add(d.x);
   check_.reset();
   if (!may_jump_) return;
-  const double jump = largest_jump(fine.y), mean_size = std::max(1.0, mean(fine).cwiseAbs().maxCoeff());
+  const Vector jumps = largest_jumps(fine.y);
+  const double jump = jumps.maxCoeff(), steps = double(fine.steps);
   jump_.add(jump / std::max(1.0, fine.y.bottomRows(fine.steps).cwiseAbs().maxCoeff()));
-  displaced_ = jump / (2 * double(fine.steps) * mean_size);
+  displaced_ = jump / (2 * steps * std::max(1.0, mean(fine).cwiseAbs().maxCoeff()));
+  displaced_x_ = 0;
+  if (const DenseDynamics* dynamics = std::get_if<DenseDynamics>(&scene_.dynamics))
+    for (std::size_t c = 0; c < fine.x_components.size(); ++c)
+      displaced_x_ =
+          std::max(displaced_x_, scene_.T / steps * dynamics->B.row(fine.x_components[c]).cwiseAbs().dot(jumps) /
+                                     std::max(1.0, fine.x.col(Index(c)).cwiseAbs().maxCoeff()));
   // Once is enough: later differences may be small because all jumps happen to be in the same steps.
   jumps_ = jumps_ || (resolved && ((y_.stands_still() && y_.last() > smallest_jump) ||
                                    (jump_.stands_still() && jump_.last() > smallest_jump)));
@@ -80,8 +91,8 @@ double Convergence::error() const {
 }
 
 double Convergence::error_of_x() const {
-  const GridDifferences& x = states();
-  return check_ ? std::max(x.error(), x.error_from_check(check_->x)) : x.error();
+  const double e = states().error(), seen = check_ ? states().error_from_check(check_->x) : 0;
+  return std::max({e, seen, jumps_ && erratic_ ? displaced_x_ : 0});
 }
 
 bool Convergence::can_be_judged() const {

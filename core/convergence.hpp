@@ -3,13 +3,16 @@
 // jumps, and the states.
 //
 // Where y jumps, a jump that moves by a step is a difference as large as the jump on every grid, and the mean
-// h/T Σ_{i<=j} y_i takes the place of y: of first order. That a jump stays in its step when the step is halved has a
-// chance of one half, and then the difference does not show the error that it makes. Two things do: a jump of the size
-// s is known to within a step, so that the mean has an error of about s h/(2 T) whatever the differences say; and a
-// grid of 3J/4 steps, the check, which has few time points in common with the others.
+// h/T Σ_{i<=j} y_i takes the place of y: of first order. x is integrated and converges with an order between 1 and 2.
+// That a jump stays in its step when the step is halved has a chance of one half, and then the difference does not show
+// the error that it makes. Two things do. A jump s is known to within a step, so that the mean has an error of about s
+// h/(2 T) whatever the differences say; so has x, up to |B s| h, where its differences have shown to be a matter of
+// chance, by a rise or fall by a factor of 100 from one to the next (where y holds the state on a constraint, x does
+// better). And a grid of 3J/4 steps, the check, has few time points in common with the others.
 
 #include "grid_differences.hpp"
 #include "result.hpp"
+#include "scene.hpp"
 
 #include <optional>
 
@@ -23,14 +26,14 @@ struct Distance {
 /// Row a_stride j of `a` belongs to the time of row b_stride j of `b`; sizes are those of `b`.
 Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride);
 
-/// Largest min(|y_j - y_{j-1}|, |y_{j+1} - y_{j-2}|), j >= 3: an impulse, one row that stands out, is no jump. Not
-/// relative.
-double largest_jump(const RowMatrix& y);
+/// n: of each component the largest min(|y_j - y_{j-1}|, |y_{j+1} - y_{j-2}|), j >= 3: an impulse, one row that stands
+/// out, is no jump.
+Vector largest_jumps(const RowMatrix& y);
 
 class Convergence {
  public:
   /// On the first grid, which later ones of the same method follow.
-  explicit Convergence(const Result& first);
+  Convergence(const Scene&, const Result& first);
 
   /// The next grid, with half the step of `coarse`. `resolved`: enough steps to take what does not converge for a jump.
   void add(const Result& coarse, const Result& fine, bool resolved);
@@ -49,8 +52,9 @@ class Convergence {
  private:
   GridDifferences y_, mean_, x_, x_with_jumps_, jump_;
   std::optional<Distance> check_;
-  bool may_jump_, jumps_ = false;
-  double displaced_ = 0;  ///< error of the mean by the largest jump, known to within a step
+  const Scene& scene_;
+  bool may_jump_, jumps_ = false, erratic_ = false;
+  double displaced_ = 0, displaced_x_ = 0;  ///< errors of the mean and of x by jumps that are known to within a step
 };
 
 }  // namespace bromwich

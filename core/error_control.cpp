@@ -101,7 +101,7 @@ class Refinement {
   void take(Result& next) {
     const bool same = solved_ && solved_->method == next.method && solved_->continuous == next.continuous &&
                       2 * solved_->steps == next.steps;
-    if (!same || !convergence_) convergence_.emplace(next);
+    if (!same || !convergence_) convergence_.emplace(scene_, next);
     if (same) convergence_->add(*solved_, next, next.steps >= expected_);
     solved_ = std::move(next);
     failed_.reset();

@@ -29,7 +29,7 @@ constexpr double rounding_level = 1e-10;
 struct Limits {
   double solve_seconds, reference_seconds, smallest_tolerance;
 };
-constexpr Limits full{8, 40, 1e-7}, quick{2, 4, 1e-4};
+constexpr Limits full{4, 15, 1e-7}, quick{2, 4, 1e-4};
 
 struct Subject {
   SceneChoice choice;
@@ -181,22 +181,20 @@ std::vector<Row> study(const Subject& subject, const BenchRequest& request, Back
   if (subject.choice.scene.states() <= 256) options.states = StateSelection::all;
   const std::vector<Run> all = runs(subject, request, backend, options);
   std::optional<TolTruth> truth;
-  const Run* finest = nullptr;
-  for (const Run& run : all)
-    if (run.result.errors && run.result.y.rows() == run.result.steps + 1 && run.result.y.allFinite() &&
-        (!finest || run.result.steps > finest->result.steps))
-      finest = &run;
-  try {
-    options.method = Method::automatic;
-    const double seconds = finest ? finest->seconds * double(finest->result.steps) /
-                                        double(std::accumulate(finest->result.errors->grids.begin(),
-                                                               finest->result.errors->grids.end(), Index(0)))
-                                  : 0;
-    if (finest)
-      truth.emplace(subject.choice, backend, options, finest->result.steps, seconds,
+  options.method = Method::automatic;
+  // For the finest result if that is possible, else for as fine a one as is.
+  for (auto run = all.rbegin(); run != all.rend() && !truth; ++run) {
+    const Result& r = run->result;
+    if (!r.errors || r.y.rows() != r.steps + 1 || !r.y.allFinite()) continue;
+    const std::vector<Index>& grids = r.errors->grids;
+    const double seconds =
+        run->seconds * double(r.steps) / double(std::accumulate(grids.begin(), grids.end(), Index(0)));
+    try {
+      truth.emplace(subject.choice, backend, options, r.steps, seconds,
                     (request.quick ? quick : full).reference_seconds);
-  } catch (const Error& error) {
-    notes.push_back(fmt::format("{}: {}", subject.name, error.what()));
+    } catch (const Error& error) {
+      notes.push_back(fmt::format("{}: {}", subject.name, error.what()));
+    }
   }
   std::vector<Row> rows;
   for (const Run& run : all) {

@@ -78,9 +78,10 @@ void TolTruth::sample_exact(const Scene& scene, Index steps) {
 
 TolTruth::TolTruth(const SceneChoice& choice, Backend& backend, const Options& options, Index finest,
                    double seconds_for_finest, double seconds)
-    : from_file_(NAN) {
+    : finest_(finest), from_file_(NAN) {
   const Scene& scene = choice.scene;
-  const double columns = double(2 * scene.constraints() + scene.states());
+  const double columns = 2 * double(scene.constraints()) +
+                         (scene.exact || options.states == StateSelection::all ? double(scene.states()) : 0);
   if (scene.exact) {
     const Index times = Index(std::clamp(most_numbers / (columns * double(finest)), 1.0, 12.0));
     sample_exact(scene, times * finest);
@@ -98,7 +99,9 @@ TolTruth::TolTruth(const SceneChoice& choice, Backend& backend, const Options& o
     mean_ = running_mean(y_, false);
     source_ = fmt::format("{} with {} steps", fine.method, fine.steps);
     one.steps /= 2;
+    finest_ = fine.steps;
     known_to_ = of(within(seconds, scene, backend, one));
+    finest_ = finest;
     if (choice.reference && choice.reference->t) {
       const Index row = Index(std::lround(*choice.reference->t / scene.T * double(fine.steps)));
       from_file_ = std::fmax(from_values(choice.reference->x, x_, row), from_values(choice.reference->y, y_, row));
@@ -111,6 +114,7 @@ TolTruth::TolTruth(const SceneChoice& choice, Backend& backend, const Options& o
 
 TolErrors TolTruth::of(const Result& result) const {
   const Index J = result.y.rows() - 1;
+  if (J > finest_ || result.y.rows() != result.steps + 1) return {NAN, NAN, NAN};
   if (result.status != Status::solved && result.status != Status::tolerance_not_met) return {NAN, NAN, NAN};
   const Index stride = (y_.rows() - 1) / J;
   const RowMatrix found = running_mean(result.y, false);

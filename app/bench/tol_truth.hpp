@@ -18,6 +18,7 @@ class TolTruth {
   /// `seconds` (0: none is tried) and the scene has no exact solution.
   TolTruth(const SceneChoice&, Backend&, const Options&, Index finest, double seconds_for_finest, double seconds);
 
+  /// NaN for a result with more steps.
   TolErrors of(const Result& result) const;
 
   const std::string& source() const { return source_; }
@@ -31,6 +32,7 @@ class TolTruth {
 
   RowMatrix y_, mean_, x_;
   std::string source_;
+  Index finest_;
   TolErrors known_to_{0, 0, 0};
   double from_file_;
 };
