@@ -29,7 +29,7 @@ constexpr double rounding_level = 1e-10;
 struct Limits {
   double solve_seconds, reference_seconds, smallest_tolerance;
 };
-constexpr Limits full{4, 15, 1e-7}, quick{2, 4, 1e-4};
+constexpr Limits full{3, 10, 1e-7}, quick{2, 4, 1e-4};
 
 struct Subject {
   SceneChoice choice;
