@@ -54,7 +54,7 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   const DenseDynamics* d = p.dense();
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
   if (!d || double(p.J) * (3 * m * m + 4 * m * n) > most_certified_operations || !y.allFinite())
-    return {NAN, NAN, NAN, NAN, {}};
+    return {NAN, NAN, NAN, NAN, NAN, {}};
   const std::shared_ptr<const StepOperators> operators = state_step(p, rule);
   const StepOperators& step = *operators;
   const DenseRecurrence r = dense_recurrence(*d, step);
@@ -71,6 +71,7 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   double size = norm(p.scene.x0), rounding = epsilon * size, unit = 0, log_growth = 0, least = 0, most = 0;
   for (Index j = 1; j <= p.J; ++j) {
     const Vector dy = response(y.row(j).transpose(), r.output * dz);
+    if (dy.size() > 0) result.output = std::max(result.output, rounding * dy.cwiseAbs().maxCoeff());
     dz = (r.decay * dz + r.input * dy).eval();
     double rho = norm(dz);
     const double sum = norm(Vector(x.row(j).transpose())) + norm(Vector(terms.row(j).transpose()));

@@ -17,6 +17,7 @@ struct Magnification {
   double growth = 1;     ///< largest growth of dz from any step to any later one
   double rounding = 0;   ///< largest e_j / size_j for the rounding of each step
   double condition = 0;  ///< the same for an error of 1 in each step
+  double output = 0;     ///< largest |dy_j| that the e_j for the rounding of each step make, not relative
   double impulse = 0;    ///< largest h |B y_j| / size where the active set of row j is not that of both its
                          ///< neighbours: a contact that begins and ends within few steps is not resolved
   Vector scale;          ///< D, m

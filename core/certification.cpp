@@ -66,6 +66,7 @@ void Certification::certify(Method method, Result& result) {
   const Magnification m = magnification(p, continuous ? Rule::exponential : Rule::implicit_euler, result.y);
   result.magnification = m.growth;
   result.rounding = std::isnan(m.rounding) ? 0 : m.rounding;
+  result.rounding_of_y = std::isnan(m.output) ? 0 : m.output;
   if (m.rounding > most_rounding) {
     sensitive_ = true;
     return demote(

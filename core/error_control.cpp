@@ -1,6 +1,6 @@
 #include "core/error_control.hpp"
 
-#include "core/certificate.hpp"
+#include "core/convergence.hpp"
 #include "core/error.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
@@ -14,36 +14,15 @@ namespace {
 
 constexpr double accepted = 0.8;              ///< of the tolerance
 constexpr double algebraic_share = 0.1;       ///< of a grid's discretisation error, that cycles may leave
-constexpr double lowest_order = 0.5;          ///< that an estimate is made with
 constexpr Index fewest_steps = 16;            ///< of a first grid of our choice
 constexpr Index most_steps = Index(1) << 20;  ///< of a further grid
 constexpr Index patience = 4;                 ///< times the scene's steps: below, a failure is put down to the grid
-constexpr double smallest_jump = 1e-4;        ///< differences below that stop falling are rounding, not jumps
 constexpr double out_of_reach = 4;            ///< times most_steps, predicted with the full order
 
 Index first_grid(const Scene& scene, const Options& options) {
   Index J = options.steps > 0 ? options.steps : scene.default_steps;
   while (options.steps == 0 && J % 2 == 0 && J / 2 >= fewest_steps) J /= 2;
   return J;
-}
-
-// max_j |coarse_j - fine_2j|, j >= 1, relative to max(1, max |fine|).
-double difference(const RowMatrix& coarse, const RowMatrix& fine) {
-  double largest = 0, size = 1;
-  for (Index j = 1; j < coarse.rows() && coarse.cols() > 0; ++j) {
-    const double apart = (coarse.row(j) - fine.row(2 * j)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
-    if (std::isnan(apart)) return INFINITY;  // states that the method cannot give
-    largest = std::max(largest, apart);
-    size = std::max(size, fine.row(2 * j).cwiseAbs().maxCoeff());
-  }
-  return largest / size;
-}
-
-// The units of the components differ: each is relative to its own size.
-double difference_of_states(const RowMatrix& coarse, const RowMatrix& fine) {
-  double largest = 0;
-  for (Index c = 0; c < coarse.cols(); ++c) largest = std::max(largest, difference(coarse.col(c), fine.col(c)));
-  return largest;
 }
 
 // y for half the step, linear between the rows there are.
@@ -53,29 +32,6 @@ RowMatrix refined(const RowMatrix& y) {
   for (Index j = 0; j + 1 < y.rows(); ++j) fine.row(2 * j + 1) = (y.row(j) + y.row(j + 1)) / 2;
   return fine;
 }
-
-// Where solutions are smooth: implicit Euler, continuous piecewise-linear y, Radau IIA.
-double order_of(const Result& result) {
-  return result.method == to_string(Method::euler) ? 1 : result.continuous ? 2 : 3;
-}
-
-bool may_jump(const Result& result) { return !result.continuous || result.method == to_string(Method::euler); }
-
-// The differences of one sequence of grids that one method has solved.
-struct Differences {
-  explicit Differences(const Result& first) : y(order_of(first)), mean(1, 3), x(order_of(first)), x_with_jumps(1, 3) {}
-
-  void add(const Result& coarse, const Result& fine) {
-    y.add(difference(coarse.y, fine.y));
-    mean.add(difference(running_integral(coarse.y, 1 / double(coarse.steps)),
-                        running_integral(fine.y, 1 / double(fine.steps))));
-    x.add(difference_of_states(coarse.x, fine.x));
-    x_with_jumps.add(x.last());
-  }
-
-  GridDifferences y, mean, x, x_with_jumps;
-  bool jumps = false;  ///< y does not converge at all time points
-};
 
 class Refinement {
  public:
@@ -97,11 +53,16 @@ class Refinement {
       if (next.status != Status::solved) {
         if (is_final(next)) return ended_by(next);
         failed_ = std::move(next);
-        differences_.reset();
+        convergence_.reset();
         continue;
       }
       take(next);
-      if (const std::optional<std::string> end = verdict()) return ended(*end);
+      std::optional<std::string> end = verdict();
+      if (end && end->empty() && convergence_->wants_check()) {
+        check();
+        end = verdict();
+      }
+      if (end) return ended(*end);
     }
   }
 
@@ -135,29 +96,40 @@ class Refinement {
   void take(Result& next) {
     const bool same = solved_ && solved_->method == next.method && solved_->continuous == next.continuous &&
                       2 * solved_->steps == next.steps;
-    if (!same || !differences_) differences_.emplace(next);
-    if (same) differences_->add(*solved_, next);
+    if (!same || !convergence_) convergence_.emplace(scene_, next);
+    if (same) convergence_->add(*solved_, next, next.steps >= expected_);
     solved_ = std::move(next);
     failed_.reset();
+    unchecked_ = false;
+    estimate();
+  }
+
+  // Jumps that stay in their steps when these are halved do not on a grid of 3/4 of the steps. Where that cannot be
+  // compared the estimate is not relied on.
+  void check() {
+    unchecked_ = true;
+    const Index J = solved_->steps;
+    if (J % 4 != 0) return;
+    const Result other = solve_on(J / 4 * 3);
+    grids_.insert(grids_.end() - 1, other.steps);
+    if (other.status != Status::solved || other.method != solved_->method || other.continuous != solved_->continuous)
+      return;
+    convergence_->check(other, *solved_);
+    unchecked_ = false;
     estimate();
   }
 
   void estimate() {
     ErrorEstimate e;
     e.tolerance = options_.tolerance;
-    const double largest = solved_->y.bottomRows(solved_->steps).cwiseAbs().maxCoeff();
-    e.kernel = solved_->kernel_error * largest / std::max(1.0, largest);
+    const double largest = solved_->y.bottomRows(solved_->steps).cwiseAbs().maxCoeff(), size = std::max(1.0, largest);
+    e.kernel = solved_->kernel_error * largest / size;
     e.iteration = solved_->algebraic_error.value_or(iteration_error(solved_->history));
-    e.rounding = solved_->rounding * largest / std::max(1.0, largest);
-    Differences& d = *differences_;
-    // Once is enough: later differences may be small because all jumps happen to be in the same steps.
-    d.jumps = d.jumps ||
-              (may_jump(*solved_) && solved_->steps >= expected_ && d.y.stands_still() && d.y.last() > smallest_jump);
-    e.of_integral = d.jumps;
-    const GridDifferences& y = e.of_integral ? d.mean : d.y;
-    e.discretisation = y.error();
-    e.order = y.order();
-    if (controls_states()) e.states = (d.jumps ? d.x_with_jumps : d.x).error();
+    e.of_integral = convergence_->of_integral();
+    e.rounding = (e.of_integral ? solved_->rounding * largest : solved_->rounding_of_y) / size;
+    e.discretisation = convergence_->error();
+    e.order = convergence_->controlled().order();
+    if (controls_states()) e.states = convergence_->error_of_x() + solved_->rounding;
     e.grids = grids_;
     solved_->errors = e;
     solved_->error_estimate.reset();
@@ -169,11 +141,10 @@ class Refinement {
   // Empty: the tolerance is met. Nothing: go on. Otherwise why it will not be met.
   std::optional<std::string> verdict() const {
     const ErrorEstimate& e = *solved_->errors;
-    const GridDifferences& y = e.of_integral ? differences_->mean : differences_->y;
+    const GridDifferences& y = convergence_->controlled();
     const double goal = accepted * options_.tolerance;
     const std::size_t window = e.of_integral ? 3 : 2;
-    const bool falls = !e.of_integral || !y.stands_still();
-    if (y.confirmed() && falls && *solved_->error_estimate <= goal) return "";
+    if (convergence_->can_be_judged() && !unchecked_ && *solved_->error_estimate <= goal) return "";
     if (solved_->steps < patience * expected_) return std::nullopt;
     const double other = e.total() - (std::isnan(e.discretisation) ? 0 : e.discretisation);
     if (other > goal)
@@ -181,13 +152,17 @@ class Refinement {
           "the weights of the kernel are known to %.1e, the iteration leaves %.1e and rounding %.1e: no grid "
           "does better",
           e.kernel, e.iteration, e.rounding);
+    if (unchecked_)
+      return text(
+          "with %ld steps, whose points jumps of y do not share, another method is taken or none solves the scene",
+          long(solved_->steps / 4 * 3));
     if (!y.confirmed()) return std::nullopt;
     if (y.stalled(window) && e.total() > goal)
       return text("halving the step does not bring the solutions together any more: %s still moves by %.1e",
                   e.of_integral ? "the mean of y" : "y", y.last());
-    if (controls_states() && differences_->x.stalled(window) && e.states > goal)
+    if (controls_states() && convergence_->states().stalled(window) && e.states > goal)
       return text("halving the step does not bring the states together any more: they still move by %.1e",
-                  differences_->x.last());
+                  convergence_->states().last());
     const double needed = double(solved_->steps) * std::exp2(y.halvings_to(goal - other));
     if (needed > out_of_reach * double(most_steps)) return text("about %.0e steps would be needed", needed);
     return std::nullopt;
@@ -227,51 +202,13 @@ class Refinement {
   const Options& options_;
   const Index expected_;  ///< steps with which the scene is meant to be solved
   std::vector<Index> grids_;
-  std::optional<Result> solved_, failed_;  ///< the last grid of each kind; failed_ only if it is the last of all
-  std::optional<Differences> differences_;
+  std::optional<Result> solved_, failed_;   ///< the last grid of each kind; failed_ only if it is the last of all
+  std::optional<Convergence> convergence_;  ///< of the grids that the method of solved_ has solved
+  bool unchecked_ = false;                  ///< the grid that checks the last one could not
   Seconds spent_;
 };
 
 }  // namespace
-
-double GridDifferences::counted(std::size_t k) const {
-  double largest = 0;
-  for (std::size_t i = 0; i <= std::min(k, memory_); ++i)
-    largest = std::max(largest, differences_[k - i] * std::exp2(-highest_ * double(i)));
-  return largest;
-}
-
-double GridDifferences::order_at(std::size_t k) const {
-  if (counted(k) == 0) return highest_;
-  return std::clamp(std::log2(counted(k - 1) / counted(k)), lowest_order, highest_);
-}
-
-double GridDifferences::order() const {
-  const std::size_t n = differences_.size();
-  if (n < 2) return NAN;
-  return n == 2 ? order_at(1) : std::min(order_at(n - 1), order_at(n - 2));
-}
-
-double GridDifferences::error() const {
-  return differences_.size() < 2 ? NAN : counted(differences_.size() - 1) / (std::exp2(order()) - 1);
-}
-
-bool GridDifferences::stands_still() const {
-  const std::size_t n = differences_.size();
-  return n >= 3 && counted(n - 1) > 0.5 * counted(n - 3);
-}
-
-bool GridDifferences::stalled(std::size_t window) const {
-  if (differences_.size() < 2 * window) return false;
-  const auto middle = differences_.end() - std::ptrdiff_t(window);
-  return *std::min_element(middle, differences_.end()) >
-         0.5 * *std::min_element(middle - std::ptrdiff_t(window), middle);
-}
-
-double GridDifferences::halvings_to(double tolerance) const {
-  const double e = counted(differences_.size() - 1) / (std::exp2(highest_) - 1);
-  return std::max(0.0, std::log2(e / tolerance) / highest_);
-}
 
 double iteration_error(const std::vector<double>& history) {
   const std::size_t n = history.size();

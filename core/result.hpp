@@ -67,7 +67,9 @@ struct Result {
   /// Largest growth of perturbations along the solution (core/certificate.hpp); NaN where it was not looked at: sparse
   /// dynamics, Kronecker sums and very long or large dense scenes.
   double magnification = std::numeric_limits<double>::quiet_NaN();
-  double rounding = 0;  ///< of the state, what rounding leaves of it, relative; 0 where it was not looked at
+  /// What rounding adds up to along the solution; 0 where it was not looked at.
+  double rounding = 0;       ///< of the state, relative
+  double rounding_of_y = 0;  ///< of y, not relative
 
   std::string method, backend;
   std::string kernel;  ///< how the kernel was made and applied, in words

@@ -250,6 +250,30 @@ def sparse(data):
     ]
 
 
+def tol(data):
+    """The results of each scene, each at the smallest tolerance that it meets, and what they are worth."""
+    lines = ["| scene | method | tolerance | steps | work | of | estimate | error | ratio | x: estimate | error | ratio | status |"]
+    lines.append("|--" * 13 + "|")
+    rows = [row for row in data["rows"] if row["status"] != "infeasible"]
+    for row, after in zip(rows, rows[1:] + [None]):
+        same = after and all(row[key] == after[key] for key in ("scene", "method_asked", "steps", "status"))
+        if same:
+            continue
+        ratio = [f"{row['effectivity'][of]:.2f}" if row["effectivity"][of] is not None else "-" for of in ("y", "x")]
+        lines.append(
+            f"| {row['scene']} | {row['method']} | {row['tolerance']:.0e} | {row['steps']} | {row['work']} | {row['of']} | "
+            f"{number(row['estimate']['y'])} | {number(row['error']['y'])} | {ratio[0]} | "
+            f"{number(row['estimate']['x'])} | {number(row['error']['x'])} | {ratio[1]} | {row['status']} |"
+        )
+    share = data["details"]["share"]
+    found = "; ".join(
+        f"of {of}: {share[of]['good']} of {share[of]['results']} results, the smallest {share[of]['smallest']:.2f}, "
+        f"the largest {share[of]['largest']:.3g}"
+        for of in ("y", "x")
+    )
+    return lines + ["", f"Estimate over true error between 0.5 and 3: {found}. {machine(data)}."]
+
+
 def random(data):
     methods = data["all"]
     lines = ["| method | " + " | ".join(methods) + " |", "|--" * (len(methods) + 1) + "|"]

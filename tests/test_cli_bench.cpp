@@ -93,6 +93,37 @@ TEST_F(Bench, SpeedVsErrorSaysHowFarItsReferenceIsKnown) {
   EXPECT_EQ(json["rows"][0]["reference"], "march with 4096 steps");
 }
 
+TEST_F(Bench, TolSetsEstimatesBesideTrueErrors) {
+  const Json json = study("tol dlcp-small");
+  ASSERT_EQ(json["rows"].size(), 3u);
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["status"], "solved") << row;
+    EXPECT_EQ(row["reference"], "the exact solution");
+    for (const char* of : {"y", "x"}) {
+      EXPECT_LE(row["error"][of], row["tolerance"]);
+      // Smooth between few kinks: the estimate is the error, to a tenth.
+      EXPECT_NEAR(row["effectivity"][of], 1, 0.1) << row;
+    }
+    const double parts = row["parts"]["discretisation"].get<double>() + row["parts"]["rounding"].get<double>() +
+                         row["parts"]["iteration"].get<double>();
+    EXPECT_NEAR(row["estimate"]["y"].get<double>(), parts, 1e-12) << "and the kernel, where it is compared, to 1e-13";
+    long work = 0;
+    for (const Json& steps : row["grids"]) work += steps.get<long>();
+    EXPECT_EQ(row["work"], work);
+  }
+}
+
+TEST_F(Bench, TolMeasuresTheMeanWhereYJumps) {
+  const std::string file = std::string(BROMWICH_EXAMPLES) + "/bottlenecks-hard.toml";
+  const Json json = study("tol " + file);
+  ASSERT_EQ(json["rows"].size(), 3u);
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["of"], "mean of y") << row;
+    EXPECT_TRUE(contains(row["reference"].get<std::string>(), "march with")) << row;
+    EXPECT_LE(row["reference_from_file"], 1e-4) << "the tolerance of the file";
+  }
+}
+
 TEST_F(Bench, SparseSolvesAllItsRows) {
   const Json json = study("sparse");
   ASSERT_EQ(json["rows"].size(), 3u);

@@ -17,50 +17,6 @@
 namespace bromwich {
 namespace {
 
-// ---- the estimate from differences ----
-
-GridDifferences differences(double order, const std::vector<double>& values) {
-  GridDifferences d(order);
-  for (const double value : values) d.add(value);
-  return d;
-}
-
-TEST(GridDifferences, OfAPowerOfTheStepAreExtrapolatedExactly) {
-  for (const double order : {0.75, 1.0, 1.5, 2.0}) {  // errors h^p, p at most 2: differences h^p (1 - 2^-p)
-    const double fall = std::exp2(-order), first = 1 - fall;
-    const GridDifferences d = differences(2, {first, first * fall, first * fall * fall});
-    EXPECT_TRUE(d.confirmed());
-    EXPECT_NEAR(d.order(), order, 1e-14);
-    EXPECT_NEAR(d.error(), std::pow(fall, 3), 1e-14);
-    EXPECT_FALSE(d.stands_still());
-  }
-}
-
-TEST(GridDifferences, TheSmallerOfTwoOrdersCounts) {
-  EXPECT_NEAR(differences(2, {8, 4, 1}).error(), 1, 1e-14);  // orders 1 and 2: 1/(2^1 - 1)
-  EXPECT_NEAR(differences(2, {8, 2, 1}).error(), 1, 1e-14);
-}
-
-TEST(GridDifferences, OneThatIsSmallByChanceIsNotBelieved) {
-  const GridDifferences d = differences(2, {4, 1, 1e-9});
-  EXPECT_NEAR(d.error(), 0.25 / 3, 1e-14);  // as if it had fallen with the full order
-}
-
-TEST(GridDifferences, WithoutOrderAreNotConfirmed) {
-  EXPECT_TRUE(std::isnan(differences(2, {1}).error()));
-  EXPECT_FALSE(differences(2, {1, 0.25}).confirmed());
-  EXPECT_TRUE(differences(2, {1, 0.9, 1.1}).stands_still());
-  EXPECT_FALSE(differences(2, {1, 0.5, 0.26}).stands_still());
-  EXPECT_TRUE(differences(2, {1e-13, 2e-13, 1e-13, 2e-13}).stalled(2));
-  EXPECT_FALSE(differences(1, {1, 0.6, 0.1, 0.3}).stalled(2)) << "one difference may rise";
-}
-
-TEST(GridDifferences, OfTheSameSolutionAreNoError) {
-  const GridDifferences d = differences(2, {0, 0, 0});
-  EXPECT_EQ(d.error(), 0);
-  EXPECT_FALSE(d.stalled(2));
-}
-
 TEST(IterationError, IsTheSumOfTheSweepsThatAreLeft) {
   // Changes c^k leave c^(n+1)/(1-c).
   EXPECT_NEAR(iteration_error({1, 0.5, 0.25, 0.125, 0.0625}), 0.0625, 1e-14);
@@ -335,6 +291,32 @@ RowMatrix mean(const RowMatrix& y) {
   RowMatrix sum = RowMatrix::Zero(y.rows(), y.cols());
   for (Index j = 1; j < y.rows(); ++j) sum.row(j) = sum.row(j - 1) + y.row(j) / double(y.rows() - 1);
   return sum;
+}
+
+// Perturbations grow 1e4 times here: rounding alone makes errors of 1e-6 in y. The exact solution is known.
+TEST_F(ErrorControlOfExamples, CountWhatRoundingDoesToY) {
+  const Scene scene = read("dlcp-small-unstable");
+  for (const double tolerance : {1e-5, 1e-6}) {
+    const Result result = run(scene, options_to(tolerance));
+    ASSERT_TRUE(result.error_estimate) << result.reason;
+    const double error = true_error(scene, result);
+    EXPECT_TRUE(result.status != Status::solved || error <= tolerance) << error;
+    EXPECT_GE(*result.error_estimate, 0.3 * error) << tolerance << ' ' << result.steps;
+    EXPECT_GT(result.errors->rounding, 10 * result.rounding) << "y is more sensitive than x";
+  }
+}
+
+// Switches of this relay stay in their steps for several halvings, and the differences of grids vanish with them.
+TEST_F(ErrorControlOfExamples, AreNotSolvedByChance) {
+  const Scene scene = read("relay-oscillator");
+  for (const Index first : {0, 82}) {
+    Options options = options_to(1e-3);
+    options.steps = first;
+    const Result result = run(scene, options);
+    ASSERT_EQ(result.status, Status::solved) << result.reason;
+    EXPECT_TRUE(result.errors->of_integral) << "y jumps";
+    EXPECT_GE(result.steps, scene.default_steps) << "a coarse grid does not show what jumps";
+  }
 }
 
 TEST_F(ErrorControlOfExamples, OfJumpsControlTheMean) {

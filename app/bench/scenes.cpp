@@ -16,19 +16,6 @@
 
 namespace bromwich::app {
 
-namespace {
-
-constexpr const char* default_folder = "examples";
-
-/// What the row of one scene is made of.
-struct Outcome {
-  std::string name;  ///< of the file; scenes in different files may have the same name
-  SceneFile file;
-  Result result;  ///< arrays dropped after the errors were taken
-  double error_x = NAN, error_y = NAN;
-  Samples samples;
-};
-
 std::vector<std::filesystem::path> scene_files(const std::string& place) {
   namespace fs = std::filesystem;
   if (fs::is_regular_file(place)) return {place};
@@ -42,6 +29,17 @@ std::vector<std::filesystem::path> scene_files(const std::string& place) {
   std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) { return a.stem() < b.stem(); });
   return files;
 }
+
+namespace {
+
+/// What the row of one scene is made of.
+struct Outcome {
+  std::string name;  ///< of the file; scenes in different files may have the same name
+  SceneFile file;
+  Result result;  ///< arrays dropped after the errors were taken
+  double error_x = NAN, error_y = NAN;
+  Samples samples;
+};
 
 /// Largest |found - expected| where `expected` is known, infinite where `found` is NaN there; NaN where nothing is
 /// known.
@@ -161,7 +159,7 @@ Json json_row(const Outcome& o) {
 
 BenchReport bench_scenes(const BenchRequest& request, Backend& backend) {
   BenchReport report;
-  report.scene = request.scene.value_or(default_folder);
+  report.scene = request.scene.value_or(examples_folder);
   report.details["error"] =
       "max over the components known; over t >= T/16 where the exact solution is known, at one "
       "time where the file gives values";

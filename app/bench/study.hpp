@@ -6,6 +6,7 @@
 #include "app/scene_choice.hpp"
 #include "core/solve.hpp"
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -50,6 +51,12 @@ BenchReport bench_paper(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene file or a folder of them.
 BenchReport bench_scenes(const BenchRequest& request, Backend& backend);
 BenchReport bench_sparse(const BenchRequest& request, Backend& backend);
+/// SCENE is a scene, a scene file or a folder of them; without one, all built-in scenes and the examples.
+BenchReport bench_tol(const BenchRequest& request, Backend& backend);
+
+/// The file itself, or the scene files of a folder by name. Throws Error where there is none.
+std::vector<std::filesystem::path> scene_files(const std::string& place);
+inline constexpr const char* examples_folder = "examples";
 
 /// Wall-clock seconds of repeated runs.
 struct Samples {

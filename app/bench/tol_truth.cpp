@@ -1,0 +1,127 @@
+#include "app/bench/tol_truth.hpp"
+
+#include "core/certificate.hpp"
+#include "core/error.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+
+namespace bromwich::app {
+
+namespace {
+
+constexpr double most_numbers = 4e7;  ///< of a reference
+
+/// Rows 1, 2, ... of `found` against rows stride, 2 stride, ... of `known`, relative to max(1, max |known|).
+double largest_error(const RowMatrix& found, const RowMatrix& known, Index stride) {
+  double largest = 0, size = 1;
+  for (Index j = 1; j < found.rows(); ++j)
+    for (Index i = 0; i < found.cols(); ++i) {
+      const double apart = std::abs(found(j, i) - known(stride * j, i));
+      if (std::isnan(apart)) return INFINITY;
+      largest = std::max(largest, apart);
+      size = std::max(size, std::abs(known(stride * j, i)));
+    }
+  return largest / size;
+}
+
+double largest_error_of_columns(const RowMatrix& found, const RowMatrix& known, Index stride) {
+  double largest = 0;
+  for (Index c = 0; c < found.cols(); ++c)
+    largest = std::max(largest, largest_error(found.col(c), known.col(c), stride));
+  return found.cols() > 0 ? largest : NAN;
+}
+
+/// h/T Σ_{i<=j} y_i, or by trapezoids: of exact values the integral is wanted and not the sum.
+RowMatrix running_mean(const RowMatrix& y, bool trapezoids) {
+  const double weight = 1 / double(y.rows() - 1);
+  RowMatrix sum = running_integral(y, weight);
+  if (trapezoids) sum = sum + 0.5 * weight * (y.row(0).replicate(y.rows(), 1) - y);
+  return sum;
+}
+
+Result within(double seconds, const Scene& scene, Backend& backend, Options options) {
+  const auto start = std::chrono::steady_clock::now();
+  options.interrupted = [start, seconds] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() > seconds;
+  };
+  return solve(scene, backend, options);
+}
+
+double from_values(const std::vector<double>& known, const RowMatrix& found, Index row) {
+  double largest = NAN;
+  for (std::size_t i = 0; i < known.size() && Index(i) < found.cols(); ++i)
+    if (std::isfinite(known[i]))
+      largest = std::fmax(largest, std::abs(found(row, Index(i)) - known[i]) /
+                                       std::max(1.0, found.col(Index(i)).cwiseAbs().maxCoeff()));
+  return largest;
+}
+
+}  // namespace
+
+void TolTruth::sample_exact(const Scene& scene, Index steps) {
+  y_.resize(steps + 1, scene.constraints());
+  x_.resize(steps + 1, scene.states());
+  Vector x(scene.states()), y(scene.constraints());
+  for (Index j = 0; j <= steps; ++j) {
+    scene.exact(scene.T * double(j) / double(steps), x, y);
+    y_.row(j) = y.transpose();
+    x_.row(j) = x.transpose();
+  }
+  mean_ = running_mean(y_, true);
+  source_ = "the exact solution";
+}
+
+TolTruth::TolTruth(const SceneChoice& choice, Backend& backend, const Options& options, Index finest,
+                   double seconds_for_finest, double seconds)
+    : finest_(finest), from_file_(NAN) {
+  const Scene& scene = choice.scene;
+  const double columns = 2 * double(scene.constraints()) +
+                         (scene.exact || options.states == StateSelection::all ? double(scene.states()) : 0);
+  if (scene.exact) {
+    const Index times = Index(std::clamp(most_numbers / (columns * double(finest)), 1.0, 12.0));
+    sample_exact(scene, times * finest);
+    return;
+  }
+  Options one = options;
+  one.tolerance = 0;
+  for (const Index times : {12, 6}) {
+    one.steps = times * finest;
+    if (double(one.steps) * columns > most_numbers || double(times) * seconds_for_finest > seconds) continue;
+    Result fine = within(seconds, scene, backend, one);
+    if (fine.status != Status::solved) continue;
+    y_ = fine.y;
+    x_ = fine.x;
+    mean_ = running_mean(y_, false);
+    source_ = fmt::format("{} with {} steps", fine.method, fine.steps);
+    one.steps /= 2;
+    finest_ = fine.steps;
+    known_to_ = of(within(seconds, scene, backend, one));
+    finest_ = finest;
+    if (choice.reference && choice.reference->t) {
+      const Index row = Index(std::lround(*choice.reference->t / scene.T * double(fine.steps)));
+      from_file_ = std::fmax(from_values(choice.reference->x, x_, row), from_values(choice.reference->y, y_, row));
+    }
+    return;
+  }
+  throw Error("SCENE", fmt::format("no reference for {} with {} steps is solved in time", scene.name, finest),
+              "measure errors on another scene");
+}
+
+TolErrors TolTruth::of(const Result& result) const {
+  const Index J = result.y.rows() - 1;
+  if (J > finest_ || result.y.rows() != result.steps + 1) return {NAN, NAN, NAN};
+  if (result.status != Status::solved && result.status != Status::tolerance_not_met) return {NAN, NAN, NAN};
+  const Index stride = (y_.rows() - 1) / J;
+  const RowMatrix found = running_mean(result.y, false);
+  RowMatrix x(x_.rows(), Index(result.x_components.size()));
+  for (Index c = 0; c < x.cols(); ++c) x.col(c) = x_.col(result.x_components[std::size_t(c)]);
+  return {largest_error(result.y, y_, stride), largest_error(found, mean_, stride),
+          largest_error_of_columns(result.x, x, stride)};
+}
+
+}  // namespace bromwich::app

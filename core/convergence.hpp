@@ -1,0 +1,60 @@
+#pragma once
+// How the results of one method on grids of J, 2J, 4J, ... steps approach each other: y, its mean over [0, t] where y
+// jumps, and the states.
+//
+// Where y jumps, a jump that moves by a step is a difference as large as the jump on every grid, and the mean
+// h/T Σ_{i<=j} y_i takes the place of y: of first order. x is integrated and converges with an order between 1 and 2.
+// That a jump stays in its step when the step is halved has a chance of one half, and then the difference does not show
+// the error that it makes. Two things do. A jump s is known to within a step, so that the mean has an error of about s
+// h/(2 T) whatever the differences say; so has x, up to |B s| h, where its differences have shown to be a matter of
+// chance, by a rise or fall by a factor of 100 from one to the next (where y holds the state on a constraint, x does
+// better). And a grid of 3J/4 steps, the check, has few time points in common with the others.
+
+#include "grid_differences.hpp"
+#include "result.hpp"
+#include "scene.hpp"
+
+#include <optional>
+
+namespace bromwich {
+
+/// Largest differences at common time points t > 0: of y and of its mean relative to max(1, max |.|), of x relative to
+/// that of each component. Infinite where one of the two is not known.
+struct Distance {
+  double y, mean, x;
+};
+/// Row a_stride j of `a` belongs to the time of row b_stride j of `b`; sizes are those of `b`.
+Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride);
+
+/// n: of each component the largest min(|y_j - y_{j-1}|, |y_{j+1} - y_{j-2}|), j >= 3: an impulse, one row that stands
+/// out, is no jump.
+Vector largest_jumps(const RowMatrix& y);
+
+class Convergence {
+ public:
+  /// On the first grid, which later ones of the same method follow.
+  Convergence(const Scene&, const Result& first);
+
+  /// The next grid, with half the step of `coarse`. `resolved`: enough steps to take what does not converge for a jump.
+  void add(const Result& coarse, const Result& fine, bool resolved);
+
+  /// Whether the error of the last grid needs a look at a grid of 3/4 of its steps; and that look.
+  bool wants_check() const { return may_jump_ && !check_; }
+  void check(const Result& other, const Result& fine);
+
+  bool of_integral() const { return jumps_; }  ///< the mean of y is controlled, not y
+  const GridDifferences& controlled() const { return jumps_ ? mean_ : y_; }
+  const GridDifferences& states() const { return jumps_ ? x_with_jumps_ : x_; }
+  double error() const;        ///< of what is controlled, on the last grid; NaN before two differences
+  double error_of_x() const;   ///< likewise
+  bool can_be_judged() const;  ///< what is controlled converges, as far as can be seen
+
+ private:
+  GridDifferences y_, mean_, x_, x_with_jumps_, jump_;
+  std::optional<Distance> check_;
+  const Scene& scene_;
+  bool may_jump_, jumps_ = false, erratic_ = false;
+  double displaced_ = 0, displaced_x_ = 0;  ///< errors of the mean and of x by jumps that are known to within a step
+};
+
+}  // namespace bromwich

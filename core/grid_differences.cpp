@@ -1,0 +1,50 @@
+#include "core/grid_differences.hpp"
+
+#include <algorithm>
+
+namespace bromwich {
+
+namespace {
+constexpr double lowest_order = 0.5;  ///< that an estimate is made with
+}
+
+// d_k, and d_{k-1} / 2^q if that is larger.
+double GridDifferences::believed(std::size_t k) const {
+  return k == 0 ? differences_[0] : std::max(differences_[k], differences_[k - 1] * std::exp2(-highest_));
+}
+
+double GridDifferences::order() const {
+  const std::size_t n = differences_.size();
+  if (n < 2) return NAN;
+  const double halvings = n == 2 ? 1 : 2, first = differences_[n == 2 ? 0 : n - 3], last = differences_[n - 1];
+  return last == 0 ? highest_ : std::clamp(std::log2(first / last) / halvings, lowest_order, highest_);
+}
+
+double GridDifferences::error() const {
+  const std::size_t n = differences_.size();
+  if (n < 2) return NAN;
+  const double p = order();
+  double d = believed(n - 1);
+  if (n > 2)
+    d = std::max(d, std::cbrt(differences_[n - 3] * differences_[n - 2] * differences_[n - 1]) * std::exp2(-p));
+  return d / (std::exp2(p) - 1);
+}
+
+bool GridDifferences::stands_still() const {
+  const std::size_t n = differences_.size();
+  return n >= 3 && believed(n - 1) > 0.5 * believed(n - 3);
+}
+
+bool GridDifferences::stalled(std::size_t window) const {
+  if (differences_.size() < 2 * window) return false;
+  const auto middle = differences_.end() - std::ptrdiff_t(window);
+  return *std::min_element(middle, differences_.end()) >
+         0.5 * *std::min_element(middle - std::ptrdiff_t(window), middle);
+}
+
+double GridDifferences::halvings_to(double tolerance) const {
+  const double e = believed(differences_.size() - 1) / (std::exp2(highest_) - 1);
+  return std::max(0.0, std::log2(e / tolerance) / highest_);
+}
+
+}  // namespace bromwich
