@@ -123,7 +123,9 @@ IterationOutcome Multigrid::iterate() {
     if (std::isfinite(watch.left())) result_.algebraic_error = watch.left();
     if (outcome) return *outcome;
     if (watch.contraction() > poor) march_from_now_on();
-    if (watch.left() <= options_.algebraic_share * least_discretisation_error()) return {Status::solved, ""};
+    if (options_.algebraic_share > 0 && std::isfinite(watch.left()) &&
+        watch.left() <= options_.algebraic_share * discretisation_error().value_or(0))
+      return {Status::solved, ""};
   }
   return *failure_;
 }
@@ -146,11 +148,18 @@ double Multigrid::observed_contraction(std::size_t l) {
   return changes[0] > 0 ? changes[1] / changes[0] : INFINITY;
 }
 
-// |y_h - y_2h| / 3, what the error would be with the full order 2.
-double Multigrid::least_discretisation_error() {
-  if (options_.algebraic_share == 0 || levels_.size() < 2) return 0;
-  backend_.inject(*levels_[0].y, *levels_[1].old);
-  return backend_.difference(*levels_[1].old, *levels_[1].nested) / 3;
+// With y_2h and y_4h, the solutions on the next grids: |y_h - y_2h| / (q - 1), q = |y_2h - y_4h| / |y_h - y_2h|; 4
+// where the order is 2, and at most that. Below an order of 1/2 the differences say nothing yet.
+std::optional<double> Multigrid::discretisation_error() {
+  if (levels_.size() < 3) return std::nullopt;
+  TimeLevel &half = levels_[1], &quarter = levels_[2];
+  backend_.inject(*levels_[0].y, *half.old);
+  backend_.inject(*half.nested, *quarter.old);
+  const double last = backend_.difference(*half.old, *half.nested),
+               before = backend_.difference(*quarter.old, *quarter.nested);
+  const double ratio = last > 0 ? before / last : 4;
+  if (!(ratio > std::sqrt(2.0))) return std::nullopt;
+  return last / (std::min(ratio, 4.0) - 1);
 }
 
 void Multigrid::cycle_and_look(std::size_t l) {
@@ -273,20 +282,6 @@ void Multigrid::count(const LcpCount& c) {
 
 namespace {
 
-// With y_2h and y_4h, the solutions on the next grids: |y_h - y_2h| / (q - 1), q = |y_2h - y_4h| / |y_h - y_2h|; 4
-// where the order is 2, and at most that. Below an order of 1/2 the differences say nothing yet.
-std::optional<double> estimated_error(Backend& backend, TimeLevels& levels) {
-  if (levels.size() < 3) return std::nullopt;
-  TimeLevel &half = levels[1], &quarter = levels[2];
-  backend.inject(*levels[0].y, *half.old);
-  backend.inject(*half.nested, *quarter.old);
-  const double last = backend.difference(*half.old, *half.nested),
-               before = backend.difference(*quarter.old, *quarter.nested);
-  const double ratio = last > 0 ? before / last : 4;
-  if (!(ratio > std::sqrt(2.0))) return std::nullopt;
-  return last / (std::min(ratio, 4.0) - 1);
-}
-
 void add_seconds(TimeLevels& levels, Result& result) {
   for (auto& level : levels.grids) {
     result.seconds.transform += level->kernel->transform_seconds;
@@ -322,7 +317,7 @@ bool solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, co
   const auto lcp = finest.lcp ? nullptr : p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);  // a grid that is marched
   finish_iteration(p, options, outcome, apply, finest.lcp ? *finest.lcp : *lcp, *finest.r, *finest.y, *finest.v,
                    result);
-  if (result.status == Status::solved) result.error_estimate = estimated_error(p.backend, levels);
+  if (result.status == Status::solved) result.error_estimate = multigrid.discretisation_error();
   add_seconds(levels, result);
   return true;
 }

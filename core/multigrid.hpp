@@ -27,6 +27,10 @@ class Multigrid {
   /// Cycles on the finest grid until y stands still, or, with Options::algebraic_share, as long as they are useful.
   IterationOutcome iterate();
 
+  /// Estimated from y on the finest grid and what the nested iteration came to on the two below, relative to
+  /// max(1, |y|) of a time point. Nothing where there are fewer, or where they do not come together.
+  std::optional<double> discretisation_error();
+
   /// One V-cycle for the y and r that grid l holds.
   void cycle(std::size_t l);
 
@@ -38,7 +42,6 @@ class Multigrid {
   void cycle_and_look(std::size_t l);
   double observed_contraction(std::size_t l);
   void march_from_now_on();
-  double least_discretisation_error();
 
   void start_on(std::size_t l, const Vector& y0);
   void solve_on(std::size_t l);  // v holds K y

@@ -100,12 +100,17 @@ class QueueingBackend final : public Backend {
     bool queues() const override { return true; }
     void start(Array& y, Array& v) override {
       ++log.marches;
-      plan->run(y, v);
+      const MarchReport report = plan->run(y, v);
+      sum.count.solved += report.count.solved;
+      sum.count.newton += report.count.newton;
+      if (report.stopped >= 0) sum.stopped = 0;
     }
+    MarchReport collect() override { return std::exchange(sum, {}); }
     std::size_t bytes() const override { return plan->bytes(); }
 
     QueueLog& log;
     std::unique_ptr<March> plan;
+    MarchReport sum;
   };
 
   QueueLog& log_;

@@ -197,8 +197,8 @@ BenchReport bench_multigrid(const BenchRequest& request, Backend& backend) {
   report.details["contraction"] = fmt::format(
       "largest quotient of the changes of consecutive cycles, those above {:g}, in a run to 1e-12", least_change);
   report.details["useful"] = fmt::format(
-      "the run that stops where its estimate of the algebraic error is below {} of the least discretisation error, a "
-      "third of the difference from the next coarser grid",
+      "the run that stops where its estimate of the algebraic error is below {} of its estimate of the discretisation "
+      "error",
       useful_share);
   report.details["algebraic_error"] =
       "largest difference from the run to 1e-12, relative to max(1, |y|) of a time point";
