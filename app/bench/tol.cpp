@@ -22,14 +22,14 @@ namespace {
 
 constexpr double least_effectivity = 0.5, largest_effectivity = 3;  ///< the estimate is then good
 /// A reference whose own error may be more than this part of an error does not measure it.
-constexpr double resolved = 0.25;
+constexpr double reference_share = 0.25;
 /// Exact solutions that are prescribed are known as exactly as their sources are computed.
 constexpr double rounding_level = 1e-10;
 
-struct Limits {
+struct ToleranceLimits {
   double solve_seconds, reference_seconds, smallest_tolerance;
 };
-constexpr Limits full{3, 10, 1e-7}, quick{2, 4, 1e-4};
+constexpr ToleranceLimits full{3, 10, 1e-7}, quick{2, 4, 1e-4};
 
 struct Subject {
   SceneChoice choice;
@@ -70,7 +70,7 @@ struct Run {
 
 /// Down to the smallest tolerance, or to the first that is not met.
 std::vector<Run> runs(const Subject& subject, const BenchRequest& request, Backend& backend, Options options) {
-  const Limits& limits = request.quick ? quick : full;
+  const ToleranceLimits& limits = request.quick ? quick : full;
   std::vector<Run> all;
   for (double tolerance = 1e-2; tolerance > 0.5 * limits.smallest_tolerance; tolerance /= 10) {
     options.tolerance = tolerance;
@@ -89,7 +89,7 @@ std::vector<Run> runs(const Subject& subject, const BenchRequest& request, Backe
 
 /// NaN where the error is not known well enough to say, or too small.
 double effectivity(double estimate, double error, double known_to) {
-  return error > rounding_level && resolved * error >= known_to ? estimate / error : NAN;
+  return error > rounding_level && reference_share * error >= known_to ? estimate / error : NAN;
 }
 
 struct Row {
