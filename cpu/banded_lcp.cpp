@@ -7,12 +7,13 @@ namespace bromwich::cpu {
 
 namespace {
 
-constexpr Index smallest = 12;           ///< below it a dense transform is as fast
-constexpr double dropped = epsilon / 8;  ///< of the largest entry
-constexpr double least_pivot = 1e-3;     ///< of entries of about one: a smaller one would lose digits
-constexpr double most_uneven = 64;       ///< between diagonal entries
-constexpr int most_updates = 1024;       ///< exchanges before the transform is formed anew
-constexpr double verified_to = 256;      ///< eps: about the pivots that act on an entry, each with its rounding
+constexpr Index smallest = 12;                ///< below it a dense transform is as fast
+constexpr double dropped = epsilon;           ///< entries of M, relative to the largest
+constexpr double dropped_in_P = epsilon / 8;  ///< fill-in of P(S), whose entries are about one
+constexpr double least_pivot = 1e-3;          ///< of entries of about one: a smaller one would lose digits
+constexpr double most_uneven = 64;            ///< between diagonal entries
+constexpr int most_updates = 1024;            ///< exchanges before the transform is formed anew
+constexpr double verified_to = 256;           ///< eps: about the pivots that act on an entry, each with its rounding
 constexpr int most_sweeps = 50;
 
 /// Half-bandwidth beyond which a dense transform takes no longer. Small matrices may be full.
@@ -76,7 +77,7 @@ BandedLcp::BandedLcp(const Matrix& M, Index b, double scale)
   for (Index i = 0; i < n_; ++i)
     for (Index j = std::max<Index>(i - b, 0); j <= std::min(i + b, n_ - 1); ++j) M_.set(i, j, scale * M(i, j));
   flips_.reserve(std::size_t(n_));
-  for (Vector* v : {&q_, &value_, &product_}) *v = Vector::Zero(blocks(n_) * lanes);
+  for (Vector* v : {&q_, &value_, &product_, &in_}) *v = Vector::Zero(blocks(n_) * lanes);
   for (Vector* v : {&x_, &row_, &column_}) *v = Vector::Zero(blocks(n_) * lanes + 2 * P_.half() + lanes);
 }
 
@@ -132,15 +133,15 @@ bool BandedLcp::pivot(Index r) {
     column[k] = P_.at(k, r) / p;
   }
   row[r] = column[r] = 0;
-  const bool fits = dropped_fill(r) <= dropped;
-  // Row entries that still count shrink with the column's, from r outwards: products below `dropped` are left out.
+  const bool fits = dropped_fill(r) <= dropped_in_P;
+  // Row entries that still count shrink with the column's, from r outwards: products below `dropped_in_P` are left out.
   for (const Index step : {Index(1), Index(-1)}) {
     Index left = w, right = w;
     for (Index b = r / lanes + (step < 0 ? -1 : 0); b >= first / lanes && b <= last / lanes; b += step) {
       const Lanes c = load(column + b * lanes);
       const double largest = largest_of(abs(c));
-      while (left > 0 && std::abs(row[r - left]) * largest <= dropped) --left;
-      while (right > 0 && std::abs(row[r + right]) * largest <= dropped) --right;
+      while (left > 0 && std::abs(row[r - left]) * largest <= dropped_in_P) --left;
+      while (right > 0 && std::abs(row[r + right]) * largest <= dropped_in_P) --right;
       // j = i + o - w lies in r - left .. r + right for one of the eight rows i.
       const Index from_o = std::max<Index>(r - left - (b * lanes + lanes - 1) + w, 0),
                   to_o = std::min(r + right - b * lanes + w, 2 * w);
@@ -167,7 +168,10 @@ bool BandedLcp::meets_active(Index b, Index w) const {
 
 bool BandedLcp::exchange() {
   for (const Index i : flips_) active_[std::size_t(i)] ^= 1;
-  for (Index i = 0; i < n_; ++i) before_[std::size_t(i + 1)] = before_[std::size_t(i)] + active_[std::size_t(i)];
+  for (Index i = 0; i < n_; ++i) {
+    before_[std::size_t(i + 1)] = before_[std::size_t(i)] + active_[std::size_t(i)];
+    in_[i] = active_[std::size_t(i)];
+  }
   if (updates_ + int(flips_.size()) > most_updates) return rebuild();
   for (const Index i : flips_)
     if (!pivot(i)) return rebuild();
@@ -184,10 +188,10 @@ void BandedLcp::start_from(const Vector& y) {
 // value = (y_S, w_I) = E q - P(:,S) q_S.
 void BandedLcp::evaluate() {
   double* x = x_.data() + P_.half();
-  for (Index i = 0; i < n_; ++i) {
-    const bool in = active_[std::size_t(i)];
-    x[i] = in ? q_[i] : 0.0;
-    value_[i] = in ? 0.0 : q_[i];
+  for (Index i = 0; i < blocks(n_) * lanes; i += lanes) {
+    const Lanes q = load(q_.data() + i), q_S = load(in_.data() + i) * q;
+    store(x + i, q_S);
+    store(value_.data() + i, q - q_S);
   }
   for (Index b = 0; b < blocks(n_); ++b)
     if (meets_active(b, P_.half()))
@@ -205,34 +209,33 @@ bool BandedLcp::negative(Index i) const {
 void BandedLcp::find_flips() {
   flips_.clear();
   const double level = -16 * epsilon * largest_q_;
-  for (Index b = 0; b < blocks(n_); ++b) {
-    if (!any(load(value_.data() + b * lanes) < all(level))) continue;
-    for (Index i = b * lanes; i < std::min(n_, (b + 1) * lanes); ++i)
-      if (value_[i] < level && negative(i)) flips_.push_back(i);
-  }
+  LaneMask below{};
+  for (Index i = 0; i < blocks(n_) * lanes; i += lanes) below |= load(value_.data() + i) < all(level);
+  if (!any(below)) return;
+  for (Index i = 0; i < n_; ++i)
+    if (value_[i] < level && negative(i)) flips_.push_back(i);
 }
 
 // M y + q = w up to the rounding that so many updates may leave.
 bool BandedLcp::verified() {
   double* x = x_.data() + P_.half();
-  Lanes error = all(0);
-  double largest = 0;
-  for (Index i = 0; i < n_; ++i) {
-    const bool in = active_[std::size_t(i)];
-    x[i] = in ? std::max(value_[i], 0.0) : 0.0;
-    if (in) value_[i] = 0;
-    largest = std::max(largest, x[i]);
+  Lanes error = all(0), largest = all(0);
+  for (Index i = 0; i < blocks(n_) * lanes; i += lanes) {
+    const Lanes in = load(in_.data() + i), value = load(value_.data() + i), y = in * max(value, all(0));
+    store(x + i, y);
+    store(value_.data() + i, value - in * value);
+    largest = max(largest, y);
   }
   for (Index b = 0; b < blocks(n_); ++b) {
     const Lanes product = meets_active(b, M_.half()) ? M_.multiply_block(b, x) : all(0);
     store(product_.data() + b * lanes, product * all(1 / scale_));
     error = max(error, abs(product + load(q_.data() + b * lanes) - load(value_.data() + b * lanes)));
   }
-  return largest_of(error) <= verified_to * epsilon * (largest_q_ + row_sum_ * largest);
+  return largest_of(error) <= verified_to * epsilon * (largest_q_ + row_sum_ * largest_of(largest));
 }
 
 bool BandedLcp::solve(const Vector& q, Vector& y, int& newton) {
-  if (!q.allFinite() || (!valid_ && !rebuild())) return false;
+  if (!std::isfinite(q.cwiseAbs().sum()) || (!valid_ && !rebuild())) return false;
   q_.head(n_) = scale_ * q;
   largest_q_ = q_.cwiseAbs().maxCoeff();
   for (int sweep = 0; sweep < most_sweeps; ++sweep) {

@@ -1,7 +1,7 @@
 #pragma once
 // LCP(q, M), one after another, for a P-matrix M whose entries, and those of its inverses, decay away from the
 // diagonal, as those of M + W_0 of a diffusion do: the principal pivot transform P(S) of core/lcp/active_set_lcp.hpp
-// kept as a band. Entries below eps/8 of the largest are dropped: n of them stay below the rounding bound n eps of a
+// kept as a band. Entries below eps of the largest are dropped: n of them stay below the rounding bound n eps of a
 // product.
 //
 // symbol  variable  shape
@@ -83,6 +83,7 @@ class BandedLcp {
   std::vector<char> active_;
   std::vector<Index> before_;  ///< n + 1: active indices below each
   std::vector<Index> flips_;
+  Vector in_;                   ///< 1 for active indices, 0 for the others, padded to whole blocks
   Vector q_, value_, product_;  ///< padded to whole blocks: scale q, (y_S, scale w_I), M y
   Vector x_, row_, column_;     ///< padded by the half-bandwidth on both sides as well
   double largest_q_ = 0;

@@ -189,8 +189,8 @@ class FastSine final : public SineTransform {
   static constexpr Index parallel_size = 1 << 19;  ///< values: below it a thread starts later than it is done
 
  public:
-  FastSine(Index n, int threads) : n_(n), scratch_(threads, n) {
-    for (int t = 0; t < threads; ++t) rows_.push_back(make_vector_sine(n));
+  FastSine(Index n, Index rows, int threads) : n_(n), scratch_(rows * n > parallel_size ? threads : 1, n) {
+    for (Index t = 0; t < scratch_.rows(); ++t) rows_.push_back(make_vector_sine(n));
   }
 
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
@@ -251,10 +251,10 @@ std::unique_ptr<VectorSine> make_vector_sine(Index n) {
   return std::make_unique<FastVectorSine>(n);
 }
 
-std::unique_ptr<SineTransform> make_sine_transform(Index n, Index, int threads) {
+std::unique_ptr<SineTransform> make_sine_transform(Index n, Index rows, int threads) {
   if (n <= 128 || (n <= largest_product && !HalvedVectorSine::suits(n)))
     return std::make_unique<ProductSine>(n, threads);
-  return std::make_unique<FastSine>(n, threads);
+  return std::make_unique<FastSine>(n, rows, threads);
 }
 
 }  // namespace bromwich::cpu
