@@ -3,6 +3,7 @@
 #include "app/text.hpp"
 #include "core/cost.hpp"
 #include "core/error.hpp"
+#include "core/method_choice.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
 
@@ -11,8 +12,11 @@
 namespace bromwich::app {
 
 std::unique_ptr<Backend> choose_backend(const std::string& word, const Scene& scene, const Options& options,
-                                        Index components, int threads) {
-  if (word == "cpu" || (word == "auto" && (options.method != Method::contour || cuda_devices().empty())))
+                                        Index components, int threads, bool device_started) {
+  const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
+  if (word == "cpu" ||
+      (word == "auto" &&
+       (!cuda_built() || !faster_on_device(scene, options.method, steps, device_started) || cuda_devices().empty())))
     return make_cpu_backend(threads);
   if (word != "auto" && word != "cuda")
     throw Error("--backend", "found '" + word + "'" + suggestion(word, {"auto", "cpu", "cuda"}),
@@ -21,7 +25,6 @@ std::unique_ptr<Backend> choose_backend(const std::string& word, const Scene& sc
   if (cuda_devices().empty())
     throw Error("--backend", "found 'cuda' but no CUDA device", "use --backend cpu, or see what nvidia-smi says");
   auto cuda = make_cuda_backend(make_cpu_backend(threads));
-  const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
   const bool fits = fits_on_device(scene, options.method, steps, components, cuda->device());
   return word == "cuda" || fits ? std::move(cuda) : make_cpu_backend(threads);
 }

@@ -4,6 +4,7 @@
 #include "core/cost.hpp"
 #include "core/error.hpp"
 #include "core/error_control.hpp"
+#include "core/method_choice.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
@@ -67,14 +68,14 @@ class Run {
     if (result.status == Status::solved) certification_.certify(method, result);
   }
 
-  // Marching costs less than a few sweeps of the iteration on these backends. Where it does not fit into memory, or a
-  // step cannot be solved (M + W_0 may leave the class of M), the iteration, which only ever needs M, and implicit
-  // Euler are tried, in this order.
+  // What is predicted to be the fastest first. Where it does not fit into memory or ends without a solution (in
+  // marching M + W_0 may leave the class of M; the iteration only ever needs M), the next one, and implicit Euler last.
   void automatic(Result& result) {
     const DiscreteProblem& p = methods_.problem();
-    if (p.kronecker() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
+    const bool on_device = backend_.device().memory > 0;
+    if (!on_device && p.kronecker() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
     std::string before;
-    for (const Method method : {Method::march, Method::contour, Method::euler}) {
+    for (const Method method : methods_by_time(p.scene, p.lcp_class, p.J, on_device)) {
       if (const std::string why = against(method); !why.empty()) {
         before += std::string("; not ") + to_string(method) + ": " + why;
         continue;

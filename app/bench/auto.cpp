@@ -15,6 +15,7 @@
 #include <chrono>
 #include <cmath>
 #include <memory>
+#include <random>
 
 namespace bromwich::app {
 
@@ -106,7 +107,7 @@ std::vector<Choice> choices(const AutoCase& one, int threads) {
   std::vector<Choice> list;
   Options options;
   options.steps = one.steps;
-  list.push_back({"auto", Method::automatic, choose_backend("auto", one.scene, options, 0, threads)});
+  list.push_back({"auto", Method::automatic, choose_backend("auto", one.scene, options, 0, threads, true)});
   std::vector<std::string> backends{"cpu"};
   if (!cuda_devices().empty()) backends.emplace_back("cuda");
   for (const std::string& backend : backends)
@@ -154,13 +155,19 @@ void measure(std::vector<Choice>& list, const AutoCase& one, int repeats) {
   }
   options.interrupted = nullptr;
   const int rounds = best < short_solve ? 2 * repeats : best < long_solve ? repeats : std::min(repeats, 2);
-  for (int round = 0; round < rounds; ++round)
-    for (Choice& c : list) {
-      if (!c.solved()) continue;
+  std::vector<Choice*> turns;
+  for (Choice& c : list)
+    if (c.solved()) turns.push_back(&c);
+  std::mt19937 order(1);
+  for (int round = 0; round < rounds; ++round) {
+    std::shuffle(turns.begin(), turns.end(), order);  // what ran before leaves its traces in the caches
+    for (Choice* turn : turns) {
+      Choice& c = *turn;
       options.method = c.method;
       const Seconds seconds = solve(one.scene, *c.machine, options).seconds;
       c.samples.add(seconds.total, seconds.setup, seconds.solve);
     }
+  }
 }
 
 Json row(const AutoCase& one, const Choice& c, double best) {

@@ -1,0 +1,67 @@
+#include "core/method_choice.hpp"
+
+#include "core/lcp/lcp_class.hpp"
+#include "core/time_levels.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double largest_device_march = 1024;  ///< constraints
+constexpr double smallest_on_device = 1e4;     ///< values n J, for methods that solve all time points at once
+
+bool is_fitted(const Scene& scene, LcpClass lcp_class) {
+  return std::holds_alternative<KroneckerDynamics>(scene.dynamics) && lcp_class == LcpClass::P;
+}
+
+// More than 16 steps on a grid that can be halved.
+bool has_coarse_grids(Index J) { return J % 4 == 0 && J / 4 >= fewest_steps; }
+
+double milliseconds_on_device(Method method, double n, double J) {
+  const double sweeps = 10 + 0.6 * n;
+  switch (method) {
+    case Method::march:
+      return n > largest_device_march ? INFINITY : 2.7 + 0.02 * n + 8e-5 * n * n + 3e-5 * n * J + 3e-3 * J;
+    case Method::contour:
+      return 2 + 0.02 * n + 3e-5 * n * n + 3.5e-5 * n * J + 9e-4 * J + sweeps * (0.03 + 7.5e-8 * n * J);
+    case Method::multigrid:
+      return has_coarse_grids(Index(J)) ? 5.5 + 0.035 * n + 1e-4 * n * n + 2.9e-5 * n * J + 2.5e-4 * J : INFINITY;
+    default:
+      return INFINITY;
+  }
+}
+
+}  // namespace
+
+double predicted_seconds(const Scene& scene, LcpClass lcp_class, Method method, Index J, bool on_device) {
+  if (!is_fitted(scene, lcp_class)) return INFINITY;
+  const double n = double(scene.constraints()), steps = double(J);
+  if (on_device) return 1e-3 * milliseconds_on_device(method, n, steps);
+  return method == Method::march ? 1e-3 * (0.02 * n + 1.3e-4 * n * n + 6.9e-5 * n * steps) : INFINITY;
+}
+
+std::vector<Method> methods_by_time(const Scene& scene, LcpClass lcp_class, Index J, bool on_device) {
+  std::vector<Method> methods{Method::march, Method::contour};
+  if (on_device && is_fitted(scene, lcp_class) && has_coarse_grids(J)) methods.push_back(Method::multigrid);
+  std::stable_sort(methods.begin(), methods.end(), [&](Method a, Method b) {
+    return predicted_seconds(scene, lcp_class, a, J, on_device) < predicted_seconds(scene, lcp_class, b, J, on_device);
+  });
+  methods.push_back(Method::euler);
+  return methods;
+}
+
+bool faster_on_device(const Scene& scene, Method method, Index J, bool started) {
+  const LcpClass lcp_class = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
+  if (!is_fitted(scene, lcp_class)) return false;
+  if (method == Method::contour || method == Method::multigrid)
+    return double(J) * double(scene.constraints()) >= smallest_on_device;
+  if (method != Method::march && method != Method::automatic) return false;
+  const Method best = method == Method::march ? method : methods_by_time(scene, lcp_class, J, true).front();
+  return predicted_seconds(scene, lcp_class, best, J, true) + (started ? 0 : device_start_seconds) <
+         predicted_seconds(scene, lcp_class, Method::march, J, false);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,33 @@
+#pragma once
+// Which method is fastest, known before one runs.
+//
+// Kronecker sums with M of class P: seconds as sums of terms in n constraints, J steps and S sweeps, fitted to
+// `bench auto` (bench/results/auto*.json) on x86-64 processors of 2 and 16 cores and one H200; in milliseconds
+//
+//     march, processor      0.02 n + 1.3e-4 n^2 + 6.9e-5 n J
+//     march, device         2.7 + 0.02 n + 8e-5 n^2 + 3e-5 n J + 3e-3 J
+//     contour, device       2 + 0.02 n + 3e-5 n^2 + 3.5e-5 n J + 9e-4 J + S (0.03 + 7.5e-8 n J),   S = 10 + 0.6 n
+//     multigrid, device     5.5 + 0.035 n + 1e-4 n^2 + 2.9e-5 n J + 2.5e-4 J
+//
+// On the processor marching was the fastest in all of the study. Everything else is marched first; a device does not
+// help there.
+
+#include "solve.hpp"
+
+namespace bromwich {
+
+/// Seconds, set-up included, within a factor of about 1.5 on machines like those of the study; infinite where nothing
+/// is known.
+double predicted_seconds(const Scene&, LcpClass, Method, Index J, bool on_device);
+
+/// What `automatic` tries, in this order: the methods of second order, the fastest first, then implicit Euler.
+std::vector<Method> methods_by_time(const Scene&, LcpClass, Index J, bool on_device);
+
+/// What a process spends on a device before its first use.
+inline constexpr double device_start_seconds = 0.15;
+
+/// Whether a CUDA device is predicted to be faster than the processor for this method, or for the best one where it is
+/// `automatic`. `started`: the process has used the device already.
+bool faster_on_device(const Scene&, Method, Index J, bool started);
+
+}  // namespace bromwich

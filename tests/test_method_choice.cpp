@@ -1,0 +1,82 @@
+// The order in which `auto` tries the methods. How good the predictions are is for `bench auto` to show.
+
+#include "core/method_choice.hpp"
+#include "core/scenes/catalogue.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+constexpr Index many = 1 << 16;
+
+Scene heated(double Q) { return make_scene("signorini", {{"Q", Q}}); }
+
+TEST(MethodChoice, TriesEachMethodOnceAndImplicitEulerLast) {
+  for (const double Q : {7., 127., 511., 1500.})
+    for (const Index J : {17, 64, 4096})
+      for (const bool on_device : {false, true}) {
+        std::vector<Method> methods = methods_by_time(heated(Q), LcpClass::P, J, on_device);
+        EXPECT_EQ(methods.back(), Method::euler);
+        EXPECT_TRUE(std::count(methods.begin(), methods.end(), Method::march));
+        EXPECT_TRUE(std::count(methods.begin(), methods.end(), Method::contour));
+        std::sort(methods.begin(), methods.end());
+        EXPECT_EQ(std::unique(methods.begin(), methods.end()), methods.end()) << Q << ' ' << J;
+      }
+}
+
+TEST(MethodChoice, MarchesOnAProcessorAndWhereNothingIsKnown) {
+  for (const Index J : {16, 4096, int(many)})
+    EXPECT_EQ(methods_by_time(heated(511), LcpClass::P, J, false).front(), Method::march);
+  for (const char* name : {"dlcp-small", "bridge"}) {
+    const Scene scene = make_scene(name, {});
+    EXPECT_EQ(methods_by_time(scene, LcpClass::unknown, many, true).front(), Method::march) << name;
+    EXPECT_TRUE(std::isinf(predicted_seconds(scene, LcpClass::P, Method::march, many, true))) << name;
+    EXPECT_FALSE(faster_on_device(scene, Method::automatic, many, true)) << name;
+  }
+  EXPECT_EQ(methods_by_time(heated(511), LcpClass::Z, many, true).front(), Method::march) << "fitted to class P";
+}
+
+TEST(MethodChoice, PredictionsGrowWithTheScene) {
+  for (const Method method : {Method::march, Method::contour, Method::multigrid})
+    for (const double Q : {15., 127., 511.})
+      for (const Index J : {64, 4096}) {
+        const double seconds = predicted_seconds(heated(Q), LcpClass::P, method, J, true);
+        EXPECT_LT(seconds, predicted_seconds(heated(Q + 8), LcpClass::P, method, J, true));
+        EXPECT_LT(seconds, predicted_seconds(heated(Q), LcpClass::P, method, 2 * J, true));
+      }
+}
+
+TEST(MethodChoice, TakesGridsThatCanBeHalvedForMultigridOnly) {
+  const auto offers = [](Index J) {
+    const std::vector<Method> methods = methods_by_time(heated(511), LcpClass::P, J, true);
+    return std::count(methods.begin(), methods.end(), Method::multigrid) == 1;
+  };
+  EXPECT_TRUE(offers(4096));
+  EXPECT_FALSE(offers(4095));
+  EXPECT_FALSE(offers(4098)) << "one halving is too few";
+  EXPECT_FALSE(offers(32));
+}
+
+TEST(MethodChoice, ADeviceHasToPayForItsStart) {
+  const Scene small = heated(15), large = heated(511);
+  EXPECT_FALSE(faster_on_device(small, Method::automatic, 64, true));
+  EXPECT_TRUE(faster_on_device(large, Method::automatic, many, false));
+  bool warm = false, cold = false;
+  for (Index J = 64; J <= many; J *= 2) {
+    const bool now = faster_on_device(large, Method::automatic, J, true),
+               first = faster_on_device(large, Method::automatic, J, false);
+    EXPECT_TRUE(now || !first) << J;
+    EXPECT_TRUE(now || !warm) << J << ": once faster, always faster";
+    EXPECT_TRUE(first || !cold) << J;
+    warm = now;
+    cold = first;
+  }
+  EXPECT_FALSE(faster_on_device(large, Method::euler, many, true));
+}
+
+}  // namespace
+}  // namespace bromwich
