@@ -79,7 +79,7 @@ bool Multigrid::all_queue() const {
 
 void Multigrid::nest(const Vector& y0) {
   const std::size_t last = levels_.size() - 1;
-  const std::size_t observed = options_.algebraic_share > 0 && last >= 2 ? std::min<std::size_t>(2, last - 1) : 0;
+  const std::size_t observed = options_.algebraic_share > 0 && last >= 2 ? 1 : 0;
   for (std::size_t l = levels_.size(); l-- > 0 && !failure_;) {
     start_on(l, y0);
     if (l > 0 && l == observed)
@@ -123,8 +123,7 @@ IterationOutcome Multigrid::iterate() {
     if (std::isfinite(watch.left())) result_.algebraic_error = watch.left();
     if (outcome) return *outcome;
     if (watch.contraction() > poor) march_from_now_on();
-    if (options_.algebraic_share > 0 && std::isfinite(watch.left()) &&
-        watch.left() <= options_.algebraic_share * discretisation_error().value_or(0))
+    if (options_.algebraic_share > 0 && watch.left() <= options_.algebraic_share * useful_error())
       return {Status::solved, ""};
   }
   return *failure_;
@@ -160,6 +159,14 @@ std::optional<double> Multigrid::discretisation_error() {
   const double ratio = last > 0 ? before / last : 4;
   if (!(ratio > std::sqrt(2.0))) return std::nullopt;
   return last / (std::min(ratio, 4.0) - 1);
+}
+
+// What the algebraic error is held against: the estimate, or |y_h - y_2h| / 3, its least value, where the grids do not
+// come together yet.
+double Multigrid::useful_error() {
+  if (levels_.size() < 3) return 0;
+  const std::optional<double> estimate = discretisation_error();
+  return estimate ? *estimate : backend_.difference(*levels_[1].old, *levels_[1].nested) / 3;
 }
 
 void Multigrid::cycle_and_look(std::size_t l) {

@@ -42,6 +42,7 @@ class Multigrid {
   void cycle_and_look(std::size_t l);
   double observed_contraction(std::size_t l);
   void march_from_now_on();
+  double useful_error();
 
   void start_on(std::size_t l, const Vector& y0);
   void solve_on(std::size_t l);  // v holds K y
