@@ -4,6 +4,7 @@
 #include "core/forecast.hpp"
 #include "core/smoothing.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -13,7 +14,9 @@ namespace {
 
 constexpr double marched_kappa0 = 1;            ///< M + W_0 is P below it
 constexpr double accurate_kappa0 = 0.1;         ///< of coarse grids that have to make up for what sweeps add
-constexpr double smoothing_factor = 0.6;        ///< of a grid that has a coarser one
+constexpr double smoothing_factor = 0.8;        ///< of a sweep on a grid that has a coarser one
+constexpr double wanted_factor = 0.1;           ///< of all sweeps of a cycle
+constexpr int most_sweeps = 8;                  ///< before a coarser grid is asked
 constexpr double largest_smooth_factor = 1.01;  ///< at frequency 0: 1, and what a sample of it may miss
 constexpr double easily_smoothed = 0.25;        ///< by a single sweep before
 constexpr int coarsest_sweeps = 4;              ///< of a visit to a coarsest grid that is not marched
@@ -106,6 +109,12 @@ Vector first_row_sums(const Weights& weights) {
   return row_sums_in_modes(std::get<ModalRecurrence>(recurrence).w0);
 }
 
+// With the one behind the correction they multiply what a coarser grid cannot see by wanted_factor.
+int sweeps_before(double factor) {
+  if (factor <= easily_smoothed) return 1;
+  return std::clamp(int(std::ceil(std::log(wanted_factor) / std::log(factor))) - 1, 2, most_sweeps);
+}
+
 // Chooses the sweeps of this grid. Returns the kappa_0 that a coarser one may have, 0 for none.
 //
 // A sweep multiplies what is smooth in time by K/M, which may be far above 1; the coarse grid has to make up for that,
@@ -117,7 +126,7 @@ double choose_sweeps(const DiscreteProblem& p, TimeLevel& level) {
   const std::optional<Smoothing> best = modal ? best_smoothing(p.scene.M, *modal, level.steps) : std::nullopt;
   if (!best || best->smooth_factor > largest_smooth_factor) return accurate_kappa0;
   level.shift = best->shift;
-  level.sweeps = best->factor <= easily_smoothed ? 1 : 2;
+  level.sweeps = sweeps_before(best->factor);
   return best->factor < smoothing_factor ? marched_kappa0 : 0;
 }
 

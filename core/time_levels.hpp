@@ -50,7 +50,7 @@ struct TimeLevels {
 };
 
 /// A coarser grid needs `fewest_steps`, and kappa_0 (core/forecast.hpp) below 0.1; or below 1 where the symbol of a
-/// sweep (core/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.6 at the high ones. M + W_0 is P there.
+/// sweep (core/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.8 at the high ones. M + W_0 is P there.
 /// None where that leaves but the finest, and it is too long to be marched in every cycle. The problem has to outlive
 /// them. The coarsest grid is swept where the symbol is known, and marched otherwise. r holds the response on each
 /// grid (sparse dynamics: its values on the finest), y is zero. `kernel` is that of sparse dynamics, otherwise null.

@@ -210,6 +210,23 @@ def multigrid(data):
     ]
 
 
+def auto_choices(data):
+    lines = ["| scene | J | chosen | its time | fastest | its time | ratio |", "|--" * 7 + "|"]
+    cases = {}
+    for row in data["rows"]:
+        cases.setdefault((row["scene"], str(row["parameters"]), row["steps"]), []).append(row)
+    for (scene, _, steps), rows in cases.items():
+        chosen = next(row for row in rows if row["method_asked"] == "auto")
+        named = [row for row in rows if row["method_asked"] != "auto" and row["ratio"] is not None]
+        best = min(named, key=lambda row: row["seconds"]["median"])
+        sizes = ", ".join(f"{key} = {value:g}" for key, value in chosen["parameters"].items() if key in ("Q", "m", "n"))
+        lines.append(
+            f"| {scene}{', ' + sizes if sizes else ''} | {steps} | {chosen['method']}, {chosen['backend']} | {seconds(chosen['seconds']['median'])} | "
+            f"{best['method']}, {best['backend']} | {seconds(best['seconds']['median'])} | {chosen['ratio']:.2f} |"
+        )
+    return lines + ["", *data["notes"], "", f"{repeats(data)}."]
+
+
 def scenes(data):
     lines = ["| scene | m | n | M | spectrum of A | method | steps | error of x | error of y | status | time |"]
     lines.append("|--" * 11 + "|")
