@@ -28,7 +28,7 @@ double milliseconds_on_device(Method method, double n, double J) {
     case Method::contour:
       return 2 + 0.02 * n + 3e-5 * n * n + 3.5e-5 * n * J + 9e-4 * J + sweeps * (0.03 + 7.5e-8 * n * J);
     case Method::multigrid:
-      return has_coarse_grids(Index(J)) ? 5.5 + 0.035 * n + 1e-4 * n * n + 2.9e-5 * n * J + 2.5e-4 * J : INFINITY;
+      return has_coarse_grids(Index(J)) ? 5.5 + 0.04 * n + 1.2e-4 * n * n + 3.3e-5 * n * J + 1.3e-3 * J : INFINITY;
     default:
       return INFINITY;
   }
@@ -40,7 +40,7 @@ double predicted_seconds(const Scene& scene, LcpClass lcp_class, Method method, 
   if (!is_fitted(scene, lcp_class)) return INFINITY;
   const double n = double(scene.constraints()), steps = double(J);
   if (on_device) return 1e-3 * milliseconds_on_device(method, n, steps);
-  return method == Method::march ? 1e-3 * (0.02 * n + 1.3e-4 * n * n + 6.9e-5 * n * steps) : INFINITY;
+  return method == Method::march ? 1e-3 * (0.02 * n + 1.3e-4 * n * n + 6e-5 * n * steps) : INFINITY;
 }
 
 std::vector<Method> methods_by_time(const Scene& scene, LcpClass lcp_class, Index J, bool on_device) {

@@ -4,10 +4,10 @@
 // Kronecker sums with M of class P: seconds as sums of terms in n constraints, J steps and S sweeps, fitted to
 // `bench auto` (bench/results/auto*.json) on x86-64 processors of 2 and 16 cores and one H200; in milliseconds
 //
-//     march, processor      0.02 n + 1.3e-4 n^2 + 6.9e-5 n J
+//     march, processor      0.02 n + 1.3e-4 n^2 + 6e-5 n J
 //     march, device         2.7 + 0.02 n + 8e-5 n^2 + 3e-5 n J + 3e-3 J
 //     contour, device       2 + 0.02 n + 3e-5 n^2 + 3.5e-5 n J + 9e-4 J + S (0.03 + 7.5e-8 n J),   S = 10 + 0.6 n
-//     multigrid, device     5.5 + 0.035 n + 1e-4 n^2 + 2.9e-5 n J + 2.5e-4 J
+//     multigrid, device     5.5 + 0.04 n + 1.2e-4 n^2 + 3.3e-5 n J + 1.3e-3 J
 //
 // On the processor marching was the fastest in all of the study. Everything else is marched first; a device does not
 // help there.

@@ -216,6 +216,7 @@ namespace {
 // Weights of all grids there may be, with how they smooth.
 TimeLevels choose_grids(const DiscreteProblem& p, const Source& source) {
   TimeLevels levels;
+  const Index fewest = p.backend.device().memory > 0 ? fewest_steps_on_device : fewest_steps;
   double largest_kappa0 = marched_kappa0;
   for (Index steps = p.J;; steps /= 2) {
     auto level = std::make_unique<TimeLevel>();
@@ -225,7 +226,7 @@ TimeLevels choose_grids(const DiscreteProblem& p, const Source& source) {
     if (!(kappa0 < largest_kappa0)) break;
     largest_kappa0 = choose_sweeps(p, *level);
     levels.grids.push_back(std::move(level));
-    if (steps % 2 != 0 || steps / 2 < fewest_steps) break;
+    if (steps % 2 != 0 || steps / 2 < fewest) break;
   }
   if (levels.size() == 1 && p.J > most_marched) levels.grids.clear();
   return levels;

@@ -56,8 +56,9 @@ struct TimeLevels {
 /// grid (sparse dynamics: its values on the finest), y is zero. `kernel` is that of sparse dynamics, otherwise null.
 TimeLevels time_levels(const DiscreteProblem&, const SparseKernel* kernel, const Options&);
 
-inline constexpr Index fewest_steps = 16;  ///< of a grid but the finest
-inline constexpr Index most_marched = 64;  ///< of a finest grid that is the only one
+inline constexpr Index fewest_steps = 16;            ///< of a grid but the finest
+inline constexpr Index fewest_steps_on_device = 48;  ///< small grids cost a device as much as large ones
+inline constexpr Index most_marched = 64;            ///< of a finest grid that is the only one
 
 /// The weights of the grid with half the steps.
 LagTable coarsen(const LagTable&);

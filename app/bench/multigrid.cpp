@@ -182,9 +182,11 @@ std::vector<std::string> multigrid_notes(const Json& rows) {
     cheap += useful["fine_sweep_equivalents"] <= wanted_sweeps;
     contracts = std::max(contracts, row["contraction"].get<double>());
     if (!(row["contraction"] <= wanted_contraction) || row["status"] != "solved") slow += name;
-    if (useful["discretisation_error"].is_null())
+    const Json& known = useful["discretisation_error"];
+    const double error = known.is_number() ? known.get<double>() : NAN;
+    if (std::isnan(error))
       unknown += name;
-    else if (!(useful["algebraic_error"].get<double>() <= useful_share * useful["discretisation_error"].get<double>()))
+    else if (!(useful["algebraic_error"].get<double>() <= useful_share * error))
       inexact += name;
   }
   const auto missed = [](const std::string& names) { return names.empty() ? "missed nowhere" : "missed at" + names; };
