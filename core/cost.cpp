@@ -73,10 +73,15 @@ Cost dense(const Sizes& s, Method method) {
   const double table = !convolves(method) ? 0 : scanned(s) ? 4 * std::min(s.J, 65.) : all * s.J;
   return sum({{s.table() + forcing, tables},
               grids(s, method, 5),
-              {number * 14 * s.m * s.m, states},
+              {number * 20 * s.m * s.m, states},
               {number * 24 * s.n * s.n, problems},
               {number * table * s.n * s.n, weights}},
              setup + sweeps_of(method) * step);
+}
+
+// Where sweeps on the coarsest grid do not suffice, it is marched.
+Part coarsest_march(const Sizes& s, Method method) {
+  return {method == Method::multigrid ? number * 6 * s.n * s.n : 0, problems};
 }
 
 Cost kronecker(const Sizes& s, Method method) {
@@ -85,10 +90,10 @@ Cost kronecker(const Sizes& s, Method method) {
     return sum({{s.table(), tables}, {26 * 16 * s.J * s.n, "resolvents of every time point (26 J x n)"}},
                sweeps * 26 * s.J * s.J * s.n);
   if (convolves(method))
-    return sum({{s.table() + number * 6 * s.J * s.n, tables}, grids(s, method, 8)},
+    return sum({{s.table() + number * 6 * s.J * s.n, tables}, grids(s, method, 8), coarsest_march(s, method)},
                sweeps_of(method) * s.J * s.n * (150 + 2 * std::min(s.n, 1000.0)));
   return sum({{s.table() + number * 3 * s.J * s.n, tables},
-              {number * 6 * s.n * s.n, problems},
+              {number * 10 * s.n * s.n, problems},
               {number * 4 * s.m, "modes of the state"}},
              s.J * (s.n * s.n + 3 * s.n * std::min(lines, 60.0)) + s.n * s.n * s.n);
 }
@@ -137,6 +142,7 @@ void add_kronecker_plans(const Sizes& s, Method method, std::vector<Part>& parts
     parts.push_back({number * 4 * s.m, "modes of the state"});
     return;
   }
+  parts.push_back(coarsest_march(s, method));
   // At most 56 exponentials; chunks of 16 to 128 time points, so that some 25 000 threads have a mode each.
   const double modes = 32 * std::ceil(s.n / 32), chunks = std::min(s.J * modes / 16, s.J * modes / 128 + 25e3);
   parts.push_back({number * 2 * 56 * chunks, "states at the starts of chunks of time"});

@@ -17,6 +17,7 @@ double GridDifferences::order() const {
   const std::size_t n = differences_.size();
   if (n < 2) return NAN;
   const double halvings = n == 2 ? 1 : 2, first = differences_[n == 2 ? 0 : n - 3], last = differences_[n - 1];
+  if (!std::isfinite(first) || !std::isfinite(last)) return lowest_order;
   return last == 0 ? highest_ : std::clamp(std::log2(first / last) / halvings, lowest_order, highest_);
 }
 

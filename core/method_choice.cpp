@@ -17,8 +17,8 @@ bool is_fitted(const Scene& scene, LcpClass lcp_class) {
   return std::holds_alternative<KroneckerDynamics>(scene.dynamics) && lcp_class == LcpClass::P;
 }
 
-// More than 16 steps on a grid that can be halved.
-bool has_coarse_grids(Index J) { return J % 4 == 0 && J / 4 >= fewest_steps; }
+// A device makes at least two of them.
+bool has_coarse_grids(Index J) { return J % 4 == 0 && J / 4 >= fewest_steps_on_device; }
 
 double milliseconds_on_device(Method method, double n, double J) {
   const double sweeps = 10 + 0.6 * n;

@@ -15,6 +15,7 @@ constexpr Index most_cycles = 40;
 constexpr int first_visits = 3;             ///< to the coarsest grid before anything else, where it is not marched
 constexpr double poor = 0.15;               ///< contraction of a cycle that may need an exact solution on the coarsest
 constexpr double slow = 0.5;                ///< contraction of a cycle that does not pay
+constexpr double least_observed = 0.01;     ///< contraction of the first cycle, whatever coarser grids did
 constexpr double unseen = 0.1;              ///< contraction of further cycles at least, after one was seen
 constexpr double rounding_changes = 1e-10;  ///< changes that rounding may keep up
 
@@ -26,12 +27,14 @@ class CycleWatch {
 
   std::optional<IterationOutcome> after(double change) {
     if (!std::isfinite(change)) return IterationOutcome{Status::nonfinite, "the iterates grew beyond all bounds"};
-    const double contraction = cycles_ > 0 ? change / change_ : contraction_;
+    const bool seen = change_ > 0;
+    const double contraction = seen ? change / change_ : contraction_;
     worst_ = std::max(contraction, contraction_);
-    slow_ = cycles_ > 0 && contraction > slow ? slow_ + 1 : 0;
+    slow_ = seen && contraction > slow ? slow_ + 1 : 0;
     change_ = change;
-    contraction_ = cycles_ > 0 ? contraction : std::max(contraction, unseen);
-    if (change <= tolerance_ || left() <= tolerance_ || (slow_ > 0 && change <= rounding_changes))
+    seen_ = seen;
+    contraction_ = seen ? contraction : std::max(contraction, unseen);
+    if (change <= tolerance_ || (seen && left() <= tolerance_) || (slow_ > 0 && change <= rounding_changes))
       return IterationOutcome{Status::solved, ""};
     if (slow_ >= 2 || ++cycles_ >= most_cycles)
       return IterationOutcome{Status::tolerance_not_met,
@@ -44,13 +47,22 @@ class CycleWatch {
   // With contraction c what is left after a change is at most change c / (1 - c); c is the larger of the last two,
   // since the first is flattered by the error of the start. Infinite where cycles do not contract, or too few were
   // seen.
-  double contraction() const { return cycles_ > 1 ? contraction_ : 0; }  ///< as it was seen
+  double contraction() const { return seen_ ? contraction_ : 0; }  ///< as it was seen
 
   double left() const { return worst_ < slow ? change_ * worst_ / (1 - worst_) : INFINITY; }
+
+  // Cycles are others from now on: what was seen says nothing of them.
+  void restart() {
+    change_ = 0;
+    slow_ = 0;
+    seen_ = false;
+    contraction_ = worst_ = INFINITY;
+  }
 
  private:
   double tolerance_, contraction_, change_ = 0, worst_ = INFINITY;
   Index slow_ = 0, cycles_ = 0;
+  bool seen_ = false;
 };
 
 }  // namespace
@@ -81,6 +93,7 @@ void Multigrid::nest(const Vector& y0) {
   const std::size_t last = levels_.size() - 1;
   const std::size_t observed = options_.algebraic_share > 0 && last >= 2 ? 1 : 0;
   for (std::size_t l = levels_.size(); l-- > 0 && !failure_;) {
+    if (options_.interrupted && options_.interrupted()) failure_ = {Status::interrupted, "stopped on request"};
     start_on(l, y0);
     if (l > 0 && l == observed)
       contraction_ = observed_contraction(l);
@@ -93,6 +106,7 @@ void Multigrid::nest(const Vector& y0) {
   queued_ = false;
   levels_.respond();
   nest(y0);
+  queued_ = all_queue();
 }
 
 // y of the next coarser grid, or y_0 alone.
@@ -108,7 +122,7 @@ void Multigrid::start_on(std::size_t l, const Vector& y0) {
 
 IterationOutcome Multigrid::iterate() {
   TimeLevel& finest = levels_[0];
-  CycleWatch watch(options_.iteration_tolerance, contraction_);
+  CycleWatch watch(options_.iteration_tolerance, std::max(contraction_, least_observed));
   while (!failure_) {
     if (options_.interrupted && options_.interrupted()) return {Status::interrupted, "stopped on request"};
     if (result_.iterations >= options_.max_iterations)
@@ -120,19 +134,23 @@ IterationOutcome Multigrid::iterate() {
     result_.history.push_back(change);
     if (options_.progress) options_.progress({result_.iterations, change});
     const auto outcome = watch.after(change);
+    result_.algebraic_error.reset();
     if (std::isfinite(watch.left())) result_.algebraic_error = watch.left();
     if (outcome) return *outcome;
-    if (watch.contraction() > poor) march_from_now_on();
+    if (watch.contraction() > poor && march_from_now_on()) watch.restart();
     if (options_.algebraic_share > 0 && watch.left() <= options_.algebraic_share * useful_error())
       return {Status::solved, ""};
   }
   return *failure_;
 }
 
-void Multigrid::march_from_now_on() {
-  if (levels_[levels_.size() - 1].march) return;
+bool Multigrid::march_from_now_on() {
+  TimeLevel& coarsest = levels_[levels_.size() - 1];
+  if (coarsest.march) return false;
   levels_.prepare_march();
+  result_.bytes += coarsest.march->bytes();
   queued_ = all_queue();
+  return true;
 }
 
 // Of a cycle from the solution of the next coarser grid: two cycles instead of one.

@@ -41,7 +41,7 @@ class Multigrid {
   bool collected();
   void cycle_and_look(std::size_t l);
   double observed_contraction(std::size_t l);
-  void march_from_now_on();
+  bool march_from_now_on();
   double useful_error();
 
   void start_on(std::size_t l, const Vector& y0);

@@ -73,7 +73,8 @@ BandedLcp::BandedLcp(const Matrix& M, Index b, double scale)
       M_(n_, b),
       P_(n_, std::max(b, std::min<Index>(24, widest(n_)))),
       active_(std::size_t(n_), 0),
-      before_(std::size_t(n_) + 1, 0) {
+      before_(std::size_t(n_) + 1, 0),
+      beyond_(std::size_t(blocks(n_))) {
   for (Index i = 0; i < n_; ++i)
     for (Index j = std::max<Index>(i - b, 0); j <= std::min(i + b, n_ - 1); ++j) M_.set(i, j, scale * M(i, j));
   flips_.reserve(std::size_t(n_));
@@ -136,12 +137,15 @@ bool BandedLcp::pivot(Index r) {
   const bool fits = dropped_fill(r) <= dropped_in_P;
   // Row entries that still count shrink with the column's, from r outwards: products below `dropped_in_P` are left out.
   for (const Index step : {Index(1), Index(-1)}) {
+    const Index nearest = r / lanes + (step < 0 ? -1 : 0), farthest = (step < 0 ? first : last) / lanes;
+    double largest = 0;  // of a block and all beyond it: columns need not decay steadily
+    for (Index b = farthest; (b - nearest) * step >= 0; b -= step)
+      beyond_[std::size_t(b)] = largest = std::max(largest, largest_of(abs(load(column + b * lanes))));
     Index left = w, right = w;
-    for (Index b = r / lanes + (step < 0 ? -1 : 0); b >= first / lanes && b <= last / lanes; b += step) {
+    for (Index b = nearest; (farthest - b) * step >= 0; b += step) {
       const Lanes c = load(column + b * lanes);
-      const double largest = largest_of(abs(c));
-      while (left > 0 && std::abs(row[r - left]) * largest <= dropped_in_P) --left;
-      while (right > 0 && std::abs(row[r + right]) * largest <= dropped_in_P) --right;
+      while (left > 0 && std::abs(row[r - left]) * beyond_[std::size_t(b)] <= dropped_in_P) --left;
+      while (right > 0 && std::abs(row[r + right]) * beyond_[std::size_t(b)] <= dropped_in_P) --right;
       // j = i + o - w lies in r - left .. r + right for one of the eight rows i.
       const Index from_o = std::max<Index>(r - left - (b * lanes + lanes - 1) + w, 0),
                   to_o = std::min(r + right - b * lanes + w, 2 * w);
@@ -229,7 +233,9 @@ bool BandedLcp::verified() {
   for (Index b = 0; b < blocks(n_); ++b) {
     const Lanes product = meets_active(b, M_.half()) ? M_.multiply_block(b, x) : all(0);
     store(product_.data() + b * lanes, product * all(1 / scale_));
-    error = max(error, abs(product + load(q_.data() + b * lanes) - load(value_.data() + b * lanes)));
+    const Lanes apart = abs(product + load(q_.data() + b * lanes) - load(value_.data() + b * lanes));
+    if (any(~(apart < all(INFINITY)))) return false;
+    error = max(error, apart);
   }
   return largest_of(error) <= verified_to * epsilon * (largest_q_ + row_sum_ * largest_of(largest));
 }
@@ -238,6 +244,7 @@ bool BandedLcp::solve(const Vector& q, Vector& y, int& newton) {
   if (!std::isfinite(q.cwiseAbs().sum()) || (!valid_ && !rebuild())) return false;
   q_.head(n_) = scale_ * q;
   largest_q_ = q_.cwiseAbs().maxCoeff();
+  if (!std::isfinite(largest_q_)) return false;
   for (int sweep = 0; sweep < most_sweeps; ++sweep) {
     ++newton;
     evaluate();

@@ -83,6 +83,7 @@ class BandedLcp {
   std::vector<char> active_;
   std::vector<Index> before_;  ///< n + 1: active indices below each
   std::vector<Index> flips_;
+  std::vector<double> beyond_;  ///< per block of rows: the largest entry of a column there and farther out
   Vector in_;                   ///< 1 for active indices, 0 for the others, padded to whole blocks
   Vector q_, value_, product_;  ///< padded to whole blocks: scale q, (y_S, scale w_I), M y
   Vector x_, row_, column_;     ///< padded by the half-bandwidth on both sides as well

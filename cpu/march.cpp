@@ -57,6 +57,7 @@ class ModalMarch final : public March {
     RowMatrix &Y = host(y_array), &V = host(v_array);
     MarchReport report;
     report.well_posed = lcp_.well_posed();
+    V.row(0).setZero();
     start(Y);
     for (Index j = 1; j < Y.rows(); ++j) {
       if (asked_to_stop_(j, report)) {

@@ -85,6 +85,7 @@ class DenseMarch final : public March {
     RowMatrix &Y = host(y_array), &V = host(v_array);
     MarchReport report;
     report.well_posed = lcp_.well_posed();
+    V.row(0).setZero();
     y_ = Y.row(0).transpose();
     lcp_.start_from(y_);
     z_.noalias() = r_.start * y_;

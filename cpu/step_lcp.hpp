@@ -20,7 +20,7 @@ class StepLcp {
         implicit_(implicit),
         scene_class_(lcp_class),
         implicit_class_(classify(LcpMatrix(implicit))),
-        y_(Vector::Zero(M.rows())) {
+        y_(Vector::Zero(implicit.rows())) {
     if (implicit_class_ == LcpClass::P && lcp_class != LcpClass::Z) banded_ = BandedLcp::make(implicit);
   }
 

@@ -61,6 +61,23 @@ TEST(BandedLcp, AgreesWithTheDenseSolver) {
   }
 }
 
+// Columns that vanish near the diagonal and do not farther out, as where constraints come in two groups.
+TEST(BandedLcp, SeesEntriesBehindAGap) {
+  const Index n = 64, gap = 16;
+  Matrix M = Matrix::Identity(n, n);
+  for (Index i = 0; i + gap < n; ++i) M(i, i + gap) = M(i + gap, i) = 0.4;
+  const auto banded = BandedLcp::make(M);
+  ASSERT_TRUE(banded);
+  Random random{7};
+  for (int problem = 0; problem < 20; ++problem) {
+    const Vector q = random.vector(n);
+    Vector y = Vector::Zero(n);
+    int newton = 0;
+    ASSERT_TRUE(banded->solve(q, y, newton)) << problem;
+    EXPECT_TRUE(is_solution(M, q, y)) << problem;
+  }
+}
+
 TEST(BandedLcp, LeavesToOthersWhatIsNotABand) {
   Random random(3);
   EXPECT_FALSE(BandedLcp::make(Matrix::Identity(11, 11)));                                   // small
@@ -94,6 +111,10 @@ TEST(BandedLcp, RefusesWhatIsNotFiniteAndGoesOn) {
   q[4] = 1;
   EXPECT_TRUE(banded->solve(q, y, newton));
   EXPECT_TRUE(is_solution(M, q, y));
+  // Finite, but not in the units of M.
+  const Vector huge = Vector::Constant(n, 1e305), kept = y;
+  EXPECT_FALSE(BandedLcp::make(decaying(n, 2, 1e-8))->solve(huge, y, newton));
+  EXPECT_EQ(y, kept);
 }
 
 }  // namespace

@@ -43,7 +43,7 @@ TEST(MethodChoice, MarchesOnAProcessorAndWhereNothingIsKnown) {
 TEST(MethodChoice, PredictionsGrowWithTheScene) {
   for (const Method method : {Method::march, Method::contour, Method::multigrid})
     for (const double Q : {15., 127., 511.})
-      for (const Index J : {64, 4096}) {
+      for (const Index J : {256, 4096}) {
         const double seconds = predicted_seconds(heated(Q), LcpClass::P, method, J, true);
         EXPECT_LT(seconds, predicted_seconds(heated(Q + 8), LcpClass::P, method, J, true));
         EXPECT_LT(seconds, predicted_seconds(heated(Q), LcpClass::P, method, 2 * J, true));
@@ -58,7 +58,7 @@ TEST(MethodChoice, TakesGridsThatCanBeHalvedForMultigridOnly) {
   EXPECT_TRUE(offers(4096));
   EXPECT_FALSE(offers(4095));
   EXPECT_FALSE(offers(4098)) << "one halving is too few";
-  EXPECT_FALSE(offers(32));
+  EXPECT_FALSE(offers(128));
 }
 
 TEST(MethodChoice, ADeviceHasToPayForItsStart) {
