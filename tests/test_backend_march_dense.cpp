@@ -8,7 +8,20 @@
 namespace bromwich {
 namespace {
 
-class BackendDenseMarch : public BackendMarch {};
+class BackendDenseMarch : public BackendMarch {
+ protected:
+  // Random M of class P, r, drive and y_0 with n constraints.
+  void expect_as_in_a_loop(const Recurrence& recurrence, Index rows, Index n, bool driven, Random& random) {
+    const LcpMatrix M = Matrix(random.dominant(n) + Matrix::Identity(n, n));
+    const RowMatrix r = random.matrix(rows, n), drive = random.matrix(rows, n);
+    const Vector y0 = random.vector(n).cwiseAbs();
+    const Outcome found = march(M, LcpClass::P, recurrence, r, driven ? &drive : nullptr, y0);
+    const Trajectory exact = loop(to_dense(M), lag_table(recurrence, rows - 1), r, driven ? &drive : nullptr, y0);
+    EXPECT_LE(distance(found.y, exact.y), same) << n << (driven ? " driven" : "");
+    EXPECT_LE(distance(found.v.bottomRows(rows - 1), exact.v.bottomRows(rows - 1)), same) << n;
+    EXPECT_EQ(found.report.count.solved, rows - 1);
+  }
+};
 
 INSTANTIATE_TEST_SUITE_P(Contract, BackendDenseMarch, testing::ValuesIn(backend_cases()), backend_case_name);
 
@@ -20,14 +33,7 @@ TEST_P(BackendDenseMarch, AgainstALoop) {
       const DenseDynamics d{random.matrix(m, m) - Matrix(2 * Matrix::Identity(m, m)), random.matrix(m, n) / double(n),
                             random.matrix(n, m) / double(m)};
       const Recurrence recurrence = dense_recurrence(d, n % 2 ? Rule::exponential : Rule::implicit_euler, 0.02);
-      const LcpMatrix M = Matrix(random.dominant(n) + Matrix::Identity(n, n));
-      const RowMatrix r = random.matrix(rows, n), drive = random.matrix(rows, n);
-      const Vector y0 = random.vector(n).cwiseAbs();
-      const Outcome found = march(M, LcpClass::P, recurrence, r, driven ? &drive : nullptr, y0);
-      const Trajectory exact = loop(to_dense(M), lag_table(recurrence, rows - 1), r, driven ? &drive : nullptr, y0);
-      EXPECT_LE(distance(found.y, exact.y), same) << n << ' ' << m << (driven ? " driven" : "");
-      EXPECT_LE(distance(found.v.bottomRows(rows - 1), exact.v.bottomRows(rows - 1)), same) << n << ' ' << m;
-      EXPECT_EQ(found.report.count.solved, rows - 1);
+      expect_as_in_a_loop(recurrence, rows, n, driven, random);
     }
 }
 
@@ -40,14 +46,7 @@ TEST_P(BackendDenseMarch, InBlocksAgainstALoop) {
       const DenseDynamics d{2 / std::sqrt(double(m)) * random.matrix(m, m) - Matrix(2 * Matrix::Identity(m, m)),
                             random.matrix(m, n) / double(n), random.matrix(n, m) / double(m)};
       const Recurrence recurrence = dense_recurrence(d, n == 3 ? Rule::implicit_euler : Rule::exponential, 0.02);
-      const LcpMatrix M = Matrix(random.dominant(n) + Matrix::Identity(n, n));
-      const RowMatrix r = random.matrix(rows, n), drive = random.matrix(rows, n);
-      const Vector y0 = random.vector(n).cwiseAbs();
-      const Outcome found = march(M, LcpClass::P, recurrence, r, driven ? &drive : nullptr, y0);
-      const Trajectory exact = loop(to_dense(M), lag_table(recurrence, rows - 1), r, driven ? &drive : nullptr, y0);
-      EXPECT_LE(distance(found.y, exact.y), same) << n << ' ' << m << (driven ? " driven" : "");
-      EXPECT_LE(distance(found.v.bottomRows(rows - 1), exact.v.bottomRows(rows - 1)), same) << n << ' ' << m;
-      EXPECT_EQ(found.report.count.solved, rows - 1);
+      expect_as_in_a_loop(recurrence, rows, n, driven, random);
     }
 }
 
