@@ -94,6 +94,30 @@ void validate(const KroneckerDynamics& d) {
   require_finite("n", d.n);
 }
 
+void validate(const BoundaryCondition& boundary, const Vector& x0, Index m) {
+  if (x0.size() > 0) throw Error("x0", "is given with a boundary condition", "give one of the two");
+  for (const auto& [name, E] : {std::pair("E0", &boundary.E0), std::pair("ET", &boundary.ET)}) {
+    if (E->rows() != m || E->cols() != m)
+      throw Error(name, "is " + std::to_string(E->rows()) + " x " + std::to_string(E->cols()),
+                  "give " + std::to_string(m) + " x " + std::to_string(m) + ", one row and column per state");
+    require_finite(name, *E);
+  }
+  require_length("b", boundary.b, m, "one per state");
+  require_finite("b", boundary.b);
+}
+
+void validate_free_rows(const std::vector<Index>& rows, Index n) {
+  Index before = -1;
+  for (const Index i : rows) {
+    if (i < 0 || i >= n)
+      throw Error("free_rows", "row " + std::to_string(i) + " of " + std::to_string(n), "rows are counted from 0");
+    if (i <= before)
+      throw Error("free_rows", "row " + std::to_string(i) + " after row " + std::to_string(before),
+                  "give each row once, in increasing order");
+    before = i;
+  }
+}
+
 void validate(const Matrix& M, Index n) {
   require_shape("M", M, n, n, "constraints x constraints");
   require_finite("M", M);
@@ -264,8 +288,12 @@ void Scene::validate() const {
   std::visit([n](const auto& matrix) { bromwich::validate(matrix, n); }, M);
   if (const auto reason = contradiction(M, lcp_class))
     throw Error("lcp_class", std::string("says ") + to_string(lcp_class) + ", but " + *reason, "use automatic");
-  require_length("x0", x0, m, "one per state");
+  if (boundary)
+    bromwich::validate(*boundary, x0, m);
+  else
+    require_length("x0", x0, m, "one per state");
   require_finite("x0", x0);
+  validate_free_rows(free_rows, n);
   require_positive("T", T);
   if (default_steps < 1) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");
   if (f_entry == SourceEntry::through_F) {

@@ -8,12 +8,16 @@
 // M       Scene::M            n x n    complementarity matrix
 // f, g    Scene::f, Scene::g  m or n, n              sources, functions of time
 // x0, T   Scene::x0, Scene::T m, 1     initial state, final time (the unit of time is the user's)
+//
+// Instead of x(0) = x0 a scene may state E0 x(0) + ET x(T) = b, and rows of w = 0 with a free y_i (mixed problems).
 
 #include "types.hpp"
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <variant>
+#include <vector>
 
 namespace bromwich {
 
@@ -70,6 +74,14 @@ enum class LcpClass { automatic, P, Z, PSD, unknown };
 /// stored and sampled is phi: a heat source that many cells share costs one number a time point.
 enum class SourceEntry { state, through_B, through_F };
 
+/// E0 x(0) + ET x(T) = b instead of x(0) = x0: initial values (I, 0), periodic (I, -I), separated or coupled ends.
+struct BoundaryCondition {
+  Matrix E0, ET;  ///< m x m
+  Vector b;       ///< m
+};
+
+struct PortHamiltonian;  // core/port_hamiltonian.hpp
+
 struct Scene {
   std::string name;
   Dynamics dynamics;
@@ -79,7 +91,11 @@ struct Scene {
   SourceEntry f_entry = SourceEntry::state;
   SparseMatrix F;  ///< m x k with f_entry through_F, otherwise empty
   TimeFunction g;  ///< n values; empty = 0
-  Vector x0;       ///< m
+  Vector x0;       ///< m; empty with a boundary condition
+  std::optional<BoundaryCondition> boundary;
+  std::vector<Index> free_rows;  ///< rows i with w_i = 0 and y_i of either sign, increasing
+  /// The structure the dynamics were made from, where there is one; null otherwise.
+  std::shared_ptr<const PortHamiltonian> port;
   double T = 1;
   Index default_steps = 400;
 

@@ -4,6 +4,8 @@
 #include "core/cost.hpp"
 #include "core/error.hpp"
 #include "core/error_control.hpp"
+#include "core/galerkin.hpp"
+#include "core/goal.hpp"
 #include "core/method_choice.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
@@ -19,13 +21,15 @@ namespace bromwich {
 
 namespace {
 
-constexpr std::array<std::pair<Method, const char*>, 6> method_names{{
+constexpr std::array<std::pair<Method, const char*>, 8> method_names{{
     {Method::automatic, "auto"},
     {Method::multigrid, "multigrid"},
     {Method::contour, "contour"},
     {Method::contour_literal, "contour-literal"},
     {Method::march, "march"},
     {Method::euler, "euler"},
+    {Method::galerkin, "galerkin"},
+    {Method::goal, "goal"},
 }};
 
 constexpr Index most_steps = Index(1) << 24;
@@ -205,6 +209,9 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
   Timer total;
   given.validate();
   validate(given, options);
+  if (options.method == Method::goal) return solve_for_goal(given, backend, options);
+  if (options.method == Method::galerkin || given.boundary || !given.free_rows.empty())
+    return solve_by_galerkin(given, backend, options);
   if (options.tolerance > 0) return solve_to_tolerance(given, backend, options);
   std::optional<Scene> written_out;
   if (std::holds_alternative<SparseDynamics>(given.dynamics) && given.states() <= smallest_sparse) {
