@@ -15,7 +15,7 @@ constexpr Index most_cycles = 40;
 constexpr int first_visits = 3;             ///< to the coarsest grid before anything else, where it is not marched
 constexpr double poor = 0.15;               ///< contraction of a cycle that may need an exact solution on the coarsest
 constexpr double slow = 0.5;                ///< contraction of a cycle that does not pay
-constexpr double least_observed = 0.01;     ///< contraction of the first cycle, whatever coarser grids did
+constexpr double least_observed = 1e-6;     ///< contraction of the first cycle: below, rounding was observed
 constexpr double unseen = 0.1;              ///< contraction of further cycles at least, after one was seen
 constexpr double rounding_changes = 1e-10;  ///< changes that rounding may keep up
 
