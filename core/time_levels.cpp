@@ -22,7 +22,7 @@ constexpr int most_sweeps = 8;                  ///< before a coarser grid is as
 constexpr double largest_smooth_factor = 1.01;  ///< at frequency 0: 1, and what a sample of it may miss
 constexpr double easily_smoothed = 0.25;        ///< by a single sweep before
 constexpr int fewest_coarsest_sweeps = 4;       ///< of a visit to a coarsest grid that is not marched
-constexpr Index most_unasked = 2048;            ///< steps of a march that nobody is asked about
+constexpr Index most_unasked = 2048;            ///< steps of a march that is not interrupted on a device
 
 // Where the weights and kernels of all grids come from.
 class Source {
@@ -140,7 +140,8 @@ void prepare_march(const DiscreteProblem& p, const Options& options, TimeLevel& 
   problem.recurrence = std::get_if<Recurrence>(&level.weights);
   problem.lags = std::get_if<LagTable>(&level.weights);
   problem.r = level.r.get();
-  if (level.steps > most_unasked) problem.interrupted = options.interrupted;
+  const bool queues = p.backend.device().memory > 0;  // where nobody asks on the way
+  if (!queues || level.steps > most_unasked) problem.interrupted = options.interrupted;
   level.march = p.backend.march(problem, level.steps + 1);
 }
 

@@ -50,7 +50,15 @@ class CudaBackend final : public Backend {
     cuda::restrict_problem(device_, r, v, y, coarse_v, coarse_r, coarse_y, old);
   }
   void add(const Array& b, double s, const Array& c, Array& a) override { cuda::add(device_, b, s, c, a); }
-  double difference(const Array& a, const Array& b) override { return cuda::difference(device_, a, b); }
+  double difference(const Array& a, const Array& b) override {
+    const auto one = differences(1);
+    one->start(0, a, b);
+    return one->collect()[0];
+  }
+  std::unique_ptr<Differences> differences(std::size_t slots) override {
+    return cuda::make_differences(device_, *this, slots);
+  }
+  bool alternates(const Array& y, Index run, double part) override { return cuda::alternates(device_, y, run, part); }
 
   std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
     return cuda::make_sine_transform(device_, n, rows);
