@@ -9,13 +9,57 @@
 #include <cstddef>
 #include <map>
 #include <memory>
+#include <new>
 #include <typeindex>
 #include <utility>
+#include <vector>
 
 namespace bromwich::cuda {
 
 /// Throws Error("cuda", ...) with what the runtime says.
 void check(cudaError_t status, const char* what);
+
+/// Small pieces of pinned memory, which the driver takes long to give and to take back: handed out again and again.
+class PinnedSlots {
+ public:
+  static constexpr std::size_t slot_bytes = 128;
+  PinnedSlots() = default;
+  ~PinnedSlots();
+  PinnedSlots(const PinnedSlots&) = delete;
+  PinnedSlots& operator=(const PinnedSlots&) = delete;
+
+  void* take();
+  /// Nothing may be under way that writes to it.
+  void give_back(void* slot) { free_.push_back(slot); }
+
+ private:
+  std::vector<void*> pages_, free_;
+};
+
+/// Copies large arrays to memory of the host that is not pinned: threads with a stream and a pinned buffer each fetch
+/// pieces of whole rows.
+class Fetchers {
+ public:
+  explicit Fetchers(int device) : device_(device) {}
+  ~Fetchers();
+  Fetchers(const Fetchers&) = delete;
+  Fetchers& operator=(const Fetchers&) = delete;
+
+  /// `rows` rows of `width` bytes, `pitch` apart on the device and without gaps on the host, after what `stream` has
+  /// been asked for.
+  void fetch(const void* from, std::size_t pitch, void* to, std::size_t width, std::size_t rows, cudaStream_t stream);
+
+ private:
+  struct Fetcher {
+    cudaStream_t stream = nullptr;
+    void* buffer = nullptr;
+  };
+  void make();
+
+  int device_;
+  cudaEvent_t ready_ = nullptr;
+  std::vector<Fetcher> fetchers_;
+};
 
 /// The stream and the memory pool that everything of one backend shares.
 class Device {
@@ -29,6 +73,8 @@ class Device {
   void wait() const { check(cudaStreamSynchronize(stream_), "waiting for the device"); }
   int multiprocessors() const { return multiprocessors_; }
   std::size_t shared_memory() const { return std::size_t(shared_memory_); }  ///< bytes a block may have
+  PinnedSlots& pinned() const { return pinned_; }
+  Fetchers& fetchers() const { return fetchers_; }
 
   /// The T that plans of this device share: the one made last, if `fits` it; otherwise what `make` makes. It stays
   /// until another takes its place.
@@ -42,7 +88,31 @@ class Device {
  private:
   cudaStream_t stream_ = nullptr;
   int multiprocessors_ = 1, shared_memory_ = 0;
+  mutable PinnedSlots pinned_;
+  mutable Fetchers fetchers_;
   mutable std::map<std::type_index, std::shared_ptr<void>> kept_;
+};
+
+/// A T in pinned memory of the host.
+template <class T>
+class Pinned {
+ public:
+  static_assert(sizeof(T) <= PinnedSlots::slot_bytes);
+  Pinned(const Device& device, const T& value) : device_(device), value_(new (device.pinned().take()) T(value)) {}
+  ~Pinned() {
+    cudaStreamSynchronize(device_.stream());
+    device_.pinned().give_back(value_);
+  }
+  Pinned(const Pinned&) = delete;
+  Pinned& operator=(const Pinned&) = delete;
+
+  T* get() const { return value_; }
+  T* operator->() const { return value_; }
+  T& operator*() const { return *value_; }
+
+ private:
+  const Device& device_;
+  T* value_;
 };
 
 /// `size` values of T on the device, from the pool; not initialised.
