@@ -13,6 +13,7 @@
 #include "scene.hpp"
 
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -218,6 +219,11 @@ class Backend {
   virtual std::unique_ptr<Array> array(Index rows, Index cols) = 0;
   virtual void upload(const RowMatrix& from, Array& to) = 0;
   virtual void download(const Array& from, RowMatrix& to) = 0;
+  /// Sizes `to` for a later download and writes NaN: the first touch of fresh memory costs more than a copy, and
+  /// needs no device.
+  virtual void prepare(RowMatrix& to, Index rows, Index cols) {
+    to.setConstant(rows, cols, std::numeric_limits<double>::quiet_NaN());
+  }
 
   /// Row i of `coarse` <- row R i of `fine`, R = (rows of fine - 1) / (rows of coarse - 1) a whole number; R = 1
   /// copies.

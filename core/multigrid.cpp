@@ -315,7 +315,7 @@ bool solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, co
   Vector y0;
   if (solve_at_zero(p, result, y0) != Start::found) return true;
   multigrid.nest(y0);
-  result.y.setConstant(p.J + 1, p.scene.constraints(), NAN);  // while a device is at work
+  p.backend.prepare(result.y, p.J + 1, p.scene.constraints());  // while a device is at work
   const IterationOutcome outcome = multigrid.iterate();
   result.seconds.sweeps = timer.lap();
   TimeLevel& finest = levels[0];

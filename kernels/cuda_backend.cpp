@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <string>
 
 namespace bromwich {
@@ -40,6 +41,10 @@ class CudaBackend final : public Backend {
   }
   void upload(const RowMatrix& from, Array& to) override { cuda::upload(device_, from, to); }
   void download(const Array& from, RowMatrix& to) override { cuda::download(device_, from, to); }
+  void prepare(RowMatrix& to, Index rows, Index cols) override {
+    to.resize(rows, cols);
+    cuda::fill(to.data(), std::size_t(to.size()), std::numeric_limits<double>::quiet_NaN());
+  }
 
   void inject(const Array& fine, Array& coarse) override { cuda::inject(device_, fine, coarse); }
   void interpolate(const Array& coarse, const Array* old, Array& fine) override {
