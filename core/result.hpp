@@ -3,6 +3,7 @@
 #include "backend.hpp"
 
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -38,6 +39,8 @@ struct ErrorEstimate {
   double total() const;  ///< of y: the sum of its parts, a kernel error that is not known left out
 };
 
+struct GoalReport;  // core/goal.hpp
+
 struct Result {
   Status status = Status::unsupported;
   std::string reason;  ///< one line wherever status is not solved
@@ -70,6 +73,8 @@ struct Result {
   /// What rounding adds up to along the solution; 0 where it was not looked at.
   double rounding = 0;       ///< of the state, relative
   double rounding_of_y = 0;  ///< of y, not relative
+
+  std::shared_ptr<const GoalReport> goal;  ///< of method goal: quantity, estimates and energies; null otherwise
 
   std::string method, backend;
   std::string kernel;  ///< how the kernel was made and applied, in words

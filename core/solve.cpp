@@ -200,6 +200,21 @@ Method method_from_string(const std::string& name) {
 
 namespace {
 
+/// A scene without constraints, with one that never acts: 0 <= y ⊥ y >= 0, which drives nothing.
+Scene with_idle_constraint(Scene scene) {
+  const Index m = scene.states();
+  if (auto* dense = std::get_if<DenseDynamics>(&scene.dynamics)) {
+    dense->B = Matrix::Zero(m, 1);
+    dense->N = Matrix::Zero(1, m);
+  } else if (auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
+    sparse->B = SparseMatrix(m, 1);
+    sparse->N = SparseMatrix(1, m);
+  }
+  scene.M = Matrix(Matrix::Identity(1, 1));
+  scene.lcp_class = LcpClass::P;
+  return scene;
+}
+
 // Below this size dense matrices are faster in everything, and e^{hA} needs no contour.
 constexpr Index smallest_sparse = 512;
 
@@ -210,6 +225,12 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
   given.validate();
   validate(given, options);
   if (options.method == Method::goal) return solve_for_goal(given, backend, options);
+  if (given.constraints() == 0) {
+    Result result = solve(with_idle_constraint(given), backend, options);
+    result.y.resize(result.y.rows(), 0);
+    result.trace.resize(result.trace.rows(), 0);
+    return result;
+  }
   if (options.method == Method::galerkin || given.boundary || !given.free_rows.empty())
     return solve_by_galerkin(given, backend, options);
   if (options.tolerance > 0) return solve_to_tolerance(given, backend, options);

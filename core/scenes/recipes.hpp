@@ -11,6 +11,9 @@ namespace bromwich {
 SceneRecipe signorini_recipe();
 SceneRecipe dlcp_small_recipe();
 SceneRecipe bridge_recipe();
+SceneRecipe ph_toy_recipe();
+SceneRecipe ladder_recipe();
+SceneRecipe ladder_diodes_recipe();
 
 inline std::string number_text(double value) {
   std::ostringstream out;
