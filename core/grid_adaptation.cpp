@@ -14,7 +14,10 @@ constexpr Index most_cells = Index(1) << 22;
 constexpr Index most_cycles = 1000;
 
 GoalCycle record(const GoalEvaluation& e, std::optional<double> exact) {
-  GoalCycle cycle{.cells = e.indicators.size(), .sizes = e.sizes, .quantity = e.quantity};
+  GoalCycle cycle;
+  cycle.cells = e.indicators.size();
+  cycle.sizes = e.sizes;
+  cycle.quantity = e.quantity;
   cycle.estimate = e.indicators.sum();
   cycle.absolute = e.indicators.cwiseAbs().sum();
   if (exact && e.quantity != *exact) cycle.effectivity = cycle.estimate / (e.quantity - *exact);
