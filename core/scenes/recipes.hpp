@@ -14,6 +14,9 @@ SceneRecipe bridge_recipe();
 SceneRecipe ph_toy_recipe();
 SceneRecipe ladder_recipe();
 SceneRecipe ladder_diodes_recipe();
+SceneRecipe nash_game_recipe();
+SceneRecipe lq_control_recipe();
+SceneRecipe periodic_rectifier_recipe();
 
 inline std::string number_text(double value) {
   std::ostringstream out;
