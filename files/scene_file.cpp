@@ -1,6 +1,7 @@
 #include "files/scene_file.hpp"
 
 #include "core/error.hpp"
+#include "core/port_hamiltonian.hpp"
 #include "core/relay.hpp"
 #include "core/result.hpp"
 #include "files/sections.hpp"
@@ -97,6 +98,60 @@ Scene complementarity_scene(const Sections& s) {
   return scene;
 }
 
+PortHamiltonian read_port(const Section& section, double T) {
+  const auto matrix = [&](const char* key) {
+    return section.has(key) ? to_sparse(section.matrix(key)) : SparseMatrix();
+  };
+  PortHamiltonian port{
+      matrix("E"), to_sparse(section.matrix("J")), to_sparse(section.matrix("R")), matrix("Q"), matrix("B"), {}, {}};
+  const FunctionValue u = section.function("u", T);
+  require_entries(u, port.ports(), section.where("u"), "one per column of B");
+  port.u = u.function;
+  if (section.has("jumps")) {
+    const Vector jumps = section.vector("jumps");
+    port.jumps.assign(jumps.begin(), jumps.end());
+  }
+  return port;
+}
+
+/// E x' = (J - R) Q x + B u, with or without complementarity: y enters by dynamics.B.
+Scene port_scene(const Sections& s) {
+  for (const char* key : {"A", "f", "F", "x0"})
+    if (s.dynamics.has(key))
+      throw Error(s.dynamics.where(key), "is given with a section [port]",
+                  "leave it out: E, J, R, Q, B, u and x0 of [port] say it");
+  for (const Section* other : {&s.relay, &s.boundary})
+    if (other->given())
+      throw Error(other->where(other == &s.relay ? "C" : "b"), "is given with [port]", "leave it out");
+  const double T = s.time.number("T");
+  const PortHamiltonian port = read_port(s.port, T);
+  std::map<std::string, std::string> in_port = places(s);
+  for (const char* key : {"E", "J", "R", "Q", "B", "x0"}) in_port[key] = s.port.where(key);
+  in_port["Q^T E"] = s.port.where("Q");
+  Scene scene;
+  in_the_file(in_port, [&] {
+    scene = make_scene(port, s.port.vector("x0"), T);
+    scene.validate();
+  });
+  if (!s.complementarity.given()) {
+    if (s.dynamics.given())
+      throw Error(s.dynamics.where("B"), "is given without [complementarity]", "add N and M there, or leave it out");
+    return scene;
+  }
+  const MatrixValue B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N");
+  if (auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
+    sparse->B = to_sparse(B);
+    sparse->N = to_sparse(N);
+  } else {
+    auto& dense = std::get<DenseDynamics>(scene.dynamics);
+    dense.B = to_dense(B, s.dynamics.where("B"));
+    dense.N = to_dense(N, s.complementarity.where("N"));
+  }
+  scene.M = lcp_matrix(s.complementarity.matrix("M"), s.complementarity.where("M"));
+  scene.lcp_class = lcp_class(s.complementarity);
+  return scene;
+}
+
 Scene relay_scene(const Sections& s) {
   if (s.complementarity.given())
     throw Error(s.relay.where("C"), "found [relay] and [complementarity]", "give one of the two");
@@ -187,13 +242,13 @@ void add_free_rows(const Section& section, Scene& scene) {
 }
 
 Scene build(const Sections& s) {
-  Scene scene = s.relay.given() ? relay_scene(s) : complementarity_scene(s);
+  Scene scene = s.port.given() ? port_scene(s) : s.relay.given() ? relay_scene(s) : complementarity_scene(s);
   add_boundary(s, scene);
   add_free_rows(s.free, scene);
   scene.T = s.time.number("T");
   scene.default_steps = s.time.positive_integer("steps", scene.default_steps);
   in_the_file(places(s), [&] { scene.validate(); });
-  add_f(s, scene);
+  if (!s.port.given()) add_f(s, scene);
   add_g(s, scene);
   in_the_file(places(s), [&] { scene.validate(); });
   add_exact(s.exact, scene);

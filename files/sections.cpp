@@ -42,14 +42,15 @@ std::vector<std::string> in_file_order(const toml::table& table) {
 Sections read_sections(const Document& document, const toml::table& root) {
   const auto table = [&](const char* name) { return find_table(document, root, name); };
   const Section top(document, &root, "",
-                    {"name", "description", "parameters", "dynamics", "complementarity", "relay", "boundary", "free",
-                     "time", "output", "exact", "reference"});
+                    {"name", "description", "parameters", "dynamics", "complementarity", "relay", "port", "boundary",
+                     "free", "time", "output", "exact", "reference"});
   const toml::table* parameters = table("parameters");
   return {top,
           Section(document, parameters, "parameters", keys_of(parameters)),
           Section(document, table("dynamics"), "dynamics", {"A", "B", "f", "F", "x0"}),
           Section(document, table("complementarity"), "complementarity", {"N", "M", "g", "class"}),
           Section(document, table("relay"), "relay", {"C"}),
+          Section(document, table("port"), "port", {"E", "J", "R", "Q", "B", "u", "jumps", "x0"}),
           Section(document, table("boundary"), "boundary", {"E0", "ET", "b"}),
           Section(document, table("free"), "free", {"rows"}),
           Section(document, table("time"), "time", {"T", "steps"}),
