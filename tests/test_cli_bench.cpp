@@ -160,5 +160,24 @@ TEST_F(Bench, SpeedVsErrorRefusesWhatHasNoScene) {
   EXPECT_TRUE(contains(refused("bench speed-vs-error --set Q=7").err, "SCENE"));
 }
 
+TEST_F(Bench, GoalComparesGridsOfTheSameSteps) {
+  const Json json = study("goal --steps 100");
+  EXPECT_EQ(json["bench"], "goal");
+  std::map<std::string, Json> toy;
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["steps"], 100) << row;
+    for (const char* key : {"I_loc", "I_glob", "violation", "violation_right", "violation_linear", "error_x"})
+      EXPECT_TRUE(row[key].is_number()) << key << row;
+    if (row["scene"] == "ph-toy") toy[row["contestant"]] = row;
+  }
+  EXPECT_LT(toy["euler, goal"]["I_loc"], toy["euler, uniform"]["I_loc"]);
+  EXPECT_EQ(toy["euler, goal"]["I_loc"], toy["euler, goal, doubling"]["I_loc"]);
+  EXPECT_LT(toy["midpoint, goal"]["I_loc"], toy["midpoint, uniform"]["I_loc"]);
+  const Json& figures = json["details"]["figures"];
+  EXPECT_EQ(figures["adjoints"].size(), 3u);
+  EXPECT_EQ(figures["toy"].size(), 4u);
+  EXPECT_EQ(figures["ladder"].size(), 2u);
+}
+
 }  // namespace
 }  // namespace bromwich

@@ -230,15 +230,17 @@ TEST(Goal, OneJacobiSweepSaturatesWhereModesAreUndamped) {
   EXPECT_LE(seen(1, 100, 101), 1e-13);  // exact after as many sweeps as steps
 }
 
+// |x'| of the ladder is that of a forced oscillation: the equidistributed grid is only 2.2 times better than the
+// uniform one, and halving cells loses some of it.
 TEST(Goal, CyclesOfTheLadderBeatUniformGrids) {
   const Scene scene = make_scene("ladder");
   const PortSystem system(*scene.port, scene.T);
   const auto backend = make_cpu_backend(1);
-  for (const Index cycles : {20, 60}) {
+  for (const auto& [cycles, marking, first] : {std::tuple(20, 0., 20), std::tuple(60, 0.25, 100)}) {
     GoalOptions goal;
     goal.cycles = cycles;
-    goal.marking = 0.1;
-    goal.first_cells = 50;
+    goal.marking = marking;
+    goal.first_cells = first;
     Options options = options_for(Method::goal);
     options.goal = std::make_shared<GoalOptions>(goal);
     const Result result = solve(scene, *backend, options);
