@@ -24,6 +24,8 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
      bench_speed_vs_error},
     {"baselines", "the iteration against step-by-step methods, error beside time", bench_baselines},
     {"auto", "what auto chooses, against the best of the methods by name", bench_auto},
+    {"goal", "goal-oriented grids of port-Hamiltonian scenes: violation of the energy balance against steps and time",
+     bench_goal},
     {"gpu", "the CUDA backend on signorini: one sweep in parts, whole solves, the processor beside it", bench_gpu},
     {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
     {"multigrid", "cycles on signorini: contraction, and the way to a tenth of the discretisation error",
