@@ -48,8 +48,9 @@ StateSpace state_space(const PortHamiltonian&);
 enum class Side { before, behind };
 Vector input_at(const PortHamiltonian&, double t, Side, double T);
 
-/// Times in (0, T) where u jumps: those given, and those found by halving the intervals of a grid of `samples`, a
-/// change that does not shrink with the interval. A jump and its return between two samples are not seen.
-std::vector<double> input_jumps(const PortHamiltonian&, double T, Index samples);
+/// Times in (0, T) where u jumps: those given, and those found by halving the intervals of `samples` in which u changes
+/// more than twice as much as beside them. Two jumps between three samples are not seen, nor one smaller than what u
+/// changes otherwise.
+std::vector<double> input_jumps(const PortHamiltonian&, double T, Index samples = 1000);
 
 }  // namespace bromwich

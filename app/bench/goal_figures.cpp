@@ -74,7 +74,7 @@ Json curve(const GoalScene& s, StepScheme scheme, const Vector& t, const RowMatr
 Json trajectories(Backend& backend, const GoalScene& s, const std::vector<Index>& shown,
                   const std::vector<std::tuple<std::string, GoalOptions, Index>>& entrants) {
   Json json = Json::array();
-  const Vector fine = first_grid(s.scene.T, 400, input_jumps(*s.scene.port, s.scene.T, 20));
+  const Vector fine = first_grid(s.scene.T, 400, input_jumps(*s.scene.port, s.scene.T));
   const RowMatrix exact = trajectory(s, backend, StepScheme::exponential, halved(halved(fine)));
   Vector times(exact.rows());
   times = halved(halved(fine));
