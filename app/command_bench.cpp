@@ -23,6 +23,7 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
     {"speed-vs-error", "every method over a ladder of steps: error beside time, one thread and all",
      bench_speed_vs_error},
     {"baselines", "the iteration against step-by-step methods, error beside time", bench_baselines},
+    {"adjoints", "all ways to solve the adjoint of a chain of steps, from 16 to 3001 states", bench_adjoints},
     {"auto", "what auto chooses, against the best of the methods by name", bench_auto},
     {"goal", "goal-oriented grids of port-Hamiltonian scenes: violation of the energy balance against steps and time",
      bench_goal},

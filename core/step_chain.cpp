@@ -1,6 +1,6 @@
 #include "core/step_chain.hpp"
 
-#include "core/error.hpp"
+#include "core/lcp/solution.hpp"
 #include "core/phi.hpp"
 
 #include <algorithm>
@@ -73,6 +73,37 @@ void StepChainProblem::validate() const {
     if (map_of[i] < 0 || map_of[i] >= Index(maps.size()))
       throw Error("step " + std::to_string(i + 1), "found map " + std::to_string(map_of[i]),
                   "use one of the " + std::to_string(maps.size()) + " maps");
+}
+
+Index AdjointChoice::checked_sweeps() const {
+  if (sweeps < 1) throw Error("sweeps", "found " + std::to_string(sweeps), "do at least one");
+  return sweeps;
+}
+
+DenseStep::DenseStep(const StepChainProblem& problem, Index map) {
+  const auto& [S, R] = problem.maps[std::size_t(map)];
+  const Eigen::PartialPivLU<Matrix> lu(std::get<Matrix>(S));
+  if (reciprocal_condition(lu) < epsilon) throw singular_step(problem, map);
+  P = lu.solve(std::get<Matrix>(R));
+  inverse = lu.inverse();
+}
+
+Error singular_step(const StepChainProblem& problem, Index map) {
+  const auto at = std::find(problem.map_of.begin(), problem.map_of.end(), map);
+  return {"map " + std::to_string(map),
+          at == problem.map_of.end()
+              ? std::string("found a singular matrix S")
+              : "found a singular matrix S, of step " + std::to_string(at - problem.map_of.begin() + 1),
+          "take another step size"};
+}
+
+void check_products(double bytes, double limit, const char* method) {
+  if (bytes <= limit) return;
+  const auto megabytes = [](double b) { return std::to_string(std::llround(b / 1e6)) + " MB"; };
+  throw Error("adjoint",
+              std::string(method) + " would take " + megabytes(bytes) + " for products of steps where " +
+                  megabytes(limit) + " are allowed",
+              "use substitution or jacobi, or allow more");
 }
 
 StepSizes group_steps(const Vector& t) {

@@ -23,9 +23,11 @@
 //     scan           blocks of steps: the product of each, substitution from block to block, then inside all blocks at
 //                    once; exact, with m times the operations of a substitution and no more
 
+#include "error.hpp"
 #include "types.hpp"
 
 #include <cstddef>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -58,6 +60,9 @@ enum class AdjointMethod { substitution, jacobi, doubling, scan };
 struct AdjointChoice {
   AdjointMethod method = AdjointMethod::substitution;
   Index sweeps = 1;  ///< of Jacobi, at least 1
+
+  /// Throws Error for fewer than one.
+  Index checked_sweeps() const;
 };
 
 /// A plan for one chain, made by Backend::step_chain: all maps are factorized when it is made. Arrays are (M+1) x m and
@@ -72,6 +77,16 @@ class StepChain {
   virtual void adjoint(const Array& q, Array& l, const AdjointChoice& = {}) = 0;
   virtual std::size_t bytes() const = 0;
 };
+
+/// P and S^{-1} of a dense map. Throws Error where S is singular to rounding, naming the step that has it.
+struct DenseStep {
+  DenseStep(const StepChainProblem&, Index map);
+  Matrix P, inverse;
+};
+
+Error singular_step(const StepChainProblem&, Index map);
+/// Throws Error where products of maps would take more than the limit.
+void check_products(double bytes, double limit, const char* method);
 
 /// The step sizes of a grid, those that differ by no more than the rounding of its times taken as one.
 struct StepSizes {

@@ -60,22 +60,6 @@ void multiply_places(const PlaceTiles& places, const MatrixList& X, bool transpo
   }
 }
 
-void check_products(double bytes, double limit, const char* method) {
-  if (bytes > limit)
-    throw Error("adjoint",
-                std::string(method) + " would take " + std::to_string(std::llround(bytes / 1e6)) +
-                    " MB for products of steps where " + std::to_string(std::llround(limit / 1e6)) + " MB are allowed",
-                "use substitution or jacobi, or allow more");
-}
-
-Error singular_map(const StepChainProblem& problem, Index k) {
-  const auto at = std::find(problem.map_of.begin(), problem.map_of.end(), k);
-  const std::string user = at == problem.map_of.end()
-                               ? "used by no step"
-                               : "first used by step " + std::to_string(at - problem.map_of.begin() + 1);
-  return {"map " + std::to_string(k), "found a singular matrix S (" + user + ")", "take a smaller step"};
-}
-
 CpuStepChain::CpuStepChain(const StepChainProblem& problem, int threads)
     : M_(problem.steps()),
       m_(problem.states()),
@@ -92,10 +76,9 @@ void CpuStepChain::adjoint(const Array& from, Array& to, const AdjointChoice& ch
     case AdjointMethod::substitution:
       return substitute(q, mu);
     case AdjointMethod::jacobi:
-      if (choice.sweeps < 1) throw Error("sweeps", "found " + std::to_string(choice.sweeps), "do at least one");
       mu = q;
       // Row i depends on the rows i .. i+k-1: with more than M+1 sweeps nothing changes any more.
-      for (Index k = 1; k < std::min(choice.sweeps, M_ + 1); ++k) {
+      for (Index k = 1; k < std::min(choice.checked_sweeps(), M_ + 1); ++k) {
         other_.resize(M_ + 1, m_);
         other_.row(M_) = q.row(M_);
         sweep(q, mu, other_);

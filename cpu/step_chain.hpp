@@ -7,7 +7,6 @@
 #include "core/step_chain.hpp"
 #include "cpu/parts.hpp"
 
-#include <optional>
 #include <vector>
 
 namespace bromwich::cpu {
@@ -58,11 +57,6 @@ void solve_by_doubling(const MatrixList& P, const std::vector<Index>& map_of, do
                        int threads);
 void solve_by_scan(const MatrixList& P, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
                    int threads);
-
-/// Throws Error where `bytes` exceed the limit.
-void check_products(double bytes, double limit, const char* method);
-/// The steps of a map, for messages: "map 3, first used by step 17".
-Error singular_map(const StepChainProblem&, Index k);
 
 /// The adjoint, but for what depends on how the maps are stored.
 class CpuStepChain : public StepChain {

@@ -3,10 +3,7 @@
 
 #include "cpu/step_chain.hpp"
 
-#include "core/error.hpp"
-#include "core/lcp/solution.hpp"
-
-#include <Eigen/LU>
+#include <optional>
 
 namespace bromwich::cpu {
 
@@ -22,19 +19,17 @@ class DenseStepChain final : public CpuStepChain {
         P_(Index(problem.maps.size()), m_),
         inverse_(Index(problem.maps.size()), m_) {
     const Index kinds = P_.count();
-    Index singular = kinds;
-#pragma omp parallel for num_threads(threads) schedule(static) reduction(min : singular)
-    for (Index k = 0; k < kinds; ++k) {
-      const StepMap& map = problem.maps[std::size_t(k)];
-      const Eigen::PartialPivLU<Matrix> lu(std::get<Matrix>(map.S));
-      if (reciprocal_condition(lu) < epsilon) {
-        singular = std::min(singular, k);
-        continue;
+    std::optional<Error> singular;  // which of several is told depends on the threads
+#pragma omp parallel for num_threads(threads) schedule(static)
+    for (Index k = 0; k < kinds; ++k) try {
+        const DenseStep step(problem, k);
+        P_[k] = step.P;
+        inverse_[k] = step.inverse;
+      } catch (const Error& error) {
+#pragma omp critical(bromwich_singular_step)
+        singular = error;
       }
-      inverse_[k] = lu.inverse();
-      P_[k] = lu.solve(std::get<Matrix>(map.R));
-    }
-    if (singular < kinds) throw singular_map(problem, singular);
+    if (singular) throw *singular;
   }
 
   std::size_t bytes() const override {

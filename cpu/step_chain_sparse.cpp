@@ -3,8 +3,6 @@
 
 #include "cpu/step_chain.hpp"
 
-#include "core/error.hpp"
-
 #include <Eigen/SparseLU>
 
 #include <algorithm>
@@ -44,7 +42,7 @@ class SparseStepChain final : public CpuStepChain {
     for (Index k = 0; k < kinds; ++k)
       kinds_[std::size_t(k)] = std::make_unique<SparseStep>(problem.maps[std::size_t(k)]);
     for (Index k = 0; k < kinds; ++k)
-      if (kinds_[std::size_t(k)]->singular()) throw singular_map(problem, k);
+      if (kinds_[std::size_t(k)]->singular()) throw singular_step(problem, k);
   }
 
   std::size_t bytes() const override {

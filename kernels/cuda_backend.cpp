@@ -80,7 +80,7 @@ class CudaBackend final : public Backend {
     return cuda::make_host_stage_march(device_, *host_, problem, rows);
   }
   std::unique_ptr<StepChain> step_chain(const StepChainProblem& problem) override {
-    return cuda::make_host_step_chain(device_, *host_, problem);
+    return cuda::make_step_chain(device_, *host_, problem);
   }
   void wait() override { device_.wait(); }
   std::unique_ptr<Program> record(Index values, const std::function<void()>& operations) override {

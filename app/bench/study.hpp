@@ -37,6 +37,8 @@ struct Benchmark {
   BenchReport (*run)(const BenchRequest&, Backend&);
 };
 
+/// On the CUDA backend too, where a device is found.
+BenchReport bench_adjoints(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene or a scene file; without one, scenes of all structures.
 BenchReport bench_auto(const BenchRequest& request, Backend& backend);
 BenchReport bench_baselines(const BenchRequest& request, Backend& backend);
