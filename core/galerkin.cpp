@@ -70,8 +70,31 @@ void add_warning(Result& result, const std::string& words) {
   result.warning += (result.warning.empty() ? "" : "; ") + words;
 }
 
+bool has_ended(const GalerkinSolution& s) { return s.status != Status::tolerance_not_met; }
+
+// Boundary values: the fast method first, then the safe ones. Of several failures the first is the one to explain.
+GalerkinSolution solve_boundary_problem(const GalerkinProblem& p, const Options& options) {
+  GalerkinSolution first = exchange_active_sets(p, options);
+  if (has_ended(first)) return first;
+  GalerkinSolution damped = damped_newton(p, options, RowMatrix::Zero(p.N, p.unknowns()));
+  if (has_ended(damped)) return damped;
+  if (p.N * p.unknowns() <= most_assembled) {
+    GalerkinSolution pivoted = pivot_assembled(p, options);
+    if (has_ended(pivoted)) return pivoted;
+  }
+  damped.infeasible = first_infeasible_interval(p);
+  if (damped.infeasible >= 0) {
+    damped.status = Status::infeasible;
+    damped.reason = text("no state and no y satisfy the constraints in the interval that begins at t = %.6g",
+                         double(damped.infeasible) * p.h);
+  } else {
+    damped.reason = first.reason + "; " + damped.reason;
+  }
+  return damped;
+}
+
 GalerkinSolution solved_problem(const GalerkinProblem& p, Backend& backend, const Options& options) {
-  return p.initial_value ? march_galerkin(p, backend, options) : exchange_active_sets(p, options);
+  return p.initial_value ? march_galerkin(p, backend, options) : solve_boundary_problem(p, options);
 }
 
 // (J+1) rows: the left end of the first interval, then all right ends.

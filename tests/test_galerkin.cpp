@@ -64,5 +64,20 @@ TEST(Galerkin, BridgeHasItsKnownErrors) {
   }
 }
 
+TEST(Galerkin, Boundary) {
+  for (const std::string name : {"nash-game", "lq-control", "periodic-rectifier"})
+    for (const Index N : {8, 16, 32, 64, 128, 256, 512}) {
+      const Scene scene = make_scene(name, {});
+      Options options = options_for(Method::galerkin, N);
+      options.states = StateSelection::all;
+      const Result r = run(scene, options);
+      printf("%s %ld: %s %s; it %ld res %.1e bres %.1e\n", name.c_str(), long(N), to_string(r.status), r.reason.c_str(), long(r.iterations), r.residual, r.boundary_residual.value_or(-1));
+      if (r.status == Status::solved && scene.exact) {
+        const Errors e = errors_of(scene, r);
+        printf("%4ld  y %.3e  x %.3e  y(T) %.3e  x(T) %.3e\n", long(N), e.y, e.x, e.y_end, e.x_end);
+      }
+    }
+}
+
 }  // namespace
 }  // namespace bromwich
