@@ -3,6 +3,7 @@
 #include "core/galerkin.hpp"
 
 #include "core/galerkin_discretisation.hpp"
+#include "core/galerkin_uniqueness.hpp"
 #include "core/scenes/catalogue.hpp"
 #include "refusal.hpp"
 #include "run.hpp"
@@ -62,6 +63,32 @@ TEST(Galerkin, BridgeHasItsKnownErrors) {
     const Errors e = errors_of(scene, run_galerkin(scene, N));
     printf("%4ld  y %.3e  x %.3e  y(T) %.3e  x(T) %.3e\n", long(N), e.y, e.x, e.y_end, e.x_end);
   }
+}
+
+TEST(Galerkin, Uniqueness) {
+  const Scene scene = make_scene("bridge", {});
+  for (const Index N : {8, 32, 64, 128})
+    printf("%ld %.4f %.4f\n", long(N), smallest_symmetric_eigenvalue(scene, N, 0), smallest_symmetric_eigenvalue(scene, N, 1));
+  for (const std::string name : {"nash-game", "lq-control", "periodic-rectifier"}) {
+    const Scene scene = make_scene(name, {});
+    const Result r = run_galerkin(scene, 64);
+    printf("%s %g %g: %s\n", name.c_str(), smallest_symmetric_eigenvalue(scene, 32, 0), smallest_symmetric_eigenvalue(scene, 32, 2), r.warning.c_str());
+  }
+}
+
+TEST(Galerkin, Boundary) {
+  for (const std::string name : {"nash-game", "lq-control", "periodic-rectifier"})
+    for (const Index N : {8, 16, 32, 64, 128, 256, 512}) {
+      const Scene scene = make_scene(name, {});
+      Options options = options_for(Method::galerkin, N);
+      options.states = StateSelection::all;
+      const Result r = run(scene, options);
+      printf("%s %ld: %s %s; it %ld res %.1e bres %.1e\n", name.c_str(), long(N), to_string(r.status), r.reason.c_str(), long(r.iterations), r.residual, r.boundary_residual.value_or(-1));
+      if (r.status == Status::solved && scene.exact) {
+        const Errors e = errors_of(scene, r);
+        printf("%4ld  y %.3e  x %.3e  y(T) %.3e  x(T) %.3e\n", long(N), e.y, e.x, e.y_end, e.x_end);
+      }
+    }
 }
 
 }  // namespace
