@@ -200,6 +200,25 @@ Scene make_scene(PortHamiltonian port, const Vector& x0, double T) {
   return scene;
 }
 
+Scene with_idle_constraint(Scene scene) {
+  const Index m = scene.states();
+  if (auto* dense = std::get_if<DenseDynamics>(&scene.dynamics)) {
+    dense->B = Matrix::Zero(m, 1);
+    dense->N = Matrix::Zero(1, m);
+  } else if (auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
+    sparse->B = SparseMatrix(m, 1);
+    sparse->N = SparseMatrix(1, m);
+  }
+  scene.M = Matrix(Matrix::Identity(1, 1));
+  scene.lcp_class = LcpClass::P;
+  return scene;
+}
+
+Result with_idle_constraint(Result result) {
+  result.y = RowMatrix::Zero(result.t.size(), 1);
+  return result;
+}
+
 Vector input_at(const PortHamiltonian& port, double t, Side side, double T) {
   Vector u = Vector::Zero(port.ports());
   if (!port.u) return u;
