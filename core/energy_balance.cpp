@@ -1,5 +1,7 @@
 #include "core/energy_balance.hpp"
 
+#include "core/constrained_path.hpp"
+
 namespace bromwich {
 
 EnergyBalance energy_balance(const Trajectory& path) {
@@ -17,6 +19,7 @@ EnergyBalance energy_balance(const Trajectory& path) {
     const Vector gained = (x * system.output_matrix()).cwiseProduct(system.inputs(path.t, nodes[q])).rowwise().sum();
     b.supplied += weights[q] * h.cwiseProduct(gained);
   }
+  if (path.constraints) b.supplied += constraint_supply(path);
   b.violation = b.dissipated - b.supplied + b.energy.tail(M) - b.energy.head(M);
   return b;
 }
@@ -36,6 +39,7 @@ RowMatrix balance_gradient(const Trajectory& path, const Vector& w) {
     g = (weights[q] * w.cwiseProduct(h)).asDiagonal() * g;
     add_within(path, nodes[q], g, gradient);
   }
+  if (path.constraints) add_constraint_supply(path, -w, gradient);
   return gradient;
 }
 

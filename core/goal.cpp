@@ -7,6 +7,7 @@
 #include "core/goal.hpp"
 
 #include "core/error.hpp"
+#include "core/goal_complementarity.hpp"
 #include "core/goal_indicators.hpp"
 #include "core/grid_adaptation.hpp"
 #include "core/text.hpp"
@@ -97,11 +98,11 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
     throw Error("method", "goal needs a port-Hamiltonian scene and " + scene.name + " is none",
                 "state it by E, J, R, Q, B and u, or use another method");
   if (scene.boundary) throw Error("method", "goal cannot meet boundary conditions", "use method galerkin");
-  if (scene.constraints() > 0)
-    throw Error("method", "goal cannot solve scenes with complementarity yet", "use method march");
   validate(goal, scene.T);
   Timer timer;
   const PortSystem system(*scene.port, scene.T);
+  std::optional<ConstrainedGoal> constrained;
+  if (scene.constraints() > 0) constrained.emplace(scene, backend, goal);
   const auto quantity = goal.quantity ? goal.quantity : local_balance();
   const Vector t = goal.first_grid.size() > 0
                        ? goal.first_grid
@@ -109,7 +110,7 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   Result result;
   result.seconds.setup = timer.lap();
   AdaptedGrid grid = adapt_grid(t, options, goal, *quantity, scene.default_steps, [&](const Vector& times) {
-    return evaluate_goal(system, backend, goal, times, scene.x0);
+    return constrained ? constrained->evaluate(times) : evaluate_goal(system, backend, goal, times, scene.x0);
   });
   result.seconds.solve = result.seconds.other = timer.lap();
   result.seconds.total = result.seconds.setup + result.seconds.solve;
@@ -122,7 +123,8 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
                     quantity->exact(),
                     grid.history,
                     {}};
-  report.balance = energy_balance({system, goal.scheme, grid.t, grid.last.x});
+  report.balance =
+      constrained ? constrained->balance(grid) : energy_balance({system, goal.scheme, grid.t, grid.last.x});
   result.status = grid.status;
   result.reason = grid.reason;
   result.method = to_string(Method::goal);
@@ -134,6 +136,7 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   for (const GoalCycle& cycle : grid.history) result.history.push_back(std::abs(cycle.estimate));
   result.y = RowMatrix(M + 1, 0);
   result.residual = 0;  // of no constraints
+  if (constrained) constrained->report(grid, result);
   result.x_components = recorded(scene, options);
   result.x.resize(M + 1, Index(result.x_components.size()));
   for (Index c = 0; c < result.x.cols(); ++c) result.x.col(c) = grid.last.x.col(result.x_components[std::size_t(c)]);

@@ -79,25 +79,34 @@ RowMatrix adjoint(Backend& backend, StepChain& chain, const RowMatrix& q, const 
   return l;
 }
 
+Vector weighted_residual(Backend& backend, const StepChainProblem& fine, const RowMatrix& d, const RowMatrix& x,
+                         const RowMatrix& gradient, CellWeights weights, const RowMatrix& l,
+                         const AdjointChoice& choice) {
+  const auto chain = backend.step_chain(fine);
+  const RowMatrix r = residual(fine, d, x);
+  const RowMatrix z = weights == CellWeights::global  ? adjoint(backend, *chain, gradient, choice)
+                      : weights == CellWeights::local ? local_weights(backend, *chain, fine, gradient, l)
+                                                      : interpolated_weights(l);
+  Vector sums(fine.steps() / 2);
+  for (Index i = 0; i < sums.size(); ++i)
+    sums[i] = z.row(2 * i + 1).dot(r.row(2 * i + 1)) + z.row(2 * i + 2).dot(r.row(2 * i + 2));
+  return sums;
+}
+
+double indicator_scale(StepScheme scheme, const QuantityOfInterest& quantity) {
+  return -quantity.secant() / (1 - std::exp2(-order(scheme)));
+}
+
 Vector goal_indicators(const Trajectory& path, Backend& backend, const QuantityOfInterest& quantity,
                        CellWeights weights, const RowMatrix& l, const AdjointChoice& choice) {
   const PortSystem& system = path.system;
   const Vector t = halved(path.t);
   const RowMatrix x = prolonged(path);
-  const Trajectory fine{system, path.scheme, t, x, 2 * path.per_cell};
+  const RowMatrix gradient = quantity.gradient({system, path.scheme, t, x, 2 * path.per_cell});
   const StepChainProblem problem = step_chain_problem(path.scheme, system.step_matrix(path.scheme), group_steps(t));
-  const auto chain = backend.step_chain(problem);
-  const RowMatrix gradient = quantity.gradient(fine);
-  const RowMatrix r = residual(problem, step_sources(system, path.scheme, t, path.x.row(0).transpose()), x);
-  const RowMatrix z = weights == CellWeights::global  ? adjoint(backend, *chain, gradient, choice)
-                      : weights == CellWeights::local ? local_weights(backend, *chain, problem, gradient, l)
-                                                      : interpolated_weights(l);
-  const Index M = path.steps();
-  const double scale = -quantity.secant() / (1 - std::exp2(-order(path.scheme)));
-  Vector indicators(M);
-  for (Index i = 0; i < M; ++i)
-    indicators[i] = scale * (z.row(2 * i + 1).dot(r.row(2 * i + 1)) + z.row(2 * i + 2).dot(r.row(2 * i + 2)));
-  return indicators;
+  const RowMatrix d = step_sources(system, path.scheme, t, path.x.row(0).transpose());
+  return indicator_scale(path.scheme, quantity) *
+         weighted_residual(backend, problem, d, x, gradient, weights, l, choice);
 }
 
 }  // namespace bromwich

@@ -13,6 +13,13 @@ namespace bromwich {
 Vector goal_indicators(const Trajectory& path, Backend&, const QuantityOfInterest&, CellWeights, const RowMatrix& l,
                        const AdjointChoice&);
 
+/// z_i^T r_i summed over the two half steps of every cell: of the chain `fine` with the right-hand side d on the halved
+/// grid, at x, with z from the gradient of the quantity there. M values.
+Vector weighted_residual(Backend&, const StepChainProblem& fine, const RowMatrix& d, const RowMatrix& x,
+                         const RowMatrix& gradient, CellWeights, const RowMatrix& l, const AdjointChoice&);
+/// What those sums are multiplied with to become indicators.
+double indicator_scale(StepScheme, const QuantityOfInterest&);
+
 /// A solution and an adjoint of a chain, arrays on the host.
 RowMatrix forward(Backend&, StepChain&, const RowMatrix& d);
 RowMatrix adjoint(Backend&, StepChain&, const RowMatrix& q, const AdjointChoice&);

@@ -56,6 +56,8 @@ class PortSystem {
   SparseMatrix energy_, dissipation_, output_;
 };
 
+struct ConstraintPath;  // core/constrained_path.hpp
+
 /// x at the time points of a grid, as a scheme gives it. Steps are taken together by `per_cell` (1, or 2 where the
 /// cells of a coarser grid are halved): the balance of a quantity is that of cells.
 struct Trajectory {
@@ -64,6 +66,7 @@ struct Trajectory {
   const Vector& t;     ///< M+1
   const RowMatrix& x;  ///< (M+1) x m
   Index per_cell = 1;
+  const ConstraintPath* constraints = nullptr;  ///< y of scenes with complementarity
 
   Index steps() const { return t.size() - 1; }
   Index cells() const { return steps() / per_cell; }
