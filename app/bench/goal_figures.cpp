@@ -112,9 +112,13 @@ Json trajectories(Backend& backend, const GoalScene& s, const std::vector<Index>
                          {"absolute", c.absolute},
                          {"effectivity", c.effectivity ? Json(*c.effectivity) : Json(nullptr)}});
     }
+    const auto wanted = goal.quantity ? goal.quantity : local_balance();
+    const Trajectory known{s.system, StepScheme::exponential, times, exact};
+    const double exact_quantity = wanted->exact().value_or(wanted->value(known));
     json.push_back(
         {{"name", name},
          {"scene", s.label},
+         {"exact_quantity", exact_quantity},
          {"components", shown},
          {"goal", curve(s, goal.scheme, result.t, result.x, shown)},
          {"uniform", curve(s, goal.scheme, uniform, trajectory(s, backend, goal.scheme, uniform), shown)},
