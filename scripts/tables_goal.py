@@ -58,6 +58,14 @@ def saturation(data):
     return table(["", "sweeps", *[f"{s} steps" for s in steps]], lines)
 
 
+def switching(data):
+    lines = []
+    for row in data["details"]["switching"]:
+        if row["steps"] in (100, 200, 400, 800, 1600):
+            lines.append([str(row["steps"]), row["contestant"], number(row["I_loc"]), number(row["violation"]), number(row["error_x_at_T"]), seconds(row["seconds"]["median"])])
+    return table(["steps", "`ladder-diodes`", "I_loc", "Σ\\|v\\|", "error of x(T)", "time"], lines)
+
+
 def ladder_cycles(data):
     lines = []
     for entry in data["details"]["figures"]["ladder"]:
@@ -79,6 +87,8 @@ def goal(data):
         *balance(data, "ladder"),
         "",
         *ladder_cycles(data),
+        "",
+        *switching(data),
         "",
         "Relative error of the block-Jacobi adjoint of I_loc, uniform grids of `ph-toy`:",
         "",

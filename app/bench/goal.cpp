@@ -96,6 +96,58 @@ Json row_of(const GoalScene& s, Backend& backend, const GoalContestant& c, Index
   return row;
 }
 
+/// The ladder with its diode: y is part of the balance, so that method goal computes uniform grids too.
+Json switching_row(const SceneChoice& choice, Backend& backend, const Vector& at_end, StepScheme scheme, bool adapted,
+                   Index steps, int repeats) {
+  Options options;
+  options.method = Method::goal;
+  options.steps = steps;
+  options.states = StateSelection::all;
+  GoalOptions goal;
+  goal.scheme = scheme;
+  goal.first_cells = adapted ? std::min<Index>(steps, 50) : steps;
+  options.goal = std::make_shared<GoalOptions>(goal);
+  Samples samples;
+  Result result;
+  for (int round = 0; round < repeats; ++round) {
+    result = solve(choice.scene, backend, options);
+    samples.add(result.seconds.total, result.seconds.setup, result.seconds.solve);
+  }
+  const EnergyBalance& b = result.goal->balance;
+  const Vector last = result.x.row(result.steps).transpose();
+  const std::optional<double> effectivity = result.goal->history.back().effectivity;
+  return {{"scene", choice.scene.name},
+          {"parameters", to_json(choice.parameters)},
+          {"contestant", fmt::format("{}, {}", to_string(scheme), adapted ? "goal" : "uniform")},
+          {"scheme", to_string(scheme)},
+          {"adapted", adapted},
+          {"status", to_string(result.status)},
+          {"steps", result.steps},
+          {"cycles", result.cycles},
+          {"effectivity", effectivity ? Json(*effectivity) : Json(nullptr)},
+          {"violation", b.violation.cwiseAbs().sum()},
+          {"I_loc", b.violation.squaredNorm()},
+          {"I_glob", b.violation.sum() * b.violation.sum()},
+          {"error_x_at_T", (last - at_end).cwiseAbs().maxCoeff()},
+          {"seconds", to_json(samples)}};
+}
+
+Json switching_rows(Backend& backend, const std::vector<Index>& ladder, int repeats, bool quick) {
+  const SceneChoice choice = choose_scene("ladder-diodes", {});
+  Options march;
+  march.method = Method::march;
+  march.steps = quick ? 16000 : 128000;
+  march.states = StateSelection::all;
+  const Result fine = solve(choice.scene, backend, march);
+  const Vector at_end = fine.x.row(fine.steps).transpose();
+  Json rows = Json::array();
+  for (const Index steps : ladder)
+    for (const StepScheme scheme : {StepScheme::euler, StepScheme::midpoint})
+      for (const bool adapted : {false, true})
+        rows.push_back(switching_row(choice, backend, at_end, scheme, adapted, steps, repeats));
+  return rows;
+}
+
 double value_of(const Json& rows, const std::string& contestant, Index steps, const char* key) {
   for (const Json& row : rows)
     if (row["contestant"] == contestant && row["steps"] == steps && row["parameters"].size() == 0) return row[key];
@@ -241,6 +293,7 @@ BenchReport bench_goal(const BenchRequest& request, Backend& backend) {
                      error.is_null() ? "-" : scientific(error.get<double>()),
                      row["seconds"].is_null() ? "-" : format_seconds(row["seconds"]["median"])});
   }
+  report.details["switching"] = switching_rows(backend, ladder, request.repeats(), request.quick);
   report.details["figures"] = goal_figures(backend, request.quick);
   report.notes = conclusions(report.rows, ladder.size() > 3 ? 200 : ladder.back());
   std::string text = table(lines);
