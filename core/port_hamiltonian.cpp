@@ -23,14 +23,6 @@ SparseMatrix or_identity(const SparseMatrix& matrix, Index m) {
   return identity;
 }
 
-double largest_entry(const SparseMatrix& matrix) {
-  double largest = 0;
-  for (Index j = 0; j < matrix.outerSize(); ++j)
-    for (SparseMatrix::InnerIterator entry(matrix, j); entry; ++entry)
-      largest = std::max(largest, std::abs(entry.value()));
-  return largest;
-}
-
 void require_square(const char* member, const SparseMatrix& found, Index m) {
   if (found.rows() != m || found.cols() != m)
     throw Error(member, text("is %td x %td", found.rows(), found.cols()), text("give %td x %td, as J", m, m));

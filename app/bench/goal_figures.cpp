@@ -10,7 +10,7 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr Index most_points = 400;  ///< of a curve
+constexpr Index most_curve_points = 250;  ///< of a curve
 
 /// Five digits: what a picture shows.
 Json numbers(const Vector& values) {
@@ -25,7 +25,7 @@ Vector thinned(const Vector& values, Index stride) {
   return Vector::NullaryExpr(count + 1, [&](Index i) { return values[std::min(i * stride, last)]; });
 }
 
-Index stride_of(Index steps) { return (steps + most_points - 1) / most_points; }
+Index stride_of(Index steps) { return (steps + most_curve_points - 1) / most_curve_points; }
 
 Json columns(const RowMatrix& x, const std::vector<Index>& chosen) {
   Json json = Json::array();
