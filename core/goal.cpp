@@ -13,6 +13,7 @@
 #include "core/text.hpp"
 #include "core/timer.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
@@ -107,9 +108,9 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   std::optional<ConstrainedGoal> constrained;
   if (scene.constraints() > 0) constrained.emplace(scene, backend, goal);
   const auto quantity = goal.quantity ? goal.quantity : local_balance();
-  const Vector t = goal.first_grid.size() > 0
-                       ? goal.first_grid
-                       : first_grid(scene.T, goal.first_cells, input_jumps(*scene.port, scene.T));
+  const Index first = options.steps > 0 ? std::min(goal.first_cells, options.steps) : goal.first_cells;
+  const Vector t =
+      goal.first_grid.size() > 0 ? goal.first_grid : first_grid(scene.T, first, input_jumps(*scene.port, scene.T));
   Result result;
   result.seconds.setup = timer.lap();
   AdaptedGrid grid = adapt_grid(t, options, goal, *quantity, scene.default_steps, [&](const Vector& times) {

@@ -263,6 +263,25 @@ TEST(Goal, StopsAtATolerance) {
   EXPECT_FALSE(missed.reason.empty());
 }
 
+// Sparse steps: 301 states. The violation of implicit Euler as above; and as many steps as were asked for, few or many.
+TEST(Goal, TakesSparseScenesAndFewSteps) {
+  const Scene scene = make_scene("ladder", {{"n", 100}});
+  const auto backend = make_cpu_backend(1);
+  for (const Index steps : {3, 30}) {
+    Options options = options_for(Method::goal, steps);
+    options.states = StateSelection::all;
+    const Result result = solve(scene, *backend, options);
+    EXPECT_EQ(result.steps, steps);
+    const SparseMatrix energy = scene.port->energy_matrix();
+    const EnergyBalance& b = result.goal->balance;
+    const double scale = b.energy.maxCoeff() + b.supplied.cwiseAbs().sum() + b.dissipated.sum();
+    for (Index i = 0; i < steps; ++i) {
+      const Vector step = (result.x.row(i + 1) - result.x.row(i)).transpose();
+      EXPECT_NEAR(b.violation[i], -step.dot(energy * step) / 2, 1e-13 * scale);
+    }
+  }
+}
+
 TEST(Goal, ExactAdjointsGiveTheSameGrid) {
   const Toy toy;
   Options options = options_for(Method::goal, 150);
