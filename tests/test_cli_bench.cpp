@@ -196,6 +196,9 @@ TEST_F(Bench, GoalComparesGridsOfTheSameSteps) {
   EXPECT_LT(toy["euler, goal"]["I_loc"], toy["euler, uniform"]["I_loc"]);
   EXPECT_EQ(toy["euler, goal"]["I_loc"], toy["euler, goal, doubling"]["I_loc"]);
   EXPECT_LT(toy["midpoint, goal"]["I_loc"], toy["midpoint, uniform"]["I_loc"]);
+  const Json& gain = json["details"]["equidistribution_gain"];
+  EXPECT_NEAR(gain["ph-toy"], 19, 1);
+  EXPECT_NEAR(gain["ladder"], 2.2, 0.1);
   const Json& figures = json["details"]["figures"];
   EXPECT_EQ(figures["adjoints"].size(), 3u);
   EXPECT_EQ(figures["toy"].size(), 4u);

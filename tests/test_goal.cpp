@@ -119,6 +119,26 @@ TEST(Indicators, EstimateTheErrorOnceResolved) {
     }
 }
 
+// Where the input varies within steps: midpoint as elsewhere; the exponential scheme takes u linear, of order 2 and not
+// 4, (1 - 2^-2)/(1 - 2^-4) = 0.8; implicit Euler takes u at right ends, another supply on the halved grid.
+TEST(Indicators, KnowWhatAnInputWithinStepsLeavesOut) {
+  const Scene scene = make_scene("ladder");
+  const PortSystem system(*scene.port, scene.T);
+  const auto backend = make_cpu_backend(1);
+  const Vector t = Vector::LinSpaced(801, 0, scene.T);
+  for (const auto& [scheme, loc, glob] :
+       {std::tuple(StepScheme::euler, 1.5, 3.), std::tuple(StepScheme::midpoint, 1., 1.),
+        std::tuple(StepScheme::exponential, 0.8, 0.8)})
+    for (const auto& [quantity, expected] : {std::pair(local_balance(), loc), std::pair(global_balance(), glob)}) {
+      GoalOptions goal;
+      goal.scheme = scheme;
+      goal.quantity = quantity;
+      goal.weights = CellWeights::global;
+      const GoalEvaluation e = evaluate_goal(system, *backend, goal, t, scene.x0);
+      EXPECT_NEAR(e.indicators.sum() / e.quantity / expected, 1, 0.15) << to_string(scheme) << " " << quantity->name();
+    }
+}
+
 // A quantity without known value: the estimate against the exact one from a grid of 2^17 exponential steps, whose own
 // error is (1e-4)^4 and rounding.
 TEST(Indicators, EstimateTheErrorOfAUserQuantity) {
