@@ -14,8 +14,8 @@ enum class Method {
   contour_literal,  ///< (2.17) of the Laplace-inversion paper, a contour per time point
   march,            ///< exponential piecewise-linear, step by step
   euler,            ///< implicit Euler (1.3)-(1.4), step by step
-  galerkin,         ///< exponential Galerkin, all intervals at once: boundary values and mixed problems (core/galerkin.hpp)
-  goal,             ///< a time grid made for a quantity of interest (core/goal.hpp)
+  galerkin,  ///< exponential Galerkin, all intervals at once: boundary values and mixed problems (core/galerkin.hpp)
+  goal,      ///< a time grid made for a quantity of interest (core/goal.hpp)
 };
 
 /// "auto", "contour", ...
