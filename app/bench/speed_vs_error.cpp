@@ -60,7 +60,8 @@ struct LadderContestant {
 struct Ladder {
   std::string name;
   Options options;
-  bool nodes = false;  ///< climbs in P on one grid, not in steps
+  bool nodes = false;     ///< climbs in P on one grid, not in steps
+  bool iterates = false;  ///< with a device: worth it there and on all threads, not on one
   bool on_device = false;
 };
 
@@ -77,11 +78,11 @@ std::vector<Ladder> ladders(const Scene& scene, const Limits& limits, bool devic
     return made;
   };
   std::vector<Ladder> list{ladder("contour", Method::contour)};
-  list.back().on_device = true;
+  list.back().iterates = list.back().on_device = true;
   if (std::holds_alternative<KroneckerDynamics>(scene.dynamics)) {
     list.push_back(ladder("multigrid", Method::multigrid));
     list.back().options.algebraic_share = useful_share;
-    list.back().on_device = true;
+    list.back().iterates = list.back().on_device = true;
     list.push_back(ladder("march (modal)", Method::march));
     list.back().options.recurrence = RecurrenceChoice::modal;
     list.push_back(ladder("march (compressed)", Method::march));
@@ -248,8 +249,10 @@ void run_scene(const std::string& name, const ParameterValues& settings, const L
 
   std::vector<LadderContestant> list;
   for (const Ladder& ladder : ladders(scene, limits, cuda != nullptr))
-    for (const Runner& runner : runners)
-      if (!runner.device() || ladder.on_device) climb(ladder, scene, runner, truth, limits, list);
+    for (const Runner& runner : runners) {
+      const bool alone_too = !cuda || !ladder.iterates || runner.threads > 1;
+      if (runner.device() ? ladder.on_device : alone_too) climb(ladder, scene, runner, truth, limits, list);
+    }
   measure(list, scene, request.repeats());
 
   const std::string title = choice.parameters.empty() || scene.name != name
@@ -277,9 +280,11 @@ struct LadderCase {
 };
 
 std::vector<LadderCase> cases(const BenchRequest& request) {
-  const Limits small{1.5, 32, Index(1) << 18, 512}, quick{0.02, 32, 4096, 64};
+  const Limits small{1.5, 32, Index(1) << 18, 512}, of_large{4, 32, Index(1) << 16, 64}, quick{0.02, 32, 4096, 64};
+  constexpr Index large = 256;  // constraints
   if (request.scene) {
     Limits limits = request.quick ? quick : small;
+    if (!request.quick && choose_scene(*request.scene, request.settings).scene.constraints() > large) limits = of_large;
     if (request.steps > 0) limits.reference_steps = request.steps;
     return {{*request.scene, request.settings, limits}};
   }
@@ -287,7 +292,7 @@ std::vector<LadderCase> cases(const BenchRequest& request) {
     throw Error(request.steps > 0 ? "--steps" : "--set", "found without a SCENE", "name the scene they belong to");
   if (request.quick) return {{"signorini", {{"Q", 15}}, quick}, {"dlcp-small", {}, quick}};
   std::vector<LadderCase> list{{"signorini", {{"Q", 39}}, small},
-                               {"signorini", {{"Q", 511}}, {4, 32, Index(1) << 16, 64}},
+                               {"signorini", {{"Q", 511}}, of_large},
                                {"dlcp-small", {}, small},
                                {"bridge", {}, small}};
   for (const char* circuit : {"examples/rlcd.toml", "examples/diode-bridge.toml"})
