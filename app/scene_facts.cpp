@@ -12,6 +12,7 @@ constexpr Index most_states = 400;  ///< all eigenvalues of a dense matrix take 
 }  // namespace
 
 std::string matrix_class(const Scene& scene) {
+  if (scene.constraints() == 0) return "no constraints";
   return describe_class(scene.M, scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class);
 }
 

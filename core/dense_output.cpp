@@ -2,6 +2,7 @@
 
 #include "core/discrete_problem.hpp"
 #include "core/error.hpp"
+#include "core/mixed.hpp"
 #include "core/states.hpp"
 
 #include <algorithm>
@@ -52,6 +53,14 @@ Vector carried(const Scene& scene, Backend& backend, const RowMatrix& y, const V
 }  // namespace
 
 Result at_times(const Scene& scene, Backend& backend, const Result& result, const std::vector<double>& times) {
+  if (const auto eliminated = scene.free_rows.empty() ? std::nullopt : eliminate_free(scene)) {
+    // x follows from y of the rows that are not free; y itself is linear in all of them.
+    Result sampled = at_times(eliminated->scene, backend, eliminated->reduced(result), times);
+    sampled.y.resize(Index(times.size()), result.y.cols());
+    for (std::size_t k = 0; k < times.size(); ++k)
+      sampled.y.row(Index(k)) = y_at(result.y, place(result, scene.T, times[k])).transpose();
+    return sampled;
+  }
   std::vector<Place> places;
   for (const double t : times) places.push_back(place(result, scene.T, t));
   Result sampled = result;

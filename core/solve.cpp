@@ -7,6 +7,7 @@
 #include "core/galerkin.hpp"
 #include "core/goal.hpp"
 #include "core/method_choice.hpp"
+#include "core/mixed.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
@@ -200,6 +201,35 @@ Method method_from_string(const std::string& name) {
 
 namespace {
 
+/// A scene without constraints, with one that never acts: 0 <= y ⊥ y >= 0, which drives nothing.
+Scene with_idle_constraint(Scene scene) {
+  const Index m = scene.states();
+  if (auto* dense = std::get_if<DenseDynamics>(&scene.dynamics)) {
+    dense->B = Matrix::Zero(m, 1);
+    dense->N = Matrix::Zero(1, m);
+  } else if (auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
+    sparse->B = SparseMatrix(m, 1);
+    sparse->N = SparseMatrix(1, m);
+  }
+  scene.M = Matrix(Matrix::Identity(1, 1));
+  scene.lcp_class = LcpClass::P;
+  return scene;
+}
+
+Result unsupported(const Scene& scene, const Backend& backend, const Options& options, const std::string& why) {
+  Result result;
+  result.reason = why + "; use method galerkin";
+  result.method = to_string(options.method);
+  result.backend = backend.name();
+  result.steps = options.steps > 0 ? options.steps : scene.default_steps;
+  result.t = Vector::LinSpaced(result.steps + 1, 0, scene.T);
+  result.x_components = selected(scene, options);
+  result.y = RowMatrix::Constant(result.steps + 1, scene.constraints(), NAN);
+  result.x = RowMatrix::Constant(result.steps + 1, Index(result.x_components.size()), NAN);
+  if (options.trace) result.trace = result.y;
+  return result;
+}
+
 // Below this size dense matrices are faster in everything, and e^{hA} needs no contour.
 constexpr Index smallest_sparse = 512;
 
@@ -210,8 +240,23 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
   given.validate();
   validate(given, options);
   if (options.method == Method::goal) return solve_for_goal(given, backend, options);
-  if (options.method == Method::galerkin || given.boundary || !given.free_rows.empty())
-    return solve_by_galerkin(given, backend, options);
+  if (given.constraints() == 0) {
+    Result result = solve(with_idle_constraint(given), backend, options);
+    result.y.resize(result.y.rows(), 0);
+    result.trace.resize(result.trace.rows(), 0);
+    return result;
+  }
+  if (options.method == Method::galerkin) return solve_by_galerkin(given, backend, options);
+  const bool automatic = options.method == Method::automatic;
+  if (given.boundary)
+    return automatic
+               ? solve_by_galerkin(given, backend, options)
+               : unsupported(given, backend, options, "it needs initial values and the scene has boundary values");
+  if (!given.free_rows.empty()) {
+    if (const auto eliminated = eliminate_free(given)) return solve_mixed(given, *eliminated, backend, options);
+    return automatic ? solve_by_galerkin(given, backend, options)
+                     : unsupported(given, backend, options, "the free rows and columns of M form a singular matrix");
+  }
   if (options.tolerance > 0) return solve_to_tolerance(given, backend, options);
   std::optional<Scene> written_out;
   if (std::holds_alternative<SparseDynamics>(given.dynamics) && given.states() <= smallest_sparse) {
@@ -263,6 +308,8 @@ Matrix states_at(const Scene& scene, Backend& backend, const Result& result, con
                 "pass a result of this scene");
   if (result.method == to_string(Method::euler) || !result.continuous)
     throw Error("result", "its y is not linear between time points", "ask for states when solving");
+  if (const auto eliminated = scene.free_rows.empty() ? std::nullopt : eliminate_free(scene))
+    return states_at(eliminated->scene, backend, eliminated->reduced(result), rows);
   Index last = 0;
   for (const Index j : rows) {
     if (j < 0 || j > result.steps)

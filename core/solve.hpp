@@ -23,6 +23,8 @@ const char* to_string(Method);
 /// Inverse of to_string; throws Error("method", ...) for an unknown name.
 Method method_from_string(const std::string&);
 
+struct GoalOptions;  // core/goal.hpp
+
 enum class StateSelection { none, all, list };
 enum class ConvolutionChoice { automatic, scan, fft };
 enum class RecurrenceChoice { automatic, modal, compressed };
@@ -52,6 +54,7 @@ struct Options {
   /// (J+1) x n, where the iteration starts instead of from the constant x0; not for M of class Z, whose least solution
   /// is reached from there.
   const RowMatrix* first_iterate = nullptr;
+  std::shared_ptr<const GoalOptions> goal = {};  ///< of method goal; null: its defaults
   double memory_limit = 0;  ///< bytes; a solve that is predicted to need more is refused. 0 = no limit
   std::function<void(const Progress&)> progress = {};
   std::function<bool()> interrupted = {};  ///< polled once per iteration

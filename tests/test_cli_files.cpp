@@ -73,7 +73,7 @@ TEST_F(CliFiles, UnknownParametersAreRefused) {
 
 TEST_F(CliFiles, MistakesNameFileLineAndKey) {
   save("bad.toml", decay + "[boundary]\n");
-  EXPECT_TRUE(contains(refused("solve bad.toml").err, "bad.toml:17: boundary: boundary values are not available yet"));
+  EXPECT_TRUE(contains(refused("solve bad.toml").err, "x0: is given with a section [boundary]; give one of the two"));
   EXPECT_TRUE(contains(refused("solve none.toml").err, "SCENE: the file 'none.toml' does not exist"));
   EXPECT_TRUE(contains(refused("solve .").err, "SCENE"));
   EXPECT_TRUE(contains(refused("solve ./").err, "is a folder"));

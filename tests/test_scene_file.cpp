@@ -57,6 +57,28 @@ SceneFile parse(const std::string& text, const ParameterValues& settings = {}) {
 
 const DenseDynamics& dense(const SceneFile& file) { return std::get<DenseDynamics>(file.scene.dynamics); }
 
+TEST(SceneFile, ReadsBoundaryValuesAndFreeRows) {
+  const Scene scene = parse(with(7, "") + "[boundary]\nE0 = [[\"1/R\"]]\nb = [\"-R\"]\n[free]\nrows = [0]\n").scene;
+  ASSERT_TRUE(scene.boundary);
+  EXPECT_EQ(scene.boundary->E0, Matrix{{0.5}});
+  EXPECT_EQ(scene.boundary->ET, Matrix{{0}}) << "left out: 0";
+  EXPECT_EQ(scene.boundary->b, Vector{{-2}});
+  EXPECT_EQ(scene.x0.size(), 0);
+  EXPECT_EQ(scene.free_rows, std::vector<Index>{0});
+  EXPECT_FALSE(parse(with(0, "")).scene.boundary);
+}
+
+TEST(SceneFile, RelaysTakeBoundaryValuesToo) {
+  const Scene scene = parse(
+                          "[dynamics]\nA = [[0]]\nB = [[1]]\n[relay]\nC = [[1]]\n[boundary]\nE0 = [[1]]\n"
+                          "ET = [[-1]]\nb = [0]\n[time]\nT = 1\n")
+                          .scene;
+  ASSERT_TRUE(scene.boundary);
+  EXPECT_EQ(scene.boundary->ET, Matrix{{-1}});
+  EXPECT_EQ(scene.x0.size(), 0);
+  EXPECT_EQ(scene.constraints(), 2);
+}
+
 TEST(SceneFile, ReadsWhatIsWritten) {
   const SceneFile file =
       parse("name = \"rc\"\ndescription = \"one\\ncell\"\n" + with(0, "steps = 50\n[output]\nstates = \"0\""));
@@ -112,6 +134,7 @@ TEST(SceneFile, ClassIsPassedOn) {
 }
 
 TEST(SceneFile, MistakesNameFileLineAndKey) {
+  const std::string without_x0 = with(7, "");
   const std::vector<Refused> cases{
       // TOML itself
       {with(6, "B = [[1"), "my.toml:7: "},
@@ -129,8 +152,20 @@ TEST(SceneFile, MistakesNameFileLineAndKey) {
       {with(12, ""), "my.toml:11: time.T: is missing; add T = ... to [time]"},
       {"dynamics = 3\n", "my.toml:1: dynamics: found 3; write a section [dynamics]"},
       {with(4, "[[dynamics]]"), "my.toml:4: dynamics: found a list; write a section [dynamics]"},
-      {with(0, "[boundary]\nE0 = [[1]]"), "my.toml:13: boundary: boundary values are not available yet"},
-      {with(0, "[free]\nrows = [0]"), "my.toml:13: free: free unknowns are not available yet"},
+      // boundary values instead of x0, free unknowns
+      {with(0, "[boundary]\nE0 = [[1]]\nb = [1]"),
+       "my.toml:7: dynamics.x0: is given with a section [boundary]; give one of the two"},
+      {without_x0 + "[boundary]\nb = [1]", "my.toml:13: boundary.E0: found neither E0 nor ET"},
+      {without_x0 + "[boundary]\nE0 = [[1]]", "my.toml:13: boundary.b: is missing"},
+      {without_x0 + "[boundary]\nE0 = [[1, 2]]\nb = [1]", "my.toml:14: boundary.E0: is 1 x 2; give 1 x 1"},
+      {without_x0 + "[boundary]\nET = [[\"R\"], [1]]\nb = [1]", "my.toml:14: boundary.ET: is 2 x 1; give 1 x 1"},
+      {without_x0 + "[boundary]\nET = [[1]]\nb = [1, 2]", "my.toml:15: boundary.b: has 2 entries; give 1"},
+      {without_x0 + "[boundary]\nE1 = [[1]]", "my.toml:14: boundary.E1: is no known key (did you mean 'E0'?)"},
+      {without_x0, "my.toml:4: dynamics.x0: is missing"},
+      {with(0, "[free]"), "my.toml:13: free.rows: is missing"},
+      {with(0, "[free]\nrows = [0.5]"), "my.toml:14: free.rows: found 0.5; give whole numbers"},
+      {with(0, "[free]\nrows = [1]"), "my.toml:14: free.rows: row 1 of 1; rows are counted from 0"},
+      {with(0, "[free]\nrows = [0, 0]"), "my.toml:14: free.rows: row 0 after row 0; give each row once"},
       {with(0, "[relay]\nC = [[1]]"), "my.toml:14: relay.C: found [relay] and [complementarity]; give one of the two"},
       {"name = 3\n" + lines(small_scene), "my.toml:1: name: found 3; give a text in quotes"},
       // parameters
