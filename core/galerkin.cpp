@@ -1,11 +1,229 @@
 #include "core/galerkin.hpp"
 
 #include "core/error.hpp"
+#include "core/error_control.hpp"
+#include "core/galerkin_free.hpp"
+#include "core/galerkin_solvers.hpp"
+#include "core/text.hpp"
+#include "core/timer.hpp"
+#include "core/two_point.hpp"
+
+#include <Eigen/Dense>
+
+#include <cmath>
 
 namespace bromwich {
 
-Result solve_by_galerkin(const Scene& scene, Backend&, const Options&) {
-  throw Error("method", "galerkin cannot solve scene " + scene.name, "use another method");
+namespace {
+
+constexpr Index most_dense_states = 1024;
+constexpr double accepted_residual = 1e-9;
+constexpr double singular_boundary = 1e-13;  ///< reciprocal condition of the boundary problem
+constexpr double delicate_boundary = 1e-7;
+
+// The rows [E0 ET] alone: more than m conditions, or fewer, whatever the dynamics.
+void require_independent_rows(const BoundaryCondition& c) {
+  const Index m = c.b.size();
+  Matrix rows(m, 2 * m);
+  rows << c.E0, c.ET;
+  for (Index i = 0; i < m; ++i) {
+    const double size = rows.row(i).cwiseAbs().maxCoeff();
+    if (size == 0)
+      throw Error("boundary", text("row %ld of E0 and ET is zero", long(i)), "give one condition per state");
+    rows.row(i) /= size;
+  }
+  Eigen::ColPivHouseholderQR<Matrix> qr(rows.transpose());
+  qr.setThreshold(1e-13);
+  if (qr.rank() == m) return;
+  // A combination of rows that vanishes, and what it makes of b.
+  const Matrix null = Eigen::FullPivLU<Matrix>(rows.transpose()).setThreshold(1e-12).kernel();
+  Vector b(m);
+  for (Index i = 0; i < m; ++i)
+    b[i] = c.b[i] / std::max(c.E0.row(i).cwiseAbs().maxCoeff(), c.ET.row(i).cwiseAbs().maxCoeff());
+  const bool contradict = (null.transpose() * b).cwiseAbs().maxCoeff() > 1e-10 * std::max(1.0, b.cwiseAbs().maxCoeff());
+  throw Error("boundary",
+              text("the rows of [E0 ET] have rank %ld of %ld", long(qr.rank()), long(m)) +
+                  (contradict ? " and b contradicts them" : ""),
+              "give independent conditions, one per state");
+}
+
+// Returns the reciprocal condition of the boundary problem of the linear dynamics.
+double require_determined_states(const GalerkinProblem& p) {
+  if (p.initial_value) return 1;
+  require_independent_rows(p.boundary);
+  const Segment all = repeated(p.step.E, Vector::Zero(p.states()), p.N);
+  const double condition = solve_ends(all, p.boundary).reciprocal_condition;
+  if (!(condition >= singular_boundary))
+    throw Error("boundary", text("E0 + ET e^{TA} is singular (reciprocal condition %.1e)", condition),
+                "give conditions that determine the states of the scene without y");
+  return condition;
+}
+
+std::vector<Index> recorded_components(const Scene& scene, const Options& options) {
+  if (options.states == StateSelection::list) return options.components;
+  std::vector<Index> all(options.states == StateSelection::all ? std::size_t(scene.states()) : 0);
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = Index(i);
+  return all;
+}
+
+void add_warning(Result& result, const std::string& words) {
+  result.warning += (result.warning.empty() ? "" : "; ") + words;
+}
+
+bool has_ended(const GalerkinSolution& s) { return s.status != Status::tolerance_not_met; }
+
+// Boundary values: the fast method first, then the safe ones. Of several failures the first is the one to explain.
+GalerkinSolution solve_boundary_problem(const GalerkinProblem& p, const Options& options) {
+  GalerkinSolution first = exchange_active_sets(p, options);
+  if (has_ended(first)) return first;
+  GalerkinSolution damped = damped_newton(p, options, RowMatrix::Zero(p.N, p.unknowns()));
+  if (has_ended(damped)) return damped;
+  if (p.N * p.unknowns() <= most_assembled) {
+    GalerkinSolution pivoted = pivot_assembled(p, options);
+    if (has_ended(pivoted)) return pivoted;
+  }
+  damped.infeasible = first_infeasible_interval(p);
+  if (damped.infeasible >= 0) {
+    damped.status = Status::infeasible;
+    damped.reason = text("no state and no y satisfy the constraints in the interval that begins at t = %.6g",
+                         double(damped.infeasible) * p.h);
+  } else {
+    damped.reason = first.reason + "; " + damped.reason;
+  }
+  return damped;
+}
+
+GalerkinSolution solved_problem(const GalerkinProblem& p, Backend& backend, const Options& options) {
+  return p.initial_value ? march_galerkin(p, backend, options) : solve_boundary_problem(p, options);
+}
+
+// (J+1) rows: the left end of the first interval, then all right ends.
+RowMatrix right_ends(const RowMatrix& z, Index n) {
+  RowMatrix y(z.rows() + 1, n);
+  y.row(0) = z.row(0).head(n);
+  y.bottomRows(z.rows()) = z.rightCols(n);
+  return y;
+}
+
+void fill(const Scene& scene, const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x, const Options& options,
+          Result& result) {
+  const Index n = scene.constraints();
+  result.y = right_ends(z, n);
+  result.y_left = z.leftCols(n);
+  result.x = x(Eigen::all, result.x_components);
+  if (options.trace) {
+    result.trace.resize(p.N + 1, n);
+    for (Index k = 0; k <= p.N; ++k) result.trace.row(k) = observe(scene.dynamics, x.row(k)).transpose();
+  }
+  if (scene.boundary) {
+    const BoundaryCondition& c = p.boundary;
+    const Vector apart = c.E0 * x.row(0).transpose() + c.ET * x.row(p.N).transpose() - c.b;
+    result.boundary_residual =
+        apart.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, c.b.cwiseAbs().maxCoeff());
+  }
+}
+
+void nothing_found(const Scene& scene, Index N, Result& result) {
+  const Index n = scene.constraints();
+  result.y = RowMatrix::Constant(N + 1, n, NAN);
+  result.y_left = RowMatrix::Constant(N, n, NAN);
+  result.x = RowMatrix::Constant(N + 1, Index(result.x_components.size()), NAN);
+}
+
+bool finite_sources(const GalerkinProblem& p, Result& result) {
+  for (Index k = 0; k < p.N; ++k) {
+    if (p.forcing.row(k).allFinite() && p.q.row(k).allFinite()) continue;
+    result.status = Status::nonfinite;
+    result.reason = text("f or g is not finite in the interval that begins at t = %.6g", double(k) * p.h);
+    return false;
+  }
+  return true;
+}
+
+// Natural map of the whole problem, |w_f| for the free components.
+double residual_of(const GalerkinProblem& p, const std::vector<Index>& free_rows, const RowMatrix& z,
+                   const RowMatrix& x) {
+  const Index n = p.unknowns() / 2;
+  const RowMatrix known = p.q + x.topRows(p.N) * p.step.C.transpose(), w = known + z * p.step.D.transpose();
+  RowMatrix map = z.cwiseMin(w);
+  for (const Index i : free_rows) {
+    map.col(i) = w.col(i);
+    map.col(n + i) = w.col(n + i);
+  }
+  return map.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
+}
+
+void solve_on_grid(const Scene& scene, Backend& backend, const Options& options, Index N, Result& result) {
+  Timer timer;
+  const GalerkinProblem p = galerkin_problem(scene, N);
+  nothing_found(scene, N, result);
+  if (!finite_sources(p, result)) return;
+  const double condition = require_determined_states(p);
+  if (condition < delicate_boundary)
+    add_warning(result, text("the boundary condition is ill-conditioned (reciprocal condition %.1e)", condition));
+  const FreeElimination elimination(p, scene.free_rows);
+  if (const auto k = elimination.contradiction()) {
+    result.status = Status::infeasible;
+    result.infeasible_at = double(*k) * p.h;
+    result.reason = text("the equations of the free rows contradict each other at t = %.6g", *result.infeasible_at);
+    return;
+  }
+  if (!elimination.unique())
+    add_warning(result, "the free unknowns are not determined; theirs of least norm are given");
+  result.seconds.setup = timer.lap();
+
+  GalerkinSolution s = solved_problem(elimination.reduced(), backend, options);
+  result.status = s.status;
+  result.reason = s.reason;
+  result.kernel = "discontinuous piecewise-linear y, exact exponentials; " + s.how;
+  result.iterations = s.iterations;
+  result.history = s.history;
+  result.lcp = s.lcp;
+  result.seconds.lcp = s.lcp_seconds;
+  result.well_posed = s.unique;
+  result.bytes = s.bytes + sizeof(double) * std::size_t(3 * p.q.size() + 2 * p.forcing.size());
+  if (s.infeasible >= 0) result.infeasible_at = double(s.infeasible) * p.h;
+  if (s.z.rows() != N || s.x.rows() != N + 1) return;
+  const RowMatrix z = elimination.recovered(s.z, s.x);
+  const RowMatrix x = galerkin_states(p, z);
+  fill(scene, p, z, x, options, result);
+  result.residual = residual_of(p, scene.free_rows, z, x);
+  if (result.status == Status::solved && !(result.residual <= accepted_residual)) {
+    result.status = Status::tolerance_not_met;
+    result.reason = text("the residual is %.1e", result.residual);
+  }
+}
+
+}  // namespace
+
+Result solve_by_galerkin(const Scene& scene, Backend& backend, const Options& options) {
+  if (options.tolerance > 0) {
+    Options refined = options;
+    refined.method = Method::galerkin;
+    return solve_to_tolerance(scene, backend, refined);
+  }
+  Timer total;
+  Result result;
+  const Index N = options.steps > 0 ? options.steps : scene.default_steps;
+  result.method = to_string(Method::galerkin);
+  result.backend = backend.name();
+  result.steps = N;
+  result.t = Vector::LinSpaced(N + 1, 0, scene.T);
+  result.continuous = false;
+  result.x_components = recorded_components(scene, options);
+  if (scene.states() > most_dense_states) {
+    nothing_found(scene, N, result);
+    result.status = Status::unsupported;
+    result.reason = text("method galerkin writes the dynamics out densely: %ld states, at most %ld",
+                         long(scene.states()), long(most_dense_states));
+  } else {
+    solve_on_grid(scene, backend, options, N, result);
+  }
+  Seconds& s = result.seconds;
+  s.total = total.lap();
+  s.solve = s.total - s.setup;
+  s.other = std::max(0.0, s.solve - s.lcp);
+  return result;
 }
 
 }  // namespace bromwich
