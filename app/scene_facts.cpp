@@ -13,12 +13,9 @@ constexpr Index most_states = 400;  ///< all eigenvalues of a dense matrix take 
 }  // namespace
 
 std::string matrix_class(const Scene& scene) {
-<<<<<<< HEAD
   if (scene.constraints() == 0) return "no constraints";
-=======
   if (const auto eliminated = scene.free_rows.empty() ? std::nullopt : eliminate_free(scene))
     return matrix_class(eliminated->scene) + ", free rows eliminated";
->>>>>>> 5546209a7c66e9c45c7d54d206b2bbedf0dd49da
   return describe_class(scene.M, scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class);
 }
 
