@@ -77,10 +77,11 @@ std::shared_ptr<const GoalOptions> goal_options(const GoalArguments& a, Method m
   if (!a.scheme.empty()) goal->scheme = parse_scheme(a.scheme);
   if (!a.adjoint.empty()) goal->adjoint = parse_adjoint(a.adjoint);
   if (!a.weights.empty()) goal->weights = parse_weights(a.weights);
-  if (!a.marking.empty()) {
+  if (!a.marking.empty() && a.marking != "auto") {
     const auto share = parse_double(a.marking);
     if (!share || !(*share > 0) || !(*share <= 1))
-      throw Error("--marking", fmt::format("found '{}'", a.marking), "give a number above 0, at most 1, such as 0.5");
+      throw Error("--marking", fmt::format("found '{}'", a.marking),
+                  "give auto, or a number above 0, at most 1, such as 0.5");
     goal->marking = *share;
   }
   if (!a.cycles.empty()) goal->cycles = parse_count("--cycles", a.cycles, 1, 1000);

@@ -69,7 +69,7 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_word(command, "--weights", a.goal.weights, "NAME",
            "method goal: local (default), interpolated or global weights of the residual");
   add_word(command, "--marking", a.goal.marking, "SHARE",
-           "method goal: halve the cells that carry this share of the error; default 0.5");
+           "method goal: halve the cells that carry this share of the error; default auto, as many as pay");
   add_word(command, "--cycles", a.goal.cycles, "N", "method goal: refinements; default: until --steps or --tol");
   add_word(command, "--first-steps", a.goal.first_steps, "J", "method goal: steps of the first grid; default 20");
   command->add_flag("--energies", a.energies, "with --out: columns energy, supplied, dissipated, violation");

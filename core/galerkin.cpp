@@ -2,13 +2,11 @@
 
 #include "core/error.hpp"
 #include "core/error_control.hpp"
+#include "core/galerkin_checks.hpp"
 #include "core/galerkin_free.hpp"
 #include "core/galerkin_solvers.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
-#include "core/two_point.hpp"
-
-#include <Eigen/Dense>
 
 #include <cmath>
 
@@ -18,46 +16,7 @@ namespace {
 
 constexpr Index most_dense_states = 1024;
 constexpr double accepted_residual = 1e-9;
-constexpr double singular_boundary = 1e-13;  ///< reciprocal condition of the boundary problem
-constexpr double delicate_boundary = 1e-7;
-
-// The rows [E0 ET] alone: more than m conditions, or fewer, whatever the dynamics.
-void require_independent_rows(const BoundaryCondition& c) {
-  const Index m = c.b.size();
-  Matrix rows(m, 2 * m);
-  rows << c.E0, c.ET;
-  for (Index i = 0; i < m; ++i) {
-    const double size = rows.row(i).cwiseAbs().maxCoeff();
-    if (size == 0)
-      throw Error("boundary", text("row %ld of E0 and ET is zero", long(i)), "give one condition per state");
-    rows.row(i) /= size;
-  }
-  Eigen::ColPivHouseholderQR<Matrix> qr(rows.transpose());
-  qr.setThreshold(1e-13);
-  if (qr.rank() == m) return;
-  // A combination of rows that vanishes, and what it makes of b.
-  const Matrix null = Eigen::FullPivLU<Matrix>(rows.transpose()).setThreshold(1e-12).kernel();
-  Vector b(m);
-  for (Index i = 0; i < m; ++i)
-    b[i] = c.b[i] / std::max(c.E0.row(i).cwiseAbs().maxCoeff(), c.ET.row(i).cwiseAbs().maxCoeff());
-  const bool contradict = (null.transpose() * b).cwiseAbs().maxCoeff() > 1e-10 * std::max(1.0, b.cwiseAbs().maxCoeff());
-  throw Error("boundary",
-              text("the rows of [E0 ET] have rank %ld of %ld", long(qr.rank()), long(m)) +
-                  (contradict ? " and b contradicts them" : ""),
-              "give independent conditions, one per state");
-}
-
-// Returns the reciprocal condition of the boundary problem of the linear dynamics.
-double require_determined_states(const GalerkinProblem& p) {
-  if (p.initial_value) return 1;
-  require_independent_rows(p.boundary);
-  const Segment all = repeated(p.step.E, Vector::Zero(p.states()), p.N);
-  const double condition = solve_ends(all, p.boundary).reciprocal_condition;
-  if (!(condition >= singular_boundary))
-    throw Error("boundary", text("E0 + ET e^{TA} is singular (reciprocal condition %.1e)", condition),
-                "give conditions that determine the states of the scene without y");
-  return condition;
-}
+constexpr double delicate_boundary = 1e-7;  ///< reciprocal condition of the boundary problem
 
 std::vector<Index> recorded_components(const Scene& scene, const Options& options) {
   if (options.states == StateSelection::list) return options.components;
@@ -192,6 +151,10 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
     result.status = Status::tolerance_not_met;
     result.reason = text("the residual is %.1e", result.residual);
   }
+  if (result.status != Status::solved || s.unique) return;
+  const Uniqueness unique = uniqueness_of(scene, N);
+  result.well_posed = unique.assured;
+  if (!unique.assured) add_warning(result, unique.words);
 }
 
 }  // namespace

@@ -1,3 +1,4 @@
+#include "core/galerkin_recurrence.hpp"
 #include "core/galerkin_solvers.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/text.hpp"
@@ -5,35 +6,6 @@
 namespace bromwich {
 
 namespace {
-
-// As a recurrence of the engine: row j = interval j, z_j the state at its right end.
-class GalerkinRecurrence {
- public:
-  GalerkinRecurrence(const GalerkinProblem& p, Backend& backend) {
-    const Index m = p.states(), n = p.unknowns();
-    recurrence = DenseRecurrence{p.step.E, p.step.H, Matrix::Zero(m, n), p.step.C, Matrix::Zero(n, n)};
-    M = p.step.D;
-    start = p.boundary.b;
-    r = padded(p.q, backend);
-    forcing = padded(p.forcing, backend);
-    bytes = r->bytes() + forcing->bytes();
-  }
-
-  Recurrence recurrence;
-  LcpMatrix M;
-  Vector start;
-  std::unique_ptr<Array> r, forcing;
-  std::size_t bytes;
-
- private:
-  static std::unique_ptr<Array> padded(const RowMatrix& values, Backend& backend) {
-    RowMatrix rows = RowMatrix::Zero(values.rows() + 1, values.cols());
-    rows.bottomRows(values.rows()) = values;
-    auto array = backend.array(rows.rows(), rows.cols());
-    backend.upload(rows, *array);
-    return array;
-  }
-};
 
 void explain(const GalerkinProblem& p, const MarchReport& report, GalerkinSolution& s) {
   if (report.stopped < 0) {
@@ -59,14 +31,16 @@ void explain(const GalerkinProblem& p, const MarchReport& report, GalerkinSoluti
 }  // namespace
 
 GalerkinSolution march_galerkin(const GalerkinProblem& p, Backend& backend, const Options& options) {
-  const GalerkinRecurrence g(p, backend);
+  const LcpMatrix D = p.step.D;
+  const Recurrence recurrence = galerkin_recurrence(p.step);
+  const auto q = padded_array(p.q, backend), forcing = padded_array(p.forcing, backend);
   MarchProblem problem;
-  problem.M = &g.M;
-  problem.lcp_class = classify(g.M);
-  problem.recurrence = &g.recurrence;
-  problem.r = g.r.get();
-  problem.start = &g.start;
-  problem.forcing = g.forcing.get();
+  problem.M = &D;
+  problem.lcp_class = classify(D);
+  problem.recurrence = &recurrence;
+  problem.r = q.get();
+  problem.start = &p.boundary.b;
+  problem.forcing = forcing.get();
   problem.interrupted = options.interrupted;
   if (options.progress) problem.progress = [&options, N = p.N](Index step) { options.progress({step, 0, N}); };
   const auto y = backend.array(p.N + 1, p.unknowns()), v = backend.array(p.N + 1, p.unknowns());
@@ -83,7 +57,7 @@ GalerkinSolution march_galerkin(const GalerkinProblem& p, Backend& backend, cons
   s.unique = problem.lcp_class == LcpClass::P;
   s.lcp = report.count;
   s.lcp_seconds = report.lcp_seconds;
-  s.bytes = g.bytes + y->bytes() + v->bytes() + march->bytes();
+  s.bytes = q->bytes() + forcing->bytes() + y->bytes() + v->bytes() + march->bytes();
   explain(p, report, s);
   return s;
 }

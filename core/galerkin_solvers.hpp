@@ -32,6 +32,15 @@ struct GalerkinSolution {
 /// Interval by interval, on the backend. Precondition: initial values.
 GalerkinSolution march_galerkin(const GalerkinProblem&, Backend&, const Options&);
 
+/// Functional iteration, all intervals at once on the backend:
+///
+///     z^{i+1}_k in SOL(D, q_k + C x_{k-1}(z^i)),   x(z) the states with the boundary condition.
+///
+/// Initial values: the causal convolution of a recurrence, superlinear. Boundary values: beside it m numbers a sweep,
+/// the state that the convolution ends with, and the modes C E^{k-1} of x_0, which enter r; they converge where the
+/// boundary term contracts (dissipative periodic problems). Ends as tolerance_not_met where the sweeps do not.
+GalerkinSolution iterate_galerkin(const GalerkinProblem&, Backend&, const Options&);
+
 /// Active sets of all intervals at once, exchanged until they repeat or agree (primal-dual active set method).
 GalerkinSolution exchange_active_sets(const GalerkinProblem&, const Options&, const RowMatrix* start = nullptr);
 

@@ -39,8 +39,9 @@ std::string describe(const AdjointChoice& choice) {
 }
 
 void validate(const GoalOptions& goal, double T) {
-  if (!(goal.marking > 0) || !(goal.marking <= 1))
-    throw Error("marking", text("found %g", goal.marking), "give a number above 0, at most 1");
+  if (!(goal.marking >= 0) || !(goal.marking <= 1))
+    throw Error("marking", text("found %g", goal.marking),
+                "give a number from 0 to 1; 0 marks the most economical number of cells");
   if (goal.first_cells < 1) throw Error("first_cells", text("found %td", goal.first_cells), "give at least 1");
   if (goal.cycles < 0) throw Error("cycles", text("found %td", goal.cycles), "give 0 or more");
   if (goal.adjoint.method == AdjointMethod::jacobi && goal.adjoint.sweeps < 1)
@@ -104,10 +105,10 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   const auto quantity = goal.quantity ? goal.quantity : local_balance();
   const Vector t = goal.first_grid.size() > 0
                        ? goal.first_grid
-                       : first_grid(scene.T, goal.first_cells, input_jumps(*scene.port, scene.T, goal.first_cells));
+                       : first_grid(scene.T, goal.first_cells, input_jumps(*scene.port, scene.T));
   Result result;
   result.seconds.setup = timer.lap();
-  AdaptedGrid grid = adapt_grid(t, options, goal, quantity->exact(), scene.default_steps, [&](const Vector& times) {
+  AdaptedGrid grid = adapt_grid(t, options, goal, *quantity, scene.default_steps, [&](const Vector& times) {
     return evaluate_goal(system, backend, goal, times, scene.x0);
   });
   result.seconds.solve = result.seconds.other = timer.lap();

@@ -23,7 +23,8 @@ struct GoalOptions {
   std::shared_ptr<const QuantityOfInterest> quantity;  ///< null: local_balance()
   AdjointChoice adjoint;
   CellWeights weights = CellWeights::local;
-  double marking = 0.5;    ///< share of the estimated error whose cells are halved, in (0, 1]
+  /// Share of the estimated error whose cells are halved (Doerfler), in (0, 1]; 0: economical_cells chooses.
+  double marking = 0;
   Index first_cells = 20;  ///< of the first grid, equal but for the jumps of the input
   Index cycles = 0;        ///< refinements; 0 = as many as steps or tolerance ask for
   Vector first_grid;       ///< instead of first_cells: times 0 to T

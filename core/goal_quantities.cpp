@@ -42,6 +42,7 @@ class LocalBalance : public QuantityOfInterest {
   }
   std::optional<double> exact() const override { return 0.; }
   double secant() const override { return 0.5; }
+  int order(int p) const override { return 2 * p + 1; }  // v falls by 2^-(p+1), and there are two
 };
 
 class WeightedBalance : public LocalBalance {
@@ -70,6 +71,7 @@ class WeightedBalance : public LocalBalance {
   }
   std::optional<double> exact() const override { return std::nullopt; }
   double secant() const override { return 1; }
+  int order(int p) const override { return p; }
 
  private:
   double rho_;

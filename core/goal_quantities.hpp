@@ -21,6 +21,8 @@ class QuantityOfInterest {
   /// I(x_h) - I(x) over the derivative at x_h in the direction x_h - x, for small errors: 1/2 for the square of what
   /// the exact solution makes zero, 1 otherwise.
   virtual double secant() const { return 1; }
+  /// q where what a cell contributes falls by 2^-q when it is halved, for a reconstruction of order p.
+  virtual int order(int p) const { return p; }
 };
 
 /// I_glob = (Σ_i v_i)^2, the violation of the energy balance over [0, T].

@@ -42,18 +42,45 @@ Vector first_grid(double T, Index cells, const std::vector<double>& breaks) {
   return Eigen::Map<const Vector>(t.data(), Index(t.size()));
 }
 
-std::vector<Index> marked_cells(const Vector& indicators, double marking, Index most) {
-  const Vector size = indicators.cwiseAbs();
+namespace {
+
+/// Cells by decreasing size.
+std::vector<Index> by_size(const Vector& size) {
   std::vector<Index> cells(std::size_t(size.size()));
   std::iota(cells.begin(), cells.end(), Index(0));
-  std::sort(cells.begin(), cells.end(),
-            [&](Index a, Index b) { return size[a] > size[b] || (size[a] == size[b] && a < b); });
+  std::stable_sort(cells.begin(), cells.end(), [&](Index a, Index b) { return size[a] > size[b]; });
+  return cells;
+}
+
+}  // namespace
+
+std::vector<Index> marked_cells(const Vector& indicators, double marking, Index most) {
+  const Vector size = indicators.cwiseAbs();
+  std::vector<Index> cells = by_size(size);
   const double wanted = marking * size.sum();
   double covered = 0;
   std::size_t count = 0;
   while (count < cells.size() && Index(count) < most && covered < wanted && size[cells[count]] > 0)
     covered += size[cells[count++]];
   cells.resize(count);
+  std::sort(cells.begin(), cells.end());
+  return cells;
+}
+
+std::vector<Index> economical_cells(const Vector& indicators, int q, Index most) {
+  const Vector size = indicators.cwiseAbs();
+  std::vector<Index> cells = by_size(size);
+  const double gain = 1 - std::exp2(-q);
+  double left = size.sum(), least = INFINITY;
+  Index best = 0;
+  for (Index count = 1; count <= size.size() && size[cells[std::size_t(count - 1)]] > 0; ++count) {
+    left -= gain * size[cells[std::size_t(count - 1)]];
+    const double cost = left * std::pow(1 + double(count) / double(size.size()), q);
+    if (cost >= least) continue;
+    least = cost;
+    best = count;
+  }
+  cells.resize(std::size_t(std::min(best, most)));
   std::sort(cells.begin(), cells.end());
   return cells;
 }
@@ -73,11 +100,13 @@ Vector bisected(const Vector& t, const std::vector<Index>& marked) {
   return Eigen::Map<const Vector>(points.data(), Index(points.size()));
 }
 
-AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal, std::optional<double> exact,
+AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal, const QuantityOfInterest& quantity,
                        Index default_cells, const std::function<GoalEvaluation(const Vector& t)>& evaluate) {
   const bool open_ended = goal.cycles > 0 || options.tolerance > 0;
   const Index limit = options.steps > 0 ? options.steps : open_ended ? most_cells : default_cells;
   const Index cycles = goal.cycles > 0 ? goal.cycles : most_cycles;
+  const std::optional<double> exact = quantity.exact();
+  const int q = quantity.order(order(goal.scheme));
   AdaptedGrid grid;
   Timer timer;
   for (grid.t = std::move(t);;) {
@@ -95,8 +124,10 @@ AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal
                          (!exact || std::abs(cycle.quantity - *exact) <= options.tolerance);
     if (reached) return grid;
     const bool at_end = cycle.cells >= limit || Index(grid.history.size()) > cycles;
-    const std::vector<Index> marked =
-        at_end ? std::vector<Index>{} : marked_cells(grid.last.indicators, goal.marking, limit - cycle.cells);
+    const std::vector<Index> marked = at_end ? std::vector<Index>{}
+                                      : goal.marking > 0
+                                          ? marked_cells(grid.last.indicators, goal.marking, limit - cycle.cells)
+                                          : economical_cells(grid.last.indicators, q, limit - cycle.cells);
     Vector finer = bisected(grid.t, marked);
     if (finer.size() == grid.t.size()) {  // the end, or nothing left to halve
       if (options.tolerance > 0) {

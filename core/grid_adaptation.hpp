@@ -14,6 +14,10 @@ Vector first_grid(double T, Index cells, const std::vector<double>& breaks);
 /// None where all indicators are 0.
 std::vector<Index> marked_cells(const Vector& indicators, double marking, Index most);
 
+/// The cells to halve, those with the largest |indicators|, as many as make M^q Σ |indicators| least, by the law that
+/// what a cell contributes falls by 2^-q: half of the cells of a grid where all contribute alike would be a waste.
+std::vector<Index> economical_cells(const Vector& indicators, int q, Index most);
+
 /// Halves the marked cells; those of a few roundings of T are left as they are.
 Vector bisected(const Vector& t, const std::vector<Index>& marked);
 
@@ -26,7 +30,7 @@ struct AdaptedGrid {
 };
 
 /// Evaluates and refines until the cycles, cells or tolerance asked for. `default_cells` where nothing is.
-AdaptedGrid adapt_grid(Vector t, const Options&, const GoalOptions&, std::optional<double> exact, Index default_cells,
+AdaptedGrid adapt_grid(Vector t, const Options&, const GoalOptions&, const QuantityOfInterest&, Index default_cells,
                        const std::function<GoalEvaluation(const Vector& t)>& evaluate);
 
 }  // namespace bromwich

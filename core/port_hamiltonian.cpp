@@ -200,6 +200,25 @@ Scene make_scene(PortHamiltonian port, const Vector& x0, double T) {
   return scene;
 }
 
+Scene with_idle_constraint(Scene scene) {
+  const Index m = scene.states();
+  if (auto* dense = std::get_if<DenseDynamics>(&scene.dynamics)) {
+    dense->B = Matrix::Zero(m, 1);
+    dense->N = Matrix::Zero(1, m);
+  } else if (auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
+    sparse->B = SparseMatrix(m, 1);
+    sparse->N = SparseMatrix(1, m);
+  }
+  scene.M = Matrix(Matrix::Identity(1, 1));
+  scene.lcp_class = LcpClass::P;
+  return scene;
+}
+
+Result with_idle_constraint(Result result) {
+  result.y = RowMatrix::Zero(result.t.size(), 1);
+  return result;
+}
+
 Vector input_at(const PortHamiltonian& port, double t, Side side, double T) {
   Vector u = Vector::Zero(port.ports());
   if (!port.u) return u;
@@ -219,21 +238,27 @@ std::vector<double> input_jumps(const PortHamiltonian& port, double T, Index sam
     return u;
   };
   const auto change = [](const Vector& a, const Vector& b) { return (b - a).cwiseAbs().maxCoeff(); };
+  const auto time = [&](Index i) { return T * double(i) / double(samples); };
+  Vector changes = Vector::Zero(samples + 2);  // of interval i at i + 1
+  Vector before = value(0);
   for (Index i = 0; i < samples; ++i) {
-    double left = T * double(i) / double(samples), right = T * double(i + 1) / double(samples);
-    if (std::any_of(found.begin(), found.end(), [&](double t) { return left < t && t < right; })) continue;
+    const Vector behind = value(time(i + 1));
+    changes[i + 1] = change(before, behind);
+    before = behind;
+  }
+  for (Index i = 0; i < samples; ++i) {
+    const double beside = std::max(changes[i], changes[i + 2]);
+    if (changes[i + 1] <= 2 * beside) continue;  // what is smooth changes in neighbours alike
+    double left = time(i), right = time(i + 1);
     Vector a = value(left), b = value(right);
-    const double before = change(a, b);
-    while (before > 0 && right - left > 2 * epsilon * T) {
+    while (right - left > 2 * epsilon * T) {
       const double middle = (left + right) / 2;
       const Vector c = value(middle);
       const bool first = change(a, c) > change(c, b);
       (first ? right : left) = middle;
       (first ? b : a) = c;
-      // A smooth u changes by about half in half the interval.
-      if (change(a, b) < before * std::pow((right - left) * double(samples) / T, 0.25)) break;
     }
-    if (right - left <= 2 * epsilon * T && change(a, b) > 0 && left > 0 && right < T) found.push_back(left);
+    if (change(a, b) > 0.25 * changes[i + 1] && left > 0 && right < T) found.push_back(left);
   }
   std::sort(found.begin(), found.end());
   const double apart = 16 * epsilon * T;

@@ -10,6 +10,7 @@
 // Q       PortHamiltonian::Q    m x m   energy, Q^T E symmetric and positive semidefinite; empty = identity
 // B, u    PortHamiltonian::B,u  m x k   ports and their input
 
+#include "result.hpp"
 #include "scene.hpp"
 
 #include <vector>
@@ -38,6 +39,10 @@ struct PortHamiltonian {
 /// Scene::port set, no constraints. Validates the structure.
 Scene make_scene(PortHamiltonian port, const Vector& x0, double T);
 
+/// A scene without constraints with one that never acts, 0 <= y ⊥ y >= 0, and a result with its y = 0.
+Scene with_idle_constraint(Scene);
+Result with_idle_constraint(Result);
+
 /// A and E^{-1} B, as make_scene writes them. E must be regular.
 struct StateSpace {
   SparseMatrix A, F;
@@ -48,8 +53,9 @@ StateSpace state_space(const PortHamiltonian&);
 enum class Side { before, behind };
 Vector input_at(const PortHamiltonian&, double t, Side, double T);
 
-/// Times in (0, T) where u jumps: those given, and those found by halving the intervals of a grid of `samples`, a
-/// change that does not shrink with the interval. A jump and its return between two samples are not seen.
-std::vector<double> input_jumps(const PortHamiltonian&, double T, Index samples);
+/// Times in (0, T) where u jumps: those given, and those found by halving the intervals of `samples` in which u changes
+/// more than twice as much as beside them. Two jumps between three samples are not seen, nor one smaller than what u
+/// changes otherwise.
+std::vector<double> input_jumps(const PortHamiltonian&, double T, Index samples = 1000);
 
 }  // namespace bromwich

@@ -3,6 +3,7 @@
 #include "core/galerkin.hpp"
 
 #include "core/galerkin_discretisation.hpp"
+#include "core/galerkin_uniqueness.hpp"
 #include "core/scenes/catalogue.hpp"
 #include "refusal.hpp"
 #include "run.hpp"
@@ -61,6 +62,17 @@ TEST(Galerkin, BridgeHasItsKnownErrors) {
   for (const Index N : {24, 48, 96, 192, 384, 25, 50, 100, 200, 400, 800}) {
     const Errors e = errors_of(scene, run_galerkin(scene, N));
     printf("%4ld  y %.3e  x %.3e  y(T) %.3e  x(T) %.3e\n", long(N), e.y, e.x, e.y_end, e.x_end);
+  }
+}
+
+TEST(Galerkin, Uniqueness) {
+  const Scene scene = make_scene("bridge", {});
+  for (const Index N : {8, 32, 64, 128})
+    printf("%ld %.4f %.4f\n", long(N), smallest_symmetric_eigenvalue(scene, N, 0), smallest_symmetric_eigenvalue(scene, N, 1));
+  for (const std::string name : {"nash-game", "lq-control", "periodic-rectifier"}) {
+    const Scene scene = make_scene(name, {});
+    const Result r = run_galerkin(scene, 64);
+    printf("%s %g %g: %s\n", name.c_str(), smallest_symmetric_eigenvalue(scene, 32, 0), smallest_symmetric_eigenvalue(scene, 32, 2), r.warning.c_str());
   }
 }
 

@@ -108,11 +108,11 @@ TEST(Indicators, EstimateTheErrorOnceResolved) {
       const GoalEvaluation e = toy.evaluate(Vector::LinSpaced(401, 0, 10), goal);
       EXPECT_NEAR(e.indicators.sum() / e.quantity, 1, 0.1) << to_string(scheme) << " " << to_string(weights);
 
-      Options options = options_for(Method::goal, 400);
+      Options options = options_for(Method::goal, 800);
       options.goal = std::make_shared<GoalOptions>(goal);
       const auto report = solve(toy.scene, *toy.backend, options).goal;
       for (const GoalCycle& cycle : report->history) {
-        if (cycle.cells < 100) continue;
+        if (cycle.cells < 200) continue;
         EXPECT_GE(cycle.effectivity.value(), 0.3) << to_string(scheme) << " " << cycle.cells;
         EXPECT_LE(cycle.effectivity.value(), 3) << to_string(scheme) << " " << cycle.cells;
       }
@@ -149,6 +149,9 @@ TEST(GridAdaptation, MarksTheFewestCells) {
   EXPECT_EQ(marked_cells(eta, 1, 9), (std::vector<Index>{0, 1, 2, 4}));
   EXPECT_EQ(marked_cells(eta, 1, 2), (std::vector<Index>{1, 4}));
   EXPECT_TRUE(marked_cells(Vector::Zero(3), 1, 9).empty());
+  EXPECT_EQ(economical_cells(Vector{{1, 1, 1, 1}}, 3, 9).size(), 4u);  // all or none
+  EXPECT_EQ(economical_cells(Vector{{1, -99, 1, 1}}, 3, 9), (std::vector<Index>{1}));
+  EXPECT_TRUE(economical_cells(Vector::Zero(3), 3, 9).empty());
   EXPECT_EQ(bisected(Vector{{0, 1, 3}}, {1}), (Vector{{0, 1, 2, 3}}));
 }
 
@@ -227,15 +230,17 @@ TEST(Goal, OneJacobiSweepSaturatesWhereModesAreUndamped) {
   EXPECT_LE(seen(1, 100, 101), 1e-13);  // exact after as many sweeps as steps
 }
 
+// |x'| of the ladder is that of a forced oscillation: the equidistributed grid is only 2.2 times better than the
+// uniform one, and halving cells loses some of it.
 TEST(Goal, CyclesOfTheLadderBeatUniformGrids) {
   const Scene scene = make_scene("ladder");
   const PortSystem system(*scene.port, scene.T);
   const auto backend = make_cpu_backend(1);
-  for (const Index cycles : {20, 60}) {
+  for (const auto& [cycles, marking, first] : {std::tuple(20, 0., 20), std::tuple(60, 0.25, 100)}) {
     GoalOptions goal;
     goal.cycles = cycles;
-    goal.marking = 0.1;
-    goal.first_cells = 50;
+    goal.marking = marking;
+    goal.first_cells = first;
     Options options = options_for(Method::goal);
     options.goal = std::make_shared<GoalOptions>(goal);
     const Result result = solve(scene, *backend, options);
@@ -280,7 +285,7 @@ TEST(Goal, RefusesBadInput) {
     return refusal([&] { solve(scene, *toy.backend, options); });
   };
   EXPECT_TRUE(refused(make_scene("bridge"), [](auto&) {}).starts_with("method: goal needs a port-Hamiltonian scene"));
-  EXPECT_TRUE(refused(toy.scene, [](auto& g) { g.marking = 0; }).starts_with("marking: found 0"));
+  EXPECT_TRUE(refused(toy.scene, [](auto& g) { g.marking = 2; }).starts_with("marking: found 2"));
   EXPECT_TRUE(refused(toy.scene, [](auto& g) { g.first_cells = 0; }).starts_with("first_cells: found 0"));
   EXPECT_TRUE(refused(toy.scene, [](auto& g) {
                 g.first_grid = Vector{{0, 3}};

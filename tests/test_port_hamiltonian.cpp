@@ -207,16 +207,16 @@ TEST(EnergyBalance, ViolationFallsWithTheOrderOfTheScheme) {
 TEST(InputJumps, AreFoundBetweenSamples) {
   PortHamiltonian port = toy();
   port.jumps.clear();
-  const auto found = input_jumps(port, 10, 20);
+  const auto found = input_jumps(port, 10);
   ASSERT_EQ(found.size(), 1u);
   EXPECT_NEAR(found[0], 5, 1e-14);
   port.u = [](double t, Eigen::Ref<Vector> u) { u[0] = std::sin(9 * t) + (t > 2.03 ? 0.2 : 0) - (t >= 7.77 ? 1 : 0); };
-  const auto two = input_jumps(port, 10, 64);
+  const auto two = input_jumps(port, 10);
   ASSERT_EQ(two.size(), 2u);
   EXPECT_NEAR(two[0], 2.03, 1e-14);
   EXPECT_NEAR(two[1], 7.77, 1e-14);
   port.u = [](double t, Eigen::Ref<Vector> u) { u[0] = std::sqrt(std::abs(t - 3.3)) + std::abs(t - 6); };  // kinks
-  EXPECT_TRUE(input_jumps(port, 10, 20).empty());
+  EXPECT_TRUE(input_jumps(port, 10).empty());
 }
 
 }  // namespace

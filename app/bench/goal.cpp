@@ -155,7 +155,7 @@ Json judged(const GoalScene& s, Backend& backend, StepScheme scheme, const Vecto
 }
 
 Vector equidistributed(const GoalScene& s, Backend& backend, Index M) {
-  const std::vector<double> jumps = input_jumps(*s.scene.port, s.scene.T, 20);
+  const std::vector<double> jumps = input_jumps(*s.scene.port, s.scene.T);
   const Vector fine = first_grid(s.scene.T, 50000, jumps);
   const RowMatrix x = trajectory(s, backend, StepScheme::exponential, fine);
   const SparseMatrix energy = s.system.energy_matrix();
