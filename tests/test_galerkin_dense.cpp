@@ -17,7 +17,7 @@ namespace {
 
 using reference::Random;
 
-enum class Ends { initial, separated, coupled, periodic };
+enum class EndConditions { initial, separated, coupled, periodic };
 
 /// m = 3, n = 2; quadratic f and g; M strictly dominant and the dynamics weak enough for one solution.
 struct QuadraticScene {
@@ -25,7 +25,7 @@ struct QuadraticScene {
   Matrix f, g;  ///< m x 3 and n x 3: coefficients of 1, t, t^2
 };
 
-QuadraticScene quadratic_scene(std::uint32_t seed, Ends ends, std::vector<Index> free_rows) {
+QuadraticScene quadratic_scene(std::uint32_t seed, EndConditions ends, std::vector<Index> free_rows) {
   Random random(seed);
   const Index m = 3, n = 2;
   QuadraticScene s{{}, random.matrix(m, 3), random.matrix(n, 3)};
@@ -37,15 +37,15 @@ QuadraticScene quadratic_scene(std::uint32_t seed, Ends ends, std::vector<Index>
   s.scene.free_rows = std::move(free_rows);
   s.scene.T = 1.5;
   const Matrix I = Matrix::Identity(m, m), none = Matrix::Zero(m, m);
-  if (ends == Ends::initial) {
+  if (ends == EndConditions::initial) {
     s.scene.x0 = random.vector(m);
     return s;
   }
   BoundaryCondition c{none, none, random.vector(m)};
-  if (ends == Ends::separated) {
+  if (ends == EndConditions::separated) {
     c.E0.row(0) = random.matrix(1, m);
     c.ET.bottomRows(2) = random.matrix(2, m);
-  } else if (ends == Ends::coupled) {
+  } else if (ends == EndConditions::coupled) {
     c.E0 = I + 0.3 * random.matrix(m, m);
     c.ET = random.matrix(m, m);
   } else {
@@ -142,9 +142,10 @@ RowMatrix rows_of(const Vector& z, Index N) { return Eigen::Map<const RowMatrix>
 // Sums of 2 n N = 256 terms of size 10 and the condition of the boundary problems, some 10^2: 1e-16 * 1e4 and a margin.
 constexpr double same_assembled = 1e-11;
 
-class GalerkinDense : public testing::TestWithParam<Ends> {};
+class GalerkinDense : public testing::TestWithParam<EndConditions> {};
 INSTANTIATE_TEST_SUITE_P(Conditions, GalerkinDense,
-                         testing::Values(Ends::initial, Ends::separated, Ends::coupled, Ends::periodic));
+                         testing::Values(EndConditions::initial, EndConditions::separated, EndConditions::coupled,
+                                         EndConditions::periodic));
 
 TEST_P(GalerkinDense, OperatorAgreesWithItsMatrix) {
   Random random(5);
@@ -194,7 +195,7 @@ TEST_P(GalerkinDense, SolversAgree) {
       ASSERT_EQ(other->status, Status::solved) << other->reason;
       EXPECT_LE(distance(other->z, exact.z), same_assembled) << other->how;
     }
-    if (GetParam() == Ends::initial) {
+    if (GetParam() == EndConditions::initial) {
       EXPECT_LE(distance(march_galerkin(p, *backend, {}).z, exact.z), same_assembled);
     }
   }
@@ -205,7 +206,7 @@ class GalerkinIteration : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Contract, GalerkinIteration, testing::ValuesIn(backend_cases()), backend_case_name);
 
 TEST_P(GalerkinIteration, FindsTheSolution) {
-  for (const Ends ends : {Ends::initial, Ends::periodic})
+  for (const EndConditions ends : {EndConditions::initial, EndConditions::periodic})
     for (const Index N : {1, 33, 200}) {
       QuadraticScene s = quadratic_scene(6, ends, {});
       auto& d = std::get<DenseDynamics>(s.scene.dynamics);
@@ -220,7 +221,7 @@ TEST_P(GalerkinIteration, FindsTheSolution) {
 }
 
 TEST_P(GalerkinIteration, MarchingAgreesOnEveryBackend) {
-  const QuadraticScene s = quadratic_scene(8, Ends::initial, {});
+  const QuadraticScene s = quadratic_scene(8, EndConditions::initial, {});
   const GalerkinProblem p = galerkin_problem(s.scene, 77);
   const GalerkinSolution marched = march_galerkin(p, *backend, {});
   ASSERT_EQ(marched.status, Status::solved) << marched.reason;

@@ -20,7 +20,7 @@ namespace {
 
 using Vector4 = Eigen::Vector4d;
 using Vector5 = Eigen::Matrix<double, 5, 1>;
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 struct GameMatrices {
   Eigen::Matrix4d A;
