@@ -163,7 +163,10 @@ TEST_F(Bench, GalerkinFindsItsOrders) {
     if (part == "cost") EXPECT_EQ(row["status"], "solved") << row;
     if (part == "periodic") EXPECT_LE(row["boundary_residual"], 1e-12) << row;
     if (part == "periodic" && row["steps"] == 6400) EXPECT_LE(row["difference"], 1e-5) << row;
-    if (part == "eigenvalue" && row["scene"] == "nash-game") EXPECT_NEAR(row["smallest"], 0.1, 1e-6) << row;
+    // Monotone, with 0.1 from M + 0.1 I alone; the matrix that the paper prints makes it indefinite at T = 1.
+    if (part == "eigenvalue" && row["scene"] == "nash-game" && !row["as_printed"])
+      EXPECT_NEAR(row["smallest"], 0.1, 1e-6) << row;
+    if (part == "eigenvalue" && row["as_printed"] && row["T"] == 1.0) EXPECT_LT(row["smallest"], -0.1) << row;
   }
   ASSERT_TRUE(orders["kinks on nodes"].contains("x_at_T"));
   for (const auto& [norm, order] : orders["kinks on nodes"]) EXPECT_GE(order, 1.9) << norm;
