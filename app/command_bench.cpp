@@ -24,6 +24,7 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
      bench_speed_vs_error},
     {"baselines", "the iteration against step-by-step methods, error beside time", bench_baselines},
     {"auto", "what auto chooses, against the best of the methods by name", bench_auto},
+    {"galerkin", "boundary values and initial values by Galerkin in time, implicit Euler beside it", bench_galerkin},
     {"gpu", "the CUDA backend on signorini: one sweep in parts, whole solves, the processor beside it", bench_gpu},
     {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
     {"multigrid", "cycles on signorini: contraction, and the way to a tenth of the discretisation error",

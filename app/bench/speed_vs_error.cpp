@@ -214,7 +214,7 @@ std::vector<std::string> failures(const std::vector<LadderContestant>& list) {
 
 void run_scene(const std::string& name, const ParameterValues& settings, const Limits& limits,
                const BenchRequest& request, Backend& backend, BenchReport& report) {
-  const SceneChoice choice = choose_scene(name, settings);
+  const SceneChoice choice = choose_initial_value_scene(name, settings);
   const Scene& scene = choice.scene;
   const Truth truth(scene, backend, limits.reference_steps);
   const auto alone = make_cpu_backend(1);

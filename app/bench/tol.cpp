@@ -37,7 +37,7 @@ struct Subject {
 };
 
 Subject built_in(const std::string& name, const ParameterValues& settings, const char* method) {
-  Subject s{choose_scene(name, settings), name, method};
+  Subject s{choose_initial_value_scene(name, settings), name, method};
   if (name == "signorini") s.name += fmt::format(", Q = {:g}", s.choice.parameters.at("Q"));
   return s;
 }
@@ -57,7 +57,8 @@ std::vector<Subject> subjects(const BenchRequest& request) {
     // In the list of all scenes each stands once: these files are built-in scenes, and rlcd.
     const std::string name = path.stem();
     if (!request.scene && (name == "bridge" || name == "dlcp-small" || name == "template")) continue;
-    all.push_back({choose_scene(path, request.settings), name, "auto"});
+    SceneChoice choice = choose_scene(path, request.settings);
+    if (!choice.scene.boundary) all.push_back({std::move(choice), name, "auto"});
   }
   return all;
 }
