@@ -21,22 +21,22 @@ namespace bromwich::app {
 namespace {
 
 constexpr Index most_dense_steps = 32;
-constexpr Index cells = 12;  ///< of an interval, with three Gauss points each
+constexpr Index pieces = 12;  ///< of an interval, with three Gauss points each
 
 /// u of the bridge at the Gauss points of one interval, with their places and weights on [0, 1].
 struct Sampled {
-  std::array<double, 3 * cells> s, weight, u;
+  std::array<double, 3 * pieces> s, weight, u;
 };
 
 Sampled sample(const Scene& scene, Index k, Index J) {
   const std::array<double, 3> node{0.5 - std::sqrt(0.15), 0.5, 0.5 + std::sqrt(0.15)}, weight{5. / 18, 4. / 9, 5. / 18};
   Sampled at;
   Vector x(scene.states()), y(1);
-  for (Index c = 0; c < cells; ++c)
+  for (Index c = 0; c < pieces; ++c)
     for (std::size_t p = 0; p < 3; ++p) {
       const std::size_t i = std::size_t(3 * c) + p;
-      at.s[i] = (double(c) + node[p]) / cells;
-      at.weight[i] = weight[p] / cells;
+      at.s[i] = (double(c) + node[p]) / pieces;
+      at.weight[i] = weight[p] / pieces;
       scene.exact(scene.T * (double(k) + at.s[i]) / double(J), x, y);
       at.u[i] = y[0];
     }
