@@ -16,7 +16,7 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr Index kink_panels = 6;  ///< of an interval: kinks between nodes are met by short kink_panels
+constexpr Index kink_panels = 6;  ///< of an interval: kinks between nodes are met by short panels
 // Gauss, three points on [0, 1].
 const double gauss_node[] = {0.5 - std::sqrt(0.15), 0.5, 0.5 + std::sqrt(0.15)};
 constexpr double gauss_weight[] = {5. / 18, 4. / 9, 5. / 18};

@@ -17,7 +17,7 @@ namespace bromwich::app {
 namespace {
 
 constexpr double wanted_agreement = 1e-6;  ///< of the periodic states
-constexpr Index most_periods = 200;
+constexpr Index most_periods = 40;
 constexpr double most_seconds = 5;  ///< of a solve; the next size is then left out
 
 std::size_t bytes_of(const GalerkinProblem& p) { return sizeof(double) * std::size_t(p.forcing.size() + p.q.size()); }
