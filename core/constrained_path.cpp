@@ -108,7 +108,7 @@ ConstrainedSolution solve_constrained(ConstrainedSystem& system, StepScheme sche
   std::vector<std::unique_ptr<SizedStep>> steps;
   for (const double h : sizes.sizes) steps.push_back(std::make_unique<SizedStep>(system, theta * h));
   const RowMatrix sources = step_sources(system.port(), scheme, t, x0);  // h f
-  ConstrainedSolution s{sources, {&system, RowMatrix::Zero(M, n), std::vector<Index>(std::size_t(M))}, -1, false};
+  ConstrainedSolution s{sources, {RowMatrix::Zero(M, n), std::vector<Index>(std::size_t(M))}, -1, false};
   Vector y = Vector::Zero(n), e, a = x0;
   for (Index i = 0; i < M; ++i) {
     SizedStep& step = *steps[std::size_t(sizes.of[std::size_t(i)])];
@@ -120,19 +120,19 @@ ConstrainedSolution solve_constrained(ConstrainedSystem& system, StepScheme sche
       s.unsolved = i + 1;
       s.infeasible = outcome.infeasible;
       s.x.bottomRows(M - i).setConstant(std::numeric_limits<double>::quiet_NaN());
-      s.path.y.bottomRows(M - i).setConstant(std::numeric_limits<double>::quiet_NaN());
+      s.steps.y.bottomRows(M - i).setConstant(std::numeric_limits<double>::quiet_NaN());
       return s;
     }
     e += step.V * y;
     a = a + (e - a) / theta;
     s.x.row(i + 1) = a.transpose();
-    s.path.y.row(i) = y.transpose();
-    s.path.modes[std::size_t(i)] = system.mode_of(y);
+    s.steps.y.row(i) = y.transpose();
+    s.steps.modes[std::size_t(i)] = system.mode_of(y);
   }
   return s;
 }
 
-ConstraintPath constraints_at(ConstrainedSystem& system, Backend& backend, const Vector& times, const RowMatrix& e) {
+ConstraintValues constraints_at(ConstrainedSystem& system, Backend& backend, const Vector& times, const RowMatrix& e) {
   const Index rows = e.rows(), n = system.constraints();
   RowMatrix q = e * system.N().transpose();
   for (Index i = 0; i < rows; ++i) q.row(i) += system.g(times[i]).transpose();
@@ -141,29 +141,35 @@ ConstraintPath constraints_at(ConstrainedSystem& system, Backend& backend, const
   const LcpReport report = backend.lcp(system.scene().M, LcpClass::P, rows)->solve(*r, *zero, *y, 0, 0);
   if (report.count.unsolved > 0)
     throw Error("complementarity", text("%ld problems stayed unsolved", report.count.unsolved), "use method march");
-  ConstraintPath path{&system, RowMatrix(rows, n), std::vector<Index>(std::size_t(rows))};
-  backend.download(*y, path.y);
-  for (Index i = 0; i < rows; ++i) path.modes[std::size_t(i)] = system.mode_of(path.y.row(i).transpose());
-  return path;
+  ConstraintValues found{RowMatrix(rows, n), std::vector<Index>(std::size_t(rows))};
+  backend.download(*y, found.y);
+  for (Index i = 0; i < rows; ++i) found.modes[std::size_t(i)] = system.mode_of(found.y.row(i).transpose());
+  return found;
+}
+
+ConstraintValues constraints_within(ConstrainedSystem& system, Backend& backend, const Trajectory& path, double s) {
+  const Index M = path.steps();
+  const Vector left = path.t.head(M), right = path.t.tail(M);
+  const Vector times = s == 1 ? right : Vector(left + s * (right - left));
+  return constraints_at(system, backend, times, states_within(path, s));
 }
 
 ConstraintPath constraints_along(ConstrainedSystem& system, Backend& backend, const Trajectory& path) {
-  const double theta = constraint_point(path.scheme);
-  const Index M = path.steps();
-  const Vector left = path.t.head(M), right = path.t.tail(M);
-  const Vector times = theta == 1 ? right : Vector(left + theta * (right - left));
-  return constraints_at(system, backend, times, states_within(path, theta));
+  ConstraintPath constraints{&system, {}};
+  for (const double s : quadrature(path.scheme).nodes)
+    constraints.nodes.push_back(constraints_within(system, backend, path, s));
+  return constraints;
 }
 
 ConstrainedChain constrained_chain(const ConstrainedSystem& system, StepScheme scheme, const Vector& t,
-                                   const Vector& x0, const ConstraintPath& path) {
+                                   const Vector& x0, const ConstraintValues& steps) {
   const double theta = constraint_point(scheme);
   const StepSizes sizes = group_steps(t);
   ConstrainedChain chain{{}, step_sources(system.port(), scheme, t, x0)};
   std::map<std::pair<Index, Index>, Index> kinds;
-  for (std::size_t i = 0; i < path.modes.size(); ++i) {
-    const auto [at, fresh] = kinds.insert({{sizes.of[i], path.modes[i]}, Index(chain.problem.maps.size())});
-    const ActiveMode& mode = system.mode(path.modes[i]);
+  for (std::size_t i = 0; i < steps.modes.size(); ++i) {
+    const auto [at, fresh] = kinds.insert({{sizes.of[i], steps.modes[i]}, Index(chain.problem.maps.size())});
+    const ActiveMode& mode = system.mode(steps.modes[i]);
     if (fresh) chain.problem.maps.push_back(step_map(scheme, mode.A, sizes.sizes[sizes.of[i]]));
     chain.problem.map_of.push_back(at->second);
     const Index row = Index(i);
@@ -176,21 +182,28 @@ ConstrainedChain constrained_chain(const ConstrainedSystem& system, StepScheme s
 Vector constraint_supply(const Trajectory& path) {
   const ConstraintPath& c = *path.constraints;
   const Index M = path.steps();
-  const RowMatrix e = states_within(path, constraint_point(path.scheme));
-  const Vector power = (e * c.system->port_matrix()).cwiseProduct(c.y).rowwise().sum();
-  return (path.t.tail(M) - path.t.head(M)).cwiseProduct(power);
+  const Vector h = path.t.tail(M) - path.t.head(M);
+  const auto& [nodes, weights] = quadrature(path.scheme);
+  Vector supply = Vector::Zero(M);
+  for (std::size_t q = 0; q < nodes.size(); ++q) {
+    const RowMatrix outputs = states_within(path, nodes[q]) * c.system->port_matrix();
+    supply += weights[q] * h.cwiseProduct(outputs.cwiseProduct(c.nodes[q].y).rowwise().sum());
+  }
+  return supply;
 }
 
-void add_constraint_supply(const Trajectory& path, const Vector& weights, RowMatrix& gradient) {
+void add_constraint_supply(const Trajectory& path, const Vector& w, RowMatrix& gradient) {
   const ConstraintPath& c = *path.constraints;
-  const double theta = constraint_point(path.scheme);
-  const RowMatrix outputs = states_within(path, theta) * c.system->port_matrix();
-  RowMatrix g = c.y * c.system->port_matrix().transpose();
-  for (Index i = 0; i < path.steps(); ++i) {
-    g.row(i) += outputs.row(i) * c.system->mode(c.modes[std::size_t(i)]).slope;
-    g.row(i) *= weights[i] * path.h(i);
+  const auto& [nodes, weights] = quadrature(path.scheme);
+  for (std::size_t q = 0; q < nodes.size(); ++q) {
+    const RowMatrix outputs = states_within(path, nodes[q]) * c.system->port_matrix();
+    RowMatrix g = c.nodes[q].y * c.system->port_matrix().transpose();
+    for (Index i = 0; i < path.steps(); ++i) {
+      g.row(i) += outputs.row(i) * c.system->mode(c.nodes[q].modes[std::size_t(i)]).slope;
+      g.row(i) *= weights[q] * w[i] * path.h(i);
+    }
+    add_within(path, nodes[q], g, gradient);
   }
-  add_within(path, theta, g, gradient);
 }
 
 }  // namespace bromwich

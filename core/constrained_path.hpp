@@ -59,19 +59,26 @@ class ConstrainedSystem {
   std::vector<ActiveMode> modes_;
 };
 
-/// y of every step of a trajectory and the modes they belong to.
-struct ConstraintPath {
-  const ConstrainedSystem* system = nullptr;
+/// y at one point of every step and the modes they belong to.
+struct ConstraintValues {
   RowMatrix y;               ///< M x n
   std::vector<Index> modes;  ///< M
+};
+
+/// y within the steps of a trajectory, y(t) in SOL(M, N x(t) + g(t)), at the nodes of its quadrature: what the
+/// integrals of its energy balance take. Euler: the y of the step; midpoint: y may differ from that of the step where a
+/// constraint switches within it, and the balance is violated by that.
+struct ConstraintPath {
+  const ConstrainedSystem* system = nullptr;
+  std::vector<ConstraintValues> nodes;  ///< by node of quadrature(scheme)
 };
 
 /// Where in a step complementarity holds, as a fraction of it: 1 or 1/2. Throws Error for the exponential scheme.
 double constraint_point(StepScheme);
 
 struct ConstrainedSolution {
-  RowMatrix x;  ///< (M+1) x m
-  ConstraintPath path;
+  RowMatrix x;              ///< (M+1) x m
+  ConstraintValues steps;   ///< y that the steps take
   Index unsolved = -1;      ///< first step whose problem was not solved, or -1
   bool infeasible = false;  ///< proven there
 };
@@ -79,18 +86,19 @@ struct ConstrainedSolution {
 ConstrainedSolution solve_constrained(ConstrainedSystem&, StepScheme, const Vector& t, const Vector& x0);
 
 /// y in SOL(M, N e + g) at the given points, rows of e, all at once. Throws Error where a problem stays unsolved.
-ConstraintPath constraints_at(ConstrainedSystem&, Backend&, const Vector& times, const RowMatrix& e);
-/// The same at the points of all steps of a trajectory.
+ConstraintValues constraints_at(ConstrainedSystem&, Backend&, const Vector& times, const RowMatrix& e);
+/// The same at fraction s of all steps of a trajectory, and at the nodes of its quadrature.
+ConstraintValues constraints_within(ConstrainedSystem&, Backend&, const Trajectory&, double s);
 ConstraintPath constraints_along(ConstrainedSystem&, Backend&, const Trajectory&);
 
-/// The chain of a path and its sources d: S x_i = R x_{i-1} + d_i holds for solutions, and what is left for other x is
-/// the residual of the nonlinear step.
+/// The chain of steps with given y and its sources d: S x_i = R x_{i-1} + d_i holds for solutions, and what is left for
+/// another x, with the y that belong to it, is the residual of the nonlinear step.
 struct ConstrainedChain {
   StepChainProblem problem;
   RowMatrix d;
 };
 ConstrainedChain constrained_chain(const ConstrainedSystem&, StepScheme, const Vector& t, const Vector& x0,
-                                   const ConstraintPath&);
+                                   const ConstraintValues&);
 
 /// ∫ y^T B^T Q^T E x over each step: M.
 Vector constraint_supply(const Trajectory&);

@@ -29,9 +29,11 @@ GoalEvaluation ConstrainedGoal::evaluate(const Vector& t) {
   if (last_.unsolved >= 0) return e;
   solved_ += long(t.size()) - 1;
 
-  const Trajectory path{system_.port(), scheme, t, e.x, 1, &last_.path};
+  Trajectory path{system_.port(), scheme, t, e.x};
+  path_ = constraints_along(system_, backend_, path);
+  path.constraints = &path_;
   e.quantity = quantity_->value(path);
-  const ConstrainedChain coarse = constrained_chain(system_, scheme, t, x0, last_.path);
+  const ConstrainedChain coarse = constrained_chain(system_, scheme, t, x0, last_.steps);
   e.sizes = group_steps(t).sizes.size();
   RowMatrix l;
   if (goal_.weights != CellWeights::global)
@@ -42,7 +44,8 @@ GoalEvaluation ConstrainedGoal::evaluate(const Vector& t) {
   Trajectory fine{system_.port(), scheme, fine_t, fine_x, 2};
   const ConstraintPath fine_path = constraints_along(system_, backend_, fine);
   fine.constraints = &fine_path;
-  const ConstrainedChain chain = constrained_chain(system_, scheme, fine_t, x0, fine_path);
+  const ConstraintValues steps = constraints_within(system_, backend_, fine, constraint_point(scheme));
+  const ConstrainedChain chain = constrained_chain(system_, scheme, fine_t, x0, steps);
   e.indicators = indicator_scale(scheme, *quantity_) * weighted_residual(backend_, chain.problem, chain.d, fine_x,
                                                                          quantity_->gradient(fine), goal_.weights, l,
                                                                          goal_.adjoint);
@@ -50,7 +53,8 @@ GoalEvaluation ConstrainedGoal::evaluate(const Vector& t) {
 }
 
 EnergyBalance ConstrainedGoal::balance(const AdaptedGrid& grid) const {
-  return energy_balance({system_.port(), goal_.scheme, grid.t, grid.last.x, 1, &last_.path});
+  if (last_.unsolved >= 0) return {};
+  return energy_balance({system_.port(), goal_.scheme, grid.t, grid.last.x, 1, &path_});
 }
 
 void ConstrainedGoal::report(const AdaptedGrid& grid, Result& result) {
@@ -65,7 +69,7 @@ void ConstrainedGoal::report(const AdaptedGrid& grid, Result& result) {
   result.residual = 0;
   for (Index i = 0; i + 1 < good; ++i) {
     const Vector q = system_.N() * e.row(i).transpose() + system_.g((1 - theta) * grid.t[i] + theta * grid.t[i + 1]);
-    const Vector y = last_.path.y.row(i).transpose(), w = system_.M() * y + q;
+    const Vector y = last_.steps.y.row(i).transpose(), w = system_.M() * y + q;
     result.residual =
         std::max(result.residual, y.cwiseMin(w).cwiseAbs().maxCoeff() / std::max(1., q.cwiseAbs().maxCoeff()));
   }

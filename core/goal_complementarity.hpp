@@ -1,8 +1,8 @@
 #pragma once
 // Goal-oriented time grids for port-Hamiltonian scenes with complementarity: the cycle of core/goal.hpp with the steps
-// and the adjoint of core/constrained_path.hpp. The quantity is a function of x alone, y being SOL(M, N e + g); what
-// the constraints take out is supplied power. The residual of the halved grid is that of the nonlinear step: it sees a
-// constraint that becomes active within a cell.
+// and the adjoint of core/constrained_path.hpp. The quantity is a function of x alone, with y(t) in SOL(M, N x(t) +
+// g(t)); what the constraints take out is supplied power. The residual of the halved grid is that of the nonlinear
+// step: it sees a constraint that becomes active within a cell.
 
 #include "constrained_path.hpp"
 #include "grid_adaptation.hpp"
@@ -30,6 +30,7 @@ class ConstrainedGoal {
   const GoalOptions& goal_;
   std::shared_ptr<const QuantityOfInterest> quantity_;
   ConstrainedSolution last_;
+  ConstraintPath path_;  ///< of it
   long solved_ = 0;
 };
 
