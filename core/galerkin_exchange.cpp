@@ -21,10 +21,20 @@ constexpr Index most_exchanges = 200;
 constexpr double least_pivot_condition = 1e-13;  ///< of D_SS; below it the active set counts as singular
 constexpr double sign_tolerance = 1e-13;         ///< of the largest z, and of the largest w
 
-// z = -(Zx x + Zq q) and x_next = P x + Pq q + F on one active set.
+// z = -(Zx x + Zq q) and x_next = P x - HZq q + F on one active set.
 struct ActiveMap {
-  Matrix Zx, Zq, P, Pq;
+  Matrix Zx, Zq, P, HZq;
 };
+
+// out -= A v, without the overhead of a library call where A is small.
+template <typename In, typename Out>
+void subtract_product(const Matrix& A, const In& v, Out& out) {
+  constexpr Index small = 400;
+  if (A.size() <= small)
+    out.noalias() -= A.lazyProduct(v);
+  else
+    out.noalias() -= A * v;
+}
 
 class ActiveMaps {
  public:
@@ -58,7 +68,7 @@ class ActiveMaps {
     map->Zx(S, Eigen::all) = inverse * step_.C(S, Eigen::all);
     map->Zq(S, S) = inverse;
     map->P -= step_.H * map->Zx;
-    map->Pq = -step_.H * map->Zq;
+    map->HZq = step_.H * map->Zq;
     return map;
   }
 
@@ -123,14 +133,17 @@ class Exchange {
   bool evaluate(std::string& reason) {
     RowMatrix p = p_.forcing;
     for (Index k = 0; k < p_.N; ++k) {
-      const ActiveMap* map = maps_.find(active_[std::size_t(k)]);
+      const std::string& active = active_[std::size_t(k)];
+      const bool as_before = k > 0 && active == active_[std::size_t(k - 1)];
+      const ActiveMap* map = as_before ? map_[std::size_t(k - 1)] : maps_.find(active);
       if (!map) {
         reason = text("the matrix of the active set at t = %.6g is singular", double(k) * p_.h);
         return false;
       }
       map_[std::size_t(k)] = map;
       P_[std::size_t(k)] = &map->P;
-      p.row(k).transpose().noalias() += map->Pq * p_.q.row(k).transpose();
+      auto input = p.row(k).transpose();
+      subtract_product(map->HZq, p_.q.row(k).transpose(), input);
     }
     x_ = solve_two_point(P_, p, p_.boundary, epsilon);
     if (x_.rows() == 0) {
@@ -138,9 +151,13 @@ class Exchange {
       return false;
     }
     z_.resize(p_.N, p_.unknowns());
-    for (Index k = 0; k < p_.N; ++k)
-      z_.row(k).noalias() =
-          -(x_.row(k) * map_[std::size_t(k)]->Zx.transpose() + p_.q.row(k) * map_[std::size_t(k)]->Zq.transpose());
+    z_.setZero();
+    for (Index k = 0; k < p_.N; ++k) {
+      const ActiveMap& map = *map_[std::size_t(k)];
+      auto z = z_.row(k).transpose();
+      subtract_product(map.Zx, x_.row(k).transpose(), z);
+      subtract_product(map.Zq, p_.q.row(k).transpose(), z);
+    }
     w_ = galerkin_slack(p_, z_, x_);
     if (z_.allFinite() && w_.allFinite()) return true;
     reason = "the iteration is not finite";
