@@ -61,7 +61,8 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
     sampled.y.resize(sampled.y.rows(), 0);
     return sampled;
   }
-  if (const auto eliminated = scene.free_rows.empty() ? std::nullopt : eliminate_free(scene)) {
+  const bool galerkin = result.method == to_string(Method::galerkin);
+  if (const auto eliminated = scene.free_rows.empty() || galerkin ? std::nullopt : eliminate_free(scene)) {
     // x follows from y of the rows that are not free; y itself is linear in all of them.
     Result sampled = at_times(eliminated->scene, backend, eliminated->reduced(result), times);
     sampled.y.resize(Index(times.size()), result.y.cols());

@@ -32,28 +32,68 @@ void add_warning(Result& result, const std::string& words) {
 bool has_ended(const GalerkinSolution& s) { return s.status != Status::tolerance_not_met; }
 
 // Boundary values: the fast method first, then the safe ones. Of several failures the first is the one to explain.
-GalerkinSolution solve_boundary_problem(const GalerkinProblem& p, const Options& options) {
-  GalerkinSolution first = exchange_active_sets(p, options);
+GalerkinSolution solve_boundary_problem(const GalerkinProblem& p, const Options& options, const RowMatrix& start) {
+  constexpr Index looked_at = 256;
+  GalerkinSolution first = exchange_active_sets(p, options, &start);
   if (has_ended(first)) return first;
-  GalerkinSolution damped = damped_newton(p, options, RowMatrix::Zero(p.N, p.unknowns()));
+  const Index infeasible = first_infeasible_interval(p, std::max<Index>(1, p.N / looked_at));
+  if (infeasible >= 0) {
+    first.status = Status::infeasible;
+    first.infeasible = infeasible;
+    first.reason = text("no state and no y satisfy the constraints in the interval that begins at t = %.6g",
+                        double(infeasible) * p.h);
+    return first;
+  }
+  GalerkinSolution damped = damped_newton(p, options, start);
   if (has_ended(damped)) return damped;
   if (p.N * p.unknowns() <= most_assembled) {
     GalerkinSolution pivoted = pivot_assembled(p, options);
     if (has_ended(pivoted)) return pivoted;
   }
-  damped.infeasible = first_infeasible_interval(p);
-  if (damped.infeasible >= 0) {
-    damped.status = Status::infeasible;
-    damped.reason = text("no state and no y satisfy the constraints in the interval that begins at t = %.6g",
-                         double(damped.infeasible) * p.h);
-  } else {
-    damped.reason = first.reason + "; " + damped.reason;
-  }
+  damped.reason = first.reason + "; " + damped.reason;
   return damped;
 }
 
-GalerkinSolution solved_problem(const GalerkinProblem& p, Backend& backend, const Options& options) {
-  return p.initial_value ? march_galerkin(p, backend, options) : solve_boundary_problem(p, options);
+// The same y on twice as many intervals.
+RowMatrix halved_intervals(const RowMatrix& z) {
+  const Index n = z.cols() / 2;
+  RowMatrix fine(2 * z.rows(), z.cols());
+  for (Index k = 0; k < z.rows(); ++k) {
+    const auto middle = (z.row(k).head(n) + z.row(k).tail(n)) / 2;
+    fine.row(2 * k) << z.row(k).head(n), middle;
+    fine.row(2 * k + 1) << middle, z.row(k).tail(n);
+  }
+  return fine;
+}
+
+// The active sets of coarser grids: most exchanges happen where they cost little.
+RowMatrix nested_start(const Scene& scene, Index N, Index unknowns, const Options& options) {
+  constexpr Index fewest_intervals = 32;
+  const RowMatrix nothing = RowMatrix::Zero(N, unknowns);
+  if (N % 2 != 0 || N / 2 < fewest_intervals) return nothing;
+  const GalerkinProblem p = galerkin_problem(scene, N / 2);
+  const FreeElimination elimination(p, scene.free_rows);
+  const GalerkinSolution s =
+      solve_boundary_problem(elimination.reduced(), options, nested_start(scene, N / 2, unknowns, options));
+  return s.status == Status::solved ? halved_intervals(s.z) : nothing;
+}
+
+// All rows are free: nothing is left to be complementary.
+GalerkinSolution linear_solution(const GalerkinProblem& p) {
+  GalerkinSolution s;
+  s.status = Status::solved;
+  s.how = "linear";
+  s.z = RowMatrix(p.N, 0);
+  s.x = galerkin_states(p, s.z);
+  s.unique = true;
+  return s;
+}
+
+GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& p, Backend& backend,
+                                const Options& options) {
+  if (p.unknowns() == 0) return linear_solution(p);
+  if (p.initial_value) return march_galerkin(p, backend, options);
+  return solve_boundary_problem(p, options, nested_start(scene, p.N, p.unknowns(), options));
 }
 
 // (J+1) rows: the left end of the first interval, then all right ends.
@@ -131,7 +171,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
     add_warning(result, "the free unknowns are not determined; theirs of least norm are given");
   result.seconds.setup = timer.lap();
 
-  GalerkinSolution s = solved_problem(elimination.reduced(), backend, options);
+  GalerkinSolution s = solved_problem(scene, elimination.reduced(), backend, options);
   result.status = s.status;
   result.reason = s.reason;
   result.kernel = "discontinuous piecewise-linear y, exact exponentials; " + s.how;
@@ -143,6 +183,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
   result.bytes = s.bytes + sizeof(double) * std::size_t(3 * p.q.size() + 2 * p.forcing.size());
   if (s.infeasible >= 0) result.infeasible_at = double(s.infeasible) * p.h;
   if (s.z.rows() != N || s.x.rows() != N + 1) return;
+  if (s.status == Status::infeasible && !p.initial_value) return;
   const RowMatrix z = elimination.recovered(s.z, s.x);
   const RowMatrix x = galerkin_states(p, z);
   fill(scene, p, z, x, options, result);

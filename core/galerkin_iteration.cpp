@@ -65,7 +65,8 @@ GalerkinSolution iterate_galerkin(const GalerkinProblem& p, Backend& backend, co
   const auto free = padded_array(galerkin_slack(p, zero, free_states), backend), r = backend.array(rows, n),
              v = backend.array(rows, n), z = backend.array(rows, n);
   backend.inject(*free, *r);
-  const auto convolution = backend.convolution(galerkin_recurrence(p.step), rows);
+  const Recurrence recurrence = galerkin_recurrence(p.step);
+  const auto convolution = backend.convolution(recurrence, rows);
   const auto lcp = backend.lcp(D, lcp_class, rows);
   std::optional<BoundaryTerm> boundary;
   if (!p.initial_value) boundary.emplace(p, backend);

@@ -60,14 +60,14 @@ GalerkinSolution pivot_assembled(const GalerkinProblem& p, const Options&) {
   return s;
 }
 
-Index first_infeasible_interval(const GalerkinProblem& p) {
+Index first_infeasible_interval(const GalerkinProblem& p, Index stride) {
   const Index n = p.unknowns(), m = p.states();
   Matrix cone(n, 2 * n + 2 * m);  // D z + C x - w = -q, z >= 0, w >= 0, x = x+ - x-
   cone << p.step.D, p.step.C, -p.step.C, -Matrix::Identity(n, n);
   Equilibration e{Vector::Ones(n), Vector::Ones(cone.cols())};
   for (Index i = 0; i < n; ++i) e.rows[i] = 1 / cone.row(i).cwiseAbs().maxCoeff();
   cone = (e.rows.asDiagonal() * cone).eval();
-  for (Index k = 0; k < p.N; ++k) {
+  for (Index k = 0; k < p.N; k += stride) {
     const Vector q = e.rows.cwiseProduct(p.q.row(k).transpose());
     if (q.minCoeff() >= 0) continue;  // z = 0, x = 0
     const Vector u = nonnegative_least_squares(cone, -q);

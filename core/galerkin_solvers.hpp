@@ -54,8 +54,8 @@ GalerkinSolution pivot_assembled(const GalerkinProblem&, const Options&);
 inline constexpr Index most_assembled = 400;
 
 /// First interval for which no z >= 0 and no state at all give w >= 0 (a certificate by Farkas' lemma): such a problem
-/// has no solution whatever the boundary condition. -1 where there is none.
-Index first_infeasible_interval(const GalerkinProblem&);
+/// has no solution whatever the boundary condition. Looks at every `stride`-th; -1 where there is none.
+Index first_infeasible_interval(const GalerkinProblem&, Index stride);
 
 /// max over intervals and components of |min(z, w)| / max(1, max |C x + q|).
 double natural_residual(const GalerkinProblem&, const RowMatrix& z, const RowMatrix& x);

@@ -202,6 +202,16 @@ Method method_from_string(const std::string& name) {
 
 namespace {
 
+Result by_galerkin(const Scene& scene, Backend& backend, const Options& options) {
+  Options named = options;
+  named.method = Method::galerkin;
+  const Index J = options.steps > 0 ? options.steps : scene.default_steps;
+  const Cost cost = refuse_what_does_not_fit(scene, named, J, Index(selected(scene, options).size()));
+  Result result = solve_by_galerkin(scene, backend, named);
+  result.bytes_predicted = std::size_t(cost.bytes);
+  return result;
+}
+
 Result unsupported(const Scene& scene, const Backend& backend, const Options& options, const std::string& why) {
   Result result;
   result.reason = why + "; use method galerkin";
@@ -232,15 +242,15 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
     result.trace.resize(result.trace.rows(), 0);
     return result;
   }
-  if (options.method == Method::galerkin) return solve_by_galerkin(given, backend, options);
+  if (options.method == Method::galerkin) return by_galerkin(given, backend, options);
   const bool automatic = options.method == Method::automatic;
   if (given.boundary)
     return automatic
-               ? solve_by_galerkin(given, backend, options)
+               ? by_galerkin(given, backend, options)
                : unsupported(given, backend, options, "it needs initial values and the scene has boundary values");
   if (!given.free_rows.empty()) {
     if (const auto eliminated = eliminate_free(given)) return solve_mixed(given, *eliminated, backend, options);
-    return automatic ? solve_by_galerkin(given, backend, options)
+    return automatic ? by_galerkin(given, backend, options)
                      : unsupported(given, backend, options, "the free rows and columns of M form a singular matrix");
   }
   if (options.tolerance > 0) return solve_to_tolerance(given, backend, options);

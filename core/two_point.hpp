@@ -44,8 +44,21 @@ struct EndStates {
 EndStates solve_ends(const Segment&, const BoundaryCondition&);
 
 /// All states, (N+1) x m; P has N pointers, p is N x m. Empty (no rows) where the boundary condition does not determine
-/// them to `least_condition`.
+/// them to `least_condition`. Forward, x_k = Phi_k x_0 + phi_k, where rounding carried along the steps provably stays
+/// below 1e-12 of the states; with many states x_0 by a Krylov method, where that ends; otherwise by segments.
 RowMatrix solve_two_point(const std::vector<const Matrix*>& P, const RowMatrix& p, const BoundaryCondition&,
                           double least_condition);
+
+/// (E0 + ET P_N ... P_1) x_0 = b - ET phi_N by GMRES: a product with the matrix is one pass over the steps, O(N m^2),
+/// and dissipative steps leave few directions that come around. Empty where 100 products are not enough or what comes
+/// out does not satisfy the boundary condition to 1e-11.
+RowMatrix solve_two_point_krylov(const std::vector<const Matrix*>& P, const RowMatrix& p, const BoundaryCondition&);
+inline constexpr Index fewest_krylov_states = 64;
+
+/// The other two by themselves; forward: empty where rounding grows too much.
+RowMatrix solve_two_point_forward(const std::vector<const Matrix*>& P, const RowMatrix& p, const BoundaryCondition&,
+                                  double least_condition);
+RowMatrix solve_two_point_by_segments(const std::vector<const Matrix*>& P, const RowMatrix& p, const BoundaryCondition&,
+                                      double least_condition);
 
 }  // namespace bromwich

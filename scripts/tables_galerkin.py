@@ -80,13 +80,13 @@ def periodic(data):
 
 
 def eigenvalues(data):
+    lines = ["Smallest eigenvalue of the symmetric part of the operator; where it is positive, the solution is unique:", ""]
     rows = rows_of(data, "eigenvalue")
-    last = {row["T"]: row for row in rows}  # the finest grid of each
-    return [
-        "Smallest eigenvalue of the symmetric part of the operator, nash-game with M + 0.1 I: "
-        + ", ".join(f"{row['smallest']:.3f} at T = {T:g}" for T, row in last.items())
-        + f" ({rows[-1]['steps']} intervals): strongly monotone where it is positive."
-    ]
+    for scene, printed, regularisation, weight in dict.fromkeys((row["scene"], row["as_printed"], row["regularisation"], row["lambda"]) for row in rows):
+        last = {row["T"]: row for row in rows_of(data, "eigenvalue", scene=scene, as_printed=printed, **{"lambda": weight})}  # the finest grid of each
+        title = scene + (", matrix as the paper prints it," if printed else "") + (f" with M + {regularisation:g} I" if regularisation else "") + (f", weight e^(-2 {weight:g} t)" if weight else "")
+        lines.append(f"- {title}: " + ", ".join(f"{row['smallest']:.3f} at T = {T:.3g}" for T, row in last.items()))
+    return lines
 
 
 def ratio(data):

@@ -151,7 +151,8 @@ TEST_F(Bench, GalerkinFindsItsOrders) {
   for (const Json& row : json["rows"]) {
     const std::string part = row["part"];
     if (part == "order" && row["method"] == "galerkin" && row["scene"] == "bridge")
-      for (const auto& [norm, order] : row["order"].items()) orders[row["grid"]][norm] = order;
+      for (const auto& [norm, order] : row["order"].items())
+        if (!order.is_null()) orders[row["grid"]][norm] = order;  // null: exact on every grid
     if (part == "convergence" && row["method"] == "galerkin") EXPECT_TRUE(row["solved"]) << row;
     // y piecewise linear in any way is nearer than continuous, and that nearer than constant.
     if (part == "projection") {
@@ -161,9 +162,13 @@ TEST_F(Bench, GalerkinFindsItsOrders) {
     if (part == "ratio") EXPECT_GT(row["x_at_T"], 100) << row;  // 49 h = 1 here; 2000 at h = 1e-3
     if (part == "cost") EXPECT_EQ(row["status"], "solved") << row;
     if (part == "periodic") EXPECT_LE(row["boundary_residual"], 1e-12) << row;
-    if (part == "periodic" && row["steps"] == 6400) EXPECT_LE(row["difference"], 1e-6) << row;
-    if (part == "eigenvalue" && row["T"] == 1.0) EXPECT_LT(row["smallest"], 0) << row;
+    if (part == "periodic" && row["steps"] == 6400) EXPECT_LE(row["difference"], 1e-5) << row;
+    // Monotone, with 0.1 from M + 0.1 I alone; the matrix that the paper prints makes it indefinite at T = 1.
+    if (part == "eigenvalue" && row["scene"] == "nash-game" && !row["as_printed"])
+      EXPECT_NEAR(row["smallest"], 0.1, 1e-6) << row;
+    if (part == "eigenvalue" && row["as_printed"] && row["T"] == 1.0) EXPECT_LT(row["smallest"], -0.1) << row;
   }
+  ASSERT_TRUE(orders["kinks on nodes"].contains("x_at_T"));
   for (const auto& [norm, order] : orders["kinks on nodes"]) EXPECT_GE(order, 1.9) << norm;
   EXPECT_GE(orders["kinks off nodes"]["y_L2"], 1.4);
 }

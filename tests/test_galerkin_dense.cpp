@@ -228,22 +228,52 @@ TEST_P(GalerkinIteration, MarchingAgreesOnEveryBackend) {
   EXPECT_LE(distance(marched.z, exchange_active_sets(p, {}).z), same_assembled);
 }
 
-// A chain with modes e^{30 k} and e^{-30 k} over 40 steps: e^{1200} is never formed, the ends hold both.
+// A chain with modes e^{15 k} and e^{-15 k} over 80 steps: e^{1200} is never formed, the ends hold both.
 TEST(TwoPoint, BoundaryLayers) {
   const Matrix V{{1, 1}, {1, 2}};
-  const Matrix P = V * Eigen::Vector2d(std::exp(30), std::exp(-30)).asDiagonal() * V.inverse();
-  const std::vector<const Matrix*> steps(40, &P);
+  const Matrix P = V * Eigen::Vector2d(std::exp(15), std::exp(-15)).asDiagonal() * V.inverse();
+  const std::vector<const Matrix*> steps(80, &P);
   const BoundaryCondition ends{Matrix{{0, 1}, {0, 0}}, Matrix{{0, 0}, {1, 0}}, Vector{{3, 5}}};
-  const RowMatrix x = solve_two_point(steps, RowMatrix::Zero(40, 2), ends, 1e-10);
-  ASSERT_EQ(x.rows(), 41);
-  // x_0 = a V_1 + ..: the decaying mode (1, 2) alone is left at 0, the growing one (1, 1) at T.
-  // The entries of P are known to eps e^30, so that the decaying factor is known to eps e^60 relatively: not at all,
-  // but its direction is, to eps.
-  EXPECT_NEAR(x(0, 0), 1.5, 1e-9);
+  const RowMatrix x = solve_two_point(steps, RowMatrix::Zero(80, 2), ends, 1e-10);
+  ASSERT_EQ(x.rows(), 81);
+  // The decaying mode (1, 2) alone is left at 0, the growing one (1, 1) at T. The entries of P are known to eps e^15 =
+  // 1e-9, which takes the place of the decaying factor; directions are known to eps.
+  EXPECT_NEAR(x(0, 0), 1.5, 1e-12);
   EXPECT_NEAR(x(0, 1), 3, 1e-12);
-  EXPECT_NEAR(x(40, 0), 5, 1e-12);
-  EXPECT_NEAR(x(40, 1), 5, 1e-9);
-  EXPECT_LE(x.middleRows(5, 30).cwiseAbs().maxCoeff(), 1e-9);
+  EXPECT_NEAR(x(80, 0), 5, 1e-12);
+  EXPECT_NEAR(x(80, 1), 5, 1e-12);
+  EXPECT_LE(x.middleRows(5, 60).cwiseAbs().maxCoeff(), 1e-12);
+}
+
+// Three ways to the same states.
+TEST(TwoPoint, ForwardSegmentsAndKrylovAgree) {
+  Random random(9);
+  for (const Index m : {1, 4, 70}) {
+    const Index N = 30;
+    std::vector<Matrix> steps;
+    std::vector<const Matrix*> P;
+    for (Index k = 0; k < N; ++k) steps.push_back(0.5 / std::sqrt(double(m)) * random.matrix(m, m));
+    for (const Matrix& step : steps) P.push_back(&step);
+    const RowMatrix p = random.matrix(N, m);
+    const BoundaryCondition ends{Matrix::Identity(m, m), -Matrix::Identity(m, m), random.vector(m)};
+    const RowMatrix segments = solve_two_point_by_segments(P, p, ends, 1e-12);
+    ASSERT_EQ(segments.rows(), N + 1) << m;
+    if (m <= 4) {  // the bound that forward asks for grows with the absolute values
+      EXPECT_LE(distance(solve_two_point_forward(P, p, ends, 1e-12), segments), 1e-12) << m;
+    }
+    EXPECT_LE(distance(solve_two_point_krylov(P, p, ends), segments), 1e-12) << m;
+    for (Index k = 0; k < N; ++k)
+      EXPECT_LE(
+          (steps[std::size_t(k)] * segments.row(k).transpose() + p.row(k).transpose() - segments.row(k + 1).transpose())
+              .norm(),
+          1e-12);
+  }
+  // Growing by 2^60 within the steps: forward says no.
+  const Matrix twice = Matrix{{2, 1}, {0, 0.5}};
+  const std::vector<const Matrix*> P(60, &twice);
+  const BoundaryCondition ends{Matrix{{0, 1}, {0, 0}}, Matrix{{0, 0}, {1, 0}}, Vector{{3, 5}}};
+  EXPECT_EQ(solve_two_point_forward(P, RowMatrix::Zero(60, 2), ends, 1e-12).rows(), 0);
+  EXPECT_EQ(solve_two_point_by_segments(P, RowMatrix::Zero(60, 2), ends, 1e-12).rows(), 61);
 }
 
 TEST(TwoPoint, SegmentsOfAnyLength) {

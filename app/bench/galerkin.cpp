@@ -16,7 +16,7 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr Index panels = 6;  ///< of an interval: kinks between nodes are met by short panels
+constexpr Index kink_panels = 6;  ///< of an interval: kinks between nodes are met by short panels
 // Gauss, three points on [0, 1].
 const double gauss_node[] = {0.5 - std::sqrt(0.15), 0.5, 0.5 + std::sqrt(0.15)};
 constexpr double gauss_weight[] = {5. / 18, 4. / 9, 5. / 18};
@@ -29,15 +29,15 @@ TimeErrors errors_of(const Scene& scene, Index J, const Approximation& at) {
   TimeErrors errors;
   double sum_x = 0, sum_y = 0;
   for (Index k = 0; k < J; ++k)
-    for (Index panel = 0; panel < panels; ++panel)
+    for (Index panel = 0; panel < kink_panels; ++panel)
       for (int point = 0; point < 3; ++point) {
-        const double s = (double(panel) + gauss_node[point]) / panels;
+        const double s = (double(panel) + gauss_node[point]) / kink_panels;
         at(k, s, x, y);
         scene.exact(scene.T * (double(k) + s) / double(J), exact_x, exact_y);
         sum_x += gauss_weight[point] * (x - exact_x).squaredNorm();
         sum_y += gauss_weight[point] * (y - exact_y).squaredNorm();
       }
-  const double weight = scene.T / double(J * panels);
+  const double weight = scene.T / double(J * kink_panels);
   errors.x_L2 = std::sqrt(weight * sum_x);
   errors.y_L2 = std::sqrt(weight * sum_y);
   at(J - 1, 1, x, y);

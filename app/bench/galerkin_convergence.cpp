@@ -18,8 +18,8 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr double rounding_level = 1e-11;  ///< errors below say nothing about an order
-constexpr double slow = 2;                ///< seconds; a longer solve is not repeated
+constexpr double no_order_below = 1e-11;  ///< errors below say nothing about an order
+constexpr double long_solve_seconds = 2;  ///< seconds; a longer solve is not repeated
 
 struct TimeLadder {
   std::string scene, grid;
@@ -61,7 +61,7 @@ template <typename Solve>
 void repeat(const BenchRequest& request, Measurement& m, const Solve& solve_once) {
   for (int i = 0; i < request.repeats(); ++i) {
     m.seconds.push_back(solve_once());
-    if (m.seconds.back() > slow || !m.solved) return;
+    if (m.seconds.back() > long_solve_seconds || !m.solved) return;
   }
 }
 
@@ -130,7 +130,7 @@ constexpr std::array<std::pair<const char*, double TimeErrors::*>, 4> norms{{{"y
 double observed_order(const std::vector<Point>& points, double TimeErrors::*norm) {
   double count = 0, sum_h = 0, sum_e = 0, sum_hh = 0, sum_he = 0;
   for (const Point& p : points) {
-    if (!(p.errors.*norm > rounding_level)) continue;
+    if (!(p.errors.*norm > no_order_below)) continue;
     const double h = -std::log(double(p.steps)), e = std::log(p.errors.*norm);
     count += 1;
     sum_h += h;

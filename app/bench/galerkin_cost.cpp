@@ -17,12 +17,14 @@ namespace bromwich::app {
 namespace {
 
 constexpr double wanted_agreement = 1e-6;  ///< of the periodic states
-constexpr Index most_periods = 200;
+constexpr Index most_periods = 40;
+constexpr double most_seconds = 5;  ///< of a solve; the next size is then left out
 
 std::size_t bytes_of(const GalerkinProblem& p) { return sizeof(double) * std::size_t(p.forcing.size() + p.q.size()); }
 
-void measure_size(const std::string& name, Index J, const BenchRequest& request, Backend& backend,
-                  std::vector<std::vector<std::string>>& text, BenchReport& report) {
+/// Seconds of a solve.
+double measure_size(const std::string& name, Index J, const BenchRequest& request, Backend& backend,
+                    std::vector<std::vector<std::string>>& text, BenchReport& report) {
   const Scene scene = make_scene(name);
   const GalerkinProblem p = galerkin_problem(scene, J);
   const RowMatrix z = RowMatrix::Ones(J, p.unknowns());
@@ -54,6 +56,7 @@ void measure_size(const std::string& name, Index J, const BenchRequest& request,
   text.push_back({name, fmt::format("{}", J), format_seconds(median(application)), format_bytes(double(bytes_of(p))),
                   format_seconds(median(whole)), format_bytes(double(r.bytes)), fmt::format("{}", r.iterations),
                   to_string(r.status)});
+  return median(whole);
 }
 
 /// Growth of a member from the first to the last row of a scene, as a power of the number of steps.
@@ -72,13 +75,17 @@ double power(const BenchReport& report, const std::string& scene, const char* me
 void study_sizes(const BenchRequest& request, Backend& backend, BenchReport& report) {
   std::vector<std::vector<std::string>> text{
       {"scene", "steps", "application", "problem", "solve", "memory", "exchanges", "status"}};
-  const int last = request.quick ? 12 : 17;
+  const int last = request.quick ? 11 : 17;
   for (const char* name : {"bridge", "lq-control", "nash-game", "periodic-rectifier"}) {
-    for (int k = 10; k <= last; ++k) measure_size(name, Index(1) << k, request, backend, text, report);
+    double took = 0;
+    int k = 10;
+    for (; k <= last && took < most_seconds; ++k)
+      took = measure_size(name, Index(1) << k, request, backend, text, report);
+    const double growth = power(report, name, "application_seconds");
+    if (std::isnan(growth)) continue;
     report.notes.push_back(fmt::format(
         "{}: from 2^10 to 2^{} intervals an application grows as N^{:.2f}, a solve as N^{:.2f}, its memory as N^{:.2f}",
-        name, last, power(report, name, "application_seconds"), power(report, name, "solve_seconds"),
-        power(report, name, "solve_bytes")));
+        name, k - 1, growth, power(report, name, "solve_seconds"), power(report, name, "solve_bytes")));
   }
   print("cost\n" + table(text) + "\n");
 }
