@@ -50,9 +50,6 @@ std::vector<std::string> method_names() {
 
 Method parse_method(const std::string& word) {
   static const std::vector<std::string> available = method_names();
-  static const std::vector<std::string> planned{"galerkin", "goal"};
-  if (contains(planned, word))
-    throw Error("--method", fmt::format("'{}' is not available yet", word), "use one of " + join(available));
   if (!contains(available, word))
     throw Error("--method", found(word) + suggestion(word, available), "use one of " + join(available));
   return method_from_string(word);

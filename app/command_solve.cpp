@@ -3,6 +3,7 @@
 #include "app/arguments.hpp"
 #include "app/backend_choice.hpp"
 #include "app/commands.hpp"
+#include "app/goal_arguments.hpp"
 #include "app/interaction.hpp"
 #include "app/machine.hpp"
 #include "app/output_csv.hpp"
@@ -56,6 +57,7 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   }
   if (!arguments.iteration_tolerance.empty())
     options.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
+  options.goal = goal_options(arguments.goal, options.method);
   const bool given = !arguments.states.empty();
   parse_states("--states", given ? arguments.states : choice.states, choice.scene.states(), options);
   return options;
@@ -102,13 +104,33 @@ Outputs outputs(const SolveArguments& arguments, const std::string& scene, doubl
   return made;
 }
 
-void write(const Outputs& outputs, const Scene& scene, Backend& backend, const Result& result) {
+/// Said before anything is computed.
+void check_energies(const SolveArguments& arguments, const Scene& scene, const Options& options) {
+  if (!arguments.energies) return;
+  const auto refuse = [](const char* found, const char* remedy) { throw Error("--energies", found, remedy); };
+  if (arguments.out.empty()) refuse("is given without --out", "add --out FILE.csv");
+  if (!arguments.at.empty()) refuse("is given with --at", "leave one of them out");
+  if (!scene.port) refuse("the scene is not port-Hamiltonian", "leave it out");
+  if (options.method == Method::goal) return;
+  if (scene.constraints() > 0) refuse("the scene has complementarity", "use --method goal, which counts its power");
+  if (options.states != StateSelection::all) refuse("the states are not all there", "add --states all");
+}
+
+void write(const Outputs& outputs, const Scene& scene, Backend& backend, const Result& result, bool with_energies) {
   if (outputs.out) {
+    std::optional<EnergyBalance> balance;
+    if (with_energies && result.status == Status::solved) balance = energies(scene, result);
     const bool sampled = !outputs.times.empty() && result.y.rows() == result.steps + 1;
     const Result rows = sampled ? at_times(scene, backend, result, outputs.times) : Result{};
-    outputs.out->write([&](std::FILE* file) { write_csv(sampled ? rows : result, scene.constraints(), file); });
+    outputs.out->write([&](std::FILE* file) {
+      write_csv(sampled ? rows : result, scene.constraints(), file, balance ? &*balance : nullptr);
+    });
   }
-  if (outputs.switches) outputs.switches->write([&](std::FILE* file) { write_switches_csv(switches(result), file); });
+  if (!outputs.switches) return;
+  std::vector<Switch> found = switches(result);
+  const std::vector<Index>& free = scene.free_rows;  // their y has a sign but no switches
+  std::erase_if(found, [&](const Switch& s) { return std::binary_search(free.begin(), free.end(), s.component); });
+  outputs.switches->write([&](std::FILE* file) { write_switches_csv(found, file); });
 }
 
 Index state_columns(const Options& options, const Scene& scene) {
@@ -137,6 +159,10 @@ int run_solve(const SolveArguments& arguments) {
   const int threads = arguments.threads.empty() ? 0 : parse_threads(arguments.threads);
   const Index columns = state_columns(options, choice.scene);
   check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps, columns);
+  check_energies(arguments, choice.scene, options);
+  if (options.method == Method::goal && !arguments.at.empty())
+    throw Error("--at", fmt::format("found '{}' with method goal", arguments.at),
+                "leave it out: its grid is the answer");
   const Outputs files = outputs(arguments, scene_name(words), choice.scene.T);
 
   const auto backend = choose_backend(arguments.backend, choice.scene, options, columns, threads);
@@ -159,7 +185,7 @@ int run_solve(const SolveArguments& arguments) {
     result.x.resize(result.y.rows(), 0);
   }
 
-  write(files, choice.scene, *backend, result);
+  write(files, choice.scene, *backend, result, arguments.energies);
   const int used = backend->device().threads;
   print(arguments.json ? dump(to_json(choice, result, used, error))
                        : summary(choice, result, used, error, arguments.out));

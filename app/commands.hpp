@@ -9,11 +9,16 @@ namespace bromwich::app {
 enum ExitCode : int { exit_solved = 0, exit_bad_input = 2, exit_not_solved = 3 };
 
 /// Words as they were typed; empty = not given.
+struct GoalArguments {
+  std::string quantity, scheme, adjoint, weights, marking, cycles, first_steps;
+};
+
 struct SolveArguments {
   std::vector<std::string> words, settings;
   std::string method = "auto", backend = "auto";
   std::string states, tolerance, steps, iteration_tolerance, threads, at, out, switches, report;
-  bool json = false, print_template = false;
+  GoalArguments goal;
+  bool json = false, print_template = false, energies = false;
 };
 
 struct BenchArguments {

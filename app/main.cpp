@@ -60,6 +60,19 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_word(command, "--out", a.out, "FILE.csv", "write t, y and the states asked for");
   add_word(command, "--at", a.at, "LIST", "with --out: rows at these times, 0.1,0.25, instead of the time points");
   add_word(command, "--switches", a.switches, "FILE.csv", "write when constraints become active and inactive");
+  add_word(
+      command, "--quantity", a.goal.quantity, "I",
+      "method goal: loc (default), glob or loc+RHO, the violation of the energy balance step by step, over all time, "
+      "or with RHO times the integral of |x|^2");
+  add_word(command, "--scheme", a.goal.scheme, "NAME", "method goal: euler (default), midpoint or exponential");
+  add_word(command, "--adjoint", a.goal.adjoint, "NAME", "method goal: exact (default), jacobi:K, doubling or scan");
+  add_word(command, "--weights", a.goal.weights, "NAME",
+           "method goal: local (default), interpolated or global weights of the residual");
+  add_word(command, "--marking", a.goal.marking, "SHARE",
+           "method goal: halve the cells that carry this share of the error; default auto, as many as pay");
+  add_word(command, "--cycles", a.goal.cycles, "N", "method goal: refinements; default: until --steps or --tol");
+  add_word(command, "--first-steps", a.goal.first_steps, "J", "method goal: steps of the first grid; default 20");
+  command->add_flag("--energies", a.energies, "with --out: columns energy, supplied, dissipated, violation");
   add_word(command, "--report", a.report, "FILE.html", "write a report (not available yet)");
   command->add_flag("--json", a.json, "print one JSON object instead of the summary");
   command->add_flag("--template", a.print_template, "print a commented scene file to start from, and exit");
@@ -70,6 +83,7 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
       "  bromwich solve signorini --set Q=127 --steps 1000 --method march --out y.csv\n"
       "  bromwich solve signorini --tol 1e-5\n"
       "  bromwich solve signorini --method contour --iteration-tol 1e-8 --json\n"
+      "  bromwich solve ph-toy --method goal --steps 400 --states all --energies --out x.csv\n"
       "Exit code: 0 solved, 2 bad input, 3 any other status (what is valid is still written).");
   return command;
 }

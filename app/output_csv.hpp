@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/energy_balance.hpp"
 #include "core/result.hpp"
 #include "core/switching.hpp"
 
@@ -8,8 +9,9 @@
 namespace bromwich::app {
 
 /// Header `t,y0,...,x<component>,...` and one row per time; shortest decimals that give the same doubles back, `nan`
-/// where there is no value. `constraints` columns of y are written even where the result holds none.
-void write_csv(const Result& result, Index constraints, std::FILE* file);
+/// where there is no value. `constraints` columns of y are written even where the result holds none. With `energies`
+/// the columns energy, and supplied, dissipated and violation of the step that ends there.
+void write_csv(const Result& result, Index constraints, std::FILE* file, const EnergyBalance* energies = nullptr);
 
 /// Header `t,component,on,error` and one row per switch.
 void write_switches_csv(const std::vector<Switch>& switches, std::FILE* file);

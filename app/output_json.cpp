@@ -1,5 +1,6 @@
 #include "app/output_json.hpp"
 
+#include "app/goal_arguments.hpp"
 #include "app/scene_facts.hpp"
 
 #include <cmath>
@@ -76,12 +77,15 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["iterations"] = result.iterations;
   json["cycles"] = result.cycles;
   json["residual"] = result.residual;
+  json["boundary_residual"] = nullable(result.boundary_residual);
+  json["warning"] = result.warning;
   json["magnification"] = result.magnification;
   json["error_estimate"] = nullable(result.error_estimate);
   json["errors"] = errors_to_json(result.errors);
   json["reference_error"] = nullptr;
   if (has_reference(choice)) json["reference_error"] = {{"x", nullable(error.x)}, {"y", nullable(error.y)}};
   json["reference"] = reference_to_json(choice.reference);
+  json["goal"] = goal_to_json(result);
   json["lcp"] = to_json(result.lcp);
   json["seconds"] = to_json(result.seconds);
   json["bytes"] = result.bytes;

@@ -2,6 +2,7 @@
 
 #include "app/scene_facts.hpp"
 #include "app/text.hpp"
+#include "core/goal.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -18,11 +19,17 @@ std::string scene_line(const SceneChoice& choice) {
   return parameters.empty() ? choice.scene.name : fmt::format("{} ({})", choice.scene.name, parameters);
 }
 
-std::string grid_line(const Scene& scene, Index steps) {
+std::string grid_line(const Scene& scene, const Result& result) {
+  const Index steps = result.steps;
   const auto counted = [](Index number, const char* noun) {
     return fmt::format("{} {}{}", number, noun, number == 1 ? "" : "s");
   };
   std::string line = counted(scene.constraints(), "constraint") + ", " + counted(scene.states(), "state");
+  if (result.goal && steps > 0) {
+    const Vector h = result.t.tail(steps) - result.t.head(steps);
+    return line +
+           fmt::format(", {} steps of {:.3g} to {:.3g} up to T = {:.6g}", steps, h.minCoeff(), h.maxCoeff(), scene.T);
+  }
   if (steps > 0) line += fmt::format(", {} steps of {:.6g} up to T = {:.6g}", steps, scene.T / double(steps), scene.T);
   return line;
 }
@@ -31,7 +38,9 @@ std::string error_line(const Result& result) {
   const std::string kernel = std::isnan(result.kernel_error)
                                  ? "kernel weights not cross-checked"
                                  : fmt::format("{:.1e} of the kernel weights", result.kernel_error);
-  return fmt::format("{:.2e} of the complementarity, {}, discretisation {}", result.residual, kernel,
+  const std::string boundary =
+      result.boundary_residual ? fmt::format(", {:.1e} of the boundary condition", *result.boundary_residual) : "";
+  return fmt::format("{:.2e} of the complementarity{}, {}, discretisation {}", result.residual, boundary, kernel,
                      result.errors && !std::isnan(result.errors->discretisation)
                          ? fmt::format("{:.2e}", result.errors->discretisation)
                          : "not estimated (--tol)");
@@ -45,6 +54,18 @@ std::string estimate_line(const Result& result) {
       result.error_estimate ? fmt::format("about {:.1e} of {}", *result.error_estimate, what) : "not estimated";
   const std::string order = std::isnan(errors.order) ? "" : fmt::format(", order {:.1f} observed", errors.order);
   return fmt::format("{} (tolerance {:g}){}, grids {}", found, errors.tolerance, order, fmt::join(errors.grids, " "));
+}
+
+std::string goal_line(const GoalReport& goal) {
+  const GoalCycle &first = goal.history.front(), &last = goal.history.back();
+  return fmt::format("{} {:.3e} with {} steps, {:.3e} with {}; error about {:.1e}{}", goal.quantity, first.quantity,
+                     first.cells, last.quantity, last.cells, std::abs(last.estimate),
+                     last.effectivity ? fmt::format(", {:.2f} of the true one", *last.effectivity) : "");
+}
+
+std::string energy_line(const EnergyBalance& b) {
+  return fmt::format("{:.6g} at 0, {:.6g} at T, supplied {:.6g}, dissipated {:.6g}, violation {:.2e}", b.energy[0],
+                     b.energy[b.energy.size() - 1], b.supplied.sum(), b.dissipated.sum(), b.violation.cwiseAbs().sum());
 }
 
 std::string time_line(const Seconds& s) {
@@ -87,11 +108,12 @@ std::string summary(const SceneChoice& choice, const Result& result, int threads
     fmt::format_to(std::back_inserter(text), "{:<11} {}\n", label, value);
   };
   line("scene", scene_line(choice));
-  line("size", grid_line(choice.scene, result.steps));
+  line("size", grid_line(choice.scene, result));
   line("class", fmt::format("{}; spectrum {}", matrix_class(choice.scene), spectrum_text(choice.scene)));
   line("method", fmt::format("{} on {}, {} thread{}", result.method, result.backend, threads, threads == 1 ? "" : "s"));
   line("kernel", result.kernel.empty() ? "-" : result.kernel);
   line("status", to_string(result.status));
+  if (!result.warning.empty()) line("warning", one_line(result.warning));
   if (result.infeasible_at) line("infeasible", fmt::format("from t = {:.10g}", *result.infeasible_at));
   line("iterations", fmt::format("{}{}; {} problems solved, {} Newton sweeps, {} fallbacks", result.iterations,
                                  result.cycles > 0 ? fmt::format(" in {} cycles", result.cycles) : "",
@@ -99,7 +121,11 @@ std::string summary(const SceneChoice& choice, const Result& result, int threads
   line("errors", error_line(result));
   if (result.errors) line("error", estimate_line(result));
   if (has_reference(choice)) line("reference", reference_line(choice, error));
-  line("y at T", last_line(result));
+  if (result.goal) {
+    line("quantity", goal_line(*result.goal));
+    line("energy", energy_line(result.goal->balance));
+  }
+  if (choice.scene.constraints() > 0) line("y at T", last_line(result));
   line("time", time_line(result.seconds));
   line("  of solve", split_line(result.seconds));
   line("memory", fmt::format("{}, predicted {}", format_bytes(double(result.bytes)),

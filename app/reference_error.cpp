@@ -22,13 +22,14 @@ struct Position {
   double weight = 0;
 };
 
-Position position(const Result& result, double t, double T) {
-  const Index last = result.t.size() - 1;
-  const double place = t / T * double(last), nearest = std::round(place);
+Position position(const Result& result, double t) {
+  const auto behind = std::upper_bound(result.t.begin(), result.t.end(), t);
+  const Index row = std::clamp<Index>(behind - result.t.begin() - 1, 0, result.t.size() - 2);
+  const double weight = (t - result.t[row]) / (result.t[row + 1] - result.t[row]);
   // A time point that was written with fewer digits than it has is still that time point.
-  if (std::abs(place - nearest) < 1e-6) return {Index(nearest), 0};
-  const Index row = std::min(Index(place), last - 1);
-  return {row, place - double(row)};
+  if (weight < 1e-6) return {row, 0};
+  if (weight > 1 - 1e-6) return {row + 1, 0};
+  return {row, weight};
 }
 
 double between(const RowMatrix& values, const Position& at, Index column) {
@@ -41,7 +42,8 @@ Vector state_at(const SceneChoice& choice, Backend& backend, const Result& resul
   Vector x = Vector::Constant(choice.scene.states(), std::numeric_limits<double>::quiet_NaN());
   for (std::size_t i = 0; i < result.x_components.size(); ++i)
     x[result.x_components[i]] = between(result.x, at, Index(i));
-  if (x.allFinite() || result.status != Status::solved || result.method == to_string(Method::euler)) return x;
+  if (x.allFinite() || result.status != Status::solved || result.method == to_string(Method::euler) || result.goal)
+    return x;
   try {
     std::vector<Index> rows{at.row};
     if (at.weight > 0) rows.push_back(at.row + 1);
@@ -60,7 +62,7 @@ ReferenceError against_reference(const SceneChoice& choice, Backend& backend, co
   ReferenceError error;
   const Reference& reference = *choice.reference;
   if (!reference.t) return error;
-  const Position at = position(result, *reference.t, choice.scene.T);
+  const Position at = position(result, *reference.t);
   for (std::size_t i = 0; i < reference.y.size(); ++i)
     compare(between(result.y, at, Index(i)), reference.y[i], error.y);
   if (!known(reference.x)) return error;

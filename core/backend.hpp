@@ -20,6 +20,9 @@
 
 namespace bromwich {
 
+struct StepChainProblem;  // core/step_chain.hpp
+class StepChain;
+
 /// Space-time array owned by a backend; zero when made.
 class Array {
  public:
@@ -255,6 +258,9 @@ class Backend {
   virtual std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix&, LcpClass, double D, Index rows) = 0;
   virtual std::unique_ptr<March> march(const MarchProblem&, Index rows) = 0;
   virtual std::unique_ptr<StageMarch> stage_march(const StageProblem&, Index rows) = 0;
+  /// Linear one-step maps on a grid of any step sizes and their adjoint. Throws Error where the problem is not valid or
+  /// the matrix of a step is singular.
+  virtual std::unique_ptr<StepChain> step_chain(const StepChainProblem&) = 0;
 
   /// The shifted solves of the contour: N (z_p I - A)^{-1} B for all nodes at once. Row p holds the n modal values
   /// (Kronecker sum) or the n x k entries of the block, row by row (dense, sparse; N and B may have any shape that fits

@@ -1,11 +1,157 @@
+// symbol  variable            meaning
+// t       grid.t              times of the grid, M cells
+// x_h     evaluation.x        the solution of the scheme on it
+// l       l                   adjoint: S_i^T l_i = R_{i+1}^T l_{i+1} + dI/dx_i
+// eta     indicators          what a cell contributes to I(x_h) - I(x)
+
 #include "core/goal.hpp"
 
 #include "core/error.hpp"
+#include "core/goal_complementarity.hpp"
+#include "core/goal_indicators.hpp"
+#include "core/grid_adaptation.hpp"
+#include "core/text.hpp"
+#include "core/timer.hpp"
+
+#include <algorithm>
+#include <cmath>
 
 namespace bromwich {
+namespace {
 
-Result solve_for_goal(const Scene& scene, Backend&, const Options&) {
-  throw Error("method", "goal cannot solve scene " + scene.name, "use another method");
+const char* to_string(AdjointMethod method) {
+  switch (method) {
+    case AdjointMethod::substitution:
+      return "exact (back substitution)";
+    case AdjointMethod::jacobi:
+      return "block-Jacobi";
+    case AdjointMethod::doubling:
+      return "exact (doubling)";
+    case AdjointMethod::scan:
+      break;
+  }
+  return "exact (scan)";
+}
+
+std::string describe(const AdjointChoice& choice) {
+  const std::string name = to_string(choice.method);
+  return choice.method == AdjointMethod::jacobi
+             ? name + text(", %td sweep%s", choice.sweeps, choice.sweeps == 1 ? "" : "s")
+             : name;
+}
+
+void validate(const GoalOptions& goal, double T) {
+  if (!(goal.marking >= 0) || !(goal.marking <= 1))
+    throw Error("marking", text("found %g", goal.marking),
+                "give a number from 0 to 1; 0 marks the most economical number of cells");
+  if (goal.first_cells < 1) throw Error("first_cells", text("found %td", goal.first_cells), "give at least 1");
+  if (goal.cycles < 0) throw Error("cycles", text("found %td", goal.cycles), "give 0 or more");
+  if (goal.adjoint.method == AdjointMethod::jacobi && goal.adjoint.sweeps < 1)
+    throw Error("adjoint", text("%td sweeps", goal.adjoint.sweeps), "give at least 1");
+  if (goal.first_grid.size() == 0) return;
+  const Vector& t = goal.first_grid;
+  if (t.size() < 2 || t[0] != 0 || t[t.size() - 1] != T)
+    throw Error("first_grid", text("has %td times", t.size()), text("give times that ascend from 0 to T = %g", T));
+  group_steps(t);  // refuses what does not ascend
+}
+
+/// Arrays of the grid and of the halved one, on both sides of the backend.
+double bytes_of(Index cells, Index states) { return 22. * sizeof(double) * double(cells) * double(states); }
+
+std::vector<Index> recorded(const Scene& scene, const Options& options) {
+  if (options.states == StateSelection::list) return options.components;
+  std::vector<Index> all(options.states == StateSelection::all ? std::size_t(scene.states()) : 0);
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = Index(i);
+  return all;
+}
+
+}  // namespace
+
+const char* to_string(CellWeights weights) {
+  switch (weights) {
+    case CellWeights::local:
+      return "local";
+    case CellWeights::interpolated:
+      return "interpolated";
+    case CellWeights::global:
+      break;
+  }
+  return "global";
+}
+
+GoalEvaluation evaluate_goal(const PortSystem& system, Backend& backend, const GoalOptions& goal, const Vector& t,
+                             const Vector& x0) {
+  const auto quantity = goal.quantity ? goal.quantity : local_balance();
+  const StepSizes sizes = group_steps(t);
+  const auto chain = backend.step_chain(step_chain_problem(goal.scheme, system.step_matrix(goal.scheme), sizes));
+  GoalEvaluation e;
+  e.x = forward(backend, *chain, step_sources(system, goal.scheme, t, x0));
+  const Trajectory path{system, goal.scheme, t, e.x};
+  e.sizes = sizes.sizes.size();
+  e.quantity = quantity->value(path);
+  RowMatrix l;
+  if (goal.weights != CellWeights::global) l = adjoint(backend, *chain, quantity->gradient(path), goal.adjoint);
+  e.indicators = goal_indicators(path, backend, *quantity, goal.weights, l, goal.adjoint);
+  return e;
+}
+
+Result solve_for_goal(const Scene& scene, Backend& backend, const Options& options) {
+  static const GoalOptions defaults;
+  const GoalOptions& goal = options.goal ? *options.goal : defaults;
+  if (!scene.port)
+    throw Error("method", "goal needs a port-Hamiltonian scene and " + scene.name + " is none",
+                "state it by E, J, R, Q, B and u, or use another method");
+  if (scene.boundary) throw Error("method", "goal cannot meet boundary conditions", "use method galerkin");
+  validate(goal, scene.T);
+  Timer timer;
+  const PortSystem system(*scene.port, scene.T);
+  std::optional<ConstrainedGoal> constrained;
+  if (scene.constraints() > 0) constrained.emplace(scene, backend, goal);
+  const auto quantity = goal.quantity ? goal.quantity : local_balance();
+  const Index first = options.steps > 0 ? std::min(goal.first_cells, options.steps) : goal.first_cells;
+  const Vector t =
+      goal.first_grid.size() > 0 ? goal.first_grid : first_grid(scene.T, first, input_jumps(*scene.port, scene.T));
+  Result result;
+  result.seconds.setup = timer.lap();
+  AdaptedGrid grid = adapt_grid(t, options, goal, *quantity, scene.default_steps, [&](const Vector& times) {
+    const double needed = bytes_of(times.size(), scene.states());
+    if (options.memory_limit > 0 && needed > options.memory_limit)
+      throw Error("steps", text("%td of %td states need %.2g bytes", times.size() - 1, scene.states(), needed),
+                  "ask for fewer");
+    return constrained ? constrained->evaluate(times) : evaluate_goal(system, backend, goal, times, scene.x0);
+  });
+  result.seconds.solve = result.seconds.other = timer.lap();
+  result.seconds.total = result.seconds.setup + result.seconds.solve;
+
+  const Index M = grid.t.size() - 1;
+  GoalReport report{quantity->name(),
+                    to_string(goal.scheme),
+                    describe(goal.adjoint),
+                    to_string(goal.weights),
+                    quantity->exact(),
+                    grid.history,
+                    {}};
+  report.balance =
+      constrained ? constrained->balance(grid) : energy_balance({system, goal.scheme, grid.t, grid.last.x});
+  result.status = grid.status;
+  result.reason = grid.reason;
+  result.method = to_string(Method::goal);
+  result.backend = backend.name();
+  result.kernel = text("%s on %td cells of %td sizes, adjoint %s, %s weights", to_string(goal.scheme), M,
+                       grid.last.sizes, report.adjoint.c_str(), to_string(goal.weights));
+  result.steps = M;
+  result.cycles = result.iterations = Index(grid.history.size()) - 1;
+  for (const GoalCycle& cycle : grid.history) result.history.push_back(std::abs(cycle.estimate));
+  result.y = RowMatrix(M + 1, 0);
+  result.residual = 0;  // of no constraints
+  if (constrained) constrained->report(grid, result);
+  result.x_components = recorded(scene, options);
+  result.x.resize(M + 1, Index(result.x_components.size()));
+  for (Index c = 0; c < result.x.cols(); ++c) result.x.col(c) = grid.last.x.col(result.x_components[std::size_t(c)]);
+  result.t = std::move(grid.t);
+  result.bytes = std::size_t(bytes_of(M + 1, scene.states()));
+  result.goal = std::make_shared<const GoalReport>(std::move(report));
+  return result;
 }
 
 }  // namespace bromwich

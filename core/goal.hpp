@@ -1,9 +1,66 @@
 #pragma once
+// A time grid made for a quantity of interest (Bartel, Schaller, Goal-oriented time adaptivity for port-Hamiltonian
+// systems): solve, solve the adjoint equation, weight the residual of each cell with it, halve the cells that carry
+// most of the error, repeat. docs/goal.md has the mathematics.
 
+#include "goal_quantities.hpp"
 #include "solve.hpp"
 
 namespace bromwich {
 
+/// With which adjoint the residual of a cell is weighted.
+enum class CellWeights {
+  local,         ///< that of the grid with all cells halved, solved inside each cell from the coarse adjoint at its end
+  interpolated,  ///< the coarse adjoint, linear from cell to cell (the paper)
+  global,        ///< that of the grid with all cells halved, solved over all of it: twice the work
+};
+const char* to_string(CellWeights);
+
+/// Beside Options: `steps` is the number of cells to refine to (the scene's default; without limit where cycles or a
+/// tolerance are given and steps are not), `tolerance` the error of the quantity, absolute, to be estimated at its end.
+struct GoalOptions {
+  StepScheme scheme = StepScheme::euler;
+  std::shared_ptr<const QuantityOfInterest> quantity;  ///< null: local_balance()
+  AdjointChoice adjoint;
+  CellWeights weights = CellWeights::local;
+  /// Share of the estimated error whose cells are halved (Doerfler), in (0, 1]; 0: economical_cells chooses.
+  double marking = 0;
+  Index first_cells = 20;  ///< of the first grid, equal but for the jumps of the input
+  Index cycles = 0;        ///< refinements; 0 = as many as steps or tolerance ask for
+  Vector first_grid;       ///< instead of first_cells: times 0 to T
+};
+
+/// One grid of the cycle.
+struct GoalCycle {
+  Index cells = 0;
+  Index sizes = 0;                    ///< distinct step sizes
+  double quantity = 0;                ///< I(x_h)
+  double estimate = 0;                ///< of I(x_h) - I(x): indicators summed with their signs
+  double absolute = 0;                ///< their absolute values summed
+  std::optional<double> effectivity;  ///< estimate / (I(x_h) - I(x)), where I(x) is known
+  double seconds = 0;
+};
+
+/// What method goal adds to a Result.
+struct GoalReport {
+  std::string quantity, scheme, adjoint, weights;
+  std::optional<double> exact;
+  std::vector<GoalCycle> history;  ///< the grid of the result is the last
+  EnergyBalance balance;           ///< of the result
+};
+
+/// Throws Error for scenes that are not port-Hamiltonian and for options out of range.
 Result solve_for_goal(const Scene&, Backend&, const Options&);
+
+/// What one solution on one grid tells.
+struct GoalEvaluation {
+  RowMatrix x;  ///< (M+1) x m
+  double quantity = 0;
+  Vector indicators;  ///< M, with signs: what cell i contributes to I(x_h) - I(x)
+  Index sizes = 0;
+};
+
+/// Indicators of a given solution, for tests and studies.
+GoalEvaluation evaluate_goal(const PortSystem&, Backend&, const GoalOptions&, const Vector& t, const Vector& x0);
 
 }  // namespace bromwich

@@ -3,6 +3,7 @@
 #include "backend.hpp"
 
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -38,13 +39,16 @@ struct ErrorEstimate {
   double total() const;  ///< of y: the sum of its parts, a kernel error that is not known left out
 };
 
+struct GoalReport;  // core/goal.hpp
+
 struct Result {
   Status status = Status::unsupported;
   std::string reason;  ///< one line wherever status is not solved
 
-  Vector t;                         ///< J+1 times
-  RowMatrix y;                      ///< (J+1) x n; rows after the last valid time are NaN
-  RowMatrix x;                      ///< (J+1) x components of the state that were asked for
+  Vector t;          ///< J+1 times
+  RowMatrix y;       ///< (J+1) x n; rows after the last valid time are NaN
+  RowMatrix y_left;  ///< J x n, method galerkin: y at the left end of step j, y.row(j+1) at its right; empty otherwise
+  RowMatrix x;       ///< (J+1) x components of the state that were asked for
   std::vector<Index> x_components;  ///< which
   RowMatrix trace;                  ///< (J+1) x n, N x where it was asked for; w = trace + M y + g
   /// Whether y alternates for many rows (core/ringing.hpp), where the backend has looked at it already.
@@ -52,10 +56,13 @@ struct Result {
   bool continuous = true;  ///< y is linear between its rows; false: it may jump from step to step
   bool well_posed = true;  ///< the problems of the steps are known to determine y, as far as that was looked at
   std::optional<double> infeasible_at;
+  std::string warning;  ///< one line about a result that may be called solved: uniqueness, conditioning; or empty
 
   /// max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf) with the kernel of the method; NaN where no solution was
   /// evaluated.
   double residual = std::numeric_limits<double>::quiet_NaN();
+  /// ||E0 x(0) + ET x(T) - b||_inf / max(1, ||b||_inf); empty without a boundary condition.
+  std::optional<double> boundary_residual;
   /// total() of `errors`, or of x if that is larger. Without Options::tolerance, from method multigrid alone: of y at
   /// the points of the next coarser grid, in the maximum norm. Empty where not estimated.
   std::optional<double> error_estimate;
@@ -72,6 +79,8 @@ struct Result {
   /// What rounding adds up to along the solution; 0 where it was not looked at.
   double rounding = 0;       ///< of the state, relative
   double rounding_of_y = 0;  ///< of y, not relative
+
+  std::shared_ptr<const GoalReport> goal;  ///< of method goal: quantity, estimates and energies; null otherwise
 
   std::string method, backend;
   std::string kernel;  ///< how the kernel was made and applied, in words

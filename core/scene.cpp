@@ -62,12 +62,12 @@ void require_finite(const std::string& member, const SparseMatrix& values) {
             "make every entry finite");
 }
 
-/// Dense and sparse matrices alike.
+/// Dense and sparse matrices alike; a port-Hamiltonian scene may have no constraints.
 template <typename Matrices>
-void validate_matrices(const Matrices& d) {
+void validate_matrices(const Matrices& d, bool port) {
   const Index m = d.A.rows(), n = d.B.cols();
   require_some("A", m, "rows");
-  require_some("B", n, "columns");
+  if (!port) require_some("B", n, "columns");
   require_shape("A", d.A, m, m, "square, states x states");
   require_shape("B", d.B, m, n, "states x constraints");
   require_shape("N", d.N, n, m, "constraints x states");
@@ -76,8 +76,8 @@ void validate_matrices(const Matrices& d) {
   require_finite("N", d.N);
 }
 
-void validate(const DenseDynamics& d) { validate_matrices(d); }
-void validate(const SparseDynamics& d) { validate_matrices(d); }
+void validate(const DenseDynamics& d, bool port) { validate_matrices(d, port); }
+void validate(const SparseDynamics& d, bool port) { validate_matrices(d, port); }
 
 void validate(const std::string& member, const SecondDifference& d) {
   require_some(member + ".points", d.points, "points");
@@ -85,7 +85,7 @@ void validate(const std::string& member, const SecondDifference& d) {
   require_positive(member + ".diffusivity", d.diffusivity);
 }
 
-void validate(const KroneckerDynamics& d) {
+void validate(const KroneckerDynamics& d, bool /*port*/) {
   validate("along", d.along);
   validate("across", d.across);
   require_length("b", d.b, d.across.points, "one per point of a line (across.points)");
@@ -283,10 +283,10 @@ Index Scene::sources() const {
 }
 
 void Scene::validate() const {
-  std::visit([](const auto& d) { bromwich::validate(d); }, dynamics);
+  std::visit([&](const auto& d) { bromwich::validate(d, port != nullptr); }, dynamics);
   const Index m = states(), n = constraints();
   std::visit([n](const auto& matrix) { bromwich::validate(matrix, n); }, M);
-  if (const auto reason = contradiction(M, lcp_class))
+  if (const auto reason = n > 0 ? contradiction(M, lcp_class) : std::nullopt)
     throw Error("lcp_class", std::string("says ") + to_string(lcp_class) + ", but " + *reason, "use automatic");
   if (boundary)
     bromwich::validate(*boundary, x0, m);

@@ -94,7 +94,8 @@ struct Scene {
   Vector x0;       ///< m; empty with a boundary condition
   std::optional<BoundaryCondition> boundary;
   std::vector<Index> free_rows;  ///< rows i with w_i = 0 and y_i of either sign, increasing
-  /// The structure the dynamics were made from, where there is one; null otherwise.
+  /// The structure the dynamics were made from, where there is one; null otherwise. Such a scene may have no
+  /// constraints (n = 0).
   std::shared_ptr<const PortHamiltonian> port;
   double T = 1;
   Index default_steps = 400;

@@ -7,6 +7,8 @@
 #include "core/galerkin.hpp"
 #include "core/goal.hpp"
 #include "core/method_choice.hpp"
+#include "core/mixed.hpp"
+#include "core/port_hamiltonian.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
@@ -200,6 +202,30 @@ Method method_from_string(const std::string& name) {
 
 namespace {
 
+Result by_galerkin(const Scene& scene, Backend& backend, const Options& options) {
+  Options named = options;
+  named.method = Method::galerkin;
+  const Index J = options.steps > 0 ? options.steps : scene.default_steps;
+  const Cost cost = refuse_what_does_not_fit(scene, named, J, Index(selected(scene, options).size()));
+  Result result = solve_by_galerkin(scene, backend, named);
+  result.bytes_predicted = std::size_t(cost.bytes);
+  return result;
+}
+
+Result unsupported(const Scene& scene, const Backend& backend, const Options& options, const std::string& why) {
+  Result result;
+  result.reason = why + "; use method galerkin";
+  result.method = to_string(options.method);
+  result.backend = backend.name();
+  result.steps = options.steps > 0 ? options.steps : scene.default_steps;
+  result.t = Vector::LinSpaced(result.steps + 1, 0, scene.T);
+  result.x_components = selected(scene, options);
+  result.y = RowMatrix::Constant(result.steps + 1, scene.constraints(), NAN);
+  result.x = RowMatrix::Constant(result.steps + 1, Index(result.x_components.size()), NAN);
+  if (options.trace) result.trace = result.y;
+  return result;
+}
+
 // Below this size dense matrices are faster in everything, and e^{hA} needs no contour.
 constexpr Index smallest_sparse = 512;
 
@@ -210,8 +236,23 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
   given.validate();
   validate(given, options);
   if (options.method == Method::goal) return solve_for_goal(given, backend, options);
-  if (options.method == Method::galerkin || given.boundary || !given.free_rows.empty())
-    return solve_by_galerkin(given, backend, options);
+  if (given.constraints() == 0) {
+    Result result = solve(with_idle_constraint(given), backend, options);
+    result.y.resize(result.y.rows(), 0);
+    result.trace.resize(result.trace.rows(), 0);
+    return result;
+  }
+  if (options.method == Method::galerkin) return by_galerkin(given, backend, options);
+  const bool automatic = options.method == Method::automatic;
+  if (given.boundary)
+    return automatic
+               ? by_galerkin(given, backend, options)
+               : unsupported(given, backend, options, "it needs initial values and the scene has boundary values");
+  if (!given.free_rows.empty()) {
+    if (const auto eliminated = eliminate_free(given)) return solve_mixed(given, *eliminated, backend, options);
+    return automatic ? by_galerkin(given, backend, options)
+                     : unsupported(given, backend, options, "the free rows and columns of M form a singular matrix");
+  }
   if (options.tolerance > 0) return solve_to_tolerance(given, backend, options);
   std::optional<Scene> written_out;
   if (std::holds_alternative<SparseDynamics>(given.dynamics) && given.states() <= smallest_sparse) {
@@ -259,11 +300,16 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
 
 Matrix states_at(const Scene& scene, Backend& backend, const Result& result, const std::vector<Index>& rows) {
   scene.validate();
+  if (result.goal) throw Error("result", "is of method goal", "ask for its states when solving");
+  if (scene.constraints() == 0)
+    return states_at(with_idle_constraint(scene), backend, with_idle_constraint(result), rows);
   if (result.y.rows() != result.steps + 1 || result.y.cols() != scene.constraints())
     throw Error("result", "its y does not have one row per time point and one column per constraint",
                 "pass a result of this scene");
   if (result.method == to_string(Method::euler) || !result.continuous)
     throw Error("result", "its y is not linear between time points", "ask for states when solving");
+  if (const auto eliminated = scene.free_rows.empty() ? std::nullopt : eliminate_free(scene))
+    return states_at(eliminated->scene, backend, eliminated->reduced(result), rows);
   Index last = 0;
   for (const Index j : rows) {
     if (j < 0 || j > result.steps)

@@ -14,14 +14,16 @@ enum class Method {
   contour_literal,  ///< (2.17) of the Laplace-inversion paper, a contour per time point
   march,            ///< exponential piecewise-linear, step by step
   euler,            ///< implicit Euler (1.3)-(1.4), step by step
-  galerkin,         ///< exponential Galerkin, all intervals at once: boundary values and mixed problems (core/galerkin.hpp)
-  goal,             ///< a time grid made for a quantity of interest (core/goal.hpp)
+  galerkin,  ///< exponential Galerkin, all intervals at once: boundary values and mixed problems (core/galerkin.hpp)
+  goal,      ///< a time grid made for a quantity of interest (core/goal.hpp)
 };
 
 /// "auto", "contour", ...
 const char* to_string(Method);
 /// Inverse of to_string; throws Error("method", ...) for an unknown name.
 Method method_from_string(const std::string&);
+
+struct GoalOptions;  // core/goal.hpp
 
 enum class StateSelection { none, all, list };
 enum class ConvolutionChoice { automatic, scan, fft };
@@ -52,6 +54,7 @@ struct Options {
   /// (J+1) x n, where the iteration starts instead of from the constant x0; not for M of class Z, whose least solution
   /// is reached from there.
   const RowMatrix* first_iterate = nullptr;
+  std::shared_ptr<const GoalOptions> goal = {};  ///< of method goal; null: its defaults
   double memory_limit = 0;  ///< bytes; a solve that is predicted to need more is refused. 0 = no limit
   std::function<void(const Progress&)> progress = {};
   std::function<bool()> interrupted = {};  ///< polled once per iteration

@@ -1,6 +1,7 @@
 #include "cpu/cpu_backend.hpp"
 
 #include "core/error.hpp"
+#include "core/step_chain.hpp"
 #include "cpu/parts.hpp"
 
 #include <omp.h>
@@ -61,6 +62,9 @@ class CpuBackend final : public Backend {
   }
   std::unique_ptr<StageMarch> stage_march(const StageProblem& problem, Index rows) override {
     return cpu::make_stage_march(problem, rows, threads_);
+  }
+  std::unique_ptr<StepChain> step_chain(const StepChainProblem& problem) override {
+    return cpu::make_step_chain(problem, threads_);
   }
   ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes) override {
     return cpu::resolvent(dynamics, nodes, threads_);

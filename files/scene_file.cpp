@@ -1,16 +1,16 @@
 #include "files/scene_file.hpp"
 
 #include "core/error.hpp"
+#include "core/port_hamiltonian.hpp"
 #include "core/relay.hpp"
 #include "core/result.hpp"
-#include "files/section.hpp"
+#include "files/sections.hpp"
 #include "files/words.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 
 namespace bromwich {
@@ -21,110 +21,6 @@ constexpr Index largest_dense = 4096;       ///< states; a dense A takes 128 MiB
 constexpr Index smallest_sparse = 257;      ///< states from which a sparse A is kept sparse
 constexpr double largest_density = 0.1;     ///< of a sparse A
 constexpr Index smallest_tridiagonal = 17;  ///< constraints from which a tridiagonal M is kept as one
-
-/// The sections of a file, by name.
-struct Sections {
-  Section top, parameters, dynamics, complementarity, relay, time, output, exact, reference;
-};
-
-const toml::table* find_table(const Document& document, const toml::table& root, const std::string& name) {
-  const toml::node* node = root.get(name);
-  if (!node) return nullptr;
-  if (const toml::table* table = node->as_table()) return table;
-  throw Error(fmt::format("{}:{}: {}", document.name, node->source().begin.line, name), "found " + kind(*node),
-              fmt::format("write a section [{}]", name));
-}
-
-void refuse_unavailable(const Document& document, const toml::table& root) {
-  for (const auto& [name, found] : {std::pair("boundary", "boundary values are not available yet"),
-                                    std::pair("free", "free unknowns are not available yet")})
-    if (const toml::node* node = root.get(name))
-      throw Error(fmt::format("{}:{}: {}", document.name, node->source().begin.line, name), found,
-                  "state an initial-value problem with x0 and [complementarity]");
-}
-
-std::vector<std::string> keys_of(const toml::table* table) {
-  std::vector<std::string> keys;
-  if (table)
-    for (const auto& [key, node] : *table) keys.emplace_back(key.str());
-  return keys;
-}
-
-Sections read_sections(const Document& document, const toml::table& root) {
-  const auto table = [&](const char* name) { return find_table(document, root, name); };
-  const Section top(document, &root, "",
-                    {"name", "description", "parameters", "dynamics", "complementarity", "relay", "boundary", "free",
-                     "time", "output", "exact", "reference"});
-  refuse_unavailable(document, root);
-  const toml::table* parameters = table("parameters");
-  return {top,
-          Section(document, parameters, "parameters", keys_of(parameters)),
-          Section(document, table("dynamics"), "dynamics", {"A", "B", "f", "F", "x0"}),
-          Section(document, table("complementarity"), "complementarity", {"N", "M", "g", "class"}),
-          Section(document, table("relay"), "relay", {"C"}),
-          Section(document, table("time"), "time", {"T", "steps"}),
-          Section(document, table("output"), "output", {"states"}),
-          Section(document, table("exact"), "exact", {"x", "y"}),
-          Section(document, table("reference"), "reference",
-                  {"t", "x", "y", "status", "infeasible_at", "tolerance", "source"})};
-}
-
-/// The keys in the order of the file: a parameter may use those above it.
-std::vector<std::string> in_file_order(const toml::table& table) {
-  std::vector<std::pair<toml::source_position, std::string>> found;
-  for (const auto& [key, node] : table) found.emplace_back(key.source().begin, key.str());
-  std::sort(found.begin(), found.end());
-  std::vector<std::string> keys;
-  for (const auto& [position, key] : found) keys.push_back(key);
-  return keys;
-}
-
-void read_parameters(Document& document, const toml::table& root, const Section& section,
-                     const ParameterValues& settings) {
-  const toml::table* table = find_table(document, root, "parameters");
-  const auto keys = table ? in_file_order(*table) : std::vector<std::string>{};
-  for (const auto& [key, value] : settings) {
-    if (std::find(keys.begin(), keys.end(), key) == keys.end())
-      throw Error("--set", fmt::format("'{}' is no parameter of {}", key, document.name) + suggestion(key, keys),
-                  keys.empty() ? "leave it out" : "use one of " + join(keys));
-    if (!std::isfinite(value)) throw Error("--set", fmt::format("{} is {}", key, value), "give a finite number");
-  }
-  for (const std::string& key : keys) {
-    const double written = settings.contains(key) ? settings.at(key) : section.number(key);
-    document.expressions.define(key, written, section.where(key));
-  }
-}
-
-/// Runs `check`, whose Errors name a member of Scene, and lets them name its place in the file instead.
-void in_the_file(const std::map<std::string, std::string>& places, const std::function<void()>& check) {
-  try {
-    check();
-  } catch (const Error& error) {
-    const std::string line = error.what();
-    const std::size_t colon = std::min(line.find(": "), line.size());
-    const std::size_t member = std::min(line.find_first_of(".(:"), line.size());
-    const auto place = places.find(line.substr(0, member));
-    const std::size_t semicolon = line.rfind("; ");
-    if (place == places.end() || semicolon == std::string::npos || semicolon < colon) throw;
-    throw Error(place->second, line.substr(colon + 2, semicolon - colon - 2), line.substr(semicolon + 2));
-  }
-}
-
-std::map<std::string, std::string> places(const Sections& s) {
-  const Section& seen = s.relay.given() ? s.relay : s.complementarity;
-  return {{"A", s.dynamics.where("A")},
-          {"B", s.dynamics.where("B")},
-          {"F", s.dynamics.where("F")},
-          {"f", s.dynamics.where("f")},
-          {"x0", s.dynamics.where("x0")},
-          {"C", s.relay.where("C")},
-          {"N", seen.where(s.relay.given() ? "C" : "N")},
-          {"M", s.complementarity.where("M")},
-          {"g", s.complementarity.where("g")},
-          {"lcp_class", s.complementarity.where("class")},
-          {"T", s.time.where("T")},
-          {"default_steps", s.time.where("steps")}};
-}
 
 SparseMatrix to_sparse(const MatrixValue& value) {
   if (const auto* sparse = std::get_if<SparseMatrix>(&value)) return *sparse;
@@ -198,21 +94,77 @@ Scene complementarity_scene(const Sections& s) {
   scene.dynamics = dynamics(s);
   scene.M = lcp_matrix(s.complementarity.matrix("M"), s.complementarity.where("M"));
   scene.lcp_class = lcp_class(s.complementarity);
-  scene.x0 = s.dynamics.vector("x0");
+  if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0");
+  return scene;
+}
+
+PortHamiltonian read_port(const Section& section, double T) {
+  const auto matrix = [&](const char* key) {
+    return section.has(key) ? to_sparse(section.matrix(key)) : SparseMatrix();
+  };
+  PortHamiltonian port{
+      matrix("E"), to_sparse(section.matrix("J")), to_sparse(section.matrix("R")), matrix("Q"), matrix("B"), {}, {}};
+  const FunctionValue u = section.function("u", T);
+  require_entries(u, port.ports(), section.where("u"), "one per column of B");
+  port.u = u.function;
+  if (section.has("jumps")) {
+    const Vector jumps = section.vector("jumps");
+    port.jumps.assign(jumps.begin(), jumps.end());
+  }
+  return port;
+}
+
+/// E x' = (J - R) Q x + B u, with or without complementarity: y enters by dynamics.B.
+Scene port_scene(const Sections& s) {
+  for (const char* key : {"A", "f", "F", "x0"})
+    if (s.dynamics.has(key))
+      throw Error(s.dynamics.where(key), "is given with a section [port]",
+                  "leave it out: E, J, R, Q, B, u and x0 of [port] say it");
+  for (const Section* other : {&s.relay, &s.boundary})
+    if (other->given())
+      throw Error(other->where(other == &s.relay ? "C" : "b"), "is given with [port]", "leave it out");
+  const double T = s.time.number("T");
+  const PortHamiltonian port = read_port(s.port, T);
+  std::map<std::string, std::string> in_port = places(s);
+  for (const char* key : {"E", "J", "R", "Q", "B", "x0"}) in_port[key] = s.port.where(key);
+  in_port["Q^T E"] = s.port.where("Q");
+  Scene scene;
+  in_the_file(in_port, [&] {
+    scene = make_scene(port, s.port.vector("x0"), T);
+    scene.validate();
+  });
+  if (!s.complementarity.given()) {
+    if (s.dynamics.given())
+      throw Error(s.dynamics.where("B"), "is given without [complementarity]", "add N and M there, or leave it out");
+    return scene;
+  }
+  const MatrixValue B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N");
+  if (auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
+    sparse->B = to_sparse(B);
+    sparse->N = to_sparse(N);
+  } else {
+    auto& dense = std::get<DenseDynamics>(scene.dynamics);
+    dense.B = to_dense(B, s.dynamics.where("B"));
+    dense.N = to_dense(N, s.complementarity.where("N"));
+  }
+  scene.M = lcp_matrix(s.complementarity.matrix("M"), s.complementarity.where("M"));
+  scene.lcp_class = lcp_class(s.complementarity);
   return scene;
 }
 
 Scene relay_scene(const Sections& s) {
   if (s.complementarity.given())
     throw Error(s.relay.where("C"), "found [relay] and [complementarity]", "give one of the two");
+  const Index m = rows(s.dynamics.matrix("A"));
   const auto dense = [](const Section& section, const char* key) {
     return to_dense(section.matrix(key), section.where(key));
   };
   const Matrix A = dense(s.dynamics, "A"), B = dense(s.dynamics, "B"), C = dense(s.relay, "C");
-  const Vector x0 = s.dynamics.vector("x0");
+  const Vector x0 = s.boundary.given() ? Vector(Vector::Zero(m)) : s.dynamics.vector("x0");
   Scene scene;
   // The sources follow once their length is known to be right.
   in_the_file(places(s), [&] { scene = bromwich::relay_scene(A, B, C, {}, x0); });
+  if (s.boundary.given()) scene.x0 = {};
   return scene;
 }
 
@@ -264,12 +216,39 @@ void add_exact(const Section& section, Scene& scene) {
   };
 }
 
+/// E0 x(0) + ET x(T) = b in place of x0; the matrix that is left out is zero.
+void add_boundary(const Sections& s, Scene& scene) {
+  const Section& section = s.boundary;
+  if (!section.given()) return;
+  if (s.dynamics.has("x0"))
+    throw Error(s.dynamics.where("x0"), "is given with a section [boundary]", "give one of the two");
+  if (!section.has("E0") && !section.has("ET"))
+    throw Error(section.where("E0"), "found neither E0 nor ET", "give one of them or both");
+  const Index m = scene.states();
+  const auto end = [&](const char* key) {
+    return section.has(key) ? to_dense(section.matrix(key), section.where(key)) : Matrix(Matrix::Zero(m, m));
+  };
+  scene.boundary = BoundaryCondition{end("E0"), end("ET"), section.vector("b")};
+}
+
+void add_free_rows(const Section& section, Scene& scene) {
+  if (!section.given()) return;
+  const Vector rows = section.vector("rows");
+  for (const double row : rows) {
+    if (row != std::floor(row) || std::abs(row) > 1e9)
+      throw Error(section.where("rows"), fmt::format("found {}", row), "give whole numbers; rows are counted from 0");
+    scene.free_rows.push_back(Index(row));
+  }
+}
+
 Scene build(const Sections& s) {
-  Scene scene = s.relay.given() ? relay_scene(s) : complementarity_scene(s);
+  Scene scene = s.port.given() ? port_scene(s) : s.relay.given() ? relay_scene(s) : complementarity_scene(s);
+  add_boundary(s, scene);
+  add_free_rows(s.free, scene);
   scene.T = s.time.number("T");
   scene.default_steps = s.time.positive_integer("steps", scene.default_steps);
   in_the_file(places(s), [&] { scene.validate(); });
-  add_f(s, scene);
+  if (!s.port.given()) add_f(s, scene);
   add_g(s, scene);
   in_the_file(places(s), [&] { scene.validate(); });
   add_exact(s.exact, scene);

@@ -2,6 +2,7 @@
 
 #include "core/error.hpp"
 #include "core/lcp/active_set_lcp.hpp"
+#include "core/step_chain.hpp"
 #include "kernels/host_plans.hpp"
 #include "kernels/parts.hpp"
 
@@ -90,6 +91,9 @@ class CudaBackend final : public Backend {
   }
   std::unique_ptr<StageMarch> stage_march(const StageProblem& problem, Index rows) override {
     return cuda::make_host_stage_march(device_, *host_, problem, rows);
+  }
+  std::unique_ptr<StepChain> step_chain(const StepChainProblem& problem) override {
+    return cuda::make_step_chain(device_, *host_, problem);
   }
   void wait() override { device_.wait(); }
   std::unique_ptr<Program> record(Index values, const std::function<void()>& operations) override {

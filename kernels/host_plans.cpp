@@ -1,5 +1,7 @@
 #include "kernels/host_plans.hpp"
 
+#include "core/step_chain.hpp"
+
 namespace bromwich::cuda {
 
 void upload(const Device& device, const RowMatrix& from, Array& to) {
@@ -145,6 +147,30 @@ class HostStageMarch final : public StageMarch {
   std::unique_ptr<StageMarch> plan_;
 };
 
+class HostStepChain final : public StepChain {
+ public:
+  HostStepChain(const Device& device, Backend& host, const StepChainProblem& problem)
+      : in_(device, host, problem.steps() + 1, problem.states()),
+        out_(device, host, problem.steps() + 1, problem.states()),
+        plan_(host.step_chain(problem)) {}
+
+  void forward(const Array& d, Array& x) override {
+    in_.fetch(d);
+    plan_->forward(*in_.array, *out_.array);
+    out_.send(x);
+  }
+  void adjoint(const Array& q, Array& l, const AdjointChoice& choice) override {
+    in_.fetch(q);
+    plan_->adjoint(*in_.array, *out_.array, choice);
+    out_.send(l);
+  }
+  std::size_t bytes() const override { return 2 * out_.array->bytes() + plan_->bytes(); }
+
+ private:
+  Twin in_, out_;
+  std::unique_ptr<StepChain> plan_;
+};
+
 }  // namespace
 
 std::unique_ptr<LcpBatch> make_host_lcp(const Device& device, Backend& host, const LcpMatrix& M, LcpClass lcp_class,
@@ -159,6 +185,10 @@ std::unique_ptr<March> make_host_march(const Device& device, Backend& host, cons
 std::unique_ptr<StageMarch> make_host_stage_march(const Device& device, Backend& host, const StageProblem& problem,
                                                   Index rows) {
   return std::make_unique<HostStageMarch>(device, host, problem, rows);
+}
+
+std::unique_ptr<StepChain> make_host_step_chain(const Device& device, Backend& host, const StepChainProblem& problem) {
+  return std::make_unique<HostStepChain>(device, host, problem);
 }
 
 }  // namespace bromwich::cuda

@@ -3,6 +3,7 @@
 // recorded and replayed. The CPU does the work, at once.
 
 #include "core/backend.hpp"
+#include "core/step_chain.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <utility>
@@ -54,6 +55,7 @@ class QueueingBackend final : public Backend {
   std::unique_ptr<StageMarch> stage_march(const StageProblem& problem, Index rows) override {
     return host_->stage_march(problem, rows);
   }
+  std::unique_ptr<StepChain> step_chain(const StepChainProblem& problem) override { return host_->step_chain(problem); }
   ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes) override {
     return host_->resolvent(dynamics, nodes);
   }

@@ -80,8 +80,7 @@ TEST_F(Cli, RefusesBadOptionValues) {
       {"--tol -1e-3", {"--tol", "'-1e-3'"}},
       {"--tol nan", {"--tol", "nan"}},
       {"--tol small", {"--tol", "small", "1e-4"}},
-      {"--method galerkin", {"--method", "galerkin", "not available yet"}},
-      {"--method goal", {"--method", "goal", "not available yet"}},
+      {"--method goal", {"method", "goal", "port-Hamiltonian"}},
       {"--method marsh", {"--method", "marsh", "did you mean 'march'"}},
       {"--backend cuda", {"--backend", "no CUDA", "use --backend cpu"}},
       {"--backend gpu", {"--backend", "gpu"}},
@@ -313,7 +312,7 @@ TEST_F(Cli, ExistingFileSurvivesARefusedRun) {
   std::ofstream(folder_ / "y.csv") << "precious";
   refused("solve signorini --steps 0 --out y.csv");
   refused("solve signorini --set T=-1 --out y.csv");
-  refused("solve signorini --method galerkin --out y.csv");
+  refused("solve signorini --method goal --out y.csv");
   EXPECT_EQ(read(folder_ / "y.csv"), "precious");
   EXPECT_EQ(files(), 1u);
 }

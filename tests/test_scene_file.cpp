@@ -57,6 +57,28 @@ SceneFile parse(const std::string& text, const ParameterValues& settings = {}) {
 
 const DenseDynamics& dense(const SceneFile& file) { return std::get<DenseDynamics>(file.scene.dynamics); }
 
+TEST(SceneFile, ReadsBoundaryValuesAndFreeRows) {
+  const Scene scene = parse(with(7, "") + "[boundary]\nE0 = [[\"1/R\"]]\nb = [\"-R\"]\n[free]\nrows = [0]\n").scene;
+  ASSERT_TRUE(scene.boundary);
+  EXPECT_EQ(scene.boundary->E0, Matrix{{0.5}});
+  EXPECT_EQ(scene.boundary->ET, Matrix{{0}}) << "left out: 0";
+  EXPECT_EQ(scene.boundary->b, Vector{{-2}});
+  EXPECT_EQ(scene.x0.size(), 0);
+  EXPECT_EQ(scene.free_rows, std::vector<Index>{0});
+  EXPECT_FALSE(parse(with(0, "")).scene.boundary);
+}
+
+TEST(SceneFile, RelaysTakeBoundaryValuesToo) {
+  const Scene scene = parse(
+                          "[dynamics]\nA = [[0]]\nB = [[1]]\n[relay]\nC = [[1]]\n[boundary]\nE0 = [[1]]\n"
+                          "ET = [[-1]]\nb = [0]\n[time]\nT = 1\n")
+                          .scene;
+  ASSERT_TRUE(scene.boundary);
+  EXPECT_EQ(scene.boundary->ET, Matrix{{-1}});
+  EXPECT_EQ(scene.x0.size(), 0);
+  EXPECT_EQ(scene.constraints(), 2);
+}
+
 TEST(SceneFile, ReadsWhatIsWritten) {
   const SceneFile file =
       parse("name = \"rc\"\ndescription = \"one\\ncell\"\n" + with(0, "steps = 50\n[output]\nstates = \"0\""));
@@ -112,6 +134,7 @@ TEST(SceneFile, ClassIsPassedOn) {
 }
 
 TEST(SceneFile, MistakesNameFileLineAndKey) {
+  const std::string without_x0 = with(7, "");
   const std::vector<Refused> cases{
       // TOML itself
       {with(6, "B = [[1"), "my.toml:7: "},
@@ -129,8 +152,20 @@ TEST(SceneFile, MistakesNameFileLineAndKey) {
       {with(12, ""), "my.toml:11: time.T: is missing; add T = ... to [time]"},
       {"dynamics = 3\n", "my.toml:1: dynamics: found 3; write a section [dynamics]"},
       {with(4, "[[dynamics]]"), "my.toml:4: dynamics: found a list; write a section [dynamics]"},
-      {with(0, "[boundary]\nE0 = [[1]]"), "my.toml:13: boundary: boundary values are not available yet"},
-      {with(0, "[free]\nrows = [0]"), "my.toml:13: free: free unknowns are not available yet"},
+      // boundary values instead of x0, free unknowns
+      {with(0, "[boundary]\nE0 = [[1]]\nb = [1]"),
+       "my.toml:7: dynamics.x0: is given with a section [boundary]; give one of the two"},
+      {without_x0 + "[boundary]\nb = [1]", "my.toml:13: boundary.E0: found neither E0 nor ET"},
+      {without_x0 + "[boundary]\nE0 = [[1]]", "my.toml:13: boundary.b: is missing"},
+      {without_x0 + "[boundary]\nE0 = [[1, 2]]\nb = [1]", "my.toml:14: boundary.E0: is 1 x 2; give 1 x 1"},
+      {without_x0 + "[boundary]\nET = [[\"R\"], [1]]\nb = [1]", "my.toml:14: boundary.ET: is 2 x 1; give 1 x 1"},
+      {without_x0 + "[boundary]\nET = [[1]]\nb = [1, 2]", "my.toml:15: boundary.b: has 2 entries; give 1"},
+      {without_x0 + "[boundary]\nE1 = [[1]]", "my.toml:14: boundary.E1: is no known key (did you mean 'E0'?)"},
+      {without_x0, "my.toml:4: dynamics.x0: is missing"},
+      {with(0, "[free]"), "my.toml:13: free.rows: is missing"},
+      {with(0, "[free]\nrows = [0.5]"), "my.toml:14: free.rows: found 0.5; give whole numbers"},
+      {with(0, "[free]\nrows = [1]"), "my.toml:14: free.rows: row 1 of 1; rows are counted from 0"},
+      {with(0, "[free]\nrows = [0, 0]"), "my.toml:14: free.rows: row 0 after row 0; give each row once"},
       {with(0, "[relay]\nC = [[1]]"), "my.toml:14: relay.C: found [relay] and [complementarity]; give one of the two"},
       {"name = 3\n" + lines(small_scene), "my.toml:1: name: found 3; give a text in quotes"},
       // parameters
@@ -358,6 +393,58 @@ TEST(SceneFile, SourcesMayBeSampledByManyThreads) {
   for (std::thread& thread : threads) thread.join();
   // Sums of up to 12 terms below 10: 12 * 10 * 2^-53 on either side.
   for (const double error : largest) EXPECT_LT(error, 3e-14);
+}
+
+const std::string toy_port =
+    "[port]\n"                                   // 1
+    "J = [[0, 0, 1], [0, 0, -1], [-1, 1, 0]]\n"  // 2
+    "R = [[1, 1, 0], [1, 1, 0], [0, 0, 0]]\n"    // 3
+    "B = [[1], [1], [0]]\n"                      // 4
+    "u = [\"t > 5 ? 10 : 0\"]\n"                 // 5
+    "x0 = [1, 2, 1]\n"                           // 6
+    "[time]\nT = 10\nsteps = 200\n";             // 7 to 9
+
+TEST(SceneFile, ReadsPortHamiltonianScenes) {
+  const Scene scene = parse(toy_port).scene, built_in = make_scene("ph-toy");
+  const auto &read = std::get<DenseDynamics>(scene.dynamics), &made = std::get<DenseDynamics>(built_in.dynamics);
+  EXPECT_EQ(read.A, made.A);
+  EXPECT_EQ(scene.constraints(), 0);
+  EXPECT_EQ(Matrix(scene.F), Matrix(built_in.F));
+  EXPECT_EQ(scene.x0, built_in.x0);
+  EXPECT_EQ(oracle::value(scene.f, 5, 1), oracle::value(built_in.f, 5, 1));
+  EXPECT_EQ(oracle::value(scene.f, 5.1, 1), oracle::value(built_in.f, 5.1, 1));
+  ASSERT_TRUE(scene.port);
+
+  const Scene clamped =
+      parse(toy_port + "[dynamics]\nB = [[-1], [0], [0]]\n[complementarity]\nN = [[-1, 0, 0]]\nM = [[1]]\ng = [3]\n")
+          .scene;
+  EXPECT_EQ(clamped.constraints(), 1);
+  EXPECT_EQ(std::get<DenseDynamics>(clamped.dynamics).B, (Matrix{{-1}, {0}, {0}}));
+  EXPECT_EQ(oracle::value(clamped.g, 1, 1)[0], 3);
+}
+
+TEST(SceneFile, SaysWhereAPortHamiltonianSceneIsWrong) {
+  const auto refused = [](const std::string& from, const std::string& to) {
+    std::string text = toy_port;
+    if (from.empty())
+      text += to;
+    else
+      text.replace(text.find(from), from.size(), to);
+    return refusal([&] { parse(text); });
+  };
+  for (const auto& [line, begin] : std::vector<std::pair<std::string, std::string>>{
+           {refused("J = [[0, 0, 1]", "J = [[0, 0, 2]"), "my.toml:2: port.J: is not skew-symmetric: entry (2,0) is -1"},
+           {refused("R = [[1, 1, 0]", "R = [[-1, 1, 0]"), "my.toml:3: port.R: is not positive semidefinite"},
+           {refused("B = [[1], [1], [0]]", "B = [[1], [1]]"), "my.toml:4: port.B: has 2 rows"},
+           {refused("u = [", "u = [\"t\", "), "my.toml:5: port.u: has 2 entries; give 1, one per column of B"},
+           {refused("x0 = [1, 2, 1]", "x0 = [1, 2]"), "my.toml:6: port.x0: has 2 entries"},
+           {refused("x0 =", "E = [[1,0,0],[0,1,0],[0,0,0]]\nx0 ="), "my.toml:6: port.E: is singular, of rank 2 of 3"},
+           {refused("x0 =", "K = 1\nx0 ="), "my.toml:6: port.K: is no known key"},
+           {refused("", "[dynamics]\nA = [[1]]\n"), "my.toml:11: dynamics.A: is given with a section [port]"},
+           {refused("", "[dynamics]\nB = [[1], [0], [0]]\n"),
+            "my.toml:11: dynamics.B: is given without [complementarity]"},
+           {refused("", "[relay]\nC = [[1]]\n"), "my.toml:11: relay.C: is given with [port]"}})
+    EXPECT_TRUE(line.starts_with(begin)) << line << "\nshould begin with\n" << begin;
 }
 
 }  // namespace

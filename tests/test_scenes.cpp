@@ -31,7 +31,13 @@ Exact exact(const Scene& scene, double t) {
 /// Checks x' = A x + B y + f by central differences away from the kinks, and complementarity everywhere.
 void expect_exact(const Scene& scene, const std::vector<double>& kinks) {
   const oracle::DenseScene s = oracle::write_out(scene);
-  EXPECT_LE((exact(scene, 0).x - s.x0).cwiseAbs().maxCoeff(), 4 * epsilon);
+  if (const auto& ends = scene.boundary) {
+    // Two products of entries up to 2 with |x| up to 12, in each row.
+    EXPECT_LE((ends->E0 * exact(scene, 0).x + ends->ET * exact(scene, s.T).x - ends->b).cwiseAbs().maxCoeff(),
+              100 * epsilon);
+  } else {
+    EXPECT_LE((exact(scene, 0).x - s.x0).cwiseAbs().maxCoeff(), 4 * epsilon);
+  }
   const int samples = 997;
   const double d = 1e-4;
   for (int i = 0; i <= samples; ++i) {
@@ -85,6 +91,43 @@ TEST(Bridge, ExactSolutionSolvesTheProblem) {
   EXPECT_NEAR(x[0], 0, 1e-14);
   EXPECT_NEAR(x[1], 0.3 + 4. / 15, 1e-14);
   EXPECT_FALSE(make_scene("bridge", {{"nu", -1}}).exact);
+}
+
+TEST(NashGame, ExactSolutionSolvesTheProblem) {
+  const Scene scene = make_scene("nash-game");
+  expect_exact(scene, {});  // f has kinks, not x
+  EXPECT_EQ(scene.free_rows.size(), 0u) << "the shared constraint is an inequality";
+  const Scene game = make_scene("nash-game", {{"game", 1}});
+  EXPECT_FALSE(game.exact);
+  EXPECT_EQ(to_dense(game.M), to_dense(scene.M));
+  EXPECT_EQ(oracle::value(game.f, 0.25, 4), (Vector{{-2, 0, -0.5, 0}}));
+}
+
+TEST(LqControl, ExactSolutionSolvesTheProblem) {
+  for (const double bound : {4.5, 5., 8.}) {
+    const Scene scene = make_scene("lq-control", {{"bound", bound}});
+    const double k = bound < 6 ? bound / std::sqrt(3 - 12 / bound) : 6, a = bound < k ? (1 - bound / k) / 2 : 0;
+    expect_exact(scene, {a, 1 - a});
+    // The cost is quadratic between the switches: Simpson's rule on each of the three pieces is exact.
+    double cost = 0;
+    for (const auto& [from, to] : {std::pair(0., a), std::pair(a, 1 - a), std::pair(1 - a, 1.)})
+      for (const auto& [place, weight] : {std::pair(from, 1.), std::pair((from + to) / 2, 4.), std::pair(to, 1.)}) {
+        const auto [x, y] = exact(scene, place);
+        cost += (to - from) / 6 * weight * std::pow(-x[3] - y[0] + y[1], 2) / 2;
+      }
+    if (bound == 5) EXPECT_NEAR(cost, 6.045027756, 1e-8);  // as many digits as are written
+    if (bound == 8) EXPECT_NEAR(cost, 6, 1e-14);
+  }
+}
+
+TEST(PeriodicRectifier, ByHand) {
+  const Scene scene = make_scene("periodic-rectifier");
+  const auto& d = std::get<DenseDynamics>(scene.dynamics);
+  EXPECT_DOUBLE_EQ(d.A(0, 0), -10);
+  EXPECT_DOUBLE_EQ(d.B(0, 0), 1000);
+  EXPECT_DOUBLE_EQ(scene.T, 0.02);
+  EXPECT_DOUBLE_EQ(oracle::value(scene.g, 0.005, 1)[0], -10);
+  EXPECT_EQ(scene.boundary->E0, -scene.boundary->ET);
 }
 
 TEST(Signorini, OnePointByHand) {
@@ -168,7 +211,8 @@ TEST(Catalogue, ListsItsScenes) {
     EXPECT_EQ(make_scene(recipe.name).name, recipe.name);  // the defaults are valid
     for (const SceneParameter& parameter : recipe.parameters) EXPECT_FALSE(parameter.meaning.empty());
   }
-  EXPECT_EQ(names, (std::vector<std::string>{"signorini", "dlcp-small", "bridge"}));
+  EXPECT_EQ(names, (std::vector<std::string>{"signorini", "dlcp-small", "bridge", "nash-game", "lq-control",
+                                             "periodic-rectifier"}));
 }
 
 TEST(Catalogue, RefusesUnknownNamesAndListsTheKnown) {
@@ -182,12 +226,13 @@ TEST(Catalogue, RefusesUnknownNamesAndListsTheKnown) {
 TEST(Catalogue, RefusesValuesOutOfRange) {
   const double nan = std::nan("");
   const std::vector<std::pair<std::string, ParameterValues>> bad{
-      {"signorini", {{"Q", 0}}},     {"signorini", {{"Q", -3}}},   {"signorini", {{"Q", 4096}}},
-      {"signorini", {{"Q", 2.5}}},   {"signorini", {{"Q", nan}}},  {"signorini", {{"dx", 0}}},
-      {"signorini", {{"dx", -0.1}}}, {"signorini", {{"dx", 0.3}}}, {"signorini", {{"dx", 1}}},
-      {"signorini", {{"dx", 1e-4}}}, {"signorini", {{"dx", nan}}}, {"signorini", {{"dx", 0.025}, {"Q", 39}}},
-      {"signorini", {{"c", 0}}},     {"signorini", {{"c", -1}}},   {"signorini", {{"T", 0}}},
-      {"dlcp-small", {{"T", -1}}},   {"bridge", {{"T", 0}}},       {"bridge", {{"nu", nan}}}};
+      {"signorini", {{"Q", 0}}},     {"signorini", {{"Q", -3}}},     {"signorini", {{"Q", 4096}}},
+      {"signorini", {{"Q", 2.5}}},   {"signorini", {{"Q", nan}}},    {"signorini", {{"dx", 0}}},
+      {"signorini", {{"dx", -0.1}}}, {"signorini", {{"dx", 0.3}}},   {"signorini", {{"dx", 1}}},
+      {"signorini", {{"dx", 1e-4}}}, {"signorini", {{"dx", nan}}},   {"signorini", {{"dx", 0.025}, {"Q", 39}}},
+      {"signorini", {{"c", 0}}},     {"signorini", {{"c", -1}}},     {"signorini", {{"T", 0}}},
+      {"dlcp-small", {{"T", -1}}},   {"bridge", {{"T", 0}}},         {"bridge", {{"nu", nan}}},
+      {"nash-game", {{"game", 2}}},  {"lq-control", {{"bound", 4}}}, {"periodic-rectifier", {{"C", 0}}}};
   for (const auto& [name, values] : bad) {
     const std::string &key = values.begin()->first, line = refusal(name, values);
     const std::string start = values.size() == 2 ? "dx:" : key + ":";

@@ -11,6 +11,12 @@ namespace bromwich {
 SceneRecipe signorini_recipe();
 SceneRecipe dlcp_small_recipe();
 SceneRecipe bridge_recipe();
+SceneRecipe ph_toy_recipe();
+SceneRecipe ladder_recipe();
+SceneRecipe ladder_diodes_recipe();
+SceneRecipe nash_game_recipe();
+SceneRecipe lq_control_recipe();
+SceneRecipe periodic_rectifier_recipe();
 
 inline std::string number_text(double value) {
   std::ostringstream out;

@@ -1,0 +1,163 @@
+// One adjoint of a cycle of goal-oriented refinement: implicit Euler on the ladder of RLC cells, all ways to solve the
+// transposed chain of steps, on the processor and on a CUDA device where one is found.
+
+#include "app/bench/study.hpp"
+#include "app/commands.hpp"
+#include "app/text.hpp"
+#include "core/port_hamiltonian.hpp"
+#include "core/reconstruction.hpp"
+#include "core/timer.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+namespace bromwich::app {
+
+namespace {
+
+struct Chain {
+  double cells = 0;     ///< of the ladder, m = 3 cells + 1
+  Index steps = 0;      ///< about
+  bool graded = false;  ///< as bisection leaves it: sizes from h to h/64
+  const char* grid() const { return graded ? "bisected" : "uniform"; }
+};
+
+struct Way {
+  const char* name;
+  AdjointChoice choice;
+};
+
+constexpr Way ways[] = {{"substitution", {AdjointMethod::substitution, 1}},
+                        {"jacobi, 1 sweep", {AdjointMethod::jacobi, 1}},
+                        {"jacobi, 3 sweeps", {AdjointMethod::jacobi, 3}},
+                        {"doubling", {AdjointMethod::doubling, 1}},
+                        {"scan", {AdjointMethod::scan, 1}}};
+
+constexpr Index most_product_states = 64;  ///< above it products of maps are dense where the maps are sparse
+
+// Cells halved up to six times where a wave is high: runs of one size, a power of two apart.
+Vector graded_grid(double T, Index about) {
+  const auto halvings = [](double s) { return int(std::lround(3 + 3 * std::sin(40 * s))); };
+  double weight = 0;
+  for (int i = 0; i < 1000; ++i) weight += std::exp2(halvings((i + 0.5) / 1000)) / 1000;
+  const Index cells = std::max<Index>(1, Index(double(about) / weight));
+  std::vector<double> t{0};
+  for (Index c = 0; c < cells; ++c) {
+    const int parts = 1 << halvings((double(c) + 0.5) / double(cells));
+    for (int p = 1; p <= parts; ++p) t.push_back(T * (double(c) + double(p) / parts) / double(cells));
+  }
+  return Eigen::Map<const Vector>(t.data(), Index(t.size()));
+}
+
+std::vector<double> timed_runs(Backend& backend, int repeats, const std::function<void()>& run) {
+  std::vector<double> times;
+  for (int round = 0; round < repeats; ++round) {
+    backend.wait();
+    Timer timer;
+    run();
+    backend.wait();
+    times.push_back(timer.lap());
+  }
+  return times;
+}
+
+Json spread_of(const std::vector<double>& times) {
+  return {{"median", median(times)}, {"min", minimum(times)}, {"max", maximum(times)}};
+}
+
+class Study {
+ public:
+  Study(const BenchRequest& request, BenchReport& report) : request_(request), report_(report) {
+    lines_.push_back({"backend", "m", "M", "grid", "sizes", "what", "median", "min", "max", "difference"});
+  }
+
+  void measure(const Chain& c, Backend& backend) {
+    const SceneChoice choice = choose_scene("ladder", {{"n", c.cells}});
+    const Scene& scene = choice.scene;
+    const PortSystem system(*scene.port, scene.T);
+    const Vector t = c.graded ? graded_grid(scene.T, c.steps) : Vector(Vector::LinSpaced(c.steps + 1, 0, scene.T));
+    const StepSizes sizes = group_steps(t);
+    const StepChainProblem problem =
+        step_chain_problem(StepScheme::euler, system.step_matrix(StepScheme::euler), sizes);
+    const Index m = problem.states(), M = problem.steps();
+    const auto add = [&](const char* what, const std::vector<double>& times, double apart) {
+      report_.rows.push_back({{"backend", backend.name()},
+                              {"states", m},
+                              {"steps", M},
+                              {"grid", c.grid()},
+                              {"sizes", sizes.sizes.size()},
+                              {"sparse", problem.sparse()},
+                              {"what", what},
+                              {"seconds", spread_of(times)},
+                              {"difference_max", apart}});
+      lines_.push_back({backend.name(), fmt::format("{}", m), fmt::format("{}", M), c.grid(),
+                        fmt::format("{}", sizes.sizes.size()), what, format_seconds(median(times)),
+                        format_seconds(minimum(times)), format_seconds(maximum(times)), scientific(apart)});
+    };
+
+    std::unique_ptr<StepChain> chain;
+    const auto plan = [&] { chain = backend.step_chain(problem); };
+    plan();
+    add("factorizations", timed_runs(backend, request_.repeats(), plan), 0);
+    RowMatrix q(M + 1, m), exact, found;
+    for (Index i = 0; i <= M; ++i)
+      for (Index k = 0; k < m; ++k) q(i, k) = std::cos(0.37 * double(i) + double(k * k));
+    const auto right = backend.array(M + 1, m), left = backend.array(M + 1, m);
+    backend.upload(q, *right);
+    const auto forward = [&] { chain->forward(*right, *left); };
+    forward();
+    add("forward", timed_runs(backend, request_.repeats(), forward), 0);
+    for (const Way& way : ways) {
+      const bool products = way.choice.method == AdjointMethod::doubling || way.choice.method == AdjointMethod::scan;
+      if (products && m > most_product_states) continue;
+      const auto adjoint = [&] { chain->adjoint(*right, *left, way.choice); };
+      adjoint();
+      backend.download(*left, found);
+      if (exact.size() == 0) exact = found;
+      const double apart = (found - exact).cwiseAbs().maxCoeff() / exact.cwiseAbs().maxCoeff();
+      add(way.name, timed_runs(backend, request_.repeats(), adjoint), apart);
+    }
+  }
+
+  std::string text() const { return table(lines_); }
+
+ private:
+  const BenchRequest& request_;
+  BenchReport& report_;
+  std::vector<std::vector<std::string>> lines_;
+};
+
+}  // namespace
+
+BenchReport bench_adjoints(const BenchRequest& request, Backend& backend) {
+  if (request.scene.value_or("ladder") != "ladder")
+    throw Error("SCENE", fmt::format("found '{}'", *request.scene), "leave it out: this benchmark uses ladder");
+  if (!request.settings.empty() || request.steps > 0)
+    throw Error(request.steps > 0 ? "--steps" : "--set", "this benchmark has its own sizes", "leave it out");
+  BenchReport report;
+  report.scene = "ladder";
+  report.details["seconds"] =
+      "wall clock of one call on arrays of the backend, without copies from the host; factorizations: the whole plan";
+  report.details["difference_max"] = "from back substitution on the same backend, over the largest entry";
+  report.details["grid"] = "uniform, or cells halved up to six times in runs, as bisection leaves it";
+  Study study(request, report);
+  const std::vector<Chain> chains =
+      request.quick ? std::vector<Chain>{{5, 1000, true}, {33, 100, true}}
+                    : std::vector<Chain>{{5, 100000, false}, {5, 10000, true},   {5, 100000, true},
+                                         {21, 10000, true},  {100, 10000, true}, {1000, 2000, true}};
+  for (const Chain& c : chains) study.measure(c, backend);
+  if (!cuda_devices().empty() && backend.name() == "cpu") {
+    const auto cuda = make_cuda_backend(make_cpu_backend(backend.device().threads));
+    report.parameters = {{"device", cuda->device().name}};
+    for (const Chain& c : chains) study.measure(c, *cuda);
+  }
+  print(fmt::format("implicit Euler on the ladder, {} threads\n", backend.device().threads) + study.text());
+  return report;
+}
+
+}  // namespace bromwich::app

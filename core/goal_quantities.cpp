@@ -1,0 +1,131 @@
+#include "core/goal_quantities.hpp"
+
+#include "core/error.hpp"
+#include "core/text.hpp"
+
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+/// Σ over the steps of a cell.
+Vector per_cell(const Trajectory& path, const Vector& of_steps) {
+  Vector sums = Vector::Zero(path.cells());
+  for (Index i = 0; i < of_steps.size(); ++i) sums[i / path.per_cell] += of_steps[i];
+  return sums;
+}
+
+class GlobalBalance : public QuantityOfInterest {
+ public:
+  std::string name() const override { return "glob"; }
+  double value(const Trajectory& path) const override {
+    const double v = energy_balance(path).violation.sum();
+    return v * v;
+  }
+  RowMatrix gradient(const Trajectory& path) const override {
+    const double v = energy_balance(path).violation.sum();
+    return balance_gradient(path, Vector::Constant(path.steps(), 2 * v));
+  }
+  std::optional<double> exact() const override { return 0.; }
+  double secant() const override { return 0.5; }
+};
+
+class LocalBalance : public QuantityOfInterest {
+ public:
+  std::string name() const override { return "loc"; }
+  double value(const Trajectory& path) const override {
+    return per_cell(path, energy_balance(path).violation).squaredNorm();
+  }
+  RowMatrix gradient(const Trajectory& path) const override {
+    const Vector v = per_cell(path, energy_balance(path).violation);
+    return balance_gradient(path, Vector::NullaryExpr(path.steps(), [&](Index i) { return 2 * v[i / path.per_cell]; }));
+  }
+  std::optional<double> exact() const override { return 0.; }
+  double secant() const override { return 0.5; }
+  int order(int p) const override { return 2 * p + 1; }  // v falls by 2^-(p+1), and there are two
+};
+
+class WeightedBalance : public LocalBalance {
+ public:
+  explicit WeightedBalance(double rho) : rho_(rho) {
+    if (!(rho >= 0) || !std::isfinite(rho)) throw Error("rho", text("found %g", rho), "give a number from 0 on");
+  }
+  std::string name() const override { return text("loc+%g", rho_); }
+  double value(const Trajectory& path) const override {
+    double square = 0;
+    const Vector h = path.t.tail(path.steps()) - path.t.head(path.steps());
+    const auto& [nodes, weights] = quadrature(path.scheme);
+    for (std::size_t q = 0; q < nodes.size(); ++q)
+      square += weights[q] * h.dot(states_within(path, nodes[q]).rowwise().squaredNorm());
+    return LocalBalance::value(path) + rho_ * square;
+  }
+  RowMatrix gradient(const Trajectory& path) const override {
+    RowMatrix gradient = LocalBalance::gradient(path);
+    const Vector h = path.t.tail(path.steps()) - path.t.head(path.steps());
+    const auto& [nodes, weights] = quadrature(path.scheme);
+    for (std::size_t q = 0; q < nodes.size(); ++q) {
+      const RowMatrix x = states_within(path, nodes[q]);
+      add_within(path, nodes[q], (2 * rho_ * weights[q] * h).asDiagonal() * x, gradient);
+    }
+    return gradient;
+  }
+  std::optional<double> exact() const override { return std::nullopt; }
+  double secant() const override { return 1; }
+  int order(int p) const override { return p; }
+
+ private:
+  double rho_;
+};
+
+class User : public QuantityOfInterest {
+ public:
+  explicit User(UserQuantity q) : q_(std::move(q)) {
+    if (!q_.density && !q_.end) throw Error("quantity", "has neither density nor end", "give one of them or both");
+    if (bool(q_.density) != bool(q_.density_gradient) || bool(q_.end) != bool(q_.end_gradient))
+      throw Error("quantity", "has a function without its gradient", "give both");
+  }
+  std::string name() const override { return q_.name; }
+  double value(const Trajectory& path) const override {
+    double sum = 0;
+    each_node(path, [&](double t, double weight, const Vector& x, Index) { sum += weight * q_.density(t, x); });
+    return q_.end ? sum + q_.end(path.t[path.steps()], path.x.row(path.steps()).transpose()) : sum;
+  }
+  RowMatrix gradient(const Trajectory& path) const override {
+    RowMatrix gradient = RowMatrix::Zero(path.steps() + 1, path.x.cols()), g(path.steps(), path.x.cols());
+    each_node(
+        path,
+        [&](double t, double weight, const Vector& x, Index i) {
+          g.row(i) = weight * q_.density_gradient(t, x).transpose();
+        },
+        [&](double s) { add_within(path, s, g, gradient); });
+    if (q_.end)
+      gradient.row(path.steps()) += q_.end_gradient(path.t[path.steps()], path.x.row(path.steps()).transpose());
+    return gradient;
+  }
+  std::optional<double> exact() const override { return q_.exact; }
+
+ private:
+  template <typename Visit>
+  void each_node(const Trajectory& path, const Visit& visit, const std::function<void(double)>& after = {}) const {
+    if (!q_.density) return;
+    const auto& [nodes, weights] = quadrature(path.scheme);
+    for (std::size_t q = 0; q < nodes.size(); ++q) {
+      const RowMatrix x = states_within(path, nodes[q]);
+      for (Index i = 0; i < path.steps(); ++i)
+        visit(path.t[i] + nodes[q] * path.h(i), weights[q] * path.h(i), x.row(i).transpose(), i);
+      if (after) after(nodes[q]);
+    }
+  }
+  UserQuantity q_;
+};
+
+}  // namespace
+
+std::shared_ptr<const QuantityOfInterest> global_balance() { return std::make_shared<GlobalBalance>(); }
+std::shared_ptr<const QuantityOfInterest> local_balance() { return std::make_shared<LocalBalance>(); }
+std::shared_ptr<const QuantityOfInterest> weighted_balance(double rho) {
+  return std::make_shared<WeightedBalance>(rho);
+}
+std::shared_ptr<const QuantityOfInterest> user_quantity(UserQuantity q) { return std::make_shared<User>(std::move(q)); }
+
+}  // namespace bromwich

@@ -1,0 +1,47 @@
+#pragma once
+// What a time grid can be made for: functionals I of the trajectory, with their derivative.
+
+#include "energy_balance.hpp"
+
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace bromwich {
+
+class QuantityOfInterest {
+ public:
+  virtual ~QuantityOfInterest() = default;
+  virtual std::string name() const = 0;
+  virtual double value(const Trajectory&) const = 0;
+  /// dI/dx_i as row i: (M+1) x m.
+  virtual RowMatrix gradient(const Trajectory&) const = 0;
+  /// I of the exact solution, where that is known.
+  virtual std::optional<double> exact() const { return std::nullopt; }
+  /// I(x_h) - I(x) over the derivative at x_h in the direction x_h - x, for small errors: 1/2 for the square of what
+  /// the exact solution makes zero, 1 otherwise.
+  virtual double secant() const { return 1; }
+  /// q where what a cell contributes falls by 2^-q when it is halved, for a reconstruction of order p.
+  virtual int order(int p) const { return p; }
+};
+
+/// I_glob = (Σ_i v_i)^2, the violation of the energy balance over [0, T].
+std::shared_ptr<const QuantityOfInterest> global_balance();
+
+/// I_loc = Σ_cells v^2.
+std::shared_ptr<const QuantityOfInterest> local_balance();
+
+/// I_loc + rho ∫ |x|^2 dt. Throws Error where rho is negative or not finite.
+std::shared_ptr<const QuantityOfInterest> weighted_balance(double rho);
+
+/// A quantity of the user's: ∫ j(t, x) dt + e(x(T)), each with its gradient; either may be left out.
+struct UserQuantity {
+  std::string name = "user";
+  std::function<double(double t, const Vector&x)> density, end;  ///< `end` gets t = T
+  std::function<Vector(double t, const Vector&x)> density_gradient, end_gradient;
+  std::optional<double> exact;
+};
+/// Throws Error where a function is given without its gradient, or neither is given.
+std::shared_ptr<const QuantityOfInterest> user_quantity(UserQuantity);
+
+}  // namespace bromwich

@@ -1,0 +1,177 @@
+#include "core/reconstruction.hpp"
+
+#include "core/error.hpp"
+#include "core/phi.hpp"
+#include "core/text.hpp"
+
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+constexpr Index largest_dense_step = 64;          // above, sparse factors are faster
+constexpr Index largest_exponential_step = 1024;  // e^{hA} is dense
+
+/// M x m times the transpose of a sparse matrix.
+RowMatrix times_transposed(const RowMatrix& x, const SparseMatrix& A) { return x * A.transpose(); }
+
+}  // namespace
+
+Reconstruction reconstruction(StepScheme scheme, double s) {
+  switch (scheme) {
+    case StepScheme::euler:
+      return {0, 1, 0, 0};
+    case StepScheme::midpoint:
+      return {1 - s, s, 0, 0};
+    case StepScheme::exponential:
+      break;
+  }
+  const double r = 1 - s;
+  return {r * r * (1 + 2 * s), s * s * (1 + 2 * r), s * r * r, -s * s * r};
+}
+
+const Quadrature& quadrature(StepScheme scheme) {
+  static const Quadrature right{{1}, {1}};
+  static const double g2 = std::sqrt(1. / 12), g3 = std::sqrt(0.15);
+  static const Quadrature two{{0.5 - g2, 0.5 + g2}, {0.5, 0.5}};
+  static const Quadrature three{{0.5 - g3, 0.5, 0.5 + g3}, {5. / 18, 8. / 18, 5. / 18}};
+  switch (scheme) {
+    case StepScheme::euler:
+      return right;
+    case StepScheme::midpoint:
+      return two;
+    case StepScheme::exponential:
+      break;
+  }
+  return three;
+}
+
+int order(StepScheme scheme) { return scheme == StepScheme::euler ? 1 : scheme == StepScheme::midpoint ? 2 : 4; }
+
+const char* to_string(StepScheme scheme) {
+  switch (scheme) {
+    case StepScheme::euler:
+      return "euler";
+    case StepScheme::midpoint:
+      return "midpoint";
+    case StepScheme::exponential:
+      break;
+  }
+  return "exponential";
+}
+
+PortSystem::PortSystem(const PortHamiltonian& port, double T)
+    : port_(port),
+      T_(T),
+      space_(state_space(port)),
+      energy_(port.energy_matrix()),
+      dissipation_(port.dissipation_matrix()),
+      output_(space_.F.cols() > 0 ? port.output_matrix() : SparseMatrix(port.states(), 0)) {}
+
+StepMatrix PortSystem::step_matrix(StepScheme scheme) const {
+  if (scheme == StepScheme::exponential && states() > largest_exponential_step)
+    throw Error("scheme", text("exponential with %td states", states()),
+                text("use midpoint or euler above %td states: e^{hA} is dense", largest_exponential_step));
+  if (scheme == StepScheme::exponential || states() <= largest_dense_step) return Matrix(space_.A);
+  return space_.A;
+}
+
+RowMatrix PortSystem::inputs(const Vector& t, double s) const {
+  const Index M = t.size() - 1, k = F().cols();
+  RowMatrix u = RowMatrix::Zero(M, k);
+  if (!port_.u) return u;
+  Vector value(k);
+  for (Index i = 0; i < M; ++i) {
+    if (s <= 0)
+      value = input_at(port_, t[i], Side::behind, T_);
+    else if (s >= 1)
+      value = input_at(port_, t[i + 1], Side::before, T_);
+    else
+      port_.u((1 - s) * t[i] + s * t[i + 1], value);
+    u.row(i) = value.transpose();
+  }
+  return u;
+}
+
+RowMatrix slopes(const Trajectory& path, Side side) {
+  const bool left = side == Side::behind;
+  const PortSystem& system = path.system;
+  const Index M = path.steps();
+  RowMatrix slope = times_transposed(left ? path.x.topRows(M) : path.x.bottomRows(M), system.A());
+  if (system.port().u) slope += times_transposed(system.inputs(path.t, left ? 0 : 1), system.F());
+  return slope;
+}
+
+RowMatrix states_within(const Trajectory& path, double s) {
+  const Index M = path.steps();
+  const auto [alpha, beta, gamma, delta] = reconstruction(path.scheme, s);
+  if (path.scheme == StepScheme::euler) return path.x.bottomRows(M);
+  RowMatrix x = alpha * path.x.topRows(M) + beta * path.x.bottomRows(M);
+  if (path.scheme == StepScheme::exponential) {
+    const Vector h = path.t.tail(M) - path.t.head(M);
+    x += h.asDiagonal() * (gamma * slopes(path, Side::behind) + delta * slopes(path, Side::before));
+  }
+  return x;
+}
+
+void add_within(const Trajectory& path, double s, const RowMatrix& g, RowMatrix& gradient) {
+  const Index M = path.steps();
+  const auto [alpha, beta, gamma, delta] = reconstruction(path.scheme, s);
+  gradient.topRows(M) += alpha * g;
+  gradient.bottomRows(M) += beta * g;
+  if (path.scheme != StepScheme::exponential) return;
+  const Vector h = path.t.tail(M) - path.t.head(M);
+  const RowMatrix through_slope = h.asDiagonal() * (g * path.system.A());
+  gradient.topRows(M) += gamma * through_slope;
+  gradient.bottomRows(M) += delta * through_slope;
+}
+
+RowMatrix step_sources(const PortSystem& system, StepScheme scheme, const Vector& t, const Vector& x0) {
+  const Index M = t.size() - 1, m = system.states();
+  RowMatrix d = RowMatrix::Zero(M + 1, m);
+  d.row(0) = x0.transpose();
+  if (!system.port().u) return d;
+  if (scheme != StepScheme::exponential) {
+    const RowMatrix f = times_transposed(system.inputs(t, scheme == StepScheme::euler ? 1 : 0.5), system.F());
+    d.bottomRows(M) = (t.tail(M) - t.head(M)).asDiagonal() * f;
+    return d;
+  }
+  const RowMatrix before = system.inputs(t, 0), behind = system.inputs(t, 1);
+  const StepSizes sizes = group_steps(t);
+  const Matrix A(system.A()), F(system.F());
+  std::vector<std::pair<Matrix, Matrix>> weights;  // h (phi1 - phi2)(hA) F and h phi2(hA) F, by size
+  for (const double h : sizes.sizes) {
+    const MatrixPhi phi = matrix_phi(h * A);
+    weights.emplace_back(h * (phi.phi1 - phi.phi2) * F, h * phi.phi2 * F);
+  }
+  for (Index i = 0; i < M; ++i) {
+    const auto& [left, right] = weights[std::size_t(sizes.of[std::size_t(i)])];
+    d.row(i + 1) = before.row(i) * left.transpose() + behind.row(i) * right.transpose();
+  }
+  return d;
+}
+
+Vector halved(const Vector& t) {
+  const Index M = t.size() - 1;
+  Vector fine(2 * M + 1);
+  for (Index i = 0; i < M; ++i) {
+    fine[2 * i] = t[i];
+    fine[2 * i + 1] = t[i] + (t[i + 1] - t[i]) / 2;
+  }
+  fine[2 * M] = t[M];
+  return fine;
+}
+
+RowMatrix prolonged(const Trajectory& path) {
+  const Index M = path.steps();
+  const RowMatrix middle = states_within(path, 0.5);
+  RowMatrix x(2 * M + 1, path.x.cols());
+  for (Index i = 0; i < M; ++i) {
+    x.row(2 * i) = path.x.row(i);
+    x.row(2 * i + 1) = middle.row(i);
+  }
+  x.row(2 * M) = path.x.row(M);
+  return x;
+}
+
+}  // namespace bromwich

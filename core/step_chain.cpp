@@ -1,0 +1,173 @@
+#include "core/step_chain.hpp"
+
+#include "core/lcp/solution.hpp"
+#include "core/phi.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <string>
+
+namespace bromwich {
+
+namespace {
+
+Index step_rows(const StepMatrix& matrix) {
+  return std::visit([](const auto& a) { return a.rows(); }, matrix);
+}
+
+bool is_step_square(const StepMatrix& matrix, Index m) {
+  return std::visit([m](const auto& a) { return a.rows() == m && a.cols() == m; }, matrix);
+}
+
+bool is_step_finite(const StepMatrix& matrix) {
+  if (const auto* dense = std::get_if<Matrix>(&matrix)) return dense->allFinite();
+  const auto& sparse = std::get<SparseMatrix>(matrix);
+  return Eigen::Map<const Vector>(sparse.valuePtr(), sparse.isCompressed() ? sparse.nonZeros() : 0).allFinite() &&
+         std::isfinite(sparse.sum());
+}
+
+StepMatrix identity_plus(double s, const StepMatrix& A) {
+  const Index m = step_rows(A);
+  if (const auto* dense = std::get_if<Matrix>(&A)) return Matrix(Matrix::Identity(m, m) + s * *dense);
+  SparseMatrix I(m, m);
+  I.setIdentity();
+  SparseMatrix sum = I + s * std::get<SparseMatrix>(A);
+  sum.makeCompressed();
+  return sum;
+}
+
+// The order of `count` places by key, those with equal keys in the order they have.
+std::vector<Index> sorted_by(const std::vector<Index>& places, const std::vector<Index>& keys, Index offset,
+                             Index names) {
+  std::vector<Index> start(std::size_t(names) + 1, 0), order(places.size());
+  for (const Index i : places) ++start[std::size_t(keys[std::size_t(i + offset)]) + 1];
+  std::partial_sum(start.begin(), start.end(), start.begin());
+  for (const Index i : places) order[std::size_t(start[std::size_t(keys[std::size_t(i + offset)])]++)] = i;
+  return order;
+}
+
+}  // namespace
+
+Index StepChainProblem::states() const { return maps.empty() ? 0 : step_rows(maps.front().S); }
+
+bool StepChainProblem::sparse() const { return !maps.empty() && std::holds_alternative<SparseMatrix>(maps.front().S); }
+
+void StepChainProblem::validate() const {
+  if (map_of.empty()) throw Error("steps", "found none", "give at least one step");
+  if (maps.empty()) throw Error("maps", "found none", "give the matrices of the steps");
+  const Index m = states();
+  if (m == 0) throw Error("map 0", "found no states", "give square matrices");
+  for (std::size_t k = 0; k < maps.size(); ++k) {
+    const std::string name = "map " + std::to_string(k);
+    const auto& [S, R] = maps[k];
+    if (!is_step_square(S, m) || !is_step_square(R, m))
+      throw Error(name, "found S or R that are not " + std::to_string(m) + " x " + std::to_string(m),
+                  "give all maps the shape of the first");
+    if (S.index() != maps.front().S.index() || R.index() != S.index())
+      throw Error(name, "found dense and sparse matrices", "give all of one kind");
+    if (!is_step_finite(S) || !is_step_finite(R))
+      throw Error(name, "found a value that is not finite", "check the step size and the matrices");
+  }
+  for (std::size_t i = 0; i < map_of.size(); ++i)
+    if (map_of[i] < 0 || map_of[i] >= Index(maps.size()))
+      throw Error("step " + std::to_string(i + 1), "found map " + std::to_string(map_of[i]),
+                  "use one of the " + std::to_string(maps.size()) + " maps");
+}
+
+Index AdjointChoice::checked_sweeps() const {
+  if (sweeps < 1) throw Error("sweeps", "found " + std::to_string(sweeps), "do at least one");
+  return sweeps;
+}
+
+DenseStep::DenseStep(const StepChainProblem& problem, Index map) {
+  const auto& [S, R] = problem.maps[std::size_t(map)];
+  const Eigen::PartialPivLU<Matrix> lu(std::get<Matrix>(S));
+  if (reciprocal_condition(lu) < epsilon) throw singular_step(problem, map);
+  P = lu.solve(std::get<Matrix>(R));
+  inverse = lu.inverse();
+}
+
+Error singular_step(const StepChainProblem& problem, Index map) {
+  const auto at = std::find(problem.map_of.begin(), problem.map_of.end(), map);
+  return {"map " + std::to_string(map),
+          at == problem.map_of.end()
+              ? std::string("found a singular matrix S")
+              : "found a singular matrix S, of step " + std::to_string(at - problem.map_of.begin() + 1),
+          "take another step size"};
+}
+
+void check_products(double bytes, double limit, const char* method) {
+  if (bytes <= limit) return;
+  const auto megabytes = [](double b) { return std::to_string(std::llround(b / 1e6)) + " MB"; };
+  throw Error("adjoint",
+              std::string(method) + " would take " + megabytes(bytes) + " for products of steps where " +
+                  megabytes(limit) + " are allowed",
+              "use substitution or jacobi, or allow more");
+}
+
+StepSizes group_steps(const Vector& t) {
+  const Index M = t.size() - 1;
+  if (M < 1) throw Error("t", "found " + std::to_string(t.size()) + " points", "give two at least");
+  if (!t.allFinite()) throw Error("t", "found a time that is not finite", "give finite times");
+  std::vector<double> h(static_cast<std::size_t>(M));
+  for (Index i = 0; i < M; ++i) {
+    h[std::size_t(i)] = t[i + 1] - t[i];
+    if (!(h[std::size_t(i)] > 0))
+      throw Error("t", "found t[" + std::to_string(i + 1) + "] <= t[" + std::to_string(i) + "]", "let times increase");
+  }
+  std::vector<Index> order(h.size());
+  std::iota(order.begin(), order.end(), Index(0));
+  std::sort(order.begin(), order.end(), [&](Index a, Index b) { return h[std::size_t(a)] < h[std::size_t(b)]; });
+  // Each time is rounded by eps/2 |t| when it is computed, and a halved step by as much again.
+  const double rounding = 4 * epsilon * t.cwiseAbs().maxCoeff();
+  StepSizes groups;
+  groups.of.resize(h.size());
+  std::vector<double> sizes;
+  for (const Index i : order) {
+    const double size = h[std::size_t(i)];
+    if (sizes.empty() || size - sizes.back() > rounding) sizes.push_back(size);
+    groups.of[std::size_t(i)] = Index(sizes.size()) - 1;
+  }
+  groups.sizes = Eigen::Map<const Vector>(sizes.data(), Index(sizes.size()));
+  return groups;
+}
+
+StepMap step_map(StepScheme scheme, const StepMatrix& A, double h) {
+  switch (scheme) {
+    case StepScheme::euler:
+      return {identity_plus(-h, A), identity_plus(0, A)};
+    case StepScheme::midpoint:
+      return {identity_plus(-h / 2, A), identity_plus(h / 2, A)};
+    case StepScheme::exponential:
+      break;
+  }
+  const auto* dense = std::get_if<Matrix>(&A);
+  if (!dense) throw Error("scheme", "found exponential steps with a sparse matrix", "use euler or midpoint");
+  return {identity_plus(0, A), matrix_phi(h * *dense).exponential};
+}
+
+StepChainProblem step_chain_problem(StepScheme scheme, const StepMatrix& A, const StepSizes& steps) {
+  StepChainProblem problem;
+  problem.map_of = steps.of;
+  problem.maps.reserve(std::size_t(steps.sizes.size()));
+  for (const double h : steps.sizes) problem.maps.push_back(step_map(scheme, A, h));
+  return problem;
+}
+
+WindowNames join_windows(const std::vector<Index>& of, Index names, Index length) {
+  WindowNames windows;
+  const Index count = std::max<Index>(0, Index(of.size()) - length);
+  std::vector<Index> order(static_cast<std::size_t>(count));
+  std::iota(order.begin(), order.end(), Index(0));
+  order = sorted_by(sorted_by(order, of, length, names), of, 0, names);
+  windows.of.resize(order.size());
+  for (const Index i : order) {
+    const std::pair<Index, Index> halves{of[std::size_t(i)], of[std::size_t(i + length)]};
+    if (windows.halves.empty() || windows.halves.back() != halves) windows.halves.push_back(halves);
+    windows.of[std::size_t(i)] = Index(windows.halves.size()) - 1;
+  }
+  return windows;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,119 @@
+#pragma once
+// Linear one-step maps along a time grid of any step sizes, and their adjoint:
+//
+//     S_i x_i = R_i x_{i-1} + d_i,  i = 1..M,    x_0 = d_0                       (A x = d)
+//     S_i^T l_i = R_{i+1}^T l_{i+1} + q_i,       l_0 = R_1^T l_1 + q_0           (A^T l = q; l_{M+1} = 0)
+//
+// symbol    variable                      shape    meaning
+// M         StepChainProblem::steps()     1        steps; arrays have M+1 rows, row i belongs to t_i
+// m         StepChainProblem::states()    1        components of a row
+// S, R      StepMap                       m x m    of all steps of one kind
+//           StepChainProblem::map_of      M        which map step i has, at i - 1
+// P_i       S_i^{-1} R_i                  m x m    the step itself
+//
+// Steps that share their matrices share one factorization: bisection of a uniform grid leaves few sizes. With
+// mu_i = S_i^T l_i the adjoint is mu_i = P_{i+1}^T mu_{i+1} + q_i, (I - G) mu = q, and G is nilpotent:
+//
+//     substitution   from the last row to the first; serial
+//     Jacobi         mu <- q + G mu, k sweeps from mu = 0: all rows at once, exact for k > M (Bartel, Schaller,
+//                    Goal-oriented time adaptivity for port-Hamiltonian systems, section 5)
+//     doubling       mu <- (I + G^{2^k}) mu, k = 0 .. ceil(log2(M+1)) - 1: all rows at once, exact. The entries of
+//                    G^{2^k} are products of 2^k maps; windows of the grid that hold the same kinds of steps in the
+//                    same order share theirs (Karp, Miller, Rosenberg, STOC 1972)
+//     scan           blocks of steps: the product of each, substitution from block to block, then inside all blocks at
+//                    once; exact, with m times the operations of a substitution and no more
+
+#include "error.hpp"
+#include "types.hpp"
+
+#include <cstddef>
+#include <utility>
+#include <variant>
+#include <vector>
+
+namespace bromwich {
+
+class Array;
+
+using StepMatrix = std::variant<Matrix, SparseMatrix>;
+
+struct StepMap {
+  StepMatrix S, R;  ///< both dense or both sparse
+};
+
+struct StepChainProblem {
+  std::vector<StepMap> maps;  ///< all dense or all sparse
+  std::vector<Index> map_of;  ///< M, increasing time
+  /// Bytes that products of maps may take (doubling, scan); what needs more is refused.
+  double memory_limit = 4e9;
+
+  Index steps() const { return Index(map_of.size()); }
+  Index states() const;
+  bool sparse() const;
+
+  /// Throws Error naming the first map or step whose shape, value or number is wrong.
+  void validate() const;
+};
+
+enum class AdjointMethod { substitution, jacobi, doubling, scan };
+
+struct AdjointChoice {
+  AdjointMethod method = AdjointMethod::substitution;
+  Index sweeps = 1;  ///< of Jacobi, at least 1
+
+  /// Throws Error for fewer than one.
+  Index checked_sweeps() const;
+};
+
+/// A plan for one chain, made by Backend::step_chain: all maps are factorized when it is made. Arrays are (M+1) x m and
+/// must not alias. A chain belongs to one caller at a time.
+class StepChain {
+ public:
+  virtual ~StepChain() = default;
+  /// A x = d.
+  virtual void forward(const Array& d, Array& x) = 0;
+  /// A^T l = q, or its approximation by Jacobi sweeps. Throws Error where sweeps < 1, or products of maps would take
+  /// more than the memory limit.
+  virtual void adjoint(const Array& q, Array& l, const AdjointChoice& = {}) = 0;
+  virtual std::size_t bytes() const = 0;
+};
+
+/// P and S^{-1} of a dense map. Throws Error where S is singular to rounding, naming the step that has it.
+struct DenseStep {
+  DenseStep(const StepChainProblem&, Index map);
+  Matrix P, inverse;
+};
+
+Error singular_step(const StepChainProblem&, Index map);
+/// Throws Error where products of maps would take more than the limit.
+void check_products(double bytes, double limit, const char* method);
+
+/// The step sizes of a grid, those that differ by no more than the rounding of its times taken as one.
+struct StepSizes {
+  Vector sizes;                                                  ///< distinct, increasing
+  std::vector<Index> of;                                         ///< M: which size step i has, at i - 1
+  double h(Index i) const { return sizes[of[std::size_t(i)]]; }  ///< of the step from t_i to t_{i+1}
+};
+
+/// Throws Error unless t has two points at least and is finite and increasing.
+StepSizes group_steps(const Vector& t);
+
+/// One step of x' = A x + ...: implicit Euler I - hA, I; implicit midpoint I - hA/2, I + hA/2; exponential I, e^{hA}
+/// (dense).
+enum class StepScheme { euler, midpoint, exponential };
+
+StepMap step_map(StepScheme, const StepMatrix& A, double h);
+/// All steps of a grid.
+StepChainProblem step_chain_problem(StepScheme, const StepMatrix& A, const StepSizes&);
+
+/// Windows of one length of a row of symbols, named so that two have the same name exactly if they hold the same
+/// symbols: `of` by the place where they begin, `halves` the two names of half the length. Names count from 0 in the
+/// lexicographic order of their halves.
+struct WindowNames {
+  std::vector<Index> of;
+  std::vector<std::pair<Index, Index>> halves;
+};
+/// Windows of twice the length: those that begin at i with names of[i], of[i + length].
+WindowNames join_windows(const std::vector<Index>& of, Index names, Index length);
+
+}  // namespace bromwich

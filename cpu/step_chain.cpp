@@ -1,0 +1,105 @@
+#include "cpu/step_chain.hpp"
+
+#include "core/error.hpp"
+
+#include <algorithm>
+#include <string>
+
+namespace bromwich::cpu {
+
+PlaceTiles::PlaceTiles(const std::vector<Index>& matrix_of, Index matrices, Index most) {
+  std::vector<Index> end(static_cast<std::size_t>(matrices) + 1, 0);
+  for (const Index k : matrix_of) ++end[std::size_t(k) + 1];
+  for (std::size_t k = 0; k < std::size_t(matrices); ++k) end[k + 1] += end[k];
+  std::vector<Index> next(end.begin(), end.end() - 1);
+  order.resize(matrix_of.size());
+  for (std::size_t p = 0; p < matrix_of.size(); ++p) order[std::size_t(next[std::size_t(matrix_of[p])]++)] = Index(p);
+  for (Index k = 0; k < matrices; ++k)
+    for (Index first = end[std::size_t(k)]; first < end[std::size_t(k) + 1]; first += most) {
+      const Index count = std::min(most, end[std::size_t(k) + 1] - first);
+      const bool adjacent = order[std::size_t(first + count - 1)] - order[std::size_t(first)] == count - 1;
+      tiles.push_back({k, first, count, adjacent});
+    }
+}
+
+void multiply_places(const PlaceTiles& places, const MatrixList& X, bool transposed, const RowMatrix& in,
+                     const RowMatrix* add, RowMatrix& out, RowShift shift, int threads) {
+  const Index m = X.size(), tiles = Index(places.tiles.size());
+#pragma omp parallel num_threads(threads)
+  {
+    RowMatrix gathered, product;
+#pragma omp for schedule(dynamic, 16)
+    for (Index t = 0; t < tiles; ++t) {
+      const PlaceTiles::Tile& tile = places.tiles[std::size_t(t)];
+      const auto matrix = X[tile.matrix];
+      const Index* order = places.order.data() + tile.first;
+      gathered.resize(tile.count, m);
+      if (tile.adjacent)
+        gathered = in.middleRows(order[0] + shift.in, tile.count);
+      else
+        for (Index r = 0; r < tile.count; ++r) gathered.row(r) = in.row(order[r] + shift.in);
+      product.resize(tile.count, m);
+      if (tile.count == 1) {  // a matrix-vector product: Eigen's for matrices has its price
+        if (transposed)
+          product.row(0).transpose().noalias() = matrix * gathered.row(0).transpose();
+        else
+          product.row(0).transpose().noalias() = matrix.transpose() * gathered.row(0).transpose();
+      } else if (transposed) {
+        product.noalias() = gathered * matrix.transpose();
+      } else {
+        product.noalias() = gathered * matrix;
+      }
+      for (Index r = 0; r < tile.count; ++r) {
+        const Index to = order[r] + shift.out;
+        if (add)
+          out.row(to) = add->row(to) + product.row(r);
+        else
+          out.row(to) = product.row(r);
+      }
+    }
+  }
+}
+
+CpuStepChain::CpuStepChain(const StepChainProblem& problem, int threads)
+    : M_(problem.steps()),
+      m_(problem.states()),
+      map_of_(problem.map_of),
+      memory_limit_(problem.memory_limit),
+      threads_(threads) {}
+
+void CpuStepChain::forward(const Array& d, Array& x) { forward(host(d), host(x)); }
+
+void CpuStepChain::adjoint(const Array& from, Array& to, const AdjointChoice& choice) {
+  const RowMatrix& q = host(from);
+  RowMatrix& mu = host(to);
+  switch (choice.method) {
+    case AdjointMethod::substitution:
+      return substitute(q, mu);
+    case AdjointMethod::jacobi:
+      mu = q;
+      // Row i depends on the rows i .. i+k-1: with more than M+1 sweeps nothing changes any more.
+      for (Index k = 1; k < std::min(choice.checked_sweeps(), M_ + 1); ++k) {
+        other_.resize(M_ + 1, m_);
+        other_.row(M_) = q.row(M_);
+        sweep(q, mu, other_);
+        mu.swap(other_);
+      }
+      break;
+    case AdjointMethod::doubling:
+      mu = q;
+      solve_by_doubling(transitions("doubling"), map_of_, memory_limit_, mu, threads_);
+      break;
+    case AdjointMethod::scan:
+      mu = q;
+      solve_by_scan(transitions("scan"), map_of_, memory_limit_, mu, threads_);
+      break;
+  }
+  finish(mu);
+}
+
+std::unique_ptr<StepChain> make_step_chain(const StepChainProblem& problem, int threads) {
+  problem.validate();
+  return problem.sparse() ? make_sparse_step_chain(problem, threads) : make_dense_step_chain(problem, threads);
+}
+
+}  // namespace bromwich::cpu

@@ -1,0 +1,82 @@
+// The exact parallel adjoints. Products of maps P_{i+L} ... P_{i+1} carry mu_{i+L} to mu_i.
+
+#include "cpu/step_chain.hpp"
+
+#include <algorithm>
+
+namespace bromwich::cpu {
+
+namespace {
+
+constexpr Index doubling_tile_rows = 64;
+
+}  // namespace
+
+void solve_by_doubling(const MatrixList& P, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
+                       int threads) {
+  const Index m = P.size(), M = Index(map_of.size());
+  RowMatrix next(mu.rows(), m);
+  MatrixList products;                // of the windows of `length` steps, by name
+  std::vector<Index> names = map_of;  // of the window that begins behind row i
+  Index kinds = P.count();
+  for (Index length = 1;; length *= 2) {
+    const MatrixList& X = length == 1 ? P : products;
+    next.bottomRows(length) = mu.bottomRows(length);
+    multiply_places({names, kinds, doubling_tile_rows}, X, false, mu, &mu, next, {length, 0}, threads);
+    mu.swap(next);
+    if (2 * length > M) return;
+
+    WindowNames windows = join_windows(names, kinds, length);
+    kinds = Index(windows.halves.size());
+    check_products(8.0 * double(m * m) * double(kinds + X.count()), memory_limit, "doubling");
+    MatrixList longer(kinds, m);
+#pragma omp parallel for num_threads(threads) schedule(static)
+    for (Index k = 0; k < kinds; ++k) {
+      const auto [early, late] = windows.halves[std::size_t(k)];
+      longer[k].noalias() = X[late] * X[early];
+    }
+    products = std::move(longer);
+    names = std::move(windows.of);
+  }
+}
+
+void solve_by_scan(const MatrixList& P, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
+                   int threads) {
+  const Index m = P.size(), M = Index(map_of.size());
+  const Index blocks = std::min<Index>(M, 4 * threads), length = (M + blocks - 1) / blocks;
+  check_products(16.0 * double((m + 1) * m) * double(blocks), memory_limit, "scan");
+  const auto substitute = [&](Index first, Index last) {
+    for (Index i = last - 1; i >= first; --i)
+      mu.row(i).transpose().noalias() += P[map_of[std::size_t(i)]].transpose() * mu.row(i + 1).transpose();
+  };
+  // carry_b: m rows of P_last ... P_{first+1}, and what the block's own q add up to.
+  std::vector<RowMatrix> carry(static_cast<std::size_t>(blocks));
+#pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
+  for (Index b = 0; b < blocks; ++b) {
+    const Index first = std::min(M, b * length), last = std::min(M, first + length);
+    RowMatrix& now = carry[std::size_t(b)];
+    RowMatrix before;
+    now.setZero(m + 1, m);
+    now.topRows(m).setIdentity();
+    for (Index i = last - 1; i >= first; --i) {
+      before.swap(now);
+      now.noalias() = before * P[map_of[std::size_t(i)]];
+      now.row(m) += mu.row(i);
+    }
+  }
+  // mu at the first row of each block, from the last block on.
+  RowMatrix entry(blocks + 1, m);
+  entry.row(blocks) = mu.row(M);
+  for (Index b = blocks - 1; b >= 0; --b)
+    entry.row(b) = carry[std::size_t(b)].row(m) + entry.row(b + 1) * carry[std::size_t(b)].topRows(m);
+#pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
+  for (Index b = 0; b < blocks; ++b) {
+    const Index first = std::min(M, b * length), last = std::min(M, first + length);
+    if (last == first) continue;
+    const Index i = last - 1;
+    mu.row(i) += entry.row(b + 1) * P[map_of[std::size_t(i)]];
+    substitute(first, i);
+  }
+}
+
+}  // namespace bromwich::cpu

@@ -1,0 +1,357 @@
+// Chains of dense one-step maps (core/step_chain.hpp) up to 64 states. Along the chain, in the direction in which it is
+// solved, rows are row vectors and follow each other as
+//
+//     x_p = q_p + x_{p-1} X_p,    X = P^T forward in time, X = P for the adjoint, p = 1..M.
+//
+// Serial: one block, 16 threads a component, the next map on its way while this one is applied. Scan: a block for each
+// chunk of steps multiplies [X; x] through, (m+1) x m values in shared memory; one block carries from chunk to chunk;
+// then all chunks are substituted at once. Doubling: the same product for every row, all products of 2^k maps in global
+// memory: 2 M m^2 values read and M m^2 written each time. Windows that repeat are not looked for here: naming them on
+// the host takes longer than multiplying them.
+
+#include "kernels/host_plans.hpp"
+#include "kernels/parts.hpp"
+
+#include "core/error.hpp"
+#include "core/step_chain.hpp"
+
+#include <cuda_pipeline_primitives.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace bromwich::cuda {
+
+namespace {
+
+constexpr int most_states = 64, lanes = 16, slots = most_states / lanes;
+constexpr int threads = 256;
+constexpr Index serial_steps = 256;  ///< up to here a scan gains nothing
+
+/// P_i by kind, columns contiguous, and the direction.
+struct Chain {
+  const double* matrices;
+  const int* map_of;  ///< null: step i has matrix i
+  int m, M, stride;   ///< stride: of rows
+  bool backward;      ///< position p is row M - p
+  bool transposed;    ///< X = P^T
+
+  __device__ long row(int p) const { return long(backward ? M - p : p) * stride; }
+  __device__ int kind(int p) const {
+    const int step = backward ? M - p : p - 1;
+    return map_of ? __ldg(map_of + step) : step;
+  }
+  __device__ const double* matrix(int kind) const { return matrices + long(kind) * m * m; }
+  __device__ int at(int k, int j) const { return transposed ? k * m + j : j * m + k; }
+};
+
+// out_i = in_i X for rows i >= 1 with the matrix of their step, row 0 as it is.
+__global__ void solve_rows(Chain c, const double* __restrict__ in, double* __restrict__ out) {
+  const long index = long(blockIdx.x) * threads + threadIdx.x;
+  const int i = int(index / c.m), j = int(index % c.m);
+  if (i > c.M) return;
+  const double* row = in + long(i) * c.stride;
+  double sum = i == 0 ? row[j] : 0;
+  if (i > 0) {
+    const double* X = c.matrix(c.map_of[i - 1]);
+    for (int k = 0; k < c.m; ++k) sum += row[k] * __ldg(X + c.at(k, j));
+  }
+  out[long(i) * c.stride + j] = sum;
+}
+
+// out_i = q_i + in_{i+1} P_{i+1}, out_M = q_M.
+__global__ void sweep_rows(Chain c, const double* __restrict__ q, const double* __restrict__ in,
+                           double* __restrict__ out) {
+  const long index = long(blockIdx.x) * threads + threadIdx.x;
+  const int i = int(index / c.m), j = int(index % c.m);
+  if (i > c.M) return;
+  double sum = q[long(i) * c.stride + j];
+  if (i < c.M) {
+    const double *X = c.matrix(c.map_of[i]), *row = in + long(i + 1) * c.stride;
+    for (int k = 0; k < c.m; ++k) sum += row[k] * __ldg(X + c.at(k, j));
+  }
+  out[long(i) * c.stride + j] = sum;
+}
+
+// x holds q and becomes the solution, for the positions of each block's chunk; `entry` has the row before each chunk.
+__global__ void substitute(Chain c, double* __restrict__ x, int length, const double* __restrict__ entry) {
+  __shared__ double state[2][most_states];
+  const int lane = threadIdx.x % lanes, j = threadIdx.x / lanes;
+  const int first = blockIdx.x * length + 1, last = min(c.M, first + length - 1);
+  const bool mine = j < c.m;
+  if (first > last) return;
+  double column[slots], add = 0;
+  const auto fetch = [&](int p, int kind) {
+    const double* X = c.matrix(kind);
+#pragma unroll
+    for (int t = 0; t < slots; ++t) {
+      const int k = lane + t * lanes;
+      column[t] = mine && k < c.m ? __ldg(X + c.at(k, j)) : 0;
+    }
+    add = mine && lane == 0 ? x[c.row(p) + j] : 0;
+  };
+  if (mine && lane == 0) state[0][j] = entry ? entry[blockIdx.x * c.m + j] : x[c.row(first - 1) + j];
+  fetch(first, c.kind(first));
+  int kind = first < last ? c.kind(first + 1) : 0;
+  __syncthreads();
+  for (int p = first; p <= last; ++p) {
+    const double* now = state[(p - first) & 1];
+    double sum = add;
+#pragma unroll
+    for (int t = 0; t < slots; ++t)
+      if (t * lanes < c.m) sum += now[min(lane + t * lanes, c.m - 1)] * column[t];
+    if (p < last) fetch(p + 1, kind);
+    if (p + 1 < last) kind = c.kind(p + 2);
+#pragma unroll
+    for (int offset = lanes / 2; offset > 0; offset /= 2) sum += __shfl_xor_sync(~0u, sum, offset);
+    if (mine && lane == 0) {
+      state[(p - first + 1) & 1][j] = sum;
+      x[c.row(p) + j] = sum;
+    }
+    __syncthreads();
+  }
+}
+
+// Entry o of [left; row] X, (m+1) x m, columns contiguous.
+__device__ double product_entry(const double* left, const double* X, int m, int o) {
+  const int r = o % (m + 1), j = o / (m + 1);
+  double sum = 0;
+  for (int k = 0; k < m; ++k) sum += left[k * (m + 1) + r] * X[j * m + k];
+  return sum;
+}
+
+// Of each chunk: the product of its maps, and in row block + 1 of `sums` what its own q add up to.
+__global__ void multiply_chunk(Chain c, const double* __restrict__ q, int length, double* __restrict__ products,
+                               double* __restrict__ sums) {
+  extern __shared__ double shared[];
+  const int m = c.m, size = (m + 1) * m;
+  double* const now[2] = {shared, shared + size};
+  double* const X[2] = {shared + 2 * size, shared + 2 * size + m * m};
+  double* const add[2] = {X[1] + m * m, X[1] + m * m + m};
+  const int first = blockIdx.x * length + 1, last = min(c.M, first + length - 1);
+  const auto fetch = [&](int p) {
+    const double* from = c.matrix(c.kind(p));
+    for (int o = threadIdx.x; o < m * m; o += blockDim.x)
+      __pipeline_memcpy_async(X[p & 1] + o, from + (c.transposed ? o % m * m + o / m : o), 8);
+    for (int j = threadIdx.x; j < m; j += blockDim.x) __pipeline_memcpy_async(add[p & 1] + j, q + c.row(p) + j, 8);
+    __pipeline_commit();
+  };
+  for (int o = threadIdx.x; o < size; o += blockDim.x) now[first & 1][o] = o % (m + 1) == o / (m + 1) ? 1 : 0;
+  if (first <= last) fetch(first);
+  for (int p = first; p <= last; ++p) {
+    __pipeline_wait_prior(0);
+    __syncthreads();  // what came and what was computed is there, and nobody reads what was before it
+    if (p < last) fetch(p + 1);
+    for (int o = threadIdx.x; o < size; o += blockDim.x) {
+      const double own = o % (m + 1) == m ? add[p & 1][o / (m + 1)] : 0;
+      now[(p + 1) & 1][o] = own + product_entry(now[p & 1], X[p & 1], m, o);
+    }
+  }
+  __syncthreads();
+  const double* result = now[(max(last, first - 1) + 1) & 1];
+  for (int o = threadIdx.x; o < size; o += blockDim.x) {
+    const int r = o % (m + 1), j = o / (m + 1);
+    if (r < m)
+      products[(long(blockIdx.x) * m + j) * m + r] = result[o];
+    else
+      sums[(blockIdx.x + 1) * m + j] = result[o];
+  }
+}
+
+// With X_i the product of `length` maps that carries row i + length to row i: next_i = mu_i + mu_{i+length} X_i, and
+// the products of twice the length, X_{i+length} X_i.
+__global__ void double_windows(Chain c, int length, const double* __restrict__ mu, double* __restrict__ next,
+                               double* __restrict__ longer) {
+  extern __shared__ double shared[];
+  const int m = c.m, i = blockIdx.x, size = (m + 1) * m;
+  double *const left = shared, *const X = shared + size;
+  const auto window = [&](int place) { return c.matrix(c.map_of ? c.map_of[place] : place); };
+  const bool goes_on = i + 2 * length <= c.M;
+  const double *from = window(i), *later = goes_on ? window(i + length) : nullptr;
+  for (int o = threadIdx.x; o < m * m; o += blockDim.x) {
+    X[o] = from[o];
+    if (goes_on) left[o / m * (m + 1) + o % m] = later[o];
+  }
+  for (int k = threadIdx.x; k < m; k += blockDim.x) left[k * (m + 1) + m] = mu[long(i + length) * c.stride + k];
+  __syncthreads();
+  for (int o = threadIdx.x; o < size; o += blockDim.x) {
+    const int r = o % (m + 1), j = o / (m + 1);
+    if (r == m)
+      next[long(i) * c.stride + j] = mu[long(i) * c.stride + j] + product_entry(left, X, m, o);
+    else if (goes_on)
+      longer[(long(i) * m + j) * m + r] = product_entry(left, X, m, o);
+  }
+}
+
+std::size_t chunk_bytes(Index m) { return sizeof(double) * std::size_t(2 * ((m + 1) * m + m * m + m)); }
+
+int whole_warps(int count) { return std::min(1024, (count + 31) / 32 * 32); }
+
+class DeviceStepChain final : public StepChain {
+ public:
+  DeviceStepChain(const Device& device, const StepChainProblem& problem)
+      : device_(device),
+        m_(int(problem.states())),
+        M_(int(problem.steps())),
+        memory_limit_(problem.memory_limit),
+        map_of_(device, problem.map_of.size()),
+        P_(device, problem.maps.size() * std::size_t(m_ * m_)),
+        inverse_(device, P_.size()),
+        mu_(device, M_ + 1, m_),
+        other_(device, M_ + 1, m_) {
+    const std::vector<int> map_of(problem.map_of.begin(), problem.map_of.end());
+    map_of_.put(map_of.data());
+    Matrix P(m_, m_ * Index(problem.maps.size())), inverse(P.rows(), P.cols());
+    for (std::size_t k = 0; k < problem.maps.size(); ++k) {
+      const DenseStep step(problem, Index(k));
+      P.middleCols(Index(k) * m_, m_) = step.P;
+      inverse.middleCols(Index(k) * m_, m_) = step.inverse;
+    }
+    P_.put(P.data());
+    inverse_.put(inverse.data());
+    // Steps within a chunk cost about four times what a chunk costs in the carry; all chunks run at once.
+    const int resident = device.multiprocessors() * std::max(1, 1024 / whole_warps((m_ + 1) * m_));
+    const int chunks = std::clamp(int(2 * std::sqrt(double(M_))), 1, resident);
+    length_ = (M_ + chunks - 1) / chunks;
+    chunks_ = (M_ + length_ - 1) / length_;
+    check(cudaFuncSetAttribute(multiply_chunk, cudaFuncAttributeMaxDynamicSharedMemorySize, int(chunk_bytes(m_))),
+          "asking for shared memory");
+    check(cudaFuncSetAttribute(double_windows, cudaFuncAttributeMaxDynamicSharedMemorySize, int(window_bytes())),
+          "asking for shared memory");
+  }
+
+  void forward(const Array& d, Array& x) override {
+    solve_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(inverse_, false, true), values(d), values(x));
+    check(cudaGetLastError(), "starting the steps");
+    const Chain steps = chain(P_, false, true);
+    if (M_ > serial_steps && scan_bytes() <= memory_limit_)
+      scan(steps, values(x));
+    else
+      run(steps, values(x));
+  }
+
+  void adjoint(const Array& from, Array& to, const AdjointChoice& choice) override {
+    const double *q = values(from), *mu = values(mu_);
+    if (choice.method != AdjointMethod::jacobi) copy(q, values(mu_));
+    switch (choice.method) {
+      case AdjointMethod::substitution:
+        run(chain(P_, true, false), values(mu_));
+        break;
+      case AdjointMethod::scan:
+        scan(chain(P_, true, false), values(mu_));
+        break;
+      case AdjointMethod::doubling:
+        mu = doubled();
+        break;
+      case AdjointMethod::jacobi:
+        mu = swept(q, choice.checked_sweeps());
+        break;
+    }
+    solve_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(inverse_, true, false), mu, values(to));
+    check(cudaGetLastError(), "starting the adjoint");
+  }
+
+  std::size_t bytes() const override {
+    return map_of_.bytes() + 2 * P_.bytes() + 2 * mu_.bytes() + products_.bytes() + sums_.bytes() +
+           windows_[0].bytes() + windows_[1].bytes();
+  }
+
+ private:
+  Chain chain(const Memory<double>& matrices, bool backward, bool transposed) const {
+    return {matrices.data(), map_of_.data(), m_, M_, int(stride(m_)), backward, transposed};
+  }
+  unsigned row_blocks() const { return unsigned((long(M_ + 1) * m_ + threads - 1) / threads); }
+  double scan_bytes() const { return 8.0 * double(chunks_) * double(m_ * m_); }
+  std::size_t window_bytes() const { return sizeof(double) * std::size_t((m_ + 1) * m_ + m_ * m_); }
+
+  void copy(const double* from, double* to) const {
+    check(cudaMemcpyAsync(to, from, mu_.memory.bytes(), cudaMemcpyDeviceToDevice, device_.stream()), "copying rows");
+  }
+
+  void run(const Chain& steps, double* x) const {
+    substitute<<<1, whole_warps(lanes * m_), 0, device_.stream()>>>(steps, x, M_, nullptr);
+    check(cudaGetLastError(), "starting the substitution");
+  }
+
+  void scan(const Chain& steps, double* x) {
+    check_products(scan_bytes(), memory_limit_, "scan");
+    if (products_.size() == 0) {
+      products_ = Memory<double>(device_, std::size_t(chunks_) * std::size_t(m_ * m_));
+      sums_ = Memory<double>(device_, std::size_t(chunks_ + 1) * std::size_t(m_));
+    }
+    const double* start = x + (steps.backward ? long(M_) * steps.stride : 0);
+    check(cudaMemcpyAsync(sums_.data(), start, sizeof(double) * std::size_t(m_), cudaMemcpyDeviceToDevice,
+                          device_.stream()),
+          "copying rows");
+    multiply_chunk<<<chunks_, whole_warps((m_ + 1) * m_), chunk_bytes(m_), device_.stream()>>>(
+        steps, x, length_, products_.data(), sums_.data());
+    const Chain carry{products_.data(), nullptr, m_, chunks_, m_, false, false};
+    substitute<<<1, whole_warps(lanes * m_), 0, device_.stream()>>>(carry, sums_.data(), chunks_, nullptr);
+    substitute<<<chunks_, whole_warps(lanes * m_), 0, device_.stream()>>>(steps, x, length_, sums_.data());
+    check(cudaGetLastError(), "starting the scan");
+  }
+
+  const double* doubled() {
+    const std::size_t size = std::size_t(M_) * std::size_t(m_ * m_);
+    check_products(16.0 * double(size), memory_limit_, "doubling");
+    for (Memory<double>& windows : windows_)
+      if (windows.size() == 0 && M_ > 1) windows = Memory<double>(device_, size);
+    double *mu = values(mu_), *next = values(other_);
+    copy(mu, next);
+    Chain steps = chain(P_, true, false);
+    int target = 0;
+    for (int length = 1; length <= M_; length *= 2) {
+      double* longer = windows_[target].data();
+      double_windows<<<M_ - length + 1, threads, window_bytes(), device_.stream()>>>(steps, length, mu, next, longer);
+      check(cudaGetLastError(), "starting a doubling");
+      std::swap(mu, next);
+      // The rows that no window reaches are final, in both arrays from the second time on.
+      if (length <= M_) copy_tail(mu, next, length);
+      steps.matrices = longer;
+      steps.map_of = nullptr;
+      target = 1 - target;
+    }
+    return mu;
+  }
+
+  // What the next doubling leaves alone: its last 2 * length rows.
+  void copy_tail(const double* from, double* to, int length) const {
+    const long rows = std::min<long>(M_ + 1, 2L * length), first = long(M_ + 1) - rows, step = stride(m_);
+    check(cudaMemcpyAsync(to + first * step, from + first * step, sizeof(double) * std::size_t(rows * step),
+                          cudaMemcpyDeviceToDevice, device_.stream()),
+          "copying rows");
+  }
+
+  const double* swept(const double* q, Index sweeps) {
+    const double* mu = q;
+    double* next = values(mu_);
+    for (Index k = 1; k < std::min<Index>(sweeps, M_ + 1); ++k) {
+      sweep_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(P_, true, false), q, mu, next);
+      check(cudaGetLastError(), "starting a sweep");
+      mu = next;
+      next = next == values(mu_) ? values(other_) : values(mu_);
+    }
+    return mu;
+  }
+
+  const Device& device_;
+  int m_, M_, length_ = 1, chunks_ = 1;
+  double memory_limit_;
+  Memory<int> map_of_;
+  Memory<double> P_, inverse_;
+  DeviceArray mu_, other_;
+  Memory<double> products_, sums_, windows_[2];
+};
+
+}  // namespace
+
+std::unique_ptr<StepChain> make_step_chain(const Device& device, Backend& host, const StepChainProblem& problem) {
+  problem.validate();
+  if (problem.sparse() || problem.states() > most_states || problem.steps() > 100'000'000 ||
+      chunk_bytes(problem.states()) > device.shared_memory())
+    return make_host_step_chain(device, host, problem);
+  return std::make_unique<DeviceStepChain>(device, problem);
+}
+
+}  // namespace bromwich::cuda
