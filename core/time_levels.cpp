@@ -21,7 +21,7 @@ constexpr double wanted_below = 0.37;           ///< and on coarser grids
 constexpr int most_sweeps = 8;                  ///< before a coarser grid is asked
 constexpr double largest_smooth_factor = 1.01;  ///< at frequency 0: 1, and what a sample of it may miss
 constexpr double easily_smoothed = 0.25;        ///< by a single sweep before
-constexpr int fewest_coarsest_sweeps = 4;       ///< of a visit to a coarsest grid that is not marched
+constexpr int fewest_coarsest_sweeps = 5;       ///< of a visit to a coarsest grid that is not marched
 constexpr Index most_unasked = 2048;            ///< steps of a march that is not interrupted on a device
 
 // Where the weights and kernels of all grids come from.
