@@ -181,6 +181,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
   result.kernel = "discontinuous piecewise-linear y, exact exponentials; " + s.how;
   result.iterations = s.iterations;
   result.history = s.history;
+  if (!s.iterated) result.algebraic_error = 0;
   result.lcp = s.lcp;
   result.seconds.lcp = s.lcp_seconds;
   result.well_posed = s.unique;

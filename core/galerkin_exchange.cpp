@@ -103,6 +103,7 @@ class Exchange {
       if (options_.progress) options_.progress({s.iterations, s.history.back(), 0});
       before = z_;
       if (exchanged() == 0) {
+        refine();
         s.status = Status::solved;
         break;
       }
@@ -115,7 +116,7 @@ class Exchange {
       s.reason = text("the active sets still change after %ld exchanges", long(most_exchanges));
     s.how = text("active sets of all intervals exchanged %ld times, two-point problems eliminated orthogonally",
                  long(s.iterations));
-    s.z = z_.cwiseMax(0.0);
+    s.z = (z_.array() > 0).select(z_, 0.0);
     s.x = x_;
     s.lcp.newton = s.iterations;
     const Index m = p_.states(), n = p_.unknowns();
@@ -131,7 +132,6 @@ class Exchange {
   }
 
   bool evaluate(std::string& reason) {
-    RowMatrix p = p_.forcing;
     for (Index k = 0; k < p_.N; ++k) {
       const std::string& active = active_[std::size_t(k)];
       const bool as_before = k > 0 && active == active_[std::size_t(k - 1)];
@@ -142,26 +142,52 @@ class Exchange {
       }
       map_[std::size_t(k)] = map;
       P_[std::size_t(k)] = &map->P;
-      auto input = p.row(k).transpose();
-      subtract_product(map->HZq, p_.q.row(k).transpose(), input);
     }
-    x_ = solve_two_point(P_, p, p_.boundary, epsilon);
-    if (x_.rows() == 0) {
+    if (!solve_on_active_sets(p_.forcing, p_.q, p_.boundary, z_, x_)) {
       reason = "on an active set the boundary condition does not determine the states";
       return false;
-    }
-    z_.resize(p_.N, p_.unknowns());
-    z_.setZero();
-    for (Index k = 0; k < p_.N; ++k) {
-      const ActiveMap& map = *map_[std::size_t(k)];
-      auto z = z_.row(k).transpose();
-      subtract_product(map.Zx, x_.row(k).transpose(), z);
-      subtract_product(map.Zq, p_.q.row(k).transpose(), z);
     }
     w_ = galerkin_slack(p_, z_, x_);
     if (z_.allFinite() && w_.allFinite()) return true;
     reason = "the iteration is not finite";
     return false;
+  }
+
+  bool solve_on_active_sets(const RowMatrix& forcing, const RowMatrix& q, const BoundaryCondition& boundary,
+                            RowMatrix& z, RowMatrix& x) const {
+    RowMatrix inputs = forcing;
+    for (Index k = 0; k < p_.N; ++k) {
+      auto input = inputs.row(k).transpose();
+      subtract_product(map_[std::size_t(k)]->HZq, q.row(k).transpose(), input);
+    }
+    x = solve_two_point(P_, inputs, boundary, epsilon);
+    if (x.rows() == 0) return false;
+    z = RowMatrix::Zero(p_.N, p_.unknowns());
+    for (Index k = 0; k < p_.N; ++k) {
+      const ActiveMap& map = *map_[std::size_t(k)];
+      auto values = z.row(k).transpose();
+      subtract_product(map.Zx, x.row(k).transpose(), values);
+      subtract_product(map.Zq, q.row(k).transpose(), values);
+    }
+    return true;
+  }
+
+  // Iterative refinement: where M is singular D_SS is of size h, and z loses digits that w shows.
+  void refine() {
+    constexpr double rounding_of_slack = 1e-13;
+    BoundaryCondition homogeneous = p_.boundary;
+    homogeneous.b.setZero();
+    for (int twice = 0; twice < 2; ++twice) {
+      RowMatrix rest = galerkin_slack(p_, z_, galerkin_states(p_, z_)), dz, dx;
+      const double size = std::max(1.0, rest.cwiseAbs().maxCoeff());
+      for (Index k = 0; k < p_.N; ++k)
+        for (Index i = 0; i < rest.cols(); ++i)
+          if (!active_[std::size_t(k)][std::size_t(i)]) rest(k, i) = 0;
+      if (!(rest.cwiseAbs().maxCoeff() > rounding_of_slack * size)) return;
+      if (!solve_on_active_sets(RowMatrix::Zero(p_.N, p_.states()), rest, homogeneous, dz, dx)) return;
+      z_ += dz;
+      x_ += dx;
+    }
   }
 
   Index exchanged() {

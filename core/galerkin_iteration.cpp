@@ -72,6 +72,7 @@ GalerkinSolution iterate_galerkin(const GalerkinProblem& p, Backend& backend, co
   if (!p.initial_value) boundary.emplace(p, backend);
 
   GalerkinSolution s;
+  s.iterated = true;
   s.unique = p.initial_value && lcp_class == LcpClass::P;
   Timer timer;
   RowMatrix values = RowMatrix::Zero(rows, n);
