@@ -99,7 +99,7 @@ def ratio(data):
 
 def galerkin(data):
     return [
-        "Observed orders (slope of all errors above 1e-11; *exact*: y belongs to the space):",
+        "Observed orders (slope of all errors above 1e-11; *exact*: fewer than two of them. The solution of nash-game with its kinks on nodes belongs to the space; what is left there are its sources):",
         "",
         *orders(data),
         "",

@@ -47,7 +47,12 @@ BoundaryEuler solve_by_boundary_euler(const Scene& scene, Backend& backend, Inde
   Timer timer;
   BoundaryEuler euler;
   const GalerkinProblem p = euler_problem(scene, J);
-  const GalerkinSolution s = p.initial_value ? march_galerkin(p, backend, {}) : exchange_active_sets(p, {});
+  GalerkinSolution s = p.initial_value ? march_galerkin(p, backend, {}) : exchange_active_sets(p, {});
+  if (s.status != Status::solved && !p.initial_value) {
+    const std::string first = s.reason;
+    s = damped_newton(p, {}, RowMatrix::Zero(J, scene.constraints()));
+    if (s.status != Status::solved) s.reason = first + "; " + s.reason;
+  }
   euler.seconds = timer.lap();
   euler.iterations = s.iterations;
   euler.reason = s.reason;

@@ -4,7 +4,8 @@
 //
 //     x_k = R (x_{k-1} + h B y_k + h f_k),   0 <= y_k ⊥ N x_k + M y_k + g_k >= 0,   E0 x_0 + ET x_J = b,
 //
-// R = (I - hA)^{-1}, by the same exchange of active sets with exact two-point solves. Dense dynamics.
+// R = (I - hA)^{-1}, by the same solvers: active sets exchanged with exact two-point solves, damped Newton
+// where they repeat. Dense dynamics.
 
 #include "core/solve.hpp"
 
