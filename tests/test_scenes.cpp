@@ -212,7 +212,7 @@ TEST(Catalogue, ListsItsScenes) {
     for (const SceneParameter& parameter : recipe.parameters) EXPECT_FALSE(parameter.meaning.empty());
   }
   EXPECT_EQ(names, (std::vector<std::string>{"signorini", "dlcp-small", "bridge", "nash-game", "lq-control",
-                                             "periodic-rectifier"}));
+                                             "periodic-rectifier", "ph-toy", "ladder", "ladder-diodes"}));
 }
 
 TEST(Catalogue, RefusesUnknownNamesAndListsTheKnown) {
