@@ -25,6 +25,7 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
     {"baselines", "the iteration against step-by-step methods, error beside time", bench_baselines},
     {"adjoints", "all ways to solve the adjoint of a chain of steps, from 16 to 3001 states", bench_adjoints},
     {"auto", "what auto chooses, against the best of the methods by name", bench_auto},
+    {"galerkin", "boundary values and initial values by Galerkin in time, implicit Euler beside it", bench_galerkin},
     {"goal", "goal-oriented grids of port-Hamiltonian scenes: violation of the energy balance against steps and time",
      bench_goal},
     {"gpu", "the CUDA backend on signorini: one sweep in parts, whole solves, the processor beside it", bench_gpu},

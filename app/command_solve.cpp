@@ -126,7 +126,11 @@ void write(const Outputs& outputs, const Scene& scene, Backend& backend, const R
       write_csv(sampled ? rows : result, scene.constraints(), file, balance ? &*balance : nullptr);
     });
   }
-  if (outputs.switches) outputs.switches->write([&](std::FILE* file) { write_switches_csv(switches(result), file); });
+  if (!outputs.switches) return;
+  std::vector<Switch> found = switches(result);
+  const std::vector<Index>& free = scene.free_rows;  // their y has a sign but no switches
+  std::erase_if(found, [&](const Switch& s) { return std::binary_search(free.begin(), free.end(), s.component); });
+  outputs.switches->write([&](std::FILE* file) { write_switches_csv(found, file); });
 }
 
 Index state_columns(const Options& options, const Scene& scene) {

@@ -77,6 +77,8 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["iterations"] = result.iterations;
   json["cycles"] = result.cycles;
   json["residual"] = result.residual;
+  json["boundary_residual"] = nullable(result.boundary_residual);
+  json["warning"] = result.warning;
   json["magnification"] = result.magnification;
   json["error_estimate"] = nullable(result.error_estimate);
   json["errors"] = errors_to_json(result.errors);

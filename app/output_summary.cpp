@@ -38,7 +38,9 @@ std::string error_line(const Result& result) {
   const std::string kernel = std::isnan(result.kernel_error)
                                  ? "kernel weights not cross-checked"
                                  : fmt::format("{:.1e} of the kernel weights", result.kernel_error);
-  return fmt::format("{:.2e} of the complementarity, {}, discretisation {}", result.residual, kernel,
+  const std::string boundary =
+      result.boundary_residual ? fmt::format(", {:.1e} of the boundary condition", *result.boundary_residual) : "";
+  return fmt::format("{:.2e} of the complementarity{}, {}, discretisation {}", result.residual, boundary, kernel,
                      result.errors && !std::isnan(result.errors->discretisation)
                          ? fmt::format("{:.2e}", result.errors->discretisation)
                          : "not estimated (--tol)");
@@ -111,6 +113,7 @@ std::string summary(const SceneChoice& choice, const Result& result, int threads
   line("method", fmt::format("{} on {}, {} thread{}", result.method, result.backend, threads, threads == 1 ? "" : "s"));
   line("kernel", result.kernel.empty() ? "-" : result.kernel);
   line("status", to_string(result.status));
+  if (!result.warning.empty()) line("warning", one_line(result.warning));
   if (result.infeasible_at) line("infeasible", fmt::format("from t = {:.10g}", *result.infeasible_at));
   line("iterations", fmt::format("{}{}; {} problems solved, {} Newton sweeps, {} fallbacks", result.iterations,
                                  result.cycles > 0 ? fmt::format(" in {} cycles", result.cycles) : "",

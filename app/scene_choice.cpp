@@ -69,6 +69,15 @@ SceneChoice choose_scene(const std::string& name, const ParameterValues& setting
   return choice;
 }
 
+SceneChoice choose_initial_value_scene(const std::string& name, const ParameterValues& settings) {
+  SceneChoice choice = choose_scene(name, settings);
+  if (choice.scene.boundary)
+    throw Error("SCENE",
+                fmt::format("{} has boundary values, and this study compares methods for initial values", name),
+                "use bench galerkin, or another scene");
+  return choice;
+}
+
 std::string describe(const ParameterValues& parameters) {
   std::vector<std::string> words;
   for (const auto& [key, value] : parameters) words.push_back(fmt::format("{} = {}", key, value));

@@ -20,6 +20,9 @@ struct SceneChoice {
 /// parameters, with the nearest one that is, and for values that the scene refuses.
 SceneChoice choose_scene(const std::string& name, const ParameterValues& settings);
 
+/// The same for a study whose methods need initial values: throws Error for boundary values.
+SceneChoice choose_initial_value_scene(const std::string& name, const ParameterValues& settings);
+
 /// "Q = 39, T = 4"
 std::string describe(const ParameterValues& parameters);
 

@@ -1,6 +1,7 @@
 #include "app/scene_facts.hpp"
 
 #include "core/lcp/lcp_class.hpp"
+#include "core/mixed.hpp"
 #include "core/spectrum.hpp"
 
 namespace bromwich::app {
@@ -13,6 +14,8 @@ constexpr Index most_states = 400;  ///< all eigenvalues of a dense matrix take 
 
 std::string matrix_class(const Scene& scene) {
   if (scene.constraints() == 0) return "no constraints";
+  if (const auto eliminated = scene.free_rows.empty() ? std::nullopt : eliminate_free(scene))
+    return matrix_class(eliminated->scene) + ", free rows eliminated";
   return describe_class(scene.M, scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class);
 }
 

@@ -12,9 +12,10 @@ namespace {
 constexpr double smallest_jump = 1e-4;  ///< of y; differences below that stop falling are rounding
 constexpr double chance = 100;          ///< factor from one difference of x to the next that no order makes
 
-// Where solutions are smooth: implicit Euler, continuous piecewise-linear y, Radau IIA.
+// Where solutions are smooth: implicit Euler, piecewise-linear y (continuous, or Galerkin's), Radau IIA.
 double order_of(const Result& result) {
-  return result.method == to_string(Method::euler) ? 1 : result.continuous ? 2 : 3;
+  if (result.method == to_string(Method::euler)) return 1;
+  return result.continuous || result.method == to_string(Method::galerkin) ? 2 : 3;
 }
 
 double relative(const RowMatrix& a, Index a_stride, const RowMatrix& b, Index b_stride) {

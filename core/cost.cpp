@@ -79,6 +79,15 @@ Cost dense(const Sizes& s, Method method) {
              setup + sweeps_of(method) * step);
 }
 
+// Dense dynamics, or others written out. Boundary values: the steps of every interval and the QR factors between them.
+Cost galerkin(const Sizes& s, bool two_point) {
+  const double between = two_point ? 2 * s.m * s.m + 2 * s.m : 0, exchanges = two_point ? 10 : 1;
+  return sum({{s.table() + number * s.J * (14 * s.n + 4 * s.m), tables},
+              {number * s.J * between, "steps of the two-point problem (J x m x m)"},
+              {number * (30 * s.m * s.m + 96 * s.n * s.n), states}},
+             60 * s.m * s.m * s.m + exchanges * s.J * (2 * s.n + s.m) * (2 * s.n + (two_point ? 10 * s.m : 1) * s.m));
+}
+
 // Where sweeps on the coarsest grid do not suffice, it is marched.
 Part coarsest_march(const Sizes& s, Method method) {
   return {method == Method::multigrid ? number * 6 * s.n * s.n : 0, problems};
@@ -168,6 +177,7 @@ std::string device_excess(const Cost& cost, const DeviceInfo& device) {
 
 Cost predicted_cost(const Scene& scene, Method method, Index J, Index components, int threads) {
   const Sizes s = sizes(scene, J, components);
+  if (method == Method::galerkin) return galerkin(s, scene.boundary.has_value());
   if (std::holds_alternative<DenseDynamics>(scene.dynamics)) return dense(s, method);
   if (const auto* d = std::get_if<SparseDynamics>(&scene.dynamics)) return sparse(s, *d, method, J, threads);
   return kronecker(s, method);

@@ -2,7 +2,9 @@
 
 #include "core/discrete_problem.hpp"
 #include "core/error.hpp"
+#include "core/galerkin_recovery.hpp"
 #include "core/mixed.hpp"
+#include "core/port_hamiltonian.hpp"
 #include "core/states.hpp"
 
 #include <algorithm>
@@ -25,7 +27,7 @@ Place place(const Result& result, double T, double t) {
     throw Error("times", "found " + std::to_string(t), "give times from 0 to T = " + std::to_string(T));
   const double steps = t / T * double(result.steps), nearest = std::round(steps);
   if (std::abs(steps - nearest) <= same_point) return {Index(nearest), 0};
-  if (!result.continuous || result.method == to_string(Method::euler))
+  if ((!result.continuous && result.y_left.size() == 0) || result.method == to_string(Method::euler))
     throw Error("times", std::to_string(t) + " is no time point, and y is not linear between them",
                 "ask for multiples of T/" + std::to_string(result.steps));
   return {Index(steps), steps - std::floor(steps)};
@@ -53,7 +55,14 @@ Vector carried(const Scene& scene, Backend& backend, const RowMatrix& y, const V
 }  // namespace
 
 Result at_times(const Scene& scene, Backend& backend, const Result& result, const std::vector<double>& times) {
-  if (const auto eliminated = scene.free_rows.empty() ? std::nullopt : eliminate_free(scene)) {
+  if (result.goal) throw Error("result", "is of method goal", "its time points are the answer");
+  if (scene.constraints() == 0) {
+    Result sampled = at_times(with_idle_constraint(scene), backend, with_idle_constraint(result), times);
+    sampled.y.resize(sampled.y.rows(), 0);
+    return sampled;
+  }
+  const bool galerkin = result.method == to_string(Method::galerkin);
+  if (const auto eliminated = scene.free_rows.empty() || galerkin ? std::nullopt : eliminate_free(scene)) {
     // x follows from y of the rows that are not free; y itself is linear in all of them.
     Result sampled = at_times(eliminated->scene, backend, eliminated->reduced(result), times);
     sampled.y.resize(Index(times.size()), result.y.cols());
@@ -69,6 +78,13 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
   sampled.y.resize(count, result.y.cols());
   sampled.x = RowMatrix::Constant(count, c, NAN);
   sampled.trace.resize(0, 0);
+  if (result.y_left.size() > 0) {
+    const GalerkinOutput output = galerkin_at(scene, result, times);
+    sampled.y = output.y;
+    sampled.x = output.x(Eigen::all, result.x_components);
+    sampled.y_left.resize(0, 0);
+    return sampled;
+  }
   Index valid = 1;  // rows of y that are; y_0 may be open where the rest is known
   while (valid < result.y.rows() && result.y.row(valid).allFinite()) ++valid;
   for (Index k = 0; k < count; ++k) {

@@ -1,11 +1,233 @@
 #include "core/galerkin.hpp"
 
 #include "core/error.hpp"
+#include "core/error_control.hpp"
+#include "core/galerkin_checks.hpp"
+#include "core/galerkin_free.hpp"
+#include "core/galerkin_solvers.hpp"
+#include "core/text.hpp"
+#include "core/timer.hpp"
+
+#include <cmath>
 
 namespace bromwich {
 
-Result solve_by_galerkin(const Scene& scene, Backend&, const Options&) {
-  throw Error("method", "galerkin cannot solve scene " + scene.name, "use another method");
+namespace {
+
+constexpr Index most_dense_states = 1024;
+constexpr double accepted_residual = 1e-9;
+constexpr double delicate_boundary = 1e-7;  ///< reciprocal condition of the boundary problem
+
+std::vector<Index> recorded_components(const Scene& scene, const Options& options) {
+  if (options.states == StateSelection::list) return options.components;
+  std::vector<Index> all(options.states == StateSelection::all ? std::size_t(scene.states()) : 0);
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = Index(i);
+  return all;
+}
+
+void add_warning(Result& result, const std::string& words) {
+  result.warning += (result.warning.empty() ? "" : "; ") + words;
+}
+
+bool has_ended(const GalerkinSolution& s) { return s.status != Status::tolerance_not_met; }
+
+// Boundary values: the fast method first, then the safe ones. Of several failures the first is the one to explain.
+GalerkinSolution solve_boundary_problem(const GalerkinProblem& p, const Options& options, const RowMatrix& start) {
+  constexpr Index looked_at = 256;
+  GalerkinSolution first = exchange_active_sets(p, options, &start);
+  if (has_ended(first)) return first;
+  const Index infeasible = first_infeasible_interval(p, std::max<Index>(1, p.N / looked_at));
+  if (infeasible >= 0) {
+    first.status = Status::infeasible;
+    first.infeasible = infeasible;
+    first.reason = text("no state and no y satisfy the constraints in the interval that begins at t = %.6g",
+                        double(infeasible) * p.h);
+    return first;
+  }
+  GalerkinSolution damped = damped_newton(p, options, start);
+  if (has_ended(damped)) return damped;
+  if (p.N * p.unknowns() <= most_assembled) {
+    GalerkinSolution pivoted = pivot_assembled(p, options);
+    if (has_ended(pivoted)) return pivoted;
+  }
+  damped.reason = first.reason + "; " + damped.reason;
+  return damped;
+}
+
+// The same y on twice as many intervals.
+RowMatrix halved_intervals(const RowMatrix& z) {
+  const Index n = z.cols() / 2;
+  RowMatrix fine(2 * z.rows(), z.cols());
+  for (Index k = 0; k < z.rows(); ++k) {
+    const auto middle = (z.row(k).head(n) + z.row(k).tail(n)) / 2;
+    fine.row(2 * k) << z.row(k).head(n), middle;
+    fine.row(2 * k + 1) << middle, z.row(k).tail(n);
+  }
+  return fine;
+}
+
+// The active sets of coarser grids: most exchanges happen where they cost little.
+RowMatrix nested_start(const Scene& scene, Index N, Index unknowns, const Options& options) {
+  constexpr Index fewest_intervals = 32;
+  const RowMatrix nothing = RowMatrix::Zero(N, unknowns);
+  if (N % 2 != 0 || N / 2 < fewest_intervals) return nothing;
+  const GalerkinProblem p = galerkin_problem(scene, N / 2);
+  const FreeElimination elimination(p, scene.free_rows);
+  const GalerkinSolution s =
+      solve_boundary_problem(elimination.reduced(), options, nested_start(scene, N / 2, unknowns, options));
+  return s.status == Status::solved ? halved_intervals(s.z) : nothing;
+}
+
+// All rows are free: nothing is left to be complementary.
+GalerkinSolution linear_solution(const GalerkinProblem& p) {
+  GalerkinSolution s;
+  s.status = Status::solved;
+  s.how = "linear";
+  s.z = RowMatrix(p.N, 0);
+  s.x = galerkin_states(p, s.z);
+  s.unique = true;
+  return s;
+}
+
+GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& p, Backend& backend,
+                                const Options& options) {
+  if (p.unknowns() == 0) return linear_solution(p);
+  if (p.initial_value) return march_galerkin(p, backend, options);
+  return solve_boundary_problem(p, options, nested_start(scene, p.N, p.unknowns(), options));
+}
+
+// (J+1) rows: the left end of the first interval, then all right ends.
+RowMatrix right_ends(const RowMatrix& z, Index n) {
+  RowMatrix y(z.rows() + 1, n);
+  y.row(0) = z.row(0).head(n);
+  y.bottomRows(z.rows()) = z.rightCols(n);
+  return y;
+}
+
+void fill(const Scene& scene, const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x, const Options& options,
+          Result& result) {
+  const Index n = scene.constraints();
+  result.y = right_ends(z, n);
+  result.y_left = z.leftCols(n);
+  result.x = x(Eigen::all, result.x_components);
+  if (options.trace) {
+    result.trace.resize(p.N + 1, n);
+    for (Index k = 0; k <= p.N; ++k) result.trace.row(k) = observe(scene.dynamics, x.row(k)).transpose();
+  }
+  if (scene.boundary) {
+    const BoundaryCondition& c = p.boundary;
+    const Vector apart = c.E0 * x.row(0).transpose() + c.ET * x.row(p.N).transpose() - c.b;
+    result.boundary_residual =
+        apart.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, c.b.cwiseAbs().maxCoeff());
+  }
+}
+
+void nothing_found(const Scene& scene, Index N, Result& result) {
+  const Index n = scene.constraints();
+  result.y = RowMatrix::Constant(N + 1, n, NAN);
+  result.y_left = RowMatrix::Constant(N, n, NAN);
+  result.x = RowMatrix::Constant(N + 1, Index(result.x_components.size()), NAN);
+}
+
+bool finite_sources(const GalerkinProblem& p, Result& result) {
+  for (Index k = 0; k < p.N; ++k) {
+    if (p.forcing.row(k).allFinite() && p.q.row(k).allFinite()) continue;
+    result.status = Status::nonfinite;
+    result.reason = text("f or g is not finite in the interval that begins at t = %.6g", double(k) * p.h);
+    return false;
+  }
+  return true;
+}
+
+// Natural map of the whole problem, |w_f| for the free components.
+double residual_of(const GalerkinProblem& p, const std::vector<Index>& free_rows, const RowMatrix& z,
+                   const RowMatrix& x) {
+  const Index n = p.unknowns() / 2;
+  const RowMatrix known = p.q + x.topRows(p.N) * p.step.C.transpose(), w = known + z * p.step.D.transpose();
+  RowMatrix map = z.cwiseMin(w);
+  for (const Index i : free_rows) {
+    map.col(i) = w.col(i);
+    map.col(n + i) = w.col(n + i);
+  }
+  return map.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
+}
+
+void solve_on_grid(const Scene& scene, Backend& backend, const Options& options, Index N, Result& result) {
+  Timer timer;
+  const GalerkinProblem p = galerkin_problem(scene, N);
+  nothing_found(scene, N, result);
+  if (!finite_sources(p, result)) return;
+  const double condition = require_determined_states(p);
+  if (condition < delicate_boundary)
+    add_warning(result, text("the boundary condition is ill-conditioned (reciprocal condition %.1e)", condition));
+  const FreeElimination elimination(p, scene.free_rows);
+  if (const auto k = elimination.contradiction()) {
+    result.status = Status::infeasible;
+    result.infeasible_at = double(*k) * p.h;
+    result.reason = text("the equations of the free rows contradict each other at t = %.6g", *result.infeasible_at);
+    return;
+  }
+  if (!elimination.unique())
+    add_warning(result, "the free unknowns are not determined; theirs of least norm are given");
+  result.seconds.setup = timer.lap();
+
+  GalerkinSolution s = solved_problem(scene, elimination.reduced(), backend, options);
+  result.status = s.status;
+  result.reason = s.reason;
+  result.kernel = "discontinuous piecewise-linear y, exact exponentials; " + s.how;
+  result.iterations = s.iterations;
+  result.history = s.history;
+  result.lcp = s.lcp;
+  result.seconds.lcp = s.lcp_seconds;
+  result.well_posed = s.unique;
+  result.bytes = s.bytes + sizeof(double) * std::size_t(3 * p.q.size() + 2 * p.forcing.size());
+  if (s.infeasible >= 0) result.infeasible_at = double(s.infeasible) * p.h;
+  if (s.z.rows() != N || s.x.rows() != N + 1) return;
+  if (s.status == Status::infeasible && !p.initial_value) return;
+  const RowMatrix z = elimination.recovered(s.z, s.x);
+  const RowMatrix x = galerkin_states(p, z);
+  fill(scene, p, z, x, options, result);
+  result.residual = residual_of(p, scene.free_rows, z, x);
+  if (result.status == Status::solved && !(result.residual <= accepted_residual)) {
+    result.status = Status::tolerance_not_met;
+    result.reason = text("the residual is %.1e", result.residual);
+  }
+  if (result.status != Status::solved || s.unique) return;
+  const Uniqueness unique = uniqueness_of(scene, N);
+  result.well_posed = unique.assured;
+  if (!unique.assured) add_warning(result, unique.words);
+}
+
+}  // namespace
+
+Result solve_by_galerkin(const Scene& scene, Backend& backend, const Options& options) {
+  if (options.tolerance > 0) {
+    Options refined = options;
+    refined.method = Method::galerkin;
+    return solve_to_tolerance(scene, backend, refined);
+  }
+  Timer total;
+  Result result;
+  const Index N = options.steps > 0 ? options.steps : scene.default_steps;
+  result.method = to_string(Method::galerkin);
+  result.backend = backend.name();
+  result.steps = N;
+  result.t = Vector::LinSpaced(N + 1, 0, scene.T);
+  result.continuous = false;
+  result.x_components = recorded_components(scene, options);
+  if (scene.states() > most_dense_states) {
+    nothing_found(scene, N, result);
+    result.status = Status::unsupported;
+    result.reason = text("method galerkin writes the dynamics out densely: %ld states, at most %ld",
+                         long(scene.states()), long(most_dense_states));
+  } else {
+    solve_on_grid(scene, backend, options, N, result);
+  }
+  Seconds& s = result.seconds;
+  s.total = total.lap();
+  s.solve = s.total - s.setup;
+  s.other = std::max(0.0, s.solve - s.lcp);
+  return result;
 }
 
 }  // namespace bromwich

@@ -1,9 +1,14 @@
 #pragma once
+// Method galerkin: discretisation (core/galerkin_discretisation.hpp), free unknowns (core/galerkin_free.hpp), solvers
+// (core/galerkin_solvers.hpp), and what a result says.
 
 #include "solve.hpp"
 
 namespace bromwich {
 
+/// Initial and boundary values, free rows. y: row 0 is the left end of the first interval, row k the right end of
+/// interval k; y_left the left ends of all. Throws Error where the boundary condition and the linear dynamics do not
+/// determine the states (E0 + ET e^{TA} singular, dependent rows of [E0 ET]).
 Result solve_by_galerkin(const Scene&, Backend&, const Options&);
 
 }  // namespace bromwich

@@ -13,6 +13,7 @@
 #include "core/text.hpp"
 #include "core/timer.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
@@ -53,6 +54,9 @@ void validate(const GoalOptions& goal, double T) {
     throw Error("first_grid", text("has %td times", t.size()), text("give times that ascend from 0 to T = %g", T));
   group_steps(t);  // refuses what does not ascend
 }
+
+/// Arrays of the grid and of the halved one, on both sides of the backend.
+double bytes_of(Index cells, Index states) { return 22. * sizeof(double) * double(cells) * double(states); }
 
 std::vector<Index> recorded(const Scene& scene, const Options& options) {
   if (options.states == StateSelection::list) return options.components;
@@ -104,12 +108,16 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   std::optional<ConstrainedGoal> constrained;
   if (scene.constraints() > 0) constrained.emplace(scene, backend, goal);
   const auto quantity = goal.quantity ? goal.quantity : local_balance();
-  const Vector t = goal.first_grid.size() > 0
-                       ? goal.first_grid
-                       : first_grid(scene.T, goal.first_cells, input_jumps(*scene.port, scene.T));
+  const Index first = options.steps > 0 ? std::min(goal.first_cells, options.steps) : goal.first_cells;
+  const Vector t =
+      goal.first_grid.size() > 0 ? goal.first_grid : first_grid(scene.T, first, input_jumps(*scene.port, scene.T));
   Result result;
   result.seconds.setup = timer.lap();
   AdaptedGrid grid = adapt_grid(t, options, goal, *quantity, scene.default_steps, [&](const Vector& times) {
+    const double needed = bytes_of(times.size(), scene.states());
+    if (options.memory_limit > 0 && needed > options.memory_limit)
+      throw Error("steps", text("%td of %td states need %.2g bytes", times.size() - 1, scene.states(), needed),
+                  "ask for fewer");
     return constrained ? constrained->evaluate(times) : evaluate_goal(system, backend, goal, times, scene.x0);
   });
   result.seconds.solve = result.seconds.other = timer.lap();
@@ -141,7 +149,7 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   result.x.resize(M + 1, Index(result.x_components.size()));
   for (Index c = 0; c < result.x.cols(); ++c) result.x.col(c) = grid.last.x.col(result.x_components[std::size_t(c)]);
   result.t = std::move(grid.t);
-  result.bytes = sizeof(double) * std::size_t(8 * (2 * M + 1) * scene.states());
+  result.bytes = std::size_t(bytes_of(M + 1, scene.states()));
   result.goal = std::make_shared<const GoalReport>(std::move(report));
   return result;
 }

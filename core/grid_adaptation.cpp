@@ -10,8 +10,8 @@
 namespace bromwich {
 namespace {
 
-constexpr Index most_cells = Index(1) << 22;
-constexpr Index most_cycles = 1000;
+constexpr Index largest_grid = Index(1) << 22;
+constexpr Index most_refinements = 1000;
 
 GoalCycle record(const GoalEvaluation& e, std::optional<double> exact) {
   GoalCycle cycle;
@@ -103,8 +103,8 @@ Vector bisected(const Vector& t, const std::vector<Index>& marked) {
 AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal, const QuantityOfInterest& quantity,
                        Index default_cells, const std::function<GoalEvaluation(const Vector& t)>& evaluate) {
   const bool open_ended = goal.cycles > 0 || options.tolerance > 0;
-  const Index limit = options.steps > 0 ? options.steps : open_ended ? most_cells : default_cells;
-  const Index cycles = goal.cycles > 0 ? goal.cycles : most_cycles;
+  const Index limit = options.steps > 0 ? options.steps : open_ended ? largest_grid : default_cells;
+  const Index cycles = goal.cycles > 0 ? goal.cycles : most_refinements;
   const std::optional<double> exact = quantity.exact();
   const int q = quantity.order(order(goal.scheme));
   AdaptedGrid grid;

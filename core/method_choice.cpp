@@ -14,7 +14,8 @@ constexpr double largest_device_march = 1024;  ///< constraints
 constexpr double smallest_on_device = 1e4;     ///< values n J, for methods that solve all time points at once
 
 bool is_fitted(const Scene& scene, LcpClass lcp_class) {
-  return std::holds_alternative<KroneckerDynamics>(scene.dynamics) && lcp_class == LcpClass::P;
+  return std::holds_alternative<KroneckerDynamics>(scene.dynamics) && lcp_class == LcpClass::P && !scene.boundary &&
+         scene.free_rows.empty();
 }
 
 // A device makes at least two of them.

@@ -1,7 +1,11 @@
 #pragma once
-// phi_1(x) = (e^x - 1)/x and phi_2(x) = (e^x - 1 - x)/x^2, the integrals of e^{(1-s)x} against 1 and s on [0,1].
+// phi_0(x) = e^x and phi_k(x) = ∫_0^1 e^{(1-s)x} s^{k-1}/(k-1)! ds = Σ_j x^j/(j+k)!, so that phi_k(x) = 1/k! + x
+// phi_{k+1}(x): what exponential integrators are made of.
 
+#include "contour.hpp"
 #include "types.hpp"
+
+#include <vector>
 
 namespace bromwich {
 
@@ -9,6 +13,9 @@ double phi1(double x);
 double phi2(double x);
 Complex phi1(Complex x);
 Complex phi2(Complex x);
+
+/// phi_k(x), k >= 0.
+double phi(int k, double x);
 
 /// e^z - 1 without cancellation for small z.
 Complex expm1(Complex z);
@@ -21,5 +28,16 @@ struct MatrixPhi {
   Matrix exponential, phi1, phi2;
 };
 MatrixPhi matrix_phi(const Matrix& A);
+
+/// phi_0(A), ..., phi_last(A). Symmetric A: by its eigenvectors. Otherwise a Taylor polynomial of phi_last at 2^-s A,
+/// the others by phi_k = 1/k! + A phi_{k+1}, and s doublings (Koikari, Appl. Numer. Math. 57, 2007): with
+/// a = floor(k/2), b = k - a,
+///
+///     2^k phi_k(2X) = phi_a(X) phi_b(X) + Σ_{j=a+1}^k phi_j(X)/(k-j)! + Σ_{j=b+1}^k phi_j(X)/(k-j)!.
+std::vector<Matrix> matrix_phis(const Matrix& A, int last);
+
+/// The same from shifted solves, for dense A whose spectrum the contour holds, 0 inside of it (near_contour(., 1) or
+/// circle(., 1)): phi_k(A) = 1/(2 pi i) ∮ e^z z^{-k} (zI - A)^{-1} dz.
+std::vector<Matrix> contour_phis(const Matrix& A, const Contour&, int last);
 
 }  // namespace bromwich

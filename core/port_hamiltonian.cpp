@@ -23,14 +23,6 @@ SparseMatrix or_identity(const SparseMatrix& matrix, Index m) {
   return identity;
 }
 
-double largest_entry(const SparseMatrix& matrix) {
-  double largest = 0;
-  for (Index j = 0; j < matrix.outerSize(); ++j)
-    for (SparseMatrix::InnerIterator entry(matrix, j); entry; ++entry)
-      largest = std::max(largest, std::abs(entry.value()));
-  return largest;
-}
-
 void require_square(const char* member, const SparseMatrix& found, Index m) {
   if (found.rows() != m || found.cols() != m)
     throw Error(member, text("is %td x %td", found.rows(), found.cols()), text("give %td x %td, as J", m, m));
@@ -198,6 +190,25 @@ Scene make_scene(PortHamiltonian port, const Vector& x0, double T) {
   scene.T = T;
   scene.port = std::make_shared<const PortHamiltonian>(std::move(port));
   return scene;
+}
+
+Scene with_idle_constraint(Scene scene) {
+  const Index m = scene.states();
+  if (auto* dense = std::get_if<DenseDynamics>(&scene.dynamics)) {
+    dense->B = Matrix::Zero(m, 1);
+    dense->N = Matrix::Zero(1, m);
+  } else if (auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
+    sparse->B = SparseMatrix(m, 1);
+    sparse->N = SparseMatrix(1, m);
+  }
+  scene.M = Matrix(Matrix::Identity(1, 1));
+  scene.lcp_class = LcpClass::P;
+  return scene;
+}
+
+Result with_idle_constraint(Result result) {
+  result.y = RowMatrix::Zero(result.t.size(), 1);
+  return result;
 }
 
 Vector input_at(const PortHamiltonian& port, double t, Side side, double T) {

@@ -10,6 +10,7 @@
 // Q       PortHamiltonian::Q    m x m   energy, Q^T E symmetric and positive semidefinite; empty = identity
 // B, u    PortHamiltonian::B,u  m x k   ports and their input
 
+#include "result.hpp"
 #include "scene.hpp"
 
 #include <vector>
@@ -37,6 +38,10 @@ struct PortHamiltonian {
 /// The system without complementarity as a scene: A = E^{-1} (J - R) Q, f = E^{-1} B u; dense up to 256 states,
 /// Scene::port set, no constraints. Validates the structure.
 Scene make_scene(PortHamiltonian port, const Vector& x0, double T);
+
+/// A scene without constraints with one that never acts, 0 <= y ⊥ y >= 0, and a result with its y = 0.
+Scene with_idle_constraint(Scene);
+Result with_idle_constraint(Result);
 
 /// A and E^{-1} B, as make_scene writes them. E must be regular.
 struct StateSpace {

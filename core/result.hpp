@@ -54,8 +54,7 @@ struct Result {
   bool continuous = true;           ///< y is linear between its rows; false: it may jump from step to step
   bool well_posed = true;  ///< the problems of the steps are known to determine y, as far as that was looked at
   std::optional<double> infeasible_at;
-  std::string
-      warning;  ///< one line about a result that may be called solved: several solutions, conditioning; or empty
+  std::string warning;  ///< one line about a result that may be called solved: uniqueness, conditioning; or empty
 
   /// max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf) with the kernel of the method; NaN where no solution was
   /// evaluated.

@@ -8,6 +8,7 @@
 #include "core/goal.hpp"
 #include "core/method_choice.hpp"
 #include "core/mixed.hpp"
+#include "core/port_hamiltonian.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
@@ -201,19 +202,14 @@ Method method_from_string(const std::string& name) {
 
 namespace {
 
-/// A scene without constraints, with one that never acts: 0 <= y ⊥ y >= 0, which drives nothing.
-Scene with_idle_constraint(Scene scene) {
-  const Index m = scene.states();
-  if (auto* dense = std::get_if<DenseDynamics>(&scene.dynamics)) {
-    dense->B = Matrix::Zero(m, 1);
-    dense->N = Matrix::Zero(1, m);
-  } else if (auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
-    sparse->B = SparseMatrix(m, 1);
-    sparse->N = SparseMatrix(1, m);
-  }
-  scene.M = Matrix(Matrix::Identity(1, 1));
-  scene.lcp_class = LcpClass::P;
-  return scene;
+Result by_galerkin(const Scene& scene, Backend& backend, const Options& options) {
+  Options named = options;
+  named.method = Method::galerkin;
+  const Index J = options.steps > 0 ? options.steps : scene.default_steps;
+  const Cost cost = refuse_what_does_not_fit(scene, named, J, Index(selected(scene, options).size()));
+  Result result = solve_by_galerkin(scene, backend, named);
+  result.bytes_predicted = std::size_t(cost.bytes);
+  return result;
 }
 
 Result unsupported(const Scene& scene, const Backend& backend, const Options& options, const std::string& why) {
@@ -246,15 +242,15 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
     result.trace.resize(result.trace.rows(), 0);
     return result;
   }
-  if (options.method == Method::galerkin) return solve_by_galerkin(given, backend, options);
+  if (options.method == Method::galerkin) return by_galerkin(given, backend, options);
   const bool automatic = options.method == Method::automatic;
   if (given.boundary)
     return automatic
-               ? solve_by_galerkin(given, backend, options)
+               ? by_galerkin(given, backend, options)
                : unsupported(given, backend, options, "it needs initial values and the scene has boundary values");
   if (!given.free_rows.empty()) {
     if (const auto eliminated = eliminate_free(given)) return solve_mixed(given, *eliminated, backend, options);
-    return automatic ? solve_by_galerkin(given, backend, options)
+    return automatic ? by_galerkin(given, backend, options)
                      : unsupported(given, backend, options, "the free rows and columns of M form a singular matrix");
   }
   if (options.tolerance > 0) return solve_to_tolerance(given, backend, options);
@@ -303,6 +299,9 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
 
 Matrix states_at(const Scene& scene, Backend& backend, const Result& result, const std::vector<Index>& rows) {
   scene.validate();
+  if (result.goal) throw Error("result", "is of method goal", "ask for its states when solving");
+  if (scene.constraints() == 0)
+    return states_at(with_idle_constraint(scene), backend, with_idle_constraint(result), rows);
   if (result.y.rows() != result.steps + 1 || result.y.cols() != scene.constraints())
     throw Error("result", "its y does not have one row per time point and one column per constraint",
                 "pass a result of this scene");

@@ -31,8 +31,9 @@ std::vector<Switch> switches(const Result& result, double negligible) {
   std::vector<Switch> found;
   if (rows - first < 2) return found;
   const double zero = negligible * y.middleRows(first, rows - first).cwiseAbs().maxCoeff();
-  const double h = result.t[1] - result.t[0];
-  for (Index j = first; j + 1 < rows; ++j)
+  for (Index j = first; j + 1 < rows; ++j) {
+    // On a grid of many step sizes the step is all that is said.
+    const double h = result.goal ? result.t[j + 1] - result.t[j] : result.t[1] - result.t[0];
     for (Index i = 0; i < y.cols(); ++i) {
       const bool before = y(j, i) > zero, on = y(j + 1, i) > zero;
       if (before == on) continue;
@@ -42,10 +43,11 @@ std::vector<Switch> switches(const Result& result, double negligible) {
         const Index row = start + direction * steps;
         return row >= first && row < rows && y(row, i) > zero ? y(row, i) : NAN;
       };
-      const std::optional<Root> r = root(value(0), value(1), value(2));
+      const std::optional<Root> r = result.goal ? std::nullopt : root(value(0), value(1), value(2));
       const double from = result.t[start], t = r ? from - double(direction) * h * r->distance : result.t[j] + h / 2;
       found.push_back({t, i, on, h * (r ? r->error : 0.5)});
     }
+  }
   std::stable_sort(found.begin(), found.end(), [](const Switch& a, const Switch& b) { return a.t < b.t; });
   return found;
 }

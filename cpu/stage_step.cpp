@@ -50,12 +50,12 @@ RowMatrix last_stages(const Array* values, Index given, Index used) {
 
 // All operators written out: a step is a few products with small matrices.
 template <class Scalar>
-class DenseStep final : public StageStep {
+class DenseStageStep final : public StageStep {
   static constexpr Index s = Coefficients<Scalar>::stages;
   using ScalarMatrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
 
  public:
-  DenseStep(const StageProblem& p, const DenseDynamics& d) : q_(last_stages(p.g, p.stages, s)) {
+  DenseStageStep(const StageProblem& p, const DenseDynamics& d) : q_(last_stages(p.g, p.stages, s)) {
     const Coefficients<Scalar> c;
     const Index m = d.A.rows(), n = d.N.rows();
     const Eigen::PartialPivLU<ScalarMatrix> lu(c.mu / p.h * ScalarMatrix::Identity(m, m) - d.A.cast<Scalar>());
@@ -162,7 +162,7 @@ class SparseStep final : public StageStep {
 
 template <class Scalar>
 std::unique_ptr<StageStep> make(const StageProblem& p) {
-  if (const auto* d = std::get_if<DenseDynamics>(p.dynamics)) return std::make_unique<DenseStep<Scalar>>(p, *d);
+  if (const auto* d = std::get_if<DenseDynamics>(p.dynamics)) return std::make_unique<DenseStageStep<Scalar>>(p, *d);
   if (const auto* d = std::get_if<SparseDynamics>(p.dynamics)) return std::make_unique<SparseStep<Scalar>>(p, *d);
   throw Error("dynamics", "a Kronecker sum has no stages", "write it out densely");
 }

@@ -14,6 +14,7 @@ styles = {
     "contour": ("tab:blue", "o", "contour: all time points at once"),
     "contour (paper's tolerance)": ("tab:cyan", "o", "contour, to the paper's tolerance"),
     "contour-literal": ("tab:purple", "v", "contour-literal: the paper to the letter"),
+    "multigrid": ("tab:orange", "D", "multigrid in time"),
     "march": ("tab:green", "s", "march: exponential, step by step"),
     "march (modal)": ("tab:olive", "s", "march, all eigenvalues"),
     "march (compressed)": ("tab:green", "s", "march, compressed exponentials"),

@@ -145,6 +145,34 @@ TEST_F(Bench, MultigridContractsAndStopsInTime) {
   }
 }
 
+TEST_F(Bench, GalerkinFindsItsOrders) {
+  const Json json = study("galerkin");
+  std::map<std::string, std::map<std::string, double>> orders;
+  for (const Json& row : json["rows"]) {
+    const std::string part = row["part"];
+    if (part == "order" && row["method"] == "galerkin" && row["scene"] == "bridge")
+      for (const auto& [norm, order] : row["order"].items())
+        if (!order.is_null()) orders[row["grid"]][norm] = order;  // null: exact on every grid
+    if (part == "convergence" && row["method"] == "galerkin") EXPECT_TRUE(row["solved"]) << row;
+    // y piecewise linear in any way is nearer than continuous, and that nearer than constant.
+    if (part == "projection") {
+      EXPECT_LE(row["discontinuous"], row["continuous"]) << row;
+      EXPECT_LT(row["continuous"], row["constant"]) << row;
+    }
+    if (part == "ratio") EXPECT_GT(row["x_at_T"], 100) << row;  // 49 h = 1 here; 2000 at h = 1e-3
+    if (part == "cost") EXPECT_EQ(row["status"], "solved") << row;
+    if (part == "periodic") EXPECT_LE(row["boundary_residual"], 1e-12) << row;
+    if (part == "periodic" && row["steps"] == 6400) EXPECT_LE(row["difference"], 1e-5) << row;
+    // Monotone, with 0.1 from M + 0.1 I alone; the matrix that the paper prints makes it indefinite at T = 1.
+    if (part == "eigenvalue" && row["scene"] == "nash-game" && !row["as_printed"])
+      EXPECT_NEAR(row["smallest"], 0.1, 1e-6) << row;
+    if (part == "eigenvalue" && row["as_printed"] && row["T"] == 1.0) EXPECT_LT(row["smallest"], -0.1) << row;
+  }
+  ASSERT_TRUE(orders["kinks on nodes"].contains("x_at_T"));
+  for (const auto& [norm, order] : orders["kinks on nodes"]) EXPECT_GE(order, 1.9) << norm;
+  EXPECT_GE(orders["kinks off nodes"]["y_L2"], 1.4);
+}
+
 TEST_F(Bench, PaperFindsWhatItsFiguresShow) {
   const Json json = study("paper");
   std::map<std::string, int> figures;
@@ -158,6 +186,28 @@ TEST_F(Bench, PaperFindsWhatItsFiguresShow) {
 TEST_F(Bench, SpeedVsErrorRefusesWhatHasNoScene) {
   EXPECT_TRUE(contains(refused("bench speed-vs-error --steps 64").err, "SCENE"));
   EXPECT_TRUE(contains(refused("bench speed-vs-error --set Q=7").err, "SCENE"));
+}
+
+TEST_F(Bench, GoalComparesGridsOfTheSameSteps) {
+  const Json json = study("goal --steps 100");
+  EXPECT_EQ(json["bench"], "goal");
+  std::map<std::string, Json> toy;
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["steps"], 100) << row;
+    for (const char* key : {"I_loc", "I_glob", "violation", "violation_right", "violation_linear", "error_x"})
+      EXPECT_TRUE(row[key].is_number()) << key << row;
+    if (row["scene"] == "ph-toy") toy[row["contestant"]] = row;
+  }
+  EXPECT_LT(toy["euler, goal"]["I_loc"], toy["euler, uniform"]["I_loc"]);
+  EXPECT_EQ(toy["euler, goal"]["I_loc"], toy["euler, goal, doubling"]["I_loc"]);
+  EXPECT_LT(toy["midpoint, goal"]["I_loc"], toy["midpoint, uniform"]["I_loc"]);
+  const Json& gain = json["details"]["equidistribution_gain"];
+  EXPECT_NEAR(gain["ph-toy"], 19, 1);
+  EXPECT_NEAR(gain["ladder"], 2.2, 0.1);
+  const Json& figures = json["details"]["figures"];
+  EXPECT_EQ(figures["adjoints"].size(), 3u);
+  EXPECT_EQ(figures["toy"].size(), 4u);
+  EXPECT_EQ(figures["ladder"].size(), 2u);
 }
 
 }  // namespace

@@ -79,6 +79,42 @@ TEST_F(CliFiles, MistakesNameFileLineAndKey) {
   EXPECT_TRUE(contains(refused("solve ./").err, "is a folder"));
 }
 
+TEST_F(CliFiles, BoundaryValuesAreSolvedByGalerkin) {
+  const Json json = solved("periodic-rectifier --steps 40 --states all --out y.csv");
+  EXPECT_EQ(json["method"], "galerkin");
+  EXPECT_LE(json["boundary_residual"], 1e-12);  // |v| < 10, one subtraction
+  EXPECT_TRUE(solved("decay.toml")["boundary_residual"].is_null());
+  const auto lines = split(read(folder_ / "y.csv"), '\n');
+  ASSERT_EQ(lines.size(), 42u);
+  EXPECT_EQ(lines[0], "t,y0,x0");
+  EXPECT_NEAR(std::stod(split(lines[1], ',')[2]), std::stod(split(lines[41], ',')[2]), 1e-11) << "v(0) = v(T)";
+  const Outcome summary = run("solve periodic-rectifier --steps 40");
+  EXPECT_TRUE(contains(summary.out, "of the boundary condition")) << summary.out;
+  const Outcome march = run("solve periodic-rectifier --method march");
+  EXPECT_EQ(march.exit_code, 3);
+  EXPECT_TRUE(contains(march.err,
+                       "unsupported: it needs initial values and the scene has boundary values; use method "
+                       "galerkin"))
+      << march.err;
+}
+
+TEST_F(CliFiles, BoundaryConditionsThatDetermineNothingAreRefused) {
+  std::string text = decay;
+  text.replace(text.find("x0 = [\"x0\"]\n"), 12, "");
+  save("twice.toml", text + "[boundary]\nE0 = [[1]]\nET = [[\"-exp(1)\"]]\nb = [0]\n");  // x(0) = e x(1), always
+  EXPECT_TRUE(contains(refused("solve twice.toml").err, "boundary: E0 + ET e^{TA} is singular"));
+}
+
+TEST_F(CliFiles, FreeRowsHaveNoSwitches) {
+  const std::string node = std::string(BROMWICH_EXAMPLES) + "/rectifier-node.toml";
+  const Json json = solved(node + " --out y.csv --switches s.csv");
+  EXPECT_EQ(json["method"], "march");
+  EXPECT_TRUE(contains(json["class"], "free rows eliminated")) << json["class"];
+  const auto lines = split(read(folder_ / "s.csv"), '\n');
+  ASSERT_GT(lines.size(), 4u);
+  for (std::size_t i = 1; i < lines.size(); ++i) EXPECT_EQ(split(lines[i], ',')[1], "1") << lines[i];
+}
+
 TEST_F(CliFiles, ErrorAgainstTheExactSolution) {
   save("exact.toml", decay + exact);
   const Json march = solved("exact.toml --method march")["reference_error"];

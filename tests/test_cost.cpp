@@ -44,6 +44,14 @@ class CostTest : public BackendTest {
 
 INSTANTIATE_TEST_SUITE_P(Contract, CostTest, testing::ValuesIn(backend_cases()), backend_case_name);
 
+TEST_P(CostTest, GalerkinPredictsWhatItHolds) {
+  for (const char* name : {"bridge", "lq-control", "nash-game", "periodic-rectifier"})
+    expect_predicted(make_scene(name), Method::galerkin, 500);
+  EXPECT_NE(refusal(make_scene("lq-control"), Method::galerkin, 1 << 20, 1e6)
+                .find("steps: method galerkin with 1048576 steps needs about"),
+            std::string::npos);
+}
+
 TEST_P(CostTest, AScenePredictsWhatItHolds) {
   for (const double Q : {39., 127.})
     for (const Index J : {400, 4000})

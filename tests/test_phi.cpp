@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
+#include <unsupported/Eigen/MatrixFunctions>
 
 #include <functional>
 
@@ -162,6 +163,68 @@ TEST(MatrixPhi, LongShifts) {
       EXPECT_NEAR(phi.phi1(0, k), power / double(k + 1), 1e-14) << m << ' ' << k;
       EXPECT_NEAR(phi.phi2(0, k), power / double((k + 1) * (k + 2)), 1e-14) << m << ' ' << k;
     }
+  }
+}
+
+// ∫_0^1 e^{(1-s)x} s^{k-1}/(k-1)! ds.
+double phi_by_quadrature(int k, double x) {
+  Real factorial = 1;
+  for (int j = 2; j < k; ++j) factorial *= Real(j);
+  return double(integral([&](Real s) { return std::exp((1 - s) * Real(x)) * std::pow(s, Real(k - 1)) / factorial; }));
+}
+
+TEST(Phi, HigherFunctions) {
+  for (const double x : {-35.0, -3.0, -1.0, -0.999, -1e-3, 0.0, 1e-9, 0.5, 0.999, 1.0, 2.0, 9.0})
+    for (int k = 1; k <= 6; ++k) {
+      // Every division by x >= 1 leaves a few roundings of phi_1 <= max(1, e^x/x).
+      const double scale = std::max(1.0, std::exp(x));
+      EXPECT_NEAR(phi(k, x), phi_by_quadrature(k, x), 8 * epsilon * scale) << k << ' ' << x;
+    }
+  EXPECT_EQ(phi(0, 2.0), std::exp(2.0));
+}
+
+// Stiff, zero, nilpotent, non-normal and oscillating: three ways that share nothing but their definition.
+TEST(MatrixPhi, HigherFunctionsFromSquaringAndFromContours) {
+  Matrix nilpotent = Matrix::Zero(4, 4), non_normal = -Matrix::Identity(8, 8), stiff(3, 3);
+  nilpotent.diagonal(1).setConstant(2);
+  non_normal.diagonal(1).setConstant(-3);
+  stiff << -1000, 1, 0, 2, -10, 1, 0, 0, -0.1;
+  struct Case {
+    Matrix A;
+    Contour contour;
+    double tolerance;  ///< of the contour
+  };
+  // near_contour is made for double poles at 0, to 1e-14; up to the power -6 and for resolvents of norm 10 it loses two
+  // digits. The circle multiplies rounding by e^3.
+  const Contour near = near_contour(*contour_parameters(0.26), 1), round = *circle(3, 1);
+  const std::vector<Case> cases{{Matrix::Zero(2, 2), round, 1e-13},
+                                {nilpotent, round, 1e-12},
+                                {non_normal, *circle(4, 1), 1e-11},
+                                {Matrix{{0, 3}, {-3, 0}}, round, 1e-13},
+                                {stiff, near, 1e-11}};
+  for (const auto& [A, contour, tolerance] : cases) {
+    const Index m = A.rows();
+    const std::vector<Matrix> squared = matrix_phis(A, 5), from_contour = contour_phis(A, contour, 5);
+    Matrix block = Matrix::Zero(6 * m, 6 * m);
+    block.topLeftCorner(m, m) = A;
+    for (int k = 0; k < 5; ++k) block.block(k * m, (k + 1) * m, m, m) += Matrix::Identity(m, m);
+    const Matrix e = block.exp();
+    for (int k = 0; k <= 5; ++k) {
+      const Matrix &p = squared[std::size_t(k)], reference = e.block(0, k * m, m, m);
+      const double size = std::max(1.0, reference.cwiseAbs().maxCoeff());
+      EXPECT_LE((p - reference).cwiseAbs().maxCoeff(), 1e-13 * size) << k << "\n" << A;
+      EXPECT_LE((p - from_contour[std::size_t(k)]).cwiseAbs().maxCoeff(), tolerance * size) << k << "\n" << A;
+    }
+  }
+}
+
+TEST(MatrixPhi, HigherFunctionsOfStiffSymmetricMatrices) {
+  const Vector v = Vector::LinSpaced(6, 1, 6), lambda{{-1e8, -1e4, -1e2, -1, -1e-4, 0}};
+  const Matrix V = Matrix::Identity(6, 6) - 2 * v * v.transpose() / v.squaredNorm();
+  const std::vector<Matrix> p = matrix_phis(V * lambda.asDiagonal() * V.transpose(), 4);
+  for (int k = 0; k <= 4; ++k) {
+    const Matrix exact = V * lambda.unaryExpr([k](double x) { return phi(k, x); }).asDiagonal() * V.transpose();
+    EXPECT_LE((p[std::size_t(k)] - exact).norm(), 4 * epsilon * 1e8) << k;
   }
 }
 

@@ -395,5 +395,57 @@ TEST(SceneFile, SourcesMayBeSampledByManyThreads) {
   for (const double error : largest) EXPECT_LT(error, 3e-14);
 }
 
+const std::string toy_port =
+    "[port]\n"                                   // 1
+    "J = [[0, 0, 1], [0, 0, -1], [-1, 1, 0]]\n"  // 2
+    "R = [[1, 1, 0], [1, 1, 0], [0, 0, 0]]\n"    // 3
+    "B = [[1], [1], [0]]\n"                      // 4
+    "u = [\"t > 5 ? 10 : 0\"]\n"                 // 5
+    "x0 = [1, 2, 1]\n"                           // 6
+    "[time]\nT = 10\nsteps = 200\n";             // 7 to 9
+
+TEST(SceneFile, ReadsPortHamiltonianScenes) {
+  const Scene scene = parse(toy_port).scene, built_in = make_scene("ph-toy");
+  const auto &read = std::get<DenseDynamics>(scene.dynamics), &made = std::get<DenseDynamics>(built_in.dynamics);
+  EXPECT_EQ(read.A, made.A);
+  EXPECT_EQ(scene.constraints(), 0);
+  EXPECT_EQ(Matrix(scene.F), Matrix(built_in.F));
+  EXPECT_EQ(scene.x0, built_in.x0);
+  EXPECT_EQ(oracle::value(scene.f, 5, 1), oracle::value(built_in.f, 5, 1));
+  EXPECT_EQ(oracle::value(scene.f, 5.1, 1), oracle::value(built_in.f, 5.1, 1));
+  ASSERT_TRUE(scene.port);
+
+  const Scene clamped =
+      parse(toy_port + "[dynamics]\nB = [[-1], [0], [0]]\n[complementarity]\nN = [[-1, 0, 0]]\nM = [[1]]\ng = [3]\n")
+          .scene;
+  EXPECT_EQ(clamped.constraints(), 1);
+  EXPECT_EQ(std::get<DenseDynamics>(clamped.dynamics).B, (Matrix{{-1}, {0}, {0}}));
+  EXPECT_EQ(oracle::value(clamped.g, 1, 1)[0], 3);
+}
+
+TEST(SceneFile, SaysWhereAPortHamiltonianSceneIsWrong) {
+  const auto refused = [](const std::string& from, const std::string& to) {
+    std::string text = toy_port;
+    if (from.empty())
+      text += to;
+    else
+      text.replace(text.find(from), from.size(), to);
+    return refusal([&] { parse(text); });
+  };
+  for (const auto& [line, begin] : std::vector<std::pair<std::string, std::string>>{
+           {refused("J = [[0, 0, 1]", "J = [[0, 0, 2]"), "my.toml:2: port.J: is not skew-symmetric: entry (2,0) is -1"},
+           {refused("R = [[1, 1, 0]", "R = [[-1, 1, 0]"), "my.toml:3: port.R: is not positive semidefinite"},
+           {refused("B = [[1], [1], [0]]", "B = [[1], [1]]"), "my.toml:4: port.B: has 2 rows"},
+           {refused("u = [", "u = [\"t\", "), "my.toml:5: port.u: has 2 entries; give 1, one per column of B"},
+           {refused("x0 = [1, 2, 1]", "x0 = [1, 2]"), "my.toml:6: port.x0: has 2 entries"},
+           {refused("x0 =", "E = [[1,0,0],[0,1,0],[0,0,0]]\nx0 ="), "my.toml:6: port.E: is singular, of rank 2 of 3"},
+           {refused("x0 =", "K = 1\nx0 ="), "my.toml:6: port.K: is no known key"},
+           {refused("", "[dynamics]\nA = [[1]]\n"), "my.toml:11: dynamics.A: is given with a section [port]"},
+           {refused("", "[dynamics]\nB = [[1], [0], [0]]\n"),
+            "my.toml:11: dynamics.B: is given without [complementarity]"},
+           {refused("", "[relay]\nC = [[1]]\n"), "my.toml:11: relay.C: is given with [port]"}})
+    EXPECT_TRUE(line.starts_with(begin)) << line << "\nshould begin with\n" << begin;
+}
+
 }  // namespace
 }  // namespace bromwich

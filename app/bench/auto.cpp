@@ -74,7 +74,7 @@ Scene network(Index m, Index n, double T) {
 std::vector<AutoCase> auto_cases(const BenchRequest& request) {
   std::vector<AutoCase> list;
   const auto built_in = [&](const std::string& name, const ParameterValues& settings, Index steps) {
-    SceneChoice choice = choose_scene(name, settings);
+    SceneChoice choice = choose_initial_value_scene(name, settings);
     const Json parameters = to_json(choice.parameters);
     list.push_back({name, std::move(choice.scene), parameters, steps});
     if (list.back().steps == 0) list.back().steps = list.back().scene.default_steps;

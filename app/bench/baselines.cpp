@@ -218,7 +218,7 @@ std::vector<Case> cases(const BenchRequest& request, const std::string& scene) {
 }
 
 void run_case(const Case& one, const BenchRequest& request, Backend& backend, BenchReport& report) {
-  const SceneChoice choice = choose_scene(report.scene, one.settings);
+  const SceneChoice choice = choose_initial_value_scene(report.scene, one.settings);
   const Scene& scene = choice.scene;
   const Index steps = one.steps > 0 ? one.steps : scene.default_steps;
   check_memory(scene, steps, 0);

@@ -96,6 +96,58 @@ Json row_of(const GoalScene& s, Backend& backend, const GoalContestant& c, Index
   return row;
 }
 
+/// The ladder with its diode: y is part of the balance, so that method goal computes uniform grids too.
+Json switching_row(const SceneChoice& choice, Backend& backend, const Vector& at_end, StepScheme scheme, bool adapted,
+                   Index steps, int repeats) {
+  Options options;
+  options.method = Method::goal;
+  options.steps = steps;
+  options.states = StateSelection::all;
+  GoalOptions goal;
+  goal.scheme = scheme;
+  goal.first_cells = adapted ? std::min<Index>(steps, 50) : steps;
+  options.goal = std::make_shared<GoalOptions>(goal);
+  Samples samples;
+  Result result;
+  for (int round = 0; round < repeats; ++round) {
+    result = solve(choice.scene, backend, options);
+    samples.add(result.seconds.total, result.seconds.setup, result.seconds.solve);
+  }
+  const EnergyBalance& b = result.goal->balance;
+  const Vector last = result.x.row(result.steps).transpose();
+  const std::optional<double> effectivity = result.goal->history.back().effectivity;
+  return {{"scene", choice.scene.name},
+          {"parameters", to_json(choice.parameters)},
+          {"contestant", fmt::format("{}, {}", to_string(scheme), adapted ? "goal" : "uniform")},
+          {"scheme", to_string(scheme)},
+          {"adapted", adapted},
+          {"status", to_string(result.status)},
+          {"steps", result.steps},
+          {"cycles", result.cycles},
+          {"effectivity", effectivity ? Json(*effectivity) : Json(nullptr)},
+          {"violation", b.violation.cwiseAbs().sum()},
+          {"I_loc", b.violation.squaredNorm()},
+          {"I_glob", b.violation.sum() * b.violation.sum()},
+          {"error_x_at_T", (last - at_end).cwiseAbs().maxCoeff()},
+          {"seconds", to_json(samples)}};
+}
+
+Json switching_rows(Backend& backend, const std::vector<Index>& ladder, int repeats, bool quick) {
+  const SceneChoice choice = choose_scene("ladder-diodes", {});
+  Options march;
+  march.method = Method::march;
+  march.steps = quick ? 16000 : 128000;
+  march.states = StateSelection::all;
+  const Result fine = solve(choice.scene, backend, march);
+  const Vector at_end = fine.x.row(fine.steps).transpose();
+  Json rows = Json::array();
+  for (const Index steps : ladder)
+    for (const StepScheme scheme : {StepScheme::euler, StepScheme::midpoint})
+      for (const bool adapted : {false, true})
+        rows.push_back(switching_row(choice, backend, at_end, scheme, adapted, steps, repeats));
+  return rows;
+}
+
 double value_of(const Json& rows, const std::string& contestant, Index steps, const char* key) {
   for (const Json& row : rows)
     if (row["contestant"] == contestant && row["steps"] == steps && row["parameters"].size() == 0) return row[key];
@@ -154,13 +206,28 @@ Json judged(const GoalScene& s, Backend& backend, StepScheme scheme, const Vecto
   return json;
 }
 
+namespace {
+
+/// |x'| in the norm of the energy at the left ends of the steps of a grid that holds the jumps.
+Vector speeds(const GoalScene& s, Backend& backend, const Vector& t) {
+  const RowMatrix x = trajectory(s, backend, StepScheme::exponential, t);
+  const RowMatrix slope = slopes({s.system, StepScheme::exponential, t, x}, Side::behind);
+  return (slope * s.system.energy_matrix()).cwiseProduct(slope).rowwise().sum().cwiseMax(0).cwiseSqrt();
+}
+
+/// T^3 ∫ |x'|^4 / (∫ |x'|)^4: what the equidistributed grid gains in I_loc of implicit Euler, for many steps.
+double equidistribution_gain(const GoalScene& s, Backend& backend) {
+  const Vector t = first_grid(s.scene.T, 50000, input_jumps(*s.scene.port, s.scene.T));
+  const Vector speed = speeds(s, backend, t), h = t.tail(t.size() - 1) - t.head(t.size() - 1);
+  return std::pow(s.scene.T, 3) * h.dot(speed.array().pow(4).matrix()) / std::pow(h.dot(speed), 4);
+}
+
+}  // namespace
+
 Vector equidistributed(const GoalScene& s, Backend& backend, Index M) {
   const std::vector<double> jumps = input_jumps(*s.scene.port, s.scene.T);
   const Vector fine = first_grid(s.scene.T, 50000, jumps);
-  const RowMatrix x = trajectory(s, backend, StepScheme::exponential, fine);
-  const SparseMatrix energy = s.system.energy_matrix();
-  const RowMatrix slope = slopes({s.system, StepScheme::exponential, fine, x}, Side::behind);
-  const Vector speed = (slope * energy).cwiseProduct(slope).rowwise().sum().cwiseMax(0).cwiseSqrt();
+  const Vector speed = speeds(s, backend, fine);
   Vector length = Vector::Zero(fine.size());
   for (Index i = 0; i < speed.size(); ++i) length[i + 1] = length[i] + (fine[i + 1] - fine[i]) * speed[i];
   // Cells end at the jumps: each piece gets its share of them.
@@ -217,6 +284,8 @@ BenchReport bench_goal(const BenchRequest& request, Backend& backend) {
   std::vector<std::vector<std::string>> lines{
       {"scene", "contestant", "steps", "I_loc", "violation", "error of x", "time"}};
   for (const GoalScene& s : scenes)
+    report.details["equidistribution_gain"][s.label] = equidistribution_gain(s, backend);
+  for (const GoalScene& s : scenes)
     for (const Index steps : ladder) {
       for (const GoalContestant& c : goal_contestants())
         report.rows.push_back(row_of(s, backend, c, steps, request.repeats()));
@@ -241,6 +310,7 @@ BenchReport bench_goal(const BenchRequest& request, Backend& backend) {
                      error.is_null() ? "-" : scientific(error.get<double>()),
                      row["seconds"].is_null() ? "-" : format_seconds(row["seconds"]["median"])});
   }
+  report.details["switching"] = switching_rows(backend, ladder, request.repeats(), request.quick);
   report.details["figures"] = goal_figures(backend, request.quick);
   report.notes = conclusions(report.rows, ladder.size() > 3 ? 200 : ladder.back());
   std::string text = table(lines);

@@ -10,11 +10,26 @@ namespace bromwich::app {
 
 namespace {
 
-Json numbers(const Vector& values) { return std::vector<double>(values.begin(), values.end()); }
+constexpr Index most_curve_points = 250;  ///< of a curve
+
+/// Five digits: what a picture shows.
+Json numbers(const Vector& values) {
+  Json json = Json::array();
+  for (const double value : values) json.push_back(std::stod(fmt::format("{:.5g}", value)));
+  return json;
+}
+
+/// Every `stride`-th value, and the last.
+Vector thinned(const Vector& values, Index stride) {
+  const Index last = values.size() - 1, count = (last + stride - 1) / stride;
+  return Vector::NullaryExpr(count + 1, [&](Index i) { return values[std::min(i * stride, last)]; });
+}
+
+Index stride_of(Index steps) { return (steps + most_curve_points - 1) / most_curve_points; }
 
 Json columns(const RowMatrix& x, const std::vector<Index>& chosen) {
   Json json = Json::array();
-  for (const Index c : chosen) json.push_back(numbers(x.col(c)));
+  for (const Index c : chosen) json.push_back(numbers(thinned(x.col(c), stride_of(x.rows() - 1))));
   return json;
 }
 
@@ -63,11 +78,11 @@ Json saturation(Backend& backend, const std::vector<Index>& ladder) {
 Json curve(const GoalScene& s, StepScheme scheme, const Vector& t, const RowMatrix& x,
            const std::vector<Index>& shown) {
   const EnergyBalance b = energy_balance({s.system, scheme, t, x});
-  return {{"t", numbers(t)},
-          {"x", columns(x, shown)},
-          {"violation", numbers(b.violation)},
-          {"supplied", b.supplied.sum()},
-          {"steps", t.size() - 1}};
+  const Index M = t.size() - 1, stride = stride_of(M);
+  const Vector h = t.tail(M) - t.head(M);
+  return {{"t", numbers(thinned(t, stride))}, {"x", columns(x, shown)},
+          {"h", numbers(thinned(h, stride))}, {"violation", numbers(thinned(b.violation, stride))},
+          {"supplied", b.supplied.sum()},     {"steps", M}};
 }
 
 /// Fig. 2, 3 and 6: trajectories and what they violate, goal-oriented beside uniform and exact.
@@ -75,9 +90,8 @@ Json trajectories(Backend& backend, const GoalScene& s, const std::vector<Index>
                   const std::vector<std::tuple<std::string, GoalOptions, Index>>& entrants) {
   Json json = Json::array();
   const Vector fine = first_grid(s.scene.T, 400, input_jumps(*s.scene.port, s.scene.T));
-  const RowMatrix exact = trajectory(s, backend, StepScheme::exponential, halved(halved(fine)));
-  Vector times(exact.rows());
-  times = halved(halved(fine));
+  const Vector times = halved(halved(fine));
+  const RowMatrix exact = trajectory(s, backend, StepScheme::exponential, times);
   for (const auto& [name, goal, steps] : entrants) {
     Options options;
     options.method = Method::goal;
@@ -98,13 +112,18 @@ Json trajectories(Backend& backend, const GoalScene& s, const std::vector<Index>
                          {"absolute", c.absolute},
                          {"effectivity", c.effectivity ? Json(*c.effectivity) : Json(nullptr)}});
     }
-    json.push_back({{"name", name},
-                    {"scene", s.label},
-                    {"components", shown},
-                    {"goal", curve(s, goal.scheme, result.t, result.x, shown)},
-                    {"uniform", curve(s, goal.scheme, uniform, trajectory(s, backend, goal.scheme, uniform), shown)},
-                    {"exact", {{"t", numbers(times)}, {"x", columns(exact, shown)}}},
-                    {"history", history}});
+    const auto wanted = goal.quantity ? goal.quantity : local_balance();
+    const Trajectory known{s.system, StepScheme::exponential, times, exact};
+    const double exact_quantity = wanted->exact().value_or(wanted->value(known));
+    json.push_back(
+        {{"name", name},
+         {"scene", s.label},
+         {"exact_quantity", exact_quantity},
+         {"components", shown},
+         {"goal", curve(s, goal.scheme, result.t, result.x, shown)},
+         {"uniform", curve(s, goal.scheme, uniform, trajectory(s, backend, goal.scheme, uniform), shown)},
+         {"exact", {{"t", numbers(thinned(times, stride_of(times.size() - 1)))}, {"x", columns(exact, shown)}}},
+         {"history", history}});
   }
   return json;
 }
@@ -116,11 +135,11 @@ GoalOptions goal_with(std::shared_ptr<const QuantityOfInterest> quantity, Adjoin
   return goal;
 }
 
-GoalOptions cycles(Index count) {
+GoalOptions cycles(Index count, double marking, Index first) {
   GoalOptions goal;
   goal.cycles = count;
-  goal.marking = 0.1;
-  goal.first_cells = 50;
+  goal.marking = marking;
+  goal.first_cells = first;
   return goal;
 }
 
@@ -140,7 +159,8 @@ Json goal_figures(Backend& backend, bool quick) {
                               {"I_loc + 10 |x|^2, exact adjoint", goal_with(weighted_balance(10), exact), steps},
                               {"I_loc + 10 |x|^2, block-Jacobi 1", goal_with(weighted_balance(10), jacobi), steps}});
   json["ladder"] =
-      trajectories(backend, ladder, {0, 1, 2, 15}, {{"20 cycles", cycles(20), 0}, {"60 cycles", cycles(60), 0}});
+      trajectories(backend, ladder, {0, 1, 15},
+                   {{"20 cycles", cycles(20, 0, 20), 0}, {"60 cycles, a quarter marked", cycles(60, 0.25, 100), 0}});
   return json;
 }
 

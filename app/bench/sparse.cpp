@@ -66,16 +66,16 @@ Scene cooled_plate(Index G) {
   return scene;
 }
 
-struct Run {
+struct SparseRun {
   Result result;
   Samples samples;
 };
 
-Run measure(const Scene& scene, Backend& backend, Method method, Index steps, int repeats) {
+SparseRun measure(const Scene& scene, Backend& backend, Method method, Index steps, int repeats) {
   Options options;
   options.method = method;
   options.steps = steps;
-  Run run;
+  SparseRun run;
   for (int round = 0; round < repeats; ++round) {
     run.result = solve(scene, backend, options);
     run.samples.add(run.result.seconds.total, run.result.seconds.setup, run.result.seconds.solve);
@@ -83,7 +83,7 @@ Run measure(const Scene& scene, Backend& backend, Method method, Index steps, in
   return run;
 }
 
-Json row(const char* contestant, Index G, Index nonzeros, const Run& run, double difference) {
+Json row(const char* contestant, Index G, Index nonzeros, const SparseRun& run, double difference) {
   const Result& r = run.result;
   return {{"contestant", contestant},
           {"parameters", {{"G", G}}},
@@ -102,7 +102,7 @@ Json row(const char* contestant, Index G, Index nonzeros, const Run& run, double
           {"bytes", r.bytes}};
 }
 
-std::vector<std::string> cells(const char* contestant, Index G, const Run& run, double difference) {
+std::vector<std::string> cells(const char* contestant, Index G, const SparseRun& run, double difference) {
   const Result& r = run.result;
   return {fmt::format("{}", G * G),
           contestant,
@@ -129,21 +129,22 @@ BenchReport bench_sparse(const BenchRequest& request, Backend& backend) {
 
   std::vector<std::vector<std::string>> lines{
       {"m", "A", "status", "setup", "solve", "kernel error", "difference", "memory"}};
-  const auto add = [&](const char* contestant, Index points, Index nonzeros, const Run& run, double difference) {
+  const auto add = [&](const char* contestant, Index points, Index nonzeros, const SparseRun& run, double difference) {
     report.rows.push_back(row(contestant, points, nonzeros, run, difference));
     lines.push_back(cells(contestant, points, run, difference));
   };
   const Scene small = cooled_plate(small_grid);
   Scene twin = small;
   twin.dynamics = to_dense(small.dynamics);
-  const Run sparse = measure(small, backend, Method::march, steps, request.repeats()),
-            dense = measure(twin, backend, Method::march, steps, request.repeats());
+  const SparseRun sparse = measure(small, backend, Method::march, steps, request.repeats()),
+                  dense = measure(twin, backend, Method::march, steps, request.repeats());
   const double apart = deviation(sparse.result.y, dense.result.y).max;
   add("sparse", small_grid, std::get<SparseDynamics>(small.dynamics).A.nonZeros(), sparse, apart);
   add("dense", small_grid, small_grid * small_grid * small_grid * small_grid, dense, apart);
 
   const Scene large = cooled_plate(G);
-  const Run run = measure(large, backend, Method::march, steps, 1);  // half a minute: its spread is not what matters
+  const SparseRun run =
+      measure(large, backend, Method::march, steps, 1);  // half a minute: its spread is not what matters
   add("sparse", G, std::get<SparseDynamics>(large.dynamics).A.nonZeros(), run, std::nan(""));
   report.notes.push_back(fmt::format("{} states: {} for the kernel, {} for {} steps", G * G,
                                      format_seconds(median(run.samples.setup)),

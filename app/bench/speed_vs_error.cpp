@@ -1,12 +1,13 @@
-// Speed against error: every method over a ladder of steps (or of nodes P), on one thread and on all, each with the
-// errors of y and of the trace N x that it reaches and the time that it takes. A method leaves the ladder where it has
-// become too slow, or as exact as the reference allows to say.
+// Speed against error: every method over a ladder of steps (or of nodes P), on one thread and on all, and what is worth
+// it on a CUDA device where there is one, each with the errors of y and of the trace N x that it reaches and the time
+// that it takes. A method leaves the ladder where it has become too slow, or as exact as the reference allows to say.
 
 #include "app/bench/study.hpp"
 #include "app/commands.hpp"
 #include "app/text.hpp"
 #include "core/error.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
 
 #include <fmt/format.h>
 
@@ -36,7 +37,12 @@ constexpr double exact_enough = 1e-9;
 
 struct Runner {
   Backend* backend;
-  int threads;
+  int threads;  ///< of the host
+
+  bool device() const { return backend->device().memory > 0; }
+  std::string words() const {
+    return device() ? "the device" : fmt::format("{} thread{}", threads, threads == 1 ? "" : "s");
+  }
 };
 
 struct LadderContestant {
@@ -54,10 +60,16 @@ struct LadderContestant {
 struct Ladder {
   std::string name;
   Options options;
-  bool nodes = false;  ///< climbs in P on one grid, not in steps
+  bool nodes = false;     ///< climbs in P on one grid, not in steps
+  bool iterates = false;  ///< with a device: worth it there and on all threads, not on one
+  bool on_device = false;
 };
 
-std::vector<Ladder> ladders(const Scene& scene, const Limits& limits) {
+/// Multigrid ends where what is left of its iteration is this part of the discretisation error, both as it estimates
+/// them.
+constexpr double useful_share = 0.1;
+
+std::vector<Ladder> ladders(const Scene& scene, const Limits& limits, bool device) {
   const auto ladder = [&](const std::string& name, Method method) {
     Ladder made{name, {}};
     made.options.method = method;
@@ -66,15 +78,21 @@ std::vector<Ladder> ladders(const Scene& scene, const Limits& limits) {
     return made;
   };
   std::vector<Ladder> list{ladder("contour", Method::contour)};
+  list.back().iterates = list.back().on_device = true;
   if (std::holds_alternative<KroneckerDynamics>(scene.dynamics)) {
+    list.push_back(ladder("multigrid", Method::multigrid));
+    list.back().options.algebraic_share = useful_share;
+    list.back().iterates = list.back().on_device = true;
     list.push_back(ladder("march (modal)", Method::march));
     list.back().options.recurrence = RecurrenceChoice::modal;
     list.push_back(ladder("march (compressed)", Method::march));
     list.back().options.recurrence = RecurrenceChoice::compressed;
+    list.back().on_device = true;
   } else {
     list.push_back(ladder("march", Method::march));
   }
   list.push_back(ladder("euler", Method::euler));
+  if (device) return list;  // the literal method is measured without
   list.push_back(ladder("contour-literal", Method::contour_literal));
   list.push_back(ladder("contour-literal, nodes", Method::contour_literal));
   list.back().options.steps = limits.literal_steps;
@@ -141,10 +159,12 @@ Json row(const LadderContestant& c, const std::string& scene, const SceneChoice&
       {"contestant", c.name},
       {"method", c.result.method},
       {"kernel", c.result.kernel},
+      {"backend", c.result.backend},
       {"threads", c.runner.threads},
       {"steps", c.options.steps},
       {"literal_nodes", c.options.method == Method::contour_literal ? Json(c.options.literal_nodes) : Json(nullptr)},
       {"iteration_tolerance", c.options.iteration_tolerance},
+      {"algebraic_share", c.options.algebraic_share},
       {"status", to_string(c.result.status)},
       {"reason", c.result.reason},
       {"iterations", c.result.iterations},
@@ -157,10 +177,10 @@ Json row(const LadderContestant& c, const std::string& scene, const SceneChoice&
 }
 
 std::string measured_table(const std::vector<LadderContestant>& list) {
-  std::vector<std::vector<std::string>> rows{{"contestant", "threads", "steps", "nodes", "iterations", "error y",
-                                              "rms y", "error N x", "median", "min", "max", "status"}};
+  std::vector<std::vector<std::string>> rows{{"contestant", "on", "steps", "nodes", "iterations", "error y", "rms y",
+                                              "error N x", "median", "min", "max", "status"}};
   for (const LadderContestant& c : list)
-    rows.push_back({c.name, fmt::format("{}", c.runner.threads), fmt::format("{}", c.options.steps),
+    rows.push_back({c.name, c.runner.words(), fmt::format("{}", c.options.steps),
                     c.options.method == Method::contour_literal ? fmt::format("{}", c.options.literal_nodes + 1) : "-",
                     fmt::format("{}", c.result.iterations), scientific(c.errors.y.max), scientific(c.errors.y.rms),
                     scientific(c.errors.trace.max), format_seconds(c.seconds()),
@@ -178,8 +198,8 @@ const LadderContestant* fastest(const std::vector<LadderContestant>& list, doubl
 }
 
 std::string words(const LadderContestant& c) {
-  return fmt::format("{} with {} steps on {} thread{}: {}", c.name, c.options.steps, c.runner.threads,
-                     c.runner.threads == 1 ? "" : "s", format_seconds(c.seconds()));
+  return fmt::format("{} with {} steps on {}: {}", c.name, c.options.steps, c.runner.words(),
+                     format_seconds(c.seconds()));
 }
 
 /// Who is fastest at an error, and by how much; implicit Euler and the iteration are always named.
@@ -214,16 +234,25 @@ std::vector<std::string> failures(const std::vector<LadderContestant>& list) {
 
 void run_scene(const std::string& name, const ParameterValues& settings, const Limits& limits,
                const BenchRequest& request, Backend& backend, BenchReport& report) {
-  const SceneChoice choice = choose_scene(name, settings);
+  const SceneChoice choice = choose_initial_value_scene(name, settings);
   const Scene& scene = choice.scene;
   const Truth truth(scene, backend, limits.reference_steps);
   const auto alone = make_cpu_backend(1);
   std::vector<Runner> runners{{alone.get(), 1}};
   if (backend.device().threads > 1) runners.push_back({&backend, backend.device().threads});
+  std::unique_ptr<Backend> cuda;
+  if (!cuda_devices().empty() && backend.name() == "cpu") {
+    cuda = make_cuda_backend(make_cpu_backend(backend.device().threads));
+    runners.push_back({cuda.get(), backend.device().threads});
+    report.parameters["device"] = cuda->device().name;
+  }
 
   std::vector<LadderContestant> list;
-  for (const Ladder& ladder : ladders(scene, limits))
-    for (const Runner& runner : runners) climb(ladder, scene, runner, truth, limits, list);
+  for (const Ladder& ladder : ladders(scene, limits, cuda != nullptr))
+    for (const Runner& runner : runners) {
+      const bool alone_too = !cuda || !ladder.iterates || runner.threads > 1;
+      if (runner.device() ? ladder.on_device : alone_too) climb(ladder, scene, runner, truth, limits, list);
+    }
   measure(list, scene, request.repeats());
 
   const std::string title = choice.parameters.empty() || scene.name != name
@@ -251,9 +280,11 @@ struct LadderCase {
 };
 
 std::vector<LadderCase> cases(const BenchRequest& request) {
-  const Limits small{1.5, 32, Index(1) << 18, 512}, quick{0.02, 32, 4096, 64};
+  const Limits small{1.5, 32, Index(1) << 18, 512}, of_large{4, 32, Index(1) << 16, 64}, quick{0.02, 32, 4096, 64};
+  constexpr Index large = 256;  // constraints
   if (request.scene) {
     Limits limits = request.quick ? quick : small;
+    if (!request.quick && choose_scene(*request.scene, request.settings).scene.constraints() > large) limits = of_large;
     if (request.steps > 0) limits.reference_steps = request.steps;
     return {{*request.scene, request.settings, limits}};
   }
@@ -261,7 +292,7 @@ std::vector<LadderCase> cases(const BenchRequest& request) {
     throw Error(request.steps > 0 ? "--steps" : "--set", "found without a SCENE", "name the scene they belong to");
   if (request.quick) return {{"signorini", {{"Q", 15}}, quick}, {"dlcp-small", {}, quick}};
   std::vector<LadderCase> list{{"signorini", {{"Q", 39}}, small},
-                               {"signorini", {{"Q", 511}}, {4, 32, Index(1) << 16, 64}},
+                               {"signorini", {{"Q", 511}}, of_large},
                                {"dlcp-small", {}, small},
                                {"bridge", {}, small}};
   for (const char* circuit : {"examples/rlcd.toml", "examples/diode-bridge.toml"})
@@ -279,6 +310,9 @@ BenchReport bench_speed_vs_error(const BenchRequest& request, Backend& backend) 
   report.details["seconds"] =
       "wall clock of whole solves without output, all contestants of a scene interleaved; median, min and max; medians "
       "of the two parts";
+  report.details["multigrid"] = fmt::format(
+      "ends where what its iteration leaves is below {} of the discretisation error, both as it estimates them",
+      useful_share);
   report.details["ladder"] =
       "steps doubled, or nodes P grown by a half on one grid, until a solve takes too long or the error is below what "
       "the reference is known to; P + 1 shifted solves a time point";

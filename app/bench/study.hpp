@@ -44,6 +44,8 @@ BenchReport bench_auto(const BenchRequest& request, Backend& backend);
 BenchReport bench_baselines(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene or a scene file; without one, all scenes of the study.
 BenchReport bench_speed_vs_error(const BenchRequest& request, Backend& backend);
+/// Throws Error for a SCENE: it has its own.
+BenchReport bench_galerkin(const BenchRequest& request, Backend& backend);
 /// Throws Error where there is no CUDA device.
 BenchReport bench_gpu(const BenchRequest& request, Backend& backend);
 BenchReport bench_goal(const BenchRequest& request, Backend& backend);

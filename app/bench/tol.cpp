@@ -37,7 +37,7 @@ struct Subject {
 };
 
 Subject built_in(const std::string& name, const ParameterValues& settings, const char* method) {
-  Subject s{choose_scene(name, settings), name, method};
+  Subject s{choose_initial_value_scene(name, settings), name, method};
   if (name == "signorini") s.name += fmt::format(", Q = {:g}", s.choice.parameters.at("Q"));
   return s;
 }
@@ -57,21 +57,22 @@ std::vector<Subject> subjects(const BenchRequest& request) {
     // In the list of all scenes each stands once: these files are built-in scenes, and rlcd.
     const std::string name = path.stem();
     if (!request.scene && (name == "bridge" || name == "dlcp-small" || name == "template")) continue;
-    all.push_back({choose_scene(path, request.settings), name, "auto"});
+    SceneChoice choice = choose_scene(path, request.settings);
+    if (!choice.scene.boundary) all.push_back({std::move(choice), name, "auto"});
   }
   return all;
 }
 
-struct Run {
+struct TolRun {
   double tolerance;
   Result result;
   double seconds;
 };
 
 /// Down to the smallest tolerance, or to the first that is not met.
-std::vector<Run> runs(const Subject& subject, const BenchRequest& request, Backend& backend, Options options) {
+std::vector<TolRun> runs(const Subject& subject, const BenchRequest& request, Backend& backend, Options options) {
   const ToleranceLimits& limits = request.quick ? quick : full;
-  std::vector<Run> all;
+  std::vector<TolRun> all;
   for (double tolerance = 1e-2; tolerance > 0.5 * limits.smallest_tolerance; tolerance /= 10) {
     options.tolerance = tolerance;
     options.steps = request.steps;
@@ -100,7 +101,7 @@ struct Row {
   double true_over_tolerance;
 };
 
-Row row(const Subject& subject, const Run& run, const std::optional<TolTruth>& truth) {
+Row row(const Subject& subject, const TolRun& run, const std::optional<TolTruth>& truth) {
   const Result& r = run.result;
   const ErrorEstimate e = r.errors.value_or(ErrorEstimate{});
   const TolErrors none{NAN, NAN, NAN};
@@ -179,7 +180,7 @@ std::vector<Row> study(const Subject& subject, const BenchRequest& request, Back
   Options options;
   options.method = method_from_string(subject.method);
   if (subject.choice.scene.states() <= 256) options.states = StateSelection::all;
-  const std::vector<Run> all = runs(subject, request, backend, options);
+  const std::vector<TolRun> all = runs(subject, request, backend, options);
   std::optional<TolTruth> truth;
   options.method = Method::automatic;
   // For the finest result if that is possible, else for as fine a one as is.
@@ -197,7 +198,7 @@ std::vector<Row> study(const Subject& subject, const BenchRequest& request, Back
     }
   }
   std::vector<Row> rows;
-  for (const Run& run : all) {
+  for (const TolRun& run : all) {
     rows.push_back(row(subject, run, truth));
     if (&run != &all.front() && run.result.steps == (&run - 1)->result.steps) rows.back().counts = false;
   }

@@ -14,7 +14,7 @@
 namespace bromwich {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 /// Swing k starts at t = 3 pi k/2 with velocity v = nu + 2k/15; valid for nu >= 0.
 void exact_state(double nu, double t, Eigen::Ref<Vector> x) {

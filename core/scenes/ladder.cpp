@@ -20,9 +20,14 @@
 namespace bromwich {
 namespace {
 
-constexpr double C = 5e-7, CR = 5e-9, L = 1e-6, Rd = 5, R1 = 200, RL = 10, most_cells = 100000;
+constexpr double most_ladder_cells = 100000;
+
+namespace circuit {
+constexpr double C = 5e-7, CR = 5e-9, L = 1e-6, Rd = 5, R1 = 200, RL = 10;
+}
 
 PortHamiltonian ladder(Index n) {
+  using namespace circuit;
   using Entries = std::vector<Eigen::Triplet<double>>;
   const Index m = 3 * n + 1;
   Entries E{{0, 0, C}}, J, R{{int(m - 1), int(m - 1), 1 / RL}};
@@ -56,7 +61,7 @@ PortHamiltonian ladder(Index n) {
 
 Scene build_ladder(const ParameterValues& values) {
   const double n = values.at("n");
-  if (!(n >= 1 && n <= most_cells) || n != std::floor(n))
+  if (!(n >= 1 && n <= most_ladder_cells) || n != std::floor(n))
     throw Error("n", "found " + number_text(n), "give an integer from 1 to 100000");
   PortHamiltonian port = ladder(Index(n));
   const Vector x0 = Vector::Constant(port.states(), 1e-7);
@@ -71,7 +76,7 @@ Scene build_ladder_diodes(const ParameterValues& values) {
   const double clamp = values.at("clamp"), r = values.at("r");
   if (!(r >= 0)) throw Error("r", "found " + number_text(r), "give a number from 0 on");
   SparseMatrix B(m, 1), N(1, m);
-  B.insert(0, 0) = -1 / C;
+  B.insert(0, 0) = -1 / circuit::C;
   N.insert(0, 0) = -1;
   if (auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
     sparse->B = B;

@@ -20,7 +20,6 @@ namespace {
 
 using Vector4 = Eigen::Vector4d;
 using Vector5 = Eigen::Matrix<double, 5, 1>;
-constexpr double pi = std::numbers::pi;
 
 struct GameMatrices {
   Eigen::Matrix4d A;
@@ -55,10 +54,11 @@ GameMatrices game_matrices() {
 }
 
 Vector4 game_state(double t) {
-  return {t - 1, 1 + std::sin(pi * t), 2 * std::cos(t), (4 * std::cos(1.) - 1) * std::exp(t - 1)};
+  return {t - 1, 1 + std::sin(std::numbers::pi * t), 2 * std::cos(t), (4 * std::cos(1.) - 1) * std::exp(t - 1)};
 }
 Vector4 game_derivative(double t) {
-  return {1, pi * std::cos(pi * t), -2 * std::sin(t), (4 * std::cos(1.) - 1) * std::exp(t - 1)};
+  return {1, std::numbers::pi * std::cos(std::numbers::pi * t), -2 * std::sin(t),
+          (4 * std::cos(1.) - 1) * std::exp(t - 1)};
 }
 Vector5 game_controls(double t) {
   Vector5 z;

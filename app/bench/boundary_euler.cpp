@@ -1,0 +1,63 @@
+#include "app/bench/boundary_euler.hpp"
+
+#include "core/galerkin_solvers.hpp"
+#include "core/timer.hpp"
+
+#include <Eigen/LU>
+
+#include <cmath>
+
+namespace bromwich::app {
+
+namespace {
+
+/// The steps in the form that the solvers of the Galerkin problem take: one coefficient per step and constraint.
+GalerkinProblem euler_problem(const Scene& scene, Index J) {
+  const DenseDynamics d = to_dense(scene.dynamics);
+  const Index m = d.A.rows(), n = d.B.cols();
+  GalerkinProblem p;
+  p.N = J;
+  p.h = scene.T / double(J);
+  const Matrix R = (Matrix::Identity(m, m) - p.h * d.A).inverse(), M = to_dense(scene.M);
+  p.step = {R, p.h * R * d.B, d.N * R, M + p.h * d.N * R * d.B, M};
+  p.forcing = RowMatrix::Zero(J, m);
+  p.q = RowMatrix::Zero(J, n);
+  Vector f(m), g(n);
+  for (Index k = 0; k < J; ++k) {
+    const double t = p.h * double(k + 1);
+    if (scene.f) {
+      scene.f(t, f);
+      p.forcing.row(k) = p.h * (R * f).transpose();
+    }
+    if (scene.g) {
+      scene.g(t, g);
+      p.q.row(k) = g.transpose();
+    }
+  }
+  p.q += p.forcing * d.N.transpose();
+  p.boundary =
+      scene.boundary ? *scene.boundary : BoundaryCondition{Matrix::Identity(m, m), Matrix::Zero(m, m), scene.x0};
+  p.initial_value = !scene.boundary;
+  return p;
+}
+
+}  // namespace
+
+BoundaryEuler solve_by_boundary_euler(const Scene& scene, Backend& backend, Index J) {
+  Timer timer;
+  BoundaryEuler euler;
+  const GalerkinProblem p = euler_problem(scene, J);
+  const GalerkinSolution s = p.initial_value ? march_galerkin(p, backend, {}) : exchange_active_sets(p, {});
+  euler.seconds = timer.lap();
+  euler.iterations = s.iterations;
+  euler.reason = s.reason;
+  if (s.status != Status::solved) return euler;
+  euler.residual = natural_residual(p, s.z, s.x);
+  euler.solved = euler.residual <= 1e-9;
+  if (!euler.solved) euler.reason = "its residual is " + std::to_string(euler.residual);
+  euler.y = s.z;
+  euler.x = s.x;
+  return euler;
+}
+
+}  // namespace bromwich::app

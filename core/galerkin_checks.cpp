@@ -1,0 +1,73 @@
+#include "core/galerkin_checks.hpp"
+
+#include "core/error.hpp"
+#include "core/galerkin_uniqueness.hpp"
+#include "core/text.hpp"
+#include "core/two_point.hpp"
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double singular_boundary = 1e-13;  ///< reciprocal condition
+constexpr double dependent_rows = 1e-13;     ///< of [E0 ET], rows of size 1
+constexpr Index most_looked_at = 64;         ///< states: above, the eigenvalues cost more than the solution
+constexpr Index coarse_intervals = 32;
+
+// The rows [E0 ET] alone: more than m conditions, or fewer, whatever the dynamics.
+void require_independent_rows(const BoundaryCondition& c) {
+  const Index m = c.b.size();
+  Matrix rows(m, 2 * m);
+  rows << c.E0, c.ET;
+  for (Index i = 0; i < m; ++i) {
+    const double size = rows.row(i).cwiseAbs().maxCoeff();
+    if (size == 0)
+      throw Error("boundary", text("row %ld of E0 and ET is zero", long(i)), "give one condition per state");
+    rows.row(i) /= size;
+  }
+  Eigen::ColPivHouseholderQR<Matrix> qr(rows.transpose());
+  qr.setThreshold(dependent_rows);
+  if (qr.rank() == m) return;
+  // A combination of rows that vanishes, and what it makes of b.
+  const Matrix null = Eigen::FullPivLU<Matrix>(rows.transpose()).setThreshold(1e-12).kernel();
+  Vector b(m);
+  for (Index i = 0; i < m; ++i)
+    b[i] = c.b[i] / std::max(c.E0.row(i).cwiseAbs().maxCoeff(), c.ET.row(i).cwiseAbs().maxCoeff());
+  const bool contradict = (null.transpose() * b).cwiseAbs().maxCoeff() > 1e-10 * std::max(1.0, b.cwiseAbs().maxCoeff());
+  throw Error("boundary",
+              text("the rows of [E0 ET] have rank %ld of %ld", long(qr.rank()), long(m)) +
+                  (contradict ? " and b contradicts them" : ""),
+              "give independent conditions, one per state");
+}
+
+}  // namespace
+
+double require_determined_states(const GalerkinProblem& p) {
+  if (p.initial_value) return 1;
+  require_independent_rows(p.boundary);
+  const Segment all = repeated(p.step.E, Vector::Zero(p.states()), p.N);
+  const double condition = solve_ends(all, p.boundary).reciprocal_condition;
+  if (!(condition >= singular_boundary))
+    throw Error("boundary", text("E0 + ET e^{TA} is singular (reciprocal condition %.1e)", condition),
+                "give conditions that determine the states of the scene without y");
+  return condition;
+}
+
+Uniqueness uniqueness_of(const Scene& scene, Index N) {
+  if (scene.states() > most_looked_at)
+    return {false, text("whether the solution is the only one was not looked at (more than %ld states)",
+                        long(most_looked_at))};
+  double best = -INFINITY;
+  for (const double exponent : {0.0, 2.0, -2.0}) {
+    const double sigma = smallest_symmetric_eigenvalue(scene, std::min(N, coarse_intervals), exponent / scene.T);
+    if (sigma > 1e-6 * to_dense(scene.M).cwiseAbs().maxCoeff()) return {true, ""};
+    best = std::max(best, sigma);
+  }
+  return {false, text("uniqueness is not assured: smallest eigenvalue of the symmetric part %.2g", best)};
+}
+
+}  // namespace bromwich

@@ -1,0 +1,66 @@
+#pragma once
+// The exponential Galerkin method in time (Wang, Chen, An exponential integrator based discontinuous Galerkin method
+// for linear complementarity systems): y is linear on each of N intervals of length h, discontinuous at their ends, and
+// the complementarity problem is tested with the same functions. On interval k, s = (t - t_{k-1})/h,
+//
+//     y = (1-s) a_k + s b_k,    z_k = (a_k, b_k) >= 0,    psi = (1-s, s),
+//     w_k = (2/h) ∫ psi ⊗ w dt = D z_k + C x_{k-1} + q_k,    0 <= z_k ⊥ w_k >= 0,
+//     x_k = E x_{k-1} + H z_k + F_k,                          E0 x_0 + ET x_N = b.
+//
+// x is exact for this y: with G_j = phi_j(hA),
+//
+//     E = G_0,   H = h [(G_1 - G_2) B, G_2 B],   C = 2 [N G_2; N (G_1 - G_2)],
+//     D = 1/3 [2M, M; M, 2M] + 2h [N (G_3 - G_4) B, N G_4 B; N (G_2 - 2 G_3 + G_4) B, N (G_3 - G_4) B].
+//
+// Below the diagonal the block for intervals k < k' is C E^{k'-k-1} H: x carries it, and nothing larger than one
+// interval is ever formed.
+//
+// symbol   variable        shape
+// z, w, q  RowMatrix       N x 2n, row k-1 for interval k: left end, right end
+// x        RowMatrix       (N+1) x m
+// F        forcing         N x m
+
+#include "scene.hpp"
+
+namespace bromwich {
+
+struct GalerkinStep {
+  Matrix E;  ///< m x m
+  Matrix H;  ///< m x 2n
+  Matrix C;  ///< 2n x m
+  Matrix D;  ///< 2n x 2n
+  Matrix M;  ///< 2n x 2n, the part of D without the dynamics
+};
+
+/// The whole discrete problem. Initial values are the boundary condition (I, 0, x0).
+struct GalerkinProblem {
+  Index N = 0;
+  double h = 0;
+  GalerkinStep step;
+  RowMatrix forcing;           ///< N x m
+  RowMatrix q;                 ///< N x 2n
+  BoundaryCondition boundary;  ///< E0, ET, b
+  bool initial_value = false;  ///< x_0 = boundary.b
+
+  Index states() const { return step.E.rows(); }
+  Index unknowns() const { return step.D.rows(); }  ///< of an interval, 2n
+};
+
+/// The step of length h: G_0 to G_4 by scaling and squaring (core/phi.hpp).
+GalerkinStep galerkin_step(const DenseDynamics&, const Matrix& M, double h);
+
+/// The scene on N intervals. f and g are replaced on each interval by the parabola through three Gauss points, and no
+/// value at an end of an interval is used: sources may jump there. Dynamics are written out densely.
+/// f and g that are not finite leave NaN in `forcing` or `q`.
+GalerkinProblem galerkin_problem(const Scene&, Index N);
+
+/// The states that z causes: (N+1) x m, the boundary condition included. Throws Error where it does not determine them.
+RowMatrix galerkin_states(const GalerkinProblem&, const RowMatrix& z);
+
+/// w for z and the x it causes: N x 2n.
+RowMatrix galerkin_slack(const GalerkinProblem&, const RowMatrix& z, const RowMatrix& x);
+
+/// The linear part of z -> w, boundary term included: O(N (m + n)^2) operations, nothing assembled.
+RowMatrix apply_galerkin(const GalerkinProblem&, const RowMatrix& z);
+
+}  // namespace bromwich

@@ -1,0 +1,77 @@
+#include "core/galerkin_free.hpp"
+
+#include "core/error.hpp"
+
+#include <Eigen/Dense>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double rounding_of_free = 1e-12;  ///< relative, of D_ff and of what its null space should not see
+
+// Columns span {v : D^T v = 0}.
+Matrix left_null_space(const Eigen::JacobiSVD<Matrix>& svd) {
+  return svd.matrixU().rightCols(svd.matrixU().cols() - svd.rank());
+}
+Matrix right_null_space(const Eigen::JacobiSVD<Matrix>& svd) {
+  return svd.matrixV().rightCols(svd.matrixV().cols() - svd.rank());
+}
+
+bool vanishes(const Matrix& product, const Matrix& factor) {
+  return product.size() == 0 ||
+         product.cwiseAbs().maxCoeff() <= rounding_of_free * std::max(1e-300, factor.cwiseAbs().maxCoeff());
+}
+
+}  // namespace
+
+FreeElimination::FreeElimination(const GalerkinProblem& p, const std::vector<Index>& free_rows) : full_(p) {
+  if (free_rows.empty()) return;
+  const Index n = p.unknowns() / 2;
+  std::vector<char> is_free(std::size_t(2 * n), 0);
+  for (const Index i : free_rows) is_free[std::size_t(i)] = is_free[std::size_t(n + i)] = 1;
+  for (Index i = 0; i < 2 * n; ++i) (is_free[std::size_t(i)] ? free_ : bound_).push_back(i);
+
+  const GalerkinStep& s = p.step;
+  const Matrix D_ff = s.D(free_, free_), D_fc = s.D(free_, bound_), D_cf = s.D(bound_, free_);
+  const Matrix C_f = s.C(free_, Eigen::all), H_f = s.H(Eigen::all, free_);
+  Eigen::JacobiSVD<Matrix> svd(D_ff, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  svd.setThreshold(rounding_of_free);
+  unique_ = svd.rank() == D_ff.rows();
+  inverse_ = svd.solve(Matrix::Identity(D_ff.rows(), D_ff.rows()));
+  const RowMatrix q_f = p.q(Eigen::all, free_);
+  if (!unique_) {
+    const Matrix left = left_null_space(svd), right = right_null_space(svd);
+    const Matrix scale = Matrix::Constant(1, 1, std::max(s.D.cwiseAbs().maxCoeff(), 1e-300));
+    if (!vanishes(left.transpose() * D_fc, scale) || !vanishes(left.transpose() * C_f, s.C) ||
+        !vanishes(D_cf * right, scale) || !vanishes(H_f * right, s.H))
+      throw Error("free_rows", "the equations of the free rows do not determine the free unknowns of an interval",
+                  "give equations that contain them, through M or through B and N");
+    const RowMatrix left_over = q_f * left;
+    const double size = std::max(1.0, q_f.cwiseAbs().maxCoeff());
+    for (Index k = 0; k < p.N && !contradiction_; ++k)
+      if (left_over.row(k).cwiseAbs().maxCoeff() > 1e3 * rounding_of_free * size) contradiction_ = k;
+  }
+  reduced_ = p;
+  GalerkinStep& r = reduced_->step;
+  r.E = s.E - H_f * inverse_ * C_f;
+  r.H = s.H(Eigen::all, bound_) - H_f * inverse_ * D_fc;
+  r.C = s.C(bound_, Eigen::all) - D_cf * inverse_ * C_f;
+  r.D = s.D(bound_, bound_) - D_cf * inverse_ * D_fc;
+  r.M = s.M(bound_, bound_);
+  reduced_->forcing = p.forcing - q_f * (H_f * inverse_).transpose();
+  reduced_->q = p.q(Eigen::all, bound_) - q_f * (D_cf * inverse_).transpose();
+}
+
+RowMatrix FreeElimination::recovered(const RowMatrix& z_c, const RowMatrix& x) const {
+  if (!reduced_) return z_c;
+  RowMatrix z(full_.N, full_.unknowns());
+  const RowMatrix known = full_.q(Eigen::all, free_) + z_c * full_.step.D(free_, bound_).transpose() +
+                          x.topRows(full_.N) * full_.step.C(free_, Eigen::all).transpose();
+  const RowMatrix z_f = -known * inverse_.transpose();
+  for (std::size_t i = 0; i < bound_.size(); ++i) z.col(bound_[i]) = z_c.col(Index(i));
+  for (std::size_t i = 0; i < free_.size(); ++i) z.col(free_[i]) = z_f.col(Index(i));
+  return z;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,88 @@
+// Method goal and energies as a user of the command meets them.
+
+#include "cli.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+using Json = nlohmann::json;
+using CliGoal = Cli;
+
+TEST_F(CliGoal, WritesGridStatesEnergiesAndHistory) {
+  const Outcome result =
+      run("solve ph-toy --method goal --steps 60 --adjoint doubling --states 0,2 --energies --out x.csv --json");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const Json json = Json::parse(result.out);
+  EXPECT_EQ(json["status"], "solved");
+  EXPECT_EQ(json["method"], "goal");
+  EXPECT_EQ(json["steps"], 60);
+  EXPECT_EQ(json["class"], "no constraints");
+  const Json& goal = json["goal"];
+  EXPECT_EQ(goal["quantity"], "loc");
+  EXPECT_EQ(goal["scheme"], "euler");
+  EXPECT_EQ(goal["exact"], 0);
+  EXPECT_EQ(goal["history"].size(), json["cycles"].get<std::size_t>() + 1);
+  for (const Json& cycle : goal["history"]) {
+    EXPECT_GE(cycle["estimate_absolute"], std::abs(cycle["estimate"].get<double>()) * (1 - 1e-12));
+    EXPECT_NEAR(cycle["effectivity"], cycle["estimate"].get<double>() / cycle["quantity"].get<double>(), 1e-12);
+  }
+  const auto lines = split(read(folder_ / "x.csv"), '\n');
+  ASSERT_EQ(lines.size(), 62u);
+  EXPECT_EQ(lines[0], "t,x0,x2,energy,supplied,dissipated,violation");
+  EXPECT_EQ(lines[1], "0,1,1,3,0,0,0");
+  double sum = 0, energy = 0;
+  for (std::size_t i = 1; i < lines.size(); ++i) {
+    const auto words = split(lines[i], ',');
+    sum += std::stod(words[5]) - std::stod(words[4]) - std::stod(words[6]);
+    energy = std::stod(words[3]);
+  }
+  EXPECT_NEAR(energy, 3 - sum, 1e-9);  // the balance with its violation, as it was printed
+  EXPECT_TRUE(contains(run("solve ph-toy --method goal --steps 60").out, "quantity    loc"));
+}
+
+TEST_F(CliGoal, TakesEveryQuantityAndScheme) {
+  for (const char* arguments :
+       {"--quantity glob --scheme midpoint", "--quantity loc+10 --scheme exponential --cycles 3",
+        "--quantity loc --adjoint jacobi:2 --weights interpolated --marking 0.3",
+        "--quantity loc --weights global --tol 1e-2"}) {
+    const Outcome result = run(std::string("solve ph-toy --method goal --json ") + arguments);
+    EXPECT_EQ(result.exit_code, 0) << arguments << result.err;
+    EXPECT_EQ(Json::parse(result.out)["status"], "solved");
+  }
+}
+
+TEST_F(CliGoal, EnergiesOfOtherMethods) {
+  const Outcome result = run("solve ph-toy --method march --steps 100 --states all --energies --out x.csv");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_TRUE(
+      read(folder_ / "x.csv").starts_with("t,x0,x1,x2,energy,supplied,dissipated,violation\n0,1,2,1,3,0,0,0\n"));
+}
+
+TEST_F(CliGoal, RefusesBadInput) {
+  for (const auto& [arguments, mentions] :
+       std::vector<BadInput>{{"solve ph-toy --cycles 3", {"--cycles", "with method auto", "--method goal"}},
+                             {"solve ph-toy --method goal --cycles 0", {"--cycles", "'0'"}},
+                             {"solve ph-toy --method goal --quantity energy", {"--quantity", "'energy'", "loc+RHO"}},
+                             {"solve ph-toy --method goal --quantity loc+-1", {"--quantity", "'loc+-1'"}},
+                             {"solve ph-toy --method goal --adjoint jacobi:0", {"--adjoint", "'jacobi:0'", "doubling"}},
+                             {"solve ph-toy --method goal --scheme rk4", {"--scheme", "'rk4'", "midpoint"}},
+                             {"solve ph-toy --method goal --marking 2", {"--marking", "'2'", "0.5"}},
+                             {"solve ph-toy --method goal --weights all", {"--weights", "'all'", "global"}},
+                             {"solve signorini --method goal", {"method", "port-Hamiltonian", "signorini"}},
+                             {"solve ph-toy --method goal --out x.csv --at 1", {"--at", "method goal"}},
+                             {"solve ph-toy --method march --energies --out x.csv", {"--energies", "--states all"}},
+                             {"solve bridge --energies --out x.csv", {"--energies", "not port-Hamiltonian"}},
+                             {"solve ph-toy --energies", {"--energies", "--out"}},
+                             {"solve ph-toy --set variant=4", {"variant", "1, 2 or 3"}},
+                             {"solve ladder --set n=0", {"n", "integer from 1"}}}) {
+    const std::string line = refused(arguments).err;
+    for (const std::string& word : mentions) EXPECT_TRUE(contains(line, word)) << arguments << "\n" << line;
+  }
+}
+
+}  // namespace
+}  // namespace bromwich

@@ -1,0 +1,295 @@
+// The Galerkin method against a dense assembly of the same discrete problem, made in another way: sources of second
+// degree belong to an augmented state (x, 1, t, t^2), phi-functions come from exponentials of block matrices, the
+// boundary term from E0 + ET e^{TA}, free unknowns are eliminated from the whole matrix at once, and the
+// complementarity problem is solved by Lemke's method.
+
+#include "backends.hpp"
+#include "core/galerkin_free.hpp"
+#include "core/galerkin_solvers.hpp"
+#include "core/lcp/lemke.hpp"
+#include "core/two_point.hpp"
+
+#include <Eigen/Dense>
+#include <unsupported/Eigen/MatrixFunctions>
+
+namespace bromwich {
+namespace {
+
+using reference::Random;
+
+enum class EndConditions { initial, separated, coupled, periodic };
+
+/// m = 3, n = 2; quadratic f and g; M strictly dominant and the dynamics weak enough for one solution.
+struct QuadraticScene {
+  Scene scene;
+  Matrix f, g;  ///< m x 3 and n x 3: coefficients of 1, t, t^2
+};
+
+QuadraticScene quadratic_scene(std::uint32_t seed, EndConditions ends, std::vector<Index> free_rows) {
+  Random random(seed);
+  const Index m = 3, n = 2;
+  QuadraticScene s{{}, random.matrix(m, 3), random.matrix(n, 3)};
+  s.g.col(0) *= 2;
+  s.scene.dynamics = DenseDynamics{2 * random.matrix(m, m), random.matrix(m, n), 0.4 * random.matrix(n, m)};
+  s.scene.M = Matrix(random.dominant(n) + Matrix::Identity(n, n));
+  s.scene.f = [f = s.f](double t, Eigen::Ref<Vector> value) { value = f * Eigen::Vector3d(1, t, t * t); };
+  s.scene.g = [g = s.g](double t, Eigen::Ref<Vector> value) { value = g * Eigen::Vector3d(1, t, t * t); };
+  s.scene.free_rows = std::move(free_rows);
+  s.scene.T = 1.5;
+  const Matrix I = Matrix::Identity(m, m), none = Matrix::Zero(m, m);
+  if (ends == EndConditions::initial) {
+    s.scene.x0 = random.vector(m);
+    return s;
+  }
+  BoundaryCondition c{none, none, random.vector(m)};
+  if (ends == EndConditions::separated) {
+    c.E0.row(0) = random.matrix(1, m);
+    c.ET.bottomRows(2) = random.matrix(2, m);
+  } else if (ends == EndConditions::coupled) {
+    c.E0 = I + 0.3 * random.matrix(m, m);
+    c.ET = random.matrix(m, m);
+  } else {
+    c.E0 = I;
+    c.ET = -I;
+    c.b.setZero();
+  }
+  s.scene.boundary = c;
+  return s;
+}
+
+/// phi_k(A) as the corner of the exponential of [[A, I, 0], [0, 0, I], ...].
+Matrix block_phi(const Matrix& A, int k) {
+  const Index m = A.rows();
+  Matrix block = Matrix::Zero((k + 1) * m, (k + 1) * m);
+  block.topLeftCorner(m, m) = A;
+  for (int j = 0; j < k; ++j) block.block(j * m, (j + 1) * m, m, m) += Matrix::Identity(m, m);
+  return Matrix(block.exp()).topRightCorner(m, m);
+}
+
+/// w = L z + q, all intervals, boundary condition included.
+struct Assembled {
+  Matrix L;
+  Vector q;
+};
+
+Assembled assemble(const QuadraticScene& s, Index N) {
+  const auto& d = std::get<DenseDynamics>(s.scene.dynamics);
+  const Index m = d.A.rows(), n = d.B.cols(), M = m + 3;
+  Matrix A = Matrix::Zero(M, M), B = Matrix::Zero(M, n), seen = Matrix::Zero(n, M);
+  A.topLeftCorner(m, m) = d.A;
+  A.topRightCorner(m, 3) = s.f;
+  A(m + 1, m) = 1;      // (t)' = 1
+  A(m + 2, m + 1) = 2;  // (t^2)' = 2 t
+  B.topRows(m) = d.B;
+  seen << d.N, s.g;
+  const double h = s.scene.T / double(N);
+  std::vector<Matrix> G;
+  for (int k = 0; k <= 4; ++k) G.push_back(block_phi(h * A, k));
+  Matrix H(M, 2 * n), C(2 * n, M), D(2 * n, 2 * n);
+  const Matrix mass = to_dense(s.scene.M);
+  H << h * (G[1] - G[2]) * B, h * G[2] * B;
+  C << 2 * seen * G[2], 2 * seen * (G[1] - G[2]);
+  D << 2 * mass / 3 + 2 * h * seen * (G[3] - G[4]) * B, mass / 3 + 2 * h * seen * G[4] * B,
+      mass / 3 + 2 * h * seen * (G[2] - 2 * G[3] + G[4]) * B, 2 * mass / 3 + 2 * h * seen * (G[3] - G[4]) * B;
+
+  const auto slack = [&](const Vector& z, Vector X) {  // X the start; returns w and leaves X at the end
+    Vector w(N * 2 * n);
+    for (Index k = 0; k < N; ++k) {
+      const Vector z_k = z.segment(k * 2 * n, 2 * n);
+      w.segment(k * 2 * n, 2 * n) = D * z_k + C * X;
+      X = (G[0] * X + H * z_k).eval();
+    }
+    return std::pair(w, X);
+  };
+  const Matrix I = Matrix::Identity(m, m);
+  const BoundaryCondition c = s.scene.boundary.value_or(BoundaryCondition{I, Matrix::Zero(m, m), s.scene.x0});
+  const Matrix S = c.E0 + c.ET * Matrix((s.scene.T * d.A).exp());
+  const auto solved = [&](const Vector& z, double one) {
+    Vector X = Vector::Zero(M);
+    X[m] = one;
+    const Vector end = slack(z, X).second.head(m);
+    X.head(m) = S.fullPivLu().solve(one * c.b - c.ET * end);
+    return slack(z, X).first;
+  };
+  const Index size = N * 2 * n;
+  Assembled all{Matrix(size, size), solved(Vector::Zero(size), 1)};
+  for (Index i = 0; i < size; ++i) all.L.col(i) = solved(Vector::Unit(size, i), 0);
+  return all;
+}
+
+/// z of the mixed problem, free unknowns eliminated from all intervals at once.
+Vector pivoted(const Assembled& a, const std::vector<Index>& free_rows, Index n) {
+  std::vector<Index> f, c;
+  for (Index i = 0; i < a.q.size(); ++i)
+    (std::count(free_rows.begin(), free_rows.end(), i % n) > 0 ? f : c).push_back(i);
+  Vector z = Vector::Zero(a.q.size());
+  if (f.empty()) {
+    const LemkeOutcome found = lemke(a.L, a.q);
+    EXPECT_TRUE(found.solved);
+    return found.solved ? found.y : z;
+  }
+  const Eigen::FullPivLU<Matrix> lu(a.L(f, f));
+  const LemkeOutcome found = lemke(a.L(c, c) - a.L(c, f) * lu.solve(a.L(f, c)), a.q(c) - a.L(c, f) * lu.solve(a.q(f)));
+  EXPECT_TRUE(found.solved);
+  if (!found.solved) return z;
+  z(c) = found.y;
+  z(f) = -lu.solve(a.q(f) + a.L(f, c) * found.y);
+  return z;
+}
+
+RowMatrix rows_of(const Vector& z, Index N) { return Eigen::Map<const RowMatrix>(z.data(), N, z.size() / N); }
+
+// Sums of 2 n N = 256 terms of size 10 and the condition of the boundary problems, some 10^2: 1e-16 * 1e4 and a margin.
+constexpr double same_assembled = 1e-11;
+
+class GalerkinDense : public testing::TestWithParam<EndConditions> {};
+INSTANTIATE_TEST_SUITE_P(Conditions, GalerkinDense,
+                         testing::Values(EndConditions::initial, EndConditions::separated, EndConditions::coupled,
+                                         EndConditions::periodic));
+
+TEST_P(GalerkinDense, OperatorAgreesWithItsMatrix) {
+  Random random(5);
+  for (const Index N : {1, 2, 7, 16}) {
+    const QuadraticScene s = quadratic_scene(3, GetParam(), {});
+    const Assembled a = assemble(s, N);
+    const GalerkinProblem p = galerkin_problem(s.scene, N);
+    const Vector z = random.vector(a.q.size());
+    const RowMatrix w = galerkin_slack(p, rows_of(z, N), galerkin_states(p, rows_of(z, N)));
+    EXPECT_LE((w - rows_of(a.L * z + a.q, N)).cwiseAbs().maxCoeff(), same_assembled) << N;
+    EXPECT_LE((apply_galerkin(p, rows_of(z, N)) - rows_of(a.L * z, N)).cwiseAbs().maxCoeff(), same_assembled) << N;
+  }
+}
+
+TEST_P(GalerkinDense, SolutionsAgree) {
+  Index active = 0, inactive = 0;
+  for (const std::vector<Index>& free_rows : {std::vector<Index>{}, {0}, {1}, {0, 1}})
+    for (const std::uint32_t seed : {1u, 2u, 3u})
+      for (const Index N : {1, 5, 64}) {
+        const QuadraticScene s = quadratic_scene(seed, GetParam(), free_rows);
+        const RowMatrix expected = rows_of(pivoted(assemble(s, N), free_rows, 2), N);
+        const Result r = run(s.scene, options_for(Method::galerkin, N));
+        ASSERT_EQ(r.status, Status::solved) << r.reason;
+        EXPECT_LE(distance(r.y_left, expected.leftCols(2)), same_assembled) << seed << ' ' << N;
+        EXPECT_LE(distance(r.y.bottomRows(N), expected.rightCols(2)), same_assembled) << seed << ' ' << N;
+        EXPECT_EQ(r.y.row(0), r.y_left.row(0));
+        EXPECT_LE(r.residual, same_assembled);
+        active += (expected.array() != 0).count();
+        inactive += (expected.array() == 0).count();
+      }
+  EXPECT_GT(active, 500);
+  EXPECT_GT(inactive, 500);
+}
+
+// All solvers of the reduced problem find the same solution.
+TEST_P(GalerkinDense, SolversAgree) {
+  const auto backend = make_cpu_backend(2);
+  for (const std::uint32_t seed : {1u, 4u}) {
+    const Index N = 48;
+    const QuadraticScene s = quadratic_scene(seed, GetParam(), {});
+    const GalerkinProblem p = galerkin_problem(s.scene, N);
+    const GalerkinSolution exact = exchange_active_sets(p, {});
+    ASSERT_EQ(exact.status, Status::solved) << exact.reason;
+    const RowMatrix far = RowMatrix::Constant(N, p.unknowns(), 10);
+    const GalerkinSolution damped = damped_newton(p, {}, far), pivots = pivot_assembled(p, {});
+    for (const GalerkinSolution* other : {&damped, &pivots}) {
+      ASSERT_EQ(other->status, Status::solved) << other->reason;
+      EXPECT_LE(distance(other->z, exact.z), same_assembled) << other->how;
+    }
+    if (GetParam() == EndConditions::initial) {
+      EXPECT_LE(distance(march_galerkin(p, *backend, {}).z, exact.z), same_assembled);
+    }
+  }
+}
+
+// The iteration on every backend: to its tolerance on z.
+class GalerkinIteration : public BackendTest {};
+INSTANTIATE_TEST_SUITE_P(Contract, GalerkinIteration, testing::ValuesIn(backend_cases()), backend_case_name);
+
+TEST_P(GalerkinIteration, FindsTheSolution) {
+  for (const EndConditions ends : {EndConditions::initial, EndConditions::periodic})
+    for (const Index N : {1, 33, 200}) {
+      QuadraticScene s = quadratic_scene(6, ends, {});
+      auto& d = std::get<DenseDynamics>(s.scene.dynamics);
+      d.A -= 4 * Matrix::Identity(3, 3);  // what is carried around a period decays
+      d.N *= 0.5;
+      const GalerkinProblem p = galerkin_problem(s.scene, N);
+      const GalerkinSolution exact = exchange_active_sets(p, {}), sweeps = iterate_galerkin(p, *backend, {});
+      ASSERT_EQ(exact.status, Status::solved) << exact.reason;
+      ASSERT_EQ(sweeps.status, Status::solved) << sweeps.reason;
+      EXPECT_LE(distance(sweeps.z, exact.z), same_problem) << N;
+    }
+}
+
+TEST_P(GalerkinIteration, MarchingAgreesOnEveryBackend) {
+  const QuadraticScene s = quadratic_scene(8, EndConditions::initial, {});
+  const GalerkinProblem p = galerkin_problem(s.scene, 77);
+  const GalerkinSolution marched = march_galerkin(p, *backend, {});
+  ASSERT_EQ(marched.status, Status::solved) << marched.reason;
+  EXPECT_LE(distance(marched.z, exchange_active_sets(p, {}).z), same_assembled);
+}
+
+// A chain with modes e^{15 k} and e^{-15 k} over 80 steps: e^{1200} is never formed, the ends hold both.
+TEST(TwoPoint, BoundaryLayers) {
+  const Matrix V{{1, 1}, {1, 2}};
+  const Matrix P = V * Eigen::Vector2d(std::exp(15), std::exp(-15)).asDiagonal() * V.inverse();
+  const std::vector<const Matrix*> steps(80, &P);
+  const BoundaryCondition ends{Matrix{{0, 1}, {0, 0}}, Matrix{{0, 0}, {1, 0}}, Vector{{3, 5}}};
+  const RowMatrix x = solve_two_point(steps, RowMatrix::Zero(80, 2), ends, 1e-10);
+  ASSERT_EQ(x.rows(), 81);
+  // The decaying mode (1, 2) alone is left at 0, the growing one (1, 1) at T. The entries of P are known to eps e^15 =
+  // 1e-9, which takes the place of the decaying factor; directions are known to eps.
+  EXPECT_NEAR(x(0, 0), 1.5, 1e-12);
+  EXPECT_NEAR(x(0, 1), 3, 1e-12);
+  EXPECT_NEAR(x(80, 0), 5, 1e-12);
+  EXPECT_NEAR(x(80, 1), 5, 1e-12);
+  EXPECT_LE(x.middleRows(5, 60).cwiseAbs().maxCoeff(), 1e-12);
+}
+
+// Three ways to the same states.
+TEST(TwoPoint, ForwardSegmentsAndKrylovAgree) {
+  Random random(9);
+  for (const Index m : {1, 4, 70}) {
+    const Index N = 30;
+    std::vector<Matrix> steps;
+    std::vector<const Matrix*> P;
+    for (Index k = 0; k < N; ++k) steps.push_back(0.5 / std::sqrt(double(m)) * random.matrix(m, m));
+    for (const Matrix& step : steps) P.push_back(&step);
+    const RowMatrix p = random.matrix(N, m);
+    const BoundaryCondition ends{Matrix::Identity(m, m), -Matrix::Identity(m, m), random.vector(m)};
+    const RowMatrix segments = solve_two_point_by_segments(P, p, ends, 1e-12);
+    ASSERT_EQ(segments.rows(), N + 1) << m;
+    if (m <= 4) {  // the bound that forward asks for grows with the absolute values
+      EXPECT_LE(distance(solve_two_point_forward(P, p, ends, 1e-12), segments), 1e-12) << m;
+    }
+    EXPECT_LE(distance(solve_two_point_krylov(P, p, ends), segments), 1e-12) << m;
+    for (Index k = 0; k < N; ++k)
+      EXPECT_LE(
+          (steps[std::size_t(k)] * segments.row(k).transpose() + p.row(k).transpose() - segments.row(k + 1).transpose())
+              .norm(),
+          1e-12);
+  }
+  // Growing by 2^60 within the steps: forward says no.
+  const Matrix twice = Matrix{{2, 1}, {0, 0.5}};
+  const std::vector<const Matrix*> P(60, &twice);
+  const BoundaryCondition ends{Matrix{{0, 1}, {0, 0}}, Matrix{{0, 0}, {1, 0}}, Vector{{3, 5}}};
+  EXPECT_EQ(solve_two_point_forward(P, RowMatrix::Zero(60, 2), ends, 1e-12).rows(), 0);
+  EXPECT_EQ(solve_two_point_by_segments(P, RowMatrix::Zero(60, 2), ends, 1e-12).rows(), 61);
+}
+
+TEST(TwoPoint, SegmentsOfAnyLength) {
+  Random random(2);
+  const Matrix P = random.matrix(3, 3);
+  const Vector p = random.vector(3), x0 = random.vector(3);
+  Vector x = x0;
+  for (const Index N : {1, 2, 3, 6, 13}) {
+    x = x0;
+    for (Index k = 0; k < N; ++k) x = (P * x + p).eval();
+    const Segment all = repeated(P, p, N);
+    EXPECT_LE((all.V * x0 + all.U * x - all.r).norm(), 1e-13 * (1 + x.norm())) << N;
+    const BoundaryCondition start{Matrix::Identity(3, 3), Matrix::Zero(3, 3), x0};
+    EXPECT_LE((solve_ends(all, start).last - x).norm(), 1e-11 * (1 + x.norm())) << N;
+  }
+}
+
+}  // namespace
+}  // namespace bromwich
