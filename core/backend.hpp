@@ -13,6 +13,7 @@
 #include "scene.hpp"
 
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -179,6 +180,28 @@ class Program {
   virtual void run() = 0;
 };
 
+class Backend;
+
+/// Differences of arrays (Backend::difference) that are begun now and looked at later. This one is done at once.
+class Differences {
+ public:
+  Differences(Backend& backend, std::size_t slots) : values_(slots, 0), backend_(backend) {}
+  virtual ~Differences() = default;
+  Differences(const Differences&) = delete;
+  Differences& operator=(const Differences&) = delete;
+
+  /// Begins difference(a, b), to be the value of this slot.
+  virtual void start(std::size_t slot, const Array& a, const Array& b);
+  /// The values of all slots, 0 where nothing was begun; waits for them.
+  virtual const std::vector<double>& collect() { return values_; }
+
+ protected:
+  std::vector<double> values_;
+
+ private:
+  Backend& backend_;
+};
+
 class Backend {
  public:
   virtual ~Backend() = default;
@@ -199,6 +222,11 @@ class Backend {
   virtual std::unique_ptr<Array> array(Index rows, Index cols) = 0;
   virtual void upload(const RowMatrix& from, Array& to) = 0;
   virtual void download(const Array& from, RowMatrix& to) = 0;
+  /// Sizes `to` for a later download and writes NaN: the first touch of fresh memory costs more than a copy, and
+  /// needs no device.
+  virtual void prepare(RowMatrix& to, Index rows, Index cols) {
+    to.setConstant(rows, cols, std::numeric_limits<double>::quiet_NaN());
+  }
 
   /// Row i of `coarse` <- row R i of `fine`, R = (rows of fine - 1) / (rows of coarse - 1) a whole number; R = 1
   /// copies.
@@ -214,6 +242,12 @@ class Backend {
   virtual void add(const Array& b, double s, const Array& c, Array& a) = 0;
   /// max_j |a_j - b_j|_inf / max(1, |a_j|_inf), the measure of LcpReport::change; NaN where a value is not finite.
   virtual double difference(const Array& a, const Array& b) = 0;
+  virtual std::unique_ptr<Differences> differences(std::size_t slots) {
+    return std::make_unique<Differences>(*this, slots);
+  }
+  /// Whether some column alternates over `run` consecutive rows: the second difference of each is larger than `part`
+  /// times the largest value of the column, and of the sign that the row before has not.
+  virtual bool alternates(const Array& y, Index run, double part) = 0;
 
   virtual std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) = 0;
   virtual std::unique_ptr<Convolution> convolution(const Recurrence&, Index rows) = 0;
@@ -233,5 +267,9 @@ class Backend {
   /// A). Sparse: one symbolic analysis, the nodes in parallel. Throws Error where a node is an eigenvalue.
   virtual ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes) = 0;
 };
+
+inline void Differences::start(std::size_t slot, const Array& a, const Array& b) {
+  values_[slot] = backend_.difference(a, b);
+}
 
 }  // namespace bromwich

@@ -59,7 +59,7 @@ void Certification::certify(Method method, Result& result) {
     return demote(result,
                   text("with the states that y gives, complementarity fails by %.1e: its contours miss them", missed));
   const bool continuous = method != Method::euler && result.continuous;
-  if (const Index j = continuous ? ringing_from(result.y) : -1; j >= 0)
+  if (const Index j = continuous && result.alternates.value_or(true) ? ringing_from(result.y) : -1; j >= 0)
     return demote(result,
                   text("y alternates between time points from t = %.6g on; use more steps or method euler", p.t[j]));
   const bool ringing = methods_.basis().rings;  // of continuous y, whatever the method

@@ -72,7 +72,7 @@ Cost dense(const Sizes& s, Method method) {
   const double all = method == Method::multigrid ? 7 : 5;
   const double table = !convolves(method) ? 0 : scanned(s) ? 4 * std::min(s.J, 65.) : all * s.J;
   return sum({{s.table() + forcing, tables},
-              grids(s, method, 5),
+              grids(s, method, 6),
               {number * 20 * s.m * s.m, states},
               {number * 24 * s.n * s.n, problems},
               {number * table * s.n * s.n, weights}},
@@ -99,7 +99,7 @@ Cost kronecker(const Sizes& s, Method method) {
     return sum({{s.table(), tables}, {26 * 16 * s.J * s.n, "resolvents of every time point (26 J x n)"}},
                sweeps * 26 * s.J * s.J * s.n);
   if (convolves(method))
-    return sum({{s.table() + number * 6 * s.J * s.n, tables}, grids(s, method, 8), coarsest_march(s, method)},
+    return sum({{s.table() + number * 6 * s.J * s.n, tables}, grids(s, method, 9), coarsest_march(s, method)},
                sweeps_of(method) * s.J * s.n * (150 + 2 * std::min(s.n, 1000.0)));
   return sum({{s.table() + number * 3 * s.J * s.n, tables},
               {number * 10 * s.n * s.n, problems},
@@ -116,7 +116,7 @@ Cost sparse(const Sizes& s, const SparseDynamics& d, Method method, Index J, int
                s.J * (60 * std::pow(s.m, 1.2) + s.m * n));
   const double solver = predicted_sparse_bytes(d, J, Index(inputs), Index(n + s.c), threads);
   return sum({{s.table(), tables},
-              grids(s, method, 5 + 4 * n),  // with the weights of all of them
+              grids(s, method, 6 + 4 * n),  // with the weights of all of them
               {number * 2 * s.J * (n + s.c) * inputs, weights},
               {solver, "factors of zI - A"}},
              2e5 * std::pow(s.m, 1.1) + sweeps_of(method) * 40 * s.J * n * n * std::log2(s.J + 2));
@@ -186,8 +186,8 @@ Cost predicted_cost(const Scene& scene, Method method, Index J, Index components
 Cost predicted_device_cost(const Scene& scene, Method method, Index J, Index components) {
   const Sizes s = sizes(scene, J, components);
   // Iterating: y, v, r, two in modes, the first q, one to work in. Cycles: y, v, r, y~ and two in modes on all grids,
-  // one to work in. Marching: y, v, r, the source, and as much in the plan.
-  const double arrays = method == Method::multigrid ? 13 : iterates(method) ? 7 : 8;
+  // y_h on the two below the finest, one to work in. Marching: y, v, r, the source, and as much in the plan.
+  const double arrays = method == Method::multigrid ? 14 : iterates(method) ? 7 : 8;
   std::vector<Part> parts{{number * s.J * padded(s.n) * arrays + 32 * s.J, tables}};
   if (std::holds_alternative<DenseDynamics>(scene.dynamics))
     add_dense_plans(s, method, parts);

@@ -18,9 +18,8 @@ std::size_t host_bytes(const DiscreteProblem& p) { return sizeof(double) * std::
 
 std::shared_ptr<const StepOperators> state_step(const DiscreteProblem& p, Rule rule) {
   if (rule != Rule::exponential) return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h));
-  if (!p.exponential_step)
-    p.exponential_step = std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h));
-  return p.exponential_step;
+  return p.exponential_step->get(
+      [&] { return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h)); });
 }
 
 Matrix source_matrix(const DiscreteProblem& p) {

@@ -5,8 +5,24 @@
 #include "spectrum.hpp"
 
 #include <memory>
+#include <mutex>
 
 namespace bromwich {
+
+/// One step of the state, made by whoever asks first.
+class KeptStep {
+ public:
+  template <class Make>
+  std::shared_ptr<const StepOperators> get(Make make) {
+    const std::lock_guard lock(mutex_);
+    if (!step_) step_ = make();
+    return step_;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::shared_ptr<const StepOperators> step_;
+};
 
 struct DiscreteProblem {
   const Scene& scene;
@@ -19,7 +35,7 @@ struct DiscreteProblem {
   RowMatrix f;   ///< (J+1) x m, or x n or k values of phi where f = B phi or F phi; empty if f is zero
   Vector start;  ///< n: N x0 + g(0), the q of y_0
   std::vector<Index> components = {};  ///< of the state, to be recorded by methods that pass through it
-  mutable std::shared_ptr<const StepOperators> exponential_step = {};  ///< made when first asked for, see state_step
+  std::shared_ptr<KeptStep> exponential_step = std::make_shared<KeptStep>();  ///< of this h, see state_step
 
   const KroneckerDynamics* kronecker() const { return std::get_if<KroneckerDynamics>(&scene.dynamics); }
   const DenseDynamics* dense() const { return std::get_if<DenseDynamics>(&scene.dynamics); }

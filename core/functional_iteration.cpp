@@ -3,6 +3,7 @@
 #include "core/compression.hpp"
 #include "core/kernel.hpp"
 #include "core/lcp/active_set_lcp.hpp"
+#include "core/ringing.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
 #include "core/weight_check.hpp"
@@ -294,6 +295,7 @@ void finish_iteration(const DiscreteProblem& p, const Options& options, const It
   if (outcome.infeasible >= 0) result.infeasible_at = p.t[outcome.infeasible];
   p.backend.download(y, result.y);
   if (outcome.status == Status::infeasible) return;
+  result.alternates = p.backend.alternates(y, ringing_run, ringing_part);
   apply(y, v, 0);
   result.residual = lcp.residual(r, v, y);
   if (options.trace) result.trace = trace(p, r, v);

@@ -92,6 +92,10 @@ GalerkinSolution linear_solution(const GalerkinProblem& p) {
 GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& p, Backend& backend,
                                 const Options& options) {
   if (p.unknowns() == 0) return linear_solution(p);
+  if (p.initial_value && backend.device().memory > 0) {  // a device has no use for one interval at a time
+    GalerkinSolution sweeps = iterate_galerkin(p, backend, options);
+    if (has_ended(sweeps)) return sweeps;
+  }
   if (p.initial_value) return march_galerkin(p, backend, options);
   return solve_boundary_problem(p, options, nested_start(scene, p.N, p.unknowns(), options));
 }
@@ -129,7 +133,7 @@ void nothing_found(const Scene& scene, Index N, Result& result) {
   result.x = RowMatrix::Constant(N + 1, Index(result.x_components.size()), NAN);
 }
 
-bool finite_sources(const GalerkinProblem& p, Result& result) {
+bool finite_galerkin_sources(const GalerkinProblem& p, Result& result) {
   for (Index k = 0; k < p.N; ++k) {
     if (p.forcing.row(k).allFinite() && p.q.row(k).allFinite()) continue;
     result.status = Status::nonfinite;
@@ -156,7 +160,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
   Timer timer;
   const GalerkinProblem p = galerkin_problem(scene, N);
   nothing_found(scene, N, result);
-  if (!finite_sources(p, result)) return;
+  if (!finite_galerkin_sources(p, result)) return;
   const double condition = require_determined_states(p);
   if (condition < delicate_boundary)
     add_warning(result, text("the boundary condition is ill-conditioned (reciprocal condition %.1e)", condition));
@@ -177,6 +181,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
   result.kernel = "discontinuous piecewise-linear y, exact exponentials; " + s.how;
   result.iterations = s.iterations;
   result.history = s.history;
+  if (!s.iterated) result.algebraic_error = 0;
   result.lcp = s.lcp;
   result.seconds.lcp = s.lcp_seconds;
   result.well_posed = s.unique;

@@ -17,6 +17,7 @@ constexpr double singular_boundary = 1e-13;  ///< reciprocal condition
 constexpr double dependent_rows = 1e-13;     ///< of [E0 ET], rows of size 1
 constexpr Index most_looked_at = 64;         ///< states: above, the eigenvalues cost more than the solution
 constexpr Index coarse_intervals = 32;
+constexpr double clearly_positive = 1e-6;  ///< an eigenvalue, relative to M: as well as it is computed
 
 // The rows [E0 ET] alone: more than m conditions, or fewer, whatever the dynamics.
 void require_independent_rows(const BoundaryCondition& c) {
@@ -61,12 +62,15 @@ Uniqueness uniqueness_of(const Scene& scene, Index N) {
   if (scene.states() > most_looked_at)
     return {false, text("whether the solution is the only one was not looked at (more than %ld states)",
                         long(most_looked_at))};
+  const double size = std::max(to_dense(scene.M).cwiseAbs().maxCoeff(), 1e-300);
   double best = -INFINITY;
   for (const double exponent : {0.0, 2.0, -2.0}) {
     const double sigma = smallest_symmetric_eigenvalue(scene, std::min(N, coarse_intervals), exponent / scene.T);
-    if (sigma > 1e-6 * to_dense(scene.M).cwiseAbs().maxCoeff()) return {true, ""};
+    if (sigma > clearly_positive * size) return {true, ""};
     best = std::max(best, sigma);
   }
+  if (std::abs(best) <= clearly_positive * size)
+    return {false, "uniqueness is not assured: monotone, but the smallest eigenvalue of the symmetric part is 0"};
   return {false, text("uniqueness is not assured: smallest eigenvalue of the symmetric part %.2g", best)};
 }
 

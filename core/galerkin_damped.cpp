@@ -75,7 +75,7 @@ class DampedNewton {
     }
     if (s.status != Status::solved && s.reason.empty()) s.reason = "the damped Newton method did not converge";
     s.how = text("damped Newton method, %ld steps, two-point problems eliminated orthogonally", long(s.iterations));
-    s.z = z_.cwiseMax(0.0) * scale_.columns.asDiagonal();
+    s.z = RowMatrix((z_.array() > 0).select(z_, 0.0)) * scale_.columns.asDiagonal();
     s.x = x_;
     s.lcp.newton = s.iterations;
     s.lcp.fallbacks = 1;

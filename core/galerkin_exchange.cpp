@@ -21,10 +21,20 @@ constexpr Index most_exchanges = 200;
 constexpr double least_pivot_condition = 1e-13;  ///< of D_SS; below it the active set counts as singular
 constexpr double sign_tolerance = 1e-13;         ///< of the largest z, and of the largest w
 
-// z = -(Zx x + Zq q) and x_next = P x + Pq q + F on one active set.
+// z = -(Zx x + Zq q) and x_next = P x - HZq q + F on one active set.
 struct ActiveMap {
-  Matrix Zx, Zq, P, Pq;
+  Matrix Zx, Zq, P, HZq;
 };
+
+// out -= A v, without the overhead of a library call where A is small.
+template <typename In, typename Out>
+void subtract_product(const Matrix& A, const In& v, Out& out) {
+  constexpr Index small = 400;
+  if (A.size() <= small)
+    out.noalias() -= A.lazyProduct(v);
+  else
+    out.noalias() -= A * v;
+}
 
 class ActiveMaps {
  public:
@@ -58,7 +68,7 @@ class ActiveMaps {
     map->Zx(S, Eigen::all) = inverse * step_.C(S, Eigen::all);
     map->Zq(S, S) = inverse;
     map->P -= step_.H * map->Zx;
-    map->Pq = -step_.H * map->Zq;
+    map->HZq = step_.H * map->Zq;
     return map;
   }
 
@@ -93,6 +103,7 @@ class Exchange {
       if (options_.progress) options_.progress({s.iterations, s.history.back(), 0});
       before = z_;
       if (exchanged() == 0) {
+        refine();
         s.status = Status::solved;
         break;
       }
@@ -105,7 +116,7 @@ class Exchange {
       s.reason = text("the active sets still change after %ld exchanges", long(most_exchanges));
     s.how = text("active sets of all intervals exchanged %ld times, two-point problems eliminated orthogonally",
                  long(s.iterations));
-    s.z = z_.cwiseMax(0.0);
+    s.z = (z_.array() > 0).select(z_, 0.0);
     s.x = x_;
     s.lcp.newton = s.iterations;
     const Index m = p_.states(), n = p_.unknowns();
@@ -121,30 +132,62 @@ class Exchange {
   }
 
   bool evaluate(std::string& reason) {
-    RowMatrix p = p_.forcing;
     for (Index k = 0; k < p_.N; ++k) {
-      const ActiveMap* map = maps_.find(active_[std::size_t(k)]);
+      const std::string& active = active_[std::size_t(k)];
+      const bool as_before = k > 0 && active == active_[std::size_t(k - 1)];
+      const ActiveMap* map = as_before ? map_[std::size_t(k - 1)] : maps_.find(active);
       if (!map) {
         reason = text("the matrix of the active set at t = %.6g is singular", double(k) * p_.h);
         return false;
       }
       map_[std::size_t(k)] = map;
       P_[std::size_t(k)] = &map->P;
-      p.row(k).transpose().noalias() += map->Pq * p_.q.row(k).transpose();
     }
-    x_ = solve_two_point(P_, p, p_.boundary, epsilon);
-    if (x_.rows() == 0) {
+    if (!solve_on_active_sets(p_.forcing, p_.q, p_.boundary, z_, x_)) {
       reason = "on an active set the boundary condition does not determine the states";
       return false;
     }
-    z_.resize(p_.N, p_.unknowns());
-    for (Index k = 0; k < p_.N; ++k)
-      z_.row(k).noalias() =
-          -(x_.row(k) * map_[std::size_t(k)]->Zx.transpose() + p_.q.row(k) * map_[std::size_t(k)]->Zq.transpose());
     w_ = galerkin_slack(p_, z_, x_);
     if (z_.allFinite() && w_.allFinite()) return true;
     reason = "the iteration is not finite";
     return false;
+  }
+
+  bool solve_on_active_sets(const RowMatrix& forcing, const RowMatrix& q, const BoundaryCondition& boundary,
+                            RowMatrix& z, RowMatrix& x) const {
+    RowMatrix inputs = forcing;
+    for (Index k = 0; k < p_.N; ++k) {
+      auto input = inputs.row(k).transpose();
+      subtract_product(map_[std::size_t(k)]->HZq, q.row(k).transpose(), input);
+    }
+    x = solve_two_point(P_, inputs, boundary, epsilon);
+    if (x.rows() == 0) return false;
+    z = RowMatrix::Zero(p_.N, p_.unknowns());
+    for (Index k = 0; k < p_.N; ++k) {
+      const ActiveMap& map = *map_[std::size_t(k)];
+      auto values = z.row(k).transpose();
+      subtract_product(map.Zx, x.row(k).transpose(), values);
+      subtract_product(map.Zq, q.row(k).transpose(), values);
+    }
+    return true;
+  }
+
+  // Iterative refinement: where M is singular D_SS is of size h, and z loses digits that w shows.
+  void refine() {
+    constexpr double rounding_of_slack = 1e-13;
+    BoundaryCondition homogeneous = p_.boundary;
+    homogeneous.b.setZero();
+    for (int twice = 0; twice < 2; ++twice) {
+      RowMatrix rest = galerkin_slack(p_, z_, galerkin_states(p_, z_)), dz, dx;
+      const double size = std::max(1.0, rest.cwiseAbs().maxCoeff());
+      for (Index k = 0; k < p_.N; ++k)
+        for (Index i = 0; i < rest.cols(); ++i)
+          if (!active_[std::size_t(k)][std::size_t(i)]) rest(k, i) = 0;
+      if (!(rest.cwiseAbs().maxCoeff() > rounding_of_slack * size)) return;
+      if (!solve_on_active_sets(RowMatrix::Zero(p_.N, p_.states()), rest, homogeneous, dz, dx)) return;
+      z_ += dz;
+      x_ += dx;
+    }
   }
 
   Index exchanged() {

@@ -1,6 +1,7 @@
 #include "core/galerkin_free.hpp"
 
 #include "core/error.hpp"
+#include "core/lcp/solution.hpp"
 
 #include <Eigen/Dense>
 
@@ -10,17 +11,11 @@ namespace {
 
 constexpr double rounding_of_free = 1e-12;  ///< relative, of D_ff and of what its null space should not see
 
-// Columns span {v : D^T v = 0}.
-Matrix left_null_space(const Eigen::JacobiSVD<Matrix>& svd) {
-  return svd.matrixU().rightCols(svd.matrixU().cols() - svd.rank());
-}
-Matrix right_null_space(const Eigen::JacobiSVD<Matrix>& svd) {
-  return svd.matrixV().rightCols(svd.matrixV().cols() - svd.rank());
-}
-
-bool vanishes(const Matrix& product, const Matrix& factor) {
-  return product.size() == 0 ||
-         product.cwiseAbs().maxCoeff() <= rounding_of_free * std::max(1e-300, factor.cwiseAbs().maxCoeff());
+// A B is zero up to the rounding of its terms.
+bool product_vanishes(const Matrix& A, const Matrix& B) {
+  if (A.rows() == 0 || B.cols() == 0) return true;
+  const Matrix terms = A.cwiseAbs() * B.cwiseAbs();
+  return (A * B).cwiseAbs().maxCoeff() <= rounding_of_free * terms.maxCoeff();
 }
 
 }  // namespace
@@ -35,20 +30,24 @@ FreeElimination::FreeElimination(const GalerkinProblem& p, const std::vector<Ind
   const GalerkinStep& s = p.step;
   const Matrix D_ff = s.D(free_, free_), D_fc = s.D(free_, bound_), D_cf = s.D(bound_, free_);
   const Matrix C_f = s.C(free_, Eigen::all), H_f = s.H(Eigen::all, free_);
-  Eigen::JacobiSVD<Matrix> svd(D_ff, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Equilibration scale = equilibrate(D_ff);  // units of unknowns and equations may differ
+  Eigen::JacobiSVD<Matrix> svd(scale.rows.asDiagonal() * D_ff * scale.columns.asDiagonal(),
+                               Eigen::ComputeFullU | Eigen::ComputeFullV);
   svd.setThreshold(rounding_of_free);
   unique_ = svd.rank() == D_ff.rows();
-  inverse_ = svd.solve(Matrix::Identity(D_ff.rows(), D_ff.rows()));
+  inverse_ =
+      scale.columns.asDiagonal() * svd.solve(Matrix::Identity(D_ff.rows(), D_ff.rows())) * scale.rows.asDiagonal();
   const RowMatrix q_f = p.q(Eigen::all, free_);
   if (!unique_) {
-    const Matrix left = left_null_space(svd), right = right_null_space(svd);
-    const Matrix scale = Matrix::Constant(1, 1, std::max(s.D.cwiseAbs().maxCoeff(), 1e-300));
-    if (!vanishes(left.transpose() * D_fc, scale) || !vanishes(left.transpose() * C_f, s.C) ||
-        !vanishes(D_cf * right, scale) || !vanishes(H_f * right, s.H))
+    const Index null = D_ff.rows() - svd.rank();
+    const Matrix left = scale.rows.asDiagonal() * svd.matrixU().rightCols(null);      // left^T D_ff = 0
+    const Matrix right = scale.columns.asDiagonal() * svd.matrixV().rightCols(null);  // D_ff right = 0
+    if (!product_vanishes(left.transpose(), D_fc) || !product_vanishes(left.transpose(), C_f) ||
+        !product_vanishes(D_cf, right) || !product_vanishes(H_f, right))
       throw Error("free_rows", "the equations of the free rows do not determine the free unknowns of an interval",
                   "give equations that contain them, through M or through B and N");
     const RowMatrix left_over = q_f * left;
-    const double size = std::max(1.0, q_f.cwiseAbs().maxCoeff());
+    const double size = (q_f.cwiseAbs() * left.cwiseAbs()).maxCoeff();
     for (Index k = 0; k < p.N && !contradiction_; ++k)
       if (left_over.row(k).cwiseAbs().maxCoeff() > 1e3 * rounding_of_free * size) contradiction_ = k;
   }
@@ -57,8 +56,8 @@ FreeElimination::FreeElimination(const GalerkinProblem& p, const std::vector<Ind
   r.E = s.E - H_f * inverse_ * C_f;
   r.H = s.H(Eigen::all, bound_) - H_f * inverse_ * D_fc;
   r.C = s.C(bound_, Eigen::all) - D_cf * inverse_ * C_f;
-  r.D = s.D(bound_, bound_) - D_cf * inverse_ * D_fc;
   r.M = s.M(bound_, bound_);
+  r.D = s.D(bound_, bound_) - D_cf * inverse_ * D_fc;
   reduced_->forcing = p.forcing - q_f * (H_f * inverse_).transpose();
   reduced_->q = p.q(Eigen::all, bound_) - q_f * (D_cf * inverse_).transpose();
 }

@@ -72,7 +72,8 @@ GalerkinSolution iterate_galerkin(const GalerkinProblem& p, Backend& backend, co
   if (!p.initial_value) boundary.emplace(p, backend);
 
   GalerkinSolution s;
-  s.unique = false;
+  s.iterated = true;
+  s.unique = p.initial_value && lcp_class == LcpClass::P;
   Timer timer;
   RowMatrix values = RowMatrix::Zero(rows, n);
   double least = INFINITY;

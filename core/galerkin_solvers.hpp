@@ -22,6 +22,7 @@ struct GalerkinSolution {
   RowMatrix x;         ///< (N+1) x m
   Index iterations = 0;
   Index infeasible = -1;  ///< interval, counted from 0
+  bool iterated = false;  ///< history are changes of sweeps; otherwise the discrete problem is solved exactly
   bool unique = false;    ///< the problem has no other solution, for certain
   std::vector<double> history;
   LcpCount lcp;

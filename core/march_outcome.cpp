@@ -13,16 +13,23 @@ bool is_singular(const LcpMatrix& M) { return !Eigen::FullPivLU<Matrix>(to_dense
 }  // namespace
 
 Start solve_at_zero(const DiscreteProblem& p, Result& result) {
+  result.y = RowMatrix::Constant(p.J + 1, p.scene.constraints(), NAN);
+  Vector y0;
+  const Start start = solve_at_zero(p, result, y0);
+  if (start == Start::found) result.y.row(0) = y0.transpose();
+  return start;
+}
+
+Start solve_at_zero(const DiscreteProblem& p, Result& result, Vector& y0) {
   const Index n = p.scene.constraints();
   const auto r = p.backend.array(1, n), v = p.backend.array(1, n), y = p.backend.array(1, n);
   p.backend.upload(p.start.transpose(), *r);
   const LcpReport report = p.backend.lcp(p.scene.M, p.lcp_class, 1)->solve(*r, *v, *y, 0, 0);
   result.lcp.newton += report.count.newton;
-  result.y = RowMatrix::Constant(p.J + 1, n, NAN);
   if (report.count.unsolved == 0 && report.finite) {
     RowMatrix start;
     p.backend.download(*y, start);
-    result.y.row(0) = start;
+    y0 = start.transpose();
     ++result.lcp.solved;
     return Start::found;
   }

@@ -7,13 +7,15 @@
 namespace bromwich {
 
 enum class Start {
-  found,    ///< row 0 of result.y holds y_0 in SOL(M, N x0 + g(0))
+  found,    ///< y_0 in SOL(M, N x0 + g(0))
   impulse,  ///< there is none, but M is singular: y may act as an impulse that moves the state at t = 0
   none,     ///< there is none, and the result says so
 };
 
-/// Sizes result.y, all NaN but row 0 where `found`.
+/// Sizes result.y, all NaN but y_0 in row 0 where `found`.
 Start solve_at_zero(const DiscreteProblem&, Result&);
+/// y_0 alone; result.y is left as it is.
+Start solve_at_zero(const DiscreteProblem&, Result&, Vector& y0);
 
 /// Status, reason and time of a march that stopped before T.
 void explain_stop(const DiscreteProblem&, const MarchReport&, Result&);

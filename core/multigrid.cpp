@@ -1,5 +1,6 @@
 #include "core/multigrid.hpp"
 
+#include "core/cycle_watch.hpp"
 #include "core/march_outcome.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
@@ -11,64 +12,19 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index most_cycles = 40;
-constexpr int first_visits = 3;             ///< to the coarsest grid before anything else, where it is not marched
-constexpr double poor = 0.15;               ///< contraction of a cycle that may need an exact solution on the coarsest
-constexpr double slow = 0.5;                ///< contraction of a cycle that does not pay
-constexpr double least_observed = 0.01;     ///< contraction of the first cycle, whatever coarser grids did
-constexpr double unseen = 0.1;              ///< contraction of further cycles at least, after one was seen
-constexpr double rounding_changes = 1e-10;  ///< changes that rounding may keep up
-
-// Watches the changes of y from cycle to cycle and says when they are over.
-class CycleWatch {
- public:
-  // `contraction`: of the first cycle, or infinite.
-  CycleWatch(double tolerance, double contraction) : tolerance_(tolerance), contraction_(contraction) {}
-
-  std::optional<IterationOutcome> after(double change) {
-    if (!std::isfinite(change)) return IterationOutcome{Status::nonfinite, "the iterates grew beyond all bounds"};
-    const bool seen = change_ > 0;
-    const double contraction = seen ? change / change_ : contraction_;
-    worst_ = std::max(contraction, contraction_);
-    slow_ = seen && contraction > slow ? slow_ + 1 : 0;
-    change_ = change;
-    seen_ = seen;
-    contraction_ = seen ? contraction : std::max(contraction, unseen);
-    if (change <= tolerance_ || (seen && left() <= tolerance_) || (slow_ > 0 && change <= rounding_changes))
-      return IterationOutcome{Status::solved, ""};
-    if (slow_ >= 2 || ++cycles_ >= most_cycles)
-      return IterationOutcome{Status::tolerance_not_met,
-                              text("the cycles do not contract: change %.2e in the last, %.2f of that before; use "
-                                   "method march or more steps",
-                                   change, contraction)};
-    return std::nullopt;
-  }
-
-  // With contraction c what is left after a change is at most change c / (1 - c); c is the larger of the last two,
-  // since the first is flattered by the error of the start. Infinite where cycles do not contract, or too few were
-  // seen.
-  double contraction() const { return seen_ ? contraction_ : 0; }  ///< as it was seen
-
-  double left() const { return worst_ < slow ? change_ * worst_ / (1 - worst_) : INFINITY; }
-
-  // Cycles are others from now on: what was seen says nothing of them.
-  void restart() {
-    change_ = 0;
-    slow_ = 0;
-    seen_ = false;
-    contraction_ = worst_ = INFINITY;
-  }
-
- private:
-  double tolerance_, contraction_, change_ = 0, worst_ = INFINITY;
-  Index slow_ = 0, cycles_ = 0;
-  bool seen_ = false;
-};
+constexpr int first_visits = 3;          ///< to the coarsest grid before anything else, where it is not marched
+constexpr double poor = 0.15;            ///< contraction of a cycle that may need an exact solution on the coarsest
+constexpr double least_observed = 1e-4;  ///< contraction of the first cycle, whatever a coarser grid has seen
 
 }  // namespace
 
 Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& levels, Result& result)
-    : backend_(backend), options_(options), levels_(levels), result_(result), queued_(all_queue()) {
+    : backend_(backend),
+      options_(options),
+      levels_(levels),
+      result_(result),
+      queued_(all_queue()),
+      differences_(backend.differences(slots)) {
   recorded_.resize(levels_.size());
   const std::size_t last = levels_.size() - 1;
   for (std::size_t l = 0; queued_ && l <= last; ++l) {
@@ -96,17 +52,13 @@ void Multigrid::nest(const Vector& y0) {
     if (options_.interrupted && options_.interrupted()) failure_ = {Status::interrupted, "stopped on request"};
     start_on(l, y0);
     if (l > 0 && l == observed)
-      contraction_ = observed_contraction(l);
+      observe_contraction(l);
     else if (l > 0 || last == 0)
       for (int visits = 0; visits < (l == last && !levels_[l].march ? first_visits : 1); ++visits) cycle(l);
     if (levels_[l].nested) backend_.inject(*levels_[l].y, *levels_[l].nested);
   }
+  y0_ = y0;
   nested_ = true;
-  if (!queued_ || collected()) return;
-  queued_ = false;
-  levels_.respond();
-  nest(y0);
-  queued_ = all_queue();
 }
 
 // y of the next coarser grid, or y_0 alone.
@@ -121,24 +73,24 @@ void Multigrid::start_on(std::size_t l, const Vector& y0) {
 }
 
 IterationOutcome Multigrid::iterate() {
-  TimeLevel& finest = levels_[0];
-  CycleWatch watch(options_.iteration_tolerance, std::max(contraction_, least_observed));
+  std::optional<CycleWatch> watch;
   while (!failure_) {
     if (options_.interrupted && options_.interrupted()) return {Status::interrupted, "stopped on request"};
     if (result_.iterations >= options_.max_iterations)
       return {Status::tolerance_not_met, text("%ld sweeps, the limit", long(result_.iterations))};
-    cycle_and_look(0);
+    watched_cycle();
     if (failure_) break;
-    const double change = backend_.difference(*finest.y, *finest.old);
+    if (!watch) watch.emplace(options_.iteration_tolerance, std::max(observed_contraction(), least_observed));
+    const double change = differences_->collect()[last_change];
     ++result_.cycles;
     result_.history.push_back(change);
     if (options_.progress) options_.progress({result_.iterations, change});
-    const auto outcome = watch.after(change);
+    const auto outcome = watch->after(change);
     result_.algebraic_error.reset();
-    if (std::isfinite(watch.left())) result_.algebraic_error = watch.left();
+    if (std::isfinite(watch->left())) result_.algebraic_error = watch->left();
     if (outcome) return *outcome;
-    if (watch.contraction() > poor && march_from_now_on()) watch.restart();
-    if (options_.algebraic_share > 0 && watch.left() <= options_.algebraic_share * useful_error())
+    if (watch->contraction() > poor && march_from_now_on()) watch->restart();
+    if (options_.algebraic_share > 0 && watch->left() <= options_.algebraic_share * useful_error())
       return {Status::solved, ""};
   }
   return *failure_;
@@ -154,26 +106,26 @@ bool Multigrid::march_from_now_on() {
 }
 
 // Of a cycle from the solution of the next coarser grid: two cycles instead of one.
-double Multigrid::observed_contraction(std::size_t l) {
+void Multigrid::observe_contraction(std::size_t l) {
   TimeLevel& level = levels_[l];
-  double changes[2];
-  for (double& change : changes) {
+  for (const Slot slot : {first_change, second_change}) {
     backend_.inject(*level.y, *level.old);
     cycle(l);
-    change = backend_.difference(*level.y, *level.old);
+    differences_->start(slot, *level.y, *level.old);
   }
-  return changes[0] > 0 ? changes[1] / changes[0] : INFINITY;
+}
+
+double Multigrid::observed_contraction() {
+  const std::vector<double>& d = differences_->collect();
+  return d[first_change] > 0 ? d[second_change] / d[first_change] : INFINITY;
 }
 
 // With y_2h and y_4h, the solutions on the next grids: |y_h - y_2h| / (q - 1), q = |y_2h - y_4h| / |y_h - y_2h|; 4
 // where the order is 2, and at most that. Below an order of 1/2 the differences say nothing yet.
 std::optional<double> Multigrid::discretisation_error() {
   if (levels_.size() < 3) return std::nullopt;
-  TimeLevel &half = levels_[1], &quarter = levels_[2];
-  backend_.inject(*levels_[0].y, *half.old);
-  backend_.inject(*half.nested, *quarter.old);
-  const double last = backend_.difference(*half.old, *half.nested),
-               before = backend_.difference(*quarter.old, *quarter.nested);
+  const std::vector<double>& d = differences_->collect();
+  const double last = d[half_step], before = d[quarter_step];
   const double ratio = last > 0 ? before / last : 4;
   if (!(ratio > std::sqrt(2.0))) return std::nullopt;
   return last / (std::min(ratio, 4.0) - 1);
@@ -184,17 +136,44 @@ std::optional<double> Multigrid::discretisation_error() {
 double Multigrid::useful_error() {
   if (levels_.size() < 3) return 0;
   const std::optional<double> estimate = discretisation_error();
-  return estimate ? *estimate : backend_.difference(*levels_[1].old, *levels_[1].nested) / 3;
+  return estimate ? *estimate : differences_->collect()[half_step] / 3;
 }
 
-void Multigrid::cycle_and_look(std::size_t l) {
-  backend_.inject(*levels_[l].y, *levels_[l].old);
-  cycle(l);
-  if (!queued_ || collected()) return;
-  backend_.inject(*levels_[l].old, *levels_[l].y);
+// A cycle on the finest grid and the differences that are looked at behind it. Where one before left a problem
+// unsolved, the nested start too, both are done again.
+void Multigrid::watched_cycle() {
+  TimeLevel& finest = levels_[0];
+  backend_.inject(*finest.y, *finest.old);
+  cycle(0);
+  compare();
+  if (!queued_ || collected()) {
+    start_is_solved_ = true;
+    return;
+  }
   queued_ = false;
-  cycle(l);
+  if (start_is_solved_) {
+    backend_.inject(*finest.old, *finest.y);
+  } else {
+    levels_.respond();
+    nest(y0_);
+    backend_.inject(*finest.y, *finest.old);
+  }
+  cycle(0);
+  compare();
+  start_is_solved_ = true;
   queued_ = all_queue();
+}
+
+// y with what it was before the cycle, y_2h with y, y_4h with y_2h.
+void Multigrid::compare() {
+  TimeLevel& finest = levels_[0];
+  differences_->start(last_change, *finest.y, *finest.old);
+  if (levels_.size() < 3) return;
+  TimeLevel &half = levels_[1], &quarter = levels_[2];
+  backend_.inject(*finest.y, *half.old);
+  backend_.inject(*half.nested, *quarter.old);
+  differences_->start(half_step, *half.old, *half.nested);
+  differences_->start(quarter_step, *quarter.old, *quarter.nested);
 }
 
 void Multigrid::cycle(std::size_t l) {
@@ -333,8 +312,10 @@ bool solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, co
   Multigrid multigrid(p.backend, options, levels, result);
   result.seconds.setup += timer.lap();
 
-  if (solve_at_zero(p, result) != Start::found) return true;
-  multigrid.nest(result.y.row(0).transpose());
+  Vector y0;
+  if (solve_at_zero(p, result, y0) != Start::found) return true;
+  multigrid.nest(y0);
+  p.backend.prepare(result.y, p.J + 1, p.scene.constraints());  // while a device is at work
   const IterationOutcome outcome = multigrid.iterate();
   result.seconds.sweeps = timer.lap();
   TimeLevel& finest = levels[0];

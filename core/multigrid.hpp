@@ -9,8 +9,8 @@
 //
 // R y of a solution y solves its coarse problem, so that y is left as it is. R has to be injection: averages of y and w
 // over time are not complementary where the active set changes. On the coarsest grid there are only sweeps, or, where
-// these do not do, it is marched. The start comes from the
-// coarse grids (nested iteration). K_c R y serves the coarse problem and the first sweep on it.
+// these do not do, it is marched. The start comes from the coarse grids (nested iteration). K_c R y serves the coarse
+// problem and the first sweep on it.
 
 #include "time_levels.hpp"
 
@@ -21,26 +21,32 @@ class Multigrid {
   /// Counters, sweeps and seconds go to `result`.
   Multigrid(Backend& backend, const Options& options, TimeLevels& levels, Result& result);
 
-  /// From y_0 alone to a first y on the finest grid.
+  /// From y_0 alone to a first y on the finest grid. A device may still be at work when this returns.
   void nest(const Vector& y0);
 
   /// Cycles on the finest grid until y stands still, or, with Options::algebraic_share, as long as they are useful.
   IterationOutcome iterate();
 
-  /// Estimated from y on the finest grid and what the nested iteration came to on the two below, relative to
-  /// max(1, |y|) of a time point. Nothing where there are fewer, or where they do not come together.
+  /// Estimated from y on the finest grid after the last cycle and what the nested iteration came to on the two below,
+  /// relative to max(1, |y|) of a time point. Nothing where there are fewer, or where they do not come together.
   std::optional<double> discretisation_error();
 
   /// One V-cycle for the y and r that grid l holds.
   void cycle(std::size_t l);
 
  private:
+  /// The differences that a solve looks at: of two cycles on a coarser grid, of the last cycle, |y_h - y_2h| and
+  /// |y_2h - y_4h|.
+  enum Slot : std::size_t { first_change, second_change, last_change, half_step, quarter_step, slots };
+
   // Nothing is waited for in a cycle where all plans of all grids queue what they are asked for; what became of it is
   // looked at afterwards. A cycle that left a problem unsolved is done again, waiting for each batch.
   bool all_queue() const;
   bool collected();
-  void cycle_and_look(std::size_t l);
-  double observed_contraction(std::size_t l);
+  void watched_cycle();
+  void compare();
+  void observe_contraction(std::size_t l);
+  double observed_contraction();
   bool march_from_now_on();
   double useful_error();
 
@@ -66,9 +72,10 @@ class Multigrid {
   const Options& options_;
   TimeLevels& levels_;
   Result& result_;
-  bool queued_, nested_ = false;
+  bool queued_, nested_ = false, start_is_solved_ = false;
+  std::unique_ptr<Differences> differences_;
   std::vector<Recorded> recorded_;
-  double contraction_ = INFINITY;            ///< of a first cycle, as observed on a coarser grid
+  Vector y0_;
   std::optional<IterationOutcome> failure_;  ///< what ended a sweep or a march; nothing is done after it
 };
 

@@ -51,7 +51,9 @@ struct Result {
   RowMatrix x;       ///< (J+1) x components of the state that were asked for
   std::vector<Index> x_components;  ///< which
   RowMatrix trace;                  ///< (J+1) x n, N x where it was asked for; w = trace + M y + g
-  bool continuous = true;           ///< y is linear between its rows; false: it may jump from step to step
+  /// Whether y alternates for many rows (core/ringing.hpp), where the backend has looked at it already.
+  std::optional<bool> alternates;
+  bool continuous = true;  ///< y is linear between its rows; false: it may jump from step to step
   bool well_posed = true;  ///< the problems of the steps are known to determine y, as far as that was looked at
   std::optional<double> infeasible_at;
   std::string warning;  ///< one line about a result that may be called solved: uniqueness, conditioning; or empty

@@ -12,7 +12,6 @@ namespace {
 
 constexpr double margin = 1, ringing_margin = 0.1;  ///< delta
 constexpr Index most_sets_n = 12;                   ///< active sets are enumerated up to this size
-constexpr Index ringing_run = 16;                   ///< rows
 
 std::vector<Index> members(unsigned set, Index n) {
   std::vector<Index> S;
@@ -92,12 +91,48 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const LagTable&
   return decide(M, lcp_class, square(table.W.row(0)), square(mean));
 }
 
-// Row by row, as y lies in memory.
+void largest_of_columns(const RowMatrix& y, Index begin, Index end, Vector& largest) {
+  double* const to = largest.data();
+  for (Index j = begin; j < end; ++j) {
+    const double* const row = y.row(j).data();
+    for (Index i = 0; i < y.cols(); ++i) {
+      const double size = std::abs(row[i]);
+      to[i] = size > to[i] ? size : to[i];
+    }
+  }
+}
+
+// Row by row, as y lies in memory; `length` is that of the run so far.
+bool alternates(const RowMatrix& y, Index begin, Index end, const Vector& least, Index run) {
+  const Index n = y.cols();
+  Vector before = Vector::Zero(n);
+  Eigen::Matrix<Index, Eigen::Dynamic, 1> lengths = Eigen::Matrix<Index, Eigen::Dynamic, 1>::Zero(n);
+  double* const last = before.data();
+  Index* const length = lengths.data();
+  for (Index j = std::max<Index>(1, begin - run); j < std::min(end, y.rows() - 1); ++j) {
+    const double *above = y.row(j - 1).data(), *here = y.row(j).data(), *below = y.row(j + 1).data();
+    Index longest = 0;
+    for (Index i = 0; i < n; ++i) {
+      const double bend = above[i] - 2 * here[i] + below[i];
+      const Index longer = length[i] + 1;
+      const bool goes_on = (std::abs(bend) > least[i]) & (bend * last[i] < 0);
+      length[i] = goes_on ? longer : 0;
+      last[i] = bend;
+      longest = std::max(longest, length[i]);
+    }
+    if (longest >= run) return true;
+  }
+  return false;
+}
+
 Index ringing_from(const RowMatrix& y) {
   const Index n = y.cols();
+  Vector largest = Vector::Zero(n);
+  largest_of_columns(y, 0, y.rows(), largest);
+  if (!alternates(y, 0, y.rows(), ringing_part * largest, ringing_run)) return -1;
   using Row = Eigen::Array<double, 1, Eigen::Dynamic>;
-  Row scale = Row::Zero(n), before = scale, first = scale, length = scale, bend(n), size(n);
-  for (Index j = 0; j < y.rows(); ++j) scale = scale.max(0.01 * y.row(j).array().abs());
+  const Row scale = ringing_part * largest.transpose().array();
+  Row before = Row::Zero(n), first = before, length = before, bend(n), size(n);
   for (Index j = 1; j + 1 < y.rows(); ++j) {
     bend = y.row(j - 1).array() - 2 * y.row(j).array() + y.row(j + 1).array();
     size = bend.abs();

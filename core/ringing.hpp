@@ -30,8 +30,20 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass, const LagTable&);
 /// Without weights: M has to be P or Z.
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass);
 
-/// Finds a column of y that alternates from one row to the next over `ringing_run` rows with hardly any decay and more
-/// than a hundredth of its largest value: the row where that begins, or -1.
+/// Second differences that alternate are looked at over so many rows, where they are larger than so much of the largest
+/// value of their column.
+inline constexpr Index ringing_run = 16;
+inline constexpr double ringing_part = 0.01;
+
+/// Largest absolute value of each column in the rows begin .. end-1 of y, or what `largest` holds already.
+void largest_of_columns(const RowMatrix& y, Index begin, Index end, Vector& largest);
+
+/// Whether some column alternates over `run` rows that end in one of the rows begin .. end-1 (Backend::alternates),
+/// with second differences above least[column].
+bool alternates(const RowMatrix& y, Index begin, Index end, const Vector& least, Index run);
+
+/// Finds a column of y that alternates from one row to the next over `ringing_run` rows with hardly any decay: the row
+/// where that begins, or -1.
 Index ringing_from(const RowMatrix& y);
 
 }  // namespace bromwich

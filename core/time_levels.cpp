@@ -15,12 +15,14 @@ namespace {
 constexpr double marched_kappa0 = 1;            ///< M + W_0 is P below it
 constexpr double accurate_kappa0 = 0.1;         ///< of coarse grids that have to make up for what sweeps add
 constexpr double smoothing_factor = 0.8;        ///< of a sweep on a grid that has a coarser one
-constexpr double wanted_factor = 0.1;           ///< of all sweeps of a cycle
+constexpr std::size_t finest_grids = 2;         ///< that are smoothed well: their cycles are few and have to suffice
+constexpr double wanted_factor = 0.1;           ///< of all sweeps of a cycle there
+constexpr double wanted_below = 0.37;           ///< and on coarser grids
 constexpr int most_sweeps = 8;                  ///< before a coarser grid is asked
 constexpr double largest_smooth_factor = 1.01;  ///< at frequency 0: 1, and what a sample of it may miss
 constexpr double easily_smoothed = 0.25;        ///< by a single sweep before
-constexpr int coarsest_sweeps = 4;              ///< of a visit to a coarsest grid that is not marched
-constexpr Index most_unasked = 2048;            ///< steps of a march that nobody is asked about
+constexpr int fewest_coarsest_sweeps = 4;       ///< of a visit to a coarsest grid that is not marched
+constexpr Index most_unasked = 2048;            ///< steps of a march that is not interrupted on a device
 
 // Where the weights and kernels of all grids come from.
 class Source {
@@ -109,10 +111,10 @@ Vector first_row_sums(const Weights& weights) {
   return row_sums_in_modes(std::get<ModalRecurrence>(recurrence).w0);
 }
 
-// With the one behind the correction they multiply what a coarser grid cannot see by wanted_factor.
-int sweeps_before(double factor) {
+// With the one behind the correction they multiply what a coarser grid cannot see by `wanted`.
+int sweeps_before(double factor, double wanted, int fewest) {
   if (factor <= easily_smoothed) return 1;
-  return std::clamp(int(std::ceil(std::log(wanted_factor) / std::log(factor))) - 1, 2, most_sweeps);
+  return std::clamp(int(std::ceil(std::log(wanted) / std::log(factor))) - 1, fewest, most_sweeps);
 }
 
 // Chooses the sweeps of this grid. Returns the kappa_0 that a coarser one may have, 0 for none.
@@ -120,13 +122,14 @@ int sweeps_before(double factor) {
 // A sweep multiplies what is smooth in time by K/M, which may be far above 1; the coarse grid has to make up for that,
 // so that there is but one sweep a cycle, and the coarse grids have to be accurate. Where the symbol is known and its
 // size at frequency 0 is at most 1, there may be more of both.
-double choose_sweeps(const DiscreteProblem& p, TimeLevel& level) {
+double choose_sweeps(const DiscreteProblem& p, TimeLevel& level, bool finest) {
   const auto* recurrence = std::get_if<Recurrence>(&level.weights);
   const auto* modal = recurrence ? std::get_if<ModalRecurrence>(recurrence) : nullptr;
   const std::optional<Smoothing> best = modal ? best_smoothing(p.scene.M, *modal, level.steps) : std::nullopt;
   if (!best || best->smooth_factor > largest_smooth_factor) return accurate_kappa0;
   level.shift = best->shift;
-  level.sweeps = sweeps_before(best->factor);
+  level.coarsest_sweeps = std::max(fewest_coarsest_sweeps, 1 + sweeps_before(best->factor, wanted_factor, 2));
+  level.sweeps = finest ? sweeps_before(best->factor, wanted_factor, 2) : sweeps_before(best->factor, wanted_below, 1);
   return best->factor < smoothing_factor ? marched_kappa0 : 0;
 }
 
@@ -137,7 +140,8 @@ void prepare_march(const DiscreteProblem& p, const Options& options, TimeLevel& 
   problem.recurrence = std::get_if<Recurrence>(&level.weights);
   problem.lags = std::get_if<LagTable>(&level.weights);
   problem.r = level.r.get();
-  if (level.steps > most_unasked) problem.interrupted = options.interrupted;
+  const bool queues = p.backend.device().memory > 0;  // where nobody asks on the way
+  if (!queues || level.steps > most_unasked) problem.interrupted = options.interrupted;
   level.march = p.backend.march(problem, level.steps + 1);
 }
 
@@ -224,9 +228,11 @@ TimeLevels choose_grids(const DiscreteProblem& p, const Source& source) {
     level->weights = source.weights(steps, levels.size() > 0 ? &levels.grids.back()->weights : nullptr);
     const double kappa0 = instant_contraction(p.scene.M, p.lcp_class, first_row_sums(level->weights));
     if (!(kappa0 < largest_kappa0)) break;
-    largest_kappa0 = choose_sweeps(p, *level);
+    largest_kappa0 = choose_sweeps(p, *level, levels.size() < finest_grids);
+    const bool swept = level->sweeps > 0;
     levels.grids.push_back(std::move(level));
-    if (steps % 2 != 0 || steps / 2 < fewest) break;
+    const Index enough = swept && levels.size() >= 3 ? enough_steps : fewest;
+    if (steps % 2 != 0 || steps / 2 < enough) break;
   }
   if (levels.size() == 1 && p.J > most_marched) levels.grids.clear();
   return levels;
@@ -262,7 +268,7 @@ TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, con
   TimeLevel& coarsest = *levels.grids.back();
   levels.prepare_march = [&p, &options, &coarsest] { prepare_march(p, options, coarsest); };
   if (swept)
-    coarsest.sweeps = coarsest_sweeps;
+    coarsest.sweeps = coarsest.coarsest_sweeps;
   else
     levels.prepare_march();
   return levels;

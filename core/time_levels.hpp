@@ -33,6 +33,7 @@ struct TimeLevel {
   std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; not of a coarsest grid that is marched from the start
   double shift = 0;
   int sweeps = 0;                ///< before a coarser grid is asked; one follows. On the coarsest: all of a visit
+  int coarsest_sweeps = 0;       ///< of a visit, were this grid the coarsest
   std::unique_ptr<March> march;  ///< of the coarsest grid only, in place of sweeps
 
   std::size_t bytes() const;
@@ -58,6 +59,7 @@ TimeLevels time_levels(const DiscreteProblem&, const SparseKernel* kernel, const
 
 inline constexpr Index fewest_steps = 16;            ///< of a grid but the finest
 inline constexpr Index fewest_steps_on_device = 48;  ///< small grids cost a device as much as large ones
+inline constexpr Index enough_steps = 96;            ///< of the coarsest of three grids or more, where it is swept
 inline constexpr Index most_marched = 64;            ///< of a finest grid that is the only one
 
 /// The weights of the grid with half the steps.

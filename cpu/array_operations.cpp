@@ -1,6 +1,9 @@
 // Operations on whole arrays that a hierarchy of time grids needs.
 
+#include "core/ringing.hpp"
 #include "cpu/parts.hpp"
+
+#include <omp.h>
 
 #include <algorithm>
 #include <cmath>
@@ -59,6 +62,26 @@ double difference(const RowMatrix& a, const RowMatrix& b, int threads) {
     worst = std::max(worst, std::isfinite(relative) ? relative : INFINITY);  // a maximum need not keep a NaN
   }
   return std::isinf(worst) ? NAN : worst;
+}
+
+bool alternates(const RowMatrix& y, Index run, double part, int threads) {
+  const Index rows = y.rows();
+  Vector largest = Vector::Zero(y.cols());
+  bool found = false;
+#pragma omp parallel num_threads(threads) if (y.size() > parallel_size)
+  {
+    const Index count = omp_get_num_threads(), thread = omp_get_thread_num();
+    const Index begin = thread * rows / count, end = (thread + 1) * rows / count;
+    Vector mine = Vector::Zero(y.cols());
+    largest_of_columns(y, begin, end, mine);
+#pragma omp critical(largest_values)
+    largest = largest.cwiseMax(mine);
+#pragma omp barrier
+    const bool here = bromwich::alternates(y, begin, end, part * largest, run);
+#pragma omp critical(largest_values)
+    found = found || here;
+  }
+  return found;
 }
 
 }  // namespace bromwich::cpu

@@ -38,6 +38,9 @@ class CpuBackend final : public Backend {
   double difference(const Array& a, const Array& b) override {
     return cpu::difference(cpu::host(a), cpu::host(b), threads_);
   }
+  bool alternates(const Array& y, Index run, double part) override {
+    return cpu::alternates(cpu::host(y), run, part, threads_);
+  }
 
   std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
     return cpu::make_sine_transform(n, rows, threads_);

@@ -133,7 +133,7 @@ class LagMarch final : public March {
   }
 
   std::size_t bytes() const override {
-    std::size_t sum = sizeof(double) * std::size_t(6 * M_.size());
+    std::size_t sum = sizeof(double) * std::size_t(M_.size() + W0_.size()) + lcp_.bytes();
     for (const auto& level : levels_) sum += level->bytes();
     return sum;
   }

@@ -52,7 +52,9 @@ class Stepper {
     return false;
   }
 
-  std::size_t bytes() const { return step_->bytes() + 4 * sizeof(double) * std::size_t(scale_.size() * scale_.size()); }
+  std::size_t bytes() const {
+    return step_->bytes() + sizeof(double) * std::size_t(M_.size() + scale_.size()) + lcp_.bytes();
+  }
 
   Vector Y;
 

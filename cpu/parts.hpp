@@ -62,7 +62,8 @@ inline void multiply(const Tridiagonal& M, const double* y, double* product) {
 class VectorSine {
  public:
   virtual ~VectorSine() = default;
-  virtual void apply(const double* in, double* out) = 0;  ///< `in` is not changed; no aliasing
+  virtual void apply(const double* in, double* out) = 0;    ///< `in` is not changed; no aliasing
+  virtual std::unique_ptr<VectorSine> another() const = 0;  ///< for another thread
 };
 std::unique_ptr<VectorSine> make_vector_sine(Index n);
 
@@ -83,6 +84,7 @@ void restrict_problem(const RowMatrix& r, const RowMatrix& v, const RowMatrix& y
                       RowMatrix& coarse_r, RowMatrix& coarse_y, RowMatrix& old, int threads);
 void add(const RowMatrix& b, double s, const RowMatrix& c, RowMatrix& a, int threads);
 double difference(const RowMatrix& a, const RowMatrix& b, int threads);
+bool alternates(const RowMatrix& y, Index run, double part, int threads);
 ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes, int threads);
 ComplexMatrix sparse_resolvent(const SparseDynamics&, const ComplexVector& nodes, int threads);
 

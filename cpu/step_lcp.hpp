@@ -61,7 +61,8 @@ class StepLcp {
   const double* product() const { return product_; }
 
   std::size_t bytes() const {
-    return sizeof(double) * std::size_t((solver_ ? 5 : 2) * M_.size()) + (banded_ ? banded_->bytes() : 0);
+    const Index matrices = banded_ && !solver_ ? 1 : 4;  // the dense solver is made by the first problem without bands
+    return sizeof(double) * std::size_t(M_.size() + matrices * implicit_.size()) + (banded_ ? banded_->bytes() : 0);
   }
 
  private:

@@ -10,6 +10,8 @@
 #include <omp.h>
 
 #include <cmath>
+#include <memory>
+#include <type_traits>
 #include <vector>
 
 namespace bromwich::cpu {
@@ -20,6 +22,16 @@ std::mutex& fftw_planner() {
 }
 
 namespace {
+
+/// Shared by the transforms of all threads: it is executed on arrays of theirs.
+using SharedPlan = std::shared_ptr<std::remove_pointer_t<fftw_plan>>;
+
+SharedPlan shared(fftw_plan plan) {
+  return {plan, [](fftw_plan last) {
+            const std::lock_guard lock(fftw_planner());
+            fftw_destroy_plan(last);
+          }};
+}
 
 constexpr Index largest_product = 1100;  ///< above it rows are transformed by FFTW
 constexpr Index row_block = 32;          ///< rows folded and multiplied together: their halves stay in L2
@@ -52,7 +64,7 @@ struct FoldedSine {
 };
 
 class ProductSine final : public SineTransform {
-  static constexpr Index parallel_size = 1 << 25;  ///< multiplications: below it a thread starts later than it is done
+  static constexpr Index parallel_size = 1 << 22;  ///< multiplications: a tenth of a millisecond
 
  public:
   ProductSine(Index n, int threads) : sine_(n), threads_(threads) {
@@ -118,18 +130,13 @@ class FastVectorSine final : public VectorSine {
   explicit FastVectorSine(Index n) : n_(n), scale_(1 / std::sqrt(2.0 * double(n + 1))) {
     Vector in(n), out(n);
     const std::lock_guard lock(fftw_planner());
-    plan_ = fftw_plan_r2r_1d(int(n), in.data(), out.data(), FFTW_RODFT00,
-                             FFTW_ESTIMATE | FFTW_UNALIGNED | FFTW_PRESERVE_INPUT);
+    plan_ = shared(fftw_plan_r2r_1d(int(n), in.data(), out.data(), FFTW_RODFT00,
+                                    FFTW_ESTIMATE | FFTW_UNALIGNED | FFTW_PRESERVE_INPUT));
   }
-  ~FastVectorSine() override {
-    const std::lock_guard lock(fftw_planner());
-    fftw_destroy_plan(plan_);
-  }
-  FastVectorSine(const FastVectorSine&) = delete;
-  FastVectorSine& operator=(const FastVectorSine&) = delete;
 
+  std::unique_ptr<VectorSine> another() const override { return std::make_unique<FastVectorSine>(*this); }
   void apply(const double* in, double* out) override {
-    fftw_execute_r2r(plan_, const_cast<double*>(in), out);
+    fftw_execute_r2r(plan_.get(), const_cast<double*>(in), out);
     for (Index i = 0; i < n_; ++i) out[i] *= scale_;
   }
 
@@ -138,7 +145,7 @@ class FastVectorSine final : public VectorSine {
  private:
   Index n_;
   double scale_;
-  fftw_plan plan_;
+  SharedPlan plan_;
 };
 
 /// By a real transform of length N = n + 1, N even: with y_j = sin(pi j/N) (x_j + x_{N-j}) + (x_j - x_{N-j}) / 2 and
@@ -153,21 +160,16 @@ class HalvedVectorSine final : public VectorSine {
       : n_(n), scale_(std::sqrt(2.0 / double(n + 1))), sine_(n), y_(Vector::Zero(n + 1)), Y_((n + 1) / 2 + 1) {
     for (Index j = 0; j < n; ++j) sine_[j] = scale_ * std::sin(M_PI * double(j + 1) / double(n + 1));
     const std::lock_guard lock(fftw_planner());
-    plan_ = fftw_plan_dft_r2c_1d(int(n + 1), y_.data(), spectrum(), FFTW_ESTIMATE);
+    plan_ = shared(fftw_plan_dft_r2c_1d(int(n + 1), y_.data(), spectrum(), FFTW_ESTIMATE));
   }
-  ~HalvedVectorSine() override {
-    const std::lock_guard lock(fftw_planner());
-    fftw_destroy_plan(plan_);
-  }
-  HalvedVectorSine(const HalvedVectorSine&) = delete;
-  HalvedVectorSine& operator=(const HalvedVectorSine&) = delete;
 
+  std::unique_ptr<VectorSine> another() const override { return std::make_unique<HalvedVectorSine>(*this); }
   void apply(const double* in, double* out) override {
     const double half = 0.5 * scale_;
     double* y = y_.data() + 1;
     for (Index j = 0; j < n_; ++j) y[j] = sine_[j] * (in[j] + in[n_ - 1 - j]) + half * (in[j] - in[n_ - 1 - j]);
     y_[0] = 0;
-    fftw_execute_dft_r2c(plan_, y_.data(), spectrum());
+    fftw_execute_dft_r2c(plan_.get(), y_.data(), spectrum());
     double odd = out[0] = 0.5 * Y_[0].real();
     for (Index k = 1; 2 * k < n_; ++k) {
       out[2 * k - 1] = -Y_[k].imag();
@@ -182,15 +184,16 @@ class HalvedVectorSine final : public VectorSine {
   double scale_;
   Vector sine_, y_;
   ComplexVector Y_;
-  fftw_plan plan_;
+  SharedPlan plan_;
 };
 
 class FastSine final : public SineTransform {
-  static constexpr Index parallel_size = 1 << 19;  ///< values: below it a thread starts later than it is done
+  static constexpr Index parallel_size = 1 << 16;  ///< values: a tenth of a millisecond
 
  public:
   FastSine(Index n, Index rows, int threads) : n_(n), scratch_(rows * n > parallel_size ? threads : 1, n) {
-    for (Index t = 0; t < scratch_.rows(); ++t) rows_.push_back(make_vector_sine(n));
+    rows_.push_back(make_vector_sine(n));
+    for (Index t = 1; t < scratch_.rows(); ++t) rows_.push_back(rows_[0]->another());
   }
 
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
@@ -226,6 +229,7 @@ class ProductVectorSine final : public VectorSine {
  public:
   explicit ProductVectorSine(Index n) : sine_(n), e_(sine_.even), o_(sine_.odd), even_(sine_.even), odd_(sine_.odd) {}
 
+  std::unique_ptr<VectorSine> another() const override { return std::make_unique<ProductVectorSine>(*this); }
   void apply(const double* in, double* out) override {
     sine_.fold(in, e_.data(), o_.data());
     even_.noalias() = sine_.E.transpose() * e_;

@@ -1,4 +1,5 @@
-// Operations on whole arrays that a hierarchy of time grids needs: one pass over memory each, a thread per number.
+// Operations on whole arrays that a hierarchy of time grids needs, and looks at a solution: one pass over memory each,
+// a thread per number where nothing else is said.
 // Rows keep their stride; what lies between them stays zero.
 
 #include "kernels/lcp_batch.hpp"
@@ -14,6 +15,7 @@ namespace {
 
 constexpr int threads = 256;
 constexpr Index most_blocks = 1 << 16;
+constexpr int chunk = 64;  ///< rows
 
 unsigned blocks(Index values) { return unsigned(std::min((values + threads - 1) / threads, most_blocks)); }
 
@@ -51,7 +53,7 @@ __global__ void add_multiple(const double* b, double s, const double* c, long va
   for (long i = first_value(); i < values; i += all_threads()) a[i] = b[i] + s * c[i];
 }
 
-// A warp per row.
+// A warp per row; the largest of all rows goes to `out`, a NaN as one.
 __global__ void differences(const double* a, const double* b, int rows, int cols, int step, double* out) {
   const int row = int(blockIdx.x) * int(blockDim.y) + int(threadIdx.y);
   if (row >= rows) return;  // the same for all lanes of the warp
@@ -66,7 +68,39 @@ __global__ void differences(const double* a, const double* b, int rows, int cols
     gap = larger(__shfl_xor_sync(~0u, gap, lane), gap);
     size = fmax(size, __shfl_xor_sync(~0u, size, lane));
   }
-  if (threadIdx.x == 0) out[row] = gap / size;
+  if (threadIdx.x == 0) atomicMax(reinterpret_cast<unsigned long long*>(out), bits(gap / size));
+}
+
+// A thread per column and chunk of rows, as in all below.
+__device__ int first_row(int begin) { return begin + int(blockIdx.x) * chunk; }
+__device__ int column() { return int(blockIdx.y * blockDim.x + threadIdx.x); }
+
+__global__ void largest_of_columns(const double* y, int rows, int cols, int step, double* largest) {
+  if (column() >= cols) return;
+  double mine = 0;
+  const int first = first_row(0), last = min(rows, first + chunk);
+#pragma unroll 8
+  for (int j = first; j < last; ++j) mine = fmax(mine, fabs(y[long(j) * step + column()]));
+  atomicMax(reinterpret_cast<unsigned long long*>(largest + column()), bits(mine));
+}
+
+// Runs that end in the chunk: it begins so many rows before.
+__global__ void find_alternation(const double* y, int rows, int cols, int step, int run, double part,
+                                 const double* largest, int* found) {
+  if (column() >= cols) return;
+  const double least = part * largest[column()];
+  const int begin = first_row(1), end = min(rows - 1, begin + chunk), first = max(1, begin - run);
+  const double* const at = y + column();
+  if (begin >= end) return;
+  double above = at[long(first - 1) * step], here = at[long(first) * step], before = 0;
+  int length = 0;
+#pragma unroll 8
+  for (int j = first; j < end; ++j) {
+    const double below = at[long(j + 1) * step], bend = above - 2 * here + below;
+    length = fabs(bend) > least && bend * before < 0 ? length + 1 : 0;
+    if (length >= run) *found = 1;
+    above = here, here = below, before = bend;
+  }
 }
 
 Index values_of(const Array& array) { return array.rows() * stride(array.cols()); }
@@ -102,13 +136,62 @@ void add(const Device& device, const Array& b, double s, const Array& c, Array& 
   check(cudaGetLastError(), "starting a sum of arrays");
 }
 
-double difference(const Device& device, const Array& a, const Array& b) {
-  Memory<double> per_row(device, std::size_t(a.rows()));
-  differences<<<unsigned((a.rows() + 7) / 8), dim3(32, 8), 0, device.stream()>>>(
-      values(a), values(b), int(a.rows()), int(a.cols()), int(stride(a.cols())), per_row.data());
-  check(cudaGetLastError(), "starting a difference of arrays");
-  const double found = largest(device, per_row);
-  return std::isfinite(found) ? found : NAN;
+namespace {
+
+class QueuedDifferences final : public Differences {
+ public:
+  QueuedDifferences(const Device& device, Backend& backend, std::size_t slots)
+      : Differences(backend, slots), device_(device), found_(device, slots) {
+    found_.clear();
+  }
+
+  void start(std::size_t slot, const Array& a, const Array& b) override {
+    double* const out = found_.data() + slot;
+    check(cudaMemsetAsync(out, 0, sizeof(double), device_.stream()), "starting a difference of arrays");
+    differences<<<unsigned((a.rows() + 7) / 8), dim3(32, 8), 0, device_.stream()>>>(
+        values(a), values(b), int(a.rows()), int(a.cols()), int(stride(a.cols())), out);
+    check(cudaGetLastError(), "starting a difference of arrays");
+    fresh_ = true;
+  }
+
+  const std::vector<double>& collect() override {
+    if (!fresh_) return values_;
+    found_.get(values_.data());
+    for (double& value : values_)
+      if (!std::isfinite(value)) value = NAN;
+    fresh_ = false;
+    return values_;
+  }
+
+ private:
+  const Device& device_;
+  Memory<double> found_;
+  bool fresh_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Differences> make_differences(const Device& device, Backend& backend, std::size_t slots) {
+  return std::make_unique<QueuedDifferences>(device, backend, slots);
+}
+
+bool alternates(const Device& device, const Array& y, Index run, double part) {
+  const Index rows = y.rows(), cols = y.cols();
+  if (rows < 3 || cols == 0) return false;
+  Memory<double> largest(device, std::size_t(cols));
+  Memory<int> found(device, 1);
+  largest.clear();
+  found.clear();
+  const Index chunks = (rows + chunk - 1) / chunk;
+  const dim3 blocks(unsigned(chunks), unsigned((cols + threads - 1) / threads));
+  largest_of_columns<<<blocks, threads, 0, device.stream()>>>(values(y), int(rows), int(cols), int(stride(cols)),
+                                                              largest.data());
+  find_alternation<<<blocks, threads, 0, device.stream()>>>(values(y), int(rows), int(cols), int(stride(cols)),
+                                                            int(run), part, largest.data(), found.data());
+  check(cudaGetLastError(), "looking for alternating values");
+  int answer = 0;
+  found.get(&answer);
+  return answer != 0;
 }
 
 }  // namespace bromwich::cuda

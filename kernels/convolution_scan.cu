@@ -3,6 +3,8 @@
 // start of c + what c adds; (3) apply. What chunks add and start from is kept, so a later call can begin at any chunk
 // whose past has not changed. Where the chunks are few, the third pass carries for itself.
 //
+// Few rows take the weights themselves (convolution_direct.cu).
+//
 // A block takes 32 neighbouring modes and a chunk; its threads have `group` exponentials of one mode each, with their
 // states in registers. The rows of y come to shared memory in tiles, two ahead of the one in work; the warps add up
 // their outputs there, with one barrier a tile. Three multiply-adds a value and exponential.
@@ -21,6 +23,7 @@ namespace {
 constexpr int lanes = 32, group = 8, tile = 16;
 constexpr int most_warps = 8;         ///< of a block; more exponentials are taken in slabs
 constexpr Index most_chunks = 65535;  ///< of a grid of blocks in its second direction
+constexpr Index most_direct = 257;    ///< rows whose weights are summed as they are
 constexpr double cheap_carry = 8e6;   ///< bytes read for carrying without a pass of its own
 
 /// K x n tables with the mode index contiguous, K a multiple of `group`, n of `lanes`.
@@ -146,6 +149,7 @@ __global__ void __launch_bounds__(lanes* most_warps, 2)
 #pragma unroll
   for (int g = 0; g < group; ++g) z[g] = state_of_chunk(m, c, at + g * m.stride, y[l], added, states);
   const double w0 = m.w0[l], w1 = m.w1[l];
+  if (c == 0 && slab == 0 && warp == 0 && given) v[l] = 0;
   const double* u = tiles.wait(0);
   for (int t = 0; begin + t * tile < end; ++t) {
     double sum[tile];
@@ -211,8 +215,8 @@ class ModalScan final : public Convolution {
 
   void apply(const Array& y, Array& v, Index first) override {
     const cudaStream_t stream = device_.stream();
-    if (first == 0) check(cudaMemsetAsync(values(v), 0, sizeof(double) * std::size_t(n_), stream), "clearing a row");
     const Index from = std::max<Index>(first - 1, 0) / length_;
+    if (rows_ < 2) check(cudaMemsetAsync(values(v), 0, sizeof(double) * std::size_t(n_), stream), "clearing a row");
     if (rows_ < 2 || from >= chunks_) return;
     const Tables m{decay_.data(), power_.data(), output_.data(), start_.data(), initial_.data(), w0_.data(),
                    w1_.data(),    s1_.data(),    int(K_),        int(n_),       int(stride_),    int(stride(n_))};
@@ -262,6 +266,8 @@ class ModalScan final : public Convolution {
 }  // namespace
 
 std::unique_ptr<Convolution> make_scan(const Device& device, const ModalRecurrence& r, Index rows) {
+  if (rows <= most_direct && r.initial.size() == 0)
+    return make_direct_convolution(device, lag_table(r, rows - 1), rows);
   return std::make_unique<ModalScan>(device, r, rows);
 }
 

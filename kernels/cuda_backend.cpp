@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <string>
 
 namespace bromwich {
@@ -41,6 +42,10 @@ class CudaBackend final : public Backend {
   }
   void upload(const RowMatrix& from, Array& to) override { cuda::upload(device_, from, to); }
   void download(const Array& from, RowMatrix& to) override { cuda::download(device_, from, to); }
+  void prepare(RowMatrix& to, Index rows, Index cols) override {
+    to.resize(rows, cols);
+    cuda::fill(to.data(), std::size_t(to.size()), std::numeric_limits<double>::quiet_NaN());
+  }
 
   void inject(const Array& fine, Array& coarse) override { cuda::inject(device_, fine, coarse); }
   void interpolate(const Array& coarse, const Array* old, Array& fine) override {
@@ -51,7 +56,15 @@ class CudaBackend final : public Backend {
     cuda::restrict_problem(device_, r, v, y, coarse_v, coarse_r, coarse_y, old);
   }
   void add(const Array& b, double s, const Array& c, Array& a) override { cuda::add(device_, b, s, c, a); }
-  double difference(const Array& a, const Array& b) override { return cuda::difference(device_, a, b); }
+  double difference(const Array& a, const Array& b) override {
+    const auto one = differences(1);
+    one->start(0, a, b);
+    return one->collect()[0];
+  }
+  std::unique_ptr<Differences> differences(std::size_t slots) override {
+    return cuda::make_differences(device_, *this, slots);
+  }
+  bool alternates(const Array& y, Index run, double part) override { return cuda::alternates(device_, y, run, part); }
 
   std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
     return cuda::make_sine_transform(device_, n, rows);

@@ -3,12 +3,14 @@
 // finished; what needs a result on the host waits.
 
 #include "core/backend.hpp"
+#include "kernels/host_memory.hpp"
 
 #include <cuda_runtime.h>
 
 #include <cstddef>
 #include <map>
 #include <memory>
+#include <new>
 #include <typeindex>
 #include <utility>
 
@@ -29,6 +31,8 @@ class Device {
   void wait() const { check(cudaStreamSynchronize(stream_), "waiting for the device"); }
   int multiprocessors() const { return multiprocessors_; }
   std::size_t shared_memory() const { return std::size_t(shared_memory_); }  ///< bytes a block may have
+  PinnedSlots& pinned() const { return pinned_; }
+  Fetchers& fetchers() const { return fetchers_; }
 
   /// The T that plans of this device share: the one made last, if `fits` it; otherwise what `make` makes. It stays
   /// until another takes its place.
@@ -42,7 +46,31 @@ class Device {
  private:
   cudaStream_t stream_ = nullptr;
   int multiprocessors_ = 1, shared_memory_ = 0;
+  mutable PinnedSlots pinned_;
+  mutable Fetchers fetchers_;
   mutable std::map<std::type_index, std::shared_ptr<void>> kept_;
+};
+
+/// A T in pinned memory of the host.
+template <class T>
+class Pinned {
+ public:
+  static_assert(sizeof(T) <= PinnedSlots::slot_bytes);
+  Pinned(const Device& device, const T& value) : device_(device), value_(new (device.pinned().take()) T(value)) {}
+  ~Pinned() {
+    cudaStreamSynchronize(device_.stream());
+    device_.pinned().give_back(value_);
+  }
+  Pinned(const Pinned&) = delete;
+  Pinned& operator=(const Pinned&) = delete;
+
+  T* get() const { return value_; }
+  T* operator->() const { return value_; }
+  T& operator*() const { return *value_; }
+
+ private:
+  const Device& device_;
+  T* value_;
 };
 
 /// `size` values of T on the device, from the pool; not initialised.

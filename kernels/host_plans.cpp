@@ -17,10 +17,8 @@ void download(const Device& device, const Array& from, RowMatrix& to) {
   to.resize(from.rows(), from.cols());
   const std::size_t width = sizeof(double) * std::size_t(from.cols());
   if (to.size() == 0) return;
-  check(cudaMemcpy2DAsync(to.data(), width, values(from), sizeof(double) * std::size_t(stride(from.cols())), width,
-                          std::size_t(from.rows()), cudaMemcpyDeviceToHost, device.stream()),
-        "copying from the device");
-  device.wait();
+  device.fetchers().fetch(values(from), sizeof(double) * std::size_t(stride(from.cols())), to.data(), width,
+                          std::size_t(from.rows()), device.stream());
 }
 
 namespace {

@@ -52,20 +52,17 @@ BatchOutcomes::BatchOutcomes(const Device& device, Index rows, double shift)
       shift_(shift),
       sum_(device, 1),
       totals_(device, 1),
-      counters_(device, 2) {
+      counters_(device, 2),
+      handed_over_(device, {empty_outcome, {0, 0, 0}, 0}) {
   sum_.put(&empty_outcome);
   totals_.clear();
   counters_.clear();
-  check(cudaMallocHost(&handed_over_, sizeof *handed_over_), "allocating pinned memory");
-  *handed_over_ = {empty_outcome, {0, 0, 0}, 0};
 }
-
-BatchOutcomes::~BatchOutcomes() { cudaFreeHost(handed_over_); }
 
 OutcomeTarget BatchOutcomes::target(Index problems, double settle_tolerance) {
   problems_ = problems;
-  return {rows_.data(),         sum_.data(),  totals_.data(),  counters_.data(),
-          counters_.data() + 1, handed_over_, settle_tolerance};
+  return {rows_.data(),         sum_.data(),        totals_.data(),  counters_.data(),
+          counters_.data() + 1, handed_over_.get(), settle_tolerance};
 }
 
 LcpReport BatchOutcomes::collect() {

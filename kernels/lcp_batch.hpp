@@ -54,7 +54,6 @@ class BatchOutcomes {
  public:
   /// `shift`: see Backend::shifted_lcp.
   BatchOutcomes(const Device&, Index rows, double shift = 0);
-  ~BatchOutcomes();
   BatchOutcomes(const BatchOutcomes&) = delete;
   BatchOutcomes& operator=(const BatchOutcomes&) = delete;
 
@@ -81,7 +80,7 @@ class BatchOutcomes {
   Memory<BatchOutcome> sum_;
   Memory<BatchTotals> totals_;
   Memory<unsigned> counters_;  ///< finished, batches
-  HandedOver* handed_over_ = nullptr;
+  Pinned<HandedOver> handed_over_;
   unsigned batches_ = 0;  ///< reported
   BatchTotals reported_{0, 0, 0};
 };

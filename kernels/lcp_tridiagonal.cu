@@ -122,8 +122,12 @@ struct Shape {
   int T, K;
 };
 
-Shape shape_for(Index n) {
+constexpr Index most_spread = 1024;
+
+// Few problems leave most of the device idle: more threads then take one of them, which is done sooner.
+Shape shape_for(Index n, bool few) {
   if (n <= 32) return {16, 2};
+  if (few && n > 128 && n <= most_spread) return {n <= 256 ? 64 : n <= 512 ? 128 : 256, 4};
   Shape shape{32, 2};
   while (shape.T * shape.K < n) (shape.K < 16 ? shape.K : shape.T) *= 2;
   return shape;
@@ -134,7 +138,7 @@ class TridiagonalLcp final : public LcpBatch {
   TridiagonalLcp(const Device& device, const Tridiagonal& M, LcpClass lcp_class, double shift, Index rows)
       : device_(device),
         n_(M.diagonal.size()),
-        shape_(shape_for(n_)),
+        shape_(shape_for(n_, rows <= 2 * device.multiprocessors())),
         shift_(shift),
         shifted_(plus_identity(M, shift)),
         class_(selection_class(shifted_, lcp_class)),
@@ -142,7 +146,7 @@ class TridiagonalLcp final : public LcpBatch {
         residuals_(device, std::size_t(rows)) {
     const Equilibration scale = equilibrate(shifted_);
     Tridiagonal A = std::get<Tridiagonal>(scaled(shifted_, scale)), given = M;
-    if (shape_.T == 32) uniform_ = uniform_coefficients(A, scale);
+    if (shape_.T == 32 || shape_.K == 4) uniform_ = uniform_coefficients(A, scale);
     for (Tridiagonal* t : {&A, &given}) t->lower[0] = t->upper[n_ - 1] = 0;
     lower_ = spread(device, A.lower, shape_.T, shape_.K, 0);
     diagonal_ = spread(device, A.diagonal, shape_.T, shape_.K, 1);
@@ -188,6 +192,9 @@ class TridiagonalLcp final : public LcpBatch {
 
  private:
   void choose_kernel() {
+    if (shape_.K == 4 && shape_.T == 64) return use<64, 4>();
+    if (shape_.K == 4 && shape_.T == 128) return use<128, 4>();
+    if (shape_.K == 4 && shape_.T == 256) return use<256, 4>();
     switch (shape_.T * shape_.K) {
       case 32:
         return use<16, 2>();
@@ -212,7 +219,7 @@ class TridiagonalLcp final : public LcpBatch {
   void use() {
     bytes_a_group_ = sizeof(double) * std::size_t(2 * Slot<T, K>::size + Group<T>::scratch);
     general_ = newton<T, K, false>;
-    if constexpr (T == 32) uniform_kernel_ = newton<T, K, true>;
+    if constexpr (T == 32 || K == 4) uniform_kernel_ = newton<T, K, true>;
     const void* const kernel = uniform_ ? (const void*)uniform_kernel_ : (const void*)general_;
     const int all = int(device_.shared_memory());
     groups_ = std::min<int>(T > 32 ? 1 : most_threads / T, all / int(bytes_a_group_));

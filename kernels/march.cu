@@ -149,6 +149,7 @@ class ModalMarch final : public March {
         known_(device, rows, n_),
         input_(device, rows, n_),
         exact_input_(device, rows, n_),
+        outcome_(device, {}),
         queued_(device, 1),
         totals_(device, 1) {
     totals_.clear();
@@ -159,17 +160,13 @@ class ModalMarch final : public March {
       drive_ = std::make_unique<DeviceArray>(device, rows, n_);
       sine_->apply(*problem.drive, nullptr, *drive_, 0);
     }
-    check(cudaMallocHost(&outcome_, sizeof *outcome_), "allocating pinned memory");
   }
-  ~ModalMarch() override { cudaFreeHost(outcome_); }
-  ModalMarch(const ModalMarch&) = delete;
-  ModalMarch& operator=(const ModalMarch&) = delete;
 
   MarchReport run(Array& y, Array& v) override {
     *outcome_ = {};
     MarchReport report;
     const Index done = take_steps(y, report);
-    if (done > 0) complete(y, v, done, outcome_);
+    if (done > 0) complete(y, v, done, outcome_.get());
     device_.wait();
     if (done == 0 || outcome_->drifted || (!polled() && outcome_->reached < rows_ && rows_ > 1))
       return make_host_march(device_, host_, problem_, rows_)->run(y, v);
@@ -270,7 +267,7 @@ class ModalMarch final : public March {
     if (rows_ < 2) return rows_;
     for (Index j = 1, last; j < rows_; j = last) {
       last = polled() ? std::min(rows_, j + piece) : rows_;
-      launch(y, j, last, outcome_);
+      launch(y, j, last, outcome_.get());
       if (!polled()) continue;
       device_.wait();
       if (outcome_->reached < last) return 0;
@@ -338,8 +335,8 @@ class ModalMarch final : public March {
   Memory<unsigned char> active_;
   Memory<int> updates_;
   Memory<unsigned long long> mail_;
-  StepOutcome* outcome_ = nullptr;  ///< pinned, written by the device
-  Memory<StepOutcome> queued_;      ///< of the run that `start` began last
+  Pinned<StepOutcome> outcome_;  ///< written by the device
+  Memory<StepOutcome> queued_;   ///< of the run that `start` began last
   Memory<MarchTotals> totals_;
   MarchTotals reported_{};
 };

@@ -14,6 +14,8 @@ std::unique_ptr<SineTransform> make_sine_product(const Device&, Index n);
 std::unique_ptr<SineTransform> make_sine_fft(const Device&, Index n, Index rows);
 std::unique_ptr<Convolution> make_scan(const Device&, const ModalRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_scan(const Device&, const DenseRecurrence&, Index rows);
+/// For few rows: diagonal weights, summed as they are.
+std::unique_ptr<Convolution> make_direct_convolution(const Device&, const LagTable&, Index rows);
 std::unique_ptr<Convolution> make_fft_convolution(const Device&, const LagTable&, Index rows);
 /// The operations as a CUDA graph; null above the size where launching them one by one is hidden behind their work.
 std::unique_ptr<Program> make_program(const Device&, Index values, const std::function<void()>& operations);
@@ -22,7 +24,8 @@ void interpolate(const Device&, const Array& coarse, const Array* old, Array& fi
 void restrict_problem(const Device&, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                       Array& coarse_r, Array& coarse_y, Array& old);
 void add(const Device&, const Array& b, double s, const Array& c, Array& a);
-double difference(const Device&, const Array& a, const Array& b);
+std::unique_ptr<Differences> make_differences(const Device&, Backend&, std::size_t slots);
+bool alternates(const Device&, const Array& y, Index run, double part);
 /// Null where the matrix is too large for these kernels.
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Device&, const Tridiagonal&, LcpClass, double shift, Index rows);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Device&, const Matrix&, LcpClass, Index rows);

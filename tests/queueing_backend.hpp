@@ -38,6 +38,7 @@ class QueueingBackend final : public Backend {
   }
   void add(const Array& b, double s, const Array& c, Array& a) override { host_->add(b, s, c, a); }
   double difference(const Array& a, const Array& b) override { return host_->difference(a, b); }
+  bool alternates(const Array& y, Index run, double part) override { return host_->alternates(y, run, part); }
   std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override { return host_->sine_transform(n, rows); }
   std::unique_ptr<Convolution> convolution(const Recurrence& r, Index rows) override {
     return host_->convolution(r, rows);

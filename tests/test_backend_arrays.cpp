@@ -108,6 +108,58 @@ TEST_P(BackendArrays, DifferenceOfWhatIsNotFinite) {
     }
 }
 
+TEST_P(BackendArrays, DifferencesAreLookedAtLater) {
+  const auto found = backend->differences(3);
+  EXPECT_EQ(found->collect(), std::vector<double>(3, 0));
+  const RowMatrix values = Random(16).matrix(50, 33), others = Random(17).matrix(50, 33);
+  const auto a = device(values), b = device(others);
+  for (int again = 0; again < 2; ++again) {  // a slot is taken anew, whatever it held
+    found->start(0, *a, *b);
+    found->start(2, *a, *a);
+    backend->add(*b, 1, *b, *b);  // what was begun is of the arrays as they were
+    EXPECT_EQ(found->collect()[0], backend->difference(*a, *device((again ? 2 : 1) * others)));
+    EXPECT_EQ(found->collect()[1], 0);
+    EXPECT_EQ(found->collect()[2], 0);
+  }
+  backend->add(*a, std::numeric_limits<double>::quiet_NaN(), *a, *a);
+  found->start(0, *a, *b);
+  EXPECT_TRUE(std::isnan(found->collect()[0]));
+}
+
+// Column `column` alternates in the rows from .. to-1 about a curve that bends too little; two rows more have second
+// differences that alternate with them, but for the ends of the array.
+RowMatrix alternating(Index rows, Index n, Index column, Index from, Index to) {
+  RowMatrix y(rows, n);
+  for (Index j = 0; j < rows; ++j)
+    for (Index i = 0; i < n; ++i) y(j, i) = 2 + std::sin(1e-3 * double(j + 7 * i));
+  for (Index j = from; j < to; ++j) y(j, column) += j % 2 ? 0.1 : -0.1;
+  return y;
+}
+
+// Runs within chunks of rows and blocks of columns, across them, and at the ends.
+TEST_P(BackendArrays, AlternatingColumnsAreFoundWhereverTheyAre) {
+  const Index rows = 300, n = 270, run = 16;
+  const auto found = [&](const RowMatrix& y) { return backend->alternates(*device(y), run, 0.01); };
+  EXPECT_FALSE(found(alternating(rows, n, 0, 0, 0)));
+  for (const Index column : {Index(0), Index(255), n - 1})
+    for (const Index from : {20l, 55l, 64l, 120l, 250l}) {
+      EXPECT_TRUE(found(alternating(rows, n, column, from, from + run))) << column << ' ' << from;
+      EXPECT_FALSE(found(alternating(rows, n, column, from, from + run - 4))) << column << ' ' << from;
+    }
+  EXPECT_TRUE(found(alternating(rows, n, 3, 0, run + 3))) << "the first rows";
+  EXPECT_TRUE(found(alternating(rows, n, 3, rows - run - 3, rows))) << "the last rows";
+  EXPECT_FALSE(found(1e-3 * alternating(rows, n, 3, 20, 60) + alternating(rows, n, 0, 0, 0))) << "too small";
+  for (const Index few : {1, 2, 3, 17}) EXPECT_FALSE(found(RowMatrix::Zero(few, 5))) << few;
+}
+
+// More than the pieces in which a device hands them over, with rows that are padded there and rows that are not.
+TEST_P(BackendArrays, LargeArraysComeBackWhole) {
+  for (const auto& [rows, n] : {std::pair<Index, Index>{6000, 127}, {70000, 9}, {3, 200000}}) {
+    const RowMatrix values = Random(18).matrix(rows, n);
+    EXPECT_EQ(host(*device(values)), values) << rows << ' ' << n;
+  }
+}
+
 // A plan is made once and run with the right-hand side of every cycle.
 TEST_P(BackendArrays, MarchReadsItsResponseAnew) {
   const Index rows = 40;

@@ -150,7 +150,7 @@ RowMatrix solved_batches(Backend& backend, const LcpMatrix& M, LcpClass lcp_clas
 }
 
 TEST_F(BackendParity, TridiagonalBatches) {
-  std::vector<Index> sizes{513, 1025};
+  std::vector<Index> sizes{129, 256, 511, 513, 1025};
   for (Index n = 1; n <= 70; ++n) sizes.push_back(n);
   for (const Index n : sizes) {
     Random random{std::uint32_t(n)};
@@ -162,6 +162,16 @@ TEST_F(BackendParity, TridiagonalBatches) {
       expect_same("tridiagonal, n = " + std::to_string(n),
                   [&](Backend& backend) { return solved_batches(backend, M, lcp_class, 37); });
   }
+}
+
+// A device takes few problems in another way than many, and matrices with constant diagonals in another than others.
+TEST_F(BackendParity, FewTridiagonalProblemsAndMany) {
+  for (const Index n : {129, 257, 511, 600})
+    for (const Index rows : {20, 1100}) {
+      const Tridiagonal M{Vector::Constant(n, -1), Vector::Constant(n, 2.5), Vector::Constant(n, -1)};
+      expect_same("n = " + std::to_string(n) + ", rows = " + std::to_string(rows),
+                  [&](Backend& backend) { return solved_batches(backend, M, LcpClass::P, rows); });
+    }
 }
 
 TEST_F(BackendParity, DenseBatches) {

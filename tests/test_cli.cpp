@@ -312,7 +312,7 @@ TEST_F(Cli, ExistingFileSurvivesARefusedRun) {
   std::ofstream(folder_ / "y.csv") << "precious";
   refused("solve signorini --steps 0 --out y.csv");
   refused("solve signorini --set T=-1 --out y.csv");
-  refused("solve signorini --method galerkin --out y.csv");
+  refused("solve signorini --method goal --out y.csv");
   EXPECT_EQ(read(folder_ / "y.csv"), "precious");
   EXPECT_EQ(files(), 1u);
 }

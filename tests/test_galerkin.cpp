@@ -227,6 +227,17 @@ TEST(Galerkin, RefusesConditionsThatDetermineNothing) {
             "boundary: row 1 of E0 and ET is zero; give one condition per state");
 }
 
+// x' = -1e-9 x + y + f, periodic: without y x is known to 1e9 roundings.
+TEST(Galerkin, SaysWhereTheBoundaryConditionIsDelicate) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1e-9}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1}};
+  scene.f = [](double t, Eigen::Ref<Vector> f) { f << std::sin(2 * pi * t); };
+  scene.boundary = BoundaryCondition{Matrix{{1}}, Matrix{{-1}}, Vector{{0}}};
+  const Result r = run(scene, Method::galerkin, 20);
+  EXPECT_NE(r.warning.find("ill-conditioned"), std::string::npos) << r.warning;
+}
+
 TEST(Galerkin, InfeasibleConstraints) {
   Scene scene = integrator({Matrix::Identity(2, 2), Matrix::Zero(2, 2), Vector::Zero(2)});
   // Two free rows with the same left side and different right sides.

@@ -19,7 +19,7 @@
 namespace bromwich {
 namespace {
 
-constexpr StepScheme schemes[] = {StepScheme::euler, StepScheme::midpoint};
+constexpr StepScheme constrained_schemes[] = {StepScheme::euler, StepScheme::midpoint};
 
 /// Two masses (q, p each) coupled by springs and damped, both pushed by a wave, each with a soft stop:
 /// 0 <= y ⊥ gap - q + y/stiffness >= 0, a force -y on p.
@@ -94,7 +94,7 @@ Index switches(const ConstraintValues& path) {
 // The equations of a step, written out: rounding of terms of the size of x, and |A| h of it.
 TEST(ConstrainedSteps, SolveTheirEquations) {
   for (const Scene& scene : switching_scenes())
-    for (const StepScheme scheme : schemes) {
+    for (const StepScheme scheme : constrained_schemes) {
       Setting s(scene);
       const Vector t = uneven_grid(scene.T, 300);
       const ConstrainedSolution solution = solve_constrained(s.system, scheme, t, scene.x0);
@@ -139,7 +139,7 @@ TEST(ConstrainedBalance, ViolationOfEulerIsTheSquareOfTheStep) {
 // energy and is smaller than that by some 1e3: the error e^2 1e3 is below 1e-8, and rounding eps/e 1e3 too.
 TEST(ConstrainedQuantity, DerivativesAreThoseOfDifferences) {
   for (const Scene& scene : switching_scenes())
-    for (const StepScheme scheme : schemes)
+    for (const StepScheme scheme : constrained_schemes)
       for (const auto& quantity : {local_balance(), global_balance(), weighted_balance(2)}) {
         Setting s(scene);
         const Vector t = uneven_grid(scene.T, 100);
@@ -162,7 +162,7 @@ TEST(ConstrainedQuantity, DerivativesAreThoseOfDifferences) {
 // The derivative of the quantity of the *solution* to the initial state is l_0: the whole chain of active sets.
 TEST(ConstrainedAdjoint, GivesTheDerivativeToTheInitialState) {
   for (const Scene& scene : switching_scenes())
-    for (const StepScheme scheme : schemes)
+    for (const StepScheme scheme : constrained_schemes)
       for (const auto& quantity : {local_balance(), end_state()}) {
         Setting s(scene);
         const Vector t = uneven_grid(scene.T, 200);

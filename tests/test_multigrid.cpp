@@ -87,8 +87,9 @@ Cycles cycles_of(const Scene& scene, Index J) {
 }
 
 TEST(Multigrid, ContractsTenfoldPerCycle) {
-  for (const double Q : {31., 63.})
+  for (const double Q : {31., 63., 255.})
     for (const Index J : {256, 1024}) {
+      if (Q == 255 && J == 1024) continue;  // takes long
       const Cycles found = cycles_of(signorini(Q), J);
       EXPECT_LE(found.contraction, 0.1) << Q << ' ' << J;
       EXPECT_GT(found.contraction, 0) << Q << ' ' << J;

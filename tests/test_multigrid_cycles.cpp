@@ -1,5 +1,6 @@
 // What a cycle of multigrid in time is made of: kernels and weights of coarse grids, queued batches, and when to stop.
 
+#include "core/cycle_watch.hpp"
 #include "core/functional_iteration.hpp"
 #include "core/multigrid.hpp"
 #include "core/scenes/catalogue.hpp"
@@ -99,6 +100,58 @@ TEST(QueuedMultigrid, DoesAgainWhatStayedUnsolved) {
   }
 }
 
+// ---- watching ----
+
+TEST(CycleWatch, EndsWhereWhatIsLeftIsBelowTheTolerance) {
+  CycleWatch watch(1e-6, INFINITY);
+  EXPECT_FALSE(watch.after(1e-1));
+  EXPECT_EQ(watch.left(), INFINITY) << "one change says nothing of the next";
+  EXPECT_EQ(watch.contraction(), 0);
+  EXPECT_FALSE(watch.after(1e-3));
+  EXPECT_DOUBLE_EQ(watch.contraction(), 1e-2);
+  EXPECT_EQ(watch.left(), INFINITY) << "the first contraction is flattered by the start";
+  const auto outcome = watch.after(1e-5);
+  ASSERT_TRUE(outcome);
+  EXPECT_EQ(outcome->status, Status::solved);
+  EXPECT_NEAR(watch.left(), 1e-5 * 0.01 / 0.99, 1e-20);
+}
+
+TEST(CycleWatch, TakesTheContractionThatACoarserGridHasSeen) {
+  CycleWatch watch(1e-12, 0.01);
+  EXPECT_FALSE(watch.after(1e-2));
+  EXPECT_DOUBLE_EQ(watch.left(), 1e-2 * 0.01 / 0.99);
+  EXPECT_EQ(watch.contraction(), 0) << "this grid has not seen it";
+}
+
+TEST(CycleWatch, EndsWhereCyclesDoNotContract) {
+  CycleWatch watch(1e-12, INFINITY);
+  EXPECT_FALSE(watch.after(1));
+  EXPECT_FALSE(watch.after(0.9));
+  const auto outcome = watch.after(0.8);
+  ASSERT_TRUE(outcome);
+  EXPECT_EQ(outcome->status, Status::tolerance_not_met);
+  EXPECT_EQ(CycleWatch(1e-12, INFINITY).after(NAN)->status, Status::nonfinite);
+}
+
+TEST(CycleWatch, ForgetsWhatWasSeenWhereCyclesAreOthers) {
+  CycleWatch watch(1e-12, 0.01);
+  EXPECT_FALSE(watch.after(1));
+  EXPECT_FALSE(watch.after(0.9));
+  watch.restart();
+  EXPECT_EQ(watch.left(), INFINITY);
+  EXPECT_EQ(watch.contraction(), 0);
+  EXPECT_FALSE(watch.after(0.8)) << "the second slow cycle in a row, were it not for the restart";
+  EXPECT_EQ(watch.left(), INFINITY) << "nothing is known of the new cycles";
+  EXPECT_FALSE(watch.after(0.7));
+  EXPECT_TRUE(watch.after(0.65)) << "two slow ones again";
+  // They are counted on: nothing cycles for ever.
+  CycleWatch patient(1e-300, INFINITY);
+  Index cycles = 1;
+  for (double change = 1; !patient.after(change); change *= 0.4, ++cycles)
+    if (cycles % 3 == 0) patient.restart();
+  EXPECT_EQ(cycles, CycleWatch::most_cycles);
+}
+
 // ---- the coarsest grid ----
 
 TEST(Multigrid, ContractsAsWellWithSweepsOnTheCoarsestGridAsWithAMarch) {
@@ -135,6 +188,30 @@ TEST(Multigrid, MarchesTheCoarsestGridWhereNoSymbolIsKnown) {
   const Scene scene = expanding();
   const DiscreteProblem p = discretise(scene, *backend, 1280);
   EXPECT_TRUE(time_levels(p, nullptr, {}).grids.back()->march);
+}
+
+TEST(Multigrid, IsInterruptedWithinTheMarchOfTheCoarsestGrid) {
+  // Asked before the first grid, the coarsest, and then after 64 of its steps.
+  Options options = options_for(Method::multigrid, 1280);
+  int asked = 0;
+  options.interrupted = [&] { return ++asked == 2; };
+  const Result result = run(expanding(), options);
+  EXPECT_EQ(result.status, Status::interrupted);
+  EXPECT_EQ(asked, 2);
+  EXPECT_TRUE(result.y.array().isNaN().all());
+}
+
+// Sweeps of a cycle cost the more the finer the grid; only the two finest have to smooth well.
+TEST(TimeLevels, CoarseGridsTakeFewerSweepsAndEndEarly) {
+  const auto backend = make_cpu_backend(1);
+  const Scene scene = membrane(127);
+  const DiscreteProblem p = discretise(scene, *backend, 1024);
+  const TimeLevels levels = time_levels(p, nullptr, {});
+  ASSERT_EQ(levels.size(), 4u) << "1024, 512, 256, 128";
+  EXPECT_LT(levels.grids[2]->sweeps, levels.grids[2]->coarsest_sweeps - 1);
+  EXPECT_EQ(levels.grids[3]->sweeps, levels.grids[3]->coarsest_sweeps);
+  const DiscreteProblem few = discretise(scene, *backend, 128);
+  EXPECT_EQ(time_levels(few, nullptr, {}).size(), 3u) << "three grids, for an estimate of the error";
 }
 
 // ---- no further than is useful ----

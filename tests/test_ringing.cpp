@@ -2,7 +2,8 @@
 
 #include "core/ringing.hpp"
 
-#include "run.hpp"
+#include "tests/reference.hpp"
+#include "tests/run.hpp"
 
 #include <Eigen/Dense>
 
@@ -72,6 +73,24 @@ TEST(Ringing, IsSeenInASolution) {
   for (Index j = 40; j <= J; ++j) kink(j, 0) = 3;
   EXPECT_EQ(ringing_from(kink), -1);
   EXPECT_EQ(ringing_from(RowMatrix::Zero(50, 3)), -1);
+}
+
+// The rows taken in chunks, each with what comes before it, find what all of them do.
+TEST(Ringing, IsSeenInChunksOfRows) {
+  reference::Random random{41};
+  for (int k = 0; k < 20; ++k) {
+    RowMatrix y = random.matrix(90, 3);  // every other random number or so has a second difference of the other sign
+    y.topRows(30) *= 1e-3;
+    Vector largest = Vector::Zero(3);
+    largest_of_columns(y, 0, 90, largest);
+    EXPECT_EQ(largest, y.cwiseAbs().colwise().maxCoeff().transpose());
+    for (const Index run : {2, 5, 9}) {
+      bool found = false;
+      for (Index begin = 0; begin < 90; begin += 7)
+        found = found || alternates(y, begin, std::min<Index>(90, begin + 7), 0.01 * largest, run);
+      EXPECT_EQ(found, alternates(y, 0, 90, 0.01 * largest, run)) << run;
+    }
+  }
 }
 
 // S15 in small: a stiff contact. With steps too long for its compliance the continuous basis would grow silently.

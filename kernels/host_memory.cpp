@@ -1,0 +1,97 @@
+#include "kernels/host_memory.hpp"
+
+#include "kernels/device.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <thread>
+
+namespace bromwich::cuda {
+
+PinnedSlots::~PinnedSlots() {
+  for (void* page : pages_) cudaFreeHost(page);
+}
+
+void* PinnedSlots::take() {
+  constexpr std::size_t slots = 32;
+  if (free_.empty()) {
+    void* page = nullptr;
+    check(cudaMallocHost(&page, slots * slot_bytes), "allocating pinned memory");
+    pages_.push_back(page);
+    for (std::size_t i = slots; i-- > 0;) free_.push_back(static_cast<char*>(page) + i * slot_bytes);
+  }
+  void* const slot = free_.back();
+  free_.pop_back();
+  return slot;
+}
+
+namespace {
+
+constexpr std::size_t fetchers = 4, buffer_bytes = std::size_t(1) << 20;
+
+}  // namespace
+
+void fill(double* to, std::size_t count, double value) {
+  const std::size_t at_work = count * sizeof(double) < buffer_bytes ? 1 : fetchers, share = count / at_work;
+  const auto work = [&](std::size_t mine) {
+    std::fill(to + mine * share, mine + 1 < at_work ? to + (mine + 1) * share : to + count, value);
+  };
+  std::vector<std::jthread> others;
+  for (std::size_t mine = 1; mine < at_work; ++mine) others.emplace_back(work, mine);
+  work(0);
+}
+
+Fetchers::~Fetchers() {
+  for (const Fetcher& f : fetchers_) {
+    cudaStreamDestroy(f.stream);
+    cudaFreeHost(f.buffer);
+  }
+  if (ready_) cudaEventDestroy(ready_);
+}
+
+void Fetchers::make() {
+  if (!ready_) check(cudaEventCreateWithFlags(&ready_, cudaEventDisableTiming), "making an event");
+  while (fetchers_.size() < fetchers) {
+    Fetcher f;
+    check(cudaMallocHost(&f.buffer, buffer_bytes), "allocating pinned memory");
+    check(cudaStreamCreateWithFlags(&f.stream, cudaStreamNonBlocking), "making a stream");
+    fetchers_.push_back(f);
+  }
+}
+
+void Fetchers::fetch(const void* from, std::size_t pitch, void* to, std::size_t width, std::size_t rows,
+                     cudaStream_t stream) {
+  const std::size_t together = buffer_bytes / pitch;  // rows of a piece
+  if (together == 0) {
+    check(cudaMemcpy2DAsync(to, width, from, pitch, width, rows, cudaMemcpyDeviceToHost, stream), "copying rows");
+    return check(cudaStreamSynchronize(stream), "copying rows");
+  }
+  if (fetchers_.size() < fetchers) make();
+  check(cudaEventRecord(ready_, stream), "copying rows");
+  const std::size_t pieces = (rows + together - 1) / together, at_work = std::min(pieces, fetchers);
+  std::vector<cudaError_t> errors(at_work, cudaSuccess);
+  const auto work = [&](std::size_t mine) {
+    const Fetcher& f = fetchers_[mine];
+    cudaError_t& error = errors[mine];
+    const auto done = [&error](cudaError_t status) { return (error = status) == cudaSuccess; };
+    if (!done(cudaSetDevice(device_)) || !done(cudaStreamWaitEvent(f.stream, ready_, 0))) return;
+    for (std::size_t piece = mine; piece < pieces; piece += at_work) {
+      const std::size_t first = piece * together, count = std::min(together, rows - first);
+      const char* const source = static_cast<const char*>(from) + first * pitch;
+      if (!done(cudaMemcpyAsync(f.buffer, source, count * pitch, cudaMemcpyDeviceToHost, f.stream)) ||
+          !done(cudaStreamSynchronize(f.stream)))
+        return;
+      for (std::size_t j = 0; j < count; ++j)
+        std::memcpy(static_cast<char*>(to) + (first + j) * width, static_cast<const char*>(f.buffer) + j * pitch,
+                    width);
+    }
+  };
+  {
+    std::vector<std::jthread> others;
+    for (std::size_t mine = 1; mine < at_work; ++mine) others.emplace_back(work, mine);
+    work(0);
+  }
+  for (const cudaError_t error : errors) check(error, "copying rows");
+}
+
+}  // namespace bromwich::cuda
