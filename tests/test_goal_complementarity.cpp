@@ -200,7 +200,7 @@ TEST(ConstrainedSteps, ConvergeToTheReferenceOfTheLadder) {
   Setting s(make_scene("ladder-diodes"));
   const std::vector<Index> which{0, 1, 2, 15};
   const Vector reference{{0.1235472373142, 0.1318413479844, -0.002213773926825, 0.0007106097436654}};
-  for (const StepScheme scheme : schemes) {
+  for (const StepScheme scheme : constrained_schemes) {
     std::vector<double> errors;
     for (const Index M : {4000, 8000, 16000}) {
       const Vector t = Vector::LinSpaced(M + 1, 0, s.scene.T);
@@ -224,7 +224,7 @@ TEST(ConstrainedGoal, GridFindsTheSwitches) {
   for (std::size_t i = 1; i < steps.modes.size(); ++i)
     if (steps.modes[i] != steps.modes[i - 1]) times.push_back(fine[Index(i)]);
   ASSERT_GE(times.size(), 8u);
-  for (const StepScheme scheme : schemes) {
+  for (const StepScheme scheme : constrained_schemes) {
     GoalOptions goal;
     goal.scheme = scheme;
     Options options = options_for(Method::goal, 400);
