@@ -117,6 +117,7 @@ __global__ void substitute(Chain c, double* __restrict__ x, int length, const do
 __device__ double product_entry(const double* left, const double* X, int m, int o) {
   const int r = o % (m + 1), j = o / (m + 1);
   double sum = 0;
+#pragma unroll 8
   for (int k = 0; k < m; ++k) sum += left[k * (m + 1) + r] * X[j * m + k];
   return sum;
 }
@@ -211,7 +212,7 @@ class DeviceStepChain final : public StepChain {
     P_.put(P.data());
     inverse_.put(inverse.data());
     // Steps within a chunk cost about four times what a chunk costs in the carry; all chunks run at once.
-    const int resident = device.multiprocessors() * std::max(1, 1024 / whole_warps((m_ + 1) * m_));
+    const int resident = device.multiprocessors() * std::max(1, 2048 / whole_warps((m_ + 1) * m_));
     const int chunks = std::clamp(int(2 * std::sqrt(double(M_))), 1, resident);
     length_ = (M_ + chunks - 1) / chunks;
     chunks_ = (M_ + length_ - 1) / length_;

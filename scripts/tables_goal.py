@@ -109,3 +109,22 @@ def goal_peers(data):
             lines.append([scene, name] + [number(rows[s][key]) for key in ("violation_right", "violation_linear") for s in steps] + [seconds(rows[steps[-1]]["seconds"]["median"])])
     head = ["scene", "solver", *[f"right ends, {s}" for s in steps], *[f"straight lines, {s}" for s in steps], "time"]
     return table(head, lines) + ["", f"SciPy's BDF and Adams (VODE, rtol 1e-6), Σ\\|v\\| of x at equal time points. {data['machine']['cpu']}, {data['compiler']}."]
+
+
+def adjoints(data):
+    """One line a chain and way, the processor beside the device."""
+    found = {}
+    for row in data["rows"]:
+        chain = (row["states"], row["steps"], row["sizes"], row["sparse"])
+        found.setdefault(chain, {}).setdefault(row["what"], {})[row["backend"]] = row
+    lines = []
+    for (states, steps, sizes, sparse), ways in found.items():
+        title = f"m = {states}{', sparse' if sparse else ''}, {steps} steps of {sizes} size{'s' if sizes > 1 else ''}"
+        for what, on in ways.items():
+            times = [seconds(on[backend]["seconds"]["median"]) if backend in on else "" for backend in ("cpu", "cuda")]
+            error = max(row["difference_max"] for row in on.values())
+            lines.append([title, what, *times, number(error) if error > 0 else ""])
+            title = ""
+    device = data["parameters"].get("device", "no device")
+    head = ["chain", "", "processor", "device", "differs from substitution by"]
+    return table(head, lines) + ["", f"{device}; {machine(data)}, median of {data['repeats']}."]

@@ -119,8 +119,7 @@ TEST(ConstrainedSteps, SolveTheirEquations) {
     }
 }
 
-// v = -||x_i - x_{i-1}||^2 / 2 in the norm of Q^T E for Euler, with what the constraints take out counted as supplied;
-// h/12 ||x_i - x_{i-1}||^2 in that of Q^T R Q and the variation of u for midpoint, where u is constant.
+// v = -||x_i - x_{i-1}||^2 / 2 in the norm of Q^T E for Euler, with what the constraints take out counted as supplied.
 TEST(ConstrainedBalance, ViolationOfEulerIsTheSquareOfTheStep) {
   for (const Scene& scene : switching_scenes()) {
     Setting s(scene);
@@ -277,6 +276,7 @@ TEST(ConstrainedGoal, RefusesWhatItCannotDo) {
   options.goal = nullptr;
   Scene ideal = two_stops();
   ideal.M = Matrix(Matrix::Zero(2, 2));
+  ideal.lcp_class = LcpClass::automatic;
   EXPECT_TRUE(refusal([&] { solve(ideal, *backend, options); }).starts_with("method: goal needs M of class P"));
 }
 
