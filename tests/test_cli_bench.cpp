@@ -1,6 +1,7 @@
 // The studies of `bromwich bench`, at their smallest sizes: what they write is complete and says what is true.
 
 #include "cli.hpp"
+#include "files/scene_file.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -114,6 +115,7 @@ TEST_F(Bench, TolSetsEstimatesBesideTrueErrors) {
 }
 
 TEST_F(Bench, TolMeasuresTheMeanWhereYJumps) {
+  if (!scene_files_available()) GTEST_SKIP() << "this build reads no scene files";
   const std::string file = std::string(BROMWICH_EXAMPLES) + "/bottlenecks-hard.toml";
   const Json json = study("tol " + file);
   ASSERT_EQ(json["rows"].size(), 3u);

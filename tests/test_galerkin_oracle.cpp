@@ -55,7 +55,7 @@ TEST(GalerkinOracle, ScenesWithTwoEnds) {
     Index few, many;
   };
   // Kinks off the nodes, at the same places of their intervals on both grids: a kink costs h^1.5 in L2.
-  for (const auto& [name, few, many] : {Grids{"nash-game", 7, 57}, Grids{"lq-control", 4, 75}}) {
+  for (const auto& [name, few, many] : {Grids{"nash-game", 17, 57}, Grids{"lq-control", 4, 75}}) {
     const Scene scene = make_scene(name);
     const GalerkinError coarse = oracle_error(scene, few), fine = oracle_error(scene, many);
     EXPECT_GE(std::log(coarse.y / fine.y) / std::log(double(many) / double(few)), 1.4) << name << ' ' << fine.y;
