@@ -76,9 +76,9 @@ EndStates solve_ends(const Segment& all, const BoundaryCondition& boundary) {
 
 RowMatrix solve_two_point_forward(const std::vector<const Matrix*>& P, const RowMatrix& p,
                                   const BoundaryCondition& boundary, double least_condition) {
-  constexpr double accepted_rounding = 1e-12;
   constexpr double least_forward_condition = 1e-4;  // the ends lose no more digits than that
   const Index N = p.rows(), m = p.cols();
+  const double accepted_rounding = 1e-12 + 8 * epsilon * double(N);  // N steps round N times
   const RowMatrix none(0, m);
   Matrix Phi = Matrix::Identity(m, m), next_Phi(m, m);
   Vector phi = Vector::Zero(m), next(m), reach = Vector::Ones(m);

@@ -1,0 +1,36 @@
+#pragma once
+// What Eigen makes of its factorizations for Matrix takes seconds to compile and is used everywhere: it is compiled
+// once, in eigen_instances.cpp. This header belongs into precompiled headers and nowhere else; without it every source
+// compiles its own.
+
+#include <Eigen/Dense>
+
+#ifndef BROMWICH_EIGEN_INSTANCE
+#define BROMWICH_EIGEN_INSTANCE extern template
+#endif
+
+namespace Eigen {
+
+BROMWICH_EIGEN_INSTANCE class PartialPivLU<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class PartialPivLU<MatrixXcd>;
+BROMWICH_EIGEN_INSTANCE class FullPivLU<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class HouseholderQR<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class ColPivHouseholderQR<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class CompleteOrthogonalDecomposition<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class JacobiSVD<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class SelfAdjointEigenSolver<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class EigenSolver<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class RealSchur<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class LDLT<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class LLT<MatrixXd>;
+
+namespace internal {
+
+using DoubleTraits = gebp_traits<double, double>;
+using DoubleMapper = blas_data_mapper<double, Index, ColMajor, Unaligned, 1>;
+BROMWICH_EIGEN_INSTANCE struct gebp_kernel<double, double, Index, DoubleMapper, DoubleTraits::mr, DoubleTraits::nr,
+                                           false, false>;
+
+}  // namespace internal
+
+}  // namespace Eigen
