@@ -45,7 +45,8 @@ EndStates solve_ends(const Segment&, const BoundaryCondition&);
 
 /// All states, (N+1) x m; P has N pointers, p is N x m. Empty (no rows) where the boundary condition does not determine
 /// them to `least_condition`. Forward, x_k = Phi_k x_0 + phi_k, where rounding carried along the steps provably stays
-/// below 1e-12 + 8 eps N of the states; with many states x_0 by a Krylov method, where that ends; otherwise by segments.
+/// below 1e-12 + 8 eps N of the states; with many states x_0 by a Krylov method, where that ends; otherwise by
+/// segments.
 RowMatrix solve_two_point(const std::vector<const Matrix*>& P, const RowMatrix& p, const BoundaryCondition&,
                           double least_condition);
 
