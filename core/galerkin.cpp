@@ -5,6 +5,7 @@
 #include "core/galerkin_checks.hpp"
 #include "core/galerkin_free.hpp"
 #include "core/galerkin_solvers.hpp"
+#include "core/states.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
 
@@ -17,13 +18,6 @@ namespace {
 constexpr Index most_dense_states = 1024;
 constexpr double accepted_residual = 1e-9;
 constexpr double delicate_boundary = 1e-7;  ///< reciprocal condition of the boundary problem
-
-std::vector<Index> recorded_components(const Scene& scene, const Options& options) {
-  if (options.states == StateSelection::list) return options.components;
-  std::vector<Index> all(options.states == StateSelection::all ? std::size_t(scene.states()) : 0);
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = Index(i);
-  return all;
-}
 
 void add_warning(Result& result, const std::string& words) {
   result.warning += (result.warning.empty() ? "" : "; ") + words;
@@ -94,7 +88,7 @@ GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& p, Ba
   if (p.unknowns() == 0) return linear_solution(p);
   if (p.initial_value && backend.device().memory > 0) {  // a device has no use for one interval at a time
     GalerkinSolution sweeps = iterate_galerkin(p, backend, options);
-    if (has_ended(sweeps)) return sweeps;
+    if (sweeps.status == Status::solved || sweeps.status == Status::interrupted) return sweeps;
   }
   if (p.initial_value) return march_galerkin(p, backend, options);
   return solve_boundary_problem(p, options, nested_start(scene, p.N, p.unknowns(), options));

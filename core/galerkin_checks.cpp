@@ -8,6 +8,7 @@
 #include <Eigen/Dense>
 
 #include <algorithm>
+#include <optional>
 
 namespace bromwich {
 
@@ -45,6 +46,15 @@ void require_independent_rows(const BoundaryCondition& c) {
               "give independent conditions, one per state");
 }
 
+// With the weight e^{-exponent t/T} the boundary condition may leave states open that it determines without.
+std::optional<double> eigenvalue_where_determined(const Scene& scene, Index N, double exponent) {
+  try {
+    return smallest_symmetric_eigenvalue(scene, N, exponent / scene.T);
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
 }  // namespace
 
 double require_determined_states(const GalerkinProblem& p) {
@@ -65,9 +75,10 @@ Uniqueness uniqueness_of(const Scene& scene, Index N) {
   const double size = std::max(to_dense(scene.M).cwiseAbs().maxCoeff(), 1e-300);
   double best = -INFINITY;
   for (const double exponent : {0.0, 2.0, -2.0}) {
-    const double sigma = smallest_symmetric_eigenvalue(scene, std::min(N, coarse_intervals), exponent / scene.T);
-    if (sigma > clearly_positive * size) return {true, ""};
-    best = std::max(best, sigma);
+    const std::optional<double> sigma = eigenvalue_where_determined(scene, std::min(N, coarse_intervals), exponent);
+    if (!sigma) continue;
+    if (*sigma > clearly_positive * size) return {true, ""};
+    best = std::max(best, *sigma);
   }
   if (std::abs(best) <= clearly_positive * size)
     return {false, "uniqueness is not assured: monotone, but the smallest eigenvalue of the symmetric part is 0"};

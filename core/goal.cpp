@@ -10,6 +10,7 @@
 #include "core/goal_complementarity.hpp"
 #include "core/goal_indicators.hpp"
 #include "core/grid_adaptation.hpp"
+#include "core/states.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
 
@@ -57,13 +58,6 @@ void validate(const GoalOptions& goal, double T) {
 
 /// Arrays of the grid and of the halved one, on both sides of the backend.
 double bytes_of(Index cells, Index states) { return 22. * sizeof(double) * double(cells) * double(states); }
-
-std::vector<Index> recorded(const Scene& scene, const Options& options) {
-  if (options.states == StateSelection::list) return options.components;
-  std::vector<Index> all(options.states == StateSelection::all ? std::size_t(scene.states()) : 0);
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = Index(i);
-  return all;
-}
 
 }  // namespace
 
@@ -145,7 +139,7 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   result.y = RowMatrix(M + 1, 0);
   result.residual = 0;  // of no constraints
   if (constrained) constrained->report(grid, result);
-  result.x_components = recorded(scene, options);
+  result.x_components = recorded_components(scene, options);
   result.x.resize(M + 1, Index(result.x_components.size()));
   for (Index c = 0; c < result.x.cols(); ++c) result.x.col(c) = grid.last.x.col(result.x_components[std::size_t(c)]);
   result.t = std::move(grid.t);

@@ -176,13 +176,6 @@ bool finite_sources(const DiscreteProblem& p, Result& result) {
   return true;
 }
 
-std::vector<Index> selected(const Scene& scene, const Options& options) {
-  if (options.states == StateSelection::list) return options.components;
-  std::vector<Index> all(options.states == StateSelection::all ? std::size_t(scene.states()) : 0);
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = Index(i);
-  return all;
-}
-
 }  // namespace
 
 const char* to_string(Method method) {
@@ -206,7 +199,7 @@ Result by_galerkin(const Scene& scene, Backend& backend, const Options& options)
   Options named = options;
   named.method = Method::galerkin;
   const Index J = options.steps > 0 ? options.steps : scene.default_steps;
-  const Cost cost = refuse_what_does_not_fit(scene, named, J, Index(selected(scene, options).size()));
+  const Cost cost = refuse_what_does_not_fit(scene, named, J, Index(recorded_components(scene, options).size()));
   Result result = solve_by_galerkin(scene, backend, named);
   result.bytes_predicted = std::size_t(cost.bytes);
   return result;
@@ -219,7 +212,7 @@ Result unsupported(const Scene& scene, const Backend& backend, const Options& op
   result.backend = backend.name();
   result.steps = options.steps > 0 ? options.steps : scene.default_steps;
   result.t = Vector::LinSpaced(result.steps + 1, 0, scene.T);
-  result.x_components = selected(scene, options);
+  result.x_components = recorded_components(scene, options);
   result.y = RowMatrix::Constant(result.steps + 1, scene.constraints(), NAN);
   result.x = RowMatrix::Constant(result.steps + 1, Index(result.x_components.size()), NAN);
   if (options.trace) result.trace = result.y;
@@ -266,7 +259,7 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
   if (const RowMatrix* y = options.first_iterate; y && (y->rows() != J + 1 || y->cols() != scene.constraints()))
     throw Error("first_iterate", "found " + std::to_string(y->rows()) + " x " + std::to_string(y->cols()),
                 "give one row per time point and one column per constraint");
-  const std::vector<Index> components = selected(scene, options);
+  const std::vector<Index> components = recorded_components(scene, options);
   const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device());
   Methods methods(scene, backend, J, components);
   const DiscreteProblem& p = methods.problem();

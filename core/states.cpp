@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace bromwich {
 
@@ -137,6 +138,13 @@ Matrix dense_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::
 }
 
 }  // namespace
+
+std::vector<Index> recorded_components(const Scene& scene, const Options& options) {
+  if (options.states == StateSelection::list) return options.components;
+  std::vector<Index> all(options.states == StateSelection::all ? std::size_t(scene.states()) : 0);
+  std::iota(all.begin(), all.end(), Index(0));
+  return all;
+}
 
 RowMatrix sparse_states(const DiscreteProblem& p, const SparseKernel& kernel, const RowMatrix& y) {
   const Index rows = p.J + 1, c = kernel.seen_free.cols();

@@ -2,9 +2,13 @@
 // The state x, a by-product: computed only where it is asked for.
 
 #include "discrete_problem.hpp"
+#include "solve.hpp"
 #include "sparse_kernel.hpp"
 
 namespace bromwich {
+
+/// The components of the state that Options::states asks for.
+std::vector<Index> recorded_components(const Scene&, const Options&);
 
 /// All time points, chosen components: (J+1) x components.size(), row 0 = x0. The state is stepped (in sine modes for
 /// the Kronecker sum), O(J m) operations and, for the grid points asked for, O(J m) more per position on the lines.
