@@ -23,7 +23,7 @@ namespace {
 constexpr int lanes = 32, group = 8, tile = 16;
 constexpr int most_warps = 8;         ///< of a block; more exponentials are taken in slabs
 constexpr Index most_chunks = 65535;  ///< of a grid of blocks in its second direction
-constexpr Index most_direct = 257;    ///< rows whose weights are summed as they are
+constexpr Index most_direct = 513;    ///< rows whose weights are summed as they are
 constexpr double cheap_carry = 8e6;   ///< bytes read for carrying without a pass of its own
 
 /// K x n tables with the mode index contiguous, K a multiple of `group`, n of `lanes`.
@@ -266,8 +266,7 @@ class ModalScan final : public Convolution {
 }  // namespace
 
 std::unique_ptr<Convolution> make_scan(const Device& device, const ModalRecurrence& r, Index rows) {
-  if (rows <= most_direct && r.initial.size() == 0)
-    return make_direct_convolution(device, lag_table(r, rows - 1), rows);
+  if (rows <= most_direct && r.initial.size() == 0) return make_direct_convolution(device, r, rows);
   return std::make_unique<ModalScan>(device, r, rows);
 }
 
