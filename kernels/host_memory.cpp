@@ -2,9 +2,10 @@
 
 #include "kernels/device.hpp"
 
+#include <omp.h>
+
 #include <algorithm>
 #include <cstring>
-#include <thread>
 
 namespace bromwich::cuda {
 
@@ -30,7 +31,7 @@ namespace {
 constexpr std::size_t most_fetchers = 8, buffer_bytes = std::size_t(1) << 20, piece_bytes = buffer_bytes / 2;
 
 std::size_t fetchers() {
-  static const std::size_t count = std::clamp<std::size_t>(std::thread::hardware_concurrency(), 1, most_fetchers);
+  static const std::size_t count = std::clamp<std::size_t>(std::size_t(omp_get_num_procs()), 1, most_fetchers);
   return count;
 }
 
@@ -41,9 +42,8 @@ void fill(double* to, std::size_t count, double value) {
   const auto work = [&](std::size_t mine) {
     std::fill(to + mine * share, mine + 1 < at_work ? to + (mine + 1) * share : to + count, value);
   };
-  std::vector<std::jthread> others;
-  for (std::size_t mine = 1; mine < at_work; ++mine) others.emplace_back(work, mine);
-  work(0);
+#pragma omp parallel for schedule(static, 1) num_threads(int(at_work))
+  for (std::size_t mine = 0; mine < at_work; ++mine) work(mine);
 }
 
 Fetchers::~Fetchers() {
@@ -98,11 +98,8 @@ void Fetchers::fetch(const void* from, std::size_t pitch, void* to, std::size_t 
       for (std::size_t j = 0; j < count(piece); ++j) std::memcpy(target + j * width, half(turn) + j * pitch, width);
     }
   };
-  {
-    std::vector<std::jthread> others;
-    for (std::size_t mine = 1; mine < at_work; ++mine) others.emplace_back(work, mine);
-    work(0);
-  }
+#pragma omp parallel for schedule(static, 1) num_threads(int(at_work))
+  for (std::size_t mine = 0; mine < at_work; ++mine) work(mine);
   for (const cudaError_t error : errors) check(error, "copying rows");
 }
 
