@@ -19,7 +19,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index most_exchanges = 200;
 constexpr double least_pivot_condition = 1e-13;  ///< of D_SS; below it the active set counts as singular
 constexpr double sign_tolerance = 1e-13;         ///< of the largest z, and of the largest w
 
@@ -88,11 +87,11 @@ class Exchange {
     chain_->set_sources(p.forcing, p.q);
   }
 
-  GalerkinSolution run(const RowMatrix* start) {
+  GalerkinSolution run(const RowMatrix* start, Index most) {
     GalerkinSolution s;
     if (start) start_from(*start);
     std::unordered_set<std::size_t> visited;
-    for (s.iterations = 1; s.iterations <= most_exchanges; ++s.iterations) {
+    for (s.iterations = 1; s.iterations <= most; ++s.iterations) {
       if (options_.interrupted && options_.interrupted()) {
         s.status = Status::interrupted;
         s.reason = "stopped on request";
@@ -114,8 +113,8 @@ class Exchange {
       }
     }
     if (s.status != Status::solved && s.reason.empty())
-      s.reason = text("the active sets still change after %ld exchanges", long(most_exchanges));
-    if (s.status != Status::solved) s.z = RowMatrix::Zero(p_.N, p_.unknowns());
+      s.reason = text("the active sets still change after %ld exchanges", long(most));
+    if (s.status != Status::solved) last_values(s);
     s.how = text("active sets of all intervals exchanged %ld times, two-point problems in blocks of intervals",
                  long(s.iterations));
     s.lcp.newton = s.iterations;
@@ -147,6 +146,7 @@ class Exchange {
       return false;
     }
     sizes = chain_->evaluate();
+    evaluated_ = true;
     if (!sizes.finite) reason = "the iteration is not finite";
     return sizes.finite;
   }
@@ -183,6 +183,12 @@ class Exchange {
     s.z = (s.z.array() > 0).select(s.z, 0.0);
   }
 
+  // Of the sets that were solved for last.
+  void last_values(GalerkinSolution& s) const {
+    if (evaluated_) s.z = active_part(s.x).cwiseMax(0);
+    if (!evaluated_ || !s.z.allFinite()) s.z = RowMatrix::Zero(p_.N, p_.unknowns());
+  }
+
   // v on the active sets, 0 elsewhere.
   RowMatrix active_part(RowMatrix& x) const {
     RowMatrix v;
@@ -192,7 +198,7 @@ class Exchange {
   RowMatrix on_active_sets(RowMatrix v) const {
     for (Index k = 0; k < p_.N; ++k)
       for (Index i = 0; i < v.cols(); ++i)
-        if (!contains(&active_[std::size_t(k * words_)], i)) v(k, i) = 0;
+        if (!contains(maps_.maps()[std::size_t(map_of_[std::size_t(k)])]->active.data(), i)) v(k, i) = 0;
     return v;
   }
 
@@ -209,13 +215,14 @@ class Exchange {
   Index words_;
   SetWords active_;
   std::vector<int> map_of_;
+  bool evaluated_ = false;
 };
 
 }  // namespace
 
 GalerkinSolution exchange_active_sets(const GalerkinProblem& p, Backend& backend, const Options& options,
-                                      const RowMatrix* start) {
-  return Exchange(p, backend, options).run(start);
+                                      const RowMatrix* start, Index most) {
+  return Exchange(p, backend, options).run(start, most);
 }
 
 double natural_residual(const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x) {

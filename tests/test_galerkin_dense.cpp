@@ -260,7 +260,8 @@ TEST(TwoPoint, BlocksSegmentsAndKrylovAgree) {
     ASSERT_EQ(segments.rows(), N + 1) << m;
     if (m <= 4)  // the bound that is carried along grows with the absolute values
       for (const Index length : {1, 7, 30, 128})
-        EXPECT_LE(distance(solve_two_point_in_blocks(P, p, ends, 1e-12, length), segments), 1e-12) << m << ' ' << length;
+        EXPECT_LE(distance(solve_two_point_in_blocks(P, p, ends, 1e-12, length), segments), 1e-12)
+            << m << ' ' << length;
     EXPECT_LE(distance(solve_two_point_krylov(P, p, ends), segments), 1e-12) << m;
     for (Index k = 0; k < N; ++k)
       EXPECT_LE(
