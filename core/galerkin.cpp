@@ -26,9 +26,10 @@ void add_warning(Result& result, const std::string& words) {
 bool has_ended(const GalerkinSolution& s) { return s.status != Status::tolerance_not_met; }
 
 // Boundary values: the fast method first, then the safe ones. Of several failures the first is the one to explain.
-GalerkinSolution solve_boundary_problem(const GalerkinProblem& p, const Options& options, const RowMatrix& start) {
+GalerkinSolution solve_boundary_problem(const GalerkinProblem& p, Backend& backend, const Options& options,
+                                        const RowMatrix& start) {
   constexpr Index looked_at = 256;
-  GalerkinSolution first = exchange_active_sets(p, options, &start);
+  GalerkinSolution first = exchange_active_sets(p, backend, options, &start);
   if (has_ended(first)) return first;
   const Index infeasible = first_infeasible_interval(p, std::max<Index>(1, p.N / looked_at));
   if (infeasible >= 0) {
@@ -38,7 +39,7 @@ GalerkinSolution solve_boundary_problem(const GalerkinProblem& p, const Options&
                         double(infeasible) * p.h);
     return first;
   }
-  GalerkinSolution damped = damped_newton(p, options, start);
+  GalerkinSolution damped = damped_newton(p, backend, options, start);
   if (has_ended(damped)) return damped;
   if (p.N * p.unknowns() <= most_assembled) {
     GalerkinSolution pivoted = pivot_assembled(p, options);
@@ -61,14 +62,14 @@ RowMatrix halved_intervals(const RowMatrix& z) {
 }
 
 // The active sets of coarser grids: most exchanges happen where they cost little.
-RowMatrix nested_start(const Scene& scene, Index N, Index unknowns, const Options& options) {
+RowMatrix nested_start(const Scene& scene, Index N, Index unknowns, Backend& backend, const Options& options) {
   constexpr Index fewest_intervals = 32;
   const RowMatrix nothing = RowMatrix::Zero(N, unknowns);
   if (N % 2 != 0 || N / 2 < fewest_intervals) return nothing;
   const GalerkinProblem p = galerkin_problem(scene, N / 2);
   const FreeElimination elimination(p, scene.free_rows);
-  const GalerkinSolution s =
-      solve_boundary_problem(elimination.reduced(), options, nested_start(scene, N / 2, unknowns, options));
+  const GalerkinSolution s = solve_boundary_problem(elimination.reduced(), backend, options,
+                                                    nested_start(scene, N / 2, unknowns, backend, options));
   return s.status == Status::solved ? halved_intervals(s.z) : nothing;
 }
 
@@ -91,7 +92,7 @@ GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& p, Ba
     if (sweeps.status == Status::solved || sweeps.status == Status::interrupted) return sweeps;
   }
   if (p.initial_value) return march_galerkin(p, backend, options);
-  return solve_boundary_problem(p, options, nested_start(scene, p.N, p.unknowns(), options));
+  return solve_boundary_problem(p, backend, options, nested_start(scene, p.N, p.unknowns(), backend, options));
 }
 
 // (J+1) rows: the left end of the first interval, then all right ends.

@@ -41,8 +41,8 @@ GalerkinProblem comparable(const GalerkinProblem& p, const Equilibration& e) {
 
 class DampedNewton {
  public:
-  DampedNewton(const GalerkinProblem& p, const Options& options)
-      : scale_(equilibrate(p.step.D)), p_(comparable(p, scale_)), options_(options) {}
+  DampedNewton(const GalerkinProblem& p, Backend& backend, const Options& options)
+      : scale_(equilibrate(p.step.D)), p_(comparable(p, scale_)), backend_(backend), options_(options) {}
 
   GalerkinSolution run(const RowMatrix& start) {
     z_ = start * scale_.columns.cwiseInverse().asDiagonal();
@@ -90,7 +90,7 @@ class DampedNewton {
   // The active sets of the iterate, tried as those of a solution.
   bool finished(GalerkinSolution& s) const {
     const RowMatrix active = (z_.array() > w_.array()).cast<double>();
-    GalerkinSolution exact = exchange_active_sets(p_, options_, &active);
+    GalerkinSolution exact = exchange_active_sets(p_, backend_, options_, &active);
     if (exact.status != Status::solved) return false;
     exact.z = exact.z * scale_.columns.asDiagonal();
     exact.how = text("damped Newton method, %ld steps; ", long(s.iterations)) + exact.how;
@@ -154,14 +154,16 @@ class DampedNewton {
 
   const Equilibration scale_;
   const GalerkinProblem p_;
+  Backend& backend_;
   const Options& options_;
   RowMatrix z_, x_, w_, dz_, dx_;
 };
 
 }  // namespace
 
-GalerkinSolution damped_newton(const GalerkinProblem& p, const Options& options, const RowMatrix& start) {
-  return DampedNewton(p, options).run(start);
+GalerkinSolution damped_newton(const GalerkinProblem& p, Backend& backend, const Options& options,
+                               const RowMatrix& start) {
+  return DampedNewton(p, backend, options).run(start);
 }
 
 }  // namespace bromwich

@@ -42,12 +42,15 @@ GalerkinSolution march_galerkin(const GalerkinProblem&, Backend&, const Options&
 /// boundary term contracts (dissipative periodic problems). Ends as tolerance_not_met where the sweeps do not.
 GalerkinSolution iterate_galerkin(const GalerkinProblem&, Backend&, const Options&);
 
-/// Active sets of all intervals at once, exchanged until they repeat or agree (primal-dual active set method).
-GalerkinSolution exchange_active_sets(const GalerkinProblem&, const Options&, const RowMatrix* start = nullptr);
+/// Active sets of all intervals at once, exchanged until they repeat or agree (primal-dual active set method), those of
+/// `start` first. After `most` two-point problems it ends with z and x of the last sets.
+inline constexpr Index most_exchanges = 200;
+GalerkinSolution exchange_active_sets(const GalerkinProblem&, Backend&, const Options&,
+                                      const RowMatrix* start = nullptr, Index most = most_exchanges);
 
 /// Damped Newton method on the Fischer-Burmeister function, whose merit function is smooth: from anywhere, for singular
 /// D_SS (M singular) too, finished by exchange_active_sets where its active sets are those of a solution.
-GalerkinSolution damped_newton(const GalerkinProblem&, const Options&, const RowMatrix& start);
+GalerkinSolution damped_newton(const GalerkinProblem&, Backend&, const Options&, const RowMatrix& start);
 
 /// Pivoting on the assembled 2nN x 2nN matrix: Lemke's method, or the least-norm solver where the problem is monotone,
 /// which also proves that there is no solution. For `most_assembled` unknowns at most.

@@ -47,10 +47,10 @@ BoundaryEuler solve_by_boundary_euler(const Scene& scene, Backend& backend, Inde
   Timer timer;
   BoundaryEuler euler;
   const GalerkinProblem p = euler_problem(scene, J);
-  GalerkinSolution s = p.initial_value ? march_galerkin(p, backend, {}) : exchange_active_sets(p, {});
+  GalerkinSolution s = p.initial_value ? march_galerkin(p, backend, {}) : exchange_active_sets(p, backend, {});
   if (s.status != Status::solved && !p.initial_value) {
     const std::string first = s.reason;
-    s = damped_newton(p, {}, RowMatrix::Zero(J, scene.constraints()));
+    s = damped_newton(p, backend, {}, RowMatrix::Zero(J, scene.constraints()));
     if (s.status != Status::solved) s.reason = first + "; " + s.reason;
   }
   euler.seconds = timer.lap();
