@@ -17,7 +17,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index most_exchanges = 200;
 constexpr double least_pivot_condition = 1e-13;  ///< of D_SS; below it the active set counts as singular
 constexpr double sign_tolerance = 1e-13;         ///< of the largest z, and of the largest w
 
@@ -86,12 +85,12 @@ class Exchange {
         P_(std::size_t(p.N)),
         map_(std::size_t(p.N)) {}
 
-  GalerkinSolution run(const RowMatrix* start) {
+  GalerkinSolution run(const RowMatrix* start, Index most) {
     GalerkinSolution s;
     if (start) start_from(*start);
     std::unordered_set<std::size_t> visited;
     RowMatrix before;
-    for (s.iterations = 1; s.iterations <= most_exchanges; ++s.iterations) {
+    for (s.iterations = 1; s.iterations <= most; ++s.iterations) {
       if (options_.interrupted && options_.interrupted()) {
         s.status = Status::interrupted;
         s.reason = "stopped on request";
@@ -113,7 +112,7 @@ class Exchange {
       }
     }
     if (s.status != Status::solved && s.reason.empty())
-      s.reason = text("the active sets still change after %ld exchanges", long(most_exchanges));
+      s.reason = text("the active sets still change after %ld exchanges", long(most));
     s.how = text("active sets of all intervals exchanged %ld times, two-point problems eliminated orthogonally",
                  long(s.iterations));
     s.z = (z_.array() > 0).select(z_, 0.0);
@@ -222,8 +221,9 @@ class Exchange {
 
 }  // namespace
 
-GalerkinSolution exchange_active_sets(const GalerkinProblem& p, const Options& options, const RowMatrix* start) {
-  return Exchange(p, options).run(start);
+GalerkinSolution exchange_active_sets(const GalerkinProblem& p, const Options& options, const RowMatrix* start,
+                                      Index most) {
+  return Exchange(p, options).run(start, most);
 }
 
 double natural_residual(const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x) {
