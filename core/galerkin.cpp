@@ -25,13 +25,21 @@ void add_warning(Result& result, const std::string& words) {
 
 bool has_ended(const GalerkinSolution& s) { return s.status != Status::tolerance_not_met; }
 
-// Boundary values: the fast method first, then the safe ones. Of several failures the first is the one to explain.
+// What is fast: exchanges, and where they do not end shooting.
+GalerkinSolution exchange_or_shoot(const GalerkinProblem& p, Backend& backend, const Options& options,
+                                   const RowMatrix& start) {
+  GalerkinSolution exchanged = exchange_active_sets(p, backend, options, &start);
+  if (has_ended(exchanged)) return exchanged;
+  GalerkinSolution shot = shoot(p, backend, options, galerkin_states(p, start).row(0).transpose());
+  return has_ended(shot) ? shot : exchanged;
+}
+
+// Boundary values: the fast methods first, then the safe ones. Of several failures the first is the one to explain.
 GalerkinSolution solve_boundary_problem(const GalerkinProblem& p, Backend& backend, const Options& options,
                                         const RowMatrix& start) {
-  constexpr Index looked_at = 256;
-  GalerkinSolution first = exchange_active_sets(p, backend, options, &start);
+  GalerkinSolution first = exchange_or_shoot(p, backend, options, start);
   if (has_ended(first)) return first;
-  const Index infeasible = first_infeasible_interval(p, std::max<Index>(1, p.N / looked_at));
+  const Index infeasible = first_infeasible_interval(p, options, first.z, first.x);
   if (infeasible >= 0) {
     first.status = Status::infeasible;
     first.infeasible = infeasible;
@@ -61,15 +69,16 @@ RowMatrix halved_intervals(const RowMatrix& z) {
   return fine;
 }
 
-// The active sets of coarser grids: most exchanges happen where they cost little.
+// The active sets of coarser grids: most exchanges happen where they cost little. Where they do not end on one of them
+// the next begins with empty sets; the safe solvers are for the grid that was asked for.
 RowMatrix nested_start(const Scene& scene, Index N, Index unknowns, Backend& backend, const Options& options) {
   constexpr Index fewest_intervals = 32;
   const RowMatrix nothing = RowMatrix::Zero(N, unknowns);
   if (N % 2 != 0 || N / 2 < fewest_intervals) return nothing;
   const GalerkinProblem p = galerkin_problem(scene, N / 2);
   const FreeElimination elimination(p, scene.free_rows);
-  const GalerkinSolution s = solve_boundary_problem(elimination.reduced(), backend, options,
-                                                    nested_start(scene, N / 2, unknowns, backend, options));
+  const RowMatrix start = nested_start(scene, N / 2, unknowns, backend, options);
+  const GalerkinSolution s = exchange_or_shoot(elimination.reduced(), backend, options, start);
   return s.status == Status::solved ? halved_intervals(s.z) : nothing;
 }
 
@@ -129,6 +138,11 @@ void nothing_found(const Scene& scene, Index N, Result& result) {
 }
 
 bool finite_galerkin_sources(const GalerkinProblem& p, Result& result) {
+  if (!p.step.E.allFinite() || !p.step.D.allFinite()) {
+    result.status = Status::nonfinite;
+    result.reason = text("e^{hA} overflows on an interval of length h = %.6g; take more steps", p.h);
+    return false;
+  }
   for (Index k = 0; k < p.N; ++k) {
     if (p.forcing.row(k).allFinite() && p.q.row(k).allFinite()) continue;
     result.status = Status::nonfinite;
@@ -183,7 +197,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
   result.bytes = s.bytes + sizeof(double) * std::size_t(3 * p.q.size() + 2 * p.forcing.size());
   if (s.infeasible >= 0) result.infeasible_at = double(s.infeasible) * p.h;
   if (s.z.rows() != N || s.x.rows() != N + 1) return;
-  if (s.status == Status::infeasible && !p.initial_value) return;
+  if (!p.initial_value && (s.status == Status::infeasible || !s.z.allFinite())) return;
   const RowMatrix z = elimination.recovered(s.z, s.x);
   const RowMatrix x = galerkin_states(p, z);
   fill(scene, p, z, x, options, result);

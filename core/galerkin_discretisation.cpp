@@ -65,13 +65,18 @@ GalerkinStep step_from(const std::vector<Matrix>& G, const DenseDynamics& d, con
   return step;
 }
 
+}  // namespace
+
+BoundaryCondition boundary_of(const Scene& scene) {
+  const Index m = scene.states();
+  return scene.boundary.value_or(BoundaryCondition{Matrix::Identity(m, m), Matrix::Zero(m, m), scene.x0});
+}
+
 Matrix source_entry(const Scene& scene, const DenseDynamics& d) {
   if (scene.f_entry == SourceEntry::through_B) return d.B;
   if (scene.f_entry == SourceEntry::through_F) return Matrix(scene.F);
   return Matrix::Identity(d.A.rows(), d.A.rows());
 }
-
-}  // namespace
 
 GalerkinStep galerkin_step(const DenseDynamics& d, const Matrix& M, double h) {
   return step_from(matrix_phis(h * d.A, 4), d, M, h);
@@ -85,7 +90,7 @@ GalerkinProblem galerkin_problem(const Scene& scene, Index N) {
   p.h = scene.T / double(N);
   const std::vector<Matrix> G = matrix_phis(p.h * d.A, 5);
   p.step = step_from(G, d, to_dense(scene.M), p.h);
-  p.boundary = scene.boundary.value_or(BoundaryCondition{Matrix::Identity(m, m), Matrix::Zero(m, m), scene.x0});
+  p.boundary = boundary_of(scene);
   p.initial_value = !scene.boundary;
   p.forcing = RowMatrix::Zero(N, m);
   p.q = RowMatrix::Zero(N, 2 * n);

@@ -49,6 +49,12 @@ struct GalerkinProblem {
 /// The step of length h: G_0 to G_4 by scaling and squaring (core/phi.hpp).
 GalerkinStep galerkin_step(const DenseDynamics&, const Matrix& M, double h);
 
+/// The boundary condition of a scene; initial values as (I, 0, x0).
+BoundaryCondition boundary_of(const Scene&);
+
+/// f = entry phi(t): m x Scene::sources().
+Matrix source_entry(const Scene&, const DenseDynamics&);
+
 /// The scene on N intervals. f and g are replaced on each interval by the parabola through three Gauss points, and no
 /// value at an end of an interval is used: sources may jump there. Dynamics are written out densely.
 /// f and g that are not finite leave NaN in `forcing` or `q`.

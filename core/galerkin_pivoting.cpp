@@ -1,5 +1,4 @@
 #include "core/galerkin_solvers.hpp"
-#include "core/lcp/enumeration.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/lcp/least_norm.hpp"
 #include "core/lcp/lemke.hpp"
@@ -58,22 +57,6 @@ GalerkinSolution pivot_assembled(const GalerkinProblem& p, const Options&) {
   if (s.status == Status::tolerance_not_met) s.reason = "pivoting on the assembled problem found no solution";
   s.x = galerkin_states(p, s.z);
   return s;
-}
-
-Index first_infeasible_interval(const GalerkinProblem& p, Index stride) {
-  const Index n = p.unknowns(), m = p.states();
-  Matrix cone(n, 2 * n + 2 * m);  // D z + C x - w = -q, z >= 0, w >= 0, x = x+ - x-
-  cone << p.step.D, p.step.C, -p.step.C, -Matrix::Identity(n, n);
-  Equilibration e{Vector::Ones(n), Vector::Ones(cone.cols())};
-  for (Index i = 0; i < n; ++i) e.rows[i] = 1 / cone.row(i).cwiseAbs().maxCoeff();
-  cone = (e.rows.asDiagonal() * cone).eval();
-  for (Index k = 0; k < p.N; k += stride) {
-    const Vector q = e.rows.cwiseProduct(p.q.row(k).transpose());
-    if (q.minCoeff() >= 0) continue;  // z = 0, x = 0
-    const Vector u = nonnegative_least_squares(cone, -q);
-    if ((cone * u + q).norm() > 1e-8 * q.norm()) return k;
-  }
-  return -1;
 }
 
 }  // namespace bromwich

@@ -33,6 +33,10 @@ RowMatrix galerkin_coefficients(const Result& r) {
 
 GalerkinOutput galerkin_at(const Scene& scene, const Result& r, const std::vector<double>& times) {
   const Index N = r.y_left.rows(), n = r.y_left.cols();
+  if (!r.y_left.row(0).allFinite()) {  // nothing was found, and the states may be too many to write out
+    const Index rows = Index(times.size());
+    return {RowMatrix::Constant(rows, n, NAN), RowMatrix::Constant(rows, scene.states(), NAN)};
+  }
   const GalerkinProblem p = galerkin_problem(scene, N);
   const RowMatrix states = galerkin_states(p, galerkin_coefficients(r));
   GalerkinOutput out{RowMatrix(Index(times.size()), n), RowMatrix(Index(times.size()), p.states())};

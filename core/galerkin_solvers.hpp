@@ -48,6 +48,12 @@ inline constexpr Index most_exchanges = 200;
 GalerkinSolution exchange_active_sets(const GalerkinProblem&, Backend&, const Options&,
                                       const RowMatrix* start = nullptr, Index most = most_exchanges);
 
+/// Newton's method on the initial state, from x0: marching finds the active sets that belong to it, however far they
+/// spread, where exchanges move them an interval at a time (M = 0); the two-point problem on them gives the next
+/// initial state, closer along the line where that misses the boundary condition by more. Ends as tolerance_not_met
+/// where marching does not reach T (growing modes).
+GalerkinSolution shoot(const GalerkinProblem&, Backend&, const Options&, const Vector& x0);
+
 /// Damped Newton method on the Fischer-Burmeister function, whose merit function is smooth: from anywhere, for singular
 /// D_SS (M singular) too, finished by exchange_active_sets where its active sets are those of a solution.
 GalerkinSolution damped_newton(const GalerkinProblem&, Backend&, const Options&, const RowMatrix& start);
@@ -57,9 +63,12 @@ GalerkinSolution damped_newton(const GalerkinProblem&, Backend&, const Options&,
 GalerkinSolution pivot_assembled(const GalerkinProblem&, const Options&);
 inline constexpr Index most_assembled = 400;
 
-/// First interval for which no z >= 0 and no state at all give w >= 0 (a certificate by Farkas' lemma): such a problem
-/// has no solution whatever the boundary condition. Looks at every `stride`-th; -1 where there is none.
-Index first_infeasible_interval(const GalerkinProblem&, Index stride);
+/// First interval for which no z >= 0 and no state at all give w >= 0: such a problem has no solution whatever the
+/// boundary condition. A certificate by Farkas' lemma whose four conditions hold up to the rounding of their own terms;
+/// -1 where there is none. Intervals where (z, x) leaves w >= 0 need no look (either may be empty); where constraints
+/// are so many that looking at the others costs more than 1e10 operations, those with the largest violations are looked
+/// at, 256 at least.
+Index first_infeasible_interval(const GalerkinProblem&, const Options&, const RowMatrix& z, const RowMatrix& x);
 
 /// max over intervals and components of |min(z, w)| / max(1, max |C x + q|).
 double natural_residual(const GalerkinProblem&, const RowMatrix& z, const RowMatrix& x);

@@ -22,12 +22,13 @@ GalerkinProblem euler_problem(const Scene& scene, Index J) {
   p.step = {R, p.h * R * d.B, d.N * R, M + p.h * d.N * R * d.B, M};
   p.forcing = RowMatrix::Zero(J, m);
   p.q = RowMatrix::Zero(J, n);
-  Vector f(m), g(n);
+  const Matrix from_f = p.h * R * source_entry(scene, d);
+  Vector f(scene.sources()), g(n);
   for (Index k = 0; k < J; ++k) {
     const double t = p.h * double(k + 1);
     if (scene.f) {
       scene.f(t, f);
-      p.forcing.row(k) = p.h * (R * f).transpose();
+      p.forcing.row(k) = (from_f * f).transpose();
     }
     if (scene.g) {
       scene.g(t, g);
@@ -35,8 +36,7 @@ GalerkinProblem euler_problem(const Scene& scene, Index J) {
     }
   }
   p.q += p.forcing * d.N.transpose();
-  p.boundary =
-      scene.boundary ? *scene.boundary : BoundaryCondition{Matrix::Identity(m, m), Matrix::Zero(m, m), scene.x0};
+  p.boundary = boundary_of(scene);
   p.initial_value = !scene.boundary;
   return p;
 }
