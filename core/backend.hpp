@@ -224,6 +224,11 @@ class Backend {
   virtual std::unique_ptr<Array> array(Index rows, Index cols) = 0;
   virtual void upload(const RowMatrix& from, Array& to) = 0;
   virtual void download(const Array& from, RowMatrix& to) = 0;
+  /// The same, and `operations`, which leave `from` as it is, while the values are on their way.
+  virtual void download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations) {
+    download(from, to);
+    operations();
+  }
   /// Sizes `to` for a later download and writes NaN: the first touch of fresh memory costs more than a copy, and
   /// needs no device.
   virtual void prepare(RowMatrix& to, Index rows, Index cols) {

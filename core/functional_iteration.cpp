@@ -293,11 +293,13 @@ void finish_iteration(const DiscreteProblem& p, const Options& options, const It
   result.reason = outcome.reason;
   result.well_posed = p.lcp_class != LcpClass::unknown;
   if (outcome.infeasible >= 0) result.infeasible_at = p.t[outcome.infeasible];
-  p.backend.download(y, result.y);
+  p.backend.download_during(y, result.y, [&] {
+    if (outcome.status == Status::infeasible) return;
+    result.alternates = p.backend.alternates(y, ringing_run, ringing_part);
+    apply(y, v, 0);
+    result.residual = lcp.residual(r, v, y);
+  });
   if (outcome.status == Status::infeasible) return;
-  result.alternates = p.backend.alternates(y, ringing_run, ringing_part);
-  apply(y, v, 0);
-  result.residual = lcp.residual(r, v, y);
   if (options.trace) result.trace = trace(p, r, v);
   // What had not settled when the iteration was cut off is no solution.
   if (outcome.status == Status::interrupted || outcome.status == Status::nonfinite)

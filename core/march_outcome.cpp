@@ -15,25 +15,31 @@ bool is_singular(const LcpMatrix& M) { return !Eigen::FullPivLU<Matrix>(to_dense
 Start solve_at_zero(const DiscreteProblem& p, Result& result) {
   result.y = RowMatrix::Constant(p.J + 1, p.scene.constraints(), NAN);
   Vector y0;
-  const Start start = solve_at_zero(p, result, y0);
+  const Start start = ProblemAtZero(p).solve(result, y0);
   if (start == Start::found) result.y.row(0) = y0.transpose();
   return start;
 }
 
-Start solve_at_zero(const DiscreteProblem& p, Result& result, Vector& y0) {
-  const Index n = p.scene.constraints();
-  const auto r = p.backend.array(1, n), v = p.backend.array(1, n), y = p.backend.array(1, n);
-  p.backend.upload(p.start.transpose(), *r);
-  const LcpReport report = p.backend.lcp(p.scene.M, p.lcp_class, 1)->solve(*r, *v, *y, 0, 0);
+ProblemAtZero::ProblemAtZero(const DiscreteProblem& p)
+    : p_(p),
+      r_(p.backend.array(1, p.scene.constraints())),
+      v_(p.backend.array(1, p.scene.constraints())),
+      y_(p.backend.array(1, p.scene.constraints())),
+      lcp_(p.backend.lcp(p.scene.M, p.lcp_class, 1)) {
+  p.backend.upload(p.start.transpose(), *r_);
+}
+
+Start ProblemAtZero::solve(Result& result, Vector& y0) const {
+  const LcpReport report = lcp_->solve(*r_, *v_, *y_, 0, 0);
   result.lcp.newton += report.count.newton;
   if (report.count.unsolved == 0 && report.finite) {
     RowMatrix start;
-    p.backend.download(*y, start);
+    p_.backend.download(*y_, start);
     y0 = start.transpose();
     ++result.lcp.solved;
     return Start::found;
   }
-  const bool left_open = p.lcp_class == LcpClass::PSD || (p.lcp_class != LcpClass::P && is_singular(p.scene.M));
+  const bool left_open = p_.lcp_class == LcpClass::PSD || (p_.lcp_class != LcpClass::P && is_singular(p_.scene.M));
   if (report.finite && left_open) return Start::impulse;
   result.status = report.infeasible == 0 ? Status::infeasible : Status::tolerance_not_met;
   result.reason = report.infeasible == 0 ? "no solution at t = 0" : "the problem at t = 0 stayed unsolved";

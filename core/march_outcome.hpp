@@ -14,8 +14,19 @@ enum class Start {
 
 /// Sizes result.y, all NaN but y_0 in row 0 where `found`.
 Start solve_at_zero(const DiscreteProblem&, Result&);
-/// y_0 alone; result.y is left as it is.
-Start solve_at_zero(const DiscreteProblem&, Result&, Vector& y0);
+
+/// The complementarity problem at t = 0, prepared. Keeps the discrete problem.
+class ProblemAtZero {
+ public:
+  explicit ProblemAtZero(const DiscreteProblem&);
+  /// y_0 alone; result.y is left as it is.
+  Start solve(Result&, Vector& y0) const;
+
+ private:
+  const DiscreteProblem& p_;
+  std::unique_ptr<Array> r_, v_, y_;
+  std::unique_ptr<LcpBatch> lcp_;
+};
 
 /// Status, reason and time of a march that stopped before T.
 void explain_stop(const DiscreteProblem&, const MarchReport&, Result&);

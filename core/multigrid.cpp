@@ -310,10 +310,11 @@ bool solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, co
     level->kernel->transform_seconds = level->kernel->convolution_seconds = 0;
   }
   Multigrid multigrid(p.backend, options, levels, result);
+  const ProblemAtZero at_zero(p);
   result.seconds.setup += timer.lap();
 
   Vector y0;
-  if (solve_at_zero(p, result, y0) != Start::found) return true;
+  if (at_zero.solve(result, y0) != Start::found) return true;
   multigrid.nest(y0);
   p.backend.prepare(result.y, p.J + 1, p.scene.constraints());  // while a device is at work
   const IterationOutcome outcome = multigrid.iterate();

@@ -16,7 +16,7 @@ constexpr int lanes = 32, parts = 8;  ///< of a block: neighbouring modes, and t
 constexpr int most_own = 16;          ///< rows of v of a thread
 constexpr Index few_rows = 160;       ///< below which threads have half as many
 constexpr int before = most_own + 8, beyond = most_own;  ///< rows of zeros around the weights
-constexpr int lags = 16;                                     ///< of a thread that forms weights
+constexpr int lags = 16;                                 ///< of a thread that forms weights
 
 /// W_0 w1 s1: n; the others K x n.
 struct Exponentials {

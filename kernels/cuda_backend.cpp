@@ -43,6 +43,9 @@ class CudaBackend final : public Backend {
   }
   void upload(const RowMatrix& from, Array& to) override { cuda::upload(device_, from, to); }
   void download(const Array& from, RowMatrix& to) override { cuda::download(device_, from, to); }
+  void download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations) override {
+    cuda::download(device_, from, to, operations);
+  }
   void prepare(RowMatrix& to, Index rows, Index cols) override {
     to.resize(rows, cols);
     cuda::fill(to.data(), std::size_t(to.size()), std::numeric_limits<double>::quiet_NaN());

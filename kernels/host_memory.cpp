@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <exception>
 
 namespace bromwich::cuda {
 
@@ -28,7 +29,7 @@ void* PinnedSlots::take() {
 
 namespace {
 
-constexpr std::size_t most_fetchers = 8, buffer_bytes = std::size_t(1) << 20, piece_bytes = buffer_bytes / 2;
+constexpr std::size_t most_fetchers = 8, buffer_bytes = std::size_t(1) << 19, piece_bytes = buffer_bytes / 2;
 
 std::size_t fetchers() {
   static const std::size_t count = std::clamp<std::size_t>(std::size_t(omp_get_num_procs()), 1, most_fetchers);
@@ -68,11 +69,12 @@ void Fetchers::make() {
 }
 
 void Fetchers::fetch(const void* from, std::size_t pitch, void* to, std::size_t width, std::size_t rows,
-                     cudaStream_t stream) {
+                     cudaStream_t stream, const std::function<void()>& meanwhile) {
   const std::size_t together = piece_bytes / pitch;  // rows of a piece
   if (together == 0) {
     check(cudaMemcpy2DAsync(to, width, from, pitch, width, rows, cudaMemcpyDeviceToHost, stream), "copying rows");
-    return check(cudaStreamSynchronize(stream), "copying rows");
+    check(cudaStreamSynchronize(stream), "copying rows");
+    return meanwhile ? meanwhile() : void();
   }
   if (fetchers_.size() < fetchers()) make();
   check(cudaEventRecord(ready_, stream), "copying rows");
@@ -98,8 +100,18 @@ void Fetchers::fetch(const void* from, std::size_t pitch, void* to, std::size_t 
       for (std::size_t j = 0; j < count(piece); ++j) std::memcpy(target + j * width, half(turn) + j * pitch, width);
     }
   };
-#pragma omp parallel for schedule(static, 1) num_threads(int(at_work))
-  for (std::size_t mine = 0; mine < at_work; ++mine) work(mine);
+  std::exception_ptr failure;
+  const auto attend = [&] {
+    try {
+      meanwhile();
+    } catch (...) {
+      failure = std::current_exception();
+    }
+  };
+  const std::size_t others = meanwhile ? 1 : 0;
+#pragma omp parallel for schedule(static, 1) num_threads(int(at_work + others))
+  for (std::size_t i = 0; i < at_work + others; ++i) i < others ? attend() : work(i - others);
+  if (failure) std::rethrow_exception(failure);
   for (const cudaError_t error : errors) check(error, "copying rows");
 }
 

@@ -5,6 +5,7 @@
 #include <cuda_runtime.h>
 
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 namespace bromwich::cuda {
@@ -39,8 +40,9 @@ class Fetchers {
   Fetchers& operator=(const Fetchers&) = delete;
 
   /// `rows` rows of `width` bytes, `pitch` apart on the device and without gaps on the host, after what `stream` has
-  /// been asked for.
-  void fetch(const void* from, std::size_t pitch, void* to, std::size_t width, std::size_t rows, cudaStream_t stream);
+  /// been asked for so far. `meanwhile` is called once while they are on their way.
+  void fetch(const void* from, std::size_t pitch, void* to, std::size_t width, std::size_t rows, cudaStream_t stream,
+             const std::function<void()>& meanwhile);
 
  private:
   struct Fetcher {

@@ -13,12 +13,12 @@ void upload(const Device& device, const RowMatrix& from, Array& to) {
   device.wait();
 }
 
-void download(const Device& device, const Array& from, RowMatrix& to) {
+void download(const Device& device, const Array& from, RowMatrix& to, const std::function<void()>& meanwhile) {
   to.resize(from.rows(), from.cols());
   const std::size_t width = sizeof(double) * std::size_t(from.cols());
-  if (to.size() == 0) return;
+  if (to.size() == 0) return meanwhile ? meanwhile() : void();
   device.fetchers().fetch(values(from), sizeof(double) * std::size_t(stride(from.cols())), to.data(), width,
-                          std::size_t(from.rows()), device.stream());
+                          std::size_t(from.rows()), device.stream(), meanwhile);
 }
 
 namespace {

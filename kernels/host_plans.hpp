@@ -3,6 +3,7 @@
 
 #include "kernels/device.hpp"
 
+#include <functional>
 #include <memory>
 
 namespace bromwich::cuda {
@@ -15,6 +16,6 @@ std::unique_ptr<StepChain> make_host_step_chain(const Device&, Backend& host, co
 
 /// Copies between host values and an array of this backend.
 void upload(const Device&, const RowMatrix& from, Array& to);
-void download(const Device&, const Array& from, RowMatrix& to);
+void download(const Device&, const Array& from, RowMatrix& to, const std::function<void()>& meanwhile = {});
 
 }  // namespace bromwich::cuda
