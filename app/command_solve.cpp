@@ -118,7 +118,7 @@ void check_energies(const SolveArguments& arguments, const Scene& scene, const O
 
 void write(const Outputs& outputs, const Scene& scene, Backend& backend, const Result& result, bool with_energies) {
   if (outputs.out) {
-    std::optional<EnergyBalance> balance;
+    std::optional<Energies> balance;
     if (with_energies && result.status == Status::solved) balance = energies(scene, result);
     const bool sampled = !outputs.times.empty() && result.y.rows() == result.steps + 1;
     const Result rows = sampled ? at_times(scene, backend, result, outputs.times) : Result{};

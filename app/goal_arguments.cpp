@@ -77,11 +77,13 @@ std::shared_ptr<const GoalOptions> goal_options(const GoalArguments& a, Method m
   if (!a.scheme.empty()) goal->scheme = parse_scheme(a.scheme);
   if (!a.adjoint.empty()) goal->adjoint = parse_adjoint(a.adjoint);
   if (!a.weights.empty()) goal->weights = parse_weights(a.weights);
-  if (!a.marking.empty() && a.marking != "auto") {
+  if (a.marking == "divide") {
+    goal->refinement = Refinement::division;
+  } else if (!a.marking.empty() && a.marking != "auto") {
     const auto share = parse_double(a.marking);
     if (!share || !(*share > 0) || !(*share <= 1))
       throw Error("--marking", fmt::format("found '{}'", a.marking),
-                  "give auto, or a number above 0, at most 1, such as 0.5");
+                  "give auto, divide, or a number above 0, at most 1, such as 0.5");
     goal->marking = *share;
   }
   if (!a.cycles.empty()) goal->cycles = parse_count("--cycles", a.cycles, 1, 1000);
@@ -89,8 +91,8 @@ std::shared_ptr<const GoalOptions> goal_options(const GoalArguments& a, Method m
   return goal;
 }
 
-EnergyBalance energies(const Scene& scene, const Result& result) {
-  if (result.goal) return result.goal->balance;
+Energies energies(const Scene& scene, const Result& result) {
+  if (result.goal) return {result.goal->balance, result.goal->power};
   if (!scene.port) throw Error("--energies", "the scene is not port-Hamiltonian", "leave it out");
   if (scene.constraints() > 0)
     throw Error("--energies", "the scene has complementarity", "use --method goal, which counts its power");
@@ -98,7 +100,8 @@ EnergyBalance energies(const Scene& scene, const Result& result) {
     throw Error("--energies", "the states are not all there", "add --states all");
   const bool euler = result.method == to_string(Method::euler);
   const PortSystem system(*scene.port, scene.T);
-  return energy_balance({system, euler ? StepScheme::euler : StepScheme::midpoint, result.t, result.x});
+  const Trajectory path{system, euler ? StepScheme::euler : StepScheme::midpoint, result.t, result.x};
+  return {energy_balance(path), power_balance(path)};
 }
 
 Json goal_to_json(const Result& result) {

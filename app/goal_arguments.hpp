@@ -2,6 +2,7 @@
 // What `bromwich solve --method goal` takes beside the other arguments, and what it adds to the output.
 
 #include "app/commands.hpp"
+#include "app/output_csv.hpp"
 #include "app/output_json.hpp"
 #include "core/goal.hpp"
 
@@ -23,7 +24,7 @@ StepScheme parse_scheme(const std::string& word);
 
 /// The energies of a result of a port-Hamiltonian scene: those of method goal, or of the states of another method, all
 /// of which have to be there. Throws Error where there are none to be had.
-EnergyBalance energies(const Scene&, const Result&);
+Energies energies(const Scene&, const Result&);
 
 /// {quantity, ..., history: [...]}; null for other methods.
 Json goal_to_json(const Result&);

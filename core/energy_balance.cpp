@@ -24,6 +24,20 @@ EnergyBalance energy_balance(const Trajectory& path) {
   return b;
 }
 
+PowerBalance power_balance(const Trajectory& path, const RowMatrix& y, const RowMatrix& port_matrix) {
+  const PortSystem& system = path.system;
+  const Index M = path.steps();
+  const RowMatrix& x = path.x;
+  PowerBalance p{Vector::Zero(M + 1), (x * system.dissipation_matrix()).cwiseProduct(x).rowwise().sum()};
+  if (system.port().u) {
+    const RowMatrix outputs = x * system.output_matrix();
+    p.supplied.tail(M) = outputs.bottomRows(M).cwiseProduct(system.inputs(path.t, 1)).rowwise().sum();
+    p.supplied[0] = outputs.row(0).dot(system.inputs(path.t.head(2), 0).row(0));
+  }
+  if (y.size() > 0) p.supplied += (x * port_matrix).cwiseProduct(y).rowwise().sum();
+  return p;
+}
+
 RowMatrix balance_gradient(const Trajectory& path, const Vector& w) {
   const PortSystem& system = path.system;
   const Index M = path.steps();

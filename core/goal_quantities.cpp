@@ -15,6 +15,14 @@ Vector per_cell(const Trajectory& path, const Vector& of_steps) {
   return sums;
 }
 
+/// Of the violations of the cells: they are differences of energies.
+Vector balance_rounding(const Trajectory& path) {
+  const EnergyBalance b = energy_balance(path);
+  const Index M = path.steps();
+  const Vector terms = b.energy.head(M) + b.energy.tail(M) + b.supplied.cwiseAbs() + b.dissipated;
+  return per_cell(path, 4 * epsilon * terms);
+}
+
 class GlobalBalance : public QuantityOfInterest {
  public:
   std::string name() const override { return "glob"; }
@@ -28,6 +36,7 @@ class GlobalBalance : public QuantityOfInterest {
   }
   std::optional<double> exact() const override { return 0.; }
   double secant() const override { return 0.5; }
+  double rounding(const Trajectory& path) const override { return std::pow(balance_rounding(path).sum(), 2); }
 };
 
 class LocalBalance : public QuantityOfInterest {
@@ -42,6 +51,7 @@ class LocalBalance : public QuantityOfInterest {
   }
   std::optional<double> exact() const override { return 0.; }
   double secant() const override { return 0.5; }
+  double rounding(const Trajectory& path) const override { return balance_rounding(path).squaredNorm(); }
   int order(int p) const override { return 2 * p + 1; }  // v falls by 2^-(p+1), and there are two
 };
 

@@ -23,6 +23,8 @@ class QuantityOfInterest {
   virtual double secant() const { return 1; }
   /// q where what a cell contributes falls by 2^-q when it is halved, for a reconstruction of order p.
   virtual int order(int p) const { return p; }
+  /// What of value() may be rounding: a few eps of the terms that it is summed from; 0 where that is not known.
+  virtual double rounding(const Trajectory&) const { return 0; }
 };
 
 /// I_glob = (Σ_i v_i)^2, the violation of the energy balance over [0, T].

@@ -32,12 +32,12 @@ TEST_F(CliGoal, WritesGridStatesEnergiesAndHistory) {
   }
   const auto lines = split(read(folder_ / "x.csv"), '\n');
   ASSERT_EQ(lines.size(), 62u);
-  EXPECT_EQ(lines[0], "t,x0,x2,energy,supplied,dissipated,violation");
-  EXPECT_EQ(lines[1], "0,1,1,3,0,0,0");
+  EXPECT_EQ(lines[0], "t,x0,x2,energy,supplied_power,dissipated_power,supplied,dissipated,violation");
+  EXPECT_EQ(lines[1], "0,1,1,3,0,9,0,0,0");
   double sum = 0, energy = 0;
   for (std::size_t i = 1; i < lines.size(); ++i) {
     const auto words = split(lines[i], ',');
-    sum += std::stod(words[5]) - std::stod(words[4]) - std::stod(words[6]);
+    sum += std::stod(words[7]) - std::stod(words[6]) - std::stod(words[8]);
     energy = std::stod(words[3]);
   }
   EXPECT_NEAR(energy, 3 - sum, 1e-9);  // the balance with its violation, as it was printed
@@ -58,8 +58,16 @@ TEST_F(CliGoal, TakesEveryQuantityAndScheme) {
 TEST_F(CliGoal, EnergiesOfOtherMethods) {
   const Outcome result = run("solve ph-toy --method march --steps 100 --states all --energies --out x.csv");
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_TRUE(
-      read(folder_ / "x.csv").starts_with("t,x0,x1,x2,energy,supplied,dissipated,violation\n0,1,2,1,3,0,0,0\n"));
+  EXPECT_TRUE(read(folder_ / "x.csv")
+                  .starts_with("t,x0,x1,x2,energy,supplied_power,dissipated_power,supplied,dissipated,violation\n"
+                               "0,1,2,1,3,0,9,0,0,0\n"));
+  for (const std::string& line : split(read(folder_ / "x.csv"), '\n')) {  // u (x0 + x1) and (x0 + x1)^2, variant 1
+    if (line.empty() || line[0] == 't') continue;
+    const auto words = split(line, ',');
+    const double t = std::stod(words[0]), sum = std::stod(words[1]) + std::stod(words[2]);
+    EXPECT_NEAR(std::stod(words[5]), t > 5 ? 10 * sum : 0, 1e-12 * (1 + std::abs(sum)));
+    EXPECT_NEAR(std::stod(words[6]), sum * sum, 1e-12 * (1 + sum * sum));
+  }
 }
 
 TEST_F(CliGoal, RefusesBadInput) {
