@@ -39,14 +39,19 @@ Index parse_count(const char* argument, const std::string& word, long long least
 
 }  // namespace
 
-std::shared_ptr<const QuantityOfInterest> parse_quantity(const std::string& word) {
+std::shared_ptr<const QuantityOfInterest> parse_quantity(const std::string& word,
+                                                         std::shared_ptr<const QuantityOfInterest> of_file) {
+  if (word == "file") {
+    if (of_file) return of_file;
+    throw Error("--quantity", "found 'file' and the scene states no quantity", "add a section [quantity] to its file");
+  }
   if (word == "loc") return local_balance();
   if (word == "glob") return global_balance();
   if (word.starts_with("loc+")) {
     const auto rho = parse_double(word.substr(4));
     if (rho && *rho >= 0 && std::isfinite(*rho)) return weighted_balance(*rho);
   }
-  throw unknown_word("--quantity", word, "glob, loc or loc+RHO with a number RHO from 0 on, such as loc+10");
+  throw unknown_word("--quantity", word, "glob, loc, loc+RHO with a number RHO from 0 on, such as loc+10, or file");
 }
 
 AdjointChoice parse_adjoint(const std::string& word) {
@@ -66,14 +71,15 @@ StepScheme parse_scheme(const std::string& word) {
   throw unknown_word("--scheme", word, "euler, midpoint or exponential");
 }
 
-std::shared_ptr<const GoalOptions> goal_options(const GoalArguments& a, Method method) {
+std::shared_ptr<const GoalOptions> goal_options(const GoalArguments& a, Method method,
+                                                std::shared_ptr<const QuantityOfInterest> of_file) {
   if (method != Method::goal) {
     if (const std::string name = given_argument(a); !name.empty())
       throw Error(name, fmt::format("is given with method {}", to_string(method)), "add --method goal");
     return nullptr;
   }
   auto goal = std::make_shared<GoalOptions>();
-  if (!a.quantity.empty()) goal->quantity = parse_quantity(a.quantity);
+  goal->quantity = a.quantity.empty() ? of_file : parse_quantity(a.quantity, of_file);
   if (!a.scheme.empty()) goal->scheme = parse_scheme(a.scheme);
   if (!a.adjoint.empty()) goal->adjoint = parse_adjoint(a.adjoint);
   if (!a.weights.empty()) goal->weights = parse_weights(a.weights);
@@ -123,6 +129,7 @@ Json goal_to_json(const Result& result) {
 }
 
 Json energies_to_json(const EnergyBalance& b) {
+  if (b.energy.size() == 0) return nullptr;  // a step that has no solution
   return {{"initial", b.energy[0]},
           {"final", b.energy[b.energy.size() - 1]},
           {"supplied", b.supplied.sum()},

@@ -178,6 +178,7 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   for (Index c = 0; c < result.x.cols(); ++c) result.x.col(c) = grid.last.x.col(result.x_components[std::size_t(c)]);
   result.t = std::move(grid.t);
   result.bytes = std::size_t(predicted_goal_cost(system, goal.scheme, scene.constraints(), M, grid.last.sizes).bytes());
+  result.bytes_predicted = result.bytes;
   result.goal = std::make_shared<const GoalReport>(std::move(report));
   return result;
 }

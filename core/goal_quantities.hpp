@@ -46,4 +46,15 @@ struct UserQuantity {
 /// Throws Error where a function is given without its gradient, or neither is given.
 std::shared_ptr<const QuantityOfInterest> user_quantity(UserQuantity);
 
+/// ∫ (x^T W x + c(t)^T x) dt + x(T)^T end_W x(T) + end_c^T x(T), what is left empty being 0.
+struct QuadraticQuantity {
+  std::string name = "user";
+  SparseMatrix W, end_W;  ///< m x m
+  TimeFunction c;         ///< m values
+  Vector end_c;           ///< m
+  std::optional<double> exact;
+};
+/// Throws Error where all is empty, or naming the first member whose size is wrong.
+std::shared_ptr<const QuantityOfInterest> quadratic_quantity(const QuadraticQuantity&, Index states);
+
 }  // namespace bromwich

@@ -55,6 +55,36 @@ TEST_F(CliGoal, TakesEveryQuantityAndScheme) {
   }
 }
 
+// x' = -x, x(0) = 1: the integral of x^2 over [0, 1] is (1 - e^-2)/2, of t x 1 - 2/e; x(1) = 1/e.
+TEST_F(CliGoal, SolvesForTheQuantityOfAFile) {
+  const std::string scene = "[port]\nJ = [[0]]\nR = [[1]]\nx0 = [1]\n[time]\nT = 1\nsteps = 50\n[quantity]\n";
+  const auto tried = [&](const std::string& quantity, const std::string& arguments) {
+    std::ofstream(folder_ / "q.toml") << scene + quantity;
+    const Outcome result = run("solve q.toml --method goal --json " + arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return Json::parse(result.out)["goal"];
+  };
+  Json goal = tried("name = \"square\"\nW = [[1]]\nexact = \"(1-exp(-2))/2\"\n", "--tol 1e-4 --scheme midpoint");
+  EXPECT_EQ(goal["quantity"], "square");
+  EXPECT_NEAR(goal["history"].back()["quantity"], (1 - std::exp(-2)) / 2, 1e-4);
+  EXPECT_NEAR(goal["history"].back()["effectivity"], 1, 0.1);
+  goal = tried("c = [\"t\"]\nend_c = [2]\nend_W = [[3]]\n", "--tol 1e-5 --scheme exponential");
+  EXPECT_NEAR(goal["history"].back()["quantity"], 1 - 2 * std::exp(-1) + 2 * std::exp(-1) + 3 * std::exp(-2), 1e-5);
+  EXPECT_EQ(goal["exact"], nullptr);
+  goal = tried("end_c = [1]\n", "--quantity loc");
+  EXPECT_EQ(goal["quantity"], "loc");
+  for (const auto& [quantity, mention] :
+       {std::pair("W = [[1, 0], [0, 1]]\n", "q.toml:9: quantity.W: is 2 x 2; give 1 x 1"),
+        std::pair("end_c = [1, 2]\n", "q.toml:9: quantity.end_c: has 2 entries"),
+        std::pair("c = [\"t\", \"t\"]\n", "q.toml:9: quantity.c: has 2 entries; give 1"),
+        std::pair("end_x = [1]\n", "q.toml:9: quantity.end_x: is no known key"),
+        std::pair("exact = 1\n", "q.toml:8: quantity.W: has neither an integral nor an end value")}) {
+    std::ofstream(folder_ / "q.toml") << scene + quantity;
+    EXPECT_TRUE(contains(refused("solve q.toml --method goal").err, mention)) << refused("solve q.toml").err;
+  }
+  EXPECT_TRUE(contains(refused("solve ph-toy --method goal --quantity file").err, "states no quantity"));
+}
+
 TEST_F(CliGoal, EnergiesOfOtherMethods) {
   const Outcome result = run("solve ph-toy --method march --steps 100 --states all --energies --out x.csv");
   ASSERT_EQ(result.exit_code, 0) << result.err;

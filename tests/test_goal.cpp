@@ -68,7 +68,7 @@ TEST(Quantity, DerivativesAreThoseOfDifferences) {
 
 TEST(Quantity, RefusesWhatIsIncomplete) {
   EXPECT_TRUE(refusal([] { weighted_balance(-1); }).starts_with("rho: found -1"));
-  EXPECT_TRUE(refusal([] { user_quantity({}); }).starts_with("quantity: has neither"));
+  EXPECT_TRUE(refusal([] { user_quantity({}); }).starts_with("quantity: has neither an integral"));
   UserQuantity q;
   q.end = [](double, const Vector& x) { return x[0]; };
   EXPECT_TRUE(refusal([&] { user_quantity(q); }).starts_with("quantity: has a function without"));
