@@ -3,6 +3,7 @@
 #include "core/descriptor.hpp"
 #include "core/error.hpp"
 #include "core/phi.hpp"
+#include "core/row_products.hpp"
 #include "core/text.hpp"
 
 #include <cmath>
@@ -14,7 +15,9 @@ constexpr Index largest_dense_step = 64;          // above, sparse factors are f
 constexpr Index largest_exponential_step = 1024;  // e^{hA} is dense
 
 /// M x m times the transpose of a sparse matrix.
-RowMatrix times_transposed(const RowMatrix& x, const SparseMatrix& A) { return x * A.transpose(); }
+RowMatrix times_transposed(const RowMatrix& x, const SparseMatrix& A) {
+  return row_products(x, SparseMatrix(A.transpose()));
+}
 
 }  // namespace
 
@@ -150,7 +153,7 @@ void add_within(const Trajectory& path, double s, const RowMatrix& g, RowMatrix&
   gradient.bottomRows(M) += beta * g;
   if (path.scheme != StepScheme::exponential) return;
   const Vector h = path.t.tail(M) - path.t.head(M);
-  const RowMatrix through_slope = h.asDiagonal() * (g * path.system.A());
+  const RowMatrix through_slope = h.asDiagonal() * row_products(g, path.system.A());
   gradient.topRows(M) += gamma * through_slope;
   gradient.bottomRows(M) += delta * through_slope;
 }
