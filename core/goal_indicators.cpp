@@ -66,7 +66,7 @@ Vector goal_indicators(const Trajectory& path, Backend& backend, const QuantityO
   const Vector t = halved(path.t);
   const RowMatrix x = prolonged(path);
   const RowMatrix gradient = quantity.gradient({system, path.scheme, t, x, 2 * path.per_cell});
-  const StepChainProblem problem = step_chain_problem(path.scheme, system.step_matrix(path.scheme), group_steps(t));
+  const StepChainProblem problem = system.step_problem(path.scheme, group_steps(t));
   const RowMatrix d = step_sources(system, path.scheme, t, path.x.row(0).transpose());
   return indicator_scale(path.scheme, quantity) *
          weighted_residual(backend, problem, d, x, gradient, weights, l, choice);

@@ -102,7 +102,7 @@ class StepChains : public BackendTest {
     const Matrix A = assembled(problem);
     EXPECT_LE((A * stacked(x) - stacked(d)).cwiseAbs().maxCoeff(), 1e-12 * x.cwiseAbs().maxCoeff());
     EXPECT_LE((A.transpose() * stacked(l) - stacked(q)).cwiseAbs().maxCoeff(), 1e-12 * l.cwiseAbs().maxCoeff());
-    Vector mu = A.diagonal();  // Jacobi, by the matrix: D l = q - (A^T - D) l, D block diagonal
+    // Jacobi, by the matrix: D l = q - (A^T - D) l, D block diagonal.
     for (const Index sweeps : {1, 2, 3}) {
       Matrix D = Matrix::Zero(A.rows(), A.cols());
       for (Index i = 0; i <= M; ++i) D.block(i * m, i * m, m, m) = A.block(i * m, i * m, m, m).transpose();

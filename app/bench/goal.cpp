@@ -177,7 +177,7 @@ GoalScene::GoalScene(std::string label_, const std::string& name, ParameterValue
       system(*scene.port, scene.T) {}
 
 RowMatrix trajectory(const GoalScene& s, Backend& backend, StepScheme scheme, const Vector& t) {
-  const auto chain = backend.step_chain(step_chain_problem(scheme, s.system.step_matrix(scheme), group_steps(t)));
+  const auto chain = backend.step_chain(s.system.step_problem(scheme, group_steps(t)));
   return forward(backend, *chain, step_sources(s.system, scheme, t, s.scene.x0));
 }
 
