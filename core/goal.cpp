@@ -99,6 +99,7 @@ GoalEvaluation evaluate_goal(const PortSystem& system, Backend& backend, const G
   e.x = forward(backend, *chain, step_sources(system, goal.scheme, t, x0));
   const Trajectory path{system, goal.scheme, t, e.x};
   e.sizes = sizes.sizes.size();
+  e.elsewhere = chain->elsewhere();
   e.quantity = quantity->value(path);
   e.rounding = quantity->rounding(path);
   RowMatrix l;
@@ -163,6 +164,7 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   result.backend = backend.name();
   result.kernel = text("%s on %td cells of %td sizes, adjoint %s, %s weights", to_string(goal.scheme), M,
                        grid.last.sizes, report.adjoint.c_str(), to_string(goal.weights));
+  if (!grid.last.elsewhere.empty()) result.kernel += ", " + grid.last.elsewhere;
   result.steps = M;
   result.cycles = result.iterations = Index(grid.history.size()) - 1;
   for (const GoalCycle& cycle : grid.history) result.history.push_back(std::abs(cycle.estimate));

@@ -72,8 +72,9 @@ struct GoalEvaluation {
   double quantity = 0;
   Vector indicators;  ///< M, with signs: what cell i contributes to I(x_h) - I(x)
   Index sizes = 0;
-  double rounding = 0;  ///< of the quantity: what is below is noise
-  bool blind = false;   ///< the steps hardly see the input: it vanishes where they look, and not in between
+  std::string elsewhere;  ///< what another machine than the backend's has done (StepChain::elsewhere)
+  double rounding = 0;    ///< of the quantity: what is below is noise
+  bool blind = false;     ///< the steps hardly see the input: it vanishes where they look, and not in between
 };
 
 /// Indicators of a given solution, for tests and studies.

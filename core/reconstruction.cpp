@@ -87,7 +87,8 @@ StepChainProblem PortSystem::step_problem(StepScheme scheme, const StepSizes& si
     problem.map_of = sizes.of;
     for (const double h : sizes.sizes) {
       const double right = scheme == StepScheme::euler ? h : h / 2, left = h - right;
-      problem.maps.push_back({SparseMatrix(port_.E - right * A), SparseMatrix(port_.E + left * A)});
+      problem.maps.push_back(
+          {SparseMatrix(port_.E - right * A), SparseMatrix(port_.E + left * A), SparseMatrix(h * A)});
     }
   } else {
     problem = step_chain_problem(scheme, step_matrix(scheme), sizes);

@@ -1,5 +1,6 @@
-// One adjoint of a cycle of goal-oriented refinement: implicit Euler on the ladder of RLC cells, all ways to solve the
-// transposed chain of steps, on the processor and on a CUDA device where one is found.
+// One adjoint of a cycle of goal-oriented refinement: implicit Euler (and, with dense maps of many states, the
+// exponential scheme) on the ladder of RLC cells, all ways to solve the transposed chain of steps, on the processor and
+// on a CUDA device where one is found.
 
 #include "app/bench/study.hpp"
 #include "app/commands.hpp"
@@ -24,6 +25,7 @@ struct Chain {
   double cells = 0;     ///< of the ladder, m = 3 cells + 1
   Index steps = 0;      ///< about
   bool graded = false;  ///< as bisection leaves it: sizes from h to h/64
+  StepScheme scheme = StepScheme::euler;
   const char* grid() const { return graded ? "bisected" : "uniform"; }
 };
 
@@ -38,7 +40,11 @@ constexpr Way ways[] = {{"substitution", {AdjointMethod::substitution, 1}},
                         {"doubling", {AdjointMethod::doubling, 1}},
                         {"scan", {AdjointMethod::scan, 1}}};
 
-constexpr Index most_product_states = 64;  ///< above it products of maps are dense where the maps are sparse
+/// Where products of maps are worth their m^3 operations: on a processor for few states, on a device (which writes out
+/// sparse maps up to here) for hundreds in a scan, that multiplies each map once.
+Index most_product_states(const Backend& backend, AdjointMethod method) {
+  return backend.name() == "cpu" || method == AdjointMethod::doubling ? 64 : 384;
+}
 
 // Cells halved up to six times where a wave is high: runs of one size, a power of two apart.
 Vector graded_grid(double T, Index about) {
@@ -82,11 +88,13 @@ class Study {
     const PortSystem system(*scene.port, scene.T);
     const Vector t = c.graded ? graded_grid(scene.T, c.steps) : Vector(Vector::LinSpaced(c.steps + 1, 0, scene.T));
     const StepSizes sizes = group_steps(t);
-    const StepChainProblem problem =
-        step_chain_problem(StepScheme::euler, system.step_matrix(StepScheme::euler), sizes);
+    const StepChainProblem problem = step_chain_problem(c.scheme, system.step_matrix(c.scheme), sizes);
     const Index m = problem.states(), M = problem.steps();
+    std::unique_ptr<StepChain> chain;
     const auto add = [&](const char* what, const std::vector<double>& times, double apart) {
       report_.rows.push_back({{"backend", backend.name()},
+                              {"scheme", to_string(c.scheme)},
+                              {"elsewhere", chain ? chain->elsewhere() : ""},
                               {"states", m},
                               {"steps", M},
                               {"grid", c.grid()},
@@ -100,7 +108,6 @@ class Study {
                         format_seconds(minimum(times)), format_seconds(maximum(times)), scientific(apart)});
     };
 
-    std::unique_ptr<StepChain> chain;
     const auto plan = [&] { chain = backend.step_chain(problem); };
     plan();
     add("factorizations", timed_runs(backend, request_.repeats(), plan), 0);
@@ -112,9 +119,13 @@ class Study {
     const auto forward = [&] { chain->forward(*right, *left); };
     forward();
     add("forward", timed_runs(backend, request_.repeats(), forward), 0);
+    const RowMatrix coarse = RowMatrix::Random(M / 2 + 1, m);
+    const auto residual = [&] { chain->locally_weighted_residual(q, q, q, coarse); };
+    residual();
+    add("local residual", timed_runs(backend, request_.repeats(), residual), 0);
     for (const Way& way : ways) {
       const bool products = way.choice.method == AdjointMethod::doubling || way.choice.method == AdjointMethod::scan;
-      if (products && m > most_product_states) continue;
+      if (products && m > most_product_states(backend, way.choice.method)) continue;
       const auto adjoint = [&] { chain->adjoint(*right, *left, way.choice); };
       adjoint();
       backend.download(*left, found);
@@ -142,14 +153,19 @@ BenchReport bench_adjoints(const BenchRequest& request, Backend& backend) {
   BenchReport report;
   report.scene = "ladder";
   report.details["seconds"] =
-      "wall clock of one call on arrays of the backend, without copies from the host; factorizations: the whole plan";
+      "wall clock of one call on arrays of the backend, without copies from the host; factorizations: the whole plan; "
+      "local residual: of matrices of the host, copies included";
   report.details["difference_max"] = "from back substitution on the same backend, over the largest entry";
   report.details["grid"] = "uniform, or cells halved up to six times in runs, as bisection leaves it";
   Study study(request, report);
-  const std::vector<Chain> chains =
-      request.quick ? std::vector<Chain>{{5, 1000, true}, {33, 100, true}}
-                    : std::vector<Chain>{{5, 100000, false}, {5, 10000, true},   {5, 100000, true},
-                                         {21, 10000, true},  {100, 10000, true}, {1000, 2000, true}};
+  const std::vector<Chain> chains = request.quick ? std::vector<Chain>{{5, 1000, true}, {33, 100, true}}
+                                                  : std::vector<Chain>{{5, 100000, false},
+                                                                       {5, 10000, true},
+                                                                       {5, 100000, true},
+                                                                       {21, 10000, true},
+                                                                       {66, 10000, true, StepScheme::exponential},
+                                                                       {100, 10000, true},
+                                                                       {1000, 2000, true}};
   for (const Chain& c : chains) study.measure(c, backend);
   if (!cuda_devices().empty() && backend.name() == "cpu") {
     const auto cuda = make_cuda_backend(make_cpu_backend(backend.device().threads));
