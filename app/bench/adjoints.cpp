@@ -1,12 +1,14 @@
-// One adjoint of a cycle of goal-oriented refinement: implicit Euler (and, with dense maps of many states, the
-// exponential scheme) on the ladder of RLC cells, all ways to solve the transposed chain of steps, on the processor and
-// on a CUDA device where one is found.
+// A cycle of goal-oriented refinement, part by part and as a whole: implicit Euler (and, with dense maps of many
+// states, the exponential scheme) on the ladder of RLC cells, all ways to solve the transposed chain of steps, on the
+// processor and on a CUDA device where one is found.
 
 #include "app/bench/study.hpp"
 #include "app/commands.hpp"
 #include "app/text.hpp"
+#include "core/goal.hpp"
+#include "core/goal_indicators.hpp"
+#include "core/grid_adaptation.hpp"
 #include "core/port_hamiltonian.hpp"
-#include "core/reconstruction.hpp"
 #include "core/timer.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
@@ -88,13 +90,14 @@ class Study {
     const PortSystem system(*scene.port, scene.T);
     const Vector t = c.graded ? graded_grid(scene.T, c.steps) : Vector(Vector::LinSpaced(c.steps + 1, 0, scene.T));
     const StepSizes sizes = group_steps(t);
-    const StepChainProblem problem = step_chain_problem(c.scheme, system.step_matrix(c.scheme), sizes);
+    const StepChainProblem problem = system.step_problem(c.scheme, sizes);
     const Index m = problem.states(), M = problem.steps();
-    std::unique_ptr<StepChain> chain;
+    std::unique_ptr<StepChain> chain = backend.step_chain(problem);
+    const std::string elsewhere = chain->elsewhere();
     const auto add = [&](const char* what, const std::vector<double>& times, double apart) {
       report_.rows.push_back({{"backend", backend.name()},
                               {"scheme", to_string(c.scheme)},
-                              {"elsewhere", chain ? chain->elsewhere() : ""},
+                              {"elsewhere", elsewhere},
                               {"states", m},
                               {"steps", M},
                               {"grid", c.grid()},
@@ -109,7 +112,6 @@ class Study {
     };
 
     const auto plan = [&] { chain = backend.step_chain(problem); };
-    plan();
     add("factorizations", timed_runs(backend, request_.repeats(), plan), 0);
     RowMatrix q(M + 1, m), exact, found;
     for (Index i = 0; i <= M; ++i)
@@ -119,10 +121,6 @@ class Study {
     const auto forward = [&] { chain->forward(*right, *left); };
     forward();
     add("forward", timed_runs(backend, request_.repeats(), forward), 0);
-    const RowMatrix coarse = RowMatrix::Random(M / 2 + 1, m);
-    const auto residual = [&] { chain->locally_weighted_residual(q, q, q, coarse); };
-    residual();
-    add("local residual", timed_runs(backend, request_.repeats(), residual), 0);
     for (const Way& way : ways) {
       const bool products = way.choice.method == AdjointMethod::doubling || way.choice.method == AdjointMethod::scan;
       if (products && m > most_product_states(backend, way.choice.method)) continue;
@@ -133,11 +131,61 @@ class Study {
       const double apart = (found - exact).cwiseAbs().maxCoeff() / exact.cwiseAbs().maxCoeff();
       add(way.name, timed_runs(backend, request_.repeats(), adjoint), apart);
     }
+    chain.reset();
+    if (c.scheme != StepScheme::euler) return;
+    measure_cycle(system, scene.x0, t, problem, backend, add);
   }
 
   std::string text() const { return table(lines_); }
 
  private:
+  using Add = std::function<void(const char* what, const std::vector<double>& times, double apart)>;
+
+  /// From one grid to the next: arrays come from the host and go back to it.
+  void measure_cycle(const PortSystem& system, const Vector& x0, const Vector& t, const StepChainProblem& problem,
+                     Backend& backend, const Add& add) {
+    const int repeats = request_.repeats();
+    const auto quantity = local_balance();
+    const int q = quantity->order(order(StepScheme::euler));
+    RowMatrix x, gradient, l;
+    {
+      const auto chain = backend.step_chain(problem);
+      const auto solve = [&] { x = forward(backend, *chain, step_sources(system, StepScheme::euler, t, x0)); };
+      add("cycle: sources and forward", timed_runs(backend, repeats, solve), 0);
+      const Trajectory path{system, StepScheme::euler, t, x};
+      double value = 0;
+      const auto differentiate = [&] { value = quantity->value(path), gradient = quantity->gradient(path); };
+      add("cycle: quantity and its gradient", timed_runs(backend, repeats, differentiate), 0);
+      const auto transposed = [&] { l = adjoint(backend, *chain, gradient, {}); };
+      add("cycle: adjoint by substitution", timed_runs(backend, repeats, transposed), 0);
+    }
+    Vector indicators;
+    const auto judge = [&] {
+      indicators = goal_indicators({system, StepScheme::euler, t, x}, backend, *quantity, CellWeights::local, l, {});
+    };
+    add("cycle: indicators", timed_runs(backend, repeats, judge), 0);
+    Vector finer;
+    const auto mark = [&] { finer = bisected(t, economical_cells(indicators, q, t.size())); };
+    add("cycle: marking and bisection", timed_runs(backend, repeats, mark), 0);
+
+    Vector exact;
+    for (const Way& way : ways) {
+      const bool products = way.choice.method == AdjointMethod::doubling || way.choice.method == AdjointMethod::scan;
+      if (products && problem.states() > most_product_states(backend, way.choice.method)) continue;
+      GoalOptions goal;
+      goal.adjoint = way.choice;
+      GoalEvaluation e;
+      const auto cycle = [&] {
+        e = evaluate_goal(system, backend, goal, t, x0);
+        finer = bisected(t, economical_cells(e.indicators, q, t.size()));
+      };
+      const std::vector<double> times = timed_runs(backend, repeats, cycle);
+      if (exact.size() == 0) exact = e.indicators;
+      const double apart = (e.indicators - exact).cwiseAbs().maxCoeff() / exact.cwiseAbs().maxCoeff();
+      add((std::string("whole cycle, ") + way.name).c_str(), times, apart);
+    }
+  }
+
   const BenchRequest& request_;
   BenchReport& report_;
   std::vector<std::vector<std::string>> lines_;
@@ -154,8 +202,9 @@ BenchReport bench_adjoints(const BenchRequest& request, Backend& backend) {
   report.scene = "ladder";
   report.details["seconds"] =
       "wall clock of one call on arrays of the backend, without copies from the host; factorizations: the whole plan; "
-      "local residual: of matrices of the host, copies included";
-  report.details["difference_max"] = "from back substitution on the same backend, over the largest entry";
+      "cycle: from one grid to the next, arrays on the host";
+  report.details["difference_max"] =
+      "from back substitution on the same backend, over the largest entry; whole cycle: of the indicators";
   report.details["grid"] = "uniform, or cells halved up to six times in runs, as bisection leaves it";
   Study study(request, report);
   const std::vector<Chain> chains = request.quick ? std::vector<Chain>{{5, 1000, true}, {33, 100, true}}
