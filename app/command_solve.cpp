@@ -57,7 +57,7 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   }
   if (!arguments.iteration_tolerance.empty())
     options.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
-  options.goal = goal_options(arguments.goal, options.method);
+  options.goal = goal_options(arguments.goal, options.method, choice.quantity);
   const bool given = !arguments.states.empty();
   parse_states("--states", given ? arguments.states : choice.states, choice.scene.states(), options);
   return options;
@@ -118,8 +118,9 @@ void check_energies(const SolveArguments& arguments, const Scene& scene, const O
 
 void write(const Outputs& outputs, const Scene& scene, Backend& backend, const Result& result, bool with_energies) {
   if (outputs.out) {
-    std::optional<EnergyBalance> balance;
-    if (with_energies && result.status == Status::solved) balance = energies(scene, result);
+    std::optional<Energies> balance;
+    if (with_energies && (result.goal ? result.goal->balance.energy.size() > 0 : result.status == Status::solved))
+      balance = energies(scene, result);
     const bool sampled = !outputs.times.empty() && result.y.rows() == result.steps + 1;
     const Result rows = sampled ? at_times(scene, backend, result, outputs.times) : Result{};
     outputs.out->write([&](std::FILE* file) {

@@ -39,14 +39,19 @@ Index parse_count(const char* argument, const std::string& word, long long least
 
 }  // namespace
 
-std::shared_ptr<const QuantityOfInterest> parse_quantity(const std::string& word) {
+std::shared_ptr<const QuantityOfInterest> parse_quantity(const std::string& word,
+                                                         std::shared_ptr<const QuantityOfInterest> of_file) {
+  if (word == "file") {
+    if (of_file) return of_file;
+    throw Error("--quantity", "found 'file' and the scene states no quantity", "add a section [quantity] to its file");
+  }
   if (word == "loc") return local_balance();
   if (word == "glob") return global_balance();
   if (word.starts_with("loc+")) {
     const auto rho = parse_double(word.substr(4));
     if (rho && *rho >= 0 && std::isfinite(*rho)) return weighted_balance(*rho);
   }
-  throw unknown_word("--quantity", word, "glob, loc or loc+RHO with a number RHO from 0 on, such as loc+10");
+  throw unknown_word("--quantity", word, "glob, loc, loc+RHO with a number RHO from 0 on, such as loc+10, or file");
 }
 
 AdjointChoice parse_adjoint(const std::string& word) {
@@ -66,22 +71,25 @@ StepScheme parse_scheme(const std::string& word) {
   throw unknown_word("--scheme", word, "euler, midpoint or exponential");
 }
 
-std::shared_ptr<const GoalOptions> goal_options(const GoalArguments& a, Method method) {
+std::shared_ptr<const GoalOptions> goal_options(const GoalArguments& a, Method method,
+                                                std::shared_ptr<const QuantityOfInterest> of_file) {
   if (method != Method::goal) {
     if (const std::string name = given_argument(a); !name.empty())
       throw Error(name, fmt::format("is given with method {}", to_string(method)), "add --method goal");
     return nullptr;
   }
   auto goal = std::make_shared<GoalOptions>();
-  if (!a.quantity.empty()) goal->quantity = parse_quantity(a.quantity);
+  goal->quantity = a.quantity.empty() ? of_file : parse_quantity(a.quantity, of_file);
   if (!a.scheme.empty()) goal->scheme = parse_scheme(a.scheme);
   if (!a.adjoint.empty()) goal->adjoint = parse_adjoint(a.adjoint);
   if (!a.weights.empty()) goal->weights = parse_weights(a.weights);
-  if (!a.marking.empty() && a.marking != "auto") {
+  if (a.marking == "divide") {
+    goal->refinement = Refinement::division;
+  } else if (!a.marking.empty() && a.marking != "auto") {
     const auto share = parse_double(a.marking);
     if (!share || !(*share > 0) || !(*share <= 1))
       throw Error("--marking", fmt::format("found '{}'", a.marking),
-                  "give auto, or a number above 0, at most 1, such as 0.5");
+                  "give auto, divide, or a number above 0, at most 1, such as 0.5");
     goal->marking = *share;
   }
   if (!a.cycles.empty()) goal->cycles = parse_count("--cycles", a.cycles, 1, 1000);
@@ -89,8 +97,8 @@ std::shared_ptr<const GoalOptions> goal_options(const GoalArguments& a, Method m
   return goal;
 }
 
-EnergyBalance energies(const Scene& scene, const Result& result) {
-  if (result.goal) return result.goal->balance;
+Energies energies(const Scene& scene, const Result& result) {
+  if (result.goal) return {result.goal->balance, result.goal->power};
   if (!scene.port) throw Error("--energies", "the scene is not port-Hamiltonian", "leave it out");
   if (scene.constraints() > 0)
     throw Error("--energies", "the scene has complementarity", "use --method goal, which counts its power");
@@ -98,7 +106,8 @@ EnergyBalance energies(const Scene& scene, const Result& result) {
     throw Error("--energies", "the states are not all there", "add --states all");
   const bool euler = result.method == to_string(Method::euler);
   const PortSystem system(*scene.port, scene.T);
-  return energy_balance({system, euler ? StepScheme::euler : StepScheme::midpoint, result.t, result.x});
+  const Trajectory path{system, euler ? StepScheme::euler : StepScheme::midpoint, result.t, result.x};
+  return {energy_balance(path), power_balance(path)};
 }
 
 Json goal_to_json(const Result& result) {
@@ -120,6 +129,7 @@ Json goal_to_json(const Result& result) {
 }
 
 Json energies_to_json(const EnergyBalance& b) {
+  if (b.energy.size() == 0) return nullptr;  // a step that has no solution
   return {{"initial", b.energy[0]},
           {"final", b.energy[b.energy.size() - 1]},
           {"supplied", b.supplied.sum()},

@@ -63,16 +63,19 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_word(
       command, "--quantity", a.goal.quantity, "I",
       "method goal: loc (default), glob or loc+RHO, the violation of the energy balance step by step, over all time, "
-      "or with RHO times the integral of |x|^2");
+      "or with RHO times the integral of |x|^2; file (default where there is one): [quantity] of the scene file");
   add_word(command, "--scheme", a.goal.scheme, "NAME", "method goal: euler (default), midpoint or exponential");
   add_word(command, "--adjoint", a.goal.adjoint, "NAME", "method goal: exact (default), jacobi:K, doubling or scan");
   add_word(command, "--weights", a.goal.weights, "NAME",
            "method goal: local (default), interpolated or global weights of the residual");
   add_word(command, "--marking", a.goal.marking, "SHARE",
-           "method goal: halve the cells that carry this share of the error; default auto, as many as pay");
+           "method goal: halve the cells that carry this share of the error; auto (default), as many as pay; divide: "
+           "equal blocks, each into as many cells as its share asks for");
   add_word(command, "--cycles", a.goal.cycles, "N", "method goal: refinements; default: until --steps or --tol");
   add_word(command, "--first-steps", a.goal.first_steps, "J", "method goal: steps of the first grid; default 20");
-  command->add_flag("--energies", a.energies, "with --out: columns energy, supplied, dissipated, violation");
+  command->add_flag("--energies", a.energies,
+                    "with --out: columns energy, supplied_power, dissipated_power at t, and supplied, dissipated, "
+                    "violation of the step");
   add_word(command, "--report", a.report, "FILE.html", "write a report (not available yet)");
   command->add_flag("--json", a.json, "print one JSON object instead of the summary");
   command->add_flag("--template", a.print_template, "print a commented scene file to start from, and exit");

@@ -31,21 +31,23 @@ void flush(fmt::memory_buffer& text, std::FILE* file) {
 
 }  // namespace
 
-void write_csv(const Result& result, Index constraints, std::FILE* file, const EnergyBalance* energies) {
+void write_csv(const Result& result, Index constraints, std::FILE* file, const Energies* energies) {
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
   fmt::format_to(out, "t");
   for (Index i = 0; i < constraints; ++i) fmt::format_to(out, ",y{}", i);
   for (const Index component : result.x_components) fmt::format_to(out, ",x{}", component);
-  if (energies) fmt::format_to(out, ",energy,supplied,dissipated,violation");
+  if (energies) fmt::format_to(out, ",energy,supplied_power,dissipated_power,supplied,dissipated,violation");
   fmt::format_to(out, "\n");
   for (Index j = 0; j < result.t.size(); ++j) {
     fmt::format_to(out, "{}", result.t[j]);
     append_row(text, result.y, j, constraints);
     append_row(text, result.x, j, Index(result.x_components.size()));
     if (energies) {
-      append(text, energies->energy[j]);
-      for (const Vector* part : {&energies->supplied, &energies->dissipated, &energies->violation})
+      const EnergyBalance& steps = energies->balance;
+      for (const Vector* part : {&steps.energy, &energies->power.supplied, &energies->power.dissipated})
+        append(text, (*part)[j]);
+      for (const Vector* part : {&steps.supplied, &steps.dissipated, &steps.violation})
         append(text, j > 0 ? (*part)[j - 1] : 0);
     }
     fmt::format_to(out, "\n");

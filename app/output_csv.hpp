@@ -8,10 +8,17 @@
 
 namespace bromwich::app {
 
+/// The energies of a result: of the steps and at the time points.
+struct Energies {
+  EnergyBalance balance;
+  PowerBalance power;
+};
+
 /// Header `t,y0,...,x<component>,...` and one row per time; shortest decimals that give the same doubles back, `nan`
 /// where there is no value. `constraints` columns of y are written even where the result holds none. With `energies`
-/// the columns energy, and supplied, dissipated and violation of the step that ends there.
-void write_csv(const Result& result, Index constraints, std::FILE* file, const EnergyBalance* energies = nullptr);
+/// the columns energy, supplied_power and dissipated_power at the time, and supplied, dissipated and violation, the
+/// energies of the step that ends there.
+void write_csv(const Result& result, Index constraints, std::FILE* file, const Energies* energies = nullptr);
 
 /// Header `t,component,on,error` and one row per switch.
 void write_switches_csv(const std::vector<Switch>& switches, std::FILE* file);

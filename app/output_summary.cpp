@@ -64,6 +64,7 @@ std::string goal_line(const GoalReport& goal) {
 }
 
 std::string energy_line(const EnergyBalance& b) {
+  if (b.energy.size() == 0) return "-";
   return fmt::format("{:.6g} at 0, {:.6g} at T, supplied {:.6g}, dissipated {:.6g}, violation {:.2e}", b.energy[0],
                      b.energy[b.energy.size() - 1], b.supplied.sum(), b.dissipated.sum(), b.violation.cwiseAbs().sum());
 }

@@ -14,6 +14,7 @@ struct SceneChoice {
   ParameterValues parameters;
   std::string states = "none";         ///< default of --states
   std::optional<Reference> reference;  ///< empty where parameters were set: it belongs to those of the file
+  std::shared_ptr<const QuantityOfInterest> quantity = {};  ///< of the file; null where it has none
 };
 
 /// A built-in scene or a TOML file. Throws Error for a name that is neither and for a key that is none of its

@@ -57,7 +57,7 @@ struct SizedStep {
 
 ConstrainedSystem::ConstrainedSystem(const Scene& scene)
     : scene_(with_port(scene)),
-      port_(*scene.port, scene.T),
+      port_(*scene.port, scene.T, PortSystem::Form::state_space),
       B_(sparse_part(scene.dynamics, true)),
       N_(sparse_part(scene.dynamics, false)),
       M_(to_dense(scene.M)),
@@ -166,6 +166,7 @@ ConstrainedChain constrained_chain(const ConstrainedSystem& system, StepScheme s
   const double theta = constraint_point(scheme);
   const StepSizes sizes = group_steps(t);
   ConstrainedChain chain{{}, step_sources(system.port(), scheme, t, x0)};
+  if (system.port().memory_limit > 0) chain.problem.memory_limit = system.port().memory_limit;
   std::map<std::pair<Index, Index>, Index> kinds;
   for (std::size_t i = 0; i < steps.modes.size(); ++i) {
     const auto [at, fresh] = kinds.insert({{sizes.of[i], steps.modes[i]}, Index(chain.problem.maps.size())});

@@ -20,6 +20,16 @@ struct EnergyBalance {
 
 EnergyBalance energy_balance(const Trajectory&);
 
+/// Both sides of dH/dt = supplied - dissipated at the time points, with u from inside the step that ends there (at 0:
+/// that begins there).
+struct PowerBalance {
+  Vector supplied;    ///< M+1: u^T B^T Q x, and y^T B^T Q^T E x of constraints
+  Vector dissipated;  ///< M+1: x^T Q^T R Q x
+};
+
+/// `y` (M+1 x n), at the time points, and `port_matrix` (m x n, Q^T E B), of the constraints where the path has some.
+PowerBalance power_balance(const Trajectory&, const RowMatrix& y = {}, const RowMatrix& port_matrix = {});
+
 /// Σ_i weights_i dv_i/dx: (M+1) x m. One weight a step.
 RowMatrix balance_gradient(const Trajectory&, const Vector& weights);
 

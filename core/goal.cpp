@@ -8,6 +8,7 @@
 
 #include "core/error.hpp"
 #include "core/goal_complementarity.hpp"
+#include "core/goal_cost.hpp"
 #include "core/goal_indicators.hpp"
 #include "core/grid_adaptation.hpp"
 #include "core/states.hpp"
@@ -56,10 +57,26 @@ void validate(const GoalOptions& goal, double T) {
   group_steps(t);  // refuses what does not ascend
 }
 
-/// Arrays of the grid and of the halved one, on both sides of the backend.
-double bytes_of(Index cells, Index states) { return 22. * sizeof(double) * double(cells) * double(states); }
+/// The steps look at the input at its right end, in the middle or at both ends. What they take in there is less than a
+/// hundredth of what there is at points between: a wave that vanishes at all of them, or a pulse.
+bool sees_little(const PortSystem& system, StepScheme scheme, const Vector& t) {
+  if (!system.port().u) return false;
+  const Index M = t.size() - 1;
+  const Vector h = t.tail(M) - t.head(M);
+  const auto amount = [&](const std::vector<double>& points) {
+    double sum = 0;
+    for (const double s : points) sum += h.dot(system.inputs(t, s).cwiseAbs().rowwise().sum()) / double(points.size());
+    return sum;
+  };
+  const std::vector<double> looks = scheme == StepScheme::euler      ? std::vector<double>{1}
+                                    : scheme == StepScheme::midpoint ? std::vector<double>{0.5}
+                                                                     : std::vector<double>{0, 1};
+  return amount(looks) < 0.01 * amount({0.1127, 0.3183, 0.7071});
+}
 
 }  // namespace
+
+const char* to_string(Refinement refinement) { return refinement == Refinement::division ? "division" : "bisection"; }
 
 const char* to_string(CellWeights weights) {
   switch (weights) {
@@ -77,12 +94,14 @@ GoalEvaluation evaluate_goal(const PortSystem& system, Backend& backend, const G
                              const Vector& x0) {
   const auto quantity = goal.quantity ? goal.quantity : local_balance();
   const StepSizes sizes = group_steps(t);
-  const auto chain = backend.step_chain(step_chain_problem(goal.scheme, system.step_matrix(goal.scheme), sizes));
+  const auto chain = backend.step_chain(system.step_problem(goal.scheme, sizes));
   GoalEvaluation e;
   e.x = forward(backend, *chain, step_sources(system, goal.scheme, t, x0));
   const Trajectory path{system, goal.scheme, t, e.x};
   e.sizes = sizes.sizes.size();
+  e.elsewhere = chain->elsewhere();
   e.quantity = quantity->value(path);
+  e.rounding = quantity->rounding(path);
   RowMatrix l;
   if (goal.weights != CellWeights::global) l = adjoint(backend, *chain, quantity->gradient(path), goal.adjoint);
   e.indicators = goal_indicators(path, backend, *quantity, goal.weights, l, goal.adjoint);
@@ -98,21 +117,32 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   if (scene.boundary) throw Error("method", "goal cannot meet boundary conditions", "use method galerkin");
   validate(goal, scene.T);
   Timer timer;
-  const PortSystem system(*scene.port, scene.T);
+  PortSystem system(*scene.port, scene.T);
   std::optional<ConstrainedGoal> constrained;
   if (scene.constraints() > 0) constrained.emplace(scene, backend, goal);
   const auto quantity = goal.quantity ? goal.quantity : local_balance();
   const Index first = options.steps > 0 ? std::min(goal.first_cells, options.steps) : goal.first_cells;
-  const Vector t =
-      goal.first_grid.size() > 0 ? goal.first_grid : first_grid(scene.T, first, input_jumps(*scene.port, scene.T));
+  GridBounds bounds{scene.default_steps, Index(1) << 22, input_jumps(*scene.port, scene.T)};
+  const Vector t = goal.first_grid.size() > 0 ? goal.first_grid : first_grid(scene.T, first, bounds.breaks);
+  const auto fits = [&](Index cells, Index sizes) {
+    const GoalCost cost = predicted_goal_cost(system, goal.scheme, scene.constraints(), cells, sizes);
+    refuse_goal_beyond(options.memory_limit, cost, system, cells, sizes);
+    return cost;
+  };
+  if (options.memory_limit > 0) {
+    const Index expected_sizes = 16;
+    bounds.most_cells = std::min(bounds.most_cells, most_goal_cells(system, goal.scheme, scene.constraints(),
+                                                                    expected_sizes, options.memory_limit));
+    system.memory_limit = std::max(options.memory_limit - fits(std::max(options.steps, first), 1).bytes(), 1.);
+  }
   Result result;
   result.seconds.setup = timer.lap();
-  AdaptedGrid grid = adapt_grid(t, options, goal, *quantity, scene.default_steps, [&](const Vector& times) {
-    const double needed = bytes_of(times.size(), scene.states());
-    if (options.memory_limit > 0 && needed > options.memory_limit)
-      throw Error("steps", text("%td of %td states need %.2g bytes", times.size() - 1, scene.states(), needed),
-                  "ask for fewer");
-    return constrained ? constrained->evaluate(times) : evaluate_goal(system, backend, goal, times, scene.x0);
+  AdaptedGrid grid = adapt_grid(t, options, goal, *quantity, bounds, [&](const Vector& times) {
+    fits(times.size() - 1, group_steps(times).sizes.size());
+    GoalEvaluation e =
+        constrained ? constrained->evaluate(times) : evaluate_goal(system, backend, goal, times, scene.x0);
+    e.blind = sees_little(system, goal.scheme, times);
+    return e;
   });
   result.seconds.solve = result.seconds.other = timer.lap();
   result.seconds.total = result.seconds.setup + result.seconds.solve;
@@ -124,6 +154,7 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
                     to_string(goal.weights),
                     quantity->exact(),
                     grid.history,
+                    {},
                     {}};
   report.balance =
       constrained ? constrained->balance(grid) : energy_balance({system, goal.scheme, grid.t, grid.last.x});
@@ -133,17 +164,23 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   result.backend = backend.name();
   result.kernel = text("%s on %td cells of %td sizes, adjoint %s, %s weights", to_string(goal.scheme), M,
                        grid.last.sizes, report.adjoint.c_str(), to_string(goal.weights));
+  if (!grid.last.elsewhere.empty()) result.kernel += ", " + grid.last.elsewhere;
   result.steps = M;
   result.cycles = result.iterations = Index(grid.history.size()) - 1;
   for (const GoalCycle& cycle : grid.history) result.history.push_back(std::abs(cycle.estimate));
   result.y = RowMatrix(M + 1, 0);
   result.residual = 0;  // of no constraints
+  if (grid.last.blind)
+    result.warning = text("the input nearly vanishes at all points where %td steps look at it: ask for other steps", M);
   if (constrained) constrained->report(grid, result);
+  report.power =
+      constrained ? constrained->power(grid, result) : power_balance({system, goal.scheme, grid.t, grid.last.x});
   result.x_components = recorded_components(scene, options);
   result.x.resize(M + 1, Index(result.x_components.size()));
   for (Index c = 0; c < result.x.cols(); ++c) result.x.col(c) = grid.last.x.col(result.x_components[std::size_t(c)]);
   result.t = std::move(grid.t);
-  result.bytes = std::size_t(bytes_of(M + 1, scene.states()));
+  result.bytes = std::size_t(predicted_goal_cost(system, goal.scheme, scene.constraints(), M, grid.last.sizes).bytes());
+  result.bytes_predicted = result.bytes;
   result.goal = std::make_shared<const GoalReport>(std::move(report));
   return result;
 }

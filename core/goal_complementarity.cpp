@@ -24,6 +24,7 @@ GoalEvaluation ConstrainedGoal::evaluate(const Vector& t) {
   last_ = solve_constrained(system_, scheme, t, x0);
   GoalEvaluation e;
   e.x = last_.x;
+  if (backend_.name() != "cpu") e.elsewhere = "steps with complementarity on the host";
   e.indicators = Vector::Zero(t.size() - 1);
   e.quantity = std::numeric_limits<double>::quiet_NaN();
   if (last_.unsolved >= 0) return e;
@@ -33,6 +34,7 @@ GoalEvaluation ConstrainedGoal::evaluate(const Vector& t) {
   path_ = constraints_along(system_, backend_, path);
   path.constraints = &path_;
   e.quantity = quantity_->value(path);
+  e.rounding = quantity_->rounding(path);
   const ConstrainedChain coarse = constrained_chain(system_, scheme, t, x0, last_.steps);
   e.sizes = group_steps(t).sizes.size();
   RowMatrix l;
@@ -55,6 +57,11 @@ GoalEvaluation ConstrainedGoal::evaluate(const Vector& t) {
 EnergyBalance ConstrainedGoal::balance(const AdaptedGrid& grid) const {
   if (last_.unsolved >= 0) return {};
   return energy_balance({system_.port(), goal_.scheme, grid.t, grid.last.x, 1, &path_});
+}
+
+PowerBalance ConstrainedGoal::power(const AdaptedGrid& grid, const Result& result) const {
+  if (last_.unsolved >= 0) return {};
+  return power_balance({system_.port(), goal_.scheme, grid.t, grid.last.x}, result.y, system_.port_matrix());
 }
 
 void ConstrainedGoal::report(const AdaptedGrid& grid, Result& result) {

@@ -19,6 +19,7 @@ class ConstrainedGoal {
 
   /// Of the grid evaluated last.
   EnergyBalance balance(const AdaptedGrid&) const;
+  PowerBalance power(const AdaptedGrid&, const Result&) const;
   /// y at the time points, residual and counters; status and reason where a step could not be solved.
   void report(const AdaptedGrid&, Result&);
 

@@ -15,6 +15,14 @@ Vector per_cell(const Trajectory& path, const Vector& of_steps) {
   return sums;
 }
 
+/// Of the violations of the cells: they are differences of energies.
+Vector balance_rounding(const Trajectory& path) {
+  const EnergyBalance b = energy_balance(path);
+  const Index M = path.steps();
+  const Vector terms = b.energy.head(M) + b.energy.tail(M) + b.supplied.cwiseAbs() + b.dissipated;
+  return per_cell(path, 4 * epsilon * terms);
+}
+
 class GlobalBalance : public QuantityOfInterest {
  public:
   std::string name() const override { return "glob"; }
@@ -28,6 +36,7 @@ class GlobalBalance : public QuantityOfInterest {
   }
   std::optional<double> exact() const override { return 0.; }
   double secant() const override { return 0.5; }
+  double rounding(const Trajectory& path) const override { return std::pow(balance_rounding(path).sum(), 2); }
 };
 
 class LocalBalance : public QuantityOfInterest {
@@ -42,6 +51,7 @@ class LocalBalance : public QuantityOfInterest {
   }
   std::optional<double> exact() const override { return 0.; }
   double secant() const override { return 0.5; }
+  double rounding(const Trajectory& path) const override { return balance_rounding(path).squaredNorm(); }
   int order(int p) const override { return 2 * p + 1; }  // v falls by 2^-(p+1), and there are two
 };
 
@@ -80,7 +90,8 @@ class WeightedBalance : public LocalBalance {
 class User : public QuantityOfInterest {
  public:
   explicit User(UserQuantity q) : q_(std::move(q)) {
-    if (!q_.density && !q_.end) throw Error("quantity", "has neither density nor end", "give one of them or both");
+    if (!q_.density && !q_.end)
+      throw Error("quantity", "has neither an integral nor an end value", "give one of them or both");
     if (bool(q_.density) != bool(q_.density_gradient) || bool(q_.end) != bool(q_.end_gradient))
       throw Error("quantity", "has a function without its gradient", "give both");
   }
@@ -127,5 +138,35 @@ std::shared_ptr<const QuantityOfInterest> weighted_balance(double rho) {
   return std::make_shared<WeightedBalance>(rho);
 }
 std::shared_ptr<const QuantityOfInterest> user_quantity(UserQuantity q) { return std::make_shared<User>(std::move(q)); }
+
+std::shared_ptr<const QuantityOfInterest> quadratic_quantity(const QuadraticQuantity& q, Index states) {
+  for (const auto& [member, matrix] : {std::pair("W", &q.W), std::pair("end_W", &q.end_W)})
+    if (matrix->size() > 0 && (matrix->rows() != states || matrix->cols() != states))
+      throw Error(member, text("is %td x %td", matrix->rows(), matrix->cols()),
+                  text("give %td x %td, as there are states", states, states));
+  if (q.end_c.size() > 0 && q.end_c.size() != states)
+    throw Error("end_c", text("has %td entries", q.end_c.size()), text("give %td, one per state", states));
+  // Zeros where nothing is given.
+  const auto square = [](const SparseMatrix& W, const Vector& x) { return W.size() > 0 ? x.dot(W * x) : 0; };
+  const auto slope = [](const SparseMatrix& W, const Vector& x) {
+    return W.size() > 0 ? Vector(W * x + W.transpose() * x) : Vector(Vector::Zero(x.size()));
+  };
+  const auto c = [states, c = q.c](double t) {
+    Vector value = Vector::Zero(states);
+    if (c) c(t, value);
+    return value;
+  };
+  UserQuantity user{q.name, {}, {}, {}, {}, q.exact};
+  if (q.W.size() > 0 || q.c) {
+    user.density = [=, W = q.W](double t, const Vector& x) { return square(W, x) + c(t).dot(x); };
+    user.density_gradient = [=, W = q.W](double t, const Vector& x) { return Vector(slope(W, x) + c(t)); };
+  }
+  if (q.end_W.size() > 0 || q.end_c.size() > 0) {
+    const Vector end_c = q.end_c.size() > 0 ? q.end_c : Vector(Vector::Zero(states));
+    user.end = [=, W = q.end_W](double, const Vector& x) { return square(W, x) + end_c.dot(x); };
+    user.end_gradient = [=, W = q.end_W](double, const Vector& x) { return Vector(slope(W, x) + end_c); };
+  }
+  return user_quantity(std::move(user));
+}
 
 }  // namespace bromwich

@@ -23,6 +23,8 @@ class QuantityOfInterest {
   virtual double secant() const { return 1; }
   /// q where what a cell contributes falls by 2^-q when it is halved, for a reconstruction of order p.
   virtual int order(int p) const { return p; }
+  /// What of value() may be rounding: a few eps of the terms that it is summed from; 0 where that is not known.
+  virtual double rounding(const Trajectory&) const { return 0; }
 };
 
 /// I_glob = (Σ_i v_i)^2, the violation of the energy balance over [0, T].
@@ -43,5 +45,16 @@ struct UserQuantity {
 };
 /// Throws Error where a function is given without its gradient, or neither is given.
 std::shared_ptr<const QuantityOfInterest> user_quantity(UserQuantity);
+
+/// ∫ (x^T W x + c(t)^T x) dt + x(T)^T end_W x(T) + end_c^T x(T), what is left empty being 0.
+struct QuadraticQuantity {
+  std::string name = "user";
+  SparseMatrix W, end_W;  ///< m x m
+  TimeFunction c;         ///< m values
+  Vector end_c;           ///< m
+  std::optional<double> exact;
+};
+/// Throws Error where all is empty, or naming the first member whose size is wrong.
+std::shared_ptr<const QuantityOfInterest> quadratic_quantity(const QuadraticQuantity&, Index states);
 
 }  // namespace bromwich

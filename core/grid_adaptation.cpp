@@ -6,11 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <queue>
+#include <utility>
 
 namespace bromwich {
 namespace {
 
-constexpr Index largest_grid = Index(1) << 22;
 constexpr Index most_refinements = 1000;
 
 GoalCycle record(const GoalEvaluation& e, std::optional<double> exact) {
@@ -20,7 +21,9 @@ GoalCycle record(const GoalEvaluation& e, std::optional<double> exact) {
   cycle.quantity = e.quantity;
   cycle.estimate = e.indicators.sum();
   cycle.absolute = e.indicators.cwiseAbs().sum();
-  if (exact && e.quantity != *exact) cycle.effectivity = cycle.estimate / (e.quantity - *exact);
+  if (!exact || e.blind) return cycle;
+  const double error = e.quantity - *exact, noise = std::max(e.rounding, epsilon * cycle.absolute);
+  if (std::abs(error) > noise) cycle.effectivity = cycle.estimate / error;
   return cycle;
 }
 
@@ -85,6 +88,60 @@ std::vector<Index> economical_cells(const Vector& indicators, int q, Index most)
   return cells;
 }
 
+Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, const std::vector<double>& breaks) {
+  const Vector wanted =
+      indicators.unaryExpr([q](double eta) { return std::pow(std::abs(eta), 1. / (q + 1)); });  // cells
+  if (!(wanted.sum() > 0)) return t;
+  // The blocks, equal between two breaks.
+  const double T = t[t.size() - 1];
+  std::vector<double> ends{0}, at{0};
+  ends.insert(ends.end(), breaks.begin(), breaks.end());
+  ends.push_back(T);
+  const double length = T / double(std::max<Index>(1, cells / 4));
+  for (std::size_t p = 1; p < ends.size(); ++p) {
+    const double from = ends[p - 1], piece = ends[p] - from;
+    const Index blocks = std::max<Index>(1, Index(std::lround(piece / length)));
+    for (Index b = 1; b <= blocks; ++b) at.push_back(b == blocks ? ends[p] : from + piece * double(b) / double(blocks));
+  }
+  const Index blocks = Index(at.size()) - 1;
+  if (blocks > cells) return t;
+  // What a block of one cell would contribute: (Σ c_i^{1/(q+1)})^{q+1}, a cell in two blocks by its parts.
+  Vector cost = Vector::Zero(blocks);
+  for (Index i = 0, b = 0; i < wanted.size();) {
+    const double right = std::min(t[i + 1], at[std::size_t(b) + 1]), left = std::max(t[i], at[std::size_t(b)]);
+    cost[b] += wanted[i] * std::max(right - left, 0.) / (t[i + 1] - t[i]);
+    if (t[i + 1] <= at[std::size_t(b) + 1] || b + 1 == blocks)
+      ++i;
+    else
+      ++b;
+  }
+  cost = (cost / cost.maxCoeff()).unaryExpr([q](double c) { return std::pow(c, q + 1); }).eval();
+  // One cell more where that gains most: optimal, for what a block contributes is convex in its cells.
+  std::vector<Index> parts(std::size_t(blocks), 1);
+  using Gain = std::pair<double, Index>;
+  std::priority_queue<Gain> next;
+  const auto gain = [&](Index b) {
+    const double n = double(parts[std::size_t(b)]);
+    return cost[b] * (std::pow(n, -q) - std::pow(n + 1, -q));
+  };
+  for (Index b = 0; b < blocks; ++b) next.push({gain(b), b});
+  for (Index spare = cells - blocks; spare > 0; --spare) {
+    const Index b = next.top().second;
+    next.pop();
+    ++parts[std::size_t(b)];
+    next.push({gain(b), b});
+  }
+  Vector finer(cells + 1);
+  finer[0] = 0;
+  Index i = 0;
+  for (Index b = 0; b < blocks; ++b) {
+    const Index n = parts[std::size_t(b)];
+    const double left = at[std::size_t(b)], right = at[std::size_t(b) + 1];
+    for (Index k = 1; k <= n; ++k) finer[++i] = k == n ? right : left + (right - left) * double(k) / double(n);
+  }
+  return finer;
+}
+
 Vector bisected(const Vector& t, const std::vector<Index>& marked) {
   std::vector<double> points;
   points.reserve(std::size_t(t.size()) + marked.size());
@@ -100,10 +157,29 @@ Vector bisected(const Vector& t, const std::vector<Index>& marked) {
   return Eigen::Map<const Vector>(points.data(), Index(points.size()));
 }
 
+namespace {
+
+Vector refined(const AdaptedGrid& grid, const GoalOptions& goal, int q, Index limit,
+               const std::vector<double>& breaks) {
+  const Index cells = grid.t.size() - 1, most = limit - cells;
+  const Vector& indicators = grid.last.indicators;
+  if (grid.last.blind) {
+    std::vector<Index> all(std::size_t(std::min(cells, most)));
+    std::iota(all.begin(), all.end(), Index(0));
+    return bisected(grid.t, all);
+  }
+  if (goal.refinement == Refinement::division)
+    return divided(grid.t, indicators, q, std::min(2 * cells, limit), breaks);
+  return bisected(
+      grid.t, goal.marking > 0 ? marked_cells(indicators, goal.marking, most) : economical_cells(indicators, q, most));
+}
+
+}  // namespace
+
 AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal, const QuantityOfInterest& quantity,
-                       Index default_cells, const std::function<GoalEvaluation(const Vector& t)>& evaluate) {
+                       const GridBounds& bounds, const std::function<GoalEvaluation(const Vector& t)>& evaluate) {
   const bool open_ended = goal.cycles > 0 || options.tolerance > 0;
-  const Index limit = options.steps > 0 ? options.steps : open_ended ? largest_grid : default_cells;
+  const Index limit = options.steps > 0 ? options.steps : open_ended ? bounds.most_cells : bounds.default_cells;
   const Index cycles = goal.cycles > 0 ? goal.cycles : most_refinements;
   const std::optional<double> exact = quantity.exact();
   const int q = quantity.order(order(goal.scheme));
@@ -120,20 +196,21 @@ AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal
       grid.reason = text("the quantity or its estimate is not finite on %td cells", cycle.cells);
       return grid;
     }
-    const bool reached = options.tolerance > 0 && std::abs(cycle.estimate) <= options.tolerance &&
+    const bool reached = options.tolerance > 0 && !grid.last.blind && std::abs(cycle.estimate) <= options.tolerance &&
                          (!exact || std::abs(cycle.quantity - *exact) <= options.tolerance);
     if (reached) return grid;
-    const bool at_end = cycle.cells >= limit || Index(grid.history.size()) > cycles;
-    const std::vector<Index> marked = at_end ? std::vector<Index>{}
-                                      : goal.marking > 0
-                                          ? marked_cells(grid.last.indicators, goal.marking, limit - cycle.cells)
-                                          : economical_cells(grid.last.indicators, q, limit - cycle.cells);
-    Vector finer = bisected(grid.t, marked);
-    if (finer.size() == grid.t.size()) {  // the end, or nothing left to halve
+    // The cells asked for are divided once more: the grid before had half as many and saw less.
+    const bool full = cycle.cells >= limit, begun = grid.history.size() > 1;
+    const bool once_more = full && begun && goal.refinement == Refinement::division && !grid.last.blind &&
+                           grid.history[grid.history.size() - 2].cells < limit;
+    const bool at_end = (full && !once_more) || Index(grid.history.size()) > cycles;
+    Vector finer = at_end ? grid.t : refined(grid, goal, q, limit, bounds.breaks);
+    if (finer.size() == grid.t.size() && (!once_more || finer == grid.t)) {  // the end, or nothing left to refine
       if (options.tolerance > 0) {
         grid.status = Status::tolerance_not_met;
         grid.reason = text("the error of the quantity is estimated at %.2g on %td cells, %.2g was asked for",
                            std::abs(cycle.estimate), cycle.cells, options.tolerance);
+        if (options.steps == 0 && cycle.cells >= limit) grid.reason += "; more do not fit the memory";
       }
       return grid;
     }

@@ -4,6 +4,7 @@
 #include "goal.hpp"
 
 #include <functional>
+#include <vector>
 
 namespace bromwich {
 
@@ -18,6 +19,11 @@ std::vector<Index> marked_cells(const Vector& indicators, double marking, Index 
 /// what a cell contributes falls by 2^-q: half of the cells of a grid where all contribute alike would be a waste.
 std::vector<Index> economical_cells(const Vector& indicators, int q, Index most);
 
+/// Cuts [0, T] into equal blocks, one for four cells, between the `breaks`, and each block into equal cells: `cells` in
+/// all, as many in each as make Σ c n^-q least, where c n^-q is what a block of n cells contributes. `t` as it is where
+/// all indicators are 0.
+Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, const std::vector<double>& breaks);
+
 /// Halves the marked cells; those of a few roundings of T are left as they are.
 Vector bisected(const Vector& t, const std::vector<Index>& marked);
 
@@ -29,8 +35,15 @@ struct AdaptedGrid {
   std::string reason;
 };
 
-/// Evaluates and refines until the cycles, cells or tolerance asked for. `default_cells` where nothing is.
-AdaptedGrid adapt_grid(Vector t, const Options&, const GoalOptions&, const QuantityOfInterest&, Index default_cells,
+struct GridBounds {
+  Index default_cells = 400;          ///< where neither cells, cycles nor a tolerance are asked for
+  Index most_cells = Index(1) << 22;  ///< where the cells are not limited by Options
+  std::vector<double> breaks;         ///< times that stay points
+};
+
+/// Evaluates and refines until the cycles, cells or tolerance asked for. A grid that is blind is halved throughout, and
+/// no tolerance is met on it.
+AdaptedGrid adapt_grid(Vector t, const Options&, const GoalOptions&, const QuantityOfInterest&, const GridBounds&,
                        const std::function<GoalEvaluation(const Vector& t)>& evaluate);
 
 }  // namespace bromwich

@@ -1,5 +1,6 @@
 #include "core/port_hamiltonian.hpp"
 
+#include "core/descriptor.hpp"
 #include "core/error.hpp"
 #include "core/text.hpp"
 
@@ -13,8 +14,8 @@
 namespace bromwich {
 namespace {
 
-constexpr Index largest_dense_port = 256;  // as of scene files: above, A stays sparse
-constexpr Index largest_index_told = 512;  // states; the index of a singular E takes dense factorizations
+constexpr Index largest_dense_port = 256;                 // as of scene files: above, A stays sparse
+constexpr std::size_t most_inverse_entries = 50'000'000;  // of E^{-1} (J - R) Q; 1.6 GB with what makes them
 
 SparseMatrix or_identity(const SparseMatrix& matrix, Index m) {
   if (matrix.size() > 0) return matrix;
@@ -82,35 +83,23 @@ void require_semidefinite(const char* member, const SparseMatrix& X) {
     throw Error(member, "is not positive semidefinite: it has a negative eigenvalue", "make it positive semidefinite");
 }
 
-bool is_diagonal(const SparseMatrix& X) {
-  for (Index j = 0; j < X.outerSize(); ++j)
-    for (SparseMatrix::InnerIterator entry(X, j); entry; ++entry)
-      if (entry.row() != j && entry.value() != 0) return false;
-  return true;
-}
-
-bool is_regular(const SparseMatrix& E) {
-  const Index m = E.rows();
-  if (is_diagonal(E)) {
-    for (Index i = 0; i < m; ++i)
-      if (E.coeff(i, i) == 0) return false;
-    return true;
+/// E^{-1} X by blocks of columns, their zeros left out.
+SparseMatrix solved(const Eigen::SparseLU<SparseMatrix>& E, const SparseMatrix& X) {
+  std::vector<Eigen::Triplet<double>> entries;
+  const Index width = 64;
+  for (Index first = 0; first < X.cols(); first += width) {
+    const Matrix block = E.solve(Matrix(X.middleCols(first, std::min(width, X.cols() - first))));
+    for (Index j = 0; j < block.cols(); ++j)
+      for (Index i = 0; i < block.rows(); ++i)
+        if (block(i, j) != 0) entries.emplace_back(int(i), int(first + j), block(i, j));
+    if (entries.size() > most_inverse_entries)
+      throw Error("E",
+                  text("is not diagonal: E^{-1} (J - R) Q has more than %.0e entries", double(most_inverse_entries)),
+                  "give an E with small blocks or fewer states");
   }
-  if (m <= largest_index_told) return Eigen::FullPivLU<Matrix>(Matrix(E)).isInvertible();
-  Eigen::SparseLU<SparseMatrix> factors(E);
-  return factors.info() == Eigen::Success;
-}
-
-/// Of the pencil s E - A~: 1 where the part of A~ that E leaves algebraic can be solved for, 2 or more otherwise.
-std::string index_of(const SparseMatrix& E, const SparseMatrix& A) {
-  if (E.rows() > largest_index_told) return text("of %td rows", E.rows());
-  const Eigen::JacobiSVD<Matrix> svd(Matrix(E), Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::FullPivLU<Matrix> lu{Matrix(E)};
-  const Index m = E.rows(), rank = lu.rank(), k = m - rank;
-  const Matrix algebraic = svd.matrixU().rightCols(k).transpose() * Matrix(A) * svd.matrixV().rightCols(k);
-  const bool solvable = Eigen::FullPivLU<Matrix>(algebraic).isInvertible();
-  return text("of rank %td of %td, a differential-algebraic system of %s", rank, m,
-              solvable ? "index 1" : "index 2 or more");
+  SparseMatrix solution(X.rows(), X.cols());
+  solution.setFromTriplets(entries.begin(), entries.end());
+  return solution;
 }
 
 }  // namespace
@@ -134,10 +123,12 @@ void PortHamiltonian::validate() const {
   require_symmetry(of_energy, energy_matrix(), 1, "symmetric");
   require_semidefinite(of_energy, energy_matrix());
   if (E.size() > 0 && !is_regular(E))
-    throw Error("E", "is singular, " + index_of(E, SparseMatrix((J - R) * or_identity(Q, m))),
+    throw Error("E", "is singular, " + describe_singular(E, state_matrix()),
                 "eliminate the algebraic unknowns and give a regular E");
   if (u && B.cols() == 0) throw Error("B", "is missing beside u", "give one column per entry of u");
 }
+
+SparseMatrix PortHamiltonian::state_matrix() const { return (J - R) * or_identity(Q, states()); }
 
 SparseMatrix PortHamiltonian::energy_matrix() const {
   const Index m = states();
@@ -155,7 +146,7 @@ double PortHamiltonian::energy(const Vector& x) const { return x.dot(energy_matr
 
 StateSpace state_space(const PortHamiltonian& port) {
   const Index m = port.states();
-  StateSpace s{(port.J - port.R) * or_identity(port.Q, m), port.B};
+  StateSpace s{port.state_matrix(), port.B};
   if (s.F.rows() != m) s.F = SparseMatrix(m, 0);
   if (port.E.size() == 0) return s;
   if (is_diagonal(port.E)) {
@@ -164,8 +155,8 @@ StateSpace state_space(const PortHamiltonian& port) {
     s.F = SparseMatrix(inverse.asDiagonal() * s.F);
   } else {
     Eigen::SparseLU<SparseMatrix> factors(port.E);
-    s.A = SparseMatrix(factors.solve(Matrix(s.A)).sparseView());
-    if (s.F.cols() > 0) s.F = SparseMatrix(factors.solve(Matrix(s.F)).sparseView());
+    s.A = solved(factors, s.A);
+    if (s.F.cols() > 0) s.F = solved(factors, s.F);
   }
   return s;
 }

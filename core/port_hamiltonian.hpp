@@ -26,9 +26,11 @@ struct PortHamiltonian {
   Index ports() const { return B.cols(); }
 
   /// Throws Error naming the first member that breaks the structure: sizes, J + J^T = 0, R and Q^T E symmetric and
-  /// positive semidefinite (to rounding, whatever the units of the rows), E regular; the index of a singular E is said.
+  /// positive semidefinite (to rounding, whatever the units of the rows), E regular; of a singular E it says what the
+  /// system is (describe_singular).
   void validate() const;
 
+  SparseMatrix state_matrix() const;        ///< (J - R) Q
   SparseMatrix energy_matrix() const;       ///< Q^T E
   SparseMatrix dissipation_matrix() const;  ///< Q^T R Q
   SparseMatrix output_matrix() const;       ///< Q^T B; outputs are its transpose times x
@@ -43,7 +45,8 @@ Scene make_scene(PortHamiltonian port, const Vector& x0, double T);
 Scene with_idle_constraint(Scene);
 Result with_idle_constraint(Result);
 
-/// A and E^{-1} B, as make_scene writes them. E must be regular.
+/// A and E^{-1} B, as make_scene writes them. E must be regular. Throws Error where E is not diagonal and A has more
+/// than 5e7 entries.
 struct StateSpace {
   SparseMatrix A, F;
 };

@@ -1,7 +1,9 @@
 #include "core/reconstruction.hpp"
 
+#include "core/descriptor.hpp"
 #include "core/error.hpp"
 #include "core/phi.hpp"
+#include "core/row_products.hpp"
 #include "core/text.hpp"
 
 #include <cmath>
@@ -13,7 +15,9 @@ constexpr Index largest_dense_step = 64;          // above, sparse factors are f
 constexpr Index largest_exponential_step = 1024;  // e^{hA} is dense
 
 /// M x m times the transpose of a sparse matrix.
-RowMatrix times_transposed(const RowMatrix& x, const SparseMatrix& A) { return x * A.transpose(); }
+RowMatrix times_transposed(const RowMatrix& x, const SparseMatrix& A) {
+  return row_products(x, SparseMatrix(A.transpose()));
+}
 
 }  // namespace
 
@@ -60,24 +64,53 @@ const char* to_string(StepScheme scheme) {
   return "exponential";
 }
 
-PortSystem::PortSystem(const PortHamiltonian& port, double T)
+PortSystem::PortSystem(const PortHamiltonian& port, double T, Form form)
     : port_(port),
       T_(T),
-      space_(state_space(port)),
+      keeps_E_(form == Form::automatic && port.states() > largest_dense_step && port.E.size() > 0 &&
+               !is_diagonal(port.E)),
       energy_(port.energy_matrix()),
       dissipation_(port.dissipation_matrix()),
-      output_(space_.F.cols() > 0 ? port.output_matrix() : SparseMatrix(port.states(), 0)) {}
+      output_(port.ports() > 0 ? port.output_matrix() : SparseMatrix(port.states(), 0)) {}
+
+const StateSpace& PortSystem::space() const {
+  if (!space_) space_ = state_space(port_);
+  return *space_;
+}
+
+bool PortSystem::keeps_E(StepScheme scheme) const { return keeps_E_ && scheme != StepScheme::exponential; }
+
+StepChainProblem PortSystem::step_problem(StepScheme scheme, const StepSizes& sizes) const {
+  StepChainProblem problem;
+  if (keeps_E(scheme)) {
+    const SparseMatrix A = port_.state_matrix();
+    problem.map_of = sizes.of;
+    for (const double h : sizes.sizes) {
+      const double right = scheme == StepScheme::euler ? h : h / 2, left = h - right;
+      problem.maps.push_back(
+          {SparseMatrix(port_.E - right * A), SparseMatrix(port_.E + left * A), SparseMatrix(h * A)});
+    }
+  } else {
+    problem = step_chain_problem(scheme, step_matrix(scheme), sizes);
+  }
+  if (memory_limit > 0) problem.memory_limit = memory_limit;
+  return problem;
+}
 
 StepMatrix PortSystem::step_matrix(StepScheme scheme) const {
   if (scheme == StepScheme::exponential && states() > largest_exponential_step)
     throw Error("scheme", text("exponential with %td states", states()),
                 text("use midpoint or euler above %td states: e^{hA} is dense", largest_exponential_step));
-  if (scheme == StepScheme::exponential || states() <= largest_dense_step) return Matrix(space_.A);
-  return space_.A;
+  if (dense_steps(scheme)) return Matrix(A());
+  return A();
+}
+
+bool PortSystem::dense_steps(StepScheme scheme) const {
+  return scheme == StepScheme::exponential || states() <= largest_dense_step;
 }
 
 RowMatrix PortSystem::inputs(const Vector& t, double s) const {
-  const Index M = t.size() - 1, k = F().cols();
+  const Index M = t.size() - 1, k = port_.ports();
   RowMatrix u = RowMatrix::Zero(M, k);
   if (!port_.u) return u;
   Vector value(k);
@@ -121,7 +154,7 @@ void add_within(const Trajectory& path, double s, const RowMatrix& g, RowMatrix&
   gradient.bottomRows(M) += beta * g;
   if (path.scheme != StepScheme::exponential) return;
   const Vector h = path.t.tail(M) - path.t.head(M);
-  const RowMatrix through_slope = h.asDiagonal() * (g * path.system.A());
+  const RowMatrix through_slope = h.asDiagonal() * row_products(g, path.system.A());
   gradient.topRows(M) += gamma * through_slope;
   gradient.bottomRows(M) += delta * through_slope;
 }
@@ -132,7 +165,8 @@ RowMatrix step_sources(const PortSystem& system, StepScheme scheme, const Vector
   d.row(0) = x0.transpose();
   if (!system.port().u) return d;
   if (scheme != StepScheme::exponential) {
-    const RowMatrix f = times_transposed(system.inputs(t, scheme == StepScheme::euler ? 1 : 0.5), system.F());
+    const RowMatrix u = system.inputs(t, scheme == StepScheme::euler ? 1 : 0.5);
+    const RowMatrix f = times_transposed(u, system.keeps_E(scheme) ? system.port().B : system.F());
     d.bottomRows(M) = (t.tail(M) - t.head(M)).asDiagonal() * f;
     return d;
   }

@@ -33,26 +33,40 @@ const char* to_string(StepScheme);
 /// A port-Hamiltonian system as the schemes need it. Reads the scene's dynamics, or those of the port.
 class PortSystem {
  public:
-  PortSystem(const PortHamiltonian& port, double T);
+  /// How the steps are written: with A = E^{-1} (J - R) Q, or with E beside (J - R) Q, which stay sparse where A would
+  /// not. `automatic` takes E for a sparse system whose E is not diagonal.
+  enum class Form { automatic, state_space };
+
+  PortSystem(const PortHamiltonian& port, double T, Form = Form::automatic);
 
   const PortHamiltonian& port() const { return port_; }
   Index states() const { return port_.states(); }
   double T() const { return T_; }
-  const SparseMatrix& A() const { return space_.A; }
-  const SparseMatrix& F() const { return space_.F; }  ///< E^{-1} B
+  const SparseMatrix& A() const { return space().A; }  ///< made when it is asked for first
+  const SparseMatrix& F() const { return space().F; }  ///< E^{-1} B
   const SparseMatrix& energy_matrix() const { return energy_; }
   const SparseMatrix& dissipation_matrix() const { return dissipation_; }
   const SparseMatrix& output_matrix() const { return output_; }
   /// A as the steps take it: dense up to 64 states, above it sparse (exponential: dense always).
   StepMatrix step_matrix(StepScheme) const;
+  /// All steps of a grid, S_i x_i = R_i x_{i-1} + d_i with the d of step_sources: S = I - hA, R = I of implicit Euler
+  /// or, with E kept, S = E - h (J - R) Q, R = E; the others alike.
+  StepChainProblem step_problem(StepScheme, const StepSizes&) const;
+  bool keeps_E(StepScheme) const;
+  bool dense_steps(StepScheme) const;
+
+  double memory_limit = 0;  ///< bytes that products of steps may take; 0 = as StepChainProblem has it
 
   /// M x k: u at fraction s of every step; at its ends the limits from inside.
   RowMatrix inputs(const Vector& t, double s) const;
 
  private:
+  const StateSpace& space() const;
+
   PortHamiltonian port_;
   double T_;
-  StateSpace space_;
+  bool keeps_E_;
+  mutable std::optional<StateSpace> space_;
   SparseMatrix energy_, dissipation_, output_;
 };
 
@@ -82,8 +96,8 @@ RowMatrix states_within(const Trajectory&, double s);
 /// Adds the derivative of Σ_i g_i^T x(t_{i-1} + s h_i) to `gradient`, (M+1) x m; g is M x m.
 void add_within(const Trajectory&, double s, const RowMatrix& g, RowMatrix& gradient);
 
-/// d_0 = x0 and d_i of S_i x_i = R_i x_{i-1} + d_i: Euler h F u(t_i^-), midpoint h F u at the middle, exponential with
-/// u linear on the step. (M+1) x m.
+/// d_0 = x0 and d_i of S_i x_i = R_i x_{i-1} + d_i: Euler h F u(t_i^-), midpoint h F u at the middle (with E kept h B
+/// u), exponential with u linear on the step. (M+1) x m.
 RowMatrix step_sources(const PortSystem&, StepScheme, const Vector& t, const Vector& x0);
 
 /// The grid with every step halved, and the reconstruction of x on it: 2M+1 times, (2M+1) x m.

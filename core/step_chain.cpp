@@ -2,6 +2,7 @@
 
 #include "core/lcp/solution.hpp"
 #include "core/phi.hpp"
+#include "core/sparse_step.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -37,6 +38,10 @@ StepMatrix identity_plus(double s, const StepMatrix& A) {
   return sum;
 }
 
+StepMatrix times(double s, const StepMatrix& A) {
+  return std::visit([s](const auto& a) -> StepMatrix { return std::decay_t<decltype(a)>(s * a); }, A);
+}
+
 // The order of `count` places by key, those with equal keys in the order they have.
 std::vector<Index> sorted_by(const std::vector<Index>& places, const std::vector<Index>& keys, Index offset,
                              Index names) {
@@ -49,6 +54,12 @@ std::vector<Index> sorted_by(const std::vector<Index>& places, const std::vector
 
 }  // namespace
 
+StepMatrix StepMap::difference() const {
+  if (step_rows(change) > 0) return change;
+  if (const auto* dense = std::get_if<Matrix>(&S)) return Matrix(std::get<Matrix>(R) - *dense);
+  return SparseMatrix(std::get<SparseMatrix>(R) - std::get<SparseMatrix>(S));
+}
+
 Index StepChainProblem::states() const { return maps.empty() ? 0 : step_rows(maps.front().S); }
 
 bool StepChainProblem::sparse() const { return !maps.empty() && std::holds_alternative<SparseMatrix>(maps.front().S); }
@@ -60,13 +71,14 @@ void StepChainProblem::validate() const {
   if (m == 0) throw Error("map 0", "found no states", "give square matrices");
   for (std::size_t k = 0; k < maps.size(); ++k) {
     const std::string name = "map " + std::to_string(k);
-    const auto& [S, R] = maps[k];
-    if (!is_step_square(S, m) || !is_step_square(R, m))
+    const auto& [S, R, change] = maps[k];
+    const bool changes = step_rows(change) > 0;
+    if (!is_step_square(S, m) || !is_step_square(R, m) || (changes && !is_step_square(change, m)))
       throw Error(name, "found S or R that are not " + std::to_string(m) + " x " + std::to_string(m),
                   "give all maps the shape of the first");
-    if (S.index() != maps.front().S.index() || R.index() != S.index())
+    if (S.index() != maps.front().S.index() || R.index() != S.index() || (changes && change.index() != S.index()))
       throw Error(name, "found dense and sparse matrices", "give all of one kind");
-    if (!is_step_finite(S) || !is_step_finite(R))
+    if (!is_step_finite(S) || !is_step_finite(R) || !is_step_finite(change))
       throw Error(name, "found a value that is not finite", "check the step size and the matrices");
   }
   for (std::size_t i = 0; i < map_of.size(); ++i)
@@ -80,11 +92,37 @@ Index AdjointChoice::checked_sweeps() const {
   return sweeps;
 }
 
+SparseStep::SparseStep(const StepMap& map)
+    : R(std::get<SparseMatrix>(map.R)), change(std::get<SparseMatrix>(map.difference())) {
+  SparseMatrix S = std::get<SparseMatrix>(map.S);
+  S.makeCompressed();
+  R.makeCompressed();
+  change.makeCompressed();
+  lu.compute(S);
+  singular = lu.info() != Eigen::Success;
+  if (singular) return;
+  // Where S^{-1} S v is far from v, S is singular to rounding though no pivot vanished.
+  const Vector v = Vector::NullaryExpr(S.rows(), [](Index i) { return 1 + std::sin(double(i * i)); });
+  const Vector found = lu.solve(Vector(S * v));
+  singular = !((found - v).cwiseAbs().maxCoeff() <= 1e-2);
+}
+
 DenseStep::DenseStep(const StepChainProblem& problem, Index map) {
-  const auto& [S, R] = problem.maps[std::size_t(map)];
-  const Eigen::PartialPivLU<Matrix> lu(std::get<Matrix>(S));
-  if (reciprocal_condition(lu) < epsilon) throw singular_step(problem, map);
-  P = lu.solve(std::get<Matrix>(R));
+  const StepMap& given = problem.maps[std::size_t(map)];
+  if (problem.sparse()) {
+    SparseStep step(given);
+    if (step.singular) throw singular_step(problem, map);
+    R = step.R;
+    change = step.change;
+    increment = step.lu.solve(change);
+    inverse = step.lu.solve(Matrix(Matrix::Identity(R.rows(), R.rows())));
+    return;
+  }
+  R = std::get<Matrix>(given.R);
+  change = std::get<Matrix>(given.difference());
+  const Eigen::PartialPivLU<Matrix> lu(std::get<Matrix>(given.S));
+  if (!(reciprocal_condition(lu) >= epsilon)) throw singular_step(problem, map);
+  increment = lu.solve(change);
   inverse = lu.inverse();
 }
 
@@ -136,15 +174,16 @@ StepSizes group_steps(const Vector& t) {
 StepMap step_map(StepScheme scheme, const StepMatrix& A, double h) {
   switch (scheme) {
     case StepScheme::euler:
-      return {identity_plus(-h, A), identity_plus(0, A)};
+      return {identity_plus(-h, A), identity_plus(0, A), times(h, A)};
     case StepScheme::midpoint:
-      return {identity_plus(-h / 2, A), identity_plus(h / 2, A)};
+      return {identity_plus(-h / 2, A), identity_plus(h / 2, A), times(h, A)};
     case StepScheme::exponential:
       break;
   }
   const auto* dense = std::get_if<Matrix>(&A);
   if (!dense) throw Error("scheme", "found exponential steps with a sparse matrix", "use euler or midpoint");
-  return {identity_plus(0, A), matrix_phi(h * *dense).exponential};
+  const MatrixPhi phi = matrix_phi(h * *dense);
+  return {identity_plus(0, A), phi.exponential, Matrix(h * *dense * phi.phi1)};  // e^X - I = X phi_1(X)
 }
 
 StepChainProblem step_chain_problem(StepScheme scheme, const StepMatrix& A, const StepSizes& steps) {

@@ -10,9 +10,14 @@
 // S, R      StepMap                       m x m    of all steps of one kind
 //           StepChainProblem::map_of      M        which map step i has, at i - 1
 // P_i       S_i^{-1} R_i                  m x m    the step itself
+// D_i       P_i - I                       m x m    its increment, S_i^{-1} (R_i - S_i)
 //
-// Steps that share their matrices share one factorization: bisection of a uniform grid leaves few sizes. With
-// mu_i = S_i^T l_i the adjoint is mu_i = P_{i+1}^T mu_{i+1} + q_i, (I - G) mu = q, and G is nilpotent:
+// Steps that share their matrices share one factorization: bisection of a uniform grid leaves few sizes. All of them
+// commit its rounding alike, and along M steps that adds up: P as it is rounded leaves M roundings in x and l, which no
+// care in the sums can remove. Steps are therefore taken as increments, x_{i-1} + D_i x_{i-1}, and products of steps as
+// (I + D)(I + D') = I + (D + D' + D D'): a small step rounds D by |D| eps, all of [0, T] by T |A| eps, whatever M.
+//
+// With mu_i = S_i^T l_i the adjoint is mu_i = P_{i+1}^T mu_{i+1} + q_i, (I - G) mu = q, and G is nilpotent:
 //
 //     substitution   from the last row to the first; serial
 //     Jacobi         mu <- q + G mu, k sweeps from mu = 0: all rows at once, exact for k > M (Bartel, Schaller,
@@ -27,6 +32,7 @@
 #include "types.hpp"
 
 #include <cstddef>
+#include <string>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -38,7 +44,9 @@ class Array;
 using StepMatrix = std::variant<Matrix, SparseMatrix>;
 
 struct StepMap {
-  StepMatrix S, R;  ///< both dense or both sparse
+  StepMatrix S, R;      ///< both dense or both sparse
+  StepMatrix change{};  ///< R - S where that is known, as h A is, to more digits than subtraction leaves; or empty
+  StepMatrix difference() const;  ///< `change`, or R - S
 };
 
 struct StepChainProblem {
@@ -75,13 +83,24 @@ class StepChain {
   /// A^T l = q, or its approximation by Jacobi sweeps. Throws Error where sweeps < 1, or products of maps would take
   /// more than the memory limit.
   virtual void adjoint(const Array& q, Array& l, const AdjointChoice& = {}) = 0;
+  /// z_i^T r_i for i = 1..M with r_i = d_i + R_i x_{i-1} - S_i x_i, taken as d_i + (R_i - S_i) x_i - R_i (x_i -
+  /// x_{i-1}): of small steps what nearly cancels is never multiplied out. Matrices of the host, (M+1) x m.
+  virtual Vector weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) = 0;
+  /// The same on a grid whose M/2 cells are halved, weighted with the adjoint inside each cell, which goes on with the
+  /// given l at its end; c = 1..M/2, l is (M/2+1) x m, l_{M/2+1} = 0:
+  ///     S_{2c}^T z_{2c} = q_{2c} + R_{2c+1}^T l_{c+1},    S_{2c-1}^T z_{2c-1} = q_{2c-1} + R_{2c}^T z_{2c}.
+  virtual Vector locally_weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& q,
+                                           const RowMatrix& l) = 0;
+  /// What another machine than that of the arrays does, in words, and empty where there is nothing.
+  virtual std::string elsewhere() const { return {}; }
   virtual std::size_t bytes() const = 0;
 };
 
-/// P and S^{-1} of a dense map. Throws Error where S is singular to rounding, naming the step that has it.
+/// D, S^{-1}, R and R - S of a map, written out as dense matrices, m x m. Throws Error where S is singular to rounding,
+/// naming the step that has it.
 struct DenseStep {
   DenseStep(const StepChainProblem&, Index map);
-  Matrix P, inverse;
+  Matrix increment, inverse, R, change;
 };
 
 Error singular_step(const StepChainProblem&, Index map);

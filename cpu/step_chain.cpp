@@ -22,42 +22,39 @@ PlaceTiles::PlaceTiles(const std::vector<Index>& matrix_of, Index matrices, Inde
     }
 }
 
-void multiply_places(const PlaceTiles& places, const MatrixList& X, bool transposed, const RowMatrix& in,
+void multiply_places(const PlaceTiles& places, const MatrixList& X, Factor factor, const RowMatrix& in,
                      const RowMatrix* add, RowMatrix& out, RowShift shift, int threads) {
-  const Index m = X.size(), tiles = Index(places.tiles.size());
-#pragma omp parallel num_threads(threads)
-  {
+  struct Workspace {
     RowMatrix gathered, product;
-#pragma omp for schedule(dynamic, 16)
-    for (Index t = 0; t < tiles; ++t) {
-      const PlaceTiles::Tile& tile = places.tiles[std::size_t(t)];
-      const auto matrix = X[tile.matrix];
-      const Index* order = places.order.data() + tile.first;
-      gathered.resize(tile.count, m);
-      if (tile.adjacent)
-        gathered = in.middleRows(order[0] + shift.in, tile.count);
+  };
+  const Index m = X.size();
+  const bool transposed = factor == Factor::transposed;
+  each_tile<Workspace>(places, threads, 16, [&](const PlaceTiles::Tile& tile, const Index* order, Workspace& work) {
+    auto& [gathered, product] = work;
+    const auto matrix = X[tile.matrix];
+    gathered.resize(tile.count, m);
+    if (tile.adjacent)
+      gathered = in.middleRows(order[0] + shift.in, tile.count);
+    else
+      for (Index r = 0; r < tile.count; ++r) gathered.row(r) = in.row(order[r] + shift.in);
+    product.resize(tile.count, m);
+    if (tile.count == 1) {  // a matrix-vector product: Eigen's for matrices has its price
+      if (transposed)
+        product.row(0).transpose().noalias() = matrix * gathered.row(0).transpose();
       else
-        for (Index r = 0; r < tile.count; ++r) gathered.row(r) = in.row(order[r] + shift.in);
-      product.resize(tile.count, m);
-      if (tile.count == 1) {  // a matrix-vector product: Eigen's for matrices has its price
-        if (transposed)
-          product.row(0).transpose().noalias() = matrix * gathered.row(0).transpose();
-        else
-          product.row(0).transpose().noalias() = matrix.transpose() * gathered.row(0).transpose();
-      } else if (transposed) {
-        product.noalias() = gathered * matrix.transpose();
-      } else {
-        product.noalias() = gathered * matrix;
-      }
-      for (Index r = 0; r < tile.count; ++r) {
-        const Index to = order[r] + shift.out;
-        if (add)
-          out.row(to) = add->row(to) + product.row(r);
-        else
-          out.row(to) = product.row(r);
-      }
+        product.row(0).transpose().noalias() = matrix.transpose() * gathered.row(0).transpose();
+    } else if (transposed) {
+      product.noalias() = gathered * matrix.transpose();
+    } else {
+      product.noalias() = gathered * matrix;
     }
-  }
+    for (Index r = 0; r < tile.count; ++r) {
+      const Index to = order[r] + shift.out;
+      if (add) product.row(r) += add->row(to);
+      if (factor == Factor::plus_identity) product.row(r) += gathered.row(r);
+      out.row(to) = product.row(r);
+    }
+  });
 }
 
 CpuStepChain::CpuStepChain(const StepChainProblem& problem, int threads)
@@ -81,17 +78,17 @@ void CpuStepChain::adjoint(const Array& from, Array& to, const AdjointChoice& ch
       for (Index k = 1; k < std::min(choice.checked_sweeps(), M_ + 1); ++k) {
         other_.resize(M_ + 1, m_);
         other_.row(M_) = q.row(M_);
-        sweep(q, mu, other_);
+        carry(q, mu, other_);
         mu.swap(other_);
       }
       break;
     case AdjointMethod::doubling:
       mu = q;
-      solve_by_doubling(transitions("doubling"), map_of_, memory_limit_, mu, threads_);
+      solve_by_doubling(increments("doubling"), map_of_, memory_limit_, mu, threads_);
       break;
     case AdjointMethod::scan:
       mu = q;
-      solve_by_scan(transitions("scan"), map_of_, memory_limit_, mu, threads_);
+      solve_by_scan(increments("scan"), map_of_, memory_limit_, mu, threads_);
       break;
   }
   finish(mu);

@@ -2,7 +2,7 @@
 // What chains of dense and of sparse maps share: rows that meet the same matrix, taken together, and the products of
 // maps for the exact parallel adjoints. Notation of core/step_chain.hpp; rows are row vectors here,
 //
-//     mu_i^T = q_i^T + mu_{i+1}^T P_{i+1}.
+//     mu_i^T = q_i^T + mu_{i+1}^T (I + D_{i+1}).
 
 #include "core/step_chain.hpp"
 #include "cpu/parts.hpp"
@@ -48,32 +48,69 @@ struct RowShift {
   Index in = 0, out = 0;
 };
 
-/// out <- add + in X (or in X^T), X the matrix of each place. `out` may be `in` where the shifts agree.
-void multiply_places(const PlaceTiles&, const MatrixList& X, bool transposed, const RowMatrix& in, const RowMatrix* add,
+/// Which matrix a place multiplies with.
+enum class Factor { plain, transposed, plus_identity };  ///< X, X^T, I + X
+
+/// out <- add + in F, F made of the matrix X of each place. `out` may be `in` where the shifts agree.
+void multiply_places(const PlaceTiles&, const MatrixList& X, Factor, const RowMatrix& in, const RowMatrix* add,
                      RowMatrix& out, RowShift, int threads);
 
-/// mu of a chain by products of its maps. `P` holds the P_i by kind.
-void solve_by_doubling(const MatrixList& P, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
+/// use(tile, places of the tile, workspace of the thread) for all tiles at once.
+template <class Workspace, class Use>
+void each_tile(const PlaceTiles& places, int threads, int together, const Use& use) {
+  const Index tiles = Index(places.tiles.size());
+#pragma omp parallel num_threads(threads)
+  {
+    Workspace workspace;
+#pragma omp for schedule(dynamic, together)
+    for (Index t = 0; t < tiles; ++t) {
+      const PlaceTiles::Tile& tile = places.tiles[std::size_t(t)];
+      use(tile, places.order.data() + tile.first, workspace);
+    }
+  }
+}
+
+/// mu of a chain by products of its maps. `D` holds the increments by kind.
+void solve_by_doubling(const MatrixList& D, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
                        int threads);
-void solve_by_scan(const MatrixList& P, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
+void solve_by_scan(const MatrixList& D, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
                    int threads);
 
-/// The adjoint, but for what depends on how the maps are stored.
+/// Of one map.
+enum class RowFactor { inverse, R, R_transposed, change_transposed };  ///< S^{-1}, R, R^T, (R - S)^T
+
+/// All but what depends on how the maps are stored.
 class CpuStepChain : public StepChain {
  public:
   CpuStepChain(const StepChainProblem&, int threads);
   void forward(const Array& d, Array& x) final;
   void adjoint(const Array& q, Array& l, const AdjointChoice&) final;
+  Vector weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) final;
+  Vector locally_weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& q,
+                                   const RowMatrix& l) final;
 
  protected:
   virtual void forward(const RowMatrix& d, RowMatrix& x) = 0;
   virtual void substitute(const RowMatrix& q, RowMatrix& l) = 0;
   /// next_i = q_i + P_{i+1}^T mu_{i+1} for i < M.
-  virtual void sweep(const RowMatrix& q, const RowMatrix& mu, RowMatrix& next) = 0;
+  virtual void carry(const RowMatrix& q, const RowMatrix& mu, RowMatrix& next) = 0;
   /// l_i = S_i^{-T} mu_i for i >= 1, in place.
   virtual void finish(RowMatrix& mu) = 0;
-  /// P by kind.
-  virtual const MatrixList& transitions(const char* method) = 0;
+  /// Rows that meet the same kind of step: out <- in F; called by several threads.
+  using Rows = Eigen::Ref<RowMatrix, 0, Eigen::OuterStride<>>;
+  virtual void apply(Index kind, RowFactor, const Rows& in, Rows out) = 0;
+  /// D by kind.
+  virtual const MatrixList& increments(const char* method) = 0;
+
+  /// Rows that are worked on together.
+  struct Panel {
+    Panel(Index rows, Index m) : out(rows, m) {}
+    RowMatrix in, out, r;
+  };
+  /// out_k <- in_k F of the step `first + k stride`, steps counted from 0.
+  void apply_steps(Index first, Index stride, RowFactor, RowMatrix& in, Index count, RowMatrix& out);
+  /// The residuals of those steps, in p.r.
+  void residual_rows(const RowMatrix& d, const RowMatrix& x, Index first, Index stride, Index count, Panel& p);
 
   Index M_, m_;
   std::vector<Index> map_of_;

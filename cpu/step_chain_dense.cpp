@@ -1,5 +1,5 @@
-// Chains of dense maps: P = S^{-1} R and S^{-1} of every kind of step, so that a step is one matrix-vector product and
-// all that does not run along time is a matrix product for each kind.
+// Chains of dense maps: the increment D and S^{-1} of every kind of step, so that a step is one matrix-vector product
+// and all that does not run along time is a matrix product for each kind; R and R - S for residuals.
 
 #include "cpu/step_chain.hpp"
 
@@ -16,15 +16,19 @@ class DenseStepChain final : public CpuStepChain {
   DenseStepChain(const StepChainProblem& problem, int threads)
       : CpuStepChain(problem, threads),
         places_(map_of_, Index(problem.maps.size()), dense_tile_rows),
-        P_(Index(problem.maps.size()), m_),
-        inverse_(Index(problem.maps.size()), m_) {
-    const Index kinds = P_.count();
+        D_(Index(problem.maps.size()), m_),
+        inverse_(Index(problem.maps.size()), m_),
+        R_(Index(problem.maps.size()), m_),
+        change_(Index(problem.maps.size()), m_) {
+    const Index kinds = D_.count();
     std::optional<Error> singular;  // which of several is told depends on the threads
 #pragma omp parallel for num_threads(threads) schedule(static)
     for (Index k = 0; k < kinds; ++k) try {
         const DenseStep step(problem, k);
-        P_[k] = step.P;
+        D_[k] = step.increment;
         inverse_[k] = step.inverse;
+        R_[k] = step.R;
+        change_[k] = step.change;
       } catch (const Error& error) {
 #pragma omp critical(bromwich_singular_step)
         singular = error;
@@ -33,39 +37,60 @@ class DenseStepChain final : public CpuStepChain {
   }
 
   std::size_t bytes() const override {
-    return P_.bytes() + inverse_.bytes() + sizeof(Index) * 2 * map_of_.size() +
-           sizeof(double) * std::size_t(other_.size());
+    return 4 * D_.bytes() + sizeof(Index) * 2 * map_of_.size() + sizeof(double) * std::size_t(other_.size());
   }
 
  private:
   void forward(const RowMatrix& d, RowMatrix& x) override {
     x.row(0) = d.row(0);
-    multiply_places(places_, inverse_, true, d, nullptr, x, {1, 1}, threads_);
+    multiply_places(places_, inverse_, Factor::transposed, d, nullptr, x, {1, 1}, threads_);
     const FlushDenormals guard;
-    for (Index i = 1; i <= M_; ++i)
-      x.row(i).transpose().noalias() += P_[map_of_[std::size_t(i - 1)]] * x.row(i - 1).transpose();
+    for (Index i = 1; i <= M_; ++i) {
+      x.row(i).transpose().noalias() += D_[map_of_[std::size_t(i - 1)]] * x.row(i - 1).transpose();
+      x.row(i) += x.row(i - 1);
+    }
   }
 
   void substitute(const RowMatrix& q, RowMatrix& l) override {
     l = q;
     {
       const FlushDenormals guard;
-      for (Index i = M_ - 1; i >= 0; --i)
-        l.row(i).transpose().noalias() += P_[map_of_[std::size_t(i)]].transpose() * l.row(i + 1).transpose();
+      for (Index i = M_ - 1; i >= 0; --i) {
+        l.row(i).transpose().noalias() += D_[map_of_[std::size_t(i)]].transpose() * l.row(i + 1).transpose();
+        l.row(i) += l.row(i + 1);
+      }
     }
     finish(l);
   }
 
-  void sweep(const RowMatrix& q, const RowMatrix& mu, RowMatrix& next) override {
-    multiply_places(places_, P_, false, mu, &q, next, {1, 0}, threads_);
+  void carry(const RowMatrix& q, const RowMatrix& mu, RowMatrix& next) override {
+    multiply_places(places_, D_, Factor::plus_identity, mu, &q, next, {1, 0}, threads_);
   }
 
-  void finish(RowMatrix& mu) override { multiply_places(places_, inverse_, false, mu, nullptr, mu, {1, 1}, threads_); }
+  void finish(RowMatrix& mu) override {
+    multiply_places(places_, inverse_, Factor::plain, mu, nullptr, mu, {1, 1}, threads_);
+  }
 
-  const MatrixList& transitions(const char*) override { return P_; }
+  void apply(Index kind, RowFactor factor, const Rows& in, Rows out) override {
+    switch (factor) {
+      case RowFactor::inverse:
+        out.noalias() = in * inverse_[kind];
+        return;
+      case RowFactor::R:
+        out.noalias() = in * R_[kind];
+        return;
+      case RowFactor::R_transposed:
+        out.noalias() = in * R_[kind].transpose();
+        return;
+      case RowFactor::change_transposed:
+        out.noalias() = in * change_[kind].transpose();
+    }
+  }
+
+  const MatrixList& increments(const char*) override { return D_; }
 
   PlaceTiles places_;
-  MatrixList P_, inverse_;
+  MatrixList D_, inverse_, R_, change_;  ///< change: R - S
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The exact parallel adjoints. Products of maps P_{i+L} ... P_{i+1} carry mu_{i+L} to mu_i.
+// The exact parallel adjoints. Products of maps P_{i+L} ... P_{i+1} = I + D carry mu_{i+L} to mu_i.
 
 #include "cpu/step_chain.hpp"
 
@@ -9,20 +9,22 @@ namespace bromwich::cpu {
 namespace {
 
 constexpr Index doubling_tile_rows = 64;
+/// Steps that a scan multiplies in a row: their product grows away from I, and what is added to it rounds ever more.
+constexpr Index scan_steps = 128;
 
 }  // namespace
 
-void solve_by_doubling(const MatrixList& P, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
+void solve_by_doubling(const MatrixList& D, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
                        int threads) {
-  const Index m = P.size(), M = Index(map_of.size());
+  const Index m = D.size(), M = Index(map_of.size());
   RowMatrix next(mu.rows(), m);
   MatrixList products;                // of the windows of `length` steps, by name
   std::vector<Index> names = map_of;  // of the window that begins behind row i
-  Index kinds = P.count();
+  Index kinds = D.count();
   for (Index length = 1;; length *= 2) {
-    const MatrixList& X = length == 1 ? P : products;
+    const MatrixList& X = length == 1 ? D : products;
     next.bottomRows(length) = mu.bottomRows(length);
-    multiply_places({names, kinds, doubling_tile_rows}, X, false, mu, &mu, next, {length, 0}, threads);
+    multiply_places({names, kinds, doubling_tile_rows}, X, Factor::plus_identity, mu, &mu, next, {length, 0}, threads);
     mu.swap(next);
     if (2 * length > M) return;
 
@@ -34,22 +36,23 @@ void solve_by_doubling(const MatrixList& P, const std::vector<Index>& map_of, do
     for (Index k = 0; k < kinds; ++k) {
       const auto [early, late] = windows.halves[std::size_t(k)];
       longer[k].noalias() = X[late] * X[early];
+      longer[k] += X[late] + X[early];
     }
     products = std::move(longer);
     names = std::move(windows.of);
   }
 }
 
-void solve_by_scan(const MatrixList& P, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
+void solve_by_scan(const MatrixList& D, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
                    int threads) {
-  const Index m = P.size(), M = Index(map_of.size());
-  const Index blocks = std::min<Index>(M, 4 * threads), length = (M + blocks - 1) / blocks;
-  check_products(16.0 * double((m + 1) * m) * double(blocks), memory_limit, "scan");
-  const auto substitute = [&](Index first, Index last) {
-    for (Index i = last - 1; i >= first; --i)
-      mu.row(i).transpose().noalias() += P[map_of[std::size_t(i)]].transpose() * mu.row(i + 1).transpose();
-  };
-  // carry_b: m rows of P_last ... P_{first+1}, and what the block's own q add up to.
+  const Index m = D.size(), M = Index(map_of.size());
+  const double block_bytes = 16.0 * double((m + 1) * m);
+  const Index fewest = std::min<Index>(M, 4 * threads);
+  const Index most = std::max(fewest, Index(std::min(memory_limit / block_bytes, double(M))));
+  const Index blocks = std::clamp((M + scan_steps - 1) / scan_steps, fewest, most), length = (M + blocks - 1) / blocks;
+  check_products(block_bytes * double(blocks), memory_limit, "scan");
+  const auto step = [&](Index i) { return D[map_of[std::size_t(i)]]; };
+  // carry_b: m rows of P_last ... P_{first+1} - I, and what the block's own q add up to.
   std::vector<RowMatrix> carry(static_cast<std::size_t>(blocks));
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
   for (Index b = 0; b < blocks; ++b) {
@@ -57,25 +60,30 @@ void solve_by_scan(const MatrixList& P, const std::vector<Index>& map_of, double
     RowMatrix& now = carry[std::size_t(b)];
     RowMatrix before;
     now.setZero(m + 1, m);
-    now.topRows(m).setIdentity();
     for (Index i = last - 1; i >= first; --i) {
-      before.swap(now);
-      now.noalias() = before * P[map_of[std::size_t(i)]];
+      before = now;
+      now.noalias() += before * step(i);
+      now.topRows(m) += step(i);
       now.row(m) += mu.row(i);
     }
   }
   // mu at the first row of each block, from the last block on.
   RowMatrix entry(blocks + 1, m);
   entry.row(blocks) = mu.row(M);
-  for (Index b = blocks - 1; b >= 0; --b)
-    entry.row(b) = carry[std::size_t(b)].row(m) + entry.row(b + 1) * carry[std::size_t(b)].topRows(m);
+  for (Index b = blocks - 1; b >= 0; --b) {
+    const RowMatrix& block = carry[std::size_t(b)];
+    entry.row(b) = block.row(m) + entry.row(b + 1) * block.topRows(m);
+    entry.row(b) += entry.row(b + 1);
+  }
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
   for (Index b = 0; b < blocks; ++b) {
     const Index first = std::min(M, b * length), last = std::min(M, first + length);
-    if (last == first) continue;
-    const Index i = last - 1;
-    mu.row(i) += entry.row(b + 1) * P[map_of[std::size_t(i)]];
-    substitute(first, i);
+    Vector next = entry.row(b + 1).transpose();
+    for (Index i = last - 1; i >= first; --i) {
+      mu.row(i).transpose().noalias() += step(i).transpose() * next;
+      mu.row(i) += next.transpose();
+      next = mu.row(i).transpose();
+    }
   }
 }
 

@@ -1,9 +1,8 @@
 // Chains of sparse maps: one LU factorization with partial pivoting for every kind of step. Rows of a space-time array
 // are contiguous, so rows of one kind are the columns of a system with many right-hand sides.
 
+#include "core/sparse_step.hpp"
 #include "cpu/step_chain.hpp"
-
-#include <Eigen/SparseLU>
 
 #include <algorithm>
 
@@ -12,24 +11,6 @@ namespace bromwich::cpu {
 namespace {
 
 constexpr Index sparse_tile_rows = 16;
-
-struct SparseStep {
-  explicit SparseStep(const StepMap& map) : R(std::get<SparseMatrix>(map.R)), S(std::get<SparseMatrix>(map.S)) {
-    S.makeCompressed();
-    R.makeCompressed();
-    lu.compute(S);
-  }
-  bool singular() const { return lu.info() != Eigen::Success; }
-
-  // S^{-T}, without changing what is shared: the view that Eigen offers is a small object of its own.
-  template <class In>
-  Matrix solve_transposed(const In& b) {
-    return lu.transpose().solve(b);
-  }
-
-  SparseMatrix R, S;
-  Eigen::SparseLU<SparseMatrix> lu;
-};
 
 class SparseStepChain final : public CpuStepChain {
  public:
@@ -42,92 +23,112 @@ class SparseStepChain final : public CpuStepChain {
     for (Index k = 0; k < kinds; ++k)
       kinds_[std::size_t(k)] = std::make_unique<SparseStep>(problem.maps[std::size_t(k)]);
     for (Index k = 0; k < kinds; ++k)
-      if (kinds_[std::size_t(k)]->singular()) throw singular_step(problem, k);
+      if (kinds_[std::size_t(k)]->singular) throw singular_step(problem, k);
   }
 
   std::size_t bytes() const override {
-    std::size_t sum = P_.bytes() + sizeof(Index) * 2 * map_of_.size() + sizeof(double) * std::size_t(other_.size());
+    std::size_t sum = D_.bytes() + sizeof(Index) * 2 * map_of_.size() + sizeof(double) * std::size_t(other_.size());
     for (const auto& kind : kinds_)
       sum += (sizeof(double) + sizeof(int)) *
-             std::size_t(kind->lu.nnzL() + kind->lu.nnzU() + kind->R.nonZeros() + kind->S.nonZeros());
+             std::size_t(kind->lu.nnzL() + kind->lu.nnzU() + kind->R.nonZeros() + kind->change.nonZeros());
     return sum;
   }
 
  private:
   SparseStep& step(Index i) { return *kinds_[std::size_t(map_of_[std::size_t(i - 1)])]; }
 
+  // x_i = x_{i-1} + S^{-1} (d_i + (R - S) x_{i-1}): what is solved for is small, and so is its rounding.
   void forward(const RowMatrix& d, RowMatrix& x) override {
     x.row(0) = d.row(0);
     Vector right(m_), solved(m_);
     for (Index i = 1; i <= M_; ++i) {
       right = d.row(i).transpose();
-      right += step(i).R * x.row(i - 1).transpose();
+      right += step(i).change * x.row(i - 1).transpose();
       solved = step(i).lu.solve(right);
-      x.row(i) = solved.transpose();
+      x.row(i) = x.row(i - 1) + solved.transpose();
     }
   }
 
+  // mu_{i-1} = q_{i-1} + R^T l_i = mu_i + (q_{i-1} + (R - S)^T l_i), for mu_i = S^T l_i.
   void substitute(const RowMatrix& q, RowMatrix& l) override {
-    Vector mu = q.row(M_).transpose(), solved(m_);
+    Vector mu = q.row(M_).transpose(), added(m_), solved(m_);
     for (Index i = M_; i >= 1; --i) {
       solved = step(i).solve_transposed(mu);
       l.row(i) = solved.transpose();
-      mu = q.row(i - 1).transpose();
-      mu += step(i).R.transpose() * solved;
+      added = q.row(i - 1).transpose();
+      added += step(i).change.transpose() * solved;
+      mu += added;
     }
     l.row(0) = mu.transpose();
   }
 
-  // The rows of each tile as columns: `use(kind, columns)` changes them, and they go to row place + out.
-  template <class Use>
-  void each_tile(const RowMatrix& in, RowMatrix& out, Index shift_out, const RowMatrix* add, const Use& use) {
-    const Index tiles = Index(places_.tiles.size());
-#pragma omp parallel num_threads(threads_)
-    {
-      Matrix columns;
-#pragma omp for schedule(dynamic, 1)
-      for (Index t = 0; t < tiles; ++t) {
-        const PlaceTiles::Tile& tile = places_.tiles[std::size_t(t)];
-        columns.resize(m_, tile.count);
-        const Index* order = places_.order.data() + tile.first;
-        for (Index r = 0; r < tile.count; ++r) columns.col(r) = in.row(order[r] + 1).transpose();
-        use(*kinds_[std::size_t(tile.matrix)], columns);
-        for (Index r = 0; r < tile.count; ++r) {
-          const Index to = order[r] + shift_out;
-          out.row(to) = columns.col(r).transpose();
-          if (add) out.row(to) += add->row(to);
-        }
-      }
+  // Rows `in` of the places of a tile as columns.
+  struct Columns {
+    Matrix values, changed;
+    void gather(const RowMatrix& in, const PlaceTiles::Tile& tile, const Index* order, Index shift) {
+      values.resize(in.cols(), tile.count);
+      for (Index k = 0; k < tile.count; ++k) values.col(k) = in.row(order[k] + shift).transpose();
     }
+  };
+  template <class Use>
+  void each_kind(const Use& use) {
+    each_tile<Columns>(places_, threads_, 1, [&](const PlaceTiles::Tile& tile, const Index* order, Columns& columns) {
+      use(*kinds_[std::size_t(tile.matrix)], tile, order, columns);
+    });
   }
 
-  void sweep(const RowMatrix& q, const RowMatrix& mu, RowMatrix& next) override {
-    each_tile(mu, next, 0, &q, [](SparseStep& kind, Matrix& columns) {
-      columns = Matrix(kind.R.transpose() * kind.solve_transposed(columns));
+  void carry(const RowMatrix& q, const RowMatrix& mu, RowMatrix& next) override {
+    each_kind([&](SparseStep& kind, const PlaceTiles::Tile& tile, const Index* order, Columns& columns) {
+      columns.gather(mu, tile, order, 1);
+      columns.changed.noalias() = kind.change.transpose() * kind.solve_transposed(columns.values);
+      for (Index k = 0; k < tile.count; ++k)
+        next.row(order[k]) = q.row(order[k]) + (columns.changed.col(k) + columns.values.col(k)).transpose();
     });
   }
 
   void finish(RowMatrix& mu) override {
-    each_tile(mu, mu, 1, nullptr, [](SparseStep& kind, Matrix& columns) { columns = kind.solve_transposed(columns); });
+    each_kind([&](SparseStep& kind, const PlaceTiles::Tile& tile, const Index* order, Columns& columns) {
+      columns.gather(mu, tile, order, 1);
+      columns.changed = kind.solve_transposed(columns.values);
+      for (Index k = 0; k < tile.count; ++k) mu.row(order[k] + 1) = columns.changed.col(k).transpose();
+    });
   }
 
-  const MatrixList& transitions(const char* method) override {
+  void apply(Index kind, RowFactor factor, const Rows& in, Rows out) override {
+    SparseStep& step = *kinds_[std::size_t(kind)];
+    const Matrix columns = in.transpose();
+    switch (factor) {
+      case RowFactor::inverse:
+        out = step.solve_transposed(columns).transpose();
+        return;
+      case RowFactor::R:
+        out = (step.R.transpose() * columns).transpose();
+        return;
+      case RowFactor::R_transposed:
+        out = (step.R * columns).transpose();
+        return;
+      case RowFactor::change_transposed:
+        out = (step.change * columns).transpose();
+    }
+  }
+
+  const MatrixList& increments(const char* method) override {
     const Index kinds = Index(kinds_.size());
-    if (P_.count() == kinds) return P_;
+    if (D_.count() == kinds) return D_;
     check_products(8.0 * double(m_ * m_) * double(kinds), memory_limit_, method);
-    P_ = MatrixList(kinds, m_);
+    D_ = MatrixList(kinds, m_);
 #pragma omp parallel for num_threads(threads_) schedule(dynamic, 1)
     for (Index k = 0; k < kinds; ++k) {
       SparseStep& kind = *kinds_[std::size_t(k)];
-      const Matrix P = kind.lu.solve(Matrix(kind.R));
-      P_[k] = P;
+      const Matrix D = kind.lu.solve(Matrix(kind.change));
+      D_[k] = D;
     }
-    return P_;
+    return D_;
   }
 
   PlaceTiles places_;
   std::vector<std::unique_ptr<SparseStep>> kinds_;
-  MatrixList P_;
+  MatrixList D_;
 };
 
 }  // namespace

@@ -286,6 +286,27 @@ std::optional<Reference> read_reference(const Section& section, const Scene& sce
   return reference;
 }
 
+std::shared_ptr<const QuantityOfInterest> read_quantity(const Section& section, const Scene& scene) {
+  if (!section.given()) return nullptr;
+  if (!scene.port)
+    throw Error(section.where("W"), "is given without a section [port]", "leave it out: it is for method goal");
+  QuadraticQuantity q;
+  q.name = section.text("name", q.name);
+  if (section.has("W")) q.W = to_sparse(section.matrix("W"));
+  if (section.has("end_W")) q.end_W = to_sparse(section.matrix("end_W"));
+  if (section.has("end_c")) q.end_c = section.vector("end_c");
+  const FunctionValue c = section.function("c", scene.T);
+  require_entries(c, scene.states(), section.where("c"), "one per state");
+  q.c = c.function;
+  q.exact = section.optional_number("exact");
+  std::shared_ptr<const QuantityOfInterest> quantity;
+  std::map<std::string, std::string> in_quantity;
+  for (const char* key : {"W", "end_W", "end_c"}) in_quantity[key] = section.where(key);
+  in_quantity["quantity"] = section.where("W");
+  in_the_file(in_quantity, [&] { quantity = quadratic_quantity(q, scene.states()); });
+  return quantity;
+}
+
 toml::table parse_toml(std::string_view text, const std::string& name) {
   try {
     return toml::parse(text, name);
@@ -313,6 +334,7 @@ SceneFile parse_scene(std::string_view toml, const std::string& file_name, const
   file.states = sections.output.text("states", "none");
   parse_state_choice(sections.output.where("states"), file.states, file.scene.states());
   file.reference = read_reference(sections.reference, file.scene);
+  file.quantity = read_quantity(sections.quantity, file.scene);
   return file;
 }
 

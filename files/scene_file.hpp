@@ -1,9 +1,11 @@
 #pragma once
 // Scenes in TOML files; docs/scene-files.md describes the format.
 
+#include "core/goal_quantities.hpp"
 #include "core/scenes/catalogue.hpp"
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -27,6 +29,7 @@ struct SceneFile {
   ParameterValues parameters;   ///< of [parameters], with the settings
   std::string states = "none";  ///< components to write: "none", "all" or "0,3"
   std::optional<Reference> reference;
+  std::shared_ptr<const QuantityOfInterest> quantity;  ///< of method goal; null where the file gives none
 };
 
 /// False where this build has no reader: read_scene_file then throws an Error that says what to install.

@@ -43,7 +43,7 @@ Sections read_sections(const Document& document, const toml::table& root) {
   const auto table = [&](const char* name) { return find_table(document, root, name); };
   const Section top(document, &root, "",
                     {"name", "description", "parameters", "dynamics", "complementarity", "relay", "port", "boundary",
-                     "free", "time", "output", "exact", "reference"});
+                     "free", "time", "output", "exact", "reference", "quantity"});
   const toml::table* parameters = table("parameters");
   return {top,
           Section(document, parameters, "parameters", keys_of(parameters)),
@@ -57,7 +57,8 @@ Sections read_sections(const Document& document, const toml::table& root) {
           Section(document, table("output"), "output", {"states"}),
           Section(document, table("exact"), "exact", {"x", "y"}),
           Section(document, table("reference"), "reference",
-                  {"t", "x", "y", "status", "infeasible_at", "tolerance", "source"})};
+                  {"t", "x", "y", "status", "infeasible_at", "tolerance", "source"}),
+          Section(document, table("quantity"), "quantity", {"name", "W", "c", "end_W", "end_c", "exact"})};
 }
 
 void read_parameters(Document& document, const toml::table& root, const Section& section,

@@ -12,7 +12,8 @@ namespace bromwich {
 
 /// The sections of a file, by name.
 struct Sections {
-  Section top, parameters, dynamics, complementarity, relay, port, boundary, free, time, output, exact, reference;
+  Section top, parameters, dynamics, complementarity, relay, port, boundary, free, time, output, exact, reference,
+      quantity;
 };
 
 /// Throws Error for a section or a key that is not known.

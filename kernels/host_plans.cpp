@@ -164,6 +164,14 @@ class HostStepChain final : public StepChain {
     plan_->adjoint(*in_.array, *out_.array, choice);
     out_.send(l);
   }
+  Vector weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) override {
+    return plan_->weighted_residual(d, x, z);
+  }
+  Vector locally_weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& q,
+                                   const RowMatrix& l) override {
+    return plan_->locally_weighted_residual(d, x, q, l);
+  }
+  std::string elsewhere() const override { return "steps and adjoints on the host"; }
   std::size_t bytes() const override { return 2 * out_.array->bytes() + plan_->bytes(); }
 
  private:

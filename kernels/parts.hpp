@@ -36,7 +36,7 @@ std::unique_ptr<LcpBatch> make_dense_lcp(const Device&, const Matrix&, LcpClass,
 /// What no kernel here takes is marched by `host`.
 std::unique_ptr<March> make_march(const Device&, Backend& host, const MarchProblem&, Index rows);
 
-/// Sparse maps, and more than 64 states, are left to `host`.
+/// Sparse maps of many states are left to `host`.
 std::unique_ptr<StepChain> make_step_chain(const Device&, Backend& host, const StepChainProblem&);
 
 /// More than 32 states are left to `host`.

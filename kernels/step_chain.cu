@@ -1,16 +1,18 @@
 // Chains of dense one-step maps (core/step_chain.hpp) up to 64 states. Along the chain, in the direction in which it is
 // solved, rows are row vectors and follow each other as
 //
-//     x_p = q_p + x_{p-1} X_p,    X = P^T forward in time, X = P for the adjoint, p = 1..M.
+//     x_p = q_p + x_{p-1} (I + X_p),    X = D^T forward in time, X = D for the adjoint, p = 1..M,
 //
-// Serial: one block, 16 threads a component, the next map on its way while this one is applied. Scan: a block for each
-// chunk of steps multiplies [X; x] through, (m+1) x m values in shared memory; one block carries from chunk to chunk;
-// then all chunks are substituted at once. Doubling: the same product for every row, all products of 2^k maps in global
-// memory: 2 M m^2 values read and M m^2 written each time. Windows that repeat are not looked for here: naming them on
-// the host takes longer than multiplying them.
+// D the increment of the step (core/step_chain.hpp); products of steps are kept as increments too. Serial: one block,
+// 16 threads a component, the next map on its way while this one is applied. Scan: a block for each chunk of steps
+// multiplies [I + X; x] through, (m+1) x m values in shared memory; one block carries from chunk to chunk; then all
+// chunks are substituted at once. Doubling: the same product for every row, all products of 2^k maps in global memory:
+// 2 M m^2 values read and M m^2 written each time. Windows that repeat are not looked for here: naming them on the host
+// takes longer than multiplying them.
 
 #include "kernels/host_plans.hpp"
 #include "kernels/parts.hpp"
+#include "kernels/step_chain.hpp"
 
 #include "core/error.hpp"
 #include "core/step_chain.hpp"
@@ -25,17 +27,18 @@ namespace bromwich::cuda {
 
 namespace {
 
+constexpr Index most_steps = 100'000'000;
 constexpr int most_states = 64, lanes = 16, slots = most_states / lanes;
 constexpr int threads = 256;
 constexpr Index serial_steps = 256;  ///< up to here a scan gains nothing
 
-/// P_i by kind, columns contiguous, and the direction.
+/// Matrices by kind, columns contiguous, and the direction.
 struct Chain {
   const double* matrices;
   const int* map_of;  ///< null: step i has matrix i
   int m, M, stride;   ///< stride: of rows
   bool backward;      ///< position p is row M - p
-  bool transposed;    ///< X = P^T
+  bool transposed;    ///< X is the transpose of the matrix
 
   __device__ long row(int p) const { return long(backward ? M - p : p) * stride; }
   __device__ int kind(int p) const {
@@ -60,8 +63,8 @@ __global__ void solve_rows(Chain c, const double* __restrict__ in, double* __res
   out[long(i) * c.stride + j] = sum;
 }
 
-// out_i = q_i + in_{i+1} P_{i+1}, out_M = q_M.
-__global__ void sweep_rows(Chain c, const double* __restrict__ q, const double* __restrict__ in,
+// out_i = q_i + in_{i+1} (X_{i+1}, or I + X_{i+1}), out_M = q_M.
+__global__ void sweep_rows(Chain c, bool plus_identity, const double* __restrict__ q, const double* __restrict__ in,
                            double* __restrict__ out) {
   const long index = long(blockIdx.x) * threads + threadIdx.x;
   const int i = int(index / c.m), j = int(index % c.m);
@@ -70,8 +73,30 @@ __global__ void sweep_rows(Chain c, const double* __restrict__ q, const double* 
   if (i < c.M) {
     const double *X = c.matrix(c.map_of[i]), *row = in + long(i + 1) * c.stride;
     for (int k = 0; k < c.m; ++k) sum += row[k] * __ldg(X + c.at(k, j));
+    if (plus_identity) sum += row[j];
   }
   out[long(i) * c.stride + j] = sum;
+}
+
+// r_i = d_i + (R - S) x_i - R (x_i - x_{i-1}), r_0 = d_0 - x_0. `change` has R - S.
+__global__ void residual_rows(Chain R, const double* __restrict__ change, const double* __restrict__ d,
+                              const double* __restrict__ x, double* __restrict__ r) {
+  const long index = long(blockIdx.x) * threads + threadIdx.x;
+  const int i = int(index / R.m), j = int(index % R.m);
+  if (i > R.M) return;
+  const double* row = x + long(i) * R.stride;
+  double sum = d[long(i) * R.stride + j];
+  if (i == 0) {
+    sum -= row[j];
+  } else {
+    const double* before = row - R.stride;
+    const long at = long(R.map_of[i - 1]) * R.m * R.m;
+    for (int k = 0; k < R.m; ++k) {
+      const int entry = R.at(k, j);
+      sum += row[k] * __ldg(change + at + entry) - (row[k] - before[k]) * __ldg(R.matrices + at + entry);
+    }
+  }
+  r[long(i) * R.stride + j] = sum;
 }
 
 // x holds q and becomes the solution, for the positions of each block's chunk; `entry` has the row before each chunk.
@@ -106,6 +131,7 @@ __global__ void substitute(Chain c, double* __restrict__ x, int length, const do
 #pragma unroll
     for (int offset = lanes / 2; offset > 0; offset /= 2) sum += __shfl_xor_sync(~0u, sum, offset);
     if (mine && lane == 0) {
+      sum += now[j];
       state[(p - first + 1) & 1][j] = sum;
       x[c.row(p) + j] = sum;
     }
@@ -122,7 +148,7 @@ __device__ double product_entry(const double* left, const double* X, int m, int 
   return sum;
 }
 
-// Of each chunk: the product of its maps, and in row block + 1 of `sums` what its own q add up to.
+// Of each chunk: the increment of the product of its maps, and in row block + 1 of `sums` what its own q add up to.
 __global__ void multiply_chunk(Chain c, const double* __restrict__ q, int length, double* __restrict__ products,
                                double* __restrict__ sums) {
   extern __shared__ double shared[];
@@ -138,15 +164,16 @@ __global__ void multiply_chunk(Chain c, const double* __restrict__ q, int length
     for (int j = threadIdx.x; j < m; j += blockDim.x) __pipeline_memcpy_async(add[p & 1] + j, q + c.row(p) + j, 8);
     __pipeline_commit();
   };
-  for (int o = threadIdx.x; o < size; o += blockDim.x) now[first & 1][o] = o % (m + 1) == o / (m + 1) ? 1 : 0;
+  for (int o = threadIdx.x; o < size; o += blockDim.x) now[first & 1][o] = 0;
   if (first <= last) fetch(first);
   for (int p = first; p <= last; ++p) {
     __pipeline_wait_prior(0);
     __syncthreads();  // what came and what was computed is there, and nobody reads what was before it
     if (p < last) fetch(p + 1);
     for (int o = threadIdx.x; o < size; o += blockDim.x) {
-      const double own = o % (m + 1) == m ? add[p & 1][o / (m + 1)] : 0;
-      now[(p + 1) & 1][o] = own + product_entry(now[p & 1], X[p & 1], m, o);
+      const int r = o % (m + 1), j = o / (m + 1);
+      const double own = r == m ? add[p & 1][j] : X[p & 1][j * m + r];
+      now[(p + 1) & 1][o] = now[p & 1][o] + (own + product_entry(now[p & 1], X[p & 1], m, o));
     }
   }
   __syncthreads();
@@ -160,8 +187,8 @@ __global__ void multiply_chunk(Chain c, const double* __restrict__ q, int length
   }
 }
 
-// With X_i the product of `length` maps that carries row i + length to row i: next_i = mu_i + mu_{i+length} X_i, and
-// the products of twice the length, X_{i+length} X_i.
+// With I + X_i the product of `length` maps that carries row i + length to row i: next_i = mu_i + mu_{i+length} (I +
+// X_i), and the products of twice the length, I + X_{i+length} + X_i + X_{i+length} X_i.
 __global__ void double_windows(Chain c, int length, const double* __restrict__ mu, double* __restrict__ next,
                                double* __restrict__ longer) {
   extern __shared__ double shared[];
@@ -179,9 +206,9 @@ __global__ void double_windows(Chain c, int length, const double* __restrict__ m
   for (int o = threadIdx.x; o < size; o += blockDim.x) {
     const int r = o % (m + 1), j = o / (m + 1);
     if (r == m)
-      next[long(i) * c.stride + j] = mu[long(i) * c.stride + j] + product_entry(left, X, m, o);
+      next[long(i) * c.stride + j] = mu[long(i) * c.stride + j] + (left[o] + product_entry(left, X, m, o));
     else if (goes_on)
-      longer[(long(i) * m + j) * m + r] = product_entry(left, X, m, o);
+      longer[(long(i) * m + j) * m + r] = left[o] + (X[j * m + r] + product_entry(left, X, m, o));
   }
 }
 
@@ -189,28 +216,35 @@ std::size_t chunk_bytes(Index m) { return sizeof(double) * std::size_t(2 * ((m +
 
 int whole_warps(int count) { return std::min(1024, (count + 31) / 32 * 32); }
 
-class DeviceStepChain final : public StepChain {
+class SmallStepChain final : public DeviceStepChain {
  public:
-  DeviceStepChain(const Device& device, const StepChainProblem& problem)
-      : device_(device),
+  SmallStepChain(const Device& device, const StepChainProblem& problem)
+      : DeviceStepChain(device),
         m_(int(problem.states())),
         M_(int(problem.steps())),
         memory_limit_(problem.memory_limit),
         map_of_(device, problem.map_of.size()),
-        P_(device, problem.maps.size() * std::size_t(m_ * m_)),
-        inverse_(device, P_.size()),
+        D_(device, problem.maps.size() * std::size_t(m_ * m_)),
+        inverse_(device, D_.size()),
+        R_(device, D_.size()),
+        change_(device, D_.size()),
         mu_(device, M_ + 1, m_),
         other_(device, M_ + 1, m_) {
     const std::vector<int> map_of(problem.map_of.begin(), problem.map_of.end());
     map_of_.put(map_of.data());
-    Matrix P(m_, m_ * Index(problem.maps.size())), inverse(P.rows(), P.cols());
+    const Index columns = m_ * Index(problem.maps.size());
+    Matrix D(m_, columns), inverse(m_, columns), R(m_, columns), change(m_, columns);
     for (std::size_t k = 0; k < problem.maps.size(); ++k) {
       const DenseStep step(problem, Index(k));
-      P.middleCols(Index(k) * m_, m_) = step.P;
+      D.middleCols(Index(k) * m_, m_) = step.increment;
       inverse.middleCols(Index(k) * m_, m_) = step.inverse;
+      R.middleCols(Index(k) * m_, m_) = step.R;
+      change.middleCols(Index(k) * m_, m_) = step.change;
     }
-    P_.put(P.data());
+    D_.put(D.data());
     inverse_.put(inverse.data());
+    R_.put(R.data());
+    change_.put(change.data());
     // Steps within a chunk cost about four times what a chunk costs in the carry; all chunks run at once.
     const int resident = device.multiprocessors() * std::max(1, 2048 / whole_warps((m_ + 1) * m_));
     const int chunks = std::clamp(int(2 * std::sqrt(double(M_))), 1, resident);
@@ -225,7 +259,7 @@ class DeviceStepChain final : public StepChain {
   void forward(const Array& d, Array& x) override {
     solve_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(inverse_, false, true), values(d), values(x));
     check(cudaGetLastError(), "starting the steps");
-    const Chain steps = chain(P_, false, true);
+    const Chain steps = chain(D_, false, true);
     if (M_ > serial_steps && scan_bytes() <= memory_limit_)
       scan(steps, values(x));
     else
@@ -237,10 +271,10 @@ class DeviceStepChain final : public StepChain {
     if (choice.method != AdjointMethod::jacobi) copy(q, values(mu_));
     switch (choice.method) {
       case AdjointMethod::substitution:
-        run(chain(P_, true, false), values(mu_));
+        run(chain(D_, true, false), values(mu_));
         break;
       case AdjointMethod::scan:
-        scan(chain(P_, true, false), values(mu_));
+        scan(chain(D_, true, false), values(mu_));
         break;
       case AdjointMethod::doubling:
         mu = doubled();
@@ -254,11 +288,24 @@ class DeviceStepChain final : public StepChain {
   }
 
   std::size_t bytes() const override {
-    return map_of_.bytes() + 2 * P_.bytes() + 2 * mu_.bytes() + products_.bytes() + sums_.bytes() +
+    return map_of_.bytes() + 4 * D_.bytes() + 2 * mu_.bytes() + products_.bytes() + sums_.bytes() +
            windows_[0].bytes() + windows_[1].bytes();
   }
 
  private:
+  void sweep(const Array& q, const Array& l, Array& z) override {
+    sweep_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(R_, true, false), false, values(q), values(l),
+                                                               values(mu_));
+    solve_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(inverse_, true, false), values(mu_), values(z));
+    check(cudaGetLastError(), "starting a sweep");
+  }
+
+  void residual(const Array& d, const Array& x, Array& r) override {
+    residual_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(R_, false, true), change_.data(), values(d),
+                                                                  values(x), values(r));
+    check(cudaGetLastError(), "starting the residual");
+  }
+
   Chain chain(const Memory<double>& matrices, bool backward, bool transposed) const {
     return {matrices.data(), map_of_.data(), m_, M_, int(stride(m_)), backward, transposed};
   }
@@ -300,7 +347,7 @@ class DeviceStepChain final : public StepChain {
       if (windows.size() == 0 && M_ > 1) windows = Memory<double>(device_, size);
     double *mu = values(mu_), *next = values(other_);
     copy(mu, next);
-    Chain steps = chain(P_, true, false);
+    Chain steps = chain(D_, true, false);
     int target = 0;
     for (int length = 1; length <= M_; length *= 2) {
       double* longer = windows_[target].data();
@@ -328,7 +375,7 @@ class DeviceStepChain final : public StepChain {
     const double* mu = q;
     double* next = values(mu_);
     for (Index k = 1; k < std::min<Index>(sweeps, M_ + 1); ++k) {
-      sweep_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(P_, true, false), q, mu, next);
+      sweep_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(D_, true, false), true, q, mu, next);
       check(cudaGetLastError(), "starting a sweep");
       mu = next;
       next = next == values(mu_) ? values(other_) : values(mu_);
@@ -336,11 +383,10 @@ class DeviceStepChain final : public StepChain {
     return mu;
   }
 
-  const Device& device_;
   int m_, M_, length_ = 1, chunks_ = 1;
   double memory_limit_;
   Memory<int> map_of_;
-  Memory<double> P_, inverse_;
+  Memory<double> D_, inverse_, R_, change_;
   DeviceArray mu_, other_;
   Memory<double> products_, sums_, windows_[2];
 };
@@ -349,10 +395,11 @@ class DeviceStepChain final : public StepChain {
 
 std::unique_ptr<StepChain> make_step_chain(const Device& device, Backend& host, const StepChainProblem& problem) {
   problem.validate();
-  if (problem.sparse() || problem.states() > most_states || problem.steps() > 100'000'000 ||
-      chunk_bytes(problem.states()) > device.shared_memory())
+  const Index m = problem.states();
+  if (problem.steps() > most_steps || (problem.sparse() && m > most_written_out))
     return make_host_step_chain(device, host, problem);
-  return std::make_unique<DeviceStepChain>(device, problem);
+  if (m > most_states || chunk_bytes(m) > device.shared_memory()) return make_large_step_chain(device, problem);
+  return std::make_unique<SmallStepChain>(device, problem);
 }
 
 }  // namespace bromwich::cuda

@@ -18,6 +18,8 @@ contestants = (
     "midpoint, goal",
     "exponential, uniform",
     "exponential, goal",
+    "euler, divided",
+    "midpoint, divided",
 )
 
 
@@ -39,6 +41,8 @@ def balance(data, scene):
     lines = []
     for name in contestants:
         rows = [row_of(data, scene, name, s) for s in shown]
+        if None in rows:
+            continue
         end = rows[-1]
         time = seconds(end["seconds"]["median"]) if end["seconds"] else "-"
         effectivity = f"{end['effectivity']:.2f}" if end["effectivity"] is not None else ""

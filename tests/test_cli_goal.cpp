@@ -32,12 +32,12 @@ TEST_F(CliGoal, WritesGridStatesEnergiesAndHistory) {
   }
   const auto lines = split(read(folder_ / "x.csv"), '\n');
   ASSERT_EQ(lines.size(), 62u);
-  EXPECT_EQ(lines[0], "t,x0,x2,energy,supplied,dissipated,violation");
-  EXPECT_EQ(lines[1], "0,1,1,3,0,0,0");
+  EXPECT_EQ(lines[0], "t,x0,x2,energy,supplied_power,dissipated_power,supplied,dissipated,violation");
+  EXPECT_EQ(lines[1], "0,1,1,3,0,9,0,0,0");
   double sum = 0, energy = 0;
   for (std::size_t i = 1; i < lines.size(); ++i) {
     const auto words = split(lines[i], ',');
-    sum += std::stod(words[5]) - std::stod(words[4]) - std::stod(words[6]);
+    sum += std::stod(words[7]) - std::stod(words[6]) - std::stod(words[8]);
     energy = std::stod(words[3]);
   }
   EXPECT_NEAR(energy, 3 - sum, 1e-9);  // the balance with its violation, as it was printed
@@ -55,11 +55,49 @@ TEST_F(CliGoal, TakesEveryQuantityAndScheme) {
   }
 }
 
+// x' = -x, x(0) = 1: the integral of x^2 over [0, 1] is (1 - e^-2)/2, of t x 1 - 2/e; x(1) = 1/e.
+TEST_F(CliGoal, SolvesForTheQuantityOfAFile) {
+  const std::string scene = "[port]\nJ = [[0]]\nR = [[1]]\nx0 = [1]\n[time]\nT = 1\nsteps = 50\n[quantity]\n";
+  const auto tried = [&](const std::string& quantity, const std::string& arguments) {
+    std::ofstream(folder_ / "q.toml") << scene + quantity;
+    const Outcome result = run("solve q.toml --method goal --json " + arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return Json::parse(result.out)["goal"];
+  };
+  Json goal = tried("name = \"square\"\nW = [[1]]\nexact = \"(1-exp(-2))/2\"\n", "--tol 1e-4 --scheme midpoint");
+  EXPECT_EQ(goal["quantity"], "square");
+  EXPECT_NEAR(goal["history"].back()["quantity"], (1 - std::exp(-2)) / 2, 1e-4);
+  EXPECT_NEAR(goal["history"].back()["effectivity"], 1, 0.1);
+  goal = tried("c = [\"t\"]\nend_c = [2]\nend_W = [[3]]\n", "--tol 1e-5 --scheme exponential");
+  EXPECT_NEAR(goal["history"].back()["quantity"], 1 - 2 * std::exp(-1) + 2 * std::exp(-1) + 3 * std::exp(-2), 1e-5);
+  EXPECT_EQ(goal["exact"], nullptr);
+  goal = tried("end_c = [1]\n", "--quantity loc");
+  EXPECT_EQ(goal["quantity"], "loc");
+  for (const auto& [quantity, mention] :
+       {std::pair("W = [[1, 0], [0, 1]]\n", "q.toml:9: quantity.W: is 2 x 2; give 1 x 1"),
+        std::pair("end_c = [1, 2]\n", "q.toml:9: quantity.end_c: has 2 entries"),
+        std::pair("c = [\"t\", \"t\"]\n", "q.toml:9: quantity.c: has 2 entries; give 1"),
+        std::pair("end_x = [1]\n", "q.toml:9: quantity.end_x: is no known key"),
+        std::pair("exact = 1\n", "q.toml:8: quantity.W: has neither an integral nor an end value")}) {
+    std::ofstream(folder_ / "q.toml") << scene + quantity;
+    EXPECT_TRUE(contains(refused("solve q.toml --method goal").err, mention)) << refused("solve q.toml").err;
+  }
+  EXPECT_TRUE(contains(refused("solve ph-toy --method goal --quantity file").err, "states no quantity"));
+}
+
 TEST_F(CliGoal, EnergiesOfOtherMethods) {
   const Outcome result = run("solve ph-toy --method march --steps 100 --states all --energies --out x.csv");
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_TRUE(
-      read(folder_ / "x.csv").starts_with("t,x0,x1,x2,energy,supplied,dissipated,violation\n0,1,2,1,3,0,0,0\n"));
+  EXPECT_TRUE(read(folder_ / "x.csv")
+                  .starts_with("t,x0,x1,x2,energy,supplied_power,dissipated_power,supplied,dissipated,violation\n"
+                               "0,1,2,1,3,0,9,0,0,0\n"));
+  for (const std::string& line : split(read(folder_ / "x.csv"), '\n')) {  // u (x0 + x1) and (x0 + x1)^2, variant 1
+    if (line.empty() || line[0] == 't') continue;
+    const auto words = split(line, ',');
+    const double t = std::stod(words[0]), sum = std::stod(words[1]) + std::stod(words[2]);
+    EXPECT_NEAR(std::stod(words[5]), t > 5 ? 10 * sum : 0, 1e-12 * (1 + std::abs(sum)));
+    EXPECT_NEAR(std::stod(words[6]), sum * sum, 1e-12 * (1 + sum * sum));
+  }
 }
 
 TEST_F(CliGoal, RefusesBadInput) {

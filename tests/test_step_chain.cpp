@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 #include <string>
 
@@ -85,6 +86,39 @@ class StepChains : public BackendTest {
     return host(*l);
   }
 
+  // z^T r of the residual r = d - A x, for any z and for weights that are solved for step by step.
+  void expect_residuals(StepChain& chain, const StepChainProblem& problem) {
+    const Index M = problem.steps(), m = problem.states();
+    Random random(18);
+    const RowMatrix d = random.matrix(M + 1, m), x = random.matrix(M + 1, m), z = random.matrix(M + 1, m);
+    const auto map = [&](Index i) -> const StepMap& {
+      return problem.maps[std::size_t(problem.map_of[std::size_t(i - 1)])];
+    };
+    const auto weighed = [&](const RowMatrix& weights) {
+      return Vector(Vector::NullaryExpr(M, [&](Index i) {
+        const Vector r = d.row(i + 1).transpose() + dense(map(i + 1).R) * x.row(i).transpose() -
+                         dense(map(i + 1).S) * x.row(i + 1).transpose();
+        return weights.row(i + 1).dot(r);
+      }));
+    };
+    const Vector expected = weighed(z);
+    EXPECT_LE((chain.weighted_residual(d, x, z) - expected).cwiseAbs().maxCoeff(),
+              1e-13 * double(m) * std::max(1., expected.cwiseAbs().maxCoeff()));
+    if (M % 2 == 1) return;
+    const RowMatrix l = random.matrix(M / 2 + 1, m);
+    RowMatrix weights = z;
+    for (Index c = 1; c <= M / 2; ++c)
+      for (const Index i : {2 * c, 2 * c - 1}) {
+        Vector mu = d.row(i).transpose();
+        if (i % 2 == 1) mu += dense(map(i + 1).R).transpose() * weights.row(i + 1).transpose();
+        if (i % 2 == 0 && i < M) mu += dense(map(i + 1).R).transpose() * l.row(c + 1).transpose();
+        weights.row(i) = dense(map(i).S).transpose().partialPivLu().solve(mu).transpose();
+      }
+    const Vector locally = weighed(weights);
+    EXPECT_LE((chain.locally_weighted_residual(d, x, d, l) - locally).cwiseAbs().maxCoeff(),
+              1e-13 * double(m) * std::max(1., locally.cwiseAbs().maxCoeff()));
+  }
+
   // Everything that has to hold for any chain.
   void expect_chain(const StepChainProblem& problem, const std::string& name) {
     SCOPED_TRACE(name);
@@ -98,11 +132,12 @@ class StepChains : public BackendTest {
     EXPECT_LE(relative(adjoint(*chain, q, AdjointMethod::jacobi, M + 1), l), 1e-13);
     const double pairing = x.cwiseProduct(q).sum(), size = x.cwiseProduct(q).cwiseAbs().sum();
     EXPECT_LE(std::abs(pairing - d.cwiseProduct(l).sum()), 1e-12 * size);  // <x, A^T l> = <A x, l>
+    expect_residuals(*chain, problem);
     if ((M + 1) * m > 600) return;
     const Matrix A = assembled(problem);
     EXPECT_LE((A * stacked(x) - stacked(d)).cwiseAbs().maxCoeff(), 1e-12 * x.cwiseAbs().maxCoeff());
     EXPECT_LE((A.transpose() * stacked(l) - stacked(q)).cwiseAbs().maxCoeff(), 1e-12 * l.cwiseAbs().maxCoeff());
-    Vector mu = A.diagonal();  // Jacobi, by the matrix: D l = q - (A^T - D) l, D block diagonal
+    // Jacobi, by the matrix: D l = q - (A^T - D) l, D block diagonal.
     for (const Index sweeps : {1, 2, 3}) {
       Matrix D = Matrix::Zero(A.rows(), A.cols());
       for (Index i = 0; i <= M; ++i) D.block(i * m, i * m, m, m) = A.block(i * m, i * m, m, m).transpose();
@@ -155,6 +190,55 @@ TEST_P(StepChains, SparseIsDense) {
     EXPECT_LE(relative(forward(*a, d), forward(*b, d)), 1e-13);
     for (const AdjointMethod method : {AdjointMethod::substitution, AdjointMethod::jacobi})
       EXPECT_LE(relative(adjoint(*a, d, method, 3), adjoint(*b, d, method, 3)), 1e-13);
+  }
+}
+
+// More states than a block of a device holds, and few enough of sparse maps to be written out there.
+TEST_P(StepChains, ManyStates) {
+  Random random(8);
+  for (const Index m : {63, 64, 65, 200}) {
+    const Matrix A = passive_matrix(random, m, 0.5) / std::sqrt(double(m));
+    const SparseMatrix sparse_A = A.sparseView();
+    for (const Index M : {1, 2, 9}) {
+      expect_chain(step_chain_problem(StepScheme::euler, A, group_steps(random_grid(random, M))),
+                   "dense, all distinct");
+      expect_chain(step_chain_problem(StepScheme::midpoint, sparse_A, group_steps(random_grid(random, M))), "sparse");
+    }
+    if (m == 65) expect_chain(step_chain_problem(StepScheme::midpoint, A, group_steps(bisected_grid(90, 4))), "scan");
+  }
+}
+
+TEST_P(StepChains, SayWhatIsDoneElsewhere) {
+  const auto elsewhere = [&](const StepMatrix& A) {
+    return backend->step_chain(step_chain_problem(StepScheme::euler, A, group_steps(Vector::LinSpaced(3, 0, 1))))
+        ->elsewhere();
+  };
+  SparseMatrix large(400, 400);
+  large.setIdentity();
+  EXPECT_EQ(elsewhere(Matrix(-Matrix::Identity(70, 70))), "");
+  EXPECT_EQ(elsewhere(SparseMatrix(-large.topLeftCorner(70, 70))), "");
+  EXPECT_EQ(elsewhere(SparseMatrix(-large)).empty(), backend->name() == "cpu");
+}
+
+// What is not finite comes out, in the rows that depend on it and in no others.
+TEST_P(StepChains, CarryWhatIsNotFinite) {
+  Random random(9);
+  for (const Index m : {3, 70}) {
+    const Index M = 600, bad = 300;
+    const auto chain = backend->step_chain(step_chain_problem(StepScheme::euler, passive_matrix(random, m, 1),
+                                                              group_steps(Vector::LinSpaced(M + 1, 0, 6))));
+    RowMatrix d = random.matrix(M + 1, m);
+    d(bad, m / 2) = std::numeric_limits<double>::quiet_NaN();
+    const RowMatrix x = forward(*chain, d);
+    EXPECT_TRUE(x.topRows(bad).allFinite());
+    EXPECT_FALSE(x.row(bad).allFinite());
+    EXPECT_FALSE(x.row(M).allFinite());
+    for (const AdjointMethod method : {AdjointMethod::substitution, AdjointMethod::scan, AdjointMethod::doubling}) {
+      const RowMatrix l = adjoint(*chain, d, method);
+      EXPECT_TRUE(l.bottomRows(M - bad).allFinite());
+      EXPECT_FALSE(l.row(bad).allFinite());
+      EXPECT_FALSE(l.row(0).allFinite());
+    }
   }
 }
 
@@ -222,6 +306,12 @@ TEST_P(StepChains, RefusesWhatCannotBe) {
   refused({{good, {Matrix(Matrix::Identity(3, 3)), Matrix(Matrix::Identity(3, 3))}}, {0}}, "map 1: found S or R");
   refused({{{Matrix(Matrix::Zero(2, 2)), Matrix(Matrix::Identity(2, 2))}}, {0}}, "singular");
   refused({{{SparseMatrix(2, 2), SparseMatrix(2, 2)}}, {0}}, "singular");
+  Matrix nearly(3, 3);  // singular to rounding, with pivots that are not zero
+  nearly << 1, 2, 3, 4, 5, 6, 7, 8, 9;
+  nearly *= 0.1;
+  const SparseMatrix nearly_sparse = nearly.sparseView();
+  refused({{{nearly, nearly}}, {0}}, "singular matrix S, of step 1");
+  refused({{{nearly_sparse, nearly_sparse}}, {0}}, "singular matrix S, of step 1");
   refused({{good, {SparseMatrix(2, 2), SparseMatrix(2, 2)}}, {0}}, "dense and sparse");
   refused({{{Matrix(Matrix::Constant(2, 2, NAN)), Matrix(Matrix::Identity(2, 2))}}, {0}}, "not finite");
 

@@ -1,11 +1,14 @@
-// One adjoint of a cycle of goal-oriented refinement: implicit Euler on the ladder of RLC cells, all ways to solve the
-// transposed chain of steps, on the processor and on a CUDA device where one is found.
+// A cycle of goal-oriented refinement, part by part and as a whole: implicit Euler (and, with dense maps of many
+// states, the exponential scheme) on the ladder of RLC cells, all ways to solve the transposed chain of steps, on the
+// processor and on a CUDA device where one is found.
 
 #include "app/bench/study.hpp"
 #include "app/commands.hpp"
 #include "app/text.hpp"
+#include "core/goal.hpp"
+#include "core/goal_indicators.hpp"
+#include "core/grid_adaptation.hpp"
 #include "core/port_hamiltonian.hpp"
-#include "core/reconstruction.hpp"
 #include "core/timer.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
@@ -24,6 +27,7 @@ struct Chain {
   double cells = 0;     ///< of the ladder, m = 3 cells + 1
   Index steps = 0;      ///< about
   bool graded = false;  ///< as bisection leaves it: sizes from h to h/64
+  StepScheme scheme = StepScheme::euler;
   const char* grid() const { return graded ? "bisected" : "uniform"; }
 };
 
@@ -38,7 +42,11 @@ constexpr Way ways[] = {{"substitution", {AdjointMethod::substitution, 1}},
                         {"doubling", {AdjointMethod::doubling, 1}},
                         {"scan", {AdjointMethod::scan, 1}}};
 
-constexpr Index most_product_states = 64;  ///< above it products of maps are dense where the maps are sparse
+/// Where products of maps are worth their m^3 operations: on a processor for few states, on a device (which writes out
+/// sparse maps up to here) for hundreds in a scan, that multiplies each map once.
+Index most_product_states(const Backend& backend, AdjointMethod method) {
+  return backend.name() == "cpu" || method == AdjointMethod::doubling ? 64 : 384;
+}
 
 // Cells halved up to six times where a wave is high: runs of one size, a power of two apart.
 Vector graded_grid(double T, Index about) {
@@ -82,11 +90,14 @@ class Study {
     const PortSystem system(*scene.port, scene.T);
     const Vector t = c.graded ? graded_grid(scene.T, c.steps) : Vector(Vector::LinSpaced(c.steps + 1, 0, scene.T));
     const StepSizes sizes = group_steps(t);
-    const StepChainProblem problem =
-        step_chain_problem(StepScheme::euler, system.step_matrix(StepScheme::euler), sizes);
+    const StepChainProblem problem = system.step_problem(c.scheme, sizes);
     const Index m = problem.states(), M = problem.steps();
+    std::unique_ptr<StepChain> chain = backend.step_chain(problem);
+    const std::string elsewhere = chain->elsewhere();
     const auto add = [&](const char* what, const std::vector<double>& times, double apart) {
       report_.rows.push_back({{"backend", backend.name()},
+                              {"scheme", to_string(c.scheme)},
+                              {"elsewhere", elsewhere},
                               {"states", m},
                               {"steps", M},
                               {"grid", c.grid()},
@@ -100,9 +111,7 @@ class Study {
                         format_seconds(minimum(times)), format_seconds(maximum(times)), scientific(apart)});
     };
 
-    std::unique_ptr<StepChain> chain;
     const auto plan = [&] { chain = backend.step_chain(problem); };
-    plan();
     add("factorizations", timed_runs(backend, request_.repeats(), plan), 0);
     RowMatrix q(M + 1, m), exact, found;
     for (Index i = 0; i <= M; ++i)
@@ -114,7 +123,7 @@ class Study {
     add("forward", timed_runs(backend, request_.repeats(), forward), 0);
     for (const Way& way : ways) {
       const bool products = way.choice.method == AdjointMethod::doubling || way.choice.method == AdjointMethod::scan;
-      if (products && m > most_product_states) continue;
+      if (products && m > most_product_states(backend, way.choice.method)) continue;
       const auto adjoint = [&] { chain->adjoint(*right, *left, way.choice); };
       adjoint();
       backend.download(*left, found);
@@ -122,11 +131,61 @@ class Study {
       const double apart = (found - exact).cwiseAbs().maxCoeff() / exact.cwiseAbs().maxCoeff();
       add(way.name, timed_runs(backend, request_.repeats(), adjoint), apart);
     }
+    chain.reset();
+    if (c.scheme != StepScheme::euler) return;
+    measure_cycle(system, scene.x0, t, problem, backend, add);
   }
 
   std::string text() const { return table(lines_); }
 
  private:
+  using Add = std::function<void(const char* what, const std::vector<double>& times, double apart)>;
+
+  /// From one grid to the next: arrays come from the host and go back to it.
+  void measure_cycle(const PortSystem& system, const Vector& x0, const Vector& t, const StepChainProblem& problem,
+                     Backend& backend, const Add& add) {
+    const int repeats = request_.repeats();
+    const auto quantity = local_balance();
+    const int q = quantity->order(order(StepScheme::euler));
+    RowMatrix x, gradient, l;
+    {
+      const auto chain = backend.step_chain(problem);
+      const auto solve = [&] { x = forward(backend, *chain, step_sources(system, StepScheme::euler, t, x0)); };
+      add("cycle: sources and forward", timed_runs(backend, repeats, solve), 0);
+      const Trajectory path{system, StepScheme::euler, t, x};
+      double value = 0;
+      const auto differentiate = [&] { value = quantity->value(path), gradient = quantity->gradient(path); };
+      add("cycle: quantity and its gradient", timed_runs(backend, repeats, differentiate), 0);
+      const auto transposed = [&] { l = adjoint(backend, *chain, gradient, {}); };
+      add("cycle: adjoint by substitution", timed_runs(backend, repeats, transposed), 0);
+    }
+    Vector indicators;
+    const auto judge = [&] {
+      indicators = goal_indicators({system, StepScheme::euler, t, x}, backend, *quantity, CellWeights::local, l, {});
+    };
+    add("cycle: indicators", timed_runs(backend, repeats, judge), 0);
+    Vector finer;
+    const auto mark = [&] { finer = bisected(t, economical_cells(indicators, q, t.size())); };
+    add("cycle: marking and bisection", timed_runs(backend, repeats, mark), 0);
+
+    Vector exact;
+    for (const Way& way : ways) {
+      const bool products = way.choice.method == AdjointMethod::doubling || way.choice.method == AdjointMethod::scan;
+      if (products && problem.states() > most_product_states(backend, way.choice.method)) continue;
+      GoalOptions goal;
+      goal.adjoint = way.choice;
+      GoalEvaluation e;
+      const auto cycle = [&] {
+        e = evaluate_goal(system, backend, goal, t, x0);
+        finer = bisected(t, economical_cells(e.indicators, q, t.size()));
+      };
+      const std::vector<double> times = timed_runs(backend, repeats, cycle);
+      if (exact.size() == 0) exact = e.indicators;
+      const double apart = (e.indicators - exact).cwiseAbs().maxCoeff() / exact.cwiseAbs().maxCoeff();
+      add((std::string("whole cycle, ") + way.name).c_str(), times, apart);
+    }
+  }
+
   const BenchRequest& request_;
   BenchReport& report_;
   std::vector<std::vector<std::string>> lines_;
@@ -142,14 +201,20 @@ BenchReport bench_adjoints(const BenchRequest& request, Backend& backend) {
   BenchReport report;
   report.scene = "ladder";
   report.details["seconds"] =
-      "wall clock of one call on arrays of the backend, without copies from the host; factorizations: the whole plan";
-  report.details["difference_max"] = "from back substitution on the same backend, over the largest entry";
+      "wall clock of one call on arrays of the backend, without copies from the host; factorizations: the whole plan; "
+      "cycle: from one grid to the next, arrays on the host";
+  report.details["difference_max"] =
+      "from back substitution on the same backend, over the largest entry; whole cycle: of the indicators";
   report.details["grid"] = "uniform, or cells halved up to six times in runs, as bisection leaves it";
   Study study(request, report);
-  const std::vector<Chain> chains =
-      request.quick ? std::vector<Chain>{{5, 1000, true}, {33, 100, true}}
-                    : std::vector<Chain>{{5, 100000, false}, {5, 10000, true},   {5, 100000, true},
-                                         {21, 10000, true},  {100, 10000, true}, {1000, 2000, true}};
+  const std::vector<Chain> chains = request.quick ? std::vector<Chain>{{5, 1000, true}, {33, 100, true}}
+                                                  : std::vector<Chain>{{5, 100000, false},
+                                                                       {5, 10000, true},
+                                                                       {5, 100000, true},
+                                                                       {21, 10000, true},
+                                                                       {66, 10000, true, StepScheme::exponential},
+                                                                       {100, 10000, true},
+                                                                       {1000, 2000, true}};
   for (const Chain& c : chains) study.measure(c, backend);
   if (!cuda_devices().empty() && backend.name() == "cpu") {
     const auto cuda = make_cuda_backend(make_cpu_backend(backend.device().threads));

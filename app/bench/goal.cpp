@@ -29,6 +29,7 @@ struct GoalContestant {
   bool adapted;
   AdjointChoice adjoint = {};
   CellWeights weights = CellWeights::local;
+  Refinement refinement = Refinement::bisection;
 };
 
 std::vector<GoalContestant> goal_contestants() {
@@ -44,7 +45,9 @@ std::vector<GoalContestant> goal_contestants() {
           {"midpoint, uniform", midpoint, false},
           {"midpoint, goal", midpoint, true},
           {"exponential, uniform", exponential, false},
-          {"exponential, goal", exponential, true}};
+          {"exponential, goal", exponential, true},
+          {"euler, divided", euler, true, {}, CellWeights::local, Refinement::division},
+          {"midpoint, divided", midpoint, true, {}, CellWeights::local, Refinement::division}};
 }
 
 struct GoalRun {
@@ -67,6 +70,7 @@ GoalRun run_once(const GoalScene& s, Backend& backend, const GoalContestant& c, 
   goal.scheme = c.scheme;
   goal.adjoint = c.adjoint;
   goal.weights = c.weights;
+  goal.refinement = c.refinement;
   options.goal = std::make_shared<GoalOptions>(goal);
   Result result = solve(s.scene, backend, options);
   const GoalCycle& last = result.goal->history.back();
@@ -177,7 +181,7 @@ GoalScene::GoalScene(std::string label_, const std::string& name, ParameterValue
       system(*scene.port, scene.T) {}
 
 RowMatrix trajectory(const GoalScene& s, Backend& backend, StepScheme scheme, const Vector& t) {
-  const auto chain = backend.step_chain(step_chain_problem(scheme, s.system.step_matrix(scheme), group_steps(t)));
+  const auto chain = backend.step_chain(s.system.step_problem(scheme, group_steps(t)));
   return forward(backend, *chain, step_sources(s.system, scheme, t, s.scene.x0));
 }
 
