@@ -22,6 +22,8 @@ namespace bromwich {
 
 struct StepChainProblem;  // core/step_chain.hpp
 class StepChain;
+struct AffineChainSizes;  // core/affine_chain.hpp
+class AffineChain;
 
 /// Space-time array owned by a backend; zero when made.
 class Array {
@@ -261,6 +263,8 @@ class Backend {
   /// Linear one-step maps on a grid of any step sizes and their adjoint. Throws Error where the problem is not valid or
   /// the matrix of a step is singular.
   virtual std::unique_ptr<StepChain> step_chain(const StepChainProblem&) = 0;
+  /// Affine maps along a chain of intervals, solved in blocks between two ends.
+  virtual std::unique_ptr<AffineChain> affine_chain(const AffineChainSizes&) = 0;
 
   /// The shifted solves of the contour: N (z_p I - A)^{-1} B for all nodes at once. Row p holds the n modal values
   /// (Kronecker sum) or the n x k entries of the block, row by row (dense, sparse; N and B may have any shape that fits

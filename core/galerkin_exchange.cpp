@@ -1,16 +1,18 @@
 // z_k and x_k on given active sets, and the exchange of what has the wrong sign: the semismooth Newton method on
-// min(z, w) = 0, with every linear system solved exactly.
+// min(z, w) = 0, with every linear system solved exactly. All that belongs to single intervals is done by the backend,
+// for all of them at once (core/affine_chain.hpp).
 
+#include "core/affine_chain.hpp"
+#include "core/backend.hpp"
 #include "core/galerkin_solvers.hpp"
 #include "core/lcp/solution.hpp"
 #include "core/text.hpp"
-#include "core/two_point.hpp"
 
 #include <Eigen/Dense>
 
-#include <functional>
-#include <string>
-#include <unordered_map>
+#include <bit>
+#include <map>
+#include <memory>
 #include <unordered_set>
 
 namespace bromwich {
@@ -20,89 +22,88 @@ namespace {
 constexpr double least_pivot_condition = 1e-13;  ///< of D_SS; below it the active set counts as singular
 constexpr double sign_tolerance = 1e-13;         ///< of the largest z, and of the largest w
 
-// z = -(Zx x + Zq q) and x_next = P x - HZq q + F on one active set.
-struct ActiveMap {
-  Matrix Zx, Zq, P, HZq;
-};
-
-// out -= A v, without the overhead of a library call where A is small.
-template <typename In, typename Out>
-void subtract_product(const Matrix& A, const In& v, Out& out) {
-  constexpr Index small = 400;
-  if (A.size() <= small)
-    out.noalias() -= A.lazyProduct(v);
-  else
-    out.noalias() -= A * v;
+// The affine map of an interval with the active set S: v = z on S and w elsewhere. Null where D_SS is singular.
+std::unique_ptr<AffineMap> active_map(const GalerkinStep& step, const SetWords& active) {
+  const Index m = step.E.rows(), n = step.D.rows();
+  std::vector<Index> S, rest;
+  for (Index i = 0; i < n; ++i) (contains(active.data(), i) ? S : rest).push_back(i);
+  auto map = std::make_unique<AffineMap>(AffineMap{step.E, Matrix::Zero(m, n), step.C, Matrix::Identity(n, n), active});
+  if (S.empty()) return map;
+  const Matrix D = step.D(S, S);
+  const Equilibration scale = equilibrate(D);
+  const Eigen::PartialPivLU<Matrix> lu(scale.rows.asDiagonal() * D * scale.columns.asDiagonal());
+  if (!(reciprocal_condition(lu) >= least_pivot_condition)) return nullptr;
+  const Matrix inverse = scale.columns.asDiagonal() * lu.inverse() * scale.rows.asDiagonal();
+  const Matrix Z = inverse * step.C(S, Eigen::all), H = step.H(Eigen::all, S);  // z_S = -(Z x + D_SS^{-1} q_S)
+  map->P -= H * Z;
+  map->G(Eigen::all, S) = H * inverse;
+  map->X(S, Eigen::all) = -Z;
+  map->X(rest, Eigen::all) -= step.D(rest, S) * Z;
+  map->Q(S, S) = -inverse;
+  map->Q(rest, S) = -step.D(rest, S) * inverse;
+  return map;
 }
 
+// The maps of the active sets that have occurred, on intervals of each length.
 class ActiveMaps {
  public:
-  explicit ActiveMaps(const GalerkinStep& step) : step_(step) {}
+  explicit ActiveMaps(const GalerkinProblem& p) : p_(p), numbers_(p.runs.size()) {}
 
-  /// Null where D_SS is singular. `active` has one character per component, 1 for those in S.
-  const ActiveMap* find(const std::string& active) {
-    const auto [place, fresh] = maps_.try_emplace(active);
-    if (fresh) place->second = make(active);
-    return place->second.get();
+  /// Number of the map of one set on intervals of a run, -1 where D_SS is singular.
+  int find(std::size_t run, const std::uint64_t* set) {
+    const SetWords key(set, set + words_of_set(p_.unknowns()));
+    const auto [place, fresh] = numbers_[run].try_emplace(key, -1);
+    if (fresh)
+      if (auto map = active_map(p_.runs[run].step, key)) {
+        place->second = int(maps_.size());
+        pointers_.push_back(map.get());
+        maps_.push_back(std::move(map));
+      }
+    return place->second;
   }
+  const std::vector<const AffineMap*>& maps() const { return pointers_; }
   std::size_t bytes() const {
-    const Index m = step_.E.rows(), n = step_.D.rows();
+    const Index m = p_.states(), n = p_.unknowns();
     return maps_.size() * sizeof(double) * std::size_t((n + m) * (n + m));
   }
 
  private:
-  std::unique_ptr<ActiveMap> make(const std::string& active) const {
-    const Index m = step_.E.rows(), n = step_.D.rows();
-    std::vector<Index> S;
-    for (Index i = 0; i < n; ++i)
-      if (active[std::size_t(i)] == 1) S.push_back(i);
-    auto map =
-        std::make_unique<ActiveMap>(ActiveMap{Matrix::Zero(n, m), Matrix::Zero(n, n), step_.E, Matrix::Zero(m, n)});
-    if (S.empty()) return map;
-    const Matrix D = step_.D(S, S);
-    const Equilibration scale = equilibrate(D);
-    const Eigen::PartialPivLU<Matrix> lu(scale.rows.asDiagonal() * D * scale.columns.asDiagonal());
-    if (!(reciprocal_condition(lu) >= least_pivot_condition)) return nullptr;
-    const Matrix inverse = scale.columns.asDiagonal() * lu.inverse() * scale.rows.asDiagonal();
-    map->Zx(S, Eigen::all) = inverse * step_.C(S, Eigen::all);
-    map->Zq(S, S) = inverse;
-    map->P -= step_.H * map->Zx;
-    map->HZq = step_.H * map->Zq;
-    return map;
-  }
-
-  const GalerkinStep& step_;
-  std::unordered_map<std::string, std::unique_ptr<ActiveMap>> maps_;
+  const GalerkinProblem& p_;
+  std::vector<std::map<SetWords, int>> numbers_;
+  std::vector<std::unique_ptr<AffineMap>> maps_;
+  std::vector<const AffineMap*> pointers_;
 };
 
 class Exchange {
  public:
-  Exchange(const GalerkinProblem& p, const Options& options)
+  Exchange(const GalerkinProblem& p, Backend& backend, const Options& options)
       : p_(p),
         options_(options),
-        maps_(p.step),
-        active_(std::size_t(p.N), std::string(std::size_t(p.unknowns()), char(0))),
-        P_(std::size_t(p.N)),
-        map_(std::size_t(p.N)) {}
+        maps_(p),
+        chain_(backend.affine_chain({p.N, p.states(), p.unknowns()})),
+        words_(words_of_set(p.unknowns())),
+        active_(std::size_t(p.N * words_), 0),
+        map_of_(std::size_t(p.N)) {
+    chain_->set_sources(p.forcing, p.q);
+  }
 
   GalerkinSolution run(const RowMatrix* start, Index most) {
     GalerkinSolution s;
     if (start) start_from(*start);
     std::unordered_set<std::size_t> visited;
-    RowMatrix before;
     for (s.iterations = 1; s.iterations <= most; ++s.iterations) {
       if (options_.interrupted && options_.interrupted()) {
         s.status = Status::interrupted;
         s.reason = "stopped on request";
         break;
       }
-      if (!evaluate(s.reason)) break;
-      s.history.push_back(
-          before.size() == 0 ? 1 : (z_ - before).cwiseAbs().maxCoeff() / std::max(1.0, z_.cwiseAbs().maxCoeff()));
+      ActiveSizes sizes;
+      if (!solve_on_active_sets(p_.boundary, sizes, s.reason)) break;
+      const Index flips = exchanged(sizes);
+      s.history.push_back(double(flips) / double(p_.N * p_.unknowns()));
       if (options_.progress) options_.progress({s.iterations, s.history.back(), 0});
-      before = z_;
-      if (exchanged() == 0) {
-        refine();
+      if (flips == 0) {
+        finish(s);
         s.status = Status::solved;
         break;
       }
@@ -113,122 +114,124 @@ class Exchange {
     }
     if (s.status != Status::solved && s.reason.empty())
       s.reason = text("the active sets still change after %ld exchanges", long(most));
-    s.how = text("active sets of all intervals exchanged %ld times, two-point problems eliminated orthogonally",
+    if (s.status != Status::solved) last_values(s);
+    s.how = text("active sets of all intervals exchanged %ld times, two-point problems in blocks of intervals",
                  long(s.iterations));
-    s.z = (z_.array() > 0).select(z_, 0.0);
-    s.x = x_;
     s.lcp.newton = s.iterations;
-    const Index m = p_.states(), n = p_.unknowns();
-    s.bytes = maps_.bytes() + sizeof(double) * std::size_t(p_.N * (2 * m * m + 4 * m + 4 * n)) +
-              std::size_t(p_.N) * (std::size_t(n) + 5 * sizeof(void*));
+    s.bytes = maps_.bytes() + chain_->bytes() + sizeof(std::uint64_t) * 2 * active_.size();
     return s;
   }
 
  private:
   void start_from(const RowMatrix& z) {
     for (Index k = 0; k < p_.N; ++k)
-      for (Index i = 0; i < z.cols(); ++i) active_[std::size_t(k)][std::size_t(i)] = z(k, i) > 0 ? 1 : 0;
+      for (Index i = 0; i < z.cols(); ++i)
+        if (z(k, i) > 0) active_[std::size_t(k * words_ + i / 64)] |= std::uint64_t(1) << (i % 64);
   }
 
-  bool evaluate(std::string& reason) {
+  bool solve_on_active_sets(const BoundaryCondition& boundary, ActiveSizes& sizes, std::string& reason) {
+    std::size_t run = 0;
     for (Index k = 0; k < p_.N; ++k) {
-      const std::string& active = active_[std::size_t(k)];
-      const bool as_before = k > 0 && active == active_[std::size_t(k - 1)];
-      const ActiveMap* map = as_before ? map_[std::size_t(k - 1)] : maps_.find(active);
-      if (!map) {
-        reason = text("the matrix of the active set at t = %.6g is singular", double(k) * p_.h);
+      const bool begins = k == p_.runs[run].first + p_.runs[run].count;
+      if (begins) ++run;
+      const std::uint64_t* set = &active_[std::size_t(k * words_)];
+      const bool as_before = k > 0 && !begins && std::equal(set, set + words_, set - words_);
+      const int map = as_before ? map_of_[std::size_t(k - 1)] : maps_.find(run, set);
+      if (map < 0) {
+        reason = text("the matrix of the active set at t = %.6g is singular", p_.t[k]);
         return false;
       }
-      map_[std::size_t(k)] = map;
-      P_[std::size_t(k)] = &map->P;
+      map_of_[std::size_t(k)] = map;
     }
-    if (!solve_on_active_sets(p_.forcing, p_.q, p_.boundary, z_, x_)) {
+    chain_->set_maps(maps_.maps(), map_of_);
+    if (!solve_chain(*chain_, p_.N, boundary, epsilon)) {
       reason = "on an active set the boundary condition does not determine the states";
       return false;
     }
-    w_ = galerkin_slack(p_, z_, x_);
-    if (z_.allFinite() && w_.allFinite()) return true;
-    reason = "the iteration is not finite";
-    return false;
+    sizes = chain_->evaluate();
+    evaluated_ = true;
+    if (!sizes.finite) reason = "the iteration is not finite";
+    return sizes.finite;
   }
 
-  bool solve_on_active_sets(const RowMatrix& forcing, const RowMatrix& q, const BoundaryCondition& boundary,
-                            RowMatrix& z, RowMatrix& x) const {
-    RowMatrix inputs = forcing;
-    for (Index k = 0; k < p_.N; ++k) {
-      auto input = inputs.row(k).transpose();
-      subtract_product(map_[std::size_t(k)]->HZq, q.row(k).transpose(), input);
+  Index exchanged(const ActiveSizes& sizes) {
+    SetWords wrong;
+    chain_->wrong_signs(sign_tolerance * sizes.active, sign_tolerance * sizes.inactive, wrong);
+    Index flips = 0;
+    for (std::size_t i = 0; i < wrong.size(); ++i) {
+      active_[i] ^= wrong[i];
+      flips += std::popcount(wrong[i]);
     }
-    x = solve_two_point(P_, inputs, boundary, epsilon);
-    if (x.rows() == 0) return false;
-    z = RowMatrix::Zero(p_.N, p_.unknowns());
-    for (Index k = 0; k < p_.N; ++k) {
-      const ActiveMap& map = *map_[std::size_t(k)];
-      auto values = z.row(k).transpose();
-      subtract_product(map.Zx, x.row(k).transpose(), values);
-      subtract_product(map.Zq, q.row(k).transpose(), values);
-    }
-    return true;
+    return flips;
   }
 
-  // Iterative refinement: where M is singular D_SS is of size h, and z loses digits that w shows.
-  void refine() {
+  // z from v, and refined: where M is singular D_SS is of size h, and z loses digits that w shows.
+  void finish(GalerkinSolution& s) {
     constexpr double rounding_of_slack = 1e-13;
+    s.z = active_part(s.x);
     BoundaryCondition homogeneous = p_.boundary;
     homogeneous.b.setZero();
     for (int twice = 0; twice < 2; ++twice) {
-      RowMatrix rest = galerkin_slack(p_, z_, galerkin_states(p_, z_)), dz, dx;
-      const double size = std::max(1.0, rest.cwiseAbs().maxCoeff());
-      for (Index k = 0; k < p_.N; ++k)
-        for (Index i = 0; i < rest.cols(); ++i)
-          if (!active_[std::size_t(k)][std::size_t(i)]) rest(k, i) = 0;
-      if (!(rest.cwiseAbs().maxCoeff() > rounding_of_slack * size)) return;
-      if (!solve_on_active_sets(RowMatrix::Zero(p_.N, p_.states()), rest, homogeneous, dz, dx)) return;
-      z_ += dz;
-      x_ += dx;
+      const RowMatrix slack = galerkin_slack(p_, s.z, galerkin_states(p_, s.z));
+      const RowMatrix rest = on_active_sets(slack);
+      if (!(rest.cwiseAbs().maxCoeff() > rounding_of_slack * std::max(1.0, slack.cwiseAbs().maxCoeff()))) break;
+      chain_->set_sources(RowMatrix::Zero(p_.N, p_.states()), rest);
+      ActiveSizes sizes;
+      std::string reason;
+      if (!solve_on_active_sets(homogeneous, sizes, reason)) break;
+      RowMatrix dx;
+      s.z += active_part(dx);
+      s.x += dx;
     }
+    s.z = (s.z.array() > 0).select(s.z, 0.0);
   }
 
-  Index exchanged() {
-    const double z_small = sign_tolerance * z_.cwiseAbs().maxCoeff();
-    const double w_small = sign_tolerance * w_.cwiseAbs().maxCoeff();
-    Index flips = 0;
+  // Of the sets that were solved for last.
+  void last_values(GalerkinSolution& s) const {
+    if (evaluated_) s.z = active_part(s.x).cwiseMax(0);
+    if (!evaluated_ || !s.z.allFinite()) s.z = RowMatrix::Zero(p_.N, p_.unknowns());
+  }
+
+  // v on the active sets, 0 elsewhere.
+  RowMatrix active_part(RowMatrix& x) const {
+    RowMatrix v;
+    chain_->download(x, v);
+    return on_active_sets(v);
+  }
+  RowMatrix on_active_sets(RowMatrix v) const {
     for (Index k = 0; k < p_.N; ++k)
-      for (Index i = 0; i < z_.cols(); ++i) {
-        char& a = active_[std::size_t(k)][std::size_t(i)];
-        const bool wrong = a ? z_(k, i) < -z_small : w_(k, i) < -w_small;
-        if (!wrong) continue;
-        a = char(1 - a);
-        ++flips;
-      }
-    return flips;
+      for (Index i = 0; i < v.cols(); ++i)
+        if (!contains(maps_.maps()[std::size_t(map_of_[std::size_t(k)])]->active.data(), i)) v(k, i) = 0;
+    return v;
   }
 
   std::size_t hash() const {
     std::size_t h = 0;
-    for (const std::string& a : active_) h = h * 1099511628211u + std::hash<std::string>{}(a);
+    for (const std::uint64_t word : active_) h = (h ^ word) * 1099511628211u;
     return h;
   }
 
   const GalerkinProblem& p_;
   const Options& options_;
   ActiveMaps maps_;
-  std::vector<std::string> active_;
-  std::vector<const Matrix*> P_;
-  std::vector<const ActiveMap*> map_;
-  RowMatrix z_, x_, w_;
+  std::unique_ptr<AffineChain> chain_;
+  Index words_;
+  SetWords active_;
+  std::vector<int> map_of_;
+  bool evaluated_ = false;
 };
 
 }  // namespace
 
-GalerkinSolution exchange_active_sets(const GalerkinProblem& p, const Options& options, const RowMatrix* start,
-                                      Index most) {
-  return Exchange(p, options).run(start, most);
+GalerkinSolution exchange_active_sets(const GalerkinProblem& p, Backend& backend, const Options& options,
+                                      const RowMatrix* start, Index most) {
+  return Exchange(p, backend, options).run(start, most);
 }
 
 double natural_residual(const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x) {
-  const RowMatrix known = p.q + x.topRows(p.N) * p.step.C.transpose(), w = known + z * p.step.D.transpose();
-  return z.cwiseMin(w).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
+  const RowMatrix known = galerkin_known(p, x);
+  return z.cwiseMin(galerkin_slack(p, z, x)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() /
+         std::max(1.0, known.cwiseAbs().maxCoeff());
 }
 
 }  // namespace bromwich

@@ -28,7 +28,7 @@ class Shooting {
     double miss = largest_miss();
     LcpCount count = marched_.lcp;
     for (Index shots = 1; shots <= most_shots; ++shots) {
-      s = exchange_active_sets(p_, options_, &marched_.z, 1);
+      s = exchange_active_sets(p_, backend_, options_, &marched_.z, 1);
       s.iterations = shots;
       s.lcp.solved += count.solved;
       s.lcp.newton += count.newton;

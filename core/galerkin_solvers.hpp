@@ -33,7 +33,7 @@ struct GalerkinSolution {
 /// Interval by interval, on the backend. Precondition: initial values.
 GalerkinSolution march_galerkin(const GalerkinProblem&, Backend&, const Options&);
 
-/// Functional iteration, all intervals at once on the backend:
+/// Functional iteration, all intervals at once on the backend; precondition: they are of one length.
 ///
 ///     z^{i+1}_k in SOL(D, q_k + C x_{k-1}(z^i)),   x(z) the states with the boundary condition.
 ///
@@ -42,12 +42,11 @@ GalerkinSolution march_galerkin(const GalerkinProblem&, Backend&, const Options&
 /// boundary term contracts (dissipative periodic problems). Ends as tolerance_not_met where the sweeps do not.
 GalerkinSolution iterate_galerkin(const GalerkinProblem&, Backend&, const Options&);
 
+/// Active sets of all intervals at once, exchanged until they repeat or agree (primal-dual active set method), those of
+/// `start` first. After `most` two-point problems it ends with z and x of the last sets.
 inline constexpr Index most_exchanges = 200;
-
-/// Active sets of all intervals at once, exchanged until they repeat or agree (primal-dual active set method), at most
-/// `most` times. Where they have not agreed, z and x are those of the last sets.
-GalerkinSolution exchange_active_sets(const GalerkinProblem&, const Options&, const RowMatrix* start = nullptr,
-                                      Index most = most_exchanges);
+GalerkinSolution exchange_active_sets(const GalerkinProblem&, Backend&, const Options&,
+                                      const RowMatrix* start = nullptr, Index most = most_exchanges);
 
 /// Newton's method on the initial state, from x0: marching finds the active sets that belong to it, however far they
 /// spread, where exchanges move them an interval at a time (M = 0); the two-point problem on them gives the next
@@ -57,7 +56,7 @@ GalerkinSolution shoot(const GalerkinProblem&, Backend&, const Options&, const V
 
 /// Damped Newton method on the Fischer-Burmeister function, whose merit function is smooth: from anywhere, for singular
 /// D_SS (M singular) too, finished by exchange_active_sets where its active sets are those of a solution.
-GalerkinSolution damped_newton(const GalerkinProblem&, const Options&, const RowMatrix& start);
+GalerkinSolution damped_newton(const GalerkinProblem&, Backend&, const Options&, const RowMatrix& start);
 
 /// Pivoting on the assembled 2nN x 2nN matrix: Lemke's method, or the least-norm solver where the problem is monotone,
 /// which also proves that there is no solution. For `most_assembled` unknowns at most.

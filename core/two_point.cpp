@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <unordered_map>
 
 namespace bromwich {
 
@@ -74,31 +75,30 @@ EndStates solve_ends(const Segment& all, const BoundaryCondition& boundary) {
   return {ends.head(m), ends.tail(m), reciprocal_condition(lu)};
 }
 
-RowMatrix solve_two_point_forward(const std::vector<const Matrix*>& P, const RowMatrix& p,
-                                  const BoundaryCondition& boundary, double least_condition) {
-  constexpr double least_forward_condition = 1e-4;  // the ends lose no more digits than that
-  const Index N = p.rows(), m = p.cols();
-  const double accepted_rounding = 1e-12 + 8 * epsilon * double(N);  // N steps round N times
-  const RowMatrix none(0, m);
-  Matrix Phi = Matrix::Identity(m, m), next_Phi(m, m);
-  Vector phi = Vector::Zero(m), next(m), reach = Vector::Ones(m);
-  for (Index k = 0; k < N; ++k) {
-    const Matrix& step = *P[std::size_t(k)];
-    next_Phi.noalias() = step.lazyProduct(Phi);
+void condense_steps(const std::vector<const Matrix*>& P, const RowMatrix& p, Index first, Index last, Matrix* Phi,
+                    Eigen::Ref<Vector> phi) {
+  const Index m = p.cols();
+  Vector next(m);
+  phi.setZero();
+  for (Index k = first; k < last; ++k) {
     next = p.row(k).transpose();
-    next.noalias() += step.lazyProduct(phi);
-    Phi.swap(next_Phi);
-    phi.swap(next);
-    if (k % 64 == 63 && !(Phi.cwiseAbs().maxCoeff() <= 1 / epsilon)) return none;
+    next.noalias() += P[std::size_t(k)]->lazyProduct(phi);
+    phi = next;
   }
-  if (!Phi.allFinite() || !phi.allFinite()) return none;
-  const EndStates ends = solve_ends(with_comparable_rows({-Phi, Matrix::Identity(m, m), phi}), boundary);
-  if (!(ends.reciprocal_condition >= std::max(least_condition, least_forward_condition))) return none;
+  if (!Phi) return;
+  Matrix next_Phi(m, m);
+  Phi->setIdentity(m, m);
+  for (Index k = first; k < last; ++k) {
+    next_Phi.noalias() = P[std::size_t(k)]->lazyProduct(*Phi);
+    Phi->swap(next_Phi);
+  }
+}
 
-  RowMatrix x(N + 1, m);
-  x.row(0) = ends.first.transpose();
-  Vector state = ends.first, error = epsilon * state.cwiseAbs(), largest = state.cwiseAbs(), worst = error;
-  for (Index k = 0; k < N; ++k) {
+void expand_steps(const std::vector<const Matrix*>& P, const RowMatrix& p, Index first, Index last, Index block,
+                  RowMatrix& x, BlockEnds& ends) {
+  Vector state = x.row(first).transpose(), error = epsilon * state.cwiseAbs(), next(state.size()), reach(state.size());
+  ends.largest.row(block) = state.cwiseAbs().transpose();
+  for (Index k = first; k < last; ++k) {
     const Matrix& step = *P[std::size_t(k)];
     reach = error + epsilon * state.cwiseAbs();
     error.noalias() = step.cwiseAbs().lazyProduct(reach);
@@ -106,15 +106,53 @@ RowMatrix solve_two_point_forward(const std::vector<const Matrix*>& P, const Row
     error += epsilon * next.cwiseAbs();
     next.noalias() += step.lazyProduct(state);
     state.swap(next);
-    x.row(k + 1) = state.transpose();
-    largest = largest.cwiseMax(state.cwiseAbs());
-    worst = worst.cwiseMax(error);
+    ends.largest.row(block) = ends.largest.row(block).cwiseMax(state.cwiseAbs().transpose());
+    if (k + 1 < last) x.row(k + 1) = state.transpose();
   }
-  // What the ends do not agree on was lost on the way.
-  const Vector apart = (state - ends.last).cwiseAbs() + worst;
-  for (Index i = 0; i < m; ++i)
-    if (!(apart[i] <= accepted_rounding * largest[i])) return none;
-  return x;
+  ends.state.row(block) = state.transpose();
+  ends.error.row(block) = error.transpose();
+}
+
+bool blocks_meet(const RowMatrix& starts, const BlockEnds& ends, Index length) {
+  const double accepted_rounding = 1e-12 + 8 * epsilon * double(length);
+  const Index blocks = ends.state.rows();
+  const Eigen::RowVectorXd accepted = accepted_rounding * ends.largest.colwise().maxCoeff();
+  for (Index b = 0; b < blocks; ++b)
+    for (Index i = 0; i < ends.state.cols(); ++i)
+      if (!(std::abs(ends.state(b, i) - starts(b + 1, i)) + ends.error(b, i) <= accepted[i])) return false;
+  return true;
+}
+
+RowMatrix solve_two_point_in_blocks(const std::vector<const Matrix*>& P, const RowMatrix& p,
+                                    const BoundaryCondition& boundary, double least_condition, Index length) {
+  const Index N = p.rows(), m = p.cols(), blocks = count_blocks(N, length);
+  const RowMatrix none(0, m);
+  std::vector<Matrix> Phi(static_cast<std::size_t>(blocks));
+  std::vector<const Matrix*> pointers(Phi.size(), nullptr);
+  std::unordered_map<const Matrix*, const Matrix*> powers;  // of one map, `length` times
+  RowMatrix phi(blocks, m);
+  for (Index b = 0; b < blocks; ++b) {
+    const Index first = b * length, last = std::min(N, first + length);
+    const Matrix* const map = P[std::size_t(first)];
+    const auto begin = P.begin() + first, end = P.begin() + last;
+    const bool power = last - first == length && std::all_of(begin, end, [map](const Matrix* at) { return at == map; });
+    const Matrix*& known = power ? powers[map] : pointers[std::size_t(b)];
+    condense_steps(P, p, first, last, known ? nullptr : &Phi[std::size_t(b)], phi.row(b).transpose());
+    if (!known) known = &Phi[std::size_t(b)];
+    pointers[std::size_t(b)] = known;
+    if (!(known->cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= 1 / epsilon) || !phi.row(b).allFinite()) return none;
+  }
+  const RowMatrix starts =
+      solve_two_point_by_segments(pointers, phi, boundary, std::max(least_condition, least_block_condition));
+  if (starts.rows() == 0) return none;
+  RowMatrix x(N + 1, m);
+  BlockEnds ends(blocks, m);
+  for (Index b = 0; b < blocks; ++b) {
+    x.row(b * length) = starts.row(b);
+    expand_steps(P, p, b * length, std::min(N, (b + 1) * length), b, x, ends);
+  }
+  x.row(N) = starts.row(blocks);
+  return blocks_meet(starts, ends, length) ? x : none;
 }
 
 namespace {
@@ -182,8 +220,11 @@ RowMatrix solve_two_point(const std::vector<const Matrix*>& P, const RowMatrix& 
     x = solve_two_point_krylov(P, p, boundary);
     return x.rows() > 0 ? x : solve_two_point_by_segments(P, p, boundary, least_condition);
   }
-  x = solve_two_point_forward(P, p, boundary, least_condition);
-  return x.rows() > 0 ? x : solve_two_point_by_segments(P, p, boundary, least_condition);
+  for (const Index length : block_lengths) {
+    x = solve_two_point_in_blocks(P, p, boundary, least_condition, length);
+    if (x.rows() > 0) return x;
+  }
+  return solve_two_point_by_segments(P, p, boundary, least_condition);
 }
 
 RowMatrix solve_two_point_by_segments(const std::vector<const Matrix*>& P, const RowMatrix& p,

@@ -1,5 +1,6 @@
 #include "cpu/cpu_backend.hpp"
 
+#include "core/affine_chain.hpp"
 #include "core/error.hpp"
 #include "core/step_chain.hpp"
 #include "cpu/parts.hpp"
@@ -65,6 +66,9 @@ class CpuBackend final : public Backend {
   }
   std::unique_ptr<StepChain> step_chain(const StepChainProblem& problem) override {
     return cpu::make_step_chain(problem, threads_);
+  }
+  std::unique_ptr<AffineChain> affine_chain(const AffineChainSizes& sizes) override {
+    return cpu::make_affine_chain(sizes, threads_);
   }
   ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes) override {
     return cpu::resolvent(dynamics, nodes, threads_);

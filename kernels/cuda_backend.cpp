@@ -1,5 +1,6 @@
 #include "kernels/cuda_backend.hpp"
 
+#include "core/affine_chain.hpp"
 #include "core/error.hpp"
 #include "core/lcp/active_set_lcp.hpp"
 #include "core/step_chain.hpp"
@@ -94,6 +95,9 @@ class CudaBackend final : public Backend {
   }
   std::unique_ptr<StepChain> step_chain(const StepChainProblem& problem) override {
     return cuda::make_step_chain(device_, *host_, problem);
+  }
+  std::unique_ptr<AffineChain> affine_chain(const AffineChainSizes& sizes) override {
+    return cuda::make_affine_chain(device_, *host_, sizes);
   }
   void wait() override { device_.wait(); }
   std::unique_ptr<Program> record(Index values, const std::function<void()>& operations) override {

@@ -36,6 +36,9 @@ std::unique_ptr<March> make_march(const Device&, Backend& host, const MarchProbl
 /// Sparse maps, and more than 64 states, are left to `host`.
 std::unique_ptr<StepChain> make_step_chain(const Device&, Backend& host, const StepChainProblem&);
 
+/// More than 32 states are left to `host`.
+std::unique_ptr<AffineChain> make_affine_chain(const Device&, Backend& host, const AffineChainSizes&);
+
 /// The shifted solves of dense scenes and Kronecker sums. Waits for what it returns.
 class Resolvent {
  public:

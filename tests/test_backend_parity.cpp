@@ -217,6 +217,13 @@ TEST_F(BackendParity, DenseScenes) {
   EXPECT_EQ(solved, 24);
 }
 
+TEST_F(BackendParity, BoundaryProblems) {
+  for (const char* name : {"periodic-rectifier", "nash-game", "lq-control"})
+    for (const Index J : {16, 400, 1030})
+      expect_same_solve(make_scene(name), options_for(Method::galerkin, J), name + (", " + std::to_string(J)));
+  EXPECT_EQ(solved, 9);
+}
+
 TEST_F(BackendParity, RandomScenes) {
   const std::uint32_t count = 4 * std::uint32_t(oracle::families);
   for (std::uint32_t seed = 0; seed < count; ++seed)

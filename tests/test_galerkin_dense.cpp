@@ -187,10 +187,10 @@ TEST_P(GalerkinDense, SolversAgree) {
     const Index N = 48;
     const QuadraticScene s = quadratic_scene(seed, GetParam(), {});
     const GalerkinProblem p = galerkin_problem(s.scene, N);
-    const GalerkinSolution exact = exchange_active_sets(p, {});
+    const GalerkinSolution exact = exchange_active_sets(p, *backend, {});
     ASSERT_EQ(exact.status, Status::solved) << exact.reason;
     const RowMatrix far = RowMatrix::Constant(N, p.unknowns(), 10);
-    const GalerkinSolution damped = damped_newton(p, {}, far), pivots = pivot_assembled(p, {});
+    const GalerkinSolution damped = damped_newton(p, *backend, {}, far), pivots = pivot_assembled(p, {});
     for (const GalerkinSolution* other : {&damped, &pivots}) {
       ASSERT_EQ(other->status, Status::solved) << other->reason;
       EXPECT_LE(distance(other->z, exact.z), same_assembled) << other->how;
@@ -213,7 +213,7 @@ TEST_P(GalerkinIteration, FindsTheSolution) {
       d.A -= 4 * Matrix::Identity(3, 3);  // what is carried around a period decays
       d.N *= 0.5;
       const GalerkinProblem p = galerkin_problem(s.scene, N);
-      const GalerkinSolution exact = exchange_active_sets(p, {}), sweeps = iterate_galerkin(p, *backend, {});
+      const GalerkinSolution exact = exchange_active_sets(p, *backend, {}), sweeps = iterate_galerkin(p, *backend, {});
       ASSERT_EQ(exact.status, Status::solved) << exact.reason;
       ASSERT_EQ(sweeps.status, Status::solved) << sweeps.reason;
       EXPECT_LE(distance(sweeps.z, exact.z), same_problem) << N;
@@ -225,7 +225,7 @@ TEST_P(GalerkinIteration, MarchingAgreesOnEveryBackend) {
   const GalerkinProblem p = galerkin_problem(s.scene, 77);
   const GalerkinSolution marched = march_galerkin(p, *backend, {});
   ASSERT_EQ(marched.status, Status::solved) << marched.reason;
-  EXPECT_LE(distance(marched.z, exchange_active_sets(p, {}).z), same_assembled);
+  EXPECT_LE(distance(marched.z, exchange_active_sets(p, *backend, {}).z), same_assembled);
 }
 
 // A chain with modes e^{15 k} and e^{-15 k} over 80 steps: e^{1200} is never formed, the ends hold both.
@@ -246,7 +246,7 @@ TEST(TwoPoint, BoundaryLayers) {
 }
 
 // Three ways to the same states.
-TEST(TwoPoint, ForwardSegmentsAndKrylovAgree) {
+TEST(TwoPoint, BlocksSegmentsAndKrylovAgree) {
   Random random(9);
   for (const Index m : {1, 4, 70}) {
     const Index N = 30;
@@ -258,9 +258,10 @@ TEST(TwoPoint, ForwardSegmentsAndKrylovAgree) {
     const BoundaryCondition ends{Matrix::Identity(m, m), -Matrix::Identity(m, m), random.vector(m)};
     const RowMatrix segments = solve_two_point_by_segments(P, p, ends, 1e-12);
     ASSERT_EQ(segments.rows(), N + 1) << m;
-    if (m <= 4) {  // the bound that forward asks for grows with the absolute values
-      EXPECT_LE(distance(solve_two_point_forward(P, p, ends, 1e-12), segments), 1e-12) << m;
-    }
+    if (m <= 4)  // the bound that is carried along grows with the absolute values
+      for (const Index length : {1, 7, 30, 128})
+        EXPECT_LE(distance(solve_two_point_in_blocks(P, p, ends, 1e-12, length), segments), 1e-12)
+            << m << ' ' << length;
     EXPECT_LE(distance(solve_two_point_krylov(P, p, ends), segments), 1e-12) << m;
     for (Index k = 0; k < N; ++k)
       EXPECT_LE(
@@ -268,11 +269,12 @@ TEST(TwoPoint, ForwardSegmentsAndKrylovAgree) {
               .norm(),
           1e-12);
   }
-  // Growing by 2^60 within the steps: forward says no.
+  // Growing by 2^60 within a block: it says no.
   const Matrix twice = Matrix{{2, 1}, {0, 0.5}};
   const std::vector<const Matrix*> P(60, &twice);
   const BoundaryCondition ends{Matrix{{0, 1}, {0, 0}}, Matrix{{0, 0}, {1, 0}}, Vector{{3, 5}}};
-  EXPECT_EQ(solve_two_point_forward(P, RowMatrix::Zero(60, 2), ends, 1e-12).rows(), 0);
+  EXPECT_EQ(solve_two_point_in_blocks(P, RowMatrix::Zero(60, 2), ends, 1e-12, 60).rows(), 0);
+  EXPECT_EQ(solve_two_point_in_blocks(P, RowMatrix::Zero(60, 2), ends, 1e-12, 8).rows(), 61);
   EXPECT_EQ(solve_two_point_by_segments(P, RowMatrix::Zero(60, 2), ends, 1e-12).rows(), 61);
 }
 
