@@ -50,6 +50,7 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   Options options;
   options.method = parse_method(arguments.method);
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
+  options.event_location = arguments.event_location;
   if (!arguments.tolerance.empty()) {
     options.tolerance = parse_tolerance(arguments.tolerance);
     // Sweeps beyond what the tolerance asks for would be wasted; a thousandth keeps the differences of grids clean.

@@ -18,7 +18,7 @@ struct SolveArguments {
   std::string method = "auto", backend = "auto";
   std::string states, tolerance, steps, iteration_tolerance, threads, at, out, switches, report;
   GoalArguments goal;
-  bool json = false, print_template = false, energies = false;
+  bool json = false, print_template = false, energies = false, event_location = false;
 };
 
 struct BenchArguments {

@@ -60,6 +60,8 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_word(command, "--out", a.out, "FILE.csv", "write t, y and the states asked for");
   add_word(command, "--at", a.at, "LIST", "with --out: rows at these times, 0.1,0.25, instead of the time points");
   add_word(command, "--switches", a.switches, "FILE.csv", "write when constraints become active and inactive");
+  command->add_flag("--event-location", a.event_location,
+                    "method galerkin: solve again with nodes at the switches of the active sets");
   add_word(
       command, "--quantity", a.goal.quantity, "I",
       "method goal: loc (default), glob or loc+RHO, the violation of the energy balance step by step, over all time, "

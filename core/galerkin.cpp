@@ -4,6 +4,7 @@
 #include "core/error_control.hpp"
 #include "core/galerkin_checks.hpp"
 #include "core/galerkin_free.hpp"
+#include "core/galerkin_location.hpp"
 #include "core/galerkin_solvers.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
@@ -43,8 +44,8 @@ GalerkinSolution solve_boundary_problem(const GalerkinProblem& p, Backend& backe
   if (infeasible >= 0) {
     first.status = Status::infeasible;
     first.infeasible = infeasible;
-    first.reason = text("no state and no y satisfy the constraints in the interval that begins at t = %.6g",
-                        double(infeasible) * p.h);
+    first.reason =
+        text("no state and no y satisfy the constraints in the interval that begins at t = %.6g", p.t[infeasible]);
     return first;
   }
   GalerkinSolution damped = damped_newton(p, backend, options, start);
@@ -93,15 +94,18 @@ GalerkinSolution linear_solution(const GalerkinProblem& p) {
   return s;
 }
 
-GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& p, Backend& backend,
-                                const Options& options) {
+// `start`: z where the active sets are known about, or null.
+GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& p, Backend& backend, const Options& options,
+                                const RowMatrix* start) {
   if (p.unknowns() == 0) return linear_solution(p);
-  if (p.initial_value && backend.device().memory > 0) {  // a device has no use for one interval at a time
+  if (p.initial_value && p.uniform() &&
+      backend.device().memory > 0) {  // a device has no use for one interval at a time
     GalerkinSolution sweeps = iterate_galerkin(p, backend, options);
     if (sweeps.status == Status::solved || sweeps.status == Status::interrupted) return sweeps;
   }
   if (p.initial_value) return march_galerkin(p, backend, options);
-  return solve_boundary_problem(p, backend, options, nested_start(scene, p.N, p.unknowns(), backend, options));
+  return solve_boundary_problem(p, backend, options,
+                                start ? *start : nested_start(scene, p.N, p.unknowns(), backend, options));
 }
 
 // (J+1) rows: the left end of the first interval, then all right ends.
@@ -138,15 +142,17 @@ void nothing_found(const Scene& scene, Index N, Result& result) {
 }
 
 bool finite_galerkin_sources(const GalerkinProblem& p, Result& result) {
-  if (!p.step.E.allFinite() || !p.step.D.allFinite()) {
-    result.status = Status::nonfinite;
-    result.reason = text("e^{hA} overflows on an interval of length h = %.6g; take more steps", p.h);
-    return false;
-  }
+  for (const GalerkinRun& run : p.runs)
+    if (!run.step.E.allFinite() || !run.step.D.allFinite()) {
+      result.status = Status::nonfinite;
+      result.reason = text("e^{hA} overflows on an interval of length h = %.6g; take more steps",
+                           p.t[run.first + 1] - p.t[run.first]);
+      return false;
+    }
   for (Index k = 0; k < p.N; ++k) {
     if (p.forcing.row(k).allFinite() && p.q.row(k).allFinite()) continue;
     result.status = Status::nonfinite;
-    result.reason = text("f or g is not finite in the interval that begins at t = %.6g", double(k) * p.h);
+    result.reason = text("f or g is not finite in the interval that begins at t = %.6g", p.t[k]);
     return false;
   }
   return true;
@@ -156,7 +162,7 @@ bool finite_galerkin_sources(const GalerkinProblem& p, Result& result) {
 double residual_of(const GalerkinProblem& p, const std::vector<Index>& free_rows, const RowMatrix& z,
                    const RowMatrix& x) {
   const Index n = p.unknowns() / 2;
-  const RowMatrix known = p.q + x.topRows(p.N) * p.step.C.transpose(), w = known + z * p.step.D.transpose();
+  const RowMatrix known = galerkin_known(p, x), w = galerkin_slack(p, z, x);
   RowMatrix map = z.cwiseMin(w);
   for (const Index i : free_rows) {
     map.col(i) = w.col(i);
@@ -165,10 +171,14 @@ double residual_of(const GalerkinProblem& p, const std::vector<Index>& free_rows
   return map.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
 }
 
-void solve_on_grid(const Scene& scene, Backend& backend, const Options& options, Index N, Result& result) {
+// `before`: a result on another grid, or null.
+void solve_on_grid(const Scene& scene, Backend& backend, const Options& options, const std::vector<GridPart>& grid,
+                   const Result* before, Result& result) {
   Timer timer;
-  const GalerkinProblem p = galerkin_problem(scene, N);
-  nothing_found(scene, N, result);
+  const GalerkinProblem p = galerkin_problem(scene, grid);
+  result.steps = p.N;
+  result.t = p.t;
+  nothing_found(scene, p.N, result);
   if (!finite_galerkin_sources(p, result)) return;
   const double condition = require_determined_states(p);
   if (condition < delicate_boundary)
@@ -176,7 +186,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
   const FreeElimination elimination(p, scene.free_rows);
   if (const auto k = elimination.contradiction()) {
     result.status = Status::infeasible;
-    result.infeasible_at = double(*k) * p.h;
+    result.infeasible_at = p.t[*k];
     result.reason = text("the equations of the free rows contradict each other at t = %.6g", *result.infeasible_at);
     return;
   }
@@ -184,7 +194,9 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
     add_warning(result, "the free unknowns are not determined; theirs of least norm are given");
   result.seconds.setup = timer.lap();
 
-  GalerkinSolution s = solved_problem(scene, elimination.reduced(), backend, options);
+  RowMatrix start;
+  if (before) start = elimination.bound_part(coefficients_on(*before, p));
+  GalerkinSolution s = solved_problem(scene, elimination.reduced(), backend, options, before ? &start : nullptr);
   result.status = s.status;
   result.reason = s.reason;
   result.kernel = "discontinuous piecewise-linear y, exact exponentials; " + s.how;
@@ -195,8 +207,8 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
   result.seconds.lcp = s.lcp_seconds;
   result.well_posed = s.unique;
   result.bytes = s.bytes + sizeof(double) * std::size_t(3 * p.q.size() + 2 * p.forcing.size());
-  if (s.infeasible >= 0) result.infeasible_at = double(s.infeasible) * p.h;
-  if (s.z.rows() != N || s.x.rows() != N + 1) return;
+  if (s.infeasible >= 0) result.infeasible_at = p.t[s.infeasible];
+  if (s.z.rows() != p.N || s.x.rows() != p.N + 1) return;
   if (!p.initial_value && (s.status == Status::infeasible || !s.z.allFinite())) return;
   const RowMatrix z = elimination.recovered(s.z, s.x);
   const RowMatrix x = galerkin_states(p, z);
@@ -207,9 +219,37 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
     result.reason = text("the residual is %.1e", result.residual);
   }
   if (result.status != Status::solved || s.unique) return;
-  const Uniqueness unique = uniqueness_of(scene, N);
+  const Uniqueness unique = uniqueness_of(scene, p.N);
   result.well_posed = unique.assured;
   if (!unique.assured) add_warning(result, unique.words);
+}
+
+// The same with nodes at the switches. Twice: the first grid knows them to O(h^2) with a constant that the kinks inside
+// its intervals make.
+void solve_with_located_switches(const Scene& scene, Backend& backend, const Options& options, Result& result) {
+  const Index N = result.steps;
+  for (int pass = 0; pass < 2 && result.status == Status::solved; ++pass) {
+    const LocatedGrid grid = locate_switches(scene, result, N);
+    Result located;
+    located.method = result.method;
+    located.backend = result.backend;
+    located.continuous = false;
+    located.x_components = result.x_components;
+    solve_on_grid(scene, backend, options, grid.parts, &result, located);
+    if (located.status != Status::solved && located.status != Status::interrupted) {
+      add_warning(result, "with nodes at the switches it is not solved (" + located.reason + ")");
+      return;
+    }
+    located.kernel += text("; %ld switches on nodes", long(grid.located));
+    if (grid.missed > 0)
+      add_warning(located,
+                  text("%ld switches are not isolated or not continuous and lie inside intervals", long(grid.missed)));
+    located.seconds = located.seconds + result.seconds;
+    located.lcp.solved += result.lcp.solved;
+    located.lcp.newton += result.lcp.newton;
+    located.lcp.fallbacks += result.lcp.fallbacks;
+    result = std::move(located);
+  }
 }
 
 }  // namespace
@@ -235,7 +275,8 @@ Result solve_by_galerkin(const Scene& scene, Backend& backend, const Options& op
     result.reason = text("method galerkin writes the dynamics out densely: %ld states, at most %ld",
                          long(scene.states()), long(most_dense_states));
   } else {
-    solve_on_grid(scene, backend, options, N, result);
+    solve_on_grid(scene, backend, options, {{scene.T, N}}, nullptr, result);
+    if (options.event_location) solve_with_located_switches(scene, backend, options, result);
   }
   Seconds& s = result.seconds;
   s.total = total.lap();

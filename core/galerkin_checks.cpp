@@ -60,7 +60,9 @@ std::optional<double> eigenvalue_where_determined(const Scene& scene, Index N, d
 double require_determined_states(const GalerkinProblem& p) {
   if (p.initial_value) return 1;
   require_independent_rows(p.boundary);
-  const Segment all = repeated(p.step.E, Vector::Zero(p.states()), p.N);
+  const Vector none = Vector::Zero(p.states());
+  Segment all = repeated(p.first_step().E, none, p.runs.front().count);
+  for (std::size_t i = 1; i < p.runs.size(); ++i) all = joined(all, repeated(p.runs[i].step.E, none, p.runs[i].count));
   const double condition = solve_ends(all, p.boundary).reciprocal_condition;
   if (!(condition >= singular_boundary))
     throw Error("boundary", text("E0 + ET e^{TA} is singular (reciprocal condition %.1e)", condition),

@@ -32,9 +32,12 @@ double merit_phi(double z, double w) { return std::hypot(z, w) - z - w; }
 // Rows and columns of D of comparable size; z = columns * (z of the scaled problem).
 GalerkinProblem comparable(const GalerkinProblem& p, const Equilibration& e) {
   GalerkinProblem scaled = p;
-  scaled.step.D = e.rows.asDiagonal() * p.step.D * e.columns.asDiagonal();
-  scaled.step.C = e.rows.asDiagonal() * p.step.C;
-  scaled.step.H = p.step.H * e.columns.asDiagonal();
+  for (GalerkinRun& run : scaled.runs) {
+    GalerkinStep& step = run.step;
+    step.D = (e.rows.asDiagonal() * step.D * e.columns.asDiagonal()).eval();
+    step.C = (e.rows.asDiagonal() * step.C).eval();
+    step.H = (step.H * e.columns.asDiagonal()).eval();
+  }
   scaled.q = p.q * e.rows.asDiagonal();
   return scaled;
 }
@@ -42,7 +45,7 @@ GalerkinProblem comparable(const GalerkinProblem& p, const Equilibration& e) {
 class DampedNewton {
  public:
   DampedNewton(const GalerkinProblem& p, Backend& backend, const Options& options)
-      : scale_(equilibrate(p.step.D)), p_(comparable(p, scale_)), backend_(backend), options_(options) {}
+      : scale_(equilibrate(p.first_step().D)), p_(comparable(p, scale_)), backend_(backend), options_(options) {}
 
   GalerkinSolution run(const RowMatrix& start) {
     z_ = start * scale_.columns.cwiseInverse().asDiagonal();
@@ -105,7 +108,7 @@ class DampedNewton {
     const double before = merit(z_, w_);
     for (; prox <= largest_prox; prox = 10 * std::max(prox, 1e-12)) {
       if (!direction(prox)) continue;
-      const RowMatrix dw = dz_ * p_.step.D.transpose() + dx_.topRows(p_.N) * p_.step.C.transpose();
+      const RowMatrix dw = galerkin_slack(p_, dz_, dx_) - p_.q;
       for (double length = 1; length >= shortest_step; length /= 2) {
         const RowMatrix z = z_ + length * dz_, w = w_ + length * dw;
         if (!(merit(z, w) <= (1 - 2 * sufficient_decrease * length) * before)) continue;
@@ -120,12 +123,14 @@ class DampedNewton {
 
   bool direction(double prox) {
     const Index n = p_.unknowns(), m = p_.states(), N = p_.N;
-    const GalerkinStep& s = p_.step;
     std::vector<Matrix> P(static_cast<std::size_t>(N)), Z(P.size());
     std::vector<const Matrix*> pointers;
     RowMatrix inputs(N, m), free(N, n);
     Vector a(n), b(n), phi(n);
+    const GalerkinRun* run = p_.runs.data();
     for (Index k = 0; k < N; ++k) {
+      if (k == run->first + run->count) ++run;
+      const GalerkinStep& s = run->step;
       for (Index i = 0; i < n; ++i) {
         const double z = z_(k, i), w = w_(k, i), r = std::hypot(z, w);
         a[i] = r > 0 ? 1 - z / r : 1 - std::sqrt(0.5);

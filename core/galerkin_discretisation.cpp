@@ -82,42 +82,60 @@ GalerkinStep galerkin_step(const DenseDynamics& d, const Matrix& M, double h) {
   return step_from(matrix_phis(h * d.A, 4), d, M, h);
 }
 
-GalerkinProblem galerkin_problem(const Scene& scene, Index N) {
+GalerkinProblem galerkin_problem(const Scene& scene, const std::vector<GridPart>& parts) {
   const DenseDynamics d = to_dense(scene.dynamics);
+  const Matrix M = to_dense(scene.M), entry = source_entry(scene, d);
   const Index m = d.A.rows(), n = d.B.cols();
   GalerkinProblem p;
-  p.N = N;
-  p.h = scene.T / double(N);
-  const std::vector<Matrix> G = matrix_phis(p.h * d.A, 5);
-  p.step = step_from(G, d, to_dense(scene.M), p.h);
+  for (const GridPart& part : parts) p.N += part.intervals;
+  p.t = Vector::Zero(p.N + 1);
   p.boundary = boundary_of(scene);
   p.initial_value = !scene.boundary;
-  p.forcing = RowMatrix::Zero(N, m);
-  p.q = RowMatrix::Zero(N, 2 * n);
+  p.forcing = RowMatrix::Zero(p.N, m);
+  p.q = RowMatrix::Zero(p.N, 2 * n);
   const GaussParabola gauss = gauss_parabola();
-  const SourceResponse response = source_response(G, d.N, source_entry(scene, d), p.h, gauss);
   Vector f(scene.sources()), g(n);
-  for (Index k = 0; k < N; ++k)
-    for (int i = 0; i < 3; ++i) {
-      const double s = gauss.points[i], t = (double(k) + s) * p.h;
-      if (scene.f) {
-        scene.f(t, f);
-        p.forcing.row(k).transpose() += response.state[std::size_t(i)] * f;
-        p.q.row(k).transpose() += response.moments[std::size_t(i)] * f;
-      }
-      if (scene.g) {
-        scene.g(t, g);
-        p.q.row(k).head(n) += 2 * gauss.weights[i] * (1 - s) * g.transpose();
-        p.q.row(k).tail(n) += 2 * gauss.weights[i] * s * g.transpose();
+  Index first = 0;
+  double begin = 0;
+  for (const GridPart& part : parts) {
+    const double h = (part.end - begin) / double(part.intervals);
+    const std::vector<Matrix> G = matrix_phis(h * d.A, 5);
+    const SourceResponse response = source_response(G, d.N, entry, h, gauss);
+    p.runs.push_back({first, part.intervals, step_from(G, d, M, h)});
+    for (Index j = 0; j < part.intervals; ++j) {
+      const Index k = first + j;
+      p.t[k + 1] = j + 1 == part.intervals ? part.end : begin + double(j + 1) * h;
+      for (int i = 0; i < 3; ++i) {
+        const double s = gauss.points[i], t = begin + (double(j) + s) * h;
+        if (scene.f) {
+          scene.f(t, f);
+          p.forcing.row(k).transpose() += response.state[std::size_t(i)] * f;
+          p.q.row(k).transpose() += response.moments[std::size_t(i)] * f;
+        }
+        if (scene.g) {
+          scene.g(t, g);
+          p.q.row(k).head(n) += 2 * gauss.weights[i] * (1 - s) * g.transpose();
+          p.q.row(k).tail(n) += 2 * gauss.weights[i] * s * g.transpose();
+        }
       }
     }
+    first += part.intervals;
+    begin = part.end;
+  }
   return p;
 }
 
+GalerkinProblem galerkin_problem(const Scene& scene, Index N) {
+  return galerkin_problem(scene, std::vector<GridPart>{{scene.T, N}});
+}
+
 RowMatrix galerkin_states(const GalerkinProblem& p, const RowMatrix& z) {
-  const RowMatrix input = p.forcing + z * p.step.H.transpose();
+  RowMatrix input = p.forcing;
+  for (const GalerkinRun& run : p.runs)
+    input.middleRows(run.first, run.count).noalias() += z.middleRows(run.first, run.count) * run.step.H.transpose();
   if (!p.initial_value) {
-    const std::vector<const Matrix*> P(std::size_t(p.N), &p.step.E);
+    std::vector<const Matrix*> P;
+    for (const GalerkinRun& run : p.runs) P.insert(P.end(), std::size_t(run.count), &run.step.E);
     RowMatrix x = solve_two_point(P, input, p.boundary, epsilon);
     if (x.rows() == 0)
       throw Error("boundary", "E0 + ET e^{TA} is singular", "give conditions that determine the states");
@@ -125,16 +143,32 @@ RowMatrix galerkin_states(const GalerkinProblem& p, const RowMatrix& z) {
   }
   RowMatrix x(p.N + 1, p.states());
   x.row(0) = p.boundary.b.transpose();
-  for (Index k = 0; k < p.N; ++k) x.row(k + 1).noalias() = x.row(k) * p.step.E.transpose() + input.row(k);
+  for (const GalerkinRun& run : p.runs)
+    for (Index k = run.first; k < run.first + run.count; ++k)
+      x.row(k + 1).noalias() = x.row(k) * run.step.E.transpose() + input.row(k);
   return x;
 }
 
-RowMatrix galerkin_slack(const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x) {
+namespace {
+
+// q + C x, and D z.
+RowMatrix galerkin_response(const GalerkinProblem& p, const RowMatrix* z, const RowMatrix& x) {
   RowMatrix w = p.q;
-  w.noalias() += z * p.step.D.transpose();
-  w.noalias() += x.topRows(p.N) * p.step.C.transpose();
+  for (const GalerkinRun& run : p.runs) {
+    auto rows = w.middleRows(run.first, run.count);
+    if (z) rows.noalias() += z->middleRows(run.first, run.count) * run.step.D.transpose();
+    rows.noalias() += x.middleRows(run.first, run.count) * run.step.C.transpose();
+  }
   return w;
 }
+
+}  // namespace
+
+RowMatrix galerkin_slack(const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x) {
+  return galerkin_response(p, &z, x);
+}
+
+RowMatrix galerkin_known(const GalerkinProblem& p, const RowMatrix& x) { return galerkin_response(p, nullptr, x); }
 
 RowMatrix apply_galerkin(const GalerkinProblem& p, const RowMatrix& z) {
   GalerkinProblem linear = p;

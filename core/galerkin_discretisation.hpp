@@ -15,6 +15,9 @@
 // Below the diagonal the block for intervals k < k' is C E^{k'-k-1} H: x carries it, and nothing larger than one
 // interval is ever formed.
 //
+// Intervals are of one length h, or of a few: parts of the grid with one length each, where nodes are wanted at given
+// times (core/galerkin_location.hpp).
+//
 // symbol   variable        shape
 // z, w, q  RowMatrix       N x 2n, row k-1 for interval k: left end, right end
 // x        RowMatrix       (N+1) x m
@@ -32,21 +35,35 @@ struct GalerkinStep {
   Matrix M;  ///< 2n x 2n, the part of D without the dynamics
 };
 
+/// Intervals of one length, from the end of the part before, or 0, to `end`.
+struct GridPart {
+  double end = 0;
+  Index intervals = 0;
+};
+
+/// Intervals first .. first + count - 1, which share their matrices.
+struct GalerkinRun {
+  Index first = 0, count = 0;
+  GalerkinStep step;
+};
+
 /// The whole discrete problem. Initial values are the boundary condition (I, 0, x0).
 struct GalerkinProblem {
   Index N = 0;
-  double h = 0;
-  GalerkinStep step;
-  RowMatrix forcing;           ///< N x m
-  RowMatrix q;                 ///< N x 2n
-  BoundaryCondition boundary;  ///< E0, ET, b
-  bool initial_value = false;  ///< x_0 = boundary.b
+  Vector t;                       ///< N+1 nodes
+  std::vector<GalerkinRun> runs;  ///< one on a uniform grid
+  RowMatrix forcing;              ///< N x m
+  RowMatrix q;                    ///< N x 2n
+  BoundaryCondition boundary;     ///< E0, ET, b
+  bool initial_value = false;     ///< x_0 = boundary.b
 
-  Index states() const { return step.E.rows(); }
-  Index unknowns() const { return step.D.rows(); }  ///< of an interval, 2n
+  const GalerkinStep& first_step() const { return runs.front().step; }
+  bool uniform() const { return runs.size() == 1; }
+  Index states() const { return first_step().E.rows(); }
+  Index unknowns() const { return first_step().D.rows(); }  ///< of an interval, 2n
 };
 
-/// The step of length h: G_0 to G_4 by scaling and squaring (core/phi.hpp).
+/// The step of length h: G_0 to G_4 by matrix_phis (core/phi.hpp).
 GalerkinStep galerkin_step(const DenseDynamics&, const Matrix& M, double h);
 
 /// The boundary condition of a scene; initial values as (I, 0, x0).
@@ -55,9 +72,10 @@ BoundaryCondition boundary_of(const Scene&);
 /// f = entry phi(t): m x Scene::sources().
 Matrix source_entry(const Scene&, const DenseDynamics&);
 
-/// The scene on N intervals. f and g are replaced on each interval by the parabola through three Gauss points, and no
-/// value at an end of an interval is used: sources may jump there. Dynamics are written out densely.
-/// f and g that are not finite leave NaN in `forcing` or `q`.
+/// The scene on N intervals, or on parts of which the last ends at T. f and g are replaced on each interval by the
+/// parabola through three Gauss points, and no value at an end of an interval is used: sources may jump there. Dynamics
+/// are written out densely. f and g that are not finite leave NaN in `forcing` or `q`.
+GalerkinProblem galerkin_problem(const Scene&, const std::vector<GridPart>&);
 GalerkinProblem galerkin_problem(const Scene&, Index N);
 
 /// The states that z causes: (N+1) x m, the boundary condition included. Throws Error where it does not determine them.
@@ -65,6 +83,9 @@ RowMatrix galerkin_states(const GalerkinProblem&, const RowMatrix& z);
 
 /// w for z and the x it causes: N x 2n.
 RowMatrix galerkin_slack(const GalerkinProblem&, const RowMatrix& z, const RowMatrix& x);
+
+/// q + C x alone: N x 2n.
+RowMatrix galerkin_known(const GalerkinProblem&, const RowMatrix& x);
 
 /// The linear part of z -> w, boundary term included: O(N (m + n)^2) operations, nothing assembled.
 RowMatrix apply_galerkin(const GalerkinProblem&, const RowMatrix& z);

@@ -44,17 +44,17 @@ std::unique_ptr<AffineMap> active_map(const GalerkinStep& step, const SetWords& 
   return map;
 }
 
-// The maps of the active sets that have occurred.
+// The maps of the active sets that have occurred, on intervals of each length.
 class ActiveMaps {
  public:
-  explicit ActiveMaps(const GalerkinStep& step) : step_(step) {}
+  explicit ActiveMaps(const GalerkinProblem& p) : p_(p), numbers_(p.runs.size()) {}
 
-  /// Number of the map of one set, -1 where D_SS is singular.
-  int find(const std::uint64_t* set) {
-    const SetWords key(set, set + words_of_set(step_.D.rows()));
-    const auto [place, fresh] = numbers_.try_emplace(key, -1);
+  /// Number of the map of one set on intervals of a run, -1 where D_SS is singular.
+  int find(std::size_t run, const std::uint64_t* set) {
+    const SetWords key(set, set + words_of_set(p_.unknowns()));
+    const auto [place, fresh] = numbers_[run].try_emplace(key, -1);
     if (fresh)
-      if (auto map = active_map(step_, key)) {
+      if (auto map = active_map(p_.runs[run].step, key)) {
         place->second = int(maps_.size());
         pointers_.push_back(map.get());
         maps_.push_back(std::move(map));
@@ -63,13 +63,13 @@ class ActiveMaps {
   }
   const std::vector<const AffineMap*>& maps() const { return pointers_; }
   std::size_t bytes() const {
-    const Index m = step_.E.rows(), n = step_.D.rows();
+    const Index m = p_.states(), n = p_.unknowns();
     return maps_.size() * sizeof(double) * std::size_t((n + m) * (n + m));
   }
 
  private:
-  const GalerkinStep& step_;
-  std::map<SetWords, int> numbers_;
+  const GalerkinProblem& p_;
+  std::vector<std::map<SetWords, int>> numbers_;
   std::vector<std::unique_ptr<AffineMap>> maps_;
   std::vector<const AffineMap*> pointers_;
 };
@@ -79,7 +79,7 @@ class Exchange {
   Exchange(const GalerkinProblem& p, Backend& backend, const Options& options)
       : p_(p),
         options_(options),
-        maps_(p.step),
+        maps_(p),
         chain_(backend.affine_chain({p.N, p.states(), p.unknowns()})),
         words_(words_of_set(p.unknowns())),
         active_(std::size_t(p.N * words_), 0),
@@ -130,12 +130,15 @@ class Exchange {
   }
 
   bool solve_on_active_sets(const BoundaryCondition& boundary, ActiveSizes& sizes, std::string& reason) {
+    std::size_t run = 0;
     for (Index k = 0; k < p_.N; ++k) {
+      const bool begins = k == p_.runs[run].first + p_.runs[run].count;
+      if (begins) ++run;
       const std::uint64_t* set = &active_[std::size_t(k * words_)];
-      const bool as_before = k > 0 && std::equal(set, set + words_, set - words_);
-      const int map = as_before ? map_of_[std::size_t(k - 1)] : maps_.find(set);
+      const bool as_before = k > 0 && !begins && std::equal(set, set + words_, set - words_);
+      const int map = as_before ? map_of_[std::size_t(k - 1)] : maps_.find(run, set);
       if (map < 0) {
-        reason = text("the matrix of the active set at t = %.6g is singular", double(k) * p_.h);
+        reason = text("the matrix of the active set at t = %.6g is singular", p_.t[k]);
         return false;
       }
       map_of_[std::size_t(k)] = map;
@@ -226,8 +229,9 @@ GalerkinSolution exchange_active_sets(const GalerkinProblem& p, Backend& backend
 }
 
 double natural_residual(const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x) {
-  const RowMatrix known = p.q + x.topRows(p.N) * p.step.C.transpose(), w = known + z * p.step.D.transpose();
-  return z.cwiseMin(w).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
+  const RowMatrix known = galerkin_known(p, x);
+  return z.cwiseMin(galerkin_slack(p, z, x)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() /
+         std::max(1.0, known.cwiseAbs().maxCoeff());
 }
 
 }  // namespace bromwich

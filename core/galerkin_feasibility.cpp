@@ -127,10 +127,13 @@ Index first_infeasible_interval(const GalerkinProblem& p, const Options& options
     open.erase(last, open.end());
     std::sort(open.begin(), open.end());
   }
-  IntervalFeasibility feasibility(p.step, q_size);
-  for (const Index k : open) {
-    if (options.interrupted && options.interrupted()) return -1;
-    if (feasibility.is_certainly_infeasible(p.q.row(k).transpose())) return k;
+  auto next = open.begin();
+  for (const GalerkinRun& run : p.runs) {
+    IntervalFeasibility feasibility(run.step, q_size);
+    for (; next != open.end() && *next < run.first + run.count; ++next) {
+      if (options.interrupted && options.interrupted()) return -1;
+      if (feasibility.is_certainly_infeasible(p.q.row(*next).transpose())) return *next;
+    }
   }
   return -1;
 }

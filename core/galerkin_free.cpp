@@ -27,18 +27,25 @@ FreeElimination::FreeElimination(const GalerkinProblem& p, const std::vector<Ind
   for (const Index i : free_rows) is_free[std::size_t(i)] = is_free[std::size_t(n + i)] = 1;
   for (Index i = 0; i < 2 * n; ++i) (is_free[std::size_t(i)] ? free_ : bound_).push_back(i);
 
-  const GalerkinStep& s = p.step;
+  reduced_ = p;
+  reduced_->q = p.q(Eigen::all, bound_);
+  for (std::size_t i = 0; i < p.runs.size(); ++i) eliminate(p.runs[i], reduced_->runs[i].step);
+}
+
+void FreeElimination::eliminate(const GalerkinRun& run, GalerkinStep& r) {
+  const GalerkinStep& s = run.step;
   const Matrix D_ff = s.D(free_, free_), D_fc = s.D(free_, bound_), D_cf = s.D(bound_, free_);
   const Matrix C_f = s.C(free_, Eigen::all), H_f = s.H(Eigen::all, free_);
   const Equilibration scale = equilibrate(D_ff);  // units of unknowns and equations may differ
   Eigen::JacobiSVD<Matrix> svd(scale.rows.asDiagonal() * D_ff * scale.columns.asDiagonal(),
                                Eigen::ComputeFullU | Eigen::ComputeFullV);
   svd.setThreshold(rounding_of_free);
-  unique_ = svd.rank() == D_ff.rows();
-  inverse_ =
+  const bool regular = svd.rank() == D_ff.rows();
+  const Matrix inverse =
       scale.columns.asDiagonal() * svd.solve(Matrix::Identity(D_ff.rows(), D_ff.rows())) * scale.rows.asDiagonal();
-  const RowMatrix q_f = p.q(Eigen::all, free_);
-  if (!unique_) {
+  const RowMatrix q_f = full_.q(Eigen::seqN(run.first, run.count), free_);
+  if (!regular) {
+    unique_ = false;
     const Index null = D_ff.rows() - svd.rank();
     const Matrix left = scale.rows.asDiagonal() * svd.matrixU().rightCols(null);      // left^T D_ff = 0
     const Matrix right = scale.columns.asDiagonal() * svd.matrixV().rightCols(null);  // D_ff right = 0
@@ -48,28 +55,35 @@ FreeElimination::FreeElimination(const GalerkinProblem& p, const std::vector<Ind
                   "give equations that contain them, through M or through B and N");
     const RowMatrix left_over = q_f * left;
     const double size = (q_f.cwiseAbs() * left.cwiseAbs()).maxCoeff();
-    for (Index k = 0; k < p.N && !contradiction_; ++k)
-      if (left_over.row(k).cwiseAbs().maxCoeff() > 1e3 * rounding_of_free * size) contradiction_ = k;
+    for (Index k = 0; k < run.count && !contradiction_; ++k)
+      if (left_over.row(k).cwiseAbs().maxCoeff() > 1e3 * rounding_of_free * size) contradiction_ = run.first + k;
   }
-  reduced_ = p;
-  GalerkinStep& r = reduced_->step;
-  r.E = s.E - H_f * inverse_ * C_f;
-  r.H = s.H(Eigen::all, bound_) - H_f * inverse_ * D_fc;
-  r.C = s.C(bound_, Eigen::all) - D_cf * inverse_ * C_f;
+  r.E = s.E - H_f * inverse * C_f;
+  r.H = s.H(Eigen::all, bound_) - H_f * inverse * D_fc;
+  r.C = s.C(bound_, Eigen::all) - D_cf * inverse * C_f;
   r.M = s.M(bound_, bound_);
-  r.D = s.D(bound_, bound_) - D_cf * inverse_ * D_fc;
-  reduced_->forcing = p.forcing - q_f * (H_f * inverse_).transpose();
-  reduced_->q = p.q(Eigen::all, bound_) - q_f * (D_cf * inverse_).transpose();
+  r.D = s.D(bound_, bound_) - D_cf * inverse * D_fc;
+  reduced_->forcing.middleRows(run.first, run.count) -= q_f * (H_f * inverse).transpose();
+  reduced_->q.middleRows(run.first, run.count) -= q_f * (D_cf * inverse).transpose();
+  inverses_.push_back(inverse);
+}
+
+RowMatrix FreeElimination::bound_part(const RowMatrix& z) const {
+  return reduced_ ? RowMatrix(z(Eigen::all, bound_)) : z;
 }
 
 RowMatrix FreeElimination::recovered(const RowMatrix& z_c, const RowMatrix& x) const {
   if (!reduced_) return z_c;
   RowMatrix z(full_.N, full_.unknowns());
-  const RowMatrix known = full_.q(Eigen::all, free_) + z_c * full_.step.D(free_, bound_).transpose() +
-                          x.topRows(full_.N) * full_.step.C(free_, Eigen::all).transpose();
-  const RowMatrix z_f = -known * inverse_.transpose();
   for (std::size_t i = 0; i < bound_.size(); ++i) z.col(bound_[i]) = z_c.col(Index(i));
-  for (std::size_t i = 0; i < free_.size(); ++i) z.col(free_[i]) = z_f.col(Index(i));
+  for (std::size_t i = 0; i < full_.runs.size(); ++i) {
+    const GalerkinRun& run = full_.runs[i];
+    const auto rows = Eigen::seqN(run.first, run.count);
+    const RowMatrix known = full_.q(rows, free_) +
+                            z_c.middleRows(run.first, run.count) * run.step.D(free_, bound_).transpose() +
+                            x.middleRows(run.first, run.count) * run.step.C(free_, Eigen::all).transpose();
+    z(rows, free_) = -known * inverses_[i].transpose();
+  }
   return z;
 }
 

@@ -23,6 +23,9 @@ class FreeElimination {
   /// The problem in z_c; the given one where there are no free rows.
   const GalerkinProblem& reduced() const { return reduced_ ? *reduced_ : full_; }
 
+  /// z_c from z.
+  RowMatrix bound_part(const RowMatrix& z) const;
+
   /// z from z_c and x.
   RowMatrix recovered(const RowMatrix& z_c, const RowMatrix& x) const;
 
@@ -31,10 +34,12 @@ class FreeElimination {
   bool unique() const { return unique_; }
 
  private:
+  void eliminate(const GalerkinRun&, GalerkinStep& reduced);
+
   const GalerkinProblem& full_;
   std::optional<GalerkinProblem> reduced_;
   std::vector<Index> free_, bound_;
-  Matrix inverse_;  ///< D_ff^+
+  std::vector<Matrix> inverses_;  ///< D_ff^+ of each run
   std::optional<Index> contradiction_;
   bool unique_ = true;
 };

@@ -25,9 +25,9 @@ class BoundaryTerm {
     Matrix power = Matrix::Identity(m, m);
     std::vector<RowMatrix> modes(std::size_t(m), RowMatrix(N, p.unknowns()));
     for (Index k = 0; k < N; ++k) {
-      const Matrix seen = p.step.C * power;
+      const Matrix seen = p.first_step().C * power;
       for (Index i = 0; i < m; ++i) modes[std::size_t(i)].row(k) = seen.col(i).transpose();
-      power = (p.step.E * power).eval();
+      power = (p.first_step().E * power).eval();
     }
     const Matrix S = p.boundary.E0 + p.boundary.ET * power;
     if (!S.allFinite()) throw Error("boundary", "e^{TA} overflows", "use the solver for boundary values");
@@ -38,7 +38,7 @@ class BoundaryTerm {
   // r from the coefficients; the state carried by the causal part alone.
   Vector end_response(const RowMatrix& z) const {
     Vector r = Vector::Zero(p_.states());
-    for (Index k = 0; k < p_.N; ++k) r = p_.step.E * r + p_.step.H * z.row(k).transpose();
+    for (Index k = 0; k < p_.N; ++k) r = p_.first_step().E * r + p_.first_step().H * z.row(k).transpose();
     return r;
   }
   Vector initial_change(const Vector& r) const { return -from_end_ * r; }
@@ -58,14 +58,14 @@ class BoundaryTerm {
 }  // namespace
 
 GalerkinSolution iterate_galerkin(const GalerkinProblem& p, Backend& backend, const Options& options) {
-  const LcpMatrix D = p.step.D;
+  const LcpMatrix D = p.first_step().D;
   const LcpClass lcp_class = classify(D);
   const Index rows = p.N + 1, n = p.unknowns();
   const RowMatrix zero = RowMatrix::Zero(p.N, n), free_states = galerkin_states(p, zero);
   const auto free = padded_array(galerkin_slack(p, zero, free_states), backend), r = backend.array(rows, n),
              v = backend.array(rows, n), z = backend.array(rows, n);
   backend.inject(*free, *r);
-  const Recurrence recurrence = galerkin_recurrence(p.step);
+  const Recurrence recurrence = galerkin_recurrence(p.first_step());
   const auto convolution = backend.convolution(recurrence, rows);
   const auto lcp = backend.lcp(D, lcp_class, rows);
   std::optional<BoundaryTerm> boundary;

@@ -25,6 +25,22 @@ Vector carried_state(const Scene& scene, const Vector& x, double t, double s, co
 
 }  // namespace
 
+std::vector<GridPart> grid_parts(const Vector& t) {
+  constexpr double same_length = 1e-6;
+  std::vector<GridPart> parts;
+  double h = 0;
+  for (Index k = 0; k + 1 < t.size(); ++k) {
+    const double next = t[k + 1] - t[k];
+    if (parts.empty() || std::abs(next - h) > same_length * h) {
+      parts.push_back({});
+      h = next;
+    }
+    parts.back().end = t[k + 1];
+    ++parts.back().intervals;
+  }
+  return parts;
+}
+
 RowMatrix galerkin_coefficients(const Result& r) {
   RowMatrix z(r.y_left.rows(), 2 * r.y_left.cols());
   z << r.y_left, r.y.bottomRows(r.y_left.rows());
@@ -37,22 +53,22 @@ GalerkinOutput galerkin_at(const Scene& scene, const Result& r, const std::vecto
     const Index rows = Index(times.size());
     return {RowMatrix::Constant(rows, n, NAN), RowMatrix::Constant(rows, scene.states(), NAN)};
   }
-  const GalerkinProblem p = galerkin_problem(scene, N);
+  const GalerkinProblem p = galerkin_problem(scene, grid_parts(r.t));
   const RowMatrix states = galerkin_states(p, galerkin_coefficients(r));
   GalerkinOutput out{RowMatrix(Index(times.size()), n), RowMatrix(Index(times.size()), p.states())};
   for (std::size_t i = 0; i < times.size(); ++i) {
-    const double steps = std::clamp(times[i] / p.h, 0.0, double(N)), nearest = std::round(steps);
-    const Index row = Index(i);
-    if (std::abs(steps - nearest) <= same_node) {
-      out.y.row(row) = r.y.row(Index(nearest));
-      out.x.row(row) = states.row(Index(nearest));
+    const Index row = Index(i), behind = Index(std::upper_bound(r.t.begin(), r.t.end(), times[i]) - r.t.begin());
+    const Index k = std::clamp<Index>(behind - 1, 0, N - 1);
+    const double h = r.t[k + 1] - r.t[k], part = std::clamp((times[i] - r.t[k]) / h, 0.0, 1.0);
+    const Index node = k + Index(std::round(part));
+    if (std::abs(part - std::round(part)) <= same_node) {
+      out.y.row(row) = r.y.row(node);
+      out.x.row(row) = states.row(node);
       continue;
     }
-    const Index k = Index(steps);
-    const double part = steps - double(k);
     const Vector a = r.y_left.row(k).transpose(), b = (1 - part) * a + part * r.y.row(k + 1).transpose();
     out.y.row(row) = b.transpose();
-    out.x.row(row) = carried_state(scene, states.row(k).transpose(), double(k) * p.h, part * p.h, a, b).transpose();
+    out.x.row(row) = carried_state(scene, states.row(k).transpose(), r.t[k], part * h, a, b).transpose();
   }
   return out;
 }

@@ -7,6 +7,9 @@
 
 namespace bromwich {
 
+/// The parts of a grid whose steps are of one length.
+std::vector<GridPart> grid_parts(const Vector& t);
+
 /// The coefficients of a result of method galerkin: N x 2n.
 RowMatrix galerkin_coefficients(const Result&);
 

@@ -33,7 +33,7 @@ struct GalerkinSolution {
 /// Interval by interval, on the backend. Precondition: initial values.
 GalerkinSolution march_galerkin(const GalerkinProblem&, Backend&, const Options&);
 
-/// Functional iteration, all intervals at once on the backend:
+/// Functional iteration, all intervals at once on the backend; precondition: they are of one length.
 ///
 ///     z^{i+1}_k in SOL(D, q_k + C x_{k-1}(z^i)),   x(z) the states with the boundary condition.
 ///

@@ -41,7 +41,7 @@ class SymmetricPart {
     const Matrix normal = Matrix(rows.householderQr().householderQ()).rightCols(m).transpose();
     adjoint_.ET = normal.leftCols(m);  // time runs backwards: lambda_N comes first
     adjoint_.E0 = normal.rightCols(m);
-    E_transposed_ = p_.step.E.transpose();
+    E_transposed_ = p_.first_step().E.transpose();
   }
 
   Index size() const { return p_.N * 2 * n_; }
@@ -56,11 +56,11 @@ class SymmetricPart {
   // D^T u_k + H^T lambda_k, lambda_{k-1} = E^T lambda_k + C^T u_k.
   RowMatrix transposed(const RowMatrix& u) const {
     const std::vector<const Matrix*> P(std::size_t(p_.N), &E_transposed_);
-    const RowMatrix reversed = (u * p_.step.C).colwise().reverse();
+    const RowMatrix reversed = (u * p_.first_step().C).colwise().reverse();
     const RowMatrix lambda = solve_two_point(P, reversed, adjoint_, epsilon);
     if (lambda.rows() == 0)
       throw Error("boundary", "E0 + ET e^{TA} is singular", "give conditions that determine the states");
-    return u * p_.step.D + RowMatrix(lambda.topRows(p_.N).colwise().reverse()) * p_.step.H;
+    return u * p_.first_step().D + RowMatrix(lambda.topRows(p_.N).colwise().reverse()) * p_.first_step().H;
   }
 
   // R^{-1} or R^{-T} on each row, R^T R = 1/3 [2, 1; 1, 2].

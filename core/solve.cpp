@@ -219,6 +219,12 @@ Result unsupported(const Scene& scene, const Backend& backend, const Options& op
   return result;
 }
 
+void check_event_location(const Scene& scene, const Options& options) {
+  if (options.tolerance > 0) throw Error("event_location", "found with a tolerance", "give steps instead");
+  if (options.method != Method::galerkin && !(options.method == Method::automatic && scene.boundary))
+    throw Error("event_location", std::string("found with method ") + to_string(options.method), "use method galerkin");
+}
+
 // Below this size dense matrices are faster in everything, and e^{hA} needs no contour.
 constexpr Index smallest_sparse = 512;
 
@@ -228,6 +234,7 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
   Timer total;
   given.validate();
   validate(given, options);
+  if (options.event_location) check_event_location(given, options);
   if (options.method == Method::goal) return solve_for_goal(given, backend, options);
   if (given.constraints() == 0) {
     Result result = solve(with_idle_constraint(given), backend, options);

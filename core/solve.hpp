@@ -48,6 +48,8 @@ struct Options {
   StateSelection states = StateSelection::none;
   std::vector<Index> components = {};  ///< with StateSelection::list
   bool trace = false;                  ///< record N x
+  /// Method galerkin: solved again with nodes at the switches of the active sets (core/galerkin_location.hpp).
+  bool event_location = false;
   ConvolutionChoice convolution = ConvolutionChoice::automatic;
   RecurrenceChoice recurrence = RecurrenceChoice::automatic;  ///< exponentials in marching: all modes, or compressed
   Index literal_nodes = 25;                                   ///< P of contour_literal (the paper's choice)

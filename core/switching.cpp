@@ -12,13 +12,29 @@ namespace {
 struct Root {
   double distance, error;
 };
-std::optional<Root> root(double nearest, double next, double last) {
+std::optional<Root> root(double nearest, double next, double last, double beyond = 0) {
   const double slope = next - nearest, distance = nearest / slope;
-  if (!(distance >= 0) || !(distance <= 1)) return std::nullopt;
+  if (!(distance >= -beyond) || !(distance <= 1 + beyond)) return std::nullopt;
   // Remainder of the linear continuation, d (1 + d)/2 times the second difference, over the slope.
   const double curvature = std::abs(last - 2 * next + nearest);
-  const double error = distance * (1 + distance) / 2 * curvature / slope;
+  const double error = std::abs(distance * (1 + distance) / 2 * curvature / slope);
   return Root{distance, std::isnan(error) ? 0.5 : std::min(error, 0.5)};
+}
+
+// Discontinuous y: the line of the interval next to step j that is active throughout. The step itself may be active in
+// part, and then says little.
+Switch by_line(const Result& r, Index j, Index i, bool on, double zero) {
+  constexpr double beyond = 0.1;  // of a step: y is known to O(h^2), and so are its roots
+  const Index N = r.y_left.rows();
+  const auto active = [&](Index k) { return k >= 0 && k < N && r.y_left(k, i) > zero && r.y(k + 1, i) > zero; };
+  const double middle = (r.t[j] + r.t[j + 1]) / 2, half = (r.t[j + 1] - r.t[j]) / 2;
+  const Index k = !on ? j - 1 : active(j) ? j : j + 1, farther = on ? k + 1 : k - 1;
+  if (!active(k)) return {middle, i, on, half};
+  const double left = r.y_left(k, i), right = r.y(k + 1, i), h = r.t[k + 1] - r.t[k];
+  const double last = !active(farther) ? NAN : on ? r.y(k + 2, i) : r.y_left(farther, i);
+  const std::optional<Root> found = on ? root(left, right, last, beyond) : root(right, left, last, beyond);
+  if (!found) return {middle, i, on, half};
+  return {on ? r.t[k] - h * found->distance : r.t[k + 1] + h * found->distance, i, on, h * found->error};
 }
 
 }  // namespace
@@ -37,6 +53,10 @@ std::vector<Switch> switches(const Result& result, double negligible) {
     for (Index i = 0; i < y.cols(); ++i) {
       const bool before = y(j, i) > zero, on = y(j + 1, i) > zero;
       if (before == on) continue;
+      if (result.y_left.size() > 0) {
+        found.push_back(by_line(result, j, i, on, zero));
+        continue;
+      }
       // Rows of the active side, going away from the step; a row where y vanishes again is of no use.
       const Index start = on ? j + 1 : j, direction = on ? 1 : -1;
       const auto value = [&](Index steps) {

@@ -6,8 +6,10 @@
 //
 //     off:  t* = t_j + h y_j / (y_{j-1} - y_j),          on:  t* = t_{j+1} - h y_{j+1} / (y_{j+2} - y_{j+1}).
 //
-// The second difference of three rows says how far that is off: O(h^2) where y leaves 0 with a slope. Where y jumps, or
-// is active for one row only, or the root does not lie in the step, the middle of the step is all that is known.
+// Where y is discontinuous (Result::y_left) the two values are those of the interval next to the switch that is active
+// throughout. The second difference of three rows says how far that is off: O(h^2) where y leaves 0 with a slope. Where
+// y jumps, or is active for one row only, or the root does not lie in the step, the middle of the step is all that is
+// known.
 
 #include "result.hpp"
 

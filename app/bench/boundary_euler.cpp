@@ -17,15 +17,16 @@ GalerkinProblem euler_problem(const Scene& scene, Index J) {
   const Index m = d.A.rows(), n = d.B.cols();
   GalerkinProblem p;
   p.N = J;
-  p.h = scene.T / double(J);
-  const Matrix R = (Matrix::Identity(m, m) - p.h * d.A).inverse(), M = to_dense(scene.M);
-  p.step = {R, p.h * R * d.B, d.N * R, M + p.h * d.N * R * d.B, M};
+  const double h = scene.T / double(J);
+  p.t = Vector::LinSpaced(J + 1, 0, scene.T);
+  const Matrix R = (Matrix::Identity(m, m) - h * d.A).inverse(), M = to_dense(scene.M);
+  p.runs = {{0, J, {R, h * R * d.B, d.N * R, M + h * d.N * R * d.B, M}}};
   p.forcing = RowMatrix::Zero(J, m);
   p.q = RowMatrix::Zero(J, n);
-  const Matrix from_f = p.h * R * source_entry(scene, d);
+  const Matrix from_f = h * R * source_entry(scene, d);
   Vector f(scene.sources()), g(n);
   for (Index k = 0; k < J; ++k) {
-    const double t = p.h * double(k + 1);
+    const double t = h * double(k + 1);
     if (scene.f) {
       scene.f(t, f);
       p.forcing.row(k) = (from_f * f).transpose();

@@ -117,7 +117,7 @@ void project(const Scene& bridge, const char* grid, Index J, std::vector<std::ve
 /// state that an interval leaves to be constant in the later ones, [N; N] H in place of C E^{k'-k-1} H.
 double smallest_eigenvalue_as_printed(const Scene& scene, Index J) {
   const GalerkinProblem p = galerkin_problem(scene, J);
-  const auto& [E, H, C, D, M] = p.step;
+  const auto& [E, H, C, D, M] = p.first_step();
   const Index m = p.states(), block = p.unknowns(), n = block / 2, size = J * block;
   std::vector<Matrix> power{Matrix::Identity(m, m)};
   for (Index k = 0; k < J; ++k) power.push_back(E * power.back());
