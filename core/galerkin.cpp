@@ -5,6 +5,7 @@
 #include "core/galerkin_checks.hpp"
 #include "core/galerkin_free.hpp"
 #include "core/galerkin_location.hpp"
+#include "core/galerkin_recovery.hpp"
 #include "core/galerkin_solvers.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
@@ -224,12 +225,13 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
   if (!unique.assured) add_warning(result, unique.words);
 }
 
-// The same with nodes at the switches. Twice: the first grid knows them to O(h^2) with a constant that the kinks inside
-// its intervals make.
+// The same with nodes at the switches, until these stay where they are to the accuracy of y.
 void solve_with_located_switches(const Scene& scene, Backend& backend, const Options& options, Result& result) {
+  constexpr int most_locations = 5;
   const Index N = result.steps;
-  for (int pass = 0; pass < 2 && result.status == Status::solved; ++pass) {
+  for (int pass = 0; pass < most_locations && result.status == Status::solved; ++pass) {
     const LocatedGrid grid = locate_switches(scene, result, N);
+    if (pass > 0 && same_grid(grid.parts, grid_parts(result.t), 0.1 * scene.T / double(N * N))) return;
     Result located;
     located.method = result.method;
     located.backend = result.backend;
@@ -242,8 +244,8 @@ void solve_with_located_switches(const Scene& scene, Backend& backend, const Opt
     }
     located.kernel += text("; %ld switches on nodes", long(grid.located));
     if (grid.missed > 0)
-      add_warning(located,
-                  text("%ld switches are not isolated or not continuous and lie inside intervals", long(grid.missed)));
+      add_warning(located, text("%ld switch(es) not located: y jumps there or is active for no whole interval",
+                                long(grid.missed)));
     located.seconds = located.seconds + result.seconds;
     located.lcp.solved += result.lcp.solved;
     located.lcp.newton += result.lcp.newton;

@@ -30,6 +30,12 @@ LocatedGrid locate_switches(const Scene& scene, const Result& result, Index N) {
   return grid;
 }
 
+bool same_grid(const std::vector<GridPart>& a, const std::vector<GridPart>& b, double apart) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [apart](const GridPart& i, const GridPart& j) {
+    return i.intervals == j.intervals && std::abs(i.end - j.end) <= apart;
+  });
+}
+
 RowMatrix coefficients_on(const Result& r, const GalerkinProblem& p) {
   const Index n = r.y_left.cols(), N = r.y_left.rows();
   RowMatrix z(p.N, 2 * n);

@@ -17,6 +17,9 @@ struct LocatedGrid {
 /// From a solved result of method galerkin; intervals are about as long as T/N.
 LocatedGrid locate_switches(const Scene&, const Result&, Index N);
 
+/// The same numbers of intervals, and ends that are no farther apart than `apart`.
+bool same_grid(const std::vector<GridPart>&, const std::vector<GridPart>&, double apart);
+
 /// z of the result in the middle of the intervals of another grid, (a_k, b_k) alike: where its active sets begin.
 RowMatrix coefficients_on(const Result&, const GalerkinProblem&);
 

@@ -177,6 +177,25 @@ TEST_P(GalerkinIteration, MarchingAgreesOnEveryBackend) {
   EXPECT_LE(distance(marched.z, exchange_active_sets(p, *backend, {}).z), same_assembled);
 }
 
+// What multigrid in time would have to remove: a number of sweeps that grows with the grid.
+TEST_P(GalerkinIteration, SweepsDoNotGrowWithTheGrid) {
+  const Scene scene = make_scene("bridge", {});
+  Index fewest = most_exchanges, most = 0;
+  for (const Index N : {48, 192, 768}) {
+    const GalerkinProblem p = galerkin_problem(scene, N);
+    const GalerkinSolution sweeps = iterate_galerkin(p, *backend, {}),
+                           exchanged = exchange_active_sets(p, *backend, {});
+    ASSERT_EQ(sweeps.status, Status::solved) << sweeps.reason;
+    ASSERT_EQ(exchanged.status, Status::solved) << exchanged.reason;
+    EXPECT_LE(distance(sweeps.z, exchanged.z), same_problem * sweeps.z.cwiseAbs().maxCoeff()) << N;
+    std::printf("N %ld sweeps %ld exchanges %ld\n", long(N), long(sweeps.iterations), long(exchanged.iterations));
+    fewest = std::min(fewest, sweeps.iterations);
+    most = std::max(most, sweeps.iterations);
+  }
+  EXPECT_LE(most, 40);
+  EXPECT_LE(most - fewest, 2);
+}
+
 // A chain with modes e^{15 k} and e^{-15 k} over 80 steps: e^{1200} is never formed, the ends hold both.
 TEST(TwoPoint, BoundaryLayers) {
   const Matrix V{{1, 1}, {1, 2}};
