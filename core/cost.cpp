@@ -152,9 +152,11 @@ void add_kronecker_plans(const Sizes& s, Method method, std::vector<Part>& parts
     return;
   }
   parts.push_back(coarsest_march(s, method));
-  // At most 56 exponentials; chunks of 16 to 128 time points, so that some 25 000 threads have a mode each.
-  const double modes = 32 * std::ceil(s.n / 32), chunks = std::min(s.J * modes / 16, s.J * modes / 128 + 25e3);
-  parts.push_back({number * 2 * 56 * chunks, "states at the starts of chunks of time"});
+  // At most 64 exponentials. Chunks of at least 32 time points, at most 64, and as many as give some 34 000 threads a
+  // mode each. Up to 512 time points have weights instead, on each of their grids.
+  const double modes = 32 * std::ceil(s.n / 32), chunks = std::min({s.J * modes / 32, 64 * modes, 34e3 + modes});
+  parts.push_back({number * 2 * 64 * chunks, "states at the starts of chunks of time"});
+  parts.push_back({number * 4 * std::min(s.J, 513.) * modes, weights});
   parts.push_back({number * (s.n <= 1536 ? s.n * s.n : 2048 * s.n), "the sine transform"});
 }
 

@@ -63,7 +63,7 @@ struct GalerkinProblem {
   Index unknowns() const { return first_step().D.rows(); }  ///< of an interval, 2n
 };
 
-/// The step of length h: G_0 to G_4 by scaling and squaring (core/phi.hpp).
+/// The step of length h: G_0 to G_4 by matrix_phis (core/phi.hpp).
 GalerkinStep galerkin_step(const DenseDynamics&, const Matrix& M, double h);
 
 /// The boundary condition of a scene; initial values as (I, 0, x0).

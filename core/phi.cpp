@@ -1,5 +1,7 @@
 #include "core/phi.hpp"
 
+#include "core/sectorial.hpp"
+
 #include <Eigen/Dense>
 #include <unsupported/Eigen/MatrixFunctions>
 
@@ -73,6 +75,13 @@ namespace {
 constexpr Index largest_block = 16;
 
 double one_norm(const Matrix& A) { return A.cwiseAbs().colwise().sum().maxCoeff(); }
+
+// Squaring multiplies rounding by the norm: above this it costs more than three digits.
+constexpr double stiff_norm = 1024;
+
+std::optional<std::vector<Matrix>> stiff_phis(const Matrix& A, int last) {
+  return one_norm(A) > stiff_norm ? sectorial_phis(A, last) : std::nullopt;
+}
 
 // A symmetric matrix that was computed is so to rounding of its largest entries; it is not known better than that.
 bool is_symmetric(const Matrix& A) {
@@ -156,6 +165,7 @@ std::vector<Matrix> matrix_phis(const Matrix& A, int last) {
           V * eigen.eigenvalues().unaryExpr([k](double x) { return phi(k, x); }).asDiagonal() * V.transpose();
     return p;
   }
+  if (auto stiff = stiff_phis(A, last)) return *stiff;
   const double norm = one_norm(A);
   const int doublings = norm > series_radius ? int(std::ceil(std::log2(norm / series_radius))) : 0;
   const Matrix X = std::ldexp(1.0, -doublings) * A;
@@ -190,6 +200,7 @@ std::vector<Matrix> contour_phis(const Matrix& A, const Contour& contour, int la
 MatrixPhi matrix_phi(const Matrix& A) {
   if (A.rows() == 0) return {A, A, A};
   if (is_symmetric(A)) return symmetric_phi(0.5 * (A + A.transpose()));
+  if (auto stiff = stiff_phis(A, 2)) return {(*stiff)[0], (*stiff)[1], (*stiff)[2]};
   return A.rows() <= largest_block ? block_phi(A) : doubled_phi(A);
 }
 

@@ -1,13 +1,12 @@
 // Causal convolution along time as a recurrence with K exponentials a mode (core/recurrence.hpp), in chunks of time:
 // (1) accumulate: the state that each chunk adds, from zero; (2) carry: z at the start of chunk c+1 = E^length z at the
 // start of c + what c adds; (3) apply. What chunks add and start from is kept, so a later call can begin at any chunk
-// whose past has not changed. Where the chunks are few, the third pass carries for itself.
+// whose past has not changed.
 //
 // Few rows take the weights themselves (convolution_direct.cu).
 //
-// A block takes 32 neighbouring modes and a chunk; its threads have `group` exponentials of one mode each, with their
-// states in registers. The rows of y come to shared memory in tiles, two ahead of the one in work; the warps add up
-// their outputs there, with one barrier a tile. Three multiply-adds a value and exponential.
+// Warps work alone, each on 32 neighbouring modes and a chunk, a tile of rows of y in registers at a time. What is
+// accumulated is shared out once more, `group` exponentials a warp. Three multiply-adds a value and exponential.
 
 #include "kernels/parts.hpp"
 
@@ -21,10 +20,13 @@ namespace bromwich::cuda {
 namespace {
 
 constexpr int lanes = 32, group = 8, tile = 16;
-constexpr int most_warps = 8;         ///< of a block; more exponentials are taken in slabs
-constexpr Index most_chunks = 65535;  ///< of a grid of blocks in its second direction
-constexpr Index most_direct = 257;    ///< rows whose weights are summed as they are
-constexpr double cheap_carry = 8e6;   ///< bytes read for carrying without a pass of its own
+constexpr int most_groups = 8;                  ///< of a launch; more exponentials are taken in slabs
+constexpr int slab_size = most_groups * group;  ///< exponentials
+constexpr int together = 4;                     ///< exponentials taken at a time in the third pass
+constexpr int chunks_together = 4;              ///< warps of a block of the third pass
+constexpr Index wanted_warps = 8;               ///< of a multiprocessor in the third pass
+constexpr Index most_chunks = 64;               ///< carried one after the other
+constexpr Index most_direct = 513;              ///< rows whose weights are summed as they are
 
 /// K x n tables with the mode index contiguous, K a multiple of `group`, n of `lanes`.
 struct Tables {
@@ -39,80 +41,46 @@ struct Span {
   __device__ int end(int c) const { return min(rows, 1 + (c + 1) * length); }
 };
 
-/// The rows of a chunk for the modes of a block, tile by tile, each with the row before it; zeros beyond the rows of y.
-class Tiles {
- public:
-  static constexpr int stages = 4, size = stages * (tile + 1) * lanes;
-
-  /// Begins to fetch the first tiles. Rows and modes beyond those of y are clamped to its last ones.
-  __device__ Tiles(double* shared, const Tables& m, const double* y, int begin, int end)
-      : shared_(shared),
-        y_(y + min(int(blockIdx.x) * lanes + int(threadIdx.x), m.modes - 1)),
-        step_(m.step),
-        begin_(begin),
-        end_(end) {
-    for (int t = 0; t + 1 < stages; ++t) fetch(t);
-  }
-
-  /// Tile t, after t + 2 has been asked for, once it is there for all threads of the block; [row + 1][lane], row -1
-  /// being the one before.
-  __device__ const double* wait(int t) {
-    __pipeline_wait_prior(1);
-    __syncthreads();
-    return stage(t);
-  }
-  /// Begins to fetch tile t, in the place of tile t - 4, which nobody may be reading any more.
-  __device__ void fetch(int t) {
-    const int first = begin_ + t * tile - 1;
-    if (first + 1 < end_)
-      for (int i = threadIdx.y; i <= tile; i += blockDim.y)
-        __pipeline_memcpy_async(stage(t) + i * lanes + threadIdx.x, y_ + long(min(first + i, end_ - 1)) * step_, 8);
-    __pipeline_commit();
-  }
-
- private:
-  __device__ double* stage(int t) const { return shared_ + t % stages * (tile + 1) * lanes; }
-
-  double* shared_;
-  const double* y_;
-  int step_, begin_, end_;
-};
+/// Rows j .. j + tile - 1 of one mode; rows beyond the last are it again.
+__device__ void read_tile(const double* column, int step, int j, int rows, double (&u)[tile]) {
+#pragma unroll
+  for (int i = 0; i < tile; ++i) u[i] = column[long(min(j + i, rows - 1)) * step];
+}
 
 // z of one chunk from zero, into added[c]. Chunks that are followed by another one are full.
-__global__ void __launch_bounds__(lanes* most_warps)
+__global__ void __launch_bounds__(lanes* most_groups)
     accumulate(Tables m, Span span, const double* __restrict__ y, double* __restrict__ added) {
-  __shared__ double shared[Tiles::size];
-  const int lane = threadIdx.x, l = blockIdx.x * lanes + lane, c = span.from + blockIdx.y;
-  const int k0 = (blockIdx.z * blockDim.y + threadIdx.y) * group;
-  const bool mine = k0 < m.exponentials;  // the last slab may be a short one
-  Tiles tiles(shared, m, y, span.begin(c), span.end(c));
-  double E[group], z[group];
+  const int l = int(blockIdx.x) * lanes + int(threadIdx.x), c = span.from + int(blockIdx.y);
+  const int k0 = int(blockIdx.z * blockDim.y + threadIdx.y) * group;
+  if (k0 >= m.exponentials) return;
+  const double* const column = y + min(l, m.modes - 1);
+  const int begin = span.begin(c), end = span.end(c);
+  double E[group], z[group], u[tile], next[tile];
 #pragma unroll
   for (int g = 0; g < group; ++g) {
-    E[g] = mine ? __ldg(m.decay + (k0 + g) * m.stride + l) : 0;
+    E[g] = __ldg(m.decay + (k0 + g) * m.stride + l);
     z[g] = 0;
   }
-  for (int t = 0; t < span.length / tile; ++t) {
-    const double* const u = tiles.wait(t) + lanes + lane;
-    tiles.fetch(t + 3);
+  read_tile(column, m.step, begin, span.rows, next);
+  for (int j = begin; j < end; j += tile) {
+#pragma unroll
+    for (int i = 0; i < tile; ++i) u[i] = next[i];
+    if (j + tile < end) read_tile(column, m.step, j + tile, span.rows, next);
 #pragma unroll
     for (int i = 0; i < tile; ++i)
 #pragma unroll
-      for (int g = 0; g < group; ++g) z[g] = E[g] * z[g] + u[i * lanes];
+      for (int g = 0; g < group; ++g) z[g] = E[g] * z[g] + u[i];
   }
-  if (!mine) return;
 #pragma unroll
   for (int g = 0; g < group; ++g) added[(long(c) * m.exponentials + k0 + g) * m.stride + l] = z[g];
 }
 
-__device__ double state_at_start(const Tables& m, long at, double y0) { return m.start[at] * y0 + m.initial[at]; }
-
 __global__ void carry(Tables m, Span span, const double* __restrict__ y, const double* __restrict__ added,
                       double* __restrict__ states) {
-  const int l = blockIdx.x * blockDim.x + threadIdx.x, k = blockIdx.y;
+  const int l = int(blockIdx.x) * int(blockDim.x) + int(threadIdx.x), k = int(blockIdx.y);
   if (l >= m.modes) return;
   const long at = long(k) * m.stride + l, step = long(m.exponentials) * m.stride;
-  double z = span.from == 0 ? state_at_start(m, at, y[l]) : states[span.from * step + at];
+  double z = span.from == 0 ? m.start[at] * y[l] + m.initial[at] : states[span.from * step + at];
   if (span.from == 0) states[at] = z;
   const double power = m.power[at];
 #pragma unroll 16
@@ -122,63 +90,76 @@ __global__ void carry(Tables m, Span span, const double* __restrict__ y, const d
   }
 }
 
-// z at the start of chunk c; without `states`, from what all chunks before have added.
-__device__ double state_of_chunk(const Tables& m, int c, long at, double y0, const double* added,
-                                 const double* states) {
-  const long step = long(m.exponentials) * m.stride;
-  if (states) return states[c * step + at];
-  double z = state_at_start(m, at, y0);
-  const double power = m.power[at];
-#pragma unroll 4
-  for (int before = 0; before < c; ++before) z = power * z + added[before * step + at];
-  return z;
-}
+/// What the third pass keeps in shared memory, [k][lane] each: the decays and outputs that its chunks have in common,
+/// and the states of each chunk.
+struct Slab {
+  double *decay, *output, *states;
+  __device__ Slab(double* shared, int count)
+      : decay(shared + threadIdx.x),
+        output(decay + count * lanes),
+        states(output + (1 + int(threadIdx.y)) * count * lanes) {}
+  static std::size_t bytes(Index count) { return sizeof(double) * std::size_t((2 + chunks_together) * count * lanes); }
+};
 
-// Exponentials from slab * most_warps * group on; the first slab writes v, the others add to it.
-__global__ void __launch_bounds__(lanes* most_warps, 2)
-    apply_chunks(Tables m, Span span, int slab, const double* __restrict__ y, const double* __restrict__ added,
-                 const double* __restrict__ states, double* __restrict__ v) {
+// Exponentials from slab * slab_size on; the first slab writes v, the others add to it.
+__global__ void __launch_bounds__(lanes* chunks_together)
+    apply_chunks(Tables m, Span span, int slab, const double* __restrict__ y, const double* __restrict__ states,
+                 double* __restrict__ v) {
   extern __shared__ double shared[];
-  double* const parts = shared + Tiles::size;  // two of [warp][row][lane]
-  const int lane = threadIdx.x, warp = threadIdx.y, warps = blockDim.y, c = span.from + blockIdx.y;
-  const bool given = int(blockIdx.x) * lanes + lane < m.modes;
-  const int l = given ? blockIdx.x * lanes + lane : 0, begin = span.begin(c), end = span.end(c);
-  const long at = long(slab * most_warps + warp) * group * m.stride + blockIdx.x * lanes + lane;
-  Tiles tiles(shared, m, y, begin, end);
-  double z[group];
+  const int warp = int(threadIdx.y), l = int(blockIdx.x) * lanes + int(threadIdx.x);
+  const int c = span.from + int(blockIdx.y) * chunks_together + warp;
+  const int first = slab * slab_size, count = min(slab_size, m.exponentials - first);
+  const Slab own(shared, count);
+  const long at = long(first) * m.stride + l, of_chunk = long(c) * m.exponentials * m.stride + at;
+  for (int k = 0; k < count; ++k) {
+    if (k % chunks_together == warp) {
+      __pipeline_memcpy_async(own.decay + k * lanes, m.decay + at + k * m.stride, 8);
+      __pipeline_memcpy_async(own.output + k * lanes, m.output + at + k * m.stride, 8);
+    }
+    if (c < span.chunks) __pipeline_memcpy_async(own.states + k * lanes, states + of_chunk + k * m.stride, 8);
+  }
+  __pipeline_commit();
+  const bool given = l < m.modes;
+  const double* const column = y + (given ? l : 0);
+  double* const out = v + (given ? l : 0);
+  const int begin = span.begin(c), end = c < span.chunks ? span.end(c) : begin;
+  if (c == 0 && slab == 0 && given) out[0] = 0;
+  const double w0 = given ? m.w0[l] : 0, w1 = given ? m.w1[l] : 0, s1 = given ? m.s1[l] : 0;
+  double before = column[long(min(begin, span.rows) - 1) * m.step];
+  double u[tile];
+  read_tile(column, m.step, begin, span.rows, u);
+  __pipeline_wait_prior(0);
+  __syncthreads();
+  for (int j = begin; j < end; j += tile) {
+    double even[tile], odd[tile];
 #pragma unroll
-  for (int g = 0; g < group; ++g) z[g] = state_of_chunk(m, c, at + g * m.stride, y[l], added, states);
-  const double w0 = m.w0[l], w1 = m.w1[l];
-  if (c == 0 && slab == 0 && warp == 0 && given) v[l] = 0;
-  const double* u = tiles.wait(0);
-  for (int t = 0; begin + t * tile < end; ++t) {
-    double sum[tile];
+    for (int i = 0; i < tile; ++i) {
+      even[i] = slab > 0 ? out[long(min(j + i, span.rows - 1)) * m.step] : w0 * u[i];
+      odd[i] = slab > 0 ? 0 : (i == 0 && j == 1 ? s1 : w1) * (i > 0 ? u[i > 0 ? i - 1 : 0] : before);
+    }
+#pragma unroll 1
+    for (int k = 0; k < count; k += together) {
+      double E[together], C[together], z[together];
 #pragma unroll
-    for (int i = 0; i < tile; ++i) sum[i] = 0;
-#pragma unroll
-    for (int g = 0; g < group; ++g) {
-      const double E = __ldg(m.decay + at + g * m.stride), C = __ldg(m.output + at + g * m.stride);
-#pragma unroll
-      for (int i = 0; i < tile; ++i) {
-        sum[i] += C * z[g];
-        z[g] = E * z[g] + u[(i + 1) * lanes + lane];
+      for (int g = 0; g < together; ++g) {
+        E[g] = own.decay[(k + g) * lanes], C[g] = own.output[(k + g) * lanes];
+        z[g] = own.states[(k + g) * lanes];
       }
-    }
-    double* const part = parts + t % 2 * warps * tile * lanes;
 #pragma unroll
-    for (int i = 0; i < tile; ++i) part[(warp * tile + i) * lanes + lane] = sum[i];
-    const double* const next = tiles.wait(t + 1);
-    tiles.fetch(t + 3);
-    for (int i = warp; i < tile; i += warps) {
-      const int j = begin + t * tile + i;
-      if (j >= end || !given) break;
-      double* const out = v + long(j) * m.step + l;
-      const double *now = u + (i + 1) * lanes + lane, *before = now - lanes;
-      double all = slab > 0 ? *out : w0 * *now + (j == 1 ? m.s1[l] : w1) * *before;
-      for (int other = 0; other < warps; ++other) all += part[(other * tile + i) * lanes + lane];
-      *out = all;
+      for (int i = 0; i < tile; ++i)
+#pragma unroll
+        for (int g = 0; g < together; ++g) {
+          (g % 2 == 0 ? even[i] : odd[i]) += C[g] * z[g];
+          z[g] = E[g] * z[g] + u[i];
+        }
+#pragma unroll
+      for (int g = 0; g < together; ++g) own.states[(k + g) * lanes] = z[g];
     }
-    u = next;
+    before = u[tile - 1];
+    if (j + tile < end) read_tile(column, m.step, j + tile, span.rows, u);
+#pragma unroll
+    for (int i = 0; i < tile; ++i)
+      if (given && j + i < end) out[long(j + i) * m.step] = even[i] + odd[i];
   }
 }
 
@@ -201,7 +182,6 @@ class ModalScan final : public Convolution {
         length_(chunk_length(rows)),
         chunks_(std::max<Index>(1, (rows - 1 + length_ - 1) / length_)),
         rows_(rows),
-        carries_(0.5 * double(chunks_ * chunks_ * K_ * stride_) * sizeof(double) > cheap_carry),
         decay_(padded(device, r.decay, K_, stride_)),
         power_(padded(device, r.decay.array().pow(double(length_)).matrix(), K_, stride_)),
         output_(padded(device, r.output, K_, stride_)),
@@ -210,8 +190,11 @@ class ModalScan final : public Convolution {
         w0_(on_device(device, r.w0)),
         w1_(on_device(device, r.w1)),
         s1_(on_device(device, r.s1)),
-        states_(device, carries_ ? std::size_t(chunks_ * K_ * stride_) : 0),
-        added_(device, std::size_t(chunks_ * K_ * stride_)) {}
+        states_(device, std::size_t(chunks_ * K_ * stride_)),
+        added_(device, std::size_t(chunks_ * K_ * stride_)) {
+    check(cudaFuncSetAttribute(apply_chunks, cudaFuncAttributeMaxDynamicSharedMemorySize, int(Slab::bytes(slab_size))),
+          "reserving shared memory");
+  }
 
   void apply(const Array& y, Array& v, Index first) override {
     const cudaStream_t stream = device_.stream();
@@ -222,52 +205,37 @@ class ModalScan final : public Convolution {
                    w1_.data(),    s1_.data(),    int(K_),        int(n_),       int(stride_),    int(stride(n_))};
     const Span span{int(from), int(chunks_), int(length_), int(rows_)};
     const unsigned across = unsigned(stride_ / lanes), along = unsigned(chunks_ - from);
+    const unsigned groups = unsigned(std::min<Index>(K_ / group, most_groups)),
+                   slabs = unsigned(rounded_up(K_, slab_size) / slab_size);
     if (along > 1)
-      accumulate<<<dim3(across, along - 1, unsigned(slabs())), dim3(lanes, warps(0)), 0, stream>>>(m, span, values(y),
-                                                                                                   added_.data());
-    if (carries_)
-      carry<<<dim3(unsigned((n_ + 127) / 128), unsigned(K_)), 128, 0, stream>>>(m, span, values(y), added_.data(),
-                                                                                states_.data());
-    for (Index slab = 0; slab < slabs(); ++slab)
-      apply_chunks<<<dim3(across, along), dim3(lanes, warps(slab)), shared_bytes(warps(slab)), stream>>>(
-          m, span, int(slab), values(y), added_.data(), states_.data(), values(v));
+      accumulate<<<dim3(across, along - 1, slabs), dim3(lanes, groups), 0, stream>>>(m, span, values(y), added_.data());
+    carry<<<dim3(unsigned((n_ + 127) / 128), unsigned(K_)), 128, 0, stream>>>(m, span, values(y), added_.data(),
+                                                                              states_.data());
+    const dim3 blocks(across, (along + chunks_together - 1) / chunks_together), threads(lanes, chunks_together);
+    for (unsigned slab = 0; slab < slabs; ++slab)
+      apply_chunks<<<blocks, threads, Slab::bytes(std::min<Index>(K_ - slab * slab_size, slab_size)), stream>>>(
+          m, span, int(slab), values(y), states_.data(), values(v));
     check(cudaGetLastError(), "starting the scan");
   }
 
   std::size_t bytes() const override { return 5 * decay_.bytes() + 3 * w0_.bytes() + states_.bytes() + added_.bytes(); }
 
  private:
-  Index slabs() const { return (K_ / group + most_warps - 1) / most_warps; }
-  unsigned warps(Index slab) const { return unsigned(std::min<Index>(K_ / group - slab * most_warps, most_warps)); }
-  static std::size_t shared_bytes(unsigned warps) {
-    return sizeof(double) * std::size_t(Tiles::size + 2 * int(warps) * tile * lanes);
-  }
-
-  // As many blocks as the device holds at once, chunks long enough that carrying them costs little.
+  // As many warps as hide what they wait for; carrying is cheap where chunks are few.
   Index chunk_length(Index rows) const {
-    int blocks = 1;
-    check(
-        cudaFuncSetAttribute(apply_chunks, cudaFuncAttributeMaxDynamicSharedMemorySize, int(shared_bytes(most_warps))),
-        "reserving shared memory");
-    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, apply_chunks, int(lanes * warps(0)),
-                                                        shared_bytes(warps(0))),
-          "asking for the occupancy");
-    const Index chunks = std::max<Index>(1, Index(blocks) * device_.multiprocessors() * lanes / stride_);
-    const Index longest = std::max<Index>(16 * tile, rows / most_chunks + 1);
-    return rounded_up(std::clamp<Index>((rows + chunks - 1) / chunks, tile, longest), tile);
+    const Index chunks = std::clamp<Index>(wanted_warps * device_.multiprocessors() * lanes / stride_, 1, most_chunks);
+    return rounded_up(std::max<Index>((rows - 1 + chunks - 1) / chunks, 2 * tile), tile);
   }
 
   const Device& device_;
   Index n_, K_, stride_, length_, chunks_, rows_;
-  bool carries_;  ///< in a pass of its own
   Memory<double> decay_, power_, output_, start_, initial_, w0_, w1_, s1_, states_, added_;
 };
 
 }  // namespace
 
 std::unique_ptr<Convolution> make_scan(const Device& device, const ModalRecurrence& r, Index rows) {
-  if (rows <= most_direct && r.initial.size() == 0)
-    return make_direct_convolution(device, lag_table(r, rows - 1), rows);
+  if (rows <= most_direct && r.initial.size() == 0) return make_direct_convolution(device, r, rows);
   return std::make_unique<ModalScan>(device, r, rows);
 }
 

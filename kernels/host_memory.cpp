@@ -2,9 +2,10 @@
 
 #include "kernels/device.hpp"
 
+#include <omp.h>
+
 #include <algorithm>
 #include <cstring>
-#include <thread>
 
 namespace bromwich::cuda {
 
@@ -27,23 +28,28 @@ void* PinnedSlots::take() {
 
 namespace {
 
-constexpr std::size_t fetchers = 4, buffer_bytes = std::size_t(1) << 20;
+constexpr std::size_t most_fetchers = 8, buffer_bytes = std::size_t(1) << 20, piece_bytes = buffer_bytes / 2;
+
+std::size_t fetchers() {
+  static const std::size_t count = std::clamp<std::size_t>(std::size_t(omp_get_num_procs()), 1, most_fetchers);
+  return count;
+}
 
 }  // namespace
 
 void fill(double* to, std::size_t count, double value) {
-  const std::size_t at_work = count * sizeof(double) < buffer_bytes ? 1 : fetchers, share = count / at_work;
+  const std::size_t at_work = count * sizeof(double) < buffer_bytes ? 1 : fetchers(), share = count / at_work;
   const auto work = [&](std::size_t mine) {
     std::fill(to + mine * share, mine + 1 < at_work ? to + (mine + 1) * share : to + count, value);
   };
-  std::vector<std::jthread> others;
-  for (std::size_t mine = 1; mine < at_work; ++mine) others.emplace_back(work, mine);
-  work(0);
+#pragma omp parallel for schedule(static, 1) num_threads(int(at_work))
+  for (std::size_t mine = 0; mine < at_work; ++mine) work(mine);
 }
 
 Fetchers::~Fetchers() {
   for (const Fetcher& f : fetchers_) {
     cudaStreamDestroy(f.stream);
+    for (const cudaEvent_t copied : f.copied) cudaEventDestroy(copied);
     cudaFreeHost(f.buffer);
   }
   if (ready_) cudaEventDestroy(ready_);
@@ -51,46 +57,49 @@ Fetchers::~Fetchers() {
 
 void Fetchers::make() {
   if (!ready_) check(cudaEventCreateWithFlags(&ready_, cudaEventDisableTiming), "making an event");
-  while (fetchers_.size() < fetchers) {
+  while (fetchers_.size() < fetchers()) {
     Fetcher f;
     check(cudaMallocHost(&f.buffer, buffer_bytes), "allocating pinned memory");
     check(cudaStreamCreateWithFlags(&f.stream, cudaStreamNonBlocking), "making a stream");
+    for (cudaEvent_t& copied : f.copied)
+      check(cudaEventCreateWithFlags(&copied, cudaEventDisableTiming), "making an event");
     fetchers_.push_back(f);
   }
 }
 
 void Fetchers::fetch(const void* from, std::size_t pitch, void* to, std::size_t width, std::size_t rows,
                      cudaStream_t stream) {
-  const std::size_t together = buffer_bytes / pitch;  // rows of a piece
+  const std::size_t together = piece_bytes / pitch;  // rows of a piece
   if (together == 0) {
     check(cudaMemcpy2DAsync(to, width, from, pitch, width, rows, cudaMemcpyDeviceToHost, stream), "copying rows");
     return check(cudaStreamSynchronize(stream), "copying rows");
   }
-  if (fetchers_.size() < fetchers) make();
+  if (fetchers_.size() < fetchers()) make();
   check(cudaEventRecord(ready_, stream), "copying rows");
-  const std::size_t pieces = (rows + together - 1) / together, at_work = std::min(pieces, fetchers);
+  const std::size_t pieces = (rows + together - 1) / together, at_work = std::min(pieces, fetchers());
   std::vector<cudaError_t> errors(at_work, cudaSuccess);
   const auto work = [&](std::size_t mine) {
     const Fetcher& f = fetchers_[mine];
     cudaError_t& error = errors[mine];
     const auto done = [&error](cudaError_t status) { return (error = status) == cudaSuccess; };
     if (!done(cudaSetDevice(device_)) || !done(cudaStreamWaitEvent(f.stream, ready_, 0))) return;
-    for (std::size_t piece = mine; piece < pieces; piece += at_work) {
-      const std::size_t first = piece * together, count = std::min(together, rows - first);
-      const char* const source = static_cast<const char*>(from) + first * pitch;
-      if (!done(cudaMemcpyAsync(f.buffer, source, count * pitch, cudaMemcpyDeviceToHost, f.stream)) ||
-          !done(cudaStreamSynchronize(f.stream)))
-        return;
-      for (std::size_t j = 0; j < count; ++j)
-        std::memcpy(static_cast<char*>(to) + (first + j) * width, static_cast<const char*>(f.buffer) + j * pitch,
-                    width);
+    const auto half = [&](std::size_t turn) { return static_cast<char*>(f.buffer) + turn % 2 * piece_bytes; };
+    const auto count = [&](std::size_t piece) { return std::min(together, rows - piece * together); };
+    const auto start = [&](std::size_t piece, std::size_t turn) {
+      const char* const source = static_cast<const char*>(from) + piece * together * pitch;
+      return done(cudaMemcpyAsync(half(turn), source, count(piece) * pitch, cudaMemcpyDeviceToHost, f.stream)) &&
+             done(cudaEventRecord(f.copied[turn % 2], f.stream));
+    };
+    if (!start(mine, 0)) return;
+    for (std::size_t piece = mine, turn = 0; piece < pieces; piece += at_work, ++turn) {
+      if (piece + at_work < pieces && !start(piece + at_work, turn + 1)) return;
+      if (!done(cudaEventSynchronize(f.copied[turn % 2]))) return;
+      char* const target = static_cast<char*>(to) + piece * together * width;
+      for (std::size_t j = 0; j < count(piece); ++j) std::memcpy(target + j * width, half(turn) + j * pitch, width);
     }
   };
-  {
-    std::vector<std::jthread> others;
-    for (std::size_t mine = 1; mine < at_work; ++mine) others.emplace_back(work, mine);
-    work(0);
-  }
+#pragma omp parallel for schedule(static, 1) num_threads(int(at_work))
+  for (std::size_t mine = 0; mine < at_work; ++mine) work(mine);
   for (const cudaError_t error : errors) check(error, "copying rows");
 }
 

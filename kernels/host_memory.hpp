@@ -45,7 +45,8 @@ class Fetchers {
  private:
   struct Fetcher {
     cudaStream_t stream = nullptr;
-    void* buffer = nullptr;
+    void* buffer = nullptr;  ///< two halves: one is filled while the other is read
+    cudaEvent_t copied[2] = {};
   };
   void make();
 

@@ -9,13 +9,16 @@
 namespace bromwich::cuda {
 
 std::unique_ptr<SineTransform> make_sine_transform(const Device&, Index n, Index rows);
-/// The two that it chooses from: a product with the dense matrix, and cuFFT.
+/// The three that it chooses from: a kernel for n + 1 a power of two, 16 to 4096 (`has_sine_rows`), a product with the
+/// dense matrix, and cuFFT.
+bool has_sine_rows(Index n);
+std::unique_ptr<SineTransform> make_sine_rows(const Device&, Index n);
 std::unique_ptr<SineTransform> make_sine_product(const Device&, Index n);
 std::unique_ptr<SineTransform> make_sine_fft(const Device&, Index n, Index rows);
 std::unique_ptr<Convolution> make_scan(const Device&, const ModalRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_scan(const Device&, const DenseRecurrence&, Index rows);
-/// For few rows: diagonal weights, summed as they are.
-std::unique_ptr<Convolution> make_direct_convolution(const Device&, const LagTable&, Index rows);
+/// For few rows: the weights that the recurrence without `initial` stands for, summed as they are.
+std::unique_ptr<Convolution> make_direct_convolution(const Device&, const ModalRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_fft_convolution(const Device&, const LagTable&, Index rows);
 /// The operations as a CUDA graph; null above the size where launching them one by one is hidden behind their work.
 std::unique_ptr<Program> make_program(const Device&, Index values, const std::function<void()>& operations);

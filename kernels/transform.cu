@@ -1,5 +1,6 @@
-// The orthonormal sine transform of rows. Up to `largest_product` points it is a product with the dense matrix, which
-// the tensor cores do faster than an FFT of awkward length; beyond, the odd extension of each row goes through cuFFT.
+// The orthonormal sine transform of rows, where kernels/transform_rows.cu has no kernel of its own. Up to
+// `largest_product` points it is a product with the dense matrix, which the tensor cores do faster than an FFT of
+// awkward length; beyond, the odd extension of each row goes through cuFFT.
 
 #include "kernels/parts.hpp"
 
@@ -158,6 +159,7 @@ std::unique_ptr<SineTransform> make_sine_fft(const Device& device, Index n, Inde
 }
 
 std::unique_ptr<SineTransform> make_sine_transform(const Device& device, Index n, Index rows) {
+  if (has_sine_rows(n)) return make_sine_rows(device, n);
   return n <= largest_product ? make_sine_product(device, n) : make_sine_fft(device, n, rows);
 }
 

@@ -1,7 +1,6 @@
-// The Galerkin method against a dense assembly of the same discrete problem, made in another way: sources of second
-// degree belong to an augmented state (x, 1, t, t^2), phi-functions come from exponentials of block matrices, the
-// boundary term from E0 + ET e^{TA}, free unknowns are eliminated from the whole matrix at once, and the
-// complementarity problem is solved by Lemke's method.
+// The Galerkin method against a dense matrix of the same discrete problem, which the oracle integrates by quadrature:
+// free unknowns are eliminated from the whole matrix at once, and the complementarity problem is solved by Lemke's
+// method.
 
 #include "backends.hpp"
 #include "core/galerkin_free.hpp"
@@ -9,9 +8,9 @@
 #include "core/lcp/lemke.hpp"
 #include "core/scenes/catalogue.hpp"
 #include "core/two_point.hpp"
+#include "tests/oracle_galerkin.hpp"
 
 #include <Eigen/Dense>
-#include <unsupported/Eigen/MatrixFunctions>
 
 #include <algorithm>
 
@@ -23,26 +22,22 @@ using reference::Random;
 enum class EndConditions { initial, separated, coupled, periodic };
 
 /// m = 3, n = 2; quadratic f and g; M strictly dominant and the dynamics weak enough for one solution.
-struct QuadraticScene {
-  Scene scene;
-  Matrix f, g;  ///< m x 3 and n x 3: coefficients of 1, t, t^2
-};
-
-QuadraticScene quadratic_scene(std::uint32_t seed, EndConditions ends, std::vector<Index> free_rows) {
+Scene quadratic_scene(std::uint32_t seed, EndConditions ends) {
   Random random(seed);
   const Index m = 3, n = 2;
-  QuadraticScene s{{}, random.matrix(m, 3), random.matrix(n, 3)};
-  s.g.col(0) *= 2;
-  s.scene.dynamics = DenseDynamics{2 * random.matrix(m, m), random.matrix(m, n), 0.4 * random.matrix(n, m)};
-  s.scene.M = Matrix(random.dominant(n) + Matrix::Identity(n, n));
-  s.scene.f = [f = s.f](double t, Eigen::Ref<Vector> value) { value = f * Eigen::Vector3d(1, t, t * t); };
-  s.scene.g = [g = s.g](double t, Eigen::Ref<Vector> value) { value = g * Eigen::Vector3d(1, t, t * t); };
-  s.scene.free_rows = std::move(free_rows);
-  s.scene.T = 1.5;
+  const Matrix f = random.matrix(m, 3);  // coefficients of 1, t, t^2
+  Matrix g = random.matrix(n, 3);
+  g.col(0) *= 2;
+  Scene scene;
+  scene.dynamics = DenseDynamics{2 * random.matrix(m, m), random.matrix(m, n), 0.4 * random.matrix(n, m)};
+  scene.M = Matrix(random.dominant(n) + Matrix::Identity(n, n));
+  scene.f = [f](double t, Eigen::Ref<Vector> value) { value = f * Eigen::Vector3d(1, t, t * t); };
+  scene.g = [g](double t, Eigen::Ref<Vector> value) { value = g * Eigen::Vector3d(1, t, t * t); };
+  scene.T = 1.5;
   const Matrix I = Matrix::Identity(m, m), none = Matrix::Zero(m, m);
   if (ends == EndConditions::initial) {
-    s.scene.x0 = random.vector(m);
-    return s;
+    scene.x0 = random.vector(m);
+    return scene;
   }
   BoundaryCondition c{none, none, random.vector(m)};
   if (ends == EndConditions::separated) {
@@ -56,68 +51,19 @@ QuadraticScene quadratic_scene(std::uint32_t seed, EndConditions ends, std::vect
     c.ET = -I;
     c.b.setZero();
   }
-  s.scene.boundary = c;
-  return s;
+  scene.boundary = c;
+  return scene;
 }
 
-/// phi_k(A) as the corner of the exponential of [[A, I, 0], [0, 0, I], ...].
-Matrix block_phi(const Matrix& A, int k) {
-  const Index m = A.rows();
-  Matrix block = Matrix::Zero((k + 1) * m, (k + 1) * m);
-  block.topLeftCorner(m, m) = A;
-  for (int j = 0; j < k; ++j) block.block(j * m, (j + 1) * m, m, m) += Matrix::Identity(m, m);
-  return Matrix(block.exp()).topRightCorner(m, m);
-}
-
-/// w = L z + q, all intervals, boundary condition included.
+/// w = L z + q, all intervals, boundary condition included, by quadrature.
 struct Assembled {
   Matrix L;
   Vector q;
 };
 
-Assembled assemble(const QuadraticScene& s, Index N) {
-  const auto& d = std::get<DenseDynamics>(s.scene.dynamics);
-  const Index m = d.A.rows(), n = d.B.cols(), M = m + 3;
-  Matrix A = Matrix::Zero(M, M), B = Matrix::Zero(M, n), seen = Matrix::Zero(n, M);
-  A.topLeftCorner(m, m) = d.A;
-  A.topRightCorner(m, 3) = s.f;
-  A(m + 1, m) = 1;      // (t)' = 1
-  A(m + 2, m + 1) = 2;  // (t^2)' = 2 t
-  B.topRows(m) = d.B;
-  seen << d.N, s.g;
-  const double h = s.scene.T / double(N);
-  std::vector<Matrix> G;
-  for (int k = 0; k <= 4; ++k) G.push_back(block_phi(h * A, k));
-  Matrix H(M, 2 * n), C(2 * n, M), D(2 * n, 2 * n);
-  const Matrix mass = to_dense(s.scene.M);
-  H << h * (G[1] - G[2]) * B, h * G[2] * B;
-  C << 2 * seen * G[2], 2 * seen * (G[1] - G[2]);
-  D << 2 * mass / 3 + 2 * h * seen * (G[3] - G[4]) * B, mass / 3 + 2 * h * seen * G[4] * B,
-      mass / 3 + 2 * h * seen * (G[2] - 2 * G[3] + G[4]) * B, 2 * mass / 3 + 2 * h * seen * (G[3] - G[4]) * B;
-
-  const auto slack = [&](const Vector& z, Vector X) {  // X the start; returns w and leaves X at the end
-    Vector w(N * 2 * n);
-    for (Index k = 0; k < N; ++k) {
-      const Vector z_k = z.segment(k * 2 * n, 2 * n);
-      w.segment(k * 2 * n, 2 * n) = D * z_k + C * X;
-      X = (G[0] * X + H * z_k).eval();
-    }
-    return std::pair(w, X);
-  };
-  const Matrix I = Matrix::Identity(m, m);
-  const BoundaryCondition c = s.scene.boundary.value_or(BoundaryCondition{I, Matrix::Zero(m, m), s.scene.x0});
-  const Matrix S = c.E0 + c.ET * Matrix((s.scene.T * d.A).exp());
-  const auto solved = [&](const Vector& z, double one) {
-    Vector X = Vector::Zero(M);
-    X[m] = one;
-    const Vector end = slack(z, X).second.head(m);
-    X.head(m) = S.fullPivLu().solve(one * c.b - c.ET * end);
-    return slack(z, X).first;
-  };
-  const Index size = N * 2 * n;
-  Assembled all{Matrix(size, size), solved(Vector::Zero(size), 1)};
-  for (Index i = 0; i < size; ++i) all.L.col(i) = solved(Vector::Unit(size, i), 0);
-  return all;
+Assembled assemble(const Scene& scene, Index N) {
+  const oracle::GalerkinSystem system = oracle::galerkin_system(scene, N);
+  return {system.matrix, system.q};
 }
 
 /// z of the mixed problem, free unknowns eliminated from all intervals at once.
@@ -153,9 +99,9 @@ INSTANTIATE_TEST_SUITE_P(Conditions, GalerkinDense,
 TEST_P(GalerkinDense, OperatorAgreesWithItsMatrix) {
   Random random(5);
   for (const Index N : {1, 2, 7, 16}) {
-    const QuadraticScene s = quadratic_scene(3, GetParam(), {});
-    const Assembled a = assemble(s, N);
-    const GalerkinProblem p = galerkin_problem(s.scene, N);
+    const Scene scene = quadratic_scene(3, GetParam());
+    const Assembled a = assemble(scene, N);
+    const GalerkinProblem p = galerkin_problem(scene, N);
     const Vector z = random.vector(a.q.size());
     const RowMatrix w = galerkin_slack(p, rows_of(z, N), galerkin_states(p, rows_of(z, N)));
     EXPECT_LE((w - rows_of(a.L * z + a.q, N)).cwiseAbs().maxCoeff(), same_assembled) << N;
@@ -165,12 +111,14 @@ TEST_P(GalerkinDense, OperatorAgreesWithItsMatrix) {
 
 TEST_P(GalerkinDense, SolutionsAgree) {
   Index active = 0, inactive = 0;
-  for (const std::vector<Index>& free_rows : {std::vector<Index>{}, {0}, {1}, {0, 1}})
-    for (const std::uint32_t seed : {1u, 2u, 3u})
-      for (const Index N : {1, 5, 64}) {
-        const QuadraticScene s = quadratic_scene(seed, GetParam(), free_rows);
-        const RowMatrix expected = rows_of(pivoted(assemble(s, N), free_rows, 2), N);
-        const Result r = run(s.scene, options_for(Method::galerkin, N));
+  for (const std::uint32_t seed : {1u, 2u, 3u})
+    for (const Index N : {1, 5, 64}) {
+      Scene scene = quadratic_scene(seed, GetParam());
+      const Assembled assembled = assemble(scene, N);
+      for (const std::vector<Index>& free_rows : {std::vector<Index>{}, {0}, {1}, {0, 1}}) {
+        scene.free_rows = free_rows;
+        const RowMatrix expected = rows_of(pivoted(assembled, free_rows, 2), N);
+        const Result r = run(scene, options_for(Method::galerkin, N));
         ASSERT_EQ(r.status, Status::solved) << r.reason;
         EXPECT_LE(distance(r.y_left, expected.leftCols(2)), same_assembled) << seed << ' ' << N;
         EXPECT_LE(distance(r.y.bottomRows(N), expected.rightCols(2)), same_assembled) << seed << ' ' << N;
@@ -179,6 +127,7 @@ TEST_P(GalerkinDense, SolutionsAgree) {
         active += (expected.array() != 0).count();
         inactive += (expected.array() == 0).count();
       }
+    }
   EXPECT_GT(active, 500);
   EXPECT_GT(inactive, 500);
 }
@@ -188,8 +137,8 @@ TEST_P(GalerkinDense, SolversAgree) {
   const auto backend = make_cpu_backend(2);
   for (const std::uint32_t seed : {1u, 4u}) {
     const Index N = 48;
-    const QuadraticScene s = quadratic_scene(seed, GetParam(), {});
-    const GalerkinProblem p = galerkin_problem(s.scene, N);
+    const Scene scene = quadratic_scene(seed, GetParam());
+    const GalerkinProblem p = galerkin_problem(scene, N);
     const GalerkinSolution exact = exchange_active_sets(p, *backend, {});
     ASSERT_EQ(exact.status, Status::solved) << exact.reason;
     const RowMatrix far = RowMatrix::Constant(N, p.unknowns(), 10);
@@ -211,11 +160,11 @@ INSTANTIATE_TEST_SUITE_P(Contract, GalerkinIteration, testing::ValuesIn(backend_
 TEST_P(GalerkinIteration, FindsTheSolution) {
   for (const EndConditions ends : {EndConditions::initial, EndConditions::periodic})
     for (const Index N : {1, 33, 200}) {
-      QuadraticScene s = quadratic_scene(6, ends, {});
-      auto& d = std::get<DenseDynamics>(s.scene.dynamics);
+      Scene scene = quadratic_scene(6, ends);
+      auto& d = std::get<DenseDynamics>(scene.dynamics);
       d.A -= 4 * Matrix::Identity(3, 3);  // what is carried around a period decays
       d.N *= 0.5;
-      const GalerkinProblem p = galerkin_problem(s.scene, N);
+      const GalerkinProblem p = galerkin_problem(scene, N);
       const GalerkinSolution exact = exchange_active_sets(p, *backend, {}), sweeps = iterate_galerkin(p, *backend, {});
       ASSERT_EQ(exact.status, Status::solved) << exact.reason;
       ASSERT_EQ(sweeps.status, Status::solved) << sweeps.reason;
@@ -224,8 +173,8 @@ TEST_P(GalerkinIteration, FindsTheSolution) {
 }
 
 TEST_P(GalerkinIteration, MarchingAgreesOnEveryBackend) {
-  const QuadraticScene s = quadratic_scene(8, EndConditions::initial, {});
-  const GalerkinProblem p = galerkin_problem(s.scene, 77);
+  const Scene scene = quadratic_scene(8, EndConditions::initial);
+  const GalerkinProblem p = galerkin_problem(scene, 77);
   const GalerkinSolution marched = march_galerkin(p, *backend, {});
   ASSERT_EQ(marched.status, Status::solved) << marched.reason;
   EXPECT_LE(distance(marched.z, exchange_active_sets(p, *backend, {}).z), same_assembled);
