@@ -2,6 +2,7 @@
 // A backend that queues as a device does: batches and marches are begun and looked at later, and operations are
 // recorded and replayed. The CPU does the work, at once.
 
+#include "core/affine_chain.hpp"
 #include "core/backend.hpp"
 #include "core/step_chain.hpp"
 #include "cpu/cpu_backend.hpp"
@@ -56,6 +57,9 @@ class QueueingBackend final : public Backend {
     return host_->stage_march(problem, rows);
   }
   std::unique_ptr<StepChain> step_chain(const StepChainProblem& problem) override { return host_->step_chain(problem); }
+  std::unique_ptr<AffineChain> affine_chain(const AffineChainSizes& sizes) override {
+    return host_->affine_chain(sizes);
+  }
   ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes) override {
     return host_->resolvent(dynamics, nodes);
   }

@@ -204,9 +204,9 @@ TEST_P(GalerkinIteration, SweepsDoNotGrowWithTheGrid) {
 // Sources of second degree are integrated exactly on both grids.
 TEST(GalerkinGrids, HalfAsManyIntervalsWithoutSamples) {
   for (const EndConditions ends : {EndConditions::initial, EndConditions::periodic}) {
-    const QuadraticScene s = quadratic_scene(3, ends, {});
-    const GalerkinProblem sampled = galerkin_problem(s.scene, 7),
-                          found = coarser_problem(s.scene, galerkin_problem(s.scene, 14));
+    const Scene scene = quadratic_scene(3, ends);
+    const GalerkinProblem sampled = galerkin_problem(scene, 7),
+                          found = coarser_problem(scene, galerkin_problem(scene, 14));
     EXPECT_LE(distance(found.forcing, sampled.forcing), 1e-13 * std::max(1.0, sampled.forcing.cwiseAbs().maxCoeff()));
     EXPECT_LE(distance(found.q, sampled.q), 1e-13 * std::max(1.0, sampled.q.cwiseAbs().maxCoeff()));
     EXPECT_LE((found.t - sampled.t).cwiseAbs().maxCoeff(), 1e-15);
