@@ -73,13 +73,14 @@ RowMatrix halved_intervals(const RowMatrix& z) {
 
 // The active sets of coarser grids: most exchanges happen where they cost little. Where they do not end on one of them
 // the next begins with empty sets; the safe solvers are for the grid that was asked for.
-RowMatrix nested_start(const Scene& scene, Index N, Index unknowns, Backend& backend, const Options& options) {
+RowMatrix nested_start(const Scene& scene, const GalerkinProblem& fine, Index unknowns, Backend& backend,
+                       const Options& options) {
   constexpr Index fewest_intervals = 32;
-  const RowMatrix nothing = RowMatrix::Zero(N, unknowns);
-  if (N % 2 != 0 || N / 2 < fewest_intervals) return nothing;
-  const GalerkinProblem p = galerkin_problem(scene, N / 2);
+  const RowMatrix nothing = RowMatrix::Zero(fine.N, unknowns);
+  if (fine.N % 2 != 0 || fine.N / 2 < fewest_intervals) return nothing;
+  const GalerkinProblem p = coarser_problem(scene, fine);
   const FreeElimination elimination(p, scene.free_rows);
-  const RowMatrix start = nested_start(scene, N / 2, unknowns, backend, options);
+  const RowMatrix start = nested_start(scene, p, unknowns, backend, options);
   const GalerkinSolution s = exchange_or_shoot(elimination.reduced(), backend, options, start);
   return s.status == Status::solved ? halved_intervals(s.z) : nothing;
 }
@@ -95,18 +96,18 @@ GalerkinSolution linear_solution(const GalerkinProblem& p) {
   return s;
 }
 
-// `start`: z where the active sets are known about, or null.
-GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& p, Backend& backend, const Options& options,
-                                const RowMatrix* start) {
+// `p` is `full` without its free unknowns; `start`: z where the active sets are known about, or null.
+GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& full, const GalerkinProblem& p,
+                                Backend& backend, const Options& options, const RowMatrix* start) {
   if (p.unknowns() == 0) return linear_solution(p);
-  if (p.initial_value && p.uniform() &&
-      backend.device().memory > 0) {  // a device has no use for one interval at a time
+  // A device has no use for one interval at a time.
+  if (p.initial_value && p.uniform() && backend.device().memory > 0) {
     GalerkinSolution sweeps = iterate_galerkin(p, backend, options);
     if (sweeps.status == Status::solved || sweeps.status == Status::interrupted) return sweeps;
   }
   if (p.initial_value) return march_galerkin(p, backend, options);
   return solve_boundary_problem(p, backend, options,
-                                start ? *start : nested_start(scene, p.N, p.unknowns(), backend, options));
+                                start ? *start : nested_start(scene, full, p.unknowns(), backend, options));
 }
 
 // (J+1) rows: the left end of the first interval, then all right ends.
@@ -197,7 +198,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
 
   RowMatrix start;
   if (before) start = elimination.bound_part(coefficients_on(*before, p));
-  GalerkinSolution s = solved_problem(scene, elimination.reduced(), backend, options, before ? &start : nullptr);
+  GalerkinSolution s = solved_problem(scene, p, elimination.reduced(), backend, options, before ? &start : nullptr);
   result.status = s.status;
   result.reason = s.reason;
   result.kernel = "discontinuous piecewise-linear y, exact exponentials; " + s.how;

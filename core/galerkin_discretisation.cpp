@@ -129,6 +129,26 @@ GalerkinProblem galerkin_problem(const Scene& scene, Index N) {
   return galerkin_problem(scene, std::vector<GridPart>{{scene.T, N}});
 }
 
+GalerkinProblem coarser_problem(const Scene& scene, const GalerkinProblem& fine) {
+  const GalerkinStep& step = fine.first_step();
+  const Index N = fine.N / 2, n = fine.unknowns() / 2;
+  GalerkinProblem p;
+  p.N = N;
+  p.t = fine.t(Eigen::seqN(0, N + 1, 2));
+  p.runs = {{0, N, galerkin_step(to_dense(scene.dynamics), to_dense(scene.M), p.t[1])}};
+  p.boundary = fine.boundary;
+  p.initial_value = fine.initial_value;
+  const auto first = Eigen::seqN(0, N, 2), second = Eigen::seqN(1, N, 2);
+  const RowMatrix F = fine.forcing(first, Eigen::all), early = fine.q(first, Eigen::all),
+                  late = fine.q(second, Eigen::all) + F * step.C.transpose();
+  p.forcing = fine.forcing(second, Eigen::all) + F * step.E.transpose();
+  const RowMatrix shared = early.rightCols(n) / 4 + late.leftCols(n) / 4;
+  p.q.resize(N, 2 * n);
+  p.q.leftCols(n) = early.leftCols(n) / 2 + shared;
+  p.q.rightCols(n) = late.rightCols(n) / 2 + shared;
+  return p;
+}
+
 RowMatrix galerkin_states(const GalerkinProblem& p, const RowMatrix& z) {
   RowMatrix input = p.forcing;
   for (const GalerkinRun& run : p.runs)

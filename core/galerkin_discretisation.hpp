@@ -78,6 +78,11 @@ Matrix source_entry(const Scene&, const DenseDynamics&);
 GalerkinProblem galerkin_problem(const Scene&, const std::vector<GridPart>&);
 GalerkinProblem galerkin_problem(const Scene&, Index N);
 
+/// The same scene on half as many intervals, from F and q of a uniform grid without a sample of f and g: with 1 and 2
+/// the halves of an interval, F = E F_1 + F_2, q_left = (q_1l + q_1r/2 + p_2l/2)/2, q_right = (q_1r/2 + p_2l/2 +
+/// p_2r)/2, p_2 = q_2 + C F_1. Precondition: N even.
+GalerkinProblem coarser_problem(const Scene&, const GalerkinProblem&);
+
 /// The states that z causes: (N+1) x m, the boundary condition included. Throws Error where it does not determine them.
 RowMatrix galerkin_states(const GalerkinProblem&, const RowMatrix& z);
 

@@ -6,10 +6,13 @@
 #include "core/galerkin_free.hpp"
 #include "core/galerkin_solvers.hpp"
 #include "core/lcp/lemke.hpp"
+#include "core/scenes/catalogue.hpp"
 #include "core/two_point.hpp"
 #include "tests/oracle_galerkin.hpp"
 
 #include <Eigen/Dense>
+
+#include <algorithm>
 
 namespace bromwich {
 namespace {
@@ -188,12 +191,27 @@ TEST_P(GalerkinIteration, SweepsDoNotGrowWithTheGrid) {
     ASSERT_EQ(sweeps.status, Status::solved) << sweeps.reason;
     ASSERT_EQ(exchanged.status, Status::solved) << exchanged.reason;
     EXPECT_LE(distance(sweeps.z, exchanged.z), same_problem * sweeps.z.cwiseAbs().maxCoeff()) << N;
-    std::printf("N %ld sweeps %ld exchanges %ld\n", long(N), long(sweeps.iterations), long(exchanged.iterations));
     fewest = std::min(fewest, sweeps.iterations);
     most = std::max(most, sweeps.iterations);
   }
   EXPECT_LE(most, 40);
   EXPECT_LE(most - fewest, 2);
+  // The steady gain from v to the current and back is R/r = 100: around a period nothing contracts.
+  const GalerkinProblem periodic = galerkin_problem(make_scene("periodic-rectifier", {}), 64);
+  EXPECT_EQ(iterate_galerkin(periodic, *backend, {}).status, Status::tolerance_not_met);
+}
+
+// Sources of second degree are integrated exactly on both grids.
+TEST(GalerkinGrids, HalfAsManyIntervalsWithoutSamples) {
+  for (const EndConditions ends : {EndConditions::initial, EndConditions::periodic}) {
+    const Scene scene = quadratic_scene(3, ends);
+    const GalerkinProblem sampled = galerkin_problem(scene, 7),
+                          found = coarser_problem(scene, galerkin_problem(scene, 14));
+    EXPECT_LE(distance(found.forcing, sampled.forcing), 1e-13 * std::max(1.0, sampled.forcing.cwiseAbs().maxCoeff()));
+    EXPECT_LE(distance(found.q, sampled.q), 1e-13 * std::max(1.0, sampled.q.cwiseAbs().maxCoeff()));
+    EXPECT_LE((found.t - sampled.t).cwiseAbs().maxCoeff(), 1e-15);
+    EXPECT_LE((found.first_step().D - sampled.first_step().D).cwiseAbs().maxCoeff(), 1e-14);
+  }
 }
 
 // A chain with modes e^{15 k} and e^{-15 k} over 80 steps: e^{1200} is never formed, the ends hold both.
