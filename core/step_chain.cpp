@@ -114,7 +114,7 @@ DenseStep::DenseStep(const StepChainProblem& problem, Index map) {
     if (step.singular) throw singular_step(problem, map);
     R = step.R;
     change = step.change;
-    increment = step.lu.solve(change);
+    increment = step.lu.solve(Matrix(change));
     inverse = step.lu.solve(Matrix(Matrix::Identity(R.rows(), R.rows())));
     return;
   }

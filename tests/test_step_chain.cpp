@@ -326,6 +326,21 @@ TEST_P(StepChains, RefusesWhatCannotBe) {
 
 INSTANTIATE_TEST_SUITE_P(Backends, StepChains, testing::ValuesIn(backend_cases()), backend_case_name);
 
+TEST(DenseStep, IsTheSameOfSparseMaps) {
+  Random random(10);
+  const Index m = 12;
+  const Matrix A = passive_matrix(random, m, 1);
+  const StepSizes steps = group_steps(Vector::LinSpaced(2, 0, 0.1));
+  for (const StepScheme scheme : {StepScheme::euler, StepScheme::midpoint}) {
+    const DenseStep full(step_chain_problem(scheme, A, steps), 0),
+        sparse(step_chain_problem(scheme, SparseMatrix(A.sparseView()), steps), 0);
+    EXPECT_LE((full.increment - sparse.increment).cwiseAbs().maxCoeff(), 1e-14);
+    EXPECT_LE((full.inverse - sparse.inverse).cwiseAbs().maxCoeff(), 1e-14);
+    EXPECT_EQ(full.R, sparse.R);
+    EXPECT_EQ(full.change, sparse.change);
+  }
+}
+
 TEST(StepSizes, RoundingIsNoDifference) {
   const Vector t = bisected_grid(10, 6) * 5e-6;
   const StepSizes steps = group_steps(t);
