@@ -115,7 +115,9 @@ ConstrainedSolution solve_constrained(ConstrainedSystem& system, StepScheme sche
     const double t_e = theta == 1 ? t[i + 1] : t[i] + theta * (t[i + 1] - t[i]);
     e = step.lu.solve(Vector(a + theta * sources.row(i + 1).transpose()));
     step.lcp->start_from(y);
-    const LcpOutcome outcome = step.lcp->solve(system.N() * e + system.g(t_e), y);
+    const Vector q = system.N() * e + system.g(t_e);
+    s.nonfinite = !q.allFinite();
+    const LcpOutcome outcome = s.nonfinite ? LcpOutcome{} : step.lcp->solve(q, y);
     if (!outcome.solved) {
       s.unsolved = i + 1;
       s.infeasible = outcome.infeasible;

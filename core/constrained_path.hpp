@@ -43,6 +43,8 @@ class ConstrainedSystem {
   const Matrix& M() const { return M_; }
   const RowMatrix& port_matrix() const { return port_matrix_; }  ///< Q^T E B: y supplies y^T B^T Q^T E x
   Vector g(double t) const;
+  /// Bytes that products of steps may take.
+  void limit_memory(double bytes) { port_.memory_limit = bytes; }
 
   /// The mode with the set {y > 0}, made where it is met for the first time.
   Index mode_of(const Eigen::Ref<const Vector>& y);
@@ -81,6 +83,7 @@ struct ConstrainedSolution {
   ConstraintValues steps;   ///< y that the steps take
   Index unsolved = -1;      ///< first step whose problem was not solved, or -1
   bool infeasible = false;  ///< proven there
+  bool nonfinite = false;   ///< its data are not finite
 };
 /// Step by step. Rows from an unsolved step on are NaN.
 ConstrainedSolution solve_constrained(ConstrainedSystem&, StepScheme, const Vector& t, const Vector& x0);

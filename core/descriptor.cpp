@@ -14,7 +14,7 @@ namespace {
 constexpr Index largest_index_told = 512;  // states; the index of a singular E takes dense factorizations
 
 /// ||X^{-1}||_1 from below, by solves with X and X^T (Higham, Accuracy and Stability, algorithm 15.4).
-double inverse_norm(Eigen::SparseLU<SparseMatrix>& factors, Index m) {
+double norm_of_inverse(Eigen::SparseLU<SparseMatrix>& factors, Index m) {
   const auto signs = [](const Vector& v) { return Vector(v.unaryExpr([](double a) { return a < 0 ? -1. : 1.; })); };
   Vector v = factors.solve(Vector(Vector::Constant(m, 1. / double(m))));
   double norm = v.lpNorm<1>();
@@ -75,7 +75,7 @@ double reciprocal_condition(const SparseMatrix& X) {
   compressed.makeCompressed();
   Eigen::SparseLU<SparseMatrix> factors(compressed);
   if (factors.info() != Eigen::Success) return 0;
-  const double inverse = inverse_norm(factors, X.rows());
+  const double inverse = norm_of_inverse(factors, X.rows());
   return std::isfinite(inverse) ? 1 / (norm * inverse) : 0;
 }
 

@@ -122,7 +122,9 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   if (scene.constraints() > 0) constrained.emplace(scene, backend, goal);
   const auto quantity = goal.quantity ? goal.quantity : local_balance();
   const Index first = options.steps > 0 ? std::min(goal.first_cells, options.steps) : goal.first_cells;
-  GridBounds bounds{scene.default_steps, Index(1) << 22, input_jumps(*scene.port, scene.T)};
+  GridBounds bounds;
+  bounds.default_cells = scene.default_steps;
+  bounds.breaks = input_jumps(*scene.port, scene.T);
   const Vector t = goal.first_grid.size() > 0 ? goal.first_grid : first_grid(scene.T, first, bounds.breaks);
   const auto fits = [&](Index cells, Index sizes) {
     const GoalCost cost = predicted_goal_cost(system, goal.scheme, scene.constraints(), cells, sizes);
@@ -131,9 +133,12 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   };
   if (options.memory_limit > 0) {
     const Index expected_sizes = 16;
-    bounds.most_cells = std::min(bounds.most_cells, most_goal_cells(system, goal.scheme, scene.constraints(),
-                                                                    expected_sizes, options.memory_limit));
+    const Index affordable =
+        most_goal_cells(system, goal.scheme, scene.constraints(), expected_sizes, options.memory_limit);
+    bounds.memory_bound = affordable < bounds.most_cells;
+    bounds.most_cells = std::min(bounds.most_cells, affordable);
     system.memory_limit = std::max(options.memory_limit - fits(std::max(options.steps, first), 1).bytes(), 1.);
+    if (constrained) constrained->system().limit_memory(system.memory_limit);
   }
   Result result;
   result.seconds.setup = timer.lap();

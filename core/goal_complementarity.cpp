@@ -68,7 +68,8 @@ void ConstrainedGoal::report(const AdaptedGrid& grid, Result& result) {
   const Index M = grid.t.size() - 1, n = system_.constraints();
   const Index good = last_.unsolved < 0 ? M + 1 : last_.unsolved;  // rows
   result.y = RowMatrix::Constant(M + 1, n, std::numeric_limits<double>::quiet_NaN());
-  result.y.topRows(good) = constraints_at(system_, backend_, grid.t.head(good), grid.last.x.topRows(good)).y;
+  result.y.topRows(good) =
+      constraints_at(system_, backend_, grid.t.head(good), grid.last.x.topRows(good)).y.array() + 0.;  // -0 + 0 = 0
   // Of the steps, where complementarity holds in them.
   const Trajectory path{system_.port(), goal_.scheme, grid.t, grid.last.x};
   const RowMatrix e = states_within(path, constraint_point(goal_.scheme));
@@ -82,9 +83,14 @@ void ConstrainedGoal::report(const AdaptedGrid& grid, Result& result) {
   }
   result.lcp.solved = solved_;
   if (last_.unsolved < 0) return;
-  result.status = last_.infeasible ? Status::infeasible : Status::tolerance_not_met;
-  result.reason = text("the problem of the step to t = %g was %s on %td cells", grid.t[last_.unsolved],
-                       last_.infeasible ? "proven to have no solution" : "not solved", M);
+  result.status = last_.nonfinite    ? Status::nonfinite
+                  : last_.infeasible ? Status::infeasible
+                                     : Status::tolerance_not_met;
+  result.reason = text("the problem of the step to t = %g %s on %td cells", grid.t[last_.unsolved],
+                       last_.nonfinite    ? "is not finite"
+                       : last_.infeasible ? "was proven to have no solution"
+                                          : "was not solved",
+                       M);
   if (last_.infeasible) result.infeasible_at = grid.t[last_.unsolved];
 }
 

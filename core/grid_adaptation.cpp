@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <queue>
 #include <utility>
@@ -18,7 +19,7 @@ GoalCycle record(const GoalEvaluation& e, std::optional<double> exact) {
   GoalCycle cycle;
   cycle.cells = e.indicators.size();
   cycle.sizes = e.sizes;
-  cycle.quantity = e.quantity;
+  cycle.quantity = std::isnan(e.quantity) ? std::numeric_limits<double>::quiet_NaN() : e.quantity;  // without a sign
   cycle.estimate = e.indicators.sum();
   cycle.absolute = e.indicators.cwiseAbs().sum();
   if (!exact || e.blind) return cycle;
@@ -159,8 +160,8 @@ Vector bisected(const Vector& t, const std::vector<Index>& marked) {
 
 namespace {
 
-Vector refined(const AdaptedGrid& grid, const GoalOptions& goal, int q, Index limit,
-               const std::vector<double>& breaks) {
+Vector refined_grid(const AdaptedGrid& grid, const GoalOptions& goal, int q, Index limit,
+                    const std::vector<double>& breaks) {
   const Index cells = grid.t.size() - 1, most = limit - cells;
   const Vector& indicators = grid.last.indicators;
   if (grid.last.blind) {
@@ -204,13 +205,14 @@ AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal
     const bool once_more = full && begun && goal.refinement == Refinement::division && !grid.last.blind &&
                            grid.history[grid.history.size() - 2].cells < limit;
     const bool at_end = (full && !once_more) || Index(grid.history.size()) > cycles;
-    Vector finer = at_end ? grid.t : refined(grid, goal, q, limit, bounds.breaks);
+    Vector finer = at_end ? grid.t : refined_grid(grid, goal, q, limit, bounds.breaks);
     if (finer.size() == grid.t.size() && (!once_more || finer == grid.t)) {  // the end, or nothing left to refine
       if (options.tolerance > 0) {
         grid.status = Status::tolerance_not_met;
         grid.reason = text("the error of the quantity is estimated at %.2g on %td cells, %.2g was asked for",
                            std::abs(cycle.estimate), cycle.cells, options.tolerance);
-        if (options.steps == 0 && cycle.cells >= limit) grid.reason += "; more do not fit the memory";
+        if (options.steps == 0 && cycle.cells >= limit)
+          grid.reason += bounds.memory_bound ? "; more do not fit the memory" : "; more are not made unless asked for";
       }
       return grid;
     }

@@ -39,6 +39,7 @@ struct GridBounds {
   Index default_cells = 400;          ///< where neither cells, cycles nor a tolerance are asked for
   Index most_cells = Index(1) << 22;  ///< where the cells are not limited by Options
   std::vector<double> breaks;         ///< times that stay points
+  bool memory_bound = false;          ///< most_cells is what fits the memory
 };
 
 /// Evaluates and refines until the cycles, cells or tolerance asked for. A grid that is blind is halved throughout, and

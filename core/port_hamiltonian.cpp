@@ -84,7 +84,7 @@ void require_semidefinite(const char* member, const SparseMatrix& X) {
 }
 
 /// E^{-1} X by blocks of columns, their zeros left out.
-SparseMatrix solved(const Eigen::SparseLU<SparseMatrix>& E, const SparseMatrix& X) {
+SparseMatrix solved_by_columns(const Eigen::SparseLU<SparseMatrix>& E, const SparseMatrix& X) {
   std::vector<Eigen::Triplet<double>> entries;
   const Index width = 64;
   for (Index first = 0; first < X.cols(); first += width) {
@@ -107,7 +107,7 @@ SparseMatrix solved(const Eigen::SparseLU<SparseMatrix>& E, const SparseMatrix& 
 void PortHamiltonian::validate() const {
   const Index m = J.rows();
   if (m < 1) throw Error("J", "has no rows", "give at least one state");
-  require_square("J", J, m);
+  if (J.cols() != m) throw Error("J", text("is %td x %td", m, J.cols()), "give a square matrix");
   require_square("R", R, m);
   if (E.size() > 0) require_square("E", E, m);
   if (Q.size() > 0) require_square("Q", Q, m);
@@ -155,8 +155,8 @@ StateSpace state_space(const PortHamiltonian& port) {
     s.F = SparseMatrix(inverse.asDiagonal() * s.F);
   } else {
     Eigen::SparseLU<SparseMatrix> factors(port.E);
-    s.A = solved(factors, s.A);
-    if (s.F.cols() > 0) s.F = solved(factors, s.F);
+    s.A = solved_by_columns(factors, s.A);
+    if (s.F.cols() > 0) s.F = solved_by_columns(factors, s.F);
   }
   return s;
 }

@@ -104,6 +104,8 @@ PortHamiltonian read_port(const Section& section, double T) {
   };
   PortHamiltonian port{
       matrix("E"), to_sparse(section.matrix("J")), to_sparse(section.matrix("R")), matrix("Q"), matrix("B"), {}, {}};
+  if (section.has("u") && !section.has("B"))
+    throw Error(section.where("B"), "is missing beside u", "give m rows and one column per entry of u");
   const FunctionValue u = section.function("u", T);
   require_entries(u, port.ports(), section.where("u"), "one per column of B");
   port.u = u.function;

@@ -85,6 +85,35 @@ TEST_F(CliGoal, SolvesForTheQuantityOfAFile) {
   EXPECT_TRUE(contains(refused("solve ph-toy --method goal --quantity file").err, "states no quantity"));
 }
 
+TEST_F(CliGoal, SaysWhatIsWrongWithAPort) {
+  // The file is called as a member of a scene is: no place is named twice.
+  const auto said = [&](const std::string& port, const std::string& more = "") {
+    std::ofstream(folder_ / "f.toml") << "[port]\n" + port + "[time]\nT = 1\n" + more;
+    return refused("solve f.toml --method goal --steps 30").err;
+  };
+  const std::string structure = "J = [[0, 1], [-1, 0]]\nR = [[1, 0], [0, 0]]\n", start = "x0 = [1, 2]\n";
+  EXPECT_EQ(said(structure), "bromwich: f.toml:1: port.x0: is missing; add x0 = ... to [port]\n");
+  EXPECT_TRUE(contains(said(structure + start + "u = [\"t\"]\n"), "port.B: is missing beside u"));
+  EXPECT_TRUE(contains(said("J = [[0, 1]]\nR = [[1]]\n" + start), "f.toml:2: port.J: is 1 x 2; give a square matrix"));
+  EXPECT_TRUE(contains(said("E = [[1, 0], [0, 0]]\nJ = [[0, 0], [0, 0]]\nR = [[1, 0], [0, 0]]\n" + start),
+                       "f.toml:2: port.E: is singular, of rank 1 of 2, and det(s E - (J - R) Q) = 0 for all s"));
+}
+
+TEST_F(CliGoal, EndsWithAStatusWhereStepsCannotBeSolved) {
+  std::ofstream(folder_ / "f.toml")
+      << "[port]\nJ = [[0, 1], [-1, 0]]\nR = [[1, 0], [0, 0]]\nx0 = [1, 2]\n[time]\nT = 1\n"
+         "[dynamics]\nB = [[-1], [0]]\n[complementarity]\nN = [[-1, 0]]\nM = [[1]]\n"
+         "g = [\"sqrt(0.5-t)\"]\n";
+  const Outcome ended = run("solve f.toml --method goal --steps 30 --energies --out e.csv --json");
+  EXPECT_EQ(ended.exit_code, 3);
+  EXPECT_TRUE(contains(ended.err, "nonfinite: the problem of the step to t = 0.55 is not finite on 20 cells"));
+  EXPECT_EQ(Json::parse(ended.out)["goal"]["energy"], nullptr);
+  EXPECT_TRUE(run("solve f.toml --method goal --steps 30").exit_code == 3);
+  const auto lines = split(read(folder_ / "e.csv"), '\n');
+  EXPECT_EQ(lines[0], "t,y0");  // no energies of a grid that was not finished
+  EXPECT_EQ(lines[21], "1,nan");
+}
+
 TEST_F(CliGoal, EnergiesOfOtherMethods) {
   const Outcome result = run("solve ph-toy --method march --steps 100 --states all --energies --out x.csv");
   ASSERT_EQ(result.exit_code, 0) << result.err;
