@@ -2,7 +2,7 @@
 
 #include "core/lcp/solution.hpp"
 #include "core/phi.hpp"
-#include "core/sparse_step.hpp"
+#include "core/sparse_step_factors.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -115,7 +115,7 @@ Index AdjointChoice::checked_sweeps() const {
   return sweeps;
 }
 
-SparseStep::SparseStep(const StepMap& map)
+SparseStepFactors::SparseStepFactors(const StepMap& map)
     : R(std::get<SparseMatrix>(map.R)), change(std::get<SparseMatrix>(map.difference())) {
   SparseMatrix S = std::get<SparseMatrix>(map.S);
   S.makeCompressed();
@@ -133,7 +133,7 @@ SparseStep::SparseStep(const StepMap& map)
 DenseStep::DenseStep(const StepChainProblem& problem, Index map) {
   const StepMap& given = problem.maps[std::size_t(map)];
   if (problem.sparse()) {
-    SparseStep step(given);
+    SparseStepFactors step(given);
     if (step.singular) throw singular_step(problem, map);
     R = step.R;
     change = step.change;
