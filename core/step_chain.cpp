@@ -2,7 +2,7 @@
 
 #include "core/lcp/solution.hpp"
 #include "core/phi.hpp"
-#include "core/sparse_step.hpp"
+#include "core/sparse_step_factors.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -26,6 +26,27 @@ bool is_step_finite(const StepMatrix& matrix) {
   const auto& sparse = std::get<SparseMatrix>(matrix);
   return Eigen::Map<const Vector>(sparse.valuePtr(), sparse.isCompressed() ? sparse.nonZeros() : 0).allFinite() &&
          std::isfinite(sparse.sum());
+}
+
+/// Whether `change` is R - S but for rounding.
+bool is_difference(const StepMap& map) {
+  const auto largest = [](const StepMatrix& matrix) -> double {
+    if (const auto* dense = std::get_if<Matrix>(&matrix)) return dense->cwiseAbs().maxCoeff();
+    double most = 0;
+    const auto& sparse = std::get<SparseMatrix>(matrix);
+    for (Index j = 0; j < sparse.outerSize(); ++j)
+      for (SparseMatrix::InnerIterator entry(sparse, j); entry; ++entry) most = std::max(most, std::abs(entry.value()));
+    return most;
+  };
+  const StepMap plain{map.S, map.R};
+  const StepMatrix found = plain.difference();
+  const StepMatrix apart = std::visit(
+      [&](const auto& a) -> StepMatrix {
+        using Kind = std::decay_t<decltype(a)>;
+        return Kind(a - std::get<Kind>(map.change));
+      },
+      found);
+  return largest(apart) <= 1e-8 * std::max(largest(map.S), largest(map.R));
 }
 
 StepMatrix identity_plus(double s, const StepMatrix& A) {
@@ -80,6 +101,8 @@ void StepChainProblem::validate() const {
       throw Error(name, "found dense and sparse matrices", "give all of one kind");
     if (!is_step_finite(S) || !is_step_finite(R) || !is_step_finite(change))
       throw Error(name, "found a value that is not finite", "check the step size and the matrices");
+    if (changes && !is_difference(maps[k]))
+      throw Error(name, "found a change that is not R - S", "give R - S, or leave it out");
   }
   for (std::size_t i = 0; i < map_of.size(); ++i)
     if (map_of[i] < 0 || map_of[i] >= Index(maps.size()))
@@ -92,7 +115,7 @@ Index AdjointChoice::checked_sweeps() const {
   return sweeps;
 }
 
-SparseStep::SparseStep(const StepMap& map)
+SparseStepFactors::SparseStepFactors(const StepMap& map)
     : R(std::get<SparseMatrix>(map.R)), change(std::get<SparseMatrix>(map.difference())) {
   SparseMatrix S = std::get<SparseMatrix>(map.S);
   S.makeCompressed();
@@ -110,11 +133,11 @@ SparseStep::SparseStep(const StepMap& map)
 DenseStep::DenseStep(const StepChainProblem& problem, Index map) {
   const StepMap& given = problem.maps[std::size_t(map)];
   if (problem.sparse()) {
-    SparseStep step(given);
+    SparseStepFactors step(given);
     if (step.singular) throw singular_step(problem, map);
     R = step.R;
     change = step.change;
-    increment = step.lu.solve(change);
+    increment = step.lu.solve(Matrix(change));
     inverse = step.lu.solve(Matrix(Matrix::Identity(R.rows(), R.rows())));
     return;
   }
@@ -182,8 +205,12 @@ StepMap step_map(StepScheme scheme, const StepMatrix& A, double h) {
   }
   const auto* dense = std::get_if<Matrix>(&A);
   if (!dense) throw Error("scheme", "found exponential steps with a sparse matrix", "use euler or midpoint");
-  const MatrixPhi phi = matrix_phi(h * *dense);
-  return {identity_plus(0, A), phi.exponential, Matrix(h * *dense * phi.phi1)};  // e^X - I = X phi_1(X)
+  const Matrix X = h * *dense;
+  const MatrixPhi phi = matrix_phi(X);
+  StepMap map{identity_plus(0, A), phi.exponential};
+  // e^X - I = X phi_1(X); where X is large, the product rounds more than the subtraction.
+  if (X.cwiseAbs().rowwise().sum().maxCoeff() <= 1) map.change = Matrix(X * phi.phi1);
+  return map;
 }
 
 StepChainProblem step_chain_problem(StepScheme scheme, const StepMatrix& A, const StepSizes& steps) {

@@ -1,7 +1,7 @@
 // Chains of sparse maps: one LU factorization with partial pivoting for every kind of step. Rows of a space-time array
 // are contiguous, so rows of one kind are the columns of a system with many right-hand sides.
 
-#include "core/sparse_step.hpp"
+#include "core/sparse_step_factors.hpp"
 #include "cpu/step_chain.hpp"
 
 #include <algorithm>
@@ -21,7 +21,7 @@ class SparseStepChain final : public CpuStepChain {
     const Index kinds = Index(kinds_.size());
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
     for (Index k = 0; k < kinds; ++k)
-      kinds_[std::size_t(k)] = std::make_unique<SparseStep>(problem.maps[std::size_t(k)]);
+      kinds_[std::size_t(k)] = std::make_unique<SparseStepFactors>(problem.maps[std::size_t(k)]);
     for (Index k = 0; k < kinds; ++k)
       if (kinds_[std::size_t(k)]->singular) throw singular_step(problem, k);
   }
@@ -35,7 +35,7 @@ class SparseStepChain final : public CpuStepChain {
   }
 
  private:
-  SparseStep& step(Index i) { return *kinds_[std::size_t(map_of_[std::size_t(i - 1)])]; }
+  SparseStepFactors& step(Index i) { return *kinds_[std::size_t(map_of_[std::size_t(i - 1)])]; }
 
   // x_i = x_{i-1} + S^{-1} (d_i + (R - S) x_{i-1}): what is solved for is small, and so is its rounding.
   void forward(const RowMatrix& d, RowMatrix& x) override {
@@ -78,7 +78,7 @@ class SparseStepChain final : public CpuStepChain {
   }
 
   void carry(const RowMatrix& q, const RowMatrix& mu, RowMatrix& next) override {
-    each_kind([&](SparseStep& kind, const PlaceTiles::Tile& tile, const Index* order, Columns& columns) {
+    each_kind([&](SparseStepFactors& kind, const PlaceTiles::Tile& tile, const Index* order, Columns& columns) {
       columns.gather(mu, tile, order, 1);
       columns.changed.noalias() = kind.change.transpose() * kind.solve_transposed(columns.values);
       for (Index k = 0; k < tile.count; ++k)
@@ -87,7 +87,7 @@ class SparseStepChain final : public CpuStepChain {
   }
 
   void finish(RowMatrix& mu) override {
-    each_kind([&](SparseStep& kind, const PlaceTiles::Tile& tile, const Index* order, Columns& columns) {
+    each_kind([&](SparseStepFactors& kind, const PlaceTiles::Tile& tile, const Index* order, Columns& columns) {
       columns.gather(mu, tile, order, 1);
       columns.changed = kind.solve_transposed(columns.values);
       for (Index k = 0; k < tile.count; ++k) mu.row(order[k] + 1) = columns.changed.col(k).transpose();
@@ -95,7 +95,7 @@ class SparseStepChain final : public CpuStepChain {
   }
 
   void apply(Index kind, RowFactor factor, const Rows& in, Rows out) override {
-    SparseStep& step = *kinds_[std::size_t(kind)];
+    SparseStepFactors& step = *kinds_[std::size_t(kind)];
     const Matrix columns = in.transpose();
     switch (factor) {
       case RowFactor::inverse:
@@ -119,7 +119,7 @@ class SparseStepChain final : public CpuStepChain {
     D_ = MatrixList(kinds, m_);
 #pragma omp parallel for num_threads(threads_) schedule(dynamic, 1)
     for (Index k = 0; k < kinds; ++k) {
-      SparseStep& kind = *kinds_[std::size_t(k)];
+      SparseStepFactors& kind = *kinds_[std::size_t(k)];
       const Matrix D = kind.lu.solve(Matrix(kind.change));
       D_[k] = D;
     }
@@ -127,7 +127,7 @@ class SparseStepChain final : public CpuStepChain {
   }
 
   PlaceTiles places_;
-  std::vector<std::unique_ptr<SparseStep>> kinds_;
+  std::vector<std::unique_ptr<SparseStepFactors>> kinds_;
   MatrixList D_;
 };
 

@@ -187,8 +187,8 @@ __global__ void multiply_chunk(Chain c, const double* __restrict__ q, int length
   }
 }
 
-// With I + X_i the product of `length` maps that carries row i + length to row i: next_i = mu_i + mu_{i+length} (I +
-// X_i), and the products of twice the length, I + X_{i+length} + X_i + X_{i+length} X_i.
+// With I + X_i the product of `length` maps that carries row i + length to row i: next_i = mu_i + mu_{i+length} +
+// mu_{i+length} X_i, and of the products of twice the length X_{i+length} + X_i + X_{i+length} X_i.
 __global__ void double_windows(Chain c, int length, const double* __restrict__ mu, double* __restrict__ next,
                                double* __restrict__ longer) {
   extern __shared__ double shared[];

@@ -82,16 +82,17 @@ TEST_P(LongChains, AreThoseOfLongDouble) {
     const LongChain exact(A, scheme, t);
     const RowMatrix x = exact.forward(d), l = exact.adjoint(q);
     const auto in = backend->array(M + 1, 3), out = backend->array(M + 1, 3);
-    for (const StepMatrix& matrix : {StepMatrix(A), StepMatrix(SparseMatrix(A.sparseView()))}) {
-      const auto chain = backend->step_chain(step_chain_problem(scheme, matrix, exact.steps));
-      backend->upload(d, *in);
-      chain->forward(*in, *out);
-      EXPECT_LE(relative(host(*out), x), 1e-13) << int(scheme);
-      backend->upload(q, *in);
-      for (const AdjointMethod method : {AdjointMethod::substitution, AdjointMethod::doubling, AdjointMethod::scan}) {
-        chain->adjoint(*in, *out, {method, 1});
-        EXPECT_LE(relative(host(*out), l), 1e-13) << int(scheme) << " " << int(method);
-      }
+    const bool sparse = scheme == StepScheme::euler;
+    const auto chain = backend->step_chain(
+        step_chain_problem(scheme, sparse ? StepMatrix(SparseMatrix(A.sparseView())) : StepMatrix(A), exact.steps));
+    backend->upload(d, *in);
+    chain->forward(*in, *out);
+    EXPECT_LE(relative(host(*out), x), 1e-13) << int(scheme);
+    backend->upload(q, *in);
+    for (const AdjointMethod method : {AdjointMethod::substitution, AdjointMethod::scan, AdjointMethod::doubling}) {
+      if (sparse && method == AdjointMethod::doubling) continue;  // of the same increments as dense ones
+      chain->adjoint(*in, *out, {method, 1});
+      EXPECT_LE(relative(host(*out), l), 1e-13) << int(scheme) << " " << int(method);
     }
   }
 }

@@ -199,7 +199,7 @@ TEST_P(StepChains, ManyStates) {
   for (const Index m : {63, 64, 65, 200}) {
     const Matrix A = passive_matrix(random, m, 0.5) / std::sqrt(double(m));
     const SparseMatrix sparse_A = A.sparseView();
-    for (const Index M : {1, 2, 9}) {
+    for (const Index M : m == 65 ? std::vector<Index>{1, 2, 9} : std::vector<Index>{2}) {
       expect_chain(step_chain_problem(StepScheme::euler, A, group_steps(random_grid(random, M))),
                    "dense, all distinct");
       expect_chain(step_chain_problem(StepScheme::midpoint, sparse_A, group_steps(random_grid(random, M))), "sparse");
@@ -306,6 +306,9 @@ TEST_P(StepChains, RefusesWhatCannotBe) {
   refused({{good, {Matrix(Matrix::Identity(3, 3)), Matrix(Matrix::Identity(3, 3))}}, {0}}, "map 1: found S or R");
   refused({{{Matrix(Matrix::Zero(2, 2)), Matrix(Matrix::Identity(2, 2))}}, {0}}, "singular");
   refused({{{SparseMatrix(2, 2), SparseMatrix(2, 2)}}, {0}}, "singular");
+  const Matrix I = Matrix::Identity(2, 2);
+  refused({{{I, I, I}}, {0}}, "map 0: found a change that is not R - S");
+  refused({{{I, I, Matrix(Matrix::Zero(3, 3))}}, {0}}, "map 0: found S or R");
   Matrix nearly(3, 3);  // singular to rounding, with pivots that are not zero
   nearly << 1, 2, 3, 4, 5, 6, 7, 8, 9;
   nearly *= 0.1;
@@ -325,6 +328,21 @@ TEST_P(StepChains, RefusesWhatCannotBe) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Backends, StepChains, testing::ValuesIn(backend_cases()), backend_case_name);
+
+TEST(DenseStep, IsTheSameOfSparseMaps) {
+  Random random(10);
+  const Index m = 12;
+  const Matrix A = passive_matrix(random, m, 1);
+  const StepSizes steps = group_steps(Vector::LinSpaced(2, 0, 0.1));
+  for (const StepScheme scheme : {StepScheme::euler, StepScheme::midpoint}) {
+    const DenseStep full(step_chain_problem(scheme, A, steps), 0),
+        sparse(step_chain_problem(scheme, SparseMatrix(A.sparseView()), steps), 0);
+    EXPECT_LE((full.increment - sparse.increment).cwiseAbs().maxCoeff(), 1e-14);
+    EXPECT_LE((full.inverse - sparse.inverse).cwiseAbs().maxCoeff(), 1e-14);
+    EXPECT_EQ(full.R, sparse.R);
+    EXPECT_EQ(full.change, sparse.change);
+  }
+}
 
 TEST(StepSizes, RoundingIsNoDifference) {
   const Vector t = bisected_grid(10, 6) * 5e-6;

@@ -7,9 +7,9 @@
 
 namespace bromwich {
 
-struct SparseStep {
+struct SparseStepFactors {
   /// LU factorization of S with partial pivoting.
-  explicit SparseStep(const StepMap&);
+  explicit SparseStepFactors(const StepMap&);
 
   /// S^{-T} b, without changing what threads share: the view that Eigen offers is a small object of its own.
   Matrix solve_transposed(const Matrix& b) { return lu.transpose().solve(b); }
