@@ -1,10 +1,10 @@
 // Chains of very many steps against the same steps taken in long double.
 //
 // The exact scheme is the oracle: S, R and their products from h and A, all in 64 bits of mantissa, whose own M
-// roundings are M 2^-64 = 5e-15 at most. What double leaves: an increment D is rounded by |D| eps in all steps alike, T
-// |A| eps = 1e-14 over all of them; each step adds a rounding of x of its own, and M of them make sqrt(M) eps = 4e-14;
-// a scan adds increments to products of up to 160 steps, a few times T |A| eps. Together below 1e-13. Steps kept as P =
-// I + D are M eps = 1e-11 away at most and 2e-12 in fact, whatever the adjoint: the first assertion holds that too.
+// roundings are M 2^-64 = 5e-15 at most. What double leaves: an increment D is rounded by |D| eps in all steps alike,
+// T |A| eps = 1e-14 over all of them; each step adds a rounding of x of its own, and M of them make sqrt(M) eps =
+// 4e-14; a scan adds increments to products of up to 160 steps, a few times T |A| eps. Together below 1e-13. Of steps
+// kept as P = I + D the rounding of P alone may make M eps = 1e-11.
 
 #include "core/step_chain.hpp"
 #include "tests/backends.hpp"

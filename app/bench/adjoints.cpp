@@ -132,7 +132,7 @@ class Study {
       add(way.name, timed_runs(backend, request_.repeats(), adjoint), apart);
     }
     chain.reset();
-    if (c.scheme != StepScheme::euler) return;
+    if (c.scheme != StepScheme::euler || !elsewhere.empty()) return;
     measure_cycle(system, scene.x0, t, problem, backend, add);
   }
 
@@ -168,6 +168,7 @@ class Study {
     const auto mark = [&] { finer = bisected(t, economical_cells(indicators, q, t.size())); };
     add("cycle: marking and bisection", timed_runs(backend, repeats, mark), 0);
 
+    if (problem.states() > 64) return;  // seconds each, and the parts are known
     Vector exact;
     for (const Way& way : ways) {
       const bool products = way.choice.method == AdjointMethod::doubling || way.choice.method == AdjointMethod::scan;
