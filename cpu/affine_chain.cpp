@@ -11,6 +11,8 @@ namespace bromwich::cpu {
 
 namespace {
 
+constexpr Index fewest_shared_values = 200'000;  ///< below, waking threads costs more than they save
+
 // out += A v, without the overhead of a library call where A is small.
 template <typename In, typename Out>
 void add_product(const Matrix& A, const In& v, Out&& out) {
@@ -135,7 +137,8 @@ class CpuAffineChain final : public AffineChain {
 }  // namespace
 
 std::unique_ptr<AffineChain> make_affine_chain(const AffineChainSizes& sizes, int threads) {
-  return std::make_unique<CpuAffineChain>(sizes, threads);
+  const bool shared = sizes.intervals * (sizes.states + sizes.components) >= fewest_shared_values;
+  return std::make_unique<CpuAffineChain>(sizes, shared ? threads : 1);
 }
 
 }  // namespace bromwich::cpu

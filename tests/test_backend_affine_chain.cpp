@@ -72,10 +72,12 @@ TEST_P(BackendAffineChain, SolvesBetweenTwoEnds) {
   struct Shape {
     Index N, m, n;
   };
-  for (const auto& [N, m, n] : {Shape{1, 1, 1}, {7, 4, 2}, {128, 3, 10}, {129, 2, 70}, {300, 4, 5}, {20, 33, 3}}) {
+  for (const auto& [N, m, n] :
+       {Shape{1, 1, 1}, {7, 4, 2}, {128, 3, 10}, {129, 2, 70}, {300, 4, 5}, {20, 33, 3}, {60000, 1, 3}}) {
     SCOPED_TRACE("N = " + std::to_string(N) + ", m = " + std::to_string(m) + ", n = " + std::to_string(n));
     // As it is; growing by 4^128 in a block, which only steps by themselves can hold.
     for (const double growth : {0.7, 4.}) {
+      if (growth > 1 && N > 300) continue;  // sizes of e^{60000}; blocks are held to the largest value of all times
       const ChainProblem p = chain_problem(N, m, n, growth);
       const auto chain = backend->affine_chain({N, m, n});
       chain->set_sources(p.F, p.q);
@@ -85,7 +87,7 @@ TEST_P(BackendAffineChain, SolvesBetweenTwoEnds) {
       EXPECT_TRUE(sizes.finite);
       RowMatrix x, v;
       chain->download(x, v);
-      if (growth < 1) {  // the dense system forgets what grows
+      if (growth < 1 && N <= 300) {  // the dense system forgets what grows
         EXPECT_LE(distance(x, dense_states(p)), same_chain * std::max(1., x.cwiseAbs().maxCoeff()));
       }
       double active = 0, inactive = 0;
