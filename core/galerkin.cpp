@@ -220,7 +220,11 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
     result.status = Status::tolerance_not_met;
     result.reason = text("the residual is %.1e", result.residual);
   }
-  if (result.status != Status::solved || s.unique) return;
+  if (result.status != Status::solved) return;
+  if (const Index k = first_undamped_interval(scene.M, scene.free_rows, z); k >= 0)
+    add_warning(result,
+                text("M is singular on what is active at t = %.6g: y may alternate from interval to interval", p.t[k]));
+  if (s.unique) return;
   const Uniqueness unique = uniqueness_of(scene, p.N);
   result.well_posed = unique.assured;
   if (!unique.assured) add_warning(result, unique.words);

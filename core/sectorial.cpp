@@ -15,7 +15,7 @@ namespace {
 // The hyperbolas for double poles at 0 hold these sectors up to a shift of 1/4: phi_k(z), k <= 5, comes out to 6e-15/k!
 // for every z in them. Those for narrower sectors pass closer to the pole and lose digits of phi_4 and phi_5.
 constexpr double sector_shift = 0.25;
-constexpr double degree = std::numbers::pi / 180;
+constexpr double radians_per_degree = std::numbers::pi / 180;
 
 }  // namespace
 
@@ -54,7 +54,7 @@ bool in_sector(const Matrix& A, double half_angle, double shift) {
 // Balancing may spread a coupling of fast modes to slow ones: the matrix as given is the second try.
 std::optional<std::vector<Matrix>> sectorial_phis(const Matrix& A, int last) {
   for (const Balanced& b : {balanced(A), Balanced{A, Vector::Ones(A.rows())}})
-    for (const double half_angle : {45 * degree, 60 * degree}) {
+    for (const double half_angle : {45 * radians_per_degree, 60 * radians_per_degree}) {
       if (!in_sector(b.A, half_angle, sector_shift)) continue;
       std::vector<Matrix> phis = contour_phis(b.A, near_contour(*contour_parameters(half_angle), 1), last);
       for (Matrix& phi : phis) phi = (b.D.asDiagonal() * phi * b.D.cwiseInverse().asDiagonal()).eval();

@@ -131,6 +131,15 @@ TEST(GalerkinShooting, ContactsWithoutCompliance) {
   }
 }
 
+// Contact that begins inside an interval leaves an error in x that is carried on, while y alternates.
+TEST(GalerkinBoundary, AnIdealStopIsWarnedAbout) {
+  const Result r = run(periodic_stop(), Method::galerkin, 160);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_NE(r.warning.find("M is singular on what is active"), std::string::npos) << r.warning;
+  for (const char* name : {"nash-game", "lq-control", "bridge", "periodic-rectifier"})
+    EXPECT_EQ(run(make_scene(name, {}), Method::galerkin, 60).warning.find("M is singular"), std::string::npos) << name;
+}
+
 TEST(GalerkinShooting, GivesUpWhereMarchingOverflows) {
   Scene scene = make_scene("nash-game", {});
   GalerkinProblem p = galerkin_problem(scene, 8);
