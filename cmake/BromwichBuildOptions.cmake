@@ -28,7 +28,7 @@ target_compile_options(
                                    "$<$<CONFIG:Release,RelWithDebInfo>:${bromwich_optimisation_flags}>")
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
   # False alarms of GCC 12 in inlined AVX-512 (GCC bug 105593) and std::string code; unoptimised builds keep them all.
-  set(false_alarms -Wno-maybe-uninitialized -Wno-array-bounds -Wno-stringop-overflow -Wno-restrict)
+  set(false_alarms -Wno-uninitialized -Wno-maybe-uninitialized -Wno-array-bounds -Wno-stringop-overflow -Wno-restrict)
   target_compile_options(bromwich_build_options INTERFACE "$<$<CONFIG:Release,RelWithDebInfo>:${false_alarms}>")
 endif()
 # Backends share out the work themselves. It also keeps Eigen's templates the same with and without OpenMP.
