@@ -90,6 +90,8 @@ TEST_P(BackendAffineChain, SolvesBetweenTwoEnds) {
       if (growth < 1 && N <= 300) {  // the dense system forgets what grows
         EXPECT_LE(distance(x, dense_states(p)), same_chain * std::max(1., x.cwiseAbs().maxCoeff()));
       }
+      // Relative to the terms of a row. Blocks of eight steps are the smallest: rounding grows by growth^8 in one.
+      const double step_rounding = std::max(same_chain, 100 * epsilon * std::pow(growth, 8));
       double active = 0, inactive = 0;
       SetWords wrong;
       chain->wrong_signs(0.5, 0.25, wrong);
@@ -100,10 +102,11 @@ TEST_P(BackendAffineChain, SolvesBetweenTwoEnds) {
         const AffineMap& map = p.maps[std::size_t(p.map_of[std::size_t(k)])];
         const Vector now = x.row(k).transpose(), q = p.q.row(k).transpose();
         const Vector next = map.P * now + p.F.row(k).transpose() - map.G * q, expected = map.X * now + map.Q * q;
-        // Steps are eliminated in blocks of eight at least, which are held to their largest value.
-        const double size = std::max(1., x.middleRows(k, std::min<Index>(9, N + 1 - k)).cwiseAbs().maxCoeff());
-        EXPECT_LE((next - x.row(k + 1).transpose()).cwiseAbs().maxCoeff(), same_chain * size) << k;
-        EXPECT_LE((expected - v.row(k).transpose()).cwiseAbs().maxCoeff(), same_chain * size) << k;
+        const Vector size = map.P.cwiseAbs() * now.cwiseAbs() + p.F.row(k).transpose().cwiseAbs() +
+                            map.G.cwiseAbs() * q.cwiseAbs(),
+                     size_of_v = map.X.cwiseAbs() * now.cwiseAbs() + map.Q.cwiseAbs() * q.cwiseAbs();
+        EXPECT_LE((next - x.row(k + 1).transpose()).cwiseAbs().maxCoeff(), step_rounding * size.maxCoeff()) << k;
+        EXPECT_LE((expected - v.row(k).transpose()).cwiseAbs().maxCoeff(), step_rounding * size_of_v.maxCoeff()) << k;
         for (Index i = 0; i < n; ++i) {
           const bool on = contains(map.active.data(), i);
           (on ? active : inactive) = std::max(on ? active : inactive, std::abs(v(k, i)));
