@@ -71,8 +71,8 @@ RowMatrix halved_intervals(const RowMatrix& z) {
   return fine;
 }
 
-// The active sets of coarser grids: most exchanges happen where they cost little. Where they do not end on one of them
-// the next begins with empty sets; the safe solvers are for the grid that was asked for.
+// The active sets of coarser grids: most exchanges happen where they cost little. The safe solvers are for the coarsest
+// one, and for the grid that was asked for; where exchanges do not end in between, the next begins with empty sets.
 RowMatrix nested_start(const Scene& scene, const GalerkinProblem& fine, Index unknowns, Backend& backend,
                        const Options& options) {
   constexpr Index fewest_intervals = 32;
@@ -81,7 +81,9 @@ RowMatrix nested_start(const Scene& scene, const GalerkinProblem& fine, Index un
   const GalerkinProblem p = coarser_problem(scene, fine);
   const FreeElimination elimination(p, scene.free_rows);
   const RowMatrix start = nested_start(scene, p, unknowns, backend, options);
-  const GalerkinSolution s = exchange_or_shoot(elimination.reduced(), backend, options, start);
+  const bool coarsest = p.N % 2 != 0 || p.N / 2 < fewest_intervals;
+  const GalerkinSolution s = coarsest ? solve_boundary_problem(elimination.reduced(), backend, options, start)
+                                      : exchange_or_shoot(elimination.reduced(), backend, options, start);
   return s.status == Status::solved ? halved_intervals(s.z) : nothing;
 }
 
