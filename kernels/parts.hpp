@@ -45,18 +45,13 @@ std::unique_ptr<AffineChain> make_affine_chain(const Device&, Backend& host, con
 /// The shifted solves of dense scenes and Kronecker sums. Waits for what it returns.
 class Resolvent {
  public:
-  explicit Resolvent(const Device&);
-  ~Resolvent();
-  Resolvent(const Resolvent&) = delete;
-  Resolvent& operator=(const Resolvent&) = delete;
+  explicit Resolvent(const Device& device) : device_(device) {}
 
   ComplexMatrix operator()(const KroneckerDynamics&, const ComplexVector& nodes);
   ComplexMatrix operator()(const DenseDynamics&, const ComplexVector& nodes);
 
  private:
-  struct Blas;
   const Device& device_;
-  std::unique_ptr<Blas> blas_;  ///< made by the first dense scene
 };
 
 }  // namespace bromwich::cuda

@@ -11,12 +11,12 @@
 //
 // Sparse: the host's elimination already returns the block of each node; there is nothing left to compute here.
 
+#include "kernels/blas.hpp"
 #include "kernels/parts.hpp"
 
 #include "core/error.hpp"
 #include "core/kernel.hpp"
 
-#include <cublas_v2.h>
 #include <thrust/complex.h>
 
 #include <algorithm>
@@ -32,13 +32,6 @@ using Number = thrust::complex<double>;
 constexpr Index group_bytes = Index(1) << 30;  ///< of factors and right-hand sides at once
 constexpr Index most_nodes = 4096;             ///< of a group: the second dimension of a grid ends at 65535
 constexpr int threads = 128;
-
-void check(cublasStatus_t status, const char* what) {
-  if (status != CUBLAS_STATUS_SUCCESS)
-    throw Error("cuda", std::string(what) + " failed: " + cublasGetStatusString(status), "use the cpu backend");
-}
-
-using cuda::check;
 
 unsigned blocks(Index count) { return unsigned((count + threads - 1) / threads); }
 
@@ -171,19 +164,6 @@ struct EntryList {
   Memory<double> value;
 };
 
-}  // namespace
-
-struct Resolvent::Blas {
-  explicit Blas(const Device& device) {
-    check(cublasCreate(&handle), "starting cuBLAS");
-    check(cublasSetStream(handle, device.stream()), "starting cuBLAS");
-  }
-  ~Blas() { cublasDestroy(handle); }
-  cublasHandle_t handle = nullptr;
-};
-
-namespace {
-
 /// The factors of as many nodes as fit and their solutions, side by side.
 class Group {
  public:
@@ -281,9 +261,6 @@ void refuse_infinite(const NodeRows& R, const ComplexVector& nodes) {
 
 }  // namespace
 
-Resolvent::Resolvent(const Device& device) : device_(device) {}
-Resolvent::~Resolvent() = default;
-
 ComplexMatrix Resolvent::operator()(const KroneckerDynamics& d, const ComplexVector& nodes) {
   const Vector mu = d.along.eigenvalues();
   const Index n = mu.size();
@@ -307,8 +284,8 @@ ComplexMatrix Resolvent::operator()(const KroneckerDynamics& d, const ComplexVec
 ComplexMatrix Resolvent::operator()(const DenseDynamics& d, const ComplexVector& nodes) {
   NodeRows R = NodeRows::Zero(nodes.size(), d.N.rows() * d.B.cols());
   if (R.size() == 0 || d.A.rows() == 0) return R;
-  if (!blas_) blas_ = std::make_unique<Blas>(device_);
-  Group group(device_, blas_->handle, d, nodes.size());
+  const std::shared_ptr<Blas> blas = shared_blas(device_);
+  Group group(device_, blas->handle, d, nodes.size());
   for (Index first = 0; first < nodes.size(); first += group.size()) {
     const Index count = std::min(group.size(), nodes.size() - first);
     const Index singular = group.run(nodes.data() + first, count, R.row(first).data());

@@ -6,12 +6,11 @@
 // chunks in lockstep, as batched products of (m+1) x m with m x m matrices, then one serial run from chunk to chunk,
 // then all chunks in lockstep once more. Doubling: batched products of all windows.
 
+#include "kernels/blas.hpp"
 #include "kernels/parts.hpp"
 #include "kernels/step_chain.hpp"
 
 #include "core/error.hpp"
-
-#include <cublas_v2.h>
 
 #include <algorithm>
 #include <cmath>
@@ -25,25 +24,6 @@ constexpr int block_threads = 256, block_columns = block_threads / 32;
 constexpr Index most_batched = 16384;       ///< products of one call
 constexpr Index serial_steps = 256;         ///< up to here a scan gains nothing
 constexpr Index most_scanned_states = 384;  ///< above, 2 m^3 operations a step take longer than a launch does
-
-void check(cublasStatus_t status, const char* what) {
-  if (status != CUBLAS_STATUS_SUCCESS)
-    throw Error("cuda", std::string(what) + " failed: " + cublasGetStatusString(status), "use the cpu backend");
-}
-
-using cuda::check;
-
-struct ChainBlas {
-  explicit ChainBlas(const Device& device) {
-    check(cublasCreate(&handle), "starting cuBLAS");
-    check(cublasSetStream(handle, device.stream()), "starting cuBLAS");
-  }
-  ~ChainBlas() { cublasDestroy(handle); }
-  ChainBlas(const ChainBlas&) = delete;
-  ChainBlas& operator=(const ChainBlas&) = delete;
-
-  cublasHandle_t handle = nullptr;
-};
 
 /// X_i by kind, columns contiguous, and the direction.
 struct Steps {
@@ -153,8 +133,7 @@ class LargeStepChain final : public DeviceStepChain {
  public:
   LargeStepChain(const Device& device, const StepChainProblem& problem)
       : DeviceStepChain(device),
-        blas_(device.shared<ChainBlas>([](const ChainBlas&) { return true; },
-                                       [&] { return std::make_shared<ChainBlas>(device); })),
+        blas_(shared_blas(device)),
         m_(int(problem.states())),
         M_(int(problem.steps())),
         memory_limit_(problem.memory_limit),
@@ -401,7 +380,7 @@ class LargeStepChain final : public DeviceStepChain {
     return mu;
   }
 
-  std::shared_ptr<ChainBlas> blas_;
+  std::shared_ptr<Blas> blas_;
   int m_, M_, length_ = 1, chunks_ = 1;
   double memory_limit_;
   Memory<int> map_of_, places_;  ///< places by kind

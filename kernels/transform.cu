@@ -2,12 +2,12 @@
 // `largest_product` points it is a product with the dense matrix, which the tensor cores do faster than an FFT of
 // awkward length; beyond, the odd extension of each row goes through cuFFT.
 
+#include "kernels/blas.hpp"
 #include "kernels/parts.hpp"
 
 #include "core/error.hpp"
 #include "core/response.hpp"
 
-#include <cublas_v2.h>
 #include <cufft.h>
 
 #include <algorithm>
@@ -19,11 +19,6 @@ namespace {
 
 constexpr Index largest_product = 1536;  ///< on an H200 they cross between 1535 and 2047 points
 
-void check(cublasStatus_t status, const char* what) {
-  if (status != CUBLAS_STATUS_SUCCESS)
-    throw Error("cuda", std::string(what) + " failed: " + cublasGetStatusString(status), "use the cpu backend");
-}
-
 void check(cufftResult status, const char* what) {
   if (status != CUFFT_SUCCESS)
     throw Error("cuda", std::string(what) + " failed with cuFFT error " + std::to_string(int(status)),
@@ -31,19 +26,6 @@ void check(cufftResult status, const char* what) {
 }
 
 using cuda::check;
-
-/// Starting the library takes longer than most solves.
-struct Blas {
-  explicit Blas(const Device& device) {
-    check(cublasCreate(&handle), "starting cuBLAS");
-    check(cublasSetStream(handle, device.stream()), "starting cuBLAS");
-  }
-  ~Blas() { cublasDestroy(handle); }
-  Blas(const Blas&) = delete;
-  Blas& operator=(const Blas&) = delete;
-
-  cublasHandle_t handle = nullptr;
-};
 
 /// S, n x n, with zeros beyond up to the stride, so that what lies between the rows of an array stays zero.
 struct SineTable {
@@ -64,7 +46,7 @@ class SineProduct final : public SineTransform {
   SineProduct(const Device& device, Index n)
       : device_(device),
         n_(stride(n)),
-        blas_(device.shared<Blas>([](const Blas&) { return true; }, [&] { return std::make_shared<Blas>(device); })),
+        blas_(shared_blas(device)),
         S_(device.shared<SineTable>([n](const SineTable& kept) { return kept.n == n; },
                                     [&] { return std::make_shared<SineTable>(device, n); })) {}
 

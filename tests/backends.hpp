@@ -50,4 +50,17 @@ class BackendTest : public testing::TestWithParam<BackendCase> {
   std::unique_ptr<Backend> backend = GetParam().make();
 };
 
+/// The same on both backends; skipped where there is no device.
+class BothBackends : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (cuda_devices().empty())
+      GTEST_SKIP() << "no CUDA device: " << (cuda_built() ? "the driver reports none" : "built without CUDA");
+    cpu = make_cpu_backend(2);
+    cuda = make_cuda_backend(make_cpu_backend(2));
+  }
+
+  std::unique_ptr<Backend> cpu, cuda;
+};
+
 }  // namespace bromwich

@@ -31,15 +31,8 @@ bool identical(const RowMatrix& a, const RowMatrix& b) {
          std::memcmp(a.data(), b.data(), sizeof(double) * std::size_t(a.size())) == 0;
 }
 
-class BackendParity : public testing::Test {
+class BackendParity : public BothBackends {
  protected:
-  void SetUp() override {
-    if (cuda_devices().empty())
-      GTEST_SKIP() << "no CUDA device: " << (cuda_built() ? "the driver reports none" : "built without CUDA");
-    cpu = make_cpu_backend(2);
-    cuda = make_cuda_backend(make_cpu_backend(2));
-  }
-
   /// `operation(backend)` returns a matrix; on the CUDA backend it is carried out twice.
   template <class Operation>
   void expect_same(const std::string& name, const Operation& operation) {

@@ -13,15 +13,8 @@
 namespace bromwich {
 namespace {
 
-class GoalBackends : public testing::Test {
+class GoalBackends : public BothBackends {
  protected:
-  void SetUp() override {
-    if (cuda_devices().empty())
-      GTEST_SKIP() << "no CUDA device: " << (cuda_built() ? "the driver reports none" : "built without CUDA");
-    cpu = make_cpu_backend(2);
-    cuda = make_cuda_backend(make_cpu_backend(2));
-  }
-
   void expect_same(const Scene& scene, const GoalOptions& goal, Index steps, const std::string& name) {
     SCOPED_TRACE(name);
     Options options = options_for(Method::goal, steps);
@@ -43,8 +36,6 @@ class GoalBackends : public testing::Test {
       EXPECT_NEAR(a.absolute, b.absolute, 1e-7 * b.absolute);
     }
   }
-
-  std::unique_ptr<Backend> cpu, cuda;
 };
 
 TEST_F(GoalBackends, AdaptTheSameGrids) {

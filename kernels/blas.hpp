@@ -1,0 +1,37 @@
+#pragma once
+// The cuBLAS handle that the plans of a device share.
+
+#include "core/error.hpp"
+#include "kernels/device.hpp"
+
+#include <cublas_v2.h>
+
+#include <memory>
+#include <string>
+
+namespace bromwich::cuda {
+
+/// Throws Error("cuda", ...) with what cuBLAS says.
+inline void check(cublasStatus_t status, const char* what) {
+  if (status != CUBLAS_STATUS_SUCCESS)
+    throw Error("cuda", std::string(what) + " failed: " + cublasGetStatusString(status), "use the cpu backend");
+}
+
+struct Blas {
+  explicit Blas(const Device& device) {
+    check(cublasCreate(&handle), "starting cuBLAS");
+    check(cublasSetStream(handle, device.stream()), "starting cuBLAS");
+  }
+  ~Blas() { cublasDestroy(handle); }
+  Blas(const Blas&) = delete;
+  Blas& operator=(const Blas&) = delete;
+
+  cublasHandle_t handle = nullptr;
+};
+
+/// Made once: starting the library takes longer than most solves.
+inline std::shared_ptr<Blas> shared_blas(const Device& device) {
+  return device.shared<Blas>([](const Blas&) { return true; }, [&] { return std::make_shared<Blas>(device); });
+}
+
+}  // namespace bromwich::cuda
