@@ -61,7 +61,6 @@ class BackendParity : public BothBackends {
     EXPECT_LE(distance(found.trace, expected.trace), tolerance(expected.trace)) << name;
   }
 
-  std::unique_ptr<Backend> cpu, cuda;
   Index solved = 0;
 };
 

@@ -1,6 +1,7 @@
 // Method goal and energies as a user of the command meets them.
 
 #include "cli.hpp"
+#include "files/scene_file.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -57,6 +58,7 @@ TEST_F(CliGoal, TakesEveryQuantityAndScheme) {
 
 // x' = -x, x(0) = 1: the integral of x^2 over [0, 1] is (1 - e^-2)/2, of t x 1 - 2/e; x(1) = 1/e.
 TEST_F(CliGoal, SolvesForTheQuantityOfAFile) {
+  if (!scene_files_available()) GTEST_SKIP() << "this build reads no scene files";
   const std::string scene = "[port]\nJ = [[0]]\nR = [[1]]\nx0 = [1]\n[time]\nT = 1\nsteps = 50\n[quantity]\n";
   const auto tried = [&](const std::string& quantity, const std::string& arguments) {
     std::ofstream(folder_ / "q.toml") << scene + quantity;
@@ -86,6 +88,7 @@ TEST_F(CliGoal, SolvesForTheQuantityOfAFile) {
 }
 
 TEST_F(CliGoal, SaysWhatIsWrongWithAPort) {
+  if (!scene_files_available()) GTEST_SKIP() << "this build reads no scene files";
   // The file is called as a member of a scene is: no place is named twice.
   const auto said = [&](const std::string& port, const std::string& more = "") {
     std::ofstream(folder_ / "f.toml") << "[port]\n" + port + "[time]\nT = 1\n" + more;
@@ -100,6 +103,7 @@ TEST_F(CliGoal, SaysWhatIsWrongWithAPort) {
 }
 
 TEST_F(CliGoal, EndsWithAStatusWhereStepsCannotBeSolved) {
+  if (!scene_files_available()) GTEST_SKIP() << "this build reads no scene files";
   std::ofstream(folder_ / "f.toml")
       << "[port]\nJ = [[0, 1], [-1, 0]]\nR = [[1, 0], [0, 0]]\nx0 = [1, 2]\n[time]\nT = 1\n"
          "[dynamics]\nB = [[-1], [0]]\n[complementarity]\nN = [[-1, 0]]\nM = [[1]]\n"

@@ -1,6 +1,7 @@
 // Lag tables of recurrences against dense weights, the implicit Euler formula and the printed matrices of the paper.
 
 #include "core/error.hpp"
+#include "core/memory_length.hpp"
 #include "core/recurrence.hpp"
 #include "core/scenes/catalogue.hpp"
 #include "tests/oracle.hpp"
@@ -103,6 +104,42 @@ TEST(ModalRecurrence, WeightsInExtendedPrecision) {
     EXPECT_LE(distance(table.W, exact.W), tolerance) << Q;
     EXPECT_LE(distance(table.S, exact.S), tolerance) << Q;
   }
+}
+
+TEST(MemoryLengths, LeaveOutLessThanARounding) {
+  const Index J = 600;
+  for (const double h : {1e-3, 0.01, 0.3}) {
+    const Recurrence recurrence = modal_recurrence(signorini_dynamics(60, 9, 2e-3), Rule::exponential, h, {});
+    const auto& r = std::get<ModalRecurrence>(recurrence);
+    const std::vector<Index> lengths = memory_lengths(r, J);
+    const LagTable table = lag_table(recurrence, J);
+    Index shortened = 0;
+    for (Index l = 0; l < 60; ++l) {
+      const Index D = lengths[std::size_t(l)], left = J - D;
+      ASSERT_GE(D, 1);
+      ASSERT_LE(D, J);
+      const double kernel = table.W.col(l).cwiseAbs().sum();
+      EXPECT_LE(table.W.col(l).tail(left).cwiseAbs().sum(), epsilon / 2 * kernel) << h << ' ' << l;
+      EXPECT_LE(table.S.col(l).tail(left).cwiseAbs().sum(), epsilon / 2 * kernel) << h << ' ' << l;
+      // The bound is one exponential: 20 % longer than need be at most, and a lag.
+      const Index needed = std::max<Index>(Index(0.8 * double(D)) - 1, 0);
+      EXPECT_TRUE(D == J || table.W.col(l).tail(J - needed).cwiseAbs().sum() > epsilon / 2 * kernel) << h << ' ' << l;
+      shortened += D < J;
+    }
+    EXPECT_GE(shortened, h == 0.3 ? 50 : h == 0.01 ? 20 : 0) << h;
+  }
+}
+
+TEST(MemoryLengths, OfWhatDoesNotDecayAreAll) {
+  Recurrence recurrence = modal_recurrence(signorini_dynamics(3, 2, 1), Rule::exponential, 1, {});
+  auto& r = std::get<ModalRecurrence>(recurrence);
+  r.decay(1, 0) = 1;
+  r.decay(0, 1) = -1.5;
+  EXPECT_EQ(memory_lengths(r, 70)[0], 70);
+  EXPECT_EQ(memory_lengths(r, 70)[1], 70);
+  EXPECT_LT(memory_lengths(r, 70)[2], 70);
+  r.initial = RowMatrix::Ones(2, 3);
+  EXPECT_EQ(memory_lengths(r, 70)[2], 70);
 }
 
 /// The part of v that x0 adds, seen in modes: Σ_k C_k E_k^{j-1} initial_k.
