@@ -7,18 +7,20 @@
 
 #include "kernels/parts.hpp"
 
+#include <cuda_pipeline_primitives.h>
+
 #include <algorithm>
 
 namespace bromwich::cuda {
 
 namespace {
 
-constexpr int lanes = 32, warps = 8;                     ///< of a block: neighbouring modes, and its warps
-constexpr int most_own = 16;                             ///< rows of v of a thread
-constexpr int few_rows = 160;                            ///< below which threads have half as many
-constexpr int rows_alone = 40;                           ///< of y, that a warp takes by itself
-constexpr int before = most_own + 8, beyond = most_own;  ///< rows of zeros around the weights
-constexpr int lags = 16;                                 ///< of a thread that forms weights
+constexpr int lanes = 32, warps = 8;                 ///< of a block: neighbouring modes, and its warps
+constexpr int most_own = 16;                         ///< rows of v of a thread
+constexpr int few_rows = 160;                        ///< below which threads have half as many
+constexpr int rows_alone = 40;                       ///< of y, that a warp takes by itself
+constexpr int before = most_own, beyond = most_own;  ///< rows of zeros around the weights
+constexpr int lags = 16;                             ///< of a thread that forms weights
 
 /// W_0 w1 s1: n; the others K x n.
 struct Exponentials {
@@ -66,11 +68,38 @@ __host__ __device__ constexpr int sharing(int length, int own) {
   return parts;
 }
 
+/// What a thread reads ahead of its sums: `stages` times `batch` rows of y and the weights that come with them, copied
+/// to shared memory while it works. No other thread sees them.
+class Ahead {
+ public:
+  static constexpr int batch = 4, stages = 4;
+  static constexpr std::size_t bytes = sizeof(double) * 2 * batch * stages * lanes * warps;
+
+  __device__ explicit Ahead(double* shared) : own_(shared + threadIdx.y * lanes + threadIdx.x) {}
+
+  /// Copies `count` rows, at most `batch`; value and weight of those beyond are 0.
+  template <class Value, class Weight>
+  __device__ void copy(int stage, int count, const Value& value, const Weight& weight) {
+#pragma unroll
+    for (int c = 0; c < batch; ++c) {
+      const bool there = c < count;
+      __pipeline_memcpy_async(at(stage, 2 * c), value(there ? c : 0), sizeof(double), there ? 0 : sizeof(double));
+      __pipeline_memcpy_async(at(stage, 2 * c + 1), weight(there ? c : 0), sizeof(double), there ? 0 : sizeof(double));
+    }
+  }
+  __device__ double value(int stage, int c) const { return *at(stage, 2 * c); }
+  __device__ double weight(int stage, int c) const { return *at(stage, 2 * c + 1); }
+
+ private:
+  __device__ double* at(int stage, int i) const { return own_ + ((stage % stages) * 2 * batch + i) * (lanes * warps); }
+  double* own_;
+};
+
 template <int own>
 __global__ void __launch_bounds__(lanes* warps, 2)
     convolve(Weights weights, int step, int begin, int rows, const double* __restrict__ y, double* __restrict__ v) {
-  constexpr int ahead = 64 / own;  // rows of y that are read at a time
-  __shared__ double found[warps][own][lanes];
+  constexpr int batch = Ahead::batch, stages = Ahead::stages;
+  extern __shared__ double shared[];
   const int length = __ldg(weights.lengths + blockIdx.x), parts = sharing(length, own);
   const int warp = int(threadIdx.y), part = warp % parts, lane = int(threadIdx.x), l = int(blockIdx.x) * lanes + lane;
   const int tile = int(blockIdx.y) * (warps / parts) + warp / parts, j = begin + tile * own;
@@ -81,33 +110,36 @@ __global__ void __launch_bounds__(lanes* warps, 2)
   const int from = oldest + part * share, to = min(last, from + share);
   const double* const column = y + (given ? l : 0);
   const double* const W = weights.W + l;
-  // w[g]: the weight of row i of y in row j + g, 0 where i > j + g; next[i]: that in row j one and more later.
-  double sum[own] = {}, w[own], value[ahead], next[ahead];
-  const auto read = [&](int i) {
-#pragma unroll
-    for (int c = 0; c < ahead; ++c) {
-      value[c] = i + c < to ? column[long(i + c) * step] : 0;
-      next[c] = W[long(j - i - c - 1) * weights.stride];
-    }
+  // w[g]: the weight of row i of y in row j + g, 0 where i > j + g. Read ahead: row i and the weight that it lets
+  // follow.
+  double sum[own] = {}, w[own];
+  Ahead ahead(shared);
+  const auto copy = [&](int stage) {
+    const int i = from + stage * batch;
+    if (i < to)
+      ahead.copy(
+          stage, to - i, [&](int c) { return column + long(i + c) * step; },
+          [&](int c) { return W + long(j - i - c - 1) * weights.stride; });
+    __pipeline_commit();
   };
+#pragma unroll
+  for (int stage = 0; stage + 1 < stages; ++stage) copy(stage);
   if (from < to) {
 #pragma unroll
     for (int g = 0; g < own; ++g) w[g] = W[long(j + g - from) * weights.stride];
-    read(from);
-    for (int i = from; i < to; i += ahead) {
-      double now[ahead], shifted[ahead];
+  }
+  for (int stage = 0; from + stage * batch < to; ++stage) {
+    __pipeline_wait_prior(stages - 2);
 #pragma unroll
-      for (int c = 0; c < ahead; ++c) now[c] = value[c], shifted[c] = next[c];
-      if (i + ahead < to) read(i + ahead);
+    for (int c = 0; c < batch; ++c) {
+      const double now = ahead.value(stage, c);
 #pragma unroll
-      for (int c = 0; c < ahead; ++c) {
+      for (int g = 0; g < own; ++g) sum[g] += w[g] * now;
 #pragma unroll
-        for (int g = 0; g < own; ++g) sum[g] += w[g] * now[c];
-#pragma unroll
-        for (int g = own - 1; g > 0; --g) w[g] = w[g - 1];
-        w[0] = shifted[c];
-      }
+      for (int g = own - 1; g > 0; --g) w[g] = w[g - 1];
+      w[0] = ahead.weight(stage, c);
     }
+    copy(stage + stages - 1);
   }
   if (j == 1 && part == 0 && given) v[l] = 0;
   const double y0 = column[0];
@@ -121,12 +153,15 @@ __global__ void __launch_bounds__(lanes* warps, 2)
     for (int g = 0; g < own; ++g) put(g, sum[g]);
     return;
   }
+  __pipeline_wait_prior(0);
+  __syncthreads();
+  const auto found = [&](int of, int g) -> double& { return shared[(of * own + g) * lanes + lane]; };
 #pragma unroll
-  for (int g = 0; g < own; ++g) found[warp][g][lane] = sum[g];
+  for (int g = 0; g < own; ++g) found(warp, g) = sum[g];
   __syncthreads();
   for (int g = part; g < own; g += parts) {
     double all = 0;
-    for (int p = 0; p < parts; ++p) all += found[warp - part + p][g][lane];
+    for (int p = 0; p < parts; ++p) all += found(warp - part + p, g);
     put(g, all);
   }
 }
@@ -157,6 +192,9 @@ class DirectConvolution final : public Convolution {
     form_weights<<<blocks, 128, 0, device.stream()>>>(e, longest_ + 1, int(stride_), W_.data() + before * stride_,
                                                       S_.data());
     check(cudaGetLastError(), "forming weights");
+    for (const auto kernel : {convolve<most_own>, convolve<most_own / 2>})
+      check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(Ahead::bytes)),
+            "reserving shared memory");
   }
 
   void apply(const Array& y, Array& v, Index first) override {
@@ -189,7 +227,8 @@ class DirectConvolution final : public Convolution {
     const int along = warps / sharing(longest_, own);  // tiles of a block, at the fewest
     const dim3 blocks(unsigned(stride_ / lanes), unsigned((tiles + along - 1) / along));
     const Weights weights{W_.data() + before * stride_, S_.data(), on_device_.data(), int(n_), int(stride_), longest_};
-    convolve<own><<<blocks, dim3(lanes, warps), 0, device_.stream()>>>(weights, int(stride(total_)), begin, rows, y, v);
+    convolve<own><<<blocks, dim3(lanes, warps), Ahead::bytes, device_.stream()>>>(weights, int(stride(total_)), begin,
+                                                                                  rows, y, v);
     check(cudaGetLastError(), "starting a convolution");
   }
 

@@ -23,7 +23,8 @@ constexpr int slab_size = most_groups * group;  ///< exponentials
 constexpr int together = 4;                     ///< exponentials taken at a time in the third pass
 constexpr int chunks_together = 4;              ///< warps of a block of the third pass
 constexpr Index wanted_warps = 8;               ///< of a multiprocessor in the third pass
-constexpr Index most_chunks = 64;               ///< carried one after the other
+constexpr Index most_chunks = 128;              ///< carried one after the other
+constexpr int carried = 32;                     ///< chunks that are read at a time
 
 /// K x n tables with the mode index contiguous, K a multiple of `group`, n of `lanes`.
 struct Tables {
@@ -80,10 +81,15 @@ __global__ void carry(Tables m, Span span, const double* __restrict__ y, const d
   double z = span.from == 0 ? m.start[at] * y[l] + m.initial[at] : states[span.from * step + at];
   if (span.from == 0) states[at] = z;
   const double power = m.power[at];
-#pragma unroll 16
-  for (int c = span.from; c + 1 < span.chunks; ++c) {
-    z = power * z + added[c * step + at];
-    states[(c + 1) * step + at] = z;
+  for (int c = span.from; c + 1 < span.chunks; c += carried) {
+    double of_chunk[carried];
+#pragma unroll
+    for (int i = 0; i < carried; ++i) of_chunk[i] = c + i + 1 < span.chunks ? added[(c + i) * step + at] : 0;
+#pragma unroll
+    for (int i = 0; i < carried; ++i) {
+      z = power * z + of_chunk[i];
+      if (c + i + 1 < span.chunks) states[(c + i + 1) * step + at] = z;
+    }
   }
 }
 
