@@ -5,7 +5,6 @@
 #include "kernels/parts.hpp"
 
 #include <algorithm>
-#include <utility>
 
 namespace bromwich::cuda {
 
@@ -16,18 +15,52 @@ constexpr Index scanned_memory = 192;     ///< lags that cost as much as a scan 
 constexpr double fewest_scanned = 1.5e8;  ///< multiply-adds of sums that take as long as starting a scan
 constexpr Index rows_of_a_thread = 16;    ///< of sums, whose lags differ by so many
 
+// Both at the same time: neither fills a device.
 class DividedConvolution final : public Convolution {
  public:
-  DividedConvolution(std::unique_ptr<Convolution> scan, std::unique_ptr<Convolution> direct)
-      : scan_(std::move(scan)), direct_(std::move(direct)) {}
+  DividedConvolution(const Device& device, const ModalRecurrence& r, const std::vector<Index>& lengths, Index scanned,
+                     Index rows)
+      : device_(device),
+        scan_(make_modal_scan(device, r, scanned, rows)),
+        direct_(make_direct_convolution(device, beside_.stream, r, lengths, scanned, rows)) {}
 
   void apply(const Array& y, Array& v, Index first) override {
-    scan_->apply(y, v, first);
+    beside_.follow(device_.stream());
     direct_->apply(y, v, first);
+    scan_->apply(y, v, first);
+    beside_.join(device_.stream());
   }
   std::size_t bytes() const override { return scan_->bytes() + direct_->bytes(); }
 
  private:
+  /// A stream that begins behind another one and ends before what that one does next.
+  struct Beside {
+    Beside() {
+      check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), "making a stream");
+      for (cudaEvent_t* event : {&begun, &ended})
+        check(cudaEventCreateWithFlags(event, cudaEventDisableTiming), "making an event");
+    }
+    ~Beside() {
+      cudaEventDestroy(begun);
+      cudaEventDestroy(ended);
+      cudaStreamDestroy(stream);
+    }
+    Beside(const Beside&) = delete;
+    Beside& operator=(const Beside&) = delete;
+
+    void follow(cudaStream_t other) { order(begun, other, stream); }
+    void join(cudaStream_t other) { order(ended, stream, other); }
+    static void order(cudaEvent_t event, cudaStream_t before, cudaStream_t after) {
+      check(cudaEventRecord(event, before), "ordering convolutions");
+      check(cudaStreamWaitEvent(after, event, 0), "ordering convolutions");
+    }
+
+    cudaStream_t stream = nullptr;
+    cudaEvent_t begun = nullptr, ended = nullptr;
+  };
+
+  const Device& device_;
+  Beside beside_;
   std::unique_ptr<Convolution> scan_, direct_;
 };
 
@@ -57,10 +90,9 @@ std::unique_ptr<Convolution> make_scan(const Device& device, const ModalRecurren
   const bool from_x0 = r.initial.size() > 0;
   const std::vector<Index> lengths = memory_lengths(r, std::max<Index>(rows - 1, 1));
   const Index scanned = from_x0 ? r.modes() : modes_to_scan(lengths, rows);
-  if (scanned == 0) return make_direct_convolution(device, r, lengths, 0, rows);
+  if (scanned == 0) return make_direct_convolution(device, device.stream(), r, lengths, 0, rows);
   if (scanned == r.modes()) return make_modal_scan(device, r, scanned, rows);
-  return std::make_unique<DividedConvolution>(make_modal_scan(device, r, scanned, rows),
-                                              make_direct_convolution(device, r, lengths, scanned, rows));
+  return std::make_unique<DividedConvolution>(device, r, lengths, scanned, rows);
 }
 
 }  // namespace bromwich::cuda

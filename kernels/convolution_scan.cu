@@ -23,8 +23,8 @@ constexpr int slab_size = most_groups * group;  ///< exponentials
 constexpr int together = 4;                     ///< exponentials taken at a time in the third pass
 constexpr int chunks_together = 4;              ///< warps of a block of the third pass
 constexpr Index wanted_warps = 8;               ///< of a multiprocessor in the third pass
-constexpr Index most_chunks = 128;              ///< carried one after the other
-constexpr int carried = 32;                     ///< chunks that are read at a time
+constexpr int segments = 8, of_segment = 16;    ///< warps that carry, and chunks of each
+constexpr Index most_chunks = segments * of_segment;
 
 /// K x n tables with the mode index contiguous, K a multiple of `group`, n of `lanes`.
 struct Tables {
@@ -73,23 +73,34 @@ __global__ void __launch_bounds__(lanes* most_groups)
   for (int g = 0; g < group; ++g) added[(long(c) * m.exponentials + k0 + g) * m.stride + l] = z[g];
 }
 
-__global__ void carry(Tables m, Span span, const double* __restrict__ y, const double* __restrict__ added,
-                      double* __restrict__ states) {
-  const int l = int(blockIdx.x) * int(blockDim.x) + int(threadIdx.x), k = int(blockIdx.y);
-  if (l >= m.modes) return;
+// A segment of chunks a warp: what it adds to z at its end, then, with what the segments before it add, z at all
+// chunks.
+__global__ void __launch_bounds__(lanes* segments)
+    carry(Tables m, Span span, const double* __restrict__ y, const double* __restrict__ added,
+          double* __restrict__ states) {
+  __shared__ double ends[segments][lanes];
+  const int lane = int(threadIdx.x), segment = int(threadIdx.y), l = int(blockIdx.x) * lanes + lane,
+            k = int(blockIdx.y);
   const long at = long(k) * m.stride + l, step = long(m.exponentials) * m.stride;
-  double z = span.from == 0 ? m.start[at] * y[l] + m.initial[at] : states[span.from * step + at];
-  if (span.from == 0) states[at] = z;
+  const int length = (span.chunks - span.from + segments - 1) / segments, first = span.from + segment * length;
   const double power = m.power[at];
-  for (int c = span.from; c + 1 < span.chunks; c += carried) {
-    double of_chunk[carried];
+  double z = 0, over = 1, of_chunk[of_segment];
 #pragma unroll
-    for (int i = 0; i < carried; ++i) of_chunk[i] = c + i + 1 < span.chunks ? added[(c + i) * step + at] : 0;
+  for (int i = 0; i < of_segment; ++i)
+    of_chunk[i] = i < length && first + i + 1 < span.chunks ? added[(first + i) * step + at] : 0;
 #pragma unroll
-    for (int i = 0; i < carried; ++i) {
-      z = power * z + of_chunk[i];
-      if (c + i + 1 < span.chunks) states[(c + i + 1) * step + at] = z;
-    }
+  for (int i = 0; i < of_segment; ++i)
+    if (i < length) z = power * z + of_chunk[i], over *= power;
+  ends[segment][lane] = z;
+  z = span.from > 0 ? states[span.from * step + at] : m.start[at] * y[min(l, m.modes - 1)] + m.initial[at];
+  if (span.from == 0 && segment == 0) states[at] = z;
+  __syncthreads();
+  for (int s = 0; s < segment; ++s) z = over * z + ends[s][lane];
+#pragma unroll
+  for (int i = 0; i < of_segment; ++i) {
+    if (i >= length || first + i + 1 >= span.chunks) return;
+    z = power * z + of_chunk[i];
+    states[(first + i + 1) * step + at] = z;
   }
 }
 
@@ -213,8 +224,8 @@ class ModalScan final : public Convolution {
                    slabs = unsigned(rounded_up(K_, slab_size) / slab_size);
     if (along > 1)
       accumulate<<<dim3(across, along - 1, slabs), dim3(lanes, groups), 0, stream>>>(m, span, values(y), added_.data());
-    carry<<<dim3(unsigned((n_ + 127) / 128), unsigned(K_)), 128, 0, stream>>>(m, span, values(y), added_.data(),
-                                                                              states_.data());
+    carry<<<dim3(across, unsigned(K_)), dim3(lanes, segments), 0, stream>>>(m, span, values(y), added_.data(),
+                                                                            states_.data());
     const dim3 blocks(across, (along + chunks_together - 1) / chunks_together), threads(lanes, chunks_together);
     for (unsigned slab = 0; slab < slabs; ++slab)
       apply_chunks<<<blocks, threads, Slab::bytes(std::min<Index>(K_ - slab * slab_size, slab_size)), stream>>>(

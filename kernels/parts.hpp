@@ -19,9 +19,10 @@ std::unique_ptr<SineTransform> make_sine_fft(const Device&, Index n, Index rows)
 std::unique_ptr<Convolution> make_scan(const Device&, const ModalRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_scan(const Device&, const DenseRecurrence&, Index rows);
 /// The two that it chooses from or divides the modes between: modes 0 .. modes - 1 by their exponentials, and modes
-/// first .. n - 1 with the weights that the recurrence without `initial` stands for, up to lag lengths[l] of mode l.
+/// first .. n - 1 with the weights that the recurrence without `initial` stands for, up to lag lengths[l] of mode l, on
+/// the stream given.
 std::unique_ptr<Convolution> make_modal_scan(const Device&, const ModalRecurrence&, Index modes, Index rows);
-std::unique_ptr<Convolution> make_direct_convolution(const Device&, const ModalRecurrence&,
+std::unique_ptr<Convolution> make_direct_convolution(const Device&, cudaStream_t, const ModalRecurrence&,
                                                      const std::vector<Index>& lengths, Index first, Index rows);
 std::unique_ptr<Convolution> make_fft_convolution(const Device&, const LagTable&, Index rows);
 /// The operations as a CUDA graph; null above the size where launching them one by one is hidden behind their work.
