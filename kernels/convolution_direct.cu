@@ -15,13 +15,15 @@ namespace bromwich::cuda {
 
 namespace {
 
-constexpr int lanes = 32, warps = 8;     ///< of a block: neighbouring modes, and its warps
-constexpr int most_own = 16;             ///< rows of v of a thread
-constexpr int few_rows = 160;            ///< below which threads have half as many
-constexpr int rows_alone = 40;           ///< of y, that a warp takes by itself
-constexpr int before = 32, beyond = 32;  ///< rows of zeros around the weights
-constexpr int lags = 16;                 ///< of a thread that forms weights
-constexpr int most_groups = 128;         ///< of 32 modes with a length of their own
+constexpr int lanes = 32, warps = 8;             ///< of a block: neighbouring modes, and its warps
+constexpr int most_own = 16;                     ///< rows of v of a thread
+constexpr int few_rows = 160;                    ///< below which threads have half as many
+constexpr int few_alone = 40, many_alone = 160;  ///< rows of y that a warp takes by itself
+constexpr int before = 32, beyond = 32;          ///< rows of zeros around the weights
+constexpr int lags = 16;                         ///< of a thread that forms weights
+constexpr int most_groups = 128;                 ///< of 32 modes with a length of their own
+constexpr int batch = 8;                         ///< rows of y that are added without a look at where they end
+constexpr int most_near = 192;  ///< lags of sums whose weights and rows of y are in shared memory at once
 
 /// W_0 w1 s1: n; the others K x n.
 struct Exponentials {
@@ -39,6 +41,15 @@ struct Weights {
 struct Lengths {
   int of[most_groups];
   int longest;
+  int alone;  ///< rows of y that a warp takes by itself
+  int near;   ///< lags, for whose weights and rows of y a block has shared memory
+
+  /// Warps that share `own` rows of v of modes with `length` lags.
+  __host__ __device__ int parts(int length, int own) const {
+    int parts = 1;
+    while (parts < warps && parts * alone < length + own) parts *= 2;
+    return parts;
+  }
 };
 
 // W_d = C E^{d-1}, S_d = C E^{d-1} G0, d >= 1 (core/recurrence.hpp).
@@ -67,105 +78,164 @@ __global__ void form_weights(Exponentials r, int rows, int stride, double* __res
   }
 }
 
-/// Warps that share `own` rows of modes with `length` lags.
-__host__ __device__ constexpr int sharing(int length, int own) {
-  int parts = 1;
-  while (parts < warps && parts * rows_alone < length + own) parts *= 2;
-  return parts;
-}
+/// What a block of the sums has to do: rows j .. j + own - 1 of v a warp, or `parts` warps that share the rows of y.
+template <int own>
+struct Share {
+  Weights weights;
+  int length, parts, step, first, rows;  ///< first: row of v of the block
+  int lane = int(threadIdx.x), warp = int(threadIdx.y), part = warp % parts, l = int(blockIdx.x) * lanes + lane;
+  int j = first + warp / parts * own;
+  bool given = l < weights.modes;
 
-/// What a thread reads ahead of its sums: `stages` batches of rows of y and of the weights that come with them, copied
-/// to shared memory while it works. No other thread sees them.
-class Ahead {
- public:
-  static constexpr int batch = 8, stages = 3;
-  static constexpr std::size_t bytes = sizeof(double) * 2 * batch * stages * lanes * warps;
-
-  __device__ explicit Ahead(double* shared) : own_(shared + threadIdx.y * lanes + threadIdx.x) {}
-
-  __device__ void copy(int stage, int c, const double* value, const double* weight) {
-    __pipeline_memcpy_async(own_ + (stage * batch + c) * 2 * threads, value, sizeof(double));
-    __pipeline_memcpy_async(own_ + ((stage * batch + c) * 2 + 1) * threads, weight, sizeof(double));
+  __device__ int block_rows() const { return warps / parts * own; }
+  /// Rows of y of a part, where they begin with row `oldest`, and the batches of them that this part has.
+  __device__ int portion(int oldest) const {
+    return ((j + own - oldest + parts - 1) / parts + batch - 1) / batch * batch;
   }
-  __device__ double value(int stage, int c) const { return own_[(stage * batch + c) * 2 * threads]; }
-  __device__ double weight(int stage, int c) const { return own_[((stage * batch + c) * 2 + 1) * threads]; }
+  __device__ int batches(int from, int portion) const { return (min(j + own - from, portion) + batch - 1) / batch; }
 
- private:
-  static constexpr int threads = lanes * warps;
-  double* own_;
+  /// sum[g]: what this part has found for row j + g.
+  __device__ void put(const double (&sum)[own], double* shared, const double* y, double* v) const {
+    if (j == 1 && part == 0 && given) v[l] = 0;
+    const auto write = [&](int g, double all) {
+      if (!given || j + g >= rows) return;
+      if (j + g <= length) all += weights.S[long(j + g) * weights.stride + l] * y[l];
+      v[long(j + g) * step + l] = all;
+    };
+    if (parts == 1) {
+#pragma unroll
+      for (int g = 0; g < own; ++g) write(g, sum[g]);
+      return;
+    }
+    __syncthreads();
+    const auto found = [&](int of, int g) -> double& { return shared[(of * own + g) * lanes + lane]; };
+#pragma unroll
+    for (int g = 0; g < own; ++g) found(warp, g) = sum[g];
+    __syncthreads();
+    for (int g = part; g < own; g += parts) {
+      double all = 0;
+      for (int p = 0; p < parts; ++p) all += found(warp - part + p, g);
+      write(g, all);
+    }
+  }
 };
 
+/// Adds a batch of rows of y to the sums. w[g]: the weight of the first of them in row j + g; with each row comes the
+/// weight that enters behind it.
+template <int own>
+__device__ void add_batch(const double* value, int value_step, const double* weight, int weight_step, double (&w)[own],
+                          double (&sum)[own]) {
+#pragma unroll
+  for (int c = 0; c < batch; ++c) {
+    const double now = value[c * value_step], next = weight[c * weight_step];
+#pragma unroll
+    for (int g = 0; g < own; ++g) sum[g] += w[g] * now;
+#pragma unroll
+    for (int g = own - 1; g > 0; --g) w[g] = w[g - 1];
+    w[0] = next;
+  }
+}
+
+/// Short memories: all rows of y and all weights that a block needs are in shared memory, once.
+template <int own>
+struct Near {
+  static constexpr int lag_before = own + batch;  ///< weights of 0 before lag 0
+
+  __host__ __device__ static int y_rows(int length, int block_rows) { return length + block_rows + batch; }
+  __host__ __device__ static int lag_rows(int length) { return lag_before + length + own; }
+  static std::size_t bytes(int length, int parts) {
+    return sizeof(double) * std::size_t(lanes * (y_rows(length, warps / parts * own) + lag_rows(length)));
+  }
+
+  __device__ static void convolve(const Share<own>& s, double* shared, const double* y, double* v) {
+    const int block_oldest = s.first - s.length, oldest = s.j - s.length;
+    const int count = y_rows(s.length, s.block_rows()), lags = lag_rows(s.length);
+    double *const values = shared + s.lane, *const weights = values + count * lanes;
+    const double* const column = y + (s.given ? s.l : 0);
+    for (int i = s.warp; i < count; i += warps) {
+      const int row = block_oldest + i;
+      const bool there = row >= 1 && row < s.rows;
+      __pipeline_memcpy_async(values + i * lanes, column + long(there ? row : 0) * s.step, sizeof(double),
+                              there ? 0 : sizeof(double));
+    }
+    for (int i = s.warp; i < lags; i += warps)
+      __pipeline_memcpy_async(weights + i * lanes, s.weights.W + long(i - lag_before) * s.weights.stride + s.l,
+                              sizeof(double));
+    __pipeline_commit();
+    __pipeline_wait_prior(0);
+    __syncthreads();
+    const int portion = s.portion(oldest), from = oldest + s.part * portion, batches = s.batches(from, portion);
+    const double* value = values + (from - block_oldest) * lanes;
+    const double* weight = weights + (s.j - from + lag_before) * lanes;
+    double sum[own] = {}, w[own];
+    if (batches > 0) {
+#pragma unroll
+      for (int g = 0; g < own; ++g) w[g] = weight[g * lanes];
+    }
+    for (int at = 0; at < batches; ++at, value += batch * lanes, weight -= batch * lanes)
+      add_batch<own>(value, lanes, weight - lanes, -lanes, w, sum);
+    s.put(sum, shared, y, v);
+  }
+};
+
+/// Long memories: each thread copies `stages` batches of its rows of y, and of the weights that come with them, to
+/// shared memory ahead of its sums. No other thread sees them.
+template <int own>
+struct Far {
+  static constexpr int stages = 3, threads = lanes * warps;
+  static constexpr std::size_t bytes = sizeof(double) * 2 * batch * stages * threads;
+
+  __device__ static void convolve(const Share<own>& s, double* shared, const double* y, double* v) {
+    const int oldest = max(1, s.j - s.length), portion = s.portion(oldest);
+    const int from = oldest + s.part * portion, batches = s.batches(from, portion);
+    const double* const column = y + (s.given ? s.l : 0);
+    const double* weight = s.weights.W + s.l + long(s.j - from - 1) * s.weights.stride;
+    const auto of_stage = [&](int stage) { return shared + (stage * 2 * batch * warps + s.warp) * lanes + s.lane; };
+    int row = from;
+    const auto copy = [&](int stage) {
+      double* const to = of_stage(stage);
+#pragma unroll
+      for (int c = 0; c < batch; ++c, weight -= s.weights.stride) {
+        __pipeline_memcpy_async(to + 2 * c * threads, column + long(min(row + c, s.rows - 1)) * s.step, sizeof(double));
+        __pipeline_memcpy_async(to + (2 * c + 1) * threads, weight, sizeof(double));
+      }
+      row += batch;
+    };
+#pragma unroll
+    for (int stage = 0; stage + 1 < stages; ++stage) {
+      if (stage < batches) copy(stage);
+      __pipeline_commit();
+    }
+    double sum[own] = {}, w[own];
+    if (batches > 0) {
+#pragma unroll
+      for (int g = 0; g < own; ++g) w[g] = s.weights.W[long(s.j + g - from) * s.weights.stride + s.l];
+    }
+    for (int at = 0, stage = 0; at < batches; ++at, stage = stage + 1 < stages ? stage + 1 : 0) {
+      __pipeline_wait_prior(stages - 2);
+      const double* const read = of_stage(stage);
+      add_batch<own>(read, 2 * threads, read + threads, 2 * threads, w, sum);
+      if (at + stages - 1 < batches) copy(stage > 0 ? stage - 1 : stages - 1);
+      __pipeline_commit();
+    }
+    s.put(sum, shared, y, v);
+  }
+};
+
+// The blocks of the latest rows, which sum most, come first.
 template <int own>
 __global__ void __launch_bounds__(lanes* warps, 2)
     convolve(Weights weights, Lengths lengths, int step, int begin, int rows, const double* __restrict__ y,
              double* __restrict__ v) {
-  constexpr int batch = Ahead::batch, stages = Ahead::stages;
   extern __shared__ double shared[];
-  const int length = lengths.of[min(int(blockIdx.x), most_groups - 1)], parts = sharing(length, own);
-  const int warp = int(threadIdx.y), part = warp % parts, lane = int(threadIdx.x), l = int(blockIdx.x) * lanes + lane;
-  const int tile = int(blockIdx.y) * (warps / parts) + warp / parts, j = begin + tile * own;
-  if (begin + int(blockIdx.y) * (warps / parts) * own >= rows) return;  // all warps of the block
-  const bool given = l < weights.modes;
-  const int oldest = max(1, j - length), last = min(rows, j + own);
-  const int share = ((last - oldest + parts - 1) / parts + batch - 1) / batch * batch;
-  const int from = oldest + part * share, batches = (min(last - from, share) + batch - 1) / batch;
-  const double* const column = y + (given ? l : 0);
-  // w[g]: the weight of row i of y in row j + g, 0 where i > j + g; with row i the weight is read that enters behind
-  // it.
-  double sum[own] = {}, w[own];
-  const double* weight = weights.W + l + long(j - from - 1) * weights.stride;
-  int row = from;
-  Ahead ahead(shared);
-  const auto copy = [&](int stage) {
-#pragma unroll
-    for (int c = 0; c < batch; ++c, weight -= weights.stride)
-      ahead.copy(stage, c, column + long(min(row + c, rows - 1)) * step, weight);
-    row += batch;
-  };
-#pragma unroll
-  for (int stage = 0; stage + 1 < stages; ++stage) {
-    if (stage < batches) copy(stage);
-    __pipeline_commit();
-  }
-  if (batches > 0) {
-#pragma unroll
-    for (int g = 0; g < own; ++g) w[g] = weights.W[long(j + g - from) * weights.stride + l];
-  }
-  for (int at = 0, stage = 0; at < batches; ++at, stage = stage + 1 < stages ? stage + 1 : 0) {
-    __pipeline_wait_prior(stages - 2);
-#pragma unroll
-    for (int c = 0; c < batch; ++c) {
-      const double now = ahead.value(stage, c);
-#pragma unroll
-      for (int g = 0; g < own; ++g) sum[g] += w[g] * now;
-#pragma unroll
-      for (int g = own - 1; g > 0; --g) w[g] = w[g - 1];
-      w[0] = ahead.weight(stage, c);
-    }
-    if (at + stages - 1 < batches) copy(stage > 0 ? stage - 1 : stages - 1);
-    __pipeline_commit();
-  }
-  if (j == 1 && part == 0 && given) v[l] = 0;
-  const auto put = [&](int g, double all) {
-    if (!given || j + g >= rows) return;
-    if (j + g <= length) all += weights.S[long(j + g) * weights.stride + l] * column[0];
-    v[long(j + g) * step + l] = all;
-  };
-  if (parts == 1) {
-#pragma unroll
-    for (int g = 0; g < own; ++g) put(g, sum[g]);
-    return;
-  }
-  __syncthreads();
-  const auto found = [&](int of, int g) -> double& { return shared[(of * own + g) * lanes + lane]; };
-#pragma unroll
-  for (int g = 0; g < own; ++g) found(warp, g) = sum[g];
-  __syncthreads();
-  for (int g = part; g < own; g += parts) {
-    double all = 0;
-    for (int p = 0; p < parts; ++p) all += found(warp - part + p, g);
-    put(g, all);
-  }
+  const int length = lengths.of[min(int(blockIdx.x), most_groups - 1)], parts = lengths.parts(length, own);
+  const int first = begin + int(gridDim.y - 1 - blockIdx.y) * (warps / parts) * own;
+  if (first >= rows) return;
+  const Share<own> share{weights, length, parts, step, first, rows};
+  if (length <= lengths.near)
+    Near<own>::convolve(share, shared, y, v);
+  else
+    Far<own>::convolve(share, shared, y, v);
 }
 
 class DirectConvolution final : public Convolution {
@@ -178,7 +248,7 @@ class DirectConvolution final : public Convolution {
         n_(total_ - begin),
         stride_((n_ + lanes - 1) / lanes * lanes),
         rows_(rows),
-        lengths_(of_groups(lengths)),
+        lengths_(of_groups(device, lengths)),
         W_(device, std::size_t((before + lengths_.longest + 1 + beyond) * stride_)),
         S_(device, std::size_t((lengths_.longest + 1) * stride_)) {
     W_.clear();
@@ -191,9 +261,12 @@ class DirectConvolution final : public Convolution {
     form_weights<<<blocks, 128, 0, device.stream()>>>(e, lengths_.longest + 1, int(stride_),
                                                       W_.data() + before * stride_, S_.data());
     check(cudaGetLastError(), "forming weights");
-    for (const auto kernel : {convolve<most_own>, convolve<most_own / 2>})
-      check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(Ahead::bytes)),
+    const auto reserve = [](auto kernel, std::size_t bytes) {
+      check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(bytes)),
             "reserving shared memory");
+    };
+    reserve(convolve<most_own>, most_shared<most_own>());
+    reserve(convolve<most_own / 2>, most_shared<most_own / 2>());
   }
 
   void apply(const Array& y, Array& v, Index first) override {
@@ -208,8 +281,10 @@ class DirectConvolution final : public Convolution {
   std::size_t bytes() const override { return W_.bytes() + S_.bytes(); }
 
  private:
-  Lengths of_groups(const std::vector<Index>& lengths) const {
-    Lengths groups{{}, 1};
+  Lengths of_groups(const Device& device, const std::vector<Index>& lengths) const {
+    const Index blocks = stride_ / lanes * (rows_ / (warps * most_own));
+    Lengths groups{{}, 1, blocks < 2 * device.multiprocessors() ? few_alone : many_alone, most_near};
+    while (Near<most_own>::bytes(groups.near, 1) > device.shared_memory()) groups.near /= 2;
     for (Index l = 0; l < n_; ++l) {
       const int length = int(lengths[std::size_t(first_ + l)]);
       int& group = groups.of[std::min<Index>(l / lanes, most_groups - 1)];
@@ -219,16 +294,31 @@ class DirectConvolution final : public Convolution {
     return groups;
   }
 
+  // That a block needs for the near groups, for the far ones, and to add up what its warps have found.
+  template <int own>
+  std::size_t shared_bytes() const {
+    std::size_t most = sizeof(double) * warps * own * lanes;
+    for (const int length : lengths_.of)
+      if (length > 0)
+        most = std::max(most, length <= lengths_.near ? Near<own>::bytes(length, lengths_.parts(length, own))
+                                                      : std::size_t(Far<own>::bytes));
+    return most;
+  }
+  template <int own>
+  std::size_t most_shared() const {
+    return std::max(Near<own>::bytes(lengths_.near, 1), std::size_t(Far<own>::bytes));
+  }
+
   // Rows max(1, first) .. rows - 1 of v.
   template <int own>
   void start(int first, const double* y, double* v) {
     const int begin = std::max(first, 1), rows = int(rows_), tiles = (rows - begin + own - 1) / own;
     if (tiles <= 0) return;
-    const int along = warps / sharing(lengths_.longest, own);  // tiles of a block, at the fewest
+    const int along = warps / lengths_.parts(lengths_.longest, own);  // tiles of a block, at the fewest
     const dim3 blocks(unsigned(stride_ / lanes), unsigned((tiles + along - 1) / along));
     const Weights weights{W_.data() + before * stride_, S_.data(), int(n_), int(stride_)};
-    convolve<own><<<blocks, dim3(lanes, warps), Ahead::bytes, stream_>>>(weights, lengths_, int(stride(total_)), begin,
-                                                                         rows, y, v);
+    convolve<own><<<blocks, dim3(lanes, warps), shared_bytes<own>(), stream_>>>(weights, lengths_, int(stride(total_)),
+                                                                                begin, rows, y, v);
     check(cudaGetLastError(), "starting a convolution");
   }
 

@@ -21,8 +21,9 @@ constexpr int lanes = 32, group = 8, tile = 16;
 constexpr int most_groups = 8;                  ///< of a launch; more exponentials are taken in slabs
 constexpr int slab_size = most_groups * group;  ///< exponentials
 constexpr int together = 4;                     ///< exponentials taken at a time in the third pass
-constexpr int chunks_together = 4;              ///< warps of a block of the third pass
+constexpr int warps_together = 4;               ///< of a block of the third pass
 constexpr Index wanted_warps = 8;               ///< of a multiprocessor in the third pass
+constexpr Index few_warps = 4;                  ///< up to which the warps of a block share its chunk
 constexpr int segments = 8, of_segment = 16;    ///< warps that carry, and chunks of each
 constexpr Index most_chunks = segments * of_segment;
 
@@ -105,39 +106,48 @@ __global__ void __launch_bounds__(lanes* segments)
 }
 
 /// What the third pass keeps in shared memory, [k][lane] each: the decays and outputs that its chunks have in common,
-/// and the states of each chunk.
+/// the states of each chunk, and what warps that share a chunk have found.
+template <int share>
 struct Slab {
-  double *decay, *output, *states;
-  __device__ Slab(double* shared, int count)
+  static constexpr int chunks = warps_together / share;
+  double *decay, *output, *states, *found;
+  __device__ Slab(double* shared, int count, int chunk)
       : decay(shared + threadIdx.x),
         output(decay + count * lanes),
-        states(output + (1 + int(threadIdx.y)) * count * lanes) {}
-  static std::size_t bytes(Index count) { return sizeof(double) * std::size_t((2 + chunks_together) * count * lanes); }
+        states(output + (1 + chunk) * count * lanes),
+        found(output + (1 + chunks) * count * lanes) {}
+  static std::size_t bytes(Index count) {
+    return sizeof(double) * std::size_t(((2 + chunks) * count + (share > 1 ? share * tile : 0)) * lanes);
+  }
 };
 
-// Exponentials from slab * slab_size on; the first slab writes v, the others add to it.
-__global__ void __launch_bounds__(lanes* chunks_together)
+// Exponentials from slab * slab_size on; the first slab writes v, the others add to it. `share` warps have a chunk in
+// common and take its exponentials in turn: 1, or all warps of a block.
+template <int share>
+__global__ void __launch_bounds__(lanes* warps_together)
     apply_chunks(Tables m, Span span, int slab, const double* __restrict__ y, const double* __restrict__ states,
                  double* __restrict__ v) {
+  static_assert(share == 1 || share == warps_together);
   extern __shared__ double shared[];
-  const int warp = int(threadIdx.y), l = int(blockIdx.x) * lanes + int(threadIdx.x);
-  const int c = span.from + int(blockIdx.y) * chunks_together + warp;
+  const int warp = int(threadIdx.y), part = warp % share, l = int(blockIdx.x) * lanes + int(threadIdx.x);
+  const int c = span.from + int(blockIdx.y) * Slab<share>::chunks + warp / share;
   const int first = slab * slab_size, count = min(slab_size, m.exponentials - first);
-  const Slab own(shared, count);
+  const Slab<share> own(shared, count, warp / share);
   const long at = long(first) * m.stride + l, of_chunk = long(c) * m.exponentials * m.stride + at;
   for (int k = 0; k < count; ++k) {
-    if (k % chunks_together == warp) {
+    if (k % warps_together == warp) {
       __pipeline_memcpy_async(own.decay + k * lanes, m.decay + at + k * m.stride, 8);
       __pipeline_memcpy_async(own.output + k * lanes, m.output + at + k * m.stride, 8);
     }
-    if (c < span.chunks) __pipeline_memcpy_async(own.states + k * lanes, states + of_chunk + k * m.stride, 8);
+    if (c < span.chunks && k % share == part)
+      __pipeline_memcpy_async(own.states + k * lanes, states + of_chunk + k * m.stride, 8);
   }
   __pipeline_commit();
   const bool given = l < m.modes;
   const double* const column = y + (given ? l : 0);
   double* const out = v + (given ? l : 0);
   const int begin = span.begin(c), end = c < span.chunks ? span.end(c) : begin;
-  if (c == 0 && slab == 0 && given) out[0] = 0;
+  if (c == 0 && slab == 0 && part == 0 && given) out[0] = 0;
   const double w0 = given ? m.w0[l] : 0, w1 = given ? m.w1[l] : 0, s1 = given ? m.s1[l] : 0;
   double before = column[long(min(begin, span.rows) - 1) * m.step];
   double u[tile];
@@ -148,11 +158,12 @@ __global__ void __launch_bounds__(lanes* chunks_together)
     double even[tile], odd[tile];
 #pragma unroll
     for (int i = 0; i < tile; ++i) {
-      even[i] = slab > 0 ? out[long(min(j + i, span.rows - 1)) * m.step] : w0 * u[i];
-      odd[i] = slab > 0 ? 0 : (i == 0 && j == 1 ? s1 : w1) * (i > 0 ? u[i > 0 ? i - 1 : 0] : before);
+      const bool adds = part == 0 && slab > 0, begins = part == 0 && slab == 0;
+      even[i] = adds ? out[long(min(j + i, span.rows - 1)) * m.step] : begins ? w0 * u[i] : 0;
+      odd[i] = begins ? (i == 0 && j == 1 ? s1 : w1) * (i > 0 ? u[i > 0 ? i - 1 : 0] : before) : 0;
     }
 #pragma unroll 1
-    for (int k = 0; k < count; k += together) {
+    for (int k = part * together; k < count; k += share * together) {
       double E[together], C[together], z[together];
 #pragma unroll
       for (int g = 0; g < together; ++g) {
@@ -171,9 +182,22 @@ __global__ void __launch_bounds__(lanes* chunks_together)
     }
     before = u[tile - 1];
     if (j + tile < end) read_tile(column, m.step, j + tile, span.rows, u);
+    if constexpr (share == 1) {
 #pragma unroll
-    for (int i = 0; i < tile; ++i)
-      if (given && j + i < end) out[long(j + i) * m.step] = even[i] + odd[i];
+      for (int i = 0; i < tile; ++i)
+        if (given && j + i < end) out[long(j + i) * m.step] = even[i] + odd[i];
+    } else {
+#pragma unroll
+      for (int i = 0; i < tile; ++i) own.found[(part * tile + i) * lanes] = even[i] + odd[i];
+      __syncthreads();
+      for (int i = part; i < tile; i += share) {
+        double all = 0;
+#pragma unroll
+        for (int p = 0; p < share; ++p) all += own.found[(p * tile + i) * lanes];
+        if (given && j + i < end) out[long(j + i) * m.step] = all;
+      }
+      __syncthreads();
+    }
   }
 }
 
@@ -207,8 +231,8 @@ class ModalScan final : public Convolution {
         s1_(on_device(device, r.s1)),
         states_(device, std::size_t(chunks_ * K_ * stride_)),
         added_(device, std::size_t(chunks_ * K_ * stride_)) {
-    check(cudaFuncSetAttribute(apply_chunks, cudaFuncAttributeMaxDynamicSharedMemorySize, int(Slab::bytes(slab_size))),
-          "reserving shared memory");
+    reserve<1>();
+    reserve<warps_together>();
   }
 
   void apply(const Array& y, Array& v, Index first) override {
@@ -226,16 +250,32 @@ class ModalScan final : public Convolution {
       accumulate<<<dim3(across, along - 1, slabs), dim3(lanes, groups), 0, stream>>>(m, span, values(y), added_.data());
     carry<<<dim3(across, unsigned(K_)), dim3(lanes, segments), 0, stream>>>(m, span, values(y), added_.data(),
                                                                             states_.data());
-    const dim3 blocks(across, (along + chunks_together - 1) / chunks_together), threads(lanes, chunks_together);
+    const bool few = Index(across * along) <= few_warps * device_.multiprocessors();
     for (unsigned slab = 0; slab < slabs; ++slab)
-      apply_chunks<<<blocks, threads, Slab::bytes(std::min<Index>(K_ - slab * slab_size, slab_size)), stream>>>(
-          m, span, int(slab), values(y), states_.data(), values(v));
+      few ? start<warps_together>(m, span, slab, y, v) : start<1>(m, span, slab, y, v);
     check(cudaGetLastError(), "starting the scan");
   }
 
   std::size_t bytes() const override { return 5 * decay_.bytes() + 3 * w0_.bytes() + states_.bytes() + added_.bytes(); }
 
  private:
+  template <int share>
+  void reserve() const {
+    check(cudaFuncSetAttribute(apply_chunks<share>, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                               int(Slab<share>::bytes(slab_size))),
+          "reserving shared memory");
+  }
+
+  template <int share>
+  void start(const Tables& m, const Span& span, unsigned slab, const Array& y, Array& v) const {
+    const Index along = span.chunks - span.from, chunks = Slab<share>::chunks;
+    const dim3 blocks(unsigned(stride_ / lanes), unsigned((along + chunks - 1) / chunks)),
+        threads(lanes, warps_together);
+    const std::size_t bytes = Slab<share>::bytes(std::min<Index>(K_ - slab * slab_size, slab_size));
+    apply_chunks<share>
+        <<<blocks, threads, bytes, device_.stream()>>>(m, span, int(slab), values(y), states_.data(), values(v));
+  }
+
   // As many warps as hide what they wait for; carrying is cheap where chunks are few.
   Index chunk_length(Index rows) const {
     const Index chunks = std::clamp<Index>(wanted_warps * device_.multiprocessors() * lanes / stride_, 1, most_chunks);
