@@ -16,8 +16,7 @@ namespace bromwich::cuda {
 namespace {
 
 constexpr int lanes = 32, warps = 8;             ///< of a block: neighbouring modes, and its warps
-constexpr int most_own = 16;                     ///< rows of v of a thread
-constexpr int few_rows = 160;                    ///< below which threads have half as many
+constexpr int own = 8;                           ///< rows of v of a thread
 constexpr int few_alone = 40, many_alone = 160;  ///< rows of y that a warp takes by itself
 constexpr int before = 32, beyond = 32;          ///< rows of zeros around the weights
 constexpr int lags = 16;                         ///< of a thread that forms weights
@@ -45,7 +44,7 @@ struct Lengths {
   int near;   ///< lags, for whose weights and rows of y a block has shared memory
 
   /// Warps that share `own` rows of v of modes with `length` lags.
-  __host__ __device__ int parts(int length, int own) const {
+  __host__ __device__ int parts(int length) const {
     int parts = 1;
     while (parts < warps && parts * alone < length + own) parts *= 2;
     return parts;
@@ -79,11 +78,10 @@ __global__ void form_weights(Exponentials r, int rows, int stride, double* __res
 }
 
 /// What a block of the sums has to do: rows j .. j + own - 1 of v a warp, or `parts` warps that share the rows of y.
-template <int own>
 struct Share {
   Weights weights;
   int length, parts, step, first, rows;  ///< first: row of v of the block
-  int lane = int(threadIdx.x), warp = int(threadIdx.y), part = warp % parts, l = int(blockIdx.x) * lanes + lane;
+  int lane = int(threadIdx.x), warp = int(threadIdx.y), part = warp % parts, l = int(blockIdx.y) * lanes + lane;
   int j = first + warp / parts * own;
   bool given = l < weights.modes;
 
@@ -122,7 +120,6 @@ struct Share {
 
 /// Adds a batch of rows of y to the sums. w[g]: the weight of the first of them in row j + g; with each row comes the
 /// weight that enters behind it.
-template <int own>
 __device__ void add_batch(const double* value, int value_step, const double* weight, int weight_step, double (&w)[own],
                           double (&sum)[own]) {
 #pragma unroll
@@ -137,7 +134,6 @@ __device__ void add_batch(const double* value, int value_step, const double* wei
 }
 
 /// Short memories: all rows of y and all weights that a block needs are in shared memory, once.
-template <int own>
 struct Near {
   static constexpr int lag_before = own + batch;  ///< weights of 0 before lag 0
 
@@ -147,7 +143,7 @@ struct Near {
     return sizeof(double) * std::size_t(lanes * (y_rows(length, warps / parts * own) + lag_rows(length)));
   }
 
-  __device__ static void convolve(const Share<own>& s, double* shared, const double* y, double* v) {
+  __device__ static void convolve(const Share& s, double* shared, const double* y, double* v) {
     const int block_oldest = s.first - s.length, oldest = s.j - s.length;
     const int count = y_rows(s.length, s.block_rows()), lags = lag_rows(s.length);
     double *const values = shared + s.lane, *const weights = values + count * lanes;
@@ -173,19 +169,18 @@ struct Near {
       for (int g = 0; g < own; ++g) w[g] = weight[g * lanes];
     }
     for (int at = 0; at < batches; ++at, value += batch * lanes, weight -= batch * lanes)
-      add_batch<own>(value, lanes, weight - lanes, -lanes, w, sum);
+      add_batch(value, lanes, weight - lanes, -lanes, w, sum);
     s.put(sum, shared, y, v);
   }
 };
 
 /// Long memories: each thread copies `stages` batches of its rows of y, and of the weights that come with them, to
 /// shared memory ahead of its sums. No other thread sees them.
-template <int own>
 struct Far {
   static constexpr int stages = 3, threads = lanes * warps;
   static constexpr std::size_t bytes = sizeof(double) * 2 * batch * stages * threads;
 
-  __device__ static void convolve(const Share<own>& s, double* shared, const double* y, double* v) {
+  __device__ static void convolve(const Share& s, double* shared, const double* y, double* v) {
     const int oldest = max(1, s.j - s.length), portion = s.portion(oldest);
     const int from = oldest + s.part * portion, batches = s.batches(from, portion);
     const double* const column = y + (s.given ? s.l : 0);
@@ -214,7 +209,7 @@ struct Far {
     for (int at = 0, stage = 0; at < batches; ++at, stage = stage + 1 < stages ? stage + 1 : 0) {
       __pipeline_wait_prior(stages - 2);
       const double* const read = of_stage(stage);
-      add_batch<own>(read, 2 * threads, read + threads, 2 * threads, w, sum);
+      add_batch(read, 2 * threads, read + threads, 2 * threads, w, sum);
       if (at + stages - 1 < batches) copy(stage > 0 ? stage - 1 : stages - 1);
       __pipeline_commit();
     }
@@ -222,20 +217,19 @@ struct Far {
   }
 };
 
-// The blocks of the latest rows, which sum most, come first.
-template <int own>
-__global__ void __launch_bounds__(lanes* warps, 2)
+// The blocks of the modes that remember most come first, and of them those of the latest rows.
+__global__ void __launch_bounds__(lanes* warps, 3)
     convolve(Weights weights, Lengths lengths, int step, int begin, int rows, const double* __restrict__ y,
              double* __restrict__ v) {
   extern __shared__ double shared[];
-  const int length = lengths.of[min(int(blockIdx.x), most_groups - 1)], parts = lengths.parts(length, own);
-  const int first = begin + int(gridDim.y - 1 - blockIdx.y) * (warps / parts) * own;
+  const int length = lengths.of[min(int(blockIdx.y), most_groups - 1)], parts = lengths.parts(length);
+  const int first = begin + int(gridDim.x - 1 - blockIdx.x) * (warps / parts) * own;
   if (first >= rows) return;
-  const Share<own> share{weights, length, parts, step, first, rows};
+  const Share share{weights, length, parts, step, first, rows};
   if (length <= lengths.near)
-    Near<own>::convolve(share, shared, y, v);
+    Near::convolve(share, shared, y, v);
   else
-    Far<own>::convolve(share, shared, y, v);
+    Far::convolve(share, shared, y, v);
 }
 
 class DirectConvolution final : public Convolution {
@@ -261,30 +255,25 @@ class DirectConvolution final : public Convolution {
     form_weights<<<blocks, 128, 0, device.stream()>>>(e, lengths_.longest + 1, int(stride_),
                                                       W_.data() + before * stride_, S_.data());
     check(cudaGetLastError(), "forming weights");
-    const auto reserve = [](auto kernel, std::size_t bytes) {
-      check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(bytes)),
-            "reserving shared memory");
-    };
-    reserve(convolve<most_own>, most_shared<most_own>());
-    reserve(convolve<most_own / 2>, most_shared<most_own / 2>());
+    check(cudaFuncSetAttribute(convolve, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                               int(std::max(Near::bytes(lengths_.near, 1), Far::bytes))),
+          "reserving shared memory");
   }
 
   void apply(const Array& y, Array& v, Index first) override {
     if (rows_ < 2)
       check(cudaMemsetAsync(values(v) + first_, 0, sizeof(double) * std::size_t(n_), stream_), "clearing a row");
-    else if (rows_ < few_rows)
-      start<most_own / 2>(int(first), values(y) + first_, values(v) + first_);
     else
-      start<most_own>(int(first), values(y) + first_, values(v) + first_);
+      start(int(first), values(y) + first_, values(v) + first_);
   }
 
   std::size_t bytes() const override { return W_.bytes() + S_.bytes(); }
 
  private:
   Lengths of_groups(const Device& device, const std::vector<Index>& lengths) const {
-    const Index blocks = stride_ / lanes * (rows_ / (warps * most_own));
+    const Index blocks = stride_ / lanes * (rows_ / (warps * own));
     Lengths groups{{}, 1, blocks < 2 * device.multiprocessors() ? few_alone : many_alone, most_near};
-    while (Near<most_own>::bytes(groups.near, 1) > device.shared_memory()) groups.near /= 2;
+    while (Near::bytes(groups.near, 1) > device.shared_memory()) groups.near /= 2;
     for (Index l = 0; l < n_; ++l) {
       const int length = int(lengths[std::size_t(first_ + l)]);
       int& group = groups.of[std::min<Index>(l / lanes, most_groups - 1)];
@@ -295,30 +284,22 @@ class DirectConvolution final : public Convolution {
   }
 
   // That a block needs for the near groups, for the far ones, and to add up what its warps have found.
-  template <int own>
   std::size_t shared_bytes() const {
     std::size_t most = sizeof(double) * warps * own * lanes;
     for (const int length : lengths_.of)
       if (length > 0)
-        most = std::max(most, length <= lengths_.near ? Near<own>::bytes(length, lengths_.parts(length, own))
-                                                      : std::size_t(Far<own>::bytes));
+        most = std::max(most, length <= lengths_.near ? Near::bytes(length, lengths_.parts(length)) : Far::bytes);
     return most;
   }
-  template <int own>
-  std::size_t most_shared() const {
-    return std::max(Near<own>::bytes(lengths_.near, 1), std::size_t(Far<own>::bytes));
-  }
-
   // Rows max(1, first) .. rows - 1 of v.
-  template <int own>
   void start(int first, const double* y, double* v) {
     const int begin = std::max(first, 1), rows = int(rows_), tiles = (rows - begin + own - 1) / own;
     if (tiles <= 0) return;
-    const int along = warps / lengths_.parts(lengths_.longest, own);  // tiles of a block, at the fewest
-    const dim3 blocks(unsigned(stride_ / lanes), unsigned((tiles + along - 1) / along));
+    const int along = warps / lengths_.parts(lengths_.longest);  // tiles of a block, at the fewest
+    const dim3 blocks(unsigned((tiles + along - 1) / along), unsigned(stride_ / lanes));
     const Weights weights{W_.data() + before * stride_, S_.data(), int(n_), int(stride_)};
-    convolve<own><<<blocks, dim3(lanes, warps), shared_bytes<own>(), stream_>>>(weights, lengths_, int(stride(total_)),
-                                                                                begin, rows, y, v);
+    convolve<<<blocks, dim3(lanes, warps), shared_bytes(), stream_>>>(weights, lengths_, int(stride(total_)), begin,
+                                                                      rows, y, v);
     check(cudaGetLastError(), "starting a convolution");
   }
 

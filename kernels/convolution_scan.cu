@@ -23,7 +23,8 @@ constexpr int slab_size = most_groups * group;  ///< exponentials
 constexpr int together = 4;                     ///< exponentials taken at a time in the third pass
 constexpr int warps_together = 4;               ///< of a block of the third pass
 constexpr Index wanted_warps = 8;               ///< of a multiprocessor in the third pass
-constexpr Index few_warps = 4;                  ///< up to which the warps of a block share its chunk
+constexpr Index few_chunks = 64;                ///< where the warps of a block share a chunk
+constexpr Index few_blocks = 2;                 ///< of a multiprocessor, up to which they do
 constexpr int segments = 8, of_segment = 16;    ///< warps that carry, and chunks of each
 constexpr Index most_chunks = segments * of_segment;
 
@@ -218,6 +219,7 @@ class ModalScan final : public Convolution {
         n_(modes),
         K_(rounded_up(std::max<Index>(r.exponentials(), 1), group)),
         stride_(rounded_up(n_, lanes)),
+        shared_(stride_ / lanes * few_chunks <= few_blocks * device.multiprocessors()),
         length_(chunk_length(rows)),
         chunks_(std::max<Index>(1, (rows - 1 + length_ - 1) / length_)),
         rows_(rows),
@@ -250,9 +252,8 @@ class ModalScan final : public Convolution {
       accumulate<<<dim3(across, along - 1, slabs), dim3(lanes, groups), 0, stream>>>(m, span, values(y), added_.data());
     carry<<<dim3(across, unsigned(K_)), dim3(lanes, segments), 0, stream>>>(m, span, values(y), added_.data(),
                                                                             states_.data());
-    const bool few = Index(across * along) <= few_warps * device_.multiprocessors();
     for (unsigned slab = 0; slab < slabs; ++slab)
-      few ? start<warps_together>(m, span, slab, y, v) : start<1>(m, span, slab, y, v);
+      shared_ ? start<warps_together>(m, span, slab, y, v) : start<1>(m, span, slab, y, v);
     check(cudaGetLastError(), "starting the scan");
   }
 
@@ -278,12 +279,15 @@ class ModalScan final : public Convolution {
 
   // As many warps as hide what they wait for; carrying is cheap where chunks are few.
   Index chunk_length(Index rows) const {
-    const Index chunks = std::clamp<Index>(wanted_warps * device_.multiprocessors() * lanes / stride_, 1, most_chunks);
+    const Index most = shared_ ? few_chunks : most_chunks;
+    const Index chunks = std::clamp<Index>(wanted_warps * device_.multiprocessors() * lanes / stride_, 1, most);
     return rounded_up(std::max<Index>((rows - 1 + chunks - 1) / chunks, 2 * tile), tile);
   }
 
   const Device& device_;
-  Index total_, n_, K_, stride_, length_, chunks_, rows_;  ///< modes 0 .. n_ - 1 are taken
+  Index total_, n_, K_, stride_;  ///< modes 0 .. n_ - 1 are taken
+  bool shared_;                   ///< few modes: the warps of a block share a chunk
+  Index length_, chunks_, rows_;
   Memory<double> decay_, power_, output_, start_, initial_, w0_, w1_, s1_, states_, added_;
 };
 

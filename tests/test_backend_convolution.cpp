@@ -86,8 +86,12 @@ RowMatrix by_recurrence(const ModalRecurrence& r, const RowMatrix& y) {
 }
 
 TEST_P(BackendConvolution, ModesThatForget) {
-  for (const auto& [n, K, rows] :
-       {std::tuple<Index, Index, Index>{9, 5, 3}, {40, 9, 70}, {70, 48, 500}, {33, 16, 900}, {100, 9, 3300}, {40, 70, 3300}}) {
+  for (const auto& [n, K, rows] : {std::tuple<Index, Index, Index>{9, 5, 3},
+                                   {40, 9, 70},
+                                   {70, 48, 500},
+                                   {33, 16, 900},
+                                   {100, 9, 3300},
+                                   {40, 70, 3300}}) {
     Random random{std::uint32_t(n)};
     const ModalRecurrence r = forgetting_modal(random, n, K);
     RowMatrix y = random.matrix(rows, n);
