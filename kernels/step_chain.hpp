@@ -13,10 +13,12 @@ namespace bromwich::cuda {
 /// right-hand side at a time and nothing to do at once, products of dense maps do.
 constexpr Index most_written_out = 384;
 
-/// Weighted residuals, from operations on arrays of the device.
+/// What is asked for by matrices of the host, from operations on arrays of the device.
 class DeviceStepChain : public StepChain {
  public:
   explicit DeviceStepChain(const Device& device) : device_(device) {}
+  RowMatrix solve(RowMatrix d) final;
+  RowMatrix solve_transposed(RowMatrix q, const AdjointChoice&) final;
   Vector weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) final;
   Vector locally_weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& q,
                                    const RowMatrix& l) final;

@@ -150,13 +150,13 @@ class Study {
     RowMatrix x, gradient, l;
     {
       const auto chain = backend.step_chain(problem);
-      const auto solve = [&] { x = forward(backend, *chain, step_sources(system, StepScheme::euler, t, x0)); };
+      const auto solve = [&] { x = chain->solve(step_sources(system, StepScheme::euler, t, x0)); };
       add("cycle: sources and forward", timed_runs(backend, repeats, solve), 0);
       const Trajectory path{system, StepScheme::euler, t, x};
       double value = 0;
       const auto differentiate = [&] { value = quantity->value(path), gradient = quantity->gradient(path); };
       add("cycle: quantity and its gradient", timed_runs(backend, repeats, differentiate), 0);
-      const auto transposed = [&] { l = adjoint(backend, *chain, gradient, {}); };
+      const auto transposed = [&] { l = chain->solve_transposed(gradient, {}); };
       add("cycle: adjoint by substitution", timed_runs(backend, repeats, transposed), 0);
     }
     Vector indicators;
