@@ -23,6 +23,8 @@ namespace {
 
 const char* to_string(AdjointMethod method) {
   switch (method) {
+    case AdjointMethod::exact:
+      return "exact";
     case AdjointMethod::substitution:
       return "exact (back substitution)";
     case AdjointMethod::jacobi:

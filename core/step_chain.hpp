@@ -64,10 +64,11 @@ struct StepChainProblem {
   void validate() const;
 };
 
-enum class AdjointMethod { substitution, jacobi, doubling, scan };
+/// exact: substitution or scan, whichever is faster where the chain runs, and fits.
+enum class AdjointMethod { exact, substitution, jacobi, doubling, scan };
 
 struct AdjointChoice {
-  AdjointMethod method = AdjointMethod::substitution;
+  AdjointMethod method = AdjointMethod::exact;
   Index sweeps = 1;  ///< of Jacobi, at least 1
 
   /// Throws Error for fewer than one.

@@ -87,6 +87,7 @@ RowMatrix CpuStepChain::solve_transposed(RowMatrix q, const AdjointChoice& choic
 
 void CpuStepChain::adjoint(const RowMatrix& q, RowMatrix& mu, const AdjointChoice& choice) {
   switch (choice.method) {
+    case AdjointMethod::exact:  // a step is a product with one vector: no number of threads here makes up for m
     case AdjointMethod::substitution:
       return substitute(q, mu);
     case AdjointMethod::jacobi:

@@ -42,20 +42,6 @@ Vector weighed(const Device& device, const DeviceArray& z, const DeviceArray& r)
 
 }  // namespace
 
-RowMatrix DeviceStepChain::solve(RowMatrix d) {
-  DeviceArray x(device_, d.rows(), d.cols());
-  forward(on_device_rows(device_, d), x);
-  download(device_, x, d);
-  return d;
-}
-
-RowMatrix DeviceStepChain::solve_transposed(RowMatrix q, const AdjointChoice& choice) {
-  DeviceArray l(device_, q.rows(), q.cols());
-  adjoint(on_device_rows(device_, q), l, choice);
-  download(device_, l, q);
-  return q;
-}
-
 Vector DeviceStepChain::weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) {
   DeviceArray r(device_, x.rows(), x.cols());
   residual(on_device_rows(device_, d), on_device_rows(device_, x), r);
