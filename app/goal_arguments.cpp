@@ -56,13 +56,14 @@ std::shared_ptr<const QuantityOfInterest> parse_quantity(const std::string& word
 
 AdjointChoice parse_adjoint(const std::string& word) {
   if (word == "exact") return {};
+  if (word == "substitution") return {AdjointMethod::substitution, 1};
   if (word == "doubling") return {AdjointMethod::doubling, 1};
   if (word == "scan") return {AdjointMethod::scan, 1};
   if (word == "jacobi") return {AdjointMethod::jacobi, 1};
   if (word.starts_with("jacobi:"))
     if (const auto sweeps = parse_integer(word.substr(7)); sweeps && *sweeps >= 1 && *sweeps <= 1000000)
       return {AdjointMethod::jacobi, Index(*sweeps)};
-  throw unknown_word("--adjoint", word, "exact, jacobi:K with K sweeps, doubling or scan");
+  throw unknown_word("--adjoint", word, "exact, substitution, scan, doubling, or jacobi:K with K sweeps");
 }
 
 StepScheme parse_scheme(const std::string& word) {

@@ -67,7 +67,8 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
       "method goal: loc (default), glob or loc+RHO, the violation of the energy balance step by step, over all time, "
       "or with RHO times the integral of |x|^2; file (default where there is one): [quantity] of the scene file");
   add_word(command, "--scheme", a.goal.scheme, "NAME", "method goal: euler (default), midpoint or exponential");
-  add_word(command, "--adjoint", a.goal.adjoint, "NAME", "method goal: exact (default), jacobi:K, doubling or scan");
+  add_word(command, "--adjoint", a.goal.adjoint, "NAME",
+           "method goal: exact (default), substitution, scan, doubling, jacobi:K");
   add_word(command, "--weights", a.goal.weights, "NAME",
            "method goal: local (default), interpolated or global weights of the residual");
   add_word(command, "--marking", a.goal.marking, "SHARE",

@@ -12,6 +12,7 @@
 #include "recurrence.hpp"
 #include "scene.hpp"
 
+#include <algorithm>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -213,6 +214,12 @@ class Backend {
 
   /// Until all that was asked for is done.
   virtual void wait() {}
+
+  /// body(first, last) for the ranges first <= i < last of `length` numbers, the last one of what is left, that make up
+  /// 0 <= i < count: work on values of the host, shared out among its threads. The body must not throw.
+  virtual void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const {
+    for (Index first = 0; first < count; first += length) body(first, std::min(first + length, count));
+  }
 
   /// What `operations` asks for, on arrays and plans that outlive the program; nothing is done yet. Null where starting
   /// them one by one costs no more: they are short (`values` of an array) and the backend takes long to start one.

@@ -23,6 +23,8 @@ namespace {
 
 const char* to_string(AdjointMethod method) {
   switch (method) {
+    case AdjointMethod::exact:
+      return "exact";
     case AdjointMethod::substitution:
       return "exact (back substitution)";
     case AdjointMethod::jacobi:
@@ -96,14 +98,16 @@ GoalEvaluation evaluate_goal(const PortSystem& system, Backend& backend, const G
   const StepSizes sizes = group_steps(t);
   const auto chain = backend.step_chain(system.step_problem(goal.scheme, sizes));
   GoalEvaluation e;
-  e.x = forward(backend, *chain, step_sources(system, goal.scheme, t, x0));
-  const Trajectory path{system, goal.scheme, t, e.x};
+  e.x = chain->solve(step_sources(system, goal.scheme, t, x0, &backend));
+  const Trajectory path{system, goal.scheme, t, e.x, 1, nullptr, &backend};
   e.sizes = sizes.sizes.size();
   e.elsewhere = chain->elsewhere();
-  e.quantity = quantity->value(path);
-  e.rounding = quantity->rounding(path);
-  RowMatrix l;
-  if (goal.weights != CellWeights::global) l = adjoint(backend, *chain, quantity->gradient(path), goal.adjoint);
+  const bool weighted_on_this = goal.weights != CellWeights::global;
+  QuantityEvaluation quantity_here = quantity->evaluate(path, weighted_on_this);
+  e.quantity = quantity_here.value;
+  e.rounding = quantity_here.rounding;
+  const RowMatrix l =
+      weighted_on_this ? chain->solve_transposed(std::move(quantity_here.gradient), goal.adjoint) : RowMatrix();
   e.indicators = goal_indicators(path, backend, *quantity, goal.weights, l, goal.adjoint);
   return e;
 }

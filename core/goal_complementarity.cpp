@@ -33,19 +33,23 @@ GoalEvaluation ConstrainedGoal::evaluate(const Vector& t) {
   Trajectory path{system_.port(), scheme, t, e.x};
   path_ = constraints_along(system_, backend_, path);
   path.constraints = &path_;
-  e.quantity = quantity_->value(path);
-  e.rounding = quantity_->rounding(path);
+  path.backend = &backend_;
+  const bool weighted_on_this = goal_.weights != CellWeights::global;
+  QuantityEvaluation quantity = quantity_->evaluate(path, weighted_on_this);
+  e.quantity = quantity.value;
+  e.rounding = quantity.rounding;
   const ConstrainedChain coarse = constrained_chain(system_, scheme, t, x0, last_.steps);
   e.sizes = group_steps(t).sizes.size();
   RowMatrix l;
-  if (goal_.weights != CellWeights::global)
-    l = adjoint(backend_, *backend_.step_chain(coarse.problem), quantity_->gradient(path), goal_.adjoint);
+  if (weighted_on_this)
+    l = backend_.step_chain(coarse.problem)->solve_transposed(std::move(quantity.gradient), goal_.adjoint);
 
   const Vector fine_t = halved(t);
   const RowMatrix fine_x = prolonged(path);
   Trajectory fine{system_.port(), scheme, fine_t, fine_x, 2};
   const ConstraintPath fine_path = constraints_along(system_, backend_, fine);
   fine.constraints = &fine_path;
+  fine.backend = &backend_;
   const ConstraintValues steps = constraints_within(system_, backend_, fine, constraint_point(scheme));
   const ConstrainedChain chain = constrained_chain(system_, scheme, fine_t, x0, steps);
   e.indicators = indicator_scale(scheme, *quantity_) * weighted_residual(backend_, chain.problem, chain.d, fine_x,

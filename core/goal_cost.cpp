@@ -16,7 +16,10 @@ constexpr double goal_constraint_arrays = 20;  ///< y at the nodes of both grids
 
 GoalCost predicted_goal_cost(const PortSystem& system, StepScheme scheme, Index constraints, Index cells, Index sizes) {
   const double m = double(system.states()), n = double(constraints), M = double(cells) + 1, K = double(sizes);
-  const double inputs = 4 * double(system.port().ports());
+  // u and its times: of the grid and the halved one at the fractions of a step that the scheme looks at, and of two
+  // grids at those that tell whether it sees u at all.
+  const double fractions = scheme == StepScheme::euler ? 1 : scheme == StepScheme::midpoint ? 3 : 5;
+  const double inputs = (3 * fractions + 2 * 3) * (double(system.port().ports()) + 1);
   GoalCost cost{sizeof(double) * M * (goal_arrays * m + goal_constraint_arrays * n + inputs), 0};
   if (system.dense_steps(scheme)) {
     cost.steps = sizeof(double) * m * m * (8 * K + 10);  // S, R, S^{-1} R and S^{-1}, of both grids

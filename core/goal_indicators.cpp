@@ -20,24 +20,6 @@ RowMatrix interpolated_weights(const RowMatrix& l) {
 
 }  // namespace
 
-RowMatrix forward(Backend& backend, StepChain& chain, const RowMatrix& d) {
-  const auto in = backend.array(d.rows(), d.cols()), out = backend.array(d.rows(), d.cols());
-  backend.upload(d, *in);
-  chain.forward(*in, *out);
-  RowMatrix x(d.rows(), d.cols());
-  backend.download(*out, x);
-  return x;
-}
-
-RowMatrix adjoint(Backend& backend, StepChain& chain, const RowMatrix& q, const AdjointChoice& choice) {
-  const auto in = backend.array(q.rows(), q.cols()), out = backend.array(q.rows(), q.cols());
-  backend.upload(q, *in);
-  chain.adjoint(*in, *out, choice);
-  RowMatrix l(q.rows(), q.cols());
-  backend.download(*out, l);
-  return l;
-}
-
 Vector weighted_residual(Backend& backend, const StepChainProblem& fine, const RowMatrix& d, const RowMatrix& x,
                          const RowMatrix& gradient, CellWeights weights, const RowMatrix& l,
                          const AdjointChoice& choice) {
@@ -51,7 +33,7 @@ Vector weighted_residual(Backend& backend, const StepChainProblem& fine, const R
       case CellWeights::global:
         break;
     }
-    return chain->weighted_residual(d, x, adjoint(backend, *chain, gradient, choice));
+    return chain->weighted_residual(d, x, chain->solve_transposed(gradient, choice));
   }();
   return Vector::NullaryExpr(fine.steps() / 2, [&](Index c) { return of_steps[2 * c] + of_steps[2 * c + 1]; });
 }
@@ -65,9 +47,9 @@ Vector goal_indicators(const Trajectory& path, Backend& backend, const QuantityO
   const PortSystem& system = path.system;
   const Vector t = halved(path.t);
   const RowMatrix x = prolonged(path);
-  const RowMatrix gradient = quantity.gradient({system, path.scheme, t, x, 2 * path.per_cell});
+  const RowMatrix gradient = quantity.gradient({system, path.scheme, t, x, 2 * path.per_cell, nullptr, &backend});
   const StepChainProblem problem = system.step_problem(path.scheme, group_steps(t));
-  const RowMatrix d = step_sources(system, path.scheme, t, path.x.row(0).transpose());
+  const RowMatrix d = step_sources(system, path.scheme, t, path.x.row(0).transpose(), &backend);
   return indicator_scale(path.scheme, quantity) *
          weighted_residual(backend, problem, d, x, gradient, weights, l, choice);
 }

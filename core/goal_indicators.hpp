@@ -20,8 +20,4 @@ Vector weighted_residual(Backend&, const StepChainProblem& fine, const RowMatrix
 /// What those sums are multiplied with to become indicators.
 double indicator_scale(StepScheme, const QuantityOfInterest&);
 
-/// A solution and an adjoint of a chain, arrays on the host.
-RowMatrix forward(Backend&, StepChain&, const RowMatrix& d);
-RowMatrix adjoint(Backend&, StepChain&, const RowMatrix& q, const AdjointChoice&);
-
 }  // namespace bromwich

@@ -11,48 +11,61 @@ namespace {
 /// Σ over the steps of a cell.
 Vector per_cell(const Trajectory& path, const Vector& of_steps) {
   Vector sums = Vector::Zero(path.cells());
-  for (Index i = 0; i < of_steps.size(); ++i) sums[i / path.per_cell] += of_steps[i];
+  for (Index part = 0; part < path.per_cell; ++part) sums += of_steps(Eigen::seqN(part, path.cells(), path.per_cell));
   return sums;
+}
+/// For each step the value of its cell.
+Vector per_step(const Trajectory& path, const Vector& of_cells) {
+  Vector values(path.steps());
+  for (Index part = 0; part < path.per_cell; ++part) values(Eigen::seqN(part, path.cells(), path.per_cell)) = of_cells;
+  return values;
 }
 
 /// Of the violations of the cells: they are differences of energies.
-Vector balance_rounding(const Trajectory& path) {
-  const EnergyBalance b = energy_balance(path);
+Vector balance_rounding(const Trajectory& path, const EnergyBalance& b) {
   const Index M = path.steps();
   const Vector terms = b.energy.head(M) + b.energy.tail(M) + b.supplied.cwiseAbs() + b.dissipated;
   return per_cell(path, 4 * epsilon * terms);
 }
 
-class GlobalBalance : public QuantityOfInterest {
+/// A functional of the violations of the cells.
+class BalanceQuantity : public QuantityOfInterest {
  public:
-  std::string name() const override { return "glob"; }
-  double value(const Trajectory& path) const override {
-    const double v = energy_balance(path).violation.sum();
-    return v * v;
-  }
-  RowMatrix gradient(const Trajectory& path) const override {
-    const double v = energy_balance(path).violation.sum();
-    return balance_gradient(path, Vector::Constant(path.steps(), 2 * v));
+  double value(const Trajectory& path) const override { return evaluate(path, false).value; }
+  double rounding(const Trajectory& path) const override { return evaluate(path, false).rounding; }
+  RowMatrix gradient(const Trajectory& path) const override { return evaluate(path, true).gradient; }
+  QuantityEvaluation evaluate(const Trajectory& path, bool with_gradient) const override {
+    const EnergyBalance balance = energy_balance(path);
+    const Vector v = per_cell(path, balance.violation);
+    QuantityEvaluation e{of_cells(v), of_cells(balance_rounding(path, balance)), {}};
+    if (with_gradient) e.gradient = balance_gradient(path, per_step(path, slope(v)));
+    return e;
   }
   std::optional<double> exact() const override { return 0.; }
   double secant() const override { return 0.5; }
-  double rounding(const Trajectory& path) const override { return std::pow(balance_rounding(path).sum(), 2); }
+
+ protected:
+  virtual double of_cells(const Vector& v) const = 0;
+  virtual Vector slope(const Vector& v) const = 0;  ///< its derivative
 };
 
-class LocalBalance : public QuantityOfInterest {
+class GlobalBalance : public BalanceQuantity {
+ public:
+  std::string name() const override { return "glob"; }
+
+ private:
+  double of_cells(const Vector& v) const override { return std::pow(v.sum(), 2); }
+  Vector slope(const Vector& v) const override { return Vector::Constant(v.size(), 2 * v.sum()); }
+};
+
+class LocalBalance : public BalanceQuantity {
  public:
   std::string name() const override { return "loc"; }
-  double value(const Trajectory& path) const override {
-    return per_cell(path, energy_balance(path).violation).squaredNorm();
-  }
-  RowMatrix gradient(const Trajectory& path) const override {
-    const Vector v = per_cell(path, energy_balance(path).violation);
-    return balance_gradient(path, Vector::NullaryExpr(path.steps(), [&](Index i) { return 2 * v[i / path.per_cell]; }));
-  }
-  std::optional<double> exact() const override { return 0.; }
-  double secant() const override { return 0.5; }
-  double rounding(const Trajectory& path) const override { return balance_rounding(path).squaredNorm(); }
   int order(int p) const override { return 2 * p + 1; }  // v falls by 2^-(p+1), and there are two
+
+ private:
+  double of_cells(const Vector& v) const override { return v.squaredNorm(); }
+  Vector slope(const Vector& v) const override { return 2 * v; }
 };
 
 class WeightedBalance : public LocalBalance {
@@ -61,23 +74,16 @@ class WeightedBalance : public LocalBalance {
     if (!(rho >= 0) || !std::isfinite(rho)) throw Error("rho", text("found %g", rho), "give a number from 0 on");
   }
   std::string name() const override { return text("loc+%g", rho_); }
-  double value(const Trajectory& path) const override {
-    double square = 0;
-    const Vector h = path.t.tail(path.steps()) - path.t.head(path.steps());
-    const auto& [nodes, weights] = quadrature(path.scheme);
-    for (std::size_t q = 0; q < nodes.size(); ++q)
-      square += weights[q] * h.dot(states_within(path, nodes[q]).rowwise().squaredNorm());
-    return LocalBalance::value(path) + rho_ * square;
-  }
-  RowMatrix gradient(const Trajectory& path) const override {
-    RowMatrix gradient = LocalBalance::gradient(path);
+  QuantityEvaluation evaluate(const Trajectory& path, bool with_gradient) const override {
+    QuantityEvaluation e = LocalBalance::evaluate(path, with_gradient);
     const Vector h = path.t.tail(path.steps()) - path.t.head(path.steps());
     const auto& [nodes, weights] = quadrature(path.scheme);
     for (std::size_t q = 0; q < nodes.size(); ++q) {
       const RowMatrix x = states_within(path, nodes[q]);
-      add_within(path, nodes[q], (2 * rho_ * weights[q] * h).asDiagonal() * x, gradient);
+      e.value += rho_ * weights[q] * h.dot(x.rowwise().squaredNorm());
+      if (with_gradient) add_within(path, nodes[q], (2 * rho_ * weights[q] * h).asDiagonal() * x, e.gradient);
     }
-    return gradient;
+    return e;
   }
   std::optional<double> exact() const override { return std::nullopt; }
   double secant() const override { return 1; }
@@ -131,6 +137,10 @@ class User : public QuantityOfInterest {
 };
 
 }  // namespace
+
+QuantityEvaluation QuantityOfInterest::evaluate(const Trajectory& path, bool with_gradient) const {
+  return {value(path), rounding(path), with_gradient ? gradient(path) : RowMatrix()};
+}
 
 std::shared_ptr<const QuantityOfInterest> global_balance() { return std::make_shared<GlobalBalance>(); }
 std::shared_ptr<const QuantityOfInterest> local_balance() { return std::make_shared<LocalBalance>(); }

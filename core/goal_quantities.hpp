@@ -9,6 +9,12 @@
 
 namespace bromwich {
 
+/// What a cycle asks of a quantity on one grid.
+struct QuantityEvaluation {
+  double value = 0, rounding = 0;
+  RowMatrix gradient;  ///< (M+1) x m, or empty
+};
+
 class QuantityOfInterest {
  public:
   virtual ~QuantityOfInterest() = default;
@@ -25,6 +31,8 @@ class QuantityOfInterest {
   virtual int order(int p) const { return p; }
   /// What of value() may be rounding: a few eps of the terms that it is summed from; 0 where that is not known.
   virtual double rounding(const Trajectory&) const { return 0; }
+  /// All at once, the gradient where it is asked for.
+  virtual QuantityEvaluation evaluate(const Trajectory&, bool with_gradient) const;
 };
 
 /// I_glob = (Σ_i v_i)^2, the violation of the energy balance over [0, T].

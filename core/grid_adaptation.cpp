@@ -48,45 +48,63 @@ Vector first_grid(double T, Index cells, const std::vector<double>& breaks) {
 
 namespace {
 
-/// Cells by decreasing size.
-std::vector<Index> by_size(const Vector& size) {
-  std::vector<Index> cells(std::size_t(size.size()));
-  std::iota(cells.begin(), cells.end(), Index(0));
-  std::stable_sort(cells.begin(), cells.end(), [&](Index a, Index b) { return size[a] > size[b]; });
+struct SizedCell {
+  double size;  ///< |indicator|
+  Index cell;
+};
+
+/// By decreasing size, those of one size in the order of the grid.
+std::vector<SizedCell> by_size(const Vector& indicators) {
+  std::vector<SizedCell> cells(std::size_t(indicators.size()));
+  for (Index i = 0; i < indicators.size(); ++i) cells[std::size_t(i)] = {std::abs(indicators[i]), i};
+  std::sort(cells.begin(), cells.end(), [](const SizedCell& a, const SizedCell& b) {
+    return a.size > b.size || (a.size == b.size && a.cell < b.cell);
+  });
   return cells;
+}
+
+/// The first `count` of them in the order of the grid.
+std::vector<Index> first_cells(const std::vector<SizedCell>& cells, Index count) {
+  std::vector<char> chosen(cells.size(), 0);
+  for (Index k = 0; k < count; ++k) chosen[std::size_t(cells[std::size_t(k)].cell)] = 1;
+  std::vector<Index> first;
+  first.reserve(std::size_t(count));
+  for (std::size_t i = 0; i < chosen.size(); ++i)
+    if (chosen[i]) first.push_back(Index(i));
+  return first;
+}
+
+double whole_power(double base, int exponent) {
+  double power = 1;
+  for (int k = 0; k < exponent; ++k) power *= base;
+  return power;
 }
 
 }  // namespace
 
 std::vector<Index> marked_cells(const Vector& indicators, double marking, Index most) {
-  const Vector size = indicators.cwiseAbs();
-  std::vector<Index> cells = by_size(size);
-  const double wanted = marking * size.sum();
+  const std::vector<SizedCell> cells = by_size(indicators);
+  const double wanted = marking * indicators.cwiseAbs().sum();
   double covered = 0;
   std::size_t count = 0;
-  while (count < cells.size() && Index(count) < most && covered < wanted && size[cells[count]] > 0)
-    covered += size[cells[count++]];
-  cells.resize(count);
-  std::sort(cells.begin(), cells.end());
-  return cells;
+  while (count < cells.size() && Index(count) < most && covered < wanted && cells[count].size > 0)
+    covered += cells[count++].size;
+  return first_cells(cells, Index(count));
 }
 
 std::vector<Index> economical_cells(const Vector& indicators, int q, Index most) {
-  const Vector size = indicators.cwiseAbs();
-  std::vector<Index> cells = by_size(size);
+  const std::vector<SizedCell> cells = by_size(indicators);
   const double gain = 1 - std::exp2(-q);
-  double left = size.sum(), least = INFINITY;
+  double left = indicators.cwiseAbs().sum(), least = INFINITY;
   Index best = 0;
-  for (Index count = 1; count <= size.size() && size[cells[std::size_t(count - 1)]] > 0; ++count) {
-    left -= gain * size[cells[std::size_t(count - 1)]];
-    const double cost = left * std::pow(1 + double(count) / double(size.size()), q);
+  for (Index count = 1; count <= Index(cells.size()) && cells[std::size_t(count - 1)].size > 0; ++count) {
+    left -= gain * cells[std::size_t(count - 1)].size;
+    const double cost = left * whole_power(1 + double(count) / double(cells.size()), q);
     if (cost >= least) continue;
     least = cost;
     best = count;
   }
-  cells.resize(std::size_t(std::min(best, most)));
-  std::sort(cells.begin(), cells.end());
-  return cells;
+  return first_cells(cells, std::min(best, most));
 }
 
 Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, const std::vector<double>& breaks) {

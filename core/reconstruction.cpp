@@ -1,5 +1,6 @@
 #include "core/reconstruction.hpp"
 
+#include "core/backend.hpp"
 #include "core/descriptor.hpp"
 #include "core/error.hpp"
 #include "core/phi.hpp"
@@ -13,6 +14,18 @@ namespace {
 
 constexpr Index largest_dense_step = 64;          // above, sparse factors are faster
 constexpr Index largest_exponential_step = 1024;  // e^{hA} is dense
+
+/// work(i) for the rows i = 0 .. rows-1 of an array, on the threads of the backend where one is given.
+template <typename Work>
+void share_out(const Backend* backend, Index rows, Index cols, const Work& work) {
+  const auto range = [&](Index first, Index last) {
+    for (Index i = first; i < last; ++i) work(i);
+  };
+  if (backend)
+    backend->each_range(rows, std::max<Index>(1, (Index(1) << 16) / cols), range);
+  else
+    range(0, rows);
+}
 
 /// M x m times the transpose of a sparse matrix.
 RowMatrix times_transposed(const RowMatrix& x, const SparseMatrix& A) {
@@ -110,20 +123,8 @@ bool PortSystem::dense_steps(StepScheme scheme) const {
 }
 
 RowMatrix PortSystem::inputs(const Vector& t, double s) const {
-  const Index M = t.size() - 1, k = port_.ports();
-  RowMatrix u = RowMatrix::Zero(M, k);
-  if (!port_.u) return u;
-  Vector value(k);
-  for (Index i = 0; i < M; ++i) {
-    if (s <= 0)
-      value = input_at(port_, t[i], Side::behind, T_);
-    else if (s >= 1)
-      value = input_at(port_, t[i + 1], Side::before, T_);
-    else
-      port_.u((1 - s) * t[i] + s * t[i + 1], value);
-    u.row(i) = value.transpose();
-  }
-  return u;
+  if (!port_.u) return RowMatrix::Zero(t.size() - 1, port_.ports());
+  return samples_.at(port_, T_, t, s);
 }
 
 RowMatrix slopes(const Trajectory& path, Side side) {
@@ -159,15 +160,25 @@ void add_within(const Trajectory& path, double s, const RowMatrix& g, RowMatrix&
   gradient.bottomRows(M) += delta * through_slope;
 }
 
-RowMatrix step_sources(const PortSystem& system, StepScheme scheme, const Vector& t, const Vector& x0) {
+RowMatrix step_sources(const PortSystem& system, StepScheme scheme, const Vector& t, const Vector& x0,
+                       const Backend* backend) {
   const Index M = t.size() - 1, m = system.states();
-  RowMatrix d = RowMatrix::Zero(M + 1, m);
+  RowMatrix d(M + 1, m);
   d.row(0) = x0.transpose();
-  if (!system.port().u) return d;
+  if (!system.port().u) {
+    d.bottomRows(M).setZero();
+    return d;
+  }
   if (scheme != StepScheme::exponential) {
     const RowMatrix u = system.inputs(t, scheme == StepScheme::euler ? 1 : 0.5);
-    const RowMatrix f = times_transposed(u, system.keeps_E(scheme) ? system.port().B : system.F());
-    d.bottomRows(M) = (t.tail(M) - t.head(M)).asDiagonal() * f;
+    const SparseMatrix& F = system.keeps_E(scheme) ? system.port().B : system.F();
+    share_out(backend, M, m, [&](Index i) {
+      d.row(i + 1).setZero();
+      const double h = t[i + 1] - t[i];
+      for (Index c = 0; c < u.cols(); ++c)
+        for (SparseMatrix::InnerIterator entry(F, c); entry; ++entry)
+          d(i + 1, entry.row()) += h * (u(i, c) * entry.value());
+    });
     return d;
   }
   const RowMatrix before = system.inputs(t, 0), behind = system.inputs(t, 1);
@@ -198,12 +209,19 @@ Vector halved(const Vector& t) {
 
 RowMatrix prolonged(const Trajectory& path) {
   const Index M = path.steps();
-  const RowMatrix middle = states_within(path, 0.5);
+  const bool cubic = path.scheme == StepScheme::exponential;
+  const RowMatrix middle = cubic ? states_within(path, 0.5) : RowMatrix();
+  const auto [alpha, beta, gamma, delta] = reconstruction(path.scheme, 0.5);
   RowMatrix x(2 * M + 1, path.x.cols());
-  for (Index i = 0; i < M; ++i) {
+  share_out(path.backend, M, path.x.cols(), [&](Index i) {
     x.row(2 * i) = path.x.row(i);
-    x.row(2 * i + 1) = middle.row(i);
-  }
+    if (cubic)
+      x.row(2 * i + 1) = middle.row(i);
+    else if (alpha == 0)
+      x.row(2 * i + 1) = path.x.row(i + 1);
+    else
+      x.row(2 * i + 1) = alpha * path.x.row(i) + beta * path.x.row(i + 1);
+  });
   x.row(2 * M) = path.x.row(M);
   return x;
 }

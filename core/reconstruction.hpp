@@ -8,6 +8,7 @@
 //     midpoint     linear; two Gauss nodes, exact for the squares that an energy balance integrates
 //     exponential  the cubic through both values and slopes; three Gauss nodes
 
+#include "input_samples.hpp"
 #include "port_hamiltonian.hpp"
 #include "step_chain.hpp"
 
@@ -57,7 +58,8 @@ class PortSystem {
 
   double memory_limit = 0;  ///< bytes that products of steps may take; 0 = as StepChainProblem has it
 
-  /// M x k: u at fraction s of every step; at its ends the limits from inside.
+  /// M x k: u at fraction s of every step; at its ends the limits from inside. u is asked for where the last two grids
+  /// with this s did not.
   RowMatrix inputs(const Vector& t, double s) const;
 
  private:
@@ -68,9 +70,11 @@ class PortSystem {
   bool keeps_E_;
   mutable std::optional<StateSpace> space_;
   SparseMatrix energy_, dissipation_, output_;
+  mutable InputSamples samples_;
 };
 
 struct ConstraintPath;  // core/constrained_path.hpp
+class Backend;
 
 /// x at the time points of a grid, as a scheme gives it. Steps are taken together by `per_cell` (1, or 2 where the
 /// cells of a coarser grid are halved): the balance of a quantity is that of cells.
@@ -81,6 +85,7 @@ struct Trajectory {
   const RowMatrix& x;  ///< (M+1) x m
   Index per_cell = 1;
   const ConstraintPath* constraints = nullptr;  ///< y of scenes with complementarity
+  const Backend* backend = nullptr;             ///< whose threads share the work on the path; null: it is not shared
 
   Index steps() const { return t.size() - 1; }
   Index cells() const { return steps() / per_cell; }
@@ -98,7 +103,7 @@ void add_within(const Trajectory&, double s, const RowMatrix& g, RowMatrix& grad
 
 /// d_0 = x0 and d_i of S_i x_i = R_i x_{i-1} + d_i: Euler h F u(t_i^-), midpoint h F u at the middle (with E kept h B
 /// u), exponential with u linear on the step. (M+1) x m.
-RowMatrix step_sources(const PortSystem&, StepScheme, const Vector& t, const Vector& x0);
+RowMatrix step_sources(const PortSystem&, StepScheme, const Vector& t, const Vector& x0, const Backend* = nullptr);
 
 /// The grid with every step halved, and the reconstruction of x on it: 2M+1 times, (2M+1) x m.
 Vector halved(const Vector& t);

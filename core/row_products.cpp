@@ -1,49 +1,46 @@
 #include "core/row_products.hpp"
 
-#include <algorithm>
+#include "core/row_panel.hpp"
 
 namespace bromwich {
-namespace {
-
-constexpr Index panel_rows = 128;
-constexpr Index largest_dense_factor = 64;  ///< rows and columns; above, A is multiplied as it is
-
-/// visit(first row, rows, their products) panel by panel.
-template <typename Visit>
-void each_panel(const Eigen::Ref<const RowMatrix>& x, const SparseMatrix& A, const Visit& visit) {
-  const bool dense = std::max(A.rows(), A.cols()) <= largest_dense_factor;
-  const Matrix full = dense ? Matrix(A) : Matrix();
-  RowMatrix panel;
-  for (Index first = 0; first < x.rows(); first += panel_rows) {
-    const Index rows = std::min(panel_rows, x.rows() - first);
-    if (dense)
-      panel.noalias() = x.middleRows(first, rows) * full;
-    else
-      panel = x.middleRows(first, rows) * A;
-    visit(first, rows, panel);
-  }
-}
-
-}  // namespace
 
 RowMatrix row_products(const Eigen::Ref<const RowMatrix>& x, const SparseMatrix& A) {
-  RowMatrix product(x.rows(), A.cols());
-  each_panel(x, A, [&](Index first, Index rows, const RowMatrix& panel) { product.middleRows(first, rows) = panel; });
-  return product;
+  RowMatrix products(x.rows(), A.cols());
+  RowPanel panel, product(A.cols());
+  product.set_zero();
+  each_panel(nullptr, x.rows(), x.cols(), [&] {
+    return [&](Index first, Index count) {
+      panel.load(x, first, count);
+      panel.each_product(A, [&](Index j, const RowPanel::Column& column) { product.col(j) = column; });
+      product.store(products, first, count);
+    };
+  });
+  return products;
 }
 
-Vector row_forms(const Eigen::Ref<const RowMatrix>& x, const SparseMatrix& A, const Eigen::Ref<const RowMatrix>& y) {
+Vector row_forms(const Eigen::Ref<const RowMatrix>& x, const SparseMatrix& A) {
   Vector forms(x.rows());
-  each_panel(x, A, [&](Index first, Index rows, const RowMatrix& panel) {
-    forms.segment(first, rows) = panel.cwiseProduct(y.middleRows(first, rows)).rowwise().sum();
+  RowPanel panel;
+  each_panel(nullptr, x.rows(), x.cols(), [&] {
+    return [&](Index first, Index count) {
+      panel.load(x, first, count);
+      forms.segment(first, count) = panel.form(A, panel).head(count);
+    };
   });
   return forms;
 }
 
 void add_row_products(const Vector& w, const Eigen::Ref<const RowMatrix>& x, const SparseMatrix& A,
                       Eigen::Ref<RowMatrix> to) {
-  each_panel(x, A, [&](Index first, Index rows, const RowMatrix& panel) {
-    to.middleRows(first, rows) += w.segment(first, rows).asDiagonal() * panel;
+  RowPanel panel, sum;
+  each_panel(nullptr, x.rows(), x.cols(), [&] {
+    return [&](Index first, Index count) {
+      panel.load(x, first, count);
+      sum.load(to, first, count);
+      const RowPanel::Column factors = RowPanel::column(w, first, count);
+      panel.each_product(A, [&](Index j, const RowPanel::Column& column) { sum.col(j) += factors * column; });
+      sum.store(to, first, count);
+    };
   });
 }
 

@@ -8,8 +8,8 @@ namespace bromwich {
 
 /// x A
 RowMatrix row_products(const Eigen::Ref<const RowMatrix>& x, const SparseMatrix& A);
-/// (x A) · y, row by row
-Vector row_forms(const Eigen::Ref<const RowMatrix>& x, const SparseMatrix& A, const Eigen::Ref<const RowMatrix>& y);
+/// (x A) · x, row by row
+Vector row_forms(const Eigen::Ref<const RowMatrix>& x, const SparseMatrix& A);
 /// to += diag(w) x A
 void add_row_products(const Vector& w, const Eigen::Ref<const RowMatrix>& x, const SparseMatrix& A,
                       Eigen::Ref<RowMatrix> to);

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <string>
 
@@ -79,6 +80,20 @@ StepMatrix StepMap::difference() const {
   if (step_rows(change) > 0) return change;
   if (const auto* dense = std::get_if<Matrix>(&S)) return Matrix(std::get<Matrix>(R) - *dense);
   return SparseMatrix(std::get<SparseMatrix>(R) - std::get<SparseMatrix>(S));
+}
+
+bool StepMap::plain_R() const {
+  if (const auto* dense = std::get_if<Matrix>(&R)) return *dense == Matrix::Identity(dense->rows(), dense->cols());
+  const auto& sparse = std::get<SparseMatrix>(R);
+  for (Index j = 0; j < sparse.outerSize(); ++j) {
+    bool diagonal = false;
+    for (SparseMatrix::InnerIterator entry(sparse, j); entry; ++entry) {
+      if (entry.value() != (entry.row() == j ? 1 : 0)) return false;
+      diagonal = diagonal || entry.row() == j;
+    }
+    if (!diagonal) return false;
+  }
+  return true;
 }
 
 Index StepChainProblem::states() const { return maps.empty() ? 0 : step_rows(maps.front().S); }
@@ -177,19 +192,18 @@ StepSizes group_steps(const Vector& t) {
     if (!(h[std::size_t(i)] > 0))
       throw Error("t", "found t[" + std::to_string(i + 1) + "] <= t[" + std::to_string(i) + "]", "let times increase");
   }
-  std::vector<Index> order(h.size());
-  std::iota(order.begin(), order.end(), Index(0));
-  std::sort(order.begin(), order.end(), [&](Index a, Index b) { return h[std::size_t(a)] < h[std::size_t(b)]; });
+  std::vector<double> sorted;
+  std::unique_copy(h.begin(), h.end(), std::back_inserter(sorted));
+  std::sort(sorted.begin(), sorted.end());
   // Each time is rounded by eps/2 |t| when it is computed, and a halved step by as much again.
   const double rounding = 4 * epsilon * t.cwiseAbs().maxCoeff();
+  std::vector<double> sizes;
+  for (const double size : sorted)
+    if (sizes.empty() || size - sizes.back() > rounding) sizes.push_back(size);
   StepSizes groups;
   groups.of.resize(h.size());
-  std::vector<double> sizes;
-  for (const Index i : order) {
-    const double size = h[std::size_t(i)];
-    if (sizes.empty() || size - sizes.back() > rounding) sizes.push_back(size);
-    groups.of[std::size_t(i)] = Index(sizes.size()) - 1;
-  }
+  for (std::size_t i = 0; i < h.size(); ++i)
+    groups.of[i] = std::upper_bound(sizes.begin(), sizes.end(), h[i]) - sizes.begin() - 1;
   groups.sizes = Eigen::Map<const Vector>(sizes.data(), Index(sizes.size()));
   return groups;
 }

@@ -47,6 +47,7 @@ struct StepMap {
   StepMatrix S, R;      ///< both dense or both sparse
   StepMatrix change{};  ///< R - S where that is known, as h A is, to more digits than subtraction leaves; or empty
   StepMatrix difference() const;  ///< `change`, or R - S
+  bool plain_R() const;           ///< R = I, as of implicit Euler
 };
 
 struct StepChainProblem {
@@ -63,10 +64,11 @@ struct StepChainProblem {
   void validate() const;
 };
 
-enum class AdjointMethod { substitution, jacobi, doubling, scan };
+/// exact: substitution or scan, whichever is faster where the chain runs, and fits.
+enum class AdjointMethod { exact, substitution, jacobi, doubling, scan };
 
 struct AdjointChoice {
-  AdjointMethod method = AdjointMethod::substitution;
+  AdjointMethod method = AdjointMethod::exact;
   Index sweeps = 1;  ///< of Jacobi, at least 1
 
   /// Throws Error for fewer than one.
@@ -83,6 +85,9 @@ class StepChain {
   /// A^T l = q, or its approximation by Jacobi sweeps. Throws Error where sweeps < 1, or products of maps would take
   /// more than the memory limit.
   virtual void adjoint(const Array& q, Array& l, const AdjointChoice& = {}) = 0;
+  /// The same from matrices of the host to matrices of the host: x and l. What is moved here is worked on in place.
+  virtual RowMatrix solve(RowMatrix d) = 0;
+  virtual RowMatrix solve_transposed(RowMatrix q, const AdjointChoice& = {}) = 0;
   /// z_i^T r_i for i = 1..M with r_i = d_i + R_i x_{i-1} - S_i x_i, taken as d_i + (R_i - S_i) x_i - R_i (x_i -
   /// x_{i-1}): of small steps what nearly cancels is never multiplied out. Matrices of the host, (M+1) x m.
   virtual Vector weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) = 0;

@@ -20,6 +20,12 @@ class CpuBackend final : public Backend {
   std::string name() const override { return "cpu"; }
   DeviceInfo device() const override { return {"cpu", threads_, "OpenMP, FFTW"}; }
 
+  void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const override {
+    const Index ranges = (count + length - 1) / length;
+#pragma omp parallel for num_threads(threads_) schedule(static) if (ranges > 1)
+    for (Index r = 0; r < ranges; ++r) body(r * length, std::min((r + 1) * length, count));
+  }
+
   std::unique_ptr<Array> array(Index rows, Index cols) override { return std::make_unique<cpu::HostArray>(rows, cols); }
   void upload(const RowMatrix& from, Array& to) override { cpu::host(to) = from; }
   void download(const Array& from, RowMatrix& to) override { to = cpu::host(from); }

@@ -62,14 +62,32 @@ CpuStepChain::CpuStepChain(const StepChainProblem& problem, int threads)
       m_(problem.states()),
       map_of_(problem.map_of),
       memory_limit_(problem.memory_limit),
-      threads_(threads) {}
+      threads_(threads) {
+  for (const StepMap& map : problem.maps) plain_R_.push_back(map.plain_R());
+}
 
 void CpuStepChain::forward(const Array& d, Array& x) { forward(host(d), host(x)); }
 
-void CpuStepChain::adjoint(const Array& from, Array& to, const AdjointChoice& choice) {
-  const RowMatrix& q = host(from);
-  RowMatrix& mu = host(to);
+void CpuStepChain::adjoint(const Array& q, Array& l, const AdjointChoice& choice) { adjoint(host(q), host(l), choice); }
+
+RowMatrix CpuStepChain::solve(RowMatrix d) {
+  forward(d, d);
+  return d;
+}
+
+RowMatrix CpuStepChain::solve_transposed(RowMatrix q, const AdjointChoice& choice) {
+  if (choice.method != AdjointMethod::jacobi) {
+    adjoint(q, q, choice);
+    return q;
+  }
+  RowMatrix l(q.rows(), q.cols());
+  adjoint(q, l, choice);
+  return l;
+}
+
+void CpuStepChain::adjoint(const RowMatrix& q, RowMatrix& mu, const AdjointChoice& choice) {
   switch (choice.method) {
+    case AdjointMethod::exact:  // a step is a product with one vector: no number of threads here makes up for m
     case AdjointMethod::substitution:
       return substitute(q, mu);
     case AdjointMethod::jacobi:
@@ -83,11 +101,11 @@ void CpuStepChain::adjoint(const Array& from, Array& to, const AdjointChoice& ch
       }
       break;
     case AdjointMethod::doubling:
-      mu = q;
+      if (&mu != &q) mu = q;
       solve_by_doubling(increments("doubling"), map_of_, memory_limit_, mu, threads_);
       break;
     case AdjointMethod::scan:
-      mu = q;
+      if (&mu != &q) mu = q;
       solve_by_scan(increments("scan"), map_of_, memory_limit_, mu, threads_);
       break;
   }

@@ -85,11 +85,14 @@ class CpuStepChain : public StepChain {
   CpuStepChain(const StepChainProblem&, int threads);
   void forward(const Array& d, Array& x) final;
   void adjoint(const Array& q, Array& l, const AdjointChoice&) final;
+  RowMatrix solve(RowMatrix d) final;
+  RowMatrix solve_transposed(RowMatrix q, const AdjointChoice&) final;
   Vector weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) final;
   Vector locally_weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& q,
                                    const RowMatrix& l) final;
 
  protected:
+  /// x and l have the size of d and q and any values; they may be d and q.
   virtual void forward(const RowMatrix& d, RowMatrix& x) = 0;
   virtual void substitute(const RowMatrix& q, RowMatrix& l) = 0;
   /// next_i = q_i + P_{i+1}^T mu_{i+1} for i < M.
@@ -112,8 +115,11 @@ class CpuStepChain : public StepChain {
   /// The residuals of those steps, in p.r.
   void residual_rows(const RowMatrix& d, const RowMatrix& x, Index first, Index stride, Index count, Panel& p);
 
+  void adjoint(const RowMatrix& q, RowMatrix& l, const AdjointChoice&);
+
   Index M_, m_;
   std::vector<Index> map_of_;
+  std::vector<char> plain_R_;  ///< R = I, of every kind
   double memory_limit_;
   int threads_;
   RowMatrix other_;  ///< of sweeps

@@ -52,7 +52,7 @@ class DenseStepChain final : public CpuStepChain {
   }
 
   void substitute(const RowMatrix& q, RowMatrix& l) override {
-    l = q;
+    if (&l != &q) l = q;
     {
       const FlushDenormals guard;
       for (Index i = M_ - 1; i >= 0; --i) {

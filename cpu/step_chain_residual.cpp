@@ -27,7 +27,11 @@ void CpuStepChain::apply_steps(Index first, Index stride, RowFactor factor, RowM
   for (Index k = 0; k < count;) {
     Index end = k + 1;
     while (end < count && kind(end) == kind(k)) ++end;
-    apply(kind(k), factor, in.middleRows(k, end - k), out.middleRows(k, end - k));
+    const bool of_R = factor == RowFactor::R || factor == RowFactor::R_transposed;
+    if (of_R && plain_R_[std::size_t(kind(k))])
+      out.middleRows(k, end - k) = in.middleRows(k, end - k);
+    else
+      apply(kind(k), factor, in.middleRows(k, end - k), out.middleRows(k, end - k));
     k = end;
   }
 }

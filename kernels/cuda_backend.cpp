@@ -38,6 +38,10 @@ class CudaBackend final : public Backend {
   std::string name() const override { return "cuda"; }
   DeviceInfo device() const override { return {name_, host_->device().threads, "cuBLAS, cuFFT", free_memory()}; }
 
+  void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const override {
+    host_->each_range(count, length, body);
+  }
+
   std::unique_ptr<Array> array(Index rows, Index cols) override {
     return std::make_unique<cuda::DeviceArray>(device_, rows, cols);
   }

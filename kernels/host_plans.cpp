@@ -164,6 +164,10 @@ class HostStepChain final : public StepChain {
     plan_->adjoint(*in_.array, *out_.array, choice);
     out_.send(l);
   }
+  RowMatrix solve(RowMatrix d) override { return plan_->solve(std::move(d)); }
+  RowMatrix solve_transposed(RowMatrix q, const AdjointChoice& choice) override {
+    return plan_->solve_transposed(std::move(q), choice);
+  }
   Vector weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) override {
     return plan_->weighted_residual(d, x, z);
   }

@@ -189,8 +189,8 @@ __global__ void multiply_chunk(Chain c, const double* __restrict__ q, int length
 
 // With I + X_i the product of `length` maps that carries row i + length to row i: next_i = mu_i + mu_{i+length} +
 // mu_{i+length} X_i, and of the products of twice the length X_{i+length} + X_i + X_{i+length} X_i.
-__global__ void double_windows(Chain c, int length, const double* __restrict__ mu, double* __restrict__ next,
-                               double* __restrict__ longer) {
+__global__ void double_window_rows(Chain c, int length, const double* __restrict__ mu, double* __restrict__ next,
+                                   double* __restrict__ longer) {
   extern __shared__ double shared[];
   const int m = c.m, i = blockIdx.x, size = (m + 1) * m;
   double *const left = shared, *const X = shared + size;
@@ -219,17 +219,12 @@ int whole_warps(int count) { return std::min(1024, (count + 31) / 32 * 32); }
 class SmallStepChain final : public DeviceStepChain {
  public:
   SmallStepChain(const Device& device, const StepChainProblem& problem)
-      : DeviceStepChain(device),
-        m_(int(problem.states())),
-        M_(int(problem.steps())),
-        memory_limit_(problem.memory_limit),
+      : DeviceStepChain(device, problem),
         map_of_(device, problem.map_of.size()),
         D_(device, problem.maps.size() * std::size_t(m_ * m_)),
         inverse_(device, D_.size()),
         R_(device, D_.size()),
-        change_(device, D_.size()),
-        mu_(device, M_ + 1, m_),
-        other_(device, M_ + 1, m_) {
+        change_(device, D_.size()) {
     const std::vector<int> map_of(problem.map_of.begin(), problem.map_of.end());
     map_of_.put(map_of.data());
     const Index columns = m_ * Index(problem.maps.size());
@@ -252,39 +247,8 @@ class SmallStepChain final : public DeviceStepChain {
     chunks_ = (M_ + length_ - 1) / length_;
     check(cudaFuncSetAttribute(multiply_chunk, cudaFuncAttributeMaxDynamicSharedMemorySize, int(chunk_bytes(m_))),
           "asking for shared memory");
-    check(cudaFuncSetAttribute(double_windows, cudaFuncAttributeMaxDynamicSharedMemorySize, int(window_bytes())),
+    check(cudaFuncSetAttribute(double_window_rows, cudaFuncAttributeMaxDynamicSharedMemorySize, int(window_bytes())),
           "asking for shared memory");
-  }
-
-  void forward(const Array& d, Array& x) override {
-    solve_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(inverse_, false, true), values(d), values(x));
-    check(cudaGetLastError(), "starting the steps");
-    const Chain steps = chain(D_, false, true);
-    if (M_ > serial_steps && scan_bytes() <= memory_limit_)
-      scan(steps, values(x));
-    else
-      run(steps, values(x));
-  }
-
-  void adjoint(const Array& from, Array& to, const AdjointChoice& choice) override {
-    const double *q = values(from), *mu = values(mu_);
-    if (choice.method != AdjointMethod::jacobi) copy(q, values(mu_));
-    switch (choice.method) {
-      case AdjointMethod::substitution:
-        run(chain(D_, true, false), values(mu_));
-        break;
-      case AdjointMethod::scan:
-        scan(chain(D_, true, false), values(mu_));
-        break;
-      case AdjointMethod::doubling:
-        mu = doubled();
-        break;
-      case AdjointMethod::jacobi:
-        mu = swept(q, choice.checked_sweeps());
-        break;
-    }
-    solve_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(inverse_, true, false), mu, values(to));
-    check(cudaGetLastError(), "starting the adjoint");
   }
 
   std::size_t bytes() const override {
@@ -293,11 +257,21 @@ class SmallStepChain final : public DeviceStepChain {
   }
 
  private:
+  void start(const double* d, double* x) override {
+    solve_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(inverse_, false, true), d, x);
+    check(cudaGetLastError(), "starting the steps");
+  }
+
+  void finish(const double* mu, double* l) override {
+    solve_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(inverse_, true, false), mu, l);
+    check(cudaGetLastError(), "starting the adjoint");
+  }
+
   void sweep(const Array& q, const Array& l, Array& z) override {
     sweep_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(R_, true, false), false, values(q), values(l),
                                                                values(mu_));
-    solve_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(inverse_, true, false), values(mu_), values(z));
     check(cudaGetLastError(), "starting a sweep");
+    finish(values(mu_), values(z));
   }
 
   void residual(const Array& d, const Array& x, Array& r) override {
@@ -310,20 +284,22 @@ class SmallStepChain final : public DeviceStepChain {
     return {matrices.data(), map_of_.data(), m_, M_, int(stride(m_)), backward, transposed};
   }
   unsigned row_blocks() const { return unsigned((long(M_ + 1) * m_ + threads - 1) / threads); }
-  double scan_bytes() const { return 8.0 * double(chunks_) * double(m_ * m_); }
+  double scan_bytes() const override { return 8.0 * double(chunks_) * double(m_ * m_); }
   std::size_t window_bytes() const { return sizeof(double) * std::size_t((m_ + 1) * m_ + m_ * m_); }
 
-  void copy(const double* from, double* to) const {
-    check(cudaMemcpyAsync(to, from, mu_.memory.bytes(), cudaMemcpyDeviceToDevice, device_.stream()), "copying rows");
+  Chain along(Direction direction) const {
+    return direction == Direction::forward ? chain(D_, false, true) : chain(D_, true, false);
   }
 
-  void run(const Chain& steps, double* x) const {
-    substitute<<<1, whole_warps(lanes * m_), 0, device_.stream()>>>(steps, x, M_, nullptr);
+  void run(Direction direction, double* x) override {
+    substitute<<<1, whole_warps(lanes * m_), 0, device_.stream()>>>(along(direction), x, M_, nullptr);
     check(cudaGetLastError(), "starting the substitution");
   }
 
-  void scan(const Chain& steps, double* x) {
-    check_products(scan_bytes(), memory_limit_, "scan");
+  bool scan_is_faster() const override { return M_ > serial_steps; }
+
+  void scan(Direction direction, double* x) override {
+    const Chain steps = along(direction);
     if (products_.size() == 0) {
       products_ = Memory<double>(device_, std::size_t(chunks_) * std::size_t(m_ * m_));
       sums_ = Memory<double>(device_, std::size_t(chunks_ + 1) * std::size_t(m_));
@@ -334,60 +310,35 @@ class SmallStepChain final : public DeviceStepChain {
           "copying rows");
     multiply_chunk<<<chunks_, whole_warps((m_ + 1) * m_), chunk_bytes(m_), device_.stream()>>>(
         steps, x, length_, products_.data(), sums_.data());
-    const Chain carry{products_.data(), nullptr, m_, chunks_, m_, false, false};
-    substitute<<<1, whole_warps(lanes * m_), 0, device_.stream()>>>(carry, sums_.data(), chunks_, nullptr);
+    const Chain chunk_chain{products_.data(), nullptr, m_, chunks_, m_, false, false};
+    substitute<<<1, whole_warps(lanes * m_), 0, device_.stream()>>>(chunk_chain, sums_.data(), chunks_, nullptr);
     substitute<<<chunks_, whole_warps(lanes * m_), 0, device_.stream()>>>(steps, x, length_, sums_.data());
     check(cudaGetLastError(), "starting the scan");
   }
 
-  const double* doubled() {
-    const std::size_t size = std::size_t(M_) * std::size_t(m_ * m_);
-    check_products(16.0 * double(size), memory_limit_, "doubling");
+  void double_windows(int level, const double* mu, double* next) override {
+    const int length = 1 << level;
     for (Memory<double>& windows : windows_)
-      if (windows.size() == 0 && M_ > 1) windows = Memory<double>(device_, size);
-    double *mu = values(mu_), *next = values(other_);
-    copy(mu, next);
-    Chain steps = chain(D_, true, false);
-    int target = 0;
-    for (int length = 1; length <= M_; length *= 2) {
-      double* longer = windows_[target].data();
-      double_windows<<<M_ - length + 1, threads, window_bytes(), device_.stream()>>>(steps, length, mu, next, longer);
-      check(cudaGetLastError(), "starting a doubling");
-      std::swap(mu, next);
-      // The rows that no window reaches are final, in both arrays from the second time on.
-      if (length <= M_) copy_tail(mu, next, length);
-      steps.matrices = longer;
+      if (windows.size() == 0 && M_ > 1)
+        windows = Memory<double>(device_, std::size_t(M_) * std::size_t(m_) * std::size_t(m_));
+    Chain steps = along(Direction::backward);
+    if (level > 0) {
+      steps.matrices = windows_[(level - 1) % 2].data();
       steps.map_of = nullptr;
-      target = 1 - target;
     }
-    return mu;
+    double_window_rows<<<M_ - length + 1, threads, window_bytes(), device_.stream()>>>(steps, length, mu, next,
+                                                                                       windows_[level % 2].data());
+    check(cudaGetLastError(), "starting a doubling");
   }
 
-  // What the next doubling leaves alone: its last 2 * length rows.
-  void copy_tail(const double* from, double* to, int length) const {
-    const long rows = std::min<long>(M_ + 1, 2L * length), first = long(M_ + 1) - rows, step = stride(m_);
-    check(cudaMemcpyAsync(to + first * step, from + first * step, sizeof(double) * std::size_t(rows * step),
-                          cudaMemcpyDeviceToDevice, device_.stream()),
-          "copying rows");
+  void carry(const double* q, const double* mu, double* next) override {
+    sweep_rows<<<row_blocks(), threads, 0, device_.stream()>>>(along(Direction::backward), true, q, mu, next);
+    check(cudaGetLastError(), "starting a sweep");
   }
 
-  const double* swept(const double* q, Index sweeps) {
-    const double* mu = q;
-    double* next = values(mu_);
-    for (Index k = 1; k < std::min<Index>(sweeps, M_ + 1); ++k) {
-      sweep_rows<<<row_blocks(), threads, 0, device_.stream()>>>(chain(D_, true, false), true, q, mu, next);
-      check(cudaGetLastError(), "starting a sweep");
-      mu = next;
-      next = next == values(mu_) ? values(other_) : values(mu_);
-    }
-    return mu;
-  }
-
-  int m_, M_, length_ = 1, chunks_ = 1;
-  double memory_limit_;
+  int length_ = 1, chunks_ = 1;  ///< of a scan
   Memory<int> map_of_;
   Memory<double> D_, inverse_, R_, change_;
-  DeviceArray mu_, other_;
   Memory<double> products_, sums_, windows_[2];
 };
 

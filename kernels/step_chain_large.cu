@@ -132,15 +132,10 @@ __global__ void scatter_rows(const int* __restrict__ places, int shift, int m, i
 class LargeStepChain final : public DeviceStepChain {
  public:
   LargeStepChain(const Device& device, const StepChainProblem& problem)
-      : DeviceStepChain(device),
+      : DeviceStepChain(device, problem),
         blas_(shared_blas(device)),
-        m_(int(problem.states())),
-        M_(int(problem.steps())),
-        memory_limit_(problem.memory_limit),
         map_of_(device, problem.map_of.size()),
         places_(device, problem.map_of.size()),
-        mu_(device, M_ + 1, m_),
-        other_(device, M_ + 1, m_),
         packed_(device, M_, m_),
         product_(device, M_, m_) {
     const std::vector<int> map_of(problem.map_of.begin(), problem.map_of.end());
@@ -163,37 +158,6 @@ class LargeStepChain final : public DeviceStepChain {
     chunks_ = (M_ + length_ - 1) / length_;
   }
 
-  void forward(const Array& d, Array& x) override {
-    copy(values(d), values(x), 1);
-    multiply(inverse_, true, values(d), 1, false);
-    scatter(1, nullptr, nullptr, values(x));
-    const Steps steps = in_time(false);
-    if (M_ > serial_steps && m_ <= most_scanned_states && scan_bytes() <= memory_limit_)
-      scan(steps, values(x));
-    else
-      run(steps, values(x));
-  }
-
-  void adjoint(const Array& from, Array& to, const AdjointChoice& choice) override {
-    const double *q = values(from), *mu = values(mu_);
-    if (choice.method != AdjointMethod::jacobi) copy(q, values(mu_), M_ + 1);
-    switch (choice.method) {
-      case AdjointMethod::substitution:
-        run(in_time(true), values(mu_));
-        break;
-      case AdjointMethod::scan:
-        scan(in_time(true), values(mu_));
-        break;
-      case AdjointMethod::doubling:
-        mu = doubled();
-        break;
-      case AdjointMethod::jacobi:
-        mu = swept(q, choice.checked_sweeps());
-        break;
-    }
-    finish(mu, values(to));
-  }
-
   std::size_t bytes() const override {
     std::size_t sum = map_of_.bytes() + places_.bytes() + 5 * D_.bytes() + 2 * mu_.bytes() + 2 * packed_.bytes();
     for (const Memory<double>& matrices : products_) sum += matrices.bytes();
@@ -201,8 +165,20 @@ class LargeStepChain final : public DeviceStepChain {
   }
 
  private:
+  void start(const double* d, double* x) override {
+    copy_rows(d, x, 0, 1);
+    multiply(inverse_, true, d, 1, false);
+    scatter(1, nullptr, nullptr, x);
+  }
+
+  void finish(const double* mu, double* l) override {
+    copy_rows(mu, l, 0, 1);
+    multiply(inverse_, false, mu, 1, false);
+    scatter(1, nullptr, nullptr, l);
+  }
+
   void sweep(const Array& q, const Array& l, Array& z) override {
-    copy(values(q), values(mu_), M_ + 1);
+    copy_rows(values(q), values(mu_), 0, M_ + 1);
     multiply(R_, false, values(l), 1, false);
     scatter(0, nullptr, values(q), values(mu_));
     finish(values(mu_), values(z));
@@ -239,17 +215,12 @@ class LargeStepChain final : public DeviceStepChain {
     device_.wait();
   }
 
-  Steps in_time(bool backward) const {
+  Steps in_time(Direction direction) const {
+    const bool backward = direction == Direction::backward;
     return {(backward ? D_ : D_transposed_).data(), map_of_.data(), m_, m_, M_, int(stride(m_)), backward};
   }
   unsigned across() const { return unsigned((m_ + block_columns - 1) / block_columns); }
-  double scan_bytes() const { return 16.0 * double(chunks_) * double(m_ + 1) * double(m_); }
-
-  void copy(const double* from, double* to, Index rows) const {
-    check(cudaMemcpyAsync(to, from, sizeof(double) * std::size_t(rows * stride(m_)), cudaMemcpyDeviceToDevice,
-                          device_.stream()),
-          "copying rows");
-  }
+  double scan_bytes() const override { return 16.0 * double(chunks_) * double(m_ + 1) * double(m_); }
 
   // product_p = s in_{place + shift} X (X^T where `transposed`), X of the place's kind; rows are columns to cuBLAS.
   void multiply(const Memory<double>& X, bool transposed, const double* in, int shift, bool difference, double s = 1) {
@@ -273,11 +244,7 @@ class LargeStepChain final : public DeviceStepChain {
     check(cudaGetLastError(), "scattering rows");
   }
 
-  void finish(const double* mu, double* l) {
-    copy(mu, l, 1);
-    multiply(inverse_, false, mu, 1, false);
-    scatter(1, nullptr, nullptr, l);
-  }
+  void run(Direction direction, double* x) override { run(in_time(direction), x); }
 
   void run(const Steps& steps, double* x) const {
     for (int at = 0; at < steps.M; ++at)
@@ -304,8 +271,10 @@ class LargeStepChain final : public DeviceStepChain {
     sum_ = Memory<double*>(device_, count);
   }
 
-  void scan(const Steps& steps, double* x) {
-    check_products(scan_bytes(), memory_limit_, "scan");
+  bool scan_is_faster() const override { return M_ > serial_steps && m_ <= most_scanned_states; }
+
+  void scan(Direction direction, double* x) override {
+    const Steps steps = in_time(direction);
     const std::size_t size = std::size_t(m_ + 1) * std::size_t(m_);
     make_room(std::size_t(chunks_) * size, std::size_t(chunks_));
     if (sums_.size() == 0) sums_ = Memory<double>(device_, std::size_t(chunks_ + 1) * std::size_t(m_));
@@ -337,55 +306,35 @@ class LargeStepChain final : public DeviceStepChain {
     check(cudaGetLastError(), "starting the scan");
   }
 
-  const double* doubled() {
-    const std::size_t size = std::size_t(m_) * std::size_t(m_);
-    check_products(16.0 * double(size) * double(M_), memory_limit_, "doubling");
-    make_room(size * std::size_t(M_), std::size_t(M_));
-    double *mu = values(mu_), *next = values(other_);
-    copy(mu, next, M_ + 1);
-    Steps steps = in_time(true);
-    int target = 0;
-    for (int length = 1; length <= M_; length *= 2) {
-      double* longer = products_[target].data();
-      double_rows<<<unsigned(M_ - length + 1) * across(), block_threads, 0, device_.stream()>>>(steps, length, mu,
-                                                                                                next);
-      check(cudaGetLastError(), "starting a doubling");
-      std::swap(mu, next);
-      // The rows that no window reaches are final, in both arrays from the second time on.
-      const Index rows = std::min<Index>(M_ + 1, 2L * length), first = (M_ + 1 - rows) * stride(m_);
-      copy(mu + first, next + first, rows);
-      const int windows = M_ - 2 * length + 1;
-      if (windows < 1) break;
-      add_windows<<<unsigned(windows), block_threads, 0, device_.stream()>>>(steps, length, longer, left_.data(),
-                                                                             right_.data(), sum_.data());
-      check(cudaGetLastError(), "starting a doubling");
-      add_products(m_, windows);
-      steps.matrices = longer;
+  void double_windows(int level, const double* mu, double* next) override {
+    const int length = 1 << level;
+    make_room(std::size_t(m_) * std::size_t(m_) * std::size_t(M_), std::size_t(M_));
+    Steps steps = in_time(Direction::backward);
+    if (level > 0) {
+      steps.matrices = products_[(level - 1) % 2].data();
       steps.map_of = nullptr;
-      target = 1 - target;
     }
-    return mu;
+    double_rows<<<unsigned(M_ - length + 1) * across(), block_threads, 0, device_.stream()>>>(steps, length, mu, next);
+    check(cudaGetLastError(), "starting a doubling");
+    const int windows = M_ - 2 * length + 1;
+    if (windows < 1) return;
+    add_windows<<<unsigned(windows), block_threads, 0, device_.stream()>>>(steps, length, products_[level % 2].data(),
+                                                                           left_.data(), right_.data(), sum_.data());
+    check(cudaGetLastError(), "starting a doubling");
+    add_products(m_, windows);
   }
 
-  const double* swept(const double* q, Index sweeps) {
-    const double* mu = q;
-    double* next = values(mu_);
-    for (Index k = 1; k < std::min<Index>(sweeps, M_ + 1); ++k) {
-      copy(q + long(M_) * stride(m_), next + long(M_) * stride(m_), 1);
-      multiply(D_, false, mu, 1, false);
-      scatter(0, values(packed_), q, next);
-      mu = next;
-      next = next == values(mu_) ? values(other_) : values(mu_);
-    }
-    return mu;
+  void carry(const double* q, const double* mu, double* next) override {
+    copy_rows(q, next, M_, 1);
+    multiply(D_, false, mu, 1, false);
+    scatter(0, values(packed_), q, next);
   }
 
   std::shared_ptr<Blas> blas_;
-  int m_, M_, length_ = 1, chunks_ = 1;
-  double memory_limit_;
+  int length_ = 1, chunks_ = 1;  ///< of a scan
   Memory<int> map_of_, places_;  ///< places by kind
   std::vector<Group> groups_;
-  DeviceArray mu_, other_, packed_, product_;
+  DeviceArray packed_, product_;
   Memory<double> D_, D_transposed_, inverse_, R_, change_;
   Memory<double> products_[2], sums_;
   Memory<const double*> left_, right_;

@@ -52,11 +52,15 @@ Vector DeviceStepChain::locally_weighted_residual(const RowMatrix& d, const RowM
                                                   const RowMatrix& l) {
   DeviceArray r(device_, x.rows(), x.cols());
   residual(on_device_rows(device_, d), on_device_rows(device_, x), r);
-  RowMatrix behind = RowMatrix::Zero(q.rows(), q.cols());
-  for (Index c = 1; c < l.rows(); ++c) behind.row(2 * c - 1) = l.row(c);
+  const DeviceArray coarse = on_device_rows(device_, l);
+  DeviceArray behind(device_, q.rows(), q.cols());  // row 2c - 1 is l_c
+  const std::size_t row = sizeof(double) * std::size_t(stride(q.cols()));
+  check(cudaMemcpy2DAsync(values(behind) + stride(q.cols()), 2 * row, values(coarse) + stride(q.cols()), row, row,
+                          std::size_t(l.rows() - 1), cudaMemcpyDeviceToDevice, device_.stream()),
+        "copying rows");
   const DeviceArray gradient = on_device_rows(device_, q);
   DeviceArray second(device_, q.rows(), q.cols()), first(device_, q.rows(), q.cols());
-  sweep(gradient, on_device_rows(device_, behind), second);
+  sweep(gradient, behind, second);
   sweep(gradient, second, first);
   const Vector of_first = weighed(device_, first, r);
   Vector w = weighed(device_, second, r);

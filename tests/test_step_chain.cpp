@@ -127,6 +127,10 @@ class StepChains : public BackendTest {
     const RowMatrix d = random.matrix(M + 1, m), q = random.matrix(M + 1, m);
     const auto chain = backend->step_chain(problem);
     const RowMatrix x = forward(*chain, d), l = adjoint(*chain, q);
+    EXPECT_EQ(chain->solve(d), x);
+    for (const AdjointMethod method :
+         {AdjointMethod::substitution, AdjointMethod::jacobi, AdjointMethod::doubling, AdjointMethod::scan})
+      EXPECT_EQ(chain->solve_transposed(q, {method, 2}), adjoint(*chain, q, method, 2));
     EXPECT_LE(relative(adjoint(*chain, q, AdjointMethod::doubling), l), 1e-13);
     EXPECT_LE(relative(adjoint(*chain, q, AdjointMethod::scan), l), 1e-13);
     EXPECT_LE(relative(adjoint(*chain, q, AdjointMethod::jacobi, M + 1), l), 1e-13);

@@ -18,6 +18,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <optional>
 
 namespace bromwich::app {
 
@@ -133,7 +134,7 @@ class Study {
     }
     chain.reset();
     if (c.scheme != StepScheme::euler || !elsewhere.empty()) return;
-    measure_cycle(system, scene.x0, t, problem, backend, add);
+    measure_cycle(scene, t, problem, backend, add);
   }
 
   std::string text() const { return table(lines_); }
@@ -141,27 +142,30 @@ class Study {
  private:
   using Add = std::function<void(const char* what, const std::vector<double>& times, double apart)>;
 
-  /// From one grid to the next: arrays come from the host and go back to it.
-  void measure_cycle(const PortSystem& system, const Vector& x0, const Vector& t, const StepChainProblem& problem,
-                     Backend& backend, const Add& add) {
+  /// From one grid to the next: arrays come from the host and go back to it. A system remembers its inputs: there is a
+  /// new one for each whole cycle, and for the sources, which ask for them first.
+  void measure_cycle(const Scene& scene, const Vector& t, const StepChainProblem& problem, Backend& backend,
+                     const Add& add) {
     const int repeats = request_.repeats();
+    const Vector& x0 = scene.x0;
+    std::optional<PortSystem> system;
+    const auto forget = [&]() -> const PortSystem& { return system.emplace(*scene.port, scene.T); };
     const auto quantity = local_balance();
     const int q = quantity->order(order(StepScheme::euler));
     RowMatrix x, gradient, l;
     {
       const auto chain = backend.step_chain(problem);
-      const auto solve = [&] { x = forward(backend, *chain, step_sources(system, StepScheme::euler, t, x0)); };
+      const auto solve = [&] { x = chain->solve(step_sources(forget(), StepScheme::euler, t, x0, &backend)); };
       add("cycle: sources and forward", timed_runs(backend, repeats, solve), 0);
-      const Trajectory path{system, StepScheme::euler, t, x};
-      double value = 0;
-      const auto differentiate = [&] { value = quantity->value(path), gradient = quantity->gradient(path); };
+      const Trajectory path{*system, StepScheme::euler, t, x, 1, nullptr, &backend};
+      const auto differentiate = [&] { gradient = quantity->evaluate(path, true).gradient; };
       add("cycle: quantity and its gradient", timed_runs(backend, repeats, differentiate), 0);
-      const auto transposed = [&] { l = adjoint(backend, *chain, gradient, {}); };
-      add("cycle: adjoint by substitution", timed_runs(backend, repeats, transposed), 0);
+      const auto transposed = [&] { l = chain->solve_transposed(gradient, {}); };
+      add("cycle: exact adjoint", timed_runs(backend, repeats, transposed), 0);
     }
     Vector indicators;
     const auto judge = [&] {
-      indicators = goal_indicators({system, StepScheme::euler, t, x}, backend, *quantity, CellWeights::local, l, {});
+      indicators = goal_indicators({*system, StepScheme::euler, t, x}, backend, *quantity, CellWeights::local, l, {});
     };
     add("cycle: indicators", timed_runs(backend, repeats, judge), 0);
     Vector finer;
@@ -177,7 +181,7 @@ class Study {
       goal.adjoint = way.choice;
       GoalEvaluation e;
       const auto cycle = [&] {
-        e = evaluate_goal(system, backend, goal, t, x0);
+        e = evaluate_goal(forget(), backend, goal, t, x0);
         finer = bisected(t, economical_cells(e.indicators, q, t.size()));
       };
       const std::vector<double> times = timed_runs(backend, repeats, cycle);

@@ -182,7 +182,7 @@ GoalScene::GoalScene(std::string label_, const std::string& name, ParameterValue
 
 RowMatrix trajectory(const GoalScene& s, Backend& backend, StepScheme scheme, const Vector& t) {
   const auto chain = backend.step_chain(s.system.step_problem(scheme, group_steps(t)));
-  return forward(backend, *chain, step_sources(s.system, scheme, t, s.scene.x0));
+  return chain->solve(step_sources(s.system, scheme, t, s.scene.x0));
 }
 
 Json judged(const GoalScene& s, Backend& backend, StepScheme scheme, const Vector& t, const RowMatrix& x) {

@@ -47,7 +47,7 @@ Json adjoints(Backend& backend, Index M) {
     for (const auto& [name, choice] :
          {std::pair("exact", AdjointChoice{}), std::pair("jacobi_1", AdjointChoice{AdjointMethod::jacobi, 1}),
           std::pair("jacobi_8", AdjointChoice{AdjointMethod::jacobi, 8})})
-      curve[name] = numbers(adjoint(backend, *chain, q, choice).rowwise().norm());
+      curve[name] = numbers(chain->solve_transposed(q, choice).rowwise().norm());
     json.push_back(curve);
   }
   return json;
@@ -62,12 +62,12 @@ Json saturation(Backend& backend, const std::vector<Index>& ladder) {
       const Vector t = Vector::LinSpaced(M + 1, 0, s.scene.T);
       const auto chain = backend.step_chain(
           step_chain_problem(StepScheme::euler, s.system.step_matrix(StepScheme::euler), group_steps(t)));
-      const RowMatrix x = forward(backend, *chain, step_sources(s.system, StepScheme::euler, t, s.scene.x0));
+      const RowMatrix x = chain->solve(step_sources(s.system, StepScheme::euler, t, s.scene.x0));
       const RowMatrix q = local_balance()->gradient({s.system, StepScheme::euler, t, x});
-      const RowMatrix exact = adjoint(backend, *chain, q, {}).bottomRows(M);
+      const RowMatrix exact = chain->solve_transposed(q, {}).bottomRows(M);
       Json row{{"variant", variant}, {"steps", M}};
       for (const Index sweeps : {1, 8, 64}) {
-        const RowMatrix l = adjoint(backend, *chain, q, {AdjointMethod::jacobi, sweeps}).bottomRows(M);
+        const RowMatrix l = chain->solve_transposed(q, {AdjointMethod::jacobi, sweeps}).bottomRows(M);
         row[fmt::format("error_{}", sweeps)] = (l - exact).norm() / exact.norm();
       }
       json.push_back(row);
