@@ -3,8 +3,6 @@
 // start of c + what c adds; (3) apply. What chunks add and start from is kept, so a later call can begin at any chunk
 // whose past has not changed.
 //
-// Few rows take the weights themselves (convolution_direct.cu).
-//
 // Warps work alone, each on 32 neighbouring modes and a chunk, a tile of rows of y in registers at a time. What is
 // accumulated is shared out once more, `group` exponentials a warp. Three multiply-adds a value and exponential.
 
@@ -25,8 +23,8 @@ constexpr int slab_size = most_groups * group;  ///< exponentials
 constexpr int together = 4;                     ///< exponentials taken at a time in the third pass
 constexpr int chunks_together = 4;              ///< warps of a block of the third pass
 constexpr Index wanted_warps = 8;               ///< of a multiprocessor in the third pass
-constexpr Index most_chunks = 64;               ///< carried one after the other
-constexpr Index most_direct = 513;              ///< rows whose weights are summed as they are
+constexpr Index most_chunks = 128;              ///< carried one after the other
+constexpr int carried = 32;                     ///< chunks that are read at a time
 
 /// K x n tables with the mode index contiguous, K a multiple of `group`, n of `lanes`.
 struct Tables {
@@ -83,10 +81,15 @@ __global__ void carry(Tables m, Span span, const double* __restrict__ y, const d
   double z = span.from == 0 ? m.start[at] * y[l] + m.initial[at] : states[span.from * step + at];
   if (span.from == 0) states[at] = z;
   const double power = m.power[at];
-#pragma unroll 16
-  for (int c = span.from; c + 1 < span.chunks; ++c) {
-    z = power * z + added[c * step + at];
-    states[(c + 1) * step + at] = z;
+  for (int c = span.from; c + 1 < span.chunks; c += carried) {
+    double of_chunk[carried];
+#pragma unroll
+    for (int i = 0; i < carried; ++i) of_chunk[i] = c + i + 1 < span.chunks ? added[(c + i) * step + at] : 0;
+#pragma unroll
+    for (int i = 0; i < carried; ++i) {
+      z = power * z + of_chunk[i];
+      if (c + i + 1 < span.chunks) states[(c + i + 1) * step + at] = z;
+    }
   }
 }
 
@@ -163,10 +166,10 @@ __global__ void __launch_bounds__(lanes* chunks_together)
   }
 }
 
-/// K x n to a table padded with zeros.
-Memory<double> padded(const Device& device, const RowMatrix& values, Index K, Index stride) {
+/// The first n columns to a K x stride table padded with zeros.
+Memory<double> padded(const Device& device, const RowMatrix& values, Index n, Index K, Index stride) {
   RowMatrix all = RowMatrix::Zero(K, stride);
-  if (values.size() > 0) all.topLeftCorner(values.rows(), values.cols()) = values;
+  if (values.size() > 0) all.topLeftCorner(values.rows(), n) = values.leftCols(n);
   return on_device(device, all);
 }
 
@@ -174,19 +177,20 @@ Index rounded_up(Index n, Index to) { return (n + to - 1) / to * to; }
 
 class ModalScan final : public Convolution {
  public:
-  ModalScan(const Device& device, const ModalRecurrence& r, Index rows)
+  ModalScan(const Device& device, const ModalRecurrence& r, Index modes, Index rows)
       : device_(device),
-        n_(r.modes()),
+        total_(r.modes()),
+        n_(modes),
         K_(rounded_up(std::max<Index>(r.exponentials(), 1), group)),
         stride_(rounded_up(n_, lanes)),
         length_(chunk_length(rows)),
         chunks_(std::max<Index>(1, (rows - 1 + length_ - 1) / length_)),
         rows_(rows),
-        decay_(padded(device, r.decay, K_, stride_)),
-        power_(padded(device, r.decay.array().pow(double(length_)).matrix(), K_, stride_)),
-        output_(padded(device, r.output, K_, stride_)),
-        start_(padded(device, r.start, K_, stride_)),
-        initial_(padded(device, r.initial, K_, stride_)),
+        decay_(padded(device, r.decay, n_, K_, stride_)),
+        power_(padded(device, r.decay.array().pow(double(length_)).matrix(), n_, K_, stride_)),
+        output_(padded(device, r.output, n_, K_, stride_)),
+        start_(padded(device, r.start, n_, K_, stride_)),
+        initial_(padded(device, r.initial, n_, K_, stride_)),
         w0_(on_device(device, r.w0)),
         w1_(on_device(device, r.w1)),
         s1_(on_device(device, r.s1)),
@@ -202,7 +206,7 @@ class ModalScan final : public Convolution {
     if (rows_ < 2) check(cudaMemsetAsync(values(v), 0, sizeof(double) * std::size_t(n_), stream), "clearing a row");
     if (rows_ < 2 || from >= chunks_) return;
     const Tables m{decay_.data(), power_.data(), output_.data(), start_.data(), initial_.data(), w0_.data(),
-                   w1_.data(),    s1_.data(),    int(K_),        int(n_),       int(stride_),    int(stride(n_))};
+                   w1_.data(),    s1_.data(),    int(K_),        int(n_),       int(stride_),    int(stride(total_))};
     const Span span{int(from), int(chunks_), int(length_), int(rows_)};
     const unsigned across = unsigned(stride_ / lanes), along = unsigned(chunks_ - from);
     const unsigned groups = unsigned(std::min<Index>(K_ / group, most_groups)),
@@ -228,15 +232,14 @@ class ModalScan final : public Convolution {
   }
 
   const Device& device_;
-  Index n_, K_, stride_, length_, chunks_, rows_;
+  Index total_, n_, K_, stride_, length_, chunks_, rows_;  ///< modes 0 .. n_ - 1 are taken
   Memory<double> decay_, power_, output_, start_, initial_, w0_, w1_, s1_, states_, added_;
 };
 
 }  // namespace
 
-std::unique_ptr<Convolution> make_scan(const Device& device, const ModalRecurrence& r, Index rows) {
-  if (rows <= most_direct && r.initial.size() == 0) return make_direct_convolution(device, r, rows);
-  return std::make_unique<ModalScan>(device, r, rows);
+std::unique_ptr<Convolution> make_modal_scan(const Device& device, const ModalRecurrence& r, Index modes, Index rows) {
+  return std::make_unique<ModalScan>(device, r, modes, rows);
 }
 
 }  // namespace bromwich::cuda

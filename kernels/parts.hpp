@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <memory>
+#include <vector>
 
 namespace bromwich::cuda {
 
@@ -17,8 +18,11 @@ std::unique_ptr<SineTransform> make_sine_product(const Device&, Index n);
 std::unique_ptr<SineTransform> make_sine_fft(const Device&, Index n, Index rows);
 std::unique_ptr<Convolution> make_scan(const Device&, const ModalRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_scan(const Device&, const DenseRecurrence&, Index rows);
-/// For few rows: the weights that the recurrence without `initial` stands for, summed as they are.
-std::unique_ptr<Convolution> make_direct_convolution(const Device&, const ModalRecurrence&, Index rows);
+/// The two that it chooses from or divides the modes between: modes 0 .. modes - 1 by their exponentials, and modes
+/// first .. n - 1 with the weights that the recurrence without `initial` stands for, up to lag lengths[l] of mode l.
+std::unique_ptr<Convolution> make_modal_scan(const Device&, const ModalRecurrence&, Index modes, Index rows);
+std::unique_ptr<Convolution> make_direct_convolution(const Device&, const ModalRecurrence&,
+                                                     const std::vector<Index>& lengths, Index first, Index rows);
 std::unique_ptr<Convolution> make_fft_convolution(const Device&, const LagTable&, Index rows);
 /// The operations as a CUDA graph; null above the size where launching them one by one is hidden behind their work.
 std::unique_ptr<Program> make_program(const Device&, Index values, const std::function<void()>& operations);

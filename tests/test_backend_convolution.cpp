@@ -65,6 +65,45 @@ TEST_P(BackendConvolution, ModalAgainstDirectSums) {
       }
 }
 
+/// The slowest decay of mode l is 0.5^((l/n)^2 40): the first modes remember all, the last next to nothing.
+ModalRecurrence forgetting_modal(Random& random, Index n, Index K) {
+  ModalRecurrence r = random_modal(random, n, K);
+  for (Index l = 0; l < n; ++l) r.decay.col(l) *= std::pow(0.5, 40 * double(l * l) / double(n * n));
+  return r;
+}
+
+/// As the recurrence says it, row by row.
+RowMatrix by_recurrence(const ModalRecurrence& r, const RowMatrix& y) {
+  RowMatrix v = RowMatrix::Zero(y.rows(), y.cols());
+  RowMatrix z = r.start * y.row(0).asDiagonal();
+  for (Index j = 1; j < y.rows(); ++j) {
+    const Vector& before = j == 1 ? r.s1 : r.w1;
+    v.row(j) = r.w0.transpose().cwiseProduct(y.row(j)) + before.transpose().cwiseProduct(y.row(j - 1)) +
+               r.output.cwiseProduct(z).colwise().sum();
+    z = r.decay.cwiseProduct(z) + RowMatrix::Ones(r.exponentials(), 1) * y.row(j);
+  }
+  return v;
+}
+
+TEST_P(BackendConvolution, ModesThatForget) {
+  for (const auto& [n, K, rows] :
+       {std::tuple<Index, Index, Index>{9, 5, 3}, {40, 9, 70}, {70, 48, 500}, {33, 16, 900}, {100, 9, 3300}}) {
+    Random random{std::uint32_t(n)};
+    const ModalRecurrence r = forgetting_modal(random, n, K);
+    RowMatrix y = random.matrix(rows, n);
+    const auto plan = backend->convolution(Recurrence(r), rows);
+    const auto in = device(y), out = backend->array(rows, n);
+    plan->apply(*in, *out, 0);
+    EXPECT_LE(distance(host(*out), by_recurrence(r, y)), tolerance(rows, 2)) << n << ' ' << rows;
+    for (const Index first : {rows / 3, rows - 1}) {
+      y.bottomRows(rows - first) *= -0.7;
+      backend->upload(y, *in);
+      plan->apply(*in, *out, first);
+      EXPECT_LE(distance(host(*out), by_recurrence(r, y)), tolerance(rows, 2)) << n << ' ' << rows << ' ' << first;
+    }
+  }
+}
+
 TEST_P(BackendConvolution, DenseAgainstDirectSums) {
   // 30 states make a step dear enough that time is cut into chunks.
   for (const auto& [n, m] : {std::pair<Index, Index>{1, 1}, {3, 5}, {8, 2}, {2, 30}})
