@@ -40,9 +40,10 @@ DirectBlock::DirectBlock(const ModalRecurrence& r, Index b, Index D)
   start_[1] += block(r.s1, 0);
 }
 
-double DirectBlock::cost(Index D, Index rows) {
-  const double last = double(rows - 1), most = std::min(double(D), last);
-  return last > 0 ? most - most * most / (2 * last) : 0;
+// A lag takes 0.7 of the time of a multiply-add in a scan (AVX-512); a weight is three of them for each exponential.
+double DirectBlock::cost(Index D, Index rows, Index exponentials) {
+  const double steps = double(std::max<Index>(rows - 1, 1)), lags = std::min(double(D), steps);
+  return 0.7 * (lags - lags * lags / (2 * steps) + near) + 0.1 * 3 * double(exponentials) * lags / steps;
 }
 
 void DirectBlock::apply(const Lanes* y, Lanes y0, Lanes* v, Index begin, Index count) const {

@@ -22,8 +22,8 @@ class DirectBlock {
   /// Modes 8b .. 8b + 7 with the lags 0 .. D; where the recurrence has an `initial`, for D rows at most. O(K D).
   DirectBlock(const ModalRecurrence&, Index b, Index D);
 
-  /// Multiply-adds a mode and row, mean over the rows.
-  static double cost(Index D, Index rows);
+  /// In multiply-adds of a scan, for a mode and row: the sum, mean over the rows, and the weights, once in ten calls.
+  static double cost(Index D, Index rows, Index exponentials);
 
   /// Rows before row `begin` that `apply` looks at.
   Index past(Index begin) const { return std::min(lags_, begin + own) + near; }

@@ -23,7 +23,7 @@ namespace bromwich::cpu {
 namespace {
 
 constexpr Index most_together = 8;  ///< blocks: 512 bytes of a row
-constexpr double term_cost = 0.8;   ///< of a direct sum, in multiply-adds of a scan: 0.7, and something for the weights
+constexpr Index page = 4096 / sizeof(Lanes);
 constexpr Index tile = ScanBlock::tile;
 constexpr Index stride = tile + 1;  ///< between the columns of a bunch: odd, so that a cache holds them side by side
 
@@ -48,7 +48,7 @@ class ModalConvolution final : public Convolution {
     const FlushDenormals flush;
     const std::vector<Index> lags = remembered(r, rows);
     const double scan = ScanBlock::cost(r);
-    const auto direct = [&](Index D) { return term_cost * DirectBlock::cost(D, rows); };
+    const auto direct = [&](Index D) { return DirectBlock::cost(D, rows, r.exponentials()); };
     double work = 0;
     Index scans = 0;
     for (const Index D : lags) {
@@ -121,10 +121,12 @@ class ModalConvolution final : public Convolution {
     return bunches.back().blocks;
   }
 
-  // Of a thread: y and its past, and v, of the blocks of a bunch.
-  Index work_size() const { return most_together * (past_ + 2 * stride); }
+  // Of a thread: y and its past, and v, of the blocks of a bunch. v_j comes just behind y_j modulo a page: a load waits
+  // for an earlier store that is as far into its page.
+  Index input_size() const { return (most_together * (past_ + stride) / page + 1) * page + 1; }
+  Index work_size() const { return input_size() + most_together * stride; }
   Lanes* inputs() { return work_.get() + omp_get_thread_num() * work_size(); }
-  Lanes* outputs() { return inputs() + most_together * (past_ + stride); }
+  Lanes* outputs() { return inputs() + input_size(); }
 
   Index count(Index t) const { return std::min(rows_, ScanBlock::begin(t + 1)) - ScanBlock::begin(t); }
 

@@ -30,20 +30,20 @@ ScanBlock::ScanBlock(const ModalRecurrence& r, Index b, Index rows)
 double ScanBlock::cost(const ModalRecurrence& r) { return 2 * double((r.exponentials() + group - 1) / group * group); }
 
 void ScanBlock::advance(const Bank& bank, const Lanes* before, Lanes* after, const Lanes* y, Lanes* v, Index count) {
-  Lanes s[group];
-  for (Index g = 0; g < group; ++g) s[g] = before[g];
+  Lanes E[group], C[group], z[group];  // in registers: v could lie anywhere
+  std::copy_n(bank.decay, group, E);
+  std::copy_n(bank.output, group, C);
+  std::copy_n(before, group, z);
   for (Index j = 0; j < count; ++j) {
-    Lanes even = v[j], odd = bank.output[1] * s[1];
-    const Lanes input = y[j];
-    even += bank.output[0] * s[0];
+    Lanes even = v[j] + C[0] * z[0], odd = C[1] * z[1];
     for (Index g = 2; g < group; g += 2) {
-      even += bank.output[g] * s[g];
-      odd += bank.output[g + 1] * s[g + 1];
+      even += C[g] * z[g];
+      odd += C[g + 1] * z[g + 1];
     }
-    for (Index g = 0; g < group; ++g) s[g] = bank.decay[g] * s[g] + input;
+    for (Index g = 0; g < group; ++g) z[g] = E[g] * z[g] + y[j];
     v[j] = even + odd;
   }
-  for (Index g = 0; g < group; ++g) after[g] = s[g];
+  for (Index g = 0; g < group; ++g) after[g] = z[g];
 }
 
 void ScanBlock::apply(const Lanes* y, Lanes* v, Index t, Index count, bool keep) {

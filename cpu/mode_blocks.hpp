@@ -23,25 +23,29 @@ struct ModeBlocks {
 
   /// to[i stride + j] <- block i of row begin + j, j < rows.
   void gather(const RowMatrix& from, Index begin, Index rows, Lanes* to, Index stride) const {
-    const Index n = from.cols();
-    const double* row = from.data() + begin * n;
-    for (Index j = 0; j < rows; ++j, row += n)
-      for (Index i = 0; i < count; ++i) to[i * stride + j] = block_of_row(row, first + i, n);
+    const Index n = from.cols(), whole = whole_blocks(n), left = n - (first + whole) * lanes;
+    const double* row = from.data() + begin * n + first * lanes;
+    for (Index j = 0; j < rows; ++j, row += n, ++to) {
+      for (Index i = 0; i < whole; ++i) to[i * stride] = load(row + i * lanes);
+      if (whole == count) continue;
+      to[whole * stride] = all(0);
+      for (Index e = 0; e < left; ++e) to[whole * stride][e] = row[whole * lanes + e];
+    }
   }
 
   /// Block i of row begin + j <- from[i stride + j], j < rows.
   void scatter(const Lanes* from, Index stride, Index begin, Index rows, RowMatrix& to) const {
-    const Index n = to.cols();
-    double* row = to.data() + begin * n;
-    for (Index j = 0; j < rows; ++j, row += n)
-      for (Index i = 0; i < count; ++i) {
-        const Index l = (first + i) * lanes;
-        if (l + lanes <= n)
-          store(row + l, from[i * stride + j]);
-        else
-          std::copy_n(reinterpret_cast<const double*>(from + i * stride + j), n - l, row + l);
-      }
+    const Index n = to.cols(), whole = whole_blocks(n), left = n - (first + whole) * lanes;
+    double* row = to.data() + begin * n + first * lanes;
+    for (Index j = 0; j < rows; ++j, row += n, ++from) {
+      for (Index i = 0; i < whole; ++i) store(row + i * lanes, from[i * stride]);
+      if (whole == count) continue;
+      for (Index e = 0; e < left; ++e) row[whole * lanes + e] = from[whole * stride][e];
+    }
   }
+
+ private:
+  Index whole_blocks(Index n) const { return std::min(count, n / lanes - first); }
 };
 
 }  // namespace bromwich::cpu
