@@ -53,7 +53,7 @@ class CpuBackend final : public Backend {
     return cpu::make_sine_transform(n, rows, threads_);
   }
   std::unique_ptr<Convolution> convolution(const Recurrence& recurrence, Index rows) override {
-    return std::visit([&](const auto& r) { return cpu::make_scan(r, rows, threads_); }, recurrence);
+    return std::visit([&](const auto& r) { return cpu::make_convolution(r, rows, threads_); }, recurrence);
   }
   std::unique_ptr<Convolution> convolution(const LagTable& table, Index rows) override {
     return cpu::make_fft_convolution(table, rows, threads_);

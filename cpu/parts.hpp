@@ -68,8 +68,8 @@ class VectorSine {
 std::unique_ptr<VectorSine> make_vector_sine(Index n);
 
 std::unique_ptr<SineTransform> make_sine_transform(Index n, Index rows, int threads);
-std::unique_ptr<Convolution> make_scan(const ModalRecurrence&, Index rows, int threads);
-std::unique_ptr<Convolution> make_scan(const DenseRecurrence&, Index rows, int threads);
+std::unique_ptr<Convolution> make_convolution(const ModalRecurrence&, Index rows, int threads);
+std::unique_ptr<Convolution> make_convolution(const DenseRecurrence&, Index rows, int threads);
 std::unique_ptr<Convolution> make_fft_convolution(const LagTable&, Index rows, int threads);
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal&, LcpClass, double shift, Index rows, int threads);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix&, LcpClass, Index rows, int threads);

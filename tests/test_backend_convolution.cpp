@@ -1,5 +1,6 @@
 // The contract of the Backend seam: causal convolutions, by recurrence and by table, against direct summation.
 
+#include "core/memory_length.hpp"
 #include "tests/backends.hpp"
 
 #include <Eigen/Dense>
@@ -76,6 +77,7 @@ ModalRecurrence forgetting_modal(Random& random, Index n, Index K) {
 RowMatrix by_recurrence(const ModalRecurrence& r, const RowMatrix& y) {
   RowMatrix v = RowMatrix::Zero(y.rows(), y.cols());
   RowMatrix z = r.start * y.row(0).asDiagonal();
+  if (r.initial.size() > 0) z += r.initial;
   for (Index j = 1; j < y.rows(); ++j) {
     const Vector& before = j == 1 ? r.s1 : r.w1;
     v.row(j) = r.w0.transpose().cwiseProduct(y.row(j)) + before.transpose().cwiseProduct(y.row(j - 1)) +
@@ -106,6 +108,71 @@ TEST_P(BackendConvolution, ModesThatForget) {
       EXPECT_LE(distance(host(*out), by_recurrence(r, y)), tolerance(rows, 2)) << n << ' ' << rows << ' ' << first;
     }
   }
+}
+
+/// What rounding may do to rows of mode l. A term of v_j is a product of a power of E and what multiplies it, which are
+/// at most 2D + 8 roundings where D lags count, and a sum of at most D + K of them; the same for by_recurrence, and a
+/// rounding for what the lags beyond D sum up to.
+Vector rounding(const ModalRecurrence& r, Index rows) {
+  const auto lags = memory_lengths(r, rows - 1);
+  Vector allowed(r.modes());
+  for (Index l = 0; l < r.modes(); ++l) {
+    const auto C = r.output.col(l).array().abs(), E = r.decay.col(l).array().abs(), G0 = r.start.col(l).array().abs();
+    double D = double(lags[std::size_t(l)]), weights = std::abs(r.w0[l]) + std::abs(r.w1[l]) + std::abs(r.s1[l]);
+    for (Index k = 0; k < r.exponentials(); ++k) {
+      const double powers = E[k] == 1 ? D : (1 - std::pow(E[k], D)) / (1 - E[k]);
+      weights += C[k] * (powers * std::max(1.0, G0[k]) + (r.initial.size() > 0 ? std::abs(r.initial(k, l)) : 0));
+    }
+    allowed[l] = 2 * epsilon * (3 * D + double(r.exponentials()) + 8) * weights;
+  }
+  return allowed;
+}
+
+/// Max over the rows of |a - b| per mode, in units of what is allowed.
+double excess(const RowMatrix& a, const RowMatrix& b, const Vector& allowed) {
+  return ((a - b).cwiseAbs().colwise().maxCoeff().transpose().array() / allowed.array()).maxCoeff();
+}
+
+/// Blocks of eight modes in turn: remember all, some 20, 60 and 200 lags.
+ModalRecurrence uneven_modal(Random& random, Index n, Index K) {
+  ModalRecurrence r = random_modal(random, n, K);
+  const double slowest[] = {1, 0.15, 0.53, 0.83};
+  for (Index l = 0; l < n; ++l) r.decay.col(l) *= slowest[l / 8 % 4];
+  return r;
+}
+
+TEST_P(BackendConvolution, NeighboursThatRememberDifferently) {
+  for (const auto& [n, K, rows] :
+       {std::tuple<Index, Index, Index>{75, 24, 700}, {75, 8, 130}, {75, 48, 18}, {21, 40, 2}, {17, 3, 1100}}) {
+    Random random{std::uint32_t(rows)};
+    const ModalRecurrence r = uneven_modal(random, n, K);
+    const Vector allowed = rounding(r, rows);
+    RowMatrix y = random.matrix(rows, n);
+    const auto plan = backend->convolution(Recurrence(r), rows);
+    const auto in = device(y), out = backend->array(rows, n);
+    for (const Index first : {0, 1, 2, 16, 17, 100, 127, 128, 129, 130, 257, 699}) {
+      if (first >= rows) continue;
+      y.bottomRows(rows - first) = random.matrix(rows - first, n);
+      backend->upload(y, *in);
+      plan->apply(*in, *out, first);
+      EXPECT_LE(excess(host(*out), by_recurrence(r, y), allowed), 1) << n << ' ' << K << ' ' << rows << ' ' << first;
+    }
+  }
+}
+
+TEST_P(BackendConvolution, ExponentialsThatGrowOrStartFromTheState) {
+  // Fewer rows than exponentials, and more; what is remembered for ever beside what is forgotten.
+  for (const Index rows : {2, 30, 90, 300})
+    for (const bool starts : {false, true}) {
+      const Index n = 20, K = 48;
+      Random random{std::uint32_t(rows)};
+      ModalRecurrence r = uneven_modal(random, n, K);
+      for (Index l = 0; l < n; l += 3) r.decay(l % K, l) = 1.01;
+      if (starts) r.initial = random.matrix(K, n);
+      const RowMatrix y = random.matrix(rows, n);
+      const auto plan = backend->convolution(Recurrence(r), rows);
+      EXPECT_LE(excess(apply(*plan, y, n), by_recurrence(r, y), rounding(r, rows)), 1) << rows << ' ' << starts;
+    }
 }
 
 TEST_P(BackendConvolution, DenseAgainstDirectSums) {

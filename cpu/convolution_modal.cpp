@@ -1,0 +1,186 @@
+// Causal convolution along time with a scalar kernel a mode, eight modes at a time: as a sum of few terms where they
+// forget soon, by a scan of exponentials where they do not.
+//
+// A thread takes a tile of rows of some neighbouring blocks of modes. Rows of a sum are independent of each other;
+// scans run from tile to tile. Where one of these is more than a thread's share of the work, time is cut into chunks:
+// (1) the state each chunk adds, from zero; (2) carry: z at the start of chunk c+1 = E^length z at the start of c +
+// what c adds; (3) apply.
+
+#include "core/memory_length.hpp"
+#include "cpu/convolution_direct.hpp"
+#include "cpu/convolution_scan.hpp"
+#include "cpu/mode_blocks.hpp"
+#include "cpu/parts.hpp"
+
+#include <omp.h>
+
+#include <algorithm>
+#include <memory>
+#include <vector>
+
+namespace bromwich::cpu {
+
+namespace {
+
+constexpr Index most_together = 8;  ///< blocks: 512 bytes of a row
+constexpr Index page = 4096 / sizeof(Lanes);
+constexpr Index tile = ScanBlock::tile;
+constexpr Index stride = tile + 1;  ///< between the columns of a bunch: odd, so that a cache holds them side by side
+
+template <typename Block>
+struct Bunch {
+  ModeBlocks modes;
+  std::vector<Block> blocks;
+};
+
+// Lags that count, of each block.
+std::vector<Index> remembered(const ModalRecurrence& r, Index rows) {
+  const std::vector<Index> of_modes = memory_lengths(r, rows - 1);
+  std::vector<Index> lags(std::size_t(blocks(r.modes())), 0);
+  for (std::size_t l = 0; l < of_modes.size(); ++l) lags[l / lanes] = std::max(lags[l / lanes], of_modes[l]);
+  return lags;
+}
+
+class ModalConvolution final : public Convolution {
+ public:
+  ModalConvolution(const ModalRecurrence& r, Index rows, int threads)
+      : rows_(rows), threads_(threads), tiles_(ScanBlock::tiles(rows)) {
+    const FlushDenormals flush;
+    const std::vector<Index> lags = remembered(r, rows);
+    const double scan = ScanBlock::cost(r);
+    const auto direct = [&](Index D) { return DirectBlock::cost(D, rows, r.exponentials()); };
+    double work = 0;
+    Index scans = 0;
+    for (const Index D : lags) {
+      scans += direct(D) >= scan;
+      work += std::min(direct(D), scan);
+    }
+    chunks_ = std::clamp<Index>(Index(double(threads) * scan / std::max(work, scan)), 1, tiles_);
+    const Index count = Index(lags.size());
+    const Index scans_together = shared(scans), sums_together = shared((count - scans) * tiles_);
+    for (Index b = 0; b < count; ++b) {
+      const Index D = lags[std::size_t(b)];
+      if (direct(D) < scan)
+        place(sums_, b, sums_together).emplace_back(r, b, D);
+      else
+        place(scans_, b, scans_together).emplace_back(r, b, rows);
+    }
+    for (const auto& bunch : sums_)
+      for (const DirectBlock& block : bunch.blocks) past_ = std::max(past_, block.past(rows));
+    work_ = std::make_unique_for_overwrite<Lanes[]>(std::size_t(threads * work_size()));
+  }
+
+  void apply(const Array& y_array, Array& v_array, Index first) override {
+    const RowMatrix& y = host(y_array);
+    RowMatrix& v = host(v_array);
+    if (first == 0) v.row(0).setZero();
+    first = std::max<Index>(first, 1);
+    if (first >= rows_) return;
+    const Index from = (first - 1) / tile, chunk = (tiles_ - from + chunks_ - 1) / chunks_;
+#pragma omp parallel num_threads(threads_)
+    {
+      const FlushDenormals flush;
+      if (chunks_ > 1) {
+#pragma omp for collapse(2) schedule(static)
+        for (std::size_t s = 0; s < scans_.size(); ++s)
+          for (Index c = 1; c < chunks_; ++c) accumulate(y, scans_[s], from + (c - 1) * chunk, from + c * chunk);
+#pragma omp for schedule(static)
+        for (std::size_t s = 0; s < scans_.size(); ++s)
+          for (ScanBlock& block : scans_[s].blocks) block.carry(from, chunk, tiles_);
+      }
+#pragma omp for collapse(2) schedule(dynamic, 1) nowait
+      for (std::size_t s = 0; s < scans_.size(); ++s)
+        for (Index c = 0; c < chunks_; ++c)
+          scan(y, v, scans_[s], from + c * chunk, std::min(tiles_, from + (c + 1) * chunk));
+#pragma omp for collapse(2) schedule(dynamic, 1)
+      for (Index begin = first; begin < rows_; begin += tile)
+        for (std::size_t s = 0; s < sums_.size(); ++s) sum(y, v, sums_[s], begin, std::min(rows_, begin + tile));
+    }
+  }
+
+  std::size_t bytes() const override {
+    std::size_t all = sizeof(Lanes) * std::size_t(threads_ * work_size());
+    for (const auto& bunch : scans_)
+      for (const ScanBlock& block : bunch.blocks) all += block.bytes();
+    for (const auto& bunch : sums_)
+      for (const DirectBlock& block : bunch.blocks) all += block.bytes();
+    return all;
+  }
+
+ private:
+  // Blocks of a bunch, where `parts` of work are for all threads.
+  Index shared(Index parts) const { return std::clamp<Index>(parts / (2 * threads_), 1, most_together); }
+
+  // Where block b joins its neighbours, at most `together` of them.
+  template <typename Block>
+  static std::vector<Block>& place(std::vector<Bunch<Block>>& bunches, Index b, Index together) {
+    if (bunches.empty() || bunches.back().modes.count == together ||
+        bunches.back().modes.first + bunches.back().modes.count != b)
+      bunches.push_back({{b, 0}, {}});
+    ++bunches.back().modes.count;
+    return bunches.back().blocks;
+  }
+
+  // Of a thread: y and its past, and v, of the blocks of a bunch. v_j comes just behind y_j modulo a page: a load waits
+  // for an earlier store that is as far into its page.
+  Index input_size() const { return (most_together * (past_ + stride) / page + 1) * page + 1; }
+  Index work_size() const { return input_size() + most_together * stride; }
+  Lanes* inputs() { return work_.get() + omp_get_thread_num() * work_size(); }
+  Lanes* outputs() { return inputs() + input_size(); }
+
+  Index count(Index t) const { return std::min(rows_, ScanBlock::begin(t + 1)) - ScanBlock::begin(t); }
+
+  // What tiles [t0, t1) add to a zero state.
+  void accumulate(const RowMatrix& y, Bunch<ScanBlock>& bunch, Index t0, Index t1) {
+    if (t1 >= tiles_) return;
+    Lanes* const in = inputs();
+    for (ScanBlock& block : bunch.blocks) block.clear(t1);
+    for (Index t = t0; t < t1; ++t) {
+      bunch.modes.gather(y, ScanBlock::begin(t) - 1, tile + 1, in, stride);
+      for (Index i = 0; i < bunch.modes.count; ++i)
+        bunch.blocks[std::size_t(i)].accumulate(in + i * stride, t, tile, t1);
+    }
+  }
+
+  void scan(const RowMatrix& y, RowMatrix& v, Bunch<ScanBlock>& bunch, Index t0, Index t1) {
+    Lanes *const in = inputs(), *const out = outputs();
+    for (Index t = t0; t < t1; ++t) {
+      bunch.modes.gather(y, ScanBlock::begin(t) - 1, count(t) + 1, in, stride);
+      for (Index i = 0; i < bunch.modes.count; ++i)
+        bunch.blocks[std::size_t(i)].apply(in + i * stride, out + i * stride, t, count(t), t + 1 < t1);
+      bunch.modes.scatter(out, stride, ScanBlock::begin(t), count(t), v);
+    }
+  }
+
+  void sum(const RowMatrix& y, RowMatrix& v, const Bunch<DirectBlock>& bunch, Index begin, Index end) {
+    Lanes *const in = inputs(), *const out = outputs();
+    Lanes y0[most_together];
+    Index past = 0;
+    for (const DirectBlock& block : bunch.blocks) past = std::max(past, block.past(begin));
+    const Index given = std::min(past, begin - 1), step = past / 2 * 2 + stride;
+    for (Index i = 0; i < bunch.modes.count; ++i) {
+      std::fill_n(in + i * step, past - given, all(0));
+      std::fill(in + i * step + past + (end - begin), in + (i + 1) * step, all(0));
+    }
+    bunch.modes.gather(y, begin - given, given + end - begin, in + past - given, step);
+    bunch.modes.gather(y, 0, 1, y0, 1);
+    for (Index i = 0; i < bunch.modes.count; ++i)
+      bunch.blocks[std::size_t(i)].apply(in + i * step + past, y0[i], out + i * stride, begin, end - begin);
+    bunch.modes.scatter(out, stride, begin, end - begin, v);
+  }
+
+  Index rows_;
+  int threads_;
+  Index tiles_, chunks_, past_ = 0;
+  std::vector<Bunch<ScanBlock>> scans_;
+  std::vector<Bunch<DirectBlock>> sums_;
+  std::unique_ptr<Lanes[]> work_;
+};
+
+}  // namespace
+
+std::unique_ptr<Convolution> make_convolution(const ModalRecurrence& r, Index rows, int threads) {
+  return std::make_unique<ModalConvolution>(r, rows, threads);
+}
+
+}  // namespace bromwich::cpu
