@@ -2,6 +2,7 @@
 
 #include "core/error.hpp"
 #include "core/phi.hpp"
+#include "core/response.hpp"
 
 #include <Eigen/QR>
 
@@ -22,8 +23,12 @@ Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& paramete
     ComplexVector weighted(nodes);
     for (Index p = 0; p < nodes; ++p) weighted[p] = contour.weights[p] * transfer(contour.nodes[p]);
     for (; i < times.size() && times[i] <= contour.t1; ++i) {
-      double sum = 0;
-      for (Index p = 0; p < nodes; ++p) sum += (weighted[p] * std::exp(times[i] * contour.nodes[p])).real();
+      const Eigen::ArrayXd size = (times[i] * contour.nodes.real().array()).exp();
+      double sum = 0;  // of Re(w e^{zt})
+      for (Index p = 0; p < nodes; ++p) {
+        const Complex direction = std::polar(1.0, times[i] * contour.nodes[p].imag());
+        sum += size[p] * (weighted[p].real() * direction.real() - weighted[p].imag() * direction.imag());
+      }
       values[i] = sum;
     }
   }
@@ -36,6 +41,18 @@ Vector logarithmic(double from, double to, Index count) {
     grid[i] = from * std::pow(to / from, double(i) / double(std::max<Index>(count - 1, 1)));
   grid[count - 1] = to;
   return grid;
+}
+
+// Where a sum of exponentials is fitted on [h, T], and where it is checked: in between.
+struct SampleTimes {
+  Vector fitted, checked;
+};
+
+SampleTimes sample_times(double h, double T) {
+  const double end = std::max(T, 2 * h);
+  const Index samples = 40 + Index(14 * std::log(end / h));
+  const Vector fitted = logarithmic(h, end, samples);
+  return {fitted, (fitted.head(samples - 1).array() * fitted.tail(samples - 1).array()).sqrt()};
 }
 
 Matrix exponentials(const Vector& times, const Vector& rates) {
@@ -58,9 +75,12 @@ Pivots pivots(Matrix columns, Index count) {
     found.order.push_back(best);
     found.left.push_back(std::sqrt(most));
     const Vector q = columns.col(best).normalized();
-    columns.noalias() -= q * (q.transpose() * columns).eval();
     columns.col(best).setZero();
-    norms = columns.colwise().squaredNorm().transpose();
+    for (Index i = 0; i < columns.cols(); ++i) {
+      auto column = columns.col(i);
+      column -= q.dot(column) * q;
+      norms[i] = column.squaredNorm();
+    }
   }
   return found;
 }
@@ -70,35 +90,55 @@ Pivots pivots(Matrix columns, Index count) {
 ExponentialSum compress_line_kernel(const KroneckerDynamics& dynamics, double h, double T, double tolerance) {
   const auto parameters = contour_parameters(0);
   const Vector nu = dynamics.across.eigenvalues();
-  const double span = std::max(T / h, 2.0);
   // Rates faster than 37/h are below rounding at the first sample; the two ends of the spectrum bound the rest.
   const double fastest = std::min(-nu.minCoeff(), 37 / h), slowest = std::min(-nu.maxCoeff(), fastest);
-  const Index samples = 40 + Index(14 * std::log(span)), candidates = 24 + Index(12 * std::log(fastest / slowest));
+  const Index candidates = 24 + Index(12 * std::log(fastest / slowest));
   Vector rates = dynamics.across.points <= candidates ? nu : Vector(-logarithmic(slowest, fastest, candidates));
-  const Vector times = logarithmic(h, std::max(T, 2 * h), samples);
-  Vector checks(samples - 1);
-  for (Index i = 0; i + 1 < samples; ++i) checks[i] = std::sqrt(times[i] * times[i + 1]);
+  const auto [times, checks] = sample_times(h, T);
   const Vector values = line_kernel(dynamics, *parameters, times),
                check_values = line_kernel(dynamics, *parameters, checks);
   const double scale = std::max(values.cwiseAbs().maxCoeff(), 1e-300);
 
   const Matrix all = exponentials(times, rates);
-  const auto [order, left] = pivots(all, std::min<Index>({rates.size(), samples, 64}));
+  const auto [order, left] = pivots(all, std::min<Index>({rates.size(), times.size(), 64}));
   ExponentialSum best;
   best.error = INFINITY;
   if (order.empty()) return best;  // nothing is left of the kernel at t = h
   // As long as some exponential is missed by 1e6 times the tolerance, so is their sum: no fit is tried.
   Index fewest = std::min<Index>(8, Index(order.size()));
   while (fewest + 2 <= Index(order.size()) && left[std::size_t(fewest)] > 1e6 * tolerance * left[0]) fewest += 2;
-  for (Index K = fewest; K <= Index(order.size()); K += 2) {
-    Vector chosen(K);
-    for (Index k = 0; k < K; ++k) chosen[k] = rates[order[std::size_t(k)]];
-    const Vector c = exponentials(times, chosen).colPivHouseholderQr().solve(values);
-    const double error = (exponentials(checks, chosen) * c - check_values).cwiseAbs().maxCoeff() / scale;
-    if (error < best.error) best = {chosen, c, error};
+  // One factorization serves all numbers of rates: the first K columns of Q R are those of the first K rates.
+  const Vector picked = rates(order);
+  const Eigen::HouseholderQR<Matrix> qr(all(Eigen::all, order));
+  const Vector projected = qr.householderQ().adjoint() * values;
+  const Matrix check = exponentials(checks, picked);
+  for (Index K = fewest; K <= picked.size(); K += 2) {
+    const Vector c = qr.matrixQR().topLeftCorner(K, K).triangularView<Eigen::Upper>().solve(projected.head(K));
+    const double error = (check.leftCols(K) * c - check_values).cwiseAbs().maxCoeff() / scale;
+    if (error < 0.5 * best.error || error <= tolerance) best = {picked.head(K), c, error};  // fewer rates cost less
     if (best.error <= tolerance) break;
   }
   return best;
+}
+
+InitialSum compress_initial_response(const KroneckerDynamics& dynamics, const ExponentialSum& sum,
+                                     const RowMatrix& x0_modes, double h, double T) {
+  const Vector nu = dynamics.across.eigenvalues(), seen = in_sine_basis(dynamics.n);
+  const auto [times, checks] = sample_times(h, T);
+  // e^{nu t} = Σ_k P_k e^{s_k t}
+  const Matrix P = exponentials(times, sum.rates).householderQr().solve(exponentials(times, nu));
+  const RowMatrix parts = x0_modes * seen.asDiagonal();  // of N x0, n x across.points
+  const Vector missed =
+      (exponentials(checks, sum.rates) * P - exponentials(checks, nu)).cwiseAbs().colwise().maxCoeff().transpose();
+  const double size = parts.cwiseAbs().rowwise().sum().maxCoeff();
+  return {P * parts.transpose(), size > 0 ? (parts.cwiseAbs() * missed).maxCoeff() / size : 0};
+}
+
+std::optional<ModalRecurrence> started(const ModalRecurrence& r, const RowMatrix& D) {
+  ModalRecurrence with_x0 = r;
+  with_x0.initial = (r.decay.array() == 0).select(0, D.array() * r.decay.array() / r.output.array());
+  if (!with_x0.initial.allFinite()) return std::nullopt;
+  return with_x0;
 }
 
 ModalRecurrence compressed_recurrence(Backend& backend, const KroneckerDynamics& dynamics, const ExponentialSum& sum,
@@ -110,12 +150,10 @@ ModalRecurrence compressed_recurrence(Backend& backend, const KroneckerDynamics&
   r.output.resize(K, n);
   r.start.resize(K, n);
   for (Index k = 0; k < K; ++k) {
-    for (Index l = 0; l < n; ++l) {
-      const double x = h * (sum.rates[k] + mu[l]), growth = std::expm1(x), p1 = growth / x;
-      r.decay(k, l) = growth + 1;
-      r.output(k, l) = h * sum.coefficients[k] * p1 * p1;
-      r.start(k, l) = (p1 - phi2(x)) / (p1 * p1);
-    }
+    const auto [exponential, phi1, phi2] = array_phi(h * (mu.array() + sum.rates[k]));
+    r.decay.row(k) = exponential;
+    r.output.row(k) = h * sum.coefficients[k] * phi1.square();
+    r.start.row(k) = (phi1 - phi2) / phi1.square();
   }
   const LagTable near = contour_lag_table(backend, dynamics, *contour_parameters(0), h, 1);
   r.w0 = near.W.row(0).transpose();

@@ -6,6 +6,8 @@
 
 #include "kernel.hpp"
 
+#include <optional>
+
 namespace bromwich {
 
 struct ExponentialSum {
@@ -21,6 +23,20 @@ inline constexpr double compression_tolerance = 1e-13, accepted_compression_erro
 /// error is infinite where nothing of the kernel is left at t = h.
 ExponentialSum compress_line_kernel(const KroneckerDynamics&, double h, double T,
                                     double tolerance = compression_tolerance);
+
+/// x0 seen through the same exponentials: S N e^{At} x0 = Σ_k D_kl e^{(s_k + mu_l) t} in mode l, t in [h, T].
+struct InitialSum {
+  RowMatrix coefficients;  ///< D, K x n
+  double error = 0;  ///< bound: each eigenvalue's e^{nu t} between the samples, relative to all parts of N x0 in a mode
+};
+
+/// Fits every e^{nu_k t} by those of the sum, so that no time point is looked at. `x0_modes`: n x across.points, both
+/// directions in the sine basis (core/response.hpp).
+InitialSum compress_initial_response(const KroneckerDynamics&, const ExponentialSum&, const RowMatrix& x0_modes,
+                                     double h, double T);
+
+/// The recurrence with what x0 adds to z_0: `initial` = D E / C, for any grid. Empty where a C_k is zero.
+std::optional<ModalRecurrence> started(const ModalRecurrence&, const RowMatrix& D);
 
 /// The recurrence with these exponentials in place of all eigenvalues: lags 0 and 1 come from the contour, and each
 /// mode l uses the rates s_k + mu_l.

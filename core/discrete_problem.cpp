@@ -3,6 +3,8 @@
 #include "core/kernel.hpp"
 #include "core/lcp/active_set_lcp.hpp"
 
+#include <algorithm>
+
 namespace bromwich {
 
 DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J) {
@@ -49,6 +51,14 @@ RowMatrix trace(const DiscreteProblem& p, const Array& r, const Array& v) {
   p.backend.download(r, known);
   p.backend.download(v, response);
   return known + response - p.g;
+}
+
+std::optional<RowMatrix> kronecker_initial_sum(const DiscreteProblem& p, const ExponentialSum& sum, double& error) {
+  const KroneckerDynamics& d = *p.kronecker();
+  InitialSum x0 = compress_initial_response(d, sum, x0_in_modes(p.backend, d, p.scene.x0, true), p.h, p.scene.T);
+  if (!(x0.error <= accepted_compression_error)) return std::nullopt;
+  error = std::max(error, x0.error);
+  return std::move(x0.coefficients);
 }
 
 RowMatrix kronecker_initial_response(const DiscreteProblem& p) {

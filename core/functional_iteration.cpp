@@ -79,6 +79,8 @@ KernelChoice kronecker_kernel(const DiscreteProblem& p, ConvolutionChoice choice
                                      long(sum.rates.size()), long(parameters->P + 1))
                               : text("scan of all %ld eigenvalues a mode", long(d.across.points));
       made.error = fits ? sum.error : NAN;
+      if (const auto x0 = fits ? kronecker_initial_sum(p, sum, made.error) : std::nullopt)
+        made.started = started(std::get<ModalRecurrence>(r), *x0);
       return made;
     }
   }
@@ -144,21 +146,32 @@ KernelChoice dense_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
 
 }  // namespace
 
-std::unique_ptr<Array> make_response(const DiscreteProblem& p, SpaceTimeKernel& kernel, Array& v) {
+void with_start(Backend& backend, SpaceTimeKernel& kernel, const std::optional<ModalRecurrence>& started, Index rows,
+                const std::function<void()>& operations) {
+  auto convolution = started ? backend.convolution(*started, rows) : nullptr;
+  if (started) kernel.exchange(convolution);
+  operations();
+  if (started) kernel.exchange(convolution);
+}
+
+std::unique_ptr<Array> make_response(const DiscreteProblem& p, KernelChoice& choice, Array& v) {
   const Index rows = p.J + 1, n = p.scene.constraints();
   auto r = p.backend.array(rows, n);
   if (p.dense()) {
     p.backend.upload(dense_response(p, Rule::exponential), *r);
     return r;
   }
-  const auto sine = p.backend.sine_transform(n, rows);
   const auto input = p.backend.array(rows, n);
-  p.backend.upload(p.g, *r);
-  p.backend.upload(kronecker_initial_response(p), *input);
-  sine->apply(*input, r.get(), *r, 0);  // g + S N e^{At} x0
-  if (!p.drive()) return r;
-  p.backend.upload(*p.drive(), *input);
-  kernel.apply(*input, v, 0);
+  RowMatrix g = p.g;
+  if (choice.started) g.row(0) = p.start.transpose();  // the kernel has nothing at t = 0
+  p.backend.upload(g, *r);
+  if (!choice.started) {
+    p.backend.upload(kronecker_initial_response(p), *input);
+    p.backend.sine_transform(n, rows)->apply(*input, r.get(), *r, 0);  // g + S N e^{At} x0
+    if (!p.drive()) return r;
+  }
+  if (p.drive()) p.backend.upload(*p.drive(), *input);
+  with_start(p.backend, *choice.kernel, choice.started, rows, [&] { choice.kernel->apply(*input, v, 0); });
   p.backend.add(*r, 1, v, *r);
   return r;
 }
@@ -333,7 +346,7 @@ void solve_by_iteration(const DiscreteProblem& p, const Options& options, Result
   Timer setup;
   KernelChoice choice = make_kernel(p, options.convolution);
   const auto workspace = p.backend.array(p.J + 1, p.scene.constraints());
-  const auto r = make_response(p, *choice.kernel, *workspace);
+  const auto r = make_response(p, choice, *workspace);
   iterate_with(p, choice, *r, setup, options, result);
 }
 

@@ -23,6 +23,8 @@ class SpaceTimeKernel {
   /// The same for y = R y_fine on the grid with half the steps, y_fine what `fine` was last applied to: its modes are
   /// known.
   void apply_injected(const SpaceTimeKernel& fine, const Array& y_fine, Array& y, Array& v);
+  /// Exchanges the convolution, for one with the same weights that begins with x0 (`initial` of a recurrence).
+  void exchange(std::unique_ptr<Convolution>& other) { convolution_.swap(other); }
   std::size_t bytes() const;
 
   double transform_seconds = 0, convolution_seconds = 0;
@@ -39,6 +41,8 @@ struct KernelChoice {
   std::unique_ptr<SpaceTimeKernel> kernel;
   std::string description;
   double error = 0;  ///< see Result::kernel_error
+  /// The recurrence of the kernel with x0 in its start; none: the response to x0 is a table over time.
+  std::optional<ModalRecurrence> started = {};
 };
 
 /// The kernel by recurrence (scan) or lag table (FFT), from contours where the spectrum allows one.
@@ -47,9 +51,15 @@ KernelChoice make_kernel(const DiscreteProblem&, ConvolutionChoice);
 /// One step of the state costs less than its share of transforms over time (dense dynamics).
 bool scan_is_cheaper(const DiscreteProblem&);
 
+/// Runs `operations` while the kernel begins with x0; as it is where nothing is `started`. `rows` are those of the
+/// kernel.
+void with_start(Backend&, SpaceTimeKernel&, const std::optional<ModalRecurrence>& started, Index rows,
+                const std::function<void()>& operations);
+
 /// r on the backend: g + N e^{At} x0 + response to f. `work` is one array of its shape; where f = B phi in a Kronecker
-/// sum it is left with K phi. Dense dynamics and Kronecker sums.
-std::unique_ptr<Array> make_response(const DiscreteProblem&, SpaceTimeKernel&, Array& work);
+/// sum it is left with K phi, the response to x0 with it where the kernel can be started. Dense dynamics and Kronecker
+/// sums.
+std::unique_ptr<Array> make_response(const DiscreteProblem&, KernelChoice&, Array& work);
 
 /// Fills status, y, iterations, history, counters, residual and seconds of `result`.
 void solve_by_iteration(const DiscreteProblem&, const Options&, Result& result);

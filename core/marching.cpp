@@ -39,7 +39,7 @@ Plan dense_plan(const DiscreteProblem& p, Rule rule) {
 // S N (discrete e^{A t_j}) x0 by stepping all modes: for x0 that the driven recurrence cannot carry.
 RowMatrix stepped_initial_response(const DiscreteProblem& p, Rule rule) {
   const KroneckerDynamics& d = *p.kronecker();
-  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), seen = sine_matrix(nu.size()) * d.n;
+  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), seen = in_sine_basis(d.n);
   RowMatrix x = x0_in_modes(p.backend, d, p.scene.x0, true), decay(x.rows(), x.cols()), modes(p.J + 1, x.rows());
   for (Index l = 0; l < mu.size(); ++l)
     for (Index k = 0; k < nu.size(); ++k) {
@@ -63,15 +63,22 @@ RowMatrix with_modes(const DiscreteProblem& p, const RowMatrix& values) {
 
 Plan modal_plan(const DiscreteProblem& p, Rule rule) {
   const KroneckerDynamics& d = *p.kronecker();
-  const Vector b = sine_matrix(d.across.points) * d.b;
+  const Vector b = in_sine_basis(d.b);
   if (b.cwiseAbs().minCoeff() <= 1e-10 * b.cwiseAbs().maxCoeff())
     return {modal_recurrence(d, rule, p.h, RowMatrix()), with_modes(p, stepped_initial_response(p, rule))};
   return {modal_recurrence(d, rule, p.h, x0_in_modes(p.backend, d, p.scene.x0, true)), p.g};
 }
 
 Plan compressed_plan(const DiscreteProblem& p, const ExponentialSum& sum) {
-  return {compressed_recurrence(p.backend, *p.kronecker(), sum, p.h), with_modes(p, kronecker_initial_response(p)),
-          sum.error};
+  Plan plan{compressed_recurrence(p.backend, *p.kronecker(), sum, p.h), {}, sum.error};
+  const auto x0 = kronecker_initial_sum(p, sum, plan.error);
+  if (auto with_x0 = x0 ? started(std::get<ModalRecurrence>(plan.recurrence), *x0) : std::nullopt) {
+    plan.recurrence = std::move(*with_x0);
+    plan.r = p.g;
+  } else {
+    plan.r = with_modes(p, kronecker_initial_response(p));
+  }
+  return plan;
 }
 
 /// Up to this many eigenvalues a fit, which takes 20 and more exponentials, would not halve their number.

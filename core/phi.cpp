@@ -29,8 +29,8 @@ constexpr std::array<double, 17> phi2_coefficients = [] {
 }();
 
 template <class T>
-T phi2_series(T x) {
-  T sum = phi2_coefficients.back();
+T phi2_series(const T& x) {
+  T sum = 0.0 * x + phi2_coefficients.back();
   for (std::size_t k = phi2_coefficients.size() - 1; k-- > 0;) sum = phi2_coefficients[k] + x * sum;
   return sum;
 }
@@ -40,6 +40,15 @@ T phi2_series(T x) {
 double phi1(double x) { return x == 0 ? 1.0 : std::expm1(x) / x; }
 
 double phi2(double x) { return std::abs(x) < series_radius ? phi2_series(x) : (phi1(x) - 1) / x; }
+
+ArrayPhi array_phi(const Eigen::ArrayXd& x) {
+  const Eigen::ArrayXd near = phi2_series(x), far = (x.exp() - 1) / x;  // phi_2 and phi_1
+  ArrayPhi phi;
+  phi.phi2 = (x.abs() < series_radius).select(near, (far - 1) / x);
+  phi.phi1 = (x.abs() < series_radius).select(1 + x * near, far);
+  phi.exponential = (x.abs() < series_radius).select(1 + x * (1 + x * near), x.exp());
+  return phi;
+}
 
 double phi(int k, double x) {
   if (k == 0) return std::exp(x);

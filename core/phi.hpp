@@ -17,6 +17,12 @@ Complex phi2(Complex x);
 /// phi_k(x), k >= 0.
 double phi(int k, double x);
 
+/// e^x, phi_1(x) and phi_2(x) of many numbers at once.
+struct ArrayPhi {
+  Eigen::ArrayXd exponential, phi1, phi2;
+};
+ArrayPhi array_phi(const Eigen::ArrayXd& x);
+
 /// e^z - 1 without cancellation for small z.
 Complex expm1(Complex z);
 

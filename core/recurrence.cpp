@@ -2,6 +2,7 @@
 
 #include "core/error.hpp"
 #include "core/phi.hpp"
+#include "core/response.hpp"
 
 #include <Eigen/LU>
 
@@ -33,17 +34,7 @@ ScalarRule euler_rule(double x, double h) {
 ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, double h, const RowMatrix& x0_modal) {
   const Index n = dynamics.along.points, K = dynamics.across.points;
   const Vector mu = dynamics.along.eigenvalues(), nu = dynamics.across.eigenvalues();
-  // b and n of a line in the sine basis.
-  const double scale = std::sqrt(2.0 / double(K + 1));
-  Vector b = Vector::Zero(K), seen = Vector::Zero(K);
-  for (Index i = 0; i < K; ++i) {
-    if (dynamics.b[i] == 0 && dynamics.n[i] == 0) continue;
-    for (Index k = 0; k < K; ++k) {
-      const double s = scale * std::sin(M_PI * double((i + 1) * (k + 1) % (2 * (K + 1))) / double(K + 1));
-      b[k] += s * dynamics.b[i];
-      seen[k] += s * dynamics.n[i];
-    }
-  }
+  const Vector b = in_sine_basis(dynamics.b), seen = in_sine_basis(dynamics.n);
   ModalRecurrence r;
   const bool with_x0 = x0_modal.size() > 0;
   if (with_x0 && b.cwiseAbs().minCoeff() <= 1e-12 * b.cwiseAbs().maxCoeff())

@@ -14,6 +14,9 @@ RowMatrix sample(const TimeFunction&, const Vector& t, Index width);
 /// S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)), n x n: symmetric, orthonormal.
 Matrix sine_matrix(Index n);
 
+/// S v by a sum over the nonzero entries of v, which are few in the b and n of a line.
+Vector in_sine_basis(const Vector& v);
+
 /// x0 with only the `along` direction (`both` = false) or both directions in the sine basis: n x across.points.
 RowMatrix x0_in_modes(Backend&, const KroneckerDynamics&, const Vector& x0, bool both);
 

@@ -26,24 +26,36 @@ std::optional<Vector> eigenvalues(const LcpMatrix& matrix) {
   return values;
 }
 
+using Row = Eigen::Array<double, 1, Eigen::Dynamic>;
+
+// The modes of the sample, one entry each.
+struct Sample {
+  Row w0, w1;
+  Eigen::Array<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> E, C;  ///< K x modes
+};
+
+struct Symbol {
+  Row real, imaginary;
+};
+
 // K^_l(omega) from the recurrence: w0 + w1 e^{-i omega} + Σ_k C_k / (e^{i omega} - E_k).
-Complex symbol(const ModalRecurrence& r, Index l, double omega) {
+Symbol symbol(const Sample& r, double omega) {
   const double c = std::cos(omega), s = std::sin(omega);
-  double real = r.w0[l] + r.w1[l] * c, imaginary = -r.w1[l] * s;
-  for (Index k = 0; k < r.exponentials(); ++k) {
-    const double E = r.decay(k, l), weight = r.output(k, l) / ((c - E) * (c - E) + s * s);
-    real += weight * (c - E);
-    imaginary -= weight * s;
+  Symbol K{r.w0 + c * r.w1, -s * r.w1};
+  for (Index k = 0; k < r.E.rows(); ++k) {
+    const Row weight = r.C.row(k) / ((c - r.E.row(k)).square() + s * s);
+    K.real += weight * (c - r.E.row(k));
+    K.imaginary -= s * weight;
   }
-  return {real, imaginary};
+  return K;
 }
 
 // Σ_{d<=steps} W_d. A fit of exponentials holds up to there and no longer: its slowest ones may stand for nothing.
-double sum_of_weights(const ModalRecurrence& r, Index l, Index steps) {
-  double sum = r.w0[l] + r.w1[l];
-  for (Index k = 0; k < r.exponentials(); ++k) {
-    const double E = r.decay(k, l);
-    sum += r.output(k, l) * (E < 1 ? (1 - std::pow(E, double(steps))) / (1 - E) : double(steps));
+Row sum_of_weights(const Sample& r, Index steps) {
+  Row sum = r.w0 + r.w1;
+  for (Index k = 0; k < r.E.rows(); ++k) {
+    const auto E = r.E.row(k);
+    sum += r.C.row(k) * (E < 1).select((1 - (double(steps) * E.log()).exp()) / (1 - E), double(steps));
   }
   return sum;
 }
@@ -54,17 +66,18 @@ std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecu
   const std::optional<Vector> all = eigenvalues(matrix);
   if (!all) return std::nullopt;
   const Index n = all->size(), modes = std::min(n, most_modes);
-  ComplexMatrix K(modes, frequencies), K_smooth(modes, 1);
-  Vector M(modes);
-  for (Index i = 0; i < modes; ++i) {
-    const Index l = modes > 1 ? i * (n - 1) / (modes - 1) : 0;
-    M[i] = (*all)[l];
-    K_smooth(i, 0) = sum_of_weights(r, l, steps);
-    for (Index f = 0; f < frequencies; ++f)
-      K(i, f) = symbol(r, l, std::numbers::pi * (0.25 + 0.75 * double(f) / double(frequencies - 1)));
-  }
-  const auto factor = [&](const ComplexMatrix& symbols, double D) {
-    return ((symbols.array() - D).abs2().rowwise().maxCoeff().sqrt() / (M.array() + D)).maxCoeff();
+  std::vector<Index> l(std::size_t(modes), 0);
+  for (Index i = 1; i < modes; ++i) l[std::size_t(i)] = i * (n - 1) / (modes - 1);
+  const Row M = (*all)(l).transpose();
+  const Sample sample{r.w0(l), r.w1(l), r.decay(Eigen::all, l), r.output(Eigen::all, l)};
+  const std::vector<Symbol> smooth{{sum_of_weights(sample, steps), Row::Zero(modes)}};
+  std::vector<Symbol> K;
+  for (Index f = 0; f < frequencies; ++f)
+    K.push_back(symbol(sample, std::numbers::pi * (0.25 + 0.75 * double(f) / double(frequencies - 1))));
+  const auto factor = [&](const std::vector<Symbol>& symbols, double D) {
+    Row largest = Row::Zero(modes);
+    for (const Symbol& s : symbols) largest = largest.max((s.real - D).square() + s.imaginary.square());
+    return (largest.sqrt() / (M + D)).maxCoeff();
   };
   Smoothing best{0, factor(K, 0), 0};
   const double lowest = (least_diagonal - 1) * all->minCoeff(), highest = all->maxCoeff();
@@ -72,7 +85,7 @@ std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecu
     const double D = lowest + (highest - lowest) * double(i) / double(candidates);
     if (const double f = factor(K, D); f < best.factor) best = {D, f, 0};
   }
-  best.smooth_factor = factor(K_smooth, best.shift);
+  best.smooth_factor = factor(smooth, best.shift);
   return best;
 }
 

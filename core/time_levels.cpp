@@ -4,9 +4,10 @@
 #include "core/forecast.hpp"
 #include "core/smoothing.hpp"
 
+#include <unsupported/Eigen/FFT>
+
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace bromwich {
 
@@ -46,7 +47,7 @@ class Source {
   }
 
   // The kernel of the finest grid.
-  KernelChoice finest(const TimeLevel& level) const {
+  KernelChoice finest(const TimeLevel& level) {
     if (p_.dense()) return make_kernel(p_, choice_);
     KernelChoice made{kernel(level), "", NAN};
     if (sparse_) {
@@ -57,8 +58,19 @@ class Source {
     made.description = (by_fft_ ? "FFT over lag weights of " : "scan of ") +
                        (fits_ ? std::to_string(sum_.rates.size()) + " exponentials a mode, fitted to contour values"
                               : "all " + std::to_string(p_.kronecker()->across.points) + " eigenvalues a mode");
-    if (fits_) made.error = sum_.error;
+    if (!fits_) return made;
+    made.error = sum_.error;
+    if (!by_fft_) x0_ = kronecker_initial_sum(p_, sum_, made.error);
     return made;
+  }
+
+  // Starts the recurrences of all grids from x0, where it is such a sum.
+  void start(TimeLevels& levels) const {
+    for (const auto& level : levels.grids)
+      if (x0_) level->started = started(std::get<ModalRecurrence>(std::get<Recurrence>(level->weights)), *x0_);
+    const auto all = std::all_of(levels.grids.begin(), levels.grids.end(), [](const auto& l) { return l->started; });
+    for (const auto& level : levels.grids)
+      if (!all) level->started.reset();
   }
 
   std::unique_ptr<SpaceTimeKernel> kernel(const TimeLevel& level) const {
@@ -83,19 +95,22 @@ class Source {
   ConvolutionChoice choice_;
   bool by_fft_ = false, fits_ = false;
   ExponentialSum sum_;
+  std::optional<RowMatrix> x0_;  ///< its coefficients, all grids have the same
 };
 
 // |S diag(w) S| 1. Products of sines are differences of cosines: entry (i, j) is c(i-j) - c(i+j) with
-// c(d) = 1/(n+1) Σ_k w_k cos(pi k d/(n+1)).
+// c(d) = 1/(n+1) Σ_k w_k cos(pi k d/(n+1)), an even function of period 2(n+1).
 Vector row_sums_in_modes(const Vector& w) {
   const Index n = w.size(), period = 2 * (n + 1);
-  Vector cosine(period), c = Vector::Zero(period);
-  for (Index a = 0; a < period; ++a) cosine[a] = std::cos(std::numbers::pi * double(a) / double(n + 1)) / double(n + 1);
-  for (Index d = 0; d < period; ++d)
-    for (Index k = 0; k < n; ++k) c[d] += w[k] * cosine[(k + 1) * d % period];
-  Vector sums = Vector::Zero(n);
+  Vector padded = Vector::Zero(period);
+  padded.segment(1, n) = w / double(n + 1);
+  ComplexVector transformed;
+  Eigen::FFT<double>().fwd(transformed, padded);
+  Vector c(3 * n + 1);  // from -n to 2n
+  for (Index d = -n; d <= 2 * n; ++d) c[n + d] = transformed[std::abs(d)].real();
+  Vector sums(n);
   for (Index i = 1; i <= n; ++i)
-    for (Index j = 1; j <= n; ++j) sums[i - 1] += std::abs(c[std::abs(i - j)] - c[i + j]);
+    sums[i - 1] = (c.segment(n + 1 - i, n) - c.segment(n + 1 + i, n)).cwiseAbs().sum();  // c(j-i) - c(j+i), j = 1..n
   return sums;
 }
 
@@ -154,34 +169,37 @@ DiscreteProblem on_grid(const DiscreteProblem& p, Index steps) {
   return coarse;
 }
 
-// r_c = R r, and K_c phi in place of R K phi: the source piecewise linear on the coarse grid. phi is left in `old`.
+// r_c = R r, and K_c phi in place of R K phi: the source piecewise linear on the coarse grid. The kernel of the finer
+// grid has been applied to phi last; x0, where the kernels begin with it, is the same in both.
 void add_driven_difference(Backend& backend, TimeLevel& fine, TimeLevel& coarse) {
   backend.inject(*fine.v, *coarse.y);
   backend.add(*coarse.r, -1, *coarse.y, *coarse.r);
-  backend.inject(*fine.old, *coarse.old);
-  coarse.kernel->apply(*coarse.old, *coarse.v, 0);
+  with_start(backend, *coarse.kernel, coarse.started, coarse.steps + 1,
+             [&] { coarse.kernel->apply_injected(*fine.kernel, *fine.old, *coarse.old, *coarse.v); });
   backend.add(*coarse.r, 1, *coarse.v, *coarse.r);
   backend.add(*coarse.y, -1, *coarse.y, *coarse.y);
 }
 
-void set_finest_response(const DiscreteProblem& p, const SparseKernel* sparse, TimeLevel& finest) {
-  if (sparse)
-    p.backend.upload(p.g + sparse->free, *finest.r);
-  else
-    finest.r = make_response(p, *finest.kernel, *finest.v);
-}
-
-// r of all grids but the finest, from that. `kernel_of_drive`: v of the finest grid holds K phi already.
-void set_coarse_responses(const DiscreteProblem& p, const std::vector<TimeLevel*>& grids, bool kernel_of_drive) {
-  const bool driven = p.kronecker() && p.drive();
-  if (driven) p.backend.upload(*p.drive(), *grids[0]->old);
-  if (driven && !kernel_of_drive) grids[0]->kernel->apply(*grids[0]->old, *grids[0]->v, 0);
+// r of all grids but the finest, from that, where the kernel of the finest was applied to phi last and v has the
+// outcome.
+void set_coarse_responses(const DiscreteProblem& p, const std::vector<TimeLevel*>& grids) {
   for (std::size_t l = 1; l < grids.size(); ++l) {
     p.backend.inject(*grids[l - 1]->r, *grids[l]->r);
-    if (driven) add_driven_difference(p.backend, *grids[l - 1], *grids[l]);
+    if (p.kronecker() && p.drive()) add_driven_difference(p.backend, *grids[l - 1], *grids[l]);
     if (p.dense() && p.f.size() > 0)
       p.backend.upload(dense_response(on_grid(p, grids[l]->steps), Rule::exponential), *grids[l]->r);
   }
+}
+
+// The same at any time.
+void respond(const DiscreteProblem& p, const std::vector<TimeLevel*>& grids) {
+  TimeLevel& finest = *grids[0];
+  if (p.kronecker() && p.drive()) {
+    p.backend.upload(*p.drive(), *finest.old);
+    with_start(p.backend, *finest.kernel, finest.started, finest.steps + 1,
+               [&] { finest.kernel->apply(*finest.old, *finest.v, 0); });
+  }
+  set_coarse_responses(p, grids);
 }
 
 }  // namespace
@@ -241,17 +259,19 @@ TimeLevels choose_grids(const DiscreteProblem& p, const Source& source) {
 }  // namespace
 
 TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, const Options& options) {
-  const Source source(p, sparse, options.convolution);
+  Source source(p, sparse, options.convolution);
   TimeLevels levels = choose_grids(p, source);
   if (levels.size() == 0) return levels;
   KernelChoice finest = source.finest(levels[0]);
+  source.start(levels);
+  finest.started = levels[0].started;
   levels.kernel_error = finest.error;
   levels.description = finest.description + "; grids of ";
   // Sweeps that smooth and do not enlarge what is smooth do, after a nested start, for what is left on the coarsest.
   const bool swept = levels.size() > 1 && levels.grids.back()->sweeps > 0;
   for (std::size_t l = 0; l < levels.size(); ++l) {
     TimeLevel& level = levels[l];
-    level.kernel = l == 0 ? std::move(finest.kernel) : source.kernel(level);
+    if (l > 0) level.kernel = source.kernel(level);
     for (auto* array : {&level.r, &level.y, &level.v, &level.old})
       *array = p.backend.array(level.steps + 1, p.scene.constraints());
     if (l == 1 || l == 2) level.nested = p.backend.array(level.steps + 1, p.scene.constraints());
@@ -260,11 +280,15 @@ TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, con
     levels.description += (l > 0 ? ", " : "") + std::to_string(level.steps);
   }
   levels.description += swept ? " steps" : " steps, the last marched";
-  set_finest_response(p, sparse, levels[0]);
+  if (sparse)
+    p.backend.upload(p.g + sparse->free, *levels[0].r);
+  else
+    levels[0].r = make_response(p, finest, *levels[0].v);
+  levels[0].kernel = std::move(finest.kernel);
   std::vector<TimeLevel*> grids;
   for (const auto& level : levels.grids) grids.push_back(level.get());
-  levels.respond = [&p, grids] { set_coarse_responses(p, grids, false); };
-  set_coarse_responses(p, grids, true);
+  levels.respond = [&p, grids] { respond(p, grids); };
+  set_coarse_responses(p, grids);
   TimeLevel& coarsest = *levels.grids.back();
   levels.prepare_march = [&p, &options, &coarsest] { prepare_march(p, options, coarsest); };
   if (swept)

@@ -16,7 +16,11 @@ namespace bromwich::cpu {
 
 class HostArray final : public Array {
  public:
-  HostArray(Index rows, Index cols) : values(RowMatrix::Zero(rows, cols)) {}
+  /// Zero. The threads that will work on the rows touch them first, which spreads the cost of fresh pages.
+  HostArray(Index rows, Index cols, int threads = 1) : values(rows, cols) {
+#pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1 && values.size() > 1 << 16)
+    for (Index j = 0; j < rows; ++j) values.row(j).setZero();
+  }
   Index rows() const override { return values.rows(); }
   Index cols() const override { return values.cols(); }
 

@@ -15,7 +15,7 @@ ComplexMatrix of(const KroneckerDynamics& dynamics, const ComplexVector& nodes, 
   const Index n = mu.size();
   const LineTransfer transfer(dynamics.across, dynamics.n, dynamics.b);
   ComplexMatrix R(nodes.size(), n);
-#pragma omp parallel for num_threads(threads) schedule(static) if (nodes.size() * n > 1 << 15)
+#pragma omp parallel for num_threads(threads) schedule(static) if (nodes.size() * n > 1 << 9)
   for (Index l = 0; l < n; ++l)
     for (Index p = 0; p < nodes.size(); ++p) R(p, l) = transfer(nodes[p] - mu[l]);
   return R;

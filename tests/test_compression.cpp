@@ -1,6 +1,9 @@
 // Short sums of exponentials against the exact sum over all eigenvalues of a line.
 
 #include "core/compression.hpp"
+#include "core/response.hpp"
+#include "core/separable.hpp"
+#include "core/time_levels.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/reference.hpp"
 #include "tests/run.hpp"
@@ -81,6 +84,76 @@ TEST(Compression, ModalRecurrenceSaysTheSame) {
   const LagTable modal = lag_table(modal_recurrence(d, Rule::exponential, h, {}), J);
   EXPECT_LE(distance(compressed.W, modal.W), tolerance * modal.W.cwiseAbs().maxCoeff());
   EXPECT_LE(distance(compressed.S, modal.S), tolerance * modal.W.cwiseAbs().maxCoeff());
+}
+
+// N e^{At} x0 in mode l is Σ_k n_k x_lk e^{(nu_k + mu_l) t}: smooth, rough and single modes of x0.
+TEST(Compression, InitialStatesInTheSameExponentials) {
+  const double T = 4;
+  for (const auto& [Q, J] : {std::pair<Index, Index>{3, 10}, {39, 400}, {127, 4096}}) {
+    const KroneckerDynamics d = signorini_dynamics(Q, Q);
+    const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), seen = in_sine_basis(d.n);
+    const double h = T / double(J);
+    const ExponentialSum sum = compress_line_kernel(d, h, T);
+    RowMatrix smooth(Q, Q), single = RowMatrix::Zero(Q, Q);
+    for (Index l = 0; l < Q; ++l)
+      for (Index k = 0; k < Q; ++k) smooth(l, k) = 1 / std::pow(double((l + 1) * (k + 1)), 3);
+    single(0, Q / 2) = 1;
+    for (const RowMatrix& modes : {smooth, single, RowMatrix(RowMatrix::Random(Q, Q))}) {
+      const InitialSum x0 = compress_initial_response(d, sum, modes, h, T);
+      EXPECT_LE(x0.error, accepted_compression_error) << Q;
+      const RowMatrix parts = modes * seen.asDiagonal();
+      const double size = parts.cwiseAbs().rowwise().sum().maxCoeff();
+      for (int i = 0; i <= 50; ++i) {
+        const double t = h * std::pow(T / h, i / 50.0);
+        for (Index l = 0; l < Q; ++l) {
+          const double exact = parts.row(l).dot(((nu.array() + mu[l]) * t).exp().matrix());
+          const double fitted = x0.coefficients.col(l).dot(((sum.rates.array() + mu[l]) * t).exp().matrix());
+          // The bound is a maximum over fewer times; sums of Q parts are rounded.
+          EXPECT_NEAR(fitted, exact, (4 * x0.error + 1e-13) * size) << "Q = " << Q << ", t = " << t << ", mode " << l;
+        }
+      }
+    }
+  }
+}
+
+// A recurrence that starts from x0 gives its response at all time points, on the grid of the fit and on a coarser one.
+TEST(Compression, StartedRecurrence) {
+  const auto backend = make_cpu_backend(1);
+  const Index Q = 31, J = 100;
+  const KroneckerDynamics d = signorini_dynamics(Q, Q);
+  const double T = 4, h = T / double(J);
+  const Vector x0 = Vector::Random(Q * Q);
+  const ExponentialSum sum = compress_line_kernel(d, h, T);
+  const InitialSum start = compress_initial_response(d, sum, x0_in_modes(*backend, d, x0, true), h, T);
+  const RowMatrix lines = x0_in_modes(*backend, d, x0, false);
+  for (const Index ratio : {1, 2}) {
+    const Index rows = J / ratio + 1;
+    ModalRecurrence r = compressed_recurrence(*backend, d, sum, h);
+    if (ratio == 2) r = coarsen(r);
+    const auto with_x0 = started(r, start.coefficients);
+    ASSERT_TRUE(with_x0);
+    const auto y = backend->array(rows, Q), v = backend->array(rows, Q);
+    backend->convolution(*with_x0, rows)->apply(*y, *v, 0);
+    RowMatrix response;
+    backend->download(*v, response);
+    RowMatrix exact = contour_initial_response(d, *contour_parameters(0), lines, h * double(ratio), J / ratio);
+    exact.row(0).setZero();
+    EXPECT_LE(distance(response, exact), tolerance * lines.cwiseAbs().maxCoeff() * d.n.cwiseAbs().sum() * double(Q));
+  }
+}
+
+TEST(SeparableSource, IsWhatItSaysAtEveryTime) {
+  const Index width = 5;
+  const SeparableSource source{Matrix::Random(width, 2),
+                               [](double t, Eigen::Ref<Vector> a) { a << std::cos(t), t * t; }};
+  const TimeFunction function = source, opaque = [&](double t, Eigen::Ref<Vector> value) { source(t, value); };
+  const Vector t = time_grid(3, 40);
+  const RowMatrix table = sample(function, t, width), one_by_one = sample(opaque, t, width);
+  for (Index j = 0; j <= 40; ++j) {
+    const Vector exact = std::cos(t[j]) * source.shapes.col(0) + t[j] * t[j] * source.shapes.col(1);
+    EXPECT_LE((table.row(j).transpose() - exact).cwiseAbs().maxCoeff(), 4 * epsilon * 10);
+  }
+  EXPECT_EQ(distance(table, one_by_one), 0);
 }
 
 }  // namespace

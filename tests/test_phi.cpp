@@ -48,6 +48,22 @@ TEST(Phi, RealValuesToRounding) {
   EXPECT_NEAR(phi2(-1e6) * 1e12, 1e6 - 1, 4e6 * epsilon);
 }
 
+TEST(Phi, ManyValuesToRounding) {
+  for (const double magnitude : magnitudes)
+    for (const double x : {magnitude, -magnitude}) {
+      const ArrayPhi phi = array_phi(Eigen::ArrayXd::Constant(11, x));  // whole vectors of a processor and a rest
+      for (const Index i : {0, 10}) {
+        // 1 + x phi_1 of x near -1 loses a factor e; vectorised exponentials are good to a few roundings.
+        EXPECT_NEAR(phi.exponential[i] / double(std::exp(Real(x))), 1, 16 * epsilon) << x;
+        EXPECT_NEAR(phi.phi1[i] / double(reference::phi1(x)), 1, 8 * epsilon) << x;
+        EXPECT_NEAR(phi.phi2[i] / double(reference::phi2(x)), 1, 12 * epsilon) << x;
+      }
+    }
+  const ArrayPhi at_zero = array_phi(Eigen::ArrayXd::Zero(3));
+  EXPECT_EQ(at_zero.phi1[0], 1);
+  EXPECT_EQ(at_zero.phi2[2], 0.5);
+}
+
 TEST(Phi, ComplexValuesToRounding) {
   for (double magnitude : magnitudes) {
     if (magnitude > 100) continue;

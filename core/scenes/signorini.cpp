@@ -11,6 +11,7 @@
 // V(0)    x0              2 x1 x2 (1-x1)(1-x2)                                                                    (4.7)
 
 #include "core/scenes/recipes.hpp"
+#include "core/separable.hpp"
 
 #include <cmath>
 #include <cstdlib>
@@ -38,11 +39,12 @@ Index points_per_side(const ParameterValues& values) {
 }
 
 /// psi(t, x2) at the Q interior points of the side: 4/(1+t) where |x2 - 1/2| >= 1/4, sin 2 pi t between.
-void obstacle(double t, Eigen::Ref<Vector> psi) {
-  const Index Q = psi.size(), cells = Q + 1;
-  const double outside = 4 / (1 + t), inside = std::sin(2 * std::numbers::pi * t);
+SeparableSource obstacle(Index Q) {
+  const Index cells = Q + 1;
+  Matrix shapes = Matrix::Zero(Q, 2);
   for (Index i = 1; i <= Q; ++i)  // in units of dx/4, so that x2 = 1/4 and 3/4 are met exactly
-    psi[i - 1] = std::abs(4 * i - 2 * cells) >= cells ? outside : inside;
+    shapes(i - 1, std::abs(4 * i - 2 * cells) >= cells ? 0 : 1) = 1;
+  return {shapes, [](double t, Eigen::Ref<Vector> a) { a << 4 / (1 + t), std::sin(2 * std::numbers::pi * t); }};
 }
 
 Scene build_signorini(const ParameterValues& values) {
@@ -60,17 +62,13 @@ Scene build_signorini(const ParameterValues& values) {
   scene.dynamics = std::move(heat);
   scene.M = Tridiagonal{Vector::Constant(Q, -1), Vector::Constant(Q, 4), Vector::Constant(Q, -1)};
   scene.lcp_class = LcpClass::P;  // strictly diagonally dominant with positive diagonal
-  scene.f = obstacle;
+  const SeparableSource psi = obstacle(Q);
+  scene.f = psi;
   scene.f_entry = SourceEntry::through_B;
-  scene.g = [](double t, Eigen::Ref<Vector> g) {
-    obstacle(t, g);
-    double before = 0;
-    for (Index i = 0; i < g.size(); ++i) {
-      const double psi = g[i], after = i + 1 < g.size() ? g[i + 1] : 0;
-      g[i] = 4 * psi - before - after;
-      before = psi;
-    }
-  };
+  Matrix M_psi = 4 * psi.shapes;
+  M_psi.topRows(Q - 1) -= psi.shapes.bottomRows(Q - 1);
+  M_psi.bottomRows(Q - 1) -= psi.shapes.topRows(Q - 1);
+  scene.g = SeparableSource{M_psi, psi.time};
   const Vector x = Vector::LinSpaced(Q, dx, double(Q) * dx);
   const Vector bump = x.array() * (1 - x.array());
   scene.x0.resize(Q * Q);
