@@ -9,15 +9,12 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
-#include <cstdint>
-#include <cstdlib>
 #include <exception>
 #include <new>
 #include <sstream>
 
 #if defined(__GLIBC__)
 #include <malloc.h>
-#include <sys/mman.h>
 #endif
 
 namespace bromwich::app {
@@ -193,28 +190,11 @@ int guarded_main(int argc, char** argv) {
 
 }  // namespace bromwich::app
 
-#if defined(__GLIBC__)
-namespace {
-
-// Fresh pages of 4 KB cost more than what is computed with tables over time. What is freed serves the next ones, and
-// the first gigabyte of the heap is made of large pages where there are any: asked for and given back here, untouched.
-void prepare_heap() {
-  constexpr std::size_t kept = std::size_t(1) << 30, reserved = kept - (std::size_t(1) << 24), page = 4096;
-  mallopt(M_MMAP_MAX, 0);
-  mallopt(M_TRIM_THRESHOLD, int(kept));
-  void* heap = std::malloc(reserved);
-  if (!heap) return;
-  const std::uintptr_t begin = (reinterpret_cast<std::uintptr_t>(heap) + page - 1) / page * page;
-  madvise(reinterpret_cast<void*>(begin), reserved - page, MADV_HUGEPAGE);  // a hint: it may be refused
-  std::free(heap);
-}
-
-}  // namespace
-#endif
-
 int main(int argc, char** argv) {
 #if defined(__GLIBC__)
-  prepare_heap();
+  // Tables over time that are freed serve the next ones: fresh pages cost more than what is computed with them.
+  mallopt(M_MMAP_MAX, 0);
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);
 #endif
   return bromwich::app::guarded_main(argc, argv);
 }

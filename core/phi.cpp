@@ -42,11 +42,11 @@ double phi1(double x) { return x == 0 ? 1.0 : std::expm1(x) / x; }
 double phi2(double x) { return std::abs(x) < series_radius ? phi2_series(x) : (phi1(x) - 1) / x; }
 
 ArrayPhi array_phi(const Eigen::ArrayXd& x) {
-  const Eigen::ArrayXd near = phi2_series(x), far = (x.exp() - 1) / x;  // phi_2 and phi_1
+  const Eigen::ArrayXd e = x.exp(), near = phi2_series(x), far = (e - 1) / x;  // e^x, phi_2 and phi_1
   ArrayPhi phi;
   phi.phi2 = (x.abs() < series_radius).select(near, (far - 1) / x);
   phi.phi1 = (x.abs() < series_radius).select(1 + x * near, far);
-  phi.exponential = (x.abs() < series_radius).select(1 + x * (1 + x * near), x.exp());
+  phi.exponential = (x.abs() < series_radius).select(1 + x * (1 + x * near), e);
   return phi;
 }
 
