@@ -12,8 +12,6 @@
 #include "cpu/mode_blocks.hpp"
 #include "cpu/parts.hpp"
 
-#include <omp.h>
-
 #include <algorithm>
 #include <memory>
 #include <vector>
@@ -67,7 +65,6 @@ class ModalConvolution final : public Convolution {
     }
     for (const auto& bunch : sums_)
       for (const DirectBlock& block : bunch.blocks) past_ = std::max(past_, block.past(rows));
-    work_ = std::make_unique_for_overwrite<Lanes[]>(std::size_t(threads * work_size()));
   }
 
   void apply(const Array& y_array, Array& v_array, Index first) override {
@@ -99,7 +96,7 @@ class ModalConvolution final : public Convolution {
   }
 
   std::size_t bytes() const override {
-    std::size_t all = sizeof(Lanes) * std::size_t(threads_ * work_size());
+    std::size_t all = 0;
     for (const auto& bunch : scans_)
       for (const ScanBlock& block : bunch.blocks) all += block.bytes();
     for (const auto& bunch : sums_)
@@ -124,9 +121,15 @@ class ModalConvolution final : public Convolution {
   // Of a thread: y and its past, and v, of the blocks of a bunch. v_j comes just behind y_j modulo a page: a load waits
   // for an earlier store that is as far into its page.
   Index input_size() const { return (most_together * (past_ + stride) / page + 1) * page + 1; }
-  Index work_size() const { return input_size() + most_together * stride; }
-  Lanes* inputs() { return work_.get() + omp_get_thread_num() * work_size(); }
-  Lanes* outputs() { return inputs() + input_size(); }
+  Lanes* inputs() const { return workspace(input_size() + most_together * stride); }
+  Lanes* outputs() const { return inputs() + input_size(); }
+
+  // One a thread, for all plans.
+  static Lanes* workspace(Index size) {
+    static thread_local std::vector<Lanes> values;
+    if (Index(values.size()) < size) values.resize(std::size_t(size));
+    return values.data();
+  }
 
   Index count(Index t) const { return std::min(rows_, ScanBlock::begin(t + 1)) - ScanBlock::begin(t); }
 
@@ -174,7 +177,6 @@ class ModalConvolution final : public Convolution {
   Index tiles_, chunks_, past_ = 0;
   std::vector<Bunch<ScanBlock>> scans_;
   std::vector<Bunch<DirectBlock>> sums_;
-  std::unique_ptr<Lanes[]> work_;
 };
 
 }  // namespace
