@@ -25,11 +25,11 @@ double milliseconds_on_device(Method method, double n, double J) {
   const double sweeps = 10 + 0.6 * n;
   switch (method) {
     case Method::march:
-      return n > largest_device_march ? INFINITY : 2.7 + 0.02 * n + 8e-5 * n * n + 3e-5 * n * J + 3e-3 * J;
+      return n > largest_device_march ? INFINITY : 0.7 + 0.016 * n + 2.8e-5 * n * n + 1.5e-5 * n * J + 2.8e-3 * J;
     case Method::contour:
-      return 2 + 0.02 * n + 3e-5 * n * n + 3.5e-5 * n * J + 9e-4 * J + sweeps * (0.03 + 7.5e-8 * n * J);
+      return 1.1 + 0.015 * n + 1.1e-5 * n * J + 8e-4 * J + sweeps * (0.018 + 4.5e-8 * n * J);
     case Method::multigrid:
-      return has_coarse_grids(Index(J)) ? 5.5 + 0.04 * n + 1.2e-4 * n * n + 3.3e-5 * n * J + 1.3e-3 * J : INFINITY;
+      return has_coarse_grids(Index(J)) ? 3.6 + 0.018 * n + 1.6e-5 * n * J + 7e-4 * J : INFINITY;
     default:
       return INFINITY;
   }
@@ -41,7 +41,7 @@ double predicted_seconds(const Scene& scene, LcpClass lcp_class, Method method, 
   if (!is_fitted(scene, lcp_class)) return INFINITY;
   const double n = double(scene.constraints()), steps = double(J);
   if (on_device) return 1e-3 * milliseconds_on_device(method, n, steps);
-  return method == Method::march ? 1e-3 * (0.02 * n + 1.3e-4 * n * n + 6e-5 * n * steps) : INFINITY;
+  return method == Method::march ? 1e-3 * (0.013 * n + 1.2e-4 * n * n + 3.4e-5 * n * steps + 6e-4 * steps) : INFINITY;
 }
 
 std::vector<Method> methods_by_time(const Scene& scene, LcpClass lcp_class, Index J, bool on_device) {
