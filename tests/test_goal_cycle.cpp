@@ -17,7 +17,7 @@
 namespace bromwich {
 namespace {
 
-constexpr StepScheme schemes[] = {StepScheme::euler, StepScheme::midpoint, StepScheme::exponential};
+constexpr StepScheme all_schemes[] = {StepScheme::euler, StepScheme::midpoint, StepScheme::exponential};
 
 // About a third of the entries, and a column without any.
 SparseMatrix random_sparse(reference::Random& random, Index rows, Index cols) {
@@ -115,7 +115,7 @@ TEST(EnergyBalance, GradientsOfManyStatesAreThoseOfDifferences) {
   for (const Index M : {1, 16, 1200}) {
     const Vector t = Vector::LinSpaced(M + 1, 0, scene.T), w = random.vector(M);
     const RowMatrix x = random.matrix(M + 1, system.states()), e = random.matrix(M + 1, system.states());
-    for (const StepScheme scheme : schemes) {
+    for (const StepScheme scheme : all_schemes) {
       if (scheme == StepScheme::exponential && M > 16) continue;
       const auto balance = [&](double s) {
         const RowMatrix moved = x + s * e;
@@ -142,7 +142,7 @@ TEST(Quantity, EvaluatesAllAtOnce) {
   user.end = [](double, const Vector& end) { return end[0]; };
   user.end_gradient = [](double, const Vector&) { return Vector{{1, 0, 0}}; };
   for (const auto& quantity : {global_balance(), local_balance(), weighted_balance(10), user_quantity(user)})
-    for (const StepScheme scheme : schemes)
+    for (const StepScheme scheme : all_schemes)
       for (const Index per_cell : {1, 2}) {
         const Trajectory path{system, scheme, t, x, per_cell};
         const QuantityEvaluation e = quantity->evaluate(path, true);
