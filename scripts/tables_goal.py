@@ -9,6 +9,7 @@ def table(head, rows):
 contestants = (
     "euler, uniform",
     "euler, goal",
+    "euler, goal, doubling",
     "euler, goal, block-Jacobi 1",
     "euler, goal, block-Jacobi 8",
     "euler, goal, paper's indicator",
