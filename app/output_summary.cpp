@@ -35,9 +35,8 @@ std::string grid_line(const Scene& scene, const Result& result) {
 }
 
 std::string error_line(const Result& result) {
-  const std::string kernel = std::isnan(result.kernel_error)
-                                 ? "kernel weights not cross-checked"
-                                 : fmt::format("{:.1e} of the kernel weights", result.kernel_error);
+  const std::string kernel = std::isnan(result.kernel_error) ? "kernel weights not cross-checked"
+                                                             : fmt::format("{:.1e} of the kernel", result.kernel_error);
   const std::string boundary =
       result.boundary_residual ? fmt::format(", {:.1e} of the boundary condition", *result.boundary_residual) : "";
   return fmt::format("{:.2e} of the complementarity{}, {}, discretisation {}", result.residual, boundary, kernel,

@@ -35,6 +35,8 @@ Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& paramete
   return values;
 }
 
+constexpr double between_samples = 4;  ///< what is missed there may be so much larger than at the check points
+
 Vector logarithmic(double from, double to, Index count) {
   Vector grid(count);
   for (Index i = 0; i < count; ++i)
@@ -131,7 +133,7 @@ InitialSum compress_initial_response(const KroneckerDynamics& dynamics, const Ex
   const Vector missed =
       (exponentials(checks, sum.rates) * P - exponentials(checks, nu)).cwiseAbs().colwise().maxCoeff().transpose();
   const double size = parts.cwiseAbs().rowwise().sum().maxCoeff();
-  return {P * parts.transpose(), size > 0 ? (parts.cwiseAbs() * missed).maxCoeff() / size : 0};
+  return {P * parts.transpose(), size > 0 ? between_samples * (parts.cwiseAbs() * missed).maxCoeff() / size : 0};
 }
 
 std::optional<ModalRecurrence> started(const ModalRecurrence& r, const RowMatrix& D) {

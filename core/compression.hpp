@@ -27,7 +27,9 @@ ExponentialSum compress_line_kernel(const KroneckerDynamics&, double h, double T
 /// x0 seen through the same exponentials: S N e^{At} x0 = Σ_k D_kl e^{(s_k + mu_l) t} in mode l, t in [h, T].
 struct InitialSum {
   RowMatrix coefficients;  ///< D, K x n
-  double error = 0;  ///< bound: each eigenvalue's e^{nu t} between the samples, relative to all parts of N x0 in a mode
+  /// Estimated from each eigenvalue's e^{nu t} between the samples, with a factor of 4 for other times; relative to all
+  /// parts of N x0 in a mode.
+  double error = 0;
 };
 
 /// Fits every e^{nu_k t} by those of the sum, so that no time point is looked at. `x0_modes`: n x across.points, both

@@ -53,12 +53,11 @@ RowMatrix trace(const DiscreteProblem& p, const Array& r, const Array& v) {
   return known + response - p.g;
 }
 
-std::optional<RowMatrix> kronecker_initial_sum(const DiscreteProblem& p, const ExponentialSum& sum, double& error) {
+std::optional<InitialSum> kronecker_initial_sum(const DiscreteProblem& p, const ExponentialSum& sum) {
   const KroneckerDynamics& d = *p.kronecker();
   InitialSum x0 = compress_initial_response(d, sum, x0_in_modes(p.backend, d, p.scene.x0, true), p.h, p.scene.T);
   if (!(x0.error <= accepted_compression_error)) return std::nullopt;
-  error = std::max(error, x0.error);
-  return std::move(x0.coefficients);
+  return x0;
 }
 
 RowMatrix kronecker_initial_response(const DiscreteProblem& p) {

@@ -67,9 +67,9 @@ RowMatrix dense_response(const DiscreteProblem&, Rule);
 /// N x at the time points from r and v = K * y: (J+1) x n; w = r + v + M y, so that r + v = N x + g.
 RowMatrix trace(const DiscreteProblem&, const Array& r, const Array& v);
 
-/// The coefficients of x0 in the exponentials of a sum (core/compression.hpp) for the Kronecker sum. None where the
-/// bound of their error is above that of a sum that may replace the eigenvalues; `error` is raised to it otherwise.
-std::optional<RowMatrix> kronecker_initial_sum(const DiscreteProblem&, const ExponentialSum&, double& error);
+/// x0 in the exponentials of a sum (core/compression.hpp) for the Kronecker sum. None where the error is above that of
+/// a sum that may replace the eigenvalues.
+std::optional<InitialSum> kronecker_initial_sum(const DiscreteProblem&, const ExponentialSum&);
 
 /// S N e^{A t_j} x0 for the Kronecker sum from contours, (J+1) x n in modes.
 RowMatrix kronecker_initial_response(const DiscreteProblem&);

@@ -38,10 +38,12 @@ void SpaceTimeKernel::apply(const Array& y, Array& v, Index first) {
 }
 
 void SpaceTimeKernel::apply_injected(const SpaceTimeKernel& fine, const Array& y_fine, Array& y, Array& v) {
-  if (!sine_) {
-    backend_.inject(y_fine, y);
-    return apply(y, v, 0);
-  }
+  if (sine_) return apply_injected_modes(fine, v);
+  backend_.inject(y_fine, y);
+  apply(y, v, 0);
+}
+
+void SpaceTimeKernel::apply_injected_modes(const SpaceTimeKernel& fine, Array& v) {
   Timer timer;
   backend_.inject(*fine.y_modes_, *y_modes_);
   convolution_->apply(*y_modes_, *v_modes_, 0);
@@ -79,8 +81,10 @@ KernelChoice kronecker_kernel(const DiscreteProblem& p, ConvolutionChoice choice
                                      long(sum.rates.size()), long(parameters->P + 1))
                               : text("scan of all %ld eigenvalues a mode", long(d.across.points));
       made.error = fits ? sum.error : NAN;
-      if (const auto x0 = fits ? kronecker_initial_sum(p, sum, made.error) : std::nullopt)
-        made.started = started(std::get<ModalRecurrence>(r), *x0);
+      if (const auto x0 = fits ? kronecker_initial_sum(p, sum) : std::nullopt) {
+        made.started = started(std::get<ModalRecurrence>(r), x0->coefficients);
+        if (made.started) made.error = std::max(made.error, x0->error);
+      }
       return made;
     }
   }
@@ -148,10 +152,16 @@ KernelChoice dense_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
 
 void with_start(Backend& backend, SpaceTimeKernel& kernel, const std::optional<ModalRecurrence>& started, Index rows,
                 const std::function<void()>& operations) {
-  auto convolution = started ? backend.convolution(*started, rows) : nullptr;
-  if (started) kernel.exchange(convolution);
+  if (!started) return operations();
+  struct Exchanged {
+    SpaceTimeKernel& kernel;
+    std::unique_ptr<Convolution> other;
+    Exchanged(SpaceTimeKernel& k, std::unique_ptr<Convolution> c) : kernel(k), other(std::move(c)) {
+      kernel.exchange(other);
+    }
+    ~Exchanged() { kernel.exchange(other); }
+  } const exchanged(kernel, backend.convolution(*started, rows));
   operations();
-  if (started) kernel.exchange(convolution);
 }
 
 std::unique_ptr<Array> make_response(const DiscreteProblem& p, KernelChoice& choice, Array& v) {

@@ -23,6 +23,8 @@ class SpaceTimeKernel {
   /// The same for y = R y_fine on the grid with half the steps, y_fine what `fine` was last applied to: its modes are
   /// known.
   void apply_injected(const SpaceTimeKernel& fine, const Array& y_fine, Array& y, Array& v);
+  /// For a Kronecker sum, where the modes of what `fine` was last applied to are all that is needed.
+  void apply_injected_modes(const SpaceTimeKernel& fine, Array& v);
   /// Exchanges the convolution, for one with the same weights that begins with x0 (`initial` of a recurrence).
   void exchange(std::unique_ptr<Convolution>& other) { convolution_.swap(other); }
   std::size_t bytes() const;

@@ -71,9 +71,10 @@ Plan modal_plan(const DiscreteProblem& p, Rule rule) {
 
 Plan compressed_plan(const DiscreteProblem& p, const ExponentialSum& sum) {
   Plan plan{compressed_recurrence(p.backend, *p.kronecker(), sum, p.h), {}, sum.error};
-  const auto x0 = kronecker_initial_sum(p, sum, plan.error);
-  if (auto with_x0 = x0 ? started(std::get<ModalRecurrence>(plan.recurrence), *x0) : std::nullopt) {
+  const auto x0 = kronecker_initial_sum(p, sum);
+  if (auto with_x0 = x0 ? started(std::get<ModalRecurrence>(plan.recurrence), x0->coefficients) : std::nullopt) {
     plan.recurrence = std::move(*with_x0);
+    plan.error = std::max(plan.error, x0->error);
     plan.r = p.g;
   } else {
     plan.r = with_modes(p, kronecker_initial_response(p));

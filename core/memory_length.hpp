@@ -13,8 +13,8 @@ namespace bromwich {
 ///     Σ_{d > D} |W_d|, Σ_{d > D} |S_d|  <=  |E|^D Σ_k |C_k| max(1, |G0_k|) / (1 - |E_k|)
 ///                                       <=  eps max(|W_0|, |Σ_d W_d|),
 ///
-/// eps = 2^-53, |E| = max_k |E_k|. D >= 1, as lag 1 carries w1 and s1; J where an exponential does not decay, or where
-/// there is an `initial`.
+/// eps = 2^-53, |E| = max_k |E_k|. At least 1, as lag 1 carries w1 and s1; J where an exponential does not decay, or
+/// where there is an `initial`.
 std::vector<Index> memory_lengths(const ModalRecurrence&, Index J);
 
 }  // namespace bromwich

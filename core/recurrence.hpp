@@ -1,11 +1,11 @@
 #pragma once
 // The discrete convolution v_j = Σ_d W_d y_{j-d} (v_0 = 0) written as a linear recurrence with a state z:
 //
-//     v_j = W_0 y_j + w1 y_{j-1} + C z_{j-1},      z_j = E z_{j-1} + G y_j,      z_0 = G0 y_0,
+//     v_j = W_0 y_j + w1 y_{j-1} + C z_{j-1},      z_j = E z_{j-1} + G y_j,      z_0 = G0 y_0 + initial,
 //
-// so that W_1 = w1 + C G and W_d = C E^{d-1} G for d >= 2; y_0 enters with s1 and G0 instead. `w1` and `s1` carry what
-// the exponentials do not represent at lag 1. Marching, the
-// chunked scan and the implicit Euler method all run on this form and differ only in the numbers.
+// so that W_1 = w1 + C G and W_d = C E^{d-1} G for d >= 2; y_0 enters with s1 and G0 instead, x0 with `initial`. `w1`
+// and `s1` carry what the exponentials do not represent at lag 1. Marching, scans, sums over lags and the implicit
+// Euler method all run on this form and differ only in the numbers.
 //
 // symbol    variable  shape
 // E         decay     K x n (one bank of K exponentials per mode) or m x m
@@ -38,7 +38,7 @@ struct ModalRecurrence {
   RowMatrix decay;
   RowMatrix output;
   RowMatrix start;
-  RowMatrix initial;  ///< K x n, or empty: what x0 adds to z_0, so that marching needs no response table
+  RowMatrix initial;  ///< K x n, or empty: what x0 adds to z_0, in place of a table of its response
   Vector w0;          ///< n: W_0 per mode
   Vector w1;          ///< n: W_1 - Σ_k C_k, the part of lag 1 outside the exponentials
   Vector s1;          ///< n: the same for the column of y_0

@@ -70,7 +70,8 @@ struct Result {
   std::optional<double> algebraic_error;
   std::optional<ErrorEstimate> errors;  ///< with Options::tolerance
   /// Deviation of the kernel weights from values they were not made from, relative to the largest; NaN where there are
-  /// none to compare with.
+  /// none to compare with. Where x0 starts the kernel and deviates by more, relative to all parts of N x0 in a mode:
+  /// that.
   double kernel_error = std::numeric_limits<double>::quiet_NaN();
 
   /// Largest growth of perturbations along the solution (core/certificate.hpp); NaN where it was not looked at: sparse

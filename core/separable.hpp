@@ -3,7 +3,7 @@
 //
 //     s(t) = V a(t),      V: width x k,   a: k functions of t.
 //
-// A TimeFunction that holds one is recognised, and its table over time becomes one product.
+// A TimeFunction that holds one is recognised, and its table over time is made from V without a call for each entry.
 
 #include "types.hpp"
 

@@ -60,17 +60,20 @@ class Source {
                               : "all " + std::to_string(p_.kronecker()->across.points) + " eigenvalues a mode");
     if (!fits_) return made;
     made.error = sum_.error;
-    if (!by_fft_) x0_ = kronecker_initial_sum(p_, sum_, made.error);
+    if (!by_fft_) x0_ = kronecker_initial_sum(p_, sum_);
     return made;
   }
 
   // Starts the recurrences of all grids from x0, where it is such a sum.
-  void start(TimeLevels& levels) const {
+  void start(TimeLevels& levels, KernelChoice& finest) const {
     for (const auto& level : levels.grids)
-      if (x0_) level->started = started(std::get<ModalRecurrence>(std::get<Recurrence>(level->weights)), *x0_);
+      if (x0_)
+        level->started = started(std::get<ModalRecurrence>(std::get<Recurrence>(level->weights)), x0_->coefficients);
     const auto all = std::all_of(levels.grids.begin(), levels.grids.end(), [](const auto& l) { return l->started; });
     for (const auto& level : levels.grids)
       if (!all) level->started.reset();
+    finest.started = levels[0].started;
+    if (finest.started) finest.error = std::max(finest.error, x0_->error);
   }
 
   std::unique_ptr<SpaceTimeKernel> kernel(const TimeLevel& level) const {
@@ -95,7 +98,7 @@ class Source {
   ConvolutionChoice choice_;
   bool by_fft_ = false, fits_ = false;
   ExponentialSum sum_;
-  std::optional<RowMatrix> x0_;  ///< its coefficients, all grids have the same
+  std::optional<InitialSum> x0_;  ///< all grids have the same
 };
 
 // |S diag(w) S| 1. Products of sines are differences of cosines: entry (i, j) is c(i-j) - c(i+j) with
@@ -175,7 +178,7 @@ void add_driven_difference(Backend& backend, TimeLevel& fine, TimeLevel& coarse)
   backend.inject(*fine.v, *coarse.y);
   backend.add(*coarse.r, -1, *coarse.y, *coarse.r);
   with_start(backend, *coarse.kernel, coarse.started, coarse.steps + 1,
-             [&] { coarse.kernel->apply_injected(*fine.kernel, *fine.old, *coarse.old, *coarse.v); });
+             [&] { coarse.kernel->apply_injected_modes(*fine.kernel, *coarse.v); });
   backend.add(*coarse.r, 1, *coarse.v, *coarse.r);
   backend.add(*coarse.y, -1, *coarse.y, *coarse.y);
 }
@@ -263,8 +266,7 @@ TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, con
   TimeLevels levels = choose_grids(p, source);
   if (levels.size() == 0) return levels;
   KernelChoice finest = source.finest(levels[0]);
-  source.start(levels);
-  finest.started = levels[0].started;
+  source.start(levels, finest);
   levels.kernel_error = finest.error;
   levels.description = finest.description + "; grids of ";
   // Sweeps that smooth and do not enlarge what is smooth do, after a nested start, for what is left on the coarsest.

@@ -4,6 +4,9 @@
 // need shift by one from one row of y to the next. A warp works alone where 32 modes remember little; where they
 // remember more, two, four or all of a block share the rows of y among them and add up what each has found, always in
 // one order.
+//
+// Sums run over whole batches of rows, later ones with weights of 0: an infinite value of y makes up to 14 rows before
+// it NaN.
 
 #include "kernels/parts.hpp"
 

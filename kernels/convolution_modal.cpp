@@ -13,7 +13,7 @@ namespace {
 constexpr Index lanes = 32;               ///< modes that a warp takes together
 constexpr Index scanned_memory = 192;     ///< lags that cost as much as a scan with 48 exponentials
 constexpr double fewest_scanned = 1.5e8;  ///< multiply-adds of sums that take as long as starting a scan
-constexpr Index rows_of_a_thread = 16;    ///< of sums, whose lags differ by so many
+constexpr Index taken_beyond = 16;        ///< lags of a sum beyond its length: rows of a thread, whole batches
 
 // Both at the same time: neither fills a device.
 class DividedConvolution final : public Convolution {
@@ -67,7 +67,7 @@ class DividedConvolution final : public Convolution {
 // Of a group of 32 modes.
 double multiply_adds(Index length, Index rows) {
   const double lags = length < rows / 2 ? double(length) : double(rows) / 2;
-  return double(lanes * rows) * (lags + double(rows_of_a_thread));
+  return double(lanes * rows) * (lags + double(taken_beyond));
 }
 
 // The modes before the last group that remembers much; none where sums are few.
@@ -86,7 +86,7 @@ Index modes_to_scan(const std::vector<Index>& lengths, Index rows) {
 
 }  // namespace
 
-std::unique_ptr<Convolution> make_scan(const Device& device, const ModalRecurrence& r, Index rows) {
+std::unique_ptr<Convolution> make_convolution(const Device& device, const ModalRecurrence& r, Index rows) {
   const bool from_x0 = r.initial.size() > 0;
   const std::vector<Index> lengths = memory_lengths(r, std::max<Index>(rows - 1, 1));
   const Index scanned = from_x0 ? r.modes() : modes_to_scan(lengths, rows);

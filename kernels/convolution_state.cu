@@ -143,7 +143,7 @@ class DenseScan final : public Convolution {
 
 }  // namespace
 
-std::unique_ptr<Convolution> make_scan(const Device& device, const DenseRecurrence& r, Index rows) {
+std::unique_ptr<Convolution> make_convolution(const Device& device, const DenseRecurrence& r, Index rows) {
   return std::make_unique<DenseScan>(device, r, rows);
 }
 

@@ -78,7 +78,7 @@ class CudaBackend final : public Backend {
     return cuda::make_sine_transform(device_, n, rows);
   }
   std::unique_ptr<Convolution> convolution(const Recurrence& recurrence, Index rows) override {
-    return std::visit([&](const auto& r) { return cuda::make_scan(device_, r, rows); }, recurrence);
+    return std::visit([&](const auto& r) { return cuda::make_convolution(device_, r, rows); }, recurrence);
   }
   std::unique_ptr<Convolution> convolution(const LagTable& table, Index rows) override {
     return cuda::make_fft_convolution(device_, table, rows);

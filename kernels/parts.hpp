@@ -16,8 +16,8 @@ bool has_sine_rows(Index n);
 std::unique_ptr<SineTransform> make_sine_rows(const Device&, Index n);
 std::unique_ptr<SineTransform> make_sine_product(const Device&, Index n);
 std::unique_ptr<SineTransform> make_sine_fft(const Device&, Index n, Index rows);
-std::unique_ptr<Convolution> make_scan(const Device&, const ModalRecurrence&, Index rows);
-std::unique_ptr<Convolution> make_scan(const Device&, const DenseRecurrence&, Index rows);
+std::unique_ptr<Convolution> make_convolution(const Device&, const DenseRecurrence&, Index rows);
+std::unique_ptr<Convolution> make_convolution(const Device&, const ModalRecurrence&, Index rows);
 /// The two that it chooses from or divides the modes between: modes 0 .. modes - 1 by their exponentials, and modes
 /// first .. n - 1 with the weights that the recurrence without `initial` stands for, up to lag lengths[l] of mode l, on
 /// the stream given.

@@ -108,8 +108,8 @@ TEST(Compression, InitialStatesInTheSameExponentials) {
         for (Index l = 0; l < Q; ++l) {
           const double exact = parts.row(l).dot(((nu.array() + mu[l]) * t).exp().matrix());
           const double fitted = x0.coefficients.col(l).dot(((sum.rates.array() + mu[l]) * t).exp().matrix());
-          // The bound is a maximum over fewer times; sums of Q parts are rounded.
-          EXPECT_NEAR(fitted, exact, (4 * x0.error + 1e-13) * size) << "Q = " << Q << ", t = " << t << ", mode " << l;
+          // Sums of Q parts are rounded.
+          EXPECT_NEAR(fitted, exact, (x0.error + 1e-13) * size) << "Q = " << Q << ", t = " << t << ", mode " << l;
         }
       }
     }

@@ -140,6 +140,11 @@ TEST(MemoryLengths, OfWhatDoesNotDecayAreAll) {
   EXPECT_LT(memory_lengths(r, 70)[2], 70);
   r.initial = RowMatrix::Ones(2, 3);
   EXPECT_EQ(memory_lengths(r, 70)[2], 70);
+  r.initial.resize(0, 0);
+  r.output.setZero();  // W_0, w1 and s1 are all that is left
+  EXPECT_EQ(memory_lengths(r, 70)[2], 1);
+  r.w0[2] = INFINITY;
+  EXPECT_EQ(memory_lengths(r, 70)[2], 70);
 }
 
 /// The part of v that x0 adds, seen in modes: Σ_k C_k E_k^{j-1} initial_k.
