@@ -172,10 +172,12 @@ std::unique_ptr<Array> make_response(const DiscreteProblem& p, KernelChoice& cho
     return r;
   }
   const auto input = p.backend.array(rows, n);
-  RowMatrix g = p.g;
-  if (choice.started) g.row(0) = p.start.transpose();  // the kernel has nothing at t = 0
-  p.backend.upload(g, *r);
-  if (!choice.started) {
+  if (choice.started) {
+    RowMatrix g = p.g;
+    g.row(0) = p.start.transpose();  // the kernel has nothing at t = 0
+    p.backend.upload(g, *r);
+  } else {
+    p.backend.upload(p.g, *r);
     p.backend.upload(kronecker_initial_response(p), *input);
     p.backend.sine_transform(n, rows)->apply(*input, r.get(), *r, 0);  // g + S N e^{At} x0
     if (!p.drive()) return r;

@@ -294,6 +294,7 @@ class DirectConvolution final : public Convolution {
         most = std::max(most, length <= lengths_.near ? Near::bytes(length, lengths_.parts(length)) : Far::bytes);
     return most;
   }
+
   // Rows max(1, first) .. rows - 1 of v.
   void start(int first, const double* y, double* v) {
     const int begin = std::max(first, 1), rows = int(rows_), tiles = (rows - begin + own - 1) / own;
