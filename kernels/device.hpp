@@ -31,6 +31,9 @@ class Device {
   void wait() const { check(cudaStreamSynchronize(stream_), "waiting for the device"); }
   int multiprocessors() const { return multiprocessors_; }
   std::size_t shared_memory() const { return std::size_t(shared_memory_); }  ///< bytes a block may have
+  /// Whether the kernel that is started next on the stream may begin while the one before ends (kernels/launch.cuh):
+  /// the device knows how to, and a recording has exactly one kernel before it.
+  bool may_overlap() const;
   PinnedSlots& pinned() const { return pinned_; }
   Fetchers& fetchers() const { return fetchers_; }
 
@@ -45,7 +48,7 @@ class Device {
 
  private:
   cudaStream_t stream_ = nullptr;
-  int multiprocessors_ = 1, shared_memory_ = 0;
+  int multiprocessors_ = 1, shared_memory_ = 0, major_ = 0;
   mutable PinnedSlots pinned_;
   mutable Fetchers fetchers_;
   mutable std::map<std::type_index, std::shared_ptr<void>> kept_;

@@ -6,6 +6,7 @@
 // Memory: r, v, y read once and y written once, 32 bytes a value. Operations: about 30 on doubles a value and sweep,
 // and 13 log2 T a thread.
 
+#include "kernels/launch.cuh"
 #include "kernels/lcp_tridiagonal.cuh"
 #include "kernels/parts.hpp"
 
@@ -32,6 +33,7 @@ __global__ void __launch_bounds__(T > most_threads ? T : most_threads)
   using Here = Slot<T, K>;
   constexpr int of_group = 2 * Here::size + Group<T>::scratch;
   extern __shared__ double2 memory[];
+  let_next_begin();
   const int g = threadIdx.x / T, t = threadIdx.x % T, groups = blockDim.x / T;
   double* const shared = reinterpret_cast<double*>(memory) + g * of_group;
   Group<T> group(shared + 2 * Here::size, t);
@@ -41,6 +43,7 @@ __global__ void __launch_bounds__(T > most_threads ? T : most_threads)
 
   for (int i = t; i < 2 * Here::size; i += T) shared[i] = 0;  // what lies beyond the rows stays zero
   group.meet();
+  await_previous();
   int stage = 0, j = problem.first + blockIdx.x * groups + g;
   if (j < problem.rows) Here(shared).fetch(arrays, n, j, t);
   __pipeline_commit();
@@ -241,14 +244,14 @@ class TridiagonalLcp final : public LcpBatch {
     const Problem problem{int(n_), int(first), int(rows), 12 + int(std::min<Index>(n_, 40)), class_ == LcpClass::Z,
                           shift_};
     const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance);
-    const std::size_t shared = std::size_t(groups) * bytes_a_group_;
+    const Blocks all{unsigned(blocks), unsigned(groups * shape_.T), std::size_t(groups) * bytes_a_group_};
+    const char* const what = "starting the complementarity problems";
     if (uniform_)
-      uniform_kernel_<<<blocks, groups * shape_.T, shared, device_.stream()>>>(arrays, *uniform_, problem, target);
+      follow(device_, uniform_kernel_, all, what, arrays, *uniform_, problem, target);
     else
-      general_<<<blocks, groups * shape_.T, shared, device_.stream()>>>(
-          arrays, {lower_.data(), diagonal_.data(), upper_.data(), row_scale_.data(), column_scale_.data()}, problem,
-          target);
-    check(cudaGetLastError(), "starting the complementarity problems");
+      follow(device_, general_, all, what, arrays,
+             {lower_.data(), diagonal_.data(), upper_.data(), row_scale_.data(), column_scale_.data()}, problem,
+             target);
   }
 
   const Device& device_;
