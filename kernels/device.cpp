@@ -14,7 +14,7 @@ void check(cudaError_t status, const char* what) {
   throw Error("cuda", std::string(what) + " failed: " + cudaGetErrorString(status), remedy);
 }
 
-Device::Device(int number) : fetchers_(number) {
+Device::Device(int number) : fetcher_(number) {
   check(cudaSetDevice(number), "choosing the device");
   check(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, number), "asking the device");
   check(cudaDeviceGetAttribute(&shared_memory_, cudaDevAttrMaxSharedMemoryPerBlockOptin, number), "asking the device");

@@ -35,7 +35,7 @@ class Device {
   /// the device knows how to, and a recording has exactly one kernel before it.
   bool may_overlap() const;
   PinnedSlots& pinned() const { return pinned_; }
-  Fetchers& fetchers() const { return fetchers_; }
+  Fetcher& fetcher() const { return fetcher_; }
 
   /// The T that plans of this device share: the one made last, if `fits` it; otherwise what `make` makes. It stays
   /// until another takes its place.
@@ -50,7 +50,7 @@ class Device {
   cudaStream_t stream_ = nullptr;
   int multiprocessors_ = 1, shared_memory_ = 0, major_ = 0;
   mutable PinnedSlots pinned_;
-  mutable Fetchers fetchers_;
+  mutable Fetcher fetcher_;
   mutable std::map<std::type_index, std::shared_ptr<void>> kept_;
 };
 
