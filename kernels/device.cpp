@@ -20,6 +20,7 @@ Device::Device(int number) : fetcher_(number) {
   check(cudaDeviceGetAttribute(&shared_memory_, cudaDevAttrMaxSharedMemoryPerBlockOptin, number), "asking the device");
   check(cudaDeviceGetAttribute(&major_, cudaDevAttrComputeCapabilityMajor, number), "asking the device");
   check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
+  blocks_.emplace(stream_);
   // What has been freed stays with the pool, so that no plan waits for the driver twice.
   cudaMemPool_t pool;
   check(cudaDeviceGetDefaultMemPool(&pool, number), "asking for the memory pool");
@@ -49,6 +50,7 @@ bool Device::may_overlap() const {
 
 Device::~Device() {
   kept_.clear();
+  blocks_.reset();
   cudaStreamSynchronize(stream_);
   cudaStreamDestroy(stream_);
 }
