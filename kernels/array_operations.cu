@@ -23,37 +23,51 @@ unsigned blocks(Index values) { return unsigned(std::min((values + threads - 1) 
 __device__ long first_value() { return blockIdx.x * long(blockDim.x) + threadIdx.x; }
 __device__ long all_threads() { return gridDim.x * long(blockDim.x); }
 
-__global__ void take_rows(const double* fine, long ratio, long step, long values, double* coarse) {
+__device__ double2 operator+(double2 a, double2 b) { return {a.x + b.x, a.y + b.y}; }
+__device__ double2 operator-(double2 a, double2 b) { return {a.x - b.x, a.y - b.y}; }
+__device__ double2 operator*(double s, double2 a) { return {s * a.x, s * a.y}; }
+
+/// A thread per value of `rows` rows of `width` values; a Value is one number, or two where rows are that wide.
+struct Rows {
+  int rows, width;
+  __device__ int row() const { return int(blockIdx.x * blockDim.y + threadIdx.y); }
+  __device__ int column() const { return int(blockIdx.y * blockDim.x + threadIdx.x); }
+  __device__ bool has_thread() const { return row() < rows && column() < width; }
+  __device__ long at(long row) const { return row * width + column(); }
+};
+
+template <class Value>
+__global__ void take_rows(Rows rows, const Value* fine, int ratio, Value* coarse) {
   let_next_begin();
   await_previous();
-  for (long i = first_value(); i < values; i += all_threads()) {
-    const long row = i / step, column = i - row * step;
-    coarse[i] = fine[row * ratio * step + column];
-  }
+  if (rows.has_thread()) coarse[rows.at(rows.row())] = fine[rows.at(long(rows.row()) * ratio)];
 }
 
-// A thread per number of the fine array: row j lies between the rows j/2 and (j+1)/2 of the coarse one.
-__global__ void add_interpolation(const double* coarse, const double* old, long step, long values, double* fine) {
+// A thread per value of a coarse row i: it has the fine rows 2 i and 2 i + 1.
+template <class Value>
+__global__ void add_interpolation(Rows rows, const Value* coarse, const Value* old, Value* fine) {
   let_next_begin();
   await_previous();
-  for (long i = first_value(); i < values; i += all_threads()) {
-    const long row = i / step, column = i - row * step;
-    const long left = (row / 2) * step + column, right = ((row + 1) / 2) * step + column;
-    const double at_left = coarse[left] - (old ? old[left] : 0);
-    const double at_right = coarse[right] - (old ? old[right] : 0);
-    fine[i] += 0.5 * (at_left + at_right);
-  }
+  if (!rows.has_thread()) return;
+  const int i = rows.row();
+  const bool last = i + 1 == rows.rows;
+  const long left = rows.at(i), right = rows.at(last ? i : i + 1), even = rows.at(2L * i), odd = even + rows.width;
+  Value at_left = coarse[left], at_right = coarse[right], on_row = fine[even], between = fine[last ? even : odd];
+  if (old) at_left = at_left - old[left], at_right = at_right - old[right];
+  fine[even] = on_row + at_left;
+  if (!last) fine[odd] = between + 0.5 * (at_left + at_right);
 }
 
-__global__ void pose(const double* r, const double* v, const double* y, const double* coarse_v, long step, long values,
-                     double* coarse_r, double* coarse_y, double* old) {
+template <class Value>
+__global__ void pose(Rows rows, const Value* r, const Value* v, const Value* y, const Value* coarse_v, Value* coarse_r,
+                     Value* coarse_y, Value* old) {
   let_next_begin();
   await_previous();
-  for (long i = first_value(); i < values; i += all_threads()) {
-    const long fine = i + i / step * step;
-    coarse_r[i] = r[fine] + v[fine] - coarse_v[i];
-    coarse_y[i] = old[i] = y[fine];
-  }
+  if (!rows.has_thread()) return;
+  const long i = rows.at(rows.row()), fine = rows.at(2L * rows.row());
+  const Value value = y[fine];
+  coarse_r[i] = r[fine] + v[fine] - coarse_v[i];
+  coarse_y[i] = old[i] = value;
 }
 
 __global__ void add_multiple(const double* b, double s, const double* c, long values, double* a) {
@@ -71,6 +85,7 @@ __global__ void differences(const double* a, const double* b, int rows, int cols
   const double* const p = a + long(row) * step;
   const double* const q = b + long(row) * step;
   double gap = 0, size = 1;
+#pragma unroll 4
   for (int i = int(threadIdx.x); i < cols; i += 32) {
     gap = larger(fabs(p[i] - q[i]), gap);
     size = fmax(size, fabs(p[i]));
@@ -118,23 +133,42 @@ Index values_of(const Array& array) { return array.rows() * stride(array.cols())
 
 }  // namespace
 
+namespace {
+
+/// Starts a kernel with a thread per value of `array`: `of_two` where values can be taken in twos, otherwise `of_one`.
+template <class... Parameters, class... PairParameters, class... Arguments>
+void follow_rows(const Device& device, const Array& array, const char* what, void (*of_one)(Rows, Parameters...),
+                 void (*of_two)(Rows, PairParameters...), Arguments... arguments) {
+  const Index all = stride(array.cols()), width = all % 2 == 0 ? all / 2 : all;
+  unsigned across = 1;
+  while (across < width && across < threads) across *= 2;
+  const Blocks blocks{dim3(unsigned((array.rows() + threads / across - 1) / (threads / across)),
+                           unsigned((width + across - 1) / across)),
+                      dim3(across, threads / across)};
+  const Rows rows{int(array.rows()), int(width)};
+  if (width == all)
+    follow(device, of_one, blocks, what, rows, Parameters(arguments)...);
+  else
+    follow(device, of_two, blocks, what, rows, (PairParameters)(arguments)...);
+}
+
+}  // namespace
+
 void inject(const Device& device, const Array& fine, Array& coarse) {
-  const Index ratio = (fine.rows() - 1) / (coarse.rows() - 1), size = values_of(coarse);
-  follow(device, take_rows, {blocks(size), threads}, "starting an injection", values(fine), ratio,
-         stride(coarse.cols()), size, values(coarse));
+  const int ratio = int((fine.rows() - 1) / (coarse.rows() - 1));
+  follow_rows(device, coarse, "starting an injection", take_rows<double>, take_rows<double2>, values(fine), ratio,
+              values(coarse));
 }
 
 void interpolate(const Device& device, const Array& coarse, const Array* old, Array& fine) {
-  const Index size = values_of(fine);
-  follow(device, add_interpolation, {blocks(size), threads}, "starting an interpolation", values(coarse),
-         old ? values(*old) : nullptr, stride(fine.cols()), size, values(fine));
+  follow_rows(device, coarse, "starting an interpolation", add_interpolation<double>, add_interpolation<double2>,
+              values(coarse), old ? values(*old) : nullptr, values(fine));
 }
 
 void restrict_problem(const Device& device, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                       Array& coarse_r, Array& coarse_y, Array& old) {
-  const Index size = values_of(coarse_y);
-  follow(device, pose, {blocks(size), threads}, "posing a coarse problem", values(r), values(v), values(y),
-         values(coarse_v), stride(coarse_y.cols()), size, values(coarse_r), values(coarse_y), values(old));
+  follow_rows(device, coarse_y, "posing a coarse problem", pose<double>, pose<double2>, values(r), values(v), values(y),
+              values(coarse_v), values(coarse_r), values(coarse_y), values(old));
 }
 
 void add(const Device& device, const Array& b, double s, const Array& c, Array& a) {
