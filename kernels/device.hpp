@@ -42,6 +42,10 @@ class Device {
   SideStreams& side_streams() const { return side_streams_; }
   RetiredGraphs& retired_graphs() const { return retired_graphs_; }
 
+  /// Counts what is started that may change what plans have counted.
+  void note_work() const { ++work_; }
+  unsigned long work() const { return work_; }
+
   /// The T that plans of this device share: the one made last, if `fits` it; otherwise what `make` makes. It stays
   /// until another takes its place.
   template <class T, class Fits, class Make>
@@ -54,6 +58,7 @@ class Device {
  private:
   cudaStream_t stream_ = nullptr;
   int multiprocessors_ = 1, shared_memory_ = 0, major_ = 0;
+  mutable unsigned long work_ = 0;
   mutable PinnedSlots pinned_;
   mutable Fetcher fetcher_;
   mutable std::optional<BlockCache> blocks_;

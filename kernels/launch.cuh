@@ -54,6 +54,7 @@ void follow(const Device& device, void (*kernel)(Parameters...), const Blocks& b
   configuration.stream = device.stream();
   configuration.attrs = &overlapped;
   configuration.numAttrs = overlaps && device.may_overlap() ? 1 : 0;
+  device.note_work();
   check(cudaLaunchKernelEx(&configuration, kernel, arguments...), what);
 }
 

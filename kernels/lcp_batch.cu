@@ -1,5 +1,6 @@
 #include "kernels/lcp_batch.hpp"
 
+#include "core/error.hpp"
 #include "kernels/lcp_outcome.cuh"
 
 #include <algorithm>
@@ -46,31 +47,62 @@ void put_row(const Vector& row, double* array, Index j, cudaStream_t stream) {
 
 }  // namespace
 
+TotalsBoard::~TotalsBoard() {
+  for (Page& page : pages_) cudaFreeHost(page.fetched);
+}
+
+TotalsBoard::Place TotalsBoard::take() {
+  if (free_.empty()) {
+    BatchTotals* fetched = nullptr;
+    check(cudaMallocHost(&fetched, of_page * sizeof(BatchTotals)), "allocating pinned memory");
+    pages_.push_back({Memory<BatchTotals>(), fetched});
+    Memory<BatchTotals>& on_device = pages_.back().on_device = Memory<BatchTotals>(device_, of_page);
+    on_device.clear();
+    for (std::size_t i = of_page; i-- > 0;) free_.push_back({on_device.data() + i, fetched + i});
+  }
+  const Place place = free_.back();
+  check(cudaMemsetAsync(place.on_device, 0, sizeof(BatchTotals), device_.stream()), "clearing device memory");
+  device_.note_work();
+  free_.pop_back();
+  return place;
+}
+
+void TotalsBoard::fetch() {
+  if (fetched_ == device_.work()) return;
+  for (const Page& page : pages_)
+    check(cudaMemcpyAsync(page.fetched, page.on_device.data(), page.on_device.bytes(), cudaMemcpyDeviceToHost,
+                          device_.stream()),
+          "copying from the device");
+  device_.wait();
+  fetched_ = device_.work();
+}
+
 BatchOutcomes::BatchOutcomes(const Device& device, Index rows, double shift)
     : device_(device),
       rows_(device, std::size_t(rows)),
       shift_(shift),
       sum_(device, 1),
-      totals_(device, 1),
+      board_(device.shared<TotalsBoard>([](const TotalsBoard&) { return true; },
+                                        [&] { return std::make_shared<TotalsBoard>(device); })),
+      totals_(board_->take()),
       counters_(device, 2),
       handed_over_(device, {empty_outcome, {0, 0, 0, 0}, 0}) {
   sum_.put(&empty_outcome);
-  totals_.clear();
   counters_.clear();
 }
 
-OutcomeTarget BatchOutcomes::target(Index problems, double settle_tolerance) {
+OutcomeTarget BatchOutcomes::target(Index problems, double settle_tolerance, bool handed_over) {
   problems_ = problems;
-  return {rows_.data(),         sum_.data(),        totals_.data(),  counters_.data(),
-          counters_.data() + 1, handed_over_.get(), settle_tolerance};
+  return {rows_.data(),     totals_.on_device,    handed_over,        sum_.data(),
+          counters_.data(), counters_.data() + 1, handed_over_.get(), settle_tolerance};
 }
 
 LcpReport BatchOutcomes::collect() {
-  device_.wait();
-  const BatchTotals &now = handed_over_->totals, &then = reported_;
+  board_->fetch();
+  const BatchTotals &now = *totals_.fetched, &then = reported_;
   LcpReport report;
   report.count.unsolved = long(now.unsolved - then.unsolved);
-  report.count.solved = long(handed_over_->batches - batches_) * long(problems_) - report.count.unsolved;
+  report.count.solved = long(now.batches - then.batches) * long(problems_) - report.count.unsolved;
   report.count.newton = long(now.sweeps - then.sweeps);
   report.magnitude = std::bit_cast<double>(now.magnitude);
   reported_ = now;
@@ -82,11 +114,12 @@ LcpReport BatchOutcomes::collect() {
 BatchOutcome BatchOutcomes::wait() {
   ++batches_;
   const std::atomic_ref<unsigned> batches(handed_over_->batches);
-  for (unsigned looks = 1; batches.load(std::memory_order_acquire) != batches_; ++looks)
-    if (looks % 4096 == 0 && cudaStreamQuery(device_.stream()) != cudaErrorNotReady) {
-      device_.wait();  // throws where the kernel failed
-      break;
-    }
+  for (unsigned looks = 1; batches.load(std::memory_order_acquire) != batches_; ++looks) {
+    if (looks % 4096 != 0 || cudaStreamQuery(device_.stream()) == cudaErrorNotReady) continue;
+    device_.wait();  // throws where the kernel failed
+    if (batches.load(std::memory_order_acquire) != batches_)
+      throw Error("cuda", "a batch of complementarity problems was not handed over", "collect it");
+  }
   reported_ = handed_over_->totals;
   return handed_over_->sum;
 }

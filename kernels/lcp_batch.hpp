@@ -7,6 +7,8 @@
 #include "kernels/device.hpp"
 
 #include <functional>
+#include <memory>
+#include <vector>
 
 namespace bromwich::cuda {
 
@@ -27,9 +29,9 @@ struct BatchOutcome {
 
 inline constexpr BatchOutcome empty_outcome{0, 0, 0, 0, ~0u};
 
-/// Of all batches since the plan was made; they only grow. Word by word what BatchOutcome has.
+/// Of all batches since the plan was made; they only grow.
 struct BatchTotals {
-  unsigned long long change, magnitude;  ///< bits of the largest
+  unsigned long long batches, magnitude;  ///< magnitude: bits of the largest
   unsigned long long sweeps, unsolved;
 };
 
@@ -40,11 +42,42 @@ struct HandedOver {
   unsigned batches;  ///< that have been handed over; written last
 };
 
+/// The totals of all plans of a device, which come to the host together: many plans are asked for theirs in turn.
+class TotalsBoard {
+ public:
+  struct Place {
+    BatchTotals* on_device = nullptr;
+    const BatchTotals* fetched = nullptr;
+  };
+
+  explicit TotalsBoard(const Device& device) : device_(device) {}
+  ~TotalsBoard();
+  TotalsBoard(const TotalsBoard&) = delete;
+  TotalsBoard& operator=(const TotalsBoard&) = delete;
+
+  Place take();  ///< zero on the device
+  void give_back(const Place& place) { free_.push_back(place); }
+  /// Waits for the device. What was `fetched` is what the device has.
+  void fetch();
+
+ private:
+  static constexpr std::size_t of_page = 64;
+  struct Page {
+    Memory<BatchTotals> on_device;
+    BatchTotals* fetched;
+  };
+  const Device& device_;
+  std::vector<Page> pages_;
+  std::vector<Place> free_;
+  unsigned long fetched_ = ~0ul;  ///< Device::work then
+};
+
 /// Where a kernel leaves its outcome.
 struct OutcomeTarget {
-  int* rows;          ///< per row: Newton sweeps, negative where the row is unsolved
-  BatchOutcome* sum;  ///< empty before and after
+  int* rows;  ///< per row: Newton sweeps, negative where the row is unsolved
   BatchTotals* totals;
+  bool handed_over;    ///< false: it is only added to the totals, and what follows is not needed
+  BatchOutcome* sum;   ///< empty before and after
   unsigned* finished;  ///< blocks of this batch that are done; 0 before and after
   unsigned* batches;   ///< that have been handed over
   HandedOver* host;
@@ -55,18 +88,21 @@ class BatchOutcomes {
  public:
   /// `shift`: see Backend::shifted_lcp.
   BatchOutcomes(const Device&, Index rows, double shift = 0);
+  ~BatchOutcomes() { board_->give_back(totals_); }
   BatchOutcomes(const BatchOutcomes&) = delete;
   BatchOutcomes& operator=(const BatchOutcomes&) = delete;
 
-  /// For the kernel that is started next, over so many problems.
-  OutcomeTarget target(Index problems, double settle_tolerance);
+  /// For the kernel that is started next, over so many problems. Only one that is `handed_over` has a report of its
+  /// own.
+  OutcomeTarget target(Index problems, double settle_tolerance, bool handed_over);
   std::size_t bytes() const { return rows_.bytes(); }
 
   /// Waits for the batch over rows first .. rows-1 that was started last; one report a batch. What is unsolved goes to
   /// the solver row by row.
   LcpReport report(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance,
                    const std::function<ActiveSetLcp&()>& solver);
-  /// Waits for all batches, and sums up those since the last report; they were over as many problems each.
+  /// Waits for all batches, and sums up those since the last report; they were over as many problems each. `magnitude`
+  /// is the largest since the plan was made.
   LcpReport collect();
 
  private:
@@ -79,7 +115,8 @@ class BatchOutcomes {
   double shift_;
   Index problems_ = 0;
   Memory<BatchOutcome> sum_;
-  Memory<BatchTotals> totals_;
+  std::shared_ptr<TotalsBoard> board_;
+  TotalsBoard::Place totals_;
   Memory<unsigned> counters_;  ///< finished, batches
   Pinned<HandedOver> handed_over_;
   unsigned batches_ = 0;  ///< reported

@@ -295,12 +295,12 @@ class DenseLcp final : public LcpBatch {
   }
 
   LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
-    start(r, v, y, first, settle_tolerance);
+    start(r, v, y, first, settle_tolerance, true);
     return finish(r, v, y, first, settle_tolerance);
   }
+  // Who asks for no tolerance does not ask what has settled, and collects.
   void start(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
-    if (first < y.rows())
-      start(LcpArrays{values(r), values(v), values(y), int(stride(n_))}, first, y.rows(), settle_tolerance);
+    start(r, v, y, first, settle_tolerance, settle_tolerance >= 0);
   }
   bool queues() const override { return true; }
   LcpReport collect() override { return outcomes_.collect(); }
@@ -318,8 +318,11 @@ class DenseLcp final : public LcpBatch {
   std::size_t bytes() const override { return outcomes_.bytes() + residuals_.bytes() + 2 * M_.bytes(); }
 
  private:
-  void start(const LcpArrays& arrays, Index first, Index rows, double settle_tolerance) {
-    const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance);
+  void start(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance, bool handed_over) {
+    if (first >= y.rows()) return;
+    const LcpArrays arrays{values(r), values(v), values(y), int(stride(n_))};
+    const Index rows = y.rows();
+    const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance, handed_over);
     const bool least = class_ == LcpClass::Z;
     const unsigned most = unsigned(device_.multiprocessors());
     const char* const what = "starting the complementarity problems";

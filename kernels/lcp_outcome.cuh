@@ -40,10 +40,11 @@ class Outcomes {
       if (mine_.sweeps > 0) add(mine_, block);
       __syncthreads();
     }
+    const BatchOutcome& sum = alone ? mine_ : block;
+    if (!target_.handed_over) return add(sum, *target_.totals);
     if (threadIdx.x >= 32) return;
     bool last = false;
     if (threadIdx.x == 0) {
-      const BatchOutcome& sum = alone ? mine_ : block;
       if (sum.sweeps > 0) add(sum, *target_.sum);
       __threadfence();
       last = atomicAdd(target_.finished, 1u) + 1 == gridDim.x;
@@ -60,6 +61,14 @@ class Outcomes {
     if (part.settled != ~0u) atomicMin(&sum.settled, part.settled);
   }
 
+  __device__ static void add(const BatchOutcome& part, BatchTotals& totals) {
+    if (threadIdx.x != 0) return;
+    if (blockIdx.x == 0) atomicAdd(&totals.batches, 1ull);
+    atomicMax(&totals.magnitude, part.magnitude);
+    atomicAdd(&totals.sweeps, part.sweeps);
+    if (part.unsolved > 0) atomicAdd(&totals.unsolved, (unsigned long long)(part.unsolved));
+  }
+
   // By a warp, each word by a lane of its own so that none waits for another: the sums are taken from where the atomics
   // of the other blocks left them, and emptied for the next batch.
   __device__ void hand_over() {
@@ -72,7 +81,8 @@ class Outcomes {
       const bool counts = word == 3;  // unsolved and, above it, settled
       const Word of_batch = atomicExch(reinterpret_cast<Word*>(target_.sum) + word, counts ? Word(~0u) << 32 : Word(0));
       Word& total = reinterpret_cast<Word*>(target_.totals)[word];
-      const Word fresh = word < 2 ? max(total, of_batch) : total + (counts ? of_batch & ~0u : of_batch);
+      const Word more = word == 0 ? 1 : counts ? of_batch & ~0u : of_batch;
+      const Word fresh = word == 1 ? max(total, of_batch) : total + more;
       total = fresh;
       reinterpret_cast<volatile Word*>(&target_.host->sum)[word] = of_batch;
       reinterpret_cast<volatile Word*>(&target_.host->totals)[word] = fresh;

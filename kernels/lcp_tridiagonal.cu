@@ -186,12 +186,12 @@ class TridiagonalLcp final : public LcpBatch {
   bool fits() const { return groups_ > 0; }
 
   LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
-    start(r, v, y, first, settle_tolerance);
+    start(r, v, y, first, settle_tolerance, true);
     return finish(r, v, y, first, settle_tolerance);
   }
+  // Who asks for no tolerance does not ask what has settled, and collects.
   void start(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
-    if (first < y.rows())
-      start(LcpArrays{values(r), values(v), values(y), int(stride(n_))}, first, y.rows(), settle_tolerance);
+    start(r, v, y, first, settle_tolerance, settle_tolerance >= 0);
   }
   bool queues() const override { return true; }
   LcpReport collect() override { return outcomes_.collect(); }
@@ -256,14 +256,17 @@ class TridiagonalLcp final : public LcpBatch {
   }
 
   // All multiprocessors get problems before any block gets many.
-  void start(const LcpArrays& arrays, Index first, Index rows, double settle_tolerance) {
+  void start(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance, bool handed_over) {
+    if (first >= y.rows()) return;
+    const LcpArrays arrays{values(r), values(v), values(y), int(stride(n_))};
+    const Index rows = y.rows();
     const int count = int(rows - first), together = std::max(32 / shape_.T, 1);
     const int even = (count + device_.multiprocessors() - 1) / device_.multiprocessors();
     const int groups = std::clamp((even + together - 1) / together * together, together, groups_);
     const int blocks = std::min((count + groups - 1) / groups, blocks_ * device_.multiprocessors());
     const Problem problem{int(n_), int(first), int(rows), 12 + int(std::min<Index>(n_, 40)), class_ == LcpClass::Z,
                           shift_,  reach_};
-    const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance);
+    const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance, handed_over);
     const Blocks all{unsigned(blocks), unsigned(groups * shape_.T), std::size_t(groups) * bytes_a_group_};
     const char* const what = "starting the complementarity problems";
     if (uniform_)

@@ -32,7 +32,10 @@ class Graph final : public Program {
   Graph(const Graph&) = delete;
   Graph& operator=(const Graph&) = delete;
 
-  void run() override { check(cudaGraphLaunch(executable_, stream_), "starting recorded operations"); }
+  void run() override {
+    device_.note_work();
+    check(cudaGraphLaunch(executable_, stream_), "starting recorded operations");
+  }
 
  private:
   const Device& device_;

@@ -108,26 +108,33 @@ TEST_P(BackendLcp, ShiftedRows) {
     }
 }
 
+// Of two plans in turn; without a tolerance batches are but counted.
 TEST_P(BackendLcp, QueuedBatchesAreSummedUp) {
   const Index n = 17, rows = 50;
   Random random{61};
-  for (const LcpMatrix& M : {LcpMatrix(random_tridiagonal(random, n)), LcpMatrix(random.dominant(n))}) {
-    const auto lcp = backend->lcp(M, LcpClass::P, rows);
-    if (!lcp->queues()) continue;
-    const auto v = backend->array(rows, n), y = backend->array(rows, n), expected = backend->array(rows, n);
-    const auto first = device(random.matrix(rows, n)), second = device(random.matrix(rows, n));
-    lcp->solve(*first, *v, *expected, 0, 0);
-    lcp->start(*first, *v, *y, 0, 0);
-    lcp->start(*second, *v, *y, 0, 0);
-    const LcpReport both = lcp->collect();
-    EXPECT_EQ(both.count.solved, 2 * rows);
-    EXPECT_EQ(both.count.unsolved, 0);
-    EXPECT_GE(both.count.newton, 2 * rows);
-    const LcpReport one = lcp->solve(*second, *v, *expected, 0, 0);
-    EXPECT_EQ(host(*y), host(*expected));
-    EXPECT_EQ(one.count.solved, rows) << "a batch that is waited for reports itself alone";
-    EXPECT_EQ(lcp->collect().count.solved, 0) << "nothing was started since";
-  }
+  for (const LcpMatrix& M : {LcpMatrix(random_tridiagonal(random, n)), LcpMatrix(random.dominant(n))})
+    for (const double settle : {0, -1}) {
+      const auto lcp = backend->lcp(M, LcpClass::P, rows), other = backend->lcp(M, LcpClass::P, rows);
+      if (!lcp->queues()) continue;
+      const auto v = backend->array(rows, n), y = backend->array(rows, n), expected = backend->array(rows, n);
+      const auto first = device(random.matrix(rows, n)), second = device(random.matrix(rows, n));
+      lcp->solve(*first, *v, *expected, 0, 0);
+      lcp->start(*first, *v, *y, 0, settle);
+      lcp->start(*second, *v, *y, 0, settle);
+      other->start(*second, *v, *y, 7, settle);
+      const LcpReport both = lcp->collect();
+      EXPECT_EQ(both.count.solved, 2 * rows);
+      EXPECT_EQ(both.count.unsolved, 0);
+      EXPECT_GE(both.count.newton, 2 * rows);
+      EXPECT_GE(both.magnitude, host(*y).cwiseAbs().maxCoeff());
+      EXPECT_EQ(other->collect().count.solved, rows - 7);
+      const LcpReport one = lcp->solve(*second, *v, *expected, 0, 0);
+      EXPECT_EQ(host(*y), host(*expected));
+      EXPECT_EQ(one.count.solved, rows) << "a batch that is waited for reports itself alone";
+      EXPECT_EQ(lcp->collect().count.solved, 0) << "nothing was started since";
+      lcp->start(*first, *v, *y, 3, settle);
+      EXPECT_EQ(lcp->collect().count.solved, rows - 3);
+    }
 }
 
 TEST_P(BackendLcp, FirstAndSettledRows) {
