@@ -32,25 +32,26 @@ __global__ void take_rows(const double* fine, long ratio, long step, long values
   }
 }
 
-// A thread per number of the fine array: row j lies between the rows j/2 and (j+1)/2 of the coarse one.
-__global__ void add_interpolation(const double* coarse, const double* old, long step, long values, double* fine) {
+// A thread per number of the fine array: row j = R i + k lies between the rows i and i + 1 of the coarse one.
+__global__ void add_interpolation(const double* coarse, const double* old, long ratio, long step, long values,
+                                  double* fine) {
   let_next_begin();
   await_previous();
   for (long i = first_value(); i < values; i += all_threads()) {
-    const long row = i / step, column = i - row * step;
-    const long left = (row / 2) * step + column, right = ((row + 1) / 2) * step + column;
+    const long row = i / step, column = i - row * step, above = row / ratio, between = row - above * ratio;
+    const long left = above * step + column, right = between > 0 ? left + step : left;
     const double at_left = coarse[left] - (old ? old[left] : 0);
     const double at_right = coarse[right] - (old ? old[right] : 0);
-    fine[i] += 0.5 * (at_left + at_right);
+    fine[i] += at_left + double(between) / double(ratio) * (at_right - at_left);
   }
 }
 
-__global__ void pose(const double* r, const double* v, const double* y, const double* coarse_v, long step, long values,
-                     double* coarse_r, double* coarse_y, double* old) {
+__global__ void pose(const double* r, const double* v, const double* y, const double* coarse_v, long ratio, long step,
+                     long values, double* coarse_r, double* coarse_y, double* old) {
   let_next_begin();
   await_previous();
   for (long i = first_value(); i < values; i += all_threads()) {
-    const long fine = i + i / step * step;
+    const long fine = i + i / step * (ratio - 1) * step;
     coarse_r[i] = r[fine] + v[fine] - coarse_v[i];
     coarse_y[i] = old[i] = y[fine];
   }
@@ -115,26 +116,28 @@ __global__ void find_alternation(const double* y, int rows, int cols, int step, 
 }
 
 Index values_of(const Array& array) { return array.rows() * stride(array.cols()); }
+Index ratio(const Array& fine, const Array& coarse) { return (fine.rows() - 1) / (coarse.rows() - 1); }
 
 }  // namespace
 
 void inject(const Device& device, const Array& fine, Array& coarse) {
-  const Index ratio = (fine.rows() - 1) / (coarse.rows() - 1), size = values_of(coarse);
-  follow(device, take_rows, {blocks(size), threads}, "starting an injection", values(fine), ratio,
+  const Index size = values_of(coarse);
+  follow(device, take_rows, {blocks(size), threads}, "starting an injection", values(fine), ratio(fine, coarse),
          stride(coarse.cols()), size, values(coarse));
 }
 
 void interpolate(const Device& device, const Array& coarse, const Array* old, Array& fine) {
   const Index size = values_of(fine);
   follow(device, add_interpolation, {blocks(size), threads}, "starting an interpolation", values(coarse),
-         old ? values(*old) : nullptr, stride(fine.cols()), size, values(fine));
+         old ? values(*old) : nullptr, ratio(fine, coarse), stride(fine.cols()), size, values(fine));
 }
 
 void restrict_problem(const Device& device, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                       Array& coarse_r, Array& coarse_y, Array& old) {
   const Index size = values_of(coarse_y);
   follow(device, pose, {blocks(size), threads}, "posing a coarse problem", values(r), values(v), values(y),
-         values(coarse_v), stride(coarse_y.cols()), size, values(coarse_r), values(coarse_y), values(old));
+         values(coarse_v), ratio(y, coarse_y), stride(coarse_y.cols()), size, values(coarse_r), values(coarse_y),
+         values(old));
 }
 
 void add(const Device& device, const Array& b, double s, const Array& c, Array& a) {
