@@ -25,6 +25,7 @@ struct Problem {
   int n, first, rows, cap;
   bool least;
   double shift;
+  int reach;
 };
 
 template <int T, int K, bool uniform>
@@ -53,12 +54,12 @@ __global__ void __launch_bounds__(T > most_threads ? T : most_threads)
     __pipeline_commit();
     __pipeline_wait_prior(1);
     group.meet();
-    Part<T, K, uniform> part{group, M, Here(shared + stage * Here::size), t, valid, problem.shift};
+    Part<T, K, uniform> part{group, M, Here(shared + stage * Here::size), t, valid, problem.shift, problem.reach};
     part.take_up();
     const int sweeps = part.sweep(problem.cap);
     double change = 0, magnitude = 0;
     // For a Z-matrix the solution is the least one exactly when the active block has positive pivots.
-    const bool wanted = !group.any(problem.least && !part.positive) && sweeps > 0;
+    const bool wanted = !(problem.least && group.any(!part.positive)) && sweeps > 0;
     part.give_back(wanted, change, magnitude);
     const bool solved = wanted && isfinite(part.size) && isfinite(change) && isfinite(magnitude);
     group.meet();
@@ -71,7 +72,7 @@ __global__ void __launch_bounds__(T > most_threads ? T : most_threads)
     }
     group.meet();
   }
-  outcomes.finish();
+  outcomes.template finish<(T > 32)>();
 }
 
 __global__ void natural_residual(const double* r, const double* v, const double* y, const double* lower,
@@ -120,6 +121,24 @@ std::optional<Coefficients<true>> uniform_coefficients(const Tridiagonal& M, con
   return Coefficients<true>{*lower, *diagonal, *upper, *row, *column};
 }
 
+/// Rows from which on two unknowns of A x = d do not see each other, whatever part of A is taken, to below rounding: a
+/// power of two, at most `all`. With u and w the largest |a| and |c| of rows divided by their diagonal entry, those
+/// after a step of cyclic reduction are at most u^2 / (1 - 2 u w) and w^2 / (1 - 2 u w).
+Index coupled_rows(const Tridiagonal& A, Index all) {
+  double u = 0, w = 0;
+  for (Index i = 0; i < A.diagonal.size(); ++i) {
+    u = std::max(u, std::abs(A.lower[i] / A.diagonal[i]));
+    w = std::max(w, std::abs(A.upper[i] / A.diagonal[i]));
+  }
+  for (Index rows = 1; rows < all; rows *= 2) {
+    if (u + w <= epsilon / 8) return rows;
+    const double rest = 1 - 2 * u * w;
+    if (!(rest > 0)) return all;
+    u = u * u / rest, w = w * w / rest;
+  }
+  return all;
+}
+
 /// Threads a group and rows a thread for n rows.
 struct Shape {
   int T, K;
@@ -151,6 +170,7 @@ class TridiagonalLcp final : public LcpBatch {
     Tridiagonal A = std::get<Tridiagonal>(scaled(shifted_, scale)), given = M;
     if (shape_.T == 32 || shape_.K == 4) uniform_ = uniform_coefficients(A, scale);
     for (Tridiagonal* t : {&A, &given}) t->lower[0] = t->upper[n_ - 1] = 0;
+    reach_ = int((coupled_rows(A, shape_.T * shape_.K) + shape_.K - 1) / shape_.K);
     lower_ = spread(device, A.lower, shape_.T, shape_.K, 0);
     diagonal_ = spread(device, A.diagonal, shape_.T, shape_.K, 1);
     upper_ = spread(device, A.upper, shape_.T, shape_.K, 0);
@@ -242,7 +262,7 @@ class TridiagonalLcp final : public LcpBatch {
     const int groups = std::clamp((even + together - 1) / together * together, together, groups_);
     const int blocks = std::min((count + groups - 1) / groups, blocks_ * device_.multiprocessors());
     const Problem problem{int(n_), int(first), int(rows), 12 + int(std::min<Index>(n_, 40)), class_ == LcpClass::Z,
-                          shift_};
+                          shift_,  reach_};
     const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance);
     const Blocks all{unsigned(blocks), unsigned(groups * shape_.T), std::size_t(groups) * bytes_a_group_};
     const char* const what = "starting the complementarity problems";
@@ -257,6 +277,7 @@ class TridiagonalLcp final : public LcpBatch {
   const Device& device_;
   Index n_;
   Shape shape_;
+  int reach_ = 0;        ///< threads that a solution couples
   double shift_;         ///< D
   Tridiagonal shifted_;  ///< M + D I
   LcpClass class_;
