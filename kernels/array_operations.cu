@@ -43,28 +43,30 @@ __global__ void take_rows(Rows rows, const Value* fine, int ratio, Value* coarse
   if (rows.has_thread()) coarse[rows.at(rows.row())] = fine[rows.at(long(rows.row()) * ratio)];
 }
 
-// A thread per value of a coarse row i: it has the fine rows 2 i and 2 i + 1.
+// A thread per value of a coarse row i: it has the `ratio` fine rows from there to the next one.
 template <class Value>
-__global__ void add_interpolation(Rows rows, const Value* coarse, const Value* old, Value* fine) {
+__global__ void add_interpolation(Rows rows, const Value* coarse, const Value* old, int ratio, Value* fine) {
   let_next_begin();
   await_previous();
   if (!rows.has_thread()) return;
-  const int i = rows.row();
-  const bool last = i + 1 == rows.rows;
-  const long left = rows.at(i), right = rows.at(last ? i : i + 1), even = rows.at(2L * i), odd = even + rows.width;
-  Value at_left = coarse[left], at_right = coarse[right], on_row = fine[even], between = fine[last ? even : odd];
-  if (old) at_left = at_left - old[left], at_right = at_right - old[right];
-  fine[even] = on_row + at_left;
-  if (!last) fine[odd] = between + 0.5 * (at_left + at_right);
+  const int i = rows.row(), count = i + 1 < rows.rows ? ratio : 1;
+  const long left = rows.at(i), right = rows.at(count > 1 ? i + 1 : i), first = rows.at(long(ratio) * i);
+  Value at_left = coarse[left], step = coarse[right];
+  if (old) at_left = at_left - old[left], step = step - old[right];
+  step = 1.0 / double(ratio) * (step - at_left);
+  for (int k = 0; k < count; ++k) {
+    Value& value = fine[first + long(k) * rows.width];
+    value = value + (at_left + double(k) * step);
+  }
 }
 
 template <class Value>
-__global__ void pose(Rows rows, const Value* r, const Value* v, const Value* y, const Value* coarse_v, Value* coarse_r,
-                     Value* coarse_y, Value* old) {
+__global__ void pose(Rows rows, const Value* r, const Value* v, const Value* y, const Value* coarse_v, int ratio,
+                     Value* coarse_r, Value* coarse_y, Value* old) {
   let_next_begin();
   await_previous();
   if (!rows.has_thread()) return;
-  const long i = rows.at(rows.row()), fine = rows.at(2L * rows.row());
+  const long i = rows.at(rows.row()), fine = rows.at(long(rows.row()) * ratio);
   const Value value = y[fine];
   coarse_r[i] = r[fine] + v[fine] - coarse_v[i];
   coarse_y[i] = old[i] = value;
@@ -130,10 +132,7 @@ __global__ void find_alternation(const double* y, int rows, int cols, int step, 
 }
 
 Index values_of(const Array& array) { return array.rows() * stride(array.cols()); }
-
-}  // namespace
-
-namespace {
+Index ratio(const Array& fine, const Array& coarse) { return (fine.rows() - 1) / (coarse.rows() - 1); }
 
 /// Starts a kernel with a thread per value of `array`: `of_two` where values can be taken in twos, otherwise `of_one`.
 template <class... Parameters, class... PairParameters, class... Arguments>
@@ -155,20 +154,19 @@ void follow_rows(const Device& device, const Array& array, const char* what, voi
 }  // namespace
 
 void inject(const Device& device, const Array& fine, Array& coarse) {
-  const int ratio = int((fine.rows() - 1) / (coarse.rows() - 1));
-  follow_rows(device, coarse, "starting an injection", take_rows<double>, take_rows<double2>, values(fine), ratio,
-              values(coarse));
+  follow_rows(device, coarse, "starting an injection", take_rows<double>, take_rows<double2>, values(fine),
+              ratio(fine, coarse), values(coarse));
 }
 
 void interpolate(const Device& device, const Array& coarse, const Array* old, Array& fine) {
   follow_rows(device, coarse, "starting an interpolation", add_interpolation<double>, add_interpolation<double2>,
-              values(coarse), old ? values(*old) : nullptr, values(fine));
+              values(coarse), old ? values(*old) : nullptr, ratio(fine, coarse), values(fine));
 }
 
 void restrict_problem(const Device& device, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                       Array& coarse_r, Array& coarse_y, Array& old) {
   follow_rows(device, coarse_y, "posing a coarse problem", pose<double>, pose<double2>, values(r), values(v), values(y),
-              values(coarse_v), values(coarse_r), values(coarse_y), values(old));
+              values(coarse_v), ratio(y, coarse_y), values(coarse_r), values(coarse_y), values(old));
 }
 
 void add(const Device& device, const Array& b, double s, const Array& c, Array& a) {

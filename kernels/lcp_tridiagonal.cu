@@ -145,6 +145,7 @@ struct Shape {
 };
 
 constexpr Index most_spread = 1024;
+constexpr Index few_problems = 2;  ///< of a multiprocessor
 
 // Few problems leave most of the device idle: more threads then take one of them, which is done sooner.
 Shape shape_for(Index n, bool few) {
@@ -160,7 +161,7 @@ class TridiagonalLcp final : public LcpBatch {
   TridiagonalLcp(const Device& device, const Tridiagonal& M, LcpClass lcp_class, double shift, Index rows)
       : device_(device),
         n_(M.diagonal.size()),
-        shape_(shape_for(n_, rows <= 2 * device.multiprocessors())),
+        shape_(shape_for(n_, rows <= few_problems * device.multiprocessors())),
         shift_(shift),
         shifted_(plus_identity(M, shift)),
         class_(selection_class(shifted_, lcp_class)),
