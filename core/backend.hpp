@@ -229,6 +229,7 @@ class Backend {
   }
 
   virtual std::unique_ptr<Array> array(Index rows, Index cols) = 0;
+  /// The first rows of `to`, as many as `from` has; the others stay as they are.
   virtual void upload(const RowMatrix& from, Array& to) = 0;
   virtual void download(const Array& from, RowMatrix& to) = 0;
   /// The same, and `operations`, which leave `from` as it is, while the values are on their way.

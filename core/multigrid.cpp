@@ -13,10 +13,10 @@ namespace bromwich {
 namespace {
 
 constexpr std::size_t grids_of_estimate = 3;
-constexpr double slowly_smoothed = 0.3;  ///< what a step so long leaves of a nested start is of high frequency
-constexpr int most_extra_sweeps = 3;     ///< behind a cycle
-constexpr double poor = 0.15;            ///< contraction of a cycle that may need an exact solution on the coarsest
-constexpr double assumed_contraction = 0.15;  ///< of what a coarse grid sees, by the first correction
+constexpr double slowly_smoothed = 0.3;      ///< what a step so long leaves of a nested start is of high frequency
+constexpr int most_extra_sweeps = 3;         ///< behind a cycle
+constexpr double poor = 0.15;                ///< contraction of a cycle that may need an exact solution on the coarsest
+constexpr double assumed_contraction = 0.1;  ///< of what a coarse grid sees, by the first correction
 
 }  // namespace
 
@@ -55,6 +55,10 @@ void Multigrid::nest(const Vector& y0) {
     if (l > 0 || levels_.size() == 1) nest_on(l);
     if (levels_[l].nested) backend_.inject(*levels_[l].y, *levels_[l].nested);
   }
+  if (levels_.size() >= grids_of_estimate) {
+    backend_.inject(*levels_[1].nested, *levels_[2].old);
+    differences_->start(quarter_step, *levels_[2].old, *levels_[2].nested);
+  }
   y0_ = y0;
   nested_ = true;
 }
@@ -77,11 +81,8 @@ void Multigrid::nest_on(std::size_t l) {
 // y of the next coarser grid, or y_0 alone.
 void Multigrid::start_on(std::size_t l, const Vector& y0) {
   const bool coarsest = l + 1 == levels_.size();
-  if (nested_ || coarsest) {  // arrays are zero when they are made
-    RowMatrix start = RowMatrix::Zero(levels_[l].steps + 1, y0.size());
-    if (coarsest) start.row(0) = y0.transpose();
-    backend_.upload(start, *levels_[l].y);
-  }
+  if (nested_) backend_.upload(RowMatrix::Zero(levels_[l].steps + 1, y0.size()), *levels_[l].y);
+  if (coarsest) backend_.upload(y0.transpose(), *levels_[l].y);  // arrays are zero when they are made
   if (!coarsest) backend_.interpolate(*levels_[l + 1].y, nullptr, *levels_[l].y);
 }
 
@@ -219,16 +220,14 @@ void Multigrid::one_more_sweep() {
   compare();
 }
 
-// y with what it was before the last sweep, y_2h with y, y_4h with y_2h.
+// y with what it was before the last sweep, y_2h with y.
 void Multigrid::compare() {
   TimeLevel& finest = levels_[0];
   if (useful_) differences_->start(last_sweep, *finest.y, *finest.old);
   if (levels_.size() < grids_of_estimate) return;
-  TimeLevel &half = levels_[1], &quarter = levels_[2];
+  TimeLevel& half = levels_[1];
   backend_.inject(*finest.y, *half.old);
-  backend_.inject(*half.nested, *quarter.old);
   differences_->start(half_step, *half.old, *half.nested);
-  differences_->start(quarter_step, *quarter.old, *quarter.nested);
 }
 
 void Multigrid::cycle(std::size_t l) {

@@ -30,7 +30,10 @@ class CpuBackend final : public Backend {
     return std::make_unique<cpu::HostArray>(rows, cols, threads_);
   }
   void upload(const RowMatrix& from, Array& to) override { copy(from, cpu::host(to)); }
-  void download(const Array& from, RowMatrix& to) override { copy(cpu::host(from), to); }
+  void download(const Array& from, RowMatrix& to) override {
+    to.resize(from.rows(), from.cols());
+    copy(cpu::host(from), to);
+  }
 
   void inject(const Array& fine, Array& coarse) override { cpu::inject(cpu::host(fine), cpu::host(coarse), threads_); }
   void interpolate(const Array& coarse, const Array* old, Array& fine) override {
@@ -84,7 +87,6 @@ class CpuBackend final : public Backend {
 
  private:
   void copy(const RowMatrix& from, RowMatrix& to) const {
-    to.resize(from.rows(), from.cols());
 #pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1 && from.size() > 1 << 16)
     for (Index j = 0; j < from.rows(); ++j) to.row(j) = from.row(j);
   }

@@ -29,6 +29,17 @@ TEST_P(BackendArrays, InjectionTakesEveryRthRow) {
     }
 }
 
+TEST_P(BackendArrays, AnUploadLeavesTheRowsItDoesNotBring) {
+  for (const auto& [steps, n] : shapes) {
+    const RowMatrix before = Random(16).matrix(steps + 1, n), rows = Random(17).matrix(1, n);
+    const auto a = device(before);
+    backend->upload(rows, *a);
+    RowMatrix expected = before;
+    expected.row(0) = rows;
+    EXPECT_EQ(host(*a), expected) << steps << ' ' << n;
+  }
+}
+
 TEST_P(BackendArrays, InterpolationIsLinearBetweenRows) {
   for (const auto& [steps, n] : shapes)
     for (const Index ratio : {1, 2, 3, 8})
