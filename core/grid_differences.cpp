@@ -34,10 +34,9 @@ double GridDifferences::order() const {
 double GridDifferences::error(bool checked) const {
   const std::size_t n = differences_.size();
   if (n < 2) return NAN;
-  const double p = order();
-  double d = checked ? differences_[n - 1] : believed(n - 1);
-  if (n > 2)
-    d = std::max(d, std::cbrt(differences_[n - 3] * differences_[n - 2] * differences_[n - 1]) * std::exp2(-p));
+  const double p = order(), last = differences_[n - 1];
+  const double smoothed = n == 2 ? last : std::cbrt(differences_[n - 3] * differences_[n - 2] * last) * std::exp2(-p);
+  const double d = checked ? std::sqrt(last * std::max(last, smoothed)) : std::max(believed(n - 1), smoothed);
   return d / (std::exp2(p) - 1);
 }
 

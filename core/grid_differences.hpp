@@ -6,13 +6,14 @@
 // p       order()       slope of -log2 d over the last three differences, log2(d_{k-2} / d_k) / 2, within [1/2, q]
 // q       highest_      order of the discretisation where the solution is smooth
 // e       error()       of the finer grid: D / (2^p - 1) with
-//                       D = max(d_k, (d_{k-2} d_{k-1} d_k)^{1/3} 2^-p, d_{k-1} 2^-q)
+//                       D = max(d_k, m, d_{k-1} 2^-q),  m = (d_{k-2} d_{k-1} d_k)^{1/3} 2^-p
 //
 // Errors of piecewise smooth solutions are h^q times a number that depends on where switches fall between grid points:
 // differences lie within a factor s = sqrt(2) or so of their trend. The slope does not depend on d_{k-1}, and the mean
-// of three smoothes the rest. An order that makes e at most s times what q makes it cannot be told from q and counts as
-// q. A d_k that falls faster than with the full order is small by chance and counts as d_{k-1} 2^-q at least, unless
-// another grid has been compared with, which shows what chance hides.
+// of three, m, smoothes the rest. An order that makes e at most s times what q makes it cannot be told from q and
+// counts as q. A d_k that falls faster than with the full order is small by chance and counts as d_{k-1} 2^-q at least.
+// Where another grid has been compared with, chance shows there, and d_k is mistrusted half as much: D = (d_k max(d_k,
+// m))^{1/2}.
 
 #include <vector>
 
@@ -28,7 +29,7 @@ class GridDifferences {
   void limit_order(double order);
 
   double order() const;  ///< p; NaN before two differences
-  /// e; NaN before two differences. `checked`: without the last part of D, error_from_check stands beside it.
+  /// e; NaN before two differences. `checked`: error_from_check stands beside it.
   double error(bool checked = false) const;
   /// Error of a grid with J steps from its difference `d` to one with 3J/4, whose points the jumps of y do not share.
   /// Errors of the two that have nothing to do with each other make d as large as the larger one, (4/3)^p e.
