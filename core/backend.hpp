@@ -245,11 +245,11 @@ class Backend {
   /// Row i of `coarse` <- row R i of `fine`, R = (rows of fine - 1) / (rows of coarse - 1) a whole number; R = 1
   /// copies.
   virtual void inject(const Array& fine, Array& coarse) = 0;
-  /// fine <- fine + I (coarse - old), I the linear interpolation to twice as many steps; without `old`, fine + I
+  /// fine <- fine + I (coarse - old), I the linear interpolation to R times as many steps; without `old`, fine + I
   /// coarse.
   virtual void interpolate(const Array& coarse, const Array* old, Array& fine) = 0;
-  /// The problem of a coarser grid with half the steps, R every second row: coarse_r <- R (r + v) - coarse_v, and
-  /// coarse_y, old <- R y.
+  /// The problem of a coarser grid, with R what `inject` takes: coarse_r <- R (r + v) - coarse_v, and coarse_y, old <-
+  /// R y.
   virtual void restrict_problem(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
                                 Array& coarse_y, Array& old) = 0;
   /// a <- b + s c; `a` may be `b` or `c`.

@@ -12,9 +12,11 @@ namespace bromwich {
 
 namespace {
 
-constexpr int first_visits = 3;          ///< to the coarsest grid before anything else, where it is not marched
+constexpr std::size_t grids_of_estimate = 3;
+constexpr double slowly_smoothed = 0.3;  ///< what a step so long leaves of a nested start is of high frequency
+constexpr int most_extra_sweeps = 3;     ///< behind a cycle
 constexpr double poor = 0.15;            ///< contraction of a cycle that may need an exact solution on the coarsest
-constexpr double least_observed = 1e-4;  ///< contraction of the first cycle, whatever a coarser grid has seen
+constexpr double assumed_contraction = 0.15;  ///< of what a coarse grid sees, by the first correction
 
 }  // namespace
 
@@ -23,6 +25,7 @@ Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& level
       options_(options),
       levels_(levels),
       result_(result),
+      useful_(options.algebraic_share > 0 && levels.size() >= grids_of_estimate),
       queued_(all_queue()),
       differences_(backend.differences(slots)) {
   recorded_.resize(levels_.size());
@@ -46,19 +49,29 @@ bool Multigrid::all_queue() const {
 }
 
 void Multigrid::nest(const Vector& y0) {
-  const std::size_t last = levels_.size() - 1;
-  const std::size_t observed = options_.algebraic_share > 0 && last >= 2 ? 1 : 0;
   for (std::size_t l = levels_.size(); l-- > 0 && !failure_;) {
     if (options_.interrupted && options_.interrupted()) failure_ = {Status::interrupted, "stopped on request"};
     start_on(l, y0);
-    if (l > 0 && l == observed)
-      observe_contraction(l);
-    else if (l > 0 || last == 0)
-      for (int visits = 0; visits < (l == last && !levels_[l].march ? first_visits : 1); ++visits) cycle(l);
+    if (l > 0 || levels_.size() == 1) nest_on(l);
     if (levels_[l].nested) backend_.inject(*levels_[l].y, *levels_[l].nested);
   }
   y0_ = y0;
   nested_ = true;
+}
+
+void Multigrid::nest_on(std::size_t l) {
+  TimeLevel& level = levels_[l];
+  const bool coarsest = l + 1 == levels_.size();
+  if (coarsest && !level.march) {
+    for (int visits = 0; visits < level.first_visits; ++visits) cycle(l);
+  } else if (l >= grids_of_estimate && !coarsest && level.sweeps > 0 && level.unseen > slowly_smoothed) {
+    for (int i = 0; i <= level.sweeps; ++i) {
+      apply(level);
+      smooth(level);
+    }
+  } else {
+    cycle(l);
+  }
 }
 
 // y of the next coarser grid, or y_0 alone.
@@ -73,27 +86,46 @@ void Multigrid::start_on(std::size_t l, const Vector& y0) {
 }
 
 IterationOutcome Multigrid::iterate() {
-  std::optional<CycleWatch> watch;
+  CycleWatch watch(options_.iteration_tolerance, useful_ ? assumed_contraction : INFINITY);
   while (!failure_) {
     if (options_.interrupted && options_.interrupted()) return {Status::interrupted, "stopped on request"};
     if (result_.iterations >= options_.max_iterations)
       return {Status::tolerance_not_met, text("%ld sweeps, the limit", long(result_.iterations))};
-    watched_cycle();
+    if (useful_ && result_.cycles > 0) {
+      const bool looked = watched([this] { look_for_correction(); });
+      if (looked && !failure_ && useful(differences_->collect()[last_change], 0)) return {Status::solved, ""};
+      if (looked) watched([this] { correct_finest(); });
+    } else {
+      watched([this] { whole_cycle(); });
+    }
     if (failure_) break;
-    if (!watch) watch.emplace(options_.iteration_tolerance, std::max(observed_contraction(), least_observed));
     const double change = differences_->collect()[last_change];
     ++result_.cycles;
     result_.history.push_back(change);
     if (options_.progress) options_.progress({result_.iterations, change});
-    const auto outcome = watch->after(change);
+    const auto outcome = watch.after(change);
     result_.algebraic_error.reset();
-    if (std::isfinite(watch->left())) result_.algebraic_error = watch->left();
+    if (std::isfinite(watch.left())) result_.algebraic_error = watch.left();
     if (outcome) return *outcome;
-    if (watch->contraction() > poor && march_from_now_on()) watch->restart();
-    if (options_.algebraic_share > 0 && watch->left() <= options_.algebraic_share * useful_error())
-      return {Status::solved, ""};
+    if (watch.contraction() > poor && march_from_now_on()) watch.restart();
+    if (useful_ && useful(watch.left(), most_extra_sweeps)) return {Status::solved, ""};
   }
   return *failure_;
+}
+
+// Whether what is left is a small enough part of the discretisation error: `seen`, what the coarse grid sees, and what
+// it does not; for the latter there may be further sweeps.
+bool Multigrid::useful(double seen, int sweeps) {
+  const double f = levels_[0].unseen;
+  for (; std::isfinite(seen) && !failure_; --sweeps) {
+    const double unseen = f / (1 - f) * differences_->collect()[last_sweep];
+    const double wanted = options_.algebraic_share * useful_error();
+    result_.algebraic_error = seen + unseen;
+    if (seen + unseen <= wanted) return true;
+    if (!(seen < wanted) || sweeps == 0) return false;
+    watched([this] { one_more_sweep(); });
+  }
+  return false;
 }
 
 bool Multigrid::march_from_now_on() {
@@ -105,25 +137,10 @@ bool Multigrid::march_from_now_on() {
   return true;
 }
 
-// Of a cycle from the solution of the next coarser grid: two cycles instead of one.
-void Multigrid::observe_contraction(std::size_t l) {
-  TimeLevel& level = levels_[l];
-  for (const Slot slot : {first_change, second_change}) {
-    backend_.inject(*level.y, *level.old);
-    cycle(l);
-    differences_->start(slot, *level.y, *level.old);
-  }
-}
-
-double Multigrid::observed_contraction() {
-  const std::vector<double>& d = differences_->collect();
-  return d[first_change] > 0 ? d[second_change] / d[first_change] : INFINITY;
-}
-
 // With y_2h and y_4h, the solutions on the next grids: |y_h - y_2h| / (q - 1), q = |y_2h - y_4h| / |y_h - y_2h|; 4
 // where the order is 2, and at most that. Below an order of 1/2 the differences say nothing yet.
 std::optional<double> Multigrid::discretisation_error() {
-  if (levels_.size() < 3) return std::nullopt;
+  if (levels_.size() < grids_of_estimate) return std::nullopt;
   const std::vector<double>& d = differences_->collect();
   const double last = d[half_step], before = d[quarter_step];
   const double ratio = last > 0 ? before / last : 4;
@@ -134,41 +151,79 @@ std::optional<double> Multigrid::discretisation_error() {
 // What the algebraic error is held against: the estimate, or |y_h - y_2h| / 3, its least value, where the grids do not
 // come together yet.
 double Multigrid::useful_error() {
-  if (levels_.size() < 3) return 0;
+  if (levels_.size() < grids_of_estimate) return 0;
   const std::optional<double> estimate = discretisation_error();
   return estimate ? *estimate : differences_->collect()[half_step] / 3;
 }
 
-// A cycle on the finest grid and the differences that are looked at behind it. Where one before left a problem
-// unsolved, the nested start too, both are done again.
-void Multigrid::watched_cycle() {
-  TimeLevel& finest = levels_[0];
-  backend_.inject(*finest.y, *finest.old);
-  cycle(0);
-  compare();
+// Work on the finest grid, with the differences that are looked at behind it. Where it left a problem unsolved, or the
+// nested start did, a whole cycle is made instead, waiting for each batch; false then.
+bool Multigrid::watched(const std::function<void()>& work) {
+  work();
   if (!queued_ || collected()) {
     start_is_solved_ = true;
-    return;
+    return true;
   }
   queued_ = false;
-  if (start_is_solved_) {
+  TimeLevel& finest = levels_[0];
+  if (start_is_solved_ && !useful_) {
     backend_.inject(*finest.old, *finest.y);
   } else {
     levels_.respond();
     nest(y0_);
-    backend_.inject(*finest.y, *finest.old);
   }
-  cycle(0);
-  compare();
+  whole_cycle();
   start_is_solved_ = true;
   queued_ = all_queue();
+  return false;
 }
 
-// y with what it was before the cycle, y_2h with y, y_4h with y_2h.
+void Multigrid::whole_cycle() {
+  TimeLevel& finest = levels_[0];
+  if (!useful_) backend_.inject(*finest.y, *finest.old);
+  cycle(0);
+  if (useful_)
+    measure_correction();
+  else
+    differences_->start(last_change, *finest.y, *finest.old);
+  compare();
+}
+
+// A cycle in two parts, with sweeps before where one does little; y stays as it is in the first, but for them.
+void Multigrid::look_for_correction() {
+  const TimeLevel& finest = levels_[0];
+  for (int i = 0; i < finest.sweeps && finest.unseen > far_smoothed; ++i) one_more_sweep();
+  apply(levels_[0]);
+  pose(0);
+  solve_on(finest.coarse);
+  measure_correction();
+}
+
+void Multigrid::correct_finest() {
+  ascend(0);
+  if (queued_) ++result_.iterations;
+  compare();
+}
+
+void Multigrid::measure_correction() {
+  const TimeLevel& coarse = levels_[levels_[0].coarse];
+  differences_->start(last_change, *coarse.y, *coarse.old);
+}
+
+void Multigrid::one_more_sweep() {
+  TimeLevel& finest = levels_[0];
+  apply(finest);
+  backend_.inject(*finest.y, *finest.old);
+  smooth(finest);
+  if (queued_) ++result_.iterations;
+  compare();
+}
+
+// y with what it was before the last sweep, y_2h with y, y_4h with y_2h.
 void Multigrid::compare() {
   TimeLevel& finest = levels_[0];
-  differences_->start(last_change, *finest.y, *finest.old);
-  if (levels_.size() < 3) return;
+  if (useful_) differences_->start(last_sweep, *finest.y, *finest.old);
+  if (levels_.size() < grids_of_estimate) return;
   TimeLevel &half = levels_[1], &quarter = levels_[2];
   backend_.inject(*finest.y, *half.old);
   backend_.inject(*half.nested, *quarter.old);
@@ -186,7 +241,7 @@ void Multigrid::solve_on(std::size_t l) {
   if (l + 1 == levels_.size()) return queued_ && recorded_[l].descend ? recorded_[l].descend->run() : sweep_coarsest();
   const bool recorded = queued_ && recorded_[l].descend && recorded_[l].ascend;
   recorded ? recorded_[l].descend->run() : descend(l);
-  solve_on(l + 1);
+  solve_on(levels_[l].coarse);
   recorded ? recorded_[l].ascend->run() : ascend(l);
   if (queued_ && l == 0) result_.iterations += levels_[l].sweeps + 1;
 }
@@ -199,22 +254,28 @@ void Multigrid::sweep_coarsest() {
   }
 }
 
-// Sweeps, then r_c = R (r + K y) - K_c R y, and y_c = R y to begin with.
 void Multigrid::descend(std::size_t l) {
-  TimeLevel &fine = levels_[l], &coarse = levels_[l + 1];
+  TimeLevel& fine = levels_[l];
   for (int i = 0; i < fine.sweeps; ++i) {
     smooth(fine);
     apply(fine);
   }
+  pose(l);
+}
+
+// r_c = R (r + K y) - K_c R y, and y_c = R y to begin with.
+void Multigrid::pose(std::size_t l) {
+  TimeLevel &fine = levels_[l], &coarse = levels_[levels_[l].coarse];
   coarse.kernel->apply_injected(*fine.kernel, *fine.y, *coarse.y, *coarse.v);
   backend_.restrict_problem(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
 }
 
 // y <- y + I (y_c - R y), then a sweep.
 void Multigrid::ascend(std::size_t l) {
-  TimeLevel &fine = levels_[l], &coarse = levels_[l + 1];
+  TimeLevel &fine = levels_[l], &coarse = levels_[levels_[l].coarse];
   backend_.interpolate(*coarse.y, coarse.old.get(), *fine.y);
   apply(fine);
+  if (useful_ && l == 0) backend_.inject(*fine.y, *fine.old);
   smooth(fine);
 }
 

@@ -11,6 +11,12 @@
 // over time are not complementary where the active set changes. On the coarsest grid there are only sweeps, or, where
 // these do not do, it is marched. The start comes from the coarse grids (nested iteration). K_c R y serves the coarse
 // problem and the first sweep on it.
+//
+// The correction y_c - R y is, up to what the coarse problem is solved to, the error of R y: it estimates what the
+// cycle found. What a cycle leaves is estimated by two parts,
+//
+//     rho/(1 - rho) |y_c - R y|   of what the coarse grid sees, rho the quotient of two corrections in turn, and
+//     f/(1 - f) |S y - y|         of what it does not, S the last sweep and f = TimeLevel::unseen.
 
 #include "time_levels.hpp"
 
@@ -24,7 +30,8 @@ class Multigrid {
   /// From y_0 alone to a first y on the finest grid. A device may still be at work when this returns.
   void nest(const Vector& y0);
 
-  /// Cycles on the finest grid until y stands still, or, with Options::algebraic_share, as long as they are useful.
+  /// Cycles on the finest grid until y stands still, or, with Options::algebraic_share, as long as they are useful. For
+  /// the latter there have to be three grids.
   IterationOutcome iterate();
 
   /// Estimated from y on the finest grid after the last cycle and what the nested iteration came to on the two below,
@@ -35,25 +42,31 @@ class Multigrid {
   void cycle(std::size_t l);
 
  private:
-  /// The differences that a solve looks at: of two cycles on a coarser grid, of the last cycle, |y_h - y_2h| and
-  /// |y_2h - y_4h|.
-  enum Slot : std::size_t { first_change, second_change, last_change, half_step, quarter_step, slots };
+  /// The differences that a solve looks at on the finest grid: the last change by a cycle, or its correction; that by
+  /// the last sweep; |y_h - y_2h| and |y_2h - y_4h|.
+  enum Slot : std::size_t { last_change, last_sweep, half_step, quarter_step, slots };
 
   // Nothing is waited for in a cycle where all plans of all grids queue what they are asked for; what became of it is
   // looked at afterwards. A cycle that left a problem unsolved is done again, waiting for each batch.
   bool all_queue() const;
   bool collected();
-  void watched_cycle();
+  bool watched(const std::function<void()>& work);
+  void whole_cycle();
+  void look_for_correction();
+  void correct_finest();
+  void one_more_sweep();
+  void measure_correction();
   void compare();
-  void observe_contraction(std::size_t l);
-  double observed_contraction();
   bool march_from_now_on();
   double useful_error();
+  bool useful(double seen, int sweeps);
 
   void start_on(std::size_t l, const Vector& y0);
+  void nest_on(std::size_t l);
   void solve_on(std::size_t l);  // v holds K y
   void sweep_coarsest();
   void descend(std::size_t l);
+  void pose(std::size_t l);
   void ascend(std::size_t l);
   void apply(TimeLevel&);
   void smooth(TimeLevel&);
@@ -72,6 +85,7 @@ class Multigrid {
   const Options& options_;
   TimeLevels& levels_;
   Result& result_;
+  bool useful_;  ///< cycles end where they are of no further use
   bool queued_, nested_ = false, start_is_solved_ = false;
   std::unique_ptr<Differences> differences_;
   std::vector<Recorded> recorded_;

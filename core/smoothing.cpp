@@ -9,6 +9,7 @@ namespace bromwich {
 namespace {
 
 constexpr Index frequencies = 24, most_modes = 48;  ///< of the sample; the symbols are smooth in both
+constexpr Index octave = 6;                         ///< frequencies in each half of what is left
 constexpr Index candidates = 120;
 constexpr double least_diagonal = 0.05;  ///< M + D I keeps this part of the smallest eigenvalue of M
 
@@ -62,7 +63,7 @@ Row sum_of_weights(const Sample& r, Index steps) {
 
 }  // namespace
 
-std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r, Index steps) {
+std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r, Index steps, double useful) {
   const std::optional<Vector> all = eigenvalues(matrix);
   if (!all) return std::nullopt;
   const Index n = all->size(), modes = std::min(n, most_modes);
@@ -79,13 +80,20 @@ std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecu
     for (const Symbol& s : symbols) largest = largest.max((s.real - D).square() + s.imaginary.square());
     return (largest.sqrt() / (M + D)).maxCoeff();
   };
-  Smoothing best{0, factor(K, 0), 0};
+  Smoothing best{0, {factor(K, 0)}, 0};
   const double lowest = (least_diagonal - 1) * all->minCoeff(), highest = all->maxCoeff();
   for (Index i = 0; i <= candidates; ++i) {
     const double D = lowest + (highest - lowest) * double(i) / double(candidates);
-    if (const double f = factor(K, D); f < best.factor) best = {D, f, 0};
+    if (const double f = factor(K, D); f < best.factor()) best = {D, {f}, 0};
   }
   best.smooth_factor = factor(smooth, best.shift);
+  // An octave more each.
+  for (double edge = std::numbers::pi / 4; best.unseen.back() < useful && edge * double(steps) > std::numbers::pi;) {
+    edge /= 2;
+    std::vector<Symbol> lower;
+    for (Index f = 0; f < octave; ++f) lower.push_back(symbol(sample, edge * (1 + double(f) / double(octave))));
+    best.unseen.push_back(std::max(best.unseen.back(), factor(lower, best.shift)));
+  }
   return best;
 }
 

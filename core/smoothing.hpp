@@ -5,22 +5,26 @@
 //
 // which has the fixed points of the plain one (D = 0). Where y > 0 and sine modes diagonalise both M and K, an error
 // with mode l and frequency omega (per step) is multiplied by (D - K^_l(omega)) / (M^_l + D), K^_l(omega) = Σ_d W_d,l
-// e^{-i omega d}. What a coarser grid cannot see are the frequencies in [pi/4, pi].
+// e^{-i omega d}. What a grid with R times the step cannot see are the frequencies in [pi/(2R), pi].
 
 #include "recurrence.hpp"
 
 #include <optional>
+#include <vector>
 
 namespace bromwich {
 
 struct Smoothing {
-  double shift = 0;          ///< D
-  double factor = 0;         ///< largest over modes and frequencies in [pi/4, pi]
-  double smooth_factor = 0;  ///< largest over modes at frequency 0, that is for Σ_d W_d over all steps
+  double shift = 0;            ///< D
+  std::vector<double> unseen;  ///< largest over modes and what the grids with R = 2, 4, 8, ... cannot see
+  double smooth_factor = 0;    ///< largest over modes at frequency 0, that is for Σ_d W_d over all steps
+
+  double factor() const { return unseen.front(); }
 };
 
-/// The D that makes the factor smallest, M + D I an M-matrix as M is. Nothing where M is not a symmetric tridiagonal
-/// Toeplitz matrix with entries off its diagonal <= 0.
-std::optional<Smoothing> best_smoothing(const LcpMatrix& M, const ModalRecurrence&, Index steps);
+/// The D that makes the factor for R = 2 smallest, M + D I an M-matrix as M is. Larger R are looked at as long as the
+/// factors stay below `useful`. Nothing where M is not a symmetric tridiagonal Toeplitz matrix with entries off its
+/// diagonal <= 0.
+std::optional<Smoothing> best_smoothing(const LcpMatrix& M, const ModalRecurrence&, Index steps, double useful = 0);
 
 }  // namespace bromwich

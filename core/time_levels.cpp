@@ -23,7 +23,10 @@ constexpr int most_sweeps = 8;                  ///< before a coarser grid is as
 constexpr double largest_smooth_factor = 1.01;  ///< at frequency 0: 1, and what a sample of it may miss
 constexpr double easily_smoothed = 0.25;        ///< by a single sweep before
 constexpr int fewest_coarsest_sweeps = 5;       ///< of a visit to a coarsest grid that is not marched
-constexpr Index most_unasked = 2048;            ///< steps of a march that is not interrupted on a device
+constexpr double easily_solved = 0.9;           ///< factor of a sweep at frequency 0 with which two visits do at first
+constexpr double symbol_over_w0 = 2.62;         ///< 1/sin(pi/8): of weights that fall monotonously, above pi/4
+constexpr double most_unseen = 0.5;
+constexpr Index most_unasked = 2048;  ///< steps of a march that is not interrupted on a device
 
 // Where the weights and kernels of all grids come from.
 class Source {
@@ -35,10 +38,16 @@ class Source {
     if (p.kronecker()) fit(*p.kronecker());
   }
 
-  // Of the grid with `steps` steps; `finer` are the weights of that with twice as many, or null.
-  Weights weights(Index steps, const Weights* finer) const {
-    if (sparse_) return finer ? coarsen(std::get<LagTable>(*finer)) : sparse_->weights;
-    if (finer && p_.kronecker()) return Recurrence(coarsen(std::get<ModalRecurrence>(std::get<Recurrence>(*finer))));
+  // Of the grid with `steps` steps, from a finer one or null.
+  Weights weights(Index steps, const TimeLevel* finer) const {
+    if (finer && !p_.dense()) {
+      Weights w = finer->weights;
+      for (Index at = finer->steps; at > steps; at /= 2)
+        w = sparse_ ? Weights(coarsen(std::get<LagTable>(w)))
+                    : Weights(Recurrence(coarsen(std::get<ModalRecurrence>(std::get<Recurrence>(w)))));
+      return w;
+    }
+    if (sparse_) return sparse_->weights;
     const double h = p_.scene.T / double(steps);
     if (p_.dense()) return Recurrence(dense_recurrence(*p_.dense(), Rule::exponential, h));
     const KroneckerDynamics& d = *p_.kronecker();
@@ -135,20 +144,35 @@ int sweeps_before(double factor, double wanted, int fewest) {
   return std::clamp(int(std::ceil(std::log(wanted) / std::log(factor))) - 1, fewest, most_sweeps);
 }
 
-// Chooses the sweeps of this grid. Returns the kappa_0 that a coarser one may have, 0 for none.
+// What the next coarser grids may be.
+struct Coarsening {
+  double kappa0 = 0;  ///< that they may have, 0: none
+  Index ratio = 2;    ///< of the steps, at most
+};
+
+// Chooses the sweeps of this grid.
 //
 // A sweep multiplies what is smooth in time by K/M, which may be far above 1; the coarse grid has to make up for that,
 // so that there is but one sweep a cycle, and the coarse grids have to be accurate. Where the symbol is known and its
 // size at frequency 0 is at most 1, there may be more of both.
-double choose_sweeps(const DiscreteProblem& p, TimeLevel& level, bool finest) {
+Coarsening choose_sweeps(const DiscreteProblem& p, TimeLevel& level, double kappa0, std::size_t finer_grids) {
   const auto* recurrence = std::get_if<Recurrence>(&level.weights);
   const auto* modal = recurrence ? std::get_if<ModalRecurrence>(recurrence) : nullptr;
-  const std::optional<Smoothing> best = modal ? best_smoothing(p.scene.M, *modal, level.steps) : std::nullopt;
-  if (!best || best->smooth_factor > largest_smooth_factor) return accurate_kappa0;
+  const auto best = modal ? best_smoothing(p.scene.M, *modal, level.steps, far_smoothed) : std::nullopt;
+  level.unseen = std::min(symbol_over_w0 * kappa0, most_unseen);
+  if (!best || best->smooth_factor > largest_smooth_factor) return {accurate_kappa0};
+  const double factor = best->factor();
   level.shift = best->shift;
-  level.coarsest_sweeps = std::max(fewest_coarsest_sweeps, 1 + sweeps_before(best->factor, wanted_factor, 2));
-  level.sweeps = finest ? sweeps_before(best->factor, wanted_factor, 2) : sweeps_before(best->factor, wanted_below, 1);
-  return best->factor < smoothing_factor ? marched_kappa0 : 0;
+  level.coarsest_sweeps = std::max(fewest_coarsest_sweeps, 1 + sweeps_before(factor, wanted_factor, 2));
+  level.first_visits = best->smooth_factor < easily_solved ? 2 : 3;
+  level.sweeps =
+      finer_grids < finest_grids ? sweeps_before(factor, wanted_factor, 2) : sweeps_before(factor, wanted_below, 1);
+  if (finer_grids == 0) level.sweeps = std::max(level.sweeps, 2);
+  const auto useful =
+      std::count_if(best->unseen.begin(), best->unseen.end(), [](double f) { return f <= far_smoothed; });
+  const std::size_t octaves = std::max<std::size_t>(1, std::size_t(useful));
+  level.unseen = best->unseen[octaves - 1];
+  return {factor < smoothing_factor ? marched_kappa0 : 0, Index(1) << octaves};
 }
 
 void prepare_march(const DiscreteProblem& p, const Options& options, TimeLevel& level) {
@@ -238,24 +262,33 @@ ModalRecurrence coarsen(const ModalRecurrence& fine) {
 
 namespace {
 
-// Weights of all grids there may be, with how they smooth.
+// Weights of all grids there may be, with how they smooth and which they ask.
 TimeLevels choose_grids(const DiscreteProblem& p, const Source& source) {
   TimeLevels levels;
   const Index fewest = p.backend.device().memory > 0 ? fewest_steps_on_device : fewest_steps;
-  double largest_kappa0 = marched_kappa0;
-  for (Index steps = p.J;; steps /= 2) {
+  std::vector<Index> farthest;  // steps of the coarsest grid that each may ask
+  Coarsening allowed{marched_kappa0};
+  for (Index steps = p.J;;) {
     auto level = std::make_unique<TimeLevel>();
     level->steps = steps;
-    level->weights = source.weights(steps, levels.size() > 0 ? &levels.grids.back()->weights : nullptr);
+    level->weights = source.weights(steps, levels.size() > 0 ? levels.grids.back().get() : nullptr);
     const double kappa0 = instant_contraction(p.scene.M, p.lcp_class, first_row_sums(level->weights));
-    if (!(kappa0 < largest_kappa0)) break;
-    largest_kappa0 = choose_sweeps(p, *level, levels.size() < finest_grids);
+    if (!(kappa0 < allowed.kappa0)) break;
+    allowed = choose_sweeps(p, *level, kappa0, levels.size());
     const bool swept = level->sweeps > 0;
     levels.grids.push_back(std::move(level));
+    farthest.push_back(steps / allowed.ratio);
     const Index enough = swept && levels.size() >= 3 ? enough_steps : fewest;
+    const Index last = levels.size() < 3 ? steps / 2 : std::max(enough, farthest.back());
     if (steps % 2 != 0 || steps / 2 < enough) break;
+    do steps /= 2;
+    while (steps % 2 == 0 && steps / 2 >= last);
   }
   if (levels.size() == 1 && p.J > most_marched) levels.grids.clear();
+  for (std::size_t l = 0; l + 1 < levels.size(); ++l) {
+    levels[l].coarse = l + 1;
+    for (std::size_t c = l + 2; c < levels.size() && levels[c].steps >= farthest[l]; ++c) levels[l].coarse = c;
+  }
   return levels;
 }
 

@@ -1,7 +1,8 @@
 #pragma once
-// The time grids of a multigrid method: J, J/2, J/4, ... steps.
+// The time grids of a multigrid method: J, J/2, J/4 steps, from which its errors are estimated, and then as many as are
+// of use: where sweeps smooth well, the next grid may have far fewer steps than half.
 //
-// What is piecewise linear on a coarse grid is so on the finer one too: with I the interpolation,
+// What is piecewise linear on a coarse grid is so on the finer one too: with I the interpolation and half the steps,
 // (K_c y)_i = (K I y)_{2i}, or for tabulated weights
 //
 //     W^c_0 = W_0 + W_1/2,   W^c_d = W_{2d-1}/2 + W_{2d} + W_{2d+1}/2,   S^c_d = S_{2d} + W_{2d-1}/2      (d >= 1).
@@ -35,6 +36,9 @@ struct TimeLevel {
   double shift = 0;
   int sweeps = 0;                ///< before a coarser grid is asked; one follows. On the coarsest: all of a visit
   int coarsest_sweeps = 0;       ///< of a visit, were this grid the coarsest
+  int first_visits = 0;          ///< to it before anything else, were it the coarsest
+  std::size_t coarse = 0;        ///< the grid that a cycle on this one asks
+  double unseen = 0;             ///< what a sweep multiplies the part of an error by that the grid `coarse` cannot see
   std::unique_ptr<March> march;  ///< of the coarsest grid only, in place of sweeps
 
   std::size_t bytes() const;
@@ -53,6 +57,8 @@ struct TimeLevels {
 
 /// A coarser grid needs `fewest_steps`, and kappa_0 (core/forecast.hpp) below 0.1; or below 1 where the symbol of a
 /// sweep (core/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.8 at the high ones. M + W_0 is P there.
+/// A cycle asks the coarsest one for which a sweep multiplies what that cannot see by `far_smoothed` at most, or the
+/// next one.
 /// None where that leaves but the finest, and it is too long to be marched in every cycle. The problem has to outlive
 /// them. The coarsest grid is swept where the symbol is known, and marched otherwise. r holds the response on each
 /// grid (sparse dynamics: its values on the finest), y is zero. `kernel` is that of sparse dynamics, otherwise null.
@@ -62,6 +68,7 @@ inline constexpr Index fewest_steps = 16;            ///< of a grid but the fine
 inline constexpr Index fewest_steps_on_device = 48;  ///< small grids cost a device as much as large ones
 inline constexpr Index enough_steps = 96;            ///< of the coarsest of three grids or more, where it is swept
 inline constexpr Index most_marched = 64;            ///< of a finest grid that is the only one
+inline constexpr double far_smoothed = 0.15;         ///< TimeLevel::unseen of a cycle that leaves out grids
 
 /// The weights of the grid with half the steps.
 LagTable coarsen(const LagTable&);

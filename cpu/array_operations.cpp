@@ -23,28 +23,28 @@ void inject(const RowMatrix& fine, RowMatrix& coarse, int threads) {
 }
 
 void interpolate(const RowMatrix& coarse, const RowMatrix* old, RowMatrix& fine, int threads) {
-  const Index last = coarse.rows() - 1;
+  const Index last = coarse.rows() - 1, ratio = (fine.rows() - 1) / last;
 #pragma omp parallel for num_threads(threads) schedule(static) if (fine.size() > parallel_size)
-  for (Index i = 0; i <= last; ++i) {
-    if (old)
-      fine.row(2 * i) += coarse.row(i) - old->row(i);
-    else
-      fine.row(2 * i) += coarse.row(i);
-    if (i == last) continue;
-    if (old)
-      fine.row(2 * i + 1) += 0.5 * (coarse.row(i) - old->row(i) + coarse.row(i + 1) - old->row(i + 1));
-    else
-      fine.row(2 * i + 1) += 0.5 * (coarse.row(i) + coarse.row(i + 1));
-  }
+  for (Index i = 0; i <= last; ++i)
+    for (Index k = 0; k < (i == last ? 1 : ratio); ++k) {
+      const double right = double(k) / double(ratio), left = 1 - right;
+      auto row = fine.row(ratio * i + k);
+      row += left * coarse.row(i);
+      if (k > 0) row += right * coarse.row(i + 1);
+      if (!old) continue;
+      row -= left * old->row(i);
+      if (k > 0) row -= right * old->row(i + 1);
+    }
 }
 
 void restrict_problem(const RowMatrix& r, const RowMatrix& v, const RowMatrix& y, const RowMatrix& coarse_v,
                       RowMatrix& coarse_r, RowMatrix& coarse_y, RowMatrix& old, int threads) {
+  const Index rows = coarse_y.rows(), ratio = (y.rows() - 1) / (rows - 1);
 #pragma omp parallel for num_threads(threads) schedule(static) if (coarse_y.size() > parallel_size)
-  for (Index i = 0; i < coarse_y.rows(); ++i) {
-    coarse_r.row(i) = r.row(2 * i) + v.row(2 * i) - coarse_v.row(i);
-    coarse_y.row(i) = y.row(2 * i);
-    old.row(i) = y.row(2 * i);
+  for (Index i = 0; i < rows; ++i) {
+    coarse_r.row(i) = r.row(ratio * i) + v.row(ratio * i) - coarse_v.row(i);
+    coarse_y.row(i) = y.row(ratio * i);
+    old.row(i) = y.row(ratio * i);
   }
 }
 

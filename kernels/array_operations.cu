@@ -2,6 +2,7 @@
 // a thread per number where nothing else is said.
 // Rows keep their stride; what lies between them stays zero.
 
+#include "kernels/launch.cuh"
 #include "kernels/lcp_batch.hpp"
 #include "kernels/lcp_outcome.cuh"
 #include "kernels/parts.hpp"
@@ -23,38 +24,49 @@ __device__ long first_value() { return blockIdx.x * long(blockDim.x) + threadIdx
 __device__ long all_threads() { return gridDim.x * long(blockDim.x); }
 
 __global__ void take_rows(const double* fine, long ratio, long step, long values, double* coarse) {
+  let_next_begin();
+  await_previous();
   for (long i = first_value(); i < values; i += all_threads()) {
     const long row = i / step, column = i - row * step;
     coarse[i] = fine[row * ratio * step + column];
   }
 }
 
-// A thread per number of the fine array: row j lies between the rows j/2 and (j+1)/2 of the coarse one.
-__global__ void add_interpolation(const double* coarse, const double* old, long step, long values, double* fine) {
+// A thread per number of the fine array: row j = R i + k lies between the rows i and i + 1 of the coarse one.
+__global__ void add_interpolation(const double* coarse, const double* old, long ratio, long step, long values,
+                                  double* fine) {
+  let_next_begin();
+  await_previous();
   for (long i = first_value(); i < values; i += all_threads()) {
-    const long row = i / step, column = i - row * step;
-    const long left = (row / 2) * step + column, right = ((row + 1) / 2) * step + column;
+    const long row = i / step, column = i - row * step, above = row / ratio, between = row - above * ratio;
+    const long left = above * step + column, right = between > 0 ? left + step : left;
     const double at_left = coarse[left] - (old ? old[left] : 0);
     const double at_right = coarse[right] - (old ? old[right] : 0);
-    fine[i] += 0.5 * (at_left + at_right);
+    fine[i] += at_left + double(between) / double(ratio) * (at_right - at_left);
   }
 }
 
-__global__ void pose(const double* r, const double* v, const double* y, const double* coarse_v, long step, long values,
-                     double* coarse_r, double* coarse_y, double* old) {
+__global__ void pose(const double* r, const double* v, const double* y, const double* coarse_v, long ratio, long step,
+                     long values, double* coarse_r, double* coarse_y, double* old) {
+  let_next_begin();
+  await_previous();
   for (long i = first_value(); i < values; i += all_threads()) {
-    const long fine = i + i / step * step;
+    const long fine = i + i / step * (ratio - 1) * step;
     coarse_r[i] = r[fine] + v[fine] - coarse_v[i];
     coarse_y[i] = old[i] = y[fine];
   }
 }
 
 __global__ void add_multiple(const double* b, double s, const double* c, long values, double* a) {
+  let_next_begin();
+  await_previous();
   for (long i = first_value(); i < values; i += all_threads()) a[i] = b[i] + s * c[i];
 }
 
 // A warp per row; the largest of all rows goes to `out`, a NaN as one.
 __global__ void differences(const double* a, const double* b, int rows, int cols, int step, double* out) {
+  let_next_begin();
+  await_previous();
   const int row = int(blockIdx.x) * int(blockDim.y) + int(threadIdx.y);
   if (row >= rows) return;  // the same for all lanes of the warp
   const double* const p = a + long(row) * step;
@@ -104,36 +116,34 @@ __global__ void find_alternation(const double* y, int rows, int cols, int step, 
 }
 
 Index values_of(const Array& array) { return array.rows() * stride(array.cols()); }
+Index ratio(const Array& fine, const Array& coarse) { return (fine.rows() - 1) / (coarse.rows() - 1); }
 
 }  // namespace
 
 void inject(const Device& device, const Array& fine, Array& coarse) {
-  const Index ratio = (fine.rows() - 1) / (coarse.rows() - 1), size = values_of(coarse);
-  take_rows<<<blocks(size), threads, 0, device.stream()>>>(values(fine), ratio, stride(coarse.cols()), size,
-                                                           values(coarse));
-  check(cudaGetLastError(), "starting an injection");
+  const Index size = values_of(coarse);
+  follow(device, take_rows, {blocks(size), threads}, "starting an injection", values(fine), ratio(fine, coarse),
+         stride(coarse.cols()), size, values(coarse));
 }
 
 void interpolate(const Device& device, const Array& coarse, const Array* old, Array& fine) {
   const Index size = values_of(fine);
-  add_interpolation<<<blocks(size), threads, 0, device.stream()>>>(values(coarse), old ? values(*old) : nullptr,
-                                                                   stride(fine.cols()), size, values(fine));
-  check(cudaGetLastError(), "starting an interpolation");
+  follow(device, add_interpolation, {blocks(size), threads}, "starting an interpolation", values(coarse),
+         old ? values(*old) : nullptr, ratio(fine, coarse), stride(fine.cols()), size, values(fine));
 }
 
 void restrict_problem(const Device& device, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                       Array& coarse_r, Array& coarse_y, Array& old) {
   const Index size = values_of(coarse_y);
-  pose<<<blocks(size), threads, 0, device.stream()>>>(values(r), values(v), values(y), values(coarse_v),
-                                                      stride(coarse_y.cols()), size, values(coarse_r), values(coarse_y),
-                                                      values(old));
-  check(cudaGetLastError(), "posing a coarse problem");
+  follow(device, pose, {blocks(size), threads}, "posing a coarse problem", values(r), values(v), values(y),
+         values(coarse_v), ratio(y, coarse_y), stride(coarse_y.cols()), size, values(coarse_r), values(coarse_y),
+         values(old));
 }
 
 void add(const Device& device, const Array& b, double s, const Array& c, Array& a) {
   const Index size = values_of(a);
-  add_multiple<<<blocks(size), threads, 0, device.stream()>>>(values(b), s, values(c), size, values(a));
-  check(cudaGetLastError(), "starting a sum of arrays");
+  follow(device, add_multiple, {blocks(size), threads}, "starting a sum of arrays", values(b), s, values(c), size,
+         values(a));
 }
 
 namespace {
@@ -148,9 +158,8 @@ class QueuedDifferences final : public Differences {
   void start(std::size_t slot, const Array& a, const Array& b) override {
     double* const out = found_.data() + slot;
     check(cudaMemsetAsync(out, 0, sizeof(double), device_.stream()), "starting a difference of arrays");
-    differences<<<unsigned((a.rows() + 7) / 8), dim3(32, 8), 0, device_.stream()>>>(
-        values(a), values(b), int(a.rows()), int(a.cols()), int(stride(a.cols())), out);
-    check(cudaGetLastError(), "starting a difference of arrays");
+    follow(device_, differences, {unsigned((a.rows() + 7) / 8), dim3(32, 8)}, "starting a difference of arrays",
+           values(a), values(b), int(a.rows()), int(a.cols()), int(stride(a.cols())), out);
     fresh_ = true;
   }
 

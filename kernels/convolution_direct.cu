@@ -8,6 +8,7 @@
 // Sums run over whole batches of rows, later ones with weights of 0: an infinite value of y makes up to 14 rows before
 // it NaN.
 
+#include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
 
 #include <cuda_pipeline_primitives.h>
@@ -151,15 +152,16 @@ struct Near {
     const int count = y_rows(s.length, s.block_rows()), lags = lag_rows(s.length);
     double *const values = shared + s.lane, *const weights = values + count * lanes;
     const double* const column = y + (s.given ? s.l : 0);
+    for (int i = s.warp; i < lags; i += warps)
+      __pipeline_memcpy_async(weights + i * lanes, s.weights.W + long(i - lag_before) * s.weights.stride + s.l,
+                              sizeof(double));
+    await_previous();
     for (int i = s.warp; i < count; i += warps) {
       const int row = block_oldest + i;
       const bool there = row >= 1 && row < s.rows;
       __pipeline_memcpy_async(values + i * lanes, column + long(there ? row : 0) * s.step, sizeof(double),
                               there ? 0 : sizeof(double));
     }
-    for (int i = s.warp; i < lags; i += warps)
-      __pipeline_memcpy_async(weights + i * lanes, s.weights.W + long(i - lag_before) * s.weights.stride + s.l,
-                              sizeof(double));
     __pipeline_commit();
     __pipeline_wait_prior(0);
     __syncthreads();
@@ -184,6 +186,7 @@ struct Far {
   static constexpr std::size_t bytes = sizeof(double) * 2 * batch * stages * threads;
 
   __device__ static void convolve(const Share& s, double* shared, const double* y, double* v) {
+    await_previous();
     const int oldest = max(1, s.j - s.length), portion = s.portion(oldest);
     const int from = oldest + s.part * portion, batches = s.batches(from, portion);
     const double* const column = y + (s.given ? s.l : 0);
@@ -222,12 +225,12 @@ struct Far {
 
 // The blocks of the modes that remember most come first, and of them those of the latest rows.
 __global__ void __launch_bounds__(lanes* warps, 3)
-    convolve(Weights weights, Lengths lengths, int step, int begin, int rows, const double* __restrict__ y,
-             double* __restrict__ v) {
+    convolve(Weights weights, Lengths lengths, int step, int begin, int rows, const double* y, double* v) {
   extern __shared__ double shared[];
+  let_next_begin();
   const int length = lengths.of[min(int(blockIdx.y), most_groups - 1)], parts = lengths.parts(length);
   const int first = begin + int(gridDim.x - 1 - blockIdx.x) * (warps / parts) * own;
-  if (first >= rows) return;
+  if (first >= rows) return await_previous();
   const Share share{weights, length, parts, step, first, rows};
   if (length <= lengths.near)
     Near::convolve(share, shared, y, v);
@@ -239,7 +242,8 @@ class DirectConvolution final : public Convolution {
  public:
   DirectConvolution(const Device& device, cudaStream_t stream, const ModalRecurrence& r,
                     const std::vector<Index>& lengths, Index begin, Index rows)
-      : stream_(stream),
+      : device_(device),
+        stream_(stream),
         first_(begin),
         total_(r.modes()),
         n_(total_ - begin),
@@ -258,6 +262,7 @@ class DirectConvolution final : public Convolution {
     form_weights<<<blocks, 128, 0, device.stream()>>>(e, lengths_.longest + 1, int(stride_),
                                                       W_.data() + before * stride_, S_.data());
     check(cudaGetLastError(), "forming weights");
+    device.wait();  // before any kernel reads them ahead of what is before it
     check(cudaFuncSetAttribute(convolve, cudaFuncAttributeMaxDynamicSharedMemorySize,
                                int(std::max(Near::bytes(lengths_.near, 1), Far::bytes))),
           "reserving shared memory");
@@ -302,11 +307,16 @@ class DirectConvolution final : public Convolution {
     const int along = warps / lengths_.parts(lengths_.longest);  // tiles of a block, at the fewest
     const dim3 blocks(unsigned((tiles + along - 1) / along), unsigned(stride_ / lanes));
     const Weights weights{W_.data() + before * stride_, S_.data(), int(n_), int(stride_)};
-    convolve<<<blocks, dim3(lanes, warps), shared_bytes(), stream_>>>(weights, lengths_, int(stride(total_)), begin,
-                                                                      rows, y, v);
+    const dim3 threads(lanes, warps);
+    const int step = int(stride(total_));
+    if (stream_ == device_.stream())
+      return follow(device_, convolve, {blocks, threads, shared_bytes()}, "starting a convolution", weights, lengths_,
+                    step, begin, rows, y, v);
+    convolve<<<blocks, threads, shared_bytes(), stream_>>>(weights, lengths_, step, begin, rows, y, v);
     check(cudaGetLastError(), "starting a convolution");
   }
 
+  const Device& device_;
   cudaStream_t stream_;
   Index first_, total_, n_, stride_, rows_;  ///< modes first_ .. total_ - 1 are taken
   Lengths lengths_;

@@ -21,6 +21,7 @@ class DividedConvolution final : public Convolution {
   DividedConvolution(const Device& device, const ModalRecurrence& r, const std::vector<Index>& lengths, Index scanned,
                      Index rows)
       : device_(device),
+        beside_(device),
         scan_(make_modal_scan(device, r, scanned, rows)),
         direct_(make_direct_convolution(device, beside_.stream, r, lengths, scanned, rows)) {}
 
@@ -34,17 +35,9 @@ class DividedConvolution final : public Convolution {
 
  private:
   /// A stream that begins behind another one and ends before what that one does next.
-  struct Beside {
-    Beside() {
-      check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), "making a stream");
-      for (cudaEvent_t* event : {&begun, &ended})
-        check(cudaEventCreateWithFlags(event, cudaEventDisableTiming), "making an event");
-    }
-    ~Beside() {
-      cudaEventDestroy(begun);
-      cudaEventDestroy(ended);
-      cudaStreamDestroy(stream);
-    }
+  struct Beside : SideStream {
+    explicit Beside(const Device& device) : SideStream(device.side_streams().take()), device(device) {}
+    ~Beside() { device.side_streams().give_back(*this); }
     Beside(const Beside&) = delete;
     Beside& operator=(const Beside&) = delete;
 
@@ -55,8 +48,7 @@ class DividedConvolution final : public Convolution {
       check(cudaStreamWaitEvent(after, event, 0), "ordering convolutions");
     }
 
-    cudaStream_t stream = nullptr;
-    cudaEvent_t begun = nullptr, ended = nullptr;
+    const Device& device;
   };
 
   const Device& device_;

@@ -6,6 +6,7 @@
 // Warps work alone, each on 32 neighbouring modes and a chunk, a tile of rows of y in registers at a time. What is
 // accumulated is shared out once more, `group` exponentials a warp. Three multiply-adds a value and exponential.
 
+#include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
 
 #include <cuda_pipeline_primitives.h>
@@ -27,6 +28,7 @@ constexpr Index few_chunks = 64;                ///< where the warps of a block 
 constexpr Index few_blocks = 2;                 ///< of a multiprocessor, up to which they do
 constexpr int segments = 8, of_segment = 16;    ///< warps that carry, and chunks of each
 constexpr Index most_chunks = segments * of_segment;
+constexpr const char* starting = "starting the scan";
 
 /// K x n tables with the mode index contiguous, K a multiple of `group`, n of `lanes`.
 struct Tables {
@@ -48,19 +50,20 @@ __device__ void read_tile(const double* column, int step, int j, int rows, doubl
 }
 
 // z of one chunk from zero, into added[c]. Chunks that are followed by another one are full.
-__global__ void __launch_bounds__(lanes* most_groups)
-    accumulate(Tables m, Span span, const double* __restrict__ y, double* __restrict__ added) {
+__global__ void __launch_bounds__(lanes* most_groups) accumulate(Tables m, Span span, const double* y, double* added) {
+  let_next_begin();
   const int l = int(blockIdx.x) * lanes + int(threadIdx.x), c = span.from + int(blockIdx.y);
   const int k0 = int(blockIdx.z * blockDim.y + threadIdx.y) * group;
-  if (k0 >= m.exponentials) return;
   const double* const column = y + min(l, m.modes - 1);
   const int begin = span.begin(c), end = span.end(c);
   double E[group], z[group], u[tile], next[tile];
 #pragma unroll
   for (int g = 0; g < group; ++g) {
-    E[g] = __ldg(m.decay + (k0 + g) * m.stride + l);
+    E[g] = k0 < m.exponentials ? __ldg(m.decay + (k0 + g) * m.stride + l) : 0;
     z[g] = 0;
   }
+  await_previous();
+  if (k0 >= m.exponentials) return;
   read_tile(column, m.step, begin, span.rows, next);
   for (int j = begin; j < end; j += tile) {
 #pragma unroll
@@ -78,14 +81,15 @@ __global__ void __launch_bounds__(lanes* most_groups)
 // A segment of chunks a warp: what it adds to z at its end, then, with what the segments before it add, z at all
 // chunks.
 __global__ void __launch_bounds__(lanes* segments)
-    carry(Tables m, Span span, const double* __restrict__ y, const double* __restrict__ added,
-          double* __restrict__ states) {
+    carry(Tables m, Span span, const double* y, const double* added, double* states) {
   __shared__ double ends[segments][lanes];
+  let_next_begin();
   const int lane = int(threadIdx.x), segment = int(threadIdx.y), l = int(blockIdx.x) * lanes + lane,
             k = int(blockIdx.y);
   const long at = long(k) * m.stride + l, step = long(m.exponentials) * m.stride;
   const int length = (span.chunks - span.from + segments - 1) / segments, first = span.from + segment * length;
-  const double power = m.power[at];
+  const double power = __ldg(m.power + at), start = __ldg(m.start + at), initial = __ldg(m.initial + at);
+  await_previous();
   double z = 0, over = 1, of_chunk[of_segment];
 #pragma unroll
   for (int i = 0; i < of_segment; ++i)
@@ -94,7 +98,7 @@ __global__ void __launch_bounds__(lanes* segments)
   for (int i = 0; i < of_segment; ++i)
     if (i < length) z = power * z + of_chunk[i], over *= power;
   ends[segment][lane] = z;
-  z = span.from > 0 ? states[span.from * step + at] : m.start[at] * y[min(l, m.modes - 1)] + m.initial[at];
+  z = span.from > 0 ? states[span.from * step + at] : start * y[min(l, m.modes - 1)] + initial;
   if (span.from == 0 && segment == 0) states[at] = z;
   __syncthreads();
   for (int s = 0; s < segment; ++s) z = over * z + ends[s][lane];
@@ -126,30 +130,29 @@ struct Slab {
 // common and take its exponentials in turn: 1, or all warps of a block.
 template <int share>
 __global__ void __launch_bounds__(lanes* warps_together)
-    apply_chunks(Tables m, Span span, int slab, const double* __restrict__ y, const double* __restrict__ states,
-                 double* __restrict__ v) {
+    apply_chunks(Tables m, Span span, int slab, const double* y, const double* states, double* v) {
   static_assert(share == 1 || share == warps_together);
   extern __shared__ double shared[];
+  let_next_begin();
   const int warp = int(threadIdx.y), part = warp % share, l = int(blockIdx.x) * lanes + int(threadIdx.x);
   const int c = span.from + int(blockIdx.y) * Slab<share>::chunks + warp / share;
   const int first = slab * slab_size, count = min(slab_size, m.exponentials - first);
   const Slab<share> own(shared, count, warp / share);
   const long at = long(first) * m.stride + l, of_chunk = long(c) * m.exponentials * m.stride + at;
-  for (int k = 0; k < count; ++k) {
-    if (k % warps_together == warp) {
-      __pipeline_memcpy_async(own.decay + k * lanes, m.decay + at + k * m.stride, 8);
-      __pipeline_memcpy_async(own.output + k * lanes, m.output + at + k * m.stride, 8);
-    }
-    if (c < span.chunks && k % share == part)
-      __pipeline_memcpy_async(own.states + k * lanes, states + of_chunk + k * m.stride, 8);
+  for (int k = warp; k < count; k += warps_together) {
+    __pipeline_memcpy_async(own.decay + k * lanes, m.decay + at + k * m.stride, 8);
+    __pipeline_memcpy_async(own.output + k * lanes, m.output + at + k * m.stride, 8);
   }
-  __pipeline_commit();
   const bool given = l < m.modes;
+  const double w0 = given ? __ldg(m.w0 + l) : 0, w1 = given ? __ldg(m.w1 + l) : 0, s1 = given ? __ldg(m.s1 + l) : 0;
+  await_previous();
+  for (int k = part; c < span.chunks && k < count; k += share)
+    __pipeline_memcpy_async(own.states + k * lanes, states + of_chunk + k * m.stride, 8);
+  __pipeline_commit();
   const double* const column = y + (given ? l : 0);
   double* const out = v + (given ? l : 0);
   const int begin = span.begin(c), end = c < span.chunks ? span.end(c) : begin;
   if (c == 0 && slab == 0 && part == 0 && given) out[0] = 0;
-  const double w0 = given ? m.w0[l] : 0, w1 = given ? m.w1[l] : 0, s1 = given ? m.s1[l] : 0;
   double before = column[long(min(begin, span.rows) - 1) * m.step];
   double u[tile];
   read_tile(column, m.step, begin, span.rows, u);
@@ -238,9 +241,9 @@ class ModalScan final : public Convolution {
   }
 
   void apply(const Array& y, Array& v, Index first) override {
-    const cudaStream_t stream = device_.stream();
     const Index from = std::max<Index>(first - 1, 0) / length_;
-    if (rows_ < 2) check(cudaMemsetAsync(values(v), 0, sizeof(double) * std::size_t(n_), stream), "clearing a row");
+    if (rows_ < 2)
+      check(cudaMemsetAsync(values(v), 0, sizeof(double) * std::size_t(n_), device_.stream()), "clearing a row");
     if (rows_ < 2 || from >= chunks_) return;
     const Tables m{decay_.data(), power_.data(), output_.data(), start_.data(), initial_.data(), w0_.data(),
                    w1_.data(),    s1_.data(),    int(K_),        int(n_),       int(stride_),    int(stride(total_))};
@@ -249,12 +252,12 @@ class ModalScan final : public Convolution {
     const unsigned groups = unsigned(std::min<Index>(K_ / group, most_groups)),
                    slabs = unsigned(rounded_up(K_, slab_size) / slab_size);
     if (along > 1)
-      accumulate<<<dim3(across, along - 1, slabs), dim3(lanes, groups), 0, stream>>>(m, span, values(y), added_.data());
-    carry<<<dim3(across, unsigned(K_)), dim3(lanes, segments), 0, stream>>>(m, span, values(y), added_.data(),
-                                                                            states_.data());
+      follow(device_, accumulate, {dim3(across, along - 1, slabs), dim3(lanes, groups)}, starting, m, span, values(y),
+             added_.data());
+    follow(device_, carry, {dim3(across, unsigned(K_)), dim3(lanes, segments)}, starting, m, span, values(y),
+           added_.data(), states_.data());
     for (unsigned slab = 0; slab < slabs; ++slab)
       shared_ ? start<warps_together>(m, span, slab, y, v) : start<1>(m, span, slab, y, v);
-    check(cudaGetLastError(), "starting the scan");
   }
 
   std::size_t bytes() const override { return 5 * decay_.bytes() + 3 * w0_.bytes() + states_.bytes() + added_.bytes(); }
@@ -270,11 +273,10 @@ class ModalScan final : public Convolution {
   template <int share>
   void start(const Tables& m, const Span& span, unsigned slab, const Array& y, Array& v) const {
     const Index along = span.chunks - span.from, chunks = Slab<share>::chunks;
-    const dim3 blocks(unsigned(stride_ / lanes), unsigned((along + chunks - 1) / chunks)),
-        threads(lanes, warps_together);
+    const dim3 blocks(unsigned(stride_ / lanes), unsigned((along + chunks - 1) / chunks));
     const std::size_t bytes = Slab<share>::bytes(std::min<Index>(K_ - slab * slab_size, slab_size));
-    apply_chunks<share>
-        <<<blocks, threads, bytes, device_.stream()>>>(m, span, int(slab), values(y), states_.data(), values(v));
+    follow(device_, apply_chunks<share>, {blocks, dim3(lanes, warps_together), bytes}, starting, m, span, int(slab),
+           values(y), states_.data(), values(v));
   }
 
   // As many warps as hide what they wait for; carrying is cheap where chunks are few.

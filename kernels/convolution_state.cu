@@ -1,6 +1,7 @@
 // Causal convolution along time with the state of the scene itself as z (core/recurrence.hpp), in chunks of time as in
 // convolution_scan.cu; a block per chunk, matrices with columns contiguous.
 
+#include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
 
 #include <algorithm>
@@ -50,6 +51,8 @@ __device__ void step_chunk(const Stepped& s, double* z, double* next, const doub
 
 __global__ void accumulate_dense(Stepped s, Span span, const double* y, double* added) {
   extern __shared__ double shared[];
+  let_next_begin();
+  await_previous();
   const int c = span.from + blockIdx.x, begin = 1 + c * span.length;
   for (int i = threadIdx.x; i < s.m; i += blockDim.x) shared[i] = 0;
   __syncthreads();
@@ -59,6 +62,8 @@ __global__ void accumulate_dense(Stepped s, Span span, const double* y, double* 
 
 __global__ void carry_dense(Span span, int m, int k, const double* power, const double* start, const double* y,
                             const double* added, double* states) {
+  let_next_begin();
+  await_previous();
   if (span.from == 0)
     for (int i = threadIdx.x; i < m; i += blockDim.x) {
       double sum = 0;
@@ -77,6 +82,8 @@ __global__ void carry_dense(Span span, int m, int k, const double* power, const 
 
 __global__ void apply_dense(Stepped s, Span span, const double* y, const double* states, double* v) {
   extern __shared__ double shared[];
+  let_next_begin();
+  await_previous();
   const int c = span.from + blockIdx.x, begin = 1 + c * span.length;
   for (int i = threadIdx.x; i < s.m; i += blockDim.x) shared[i] = states[long(c) * s.m + i];
   __syncthreads();
@@ -114,8 +121,8 @@ class DenseScan final : public Convolution {
   }
 
   void apply(const Array& y, Array& v, Index first) override {
-    const cudaStream_t stream = device_.stream();
-    if (first == 0) check(cudaMemsetAsync(values(v), 0, sizeof(double) * std::size_t(n_), stream), "clearing a row");
+    if (first == 0)
+      check(cudaMemsetAsync(values(v), 0, sizeof(double) * std::size_t(n_), device_.stream()), "clearing a row");
     const Index from = std::max<Index>(first - 1, 0) / length_;
     if (rows_ < 2 || from >= chunks_) return;
     const Stepped s{decay_.data(), input_.data(), output_.data(),  w0_.data(),     int(m_),
@@ -123,12 +130,14 @@ class DenseScan final : public Convolution {
     const Span span{int(from), int(chunks_), int(length_), int(rows_)};
     const unsigned threads = unsigned(std::clamp<Index>((std::max(m_, n_) + 31) / 32 * 32, 32, 256));
     const std::size_t shared = 2 * sizeof(double) * std::size_t(m_);
+    const char* const what = "starting the scan";
     if (chunks_ - from > 1)
-      accumulate_dense<<<unsigned(chunks_ - from - 1), threads, shared, stream>>>(s, span, values(y), added_.data());
-    carry_dense<<<1, 256, 0, stream>>>(span, int(m_), int(k_), power_.data(), start_.data(), values(y), added_.data(),
-                                       states_.data());
-    apply_dense<<<unsigned(chunks_ - from), threads, shared, stream>>>(s, span, values(y), states_.data(), values(v));
-    check(cudaGetLastError(), "starting the scan");
+      follow(device_, accumulate_dense, {unsigned(chunks_ - from - 1), threads, shared}, what, s, span, values(y),
+             added_.data());
+    follow(device_, carry_dense, {1, 256}, what, span, int(m_), int(k_), power_.data(), start_.data(), values(y),
+           added_.data(), states_.data());
+    follow(device_, apply_dense, {unsigned(chunks_ - from), threads, shared}, what, s, span, values(y), states_.data(),
+           values(v));
   }
 
   std::size_t bytes() const override {

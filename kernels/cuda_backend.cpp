@@ -16,8 +16,9 @@ namespace bromwich {
 
 namespace {
 
-// What the driver has free, and what the pool keeps of what was freed. Never 0, which would mean no memory of its own.
-double free_memory() {
+// What the driver has free, and what the pool and the device keep of what was freed. Never 0, which would mean no
+// memory of its own.
+double free_memory(const cuda::Device& device) {
   std::size_t free = 0, total = 0;
   std::uint64_t reserved = 0, used = 0;
   int number = 0;
@@ -27,7 +28,7 @@ double free_memory() {
   cuda::check(cudaDeviceGetDefaultMemPool(&pool, number), "asking for the memory pool");
   cuda::check(cudaMemPoolGetAttribute(pool, cudaMemPoolAttrReservedMemCurrent, &reserved), "asking the memory pool");
   cuda::check(cudaMemPoolGetAttribute(pool, cudaMemPoolAttrUsedMemCurrent, &used), "asking the memory pool");
-  return std::max(1.0, double(free) + double(reserved) - double(used));
+  return std::max(1.0, double(free) + double(reserved) - double(used) + double(device.blocks().kept()));
 }
 
 class CudaBackend final : public Backend {
@@ -36,7 +37,7 @@ class CudaBackend final : public Backend {
       : host_(std::move(host)), device_(number), name_(std::move(name)) {}
 
   std::string name() const override { return "cuda"; }
-  DeviceInfo device() const override { return {name_, host_->device().threads, "cuBLAS, cuFFT", free_memory()}; }
+  DeviceInfo device() const override { return {name_, host_->device().threads, "cuBLAS, cuFFT", free_memory(device_)}; }
 
   void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const override {
     host_->each_range(count, length, body);

@@ -14,11 +14,13 @@ void check(cudaError_t status, const char* what) {
   throw Error("cuda", std::string(what) + " failed: " + cudaGetErrorString(status), remedy);
 }
 
-Device::Device(int number) : fetchers_(number) {
+Device::Device(int number) : fetcher_(number) {
   check(cudaSetDevice(number), "choosing the device");
   check(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, number), "asking the device");
   check(cudaDeviceGetAttribute(&shared_memory_, cudaDevAttrMaxSharedMemoryPerBlockOptin, number), "asking the device");
+  check(cudaDeviceGetAttribute(&major_, cudaDevAttrComputeCapabilityMajor, number), "asking the device");
   check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
+  blocks_.emplace(stream_);
   // What has been freed stays with the pool, so that no plan waits for the driver twice.
   cudaMemPool_t pool;
   check(cudaDeviceGetDefaultMemPool(&pool, number), "asking for the memory pool");
@@ -26,8 +28,29 @@ Device::Device(int number) : fetchers_(number) {
   check(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &keep), "setting up the memory pool");
 }
 
+// In a recording the edge from one kernel to the next says so. No other node has such edges, and where streams have met
+// and several nodes are before a kernel, all have to end.
+bool Device::may_overlap() const {
+  if (major_ < 9) return false;
+  cudaStreamCaptureStatus status = cudaStreamCaptureStatusNone;
+  const cudaGraphNode_t* before = nullptr;
+  const cudaGraphEdgeData* edges = nullptr;
+  std::size_t count = 0;
+#if CUDART_VERSION >= 13000
+  check(cudaStreamGetCaptureInfo(stream_, &status, nullptr, nullptr, &before, &edges, &count), "recording operations");
+#else
+  check(cudaStreamGetCaptureInfo_v3(stream_, &status, nullptr, nullptr, &before, &edges, &count),
+        "recording operations");
+#endif
+  if (status == cudaStreamCaptureStatusNone) return true;
+  cudaGraphNodeType type = cudaGraphNodeTypeEmpty;
+  if (count == 1) check(cudaGraphNodeGetType(before[0], &type), "recording operations");
+  return type == cudaGraphNodeTypeKernel;
+}
+
 Device::~Device() {
   kept_.clear();
+  blocks_.reset();
   cudaStreamSynchronize(stream_);
   cudaStreamDestroy(stream_);
 }

@@ -4,6 +4,7 @@
 
 #include "core/backend.hpp"
 #include "kernels/host_memory.hpp"
+#include "kernels/recycling.hpp"
 
 #include <cuda_runtime.h>
 
@@ -11,6 +12,7 @@
 #include <map>
 #include <memory>
 #include <new>
+#include <optional>
 #include <typeindex>
 #include <utility>
 
@@ -31,8 +33,14 @@ class Device {
   void wait() const { check(cudaStreamSynchronize(stream_), "waiting for the device"); }
   int multiprocessors() const { return multiprocessors_; }
   std::size_t shared_memory() const { return std::size_t(shared_memory_); }  ///< bytes a block may have
+  /// Whether the kernel that is started next on the stream may begin while the one before ends (kernels/launch.cuh):
+  /// the device knows how to, and a recording has exactly one kernel before it.
+  bool may_overlap() const;
   PinnedSlots& pinned() const { return pinned_; }
-  Fetchers& fetchers() const { return fetchers_; }
+  Fetcher& fetcher() const { return fetcher_; }
+  BlockCache& blocks() const { return *blocks_; }
+  SideStreams& side_streams() const { return side_streams_; }
+  RetiredGraphs& retired_graphs() const { return retired_graphs_; }
 
   /// The T that plans of this device share: the one made last, if `fits` it; otherwise what `make` makes. It stays
   /// until another takes its place.
@@ -45,9 +53,12 @@ class Device {
 
  private:
   cudaStream_t stream_ = nullptr;
-  int multiprocessors_ = 1, shared_memory_ = 0;
+  int multiprocessors_ = 1, shared_memory_ = 0, major_ = 0;
   mutable PinnedSlots pinned_;
-  mutable Fetchers fetchers_;
+  mutable Fetcher fetcher_;
+  mutable std::optional<BlockCache> blocks_;
+  mutable SideStreams side_streams_;
+  mutable RetiredGraphs retired_graphs_;
   mutable std::map<std::type_index, std::shared_ptr<void>> kept_;
 };
 
@@ -73,13 +84,13 @@ class Pinned {
   T* value_;
 };
 
-/// `size` values of T on the device, from the pool; not initialised.
+/// `size` values of T on the device; not initialised.
 template <class T>
 class Memory {
  public:
   Memory() = default;
-  Memory(const Device& device, std::size_t size) : stream_(device.stream()), size_(size) {
-    if (size_ > 0) check(cudaMallocAsync(&data_, bytes(), stream_), "allocating device memory");
+  Memory(const Device& device, std::size_t size) : device_(&device), size_(size) {
+    if (size_ > 0) block_ = device.blocks().take(bytes());
   }
   Memory(Memory&& other) noexcept { swap(other); }
   Memory& operator=(Memory&& other) noexcept {
@@ -87,38 +98,38 @@ class Memory {
     return *this;
   }
   ~Memory() {
-    if (data_) cudaFreeAsync(data_, stream_);
+    if (block_.data) device_->blocks().give_back(block_);
   }
 
-  T* data() { return data_; }
-  const T* data() const { return data_; }
+  T* data() { return static_cast<T*>(block_.data); }
+  const T* data() const { return static_cast<const T*>(block_.data); }
   std::size_t size() const { return size_; }
   std::size_t bytes() const { return size_ * sizeof(T); }
 
   void clear() {
-    if (size_ > 0) check(cudaMemsetAsync(data_, 0, bytes(), stream_), "clearing device memory");
+    if (size_ > 0) check(cudaMemsetAsync(data(), 0, bytes(), device_->stream()), "clearing device memory");
   }
   /// From the host; the source may change once this returns.
   void put(const T* from) {
     if (size_ == 0) return;
-    check(cudaMemcpyAsync(data_, from, bytes(), cudaMemcpyHostToDevice, stream_), "copying to the device");
-    check(cudaStreamSynchronize(stream_), "copying to the device");
+    check(cudaMemcpyAsync(data(), from, bytes(), cudaMemcpyHostToDevice, device_->stream()), "copying to the device");
+    device_->wait();
   }
   void get(T* to) const {
     if (size_ == 0) return;
-    check(cudaMemcpyAsync(to, data_, bytes(), cudaMemcpyDeviceToHost, stream_), "copying from the device");
-    check(cudaStreamSynchronize(stream_), "copying from the device");
+    check(cudaMemcpyAsync(to, data(), bytes(), cudaMemcpyDeviceToHost, device_->stream()), "copying from the device");
+    device_->wait();
   }
 
  private:
   void swap(Memory& other) {
-    std::swap(stream_, other.stream_);
-    std::swap(data_, other.data_);
+    std::swap(device_, other.device_);
+    std::swap(block_, other.block_);
     std::swap(size_, other.size_);
   }
 
-  cudaStream_t stream_ = nullptr;
-  T* data_ = nullptr;
+  const Device* device_ = nullptr;
+  BlockCache::Block block_;
   std::size_t size_ = 0;
 };
 

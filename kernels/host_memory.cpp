@@ -1,6 +1,7 @@
 #include "kernels/host_memory.hpp"
 
 #include "kernels/device.hpp"
+#include "kernels/piece_relay.hpp"
 
 #include <omp.h>
 
@@ -29,90 +30,88 @@ void* PinnedSlots::take() {
 
 namespace {
 
-constexpr std::size_t most_fetchers = 8, buffer_bytes = std::size_t(1) << 19, piece_bytes = buffer_bytes / 2;
-
-std::size_t fetchers() {
-  static const std::size_t count = std::clamp<std::size_t>(std::size_t(omp_get_num_procs()), 1, most_fetchers);
-  return count;
-}
+constexpr std::size_t slots = 8, piece_bytes = std::size_t(1) << 19;
+constexpr std::size_t parts = 4;                           ///< of a piece, each for one thread
+constexpr int most_at_work = 8;                            ///< threads that empty the ring: faster than it fills
+constexpr std::size_t alone_bytes = std::size_t(1) << 19;  ///< what one thread has done before others are awake
 
 }  // namespace
 
+// Teams of one size all over a solve: OpenMP ends threads that a smaller one leaves out, and starts them again.
 void fill(double* to, std::size_t count, double value) {
-  const std::size_t at_work = count * sizeof(double) < buffer_bytes ? 1 : fetchers(), share = count / at_work;
-  const auto work = [&](std::size_t mine) {
-    std::fill(to + mine * share, mine + 1 < at_work ? to + (mine + 1) * share : to + count, value);
-  };
-#pragma omp parallel for schedule(static, 1) num_threads(int(at_work))
-  for (std::size_t mine = 0; mine < at_work; ++mine) work(mine);
+  const std::size_t teams = std::size_t(omp_get_max_threads()), share = (count + teams - 1) / teams;
+#pragma omp parallel for schedule(static, 1) if (count * sizeof(double) > alone_bytes)
+  for (std::size_t mine = 0; mine < teams; ++mine)
+    std::fill(to + std::min(count, mine * share), to + std::min(count, (mine + 1) * share), value);
 }
 
-Fetchers::~Fetchers() {
-  for (const Fetcher& f : fetchers_) {
-    cudaStreamDestroy(f.stream);
-    for (const cudaEvent_t copied : f.copied) cudaEventDestroy(copied);
-    cudaFreeHost(f.buffer);
-  }
+Fetcher::~Fetcher() {
+  if (stream_) cudaStreamDestroy(stream_);
+  for (const cudaEvent_t copied : copied_) cudaEventDestroy(copied);
   if (ready_) cudaEventDestroy(ready_);
+  if (ring_) cudaFreeHost(ring_);
 }
 
-void Fetchers::make() {
+void Fetcher::make() {
+  if (!stream_) check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
   if (!ready_) check(cudaEventCreateWithFlags(&ready_, cudaEventDisableTiming), "making an event");
-  while (fetchers_.size() < fetchers()) {
-    Fetcher f;
-    check(cudaMallocHost(&f.buffer, buffer_bytes), "allocating pinned memory");
-    check(cudaStreamCreateWithFlags(&f.stream, cudaStreamNonBlocking), "making a stream");
-    for (cudaEvent_t& copied : f.copied)
-      check(cudaEventCreateWithFlags(&copied, cudaEventDisableTiming), "making an event");
-    fetchers_.push_back(f);
+  if (!ring_) check(cudaMallocHost(&ring_, slots * piece_bytes), "allocating pinned memory");
+  while (copied_.size() < slots) {
+    cudaEvent_t event = nullptr;
+    check(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "making an event");
+    copied_.push_back(event);
   }
 }
 
-void Fetchers::fetch(const void* from, std::size_t pitch, void* to, std::size_t width, std::size_t rows,
-                     cudaStream_t stream, const std::function<void()>& meanwhile) {
+void Fetcher::fetch(const void* from, std::size_t pitch, void* to, std::size_t width, std::size_t rows,
+                    cudaStream_t stream, const std::function<void()>& meanwhile) {
   const std::size_t together = piece_bytes / pitch;  // rows of a piece
   if (together == 0) {
     check(cudaMemcpy2DAsync(to, width, from, pitch, width, rows, cudaMemcpyDeviceToHost, stream), "copying rows");
     check(cudaStreamSynchronize(stream), "copying rows");
     return meanwhile ? meanwhile() : void();
   }
-  if (fetchers_.size() < fetchers()) make();
+  make();
   check(cudaEventRecord(ready_, stream), "copying rows");
-  const std::size_t pieces = (rows + together - 1) / together, at_work = std::min(pieces, fetchers());
-  std::vector<cudaError_t> errors(at_work, cudaSuccess);
-  const auto work = [&](std::size_t mine) {
-    const Fetcher& f = fetchers_[mine];
-    cudaError_t& error = errors[mine];
-    const auto done = [&error](cudaError_t status) { return (error = status) == cudaSuccess; };
-    if (!done(cudaSetDevice(device_)) || !done(cudaStreamWaitEvent(f.stream, ready_, 0))) return;
-    const auto half = [&](std::size_t turn) { return static_cast<char*>(f.buffer) + turn % 2 * piece_bytes; };
-    const auto count = [&](std::size_t piece) { return std::min(together, rows - piece * together); };
-    const auto start = [&](std::size_t piece, std::size_t turn) {
-      const char* const source = static_cast<const char*>(from) + piece * together * pitch;
-      return done(cudaMemcpyAsync(half(turn), source, count(piece) * pitch, cudaMemcpyDeviceToHost, f.stream)) &&
-             done(cudaEventRecord(f.copied[turn % 2], f.stream));
-    };
-    if (!start(mine, 0)) return;
-    for (std::size_t piece = mine, turn = 0; piece < pieces; piece += at_work, ++turn) {
-      if (piece + at_work < pieces && !start(piece + at_work, turn + 1)) return;
-      if (!done(cudaEventSynchronize(f.copied[turn % 2]))) return;
-      char* const target = static_cast<char*>(to) + piece * together * width;
-      for (std::size_t j = 0; j < count(piece); ++j) std::memcpy(target + j * width, half(turn) + j * pitch, width);
-    }
+  check(cudaStreamWaitEvent(stream_, ready_, 0), "copying rows");
+  const auto slot = [&](std::size_t piece) { return static_cast<char*>(ring_) + piece % slots * piece_bytes; };
+  const auto count = [&](std::size_t piece) { return std::min(together, rows - piece * together); };
+  const auto start = [&](std::size_t piece) {
+    const char* const source = static_cast<const char*>(from) + piece * together * pitch;
+    check(cudaMemcpyAsync(slot(piece), source, count(piece) * pitch, cudaMemcpyDeviceToHost, stream_), "copying rows");
+    check(cudaEventRecord(copied_[piece % slots], stream_), "copying rows");
   };
+  const auto arrived = [&](std::size_t piece) {
+    const cudaError_t status = cudaEventQuery(copied_[piece % slots]);
+    if (status == cudaErrorNotReady) return cudaGetLastError(), false;  // it counts as an error
+    check(status, "copying rows");
+    return true;
+  };
+  const auto take_out = [&](std::size_t piece, std::size_t part) {
+    const std::size_t all = count(piece), first = all * part / parts, last = all * (part + 1) / parts;
+    for (std::size_t j = first; j < last; ++j)
+      std::memcpy(static_cast<char*>(to) + (piece * together + j) * width, slot(piece) + j * pitch, width);
+  };
+  PieceRelay relay((rows + together - 1) / together, parts, slots, start, arrived, take_out);
+  relay.advance();  // the first pieces are on their way while threads wake up
   std::exception_ptr failure;
   const auto attend = [&] {
     try {
-      meanwhile();
+      if (meanwhile) meanwhile();
     } catch (...) {
       failure = std::current_exception();
     }
   };
-  const std::size_t others = meanwhile ? 1 : 0;
-#pragma omp parallel for schedule(static, 1) num_threads(int(at_work + others))
-  for (std::size_t i = 0; i < at_work + others; ++i) i < others ? attend() : work(i - others);
-  if (failure) std::rethrow_exception(failure);
-  for (const cudaError_t error : errors) check(error, "copying rows");
+#pragma omp parallel if (rows * width > alone_bytes)
+  {
+    cudaSetDevice(device_);
+    if (omp_get_thread_num() == 0) attend();
+    if (omp_get_thread_num() <= most_at_work) relay.work();
+  }
+  if (!failure) failure = relay.failure();
+  if (!failure) return;
+  cudaStreamSynchronize(stream_);
+  std::rethrow_exception(failure);
 }
 
 }  // namespace bromwich::cuda

@@ -30,14 +30,14 @@ class PinnedSlots {
 /// All `count` values at `to`, by several threads where they are many.
 void fill(double* to, std::size_t count, double value);
 
-/// Copies large arrays to memory of the host that is not pinned: threads with a stream and a pinned buffer each fetch
-/// pieces of whole rows.
-class Fetchers {
+/// Copies arrays to memory of the host that is not pinned, through a ring of pinned pieces that several threads empty
+/// while the next ones arrive.
+class Fetcher {
  public:
-  explicit Fetchers(int device) : device_(device) {}
-  ~Fetchers();
-  Fetchers(const Fetchers&) = delete;
-  Fetchers& operator=(const Fetchers&) = delete;
+  explicit Fetcher(int device) : device_(device) {}
+  ~Fetcher();
+  Fetcher(const Fetcher&) = delete;
+  Fetcher& operator=(const Fetcher&) = delete;
 
   /// `rows` rows of `width` bytes, `pitch` apart on the device and without gaps on the host, after what `stream` has
   /// been asked for so far. `meanwhile` is called once while they are on their way.
@@ -45,16 +45,13 @@ class Fetchers {
              const std::function<void()>& meanwhile);
 
  private:
-  struct Fetcher {
-    cudaStream_t stream = nullptr;
-    void* buffer = nullptr;  ///< two halves: one is filled while the other is read
-    cudaEvent_t copied[2] = {};
-  };
   void make();
 
   int device_;
+  cudaStream_t stream_ = nullptr;
+  void* ring_ = nullptr;
   cudaEvent_t ready_ = nullptr;
-  std::vector<Fetcher> fetchers_;
+  std::vector<cudaEvent_t> copied_;  ///< one a slot of the ring
 };
 
 }  // namespace bromwich::cuda

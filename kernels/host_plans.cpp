@@ -17,8 +17,8 @@ void download(const Device& device, const Array& from, RowMatrix& to, const std:
   to.resize(from.rows(), from.cols());
   const std::size_t width = sizeof(double) * std::size_t(from.cols());
   if (to.size() == 0) return meanwhile ? meanwhile() : void();
-  device.fetchers().fetch(values(from), sizeof(double) * std::size_t(stride(from.cols())), to.data(), width,
-                          std::size_t(from.rows()), device.stream(), meanwhile);
+  device.fetcher().fetch(values(from), sizeof(double) * std::size_t(stride(from.cols())), to.data(), width,
+                         std::size_t(from.rows()), device.stream(), meanwhile);
 }
 
 namespace {

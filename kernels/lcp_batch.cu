@@ -53,7 +53,7 @@ BatchOutcomes::BatchOutcomes(const Device& device, Index rows, double shift)
       sum_(device, 1),
       totals_(device, 1),
       counters_(device, 2),
-      handed_over_(device, {empty_outcome, {0, 0, 0}, 0}) {
+      handed_over_(device, {empty_outcome, {0, 0, 0, 0}, 0}) {
   sum_.put(&empty_outcome);
   totals_.clear();
   counters_.clear();

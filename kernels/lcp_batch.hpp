@@ -27,9 +27,10 @@ struct BatchOutcome {
 
 inline constexpr BatchOutcome empty_outcome{0, 0, 0, 0, ~0u};
 
-/// Of all batches since the plan was made; they only grow.
+/// Of all batches since the plan was made; they only grow. Word by word what BatchOutcome has.
 struct BatchTotals {
-  unsigned long long magnitude, sweeps, unsolved;  ///< magnitude: bits of the largest
+  unsigned long long change, magnitude;  ///< bits of the largest
+  unsigned long long sweeps, unsolved;
 };
 
 /// In memory of the host that the device writes.
@@ -82,7 +83,7 @@ class BatchOutcomes {
   Memory<unsigned> counters_;  ///< finished, batches
   Pinned<HandedOver> handed_over_;
   unsigned batches_ = 0;  ///< reported
-  BatchTotals reported_{0, 0, 0};
+  BatchTotals reported_{0, 0, 0, 0};
 };
 
 /// The largest of one value a row, NaN where one of them is.

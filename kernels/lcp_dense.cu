@@ -4,6 +4,7 @@
 // elsewhere, without exchanges: all leading minors are positive for a P-matrix, and where a pivot fails the row is left
 // to pivoting on the host.
 
+#include "kernels/launch.cuh"
 #include "kernels/lcp_outcome.cuh"
 #include "kernels/parts.hpp"
 #include "kernels/reciprocal.cuh"
@@ -109,9 +110,11 @@ template <int n>
 __global__ void __launch_bounds__(block)
     newton_in_registers(LcpArrays arrays, Coefficients m, int first, int rows, bool least, OutcomeTarget target) {
   __shared__ double M[n * n], row_scale[n], column_scale[n];
+  let_next_begin();
   for (int i = threadIdx.x; i < n * n; i += blockDim.x) M[i] = m.M[i];
   for (int i = threadIdx.x; i < n; i += blockDim.x) row_scale[i] = m.row_scale[i], column_scale[i] = m.column_scale[i];
   __syncthreads();
+  await_previous();
   Outcomes outcomes(target);
   for (int j = first + blockIdx.x * block + threadIdx.x; j < rows; j += gridDim.x * block) {
     const long at = long(j) * n;
@@ -202,6 +205,8 @@ __device__ bool exchange(int n, const double* M, const double* q, const double* 
 __global__ void __launch_bounds__(32)
     newton_in_shared(LcpArrays arrays, Coefficients m, int n, int first, int rows, bool least, OutcomeTarget target) {
   extern __shared__ double shared[];
+  let_next_begin();
+  await_previous();
   double *a = shared, *x = a + n * (n + 1), *q = x + n, *active = q + n;
   const int t = threadIdx.x;
   Outcomes outcomes(target);
@@ -317,17 +322,17 @@ class DenseLcp final : public LcpBatch {
     const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance);
     const bool least = class_ == LcpClass::Z;
     const unsigned most = unsigned(device_.multiprocessors());
+    const char* const what = "starting the complementarity problems";
     if (n_ <= largest_register_size) {
       const unsigned blocks = std::min(unsigned((rows - first + block - 1) / block), 16 * most);
-      register_kernel(n_)<<<blocks, block, 0, device_.stream()>>>(arrays, coefficients(), int(first), int(rows), least,
-                                                                  target);
+      follow(device_, register_kernel(n_), {blocks, block}, what, arrays, coefficients(), int(first), int(rows), least,
+             target);
     } else {
       const std::size_t shared = sizeof(double) * std::size_t(n_ * (n_ + 1) + 3 * n_);
       const unsigned blocks = std::min(unsigned(rows - first), 32 * most);
-      newton_in_shared<<<blocks, 32, shared, device_.stream()>>>(arrays, coefficients(), int(n_), int(first), int(rows),
-                                                                 least, target);
+      follow(device_, newton_in_shared, {blocks, 32, shared}, what, arrays, coefficients(), int(n_), int(first),
+             int(rows), least, target);
     }
-    check(cudaGetLastError(), "starting the complementarity problems");
   }
 
   Coefficients coefficients() const { return {M_.data(), row_scale_.data(), column_scale_.data()}; }

@@ -30,17 +30,25 @@ class Outcomes {
     target_.rows[j] = -sweeps;
   }
 
-  /// By all threads of the block, once.
+  /// By all threads of the block, whole warps, once. `alone`: only its first thread has counted.
+  template <bool alone = false>
   __device__ void finish() {
     __shared__ BatchOutcome block;
-    if (threadIdx.x == 0) block = empty_outcome;
-    __syncthreads();
-    if (mine_.sweeps > 0) add(mine_, block);
-    __syncthreads();
-    if (threadIdx.x != 0) return;
-    if (block.sweeps > 0) add(block, *target_.sum);
-    __threadfence();
-    if (atomicAdd(target_.finished, 1u) + 1 == gridDim.x) hand_over();
+    if constexpr (!alone) {
+      if (threadIdx.x == 0) block = empty_outcome;
+      __syncthreads();
+      if (mine_.sweeps > 0) add(mine_, block);
+      __syncthreads();
+    }
+    if (threadIdx.x >= 32) return;
+    bool last = false;
+    if (threadIdx.x == 0) {
+      const BatchOutcome& sum = alone ? mine_ : block;
+      if (sum.sweeps > 0) add(sum, *target_.sum);
+      __threadfence();
+      last = atomicAdd(target_.finished, 1u) + 1 == gridDim.x;
+    }
+    if (__shfl_sync(~0u, last, 0)) hand_over();
   }
 
  private:
@@ -48,28 +56,32 @@ class Outcomes {
     atomicMax(&sum.change, part.change);
     atomicMax(&sum.magnitude, part.magnitude);
     atomicAdd(&sum.sweeps, part.sweeps);
-    atomicAdd(&sum.unsolved, part.unsolved);
-    atomicMin(&sum.settled, part.settled);
+    if (part.unsolved > 0) atomicAdd(&sum.unsolved, part.unsolved);
+    if (part.settled != ~0u) atomicMin(&sum.settled, part.settled);
   }
 
-  // The sums are taken from where the atomics of the other blocks left them, and emptied for the next batch.
+  // By a warp, each word by a lane of its own so that none waits for another: the sums are taken from where the atomics
+  // of the other blocks left them, and emptied for the next batch.
   __device__ void hand_over() {
+    static_assert(sizeof(BatchOutcome) == 32 && sizeof(BatchTotals) == 32);
+    using Word = unsigned long long;
+    const int word = int(threadIdx.x);
+    const unsigned number = *target_.batches + 1;
     __threadfence();
-    BatchOutcome& sum = *target_.sum;
-    BatchTotals& totals = *target_.totals;
-    volatile BatchOutcome& host = target_.host->sum;
-    volatile BatchTotals& host_totals = target_.host->totals;
-    host_totals.magnitude = totals.magnitude = max(totals.magnitude, atomicMax(&sum.magnitude, 0ull));
-    host_totals.sweeps = totals.sweeps += atomicAdd(&sum.sweeps, 0ull);
-    host_totals.unsolved = totals.unsolved += atomicAdd(&sum.unsolved, 0u);
-    host.change = atomicExch(&sum.change, empty_outcome.change);
-    host.magnitude = atomicExch(&sum.magnitude, empty_outcome.magnitude);
-    host.sweeps = atomicExch(&sum.sweeps, empty_outcome.sweeps);
-    host.unsolved = atomicExch(&sum.unsolved, empty_outcome.unsolved);
-    host.settled = atomicExch(&sum.settled, empty_outcome.settled);
-    atomicExch(target_.finished, 0u);
+    if (word < 4) {
+      const bool counts = word == 3;  // unsolved and, above it, settled
+      const Word of_batch = atomicExch(reinterpret_cast<Word*>(target_.sum) + word, counts ? Word(~0u) << 32 : Word(0));
+      Word& total = reinterpret_cast<Word*>(target_.totals)[word];
+      const Word fresh = word < 2 ? max(total, of_batch) : total + (counts ? of_batch & ~0u : of_batch);
+      total = fresh;
+      reinterpret_cast<volatile Word*>(&target_.host->sum)[word] = of_batch;
+      reinterpret_cast<volatile Word*>(&target_.host->totals)[word] = fresh;
+    }
     __threadfence_system();
-    const unsigned number = ++*target_.batches;
+    __syncwarp();
+    if (word != 0) return;
+    *target_.finished = 0;
+    *target_.batches = number;
     *static_cast<volatile unsigned*>(&target_.host->batches) = number;
   }
 

@@ -6,6 +6,7 @@
 // Memory: r, v, y read once and y written once, 32 bytes a value. Operations: about 30 on doubles a value and sweep,
 // and 13 log2 T a thread.
 
+#include "kernels/launch.cuh"
 #include "kernels/lcp_tridiagonal.cuh"
 #include "kernels/parts.hpp"
 
@@ -24,6 +25,7 @@ struct Problem {
   int n, first, rows, cap;
   bool least;
   double shift;
+  int reach;
 };
 
 template <int T, int K, bool uniform>
@@ -32,6 +34,7 @@ __global__ void __launch_bounds__(T > most_threads ? T : most_threads)
   using Here = Slot<T, K>;
   constexpr int of_group = 2 * Here::size + Group<T>::scratch;
   extern __shared__ double2 memory[];
+  let_next_begin();
   const int g = threadIdx.x / T, t = threadIdx.x % T, groups = blockDim.x / T;
   double* const shared = reinterpret_cast<double*>(memory) + g * of_group;
   Group<T> group(shared + 2 * Here::size, t);
@@ -41,6 +44,7 @@ __global__ void __launch_bounds__(T > most_threads ? T : most_threads)
 
   for (int i = t; i < 2 * Here::size; i += T) shared[i] = 0;  // what lies beyond the rows stays zero
   group.meet();
+  await_previous();
   int stage = 0, j = problem.first + blockIdx.x * groups + g;
   if (j < problem.rows) Here(shared).fetch(arrays, n, j, t);
   __pipeline_commit();
@@ -50,12 +54,12 @@ __global__ void __launch_bounds__(T > most_threads ? T : most_threads)
     __pipeline_commit();
     __pipeline_wait_prior(1);
     group.meet();
-    Part<T, K, uniform> part{group, M, Here(shared + stage * Here::size), t, valid, problem.shift};
+    Part<T, K, uniform> part{group, M, Here(shared + stage * Here::size), t, valid, problem.shift, problem.reach};
     part.take_up();
     const int sweeps = part.sweep(problem.cap);
     double change = 0, magnitude = 0;
     // For a Z-matrix the solution is the least one exactly when the active block has positive pivots.
-    const bool wanted = !group.any(problem.least && !part.positive) && sweeps > 0;
+    const bool wanted = !(problem.least && group.any(!part.positive)) && sweeps > 0;
     part.give_back(wanted, change, magnitude);
     const bool solved = wanted && isfinite(part.size) && isfinite(change) && isfinite(magnitude);
     group.meet();
@@ -68,7 +72,7 @@ __global__ void __launch_bounds__(T > most_threads ? T : most_threads)
     }
     group.meet();
   }
-  outcomes.finish();
+  outcomes.template finish<(T > 32)>();
 }
 
 __global__ void natural_residual(const double* r, const double* v, const double* y, const double* lower,
@@ -117,6 +121,24 @@ std::optional<Coefficients<true>> uniform_coefficients(const Tridiagonal& M, con
   return Coefficients<true>{*lower, *diagonal, *upper, *row, *column};
 }
 
+/// Rows from which on two unknowns of A x = d do not see each other, whatever part of A is taken, to below rounding: a
+/// power of two, at most `all`. With u and w the largest |a| and |c| of rows divided by their diagonal entry, those
+/// after a step of cyclic reduction are at most u^2 / (1 - 2 u w) and w^2 / (1 - 2 u w).
+Index coupled_rows(const Tridiagonal& A, Index all) {
+  double u = 0, w = 0;
+  for (Index i = 0; i < A.diagonal.size(); ++i) {
+    u = std::max(u, std::abs(A.lower[i] / A.diagonal[i]));
+    w = std::max(w, std::abs(A.upper[i] / A.diagonal[i]));
+  }
+  for (Index rows = 1; rows < all; rows *= 2) {
+    if (u + w <= epsilon / 8) return rows;
+    const double rest = 1 - 2 * u * w;
+    if (!(rest > 0)) return all;
+    u = u * u / rest, w = w * w / rest;
+  }
+  return all;
+}
+
 /// Threads a group and rows a thread for n rows.
 struct Shape {
   int T, K;
@@ -148,6 +170,7 @@ class TridiagonalLcp final : public LcpBatch {
     Tridiagonal A = std::get<Tridiagonal>(scaled(shifted_, scale)), given = M;
     if (shape_.T == 32 || shape_.K == 4) uniform_ = uniform_coefficients(A, scale);
     for (Tridiagonal* t : {&A, &given}) t->lower[0] = t->upper[n_ - 1] = 0;
+    reach_ = int((coupled_rows(A, shape_.T * shape_.K) + shape_.K - 1) / shape_.K);
     lower_ = spread(device, A.lower, shape_.T, shape_.K, 0);
     diagonal_ = spread(device, A.diagonal, shape_.T, shape_.K, 1);
     upper_ = spread(device, A.upper, shape_.T, shape_.K, 0);
@@ -239,21 +262,22 @@ class TridiagonalLcp final : public LcpBatch {
     const int groups = std::clamp((even + together - 1) / together * together, together, groups_);
     const int blocks = std::min((count + groups - 1) / groups, blocks_ * device_.multiprocessors());
     const Problem problem{int(n_), int(first), int(rows), 12 + int(std::min<Index>(n_, 40)), class_ == LcpClass::Z,
-                          shift_};
+                          shift_,  reach_};
     const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance);
-    const std::size_t shared = std::size_t(groups) * bytes_a_group_;
+    const Blocks all{unsigned(blocks), unsigned(groups * shape_.T), std::size_t(groups) * bytes_a_group_};
+    const char* const what = "starting the complementarity problems";
     if (uniform_)
-      uniform_kernel_<<<blocks, groups * shape_.T, shared, device_.stream()>>>(arrays, *uniform_, problem, target);
+      follow(device_, uniform_kernel_, all, what, arrays, *uniform_, problem, target);
     else
-      general_<<<blocks, groups * shape_.T, shared, device_.stream()>>>(
-          arrays, {lower_.data(), diagonal_.data(), upper_.data(), row_scale_.data(), column_scale_.data()}, problem,
-          target);
-    check(cudaGetLastError(), "starting the complementarity problems");
+      follow(device_, general_, all, what, arrays,
+             {lower_.data(), diagonal_.data(), upper_.data(), row_scale_.data(), column_scale_.data()}, problem,
+             target);
   }
 
   const Device& device_;
   Index n_;
   Shape shape_;
+  int reach_ = 0;        ///< threads that a solution couples
   double shift_;         ///< D
   Tridiagonal shifted_;  ///< M + D I
   LcpClass class_;

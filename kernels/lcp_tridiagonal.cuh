@@ -79,10 +79,11 @@ struct Part {
   int t;
   unsigned valid;  ///< bit i: row t K + i exists
   double shift;    ///< D
+  int reach;       ///< threads that a solution couples
   unsigned active = 0;
   double size = 0;  ///< of q
   bool positive = true;
-  double x[K];
+  double x[K], above, below;  ///< the rows of this thread, the one before and the one after
 
   __device__ double coefficient(const double* all, int i) const { return __ldg(all + i * T + t); }
   __device__ double coefficient(double one, int) const { return one; }
@@ -117,19 +118,18 @@ struct Part {
       c[i] = on ? coefficient(M.upper, i) : 0;
       x[i] = on ? -(i % 2 == 0 ? q.x : q.y) : 0;
     }
-    positive = solve_tridiagonal<K>(group, a, b, c, x);
+    positive = solve_tridiagonal<K>(group, reach, a, b, c, x, above, below);
   }
 
   // Exchanges what has the wrong sign; whether this thread had any.
   __device__ bool exchange(double tolerance) {
-    const double before = group.above(x[K - 1]), after = group.below(x[0]);
     unsigned flips = 0;
 #pragma unroll
     for (int i = 0; i < K; ++i) {
       const double2 q = at(slot.r, i / 2);
       const double w = (i % 2 == 0 ? q.x : q.y) + coefficient(M.diagonal, i) * x[i] +
-                       (coefficient(M.lower, i) * (i > 0 ? x[(i + K - 1) % K] : before) +
-                        coefficient(M.upper, i) * (i + 1 < K ? x[(i + 1) % K] : after));
+                       (coefficient(M.lower, i) * (i > 0 ? x[(i + K - 1) % K] : above) +
+                        coefficient(M.upper, i) * (i + 1 < K ? x[(i + 1) % K] : below));
       if (((active >> i & 1) ? x[i] : w) < -tolerance) flips |= 1u << i;
     }
     flips &= valid;
@@ -163,8 +163,7 @@ struct Part {
       magnitude = larger(larger(fabs(y.x), fabs(y.y)), magnitude);
       if (keep) at(slot.y, p) = y;
     }
-    change = group.largest(change);
-    magnitude = group.largest(magnitude);
+    group.largest(change, magnitude);
   }
 };
 

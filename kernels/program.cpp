@@ -11,7 +11,8 @@ constexpr Index most_values = Index(1) << 22;
 
 class Graph final : public Program {
  public:
-  Graph(const Device& device, const std::function<void()>& operations) : stream_(device.stream()) {
+  Graph(const Device& device, const std::function<void()>& operations) : device_(device), stream_(device.stream()) {
+    device.retired_graphs().destroy();
     cudaGraph_t graph = nullptr;
     check(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeThreadLocal), "recording operations");
     try {
@@ -25,14 +26,16 @@ class Graph final : public Program {
     const cudaError_t status = cudaGraphInstantiate(&executable_, graph, 0);
     cudaGraphDestroy(graph);
     check(status, "recording operations");
+    check(cudaGraphUpload(executable_, stream_), "recording operations");  // or the first run does it
   }
-  ~Graph() override { cudaGraphExecDestroy(executable_); }
+  ~Graph() override { device_.retired_graphs().add(executable_); }
   Graph(const Graph&) = delete;
   Graph& operator=(const Graph&) = delete;
 
   void run() override { check(cudaGraphLaunch(executable_, stream_), "starting recorded operations"); }
 
  private:
+  const Device& device_;
   cudaStream_t stream_;
   cudaGraphExec_t executable_ = nullptr;
 };

@@ -8,6 +8,7 @@
 //
 // where * is the complex conjugate.
 
+#include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
 
 #include <algorithm>
@@ -74,14 +75,29 @@ struct TransformRow {
     }
   }
 
-  // The passes behind those with a product `done` of radices.
+  // Of the pass behind those with a product `done` of radices, for its butterfly b.
   template <int done>
-  __device__ void transform(double2 (&z)[held]) const {
-    constexpr int R = N / done >= held ? held : N / done, together = held / R;
+  static constexpr int radix = N / done >= held ? held : N / done;
+  template <int done>
+  __device__ double2 twiddle(int b) const {
+    return __ldg(roots + (t + b * threads) % done * (2 * N / (done * radix<done>)));
+  }
+
+  // The first twiddle factor of each pass but the first.
+  template <int done>
+  __device__ void take_up(double2* w) const {
+    if constexpr (done > 1) *w++ = twiddle<done>(0);
+    if constexpr (done * radix<done> < N) take_up<done * radix<done>>(w);
+  }
+
+  // The passes behind those with a product `done` of radices; the last one's values have yet to meet.
+  template <int done>
+  __device__ void transform(double2 (&z)[held], const double2* first_twiddle) const {
+    constexpr int R = radix<done>, together = held / R;
     if constexpr (done > 1) {
 #pragma unroll
       for (int b = 0; b < together; ++b) {
-        const double2 w = __ldg(roots + (t + b * threads) % done * (2 * N / (done * R)));
+        const double2 w = b == 0 ? *first_twiddle : twiddle<done>(b);
         double2 power = w;
 #pragma unroll
         for (int r = 1; r < R; ++r) {
@@ -98,19 +114,24 @@ struct TransformRow {
 #pragma unroll
       for (int r = 0; r < R; ++r) at(first + r * done) = z[b + r * together];
     }
-    __syncthreads();
     if constexpr (done * R < N) {
+      __syncthreads();
 #pragma unroll
       for (int q = 0; q < held; ++q) z[q] = at(t + q * threads);
-      transform<done * R>(z);
+      transform<done * R>(z, first_twiddle + (done > 1 ? 1 : 0));
     }
   }
 
-  __device__ void give_back(const double* add, double* out, double scale) const {
+  __device__ void give_back(bool there, const double* add, double* out, double scale) const {
+    double2 of_part[held / 2];
+#pragma unroll
+    for (int q = 0; q < held / 2; ++q) of_part[q] = __ldg(roots + 1 + t + q * threads);
+    __syncthreads();
+    if (!there) return;
 #pragma unroll
     for (int q = 0; q < held / 2; ++q) {
       const int k = 1 + t + q * threads;
-      const double2 Z = at(k), opposite = at(N - k), root = __ldg(roots + k);
+      const double2 Z = at(k), opposite = at(N - k), root = of_part[q];
       const double odd = scale * (Z.y - opposite.y);
       const double even = scale * (root.y * (Z.y + opposite.y) - root.x * (Z.x - opposite.x));
       out[k - 1] = (add ? add[k - 1] : 0) + (even + odd);
@@ -127,10 +148,13 @@ __global__ void __launch_bounds__(N / held > wanted_threads ? N / held : wanted_
   const int row = int(blockIdx.x) * int(blockDim.y) + int(threadIdx.y);
   const long at = long(row) * stride;
   const TransformRow<N> part{memory + int(threadIdx.y) * TransformRow<N>::size, roots, int(threadIdx.x)};
-  double2 z[held];
+  double2 z[held], twiddles[4];
+  let_next_begin();
+  part.template take_up<1>(twiddles);
+  await_previous();
   part.take_up(row < rows ? in + at : nullptr, z);
-  part.template transform<1>(z);
-  if (row < rows) part.give_back(add ? add + at : nullptr, out + at, scale);
+  part.template transform<1>(z, twiddles);
+  part.give_back(row < rows, add ? add + at : nullptr, out + at, scale);
 }
 
 /// e^{-i pi m/N}, m < 2N.
@@ -167,11 +191,12 @@ class SineRows final : public SineTransform {
     // All multiprocessors get rows before any block gets many.
     const Index even = (rows + device_.multiprocessors() - 1) / device_.multiprocessors();
     const Index together = std::clamp<Index>(even, std::max<Index>(32 / threads(), 1), most_together());
-    kernel_<<<unsigned((rows + together - 1) / together), dim3(unsigned(threads()), unsigned(together)),
-              shared_bytes(together), device_.stream()>>>(
-        values(in) + first * step, add ? values(*add) + first * step : nullptr, values(out) + first * step, int(rows),
-        int(step), roots_->values.data(), -0.25 * std::sqrt(2.0 / double(N_)));
-    check(cudaGetLastError(), "the sine transform");
+    follow(device_, kernel_,
+           {unsigned((rows + together - 1) / together), dim3(unsigned(threads()), unsigned(together)),
+            shared_bytes(together)},
+           "the sine transform", values(in) + first * step, add ? values(*add) + first * step : nullptr,
+           values(out) + first * step, int(rows), int(step), roots_->values.data(),
+           -0.25 * std::sqrt(2.0 / double(N_)));
   }
 
   std::size_t bytes() const override { return roots_->values.bytes(); }

@@ -7,6 +7,9 @@
 // neighbours is put into them. All the pivots of a step are independent of each other, so that log2 K + log2 T of them
 // follow upon each other instead of n. They are diagonal entries of Schur complements: positive for a P-matrix in any
 // order, and for a Z-matrix exactly when it is a nonsingular M-matrix.
+//
+// Where rows are diagonally dominant the couplings a and c fall with the square of themselves from step to step, and
+// after a few steps they are below rounding (`reach`).
 
 #include "kernels/reciprocal.cuh"
 
@@ -16,6 +19,11 @@ namespace bromwich::cuda {
 struct Row {
   double a, c, d;
 };
+
+/// Of values >= 0, or NaN.
+__device__ inline double larger_bits(double a, double b) {
+  return __double_as_longlong(b) > __double_as_longlong(a) ? b : a;
+}
 
 /// T threads of a warp that share a system, T <= 32; a warp holds several such groups, which run together.
 template <int T>
@@ -35,6 +43,7 @@ class Group {
     return t_ + s < T ? other : 0;
   }
   __device__ Row below(const Row& row) { return {below(row.a), below(row.c), below(row.d)}; }
+  __device__ void around(double value, double& up, double& down) { up = above(value), down = below(value); }
   __device__ void neighbours(const Row& row, int s, Row& up, Row& down) {
     up = {above(row.a, s), above(row.c, s), above(row.d, s)};
     down = {below(row.a, s), below(row.c, s), below(row.d, s)};
@@ -45,12 +54,10 @@ class Group {
   __device__ bool any_together(bool mine) { return __any_sync(all, mine); }
   /// Of values >= 0, or NaN.
   __device__ double largest(double mine) {
-    for (int s = T / 2; s > 0; s /= 2) {
-      const double other = __shfl_xor_sync(all, mine, s, T);
-      mine = __double_as_longlong(other) > __double_as_longlong(mine) ? other : mine;
-    }
+    for (int s = T / 2; s > 0; s /= 2) mine = larger_bits(mine, __shfl_xor_sync(all, mine, s, T));
     return mine;
   }
+  __device__ void largest(double& first, double& second) { first = largest(first), second = largest(second); }
 
  private:
   static constexpr unsigned all = 0xffffffffu;
@@ -67,15 +74,12 @@ requires(T > 32) class Group<T> {
 
   __device__ void meet() { __syncthreads(); }
 
-  __device__ double above(double value) {
-    const double* other = publish({value, 0, 0});
-    return t_ > 0 ? other[t_ - 1] : 0;
-  }
-  __device__ double below(double value) {
-    const double* other = publish({value, 0, 0});
-    return t_ + 1 < T ? other[t_ + 1] : 0;
-  }
   __device__ Row below(const Row& row) { return at(publish(row), t_ + 1); }
+  __device__ void around(double value, double& up, double& down) {
+    const double* other = publish({value, 0, 0});
+    up = t_ > 0 ? other[t_ - 1] : 0;
+    down = t_ + 1 < T ? other[t_ + 1] : 0;
+  }
   __device__ void neighbours(const Row& row, int s, Row& up, Row& down) {
     const double* other = publish(row);
     up = at(other, t_ - s);
@@ -85,11 +89,17 @@ requires(T > 32) class Group<T> {
   __device__ bool any(bool mine) { return __syncthreads_or(mine); }
   __device__ bool any_together(bool mine) { return mine; }
   __device__ double largest(double mine) {
-    mine = Group<32>(nullptr, t_ % 32).largest(mine);
-    double* other = publish({mine, 0, 0});
-    for (int w = 0; w < T; w += 32)
-      mine = __double_as_longlong(other[w]) > __double_as_longlong(mine) ? other[w] : mine;
+    double unused = 0;
+    largest(mine, unused);
     return mine;
+  }
+  __device__ void largest(double& first, double& second) {
+    Group<32>(nullptr, t_ % 32).largest(first, second);
+    const double* other = publish({first, second, 0});
+    for (int w = 0; w < T; w += 32) {
+      first = larger_bits(first, other[w]);
+      second = larger_bits(second, other[T + w]);
+    }
   }
 
  private:
@@ -118,11 +128,12 @@ __device__ inline bool is_positive(double pivot, double entry, int distance) {
   return pivot > 0 && __double2hiint(pivot) > __double2hiint(size) - (46 << 20);
 }
 
-/// x of rows t K .. t K + K - 1, with a x_above + b x + c x_below = d; b stays as it is. The result is whether all
-/// pivots of this thread were positive.
+/// x of rows t K .. t K + K - 1, with a x_above + b x + c x_below = d; b stays as it is, `above` and `below` become x
+/// of the rows before and after. Rows whose unknowns are `reach` K or more apart are taken as not coupled any more. The
+/// result is whether all pivots of this thread were positive.
 template <int K, int T>
-__device__ bool solve_tridiagonal(Group<T>& group, double (&a)[K], const double (&b)[K], double (&c)[K],
-                                  double (&d)[K]) {
+__device__ bool solve_tridiagonal(Group<T>& group, int reach, double (&a)[K], const double (&b)[K], double (&c)[K],
+                                  double (&d)[K], double& above, double& below) {
   bool positive = true;
   double pivot[K];
 #pragma unroll
@@ -136,21 +147,31 @@ __device__ bool solve_tridiagonal(Group<T>& group, double (&a)[K], const double 
   for (int s = 1; s < K; s *= 2) {
 #pragma unroll
     for (int i = s - 1; i < K; i += 2 * s) normalise(i, s);
-    const Row next = group.below(Row{a[s - 1], c[s - 1], d[s - 1]});
 #pragma unroll
     for (int i = 2 * s - 1; i < K; i += 2 * s) {
-      const Row up{a[i - s], c[i - s], d[i - s]};
-      const Row down = i + s < K ? Row{a[(i + s) % K], c[(i + s) % K], d[(i + s) % K]} : next;
-      pivot[i] -= a[i] * up.c + c[i] * down.a;
-      d[i] -= a[i] * up.d + c[i] * down.d;
-      a[i] *= -up.a;
-      c[i] *= -down.c;
+      pivot[i] -= a[i] * c[i - s];
+      d[i] -= a[i] * d[i - s];
+      a[i] *= -a[i - s];
+      if (i + s >= K) continue;
+      pivot[i] -= c[i] * a[(i + s) % K];
+      d[i] -= c[i] * d[(i + s) % K];
+      c[i] *= -c[(i + s) % K];
     }
   }
+  // The first row with the last unknowns of the thread before and of this one, which the thread before needs.
+  Row first{a[0], c[0], d[0]};
+#pragma unroll
+  for (int s = 2; s < K; s *= 2)
+    first = {first.a - first.c * a[s - 1], -first.c * c[s - 1], first.d - first.c * d[s - 1]};
+  const Row next = group.below(first);
+  pivot[K - 1] -= c[K - 1] * next.a;
+  d[K - 1] -= c[K - 1] * next.d;
+  c[K - 1] *= -next.c;
   normalise(K - 1, K);
   Row row{a[K - 1], c[K - 1], d[K - 1]};
 #pragma unroll
   for (int s = 1; s < T; s *= 2) {
+    if (s >= reach) break;  // the same for all threads
     Row up, down;
     group.neighbours(row, s, up, down);
     const double rest = 1 - (row.a * up.c + row.c * down.a);
@@ -159,12 +180,13 @@ __device__ bool solve_tridiagonal(Group<T>& group, double (&a)[K], const double 
     row = {-row.a * up.a * inverse, -row.c * down.c * inverse, (row.d - (row.a * up.d + row.c * down.d)) * inverse};
   }
   d[K - 1] = row.d;
-  const double before = group.above(row.d);
+  double last_below;
+  group.around(row.d, above, last_below);
+  below = next.d - next.a * row.d - next.c * last_below;
 #pragma unroll
   for (int s = K / 2; s >= 1; s /= 2)
 #pragma unroll
-    for (int i = s - 1; i < K; i += 2 * s)
-      d[i] -= a[i] * (i >= s ? d[(i - s + K) % K] : before) + c[i] * d[(i + s) % K];
+    for (int i = s - 1; i < K; i += 2 * s) d[i] -= a[i] * (i >= s ? d[(i - s + K) % K] : above) + c[i] * d[(i + s) % K];
   return positive;
 }
 

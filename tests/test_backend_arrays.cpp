@@ -31,31 +31,37 @@ TEST_P(BackendArrays, InjectionTakesEveryRthRow) {
 
 TEST_P(BackendArrays, InterpolationIsLinearBetweenRows) {
   for (const auto& [steps, n] : shapes)
-    for (const bool corrected : {false, true}) {
-      const RowMatrix coarse = Random(3).matrix(steps + 1, n), old = Random(4).matrix(steps + 1, n),
-                      fine = Random(5).matrix(2 * steps + 1, n);
-      const auto c = device(coarse), o = device(old), f = device(fine);
-      backend->interpolate(*c, corrected ? o.get() : nullptr, *f);
-      const RowMatrix added = corrected ? RowMatrix(coarse - old) : coarse;
-      RowMatrix expected = fine;
-      for (Index j = 0; j <= 2 * steps; ++j) expected.row(j) += 0.5 * (added.row(j / 2) + added.row((j + 1) / 2));
-      // Three sums of numbers below 2, in any order.
-      EXPECT_LE(distance(host(*f), expected), 6 * epsilon) << steps << ' ' << n;
-    }
+    for (const Index ratio : {1, 2, 3, 8})
+      for (const bool corrected : {false, true}) {
+        const RowMatrix coarse = Random(3).matrix(steps + 1, n), old = Random(4).matrix(steps + 1, n),
+                        fine = Random(5).matrix(ratio * steps + 1, n);
+        const auto c = device(coarse), o = device(old), f = device(fine);
+        backend->interpolate(*c, corrected ? o.get() : nullptr, *f);
+        const RowMatrix added = corrected ? RowMatrix(coarse - old) : coarse;
+        RowMatrix expected = fine;
+        for (Index j = 0; j <= ratio * steps; ++j) {
+          const double right = double(j % ratio) / double(ratio);
+          expected.row(j) += (1 - right) * added.row(j / ratio) + right * added.row((j + ratio - 1) / ratio);
+        }
+        // Five sums of numbers below 2, in any order.
+        EXPECT_LE(distance(host(*f), expected), 10 * epsilon) << steps << ' ' << n << ' ' << ratio;
+      }
 }
 
-TEST_P(BackendArrays, ACoarseProblemTakesEverySecondRow) {
-  for (const auto& [steps, n] : shapes) {
-    const RowMatrix r = Random(12).matrix(2 * steps + 1, n), v = Random(13).matrix(2 * steps + 1, n),
-                    y = Random(14).matrix(2 * steps + 1, n), coarse_v = Random(15).matrix(steps + 1, n);
-    const auto coarse_r = backend->array(steps + 1, n), coarse_y = backend->array(steps + 1, n),
-               old = backend->array(steps + 1, n);
-    backend->restrict_problem(*device(r), *device(v), *device(y), *device(coarse_v), *coarse_r, *coarse_y, *old);
-    const auto second = Eigen::seqN(0, steps + 1, 2);
-    EXPECT_LE(distance(host(*coarse_r), RowMatrix(r + v)(second, Eigen::all) - coarse_v), 4 * epsilon) << steps;
-    EXPECT_EQ(host(*coarse_y), RowMatrix(y(second, Eigen::all))) << steps << ' ' << n;
-    EXPECT_EQ(host(*old), host(*coarse_y)) << steps << ' ' << n;
-  }
+TEST_P(BackendArrays, ACoarseProblemTakesEveryRthRow) {
+  for (const auto& [steps, n] : shapes)
+    for (const Index ratio : {2, 8}) {
+      const Index rows = ratio * steps + 1;
+      const RowMatrix r = Random(12).matrix(rows, n), v = Random(13).matrix(rows, n), y = Random(14).matrix(rows, n),
+                      coarse_v = Random(15).matrix(steps + 1, n);
+      const auto coarse_r = backend->array(steps + 1, n), coarse_y = backend->array(steps + 1, n),
+                 old = backend->array(steps + 1, n);
+      backend->restrict_problem(*device(r), *device(v), *device(y), *device(coarse_v), *coarse_r, *coarse_y, *old);
+      const auto taken = Eigen::seqN(0, steps + 1, ratio);
+      EXPECT_LE(distance(host(*coarse_r), RowMatrix(r + v)(taken, Eigen::all) - coarse_v), 4 * epsilon) << steps;
+      EXPECT_EQ(host(*coarse_y), RowMatrix(y(taken, Eigen::all))) << steps << ' ' << n;
+      EXPECT_EQ(host(*old), host(*coarse_y)) << steps << ' ' << n;
+    }
 }
 
 TEST_P(BackendArrays, SumsMayOverwriteWhatTheyAdd) {
