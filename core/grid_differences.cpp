@@ -10,7 +10,7 @@ namespace {
 constexpr double lowest_order = 0.5;  ///< that an estimate is made with
 const double scatter = std::sqrt(2);  ///< s
 constexpr double abrupt = 100;        ///< factor that no order makes
-constexpr double rounding_level = 1e-11;
+constexpr double rounding_difference = 1e-11;
 
 }  // namespace
 
@@ -53,7 +53,7 @@ bool GridDifferences::changes_abruptly() const {
   const std::size_t n = differences_.size();
   if (n < 2) return false;
   const auto [smaller, larger] = std::minmax(differences_[n - 2], differences_[n - 1]);
-  return larger > std::max(abrupt * smaller, rounding_level);
+  return larger > std::max(abrupt * smaller, rounding_difference);
 }
 
 bool GridDifferences::stands_still() const {
