@@ -10,7 +10,7 @@ namespace bromwich {
 namespace {
 
 constexpr double smallest_jump = 1e-4;  ///< of y; differences below that stop falling are rounding
-constexpr double chance = 100;          ///< factor from one difference of x to the next that no order makes
+constexpr double order_with_jumps = 2;  ///< of x at most
 
 // Where solutions are smooth: implicit Euler, piecewise-linear y (continuous, or Galerkin's), Radau IIA.
 double order_of(const Result& result) {
@@ -34,9 +34,10 @@ RowMatrix mean(const Result& result) { return running_integral(result.y, 1 / dou
 }  // namespace
 
 Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride) {
-  Distance d{relative(a.y, a_stride, b.y, b_stride), relative(mean(a), a_stride, mean(b), b_stride), 0};
+  Distance d{relative(a.y, a_stride, b.y, b_stride), relative(mean(a), a_stride, mean(b), b_stride),
+             Vector(a.x.cols())};
   for (Index c = 0; c < a.x.cols(); ++c)  // the units of the components differ
-    d.x = std::max(d.x, relative(a.x.col(c), a_stride, b.x.col(c), b_stride));
+    d.x[c] = relative(a.x.col(c), a_stride, b.x.col(c), b_stride);
   return d;
 }
 
@@ -53,18 +54,19 @@ Convergence::Convergence(const Scene& scene, const Result& first)
     : y_(order_of(first)),
       mean_(1),
       x_(order_of(first)),
-      x_with_jumps_(std::min(order_of(first), 2.0)),
       jump_(1),
+      components_(std::size_t(first.x.cols()), x_),
       scene_(scene),
       may_jump_(!first.continuous || first.method == to_string(Method::euler)) {}
 
 void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   const Distance d = distance(coarse, 1, fine, 2);
-  if (y_.confirmed() && (d.x > chance * x_.last() || d.x < x_.last() / chance)) erratic_ = true;
+  const bool resolves = y_.confirmed();
   y_.add(d.y);
   mean_.add(d.mean);
-  x_.add(d.x);
-  x_with_jumps_.add(d.x);
+  x_.add(d.of_x());
+  for (Index c = 0; c < d.x.size(); ++c) components_[std::size_t(c)].add(d.x[c]);
+  erratic_ = erratic_ || (resolves && x_.changes_abruptly());
   check_.reset();
   if (!may_jump_) return;
   const Vector jumps = largest_jumps(fine.y);
@@ -80,25 +82,31 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   // Once is enough: later differences may be small because all jumps happen to be in the same steps.
   jumps_ = jumps_ || (resolved && ((y_.stands_still() && y_.last() > smallest_jump) ||
                                    (jump_.stands_still() && jump_.last() > smallest_jump)));
+  if (!jumps_) return;
+  x_.limit_order(order_with_jumps);
+  for (GridDifferences& component : components_) component.limit_order(order_with_jumps);
 }
 
 void Convergence::check(const Result& other, const Result& fine) { check_ = distance(other, 3, fine, 4); }
 
 double Convergence::error() const {
-  const double e = controlled().error();
+  const double e = controlled().error(check_.has_value());
   if (std::isnan(e) || !may_jump_) return e;
   const double seen = check_ ? controlled().error_from_check(jumps_ ? check_->mean : check_->y) : 0;
   return std::max({e, seen, jumps_ ? displaced_ : 0});
 }
 
 double Convergence::error_of_x() const {
-  const double e = states().error(), seen = check_ ? states().error_from_check(check_->x) : 0;
+  double e = x_.error(check_.has_value());
+  for (const GridDifferences& component : components_)
+    if (component.regular()) e = std::max(e, component.error());
+  const double seen = check_ ? x_.error_from_check(check_->of_x()) : 0;
   return std::max({e, seen, jumps_ && erratic_ ? displaced_x_ : 0});
 }
 
 bool Convergence::can_be_judged() const {
-  if (jumps_) return mean_.confirmed() && !mean_.stands_still();
-  return y_.confirmed() && !(may_jump_ && jump_.stands_still() && jump_.last() > smallest_jump);
+  if (!controlled().confirmed() || controlled().changes_abruptly()) return false;
+  return jumps_ ? !mean_.stands_still() : !(may_jump_ && jump_.stands_still() && jump_.last() > smallest_jump);
 }
 
 }  // namespace bromwich

@@ -18,10 +18,13 @@
 
 namespace bromwich {
 
-/// Largest differences at common time points t > 0: of y and of its mean relative to max(1, max |.|), of x relative to
-/// that of each component. Infinite where one of the two is not known.
+/// Largest differences at common time points t > 0: of y and of its mean relative to max(1, max |.|), of each component
+/// of x relative to its own. Infinite where one of the two is not known.
 struct Distance {
-  double y, mean, x;
+  double y, mean;
+  Vector x;
+
+  double of_x() const { return x.size() > 0 ? x.maxCoeff() : 0; }
 };
 /// Row a_stride j of `a` belongs to the time of row b_stride j of `b`; sizes are those of `b`.
 Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride);
@@ -44,13 +47,16 @@ class Convergence {
 
   bool of_integral() const { return jumps_; }  ///< the mean of y is controlled, not y
   const GridDifferences& controlled() const { return jumps_ ? mean_ : y_; }
-  const GridDifferences& states() const { return jumps_ ? x_with_jumps_ : x_; }
-  double error() const;        ///< of what is controlled, on the last grid; NaN before two differences
-  double error_of_x() const;   ///< likewise
+  const GridDifferences& states() const { return x_; }
+  double error() const;  ///< of what is controlled, on the last grid; NaN before two differences
+  /// Likewise. The largest component may hide one that converges more slowly; where differences are regular, their
+  /// orders tell that of each.
+  double error_of_x() const;
   bool can_be_judged() const;  ///< what is controlled converges, as far as can be seen
 
  private:
-  GridDifferences y_, mean_, x_, x_with_jumps_, jump_;
+  GridDifferences y_, mean_, x_, jump_;
+  std::vector<GridDifferences> components_;  ///< of x
   std::optional<Distance> check_;
   const Scene& scene_;
   bool may_jump_, jumps_ = false, erratic_ = false;

@@ -144,7 +144,8 @@ class Refinement {
     const GridDifferences& y = convergence_->controlled();
     const double goal = accepted * options_.tolerance;
     const std::size_t window = e.of_integral ? 3 : 2;
-    const bool judged = convergence_->can_be_judged() && !unchecked_ && solved_->error_estimate;
+    const bool judged = convergence_->can_be_judged() && !unchecked_ && solved_->error_estimate &&
+                        !(controls_states() && convergence_->states().changes_abruptly());
     if (judged && *solved_->error_estimate <= goal) return "";
     if (solved_->steps < patience * expected_) return std::nullopt;
     const double other = e.total() - (std::isnan(e.discretisation) ? 0 : e.discretisation);

@@ -1,12 +1,20 @@
 #include "core/grid_differences.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace bromwich {
 
 namespace {
+
 constexpr double lowest_order = 0.5;  ///< that an estimate is made with
-}
+const double scatter = std::sqrt(2);  ///< s
+constexpr double abrupt = 100;        ///< factor that no order makes
+constexpr double rounding_difference = 1e-11;
+
+}  // namespace
+
+void GridDifferences::limit_order(double order) { highest_ = std::min(highest_, order); }
 
 // d_k, and d_{k-1} / 2^q if that is larger.
 double GridDifferences::believed(std::size_t k) const {
@@ -18,17 +26,34 @@ double GridDifferences::order() const {
   if (n < 2) return NAN;
   const double halvings = n == 2 ? 1 : 2, first = differences_[n == 2 ? 0 : n - 3], last = differences_[n - 1];
   if (!std::isfinite(first) || !std::isfinite(last)) return lowest_order;
-  return last == 0 ? highest_ : std::clamp(std::log2(first / last) / halvings, lowest_order, highest_);
+  if (last == 0) return highest_;
+  const double p = std::clamp(std::log2(first / last) / halvings, lowest_order, highest_);
+  return std::exp2(highest_) - 1 <= scatter * (std::exp2(p) - 1) ? highest_ : p;
 }
 
-double GridDifferences::error() const {
+double GridDifferences::error(bool checked) const {
   const std::size_t n = differences_.size();
   if (n < 2) return NAN;
-  const double p = order();
-  double d = believed(n - 1);
-  if (n > 2)
-    d = std::max(d, std::cbrt(differences_[n - 3] * differences_[n - 2] * differences_[n - 1]) * std::exp2(-p));
+  const double p = order(), last = differences_[n - 1];
+  const double smoothed = n == 2 ? last : std::cbrt(differences_[n - 3] * differences_[n - 2] * last) * std::exp2(-p);
+  const double d = checked ? std::sqrt(last * std::max(last, smoothed)) : std::max(believed(n - 1), smoothed);
   return d / (std::exp2(p) - 1);
+}
+
+double GridDifferences::error_from_check(double d) const { return d * std::pow(0.75, order()); }
+
+bool GridDifferences::regular() const {
+  const std::size_t n = differences_.size();
+  if (n < 3 || differences_[n - 1] == 0) return false;
+  const double before = differences_[n - 3] / differences_[n - 2], now = differences_[n - 2] / differences_[n - 1];
+  return std::abs(std::log2(before / now)) <= 0.25;
+}
+
+bool GridDifferences::changes_abruptly() const {
+  const std::size_t n = differences_.size();
+  if (n < 2) return false;
+  const auto [smaller, larger] = std::minmax(differences_[n - 2], differences_[n - 1]);
+  return larger > std::max(abrupt * smaller, rounding_difference);
 }
 
 bool GridDifferences::stands_still() const {

@@ -5,14 +5,16 @@
 // d_k     differences_  how far the solution on grid k+1 is from that on grid k, at the points of grid k
 // p       order()       slope of -log2 d over the last three differences, log2(d_{k-2} / d_k) / 2, within [1/2, q]
 // q       highest_      order of the discretisation where the solution is smooth
-// e       error()       of the finer grid: D / (2^p - 1) with D = max(d_k, (d_{k-2} d_{k-1} d_k)^{1/3} 2^-p, d_{k-1}
-// 2^-q)
+// e       error()       of the finer grid: D / (2^p - 1) with
+//                       D = max(d_k, m, d_{k-1} 2^-q),  m = (d_{k-2} d_{k-1} d_k)^{1/3} 2^-p
 //
-// The slope does not depend on d_{k-1}, and the mean of three smoothes what the place of a switch between two grid
-// points does to each: differences of piecewise smooth solutions fall irregularly, by factors of 2 from their trend. A
-// d_k that falls faster than with the full order is small by chance and counts as d_{k-1} / 2^q at least.
+// Errors of piecewise smooth solutions are h^q times a number that depends on where switches fall between grid points:
+// differences lie within a factor s = sqrt(2) or so of their trend. The slope does not depend on d_{k-1}, and the mean
+// of three, m, smoothes the rest. An order that makes e at most s times what q makes it cannot be told from q and
+// counts as q. A d_k that falls faster than with the full order is small by chance and counts as d_{k-1} 2^-q at least.
+// Where another grid has been compared with, chance shows there, and d_k is mistrusted half as much: D = (d_k max(d_k,
+// m))^{1/2}.
 
-#include <cmath>
 #include <vector>
 
 namespace bromwich {
@@ -23,14 +25,22 @@ class GridDifferences {
   explicit GridDifferences(double order) : highest_(order) {}
 
   void add(double difference) { differences_.push_back(difference); }
+  /// From now on q is at most `order`.
+  void limit_order(double order);
 
   double order() const;  ///< p; NaN before two differences
-  double error() const;  ///< e; NaN before two differences
+  /// e; NaN before two differences. `checked`: error_from_check stands beside it.
+  double error(bool checked = false) const;
   /// Error of a grid with J steps from its difference `d` to one with 3J/4, whose points the jumps of y do not share.
   /// Errors of the two that have nothing to do with each other make d as large as the larger one, (4/3)^p e.
-  double error_from_check(double d) const { return d * std::pow(0.75, order()); }
+  double error_from_check(double d) const;
   /// Two orders have been observed, so that one does not rest on chance.
   bool confirmed() const { return differences_.size() >= 3; }
+  /// They have, and are the same to a quarter.
+  bool regular() const;
+  /// The last two differences differ by a factor that no order makes (100): the grid before did not resolve the
+  /// solution, or chance has a part in one of the two. Differences by rounding, below 1e-11, do not count.
+  bool changes_abruptly() const;
   /// The last two halvings have not halved the difference: it does not converge, or not yet.
   bool stands_still() const;
   /// The smallest of the last `window` differences is not half of the smallest of the `window` before: it will not

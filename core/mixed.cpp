@@ -231,7 +231,6 @@ Result solve_mixed(const Scene& scene, const EliminatedScene& e, Backend& backen
   inner.trace = true;
   inner.states = StateSelection::list;
   inner.components = with_seen(scene, options, e.seen);
-  if (!inner.components.empty() && options.tolerance > 0) inner.control_states = true;
   RowMatrix first;
   if (options.first_iterate && options.first_iterate->cols() == scene.constraints() && !e.kept.empty()) {
     first = (*options.first_iterate)(Eigen::all, e.kept);
@@ -265,6 +264,12 @@ Result solve_mixed(const Scene& scene, const EliminatedScene& e, Backend& backen
   if (options.states == StateSelection::all) asked = with_seen(scene, options, {});
   result.x = x(Eigen::all, positions(asked, inner.components));
   result.x_components = asked;
+  const RowMatrix of_y = (e.R * e.M_FC).cwiseAbs(), of_x = (e.R * Matrix(e.N_F)(Eigen::all, e.seen)).cwiseAbs();
+  RowMatrix sizes = RowMatrix::Zero(1, of_x.cols());
+  for (Index j = 0; j < rows; ++j)
+    if (valid(j)) sizes = sizes.cwiseMax(x_seen.row(j).cwiseAbs());
+  const Vector rounding_F = of_y.rowwise().sum() * result.rounding_of_y + of_x * sizes.transpose() * result.rounding;
+  result.rounding_of_y = std::max(result.rounding_of_y, rounding_F.maxCoeff());
   result.kernel += "; free rows eliminated";
   return result;
 }

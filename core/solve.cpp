@@ -249,7 +249,9 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
                ? by_galerkin(given, backend, options)
                : unsupported(given, backend, options, "it needs initial values and the scene has boundary values");
   if (!given.free_rows.empty()) {
-    if (const auto eliminated = eliminate_free(given)) return solve_mixed(given, *eliminated, backend, options);
+    if (const auto eliminated = eliminate_free(given))
+      return options.tolerance > 0 ? solve_to_tolerance(given, backend, options)  // of all rows
+                                   : solve_mixed(given, *eliminated, backend, options);
     return automatic ? by_galerkin(given, backend, options)
                      : unsupported(given, backend, options, "the free rows and columns of M form a singular matrix");
   }

@@ -298,7 +298,9 @@ def tol(data):
         )
     share = data["details"]["share"]
     found = "; ".join(
-        f"of {of}: {share[of]['good']} of {share[of]['results']} results, the smallest {share[of]['smallest']:.2f}, "
+        f"of {of}: {share[of]['good']} of {share[of]['results']} results"
+        + (f", all those of {share[of]['good_scenes']} of {share[of]['scenes']} scenes" if "scenes" in share[of] else "")
+        + f", the smallest {share[of]['smallest']:.2f}, "
         f"the largest {share[of]['largest']:.3g}"
         for of in ("y", "x")
     )

@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <functional>
+#include <random>
 
 namespace bromwich {
 namespace {
@@ -34,6 +35,38 @@ TEST(GridDifferences, TheOrderIsThatOfTwoHalvings) {
   EXPECT_NEAR(differences(2, {8, 2, 1}).order(), 1.5, 1e-14);
 }
 
+// What the differences cannot tell from q counts as q, and changes the estimate by sqrt(2) at most.
+TEST(GridDifferences, AnOrderCloseToTheHighestIsTheHighest) {
+  for (const double q : {1.0, 2.0, 3.0})
+    for (double order = 0.5; order <= q; order += 0.01) {
+      const double fall = std::exp2(-order), first = 1 - fall;
+      const GridDifferences d = differences(q, {first, first * fall, first * fall * fall});
+      EXPECT_LE(d.error(), std::pow(fall, 3) * (1 + 1e-14)) << order;
+      EXPECT_GE(d.error(), std::pow(fall, 3) / std::sqrt(2) * (1 - 1e-14)) << order;
+      EXPECT_NEAR(d.order(), d.order() == q ? q : order, 1e-14);
+      EXPECT_TRUE(order > q - 0.5 || d.order() < q) << order;
+    }
+}
+
+// Errors c_k h^2 whose c_k lie within sqrt(2) of 1, as where switches fall anywhere between grid points. With p <= 2
+// and D >= d_k >= c_k - c_{k+1}/4 and c_k >= c_{k+1}/2, the estimate is at least (4/2 - 1)/3 = 1/3 of the error. What
+// the mean of three adds to that shows in how few leave [1/2, 3].
+TEST(GridDifferences, OfScatteredErrorsGiveTheirSize) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> scatter(-0.5, 0.5);
+  int good = 0;
+  constexpr int samples = 2000;
+  for (int sample = 0; sample < samples; ++sample) {
+    std::vector<double> errors, falls;
+    for (int k = 0; k < 4; ++k) errors.push_back(std::exp2(scatter(random) - 2 * k));
+    for (int k = 0; k < 3; ++k) falls.push_back(errors[k] - errors[k + 1]);
+    const double ratio = differences(2, falls).error() / errors[3];
+    EXPECT_GE(ratio, 1.0 / 3);
+    if (ratio >= 0.5 && ratio <= 3) ++good;
+  }
+  EXPECT_GE(good, 0.9 * samples);
+}
+
 // Differences that alternate around their trend h^2, by factors of 2: the estimate is between 1/2 and 3 of the error
 // of the trend, 4^-k/3.
 TEST(GridDifferences, ThatFallIrregularlyAreSmoothed) {
@@ -50,6 +83,18 @@ TEST(GridDifferences, ThatFallIrregularlyAreSmoothed) {
 TEST(GridDifferences, OneThatIsSmallByChanceIsNotBelieved) {
   const GridDifferences d = differences(2, {4, 1, 1e-9});
   EXPECT_NEAR(d.error(), 0.25 / 3, 1e-14);  // as if it had fallen with the full order
+  EXPECT_NEAR(d.error(true), std::sqrt(1e-9 * std::cbrt(4e-9) / 4) / 3, 1e-14) << "a check would show it";
+  EXPECT_TRUE(d.changes_abruptly());
+  EXPECT_TRUE(differences(2, {4, 1e-9, 1}).changes_abruptly());
+  EXPECT_FALSE(differences(2, {4, 1, 0.02}).changes_abruptly());
+  EXPECT_FALSE(differences(2, {1e-12, 1e-12, 1e-15}).changes_abruptly()) << "rounding";
+}
+
+TEST(GridDifferences, AreRegularWhereTheirOrderStays) {
+  EXPECT_TRUE(differences(2, {4, 2, 1}).regular());
+  EXPECT_FALSE(differences(2, {8, 2, 1}).regular());
+  EXPECT_FALSE(differences(2, {2, 1}).regular());
+  EXPECT_FALSE(differences(2, {0, 0, 0}).regular());
 }
 
 TEST(GridDifferences, WithoutOrderAreNotConfirmed) {
@@ -87,7 +132,7 @@ TEST(Distance, IsThatOfCommonTimePoints) {
   const Result a = sampled(12, [](double t) { return t + 0.125; }), b = sampled(16, [](double t) { return t; });
   const Distance d = distance(a, 3, b, 4);
   EXPECT_NEAR(d.y, 0.125, 1e-15);  // sizes below 1 count as 1
-  EXPECT_NEAR(d.x, 0.125, 1e-15);
+  EXPECT_NEAR(d.of_x(), 0.125, 1e-15);
   // Means of 1/12 Σ (i/12 + 1/8) and 1/16 Σ i/16 over all: (1/2 + 1/24 + 1/8) - (1/2 + 1/32).
   EXPECT_NEAR(d.mean, 1.0 / 24 + 0.125 - 1.0 / 32, 1e-15);
 }
@@ -128,6 +173,63 @@ TEST(Convergence, JumpsThatStayInTheirStepsAreSeen) {
   const Convergence c = on_grids({16, 32, 64, 128, 256}, step);
   EXPECT_TRUE(c.of_integral());
   EXPECT_NEAR(c.error(), 0.5 / 256, 1e-15);
+}
+
+// Behind any time a jump is known to within a step, and the mean over [0, 1] is wrong by less than 1/J.
+TEST(Convergence, JumpsAnywhereAreNotUnderestimated) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> anywhere(0.2, 0.8);
+  for (int sample = 0; sample < 20; ++sample) {
+    const double t = anywhere(random);
+    const Index J = 512;
+    const double error = t - std::floor(t * double(J)) / double(J);  // of the sum of rows, from the step of the jump
+    const Convergence c = on_grids({32, 64, 128, 256, J}, [t](double s) { return s > t ? 1.0 : 0.0; });
+    EXPECT_TRUE(c.of_integral());
+    EXPECT_GE(c.error(), 0.5 * error) << t;
+  }
+}
+
+/// Two components of x, errors first[c] J^-order[c].
+Result with_errors(Index J, const Vector& first, const Vector& order) {
+  Result result = sampled(J, [](double) { return 0.0; });
+  result.continuous = true;
+  result.x_components = {0, 1};
+  result.x.resize(J + 1, 2);
+  for (Index c = 0; c < 2; ++c) result.x.col(c).setConstant(first[c] * std::pow(double(J), -order[c]));
+  return result;
+}
+
+// 8 J^-2 hides J^-1 / 4: at J = 64 it is half as large, and its last difference is still the larger one.
+TEST(Convergence, AComponentOfXThatConvergesMoreSlowlyIsSeen) {
+  const Vector first{{8, 0.25}}, order{{2, 1}};
+  Result before = with_errors(4, first, order);
+  Convergence c(integrated, before);
+  for (const Index J : {8, 16, 32, 64}) {
+    const Result next = with_errors(J, first, order);
+    c.add(before, next, true);
+    EXPECT_GT(before.x(1, 0) - next.x(1, 0), before.x(1, 1) - next.x(1, 1)) << J;
+    before = next;
+  }
+  EXPECT_NEAR(c.error_of_x(), before.x(1, 1), 1e-14);
+  EXPECT_NEAR(c.states().error(), before.x(1, 1) / 2, 1e-14) << "of the largest differences";
+}
+
+TEST(Convergence, WaitsWhereTheGridBeforeDidNotResolve) {
+  const Vector none{{0, 0}};
+  const auto on = [&](Index J, double error) {
+    Result result = with_errors(J, none, none);
+    result.y.setConstant(error);
+    return result;
+  };
+  const double errors[] = {8, 4, 1, 1e-4, 2.5e-5};  // differences 4, 3, 1, 7.5e-5
+  Convergence c(integrated, on(16, errors[0]));
+  for (int k = 1; k < 5; ++k) {
+    c.add(on(8 << k, errors[k - 1]), on(16 << k, errors[k]), true);
+    EXPECT_EQ(c.can_be_judged(), k == 3) << k;
+  }
+  c.add(on(256, errors[4]), on(512, errors[4] / 4), true);
+  EXPECT_TRUE(c.can_be_judged());
+  EXPECT_NEAR(c.controlled().order(), 2, 1e-14);
 }
 
 // Differences of x that vanish from one grid to the next are chance where y jumps: the jump, known to within a step,

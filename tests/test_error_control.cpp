@@ -62,9 +62,9 @@ double true_error(const Scene& scene, const Result& result) {
 }
 
 // Where y is smooth between few kinks, orders are those of theory and the estimate is the error. The moving ends of a
-// contact set change the difference of two grids irregularly, by a factor of up to 2; with an order of 1.6 observed
-// where it is 2, that makes at most 2 (2^2 - 1)/(2^1.6 - 1) = 3 times the error or half of it, and 4 with the error of
-// the reference.
+// contact set change the error of a grid, and the difference of two, by factors of up to sqrt(2) from their trend; with
+// an order of 1.5 observed where it is 2, that makes at most 2 (2^2 - 1)/(2^1.5 - 1) = 3.3 times the error or half of
+// it, and 4 with the error of the reference.
 constexpr double least_effectivity = 0.5, largest_effectivity = 4;
 
 struct Case {

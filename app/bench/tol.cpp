@@ -156,21 +156,31 @@ Row row(const Subject& subject, const TolRun& run, const std::optional<TolTruth>
   return row;
 }
 
-/// The effectivities of the results called solved, each once though it may meet several tolerances.
+/// The effectivities of the results called solved, each once though it may meet several tolerances; and of how many
+/// scenes all are good.
 Json share(const std::vector<Row>& rows, std::vector<std::string>& notes) {
   Json json = Json::object();
   for (const auto& [name, member] : {std::pair("y", &Row::of_y), std::pair("x", &Row::of_x)}) {
+    const auto is_good = [](double v) { return v >= least_effectivity && v <= largest_effectivity; };
     std::vector<double> values;
-    for (const Row& row : rows)
-      if (row.counts && !std::isnan(row.*member)) values.push_back(row.*member);
-    const auto good = std::count_if(values.begin(), values.end(),
-                                    [](double v) { return v >= least_effectivity && v <= largest_effectivity; });
-    json[name] = {
-        {"results", values.size()}, {"good", good}, {"smallest", minimum(values)}, {"largest", maximum(values)}};
+    std::map<std::pair<std::string, std::string>, bool> all_good;  // by scene and method
+    for (const Row& row : rows) {
+      if (!row.counts || std::isnan(row.*member)) continue;
+      values.push_back(row.*member);
+      const auto [scene, added] = all_good.try_emplace({row.text[0], row.text[1]}, true);
+      scene->second = scene->second && is_good(row.*member);
+    }
+    const auto good = std::count_if(values.begin(), values.end(), is_good);
+    const auto good_scenes = std::count_if(all_good.begin(), all_good.end(), [](const auto& s) { return s.second; });
+    json[name] = {{"results", values.size()},    {"good", good},
+                  {"scenes", all_good.size()},   {"good_scenes", good_scenes},
+                  {"smallest", minimum(values)}, {"largest", maximum(values)}};
     if (!values.empty())
-      notes.push_back(fmt::format(
-          "{}: estimate over true error between {:g} and {:g} in {} of {} results; from {:.2f} to {:.1f}", name,
-          least_effectivity, largest_effectivity, good, values.size(), minimum(values), maximum(values)));
+      notes.push_back(
+          fmt::format("{}: estimate over true error between {:g} and {:g} in {} of {} results, in all of "
+                      "{} of {} scenes; from {:.2f} to {:.1f}",
+                      name, least_effectivity, largest_effectivity, good, values.size(), good_scenes, all_good.size(),
+                      minimum(values), maximum(values)));
   }
   return json;
 }
