@@ -230,7 +230,7 @@ __global__ void __launch_bounds__(lanes* warps, 3)
   let_next_begin();
   const int length = lengths.of[min(int(blockIdx.y), most_groups - 1)], parts = lengths.parts(length);
   const int first = begin + int(gridDim.x - 1 - blockIdx.x) * (warps / parts) * own;
-  if (first >= rows) return await_previous();
+  if (first >= rows) return;
   const Share share{weights, length, parts, step, first, rows};
   if (length <= lengths.near)
     Near::convolve(share, shared, y, v);

@@ -53,7 +53,7 @@ class CudaBackend final : public Backend {
   }
   void prepare(RowMatrix& to, Index rows, Index cols) override {
     to.resize(rows, cols);
-    cuda::fill(to.data(), std::size_t(to.size()), std::numeric_limits<double>::quiet_NaN());
+    device_.fetcher().fill(to.data(), std::size_t(to.size()), std::numeric_limits<double>::quiet_NaN());
   }
 
   void inject(const Array& fine, Array& coarse) override { cuda::inject(device_, fine, coarse); }

@@ -3,11 +3,15 @@
 #include "kernels/device.hpp"
 #include "kernels/piece_relay.hpp"
 
-#include <omp.h>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
 #include <algorithm>
-#include <cstring>
+#include <atomic>
+#include <bit>
 #include <exception>
+#include <thread>
 
 namespace bromwich::cuda {
 
@@ -30,19 +34,40 @@ void* PinnedSlots::take() {
 
 namespace {
 
-constexpr std::size_t slots = 8, piece_bytes = std::size_t(1) << 19;
-constexpr std::size_t parts = 4;                           ///< of a piece, each for one thread
-constexpr int most_at_work = 8;                            ///< threads that empty the ring: faster than it fills
+constexpr std::size_t slots = 4, piece_bytes = std::size_t(1) << 20;
+constexpr std::size_t parts = 8;                           ///< of a piece, each for one thread
+constexpr int most_helpers = 11;                           ///< that empty the ring: faster than it fills
 constexpr std::size_t alone_bytes = std::size_t(1) << 19;  ///< what one thread has done before others are awake
+
+// Values that are not read soon, and whose old lines in memory nobody needs to see.
+void copy_past_caches(const double* from, std::size_t count, double* to) {
+#if defined(__x86_64__)
+  for (std::size_t i = 0; i < count; ++i)
+    _mm_stream_si64(reinterpret_cast<long long*>(to + i), std::bit_cast<long long>(from[i]));
+#else
+  std::copy_n(from, count, to);
+#endif
+}
+
+void end_of_copy() {
+#if defined(__x86_64__)
+  _mm_sfence();
+#endif
+}
 
 }  // namespace
 
-// Teams of one size all over a solve: OpenMP ends threads that a smaller one leaves out, and starts them again.
-void fill(double* to, std::size_t count, double value) {
-  const std::size_t teams = std::size_t(omp_get_max_threads()), share = (count + teams - 1) / teams;
-#pragma omp parallel for schedule(static, 1) if (count * sizeof(double) > alone_bytes)
-  for (std::size_t mine = 0; mine < teams; ++mine)
-    std::fill(to + std::min(count, mine * share), to + std::min(count, (mine + 1) * share), value);
+Fetcher::Fetcher(int device)
+    : device_(device), helpers_(std::clamp(int(std::thread::hardware_concurrency()) - 1, 0, most_helpers)) {}
+
+void Fetcher::fill(double* to, std::size_t count, double value) {
+  constexpr std::size_t share = alone_bytes / sizeof(double);
+  std::atomic<std::size_t> next = 0;
+  const std::function<void()> work = [&] {
+    for (std::size_t begin; (begin = share * next++) < count;)
+      std::fill(to + begin, to + std::min(count, begin + share), value);
+  };
+  count <= share ? work() : helpers_.share(work, [] {});
 }
 
 Fetcher::~Fetcher() {
@@ -63,8 +88,9 @@ void Fetcher::make() {
   }
 }
 
-void Fetcher::fetch(const void* from, std::size_t pitch, void* to, std::size_t width, std::size_t rows,
+void Fetcher::fetch(const double* from, std::size_t step, double* to, std::size_t cols, std::size_t rows,
                     cudaStream_t stream, const std::function<void()>& meanwhile) {
+  const std::size_t pitch = sizeof(double) * step, width = sizeof(double) * cols;
   const std::size_t together = piece_bytes / pitch;  // rows of a piece
   if (together == 0) {
     check(cudaMemcpy2DAsync(to, width, from, pitch, width, rows, cudaMemcpyDeviceToHost, stream), "copying rows");
@@ -74,10 +100,10 @@ void Fetcher::fetch(const void* from, std::size_t pitch, void* to, std::size_t w
   make();
   check(cudaEventRecord(ready_, stream), "copying rows");
   check(cudaStreamWaitEvent(stream_, ready_, 0), "copying rows");
-  const auto slot = [&](std::size_t piece) { return static_cast<char*>(ring_) + piece % slots * piece_bytes; };
+  const auto slot = [&](std::size_t piece) { return ring_ + piece % slots * (piece_bytes / sizeof(double)); };
   const auto count = [&](std::size_t piece) { return std::min(together, rows - piece * together); };
   const auto start = [&](std::size_t piece) {
-    const char* const source = static_cast<const char*>(from) + piece * together * pitch;
+    const double* const source = from + piece * together * step;
     check(cudaMemcpyAsync(slot(piece), source, count(piece) * pitch, cudaMemcpyDeviceToHost, stream_), "copying rows");
     check(cudaEventRecord(copied_[piece % slots], stream_), "copying rows");
   };
@@ -90,10 +116,11 @@ void Fetcher::fetch(const void* from, std::size_t pitch, void* to, std::size_t w
   const auto take_out = [&](std::size_t piece, std::size_t part) {
     const std::size_t all = count(piece), first = all * part / parts, last = all * (part + 1) / parts;
     for (std::size_t j = first; j < last; ++j)
-      std::memcpy(static_cast<char*>(to) + (piece * together + j) * width, slot(piece) + j * pitch, width);
+      copy_past_caches(slot(piece) + j * step, cols, to + (piece * together + j) * cols);
+    end_of_copy();
   };
   PieceRelay relay((rows + together - 1) / together, parts, slots, start, arrived, take_out);
-  relay.advance();  // the first pieces are on their way while threads wake up
+  relay.advance();  // the first pieces are on their way while helpers wake up
   std::exception_ptr failure;
   const auto attend = [&] {
     try {
@@ -102,11 +129,15 @@ void Fetcher::fetch(const void* from, std::size_t pitch, void* to, std::size_t w
       failure = std::current_exception();
     }
   };
-#pragma omp parallel if (rows * width > alone_bytes)
-  {
+  const std::function<void()> work = [&] {
     cudaSetDevice(device_);
-    if (omp_get_thread_num() == 0) attend();
-    if (omp_get_thread_num() <= most_at_work) relay.work();
+    relay.work();
+  };
+  if (rows * width > alone_bytes) {
+    helpers_.share(work, attend);
+  } else {
+    attend();
+    work();
   }
   if (!failure) failure = relay.failure();
   if (!failure) return;

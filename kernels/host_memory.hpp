@@ -2,6 +2,8 @@
 // Memory of the host that a device reads and writes: small pinned pieces, and the way of large arrays to memory that is
 // not pinned.
 
+#include "kernels/helpers.hpp"
+
 #include <cuda_runtime.h>
 
 #include <cstddef>
@@ -27,29 +29,29 @@ class PinnedSlots {
   std::vector<void*> pages_, free_;
 };
 
-/// All `count` values at `to`, by several threads where they are many.
-void fill(double* to, std::size_t count, double value);
-
 /// Copies arrays to memory of the host that is not pinned, through a ring of pinned pieces that several threads empty
 /// while the next ones arrive.
 class Fetcher {
  public:
-  explicit Fetcher(int device) : device_(device) {}
+  explicit Fetcher(int device);
   ~Fetcher();
   Fetcher(const Fetcher&) = delete;
   Fetcher& operator=(const Fetcher&) = delete;
 
-  /// `rows` rows of `width` bytes, `pitch` apart on the device and without gaps on the host, after what `stream` has
+  /// `rows` rows of `cols` values, `step` apart on the device and without gaps on the host, after what `stream` has
   /// been asked for so far. `meanwhile` is called once while they are on their way.
-  void fetch(const void* from, std::size_t pitch, void* to, std::size_t width, std::size_t rows, cudaStream_t stream,
+  void fetch(const double* from, std::size_t step, double* to, std::size_t cols, std::size_t rows, cudaStream_t stream,
              const std::function<void()>& meanwhile);
+  /// All `count` values at `to`, by the same threads.
+  void fill(double* to, std::size_t count, double value);
 
  private:
   void make();
 
   int device_;
+  Helpers helpers_;
   cudaStream_t stream_ = nullptr;
-  void* ring_ = nullptr;
+  double* ring_ = nullptr;
   cudaEvent_t ready_ = nullptr;
   std::vector<cudaEvent_t> copied_;  ///< one a slot of the ring
 };

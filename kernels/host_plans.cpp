@@ -15,9 +15,8 @@ void upload(const Device& device, const RowMatrix& from, Array& to) {
 
 void download(const Device& device, const Array& from, RowMatrix& to, const std::function<void()>& meanwhile) {
   to.resize(from.rows(), from.cols());
-  const std::size_t width = sizeof(double) * std::size_t(from.cols());
   if (to.size() == 0) return meanwhile ? meanwhile() : void();
-  device.fetcher().fetch(values(from), sizeof(double) * std::size_t(stride(from.cols())), to.data(), width,
+  device.fetcher().fetch(values(from), std::size_t(stride(from.cols())), to.data(), std::size_t(from.cols()),
                          std::size_t(from.rows()), device.stream(), meanwhile);
 }
 

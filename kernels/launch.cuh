@@ -4,11 +4,11 @@
 // 9.0).
 //
 // A kernel that `follow` starts may begin as soon as all blocks of the one before have called `let_next_begin` or
-// ended. All its threads have to call `await_previous` before they read or write anything that other kernels write, and
-// before they return. That waits for the end of the one kernel before, and for what it wrote. Since that one awaited
-// its own predecessor before it ended, everything further back has ended too; a kernel that did not wait would break
-// this for all behind it. Copies, memsets, events and kernels that are started with <<<>>> wait for the end of what is
-// before them, and let nothing begin before their own.
+// ended. Its threads have to call `await_previous` before they read or write anything that other kernels write; blocks
+// without work may return at once, where others of the same launch do wait. That waits for the end of the one kernel
+// before, and for what it wrote. Since that one awaited its own predecessor before it ended, everything further back
+// has ended too; a kernel in which nobody waits would break this for all behind it. Copies, memsets, events and kernels
+// that are started with <<<>>> wait for the end of what is before them, and let nothing begin before their own.
 //
 // Tables that are complete before a kernel that reads them is started, since the host has waited for them, may be read
 // at any time. What other kernels write must not be const __restrict__: such loads may be moved to before the wait.
