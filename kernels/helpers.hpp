@@ -69,3 +69,4 @@ class Helpers {
 };
 
 }  // namespace bromwich
+
