@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::size_t grids_of_estimate = 3;
 constexpr double slowly_smoothed = 0.3;      ///< what a step so long leaves of a nested start is of high frequency
-constexpr int most_extra_sweeps = 3;         ///< behind a cycle
+constexpr int most_extra_sweeps = 2;         ///< behind a cycle
 constexpr double poor = 0.15;                ///< contraction of a cycle that may need an exact solution on the coarsest
 constexpr double assumed_contraction = 0.1;  ///< of what a coarse grid sees, by the first correction
 
@@ -123,7 +123,7 @@ bool Multigrid::useful(double seen, int sweeps) {
     const double wanted = options_.algebraic_share * useful_error();
     result_.algebraic_error = seen + unseen;
     if (seen + unseen <= wanted) return true;
-    if (!(seen < wanted) || sweeps == 0) return false;
+    if (!(unseen * std::pow(f, sweeps) < wanted - seen)) return false;
     watched([this] { one_more_sweep(); });
   }
   return false;

@@ -22,9 +22,10 @@ constexpr double wanted_below = 0.37;           ///< and on coarser grids
 constexpr int most_sweeps = 8;                  ///< before a coarser grid is asked
 constexpr double largest_smooth_factor = 1.01;  ///< at frequency 0: 1, and what a sample of it may miss
 constexpr double easily_smoothed = 0.25;        ///< by a single sweep before
-constexpr int fewest_coarsest_sweeps = 5;       ///< of a visit to a coarsest grid that is not marched
-constexpr double easily_solved = 0.9;           ///< factor of a sweep at frequency 0 with which two visits do at first
-constexpr double symbol_over_w0 = 2.62;         ///< 1/sin(pi/8): of weights that fall monotonously, above pi/4
+constexpr double easily_solved = 0.9;           ///< factor of a sweep at frequency 0: the coarsest grid needs few then
+constexpr int few_coarsest_sweeps = 3, few_first_visits = 4;  ///< there, where it is not marched
+constexpr int coarsest_sweeps = 5, first_visits = 3;          ///< elsewhere, at least
+constexpr double symbol_over_w0 = 2.62;  ///< 1/sin(pi/8): of weights that fall monotonously, above pi/4
 constexpr double most_unseen = 0.5;
 constexpr Index most_unasked = 2048;  ///< steps of a march that is not interrupted on a device
 
@@ -163,8 +164,10 @@ Coarsening choose_sweeps(const DiscreteProblem& p, TimeLevel& level, double kapp
   if (!best || best->smooth_factor > largest_smooth_factor) return {accurate_kappa0};
   const double factor = best->factor();
   level.shift = best->shift;
-  level.coarsest_sweeps = std::max(fewest_coarsest_sweeps, 1 + sweeps_before(factor, wanted_factor, 2));
-  level.first_visits = best->smooth_factor < easily_solved ? 2 : 3;
+  const bool easy = best->smooth_factor < easily_solved;
+  level.coarsest_sweeps =
+      std::max(easy ? few_coarsest_sweeps : coarsest_sweeps, 1 + sweeps_before(factor, wanted_factor, 2));
+  level.first_visits = easy ? few_first_visits : first_visits;
   level.sweeps =
       finer_grids < finest_grids ? sweeps_before(factor, wanted_factor, 2) : sweeps_before(factor, wanted_below, 1);
   if (finer_grids == 0) level.sweeps = std::max(level.sweeps, 2);

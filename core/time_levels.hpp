@@ -57,11 +57,11 @@ struct TimeLevels {
 
 /// A coarser grid needs `fewest_steps`, and kappa_0 (core/forecast.hpp) below 0.1; or below 1 where the symbol of a
 /// sweep (core/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.8 at the high ones. M + W_0 is P there.
-/// A cycle asks the coarsest one for which a sweep multiplies what that cannot see by `far_smoothed` at most, or the
-/// next one.
-/// None where that leaves but the finest, and it is too long to be marched in every cycle. The problem has to outlive
-/// them. The coarsest grid is swept where the symbol is known, and marched otherwise. r holds the response on each
-/// grid (sparse dynamics: its values on the finest), y is zero. `kernel` is that of sparse dynamics, otherwise null.
+/// A cycle asks the coarsest one for which its sweeps together multiply what that cannot see by 0.02 at most, or the
+/// next one. None where that leaves but the finest, and it is too long to be marched in every cycle. The problem has to
+/// outlive them. The coarsest grid is swept where the symbol is known, and marched otherwise. r holds the response on
+/// each grid (sparse dynamics: its values on the finest), y is zero. `kernel` is that of sparse dynamics, otherwise
+/// null.
 TimeLevels time_levels(const DiscreteProblem&, const SparseKernel* kernel, const Options&);
 
 inline constexpr Index fewest_steps = 16;            ///< of a grid but the finest
