@@ -25,6 +25,7 @@ constexpr int few_alone = 40, many_alone = 160;  ///< rows of y that a warp take
 constexpr int before = 32, beyond = 32;          ///< rows of zeros around the weights
 constexpr int lags = 16;                         ///< of a thread that forms weights
 constexpr int most_groups = 128;                 ///< of 32 modes with a length of their own
+constexpr int few_blocks = 2;                    ///< of a multiprocessor: more lose by beginning early
 constexpr int batch = 8;                         ///< rows of y that are added without a look at where they end
 constexpr int most_near = 192;  ///< lags of sums whose weights and rows of y are in shared memory at once
 
@@ -224,10 +225,10 @@ struct Far {
 };
 
 // The blocks of the modes that remember most come first, and of them those of the latest rows.
-__global__ void __launch_bounds__(lanes* warps, 3)
-    convolve(Weights weights, Lengths lengths, int step, int begin, int rows, const double* y, double* v) {
+__global__ void __launch_bounds__(lanes* warps, 3) convolve(Weights weights, Lengths lengths, int step, int begin,
+                                                            int rows, const double* y, double* v, bool overlapped) {
   extern __shared__ double shared[];
-  let_next_begin();
+  if (overlapped) let_next_begin();
   const int length = lengths.of[min(int(blockIdx.y), most_groups - 1)], parts = lengths.parts(length);
   const int first = begin + int(gridDim.x - 1 - blockIdx.x) * (warps / parts) * own;
   if (first >= rows) return;
@@ -309,10 +310,11 @@ class DirectConvolution final : public Convolution {
     const Weights weights{W_.data() + before * stride_, S_.data(), int(n_), int(stride_)};
     const dim3 threads(lanes, warps);
     const int step = int(stride(total_));
-    if (stream_ == device_.stream())
+    const bool few = blocks.x * blocks.y <= unsigned(few_blocks * device_.multiprocessors());
+    if (few && stream_ == device_.stream())
       return follow(device_, convolve, {blocks, threads, shared_bytes()}, "starting a convolution", weights, lengths_,
-                    step, begin, rows, y, v);
-    convolve<<<blocks, threads, shared_bytes(), stream_>>>(weights, lengths_, step, begin, rows, y, v);
+                    step, begin, rows, y, v, true);
+    convolve<<<blocks, threads, shared_bytes(), stream_>>>(weights, lengths_, step, begin, rows, y, v, false);
     check(cudaGetLastError(), "starting a convolution");
   }
 
