@@ -39,10 +39,12 @@ std::string error_line(const Result& result) {
                                                              : fmt::format("{:.1e} of the kernel", result.kernel_error);
   const std::string boundary =
       result.boundary_residual ? fmt::format(", {:.1e} of the boundary condition", *result.boundary_residual) : "";
+  const std::string discretisation =
+      result.errors && !std::isnan(result.errors->discretisation) ? fmt::format("{:.2e}", result.errors->discretisation)
+      : !result.errors && result.error_estimate                   ? fmt::format("about {:.1e}", *result.error_estimate)
+                                                                  : "not estimated (--tol)";
   return fmt::format("{:.2e} of the complementarity{}, {}, discretisation {}", result.residual, boundary, kernel,
-                     result.errors && !std::isnan(result.errors->discretisation)
-                         ? fmt::format("{:.2e}", result.errors->discretisation)
-                         : "not estimated (--tol)");
+                     discretisation);
 }
 
 std::string estimate_line(const Result& result) {

@@ -25,11 +25,11 @@ double milliseconds_on_device(Method method, double n, double J) {
   const double sweeps = 10 + 0.6 * n;
   switch (method) {
     case Method::march:
-      return n > largest_device_march ? INFINITY : 0.7 + 0.016 * n + 2.8e-5 * n * n + 1.5e-5 * n * J + 2.8e-3 * J;
+      return n > largest_device_march ? INFINITY : 0.5 + 0.014 * n + 4.3e-5 * n * n + 1.9e-5 * n * J + 2.7e-3 * J;
     case Method::contour:
-      return 1.1 + 0.015 * n + 1.1e-5 * n * J + 8e-4 * J + sweeps * (0.018 + 4.5e-8 * n * J);
+      return 0.7 + 0.013 * n + 1.2e-5 * n * J + 9e-4 * J + sweeps * (0.021 + 5.2e-8 * n * J);
     case Method::multigrid:
-      return has_coarse_grids(Index(J)) ? 3.6 + 0.018 * n + 1.6e-5 * n * J + 7e-4 * J : INFINITY;
+      return has_coarse_grids(Index(J)) ? 2.3 + 0.023 * n + 1.9e-5 * n * J + 5e-4 * J : INFINITY;
     default:
       return INFINITY;
   }

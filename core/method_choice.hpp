@@ -4,10 +4,10 @@
 // Kronecker sums with M of class P: seconds as sums of terms in n constraints, J steps and S sweeps, fitted to
 // `bench auto` (bench/results/auto*.json) on x86-64 processors of 2 and 16 cores and one H200; in milliseconds
 //
-//     march, processor      0.02 n + 1.3e-4 n^2 + 6e-5 n J
-//     march, device         2.7 + 0.02 n + 8e-5 n^2 + 3e-5 n J + 3e-3 J
-//     contour, device       2 + 0.02 n + 3e-5 n^2 + 3.5e-5 n J + 9e-4 J + S (0.03 + 7.5e-8 n J),   S = 10 + 0.6 n
-//     multigrid, device     5.5 + 0.04 n + 1.2e-4 n^2 + 3.3e-5 n J + 1.3e-3 J
+//     march, processor      0.013 n + 1.2e-4 n^2 + 3.4e-5 n J + 6e-4 J
+//     march, device         0.5 + 0.014 n + 4.3e-5 n^2 + 1.9e-5 n J + 2.7e-3 J
+//     contour, device       0.7 + 0.013 n + 1.2e-5 n J + 9e-4 J + S (0.021 + 5.2e-8 n J),   S = 10 + 0.6 n
+//     multigrid, device     2.3 + 0.023 n + 1.9e-5 n J + 5e-4 J
 //
 // On the processor marching was the fastest in all of the study. Everything else is marched first; a device does not
 // help there.

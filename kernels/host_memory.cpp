@@ -3,13 +3,8 @@
 #include "kernels/device.hpp"
 #include "kernels/piece_relay.hpp"
 
-#if defined(__x86_64__)
-#include <immintrin.h>
-#endif
-
 #include <algorithm>
 #include <atomic>
-#include <bit>
 #include <exception>
 #include <thread>
 
@@ -34,26 +29,10 @@ void* PinnedSlots::take() {
 
 namespace {
 
-constexpr std::size_t slots = 4, piece_bytes = std::size_t(1) << 20;
-constexpr std::size_t parts = 8;                           ///< of a piece, each for one thread
-constexpr int most_helpers = 11;                           ///< that empty the ring: faster than it fills
+constexpr std::size_t slots = 16, piece_bytes = std::size_t(1) << 20;
+constexpr std::size_t parts = 16;                          ///< of a piece, each for one thread
+constexpr int most_helpers = 8;                            ///< that empty the ring: faster than it fills
 constexpr std::size_t alone_bytes = std::size_t(1) << 19;  ///< what one thread has done before others are awake
-
-// Values that are not read soon, and whose old lines in memory nobody needs to see.
-void copy_past_caches(const double* from, std::size_t count, double* to) {
-#if defined(__x86_64__)
-  for (std::size_t i = 0; i < count; ++i)
-    _mm_stream_si64(reinterpret_cast<long long*>(to + i), std::bit_cast<long long>(from[i]));
-#else
-  std::copy_n(from, count, to);
-#endif
-}
-
-void end_of_copy() {
-#if defined(__x86_64__)
-  _mm_sfence();
-#endif
-}
 
 }  // namespace
 
@@ -116,8 +95,7 @@ void Fetcher::fetch(const double* from, std::size_t step, double* to, std::size_
   const auto take_out = [&](std::size_t piece, std::size_t part) {
     const std::size_t all = count(piece), first = all * part / parts, last = all * (part + 1) / parts;
     for (std::size_t j = first; j < last; ++j)
-      copy_past_caches(slot(piece) + j * step, cols, to + (piece * together + j) * cols);
-    end_of_copy();
+      std::copy_n(slot(piece) + j * step, cols, to + (piece * together + j) * cols);
   };
   PieceRelay relay((rows + together - 1) / together, parts, slots, start, arrived, take_out);
   relay.advance();  // the first pieces are on their way while helpers wake up

@@ -17,22 +17,22 @@ namespace bromwich {
 namespace {
 
 using Long = long double;
-using LongMatrix = Eigen::Matrix<Long, Eigen::Dynamic, Eigen::Dynamic>;
-using LongVector = Eigen::Matrix<Long, Eigen::Dynamic, 1>;
+using ChainMatrix = Eigen::Matrix<Long, Eigen::Dynamic, Eigen::Dynamic>;
+using ChainVector = Eigen::Matrix<Long, Eigen::Dynamic, 1>;
 
 struct LongChain {
   Matrix A;
   StepScheme scheme;
   StepSizes steps;
-  std::vector<LongMatrix> P, inverse;
+  std::vector<ChainMatrix> P, inverse;
 
   LongChain(const Matrix& A, StepScheme scheme, const Vector& t) : A(A), scheme(scheme), steps(group_steps(t)) {
-    const LongMatrix I = LongMatrix::Identity(A.rows(), A.rows());
+    const ChainMatrix I = ChainMatrix::Identity(A.rows(), A.rows());
     for (const double h : steps.sizes) {
-      const LongMatrix hA = Long(h) * A.cast<Long>();
+      const ChainMatrix hA = Long(h) * A.cast<Long>();
       const bool euler = scheme == StepScheme::euler;
-      inverse.push_back(LongMatrix(I - (euler ? hA : LongMatrix(hA / 2))).inverse());
-      P.push_back(inverse.back() * (euler ? I : LongMatrix(I + hA / 2)));
+      inverse.push_back(ChainMatrix(I - (euler ? hA : ChainMatrix(hA / 2))).inverse());
+      P.push_back(inverse.back() * (euler ? I : ChainMatrix(I + hA / 2)));
     }
   }
   Index M() const { return Index(steps.of.size()); }
@@ -40,19 +40,19 @@ struct LongChain {
 
   RowMatrix forward(const RowMatrix& d) const {
     RowMatrix x = d;
-    LongVector now = d.row(0).transpose().cast<Long>();
+    ChainVector now = d.row(0).transpose().cast<Long>();
     for (Index i = 1; i <= M(); ++i) {
-      now = LongVector(P[kind(i)] * now) + inverse[kind(i)] * d.row(i).transpose().cast<Long>();
+      now = ChainVector(P[kind(i)] * now) + inverse[kind(i)] * d.row(i).transpose().cast<Long>();
       x.row(i) = now.cast<double>().transpose();
     }
     return x;
   }
   RowMatrix adjoint(const RowMatrix& q) const {
     RowMatrix l = q;
-    LongVector mu = q.row(M()).transpose().cast<Long>();
+    ChainVector mu = q.row(M()).transpose().cast<Long>();
     for (Index i = M(); i >= 1; --i) {
       l.row(i) = (inverse[kind(i)].transpose() * mu).cast<double>().transpose();
-      mu = LongVector(P[kind(i)].transpose() * mu) + q.row(i - 1).transpose().cast<Long>();
+      mu = ChainVector(P[kind(i)].transpose() * mu) + q.row(i - 1).transpose().cast<Long>();
     }
     l.row(0) = mu.cast<double>().transpose();
     return l;
