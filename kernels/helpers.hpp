@@ -69,4 +69,3 @@ class Helpers {
 };
 
 }  // namespace bromwich
-

@@ -61,8 +61,9 @@ TEST(TimeLevels, AKernelKnowsTheModesOfInjectedValues) {
 
 // ---- queued cycles ----
 
-Result solved_by(Backend& backend, const Scene& scene, Index J) {
+Result solved_by(Backend& backend, const Scene& scene, Index J, double share = 0) {
   Options options = options_for(Method::multigrid, J);
+  options.algebraic_share = share;
   return solve(scene, backend, options);
 }
 
@@ -79,6 +80,42 @@ TEST(QueuedMultigrid, DoesWhatTheOtherDoes) {
     EXPECT_EQ(found.cycles, expected.cycles);
     EXPECT_GT(log.batches, 0);
     EXPECT_GT(log.replays, 0);
+  }
+}
+
+TEST(QueuedMultigrid, StopsWhereTheOtherStops) {
+  for (const double Q : {15., 127.})
+    for (const double share : {0.1, 1e-6}) {
+      const auto host = make_cpu_backend(1);
+      QueueLog log;
+      QueueingBackend queueing(log);
+      const Result found = solved_by(queueing, membrane(Q), 256, share),
+                   expected = solved_by(*host, membrane(Q), 256, share);
+      ASSERT_EQ(found.status, Status::solved) << found.reason;
+      EXPECT_EQ(found.y, expected.y) << Q << ' ' << share;
+      EXPECT_EQ(found.cycles, expected.cycles) << Q << ' ' << share;
+      EXPECT_EQ(found.iterations, expected.iterations) << Q << ' ' << share;
+    }
+}
+
+// Any of the batches, wherever it was looked for: in the nested start, a cycle, the search for a correction, a sweep.
+TEST(QueuedMultigrid, StopsAsWellAfterAnUnsolvedBatch) {
+  const Scene scene = membrane(127);
+  const double share = 1e-4;
+  QueueLog all;
+  QueueingBackend undisturbed(all);
+  const Result expected = solved_by(undisturbed, scene, 256, share);
+  const RowMatrix exact = solved_y(scene, Method::march, 256);
+  for (long failing = 1; failing < all.batches; failing += 7) {
+    QueueLog log;
+    log.failing = failing;
+    QueueingBackend backend(log);
+    const Result found = solved_by(backend, scene, 256, share);
+    ASSERT_EQ(found.status, Status::solved) << failing << found.reason;
+    ASSERT_TRUE(found.algebraic_error && expected.error_estimate) << failing;
+    EXPECT_LE(*found.algebraic_error, 1.01 * share * *expected.error_estimate) << failing;
+    // What is estimated is relative to max(1, |y|) of a time point.
+    EXPECT_LE(distance(found.y, exact), *found.algebraic_error * std::max(1., exact.maxCoeff())) << failing;
   }
 }
 

@@ -67,7 +67,7 @@ struct Ladder {
 
 /// Multigrid ends where what is left of its iteration is this part of the discretisation error, both as it estimates
 /// them.
-constexpr double useful_share = 0.1;
+constexpr double useful_share = 0.05;
 
 std::vector<Ladder> ladders(const Scene& scene, const Limits& limits, bool device) {
   const auto ladder = [&](const std::string& name, Method method) {
