@@ -13,6 +13,7 @@ namespace bromwich {
 namespace {
 
 constexpr std::size_t grids_of_estimate = 3;
+constexpr double least_ratio = 1.41421356;   ///< of differences: order 1/2
 constexpr double slowly_smoothed = 0.3;      ///< what a step so long leaves of a nested start is of high frequency
 constexpr int most_extra_sweeps = 2;         ///< behind a cycle
 constexpr double poor = 0.15;                ///< contraction of a cycle that may need an exact solution on the coarsest
@@ -145,13 +146,15 @@ std::optional<double> Multigrid::discretisation_error() {
   const std::vector<double>& d = differences_->collect();
   const double last = d[half_step], before = d[quarter_step];
   const double ratio = last > 0 ? before / last : 4;
-  if (!(ratio > std::sqrt(2.0))) return std::nullopt;
+  if (!(ratio > least_ratio)) return std::nullopt;
   return last / (std::min(ratio, 4.0) - 1);
 }
 
-// What the algebraic error is held against: the estimate, or |y_h - y_2h| where the grids do not come together yet;
-// with q = sqrt(2) the estimate would be 2.4 times that.
-double Multigrid::useful_error() { return discretisation_error().value_or(differences_->collect()[half_step]); }
+// What the algebraic error is held against. Where the grids do not come together yet: what the estimate would be with
+// the least order that it trusts.
+double Multigrid::useful_error() {
+  return discretisation_error().value_or(differences_->collect()[half_step] / (least_ratio - 1));
+}
 
 // Work on the finest grid, with the differences that are looked at behind it. Where it left a problem unsolved, or the
 // nested start did, a whole cycle is made instead, waiting for each batch; false then.
