@@ -106,26 +106,32 @@ IterationOutcome Multigrid::iterate() {
     result_.history.push_back(change);
     if (options_.progress) options_.progress({result_.iterations, change});
     const auto outcome = watch.after(change);
+    const double left = watch.left() + (useful_ ? unseen() : 0);
     result_.algebraic_error.reset();
-    if (std::isfinite(watch.left())) result_.algebraic_error = watch.left();
-    if (outcome) return *outcome;
+    if (std::isfinite(left)) result_.algebraic_error = left;
+    const bool solved = outcome && outcome->status == Status::solved;
+    if (outcome && !(solved && useful_ && unseen() > options_.iteration_tolerance)) return *outcome;
     if (watch.contraction() > poor && march_from_now_on()) watch.restart();
     if (useful_ && useful(watch.left(), most_extra_sweeps)) return {Status::solved, ""};
   }
   return *failure_;
 }
 
+// What the coarse grid does not see of the error.
+double Multigrid::unseen() {
+  const double f = levels_[0].unseen;
+  return f / (1 - f) * differences_->collect()[last_sweep];
+}
+
 // Whether what is left is a small enough part of the discretisation error: `seen`, what the coarse grid sees, and what
 // it does not; for the latter there may be further sweeps.
 bool Multigrid::useful(double seen, int sweeps) {
-  const double f = levels_[0].unseen;
   for (; std::isfinite(seen) && !failure_; --sweeps) {
-    const double unseen = f / (1 - f) * differences_->collect()[last_sweep];
     const double wanted = options_.algebraic_share * useful_error();
-    result_.algebraic_error = seen + unseen;
-    if (seen + unseen <= wanted) return true;
-    if (!(unseen * std::pow(f, sweeps) < wanted - seen)) return false;
-    watched([this] { one_more_sweep(); });
+    result_.algebraic_error = seen + unseen();
+    if (seen + unseen() <= wanted) return true;
+    if (sweeps == 0 || !(unseen() * std::pow(levels_[0].unseen, sweeps) < wanted - seen)) return false;
+    if (!watched([this] { one_more_sweep(); })) return false;  // `seen` is of a y that is no more
   }
   return false;
 }
@@ -135,7 +141,7 @@ bool Multigrid::march_from_now_on() {
   if (coarsest.march) return false;
   levels_.prepare_march();
   result_.bytes += coarsest.march->bytes();
-  queued_ = all_queue();
+  queued_ = queued_ && all_queue();
   return true;
 }
 
@@ -174,7 +180,7 @@ bool Multigrid::watched(const std::function<void()>& work) {
   }
   whole_cycle();
   start_is_solved_ = true;
-  queued_ = all_queue();
+  queued_ = !useful_ && all_queue();  // where all begins anew it has to go on from there
   return false;
 }
 

@@ -59,6 +59,7 @@ class Multigrid {
   void compare();
   bool march_from_now_on();
   double useful_error();
+  double unseen();
   bool useful(double seen, int sweeps);
 
   void start_on(std::size_t l, const Vector& y0);

@@ -12,7 +12,7 @@
 // r         r          (J_l+1) x n    right-hand side of this grid's problem y in SOL(M, r + K y)
 // y         y          (J_l+1) x n    its iterate; row 0 is y_0 and never changes
 // v         v          (J_l+1) x n    K y
-// y~        old        (J_l+1) x n    y as the cycle found it
+// y~        old        (J_l+1) x n    y as the cycle found it, or before the last sweep of the finest grid
 // y_h       nested     (J_l+1) x n    y that the nested iteration came to; of the two grids below the finest
 // D         shift      1              smoothing solves LCP(M + D I, .), see core/smoothing.hpp
 
@@ -57,7 +57,7 @@ struct TimeLevels {
 
 /// A coarser grid needs `fewest_steps`, and kappa_0 (core/forecast.hpp) below 0.1; or below 1 where the symbol of a
 /// sweep (core/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.8 at the high ones. M + W_0 is P there.
-/// A cycle asks the coarsest one for which its sweeps together multiply what that cannot see by 0.02 at most, or the
+/// A cycle asks the coarsest one for which a sweep multiplies what that cannot see by `far_smoothed` at most, or the
 /// next one. None where that leaves but the finest, and it is too long to be marched in every cycle. The problem has to
 /// outlive them. The coarsest grid is swept where the symbol is known, and marched otherwise. r holds the response on
 /// each grid (sparse dynamics: its values on the finest), y is zero. `kernel` is that of sparse dynamics, otherwise

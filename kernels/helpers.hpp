@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <functional>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -30,9 +31,13 @@ class Helpers {
   void share(const std::function<void()>& work, const std::function<void()>& first) {
     {
       const std::lock_guard lock(mutex_);
+      try {
+        while (int(threads_.size()) < count_) threads_.emplace_back([this] { help(); });
+      } catch (const std::system_error&) {
+        count_ = int(threads_.size());  // as many as there may be
+      }
       work_ = &work;
       ++number_;
-      while (int(threads_.size()) < count_) threads_.emplace_back([this] { help(); });
     }
     begun_.notify_all();
     first();

@@ -71,11 +71,12 @@ void Fetcher::fetch(const double* from, std::size_t step, double* to, std::size_
                     cudaStream_t stream, const std::function<void()>& meanwhile) {
   const std::size_t pitch = sizeof(double) * step, width = sizeof(double) * cols;
   const std::size_t together = piece_bytes / pitch;  // rows of a piece
-  if (together == 0) {
+  if (together == 0 || busy_) {
     check(cudaMemcpy2DAsync(to, width, from, pitch, width, rows, cudaMemcpyDeviceToHost, stream), "copying rows");
     check(cudaStreamSynchronize(stream), "copying rows");
     return meanwhile ? meanwhile() : void();
   }
+  const Busy busy(busy_);
   make();
   check(cudaEventRecord(ready_, stream), "copying rows");
   check(cudaStreamWaitEvent(stream_, ready_, 0), "copying rows");

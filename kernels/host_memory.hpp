@@ -46,9 +46,16 @@ class Fetcher {
   void fill(double* to, std::size_t count, double value);
 
  private:
+  struct Busy {
+    explicit Busy(bool& flag) : flag(flag) { flag = true; }
+    ~Busy() { flag = false; }
+    bool& flag;
+  };
+
   void make();
 
   int device_;
+  bool busy_ = false;  ///< `meanwhile` may fetch another array: not through the ring then
   Helpers helpers_;
   cudaStream_t stream_ = nullptr;
   double* ring_ = nullptr;

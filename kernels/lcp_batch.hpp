@@ -1,7 +1,7 @@
 #pragma once
 // What the batched complementarity solvers of this room share. A kernel counts what becomes of its problems on the way
-// (lcp_outcome.cuh), and its last block hands the sums to the host; only problems that it leaves are looked at one by
-// one, by pivoting on the host.
+// (lcp_outcome.cuh), and its last block hands the sums to the host (or they are collected later); only problems that it
+// leaves are looked at one by one, by pivoting on the host.
 
 #include "core/lcp/active_set_lcp.hpp"
 #include "kernels/device.hpp"

@@ -1,6 +1,7 @@
 #pragma once
 // Counting what becomes of a batch inside its kernel: every thread keeps sums of its own, the block adds them up at the
-// end, and the last block to finish hands those of the batch to the host.
+// end, and the last block to finish hands those of the batch to the host. Batches that are queued one after another
+// only add to counters on the device.
 
 #include "kernels/lcp_batch.hpp"
 

@@ -15,6 +15,7 @@ namespace bromwich {
 struct QueueLog {
   long batches = 0, marches = 0, replays = 0, waited = 0;
   long failing = -1;  ///< the number of a batch; its y stays as it is
+  long failures = 1;  ///< how many from there
 };
 
 class QueueingBackend final : public Backend {
@@ -83,7 +84,8 @@ class QueueingBackend final : public Backend {
     }
     bool queues() const override { return true; }
     void start(const Array& r, const Array& v, Array& y, Index first, double settle) override {
-      if (log.batches++ == log.failing) {
+      const long batch = log.batches++;
+      if (log.failing >= 0 && batch >= log.failing && batch < log.failing + log.failures) {
         ++sum.count.unsolved;
         return;
       }

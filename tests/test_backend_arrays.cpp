@@ -40,6 +40,16 @@ TEST_P(BackendArrays, AnUploadLeavesTheRowsItDoesNotBring) {
   }
 }
 
+// More of both than is on its way at a time.
+TEST_P(BackendArrays, ADownloadMayComeWithinAnother) {
+  const RowMatrix first = Random(18).matrix(4200, 512), second = Random(19).matrix(4200, 512);
+  const auto a = device(first), b = device(second);
+  RowMatrix outer, inner;
+  backend->download_during(*a, outer, [&] { backend->download(*b, inner); });
+  EXPECT_EQ(outer, first);
+  EXPECT_EQ(inner, second);
+}
+
 TEST_P(BackendArrays, InterpolationIsLinearBetweenRows) {
   for (const auto& [steps, n] : shapes)
     for (const Index ratio : {1, 2, 3, 8})
