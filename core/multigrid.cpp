@@ -64,6 +64,7 @@ void Multigrid::nest(const Vector& y0) {
   nested_ = true;
 }
 
+// A cycle, but on the coarsest grid, which begins with nothing, and where the error of a start is not smooth.
 void Multigrid::nest_on(std::size_t l) {
   TimeLevel& level = levels_[l];
   const bool coarsest = l + 1 == levels_.size();
