@@ -36,7 +36,7 @@ struct Prepared {
   Prepared(Kind kind, Index Q)
       : scene(make_scene("signorini", {{"Q", double(Q)}})), problem(discretise(scene, backend(), steps)) {
     const KroneckerDynamics& d = *problem.kronecker();
-    RowMatrix free = problem.g;
+    RowMatrix free = problem.g.table();
     if (kind == Kind::compressed) {
       recurrence = compressed_recurrence(backend(), d, compress_line_kernel(d, problem.h, scene.T), problem.h);
       const auto response = device(kronecker_initial_response(problem)), g = device(free);
@@ -50,7 +50,7 @@ struct Prepared {
     solve_at_zero(problem, result);
     free.row(0) = problem.start.transpose();
     r = device(free);
-    drive = device(*problem.drive());
+    drive = device(problem.drive()->table());
     y = device(result.y);
     v = backend().array(steps + 1, Q);
     MarchProblem march;

@@ -231,6 +231,10 @@ class Backend {
   virtual std::unique_ptr<Array> array(Index rows, Index cols) = 0;
   /// The first rows of `to`, as many as `from` has; the others stay as they are.
   virtual void upload(const RowMatrix& from, Array& to) = 0;
+  /// Row j <- shapes a_j for the rows a_j of `amplitudes`: rows x k, cols x k.
+  virtual void upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
+    upload(amplitudes * shapes.transpose(), to);
+  }
   virtual void download(const Array& from, RowMatrix& to) = 0;
   /// The same, and `operations`, which leave `from` as it is, while the values are on their way.
   virtual void download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations) {

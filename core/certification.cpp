@@ -101,7 +101,7 @@ bool Certification::states_are_known(const Result& result) const {
 // enter.
 double Certification::true_residual(const Result& result) const {
   const DiscreteProblem& p = methods_.problem();
-  const RowMatrix q = methods_.all_states(Method::march, result) * p.dense()->N.transpose() + p.g;
+  const RowMatrix q = methods_.all_states(Method::march, result) * p.dense()->N.transpose() + p.g.table();
   const RowMatrix w = q + result.y * to_dense(p.scene.M).transpose();
   double worst = 0;
   for (Index j = 0; j <= p.J; ++j)

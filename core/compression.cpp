@@ -35,7 +35,10 @@ Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& paramete
   return values;
 }
 
-constexpr double between_samples = 4;  ///< what is missed there may be so much larger than at the check points
+constexpr double gain_of_a_rate =
+    1.19;                               ///< a rate costs a part of every sweep: what rounding does is no reason for one
+constexpr Index columns_together = 64;  ///< of products, by one thread
+constexpr double between_samples = 4;   ///< what is missed there may be so much larger than at the check points
 
 Vector logarithmic(double from, double to, Index count) {
   Vector grid(count);
@@ -117,23 +120,40 @@ ExponentialSum compress_line_kernel(const KroneckerDynamics& dynamics, double h,
   for (Index K = fewest; K <= picked.size(); K += 2) {
     const Vector c = qr.matrixQR().topLeftCorner(K, K).triangularView<Eigen::Upper>().solve(projected.head(K));
     const double error = (check.leftCols(K) * c - check_values).cwiseAbs().maxCoeff() / scale;
-    if (error < 0.5 * best.error || error <= tolerance) best = {picked.head(K), c, error};  // fewer rates cost less
-    if (best.error <= tolerance) break;
+    const double pays = best.rates.size() > 0 ? std::pow(gain_of_a_rate, double(best.rates.size() - K)) : 1;
+    if (error < pays * best.error) best = {picked.head(K), c, error};
+    if (error <= tolerance) break;
   }
   return best;
 }
 
-InitialSum compress_initial_response(const KroneckerDynamics& dynamics, const ExponentialSum& sum,
-                                     const RowMatrix& x0_modes, double h, double T) {
+InitialSum compress_initial_response(Backend& backend, const KroneckerDynamics& dynamics, const ExponentialSum& sum,
+                                     const Vector& x0, double h, double T) {
+  const Index n = dynamics.along.points, K = dynamics.across.points, terms = sum.rates.size();
   const Vector nu = dynamics.across.eigenvalues(), seen = in_sine_basis(dynamics.n);
   const auto [times, checks] = sample_times(h, T);
-  // e^{nu t} = Σ_k P_k e^{s_k t}
-  const Matrix P = exponentials(times, sum.rates).householderQr().solve(exponentials(times, nu));
-  const RowMatrix parts = x0_modes * seen.asDiagonal();  // of N x0, n x across.points
-  const Vector missed =
-      (exponentials(checks, sum.rates) * P - exponentials(checks, nu)).cwiseAbs().colwise().maxCoeff().transpose();
-  const double size = parts.cwiseAbs().rowwise().sum().maxCoeff();
-  return {P * parts.transpose(), size > 0 ? between_samples * (parts.cwiseAbs() * missed).maxCoeff() / size : 0};
+  const Eigen::HouseholderQR<Matrix> qr(exponentials(times, sum.rates));
+  const Matrix Q = qr.householderQ() * Matrix::Identity(times.size(), terms);
+  const auto R = qr.matrixQR().topRows(terms).triangularView<Eigen::Upper>();
+  const Matrix check = exponentials(checks, sum.rates);
+  Matrix P(terms, K);  // e^{nu t} = Σ_k P_k e^{s_k t}, times what is seen of it
+  Vector missed(K);
+  backend.each_range(K, columns_together, [&](Index first, Index last) {
+    const Vector rates = nu.segment(first, last - first);
+    Matrix part = Q.transpose() * exponentials(times, rates);
+    R.solveInPlace(part);
+    const Matrix gap = check * part - exponentials(checks, rates);
+    missed.segment(first, last - first) = gap.cwiseAbs().colwise().maxCoeff().transpose();
+    P.middleCols(first, last - first) = part * seen.segment(first, last - first).asDiagonal();
+  });
+  const RowMatrix lines = row_modes(backend, Eigen::Map<const RowMatrix>(x0.data(), n, K));
+  RowMatrix D(terms, n);
+  backend.each_range(n, columns_together, [&](Index first, Index last) {
+    D.middleCols(first, last - first).noalias() = P * lines.middleRows(first, last - first).transpose();
+  });
+  const Vector parts = seen.cwiseAbs().cwiseProduct(lines.colwise().norm().transpose());
+  const double size = parts.sum();
+  return {row_modes(backend, D), size > 0 ? between_samples * parts.dot(missed) / size : 0};
 }
 
 std::optional<ModalRecurrence> started(const ModalRecurrence& r, const RowMatrix& D) {

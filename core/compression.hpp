@@ -19,22 +19,21 @@ struct ExponentialSum {
 /// Where the fit stops growing, and the error up to which it may replace the eigenvalues.
 inline constexpr double compression_tolerance = 1e-13, accepted_compression_error = 1e-11;
 
-/// Fits n^T e^{across t} b on [h, T]. The number of rates grows until `tolerance` is met or there are no more. The
-/// error is infinite where nothing of the kernel is left at t = h.
+/// Fits n^T e^{across t} b on [h, T]. The number of rates grows until `tolerance` is met or there are no more, and is
+/// the last one that paid. The error is infinite where nothing of the kernel is left at t = h.
 ExponentialSum compress_line_kernel(const KroneckerDynamics&, double h, double T,
                                     double tolerance = compression_tolerance);
 
 /// x0 seen through the same exponentials: S N e^{At} x0 = Σ_k D_kl e^{(s_k + mu_l) t} in mode l, t in [h, T].
 struct InitialSum {
   RowMatrix coefficients;  ///< D, K x n
-  /// Estimated from each eigenvalue's e^{nu t} between the samples, with a factor of 4 for other times; relative to all
-  /// parts of N x0 in a mode.
+  /// Of all modes together, in the 2-norm, relative to the sum of the parts Σ_k |n_k| |x0_k| in the eigenvectors of a
+  /// line. Estimated from each eigenvalue's e^{nu t} between the samples, with a factor of 4 for other times.
   double error = 0;
 };
 
-/// Fits every e^{nu_k t} by those of the sum, so that no time point is looked at. `x0_modes`: n x across.points, both
-/// directions in the sine basis (core/response.hpp).
-InitialSum compress_initial_response(const KroneckerDynamics&, const ExponentialSum&, const RowMatrix& x0_modes,
+/// Fits every e^{nu_k t} by those of the sum, so that no time point is looked at.
+InitialSum compress_initial_response(Backend&, const KroneckerDynamics&, const ExponentialSum&, const Vector& x0,
                                      double h, double T);
 
 /// The recurrence with what x0 adds to z_0: `initial` = D E / C, for any grid. Empty where a C_k is zero.

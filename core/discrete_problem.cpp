@@ -12,11 +12,13 @@ DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J) {
   DiscreteProblem p{scene, backend, lcp_class, J, scene.T / double(J), time_grid(scene.T, J), {}, {}, {}};
   p.g = sample(scene.g, p.t, scene.constraints());
   if (scene.f) p.f = sample(scene.f, p.t, scene.sources());
-  p.start = observe(scene.dynamics, scene.x0) + p.g.row(0).transpose();
+  p.start = observe(scene.dynamics, scene.x0) + p.g.row(0);
   return p;
 }
 
-std::size_t host_bytes(const DiscreteProblem& p) { return sizeof(double) * std::size_t(2 * p.g.size() + p.f.size()); }
+std::size_t host_bytes(const DiscreteProblem& p) {
+  return sizeof(double) * std::size_t(p.g.size()) + p.g.bytes() + p.f.bytes();
+}
 
 std::shared_ptr<const StepOperators> state_step(const DiscreteProblem& p, Rule rule) {
   if (rule != Rule::exponential) return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h));
@@ -32,30 +34,30 @@ Matrix source_matrix(const DiscreteProblem& p) {
 
 RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) {
   const Matrix& B = p.dense()->B;
-  if (const RowMatrix* phi = p.drive()) return (y + *phi) * B.transpose();
+  if (const SampledSource* phi = p.drive()) return (y + phi->table()) * B.transpose();
   RowMatrix input = y * B.transpose();
   if (p.f.size() > 0 && p.scene.f_entry == SourceEntry::through_F)
-    input += p.f * p.scene.F.transpose();
+    input += p.f.table() * p.scene.F.transpose();
   else if (p.f.size() > 0)
-    input += p.f;
+    input += p.f.table();
   return input;
 }
 
 RowMatrix dense_response(const DiscreteProblem& p, Rule rule) {
   const RowMatrix input = state_input(p, RowMatrix::Zero(p.J + 1, p.scene.constraints()));
-  return p.g + dense_states(*state_step(p, rule), p.scene.x0, input) * p.dense()->N.transpose();
+  return p.g.table() + dense_states(*state_step(p, rule), p.scene.x0, input) * p.dense()->N.transpose();
 }
 
 RowMatrix trace(const DiscreteProblem& p, const Array& r, const Array& v) {
   RowMatrix known, response;
   p.backend.download(r, known);
   p.backend.download(v, response);
-  return known + response - p.g;
+  return known + response - p.g.table();
 }
 
 std::optional<InitialSum> kronecker_initial_sum(const DiscreteProblem& p, const ExponentialSum& sum) {
   const KroneckerDynamics& d = *p.kronecker();
-  InitialSum x0 = compress_initial_response(d, sum, x0_in_modes(p.backend, d, p.scene.x0, true), p.h, p.scene.T);
+  InitialSum x0 = compress_initial_response(p.backend, d, sum, p.scene.x0, p.h, p.scene.T);
   if (!(x0.error <= accepted_compression_error)) return std::nullopt;
   return x0;
 }

@@ -31,10 +31,10 @@ struct DiscreteProblem {
   LcpClass lcp_class;  ///< of M, never `automatic`
   Index J;
   double h;
-  Vector t;      ///< J+1
-  RowMatrix g;   ///< (J+1) x n
-  RowMatrix f;   ///< (J+1) x m, or x n or k values of phi where f = B phi or F phi; empty if f is zero
-  Vector start;  ///< n: N x0 + g(0), the q of y_0
+  Vector t;         ///< J+1
+  SampledSource g;  ///< (J+1) x n
+  SampledSource f;  ///< (J+1) x m, or x n or k values of phi where f = B phi or F phi; empty if f is zero
+  Vector start;     ///< n: N x0 + g(0), the q of y_0
   std::vector<Index> components = {};  ///< of the state, to be recorded by methods that pass through it
   std::shared_ptr<KeptStep> exponential_step = std::make_shared<KeptStep>();  ///< of this h, see state_step
 
@@ -42,7 +42,7 @@ struct DiscreteProblem {
   const DenseDynamics* dense() const { return std::get_if<DenseDynamics>(&scene.dynamics); }
   const SparseDynamics* sparse() const { return std::get_if<SparseDynamics>(&scene.dynamics); }
   /// phi with f = B phi that a plan adds to y, or null.
-  const RowMatrix* drive() const { return scene.f_entry == SourceEntry::through_B && f.size() > 0 ? &f : nullptr; }
+  const SampledSource* drive() const { return scene.f_entry == SourceEntry::through_B && f.size() > 0 ? &f : nullptr; }
 };
 
 /// Bytes of the tables on the host: sources and y.

@@ -172,17 +172,15 @@ std::unique_ptr<Array> make_response(const DiscreteProblem& p, KernelChoice& cho
     return r;
   }
   const auto input = p.backend.array(rows, n);
+  p.g.upload(p.backend, *r);
   if (choice.started) {
-    RowMatrix g = p.g;
-    g.row(0) = p.start.transpose();  // the kernel has nothing at t = 0
-    p.backend.upload(g, *r);
+    p.backend.upload(p.start.transpose(), *r);  // row 0: the kernel has nothing at t = 0
   } else {
-    p.backend.upload(p.g, *r);
     p.backend.upload(kronecker_initial_response(p), *input);
     p.backend.sine_transform(n, rows)->apply(*input, r.get(), *r, 0);  // g + S N e^{At} x0
     if (!p.drive()) return r;
   }
-  if (p.drive()) p.backend.upload(*p.drive(), *input);
+  if (p.drive()) p.drive()->upload(p.backend, *input);
   with_start(p.backend, *choice.kernel, choice.started, rows, [&] { choice.kernel->apply(*input, v, 0); });
   p.backend.add(*r, 1, v, *r);
   return r;
@@ -259,7 +257,7 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
   Timer timer;
   {  // x^0(t) = x0 (Theorem 3.2): q_j = N x0 + g_j
     const auto q = p.backend.array(p.J + 1, p.scene.constraints());
-    p.backend.upload(RowMatrix(p.g.rowwise() + (p.start.transpose() - p.g.row(0))), *q);
+    p.g.plus(p.start - p.g.row(0)).upload(p.backend, *q);
     timer.lap();
     const LcpReport report = lcp.solve(*q, v, y, 0, -1);
     count(report, timer.lap(), result);
@@ -369,7 +367,7 @@ void solve_by_iteration(const DiscreteProblem& p, const SparseKernel& kernel, co
       std::make_unique<SpaceTimeKernel>(p.backend, p.backend.convolution(kernel.weights, rows), false, rows, n),
       "FFT over lag weights; " + kernel.description, kernel.error};
   const auto r = p.backend.array(rows, n);
-  p.backend.upload(p.g + kernel.free, *r);
+  p.backend.upload(p.g.table() + kernel.free, *r);
   result.bytes = kernel.bytes;
   iterate_with(p, choice, *r, setup, options, result);
 }

@@ -101,7 +101,7 @@ class LiteralKernel {
 RowMatrix literal_response(const DiscreteProblem& p, const LiteralKernel& kernel, Index P) {
   const Index rows = p.J + 1, n = p.scene.constraints();
   const auto in = p.backend.array(rows, n), out = p.backend.array(rows, n);
-  RowMatrix r = p.g, part;
+  RowMatrix r = p.g.table(), part;
   if (p.kronecker()) {
     p.backend.upload(kronecker_initial_response(p), *in);
     p.backend.sine_transform(n, rows)->apply(*in, nullptr, *out, 0);
@@ -112,15 +112,15 @@ RowMatrix literal_response(const DiscreteProblem& p, const LiteralKernel& kernel
     r += dense_states(d.A, Rule::exponential, p.h, p.scene.x0, RowMatrix::Zero(rows, p.scene.states())) *
          d.N.transpose();
   }
-  if (const RowMatrix* phi = p.drive()) {
-    p.backend.upload(*phi, *in);
+  if (const SampledSource* phi = p.drive()) {
+    phi->upload(p.backend, *in);
     kernel.apply(*in, *out);
     p.backend.download(*out, part);
     r += part;
   } else if (p.f.size() > 0) {
     DenseDynamics source = *p.dense();
     source.B = source_matrix(p);
-    r += LiteralKernel(p, source, P).respond(p.f);
+    r += LiteralKernel(p, source, P).respond(p.f.table());
   }
   return r;
 }

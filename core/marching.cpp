@@ -14,7 +14,7 @@ namespace {
 
 struct Plan {
   Recurrence recurrence;
-  RowMatrix r;  ///< what the recurrence leaves out
+  SampledSource r;  ///< what the recurrence leaves out
   double error = NAN;
   Vector start = {};         ///< dense: what x0 and f_0 add to z_0
   RowMatrix forcing = {};    ///< dense: what f adds to z_j
@@ -29,10 +29,10 @@ Plan dense_plan(const DiscreteProblem& p, Rule rule) {
   Plan plan{dense_recurrence(d, step), p.g, NAN, step.decay * p.scene.x0};
   if (p.f.size() == 0) return plan;
   const Matrix F = source_matrix(p), left = step.left * F, right = step.right * F;
-  plan.start += left * p.f.row(0).transpose();
+  plan.start += left * p.f.row(0);
   plan.source_input = step.decay * right + left;
-  plan.forcing = p.f * plan.source_input.transpose();
-  plan.r += p.f * (d.N * right).transpose();
+  plan.forcing = p.f.table() * plan.source_input.transpose();
+  plan.r = RowMatrix(p.g.table() + p.f.table() * (d.N * right).transpose());
   return plan;
 }
 
@@ -54,7 +54,7 @@ RowMatrix stepped_initial_response(const DiscreteProblem& p, Rule rule) {
 RowMatrix with_modes(const DiscreteProblem& p, const RowMatrix& values) {
   const auto modes = p.backend.array(values.rows(), values.cols()), r = p.backend.array(values.rows(), values.cols());
   p.backend.upload(values, *modes);
-  p.backend.upload(p.g, *r);
+  p.g.upload(p.backend, *r);
   p.backend.sine_transform(values.cols(), values.rows())->apply(*modes, r.get(), *r, 0);
   RowMatrix sum;
   p.backend.download(*r, sum);
@@ -120,7 +120,7 @@ std::size_t bytes_of(const Plan& plan) {
           return r.decay.size() + 3 * r.input.size();
       },
       plan.recurrence);
-  return sizeof(double) * std::size_t(numbers + plan.r.size() + plan.forcing.size());
+  return sizeof(double) * std::size_t(numbers + plan.forcing.size()) + plan.r.bytes();
 }
 
 }  // namespace
@@ -137,9 +137,9 @@ class Marching {
     if (options.progress) problem.progress = [&options, J = p.J](Index step) { options.progress({step, 0, J}); };
   }
 
-  const Array* array(const RowMatrix& values) {
+  Array* array(const SampledSource& values) {
     arrays_.push_back(p_.backend.array(values.rows(), values.cols()));
-    p_.backend.upload(values, *arrays_.back());
+    values.upload(p_.backend, *arrays_.back());
     bytes_ += arrays_.back()->bytes();
     return arrays_.back().get();
   }
@@ -190,14 +190,15 @@ void solve_by_marching(const DiscreteProblem& p, Rule rule, const Options& optio
   Timer timer;
   Plan plan = make_plan(p, rule, options.recurrence, result.kernel);
   result.kernel_error = plan.error;
-  plan.r.row(0) = p.start.transpose();
   Marching marching(p, options);
   marching.problem.recurrence = &plan.recurrence;
-  marching.problem.r = marching.array(plan.r);
+  Array* const r = marching.array(plan.r);
+  p.backend.upload(p.start.transpose(), *r);  // row 0
+  marching.problem.r = r;
   if (p.kronecker() && p.drive()) marching.problem.drive = marching.array(*p.drive());
   if (plan.forcing.size() > 0) {
     marching.problem.forcing = marching.array(plan.forcing);
-    marching.problem.sources = &p.f;
+    marching.problem.sources = &p.f.table();
     marching.problem.source_input = &plan.source_input;
   }
   if (plan.start.size() > 0) marching.problem.start = &plan.start;
@@ -209,7 +210,7 @@ void solve_by_marching(const DiscreteProblem& p, const SparseKernel& kernel, con
   Timer timer;
   Marching marching(p, options);
   marching.problem.lags = &kernel.weights;
-  marching.problem.r = marching.array(p.g + kernel.free);
+  marching.problem.r = marching.array(RowMatrix(p.g.table() + kernel.free));
   result.kernel = "lag weights, summed in blocks of time; " + kernel.description;
   result.kernel_error = kernel.error;
   marching.run(timer, false, result);

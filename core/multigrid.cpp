@@ -13,11 +13,12 @@ namespace bromwich {
 namespace {
 
 constexpr std::size_t grids_of_estimate = 3;
-constexpr double least_ratio = 1.41421356;   ///< of differences: order 1/2
-constexpr double slowly_smoothed = 0.3;      ///< what a step so long leaves of a nested start is of high frequency
-constexpr int most_extra_sweeps = 2;         ///< behind a cycle
-constexpr double poor = 0.15;                ///< contraction of a cycle that may need an exact solution on the coarsest
-constexpr double assumed_contraction = 0.1;  ///< of what a coarse grid sees, by the first correction
+constexpr double least_ratio = 1.41421356;  ///< of differences: order 1/2
+constexpr double slowly_smoothed = 0.3;     ///< what a step so long leaves of a nested start is of high frequency
+constexpr int most_extra_sweeps = 2;        ///< behind a cycle
+constexpr double poor = 0.15;               ///< contraction of a cycle that may need an exact solution on the coarsest
+constexpr double assumed_contraction = 0.05;  ///< of what a coarse grid sees, by the first correction
+constexpr double assumed_without_symbol = 0.2;
 
 }  // namespace
 
@@ -50,11 +51,14 @@ bool Multigrid::all_queue() const {
 }
 
 void Multigrid::nest(const Vector& y0) {
-  for (std::size_t l = levels_.size(); l-- > 0 && !failure_;) {
+  std::size_t last = levels_.size();
+  for (std::size_t l = last; l-- > 0 && !failure_;) {
+    if (left_out_of_start(l)) continue;
     if (options_.interrupted && options_.interrupted()) failure_ = {Status::interrupted, "stopped on request"};
-    start_on(l, y0);
+    start_on(l, last, y0);
     if (l > 0 || levels_.size() == 1) nest_on(l);
     if (levels_[l].nested) backend_.inject(*levels_[l].y, *levels_[l].nested);
+    last = l;
   }
   if (levels_.size() >= grids_of_estimate) {
     backend_.inject(*levels_[1].nested, *levels_[2].old);
@@ -62,6 +66,11 @@ void Multigrid::nest(const Vector& y0) {
   }
   y0_ = y0;
   nested_ = true;
+}
+
+// Below the grids that estimates are made from, a cycle makes up for four times the step as well.
+bool Multigrid::left_out_of_start(std::size_t l) const {
+  return l > grids_of_estimate && l + 1 < levels_.size() && (l - grids_of_estimate) % 2 == 1;
 }
 
 // A cycle, but on the coarsest grid, which begins with nothing, and where the error of a start is not smooth.
@@ -80,16 +89,18 @@ void Multigrid::nest_on(std::size_t l) {
   }
 }
 
-// y of the next coarser grid, or y_0 alone.
-void Multigrid::start_on(std::size_t l, const Vector& y0) {
-  const bool coarsest = l + 1 == levels_.size();
+// y of the coarser grid that was started last, or y_0 alone.
+void Multigrid::start_on(std::size_t l, std::size_t last, const Vector& y0) {
   if (nested_) backend_.upload(RowMatrix::Zero(levels_[l].steps + 1, y0.size()), *levels_[l].y);
-  if (coarsest) backend_.upload(y0.transpose(), *levels_[l].y);  // arrays are zero when they are made
-  if (!coarsest) backend_.interpolate(*levels_[l + 1].y, nullptr, *levels_[l].y);
+  if (last < levels_.size())
+    backend_.interpolate(*levels_[last].y, nullptr, *levels_[l].y);
+  else
+    backend_.upload(y0.transpose(), *levels_[l].y);  // arrays are zero when they are made
 }
 
 IterationOutcome Multigrid::iterate() {
-  CycleWatch watch(options_.iteration_tolerance, useful_ ? assumed_contraction : INFINITY);
+  const double assumed = levels_[0].sweeps > 0 ? assumed_contraction : assumed_without_symbol;
+  CycleWatch watch(options_.iteration_tolerance, useful_ ? assumed : INFINITY);
   while (!failure_) {
     if (options_.interrupted && options_.interrupted()) return {Status::interrupted, "stopped on request"};
     if (result_.iterations >= options_.max_iterations)

@@ -62,7 +62,8 @@ class Multigrid {
   double unseen();
   bool useful(double seen, int sweeps);
 
-  void start_on(std::size_t l, const Vector& y0);
+  bool left_out_of_start(std::size_t l) const;
+  void start_on(std::size_t l, std::size_t last, const Vector& y0);
   void nest_on(std::size_t l);
   void solve_on(std::size_t l);  // v holds K y
   void sweep_coarsest();

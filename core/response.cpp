@@ -1,7 +1,5 @@
 #include "core/response.hpp"
 
-#include "core/separable.hpp"
-
 #include <cmath>
 #include <numbers>
 
@@ -11,19 +9,6 @@ Vector time_grid(double T, Index J) {
   Vector t(J + 1);
   for (Index j = 0; j <= J; ++j) t[j] = T * double(j) / double(J);
   return t;
-}
-
-RowMatrix sample(const TimeFunction& function, const Vector& t, Index width) {
-  if (!function) return RowMatrix::Zero(t.size(), width);
-  if (const auto* separable = function.target<SeparableSource>()) return sample(*separable, t);
-  RowMatrix values(t.size(), width);
-  Vector value(width);
-  for (Index j = 0; j < t.size(); ++j) {
-    value.setZero();
-    function(t[j], value);
-    values.row(j) = value.transpose();
-  }
-  return values;
 }
 
 namespace {
@@ -54,22 +39,20 @@ Matrix sine_matrix(Index n) {
   return S;
 }
 
-RowMatrix x0_in_modes(Backend& backend, const KroneckerDynamics& d, const Vector& x0, bool both) {
-  const Index n = d.along.points, K = d.across.points;
-  const Eigen::Map<const RowMatrix> lines(x0.data(), n, K);
-  // S acts on rows: transform the transpose for the `along` direction.
-  const auto in = backend.array(K, n), out = backend.array(K, n);
-  backend.upload(lines.transpose(), *in);
-  backend.sine_transform(n, K)->apply(*in, nullptr, *out, 0);
-  RowMatrix transposed;
-  backend.download(*out, transposed);
-  RowMatrix modes = transposed.transpose();
-  if (!both) return modes;
-  const auto across_in = backend.array(n, K), across_out = backend.array(n, K);
-  backend.upload(modes, *across_in);
-  backend.sine_transform(K, n)->apply(*across_in, nullptr, *across_out, 0);
-  backend.download(*across_out, modes);
+RowMatrix row_modes(Backend& backend, const RowMatrix& rows) {
+  const auto in = backend.array(rows.rows(), rows.cols()), out = backend.array(rows.rows(), rows.cols());
+  backend.upload(rows, *in);
+  backend.sine_transform(rows.cols(), rows.rows())->apply(*in, nullptr, *out, 0);
+  RowMatrix modes;
+  backend.download(*out, modes);
   return modes;
+}
+
+RowMatrix x0_in_modes(Backend& backend, const KroneckerDynamics& d, const Vector& x0, bool both) {
+  // S acts on rows: the transpose for the `along` direction.
+  const Eigen::Map<const RowMatrix> lines(x0.data(), d.along.points, d.across.points);
+  const RowMatrix modes = row_modes(backend, lines.transpose()).transpose();
+  return both ? row_modes(backend, modes) : modes;
 }
 
 RowMatrix dense_states(const StepOperators& step, const Vector& x0, const RowMatrix& u) {

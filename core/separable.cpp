@@ -1,5 +1,9 @@
 #include "core/separable.hpp"
 
+#include "core/backend.hpp"
+
+#include <utility>
+
 namespace bromwich {
 
 void SeparableSource::operator()(double t, Eigen::Ref<Vector> value) const {
@@ -8,14 +12,64 @@ void SeparableSource::operator()(double t, Eigen::Ref<Vector> value) const {
   value.noalias() = shapes * a;
 }
 
-RowMatrix sample(const SeparableSource& source, const Vector& t) {
-  Vector a(source.shapes.cols());
-  RowMatrix values(t.size(), source.shapes.rows());
+SampledSource::SampledSource(RowMatrix amplitudes, Matrix shapes)
+    : amplitudes_(std::move(amplitudes)), shapes_(std::move(shapes)) {}
+
+std::size_t SampledSource::bytes() const {
+  return sizeof(double) * std::size_t(amplitudes_.size() + shapes_.size() + table_.size());
+}
+
+Vector SampledSource::row(Index j) const {
+  if (factored()) return shapes_ * amplitudes_.row(j).transpose();
+  return table_.row(j).transpose();
+}
+
+SampledSource SampledSource::rows(Index first, Index count, Index step) const {
+  const auto chosen = Eigen::seqN(first, count, step);
+  if (factored()) return {amplitudes_(chosen, Eigen::all), shapes_};
+  return RowMatrix(table_(chosen, Eigen::all));
+}
+
+SampledSource SampledSource::plus(const Vector& shift) const {
+  if (!factored()) return RowMatrix(table_.rowwise() + shift.transpose());
+  RowMatrix a(rows(), amplitudes_.cols() + 1);
+  a << amplitudes_, Vector::Ones(rows());
+  Matrix V(cols(), shapes_.cols() + 1);
+  V << shapes_, shift;
+  return {std::move(a), std::move(V)};
+}
+
+Index SampledSource::not_finite() const {
+  // Products of V and a stay finite where their sizes allow for it.
+  const auto size = [](const auto& m) {
+    return m.size() > 0 ? m.cwiseAbs().template maxCoeff<Eigen::PropagateNaN>() : 0;
+  };
+  if (factored() && size(amplitudes_) < 1e150 && size(shapes_) < 1e150) return -1;
+  for (Index j = 0; j < rows(); ++j)
+    if (factored() ? !row(j).allFinite() : (0 * table_.row(j).array()).sum() != 0) return j;  // NaN is not 0 either
+  return -1;
+}
+
+const RowMatrix& SampledSource::table() const {
+  if (factored() && table_.size() == 0) table_.noalias() = amplitudes_ * shapes_.transpose();
+  return table_;
+}
+
+void SampledSource::upload(Backend& backend, Array& to) const {
+  factored() ? backend.upload_product(amplitudes_, shapes_, to) : backend.upload(table_, to);
+}
+
+SampledSource sample(const TimeFunction& function, const Vector& t, Index width) {
+  if (!function) return RowMatrix(RowMatrix::Zero(t.size(), width));
+  const auto* separable = function.target<SeparableSource>();
+  RowMatrix values(t.size(), separable ? separable->shapes.cols() : width);
+  Vector value(values.cols());
   for (Index j = 0; j < t.size(); ++j) {
-    a.setZero();
-    source.time(t[j], a);
-    values.row(j).noalias() = (source.shapes * a).transpose();
+    value.setZero();
+    separable ? separable->time(t[j], value) : function(t[j], value);
+    values.row(j) = value.transpose();
   }
+  if (separable) return {std::move(values), separable->shapes};
   return values;
 }
 

@@ -3,11 +3,17 @@
 //
 //     s(t) = V a(t),      V: width x k,   a: k functions of t.
 //
-// A TimeFunction that holds one is recognised, and its table over time is made from V without a call for each entry.
+// A TimeFunction that holds one is recognised: its values over time are kept as V and a(t_j), and written out by the
+// backend where they are needed.
 
 #include "types.hpp"
 
+#include <cstddef>
+
 namespace bromwich {
+
+class Array;
+class Backend;
 
 struct SeparableSource {
   Matrix shapes;      ///< V
@@ -16,7 +22,40 @@ struct SeparableSource {
   void operator()(double t, Eigen::Ref<Vector> value) const;
 };
 
-/// s(t_j) as rows.
-RowMatrix sample(const SeparableSource&, const Vector& t);
+/// Values of a source at time points, one row each: a table, or V and the rows a(t_j).
+class SampledSource {
+ public:
+  SampledSource() = default;  ///< no rows
+  SampledSource(RowMatrix table) : table_(std::move(table)) {}
+  SampledSource(RowMatrix amplitudes, Matrix shapes);  ///< row j = V a_j; rows x k, width x k
+
+  Index rows() const { return factored() ? amplitudes_.rows() : table_.rows(); }
+  Index cols() const { return factored() ? shapes_.rows() : table_.cols(); }
+  Index size() const { return rows() * cols(); }
+  std::size_t bytes() const;
+
+  Vector row(Index j) const;
+  /// Rows first, first + step, ... up to `count` of them.
+  SampledSource rows(Index first, Index count, Index step = 1) const;
+  /// The same vector added to every row.
+  SampledSource plus(const Vector&) const;
+  /// The first row with a value that is not finite, or -1.
+  Index not_finite() const;
+
+  /// All rows, written out when they are first asked for, on the host. Not by several threads at once.
+  const RowMatrix& table() const;
+  /// To the first rows of an array of this width.
+  void upload(Backend&, Array&) const;
+
+ private:
+  bool factored() const { return shapes_.size() > 0; }
+
+  RowMatrix amplitudes_;
+  Matrix shapes_;
+  mutable RowMatrix table_;
+};
+
+/// s(t_j); zeros for an empty function.
+SampledSource sample(const TimeFunction&, const Vector& t, Index width);
 
 }  // namespace bromwich

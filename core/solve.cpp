@@ -166,12 +166,11 @@ class Run {
 
 bool finite_sources(const DiscreteProblem& p, Result& result) {
   for (const auto& [values, name] : {std::pair(&p.f, "f"), std::pair(&p.g, "g")}) {
-    for (Index j = 0; j < values->rows(); ++j) {
-      if ((0 * values->row(j).array()).sum() == 0) continue;  // what is not finite makes it NaN
-      result.status = Status::nonfinite;
-      result.reason = std::string(name) + " is not finite at t = " + std::to_string(p.t[j]);
-      return false;
-    }
+    const Index j = values->not_finite();
+    if (j < 0) continue;
+    result.status = Status::nonfinite;
+    result.reason = std::string(name) + " is not finite at t = " + std::to_string(p.t[j]);
+    return false;
   }
   return true;
 }

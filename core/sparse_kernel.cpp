@@ -255,7 +255,7 @@ RowMatrix free_part(const DiscreteProblem& p, const Rows& table, const Wide& wid
   const bool through_B = wide.sources == 0;
   const LagTable response = block(table, wide, i0, outputs, through_B ? 0 : wide.n, through_B ? wide.n : wide.sources);
   const auto phi = p.backend.array(p.J + 1, p.f.cols()), answer = p.backend.array(p.J + 1, outputs);
-  p.backend.upload(p.f, *phi);
+  p.f.upload(p.backend, *phi);
   p.backend.convolution(response, p.J + 1)->apply(*phi, *answer, 0);
   RowMatrix v;
   p.backend.download(*answer, v);

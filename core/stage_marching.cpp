@@ -22,7 +22,7 @@ RowMatrix sample_stages(const DiscreteProblem& p, const TimeFunction& function, 
   Vector inner(p.J + 1);
   inner[0] = 0;
   for (Index j = 1; j <= p.J; ++j) inner[j] = p.t[j - 1] + first_node * p.h;
-  values.leftCols(width) = sample(function, inner, width);
+  values.leftCols(width) = sample(function, inner, width).table();
   return values;
 }
 
@@ -65,16 +65,16 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& opti
   problem.components = p.components;
   problem.interrupted = options.interrupted;
   if (options.progress) problem.progress = [&](Index step) { options.progress({step, 0, p.J}); };
-  const auto g = array(sample_stages(p, p.scene.g, p.g, stages));
+  const auto g = array(sample_stages(p, p.scene.g, p.g.table(), stages));
   problem.g = g.get();
   std::unique_ptr<Array> phi;
   if (p.f.size() > 0) {
-    phi = array(sample_stages(p, p.scene.f, p.f, stages));
+    phi = array(sample_stages(p, p.scene.f, p.f.table(), stages));
     problem.phi = phi.get();
     problem.F = source_matrix(p.scene, *problem.dynamics);
   }
   const auto march = p.backend.stage_march(problem, rows);
-  const auto y = p.backend.array(rows, n), v = p.backend.array(rows, n), r = array(p.g);
+  const auto y = p.backend.array(rows, n), v = p.backend.array(rows, n), r = array(p.g.table());
   const auto x = p.backend.array(rows, Index(p.components.size()));
   result.bytes = 3 * y->bytes() + g->bytes() + (phi ? phi->bytes() : 0) + x->bytes() + march->bytes() + host_bytes(p);
   result.seconds.setup += timer.lap();

@@ -12,15 +12,6 @@ namespace bromwich {
 
 namespace {
 
-RowMatrix in_modes(Backend& backend, const RowMatrix& rows) {
-  const auto in = backend.array(rows.rows(), rows.cols()), out = backend.array(rows.rows(), rows.cols());
-  backend.upload(rows, *in);
-  backend.sine_transform(rows.cols(), rows.rows())->apply(*in, nullptr, *out, 0);
-  RowMatrix modes;
-  backend.download(*out, modes);
-  return modes;
-}
-
 // x_{j+1} = decay x_j + left u_j + right u_{j+1} for every pair of sine modes, b included: K x n each, k across, l
 // along.
 struct ModalStep {
@@ -51,7 +42,7 @@ RowMatrix kronecker_states(const DiscreteProblem& p, Rule rule, const RowMatrix&
   const Index n = d.along.points, K = d.across.points;
   const Matrix S = sine_matrix(K);
   const ModalStep step = modal_step(d, S, rule, p.h);
-  const RowMatrix u = in_modes(p.backend, p.drive() ? RowMatrix(y + *p.drive()) : y);
+  const RowMatrix u = row_modes(p.backend, p.drive() ? RowMatrix(y + p.drive()->table()) : y);
   std::vector<Index> positions;
   for (const Index c : components) positions.push_back(c % K);
   std::sort(positions.begin(), positions.end());
@@ -70,7 +61,7 @@ RowMatrix kronecker_states(const DiscreteProblem& p, Rule rule, const RowMatrix&
     now.noalias() = observe * x;
     for (std::size_t i = 0; i < positions.size(); ++i) seen[i].row(j) = now.row(Index(i));
   }
-  for (RowMatrix& line : seen) line = in_modes(p.backend, line);
+  for (RowMatrix& line : seen) line = row_modes(p.backend, line);
 
   RowMatrix states(p.J + 1, Index(components.size()));
   for (std::size_t c = 0; c < components.size(); ++c) {
@@ -110,7 +101,7 @@ RowMatrix lines_at(const DiscreteProblem& p, const std::vector<LagWindow>& windo
 
 Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
   const KroneckerDynamics& d = *p.kronecker();
-  const RowMatrix u = in_modes(p.backend, p.drive() ? RowMatrix(y + *p.drive()) : y);
+  const RowMatrix u = row_modes(p.backend, p.drive() ? RowMatrix(y + p.drive()->table()) : y);
   const RowMatrix x0 = x0_in_modes(p.backend, d, p.scene.x0, true);
   const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
   const std::vector<LagWindow> windows = lag_windows(*contour_parameters(0), p.h, p.J);
@@ -124,8 +115,8 @@ Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const s
     // e^{A t} x0 is diagonal in both directions.
     RowMatrix free = x0;
     for (Index l = 0; l < mu.size(); ++l) free.row(l).array() *= (p.t[j] * (nu.transpose().array() + mu[l])).exp();
-    const RowMatrix lines = in_modes(p.backend, free) + lines_at(p, windows, u, j);
-    const RowMatrix grid = in_modes(p.backend, lines.transpose()).transpose();
+    const RowMatrix lines = row_modes(p.backend, free) + lines_at(p, windows, u, j);
+    const RowMatrix grid = row_modes(p.backend, lines.transpose()).transpose();
     x.col(Index(c)) = Eigen::Map<const Vector>(grid.data(), grid.size());
   }
   return x;

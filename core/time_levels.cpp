@@ -192,10 +192,11 @@ void prepare_march(const DiscreteProblem& p, const Options& options, TimeLevel& 
 
 // Every R-th row of the tables.
 DiscreteProblem on_grid(const DiscreteProblem& p, Index steps) {
-  const auto rows = Eigen::seqN(0, steps + 1, p.J / steps);
-  DiscreteProblem coarse{p.scene, p.backend, p.lcp_class, steps, p.scene.T / double(steps), p.t(rows), {}, {}, p.start};
-  coarse.g = p.g(rows, Eigen::all);
-  if (p.f.size() > 0) coarse.f = p.f(rows, Eigen::all);
+  const Index ratio = p.J / steps;
+  DiscreteProblem coarse{p.scene, p.backend, p.lcp_class, steps, p.scene.T / double(steps), {}, {}, {}, p.start};
+  coarse.t = p.t(Eigen::seqN(0, steps + 1, ratio));
+  coarse.g = p.g.rows(0, steps + 1, ratio);
+  if (p.f.size() > 0) coarse.f = p.f.rows(0, steps + 1, ratio);
   return coarse;
 }
 
@@ -225,7 +226,7 @@ void set_coarse_responses(const DiscreteProblem& p, const std::vector<TimeLevel*
 void respond(const DiscreteProblem& p, const std::vector<TimeLevel*>& grids) {
   TimeLevel& finest = *grids[0];
   if (p.kronecker() && p.drive()) {
-    p.backend.upload(*p.drive(), *finest.old);
+    p.drive()->upload(p.backend, *finest.old);
     with_start(p.backend, *finest.kernel, finest.started, finest.steps + 1,
                [&] { finest.kernel->apply(*finest.old, *finest.v, 0); });
   }
@@ -319,7 +320,7 @@ TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, con
   }
   levels.description += swept ? " steps" : " steps, the last marched";
   if (sparse)
-    p.backend.upload(p.g + sparse->free, *levels[0].r);
+    p.backend.upload(p.g.table() + sparse->free, *levels[0].r);
   else
     levels[0].r = make_response(p, finest, *levels[0].v);
   levels[0].kernel = std::move(finest.kernel);

@@ -18,9 +18,9 @@ constexpr double safety = 0.1;                    ///< of the tolerance, for wha
 DiscreteProblem window(const DiscreteProblem& p, const Scene& scene, Index first, Index count) {
   const Index rows = count + 1;
   DiscreteProblem w{scene, p.backend, p.lcp_class, count, p.h, p.t.segment(first, rows), {}, {}, {}};
-  w.g = p.g.middleRows(first, rows);
-  if (p.f.size() > 0) w.f = p.f.middleRows(first, rows);
-  w.start = p.dense()->N * scene.x0 + w.g.row(0).transpose();
+  w.g = p.g.rows(first, rows);
+  if (p.f.size() > 0) w.f = p.f.rows(first, rows);
+  w.start = p.dense()->N * scene.x0 + w.g.row(0);
   return w;
 }
 

@@ -12,9 +12,17 @@ namespace bromwich::cpu {
 
 namespace {
 
-constexpr Index parallel_size = 1 << 15;  ///< below it starting the threads costs more than they save
+constexpr Index parallel_size = 1 << 12;  ///< below it starting the threads costs more than they save
 
 }  // namespace
+
+void write_product(const RowMatrix& amplitudes, const Matrix& shapes, RowMatrix& to, int threads) {
+#pragma omp parallel for num_threads(threads) schedule(static) if (to.size() > parallel_size)
+  for (Index j = 0; j < amplitudes.rows(); ++j) {
+    to.row(j) = amplitudes(j, 0) * shapes.col(0).transpose();
+    for (Index i = 1; i < shapes.cols(); ++i) to.row(j) += amplitudes(j, i) * shapes.col(i).transpose();
+  }
+}
 
 void inject(const RowMatrix& fine, RowMatrix& coarse, int threads) {
   const Index last = coarse.rows() - 1, ratio = (fine.rows() - 1) / last;

@@ -30,6 +30,9 @@ class CpuBackend final : public Backend {
     return std::make_unique<cpu::HostArray>(rows, cols, threads_);
   }
   void upload(const RowMatrix& from, Array& to) override { copy(from, cpu::host(to)); }
+  void upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to) override {
+    cpu::write_product(amplitudes, shapes, cpu::host(to), threads_);
+  }
   void download(const Array& from, RowMatrix& to) override {
     to.resize(from.rows(), from.cols());
     copy(cpu::host(from), to);

@@ -83,6 +83,7 @@ std::unique_ptr<March> make_lag_march(const MarchProblem&, Index rows, int threa
 std::unique_ptr<StageMarch> make_stage_march(const StageProblem&, Index rows, int threads);
 std::unique_ptr<StepChain> make_step_chain(const StepChainProblem&, int threads);
 std::unique_ptr<AffineChain> make_affine_chain(const AffineChainSizes&, int threads);
+void write_product(const RowMatrix& amplitudes, const Matrix& shapes, RowMatrix& to, int threads);
 void inject(const RowMatrix& fine, RowMatrix& coarse, int threads);
 void interpolate(const RowMatrix& coarse, const RowMatrix* old, RowMatrix& fine, int threads);
 void restrict_problem(const RowMatrix& r, const RowMatrix& v, const RowMatrix& y, const RowMatrix& coarse_v,

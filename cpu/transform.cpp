@@ -64,7 +64,7 @@ struct FoldedSine {
 };
 
 class ProductSine final : public SineTransform {
-  static constexpr Index parallel_size = 1 << 22;  ///< multiplications: a tenth of a millisecond
+  static constexpr Index parallel_size = 1 << 18;  ///< multiplications: ten microseconds
 
  public:
   ProductSine(Index n, int threads) : sine_(n), threads_(threads) {
@@ -188,7 +188,7 @@ class HalvedVectorSine final : public VectorSine {
 };
 
 class FastSine final : public SineTransform {
-  static constexpr Index parallel_size = 1 << 16;  ///< values: a tenth of a millisecond
+  static constexpr Index parallel_size = 1 << 12;  ///< values: ten microseconds
 
  public:
   FastSine(Index n, Index rows, int threads) : n_(n), scratch_(rows * n > parallel_size ? threads : 1, n) {

@@ -72,6 +72,18 @@ __global__ void pose(Rows rows, const Value* r, const Value* v, const Value* y, 
   coarse_y[i] = old[i] = value;
 }
 
+// Row j <- Σ_i a_ji V_i, V by columns of `cols` values.
+__global__ void write_product(const double* a, const double* V, int rows, int cols, int step, int terms, double* to) {
+  let_next_begin();
+  await_previous();
+  for (long at = first_value(); at < long(rows) * cols; at += all_threads()) {
+    const long row = at / cols, col = at % cols;
+    double sum = a[row * terms] * V[col];
+    for (int i = 1; i < terms; ++i) sum += a[row * terms + i] * V[long(i) * cols + col];
+    to[row * step + col] = sum;
+  }
+}
+
 __global__ void add_multiple(const double* b, double s, const double* c, long values, double* a) {
   let_next_begin();
   await_previous();
@@ -152,6 +164,13 @@ void follow_rows(const Device& device, const Array& array, const char* what, voi
 }
 
 }  // namespace
+
+void upload_product(const Device& device, const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
+  const Memory<double> a = on_device(device, amplitudes), V = on_device(device, shapes);
+  follow(device, write_product, {blocks(amplitudes.rows() * to.cols()), threads}, "starting a product of shapes",
+         a.data(), V.data(), int(amplitudes.rows()), int(to.cols()), int(stride(to.cols())), int(shapes.cols()),
+         values(to));
+}
 
 void inject(const Device& device, const Array& fine, Array& coarse) {
   follow_rows(device, coarse, "starting an injection", take_rows<double>, take_rows<double2>, values(fine),

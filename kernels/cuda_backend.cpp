@@ -47,6 +47,9 @@ class CudaBackend final : public Backend {
     return std::make_unique<cuda::DeviceArray>(device_, rows, cols);
   }
   void upload(const RowMatrix& from, Array& to) override { cuda::upload(device_, from, to); }
+  void upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to) override {
+    cuda::upload_product(device_, amplitudes, shapes, to);
+  }
   void download(const Array& from, RowMatrix& to) override { cuda::download(device_, from, to); }
   void download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations) override {
     cuda::download(device_, from, to, operations);

@@ -353,7 +353,7 @@ TEST(SparseKernel, MarchesToTheSolutionOfTheDenseTwin) {
     ASSERT_EQ(exact.infeasible, -1) << c.name;
     const auto r = backend->array(c.J + 1, p.g.cols()), y = backend->array(c.J + 1, p.g.cols()),
                v = backend->array(c.J + 1, p.g.cols());
-    backend->upload(kernel->free + p.g, *r);
+    backend->upload(kernel->free + p.g.table(), *r);
     RowMatrix start = RowMatrix::Zero(c.J + 1, p.g.cols());
     start.row(0) = exact.y.row(0);
     backend->upload(start, *y);
