@@ -81,11 +81,9 @@ Pivots pivots(Matrix columns, Index count) {
     found.left.push_back(std::sqrt(most));
     const Vector q = columns.col(best).normalized();
     columns.col(best).setZero();
-    for (Index i = 0; i < columns.cols(); ++i) {
-      auto column = columns.col(i);
-      column -= q.dot(column) * q;
-      norms[i] = column.squaredNorm();
-    }
+    const Eigen::RowVectorXd parts = q.transpose() * columns;
+    columns.noalias() -= q * parts;
+    norms = columns.colwise().squaredNorm().transpose();
   }
   return found;
 }

@@ -52,6 +52,11 @@ void SpaceTimeKernel::apply_injected_modes(const SpaceTimeKernel& fine, Array& v
   transform_seconds += timer.lap();
 }
 
+void SpaceTimeKernel::add_start(const Recurrence& started, const Array& zero, Array& r) {
+  backend_.convolution(started, zero.rows())->apply(zero, *v_modes_, 0);
+  sine_->apply(*v_modes_, &r, r, 0);
+}
+
 std::size_t SpaceTimeKernel::bytes() const {
   return convolution_->bytes() + (sine_ ? sine_->bytes() + y_modes_->bytes() + v_modes_->bytes() : 0);
 }
@@ -150,20 +155,6 @@ KernelChoice dense_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
 
 }  // namespace
 
-void with_start(Backend& backend, SpaceTimeKernel& kernel, const std::optional<ModalRecurrence>& started, Index rows,
-                const std::function<void()>& operations) {
-  if (!started) return operations();
-  struct Exchanged {
-    SpaceTimeKernel& kernel;
-    std::unique_ptr<Convolution> other;
-    Exchanged(SpaceTimeKernel& k, std::unique_ptr<Convolution> c) : kernel(k), other(std::move(c)) {
-      kernel.exchange(other);
-    }
-    ~Exchanged() { kernel.exchange(other); }
-  } const exchanged(kernel, backend.convolution(*started, rows));
-  operations();
-}
-
 std::unique_ptr<Array> make_response(const DiscreteProblem& p, KernelChoice& choice, Array& v) {
   const Index rows = p.J + 1, n = p.scene.constraints();
   auto r = p.backend.array(rows, n);
@@ -175,13 +166,14 @@ std::unique_ptr<Array> make_response(const DiscreteProblem& p, KernelChoice& cho
   p.g.upload(p.backend, *r);
   if (choice.started) {
     p.backend.upload(p.start.transpose(), *r);  // row 0: the kernel has nothing at t = 0
+    choice.kernel->add_start(*choice.started, *input, *r);
   } else {
     p.backend.upload(kronecker_initial_response(p), *input);
     p.backend.sine_transform(n, rows)->apply(*input, r.get(), *r, 0);  // g + S N e^{At} x0
-    if (!p.drive()) return r;
   }
-  if (p.drive()) p.drive()->upload(p.backend, *input);
-  with_start(p.backend, *choice.kernel, choice.started, rows, [&] { choice.kernel->apply(*input, v, 0); });
+  if (!p.drive()) return r;
+  p.drive()->upload(p.backend, *input);
+  choice.kernel->apply(*input, v, 0);
   p.backend.add(*r, 1, v, *r);
   return r;
 }

@@ -25,8 +25,9 @@ class SpaceTimeKernel {
   void apply_injected(const SpaceTimeKernel& fine, const Array& y_fine, Array& y, Array& v);
   /// For a Kronecker sum, where the modes of what `fine` was last applied to are all that is needed.
   void apply_injected_modes(const SpaceTimeKernel& fine, Array& v);
-  /// Exchanges the convolution, for one with the same weights that begins with x0 (`initial` of a recurrence).
-  void exchange(std::unique_ptr<Convolution>& other) { convolution_.swap(other); }
+  /// r <- r + what x0 adds by itself, for a Kronecker sum: the recurrence of the kernel with x0 in its start, applied
+  /// to `zero`.
+  void add_start(const Recurrence& started, const Array& zero, Array& r);
   std::size_t bytes() const;
 
   double transform_seconds = 0, convolution_seconds = 0;
@@ -44,7 +45,7 @@ struct KernelChoice {
   std::string description;
   double error = 0;  ///< see Result::kernel_error
   /// The recurrence of the kernel with x0 in its start; none: the response to x0 is a table over time.
-  std::optional<ModalRecurrence> started = {};
+  std::optional<Recurrence> started = {};
 };
 
 /// The kernel by recurrence (scan) or lag table (FFT), from contours where the spectrum allows one.
@@ -53,14 +54,8 @@ KernelChoice make_kernel(const DiscreteProblem&, ConvolutionChoice);
 /// One step of the state costs less than its share of transforms over time (dense dynamics).
 bool scan_is_cheaper(const DiscreteProblem&);
 
-/// Runs `operations` while the kernel begins with x0; as it is where nothing is `started`. `rows` are those of the
-/// kernel.
-void with_start(Backend&, SpaceTimeKernel&, const std::optional<ModalRecurrence>& started, Index rows,
-                const std::function<void()>& operations);
-
 /// r on the backend: g + N e^{At} x0 + response to f. `work` is one array of its shape; where f = B phi in a Kronecker
-/// sum it is left with K phi, the response to x0 with it where the kernel can be started. Dense dynamics and Kronecker
-/// sums.
+/// sum it is left with K phi, applied to which the kernel was last. Dense dynamics and Kronecker sums.
 std::unique_ptr<Array> make_response(const DiscreteProblem&, KernelChoice&, Array& work);
 
 /// Fills status, y, iterations, history, counters, residual and seconds of `result`.

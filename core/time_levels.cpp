@@ -42,10 +42,12 @@ class Source {
   // Of the grid with `steps` steps, from a finer one or null.
   Weights weights(Index steps, const TimeLevel* finer) const {
     if (finer && !p_.dense()) {
-      Weights w = finer->weights;
-      for (Index at = finer->steps; at > steps; at /= 2)
-        w = sparse_ ? Weights(coarsen(std::get<LagTable>(w)))
-                    : Weights(Recurrence(coarsen(std::get<ModalRecurrence>(std::get<Recurrence>(w)))));
+      const auto halved = [this](const Weights& w) {
+        return sparse_ ? Weights(coarsen(std::get<LagTable>(w)))
+                       : Weights(Recurrence(coarsen(std::get<ModalRecurrence>(std::get<Recurrence>(w)))));
+      };
+      Weights w = halved(finer->weights);
+      for (Index at = finer->steps / 2; at > steps; at /= 2) w = halved(w);
       return w;
     }
     if (sparse_) return sparse_->weights;
@@ -70,20 +72,11 @@ class Source {
                               : "all " + std::to_string(p_.kronecker()->across.points) + " eigenvalues a mode");
     if (!fits_) return made;
     made.error = sum_.error;
-    if (!by_fft_) x0_ = kronecker_initial_sum(p_, sum_);
+    const auto x0 = by_fft_ ? std::nullopt : kronecker_initial_sum(p_, sum_);
+    if (!x0) return made;
+    made.started = started(std::get<ModalRecurrence>(std::get<Recurrence>(level.weights)), x0->coefficients);
+    if (made.started) made.error = std::max(made.error, x0->error);
     return made;
-  }
-
-  // Starts the recurrences of all grids from x0, where it is such a sum.
-  void start(TimeLevels& levels, KernelChoice& finest) const {
-    for (const auto& level : levels.grids)
-      if (x0_)
-        level->started = started(std::get<ModalRecurrence>(std::get<Recurrence>(level->weights)), x0_->coefficients);
-    const auto all = std::all_of(levels.grids.begin(), levels.grids.end(), [](const auto& l) { return l->started; });
-    for (const auto& level : levels.grids)
-      if (!all) level->started.reset();
-    finest.started = levels[0].started;
-    if (finest.started) finest.error = std::max(finest.error, x0_->error);
   }
 
   std::unique_ptr<SpaceTimeKernel> kernel(const TimeLevel& level) const {
@@ -108,7 +101,6 @@ class Source {
   ConvolutionChoice choice_;
   bool by_fft_ = false, fits_ = false;
   ExponentialSum sum_;
-  std::optional<InitialSum> x0_;  ///< all grids have the same
 };
 
 // |S diag(w) S| 1. Products of sines are differences of cosines: entry (i, j) is c(i-j) - c(i+j) with
@@ -201,12 +193,11 @@ DiscreteProblem on_grid(const DiscreteProblem& p, Index steps) {
 }
 
 // r_c = R r, and K_c phi in place of R K phi: the source piecewise linear on the coarse grid. The kernel of the finer
-// grid has been applied to phi last; x0, where the kernels begin with it, is the same in both.
+// grid has been applied to phi last.
 void add_driven_difference(Backend& backend, TimeLevel& fine, TimeLevel& coarse) {
   backend.inject(*fine.v, *coarse.y);
   backend.add(*coarse.r, -1, *coarse.y, *coarse.r);
-  with_start(backend, *coarse.kernel, coarse.started, coarse.steps + 1,
-             [&] { coarse.kernel->apply_injected_modes(*fine.kernel, *coarse.v); });
+  coarse.kernel->apply_injected_modes(*fine.kernel, *coarse.v);
   backend.add(*coarse.r, 1, *coarse.v, *coarse.r);
   backend.add(*coarse.y, -1, *coarse.y, *coarse.y);
 }
@@ -227,8 +218,7 @@ void respond(const DiscreteProblem& p, const std::vector<TimeLevel*>& grids) {
   TimeLevel& finest = *grids[0];
   if (p.kronecker() && p.drive()) {
     p.drive()->upload(p.backend, *finest.old);
-    with_start(p.backend, *finest.kernel, finest.started, finest.steps + 1,
-               [&] { finest.kernel->apply(*finest.old, *finest.v, 0); });
+    finest.kernel->apply(*finest.old, *finest.v, 0);
   }
   set_coarse_responses(p, grids);
 }
@@ -303,7 +293,6 @@ TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, con
   TimeLevels levels = choose_grids(p, source);
   if (levels.size() == 0) return levels;
   KernelChoice finest = source.finest(levels[0]);
-  source.start(levels, finest);
   levels.kernel_error = finest.error;
   levels.description = finest.description + "; grids of ";
   // Sweeps that smooth and do not enlarge what is smooth do, after a nested start, for what is left on the coarsest.

@@ -30,7 +30,6 @@ struct TimeLevel {
   Index steps = 0;
   Weights weights;
   std::unique_ptr<SpaceTimeKernel> kernel;
-  std::optional<ModalRecurrence> started;  ///< the weights with x0 in their start, see KernelChoice
   std::unique_ptr<Array> r, y, v, old, nested;
   std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; not of a coarsest grid that is marched from the start
   double shift = 0;

@@ -254,11 +254,13 @@ class DirectConvolution final : public Convolution {
         W_(device, std::size_t((before + lengths_.longest + 1 + beyond) * stride_)),
         S_(device, std::size_t((lengths_.longest + 1) * stride_)) {
     W_.clear();
-    const auto slice = [&](const auto& table) { return on_device(device, RowMatrix(table.rightCols(n_))); };
-    const Memory<double> decay = slice(r.decay), output = slice(r.output), start = slice(r.start),
-                         w0 = slice(r.w0.transpose()), w1 = slice(r.w1.transpose()), s1 = slice(r.s1.transpose());
-    const Exponentials e{decay.data(), output.data(), start.data(),          w0.data(),
-                         w1.data(),    s1.data(),     int(r.exponentials()), int(n_)};
+    const Index K = r.exponentials();
+    RowMatrix tables(3 * K + 3, n_);  // one copy
+    tables << r.decay.rightCols(n_), r.output.rightCols(n_), r.start.rightCols(n_), r.w0.tail(n_).transpose(),
+        r.w1.tail(n_).transpose(), r.s1.tail(n_).transpose();
+    const Memory<double> on_device = cuda::on_device(device, tables);
+    const double *const decay = on_device.data(), *const w0 = decay + 3 * K * n_;
+    const Exponentials e{decay, decay + K * n_, decay + 2 * K * n_, w0, w0 + n_, w0 + 2 * n_, int(K), int(n_)};
     const dim3 blocks(unsigned((n_ + 127) / 128), unsigned((lengths_.longest + lags) / lags));
     form_weights<<<blocks, 128, 0, device.stream()>>>(e, lengths_.longest + 1, int(stride_),
                                                       W_.data() + before * stride_, S_.data());

@@ -205,13 +205,6 @@ __global__ void __launch_bounds__(lanes* warps_together)
   }
 }
 
-/// The first n columns to a K x stride table padded with zeros.
-Memory<double> padded(const Device& device, const RowMatrix& values, Index n, Index K, Index stride) {
-  RowMatrix all = RowMatrix::Zero(K, stride);
-  if (values.size() > 0) all.topLeftCorner(values.rows(), n) = values.leftCols(n);
-  return on_device(device, all);
-}
-
 Index rounded_up(Index n, Index to) { return (n + to - 1) / to * to; }
 
 class ModalScan final : public Convolution {
@@ -226,14 +219,7 @@ class ModalScan final : public Convolution {
         length_(chunk_length(rows)),
         chunks_(std::max<Index>(1, (rows - 1 + length_ - 1) / length_)),
         rows_(rows),
-        decay_(padded(device, r.decay, n_, K_, stride_)),
-        power_(padded(device, r.decay.array().pow(double(length_)).matrix(), n_, K_, stride_)),
-        output_(padded(device, r.output, n_, K_, stride_)),
-        start_(padded(device, r.start, n_, K_, stride_)),
-        initial_(padded(device, r.initial, n_, K_, stride_)),
-        w0_(on_device(device, r.w0)),
-        w1_(on_device(device, r.w1)),
-        s1_(on_device(device, r.s1)),
+        tables_(on_device(device, tables(r))),
         states_(device, std::size_t(chunks_ * K_ * stride_)),
         added_(device, std::size_t(chunks_ * K_ * stride_)) {
     reserve<1>();
@@ -245,8 +231,10 @@ class ModalScan final : public Convolution {
     if (rows_ < 2)
       check(cudaMemsetAsync(values(v), 0, sizeof(double) * std::size_t(n_), device_.stream()), "clearing a row");
     if (rows_ < 2 || from >= chunks_) return;
-    const Tables m{decay_.data(), power_.data(), output_.data(), start_.data(), initial_.data(), w0_.data(),
-                   w1_.data(),    s1_.data(),    int(K_),        int(n_),       int(stride_),    int(stride(total_))};
+    const auto table = [this](Index i) { return tables_.data() + i * K_ * stride_; };
+    const double* const w0 = table(5);
+    const Tables m{table(0),     table(1),         table(2), table(3), table(4),     w0,
+                   w0 + stride_, w0 + 2 * stride_, int(K_),  int(n_),  int(stride_), int(stride(total_))};
     const Span span{int(from), int(chunks_), int(length_), int(rows_)};
     const unsigned across = unsigned(stride_ / lanes), along = unsigned(chunks_ - from);
     const unsigned groups = unsigned(std::min<Index>(K_ / group, most_groups)),
@@ -260,7 +248,7 @@ class ModalScan final : public Convolution {
       shared_ ? start<warps_together>(m, span, slab, y, v) : start<1>(m, span, slab, y, v);
   }
 
-  std::size_t bytes() const override { return 5 * decay_.bytes() + 3 * w0_.bytes() + states_.bytes() + added_.bytes(); }
+  std::size_t bytes() const override { return tables_.bytes() + states_.bytes() + added_.bytes(); }
 
  private:
   template <int share>
@@ -279,6 +267,23 @@ class ModalScan final : public Convolution {
            values(y), states_.data(), values(v));
   }
 
+  // Decays E, E^length, outputs, starts and what x0 adds, K_ rows each, then w0, w1 and s1: n_ columns, padded with
+  // zeros.
+  RowMatrix tables(const ModalRecurrence& r) const {
+    RowMatrix all = RowMatrix::Zero(5 * K_ + 3, stride_);
+    const Index K = r.exponentials();
+    const auto put = [&](Index row, const auto& values) { all.block(row, 0, values.rows(), n_) = values.leftCols(n_); };
+    put(0, r.decay);
+    all.block(K_, 0, K, n_) = r.decay.leftCols(n_).array().pow(double(length_));
+    put(2 * K_, r.output);
+    put(3 * K_, r.start);
+    if (r.initial.size() > 0) put(4 * K_, r.initial);
+    put(5 * K_, r.w0.transpose());
+    put(5 * K_ + 1, r.w1.transpose());
+    put(5 * K_ + 2, r.s1.transpose());
+    return all;
+  }
+
   // As many warps as hide what they wait for; carrying is cheap where chunks are few.
   Index chunk_length(Index rows) const {
     const Index most = shared_ ? few_chunks : most_chunks;
@@ -290,7 +295,7 @@ class ModalScan final : public Convolution {
   Index total_, n_, K_, stride_;  ///< modes 0 .. n_ - 1 are taken
   bool shared_;                   ///< few modes: the warps of a block share a chunk
   Index length_, chunks_, rows_;
-  Memory<double> decay_, power_, output_, start_, initial_, w0_, w1_, s1_, states_, added_;
+  Memory<double> tables_, states_, added_;
 };
 
 }  // namespace

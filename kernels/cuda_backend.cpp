@@ -40,7 +40,7 @@ class CudaBackend final : public Backend {
   DeviceInfo device() const override { return {name_, host_->device().threads, "cuBLAS, cuFFT", free_memory(device_)}; }
 
   void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const override {
-    host_->each_range(count, length, body);
+    device_.fetcher().each_range(count, length, body);
   }
 
   std::unique_ptr<Array> array(Index rows, Index cols) override {

@@ -49,6 +49,16 @@ void Fetcher::fill(double* to, std::size_t count, double value) {
   count <= share ? work() : helpers_.share(work, [] {});
 }
 
+void Fetcher::each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) {
+  std::atomic<Index> next = 0;
+  const std::function<void()> work = [&] {
+    for (Index first; (first = length * next++) < count;) body(first, std::min(first + length, count));
+  };
+  if (busy_ || count <= length) return work();
+  const Busy busy(busy_);
+  helpers_.share(work, [] {});
+}
+
 Fetcher::~Fetcher() {
   if (stream_) cudaStreamDestroy(stream_);
   for (const cudaEvent_t copied : copied_) cudaEventDestroy(copied);

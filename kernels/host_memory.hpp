@@ -2,6 +2,7 @@
 // Memory of the host that a device reads and writes: small pinned pieces, and the way of large arrays to memory that is
 // not pinned.
 
+#include "core/types.hpp"
 #include "kernels/helpers.hpp"
 
 #include <cuda_runtime.h>
@@ -44,6 +45,9 @@ class Fetcher {
              const std::function<void()>& meanwhile);
   /// All `count` values at `to`, by the same threads.
   void fill(double* to, std::size_t count, double value);
+  /// See Backend::each_range. Threads that sleep, since those of OpenMP stay awake for a while behind a loop, and are
+  /// in the way of what is fetched next.
+  void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body);
 
  private:
   struct Busy {
@@ -55,7 +59,7 @@ class Fetcher {
   void make();
 
   int device_;
-  bool busy_ = false;  ///< `meanwhile` may fetch another array: not through the ring then
+  bool busy_ = false;  ///< `meanwhile` may fetch another array, not through the ring then; a range may ask for ranges
   Helpers helpers_;
   cudaStream_t stream_ = nullptr;
   double* ring_ = nullptr;

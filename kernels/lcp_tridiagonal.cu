@@ -172,15 +172,14 @@ class TridiagonalLcp final : public LcpBatch {
     if (shape_.T == 32 || shape_.K == 4) uniform_ = uniform_coefficients(A, scale);
     for (Tridiagonal* t : {&A, &given}) t->lower[0] = t->upper[n_ - 1] = 0;
     reach_ = int((coupled_rows(A, shape_.T * shape_.K) + shape_.K - 1) / shape_.K);
+    given_ = given;
+    choose_kernel();
+    if (uniform_) return;
     lower_ = spread(device, A.lower, shape_.T, shape_.K, 0);
     diagonal_ = spread(device, A.diagonal, shape_.T, shape_.K, 1);
     upper_ = spread(device, A.upper, shape_.T, shape_.K, 0);
     row_scale_ = spread(device, scale.rows, shape_.T, shape_.K, 1);
     column_scale_ = spread(device, scale.columns, shape_.T, shape_.K, 1);
-    given_lower_ = on_device(device, given.lower);
-    given_diagonal_ = on_device(device, given.diagonal);
-    given_upper_ = on_device(device, given.upper);
-    choose_kernel();
   }
 
   /// Whether the device has the shared memory for a problem.
@@ -205,14 +204,20 @@ class TridiagonalLcp final : public LcpBatch {
   }
 
   double residual(const Array& r, const Array& v, const Array& y) override {
-    natural_residual<<<unsigned(y.rows()), 256, 0, device_.stream()>>>(
-        values(r), values(v), values(y), given_lower_.data(), given_diagonal_.data(), given_upper_.data(), int(n_),
-        int(stride(n_)), residuals_.data());
+    if (given_bands_.size() == 0) {  // of few plans it is asked
+      RowMatrix bands(3, n_);
+      bands << given_.lower.transpose(), given_.diagonal.transpose(), given_.upper.transpose();
+      given_bands_ = on_device(device_, bands);
+    }
+    const double* const lower = given_bands_.data();
+    natural_residual<<<unsigned(y.rows()), 256, 0, device_.stream()>>>(values(r), values(v), values(y), lower,
+                                                                       lower + n_, lower + 2 * n_, int(n_),
+                                                                       int(stride(n_)), residuals_.data());
     check(cudaGetLastError(), "starting the residual");
     return largest(device_, residuals_);
   }
 
-  std::size_t bytes() const override { return outcomes_.bytes() + residuals_.bytes() + 8 * lower_.bytes(); }
+  std::size_t bytes() const override { return outcomes_.bytes() + residuals_.bytes() + 5 * lower_.bytes(); }
 
  private:
   void choose_kernel() {
@@ -288,7 +293,8 @@ class TridiagonalLcp final : public LcpBatch {
   BatchOutcomes outcomes_;
   Memory<double> residuals_;
   Memory<double> lower_, diagonal_, upper_, row_scale_, column_scale_;
-  Memory<double> given_lower_, given_diagonal_, given_upper_;
+  Tridiagonal given_;           ///< M, 0 beside its ends
+  Memory<double> given_bands_;  ///< on the device
   std::optional<Coefficients<true>> uniform_;
   void (*general_)(LcpArrays, Coefficients<false>, Problem, OutcomeTarget) = nullptr;
   void (*uniform_kernel_)(LcpArrays, Coefficients<true>, Problem, OutcomeTarget) = nullptr;

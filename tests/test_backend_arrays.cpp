@@ -40,6 +40,32 @@ TEST_P(BackendArrays, AnUploadLeavesTheRowsItDoesNotBring) {
   }
 }
 
+TEST_P(BackendArrays, AProductOfShapesIsWrittenOut) {
+  for (const auto& [steps, n] : shapes)
+    for (const Index terms : {1, 2, 5}) {
+      const RowMatrix amplitudes = Random(20).matrix(steps + 1, terms), V = Random(21).matrix(n, terms);
+      const auto a = device(Random(22).matrix(steps + 2, n));
+      const RowMatrix last = host(*a).row(steps + 1);
+      backend->upload_product(amplitudes, V, *a);
+      RowMatrix expected(steps + 2, n);
+      expected << amplitudes * V.transpose(), last;
+      EXPECT_LE(distance(host(*a), expected), 16 * epsilon) << steps << ' ' << n;
+      EXPECT_EQ(host(*a).row(steps + 1), last) << "a row that the product does not have";
+    }
+}
+
+TEST_P(BackendArrays, RangesMayAskForRanges) {
+  for (const Index count : {0, 1, 7, 8, 9, 100}) {
+    std::vector<int> visits(std::size_t(3 * count), 0);
+    backend->each_range(count, 8, [&](Index first, Index last) {
+      backend->each_range(3 * (last - first), 5, [&](Index begin, Index end) {
+        for (Index i = begin; i < end; ++i) ++visits[std::size_t(3 * first + i)];
+      });
+    });
+    EXPECT_EQ(visits, std::vector<int>(std::size_t(3 * count), 1));
+  }
+}
+
 // More of both than is on its way at a time.
 TEST_P(BackendArrays, ADownloadMayComeWithinAnother) {
   const RowMatrix first = Random(18).matrix(4200, 512), second = Random(19).matrix(4200, 512);
@@ -91,7 +117,7 @@ TEST_P(BackendArrays, SumsMayOverwriteWhatTheyAdd) {
     const RowMatrix expected = first - 3 * second;
     const auto a = device(Random(8).matrix(steps + 1, n)), b = device(first), c = device(second);
     backend->add(*b, -3, *c, *a);
-    EXPECT_LE(distance(host(*a), expected), 8 * epsilon) << "three arrays";  // of numbers up to 4
+    EXPECT_LE(distance(host(*a), expected), 16 * epsilon) << "three arrays";  // of numbers up to 4
     backend->add(*b, -3, *c, *b);
     EXPECT_EQ(host(*b), host(*a)) << "into the first";
     backend->upload(first, *b);
