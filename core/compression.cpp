@@ -60,8 +60,11 @@ SampleTimes sample_times(double h, double T) {
   return {fitted, (fitted.head(samples - 1).array() * fitted.tail(samples - 1).array()).sqrt()};
 }
 
+// 0 in place of denormal numbers, which slow down what is done with them.
 Matrix exponentials(const Vector& times, const Vector& rates) {
-  return (times * rates.transpose()).array().exp().matrix();
+  constexpr double least = -690;
+  const Matrix x = times * rates.transpose();
+  return (x.array() < least).select(0, x.array().exp());
 }
 
 struct Pivots {

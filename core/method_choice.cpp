@@ -25,11 +25,11 @@ double milliseconds_on_device(Method method, double n, double J) {
   const double sweeps = 10 + 0.6 * n;
   switch (method) {
     case Method::march:
-      return n > largest_device_march ? INFINITY : 0.5 + 0.014 * n + 4.3e-5 * n * n + 1.9e-5 * n * J + 2.7e-3 * J;
+      return n > largest_device_march ? INFINITY : 0.5 + 0.017 * n + 2.8e-5 * n * n + 1e-5 * n * J + 2.4e-3 * J;
     case Method::contour:
-      return 0.7 + 0.013 * n + 1.2e-5 * n * J + 9e-4 * J + sweeps * (0.021 + 5.2e-8 * n * J);
+      return 0.8 + 1.5e-6 * n * J + 1.9e-4 * J + sweeps * (0.042 + 3.9e-8 * n * J);
     case Method::multigrid:
-      return has_coarse_grids(Index(J)) ? 2.3 + 0.023 * n + 1.9e-5 * n * J + 5e-4 * J : INFINITY;
+      return has_coarse_grids(Index(J)) ? (0.32 + 2.5e-3 * n) * std::log2(J) + 2e-6 * n * J + 8.5e-5 * J : INFINITY;
     default:
       return INFINITY;
   }

@@ -5,9 +5,9 @@
 // `bench auto` (bench/results/auto*.json) on x86-64 processors of 2 and 16 cores and one H200; in milliseconds
 //
 //     march, processor      0.013 n + 1.2e-4 n^2 + 3.4e-5 n J + 6e-4 J
-//     march, device         0.5 + 0.014 n + 4.3e-5 n^2 + 1.9e-5 n J + 2.7e-3 J
-//     contour, device       0.7 + 0.013 n + 1.2e-5 n J + 9e-4 J + S (0.021 + 5.2e-8 n J),   S = 10 + 0.6 n
-//     multigrid, device     2.3 + 0.023 n + 1.9e-5 n J + 5e-4 J
+//     march, device         0.5 + 0.017 n + 2.8e-5 n^2 + 1e-5 n J + 2.4e-3 J
+//     contour, device       0.8 + 1.5e-6 n J + 1.9e-4 J + S (0.042 + 3.9e-8 n J),   S = 10 + 0.6 n
+//     multigrid, device     (0.32 + 2.5e-3 n) log2 J + 2e-6 n J + 8.5e-5 J
 //
 // On the processor marching was the fastest in all of the study. Everything else is marched first; a device does not
 // help there.
