@@ -216,7 +216,7 @@ class Backend {
   virtual void wait() {}
 
   /// body(first, last) for the ranges first <= i < last of `length` numbers, the last one of what is left, that make up
-  /// 0 <= i < count: work on values of the host, shared out among its threads. The body must not throw.
+  /// 0 <= i < count: work on values of the host, shared out among some of its threads. The body must not throw.
   virtual void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const {
     for (Index first = 0; first < count; first += length) body(first, std::min(first + length, count));
   }
@@ -231,7 +231,7 @@ class Backend {
   virtual std::unique_ptr<Array> array(Index rows, Index cols) = 0;
   /// The first rows of `to`, as many as `from` has; the others stay as they are.
   virtual void upload(const RowMatrix& from, Array& to) = 0;
-  /// Row j <- shapes a_j for the rows a_j of `amplitudes`: rows x k, cols x k.
+  /// Row j <- shapes a_j for the rows a_j of `amplitudes`: rows x k, cols x k, k >= 1.
   virtual void upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
     upload(amplitudes * shapes.transpose(), to);
   }

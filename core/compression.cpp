@@ -35,8 +35,9 @@ Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& paramete
   return values;
 }
 
-constexpr double gain_of_a_rate =
-    1.19;                               ///< a rate costs a part of every sweep: what rounding does is no reason for one
+/// Of the error by each further rate, once the fit is good enough: a rate costs a part of every sweep, and what
+/// rounding does to the error is no reason for one.
+constexpr double gain_of_a_rate = 1.19;
 constexpr Index columns_together = 64;  ///< of products, by one thread
 constexpr double between_samples = 4;   ///< what is missed there may be so much larger than at the check points
 
@@ -60,9 +61,9 @@ SampleTimes sample_times(double h, double T) {
   return {fitted, (fitted.head(samples - 1).array() * fitted.tail(samples - 1).array()).sqrt()};
 }
 
-// 0 in place of denormal numbers, which slow down what is done with them.
+// 0 where squares and products would be denormal numbers, which slow down what is done with them.
 Matrix exponentials(const Vector& times, const Vector& rates) {
-  constexpr double least = -690;
+  constexpr double least = -340;
   const Matrix x = times * rates.transpose();
   return (x.array() < least).select(0, x.array().exp());
 }
@@ -121,7 +122,8 @@ ExponentialSum compress_line_kernel(const KroneckerDynamics& dynamics, double h,
   for (Index K = fewest; K <= picked.size(); K += 2) {
     const Vector c = qr.matrixQR().topLeftCorner(K, K).triangularView<Eigen::Upper>().solve(projected.head(K));
     const double error = (check.leftCols(K) * c - check_values).cwiseAbs().maxCoeff() / scale;
-    const double pays = best.rates.size() > 0 ? std::pow(gain_of_a_rate, double(best.rates.size() - K)) : 1;
+    const bool good = best.error <= accepted_compression_error;
+    const double pays = good ? std::pow(gain_of_a_rate, double(best.rates.size() - K)) : 1;
     if (error < pays * best.error) best = {picked.head(K), c, error};
     if (error <= tolerance) break;
   }

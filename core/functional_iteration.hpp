@@ -55,7 +55,7 @@ KernelChoice make_kernel(const DiscreteProblem&, ConvolutionChoice);
 bool scan_is_cheaper(const DiscreteProblem&);
 
 /// r on the backend: g + N e^{At} x0 + response to f. `work` is one array of its shape; where f = B phi in a Kronecker
-/// sum it is left with K phi, applied to which the kernel was last. Dense dynamics and Kronecker sums.
+/// sum it is left with K phi, and the kernel has been applied to phi last. Dense dynamics and Kronecker sums.
 std::unique_ptr<Array> make_response(const DiscreteProblem&, KernelChoice&, Array& work);
 
 /// Fills status, y, iterations, history, counters, residual and seconds of `result`.

@@ -32,7 +32,7 @@ Plan dense_plan(const DiscreteProblem& p, Rule rule) {
   plan.start += left * p.f.row(0);
   plan.source_input = step.decay * right + left;
   plan.forcing = p.f.table() * plan.source_input.transpose();
-  plan.r = RowMatrix(p.g.table() + p.f.table() * (d.N * right).transpose());
+  plan.r = SampledSource(p.g.table() + p.f.table() * (d.N * right).transpose());
   return plan;
 }
 
@@ -65,7 +65,8 @@ Plan modal_plan(const DiscreteProblem& p, Rule rule) {
   const KroneckerDynamics& d = *p.kronecker();
   const Vector b = in_sine_basis(d.b);
   if (b.cwiseAbs().minCoeff() <= 1e-10 * b.cwiseAbs().maxCoeff())
-    return {modal_recurrence(d, rule, p.h, RowMatrix()), with_modes(p, stepped_initial_response(p, rule))};
+    return {modal_recurrence(d, rule, p.h, RowMatrix()),
+            SampledSource(with_modes(p, stepped_initial_response(p, rule)))};
   return {modal_recurrence(d, rule, p.h, x0_in_modes(p.backend, d, p.scene.x0, true)), p.g};
 }
 
@@ -77,7 +78,7 @@ Plan compressed_plan(const DiscreteProblem& p, const ExponentialSum& sum) {
     plan.error = std::max(plan.error, x0->error);
     plan.r = p.g;
   } else {
-    plan.r = with_modes(p, kronecker_initial_response(p));
+    plan.r = SampledSource(with_modes(p, kronecker_initial_response(p)));
   }
   return plan;
 }
@@ -138,10 +139,14 @@ class Marching {
   }
 
   Array* array(const SampledSource& values) {
-    arrays_.push_back(p_.backend.array(values.rows(), values.cols()));
-    values.upload(p_.backend, *arrays_.back());
-    bytes_ += arrays_.back()->bytes();
-    return arrays_.back().get();
+    Array* const made = array(values.rows(), values.cols());
+    values.upload(p_.backend, *made);
+    return made;
+  }
+  Array* array(const RowMatrix& values) {
+    Array* const made = array(values.rows(), values.cols());
+    p_.backend.upload(values, *made);
+    return made;
   }
 
   void run(Timer& timer, bool impulse_allowed, Result& result) {
@@ -178,6 +183,12 @@ class Marching {
   MarchProblem problem;
 
  private:
+  Array* array(Index rows, Index cols) {
+    arrays_.push_back(p_.backend.array(rows, cols));
+    bytes_ += arrays_.back()->bytes();
+    return arrays_.back().get();
+  }
+
   const DiscreteProblem& p_;
   bool wants_trace_;
   std::vector<std::unique_ptr<Array>> arrays_;

@@ -27,11 +27,11 @@ Vector SampledSource::row(Index j) const {
 SampledSource SampledSource::rows(Index first, Index count, Index step) const {
   const auto chosen = Eigen::seqN(first, count, step);
   if (factored()) return {amplitudes_(chosen, Eigen::all), shapes_};
-  return RowMatrix(table_(chosen, Eigen::all));
+  return SampledSource(table_(chosen, Eigen::all));
 }
 
 SampledSource SampledSource::plus(const Vector& shift) const {
-  if (!factored()) return RowMatrix(table_.rowwise() + shift.transpose());
+  if (!factored()) return SampledSource(table_.rowwise() + shift.transpose());
   RowMatrix a(rows(), amplitudes_.cols() + 1);
   a << amplitudes_, Vector::Ones(rows());
   Matrix V(cols(), shapes_.cols() + 1);
@@ -60,8 +60,9 @@ void SampledSource::upload(Backend& backend, Array& to) const {
 }
 
 SampledSource sample(const TimeFunction& function, const Vector& t, Index width) {
-  if (!function) return RowMatrix(RowMatrix::Zero(t.size(), width));
+  if (!function) return SampledSource(RowMatrix::Zero(t.size(), width));
   const auto* separable = function.target<SeparableSource>();
+  if (separable && separable->shapes.cols() == 0) return sample(nullptr, t, width);
   RowMatrix values(t.size(), separable ? separable->shapes.cols() : width);
   Vector value(values.cols());
   for (Index j = 0; j < t.size(); ++j) {
@@ -70,7 +71,7 @@ SampledSource sample(const TimeFunction& function, const Vector& t, Index width)
     values.row(j) = value.transpose();
   }
   if (separable) return {std::move(values), separable->shapes};
-  return values;
+  return SampledSource(std::move(values));
 }
 
 }  // namespace bromwich

@@ -26,8 +26,8 @@ struct SeparableSource {
 class SampledSource {
  public:
   SampledSource() = default;  ///< no rows
-  SampledSource(RowMatrix table) : table_(std::move(table)) {}
-  SampledSource(RowMatrix amplitudes, Matrix shapes);  ///< row j = V a_j; rows x k, width x k
+  explicit SampledSource(RowMatrix table) : table_(std::move(table)) {}
+  SampledSource(RowMatrix amplitudes, Matrix shapes);  ///< row j = V a_j; rows x k, width x k, k >= 1
 
   Index rows() const { return factored() ? amplitudes_.rows() : table_.rows(); }
   Index cols() const { return factored() ? shapes_.rows() : table_.cols(); }

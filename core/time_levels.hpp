@@ -51,6 +51,7 @@ struct TimeLevels {
   std::function<void()> prepare_march;            ///< of the coarsest grid, instead of the sweeps there
 
   TimeLevel& operator[](std::size_t l) { return *grids[l]; }
+  const TimeLevel& operator[](std::size_t l) const { return *grids[l]; }
   std::size_t size() const { return grids.size(); }
 };
 

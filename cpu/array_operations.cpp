@@ -12,7 +12,7 @@ namespace bromwich::cpu {
 
 namespace {
 
-constexpr Index parallel_size = 1 << 12;  ///< below it starting the threads costs more than they save
+constexpr Index parallel_size = 1 << 14;  ///< below it starting the threads costs more than they save
 
 }  // namespace
 

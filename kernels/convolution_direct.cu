@@ -258,8 +258,8 @@ class DirectConvolution final : public Convolution {
     RowMatrix tables(3 * K + 3, n_);  // one copy
     tables << r.decay.rightCols(n_), r.output.rightCols(n_), r.start.rightCols(n_), r.w0.tail(n_).transpose(),
         r.w1.tail(n_).transpose(), r.s1.tail(n_).transpose();
-    const Memory<double> on_device = cuda::on_device(device, tables);
-    const double *const decay = on_device.data(), *const w0 = decay + 3 * K * n_;
+    const Memory<double> sent = on_device(device, tables);
+    const double *const decay = sent.data(), *const w0 = decay + 3 * K * n_;
     const Exponentials e{decay, decay + K * n_, decay + 2 * K * n_, w0, w0 + n_, w0 + 2 * n_, int(K), int(n_)};
     const dim3 blocks(unsigned((n_ + 127) / 128), unsigned((lengths_.longest + lags) / lags));
     form_weights<<<blocks, 128, 0, device.stream()>>>(e, lengths_.longest + 1, int(stride_),

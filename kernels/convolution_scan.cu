@@ -271,13 +271,14 @@ class ModalScan final : public Convolution {
   // zeros.
   RowMatrix tables(const ModalRecurrence& r) const {
     RowMatrix all = RowMatrix::Zero(5 * K_ + 3, stride_);
-    const Index K = r.exponentials();
-    const auto put = [&](Index row, const auto& values) { all.block(row, 0, values.rows(), n_) = values.leftCols(n_); };
+    const auto put = [&](Index row, const auto& values) {
+      if (values.size() > 0) all.block(row, 0, values.rows(), n_) = values.leftCols(n_);
+    };
     put(0, r.decay);
-    all.block(K_, 0, K, n_) = r.decay.leftCols(n_).array().pow(double(length_));
+    put(K_, RowMatrix(r.decay.array().pow(double(length_))));
     put(2 * K_, r.output);
     put(3 * K_, r.start);
-    if (r.initial.size() > 0) put(4 * K_, r.initial);
+    put(4 * K_, r.initial);
     put(5 * K_, r.w0.transpose());
     put(5 * K_ + 1, r.w1.transpose());
     put(5 * K_ + 2, r.s1.transpose());

@@ -46,12 +46,14 @@ void Fetcher::fill(double* to, std::size_t count, double value) {
     for (std::size_t begin; (begin = share * next++) < count;)
       std::fill(to + begin, to + std::min(count, begin + share), value);
   };
-  count <= share ? work() : helpers_.share(work, [] {});
+  if (busy_ || count <= share) return work();
+  const Busy busy(busy_);
+  helpers_.share(work, [] {});
 }
 
 void Fetcher::each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) {
   std::atomic<Index> next = 0;
-  const std::function<void()> work = [&] {
+  const auto work = [&]() noexcept {  // nobody may leave while others still work
     for (Index first; (first = length * next++) < count;) body(first, std::min(first + length, count));
   };
   if (busy_ || count <= length) return work();

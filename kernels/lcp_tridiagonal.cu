@@ -217,7 +217,9 @@ class TridiagonalLcp final : public LcpBatch {
     return largest(device_, residuals_);
   }
 
-  std::size_t bytes() const override { return outcomes_.bytes() + residuals_.bytes() + 5 * lower_.bytes(); }
+  std::size_t bytes() const override {
+    return outcomes_.bytes() + residuals_.bytes() + 5 * lower_.bytes() + 3 * sizeof(double) * std::size_t(n_);
+  }
 
  private:
   void choose_kernel() {

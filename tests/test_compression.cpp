@@ -177,6 +177,11 @@ TEST(SeparableSource, IsWhatItSaysAtEveryTime) {
   }
 }
 
+TEST(SeparableSource, WithoutShapesIsZero) {
+  const TimeFunction none = SeparableSource{Matrix(3, 0), [](double, Eigen::Ref<Vector>) {}};
+  EXPECT_EQ(sample(none, time_grid(1, 4), 3).table(), RowMatrix::Zero(5, 3));
+}
+
 TEST(SeparableSource, SaysWhereItIsNotFinite) {
   RowMatrix amplitudes = RowMatrix::Ones(9, 2);
   amplitudes(6, 1) = INFINITY;

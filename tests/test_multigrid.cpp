@@ -7,6 +7,7 @@
 #include "core/time_levels.hpp"
 #include "tests/expanding.hpp"
 #include "tests/oracle.hpp"
+#include "tests/reference.hpp"
 #include "tests/run.hpp"
 
 #include <gtest/gtest.h>
@@ -38,6 +39,25 @@ void expect_march(const Scene& scene, Index J) {
 TEST(Multigrid, EqualsMarchingOnSignorini) {
   for (const double Q : {1., 3., 15., 40.})
     for (const Index J : {1, 2, 7, 33, 64, 100, 250, 512}) expect_march(signorini(Q), J);
+}
+
+// Six grids: the nested start leaves one out.
+TEST(Multigrid, EqualsMarchingOnManyGrids) { expect_march(signorini(127), 4096); }
+
+// x0 and g alone, on rectangles.
+TEST(Multigrid, EqualsMarchingWithoutASource) {
+  for (const auto& [along, across] : {std::pair<Index, Index>{15, 15}, {15, 60}, {31, 9}}) {
+    Scene scene;
+    scene.dynamics = reference::signorini_dynamics(along, across, 0.01);
+    scene.M = Tridiagonal{Vector::Constant(along, -1), Vector::Constant(along, 4), Vector::Constant(along, -1)};
+    scene.g = [](double t, Eigen::Ref<Vector> g) { g.setConstant(std::sin(3 * t) - 0.5); };
+    scene.x0 = Vector::LinSpaced(along * across, 0, 1);
+    scene.T = 3;
+    expect_march(scene, 256);
+    Options options = options_for(Method::multigrid, 256);
+    options.convolution = ConvolutionChoice::fft;
+    EXPECT_LE(distance(run(scene, options).y, solved_y(scene, Method::march, 256)), same_solution) << across;
+  }
 }
 
 TEST(Multigrid, EqualsMarchingOnDenseScenes) {
