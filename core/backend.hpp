@@ -87,6 +87,12 @@ class LcpBatch {
   /// Where it queues: waits, and sums up all that was started since the last report. Rows that were left unsolved keep
   /// the y given; `change` and `settled` are not known.
   virtual LcpReport collect() { return {}; }
+  /// Whether `start_in_modes` takes less time than `start` and the transforms around it, one by one; it queues then.
+  virtual bool takes_modes() const { return false; }
+  /// `start` without a tolerance, with S v in place of v where `v_in_modes`; then y_modes <- S y for the same rows,
+  /// unless null. S is a transform of the same backend.
+  virtual void start_in_modes(SineTransform& /*S*/, const Array& /*r*/, const Array& /*v*/, bool /*v_in_modes*/,
+                              Array& /*y*/, Array* /*y_modes*/, Index /*first*/) {}
   /// max_j ||min(y_j, M y_j + q_j)||_inf / max(1, ||q_j||_inf) with q = r + v (the natural map), without a shift.
   virtual double residual(const Array& r, const Array& v, const Array& y) = 0;
   virtual std::size_t bytes() const = 0;

@@ -84,10 +84,7 @@ void Multigrid::nest_on(std::size_t l) {
   if (coarsest && !level.march) {
     for (int visits = 0; visits < level.first_visits; ++visits) cycle(l);
   } else if (l >= grids_of_estimate && !coarsest && level.sweeps > 0 && level.unseen > slowly_smoothed) {
-    for (int i = 0; i <= level.sweeps; ++i) {
-      apply(level);
-      smooth(level);
-    }
+    sweep(level, {.count = level.sweeps + 1, .before = true});
   } else {
     cycle(l);
   }
@@ -235,9 +232,8 @@ void Multigrid::measure_correction() {
 
 void Multigrid::one_more_sweep() {
   TimeLevel& finest = levels_[0];
-  apply(finest);
   backend_.inject(*finest.y, *finest.old);
-  smooth(finest);
+  sweep(finest, {.count = 1, .before = true});
   if (queued_) ++result_.iterations;
   compare();
 }
@@ -269,18 +265,12 @@ void Multigrid::solve_on(std::size_t l) {
 
 void Multigrid::sweep_coarsest() {
   TimeLevel& coarsest = levels_[levels_.size() - 1];
-  for (int i = 0; i < coarsest.sweeps; ++i) {
-    if (i > 0) apply(coarsest);
-    smooth(coarsest);
-  }
+  sweep(coarsest, {.count = coarsest.sweeps});
 }
 
 void Multigrid::descend(std::size_t l) {
   TimeLevel& fine = levels_[l];
-  for (int i = 0; i < fine.sweeps; ++i) {
-    smooth(fine);
-    apply(fine);
-  }
+  if (fine.sweeps > 0) sweep(fine, {.count = fine.sweeps, .behind = true});
   pose(l);
 }
 
@@ -295,9 +285,20 @@ void Multigrid::pose(std::size_t l) {
 void Multigrid::ascend(std::size_t l) {
   TimeLevel &fine = levels_[l], &coarse = levels_[levels_[l].coarse];
   backend_.interpolate(*coarse.y, coarse.old.get(), *fine.y);
-  apply(fine);
   if (useful_ && l == 0) backend_.inject(*fine.y, *fine.old);
-  smooth(fine);
+  sweep(fine, {.count = 1, .before = true});
+}
+
+// y <- SOL(M + D, r + K y - D y), K y in between. Where nobody looks at a batch by itself, it may be one with what is
+// around it.
+void Multigrid::sweep(TimeLevel& level, SweepOrder order) {
+  if (queued_ && level.kernel->sweeps(*level.lcp))
+    return level.kernel->sweep(*level.lcp, *level.r, *level.y, *level.v, order);
+  for (int i = 0; i < order.count; ++i) {
+    if (i > 0 || order.before) apply(level);
+    smooth(level);
+  }
+  if (order.behind) apply(level);
 }
 
 void Multigrid::apply(TimeLevel& level) { level.kernel->apply(*level.y, *level.v, 0); }

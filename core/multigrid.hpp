@@ -70,6 +70,7 @@ class Multigrid {
   void descend(std::size_t l);
   void pose(std::size_t l);
   void ascend(std::size_t l);
+  void sweep(TimeLevel&, SweepOrder);
   void apply(TimeLevel&);
   void smooth(TimeLevel&);
   void march(TimeLevel&);

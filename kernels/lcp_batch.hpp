@@ -14,7 +14,7 @@ namespace bromwich::cuda {
 
 /// What a batch works on.
 struct LcpArrays {
-  const double *r, *v;
+  const double *r, *v;  ///< v: null where it comes from elsewhere
   double* y;
   int stride;  ///< from row to row
 };

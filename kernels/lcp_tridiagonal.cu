@@ -7,7 +7,7 @@
 // and 13 log2 T a thread.
 
 #include "kernels/launch.cuh"
-#include "kernels/lcp_tridiagonal.cuh"
+#include "kernels/lcp_in_modes.cuh"
 #include "kernels/parts.hpp"
 
 #include <algorithm>
@@ -20,13 +20,6 @@ namespace {
 
 constexpr int most_threads = 256;  ///< of a block, where groups are no larger than a warp
 constexpr Index largest_size = 4096;
-
-struct Problem {
-  int n, first, rows, cap;
-  bool least;
-  double shift;
-  int reach;
-};
 
 template <int T, int K, bool uniform>
 __global__ void __launch_bounds__(T > most_threads ? T : most_threads)
@@ -55,21 +48,10 @@ __global__ void __launch_bounds__(T > most_threads ? T : most_threads)
     __pipeline_wait_prior(1);
     group.meet();
     Part<T, K, uniform> part{group, M, Here(shared + stage * Here::size), t, valid, problem.shift, problem.reach};
-    part.take_up();
-    const int sweeps = part.sweep(problem.cap);
-    double change = 0, magnitude = 0;
-    // For a Z-matrix the solution is the least one exactly when the active block has positive pivots.
-    const bool wanted = !(problem.least && group.any(!part.positive)) && sweeps > 0;
-    part.give_back(wanted, change, magnitude);
-    const bool solved = wanted && isfinite(part.size) && isfinite(change) && isfinite(magnitude);
+    const Solution solution = part.solve(problem.cap, problem.least);
     group.meet();
-    if (solved && j < problem.rows) part.slot.store_y(arrays, n, j, t);
-    if (t == 0 && j < problem.rows) {
-      if (solved)
-        outcomes.solved(j, sweeps, change, magnitude);
-      else
-        outcomes.unsolved(j, abs(sweeps));
-    }
+    if (solution.is && j < problem.rows) part.slot.store_y(arrays, n, j, t);
+    if (t == 0 && j < problem.rows) solution.count(outcomes, j);
     group.meet();
   }
   outcomes.template finish<(T > 32)>();
@@ -145,7 +127,8 @@ struct Shape {
 };
 
 constexpr Index most_spread = 1024;
-constexpr Index few_problems = 2;  ///< of a multiprocessor
+constexpr Index few_problems = 2;   ///< of a multiprocessor
+constexpr Index most_in_modes = 8;  ///< likewise: beyond them starting kernels is a small part of a sweep
 
 // Few problems leave most of the device idle: more threads then take one of them, which is done sooner.
 Shape shape_for(Index n, bool few) {
@@ -169,11 +152,16 @@ class TridiagonalLcp final : public LcpBatch {
         residuals_(device, std::size_t(rows)) {
     const Equilibration scale = equilibrate(shifted_);
     Tridiagonal A = std::get<Tridiagonal>(scaled(shifted_, scale)), given = M;
-    if (shape_.T == 32 || shape_.K == 4) uniform_ = uniform_coefficients(A, scale);
+    const auto uniform = uniform_coefficients(A, scale);
+    if (shape_.T == 32 || shape_.K == 4) uniform_ = uniform;
     for (Tridiagonal* t : {&A, &given}) t->lower[0] = t->upper[n_ - 1] = 0;
-    reach_ = int((coupled_rows(A, shape_.T * shape_.K) + shape_.K - 1) / shape_.K);
+    coupled_ = coupled_rows(A, shape_.T * shape_.K);
     given_ = given;
     choose_kernel();
+    if (uniform && rows <= most_in_modes * device.multiprocessors()) {
+      in_modes_ = lcp_in_modes(n_);
+      of_modes_ = *uniform;
+    }
     if (uniform_) return;
     lower_ = spread(device, A.lower, shape_.T, shape_.K, 0);
     diagonal_ = spread(device, A.diagonal, shape_.T, shape_.K, 1);
@@ -195,6 +183,17 @@ class TridiagonalLcp final : public LcpBatch {
   }
   bool queues() const override { return true; }
   LcpReport collect() override { return outcomes_.collect(); }
+  bool takes_modes() const override { return in_modes_.kernel; }
+  void start_in_modes(SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
+                      Index first) override {
+    const Index rows = y.rows();
+    if (first >= rows) return;
+    const Modes modes{v_in_modes ? values(v) : nullptr, y_modes ? values(*y_modes) : nullptr, sine_tables(S)};
+    const LcpArrays arrays{values(r), v_in_modes ? nullptr : values(v), values(y), int(stride(n_))};
+    const OutcomeTarget target = outcomes_.target(rows - first, -1, false);
+    follow(device_, in_modes_.kernel, {unsigned(rows - first), unsigned(in_modes_.threads), in_modes_.bytes},
+           "starting a sweep in modes", arrays, modes, of_modes_, problem(first, rows, in_modes_.rows), target);
+  }
   LcpReport finish(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     return outcomes_.report(r, v, y, first, settle_tolerance, [this]() -> ActiveSetLcp& {
       // Made when first needed: it is dense, and most scenes never get here.
@@ -272,23 +271,27 @@ class TridiagonalLcp final : public LcpBatch {
     const int even = (count + device_.multiprocessors() - 1) / device_.multiprocessors();
     const int groups = std::clamp((even + together - 1) / together * together, together, groups_);
     const int blocks = std::min((count + groups - 1) / groups, blocks_ * device_.multiprocessors());
-    const Problem problem{int(n_), int(first), int(rows), 12 + int(std::min<Index>(n_, 40)), class_ == LcpClass::Z,
-                          shift_,  reach_};
     const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance, handed_over);
     const Blocks all{unsigned(blocks), unsigned(groups * shape_.T), std::size_t(groups) * bytes_a_group_};
     const char* const what = "starting the complementarity problems";
     if (uniform_)
-      follow(device_, uniform_kernel_, all, what, arrays, *uniform_, problem, target);
+      follow(device_, uniform_kernel_, all, what, arrays, *uniform_, problem(first, rows, shape_.K), target);
     else
       follow(device_, general_, all, what, arrays,
-             {lower_.data(), diagonal_.data(), upper_.data(), row_scale_.data(), column_scale_.data()}, problem,
-             target);
+             {lower_.data(), diagonal_.data(), upper_.data(), row_scale_.data(), column_scale_.data()},
+             problem(first, rows, shape_.K), target);
+  }
+
+  // K rows a thread.
+  Problem problem(Index first, Index rows, int K) const {
+    const int reach = int((coupled_ + K - 1) / K);
+    return {int(n_), int(first), int(rows), 12 + int(std::min<Index>(n_, 40)), class_ == LcpClass::Z, shift_, reach};
   }
 
   const Device& device_;
   Index n_;
   Shape shape_;
-  int reach_ = 0;        ///< threads that a solution couples
+  Index coupled_ = 0;    ///< rows that a solution couples
   double shift_;         ///< D
   Tridiagonal shifted_;  ///< M + D I
   LcpClass class_;
@@ -300,6 +303,8 @@ class TridiagonalLcp final : public LcpBatch {
   std::optional<Coefficients<true>> uniform_;
   void (*general_)(LcpArrays, Coefficients<false>, Problem, OutcomeTarget) = nullptr;
   void (*uniform_kernel_)(LcpArrays, Coefficients<true>, Problem, OutcomeTarget) = nullptr;
+  LcpInModes in_modes_;
+  Coefficients<true> of_modes_{};  ///< its matrix
   std::size_t bytes_a_group_ = 0;
   int groups_ = 0;  ///< a block at most
   int blocks_ = 1;  ///< a multiprocessor

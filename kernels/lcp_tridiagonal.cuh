@@ -20,6 +20,14 @@ struct Coefficients<true> {
   double lower, diagonal, upper, row_scale, column_scale;
 };
 
+/// What all problems of a batch share beside their matrix.
+struct Problem {
+  int n, first, rows, cap;  ///< cap: sweeps at most
+  bool least;
+  double shift;
+  int reach;
+};
+
 /// Where a problem's rows lie in shared memory, two to a piece of 16 bytes. The pieces of a thread are turned about so
 /// that eight neighbouring threads, each reading one of its own, never meet in a bank.
 template <int K>
@@ -37,6 +45,11 @@ struct Slot {
       : r(reinterpret_cast<double2*>(shared)), v(r + T * K / 2), y(v + T * K / 2) {}
   static constexpr int size = 3 * T * K;
 
+  /// Row i of r, v or y.
+  __device__ static double& value(double2* of, int i) {
+    return reinterpret_cast<double*>(of + Place<K>::of(i / 2))[i % 2];
+  }
+
   // Rows of less than 32 values need not begin at multiples of 16 bytes.
   static constexpr bool by_value = T < 32;
 
@@ -45,15 +58,16 @@ struct Slot {
     if constexpr (by_value) {
       for (int i = t; i < n; i += T) {
         const auto copy = [&](double2* to, const double* from) {
-          __pipeline_memcpy_async(reinterpret_cast<double*>(to + Place<K>::of(i / 2)) + i % 2, from + at + i, 8);
+          __pipeline_memcpy_async(&value(to, i), from + at + i, 8);
         };
-        copy(r, arrays.r), copy(v, arrays.v), copy(y, arrays.y);
+        copy(r, arrays.r), copy(y, arrays.y);
+        if (arrays.v) copy(v, arrays.v);
       }
     } else {
       for (int piece = t; 2 * piece < arrays.stride; piece += T) {
         const int place = Place<K>::of(piece);
         __pipeline_memcpy_async(r + place, arrays.r + at + 2 * piece, 16);
-        __pipeline_memcpy_async(v + place, arrays.v + at + 2 * piece, 16);
+        if (arrays.v) __pipeline_memcpy_async(v + place, arrays.v + at + 2 * piece, 16);
         __pipeline_memcpy_async(y + place, arrays.y + at + 2 * piece, 16);
       }
     }
@@ -61,11 +75,25 @@ struct Slot {
   __device__ void store_y(const LcpArrays& arrays, int n, int j, int t) const {
     double* const to = arrays.y + long(j) * arrays.stride;
     if constexpr (by_value) {
-      for (int i = t; i < n; i += T) to[i] = reinterpret_cast<const double*>(y + Place<K>::of(i / 2))[i % 2];
+      for (int i = t; i < n; i += T) to[i] = value(y, i);
     } else {
       for (int piece = t; 2 * piece < arrays.stride; piece += T)
         reinterpret_cast<double2*>(to)[piece] = y[Place<K>::of(piece)];
     }
+  }
+};
+
+/// What became of a problem.
+struct Solution {
+  bool is;                   ///< false: there is none
+  int sweeps;                ///< negative where they did not settle
+  double change, magnitude;  ///< of y
+
+  __device__ void count(Outcomes& outcomes, int j) const {
+    if (is)
+      outcomes.solved(j, sweeps, change, magnitude);
+    else
+      outcomes.unsolved(j, abs(sweeps));
   }
 };
 
@@ -164,6 +192,17 @@ struct Part {
       if (keep) at(slot.y, p) = y;
     }
     group.largest(change, magnitude);
+  }
+
+  // All of it. y of the slot becomes the solution where there is one; the same for all threads of the group.
+  __device__ Solution solve(int cap, bool least) {
+    take_up();
+    Solution found{false, sweep(cap), 0, 0};
+    // For a Z-matrix the solution is the least one exactly when the active block has positive pivots.
+    const bool wanted = !(least && group.any(!positive)) && found.sweeps > 0;
+    give_back(wanted, found.change, found.magnitude);
+    found.is = wanted && isfinite(size) && isfinite(found.change) && isfinite(found.magnitude);
+    return found;
   }
 };
 

@@ -14,8 +14,10 @@ namespace bromwich {
 /// What happened, and the number of the batch that is to be left unsolved.
 struct QueueLog {
   long batches = 0, marches = 0, replays = 0, waited = 0;
-  long failing = -1;  ///< the number of a batch; its y stays as it is
-  long failures = 1;  ///< how many from there
+  bool modes = false;  ///< batches take modes
+  long in_modes = 0;   ///< such batches
+  long failing = -1;   ///< the number of a batch; its y stays as it is
+  long failures = 1;   ///< how many from there
 };
 
 class QueueingBackend final : public Backend {
@@ -49,7 +51,7 @@ class QueueingBackend final : public Backend {
     return host_->convolution(t, rows);
   }
   std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass c, double D, Index rows) override {
-    return std::make_unique<Batch>(log_, host_->shifted_lcp(M, c, D, rows));
+    return std::make_unique<Batch>(log_, *host_, host_->shifted_lcp(M, c, D, rows));
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
     return std::make_unique<QueuedMarch>(log_, host_->march(problem, rows));
@@ -77,7 +79,7 @@ class QueueingBackend final : public Backend {
   };
 
   struct Batch final : LcpBatch {
-    Batch(QueueLog& log, std::unique_ptr<LcpBatch> plan) : log(log), plan(std::move(plan)) {}
+    Batch(QueueLog& log, Backend& host, std::unique_ptr<LcpBatch> plan) : log(log), host(host), plan(std::move(plan)) {}
     LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle) override {
       ++log.waited;
       return plan->solve(r, v, y, first, settle);
@@ -95,10 +97,20 @@ class QueueingBackend final : public Backend {
       sum.count.unsolved += report.count.unsolved;
     }
     LcpReport collect() override { return std::exchange(sum, {}); }
+    bool takes_modes() const override { return log.modes; }
+    void start_in_modes(SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
+                        Index first) override {
+      ++log.in_modes;
+      const auto values = host.array(v.rows(), v.cols());
+      if (v_in_modes) S.apply(v, nullptr, *values, 0);  // all rows: products of others round otherwise
+      start(r, v_in_modes ? *values : v, y, first, -1);
+      if (y_modes) S.apply(y, nullptr, *y_modes, 0);
+    }
     double residual(const Array& r, const Array& v, const Array& y) override { return plan->residual(r, v, y); }
     std::size_t bytes() const override { return plan->bytes(); }
 
     QueueLog& log;
+    Backend& host;
     std::unique_ptr<LcpBatch> plan;
     LcpReport sum;
   };

@@ -137,6 +137,64 @@ TEST_P(BackendLcp, QueuedBatchesAreSummedUp) {
     }
 }
 
+// A batch in modes and the same one by one, from the same y; rows whose problem stays unsolved keep it.
+TEST_P(BackendLcp, BatchesBetweenSineTransforms) {
+  struct Case {
+    Tridiagonal M;
+    LcpClass lcp_class;
+    double D;
+  };
+  const auto uniform = [](Index n, double beside, double diagonal) {
+    return Tridiagonal{Vector::Constant(n, beside), Vector::Constant(n, diagonal), Vector::Constant(n, beside)};
+  };
+  for (const Index n : {63, 127, 255, 511, 1023})
+    for (const Index rows : {1, 2, 67}) {
+      // Of the last, only problems with q >= 0 have a solution, y = 0: in one row of three.
+      for (const Case& c : {Case{uniform(n, -1, 4), LcpClass::P, 0}, Case{uniform(n, -1, 4), LcpClass::P, -1.1},
+                            Case{uniform(n, -2, 1), LcpClass::Z, 0}}) {
+        const auto S = backend->sine_transform(n, rows);
+        const auto lcp = backend->shifted_lcp(c.M, c.lcp_class, c.D, rows);
+        const auto other = backend->shifted_lcp(c.M, c.lcp_class, c.D, rows);
+        if (backend->name() == "cuda") EXPECT_TRUE(lcp->takes_modes()) << n << ' ' << rows;
+        if (!lcp->takes_modes()) continue;
+        Random random{std::uint32_t(n + rows)};
+        RowMatrix q = random.matrix(rows, n);
+        const bool few_solutions = c.lcp_class == LcpClass::Z;
+        for (Index j = 0; few_solutions && j < rows; ++j)
+          q.row(j) = (j % 3 == 0 ? 1 : -1) * (q.row(j).array().abs() + 1);
+        RowMatrix broken = 0.1 * random.matrix(rows, n);
+        if (rows > 2) broken(rows / 2, n / 3) = NAN;
+        RowMatrix before = random.matrix(rows, n).cwiseMax(0);
+        for (Index j = 0; few_solutions && j < rows; j += 3) before.row(j).setZero();
+        const auto r = device(q), modes = device(broken);
+        const auto v = backend->array(rows, n), y = backend->array(rows, n), expected = backend->array(rows, n),
+                   y_modes = backend->array(rows, n), expected_modes = backend->array(rows, n);
+        S->apply(*modes, nullptr, *v, 0);
+        for (const bool v_in_modes : {false, true})
+          for (const bool wanted : {false, true}) {
+            const Index first = rows > 2 && wanted ? 1 : 0;
+            for (Array* array : {y.get(), expected.get(), y_modes.get(), expected_modes.get()})
+              backend->upload(before, *array);
+            lcp->start_in_modes(*S, *r, v_in_modes ? *modes : *v, v_in_modes, *y, wanted ? y_modes.get() : nullptr,
+                                first);
+            other->start(*r, *v, *expected, first, -1);
+            if (wanted) S->apply(*expected, nullptr, *expected_modes, first);
+            const LcpReport found = lcp->collect(), report = other->collect();
+            EXPECT_EQ(found.count.solved, report.count.solved) << n << ' ' << rows;
+            EXPECT_EQ(found.count.unsolved, report.count.unsolved) << n << ' ' << rows;
+            EXPECT_EQ(found.count.newton, report.count.newton) << n << ' ' << rows;
+            EXPECT_EQ(found.count.unsolved > 0, rows > 2 || (few_solutions && rows > 1)) << n << ' ' << rows;
+            // ||(M + D)^{-1}|| < 1.2; transforms of n values of size 1 are exact to log2 n roundings of their norm.
+            const double tolerance = 64 * epsilon * std::sqrt(double(n));
+            EXPECT_NEAR(found.magnitude, report.magnitude, tolerance);
+            EXPECT_LE(distance(host(*y), host(*expected)), tolerance) << n << ' ' << rows;
+            // rows before the first as they were, all where none are wanted
+            EXPECT_LE(distance(host(*y_modes), host(*expected_modes)), tolerance) << n << ' ' << rows;
+          }
+      }
+    }
+}
+
 TEST_P(BackendLcp, FirstAndSettledRows) {
   const Index n = 5, rows = 40;
   Random random(3);

@@ -193,6 +193,14 @@ TEST_F(BackendParity, Signorini) {
   EXPECT_EQ(solved, 12);
 }
 
+// The sizes whose coarse grids a device sweeps in modes, and one beside them.
+TEST_F(BackendParity, SignoriniByMultigrid) {
+  for (const double Q : {40., 63., 127., 255., 511.})
+    expect_same_solve(make_scene("signorini", {{"Q", Q}}), options_for(Method::multigrid, 256),
+                      "Q = " + std::to_string(Q));
+  EXPECT_EQ(solved, 5);
+}
+
 TEST_F(BackendParity, SignoriniByFft) {
   Options options = options_for(Method::contour, 200);
   options.convolution = ConvolutionChoice::fft;

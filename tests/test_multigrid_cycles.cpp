@@ -68,19 +68,22 @@ Result solved_by(Backend& backend, const Scene& scene, Index J, double share = 0
 }
 
 TEST(QueuedMultigrid, DoesWhatTheOtherDoes) {
-  for (const Scene& scene : {membrane(15), expanding()}) {
-    const Index J = scene.constraints() > 1 ? 128 : 1280;
-    QueueLog log;
-    QueueingBackend queueing(log);
-    const Result found = solved_by(queueing, scene, J), expected = run(scene, Method::multigrid, J);
-    ASSERT_EQ(found.status, Status::solved) << found.reason;
-    EXPECT_EQ(found.y, expected.y) << "the same operations in the same order";
-    EXPECT_EQ(found.iterations, expected.iterations);
-    EXPECT_EQ(found.lcp.newton, expected.lcp.newton);
-    EXPECT_EQ(found.cycles, expected.cycles);
-    EXPECT_GT(log.batches, 0);
-    EXPECT_GT(log.replays, 0);
-  }
+  for (const Scene& scene : {membrane(15), expanding()})
+    for (const bool modes : {false, true}) {
+      const Index J = scene.constraints() > 1 ? 128 : 1280;
+      QueueLog log;
+      log.modes = modes;
+      QueueingBackend queueing(log);
+      const Result found = solved_by(queueing, scene, J), expected = run(scene, Method::multigrid, J);
+      ASSERT_EQ(found.status, Status::solved) << found.reason;
+      EXPECT_EQ(found.y, expected.y) << "the same operations in the same order";
+      EXPECT_EQ(found.iterations, expected.iterations);
+      EXPECT_EQ(found.lcp.newton, expected.lcp.newton);
+      EXPECT_EQ(found.cycles, expected.cycles);
+      EXPECT_GT(log.batches, 0);
+      EXPECT_GT(log.replays, 0);
+      EXPECT_EQ(log.in_modes, modes && scene.constraints() > 1 ? log.batches : 0);
+    }
 }
 
 TEST(QueuedMultigrid, StopsWhereTheOtherStops) {
@@ -88,6 +91,7 @@ TEST(QueuedMultigrid, StopsWhereTheOtherStops) {
     for (const double share : {0.1, 1e-6}) {
       const auto host = make_cpu_backend(1);
       QueueLog log;
+      log.modes = Q > 15;
       QueueingBackend queueing(log);
       const Result found = solved_by(queueing, membrane(Q), 256, share),
                    expected = solved_by(*host, membrane(Q), 256, share);
