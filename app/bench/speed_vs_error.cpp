@@ -67,7 +67,7 @@ struct Ladder {
 
 /// Multigrid ends where what is left of its iteration is this part of the discretisation error, both as it estimates
 /// them.
-constexpr double useful_share = 0.05;
+constexpr double useful_share = 0.03;  ///< of an error that is larger before T/16 than where it is looked at
 
 std::vector<Ladder> ladders(const Scene& scene, const Limits& limits, bool device) {
   const auto ladder = [&](const std::string& name, Method method) {
