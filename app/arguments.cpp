@@ -6,6 +6,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <tuple>
 
 namespace bromwich::app {
 
@@ -37,7 +39,22 @@ Index parse_steps(const std::string& word, long long limit) { return Index(integ
 
 int parse_threads(const std::string& word) { return int(integer_within("--threads", word, max_threads)); }
 
-double parse_tolerance(const std::string& word) { return fraction("--tol", word, "1e-4"); }
+void parse_error_control(const SolveArguments& a, Options& options) {
+  const auto positive = [](const char* argument, const std::string& word) {
+    const auto value = parse_double(word);
+    if (!value || !(*value > 0) || !std::isfinite(*value)) throw Error(argument, found(word), "give a positive number");
+    return *value;
+  };
+  for (const auto& [argument, word, value] : {std::tuple("--tol", &a.tolerance, &options.tolerance),
+                                              {"--tol-x", &a.tolerance_x, &options.tolerance_x},
+                                              {"--tol-y", &a.tolerance_y, &options.tolerance_y}})
+    if (!word->empty()) *value = fraction(argument, *word, "1e-4");
+  if (!a.absolute_tolerance.empty()) options.absolute_tolerance = positive("--atol", a.absolute_tolerance);
+  if (!a.max_steps.empty()) options.max_steps = Index(integer_within("--max-steps", a.max_steps, max_steps));
+  if (!a.max_seconds.empty()) options.max_seconds = positive("--max-seconds", a.max_seconds);
+  if (!controls_error(options) && !(a.max_steps.empty() && a.max_seconds.empty()))
+    throw Error(a.max_steps.empty() ? "--max-seconds" : "--max-steps", "is given without a tolerance", "add --tol EPS");
+}
 
 double parse_iteration_tolerance(const std::string& word) { return fraction("--iteration-tol", word, "1e-12"); }
 

@@ -2,6 +2,7 @@
 // Words of the command line into values. Every function throws Error naming the argument, what was found and what to
 // do; nothing is corrected silently.
 
+#include "app/commands.hpp"
 #include "core/scenes/catalogue.hpp"
 #include "core/solve.hpp"
 
@@ -16,8 +17,9 @@ inline constexpr int max_threads = 4096;
 /// An integer from 1 to `limit`.
 Index parse_steps(const std::string& word, long long limit = max_steps);
 int parse_threads(const std::string& word);
+/// The options of error control that are given.
+void parse_error_control(const SolveArguments&, Options& options);
 /// A number strictly between 0 and 1.
-double parse_tolerance(const std::string& word);
 double parse_iteration_tolerance(const std::string& word);
 Method parse_method(const std::string& word);
 /// "auto", "contour", ...: the words that parse_method takes.

@@ -46,21 +46,32 @@ std::string scene_name(const Words& words) {
   return words.names.front();
 }
 
+/// Of the relative ones; 0 where there is none.
+double smallest_tolerance(const Options& o) {
+  double smallest = 0;
+  for (const double one : {o.tolerance, o.tolerance_x, o.tolerance_y})
+    if (one > 0 && (smallest == 0 || one < smallest)) smallest = one;
+  return smallest;
+}
+
 Options solve_options(const SolveArguments& arguments, const SceneChoice& choice) {
   Options options;
   options.method = parse_method(arguments.method);
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
   options.event_location = arguments.event_location;
-  if (!arguments.tolerance.empty()) {
-    options.tolerance = parse_tolerance(arguments.tolerance);
+  parse_error_control(arguments, options);
+  if (const double smallest = smallest_tolerance(options); smallest > 0) {
     // Sweeps beyond what the tolerance asks for would be wasted; a thousandth keeps the differences of grids clean.
-    options.iteration_tolerance = std::max(1e-3 * options.tolerance, options.iteration_tolerance);
+    options.iteration_tolerance = std::max(1e-3 * smallest, options.iteration_tolerance);
   }
   if (!arguments.iteration_tolerance.empty())
     options.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
   options.goal = goal_options(arguments.goal, options.method, choice.quantity);
   const bool given = !arguments.states.empty();
-  parse_states("--states", given ? arguments.states : choice.states, choice.scene.states(), options);
+  const bool only_x = options.tolerance_x > 0 && !given && choice.states == "none";
+  parse_states("--states", only_x ? "all" : given ? arguments.states : choice.states, choice.scene.states(), options);
+  if (options.tolerance_x > 0 && options.states == StateSelection::none)
+    throw Error("--tol-x", "found without states", "add --states all or a list");
   return options;
 }
 

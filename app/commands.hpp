@@ -16,7 +16,8 @@ struct GoalArguments {
 struct SolveArguments {
   std::vector<std::string> words, settings;
   std::string method = "auto", backend = "auto";
-  std::string states, tolerance, steps, iteration_tolerance, threads, at, out, switches, report;
+  std::string states, tolerance, tolerance_x, tolerance_y, absolute_tolerance, max_steps, max_seconds, steps,
+      iteration_tolerance, threads, at, out, switches, report;
   GoalArguments goal;
   bool json = false, print_template = false, energies = false, event_location = false;
 };

@@ -51,7 +51,13 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_word(command, "--backend", a.backend, "NAME", "auto (default), cpu or cuda");
   add_word(command, "--steps", a.steps, "J", "time steps, with --tol of the first grid; default: the scene's own");
   add_word(command, "--tol", a.tolerance, "EPS",
-           "refine the grid until the error of y and of the states asked for is below EPS");
+           "refine the grid until the error of every component of y and of the states asked for is below EPS times its "
+           "largest value");
+  add_word(command, "--tol-x", a.tolerance_x, "EPS", "the same for the states; alone: of the states only, all of them");
+  add_word(command, "--tol-y", a.tolerance_y, "EPS", "the same for y; alone: of y only");
+  add_word(command, "--atol", a.absolute_tolerance, "EPS", "error allowed besides, in the units of the scene");
+  add_word(command, "--max-steps", a.max_steps, "J", "steps that a tolerance may lead to; default 1048576");
+  add_word(command, "--max-seconds", a.max_seconds, "S", "seconds after which a tolerance leads to no further grid");
   add_word(command, "--iteration-tol", a.iteration_tolerance, "EPS",
            "stop iterating at this change of y, relative to max(1,|y|); default 1e-12, or a thousandth of --tol");
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");

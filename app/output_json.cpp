@@ -33,6 +33,7 @@ Json errors_to_json(const std::optional<ErrorEstimate>& errors) {
           {"iteration", errors->iteration},
           {"states", errors->states},
           {"order", errors->order},
+          {"interior", errors->interior},
           {"tolerance", errors->tolerance},
           {"of", errors->of_integral ? "mean of y" : "y"},
           {"grids", errors->grids}};

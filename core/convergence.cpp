@@ -4,6 +4,7 @@
 #include "core/solve.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace bromwich {
 
@@ -18,27 +19,42 @@ double order_of(const Result& result) {
   return result.continuous || result.method == to_string(Method::galerkin) ? 2 : 3;
 }
 
-double relative(const RowMatrix& a, Index a_stride, const RowMatrix& b, Index b_stride) {
-  double largest = 0, size = 1;
-  for (Index j = 1; a_stride * j < a.rows() && b.cols() > 0; ++j) {
-    const double apart = (a.row(a_stride * j) - b.row(b_stride * j)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
-    if (std::isnan(apart)) return INFINITY;  // states that the method cannot give
-    largest = std::max(largest, apart);
-    size = std::max(size, b.row(b_stride * j).cwiseAbs().maxCoeff());
-  }
-  return largest / size;
+constexpr double smallest_size = 1e-3;  ///< of the largest component, that a component is measured against
+
+Vector sizes(const RowMatrix& values, Index first, const Vector& unit, const Sizes& how) {
+  if (how.fixed > 0) return Vector::Constant(values.cols(), how.fixed);
+  Vector s = values.bottomRows(values.rows() - first).cwiseAbs().colwise().maxCoeff().transpose();
+  if (s.size() == 0) return s;
+  const Vector u = unit.size() == s.size() ? unit : Vector::Ones(s.size());
+  const double largest = s.cwiseQuotient(u).maxCoeff();
+  return s.cwiseMax(smallest_size * largest * u).array() + how.absolute;
 }
+
+// A component each.
+Vector relative(const RowMatrix& a, Index a_stride, const RowMatrix& b, Index b_stride, const Vector& size) {
+  Vector largest = Vector::Zero(b.cols());
+  for (Index j = 1; a_stride * j < a.rows() && b.cols() > 0; ++j) {
+    const auto apart = (a.row(a_stride * j) - b.row(b_stride * j)).cwiseAbs();
+    if (!apart.allFinite()) return Vector::Constant(b.cols(), INFINITY);  // states that the method cannot give
+    largest = largest.cwiseMax(apart.transpose());
+  }
+  return (largest.array() > 0).select(largest.cwiseQuotient(size), 0);
+}
+
+double largest(const Vector& v) { return v.size() > 0 ? v.maxCoeff() : 0; }
 
 RowMatrix mean(const Result& result) { return running_integral(result.y, 1 / double(result.steps)); }
 
 }  // namespace
 
-Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride) {
-  Distance d{relative(a.y, a_stride, b.y, b_stride), relative(mean(a), a_stride, mean(b), b_stride),
-             Vector(a.x.cols())};
-  for (Index c = 0; c < a.x.cols(); ++c)  // the units of the components differ
-    d.x[c] = relative(a.x.col(c), a_stride, b.x.col(c), b_stride);
-  return d;
+Vector Sizes::of_y(const Result& r) const { return sizes(r.y, 1, unit_y, *this); }
+Vector Sizes::of_mean(const Result& r) const { return sizes(mean(r), 1, unit_y, *this); }
+Vector Sizes::of_x(const Result& r) const { return sizes(r.x, 0, unit_x, *this); }
+
+Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const Sizes& s) {
+  return {largest(relative(a.y, a_stride, b.y, b_stride, s.of_y(b))),
+          largest(relative(mean(a), a_stride, mean(b), b_stride, s.of_mean(b))),
+          relative(a.x, a_stride, b.x, b_stride, s.of_x(b))};
 }
 
 Vector largest_jumps(const RowMatrix& y) {
@@ -50,17 +66,18 @@ Vector largest_jumps(const RowMatrix& y) {
   return largest;
 }
 
-Convergence::Convergence(const Scene& scene, const Result& first)
+Convergence::Convergence(const Scene& scene, const Result& first, Sizes sizes)
     : y_(order_of(first)),
       mean_(1),
       x_(order_of(first)),
       jump_(1),
       components_(std::size_t(first.x.cols()), x_),
       scene_(scene),
+      sizes_(std::move(sizes)),
       may_jump_(!first.continuous || first.method == to_string(Method::euler)) {}
 
 void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
-  const Distance d = distance(coarse, 1, fine, 2);
+  const Distance d = distance(coarse, 1, fine, 2, sizes_);
   const bool resolves = y_.confirmed();
   y_.add(d.y);
   mean_.add(d.mean);
@@ -70,15 +87,16 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   check_.reset();
   if (!may_jump_) return;
   const Vector jumps = largest_jumps(fine.y);
-  const double jump = jumps.maxCoeff(), steps = double(fine.steps);
-  jump_.add(jump / std::max(1.0, fine.y.bottomRows(fine.steps).cwiseAbs().maxCoeff()));
-  displaced_ = jump / (2 * steps * std::max(1.0, mean(fine).cwiseAbs().maxCoeff()));
+  const double steps = double(fine.steps);
+  const auto against = [](const Vector& v, const Vector& size) {
+    return largest((v.array() > 0).select(v.cwiseQuotient(size), 0));
+  };
+  jump_.add(against(jumps, sizes_.of_y(fine)));
+  displaced_ = against(jumps, sizes_.of_mean(fine)) / (2 * steps);
   displaced_x_ = 0;
-  if (const DenseDynamics* dynamics = std::get_if<DenseDynamics>(&scene_.dynamics))
-    for (std::size_t c = 0; c < fine.x_components.size(); ++c)
-      displaced_x_ =
-          std::max(displaced_x_, scene_.T / steps * dynamics->B.row(fine.x_components[c]).cwiseAbs().dot(jumps) /
-                                     std::max(1.0, fine.x.col(Index(c)).cwiseAbs().maxCoeff()));
+  if (const DenseDynamics* dynamics = std::get_if<DenseDynamics>(&scene_.dynamics); dynamics && fine.x.cols() > 0)
+    displaced_x_ = against(Vector(scene_.T / steps * dynamics->B(fine.x_components, Eigen::all).cwiseAbs() * jumps),
+                           sizes_.of_x(fine));
   // Once is enough: later differences may be small because all jumps happen to be in the same steps.
   jumps_ = jumps_ || (resolved && ((y_.stands_still() && y_.last() > smallest_jump) ||
                                    (jump_.stands_still() && jump_.last() > smallest_jump)));
@@ -87,7 +105,7 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   for (GridDifferences& component : components_) component.limit_order(order_with_jumps);
 }
 
-void Convergence::check(const Result& other, const Result& fine) { check_ = distance(other, 3, fine, 4); }
+void Convergence::check(const Result& other, const Result& fine) { check_ = distance(other, 3, fine, 4, sizes_); }
 
 double Convergence::error() const {
   const double e = controlled().error(check_.has_value());

@@ -18,16 +18,29 @@
 
 namespace bromwich {
 
-/// Largest differences at common time points t > 0: of y and of its mean relative to max(1, max |.|), of each component
-/// of x relative to its own. Infinite where one of the two is not known.
+/// What errors are measured against: component i of a kind (y, its mean, x) by
+///
+///     s_i = max(max_t |c_i|, 1e-3 u_i max_k max_t |c_k| / u_k) + absolute,      u the natural unit of a component.
+struct Sizes {
+  Vector unit_y, unit_x;  ///< u of y (n) and of the recorded x; empty = 1
+  double absolute = 0;    ///< absolute tolerance over the relative one, in the units of the scene
+  double fixed = 0;       ///< above 0: this alone, for all
+
+  Vector of_y(const Result&) const;
+  Vector of_mean(const Result&) const;
+  Vector of_x(const Result&) const;
+};
+
+/// Largest differences at common time points t > 0, each relative to the s_i of `b`. Infinite where one of the two is
+/// not known.
 struct Distance {
   double y, mean;
-  Vector x;
+  Vector x;  ///< a component each
 
   double of_x() const { return x.size() > 0 ? x.maxCoeff() : 0; }
 };
-/// Row a_stride j of `a` belongs to the time of row b_stride j of `b`; sizes are those of `b`.
-Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride);
+/// Row a_stride j of `a` belongs to the time of row b_stride j of `b`.
+Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const Sizes& = {});
 
 /// n: of each component the largest min(|y_j - y_{j-1}|, |y_{j+1} - y_{j-2}|), j >= 3: an impulse, one row that stands
 /// out, is no jump.
@@ -36,7 +49,7 @@ Vector largest_jumps(const RowMatrix& y);
 class Convergence {
  public:
   /// On the first grid, which later ones of the same method follow.
-  Convergence(const Scene&, const Result& first);
+  Convergence(const Scene&, const Result& first, Sizes = {});
 
   /// The next grid, with half the step of `coarse`. `resolved`: enough steps to take what does not converge for a jump.
   void add(const Result& coarse, const Result& fine, bool resolved);
@@ -59,6 +72,7 @@ class Convergence {
   std::vector<GridDifferences> components_;  ///< of x
   std::optional<Distance> check_;
   const Scene& scene_;
+  Sizes sizes_;
   bool may_jump_, jumps_ = false, erratic_ = false;
   double displaced_ = 0, displaced_x_ = 0;  ///< errors of the mean and of x by jumps that are known to within a step
 };

@@ -14,11 +14,12 @@ namespace bromwich {
 /// What the sweeps after the last one would still change, from the changes of all sweeps.
 double iteration_error(const std::vector<double>& history);
 
-/// `solve` with options.tolerance > 0: solves on J, 2J, 4J, ... steps, J = options.steps or as often half of the
-/// scene's default as leaves 16 steps and an integer. Returns the finest grid: `solved` where the estimate, with two
-/// observed orders behind it, is below 0.8 of the tolerance (a fifth is left for the estimate to err), otherwise
-/// tolerance_not_met with what stood in the way. Where y may jump, a grid of 3/4 of the steps has to agree. Counts are
-/// those of the finest grid, seconds those of all.
+/// `solve` where controls_error(options): solves on J, 2J, 4J, ... steps, J = options.steps or as often half of the
+/// scene's default as leaves 16 steps and an integer. Returns the finest grid: `solved` where it has at least the
+/// scene's steps and the estimate, with two observed orders behind it, is below 0.8 of the tolerance (a fifth is left
+/// for the estimate to err). Otherwise it goes on until a budget is spent (max_steps, max_seconds, memory) or nothing
+/// can be gained any more, and ends as tolerance_not_met with what stood in the way. Where y may jump, a grid of 3/4 of
+/// the steps has to agree. Counts are those of the finest grid, seconds those of all.
 Result solve_to_tolerance(const Scene&, Backend&, const Options&);
 
 }  // namespace bromwich

@@ -21,10 +21,6 @@ constexpr Index most_dense_states = 1024;
 constexpr double accepted_residual = 1e-9;
 constexpr double delicate_boundary = 1e-7;  ///< reciprocal condition of the boundary problem
 
-void add_warning(Result& result, const std::string& words) {
-  result.warning += (result.warning.empty() ? "" : "; ") + words;
-}
-
 bool has_ended(const GalerkinSolution& s) { return s.status != Status::tolerance_not_met; }
 
 // What is fast: exchanges, and where they do not end shooting.
@@ -264,7 +260,7 @@ void solve_with_located_switches(const Scene& scene, Backend& backend, const Opt
 }  // namespace
 
 Result solve_by_galerkin(const Scene& scene, Backend& backend, const Options& options) {
-  if (options.tolerance > 0) {
+  if (controls_error(options)) {
     Options refined = options;
     refined.method = Method::galerkin;
     return solve_to_tolerance(scene, backend, refined);

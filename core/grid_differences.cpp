@@ -31,6 +31,13 @@ double GridDifferences::order() const {
   return std::exp2(highest_) - 1 <= scatter * (std::exp2(p) - 1) ? highest_ : p;
 }
 
+double GridDifferences::observed_order() const {
+  const std::size_t n = differences_.size();
+  if (n < 3) return NAN;
+  const double first = differences_[n - 3], last = differences_[n - 1];
+  return last > rounding_difference && std::isfinite(first) ? std::log2(first / last) / 2 : NAN;
+}
+
 double GridDifferences::error(bool checked) const {
   const std::size_t n = differences_.size();
   if (n < 2) return NAN;
@@ -69,8 +76,7 @@ bool GridDifferences::stalled(std::size_t window) const {
 }
 
 double GridDifferences::halvings_to(double tolerance) const {
-  const double e = believed(differences_.size() - 1) / (std::exp2(highest_) - 1);
-  return std::max(0.0, std::log2(e / tolerance) / highest_);
+  return std::max(0.0, std::log2(error() / tolerance) / order());
 }
 
 }  // namespace bromwich

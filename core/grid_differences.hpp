@@ -29,6 +29,8 @@ class GridDifferences {
   void limit_order(double order);
 
   double order() const;  ///< p; NaN before two differences
+  /// The slope itself, whatever q; NaN where the differences do not show one (fewer than three, zero, rounding).
+  double observed_order() const;
   /// e; NaN before two differences. `checked`: error_from_check stands beside it.
   double error(bool checked = false) const;
   /// Error of a grid with J steps from its difference `d` to one with 3J/4, whose points the jumps of y do not share.
@@ -43,10 +45,10 @@ class GridDifferences {
   bool changes_abruptly() const;
   /// The last two halvings have not halved the difference: it does not converge, or not yet.
   bool stands_still() const;
-  /// The smallest of the last `window` differences is not half of the smallest of the `window` before: it will not
-  /// converge. Jumps make single differences irregular.
+  /// The smallest of the last `window` differences is not half of the smallest of the `window` before. Jumps make
+  /// single differences irregular.
   bool stalled(std::size_t window) const;
-  /// How often the step has to be halved at least, if the full order comes, for an error of `tolerance`.
+  /// How often the step has to be halved for an error of `tolerance`, with the order that was seen, at least 1/2.
   double halvings_to(double tolerance) const;
   double last() const { return differences_.back(); }
 

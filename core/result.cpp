@@ -26,6 +26,10 @@ double ErrorEstimate::total() const {
   return discretisation + (std::isnan(kernel) ? 0 : kernel) + iteration + rounding;
 }
 
+void add_warning(Result& result, const std::string& words) {
+  result.warning += (result.warning.empty() ? "" : "; ") + words;
+}
+
 Seconds operator+(const Seconds& a, const Seconds& b) {
   return {
       a.total + b.total,         a.setup + b.setup, a.solve + b.solve,  a.lcp + b.lcp, a.convolution + b.convolution,

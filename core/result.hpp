@@ -23,16 +23,17 @@ struct Seconds {
 };
 Seconds operator+(const Seconds&, const Seconds&);
 
-/// What the error of a result is made of; core/error_control.hpp estimates it. All parts are in the units of y,
-/// relative to max(1, max |y|).
+/// What the error of a result is made of; core/error_control.hpp estimates it. All parts are relative: that of a
+/// component to max(max_t |c_i|, 1e-3 of the largest component of its kind), see core/convergence.hpp.
 struct ErrorEstimate {
   double discretisation = std::numeric_limits<double>::quiet_NaN();  ///< of the finest grid, from the grids before it
   double kernel = std::numeric_limits<double>::quiet_NaN();          ///< of the weights; NaN where nothing was compared
   double iteration = 0;                                              ///< left by the last sweep
   double rounding = 0;  ///< carried along with the active sets; 0 where it was not looked at (large and sparse scenes)
   double states = std::numeric_limits<double>::quiet_NaN();  ///< of the recorded x, a component by its largest value
-  double order = std::numeric_limits<double>::quiet_NaN();   ///< observed on the last grids
-  double tolerance = 0;                                      ///< that was asked for
+  double order = std::numeric_limits<double>::quiet_NaN();   ///< observed on the last grids; NaN where none was
+  double interior = 0;       ///< defect between the time points; 0 where it was not looked at (core/interior_check.hpp)
+  double tolerance = 0;      ///< that was asked for
   bool of_integral = false;  ///< of the mean of y over [0, t] instead of y(t), where y may jump
   std::vector<Index> grids;  ///< steps of all grids, the finest last
 
@@ -93,5 +94,8 @@ struct Result {
   /// What core/cost.hpp predicted before the solve, for auto the first of its methods that fits.
   std::size_t bytes_predicted = 0;
 };
+
+/// One more sentence for Result::warning.
+void add_warning(Result&, const std::string& words);
 
 }  // namespace bromwich

@@ -42,8 +42,16 @@ void validate(const Scene& scene, const Options& options) {
   if (!(options.iteration_tolerance > 0) || !(options.iteration_tolerance < 1))
     throw Error("iteration_tolerance", "found " + std::to_string(options.iteration_tolerance),
                 "give a number between 0 and 1");
-  if (!(options.tolerance >= 0) || !(options.tolerance < 1))
-    throw Error("tolerance", "found " + std::to_string(options.tolerance), "give a number between 0 and 1");
+  for (const auto& [name, value] : {std::pair("tolerance", options.tolerance),
+                                    {"tolerance_x", options.tolerance_x},
+                                    {"tolerance_y", options.tolerance_y}})
+    if (!(value >= 0) || !(value < 1)) throw Error(name, text("found %g", value), "give a number between 0 and 1");
+  if (!(options.absolute_tolerance >= 0) || !std::isfinite(options.absolute_tolerance))
+    throw Error("absolute_tolerance", text("found %g", options.absolute_tolerance), "give a positive number");
+  if (options.max_steps < 1 || options.max_steps > most_steps)
+    throw Error("max_steps", "found " + std::to_string(options.max_steps), "give a whole number from 1 to 16777216");
+  if (!(options.max_seconds >= 0))
+    throw Error("max_seconds", text("found %g", options.max_seconds), "give a positive number of seconds");
   if (!(options.algebraic_share >= 0) || !(options.algebraic_share < 1))
     throw Error("algebraic_share", "found " + std::to_string(options.algebraic_share),
                 "give a number from 0 to below 1");
@@ -56,6 +64,8 @@ void validate(const Scene& scene, const Options& options) {
       throw Error("states", "component " + std::to_string(c) + " of " + std::to_string(scene.states()),
                   "components are counted from 0");
 }
+
+bool refused(const Result& r) { return r.status == Status::tolerance_not_met; }
 
 // One run of a scene: its methods on the grid asked for, and on finer ones where a result has to be confirmed.
 class Run {
@@ -71,17 +81,21 @@ class Run {
       result.infeasible_at.reset();
     if (result.status == Status::infeasible && result.infeasible_at.value_or(0) > 0)
       certification_.confirm_infeasible(result);
-    if (result.status == Status::solved) certification_.certify(method, result);
+    if (result.status != Status::solved) return;
+    certification_.certify(method, result);
+    doubted_ = doubted_ || (method == Method::march && refused(result));
   }
 
   // What is predicted to be the fastest first. Where it does not fit into memory or ends without a solution (in
-  // marching M + W_0 may leave the class of M; the iteration only ever needs M), the next one, and implicit Euler last.
+  // marching M + W_0 may leave the class of M; the iteration only ever needs M), the next one, and implicit Euler last:
+  // not where marching found a solution that its certificate does not believe, for Euler's is less exact on that grid.
   void automatic(Result& result) {
     const DiscreteProblem& p = methods_.problem();
     const bool on_device = backend_.device().memory > 0;
     if (!on_device && p.kronecker() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
     std::string before;
     for (const Method method : methods_by_time(p.scene, p.lcp_class, p.J, on_device)) {
+      if (method == Method::euler && (doubted_ || !options_.fall_back_to_euler)) return;
       if (const std::string why = against(method); !why.empty()) {
         before += std::string("; not ") + to_string(method) + ": " + why;
         continue;
@@ -96,6 +110,8 @@ class Run {
       if (ended || result.reason.empty()) {  // of several failures the first is the one to explain
         result = std::move(next);
         if (ended) result.kernel += before;
+        if (ended && method == Method::euler && result.status == Status::solved)
+          add_warning(result, "solved by implicit Euler, of first order" + before);
       }
       if (ended || certification_.sensitive()) return;
       before += std::string("; not ") + to_string(method) + ": " + reason;
@@ -162,6 +178,7 @@ class Run {
   Backend& backend_;
   const Options& options_;
   Certification certification_;
+  bool doubted_ = false;  ///< a solution of march was not believed
 };
 
 bool finite_sources(const DiscreteProblem& p, Result& result) {
@@ -176,6 +193,10 @@ bool finite_sources(const DiscreteProblem& p, Result& result) {
 }
 
 }  // namespace
+
+bool controls_error(const Options& o) {
+  return o.tolerance > 0 || o.tolerance_x > 0 || o.tolerance_y > 0 || o.absolute_tolerance > 0;
+}
 
 const char* to_string(Method method) {
   for (const auto& [value, name] : method_names)
@@ -219,7 +240,7 @@ Result unsupported(const Scene& scene, const Backend& backend, const Options& op
 }
 
 void check_event_location(const Scene& scene, const Options& options) {
-  if (options.tolerance > 0) throw Error("event_location", "found with a tolerance", "give steps instead");
+  if (controls_error(options)) throw Error("event_location", "found with a tolerance", "give steps instead");
   if (options.method != Method::galerkin && !(options.method == Method::automatic && scene.boundary))
     throw Error("event_location", std::string("found with method ") + to_string(options.method), "use method galerkin");
 }
@@ -249,12 +270,12 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
                : unsupported(given, backend, options, "it needs initial values and the scene has boundary values");
   if (!given.free_rows.empty()) {
     if (const auto eliminated = eliminate_free(given))
-      return options.tolerance > 0 ? solve_to_tolerance(given, backend, options)  // of all rows
-                                   : solve_mixed(given, *eliminated, backend, options);
+      return controls_error(options) ? solve_to_tolerance(given, backend, options)  // of all rows
+                                     : solve_mixed(given, *eliminated, backend, options);
     return automatic ? by_galerkin(given, backend, options)
                      : unsupported(given, backend, options, "the free rows and columns of M form a singular matrix");
   }
-  if (options.tolerance > 0) return solve_to_tolerance(given, backend, options);
+  if (controls_error(options)) return solve_to_tolerance(given, backend, options);
   std::optional<Scene> written_out;
   if (std::holds_alternative<SparseDynamics>(given.dynamics) && given.states() <= smallest_sparse) {
     written_out = given;

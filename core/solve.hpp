@@ -37,9 +37,16 @@ struct Progress {
 
 struct Options {
   Method method = Method::automatic;
-  Index steps = 0;                     ///< 0 = the scene's default; with a tolerance the first grid
-  double tolerance = 0;                ///< error to reach by refining the grid (core/error_control.hpp); 0 = one grid
+  Index steps = 0;  ///< 0 = the scene's default; with a tolerance the first grid
+  /// Error to reach by refining the grid (core/error_control.hpp), 0 = one grid: that of component i is at most
+  /// tolerance max(max_t |c_i|, 1e-3 of the largest component of the same kind). For y, and for the recorded states.
+  double tolerance = 0;
+  double tolerance_x = 0;              ///< for the recorded states in place of `tolerance`; alone: y is not controlled
+  double tolerance_y = 0;              ///< for y in place of `tolerance`; alone: the states are not controlled
+  double absolute_tolerance = 0;       ///< in the units of the scene; added to what the others allow
   bool control_states = true;          ///< the tolerance is for the recorded states too
+  Index max_steps = Index(1) << 20;    ///< of the finest grid that a tolerance may lead to
+  double max_seconds = 0;              ///< after which a tolerance leads to no further grid; 0 = no limit
   double iteration_tolerance = 1e-12;  ///< max change of y relative to max(1, |y|)
   /// Multigrid may stop earlier, where what the cycles would still change is below this part of the discretisation
   /// error, both estimated; 0 = iteration_tolerance alone decides.
@@ -47,7 +54,11 @@ struct Options {
   Index max_iterations = 2000;  ///< converging scenes need tens to hundreds; others stop earlier by themselves
   StateSelection states = StateSelection::none;
   std::vector<Index> components = {};  ///< with StateSelection::list
-  bool trace = false;                  ///< record N x
+  /// The caller solves on several grids and compares: a result is not confirmed with half the step again.
+  bool compares_grids = false;
+  /// Method automatic may end with implicit Euler, of first order, where no method of second order takes a step.
+  bool fall_back_to_euler = true;
+  bool trace = false;  ///< record N x
   /// Method galerkin: solved again with nodes at the switches of the active sets (core/galerkin_location.hpp).
   bool event_location = false;
   ConvolutionChoice convolution = ConvolutionChoice::automatic;
@@ -61,6 +72,9 @@ struct Options {
   std::function<void(const Progress&)> progress = {};
   std::function<bool()> interrupted = {};  ///< polled once per iteration
 };
+
+/// Whether any of the tolerances is set, so that steps are chosen.
+bool controls_error(const Options&);
 
 /// Solves the scene on t_j = j T/J. Throws Error for bad input; every other outcome is a Status in the result.
 Result solve(const Scene&, Backend&, const Options& = {});

@@ -33,16 +33,28 @@ Options options_to(double tolerance, Method method = Method::automatic) {
   return options;
 }
 
-/// Largest difference over t > 0 relative to max(1, max |known|), `known` with `stride` times the steps.
+/// Largest difference over t > 0, of each component relative to max(max |known|, 1e-3 of the largest component);
+/// `known` with `stride` times the steps.
 double relative(const RowMatrix& found, const RowMatrix& known, Index stride) {
-  double largest = 0, size = 1;
+  Vector error = Vector::Zero(found.cols()), size = error;
   for (Index j = 1; j < found.rows(); ++j) {
-    const double apart = (found.row(j) - known.row(stride * j)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
-    if (std::isnan(apart)) return std::numeric_limits<double>::infinity();
-    largest = std::max(largest, apart);
-    size = std::max(size, known.row(stride * j).cwiseAbs().maxCoeff());
+    const auto apart = (found.row(j) - known.row(stride * j)).cwiseAbs();
+    if (!apart.allFinite()) return std::numeric_limits<double>::infinity();
+    error = error.cwiseMax(apart.transpose());
+    size = size.cwiseMax(known.row(stride * j).cwiseAbs().transpose());
   }
-  return largest / size;
+  size = size.cwiseMax(1e-3 * size.maxCoeff());
+  return (error.array() > 0).select(error.cwiseQuotient(size), 0).maxCoeff();
+}
+
+RowMatrix exact_y(const Scene& scene, const Result& result) {
+  RowMatrix known(result.steps + 1, scene.constraints());
+  Vector x(scene.states()), y(scene.constraints());
+  for (Index j = 0; j <= result.steps; ++j) {
+    scene.exact(result.t[j], x, y);
+    known.row(j) = y.transpose();
+  }
+  return known;
 }
 
 /// Of y, against the exact solution or eight times the steps, whose own error is at most 1/8 of it (first order).
@@ -52,13 +64,7 @@ double true_error(const Scene& scene, const Result& result) {
     const Index stride = 8;
     return relative(result.y, solved_y(scene, method_from_string(result.method), stride * J), stride);
   }
-  RowMatrix known(J + 1, scene.constraints());
-  Vector x(scene.states()), y(scene.constraints());
-  for (Index j = 0; j <= J; ++j) {
-    scene.exact(result.t[j], x, y);
-    known.row(j) = y.transpose();
-  }
-  return relative(result.y, known, 1);
+  return relative(result.y, exact_y(scene, result), 1);
 }
 
 // Where y is smooth between few kinks, orders are those of theory and the estimate is the error. The moving ends of a
@@ -140,16 +146,67 @@ Scene scaled_scene(double s) {
   return scene;
 }
 
-TEST(ErrorControl, IsAbsoluteBelowOneAndRelativeAbove) {
-  const Result plain = run(scaled_scene(1), options_to(1e-4)), small = run(scaled_scene(1e-6), options_to(1e-10)),
-               large = run(scaled_scene(1e6), options_to(1e-4));
-  for (const Result* result : {&plain, &small, &large}) ASSERT_EQ(result->status, Status::solved) << result->reason;
-  EXPECT_EQ(small.errors->grids, plain.errors->grids);
-  // Rounding, 1e-16 of y <= 0.5e-6, is 1e-5 of differences of 2e-11 at most.
-  EXPECT_NEAR(*small.error_estimate, 1e-6 * *plain.error_estimate, 1e-9 * *plain.error_estimate);
-  ASSERT_EQ(large.steps, plain.steps);
-  const double size = plain.y.bottomRows(plain.steps).cwiseAbs().maxCoeff();
-  EXPECT_NEAR(*large.error_estimate, *plain.error_estimate / size, 1e-3 * *plain.error_estimate);
+TEST(ErrorControl, IsRelativeInAnyUnits) {
+  const Result plain = run(scaled_scene(1), options_to(1e-4));
+  for (const double s : {0x1p-40, 0x1p40}) {  // powers of two: not even rounding differs
+    const Result other = run(scaled_scene(s), options_to(1e-4));
+    ASSERT_EQ(other.status, Status::solved) << other.reason;
+    EXPECT_EQ(other.errors->grids, plain.errors->grids);
+    EXPECT_NEAR(*other.error_estimate, *plain.error_estimate, 1e-6 * *plain.error_estimate);
+  }
+}
+
+TEST(ErrorControl, AnAbsoluteToleranceIsInTheUnitsOfTheScene) {
+  const Scene scene = make_scene("dlcp-small");
+  Options options = options_for(Method::automatic);
+  options.absolute_tolerance = 1e-4;
+  const Result absolute = run(scene, options);
+  ASSERT_EQ(absolute.status, Status::solved) << absolute.reason;
+  EXPECT_LE(distance(absolute.y, exact_y(scene, absolute)), 1e-4);
+  options.tolerance = 1e-6;  // the two are added
+  const Result both = run(scene, options);
+  ASSERT_EQ(both.status, Status::solved) << both.reason;
+  EXPECT_LE(both.steps, run(scene, options_to(1e-6)).steps);
+  EXPECT_LE(distance(both.y, exact_y(scene, both)), 1e-4 + 1e-6);
+}
+
+TEST(ErrorControl, OfOneKindAloneLeavesTheOtherOut) {
+  const Scene scene = make_scene("bridge");
+  Options options = options_for(Method::automatic);
+  options.states = StateSelection::all;
+  options.tolerance_x = 1e-4;
+  const Result of_x = run(scene, options);
+  ASSERT_EQ(of_x.status, Status::solved) << of_x.reason;
+  EXPECT_EQ(*of_x.error_estimate, of_x.errors->states);
+  options.tolerance_x = 0;
+  options.tolerance_y = 1e-4;
+  const Result of_y = run(scene, options);
+  ASSERT_EQ(of_y.status, Status::solved) << of_y.reason;
+  EXPECT_TRUE(std::isnan(of_y.errors->states));
+  EXPECT_EQ(*of_y.error_estimate, of_y.errors->total());
+}
+
+TEST(ErrorControl, EndsWithItsBudget) {
+  const Scene scene = make_scene("bridge");
+  Options options = options_to(1e-9);
+  options.max_steps = 2000;
+  const Result by_steps = run(scene, options);
+  EXPECT_EQ(by_steps.status, Status::tolerance_not_met);
+  EXPECT_LE(by_steps.steps, 2000);
+  EXPECT_NE(by_steps.reason.find("max-steps"), std::string::npos) << by_steps.reason;
+  options.max_steps = Index(1) << 20;
+  options.max_seconds = 1e-9;
+  const Result by_time = run(scene, options);
+  EXPECT_EQ(by_time.status, Status::tolerance_not_met);
+  EXPECT_NE(by_time.reason.find("max-seconds"), std::string::npos) << by_time.reason;
+}
+
+// Two grids that see no contact do not prove that there is none.
+TEST(ErrorControl, NeverEndsBelowTheStepsOfTheScene) {
+  for (const char* name : {"dlcp-small", "bridge"}) {
+    const Scene scene = make_scene(name);
+    EXPECT_GE(run(scene, options_to(0.5)).steps, scene.default_steps) << name;
+  }
 }
 
 // ---- what ends it ----
@@ -197,6 +254,11 @@ TEST(ErrorControl, IsInterrupted) {
 
 TEST(ErrorControl, RefusesTolerancesThatAreNone) {
   const Scene scene = make_scene("bridge");
+  for (double Options::*member : {&Options::tolerance_x, &Options::tolerance_y, &Options::absolute_tolerance}) {
+    Options options = options_for(Method::automatic);
+    options.*member = -1;
+    EXPECT_THROW(run(scene, options), Error);
+  }
   for (const double tolerance : {-1e-3, 1.0, std::nan("")}) EXPECT_THROW(run(scene, options_to(tolerance)), Error);
 }
 

@@ -16,24 +16,19 @@ namespace {
 
 constexpr double most_numbers = 4e7;  ///< of a reference
 
-/// Rows 1, 2, ... of `found` against rows stride, 2 stride, ... of `known`, relative to max(1, max |known|).
+/// Rows 1, 2, ... of `found` against rows stride, 2 stride, ... of `known`: of each component relative to
+/// max(max |known|, 1e-3 of the largest component).
 double largest_error(const RowMatrix& found, const RowMatrix& known, Index stride) {
-  double largest = 0, size = 1;
-  for (Index j = 1; j < found.rows(); ++j)
-    for (Index i = 0; i < found.cols(); ++i) {
-      const double apart = std::abs(found(j, i) - known(stride * j, i));
-      if (std::isnan(apart)) return INFINITY;
-      largest = std::max(largest, apart);
-      size = std::max(size, std::abs(known(stride * j, i)));
-    }
-  return largest / size;
-}
-
-double largest_error_of_columns(const RowMatrix& found, const RowMatrix& known, Index stride) {
-  double largest = 0;
-  for (Index c = 0; c < found.cols(); ++c)
-    largest = std::max(largest, largest_error(found.col(c), known.col(c), stride));
-  return found.cols() > 0 ? largest : NAN;
+  if (found.cols() == 0) return NAN;
+  Vector error = Vector::Zero(found.cols()), size = error;
+  for (Index j = 1; j < found.rows(); ++j) {
+    const auto apart = (found.row(j) - known.row(stride * j)).cwiseAbs();
+    if (!apart.allFinite()) return INFINITY;
+    error = error.cwiseMax(apart.transpose());
+    size = size.cwiseMax(known.row(stride * j).cwiseAbs().transpose());
+  }
+  size = size.cwiseMax(1e-3 * size.maxCoeff());
+  return (error.array() > 0).select(error.cwiseQuotient(size), 0).maxCoeff();
 }
 
 /// h/T Σ_{i<=j} y_i, or by trapezoids: of exact values the integral is wanted and not the sum.
@@ -56,8 +51,9 @@ double from_values(const std::vector<double>& known, const RowMatrix& found, Ind
   double largest = NAN;
   for (std::size_t i = 0; i < known.size() && Index(i) < found.cols(); ++i)
     if (std::isfinite(known[i]))
-      largest = std::fmax(largest, std::abs(found(row, Index(i)) - known[i]) /
-                                       std::max(1.0, found.col(Index(i)).cwiseAbs().maxCoeff()));
+      largest = std::fmax(largest,
+                          std::abs(found(row, Index(i)) - known[i]) /
+                              std::max(found.col(Index(i)).cwiseAbs().maxCoeff(), 1e-3 * found.cwiseAbs().maxCoeff()));
   return largest;
 }
 
@@ -120,8 +116,7 @@ TolErrors TolTruth::of(const Result& result) const {
   const RowMatrix found = running_mean(result.y, false);
   RowMatrix x(x_.rows(), Index(result.x_components.size()));
   for (Index c = 0; c < x.cols(); ++c) x.col(c) = x_.col(result.x_components[std::size_t(c)]);
-  return {largest_error(result.y, y_, stride), largest_error(found, mean_, stride),
-          largest_error_of_columns(result.x, x, stride)};
+  return {largest_error(result.y, y_, stride), largest_error(found, mean_, stride), largest_error(result.x, x, stride)};
 }
 
 }  // namespace bromwich::app
