@@ -16,7 +16,7 @@
 #include "app/text.hpp"
 #include "core/dense_output.hpp"
 #include "core/error.hpp"
-#include "core/switching.hpp"
+#include "core/switch_errors.hpp"
 
 #include <fmt/format.h>
 
@@ -128,7 +128,8 @@ void check_energies(const SolveArguments& arguments, const Scene& scene, const O
   if (options.states != StateSelection::all) refuse("the states are not all there", "add --states all");
 }
 
-void write(const Outputs& outputs, const Scene& scene, Backend& backend, const Result& result, bool with_energies) {
+void write(const Outputs& outputs, const Scene& scene, Backend& backend, const Options& options, const Result& result,
+           bool with_energies) {
   if (outputs.out) {
     std::optional<Energies> balance;
     if (with_energies && (result.goal ? result.goal->balance.energy.size() > 0 : result.status == Status::solved))
@@ -140,7 +141,7 @@ void write(const Outputs& outputs, const Scene& scene, Backend& backend, const R
     });
   }
   if (!outputs.switches) return;
-  std::vector<Switch> found = switches(result);
+  std::vector<Switch> found = switches_with_errors(scene, backend, options, result);
   const std::vector<Index>& free = scene.free_rows;  // their y has a sign but no switches
   std::erase_if(found, [&](const Switch& s) { return std::binary_search(free.begin(), free.end(), s.component); });
   outputs.switches->write([&](std::FILE* file) { write_switches_csv(found, file); });
@@ -198,7 +199,7 @@ int run_solve(const SolveArguments& arguments) {
     result.x.resize(result.y.rows(), 0);
   }
 
-  write(files, choice.scene, *backend, result, arguments.energies);
+  write(files, choice.scene, *backend, options, result, arguments.energies);
   const int used = backend->device().threads;
   print(arguments.json ? dump(to_json(choice, result, used, error))
                        : summary(choice, result, used, error, arguments.out));

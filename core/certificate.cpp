@@ -1,11 +1,13 @@
 #include "core/certificate.hpp"
 
+#include "core/closed_loop.hpp"
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <Eigen/QR>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <set>
 
 namespace bromwich {
@@ -14,43 +16,95 @@ namespace {
 
 constexpr double most_certified_operations = 2e9;  ///< of a pass over the state; beyond, no magnification is computed
 
-// dy of the active set of a row of y for a given C dz; the factorization is kept while the set stays.
-class ActiveResponse {
+// dz_j = T dz_{j-1} and dy = K dz_{j-1} for the active set of a row of y.
+class TangentStep {
  public:
-  explicit ActiveResponse(const Matrix& implicit) : implicit_(implicit), response_(Vector::Zero(implicit.rows())) {}
+  TangentStep(const DiscreteProblem& p, const DenseRecurrence& r)
+      : r_(r), response_(to_dense(p.scene.M) + r.w0), map(r.decay), gain(Matrix::Zero(r.output.rows(), r.decay.rows())) {}
 
-  const Vector& operator()(const Vector& y, const Vector& seen) {
-    std::vector<Index> S;
-    for (Index i = 0; i < y.size(); ++i)
-      if (y[i] > 0) S.push_back(i);
-    if (S != support_) {
-      support_ = S;
-      if (!S.empty()) lu_.compute(implicit_(S, S));
-    }
-    response_.setZero();
-    if (!S.empty()) response_(S) = -lu_.solve(seen(S));
-    return response_;
+  void take(const Eigen::Ref<const Vector>& y) {
+    if (!response_.take(y)) return;
+    gain = response_.to_columns(r_.output);
+    map = r_.decay + r_.input * gain;
   }
 
  private:
-  Matrix implicit_;
-  std::vector<Index> support_;
-  Eigen::CompleteOrthogonalDecomposition<Matrix> lu_;  // duplicated constraints leave M_SS singular
-  Vector response_;
+  const DenseRecurrence& r_;
+  ActiveResponse response_;
+
+ public:
+  Matrix map, gain;
 };
+
+// Numbers in [-1, 1] without a pattern, the same in every run.
+class Signs {
+ public:
+  double operator()() {
+    state_ = state_ * 6364136223846793005ULL + 1442695040888963407ULL;
+    return double(std::int64_t(state_)) * 0x1p-63;
+  }
+
+ private:
+  std::uint64_t state_ = 20;
+};
+
+// What rounding does to E: its own entries, and where eps ||hA|| is more than that, what it does to A.
+Matrix rounding_of_decay(const DiscreteProblem& p, Rule rule, const StepOperators& step) {
+  constexpr double perturbed = 16 * epsilon, negligible = 1e-11;
+  const Matrix& A = p.dense()->A;
+  Signs signs;
+  const auto sign = [&signs](double) { return signs(); };
+  const Matrix own = epsilon * step.decay.unaryExpr([&](double e) { return std::abs(e) * signs(); });
+  const bool precise = rule == Rule::exponential && needs_precision(A, p.h, p.J);
+  const double norm = p.h * A.cwiseAbs().colwise().sum().maxCoeff();
+  if (precise || !(epsilon * norm * double(p.J) > negligible)) return own;
+  const Matrix change = perturbed * A.cwiseProduct(A.unaryExpr(sign));
+  if (rule != Rule::exponential) return own + (epsilon / perturbed) * p.h * (step.decay * change * step.decay);
+  return own + (epsilon / perturbed) * (step_operators(A + change, rule, p.h).decay - step.decay);
+}
+
+// The rounding of each step and component, rows 1..J; `terms` are what x_j is summed from.
+RowMatrix rounding_of_steps(const DiscreteProblem& p, Rule rule, const StepOperators& step, const RowMatrix& x,
+                            const RowMatrix& terms) {
+  RowMatrix source = RowMatrix::Zero(x.rows(), x.cols());
+  source.bottomRows(p.J).noalias() = x.topRows(p.J) * rounding_of_decay(p, rule, step).transpose();
+  Signs signs;
+  for (Index j = 1; j <= p.J; ++j)
+    for (Index i = 0; i < x.cols(); ++i)
+      source(j, i) += epsilon * (std::abs(x(j, i)) + std::abs(terms(j, i))) * signs();
+  return source;
+}
 
 bool same_set(const RowMatrix& y, Index a, Index b) { return ((y.row(a).array() > 0) == (y.row(b).array() > 0)).all(); }
 
-// Fixed, with parts in all directions.
-Vector perturbation(Index m) {
-  Vector dz(m);
-  for (Index i = 0; i < m; ++i) dz[i] = std::cos(1.0 + 2.399963 * double(i));
-  return dz.normalized();
+// Fixed, with parts in all components that the solution moves.
+Vector perturbation(const Vector& scale) {
+  Vector dz(scale.size());
+  for (Index i = 0; i < dz.size(); ++i) dz[i] = std::cos(1.0 + 2.399963 * double(i)) * scale[i];
+  return dz;
 }
+
+// |D^{-1} x|; components that the solution does not move count where something else moves them.
+class ScaledNorm {
+ public:
+  explicit ScaledNorm(const Vector& scale) {
+    const double least = std::max(1e-8 * (scale.size() > 0 ? scale.maxCoeff() : 0), 1e-290);
+    inverse_ = scale.cwiseMax(least).cwiseInverse();
+  }
+  template <class V>
+  double operator()(const V& v) const {
+    return v.cwiseProduct(inverse_).norm();
+  }
+
+ private:
+  Vector inverse_;
+};
+
+constexpr double rounding_margin = 2;  ///< the roundings of a run are one sample
 
 }  // namespace
 
-Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix& y) {
+Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const RowMatrix& recorded) {
   const DenseDynamics* d = p.dense();
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
   if (!d || double(p.J) * (3 * m * m + 4 * m * n) > most_certified_operations || !y.allFinite())
@@ -58,42 +112,74 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   const std::shared_ptr<const StepOperators> operators = state_step(p, rule);
   const StepOperators& step = *operators;
   const DenseRecurrence r = dense_recurrence(*d, step);
-  const RowMatrix input = state_input(p, y), driven = y * d->B.transpose(), x = dense_states(step, p.scene.x0, input);
-  const RowMatrix terms = input * step.right.transpose();
   Magnification result;
-  const Vector largest = x.cwiseAbs().colwise().maxCoeff().transpose();
-  result.scale = largest.cwiseMax(1e-8 * largest.maxCoeff()).cwiseMax(1e-290);
-  const auto norm = [&](const auto& v) { return v.cwiseQuotient(result.scale).norm(); };
+  StatesOfY states = recorded.rows() == p.J + 1 && recorded.cols() == p.scene.states() ? StatesOfY{recorded, 0}
+                                                                                       : states_of(p, rule, y);
+  const RowMatrix& x = states.x;
+  result.correction = states.correction;
+  const RowMatrix driven = y * d->B.transpose(), terms = state_input(p, y) * step.right.transpose();
+  const RowMatrix rounded = rounding_of_steps(p, rule, step, x, terms);
+  result.scale = x.cwiseAbs().colwise().maxCoeff().transpose();
+  const ScaledNorm norm(result.scale);
 
-  ActiveResponse response(to_dense(p.scene.M) + r.w0);
-  const Vector first = perturbation(p.scene.states()).cwiseProduct(result.scale);
-  Vector dz = first / norm(first);
-  double size = norm(p.scene.x0), rounding = epsilon * size, unit = 0, log_growth = 0, least = 0, most = 0;
+  TangentStep tangent(p, r);
+  const Vector first = perturbation(result.scale);
+  const double length = norm(first);
+  Vector dz = length > 0 ? Vector(first / length) : first, next(dz.size());
+  Vector error = epsilon * perturbation(p.scene.x0);
+  double size = norm(p.scene.x0), log_growth = 0, least = 0, most = 0;
   for (Index j = 1; j <= p.J; ++j) {
-    const Vector dy = response(y.row(j).transpose(), r.output * dz);
-    if (dy.size() > 0) result.output = std::max(result.output, rounding * dy.cwiseAbs().maxCoeff());
-    dz = (r.decay * dz + r.input * dy).eval();
-    double rho = norm(dz);
-    const double sum = norm(Vector(x.row(j).transpose())) + norm(Vector(terms.row(j).transpose()));
-    size = std::max(size, sum);
+    tangent.take(y.row(j).transpose());
+    if (n > 0) result.output = std::max(result.output, rounding_margin * (tangent.gain * error).cwiseAbs().maxCoeff());
+    next.noalias() = tangent.map * error;
+    error = next + rounded.row(j).transpose();
+    next.noalias() = tangent.map * dz;
+    dz.swap(next);
+    const double rho = norm(dz);
+    size = std::max(size, norm(x.row(j).transpose()) + norm(terms.row(j).transpose()));
     if (j < p.J && (!same_set(y, j, j - 1) || !same_set(y, j, j + 1)))
-      result.impulse = std::max(result.impulse, p.h * norm(Vector(driven.row(j).transpose())) / size);
+      result.impulse = std::max(result.impulse, p.h * norm(driven.row(j).transpose()) / size);
     if (rho < 1e-14) {  // the perturbation is gone, what is left of it is rounding: another one starts
-      dz = first / norm(first);
-      log_growth = least = rho = 0;
+      if (length > 0) dz = first / length;
+      log_growth = least = 0;
     } else {
       dz /= rho;
       log_growth += std::log(rho);
       least = std::min(least, log_growth);
       most = std::max(most, log_growth - least);
     }
-    rounding = rho * rounding + epsilon * sum;
-    unit = rho * unit + 1;
-    result.rounding = std::max(result.rounding, size > 0 ? rounding / size : 0);
-    result.condition = std::max(result.condition, size > 0 ? unit / size : 0);
+    result.rounding = std::max(result.rounding, size > 0 ? rounding_margin * norm(error) / size : 0);
+    if (!std::isfinite(rho) || !std::isfinite(norm(error))) result.rounding = INFINITY;
   }
   result.growth = std::exp(std::min(most, 700.0));
   return result;
+}
+
+// Errors of steps are smooth or not: the same in every step, and with signs that have no pattern, are both carried.
+double accumulated(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const RowMatrix& x, const Vector& defect,
+                   const Vector& scale) {
+  const std::shared_ptr<const StepOperators> operators = state_step(p, rule);
+  const DenseRecurrence r = dense_recurrence(*p.dense(), *operators);
+  const ScaledNorm norm(scale);
+  TangentStep tangent(p, r);
+  Matrix error = Matrix::Zero(x.cols(), 3), next = error;
+  double size = norm(p.scene.x0), most = 0;
+  Signs signs;
+  for (Index j = 1; j <= p.J; ++j) {
+    tangent.take(y.row(j).transpose());
+    next.noalias() = tangent.map * error;
+    error.swap(next);
+    error.col(0) += defect;
+    for (Index i = 0; i < defect.size(); ++i) {
+      error(i, 1) += (i % 2 == 0 ? 1 : -1) * defect[i];
+      error(i, 2) += defect[i] * signs();
+    }
+    size = std::max(size, norm(x.row(j).transpose()));
+    for (Index c = 0; c < error.cols(); ++c)
+      if (size > 0) most = std::max(most, norm(error.col(c)) / size);
+    if (!error.allFinite()) return INFINITY;
+  }
+  return most;
 }
 
 double contact_frequency(const DiscreteProblem& p, const RowMatrix& y) {
@@ -122,15 +208,15 @@ double contact_frequency(const DiscreteProblem& p, const RowMatrix& y) {
 
 Divergence divergence(const RowMatrix& coarse, const RowMatrix& fine, const Vector& scale) {
   constexpr Index first_steps = 3;
-  Divergence d;
+  const ScaledNorm norm(scale);
+  Divergence d{0, Vector::Zero(scale.size())};
   double size = 0;
   for (Index j = 1; j < coarse.rows(); ++j) {
-    const double apart = (coarse.row(j) - fine.row(2 * j)).transpose().cwiseQuotient(scale).norm();
-    if (!std::isfinite(apart)) return {INFINITY, INFINITY};
-    size = std::max({size, coarse.row(j - 1).transpose().cwiseQuotient(scale).norm(),
-                     coarse.row(j).transpose().cwiseQuotient(scale).norm()});
-    d.pointwise = std::max(d.pointwise, size > 0 ? apart / size : 0);
-    if (j <= first_steps) d.defect = std::max(d.defect, apart / double(j));
+    const Vector apart = (coarse.row(j) - fine.row(2 * j)).cwiseAbs().transpose();
+    if (!apart.allFinite()) return {INFINITY, Vector::Constant(scale.size(), INFINITY)};
+    size = std::max({size, norm(coarse.row(j - 1).transpose()), norm(coarse.row(j).transpose())});
+    d.pointwise = std::max(d.pointwise, size > 0 ? norm(apart) / size : 0);
+    if (j <= first_steps) d.defect = d.defect.cwiseMax(apart / double(j));
   }
   return d;
 }

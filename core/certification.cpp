@@ -1,6 +1,8 @@
 #include "core/certification.hpp"
 
 #include "core/certificate.hpp"
+#include "core/other_solution.hpp"
+#include "core/resolution.hpp"
 #include "core/ringing.hpp"
 #include "core/text.hpp"
 
@@ -15,6 +17,7 @@ constexpr double most_kernel_error = 1e-6;  ///< two ways to the same weights, r
 /// Few nodes miss by a few hundredths, a contour through the spectrum by 1.
 constexpr double most_literal_residual = 0.2;
 constexpr double most_rounding = 1e-4;              ///< of the state, left by rounding
+constexpr double most_correction = 1e-4;            ///< of y, for the state that goes with it
 constexpr double doubtful_growth = 100;             ///< of perturbations: an error of one step may fill the result
 constexpr double doubtful_growth_with_jumps = 1e4;  ///< the same where a position held moves a velocity by 1/h
 constexpr double most_divergence = 0.1;             ///< of the state, between a step and half of it
@@ -26,8 +29,13 @@ constexpr double most_mean_change = 0.1;            ///< of y and x with half th
 constexpr double most_typical_change = 0.05;        ///< of x at 95 of 100 time points
 constexpr double confirmed_change = 0.05;           ///< of y before a step without a solution
 
-// The natural-map residual that a solution may have: rounding of the kernel, and what an iteration tolerance leaves
-// open.
+void demote(Result& result, const std::string& reason) {
+  result.status = Status::tolerance_not_met;
+  result.reason = reason;
+}
+
+}  // namespace
+
 double residual_limit(bool iterated, const Result& result, const Options& options) {
   if (!iterated) return 1e-9;
   const double accurate = std::clamp(1e3 * options.iteration_tolerance, 1e-9, 1e-2);
@@ -35,13 +43,6 @@ double residual_limit(bool iterated, const Result& result, const Options& option
              ? std::clamp(1e3 * *result.algebraic_error, accurate, 0.1)
              : accurate;
 }
-
-void demote(Result& result, const std::string& reason) {
-  result.status = Status::tolerance_not_met;
-  result.reason = reason;
-}
-
-}  // namespace
 
 bool iterates(Method method) {
   return method == Method::multigrid || method == Method::contour || method == Method::contour_literal;
@@ -62,35 +63,117 @@ void Certification::certify(Method method, Result& result) {
   if (const Index j = continuous && result.alternates.value_or(true) ? ringing_from(result.y) : -1; j >= 0)
     return demote(result,
                   text("y alternates between time points from t = %.6g on; use more steps or method euler", p.t[j]));
-  const bool ringing = methods_.basis().rings;  // of continuous y, whatever the method
-  const Magnification m = magnification(p, continuous ? Rule::exponential : Rule::implicit_euler, result.y);
+  const RowMatrix recorded = continuous || method == Method::euler ? RowMatrix() : methods_.all_states(method, result);
+  const Magnification m = magnification(p, continuous ? Rule::exponential : Rule::implicit_euler, result.y, recorded);
   result.magnification = m.growth;
   result.rounding = std::isnan(m.rounding) ? 0 : m.rounding;
   result.rounding_of_y = std::isnan(m.output) ? 0 : m.output;
   if (m.rounding > most_rounding) {
     sensitive_ = true;
-    return demote(
-        result, text("the scene magnifies perturbations %.1e times up to T: rounding leaves no digit of y", m.growth));
+    return demote(result, text("rounding alone changes the state by %.1e of its size up to T: the result has no digits",
+                               std::min(m.rounding, 1.0)));
   }
-  if (options_.compares_grids) return;
+  if (m.correction > most_correction)
+    return demote(result, text("y and the states that it leads to part by %.1e of y, because the free state grows: "
+                               "use method march",
+                               m.correction));
+  if (options_.compares_grids) {  // the next grid is half the step
+    resolve_modes(method, result);
+    if (result.status == Status::solved) look_for_other_solutions(result);
+    return;
+  }
   if (m.impulse > strong_impulse && p.lcp_class == LcpClass::P && p.scene.states() <= Methods::most_recorded_states &&
       contact_frequency(p, result.y) * p.h > 1) {
     sensitive_ = true;
     return demote(result, "a contact throws the state back within less than a step: use more steps");
   }
+  confirm(method, m, result);
+  if (result.status == Status::solved) resolve_modes(method, result);
+  if (result.status == Status::solved) look_for_other_solutions(result);
+}
+
+// Where something speaks against a result that half the step would show, half the step is taken.
+void Certification::confirm(Method method, const Magnification& m, Result& result) {
+  const DiscreteProblem& p = methods_.problem();
+  const bool continuous = method != Method::euler && result.continuous;
+  const bool ringing = methods_.basis().rings;  // of continuous y, whatever the method
+  const std::string grows = text("errors of a step grow up to %.1e times with these steps", m.growth);
   if (!result.well_posed)
     confirm_by_half_the_step(method, 1, "the problems of the steps may have several solutions", result);
   else if (ringing && m.growth > doubtful_growth_with_jumps)
-    confirm_by_half_the_step(method, 1, text("the scene magnifies errors %.1e times", m.growth), result);
+    confirm_by_half_the_step(method, 1, grows, result);
   else if (!ringing && m.growth > doubtful_growth && states_are_known(result))
     confirm_errors_stay_small(method, m, result);
   else if (!ringing && m.growth > doubtful_growth)
-    confirm_by_half_the_step(method, 1, text("the scene magnifies errors %.1e times", m.growth), result);
+    confirm_by_half_the_step(method, 1, grows, result);
   // With M of class P a contact is a spring, however stiff, and its rebound wants to be resolved. (With M = 0 an
   // impact is over at once, and nothing is to be resolved.)
   else if (m.impulse > unresolved_impulse && p.lcp_class == LcpClass::P && p.J >= fewest_steps_to_judge)
     confirm_by_half_the_step(method, continuous ? 5 : 1, "a constraint is active for a few steps only, and strongly",
                              result);
+  else if (last_resort_)
+    confirm_by_half_the_step(method, 1, "implicit Euler stands in for a method that was refused", result);
+}
+
+// Modes of the state between switches: those that the steps cannot follow, with half the step neither.
+void Certification::resolve_modes(Method method, Result& result) {
+  const DiscreteProblem& p = methods_.problem();
+  const bool rational = method == Method::euler || !result.continuous;
+  if (!rational || !p.dense() || p.scene.states() > Methods::most_recorded_states) return;
+  const RowMatrix x = methods_.all_states(method, result);
+  if (x.rows() != p.J + 1) return;
+  if (const auto mode = options_.compares_grids ? std::nullopt : unresolved_growth(p, result.y, x)) {
+    confirm_by_fine_steps(method, std::abs(mode->rate),
+                          text("the scene has a mode that grows like e^(%.3g t)", mode->rate.real()), result);
+    if (result.status != Status::solved) return;
+  }
+  const auto damping = method == Method::euler ? euler_damping : radau_damping;
+  const auto mode = unresolved_oscillation(p, result.y, x, damping);
+  if (!mode) return;
+  const std::string words = text("the state oscillates with %.3g radians per unit of time, which %s damps at this step",
+                                 std::abs(mode->rate.imag()), method == Method::euler ? "implicit Euler" : "Radau IIA");
+  if (last_resort_ || options_.compares_grids) {
+    sensitive_ = true;
+    demote(result, words + "; use more steps");
+  } else {
+    add_warning(result, words);
+  }
+}
+
+// Only a grid that follows the mode can say whether it matters.
+void Certification::confirm_by_fine_steps(Method method, double rate, const std::string& why, Result& result) {
+  constexpr double followed = 0.25;  // h |lambda|
+  constexpr Index largest_factor = 64, most_steps = Index(1) << 19;
+  const DiscreteProblem& p = methods_.problem();
+  Index factor = 2;
+  while (double(factor) * followed < p.h * rate && factor <= largest_factor) factor *= 2;
+  const bool possible = factor <= largest_factor && factor * p.J <= most_steps;
+  if (possible && comes_out_the_same(method, factor, 1, result)) return;
+  sensitive_ = true;
+  const double steps = std::ceil(p.scene.T * rate / followed);
+  demote(result, why + text(", and steps of %.3g do not resolve it: use about %.0f steps", p.h, steps));
+}
+
+// A solution that is not the only one is said to be one of several, where another one is seen.
+void Certification::look_for_other_solutions(Result& result) {
+  const DiscreteProblem& p = methods_.problem();
+  const bool suspect = !result.well_posed || p.lcp_class == LcpClass::Z || p.lcp_class == LcpClass::unknown;
+  if (!suspect) return;
+  const OtherSolution other =
+      p.dense() && p.scene.states() <= Methods::most_recorded_states
+          ? other_solution(p, result, methods_.all_states(method_from_string(result.method), result))
+          : OtherSolution{};
+  if (other.row == 0)
+    add_warning(result, "y(0) is not unique: the problem at t = 0 has another solution");
+  else if (other.row > 0 && other.moves_the_state)
+    add_warning(result,
+                text("the solution is not unique: the step to t = %.6g has another solution, with another state",
+                     p.t[other.row]));
+  else if (other.row > 0)
+    add_warning(result, text("y is not unique: the step to t = %.6g has another solution, with the same state",
+                             p.t[other.row]));
+  else if (!result.well_posed && !other.searched)
+    add_warning(result, "the problems of the steps are not known to have only one solution: there may be others");
 }
 
 // Stages record the state only where it is small; continuous y gives it afterwards.
@@ -102,7 +185,8 @@ bool Certification::states_are_known(const Result& result) const {
 // enter.
 double Certification::true_residual(const Result& result) const {
   const DiscreteProblem& p = methods_.problem();
-  const RowMatrix q = methods_.all_states(Method::march, result) * p.dense()->N.transpose() + p.g.table();
+  const RowMatrix x = dense_states(*state_step(p, Rule::exponential), p.scene.x0, state_input(p, result.y));
+  const RowMatrix q = x * p.dense()->N.transpose() + p.g.table();
   const RowMatrix w = q + result.y * to_dense(p.scene.M).transpose();
   double worst = 0;
   for (Index j = 0; j <= p.J; ++j)
@@ -123,33 +207,43 @@ void Certification::confirm_errors_stay_small(Method method, const Magnification
   const DiscreteProblem& p = methods_.problem();
   Methods half(p.scene, backend_, 2 * p.J, {});
   const Result fine = with_half_the_step(method, half);
-  Divergence d{INFINITY, INFINITY};
-  if (fine.status == Status::solved)
-    d = divergence(methods_.all_states(method, result), half.all_states(method, fine), m.scale);
-  if (d.pointwise <= most_divergence && d.defect * m.condition <= most_predicted_error) return;
+  const Rule rule = method != Method::euler && result.continuous ? Rule::exponential : Rule::implicit_euler;
+  std::string why = "with half the step it is not solved";
+  if (fine.status == Status::solved) {
+    const RowMatrix x = methods_.all_states(method, result);
+    const Divergence d = divergence(x, half.all_states(method, fine), m.scale);
+    const double predicted = d.pointwise <= most_divergence ? accumulated(p, rule, result.y, x, d.defect, m.scale) : 0;
+    if (d.pointwise <= most_divergence && predicted <= most_predicted_error) return;
+    why = d.pointwise > most_divergence ? text("half the step parts from it by %.1e of the state", d.pointwise)
+                                        : text("those of the first steps add up to %.1e of the state", predicted);
+  }
   sensitive_ = true;
-  demote(result, text("the scene magnifies errors %.1e times, and those of the steps then fill the result", m.growth) +
-                     "; use more steps");
+  demote(result, text("the scene magnifies errors %.1e times, and ", m.growth) + why + "; use more steps");
 }
 
-// A step may have several solutions, or see a contact hardly at all: with half the step the same must come out, up to
-// what a step of this size may miss. y is compared by its integral, so that impulses are.
-void Certification::confirm_by_half_the_step(Method method, double slack, const std::string& why, Result& result) {
+// Whether J times `factor` steps give the same result, up to what a step of this size may miss. y is compared by its
+// integral, so that impulses are.
+bool Certification::comes_out_the_same(Method method, Index factor, double slack, const Result& result) {
   const DiscreteProblem& p = methods_.problem();
-  Methods half(p.scene, backend_, 2 * p.J, {});
-  const Result fine = with_half_the_step(method, half);
-  bool same = fine.status == Status::solved;
-  if (same) {
-    const Change y = change_when_halved(running_integral(result.y, p.h), running_integral(fine.y, p.h / 2), p.J);
-    same = y.mean <= slack * most_mean_change;
-  }
-  if (same && p.dense() && p.scene.states() <= Methods::most_recorded_states) {
-    const Change x = change_when_halved(methods_.all_states(method, result), half.all_states(method, fine), p.J);
-    same = x.mean <= slack * most_mean_change && x.typical <= slack * most_typical_change;
-  }
-  if (!same && slack > 1) sensitive_ = true;
-  if (!same)
-    demote(result, why + ", and with half the step another result comes out; use more steps or another method");
+  Methods finer(p.scene, backend_, factor * p.J, {});
+  const Result fine = with_half_the_step(method, finer);
+  if (fine.status != Status::solved) return false;
+  const auto rows = Eigen::seq(0, factor * p.J, factor / 2);  // those that half the step has
+  const Change y = change_when_halved(running_integral(result.y, p.h),
+                                      running_integral(fine.y, p.h / double(factor))(rows, Eigen::all), p.J);
+  if (!(y.mean <= slack * most_mean_change)) return false;
+  if (!p.dense() || p.scene.states() > Methods::most_recorded_states) return true;
+  const Change x =
+      change_when_halved(methods_.all_states(method, result), finer.all_states(method, fine)(rows, Eigen::all), p.J);
+  return x.mean <= slack * most_mean_change && x.typical <= slack * most_typical_change;
+}
+
+// A step may have several solutions, or see a contact hardly at all: with half the step the same must come out. What
+// these steps do not resolve no method of lower order will.
+void Certification::confirm_by_half_the_step(Method method, double slack, const std::string& why, Result& result) {
+  if (comes_out_the_same(method, 2, slack, result)) return;
+  sensitive_ = true;
+  demote(result, why + ", and with half the step another result comes out; use more steps or another method");
 }
 
 // A step without a solution ends the discrete problem. It says something about the scene only where the solution up

@@ -19,17 +19,26 @@ class Certification {
   /// Of a result that a step without a solution has ended; demotes it where that depends on the step.
   void confirm_infeasible(Result&);
 
-  /// The scene itself magnifies errors: no method of lower order will do better.
+  /// The steps are too long for this scene, or rounding leaves nothing: no method of lower order will do better.
   bool sensitive() const { return sensitive_; }
+
+  /// From now on results are those of a method that stands in for a better one, on the same grid: half the step has to
+  /// confirm them, and what they damp counts against them.
+  void expect_last_resort() { last_resort_ = true; }
 
  private:
   bool states_are_known(const Result&) const;
   double true_residual(const Result&) const;
+  void confirm(Method, const Magnification&, Result&);
+  void resolve_modes(Method, Result&);
+  void look_for_other_solutions(Result&);
   Result with_half_the_step(Method, Methods& half);
+  bool comes_out_the_same(Method, Index factor, double slack, const Result&);
+  void confirm_by_fine_steps(Method, double rate, const std::string& why, Result&);
   void confirm_errors_stay_small(Method, const Magnification&, Result&);
   void confirm_by_half_the_step(Method, double slack, const std::string& why, Result&);
 
-  bool sensitive_ = false;
+  bool sensitive_ = false, last_resort_ = false;
   Methods& methods_;
   Backend& backend_;
   const Options& options_;
@@ -37,5 +46,8 @@ class Certification {
 
 /// Whether a method sweeps over all time points, so that its residual is limited by the iteration tolerance.
 bool iterates(Method);
+
+/// The largest natural-map residual of a solution: rounding of the kernel, and what an iteration tolerance leaves open.
+double residual_limit(bool iterated, const Result&, const Options&);
 
 }  // namespace bromwich

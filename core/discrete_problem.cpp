@@ -23,7 +23,7 @@ std::size_t host_bytes(const DiscreteProblem& p) {
 std::shared_ptr<const StepOperators> state_step(const DiscreteProblem& p, Rule rule) {
   if (rule != Rule::exponential) return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h));
   return p.exponential_step->get(
-      [&] { return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h)); });
+      [&] { return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h, p.J)); });
 }
 
 Matrix source_matrix(const DiscreteProblem& p) {

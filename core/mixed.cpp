@@ -1,6 +1,8 @@
 #include "core/mixed.hpp"
 
+#include "core/certification.hpp"
 #include "core/states.hpp"
+#include "core/text.hpp"
 
 #include <Eigen/LU>
 
@@ -168,6 +170,18 @@ double mixed_residual(const RowMatrix& y, const RowMatrix& q, const Matrix& M, c
   return largest;
 }
 
+/// What was solved is the scene without its free rows; they count as well.
+void check_all_rows(Result& result, const Options& options) {
+  if (result.status != Status::solved) return;
+  const bool iterated = result.method != to_string(Method::automatic) && iterates(method_from_string(result.method));
+  if (result.residual <= residual_limit(iterated, result, options)) return;
+  result.status = Status::tolerance_not_met;
+  result.reason = text(
+      "with the free rows the residual is %.1e: M is nearly singular there, and eliminating them loses that much; give "
+      "these unknowns a regular block of M, or use method galerkin",
+      result.residual);
+}
+
 }  // namespace
 
 Result EliminatedScene::reduced(const Result& result) const {
@@ -257,6 +271,7 @@ Result solve_mixed(const Scene& scene, const EliminatedScene& e, Backend& backen
     if (!valid(j)) trace.row(j).setConstant(NAN);
   if (const double residual = mixed_residual(result.y, trace + g, to_dense(scene.M), e); !std::isnan(residual))
     result.residual = residual;
+  check_all_rows(result, options);
   result.trace = options.trace ? std::move(trace) : RowMatrix();
 
   std::vector<Index> asked = options.components;

@@ -2,7 +2,9 @@
 
 #include "core/error.hpp"
 #include "core/phi.hpp"
+#include "core/precise_phi.hpp"
 #include "core/response.hpp"
+#include "core/sectorial.hpp"
 
 #include <Eigen/LU>
 
@@ -59,10 +61,17 @@ ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, d
   return r;
 }
 
-StepOperators step_operators(const Matrix& A, Rule rule, double h) {
+bool needs_precision(const Matrix& A, double h, Index J) {
+  constexpr Index largest = 24;  // m^3 products of 25 operations each, some hundred times
+  constexpr double harmless = 1e-9;
+  if (A.rows() == 0 || A.rows() > largest || !A.allFinite()) return false;
+  return epsilon * h * double(J) * balanced(A).A.cwiseAbs().colwise().sum().maxCoeff() > harmless;
+}
+
+StepOperators step_operators(const Matrix& A, Rule rule, double h, Index J) {
   const Index m = A.rows();
   if (rule == Rule::exponential) {
-    const MatrixPhi phi = matrix_phi(h * A);
+    const MatrixPhi phi = needs_precision(A, h, J) ? precise_phi(A, h) : matrix_phi(h * A);
     return {phi.exponential, h * (phi.phi1 - phi.phi2), h * phi.phi2};
   }
   const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(m, m) - h * A);

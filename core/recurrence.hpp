@@ -77,8 +77,13 @@ struct StepOperators {
   Matrix decay, left, right;
 };
 
-/// e^{hA} and its phi-functions (core/phi.hpp), or (I - hA)^{-1} by LU. Throws Error where I - hA is singular.
-StepOperators step_operators(const Matrix& A, Rule, double h);
+/// Whether the rounding of e^{hA} in double precision, eps h ||A|| in balanced units, adds up to more than 1e-9 over
+/// J steps, and A is small enough to do better (core/precise_phi.hpp).
+bool needs_precision(const Matrix& A, double h, Index J);
+
+/// e^{hA} and its phi-functions (core/phi.hpp; precisely where J steps need that), or (I - hA)^{-1} by LU. Throws Error
+/// where I - hA is singular.
+StepOperators step_operators(const Matrix& A, Rule, double h, Index J = 1);
 
 /// z_j = decay x_j + left B y_j: what the next step starts from.
 DenseRecurrence dense_recurrence(const DenseDynamics&, const StepOperators&);

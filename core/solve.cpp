@@ -102,6 +102,7 @@ class Run {
       }
       Result next;
       next.seconds.setup = result.seconds.setup;
+      if (method == Method::euler && !result.reason.empty()) certification_.expect_last_resort();
       named(method, next);
       // Implicit Euler, the last resort, is too inexact to prove that there is no solution where the others did not.
       const bool ended = next.status != Status::tolerance_not_met && next.status != Status::unsupported &&

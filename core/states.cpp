@@ -1,5 +1,6 @@
 #include "core/states.hpp"
 
+#include "core/closed_loop.hpp"
 #include "core/error.hpp"
 #include "core/kernel.hpp"
 #include "core/phi.hpp"
@@ -124,7 +125,7 @@ Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const s
 
 // A dense state is small: stepping it costs little and needs no contour.
 Matrix dense_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
-  const RowMatrix all = dense_states(*state_step(p, Rule::exponential), p.scene.x0, state_input(p, y));
+  const RowMatrix all = states_of(p, Rule::exponential, y).x;
   return all(rows, Eigen::all).transpose();
 }
 
@@ -153,7 +154,7 @@ RowMatrix state_components(const DiscreteProblem& p, Rule rule, const RowMatrix&
                            const std::vector<Index>& components) {
   if (components.empty()) return RowMatrix(p.J + 1, 0);
   if (p.kronecker()) return kronecker_states(p, rule, y, components);
-  const RowMatrix all = dense_states(*state_step(p, rule), p.scene.x0, state_input(p, y));
+  const RowMatrix all = states_of(p, rule, y).x;
   RowMatrix x(p.J + 1, Index(components.size()));
   for (std::size_t c = 0; c < components.size(); ++c) x.col(Index(c)) = all.col(components[c]);
   return x;

@@ -65,7 +65,7 @@ Index iteration_window(const DiscreteProblem& p, double tolerance) {
 
 void solve_in_windows(const DiscreteProblem& p, Index steps, const Options& options, Result& result) {
   const Index count = (p.J + steps - 1) / steps, length = (p.J + count - 1) / count;
-  const StepOperators step = step_operators(p.dense()->A, Rule::exponential, p.h);
+  const StepOperators step = step_operators(p.dense()->A, Rule::exponential, p.h, p.J);
   Scene scene = p.scene;
   result.y = RowMatrix::Constant(p.J + 1, p.scene.constraints(), NAN);
   if (options.trace) result.trace = result.y;

@@ -153,5 +153,66 @@ TEST(Certificate, AnUnresolvedLayerDoesNotThrowTheStateOver) {
   }
 }
 
+// e^{50 t} with steps of 0.04: rational methods turn its growth into decay, with half the step too.
+TEST(Certificate, AGrowingModeThatStepsDoNotResolveIsNotCalledSolved) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{50, 0}, {0, -1}}, Matrix{{0}, {1}}, Matrix{{0, 1}}};
+  scene.M = Matrix{{0}};
+  scene.x0 = Vector{{1, 1}};
+  for (const double T : {1.0, 5.0})
+    for (const Method method : {Method::automatic, Method::march, Method::euler}) {
+      Options options = options_for(method, 25);
+      options.states = StateSelection::all;
+      scene.T = T;
+      const Result r = run(scene, options);
+      if (r.status != Status::solved) continue;
+      for (Index j = 0; j <= 25; ++j) EXPECT_NEAR(r.x(j, 0), std::exp(50 * r.t[j]), 0.1 * std::exp(50 * T));
+    }
+  scene.x0 = Vector{{0, 1}};  // nothing to resolve
+  scene.T = 1;
+  for (const Method method : {Method::automatic, Method::march})
+    EXPECT_EQ(run(scene, method, 25).status, Status::solved) << to_string(method);
+}
+
+// What is decoupled from an unstable part, moved by the solution or not, has its digits whatever that part does.
+TEST(Certificate, PartsThatAreDecoupledDoNotSpoilEachOther) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{30, 0}, {0, -1}}, Matrix{{0}, {1}}, Matrix{{0, 1}}};
+  scene.M = Matrix{{1}};
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g[0] = std::sin(3 * t) - 0.5; };
+  scene.T = 2;
+  for (const double first : {0.0, 1.0})
+    for (const Method method : {Method::automatic, Method::march}) {
+      scene.x0 = Vector{{first, 1}};
+      const Result r = run(scene, method, 400);
+      EXPECT_EQ(r.status, Status::solved) << first << ' ' << r.reason;
+      EXPECT_LE(r.rounding, 1e-10) << first;
+      EXPECT_LE(r.rounding_of_y, 1e-10) << first;
+    }
+}
+
+// slow' = -slow/3 or so beside a mode of rate 3 a: what rounding of e^{hA} does to the slow one is avoided or said.
+TEST(Certificate, RoundingOfTheExponentialIsAvoidedOrSaid) {
+  for (const double a : {1e6, 1e10, 1e13})
+    for (const Method method : {Method::march, Method::contour, Method::euler}) {
+      Scene scene;
+      scene.dynamics = DenseDynamics{Matrix{{-a, a}, {2 * a, -2 * a - 1}}, Matrix{{1}, {0}}, Matrix{{1, 0}}};
+      scene.M = Matrix{{1}};
+      scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 1; };  // y = 0
+      scene.x0 = Vector{{1, 1}};
+      Options options = options_for(method, 1000);
+      options.states = StateSelection::all;
+      const Result r = run(scene, options);
+      if (r.status != Status::solved) continue;
+      const long double trace = -(3.0L * a + 1), slow = 2 * (long double)a / (trace - std::sqrt(trace * trace - 4 * a));
+      // x0 has (1, 1) + O(1/a) of the slow mode.
+      const double steps = method == Method::euler ? 1e-3 : 0;
+      EXPECT_NEAR(r.x(1000, 0), double(std::exp(slow)), 3 / a + steps + 1e-12 + 2 * r.rounding) << a << r.method;
+      if (method == Method::march) {
+        EXPECT_LE(r.rounding, 1e-10) << a;
+      }
+    }
+}
+
 }  // namespace
 }  // namespace bromwich

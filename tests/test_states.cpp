@@ -1,11 +1,16 @@
 // The state where it is asked for: components by observers, time points by contours, both against stepping.
 
+#include "core/dense_output.hpp"
 #include "core/error.hpp"
 #include "core/scenes/catalogue.hpp"
 #include "core/solve.hpp"
 #include "run.hpp"
 
 #include <gtest/gtest.h>
+#include <unsupported/Eigen/MatrixFunctions>
+
+#include <cmath>
+#include <random>
 
 namespace bromwich {
 namespace {
@@ -51,6 +56,71 @@ TEST(StatesAt, RefusesWhatItCannotDo) {
 }
 
 // N x as the methods hand it out against N times the states, whatever way each of them takes to y.
+// x' = 20 x - 40 y, w = -x + y: y = x, and x = e^{-20 t} in closed loop. Left to itself the state grows by e^{100}, and
+// with it what rounding makes of y.
+Scene held_back() {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{20}}, Matrix{{-40}}, Matrix{{-1}}};
+  scene.M = Matrix{{1}};
+  scene.x0 = Vector{{1}};
+  scene.T = 5;
+  return scene;
+}
+
+TEST(States, OfAFreeStateThatGrowsComeFromTheClosedLoop) {
+  const Scene scene = held_back();
+  const auto backend = make_cpu_backend(1);
+  for (const Method method : {Method::automatic, Method::march, Method::contour, Method::multigrid, Method::euler}) {
+    Options options = options_for(method, 2000);
+    options.states = StateSelection::all;
+    const Result r = solve(scene, *backend, options);
+    if (method == Method::automatic || method == Method::march) {
+      ASSERT_EQ(r.status, Status::solved) << r.reason;
+    }
+    if (r.status != Status::solved) continue;
+    // h lambda = 0.05: second order is off by (h lambda)^2/12 of 20 t e^{-20 t} <= 1/e, Euler by h lambda/2 of it.
+    const double bound = method == Method::euler ? 0.02 : 1e-3;
+    for (Index j = 0; j <= 2000; ++j) ASSERT_NEAR(r.x(j, 0), std::exp(-20 * r.t[j]), bound) << to_string(method) << j;
+    EXPECT_LE(std::abs(r.x(2000, 0)), 1e-12) << to_string(method);
+    if (method != Method::march) continue;
+    EXPECT_LE(std::abs(states_at(scene, *backend, r, {2000})(0, 0)), 1e-12);
+    const Result between = at_times(scene, *backend, r, {4.99875});
+    EXPECT_LE(std::abs(between.x(0, 0)), 1e-12);
+  }
+}
+
+// Twenty random scenes with an unstable A whose closed loop decays: the states are those of Radau IIA, which steps them.
+TEST(States, OfUnstableScenesAreThoseThatAreStepped) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (int trial = 0; trial < 20; ++trial) {
+    const Index m = 2 + trial % 3;
+    Scene scene;
+    Matrix A = Matrix::NullaryExpr(m, m, [&] { return normal(random); });
+    Matrix B = Matrix::NullaryExpr(m, 1, [&] { return normal(random); }), N = -B.transpose();
+    A = (A - A.transpose()).eval() - Matrix::Identity(m, m);
+    // A + 30 b b^T is unstable; y = x_b while x_b > 0 takes 60 b b^T off again. Below 0, y = 0 and the state runs away:
+    // g keeps y positive.
+    B.normalize();
+    N = -B.transpose();
+    scene.dynamics = DenseDynamics{A + 10 * B * B.transpose(), -20 * B, N};
+    scene.M = Matrix{{1}};
+    scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = -1; };
+    scene.f = [B](double, Eigen::Ref<Vector> f) { f = 20 * B.col(0); };
+    scene.x0 = 0.2 * B.col(0);
+    scene.T = 8;
+    Options options = options_for(Method::march, 8000);
+    options.states = StateSelection::all;
+    const Result r = run(scene, options);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    // With y = 1 + b^T x throughout: x' = (A - 10 b b^T) x, whatever y is made of.
+    ASSERT_GT(r.y.minCoeff(), 0) << trial;
+    const Matrix closed = A - 10 * B * B.transpose();
+    const Vector expected = (8 * closed).exp() * scene.x0;
+    EXPECT_LE((r.x.row(8000).transpose() - expected).cwiseAbs().maxCoeff(), 1e-4) << trial;
+  }
+}
+
 TEST(Trace, IsNTimesTheState) {
   const auto backend = make_cpu_backend(1);
   for (const char* name : {"dlcp-small", "bridge"})
