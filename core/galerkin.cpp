@@ -6,6 +6,7 @@
 #include "core/galerkin_free.hpp"
 #include "core/galerkin_location.hpp"
 #include "core/galerkin_recovery.hpp"
+#include "core/galerkin_rules.hpp"
 #include "core/galerkin_solvers.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
@@ -171,6 +172,21 @@ double residual_of(const GalerkinProblem& p, const std::vector<Index>& free_rows
   return map.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
 }
 
+// What a solver reports.
+void record(const GalerkinSolution& s, const GalerkinProblem& p, Result& result) {
+  result.status = s.status;
+  result.reason = s.reason;
+  result.kernel = "discontinuous piecewise-linear y, exact exponentials; " + s.how;
+  result.iterations = s.iterations;
+  result.history = s.history;
+  if (!s.iterated) result.algebraic_error = 0;
+  result.lcp = s.lcp;
+  result.seconds.lcp = s.lcp_seconds;
+  result.well_posed = s.unique;
+  result.bytes = s.bytes + sizeof(double) * std::size_t(3 * p.q.size() + 2 * p.forcing.size());
+  if (s.infeasible >= 0) result.infeasible_at = p.t[s.infeasible];
+}
+
 // `before`: a result on another grid, or null.
 void solve_on_grid(const Scene& scene, Backend& backend, const Options& options, const std::vector<GridPart>& grid,
                    const Result* before, Result& result) {
@@ -197,31 +213,29 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
   RowMatrix start;
   if (before) start = elimination.bound_part(coefficients_on(*before, p));
   GalerkinSolution s = solved_problem(scene, p, elimination.reduced(), backend, options, before ? &start : nullptr);
-  result.status = s.status;
-  result.reason = s.reason;
-  result.kernel = "discontinuous piecewise-linear y, exact exponentials; " + s.how;
-  result.iterations = s.iterations;
-  result.history = s.history;
-  if (!s.iterated) result.algebraic_error = 0;
-  result.lcp = s.lcp;
-  result.seconds.lcp = s.lcp_seconds;
-  result.well_posed = s.unique;
-  result.bytes = s.bytes + sizeof(double) * std::size_t(3 * p.q.size() + 2 * p.forcing.size());
-  if (s.infeasible >= 0) result.infeasible_at = p.t[s.infeasible];
+  const GalerkinSolver again = [&](const GalerkinProblem& full, const GalerkinProblem& reduced, const RowMatrix& from) {
+    return solved_problem(scene, full, reduced, backend, options, &from);
+  };
+  std::optional<RuledSolution> ruled = solve_by_rules(scene, p, elimination, s, again, options);
+  if (ruled) {
+    s = std::move(ruled->reduced);
+    s.how += describe(ruled->rules);
+  }
+  const GalerkinProblem& used = ruled ? *ruled->problem : p;
+  const FreeElimination& free = ruled ? *ruled->elimination : elimination;
+  record(s, used, result);
   if (s.z.rows() != p.N || s.x.rows() != p.N + 1) return;
   if (!p.initial_value && (s.status == Status::infeasible || !s.z.allFinite())) return;
-  const RowMatrix z = elimination.recovered(s.z, s.x);
-  const RowMatrix x = galerkin_states(p, z);
-  fill(scene, p, z, x, options, result);
-  result.residual = residual_of(p, scene.free_rows, z, x);
+  const RowMatrix z = free.recovered(s.z, s.x);
+  const RowMatrix x = galerkin_states(used, z);
+  fill(scene, used, z, x, options, result);
+  result.residual = residual_of(used, scene.free_rows, z, x);
   if (result.status == Status::solved && !(result.residual <= accepted_residual)) {
     result.status = Status::tolerance_not_met;
     result.reason = text("the residual is %.1e", result.residual);
   }
   if (result.status != Status::solved) return;
-  if (const Index k = first_undamped_interval(scene.M, scene.free_rows, z); k >= 0)
-    add_warning(result,
-                text("M is singular on what is active at t = %.6g: y may alternate from interval to interval", p.t[k]));
+  if (ruled) add_warning(result, warning_of(ruled->rules, p.t));
   if (s.unique) return;
   const Uniqueness unique = uniqueness_of(scene, p.N);
   result.well_posed = unique.assured;

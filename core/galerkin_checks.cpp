@@ -2,7 +2,6 @@
 
 #include "core/error.hpp"
 #include "core/galerkin_uniqueness.hpp"
-#include "core/lcp/solution.hpp"
 #include "core/text.hpp"
 #include "core/two_point.hpp"
 
@@ -10,7 +9,6 @@
 
 #include <algorithm>
 #include <optional>
-#include <set>
 
 namespace bromwich {
 
@@ -70,26 +68,6 @@ double require_determined_states(const GalerkinProblem& p) {
     throw Error("boundary", text("E0 + ET e^{TA} is singular (reciprocal condition %.1e)", condition),
                 "give conditions that determine the states of the scene without y");
   return condition;
-}
-
-Index first_undamped_interval(const LcpMatrix& given, const std::vector<Index>& free_rows, const RowMatrix& z) {
-  constexpr double singular_M = 1e-12;  // reciprocal condition
-  const Matrix M = to_dense(given);
-  const Index n = M.rows();
-  std::set<std::vector<Index>> regular;
-  for (Index k = 0; k < z.rows(); ++k) {
-    std::vector<Index> S;
-    for (Index i = 0; i < n; ++i)
-      if (!std::binary_search(free_rows.begin(), free_rows.end(), i) && (z(k, i) > 0 || z(k, n + i) > 0))
-        S.push_back(i);
-    if (S.empty() || regular.count(S) > 0) continue;
-    const Matrix block = M(S, S);
-    const Equilibration scale = equilibrate(block);
-    const Eigen::PartialPivLU<Matrix> lu(scale.rows.asDiagonal() * block * scale.columns.asDiagonal());
-    if (!(reciprocal_condition(lu) > singular_M)) return k;
-    regular.insert(std::move(S));
-  }
-  return -1;
 }
 
 Uniqueness uniqueness_of(const Scene& scene, Index N) {

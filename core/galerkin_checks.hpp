@@ -21,9 +21,4 @@ struct Uniqueness {
 /// whose intervals are not of class P are not assured by that.
 Uniqueness uniqueness_of(const Scene&, Index N);
 
-/// First interval on which inequalities are active whose M_SS is singular (an ideal stop, M = 0); -1 where there is
-/// none. A switch inside an interval before it leaves an error in x that the method carries on undamped (its
-/// amplification is P_2(1)/P_2(-1) = 1), and y alternates by the size of the error divided by h.
-Index first_undamped_interval(const LcpMatrix& M, const std::vector<Index>& free_rows, const RowMatrix& z);
-
 }  // namespace bromwich

@@ -69,6 +69,15 @@ GalerkinStep galerkin_step(const DenseDynamics&, const Matrix& M, double h);
 /// The boundary condition of a scene; initial values as (I, 0, x0).
 BoundaryCondition boundary_of(const Scene&);
 
+/// Scene::breakpoints.
+template <class S>
+std::vector<double> breakpoints_of(const S& scene) {
+  if constexpr (requires { scene.breakpoints; })
+    return scene.breakpoints;
+  else
+    return {};
+}
+
 /// f = entry phi(t): m x Scene::sources().
 Matrix source_entry(const Scene&, const DenseDynamics&);
 

@@ -65,7 +65,7 @@ void ActiveSetLcp::reset() {
   flips_.clear();
   flip_active_set();
   P_ = M_;
-  transform_ = true;
+  transform_ = regular_ = true;
   updates_ = 0;
 }
 
@@ -131,17 +131,20 @@ bool ActiveSetLcp::pivot_on_flips(double most_growth) {
 bool ActiveSetLcp::factorize() {
   transform_ = false;
   updates_ = 0;
+  regular_ = true;
   if (support_.empty()) {
     P_ = M_;
     transform_ = true;
     return true;
   }
   lu_.compute(M_(support_, support_));
-  return reciprocal_condition(lu_) > epsilon;
+  regular_ = reciprocal_condition(lu_) > epsilon;
+  return regular_;
 }
 
 // P(S) from the factorization.
 bool ActiveSetLcp::form_transform() {
+  if (!regular_) return false;
   const Matrix inverse = lu_.inverse(), right = inverse * M_(support_, rest_), below = M_(rest_, support_);
   P_(support_, support_) = inverse;
   P_(support_, rest_) = -right;
@@ -152,12 +155,12 @@ bool ActiveSetLcp::form_transform() {
   return P_.allFinite();
 }
 
-// Updates drift: after many of them, or where many indices change, start again from M.
+// Updates drift: after many of them, or where many indices change, start again from M. So too where the set before has
+// no transform because M_SS is singular there, which says nothing of the next one.
 bool ActiveSetLcp::exchange_flips() {
-  if (flips_.size() <= 4 + std::size_t(M_.rows()) / 8 && updates_ <= most_updates) {
-    if (!transform_ && !form_transform()) return false;
-    if (pivot_on_flips(safe_growth)) return true;
-  }
+  if (flips_.size() <= 4 + std::size_t(M_.rows()) / 8 && updates_ <= most_updates && (transform_ || form_transform()) &&
+      pivot_on_flips(safe_growth))
+    return true;
   flip_active_set();
   return factorize();
 }
