@@ -3,7 +3,9 @@
 include_guard(GLOBAL)
 add_library(
   bromwich_oracle STATIC
-  ${PROJECT_SOURCE_DIR}/tests/oracle.cpp ${PROJECT_SOURCE_DIR}/tests/oracle_galerkin.cpp
+  ${PROJECT_SOURCE_DIR}/tests/oracle.cpp ${PROJECT_SOURCE_DIR}/tests/oracle_collocation.cpp
+  ${PROJECT_SOURCE_DIR}/tests/oracle_events.cpp ${PROJECT_SOURCE_DIR}/tests/oracle_galerkin.cpp
+  ${PROJECT_SOURCE_DIR}/tests/oracle_modes.cpp
   ${PROJECT_SOURCE_DIR}/tests/oracle_steps.cpp
   ${PROJECT_SOURCE_DIR}/tests/random_scenes.cpp ${PROJECT_SOURCE_DIR}/tests/verdict.cpp)
 target_link_libraries(bromwich_oracle PUBLIC bromwich::core PRIVATE bromwich::cpu bromwich_build_options)

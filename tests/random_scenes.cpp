@@ -1,33 +1,15 @@
 #include "tests/random_scenes.hpp"
 
 #include "tests/oracle.hpp"
+#include "tests/random_draws.hpp"
 
 #include <Eigen/Dense>
 
 #include <cmath>
-#include <random>
 #include <utility>
 
 namespace bromwich::oracle {
 namespace {
-
-class Draw {
- public:
-  explicit Draw(std::uint32_t seed) : engine_(seed) {}
-  double uniform(double a, double b) { return a + (b - a) * double(engine_()) / 4294967296.0; }
-  Index index(Index first, Index last) { return first + Index(engine_() % std::uint32_t(last - first + 1)); }
-  bool chance(double p) { return uniform(0, 1) < p; }
-  Matrix matrix(Index rows, Index cols) {
-    return Matrix::NullaryExpr(rows, cols, [&] { return uniform(-1, 1); });
-  }
-  Vector vector(Index n) { return matrix(n, 1); }
-  Vector positive(Index n, double a, double b) {
-    return Vector::NullaryExpr(n, [&] { return uniform(a, b); });
-  }
-
- private:
-  std::mt19937 engine_;
-};
 
 Matrix dominant(Draw& draw, Index n) {
   Matrix M = draw.matrix(n, n);
@@ -72,6 +54,8 @@ std::vector<Index> owners(Draw& draw, Index n) {
   return owner;
 }
 
+}  // namespace
+
 Matrix complementarity_matrix(Draw& draw, Family family, Index n) {
   switch (family) {
     case Family::dominant:
@@ -105,6 +89,8 @@ Matrix complementarity_matrix(Draw& draw, Family family, Index n) {
   return {};
 }
 
+namespace {
+
 Matrix oscillators(Draw& draw, Index m, double most_damping) {
   Matrix D = Matrix::Zero(m, m);
   for (Index i = 0; i + 1 < m; i += 2) {
@@ -114,6 +100,8 @@ Matrix oscillators(Draw& draw, Index m, double most_damping) {
   if (m % 2 == 1) D(m - 1, m - 1) = -most_damping;
   return D;
 }
+
+}  // namespace
 
 Matrix state_matrix(Draw& draw, Spectrum spectrum, Index m) {
   const Matrix V = Matrix::Identity(m, m) + 0.8 / double(m) * draw.matrix(m, m);  // ||V - I||_inf < 1
@@ -153,6 +141,8 @@ Matrix state_matrix(Draw& draw, Spectrum spectrum, Index m) {
   }
   return {};
 }
+
+namespace {
 
 // Sines; `edged`: their signs instead, so that the source jumps.
 TimeFunction source(Draw& draw, Index size, double amplitude, double T, bool edged) {
