@@ -22,10 +22,7 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <optional>
-#include <regex>
 #include <tuple>
 #include <vector>
 
@@ -79,18 +76,10 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
 constexpr Index most_reference_states = 64;
 
 /// A result may not replace the scene file or a table or matrix that it names.
-void keep_inputs(const std::string& scene, const std::string& argument, const std::string& out) {
-  namespace fs = std::filesystem;
+void keep_inputs(const SceneChoice& choice, const std::string& argument, const std::string& out) {
   std::error_code none;
-  if (out.empty() || !fs::is_regular_file(scene, none)) return;
-  std::ifstream file(scene);
-  const std::string text((std::istreambuf_iterator<char>(file)), {});
-  std::vector<fs::path> inputs{scene};
-  static const std::regex quoted("[\"']([^\"'\\n]+\\.[A-Za-z]+)[\"']");
-  for (std::sregex_iterator found(text.begin(), text.end(), quoted), end; found != end; ++found)
-    inputs.push_back(fs::path(scene).parent_path() / (*found)[1].str());
-  for (const fs::path& input : inputs)
-    if (fs::equivalent(input, out, none))
+  for (const std::filesystem::path& input : choice.inputs)
+    if (std::filesystem::equivalent(input, out, none))
       throw Error(argument, fmt::format("'{}' is an input of the scene", out), "choose another file");
 }
 
@@ -100,17 +89,17 @@ struct Outputs {
   std::vector<double> times;  ///< of the rows of `out`; empty = the time points
 };
 
-Outputs outputs(const SolveArguments& arguments, const std::string& scene, double T) {
+Outputs outputs(const SolveArguments& arguments, const SceneChoice& choice) {
   if (!arguments.at.empty() && arguments.out.empty())
     throw Error("--at", fmt::format("found '{}' without --out", arguments.at), "add --out FILE.csv");
   if (!arguments.out.empty() && arguments.out == arguments.switches)
     throw Error("--switches", fmt::format("'{}' is the file of --out", arguments.switches), "choose another file");
   Outputs made;
-  if (!arguments.at.empty()) made.times = parse_times(arguments.at, T);
+  if (!arguments.at.empty()) made.times = parse_times(arguments.at, choice.scene.T);
   for (auto [argument, name, file] : {std::tuple{"--out", &arguments.out, &made.out},
                                       std::tuple{"--switches", &arguments.switches, &made.switches}}) {
     if (name->empty()) continue;
-    keep_inputs(scene, argument, *name);
+    keep_inputs(choice, argument, *name);
     file->emplace(argument, *name, ".csv");
   }
   return made;
@@ -137,14 +126,14 @@ void write(const Outputs& outputs, const Scene& scene, Backend& backend, const O
     const bool sampled = !outputs.times.empty() && result.y.rows() == result.steps + 1;
     const Result rows = sampled ? at_times(scene, backend, result, outputs.times) : Result{};
     outputs.out->write([&](std::FILE* file) {
-      write_csv(sampled ? rows : result, scene.constraints(), file, balance ? &*balance : nullptr);
+      write_csv(sampled ? rows : result, result, scene.constraints(), file, balance ? &*balance : nullptr);
     });
   }
   if (!outputs.switches) return;
   std::vector<Switch> found = switches_with_errors(scene, backend, options, result);
   const std::vector<Index>& free = scene.free_rows;  // their y has a sign but no switches
   std::erase_if(found, [&](const Switch& s) { return std::binary_search(free.begin(), free.end(), s.component); });
-  outputs.switches->write([&](std::FILE* file) { write_switches_csv(found, file); });
+  outputs.switches->write([&](std::FILE* file) { write_switches_csv(found, result, file); });
 }
 
 Index state_columns(const Options& options, const Scene& scene) {
@@ -153,7 +142,7 @@ Index state_columns(const Options& options, const Scene& scene) {
 
 void report_status(const Result& result) {
   const std::string reason = result.reason.empty() ? "no reason was given" : one_line(result.reason);
-  fmt::print(stderr, "bromwich: {}: {}\n", to_string(result.status), reason);
+  complain(fmt::format("{}: {}", to_string(result.status), reason));
 }
 
 }  // namespace
@@ -177,7 +166,7 @@ int run_solve(const SolveArguments& arguments) {
   if (options.method == Method::goal && !arguments.at.empty())
     throw Error("--at", fmt::format("found '{}' with method goal", arguments.at),
                 "leave it out: its grid is the answer");
-  const Outputs files = outputs(arguments, scene_name(words), choice.scene.T);
+  const Outputs files = outputs(arguments, choice);
 
   const auto backend = choose_backend(arguments.backend, choice.scene, options, columns, threads);
   ProgressLine progress;

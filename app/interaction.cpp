@@ -1,12 +1,21 @@
 #include "app/interaction.hpp"
 
+#include "app/commands.hpp"
+#include "app/text.hpp"
+
 #include <fmt/format.h>
 
-#include <signal.h>
+#include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <atomic>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
+#include <exception>
+#include <new>
 
 namespace bromwich::app {
 
@@ -15,7 +24,51 @@ namespace {
 std::atomic<bool> interrupt_flag{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may only touch lock-free atomics");
 
-void set_interrupt_flag(int) { interrupt_flag.store(true, std::memory_order_relaxed); }
+/// Written before `doomed_set` is, and only while that is false.
+std::array<char, 4096> doomed{};
+std::atomic<bool> doomed_set{false};
+
+void handle(int signal) {
+  if (!interrupt_flag.exchange(true, std::memory_order_relaxed)) return;
+  if (doomed_set.load(std::memory_order_acquire)) ::unlink(doomed.data());
+  ::signal(signal, SIG_DFL);
+  ::raise(signal);
+}
+
+constexpr const char* out_of_memory =
+    "memory: the problem does not fit into this machine's memory; use fewer --steps, --states or --threads, or a "
+    "smaller scene";
+
+/// Exceptions that leave a parallel region end here. The heap may be exhausted: nothing is allocated.
+[[noreturn]] void last_words() {
+  const char* line = "internal error: an exception was not caught; please report it with the command line";
+  try {
+    if (std::current_exception()) throw;
+  } catch (const std::bad_alloc&) {
+    line = out_of_memory;
+  } catch (...) {
+  }
+  for (const char* part : {"bromwich: ", line, "\n"})
+    if (::write(STDERR_FILENO, part, std::strlen(part)) < 0) break;
+  if (doomed_set.load(std::memory_order_acquire)) ::unlink(doomed.data());
+  ::_exit(exit_bad_input);
+}
+
+/// An output that was closed is one that cannot be written: open for reading.
+void occupy(int descriptor) {
+  if (::fcntl(descriptor, F_GETFD) != -1 || errno != EBADF) return;
+  const int found = ::open("/dev/null", descriptor == STDERR_FILENO ? O_WRONLY : O_RDONLY);
+  if (found >= 0 && found != descriptor) {
+    ::dup2(found, descriptor);
+    ::close(found);
+  }
+}
+
+/// A terminal that is gone is no reason to stop: failures are not looked at.
+void draw(const std::string& text) {
+  std::fputs(("\r\033[K" + text).c_str(), stderr);
+  std::fflush(stderr);
+}
 
 }  // namespace
 
@@ -25,30 +78,55 @@ void ProgressLine::show(const Progress& progress) {
   const auto now = Clock::now();
   if (!visible_ || now < next_) return;
   next_ = now + std::chrono::milliseconds(100);
-  if (progress.total > 0)
-    fmt::print(stderr, "\r\033[Kstep {} of {}", progress.iteration, progress.total);
-  else
-    fmt::print(stderr, "\r\033[Kiteration {}, change {:.2e}", progress.iteration, progress.change);
-  std::fflush(stderr);
+  draw(progress.total > 0 ? fmt::format("step {} of {}", progress.iteration, progress.total)
+                          : fmt::format("iteration {}, change {:.2e}", progress.iteration, progress.change));
   drawn_ = true;
 }
 
 void ProgressLine::clear() {
   if (!drawn_) return;
-  fmt::print(stderr, "\r\033[K");
-  std::fflush(stderr);
+  draw("");
   drawn_ = false;
 }
 
 void catch_interrupts() {
   struct sigaction action {};
-  action.sa_handler = set_interrupt_flag;
+  action.sa_handler = handle;
   sigemptyset(&action.sa_mask);
-  action.sa_flags = static_cast<int>(SA_RESETHAND) | SA_RESTART;
+  action.sa_flags = SA_RESTART | static_cast<int>(SA_NODEFER);  // the second signal ends the process from the handler
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
 }
 
 bool interrupted() { return interrupt_flag.load(std::memory_order_relaxed); }
+
+void remove_when_killed(const std::string& path) {
+  doomed_set.store(false, std::memory_order_release);
+  if (path.empty() || path.size() >= doomed.size()) return;
+  std::copy(path.begin(), path.end(), doomed.begin());
+  doomed[path.size()] = '\0';
+  doomed_set.store(true, std::memory_order_release);
+}
+
+SignalsWait::SignalsWait() {
+  sigset_t waiting;
+  sigemptyset(&waiting);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&waiting, signal);
+  pthread_sigmask(SIG_BLOCK, &waiting, &before_);
+}
+
+SignalsWait::~SignalsWait() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+
+void prepare_process() {
+  for (const int descriptor : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) occupy(descriptor);
+  ::signal(SIGXFSZ, SIG_IGN);
+  std::set_terminate(last_words);
+}
+
+void complain(const std::string& message) {
+  const std::string line = "bromwich: " + one_line(message) + "\n";
+  std::fwrite(line.data(), 1, line.size(), stderr);
+  std::fflush(stderr);
+}
 
 }  // namespace bromwich::app

@@ -2,6 +2,7 @@
 
 #include "app/arguments.hpp"
 #include "app/commands.hpp"
+#include "app/interaction.hpp"
 #include "app/text.hpp"
 #include "core/build_info.hpp"
 #include "core/error.hpp"
@@ -24,7 +25,7 @@ namespace {
 const std::vector<std::string> commands{"scenes", "solve", "bench", "info"};
 
 int refuse(const std::string& message) {
-  fmt::print(stderr, "bromwich: {}\n", one_line(message));
+  complain(message);
   return exit_bad_input;
 }
 
@@ -187,16 +188,19 @@ int guarded_main(int argc, char** argv) {
     return refuse(error.what());
   } catch (const std::bad_alloc&) {
     return refuse(
-        "memory: the problem does not fit into this machine's memory; use fewer --steps or --states, or a "
+        "memory: the problem does not fit into this machine's memory; use fewer --steps, --states or --threads, or a "
         "smaller scene");
   } catch (const std::exception& error) {
     return refuse(fmt::format("internal error: {}; please report it with the command line", error.what()));
+  } catch (...) {
+    return refuse("internal error: an unknown exception; please report it with the command line");
   }
 }
 
 }  // namespace bromwich::app
 
 int main(int argc, char** argv) {
+  bromwich::app::prepare_process();
 #if defined(__GLIBC__)
   // Tables over time that are freed serve the next ones: fresh pages cost more than what is computed with them.
   mallopt(M_MMAP_MAX, 0);

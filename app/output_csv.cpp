@@ -1,5 +1,7 @@
 #include "app/output_csv.hpp"
 
+#include "app/text.hpp"
+
 #include <fmt/format.h>
 
 #include <cmath>
@@ -24,6 +26,23 @@ void append_row(fmt::memory_buffer& text, const RowMatrix& values, Index j, Inde
   for (Index i = 0; i < count; ++i) append(text, j < values.rows() && i < values.cols() ? values(j, i) : std::nan(""));
 }
 
+bool any_finite(const RowMatrix& values, Index j) {
+  return j < values.rows() && values.row(j).array().isFinite().any();
+}
+
+/// A row with a value in it; of a result that is not solved only those are written.
+bool valid(const Result& result, Index j) { return any_finite(result.y, j) || any_finite(result.x, j); }
+
+/// Of a result that is not solved, behind its rows.
+void append_end(fmt::memory_buffer& text, const Result& result) {
+  if (result.status == Status::solved) return;
+  Index last = result.t.size() - 1;
+  while (last >= 0 && !valid(result, last)) --last;
+  const std::string when = last < 0 ? "before t = 0" : fmt::format("at t = {}", result.t[last]);
+  fmt::format_to(std::back_inserter(text), "# ended {}: {}, {}\n", when, to_string(result.status),
+                 result.reason.empty() ? "no reason was given" : one_line(result.reason));
+}
+
 void flush(fmt::memory_buffer& text, std::FILE* file) {
   std::fwrite(text.data(), 1, text.size(), file);
   text.clear();
@@ -32,17 +51,23 @@ void flush(fmt::memory_buffer& text, std::FILE* file) {
 }  // namespace
 
 void write_csv(const Result& result, Index constraints, std::FILE* file, const Energies* energies) {
+  write_csv(result, result, constraints, file, energies);
+}
+
+void write_csv(const Result& sampled, const Result& result, Index constraints, std::FILE* file,
+               const Energies* energies) {
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
   fmt::format_to(out, "t");
   for (Index i = 0; i < constraints; ++i) fmt::format_to(out, ",y{}", i);
-  for (const Index component : result.x_components) fmt::format_to(out, ",x{}", component);
+  for (const Index component : sampled.x_components) fmt::format_to(out, ",x{}", component);
   if (energies) fmt::format_to(out, ",energy,supplied_power,dissipated_power,supplied,dissipated,violation");
   fmt::format_to(out, "\n");
-  for (Index j = 0; j < result.t.size(); ++j) {
-    fmt::format_to(out, "{}", result.t[j]);
-    append_row(text, result.y, j, constraints);
-    append_row(text, result.x, j, Index(result.x_components.size()));
+  for (Index j = 0; j < sampled.t.size(); ++j) {
+    if (result.status != Status::solved && !valid(sampled, j)) continue;
+    fmt::format_to(out, "{}", sampled.t[j]);
+    append_row(text, sampled.y, j, constraints);
+    append_row(text, sampled.x, j, Index(sampled.x_components.size()));
     if (energies) {
       const EnergyBalance& steps = energies->balance;
       for (const Vector* part : {&steps.energy, &energies->power.supplied, &energies->power.dissipated})
@@ -53,14 +78,16 @@ void write_csv(const Result& result, Index constraints, std::FILE* file, const E
     fmt::format_to(out, "\n");
     if (text.size() > flush_bytes) flush(text, file);
   }
+  append_end(text, result);
   flush(text, file);
 }
 
-void write_switches_csv(const std::vector<Switch>& switches, std::FILE* file) {
+void write_switches_csv(const std::vector<Switch>& switches, const Result& result, std::FILE* file) {
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
   fmt::format_to(out, "t,component,on,error\n");
   for (const Switch& s : switches) fmt::format_to(out, "{},{},{},{}\n", s.t, s.component, s.on ? 1 : 0, s.error);
+  append_end(text, result);
   flush(text, file);
 }
 

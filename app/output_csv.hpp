@@ -19,8 +19,11 @@ struct Energies {
 /// the columns energy, supplied_power and dissipated_power at the time, and supplied, dissipated and violation, the
 /// energies of the step that ends there.
 void write_csv(const Result& result, Index constraints, std::FILE* file, const Energies* energies = nullptr);
+/// The rows of `sampled`, at other times than those of `result`.
+void write_csv(const Result& sampled, const Result& result, Index constraints, std::FILE* file,
+               const Energies* energies = nullptr);
 
-/// Header `t,component,on,error` and one row per switch.
-void write_switches_csv(const std::vector<Switch>& switches, std::FILE* file);
+/// Header `t,component,on,error` and one row per switch; the same comment behind them.
+void write_switches_csv(const std::vector<Switch>& switches, const Result& result, std::FILE* file);
 
 }  // namespace bromwich::app

@@ -1,5 +1,6 @@
 #include "app/output_file.hpp"
 
+#include "app/interaction.hpp"
 #include "core/error.hpp"
 
 #include <fmt/format.h>
@@ -11,6 +12,8 @@
 #include <cctype>
 #include <cerrno>
 #include <cstring>
+#include <tuple>
+#include <utility>
 
 namespace bromwich::app {
 
@@ -32,10 +35,75 @@ void check_name(const std::string& argument, const std::string& name, const std:
   if (found != extension) throw refused(argument, name, fmt::format("does not end in {}", extension), remedy);
 }
 
-std::FILE* create(const fs::path& path) {
-  const int descriptor = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  return descriptor < 0 ? nullptr : ::fdopen(descriptor, "w");
+/// The file that a name stands for, whether it exists or not: links are followed, also those that lead nowhere yet.
+fs::path resolve(const std::string& name, std::error_code& failure) {
+  fs::path path = fs::absolute(name, failure);
+  for (int links = 0; !failure && links < 40; ++links) {
+    path = fs::weakly_canonical(path.parent_path(), failure) / path.filename();
+    if (failure || !fs::is_symlink(fs::symlink_status(path, failure))) {
+      if (failure == std::errc::no_such_file_or_directory || failure == std::errc::not_a_directory) failure.clear();
+      return path;
+    }
+    const fs::path next = fs::read_symlink(path, failure);
+    path = next.is_absolute() ? next : path.parent_path() / next;
+  }
+  if (!failure) failure = std::make_error_code(std::errc::too_many_symbolic_link_levels);
+  return path;
 }
+
+/// The file while it is filled: without a name, or with that of a temporary where the file system needs one.
+class Unfinished {
+ public:
+  explicit Unfinished(const fs::path& temporary) : temporary_(temporary) {
+    int descriptor = -1;
+#ifdef O_TMPFILE
+    // A name is given to it through /proc.
+    if (::access("/proc/self/fd", X_OK) == 0)
+      descriptor = ::open(temporary.parent_path().c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
+#endif
+    if (descriptor < 0) {
+      const SignalsWait wait;
+      descriptor = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+      named_ = descriptor >= 0;
+      if (named_) remove_when_killed(temporary);
+    }
+    if (descriptor < 0) return;
+    file_ = ::fdopen(descriptor, "w");
+    if (!file_) ::close(descriptor);
+  }
+  ~Unfinished() {
+    if (file_) std::fclose(file_);
+    if (!named_) return;
+    ::unlink(temporary_.c_str());
+    remove_when_killed("");
+  }
+  Unfinished(const Unfinished&) = delete;
+  Unfinished& operator=(const Unfinished&) = delete;
+
+  std::FILE* file() const { return file_; }
+
+  /// The file is whole: it takes the place of `target`. False, with errno, where that fails.
+  bool finish(const fs::path& target) {
+    const SignalsWait wait;  // with the short life of a name that is not the target's
+    const bool written = std::ferror(file_) == 0 && std::fflush(file_) == 0;
+    if (!written) return false;
+    if (!named_) {
+      const std::string self = fmt::format("/proc/self/fd/{}", ::fileno(file_));
+      named_ = ::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, temporary_.c_str(), AT_SYMLINK_FOLLOW) == 0;
+      if (!named_) return false;
+    }
+    std::FILE* file = std::exchange(file_, nullptr);
+    if (std::fclose(file) != 0 || ::rename(temporary_.c_str(), target.c_str()) != 0) return false;
+    named_ = false;
+    remove_when_killed("");
+    return true;
+  }
+
+ private:
+  fs::path temporary_;
+  bool named_ = false;  ///< `temporary_` is there
+  std::FILE* file_ = nullptr;
+};
 
 }  // namespace
 
@@ -43,7 +111,7 @@ OutputFile::OutputFile(const std::string& argument, const std::string& name, con
     : argument_(argument), name_(name) {
   check_name(argument, name, extension);
   std::error_code failure;
-  target_ = fs::weakly_canonical(fs::absolute(name, failure), failure);
+  target_ = resolve(name, failure);
   if (failure) throw refused(argument, name, "cannot be reached: " + failure.message(), "choose another file");
   const fs::path folder = target_.parent_path();
   if (!fs::is_directory(folder, failure))
@@ -56,37 +124,24 @@ OutputFile::OutputFile(const std::string& argument, const std::string& name, con
     throw refused(argument, name, "is write-protected", "choose another file");
 
   temporary_ = folder / fmt::format(".{}.{}.tmp", target_.filename().string(), ::getpid());
-  std::FILE* probe = create(temporary_);
-  if (!probe)
+  if (!Unfinished(temporary_).file())
     throw refused(argument, name, fmt::format("cannot be written ({})", std::strerror(errno)), "choose another folder");
-  std::fclose(probe);
-  fs::remove(temporary_, failure);
 }
 
 void OutputFile::write(const std::function<void(std::FILE*)>& fill) const {
-  std::FILE* file = create(temporary_);
   const auto fail = [&](const char* why) {
-    std::error_code ignored;
-    fs::remove(temporary_, ignored);
     return refused(argument_, name_, fmt::format("could not be written ({})", why),
-                   "free some space or choose another folder");
+                   "free some space, raise ulimit -f, or choose another folder");
   };
-  if (!file) throw fail(std::strerror(errno));
+  Unfinished unfinished(temporary_);
+  if (!unfinished.file()) throw fail(std::strerror(errno));
   struct stat previous {};
   // Keeping the mode of the file that is replaced is a courtesy: a failure changes nothing that was promised.
-  const bool replaces = ::stat(target_.c_str(), &previous) == 0;
-  if (replaces && ::fchmod(::fileno(file), previous.st_mode & 07777) != 0) errno = 0;
-  try {
-    fill(file);
-  } catch (...) {
-    std::fclose(file);
-    throw fail("writing stopped");
-  }
-  const bool bad = std::ferror(file) != 0;
-  if (std::fclose(file) != 0 || bad) throw fail(errno ? std::strerror(errno) : "writing failed");
-  std::error_code failure;
-  fs::rename(temporary_, target_, failure);
-  if (failure) throw fail(failure.message().c_str());
+  if (::stat(target_.c_str(), &previous) == 0)
+    std::ignore = ::fchmod(::fileno(unfinished.file()), previous.st_mode & 07777);
+  errno = 0;
+  fill(unfinished.file());
+  if (!unfinished.finish(target_)) throw fail(errno ? std::strerror(errno) : "writing failed");
 }
 
 }  // namespace bromwich::app

@@ -8,7 +8,8 @@
 
 namespace bromwich::app {
 
-/// Checks when made that FILE can be written, without touching it; write() fills a temporary beside it and renames.
+/// Checks when made that FILE can be written, without touching it; write() fills a file beside it and puts it in FILE's
+/// place. Where the file system offers it that file has no name until then, so that a killed process leaves nothing.
 class OutputFile {
  public:
   /// Throws Error, naming `argument`, where the name does not end in `extension`, or the file or its folder cannot be

@@ -3,8 +3,10 @@
 #include "core/scenes/catalogue.hpp"
 #include "files/scene_file.hpp"
 
+#include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace bromwich::app {
 
@@ -15,6 +17,7 @@ struct SceneChoice {
   std::string states = "none";         ///< default of --states
   std::optional<Reference> reference;  ///< empty where parameters were set: it belongs to those of the file
   std::shared_ptr<const QuantityOfInterest> quantity = {};  ///< of the file; null where it has none
+  std::vector<std::filesystem::path> inputs = {};           ///< the files it was read from
 };
 
 /// A built-in scene or a TOML file. Throws Error for a name that is neither and for a key that is none of its

@@ -2,6 +2,7 @@
 
 #include "core/affine_chain.hpp"
 
+#include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 
 #include <algorithm>
@@ -60,14 +61,18 @@ class CpuAffineChain final : public AffineChain {
     blocks.products.assign(shared.block_of.size(), Matrix());
     blocks.Phi.resize(std::size_t(count));
     blocks.phi.resize(count, m_);
+    Failure failure;
 #pragma omp parallel for num_threads(threads_) schedule(dynamic, 4)
-    for (Index b = 0; b < count; ++b) {
-      const Index product = shared.product_of[std::size_t(b)];
-      Matrix* const Phi = &blocks.products[std::size_t(product)];
-      condense_steps(P_, p_, b * length, std::min(N_, (b + 1) * length),
-                     shared.block_of[std::size_t(product)] == b ? Phi : nullptr, blocks.phi.row(b).transpose());
-      blocks.Phi[std::size_t(b)] = Phi;
-    }
+    for (Index b = 0; b < count; ++b) try {
+        const Index product = shared.product_of[std::size_t(b)];
+        Matrix* const Phi = &blocks.products[std::size_t(product)];
+        condense_steps(P_, p_, b * length, std::min(N_, (b + 1) * length),
+                       shared.block_of[std::size_t(product)] == b ? Phi : nullptr, blocks.phi.row(b).transpose());
+        blocks.Phi[std::size_t(b)] = Phi;
+      } catch (...) {
+        failure.keep();
+      }
+    failure.rethrow();
   }
 
   BlockEnds expand(Index length, const RowMatrix& starts) override {

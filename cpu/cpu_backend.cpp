@@ -3,11 +3,17 @@
 #include "core/affine_chain.hpp"
 #include "core/error.hpp"
 #include "core/step_chain.hpp"
+#include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 
 #include <omp.h>
 
+#include <algorithm>
+#include <exception>
+#include <mutex>
 #include <string>
+#include <thread>
+#include <vector>
 
 namespace bromwich {
 
@@ -22,8 +28,14 @@ class CpuBackend final : public Backend {
 
   void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const override {
     const Index ranges = (count + length - 1) / length;
+    cpu::Failure failure;
 #pragma omp parallel for num_threads(threads_) schedule(static) if (ranges > 1)
-    for (Index r = 0; r < ranges; ++r) body(r * length, std::min((r + 1) * length, count));
+    for (Index r = 0; r < ranges; ++r) try {
+        body(r * length, std::min((r + 1) * length, count));
+      } catch (...) {
+        failure.keep();
+      }
+    failure.rethrow();
   }
 
   std::unique_ptr<Array> array(Index rows, Index cols) override {
@@ -97,12 +109,33 @@ class CpuBackend final : public Backend {
   int threads_;
 };
 
+/// How many of `wanted` threads there can be at once, this one included: OpenMP ends the process where it cannot make
+/// one, under `ulimit -v` for example. They are made here first, and wait for each other.
+int possible_threads(int wanted) {
+  std::mutex all_made;
+  std::unique_lock hold(all_made);
+  std::vector<std::thread> made;
+  try {
+    made.reserve(std::size_t(wanted - 1));
+    while (int(made.size()) + 1 < wanted) made.emplace_back([&all_made] { const std::lock_guard wait(all_made); });
+  } catch (const std::exception&) {  // of the system, or no memory
+  }
+  const int possible = int(made.size()) + 1;
+  hold.unlock();
+  for (std::thread& thread : made) thread.join();
+  return possible;
+}
+
 }  // namespace
 
 std::unique_ptr<Backend> make_cpu_backend(int threads) {
   if (threads < 0)
     throw Error("threads", "found " + std::to_string(threads), "pass 0 for all cores, or a number of threads");
-  return std::make_unique<CpuBackend>(threads == 0 ? omp_get_max_threads() : threads);
+  const int possible = possible_threads(threads == 0 ? omp_get_max_threads() : threads);
+  // OpenMP makes its threads now and keeps them: later the memory may be in use.
+#pragma omp parallel num_threads(possible)
+  {}
+  return std::make_unique<CpuBackend>(possible);
 }
 
 }  // namespace bromwich

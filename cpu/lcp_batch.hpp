@@ -4,6 +4,7 @@
 // that do not settle go to the pivoting solver of core/lcp/active_set_lcp.hpp one by one.
 
 #include "core/lcp/active_set_lcp.hpp"
+#include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"
 
@@ -33,16 +34,20 @@ class RowBlocks {
     LcpReport report;
     long sweeps = 0;
     const Index count = (rows - first + width - 1) / width;
+    Failure failure;
 #pragma omp parallel for num_threads(threads_) schedule(static) reduction(+ : sweeps) if (count > 1)
-    for (Index block = 0; block < count; ++block) {
-      const Index begin = first + block * width, size = std::min(width, rows - begin);
-      BlockOutcome outcome;
-      newton(begin, size, omp_get_thread_num(), outcome, change_.data() + begin, magnitude_.data() + begin);
-      for (Index j = 0; j < size; ++j) {
-        left_[std::size_t(begin + j)] = !outcome.solved[j];
-        sweeps += outcome.sweeps[j];
+    for (Index block = 0; block < count; ++block) try {
+        const Index begin = first + block * width, size = std::min(width, rows - begin);
+        BlockOutcome outcome;
+        newton(begin, size, omp_get_thread_num(), outcome, change_.data() + begin, magnitude_.data() + begin);
+        for (Index j = 0; j < size; ++j) {
+          left_[std::size_t(begin + j)] = !outcome.solved[j];
+          sweeps += outcome.sweeps[j];
+        }
+      } catch (...) {
+        failure.keep();
       }
-    }
+    failure.rethrow();
     report.count.newton = sweeps;
     report.count.solved = rows - first;
     for (Index j = first; j < rows; ++j)

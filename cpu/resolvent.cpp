@@ -1,6 +1,7 @@
 // Shifted solves at the nodes of a contour, all nodes at once.
 
 #include "core/kernel.hpp"
+#include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 
 #include <Eigen/LU>
@@ -24,13 +25,17 @@ ComplexMatrix of(const KroneckerDynamics& dynamics, const ComplexVector& nodes, 
 ComplexMatrix of(const DenseDynamics& dynamics, const ComplexVector& nodes, int threads) {
   const Index n = dynamics.N.rows(), k = dynamics.B.cols(), m = dynamics.A.rows();
   ComplexMatrix R(nodes.size(), n * k);
+  Failure failure;
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 1) if (m > 16)
-  for (Index p = 0; p < nodes.size(); ++p) {
-    const ComplexMatrix shifted = nodes[p] * ComplexMatrix::Identity(m, m) - dynamics.A.cast<Complex>();
-    const ComplexMatrix block = dynamics.N.cast<Complex>() * shifted.partialPivLu().solve(dynamics.B.cast<Complex>());
-    for (Index i = 0; i < n; ++i)
-      for (Index j = 0; j < k; ++j) R(p, i * k + j) = block(i, j);
-  }
+  for (Index p = 0; p < nodes.size(); ++p) try {
+      const ComplexMatrix shifted = nodes[p] * ComplexMatrix::Identity(m, m) - dynamics.A.cast<Complex>();
+      const ComplexMatrix block = dynamics.N.cast<Complex>() * shifted.partialPivLu().solve(dynamics.B.cast<Complex>());
+      for (Index i = 0; i < n; ++i)
+        for (Index j = 0; j < k; ++j) R(p, i * k + j) = block(i, j);
+    } catch (...) {
+      failure.keep();
+    }
+  failure.rethrow();
   return R;
 }
 

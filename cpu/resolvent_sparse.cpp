@@ -7,6 +7,7 @@
 
 #include "core/elimination.hpp"
 #include "core/kernel.hpp"
+#include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"
 
@@ -15,6 +16,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace bromwich::cpu {
 
@@ -305,11 +307,19 @@ ComplexMatrix sparse_resolvent(const SparseDynamics& d, const ComplexVector& nod
   const Vector Nu = d.N * system.u, scale = d.N.cwiseAbs() * Vector::Ones(d.N.cols());
   ComplexMatrix R(nodes.size(), n * k);
   std::vector<char> again(std::size_t(nodes.size()), 0);
+  Failure failure;
 #pragma omp parallel num_threads(int(std::min <Index>(threads, groups)))
   {
-    Fronts fronts(system);
+    std::optional<Fronts> own;  // every thread has to come to the loop, also one that finds no memory
+    try {
+      own.emplace(system);
+    } catch (...) {
+      failure.keep();
+    }
 #pragma omp for schedule(dynamic, 1)
     for (Index g = 0; g < groups; ++g) {
+      if (!own) continue;
+      Fronts& fronts = *own;
       Entry z;
       for (Index lane = 0; lane < lanes; ++lane) {
         const Complex node = nodes[std::min(g * lanes + lane, nodes.size() - 1)];
@@ -326,6 +336,7 @@ ComplexMatrix sparse_resolvent(const SparseDynamics& d, const ComplexVector& nod
       }
     }
   }
+  failure.rethrow();
   for (Index p = 0; p < nodes.size(); ++p) {
     if (!again[std::size_t(p)]) continue;
     Eigen::RowVectorXcd row(n * k);

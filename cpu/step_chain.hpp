@@ -5,6 +5,7 @@
 //     mu_i^T = q_i^T + mu_{i+1}^T (I + D_{i+1}).
 
 #include "core/step_chain.hpp"
+#include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 
 #include <vector>
@@ -59,15 +60,19 @@ void multiply_places(const PlaceTiles&, const MatrixList& X, Factor, const RowMa
 template <class Workspace, class Use>
 void each_tile(const PlaceTiles& places, int threads, int together, const Use& use) {
   const Index tiles = Index(places.tiles.size());
+  Failure failure;
 #pragma omp parallel num_threads(threads)
   {
     Workspace workspace;
 #pragma omp for schedule(dynamic, together)
-    for (Index t = 0; t < tiles; ++t) {
-      const PlaceTiles::Tile& tile = places.tiles[std::size_t(t)];
-      use(tile, places.order.data() + tile.first, workspace);
-    }
+    for (Index t = 0; t < tiles; ++t) try {
+        const PlaceTiles::Tile& tile = places.tiles[std::size_t(t)];
+        use(tile, places.order.data() + tile.first, workspace);
+      } catch (...) {
+        failure.keep();
+      }
   }
+  failure.rethrow();
 }
 
 /// mu of a chain by products of its maps. `D` holds the increments by kind.

@@ -3,7 +3,8 @@
 
 #include "cpu/step_chain.hpp"
 
-#include <optional>
+#include "cpu/failure.hpp"
+
 
 namespace bromwich::cpu {
 
@@ -21,7 +22,7 @@ class DenseStepChain final : public CpuStepChain {
         R_(Index(problem.maps.size()), m_),
         change_(Index(problem.maps.size()), m_) {
     const Index kinds = D_.count();
-    std::optional<Error> singular;  // which of several is told depends on the threads
+    Failure failure;  // which of several is told depends on the threads
 #pragma omp parallel for num_threads(threads) schedule(static)
     for (Index k = 0; k < kinds; ++k) try {
         const DenseStep step(problem, k);
@@ -29,11 +30,10 @@ class DenseStepChain final : public CpuStepChain {
         inverse_[k] = step.inverse;
         R_[k] = step.R;
         change_[k] = step.change;
-      } catch (const Error& error) {
-#pragma omp critical(bromwich_singular_step)
-        singular = error;
+      } catch (...) {
+        failure.keep();
       }
-    if (singular) throw *singular;
+    failure.rethrow();
   }
 
   std::size_t bytes() const override {

@@ -2,6 +2,8 @@
 
 #include "cpu/step_chain.hpp"
 
+#include "cpu/failure.hpp"
+
 #include <algorithm>
 
 namespace bromwich::cpu {
@@ -32,12 +34,16 @@ void solve_by_doubling(const MatrixList& D, const std::vector<Index>& map_of, do
     kinds = Index(windows.halves.size());
     check_products(8.0 * double(m * m) * double(kinds + X.count()), memory_limit, "doubling");
     MatrixList longer(kinds, m);
+    Failure failure;
 #pragma omp parallel for num_threads(threads) schedule(static)
-    for (Index k = 0; k < kinds; ++k) {
-      const auto [early, late] = windows.halves[std::size_t(k)];
-      longer[k].noalias() = X[late] * X[early];
-      longer[k] += X[late] + X[early];
-    }
+    for (Index k = 0; k < kinds; ++k) try {
+        const auto [early, late] = windows.halves[std::size_t(k)];
+        longer[k].noalias() = X[late] * X[early];
+        longer[k] += X[late] + X[early];
+      } catch (...) {
+        failure.keep();
+      }
+    failure.rethrow();
     products = std::move(longer);
     names = std::move(windows.of);
   }
@@ -54,19 +60,23 @@ void solve_by_scan(const MatrixList& D, const std::vector<Index>& map_of, double
   const auto step = [&](Index i) { return D[map_of[std::size_t(i)]]; };
   // carry_b: m rows of P_last ... P_{first+1} - I, and what the block's own q add up to.
   std::vector<RowMatrix> carry(static_cast<std::size_t>(blocks));
+  Failure failure;
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
-  for (Index b = 0; b < blocks; ++b) {
-    const Index first = std::min(M, b * length), last = std::min(M, first + length);
-    RowMatrix& now = carry[std::size_t(b)];
-    RowMatrix before;
-    now.setZero(m + 1, m);
-    for (Index i = last - 1; i >= first; --i) {
-      before = now;
-      now.noalias() += before * step(i);
-      now.topRows(m) += step(i);
-      now.row(m) += mu.row(i);
+  for (Index b = 0; b < blocks; ++b) try {
+      const Index first = std::min(M, b * length), last = std::min(M, first + length);
+      RowMatrix& now = carry[std::size_t(b)];
+      RowMatrix before;
+      now.setZero(m + 1, m);
+      for (Index i = last - 1; i >= first; --i) {
+        before = now;
+        now.noalias() += before * step(i);
+        now.topRows(m) += step(i);
+        now.row(m) += mu.row(i);
+      }
+    } catch (...) {
+      failure.keep();
     }
-  }
+  failure.rethrow();
   // mu at the first row of each block, from the last block on.
   RowMatrix entry(blocks + 1, m);
   entry.row(blocks) = mu.row(M);
@@ -76,15 +86,18 @@ void solve_by_scan(const MatrixList& D, const std::vector<Index>& map_of, double
     entry.row(b) += entry.row(b + 1);
   }
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
-  for (Index b = 0; b < blocks; ++b) {
-    const Index first = std::min(M, b * length), last = std::min(M, first + length);
-    Vector next = entry.row(b + 1).transpose();
-    for (Index i = last - 1; i >= first; --i) {
-      mu.row(i).transpose().noalias() += step(i).transpose() * next;
-      mu.row(i) += next.transpose();
-      next = mu.row(i).transpose();
+  for (Index b = 0; b < blocks; ++b) try {
+      const Index first = std::min(M, b * length), last = std::min(M, first + length);
+      Vector next = entry.row(b + 1).transpose();
+      for (Index i = last - 1; i >= first; --i) {
+        mu.row(i).transpose().noalias() += step(i).transpose() * next;
+        mu.row(i) += next.transpose();
+        next = mu.row(i).transpose();
+      }
+    } catch (...) {
+      failure.keep();
     }
-  }
+  failure.rethrow();
 }
 
 }  // namespace bromwich::cpu

@@ -2,6 +2,7 @@
 // are contiguous, so rows of one kind are the columns of a system with many right-hand sides.
 
 #include "core/sparse_step_factors.hpp"
+#include "cpu/failure.hpp"
 #include "cpu/step_chain.hpp"
 
 #include <algorithm>
@@ -19,9 +20,14 @@ class SparseStepChain final : public CpuStepChain {
         places_(map_of_, Index(problem.maps.size()), sparse_tile_rows),
         kinds_(problem.maps.size()) {
     const Index kinds = Index(kinds_.size());
+    Failure failure;
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
-    for (Index k = 0; k < kinds; ++k)
-      kinds_[std::size_t(k)] = std::make_unique<SparseStepFactors>(problem.maps[std::size_t(k)]);
+    for (Index k = 0; k < kinds; ++k) try {
+        kinds_[std::size_t(k)] = std::make_unique<SparseStepFactors>(problem.maps[std::size_t(k)]);
+      } catch (...) {
+        failure.keep();
+      }
+    failure.rethrow();
     for (Index k = 0; k < kinds; ++k)
       if (kinds_[std::size_t(k)]->singular) throw singular_step(problem, k);
   }
@@ -117,12 +123,16 @@ class SparseStepChain final : public CpuStepChain {
     if (D_.count() == kinds) return D_;
     check_products(8.0 * double(m_ * m_) * double(kinds), memory_limit_, method);
     D_ = MatrixList(kinds, m_);
+    Failure failure;
 #pragma omp parallel for num_threads(threads_) schedule(dynamic, 1)
-    for (Index k = 0; k < kinds; ++k) {
-      SparseStepFactors& kind = *kinds_[std::size_t(k)];
-      const Matrix D = kind.lu.solve(Matrix(kind.change));
-      D_[k] = D;
-    }
+    for (Index k = 0; k < kinds; ++k) try {
+        SparseStepFactors& kind = *kinds_[std::size_t(k)];
+        const Matrix D = kind.lu.solve(Matrix(kind.change));
+        D_[k] = D;
+      } catch (...) {
+        failure.keep();
+      }
+    failure.rethrow();
     return D_;
   }
 

@@ -6,6 +6,8 @@
 
 #include "cpu/parts.hpp"
 
+#include "cpu/failure.hpp"
+
 #include <fftw3.h>
 #include <omp.h>
 
@@ -78,13 +80,17 @@ class ProductSine final : public SineTransform {
     const RowMatrix* a = add ? &host(*add) : nullptr;
     RowMatrix& y = host(out);
     const Index rows = x.rows(), count = (rows - first + row_block - 1) / row_block;
+    Failure failure;
 #pragma omp parallel for num_threads(threads_) \
     schedule(dynamic, 1) if ((rows - first) * sine_.n * sine_.n > parallel_size)
-    for (Index block = 0; block < count; ++block) {
-      const FlushDenormals flush;  // what decays in time leaves them behind, and they cost a hundredfold
-      const Index begin = first + block * row_block, size = std::min(row_block, rows - begin);
-      transform(x, a, y, begin, size, scratch_[std::size_t(omp_get_thread_num())]);
-    }
+    for (Index block = 0; block < count; ++block) try {
+        const FlushDenormals flush;  // what decays in time leaves them behind, and they cost a hundredfold
+        const Index begin = first + block * row_block, size = std::min(row_block, rows - begin);
+        transform(x, a, y, begin, size, scratch_[std::size_t(omp_get_thread_num())]);
+      } catch (...) {
+        failure.keep();
+      }
+    failure.rethrow();
   }
 
   std::size_t bytes() const override {

@@ -1,6 +1,7 @@
 #include "files/expression.hpp"
 
 #include "core/error.hpp"
+#include "files/formula.hpp"
 #include "files/words.hpp"
 
 #include <fmt/format.h>
@@ -12,6 +13,7 @@
 #include <cmath>
 #include <mutex>
 #include <numbers>
+#include <set>
 #include <string_view>
 
 namespace bromwich {
@@ -20,6 +22,13 @@ namespace {
 
 /// muParser evaluates several results in one call, but refuses long texts: expressions share a parser up to here.
 constexpr std::size_t longest_batch = 4000;
+/// Beyond, muParser refuses a single one too: it is evaluated as a Formula.
+constexpr std::size_t longest_parsed = 19'000;
+
+/// Operations of formulas that are looked through for times where they switch: seconds at most.
+constexpr long most_work = 30'000'000;
+
+bool parsed(const std::string& text) { return text.size() <= longest_parsed; }
 
 template <typename Pointer>
 struct Named {
@@ -175,16 +184,22 @@ void check_names(const std::string& text, const ParameterValues& parameters, boo
   }
 }
 
-/// A constant; the names were checked.
-double evaluate(mu::Parser& parser, const std::string& text, const std::string& where) {
-  double value = 0;
+/// What `use` of a parser gives; what muParser throws becomes an Error about the text.
+template <typename Use>
+auto guarded(const std::string& text, const std::string& where, const Use& use) {
   try {
-    parser.SetExpr(text);
-    value = parser.Eval();
+    return use();
   } catch (const mu::Parser::exception_type& error) {
     throw Error(where, quoted(text) + " is no expression: " + one_line(error.GetMsg()), "correct it");
   }
-  return value;
+}
+
+/// A constant; the names were checked.
+double evaluate(mu::Parser& parser, const std::string& text, const std::string& where) {
+  return guarded(text, where, [&] {
+    parser.SetExpr(text);
+    return parser.Eval();
+  });
 }
 
 double finite(double value, const std::string& text, const std::string& where) {
@@ -232,14 +247,22 @@ class ParserSet {
 /// Parser sets that no thread is using. A thread takes one, or makes one where all are in use.
 class TimeVector {
  public:
-  TimeVector(Vector constants, std::vector<Index> rows, std::vector<std::string> texts, ParameterValues parameters)
-      : constants_(std::move(constants)),
-        rows_(std::move(rows)),
-        texts_(std::move(texts)),
-        parameters_(std::move(parameters)) {}
+  TimeVector(Vector constants, ParameterValues parameters)
+      : constants_(std::move(constants)), parameters_(std::move(parameters)) {}
+
+  /// Entry `row`, checked before.
+  void add(Index row, const std::string& text) {
+    if (!parsed(text)) {
+      long_.emplace_back(row, read_formula(text, parameters_, "expression"));
+      return;
+    }
+    rows_.push_back(row);
+    texts_.push_back(text);
+  }
 
   void operator()(double t, Eigen::Ref<Vector> value) {
     value = constants_;
+    for (const auto& [row, formula] : long_) value[row] = formula(t);
     if (rows_.empty()) return;
     std::unique_ptr<ParserSet> set = take();
     set->evaluate(t, [&](std::size_t i, double entry) { value[rows_[i]] = entry; });
@@ -263,6 +286,7 @@ class TimeVector {
   Vector constants_;
   std::vector<Index> rows_;  ///< texts_[i] is the entry rows_[i]
   std::vector<std::string> texts_;
+  std::vector<std::pair<Index, Formula>> long_;
   ParameterValues parameters_;
   std::mutex mutex_;
   std::vector<std::unique_ptr<ParserSet>> idle_;
@@ -288,13 +312,18 @@ void Expressions::define(const std::string& name, double value, const std::strin
     throw Error(where, fmt::format("'{}' already has a meaning in expressions", name), "choose another name");
   if (!implementation_->parameters.emplace(name, value).second)
     throw Error(where, fmt::format("'{}' is defined twice", name), "define it once");
-  implementation_->parser.DefineConst(name, value);
+  guarded(name, where, [&] {
+    implementation_->parser.DefineConst(name, value);
+    return 0;
+  });
 }
 
 double Expressions::number(const std::string& text, const std::string& where) const {
   check_signs(text, where);
   check_names(text, implementation_->parameters, false, where);
-  return finite(evaluate(implementation_->parser, text, where), text, where);
+  const double value = parsed(text) ? evaluate(implementation_->parser, text, where)
+                                    : read_formula(text, implementation_->parameters, where)(0);
+  return finite(value, text, where);
 }
 
 void Expressions::check_in_time(const std::string& text, const std::string& where) const {
@@ -304,27 +333,62 @@ void Expressions::check_in_time(const std::string& text, const std::string& wher
   }
   check_signs(text, where);
   check_names(text, implementation_->parameters, true, where);
+  if (!parsed(text)) {
+    read_formula(text, implementation_->parameters, where);
+    return;
+  }
   double t = 0;
   mu::Parser parser = implementation_->parser;
-  parser.DefineVar("t", &t);
+  guarded(text, where, [&] {
+    parser.DefineVar("t", &t);
+    return 0;
+  });
   evaluate(parser, text, where);
+  evaluate(parser, "(" + text + ")", where);  // as it will be used
 }
 
 TimeFunction Expressions::in_time(const std::vector<std::string>& texts) const {
   Vector constants = Vector::Zero(Index(texts.size()));
-  std::vector<Index> rows;
-  std::vector<std::string> in_time;
-  for (std::size_t i = 0; i < texts.size(); ++i) {
-    if (!uses_time(texts[i])) {
-      constants[Index(i)] = number(texts[i], "expression");
-    } else {
-      rows.push_back(Index(i));
-      in_time.push_back(texts[i]);
-    }
-  }
-  auto function = std::make_shared<TimeVector>(std::move(constants), std::move(rows), std::move(in_time),
-                                               implementation_->parameters);
+  for (std::size_t i = 0; i < texts.size(); ++i)
+    if (!uses_time(texts[i])) constants[Index(i)] = number(texts[i], "expression");
+  auto function = std::make_shared<TimeVector>(std::move(constants), implementation_->parameters);
+  for (std::size_t i = 0; i < texts.size(); ++i)
+    if (uses_time(texts[i])) function->add(Index(i), texts[i]);
   return [function](double t, Eigen::Ref<Vector> value) { (*function)(t, value); };
+}
+
+SwitchTimes Expressions::switch_times(const std::vector<std::string>& texts, double T) const {
+  SwitchTimes all;
+  long work = most_work;
+  std::set<std::string> seen;
+  for (const std::string& text : texts) {
+    if (!uses_time(text) || !seen.insert(text).second) continue;
+    const std::optional<Formula> formula = understood(text, T);
+    const SwitchTimes found = formula ? bromwich::switch_times(*formula, T, work) : SwitchTimes{{}, false};
+    all.times.insert(all.times.end(), found.times.begin(), found.times.end());
+    all.complete = all.complete && found.complete;
+  }
+  std::sort(all.times.begin(), all.times.end());
+  all.times.erase(std::unique(all.times.begin(), all.times.end()), all.times.end());
+  return all;
+}
+
+/// The formula of a text, where it has the values that muParser gives.
+std::optional<Formula> Expressions::understood(const std::string& text, double T) const {
+  try {
+    Formula formula = read_formula(text, implementation_->parameters, "expression");
+    if (!formula.switches) return formula;
+    const TimeFunction function = in_time({text});
+    for (const double part : {0.0379, 0.2113, 0.4567, 0.7071, 0.9341}) {
+      Vector value(1);
+      function(part * T, value);
+      const double gap = std::abs(value[0] - formula(part * T));
+      if (gap > 1e-6 * std::abs(value[0]) + 1e-12) return std::nullopt;
+    }
+    return formula;
+  } catch (const Error&) {
+    return std::nullopt;
+  }
 }
 
 std::vector<std::string> expression_functions() {

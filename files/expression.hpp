@@ -6,8 +6,10 @@
 
 #include "core/scenes/catalogue.hpp"
 #include "core/types.hpp"
+#include "files/switch_times.hpp"
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,7 +40,12 @@ class Expressions {
   /// evaluated here and never again.
   TimeFunction in_time(const std::vector<std::string>& texts) const;
 
+  /// The times in (0, T) at which one of the texts may jump or have a kink.
+  SwitchTimes switch_times(const std::vector<std::string>& texts, double T) const;
+
  private:
+  std::optional<Formula> understood(const std::string& text, double T) const;
+
   struct Implementation;
   std::unique_ptr<Implementation> implementation_;
 };

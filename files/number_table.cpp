@@ -5,12 +5,14 @@
 
 #include <fmt/format.h>
 
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
-#include <fstream>
 #include <memory>
-#include <sstream>
-#include <system_error>
 
 namespace bromwich {
 
@@ -53,22 +55,42 @@ std::size_t read_header(LineReader& lines, char letter) {
   return cells.size() - 1;
 }
 
+struct Descriptor {
+  explicit Descriptor(int opened) : number(opened) {}
+  ~Descriptor() {
+    if (number >= 0) ::close(number);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int number;
+};
+
 }  // namespace
 
 std::string read_text(const NumberFile& file, const std::string& where) {
-  std::error_code failure;
-  if (!std::filesystem::exists(file.path, failure))
-    throw Error(where, fmt::format("the file '{}' does not exist", one_line(file.name)),
-                "name a file by its path from the folder of the scene file");
-  if (std::filesystem::is_directory(file.path, failure))
-    throw Error(where, fmt::format("'{}' is a folder", one_line(file.name)), "name a file");
-  std::ifstream stream(file.path, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  // An empty file sets failbit on `text`, not on the stream.
-  if (!stream.is_open() || stream.bad())
-    throw Error(where, fmt::format("the file '{}' cannot be read", one_line(file.name)), "check its permissions");
-  return std::move(text).str();
+  const auto refused = [&](const char* form, const char* remedy) {
+    return Error(where, fmt::format(fmt::runtime(form), one_line(file.name)), remedy);
+  };
+  // Without waiting: the other end of a pipe may never come.
+  const Descriptor opened(::open(file.path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  struct stat found {};
+  if (opened.number < 0 && (errno == ENOENT || errno == ENOTDIR))
+    throw refused("the file '{}' does not exist", "name a file by its path from the folder of the scene file");
+  if (opened.number < 0 && errno == ENAMETOOLONG)
+    throw refused("the name '{}' is too long for a file", "name a file by its path from the folder of the scene file");
+  if (opened.number < 0 || ::fstat(opened.number, &found) != 0)
+    throw refused("the file '{}' cannot be read", "check its permissions");
+  if (S_ISDIR(found.st_mode)) throw refused("'{}' is a folder", "name a file");
+  if (!S_ISREG(found.st_mode)) throw refused("'{}' is no regular file", "copy what it delivers into a file first");
+  std::string text;
+  std::vector<char> block(1 << 16);
+  for (;;) {
+    const ssize_t count = ::read(opened.number, block.data(), block.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) throw refused("the file '{}' cannot be read", "check its permissions");
+    if (count == 0) return text;
+    text.append(block.data(), std::size_t(count));
+  }
 }
 
 Matrix read_number_table(const std::string& text, const std::string& name) {

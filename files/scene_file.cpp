@@ -325,7 +325,7 @@ bool scene_files_available() { return true; }
 SceneFile parse_scene(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder,
                       const ParameterValues& settings) {
   const toml::table root = parse_toml(toml, file_name);
-  Document document{file_name, folder, {}};
+  Document document{file_name, folder, {}, {}};
   const Sections sections = read_sections(document, root);
   read_parameters(document, root, sections.parameters, settings);
   SceneFile file;
@@ -337,12 +337,15 @@ SceneFile parse_scene(std::string_view toml, const std::string& file_name, const
   parse_state_choice(sections.output.where("states"), file.states, file.scene.states());
   file.reference = read_reference(sections.reference, file.scene);
   file.quantity = read_quantity(sections.quantity, file.scene);
+  file.inputs = std::move(document.read);
   return file;
 }
 
 SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValues& settings) {
   const std::string name = one_line(file.string());
-  return parse_scene(read_text({name, file}, name), name, file.parent_path(), settings);
+  SceneFile found = parse_scene(read_text({name, file}, name), name, file.parent_path(), settings);
+  found.inputs.push_back(file);
+  return found;
 }
 
 }  // namespace bromwich

@@ -30,6 +30,7 @@ struct SceneFile {
   std::string states = "none";  ///< components to write: "none", "all" or "0,3"
   std::optional<Reference> reference;
   std::shared_ptr<const QuantityOfInterest> quantity;  ///< of method goal; null where the file gives none
+  std::vector<std::filesystem::path> inputs;           ///< the scene file, tables and matrices that were read
 };
 
 /// False where this build has no reader: read_scene_file then throws an Error that says what to install.

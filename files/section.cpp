@@ -120,6 +120,7 @@ std::optional<NumberFile> Section::file(const std::string& key) const {
   const std::string& name = text->get();
   if (const std::string found = extension(name); found != ".mtx" && found != ".csv") return std::nullopt;
   const std::filesystem::path path = document_->folder / name;
+  document_->read.push_back(path);
   return NumberFile{path.string(), path};
 }
 

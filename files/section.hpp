@@ -18,6 +18,7 @@ struct Document {
   std::string name;  ///< of the file in messages
   std::filesystem::path folder;
   Expressions expressions;
+  mutable std::vector<std::filesystem::path> read = {};  ///< tables and matrices, in the order of reading
 };
 
 /// A function of time and how many values it has; no function is zero.
