@@ -21,7 +21,7 @@ double order_of(const Result& result) {
 
 constexpr double smallest_size = 1e-3;  ///< of the largest component, that a component is measured against
 
-Vector sizes(const RowMatrix& values, Index first, const Vector& unit, const Sizes& how) {
+Vector sizes(const RowMatrix& values, Index first, const Vector& unit, const ComponentSizes& how) {
   if (how.fixed > 0) return Vector::Constant(values.cols(), how.fixed);
   Vector s = values.bottomRows(values.rows() - first).cwiseAbs().colwise().maxCoeff().transpose();
   if (s.size() == 0) return s;
@@ -47,11 +47,11 @@ RowMatrix mean(const Result& result) { return running_integral(result.y, 1 / dou
 
 }  // namespace
 
-Vector Sizes::of_y(const Result& r) const { return sizes(r.y, 1, unit_y, *this); }
-Vector Sizes::of_mean(const Result& r) const { return sizes(mean(r), 1, unit_y, *this); }
-Vector Sizes::of_x(const Result& r) const { return sizes(r.x, 0, unit_x, *this); }
+Vector ComponentSizes::of_y(const Result& r) const { return sizes(r.y, 1, unit_y, *this); }
+Vector ComponentSizes::of_mean(const Result& r) const { return sizes(mean(r), 1, unit_y, *this); }
+Vector ComponentSizes::of_x(const Result& r) const { return sizes(r.x, 0, unit_x, *this); }
 
-Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const Sizes& s) {
+Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const ComponentSizes& s) {
   return {largest(relative(a.y, a_stride, b.y, b_stride, s.of_y(b))),
           largest(relative(mean(a), a_stride, mean(b), b_stride, s.of_mean(b))),
           relative(a.x, a_stride, b.x, b_stride, s.of_x(b))};
@@ -66,7 +66,7 @@ Vector largest_jumps(const RowMatrix& y) {
   return largest;
 }
 
-Convergence::Convergence(const Scene& scene, const Result& first, Sizes sizes)
+Convergence::Convergence(const Scene& scene, const Result& first, ComponentSizes sizes)
     : y_(order_of(first)),
       mean_(1),
       x_(order_of(first)),

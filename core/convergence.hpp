@@ -21,7 +21,7 @@ namespace bromwich {
 /// What errors are measured against: component i of a kind (y, its mean, x) by
 ///
 ///     s_i = max(max_t |c_i|, 1e-3 u_i max_k max_t |c_k| / u_k) + absolute,      u the natural unit of a component.
-struct Sizes {
+struct ComponentSizes {
   Vector unit_y, unit_x;  ///< u of y (n) and of the recorded x; empty = 1
   double absolute = 0;    ///< absolute tolerance over the relative one, in the units of the scene
   double fixed = 0;       ///< above 0: this alone, for all
@@ -40,7 +40,7 @@ struct Distance {
   double of_x() const { return x.size() > 0 ? x.maxCoeff() : 0; }
 };
 /// Row a_stride j of `a` belongs to the time of row b_stride j of `b`.
-Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const Sizes& = {});
+Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const ComponentSizes& = {});
 
 /// n: of each component the largest min(|y_j - y_{j-1}|, |y_{j+1} - y_{j-2}|), j >= 3: an impulse, one row that stands
 /// out, is no jump.
@@ -49,7 +49,7 @@ Vector largest_jumps(const RowMatrix& y);
 class Convergence {
  public:
   /// On the first grid, which later ones of the same method follow.
-  Convergence(const Scene&, const Result& first, Sizes = {});
+  Convergence(const Scene&, const Result& first, ComponentSizes = {});
 
   /// The next grid, with half the step of `coarse`. `resolved`: enough steps to take what does not converge for a jump.
   void add(const Result& coarse, const Result& fine, bool resolved);
@@ -72,7 +72,7 @@ class Convergence {
   std::vector<GridDifferences> components_;  ///< of x
   std::optional<Distance> check_;
   const Scene& scene_;
-  Sizes sizes_;
+  ComponentSizes sizes_;
   bool may_jump_, jumps_ = false, erratic_ = false;
   double displaced_ = 0, displaced_x_ = 0;  ///< errors of the mean and of x by jumps that are known to within a step
 };

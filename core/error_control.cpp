@@ -36,10 +36,10 @@ struct Goal {
 };
 
 // With an absolute tolerance alone, errors are measured in the units of the scene.
-Sizes sizes_for(const Options& o) {
+ComponentSizes sizes_for(const Options& o) {
   const double relative = Goal(o).smallest();
   const bool alone = o.tolerance == 0 && o.tolerance_x == 0 && o.tolerance_y == 0;
-  Sizes sizes;
+  ComponentSizes sizes;
   if (alone)
     sizes.fixed = 1;
   else
@@ -305,7 +305,7 @@ class Refinement {
   Backend& backend_;
   const Options& options_;
   const Goal goal_;
-  const Sizes sizes_;
+  const ComponentSizes sizes_;
   const Index expected_;  ///< steps with which the scene is meant to be solved
   std::vector<Index> grids_;
   std::optional<Result> solved_, failed_;   ///< the last grid of each kind; failed_ only if it is the last of all

@@ -44,7 +44,7 @@ class Inputs {
 
 }  // namespace
 
-double interior_defect(const Scene& scene, const Result& r, const RowMatrix& x, const Sizes& sizes) {
+double interior_defect(const Scene& scene, const Result& r, const RowMatrix& x, const ComponentSizes& sizes) {
   const DenseDynamics& d = std::get<DenseDynamics>(scene.dynamics);
   const Matrix M = to_dense(scene.M);
   const Index J = r.steps, n = M.rows();

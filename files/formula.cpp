@@ -17,11 +17,11 @@ namespace bromwich {
 
 namespace {
 
-using Name = std::pair<std::string_view, Operation>;
+using NamedOperation = std::pair<std::string_view, Operation>;
 
 constexpr int deepest = 1000;
 
-constexpr auto one_argument = std::to_array<Name>({
+constexpr auto one_argument = std::to_array<NamedOperation>({
     {"sin", Operation::sin},     {"cos", Operation::cos},
     {"tan", Operation::tan},     {"asin", Operation::asin},
     {"acos", Operation::acos},   {"atan", Operation::atan},
@@ -37,16 +37,17 @@ constexpr auto one_argument = std::to_array<Name>({
     {"round", Operation::round},
 });
 
-constexpr auto two_arguments = std::to_array<Name>({
+constexpr auto two_arguments = std::to_array<NamedOperation>({
     {"pow", Operation::power},
     {"atan2", Operation::atan2},
     {"mod", Operation::mod},
 });
 
-constexpr auto many_arguments = std::to_array<Name>({{"min", Operation::minimum}, {"max", Operation::maximum}});
+constexpr auto many_arguments =
+    std::to_array<NamedOperation>({{"min", Operation::minimum}, {"max", Operation::maximum}});
 
 /// By binding, the loosest first; a longer sign stands before one that it begins with.
-constexpr auto comparisons = std::to_array<Name>({
+constexpr auto comparisons = std::to_array<NamedOperation>({
     {"<=", Operation::less_equal},
     {">=", Operation::greater_equal},
     {"==", Operation::equal},
@@ -54,8 +55,8 @@ constexpr auto comparisons = std::to_array<Name>({
     {"<", Operation::less},
     {">", Operation::greater},
 });
-constexpr auto sums = std::to_array<Name>({{"+", Operation::add}, {"-", Operation::subtract}});
-constexpr auto products = std::to_array<Name>({{"*", Operation::multiply}, {"/", Operation::divide}});
+constexpr auto sums = std::to_array<NamedOperation>({{"+", Operation::add}, {"-", Operation::subtract}});
+constexpr auto products = std::to_array<NamedOperation>({{"*", Operation::multiply}, {"/", Operation::divide}});
 
 template <class Names>
 std::optional<Operation> find(const Names& names, std::string_view word) {

@@ -8,7 +8,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr double rounding = 1e-10;
+constexpr double least_other = 1e-10;
 constexpr double distinct = 1e-6;
 
 std::vector<Index> members(unsigned set, Index n) {
@@ -22,9 +22,9 @@ bool solves(const Matrix& M, const Vector& q, const Vector& y) {
   const Vector w = M * y + q, terms = M.cwiseAbs() * y.cwiseAbs() + q.cwiseAbs();
   const double size = y.cwiseAbs().maxCoeff();
   for (Index i = 0; i < y.size(); ++i) {
-    const double zero_w = rounding * std::max(terms[i], 1e-300);
-    if (y[i] < -rounding * size || w[i] < -zero_w) return false;
-    if (y[i] > rounding * size && w[i] > zero_w) return false;
+    const double zero_w = least_other * std::max(terms[i], 1e-300);
+    if (y[i] < -least_other * size || w[i] < -zero_w) return false;
+    if (y[i] > least_other * size && w[i] > zero_w) return false;
   }
   return true;
 }
@@ -35,7 +35,7 @@ std::optional<Vector> along_a_null_vector(const Matrix& M, const Vector& q, cons
   const double size = std::max(y.cwiseAbs().maxCoeff(), 1e-300);
   std::vector<Index> S;
   for (Index i = 0; i < n; ++i)
-    if (y[i] > rounding * size) S.push_back(i);
+    if (y[i] > least_other * size) S.push_back(i);
   if (S.empty()) return std::nullopt;
   const Matrix block = M(S, S);
   Eigen::FullPivLU<Matrix> lu(block);
