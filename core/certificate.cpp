@@ -58,7 +58,8 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   const std::shared_ptr<const StepOperators> operators = state_step(p, rule);
   const StepOperators& step = *operators;
   const DenseRecurrence r = dense_recurrence(*d, step);
-  const RowMatrix input = state_input(p, y), driven = y * d->B.transpose(), x = dense_states(step, p.scene.x0, input);
+  const RowMatrix input = state_input(p, y), driven = y * d->B.transpose(),
+                  x = dense_states(step, p.scene.x0, input, rule == Rule::exponential ? p.defects.get() : nullptr);
   const RowMatrix terms = input * step.right.transpose();
   Magnification result;
   const Vector largest = x.cwiseAbs().colwise().maxCoeff().transpose();

@@ -71,6 +71,7 @@ class Refinement {
     Options one = options_;
     one.tolerance = 0;
     one.steps = J;
+    one.look_inside_every_step = true;
     one.algebraic_share = algebraic_share;
     RowMatrix start;
     if (solved_ && solved_->continuous && 2 * solved_->steps == J) {

@@ -188,6 +188,7 @@ std::unique_ptr<Array> make_response(const DiscreteProblem& p, KernelChoice& cho
     p.backend.upload(kronecker_initial_response(p), *input);
     p.backend.sine_transform(n, rows)->apply(*input, r.get(), *r, 0);  // g + S N e^{At} x0
   }
+  add_rough_response(p, *r);
   if (!p.drive()) return r;
   p.drive()->upload(p.backend, *input);
   choice.kernel->apply(*input, v, 0);
@@ -377,6 +378,7 @@ void solve_by_iteration(const DiscreteProblem& p, const SparseKernel& kernel, co
       "FFT over lag weights; " + kernel.description, kernel.error};
   const auto r = p.backend.array(rows, n);
   p.backend.upload(p.g.table() + kernel.free, *r);
+  add_rough_response(p, *r);
   result.bytes = kernel.bytes;
   iterate_with(p, choice, *r, setup, options, result);
 }

@@ -22,6 +22,12 @@ const char* to_string(Status status) {
   return "unknown";
 }
 
+void warn(Result& result, const std::string& sentence) {
+  if (result.warning.find(sentence) != std::string::npos) return;
+  if (!result.warning.empty()) result.warning += "; ";
+  result.warning += sentence;
+}
+
 double ErrorEstimate::total() const {
   return discretisation + (std::isnan(kernel) ? 0 : kernel) + iteration + rounding;
 }

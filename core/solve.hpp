@@ -48,6 +48,8 @@ struct Options {
   StateSelection states = StateSelection::none;
   std::vector<Index> components = {};  ///< with StateSelection::list
   bool trace = false;                  ///< record N x
+  /// Sources are looked at inside every step, and not inside some: error control does.
+  bool look_inside_every_step = false;
   /// Method galerkin: solved again with nodes at the switches of the active sets (core/galerkin_location.hpp).
   bool event_location = false;
   ConvolutionChoice convolution = ConvolutionChoice::automatic;

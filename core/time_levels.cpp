@@ -189,6 +189,7 @@ DiscreteProblem on_grid(const DiscreteProblem& p, Index steps) {
   coarse.t = p.t(Eigen::seqN(0, steps + 1, ratio));
   coarse.g = p.g.rows(0, steps + 1, ratio);
   if (p.f.size() > 0) coarse.f = p.f.rows(0, steps + 1, ratio);
+  if (p.defects) resolve_sources(coarse, false);
   return coarse;
 }
 
@@ -308,10 +309,9 @@ TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, con
     levels.description += (l > 0 ? ", " : "") + std::to_string(level.steps);
   }
   levels.description += swept ? " steps" : " steps, the last marched";
-  if (sparse)
-    p.backend.upload(p.g.table() + sparse->free, *levels[0].r);
-  else
-    levels[0].r = make_response(p, finest, *levels[0].v);
+  if (sparse) p.backend.upload(p.g.table() + sparse->free, *levels[0].r);
+  add_rough_response(p, *levels[0].r);
+  else levels[0].r = make_response(p, finest, *levels[0].v);
   levels[0].kernel = std::move(finest.kernel);
   std::vector<TimeLevel*> grids;
   for (const auto& level : levels.grids) grids.push_back(level.get());
