@@ -49,7 +49,7 @@ struct DiscreteProblem {
   std::shared_ptr<KeptStep> exponential_step = std::make_shared<KeptStep>();  ///< of this h, see state_step
   std::shared_ptr<const SourceSteps> sources = {};                            ///< null where no step is rough
   std::shared_ptr<const StepDefects> defects = {};  ///< of f on those, dense dynamics and the exponential rule
-  /// Kronecker sums and sparse dynamics, (J+1) x n: the same as N x at all time points, what r leaves out; null:
+  /// Kronecker sums, (J+1) x n: the same as N x at all time points, what r leaves out; null:
   /// nothing.
   std::shared_ptr<const RowMatrix> rough_response = {};
 

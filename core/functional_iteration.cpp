@@ -378,7 +378,6 @@ void solve_by_iteration(const DiscreteProblem& p, const SparseKernel& kernel, co
       "FFT over lag weights; " + kernel.description, kernel.error};
   const auto r = p.backend.array(rows, n);
   p.backend.upload(p.g.table() + kernel.free, *r);
-  add_rough_response(p, *r);
   result.bytes = kernel.bytes;
   iterate_with(p, choice, *r, setup, options, result);
 }

@@ -222,9 +222,7 @@ void solve_by_marching(const DiscreteProblem& p, const SparseKernel& kernel, con
   Timer timer;
   Marching marching(p, options);
   marching.problem.lags = &kernel.weights;
-  Array* const r = marching.array(RowMatrix(p.g.table() + kernel.free));
-  add_rough_response(p, *r);
-  marching.problem.r = r;
+  marching.problem.r = marching.array(RowMatrix(p.g.table() + kernel.free));
   result.kernel = "lag weights, summed in blocks of time; " + kernel.description;
   result.kernel_error = kernel.error;
   marching.run(timer, false, result);

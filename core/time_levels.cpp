@@ -309,9 +309,10 @@ TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, con
     levels.description += (l > 0 ? ", " : "") + std::to_string(level.steps);
   }
   levels.description += swept ? " steps" : " steps, the last marched";
-  if (sparse) p.backend.upload(p.g.table() + sparse->free, *levels[0].r);
-  add_rough_response(p, *levels[0].r);
-  else levels[0].r = make_response(p, finest, *levels[0].v);
+  if (sparse)
+    p.backend.upload(p.g.table() + sparse->free, *levels[0].r);
+  else
+    levels[0].r = make_response(p, finest, *levels[0].v);
   levels[0].kernel = std::move(finest.kernel);
   std::vector<TimeLevel*> grids;
   for (const auto& level : levels.grids) grids.push_back(level.get());
