@@ -15,6 +15,7 @@ constexpr double linear_enough = 0.1;  ///< the same for g in a part of a rough 
 constexpr double polynomial_enough = 1e-6, most_polynomial = 2e-2;  ///< the same for f in a piece
 constexpr double smallest_part = 0x1p-36;                           ///< of a step: shorter, it is a jump
 constexpr Index most_declared_parts = 64;  ///< of a step; more breakpoints than that fall into equal parts
+constexpr Index most_numbers = 16000000;   ///< that pieces of f may hold
 constexpr Index most_leaves = 1024;        ///< of a step, for each source
 constexpr std::array<double, 3> gauss{0.1127016653792583, 0.5, 0.8872983346207417};
 constexpr std::array<double, 2> inside{0.3819660112501051, 0.7320508075688772};  ///< irregular places of checks
@@ -31,11 +32,17 @@ struct Inspected {
     scale = scale.cwiseMax(1e-12 * (scale.size() > 0 ? scale.maxCoeff() : 0)).cwiseMax(1e-290);
   }
 
-  // |u - v| relative to the largest values of each component.
+  // A value between the samples: those of a source that is faster than the grid may all be small.
+  void inside(double t, Vector& v) {
+    source.value(t, v);
+    scale = scale.cwiseMax(v.cwiseAbs());
+  }
+
+  // |u - v| relative to the largest values of each component, u among them.
   double apart(const Vector& u, const Vector& v) const {
     double most = 0;
     for (Index i = 0; i < u.size(); ++i)
-      most = std::max(most, std::abs(u[i] - v[i]) / std::max({scale[i], std::abs(u[i]), std::abs(v[i])}));
+      most = std::max(most, std::abs(u[i] - v[i]) / std::max(scale[i], std::abs(v[i])));
     return most;
   }
 
@@ -54,7 +61,7 @@ class Inspection {
         resolution_(rounding_of_places * std::max(std::abs(t[0]), std::abs(t[J_]))),
         f_(scene.f, scene.sources(), f, resolution_),
         g_(scene.g, scene.constraints(), g, resolution_),
-        budget_(64 * J_ + 50000) {
+        budget_(20000 + std::min(most_leaves * J_, most_numbers / (16 + f.values().cols()))) {
     found_.resolution = resolution_;
   }
 
@@ -127,9 +134,9 @@ class Inspection {
   bool misses(Index j, double part) {
     if (any_rough_ && rough_[std::size_t(j)]) return false;
     bool off = false;
-    for (const Inspected* s : {&f_, &g_}) {
+    for (Inspected* s : {&f_, &g_}) {
       if (!s->given) continue;
-      s->source.value(t_[j - 1] + part * (t_[j] - t_[j - 1]), value_);
+      s->inside(t_[j - 1] + part * (t_[j] - t_[j - 1]), value_);
       line_ = (1 - part) * s->values.row(j - 1).transpose() + part * s->values.row(j).transpose();
       const double apart = s->apart(value_, line_);
       if (!(apart > strong)) continue;
@@ -188,7 +195,7 @@ class Inspection {
   void halve(double a, const Vector& ga, double b, const Vector& gb, std::vector<double>& ends) {
     double apart = 0;
     for (const double part : inside) {
-      g_.source.value(a + part * (b - a), value_);
+      g_.inside(a + part * (b - a), value_);
       line_ = (1 - part) * ga + part * gb;
       apart = std::max(apart, g_.apart(value_, line_));
     }
@@ -223,7 +230,7 @@ class Inspection {
     const double d = b - a;
     SourcePiece piece{a, d, {}};
     std::array<Vector, 3> v;
-    for (std::size_t i = 0; i < 3; ++i) f_.source.value(a + gauss[i] * d, v[i]);
+    for (std::size_t i = 0; i < 3; ++i) f_.inside(a + gauss[i] * d, v[i]);
     // Divided differences at the Gauss points, then powers of sigma.
     const Vector d01 = (v[1] - v[0]) / (gauss[1] - gauss[0]), d12 = (v[2] - v[1]) / (gauss[2] - gauss[1]),
                  bend = (d12 - d01) / (gauss[2] - gauss[0]);
@@ -231,7 +238,7 @@ class Inspection {
     piece.phi << v[0] - gauss[0] * d01 + gauss[0] * gauss[1] * bend, d01 - (gauss[0] + gauss[1]) * bend, bend;
     double apart = 0;
     for (const double part : between_gauss) {
-      f_.source.value(a + part * d, value_);
+      f_.inside(a + part * d, value_);
       line_ = piece.phi * Eigen::Vector3d(1, part, part * part);
       apart = std::max(apart, f_.apart(value_, line_));
     }
