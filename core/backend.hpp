@@ -157,6 +157,7 @@ struct StageProblem {
   LcpClass lcp_class = LcpClass::unknown;
   Index stages = 2;               ///< 2 or 1
   double h = 0;                   ///< step
+  std::vector<double> lengths;    ///< of the step to row j, at j - 1; empty: all are h
   Vector x0;                      ///< m
   const Array* g = nullptr;       ///< (J+1) x (stages n): row j holds g at the stages of the step to t_j; row 0 is g(0)
   const Array* phi = nullptr;     ///< (J+1) x (stages k): the same of phi with f = F phi; or null

@@ -63,7 +63,8 @@ void Certification::certify(Method method, Result& result) {
   if (const Index j = continuous && result.alternates.value_or(true) ? ringing_from(result.y) : -1; j >= 0)
     return demote(result,
                   text("y alternates between time points from t = %.6g on; use more steps or method euler", p.t[j]));
-  const RowMatrix recorded = continuous || method == Method::euler ? RowMatrix() : methods_.all_states(method, result);
+  const bool from_y = (continuous && !result.defects) || method == Method::euler;
+  const RowMatrix recorded = from_y ? RowMatrix() : methods_.all_states(method, result);
   const Magnification m = magnification(p, continuous ? Rule::exponential : Rule::implicit_euler, result.y, recorded);
   result.magnification = m.growth;
   result.rounding = std::isnan(m.rounding) ? 0 : m.rounding;

@@ -18,11 +18,13 @@ bool grows_harmlessly(const Matrix& A, double T) {
 }
 
 // Up to the first row of y that is not valid.
-StatesOfY closed_states(const DiscreteProblem& p, const StepOperators& step, const RowMatrix& y) {
+StatesOfY closed_states(const DiscreteProblem& p, const StepOperators& step, const RowMatrix& y,
+                        const StepDefects* defects) {
   const DenseDynamics& d = *p.dense();
   const Index m = p.scene.states(), n = p.scene.constraints();
   const RowMatrix f = state_input(p, RowMatrix::Zero(p.J + 1, n)), g = p.g.table();
-  const RowMatrix forced = f * step.right.transpose();
+  RowMatrix forced = f * step.right.transpose();
+  if (defects) defects->add_to(forced);
   const Matrix left = step.left * d.B, right = step.right * d.B, implicit = to_dense(p.scene.M) + d.N * right;
   ActiveResponse response(implicit);
   StatesOfY states{RowMatrix::Constant(p.J + 1, m, NAN), 0};
@@ -89,11 +91,12 @@ double free_growth(const DiscreteProblem& p, const StepOperators& step) {
   }
 }
 
-StatesOfY states_of(const DiscreteProblem& p, Rule rule, const RowMatrix& y) {
+StatesOfY states_of(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const StepDefects* defects) {
   const std::shared_ptr<const StepOperators> step = state_step(p, rule);
   if (p.scene.constraints() == 0 || free_growth(p, *step) <= harmless_growth)
-    return {dense_states(*step, p.scene.x0, state_input(p, y)), 0};
-  return closed_states(p, *step, y);
+    return {states_from(p, rule, y, defects), 0};
+  if (!defects && rule == Rule::exponential) defects = p.defects.get();
+  return closed_states(p, *step, y, defects);
 }
 
 }  // namespace bromwich

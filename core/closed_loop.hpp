@@ -45,7 +45,7 @@ struct StatesOfY {
   double correction = 0;  ///< largest delta relative to the largest y; 0 where y gave the state directly
 };
 
-/// Dense dynamics, y of the recurrence of the rule.
-StatesOfY states_of(const DiscreteProblem&, Rule, const RowMatrix& y);
+/// Dense dynamics, y of the recurrence of the rule; with the defects given, or else those of the problem.
+StatesOfY states_of(const DiscreteProblem&, Rule, const RowMatrix& y, const StepDefects* = nullptr);
 
 }  // namespace bromwich

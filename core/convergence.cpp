@@ -74,7 +74,7 @@ Convergence::Convergence(const Scene& scene, const Result& first, ComponentSizes
       components_(std::size_t(first.x.cols()), x_),
       scene_(scene),
       sizes_(std::move(sizes)),
-      may_jump_(!first.continuous || first.method == to_string(Method::euler)) {}
+      may_jump_(!first.continuous || first.method == to_string(Method::euler) || first.jumps_inside) {}
 
 void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   const Distance d = distance(coarse, 1, fine, 2, sizes_);

@@ -47,6 +47,9 @@ Vector carried(const Scene& scene, Backend& backend, const RowMatrix& y, const V
   for (auto source : {&Scene::f, &Scene::g})
     if (scene.*source)
       rest.*source = [given = scene.*source, t](double r, Eigen::Ref<Vector> value) { given(t + r, value); };
+  rest.breakpoints.clear();
+  for (const double b : scene.breakpoints)
+    if (b - t > 0 && b - t < s) rest.breakpoints.push_back(b - t);
   RowMatrix ends(2, y.cols());
   ends << y.row(at.row), y_at(y, at).transpose();
   return states_at_rows(discretise(rest, backend, 1), ends, {1}).col(0);

@@ -3,6 +3,7 @@
 
 #include "compression.hpp"
 #include "response.hpp"
+#include "source_steps.hpp"
 #include "spectrum.hpp"
 
 #include <memory>
@@ -25,6 +26,15 @@ class KeptStep {
   std::shared_ptr<const StepOperators> step_;
 };
 
+/// What single steps add to x_j beyond the rule with sources and y that are linear between points of the grid.
+struct StepDefects {
+  std::vector<Index> steps;  ///< increasing
+  RowMatrix values;          ///< a row in R^m for each
+
+  /// Rows of `x`, one a time point, before the steps are summed up.
+  void add_to(RowMatrix& x) const;
+};
+
 struct DiscreteProblem {
   const Scene& scene;
   Backend& backend;
@@ -37,6 +47,11 @@ struct DiscreteProblem {
   Vector start;     ///< n: N x0 + g(0), the q of y_0
   std::vector<Index> components = {};  ///< of the state, to be recorded by methods that pass through it
   std::shared_ptr<KeptStep> exponential_step = std::make_shared<KeptStep>();  ///< of this h, see state_step
+  std::shared_ptr<const SourceSteps> sources = {};                            ///< null where no step is rough
+  std::shared_ptr<const StepDefects> defects = {};  ///< of f on those, dense dynamics and the exponential rule
+  /// Kronecker sums, (J+1) x n: the same as N x at all time points, what r leaves out; null:
+  /// nothing.
+  std::shared_ptr<const RowMatrix> rough_response = {};
 
   const KroneckerDynamics* kronecker() const { return std::get_if<KroneckerDynamics>(&scene.dynamics); }
   const DenseDynamics* dense() const { return std::get_if<DenseDynamics>(&scene.dynamics); }
@@ -48,14 +63,26 @@ struct DiscreteProblem {
 /// Bytes of the tables on the host: sources and y.
 std::size_t host_bytes(const DiscreteProblem&);
 
-/// Samples the sources.
-DiscreteProblem discretise(const Scene&, Backend&, Index J);
+/// Samples the sources. `every_step`: looks inside every step whether they are linear there.
+DiscreteProblem discretise(const Scene&, Backend&, Index J, bool every_step = false);
+
+/// Finds the rough steps of a problem whose sources are sampled, and what they do.
+void resolve_sources(DiscreteProblem&, bool every_step);
+
+/// The problem of implicit Euler, which takes f by its mean over each rough step.
+DiscreteProblem with_mean_sources(const DiscreteProblem&);
+
+/// r <- r + rough_response, where there is one.
+void add_rough_response(const DiscreteProblem&, Array& r);
 
 /// One step of the dense state; the exponential one takes some twenty products of m x m matrices and is made once.
 std::shared_ptr<const StepOperators> state_step(const DiscreteProblem&, Rule);
 
 /// F with f_j = F phi_j, the samples p.f: m x their number (dense dynamics).
 Matrix source_matrix(const DiscreteProblem&);
+
+/// x_j from y, all states (dense dynamics): with the defects given, or else those of the problem.
+RowMatrix states_from(const DiscreteProblem&, Rule, const RowMatrix& y, const StepDefects* = nullptr);
 
 /// B y_j + f_j as rows in R^m (dense dynamics).
 RowMatrix state_input(const DiscreteProblem&, const RowMatrix& y);

@@ -114,9 +114,11 @@ class Refinement {
     Options one = options_;
     one.tolerance = one.tolerance_x = one.tolerance_y = one.absolute_tolerance = 0;
     one.steps = J;
+    one.look_inside_every_step = true;
     one.algebraic_share = algebraic_share;
     one.fall_back_to_euler = false;
     one.compares_grids = true;
+    one.look_inside_every_step = true;
     RowMatrix start;
     if (solved_ && solved_->continuous && 2 * solved_->steps == J) {
       start = refined(solved_->y);
@@ -217,7 +219,7 @@ class Refinement {
 
   // Whether the estimates can be relied on.
   bool judged() const {
-    if (unchecked_ || !solved_->error_estimate) return false;
+    if (unchecked_ || !solved_->error_estimate || solved_->unresolved_sources > goal_.smallest()) return false;
     if (goal_.y > 0 && !convergence_->can_be_judged()) return false;
     const GridDifferences& x = convergence_->states();
     return !controls_states() || (x.confirmed() && !x.changes_abruptly());

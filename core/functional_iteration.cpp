@@ -188,6 +188,7 @@ std::unique_ptr<Array> make_response(const DiscreteProblem& p, KernelChoice& cho
     p.backend.upload(kronecker_initial_response(p), *input);
     p.backend.sine_transform(n, rows)->apply(*input, r.get(), *r, 0);  // g + S N e^{At} x0
   }
+  add_rough_response(p, *r);
   if (!p.drive()) return r;
   p.drive()->upload(p.backend, *input);
   choice.kernel->apply(*input, v, 0);

@@ -109,9 +109,11 @@ RowMatrix literal_response(const DiscreteProblem& p, const LiteralKernel& kernel
     r += part;
   } else {
     const DenseDynamics& d = *p.dense();
-    r += dense_states(d.A, Rule::exponential, p.h, p.scene.x0, RowMatrix::Zero(rows, p.scene.states())) *
+    r += dense_states(step_operators(d.A, Rule::exponential, p.h), p.scene.x0, RowMatrix::Zero(rows, p.scene.states()),
+                      p.defects.get()) *
          d.N.transpose();
   }
+  if (p.rough_response) r += *p.rough_response;
   if (const SampledSource* phi = p.drive()) {
     phi->upload(p.backend, *in);
     kernel.apply(*in, *out);

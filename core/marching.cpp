@@ -205,6 +205,7 @@ void solve_by_marching(const DiscreteProblem& p, Rule rule, const Options& optio
   marching.problem.recurrence = &plan.recurrence;
   Array* const r = marching.array(plan.r);
   p.backend.upload(p.start.transpose(), *r);  // row 0
+  add_rough_response(p, *r);
   marching.problem.r = r;
   if (p.kronecker() && p.drive()) marching.problem.drive = marching.array(*p.drive());
   if (plan.forcing.size() > 0) {

@@ -4,11 +4,14 @@
 #include "core/literal.hpp"
 #include "core/marching.hpp"
 #include "core/multigrid.hpp"
+#include "core/split_march.hpp"
 #include "core/stage_marching.hpp"
 #include "core/states.hpp"
+#include "core/text.hpp"
 #include "core/timer.hpp"
 #include "core/windows.hpp"
 
+#include <algorithm>
 #include <numeric>
 
 namespace bromwich {
@@ -22,9 +25,11 @@ void refuse_spectrum(Result& result) {
 
 }  // namespace
 
-Methods::Methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components)
-    : problem_(discretise(scene, backend, J)) {
+Methods::Methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
+                 bool look_inside_every_step)
+    : problem_(discretise(scene, backend, J, look_inside_every_step)) {
   problem_.components = components;
+  if (problem_.sources) averaged_.emplace(with_mean_sources(problem_));
 }
 
 const SparseKernel* Methods::kernel() {
@@ -68,13 +73,14 @@ void Methods::run(Method method, const Options& options, Result& result) {
       if (problem_.sparse())
         step_in_stages(1, options, result);
       else
-        solve_by_marching(problem_, Rule::implicit_euler, options, result);
+        solve_by_marching(of(method), Rule::implicit_euler, options, result);
       break;
     default:
       march(options, result);
       break;
   }
   record_states(method, result);
+  report_sources(result);
 }
 
 void Methods::march(const Options& options, Result& result) {
@@ -82,6 +88,8 @@ void Methods::march(const Options& options, Result& result) {
   if (basis().rings || (!basis().continuous && !problem_.sparse())) {
     step_in_stages(2, options, result);
     result.kernel += "; " + basis().reason;
+  } else if (problem_.dense() && problem_.sources) {
+    solve_by_split_marching(problem_, options, result);
   } else if (!problem_.sparse()) {
     solve_by_marching(problem_, Rule::exponential, options, result);
   } else if (const SparseKernel* k = kernel()) {
@@ -110,7 +118,7 @@ RowMatrix Methods::all_states(Method method, const Result& result) const {
   std::vector<Index> all(std::size_t(problem_.scene.states()));
   std::iota(all.begin(), all.end(), Index(0));
   const Rule rule = method == Method::euler ? Rule::implicit_euler : Rule::exponential;
-  return state_components(problem_, rule, result.y, all);
+  return state_components(of(method), rule, result.y, all, result.defects.get());
 }
 
 void Methods::iterate(const Options& options, Result& result) {
@@ -137,11 +145,35 @@ void Methods::record_states(Method method, Result& result) {
   if (result.x.rows() == rows && result.x.cols() == c) return;
   const Rule rule = method == Method::euler ? Rule::implicit_euler : Rule::exponential;
   if (!problem_.sparse())
-    result.x = state_components(problem_, rule, result.y, problem_.components);
+    result.x = state_components(of(method), rule, result.y, problem_.components, result.defects.get());
   else if (kernel_ && *kernel_)
     result.x = sparse_states(problem_, **kernel_, result.y);
   else
     result.x = RowMatrix::Constant(rows, c, NAN);
+}
+
+const DiscreteProblem& Methods::of(Method method) const {
+  return method == Method::euler && averaged_ ? *averaged_ : problem_;
+}
+
+// What is not resolved between points of the grid, and for whom.
+void Methods::report_sources(Result& result) const {
+  if (!problem_.sources) return;
+  const SourceSteps& s = *problem_.sources;
+  const bool parts = result.defects != nullptr;
+  result.jumps_inside = s.jumps_of_g && !parts;
+  result.unresolved_sources = std::max(s.disagreement, parts ? 0 : s.disagreement_of_g);
+  if (result.status != Status::solved) return;
+  if (s.unresolved > 0)
+    add_warning(result,
+                text("f or g changes too fast inside %ld of %ld steps (first seen around t = %.6g): use more steps",
+                     long(s.unresolved), long(problem_.J), s.time));
+  else if (result.unresolved_sources > 0)
+    add_warning(result, text("g changes too fast inside steps, by up to %.0f %% of its size: use more steps, or method "
+                             "march, which takes such steps in parts",
+                             100 * result.unresolved_sources));
+  else if (result.jumps_inside)
+    add_warning(result, "g jumps inside steps, where this method has order 1: method march takes such steps in parts");
 }
 
 }  // namespace bromwich

@@ -13,7 +13,7 @@ namespace bromwich {
 /// A scene on a grid with what its methods share, made when first asked for.
 class Methods {
  public:
-  Methods(const Scene&, Backend&, Index J, const std::vector<Index>& components);
+  Methods(const Scene&, Backend&, Index J, const std::vector<Index>& components, bool look_inside_every_step = false);
 
   /// Fills everything of `result` but times of the whole, states included.
   void run(Method, const Options&, Result& result);
@@ -31,10 +31,13 @@ class Methods {
   void step_in_stages(Index stages, const Options&, Result&);
   void iterate(const Options&, Result&);
   void cycle(const Options&, Result&);
+  void report_sources(Result&) const;
+  const DiscreteProblem& of(Method) const;
   void record_states(Method, Result&);
   const SparseKernel* kernel();
 
   DiscreteProblem problem_;
+  std::optional<DiscreteProblem> averaged_;  ///< of implicit Euler, where steps are rough
   std::optional<BasisChoice> basis_;
   std::optional<std::optional<SparseKernel>> kernel_;
   RowMatrix stage_states_;  ///< all states of the last run in stages, where there are few

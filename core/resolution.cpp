@@ -98,8 +98,7 @@ std::optional<Mode> unresolved_oscillation(const DiscreteProblem& p, const RowMa
                                            double (*damping)(Complex z)) {
   return fastest(p, y, x, 0.1, [damping](Complex z, Index steps) {
     constexpr double third = 0.4;  // log(3/2)
-    return std::abs(z.real()) < 0.1 * std::abs(z.imag()) &&
-           double(steps) * std::abs(damping(z) - z.real()) > third;
+    return std::abs(z.real()) < 0.1 * std::abs(z.imag()) && double(steps) * std::abs(damping(z) - z.real()) > third;
   });
 }
 

@@ -1,5 +1,7 @@
 #include "core/response.hpp"
 
+#include "core/discrete_problem.hpp"
+
 #include <cmath>
 #include <numbers>
 
@@ -55,10 +57,11 @@ RowMatrix x0_in_modes(Backend& backend, const KroneckerDynamics& d, const Vector
   return both ? row_modes(backend, modes) : modes;
 }
 
-RowMatrix dense_states(const StepOperators& step, const Vector& x0, const RowMatrix& u) {
+RowMatrix dense_states(const StepOperators& step, const Vector& x0, const RowMatrix& u, const StepDefects* defects) {
   // Time-major products first, so that the sequential part is one small matrix-vector product a step.
   RowMatrix x = u * step.right.transpose();
   x.bottomRows(x.rows() - 1) += u.topRows(u.rows() - 1) * step.left.transpose();
+  if (defects) defects->add_to(x);
   x.row(0) = x0.transpose();
   for (Index j = 1; j < x.rows(); ++j) x.row(j).transpose().noalias() += step.decay * x.row(j - 1).transpose();
   return x;

@@ -6,6 +6,8 @@
 
 namespace bromwich {
 
+struct StepDefects;  // core/discrete_problem.hpp
+
 /// t_j = j T/J, j = 0..J.
 Vector time_grid(double T, Index J);
 
@@ -22,8 +24,8 @@ RowMatrix row_modes(Backend&, const RowMatrix& rows);
 RowMatrix x0_in_modes(Backend&, const KroneckerDynamics&, const Vector& x0, bool both);
 
 /// x_j of x' = A x + u with u piecewise linear on the grid (exponential) or sampled at the right ends (Euler), for
-/// given inputs u_j = B y_j + f_j in R^m: (J+1) x m, row 0 = x0.
-RowMatrix dense_states(const StepOperators&, const Vector& x0, const RowMatrix& u);
+/// given inputs u_j = B y_j + f_j in R^m and what single steps add: (J+1) x m, row 0 = x0.
+RowMatrix dense_states(const StepOperators&, const Vector& x0, const RowMatrix& u, const StepDefects* = nullptr);
 RowMatrix dense_states(const Matrix& A, Rule, double h, const Vector& x0, const RowMatrix& u);
 
 }  // namespace bromwich

@@ -22,12 +22,14 @@ const char* to_string(Status status) {
   return "unknown";
 }
 
-double ErrorEstimate::total() const {
-  return discretisation + (std::isnan(kernel) ? 0 : kernel) + iteration + rounding;
+void add_warning(Result& result, const std::string& sentence) {
+  if (result.warning.find(sentence) != std::string::npos) return;
+  if (!result.warning.empty()) result.warning += "; ";
+  result.warning += sentence;
 }
 
-void add_warning(Result& result, const std::string& words) {
-  result.warning += (result.warning.empty() ? "" : "; ") + words;
+double ErrorEstimate::total() const {
+  return discretisation + (std::isnan(kernel) ? 0 : kernel) + iteration + rounding;
 }
 
 Seconds operator+(const Seconds& a, const Seconds& b) {

@@ -40,7 +40,8 @@ struct ErrorEstimate {
   double total() const;  ///< of y: the sum of its parts, a kernel error that is not known left out
 };
 
-struct GoalReport;  // core/goal.hpp
+struct GoalReport;   // core/goal.hpp
+struct StepDefects;  // core/discrete_problem.hpp
 
 struct Result {
   Status status = Status::unsupported;
@@ -82,6 +83,13 @@ struct Result {
   double rounding = 0;       ///< of the state, relative
   double rounding_of_y = 0;  ///< of y, not relative
 
+  /// How far f and g are, at most, from what is taken for them between points of the grid, relative to the largest
+  /// value of a component; 0: resolved, as far as they were looked at.
+  double unresolved_sources = 0;
+  bool jumps_inside = false;  ///< g jumps and the method takes no step in parts: y has order 1 around those times
+  /// Steps that were taken in parts, for states computed afterwards; null where none was.
+  std::shared_ptr<const StepDefects> defects;
+
   std::shared_ptr<const GoalReport> goal;  ///< of method goal: quantity, estimates and energies; null otherwise
 
   std::string method, backend;
@@ -95,7 +103,7 @@ struct Result {
   std::size_t bytes_predicted = 0;
 };
 
-/// One more sentence for Result::warning.
-void add_warning(Result&, const std::string& words);
+/// One more sentence of Result::warning; nothing where it is said already.
+void add_warning(Result&, const std::string& sentence);
 
 }  // namespace bromwich

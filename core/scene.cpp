@@ -118,6 +118,18 @@ void validate_free_rows(const std::vector<Index>& rows, Index n) {
   }
 }
 
+void validate_breakpoints(const std::vector<double>& times, double T) {
+  double before = -1;
+  for (const double t : times) {
+    if (!(t >= 0) || !(t <= T))
+      throw Error("breakpoints", "found " + text("%.17g", t), "give times from 0 to T = " + text("%.17g", T));
+    if (!(t > before))
+      throw Error("breakpoints", text("found %.17g after %.17g", t, before),
+                  "give each time once, in increasing order");
+    before = t;
+  }
+}
+
 void validate(const Matrix& M, Index n) {
   require_shape("M", M, n, n, "constraints x constraints");
   require_finite("M", M);
@@ -295,6 +307,7 @@ void Scene::validate() const {
   require_finite("x0", x0);
   validate_free_rows(free_rows, n);
   require_positive("T", T);
+  validate_breakpoints(breakpoints, T);
   if (default_steps < 1) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");
   if (f_entry == SourceEntry::through_F) {
     if (F.rows() != m)

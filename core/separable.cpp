@@ -50,6 +50,11 @@ Index SampledSource::not_finite() const {
   return -1;
 }
 
+void SampledSource::replace(Index j, const Vector& value) {
+  if (factored()) table_.resize(0, 0);
+  (factored() ? amplitudes_ : table_).row(j) = value.transpose();
+}
+
 const RowMatrix& SampledSource::table() const {
   if (factored() && table_.size() == 0) table_.noalias() = amplitudes_ * shapes_.transpose();
   return table_;

@@ -42,6 +42,12 @@ class SampledSource {
   /// The first row with a value that is not finite, or -1.
   Index not_finite() const;
 
+  /// What was sampled: the rows themselves, or those of a with V in `shapes` (empty otherwise).
+  const RowMatrix& values() const { return factored() ? amplitudes_ : table_; }
+  const Matrix& shapes() const { return shapes_; }
+  /// The same with another row of `values`.
+  void replace(Index j, const Vector& value);
+
   /// All rows, written out when they are first asked for, on the host. Not by several threads at once.
   const RowMatrix& table() const;
   /// To the first rows of an array of this width.

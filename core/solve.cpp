@@ -291,7 +291,7 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
                 "give one row per time point and one column per constraint");
   const std::vector<Index> components = recorded_components(scene, options);
   const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device());
-  Methods methods(scene, backend, J, components);
+  Methods methods(scene, backend, J, components, options.look_inside_every_step);
   const DiscreteProblem& p = methods.problem();
   const bool finite = finite_sources(p, result);
   result.seconds.setup = Timer(total).lap();
@@ -341,7 +341,7 @@ Matrix states_at(const Scene& scene, Backend& backend, const Result& result, con
   }
   if (!result.y.topRows(last + 1).allFinite())
     throw Error("rows", "the result is not valid up to row " + std::to_string(last), "ask for earlier rows");
-  return states_at_rows(discretise(scene, backend, result.steps), result.y, rows);
+  return states_at_rows(discretise(scene, backend, result.steps), result.y, rows, result.defects.get());
 }
 
 }  // namespace bromwich

@@ -59,6 +59,8 @@ struct Options {
   /// Method automatic may end with implicit Euler, of first order, where no method of second order takes a step.
   bool fall_back_to_euler = true;
   bool trace = false;  ///< record N x
+  /// Sources are looked at inside every step, and not inside some: error control does.
+  bool look_inside_every_step = false;
   /// Method galerkin: solved again with nodes at the switches of the active sets (core/galerkin_location.hpp).
   bool event_location = false;
   ConvolutionChoice convolution = ConvolutionChoice::automatic;

@@ -8,6 +8,7 @@
 
 #include "core/elimination.hpp"
 #include "core/error.hpp"
+#include "core/rough_response.hpp"
 #include "core/text.hpp"
 
 #include <algorithm>
@@ -259,6 +260,7 @@ RowMatrix free_part(const DiscreteProblem& p, const Rows& table, const Wide& wid
   p.backend.convolution(response, p.J + 1)->apply(*phi, *answer, 0);
   RowMatrix v;
   p.backend.download(*answer, v);
+  if (p.sources) v += rough_response(p, response);
   return free + v;
 }
 

@@ -1,29 +1,129 @@
 #include "core/stage_marching.hpp"
 
+#include "core/lcp/active_set_lcp.hpp"
 #include "core/march_outcome.hpp"
+#include "core/rough_response.hpp"
+#include "core/text.hpp"
 #include "core/timer.hpp"
 
-#include <array>
 #include <cmath>
+#include <numeric>
+#include <optional>
+#include <set>
 
 namespace bromwich {
 
 namespace {
 
 constexpr double first_node = 1.0 / 3;  ///< c_1 of Radau IIA; the last node is the end of the step
+constexpr double same_value = 1e-9;     ///< of the largest: values of g that differ by less
 
-// g or phi at the stages of every step: row j belongs to the step to t_j, row 0 holds the value at 0 in all stages.
-RowMatrix sample_stages(const DiscreteProblem& p, const TimeFunction& function, const RowMatrix& at_nodes,
-                        Index stages) {
-  const Index width = at_nodes.cols();
-  RowMatrix values(p.J + 1, stages * width);
-  values.rightCols(width) = at_nodes;
+// The steps of a march in stages: those of the grid, and in place of rough ones their parts.
+struct StageGrid {
+  Vector t;                     ///< where each ends, t[0] = 0
+  std::vector<double> lengths;  ///< of the step to row j, at j - 1; empty where no step is rough
+  std::vector<Index> step;      ///< of the grid, that row j belongs to
+  std::vector<Index> at;        ///< the row of each point of the grid
+};
+
+constexpr std::size_t most_sparse_lengths = 32;  ///< a sparse factorization each
+
+StageGrid whole_steps(const DiscreteProblem& p) {
+  StageGrid grid{p.t, {}, std::vector<Index>(std::size_t(p.J) + 1), {}};
+  std::iota(grid.step.begin(), grid.step.end(), Index(0));
+  grid.at = grid.step;
+  return grid;
+}
+
+StageGrid steps_in_parts(const DiscreteProblem& p) {
+  StageGrid grid{{}, {}, {0}, {0}};
+  std::vector<double> t{p.t[0]};
+  for (Index j = 1; j <= p.J; ++j) {
+    const RoughStep* rough = p.sources->at(j);
+    for (std::size_t k = 0; k < (rough ? rough->ends.size() : 1); ++k) {
+      const bool whole = !rough || rough->ends.size() == 1;
+      const double end = whole ? p.t[j] : rough->ends[k];
+      grid.lengths.push_back(whole ? p.h : end - t.back());
+      t.push_back(end);
+      grid.step.push_back(j);
+    }
+    grid.at.push_back(Index(t.size()) - 1);
+  }
+  grid.t = Eigen::Map<const Vector>(t.data(), Index(t.size()));
+  return grid;
+}
+
+StageGrid make_grid(const DiscreteProblem& p, Index stages) {
+  if (!p.sources || stages == 1) return whole_steps(p);
+  StageGrid grid = steps_in_parts(p);
+  if (p.dense()) return grid;
+  std::set<double> different(grid.lengths.begin(), grid.lengths.end());
+  return different.size() <= most_sparse_lengths ? grid : whole_steps(p);
+}
+
+// g or phi at the stages of every step: row j belongs to the step that ends with row j, row 0 holds the value at 0 in
+// all stages.
+RowMatrix sample_stages(const DiscreteProblem& p, const StageGrid& grid, const TimeFunction& function,
+                        const RowMatrix& at_nodes, Index stages) {
+  const Index width = at_nodes.cols(), rows = grid.t.size();
+  RowMatrix values(rows, stages * width);
+  for (Index j = 0; j < rows; ++j) values.row(j).tail(width) = at_nodes.row(grid.step[std::size_t(j)]);
   if (stages == 1) return values;
-  Vector inner(p.J + 1);
+  Vector inner(rows);
   inner[0] = 0;
-  for (Index j = 1; j <= p.J; ++j) inner[j] = p.t[j - 1] + first_node * p.h;
+  for (Index j = 1; j < rows; ++j)
+    inner[j] = grid.t[j - 1] + first_node * (grid.lengths.empty() ? p.h : grid.lengths[std::size_t(j) - 1]);
   values.leftCols(width) = sample(function, inner, width).table();
   return values;
+}
+
+// Where steps are taken in parts g has its limit from the left at the end of each. At a point of the grid that is so
+// where M determines y, which then gets the value of the function there; elsewhere the state itself has to follow it.
+void take_limits(const DiscreteProblem& p, const StageGrid& grid, bool at_points, RowMatrix& g) {
+  if (!p.sources || !p.scene.g) return;
+  const OneSided source(p.scene.g, p.scene.constraints(), p.sources->resolution);
+  for (Index j = 1; j < grid.t.size(); ++j) {
+    const Index step = grid.step[std::size_t(j)];
+    if (!p.sources->at(step) || (grid.at[std::size_t(step)] == j && !at_points)) continue;
+    const double d = grid.lengths.empty() ? p.h : grid.lengths[std::size_t(j) - 1];
+    g.row(j).tail(p.scene.constraints()) = source.whole(source.before(grid.t[j], d)).transpose();
+  }
+}
+
+// On rough steps the stages take f by its moments: two of them those of order 0 and 1, one the mean.
+void take_moments(const DiscreteProblem& p, const StageGrid& grid, Index stages, RowMatrix& phi) {
+  if (!p.sources) return;
+  const Index width = phi.cols() / stages;
+  for (Index j = 1; j < grid.t.size(); ++j) {
+    const RoughStep* rough = p.sources->at(grid.step[std::size_t(j)]);
+    if (!rough || rough->pieces.empty()) continue;
+    const double d = grid.lengths.empty() ? p.h : grid.lengths[std::size_t(j) - 1];
+    Matrix linear = linear_by_moments(*rough, grid.t[j] - d, d);
+    if (linear.rows() == 0) continue;
+    if (p.f.shapes().size() > 0) linear = (p.f.shapes() * linear).eval();
+    const Vector mean = linear.col(0) + linear.col(1) / 2;
+    phi.row(j).tail(width) = (stages == 1 ? mean : Vector(linear.col(0) + linear.col(1))).transpose();
+    if (stages == 2) phi.row(j).head(width) = (linear.col(0) + first_node * linear.col(1)).transpose();
+  }
+}
+
+// y at points of the grid where g has a value of its own. Null: all solved; otherwise the first that is not.
+std::optional<Index> solve_at_own_values(const DiscreteProblem& p, const StageGrid& grid, const RowMatrix& g,
+                                         const RowMatrix& seen, Result& result) {
+  const Index n = p.scene.constraints();
+  const double scale = p.g.table().cwiseAbs().maxCoeff();
+  std::optional<ActiveSetLcp> lcp;
+  for (const RoughStep& rough : p.sources->rough) {
+    const Index j = rough.step, row = grid.at[std::size_t(j)];
+    const Vector own = p.g.row(j);
+    if (!result.y.row(j).allFinite() || !seen.row(j).allFinite()) break;
+    if ((g.row(row).tail(n).transpose() - own).cwiseAbs().maxCoeff() <= same_value * scale) continue;
+    if (!lcp) lcp.emplace(to_dense(p.scene.M), p.lcp_class);
+    Vector y;
+    if (!lcp->solve(own + seen.row(j).transpose(), y).solved) return j;
+    result.y.row(j) = y.transpose();
+  }
+  return std::nullopt;
 }
 
 SparseMatrix source_matrix(const Scene& scene, const Dynamics& dynamics) {
@@ -48,7 +148,8 @@ std::string describe(Index stages, const MarchReport& report) {
 
 void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& options, Result& result) {
   Timer timer;
-  const Index rows = p.J + 1, n = p.scene.constraints();
+  const StageGrid grid = make_grid(p, stages);
+  const Index rows = grid.t.size(), n = p.scene.constraints();
   const Dynamics written_out = p.kronecker() ? Dynamics(to_sparse(*p.kronecker())) : Dynamics();
   const auto array = [&](const RowMatrix& values) {
     auto on_backend = p.backend.array(values.rows(), values.cols());
@@ -61,15 +162,21 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& opti
   problem.lcp_class = p.lcp_class;
   problem.stages = stages;
   problem.h = p.h;
+  problem.lengths = grid.lengths;
   problem.x0 = p.scene.x0;
   problem.components = p.components;
   problem.interrupted = options.interrupted;
-  if (options.progress) problem.progress = [&](Index step) { options.progress({step, 0, p.J}); };
-  const auto g = array(sample_stages(p, p.scene.g, p.g.table(), stages));
+  if (options.progress) problem.progress = [&](Index row) { options.progress({grid.step[std::size_t(row)], 0, p.J}); };
+  const bool in_parts = !grid.lengths.empty(), limits_at_points = in_parts && p.lcp_class == LcpClass::P;
+  RowMatrix g_values = sample_stages(p, grid, p.scene.g, p.g.table(), stages);
+  if (in_parts) take_limits(p, grid, limits_at_points, g_values);
+  const auto g = array(g_values);
   problem.g = g.get();
   std::unique_ptr<Array> phi;
   if (p.f.size() > 0) {
-    phi = array(sample_stages(p, p.scene.f, p.f.table(), stages));
+    RowMatrix phi_values = sample_stages(p, grid, p.scene.f, p.f.table(), stages);
+    take_moments(p, grid, stages, phi_values);
+    phi = array(phi_values);
     problem.phi = phi.get();
     problem.F = source_matrix(p.scene, *problem.dynamics);
   }
@@ -81,9 +188,14 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& opti
 
   const Start start = solve_at_zero(p, result);
   if (start == Start::none) return;
+  if (in_parts) {
+    const RowMatrix first = result.y.row(0);
+    result.y = RowMatrix::Constant(rows, n, NAN);
+    result.y.row(0) = first;
+  }
   p.backend.upload(result.y, *y);
   result.seconds.lcp += timer.lap();
-  const MarchReport report = march->run(*y, *v, *x);
+  MarchReport report = march->run(*y, *v, *x);
   p.backend.download(*y, result.y);
   p.backend.download(*x, result.x);
   result.continuous = false;
@@ -91,9 +203,28 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& opti
   result.kernel = describe(stages, report);
   if (start == Start::impulse) result.kernel += impulse_note;
   count(report, result);
-  if (options.trace) result.trace = trace(p, *r, *v);
+  if (!in_parts) {
+    if (options.trace) result.trace = trace(p, *r, *v);
+    if (report.stopped >= 0) return explain_stop(p, report, result);
+    result.residual = march_residual(p, start, *r, *v, *y);
+    result.status = Status::solved;
+    return;
+  }
+  for (Index* row : {&report.stopped, &report.infeasible})
+    if (*row >= 0) *row = grid.step[std::size_t(*row)];
+  RowMatrix seen;
+  p.backend.download(*v, seen);
+  seen = seen(grid.at, Eigen::all).eval();
+  result.y = result.y(grid.at, Eigen::all).eval();
+  result.x = result.x(grid.at, Eigen::all).eval();
+  result.defects = std::make_shared<StepDefects>();
+  result.kernel += text("; %zu steps in parts, where sources are not smooth", p.sources->rough.size());
+  if (limits_at_points && report.stopped < 0)
+    if (const auto j = solve_at_own_values(p, grid, g_values, seen, result)) report.stopped = *j;
+  const auto y_at_points = array(result.y), seen_at_points = array(seen);
+  if (options.trace) result.trace = trace(p, *r, *seen_at_points);
   if (report.stopped >= 0) return explain_stop(p, report, result);
-  result.residual = march_residual(p, start, *r, *v, *y);
+  result.residual = march_residual(p, start, *r, *seen_at_points, *y_at_points);
   result.status = Status::solved;
 }
 

@@ -4,10 +4,13 @@
 #include "core/error.hpp"
 #include "core/kernel.hpp"
 #include "core/phi.hpp"
+#include "core/rough_response.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
+#include <set>
 
 namespace bromwich {
 
@@ -58,6 +61,7 @@ RowMatrix kronecker_states(const DiscreteProblem& p, Rule rule, const RowMatrix&
       x.array() = step.decay.array() * x.array();
       x.array() += step.left.array().rowwise() * u.row(j - 1).array();
       x.array() += step.right.array().rowwise() * u.row(j).array();
+      if (p.rough_response && p.sources->at(j) && rule == Rule::exponential) x += modal_defect(p, *p.sources->at(j));
     }
     now.noalias() = observe * x;
     for (std::size_t i = 0; i < positions.size(); ++i) seen[i].row(j) = now.row(Index(i));
@@ -100,12 +104,30 @@ RowMatrix lines_at(const DiscreteProblem& p, const std::vector<LagWindow>& windo
   return lines;
 }
 
+// The state of what f does on rough steps (core/rough_response.hpp) at chosen time points, in both sine bases.
+std::map<Index, RowMatrix> rough_states(const DiscreteProblem& p, const std::vector<Index>& rows) {
+  std::map<Index, RowMatrix> at;
+  if (!p.rough_response) return at;
+  const KroneckerDynamics& d = *p.kronecker();
+  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
+  const std::set<Index> wanted(rows.begin(), rows.end());
+  RowMatrix x = RowMatrix::Zero(nu.size(), mu.size()), decay(nu.size(), mu.size());
+  for (Index k = 0; k < nu.size(); ++k) decay.row(k) = (p.h * (mu.array() + nu[k])).exp().transpose();
+  for (Index j = 1; j <= p.J && !wanted.empty() && j <= *wanted.rbegin(); ++j) {
+    x.array() *= decay.array();
+    if (const RoughStep* rough = p.sources->at(j)) x += modal_defect(p, *rough);
+    if (wanted.count(j) > 0) at[j] = x.transpose();
+  }
+  return at;
+}
+
 Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
   const KroneckerDynamics& d = *p.kronecker();
   const RowMatrix u = row_modes(p.backend, p.drive() ? RowMatrix(y + p.drive()->table()) : y);
   const RowMatrix x0 = x0_in_modes(p.backend, d, p.scene.x0, true);
   const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
   const std::vector<LagWindow> windows = lag_windows(*contour_parameters(0), p.h, p.J);
+  const std::map<Index, RowMatrix> rough = rough_states(p, rows);
   Matrix x(p.scene.states(), Index(rows.size()));
   for (std::size_t c = 0; c < rows.size(); ++c) {
     const Index j = rows[c];
@@ -116,6 +138,7 @@ Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const s
     // e^{A t} x0 is diagonal in both directions.
     RowMatrix free = x0;
     for (Index l = 0; l < mu.size(); ++l) free.row(l).array() *= (p.t[j] * (nu.transpose().array() + mu[l])).exp();
+    if (const auto more = rough.find(j); more != rough.end()) free += more->second;
     const RowMatrix lines = row_modes(p.backend, free) + lines_at(p, windows, u, j);
     const RowMatrix grid = row_modes(p.backend, lines.transpose()).transpose();
     x.col(Index(c)) = Eigen::Map<const Vector>(grid.data(), grid.size());
@@ -124,8 +147,9 @@ Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const s
 }
 
 // A dense state is small: stepping it costs little and needs no contour.
-Matrix dense_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
-  const RowMatrix all = states_of(p, Rule::exponential, y).x;
+Matrix dense_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows,
+                       const StepDefects* defects) {
+  const RowMatrix all = states_of(p, Rule::exponential, y, defects).x;
   return all(rows, Eigen::all).transpose();
 }
 
@@ -151,20 +175,21 @@ RowMatrix sparse_states(const DiscreteProblem& p, const SparseKernel& kernel, co
 }
 
 RowMatrix state_components(const DiscreteProblem& p, Rule rule, const RowMatrix& y,
-                           const std::vector<Index>& components) {
+                           const std::vector<Index>& components, const StepDefects* defects) {
   if (components.empty()) return RowMatrix(p.J + 1, 0);
   if (p.kronecker()) return kronecker_states(p, rule, y, components);
-  const RowMatrix all = states_of(p, rule, y).x;
+  const RowMatrix all = states_of(p, rule, y, defects).x;
   RowMatrix x(p.J + 1, Index(components.size()));
   for (std::size_t c = 0; c < components.size(); ++c) x.col(Index(c)) = all.col(components[c]);
   return x;
 }
 
-Matrix states_at_rows(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
+Matrix states_at_rows(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows,
+                      const StepDefects* defects) {
   if (p.sparse())
     throw Error("dynamics", "whole states of sparse dynamics are not computed afterwards",
                 "ask for components with Options::states when solving");
-  return p.kronecker() ? kronecker_states_at(p, y, rows) : dense_states_at(p, y, rows);
+  return p.kronecker() ? kronecker_states_at(p, y, rows) : dense_states_at(p, y, rows, defects);
 }
 
 }  // namespace bromwich

@@ -12,7 +12,9 @@ std::vector<Index> recorded_components(const Scene&, const Options&);
 
 /// All time points, chosen components: (J+1) x components.size(), row 0 = x0. The state is stepped (in sine modes for
 /// the Kronecker sum), O(J m) operations and, for the grid points asked for, O(J m) more per position on the lines.
-RowMatrix state_components(const DiscreteProblem&, Rule, const RowMatrix& y, const std::vector<Index>& components);
+/// `defects`: of a result whose steps were taken in parts.
+RowMatrix state_components(const DiscreteProblem&, Rule, const RowMatrix& y, const std::vector<Index>& components,
+                           const StepDefects* defects = nullptr);
 
 /// The components that a sparse kernel was made for, from its weights: (J+1) x c.
 RowMatrix sparse_states(const DiscreteProblem&, const SparseKernel&, const RowMatrix& y);
@@ -23,6 +25,7 @@ RowMatrix sparse_states(const DiscreteProblem&, const SparseKernel&, const RowMa
 ///
 /// the shifted solves of a few contours a time point, whatever j (Kronecker sum); dense dynamics are stepped; sparse
 /// ones are not offered.
-Matrix states_at_rows(const DiscreteProblem&, const RowMatrix& y, const std::vector<Index>& rows);
+Matrix states_at_rows(const DiscreteProblem&, const RowMatrix& y, const std::vector<Index>& rows,
+                      const StepDefects* defects = nullptr);
 
 }  // namespace bromwich

@@ -189,6 +189,7 @@ DiscreteProblem on_grid(const DiscreteProblem& p, Index steps) {
   coarse.t = p.t(Eigen::seqN(0, steps + 1, ratio));
   coarse.g = p.g.rows(0, steps + 1, ratio);
   if (p.f.size() > 0) coarse.f = p.f.rows(0, steps + 1, ratio);
+  if (p.defects) resolve_sources(coarse, false);
   return coarse;
 }
 

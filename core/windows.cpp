@@ -21,6 +21,17 @@ DiscreteProblem window(const DiscreteProblem& p, const Scene& scene, Index first
   w.g = p.g.rows(first, rows);
   if (p.f.size() > 0) w.f = p.f.rows(first, rows);
   w.start = p.dense()->N * scene.x0 + w.g.row(0);
+  if (!p.defects) return w;
+  auto defects = std::make_shared<StepDefects>();
+  defects->values.resize(0, p.scene.states());
+  for (std::size_t i = 0; i < p.defects->steps.size(); ++i) {
+    const Index step = p.defects->steps[i] - first;
+    if (step < 1 || step > count) continue;
+    defects->steps.push_back(step);
+    defects->values.conservativeResize(Index(defects->steps.size()), Eigen::NoChange);
+    defects->values.bottomRows(1) = p.defects->values.row(Index(i));
+  }
+  w.defects = std::move(defects);
   return w;
 }
 
@@ -78,7 +89,7 @@ void solve_in_windows(const DiscreteProblem& p, Index steps, const Options& opti
     add(part, first, w.J, result);
     if (first == 0) result.kernel = std::to_string(count) + " windows in time; " + part.kernel;
     if (part.status != Status::solved) return;
-    const RowMatrix x = dense_states(step, scene.x0, state_input(w, part.y));
+    const RowMatrix x = dense_states(step, scene.x0, state_input(w, part.y), w.defects.get());
     scene.x0 = x.row(w.J).transpose();
   }
 }

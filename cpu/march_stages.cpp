@@ -11,17 +11,19 @@
 #include "cpu/stage_step.hpp"
 #include "cpu/step_lcp.hpp"
 
+#include <array>
 #include <cmath>
+#include <map>
 
 namespace bromwich::cpu {
 
 namespace {
 
-// A step with its complementarity problem.
+// Steps of one length with their complementarity problem.
 class Stepper {
  public:
-  Stepper(const StageProblem& p, Index stages)
-      : step_(make_stage_step(p, stages)),
+  Stepper(const StageProblem& p, Index stages, double h, const std::vector<Index>& rows)
+      : step_(make_stage_step(p, stages, h, rows)),
         M_(to_dense(*p.M)),
         stages_(stages),
         scale_(weights()),
@@ -29,9 +31,9 @@ class Stepper {
         lcp_(scale_.asDiagonal() * (blocks() + step_->implicit_part()), M_,
              stages == 1 ? p.lcp_class : LcpClass::unknown) {}
 
-  // x_{j-1} -> Y and x_j; false: the problem of the step stayed unsolved.
-  bool advance(const Vector& x, Index j, Vector& next, MarchReport& report) {
-    step_->free(x, j, q_, next);
+  // x_{j-1} -> Y and x_j, step j being the one at `place` of the rows; false: its problem stayed unsolved.
+  bool advance(const Vector& x, Index place, Index j, Vector& next, MarchReport& report) {
+    step_->free(x, place, q_, next);
     q_.array() *= scale_.array();
     if (!lcp_.solve(q_, Y, j, report)) return false;
     step_->drive(Y, next);
@@ -79,9 +81,48 @@ class Stepper {
   Vector q_;
 };
 
+// Steps by their length: most have that of the problem, some are parts of a step.
+class Lengths {
+ public:
+  Lengths(const StageProblem& p, Index rows) : place_(std::size_t(rows)), kind_(std::size_t(rows), 0), sizes_{p.h} {
+    rows_.resize(1);
+    std::map<long long, std::size_t> kinds{{key(1), 0}};
+    for (Index j = 0; j < rows; ++j) {
+      const double d = j == 0 || p.lengths.empty() ? p.h : p.lengths[std::size_t(j) - 1];
+      const auto [found, added] = kinds.try_emplace(key(d / p.h), sizes_.size());
+      if (added) {
+        sizes_.push_back(d);
+        rows_.emplace_back();
+      }
+      kind_[std::size_t(j)] = found->second;
+      place_[std::size_t(j)] = Index(rows_[found->second].size());
+      rows_[found->second].push_back(j);
+    }
+  }
+
+  std::size_t kind(Index j) const { return kind_[std::size_t(j)]; }
+  Index place(Index j) const { return place_[std::size_t(j)]; }  ///< among the rows of its kind
+  double size(std::size_t kind) const { return sizes_[kind]; }
+  const std::vector<Index>& rows(std::size_t kind) const { return rows_[kind]; }
+
+ private:
+  // Lengths that agree to 2^-44 are the same.
+  static long long key(double part) {
+    int exponent = 0;
+    const double digits = std::frexp(part, &exponent);
+    return (std::llround(std::ldexp(digits, 44)) << 11) + exponent;
+  }
+
+  std::vector<Index> place_;
+  std::vector<std::size_t> kind_;
+  std::vector<double> sizes_;
+  std::vector<std::vector<Index>> rows_;
+};
+
 class Stages final : public StageMarch {
  public:
-  Stages(const StageProblem& p, Index rows) : problem_(p), asked_to_stop_(p), rows_(rows), main_(p, p.stages) {
+  Stages(const StageProblem& p, Index rows)
+      : problem_(p), asked_to_stop_(p), rows_(rows), lengths_(p, rows), main_(p, p.stages, p.h, lengths_.rows(0)) {
     if (const auto* d = std::get_if<DenseDynamics>(p.dynamics)) B_ = d->B.sparseView();
     if (const auto* d = std::get_if<SparseDynamics>(p.dynamics)) B_ = d->B;
   }
@@ -107,39 +148,50 @@ class Stages final : public StageMarch {
     return report;
   }
 
-  std::size_t bytes() const override { return main_.bytes() + (one_stage_ ? one_stage_->bytes() : 0); }
+  std::size_t bytes() const override {
+    std::size_t sum = main_.bytes();
+    for (const auto& of_stages : others_)
+      for (const auto& [kind, stepper] : of_stages) sum += stepper->bytes();
+    return sum;
+  }
 
  private:
   // y moves a component of the state by a good part of its size within the step, and lets go within the step: an
   // impulse. A component near zero is measured against a hundredth of the largest.
-  bool jumps(const Vector& before, const Vector& after) const {
-    if (!main_.switches()) return false;
-    const Vector moved =
-        problem_.h * (B_ * main_.first_stage()).cwiseAbs().cwiseMax((B_ * main_.last_stage()).cwiseAbs());
+  bool jumps(const Stepper& step, double h, const Vector& before, const Vector& after) const {
+    if (!step.switches()) return false;
+    const Vector moved = h * (B_ * step.first_stage()).cwiseAbs().cwiseMax((B_ * step.last_stage()).cwiseAbs());
     const Vector size = before.cwiseAbs().cwiseMax(after.cwiseAbs());
     return (moved.array() > 0.25 * size.cwiseMax(0.01 * size.maxCoeff()).array()).any();
   }
 
-  Stepper& one_stage() {
-    if (!one_stage_) one_stage_ = std::make_unique<Stepper>(problem_, 1);
-    return *one_stage_;
+  Stepper& stepper(Index stages, std::size_t kind) {
+    if (stages == problem_.stages && kind == 0) return main_;
+    auto& made = others_[std::size_t(stages - 1)];
+    if (const auto found = made.find(kind); found != made.end()) return *found->second;
+    if (made.size() >= most_kept) made.clear();
+    return *(made[kind] = std::make_unique<Stepper>(problem_, stages, lengths_.size(kind), lengths_.rows(kind)));
   }
 
   // The step to t_j by the stages asked for, or by one where the state jumps or there is no solution otherwise. Null:
   // it stayed unsolved.
   const Stepper* take(const Vector& x, Index j, Vector& next, MarchReport& report) {
-    const bool fine = main_.advance(x, j, next, report);
-    if (fine && !jumps(x, next)) return &main_;
+    const std::size_t kind = lengths_.kind(j);
+    const Index place = lengths_.place(j);
+    Stepper& main = stepper(problem_.stages, kind);
+    const bool fine = main.advance(x, place, j, next, report);
+    if (fine && !jumps(main, lengths_.size(kind), x, next)) return &main;
     if (problem_.stages == 1) return nullptr;
     MarchReport by_euler = report;
     by_euler.stopped = by_euler.infeasible = -1;
     by_euler.count.unsolved = 0;
     other_.resize(x.size());
-    if (!one_stage().advance(x, j, other_, by_euler)) return fine ? &main_ : nullptr;
+    Stepper& one_stage = stepper(1, kind);
+    if (!one_stage.advance(x, place, j, other_, by_euler)) return fine ? &main : nullptr;
     next.swap(other_);
     report = by_euler;
     ++report.jumps;
-    return &one_stage();
+    return &one_stage;
   }
 
   void record(const Vector& x, Index j, RowMatrix& V, RowMatrix& X) const {
@@ -157,8 +209,10 @@ class Stages final : public StageMarch {
   StageProblem problem_;
   Poll asked_to_stop_;
   Index rows_;
+  static constexpr std::size_t most_kept = 64;  ///< lengths
+  Lengths lengths_;
   Stepper main_;
-  std::unique_ptr<Stepper> one_stage_;
+  std::array<std::map<std::size_t, std::unique_ptr<Stepper>>, 2> others_;  ///< of one stage and of two
   Vector other_;
   SparseMatrix B_;
 };

@@ -37,11 +37,11 @@ struct Coefficients<double> {
   static const Matrix& real(const Matrix& z) { return z; }
 };
 
-// The stage values of g or phi that a step of s stages uses: the last s of those given.
-RowMatrix last_stages(const Array* values, Index given, Index used) {
+// The stage values of g or phi that a step of s stages uses: the last s of those given, of these rows.
+RowMatrix last_stages(const Array* values, Index given, Index used, const std::vector<Index>& rows) {
   if (!values) return {};
   const Index width = values->cols() / given;
-  return host(*values).rightCols(used * width);
+  return host(*values)(rows, Eigen::seqN(values->cols() - used * width, used * width));
 }
 
 [[noreturn]] void singular_step() {
@@ -55,20 +55,21 @@ class DenseStageStep final : public StageStep {
   using ScalarMatrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
 
  public:
-  DenseStageStep(const StageProblem& p, const DenseDynamics& d) : q_(last_stages(p.g, p.stages, s)) {
+  DenseStageStep(const StageProblem& p, const DenseDynamics& d, double h, const std::vector<Index>& rows)
+      : q_(last_stages(p.g, p.stages, s, rows)) {
     const Coefficients<Scalar> c;
     const Index m = d.A.rows(), n = d.N.rows();
-    const Eigen::PartialPivLU<ScalarMatrix> lu(c.mu / p.h * ScalarMatrix::Identity(m, m) - d.A.cast<Scalar>());
+    const Eigen::PartialPivLU<ScalarMatrix> lu(c.mu / h * ScalarMatrix::Identity(m, m) - d.A.cast<Scalar>());
     if (!(lu.rcond() > epsilon)) singular_step();
     const ScalarMatrix R = lu.inverse();
     see_.resize(s * n, m);
     drive_.resize(m, s * n);
     implicit_.resize(s * n, s * n);
     const Matrix F = p.F;
-    const RowMatrix phi = last_stages(p.phi, p.stages, s);
+    const RowMatrix phi = last_stages(p.phi, p.stages, s, rows);
     if (phi.size() > 0) forcing_ = RowMatrix::Zero(phi.rows(), m);
     for (Index i = 0; i < s; ++i) {
-      decay_ = c.real(c.v[i] * c.start / p.h * R);  // of the last stage in the end
+      decay_ = c.real(c.v[i] * c.start / h * R);  // of the last stage in the end
       see_.middleRows(i * n, n) = d.N * decay_;
       for (Index k = 0; k < s; ++k) {
         const Matrix Q = c.real(c.v[i] * c.w[k] * R), QB = Q * d.B;
@@ -109,12 +110,12 @@ class SparseStep final : public StageStep {
   using ScalarSparse = Eigen::SparseMatrix<Scalar>;
 
  public:
-  SparseStep(const StageProblem& p, const SparseDynamics& d)
-      : h_(p.h), N_(d.N), F_(p.F), g_(last_stages(p.g, p.stages, s)), phi_(last_stages(p.phi, p.stages, s)) {
+  SparseStep(const StageProblem& p, const SparseDynamics& d, double h, const std::vector<Index>& rows)
+      : h_(h), N_(d.N), F_(p.F), g_(last_stages(p.g, p.stages, s, rows)), phi_(last_stages(p.phi, p.stages, s, rows)) {
     const Index m = d.A.rows(), n = d.N.rows();
     ScalarSparse shifted(m, m);
     shifted.setIdentity();
-    shifted = (c_.mu / p.h * shifted - d.A.cast<Scalar>()).pruned(Scalar(0), 0);
+    shifted = (c_.mu / h * shifted - d.A.cast<Scalar>()).pruned(Scalar(0), 0);
     shifted.makeCompressed();
     lu_.compute(shifted);
     if (lu_.info() != Eigen::Success) singular_step();
@@ -161,16 +162,19 @@ class SparseStep final : public StageStep {
 };
 
 template <class Scalar>
-std::unique_ptr<StageStep> make(const StageProblem& p) {
-  if (const auto* d = std::get_if<DenseDynamics>(p.dynamics)) return std::make_unique<DenseStageStep<Scalar>>(p, *d);
-  if (const auto* d = std::get_if<SparseDynamics>(p.dynamics)) return std::make_unique<SparseStep<Scalar>>(p, *d);
+std::unique_ptr<StageStep> make(const StageProblem& p, double h, const std::vector<Index>& rows) {
+  if (const auto* d = std::get_if<DenseDynamics>(p.dynamics))
+    return std::make_unique<DenseStageStep<Scalar>>(p, *d, h, rows);
+  if (const auto* d = std::get_if<SparseDynamics>(p.dynamics))
+    return std::make_unique<SparseStep<Scalar>>(p, *d, h, rows);
   throw Error("dynamics", "a Kronecker sum has no stages", "write it out densely");
 }
 
 }  // namespace
 
-std::unique_ptr<StageStep> make_stage_step(const StageProblem& p, Index stages) {
-  return stages == 2 ? make<Complex>(p) : make<double>(p);
+std::unique_ptr<StageStep> make_stage_step(const StageProblem& p, Index stages, double h,
+                                           const std::vector<Index>& rows) {
+  return stages == 2 ? make<Complex>(p, h, rows) : make<double>(p, h, rows);
 }
 
 }  // namespace bromwich::cpu

@@ -14,6 +14,7 @@
 #include "core/backend.hpp"
 
 #include <memory>
+#include <vector>
 
 namespace bromwich::cpu {
 
@@ -21,7 +22,7 @@ class StageStep {
  public:
   virtual ~StageStep() = default;
 
-  /// What the step to t_j does without y: q (s n) = N X_i + g_i of all stages, x_free (m) = X_s.
+  /// What step j of those it was made for does without y: q (s n) = N X_i + g_i of all stages, x_free (m) = X_s.
   virtual void free(const Vector& x, Index j, Vector& q, Vector& x_free) = 0;
   /// x_free + what the y of all stages (s n) add.
   virtual void drive(const Vector& y, Vector& x_free) const = 0;
@@ -30,7 +31,8 @@ class StageStep {
   virtual std::size_t bytes() const = 0;
 };
 
-/// `stages` 2 or 1, whatever the problem says; with 1, the last of the problem's stage values of g and phi are used.
-std::unique_ptr<StageStep> make_stage_step(const StageProblem&, Index stages);
+/// For the steps of length h to these rows of the problem. `stages` 2 or 1, whatever the problem says; with 1, the last
+/// of the problem's stage values of g and phi are used.
+std::unique_ptr<StageStep> make_stage_step(const StageProblem&, Index stages, double h, const std::vector<Index>& rows);
 
 }  // namespace bromwich::cpu

@@ -1,0 +1,66 @@
+#pragma once
+// Steps of a grid on which f or g is not what the discretisation takes it for, linear between the points of the grid:
+// rough steps. They hold a breakpoint of the scene, or end at one with a value of their own, or values looked at
+// inside of them say so.
+//
+// A rough step is taken in parts. g is linear on each, with one-sided values at its ends. f is given in pieces, none
+// of which reaches beyond a part: on each the phi of f = F phi is a polynomial of degree 2 through three Gauss points,
+//
+//     phi(start + sigma length) = c0 + c1 sigma + c2 sigma^2,   0 <= sigma <= 1,
+//
+// halved until it agrees with further values. Nothing is evaluated at a breakpoint itself.
+
+#include "scene.hpp"
+#include "separable.hpp"
+
+#include <vector>
+
+namespace bromwich {
+
+struct SourcePiece {
+  double start = 0, length = 0;
+  Matrix phi;  ///< k x 3: c0, c1, c2 of what SampledSource::values holds
+};
+
+struct RoughStep {
+  Index step = 0;                   ///< from t_{step-1} to t_step
+  std::vector<double> ends;         ///< of its parts, increasing; the last is t_step
+  std::vector<SourcePiece> pieces;  ///< of f, in order; empty without f
+};
+
+/// A source with its limits from both sides.
+class OneSided {
+ public:
+  /// `resolution`: how well places of jumps are known.
+  OneSided(const TimeFunction&, Index width, double resolution);
+  Vector after(double t, double length) const;   ///< the limit from the right; smooth on (t, t + length)
+  Vector before(double t, double length) const;  ///< from the left
+  void value(double t, Vector& v) const;         ///< as SampledSource::values has it
+  Vector whole(const Vector& v) const;           ///< V a where the source is separable
+  Index width() const { return width_; }
+
+ private:
+  Vector limit(double t) const;
+  const TimeFunction* function_;
+  const Matrix* shapes_;
+  Index width_;
+  double resolution_;
+};
+
+struct SourceSteps {
+  std::vector<RoughStep> rough;  ///< by increasing step
+  double resolution = 0;         ///< of the times of jumps
+  Index unresolved = 0;          ///< steps in which parts or pieces do not agree with further values
+  double disagreement = 0;       ///< there, relative to the largest value of the component
+  double time = 0;               ///< of the largest
+  bool jumps_of_g = false;       ///< g jumps inside a step, or at a point of the grid
+  double disagreement_of_g = 0;  ///< with the linear function between points of the grid, for methods without parts
+
+  const RoughStep* at(Index step) const;  ///< null where the step is not rough
+};
+
+/// `every_step`: values are looked at inside every step, and not only inside some.
+SourceSteps find_source_steps(const Scene&, const Vector& t, const SampledSource& f, const SampledSource& g,
+                              bool every_step);
+
+}  // namespace bromwich
