@@ -20,7 +20,10 @@ constexpr double most_certified_operations = 2e9;  ///< of a pass over the state
 class TangentStep {
  public:
   TangentStep(const DiscreteProblem& p, const DenseRecurrence& r)
-      : r_(r), response_(to_dense(p.scene.M) + r.w0), map(r.decay), gain(Matrix::Zero(r.output.rows(), r.decay.rows())) {}
+      : r_(r),
+        response_(to_dense(p.scene.M) + r.w0),
+        map(r.decay),
+        gain(Matrix::Zero(r.output.rows(), r.decay.rows())) {}
 
   void take(const Eigen::Ref<const Vector>& y) {
     if (!response_.take(y)) return;

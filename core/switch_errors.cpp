@@ -10,8 +10,8 @@ namespace bromwich {
 
 namespace {
 
-std::optional<Result> on_another_grid(const Scene& scene, Backend& backend, const Options& options, const Result& result,
-                                      Index steps) {
+std::optional<Result> on_another_grid(const Scene& scene, Backend& backend, const Options& options,
+                                      const Result& result, Index steps) {
   if (steps < 1) return std::nullopt;
   Options other = options;
   other.method = method_from_string(result.method);
@@ -49,8 +49,8 @@ std::vector<Switch> switches_with_errors(const Scene& scene, Backend& backend, c
   const double h = scene.T / double(result.steps);
   std::vector<double> apart(found.size(), 0);
   for (const Index steps : {result.steps / 2, result.steps * 3 / 4}) {
-    const auto coarse = result.status == Status::solved ? on_another_grid(scene, backend, options, result, steps)
-                                                        : std::nullopt;
+    const auto coarse =
+        result.status == Status::solved ? on_another_grid(scene, backend, options, result, steps) : std::nullopt;
     const std::vector<double> from = coarse ? distances(found, switches(*coarse), h) : std::vector(found.size(), h);
     for (std::size_t k = 0; k < found.size(); ++k) apart[k] = std::max(apart[k], from[k]);
   }

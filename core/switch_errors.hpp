@@ -1,7 +1,7 @@
 #pragma once
-// How well the times of switches are known: interpolation between rows is the smaller part of their error where y itself
-// is off, or where it jumps. The same method on J/2 and on 3J/4 steps shows the rest: errors of the grid move with it,
-// and what agrees on one of the two by chance does not on the other.
+// How well the times of switches are known: interpolation between rows is the smaller part of their error where y
+// itself is off, or where it jumps. The same method on J/2 and on 3J/4 steps shows the rest: errors of the grid move
+// with it, and what agrees on one of the two by chance does not on the other.
 
 #include "solve.hpp"
 #include "switching.hpp"

@@ -61,8 +61,8 @@ WeightCheck check_weights(const DiscreteProblem& p, const DenseRecurrence& recur
   const auto around = circle(where.radius, p.h);
   const auto parameters = contour_parameters(where.half_angle);
   if (!around && !parameters) return {NAN, ""};
-  const std::string words =
-      around ? "a circle of 64 nodes around the spectrum" : "contours of " + std::to_string(parameters->P + 1) + " nodes";
+  const std::string words = around ? "a circle of 64 nodes around the spectrum"
+                                   : "contours of " + std::to_string(parameters->P + 1) + " nodes";
   const RowMatrix other = around ? circle_weights(p, *around) : *by_contour(p, where.half_angle);
   const double deviation = apart(made, other);
   if (deviation <= agreed) return {deviation, words};
