@@ -27,6 +27,7 @@ constexpr double strong_impulse = 0.3;              ///< of the state, by a cont
 constexpr double unresolved_impulse = 0.1;          ///< of the state, in a step in which the active set changes
 constexpr double most_mean_change = 0.1;            ///< of y and x with half the step, where that is looked at
 constexpr double most_typical_change = 0.05;        ///< of x at 95 of 100 time points
+constexpr double cancelled = 1e-12;                 ///< a state below this part of its terms is 0
 constexpr double confirmed_change = 0.05;           ///< of y before a step without a solution
 
 void demote(Result& result, const std::string& reason) {
@@ -100,7 +101,7 @@ void Certification::confirm(Method method, const Magnification& m, Result& resul
   const bool ringing = methods_.basis().rings;  // of continuous y, whatever the method
   const std::string grows = text("errors of a step grow up to %.1e times with these steps", m.growth);
   if (!result.well_posed)
-    confirm_by_half_the_step(method, 1, "the problems of the steps may have several solutions", result);
+    confirm_one_of_several(method, result);
   else if (ringing && m.growth > doubtful_growth_with_jumps)
     confirm_by_half_the_step(method, 1, grows, result);
   else if (!ringing && m.growth > doubtful_growth && states_are_known(result))
@@ -116,11 +117,36 @@ void Certification::confirm(Method method, const Magnification& m, Result& resul
     confirm_by_half_the_step(method, 1, "implicit Euler stands in for a method that was refused", result);
 }
 
+// y may be one of several that all lead to the same state: then the state alone has to come out the same.
+void Certification::confirm_one_of_several(Method method, Result& result) {
+  constexpr double any = INFINITY;
+  const DiscreteProblem& p = methods_.problem();
+  if (comes_out_the_same(method, 2, {1, 1}, result)) return;
+  if (p.dense() && p.scene.states() <= Methods::most_recorded_states) {
+    const OtherSolution other = other_solution(p, result, methods_.all_states(method, result));
+    if (other.row > 0 && !other.moves_the_state && comes_out_the_same(method, 2, {any, 1}, result)) return;
+  }
+  sensitive_ = true;
+  demote(result,
+         "the problems of the steps may have several solutions, and with half the step another result comes "
+         "out; use more steps or another method");
+}
+
 // Modes of the state between switches: those that the steps cannot follow, with half the step neither.
 void Certification::resolve_modes(Method method, Result& result) {
   const DiscreteProblem& p = methods_.problem();
   const bool rational = method == Method::euler || !result.continuous;
-  if (!rational || !p.dense() || p.scene.states() > Methods::most_recorded_states) return;
+  if (!p.dense() || p.scene.states() > Methods::most_recorded_states) return;
+  if (!rational) {
+    if (options_.compares_grids) return;  // and looks between the points
+    if (const auto mode = fast_oscillation(p, result.y, methods_.all_states(method, result)))
+      confirm_by_half_the_step(method, 1,
+                               text("the state oscillates with %.3g radians per unit of time, faster than "
+                                    "the steps",
+                                    std::abs(mode->rate.imag())),
+                               result);
+    return;
+  }
   const RowMatrix x = methods_.all_states(method, result);
   if (x.rows() != p.J + 1) return;
   if (const auto mode = options_.compares_grids ? std::nullopt : unresolved_growth(p, result.y, x)) {
@@ -149,7 +175,7 @@ void Certification::confirm_by_fine_steps(Method method, double rate, const std:
   Index factor = 2;
   while (double(factor) * followed < p.h * rate && factor <= largest_factor) factor *= 2;
   const bool possible = factor <= largest_factor && factor * p.J <= most_steps;
-  if (possible && comes_out_the_same(method, factor, 1, result)) return;
+  if (possible && comes_out_the_same(method, factor, {1, 1}, result)) return;
   sensitive_ = true;
   const double steps = std::ceil(p.scene.T * rate / followed);
   demote(result, why + text(", and steps of %.3g do not resolve it: use about %.0f steps", p.h, steps));
@@ -224,7 +250,7 @@ void Certification::confirm_errors_stay_small(Method method, const Magnification
 
 // Whether J times `factor` steps give the same result, up to what a step of this size may miss. y is compared by its
 // integral, so that impulses are.
-bool Certification::comes_out_the_same(Method method, Index factor, double slack, const Result& result) {
+bool Certification::comes_out_the_same(Method method, Index factor, Slack slack, const Result& result) {
   const DiscreteProblem& p = methods_.problem();
   Methods finer(p.scene, backend_, factor * p.J, {});
   const Result fine = with_half_the_step(method, finer);
@@ -232,17 +258,21 @@ bool Certification::comes_out_the_same(Method method, Index factor, double slack
   const auto rows = Eigen::seq(0, factor * p.J, factor / 2);  // those that half the step has
   const Change y = change_when_halved(running_integral(result.y, p.h),
                                       running_integral(fine.y, p.h / double(factor))(rows, Eigen::all), p.J);
-  if (!(y.mean <= slack * most_mean_change)) return false;
+  if (!(y.mean <= slack.of_y * most_mean_change)) return false;
   if (!p.dense() || p.scene.states() > Methods::most_recorded_states) return true;
-  const Change x =
-      change_when_halved(methods_.all_states(method, result), finer.all_states(method, fine)(rows, Eigen::all), p.J);
-  return x.mean <= slack * most_mean_change && x.typical <= slack * most_typical_change;
+  const RowMatrix coarse = methods_.all_states(method, result),
+                  halved = finer.all_states(method, fine)(rows, Eigen::all);
+  // A state held at 0 by terms that cancel is rounding.
+  const double terms = p.scene.T * (result.y * p.dense()->B.transpose()).cwiseAbs().maxCoeff();
+  if (std::max(coarse.cwiseAbs().maxCoeff(), halved.cwiseAbs().maxCoeff()) <= cancelled * terms) return true;
+  const Change x = change_when_halved(coarse, halved, p.J);
+  return x.mean <= slack.of_x * most_mean_change && x.typical <= slack.of_x * most_typical_change;
 }
 
 // A step may have several solutions, or see a contact hardly at all: with half the step the same must come out. What
 // these steps do not resolve no method of lower order will.
 void Certification::confirm_by_half_the_step(Method method, double slack, const std::string& why, Result& result) {
-  if (comes_out_the_same(method, 2, slack, result)) return;
+  if (comes_out_the_same(method, 2, {slack, slack}, result)) return;
   sensitive_ = true;
   demote(result, why + ", and with half the step another result comes out; use more steps or another method");
 }

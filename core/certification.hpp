@@ -33,7 +33,11 @@ class Certification {
   void resolve_modes(Method, Result&);
   void look_for_other_solutions(Result&);
   Result with_half_the_step(Method, Methods& half);
-  bool comes_out_the_same(Method, Index factor, double slack, const Result&);
+  struct Slack {
+    double of_y, of_x;  ///< times what may change
+  };
+  bool comes_out_the_same(Method, Index factor, Slack, const Result&);
+  void confirm_one_of_several(Method, Result&);
   void confirm_by_fine_steps(Method, double rate, const std::string& why, Result&);
   void confirm_errors_stay_small(Method, const Magnification&, Result&);
   void confirm_by_half_the_step(Method, double slack, const std::string& why, Result&);

@@ -56,7 +56,6 @@ OtherSolution other_solution(const DiscreteProblem& p, const Result& result, con
     }
   if (classify(LcpMatrix(step->implicit)) == LcpClass::P) return found;
   const RowMatrix f = state_input(p, RowMatrix::Zero(p.J + 1, n)), g = p.g.table();
-  const double size = std::max(x.cwiseAbs().maxCoeff(), 1e-300);
   for (const Index j : rows_to_look_at(result.y)) {
     const Vector free = step->decay * (x.row(j - 1) + p.h * f.row(j)).transpose();
     const Vector q = p.dense()->N * free + g.row(j).transpose(), y = result.y.row(j).transpose();
@@ -66,7 +65,9 @@ OtherSolution other_solution(const DiscreteProblem& p, const Result& result, con
     const auto second = another_solution(step->implicit, q, *first);
     if (!second) continue;
     found.row = j;
-    found.moves_the_state = (step->drive * (*first - *second)).cwiseAbs().maxCoeff() > 1e-9 * size;
+    const Vector moved = step->drive * (*first - *second),
+                 terms = step->drive.cwiseAbs() * (first->cwiseAbs() + second->cwiseAbs());
+    found.moves_the_state = (moved.array().abs() > 1e-8 * terms.array().max(1e-300)).any();
     if (found.moves_the_state) return found;
   }
   return found;

@@ -1,5 +1,7 @@
 #include "core/resolution.hpp"
 
+#include "core/sectorial.hpp"
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
@@ -23,18 +25,20 @@ struct Phase {
 
 std::map<std::vector<Index>, Phase> phases(const RowMatrix& y) {
   std::map<std::vector<Index>, Phase> found;
-  std::vector<Index> before;
   Index length = 0;
+  Phase* phase = nullptr;
   for (Index j = 1; j < y.rows(); ++j) {
-    std::vector<Index> S;
-    for (Index i = 0; i < y.cols(); ++i)
-      if (y(j, i) > 0) S.push_back(i);
-    length = j > 1 && S == before ? length + 1 : 1;
-    before = S;
-    if (found.size() == most_sets && !found.count(S)) continue;
-    Phase& phase = found[S];
-    phase.rows.push_back(j);
-    phase.longest = std::max(phase.longest, length);
+    const bool same = j > 1 && ((y.row(j).array() > 0) == (y.row(j - 1).array() > 0)).all();
+    length = same ? length + 1 : 1;
+    if (!same) {
+      std::vector<Index> S;
+      for (Index i = 0; i < y.cols(); ++i)
+        if (y(j, i) > 0) S.push_back(i);
+      phase = found.size() == most_sets && !found.count(S) ? nullptr : &found[S];
+    }
+    if (!phase) continue;
+    phase->rows.push_back(j);
+    phase->longest = std::max(phase->longest, length);
   }
   return found;
 }
@@ -55,7 +59,8 @@ std::optional<Matrix> closed_matrix(const DiscreteProblem& p, const std::vector<
 
 // Modes of every phase that `counts` lets pass, with the part of the state that each makes up.
 std::optional<Mode> fastest(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x, double least_amplitude,
-                            const std::function<bool(Complex z, Index steps)>& counts) {
+                            const std::function<bool(Complex z, Index steps)>& counts,
+                            const std::function<bool(const Matrix& scaled)>& may_count = {}) {
   const Vector scale = x.cwiseAbs().colwise().maxCoeff().transpose();
   if (!x.allFinite() || !(scale.maxCoeff() > 0)) return std::nullopt;
   const Vector D = scale.cwiseMax(1e-8 * scale.maxCoeff());
@@ -64,6 +69,7 @@ std::optional<Mode> fastest(const DiscreteProblem& p, const RowMatrix& y, const 
     const std::optional<Matrix> closed = closed_matrix(p, S);
     if (!closed || !closed->allFinite()) continue;
     const Matrix scaled = D.cwiseInverse().asDiagonal() * *closed * D.asDiagonal();
+    if (may_count && !may_count(scaled)) continue;
     const Eigen::EigenSolver<Matrix> eigen(scaled);
     if (eigen.info() != Eigen::Success) continue;
     const ComplexVector lambda = eigen.eigenvalues();
@@ -100,6 +106,18 @@ std::optional<Mode> unresolved_oscillation(const DiscreteProblem& p, const RowMa
     constexpr double third = 0.4;  // log(3/2)
     return std::abs(z.real()) < 0.1 * std::abs(z.imag()) && double(steps) * std::abs(damping(z) - z.real()) > third;
   });
+}
+
+std::optional<Mode> fast_oscillation(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x) {
+  const auto oscillates = [](Complex z, Index) {
+    return std::abs(z.imag()) > 1 && std::abs(z.real()) < 0.1 * std::abs(z.imag());
+  };
+  // |Im lambda| is at most the norm of the skew part.
+  const auto may_oscillate = [h = p.h](const Matrix& A) {
+    const Matrix b = balanced(A).A;
+    return 0.5 * h * (b - b.transpose()).cwiseAbs().rowwise().sum().maxCoeff() > 1;
+  };
+  return fastest(p, y, x, 0.1, oscillates, may_oscillate);
 }
 
 double euler_damping(Complex z) { return -std::log(std::abs(1.0 - z)); }

@@ -24,6 +24,10 @@ std::optional<Mode> unresolved_growth(const DiscreteProblem&, const RowMatrix& y
 std::optional<Mode> unresolved_oscillation(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x,
                                            double (*damping)(Complex z));
 
+/// The fastest hardly damped oscillation of the same kind with h |Im lambda| > 1, where that is not ruled out by the
+/// size of the skew part: contacts come and go within a step of it, whatever the method.
+std::optional<Mode> fast_oscillation(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x);
+
 /// log |R(z)| of implicit Euler and of Radau IIA with two stages.
 double euler_damping(Complex z);
 double radau_damping(Complex z);

@@ -89,7 +89,8 @@ TEST(States, OfAFreeStateThatGrowsComeFromTheClosedLoop) {
   }
 }
 
-// Twenty random scenes with an unstable A whose closed loop decays: the states are those of Radau IIA, which steps them.
+// Twenty random scenes with an unstable A whose closed loop decays: the states are those of Radau IIA, which steps
+// them.
 TEST(States, OfUnstableScenesAreThoseThatAreStepped) {
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
