@@ -64,7 +64,7 @@ TEST(GalerkinRules, DoublerWithASquareWave) {
   for (const Index N : {40, 160, 640}) {
     const Result r = all_states(doubler(leak), N);
     ASSERT_EQ(r.status, Status::solved) << r.reason;
-    EXPECT_NE(r.warning.find("the state jumps"), std::string::npos) << r.warning;
+    EXPECT_NE(r.warning.find("the state may jump"), std::string::npos) << r.warning;
     const double error = (r.x.row(N).transpose() - exact).cwiseAbs().maxCoeff();
     // An edge costs one step of Euler, 1/2 (leak h)^2 10 V; there are 20 of them.
     EXPECT_LE(error, 20 * 10 * std::pow(leak * 2 / double(N), 2)) << N;
@@ -161,8 +161,7 @@ TEST(GalerkinRules, WhichRuleAnActiveSetNeeds) {
   Scene scene;  // y_0 acts on w_0', y_1 on w_1'', y_2 on w_2 through M, y_3 on nothing
   scene.dynamics =
       DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{1, 0, 0, 0}, {0, 1, 1, 0}}, Matrix{{1, 0}, {1, 0}, {0, 1}, {0, 0}}};
-  scene.M = Matrix::Zero(4, 4);
-  scene.M(2, 2) = 1;
+  scene.M = Matrix(Vector{{0, 0, 1, 0}}.asDiagonal());
   scene.x0 = Vector::Zero(2);
   RuleChoice choice(scene);
   const auto rule = [&](std::initializer_list<Index> active) {
