@@ -1,9 +1,11 @@
 #include "core/functional_iteration.hpp"
 
 #include "core/compression.hpp"
+#include "core/cost.hpp"
 #include "core/kernel.hpp"
 #include "core/lcp/active_set_lcp.hpp"
 #include "core/ringing.hpp"
+#include "core/sweep_forecast.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
 #include "core/weight_check.hpp"
@@ -207,6 +209,9 @@ class Watch {
  public:
   explicit Watch(double tolerance) : tolerance_(tolerance) {}
 
+  // Sweeps in which nothing settled and changes did not fall.
+  Index stuck() const { return stuck_; }
+
   // The outcome once it is known. `advanced`: rows have settled since the last sweep.
   std::optional<IterationOutcome> after(const DiscreteProblem& p, const LcpReport& report, bool advanced) {
     if (!report.finite || !(report.magnitude < 1e100))
@@ -221,9 +226,9 @@ class Watch {
                               text("the iterate is infeasible from t = %.6g on", p.t[report.infeasible]),
                               report.infeasible};
     if (stuck_ >= 200)
-      return IterationOutcome{Status::tolerance_not_met,
-                              text("the iteration does not contract: change %.2e in the last sweep", report.change),
-                              -1};
+      return IterationOutcome{
+          Status::tolerance_not_met,
+          text("the iteration does not contract: change %.2e in the last sweep; use method march", report.change), -1};
     return std::nullopt;
   }
 
@@ -259,6 +264,41 @@ void start_from_given(const DiscreteProblem& p, const Options& options, Array& y
   p.backend.upload(start, y);
 }
 
+// Whether an iteration that has run for some sweeps will come to an end, by what was seen of it.
+class Outlook {
+ public:
+  Outlook(const DiscreteProblem& p, const Options& options)
+      : p_(p), forecast_(p.J, options.iteration_tolerance, options.max_iterations, costs(p)) {}
+
+  std::optional<IterationOutcome> after(const LcpReport& report, Index stuck, const Array& y) {
+    forecast_.add(report.settled, report.change);
+    if (const auto why = forecast_.hopeless()) return IterationOutcome{Status::tolerance_not_met, *why, -1};
+    if (stuck < stuck_for_some_time || report.settled >= y.rows()) return std::nullopt;
+    RowMatrix values;
+    p_.backend.download(y, values);
+    const auto contracts = front_.contracts(report.settled, values.row(report.settled).transpose());
+    if (!contracts || *contracts) return std::nullopt;
+    return IterationOutcome{Status::tolerance_not_met,
+                            text("the sweeps do not contract at t = %.6g, where a change comes back %.2g times as "
+                                 "large: M does not outweigh the first lag there; use method march or more steps",
+                                 p_.t[report.settled], front_.factor()),
+                            -1};
+  }
+
+ private:
+  static constexpr Index stuck_for_some_time = 24;
+
+  // Predictions of core/cost.hpp are for 100 sweeps.
+  static SweepForecast::Costs costs(const DiscreteProblem& p) {
+    return {predicted_cost(p.scene, Method::contour, p.J, 0).operations / 100,
+            predicted_cost(p.scene, Method::march, p.J, 0).operations};
+  }
+
+  const DiscreteProblem& p_;
+  SweepForecast forecast_;
+  FrontRow front_;
+};
+
 }  // namespace
 
 IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const ApplyKernel& apply, bool recordable,
@@ -285,6 +325,7 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
       lcp.start(r, v, y, 0, settle);
     });
   Watch watch(options.iteration_tolerance);
+  Outlook outlook(p, options);
   Index first = 0;        // rows before it have settled
   Index solved_from = 0;  // rows before it were left alone by the last batch
   Index furthest = 0;     // that `first` has been; recorded sweeps may fall back
@@ -313,6 +354,7 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
     solved_from = first;
     first = report.settled;
     if (auto outcome = watch.after(p, report, advanced)) return ended(*outcome);
+    if (auto outcome = outlook.after(report, watch.stuck(), y)) return ended(*outcome);
   }
   const double last = result.history.empty() ? NAN : result.history.back();
   return ended({Status::tolerance_not_met,

@@ -1,56 +1,15 @@
 #include "core/galerkin_discretisation.hpp"
 
 #include "core/error.hpp"
+#include "core/galerkin_sources.hpp"
 #include "core/phi.hpp"
 #include "core/two_point.hpp"
 
 #include <Eigen/Dense>
 
-#include <array>
-#include <cmath>
-
 namespace bromwich {
 
 namespace {
-
-// Gauss points on [0,1], their weights, and the parabola through values there: Σ_i values_i parabola(i, j) s^j / j!.
-struct GaussParabola {
-  Eigen::Vector3d points, weights;
-  Eigen::Matrix3d parabola;
-};
-
-GaussParabola gauss_parabola() {
-  const double d = std::sqrt(0.15);
-  GaussParabola gauss{{0.5 - d, 0.5, 0.5 + d}, {5. / 18, 8. / 18, 5. / 18}, {}};
-  Eigen::Matrix3d powers;  // row i: 1, s_i, s_i^2 / 2
-  for (int i = 0; i < 3; ++i) powers.row(i) << 1, gauss.points[i], gauss.points[i] * gauss.points[i] / 2;
-  gauss.parabola = powers.inverse().transpose();
-  return gauss;
-}
-
-// What the value of f at each Gauss point adds to F_k (m x k) and to q_k (2n x k), f = entry phi.
-struct SourceResponse {
-  std::array<Matrix, 3> state, moments;
-};
-
-SourceResponse source_response(const std::vector<Matrix>& G, const Matrix& N, const Matrix& entry, double h,
-                               const GaussParabola& gauss) {
-  const Index m = entry.rows(), k = entry.cols(), n = N.rows();
-  SourceResponse response;
-  for (int i = 0; i < 3; ++i) {
-    Matrix state = Matrix::Zero(m, k), moments = Matrix::Zero(2 * n, k);
-    for (int j = 0; j < 3; ++j) {  // s^j/j! responds with s^{j+1} phi_{j+1}(s hA), whose moments are these
-      const auto& phi = [&](int order) -> const Matrix& { return G[std::size_t(j + order)]; };
-      const double c = h * gauss.parabola(i, j);
-      state += c * phi(1) * entry;
-      moments.topRows(n) += 2 * c * N * phi(3) * entry;
-      moments.bottomRows(n) += 2 * c * N * (phi(2) - phi(3)) * entry;
-    }
-    response.state[std::size_t(i)] = state;
-    response.moments[std::size_t(i)] = moments;
-  }
-  return response;
-}
 
 GalerkinStep step_from(const std::vector<Matrix>& G, const DenseDynamics& d, const Matrix& M, double h) {
   const Index m = d.A.rows(), n = M.rows();
@@ -93,31 +52,16 @@ GalerkinProblem galerkin_problem(const Scene& scene, const std::vector<GridPart>
   p.initial_value = !scene.boundary;
   p.forcing = RowMatrix::Zero(p.N, m);
   p.q = RowMatrix::Zero(p.N, 2 * n);
-  const GaussParabola gauss = gauss_parabola();
-  Vector f(scene.sources()), g(n);
+  GalerkinSources sources(scene, d, entry, breakpoints_of(scene));
   Index first = 0;
   double begin = 0;
   for (const GridPart& part : parts) {
     const double h = (part.end - begin) / double(part.intervals);
-    const std::vector<Matrix> G = matrix_phis(h * d.A, 5);
-    const SourceResponse response = source_response(G, d.N, entry, h, gauss);
-    p.runs.push_back({first, part.intervals, step_from(G, d, M, h)});
+    p.runs.push_back({first, part.intervals, step_from(matrix_phis(h * d.A, 5), d, M, h)});
     for (Index j = 0; j < part.intervals; ++j) {
       const Index k = first + j;
       p.t[k + 1] = j + 1 == part.intervals ? part.end : begin + double(j + 1) * h;
-      for (int i = 0; i < 3; ++i) {
-        const double s = gauss.points[i], t = begin + (double(j) + s) * h;
-        if (scene.f) {
-          scene.f(t, f);
-          p.forcing.row(k).transpose() += response.state[std::size_t(i)] * f;
-          p.q.row(k).transpose() += response.moments[std::size_t(i)] * f;
-        }
-        if (scene.g) {
-          scene.g(t, g);
-          p.q.row(k).head(n) += 2 * gauss.weights[i] * (1 - s) * g.transpose();
-          p.q.row(k).tail(n) += 2 * gauss.weights[i] * s * g.transpose();
-        }
-      }
+      sources.add(begin + double(j) * h, h, p.forcing.row(k).transpose(), p.q.row(k).transpose());
     }
     first += part.intervals;
     begin = part.end;

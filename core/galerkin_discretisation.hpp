@@ -81,9 +81,9 @@ std::vector<double> breakpoints_of(const S& scene) {
 /// f = entry phi(t): m x Scene::sources().
 Matrix source_entry(const Scene&, const DenseDynamics&);
 
-/// The scene on N intervals, or on parts of which the last ends at T. f and g are replaced on each interval by the
-/// parabola through three Gauss points, and no value at an end of an interval is used: sources may jump there. Dynamics
-/// are written out densely. f and g that are not finite leave NaN in `forcing` or `q`.
+/// The scene on N intervals, or on parts of which the last ends at T. f and g are replaced on each interval, or on its
+/// pieces (core/galerkin_sources.hpp), by the parabola through three Gauss points, and no value at an end is used:
+/// sources may jump there. Dynamics are written out densely. f and g that are not finite leave NaN in `forcing` or `q`.
 GalerkinProblem galerkin_problem(const Scene&, const std::vector<GridPart>&);
 GalerkinProblem galerkin_problem(const Scene&, Index N);
 

@@ -28,7 +28,6 @@ class Stepper {
     return after.allFinite();
   }
   LcpClass lcp_class() const { return class_; }
-  const GalerkinStep& step() const { return step_; }
 
   Vector z, after;
   bool infeasible = false;
@@ -101,8 +100,7 @@ class RuledMarch {
                           solve(IntervalRule::radau, k, x, s);
     if (by_radau) {
       const Stepper& radau = by(IntervalRule::radau);
-      if (!state_jumps(radau.step(), radau.z, x, radau.after) && choice_.needed(radau.z) != IntervalRule::euler)
-        return IntervalRule::radau;
+      if (!lets_go(radau.z) && choice_.needed(radau.z) != IntervalRule::euler) return IntervalRule::radau;
     }
     if (solve(IntervalRule::euler, k, x, s)) return IntervalRule::euler;
     if (by_radau) return IntervalRule::radau;

@@ -49,8 +49,7 @@ void give_up(RuledSolution& ruled, const std::string& why) {
 void settle(const Scene& scene, const RuledProblems& problems, const GalerkinSolver& solver, RuleChoice& choice,
             RowMatrix z, RuledSolution& ruled) {
   for (int pass = 0; pass < most_passes; ++pass) {
-    const RowMatrix x = galerkin_states(*ruled.problem, z);
-    std::vector<IntervalRule> next = next_rules(problems, choice, ruled.rules, z, x, pass >= free_passes);
+    std::vector<IntervalRule> next = next_rules(problems, choice, ruled.rules, z, pass >= free_passes);
     if (next == ruled.rules) return;
     if (bytes_of(problems.galerkin, next) > most_bytes)
       return give_up(ruled,
@@ -117,7 +116,7 @@ std::string warning_of(const std::vector<IntervalRule>& rules, const Vector& t) 
   if (radau > 0) words += text(" %ld intervals are taken by Radau IIA", long(radau));
   if (euler > 0) {
     const auto at = std::find(rules.begin(), rules.end(), IntervalRule::euler);
-    words += text("%s %ld by implicit Euler, of first order, where the state jumps (first at t = %.6g)",
+    words += text("%s %ld by implicit Euler, of first order, where the state may jump (first at t = %.6g)",
                   radau > 0 ? " and" : "", long(euler), t[at - rules.begin()]);
   }
   return words;

@@ -1,6 +1,6 @@
 #include "core/galerkin_rules.hpp"
 
-#include "core/error.hpp"
+#include "core/galerkin_sources.hpp"
 #include "core/lcp/solution.hpp"
 #include "core/text.hpp"
 
@@ -80,20 +80,13 @@ GalerkinStep stage_step(const Stages& X, const Tableau& rule, const DenseDynamic
   return step;
 }
 
-// f of the stages of an interval; implicit Euler takes the mean of three Gauss points.
-Vector stage_sources(const Scene& scene, IntervalRule rule, const Tableau& tableau, double begin, double h) {
+// f of the stages of an interval; implicit Euler takes its mean.
+Vector stage_sources(const Scene& scene, IntervalRule rule, const Tableau& tableau, double begin, double h,
+                     GalerkinSources& sources) {
+  if (rule == IntervalRule::euler) return sources.mean_of_f(begin, h);
   const Index k = scene.sources(), s = tableau.c.size();
   Vector values = Vector::Zero(s * k), f(k);
-  if (!scene.f) return values;
-  if (rule == IntervalRule::euler) {
-    const double d = std::sqrt(0.15), points[] = {0.5 - d, 0.5, 0.5 + d}, weights[] = {5. / 18, 8. / 18, 5. / 18};
-    for (int i = 0; i < 3; ++i) {
-      scene.f(begin + points[i] * h, f);
-      values += weights[i] * f;
-    }
-    return values;
-  }
-  for (Index i = 0; i < s; ++i) {
+  for (Index i = 0; i < s && scene.f; ++i) {
     scene.f(begin + std::min(tableau.c[i], 1 - just_before) * h, f);
     values.segment(i * k, k) = f;
   }
@@ -114,6 +107,7 @@ GalerkinProblem stage_problem(const Scene& scene, const GalerkinProblem& like, I
   p.initial_value = like.initial_value;
   p.forcing = RowMatrix::Zero(p.N, m);
   p.q = RowMatrix::Zero(p.N, 2 * n);
+  GalerkinSources sources(scene, d, entry, breakpoints_of(scene));
   Vector g(n);
   for (const GalerkinRun& run : like.runs) {
     const double h = (like.t[run.first + run.count] - like.t[run.first]) / double(run.count);
@@ -121,7 +115,7 @@ GalerkinProblem stage_problem(const Scene& scene, const GalerkinProblem& like, I
     p.runs.push_back({run.first, run.count, stage_step(X, t, d, M)});
     const Matrix push_q = seen(d.N, t, X.push);
     for (Index k = run.first; k < run.first + run.count; ++k) {
-      const Vector f = stage_sources(scene, rule, t, p.t[k], h);
+      const Vector f = stage_sources(scene, rule, t, p.t[k], h, sources);
       p.forcing.row(k) = (X.push.bottomRows(m) * f).transpose();
       p.q.row(k) = (push_q * f).transpose();
       for (Index i = 0; i < 2 && scene.g; ++i) {
@@ -219,33 +213,24 @@ IntervalRule RuleChoice::decide(const std::vector<Index>& active) const {
   return largest > 0 && regular == null ? IntervalRule::radau : IntervalRule::euler;
 }
 
-bool state_jumps(const GalerkinStep& radau, const Vector& z, const Vector& before, const Vector& after) {
-  constexpr double share = 0.25, small = 0.01;
+bool lets_go(const Vector& z) {
   const Index n = z.size() / 2;
   const double zero = 1e-9 * z.cwiseAbs().maxCoeff();
-  bool switches = false;
-  for (Index i = 0; i < n; ++i) switches = switches || (z[i] > zero) != (z[n + i] > zero);
-  if (!switches) return false;
-  const Vector first = (radau.H.leftCols(n) * z.head(n)).cwiseAbs() / 0.75,
-               last = (radau.H.rightCols(n) * z.tail(n)).cwiseAbs() / 0.25;
-  const Vector size = before.cwiseAbs().cwiseMax(after.cwiseAbs());
-  return (first.cwiseMax(last).array() > share * size.cwiseMax(small * size.maxCoeff()).array()).any();
+  for (Index i = 0; i < n; ++i)
+    if (z[i] > zero && !(z[n + i] > zero)) return true;
+  return false;
 }
 
 std::vector<IntervalRule> next_rules(const RuledProblems& problems, RuleChoice& choice,
-                                     const std::vector<IntervalRule>& rules, const RowMatrix& z, const RowMatrix& x,
-                                     bool keep) {
+                                     const std::vector<IntervalRule>& rules, const RowMatrix& z, bool keep) {
   const GalerkinProblem& p = problems.galerkin;
   std::vector<IntervalRule> next(std::size_t(p.N), IntervalRule::galerkin);
-  std::size_t run = 0;
   for (Index k = 0; k < p.N; ++k) {
-    if (k == p.runs[run].first + p.runs[run].count) ++run;
     const IntervalRule now = rules[std::size_t(k)];
     const Vector values = z.row(k).transpose();
     IntervalRule rule = choice.needed(values);
     if (rule == IntervalRule::radau && choice.source_jumps(p.t[k], p.t[k + 1])) rule = IntervalRule::euler;
-    const bool jump = now == IntervalRule::radau && state_jumps(problems.radau.runs[run].step, values,
-                                                                x.row(k).transpose(), x.row(k + 1).transpose());
+    const bool jump = now == IntervalRule::radau && lets_go(values);
     // What was taken by Euler shows no jump any more.
     if (jump || (now == IntervalRule::euler && rule != IntervalRule::galerkin)) rule = IntervalRule::euler;
     if (keep) rule = std::max(rule, now);

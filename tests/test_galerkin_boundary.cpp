@@ -109,29 +109,27 @@ Scene periodic_stop() {
   return scene;
 }
 
-// Exchanges move the ends of the contact by an interval each; shooting takes as many marches at every N.
+// Exchanges move the ends of the contact by an interval each; shooting takes as many marches at every N. On the stop
+// x = 0.1 and y = 0.1 - sin 2 pi t, which Radau IIA keeps to its order; y does not alternate.
 TEST(GalerkinShooting, ContactsWithoutCompliance) {
-  const auto backend = make_cpu_backend(1);
   for (const Index N : {160, 2560}) {
-    const Scene scene = periodic_stop();
-    const Result r = run(scene, Method::galerkin, N);
+    const Result r = run(periodic_stop(), Method::galerkin, N);
     ASSERT_EQ(r.status, Status::solved) << N << ": " << r.reason;
     EXPECT_LE(*r.boundary_residual, 1e-13);
     EXPECT_LE(r.iterations, 40);
-    // What it solves is the limit of marching: a period contracts by e^{-1} at least, 40 of them to 4e-18.
-    GalerkinProblem p = galerkin_problem(scene, N);
-    p.initial_value = true;
-    p.boundary = {Matrix{{1}}, Matrix{{0}}, Vector{{0}}};
-    GalerkinSolution marched;
-    for (int period = 0; period < 40; ++period) {
-      marched = march_galerkin(p, *backend, {});
-      p.boundary.b = marched.x.row(N).transpose();
+    Index on_stop = 0;
+    for (Index k = 4; k < N; ++k) {
+      if (!(r.y.middleRows(k - 3, 5).minCoeff() > 0))
+        continue;  // the first intervals of a contact forget its beginning
+      ++on_stop;
+      // y of a stage has an error of second order, |y''| h^2 with |y''| <= 4 pi^2.
+      EXPECT_NEAR(r.y(k, 0), 0.1 - std::sin(2 * pi * r.t[k]), 4 * pi * pi / double(N * N)) << N << ' ' << k;
     }
-    EXPECT_LE(distance(marched.z.rightCols(1), r.y.bottomRows(N)), 1e-9) << N;  // D is of size 1/N, x to rounding
+    EXPECT_GE(on_stop, N / 5);
   }
 }
 
-// Contact that begins inside an interval leaves an error in x that is carried on, while y alternates.
+// Stages take the place of the moments there, and the result says so.
 TEST(GalerkinBoundary, AnIdealStopIsWarnedAbout) {
   const Result r = run(periodic_stop(), Method::galerkin, 160);
   ASSERT_EQ(r.status, Status::solved) << r.reason;

@@ -159,5 +159,44 @@ TEST(Enumeration, NonnegativeLeastSquares) {
   }
 }
 
+// A step of the twisting controller, x1' = x2, x2' = -2 sgn x1 - sgn x2, by Radau IIA: skew but for terms of size h and
+// h^2, of no class. Newton's method from the empty set ends at a singular set; the solution that Lemke's method then
+// finds is where the next problem begins, however few indices part the two sets.
+TEST(LcpUnknown, TwistingStaysOnItsActiveSet) {
+  for (const double h : {1. / 2000, 1. / 3200, 1. / 3802}) {
+    const Matrix A{{0, 1}, {0, 0}}, relays{{0, 0}, {2, 1}}, a{{5. / 12, -1. / 12}, {3. / 4, 1. / 4}};
+    Matrix system = Matrix::Identity(4, 4), right = Matrix::Zero(4, 4), see = Matrix::Zero(8, 4),
+           M = Matrix::Zero(8, 8);
+    for (Index i = 0; i < 2; ++i) {
+      for (Index j = 0; j < 2; ++j) {
+        system.block(2 * i, 2 * j, 2, 2) -= h * a(i, j) * A;
+        right.block(2 * i, 2 * j, 2, 2) = h * a(i, j) * relays;
+      }
+      see.block(4 * i, 2 * i, 2, 2) = -Matrix::Identity(2, 2);
+      M.block(4 * i, 4 * i + 2, 2, 2).setIdentity();
+      M.block(4 * i + 2, 4 * i, 2, 2) = -Matrix::Identity(2, 2);
+    }
+    const Matrix response = system.inverse() * right,
+                 start = system.inverse().leftCols(2) + system.inverse().rightCols(2);
+    for (Index i = 0; i < 2; ++i) M.middleCols(4 * i, 2) += see * response.middleCols(2 * i, 2) * -2;
+    ActiveSetLcp solver(M, classify(LcpMatrix(M)));
+    Vector x{{1, 1}}, y;
+    int fallbacks = 0;
+    for (int step = 1; double(step) * h < 0.25; ++step) {
+      const Vector free = start * x + response * Vector::Ones(4);
+      Vector q = see * free;
+      for (const Index i : {2, 3, 6, 7}) q[i] = 1;
+      const LcpOutcome outcome = solver.solve(q, y);
+      ASSERT_TRUE(outcome.solved) << h << ' ' << step;
+      fallbacks += outcome.fallback;
+      const Vector after = free - 2 * response * y(std::vector<Index>{0, 1, 4, 5});
+      x = after.tail(2);
+      const double t = double(step) * h;  // both relays are on: x2' = -3
+      ASSERT_NEAR(x[1], 1 - 3 * t, 1e-12) << h << ' ' << step;
+    }
+    EXPECT_LE(fallbacks, 2) << h;
+  }
+}
+
 }  // namespace
 }  // namespace bromwich
