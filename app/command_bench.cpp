@@ -35,6 +35,8 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
     {"paper", "the experiments of the paper on Laplace inversion, beside the numbers it quotes", bench_paper},
     {"scenes", "all scene files of a folder: what they are, how they are solved, error and time", bench_scenes},
     {"sparse", "heat on a square with 1e5 states and ten contacts", bench_sparse},
+    {"stability", "hard cases with known solutions: error, estimate and status, implicit Euler beside them",
+     bench_stability},
     {"tol", "error control: the tolerance asked for, the error estimated and the true one, and the work", bench_tol},
 });
 

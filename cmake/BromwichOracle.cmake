@@ -1,5 +1,5 @@
 # bromwich_oracle: the independent dense oracle, the random scenes and the verdict on a result, which the tests and
-# bromwich_random_scenes share.
+# bromwich_random_scenes and bromwich_trust share.
 include_guard(GLOBAL)
 add_library(
   bromwich_oracle STATIC
@@ -7,7 +7,8 @@ add_library(
   ${PROJECT_SOURCE_DIR}/tests/oracle_events.cpp ${PROJECT_SOURCE_DIR}/tests/oracle_galerkin.cpp
   ${PROJECT_SOURCE_DIR}/tests/oracle_modes.cpp
   ${PROJECT_SOURCE_DIR}/tests/oracle_steps.cpp
-  ${PROJECT_SOURCE_DIR}/tests/random_scenes.cpp ${PROJECT_SOURCE_DIR}/tests/verdict.cpp)
+  ${PROJECT_SOURCE_DIR}/tests/random_scenes.cpp ${PROJECT_SOURCE_DIR}/tests/random_sources.cpp
+  ${PROJECT_SOURCE_DIR}/tests/trust.cpp ${PROJECT_SOURCE_DIR}/tests/verdict.cpp)
 target_link_libraries(bromwich_oracle PUBLIC bromwich::core PRIVATE bromwich::cpu bromwich_build_options)
 # Its templates are large and its problems small: the time goes into compiling it.
 target_compile_options(bromwich_oracle PRIVATE "$<$<CONFIG:Release>:-O1>")

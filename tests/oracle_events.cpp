@@ -19,9 +19,19 @@ constexpr Index degree = Collocation::degree;
 constexpr double resolved = 1e-12;     ///< last coefficients, relative to the largest values so far
 constexpr double noise_level = 3e-11;  ///< what counts as zero, relative to the terms of a sum
 constexpr double same_state = 1e-7;
-constexpr long most_events = 20000, most_pieces = 200000;
+constexpr long most_events = 20000, most_pieces = 60000;
 
-double value_at(const Eigen::Ref<const Vector>& c, double s) { return legendre(s).dot(c); }
+double value_at(const Vector& c, double s) {
+  const double z = 2 * s - 1;
+  double before = 1, now = z, sum = c[0] + c[1] * z;
+  for (Index k = 1; k < degree; ++k) {
+    const double next = ((2 * double(k) + 1) * z * now - double(k) * before) / (double(k) + 1);
+    before = now;
+    now = next;
+    sum += c[k + 1] * now;
+  }
+  return sum;
+}
 
 /// Where a polynomial on [0, 1] that is not negative at the beginning becomes so.
 class SignChange {
@@ -109,7 +119,7 @@ class Events {
   EventSolution solve() {
     std::vector<double> ends = e_.breaks;
     ends.push_back(s_.T);
-    x_ = s_.x0;
+    x_ = out_.start = s_.x0;
     integral_ = Vector::Zero(n_);
     h_ = longest_;
     for (const double end : ends) {
@@ -333,7 +343,7 @@ class Events {
       if (step->valid > 0) accept(*step);
       if (step->valid >= 1) {
         const double room = step->tail > 0 ? std::pow(resolved / step->tail, 0.11) : 3;
-        h_ = step->length * std::clamp(0.9 * room, 0.5, 3.0);
+        h_ = step->length * std::clamp(0.9 * room, 1.0, 3.0);
         if (end_ - t_ > 0 && end_ - t_ < 1e-14 * s_.T) t_ = end_;
         continue;
       }

@@ -37,13 +37,14 @@ class EventSolution {
   long events = 0, jumps = 0;
   bool y_unique = true;  ///< no two active sets gave the same state and different y
   std::vector<EventPiece> pieces;
+  Vector start;  ///< x(0) before a jump there
 
   /// At a time where something jumps, from the left or from the right; likewise y, and its integral from 0 on.
   Vector x(double t, bool left = false) const { return at(t, left, &EventPiece::x); }
   Vector y(double t, bool left = false) const { return at(t, left, &EventPiece::y); }
   Vector integral(double t, bool left = false) const;
-  /// Largest absolute values of every component, over all pieces.
-  Vector largest_x() const { return largest(&EventPiece::x); }
+  /// Largest absolute values of every component, over all pieces and the start.
+  Vector largest_x() const { return largest(&EventPiece::x).cwiseMax(start.cwiseAbs()); }
   Vector largest_y() const { return largest(&EventPiece::y); }
   Vector largest_integral() const;
 
