@@ -91,7 +91,10 @@ struct Scene {
   SourceEntry f_entry = SourceEntry::state;
   SparseMatrix F;  ///< m x k with f_entry through_F, otherwise empty
   TimeFunction g;  ///< n values; empty = 0
-  Vector x0;       ///< m; empty with a boundary condition
+  /// Times in [0, T] at which f or g may jump or have a kink, increasing; values there are taken one-sidedly. Empty
+  /// where they are smooth.
+  std::vector<double> breakpoints;
+  Vector x0;  ///< m; empty with a boundary condition
   std::optional<BoundaryCondition> boundary;
   std::vector<Index> free_rows;  ///< rows i with w_i = 0 and y_i of either sign, increasing
   /// The structure the dynamics were made from, where there is one; null otherwise. Such a scene may have no
