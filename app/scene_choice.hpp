@@ -17,6 +17,7 @@ struct SceneChoice {
   std::string states = "none";         ///< default of --states
   std::optional<Reference> reference;  ///< empty where parameters were set: it belongs to those of the file
   std::shared_ptr<const QuantityOfInterest> quantity = {};  ///< of the file; null where it has none
+  std::string warning = {};                                 ///< of the file, or empty
   std::vector<std::filesystem::path> inputs = {};           ///< the files it was read from
 };
 

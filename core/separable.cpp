@@ -1,6 +1,7 @@
 #include "core/separable.hpp"
 
 #include "core/backend.hpp"
+#include "core/interruption.hpp"
 
 #include <utility>
 
@@ -64,6 +65,8 @@ void SampledSource::upload(Backend& backend, Array& to) const {
   factored() ? backend.upload_product(amplitudes_, shapes_, to) : backend.upload(table_, to);
 }
 
+constexpr Index polled_rows = 4096;
+
 SampledSource sample(const TimeFunction& function, const Vector& t, Index width) {
   if (!function) return SampledSource(RowMatrix::Zero(t.size(), width));
   const auto* separable = function.target<SeparableSource>();
@@ -71,6 +74,7 @@ SampledSource sample(const TimeFunction& function, const Vector& t, Index width)
   RowMatrix values(t.size(), separable ? separable->shapes.cols() : width);
   Vector value(values.cols());
   for (Index j = 0; j < t.size(); ++j) {
+    if (j % polled_rows == 0) check_interruption();
     value.setZero();
     separable ? separable->time(t[j], value) : function(t[j], value);
     values.row(j) = value.transpose();

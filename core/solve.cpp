@@ -6,6 +6,7 @@
 #include "core/error_control.hpp"
 #include "core/galerkin.hpp"
 #include "core/goal.hpp"
+#include "core/interruption.hpp"
 #include "core/method_choice.hpp"
 #include "core/mixed.hpp"
 #include "core/port_hamiltonian.hpp"
@@ -226,9 +227,11 @@ Result by_galerkin(const Scene& scene, Backend& backend, const Options& options)
   return result;
 }
 
-Result unsupported(const Scene& scene, const Backend& backend, const Options& options, const std::string& why) {
+Result unsolved(const Scene& scene, const Backend& backend, const Options& options, Status status,
+                const std::string& why) {
   Result result;
-  result.reason = why + "; use method galerkin";
+  result.status = status;
+  result.reason = why;
   result.method = to_string(options.method);
   result.backend = backend.name();
   result.steps = options.steps > 0 ? options.steps : scene.default_steps;
@@ -240,6 +243,10 @@ Result unsupported(const Scene& scene, const Backend& backend, const Options& op
   return result;
 }
 
+Result unsupported(const Scene& scene, const Backend& backend, const Options& options, const std::string& why) {
+  return unsolved(scene, backend, options, Status::unsupported, why + "; use method galerkin");
+}
+
 void check_event_location(const Scene& scene, const Options& options) {
   if (controls_error(options)) throw Error("event_location", "found with a tolerance", "give steps instead");
   if (options.method != Method::galerkin && !(options.method == Method::automatic && scene.boundary))
@@ -249,12 +256,8 @@ void check_event_location(const Scene& scene, const Options& options) {
 // Below this size dense matrices are faster in everything, and e^{hA} needs no contour.
 constexpr Index smallest_sparse = 512;
 
-}  // namespace
-
-Result solve(const Scene& given, Backend& backend, const Options& options) {
+Result solve_valid(const Scene& given, Backend& backend, const Options& options) {
   Timer total;
-  given.validate();
-  validate(given, options);
   if (options.event_location) check_event_location(given, options);
   if (options.method == Method::goal) return solve_for_goal(given, backend, options);
   if (given.constraints() == 0) {
@@ -319,6 +322,19 @@ Result solve(const Scene& given, Backend& backend, const Options& options) {
   s.solve = s.total - s.setup;
   s.other = std::max(0.0, s.solve - s.lcp - s.convolution - s.transform);
   return result;
+}
+
+}  // namespace
+
+Result solve(const Scene& scene, Backend& backend, const Options& options) {
+  scene.validate();
+  validate(scene, options);
+  const InterruptedBy polled(options.interrupted);
+  try {
+    return solve_valid(scene, backend, options);
+  } catch (const Interrupted&) {
+    return unsolved(scene, backend, options, Status::interrupted, "stopped on request before the first step");
+  }
 }
 
 Matrix states_at(const Scene& scene, Backend& backend, const Result& result, const std::vector<Index>& rows) {

@@ -26,7 +26,7 @@ constexpr std::size_t longest_batch = 4000;
 constexpr std::size_t longest_parsed = 19'000;
 
 /// Operations of formulas that are looked through for times where they switch: seconds at most.
-constexpr long most_work = 30'000'000;
+constexpr long most_work = 20'000'000;
 
 bool parsed(const std::string& text) { return text.size() <= longest_parsed; }
 

@@ -40,7 +40,7 @@ class Expressions {
   /// evaluated here and never again.
   TimeFunction in_time(const std::vector<std::string>& texts) const;
 
-  /// The times in (0, T) at which one of the texts may jump or have a kink.
+  /// The times in [0, T] at which one of the texts may jump or have a kink.
   SwitchTimes switch_times(const std::vector<std::string>& texts, double T) const;
 
  private:

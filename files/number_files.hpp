@@ -34,13 +34,17 @@ Matrix read_number_table(const std::string& text, const std::string& name);
 
 /// Times and one column of values per entry, from a file with the header `t,f0,f1,...` (`letter` = f).
 struct TimeTable {
-  Vector t;          ///< strictly ascending
+  Vector t;  ///< ascending; a time given twice is a jump, from the values of its first row to those of its second
   RowMatrix values;  ///< t.size() x entries
 };
-/// Throws where the header is another one or the times do not ascend from 0 or below to `last_time` or beyond.
+/// Throws where the header is another one, the times do not ascend from 0 or below to `last_time` or beyond, or one is
+/// given three times.
 TimeTable read_time_table(const std::string& text, const std::string& name, char letter, double last_time);
 
-/// Piecewise linear in t, constant before the first and after the last time.
+/// Piecewise linear in t, constant before the first and after the last time; where it jumps, the value behind.
 TimeFunction interpolate(TimeTable table);
+
+/// The times in (0, last_time) at which the interpolant jumps or has a kink: rows on a straight line are none.
+std::vector<double> kinks(const TimeTable& table, double last_time);
 
 }  // namespace bromwich

@@ -110,13 +110,18 @@ TimeTable read_time_table(const std::string& text, const std::string& name, char
   const std::size_t columns = read_header(lines, letter) + 1;
   std::vector<double> values;
   double previous = 0;
+  bool twice = false;  // the two rows before have one time
   while (next_row(lines)) {
     append_row(lines, columns, values);
     const double t = values[values.size() - columns];
     if (values.size() == columns && t > 0)
       throw Error(lines.place(), fmt::format("the times begin at {}", t), "begin at t = 0 or before");
-    if (values.size() > columns && !(t > previous))
+    if (values.size() > columns && t < previous)
       throw Error(lines.place(), fmt::format("the time {} follows {}", t, previous), "give ascending times");
+    if (twice && t == previous)
+      throw Error(lines.place(), fmt::format("the time {} is given three times", t),
+                  "give the values before and behind a jump, two lines");
+    twice = values.size() > columns && t == previous;
     previous = t;
   }
   if (values.empty()) throw Error(lines.place(), "the file holds no times", "give one line per time");
@@ -140,6 +145,29 @@ TimeFunction interpolate(TimeTable table) {
     const double weight = (t - times[right - 1]) / (times[right] - times[right - 1]);
     value = (1 - weight) * shared->values.row(right - 1).transpose() + weight * shared->values.row(right).transpose();
   };
+}
+
+std::vector<double> kinks(const TimeTable& table, double last_time) {
+  constexpr double rounded = 1e-12;  // of the values: what differs by less lies on the line
+  std::vector<double> found;
+  const auto add = [&](double t) {
+    if (t > 0 && t < last_time && (found.empty() || found.back() < t)) found.push_back(t);
+  };
+  const Index rows = table.t.size();
+  const double largest = table.values.size() > 0 ? table.values.cwiseAbs().maxCoeff() : 0;
+  for (Index j = 1; j + 1 < rows; ++j) {
+    const double before = table.t[j] - table.t[j - 1], behind = table.t[j + 1] - table.t[j];
+    if (before == 0) continue;  // looked at with the row before
+    if (behind == 0) {
+      add(table.t[j]);
+      continue;
+    }
+    const double weight = behind / (before + behind);
+    const Eigen::RowVectorXd line = weight * table.values.row(j - 1) + (1 - weight) * table.values.row(j + 1);
+    if ((line - table.values.row(j)).cwiseAbs().maxCoeff() > rounded * largest) add(table.t[j]);
+  }
+  if (rows > 1 && table.t[rows - 1] < last_time - rounding * last_time) add(table.t[rows - 1]);
+  return found;
 }
 
 Index rows(const MatrixValue& value) {

@@ -19,6 +19,13 @@ bool meets(Range r, double offset, double period) {
   return std::floor((r.high - offset) / period) >= std::ceil((r.low - offset) / period);
 }
 
+/// What is exact stays exact: the slope of t - t is 0.
+bool exact_sum(double a, double b, double sum) {
+  const double of_b = sum - a;
+  return (a - (sum - of_b)) + (b - of_b) == 0;
+}
+bool exact_product(double a, double b, double found) { return std::fma(a, b, -found) == 0; }
+
 }  // namespace
 
 Range widened(Range r) {
@@ -30,17 +37,17 @@ Range hull(Range a, Range b) { return {std::min(a.low, b.low), std::max(a.high, 
 
 Range operator-(Range a) { return {-a.high, -a.low}; }
 
-// What is exact stays exact: numbers of the scene, and sums with 0.
 Range operator+(Range a, Range b) {
-  if (a.point() && a.low == 0) return b;
-  if (b.point() && b.low == 0) return a;
-  return widened({a.low + b.low, a.high + b.high});
+  const double low = a.low + b.low, high = a.high + b.high;
+  if (exact_sum(a.low, b.low, low) && exact_sum(a.high, b.high, high)) return {low, high};
+  return widened({low, high});
 }
 
 Range operator-(Range a, Range b) { return a + -b; }
 
 Range operator*(Range a, Range b) {
   if ((a.point() && a.low == 0) || (b.point() && b.low == 0)) return {0, 0};
+  if (a.point() && b.point() && exact_product(a.low, b.low, a.low * b.low)) return {a.low * b.low, a.low * b.low};
   const auto [low, high] =
       std::minmax({product(a.low, b.low), product(a.low, b.high), product(a.high, b.low), product(a.high, b.high)});
   return widened({low, high});

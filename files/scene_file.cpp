@@ -98,7 +98,18 @@ Scene complementarity_scene(const Sections& s) {
   return scene;
 }
 
-PortHamiltonian read_port(const Section& section, double T) {
+/// A scene in the making, and where its sources switch.
+struct Draft {
+  Scene scene;
+  SwitchTimes switches;
+
+  void note(const FunctionValue& source) {
+    switches.times.insert(switches.times.end(), source.switches.times.begin(), source.switches.times.end());
+    switches.complete = switches.complete && source.switches.complete;
+  }
+};
+
+PortHamiltonian read_port(const Section& section, double T, Draft& draft) {
   const auto matrix = [&](const char* key) {
     return section.has(key) ? to_sparse(section.matrix(key)) : SparseMatrix();
   };
@@ -109,15 +120,17 @@ PortHamiltonian read_port(const Section& section, double T) {
   const FunctionValue u = section.function("u", T);
   require_entries(u, port.ports(), section.where("u"), "one per column of B");
   port.u = u.function;
+  draft.note(u);
   if (section.has("jumps")) {
     const Vector jumps = section.vector("jumps");
     port.jumps.assign(jumps.begin(), jumps.end());
+    draft.note({{}, 0, {port.jumps, true}});
   }
   return port;
 }
 
 /// E x' = (J - R) Q x + B u, with or without complementarity: y enters by dynamics.B.
-Scene port_scene(const Sections& s) {
+Scene port_scene(const Sections& s, Draft& draft) {
   for (const char* key : {"A", "f", "F", "x0"})
     if (s.dynamics.has(key))
       throw Error(s.dynamics.where(key), "is given with a section [port]",
@@ -126,7 +139,7 @@ Scene port_scene(const Sections& s) {
     if (other->given())
       throw Error(other->where(other == &s.relay ? "C" : "b"), "is given with [port]", "leave it out");
   const double T = s.time.number("T");
-  const PortHamiltonian port = read_port(s.port, T);
+  const PortHamiltonian port = read_port(s.port, T, draft);
   std::map<std::string, std::string> in_port = places(s);
   for (const char* key : {"E", "J", "R", "Q", "B", "x0"}) in_port[key] = s.port.where(key);
   in_port["Q^T E"] = s.port.where("Q");
@@ -171,8 +184,10 @@ Scene relay_scene(const Sections& s) {
 }
 
 /// Adds f of the file to what a relay brings.
-void add_f(const Sections& s, Scene& scene) {
-  FunctionValue f = s.dynamics.function("f", scene.T);
+void add_f(const Sections& s, Draft& draft) {
+  Scene& scene = draft.scene;
+  const FunctionValue f = s.dynamics.function("f", scene.T);
+  draft.note(f);
   const TimeFunction brought = std::exchange(scene.f, {});  // it is as long as the state, f need not be
   if (s.dynamics.has("F")) {
     if (!f.function) throw Error(s.dynamics.where("F"), "is given without f", "add f with one entry per column of F");
@@ -198,10 +213,12 @@ void add_f(const Sections& s, Scene& scene) {
   };
 }
 
-void add_g(const Sections& s, Scene& scene) {
+void add_g(const Sections& s, Draft& draft) {
+  Scene& scene = draft.scene;
   const FunctionValue g = s.complementarity.function("g", scene.T);
   require_entries(g, scene.constraints(), s.complementarity.where("g"), "one per constraint");
   if (g.function) scene.g = g.function;
+  draft.note(g);
 }
 
 void add_exact(const Section& section, Scene& scene) {
@@ -227,6 +244,9 @@ void add_boundary(const Sections& s, Scene& scene) {
   if (!section.has("E0") && !section.has("ET"))
     throw Error(section.where("E0"), "found neither E0 nor ET", "give one of them or both");
   const Index m = scene.states();
+  if (m > largest_dense)
+    throw Error(section.where("E0"), fmt::format("the scene has {} states", m),
+                fmt::format("boundary values are for {} states at most", largest_dense));
   const auto end = [&](const char* key) {
     return section.has(key) ? to_dense(section.matrix(key), section.where(key)) : Matrix(Matrix::Zero(m, m));
   };
@@ -243,18 +263,39 @@ void add_free_rows(const Section& section, Scene& scene) {
   }
 }
 
-Scene build(const Sections& s) {
-  Scene scene = s.port.given() ? port_scene(s) : s.relay.given() ? relay_scene(s) : complementarity_scene(s);
+/// Those of the sources and those that the file declares, each once.
+void add_breakpoints(const Sections& s, Draft& draft) {
+  Scene& scene = draft.scene;
+  if (s.time.has("jumps")) {
+    const Vector declared = s.time.vector("jumps");
+    for (const double t : declared)
+      if (!(t >= 0 && t <= scene.T))
+        throw Error(s.time.where("jumps"), fmt::format("found {}", t),
+                    fmt::format("give times from 0 to T = {}", scene.T));
+    draft.note({{}, 0, {{declared.begin(), declared.end()}, true}});
+  }
+  std::vector<double>& times = draft.switches.times;
+  std::erase_if(times, [&](double t) { return !(t >= 0 && t <= scene.T); });
+  std::sort(times.begin(), times.end());
+  times.erase(std::unique(times.begin(), times.end()), times.end());
+  scene.breakpoints = times;
+}
+
+Draft build(const Sections& s) {
+  Draft draft;
+  Scene& scene = draft.scene;
+  scene = s.port.given() ? port_scene(s, draft) : s.relay.given() ? relay_scene(s) : complementarity_scene(s);
   add_boundary(s, scene);
   add_free_rows(s.free, scene);
   scene.T = s.time.number("T");
   scene.default_steps = s.time.positive_integer("steps", scene.default_steps);
   in_the_file(places(s), [&] { scene.validate(); });
-  if (!s.port.given()) add_f(s, scene);
-  add_g(s, scene);
+  if (!s.port.given()) add_f(s, draft);
+  add_g(s, draft);
+  add_breakpoints(s, draft);
   in_the_file(places(s), [&] { scene.validate(); });
   add_exact(s.exact, scene);
-  return scene;
+  return draft;
 }
 
 std::vector<std::string> status_words() {
@@ -329,7 +370,13 @@ SceneFile parse_scene(std::string_view toml, const std::string& file_name, const
   const Sections sections = read_sections(document, root);
   read_parameters(document, root, sections.parameters, settings);
   SceneFile file;
-  file.scene = build(sections);
+  Draft draft = build(sections);
+  file.scene = std::move(draft.scene);
+  if (!draft.switches.complete)
+    file.warning =
+        "not all times at which a source jumps or has a kink were found: its expressions switch too often; declare "
+        "them "
+        "as jumps in [time]";
   file.scene.name = sections.top.text("name", std::filesystem::path(file_name).stem().string());
   file.description = sections.top.text("description", "");
   file.parameters = document.expressions.parameters();

@@ -30,6 +30,7 @@ struct SceneFile {
   std::string states = "none";  ///< components to write: "none", "all" or "0,3"
   std::optional<Reference> reference;
   std::shared_ptr<const QuantityOfInterest> quantity;  ///< of method goal; null where the file gives none
+  std::string warning;                                 ///< one line about what was not found out, or empty
   std::vector<std::filesystem::path> inputs;           ///< the scene file, tables and matrices that were read
 };
 

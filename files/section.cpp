@@ -183,20 +183,30 @@ std::string Section::time_expression(const toml::node& node, const std::string& 
   return text->get();
 }
 
-FunctionValue Section::expressions(const std::string& key) const {
-  if (!has(key)) return {};
+std::vector<std::string> Section::texts_in_time(const std::string& key) const {
   std::vector<std::string> texts;
   for (const toml::node& entry : require_list(key, function_remedy)) texts.push_back(time_expression(entry, key));
+  return texts;
+}
+
+FunctionValue Section::expressions(const std::string& key) const {
+  if (!has(key)) return {};
+  const std::vector<std::string> texts = texts_in_time(key);
   return {document_->expressions.in_time(texts), Index(texts.size())};
 }
 
 FunctionValue Section::function(const std::string& key, double last_time) const {
   if (!has(key)) return {};
   const auto named = file(key);
-  if (!named || extension(named->name) != ".csv") return expressions(key);
+  if (!named || extension(named->name) != ".csv") {
+    const std::vector<std::string> texts = texts_in_time(key);
+    return {document_->expressions.in_time(texts), Index(texts.size()),
+            document_->expressions.switch_times(texts, last_time)};
+  }
   TimeTable table = read_time_table(read_text(*named, where(key)), named->name, key.back(), last_time);
   const Index entries = table.values.cols();
-  return {interpolate(std::move(table)), entries};
+  std::vector<double> knots = kinks(table, last_time);
+  return {interpolate(std::move(table)), entries, {std::move(knots), true}};
 }
 
 }  // namespace bromwich

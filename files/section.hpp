@@ -25,6 +25,7 @@ struct Document {
 struct FunctionValue {
   TimeFunction function;
   Index entries = 0;
+  SwitchTimes switches = {};  ///< where it may jump or have a kink
 };
 
 class Section {
@@ -59,6 +60,7 @@ class Section {
   const toml::array& require_list(const std::string& key, const std::string& remedy) const;
   std::string where(const toml::node& node, const std::string& key) const;
   double number(const toml::node& node, const std::string& key) const;
+  std::vector<std::string> texts_in_time(const std::string& key) const;
   std::string time_expression(const toml::node& node, const std::string& key) const;
   Matrix inline_matrix(const std::string& key) const;
   std::optional<NumberFile> file(const std::string& key) const;

@@ -53,7 +53,7 @@ Sections read_sections(const Document& document, const toml::table& root) {
           Section(document, table("port"), "port", {"E", "J", "R", "Q", "B", "u", "jumps", "x0"}),
           Section(document, table("boundary"), "boundary", {"E0", "ET", "b"}),
           Section(document, table("free"), "free", {"rows"}),
-          Section(document, table("time"), "time", {"T", "steps"}),
+          Section(document, table("time"), "time", {"T", "steps", "jumps"}),
           Section(document, table("output"), "output", {"states"}),
           Section(document, table("exact"), "exact", {"x", "y"}),
           Section(document, table("reference"), "reference",
@@ -110,6 +110,7 @@ std::map<std::string, std::string> places(const Sections& s) {
           {"b", s.boundary.where("b")},
           {"free_rows", s.free.where("rows")},
           {"T", s.time.where("T")},
+          {"breakpoints", s.time.where("jumps")},
           {"default_steps", s.time.where("steps")}};
 }
 

@@ -176,17 +176,17 @@ std::pair<Range, Range> smooth(Operation o, Range a) {
 /// The expression over pieces of [0, T].
 class Search {
  public:
-  Search(const Formula& formula, double T, long& work) : formula_(formula), T_(T), work_(work) {}
+  Search(const Formula& formula, double T, long& work) : formula_(formula), T_(T), work_(work), given_(work) {}
 
   SwitchTimes run() {
     std::vector<std::pair<double, double>> pieces{{0, T_}};
     while (!pieces.empty()) {
-      if (work_ <= 0) {
+      const auto [a, b] = pieces.back();
+      pieces.pop_back();
+      if (work_ <= 0 || hopeless(a)) {
         found_.complete = false;
         break;
       }
-      const auto [a, b] = pieces.back();
-      pieces.pop_back();
       const double closest = std::max(8 * eps * b, 1e-15 * T_);
       if (b - a <= closest) continue;
       switch (look(a, b)) {
@@ -211,6 +211,12 @@ class Search {
 
  private:
   enum class Outcome { smooth, switches, open };
+
+  /// A part of the work shows that [0, T] takes ten times all of it: time goes by from left to right.
+  bool hopeless(double reached) const {
+    const double used = double(given_ - work_), all = double(given_);
+    return used > all / 16 && used / 10 > all * (reached / T_);
+  }
 
   /// Runs the program over [a, b]; ways_ are those of the operations that switch, in the order of execution. Where the
   /// ends of one go different ways, `low_way_` is the way below the change that is looked for.
@@ -268,13 +274,15 @@ class Search {
     const double s_left = switching(o, first.left, second.left), s_right = switching(o, first.right, second.right);
     if (std::isnan(s_left) && std::isnan(s_right)) return keep(at_left);
     if (std::isnan(s_left) || std::isnan(s_right)) return Outcome::open;
+    // atan2 jumps only on the negative axis of its second argument.
+    if (o == Operation::atan2 && second.value.low >= 0) return keep(at_left);
+    if (o == Operation::atan2 && second.value.high > 0 && at_left != at_right) return Outcome::open;
     if (at_left != at_right) {
       target_ = o;
       low_way_ = std::floor((at_left + at_right) / 2);
       return Outcome::switches;
     }
-    if (o == Operation::atan2 && second.value.low >= 0) return keep(at_left);
-    Course s = tightened(course_of_s(o, first, second, s_left, s_right));
+    const Course s = tightened(course_of_s(o, first, second, s_left, s_right));
     if (one_way(o, s.value) || s.slope.low >= 0 || s.slope.high <= 0) return keep(at_left);
     return Outcome::open;
   }
@@ -442,25 +450,26 @@ class Search {
     return {a, b};
   }
 
-  /// Times that are one, but for rounding, become the last of them; those at 0 and T are none.
+  /// Times that are one, but for rounding, become the last of them.
   void clean() {
-    std::vector<double>& times = found_.times;
-    std::sort(times.begin(), times.end());
     const double same = 16 * eps * T_;
     std::vector<double> kept;
-    for (const double t : times) {
+    std::sort(found_.times.begin(), found_.times.end());
+    for (double t : found_.times) {
+      if (t <= same) t = 0;
+      if (t >= T_ - same) t = T_;
       if (!kept.empty() && t - kept.back() <= same)
         kept.back() = t;
       else
         kept.push_back(t);
     }
-    std::erase_if(kept, [&](double t) { return t <= same || t >= T_ - same; });
-    times = std::move(kept);
+    found_.times = std::move(kept);
   }
 
   const Formula& formula_;
   double T_;
   long& work_;
+  long given_;
   double width_ = 0;
   Operation target_ = Operation::constant;
   double low_way_ = 0;

@@ -15,7 +15,8 @@
 namespace bromwich {
 
 struct SwitchTimes {
-  /// In (0, T), increasing; at each of them the expression has the value from the right.
+  /// In [0, T], increasing; at each of them the expression has the value from the right. 0 and T where the values there
+  /// are not those beside them.
   std::vector<double> times;
   bool complete = true;  ///< false: the work ran out before all of [0, T] was looked at
 };

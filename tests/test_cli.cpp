@@ -350,7 +350,8 @@ TEST_F(Cli, InterruptWritesTheValidPart) {
   EXPECT_TRUE(contains(result.err, "interrupted")) << result.err;
   EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1);
   const auto lines = split(read(folder_ / "y.csv"), '\n');
-  EXPECT_EQ(lines.size(), 4098u);
+  ASSERT_EQ(lines.size(), 4099u);
+  EXPECT_EQ(lines.back(), "# ended at t = 4: interrupted, stopped on request");
 }
 
 }  // namespace

@@ -73,7 +73,8 @@ TEST(MatrixMarket, MistakesNameTheirLine) {
       {array + "2 2\n1\n2\n3\n", "A.mtx:5: the file ends after 3 of 4 entries"},
       {array + "1 1\n1\n2\n", "A.mtx:4: found more than the 1 entries announced"},
       {array + "1 2\n1 2\n", "A.mtx:3: found 2 words; write one number per line"},
-      {array + "100000000 100000000\n1\n", "A.mtx:2: the sizes announce 10000000000000000 entries"},
+      {array + "10000000 10000000\n1\n", "A.mtx:2: the sizes announce 100000000000000 entries"},
+      {coordinate + "10000001 2 1\n", "A.mtx:2: the number of rows is '10000001'"},
   };
   for (const Refused& bad : cases) {
     const std::string found = refusal([&] { read_matrix_market(bad.text, "A.mtx"); });
