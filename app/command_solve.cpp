@@ -182,7 +182,7 @@ int run_solve(const SolveArguments& arguments) {
   }
   Result result = solve(choice.scene, *backend, options);
   progress.clear();
-  if (!choice.warning.empty()) result.warning += (result.warning.empty() ? "" : "; ") + choice.warning;
+  if (!choice.warning.empty()) add_warning(result, choice.warning);
   const ReferenceError error = reference_error(choice, *backend, result);
   if (states_for_reference) {  // they were not asked for
     result.x_components.clear();

@@ -17,7 +17,7 @@ namespace {
 
 constexpr Index polled_every = 64;
 constexpr std::size_t most_kept_parts = 256;  ///< lengths whose operators are kept
-constexpr double same_value = 1e-9;           ///< of the largest: limits of g that differ by less
+constexpr double same_limit = 1e-9;           ///< of the largest: limits of g that differ by less
 
 // What y at the end of a part does.
 struct Part {
@@ -124,7 +124,7 @@ class SplitMarch {
 
   // y behind a jump of g.
   bool restart(const Vector& before, const Vector& after, Index j, MarchReport& report) {
-    if ((before - after).cwiseAbs().maxCoeff() <= same_value * g_scale_) return true;
+    if ((before - after).cwiseAbs().maxCoeff() <= same_limit * g_scale_) return true;
     q_ = after + d_.N * x_;
     return solve(alone_, q_, y_, j, report);
   }

@@ -16,7 +16,7 @@ namespace bromwich {
 namespace {
 
 constexpr double first_node = 1.0 / 3;  ///< c_1 of Radau IIA; the last node is the end of the step
-constexpr double same_value = 1e-9;     ///< of the largest: values of g that differ by less
+constexpr double same_at_end = 1e-9;    ///< of the largest: values of g that differ by less
 
 // The steps of a march in stages: those of the grid, and in place of rough ones their parts.
 struct StageGrid {
@@ -117,7 +117,7 @@ std::optional<Index> solve_at_own_values(const DiscreteProblem& p, const StageGr
     const Index j = rough.step, row = grid.at[std::size_t(j)];
     const Vector own = p.g.row(j);
     if (!result.y.row(j).allFinite() || !seen.row(j).allFinite()) break;
-    if ((g.row(row).tail(n).transpose() - own).cwiseAbs().maxCoeff() <= same_value * scale) continue;
+    if ((g.row(row).tail(n).transpose() - own).cwiseAbs().maxCoeff() <= same_at_end * scale) continue;
     if (!lcp) lcp.emplace(to_dense(p.scene.M), p.lcp_class);
     Vector y;
     if (!lcp->solve(own + seen.row(j).transpose(), y).solved) return j;

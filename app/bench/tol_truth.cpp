@@ -18,7 +18,7 @@ constexpr double most_numbers = 4e7;  ///< of a reference
 
 /// Rows 1, 2, ... of `found` against rows stride, 2 stride, ... of `known`: of each component relative to
 /// max(max |known|, 1e-3 of the largest component).
-double largest_error(const RowMatrix& found, const RowMatrix& known, Index stride) {
+double error_of_rows(const RowMatrix& found, const RowMatrix& known, Index stride) {
   if (found.cols() == 0) return NAN;
   Vector error = Vector::Zero(found.cols()), size = error;
   for (Index j = 1; j < found.rows(); ++j) {
@@ -116,7 +116,7 @@ TolErrors TolTruth::of(const Result& result) const {
   const RowMatrix found = running_mean(result.y, false);
   RowMatrix x(x_.rows(), Index(result.x_components.size()));
   for (Index c = 0; c < x.cols(); ++c) x.col(c) = x_.col(result.x_components[std::size_t(c)]);
-  return {largest_error(result.y, y_, stride), largest_error(found, mean_, stride), largest_error(result.x, x, stride)};
+  return {error_of_rows(result.y, y_, stride), error_of_rows(found, mean_, stride), error_of_rows(result.x, x, stride)};
 }
 
 }  // namespace bromwich::app
