@@ -1,5 +1,6 @@
 #include "core/interior_check.hpp"
 
+#include "core/discrete_problem.hpp"
 #include "core/recurrence.hpp"
 
 #include <algorithm>
@@ -56,6 +57,7 @@ double interior_defect(const Scene& scene, const Result& r, const RowMatrix& x, 
   for (Index j = 0; j < J; ++j) {
     const std::size_t k = place_of(j);
     const double from = double(j) * h, t = from + places[k] * h;
+    if (r.defects && std::binary_search(r.defects->steps.begin(), r.defects->steps.end(), j + 1)) continue;
     const auto next = std::lower_bound(scene.breakpoints.begin(), scene.breakpoints.end(), from * (1 - 1e-12));
     if (next != scene.breakpoints.end() && *next <= from + h * (1 + 1e-12)) continue;
     const Vector y = ((1 - places[k]) * r.y.row(j) + places[k] * r.y.row(j + 1)).transpose();

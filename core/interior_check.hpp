@@ -13,7 +13,8 @@
 namespace bromwich {
 
 /// max_i (h/T) Σ_j |δ_i(t_j + θ_j h)| / s_i with s_i the size of the mean of y_i. `x`: all states at the time points,
-/// (J+1) x m. Steps that hold a breakpoint of the sources are left out. For dense dynamics and continuous y; M_ii <= 0
+/// (J+1) x m. Steps that hold a breakpoint of the sources or were
+/// taken in parts are left out. For dense dynamics and continuous y; M_ii <= 0
 /// leaves row i out.
 double interior_defect(const Scene&, const Result&, const RowMatrix& x, const ComponentSizes&);
 

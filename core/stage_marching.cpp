@@ -144,20 +144,29 @@ std::string describe(Index stages, const MarchReport& report) {
   return text;
 }
 
-}  // namespace
+std::unique_ptr<Array> on_backend(const DiscreteProblem& p, const RowMatrix& values) {
+  auto array = p.backend.array(values.rows(), values.cols());
+  p.backend.upload(values, *array);
+  return array;
+}
 
-void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& options, Result& result) {
-  Timer timer;
-  const StageGrid grid = make_grid(p, stages);
-  const Index rows = grid.t.size(), n = p.scene.constraints();
-  const Dynamics written_out = p.kronecker() ? Dynamics(to_sparse(*p.kronecker())) : Dynamics();
-  const auto array = [&](const RowMatrix& values) {
-    auto on_backend = p.backend.array(values.rows(), values.cols());
-    p.backend.upload(values, *on_backend);
-    return on_backend;
-  };
+// What the march is given, and the arrays that it points to.
+struct Given {
+  Dynamics written_out;  ///< a Kronecker sum as sparse matrices
+  RowMatrix g_values;
+  std::unique_ptr<Array> g, phi;
   StageProblem problem;
-  problem.dynamics = p.kronecker() ? &written_out : &p.scene.dynamics;
+};
+
+bool takes_limits_at_points(const DiscreteProblem& p, const StageGrid& grid) {
+  return !grid.lengths.empty() && p.lcp_class == LcpClass::P;
+}
+
+void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages, const Options& options,
+                   Given& given) {
+  StageProblem& problem = given.problem;
+  if (p.kronecker()) given.written_out = to_sparse(*p.kronecker());
+  problem.dynamics = p.kronecker() ? &given.written_out : &p.scene.dynamics;
   problem.M = &p.scene.M;
   problem.lcp_class = p.lcp_class;
   problem.stages = stages;
@@ -167,33 +176,56 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& opti
   problem.components = p.components;
   problem.interrupted = options.interrupted;
   if (options.progress) problem.progress = [&](Index row) { options.progress({grid.step[std::size_t(row)], 0, p.J}); };
-  const bool in_parts = !grid.lengths.empty(), limits_at_points = in_parts && p.lcp_class == LcpClass::P;
-  RowMatrix g_values = sample_stages(p, grid, p.scene.g, p.g.table(), stages);
-  if (in_parts) take_limits(p, grid, limits_at_points, g_values);
-  const auto g = array(g_values);
-  problem.g = g.get();
-  std::unique_ptr<Array> phi;
-  if (p.f.size() > 0) {
-    RowMatrix phi_values = sample_stages(p, grid, p.scene.f, p.f.table(), stages);
-    take_moments(p, grid, stages, phi_values);
-    phi = array(phi_values);
-    problem.phi = phi.get();
-    problem.F = source_matrix(p.scene, *problem.dynamics);
-  }
-  const auto march = p.backend.stage_march(problem, rows);
-  const auto y = p.backend.array(rows, n), v = p.backend.array(rows, n), r = array(p.g.table());
+  given.g_values = sample_stages(p, grid, p.scene.g, p.g.table(), stages);
+  if (!grid.lengths.empty()) take_limits(p, grid, takes_limits_at_points(p, grid), given.g_values);
+  given.g = on_backend(p, given.g_values);
+  problem.g = given.g.get();
+  if (p.f.size() == 0) return;
+  RowMatrix phi = sample_stages(p, grid, p.scene.f, p.f.table(), stages);
+  take_moments(p, grid, stages, phi);
+  given.phi = on_backend(p, phi);
+  problem.phi = given.phi.get();
+  problem.F = source_matrix(p.scene, *problem.dynamics);
+}
+
+// The rows of the points of the grid, out of those of all parts; v = N x of these.
+std::unique_ptr<Array> keep_points(const DiscreteProblem& p, const StageGrid& grid, const Given& given, const Array& v,
+                                   MarchReport& report, Result& result) {
+  for (Index* row : {&report.stopped, &report.infeasible})
+    if (*row >= 0) *row = grid.step[std::size_t(*row)];
+  RowMatrix seen;
+  p.backend.download(v, seen);
+  seen = seen(grid.at, Eigen::all).eval();
+  result.y = result.y(grid.at, Eigen::all).eval();
+  result.x = result.x(grid.at, Eigen::all).eval();
+  result.defects = std::make_shared<StepDefects>();
+  result.kernel += text("; %zu steps in parts, where sources are not smooth", p.sources->rough.size());
+  if (takes_limits_at_points(p, grid) && report.stopped < 0)
+    if (const auto j = solve_at_own_values(p, grid, given.g_values, seen, result)) report.stopped = *j;
+  return on_backend(p, seen);
+}
+
+}  // namespace
+
+void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& options, Result& result) {
+  Timer timer;
+  const StageGrid grid = make_grid(p, stages);
+  const Index rows = grid.t.size(), n = p.scene.constraints();
+  Given given;
+  state_problem(p, grid, stages, options, given);
+  const auto march = p.backend.stage_march(given.problem, rows);
+  const auto r = on_backend(p, p.g.table());
+  auto y = p.backend.array(rows, n), v = p.backend.array(rows, n);
   const auto x = p.backend.array(rows, Index(p.components.size()));
-  result.bytes = 3 * y->bytes() + g->bytes() + (phi ? phi->bytes() : 0) + x->bytes() + march->bytes() + host_bytes(p);
+  result.bytes = 3 * y->bytes() + given.g->bytes() + (given.phi ? given.phi->bytes() : 0) + x->bytes() +
+                 march->bytes() + host_bytes(p);
   result.seconds.setup += timer.lap();
 
   const Start start = solve_at_zero(p, result);
   if (start == Start::none) return;
-  if (in_parts) {
-    const RowMatrix first = result.y.row(0);
-    result.y = RowMatrix::Constant(rows, n, NAN);
-    result.y.row(0) = first;
-  }
-  p.backend.upload(result.y, *y);
+  RowMatrix first = RowMatrix::Constant(rows, n, NAN);
+  first.row(0) = result.y.row(0);
+  p.backend.upload(first, *y);
   result.seconds.lcp += timer.lap();
   MarchReport report = march->run(*y, *v, *x);
   p.backend.download(*y, result.y);
@@ -203,28 +235,13 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& opti
   result.kernel = describe(stages, report);
   if (start == Start::impulse) result.kernel += impulse_note;
   count(report, result);
-  if (!in_parts) {
-    if (options.trace) result.trace = trace(p, *r, *v);
-    if (report.stopped >= 0) return explain_stop(p, report, result);
-    result.residual = march_residual(p, start, *r, *v, *y);
-    result.status = Status::solved;
-    return;
+  if (!grid.lengths.empty()) {
+    v = keep_points(p, grid, given, *v, report, result);
+    y = on_backend(p, result.y);
   }
-  for (Index* row : {&report.stopped, &report.infeasible})
-    if (*row >= 0) *row = grid.step[std::size_t(*row)];
-  RowMatrix seen;
-  p.backend.download(*v, seen);
-  seen = seen(grid.at, Eigen::all).eval();
-  result.y = result.y(grid.at, Eigen::all).eval();
-  result.x = result.x(grid.at, Eigen::all).eval();
-  result.defects = std::make_shared<StepDefects>();
-  result.kernel += text("; %zu steps in parts, where sources are not smooth", p.sources->rough.size());
-  if (limits_at_points && report.stopped < 0)
-    if (const auto j = solve_at_own_values(p, grid, g_values, seen, result)) report.stopped = *j;
-  const auto y_at_points = array(result.y), seen_at_points = array(seen);
-  if (options.trace) result.trace = trace(p, *r, *seen_at_points);
+  if (options.trace) result.trace = trace(p, *r, *v);
   if (report.stopped >= 0) return explain_stop(p, report, result);
-  result.residual = march_residual(p, start, *r, *seen_at_points, *y_at_points);
+  result.residual = march_residual(p, start, *r, *v, *y);
   result.status = Status::solved;
 }
 

@@ -3,6 +3,7 @@
 #include "core/methods.hpp"
 #include "core/source_steps.hpp"
 #include "core/step_propagator.hpp"
+#include "dense_twin.hpp"
 #include "run.hpp"
 
 #include <Eigen/Dense>
@@ -211,6 +212,87 @@ TEST(Sources, TenThousandEdgesAreSummedUp) {
     from = to;
   }
   EXPECT_NEAR(x_at_end(scene, Method::march, 400)[0], exact, 1e-10);
+}
+
+// Heat on a rectangle, heated from the constrained side in an uneven rhythm.
+Scene heated() {
+  Scene scene;
+  KroneckerDynamics d{{5, 1.0 / 6, 1}, {4, 0.2, 1}, Vector::Zero(4), Vector::Zero(4)};
+  d.b << 30, 1, 0.5, 0.2;
+  d.n << 1, 0.3, 0, 0;
+  scene.dynamics = d;
+  scene.M = Tridiagonal{Vector::Constant(5, -1), Vector::Constant(5, 4), Vector::Constant(5, -1)};
+  scene.f_entry = SourceEntry::through_B;
+  const Square edges{{0.1111, 0.31415, 0.5, 0.77}};
+  scene.f = [edges](double t, Eigen::Ref<Vector> f) {
+    for (Index i = 0; i < f.size(); ++i) f[i] = -1 - std::cos(double(i) + t) * edges(t);
+  };
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g.setConstant(0.1 * std::sin(7 * t)); };
+  scene.breakpoints = edges.times;
+  scene.x0 = Vector::LinSpaced(20, 0, 1);
+  scene.T = 1;
+  return scene;
+}
+
+TEST(Sources, KroneckerSumsAgreeWithTheDenseSceneThatTheyStandFor) {
+  const Scene scene = heated(), twin = dense_twin(scene);
+  const Result expected = run(twin, with_states(Method::contour, 64));
+  ASSERT_EQ(expected.status, Status::solved) << expected.reason;
+  for (const Method method : {Method::march, Method::contour, Method::multigrid}) {
+    const Result result = run(scene, with_states(method, 64));
+    ASSERT_EQ(result.status, Status::solved) << result.reason;
+    // The same discrete problem, solved to the tolerance of iterations; pieces of f are fitted to 1e-6.
+    EXPECT_LE(distance(result.y, expected.y), 1e-9) << to_string(method);
+    EXPECT_LE(distance(result.x, expected.x), 1e-9) << to_string(method);
+    if (method == Method::march) continue;
+    const auto backend = make_cpu_backend(1);
+    const Matrix at = states_at(scene, *backend, result, {30, 64});
+    EXPECT_LE((at.col(0) - result.x.row(30).transpose()).cwiseAbs().maxCoeff(), 1e-9);
+    EXPECT_LE((at.col(1) - result.x.row(64).transpose()).cwiseAbs().maxCoeff(), 1e-9);
+  }
+}
+
+TEST(Sources, SparseScenesKeepTheOrderBehindAJump) {
+  const Index m = 600;
+  const double spacing = 1.0 / double(m + 1);
+  Scene scene;
+  std::vector<Eigen::Triplet<double>> A, F;
+  for (Index i = 0; i < m; ++i) {
+    A.emplace_back(i, i, -2 / spacing / spacing);
+    if (i > 0) A.emplace_back(i, i - 1, 1 / spacing / spacing);
+    if (i + 1 < m) A.emplace_back(i, i + 1, 1 / spacing / spacing);
+    F.emplace_back(i, 0, std::sin(std::numbers::pi * double(i + 1) * spacing));
+  }
+  SparseDynamics d{SparseMatrix(m, m), SparseMatrix(m, 1), SparseMatrix(1, m)};
+  d.A.setFromTriplets(A.begin(), A.end());
+  d.B.insert(m / 2, 0) = 1;
+  d.N.insert(0, m / 2) = 1;
+  scene.dynamics = d;
+  scene.M = Matrix{{1.0}};
+  scene.F = SparseMatrix(m, 1);
+  scene.F.setFromTriplets(F.begin(), F.end());
+  scene.f_entry = SourceEntry::through_F;
+  const Square edges{{0.0321, 0.0777}};
+  scene.f = [edges](double t, Eigen::Ref<Vector> f) { f[0] = 2 - edges(t); };
+  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 1; };
+  scene.breakpoints = edges.times;
+  scene.x0 = Vector::Zero(m);
+  scene.T = 0.2;
+  // One mode of the rod, driven with 1, 3 and 1 again.
+  const double rate = 4 / spacing / spacing * std::pow(std::sin(std::numbers::pi * spacing / 2), 2),
+               first = std::exp(-rate * (0.2 - 0.0321)), second = std::exp(-rate * (0.2 - 0.0777)),
+               middle = std::sin(std::numbers::pi * double(m / 2 + 1) * spacing),
+               exact = middle * (1 - std::exp(-rate * 0.2) + 2 * (second - first)) / rate;
+  const auto error = [&](Index J) {
+    Options options = options_for(Method::march, J);
+    options.states = StateSelection::list;
+    options.components = {m / 2};
+    const Result result = run(scene, options);
+    EXPECT_EQ(result.status, Status::solved) << result.reason;
+    return std::abs(result.x(J, 0) - exact);
+  };
+  EXPECT_LE(error(20), 1e-3 * exact);
+  EXPECT_LE(error(320), 1e-3 * exact / 200);  // order 2: 1/256
 }
 
 TEST(Sources, YAtAJumpOnTheGridIsThatOfTheValueThere) {
