@@ -88,7 +88,9 @@ class Run {
       }
       Result next;
       next.seconds.setup = result.seconds.setup;
-      if (method == Method::euler && !result.reason.empty()) certification_.expect_last_resort();
+      const bool stands_in = method == Method::euler && !result.reason.empty();
+      const std::string refused = result.reason;
+      if (stands_in) certification_.expect_last_resort(result.well_posed);
       named(method, next);
       // Implicit Euler, the last resort, is too inexact to prove that there is no solution where the others did not.
       const bool ended = next.status != Status::tolerance_not_met && next.status != Status::unsupported &&
@@ -97,6 +99,7 @@ class Run {
       if (ended || result.reason.empty()) {  // of several failures the first is the one to explain
         result = std::move(next);
         if (ended) result.kernel += before;
+        if (ended && stands_in && result.status == Status::solved) say_who_stands_in(refused, result);
       }
       if (ended || certification_.sensitive()) return;
       before += std::string("; not ") + to_string(method) + ": " + reason;
@@ -104,6 +107,11 @@ class Run {
   }
 
  private:
+  static void say_who_stands_in(const std::string& refused, Result& result) {
+    result.warning += (result.warning.empty() ? "" : "; ") +
+                      ("implicit Euler stands in for a method of higher order, for which " + refused);
+  }
+
   // Above this many constraints the n x n problems of marching cost more than many sweeps; the iteration gets as many
   // as marching is predicted to cost.
   bool iterate_first(Result& result) {
