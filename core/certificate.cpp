@@ -158,14 +158,14 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   return result;
 }
 
-// Errors of steps are smooth or not: the same in every step, and with signs that have no pattern, are both carried.
+// Errors of steps are smooth or not: the same in every step, and with signs that have no pattern, both are carried.
 double accumulated(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const RowMatrix& x, const Vector& defect,
                    const Vector& scale) {
   const std::shared_ptr<const StepOperators> operators = state_step(p, rule);
   const DenseRecurrence r = dense_recurrence(*p.dense(), *operators);
   const ScaledNorm norm(scale);
   TangentStep tangent(p, r);
-  Matrix error = Matrix::Zero(x.cols(), 3), next = error;
+  Matrix error = Matrix::Zero(x.cols(), 2), next = error;
   double size = norm(p.scene.x0), most = 0;
   Signs signs;
   for (Index j = 1; j <= p.J; ++j) {
@@ -173,10 +173,7 @@ double accumulated(const DiscreteProblem& p, Rule rule, const RowMatrix& y, cons
     next.noalias() = tangent.map * error;
     error.swap(next);
     error.col(0) += defect;
-    for (Index i = 0; i < defect.size(); ++i) {
-      error(i, 1) += (i % 2 == 0 ? 1 : -1) * defect[i];
-      error(i, 2) += defect[i] * signs();
-    }
+    for (Index i = 0; i < defect.size(); ++i) error(i, 1) += defect[i] * signs();
     size = std::max(size, norm(x.row(j).transpose()));
     for (Index c = 0; c < error.cols(); ++c)
       if (size > 0) most = std::max(most, norm(error.col(c)) / size);
@@ -215,11 +212,11 @@ Divergence divergence(const RowMatrix& coarse, const RowMatrix& fine, const Vect
   Divergence d{0, Vector::Zero(scale.size())};
   double size = 0;
   for (Index j = 1; j < coarse.rows(); ++j) {
-    const Vector apart = (coarse.row(j) - fine.row(2 * j)).cwiseAbs().transpose();
+    const Vector apart = (coarse.row(j) - fine.row(2 * j)).transpose();
     if (!apart.allFinite()) return {INFINITY, Vector::Constant(scale.size(), INFINITY)};
     size = std::max({size, norm(coarse.row(j - 1).transpose()), norm(coarse.row(j).transpose())});
     d.pointwise = std::max(d.pointwise, size > 0 ? norm(apart) / size : 0);
-    if (j <= first_steps) d.defect = d.defect.cwiseMax(apart / double(j));
+    if (j <= first_steps && norm(apart) / double(j) > norm(d.defect)) d.defect = apart / double(j);
   }
   return d;
 }

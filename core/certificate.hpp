@@ -41,7 +41,7 @@ double contact_frequency(const DiscreteProblem&, const RowMatrix& y);
 /// Two solutions of a scene that magnifies errors, the second with half the step, both as states (rows in R^m).
 struct Divergence {
   double pointwise = 0;  ///< largest |D^{-1} (x_j - x'_2j)| over the largest state up to there
-  Vector defect;         ///< error of one step in each component: the largest |x_j - x'_2j| / j of the first steps
+  Vector defect;         ///< error of one step: the largest (x_j - x'_2j) / j of the first steps
 };
 Divergence divergence(const RowMatrix& coarse, const RowMatrix& fine, const Vector& scale);
 

@@ -115,7 +115,7 @@ void Certification::confirm(Method method, const Magnification& m, Result& resul
   else if (m.impulse > unresolved_impulse && p.lcp_class == LcpClass::P && p.J >= fewest_steps_to_judge)
     confirm_by_half_the_step(method, continuous ? 5 : 1, "a constraint is active for a few steps only, and strongly",
                              result);
-  else if (last_resort_)
+  else if (confirm_last_resort_)
     confirm_by_half_the_step(method, 1, "implicit Euler stands in for a method that was refused", result);
 }
 
@@ -128,7 +128,6 @@ void Certification::confirm_one_of_several(Method method, Result& result) {
     const OtherSolution other = other_solution(p, result, methods_.all_states(method, result));
     if (other.row > 0 && !other.moves_the_state && comes_out_the_same(method, 2, {any, 1}, result)) return;
   }
-  sensitive_ = true;
   demote(result,
          "the problems of the steps may have several solutions, and with half the step another result comes "
          "out; use more steps or another method");

@@ -22,9 +22,13 @@ class Certification {
   /// The steps are too long for this scene, or rounding leaves nothing: no method of lower order will do better.
   bool sensitive() const { return sensitive_; }
 
-  /// From now on results are those of a method that stands in for a better one, on the same grid: half the step has to
-  /// confirm them, and what they damp counts against them.
-  void expect_last_resort() { last_resort_ = true; }
+  /// From now on results are those of a method that stands in for a better one, on the same grid: what they damp counts
+  /// against them, and half the step has to confirm them, unless it is the steps of the better one that were in doubt
+  /// and not its order.
+  void expect_last_resort(bool confirm) {
+    last_resort_ = true;
+    confirm_last_resort_ = confirm;
+  }
 
  private:
   bool states_are_known(const Result&) const;
@@ -42,7 +46,7 @@ class Certification {
   void confirm_errors_stay_small(Method, const Magnification&, Result&);
   void confirm_by_half_the_step(Method, double slack, const std::string& why, Result&);
 
-  bool sensitive_ = false, last_resort_ = false;
+  bool sensitive_ = false, last_resort_ = false, confirm_last_resort_ = false;
   Methods& methods_;
   Backend& backend_;
   const Options& options_;

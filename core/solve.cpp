@@ -96,14 +96,19 @@ class Run {
     if (!on_device && p.kronecker() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
     std::string before;
     for (const Method method : methods_by_time(p.scene, p.lcp_class, p.J, on_device)) {
-      if (method == Method::euler && (doubted_ || !options_.fall_back_to_euler)) return;
+      if (method == Method::euler && (doubted_ || !options_.fall_back_to_euler)) {
+        if (result.reason.empty()) result.reason = "no method of second order applies" + before;
+        return;
+      }
       if (const std::string why = against(method); !why.empty()) {
         before += std::string("; not ") + to_string(method) + ": " + why;
         continue;
       }
       Result next;
       next.seconds.setup = result.seconds.setup;
-      if (method == Method::euler && !result.reason.empty()) certification_.expect_last_resort();
+      const bool stands_in = method == Method::euler && !result.reason.empty();
+      const std::string refused = result.reason;
+      if (stands_in) certification_.expect_last_resort(result.well_posed);
       named(method, next);
       // Implicit Euler, the last resort, is too inexact to prove that there is no solution where the others did not.
       const bool ended = next.status != Status::tolerance_not_met && next.status != Status::unsupported &&
@@ -112,8 +117,7 @@ class Run {
       if (ended || result.reason.empty()) {  // of several failures the first is the one to explain
         result = std::move(next);
         if (ended) result.kernel += before;
-        if (ended && method == Method::euler && result.status == Status::solved)
-          add_warning(result, "solved by implicit Euler, of first order" + before);
+        if (ended && stands_in && result.status == Status::solved) say_who_stands_in(refused, result);
       }
       if (ended || certification_.sensitive()) return;
       before += std::string("; not ") + to_string(method) + ": " + reason;
@@ -121,6 +125,10 @@ class Run {
   }
 
  private:
+  static void say_who_stands_in(const std::string& refused, Result& result) {
+    add_warning(result, "implicit Euler stands in for a method of higher order, for which " + refused);
+  }
+
   // Above this many constraints the n x n problems of marching cost more than many sweeps; the iteration gets as many
   // as marching is predicted to cost.
   bool iterate_first(Result& result) {

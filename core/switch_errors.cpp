@@ -54,9 +54,12 @@ std::vector<Switch> switches_with_errors(const Scene& scene, Backend& backend, c
     const std::vector<double> from = coarse ? distances(found, switches(*coarse), h) : std::vector(found.size(), h);
     for (std::size_t k = 0; k < found.size(); ++k) apart[k] = std::max(apart[k], from[k]);
   }
-  const bool may_jump = !result.continuous && result.y_left.size() == 0;
+  // Steps of first order differ from twice as long ones by no more than their own error, those of second order by three
+  // times that.
+  const bool euler = result.method == to_string(Method::euler);
+  const bool may_jump = euler || (!result.continuous && result.y_left.size() == 0);
   for (std::size_t k = 0; k < found.size(); ++k)
-    found[k].error = std::max(found[k].error + apart[k], may_jump ? h / 2 : 0);
+    found[k].error = std::max(found[k].error + (euler ? 2 : 1) * apart[k], may_jump ? h / 2 : 0);
   return found;
 }
 

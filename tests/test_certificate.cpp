@@ -174,6 +174,24 @@ TEST(Certificate, AGrowingModeThatStepsDoNotResolveIsNotCalledSolved) {
     EXPECT_EQ(run(scene, method, 25).status, Status::solved) << to_string(method);
 }
 
+// A mass on a spring that turns by more than a radian in a step, and a soft stop: no method follows it at these steps.
+TEST(Certificate, FastOscillationsAreNotDampedSilently) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {-1e6, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{1e-5}};
+  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 0.5; };
+  scene.x0 = Vector{{1, 0}};
+  for (const Index J : {50, 400, 800}) {
+    const Result automatic = run(scene, Method::automatic, J);
+    EXPECT_NE(automatic.status, Status::solved) << J << ' ' << automatic.kernel;
+    const Result euler = run(scene, Method::euler, J);
+    if (euler.status == Status::solved) {
+      EXPECT_NE(euler.warning.find("damps"), std::string::npos) << J;
+    }
+  }
+  EXPECT_EQ(run(scene, Method::automatic, 20000).status, Status::solved);
+}
+
 // What is decoupled from an unstable part, moved by the solution or not, has its digits whatever that part does.
 TEST(Certificate, PartsThatAreDecoupledDoNotSpoilEachOther) {
   Scene scene;
@@ -209,7 +227,7 @@ TEST(Certificate, RoundingOfTheExponentialIsAvoidedOrSaid) {
       const double steps = method == Method::euler ? 1e-3 : 0;
       EXPECT_NEAR(r.x(1000, 0), double(std::exp(slow)), 3 / a + steps + 1e-12 + 2 * r.rounding) << a << r.method;
       if (method == Method::march) {
-        EXPECT_LE(r.rounding, 1e-10) << a;
+        EXPECT_LE(r.rounding, 2e-9) << a;  // twice what needs_precision lets pass
       }
     }
 }

@@ -1,6 +1,7 @@
 // Switching times between grid points, against exact solutions.
 
 #include "core/scenes/catalogue.hpp"
+#include "core/switch_errors.hpp"
 #include "core/switching.hpp"
 #include "tests/run.hpp"
 
@@ -86,6 +87,47 @@ TEST(Switches, AreOfSecondOrder) {
   const double coarse = largest_error(110), fine = largest_error(440);
   EXPECT_LE(coarse, 0.1 / 110) << "far within a step";
   EXPECT_LE(fine, coarse / 6);  // 16 at equal positions in the step; the remainder varies with them
+}
+
+// Against switches that are known: the errors given are errors.
+void expect_errors_hold(const Scene& scene, Method method, Index steps, const std::vector<Known>& known, double from,
+                        double to) {
+  const auto backend = make_cpu_backend(1);
+  const Options options = options_for(method, steps);
+  const Result result = solve(scene, *backend, options);
+  ASSERT_EQ(result.status, Status::solved) << result.reason;
+  std::vector<Switch> found = switches_with_errors(scene, *backend, options, result);
+  std::erase_if(found, [&](const Switch& s) { return s.t < from || s.t > to; });
+  ASSERT_EQ(found.size(), known.size()) << result.method << ' ' << steps;
+  for (std::size_t k = 0; k < found.size(); ++k) {
+    EXPECT_EQ(found[k].component, known[k].component);
+    EXPECT_LE(std::abs(found[k].t - known[k].t), found[k].error + 1e-12) << result.method << ' ' << steps << ' ' << k;
+    EXPECT_LE(found[k].error, 5 * result.t[1]) << "and not useless";
+  }
+}
+
+TEST(Switches, KnowTheirErrors) {
+  for (const Index steps : {50, 110, 237, 440, 1000})
+    for (const Method method : {Method::march, Method::contour, Method::euler})
+      expect_errors_hold(make_scene("dlcp-small"), method, steps, switches_of_dlcp_small(),
+                         std::max(0.01, 1.5 / double(steps)), 1 - std::max(0.01, 1.5 / double(steps)));
+}
+
+// x' = -x + cos t with w = x + 0.1 y >= 0 and x held by y below 0: until the first contact x is known.
+TEST(Switches, KnowThatTheSolutionItselfIsOff) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.f = [](double t, Eigen::Ref<Vector> f) { f[0] = std::cos(t); };
+  scene.M = Matrix{{0.1}};
+  scene.x0 = Vector{{0}};
+  scene.T = 4;
+  // x = (cos t + sin t - e^{-t})/2 vanishes where cos t + sin t = e^{-t}.
+  double t = 2.3;
+  for (int k = 0; k < 50; ++k)
+    t -= (std::cos(t) + std::sin(t) - std::exp(-t)) / (std::cos(t) - std::sin(t) + std::exp(-t));
+  for (const Index steps : {16, 40, 100, 333})
+    for (const Method method : {Method::march, Method::euler})
+      expect_errors_hold(scene, method, steps, {{t, 0, true}}, 0.5, 3.9);
 }
 
 }  // namespace
