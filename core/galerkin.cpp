@@ -220,6 +220,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
   if (ruled) {
     s = std::move(ruled->reduced);
     s.how += describe(ruled->rules);
+    result.interval_rules = ruled->rules;
   }
   const GalerkinProblem& used = ruled ? *ruled->problem : p;
   const FreeElimination& free = ruled ? *ruled->elimination : elimination;

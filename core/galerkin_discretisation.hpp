@@ -78,6 +78,13 @@ std::vector<double> breakpoints_of(const S& scene) {
     return {};
 }
 
+/// The same scene with its clock set back to 0 at `t`, as far as breakpoints go.
+template <class S>
+void set_back_breakpoints(S& scene, double t) {
+  if constexpr (requires { scene.breakpoints; })
+    for (double& at : scene.breakpoints) at -= t;
+}
+
 /// f = entry phi(t): m x Scene::sources().
 Matrix source_entry(const Scene&, const DenseDynamics&);
 

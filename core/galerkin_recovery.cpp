@@ -1,5 +1,7 @@
 #include "core/galerkin_recovery.hpp"
 
+#include "core/galerkin_rules.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -16,11 +18,18 @@ Vector carried_state(const Scene& scene, const Vector& x, double t, double s, co
   rest.x0 = x;
   rest.T = s;
   rest.g = {};
+  set_back_breakpoints(rest, t);
   if (scene.f) rest.f = [f = scene.f, t](double r, Eigen::Ref<Vector> value) { f(t + r, value); };
   const GalerkinProblem step = galerkin_problem(rest, 1);
   RowMatrix z(1, a.size() + b.size());
   z << a.transpose(), b.transpose();
   return galerkin_states(step, z).row(1).transpose();
+}
+
+// The discrete problem that a result solves.
+GalerkinProblem problem_of(const Scene& scene, const Result& r) {
+  GalerkinProblem p = galerkin_problem(scene, grid_parts(r.t));
+  return r.interval_rules.empty() ? p : mixed_problem(RuledProblems(scene, p), r.interval_rules);
 }
 
 }  // namespace
@@ -53,7 +62,7 @@ GalerkinOutput galerkin_at(const Scene& scene, const Result& r, const std::vecto
     const Index rows = Index(times.size());
     return {RowMatrix::Constant(rows, n, NAN), RowMatrix::Constant(rows, scene.states(), NAN)};
   }
-  const GalerkinProblem p = galerkin_problem(scene, grid_parts(r.t));
+  const GalerkinProblem p = problem_of(scene, r);
   const RowMatrix states = galerkin_states(p, galerkin_coefficients(r));
   GalerkinOutput out{RowMatrix(Index(times.size()), n), RowMatrix(Index(times.size()), p.states())};
   for (std::size_t i = 0; i < times.size(); ++i) {
@@ -66,9 +75,19 @@ GalerkinOutput galerkin_at(const Scene& scene, const Result& r, const std::vecto
       out.x.row(row) = states.row(node);
       continue;
     }
-    const Vector a = r.y_left.row(k).transpose(), b = (1 - part) * a + part * r.y.row(k + 1).transpose();
-    out.y.row(row) = b.transpose();
-    out.x.row(row) = carried_state(scene, states.row(k).transpose(), r.t[k], part * h, a, b).transpose();
+    const IntervalRule rule = r.interval_rules.empty() ? IntervalRule::galerkin : r.interval_rules[std::size_t(k)];
+    Vector a = r.y_left.row(k).transpose();
+    const Vector last = r.y.row(k + 1).transpose();
+    if (rule == IntervalRule::radau) {  // y_1 belongs to a third of the interval
+      out.y.row(row) = (a + std::max(0.0, 1.5 * part - 0.5) * (last - a)).transpose();
+      a = 1.5 * a - 0.5 * last;
+    }
+    const Vector b = (1 - part) * a + part * last;
+    if (rule != IntervalRule::radau) out.y.row(row) = b.transpose();
+    if (rule == IntervalRule::euler)
+      out.x.row(row) = (1 - part) * states.row(k) + part * states.row(k + 1);
+    else
+      out.x.row(row) = carried_state(scene, states.row(k).transpose(), r.t[k], part * h, a, b).transpose();
   }
   return out;
 }

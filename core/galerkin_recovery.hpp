@@ -13,8 +13,9 @@ std::vector<GridPart> grid_parts(const Vector& t);
 /// The coefficients of a result of method galerkin: N x 2n.
 RowMatrix galerkin_coefficients(const Result&);
 
-/// y (left limit) and x at `times`, one row each: times.size() x n and x m. Precondition: times in [0, T], a result
-/// with y_left. NaN where the result does not reach.
+/// y (left limit) and x at `times`, inside an interval taken by implicit Euler on the line between its ends, one row
+/// each: times.size() x n and x m. Precondition: times in [0, T], a result with y_left. NaN where the result does not
+/// reach.
 struct GalerkinOutput {
   RowMatrix y, x;
 };

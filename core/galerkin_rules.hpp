@@ -13,6 +13,7 @@
 
 #include "galerkin_free.hpp"
 #include "galerkin_solvers.hpp"
+#include "result.hpp"
 
 #include <functional>
 #include <map>
@@ -22,8 +23,6 @@
 #include <vector>
 
 namespace bromwich {
-
-enum class IntervalRule : char { galerkin, radau, euler };
 
 /// The scene on the intervals of `p`, all by one rule. Conditions are weighted like quadratures, 3/2 and 1/2 (Radau
 /// IIA), so that D is positive semidefinite where the scene is passive.

@@ -16,7 +16,8 @@ constexpr double missed = 0.25;          ///< of the range of the values on a pi
 constexpr double rounding_range = 1e-9;  ///< of the largest value: differences below are none
 constexpr int most_halvings = 16;
 constexpr std::size_t most_responses = 256;
-constexpr double probes[] = {0.2347, 0.7031};  ///< between the Gauss points, at no simple fraction
+/// Between the Gauss points, at no simple fraction; near the ends too where a source has turned out to be rough.
+constexpr double probes[] = {0.2347, 0.7031}, more_probes[] = {0.0131, 0.0607, 0.9417, 0.9883};
 
 // Gauss points on [0,1], their weights, and the parabola through values there: Σ_i values_i parabola(i, j) s^j / j!.
 struct GaussParabola {
@@ -95,19 +96,25 @@ GalerkinSources::Samples GalerkinSources::sample(double t, double length) {
   return s;
 }
 
-bool GalerkinSources::resolved(double t, double length, const Samples& s) {
-  Vector f(scene_.sources()), g(scene_.constraints());
-  for (const double probe : probes) {
-    if (scene_.f) {
-      scene_.f(t + probe * length, f);
-      if (misses(s.f, f, probe, range_f_)) return false;
-    }
-    if (scene_.g) {
-      scene_.g(t + probe * length, g);
-      if (misses(s.g, g, probe, range_g_)) return false;
-    }
+bool GalerkinSources::agrees(double t, double length, const Samples& s, double probe) {
+  if (scene_.f) {
+    Vector f(scene_.sources());
+    scene_.f(t + probe * length, f);
+    if (misses(s.f, f, probe, range_f_)) return false;
   }
-  return true;
+  if (!scene_.g) return true;
+  Vector g(scene_.constraints());
+  scene_.g(t + probe * length, g);
+  return !misses(s.g, g, probe, range_g_);
+}
+
+bool GalerkinSources::resolved(double t, double length, const Samples& s) {
+  return std::all_of(std::begin(probes), std::end(probes), [&](double at) { return agrees(t, length, s, at); });
+}
+
+bool GalerkinSources::well_resolved(double t, double length, const Samples& s) {
+  return resolved(t, length, s) && std::all_of(std::begin(more_probes), std::end(more_probes),
+                                               [&](double at) { return agrees(t, length, s, at); });
 }
 
 bool GalerkinSources::breaks(double t, double h) const {
@@ -117,7 +124,7 @@ bool GalerkinSources::breaks(double t, double h) const {
 
 void GalerkinSources::split(double t, double h, double begin, double end, int depth, std::vector<SourcePart>& parts) {
   const double from = t + begin * h, length = (end - begin) * h;
-  if (depth < most_halvings && !resolved(from, length, sample(from, length))) {
+  if (depth < most_halvings && !well_resolved(from, length, sample(from, length))) {
     const double middle = (begin + end) / 2;
     split(t, h, begin, middle, depth + 1, parts);
     split(t, h, middle, end, depth + 1, parts);

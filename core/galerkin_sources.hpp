@@ -43,7 +43,9 @@ class GalerkinSources {
 
   const Response& response(double length);
   Samples sample(double t, double length);
+  bool agrees(double t, double length, const Samples&, double probe);
   bool resolved(double t, double length, const Samples&);
+  bool well_resolved(double t, double length, const Samples&);
   bool breaks(double t, double h) const;
   std::vector<SourcePart> parts(double t, double h);
   void split(double t, double h, double begin, double end, int depth, std::vector<SourcePart>& parts);

@@ -43,14 +43,21 @@ struct ErrorEstimate {
 struct GoalReport;   // core/goal.hpp
 struct StepDefects;  // core/discrete_problem.hpp
 
+/// How an interval of method galerkin is taken (core/galerkin_rules.hpp).
+enum class IntervalRule : char { galerkin, radau, euler };
+
 struct Result {
   Status status = Status::unsupported;
   std::string reason;  ///< one line wherever status is not solved
 
-  Vector t;          ///< J+1 times
-  RowMatrix y;       ///< (J+1) x n; rows after the last valid time are NaN
-  RowMatrix y_left;  ///< J x n, method galerkin: y at the left end of step j, y.row(j+1) at its right; empty otherwise
-  RowMatrix x;       ///< (J+1) x components of the state that were asked for
+  Vector t;     ///< J+1 times
+  RowMatrix y;  ///< (J+1) x n; rows after the last valid time are NaN
+  /// J x n, method galerkin: y at the left end of step j, y.row(j+1) at its right; by Radau IIA at a third of the step.
+  /// Empty otherwise.
+  RowMatrix y_left;
+  /// Method galerkin: the rule of each step (core/galerkin_rules.hpp); empty where all are taken by the method itself.
+  std::vector<IntervalRule> interval_rules;
+  RowMatrix x;                      ///< (J+1) x components of the state that were asked for
   std::vector<Index> x_components;  ///< which
   RowMatrix trace;                  ///< (J+1) x n, N x where it was asked for; w = trace + M y + g
   /// Whether y alternates for many rows (core/ringing.hpp), where the backend has looked at it already.

@@ -1,7 +1,9 @@
 // Method galerkin where M is singular on what is active: jumps of the state, impacts, sliding, for initial and boundary
 // values. References are solved by hand or by implicit Euler with steps so small that its error does not matter.
 
+#include "core/galerkin_recovery.hpp"
 #include "core/galerkin_rules.hpp"
+#include "core/galerkin_sources.hpp"
 #include "run.hpp"
 #include "tests/reference.hpp"
 
@@ -176,6 +178,76 @@ TEST(GalerkinRules, WhichRuleAnActiveSetNeeds) {
   EXPECT_EQ(rule({0, 2}), IntervalRule::radau);
   EXPECT_EQ(rule({1}), IntervalRule::euler);
   EXPECT_EQ(rule({3}), IntervalRule::euler);
+}
+
+// States at other times than the nodes follow the rules too: on the nodes they are those of the result, before the
+// impact the ball falls freely, and lying it stays.
+TEST(GalerkinRules, StatesAtAnyTime) {
+  const Scene scene = ball(1.5);
+  const Result r = all_states(scene, 200);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  ASSERT_EQ(r.interval_rules.size(), 200u);
+  std::vector<double> nodes(r.t.begin(), r.t.end());
+  EXPECT_LE(distance(galerkin_at(scene, r, nodes).x, r.x), 1e-12);
+  const GalerkinOutput out = galerkin_at(scene, r, {0.2034, 1.2047, 1.9023});
+  EXPECT_NEAR(out.x(0, 0), 1 - 9.81 / 2 * 0.2034 * 0.2034, 1e-12);
+  EXPECT_NEAR(out.x(1, 0), 0, 1e-12);
+  EXPECT_NEAR(out.y(1, 0), 9.81, 1e-9);
+  EXPECT_NEAR(out.x(2, 1), 5 * 0.4023, 5 * 0.01);  // as far as the step to the push is known
+}
+
+/// x' = -3 x + f, w = 2 x + g with jumps of f and g at 0.3 of an interval, f = 1 and g = -1 from there on.
+struct SteppedSources {
+  Scene scene;
+  DenseDynamics dynamics{Matrix{{-3}}, Matrix{{1}}, Matrix{{2}}};
+
+  SteppedSources() {
+    scene.dynamics = dynamics;
+    scene.M = Matrix{{1}};
+    scene.x0 = Vector{{0}};
+    scene.f = [](double t, Eigen::Ref<Vector> f) { f << (t < 0.3 ? 0 : 1); };
+    scene.g = [](double t, Eigen::Ref<Vector> g) { g << (t < 0.3 ? 0 : -1); };
+  }
+  /// F and q on [0, 1].
+  std::pair<double, Vector> on_interval(std::vector<double> breakpoints) const {
+    GalerkinSources sources(scene, dynamics, Matrix{{1}}, std::move(breakpoints));
+    Vector F = Vector::Zero(1), q = Vector::Zero(2);
+    sources.add(0, 1, F, q);
+    return {F[0], q};
+  }
+};
+
+TEST(GalerkinSources, JumpsInsideAnInterval) {
+  const SteppedSources stepped;
+  // x = (1 - e^{-3 (t - 0.3)}) / 3 from 0.3 on; moments 2 ∫ psi (2 x - 1) by Simpson's rule on 10000 panels, to 1e-14.
+  const auto x = [](double t) { return (1 - std::exp(-3 * (t - 0.3))) / 3; };
+  double left = 0, right = 0;
+  constexpr int panels = 10000;
+  for (int i = 0; i <= 2 * panels; ++i) {
+    const double t = 0.3 + 0.7 * i / (2. * panels), weight = (i == 0 || i == 2 * panels ? 1 : i % 2 == 1 ? 4 : 2);
+    const double w = 2 * (2 * x(t) - 1) * weight * 0.7 / (6. * panels);
+    left += (1 - t) * w;
+    right += t * w;
+  }
+  const auto [F, q] = stepped.on_interval({0.3});
+  EXPECT_NEAR(F, x(1), 1e-13);
+  EXPECT_NEAR(q[0], left, 1e-12);
+  EXPECT_NEAR(q[1], right, 1e-12);
+  // Without being told, the jump is found to 2^-16 of the interval: the last piece errs by its length at most.
+  const auto [found, p] = stepped.on_interval({});
+  EXPECT_NEAR(found, x(1), std::exp2(-16));
+  EXPECT_NEAR(p[0], left, 8 * std::exp2(-16));
+  EXPECT_NEAR(p[1], right, 8 * std::exp2(-16));
+}
+
+TEST(GalerkinSources, BreakpointsOnNodesCostNothing) {
+  SteppedSources smooth;
+  smooth.scene.f = [](double t, Eigen::Ref<Vector> f) { f << std::cos(t); };
+  smooth.scene.g = {};
+  const auto [F, q] = smooth.on_interval({});
+  const auto [same, p] = smooth.on_interval({0, 1});
+  EXPECT_EQ(F, same);
+  EXPECT_EQ(q, p);
 }
 
 }  // namespace
