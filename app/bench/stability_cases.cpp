@@ -80,6 +80,20 @@ Matrix ports(Index m, Index n) {
 }
 Matrix two() { return (Matrix(2, 2) << 2, -1, -1, 2).finished(); }
 
+/// The rectifier between two switches: x' = -r x + c sin(omega t) with r = 2100, c = 20000 while it conducts.
+struct Phase {
+  double omega, begin, x;
+  bool conducts;
+
+  double at(double t) const {
+    const double r = conducts ? 2100 : 100, c = conducts ? 20000 : 0;
+    const auto forced = [&](double s) {
+      return c * (r * std::sin(omega * s) - omega * std::cos(omega * s)) / (r * r + omega * omega);
+    };
+    return forced(t) + (x - forced(begin)) * std::exp(-r * (t - begin));
+  }
+};
+
 class Catalogue {
  public:
   explicit Catalogue(bool quick) : quick_(quick) {}
@@ -247,13 +261,57 @@ class Catalogue {
     const Motion grows{[](Index i, double t) { return std::exp((3 - double(i)) * t); },
                        [](Index i, double t) { return (3 - double(i)) * std::exp((3 - double(i)) * t); }};
     add(group, "growth, e^15", manufactured(d, Matrix(Matrix::Ones(1, 1)), 5, grows, sines(5)));
-    add(group, "contact of 2e-4", manufactured(d, Matrix(Matrix::Ones(1, 1)), 1, cosines(2, 1), [](Index, double t) {
-          return -1 + 1.5 * std::exp(-std::pow((t - 0.371717) / 1e-4, 2));
-        }));
-    for (const double turns : {801., 12800.})
-      if (turns < 1000 || !quick_)
-        add(group, turns < 1000 ? "sine, 801 periods" : "sine, 12800 periods",
-            manufactured(d, Matrix(Matrix::Ones(1, 1)), 1, cosines(2, 1), sines(1, turns)));
+    contact();
+    rectifier(801);
+    if (!quick_) rectifier(12800);
+  }
+
+  // y = (1 - |t - c|/d)+, x' = y/d: the contact is short and moves x by 1.
+  void contact() {
+    constexpr double c = 0.371717, d = 1e-4;
+    Scene scene;
+    scene.dynamics = DenseDynamics{Matrix::Zero(1, 1), Matrix::Constant(1, 1, 1 / d), Matrix::Zero(1, 1)};
+    scene.M = Matrix(Matrix::Ones(1, 1));
+    scene.g = [](double t, Eigen::Ref<Vector> g) { g[0] = std::abs(t - c) / d - 1; };
+    scene.x0 = Vector::Zero(1);
+    scene.exact = [](double t, Eigen::Ref<Vector> x, Eigen::Ref<Vector> y) {
+      const double u = std::clamp((t - c) / d, -1.0, 1.0);
+      y[0] = 1 - std::abs(u);
+      x[0] = u < 0 ? (1 + u) * (1 + u) / 2 : 1 - (1 - u) * (1 - u) / 2;
+    };
+    add("sources", "contact of 2e-4", scene, "by hand");
+  }
+
+  // x' = -100 x + 1000 y, w = x + y/2 - 10 sin(2 pi turns t): x follows the peaks of a sine that coarse grids do not
+  // see.
+  void rectifier(double turns) {
+    const double omega = 2 * pi * turns;
+    std::vector<Phase> phases{{omega, 0, 0, true}};
+    const auto over = [&](double t) { return 10 * std::sin(omega * t) - phases.back().at(t); };
+    const double step = 1 / (turns * 64);
+    for (double t = step; t < 1 + step; t += step) {
+      const bool on = phases.back().conducts;
+      if ((over(t) > 0) == on) continue;
+      double a = std::max(t - step, phases.back().begin), b = t;
+      for (int i = 0; i < 60; ++i) {
+        const double middle = (a + b) / 2;
+        ((over(middle) > 0) == on ? a : b) = middle;
+      }
+      phases.push_back({omega, b, phases.back().at(b), !on});
+    }
+    Scene scene;
+    scene.dynamics = DenseDynamics{Matrix::Constant(1, 1, -100), Matrix::Constant(1, 1, 1000), Matrix::Ones(1, 1)};
+    scene.M = Matrix(Matrix::Constant(1, 1, 0.5));
+    scene.g = [omega](double t, Eigen::Ref<Vector> g) { g[0] = -10 * std::sin(omega * t); };
+    scene.x0 = Vector::Zero(1);
+    scene.exact = [=](double t, Eigen::Ref<Vector> x, Eigen::Ref<Vector> y) {
+      auto phase =
+          std::upper_bound(phases.begin(), phases.end(), t, [](double at, const Phase& p) { return at < p.begin; });
+      if (phase != phases.begin()) --phase;
+      x[0] = phase->at(t);
+      y[0] = std::max(0.0, 2 * (10 * std::sin(omega * t) - x[0]));
+    };
+    add("sources", "rectifier, " + std::to_string(int(turns)) + " periods", scene, "phase by phase");
   }
 
   void pulse(bool told) {
