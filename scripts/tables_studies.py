@@ -307,6 +307,20 @@ def tol(data):
     return lines + ["", f"Estimate over true error between 0.5 and 3: {found}. {machine(data)}."]
 
 
+def stability(data):
+    """Every hard case: what was said, how far it is from the truth, and implicit Euler on the same number of steps."""
+    lines = ["| case | m | n | status | steps | error of x | error of y | estimate | time | Euler: x | y |", "|--" * 11 + "|"]
+    for row in data["rows"]:
+        status = row["status"] if row["verdict"] in ("right", "missed") else f"**{row['status']}**" if row["verdict"] == "wrong" else row["status"]
+        y = number(row["error_y"]) + (" (∫y)" if row["error_y"] is not None and row["of"] != "y" else "")
+        time = row["seconds"]["median"]
+        cells = [row["case"], str(row["states"]), str(row["constraints"]), status, str(row["steps"]), number(row["error_x"]), y,
+                 number(row["estimate"]), "" if time is None else seconds(time), number(row["euler"]["error_x"]), number(row["euler"]["error_y"])]
+        lines.append("| " + " | ".join(cells) + " |")
+    counts = ", ".join(f"{count} {name}" for name, count in data["details"]["counts"].items())
+    return lines + ["", f"Tolerance {data['rows'][0]['tolerance']:.0e}: {counts}. {machine(data)}."]
+
+
 def random(data):
     methods = data["all"]
     lines = ["| method | " + " | ".join(methods) + " |", "|--" * (len(methods) + 1) + "|"]

@@ -212,5 +212,31 @@ TEST_F(Bench, GoalComparesGridsOfTheSameSteps) {
   EXPECT_EQ(figures["ladder"].size(), 2u);
 }
 
+TEST_F(Bench, StabilityKnowsTheTruthOfEveryCase) {
+  const Json json = study("stability");
+  std::map<std::string, int> groups;
+  for (const Json& row : json["rows"]) {
+    ++groups[row["group"]];
+    const std::string verdict = row["verdict"];
+    // What is called solved is right; what is refused says why.
+    EXPECT_NE(verdict, "wrong") << row;
+    if (verdict == "refused")
+      EXPECT_NE(row["reason"], "") << row;
+    else
+      EXPECT_LE(row["error_x"], 3 * double(row["tolerance"])) << row;
+    for (const char* key : {"estimate", "seconds", "euler", "reference", "steps"})
+      EXPECT_TRUE(row.contains(key)) << key;
+  }
+  for (const char* group : {"A", "M", "sources", "starts", "scales", "sizes"}) EXPECT_GE(groups[group], 2) << group;
+  // Implicit Euler is of first order and seldom as good: the references are not made by what they judge.
+  int compared = 0;
+  for (const Json& row : json["rows"])
+    if (row["group"] == "A" && row["verdict"] == "right" && row["euler"]["error_x"].is_number()) {
+      EXPECT_LT(row["euler"]["error_x"], 0.2) << row;
+      ++compared;
+    }
+  EXPECT_GE(compared, 5);
+}
+
 }  // namespace
 }  // namespace bromwich

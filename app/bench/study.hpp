@@ -56,7 +56,7 @@ BenchReport bench_paper(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene file or a folder of them.
 BenchReport bench_scenes(const BenchRequest& request, Backend& backend);
 BenchReport bench_sparse(const BenchRequest& request, Backend& backend);
-/// Throws Error for a SCENE: it has its own.
+/// SCENE is a group of its cases; without one, all.
 BenchReport bench_stability(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene, a scene file or a folder of them; without one, all built-in scenes and the examples.
 BenchReport bench_tol(const BenchRequest& request, Backend& backend);
