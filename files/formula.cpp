@@ -118,10 +118,7 @@ class Reader {
     return formula_.program.size() - 1;
   }
   void emit_function(Operation operation, int change) {
-    const bool compares = operation >= Operation::less && operation <= Operation::not_equal;
-    const bool switches =
-        (operation >= Operation::abs && operation <= Operation::round) || operation >= Operation::atan2;
-    formula_.switches = formula_.switches || compares || switches || operation == Operation::cbrt;
+    formula_.switches = formula_.switches || switches(operation);
     emit(operation, change);
   }
   void land(std::size_t jump) { formula_.program[jump].target = formula_.program.size(); }
@@ -286,107 +283,6 @@ class Reader {
 };
 
 }  // namespace
-
-bool takes_two(Operation operation) {
-  return (operation >= Operation::add && operation <= Operation::power) ||
-         (operation >= Operation::less && operation <= Operation::not_equal) || operation >= Operation::atan2;
-}
-
-double apply(Operation operation, double a, double b) {
-  switch (operation) {
-    case Operation::add:
-      return a + b;
-    case Operation::subtract:
-      return a - b;
-    case Operation::multiply:
-      return a * b;
-    case Operation::divide:
-      return a / b;
-    case Operation::power:
-      return std::pow(a, b);
-    case Operation::less:
-      return double(a < b);
-    case Operation::less_equal:
-      return double(a <= b);
-    case Operation::greater:
-      return double(a > b);
-    case Operation::greater_equal:
-      return double(a >= b);
-    case Operation::equal:
-      return double(a == b);
-    case Operation::not_equal:
-      return double(a != b);
-    case Operation::atan2:
-      return std::atan2(a, b);
-    case Operation::mod:
-      return a - b * std::floor(a / b);
-    case Operation::minimum:
-      return std::min(a, b);
-    case Operation::maximum:
-      return std::max(a, b);
-    default:
-      return std::nan("");
-  }
-}
-
-double apply(Operation operation, double a) {
-  switch (operation) {
-    case Operation::negative:
-      return -a;
-    case Operation::truth:
-      return double(a != 0);
-    case Operation::sin:
-      return std::sin(a);
-    case Operation::cos:
-      return std::cos(a);
-    case Operation::tan:
-      return std::tan(a);
-    case Operation::asin:
-      return std::asin(a);
-    case Operation::acos:
-      return std::acos(a);
-    case Operation::atan:
-      return std::atan(a);
-    case Operation::sinh:
-      return std::sinh(a);
-    case Operation::cosh:
-      return std::cosh(a);
-    case Operation::tanh:
-      return std::tanh(a);
-    case Operation::exp:
-      return std::exp(a);
-    case Operation::expm1:
-      return std::expm1(a);
-    case Operation::log:
-      return std::log(a);
-    case Operation::log10:
-      return std::log10(a);
-    case Operation::log2:
-      return std::log2(a);
-    case Operation::sqrt:
-      return std::sqrt(a);
-    case Operation::cbrt:
-      return std::cbrt(a);
-    case Operation::erf:
-      return std::erf(a);
-    case Operation::erfc:
-      return std::erfc(a);
-    case Operation::abs:
-      return std::abs(a);
-    case Operation::sign:
-      return double(a > 0) - double(a < 0);
-    case Operation::heaviside:
-      return double(a >= 0);
-    case Operation::floor:
-      return std::floor(a);
-    case Operation::ceil:
-      return std::ceil(a);
-    case Operation::round:
-      return std::round(a);
-    default:
-      return std::nan("");
-  }
-}
 
 double Formula::operator()(double t) const {
   std::vector<double> stack;

@@ -5,6 +5,7 @@
 // Names and operators are those of files/expression.hpp. What is not chosen by ?: && || is not evaluated.
 
 #include "core/scenes/catalogue.hpp"
+#include "files/operation.hpp"
 
 #include <cstddef>
 #include <string>
@@ -12,55 +13,6 @@
 #include <vector>
 
 namespace bromwich {
-
-enum class Operation {
-  constant,
-  time,  // push
-  add,
-  subtract,
-  multiply,
-  divide,
-  power,  // of two
-  negative,
-  less,
-  less_equal,
-  greater,
-  greater_equal,
-  equal,
-  not_equal,
-  truth,  // 1 or 0
-  jump,
-  jump_if_zero,
-  jump_if_not_zero,  // to `target`; the value is taken away
-  sin,
-  cos,
-  tan,
-  asin,
-  acos,
-  atan,
-  sinh,
-  cosh,
-  tanh,
-  exp,
-  expm1,
-  log,
-  log10,
-  log2,
-  sqrt,
-  cbrt,
-  erf,
-  erfc,
-  abs,
-  sign,
-  heaviside,
-  floor,
-  ceil,
-  round,
-  atan2,
-  mod,
-  minimum,
-  maximum,  // of two
-};
 
 struct Instruction {
   Operation operation = Operation::constant;
@@ -78,10 +30,5 @@ struct Formula {
 
 /// Throws Error(where, ...) for a text that is no expression, or is nested more than a thousand times.
 Formula read_formula(std::string_view text, const ParameterValues& parameters, const std::string& where);
-
-/// The value of an operation on one or two numbers.
-double apply(Operation operation, double a);
-double apply(Operation operation, double a, double b);
-bool takes_two(Operation operation);
 
 }  // namespace bromwich

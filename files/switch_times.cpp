@@ -1,6 +1,6 @@
 #include "files/switch_times.hpp"
 
-#include "files/range.hpp"
+#include "files/course.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,166 +12,9 @@ namespace bromwich {
 namespace {
 
 constexpr double eps = std::numeric_limits<double>::epsilon();
-constexpr double inf = std::numeric_limits<double>::infinity();
-
-/// A value over a piece [a, b] of time.
-struct Course {
-  double left = 0, right = 0;  ///< at a and at b
-  Range value, slope;
-};
-
-Course constant(double c) { return {c, c, {c, c}, {0, 0}}; }
 
 /// A condition that is no comparison is false where it is 0 over the whole piece.
 bool vanishes(const Course& c) { return c.left == 0 && c.right == 0; }
-
-bool compares(Operation o) { return o >= Operation::less && o <= Operation::not_equal; }
-bool in_whole_numbers(Operation o) {
-  return o == Operation::floor || o == Operation::ceil || o == Operation::round || o == Operation::mod;
-}
-bool switches(Operation o) {
-  return compares(o) || in_whole_numbers(o) || o == Operation::abs || o == Operation::sign ||
-         o == Operation::heaviside || o == Operation::cbrt || o == Operation::minimum || o == Operation::maximum ||
-         o == Operation::atan2;
-}
-
-/// s of an operation.
-template <class Value>
-Value switching(Operation o, const Value& a, const Value& b) {
-  if (compares(o) || o == Operation::minimum || o == Operation::maximum) return a - b;
-  return o == Operation::mod ? a / b : a;
-}
-
-/// Which way the operation goes, a number that grows with s.
-double branch(Operation o, double a, double b) {
-  switch (o) {
-    case Operation::less:
-    case Operation::minimum:
-      return double(!(a < b));
-    case Operation::less_equal:
-      return double(!(a <= b));
-    case Operation::greater:
-    case Operation::maximum:
-      return double(a > b);
-    case Operation::greater_equal:
-      return double(a >= b);
-    case Operation::equal:
-    case Operation::not_equal:
-      return double(a > b) - double(a < b);
-    case Operation::mod:
-      return std::floor(a / b);
-    case Operation::abs:
-    case Operation::heaviside:
-    case Operation::cbrt:
-    case Operation::atan2:
-      return double(a >= 0);
-    default:
-      return apply(o, a);  // sign, floor, ceil, round
-  }
-}
-
-/// The value of an operation that goes the way `way`.
-double apply_on(Operation o, double way, double a, double b) {
-  switch (o) {
-    case Operation::less:
-    case Operation::less_equal:
-      return double(way == 0);
-    case Operation::equal:
-      return double(way == 0);
-    case Operation::not_equal:
-      return double(way != 0);
-    case Operation::minimum:
-      return way == 0 ? a : b;
-    case Operation::maximum:
-      return way == 0 ? b : a;
-    case Operation::mod:
-      return a - b * way;
-    case Operation::abs:
-      return way == 0 ? -a : a;
-    case Operation::cbrt:
-      return std::cbrt(a);
-    case Operation::atan2:
-      return std::atan2(a, b);
-    default:
-      return way;
-  }
-}
-
-/// s at which a way changes to the next one.
-double level(Operation o, double way) {
-  if (o == Operation::floor || o == Operation::mod) return way + 1;
-  if (o == Operation::round) return way + 0.5;
-  return o == Operation::ceil ? way : 0;
-}
-
-/// Whether s of this range goes one way throughout.
-bool one_way(Operation o, Range s) {
-  if (!in_whole_numbers(o)) return s.low > 0 || s.high < 0;
-  const auto whole = [&](double value) { return o == Operation::mod ? std::floor(value) : apply(o, value); };
-  return whole(s.low) == whole(s.high);
-}
-
-/// Range and slope of a smooth function of one argument.
-std::pair<Range, Range> smooth(Operation o, Range a) {
-  const Range one{1, 1};
-  const auto map = [&](double (*f)(double)) { return increasing(f, a); };
-  switch (o) {
-    case Operation::sin:
-      return {range_sin(a), range_cos(a)};
-    case Operation::cos:
-      return {range_cos(a), -range_sin(a)};
-    case Operation::tan: {
-      const Range value = range_tan(a);
-      return {value, one + range_square(value)};
-    }
-    case Operation::asin:
-    case Operation::acos: {
-      const Range inside{std::max(a.low, -1.0), std::min(a.high, 1.0)};
-      const Range left = one - range_square(inside);
-      const Range slope{1 / std::sqrt(std::max(left.high, 1e-300)), left.low > 0 ? 1 / std::sqrt(left.low) : inf};
-      const Range value = increasing([](double s) { return std::asin(s); }, inside);
-      if (o == Operation::asin) return {value, widened(slope)};
-      return {increasing([](double s) { return -std::acos(s); }, inside), widened(slope)};
-    }
-    case Operation::atan:
-      return {map([](double s) { return std::atan(s); }), one / (one + range_square(a))};
-    case Operation::sinh:
-      return {map([](double s) { return std::sinh(s); }), range_cosh(a)};
-    case Operation::cosh:
-      return {range_cosh(a), map([](double s) { return std::sinh(s); })};
-    case Operation::tanh: {
-      const Range c = range_cosh(a);
-      return {map([](double s) { return std::tanh(s); }), one / range_square(c)};
-    }
-    case Operation::exp:
-      return {map([](double s) { return std::exp(s); }), map([](double s) { return std::exp(s); })};
-    case Operation::expm1:
-      return {map([](double s) { return std::expm1(s); }), map([](double s) { return std::exp(s); })};
-    case Operation::log:
-    case Operation::log10:
-    case Operation::log2: {
-      if (!(a.low > 0)) return {};
-      const double unit = o == Operation::log ? 1 : o == Operation::log10 ? std::log(10.) : std::log(2.);
-      const Range per{unit, unit};
-      return {map([](double s) { return std::log(s); }) / per, one / (a * per)};
-    }
-    case Operation::sqrt: {
-      const Range inside{std::max(a.low, 0.0), a.high};
-      if (!(a.high >= 0)) return {};
-      const Range value = increasing([](double s) { return std::sqrt(s); }, inside);
-      return {value, {0.5 / value.high * (1 - 8 * eps), value.low > 0 ? 0.5 / value.low * (1 + 8 * eps) : inf}};
-    }
-    case Operation::erf:
-    case Operation::erfc: {
-      // 2 / sqrt(pi) exp(-a^2)
-      const Range bell = increasing([](double s) { return 1.1283791670955126 * std::exp(s); }, -range_square(a));
-      if (o == Operation::erf) return {map([](double s) { return std::erf(s); }), bell};
-      return {-increasing([](double s) { return -std::erfc(s); }, a), -bell};
-    }
-    default:
-      return {};
-  }
-}
 
 /// The expression over pieces of [0, T].
 class Search {
@@ -256,13 +99,12 @@ class Search {
           const bool two = takes_two(step.operation);
           const Course second = two ? pop() : Course{}, first = pop();
           if (!switches(step.operation)) {
-            stack_.push_back(
-                tightened(two ? smooth_of_two(step.operation, first, second) : smooth_of_one(step.operation, first)));
+            stack_.push_back(two ? apply(step.operation, first, second, width_) : apply(step.operation, first, width_));
             break;
           }
           const Outcome outcome = decide(step.operation, first, second);
           if (outcome != Outcome::smooth) return outcome;
-          stack_.push_back(tightened(on_its_way(step.operation, ways_.back(), first, second)));
+          stack_.push_back(apply_on(step.operation, ways_.back(), first, second, width_));
         }
       }
     }
@@ -270,7 +112,7 @@ class Search {
   }
 
   Outcome decide(Operation o, const Course& first, const Course& second) {
-    const double at_left = branch(o, first.left, second.left), at_right = branch(o, first.right, second.right);
+    const double at_left = way_of(o, first.left, second.left), at_right = way_of(o, first.right, second.right);
     const double s_left = switching(o, first.left, second.left), s_right = switching(o, first.right, second.right);
     if (std::isnan(s_left) && std::isnan(s_right)) return keep(at_left);
     if (std::isnan(s_left) || std::isnan(s_right)) return Outcome::open;
@@ -282,7 +124,7 @@ class Search {
       low_way_ = std::floor((at_left + at_right) / 2);
       return Outcome::switches;
     }
-    const Course s = tightened(course_of_s(o, first, second, s_left, s_right));
+    const Course s = switching(o, first, second, width_);
     if (one_way(o, s.value) || s.slope.low >= 0 || s.slope.high <= 0) return keep(at_left);
     return Outcome::open;
   }
@@ -290,96 +132,6 @@ class Search {
   Outcome keep(double way) {
     ways_.push_back(way);
     return Outcome::smooth;
-  }
-
-  static Course course_of_s(Operation o, const Course& first, const Course& second, double left, double right) {
-    if (o == Operation::mod) {
-      Course q = quotient(first, second);
-      q.left = left;
-      q.right = right;
-      return q;
-    }
-    if (compares(o) || o == Operation::minimum || o == Operation::maximum)
-      return {left, right, first.value - second.value, first.slope - second.slope};
-    return first;
-  }
-
-  static Course quotient(const Course& a, const Course& b) {
-    const Range value = a.value / b.value;
-    return {a.left / b.left, a.right / b.right, value, (a.slope - value * b.slope) / b.value};
-  }
-
-  static Course on_its_way(Operation o, double way, const Course& a, const Course& b) {
-    const Range whole{way, way};
-    switch (o) {
-      case Operation::minimum:
-        return way == 0 ? a : b;
-      case Operation::maximum:
-        return way == 0 ? b : a;
-      case Operation::abs:
-        return way == 0 ? Course{-a.left, -a.right, -a.value, -a.slope} : a;
-      case Operation::mod:
-        return {a.left - b.left * way, a.right - b.right * way, a.value - b.value * whole, a.slope - b.slope * whole};
-      case Operation::cbrt: {
-        const Range value = increasing([](double s) { return std::cbrt(s); }, a.value);
-        return {std::cbrt(a.left), std::cbrt(a.right), value, a.slope / (Range{3, 3} * range_square(value))};
-      }
-      case Operation::atan2:
-        return {std::atan2(a.left, b.left), std::atan2(a.right, b.right),
-                widened({-3.1415926535897936, 3.1415926535897936}),
-                (b.value * a.slope - a.value * b.slope) / (range_square(a.value) + range_square(b.value))};
-      default:
-        return constant(apply_on(o, way, 0, 0));
-    }
-  }
-
-  static Course smooth_of_one(Operation o, const Course& a) {
-    if (o == Operation::negative) return {-a.left, -a.right, -a.value, -a.slope};
-    if (o == Operation::acos) {
-      const auto [value, slope] = smooth(o, a.value);
-      return {std::acos(a.left), std::acos(a.right), -value, -slope * a.slope};
-    }
-    const auto [value, slope] = smooth(o, a.value);
-    return {apply(o, a.left), apply(o, a.right), value, slope * a.slope};
-  }
-
-  static Course smooth_of_two(Operation o, const Course& a, const Course& b) {
-    Course c{apply(o, a.left, b.left), apply(o, a.right, b.right), {}, {}};
-    if (o == Operation::add) {
-      c.value = a.value + b.value;
-      c.slope = a.slope + b.slope;
-    } else if (o == Operation::subtract) {
-      c.value = a.value - b.value;
-      c.slope = a.slope - b.slope;
-    } else if (o == Operation::multiply) {
-      c.value = a.value * b.value;
-      c.slope = a.slope * b.value + a.value * b.slope;
-    } else if (o == Operation::divide) {
-      return quotient(a, b);
-    } else if (o == Operation::power) {
-      c.value = range_power(a.value, b.value);
-      const bool fixed = b.slope.point() && b.slope.low == 0 && b.value.point();
-      const Range one{1, 1};
-      if (fixed)
-        c.slope = b.value * range_power(a.value, b.value - one) * a.slope;
-      else if (a.value.low > 0)
-        c.slope = c.value *
-                  (b.slope * increasing([](double s) { return std::log(s); }, a.value) + b.value * a.slope / a.value);
-    }
-    return c;
-  }
-
-  /// The mean value theorem from both ends.
-  Course tightened(Course c) const {
-    if (!std::isfinite(c.left) || !std::isfinite(c.right)) return {c.left, c.right, {}, {}};
-    const double fall = c.slope.low * width_, rise = c.slope.high * width_;
-    const Range from_left{c.left + std::min(0.0, fall), c.left + std::max(0.0, rise)};
-    const Range from_right{c.right - std::max(0.0, rise), c.right - std::min(0.0, fall)};
-    const Range both{std::max(from_left.low, from_right.low), std::min(from_left.high, from_right.high)};
-    const Range ends{std::min(c.left, c.right), std::max(c.left, c.right)};
-    const Range mean = widened(hull(both, ends));
-    c.value = hull({std::max(c.value.low, mean.low), std::min(c.value.high, mean.high)}, ends);
-    return c;
   }
 
   /// s of the operation that `look` stopped at, and whether it goes the way low_way_ or below, at one time.
@@ -417,7 +169,7 @@ class Search {
           if (!switches(step.operation))
             values_.push_back(two ? apply(step.operation, a, b) : apply(step.operation, a));
           else if (known == ways_.size())
-            return {switching(step.operation, a, b), branch(step.operation, a, b) <= low_way_};
+            return {switching(step.operation, a, b), way_of(step.operation, a, b) <= low_way_};
           else
             values_.push_back(apply_on(step.operation, ways_[known++], a, b));
         }
@@ -430,7 +182,7 @@ class Search {
   std::pair<double, double> locate(double a, double b) {
     auto [s_a, below_a] = at(a);
     auto [s_b, below_b] = at(b);
-    const double wanted = level(target_, low_way_);
+    const double wanted = end_of(target_, low_way_);
     const auto move = [&](double t) {
       if (!(t > a && t < b)) return;
       const auto [s, below] = at(t);

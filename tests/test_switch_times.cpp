@@ -145,8 +145,7 @@ TEST(SwitchTimes, WorkIsBounded) {
   long work = 100'000;
   const SwitchTimes times = switch_times(read_formula("sign(sin(1e9*t))", {}, "here"), 1, work);
   EXPECT_FALSE(times.complete);
-  EXPECT_LE(work, 0);
-  EXPECT_GT(work, -10'000);
+  EXPECT_GT(work, 50'000);  // a small part shows that all would take far more
   work = 1'000'000;
   switch_times(read_formula("heaviside(sin(t)^2+cos(t)^2-1)", {}, "here"), 1, work);  // rounding alone
   EXPECT_GT(work, -10'000);
