@@ -21,13 +21,11 @@ double order_of(const Result& result) {
 
 constexpr double smallest_size = 1e-3;  ///< of the largest component, that a component is measured against
 
-Vector sizes(const RowMatrix& values, Index first, const Vector& unit, const ComponentSizes& how) {
-  if (how.fixed > 0) return Vector::Constant(values.cols(), how.fixed);
-  Vector s = values.bottomRows(values.rows() - first).cwiseAbs().colwise().maxCoeff().transpose();
-  if (s.size() == 0) return s;
-  const Vector u = unit.size() == s.size() ? unit : Vector::Ones(s.size());
-  const double largest = s.cwiseQuotient(u).maxCoeff();
-  return s.cwiseMax(smallest_size * largest * u).array() + how.absolute;
+Vector sizes(const RowMatrix& values, Index first, const Vector& one, const ComponentSizes& how) {
+  const Vector users = one.size() == values.cols() ? one : Vector::Ones(values.cols());
+  if (!how.relative || values.cols() == 0) return users;
+  const Vector s = values.bottomRows(values.rows() - first).cwiseAbs().colwise().maxCoeff().transpose();
+  return s.cwiseMax(smallest_size * s.maxCoeff()) + how.absolute * users;
 }
 
 // A component each.
@@ -47,9 +45,9 @@ RowMatrix mean(const Result& result) { return running_integral(result.y, 1 / dou
 
 }  // namespace
 
-Vector ComponentSizes::of_y(const Result& r) const { return sizes(r.y, 1, unit_y, *this); }
-Vector ComponentSizes::of_mean(const Result& r) const { return sizes(mean(r), 1, unit_y, *this); }
-Vector ComponentSizes::of_x(const Result& r) const { return sizes(r.x, 0, unit_x, *this); }
+Vector ComponentSizes::of_y(const Result& r) const { return sizes(r.y, 1, one_y, *this); }
+Vector ComponentSizes::of_mean(const Result& r) const { return sizes(mean(r), 1, one_y, *this); }
+Vector ComponentSizes::of_x(const Result& r) const { return sizes(r.x, 0, one_x, *this); }
 
 Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const ComponentSizes& s) {
   return {largest(relative(a.y, a_stride, b.y, b_stride, s.of_y(b))),

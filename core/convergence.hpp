@@ -20,11 +20,13 @@ namespace bromwich {
 
 /// What errors are measured against: component i of a kind (y, its mean, x) by
 ///
-///     s_i = max(max_t |c_i|, 1e-3 u_i max_k max_t |c_k| / u_k) + absolute,      u the natural unit of a component.
+///     s_i = max(max_t |c_i|, 1e-3 max_k max_t |c_k|) + absolute,
+///
+/// all in natural units (core/scaling.hpp).
 struct ComponentSizes {
-  Vector unit_y, unit_x;  ///< u of y (n) and of the recorded x; empty = 1
-  double absolute = 0;    ///< absolute tolerance over the relative one, in the units of the scene
-  double fixed = 0;       ///< above 0: this alone, for all
+  Vector one_y, one_x;   ///< what 1 in the user's units is for y (n) and for the recorded x; empty = 1
+  double absolute = 0;   ///< absolute tolerance over the relative one, in the user's units
+  bool relative = true;  ///< false: 1 in the user's units alone, for all
 
   Vector of_y(const Result&) const;
   Vector of_mean(const Result&) const;

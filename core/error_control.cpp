@@ -4,12 +4,14 @@
 #include "core/error.hpp"
 #include "core/interior_check.hpp"
 #include "core/methods.hpp"
+#include "core/scaling.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace bromwich {
 
@@ -35,15 +37,20 @@ struct Goal {
   double smallest() const { return y > 0 && x > 0 ? std::min(y, x) : std::max(y, x); }
 };
 
-// With an absolute tolerance alone, errors are measured in the units of the scene.
-ComponentSizes sizes_for(const Options& o) {
-  const double relative = Goal(o).smallest();
-  const bool alone = o.tolerance == 0 && o.tolerance_x == 0 && o.tolerance_y == 0;
+ComponentSizes sizes_for(const Scene& scene, const Options& o) {
   ComponentSizes sizes;
-  if (alone)
-    sizes.fixed = 1;
-  else
-    sizes.absolute = o.absolute_tolerance / relative;
+  sizes.relative = o.tolerance > 0 || o.tolerance_x > 0 || o.tolerance_y > 0;
+  if (sizes.relative) sizes.absolute = o.absolute_tolerance / Goal(o).smallest();
+  if (!o.units || o.units->trivial()) return sizes;
+  const auto ones = [](const std::vector<int>& exponents, const std::vector<Index>& which) {
+    Vector one(Index(which.size()));
+    for (std::size_t i = 0; i < which.size(); ++i) one[Index(i)] = times_ten_to(-exponents[std::size_t(which[i])], 1);
+    return one;
+  };
+  std::vector<Index> rows(o.units->y.size());
+  std::iota(rows.begin(), rows.end(), Index(0));
+  sizes.one_y = ones(o.units->y, rows);
+  sizes.one_x = ones(o.units->x, recorded_components(scene, o));
   return sizes;
 }
 
@@ -68,7 +75,7 @@ class Refinement {
         backend_(backend),
         options_(options),
         goal_(options),
-        sizes_(sizes_for(options)),
+        sizes_(sizes_for(scene, options)),
         expected_(std::max(options.steps, scene.default_steps)) {}
 
   Result run() {

@@ -1,6 +1,7 @@
 #include "core/recurrence.hpp"
 
 #include "core/error.hpp"
+#include "core/lcp/solution.hpp"
 #include "core/phi.hpp"
 #include "core/precise_phi.hpp"
 #include "core/response.hpp"
@@ -68,16 +69,28 @@ bool needs_precision(const Matrix& A, double h, Index J) {
   return epsilon * h * double(J) * balanced(A).A.cwiseAbs().colwise().sum().maxCoeff() > harmless;
 }
 
+namespace {
+
+// Units of the states do not make I - hA singular: where it looks so, rows and columns are brought to one size first.
+Matrix inverse_of_step(const Matrix& K) {
+  const Eigen::PartialPivLU<Matrix> lu(K);
+  if (K.rows() == 0 || lu.rcond() >= epsilon) return lu.inverse();
+  const Equilibration e = equilibrate(K);
+  const Eigen::PartialPivLU<Matrix> balanced(e.rows.asDiagonal() * K * e.columns.asDiagonal());
+  if (!(balanced.rcond() >= epsilon))
+    throw Error("steps", "I - hA is singular at this step", "implicit Euler needs another number of steps");
+  return e.columns.asDiagonal() * balanced.inverse() * e.rows.asDiagonal();
+}
+
+}  // namespace
+
 StepOperators step_operators(const Matrix& A, Rule rule, double h, Index J) {
   const Index m = A.rows();
   if (rule == Rule::exponential) {
     const MatrixPhi phi = needs_precision(A, h, J) ? precise_phi(A, h) : matrix_phi(h * A);
     return {phi.exponential, h * (phi.phi1 - phi.phi2), h * phi.phi2};
   }
-  const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(m, m) - h * A);
-  if (m > 0 && lu.rcond() < epsilon)
-    throw Error("steps", "I - hA is singular at this step", "implicit Euler needs another number of steps");
-  const Matrix decay = lu.inverse();
+  const Matrix decay = inverse_of_step(Matrix::Identity(m, m) - h * A);
   return {decay, Matrix::Zero(m, m), h * decay};
 }
 

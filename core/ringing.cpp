@@ -72,9 +72,11 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class) {
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const DenseRecurrence& r) {
   const Index m = r.decay.rows();
   // Σ_{d>=1} (-1)^d C E^{d-1} G = -C (I + E)^{-1} G.
-  const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(m, m) + r.decay);
+  const Matrix sum = Matrix::Identity(m, m) + r.decay;
+  const Equilibration e = equilibrate(sum);
+  const Eigen::PartialPivLU<Matrix> lu(e.rows.asDiagonal() * sum * e.columns.asDiagonal());
   const bool regular = lu.rcond() > epsilon;
-  const Matrix at = r.w0 - r.output * lu.solve(r.input);
+  const Matrix at = r.w0 - (r.output * e.columns.asDiagonal()) * lu.solve(e.rows.asDiagonal() * r.input);
   return decide(M, lcp_class, r.w0, regular ? at : Matrix::Constant(at.rows(), at.cols(), NAN));
 }
 

@@ -10,6 +10,7 @@
 #include "core/method_choice.hpp"
 #include "core/mixed.hpp"
 #include "core/port_hamiltonian.hpp"
+#include "core/scaling.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
@@ -266,7 +267,10 @@ constexpr Index smallest_sparse = 512;
 
 Result solve_valid(const Scene& given, Backend& backend, const Options& options) {
   Timer total;
-  if (options.event_location) check_event_location(given, options);
+  if (!options.units) {
+    if (options.event_location) check_event_location(given, options);
+    return solve_in_natural_units(given, backend, options);
+  }
   if (options.method == Method::goal) return solve_for_goal(given, backend, options);
   if (given.constraints() == 0) {
     Result result = solve(with_idle_constraint(given), backend, options);

@@ -23,7 +23,8 @@ const char* to_string(Method);
 /// Inverse of to_string; throws Error("method", ...) for an unknown name.
 Method method_from_string(const std::string&);
 
-struct GoalOptions;  // core/goal.hpp
+struct GoalOptions;   // core/goal.hpp
+struct NaturalUnits;  // core/scaling.hpp
 
 enum class StateSelection { none, all, list };
 enum class ConvolutionChoice { automatic, scan, fft };
@@ -70,6 +71,9 @@ struct Options {
   /// is reached from there.
   const RowMatrix* first_iterate = nullptr;
   std::shared_ptr<const GoalOptions> goal = {};  ///< of method goal; null: its defaults
+  /// Null: `solve` brings the scene to natural units. Otherwise it is in these already, and what is absolute (measures
+  /// relative to max(1, |y|), `residual` of method galerkin) is meant in them; NaturalUnits{} leaves a scene as it is.
+  std::shared_ptr<const NaturalUnits> units = {};
   double memory_limit = 0;  ///< bytes; a solve that is predicted to need more is refused. 0 = no limit
   std::function<void(const Progress&)> progress = {};
   std::function<bool()> interrupted = {};  ///< polled once per iteration

@@ -1,6 +1,7 @@
 #include "cpu/stage_step.hpp"
 
 #include "core/error.hpp"
+#include "core/lcp/solution.hpp"
 #include "cpu/parts.hpp"
 
 #include <Eigen/LU>
@@ -48,6 +49,18 @@ RowMatrix last_stages(const Array* values, Index given, Index used, const std::v
   throw Error("steps", "a step is singular: h meets an eigenvalue of A", "use another number of steps");
 }
 
+// The inverse of a step matrix. Units of the states do not make it singular: where it looks so, rows and columns are
+// brought to one size first.
+template <class ScalarMatrix>
+ScalarMatrix inverse_of_step(const ScalarMatrix& K) {
+  const Eigen::PartialPivLU<ScalarMatrix> lu(K);
+  if (lu.rcond() > epsilon) return lu.inverse();
+  const Equilibration e = equilibrate(Matrix(K.cwiseAbs()));
+  const Eigen::PartialPivLU<ScalarMatrix> balanced(ScalarMatrix(e.rows.asDiagonal() * K * e.columns.asDiagonal()));
+  if (!(balanced.rcond() > epsilon)) singular_step();
+  return e.columns.asDiagonal() * balanced.inverse() * e.rows.asDiagonal();
+}
+
 // All operators written out: a step is a few products with small matrices.
 template <class Scalar>
 class DenseStageStep final : public StageStep {
@@ -59,9 +72,7 @@ class DenseStageStep final : public StageStep {
       : q_(last_stages(p.g, p.stages, s, rows)) {
     const Coefficients<Scalar> c;
     const Index m = d.A.rows(), n = d.N.rows();
-    const Eigen::PartialPivLU<ScalarMatrix> lu(c.mu / h * ScalarMatrix::Identity(m, m) - d.A.cast<Scalar>());
-    if (!(lu.rcond() > epsilon)) singular_step();
-    const ScalarMatrix R = lu.inverse();
+    const ScalarMatrix R = inverse_of_step<ScalarMatrix>(c.mu / h * ScalarMatrix::Identity(m, m) - d.A.cast<Scalar>());
     see_.resize(s * n, m);
     drive_.resize(m, s * n);
     implicit_.resize(s * n, s * n);

@@ -5,7 +5,6 @@
 
 #include "cpu/failure.hpp"
 
-
 namespace bromwich::cpu {
 
 namespace {
