@@ -165,11 +165,15 @@ StepProblem Steps::problem(Index j, const Vector& x, const Vector& y) const {
   return {M + N * RB, RB.bottomRows(m), N * X + g, X.tail(m)};
 }
 
-bool jumps(const DenseScene& s, double h, const Vector& Y, const Vector& before, const Vector& after) {
+bool jumps(const DenseScene& s, double h, const Vector& Y, const Vector& before, const Vector& after,
+           const Vector& y_before, double margin) {
   const Index n = s.M.rows();
   const Vector first = Y.head(n), last = Y.tail(n);
   if (((first.array() > 0) == (last.array() > 0)).all()) return false;
-  const Vector moved = h * (s.B * first).cwiseAbs().cwiseMax((s.B * last).cwiseAbs());
+  const double zero = 1e-9 * margin * Y.cwiseAbs().maxCoeff();
+  for (Index i = 0; i < n; ++i)
+    if (first[i] > std::max(zero, 4 * margin * y_before[i]) && !(last[i] > zero / (margin * margin))) return true;
+  const Vector moved = h / margin * (s.B * first).cwiseAbs().cwiseMax((s.B * last).cwiseAbs());
   const Vector size = before.cwiseAbs().cwiseMax(after.cwiseAbs());
   const double least = 0.01 * size.maxCoeff();
   for (Index i = 0; i < size.size(); ++i)
@@ -204,7 +208,7 @@ Trajectory trajectory(const DenseScene& s, Scheme scheme, Index J) {
     StepProblem p = main.problem(j, x, y);
     auto found = step_solution(s, p, Y);
     if (found) Y = *found;
-    if (scheme == Scheme::radau && (!found || jumps(s, s.T / double(J), Y, x, p.free + p.drive * Y))) {
+    if (scheme == Scheme::radau && (!found || jumps(s, s.T / double(J), Y, x, p.free + p.drive * Y, y))) {
       const StepProblem jump = euler.problem(j, x, y);
       if (const auto other = step_solution(s, jump, Y.tail(n))) {
         p = jump;

@@ -223,7 +223,7 @@ class Judge {
     if (best <= most_violation) {
       verdict_.violation = std::max(verdict_.violation, best);
       // Where Y is not unique, it may be another one that was looked at.
-      if (really_jumps(p, j, best_Y, 0.999 * h_) && unique_ && step_solution(s_, euler_step(j), y(j)))
+      if (really_jumps(p, j, best_Y) && unique_ && step_solution(s_, euler_step(j), y(j)))
         return fails(text("step %ld jumps, but was not taken by Euler", long(j)));
       if (impulse_ && j == 1 && unique_ && differs(y(0), best_Y.head(n))) return fails("y_0 is not the first stage");
       return true;
@@ -232,9 +232,11 @@ class Judge {
   }
 
   /// Not only by the rounding that is left of a larger state.
-  bool really_jumps(const StepProblem& p, Index j, const Vector& Y, double h) const {
-    return jumps(s_, h, Y, x(j - 1), x(j)) && largest(p.drive * Y) > carried * before_;
+  bool really_jumps(const StepProblem& p, Index j, const Vector& Y) const {
+    return jumps(s_, h_, Y, x(j - 1), x(j), y_before(j), 1.001) && largest(p.drive * Y) > carried * before_;
   }
+
+  Vector y_before(Index j) const { return impulse_ && j == 1 ? Vector(Vector::Zero(s_.M.rows())) : y(j - 1); }
 
   StepProblem euler_step(Index j) const { return euler_.problem(j, x(j - 1), y(j - 1)); }
 
@@ -249,7 +251,7 @@ class Judge {
     if (impulse_ && j == 1 && differs(y(0), y(1))) return fails("y_0 of an impulse is not y_1");
     verdict_.violation = std::max(verdict_.violation, as_euler);
     const auto stages = step_solution(s_, p, y(j).replicate(2, 1));
-    if (stages && unique_ && !jumps(s_, 1.001 * h_, *stages, x(j - 1), p.free + p.drive * *stages) &&
+    if (stages && unique_ && !jumps(s_, h_, *stages, x(j - 1), p.free + p.drive * *stages, y_before(j), 0.999) &&
         largest(x(j - 1)) > carried * before_)
       return fails(text("step %ld was taken by Euler without a jump", long(j)));
     return true;
