@@ -66,15 +66,14 @@ Matrix rounding_of_decay(const DiscreteProblem& p, Rule rule, const StepOperator
   return own + (epsilon / perturbed) * (step_operators(A + change, rule, p.h).decay - step.decay);
 }
 
-// The rounding of each step and component, rows 1..J; `terms` are what x_j is summed from.
+// The rounding of each step and component, rows 1..J; `terms` are the sizes of what x_j is summed from.
 RowMatrix rounding_of_steps(const DiscreteProblem& p, Rule rule, const StepOperators& step, const RowMatrix& x,
                             const RowMatrix& terms) {
   RowMatrix source = RowMatrix::Zero(x.rows(), x.cols());
   source.bottomRows(p.J).noalias() = x.topRows(p.J) * rounding_of_decay(p, rule, step).transpose();
   Signs signs;
   for (Index j = 1; j <= p.J; ++j)
-    for (Index i = 0; i < x.cols(); ++i)
-      source(j, i) += epsilon * (std::abs(x(j, i)) + std::abs(terms(j, i))) * signs();
+    for (Index i = 0; i < x.cols(); ++i) source(j, i) += epsilon * (std::abs(x(j, i)) + terms(j, i)) * signs();
   return source;
 }
 
@@ -120,8 +119,8 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
                                                                                        : states_of(p, rule, y);
   const RowMatrix& x = states.x;
   result.correction = states.correction;
-  const RowMatrix driven = y * d->B.transpose(), terms = state_input(p, y) * step.right.transpose();
-  const RowMatrix rounded = rounding_of_steps(p, rule, step, x, terms);
+  const RowMatrix input = state_input(p, y), driven = y * d->B.transpose(), terms = input * step.right.transpose();
+  const RowMatrix rounded = rounding_of_steps(p, rule, step, x, input.cwiseAbs() * step.right.cwiseAbs().transpose());
   result.scale = x.cwiseAbs().colwise().maxCoeff().transpose();
   const ScaledNorm norm(result.scale);
 

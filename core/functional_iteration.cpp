@@ -139,7 +139,7 @@ namespace {
 KernelChoice dense_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
   const DenseDynamics& d = *p.dense();
   const Index rows = p.J + 1, n = p.scene.constraints();
-  const Recurrence recurrence = dense_recurrence(d, Rule::exponential, p.h);
+  const Recurrence recurrence = dense_recurrence(d, *state_step(p, Rule::exponential));
   const Spectrum spectrum = bromwich::spectrum(p.scene.dynamics);
   const auto parameters = contour_parameters(spectrum.half_angle);
   KernelChoice made;
@@ -149,7 +149,7 @@ KernelChoice dense_kernel(const DiscreteProblem& p, ConvolutionChoice choice) {
   LagTable table = lag_table(recurrence, checked);
   std::string source = "matrix exponential (" + spectrum.describe() + ")";
   made.error = NAN;
-  if (!parameters) {
+  if (!parameters || needs_precision(d.A, p.h, p.J)) {
     const WeightCheck check = check_weights(p, std::get<DenseRecurrence>(recurrence), INFINITY);
     made.error = check.error;
     if (!check.against.empty()) source += ", checked against " + check.against;

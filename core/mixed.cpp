@@ -182,6 +182,24 @@ void check_all_rows(Result& result, const Options& options) {
       result.residual);
 }
 
+/// y_F = -R w_F, and a large R takes the digits of w_F. The size of y_F is its median: a layer at t = 0 may be large.
+void check_digits(const RowMatrix& y_F, double rounding, Result& result) {
+  constexpr double most = 1e-3;
+  if (result.status != Status::solved) return;
+  std::vector<double> sizes;
+  for (Index j = 0; j < y_F.rows(); ++j)
+    if (y_F.row(j).allFinite()) sizes.push_back(y_F.row(j).cwiseAbs().maxCoeff());
+  if (sizes.empty()) return;
+  const auto middle = sizes.begin() + std::ptrdiff_t(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  if (rounding <= most * std::max(1.0, *middle)) return;
+  result.status = Status::tolerance_not_met;
+  result.reason = text(
+      "the free rows and columns of M are nearly singular: rounding leaves the free unknowns an error of up to %.1e; "
+      "scale these rows, or give them a larger block of M",
+      rounding);
+}
+
 }  // namespace
 
 Result EliminatedScene::reduced(const Result& result) const {
@@ -285,6 +303,7 @@ Result solve_mixed(const Scene& scene, const EliminatedScene& e, Backend& backen
     if (valid(j)) sizes = sizes.cwiseMax(x_seen.row(j).cwiseAbs());
   const Vector rounding_F = of_y.rowwise().sum() * result.rounding_of_y + of_x * sizes.transpose() * result.rounding;
   result.rounding_of_y = std::max(result.rounding_of_y, rounding_F.maxCoeff());
+  check_digits(result.y(Eigen::all, e.free), rounding_F.maxCoeff(), result);
   result.kernel += "; free rows eliminated";
   return result;
 }

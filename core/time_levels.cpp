@@ -52,7 +52,8 @@ class Source {
     }
     if (sparse_) return sparse_->weights;
     const double h = p_.scene.T / double(steps);
-    if (p_.dense()) return Recurrence(dense_recurrence(*p_.dense(), Rule::exponential, h));
+    if (const DenseDynamics* d = p_.dense())
+      return Recurrence(dense_recurrence(*d, step_operators(d->A, Rule::exponential, h, steps)));
     const KroneckerDynamics& d = *p_.kronecker();
     return Recurrence(fits_ ? compressed_recurrence(p_.backend, d, sum_, h)
                             : modal_recurrence(d, Rule::exponential, h, RowMatrix()));
