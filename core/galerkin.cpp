@@ -8,6 +8,7 @@
 #include "core/galerkin_recovery.hpp"
 #include "core/galerkin_rules.hpp"
 #include "core/galerkin_solvers.hpp"
+#include "core/scaling.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
@@ -187,6 +188,27 @@ void record(const GalerkinSolution& s, const GalerkinProblem& p, Result& result)
   if (s.infeasible >= 0) result.infeasible_at = p.t[s.infeasible];
 }
 
+// The same in the units that the user knows.
+double residual_as_stated(const GalerkinProblem& p, const Scene& scene, const Options& options, const RowMatrix& z,
+                          const RowMatrix& x, double in_these_units) {
+  if (!options.units || options.units->trivial()) return in_these_units;
+  const Index n = p.unknowns() / 2;
+  RowMatrix known = galerkin_known(p, x), w = galerkin_slack(p, z, x), y = z;
+  for (Index i = 0; i < 2 * n; ++i) {
+    const double unit_y = times_ten_to(options.units->y[std::size_t(i % n)], 1),
+                 unit_w = times_ten_to(options.units->w[std::size_t(i % n)], 1);
+    y.col(i) *= unit_y;
+    w.col(i) *= unit_w;
+    known.col(i) *= unit_w;
+  }
+  RowMatrix map = y.cwiseMin(w);
+  for (const Index i : scene.free_rows) {
+    map.col(i) = w.col(i);
+    map.col(n + i) = w.col(n + i);
+  }
+  return map.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
+}
+
 // `before`: a result on another grid, or null.
 void solve_on_grid(const Scene& scene, Backend& backend, const Options& options, const std::vector<GridPart>& grid,
                    const Result* before, Result& result) {
@@ -235,6 +257,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
     result.status = Status::tolerance_not_met;
     result.reason = text("the residual is %.1e", result.residual);
   }
+  result.residual = residual_as_stated(p, scene, options, z, x, result.residual);
   if (result.status != Status::solved) return;
   if (ruled) add_warning(result, warning_of(ruled->rules, p.t));
   if (s.unique) return;
