@@ -21,7 +21,7 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr double most_seconds = 8;    ///< of one solve; then it is interrupted
+constexpr double most_seconds = 30;   ///< of one solve; then it is interrupted
 constexpr double short_solve = 0.25;  ///< longer ones are not repeated
 constexpr Index most_euler_steps = 20000;
 
