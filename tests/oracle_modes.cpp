@@ -24,7 +24,7 @@ Ranges ranges(const Matrix& M, double size) {
           U.rightCols(M.rows() - rank), V.rightCols(M.cols() - rank)};
 }
 
-double largest(const Matrix& A) { return A.size() == 0 ? 0 : A.cwiseAbs().maxCoeff(); }
+double largest_entry(const Matrix& A) { return A.size() == 0 ? 0 : A.cwiseAbs().maxCoeff(); }
 
 /// Whether some y >= 0 has M y + r >= -noise and y ⊥ M y + r.
 bool has_solution(const Matrix& M, const Vector& r, const Vector& noise) {
@@ -32,11 +32,11 @@ bool has_solution(const Matrix& M, const Vector& r, const Vector& noise) {
   for (unsigned set = 0; set < 1u << n; ++set) {
     const std::vector<Index> S = members(set, n);
     Vector y = Vector::Zero(n);
-    if (!S.empty()) y(S) = -ranges(M(S, S), largest(M)).inverse * r(S);
+    if (!S.empty()) y(S) = -ranges(M(S, S), largest_entry(M)).inverse * r(S);
     const Vector w = M * y + r;
     const Vector allowed = 2 * noise + M.cwiseAbs() * y.cwiseAbs() * 1e-10;
     bool good = (w + allowed).minCoeff() >= 0;
-    for (const Index i : S) good = good && std::abs(w[i]) <= allowed[i] && y[i] >= -1e-9 * largest(y);
+    for (const Index i : S) good = good && std::abs(w[i]) <= allowed[i] && y[i] >= -1e-9 * largest_entry(y);
     if (good) return true;
   }
   return false;
@@ -52,7 +52,7 @@ std::optional<Mode> mode_of(const DenseScene& s, unsigned set) {
   if (S.empty()) return mode;
   const Index k = Index(S.size());
   const Matrix NS = s.N(S, Eigen::all), BS = s.B(Eigen::all, S);
-  const Ranges r = ranges(s.M(S, S), largest(s.M));
+  const Ranges r = ranges(s.M(S, S), largest_entry(s.M));
   Matrix rows = Matrix::Zero(k, n);
   for (Index i = 0; i < k; ++i) rows(i, S[std::size_t(i)]) = 1;
   Matrix of_x = -r.inverse * NS, of_g = -r.inverse * rows;
@@ -61,7 +61,7 @@ std::optional<Mode> mode_of(const DenseScene& s, unsigned set) {
     mode.constraint_x = r.U.transpose() * NS;
     mode.constraint_g = r.U.transpose() * rows;
     const Matrix drive = mode.constraint_x * BS, along = drive * r.V;
-    const double size = largest(mode.constraint_x) * largest(BS);
+    const double size = largest_entry(mode.constraint_x) * largest_entry(BS);
     const Eigen::JacobiSVD<Matrix> svd(along);
     if (!(svd.singularValues().minCoeff() > 1e-10 * size) || size == 0) return std::nullopt;
     const Matrix back = -r.V * along.inverse();
@@ -85,16 +85,16 @@ std::vector<Jump> jumps_from(const DenseScene& s, const Vector& x, const Vector&
     for (unsigned level = 0; level < 1u << n; ++level) {
       if (level & set) continue;  // the rows of M p that vanish besides those of S: faces of the cone of p
       const std::vector<Index> S = members(set, n), R = members(set | level, n);
-      const Matrix Z = ranges(s.M(R, S), std::max(largest(s.M), 1e-300)).V;
+      const Matrix Z = ranges(s.M(R, S), std::max(largest_entry(s.M), 1e-300)).V;
       if (Z.cols() == 0) continue;
       const Matrix drive = s.B(Eigen::all, S) * Z, seen = Z.transpose() * s.N(S, Eigen::all) * drive;
-      const Ranges r = ranges(seen, largest(s.N) * largest(s.B));
+      const Ranges r = ranges(seen, largest_entry(s.N) * largest_entry(s.B));
       if (r.U.cols() > 0) continue;
       Vector p = Vector::Zero(n);
       p(S) = Z * (-r.inverse * (Z.transpose() * (s.N(S, Eigen::all) * x + g(S))));
-      const double size = largest(p);
+      const double size = largest_entry(p);
       if (size == 0 || p.minCoeff() < -1e-10 * size) continue;
-      if ((s.M * p).minCoeff() < -1e-10 * largest(s.M) * size) continue;
+      if ((s.M * p).minCoeff() < -1e-10 * largest_entry(s.M) * size) continue;
       const Vector after = x + s.B * p;
       if (has_solution(s.M, s.N * after + g, noise)) found.push_back({p, after});
     }

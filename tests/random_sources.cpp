@@ -193,7 +193,7 @@ Sources sources(Draw& d, Index size, double amplitude, double T, std::array<Inde
   return made;
 }
 
-TimeFunction rescaled(const TimeFunction& function, double factor, double time) {
+TimeFunction in_units_of(const TimeFunction& function, double factor, double time) {
   if (!function) return {};
   return [=](double t, Eigen::Ref<Vector> v) {
     function(t / time, v);
@@ -201,7 +201,7 @@ TimeFunction rescaled(const TimeFunction& function, double factor, double time) 
   };
 }
 
-double power_of_ten(Draw& d) { return d.chance(0.12) ? std::pow(10, std::floor(d.uniform(-6, 7))) : 1; }
+double drawn_unit(Draw& d) { return d.chance(0.12) ? std::pow(10, std::floor(d.uniform(-6, 7))) : 1; }
 
 template <typename S>
 void tell(S& scene, const std::vector<double>& breaks, double unit_t) {
@@ -213,15 +213,15 @@ void tell(S& scene, const std::vector<double>& breaks, double unit_t) {
 
 void change_units(Draw& d, SourceScene& made, DenseDynamics e, Matrix M) {
   Scene& s = made.scene;
-  const double w = power_of_ten(d);
-  made.unit_x = power_of_ten(d);
-  made.unit_y = power_of_ten(d);
-  made.unit_t = power_of_ten(d);
+  const double w = drawn_unit(d);
+  made.unit_x = drawn_unit(d);
+  made.unit_y = drawn_unit(d);
+  made.unit_t = drawn_unit(d);
   const double x = made.unit_x, y = made.unit_y, t = made.unit_t;
   s.dynamics = DenseDynamics{e.A / t, x / (y * t) * e.B, w / x * e.N};
   s.M = Matrix(w / y * M);
-  s.f = rescaled(s.f, s.f_entry == SourceEntry::through_B ? y : x / t, t);
-  s.g = rescaled(s.g, w, t);
+  s.f = in_units_of(s.f, s.f_entry == SourceEntry::through_B ? y : x / t, t);
+  s.g = in_units_of(s.g, w, t);
   s.x0 *= x;
   s.T *= t;
 }

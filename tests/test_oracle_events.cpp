@@ -11,7 +11,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace bromwich::oracle {
+namespace bromwich::oracle::events_test {
 namespace {
 
 constexpr double pi = std::numbers::pi;
@@ -204,4 +204,4 @@ TEST(OracleEvents, PerturbationsKeepTheirKind) {
 }
 
 }  // namespace
-}  // namespace bromwich::oracle
+}  // namespace bromwich::oracle::events_test

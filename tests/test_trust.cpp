@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <string>
 
-namespace bromwich::oracle {
+namespace bromwich::oracle::trust_test {
 namespace {
 
 constexpr double tolerance = 1e-3;
@@ -66,4 +66,4 @@ TEST(Trust, AWrongRowIsSeen) {
 }
 
 }  // namespace
-}  // namespace bromwich::oracle
+}  // namespace bromwich::oracle::trust_test

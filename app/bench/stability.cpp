@@ -21,7 +21,7 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr double most_seconds = 8;    ///< of one solve; then it is interrupted
+constexpr double most_seconds = 30;   ///< of one solve; then it is interrupted
 constexpr double short_solve = 0.25;  ///< longer ones are not repeated
 constexpr Index most_euler_steps = 20000;
 
@@ -72,7 +72,7 @@ Truth truth(const HardCase& one, const Result& r, bool integrate) {
 }
 
 /// Rows 1 to `last`, each column relative to the measure above.
-double largest_error(const RowMatrix& found, const RowMatrix& exact, Index last) {
+double error_in_measure(const RowMatrix& found, const RowMatrix& exact, Index last) {
   const Vector sizes = exact.topRows(last + 1).cwiseAbs().colwise().maxCoeff().transpose();
   if (sizes.size() == 0) return 0;
   double worst = 0;
@@ -101,11 +101,11 @@ void compare(const HardCase& one, const Result& r, Found& found) {
   while (last < J && r.t[last + 1] <= one.until) ++last;
   found.of_integral = one.y_jumps || (r.errors && r.errors->of_integral);
   const Truth exact = truth(one, r, found.of_integral && one.compare_y);
-  found.error_x = largest_error(r.x, exact.x, last);
+  found.error_x = error_in_measure(r.x, exact.x, last);
   if (!one.compare_y) return;
   found.error_y = found.of_integral
-                      ? largest_error(integral_of(r, r.continuous && r.method != "euler"), exact.integral, last)
-                      : largest_error(r.y, exact.y, last);
+                      ? error_in_measure(integral_of(r, r.continuous && r.method != "euler"), exact.integral, last)
+                      : error_in_measure(r.y, exact.y, last);
 }
 
 Found run(const HardCase& one, Backend& backend, const Options& options, int repeats) {
