@@ -65,8 +65,10 @@ double require_determined_states(const GalerkinProblem& p) {
   for (std::size_t i = 1; i < p.runs.size(); ++i) all = joined(all, repeated(p.runs[i].step.E, none, p.runs[i].count));
   const double condition = solve_ends(all, p.boundary).reciprocal_condition;
   if (!(condition >= singular_boundary))
-    throw Error("boundary", text("E0 + ET e^{TA} is singular (reciprocal condition %.1e)", condition),
-                "give conditions that determine the states of the scene without y");
+    throw Error(
+        "boundary", text("E0 + ET e^{TA} is singular (reciprocal condition %.1e)", condition),
+        "without y a mode is left open (periodic: one that is kept, or whose period divides T); give conditions "
+        "that determine the states of the scene without y, or damp the mode");
   return condition;
 }
 

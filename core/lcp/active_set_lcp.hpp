@@ -75,12 +75,12 @@ class ActiveSetLcp {
   void accept(Vector& y);
 
   Equilibration scale_;
-  Matrix M_;                        ///< R M C
-  Matrix original_;                 ///< M as given: PSD only, the least norm depends on the columns' scale
-  Matrix P_;                        ///< P(S) where transform_ holds
-  Eigen::PartialPivLU<Matrix> lu_;  ///< of M_SS where it does not
+  Matrix M_;                                ///< R M C
+  Matrix original_;                         ///< M as given: PSD only, the least norm depends on the columns' scale
+  Matrix P_;                                ///< P(S) where transform_ holds
+  Eigen::PartialPivLU<Matrix> lu_;          ///< of M_SS where it does not
   bool transform_ = true, regular_ = true;  ///< regular_: the last M_SS that was factorized
-  int updates_ = 0;  ///< exchanges since P_ was last formed from M_
+  int updates_ = 0;                         ///< exchanges since P_ was last formed from M_
   const Matrix* least_of_;
   LcpClass class_;
   std::vector<char> active_;
