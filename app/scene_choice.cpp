@@ -51,8 +51,8 @@ SceneChoice choose_file(const std::string& name, const ParameterValues& settings
                 "give the path of a scene file; 'bromwich solve --template' prints one to start from");
   SceneFile file = read_scene_file(name, settings);
   if (!settings.empty()) file.reference.reset();  // it belongs to the parameters of the file
-  return {std::move(file.scene),     std::move(file.parameters), std::move(file.states),
-          std::move(file.reference), std::move(file.quantity),   std::move(file.inputs)};
+  return {std::move(file.scene),    std::move(file.parameters), std::move(file.states), std::move(file.reference),
+          std::move(file.quantity), std::move(file.warning),    std::move(file.inputs)};
 }
 
 }  // namespace
