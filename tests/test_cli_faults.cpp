@@ -5,6 +5,8 @@
 
 #include <sys/stat.h>
 
+#include <random>
+
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define BROMWICH_SANITIZED 1
 #endif
@@ -205,6 +207,26 @@ TEST_F(CliFaults, FilesOfAnEarlyEndSaySo) {
     const std::string last = split(lines[lines.size() - 2], ',')[0];
     EXPECT_TRUE(lines.back().starts_with("# ended at t = " + last + ": infeasible, ")) << lines.back();
     EXPECT_TRUE(split(read(folder_ / "s.csv"), '\n').back().starts_with("# ended at t = " + last + ": infeasible, "));
+  }
+}
+
+// tests/test_fuzz.cpp reads far more of them, in one process.
+TEST_F(CliFaults, MutatedScenesEndInOneLine) {
+  std::mt19937 random(7);
+  const auto below = [&](std::size_t count) {
+    return std::uniform_int_distribution<std::size_t>(0, count - 1)(random);
+  };
+  const std::string characters = "0123456789.-+e[]()\"'=#,\n tx\x7f\xff";
+  for (int trial = 0; trial < 60; ++trial) {
+    std::string text = decay;
+    for (std::size_t count = 1 + below(3); count > 0; --count)
+      text[below(text.size())] = characters[below(characters.size())];
+    save("mutated.toml", text);
+    const Outcome outcome = run("solve mutated.toml --steps 8 --out y.csv", "timeout 60");
+    EXPECT_TRUE(outcome.exit_code == 0 || outcome.exit_code == 2 || outcome.exit_code == 3)
+        << outcome.exit_code << " from\n"
+        << text;
+    if (outcome.exit_code != 0) expect_one_line(outcome, text);
   }
 }
 

@@ -10,10 +10,12 @@
 
 #include <unistd.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace bromwich {
@@ -101,6 +103,27 @@ TEST(NumberTable, MistakesNameTheirLine) {
   }
 }
 
+TEST(TimeTable, JumpsWhereATimeIsGivenTwice) {
+  const TimeTable table = read_time_table("t,f0\n0,1\n1,3\n1,-2\n2,0\n", "f.csv", 'f', 2);
+  const TimeFunction f = interpolate(table);
+  Vector value(1);
+  for (const auto& [t, expected] : std::vector<std::pair<double, double>>{{0.5, 2}, {1, -2}, {1.5, -1}, {2, 0}}) {
+    f(t, value);
+    EXPECT_DOUBLE_EQ(value[0], expected) << t;
+  }
+  f(std::nextafter(1., 0.), value);
+  EXPECT_NEAR(value[0], 3, 1e-15);
+  EXPECT_EQ(kinks(table, 2), (std::vector<double>{1}));
+}
+
+TEST(TimeTable, KinksAreKnotsWhereTheSlopeChanges) {
+  const std::string text =
+      "t,f0,f1\n-1,0,0\n0.25,1.25,0\n0.5,1.5,0\n0.75,1.75,1\n1,1.75,2\n1.5,1.75,4\n2,1.75,4\n3,0,4\n";
+  const TimeTable table = read_time_table(text, "f.csv", 'f', 1.75);
+  EXPECT_EQ(kinks(table, 1.75), (std::vector<double>{0.5, 0.75, 1.5}));
+  EXPECT_EQ(kinks(table, 4), (std::vector<double>{0.5, 0.75, 1.5, 2, 3}));  // constant behind the last row
+}
+
 TEST(TimeTable, IsLinearBetweenItsTimes) {
   const TimeFunction f = interpolate(read_time_table("t,f0,f1\n0,1,10\n0.5,3,10\n2,0,-20\n", "f.csv", 'f', 2));
   const auto at = [&](double t) {
@@ -131,7 +154,8 @@ TEST(TimeTable, MistakesNameTheirLine) {
       {"t,f0\n", "f.csv:1: the file holds no times"},
       {"t,f0\n0,1\n1\n", "f.csv:3: found 1 values where the lines before have 2"},
       {"t,f0\n0.5,1\n2,1\n", "f.csv:2: the times begin at 0.5"},
-      {"t,f0\n0,1\n1,1\n1,2\n2,2\n", "f.csv:4: the time 1 follows 1; give ascending times"},
+      {"t,f0\n0,1\n1,1\n0.5,2\n2,2\n", "f.csv:4: the time 0.5 follows 1; give ascending times"},
+      {"t,f0\n0,1\n1,1\n1,2\n1,3\n2,2\n", "f.csv:5: the time 1 is given three times; give the values before and"},
       {"t,f0\n0,1\n1.5,1\n", "f.csv:3: the times end at 1.5, before T = 2"},
       {"t,f0\n0,1\n2,inf\n", "f.csv:3: 'inf' is no finite number"},
   };

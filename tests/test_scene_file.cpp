@@ -447,5 +447,24 @@ TEST(SceneFile, SaysWhereAPortHamiltonianSceneIsWrong) {
     EXPECT_TRUE(line.starts_with(begin)) << line << "\nshould begin with\n" << begin;
 }
 
+TEST(SceneFile, KnowsWhereItsSourcesSwitch) {
+  EXPECT_TRUE(parse(with(0, "jumps = []")).scene.breakpoints.empty());
+  EXPECT_TRUE(parse(with(7, "x0 = [3]\nf = [\"sin(t)\"]")).scene.breakpoints.empty());
+  EXPECT_EQ(parse(with(7, "x0 = [3]\nf = [\"t > 1.25\"]")).scene.breakpoints.size(), 1u);
+  const SceneFile both = parse(with(10, "M = [[1]]\ng = [\"abs(t - 0.5*R)\"]") + "jumps = [1.5, \"C\", 1.5]\n");
+  ASSERT_EQ(both.scene.breakpoints.size(), 3u);
+  EXPECT_EQ(both.scene.breakpoints[0], 0.25);
+  EXPECT_NEAR(both.scene.breakpoints[1], 1, 1e-15);
+  EXPECT_EQ(both.scene.breakpoints[2], 1.5);
+  EXPECT_TRUE(both.warning.empty());
+  const std::string line = refusal([] { parse(with(0, "jumps = [3]")); });
+  EXPECT_TRUE(line.starts_with("my.toml:13: time.jumps: found 3; give times from 0 to T = 2")) << line;
+}
+
+TEST(SceneFile, SaysWhereASourceSwitchesTooOften) {
+  const SceneFile file = parse(with(7, "x0 = [3]\nf = [\"sign(sin(1e9*t))\"]"));
+  EXPECT_NE(file.warning.find("declare them as jumps"), std::string::npos) << file.warning;
+}
+
 }  // namespace
 }  // namespace bromwich

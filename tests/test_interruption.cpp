@@ -1,0 +1,43 @@
+// A request to stop is heard while sources are sampled, before the first step.
+
+#include "core/scenes/catalogue.hpp"
+#include "core/solve.hpp"
+#include "cpu/cpu_backend.hpp"
+
+#include <gtest/gtest.h>
+
+namespace bromwich {
+namespace {
+
+Scene counting(long& calls) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{-Matrix::Identity(1, 1), Matrix::Zero(1, 1), Matrix::Identity(1, 1)};
+  scene.M = LcpMatrix(Matrix(Matrix::Identity(1, 1)));
+  scene.x0 = Vector::Ones(1);
+  scene.f = [&calls](double, Eigen::Ref<Vector> value) {
+    ++calls;
+    value.setZero();
+  };
+  return scene;
+}
+
+TEST(Interruption, EndsTheSetUp) {
+  const auto backend = make_cpu_backend(1);
+  for (const Method method : {Method::automatic, Method::march, Method::contour}) {
+    long calls = 0;
+    Options options;
+    options.method = method;
+    options.steps = 1'000'000;
+    options.interrupted = [&calls] { return calls > 10'000; };
+    const Result result = solve(counting(calls), *backend, options);
+    EXPECT_EQ(result.status, Status::interrupted) << to_string(method);
+    EXPECT_FALSE(result.reason.empty());
+    EXPECT_LT(calls, 200'000) << to_string(method);
+    EXPECT_EQ(result.t.size(), options.steps + 1);
+    EXPECT_EQ(result.y.rows(), options.steps + 1);
+    EXPECT_FALSE(result.y.array().isFinite().any());
+  }
+}
+
+}  // namespace
+}  // namespace bromwich
