@@ -10,8 +10,8 @@ namespace {
 
 constexpr double rounding_of_places = 256 * epsilon;  ///< of T: how well the place of a jump is known
 constexpr double same_value = 1e-9;                   ///< of the largest: one-sided values that differ by less
-constexpr double strong = 0.25;        ///< of the largest value: a step that misses this much is looked into
-constexpr double linear_enough = 0.1;  ///< the same for g in a part of a rough step
+constexpr double strong_disagreement = 0.25;  ///< of the largest value: a step that misses this much is looked into
+constexpr double linear_enough = 0.1;         ///< the same for g in a part of a rough step
 constexpr double polynomial_enough = 1e-6, most_polynomial = 2e-2;  ///< the same for f in a piece
 constexpr double smallest_part = 0x1p-36;                           ///< of a step: shorter, it is a jump
 constexpr Index most_declared_parts = 64;  ///< of a step; more breakpoints than that fall into equal parts
@@ -139,7 +139,7 @@ class Inspection {
       s->inside(t_[j - 1] + part * (t_[j] - t_[j - 1]), value_);
       line_ = (1 - part) * s->values.row(j - 1).transpose() + part * s->values.row(j).transpose();
       const double apart = s->apart(value_, line_);
-      if (!(apart > strong)) continue;
+      if (!(apart > strong_disagreement)) continue;
       off = true;
       if (s == &g_) found_.disagreement_of_g = std::max(found_.disagreement_of_g, apart);
     }
@@ -201,11 +201,11 @@ class Inspection {
     }
     ++leaves_;
     --budget_;
-    if (apart > strong) found_.disagreement_of_g = std::max(found_.disagreement_of_g, apart);
+    if (apart > strong_disagreement) found_.disagreement_of_g = std::max(found_.disagreement_of_g, apart);
     const bool jump = b - a <= std::max(smallest_part * h_, 8 * resolution_);
     if (jump && apart > linear_enough) found_.jumps_of_g = true;
     if (!(apart > linear_enough) || jump || leaves_ >= most_leaves || budget_ <= 0) {
-      if (apart > strong && !jump) missed_ = std::max(missed_, apart);
+      if (apart > strong_disagreement && !jump) missed_ = std::max(missed_, apart);
       ends.push_back(b);
       return;
     }
@@ -247,7 +247,7 @@ class Inspection {
     const bool jump = d <= std::max(smallest_part * h_, 8 * resolution_);
     if (!(apart > std::min(std::ldexp(polynomial_enough, 2 * depth), most_polynomial)) || jump ||
         leaves_ >= most_leaves || budget_ <= 0) {
-      if (apart > strong && !jump) missed_ = std::max(missed_, apart);
+      if (apart > strong_disagreement && !jump) missed_ = std::max(missed_, apart);
       pieces.push_back(std::move(piece));
       return;
     }

@@ -8,8 +8,8 @@ namespace bromwich {
 
 namespace {
 
-constexpr double series_radius = 1;  ///< |A| d of a Taylor series
-constexpr int most_terms = 30;       ///< 1/30! is below rounding
+constexpr double taylor_radius = 1;    ///< |A| d of a Taylor series
+constexpr int most_taylor_terms = 30;  ///< 1/30! is below rounding
 constexpr std::size_t most_levels = 64;
 
 double one_norm(const Matrix& A) { return A.size() > 0 ? A.cwiseAbs().colwise().sum().maxCoeff() : 0; }
@@ -36,7 +36,7 @@ const StepPropagator::Level& StepPropagator::level(std::size_t k) {
 void StepPropagator::expand(double d, const QuadraticInput& u, Matrix& X) {
   const std::array<const Matrix*, 3> c{&u.c0, &u.c1, &u.c2};
   sum_ = term_ = X;
-  for (int k = 0; k < most_terms; ++k) {
+  for (int k = 0; k < most_taylor_terms; ++k) {
     X.noalias() = A_ * term_;
     if (k < 3) X += *c[std::size_t(k)];
     term_ = (d / double(k + 1)) * X;
@@ -49,7 +49,7 @@ void StepPropagator::expand(double d, const QuadraticInput& u, Matrix& X) {
 
 void StepPropagator::advance(double d, const QuadraticInput& u, Matrix& X) {
   double done = 0;
-  for (std::size_t k = 0; k < most_levels && norm_ * (d - done) > series_radius; ++k) {
+  for (std::size_t k = 0; k < most_levels && norm_ * (d - done) > taylor_radius; ++k) {
     const double length = std::ldexp(h_, -int(k));
     if (length > (d - done) * (1 + 4 * epsilon)) continue;
     const Level& step = level(k);

@@ -10,7 +10,7 @@ namespace bromwich {
 namespace {
 
 constexpr Index looked_at_every = 32;
-constexpr double margin = 4;                  ///< speeds change: sweeps beyond the limit by so much are out of reach
+constexpr double sweep_margin = 4;            ///< speeds change: sweeps beyond the limit by so much are out of reach
 constexpr double worth_marching = 100;        ///< times the cost of marching
 constexpr double worth_a_word = 1e11;         ///< operations: below, waiting costs less than being told
 constexpr double falls = 0.9;                 ///< in half of the sweeps that are looked at
@@ -49,7 +49,7 @@ std::optional<std::string> SweepForecast::hopeless() const {
   const std::optional<double> left = sweeps_left();
   if (!left || !std::isfinite(*left)) return std::nullopt;  // of a front that stands still its row tells more
   const double operations = *left * costs_.sweep;
-  const bool out_of_reach = *left > margin * double(most_sweeps_);
+  const bool out_of_reach = *left > sweep_margin * double(most_sweeps_);
   const bool too_dear = operations > worth_marching * costs_.march && operations > worth_a_word;
   if (!out_of_reach && !too_dear) return std::nullopt;
   const std::string seen = text(

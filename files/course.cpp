@@ -1,5 +1,7 @@
 #include "files/course.hpp"
 
+#include "core/types.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,7 +11,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr double eps = std::numeric_limits<double>::epsilon();
 constexpr double inf = std::numeric_limits<double>::infinity();
 
 using RangeAndSlope = std::pair<Range, Range>;
@@ -37,7 +38,7 @@ RangeAndSlope logarithm(Operation o, Range a) {
 RangeAndSlope root(Range a) {
   if (!(a.high >= 0)) return {};
   const Range value = increasing([](double s) { return std::sqrt(s); }, {std::max(a.low, 0.0), a.high});
-  return {value, {0.5 / value.high * (1 - 8 * eps), value.low > 0 ? 0.5 / value.low * (1 + 8 * eps) : inf}};
+  return {value, {0.5 / value.high * (1 - 8 * epsilon), value.low > 0 ? 0.5 / value.low * (1 + 8 * epsilon) : inf}};
 }
 
 /// erf, erfc; the slope of erf is 2 / sqrt(pi) exp(-a^2).

@@ -70,15 +70,15 @@ constexpr auto by_operation(const std::array<Meaning<Function>, count>& meanings
   return table;
 }
 
-constexpr auto unary = by_operation(of_one);
-constexpr auto binary = by_operation(of_two);
+constexpr auto functions_of_one = by_operation(of_one);
+constexpr auto functions_of_two = by_operation(of_two);
 
 }  // namespace
 
-double apply(Operation operation, double a) { return unary[std::size_t(operation)](a); }
-double apply(Operation operation, double a, double b) { return binary[std::size_t(operation)](a, b); }
+double apply(Operation operation, double a) { return functions_of_one[std::size_t(operation)](a); }
+double apply(Operation operation, double a, double b) { return functions_of_two[std::size_t(operation)](a, b); }
 
-bool takes_two(Operation operation) { return binary[std::size_t(operation)] != nullptr; }
+bool takes_two(Operation operation) { return functions_of_two[std::size_t(operation)] != nullptr; }
 
 bool compares(Operation operation) { return operation >= Operation::less && operation <= Operation::not_equal; }
 

@@ -1,5 +1,7 @@
 #include "files/range.hpp"
 
+#include "core/types.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -8,7 +10,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr double eps = std::numeric_limits<double>::epsilon();
 constexpr double tiny = std::numeric_limits<double>::min();
 
 /// 0 * inf is 0 here: the bounds of a range are limits that are not reached.
@@ -30,7 +31,7 @@ bool exact_product(double a, double b, double found) { return std::fma(a, b, -fo
 
 Range widened(Range r) {
   if (std::isnan(r.low) || std::isnan(r.high)) return {};
-  return {r.low - (4 * eps * std::abs(r.low) + tiny), r.high + (4 * eps * std::abs(r.high) + tiny)};
+  return {r.low - (4 * epsilon * std::abs(r.low) + tiny), r.high + (4 * epsilon * std::abs(r.high) + tiny)};
 }
 
 Range hull(Range a, Range b) { return {std::min(a.low, b.low), std::max(a.high, b.high)}; }

@@ -2,6 +2,8 @@
 
 #include "files/course.hpp"
 
+#include "core/types.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -10,8 +12,6 @@
 namespace bromwich {
 
 namespace {
-
-constexpr double eps = std::numeric_limits<double>::epsilon();
 
 /// A condition that is no comparison is false where it is 0 over the whole piece.
 bool vanishes(const Course& c) { return c.left == 0 && c.right == 0; }
@@ -30,7 +30,7 @@ class Search {
         found_.complete = false;
         break;
       }
-      const double closest = std::max(8 * eps * b, 1e-15 * T_);
+      const double closest = std::max(8 * epsilon * b, 1e-15 * T_);
       if (b - a <= closest) continue;
       switch (look(a, b)) {
         case Outcome::smooth:
@@ -192,7 +192,7 @@ class Search {
     while (b - a > 1e-17 * T_ && std::nextafter(a, b) < b && work_ > 0) {
       const double before = b - a;
       const double secant = a + before * ((wanted - s_a) / (s_b - s_a));
-      const double margin = std::max(before / 1024, 2 * eps * b);
+      const double margin = std::max(before / 1024, 2 * epsilon * b);
       if (std::isfinite(secant)) {
         move(secant - margin);
         move(secant + margin);
@@ -204,7 +204,7 @@ class Search {
 
   /// Times that are one, but for rounding, become the last of them.
   void clean() {
-    const double same = 16 * eps * T_;
+    const double same = 16 * epsilon * T_;
     std::vector<double> kept;
     std::sort(found_.times.begin(), found_.times.end());
     for (double t : found_.times) {
