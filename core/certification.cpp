@@ -140,7 +140,7 @@ void Certification::resolve_modes(Method method, Result& result) {
   if (!p.dense() || p.scene.states() > Methods::most_recorded_states) return;
   if (!rational) {
     if (options_.compares_grids) return;  // and looks between the points
-    if (const auto mode = fast_oscillation(p, result.y, methods_.all_states(method, result)))
+    if (const auto mode = fast_oscillation(p, result.y, [&] { return methods_.all_states(method, result); }))
       confirm_by_half_the_step(method, 1,
                                text("the state oscillates with %.3g radians per unit of time, faster than "
                                     "the steps",

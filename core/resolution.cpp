@@ -59,8 +59,7 @@ std::optional<Matrix> closed_matrix(const DiscreteProblem& p, const std::vector<
 
 // Modes of every phase that `counts` lets pass, with the part of the state that each makes up.
 std::optional<Mode> fastest(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x, double least_amplitude,
-                            const std::function<bool(Complex z, Index steps)>& counts,
-                            const std::function<bool(const Matrix& scaled)>& may_count = {}) {
+                            const std::function<bool(Complex z, Index steps)>& counts) {
   const Vector scale = x.cwiseAbs().colwise().maxCoeff().transpose();
   if (!x.allFinite() || !(scale.maxCoeff() > 0)) return std::nullopt;
   const Vector D = scale.cwiseMax(1e-8 * scale.maxCoeff());
@@ -69,7 +68,6 @@ std::optional<Mode> fastest(const DiscreteProblem& p, const RowMatrix& y, const 
     const std::optional<Matrix> closed = closed_matrix(p, S);
     if (!closed || !closed->allFinite()) continue;
     const Matrix scaled = D.cwiseInverse().asDiagonal() * *closed * D.asDiagonal();
-    if (may_count && !may_count(scaled)) continue;
     const Eigen::EigenSolver<Matrix> eigen(scaled);
     if (eigen.info() != Eigen::Success) continue;
     const ComplexVector lambda = eigen.eigenvalues();
@@ -108,7 +106,8 @@ std::optional<Mode> unresolved_oscillation(const DiscreteProblem& p, const RowMa
   });
 }
 
-std::optional<Mode> fast_oscillation(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x) {
+std::optional<Mode> fast_oscillation(const DiscreteProblem& p, const RowMatrix& y,
+                                     const std::function<RowMatrix()>& states) {
   const auto oscillates = [](Complex z, Index) {
     return std::abs(z.imag()) > 1 && std::abs(z.real()) < 0.1 * std::abs(z.imag());
   };
@@ -117,7 +116,10 @@ std::optional<Mode> fast_oscillation(const DiscreteProblem& p, const RowMatrix& 
     const Matrix b = balanced(A).A;
     return 0.5 * h * (b - b.transpose()).cwiseAbs().rowwise().sum().maxCoeff() > 1;
   };
-  return fastest(p, y, x, 0.1, oscillates, may_oscillate);
+  for (const auto& [S, phase] : phases(y))
+    if (const auto closed = closed_matrix(p, S); closed && may_oscillate(*closed))
+      return fastest(p, y, states(), 0.1, oscillates);
+  return std::nullopt;
 }
 
 double euler_damping(Complex z) { return -std::log(std::abs(1.0 - z)); }

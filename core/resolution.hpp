@@ -5,6 +5,7 @@
 
 #include "discrete_problem.hpp"
 
+#include <functional>
 #include <optional>
 
 namespace bromwich {
@@ -26,7 +27,8 @@ std::optional<Mode> unresolved_oscillation(const DiscreteProblem&, const RowMatr
 
 /// The fastest hardly damped oscillation of the same kind with h |Im lambda| > 1, where that is not ruled out by the
 /// size of the skew part: contacts come and go within a step of it, whatever the method.
-std::optional<Mode> fast_oscillation(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x);
+std::optional<Mode> fast_oscillation(const DiscreteProblem&, const RowMatrix& y,
+                                     const std::function<RowMatrix()>& states);
 
 /// log |R(z)| of implicit Euler and of Radau IIA with two stages.
 double euler_damping(Complex z);
