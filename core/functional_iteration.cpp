@@ -273,20 +273,38 @@ class Outlook {
   std::optional<IterationOutcome> after(const LcpReport& report, Index stuck, const Array& y) {
     forecast_.add(report.settled, report.change);
     if (const auto why = forecast_.hopeless()) return IterationOutcome{Status::tolerance_not_met, *why, -1};
-    if (stuck < stuck_for_some_time || report.settled >= y.rows()) return std::nullopt;
+    if (stuck < stuck_for_some_time) {
+      at_ = y.rows();
+      last_.resize(0, 0);
+      return std::nullopt;
+    }
     RowMatrix values;
     p_.backend.download(y, values);
-    const auto contracts = front_.contracts(report.settled, values.row(report.settled).transpose());
+    at_ = std::min(at_, first_moving(values));  // in a cycle a row may rest in some sweeps
+    last_ = values;
+    if (at_ >= y.rows()) return std::nullopt;
+    const auto contracts = front_.contracts(at_, values.row(at_).transpose());
     if (!contracts || *contracts) return std::nullopt;
     return IterationOutcome{Status::tolerance_not_met,
                             text("the sweeps do not contract at t = %.6g, where a change comes back %.2g times as "
                                  "large: M does not outweigh the first lag there; use method march or more steps",
-                                 p_.t[report.settled], front_.factor()),
+                                 p_.t[at_], front_.factor()),
                             -1};
   }
 
  private:
   static constexpr Index stuck_for_some_time = 24;
+
+  // The first row that the last sweep has changed by more than rounding: rows before it may never settle to the last
+  // digit.
+  Index first_moving(const RowMatrix& y) const {
+    constexpr double rounding = 1e-10;
+    Index j = 0;
+    while (j < last_.rows() &&
+           (y.row(j) - last_.row(j)).cwiseAbs().maxCoeff() <= rounding * std::max(1.0, y.row(j).cwiseAbs().maxCoeff()))
+      ++j;
+    return last_.rows() > 0 ? j : y.rows();
+  }
 
   // Predictions of core/cost.hpp are for 100 sweeps.
   static SweepForecast::Costs costs(const DiscreteProblem& p) {
@@ -297,6 +315,8 @@ class Outlook {
   const DiscreteProblem& p_;
   SweepForecast forecast_;
   FrontRow front_;
+  Index at_ = 0;  ///< the row at the front
+  RowMatrix last_;
 };
 
 }  // namespace

@@ -69,7 +69,7 @@ std::optional<bool> FrontRow::contracts(Index at, const Vector& y) {
   last_ = y;
   if (int(changes_.size()) < seen) return std::nullopt;
   const auto middle = changes_.begin() + seen / 2;
-  const double early = *std::min_element(changes_.begin(), middle), late = *std::min_element(middle, changes_.end());
+  const double early = *std::max_element(changes_.begin(), middle), late = *std::max_element(middle, changes_.end());
   const bool fall = late < falls * early || late <= rounding_of_change;
   if (fall) changes_.clear();
   return fall;

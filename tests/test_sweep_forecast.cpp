@@ -36,7 +36,7 @@ TEST(SweepForecast, ChangesThatFall) {
 TEST(SweepForecast, ChangesThatGrowFirst) {
   constexpr double LT = 100;
   constexpr Index J = 1000;
-  SweepForecast f(J, 1e-12, 2000, {1e9, 1e6});
+  SweepForecast f(J, 1e-12, 2000, cheap);
   for (Index k = 1;; ++k) {
     Index settled = 0;
     double largest = 0;
