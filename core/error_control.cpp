@@ -274,6 +274,7 @@ class Refinement {
     if (solved_->steps >= patience_when_stalled * expected_ && d.stalled(window_when_stalled))
       return text("halving the step does not bring the solutions together any more: %s still moves by %.1e", what,
                   d.last());
+    if (solved_->steps < patience_when_stalled * expected_ && !d.regular()) return std::nullopt;
     const double needed = double(solved_->steps) * std::exp2(d.halvings_to(accepted * goal - other));
     if (needed > out_of_reach * double(options_.max_steps))
       return text("about %.0e steps would be needed (--max-steps allows %ld)", needed, long(options_.max_steps));
