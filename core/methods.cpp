@@ -156,6 +156,8 @@ const DiscreteProblem& Methods::of(Method method) const {
   return method == Method::euler && averaged_ ? *averaged_ : problem_;
 }
 
+constexpr double seen_in_parts = 0.01;  ///< of a source: what parts of steps may miss without a warning
+
 // What is not resolved between points of the grid, and for whom.
 void Methods::report_sources(Result& result) const {
   if (!problem_.sources) return;
@@ -168,7 +170,12 @@ void Methods::report_sources(Result& result) const {
     add_warning(result,
                 text("f or g changes too fast inside %ld of %ld steps (first seen around t = %.6g): use more steps",
                      long(s.unresolved), long(problem_.J), s.time));
-  else if (result.unresolved_sources > 0)
+  else if (parts && s.disagreement > seen_in_parts)
+    add_warning(result,
+                text("f or g goes up and down inside of steps (t = %.6g), whose parts follow it to %.0f %%: use "
+                     "more steps",
+                     s.time, 100 * s.disagreement));
+  else if (!parts && s.disagreement_of_g > 0)
     add_warning(result, text("g changes too fast inside steps, by up to %.0f %% of its size: use more steps, or method "
                              "march, which takes such steps in parts",
                              100 * result.unresolved_sources));

@@ -11,12 +11,14 @@ namespace {
 constexpr double rounding_of_places = 256 * epsilon;  ///< of T: how well the place of a jump is known
 constexpr double same_value = 1e-9;                   ///< of the largest: one-sided values that differ by less
 constexpr double strong_disagreement = 0.25;  ///< of the largest value: a step that misses this much is looked into
-constexpr double linear_enough = 0.1;         ///< the same for g in a part of a rough step
+constexpr double linear_enough = 0.05;        ///< the same for g in a part of a rough step
 constexpr double polynomial_enough = 1e-6, most_polynomial = 2e-2;  ///< the same for f in a piece
-constexpr double smallest_part = 0x1p-36;                           ///< of a step: shorter, it is a jump
+constexpr int many_pieces = 4;             ///< halvings of f: it goes up and down inside the step
+constexpr double mean_of_piece = 1e-3;     ///< error of the mean there, by Gauss points, to the largest error
+constexpr double smallest_part = 0x1p-36;  ///< of a step: shorter, it is a jump
 constexpr Index most_declared_parts = 64;  ///< of a step; more breakpoints than that fall into equal parts
 constexpr Index most_numbers = 16000000;   ///< that pieces of f may hold
-constexpr Index most_leaves = 1024;        ///< of a step, for each source
+constexpr Index most_leaves = 2048;        ///< of a step, for each source
 constexpr std::array<double, 3> gauss{0.1127016653792583, 0.5, 0.8872983346207417};
 constexpr std::array<double, 2> inside{0.3819660112501051, 0.7320508075688772};  ///< irregular places of checks
 constexpr std::array<double, 3> between_gauss{0.0314159265358979, 0.2928932188134525, 0.7071067811865476};
@@ -104,8 +106,7 @@ class Inspection {
     bool differs = false;
     for (const Inspected* s : {&f_, &g_}) {
       if (!s->given) continue;
-      Vector v;
-      s->source.value(t_[j] + side * 4 * resolution_, v);
+      const Vector v = side > 0 ? s->source.after(t_[j], h_) : s->source.before(t_[j], h_);
       if (s->apart(v, s->values.row(j).transpose()) <= same_value) continue;
       differs = true;
       if (s == &g_) found_.jumps_of_g = true;
@@ -168,11 +169,14 @@ class Inspection {
       fit(t_[j - 1], ends, step);
     }
     if (missed_ > 0) ++found_.unresolved;
-    if (missed_ > found_.disagreement) {
-      found_.disagreement = missed_;
-      found_.time = t_[j - 1] + (t_[j] - t_[j - 1]) / 2;
-    }
+    note(missed_, t_[j - 1]);
     found_.rough.push_back(std::move(step));
+  }
+
+  void note(double apart, double t) {
+    if (!(apart > found_.disagreement)) return;
+    found_.disagreement = apart;
+    found_.time = t;
   }
 
   // Parts between the cuts on which g is linear, or nearly so.
@@ -183,7 +187,7 @@ class Inspection {
         const Vector start = g_.source.after(from, to - from), end = g_.source.before(to, to - from);
         if (before.size() > 0 && g_.apart(before, start) > same_value) found_.jumps_of_g = true;
         leaves_ = 0;
-        halve(from, start, to, end, step.ends);
+        halve(from, start, to, end, 0, step.ends);
         before = end;
       } else {
         step.ends.push_back(to);
@@ -192,7 +196,7 @@ class Inspection {
     }
   }
 
-  void halve(double a, const Vector& ga, double b, const Vector& gb, std::vector<double>& ends) {
+  void halve(double a, const Vector& ga, double b, const Vector& gb, int depth, std::vector<double>& ends) {
     double apart = 0;
     for (const double part : inside) {
       g_.inside(a + part * (b - a), value_);
@@ -206,14 +210,15 @@ class Inspection {
     if (jump && apart > linear_enough) found_.jumps_of_g = true;
     if (!(apart > linear_enough) || jump || leaves_ >= most_leaves || budget_ <= 0) {
       if (apart > strong_disagreement && !jump) missed_ = std::max(missed_, apart);
+      if (depth > 0 && !jump) note(apart, a);  // grids of J and 2J steps share such parts
       ends.push_back(b);
       return;
     }
     const double middle = a + (b - a) / 2;
     Vector g;
     g_.source.value(middle, g);
-    halve(a, ga, middle, g, ends);
-    halve(middle, g, b, gb, ends);
+    halve(a, ga, middle, g, depth + 1, ends);
+    halve(middle, g, b, gb, depth + 1, ends);
   }
 
   void fit(double from, const std::vector<double>& ends, RoughStep& step) {
@@ -248,6 +253,7 @@ class Inspection {
     if (!(apart > std::min(std::ldexp(polynomial_enough, 2 * depth), most_polynomial)) || jump ||
         leaves_ >= most_leaves || budget_ <= 0) {
       if (apart > strong_disagreement && !jump) missed_ = std::max(missed_, apart);
+      if (depth >= many_pieces && !jump) note(mean_of_piece * apart, a);
       pieces.push_back(std::move(piece));
       return;
     }
@@ -284,14 +290,16 @@ void OneSided::value(double t, Vector& v) const {
   if (width_ > 0 && *function_) (*function_)(t, v);
 }
 
-Vector OneSided::limit(double t) const {
-  Vector v;
-  value(t, v);
-  return v;
+// Continued from two values beside t.
+Vector OneSided::limit(double t, double distance) const {
+  Vector near, far;
+  value(t + distance, near);
+  value(t + 2 * distance, far);
+  return 2 * near - far;
 }
 
-Vector OneSided::after(double t, double length) const { return limit(t + std::min(4 * resolution_, length / 8)); }
-Vector OneSided::before(double t, double length) const { return limit(t - std::min(4 * resolution_, length / 8)); }
+Vector OneSided::after(double t, double length) const { return limit(t, std::min(4 * resolution_, length / 8)); }
+Vector OneSided::before(double t, double length) const { return limit(t, -std::min(4 * resolution_, length / 8)); }
 Vector OneSided::whole(const Vector& v) const { return shapes_ ? Vector(*shapes_ * v) : v; }
 
 const RoughStep* SourceSteps::at(Index step) const {

@@ -40,7 +40,7 @@ class OneSided {
   Index width() const { return width_; }
 
  private:
-  Vector limit(double t) const;
+  Vector limit(double t, double distance) const;
   const TimeFunction* function_;
   const Matrix* shapes_;
   Index width_;
@@ -51,8 +51,8 @@ struct SourceSteps {
   std::vector<RoughStep> rough;  ///< by increasing step
   double resolution = 0;         ///< of the times of jumps
   Index unresolved = 0;          ///< steps in which parts or pieces do not agree with further values
-  double disagreement = 0;       ///< there, relative to the largest value of the component
-  double time = 0;               ///< of the largest
+  double disagreement = 0;       ///< with parts and pieces shorter than their step, relative to the largest values
+  double time = 0;               ///< of the largest disagreement
   bool jumps_of_g = false;       ///< g jumps inside a step, or at a point of the grid
   double disagreement_of_g = 0;  ///< with the linear function between points of the grid, for methods without parts
 

@@ -171,7 +171,8 @@ TEST(Sources, JumpsThatNobodyDeclaredAreFound) {
   ASSERT_EQ(found.status, Status::solved) << found.reason;
   // The parts around a jump are other ones: both differ from the solution by the error of a grid of 50 steps.
   EXPECT_LE((found.x - declared.x).cwiseAbs().maxCoeff(), 5e-3);
-  EXPECT_EQ(found.unresolved_sources, 0);
+  // Parts beside a jump are half a step long at most, where g bends by 0.4 d^2/8 of 0.5.
+  EXPECT_LE(found.unresolved_sources, 1e-4);
 }
 
 TEST(Sources, AStiffStateFollowsAJump) {
