@@ -216,10 +216,18 @@ double Certification::true_residual(const Result& result) const {
   const RowMatrix x = states_from(p, Rule::exponential, result.y);
   const RowMatrix q = x * p.dense()->N.transpose() + p.g.table();
   const RowMatrix w = q + result.y * to_dense(p.scene.M).transpose();
+  // Each row against its own terms.
+  const Matrix M = to_dense(p.scene.M).cwiseAbs();
+  const RowMatrix terms = q.cwiseAbs() + result.y * M.transpose();
   double worst = 0;
-  for (Index j = 0; j <= p.J; ++j)
-    worst = std::max(worst, result.y.row(j).cwiseMin(w.row(j)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() /
-                                std::max(1.0, q.row(j).cwiseAbs().maxCoeff()));
+  for (Index i = 0; i < w.cols(); ++i) {
+    const double of_w = std::max(terms.col(i).maxCoeff(), 1e-290), of_y = std::max(result.y.col(i).maxCoeff(), 1e-290);
+    for (Index k = 0; k <= p.J; ++k) {
+      const double y = result.y(k, i) / of_y, open = w(k, i) / of_w;
+      if (std::isnan(open)) return NAN;
+      worst = std::max(worst, std::max(-open, std::min(y, open)));
+    }
+  }
   return worst;
 }
 

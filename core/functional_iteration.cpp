@@ -268,7 +268,7 @@ void start_from_given(const DiscreteProblem& p, const Options& options, Array& y
 class Outlook {
  public:
   Outlook(const DiscreteProblem& p, const Options& options)
-      : p_(p), forecast_(p.J, options.iteration_tolerance, options.max_iterations, costs(p)) {}
+      : p_(p), forecast_(p.J, options.iteration_tolerance, options.max_iterations) {}
 
   std::optional<IterationOutcome> after(const LcpReport& report, Index stuck, const Array& y) {
     forecast_.add(report.settled, report.change);
@@ -304,12 +304,6 @@ class Outlook {
            (y.row(j) - last_.row(j)).cwiseAbs().maxCoeff() <= rounding * std::max(1.0, y.row(j).cwiseAbs().maxCoeff()))
       ++j;
     return last_.rows() > 0 ? j : y.rows();
-  }
-
-  // Predictions of core/cost.hpp are for 100 sweeps.
-  static SweepForecast::Costs costs(const DiscreteProblem& p) {
-    return {predicted_cost(p.scene, Method::contour, p.J, 0).operations / 100,
-            predicted_cost(p.scene, Method::march, p.J, 0).operations};
   }
 
   const DiscreteProblem& p_;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 
 namespace bromwich {
@@ -43,6 +44,27 @@ class Inputs {
   Matrix F_;
 };
 
+// A dip of w_i below 0 between points at which it is positive: where the slopes on both sides, carried on, meet below
+// 0, g is searched for the lowest value of g + (N x + M y, linear). Returns how far below 0.
+double dip(const Scene& scene, const Matrix& w, const Matrix& g, Index j, Index i, double h) {
+  if (j < 1 || j + 2 >= w.rows() || !(w(j, i) > 0) || !(w(j + 1, i) > 0)) return 0;
+  const double left = w(j, i) - w(j - 1, i), right = w(j + 2, i) - w(j + 1, i);  // a step each
+  if (!(left < 0) || !(right > 0)) return 0;
+  const double place = (w(j + 1, i) - right - w(j, i)) / (left - right);
+  if (!(place > 0) || !(place < 1) || w(j, i) + place * left >= 0) return 0;
+  Vector value(w.cols());
+  const auto at = [&](double part) {
+    scene.g((double(j) + part) * h, value);
+    return value[i] + (1 - part) * (w(j, i) - g(j, i)) + part * (w(j + 1, i) - g(j + 1, i));
+  };
+  double a = 0, b = 1;
+  for (int k = 0; k < 40; ++k) {  // (2/3)^40 = 1e-7 of the step
+    const double third = (b - a) / 3;
+    (at(a + third) < at(b - third) ? b = b - third : a = a + third);
+  }
+  return std::max(0.0, -at((a + b) / 2));
+}
+
 }  // namespace
 
 double interior_defect(const Scene& scene, const Result& r, const RowMatrix& x, const ComponentSizes& sizes) {
@@ -54,7 +76,15 @@ double interior_defect(const Scene& scene, const Result& r, const RowMatrix& x, 
   for (std::size_t k = 0; k < places.size(); ++k) steps[k] = step_operators(d.A, Rule::exponential, places[k] * h);
   const Inputs input(scene);
   Vector sum = Vector::Zero(n), g = Vector::Zero(n);
+  Matrix known = Matrix::Zero(J + 1, n);
+  for (Index j = 0; j <= J && scene.g; ++j) {
+    scene.g(double(j) * h, g);
+    known.row(j) = g.transpose();
+  }
+  const Matrix slack = x * d.N.transpose() + r.y * M.transpose() + known;
   for (Index j = 0; j < J; ++j) {
+    for (Index i = 0; i < n && scene.g; ++i)
+      if (M(i, i) > 0) sum[i] += dip(scene, slack, known, j, i, h) / M(i, i);
     const std::size_t k = place_of(j);
     const double from = double(j) * h, t = from + places[k] * h;
     if (r.defects && std::binary_search(r.defects->steps.begin(), r.defects->steps.end(), j + 1)) continue;

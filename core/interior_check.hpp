@@ -6,7 +6,8 @@
 //     x(t_j + θh) = e^{θhA} x_j + ∫ e^{(θh-s)A} (B y + f)(t_j + s) ds,    w = N x + M y + g,    δ_i = min(y_i,
 //     w_i/M_ii),
 //
-// and δ, what y would have to change there, is averaged over time.
+// and δ, what y would have to change there, is averaged over time. Where w falls towards 0 from both sides of a step,
+// the lowest value of g in it counts too.
 
 #include "convergence.hpp"
 

@@ -163,6 +163,7 @@ void Methods::report_sources(Result& result) const {
   if (!problem_.sources) return;
   const SourceSteps& s = *problem_.sources;
   const bool parts = result.defects != nullptr;
+  result.rough_steps = Index(s.rough.size());
   result.jumps_inside = s.jumps_of_g && !parts;
   result.unresolved_sources = std::max(s.disagreement, parts ? 0 : s.disagreement_of_g);
   if (result.status != Status::solved) return;

@@ -63,6 +63,7 @@ struct Result {
   /// Whether y alternates for many rows (core/ringing.hpp), where the backend has looked at it already.
   std::optional<bool> alternates;
   bool continuous = true;  ///< y is linear between its rows; false: it may jump from step to step
+  Index rough_steps = 0;   ///< steps in which f or g is not resolved by the grid, or jumps (core/source_steps.hpp)
   bool well_posed = true;  ///< the problems of the steps are known to determine y, as far as that was looked at
   std::optional<double> infeasible_at;
   std::string warning;  ///< one line about a result that may be called solved: uniqueness, conditioning; or empty

@@ -11,8 +11,6 @@ namespace {
 
 constexpr Index looked_at_every = 32;
 constexpr double sweep_margin = 4;            ///< speeds change: sweeps beyond the limit by so much are out of reach
-constexpr double worth_marching = 100;        ///< times the cost of marching
-constexpr double worth_a_word = 1e11;         ///< operations: below, waiting costs less than being told
 constexpr double falls = 0.9;                 ///< in half of the sweeps that are looked at
 constexpr double rounding_of_change = 1e-10;  ///< relative
 
@@ -48,10 +46,7 @@ std::optional<std::string> SweepForecast::hopeless() const {
   if (front_.size() % std::size_t(looked_at_every) != 0) return std::nullopt;
   const std::optional<double> left = sweeps_left();
   if (!left || !std::isfinite(*left)) return std::nullopt;  // of a front that stands still its row tells more
-  const double operations = *left * costs_.sweep;
-  const bool out_of_reach = *left > sweep_margin * double(most_sweeps_);
-  const bool too_dear = operations > worth_marching * costs_.march && operations > worth_a_word;
-  if (!out_of_reach && !too_dear) return std::nullopt;
+  if (!(*left > sweep_margin * double(most_sweeps_))) return std::nullopt;
   const std::string seen = text(
       "after %ld sweeps %ld of %ld time points have settled, %.2g a sweep, and changes fall by "
       "a factor of %.3g a sweep",

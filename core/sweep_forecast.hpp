@@ -18,19 +18,15 @@ namespace bromwich {
 
 class SweepForecast {
  public:
-  struct Costs {
-    double sweep = 0, march = 0;  ///< operations of a sweep, and of marching the same grid
-  };
-  SweepForecast(Index steps, double tolerance, Index most_sweeps, Costs costs)
-      : steps_(steps), tolerance_(tolerance), most_sweeps_(most_sweeps), costs_(costs) {}
+  SweepForecast(Index steps, double tolerance, Index most_sweeps)
+      : steps_(steps), tolerance_(tolerance), most_sweeps_(most_sweeps) {}
 
   void add(Index settled_rows, double change);
 
   /// Sweeps still needed; infinite where neither the front nor the changes move. Nothing with too few seen.
   std::optional<double> sweeps_left() const;
 
-  /// Why it is not worth going on, or nothing: more sweeps than several times the limit, or much more than marching
-  /// costs.
+  /// Why it is not worth going on, or nothing: more sweeps than several times the limit.
   std::optional<std::string> hopeless() const;
 
   static constexpr Index fewest_seen = 64;
@@ -42,7 +38,6 @@ class SweepForecast {
   Index steps_;
   double tolerance_;
   Index most_sweeps_;
-  Costs costs_;
   std::vector<double> front_, change_;
 };
 

@@ -40,6 +40,7 @@ class Stepper {
     return true;
   }
 
+  Index stages() const { return stages_; }
   Vector first_stage() const { return Y.head(M_.rows()); }
   Vector last_stage() const { return Y.tail(M_.rows()); }
 
@@ -134,7 +135,7 @@ class Stages final : public StageMarch {
     report.well_posed = main_.well_posed();
     Vector x = problem_.x0, next(x.size());
     record(x, 0, V, X);
-    y_before_ = Y.row(0).allFinite() ? Vector(Y.row(0).transpose()) : Vector(Vector::Zero(Y.cols()));
+    regular_ = Y.row(0).allFinite() ? Vector(Y.row(0).transpose()) : Vector(Vector::Zero(Y.cols()));
     for (Index j = 1; j < rows_; ++j) {
       const Stepper* used = asked_to_stop_(j, report) ? nullptr : take(x, j, next, report);
       if (!used) {
@@ -142,8 +143,9 @@ class Stages final : public StageMarch {
         return report;
       }
       if (j == 1 && !Y.row(0).allFinite()) Y.row(0) = used->first_stage().transpose();
-      y_before_ = used->last_stage();
-      Y.row(j) = y_before_.transpose();
+      const Vector y = used->last_stage();
+      if (used->stages() == problem_.stages) regular_ = regular_.cwiseMax(y);
+      Y.row(j) = y.transpose();
       x.swap(next);
       record(x, j, V, X);
     }
@@ -159,20 +161,20 @@ class Stages final : public StageMarch {
 
  private:
   // An impulse: y lets go within the step, and either moves a component of the state by a good part of its size (one
-  // near zero is measured against a hundredth of the largest) or was not there before. However small, Radau IIA would
-  // move the state by 9/5 of what y has to, and many small jumps add up.
+  // near zero is measured against a hundredth of the largest) or is much larger than where no state jumped. However
+  // small, Radau IIA would move the state by 9/5 of what y has to, and many small jumps add up.
   bool jumps(const Stepper& step, double h, const Vector& before, const Vector& after) const {
     if (!step.switches()) return false;
     const Vector first = step.first_stage(), last = step.last_stage();
     const double zero = negligible * step.Y.cwiseAbs().maxCoeff();
     for (Index i = 0; i < first.size(); ++i)
-      if (first[i] > std::max(zero, much_more * y_before_[i]) && !(last[i] > zero)) return true;
+      if (first[i] > std::max(zero, much_more * regular_[i]) && !(last[i] > zero)) return true;
     const Vector moved = h * (B_ * first).cwiseAbs().cwiseMax((B_ * last).cwiseAbs());
     const Vector size = before.cwiseAbs().cwiseMax(after.cwiseAbs());
     return (moved.array() > 0.25 * size.cwiseMax(0.01 * size.maxCoeff()).array()).any();
   }
   static constexpr double negligible = 1e-9;  ///< of the largest y of the step
-  static constexpr double much_more = 4;      ///< than a y that only fades out
+  static constexpr double much_more = 4;      ///< than y of steps without jumps
 
   Stepper& stepper(Index stages, std::size_t kind) {
     if (stages == problem_.stages && kind == 0) return main_;
@@ -222,7 +224,8 @@ class Stages final : public StageMarch {
   Lengths lengths_;
   Stepper main_;
   std::array<std::map<std::size_t, std::unique_ptr<Stepper>>, 2> others_;  ///< of one stage and of two
-  Vector other_, y_before_;
+  Vector other_;
+  Vector regular_;  ///< largest y_i at the ends of steps without jumps
   SparseMatrix B_;
 };
 

@@ -116,10 +116,10 @@ std::optional<Vector> step_solution(const DenseScene&, const StepProblem&, const
 
 /// A step of Radau IIA in which the state jumps is to be taken by implicit Euler: some constraint is active at one
 /// stage only, and either h max_i ||B y_i||_inf exceeds a quarter of max(||x_{j-1}||_inf, ||x_j||_inf), or some y_i is
-/// active at the first stage, more than four times what it was before, and has let go at the second. `margin` above 1:
-/// clearly; below 1: nearly.
+/// active at the first stage, more than four times `regular`, what it was at the ends of steps without jumps so far,
+/// and has let go at the second. `margin` above 1: clearly; below 1: nearly.
 bool jumps(const DenseScene&, double h, const Vector& Y, const Vector& before, const Vector& after,
-           const Vector& y_before, double margin = 1);
+           const Vector& regular, double margin = 1);
 
 /// The whole march in any units: y_0 where there is one, or none where M is singular (an impulse, not for exponential),
 /// then every step by some solution (Z in one stage: the least); Radau IIA with Euler for jumps.

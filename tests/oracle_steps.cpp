@@ -166,13 +166,13 @@ StepProblem Steps::problem(Index j, const Vector& x, const Vector& y) const {
 }
 
 bool jumps(const DenseScene& s, double h, const Vector& Y, const Vector& before, const Vector& after,
-           const Vector& y_before, double margin) {
+           const Vector& regular, double margin) {
   const Index n = s.M.rows();
   const Vector first = Y.head(n), last = Y.tail(n);
   if (((first.array() > 0) == (last.array() > 0)).all()) return false;
   const double zero = 1e-9 * margin * Y.cwiseAbs().maxCoeff();
   for (Index i = 0; i < n; ++i)
-    if (first[i] > std::max(zero, 4 * margin * y_before[i]) && !(last[i] > zero / (margin * margin))) return true;
+    if (first[i] > std::max(zero, 4 * margin * regular[i]) && !(last[i] > zero / (margin * margin))) return true;
   const Vector moved = h / margin * (s.B * first).cwiseAbs().cwiseMax((s.B * last).cwiseAbs());
   const Vector size = before.cwiseAbs().cwiseMax(after.cwiseAbs());
   const double least = 0.01 * size.maxCoeff();
@@ -203,12 +203,13 @@ Trajectory trajectory(const DenseScene& s, Scheme scheme, Index J) {
   Y.tail(n) = y;
   out.x.row(0) = x;
   if (start) out.y.row(0) = y;
+  Vector regular = y;
   for (Index j = 1; j <= J; ++j) {
     out.infeasible = j;
     StepProblem p = main.problem(j, x, y);
     auto found = step_solution(s, p, Y);
     if (found) Y = *found;
-    if (scheme == Scheme::radau && (!found || jumps(s, s.T / double(J), Y, x, p.free + p.drive * Y, y))) {
+    if (scheme == Scheme::radau && (!found || jumps(s, s.T / double(J), Y, x, p.free + p.drive * Y, regular))) {
       const StepProblem jump = euler.problem(j, x, y);
       if (const auto other = step_solution(s, jump, Y.tail(n))) {
         p = jump;
@@ -218,6 +219,7 @@ Trajectory trajectory(const DenseScene& s, Scheme scheme, Index J) {
     if (!found) return out;
     x = p.free + p.drive * *found;
     y = found->tail(n);
+    if (found->size() == 2 * n) regular = regular.cwiseMax(y);
     out.x.row(j) = x;
     out.y.row(j) = y;
   }

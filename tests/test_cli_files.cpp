@@ -132,8 +132,9 @@ TEST_F(CliFiles, BoundaryProblemsWithoutASolutionSayWhy) {
   EXPECT_EQ(outcome.err,
             "bromwich: infeasible: no state and no y satisfy the constraints in the interval that begins at t = "
             "0.4025\n");
-  EXPECT_EQ(read(folder_ / "y.csv"), "t,y0,y1,x0,x1\n# ended before t = 0: infeasible, no state and no y satisfy the "
-                                      "constraints in the interval that begins at t = 0.4025\n");
+  EXPECT_EQ(read(folder_ / "y.csv"),
+            "t,y0,y1,x0,x1\n# ended before t = 0: infeasible, no state and no y satisfy the "
+            "constraints in the interval that begins at t = 0.4025\n");
 }
 
 TEST_F(CliFiles, FreeRowsHaveNoSwitches) {

@@ -115,7 +115,7 @@ TEST_F(CliGoal, EndsWithAStatusWhereStepsCannotBeSolved) {
   EXPECT_TRUE(run("solve f.toml --method goal --steps 30").exit_code == 3);
   const auto lines = split(read(folder_ / "e.csv"), '\n');
   EXPECT_EQ(lines[0], "t,y0");  // no energies of a grid that was not finished
-  EXPECT_EQ(lines[21], "1,nan");
+  EXPECT_TRUE(lines.back().starts_with("# ended ")) << lines.back();
 }
 
 TEST_F(CliGoal, EnergiesOfOtherMethods) {

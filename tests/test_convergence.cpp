@@ -128,10 +128,25 @@ Result sampled(Index J, const std::function<double(double)>& y) {
   return result;
 }
 
+/// Errors as they are.
+const ComponentSizes in_units_of_the_scene{.relative = false};
+
+TEST(Distance, OfAComponentIsRelativeToItOrAThousandthOfTheLargest) {
+  Result a = sampled(4, [](double) { return 0.0; }), b = a;
+  a.x_components = b.x_components = {0, 1, 2};
+  b.x = RowMatrix{{0, 0, 0}, {8, 0.5, 1e-6}, {4, 0.25, 0}, {0, 0, 0}, {0, 0, 0}};
+  a.x = RowMatrix{{0, 0, 0}, {9, 0.5, 1e-6}, {4, 0.5, 4e-6}, {0, 0, 0}, {0, 0, 0}};
+  const Distance d = distance(a, 1, b, 1);
+  EXPECT_NEAR(d.x[0], 1.0 / 8, 1e-15);
+  EXPECT_NEAR(d.x[1], 0.25 / 0.5, 1e-15);
+  EXPECT_NEAR(d.x[2], 4e-6 / 8e-3, 1e-15);
+  EXPECT_EQ(d.y, 0) << "of a y that is 0 on both";
+}
+
 TEST(Distance, IsThatOfCommonTimePoints) {
   const Result a = sampled(12, [](double t) { return t + 0.125; }), b = sampled(16, [](double t) { return t; });
-  const Distance d = distance(a, 3, b, 4);
-  EXPECT_NEAR(d.y, 0.125, 1e-15);  // sizes below 1 count as 1
+  const Distance d = distance(a, 3, b, 4, in_units_of_the_scene);
+  EXPECT_NEAR(d.y, 0.125, 1e-15);
   EXPECT_NEAR(d.of_x(), 0.125, 1e-15);
   // Means of 1/12 Σ (i/12 + 1/8) and 1/16 Σ i/16 over all: (1/2 + 1/24 + 1/8) - (1/2 + 1/32).
   EXPECT_NEAR(d.mean, 1.0 / 24 + 0.125 - 1.0 / 32, 1e-15);
@@ -157,7 +172,7 @@ const Scene integrated = integrator();
 
 Convergence on_grids(const std::vector<Index>& grids, const std::function<double(double)>& y) {
   Result before = sampled(grids.front(), y);
-  Convergence convergence(integrated, before);
+  Convergence convergence(integrated, before, in_units_of_the_scene);
   for (std::size_t k = 1; k < grids.size(); ++k) {
     const Result next = sampled(grids[k], y);
     convergence.add(before, next, true);
@@ -203,7 +218,7 @@ Result with_errors(Index J, const Vector& first, const Vector& order) {
 TEST(Convergence, AComponentOfXThatConvergesMoreSlowlyIsSeen) {
   const Vector first{{8, 0.25}}, order{{2, 1}};
   Result before = with_errors(4, first, order);
-  Convergence c(integrated, before);
+  Convergence c(integrated, before, in_units_of_the_scene);
   for (const Index J : {8, 16, 32, 64}) {
     const Result next = with_errors(J, first, order);
     c.add(before, next, true);
@@ -222,7 +237,7 @@ TEST(Convergence, WaitsWhereTheGridBeforeDidNotResolve) {
     return result;
   };
   const double errors[] = {8, 4, 1, 1e-4, 2.5e-5};  // differences 4, 3, 1, 7.5e-5
-  Convergence c(integrated, on(16, errors[0]));
+  Convergence c(integrated, on(16, errors[0]), in_units_of_the_scene);
   for (int k = 1; k < 5; ++k) {
     c.add(on(8 << k, errors[k - 1]), on(16 << k, errors[k]), true);
     EXPECT_EQ(c.can_be_judged(), k == 3) << k;
@@ -236,7 +251,7 @@ TEST(Convergence, WaitsWhereTheGridBeforeDidNotResolve) {
 // moves x by |B| h/2.
 TEST(Convergence, StatesDoNotConvergeByChance) {
   Result before = sampled(16, [](double t) { return t > 0.5 ? 1.0 : 0.0; });
-  Convergence c(integrated, before);
+  Convergence c(integrated, before, in_units_of_the_scene);
   for (const Index J : {32, 64, 128, 256}) {
     Result next = sampled(J, [](double t) { return t > 0.5 ? 1.0 : 0.0; });
     next.x.setConstant(J < 100 ? 1 / double(J) : 0.01);
@@ -250,7 +265,7 @@ TEST(Convergence, TheCheckSeesWhatHalvedStepsDoNot) {
   const double t = 0.625;
   const auto smooth = [&](double shift) { return [=](double s) { return std::exp(-s) + shift; }; };
   Result before = sampled(16, smooth(0));
-  Convergence c(integrated, before);
+  Convergence c(integrated, before, in_units_of_the_scene);
   for (const Index J : {32, 64, 128}) {
     const Result next = sampled(J, smooth(1e-3 / double(J * J)));
     c.add(before, next, true);

@@ -109,7 +109,7 @@ TEST(GalerkinLocation, SwitchesAndOutputOfALocatedResult) {
     scene.exact(times[i], x, y);
     EXPECT_LE((sampled.x.row(Index(i)) - x.transpose()).norm(), 1e-4) << times[i];
   }
-  EXPECT_EQ(sampled.x.row(5), r.x.row(100));
+  EXPECT_LE((sampled.x.row(5) - r.x.row(100)).norm(), 8 * epsilon * r.x.row(100).norm());
 }
 
 // x' = -x + y + f, w = x + y - s(t): with s = 1 from t = 0.43 on y jumps by 1 there, and no line leads to the jump.

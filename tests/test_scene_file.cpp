@@ -292,9 +292,11 @@ TEST(SceneFile, BridgeInTomlIsTheBuiltInOne) {
 }
 
 TEST(SceneFile, DlcpSmallInTomlIsTheBuiltInOne) {
+  Scene scene = parse(dlcp_small).scene;
+  EXPECT_FALSE(scene.breakpoints.empty()) << "the kinks of its sources";
+  scene.breakpoints.clear();  // the built-in one does not name them
   for (const Method method : {Method::march, Method::euler})
-    EXPECT_LT(distance(solved_y(parse(dlcp_small).scene, method, 400), solved_y(make_scene("dlcp-small"), method, 400)),
-              same_problem)
+    EXPECT_LT(distance(solved_y(scene, method, 400), solved_y(make_scene("dlcp-small"), method, 400)), same_problem)
         << to_string(method);
 }
 

@@ -37,9 +37,11 @@ TEST_P(EveryMethod, TheFutureDoesNotChangeThePast) {
     if (t > change_at) v.array() -= 3;
   };
   const RowMatrix y = solved_y(before, GetParam(), J), changed = solved_y(after, GetParam(), J);
-  // Step by step nothing of the future is known. All at once, the last iterate differs within the iteration tolerance,
-  // and an FFT along time spreads rounding over all rows.
-  const double tolerance = GetParam() == Method::contour || GetParam() == Method::multigrid ? same_problem : 0;
+  // Step by step nothing of the future is known; with a jump ahead other operators make the same steps, up to rounding
+  // of values of size 1. All at once, the last iterate differs within the iteration tolerance, and an FFT along time
+  // spreads rounding over all rows.
+  const double tolerance =
+      GetParam() == Method::contour || GetParam() == Method::multigrid ? same_problem : 16 * epsilon;
   EXPECT_LE(distance(y.topRows(J / 2 + 1), changed.topRows(J / 2 + 1)), tolerance);
   EXPECT_GT(distance(y.bottomRows(J / 2), changed.bottomRows(J / 2)), 0.1);
 }
