@@ -90,7 +90,19 @@ void take_limits(const DiscreteProblem& p, const StageGrid& grid, bool at_points
   }
 }
 
-// On rough steps the stages take f by its moments: two of them those of order 0 and 1, one the mean.
+// f on a part of a step that one polynomial describes, at a stage: there the stages take its values, as elsewhere.
+std::optional<Vector> value_of_one_piece(const RoughStep& rough, double begin, double d, double stage) {
+  const double near = 1e-9 * d;
+  for (const SourcePiece& piece : rough.pieces) {
+    if (piece.start > begin + near || piece.start + piece.length < begin + d - near) continue;
+    const double sigma = (begin + stage * d - piece.start) / piece.length;
+    return Vector(piece.phi * Vector{{1, sigma, sigma * sigma}});
+  }
+  return std::nullopt;
+}
+
+// On rough steps the stages take f by its moments: two of them those of order 0 and 1, one the mean. Where y balances
+// a stiff f, moments of a smooth one would be less exact than its values.
 void take_moments(const DiscreteProblem& p, const StageGrid& grid, Index stages, RowMatrix& phi) {
   if (!p.sources) return;
   const Index width = phi.cols() / stages;
@@ -98,6 +110,13 @@ void take_moments(const DiscreteProblem& p, const StageGrid& grid, Index stages,
     const RoughStep* rough = p.sources->at(grid.step[std::size_t(j)]);
     if (!rough || rough->pieces.empty()) continue;
     const double d = grid.lengths.empty() ? p.h : grid.lengths[std::size_t(j) - 1];
+    const auto whole = [&](const Vector& v) { return p.f.shapes().size() > 0 ? Vector(p.f.shapes() * v) : v; };
+    const auto first = value_of_one_piece(*rough, grid.t[j] - d, d, first_node),
+               last = value_of_one_piece(*rough, grid.t[j] - d, d, 1);
+    if (stages == 2 && first && last) {
+      phi.row(j) << whole(*first).transpose(), whole(*last).transpose();
+      continue;
+    }
     Matrix linear = linear_by_moments(*rough, grid.t[j] - d, d);
     if (linear.rows() == 0) continue;
     if (p.f.shapes().size() > 0) linear = (p.f.shapes() * linear).eval();
