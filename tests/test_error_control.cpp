@@ -344,7 +344,8 @@ TEST_F(ErrorControlOfExamples, OfDiscontinuousYControlYWhereItConverges) {
     EXPECT_FALSE(result.errors->of_integral);
     const double error = true_error(scene, result);
     EXPECT_LE(error, 1e-5) << name;
-    EXPECT_GE(*result.error_estimate, least_effectivity * error) << name;
+    // Scattered differences are a third of the error at least (tests/test_convergence.cpp, OfScatteredErrors...).
+    EXPECT_GE(*result.error_estimate, error / 3) << name;
   }
 }
 
