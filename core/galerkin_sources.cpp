@@ -13,7 +13,7 @@ namespace {
 
 constexpr double same_time = 1e-9;       ///< of an interval: a breakpoint so close to a node lies on it
 constexpr double missed = 0.25;          ///< of the range of the values on a piece
-constexpr double rounding_range = 1e-9;  ///< of the largest value: differences below are none
+constexpr double rounding_range = 1e-9;  ///< of the largest value: smaller differences do not count
 constexpr int most_halvings = 16;
 constexpr std::size_t most_responses = 256;
 /// Between the Gauss points, at no simple fraction; near the ends too where a source has turned out to be rough.

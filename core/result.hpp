@@ -33,7 +33,7 @@ struct ErrorEstimate {
   double states = std::numeric_limits<double>::quiet_NaN();  ///< of the recorded x, a component by its largest value
   double order = std::numeric_limits<double>::quiet_NaN();   ///< observed on the last grids; NaN where none was
   double interior = 0;       ///< defect between the time points; 0 where it was not looked at (core/interior_check.hpp)
-  double tolerance = 0;      ///< that was asked for
+  double tolerance = 0;      ///< the smallest one given
   bool of_integral = false;  ///< of the mean of y over [0, t] instead of y(t), where y may jump
   std::vector<Index> grids;  ///< steps of all grids, the finest last
 

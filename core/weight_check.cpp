@@ -54,7 +54,7 @@ WeightCheck check_weights(const DiscreteProblem& p, const DenseRecurrence& recur
   constexpr double nodes = 100;
   if (nodes * (4 * m * m * m + m * m * n) > operations || p.J < 2) return {NAN, ""};
   if (needs_precision(p.dense()->A, p.h, p.J)) return {NAN, ""};  // what is known to fewer digits cannot check it
-  constexpr double agreed = 1e-9;                                 ///< below this no third opinion is asked for
+  constexpr double agreed = 1e-9;                                 ///< below this two of them suffice
   const Spectrum where = spectrum(p.scene.dynamics);
   const RowMatrix made = first_weights(lag_table(recurrence, 2));
   const double scale = std::max(made.cwiseAbs().maxCoeff(), 1e-300);

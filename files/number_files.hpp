@@ -44,7 +44,7 @@ TimeTable read_time_table(const std::string& text, const std::string& name, char
 /// Piecewise linear in t, constant before the first and after the last time; where it jumps, the value behind.
 TimeFunction interpolate(TimeTable table);
 
-/// The times in (0, last_time) at which the interpolant jumps or has a kink: rows on a straight line are none.
+/// The times in (0, last_time) at which the interpolant jumps or has a kink. Rows on a straight line do not count.
 std::vector<double> kinks(const TimeTable& table, double last_time);
 
 }  // namespace bromwich

@@ -1,4 +1,4 @@
-// The command where the system lets it down: memory, disk, signals, files that are none. Every outcome is one clear
+// The command where the system lets it down: memory, disk, signals, bad files. Every outcome is one clear
 // line, nothing the user had is lost, and nothing is left behind.
 
 #include "cli.hpp"
