@@ -168,11 +168,12 @@ struct StageProblem {
 };
 
 /// y receives the values at the right ends (row 0 must hold y_0, or NaN where there is none: it then becomes the value
-/// at the first stage), v = N x_j, x the components asked for.
+/// at the first stage), impulse the integrals of y over the steps (row 0 is zero), v = N x_j, x the components asked
+/// for.
 class StageMarch {
  public:
   virtual ~StageMarch() = default;
-  virtual MarchReport run(Array& y, Array& v, Array& x) = 0;
+  virtual MarchReport run(Array& y, Array& impulse, Array& v, Array& x) = 0;
   virtual std::size_t bytes() const = 0;
 };
 

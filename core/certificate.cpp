@@ -236,10 +236,4 @@ Change change_when_halved(const RowMatrix& coarse, const RowMatrix& fine, Index 
   return {rows.back() / size, rows[(rows.size() - 1) * 95 / 100] / size, sum / whole};
 }
 
-RowMatrix running_integral(const RowMatrix& y, double h) {
-  RowMatrix sum = RowMatrix::Zero(y.rows(), y.cols());
-  for (Index j = 1; j < y.rows(); ++j) sum.row(j) = sum.row(j - 1) + h * y.row(j);
-  return sum;
-}
-
 }  // namespace bromwich

@@ -55,7 +55,4 @@ struct Change {
 };
 Change change_when_halved(const RowMatrix& coarse, const RowMatrix& fine, Index last);
 
-/// h Σ_{i<=j} y_i for all rows j >= 1, row 0 = 0: what y does to the state, impulses included.
-RowMatrix running_integral(const RowMatrix& y, double h);
-
 }  // namespace bromwich

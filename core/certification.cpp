@@ -265,8 +265,7 @@ bool Certification::comes_out_the_same(Method method, Index factor, Slack slack,
   const Result fine = with_half_the_step(method, finer);
   if (fine.status != Status::solved) return false;
   const auto rows = Eigen::seq(0, factor * p.J, factor / 2);  // those that half the step has
-  const Change y = change_when_halved(running_integral(result.y, p.h),
-                                      running_integral(fine.y, p.h / double(factor))(rows, Eigen::all), p.J);
+  const Change y = change_when_halved(integral_of_y(result), integral_of_y(fine)(rows, Eigen::all), p.J);
   if (!(y.mean <= slack.of_y * most_mean_change)) return false;
   if (!p.dense() || p.scene.states() > Methods::most_recorded_states) return true;
   const RowMatrix coarse = methods_.all_states(method, result),

@@ -11,7 +11,8 @@ namespace bromwich {
 namespace {
 
 constexpr double smallest_jump = 1e-4;  ///< of y; differences below that stop falling are rounding
-constexpr double order_with_jumps = 2;  ///< of x at most
+constexpr double order_with_jumps = 2;  ///< of x and of the mean of y at most
+constexpr double chance = 4;            ///< times the differences to four other grids: errors are not larger by chance
 
 // Where solutions are smooth: implicit Euler, piecewise-linear y (continuous, or Galerkin's), Radau IIA.
 double order_of(const Result& result) {
@@ -41,7 +42,7 @@ Vector relative(const RowMatrix& a, Index a_stride, const RowMatrix& b, Index b_
 
 double largest(const Vector& v) { return v.size() > 0 ? v.maxCoeff() : 0; }
 
-RowMatrix mean(const Result& result) { return running_integral(result.y, 1 / double(result.steps)); }
+RowMatrix mean(const Result& result) { return integral_of_y(result) / result.t[result.t.size() - 1]; }
 
 }  // namespace
 
@@ -66,7 +67,7 @@ Vector largest_jumps(const RowMatrix& y) {
 
 Convergence::Convergence(const Scene& scene, const Result& first, ComponentSizes sizes)
     : y_(order_of(first)),
-      mean_(1),
+      mean_(std::min(order_of(first), order_with_jumps)),
       x_(order_of(first)),
       jump_(1),
       components_(std::size_t(first.x.cols()), x_),
@@ -83,6 +84,7 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   for (Index c = 0; c < d.x.size(); ++c) components_[std::size_t(c)].add(d.x[c]);
   erratic_ = erratic_ || (resolves && x_.changes_abruptly());
   check_.reset();
+  if (getenv("BWD")) fprintf(stderr, "J %ld y %.2e mean %.2e x %.2e\n", long(fine.steps), d.y, d.mean, d.of_x());
   if (!may_jump_) return;
   const Vector jumps = largest_jumps(fine.y);
   const double steps = double(fine.steps);
@@ -105,22 +107,31 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
 
 void Convergence::check(const Result& other, const Result& fine) { check_ = distance(other, 3, fine, 4, sizes_); }
 
+// What jumps that are known to within a step make, where the differences do not contradict it: that all of them are
+// small by chance is not believed.
+double Convergence::by_displaced_jumps(double most, const GridDifferences& d, double to_check) const {
+  if (!check_) return most;
+  return std::min(most, chance * std::max(d.largest_recent(), to_check));
+}
+
 double Convergence::error() const {
   const double e = controlled().error(check_.has_value());
   if (std::isnan(e) || !may_jump_) return e;
-  const double seen = check_ ? controlled().error_from_check(jumps_ ? check_->mean : check_->y) : 0;
-  return std::max({e, seen, jumps_ ? displaced_ : 0});
+  const double distance = check_ ? (jumps_ ? check_->mean : check_->y) : 0;
+  const double seen = check_ ? controlled().error_from_check(distance) : 0;
+  return std::max({e, seen, jumps_ ? by_displaced_jumps(displaced_, controlled(), distance) : 0});
 }
 
 double Convergence::error_of_x() const {
   double e = x_.error(check_.has_value());
   for (const GridDifferences& component : components_)
     if (component.regular()) e = std::max(e, component.error());
-  const double seen = check_ ? x_.error_from_check(check_->of_x()) : 0;
-  return std::max({e, seen, jumps_ && erratic_ ? displaced_x_ : 0});
+  const double distance = check_ ? check_->of_x() : 0, seen = check_ ? x_.error_from_check(distance) : 0;
+  return std::max({e, seen, jumps_ && erratic_ ? by_displaced_jumps(displaced_x_, x_, distance) : 0});
 }
 
-bool Convergence::can_be_judged() const {
+bool Convergence::can_be_judged(double goal) const {
+  if (controlled().negligible(goal)) return true;
   if (!controlled().confirmed() || controlled().changes_abruptly()) return false;
   return jumps_ ? !mean_.stands_still() : !(may_jump_ && jump_.stands_still() && jump_.last() > smallest_jump);
 }

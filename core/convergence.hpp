@@ -3,7 +3,7 @@
 // jumps, and the states.
 //
 // Where y jumps, a jump that moves by a step is a difference as large as the jump on every grid, and the mean
-// h/T Σ_{i<=j} y_i takes the place of y: of first order. x is integrated and converges with an order between 1 and 2.
+// 1/T ∫_0^t y takes the place of y: of first order. x is integrated and converges with an order between 1 and 2.
 // That a jump stays in its step when the step is halved has a chance of one half, and then the difference does not show
 // the error that it makes. Two things do. A jump s is known to within a step, so that the mean has an error of about s
 // h/(2 T) whatever the differences say; so has x, up to |B s| h, where its differences have shown to be a matter of
@@ -67,9 +67,11 @@ class Convergence {
   /// Likewise. The largest component may hide one that converges more slowly; where differences are regular, their
   /// orders tell that of each.
   double error_of_x() const;
-  bool can_be_judged() const;  ///< what is controlled converges, as far as can be seen
+  bool can_be_judged(double goal) const;  ///< what is controlled converges, as far as can be seen
 
  private:
+  double by_displaced_jumps(double most, const GridDifferences&, double to_check) const;
+
   GridDifferences y_, mean_, x_, jump_;
   std::vector<GridDifferences> components_;  ///< of x
   std::optional<Distance> check_;

@@ -81,6 +81,7 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
   sampled.y.resize(count, result.y.cols());
   sampled.x = RowMatrix::Constant(count, c, NAN);
   sampled.trace.resize(0, 0);
+  sampled.y_integral.resize(0, 0);
   if (result.y_left.size() > 0) {
     const GalerkinOutput output = galerkin_at(scene, result, times);
     sampled.y = output.y;

@@ -5,6 +5,7 @@
 #include "core/interior_check.hpp"
 #include "core/methods.hpp"
 #include "core/scaling.hpp"
+#include "core/source_jumps.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
@@ -202,14 +203,15 @@ class Refinement {
   void estimate() {
     ErrorEstimate e;
     e.tolerance = goal_.smallest();
-    const double largest = solved_->y.bottomRows(solved_->steps).cwiseAbs().maxCoeff();
-    const Vector size_y = sizes_.of_y(*solved_);
-    const double size = size_y.maxCoeff(), smallest = size_y.minCoeff();
+    e.of_integral = convergence_->of_integral();
+    const RowMatrix controlled = e.of_integral ? integral_of_y(*solved_) / scene_.T : solved_->y;
+    const double largest = controlled.bottomRows(solved_->steps).cwiseAbs().maxCoeff();
+    const Vector sizes = e.of_integral ? sizes_.of_mean(*solved_) : sizes_.of_y(*solved_);
+    const double size = sizes.maxCoeff(), smallest = sizes.minCoeff();
     const auto relative = [](double error, double to) { return error > 0 ? error / to : 0; };
     e.kernel = solved_->kernel_error * relative(largest, size);
     e.iteration = relative(
         solved_->algebraic_error.value_or(iteration_error(solved_->history)) * std::max(1.0, largest), smallest);
-    e.of_integral = convergence_->of_integral();
     e.rounding = relative(e.of_integral ? solved_->rounding * largest : solved_->rounding_of_y, size);
     e.discretisation = convergence_->error();
     e.order = (goal_.y > 0 ? convergence_->controlled() : convergence_->states()).observed_order();
@@ -227,9 +229,9 @@ class Refinement {
   // Whether the estimates can be relied on.
   bool judged() const {
     if (unchecked_ || !solved_->error_estimate || solved_->unresolved_sources > goal_.smallest()) return false;
-    if (goal_.y > 0 && !convergence_->can_be_judged()) return false;
+    if (goal_.y > 0 && !convergence_->can_be_judged(goal_.y)) return false;
     const GridDifferences& x = convergence_->states();
-    return !controls_states() || (x.confirmed() && !x.changes_abruptly());
+    return !controls_states() || x.negligible(goal_.x) || (x.confirmed() && !x.changes_abruptly());
   }
 
   bool met() const {
@@ -339,7 +341,15 @@ double iteration_error(const std::vector<double>& history) {
   return history.back() * c / (1 - c);
 }
 
-Result solve_to_tolerance(const Scene& scene, Backend& backend, const Options& options) {
+Result solve_to_tolerance(const Scene& given, Backend& backend, const Options& options) {
+  std::optional<Scene> with_jumps;
+  if (!given.breakpoints_are_all && (given.f || given.g))
+    if (std::vector<double> all = find_jumps(given); all.size() > given.breakpoints.size()) {
+      with_jumps = given;
+      with_jumps->breakpoints = std::move(all);
+      with_jumps->breakpoints_are_all = true;
+    }
+  const Scene& scene = with_jumps ? *with_jumps : given;
   Result result = Refinement(scene, backend, options).run();
   const bool failed = result.status == Status::tolerance_not_met && !result.error_estimate;
   if (options.method != Method::automatic || !failed || scene.boundary) return result;

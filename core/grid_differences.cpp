@@ -49,6 +49,10 @@ double GridDifferences::error(bool checked) const {
 
 double GridDifferences::error_from_check(double d) const { return d * std::pow(0.75, order()); }
 
+bool GridDifferences::negligible(double goal) const {
+  return confirmed() && *std::max_element(differences_.end() - 3, differences_.end()) <= 0.01 * goal;
+}
+
 bool GridDifferences::regular() const {
   const std::size_t n = differences_.size();
   if (n < 3 || differences_[n - 1] == 0) return false;
@@ -73,6 +77,14 @@ bool GridDifferences::stalled(std::size_t window) const {
   const auto middle = differences_.end() - std::ptrdiff_t(window);
   return *std::min_element(middle, differences_.end()) >
          0.5 * *std::min_element(middle - std::ptrdiff_t(window), middle);
+}
+
+double GridDifferences::largest_recent() const {
+  const std::size_t n = differences_.size();
+  double largest = 0;
+  for (std::size_t back = 0; back < std::min<std::size_t>(n, 3); ++back)
+    largest = std::max(largest, std::ldexp(differences_[n - 1 - back], -int(back)));
+  return largest;
 }
 
 double GridDifferences::halvings_to(double tolerance) const {

@@ -38,6 +38,9 @@ class GridDifferences {
   double error_from_check(double d) const;
   /// Two orders have been observed, so that one does not rest on chance.
   bool confirmed() const { return differences_.size() >= 3; }
+  /// They have, and the last three differences are below a hundredth of the goal: whether they fall, or are rounding,
+  /// does not matter.
+  bool negligible(double goal) const;
   /// They have, and are the same to a quarter.
   bool regular() const;
   /// The last two differences differ by a factor that no order makes (100): the grid before did not resolve the
@@ -51,6 +54,8 @@ class GridDifferences {
   /// How often the step has to be halved for an error of `tolerance`, with the order that was seen, at least 1/2.
   double halvings_to(double tolerance) const;
   double last() const { return differences_.back(); }
+  /// The largest of the last three differences, as it would be on the last grid with first order; 0 before one.
+  double largest_recent() const;
 
  private:
   double believed(std::size_t k) const;

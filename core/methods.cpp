@@ -50,6 +50,8 @@ const BasisChoice& Methods::basis() {
 
 void Methods::run(Method method, const Options& options, Result& result) {
   result.method = to_string(method);
+  result.t = problem_.t;
+  result.steps = problem_.J;
   Timer timer;
   if (method != Method::euler) basis();
   if (problem_.sparse() && method != Method::euler && !basis().rings) kernel();

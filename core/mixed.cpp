@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace bromwich {
 
@@ -276,6 +277,11 @@ Result solve_mixed(const Scene& scene, const EliminatedScene& e, Backend& backen
   result.y.resize(rows, n);
   result.y(Eigen::all, e.kept) = y_C;
   result.y(Eigen::all, e.free) = e.recover(y_C, x_seen, g(Eigen::all, e.free));
+  if (const RowMatrix of_kept = std::exchange(result.y_integral, {}); of_kept.size() > 0) {
+    RowMatrix all = integral_of_y(result);
+    all(Eigen::all, e.kept) = of_kept.leftCols(C);
+    result.y_integral = std::move(all);
+  }
 
   // N_C x = N' x + M_CF R N_F x.
   RowMatrix trace_F = RowMatrix::Zero(rows, Index(e.free.size()));

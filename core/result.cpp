@@ -22,6 +22,30 @@ const char* to_string(Status status) {
   return "unknown";
 }
 
+namespace {
+
+// What y adds to its integral in the step to row j.
+RowMatrix::RowXpr::PlainObject step_integral(const Result& r, Index j) {
+  const double h = r.t[j] - r.t[j - 1];
+  if (r.y_left.rows() >= j) {
+    const IntervalRule rule = r.interval_rules.empty() ? IntervalRule::galerkin : r.interval_rules[std::size_t(j) - 1];
+    const double left = rule == IntervalRule::galerkin ? 0.5 : rule == IntervalRule::radau ? 0.75 : 0;
+    return h * (left * r.y_left.row(j - 1) + (1 - left) * r.y.row(j));
+  }
+  const bool linear = r.continuous && r.method != "euler" && r.y.row(j - 1).allFinite();
+  if (linear) return h / 2 * (r.y.row(j - 1) + r.y.row(j));
+  return h * r.y.row(j);
+}
+
+}  // namespace
+
+RowMatrix integral_of_y(const Result& r) {
+  if (r.y_integral.size() > 0) return r.y_integral;
+  RowMatrix sum = RowMatrix::Zero(r.y.rows(), r.y.cols());
+  for (Index j = 1; j < sum.rows() && sum.cols() > 0; ++j) sum.row(j) = sum.row(j - 1) + step_integral(r, j);
+  return sum;
+}
+
 void add_warning(Result& result, const std::string& sentence) {
   if (result.warning.find(sentence) != std::string::npos) return;
   if (!result.warning.empty()) result.warning += "; ";

@@ -55,6 +55,9 @@ struct Result {
   /// J x n, method galerkin: y at the left end of step j, y.row(j+1) at its right; by Radau IIA at a third of the step.
   /// Empty otherwise.
   RowMatrix y_left;
+  /// (J+1) x n, the integral of y over [0, t_j] with the quadrature of the steps, impulses that move the state
+  /// included; empty where y_left or linear interpolation of the rows of y tells it.
+  RowMatrix y_integral;
   /// Method galerkin: the rule of each step (core/galerkin_rules.hpp); empty where all are taken by the method itself.
   std::vector<IntervalRule> interval_rules;
   RowMatrix x;                      ///< (J+1) x components of the state that were asked for
@@ -110,6 +113,9 @@ struct Result {
   /// What core/cost.hpp predicted before the solve, for auto the first of its methods that fits.
   std::size_t bytes_predicted = 0;
 };
+
+/// (J+1) x n: the integral of y over [0, t_j], by the rule that the method takes y with. Rows without y are NaN.
+RowMatrix integral_of_y(const Result&);
 
 /// One more sentence of Result::warning; nothing where it is said already.
 void add_warning(Result&, const std::string& sentence);

@@ -185,6 +185,7 @@ Result changed(Result result, const NaturalUnits& units, int sign) {
   if (units.trivial()) return result;
   change_columns(result.y, units.y, sign);
   change_columns(result.y_left, units.y, sign);
+  change_columns(result.y_integral, units.y, sign);
   change_columns(result.trace, units.w, sign);
   Exponents x;
   for (const Index c : result.x_components) x.push_back(units.x[std::size_t(c)]);

@@ -94,6 +94,7 @@ struct Scene {
   /// Times in [0, T] at which f or g may jump or have a kink, increasing; values there are taken one-sidedly. Empty
   /// where they are smooth.
   std::vector<double> breakpoints;
+  bool breakpoints_are_all = false;  ///< f and g are known to be smooth elsewhere; no others are looked for
   Vector x0;  ///< m; empty with a boundary condition
   std::optional<BoundaryCondition> boundary;
   std::vector<Index> free_rows;  ///< rows i with w_i = 0 and y_i of either sign, increasing

@@ -270,6 +270,7 @@ Result solve_valid(const Scene& given, Backend& backend, const Options& options)
   if (given.constraints() == 0) {
     Result result = solve(with_idle_constraint(given), backend, options);
     result.y.resize(result.y.rows(), 0);
+    result.y_integral.resize(0, 0);
     result.trace.resize(result.trace.rows(), 0);
     return result;
   }

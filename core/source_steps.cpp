@@ -10,6 +10,7 @@ namespace {
 
 constexpr double rounding_of_places = 256 * epsilon;  ///< of T: how well the place of a jump is known
 constexpr double same_value = 1e-9;                   ///< of the largest: one-sided values that differ by less
+constexpr double jump_beside = 1e-3;                  ///< of a value: change within places that are not told apart
 constexpr double strong_disagreement = 0.25;  ///< of the largest value: a step that misses this much is looked into
 constexpr double linear_enough = 0.05;        ///< the same for g in a part of a rough step
 constexpr double polynomial_enough = 1e-6, most_polynomial = 2e-2;  ///< the same for f in a piece
@@ -21,7 +22,8 @@ constexpr Index most_numbers = 16000000;   ///< that pieces of f may hold
 constexpr Index most_leaves = 2048;        ///< of a step, for each source
 constexpr std::array<double, 3> gauss{0.1127016653792583, 0.5, 0.8872983346207417};
 constexpr std::array<double, 2> inside{0.3819660112501051, 0.7320508075688772};  ///< irregular places of checks
-constexpr std::array<double, 3> between_gauss{0.0314159265358979, 0.2928932188134525, 0.7071067811865476};
+constexpr std::array<double, 4> between_gauss{0, 0.2928932188134525, 0.7071067811865476, 1};
+constexpr double inside_end = 1e-6;  ///< of a piece: how near to its ends f is looked at
 
 // One of the sources with its samples and the size of each component.
 struct Inspected {
@@ -242,7 +244,9 @@ class Inspection {
     piece.phi.resize(v[0].size(), 3);
     piece.phi << v[0] - gauss[0] * d01 + gauss[0] * gauss[1] * bend, d01 - (gauss[0] + gauss[1]) * bend, bend;
     double apart = 0;
-    for (const double part : between_gauss) {
+    const double margin = std::min(std::max(inside_end, 4 * resolution_ / d), 0.5);
+    for (const double place : between_gauss) {
+      const double part = std::clamp(place, margin, 1 - margin);
       f_.inside(a + part * d, value_);
       line_ = piece.phi * Eigen::Vector3d(1, part, part * part);
       apart = std::max(apart, f_.apart(value_, line_));
@@ -290,12 +294,14 @@ void OneSided::value(double t, Vector& v) const {
   if (width_ > 0 && *function_) (*function_)(t, v);
 }
 
-// Continued from two values beside t.
+// Continued from two values beside t. A jump between the two is not continued.
 Vector OneSided::limit(double t, double distance) const {
   Vector near, far;
   value(t + distance, near);
   value(t + 2 * distance, far);
-  return 2 * near - far;
+  for (Index i = 0; i < near.size(); ++i)
+    if (!(std::abs(near[i] - far[i]) > jump_beside * std::abs(near[i]))) near[i] = 2 * near[i] - far[i];
+  return near;
 }
 
 Vector OneSided::after(double t, double length) const { return limit(t, std::min(4 * resolution_, length / 8)); }

@@ -48,8 +48,8 @@ class SplitMarch {
     if (p.f.shapes().size() > 0) F_ = (F_ * p.f.shapes()).eval();
   }
 
-  // From y_0; rows of y and x.
-  MarchReport run(RowMatrix& y, RowMatrix& x, StepDefects& defects) {
+  // From y_0; rows of y, of its integral from 0 on, and of x.
+  MarchReport run(RowMatrix& y, RowMatrix& integral, RowMatrix& x, StepDefects& defects) {
     const RowMatrix forcing = smooth_forcing();
     g_scale_ = std::max(p_.g.values().size() > 0 ? p_.g.values().cwiseAbs().maxCoeff() : 0, 1e-290);
     MarchReport report;
@@ -57,6 +57,7 @@ class SplitMarch {
     x.row(0) = p_.scene.x0.transpose();
     x_ = p_.scene.x0;
     y_ = y.row(0).transpose();
+    integral.row(0).setZero();
     lcp_.start_from(y_);
     std::size_t next_rough = 0;
     const std::vector<RoughStep>& rough = p_.sources->rough;
@@ -73,6 +74,7 @@ class SplitMarch {
       }
       x.row(j) = x_.transpose();
       y.row(j) = y_.transpose();
+      integral.row(j) = integral.row(j - 1) + impulse_.transpose();
     }
     return report;
   }
@@ -97,7 +99,9 @@ class SplitMarch {
 
   bool take_whole(Index j, MarchReport& report) {
     q_ = p_.g.row(j) + d_.N * smooth_;
+    impulse_ = p_.h / 2 * y_;
     if (!solve(lcp_, q_, y_, j, report)) return false;
+    impulse_ += p_.h / 2 * y_;
     x_ = smooth_ + driven_ * y_;
     return true;
   }
@@ -107,15 +111,18 @@ class SplitMarch {
     double from = p_.t[j - 1];
     std::size_t piece = 0;
     Vector g_before = p_.g.row(j - 1);
+    impulse_ = Vector::Zero(n_);
     for (const double to : rough.ends) {
       const double d = to - from;
       if (p_.scene.g && !restart(g_before, g_.whole(g_.after(from, d)), j, report)) return false;
       g_before = p_.scene.g ? g_.whole(g_.before(to, d)) : Vector(Vector::Zero(n_));
       drift(rough, piece, from, to);
+      impulse_ += d / 2 * y_;
       Part& part = part_of(d);
       q_ = g_before + d_.N * x_;
       if (!solve(*part.lcp, q_, y_, j, report)) return false;
       x_ += part.driven * y_;
+      impulse_ += d / 2 * y_;
       from = to;
     }
     lcp_.start_from(y_);
@@ -204,6 +211,7 @@ class SplitMarch {
   double g_scale_ = 1;
   std::map<long long, Part> parts_;
   Vector x_, y_, smooth_, q_;
+  Vector impulse_;  ///< integral of y over the step
 };
 
 // r = g and v = N x with y on the backend: the residual and the trace are those of every march.
@@ -243,8 +251,9 @@ void solve_by_split_marching(const DiscreteProblem& p, const Options& options, R
   }
   result.seconds.lcp += timer.lap();
   RowMatrix x = RowMatrix::Constant(p.J + 1, p.scene.states(), NAN);
+  result.y_integral = RowMatrix::Constant(p.J + 1, p.scene.constraints(), NAN);
   const auto defects = std::make_shared<StepDefects>();
-  const MarchReport report = march.run(result.y, x, *defects);
+  const MarchReport report = march.run(result.y, result.y_integral, x, *defects);
   result.defects = defects;
   result.x = x(Eigen::all, p.components);
   result.bytes = sizeof(double) * std::size_t(2 * result.y.size() + x.size()) + host_bytes(p);

@@ -35,15 +35,76 @@ StageGrid whole_steps(const DiscreteProblem& p) {
   return grid;
 }
 
-StageGrid steps_in_parts(const DiscreteProblem& p) {
+// The layer behind an impulse: the state that has jumped settles within 1/||A||, and so does y, from values of that
+// size. Parts that grow geometrically follow it, more of them on finer grids.
+class Layers {
+ public:
+  // Parts at the left ends of which the state may jump.
+  Layers(const DiscreteProblem& p, bool impulse_at_zero) {
+    if (!p.dense() || p.scene.states() > most_states) return;
+    const double rate = p.dense()->A.cwiseAbs().rowwise().sum().maxCoeff();
+    if (!(rate * p.h > stiff)) return;
+    if (impulse_at_zero) begin_.insert(p.t[0]);
+    if (p.sources && p.scene.g) place_jumps(p);
+    const Index count = Index(begin_.size());
+    if (fewest * count > p.J) begin_.clear();
+    if (begin_.empty()) return;
+    parts_ = std::clamp(p.J / (4 * count), fewest, most);
+    const double J = double(p.J);
+    first_ = 100 / (rate * J * J);
+  }
+
+  bool none() const { return begin_.empty(); }
+
+  // Ends of the parts of (from, to].
+  void divide(double from, double to, std::vector<double>& ends) const {
+    const double length = to - from;
+    if (begin_.count(from) > 0 && first_ < length / 2)
+      for (Index k = 0; k + 1 < parts_; ++k)
+        ends.push_back(from + first_ * std::pow(length / first_, double(k) / double(parts_ - 1)));
+    ends.push_back(to);
+  }
+
+ private:
+  void place_jumps(const DiscreteProblem& p) {
+    const OneSided g(p.scene.g, p.scene.constraints(), p.sources->resolution);
+    const double scale = p.g.values().cwiseAbs().maxCoeff();
+    for (const RoughStep& rough : p.sources->rough) {
+      double from = p.t[rough.step - 1], before = p.h;
+      for (const double to : rough.ends) {
+        const bool behind_place = before <= shortest * p.h;  // in which a jump has been found
+        if (behind_place ||
+            (g.after(from, to - from) - g.before(from, before)).cwiseAbs().maxCoeff() > same_at_end * scale)
+          begin_.insert(from);
+        before = to - from;
+        from = to;
+      }
+    }
+  }
+
+  static constexpr double stiff = 8;          ///< rate h above which a step does not resolve the layer
+  static constexpr double shortest = 0x1p-30;
+  static constexpr Index most_states = 64;    ///< every part has a factorization of its own
+  static constexpr Index fewest = 12, most = 400;
+  std::set<double> begin_;
+  Index parts_ = 1;
+  double first_ = 0;
+};
+
+StageGrid steps_in_parts(const DiscreteProblem& p, const Layers& layers) {
   StageGrid grid{{}, {}, {0}, {0}};
-  std::vector<double> t{p.t[0]};
+  std::vector<double> t{p.t[0]}, ends;
   for (Index j = 1; j <= p.J; ++j) {
-    const RoughStep* rough = p.sources->at(j);
+    const RoughStep* rough = p.sources ? p.sources->at(j) : nullptr;
+    ends.clear();
+    double from = p.t[j - 1];
     for (std::size_t k = 0; k < (rough ? rough->ends.size() : 1); ++k) {
-      const bool whole = !rough || rough->ends.size() == 1;
-      const double end = whole ? p.t[j] : rough->ends[k];
-      grid.lengths.push_back(whole ? p.h : end - t.back());
+      const double end = rough && k + 1 < rough->ends.size() ? rough->ends[k] : p.t[j];
+      layers.divide(from, end, ends);
+      from = end;
+    }
+    for (const double end : ends) {
+      grid.lengths.push_back(ends.size() == 1 ? p.h : end - t.back());
       t.push_back(end);
       grid.step.push_back(j);
     }
@@ -53,9 +114,11 @@ StageGrid steps_in_parts(const DiscreteProblem& p) {
   return grid;
 }
 
-StageGrid make_grid(const DiscreteProblem& p, Index stages) {
-  if (!p.sources || stages == 1) return whole_steps(p);
-  StageGrid grid = steps_in_parts(p);
+StageGrid make_grid(const DiscreteProblem& p, Index stages, Start start) {
+  if (stages == 1) return whole_steps(p);
+  const Layers layers(p, start == Start::impulse);
+  if (!p.sources && layers.none()) return whole_steps(p);
+  StageGrid grid = steps_in_parts(p, layers);
   if (p.dense()) return grid;
   std::set<double> different(grid.lengths.begin(), grid.lengths.end());
   return different.size() <= most_sparse_lengths ? grid : whole_steps(p);
@@ -67,7 +130,8 @@ RowMatrix sample_stages(const DiscreteProblem& p, const StageGrid& grid, const T
                         const RowMatrix& at_nodes, Index stages) {
   const Index width = at_nodes.cols(), rows = grid.t.size();
   RowMatrix values(rows, stages * width);
-  for (Index j = 0; j < rows; ++j) values.row(j).tail(width) = at_nodes.row(grid.step[std::size_t(j)]);
+  if (!grid.lengths.empty()) values.rightCols(width) = sample(function, grid.t, width).table();
+  for (std::size_t j = 0; j < grid.at.size(); ++j) values.row(grid.at[j]).tail(width) = at_nodes.row(Index(j));
   if (stages == 1) return values;
   Vector inner(rows);
   inner[0] = 0;
@@ -216,10 +280,11 @@ std::unique_ptr<Array> keep_points(const DiscreteProblem& p, const StageGrid& gr
   p.backend.download(v, seen);
   seen = seen(grid.at, Eigen::all).eval();
   result.y = result.y(grid.at, Eigen::all).eval();
+  result.y_integral = result.y_integral(grid.at, Eigen::all).eval();
   result.x = result.x(grid.at, Eigen::all).eval();
   result.defects = std::make_shared<StepDefects>();
-  result.kernel += text("; %zu steps in parts, where sources are not smooth", p.sources->rough.size());
-  if (takes_limits_at_points(p, grid) && report.stopped < 0)
+  if (p.sources) result.kernel += text("; %zu steps in parts, where sources are not smooth", p.sources->rough.size());
+  if (p.sources && takes_limits_at_points(p, grid) && report.stopped < 0)
     if (const auto j = solve_at_own_values(p, grid, given.g_values, seen, result)) report.stopped = *j;
   return on_backend(p, seen);
 }
@@ -228,26 +293,28 @@ std::unique_ptr<Array> keep_points(const DiscreteProblem& p, const StageGrid& gr
 
 void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& options, Result& result) {
   Timer timer;
-  const StageGrid grid = make_grid(p, stages);
+  const Start start = solve_at_zero(p, result);
+  if (start == Start::none) return;
+  result.seconds.lcp += timer.lap();
+  const StageGrid grid = make_grid(p, stages, start);
   const Index rows = grid.t.size(), n = p.scene.constraints();
   Given given;
   state_problem(p, grid, stages, options, given);
   const auto march = p.backend.stage_march(given.problem, rows);
   const auto r = on_backend(p, p.g.table());
   auto y = p.backend.array(rows, n), v = p.backend.array(rows, n);
+  const auto impulse = p.backend.array(rows, n);
   const auto x = p.backend.array(rows, Index(p.components.size()));
-  result.bytes = 3 * y->bytes() + given.g->bytes() + (given.phi ? given.phi->bytes() : 0) + x->bytes() +
+  result.bytes = 4 * y->bytes() + given.g->bytes() + (given.phi ? given.phi->bytes() : 0) + x->bytes() +
                  march->bytes() + host_bytes(p);
-  result.seconds.setup += timer.lap();
-
-  const Start start = solve_at_zero(p, result);
-  if (start == Start::none) return;
   RowMatrix first = RowMatrix::Constant(rows, n, NAN);
   first.row(0) = result.y.row(0);
   p.backend.upload(first, *y);
-  result.seconds.lcp += timer.lap();
-  MarchReport report = march->run(*y, *v, *x);
+  result.seconds.setup += timer.lap();
+  MarchReport report = march->run(*y, *impulse, *v, *x);
   p.backend.download(*y, result.y);
+  p.backend.download(*impulse, result.y_integral);
+  for (Index j = 1; j < rows; ++j) result.y_integral.row(j) += result.y_integral.row(j - 1);
   p.backend.download(*x, result.x);
   result.continuous = false;
   result.well_posed = report.well_posed;

@@ -43,6 +43,8 @@ class Stepper {
   Index stages() const { return stages_; }
   Vector first_stage() const { return Y.head(M_.rows()); }
   Vector last_stage() const { return Y.tail(M_.rows()); }
+  // Of y over the step, with the weights of the quadrature.
+  Vector mean() const { return stages_ == 1 ? Y : Vector(0.75 * first_stage() + 0.25 * last_stage()); }
 
   // Solutions of a step are unique, or at least form a convex set of which one is taken.
   bool well_posed() const { return lcp_.well_posed(); }
@@ -128,24 +130,26 @@ class Stages final : public StageMarch {
     if (const auto* d = std::get_if<SparseDynamics>(p.dynamics)) B_ = d->B;
   }
 
-  MarchReport run(Array& y_array, Array& v_array, Array& x_array) override {
+  MarchReport run(Array& y_array, Array& impulse_array, Array& v_array, Array& x_array) override {
     const FlushDenormals flush;
-    RowMatrix &Y = host(y_array), &V = host(v_array), &X = host(x_array);
+    RowMatrix &Y = host(y_array), &P = host(impulse_array), &V = host(v_array), &X = host(x_array);
     MarchReport report;
     report.well_posed = main_.well_posed();
     Vector x = problem_.x0, next(x.size());
     record(x, 0, V, X);
+    P.row(0).setZero();
     regular_ = Y.row(0).allFinite() ? Vector(Y.row(0).transpose()) : Vector(Vector::Zero(Y.cols()));
     for (Index j = 1; j < rows_; ++j) {
       const Stepper* used = asked_to_stop_(j, report) ? nullptr : take(x, j, next, report);
       if (!used) {
-        for (RowMatrix* values : {&Y, &V, &X}) values->bottomRows(rows_ - j).setConstant(NAN);
+        for (RowMatrix* values : {&Y, &P, &V, &X}) values->bottomRows(rows_ - j).setConstant(NAN);
         return report;
       }
       if (j == 1 && !Y.row(0).allFinite()) Y.row(0) = used->first_stage().transpose();
       const Vector y = used->last_stage();
       if (used->stages() == problem_.stages) regular_ = regular_.cwiseMax(y);
       Y.row(j) = y.transpose();
+      P.row(j) = lengths_.size(lengths_.kind(j)) * used->mean().transpose();
       x.swap(next);
       record(x, j, V, X);
     }

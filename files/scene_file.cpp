@@ -279,6 +279,7 @@ void add_breakpoints(const Sections& s, Draft& draft) {
   std::sort(times.begin(), times.end());
   times.erase(std::unique(times.begin(), times.end()), times.end());
   scene.breakpoints = times;
+  scene.breakpoints_are_all = draft.switches.complete;
 }
 
 Draft build(const Sections& s) {

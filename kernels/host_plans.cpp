@@ -123,6 +123,7 @@ class HostStageMarch final : public StageMarch {
       : g_(twin(device, host, problem.g)),
         phi_(twin(device, host, problem.phi)),
         y_(device, host, rows, constraints(*problem.dynamics)),
+        impulse_(device, host, rows, constraints(*problem.dynamics)),
         v_(device, host, rows, constraints(*problem.dynamics)),
         x_(device, host, rows, Index(problem.components.size())) {
     problem.g = g_->array.get();
@@ -130,19 +131,20 @@ class HostStageMarch final : public StageMarch {
     plan_ = host.stage_march(problem, rows);
   }
 
-  MarchReport run(Array& y, Array& v, Array& x) override {
+  MarchReport run(Array& y, Array& impulse, Array& v, Array& x) override {
     y_.fetch(y);
-    const MarchReport report = plan_->run(*y_.array, *v_.array, *x_.array);
+    const MarchReport report = plan_->run(*y_.array, *impulse_.array, *v_.array, *x_.array);
     y_.send(y);
+    impulse_.send(impulse);
     v_.send(v);
     x_.send(x);
     return report;
   }
-  std::size_t bytes() const override { return 3 * y_.array->bytes() + x_.array->bytes() + plan_->bytes(); }
+  std::size_t bytes() const override { return 4 * y_.array->bytes() + x_.array->bytes() + plan_->bytes(); }
 
  private:
   std::unique_ptr<Twin> g_, phi_;
-  Twin y_, v_, x_;
+  Twin y_, impulse_, v_, x_;
   std::unique_ptr<StageMarch> plan_;
 };
 

@@ -75,10 +75,13 @@ TEST(Certificate, ASolutionWithoutDigitsIsNotCalledSolved) {
 }
 
 TEST(Certificate, ImpulsesAreComparedByTheirIntegral) {
-  RowMatrix coarse = RowMatrix::Ones(5, 1), fine = RowMatrix::Ones(9, 1);
-  coarse(2, 0) += 10;  // 10 h = 20 h/2
-  fine(4, 0) += 20;
-  const RowMatrix a = running_integral(coarse, 0.5), b = running_integral(fine, 0.25);
+  Result coarse, fine;
+  coarse.continuous = fine.continuous = false;
+  coarse.t = Vector::LinSpaced(5, 0, 2), fine.t = Vector::LinSpaced(9, 0, 2);
+  coarse.y = RowMatrix::Ones(5, 1), fine.y = RowMatrix::Ones(9, 1);
+  coarse.y(2, 0) += 10;  // 10 h = 20 h/2
+  fine.y(4, 0) += 20;
+  const RowMatrix a = integral_of_y(coarse), b = integral_of_y(fine);
   EXPECT_EQ(a(0, 0), 0);
   EXPECT_EQ(a(4, 0), 7);
   EXPECT_EQ(change_when_halved(a, b, 4).largest, 0);

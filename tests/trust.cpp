@@ -21,23 +21,6 @@ double distance(const Vector& found, double t, double T, const Vector& size, con
   return found.size() == 0 ? 0 : off.cwiseQuotient(size).maxCoeff();
 }
 
-/// The integral of y from 0 on, by the rule that goes with the rows: y_j for the whole step where y may jump.
-RowMatrix integrals(const Result& r, double unit_y, double T) {
-  const Index J = r.y.rows() - 1;
-  RowMatrix sums = RowMatrix::Zero(J + 1, r.y.cols());
-  const bool linear = r.continuous && r.method != "euler", pieces = r.y_left.rows() == J && J > 0;
-  for (Index j = 1; j <= J; ++j) {
-    const double h = (r.t[j] - r.t[j - 1]) / r.t[J] * T;
-    if (pieces)
-      sums.row(j) = sums.row(j - 1) + h / 2 * (r.y_left.row(j - 1) + r.y.row(j)) / unit_y;
-    else if (linear)
-      sums.row(j) = sums.row(j - 1) + h / 2 * (r.y.row(j - 1) + r.y.row(j)) / unit_y;
-    else
-      sums.row(j) = sums.row(j - 1) + h * r.y.row(j) / unit_y;
-  }
-  return sums;
-}
-
 }  // namespace
 
 TrueError true_error(const SourceScene& s, const EventSolution& truth, const Result& r) {
@@ -46,7 +29,7 @@ TrueError true_error(const SourceScene& s, const EventSolution& truth, const Res
   e.of_mean = (r.errors && r.errors->of_integral) || truth.jumps > 0;
   const Vector size_x = measure(truth.largest_x());
   const Vector size_y = measure(e.of_mean ? truth.largest_integral() : truth.largest_y());
-  const RowMatrix mean = e.of_mean ? integrals(r, s.unit_y, T) : RowMatrix();
+  const RowMatrix mean = e.of_mean ? RowMatrix(integral_of_y(r) / (s.unit_y * s.unit_t)) : RowMatrix();
   const Index J = r.y.rows() - 1;
   for (Index j = 1; j <= J; ++j) {
     const double t = std::min(T, r.t[j] / s.unit_t);

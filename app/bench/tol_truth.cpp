@@ -31,13 +31,15 @@ double error_of_rows(const RowMatrix& found, const RowMatrix& known, Index strid
   return (error.array() > 0).select(error.cwiseQuotient(size), 0).maxCoeff();
 }
 
-/// h/T Σ_{i<=j} y_i, or by trapezoids: of exact values the integral is wanted and not the sum.
-RowMatrix running_mean(const RowMatrix& y, bool trapezoids) {
-  const double weight = 1 / double(y.rows() - 1);
-  RowMatrix sum = running_integral(y, weight);
-  if (trapezoids) sum = sum + 0.5 * weight * (y.row(0).replicate(y.rows(), 1) - y);
+/// 1/T times the integral of y from 0 on, by trapezoids.
+RowMatrix mean_of_values(const RowMatrix& y) {
+  RowMatrix sum = RowMatrix::Zero(y.rows(), y.cols());
+  for (Index j = 1; j < y.rows(); ++j)
+    sum.row(j) = sum.row(j - 1) + (y.row(j - 1) + y.row(j)) / (2 * double(y.rows() - 1));
   return sum;
 }
+
+RowMatrix mean_of(const Result& r) { return integral_of_y(r) / r.t[r.t.size() - 1]; }
 
 Result within(double seconds, const Scene& scene, Backend& backend, Options options) {
   const auto start = std::chrono::steady_clock::now();
@@ -68,7 +70,7 @@ void TolTruth::sample_exact(const Scene& scene, Index steps) {
     y_.row(j) = y.transpose();
     x_.row(j) = x.transpose();
   }
-  mean_ = running_mean(y_, true);
+  mean_ = mean_of_values(y_);
   source_ = "the exact solution";
 }
 
@@ -92,7 +94,7 @@ TolTruth::TolTruth(const SceneChoice& choice, Backend& backend, const Options& o
     if (fine.status != Status::solved) continue;
     y_ = fine.y;
     x_ = fine.x;
-    mean_ = running_mean(y_, false);
+    mean_ = mean_of(fine);
     source_ = fmt::format("{} with {} steps", fine.method, fine.steps);
     one.steps /= 2;
     finest_ = fine.steps;
@@ -113,7 +115,7 @@ TolErrors TolTruth::of(const Result& result) const {
   if (J > finest_ || result.y.rows() != result.steps + 1) return {NAN, NAN, NAN};
   if (result.status != Status::solved && result.status != Status::tolerance_not_met) return {NAN, NAN, NAN};
   const Index stride = (y_.rows() - 1) / J;
-  const RowMatrix found = running_mean(result.y, false);
+  const RowMatrix found = mean_of(result);
   RowMatrix x(x_.rows(), Index(result.x_components.size()));
   for (Index c = 0; c < x.cols(); ++c) x.col(c) = x_.col(result.x_components[std::size_t(c)]);
   return {error_of_rows(result.y, y_, stride), error_of_rows(found, mean_, stride), error_of_rows(result.x, x, stride)};

@@ -1,0 +1,126 @@
+#include "core/source_jumps.hpp"
+
+#include "core/source_steps.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+constexpr Index most_times = 65536, fewest_times = 1024;
+constexpr Index most_values = 4000000;    ///< of a source that are looked at
+constexpr double stands_out = 8;          ///< times the change beside
+constexpr double least_jump = 1e-6;       ///< of the largest value
+constexpr double place = 16 * epsilon;    ///< of T
+constexpr std::size_t most_jumps = 8192;  ///< more are no jumps but noise, or as fast as the times that are looked at
+
+class Search {
+ public:
+  Search(const TimeFunction& function, Index width, double T)
+      : source_(function, width, 0), T_(T), times_(std::clamp(most_values / std::max<Index>(1, source_.width()),
+                                                              fewest_times, most_times)) {}
+
+  std::vector<double> run() {
+    const Index n = source_.width();
+    Vector before(n), v(n);
+    source_.value(0, before);
+    scale_ = before.cwiseAbs();
+    RowMatrix changes(times_, n);
+    for (Index k = 1; k <= times_; ++k) {
+      source_.value(time(k), v);
+      if (!v.allFinite()) return {};
+      scale_ = scale_.cwiseMax(v.cwiseAbs());
+      changes.row(k - 1) = (v - before).transpose();
+      before.swap(v);
+    }
+    scale_ = scale_.cwiseMax(1e-12 * (n > 0 ? scale_.maxCoeff() : 0)).cwiseMax(1e-290);
+    std::vector<double> change(static_cast<std::size_t>(times_));
+    for (Index k = 0; k < times_; ++k)
+      change[std::size_t(k)] = changes.row(k).transpose().cwiseAbs().cwiseQuotient(scale_).maxCoeff();
+    for (Index k = 0; k < times_; ++k) {
+      const double limit = std::max(least_jump, stands_out * beside(change, k));
+      if (change[std::size_t(k)] > limit) narrow(time(k), time(k + 1), limit);
+      if (found_.size() > most_jumps) return {};
+    }
+    return std::move(found_);
+  }
+
+ private:
+  double time(Index k) const { return k == times_ ? T_ : T_ * double(k) / double(times_); }
+
+  // A quiet one of the changes around: jumps nearby do not count.
+  static double beside(const std::vector<double>& change, Index k) {
+    constexpr Index reach = 4;
+    std::array<double, 2 * reach> around{};
+    std::size_t count = 0;
+    for (Index i = std::max<Index>(0, k - reach); i <= std::min(Index(change.size()) - 1, k + reach); ++i)
+      if (i != k) around[count++] = change[std::size_t(i)];
+    std::nth_element(around.begin(), around.begin() + std::ptrdiff_t(count / 2),
+                     around.begin() + std::ptrdiff_t(count));
+    return around[count / 2];
+  }
+
+  double apart(const Vector& u, const Vector& v) const { return (u - v).cwiseAbs().cwiseQuotient(scale_).maxCoeff(); }
+
+  // All jumps above the limit between a and b.
+  void narrow(double a, double b, double limit) {
+    Vector va, vb, v;
+    source_.value(a, va);
+    source_.value(b, vb);
+    const double whole = apart(va, vb), first = a, last = b;
+    Vector v_last = vb;
+    while (b - a > place * T_) {
+      const double middle = a + (b - a) / 2;
+      source_.value(middle, v);
+      if (apart(va, v) >= apart(v, vb)) {
+        b = middle;
+        vb.swap(v);
+      } else {
+        a = middle;
+        va.swap(v);
+      }
+    }
+    if (!(apart(va, vb) > 0.5 * std::min(whole, 2 * limit))) return;
+    Vector v_first;
+    source_.value(first, v_first);
+    if (a > first && apart(v_first, va) > limit && found_.size() <= most_jumps) narrow(first, a, limit);
+    found_.push_back(b);
+    if (b < last && apart(vb, v_last) > limit && found_.size() <= most_jumps) narrow(b, last, limit);
+  }
+
+  OneSided source_;
+  double T_;
+  Index times_;
+  Vector scale_;
+  std::vector<double> found_;
+};
+
+}  // namespace
+
+std::vector<double> find_jumps(const Scene& scene) {
+  std::vector<double> all = scene.breakpoints;
+  const std::array<std::pair<const TimeFunction*, Index>, 2> sources{
+      {{&scene.f, scene.sources()}, {&scene.g, scene.constraints()}}};
+  for (const auto& [function, width] : sources) {
+    if (!*function || width == 0) continue;
+    for (const double t : Search(*function, width, scene.T).run())
+      if (t > 0 && t < scene.T) all.push_back(t);
+  }
+  std::sort(all.begin(), all.end());
+  // One that is named and found stays as it was named.
+  std::vector<double> different;
+  const double same = 64 * epsilon * scene.T;
+  for (const double t : all) {
+    if (different.empty() || t - different.back() > same)
+      different.push_back(t);
+    else if (std::binary_search(scene.breakpoints.begin(), scene.breakpoints.end(), t))
+      different.back() = t;
+  }
+  return different;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,17 @@
+#pragma once
+// Where f and g jump, found by looking: for sources whose breakpoints nobody has named.
+//
+// Values at 65536 times (fewer where one has many components). Between two of them a source that is smooth changes
+// about as much as beside them; where one changes much more, the place is narrowed down by halving, to the rounding of
+// t. What still changes by half of that there is a jump. Pulses that lie between two of the times are not seen.
+
+#include "scene.hpp"
+
+#include <vector>
+
+namespace bromwich {
+
+/// Increasing; those of Scene::breakpoints among them.
+std::vector<double> find_jumps(const Scene&);
+
+}  // namespace bromwich
