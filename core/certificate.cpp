@@ -110,7 +110,7 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   const DenseDynamics* d = p.dense();
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
   if (!d || double(p.J) * (3 * m * m + 4 * m * n) > most_certified_operations || !y.allFinite())
-    return {NAN, NAN, NAN, NAN, NAN, {}};
+    return {NAN, NAN, NAN, NAN, NAN, {}, {}};
   const std::shared_ptr<const StepOperators> operators = state_step(p, rule);
   const StepOperators& step = *operators;
   const DenseRecurrence r = dense_recurrence(*d, step);
@@ -154,6 +154,7 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
     if (!std::isfinite(rho) || !std::isfinite(norm(error))) result.rounding = INFINITY;
   }
   result.growth = std::exp(std::min(most, 700.0));
+  result.x = std::move(states.x);
   return result;
 }
 

@@ -22,6 +22,7 @@ struct Magnification {
                           ///< neighbours: a contact that begins and ends within few steps is not resolved
   double correction = 0;  ///< of y, for the state that goes with it (core/closed_loop.hpp), relative to the largest y
   Vector scale;           ///< D, m; 0 where the solution does not move a component
+  RowMatrix x;            ///< (J+1) x m, the states; empty where they were not needed
 };
 
 /// With the recurrence of the rule: implicit Euler where continuous y would ring, whose states then are `recorded` (all

@@ -82,7 +82,7 @@ void Certification::certify(Method method, Result& result) {
                                "use method march",
                                m.correction));
   if (options_.compares_grids) {  // the next grid is half the step
-    resolve_modes(method, result);
+    resolve_modes(method, m.x, result);
     if (result.status == Status::solved) look_for_other_solutions(result);
     return;
   }
@@ -92,7 +92,7 @@ void Certification::certify(Method method, Result& result) {
     return demote(result, "a contact throws the state back within less than a step: use more steps");
   }
   confirm(method, m, result);
-  if (result.status == Status::solved) resolve_modes(method, result);
+  if (result.status == Status::solved) resolve_modes(method, m.x, result);
   if (result.status == Status::solved) look_for_other_solutions(result);
 }
 
@@ -134,13 +134,16 @@ void Certification::confirm_one_of_several(Method method, Result& result) {
 }
 
 // Modes of the state between switches: those that the steps cannot follow, with half the step neither.
-void Certification::resolve_modes(Method method, Result& result) {
+void Certification::resolve_modes(Method method, const RowMatrix& known, Result& result) {
   const DiscreteProblem& p = methods_.problem();
   const bool rational = method == Method::euler || !result.continuous;
   if (!p.dense() || p.scene.states() > Methods::most_recorded_states) return;
+  // Implicit Euler takes the means of rough sources, and has other states then.
+  const bool fits = known.rows() == p.J + 1 && !(method == Method::euler && p.sources);
   if (!rational) {
     if (options_.compares_grids) return;  // and looks between the points
-    if (const auto mode = fast_oscillation(p, result.y, [&] { return methods_.all_states(method, result); }))
+    if (const auto mode =
+            fast_oscillation(p, result.y, [&] { return fits ? known : methods_.all_states(method, result); }))
       confirm_by_half_the_step(method, 1,
                                text("the state oscillates with %.3g radians per unit of time, faster than "
                                     "the steps",
@@ -148,7 +151,8 @@ void Certification::resolve_modes(Method method, Result& result) {
                                result);
     return;
   }
-  const RowMatrix x = methods_.all_states(method, result);
+  const RowMatrix made = fits ? RowMatrix() : methods_.all_states(method, result);
+  const RowMatrix& x = fits ? known : made;
   if (x.rows() != p.J + 1) return;
   if (const auto mode = options_.compares_grids ? std::nullopt : unresolved_growth(p, result.y, x)) {
     confirm_by_fine_steps(method, std::abs(mode->rate),

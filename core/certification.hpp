@@ -34,7 +34,7 @@ class Certification {
   bool states_are_known(const Result&) const;
   double true_residual(const Result&) const;
   void confirm(Method, const Magnification&, Result&);
-  void resolve_modes(Method, Result&);
+  void resolve_modes(Method, const RowMatrix& x, Result&);
   void look_for_other_solutions(Result&);
   Result with_half_the_step(Method, Methods& half);
   struct Slack {

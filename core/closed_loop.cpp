@@ -24,6 +24,7 @@ StatesOfY closed_states(const DiscreteProblem& p, const StepOperators& step, con
   const Index m = p.scene.states(), n = p.scene.constraints();
   const RowMatrix f = state_input(p, RowMatrix::Zero(p.J + 1, n)), g = p.g.table();
   RowMatrix forced = f * step.right.transpose();
+  forced.bottomRows(p.J) += f.topRows(p.J) * step.left.transpose();
   if (defects) defects->add_to(forced);
   const Matrix left = step.left * d.B, right = step.right * d.B, implicit = to_dense(p.scene.M) + d.N * right;
   ActiveResponse response(implicit);
@@ -35,7 +36,6 @@ StatesOfY closed_states(const DiscreteProblem& p, const StepOperators& step, con
   for (Index j = 1; j <= p.J && y.row(j).allFinite(); ++j) {
     x.noalias() = step.decay * states.x.row(j - 1).transpose();
     x.noalias() += left * now;
-    x.noalias() += step.left * f.row(j - 1).transpose();
     x += forced.row(j).transpose();
     now = y.row(j).transpose();
     known.noalias() = d.N * x + implicit * now;

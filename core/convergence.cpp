@@ -84,7 +84,6 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   for (Index c = 0; c < d.x.size(); ++c) components_[std::size_t(c)].add(d.x[c]);
   erratic_ = erratic_ || (resolves && x_.changes_abruptly());
   check_.reset();
-  if (getenv("BWD")) fprintf(stderr, "J %ld y %.2e mean %.2e x %.2e\n", long(fine.steps), d.y, d.mean, d.of_x());
   if (!may_jump_) return;
   const Vector jumps = largest_jumps(fine.y);
   const double steps = double(fine.steps);

@@ -103,6 +103,23 @@ Semidefinite semidefinite(const Scene& scene, const Matrix& M) {
   return {classify(balanced) == LcpClass::PSD, false};
 }
 
+// Nothing is gained by factors of ten, and the scene would have to be written out again.
+bool near_one(const Exponents& k) {
+  return std::all_of(k.begin(), k.end(), [](int e) { return std::abs(e) <= 1; });
+}
+
+// A number times 10^k is value * up / down: one of the two is 1, and 10^|k| the other, so that nothing is rounded
+// twice.
+struct Factors {
+  Factors(const Exponents& k, int sign) : up(Vector::Ones(Index(k.size()))), down(up) {
+    for (Index i = 0; i < up.size(); ++i) {
+      const int e = sign * k[std::size_t(i)];
+      (e > 0 ? up : down)[i] = times_ten_to(std::abs(e), 1);
+    }
+  }
+  Vector up, down;
+};
+
 TimeFunction divided(const TimeFunction& function, const Exponents& k) {
   if (!function || all_zero(k)) return function;
   if (const auto* separable = function.target<SeparableSource>()) {
@@ -112,9 +129,10 @@ TimeFunction divided(const TimeFunction& function, const Exponents& k) {
         scaled.shapes(i, j) = times_ten_to(-k[std::size_t(i)], scaled.shapes(i, j));
     return scaled;
   }
-  return [function, k](double t, Eigen::Ref<Vector> value) {
+  return [function, by = Factors(k, -1)](double t, Eigen::Ref<Vector> value) {
     function(t, value);
-    for (Index i = 0; i < value.size(); ++i) value[i] = times_ten_to(-k[std::size_t(i)], value[i]);
+    value.array() *= by.up.array();
+    value.array() /= by.down.array();
   };
 }
 
@@ -174,10 +192,11 @@ Exponents boundary_rows(const BoundaryCondition& c, const Exponents& x) {
 template <typename Table>
 void change_columns(Table& table, const Exponents& k, int sign) {
   if (table.size() == 0) return;
-  for (Index i = 0; i < table.cols(); ++i) {
-    const int e = sign * k[std::size_t(i)];
-    if (e == 0) continue;
-    for (Index j = 0; j < table.rows(); ++j) table(j, i) = times_ten_to(e, table(j, i));
+  if (all_zero(k)) return;
+  const Factors by(k, sign);
+  for (Index j = 0; j < table.rows(); ++j) {  // tables over time lie row by row
+    table.row(j).array() *= by.up.transpose().array();
+    table.row(j).array() /= by.down.transpose().array();
   }
 }
 
@@ -201,17 +220,25 @@ Result changed(Result result, const NaturalUnits& units, int sign) {
 // max_j ||min(y, w)|| / max(1, ||N x + g||) of the rows that are valid, |w_i| where row i is free; NaN where none is.
 double residual_of(const Scene& scene, const Result& result) {
   double worst = NAN;
-  Vector g = Vector::Zero(scene.constraints());
+  const Index n = scene.constraints();
+  const auto* M = std::get_if<Matrix>(&scene.M);
+  Vector g = Vector::Zero(n), y(n), q(n), w(n);
   // An impulse is no solution of the problem at t = 0.
   const Index first = result.kernel.find("the state jumps at t = 0") == std::string::npos ? 0 : 1;
   for (Index j = first; j < std::min(result.y.rows(), result.trace.rows()); ++j) {
-    if (!result.y.row(j).allFinite() || !result.trace.row(j).allFinite()) continue;
+    y = result.y.row(j).transpose();
+    q = result.trace.row(j).transpose();
+    if (!y.allFinite() || !q.allFinite()) continue;
     if (scene.g) scene.g(result.t[j], g);
-    const Vector y = result.y.row(j).transpose(), q = result.trace.row(j).transpose() + g;
-    const Vector w = multiply(scene.M, y) + q;
-    Vector map = y.cwiseMin(w);
-    for (const Index i : scene.free_rows) map[i] = w[i];
-    const double missed = map.cwiseAbs().maxCoeff() / std::max(1.0, q.cwiseAbs().maxCoeff());
+    q += g;
+    if (M)
+      w.noalias() = *M * y;
+    else
+      w = multiply(scene.M, y);
+    w += q;
+    y = y.cwiseMin(w);
+    for (const Index i : scene.free_rows) y[i] = w[i];
+    const double missed = y.cwiseAbs().maxCoeff() / std::max(1.0, q.cwiseAbs().maxCoeff());
     worst = std::isnan(worst) ? missed : std::max(worst, missed);
   }
   return worst;
@@ -244,8 +271,9 @@ double times_ten_to(int k, double value) {
 NaturalUnits natural_units(const Scene& scene) {
   if (scene.constraints() == 0) return {};
   const NaturalSizes sizes = natural_sizes(scene);
-  NaturalUnits units{exponents(sizes.x), exponents(sizes.y), exponents(sizes.w), {}};
   const bool common = std::holds_alternative<KroneckerDynamics>(scene.dynamics);
+  NaturalUnits units{exponents(sizes.x), exponents(sizes.y), exponents(sizes.w), {}};
+  if (near_one(units.x) && near_one(units.y) && near_one(units.w)) return {};
   const Matrix M = common ? Matrix() : to_dense(scene.M);
   if (!common && !(all_zero(units.y) && all_zero(units.w)))
     if (const Semidefinite s = semidefinite(scene, M); s.holds)
@@ -303,10 +331,10 @@ Result solve_in_natural_units(const Scene& scene, Backend& backend, const Option
   }
   inner.trace = true;
   if (scene.boundary) inner.states = StateSelection::all;
-  const double seconds = timer.lap();
-  Result result = to_units_of_scene(solve(natural, backend, inner), units);
-  result.seconds.setup += seconds;
-  result.seconds.total += seconds;
+  const double before = timer.lap();
+  Result result = solve(natural, backend, inner);
+  timer.lap();
+  result = to_units_of_scene(std::move(result), units);
   if (result.y_left.size() == 0 && !std::isnan(result.residual))
     if (const double residual = residual_of(scene, result); !std::isnan(residual)) result.residual = residual;
   if (result.boundary_residual && result.x.rows() > 0 && result.x.cols() == scene.states())
@@ -314,6 +342,11 @@ Result solve_in_natural_units(const Scene& scene, Backend& backend, const Option
   if (scene.boundary && result.x_components.size() == std::size_t(scene.states()))
     select_components(recorded_components(scene, options), result);
   if (!options.trace) result.trace.resize(0, 0);
+  const double behind = timer.lap();
+  result.seconds.setup += before;
+  result.seconds.solve += behind;
+  result.seconds.other += behind;
+  result.seconds.total += before + behind;
   return result;
 }
 

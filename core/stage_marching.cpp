@@ -35,46 +35,52 @@ StageGrid whole_steps(const DiscreteProblem& p) {
   return grid;
 }
 
-// The layer behind an impulse: the state that has jumped settles within 1/||A||, and so does y, from values of that
-// size. Parts that grow geometrically follow it, more of them on finer grids.
+// Layers: a state that has jumped, or starts anywhere, settles within 1/||A||, and so it does where f jumps; y follows.
+// Parts that grow geometrically go along, more of them on finer grids.
 class Layers {
  public:
-  // Parts at the left ends of which the state may jump.
-  Layers(const DiscreteProblem& p, bool impulse_at_zero) {
+  Layers(const DiscreteProblem& p, bool at_zero) {
     if (!p.dense() || p.scene.states() > most_states) return;
     const double rate = p.dense()->A.cwiseAbs().rowwise().sum().maxCoeff();
     if (!(rate * p.h > stiff)) return;
-    if (impulse_at_zero) begin_.insert(p.t[0]);
-    if (p.sources && p.scene.g) place_jumps(p);
+    if (at_zero) begin_.insert(p.t[0]);
+    if (p.sources) place_jumps(p);
     const Index count = Index(begin_.size());
     if (fewest * count > p.J) begin_.clear();
     if (begin_.empty()) return;
-    parts_ = std::clamp(p.J / (4 * count), fewest, most);
-    const double J = double(p.J);
-    first_ = 100 / (rate * J * J);
+    growth_ = typical_decades / double(std::clamp(p.J / (4 * count), fewest, most));
+    first_ = 0.1 / (rate * double(p.J));
   }
 
   bool none() const { return begin_.empty(); }
 
-  // Ends of the parts of (from, to].
-  void divide(double from, double to, std::vector<double>& ends) const {
-    const double length = to - from;
-    if (begin_.count(from) > 0 && first_ < length / 2)
-      for (Index k = 0; k + 1 < parts_; ++k)
-        ends.push_back(from + first_ * std::pow(length / first_, double(k) / double(parts_ - 1)));
-    ends.push_back(to);
+  // Ends of the parts of (from, to]; called from left to right.
+  void divide(double from, double to, std::vector<double>& ends) {
+    if (begin_.count(from) > 0) {
+      last_ = from;
+      if (from + first_ < to) ends.push_back(from + first_);
+      from = last_ + std::min(first_, to - from);
+    }
+    const double behind = from - last_;  // infinite before the first
+    const double parts = std::ceil(std::log1p((to - from) / behind) / growth_);
+    for (double k = 1; k < parts; ++k) ends.push_back(last_ + behind * std::pow(1 + (to - from) / behind, k / parts));
+    if (to > from) ends.push_back(to);
   }
 
  private:
   void place_jumps(const DiscreteProblem& p) {
-    const OneSided g(p.scene.g, p.scene.constraints(), p.sources->resolution);
-    const double scale = p.g.values().cwiseAbs().maxCoeff();
+    const OneSided f(p.scene.f, p.scene.sources(), p.sources->resolution),
+        g(p.scene.g, p.scene.constraints(), p.sources->resolution);
+    const auto jumps = [](const OneSided& source, const SampledSource& samples, double t, double behind, double ahead) {
+      if (samples.size() == 0 || source.width() == 0) return false;
+      const double scale = samples.values().cwiseAbs().maxCoeff();
+      return (source.after(t, ahead) - source.before(t, behind)).cwiseAbs().maxCoeff() > same_at_end * scale;
+    };
     for (const RoughStep& rough : p.sources->rough) {
       double from = p.t[rough.step - 1], before = p.h;
       for (const double to : rough.ends) {
         const bool behind_place = before <= shortest * p.h;  // in which a jump has been found
-        if (behind_place ||
-            (g.after(from, to - from) - g.before(from, before)).cwiseAbs().maxCoeff() > same_at_end * scale)
+        if (behind_place || jumps(f, p.f, from, before, to - from) || jumps(g, p.g, from, before, to - from))
           begin_.insert(from);
         before = to - from;
         from = to;
@@ -82,16 +88,18 @@ class Layers {
     }
   }
 
-  static constexpr double stiff = 8;          ///< rate h above which a step does not resolve the layer
+  static constexpr double stiff = 0.05;       ///< rate h above which a step does not resolve the layer
   static constexpr double shortest = 0x1p-30;
   static constexpr Index most_states = 64;    ///< every part has a factorization of its own
-  static constexpr Index fewest = 12, most = 400;
+  static constexpr Index fewest = 12, most = 400;  ///< parts of a layer
+  static constexpr double typical_decades = 16;    ///< logarithm of a step over the first part of its layer
   std::set<double> begin_;
-  Index parts_ = 1;
-  double first_ = 0;
+  double first_ = 0;         ///< part behind a jump
+  double growth_ = 1;        ///< logarithm of the ratio of the distances of one point and the next to the jump
+  double last_ = -INFINITY;  ///< jump passed
 };
 
-StageGrid steps_in_parts(const DiscreteProblem& p, const Layers& layers) {
+StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers) {
   StageGrid grid{{}, {}, {0}, {0}};
   std::vector<double> t{p.t[0]}, ends;
   for (Index j = 1; j <= p.J; ++j) {
@@ -114,9 +122,9 @@ StageGrid steps_in_parts(const DiscreteProblem& p, const Layers& layers) {
   return grid;
 }
 
-StageGrid make_grid(const DiscreteProblem& p, Index stages, Start start) {
+StageGrid make_grid(const DiscreteProblem& p, Index stages, bool layer_at_zero) {
   if (stages == 1) return whole_steps(p);
-  const Layers layers(p, start == Start::impulse);
+  Layers layers(p, layer_at_zero);
   if (!p.sources && layers.none()) return whole_steps(p);
   StageGrid grid = steps_in_parts(p, layers);
   if (p.dense()) return grid;
@@ -296,7 +304,7 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& opti
   const Start start = solve_at_zero(p, result);
   if (start == Start::none) return;
   result.seconds.lcp += timer.lap();
-  const StageGrid grid = make_grid(p, stages, start);
+  const StageGrid grid = make_grid(p, stages, start == Start::impulse || options.compares_grids);
   const Index rows = grid.t.size(), n = p.scene.constraints();
   Given given;
   state_problem(p, grid, stages, options, given);

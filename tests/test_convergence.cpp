@@ -240,10 +240,10 @@ TEST(Convergence, WaitsWhereTheGridBeforeDidNotResolve) {
   Convergence c(integrated, on(16, errors[0]), in_units_of_the_scene);
   for (int k = 1; k < 5; ++k) {
     c.add(on(8 << k, errors[k - 1]), on(16 << k, errors[k]), true);
-    EXPECT_EQ(c.can_be_judged(), k == 3) << k;
+    EXPECT_EQ(c.can_be_judged(1e-3), k == 3) << k;
   }
   c.add(on(256, errors[4]), on(512, errors[4] / 4), true);
-  EXPECT_TRUE(c.can_be_judged());
+  EXPECT_TRUE(c.can_be_judged(1e-3));
   EXPECT_NEAR(c.controlled().order(), 2, 1e-14);
 }
 

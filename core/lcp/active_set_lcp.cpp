@@ -27,6 +27,9 @@ bool pivots_positive(Matrix M) {
 // A pivot so small beside its row that the update would lose six digits: the factorization is better off.
 constexpr double safe_growth = 1e6;
 
+// Entries of P(S), those of M being about 1, from which solutions are refined.
+constexpr double safe_inverse = 1e3;
+
 // Exchanges before the transform is formed anew: its rounding errors grow with their number.
 constexpr int most_updates = 100;
 
@@ -65,6 +68,7 @@ void ActiveSetLcp::reset() {
   flips_.clear();
   flip_active_set();
   P_ = M_;
+  amplifies_ = false;
   transform_ = regular_ = true;
   updates_ = 0;
 }
@@ -97,12 +101,28 @@ void ActiveSetLcp::evaluate() {
   if (transform_) {
     for (const Index s : support_) value_[s] = 0;
     for (const Index s : support_) value_.noalias() -= P_.col(s) * q_[s];
+    if (amplifies_) refine();
     return;
   }
   const Vector y = -lu_.solve(q_(support_));
   for (std::size_t k = 0; k < support_.size(); ++k) value_.noalias() += M_.col(support_[k]) * y[Index(k)];
   value_(support_) = y;
 }
+
+// One step of iterative refinement: products with an inverse leave residuals that grow with the condition of M_SS.
+void ActiveSetLcp::refine() {
+  Vector y = value_(support_), defect = q_(support_);
+  for (std::size_t k = 0; k < support_.size(); ++k)
+    for (std::size_t i = 0; i < support_.size(); ++i) defect[Index(i)] += M_(support_[i], support_[k]) * y[Index(k)];
+  for (std::size_t k = 0; k < support_.size(); ++k)
+    for (std::size_t i = 0; i < support_.size(); ++i) y[Index(i)] -= P_(support_[i], support_[k]) * defect[Index(k)];
+  value_ = q_;
+  for (std::size_t k = 0; k < support_.size(); ++k) value_.noalias() += M_.col(support_[k]) * y[Index(k)];
+  value_(support_) = y;
+}
+
+// Whether the transform is that of a badly conditioned M_SS.
+void ActiveSetLcp::look_at_transform() { amplifies_ = P_.size() > 0 && P_.cwiseAbs().maxCoeff() > safe_inverse; }
 
 // Exchanges the indices in flips_ and sorts all indices into support_ (active) and rest_.
 void ActiveSetLcp::flip_active_set() {
@@ -123,6 +143,7 @@ bool ActiveSetLcp::pivot_on_flips(double most_growth) {
   P_(flips_, Eigen::all) = -inverse * rows;
   P_(flips_, flips_) = inverse;
   ++updates_;
+  look_at_transform();
   flip_active_set();
   return true;
 }
@@ -134,6 +155,7 @@ bool ActiveSetLcp::factorize() {
   regular_ = true;
   if (support_.empty()) {
     P_ = M_;
+    amplifies_ = false;
     transform_ = true;
     return true;
   }
@@ -152,6 +174,7 @@ bool ActiveSetLcp::form_transform() {
   P_(rest_, rest_) = M_(rest_, rest_) - below * right;
   transform_ = true;
   updates_ = 0;
+  look_at_transform();
   return P_.allFinite();
 }
 

@@ -71,6 +71,8 @@ class ActiveSetLcp {
   bool form_transform();
   void flip_active_set();
   void evaluate();
+  void refine();
+  void look_at_transform();
   bool negative(Index i) const;
   void accept(Vector& y);
 
@@ -80,6 +82,7 @@ class ActiveSetLcp {
   Matrix P_;                                ///< P(S) where transform_ holds
   Eigen::PartialPivLU<Matrix> lu_;          ///< of M_SS where it does not
   bool transform_ = true, regular_ = true;  ///< regular_: the last M_SS that was factorized
+  bool amplifies_ = false;                  ///< P_ has large entries
   int updates_ = 0;                         ///< exchanges since P_ was last formed from M_
   const Matrix* least_of_;
   LcpClass class_;

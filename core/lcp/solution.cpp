@@ -93,6 +93,7 @@ bool is_solution(const Matrix& M, const Vector& q, const Vector& y) {
   const double largest = q.size() > 0 ? q.cwiseAbs().maxCoeff() : 0;
   for (Index i = 0; i < y.size(); ++i) {
     const double level = rounding(y.size()) * (terms[i] + largest);
+    if (!(y[i] > 0) && w[i] > level) continue;  // positive whatever rounding hides
     if (level > 1e-4 * largest) return false;
     if (w[i] < -level || (y[i] > 0 && w[i] > level)) return false;
   }

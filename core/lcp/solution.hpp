@@ -28,7 +28,7 @@ LcpMatrix scaled(const LcpMatrix&, const Equilibration&);
 
 /// y >= 0 and min(y_i, w_i) = 0 up to rounding: a w_i that should vanish, or should not be negative, is judged by
 /// |q_i| + Σ_j |m_ij| y_j, the terms it is summed from, and by the largest q. A y so large that this rounding hides q
-/// is no solution (a singular M_SS gives such). For rows of comparable scale.
+/// is no solution (a singular M_SS gives such), unless that row's w is positive anyway. For rows of comparable scale.
 bool is_solution(const Matrix& M, const Vector& q, const Vector& y);
 
 /// The solution y of a monotone (PSD) problem is the only one for certain: M_SS is well conditioned and no index has
