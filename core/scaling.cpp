@@ -103,7 +103,7 @@ Semidefinite semidefinite(const Scene& scene, const Matrix& M) {
   return {classify(balanced) == LcpClass::PSD, false};
 }
 
-// Nothing is gained by factors of ten, and the scene would have to be written out again.
+// Nothing is gained by common factors of ten, and large results would have to be brought back.
 bool near_one(const Exponents& k) {
   return std::all_of(k.begin(), k.end(), [](int e) { return std::abs(e) <= 1; });
 }
@@ -273,7 +273,7 @@ NaturalUnits natural_units(const Scene& scene) {
   const NaturalSizes sizes = natural_sizes(scene);
   const bool common = std::holds_alternative<KroneckerDynamics>(scene.dynamics);
   NaturalUnits units{exponents(sizes.x), exponents(sizes.y), exponents(sizes.w), {}};
-  if (near_one(units.x) && near_one(units.y) && near_one(units.w)) return {};
+  if (common && near_one(units.x) && near_one(units.y) && near_one(units.w)) return {};
   const Matrix M = common ? Matrix() : to_dense(scene.M);
   if (!common && !(all_zero(units.y) && all_zero(units.w)))
     if (const Semidefinite s = semidefinite(scene, M); s.holds)

@@ -95,7 +95,7 @@ struct Scene {
   /// where they are smooth.
   std::vector<double> breakpoints;
   bool breakpoints_are_all = false;  ///< f and g are known to be smooth elsewhere; no others are looked for
-  Vector x0;  ///< m; empty with a boundary condition
+  Vector x0;                         ///< m; empty with a boundary condition
   std::optional<BoundaryCondition> boundary;
   std::vector<Index> free_rows;  ///< rows i with w_i = 0 and y_i of either sign, increasing
   /// The structure the dynamics were made from, where there is one; null otherwise. Such a scene may have no

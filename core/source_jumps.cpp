@@ -21,8 +21,9 @@ constexpr std::size_t most_jumps = 8192;  ///< more are no jumps but noise, or a
 class Search {
  public:
   Search(const TimeFunction& function, Index width, double T)
-      : source_(function, width, 0), T_(T), times_(std::clamp(most_values / std::max<Index>(1, source_.width()),
-                                                              fewest_times, most_times)) {}
+      : source_(function, width, 0),
+        T_(T),
+        times_(std::clamp(most_values / std::max<Index>(1, source_.width()), fewest_times, most_times)) {}
 
   std::vector<double> run() {
     const Index n = source_.width();

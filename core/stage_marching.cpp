@@ -36,14 +36,15 @@ StageGrid whole_steps(const DiscreteProblem& p) {
 }
 
 // Layers: a state that has jumped, or starts anywhere, settles within 1/||A||, and so it does where f jumps; y follows.
-// Parts that grow geometrically go along, more of them on finer grids.
+// Parts that grow geometrically go along, more of them on finer grids. For grids whose error is controlled: where steps
+// are given, they are the ones that are taken.
 class Layers {
  public:
-  Layers(const DiscreteProblem& p, bool at_zero) {
-    if (!p.dense() || p.scene.states() > most_states) return;
+  Layers(const DiscreteProblem& p, bool wanted) {
+    if (!wanted || !p.dense() || p.scene.states() > most_states) return;
     const double rate = p.dense()->A.cwiseAbs().rowwise().sum().maxCoeff();
     if (!(rate * p.h > stiff)) return;
-    if (at_zero) begin_.insert(p.t[0]);
+    begin_.insert(p.t[0]);
     if (p.sources) place_jumps(p);
     const Index count = Index(begin_.size());
     if (fewest * count > p.J) begin_.clear();
@@ -88,9 +89,9 @@ class Layers {
     }
   }
 
-  static constexpr double stiff = 0.05;       ///< rate h above which a step does not resolve the layer
+  static constexpr double stiff = 0.05;  ///< rate h above which a step does not resolve the layer
   static constexpr double shortest = 0x1p-30;
-  static constexpr Index most_states = 64;    ///< every part has a factorization of its own
+  static constexpr Index most_states = 64;         ///< every part has a factorization of its own
   static constexpr Index fewest = 12, most = 400;  ///< parts of a layer
   static constexpr double typical_decades = 16;    ///< logarithm of a step over the first part of its layer
   std::set<double> begin_;
@@ -122,9 +123,9 @@ StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers) {
   return grid;
 }
 
-StageGrid make_grid(const DiscreteProblem& p, Index stages, bool layer_at_zero) {
+StageGrid make_grid(const DiscreteProblem& p, Index stages, bool with_layers) {
   if (stages == 1) return whole_steps(p);
-  Layers layers(p, layer_at_zero);
+  Layers layers(p, with_layers);
   if (!p.sources && layers.none()) return whole_steps(p);
   StageGrid grid = steps_in_parts(p, layers);
   if (p.dense()) return grid;
@@ -304,7 +305,7 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& opti
   const Start start = solve_at_zero(p, result);
   if (start == Start::none) return;
   result.seconds.lcp += timer.lap();
-  const StageGrid grid = make_grid(p, stages, start == Start::impulse || options.compares_grids);
+  const StageGrid grid = make_grid(p, stages, options.compares_grids);
   const Index rows = grid.t.size(), n = p.scene.constraints();
   Given given;
   state_problem(p, grid, stages, options, given);

@@ -121,6 +121,7 @@ Result sampled(Index J, const std::function<double(double)>& y) {
   result.continuous = false;
   result.status = Status::solved;
   result.steps = J;
+  result.t = Vector::LinSpaced(J + 1, 0, 1);
   result.x_components = {0};
   result.y.resize(J + 1, 1);
   result.x.resize(J + 1, 1);

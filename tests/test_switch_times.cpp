@@ -17,11 +17,10 @@
 namespace bromwich {
 namespace {
 
-constexpr double pi = std::numbers::pi;
 constexpr double eps = std::numeric_limits<double>::epsilon();
 constexpr long plenty = 30'000'000;
 
-const ParameterValues parameters{{"D", 0.25}, {"P", 1e-3}, {"w", 2 * pi * 570}};
+const ParameterValues parameters{{"D", 0.25}, {"P", 1e-3}, {"w", 2 * std::numbers::pi * 570}};
 
 SwitchTimes found(const std::string& text, double T, long work = plenty) {
   return switch_times(read_formula(text, parameters, "here"), T, work);
@@ -107,7 +106,7 @@ TEST(SwitchTimes, PulseWidthModulation) {
   expect_times("abs(mod(t, 0.5) - 0.25)", 1.1, multiples(0.25, 1.1));
   expect_times("mod(floor(4*t), 2) == 0 ? t : 1-t", 1, multiples(0.25, 1));
   expect_times("atan2(sin(2*pi*t), cos(2*pi*t))", 2.2, {0.5, 1.5});
-  // A sine against a carrier: 0.8 sin(2 pi t) = 2 mod(10 t, 1) - 1 once in every period of the carrier.
+  // A sine against a carrier: 0.8 sin(2 std::numbers::pi t) = 2 mod(10 t, 1) - 1 once in every period of the carrier.
   const SwitchTimes natural = inside(found("0.8*sin(2*pi*t) > 2*mod(10*t, 1) - 1", 1), 1);
   EXPECT_TRUE(natural.complete);
   EXPECT_EQ(natural.times.size(), 19u);  // 10 crossings and 9 ends of a period between 0 and 1
