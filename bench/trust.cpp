@@ -146,7 +146,9 @@ Outcome run(std::uint32_t seed, Backend& backend, const Arguments& a) {
     o.warning = r.warning;
     o.method = r.method;
     o.steps = r.steps;
-    o.estimate = r.error_estimate.value_or(NAN);
+    // Of x alone where y is not unique, or has impulses and its mean is not what was controlled.
+    const bool same_y = truth.y_unique && (truth.jumps == 0 || (r.errors && r.errors->of_integral));
+    o.estimate = same_y || !r.errors ? r.error_estimate.value_or(NAN) : r.errors->states;
     if (r.status == Status::solved && truth.decided) o.error = oracle::true_error(s, truth, r);
   } catch (const std::exception& error) {
     o.status = "error";

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double smallest_jump = 1e-4;  ///< of y; differences below that stop falling are rounding
 constexpr double order_with_jumps = 2;  ///< of x and of the mean of y at most
-constexpr double chance = 4;            ///< times the differences to four other grids: errors are not larger by chance
+constexpr double chance = 4;            ///< times the differences to three other grids: errors are not larger by chance
 
 // Where solutions are smooth: implicit Euler, piecewise-linear y (continuous, or Galerkin's), Radau IIA.
 double order_of(const Result& result) {

@@ -82,7 +82,7 @@ bool GridDifferences::stalled(std::size_t window) const {
 double GridDifferences::largest_recent() const {
   const std::size_t n = differences_.size();
   double largest = 0;
-  for (std::size_t back = 0; back < std::min<std::size_t>(n, 3); ++back)
+  for (std::size_t back = 0; back < std::min<std::size_t>(n, 2); ++back)
     largest = std::max(largest, std::ldexp(differences_[n - 1 - back], -int(back)));
   return largest;
 }

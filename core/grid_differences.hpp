@@ -54,7 +54,7 @@ class GridDifferences {
   /// How often the step has to be halved for an error of `tolerance`, with the order that was seen, at least 1/2.
   double halvings_to(double tolerance) const;
   double last() const { return differences_.back(); }
-  /// The largest of the last three differences, as it would be on the last grid with first order; 0 before one.
+  /// The larger of the last two differences, as it would be on the last grid with first order; 0 before one.
   double largest_recent() const;
 
  private:

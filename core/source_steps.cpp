@@ -16,6 +16,7 @@ constexpr double linear_enough = 0.05;        ///< the same for g in a part of a
 constexpr double polynomial_enough = 1e-6, most_polynomial = 2e-2;  ///< the same for f in a piece
 constexpr int many_pieces = 4;             ///< halvings of f: it goes up and down inside the step
 constexpr double mean_of_piece = 1e-3;     ///< error of the mean there, by Gauss points, to the largest error
+constexpr double longest_part = 0.25;      ///< of a step, where grids are compared
 constexpr double smallest_part = 0x1p-36;  ///< of a step: shorter, it is a jump
 constexpr Index most_declared_parts = 64;  ///< of a step; more breakpoints than that fall into equal parts
 constexpr Index most_numbers = 16000000;   ///< that pieces of f may hold
@@ -71,6 +72,7 @@ class Inspection {
 
   SourceSteps run(const std::vector<double>& breakpoints, bool every_step) {
     if (J_ < 1 || (!f_.given && !g_.given)) return std::move(found_);
+    short_parts_ = every_step;
     place(breakpoints);
     look_inside(every_step);
     for (Index j = 1; j <= J_ && any_rough_; ++j)
@@ -192,10 +194,18 @@ class Inspection {
         halve(from, start, to, end, 0, step.ends);
         before = end;
       } else {
-        step.ends.push_back(to);
+        add_part(from, to, step.ends);
       }
       from = to;
     }
+  }
+
+  // A part between jumps is the same on all grids whose steps are longer. Where grids are compared, its error shows when
+  // parts are short beside the step.
+  void add_part(double from, double to, std::vector<double>& ends) const {
+    const double parts = short_parts_ ? std::ceil((to - from) / (longest_part * h_)) : 1;
+    for (double k = 1; k < parts; ++k) ends.push_back(from + (to - from) * k / parts);
+    ends.push_back(to);
   }
 
   void halve(double a, const Vector& ga, double b, const Vector& gb, int depth, std::vector<double>& ends) {
@@ -213,7 +223,7 @@ class Inspection {
     if (!(apart > linear_enough) || jump || leaves_ >= most_leaves || budget_ <= 0) {
       if (apart > strong_disagreement && !jump) missed_ = std::max(missed_, apart);
       if (depth > 0 && !jump) note(apart, a);  // grids of J and 2J steps share such parts
-      ends.push_back(b);
+      add_part(a, b, ends);
       return;
     }
     const double middle = a + (b - a) / 2;
@@ -274,6 +284,7 @@ class Inspection {
   std::vector<double> inner_;  ///< breakpoints inside steps
   std::vector<bool> rough_;    ///< by step, empty where none is
   bool any_rough_ = false;
+  bool short_parts_ = false;
   double missed_ = 0;  ///< by the parts and pieces of a step
   Vector value_, line_;
 };
