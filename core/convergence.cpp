@@ -10,9 +10,10 @@ namespace bromwich {
 
 namespace {
 
-constexpr double smallest_jump = 1e-4;  ///< of y; differences below that stop falling are rounding
-constexpr double order_with_jumps = 2;  ///< of x and of the mean of y at most
-constexpr double chance = 4;            ///< times the differences to three other grids: errors are not larger by chance
+constexpr double smallest_jump = 1e-4;              ///< of y; differences below that stop falling are rounding
+constexpr double order_with_jumps = 2;              ///< of x and of the mean of y at most
+constexpr double order_with_displaced_jumps = 1.5;  ///< and scattered: at most
+constexpr double chance = 4;  ///< times the differences to three other grids: errors are not larger by chance
 
 // Where solutions are smooth: implicit Euler, piecewise-linear y (continuous, or Galerkin's), Radau IIA.
 double order_of(const Result& result) {
@@ -110,6 +111,7 @@ void Convergence::check(const Result& other, const Result& fine) { check_ = dist
 // small by chance is not believed.
 double Convergence::by_displaced_jumps(double most, const GridDifferences& d, double to_check) const {
   if (!check_) return most;
+  if (d.regular() && d.observed_order() > order_with_displaced_jumps) return 0;
   return std::min(most, chance * std::max(d.largest_recent(), to_check));
 }
 

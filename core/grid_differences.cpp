@@ -7,7 +7,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr double lowest_order = 0.5;  ///< that an estimate is made with
+constexpr double lowest_order = 0.5;  ///< that an estimate is made with; 1 where the differences scatter
 const double scatter = std::sqrt(2);  ///< s
 constexpr double abrupt = 100;        ///< factor that no order makes
 constexpr double rounding_difference = 1e-11;
@@ -27,7 +27,8 @@ double GridDifferences::order() const {
   const double halvings = n == 2 ? 1 : 2, first = differences_[n == 2 ? 0 : n - 3], last = differences_[n - 1];
   if (!std::isfinite(first) || !std::isfinite(last)) return lowest_order;
   if (last == 0) return highest_;
-  const double p = std::clamp(std::log2(first / last) / halvings, lowest_order, highest_);
+  const double lowest = n > 2 && !regular() ? std::min(1.0, highest_) : lowest_order;
+  const double p = std::clamp(std::log2(first / last) / halvings, lowest, highest_);
   return std::exp2(highest_) - 1 <= scatter * (std::exp2(p) - 1) ? highest_ : p;
 }
 

@@ -221,12 +221,27 @@ Method method_from_string(const std::string& name) {
 
 namespace {
 
+// Moments follow f inside an interval. y is linear there, and a g that goes up and down would need more of it; jumps
+// that are named have intervals with a rule of their own.
+void note_fast_g(const Scene& scene, Result& result) {
+  if (!scene.g || result.status != Status::solved) return;
+  const SampledSource g = sample(scene.g, result.t, scene.constraints());
+  const SourceSteps s = find_source_steps(scene, result.t, SampledSource(), g, false);
+  if (s.unresolved == 0 && (s.disagreement_of_g == 0 || !scene.breakpoints.empty())) return;
+  result.unresolved_sources = std::max(s.disagreement, s.disagreement_of_g);
+  result.rough_steps = Index(s.rough.size());
+  add_warning(result, text("g changes too fast inside intervals, by up to %.0f %% of its size: use more steps, or "
+                           "method march, which takes such steps in parts",
+                           100 * result.unresolved_sources));
+}
+
 Result by_galerkin(const Scene& scene, Backend& backend, const Options& options) {
   Options named = options;
   named.method = Method::galerkin;
   const Index J = options.steps > 0 ? options.steps : scene.default_steps;
   const Cost cost = refuse_what_does_not_fit(scene, named, J, Index(recorded_components(scene, options).size()));
   Result result = solve_by_galerkin(scene, backend, named);
+  if (!options.event_location) note_fast_g(scene, result);
   result.bytes_predicted = std::size_t(cost.bytes);
   return result;
 }

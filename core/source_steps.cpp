@@ -200,8 +200,8 @@ class Inspection {
     }
   }
 
-  // A part between jumps is the same on all grids whose steps are longer. Where grids are compared, its error shows when
-  // parts are short beside the step.
+  // A part between jumps is the same on all grids whose steps are longer. Where grids are compared, its error shows
+  // when parts are short beside the step.
   void add_part(double from, double to, std::vector<double>& ends) const {
     const double parts = short_parts_ ? std::ceil((to - from) / (longest_part * h_)) : 1;
     for (double k = 1; k < parts; ++k) ends.push_back(from + (to - from) * k / parts);
