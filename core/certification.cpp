@@ -30,6 +30,14 @@ constexpr double most_typical_change = 0.05;        ///< of x at 95 of 100 time 
 constexpr double cancelled = 1e-12;                 ///< a state below this part of its terms is 0
 constexpr double confirmed_change = 0.05;           ///< of y before a step without a solution
 
+// What carries perturbations from step to step. Radau IIA is judged by implicit Euler, and where h is an eigenvalue of
+// A^{-1} by the exponential.
+Rule growth_rule(const DiscreteProblem& p, Method method, const Result& result) {
+  if (method == Method::euler) return Rule::implicit_euler;
+  if (result.continuous) return Rule::exponential;
+  return !p.dense() || has_euler_step(p.dense()->A, p.h) ? Rule::implicit_euler : Rule::exponential;
+}
+
 void demote(Result& result, const std::string& reason) {
   result.status = Status::tolerance_not_met;
   result.reason = reason;
@@ -68,7 +76,7 @@ void Certification::certify(Method method, Result& result) {
                   text("y alternates between time points from t = %.6g on; use more steps or method euler", p.t[j]));
   const bool from_y = (continuous && !result.defects) || method == Method::euler;
   const RowMatrix recorded = from_y ? RowMatrix() : methods_.all_states(method, result);
-  const Magnification m = magnification(p, continuous ? Rule::exponential : Rule::implicit_euler, result.y, recorded);
+  const Magnification m = magnification(p, growth_rule(p, method, result), result.y, recorded);
   result.magnification = m.growth;
   result.rounding = std::isnan(m.rounding) ? 0 : m.rounding;
   result.rounding_of_y = std::isnan(m.output) ? 0 : m.output;
@@ -247,7 +255,7 @@ void Certification::confirm_errors_stay_small(Method method, const Magnification
   const DiscreteProblem& p = methods_.problem();
   Methods half(p.scene, backend_, 2 * p.J, {}, p.sources != nullptr);
   const Result fine = with_half_the_step(method, half);
-  const Rule rule = method != Method::euler && result.continuous ? Rule::exponential : Rule::implicit_euler;
+  const Rule rule = growth_rule(p, method, result);
   std::string why = "with half the step it is not solved";
   if (fine.status == Status::solved) {
     const RowMatrix x = methods_.all_states(method, result);

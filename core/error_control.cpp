@@ -24,6 +24,7 @@ constexpr Index fewest_steps = 16;            ///< of a first grid of our choice
 constexpr Index patience = 4;                 ///< times the scene's steps: below, nothing is called out of reach
 constexpr Index patience_with_failures = 16;  ///< times the scene's steps: below, a failure is put down to the grid
 constexpr Index patience_when_stalled = 64;   ///< times the scene's steps: solutions may come together late
+constexpr double cheap = 2e8;                 ///< J (m + n)^2: below, grids are tried as long as the budget lasts
 constexpr double out_of_reach = 4;            ///< times max_steps, predicted with the order that was seen
 
 // What has to be reached: 0 where a kind is not controlled.
@@ -273,10 +274,13 @@ class Refinement {
 
   std::optional<std::string> hopeless(const GridDifferences& d, double goal, double other, const char* what) const {
     if (!d.confirmed() || d.error() + other <= accepted * goal) return std::nullopt;
-    if (solved_->steps >= patience_when_stalled * expected_ && d.stalled(window_when_stalled))
+    const double width = double(scene_.states() + scene_.constraints());
+    const bool patient =
+        solved_->steps < patience_when_stalled * expected_ || double(solved_->steps) * width * width < cheap;
+    if (!patient && d.stalled(window_when_stalled))
       return text("halving the step does not bring the solutions together any more: %s still moves by %.1e", what,
                   d.last());
-    if (solved_->steps < patience_when_stalled * expected_ && !d.regular()) return std::nullopt;
+    if (patient && !d.regular()) return std::nullopt;
     const double needed = double(solved_->steps) * std::exp2(d.halvings_to(accepted * goal - other));
     if (needed > out_of_reach * double(options_.max_steps))
       return text("about %.0e steps would be needed (--max-steps allows %ld)", needed, long(options_.max_steps));

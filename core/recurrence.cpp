@@ -11,6 +11,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 namespace bromwich {
 
@@ -71,18 +72,21 @@ bool needs_precision(const Matrix& A, double h, Index J) {
 
 namespace {
 
-// Units of the states do not make I - hA singular: where it looks so, rows and columns are brought to one size first.
-Matrix inverse_of_step(const Matrix& K) {
+// (I - hA)^{-1}. Units of the states do not make it singular: where it looks so, rows and columns are brought to one
+// size first.
+std::optional<Matrix> inverse_of_step(const Matrix& A, double h) {
+  const Matrix K = Matrix::Identity(A.rows(), A.rows()) - h * A;
   const Eigen::PartialPivLU<Matrix> lu(K);
   if (K.rows() == 0 || lu.rcond() >= epsilon) return lu.inverse();
   const Equilibration e = equilibrate(K);
   const Eigen::PartialPivLU<Matrix> balanced(e.rows.asDiagonal() * K * e.columns.asDiagonal());
-  if (!(balanced.rcond() >= epsilon))
-    throw Error("steps", "I - hA is singular at this step", "implicit Euler needs another number of steps");
+  if (!(balanced.rcond() >= epsilon)) return std::nullopt;
   return e.columns.asDiagonal() * balanced.inverse() * e.rows.asDiagonal();
 }
 
 }  // namespace
+
+bool has_euler_step(const Matrix& A, double h) { return inverse_of_step(A, h).has_value(); }
 
 StepOperators step_operators(const Matrix& A, Rule rule, double h, Index J) {
   const Index m = A.rows();
@@ -90,8 +94,9 @@ StepOperators step_operators(const Matrix& A, Rule rule, double h, Index J) {
     const MatrixPhi phi = needs_precision(A, h, J) ? precise_phi(A, h) : matrix_phi(h * A);
     return {phi.exponential, h * (phi.phi1 - phi.phi2), h * phi.phi2};
   }
-  const Matrix decay = inverse_of_step(Matrix::Identity(m, m) - h * A);
-  return {decay, Matrix::Zero(m, m), h * decay};
+  const std::optional<Matrix> decay = inverse_of_step(A, h);
+  if (!decay) throw Error("steps", "I - hA is singular at this step", "implicit Euler needs another number of steps");
+  return {*decay, Matrix::Zero(m, m), h * *decay};
 }
 
 DenseRecurrence dense_recurrence(const DenseDynamics& dynamics, const StepOperators& step) {

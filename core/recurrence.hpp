@@ -81,6 +81,9 @@ struct StepOperators {
 /// J steps, and A is small enough to do better (core/precise_phi.hpp).
 bool needs_precision(const Matrix& A, double h, Index J);
 
+/// Whether I - hA is regular.
+bool has_euler_step(const Matrix& A, double h);
+
 /// e^{hA} and its phi-functions (core/phi.hpp; precisely where J steps need that), or (I - hA)^{-1} by LU. Throws Error
 /// where I - hA is singular.
 StepOperators step_operators(const Matrix& A, Rule, double h, Index J = 1);

@@ -74,6 +74,23 @@ TEST(Certificate, ASolutionWithoutDigitsIsNotCalledSolved) {
   }
 }
 
+// y held down from outside: x' = 20 x - 40 y with w = y - x, so that x = y = e^{-20 t}. h = 1/20 makes I - hA singular,
+// which stages do not mind.
+TEST(Certificate, AStepThatEulerCannotTakeIsNoneOfStages) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{20}}, Matrix{{-40}}, Matrix{{-1}}};
+  scene.M = Matrix{{1}};
+  scene.x0 = Vector{{1}};
+  scene.T = 5;
+  EXPECT_FALSE(has_euler_step(Matrix{{20}}, 0.05));
+  EXPECT_TRUE(has_euler_step(Matrix{{20}}, 0.049));
+  const Result r = run(scene, Method::march, 100);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_FALSE(r.continuous);
+  // With hA - hB N = -1 the stages of Radau IIA multiply x by R(-1) = (1 - 1/3)/(1 + 2/3 + 1/6) a step.
+  for (Index j = 0; j <= 100; ++j) EXPECT_NEAR(r.y(j, 0), std::pow(4.0 / 11, double(j)), 1e-12) << j;
+}
+
 TEST(Certificate, ImpulsesAreComparedByTheirIntegral) {
   Result coarse, fine;
   coarse.continuous = fine.continuous = false;
