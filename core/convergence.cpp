@@ -10,8 +10,9 @@ namespace bromwich {
 
 namespace {
 
-constexpr double smallest_jump = 1e-4;              ///< of y; differences below that stop falling are rounding
-constexpr double order_with_jumps = 2;              ///< of x and of the mean of y at most
+constexpr double smallest_jump = 1e-4;  ///< of y; differences below that stop falling are rounding
+constexpr double smallest_peak = 0.05;  ///< of y: a row above both of its neighbours by more than a curve is
+constexpr double order_with_jumps = 2;  ///< of x and of the mean of y at most
 constexpr double order_with_displaced_jumps = 1.5;  ///< and scattered: at most
 constexpr double chance = 4;  ///< times the differences to three other grids: errors are not larger by chance
 
@@ -66,6 +67,15 @@ Vector largest_jumps(const RowMatrix& y) {
   return largest;
 }
 
+Vector largest_peaks(const RowMatrix& y) {
+  Vector largest = Vector::Zero(y.cols());
+  for (Index j = 2; j + 1 < y.rows(); ++j) {
+    const auto rise = (y.row(j) - y.row(j - 1)).cwiseAbs(), fall = (y.row(j) - y.row(j + 1)).cwiseAbs();
+    largest = largest.cwiseMax(rise.cwiseMin(fall).transpose());
+  }
+  return largest;
+}
+
 Convergence::Convergence(const Scene& scene, const Result& first, ComponentSizes sizes)
     : y_(order_of(first)),
       mean_(std::min(order_of(first), order_with_jumps)),
@@ -97,6 +107,8 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   if (const DenseDynamics* dynamics = std::get_if<DenseDynamics>(&scene_.dynamics); dynamics && fine.x.cols() > 0)
     displaced_x_ = against(Vector(scene_.T / steps * dynamics->B(fine.x_components, Eigen::all).cwiseAbs() * jumps),
                            sizes_.of_x(fine));
+  // A contact of one step leaves a row that no coarser grid has, with a y that depends on where it began.
+  jumps_ = jumps_ || (resolved && against(largest_peaks(fine.y), sizes_.of_y(fine)) > smallest_peak);
   // Once is enough: later differences may be small because all jumps happen to be in the same steps.
   jumps_ = jumps_ || (resolved && ((y_.stands_still() && y_.last() > smallest_jump) ||
                                    (jump_.stands_still() && jump_.last() > smallest_jump)));

@@ -48,6 +48,9 @@ Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stri
 /// out, is no jump.
 Vector largest_jumps(const RowMatrix& y);
 
+/// n: of each component the largest min(|y_j - y_{j-1}|, |y_j - y_{j+1}|), j >= 2: a row that stands out.
+Vector largest_peaks(const RowMatrix& y);
+
 class Convergence {
  public:
   /// On the first grid, which later ones of the same method follow.

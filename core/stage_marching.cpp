@@ -35,6 +35,8 @@ StageGrid whole_steps(const DiscreteProblem& p) {
   return grid;
 }
 
+// An impulse acts at once: it has a part of its own, for within a step it may be undone before the first stage.
+//
 // Layers: a state that has jumped, or starts anywhere, settles within 1/||A||, and so it does where f jumps; y follows.
 // Parts that grow geometrically go along, more of them on finer grids. For grids whose error is controlled: where steps
 // are given, they are the ones that are taken.
@@ -43,14 +45,12 @@ class Layers {
   Layers(const DiscreteProblem& p, bool wanted) {
     if (!wanted || !p.dense() || p.scene.states() > most_states) return;
     const double rate = p.dense()->A.cwiseAbs().rowwise().sum().maxCoeff();
-    if (!(rate * p.h > stiff)) return;
     begin_.insert(p.t[0]);
     if (p.sources) place_jumps(p);
     const Index count = Index(begin_.size());
-    if (fewest * count > p.J) begin_.clear();
-    if (begin_.empty()) return;
-    growth_ = typical_decades / double(std::clamp(p.J / (4 * count), fewest, most));
-    first_ = 0.1 / (rate * double(p.J));
+    first_ = 0.1 / (std::max(rate, 1 / p.h) * double(p.J));
+    if (rate * p.h > stiff && fewest * count <= p.J)
+      growth_ = typical_decades / double(std::clamp(p.J / (4 * count), fewest, most));
   }
 
   bool none() const { return begin_.empty(); }
@@ -92,11 +92,12 @@ class Layers {
   static constexpr double stiff = 0.05;  ///< rate h above which a step does not resolve the layer
   static constexpr double shortest = 0x1p-30;
   static constexpr Index most_states = 64;         ///< every part has a factorization of its own
-  static constexpr Index fewest = 12, most = 400;  ///< parts of a layer
+  static constexpr Index fewest = 48, most = 400;  ///< parts of a layer
   static constexpr double typical_decades = 16;    ///< logarithm of a step over the first part of its layer
   std::set<double> begin_;
-  double first_ = 0;         ///< part behind a jump
-  double growth_ = 1;        ///< logarithm of the ratio of the distances of one point and the next to the jump
+  double first_ = 0;  ///< part behind a jump
+  /// Logarithm of the ratio of the distances of one point and the next to the jump; infinite: one part for the rest.
+  double growth_ = INFINITY;
   double last_ = -INFINITY;  ///< jump passed
 };
 

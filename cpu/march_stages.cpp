@@ -168,9 +168,12 @@ class Stages final : public StageMarch {
   // near zero is measured against a hundredth of the largest) or is much larger than where no state jumped. However
   // small, Radau IIA would move the state by 9/5 of what y has to, and many small jumps add up.
   bool jumps(const Stepper& step, double h, const Vector& before, const Vector& after) const {
-    if (!step.switches()) return false;
     const Vector first = step.first_stage(), last = step.last_stage();
     const double zero = negligible * step.Y.cwiseAbs().maxCoeff();
+    // In a part y does not fall by half but where it was an impulse, that other constraints go on to hold.
+    for (Index i = 0; i < first.size() && h < problem_.h / 2 && step.stages() == 2; ++i)
+      if (first[i] > std::max(zero, much_more * regular_[i]) && last[i] < first[i] / 2) return true;
+    if (!step.switches()) return false;
     for (Index i = 0; i < first.size(); ++i)
       if (first[i] > std::max(zero, much_more * regular_[i]) && !(last[i] > zero)) return true;
     const Vector moved = h * (B_ * first).cwiseAbs().cwiseMax((B_ * last).cwiseAbs());

@@ -295,6 +295,9 @@ class Events {
     for (const Jump& other : jumps)
       if (!same(other.x, jumps.front().x, size_x_.cwiseMax(jumps.front().x.cwiseAbs())))
         return give_up("the jump of the state is not unique");
+    const Vector size_p = Vector::Constant(n_, jumps.front().p.cwiseAbs().maxCoeff());
+    for (const Jump& other : jumps)
+      if (!same(other.p, jumps.front().p, size_p)) out_.y_unique = false;
     x_ = jumps.front().x;
     integral_ += jumps.front().p;
     ++out_.jumps;

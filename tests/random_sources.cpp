@@ -208,6 +208,8 @@ void tell(S& scene, const std::vector<double>& breaks, double unit_t) {
   if constexpr (requires { scene.breakpoints; }) {
     scene.breakpoints = breaks;
     for (double& t : scene.breakpoints) t *= unit_t;
+    const auto same = std::unique(scene.breakpoints.begin(), scene.breakpoints.end());
+    scene.breakpoints.erase(same, scene.breakpoints.end());
   }
 }
 
