@@ -5,7 +5,7 @@
 #include "core/interior_check.hpp"
 #include "core/methods.hpp"
 #include "core/scaling.hpp"
-#include "core/source_jumps.hpp"
+#include "core/source_breakpoints.hpp"
 #include "core/states.hpp"
 #include "core/text.hpp"
 #include "core/timer.hpp"
@@ -348,7 +348,7 @@ double iteration_error(const std::vector<double>& history) {
 Result solve_to_tolerance(const Scene& given, Backend& backend, const Options& options) {
   std::optional<Scene> with_jumps;
   if (!given.breakpoints_are_all && (given.f || given.g))
-    if (std::vector<double> all = find_jumps(given); all.size() > given.breakpoints.size()) {
+    if (std::vector<double> all = find_breakpoints(given); all.size() > given.breakpoints.size()) {
       with_jumps = given;
       with_jumps->breakpoints = std::move(all);
       with_jumps->breakpoints_are_all = true;

@@ -1,7 +1,7 @@
 // Jumps of sources that nobody has named, impulses and the layers behind them.
 
 #include "core/lcp/active_set_lcp.hpp"
-#include "core/source_jumps.hpp"
+#include "core/source_breakpoints.hpp"
 #include "run.hpp"
 #include "trust.hpp"
 
@@ -27,7 +27,7 @@ Scene with_g(double (*g)(double), double T = 1) {
   return with_g([g](double t, Eigen::Ref<Vector> v) { v[0] = g(t); }, T);
 }
 
-TEST(SourceJumps, EdgesOfPulsesAreFoundToRounding) {
+TEST(SourceBreakpoints, EdgesOfPulsesAreFoundToRounding) {
   for (const double T : {1.0, 3e-7, 4e9}) {
     const std::vector<double> edges{0.1234567, 0.12351, 0.5, 0.98765};
     const Scene scene = with_g(
@@ -37,28 +37,38 @@ TEST(SourceJumps, EdgesOfPulsesAreFoundToRounding) {
           g[0] = value;
         },
         T);
-    const std::vector<double> found = find_jumps(scene);
+    const std::vector<double> found = find_breakpoints(scene);
     ASSERT_EQ(found.size(), edges.size());
     for (std::size_t i = 0; i < found.size(); ++i) EXPECT_NEAR(found[i], edges[i] * T, 16 * epsilon * T);
   }
 }
 
-TEST(SourceJumps, WhatIsContinuousHasNone) {
-  EXPECT_TRUE(find_jumps(with_g([](double t) { return std::abs(std::sin(40 * t)); })).empty());
-  EXPECT_TRUE(find_jumps(with_g([](double t) { return std::tanh(1e6 * (t - 0.3)); })).empty());
-  EXPECT_TRUE(find_jumps(with_g([](double t) { return std::exp(-1e4 * t); })).empty());
-  EXPECT_TRUE(find_jumps(with_g([](double t) { return std::sin(3e4 * t); })).empty());
-  EXPECT_TRUE(find_jumps(with_g([](double) { return 0.0; })).empty());
+TEST(SourceBreakpoints, KinksAreFound) {
+  const auto check = [](double (*g)(double), const std::vector<double>& kinks) {
+    const std::vector<double> found = find_breakpoints(with_g(g));
+    ASSERT_EQ(found.size(), kinks.size());
+    for (std::size_t i = 0; i < found.size(); ++i) EXPECT_NEAR(found[i], kinks[i], 1e-9);
+  };
+  constexpr double pi = 3.14159265358979323846;
+  check([](double t) { return std::abs(std::sin(10 * t)); }, {pi / 10, 2 * pi / 10, 3 * pi / 10});
+  check([](double t) { return std::max(std::exp(3 * t), 7.0); }, {std::log(7.0) / 3});
+  check([](double t) { return t < 0.4 ? t : 1.4 - 2 * t; }, {0.4});
 }
 
-TEST(SourceJumps, WhatIsFasterThanTheSearchHasNone) {
-  EXPECT_TRUE(find_jumps(with_g([](double t) { return std::sin(3e9 * t) + 0.1 * std::sin(7e5 * t); })).empty());
+TEST(SourceBreakpoints, WhatIsSmoothHasNone) {
+  EXPECT_TRUE(find_breakpoints(with_g([](double t) { return std::exp(-1e4 * t); })).empty());
+  EXPECT_TRUE(find_breakpoints(with_g([](double t) { return std::sin(3e4 * t); })).empty());
+  EXPECT_TRUE(find_breakpoints(with_g([](double) { return 0.0; })).empty());
 }
 
-TEST(SourceJumps, NamedBreakpointsStayAsTheyAre) {
+TEST(SourceBreakpoints, WhatIsFasterThanTheSearchHasNone) {
+  EXPECT_TRUE(find_breakpoints(with_g([](double t) { return std::sin(3e9 * t) + 0.1 * std::sin(7e5 * t); })).empty());
+}
+
+TEST(SourceBreakpoints, NamedBreakpointsStayAsTheyAre) {
   Scene scene = with_g([](double t) { return t < 0.3 ? 0.0 : t < 0.7 ? 1.0 : 3.0; });
   scene.breakpoints = {0.1, 0.3};
-  const std::vector<double> found = find_jumps(scene);
+  const std::vector<double> found = find_breakpoints(scene);
   ASSERT_EQ(found.size(), 3u);
   EXPECT_EQ(found[0], 0.1);
   EXPECT_EQ(found[1], 0.3);

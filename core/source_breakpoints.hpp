@@ -1,9 +1,10 @@
 #pragma once
-// Where f and g jump, found by looking: for sources whose breakpoints nobody has named.
+// Where f and g jump or have a kink, found by looking: for sources whose breakpoints nobody has named.
 //
 // Values at 65536 times (fewer where one has many components). Between two of them a source that is smooth changes
 // about as much as beside them; where one changes much more, the place is narrowed down by halving, to the rounding of
-// t. What still changes by half of that there is a jump. Pulses that lie between two of the times are not seen.
+// t. What still changes by half of that there is a jump. Where the slope changes much more than beside, the lines on
+// both sides meet in a kink. Pulses that lie between two of the times are not seen.
 
 #include "scene.hpp"
 
@@ -12,6 +13,6 @@
 namespace bromwich {
 
 /// Increasing; those of Scene::breakpoints among them.
-std::vector<double> find_jumps(const Scene&);
+std::vector<double> find_breakpoints(const Scene&);
 
 }  // namespace bromwich

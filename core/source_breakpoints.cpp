@@ -1,4 +1,4 @@
-#include "core/source_jumps.hpp"
+#include "core/source_breakpoints.hpp"
 
 #include "core/source_steps.hpp"
 
@@ -15,6 +15,7 @@ constexpr Index most_times = 65536, fewest_times = 1024;
 constexpr Index most_values = 4000000;    ///< of a source that are looked at
 constexpr double stands_out = 8;          ///< times the change beside
 constexpr double least_jump = 1e-6;       ///< of the largest value
+constexpr double least_kink = 1e-8;       ///< of the largest value: change of slope between two of the times
 constexpr double place = 16 * epsilon;    ///< of T
 constexpr std::size_t most_jumps = 8192;  ///< more are no jumps but noise, or as fast as the times that are looked at
 
@@ -47,6 +48,9 @@ class Search {
       if (change[std::size_t(k)] > limit) narrow(time(k), time(k + 1), limit);
       if (found_.size() > most_jumps) return {};
     }
+    const std::size_t jumps = found_.size();
+    find_kinks(changes);
+    if (found_.size() - jumps > most_jumps) found_.resize(jumps);
     return std::move(found_);
   }
 
@@ -63,6 +67,47 @@ class Search {
     std::nth_element(around.begin(), around.begin() + std::ptrdiff_t(count / 2),
                      around.begin() + std::ptrdiff_t(count));
     return around[count / 2];
+  }
+
+  // Where the slope changes much more than beside: second differences stand out at one or two times.
+  void find_kinks(const RowMatrix& changes) {
+    std::vector<double> bend(std::size_t(times_) - 1);  // at time(k + 1)
+    for (Index k = 0; k + 1 < times_; ++k)
+      bend[std::size_t(k)] =
+          (changes.row(k + 1) - changes.row(k)).transpose().cwiseAbs().cwiseQuotient(scale_).maxCoeff();
+    std::sort(found_.begin(), found_.end());
+    const double d = T_ / double(times_);
+    for (Index k = 1; k + 2 < times_; ++k) {
+      const double here = bend[std::size_t(k)];
+      const bool highest = here >= bend[std::size_t(k) - 1] && here > bend[std::size_t(k) + 1];
+      if (!highest || !(here > std::max(least_kink, stands_out * beside(bend, k)))) continue;
+      const double near = time(k + 1);
+      const auto jump = std::lower_bound(found_.begin(), found_.end(), near - 3 * d);
+      if (jump != found_.end() && *jump <= near + 3 * d) continue;
+      Index component = 0;
+      (changes.row(k + 1) - changes.row(k)).transpose().cwiseAbs().cwiseQuotient(scale_).maxCoeff(&component);
+      const double first = meeting_point(near, d, component);
+      if (std::isnan(first) || std::abs(first - near) > d) continue;
+      const double second = meeting_point(first, d / 32, component);
+      kinks_.push_back(std::isnan(second) || std::abs(second - first) > d / 32 ? first : second);
+      if (kinks_.size() > most_jumps) break;
+    }
+    found_.insert(found_.end(), kinks_.begin(), kinks_.end());
+  }
+
+  // Of the lines on both sides of t, each through values at distances d and 2 d.
+  double meeting_point(double t, double d, Index i) {
+    std::array<double, 4> v{};
+    const std::array<double, 4> at{t - 2 * d, t - d, t + d, t + 2 * d};
+    Vector all;
+    for (std::size_t k = 0; k < 4; ++k) {
+      if (at[k] < 0 || at[k] > T_) return NAN;
+      source_.value(at[k], all);
+      v[k] = all[i];
+    }
+    const double left = (v[1] - v[0]) / d, right = (v[3] - v[2]) / d;
+    // v1 + left (s - t + d) = v2 + right (s - t - d)
+    return t + (v[2] - v[1] - d * (left + right)) / (left - right);
   }
 
   double apart(const Vector& u, const Vector& v) const { return (u - v).cwiseAbs().cwiseQuotient(scale_).maxCoeff(); }
@@ -97,12 +142,12 @@ class Search {
   double T_;
   Index times_;
   Vector scale_;
-  std::vector<double> found_;
+  std::vector<double> found_, kinks_;
 };
 
 }  // namespace
 
-std::vector<double> find_jumps(const Scene& scene) {
+std::vector<double> find_breakpoints(const Scene& scene) {
   std::vector<double> all = scene.breakpoints;
   const std::array<std::pair<const TimeFunction*, Index>, 2> sources{
       {{&scene.f, scene.sources()}, {&scene.g, scene.constraints()}}};
