@@ -271,15 +271,24 @@ void print(const Summary& s, std::size_t count) {
 }
 
 void write(const Arguments& a, const std::vector<Outcome>& all, const Summary& s) {
-  ordered_json rows = ordered_json::array();
-  for (const Outcome& o : all) rows.push_back(as_json(o));
+  ordered_json rows = ordered_json::array();  // without those that are as they should be
+  for (const Outcome& o : all)
+    if (o.verdict != "right" && o.verdict != "undecided") rows.push_back(as_json(o));
+  ordered_json quantiles;
+  for (const auto& [name, q] :
+       {std::pair{"2.5 %", 0.025}, {"25 %", 0.25}, {"50 %", 0.5}, {"75 %", 0.75}, {"97.5 %", 0.975}})
+    quantiles[name] = quantile(s.effectivity, q);
   const ordered_json json{{"first_seed", a.first_seed},
                           {"count", a.count},
                           {"method", to_string(a.method)},
                           {"tolerance", a.tolerance},
+                          {"seconds", a.seconds},
                           {"verdicts", s.verdicts},
+                          {"told", s.told},
+                          {"not_told", s.not_told},
                           {"refused", s.reasons},
                           {"undecided", s.undecided},
+                          {"effectivity", quantiles},
                           {"effectivity_in_0.3_to_3", within(s.effectivity)},
                           {"scenes", rows}};
   std::ofstream file(a.out);

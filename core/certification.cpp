@@ -38,6 +38,16 @@ Rule growth_rule(const DiscreteProblem& p, Method method, const Result& result) 
   return !p.dense() || has_euler_step(p.dense()->A, p.h) ? Rule::implicit_euler : Rule::exponential;
 }
 
+// What rounding leaves of M y where y is large, as in a step that an impulse fills.
+double rounding_of_w(const DiscreteProblem& p, const Result& result) {
+  const auto* M = std::get_if<Matrix>(&p.scene.M);
+  if (!M || result.y.size() == 0 || result.continuous) return 0;
+  double largest = 0;
+  for (Index j = 0; j < result.y.rows(); ++j)
+    if (result.y.row(j).allFinite()) largest = std::max(largest, result.y.row(j).cwiseAbs().maxCoeff());
+  return 64 * epsilon * M->cwiseAbs().rowwise().sum().maxCoeff() * largest;
+}
+
 void demote(Result& result, const std::string& reason) {
   result.status = Status::tolerance_not_met;
   result.reason = reason;
@@ -59,7 +69,7 @@ bool iterates(Method method) {
 
 void Certification::certify(Method method, Result& result) {
   const DiscreteProblem& p = methods_.problem();
-  if (!(result.residual <= residual_limit(iterates(method), result, options_)))
+  if (!(result.residual <= std::max(residual_limit(iterates(method), result, options_), rounding_of_w(p, result))))
     return demote(result, "the residual is above the limit for a solution");
   if (method != Method::contour_literal && result.kernel_error > most_kernel_error)
     return demote(result, text("the weights of the kernel are known only to %.1e: use other steps, or method euler",

@@ -258,7 +258,7 @@ NaturalSizes kronecker_sizes(const KroneckerDynamics& d, const Scene& scene) {
   const Vector z = line_response(d, scene.T), g = largest_values(scene.g, n, scene);
   const double phi = scene.f ? largest_values(scene.f, scene.sources(), scene).maxCoeff() : 0;
   const double gain = diagonal_of(scene.M).cwiseAbs().maxCoeff() + d.n.cwiseAbs().dot(z);
-  const double of_x0 = initial_sizes(scene).maxCoeff(),
+  const double of_x0 = scene.boundary ? initial_sizes(scene).maxCoeff() : scene.x0.cwiseAbs().maxCoeff(),
                at_start = scene.boundary ? 0 : observe(scene.dynamics, scene.x0).cwiseAbs().maxCoeff();
   const double w = positive_or(std::max({g.maxCoeff(), at_start, d.n.cwiseAbs().dot(z) * phi}), 1);
   const double y = positive_or(w / gain, 1);
@@ -364,6 +364,7 @@ Vector largest_values(const TimeFunction& function, Index width, const Scene& sc
 
 NaturalSizes natural_sizes(const Scene& scene) {
   NaturalSizes s = std::visit([&](const auto& d) { return sizes_of(d, scene); }, scene.dynamics);
+  if (std::holds_alternative<KroneckerDynamics>(scene.dynamics)) return s;
   for (Vector* some : {&s.x, &s.y, &s.w})
     for (double& size : *some) size = positive_or(size, 1);
   return s;

@@ -104,9 +104,7 @@ Semidefinite semidefinite(const Scene& scene, const Matrix& M) {
 }
 
 // Nothing is gained by common factors of ten, and large results would have to be brought back.
-bool near_one(const Exponents& k) {
-  return std::all_of(k.begin(), k.end(), [](int e) { return std::abs(e) <= 1; });
-}
+bool near_one(double size) { return std::abs(exponent(size)) <= 1; }
 
 // A number times 10^k is value * up / down: one of the two is 1, and 10^|k| the other, so that nothing is rounded
 // twice.
@@ -272,8 +270,8 @@ NaturalUnits natural_units(const Scene& scene) {
   if (scene.constraints() == 0) return {};
   const NaturalSizes sizes = natural_sizes(scene);
   const bool common = std::holds_alternative<KroneckerDynamics>(scene.dynamics);
+  if (common && near_one(sizes.x[0]) && near_one(sizes.y[0]) && near_one(sizes.w[0])) return {};
   NaturalUnits units{exponents(sizes.x), exponents(sizes.y), exponents(sizes.w), {}};
-  if (common && near_one(units.x) && near_one(units.y) && near_one(units.w)) return {};
   const Matrix M = common ? Matrix() : to_dense(scene.M);
   if (!common && !(all_zero(units.y) && all_zero(units.w)))
     if (const Semidefinite s = semidefinite(scene, M); s.holds)
@@ -321,7 +319,13 @@ Result solve_in_natural_units(const Scene& scene, Backend& backend, const Option
   inner.units =
       std::make_shared<const NaturalUnits>(options.method == Method::goal ? NaturalUnits{} : natural_units(scene));
   const NaturalUnits& units = *inner.units;
-  if (units.trivial()) return solve(scene, backend, inner);
+  if (units.trivial()) {
+    const double looked = timer.lap();
+    Result result = solve(scene, backend, inner);
+    result.seconds.setup += looked;
+    result.seconds.total += looked;
+    return result;
+  }
   const Scene natural = in_natural_units(scene, units);
   RowMatrix first;
   if (options.first_iterate && options.first_iterate->cols() == scene.constraints()) {

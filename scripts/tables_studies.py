@@ -342,6 +342,33 @@ def random(data):
     ]
 
 
+def trust(data):
+    """What became of random scenes with every kind of source."""
+    columns = (("all", data["verdicts"]), ("breakpoints named", data["told"]), ("not named", data["not_told"]))
+    lines = ["| verdict | " + " | ".join(name for name, _ in columns) + " |", "|--" * (len(columns) + 1) + "|"]
+    meanings = (
+        ("right", "error below the tolerance"),
+        ("missed", "solved, error up to 3 times the tolerance"),
+        ("wrong", "**solved, error above that**"),
+        ("refused", "refused though well-conditioned"),
+        ("ill-conditioned", "refused, and data changed by 1e-10 move the solution"),
+        ("undecided", "not decided by the oracle"),
+    )
+    for key, label in meanings:
+        lines.append(f"| {label} | " + " | ".join(str(counts.get(key, 0)) for _, counts in columns) + " |")
+    counts = data["verdicts"]
+    decided = sum(counts.get(key, 0) for key in ("right", "missed", "wrong", "refused"))
+    quantiles = ", ".join(f"{name} {value:.2g}" for name, value in data["effectivity"].items())
+    reasons = "; ".join(f"{n}: {reason.split(': ', 1)[-1].rstrip(': ')}" for reason, n in
+                        sorted(data["refused"].items(), key=lambda item: -item[1])[:6])  # fmt: skip
+    return lines + [
+        "",
+        f"{data['count']} scenes from seed {data['first_seed']} on, `--tol {data['tolerance']:.0e}`, method {data['method']}, {data['seconds']:.0f} s "
+        f"each at most. Refused: {100 * counts.get('refused', 0) / decided:.1f} % of the well-conditioned ones, most often: {reasons}. "
+        f"Estimate over error: {quantiles}; between 0.3 and 3 for {100 * data['effectivity_in_0.3_to_3']:.0f} %.",
+    ]
+
+
 def coverage(data):
     lines = ["| folder | lines | covered |", "|--|--|--|"]
     for folder, count in data["folders"].items():

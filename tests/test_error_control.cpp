@@ -226,7 +226,7 @@ TEST(ErrorControl, SaysBeforeThatNoGridWillDo) {
   const Result result = run(scene, options_to(1e-9, Method::euler));
   EXPECT_EQ(result.status, Status::tolerance_not_met);
   EXPECT_NE(result.reason.find("steps would be needed"), std::string::npos) << result.reason;
-  EXPECT_LE(result.steps, 8 * scene.default_steps);
+  EXPECT_LE(result.steps, 32 * scene.default_steps);  // as soon as the order is regular
   ASSERT_TRUE(result.error_estimate);
   EXPECT_LE(*result.error_estimate, largest_effectivity * true_error(scene, result));
 }
