@@ -24,6 +24,7 @@ constexpr Index fewest_steps = 16;            ///< of a first grid of our choice
 constexpr Index patience = 4;                 ///< times the scene's steps: below, nothing is called out of reach
 constexpr Index patience_with_failures = 16;  ///< times the scene's steps: below, a failure is put down to the grid
 constexpr Index patience_when_stalled = 64;   ///< times the scene's steps: solutions may come together late
+constexpr double not_resolved = 0.1;          ///< differences above that say nothing of the order to come
 constexpr double cheap = 2e8;                 ///< J (m + n)^2: below, grids are tried as long as the budget lasts
 constexpr double out_of_reach = 4;            ///< times max_steps, predicted with the order that was seen
 
@@ -280,7 +281,7 @@ class Refinement {
     if (!patient && d.stalled(window_when_stalled))
       return text("halving the step does not bring the solutions together any more: %s still moves by %.1e", what,
                   d.last());
-    if (patient && !d.regular()) return std::nullopt;
+    if (patient && (!d.regular() || d.last() > not_resolved)) return std::nullopt;
     const double needed = double(solved_->steps) * std::exp2(d.halvings_to(accepted * goal - other));
     if (needed > out_of_reach * double(options_.max_steps))
       return text("about %.0e steps would be needed (--max-steps allows %ld)", needed, long(options_.max_steps));

@@ -12,19 +12,22 @@ namespace bromwich {
 namespace {
 
 constexpr Index most_times = 65536, fewest_times = 1024;
-constexpr Index most_values = 4000000;    ///< of a source that are looked at
-constexpr double stands_out = 8;          ///< times the change beside
-constexpr double least_jump = 1e-6;       ///< of the largest value
-constexpr double least_kink = 1e-8;       ///< of the largest value: change of slope between two of the times
+constexpr Index most_values = 4000000;  ///< of a source that are looked at
+constexpr double stands_out = 8;        ///< times the change beside
+constexpr double least_jump = 1e-6;     ///< of the largest value
+constexpr double least_kink = 1e-8;     ///< of the largest value: change of slope between two of the times
+/// Unknowns of a scene whose steps are taken in parts at kinks too: larger ones gain less than the parts cost.
+constexpr Index largest_with_kinks = 32;
 constexpr double place = 16 * epsilon;    ///< of T
 constexpr std::size_t most_jumps = 8192;  ///< more are no jumps but noise, or as fast as the times that are looked at
 
 class Search {
  public:
-  Search(const TimeFunction& function, Index width, double T)
+  Search(const TimeFunction& function, Index width, double T, bool kinks)
       : source_(function, width, 0),
         T_(T),
-        times_(std::clamp(most_values / std::max<Index>(1, source_.width()), fewest_times, most_times)) {}
+        times_(std::clamp(most_values / std::max<Index>(1, source_.width()), fewest_times, most_times)),
+        looks_for_kinks_(kinks) {}
 
   std::vector<double> run() {
     const Index n = source_.width();
@@ -49,7 +52,7 @@ class Search {
       if (found_.size() > most_jumps) return {};
     }
     const std::size_t jumps = found_.size();
-    find_kinks(changes);
+    if (looks_for_kinks_) find_kinks(changes);
     if (found_.size() - jumps > most_jumps) found_.resize(jumps);
     return std::move(found_);
   }
@@ -141,6 +144,7 @@ class Search {
   OneSided source_;
   double T_;
   Index times_;
+  bool looks_for_kinks_;
   Vector scale_;
   std::vector<double> found_, kinks_;
 };
@@ -149,11 +153,13 @@ class Search {
 
 std::vector<double> find_breakpoints(const Scene& scene) {
   std::vector<double> all = scene.breakpoints;
+  const bool kinks = std::holds_alternative<DenseDynamics>(scene.dynamics) &&
+                     scene.states() + scene.constraints() <= largest_with_kinks;
   const std::array<std::pair<const TimeFunction*, Index>, 2> sources{
       {{&scene.f, scene.sources()}, {&scene.g, scene.constraints()}}};
   for (const auto& [function, width] : sources) {
     if (!*function || width == 0) continue;
-    for (const double t : Search(*function, width, scene.T).run())
+    for (const double t : Search(*function, width, scene.T, kinks).run())
       if (t > 0 && t < scene.T) all.push_back(t);
   }
   std::sort(all.begin(), all.end());
