@@ -158,7 +158,9 @@ std::vector<double> find_breakpoints(const Scene& scene) {
   const std::array<std::pair<const TimeFunction*, Index>, 2> sources{
       {{&scene.f, scene.sources()}, {&scene.g, scene.constraints()}}};
   for (const auto& [function, width] : sources) {
-    if (!*function || width == 0) continue;
+    if (!*function || OneSided(*function, width, 0).width() > most_values / fewest_times)
+      continue;  // too many to look at
+    if (width == 0) continue;
     for (const double t : Search(*function, width, scene.T, kinks).run())
       if (t > 0 && t < scene.T) all.push_back(t);
   }
