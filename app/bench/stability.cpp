@@ -84,16 +84,6 @@ double error_in_measure(const RowMatrix& found, const RowMatrix& exact, Index la
   return worst;
 }
 
-RowMatrix integral_of(const Result& r, bool linear) {
-  RowMatrix sums = RowMatrix::Zero(r.y.rows(), r.y.cols());
-  for (Index j = 1; j < r.y.rows(); ++j) {
-    const double h = r.t[j] - r.t[j - 1];
-    sums.row(j) = sums.row(j - 1) + h * r.y.row(j);
-    if (linear) sums.row(j) += h / 2 * (r.y.row(j - 1) - r.y.row(j));
-  }
-  return sums;
-}
-
 void compare(const HardCase& one, const Result& r, Found& found) {
   const Index J = r.y.rows() - 1;
   if (J < 1 || r.x.rows() != J + 1) return;
@@ -103,9 +93,8 @@ void compare(const HardCase& one, const Result& r, Found& found) {
   const Truth exact = truth(one, r, found.of_integral && one.compare_y);
   found.error_x = error_in_measure(r.x, exact.x, last);
   if (!one.compare_y) return;
-  found.error_y = found.of_integral
-                      ? error_in_measure(integral_of(r, r.continuous && r.method != "euler"), exact.integral, last)
-                      : error_in_measure(r.y, exact.y, last);
+  found.error_y = found.of_integral ? error_in_measure(integral_of_y(r), exact.integral, last)
+                                    : error_in_measure(r.y, exact.y, last);
 }
 
 Found run(const HardCase& one, Backend& backend, const Options& options, int repeats) {
