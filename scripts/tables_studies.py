@@ -359,12 +359,10 @@ def trust(data):
     counts = data["verdicts"]
     decided = sum(counts.get(key, 0) for key in ("right", "missed", "wrong", "refused"))
     quantiles = ", ".join(f"{name} {value:.2g}" for name, value in data["effectivity"].items())
-    reasons = "; ".join(f"{n}: {reason.split(': ', 1)[-1].rstrip(': ')}" for reason, n in
-                        sorted(data["refused"].items(), key=lambda item: -item[1])[:6])  # fmt: skip
     return lines + [
         "",
         f"{data['count']} scenes from seed {data['first_seed']} on, `--tol {data['tolerance']:.0e}`, method {data['method']}, {data['seconds']:.0f} s "
-        f"each at most. Refused: {100 * counts.get('refused', 0) / decided:.1f} % of the well-conditioned ones, most often: {reasons}. "
+        f"each at most. Refused: {100 * counts.get('refused', 0) / decided:.1f} % of the well-conditioned ones; their reasons are in the file. "
         f"Estimate over error: {quantiles}; between 0.3 and 3 for {100 * data['effectivity_in_0.3_to_3']:.0f} %.",
     ]
 
