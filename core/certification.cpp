@@ -69,7 +69,8 @@ bool iterates(Method method) {
 
 void Certification::certify(Method method, Result& result) {
   const DiscreteProblem& p = methods_.problem();
-  if (!(result.residual <= std::max(residual_limit(iterates(method), result, options_), rounding_of_w(p, result))))
+  if (!(result.residual <= residual_limit(iterates(method), result, options_)) &&
+      !(result.residual <= rounding_of_w(p, result)))
     return demote(result, "the residual is above the limit for a solution");
   if (method != Method::contour_literal && result.kernel_error > most_kernel_error)
     return demote(result, text("the weights of the kernel are known only to %.1e: use other steps, or method euler",

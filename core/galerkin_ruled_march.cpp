@@ -96,7 +96,7 @@ class RuledMarch {
     const bool smooth = solve(IntervalRule::galerkin, k, x, s);
     const IntervalRule needed = smooth ? choice_.needed(by(IntervalRule::galerkin).z) : IntervalRule::radau;
     if (needed == IntervalRule::galerkin) return needed;
-    const bool by_radau = needed == IntervalRule::radau && !choice_.source_breakpoints(p_.t[k], p_.t[k + 1]) &&
+    const bool by_radau = needed == IntervalRule::radau && !choice_.source_jumps(p_.t[k], p_.t[k + 1]) &&
                           solve(IntervalRule::radau, k, x, s);
     if (by_radau) {
       const Stepper& radau = by(IntervalRule::radau);

@@ -170,7 +170,7 @@ RuleChoice::RuleChoice(const Scene& scene)
   free_block_is_regular_ = reciprocal_condition(lu) > singular_block;
 }
 
-bool RuleChoice::source_breakpoints(double begin, double end) const {
+bool RuleChoice::source_jumps(double begin, double end) const {
   const double apart = just_before * (end - begin);
   const auto first = std::lower_bound(breakpoints_.begin(), breakpoints_.end(), begin + apart);
   return first != breakpoints_.end() && *first < end - apart;
@@ -229,7 +229,7 @@ std::vector<IntervalRule> next_rules(const RuledProblems& problems, RuleChoice& 
     const IntervalRule now = rules[std::size_t(k)];
     const Vector values = z.row(k).transpose();
     IntervalRule rule = choice.needed(values);
-    if (rule == IntervalRule::radau && choice.source_breakpoints(p.t[k], p.t[k + 1])) rule = IntervalRule::euler;
+    if (rule == IntervalRule::radau && choice.source_jumps(p.t[k], p.t[k + 1])) rule = IntervalRule::euler;
     const bool jump = now == IntervalRule::radau && lets_go(values);
     // What was taken by Euler shows no jump any more.
     if (jump || (now == IntervalRule::euler && rule != IntervalRule::galerkin)) rule = IntervalRule::euler;

@@ -47,7 +47,7 @@ class RuleChoice {
   /// For the values z of an interval, with free unknowns (2n) or without them: galerkin where M_SS is regular.
   IntervalRule needed(const Vector& z);
   /// Whether a breakpoint lies inside an interval.
-  bool source_breakpoints(double begin, double end) const;
+  bool source_jumps(double begin, double end) const;
 
  private:
   IntervalRule decide(const std::vector<Index>& active) const;
