@@ -1,7 +1,7 @@
 #include "app/arguments.hpp"
 
 #include "app/text.hpp"
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 
 #include <fmt/format.h>
 

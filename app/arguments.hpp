@@ -3,8 +3,8 @@
 // do; nothing is corrected silently.
 
 #include "app/commands.hpp"
-#include "core/scenes/catalogue.hpp"
-#include "core/solve.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/solve.hpp"
 
 #include <string>
 #include <vector>

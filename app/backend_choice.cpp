@@ -1,9 +1,9 @@
 #include "app/backend_choice.hpp"
 
 #include "app/text.hpp"
-#include "core/cost.hpp"
-#include "core/error.hpp"
-#include "core/method_choice.hpp"
+#include "core/base/error.hpp"
+#include "core/solve/cost.hpp"
+#include "core/solve/method_choice.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
 

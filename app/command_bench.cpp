@@ -1,13 +1,13 @@
 // `bromwich bench`: picks the benchmark, checks the request, and wraps what comes back with its provenance.
 
 #include "app/arguments.hpp"
-#include "app/bench/study.hpp"
 #include "app/commands.hpp"
 #include "app/machine.hpp"
 #include "app/output_file.hpp"
 #include "app/text.hpp"
+#include "bench/studies/study.hpp"
+#include "core/base/error.hpp"
 #include "core/build_info.hpp"
-#include "core/error.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <fmt/format.h>

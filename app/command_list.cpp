@@ -5,8 +5,8 @@
 #include "app/machine.hpp"
 #include "app/scene_choice.hpp"
 #include "app/text.hpp"
+#include "core/base/error.hpp"
 #include "core/build_info.hpp"
-#include "core/error.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <fmt/format.h>

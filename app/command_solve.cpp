@@ -14,9 +14,9 @@
 #include "app/scene_choice.hpp"
 #include "app/scene_template.hpp"
 #include "app/text.hpp"
-#include "core/dense_output.hpp"
-#include "core/error.hpp"
-#include "core/switch_errors.hpp"
+#include "core/base/error.hpp"
+#include "core/solve/dense_output.hpp"
+#include "core/solve/switch_errors.hpp"
 
 #include <fmt/format.h>
 

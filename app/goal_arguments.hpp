@@ -4,7 +4,7 @@
 #include "app/commands.hpp"
 #include "app/output_csv.hpp"
 #include "app/output_json.hpp"
-#include "core/goal.hpp"
+#include "core/goal/goal.hpp"
 
 #include <memory>
 #include <optional>

@@ -1,7 +1,7 @@
 #pragma once
 // What happens on the terminal while a solve runs: a progress line, and Ctrl-C.
 
-#include "core/solve.hpp"
+#include "core/solve/solve.hpp"
 
 #include <signal.h>
 

@@ -4,8 +4,8 @@
 #include "app/commands.hpp"
 #include "app/interaction.hpp"
 #include "app/text.hpp"
+#include "core/base/error.hpp"
 #include "core/build_info.hpp"
-#include "core/error.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "core/energy_balance.hpp"
-#include "core/result.hpp"
-#include "core/switching.hpp"
+#include "core/goal/energy_balance.hpp"
+#include "core/result/result.hpp"
+#include "core/result/switching.hpp"
 
 #include <cstdio>
 

@@ -1,7 +1,7 @@
 #include "app/output_file.hpp"
 
 #include "app/interaction.hpp"
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 
 #include <fmt/format.h>
 

@@ -2,7 +2,7 @@
 
 #include "app/scene_facts.hpp"
 #include "app/text.hpp"
-#include "core/goal.hpp"
+#include "core/goal/goal.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

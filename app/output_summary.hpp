@@ -2,7 +2,7 @@
 
 #include "app/reference_error.hpp"
 #include "app/scene_choice.hpp"
-#include "core/result.hpp"
+#include "core/result/result.hpp"
 
 #include <string>
 

@@ -1,7 +1,7 @@
 #include "app/reference_error.hpp"
 
-#include "core/error.hpp"
-#include "core/solve.hpp"
+#include "core/base/error.hpp"
+#include "core/solve/solve.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "app/scene_choice.hpp"
-#include "core/backend.hpp"
-#include "core/result.hpp"
+#include "core/result/result.hpp"
+#include "core/seam/backend.hpp"
 
 #include <optional>
 

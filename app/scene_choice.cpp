@@ -2,7 +2,7 @@
 
 #include "app/machine.hpp"
 #include "app/text.hpp"
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 
 #include <fmt/format.h>
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
 #include "files/scene_file.hpp"
 
 #include <filesystem>

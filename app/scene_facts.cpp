@@ -1,8 +1,8 @@
 #include "app/scene_facts.hpp"
 
+#include "core/dynamics/spectrum.hpp"
 #include "core/lcp/lcp_class.hpp"
-#include "core/mixed.hpp"
-#include "core/spectrum.hpp"
+#include "core/solve/mixed.hpp"
 
 namespace bromwich::app {
 

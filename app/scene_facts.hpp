@@ -1,7 +1,7 @@
 #pragma once
 // What is known of a scene before it is solved, in words.
 
-#include "core/scene.hpp"
+#include "core/scene/scene.hpp"
 
 #include <string>
 

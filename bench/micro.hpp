@@ -7,7 +7,7 @@
 // divisions         divisions per second, as the code performs them
 // footprint         bytes of everything a call reads or writes: the size at which the memory ceiling is taken
 
-#include "core/backend.hpp"
+#include "core/seam/backend.hpp"
 
 #include <benchmark/benchmark.h>
 

@@ -2,7 +2,8 @@
 //
 // operation          traffic: the array in and out, and            useful operations
 // convolution_scan   -                                             4 per exponential, mode and step; 2 per lag that
-//                                                                  counts (core/memory_length.hpp) where that is less
+//                                                                  counts (core/kernel/memory_length.hpp) where that is
+//                                                                  less
 // convolution_fft    n spectra of J+2 complex numbers and the      2 transforms of length N = 2(J+1) a mode,
 //                    weights of y_0, (J+1) x n                     2.5 N log2 N each, and N/2 complex products
 // convolution_dense  -                                             2 (m^2 + m k + n m + n k) a step
@@ -13,10 +14,10 @@
 
 #include "bench/micro.hpp"
 
-#include "core/compression.hpp"
-#include "core/kernel.hpp"
-#include "core/memory_length.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/kernel/compression.hpp"
+#include "core/kernel/kernel.hpp"
+#include "core/kernel/memory_length.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -7,9 +7,10 @@
 
 #include "bench/micro.hpp"
 
-#include "core/compression.hpp"
-#include "core/march_outcome.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/kernel/compression.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/march/outcome.hpp"
 
 #include <map>
 #include <string>

@@ -11,9 +11,9 @@
 
 #include "bench/micro.hpp"
 
-#include "core/contour.hpp"
-#include "core/elimination.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/numerics/contour.hpp"
+#include "core/numerics/elimination.hpp"
 
 #include <map>
 

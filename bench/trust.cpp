@@ -10,7 +10,7 @@
 // --tol for the judgement. Ends with 1 where a result is wrong.
 
 #include "tests/trust.hpp"
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <Eigen/Dense>

@@ -1,6 +1,6 @@
-// Chains of affine maps (core/affine_chain.hpp): blocks are divided among the threads, and intervals too.
+// Chains of affine maps (core/seam/affine_chain.hpp): blocks are divided among the threads, and intervals too.
 
-#include "core/affine_chain.hpp"
+#include "core/seam/affine_chain.hpp"
 
 #include "cpu/failure.hpp"
 #include "cpu/parts.hpp"

@@ -1,6 +1,6 @@
 // Operations on whole arrays that a hierarchy of time grids needs.
 
-#include "core/ringing.hpp"
+#include "core/kernel/ringing.hpp"
 #include "cpu/parts.hpp"
 
 #include <omp.h>

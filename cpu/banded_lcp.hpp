@@ -1,6 +1,6 @@
 #pragma once
 // LCP(q, M), one after another, for a P-matrix M whose entries, and those of its inverses, decay away from the
-// diagonal, as those of M + W_0 of a diffusion do: the principal pivot transform P(S) of core/lcp/active_set_lcp.hpp
+// diagonal, as those of M + W_0 of a diffusion do: the principal pivot transform P(S) of core/lcp/active_set.hpp
 // kept as a band. Entries below eps of the largest are dropped: n of them stay below the rounding bound n eps of a
 // product.
 //
@@ -11,7 +11,7 @@
 // A problem with unchanged active set S costs n (2w + 1) multiplications instead of n |S|, an exchange of one index
 // 2 (2w + 1)^2 instead of n^2, and M and P(S) stay in the caches. Every solution is verified with M itself.
 
-#include "core/types.hpp"
+#include "core/base/types.hpp"
 #include "cpu/simd.hpp"
 
 #include <memory>

@@ -4,7 +4,8 @@
 
 namespace bromwich::cpu {
 
-// W_d = C E^{d-1}, S_d = C E^{d-1} G0, d >= 1 (core/recurrence.hpp); powers of `group` exponentials stay in registers.
+// W_d = C E^{d-1}, S_d = C E^{d-1} G0, d >= 1 (core/kernel/recurrence.hpp); powers of `group` exponentials stay in
+// registers.
 DirectBlock::DirectBlock(const ModalRecurrence& r, Index b, Index D)
     : lags_(D),
       weights_(std::size_t((D / near + 1) * near), all(0)),

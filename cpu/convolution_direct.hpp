@@ -3,10 +3,10 @@
 //
 //     v_j = Σ_{d=0}^{min(D, j-1)} W_d y_{j-d} + S_j y_0,
 //
-// where they remember few lags D (core/memory_length.hpp) or there are few rows: at most D multiply-adds a mode and
-// row. There is no state, so that any rows can be formed at any time.
+// where they remember few lags D (core/kernel/memory_length.hpp) or there are few rows: at most D multiply-adds a mode
+// and row. There is no state, so that any rows can be formed at any time.
 
-#include "core/recurrence.hpp"
+#include "core/kernel/recurrence.hpp"
 #include "cpu/simd.hpp"
 
 #include <algorithm>

@@ -6,7 +6,7 @@
 // (1) the state each chunk adds, from zero; (2) carry: z at the start of chunk c+1 = E^length z at the start of c +
 // what c adds; (3) apply.
 
-#include "core/memory_length.hpp"
+#include "core/kernel/memory_length.hpp"
 #include "cpu/convolution_direct.hpp"
 #include "cpu/convolution_scan.hpp"
 #include "cpu/mode_blocks.hpp"

@@ -1,11 +1,11 @@
 #pragma once
-// Eight modes of a causal convolution as a recurrence with K exponentials a mode (core/recurrence.hpp),
+// Eight modes of a causal convolution as a recurrence with K exponentials a mode (core/kernel/recurrence.hpp),
 //
 //     v_j = W_0 y_j + w1 y_{j-1} + C z_{j-1},    z_j = E z_{j-1} + y_j:
 //
 // 2 K multiply-adds a mode and row, however far back the modes remember.
 
-#include "core/recurrence.hpp"
+#include "core/kernel/recurrence.hpp"
 #include "cpu/simd.hpp"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
-// Causal convolution along time as a recurrence with a dense state z (core/recurrence.hpp): z_j = E z_{j-1} + G y_j.
+// Causal convolution along time as a recurrence with a dense state z (core/kernel/recurrence.hpp): z_j = E z_{j-1} + G
+// y_j.
 //
 // Chunks of time run in parallel: (1) the state each chunk adds, from zero; (2) carry: z at the start of chunk c+1 =
 // E^length z at the start of c + what c adds; (3) apply.

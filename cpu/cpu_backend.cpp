@@ -1,8 +1,8 @@
 #include "cpu/cpu_backend.hpp"
 
-#include "core/affine_chain.hpp"
-#include "core/error.hpp"
-#include "core/step_chain.hpp"
+#include "core/base/error.hpp"
+#include "core/seam/affine_chain.hpp"
+#include "core/seam/step_chain.hpp"
 #include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "../core/backend.hpp"
+#include "core/seam/backend.hpp"
 
 #include <memory>
 

@@ -1,9 +1,9 @@
 #pragma once
 // What the batched complementarity solvers share: rows are taken `width` at a time with one row per SIMD lane, each
 // block runs semismooth Newton on min(y, w) (an exchange of active sets) until all its lanes agree, and the few rows
-// that do not settle go to the pivoting solver of core/lcp/active_set_lcp.hpp one by one.
+// that do not settle go to the pivoting solver of core/lcp/active_set.hpp one by one.
 
-#include "core/lcp/active_set_lcp.hpp"
+#include "core/lcp/active_set.hpp"
 #include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"

@@ -21,7 +21,7 @@ class LaneLcp final : public LcpBatch {
       : n_(M.rows()),
         original_(M),
         scale_(equilibrate(M)),
-        M_(std::get<Matrix>(scaled(M, scale_))),
+        M_(scaled(M, scale_)),
         class_(selection_class(M, lcp_class)),
         row_blocks_(rows, threads),
         threads_(threads),

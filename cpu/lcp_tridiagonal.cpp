@@ -87,7 +87,7 @@ class TridiagonalLcp final : public LcpBatch {
         original_(M),
         shifted_(plus_identity(M, shift)),
         scale_(equilibrate(shifted_)),
-        M_(std::get<Tridiagonal>(scaled(shifted_, scale_))),
+        M_(scaled(shifted_, scale_)),
         class_(selection_class(shifted_, lcp_class)),
         row_blocks_(rows, threads),
         threads_(threads),

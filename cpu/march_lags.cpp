@@ -11,7 +11,7 @@
 //
 // O(J log^2 J) operations per entry of W.
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/real_fft.hpp"
 #include "cpu/step_lcp.hpp"

@@ -1,4 +1,4 @@
-// Step by step with y discontinuous from one step to the next (core/backend.hpp, StageProblem). Every step solves
+// Step by step with y discontinuous from one step to the next (core/seam/backend.hpp, StageProblem). Every step solves
 //
 //     0 <= Y ⊥ D (I ⊗ M + W) Y + D q >= 0,   Y = (y_1, ..., y_s),   D = diag(3/4, 1/4) for two stages,
 //
@@ -6,7 +6,7 @@
 // scene is passive (algebraic stability), so that the problem stays in a class that can be solved; they do not change
 // solutions.
 
-#include "core/lcp/active_set_lcp.hpp"
+#include "core/lcp/active_set.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/stage_step.hpp"
 #include "cpu/step_lcp.hpp"

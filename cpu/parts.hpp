@@ -1,8 +1,8 @@
 #pragma once
 // What the files of this room share: the host array, threads and the makers of each plan.
 
-#include "core/backend.hpp"
-#include "core/error.hpp"
+#include "core/base/error.hpp"
+#include "core/seam/backend.hpp"
 
 #include <chrono>
 #include <memory>

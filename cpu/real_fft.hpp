@@ -1,7 +1,7 @@
 #pragma once
 // Real transforms along time.
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "cpu/parts.hpp"
 
 #include <fftw3.h>

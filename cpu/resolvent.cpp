@@ -1,6 +1,6 @@
 // Shifted solves at the nodes of a contour, all nodes at once.
 
-#include "core/kernel.hpp"
+#include "core/kernel/kernel.hpp"
 #include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 

@@ -1,12 +1,13 @@
-// N (z_p I - A)^{-1} B for sparse A: the multifrontal elimination of core/elimination.hpp, eight nodes at a time, one
-// in each lane. All lanes share the structure, so even the many fronts with one or two pivots run on whole vectors.
+// N (z_p I - A)^{-1} B for sparse A: the multifrontal elimination of core/numerics/elimination.hpp, eight nodes at a
+// time, one in each lane. All lanes share the structure, so even the many fronts with one or two pivots run on whole
+// vectors.
 //
 // No pivoting: for z outside the numerical range of A a rotation of zI - A has a positive definite Hermitian part, and
 // every order of elimination is stable. Whether that held is measured: the column (zI - A) u, u = ±1, is carried along,
 // whose answer N u is known. A node that misses it is solved again by an LU factorization with partial pivoting.
 
-#include "core/elimination.hpp"
-#include "core/kernel.hpp"
+#include "core/kernel/kernel.hpp"
+#include "core/numerics/elimination.hpp"
 #include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"

@@ -2,7 +2,7 @@
 // Eight doubles that move together. GCC and Clang lower the vector type to whatever the target has (one AVX-512
 // register, two AVX, four SSE2).
 
-#include "core/types.hpp"
+#include "core/base/types.hpp"
 
 #include <cstring>
 

@@ -1,6 +1,6 @@
 #include "cpu/stage_step.hpp"
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "core/lcp/solution.hpp"
 #include "cpu/parts.hpp"
 

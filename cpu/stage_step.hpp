@@ -11,7 +11,7 @@
 // v the eigenvector and w the row of the inverse eigenvector matrix. Implicit Euler (s = 1): mu = v = w = 1, no 2 Re.
 // (Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.8.)
 
-#include "core/backend.hpp"
+#include "core/seam/backend.hpp"
 
 #include <memory>
 #include <vector>

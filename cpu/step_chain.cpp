@@ -1,6 +1,6 @@
 #include "cpu/step_chain.hpp"
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 
 #include <algorithm>
 #include <string>

@@ -1,10 +1,10 @@
 #pragma once
 // What chains of dense and of sparse maps share: rows that meet the same matrix, taken together, and the products of
-// maps for the exact parallel adjoints. Notation of core/step_chain.hpp; rows are row vectors here,
+// maps for the exact parallel adjoints. Notation of core/seam/step_chain.hpp; rows are row vectors here,
 //
 //     mu_i^T = q_i^T + mu_{i+1}^T (I + D_{i+1}).
 
-#include "core/step_chain.hpp"
+#include "core/seam/step_chain.hpp"
 #include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 

@@ -1,7 +1,7 @@
 // Chains of sparse maps: one LU factorization with partial pivoting for every kind of step. Rows of a space-time array
 // are contiguous, so rows of one kind are the columns of a system with many right-hand sides.
 
-#include "core/sparse_step_factors.hpp"
+#include "core/seam/sparse_step_factors.hpp"
 #include "cpu/failure.hpp"
 #include "cpu/step_chain.hpp"
 

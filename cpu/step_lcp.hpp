@@ -1,7 +1,7 @@
 #pragma once
 // What the marches share: the complementarity problem of one step, rows without a solution, polling.
 
-#include "core/lcp/active_set_lcp.hpp"
+#include "core/lcp/active_set.hpp"
 #include "cpu/banded_lcp.hpp"
 #include "cpu/parts.hpp"
 

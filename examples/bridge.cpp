@@ -1,8 +1,8 @@
 // A suspension bridge whose cables go slack: an undamped oscillator, imaginary spectrum, no contour. The engine uses
 // the matrix exponential and says so.
 
-#include "core/scenes/catalogue.hpp"
-#include "core/solve.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <cstdio>

@@ -1,7 +1,7 @@
 // A Z-matrix scene with a known solution: second-order convergence of y, where implicit Euler has first order.
 
-#include "core/scenes/catalogue.hpp"
-#include "core/solve.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <cmath>

@@ -1,7 +1,7 @@
 // The parabolic Signorini problem by the functional iteration and by marching: the same discrete solution, two ways.
 
-#include "core/scenes/catalogue.hpp"
-#include "core/solve.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <cstdio>

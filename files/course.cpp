@@ -1,6 +1,6 @@
 #include "files/course.hpp"
 
-#include "core/types.hpp"
+#include "core/base/types.hpp"
 
 #include <algorithm>
 #include <cmath>

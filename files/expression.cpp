@@ -1,6 +1,6 @@
 #include "files/expression.hpp"
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "files/formula.hpp"
 #include "files/words.hpp"
 

@@ -4,7 +4,7 @@
 //
 // Names and operators are those of files/expression.hpp. What is not chosen by ?: && || is not evaluated.
 
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
 #include "files/operation.hpp"
 
 #include <cstddef>

@@ -1,6 +1,6 @@
 #include "files/line_reader.hpp"
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "files/words.hpp"
 
 #include <algorithm>

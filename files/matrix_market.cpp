@@ -1,6 +1,6 @@
 // The Matrix Market exchange format (Boisvert, Pozo, Remington, NISTIR 5935).
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "files/line_reader.hpp"
 #include "files/number_files.hpp"
 #include "files/words.hpp"

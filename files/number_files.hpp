@@ -1,7 +1,7 @@
 #pragma once
 // Matrices and tables in files: Matrix Market, and numbers separated by commas. Every Error names the file and line.
 
-#include "core/types.hpp"
+#include "core/base/types.hpp"
 
 #include <filesystem>
 #include <string>

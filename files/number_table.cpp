@@ -1,4 +1,4 @@
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "files/line_reader.hpp"
 #include "files/number_files.hpp"
 #include "files/words.hpp"

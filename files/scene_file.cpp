@@ -1,9 +1,9 @@
 #include "files/scene_file.hpp"
 
-#include "core/error.hpp"
-#include "core/port_hamiltonian.hpp"
-#include "core/relay.hpp"
-#include "core/result.hpp"
+#include "core/base/error.hpp"
+#include "core/result/result.hpp"
+#include "core/scene/port_hamiltonian.hpp"
+#include "core/scene/relay.hpp"
 #include "files/sections.hpp"
 #include "files/words.hpp"
 

@@ -1,6 +1,6 @@
 // In place of the reader, where toml++ or muParser was not found.
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "files/scene_file.hpp"
 
 namespace bromwich {

@@ -1,6 +1,6 @@
 #include "files/section.hpp"
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "files/words.hpp"
 
 #include <fmt/format.h>

@@ -2,7 +2,7 @@
 
 #include "files/course.hpp"
 
-#include "core/types.hpp"
+#include "core/base/types.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -2,7 +2,7 @@
 // Words that people type, in files and on command lines: numbers from them, and the nearest known name to a misspelt
 // one.
 
-#include "core/solve.hpp"
+#include "core/solve/solve.hpp"
 
 #include <optional>
 #include <string>

@@ -1,9 +1,9 @@
-// Chains of affine maps (core/affine_chain.hpp) of up to 32 states: a warp for each block of intervals, a lane for each
-// component of the state; all that belongs to single intervals has a thread for each value.
+// Chains of affine maps (core/seam/affine_chain.hpp) of up to 32 states: a warp for each block of intervals, a lane for
+// each component of the state; all that belongs to single intervals has a thread for each value.
 
 #include "kernels/parts.hpp"
 
-#include "core/affine_chain.hpp"
+#include "core/seam/affine_chain.hpp"
 
 #include <algorithm>
 #include <bit>

@@ -1,7 +1,7 @@
 #pragma once
 // The cuBLAS handle that the plans of a device share.
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "kernels/device.hpp"
 
 #include <cublas_v2.h>

@@ -1,7 +1,7 @@
 #pragma once
 // What operations of the CUDA backend are held against, measured on the device. Throws Error where there is none.
 
-#include "core/types.hpp"
+#include "core/base/types.hpp"
 
 namespace bromwich {
 

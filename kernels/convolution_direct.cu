@@ -56,7 +56,7 @@ struct Lengths {
   }
 };
 
-// W_d = C E^{d-1}, S_d = C E^{d-1} G0, d >= 1 (core/recurrence.hpp).
+// W_d = C E^{d-1}, S_d = C E^{d-1} G0, d >= 1 (core/kernel/recurrence.hpp).
 __global__ void form_weights(Exponentials r, int rows, int stride, double* __restrict__ W, double* __restrict__ S) {
   const int l = int(blockIdx.x) * int(blockDim.x) + int(threadIdx.x), first = int(blockIdx.y) * lags;
   if (l >= r.modes) return;

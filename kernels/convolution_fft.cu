@@ -3,7 +3,7 @@
 
 #include "kernels/parts.hpp"
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 
 #include <cufft.h>
 

@@ -1,7 +1,7 @@
 // Which modes of a recurrence are scanned, and which are summed over the lags that they remember. In a diffusive scene
 // memory shrinks with the square of the mode, so that those that are scanned are the first ones.
 
-#include "core/memory_length.hpp"
+#include "core/kernel/memory_length.hpp"
 #include "kernels/parts.hpp"
 
 #include <algorithm>

@@ -1,7 +1,7 @@
-// Causal convolution along time as a recurrence with K exponentials a mode (core/recurrence.hpp), in chunks of time:
-// (1) accumulate: the state that each chunk adds, from zero; (2) carry: z at the start of chunk c+1 = E^length z at the
-// start of c + what c adds; (3) apply. What chunks add and start from is kept, so a later call can begin at any chunk
-// whose past has not changed.
+// Causal convolution along time as a recurrence with K exponentials a mode (core/kernel/recurrence.hpp), in chunks of
+// time: (1) accumulate: the state that each chunk adds, from zero; (2) carry: z at the start of chunk c+1 = E^length z
+// at the start of c + what c adds; (3) apply. What chunks add and start from is kept, so a later call can begin at any
+// chunk whose past has not changed.
 //
 // Warps work alone, each on 32 neighbouring modes and a chunk, a tile of rows of y in registers at a time. What is
 // accumulated is shared out once more, `group` exponentials a warp. Three multiply-adds a value and exponential.

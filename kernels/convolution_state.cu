@@ -1,5 +1,5 @@
-// Causal convolution along time with the state of the scene itself as z (core/recurrence.hpp), in chunks of time as in
-// convolution_scan.cu; a block per chunk, matrices with columns contiguous.
+// Causal convolution along time with the state of the scene itself as z (core/kernel/recurrence.hpp), in chunks of time
+// as in convolution_scan.cu; a block per chunk, matrices with columns contiguous.
 
 #include "kernels/launch.cuh"
 #include "kernels/parts.hpp"

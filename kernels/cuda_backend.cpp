@@ -1,9 +1,9 @@
 #include "kernels/cuda_backend.hpp"
 
-#include "core/affine_chain.hpp"
-#include "core/error.hpp"
-#include "core/lcp/active_set_lcp.hpp"
-#include "core/step_chain.hpp"
+#include "core/base/error.hpp"
+#include "core/lcp/active_set.hpp"
+#include "core/seam/affine_chain.hpp"
+#include "core/seam/step_chain.hpp"
 #include "kernels/host_plans.hpp"
 #include "kernels/parts.hpp"
 

@@ -1,6 +1,6 @@
 // What takes the place of the CUDA backend in builds without it.
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "kernels/ceilings.hpp"
 #include "kernels/cuda_backend.hpp"
 

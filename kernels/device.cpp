@@ -1,6 +1,6 @@
 #include "kernels/device.hpp"
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 
 #include <string>
 

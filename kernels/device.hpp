@@ -2,7 +2,7 @@
 // CUDA errors, memory and the stream of a backend. Every operation is put on one stream and returns before it has
 // finished; what needs a result on the host waits.
 
-#include "core/backend.hpp"
+#include "core/seam/backend.hpp"
 #include "kernels/host_memory.hpp"
 #include "kernels/recycling.hpp"
 

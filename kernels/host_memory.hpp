@@ -2,7 +2,7 @@
 // Memory of the host that a device reads and writes: small pinned pieces, and the way of large arrays to memory that is
 // not pinned.
 
-#include "core/types.hpp"
+#include "core/base/types.hpp"
 #include "kernels/helpers.hpp"
 
 #include <cuda_runtime.h>

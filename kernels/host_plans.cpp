@@ -1,6 +1,6 @@
 #include "kernels/host_plans.hpp"
 
-#include "core/step_chain.hpp"
+#include "core/seam/step_chain.hpp"
 
 namespace bromwich::cuda {
 

@@ -1,6 +1,6 @@
 #include "kernels/lcp_batch.hpp"
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "kernels/lcp_outcome.cuh"
 
 #include <algorithm>

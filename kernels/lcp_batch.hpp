@@ -3,7 +3,7 @@
 // (lcp_outcome.cuh), and its last block hands the sums to the host (or they are collected later); only problems that it
 // leaves are looked at one by one, by pivoting on the host.
 
-#include "core/lcp/active_set_lcp.hpp"
+#include "core/lcp/active_set.hpp"
 #include "kernels/device.hpp"
 
 #include <functional>

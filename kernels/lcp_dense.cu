@@ -289,7 +289,7 @@ class DenseLcp final : public LcpBatch {
         given_(on_device(device, RowMatrix(M))),
         solver_(M, class_) {
     const Equilibration scale = equilibrate(M);
-    M_ = on_device(device, RowMatrix(std::get<Matrix>(scaled(M, scale))));
+    M_ = on_device(device, RowMatrix(scaled(M, scale)));
     row_scale_ = on_device(device, scale.rows);
     column_scale_ = on_device(device, scale.columns);
   }

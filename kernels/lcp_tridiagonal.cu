@@ -151,7 +151,7 @@ class TridiagonalLcp final : public LcpBatch {
         outcomes_(device, rows, shift),
         residuals_(device, std::size_t(rows)) {
     const Equilibration scale = equilibrate(shifted_);
-    Tridiagonal A = std::get<Tridiagonal>(scaled(shifted_, scale)), given = M;
+    Tridiagonal A = scaled(shifted_, scale), given = M;
     const auto uniform = uniform_coefficients(A, scale);
     if (shape_.T == 32 || shape_.K == 4) uniform_ = uniform;
     for (Tridiagonal* t : {&A, &given}) t->lower[0] = t->upper[n_ - 1] = 0;

@@ -2,7 +2,7 @@
 // One complementarity problem with a tridiagonal matrix in a group of T threads, K consecutive rows a thread: where its
 // rows lie in shared memory, and a thread's part of the Newton sweeps.
 
-#include "core/types.hpp"
+#include "core/base/types.hpp"
 #include "kernels/lcp_outcome.cuh"
 #include "kernels/tridiagonal.cuh"
 

@@ -12,9 +12,9 @@
 #include "kernels/march_steps.hpp"
 #include "kernels/parts.hpp"
 
+#include "core/kernel/response.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/lcp/solution.hpp"
-#include "core/response.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -210,7 +210,7 @@ class ModalMarch final : public March {
  private:
   void put_matrices(const Matrix& implicit) {
     const Equilibration scale = equilibrate(implicit);
-    A_ = on_device(device_, RowMatrix(std::get<Matrix>(scaled(implicit, scale))));
+    A_ = on_device(device_, RowMatrix(scaled(implicit, scale)));
     S_ = on_device(device_, sine_matrix(n_));
     row_scale_ = on_device(device_, scale.rows);
     column_scale_ = on_device(device_, scale.columns);

@@ -1,7 +1,8 @@
 // N (z_p I - A)^{-1} B at all nodes of a contour: what stands at the beginning of every kernel.
 //
 // Kronecker sum: sine mode l sees one grid line at the shift z - mu_l, whose Green's function is known
-// (core/kernel.cpp). With s = z dx^2/c, 2 cosh theta = 2 + s and rho = e^{-theta}, |rho| <= 1, entry (i, j), i <= j, is
+// (core/kernel/kernel.cpp). With s = z dx^2/c, 2 cosh theta = 2 + s and rho = e^{-theta}, |rho| <= 1, entry (i, j), i
+// <= j, is
 //
 //     dx^2/c rho^{1+j-i} (1 - rho^{2i})/(1 - rho^2) (1 - rho^{2(Q+1-j)})/(1 - rho^{2(Q+1)}).
 //
@@ -14,8 +15,8 @@
 #include "kernels/blas.hpp"
 #include "kernels/parts.hpp"
 
-#include "core/error.hpp"
-#include "core/kernel.hpp"
+#include "core/base/error.hpp"
+#include "core/kernel/kernel.hpp"
 
 #include <thrust/complex.h>
 

@@ -1,21 +1,21 @@
-// Chains of dense one-step maps (core/step_chain.hpp) up to 64 states. Along the chain, in the direction in which it is
-// solved, rows are row vectors and follow each other as
+// Chains of dense one-step maps (core/seam/step_chain.hpp) up to 64 states. Along the chain, in the direction in which
+// it is solved, rows are row vectors and follow each other as
 //
 //     x_p = q_p + x_{p-1} (I + X_p),    X = D^T forward in time, X = D for the adjoint, p = 1..M,
 //
-// D the increment of the step (core/step_chain.hpp); products of steps are kept as increments too. Serial: one block,
-// 16 threads a component, the next map on its way while this one is applied. Scan: a block for each chunk of steps
-// multiplies [I + X; x] through, (m+1) x m values in shared memory; one block carries from chunk to chunk; then all
-// chunks are substituted at once. Doubling: the same product for every row, all products of 2^k maps in global memory:
-// 2 M m^2 values read and M m^2 written each time. Windows that repeat are not looked for here: naming them on the host
-// takes longer than multiplying them.
+// D the increment of the step (core/seam/step_chain.hpp); products of steps are kept as increments too. Serial: one
+// block, 16 threads a component, the next map on its way while this one is applied. Scan: a block for each chunk of
+// steps multiplies [I + X; x] through, (m+1) x m values in shared memory; one block carries from chunk to chunk; then
+// all chunks are substituted at once. Doubling: the same product for every row, all products of 2^k maps in global
+// memory: 2 M m^2 values read and M m^2 written each time. Windows that repeat are not looked for here: naming them on
+// the host takes longer than multiplying them.
 
 #include "kernels/host_plans.hpp"
 #include "kernels/parts.hpp"
 #include "kernels/step_chain.hpp"
 
-#include "core/error.hpp"
-#include "core/step_chain.hpp"
+#include "core/base/error.hpp"
+#include "core/seam/step_chain.hpp"
 
 #include <cuda_pipeline_primitives.h>
 

@@ -3,7 +3,7 @@
 
 #include "kernels/device.hpp"
 
-#include "core/step_chain.hpp"
+#include "core/seam/step_chain.hpp"
 
 #include <memory>
 

@@ -1,5 +1,6 @@
-// Chains of one-step maps with more states than a block holds (core/step_chain.hpp), dense or written out. Notation of
-// step_chain.cu: row p follows row p - 1 by x_p = q_p + x_{p-1} (I + X_p), X = D^T forward in time, D for the adjoint.
+// Chains of one-step maps with more states than a block holds (core/seam/step_chain.hpp), dense or written out.
+// Notation of step_chain.cu: row p follows row p - 1 by x_p = q_p + x_{p-1} (I + X_p), X = D^T forward in time, D for
+// the adjoint.
 //
 // What does not run along time: rows of one kind are gathered, multiplied by cuBLAS, one product for each kind, and
 // scattered. Serial: a launch for each step, a warp for each state; a launch takes longer than the product. Scan: the
@@ -10,7 +11,7 @@
 #include "kernels/parts.hpp"
 #include "kernels/step_chain.hpp"
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -5,8 +5,8 @@
 #include "kernels/blas.hpp"
 #include "kernels/parts.hpp"
 
-#include "core/error.hpp"
-#include "core/response.hpp"
+#include "core/base/error.hpp"
+#include "core/kernel/response.hpp"
 
 #include <cufft.h>
 

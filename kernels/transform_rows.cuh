@@ -9,7 +9,7 @@
 //
 // where * is the complex conjugate.
 
-#include "core/backend.hpp"
+#include "core/seam/backend.hpp"
 
 #include <cuda_runtime.h>
 

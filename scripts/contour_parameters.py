@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Finds the contour parameters stored in core/contour.cpp.
+"""Finds the contour parameters stored in core/numerics/contour.cpp.
 
 For a sector |arg(-a)| <= half-angle and P + 1 nodes it minimises, over (gamma, dv, mu), the worst error of
   window: e^{at} over t in [1, 5], and

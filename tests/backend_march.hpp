@@ -2,7 +2,7 @@
 // What the tests of step-by-step solutions share: one march of a backend, and the loop over the lag table that it is
 // compared with.
 
-#include "core/lcp/active_set_lcp.hpp"
+#include "core/lcp/active_set.hpp"
 #include "tests/backends.hpp"
 #include "tests/oracle.hpp"
 

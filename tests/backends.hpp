@@ -1,7 +1,7 @@
 #pragma once
 // The backends that the contract tests run on, and what those tests share.
 
-#include "core/backend.hpp"
+#include "core/seam/backend.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
 #include "tests/reference.hpp"

@@ -2,7 +2,7 @@
 // A scene in other units: x_i = 10^{x_i} x'_i, y and w alike, t = 10^{time} t'. Written out entry by entry, without the
 // solver's own scaling.
 
-#include "core/scene.hpp"
+#include "core/scene/scene.hpp"
 
 #include <cmath>
 #include <random>

@@ -1,7 +1,7 @@
 #pragma once
 // A scene with every matrix written out and f as an m-vector.
 
-#include "core/scene.hpp"
+#include "core/scene/scene.hpp"
 
 namespace bromwich {
 

@@ -1,7 +1,7 @@
 #pragma once
 // A scalar scene on which the functional iteration cannot contract at h = 1.
 
-#include "core/scene.hpp"
+#include "core/scene/scene.hpp"
 
 namespace bromwich {
 

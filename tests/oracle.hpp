@@ -7,7 +7,7 @@
 // W_d,S_d  Weights            lag weights of continuous piecewise-linear y
 // L        lipschitz          max over active sets S of ||M_SS^{-1}||_inf
 
-#include "core/scene.hpp"
+#include "core/scene/scene.hpp"
 
 #include <cstdint>
 #include <optional>

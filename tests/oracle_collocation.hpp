@@ -7,7 +7,7 @@
 // A       runge_kutta  integrals of the Lagrange polynomials of the Radau points
 // P_k     legendre     shifted Legendre polynomials; a polynomial is a (degree+1) x components matrix
 
-#include "core/types.hpp"
+#include "core/base/types.hpp"
 
 namespace bromwich::oracle {
 

@@ -8,7 +8,7 @@
 //
 // Unknowns are ordered by interval, end (left, right), constraint: index (2 k + e) n + i, k = 0..J-1, e = 0, 1.
 
-#include "core/scene.hpp"
+#include "core/scene/scene.hpp"
 
 #include <optional>
 

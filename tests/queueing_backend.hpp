@@ -2,9 +2,9 @@
 // A backend that queues as a device does: batches and marches are begun and looked at later, and operations are
 // recorded and replayed. The CPU does the work, at once.
 
-#include "core/affine_chain.hpp"
-#include "core/backend.hpp"
-#include "core/step_chain.hpp"
+#include "core/seam/affine_chain.hpp"
+#include "core/seam/backend.hpp"
+#include "core/seam/step_chain.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <utility>

@@ -1,7 +1,7 @@
 #pragma once
 // What the generators of random scenes share.
 
-#include "core/types.hpp"
+#include "core/base/types.hpp"
 #include "tests/random_scenes.hpp"
 
 #include <cstdint>

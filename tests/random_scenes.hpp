@@ -1,7 +1,7 @@
 #pragma once
 // Small random scenes of every class and spectrum: 1 to 6 states, 1 to 6 constraints.
 
-#include "core/scene.hpp"
+#include "core/scene/scene.hpp"
 
 #include <array>
 #include <cstdint>

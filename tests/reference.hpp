@@ -1,7 +1,8 @@
 #pragma once
 // Formulas in extended precision that core and cpu are checked against, and the random data of those checks.
 
-#include "core/recurrence.hpp"
+#include "core/kernel/recurrence.hpp"
+#include "core/lcp/matrix.hpp"
 
 #include <cmath>
 #include <limits>

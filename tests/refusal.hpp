@@ -1,7 +1,7 @@
 #pragma once
 // Bad input: the one line that says what is wrong with it.
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 
 #include <functional>
 #include <string>

@@ -1,7 +1,7 @@
 #pragma once
 // What the tests of the solver share.
 
-#include "core/solve.hpp"
+#include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <gtest/gtest.h>

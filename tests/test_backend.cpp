@@ -1,7 +1,7 @@
 // The contract of the Backend seam: arrays, sine transforms and shifted solves.
 
-#include "core/contour.hpp"
-#include "core/error.hpp"
+#include "core/base/error.hpp"
+#include "core/numerics/contour.hpp"
 #include "tests/backends.hpp"
 
 #include <Eigen/Dense>

@@ -1,6 +1,6 @@
 // The contract of the Backend seam: operations on whole arrays of a hierarchy of time grids.
 
-#include "core/recurrence.hpp"
+#include "core/kernel/recurrence.hpp"
 #include "tests/backends.hpp"
 
 #include <cmath>

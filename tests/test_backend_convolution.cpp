@@ -1,6 +1,6 @@
 // The contract of the Backend seam: causal convolutions, by recurrence and by table, against direct summation.
 
-#include "core/memory_length.hpp"
+#include "core/kernel/memory_length.hpp"
 #include "tests/backends.hpp"
 
 #include <Eigen/Dense>

@@ -1,6 +1,6 @@
 // The contract of the Backend seam: batches of complementarity problems, row by row against other solvers.
 
-#include "core/lcp/active_set_lcp.hpp"
+#include "core/lcp/active_set.hpp"
 #include "tests/backends.hpp"
 #include "tests/oracle.hpp"
 

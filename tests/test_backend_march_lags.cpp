@@ -1,6 +1,6 @@
 // The contract of marching on lag weights: against a loop over the weights, and against the recurrence they come from.
 
-#include "core/lcp/active_set_lcp.hpp"
+#include "core/lcp/active_set.hpp"
 #include "tests/backends.hpp"
 #include "tests/oracle.hpp"
 

@@ -6,7 +6,7 @@
 // with rates below 0.8. What a scene makes of perturbations beyond that is known where it was looked at:
 // Result::magnification multiplies the tolerance.
 
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
 #include "tests/backends.hpp"
 #include "tests/oracle.hpp"
 #include "tests/random_scenes.hpp"

@@ -1,6 +1,6 @@
 // Complementarity problems in bands, against the dense solver.
 
-#include "core/lcp/active_set_lcp.hpp"
+#include "core/lcp/active_set.hpp"
 #include "core/lcp/solution.hpp"
 #include "cpu/banded_lcp.hpp"
 #include "tests/reference.hpp"

@@ -1,6 +1,7 @@
 // What goes beyond the residual: magnified perturbations, and solutions that change with the step.
 
-#include "core/certificate.hpp"
+#include "core/accuracy/magnification.hpp"
+#include "core/kernel/discretise.hpp"
 
 #include "run.hpp"
 

@@ -1,9 +1,10 @@
 // Short sums of exponentials against the exact sum over all eigenvalues of a line.
 
-#include "core/compression.hpp"
-#include "core/response.hpp"
-#include "core/separable.hpp"
-#include "core/time_levels.hpp"
+#include "core/kernel/compression.hpp"
+#include "core/kernel/response.hpp"
+#include "core/multigrid/time_levels.hpp"
+#include "core/scene/separable.hpp"
+#include "core/seam/upload.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/reference.hpp"
 #include "tests/run.hpp"
@@ -170,7 +171,7 @@ TEST(SeparableSource, IsWhatItSaysAtEveryTime) {
     EXPECT_LE(distance(s->rows(4, 7, 5).table(), table(Eigen::seqN(4, 7, 5), Eigen::all)), rounding);
     EXPECT_LE(distance(s->plus(shift).table(), table.rowwise() + shift.transpose()), rounding);
     const auto array = backend->array(41, width);
-    s->upload(*backend, *array);
+    upload(*backend, *s, *array);
     RowMatrix uploaded;
     backend->download(*array, uploaded);
     EXPECT_LE(distance(uploaded, table), rounding);

@@ -1,9 +1,9 @@
 // The shared hyperbolas reproduce e^{at} over whole windows and sectors; the literal one has its printed rate.
 
-#include "core/contour.hpp"
-#include "core/kernel.hpp"
-#include "core/literal.hpp"
-#include "core/phi.hpp"
+#include "core/iteration/literal.hpp"
+#include "core/kernel/kernel.hpp"
+#include "core/numerics/contour.hpp"
+#include "core/numerics/phi.hpp"
 #include "tests/reference.hpp"
 
 #include <gtest/gtest.h>

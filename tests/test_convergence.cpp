@@ -1,8 +1,8 @@
 // Errors from differences of grids: exact for powers of the step, not fooled by differences that are small by chance,
 // and by jumps that stay in their steps.
 
-#include "core/convergence.hpp"
-#include "core/solve.hpp"
+#include "core/accuracy/convergence.hpp"
+#include "core/solve/solve.hpp"
 
 #include <gtest/gtest.h>
 

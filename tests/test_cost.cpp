@@ -1,9 +1,9 @@
 // What is refused before it runs.
 
-#include "core/cost.hpp"
+#include "core/solve/cost.hpp"
 
-#include "core/error.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
 #include "tests/backends.hpp"
 #include "tests/oracle.hpp"
 

@@ -1,9 +1,9 @@
 // A result between its time points: against the same y on a finer grid, where it is the same function, and against
 // exact solutions.
 
-#include "core/dense_output.hpp"
-#include "core/error.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/dense_output.hpp"
 #include "tests/run.hpp"
 
 #include <gtest/gtest.h>

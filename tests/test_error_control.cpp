@@ -1,10 +1,10 @@
 // Error control: what is called solved is as exact as asked for, the estimate is near the true error, and where the
 // tolerance cannot be reached that is said.
 
-#include "core/cost.hpp"
-#include "core/error.hpp"
-#include "core/error_control.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/cost.hpp"
+#include "core/solve/error_control.hpp"
 #include "files/scene_file.hpp"
 #include "tests/run.hpp"
 

@@ -2,8 +2,9 @@
 // small ones. The references come from closed forms and from integrations between located switches, not from this
 // solver; each file derives its tolerance from the discretisation.
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/lcp/lipschitz.hpp"
 #include "files/scene_file.hpp"
 #include "tests/run.hpp"
 

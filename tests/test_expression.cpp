@@ -1,6 +1,6 @@
 // Expressions of scene files: values against the same formula in C++, and one clear line for what is none.
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "files/expression.hpp"
 #include "tests/reference.hpp"
 

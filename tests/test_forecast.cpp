@@ -1,10 +1,11 @@
 // The a-priori criterion of the functional iteration and its windows in time.
 
-#include "core/forecast.hpp"
+#include "core/iteration/forecast.hpp"
 
-#include "core/kernel.hpp"
-#include "core/scenes/catalogue.hpp"
-#include "core/windows.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/iteration/windows.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/kernel/kernel.hpp"
 #include "run.hpp"
 
 #include <Eigen/Dense>

@@ -1,7 +1,7 @@
 // The functional iteration: how many sweeps, when it must not converge, what it holds.
 
-#include "core/functional_iteration.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/iteration/functional_iteration.hpp"
 #include "run.hpp"
 #include "tests/expanding.hpp"
 

@@ -1,7 +1,7 @@
 // Scene files, tables and matrices with mistakes that nobody thought of: every text is a scene or an Error of one line,
 // nothing else, within a bounded memory. BROMWICH_FUZZ=N mutates N times; scripts/fuzz does so for long.
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "files/expression.hpp"
 #include "files/number_files.hpp"
 #include "files/scene_file.hpp"

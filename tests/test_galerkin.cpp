@@ -1,11 +1,11 @@
 // The exponential Galerkin method: discretisation against a dense assembly, orders, boundary conditions, refusals.
 
-#include "core/galerkin.hpp"
+#include "core/galerkin/galerkin.hpp"
 
-#include "core/dense_output.hpp"
-#include "core/galerkin_discretisation.hpp"
-#include "core/galerkin_uniqueness.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/galerkin/discretisation.hpp"
+#include "core/galerkin/uniqueness.hpp"
+#include "core/solve/dense_output.hpp"
 #include "refusal.hpp"
 #include "run.hpp"
 #include "tests/reference.hpp"

@@ -1,9 +1,9 @@
 // Boundary problems of the Galerkin method that are hard to solve, have no solution, or are not to be had.
 
-#include "core/dense_output.hpp"
-#include "core/galerkin_solvers.hpp"
-#include "core/scenes/catalogue.hpp"
-#include "core/switching.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/galerkin/solvers.hpp"
+#include "core/result/switching.hpp"
+#include "core/solve/dense_output.hpp"
 #include "refusal.hpp"
 #include "run.hpp"
 #include "tests/reference.hpp"

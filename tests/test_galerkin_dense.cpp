@@ -3,11 +3,11 @@
 // method.
 
 #include "backends.hpp"
-#include "core/galerkin_free.hpp"
-#include "core/galerkin_solvers.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/galerkin/free.hpp"
+#include "core/galerkin/solvers.hpp"
 #include "core/lcp/lemke.hpp"
-#include "core/scenes/catalogue.hpp"
-#include "core/two_point.hpp"
+#include "core/numerics/two_point.hpp"
 #include "tests/oracle_galerkin.hpp"
 
 #include <Eigen/Dense>

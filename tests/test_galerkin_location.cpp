@@ -1,10 +1,10 @@
 // Event location: nodes at the switches of the active sets.
 
-#include "core/dense_output.hpp"
-#include "core/galerkin_location.hpp"
-#include "core/galerkin_recovery.hpp"
-#include "core/scenes/catalogue.hpp"
-#include "core/switching.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/galerkin/location.hpp"
+#include "core/galerkin/recovery.hpp"
+#include "core/result/switching.hpp"
+#include "core/solve/dense_output.hpp"
 #include "refusal.hpp"
 #include "run.hpp"
 #include "tests/reference.hpp"

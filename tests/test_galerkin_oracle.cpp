@@ -1,7 +1,7 @@
 // The dense Galerkin oracle against exact solutions, and the engine against the oracle: initial values, conditions at
 // separate ends, coupled ends and periodic ones, inequalities and equations.
 
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
 #include "tests/oracle.hpp"
 #include "tests/oracle_galerkin.hpp"
 #include "tests/run.hpp"

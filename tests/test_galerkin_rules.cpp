@@ -1,9 +1,9 @@
 // Method galerkin where M is singular on what is active: jumps of the state, impacts, sliding, for initial and boundary
 // values. References are solved by hand or by implicit Euler with steps so small that its error does not matter.
 
-#include "core/galerkin_recovery.hpp"
-#include "core/galerkin_rules.hpp"
-#include "core/galerkin_sources.hpp"
+#include "core/galerkin/recovery.hpp"
+#include "core/galerkin/rules.hpp"
+#include "core/galerkin/sources.hpp"
 #include "run.hpp"
 #include "tests/reference.hpp"
 

@@ -1,9 +1,10 @@
 // Goal-oriented time grids: derivatives, indicators, marking, and what the grids achieve.
 
-#include "core/error.hpp"
-#include "core/goal_indicators.hpp"
-#include "core/grid_adaptation.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/goal/goal.hpp"
+#include "core/goal/grid_adaptation.hpp"
+#include "core/goal/indicators.hpp"
 #include "reference.hpp"
 #include "refusal.hpp"
 #include "run.hpp"

@@ -4,8 +4,8 @@
 // that are subtracted and more, so that its violation keeps seven digits, and indicators as many; cells are marked in
 // the same order, since no two of these scenes have indicators that agree to seven digits.
 
-#include "core/goal.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/goal/goal.hpp"
 #include "tests/backends.hpp"
 
 #include <cmath>

@@ -1,10 +1,10 @@
 // Goal-oriented grids of scenes that switch: steps, balance, derivatives along the active sets, and what the grids
 // find.
 
-#include "core/error.hpp"
-#include "core/goal_complementarity.hpp"
-#include "core/goal_indicators.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/goal/complementarity.hpp"
+#include "core/goal/indicators.hpp"
 #include "refusal.hpp"
 #include "run.hpp"
 #include "tests/reference.hpp"

@@ -1,11 +1,11 @@
 // What a cycle of goal-oriented grids is made of: products of many rows, inputs that are asked for once, one evaluation
 // of a quantity, and the same bits for any number of threads.
 
-#include "core/goal.hpp"
-#include "core/goal_indicators.hpp"
-#include "core/grid_adaptation.hpp"
-#include "core/row_products.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/goal/goal.hpp"
+#include "core/goal/grid_adaptation.hpp"
+#include "core/goal/indicators.hpp"
+#include "core/numerics/row_products.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "reference.hpp"
 

@@ -1,9 +1,9 @@
 // Goal-oriented grids by division into blocks; what is said where a grid tells nothing, or would not fit the memory.
 
-#include "core/error.hpp"
-#include "core/goal_cost.hpp"
-#include "core/grid_adaptation.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/goal/cost.hpp"
+#include "core/goal/grid_adaptation.hpp"
 #include "refusal.hpp"
 #include "run.hpp"
 

@@ -1,7 +1,7 @@
 // Scenes at the edge of what the engine can do: each ends in the right answer or says why not.
 
-#include "core/error.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
 #include "run.hpp"
 #include "tests/dense_twin.hpp"
 

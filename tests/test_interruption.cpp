@@ -1,7 +1,7 @@
 // A request to stop is heard while sources are sampled, before the first step.
 
-#include "core/scenes/catalogue.hpp"
-#include "core/solve.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <gtest/gtest.h>

@@ -1,7 +1,7 @@
 // Jumps of sources that nobody has named, impulses and the layers behind them.
 
-#include "core/lcp/active_set_lcp.hpp"
-#include "core/source_breakpoints.hpp"
+#include "core/lcp/active_set.hpp"
+#include "core/scene/breakpoints.hpp"
 #include "run.hpp"
 #include "trust.hpp"
 

@@ -1,6 +1,6 @@
 // Kernels from contours against sums over eigenvalues in extended precision and dense factorizations.
 
-#include "core/kernel.hpp"
+#include "core/kernel/kernel.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/oracle.hpp"
 #include "tests/reference.hpp"

@@ -1,6 +1,6 @@
 // The active-set solver for P- and Z-matrices against enumeration of all active sets.
 
-#include "core/lcp/active_set_lcp.hpp"
+#include "core/lcp/active_set.hpp"
 #include "tests/oracle.hpp"
 #include "tests/reference.hpp"
 

@@ -1,6 +1,6 @@
 // Matrices of no class, matrices of any scale, Lemke's method and the enumeration of active sets.
 
-#include "core/lcp/active_set_lcp.hpp"
+#include "core/lcp/active_set.hpp"
 #include "core/lcp/enumeration.hpp"
 #include "core/lcp/lemke.hpp"
 #include "tests/lcp_oracle.hpp"

@@ -1,6 +1,7 @@
 // Classes of matrices, how they are known, and the bounds that go with them.
 
 #include "core/lcp/lcp_class.hpp"
+#include "core/lcp/lipschitz.hpp"
 #include "tests/oracle.hpp"
 #include "tests/reference.hpp"
 

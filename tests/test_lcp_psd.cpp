@@ -1,8 +1,7 @@
 // Positive semidefinite problems: the solution of least norm against enumeration of the active inequalities, and
 // infeasibility against problems made to be infeasible.
 
-#include "core/lcp/active_set_lcp.hpp"
-#include "core/lcp/least_norm.hpp"
+#include "core/lcp/active_set.hpp"
 #include "tests/lcp_oracle.hpp"
 
 #include <gtest/gtest.h>

@@ -1,7 +1,7 @@
 // (2.17) to the letter, as a method.
 
-#include "core/literal.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/iteration/literal.hpp"
 #include "run.hpp"
 
 #include <gtest/gtest.h>

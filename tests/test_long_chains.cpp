@@ -6,7 +6,7 @@
 // 4e-14; a scan adds increments to products of up to 160 steps, a few times T |A| eps. Together below 1e-13. Of steps
 // kept as P = I + D the rounding of P alone may make M eps = 1e-11.
 
-#include "core/step_chain.hpp"
+#include "core/seam/step_chain.hpp"
 #include "tests/backends.hpp"
 
 #include <Eigen/LU>

@@ -1,7 +1,7 @@
 // The order in which `auto` tries the methods. How good the predictions are is for `bench auto` to show.
 
-#include "core/method_choice.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/method_choice.hpp"
 
 #include <gtest/gtest.h>
 

@@ -2,8 +2,8 @@
 // an enumeration of the active sets of the whole mixed problem; the other methods with a prescribed solution and with
 // each other.
 
-#include "core/dense_output.hpp"
-#include "core/mixed.hpp"
+#include "core/solve/dense_output.hpp"
+#include "core/solve/mixed.hpp"
 #include "tests/oracle.hpp"
 #include "tests/reference.hpp"
 #include "tests/run.hpp"

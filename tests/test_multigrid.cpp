@@ -1,10 +1,11 @@
 // Multigrid in time: the solution of the march, how fast, and what happens where it cannot work.
 
-#include "core/multigrid.hpp"
+#include "core/multigrid/multigrid.hpp"
 
-#include "core/scenes/catalogue.hpp"
-#include "core/smoothing.hpp"
-#include "core/time_levels.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/multigrid/smoothing.hpp"
+#include "core/multigrid/time_levels.hpp"
 #include "tests/expanding.hpp"
 #include "tests/oracle.hpp"
 #include "tests/reference.hpp"

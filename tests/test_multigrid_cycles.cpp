@@ -1,10 +1,11 @@
 // What a cycle of multigrid in time is made of: kernels and weights of coarse grids, queued batches, and when to stop.
 
-#include "core/cycle_watch.hpp"
-#include "core/functional_iteration.hpp"
-#include "core/multigrid.hpp"
-#include "core/scenes/catalogue.hpp"
-#include "core/time_levels.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/iteration/functional_iteration.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/multigrid/cycle_watch.hpp"
+#include "core/multigrid/multigrid.hpp"
+#include "core/multigrid/time_levels.hpp"
 #include "tests/expanding.hpp"
 #include "tests/queueing_backend.hpp"
 #include "tests/reference.hpp"

@@ -1,7 +1,7 @@
 // Matrices and tables in files beside a scene: every variant of Matrix Market against the matrix written out, and
 // mistakes by the line of their own file.
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "files/number_files.hpp"
 #include "files/scene_file.hpp"
 #include "tests/refusal.hpp"

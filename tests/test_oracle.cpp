@@ -1,6 +1,6 @@
 // The oracle itself, checked against formulas and quadrature before anything is checked against it.
 
-#include "core/types.hpp"
+#include "core/base/types.hpp"
 #include "tests/oracle.hpp"
 
 #include <gtest/gtest.h>

@@ -2,7 +2,7 @@
 
 #include "core/lcp/other_solutions.hpp"
 
-#include "core/relay.hpp"
+#include "core/scene/relay.hpp"
 #include "run.hpp"
 
 #include <Eigen/LU>

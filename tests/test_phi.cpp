@@ -1,6 +1,8 @@
 // phi_1 and phi_2 against extended precision, matrix functions against quadrature of their integrals.
 
-#include "core/phi.hpp"
+#include "core/numerics/contour_phi.hpp"
+#include "core/numerics/matrix_phi.hpp"
+#include "core/numerics/phi.hpp"
 #include "tests/reference.hpp"
 
 #include <gtest/gtest.h>

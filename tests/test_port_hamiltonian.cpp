@@ -1,8 +1,8 @@
 // Port-Hamiltonian structure, the scenes made from it, and the energy balance of trajectories.
 
-#include "core/energy_balance.hpp"
-#include "core/goal_indicators.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/goal/energy_balance.hpp"
+#include "core/goal/indicators.hpp"
 #include "reference.hpp"
 #include "refusal.hpp"
 #include "run.hpp"

@@ -1,8 +1,8 @@
 // e^{hA} where double precision loses slow modes beside fast ones.
 
-#include "core/precise_phi.hpp"
+#include "core/numerics/precise_phi.hpp"
 
-#include "core/recurrence.hpp"
+#include "core/kernel/recurrence.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,9 +1,9 @@
 // Lag tables of recurrences against dense weights, the implicit Euler formula and the printed matrices of the paper.
 
-#include "core/error.hpp"
-#include "core/memory_length.hpp"
-#include "core/recurrence.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/kernel/memory_length.hpp"
+#include "core/kernel/recurrence.hpp"
 #include "tests/oracle.hpp"
 #include "tests/reference.hpp"
 #include "tests/run.hpp"

@@ -1,6 +1,6 @@
 // When continuous piecewise-linear y is safe.
 
-#include "core/ringing.hpp"
+#include "core/kernel/ringing.hpp"
 
 #include "tests/reference.hpp"
 #include "tests/run.hpp"

@@ -1,9 +1,9 @@
 // Units do not matter: a scene in other units ends with the same status and the same solution.
 
-#include "core/scaling.hpp"
+#include "core/solve/scaling.hpp"
 
-#include "core/error.hpp"
-#include "core/natural_sizes.hpp"
+#include "core/base/error.hpp"
+#include "core/scene/natural_sizes.hpp"
 #include "files/scene_file.hpp"
 #include "tests/changed_units.hpp"
 #include "tests/oracle.hpp"

@@ -1,6 +1,6 @@
-#include "core/scene.hpp"
+#include "core/scene/scene.hpp"
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "tests/oracle.hpp"
 
 #include <gtest/gtest.h>

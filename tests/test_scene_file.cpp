@@ -1,8 +1,8 @@
 // Scene files: a scene written in TOML is the same problem as the one built in, and every mistake is one line that
 // names file, line and key.
 
-#include "core/error.hpp"
-#include "core/relay.hpp"
+#include "core/base/error.hpp"
+#include "core/scene/relay.hpp"
 #include "files/scene_file.hpp"
 #include "run.hpp"
 #include "tests/oracle.hpp"

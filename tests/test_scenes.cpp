@@ -1,5 +1,5 @@
-#include "core/error.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
 #include "tests/oracle.hpp"
 #include "tests/reference.hpp"
 

@@ -1,8 +1,9 @@
 // phi-functions of stiff matrices that are not symmetric: contours against closed forms and extended precision.
 
-#include "core/sectorial.hpp"
+#include "core/numerics/sectorial.hpp"
 
-#include "core/phi.hpp"
+#include "core/numerics/matrix_phi.hpp"
+#include "core/numerics/phi.hpp"
 #include "tests/reference.hpp"
 
 #include <gtest/gtest.h>

@@ -1,6 +1,6 @@
 // The solver against the dense oracle, against converged reference values and against exact solutions.
 
-#include "core/scenes/catalogue.hpp"
+#include "core/catalogue/catalogue.hpp"
 #include "tests/oracle.hpp"
 #include "tests/run.hpp"
 

@@ -1,7 +1,7 @@
 // What must hold for any solver: causality, symmetry, scaling, states, and an honest status.
 
-#include "core/error.hpp"
-#include "core/scenes/catalogue.hpp"
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
 #include "tests/oracle.hpp"
 #include "tests/run.hpp"
 

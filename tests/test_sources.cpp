@@ -1,8 +1,9 @@
 // Sources that jump, have kinks or change faster than the grid.
 
-#include "core/methods.hpp"
-#include "core/source_steps.hpp"
-#include "core/step_propagator.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/numerics/step_propagator.hpp"
+#include "core/scene/source_steps.hpp"
+#include "core/solve/methods.hpp"
 #include "dense_twin.hpp"
 #include "run.hpp"
 

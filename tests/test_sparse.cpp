@@ -1,9 +1,10 @@
 // Large sparse A at sizes where everything can be written out: the resolvent against dense solves, the estimates of the
 // spectrum against known eigenvalues, and the kernel against the oracle's matrix functions.
 
-#include "core/elimination.hpp"
-#include "core/error.hpp"
-#include "core/sparse_kernel.hpp"
+#include "core/base/error.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/kernel/sparse_kernel.hpp"
+#include "core/numerics/elimination.hpp"
 #include "tests/backends.hpp"
 #include "tests/dense_twin.hpp"
 #include "tests/oracle.hpp"

@@ -1,4 +1,4 @@
-#include "core/spectrum.hpp"
+#include "core/dynamics/spectrum.hpp"
 #include "tests/reference.hpp"
 
 #include <gtest/gtest.h>

@@ -1,10 +1,11 @@
 // Marching with discontinuous y (Radau IIA, and implicit Euler where the state jumps).
 
-#include "core/stage_marching.hpp"
+#include "core/march/stages.hpp"
 
 #include "backends.hpp"
-#include "core/methods.hpp"
-#include "core/relay.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/scene/relay.hpp"
+#include "core/solve/methods.hpp"
 
 #include <Eigen/Dense>
 

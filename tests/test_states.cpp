@@ -1,9 +1,9 @@
 // The state where it is asked for: components by observers, time points by contours, both against stepping.
 
-#include "core/dense_output.hpp"
-#include "core/error.hpp"
-#include "core/scenes/catalogue.hpp"
-#include "core/solve.hpp"
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/dense_output.hpp"
+#include "core/solve/solve.hpp"
 #include "run.hpp"
 
 #include <gtest/gtest.h>

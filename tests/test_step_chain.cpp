@@ -4,8 +4,8 @@
 // a condition number below 1e4; solutions then agree to a few hundred roundings of the largest entry, 1e-13 relative
 // for two ways of the same sum and 1e-12 for the adjoint identity, which adds up (M+1) m products.
 
-#include "core/error.hpp"
-#include "core/step_chain.hpp"
+#include "core/base/error.hpp"
+#include "core/seam/step_chain.hpp"
 #include "tests/backends.hpp"
 
 #include <Eigen/LU>

@@ -1,8 +1,8 @@
 // What sweeps that were seen say of those to come, and iterations that end because of it.
 
-#include "core/sweep_forecast.hpp"
+#include "core/iteration/sweep_forecast.hpp"
 
-#include "core/relay.hpp"
+#include "core/scene/relay.hpp"
 #include "run.hpp"
 
 #include <gtest/gtest.h>

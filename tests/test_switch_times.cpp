@@ -1,6 +1,6 @@
 // The times at which expressions switch, against known edges and against the values on both sides of random points.
 
-#include "core/error.hpp"
+#include "core/base/error.hpp"
 #include "files/formula.hpp"
 #include "files/switch_times.hpp"
 

@@ -1,8 +1,8 @@
 // Switching times between grid points, against exact solutions.
 
-#include "core/scenes/catalogue.hpp"
-#include "core/switch_errors.hpp"
-#include "core/switching.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/result/switching.hpp"
+#include "core/solve/switch_errors.hpp"
 #include "tests/run.hpp"
 
 #include <gtest/gtest.h>

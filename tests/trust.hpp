@@ -2,7 +2,7 @@
 // Judges a result by the true solution: how far y (or its mean over [0, t], where the result says that it is that) and
 // x are from the event-located oracle, each component relative to max(max_t |c_i|, 1e-3 of the largest of its kind).
 
-#include "core/solve.hpp"
+#include "core/solve/solve.hpp"
 #include "tests/oracle_events.hpp"
 #include "tests/random_sources.hpp"
 

@@ -1,7 +1,7 @@
 #include "tests/verdict.hpp"
 
-#include "core/error.hpp"
-#include "core/text.hpp"
+#include "core/base/error.hpp"
+#include "core/base/text.hpp"
 
 #include <Eigen/Dense>
 

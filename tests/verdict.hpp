@@ -4,7 +4,7 @@
 // solution of the discrete problem up to rounding in every step, however much the scene magnifies it, and the solution
 // where the matrix of the step is P.
 
-#include "core/solve.hpp"
+#include "core/solve/solve.hpp"
 #include "tests/oracle.hpp"
 #include "tests/random_scenes.hpp"
 

@@ -1,6 +1,5 @@
 #include "core/lcp/comparison.hpp"
 
-#include "core/lcp/lcp_class.hpp"
 #include "core/lcp/solution.hpp"
 
 #include <Eigen/Eigenvalues>
@@ -12,8 +11,6 @@
 namespace bromwich {
 
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 LcpMatrix absolute(const LcpMatrix& M) {
   if (const auto* t = std::get_if<Tridiagonal>(&M))
@@ -27,49 +24,6 @@ LcpMatrix comparison(const LcpMatrix& M) {
   Matrix C = -std::get<Matrix>(M).cwiseAbs();
   C.diagonal() *= -1;
   return C;
-}
-
-// ||M_SS^{-1}||_inf; infinite where M_SS is singular to rounding. Rows and columns are scaled to a largest entry of
-// one first, so that singular means dependent, not small.
-double inverse_norm(Matrix M) {
-  const Index n = M.rows();
-  const Vector rows = M.cwiseAbs().rowwise().maxCoeff();
-  if (!(rows.minCoeff() > 0)) return infinity;
-  M = rows.cwiseInverse().asDiagonal() * M;
-  const Vector columns = M.cwiseAbs().colwise().maxCoeff();
-  if (!(columns.minCoeff() > 0)) return infinity;
-  M = M * columns.cwiseInverse().asDiagonal();
-  const Eigen::PartialPivLU<Matrix> lu(M);
-  if (!(reciprocal_condition(lu) > 16 * double(n) * epsilon)) return infinity;
-  const Matrix inverse = columns.cwiseInverse().asDiagonal() * lu.inverse() * rows.cwiseInverse().asDiagonal();
-  return inverse.cwiseAbs().rowwise().sum().maxCoeff();
-}
-
-double largest_inverse_norm(const Matrix& M) {
-  double L = 0;
-  std::vector<Index> S;
-  for (unsigned set = 1; set < 1u << M.rows() && L < infinity; ++set) {
-    S.clear();
-    for (Index i = 0; i < M.rows(); ++i)
-      if (set >> i & 1u) S.push_back(i);
-    L = std::max(L, inverse_norm(M(S, S)));
-  }
-  return L;
-}
-
-// The smallest eigenvalue of (M + M^T)/2, less its rounding.
-double smallest_eigenvalue(const LcpMatrix& M) {
-  Eigen::SelfAdjointEigenSolver<Matrix> eigen;
-  if (const auto* t = std::get_if<Tridiagonal>(&M)) {
-    const Index n = t->diagonal.size();
-    eigen.computeFromTridiagonal(t->diagonal, (t->lower.tail(n - 1) + t->upper.head(n - 1)) / 2,
-                                 Eigen::EigenvaluesOnly);
-  } else {
-    const Matrix& dense = std::get<Matrix>(M);
-    eigen.compute((dense + dense.transpose()) / 2, Eigen::EigenvaluesOnly);
-  }
-  const Vector& values = eigen.eigenvalues();
-  return values[0] - double(values.size()) * epsilon * values.cwiseAbs().maxCoeff();
 }
 
 }  // namespace
@@ -107,26 +61,6 @@ bool Comparison::is_M_matrix() const {
   if (!u.allFinite() || !(u.minCoeff() > 0)) return false;
   const double rounding = 4 * epsilon * double(tridiagonal ? 3 : n);
   return (multiply(C_, u).array() > rounding * multiply(absolute(C_), u).array()).all();
-}
-
-double solution_lipschitz(const LcpMatrix& M) {
-  const Index n = size(M);
-  if (n <= 12) return largest_inverse_norm(to_dense(M));
-  double bound = infinity;
-  if (is_H_plus(M)) bound = Comparison(M).solve(Vector::Ones(n)).maxCoeff();
-  if (n > 2048 && bound < infinity) return bound;  // O(n) for a tridiagonal matrix
-  const double lambda = smallest_eigenvalue(M);
-  if (lambda > 0) bound = std::min(bound, std::sqrt(double(n)) / lambda);
-  return bound;
-}
-
-std::optional<Matrix> inverse_comparison(const LcpMatrix& M) {
-  const Index n = size(M);
-  if (n > 2048 || !is_H_plus(M)) return std::nullopt;
-  const Comparison C(M);
-  Matrix inverse(n, n);
-  for (Index j = 0; j < n; ++j) inverse.col(j) = C.solve(Vector::Unit(n, j)).cwiseMax(0);
-  return inverse;
 }
 
 }  // namespace bromwich

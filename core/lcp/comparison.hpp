@@ -1,7 +1,7 @@
 #pragma once
 // The comparison matrix <M> (|m_ii| on the diagonal, -|m_ij| off it) and systems with it.
 
-#include "../scene.hpp"
+#include "matrix.hpp"
 
 #include <Eigen/LU>
 

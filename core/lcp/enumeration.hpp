@@ -1,7 +1,7 @@
 #pragma once
 // All active sets of a small complementarity problem, one after the other: the last resort, which misses no solution.
 
-#include "../scene.hpp"
+#include "matrix.hpp"
 
 #include <functional>
 #include <optional>

@@ -1,8 +1,8 @@
 #include "core/lcp/lcp_class.hpp"
 
+#include "core/base/text.hpp"
 #include "core/lcp/comparison.hpp"
 #include "core/lcp/solution.hpp"
-#include "core/text.hpp"
 
 #include <Eigen/Cholesky>
 

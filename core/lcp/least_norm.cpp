@@ -1,6 +1,5 @@
 #include "core/lcp/least_norm.hpp"
 
-#include "core/lcp/active_set_lcp.hpp"
 #include "core/lcp/enumeration.hpp"
 #include "core/lcp/lemke.hpp"
 #include "core/lcp/solution.hpp"
@@ -20,7 +19,7 @@ constexpr double rank_rounding = 1e-11;  ///< below this a pivot of M_SS counts 
 // too where A has full rank.
 Vector least_norm_solve(const Matrix& A, const Vector& b) {
   const Equilibration e = equilibrate(A);
-  const Eigen::PartialPivLU<Matrix> lu(std::get<Matrix>(scaled(A, e)));
+  const Eigen::PartialPivLU<Matrix> lu(scaled(A, e));
   if (reciprocal_condition(lu) > rank_rounding) return e.columns.cwiseProduct(lu.solve(e.rows.cwiseProduct(b)));
   Vector rows = A.rowwise().norm();
   rows = (rows.array() > 0).select(rows.cwiseInverse(), Vector::Ones(rows.size()));
@@ -32,8 +31,7 @@ Vector least_norm_solve(const Matrix& A, const Vector& b) {
 
 class Monotone {
  public:
-  Monotone(const Matrix& M, const Vector& q)
-      : M_(M), q_(q), n_(q.size()), e_(equilibrate(M)), scaled_(std::get<Matrix>(scaled(M, e_))) {
+  Monotone(const Matrix& M, const Vector& q) : M_(M), q_(q), n_(q.size()), e_(equilibrate(M)), scaled_(scaled(M, e_)) {
     scaled_q_ = e_.rows.cwiseProduct(q);
   }
 
@@ -125,7 +123,7 @@ void enumerate(const Monotone& problem, Index n, LeastNorm& best) {
 
 }  // namespace
 
-LeastNorm least_norm_solution(const Matrix& M, const Vector& q) {
+LeastNorm least_norm_solution(const Matrix& M, const Vector& q, const DefiniteSolver& solve_definite) {
   const Index n = q.size();
   LeastNorm found;
   found.y = Vector::Zero(n);
@@ -138,10 +136,9 @@ LeastNorm least_norm_solution(const Matrix& M, const Vector& q) {
   const double size = M.cwiseAbs().maxCoeff();
   for (double eps = 1e-3 * size; eps > 1e-13 * size; eps *= 1e-2) {
     Vector near;
-    ActiveSetLcp regularized(M + eps * Matrix::Identity(n, n), LcpClass::P);
-    const LcpOutcome outcome = regularized.solve(q, near);
-    found.problems += outcome.newton;
-    if (!outcome.solved) continue;
+    const auto [solved, sets] = solve_definite(M + eps * Matrix::Identity(n, n), q, near);
+    found.problems += sets;
+    if (!solved) continue;
     const std::vector<Index> S = support_of(near);
     const Vector y = problem.limit(S);
     if (!problem.solves(y)) {

@@ -13,7 +13,10 @@
 // A monotone problem without a solution has no feasible point: v >= 0 with M^T v <= 0 and q^T v < 0 exists (Farkas),
 // and v = lim eps y_eps is one: v_S = -(I - M_SS M_SS^+) q_S.
 
-#include "../scene.hpp"
+#include "matrix.hpp"
+
+#include <functional>
+#include <utility>
 
 namespace bromwich {
 
@@ -25,6 +28,9 @@ struct LeastNorm {
 };
 
 /// Any scale of M's rows and of q.
-LeastNorm least_norm_solution(const Matrix& M, const Vector& q);
+/// Solves LCP(q, P) for a definite P: whether it did, and how many active sets it tried.
+using DefiniteSolver = std::function<std::pair<bool, int>(const Matrix& P, const Vector& q, Vector& y)>;
+
+LeastNorm least_norm_solution(const Matrix& M, const Vector& q, const DefiniteSolver&);
 
 }  // namespace bromwich

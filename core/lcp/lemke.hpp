@@ -2,7 +2,7 @@
 // Lemke's method for LCP(q, M): complementary pivots on w - M y - d y_0 = q, d = (1, ..., 1), until y_0 leaves the
 // basis. Ties of the ratio test are broken lexicographically, so that it always ends: with a solution or on a ray.
 
-#include "../scene.hpp"
+#include "matrix.hpp"
 
 namespace bromwich {
 

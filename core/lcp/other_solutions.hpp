@@ -1,7 +1,7 @@
 #pragma once
 // Whether a small complementarity problem has more than one solution.
 
-#include "../scene.hpp"
+#include "matrix.hpp"
 
 #include <optional>
 

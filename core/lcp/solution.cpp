@@ -11,29 +11,6 @@ namespace {
 // Where a number is clearly not rounding, relative to what it is summed from.
 constexpr double clear = 1e-10;
 
-// Largest entry of each row and column of R |M| C.
-void largest_entries(const LcpMatrix& M, const Equilibration& e, Vector& rows, Vector& columns) {
-  if (const auto* dense = std::get_if<Matrix>(&M)) {
-    const Matrix scaled = e.rows.asDiagonal() * dense->cwiseAbs() * e.columns.asDiagonal();
-    rows = scaled.rowwise().maxCoeff();
-    columns = scaled.colwise().maxCoeff().transpose();
-    return;
-  }
-  const Tridiagonal& t = std::get<Tridiagonal>(M);
-  const Index n = t.diagonal.size();
-  rows = columns = Vector::Zero(n);
-  const auto take = [&](Index i, Index j, double value) {
-    const double entry = e.rows[i] * std::abs(value) * e.columns[j];
-    rows[i] = std::max(rows[i], entry);
-    columns[j] = std::max(columns[j], entry);
-  };
-  for (Index i = 0; i < n; ++i) {
-    take(i, i, t.diagonal[i]);
-    if (i > 0) take(i, i - 1, t.lower[i]);
-    if (i + 1 < n) take(i, i + 1, t.upper[i]);
-  }
-}
-
 double rounding(Index n) { return 16 * double(n + 4) * epsilon; }
 
 }  // namespace
@@ -43,27 +20,29 @@ Tridiagonal plus_identity(Tridiagonal M, double D) {
   return M;
 }
 
-Equilibration equilibrate(const LcpMatrix& M) {
-  const Index n = size(M);
-  Equilibration e{Vector::Ones(n), Vector::Ones(n)};
-  if (n == 0) return e;
-  Vector rows, columns;
-  const auto root = [](double largest) { return largest > 0 ? 1 / std::sqrt(largest) : 1.0; };
-  for (int sweep = 0; sweep < 8; ++sweep) {  // the logarithms of the largest entries halve in each
-    largest_entries(M, e, rows, columns);
+Equilibration equilibrate(const Tridiagonal& t) {
+  const Index n = t.diagonal.size();
+  return equilibrate(n, n, [&](const Equilibration& e, Vector& rows, Vector& columns) {
+    rows = columns = Vector::Zero(n);
+    const auto take = [&](Index i, Index j, double value) {
+      const double entry = e.rows[i] * std::abs(value) * e.columns[j];
+      rows[i] = std::max(rows[i], entry);
+      columns[j] = std::max(columns[j], entry);
+    };
     for (Index i = 0; i < n; ++i) {
-      e.rows[i] *= root(rows[i]);
-      e.columns[i] *= root(columns[i]);
+      take(i, i, t.diagonal[i]);
+      if (i > 0) take(i, i - 1, t.lower[i]);
+      if (i + 1 < n) take(i, i + 1, t.upper[i]);
     }
-  }
-  for (Vector* v : {&e.rows, &e.columns})
-    for (double& s : *v) s = std::exp2(std::round(std::log2(s)));
-  return e;
+  });
 }
 
-LcpMatrix scaled(const LcpMatrix& M, const Equilibration& e) {
-  if (const auto* dense = std::get_if<Matrix>(&M)) return Matrix(e.rows.asDiagonal() * *dense * e.columns.asDiagonal());
-  Tridiagonal t = std::get<Tridiagonal>(M);
+Equilibration equilibrate(const LcpMatrix& M) {
+  return std::visit([](const auto& given) { return equilibrate(given); }, M);
+}
+
+Tridiagonal scaled(const Tridiagonal& given, const Equilibration& e) {
+  Tridiagonal t = given;
   const Index n = t.diagonal.size();
   for (Index i = 0; i < n; ++i) {
     t.diagonal[i] *= e.rows[i] * e.columns[i];
@@ -73,11 +52,8 @@ LcpMatrix scaled(const LcpMatrix& M, const Equilibration& e) {
   return t;
 }
 
-double reciprocal_condition(const Eigen::PartialPivLU<Matrix>& lu) {
-  const Vector pivots = lu.matrixLU().diagonal().cwiseAbs();
-  for (const double p : pivots)
-    if (!(p > 0) || !std::isfinite(p)) return 0;
-  return lu.rcond();
+LcpMatrix scaled(const LcpMatrix& M, const Equilibration& e) {
+  return std::visit([&e](const auto& given) { return LcpMatrix(scaled(given, e)); }, M);
 }
 
 std::vector<Index> support_of(const Vector& y) {
@@ -108,7 +84,7 @@ bool is_certainly_unique(const Matrix& M, const Vector& q, const Vector& y) {
       return false;
   if (S.empty()) return true;
   const Matrix block = M(S, S);
-  const Eigen::PartialPivLU<Matrix> lu(std::get<Matrix>(scaled(block, equilibrate(block))));
+  const Eigen::PartialPivLU<Matrix> lu(scaled(block, equilibrate(block)));
   return reciprocal_condition(lu) > clear;
 }
 

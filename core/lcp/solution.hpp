@@ -4,26 +4,22 @@
 // With positive diagonal R and C, y solves LCP(q, M) exactly when C^{-1} y solves LCP(R q, R M C); the active sets, P
 // and Z stay what they are. Powers of two, so that scaling rounds nothing.
 
-#include "../scene.hpp"
-
-#include <Eigen/LU>
+#include "../numerics/equilibration.hpp"
+#include "matrix.hpp"
 
 #include <vector>
 
 namespace bromwich {
 
-struct Equilibration {
-  Vector rows;     ///< R
-  Vector columns;  ///< C
-};
-
 /// R and C with the largest entry of every row and column of R M C between about 1/2 and 2; 1 for zero rows, columns.
 Equilibration equilibrate(const LcpMatrix&);
+Equilibration equilibrate(const Tridiagonal&);
 
 /// M + D I.
 Tridiagonal plus_identity(Tridiagonal M, double D);
 
 /// R M C.
+Tridiagonal scaled(const Tridiagonal&, const Equilibration&);
 LcpMatrix scaled(const LcpMatrix&, const Equilibration&);
 
 /// y >= 0 and min(y_i, w_i) = 0 up to rounding: a w_i that should vanish, or should not be negative, is judged by
@@ -35,10 +31,6 @@ bool is_solution(const Matrix& M, const Vector& q, const Vector& y);
 /// both y_i and w_i near rounding. Then y is isolated, and the set of solutions is convex.
 bool is_certainly_unique(const Matrix& M, const Vector& q, const Vector& y);
 bool is_certainly_unique(const Tridiagonal& M, const Vector& q, const Vector& y);
-
-/// Estimate of 1/(||A||_1 ||A^{-1}||_1) from A = LU; 0 where a pivot is zero or not finite, which Eigen's estimate can
-/// miss (0/0 inside it).
-double reciprocal_condition(const Eigen::PartialPivLU<Matrix>&);
 
 /// {i : y_i > 0}.
 std::vector<Index> support_of(const Vector& y);

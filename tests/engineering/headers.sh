@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # headers.sh SOURCE OUT COMPILER [FLAG...]: every header of core, cpu and files compiles alone, and twice in one unit.
 #
-# Most headers include core/types.hpp, by themselves or through others, and Eigen with it: a second each. These are
-# compiled on a precompiled core/types.hpp, which hides nothing, since a header's includes come before its text. A
-# header that only works after somebody else has included core/types.hpp does not include it, and is compiled without.
+# Most headers include core/base/types.hpp, by themselves or through others, and Eigen with it: a second each. These are
+# compiled on a precompiled core/base/types.hpp, which hides nothing, since a header's includes come before its text. A
+# header that only works after somebody else has included core/base/types.hpp does not include it, and is compiled without.
 set -euo pipefail
 cd "$1"
 out=$2
@@ -11,7 +11,7 @@ shift 2
 export out compile="$* -I. -fsyntax-only -Werror"
 mkdir -p "$out"
 
-echo '#include "core/types.hpp"' >"$out/types_first.hpp"
+echo '#include "core/base/types.hpp"' >"$out/types_first.hpp"
 $* -I. -x c++-header "$out/types_first.hpp" -o "$out/types_first.hpp.gch"
 
 # check_header PATH: prints the compiler's words and fails where the header does not compile.
@@ -20,7 +20,7 @@ check_header() {
   printf '#include "%s"\n' "$1" "$1" >"$unit"
   # What the header includes, with everything outside of the project left out.
   if $compile -MM -MG -nostdinc -x c++ "$unit" 2>/dev/null | tr ' ' '\n' | xargs -r realpath -m --relative-to=. |
-    grep -qx core/types.hpp && [[ $1 != core/types.hpp ]]; then
+    grep -qx core/base/types.hpp && [[ $1 != core/base/types.hpp ]]; then
     first=(-include "$out/types_first.hpp")
   fi
   $compile -Winvalid-pch "${first[@]}" "$unit" 2>"$unit.log" || {

@@ -1,0 +1,132 @@
+// The CUDA backend on the signorini scene: one sweep of the functional iteration split into its operations, against the
+// copy bandwidth and the product rate measured in the same run; whole solves; and the step-by-step methods of the same
+// machine's processor, at the error that each reaches.
+
+#include "bench/studies/gpu.hpp"
+#include "app/commands.hpp"
+#include "app/text.hpp"
+#include "core/base/error.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace bromwich::app {
+
+namespace {
+
+/// Table 4.1 (h = 0.01) of the paper on Laplace inversion, on its NVIDIA GTX 660, in percent.
+struct PaperSplit {
+  int cells;  ///< 1/dx
+  double lcp, linear_algebra, interpolation, communication;
+};
+constexpr PaperSplit paper_splits[] = {{32, 46.1, 37.3, 4.7, 11.9},
+                                       {128, 40.1, 40.2, 6.3, 13.4},
+                                       {256, 30.2, 51.7, 6.6, 11.5},
+                                       {512, 22.8, 56.8, 7, 13.4}};
+/// What the text says of Fig. 4.10 at h = 0.01: the iteration there, implicit Euler on one core of an i7-3770K.
+struct PaperTimes {
+  double dx, iteration, euler;  ///< seconds
+};
+constexpr PaperTimes paper_times[] = {{0.025, 30, 27.5 * 60}, {1. / 512, 1.4 * 3600, 15 * 3600}};
+
+void add_paper(BenchReport& report) {
+  for (const PaperSplit& s : paper_splits)
+    report.rows.push_back({{"part", "paper, Table 4.1"},
+                           {"cells", s.cells},
+                           {"lcp", s.lcp},
+                           {"linear_algebra", s.linear_algebra},
+                           {"interpolation", s.interpolation},
+                           {"communication", s.communication}});
+  for (const PaperTimes& t : paper_times)
+    report.rows.push_back(
+        {{"part", "paper, Fig. 4.10"}, {"dx", t.dx}, {"iteration_seconds", t.iteration}, {"euler_seconds", t.euler}});
+}
+
+void check_request(const BenchRequest& request) {
+  if (request.scene && *request.scene != "signorini")
+    throw Error("SCENE", fmt::format("found '{}'", *request.scene), "leave it out: this benchmark uses signorini");
+  for (const auto& [key, value] : request.settings)
+    if (key != "Q") throw Error("--set", "found '" + key + "'", "set Q, or nothing");
+}
+
+std::vector<std::string> sweep_line(double Q, Index J, const Sweep& s, const Json& row) {
+  const auto percent = [&](const char* key) { return fmt::format("{:.0f} %", 100 * row[key].get<double>()); };
+  return {fmt::format("{}", Q),
+          fmt::format("{}", J),
+          fmt::format("{}", s.exponentials),
+          format_seconds(median(s.whole)),
+          s.recorded.empty() ? "-" : format_seconds(median(s.recorded)),
+          format_seconds(median(s.lcp)),
+          percent("lcp_of_copy"),
+          format_seconds(median(s.transform)),
+          percent("transform_of_gemm"),
+          format_seconds(median(s.scan)),
+          s.fft.empty() ? "-" : format_seconds(median(s.fft))};
+}
+
+std::vector<std::string> solve_line(double Q, const GpuContestant& c) {
+  return {fmt::format("{}", Q),
+          fmt::format("{}", c.result.steps),
+          c.name,
+          to_string(c.result.status),
+          fmt::format("{}", c.result.iterations),
+          format_seconds(median(c.samples.setup)),
+          format_seconds(median(c.samples.solve)),
+          c.options.method == Method::contour ? format_seconds(median(c.sweeps)) : "-",
+          format_seconds(median(c.samples.total)),
+          c.error.max > 0 ? scientific(c.error.max) : "-"};
+}
+
+}  // namespace
+
+BenchReport bench_gpu(const BenchRequest& request, Backend& backend) {
+  check_request(request);
+  const auto cuda = make_cuda_backend(make_cpu_backend(backend.device().threads));
+  const auto alone = make_cpu_backend(1);
+  const CudaCeilings ceilings = cuda_ceilings();
+  BenchReport report;
+  report.scene = "signorini";
+  report.parameters = {{"device", cuda->device().name},
+                       {"copy_bytes_per_second", ceilings.copy_bytes_per_second},
+                       {"gemm_flops_per_second", ceilings.gemm_flops_per_second}};
+  report.details["seconds"] = "of one sweep or operation, mean of 20 without a wait in between";
+  report.details["recorded"] = "the sweep started as one CUDA graph";
+  report.details["lcp"] = "warm: every problem starts from its solution; the report of the batch on the host included";
+  report.details["lcp_of_copy"] = "32 bytes a value over its time, as part of the copy bandwidth";
+  report.details["upload"] = "of one array from pageable memory, and back";
+  report.details["solve"] = "whole solves, set-up included; sweeps_seconds is the iteration without its first batch";
+  report.details["error_max"] = error_definition;
+  std::vector<double> points{39, 127, 255, 511, 1023};
+  std::vector<Index> grids{400, 4096, 16384};
+  if (request.quick) points = {39}, grids = {400};
+  if (request.settings.contains("Q")) points = {request.settings.at("Q")};
+  if (request.steps > 0) grids = {request.steps};
+  std::vector<std::vector<std::string>> sweeps{
+      {"Q", "J", "K", "sweep", "recorded", "LCP", "of copy", "transform", "of GEMM", "scan", "FFT"}};
+  std::vector<std::vector<std::string>> solves{
+      {"Q", "J", "contestant", "status", "sweeps", "setup", "solve", "in sweeps", "total", "error"}};
+  for (const double Q : points)
+    for (const Index J : grids) {
+      const Scene scene = make_scene("signorini", {{"Q", Q}});
+      const Sweep s = measure_sweep(scene, *cuda, J, request.repeats());
+      report.rows.push_back(sweep_row(Q, J, s, ceilings));
+      sweeps.push_back(sweep_line(Q, J, s, report.rows.back()));
+      for (const GpuContestant& c :
+           measure_solves(scene, J, *cuda, *alone, backend, std::min(request.repeats(), 3), request.quick)) {
+        report.rows.push_back(solve_row(Q, c));
+        solves.push_back(solve_line(Q, c));
+      }
+    }
+  const std::string transforms = measure_transforms(request.quick, ceilings, report);
+  const std::string small = measure_small_problems(*cuda, request.repeats(), request.quick, ceilings, report);
+  add_paper(report);
+  print(fmt::format("{}: copy {:.2f} TB/s, DGEMM {:.1f} Tflop/s\n", cuda->device().name,
+                    1e-12 * ceilings.copy_bytes_per_second, 1e-12 * ceilings.gemm_flops_per_second) +
+        table(sweeps) + table(solves) + transforms + small);
+  return report;
+}
+
+}  // namespace bromwich::app

@@ -1,0 +1,35 @@
+#pragma once
+// The parts of `bench gpu`: operations of the CUDA backend, and whole solves beside those of the processor.
+
+#include "bench/studies/study.hpp"
+#include "kernels/ceilings.hpp"
+
+namespace bromwich::app {
+
+/// Seconds of one sweep of the functional iteration on signorini and of its operations, several times each.
+struct Sweep {
+  std::vector<double> whole, recorded, lcp, transform, scan, fft, upload, download;
+  Index exponentials = 0;
+};
+Sweep measure_sweep(const Scene& scene, Backend& backend, Index J, int repeats);
+Json sweep_row(double Q, Index J, const Sweep&, const CudaCeilings&);
+
+/// Sine transforms in both forms, and batches of small dense problems: rows of the report, and its tables.
+std::string measure_transforms(bool quick, const CudaCeilings&, BenchReport&);
+std::string measure_small_problems(Backend& backend, int repeats, bool quick, const CudaCeilings&, BenchReport&);
+
+/// Whole solves on one grid by the CUDA backend and by the processor with one core and all, interleaved.
+struct GpuContestant {
+  std::string name;
+  Backend* backend;
+  Options options;
+  Result result = {};  ///< of the warm-up, arrays dropped
+  Deviation error = {};
+  Samples samples = {};
+  std::vector<double> sweeps = {};
+};
+std::vector<GpuContestant> measure_solves(const Scene& scene, Index J, Backend& cuda, Backend& one, Backend& all,
+                                          int repeats, bool quick);
+Json solve_row(double Q, const GpuContestant&);
+
+}  // namespace bromwich::app

@@ -1,0 +1,32 @@
+#pragma once
+// The catalogue of hard cases of `bromwich bench stability`. Most solutions are manufactured: x, y and w are chosen,
+//
+//     f = x' - A x - B y,   g = w - N x - M y,   y = max(S, 0),   w = max(-S, 0),
+//
+// so that the solution is known whatever A, B, N and M are; the others are solved by hand.
+
+#include "core/scene/scene.hpp"
+
+#include <cmath>
+
+#include <string>
+#include <vector>
+
+namespace bromwich::app {
+
+struct HardCase {
+  std::string group, name, reference;
+  Scene scene;  ///< with `exact`; values at a jump are those behind it
+  std::string expected = "solved";
+  double until = INFINITY;             ///< compared up to here
+  bool compare_y = true;               ///< false where y is not unique
+  bool y_jumps = false;                ///< then its mean over [0, t] is compared
+  Vector impulse = {};                 ///< part of the integral of y at t = 0
+  std::vector<Index> components = {};  ///< of x to record; empty = all
+  double tolerance = 1e-3;
+};
+
+/// Those of --quick are small.
+std::vector<HardCase> hard_cases(bool quick);
+
+}  // namespace bromwich::app

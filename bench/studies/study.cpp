@@ -1,0 +1,71 @@
+#include "bench/studies/study.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+namespace bromwich::app {
+
+namespace {
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+}
+
+void Samples::add(double total_seconds, double setup_seconds, double solve_seconds) {
+  total.push_back(total_seconds);
+  setup.push_back(setup_seconds);
+  solve.push_back(solve_seconds);
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return nan;
+  std::sort(values.begin(), values.end());
+  const std::size_t half = values.size() / 2;
+  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+}
+
+double minimum(const std::vector<double>& values) {
+  return values.empty() ? nan : *std::min_element(values.begin(), values.end());
+}
+
+double maximum(const std::vector<double>& values) {
+  return values.empty() ? nan : *std::max_element(values.begin(), values.end());
+}
+
+Json to_json(const Samples& samples) {
+  return {{"median", median(samples.total)},
+          {"min", minimum(samples.total)},
+          {"max", maximum(samples.total)},
+          {"setup", median(samples.setup)},
+          {"solve", median(samples.solve)}};
+}
+
+Json to_json(const Errors& errors) {
+  const auto json = [](const Deviation& d) { return Json{{"max", d.max}, {"rms", d.rms}}; };
+  return {{"y", json(errors.y)}, {"trace", json(errors.trace)}};
+}
+
+std::string table(const std::vector<std::vector<std::string>>& rows) {
+  std::vector<std::size_t> widths;
+  for (const auto& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()), 0);
+    for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
+  }
+  std::string text;
+  const auto out = std::back_inserter(text);
+  for (const auto& row : rows) {
+    for (std::size_t c = 0; c < row.size(); ++c)
+      if (c == 0)
+        fmt::format_to(out, "{:<{}}", row[c], widths[c]);
+      else
+        fmt::format_to(out, "  {:>{}}", row[c], widths[c]);
+    text += '\n';
+  }
+  return text;
+}
+
+std::string scientific(double value) { return std::isnan(value) ? "-" : fmt::format("{:.2e}", value); }
+
+}  // namespace bromwich::app

@@ -1,0 +1,87 @@
+#pragma once
+// How the results of one method on grids of J, 2J, 4J, ... steps approach each other: y, its mean over [0, t] where y
+// jumps, and the states.
+//
+// Where y jumps, a jump that moves by a step is a difference as large as the jump on every grid, and the mean
+// 1/T ∫_0^t y takes the place of y: of first order. x is integrated and converges with an order between 1 and 2.
+// That a jump stays in its step when the step is halved has a chance of one half, and then the difference does not show
+// the error that it makes. Two things do. A jump s is known to within a step, so that the mean has an error of about s
+// h/(2 T) whatever the differences say; so has x, up to |B s| h, where its differences have shown to be a matter of
+// chance, by a rise or fall by a factor of 100 from one to the next (where y holds the state on a constraint, x does
+// better). And a grid of 3J/4 steps, the check, has few time points in common with the others.
+
+#include "../result/result.hpp"
+#include "../scene/scene.hpp"
+#include "grid_differences.hpp"
+
+#include <optional>
+
+namespace bromwich {
+
+/// What errors are measured against: component i of a kind (y, its mean, x) by
+///
+///     s_i = max(max_t |c_i|, 1e-3 max_k max_t |c_k|) + absolute,
+///
+/// all in natural units (core/solve/scaling.hpp).
+struct ComponentSizes {
+  Vector one_y, one_x;   ///< what 1 in the user's units is for y (n) and for the recorded x; empty = 1
+  double absolute = 0;   ///< absolute tolerance over the relative one, in the user's units
+  bool relative = true;  ///< false: 1 in the user's units alone, for all
+
+  Vector of_y(const Result&) const;
+  Vector of_mean(const Result&) const;
+  Vector of_x(const Result&) const;
+};
+
+/// Largest differences at common time points t > 0, each relative to the s_i of `b`. Infinite where one of the two is
+/// not known.
+struct Distance {
+  double y, mean;
+  Vector x;  ///< a component each
+
+  double of_x() const { return x.size() > 0 ? x.maxCoeff() : 0; }
+};
+/// Row a_stride j of `a` belongs to the time of row b_stride j of `b`.
+Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const ComponentSizes& = {});
+
+/// n: of each component the largest min(|y_j - y_{j-1}|, |y_{j+1} - y_{j-2}|), j >= 3: an impulse, one row that stands
+/// out, is no jump.
+Vector largest_jumps(const RowMatrix& y);
+
+/// n: of each component the largest min(|y_j - y_{j-1}|, |y_j - y_{j+1}|), j >= 2: a row that stands out.
+Vector largest_peaks(const RowMatrix& y);
+
+class Convergence {
+ public:
+  /// On the first grid, which later ones of the same method follow.
+  Convergence(const Scene&, const Result& first, ComponentSizes = {});
+
+  /// The next grid, with half the step of `coarse`. `resolved`: enough steps to take what does not converge for a jump.
+  void add(const Result& coarse, const Result& fine, bool resolved);
+
+  /// Whether the error of the last grid needs a look at a grid of 3/4 of its steps; and that look.
+  bool wants_check() const { return may_jump_ && !check_; }
+  void check(const Result& other, const Result& fine);
+
+  bool of_integral() const { return jumps_; }  ///< the mean of y is controlled, not y
+  const GridDifferences& controlled() const { return jumps_ ? mean_ : y_; }
+  const GridDifferences& states() const { return x_; }
+  double error() const;  ///< of what is controlled, on the last grid; NaN before two differences
+  /// Likewise. The largest component may hide one that converges more slowly; where differences are regular, their
+  /// orders tell that of each.
+  double error_of_x() const;
+  bool can_be_judged(double goal) const;  ///< what is controlled converges, as far as can be seen
+
+ private:
+  double by_displaced_jumps(double most, const GridDifferences&, double to_check) const;
+
+  GridDifferences y_, mean_, x_, jump_;
+  std::vector<GridDifferences> components_;  ///< of x
+  std::optional<Distance> check_;
+  const Scene& scene_;
+  ComponentSizes sizes_;
+  bool may_jump_, jumps_ = false, erratic_ = false;
+  double displaced_ = 0, displaced_x_ = 0;  ///< errors of the mean and of x by jumps that are known to within a step
+};
+
+}  // namespace bromwich

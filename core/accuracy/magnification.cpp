@@ -1,0 +1,240 @@
+#include "core/accuracy/magnification.hpp"
+
+#include "core/kernel/closed_loop.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <set>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double most_certified_operations = 2e9;  ///< of a pass over the state; beyond, no magnification is computed
+
+// dz_j = T dz_{j-1} and dy = K dz_{j-1} for the active set of a row of y.
+class TangentStep {
+ public:
+  TangentStep(const DiscreteProblem& p, const DenseRecurrence& r)
+      : r_(r),
+        response_(to_dense(p.scene.M) + r.w0),
+        map(r.decay),
+        gain(Matrix::Zero(r.output.rows(), r.decay.rows())) {}
+
+  void take(const Eigen::Ref<const Vector>& y) {
+    if (!response_.take(y)) return;
+    gain = response_.to_columns(r_.output);
+    map = r_.decay + r_.input * gain;
+  }
+
+ private:
+  const DenseRecurrence& r_;
+  ActiveResponse response_;
+
+ public:
+  Matrix map, gain;
+};
+
+// Numbers in [-1, 1] without a pattern, the same in every run.
+class Signs {
+ public:
+  double operator()() {
+    state_ = state_ * 6364136223846793005ULL + 1442695040888963407ULL;
+    return double(std::int64_t(state_)) * 0x1p-63;
+  }
+
+ private:
+  std::uint64_t state_ = 20;
+};
+
+// What rounding does to E: its own entries, and where eps ||hA|| is more than that, what it does to A.
+Matrix rounding_of_decay(const DiscreteProblem& p, Rule rule, const StepOperators& step) {
+  constexpr double perturbed = 16 * epsilon, negligible = 1e-11;
+  const Matrix& A = p.dense()->A;
+  Signs signs;
+  const auto sign = [&signs](double) { return signs(); };
+  const Matrix own = epsilon * step.decay.unaryExpr([&](double e) { return std::abs(e) * signs(); });
+  const bool precise = rule == Rule::exponential && needs_precision(A, p.h, p.J);
+  const double norm = p.h * A.cwiseAbs().colwise().sum().maxCoeff();
+  if (precise || !(epsilon * norm * double(p.J) > negligible)) return own;
+  const Matrix change = perturbed * A.cwiseProduct(A.unaryExpr(sign));
+  if (rule != Rule::exponential) return own + (epsilon / perturbed) * p.h * (step.decay * change * step.decay);
+  return own + (epsilon / perturbed) * (step_operators(A + change, rule, p.h).decay - step.decay);
+}
+
+// The rounding of each step and component, rows 1..J; `terms` are the sizes of what x_j is summed from.
+RowMatrix rounding_of_steps(const DiscreteProblem& p, Rule rule, const StepOperators& step, const RowMatrix& x,
+                            const RowMatrix& terms) {
+  RowMatrix source = RowMatrix::Zero(x.rows(), x.cols());
+  source.bottomRows(p.J).noalias() = x.topRows(p.J) * rounding_of_decay(p, rule, step).transpose();
+  Signs signs;
+  for (Index j = 1; j <= p.J; ++j)
+    for (Index i = 0; i < x.cols(); ++i) source(j, i) += epsilon * (std::abs(x(j, i)) + terms(j, i)) * signs();
+  return source;
+}
+
+bool same_set(const RowMatrix& y, Index a, Index b) { return ((y.row(a).array() > 0) == (y.row(b).array() > 0)).all(); }
+
+// Fixed, with parts in all components that the solution moves.
+Vector perturbation(const Vector& scale) {
+  Vector dz(scale.size());
+  for (Index i = 0; i < dz.size(); ++i) dz[i] = std::cos(1.0 + 2.399963 * double(i)) * scale[i];
+  return dz;
+}
+
+// |D^{-1} x|; components that the solution does not move count where something else moves them.
+class ScaledNorm {
+ public:
+  explicit ScaledNorm(const Vector& scale) {
+    const double least = std::max(1e-8 * (scale.size() > 0 ? scale.maxCoeff() : 0), 1e-290);
+    inverse_ = scale.cwiseMax(least).cwiseInverse();
+  }
+  template <class V>
+  double operator()(const V& v) const {
+    return v.cwiseProduct(inverse_).norm();
+  }
+
+ private:
+  Vector inverse_;
+};
+
+constexpr double rounding_margin = 2;  ///< the roundings of a run are one sample
+
+}  // namespace
+
+Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const RowMatrix& recorded) {
+  const DenseDynamics* d = p.dense();
+  const double m = double(p.scene.states()), n = double(p.scene.constraints());
+  if (!d || double(p.J) * (3 * m * m + 4 * m * n) > most_certified_operations || !y.allFinite())
+    return {NAN, NAN, NAN, NAN, NAN, {}, {}};
+  const std::shared_ptr<const StepOperators> operators = state_step(p, rule);
+  const StepOperators& step = *operators;
+  const DenseRecurrence r = dense_recurrence(*d, step);
+  Magnification result;
+  StatesOfY states = recorded.rows() == p.J + 1 && recorded.cols() == p.scene.states() ? StatesOfY{recorded, 0}
+                                                                                       : states_of(p, rule, y);
+  const RowMatrix& x = states.x;
+  result.correction = states.correction;
+  const RowMatrix input = state_input(p, y), driven = y * d->B.transpose(), terms = input * step.right.transpose();
+  const RowMatrix rounded = rounding_of_steps(p, rule, step, x, input.cwiseAbs() * step.right.cwiseAbs().transpose());
+  result.scale = x.cwiseAbs().colwise().maxCoeff().transpose();
+  const ScaledNorm norm(result.scale);
+
+  TangentStep tangent(p, r);
+  const Vector first = perturbation(result.scale);
+  const double length = norm(first);
+  Vector dz = length > 0 ? Vector(first / length) : first, next(dz.size());
+  Vector error = epsilon * perturbation(p.scene.x0);
+  double size = norm(p.scene.x0), log_growth = 0, least = 0, most = 0;
+  for (Index j = 1; j <= p.J; ++j) {
+    tangent.take(y.row(j).transpose());
+    if (n > 0) result.output = std::max(result.output, rounding_margin * (tangent.gain * error).cwiseAbs().maxCoeff());
+    next.noalias() = tangent.map * error;
+    error = next + rounded.row(j).transpose();
+    next.noalias() = tangent.map * dz;
+    dz.swap(next);
+    const double rho = norm(dz);
+    size = std::max(size, norm(x.row(j).transpose()) + norm(terms.row(j).transpose()));
+    if (j < p.J && (!same_set(y, j, j - 1) || !same_set(y, j, j + 1)))
+      result.impulse = std::max(result.impulse, p.h * norm(driven.row(j).transpose()) / size);
+    if (rho < 1e-14) {  // the perturbation is gone, what is left of it is rounding: another one starts
+      if (length > 0) dz = first / length;
+      log_growth = least = 0;
+    } else {
+      dz /= rho;
+      log_growth += std::log(rho);
+      least = std::min(least, log_growth);
+      most = std::max(most, log_growth - least);
+    }
+    result.rounding = std::max(result.rounding, size > 0 ? rounding_margin * norm(error) / size : 0);
+    if (!std::isfinite(rho) || !std::isfinite(norm(error))) result.rounding = INFINITY;
+  }
+  result.growth = std::exp(std::min(most, 700.0));
+  result.x = std::move(states.x);
+  return result;
+}
+
+// Errors of steps are smooth or not: the same in every step, and with signs that have no pattern, both are carried.
+double accumulated(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const RowMatrix& x, const Vector& defect,
+                   const Vector& scale) {
+  const std::shared_ptr<const StepOperators> operators = state_step(p, rule);
+  const DenseRecurrence r = dense_recurrence(*p.dense(), *operators);
+  const ScaledNorm norm(scale);
+  TangentStep tangent(p, r);
+  Matrix error = Matrix::Zero(x.cols(), 2), next = error;
+  double size = norm(p.scene.x0), most = 0;
+  Signs signs;
+  for (Index j = 1; j <= p.J; ++j) {
+    tangent.take(y.row(j).transpose());
+    next.noalias() = tangent.map * error;
+    error.swap(next);
+    error.col(0) += defect;
+    for (Index i = 0; i < defect.size(); ++i) error(i, 1) += defect[i] * signs();
+    size = std::max(size, norm(x.row(j).transpose()));
+    for (Index c = 0; c < error.cols(); ++c)
+      if (size > 0) most = std::max(most, norm(error.col(c)) / size);
+    if (!error.allFinite()) return INFINITY;
+  }
+  return most;
+}
+
+double contact_frequency(const DiscreteProblem& p, const RowMatrix& y) {
+  constexpr std::size_t most_sets = 16;
+  constexpr double hardly_damped = 0.1;
+  const DenseDynamics& d = *p.dense();
+  const Matrix M = to_dense(p.scene.M);
+  std::set<std::vector<Index>> sets;
+  for (Index j = 0; j < y.rows() && sets.size() < most_sets; ++j) {
+    std::vector<Index> S;
+    for (Index i = 0; i < y.cols(); ++i)
+      if (y(j, i) > 0) S.push_back(i);
+    if (!S.empty()) sets.insert(S);
+  }
+  double frequency = 0;
+  for (const std::vector<Index>& S : sets) {
+    const Matrix response = M(S, S).partialPivLu().solve(Matrix(d.N(S, Eigen::all)));
+    const Matrix closed = d.A - d.B(Eigen::all, S) * response;
+    const ComplexVector eigenvalues = Eigen::EigenSolver<Matrix>(closed, false).eigenvalues();
+    for (const Complex lambda : eigenvalues)
+      if (std::abs(lambda.real()) < hardly_damped * std::abs(lambda.imag()))
+        frequency = std::max(frequency, std::abs(lambda.imag()));
+  }
+  return frequency;
+}
+
+Divergence divergence(const RowMatrix& coarse, const RowMatrix& fine, const Vector& scale) {
+  constexpr Index first_steps = 3;
+  const ScaledNorm norm(scale);
+  Divergence d{0, Vector::Zero(scale.size())};
+  double size = 0;
+  for (Index j = 1; j < coarse.rows(); ++j) {
+    const Vector apart = (coarse.row(j) - fine.row(2 * j)).transpose();
+    if (!apart.allFinite()) return {INFINITY, Vector::Constant(scale.size(), INFINITY)};
+    size = std::max({size, norm(coarse.row(j - 1).transpose()), norm(coarse.row(j).transpose())});
+    d.pointwise = std::max(d.pointwise, size > 0 ? norm(apart) / size : 0);
+    if (j <= first_steps && norm(apart) / double(j) > norm(d.defect)) d.defect = apart / double(j);
+  }
+  return d;
+}
+
+Change change_when_halved(const RowMatrix& coarse, const RowMatrix& fine, Index last) {
+  std::vector<double> rows;
+  double size = 0, sum = 0, whole = 0;
+  for (Index j = 1; j <= last && coarse.cols() > 0; ++j) {
+    const auto difference = (coarse.row(j) - fine.row(2 * j)).cwiseAbs();
+    rows.push_back(difference.maxCoeff<Eigen::PropagateNaN>());
+    if (std::isnan(rows.back())) return {INFINITY, INFINITY, INFINITY};
+    size = std::max(size, fine.row(2 * j).cwiseAbs().maxCoeff());
+    sum += difference.sum();
+    whole += fine.row(2 * j).cwiseAbs().sum();
+  }
+  if (rows.empty() || size == 0) return {};
+  std::sort(rows.begin(), rows.end());
+  return {rows.back() / size, rows[(rows.size() - 1) * 95 / 100] / size, sum / whole};
+}
+
+}  // namespace bromwich

@@ -1,0 +1,20 @@
+#pragma once
+// Whether steps of a solution have other solutions, which a result then says.
+
+#include "../kernel/discrete_problem.hpp"
+#include "../result/result.hpp"
+
+namespace bromwich {
+
+struct OtherSolution {
+  Index row = -1;                ///< of the first one that was found, of those looked at; -1: none
+  bool moves_the_state = false;  ///< the state after the step is another one too
+  bool searched = false;         ///< false: the problems are too large for that
+};
+
+/// Looks at t = 0 (where M is neither P nor PSD) and at up to 24 steps: the first, those at which the active set
+/// changes, and some between them, as problems of implicit Euler from the states of the result. Dense dynamics; x all
+/// states.
+OtherSolution other_solution(const DiscreteProblem&, const Result&, const RowMatrix& x);
+
+}  // namespace bromwich

@@ -1,0 +1,34 @@
+#pragma once
+// The recipes behind the catalogue, one file each, and the checks of parameters that they share.
+
+#include "../base/error.hpp"
+#include "recipe.hpp"
+
+#include <sstream>
+
+namespace bromwich {
+
+SceneRecipe signorini_recipe();
+SceneRecipe dlcp_small_recipe();
+SceneRecipe bridge_recipe();
+SceneRecipe ph_toy_recipe();
+SceneRecipe ladder_recipe();
+SceneRecipe ladder_diodes_recipe();
+SceneRecipe nash_game_recipe();
+SceneRecipe lq_control_recipe();
+SceneRecipe periodic_rectifier_recipe();
+
+inline std::string number_text(double value) {
+  std::ostringstream out;
+  out << value;
+  return out.str();
+}
+
+/// The parameter `key`, which must be positive.
+inline double positive_parameter(const ParameterValues& values, const std::string& key) {
+  const double value = values.at(key);
+  if (!(value > 0)) throw Error(key, "found " + number_text(value), "give a positive number");
+  return value;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,29 @@
+#pragma once
+// Where the eigenvalues of A lie, so that a contour can be put around them.
+
+#include "dynamics.hpp"
+
+#include <string>
+
+namespace bromwich {
+
+struct Spectrum {
+  double half_angle = 0;    ///< smallest sector |arg(-z)| <= half_angle that holds the eigenvalues (pi if one is > 0)
+  double abscissa = 0;      ///< largest real part
+  double radius = 0;        ///< largest modulus
+  double slowest = 0;       ///< smallest non-zero modulus, 0 if none or not known
+  bool non_normal = false;  ///< dense: ||A A^T - A^T A||_F > ||A||_F^2 / 10
+
+  bool real_negative() const { return half_angle == 0; }
+  /// "real, in [-12.8, -0.04]" and the like.
+  std::string describe() const;
+};
+
+/// Exact for a Kronecker sum (sine eigenvalues); all eigenvalues by the QR algorithm for dense A and for sparse A with
+/// at most 256 states. Larger sparse A: bounds and estimates, `abscissa` at least 0 and `slowest` not known (0).
+Spectrum spectrum(const Dynamics&);
+
+/// The bounds and estimates of a large sparse A, whatever its size.
+Spectrum sparse_spectrum(const SparseMatrix& A);
+
+}  // namespace bromwich

@@ -1,2 +1,0 @@
-#define BROMWICH_EIGEN_INSTANCE template
-#include "core/eigen_instances.hpp"

@@ -1,0 +1,146 @@
+#include "core/galerkin/discretisation.hpp"
+
+#include "core/base/error.hpp"
+#include "core/galerkin/sources.hpp"
+#include "core/numerics/matrix_phi.hpp"
+#include "core/numerics/phi.hpp"
+#include "core/numerics/two_point.hpp"
+
+#include <Eigen/Dense>
+
+namespace bromwich {
+
+namespace {
+
+GalerkinStep step_from(const std::vector<Matrix>& G, const DenseDynamics& d, const Matrix& M, double h) {
+  const Index m = d.A.rows(), n = M.rows();
+  GalerkinStep step{G[0], Matrix(m, 2 * n), Matrix(2 * n, m), Matrix(2 * n, 2 * n), Matrix(2 * n, 2 * n)};
+  const Matrix first = G[1] - G[2], diagonal = d.N * (G[3] - G[4]) * d.B;
+  step.H << h * first * d.B, h * G[2] * d.B;
+  step.C << 2 * d.N * G[2], 2 * d.N * first;
+  step.M << 2 * M, M, M, 2 * M;
+  step.M /= 3;
+  step.D << diagonal, d.N * G[4] * d.B, d.N * (G[2] - 2 * G[3] + G[4]) * d.B, diagonal;
+  step.D = (step.M + 2 * h * step.D).eval();
+  return step;
+}
+
+}  // namespace
+
+BoundaryCondition boundary_of(const Scene& scene) {
+  const Index m = scene.states();
+  return scene.boundary.value_or(BoundaryCondition{Matrix::Identity(m, m), Matrix::Zero(m, m), scene.x0});
+}
+
+Matrix source_entry(const Scene& scene, const DenseDynamics& d) {
+  if (scene.f_entry == SourceEntry::through_B) return d.B;
+  if (scene.f_entry == SourceEntry::through_F) return Matrix(scene.F);
+  return Matrix::Identity(d.A.rows(), d.A.rows());
+}
+
+GalerkinStep galerkin_step(const DenseDynamics& d, const Matrix& M, double h) {
+  return step_from(matrix_phis(h * d.A, 4), d, M, h);
+}
+
+GalerkinProblem galerkin_problem(const Scene& scene, const std::vector<GridPart>& parts) {
+  const DenseDynamics d = to_dense(scene.dynamics);
+  const Matrix M = to_dense(scene.M), entry = source_entry(scene, d);
+  const Index m = d.A.rows(), n = d.B.cols();
+  GalerkinProblem p;
+  for (const GridPart& part : parts) p.N += part.intervals;
+  p.t = Vector::Zero(p.N + 1);
+  p.boundary = boundary_of(scene);
+  p.initial_value = !scene.boundary;
+  p.forcing = RowMatrix::Zero(p.N, m);
+  p.q = RowMatrix::Zero(p.N, 2 * n);
+  GalerkinSources sources(scene, d, entry, breakpoints_of(scene));
+  Index first = 0;
+  double begin = 0;
+  for (const GridPart& part : parts) {
+    const double h = (part.end - begin) / double(part.intervals);
+    p.runs.push_back({first, part.intervals, step_from(matrix_phis(h * d.A, 5), d, M, h)});
+    for (Index j = 0; j < part.intervals; ++j) {
+      const Index k = first + j;
+      p.t[k + 1] = j + 1 == part.intervals ? part.end : begin + double(j + 1) * h;
+      sources.add(begin + double(j) * h, h, p.forcing.row(k).transpose(), p.q.row(k).transpose());
+    }
+    first += part.intervals;
+    begin = part.end;
+  }
+  return p;
+}
+
+GalerkinProblem galerkin_problem(const Scene& scene, Index N) {
+  return galerkin_problem(scene, std::vector<GridPart>{{scene.T, N}});
+}
+
+GalerkinProblem coarser_problem(const Scene& scene, const GalerkinProblem& fine) {
+  const GalerkinStep& step = fine.first_step();
+  const Index N = fine.N / 2, n = fine.unknowns() / 2;
+  GalerkinProblem p;
+  p.N = N;
+  p.t = fine.t(Eigen::seqN(0, N + 1, 2));
+  p.runs = {{0, N, galerkin_step(to_dense(scene.dynamics), to_dense(scene.M), p.t[1])}};
+  p.boundary = fine.boundary;
+  p.initial_value = fine.initial_value;
+  const auto first = Eigen::seqN(0, N, 2), second = Eigen::seqN(1, N, 2);
+  const RowMatrix F = fine.forcing(first, Eigen::all), early = fine.q(first, Eigen::all),
+                  late = fine.q(second, Eigen::all) + F * step.C.transpose();
+  p.forcing = fine.forcing(second, Eigen::all) + F * step.E.transpose();
+  const RowMatrix shared = early.rightCols(n) / 4 + late.leftCols(n) / 4;
+  p.q.resize(N, 2 * n);
+  p.q.leftCols(n) = early.leftCols(n) / 2 + shared;
+  p.q.rightCols(n) = late.rightCols(n) / 2 + shared;
+  return p;
+}
+
+RowMatrix galerkin_states(const GalerkinProblem& p, const RowMatrix& z) {
+  RowMatrix input = p.forcing;
+  for (const GalerkinRun& run : p.runs)
+    input.middleRows(run.first, run.count).noalias() += z.middleRows(run.first, run.count) * run.step.H.transpose();
+  if (!p.initial_value) {
+    std::vector<const Matrix*> P;
+    for (const GalerkinRun& run : p.runs) P.insert(P.end(), std::size_t(run.count), &run.step.E);
+    RowMatrix x = solve_two_point(P, input, p.boundary, epsilon);
+    if (x.rows() == 0)
+      throw Error("boundary", "E0 + ET e^{TA} is singular", "give conditions that determine the states");
+    return x;
+  }
+  RowMatrix x(p.N + 1, p.states());
+  x.row(0) = p.boundary.b.transpose();
+  for (const GalerkinRun& run : p.runs)
+    for (Index k = run.first; k < run.first + run.count; ++k)
+      x.row(k + 1).noalias() = x.row(k) * run.step.E.transpose() + input.row(k);
+  return x;
+}
+
+namespace {
+
+// q + C x, and D z.
+RowMatrix galerkin_response(const GalerkinProblem& p, const RowMatrix* z, const RowMatrix& x) {
+  RowMatrix w = p.q;
+  for (const GalerkinRun& run : p.runs) {
+    auto rows = w.middleRows(run.first, run.count);
+    if (z) rows.noalias() += z->middleRows(run.first, run.count) * run.step.D.transpose();
+    rows.noalias() += x.middleRows(run.first, run.count) * run.step.C.transpose();
+  }
+  return w;
+}
+
+}  // namespace
+
+RowMatrix galerkin_slack(const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x) {
+  return galerkin_response(p, &z, x);
+}
+
+RowMatrix galerkin_known(const GalerkinProblem& p, const RowMatrix& x) { return galerkin_response(p, nullptr, x); }
+
+RowMatrix apply_galerkin(const GalerkinProblem& p, const RowMatrix& z) {
+  GalerkinProblem linear = p;
+  linear.forcing.setZero();
+  linear.q.setZero();
+  linear.boundary.b.setZero();
+  return galerkin_slack(linear, z, galerkin_states(linear, z));
+}
+
+}  // namespace bromwich

@@ -1,0 +1,325 @@
+#include "core/galerkin/galerkin.hpp"
+
+#include "core/base/error.hpp"
+#include "core/base/text.hpp"
+#include "core/base/timer.hpp"
+#include "core/galerkin/checks.hpp"
+#include "core/galerkin/free.hpp"
+#include "core/galerkin/location.hpp"
+#include "core/galerkin/recovery.hpp"
+#include "core/galerkin/rules.hpp"
+#include "core/galerkin/solvers.hpp"
+#include "core/kernel/states.hpp"
+#include "core/scene/natural_units.hpp"
+
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr Index most_dense_states = 1024;
+constexpr double accepted_residual = 1e-9;
+constexpr double delicate_boundary = 1e-7;  ///< reciprocal condition of the boundary problem
+
+bool has_ended(const GalerkinSolution& s) { return s.status != Status::tolerance_not_met; }
+
+// What is fast: exchanges, and where they do not end shooting.
+GalerkinSolution exchange_or_shoot(const GalerkinProblem& p, Backend& backend, const Options& options,
+                                   const RowMatrix& start) {
+  GalerkinSolution exchanged = exchange_active_sets(p, backend, options, &start);
+  if (has_ended(exchanged)) return exchanged;
+  GalerkinSolution shot = shoot(p, backend, options, galerkin_states(p, start).row(0).transpose());
+  return has_ended(shot) ? shot : exchanged;
+}
+
+// Boundary values: the fast methods first, then the safe ones. Of several failures the first is the one to explain.
+GalerkinSolution solve_boundary_problem(const GalerkinProblem& p, Backend& backend, const Options& options,
+                                        const RowMatrix& start) {
+  GalerkinSolution first = exchange_or_shoot(p, backend, options, start);
+  if (has_ended(first)) return first;
+  const Index infeasible = first_infeasible_interval(p, options, first.z, first.x);
+  if (infeasible >= 0) {
+    first.status = Status::infeasible;
+    first.infeasible = infeasible;
+    first.reason =
+        text("no state and no y satisfy the constraints in the interval that begins at t = %.6g", p.t[infeasible]);
+    return first;
+  }
+  GalerkinSolution damped = damped_newton(p, backend, options, start);
+  if (has_ended(damped)) return damped;
+  if (p.N * p.unknowns() <= most_assembled) {
+    GalerkinSolution pivoted = pivot_assembled(p, options);
+    if (has_ended(pivoted)) return pivoted;
+  }
+  damped.reason = first.reason + "; " + damped.reason;
+  return damped;
+}
+
+// The same y on twice as many intervals.
+RowMatrix halved_intervals(const RowMatrix& z) {
+  const Index n = z.cols() / 2;
+  RowMatrix fine(2 * z.rows(), z.cols());
+  for (Index k = 0; k < z.rows(); ++k) {
+    const auto middle = (z.row(k).head(n) + z.row(k).tail(n)) / 2;
+    fine.row(2 * k) << z.row(k).head(n), middle;
+    fine.row(2 * k + 1) << middle, z.row(k).tail(n);
+  }
+  return fine;
+}
+
+// The active sets of coarser grids: most exchanges happen where they cost little. The safe solvers are for the coarsest
+// one, and for the grid that was asked for; where exchanges do not end in between, the next begins with empty sets.
+RowMatrix nested_start(const Scene& scene, const GalerkinProblem& fine, Index unknowns, Backend& backend,
+                       const Options& options) {
+  constexpr Index fewest_intervals = 32;
+  const RowMatrix nothing = RowMatrix::Zero(fine.N, unknowns);
+  if (fine.N % 2 != 0 || fine.N / 2 < fewest_intervals) return nothing;
+  const GalerkinProblem p = coarser_problem(scene, fine);
+  const FreeElimination elimination(p, scene.free_rows);
+  const RowMatrix start = nested_start(scene, p, unknowns, backend, options);
+  const bool coarsest = p.N % 2 != 0 || p.N / 2 < fewest_intervals;
+  const GalerkinSolution s = coarsest ? solve_boundary_problem(elimination.reduced(), backend, options, start)
+                                      : exchange_or_shoot(elimination.reduced(), backend, options, start);
+  return s.status == Status::solved ? halved_intervals(s.z) : nothing;
+}
+
+// All rows are free: nothing is left to be complementary.
+GalerkinSolution linear_solution(const GalerkinProblem& p) {
+  GalerkinSolution s;
+  s.status = Status::solved;
+  s.how = "linear";
+  s.z = RowMatrix(p.N, 0);
+  s.x = galerkin_states(p, s.z);
+  s.unique = true;
+  return s;
+}
+
+// `p` is `full` without its free unknowns; `start`: z where the active sets are known about, or null.
+GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& full, const GalerkinProblem& p,
+                                Backend& backend, const Options& options, const RowMatrix* start) {
+  if (p.unknowns() == 0) return linear_solution(p);
+  // A device has no use for one interval at a time.
+  if (p.initial_value && p.uniform() && backend.device().memory > 0) {
+    GalerkinSolution sweeps = iterate_galerkin(p, backend, options);
+    if (sweeps.status == Status::solved || sweeps.status == Status::interrupted) return sweeps;
+  }
+  if (p.initial_value) return march_galerkin(p, backend, options);
+  return solve_boundary_problem(p, backend, options,
+                                start ? *start : nested_start(scene, full, p.unknowns(), backend, options));
+}
+
+// (J+1) rows: the left end of the first interval, then all right ends.
+RowMatrix right_ends(const RowMatrix& z, Index n) {
+  RowMatrix y(z.rows() + 1, n);
+  y.row(0) = z.row(0).head(n);
+  y.bottomRows(z.rows()) = z.rightCols(n);
+  return y;
+}
+
+void fill(const Scene& scene, const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x, const Options& options,
+          Result& result) {
+  const Index n = scene.constraints();
+  result.y = right_ends(z, n);
+  result.y_left = z.leftCols(n);
+  result.x = x(Eigen::all, result.x_components);
+  if (options.trace) {
+    result.trace.resize(p.N + 1, n);
+    for (Index k = 0; k <= p.N; ++k) result.trace.row(k) = observe(scene.dynamics, x.row(k)).transpose();
+  }
+  if (scene.boundary) {
+    const BoundaryCondition& c = p.boundary;
+    const Vector apart = c.E0 * x.row(0).transpose() + c.ET * x.row(p.N).transpose() - c.b;
+    result.boundary_residual =
+        apart.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, c.b.cwiseAbs().maxCoeff());
+  }
+}
+
+void nothing_found(const Scene& scene, Index N, Result& result) {
+  const Index n = scene.constraints();
+  result.y = RowMatrix::Constant(N + 1, n, NAN);
+  result.y_left = RowMatrix::Constant(N, n, NAN);
+  result.x = RowMatrix::Constant(N + 1, Index(result.x_components.size()), NAN);
+}
+
+bool finite_galerkin_sources(const GalerkinProblem& p, Result& result) {
+  for (const GalerkinRun& run : p.runs)
+    if (!run.step.E.allFinite() || !run.step.D.allFinite()) {
+      result.status = Status::nonfinite;
+      result.reason = text("e^{hA} overflows on an interval of length h = %.6g; take more steps",
+                           p.t[run.first + 1] - p.t[run.first]);
+      return false;
+    }
+  for (Index k = 0; k < p.N; ++k) {
+    if (p.forcing.row(k).allFinite() && p.q.row(k).allFinite()) continue;
+    result.status = Status::nonfinite;
+    result.reason = text("f or g is not finite in the interval that begins at t = %.6g", p.t[k]);
+    return false;
+  }
+  return true;
+}
+
+// Natural map of the whole problem, |w_f| for the free components.
+double residual_of(const GalerkinProblem& p, const std::vector<Index>& free_rows, const RowMatrix& z,
+                   const RowMatrix& x) {
+  const Index n = p.unknowns() / 2;
+  const RowMatrix known = galerkin_known(p, x), w = galerkin_slack(p, z, x);
+  RowMatrix map = z.cwiseMin(w);
+  for (const Index i : free_rows) {
+    map.col(i) = w.col(i);
+    map.col(n + i) = w.col(n + i);
+  }
+  return map.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
+}
+
+// What a solver reports.
+void record(const GalerkinSolution& s, const GalerkinProblem& p, Result& result) {
+  result.status = s.status;
+  result.reason = s.reason;
+  result.kernel = "discontinuous piecewise-linear y, exact exponentials; " + s.how;
+  result.iterations = s.iterations;
+  result.history = s.history;
+  if (!s.iterated) result.algebraic_error = 0;
+  result.lcp = s.lcp;
+  result.seconds.lcp = s.lcp_seconds;
+  result.well_posed = s.unique;
+  result.bytes = s.bytes + sizeof(double) * std::size_t(3 * p.q.size() + 2 * p.forcing.size());
+  if (s.infeasible >= 0) result.infeasible_at = p.t[s.infeasible];
+}
+
+// The same in the units that the user knows.
+double residual_as_stated(const GalerkinProblem& p, const Scene& scene, const Options& options, const RowMatrix& z,
+                          const RowMatrix& x, double in_these_units) {
+  if (!options.units || options.units->trivial()) return in_these_units;
+  const Index n = p.unknowns() / 2;
+  RowMatrix known = galerkin_known(p, x), w = galerkin_slack(p, z, x), y = z;
+  for (Index i = 0; i < 2 * n; ++i) {
+    const double unit_y = times_ten_to(options.units->y[std::size_t(i % n)], 1),
+                 unit_w = times_ten_to(options.units->w[std::size_t(i % n)], 1);
+    y.col(i) *= unit_y;
+    w.col(i) *= unit_w;
+    known.col(i) *= unit_w;
+  }
+  RowMatrix map = y.cwiseMin(w);
+  for (const Index i : scene.free_rows) {
+    map.col(i) = w.col(i);
+    map.col(n + i) = w.col(n + i);
+  }
+  return map.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
+}
+
+// `before`: a result on another grid, or null.
+void solve_on_grid(const Scene& scene, Backend& backend, const Options& options, const std::vector<GridPart>& grid,
+                   const Result* before, Result& result) {
+  Timer timer;
+  const GalerkinProblem p = galerkin_problem(scene, grid);
+  result.steps = p.N;
+  result.t = p.t;
+  nothing_found(scene, p.N, result);
+  if (!finite_galerkin_sources(p, result)) return;
+  const double condition = require_determined_states(p);
+  if (condition < delicate_boundary)
+    add_warning(result, text("the boundary condition is ill-conditioned (reciprocal condition %.1e)", condition));
+  const FreeElimination elimination(p, scene.free_rows);
+  if (const auto k = elimination.contradiction()) {
+    result.status = Status::infeasible;
+    result.infeasible_at = p.t[*k];
+    result.reason = text("the equations of the free rows contradict each other at t = %.6g", *result.infeasible_at);
+    return;
+  }
+  if (!elimination.unique())
+    add_warning(result, "the free unknowns are not determined; theirs of least norm are given");
+  result.seconds.setup = timer.lap();
+
+  RowMatrix start;
+  if (before) start = elimination.bound_part(coefficients_on(*before, p));
+  GalerkinSolution s = solved_problem(scene, p, elimination.reduced(), backend, options, before ? &start : nullptr);
+  const GalerkinSolver again = [&](const GalerkinProblem& full, const GalerkinProblem& reduced, const RowMatrix& from) {
+    return solved_problem(scene, full, reduced, backend, options, &from);
+  };
+  std::optional<RuledSolution> ruled = solve_by_rules(scene, p, elimination, s, again, options);
+  if (ruled) {
+    s = std::move(ruled->reduced);
+    s.how += describe(ruled->rules);
+    result.interval_rules = ruled->rules;
+  }
+  const GalerkinProblem& used = ruled ? *ruled->problem : p;
+  const FreeElimination& free = ruled ? *ruled->elimination : elimination;
+  record(s, used, result);
+  if (s.z.rows() != p.N || s.x.rows() != p.N + 1) return;
+  if (!p.initial_value && (s.status == Status::infeasible || !s.z.allFinite())) return;
+  const RowMatrix z = free.recovered(s.z, s.x);
+  const RowMatrix x = galerkin_states(used, z);
+  fill(scene, used, z, x, options, result);
+  result.residual = residual_of(used, scene.free_rows, z, x);
+  if (result.status == Status::solved && !(result.residual <= accepted_residual)) {
+    result.status = Status::tolerance_not_met;
+    result.reason = text("the residual is %.1e", result.residual);
+  }
+  result.residual = residual_as_stated(p, scene, options, z, x, result.residual);
+  if (result.status != Status::solved) return;
+  if (ruled) add_warning(result, warning_of(ruled->rules, p.t));
+  if (s.unique) return;
+  const Uniqueness unique = uniqueness_of(scene, p.N);
+  result.well_posed = unique.assured;
+  if (!unique.assured) add_warning(result, unique.words);
+}
+
+// The same with nodes at the switches, until these stay where they are to the accuracy of y.
+void solve_with_located_switches(const Scene& scene, Backend& backend, const Options& options, Result& result) {
+  constexpr int most_locations = 5;
+  const Index N = result.steps;
+  for (int pass = 0; pass < most_locations && result.status == Status::solved; ++pass) {
+    const LocatedGrid grid = locate_switches(scene, result, N);
+    if (pass > 0 && same_grid(grid.parts, grid_parts(result.t), 0.1 * scene.T / double(N * N))) return;
+    Result located;
+    located.method = result.method;
+    located.backend = result.backend;
+    located.continuous = false;
+    located.x_components = result.x_components;
+    solve_on_grid(scene, backend, options, grid.parts, &result, located);
+    if (located.status != Status::solved && located.status != Status::interrupted) {
+      add_warning(result, "with nodes at the switches it is not solved (" + located.reason + ")");
+      return;
+    }
+    located.kernel += text("; %ld switches on nodes", long(grid.located));
+    if (grid.missed > 0)
+      add_warning(located, text("%ld switch(es) not located: y jumps there or is active for no whole interval",
+                                long(grid.missed)));
+    located.seconds = located.seconds + result.seconds;
+    located.lcp.solved += result.lcp.solved;
+    located.lcp.newton += result.lcp.newton;
+    located.lcp.fallbacks += result.lcp.fallbacks;
+    result = std::move(located);
+  }
+}
+
+}  // namespace
+
+Result solve_by_galerkin(const Scene& scene, Backend& backend, const Options& options) {
+  Timer total;
+  Result result;
+  const Index N = options.steps > 0 ? options.steps : scene.default_steps;
+  result.method = to_string(Method::galerkin);
+  result.backend = backend.name();
+  result.steps = N;
+  result.t = Vector::LinSpaced(N + 1, 0, scene.T);
+  result.continuous = false;
+  result.x_components = recorded_components(scene, options);
+  if (scene.states() > most_dense_states) {
+    nothing_found(scene, N, result);
+    result.status = Status::unsupported;
+    result.reason = text("method galerkin writes the dynamics out densely: %ld states, at most %ld",
+                         long(scene.states()), long(most_dense_states));
+  } else {
+    solve_on_grid(scene, backend, options, {{scene.T, N}}, nullptr, result);
+    if (options.event_location) solve_with_located_switches(scene, backend, options, result);
+  }
+  Seconds& s = result.seconds;
+  s.total = total.lap();
+  s.solve = s.total - s.setup;
+  s.other = std::max(0.0, s.solve - s.lcp);
+  return result;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,19 @@
+#pragma once
+// A time grid made for a quantity of interest (Bartel, Schaller, Goal-oriented time adaptivity for port-Hamiltonian
+// systems): solve, solve the adjoint equation, weight the residual of each cell with it, halve the cells that carry
+// most of the error, repeat. docs/goal.md has the mathematics.
+
+#include "../result/options.hpp"
+#include "../result/result.hpp"
+#include "../seam/backend.hpp"
+#include "options.hpp"
+
+namespace bromwich {
+
+/// Throws Error for scenes that are not port-Hamiltonian and for options out of range.
+Result solve_for_goal(const Scene&, Backend&, const Options&);
+
+/// Indicators of a given solution, for tests and studies.
+GoalEvaluation evaluate_goal(const PortSystem&, Backend&, const GoalOptions&, const Vector& t, const Vector& x0);
+
+}  // namespace bromwich

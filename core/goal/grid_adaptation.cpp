@@ -1,0 +1,246 @@
+#include "core/goal/grid_adaptation.hpp"
+
+#include "core/base/text.hpp"
+#include "core/base/timer.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <queue>
+#include <utility>
+
+namespace bromwich {
+namespace {
+
+constexpr Index most_refinements = 1000;
+
+GoalCycle record(const GoalEvaluation& e, std::optional<double> exact) {
+  GoalCycle cycle;
+  cycle.cells = e.indicators.size();
+  cycle.sizes = e.sizes;
+  cycle.quantity = std::isnan(e.quantity) ? std::numeric_limits<double>::quiet_NaN() : e.quantity;  // without a sign
+  cycle.estimate = e.indicators.sum();
+  cycle.absolute = e.indicators.cwiseAbs().sum();
+  if (!exact || e.blind) return cycle;
+  const double error = e.quantity - *exact, noise = std::max(e.rounding, epsilon * cycle.absolute);
+  if (std::abs(error) > noise) cycle.effectivity = cycle.estimate / error;
+  return cycle;
+}
+
+}  // namespace
+
+Vector first_grid(double T, Index cells, const std::vector<double>& breaks) {
+  std::vector<double> t;
+  for (Index i = 0; i <= cells; ++i) t.push_back(i == cells ? T : T * double(i) / double(cells));
+  for (const double s : breaks) {
+    const auto nearest =
+        std::min_element(t.begin(), t.end(), [s](double a, double b) { return std::abs(a - s) < std::abs(b - s); });
+    // A point that rounding alone keeps from the break moves there.
+    if (std::abs(*nearest - s) > 16 * epsilon * T)
+      t.push_back(s);
+    else if (*nearest > 0 && *nearest < T)
+      *nearest = s;
+  }
+  std::sort(t.begin(), t.end());
+  return Eigen::Map<const Vector>(t.data(), Index(t.size()));
+}
+
+namespace {
+
+struct SizedCell {
+  double size;  ///< |indicator|
+  Index cell;
+};
+
+/// By decreasing size, those of one size in the order of the grid.
+std::vector<SizedCell> by_size(const Vector& indicators) {
+  std::vector<SizedCell> cells(std::size_t(indicators.size()));
+  for (Index i = 0; i < indicators.size(); ++i) cells[std::size_t(i)] = {std::abs(indicators[i]), i};
+  std::sort(cells.begin(), cells.end(), [](const SizedCell& a, const SizedCell& b) {
+    return a.size > b.size || (a.size == b.size && a.cell < b.cell);
+  });
+  return cells;
+}
+
+/// The first `count` of them in the order of the grid.
+std::vector<Index> first_cells(const std::vector<SizedCell>& cells, Index count) {
+  std::vector<char> chosen(cells.size(), 0);
+  for (Index k = 0; k < count; ++k) chosen[std::size_t(cells[std::size_t(k)].cell)] = 1;
+  std::vector<Index> first;
+  first.reserve(std::size_t(count));
+  for (std::size_t i = 0; i < chosen.size(); ++i)
+    if (chosen[i]) first.push_back(Index(i));
+  return first;
+}
+
+double whole_power(double base, int exponent) {
+  double power = 1;
+  for (int k = 0; k < exponent; ++k) power *= base;
+  return power;
+}
+
+}  // namespace
+
+std::vector<Index> marked_cells(const Vector& indicators, double marking, Index most) {
+  const std::vector<SizedCell> cells = by_size(indicators);
+  const double wanted = marking * indicators.cwiseAbs().sum();
+  double covered = 0;
+  std::size_t count = 0;
+  while (count < cells.size() && Index(count) < most && covered < wanted && cells[count].size > 0)
+    covered += cells[count++].size;
+  return first_cells(cells, Index(count));
+}
+
+std::vector<Index> economical_cells(const Vector& indicators, int q, Index most) {
+  const std::vector<SizedCell> cells = by_size(indicators);
+  const double gain = 1 - std::exp2(-q);
+  double left = indicators.cwiseAbs().sum(), least = INFINITY;
+  Index best = 0;
+  for (Index count = 1; count <= Index(cells.size()) && cells[std::size_t(count - 1)].size > 0; ++count) {
+    left -= gain * cells[std::size_t(count - 1)].size;
+    const double cost = left * whole_power(1 + double(count) / double(cells.size()), q);
+    if (cost >= least) continue;
+    least = cost;
+    best = count;
+  }
+  return first_cells(cells, std::min(best, most));
+}
+
+Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, const std::vector<double>& breaks) {
+  const Vector wanted =
+      indicators.unaryExpr([q](double eta) { return std::pow(std::abs(eta), 1. / (q + 1)); });  // cells
+  if (!(wanted.sum() > 0)) return t;
+  // The blocks, equal between two breaks.
+  const double T = t[t.size() - 1];
+  std::vector<double> ends{0}, at{0};
+  ends.insert(ends.end(), breaks.begin(), breaks.end());
+  ends.push_back(T);
+  const double length = T / double(std::max<Index>(1, cells / 4));
+  for (std::size_t p = 1; p < ends.size(); ++p) {
+    const double from = ends[p - 1], piece = ends[p] - from;
+    const Index blocks = std::max<Index>(1, Index(std::lround(piece / length)));
+    for (Index b = 1; b <= blocks; ++b) at.push_back(b == blocks ? ends[p] : from + piece * double(b) / double(blocks));
+  }
+  const Index blocks = Index(at.size()) - 1;
+  if (blocks > cells) return t;
+  // What a block of one cell would contribute: (Σ c_i^{1/(q+1)})^{q+1}, a cell in two blocks by its parts.
+  Vector cost = Vector::Zero(blocks);
+  for (Index i = 0, b = 0; i < wanted.size();) {
+    const double right = std::min(t[i + 1], at[std::size_t(b) + 1]), left = std::max(t[i], at[std::size_t(b)]);
+    cost[b] += wanted[i] * std::max(right - left, 0.) / (t[i + 1] - t[i]);
+    if (t[i + 1] <= at[std::size_t(b) + 1] || b + 1 == blocks)
+      ++i;
+    else
+      ++b;
+  }
+  cost = (cost / cost.maxCoeff()).unaryExpr([q](double c) { return std::pow(c, q + 1); }).eval();
+  // One cell more where that gains most: optimal, for what a block contributes is convex in its cells.
+  std::vector<Index> parts(std::size_t(blocks), 1);
+  using Gain = std::pair<double, Index>;
+  std::priority_queue<Gain> next;
+  const auto gain = [&](Index b) {
+    const double n = double(parts[std::size_t(b)]);
+    return cost[b] * (std::pow(n, -q) - std::pow(n + 1, -q));
+  };
+  for (Index b = 0; b < blocks; ++b) next.push({gain(b), b});
+  for (Index spare = cells - blocks; spare > 0; --spare) {
+    const Index b = next.top().second;
+    next.pop();
+    ++parts[std::size_t(b)];
+    next.push({gain(b), b});
+  }
+  Vector finer(cells + 1);
+  finer[0] = 0;
+  Index i = 0;
+  for (Index b = 0; b < blocks; ++b) {
+    const Index n = parts[std::size_t(b)];
+    const double left = at[std::size_t(b)], right = at[std::size_t(b) + 1];
+    for (Index k = 1; k <= n; ++k) finer[++i] = k == n ? right : left + (right - left) * double(k) / double(n);
+  }
+  return finer;
+}
+
+Vector bisected(const Vector& t, const std::vector<Index>& marked) {
+  std::vector<double> points;
+  points.reserve(std::size_t(t.size()) + marked.size());
+  const double shortest = 64 * epsilon * t[t.size() - 1];
+  auto next = marked.begin();
+  for (Index i = 0; i < t.size(); ++i) {
+    points.push_back(t[i]);
+    if (next == marked.end() || *next != i) continue;
+    ++next;
+    const double h = t[i + 1] - t[i];
+    if (h > shortest) points.push_back(t[i] + h / 2);
+  }
+  return Eigen::Map<const Vector>(points.data(), Index(points.size()));
+}
+
+namespace {
+
+Vector refined_grid(const AdaptedGrid& grid, const GoalOptions& goal, int q, Index limit,
+                    const std::vector<double>& breaks) {
+  const Index cells = grid.t.size() - 1, most = limit - cells;
+  const Vector& indicators = grid.last.indicators;
+  if (grid.last.blind) {
+    std::vector<Index> all(std::size_t(std::min(cells, most)));
+    std::iota(all.begin(), all.end(), Index(0));
+    return bisected(grid.t, all);
+  }
+  if (goal.refinement == Refinement::division)
+    return divided(grid.t, indicators, q, std::min(2 * cells, limit), breaks);
+  return bisected(
+      grid.t, goal.marking > 0 ? marked_cells(indicators, goal.marking, most) : economical_cells(indicators, q, most));
+}
+
+}  // namespace
+
+AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal, const QuantityOfInterest& quantity,
+                       const GridBounds& bounds, const std::function<GoalEvaluation(const Vector& t)>& evaluate) {
+  const bool open_ended = goal.cycles > 0 || options.tolerance > 0;
+  const Index limit = options.steps > 0 ? options.steps : open_ended ? bounds.most_cells : bounds.default_cells;
+  const Index cycles = goal.cycles > 0 ? goal.cycles : most_refinements;
+  const std::optional<double> exact = quantity.exact();
+  const int q = quantity.order(order(goal.scheme));
+  AdaptedGrid grid;
+  Timer timer;
+  for (grid.t = std::move(t);;) {
+    grid.last = evaluate(grid.t);
+    GoalCycle cycle = record(grid.last, exact);
+    cycle.seconds = timer.lap();
+    grid.history.push_back(cycle);
+    if (options.progress) options.progress({Index(grid.history.size()), cycle.estimate, limit});
+    if (!std::isfinite(cycle.quantity) || !std::isfinite(cycle.absolute)) {
+      grid.status = Status::nonfinite;
+      grid.reason = text("the quantity or its estimate is not finite on %td cells", cycle.cells);
+      return grid;
+    }
+    const bool reached = options.tolerance > 0 && !grid.last.blind && std::abs(cycle.estimate) <= options.tolerance &&
+                         (!exact || std::abs(cycle.quantity - *exact) <= options.tolerance);
+    if (reached) return grid;
+    // The cells asked for are divided once more: the grid before had half as many and saw less.
+    const bool full = cycle.cells >= limit, begun = grid.history.size() > 1;
+    const bool once_more = full && begun && goal.refinement == Refinement::division && !grid.last.blind &&
+                           grid.history[grid.history.size() - 2].cells < limit;
+    const bool at_end = (full && !once_more) || Index(grid.history.size()) > cycles;
+    Vector finer = at_end ? grid.t : refined_grid(grid, goal, q, limit, bounds.breaks);
+    if (finer.size() == grid.t.size() && (!once_more || finer == grid.t)) {  // the end, or nothing left to refine
+      if (options.tolerance > 0) {
+        grid.status = Status::tolerance_not_met;
+        grid.reason = text("the error of the quantity is estimated at %.2g on %td cells, %.2g was asked for",
+                           std::abs(cycle.estimate), cycle.cells, options.tolerance);
+        if (options.steps == 0 && cycle.cells >= limit)
+          grid.reason += bounds.memory_bound ? "; more do not fit the memory" : "; more are not made unless asked for";
+      }
+      return grid;
+    }
+    if (options.interrupted && options.interrupted()) {
+      grid.status = Status::interrupted;
+      grid.reason = text("stopped at %td cells", cycle.cells);
+      return grid;
+    }
+    grid.t = std::move(finer);
+  }
+}
+
+}  // namespace bromwich

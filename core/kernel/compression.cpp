@@ -1,0 +1,190 @@
+#include "core/kernel/compression.hpp"
+
+#include "core/base/error.hpp"
+#include "core/kernel/response.hpp"
+#include "core/numerics/phi.hpp"
+
+#include <Eigen/QR>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+// k(t) = n^T e^{across t} b at the times given (ascending), from one contour per window of ratio 5.
+Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& parameters, const Vector& times) {
+  const LineTransfer transfer(d.across, d.n, d.b);
+  Vector values(times.size());
+  for (Index i = 0; i < times.size();) {
+    const Contour contour = window_contour(parameters, times[i]);
+    const Index nodes = contour.nodes.size();
+    ComplexVector weighted(nodes);
+    for (Index p = 0; p < nodes; ++p) weighted[p] = contour.weights[p] * transfer(contour.nodes[p]);
+    for (; i < times.size() && times[i] <= contour.t1; ++i) {
+      const Eigen::ArrayXd size = (times[i] * contour.nodes.real().array()).exp();
+      double sum = 0;  // of Re(w e^{zt})
+      for (Index p = 0; p < nodes; ++p) {
+        const Complex direction = std::polar(1.0, times[i] * contour.nodes[p].imag());
+        sum += size[p] * (weighted[p].real() * direction.real() - weighted[p].imag() * direction.imag());
+      }
+      values[i] = sum;
+    }
+  }
+  return values;
+}
+
+/// Of the error by each further rate, once the fit is good enough: a rate costs a part of every sweep, and what
+/// rounding does to the error is no reason for one.
+constexpr double gain_of_a_rate = 1.19;
+constexpr Index columns_together = 64;  ///< of products, by one thread
+constexpr double between_samples = 4;   ///< what is missed there may be so much larger than at the check points
+
+Vector logarithmic(double from, double to, Index count) {
+  Vector grid(count);
+  for (Index i = 0; i < count; ++i)
+    grid[i] = from * std::pow(to / from, double(i) / double(std::max<Index>(count - 1, 1)));
+  grid[count - 1] = to;
+  return grid;
+}
+
+// Where a sum of exponentials is fitted on [h, T], and where it is checked: in between.
+struct SampleTimes {
+  Vector fitted, checked;
+};
+
+SampleTimes sample_times(double h, double T) {
+  const double end = std::max(T, 2 * h);
+  const Index samples = 40 + Index(14 * std::log(end / h));
+  const Vector fitted = logarithmic(h, end, samples);
+  return {fitted, (fitted.head(samples - 1).array() * fitted.tail(samples - 1).array()).sqrt()};
+}
+
+// 0 where squares and products would be denormal numbers, which slow down what is done with them.
+Matrix exponentials(const Vector& times, const Vector& rates) {
+  constexpr double least = -340;
+  const Matrix x = times * rates.transpose();
+  return (x.array() < least).select(0, x.array().exp());
+}
+
+struct Pivots {
+  std::vector<Index> order;
+  std::vector<double> left;  ///< largest norm of a column's part outside the span of those picked before
+};
+
+// Pivot order of the first `count` columns by modified Gram-Schmidt with column pivoting.
+Pivots pivots(Matrix columns, Index count) {
+  Pivots found;
+  Vector norms = columns.colwise().squaredNorm().transpose();
+  for (Index k = 0; k < count; ++k) {
+    Index best = 0;
+    const double most = norms.maxCoeff(&best);
+    if (most <= 0) break;
+    found.order.push_back(best);
+    found.left.push_back(std::sqrt(most));
+    const Vector q = columns.col(best).normalized();
+    columns.col(best).setZero();
+    const Eigen::RowVectorXd parts = q.transpose() * columns;
+    columns.noalias() -= q * parts;
+    norms = columns.colwise().squaredNorm().transpose();
+  }
+  return found;
+}
+
+}  // namespace
+
+ExponentialSum compress_line_kernel(const KroneckerDynamics& dynamics, double h, double T, double tolerance) {
+  const auto parameters = contour_parameters(0);
+  const Vector nu = dynamics.across.eigenvalues();
+  // Rates faster than 37/h are below rounding at the first sample; the two ends of the spectrum bound the rest.
+  const double fastest = std::min(-nu.minCoeff(), 37 / h), slowest = std::min(-nu.maxCoeff(), fastest);
+  const Index candidates = 24 + Index(12 * std::log(fastest / slowest));
+  Vector rates = dynamics.across.points <= candidates ? nu : Vector(-logarithmic(slowest, fastest, candidates));
+  const auto [times, checks] = sample_times(h, T);
+  const Vector values = line_kernel(dynamics, *parameters, times),
+               check_values = line_kernel(dynamics, *parameters, checks);
+  const double scale = std::max(values.cwiseAbs().maxCoeff(), 1e-300);
+
+  const Matrix all = exponentials(times, rates);
+  const auto [order, left] = pivots(all, std::min<Index>({rates.size(), times.size(), 64}));
+  ExponentialSum best;
+  best.error = INFINITY;
+  if (order.empty()) return best;  // nothing is left of the kernel at t = h
+  // As long as some exponential is missed by 1e6 times the tolerance, so is their sum: no fit is tried.
+  Index fewest = std::min<Index>(8, Index(order.size()));
+  while (fewest + 2 <= Index(order.size()) && left[std::size_t(fewest)] > 1e6 * tolerance * left[0]) fewest += 2;
+  // One factorization serves all numbers of rates: the first K columns of Q R are those of the first K rates.
+  const Vector picked = rates(order);
+  const Eigen::HouseholderQR<Matrix> qr(all(Eigen::all, order));
+  const Vector projected = qr.householderQ().adjoint() * values;
+  const Matrix check = exponentials(checks, picked);
+  for (Index K = fewest; K <= picked.size(); K += 2) {
+    const Vector c = qr.matrixQR().topLeftCorner(K, K).triangularView<Eigen::Upper>().solve(projected.head(K));
+    const double error = (check.leftCols(K) * c - check_values).cwiseAbs().maxCoeff() / scale;
+    const bool good = best.error <= accepted_compression_error;
+    const double pays = good ? std::pow(gain_of_a_rate, double(best.rates.size() - K)) : 1;
+    if (error < pays * best.error) best = {picked.head(K), c, error};
+    if (error <= tolerance) break;
+  }
+  return best;
+}
+
+InitialSum compress_initial_response(Backend& backend, const KroneckerDynamics& dynamics, const ExponentialSum& sum,
+                                     const Vector& x0, double h, double T) {
+  const Index n = dynamics.along.points, K = dynamics.across.points, terms = sum.rates.size();
+  const Vector nu = dynamics.across.eigenvalues(), seen = in_sine_basis(dynamics.n);
+  const auto [times, checks] = sample_times(h, T);
+  const Eigen::HouseholderQR<Matrix> qr(exponentials(times, sum.rates));
+  const Matrix Q = qr.householderQ() * Matrix::Identity(times.size(), terms);
+  const auto R = qr.matrixQR().topRows(terms).triangularView<Eigen::Upper>();
+  const Matrix check = exponentials(checks, sum.rates);
+  Matrix P(terms, K);  // e^{nu t} = Σ_k P_k e^{s_k t}, times what is seen of it
+  Vector missed(K);
+  backend.each_range(K, columns_together, [&](Index first, Index last) {
+    const Vector rates = nu.segment(first, last - first);
+    Matrix part = Q.transpose() * exponentials(times, rates);
+    R.solveInPlace(part);
+    const Matrix gap = check * part - exponentials(checks, rates);
+    missed.segment(first, last - first) = gap.cwiseAbs().colwise().maxCoeff().transpose();
+    P.middleCols(first, last - first) = part * seen.segment(first, last - first).asDiagonal();
+  });
+  const RowMatrix lines = row_modes(backend, Eigen::Map<const RowMatrix>(x0.data(), n, K));
+  RowMatrix D(terms, n);
+  backend.each_range(n, columns_together, [&](Index first, Index last) {
+    D.middleCols(first, last - first).noalias() = P * lines.middleRows(first, last - first).transpose();
+  });
+  const Vector parts = seen.cwiseAbs().cwiseProduct(lines.colwise().norm().transpose());
+  const double size = parts.sum();
+  return {row_modes(backend, D), size > 0 ? between_samples * parts.dot(missed) / size : 0};
+}
+
+std::optional<ModalRecurrence> started(const ModalRecurrence& r, const RowMatrix& D) {
+  ModalRecurrence with_x0 = r;
+  with_x0.initial = (r.decay.array() == 0).select(0, D.array() * r.decay.array() / r.output.array());
+  if (!with_x0.initial.allFinite()) return std::nullopt;
+  return with_x0;
+}
+
+ModalRecurrence compressed_recurrence(Backend& backend, const KroneckerDynamics& dynamics, const ExponentialSum& sum,
+                                      double h) {
+  const Index n = dynamics.along.points, K = sum.rates.size();
+  const Vector mu = dynamics.along.eigenvalues();
+  ModalRecurrence r;
+  r.decay.resize(K, n);
+  r.output.resize(K, n);
+  r.start.resize(K, n);
+  for (Index k = 0; k < K; ++k) {
+    const auto [exponential, phi1, phi2] = array_phi(h * (mu.array() + sum.rates[k]));
+    r.decay.row(k) = exponential;
+    r.output.row(k) = h * sum.coefficients[k] * phi1.square();
+    r.start.row(k) = (phi1 - phi2) / phi1.square();
+  }
+  const LagTable near = contour_lag_table(backend, dynamics, *contour_parameters(0), h, 1);
+  r.w0 = near.W.row(0).transpose();
+  r.w1 = near.W.row(1).transpose() - r.output.colwise().sum().transpose();
+  r.s1 = near.S.row(1).transpose() - r.output.cwiseProduct(r.start).colwise().sum().transpose();
+  return r;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,72 @@
+#include "core/kernel/discrete_problem.hpp"
+
+#include "core/kernel/kernel.hpp"
+
+#include <algorithm>
+
+namespace bromwich {
+
+void add_rough_response(const DiscreteProblem& p, Array& r) {
+  if (!p.rough_response) return;
+  const auto more = p.backend.array(p.rough_response->rows(), p.rough_response->cols());
+  p.backend.upload(*p.rough_response, *more);
+  p.backend.add(r, 1, *more, r);
+}
+
+std::size_t host_bytes(const DiscreteProblem& p) {
+  return sizeof(double) * std::size_t(p.g.size()) + p.g.bytes() + p.f.bytes();
+}
+
+std::shared_ptr<const StepOperators> state_step(const DiscreteProblem& p, Rule rule) {
+  if (rule != Rule::exponential) return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h));
+  return p.exponential_step->get(
+      [&] { return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h, p.J)); });
+}
+
+Matrix source_matrix(const DiscreteProblem& p) {
+  if (p.scene.f_entry == SourceEntry::through_F) return p.scene.F;
+  if (p.scene.f_entry == SourceEntry::through_B) return p.dense()->B;
+  return Matrix::Identity(p.scene.states(), p.scene.states());
+}
+
+RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) {
+  const Matrix& B = p.dense()->B;
+  if (const SampledSource* phi = p.drive()) return (y + phi->table()) * B.transpose();
+  RowMatrix input = y * B.transpose();
+  if (p.f.size() > 0 && p.scene.f_entry == SourceEntry::through_F)
+    input += p.f.table() * p.scene.F.transpose();
+  else if (p.f.size() > 0)
+    input += p.f.table();
+  return input;
+}
+
+RowMatrix states_from(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const StepDefects* defects) {
+  if (!defects && rule == Rule::exponential) defects = p.defects.get();
+  return dense_states(*state_step(p, rule), p.scene.x0, state_input(p, y), defects);
+}
+
+RowMatrix dense_response(const DiscreteProblem& p, Rule rule) {
+  const RowMatrix none = RowMatrix::Zero(p.J + 1, p.scene.constraints());
+  return p.g.table() + states_from(p, rule, none) * p.dense()->N.transpose();
+}
+
+RowMatrix trace(const DiscreteProblem& p, const Array& r, const Array& v) {
+  RowMatrix known, response;
+  p.backend.download(r, known);
+  p.backend.download(v, response);
+  return known + response - p.g.table();
+}
+
+std::optional<InitialSum> kronecker_initial_sum(const DiscreteProblem& p, const ExponentialSum& sum) {
+  const KroneckerDynamics& d = *p.kronecker();
+  InitialSum x0 = compress_initial_response(p.backend, d, sum, p.scene.x0, p.h, p.scene.T);
+  if (!(x0.error <= accepted_compression_error)) return std::nullopt;
+  return x0;
+}
+
+RowMatrix kronecker_initial_response(const DiscreteProblem& p) {
+  const KroneckerDynamics& d = *p.kronecker();
+  return contour_initial_response(d, *contour_parameters(0), x0_in_modes(p.backend, d, p.scene.x0, false), p.h, p.J);
+}
+
+}  // namespace bromwich

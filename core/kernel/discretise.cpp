@@ -1,0 +1,76 @@
+#include "core/kernel/discretise.hpp"
+
+#include "core/kernel/rough_response.hpp"
+#include "core/lcp/lcp_class.hpp"
+#include "core/numerics/step_propagator.hpp"
+
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+// What f does on rough steps beyond its linear function between points of the grid.
+std::shared_ptr<const StepDefects> defects_of_f(const DiscreteProblem& p) {
+  const DenseDynamics& d = *p.dense();
+  Matrix F = source_matrix(p);
+  if (p.f.shapes().size() > 0) F = (F * p.f.shapes()).eval();
+  StepPropagator propagator(d.A, p.h);
+  auto defects = std::make_shared<StepDefects>();
+  defects->values.resize(Index(p.sources->rough.size()), F.rows());
+  for (const RoughStep& rough : p.sources->rough) {
+    const Index j = rough.step;
+    const Vector before = p.f.values().row(j - 1).transpose(), slope = p.f.values().row(j).transpose() - before;
+    Matrix e = Matrix::Zero(F.rows(), 1);
+    for (const SourcePiece& piece : rough.pieces) {
+      const double from = (piece.start - p.t[j - 1]) / p.h, length = piece.length / p.h;
+      Matrix apart = piece.phi;
+      apart.col(0) -= before + from * slope;
+      apart.col(1) -= length * slope;
+      apart = (F * apart).eval();
+      propagator.advance(piece.length, {apart.col(0), apart.col(1), apart.col(2)}, e);
+    }
+    defects->values.row(Index(defects->steps.size())) = e.transpose();
+    defects->steps.push_back(j);
+  }
+  return defects;
+}
+
+}  // namespace
+
+DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J, bool every_step) {
+  const LcpClass lcp_class = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
+  DiscreteProblem p{scene, backend, lcp_class, J, scene.T / double(J), time_grid(scene.T, J), {}, {}, {}};
+  p.g = sample(scene.g, p.t, scene.constraints());
+  if (scene.f) p.f = sample(scene.f, p.t, scene.sources());
+  p.start = observe(scene.dynamics, scene.x0) + p.g.row(0);
+  resolve_sources(p, every_step);
+  return p;
+}
+
+void resolve_sources(DiscreteProblem& p, bool every_step) {
+  SourceSteps sources = find_source_steps(p.scene, p.t, p.f, p.g, every_step);
+  if (sources.rough.empty()) return;
+  p.sources = std::make_shared<SourceSteps>(std::move(sources));
+  if (p.f.size() == 0) return;
+  if (p.dense())
+    p.defects = defects_of_f(p);
+  else
+    p.rough_response = rough_response(p);
+}
+
+DiscreteProblem with_mean_sources(const DiscreteProblem& p) {
+  DiscreteProblem mean = p;
+  mean.defects = {};
+  mean.rough_response = {};
+  for (const RoughStep& rough : p.sources->rough) {
+    if (rough.pieces.empty()) continue;
+    Vector sum = Vector::Zero(rough.pieces[0].phi.rows());
+    for (const SourcePiece& piece : rough.pieces)
+      sum += piece.length * piece.phi * Eigen::Vector3d(1, 1.0 / 2, 1.0 / 3);
+    mean.f.replace(rough.step, sum / p.h);
+  }
+  return mean;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,16 @@
+#pragma once
+
+#include "discrete_problem.hpp"
+
+namespace bromwich {
+
+/// Samples the sources. `every_step`: looks inside every step whether they are linear there.
+DiscreteProblem discretise(const Scene&, Backend&, Index J, bool every_step = false);
+
+/// Finds the rough steps of a problem whose sources are sampled, and what they do.
+void resolve_sources(DiscreteProblem&, bool every_step);
+
+/// The problem of implicit Euler, which takes f by its mean over each rough step.
+DiscreteProblem with_mean_sources(const DiscreteProblem&);
+
+}  // namespace bromwich

@@ -1,0 +1,149 @@
+#include "core/kernel/recurrence.hpp"
+
+#include "core/base/error.hpp"
+#include "core/numerics/equilibration.hpp"
+#include "core/numerics/matrix_phi.hpp"
+#include "core/numerics/phi.hpp"
+#include "core/numerics/precise_phi.hpp"
+#include "core/numerics/sectorial.hpp"
+#include "core/numerics/sine_basis.hpp"
+
+#include <Eigen/LU>
+
+#include <cmath>
+#include <optional>
+
+namespace bromwich {
+
+namespace {
+
+// The numbers of one exponential e^{x/h t} with unit weight, x = h lambda.
+struct ScalarRule {
+  double decay, output, start, w0, initial;
+};
+
+ScalarRule exponential_rule(double x, double h) {
+  const double p1 = phi1(x), p2 = phi2(x), decay = std::exp(x);
+  // S_d / W_d = (phi1 - phi2)/phi1^2; x0 enters v_1 as e^x x0 = output * initial.
+  return {decay, h * p1 * p1, (p1 - p2) / (p1 * p1), h * p2, decay / (h * p1 * p1)};
+}
+
+ScalarRule euler_rule(double x, double h) {
+  const double decay = 1 / (1 - x);
+  return {decay, h * decay * decay, 0, h * decay, 1 / (h * decay)};
+}
+
+}  // namespace
+
+ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, double h, const RowMatrix& x0_modal) {
+  const Index n = dynamics.along.points, K = dynamics.across.points;
+  const Vector mu = dynamics.along.eigenvalues(), nu = dynamics.across.eigenvalues();
+  const Vector b = in_sine_basis(dynamics.b), seen = in_sine_basis(dynamics.n);
+  ModalRecurrence r;
+  const bool with_x0 = x0_modal.size() > 0;
+  if (with_x0 && b.cwiseAbs().minCoeff() <= 1e-12 * b.cwiseAbs().maxCoeff())
+    throw Error("dynamics.b", "a sine component of it is zero, so that mode of x0 is not in the driven recurrence",
+                "leave x0 out and add its response");
+  r.decay.resize(K, n);
+  r.output.resize(K, n);
+  r.start.resize(K, n);
+  if (with_x0) r.initial.resize(K, n);
+  r.w0 = r.w1 = r.s1 = Vector::Zero(n);
+  for (Index k = 0; k < K; ++k) {
+    for (Index l = 0; l < n; ++l) {
+      const double x = h * (mu[l] + nu[k]);
+      const ScalarRule s = rule == Rule::exponential ? exponential_rule(x, h) : euler_rule(x, h);
+      r.decay(k, l) = s.decay;
+      r.output(k, l) = seen[k] * b[k] * s.output;
+      r.start(k, l) = s.start;
+      r.w0[l] += seen[k] * b[k] * s.w0;
+      if (with_x0) r.initial(k, l) = x0_modal(l, k) * s.initial / b[k];
+    }
+  }
+  return r;
+}
+
+bool needs_precision(const Matrix& A, double h, Index J) {
+  constexpr Index largest = 24;  // m^3 products of 25 operations each, some hundred times
+  constexpr double harmless = 1e-9;
+  if (A.rows() == 0 || A.rows() > largest || !A.allFinite()) return false;
+  return epsilon * h * double(J) * balanced(A).A.cwiseAbs().colwise().sum().maxCoeff() > harmless;
+}
+
+namespace {
+
+// (I - hA)^{-1}. Units of the states do not make it singular: where it looks so, rows and columns are brought to one
+// size first.
+std::optional<Matrix> inverse_of_step(const Matrix& A, double h) {
+  const Matrix K = Matrix::Identity(A.rows(), A.rows()) - h * A;
+  const Eigen::PartialPivLU<Matrix> lu(K);
+  if (K.rows() == 0 || lu.rcond() >= epsilon) return lu.inverse();
+  const Equilibration e = equilibrate(K);
+  const Eigen::PartialPivLU<Matrix> balanced(e.rows.asDiagonal() * K * e.columns.asDiagonal());
+  if (!(balanced.rcond() >= epsilon)) return std::nullopt;
+  return e.columns.asDiagonal() * balanced.inverse() * e.rows.asDiagonal();
+}
+
+}  // namespace
+
+bool has_euler_step(const Matrix& A, double h) { return inverse_of_step(A, h).has_value(); }
+
+StepOperators step_operators(const Matrix& A, Rule rule, double h, Index J) {
+  const Index m = A.rows();
+  if (rule == Rule::exponential) {
+    const MatrixPhi phi = needs_precision(A, h, J) ? precise_phi(A, h) : matrix_phi(h * A);
+    return {phi.exponential, h * (phi.phi1 - phi.phi2), h * phi.phi2};
+  }
+  const std::optional<Matrix> decay = inverse_of_step(A, h);
+  if (!decay) throw Error("steps", "I - hA is singular at this step", "implicit Euler needs another number of steps");
+  return {*decay, Matrix::Zero(m, m), h * *decay};
+}
+
+DenseRecurrence dense_recurrence(const DenseDynamics& dynamics, const StepOperators& step) {
+  const Matrix right = step.right * dynamics.B, left = step.left * dynamics.B;
+  return {step.decay, step.decay * right + left, left, dynamics.N, dynamics.N * right};
+}
+
+DenseRecurrence dense_recurrence(const DenseDynamics& dynamics, Rule rule, double h) {
+  return dense_recurrence(dynamics, step_operators(dynamics.A, rule, h));
+}
+
+namespace {
+
+LagTable table_of(const ModalRecurrence& r, Index J) {
+  const Index n = r.modes();
+  LagTable table{n, n, true, RowMatrix::Zero(J + 1, n), RowMatrix::Zero(J + 1, n)};
+  RowMatrix power = RowMatrix::Ones(r.exponentials(), n);
+  table.W.row(0) = r.w0.transpose();
+  for (Index d = 1; d <= J; ++d) {
+    table.W.row(d) = power.cwiseProduct(r.output).colwise().sum();
+    table.S.row(d) = power.cwiseProduct(r.output).cwiseProduct(r.start).colwise().sum();
+    power.array() *= r.decay.array();
+  }
+  if (J >= 1) {
+    table.W.row(1) += r.w1.transpose();
+    table.S.row(1) += r.s1.transpose();
+  }
+  return table;
+}
+
+LagTable table_of(const DenseRecurrence& r, Index J) {
+  const Index n = r.output.rows(), k = r.input.cols();
+  LagTable table{n, k, false, RowMatrix::Zero(J + 1, n * k), RowMatrix::Zero(J + 1, n * k)};
+  Eigen::Map<RowMatrix>(table.W.row(0).data(), n, k) = r.w0;
+  Matrix row = r.output;  // C E^{d-1}
+  for (Index d = 1; d <= J; ++d) {
+    Eigen::Map<RowMatrix>(table.W.row(d).data(), n, k) = row * r.input;
+    Eigen::Map<RowMatrix>(table.S.row(d).data(), n, k) = row * r.start;
+    row *= r.decay;
+  }
+  return table;
+}
+
+}  // namespace
+
+LagTable lag_table(const Recurrence& recurrence, Index J) {
+  return std::visit([J](const auto& r) { return table_of(r, J); }, recurrence);
+}
+
+}  // namespace bromwich

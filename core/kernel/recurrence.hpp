@@ -1,0 +1,43 @@
+#pragma once
+// Recurrences (core/seam/recurrence.hpp) made from dynamics.
+
+#include "../dynamics/dynamics.hpp"
+#include "../seam/recurrence.hpp"
+
+namespace bromwich {
+
+/// Which integrator the numbers come from.
+enum class Rule {
+  exponential,     ///< exact for piecewise linear y: W_0 = h N phi2 B, W_d = h N e^{(d-1)hA} phi1^2 B
+  implicit_euler,  ///< (1.3)-(1.4): W_d = h N (I - hA)^{-(d+1)} B, y_0 without effect
+};
+
+/// All `across.points` eigenvalues of the lines as exponentials. `x0_modal` is x0 transformed in both directions
+/// (n x across.points), or empty to leave x0 out. Throws Error where x0 is given and a sine component of b vanishes.
+ModalRecurrence modal_recurrence(const KroneckerDynamics&, Rule, double h, const RowMatrix& x0_modal);
+
+/// One step of x' = A x + u: x_j = decay x_{j-1} + left u_{j-1} + right u_j, m x m each. Exponential: u linear in
+/// between; implicit Euler: left = 0.
+struct StepOperators {
+  Matrix decay, left, right;
+};
+
+/// Whether the rounding of e^{hA} in double precision, eps h ||A|| in balanced units, adds up to more than 1e-9 over
+/// J steps, and A is small enough to do better (core/numerics/precise_phi.hpp).
+bool needs_precision(const Matrix& A, double h, Index J);
+
+/// Whether I - hA is regular.
+bool has_euler_step(const Matrix& A, double h);
+
+/// e^{hA} and its phi-functions (core/numerics/phi.hpp; precisely where J steps need that), or (I - hA)^{-1} by LU.
+/// Throws Error where I - hA is singular.
+StepOperators step_operators(const Matrix& A, Rule, double h, Index J = 1);
+
+/// z_j = decay x_j + left B y_j: what the next step starts from.
+DenseRecurrence dense_recurrence(const DenseDynamics&, const StepOperators&);
+DenseRecurrence dense_recurrence(const DenseDynamics&, Rule, double h);
+
+/// W_d and S_d, d = 0..J, that the recurrence stands for.
+LagTable lag_table(const Recurrence&, Index J);
+
+}  // namespace bromwich

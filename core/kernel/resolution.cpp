@@ -1,0 +1,129 @@
+#include "core/kernel/resolution.hpp"
+
+#include "core/numerics/sectorial.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+
+namespace bromwich {
+
+namespace {
+
+constexpr std::size_t most_sets = 16;
+constexpr Index most_samples = 64;  ///< rows of an active set at which its modes are looked for in the state
+
+// An active set of y: the rows that have it, and for how many steps in a row it lasts at most.
+struct Phase {
+  std::vector<Index> rows;
+  Index longest = 0;
+};
+
+std::map<std::vector<Index>, Phase> phases(const RowMatrix& y) {
+  std::map<std::vector<Index>, Phase> found;
+  Index length = 0;
+  Phase* phase = nullptr;
+  for (Index j = 1; j < y.rows(); ++j) {
+    const bool same = j > 1 && ((y.row(j).array() > 0) == (y.row(j - 1).array() > 0)).all();
+    length = same ? length + 1 : 1;
+    if (!same) {
+      std::vector<Index> S;
+      for (Index i = 0; i < y.cols(); ++i)
+        if (y(j, i) > 0) S.push_back(i);
+      phase = found.size() == most_sets && !found.count(S) ? nullptr : &found[S];
+    }
+    if (!phase) continue;
+    phase->rows.push_back(j);
+    phase->longest = std::max(phase->longest, length);
+  }
+  return found;
+}
+
+// The matrix of the state while S is active; nothing where neither M_SS nor (N B)_SS is regular.
+std::optional<Matrix> closed_matrix(const DiscreteProblem& p, const std::vector<Index>& S) {
+  constexpr double regular = 1e-12;
+  const DenseDynamics& d = *p.dense();
+  if (S.empty()) return d.A;
+  const Matrix B = d.B(Eigen::all, S), N = d.N(S, Eigen::all), M = to_dense(p.scene.M)(S, S), NB = N * B;
+  const Eigen::FullPivLU<Matrix> lu(M);
+  if (lu.isInvertible() && lu.rcond() > regular) return Matrix(d.A - B * lu.solve(N));
+  const Eigen::FullPivLU<Matrix> velocity(NB);
+  if (M.isZero(0) && velocity.isInvertible() && velocity.rcond() > regular)
+    return Matrix(d.A - B * velocity.solve(N * d.A));
+  return std::nullopt;
+}
+
+// Modes of every phase that `counts` lets pass, with the part of the state that each makes up.
+std::optional<Mode> fastest(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x, double least_amplitude,
+                            const std::function<bool(Complex z, Index steps)>& counts) {
+  const Vector scale = x.cwiseAbs().colwise().maxCoeff().transpose();
+  if (!x.allFinite() || !(scale.maxCoeff() > 0)) return std::nullopt;
+  const Vector D = scale.cwiseMax(1e-8 * scale.maxCoeff());
+  std::optional<Mode> found;
+  for (const auto& [S, phase] : phases(y)) {
+    const std::optional<Matrix> closed = closed_matrix(p, S);
+    if (!closed || !closed->allFinite()) continue;
+    const Matrix scaled = D.cwiseInverse().asDiagonal() * *closed * D.asDiagonal();
+    const Eigen::EigenSolver<Matrix> eigen(scaled);
+    if (eigen.info() != Eigen::Success) continue;
+    const ComplexVector lambda = eigen.eigenvalues();
+    std::vector<Index> candidates;
+    for (Index k = 0; k < lambda.size(); ++k)
+      if (counts(p.h * lambda[k], phase.longest)) candidates.push_back(k);
+    if (candidates.empty()) continue;
+    const Eigen::PartialPivLU<ComplexMatrix> modes(eigen.eigenvectors());
+    const bool known = modes.rcond() > 1e-10;
+    const std::size_t stride = std::max<std::size_t>(1, phase.rows.size() / std::size_t(most_samples));
+    Vector largest = known ? Vector(Vector::Zero(lambda.size())) : Vector(Vector::Ones(lambda.size()));
+    for (std::size_t k = 0; known && k < phase.rows.size(); k += stride) {
+      const Vector state = x.row(phase.rows[k]).transpose().cwiseQuotient(D);
+      largest = largest.cwiseMax(modes.solve(state.cast<Complex>().eval()).cwiseAbs());
+    }
+    for (const Index k : candidates)
+      if (largest[k] > least_amplitude && (!found || std::abs(lambda[k]) > std::abs(found->rate)))
+        found = Mode{lambda[k], largest[k]};
+  }
+  return found;
+}
+
+}  // namespace
+
+std::optional<Mode> unresolved_growth(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x) {
+  return fastest(p, y, x, 1e-6, [](Complex z, Index steps) {
+    return std::abs(z) > 0.5 && z.real() > 1e-6 * std::abs(z) && z.real() * double(steps) > 0.1;
+  });
+}
+
+std::optional<Mode> unresolved_oscillation(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x,
+                                           double (*damping)(Complex z)) {
+  return fastest(p, y, x, 0.1, [damping](Complex z, Index steps) {
+    constexpr double third = 0.4;  // log(3/2)
+    return std::abs(z.real()) < 0.1 * std::abs(z.imag()) && double(steps) * std::abs(damping(z) - z.real()) > third;
+  });
+}
+
+std::optional<Mode> fast_oscillation(const DiscreteProblem& p, const RowMatrix& y,
+                                     const std::function<RowMatrix()>& states) {
+  const auto oscillates = [](Complex z, Index) {
+    return std::abs(z.imag()) > 1 && std::abs(z.real()) < 0.1 * std::abs(z.imag());
+  };
+  // |Im lambda| is at most the norm of the skew part.
+  const auto may_oscillate = [h = p.h](const Matrix& A) {
+    const Matrix b = balanced(A).A;
+    return 0.5 * h * (b - b.transpose()).cwiseAbs().rowwise().sum().maxCoeff() > 1;
+  };
+  for (const auto& [S, phase] : phases(y))
+    if (const auto closed = closed_matrix(p, S); closed && may_oscillate(*closed))
+      return fastest(p, y, states(), 0.1, oscillates);
+  return std::nullopt;
+}
+
+double euler_damping(Complex z) { return -std::log(std::abs(1.0 - z)); }
+
+double radau_damping(Complex z) { return std::log(std::abs((1.0 + z / 3.0) / (1.0 - 2.0 * z / 3.0 + z * z / 6.0))); }
+
+}  // namespace bromwich

@@ -1,0 +1,35 @@
+#include "core/kernel/response.hpp"
+
+namespace bromwich {
+
+RowMatrix row_modes(Backend& backend, const RowMatrix& rows) {
+  const auto in = backend.array(rows.rows(), rows.cols()), out = backend.array(rows.rows(), rows.cols());
+  backend.upload(rows, *in);
+  backend.sine_transform(rows.cols(), rows.rows())->apply(*in, nullptr, *out, 0);
+  RowMatrix modes;
+  backend.download(*out, modes);
+  return modes;
+}
+
+RowMatrix x0_in_modes(Backend& backend, const KroneckerDynamics& d, const Vector& x0, bool both) {
+  // S acts on rows: the transpose for the `along` direction.
+  const Eigen::Map<const RowMatrix> lines(x0.data(), d.along.points, d.across.points);
+  const RowMatrix modes = row_modes(backend, lines.transpose()).transpose();
+  return both ? row_modes(backend, modes) : modes;
+}
+
+RowMatrix dense_states(const StepOperators& step, const Vector& x0, const RowMatrix& u, const StepDefects* defects) {
+  // Time-major products first, so that the sequential part is one small matrix-vector product a step.
+  RowMatrix x = u * step.right.transpose();
+  x.bottomRows(x.rows() - 1) += u.topRows(u.rows() - 1) * step.left.transpose();
+  if (defects) defects->add_to(x);
+  x.row(0) = x0.transpose();
+  for (Index j = 1; j < x.rows(); ++j) x.row(j).transpose().noalias() += step.decay * x.row(j - 1).transpose();
+  return x;
+}
+
+RowMatrix dense_states(const Matrix& A, Rule rule, double h, const Vector& x0, const RowMatrix& u) {
+  return dense_states(step_operators(A, rule, h), x0, u);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,22 @@
+#pragma once
+// The part of w that does not depend on y: r(t) = N e^{At} x0 + ∫_0^t N e^{A(t-s)} f(s) ds + g(t), and x itself.
+
+#include "../numerics/sine_basis.hpp"
+#include "../seam/backend.hpp"
+#include "recurrence.hpp"
+#include "step_defects.hpp"
+
+namespace bromwich {
+
+/// Every row in the sine basis.
+RowMatrix row_modes(Backend&, const RowMatrix& rows);
+
+/// x0 with only the `along` direction (`both` = false) or both directions in the sine basis: n x across.points.
+RowMatrix x0_in_modes(Backend&, const KroneckerDynamics&, const Vector& x0, bool both);
+
+/// x_j of x' = A x + u with u piecewise linear on the grid (exponential) or sampled at the right ends (Euler), for
+/// given inputs u_j = B y_j + f_j in R^m and what single steps add: (J+1) x m, row 0 = x0.
+RowMatrix dense_states(const StepOperators&, const Vector& x0, const RowMatrix& u, const StepDefects* = nullptr);
+RowMatrix dense_states(const Matrix& A, Rule, double h, const Vector& x0, const RowMatrix& u);
+
+}  // namespace bromwich

@@ -1,0 +1,151 @@
+#include "core/kernel/ringing.hpp"
+
+#include "core/lcp/active_set.hpp"
+
+#include <Eigen/LU>
+
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double margin = 1, ringing_margin = 0.1;  ///< delta
+constexpr Index most_sets_n = 12;                   ///< active sets are enumerated up to this size
+
+std::vector<Index> members(unsigned set, Index n) {
+  std::vector<Index> S;
+  for (Index i = 0; i < n; ++i)
+    if (set >> i & 1u) S.push_back(i);
+  return S;
+}
+
+// Sign of the determinant; 0 where the matrix is singular to rounding, whatever the units of its rows and columns.
+int determinant_sign(Matrix matrix) {
+  for (Index i = 0; i < matrix.rows(); ++i) matrix.row(i) /= std::max(matrix.row(i).cwiseAbs().maxCoeff(), 1e-300);
+  for (Index i = 0; i < matrix.cols(); ++i) matrix.col(i) /= std::max(matrix.col(i).cwiseAbs().maxCoeff(), 1e-300);
+  const Eigen::PartialPivLU<Matrix> lu(matrix);
+  if (!(lu.rcond() > 1e3 * epsilon)) return 0;
+  const double d = lu.permutationP().determinant() * lu.matrixLU().diagonal().array().sign().prod();
+  return d > 0 ? 1 : -1;
+}
+
+bool same_minors(const Matrix& a, const Matrix& b) {
+  const Index n = a.rows();
+  for (unsigned set = 1; set < 1u << n; ++set) {
+    const std::vector<Index> S = members(set, n);
+    const int sign = determinant_sign(a(S, S));
+    if (sign == 0 || sign != determinant_sign(b(S, S))) return false;
+  }
+  return true;
+}
+
+BasisChoice discontinuous(const std::string& reason, bool rings = true) { return {false, rings, reason}; }
+
+// at_minus_one = W^(-1).
+BasisChoice decide(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, const Matrix& at_minus_one) {
+  const BasisChoice without = choose_basis(M, lcp_class);
+  if (lcp_class == LcpClass::Z) return without;
+  if (!at_minus_one.allFinite()) return discontinuous("the step meets an oscillation of the scene");
+  const std::string reason = "M leaves y to the dynamics at this step";
+  const Matrix dense = to_dense(M);
+  const auto keeps_its_kind = [&](double delta) -> bool {
+    const Matrix damped = dense + at_minus_one - delta * w0;
+    // Beyond that, those of one index; for the rest of the P-matrices the solution is watched (ringing_from).
+    return dense.rows() <= most_sets_n ? same_minors(dense + w0, damped) : (damped.diagonal().array() > 0).all();
+  };
+  if (dense.rows() > most_sets_n && lcp_class != LcpClass::P) return without;
+  if (keeps_its_kind(margin)) return {};
+  return discontinuous(reason, !keeps_its_kind(ringing_margin));
+}
+
+}  // namespace
+
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class) {
+  if (lcp_class == LcpClass::P) return {};
+  const Matrix dense = to_dense(M);
+  if (lcp_class == LcpClass::Z && (dense.diagonal().array() != 0).any()) return {};
+  const Eigen::FullPivLU<Matrix> lu(dense);
+  return lu.isInvertible() && lcp_class != LcpClass::PSD ? BasisChoice{} : discontinuous("M leaves y to the dynamics");
+}
+
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const DenseRecurrence& r) {
+  const Index m = r.decay.rows();
+  // Σ_{d>=1} (-1)^d C E^{d-1} G = -C (I + E)^{-1} G.
+  const Matrix sum = Matrix::Identity(m, m) + r.decay;
+  const Equilibration e = equilibrate(sum);
+  const Eigen::PartialPivLU<Matrix> lu(e.rows.asDiagonal() * sum * e.columns.asDiagonal());
+  const bool regular = lu.rcond() > epsilon;
+  const Matrix at = r.w0 - (r.output * e.columns.asDiagonal()) * lu.solve(e.rows.asDiagonal() * r.input);
+  return decide(M, lcp_class, r.w0, regular ? at : Matrix::Constant(at.rows(), at.cols(), NAN));
+}
+
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const LagTable& table) {
+  const Index n = table.outputs;
+  RowMatrix sum = table.W.row(0), last = sum;
+  for (Index d = 1; d < table.W.rows(); ++d) {
+    last = sum;
+    sum += (d % 2 == 0 ? 1 : -1) * table.W.row(d);
+  }
+  const RowMatrix mean = 0.5 * (sum + last);  // partial sums of a slowly changing
+                                              // alternating series lie on both sides
+  const auto square = [n](const RowMatrix& row) { return Matrix(Eigen::Map<const RowMatrix>(row.data(), n, n)); };
+  return decide(M, lcp_class, square(table.W.row(0)), square(mean));
+}
+
+void largest_of_columns(const RowMatrix& y, Index begin, Index end, Vector& largest) {
+  double* const to = largest.data();
+  for (Index j = begin; j < end; ++j) {
+    const double* const row = y.row(j).data();
+    for (Index i = 0; i < y.cols(); ++i) {
+      const double size = std::abs(row[i]);
+      to[i] = size > to[i] ? size : to[i];
+    }
+  }
+}
+
+// Row by row, as y lies in memory; `length` is that of the run so far.
+bool alternates(const RowMatrix& y, Index begin, Index end, const Vector& least, Index run) {
+  const Index n = y.cols();
+  Vector before = Vector::Zero(n);
+  Eigen::Matrix<Index, Eigen::Dynamic, 1> lengths = Eigen::Matrix<Index, Eigen::Dynamic, 1>::Zero(n);
+  double* const last = before.data();
+  Index* const length = lengths.data();
+  for (Index j = std::max<Index>(1, begin - run); j < std::min(end, y.rows() - 1); ++j) {
+    const double *above = y.row(j - 1).data(), *here = y.row(j).data(), *below = y.row(j + 1).data();
+    Index longest = 0;
+    for (Index i = 0; i < n; ++i) {
+      const double bend = above[i] - 2 * here[i] + below[i];
+      const Index longer = length[i] + 1;
+      const bool goes_on = (std::abs(bend) > least[i]) & (bend * last[i] < 0);
+      length[i] = goes_on ? longer : 0;
+      last[i] = bend;
+      longest = std::max(longest, length[i]);
+    }
+    if (longest >= run) return true;
+  }
+  return false;
+}
+
+Index ringing_from(const RowMatrix& y) {
+  const Index n = y.cols();
+  Vector largest = Vector::Zero(n);
+  largest_of_columns(y, 0, y.rows(), largest);
+  if (!alternates(y, 0, y.rows(), ringing_part * largest, ringing_run)) return -1;
+  using Row = Eigen::Array<double, 1, Eigen::Dynamic>;
+  const Row scale = ringing_part * largest.transpose().array();
+  Row before = Row::Zero(n), first = before, length = before, bend(n), size(n);
+  for (Index j = 1; j + 1 < y.rows(); ++j) {
+    bend = y.row(j - 1).array() - 2 * y.row(j).array() + y.row(j + 1).array();
+    size = bend.abs();
+    length = (size > scale && bend * before < 0).select(length + 1, 0);
+    first = (length == 0).select(size, first);
+    before = bend;
+    if (n == 0 || !(length.maxCoeff() >= double(ringing_run))) continue;
+    for (Index i = 0; i < n; ++i)
+      if (length[i] >= double(ringing_run) && size[i] > 0.3 * first[i]) return j - Index(length[i]);
+  }
+  return -1;
+}
+
+}  // namespace bromwich

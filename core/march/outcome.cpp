@@ -1,0 +1,108 @@
+#include "core/march/outcome.hpp"
+
+#include "core/base/text.hpp"
+
+#include <Eigen/LU>
+
+namespace bromwich {
+
+namespace {
+
+// N x0 + g(0) below 0 by no more than the rounding of its sum is 0: x0 lies on a constraint.
+Vector without_rounding(const DiscreteProblem& p) {
+  Vector start = p.start;
+  if (p.kronecker() || start.size() == 0 || start.minCoeff() >= 0) return start;
+  const Vector x0 = p.scene.x0.cwiseAbs(),
+               terms = (p.dense() ? Vector(p.dense()->N.cwiseAbs() * x0) : Vector(p.sparse()->N.cwiseAbs() * x0)) +
+                       p.g.row(0).cwiseAbs();
+  const double share = 4 * double(p.scene.states() + 1) * epsilon;
+  for (Index i = 0; i < start.size(); ++i)
+    if (start[i] < 0 && start[i] >= -share * terms[i]) start[i] = 0;
+  return start;
+}
+
+bool is_singular(const LcpMatrix& M) { return !Eigen::FullPivLU<Matrix>(to_dense(M)).isInvertible(); }
+
+}  // namespace
+
+Start solve_at_zero(const DiscreteProblem& p, Result& result) {
+  result.y = RowMatrix::Constant(p.J + 1, p.scene.constraints(), NAN);
+  Vector y0;
+  const Start start = ProblemAtZero(p).solve(result, y0);
+  if (start == Start::found) result.y.row(0) = y0.transpose();
+  return start;
+}
+
+ProblemAtZero::ProblemAtZero(const DiscreteProblem& p)
+    : p_(p),
+      r_(p.backend.array(1, p.scene.constraints())),
+      v_(p.backend.array(1, p.scene.constraints())),
+      y_(p.backend.array(1, p.scene.constraints())),
+      lcp_(p.backend.lcp(p.scene.M, p.lcp_class, 1)) {
+  p.backend.upload(without_rounding(p).transpose(), *r_);
+}
+
+Start ProblemAtZero::solve(Result& result, Vector& y0) const {
+  const LcpReport report = lcp_->solve(*r_, *v_, *y_, 0, 0);
+  result.lcp.newton += report.count.newton;
+  if (report.count.unsolved == 0 && report.finite) {
+    RowMatrix start;
+    p_.backend.download(*y_, start);
+    y0 = start.transpose();
+    ++result.lcp.solved;
+    return Start::found;
+  }
+  const bool left_open = p_.lcp_class == LcpClass::PSD || (p_.lcp_class != LcpClass::P && is_singular(p_.scene.M));
+  if (report.finite && left_open) return Start::impulse;
+  result.status = report.infeasible == 0 ? Status::infeasible : Status::tolerance_not_met;
+  result.reason = report.infeasible == 0 ? "no solution at t = 0" : "the problem at t = 0 stayed unsolved";
+  if (report.infeasible == 0) result.infeasible_at = 0;
+  return Start::none;
+}
+
+void explain_stop(const DiscreteProblem& p, const MarchReport& report, Result& result) {
+  const std::string where = text("t = %.6g", p.t[report.stopped]);
+  if (report.interrupted) {
+    result.status = Status::interrupted;
+    result.reason = "stopped on request at " + where;
+  } else if (!report.finite) {
+    result.status = Status::nonfinite;
+    result.reason = "the solution is not finite at " + where;
+  } else if (report.infeasible >= 0) {
+    result.status = Status::infeasible;
+    result.infeasible_at = p.t[report.infeasible];
+    result.reason = "no solution from " + where + " on";
+  } else {
+    result.status = Status::tolerance_not_met;
+    result.reason =
+        "the complementarity problem of the step to " + where + " stayed unsolved; try other steps or another method";
+  }
+}
+
+void count(const MarchReport& report, Result& result) {
+  result.iterations = 1;
+  result.lcp.solved += report.count.solved;
+  result.lcp.newton += report.count.newton;
+  result.lcp.fallbacks += report.count.fallbacks;
+  result.lcp.unsolved += report.count.unsolved;
+  result.seconds.lcp += report.lcp_seconds;
+}
+
+double march_residual(const DiscreteProblem& p, Start start, const Array& r, const Array& v, const Array& y) {
+  const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);
+  if (start == Start::found) return lcp->residual(r, v, y);
+  RowMatrix q, response, values;
+  p.backend.download(r, response);
+  p.backend.download(v, q);
+  p.backend.download(y, values);
+  q += response;
+  q.row(0) = q.row(1);
+  values.row(0) = values.row(1);
+  const auto known = p.backend.array(q.rows(), q.cols()), zero = p.backend.array(q.rows(), q.cols()),
+             solution = p.backend.array(q.rows(), q.cols());
+  p.backend.upload(q, *known);
+  p.backend.upload(values, *solution);
+  return lcp->residual(*known, *zero, *solution);
+}
+
+}  // namespace bromwich

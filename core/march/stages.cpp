@@ -1,0 +1,344 @@
+#include "core/march/stages.hpp"
+
+#include "core/base/text.hpp"
+#include "core/base/timer.hpp"
+#include "core/kernel/rough_response.hpp"
+#include "core/lcp/active_set.hpp"
+#include "core/march/outcome.hpp"
+
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <set>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double first_node = 1.0 / 3;  ///< c_1 of Radau IIA; the last node is the end of the step
+constexpr double same_at_end = 1e-9;    ///< of the largest: values of g that differ by less
+
+// The steps of a march in stages: those of the grid, and in place of rough ones their parts.
+struct StageGrid {
+  Vector t;                     ///< where each ends, t[0] = 0
+  std::vector<double> lengths;  ///< of the step to row j, at j - 1; empty where no step is rough
+  std::vector<Index> step;      ///< of the grid, that row j belongs to
+  std::vector<Index> at;        ///< the row of each point of the grid
+};
+
+constexpr std::size_t most_sparse_lengths = 32;  ///< a sparse factorization each
+
+StageGrid whole_steps(const DiscreteProblem& p) {
+  StageGrid grid{p.t, {}, std::vector<Index>(std::size_t(p.J) + 1), {}};
+  std::iota(grid.step.begin(), grid.step.end(), Index(0));
+  grid.at = grid.step;
+  return grid;
+}
+
+// An impulse acts at once: it has a part of its own, for within a step it may be undone before the first stage.
+//
+// Layers: a state that has jumped, or starts anywhere, settles within 1/||A||, and so it does where f jumps; y follows.
+// Parts that grow geometrically go along, more of them on finer grids. For grids whose error is controlled: where steps
+// are given, they are the ones that are taken.
+class Layers {
+ public:
+  Layers(const DiscreteProblem& p, bool wanted) {
+    if (!wanted || !p.dense() || p.scene.states() > most_states) return;
+    const double rate = p.dense()->A.cwiseAbs().rowwise().sum().maxCoeff();
+    begin_.insert(p.t[0]);
+    if (p.sources) place_jumps(p);
+    const Index count = Index(begin_.size());
+    first_ = 0.1 / (std::max(rate, 1 / p.h) * double(p.J));
+    if (rate * p.h > stiff && fewest * count <= p.J)
+      growth_ = typical_decades / double(std::clamp(p.J / (4 * count), fewest, most));
+  }
+
+  bool none() const { return begin_.empty(); }
+
+  // Ends of the parts of (from, to]; called from left to right.
+  void divide(double from, double to, std::vector<double>& ends) {
+    if (begin_.count(from) > 0) {
+      last_ = from;
+      if (from + first_ < to) ends.push_back(from + first_);
+      from = last_ + std::min(first_, to - from);
+    }
+    const double behind = from - last_;  // infinite before the first
+    const double parts = std::ceil(std::log1p((to - from) / behind) / growth_);
+    for (double k = 1; k < parts; ++k) ends.push_back(last_ + behind * std::pow(1 + (to - from) / behind, k / parts));
+    if (to > from) ends.push_back(to);
+  }
+
+ private:
+  void place_jumps(const DiscreteProblem& p) {
+    const OneSided f(p.scene.f, p.scene.sources(), p.sources->resolution),
+        g(p.scene.g, p.scene.constraints(), p.sources->resolution);
+    const auto jumps = [](const OneSided& source, const SampledSource& samples, double t, double behind, double ahead) {
+      if (samples.size() == 0 || source.width() == 0) return false;
+      const double scale = samples.values().cwiseAbs().maxCoeff();
+      return (source.after(t, ahead) - source.before(t, behind)).cwiseAbs().maxCoeff() > same_at_end * scale;
+    };
+    for (const RoughStep& rough : p.sources->rough) {
+      double from = p.t[rough.step - 1], before = p.h;
+      for (const double to : rough.ends) {
+        const bool behind_place = before <= shortest * p.h;  // in which a jump has been found
+        if (behind_place || jumps(f, p.f, from, before, to - from) || jumps(g, p.g, from, before, to - from))
+          begin_.insert(from);
+        before = to - from;
+        from = to;
+      }
+    }
+  }
+
+  static constexpr double stiff = 0.05;  ///< rate h above which a step does not resolve the layer
+  static constexpr double shortest = 0x1p-30;
+  static constexpr Index most_states = 64;         ///< every part has a factorization of its own
+  static constexpr Index fewest = 48, most = 400;  ///< parts of a layer
+  static constexpr double typical_decades = 16;    ///< logarithm of a step over the first part of its layer
+  std::set<double> begin_;
+  double first_ = 0;  ///< part behind a jump
+  /// Logarithm of the ratio of the distances of one point and the next to the jump; infinite: one part for the rest.
+  double growth_ = INFINITY;
+  double last_ = -INFINITY;  ///< jump passed
+};
+
+StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers) {
+  StageGrid grid{{}, {}, {0}, {0}};
+  std::vector<double> t{p.t[0]}, ends;
+  for (Index j = 1; j <= p.J; ++j) {
+    const RoughStep* rough = p.sources ? p.sources->at(j) : nullptr;
+    ends.clear();
+    double from = p.t[j - 1];
+    for (std::size_t k = 0; k < (rough ? rough->ends.size() : 1); ++k) {
+      const double end = rough && k + 1 < rough->ends.size() ? rough->ends[k] : p.t[j];
+      layers.divide(from, end, ends);
+      from = end;
+    }
+    for (const double end : ends) {
+      grid.lengths.push_back(ends.size() == 1 ? p.h : end - t.back());
+      t.push_back(end);
+      grid.step.push_back(j);
+    }
+    grid.at.push_back(Index(t.size()) - 1);
+  }
+  grid.t = Eigen::Map<const Vector>(t.data(), Index(t.size()));
+  return grid;
+}
+
+StageGrid make_grid(const DiscreteProblem& p, Index stages, bool with_layers) {
+  if (stages == 1) return whole_steps(p);
+  Layers layers(p, with_layers);
+  if (!p.sources && layers.none()) return whole_steps(p);
+  StageGrid grid = steps_in_parts(p, layers);
+  if (p.dense()) return grid;
+  std::set<double> different(grid.lengths.begin(), grid.lengths.end());
+  return different.size() <= most_sparse_lengths ? grid : whole_steps(p);
+}
+
+// g or phi at the stages of every step: row j belongs to the step that ends with row j, row 0 holds the value at 0 in
+// all stages.
+RowMatrix sample_stages(const DiscreteProblem& p, const StageGrid& grid, const TimeFunction& function,
+                        const RowMatrix& at_nodes, Index stages) {
+  const Index width = at_nodes.cols(), rows = grid.t.size();
+  RowMatrix values(rows, stages * width);
+  if (!grid.lengths.empty()) values.rightCols(width) = sample(function, grid.t, width).table();
+  for (std::size_t j = 0; j < grid.at.size(); ++j) values.row(grid.at[j]).tail(width) = at_nodes.row(Index(j));
+  if (stages == 1) return values;
+  Vector inner(rows);
+  inner[0] = 0;
+  for (Index j = 1; j < rows; ++j)
+    inner[j] = grid.t[j - 1] + first_node * (grid.lengths.empty() ? p.h : grid.lengths[std::size_t(j) - 1]);
+  values.leftCols(width) = sample(function, inner, width).table();
+  return values;
+}
+
+// Where steps are taken in parts g has its limit from the left at the end of each. At a point of the grid that is so
+// where M determines y, which then gets the value of the function there; elsewhere the state itself has to follow it.
+void take_limits(const DiscreteProblem& p, const StageGrid& grid, bool at_points, RowMatrix& g) {
+  if (!p.sources || !p.scene.g) return;
+  const OneSided source(p.scene.g, p.scene.constraints(), p.sources->resolution);
+  for (Index j = 1; j < grid.t.size(); ++j) {
+    const Index step = grid.step[std::size_t(j)];
+    if (!p.sources->at(step) || (grid.at[std::size_t(step)] == j && !at_points)) continue;
+    const double d = grid.lengths.empty() ? p.h : grid.lengths[std::size_t(j) - 1];
+    g.row(j).tail(p.scene.constraints()) = source.whole(source.before(grid.t[j], d)).transpose();
+  }
+}
+
+// f on a part of a step that one polynomial describes, at a stage: there the stages take its values, as elsewhere.
+std::optional<Vector> value_of_one_piece(const RoughStep& rough, double begin, double d, double stage) {
+  const double near = 1e-9 * d;
+  for (const SourcePiece& piece : rough.pieces) {
+    if (piece.start > begin + near || piece.start + piece.length < begin + d - near) continue;
+    const double sigma = (begin + stage * d - piece.start) / piece.length;
+    return Vector(piece.phi * Vector{{1, sigma, sigma * sigma}});
+  }
+  return std::nullopt;
+}
+
+// On rough steps the stages take f by its moments: two of them those of order 0 and 1, one the mean. Where y balances
+// a stiff f, moments of a smooth one would be less exact than its values.
+void take_moments(const DiscreteProblem& p, const StageGrid& grid, Index stages, RowMatrix& phi) {
+  if (!p.sources) return;
+  const Index width = phi.cols() / stages;
+  for (Index j = 1; j < grid.t.size(); ++j) {
+    const RoughStep* rough = p.sources->at(grid.step[std::size_t(j)]);
+    if (!rough || rough->pieces.empty()) continue;
+    const double d = grid.lengths.empty() ? p.h : grid.lengths[std::size_t(j) - 1];
+    const auto whole = [&](const Vector& v) { return p.f.shapes().size() > 0 ? Vector(p.f.shapes() * v) : v; };
+    const auto first = value_of_one_piece(*rough, grid.t[j] - d, d, first_node),
+               last = value_of_one_piece(*rough, grid.t[j] - d, d, 1);
+    if (stages == 2 && first && last) {
+      phi.row(j) << whole(*first).transpose(), whole(*last).transpose();
+      continue;
+    }
+    Matrix linear = linear_by_moments(*rough, grid.t[j] - d, d);
+    if (linear.rows() == 0) continue;
+    if (p.f.shapes().size() > 0) linear = (p.f.shapes() * linear).eval();
+    const Vector mean = linear.col(0) + linear.col(1) / 2;
+    phi.row(j).tail(width) = (stages == 1 ? mean : Vector(linear.col(0) + linear.col(1))).transpose();
+    if (stages == 2) phi.row(j).head(width) = (linear.col(0) + first_node * linear.col(1)).transpose();
+  }
+}
+
+// y at points of the grid where g has a value of its own. Null: all solved; otherwise the first that is not.
+std::optional<Index> solve_at_own_values(const DiscreteProblem& p, const StageGrid& grid, const RowMatrix& g,
+                                         const RowMatrix& seen, Result& result) {
+  const Index n = p.scene.constraints();
+  const double scale = p.g.table().cwiseAbs().maxCoeff();
+  std::optional<ActiveSetLcp> lcp;
+  for (const RoughStep& rough : p.sources->rough) {
+    const Index j = rough.step, row = grid.at[std::size_t(j)];
+    const Vector own = p.g.row(j);
+    if (!result.y.row(j).allFinite() || !seen.row(j).allFinite()) break;
+    if ((g.row(row).tail(n).transpose() - own).cwiseAbs().maxCoeff() <= same_at_end * scale) continue;
+    if (!lcp) lcp.emplace(to_dense(p.scene.M), p.lcp_class);
+    Vector y;
+    if (!lcp->solve(own + seen.row(j).transpose(), y).solved) return j;
+    result.y.row(j) = y.transpose();
+  }
+  return std::nullopt;
+}
+
+SparseMatrix source_matrix(const Scene& scene, const Dynamics& dynamics) {
+  if (scene.f_entry == SourceEntry::through_F) return scene.F;
+  if (scene.f_entry == SourceEntry::through_B) {
+    if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) return d->B;
+    return std::get<DenseDynamics>(dynamics).B.sparseView();
+  }
+  SparseMatrix identity(scene.states(), scene.states());
+  identity.setIdentity();
+  return identity;
+}
+
+std::string describe(Index stages, const MarchReport& report) {
+  if (stages == 1) return "implicit Euler on the state";
+  std::string text = "y discontinuous between steps: Radau IIA on the state";
+  if (report.jumps > 0) text += ", " + std::to_string(report.jumps) + " steps by implicit Euler (the state jumps)";
+  return text;
+}
+
+std::unique_ptr<Array> on_backend(const DiscreteProblem& p, const RowMatrix& values) {
+  auto array = p.backend.array(values.rows(), values.cols());
+  p.backend.upload(values, *array);
+  return array;
+}
+
+// What the march is given, and the arrays that it points to.
+struct Given {
+  Dynamics written_out;  ///< a Kronecker sum as sparse matrices
+  RowMatrix g_values;
+  std::unique_ptr<Array> g, phi;
+  StageProblem problem;
+};
+
+bool takes_limits_at_points(const DiscreteProblem& p, const StageGrid& grid) {
+  return !grid.lengths.empty() && p.lcp_class == LcpClass::P;
+}
+
+void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages, const Options& options,
+                   Given& given) {
+  StageProblem& problem = given.problem;
+  if (p.kronecker()) given.written_out = to_sparse(*p.kronecker());
+  problem.dynamics = p.kronecker() ? &given.written_out : &p.scene.dynamics;
+  problem.M = &p.scene.M;
+  problem.lcp_class = p.lcp_class;
+  problem.stages = stages;
+  problem.h = p.h;
+  problem.lengths = grid.lengths;
+  problem.x0 = p.scene.x0;
+  problem.components = p.components;
+  problem.interrupted = options.interrupted;
+  if (options.progress) problem.progress = [&](Index row) { options.progress({grid.step[std::size_t(row)], 0, p.J}); };
+  given.g_values = sample_stages(p, grid, p.scene.g, p.g.table(), stages);
+  if (!grid.lengths.empty()) take_limits(p, grid, takes_limits_at_points(p, grid), given.g_values);
+  given.g = on_backend(p, given.g_values);
+  problem.g = given.g.get();
+  if (p.f.size() == 0) return;
+  RowMatrix phi = sample_stages(p, grid, p.scene.f, p.f.table(), stages);
+  take_moments(p, grid, stages, phi);
+  given.phi = on_backend(p, phi);
+  problem.phi = given.phi.get();
+  problem.F = source_matrix(p.scene, *problem.dynamics);
+}
+
+// The rows of the points of the grid, out of those of all parts; v = N x of these.
+std::unique_ptr<Array> keep_points(const DiscreteProblem& p, const StageGrid& grid, const Given& given, const Array& v,
+                                   MarchReport& report, Result& result) {
+  for (Index* row : {&report.stopped, &report.infeasible})
+    if (*row >= 0) *row = grid.step[std::size_t(*row)];
+  RowMatrix seen;
+  p.backend.download(v, seen);
+  seen = seen(grid.at, Eigen::all).eval();
+  result.y = result.y(grid.at, Eigen::all).eval();
+  result.y_integral = result.y_integral(grid.at, Eigen::all).eval();
+  result.x = result.x(grid.at, Eigen::all).eval();
+  result.defects = std::make_shared<StepDefects>();
+  if (p.sources) result.kernel += text("; %zu steps in parts, where sources are not smooth", p.sources->rough.size());
+  if (p.sources && takes_limits_at_points(p, grid) && report.stopped < 0)
+    if (const auto j = solve_at_own_values(p, grid, given.g_values, seen, result)) report.stopped = *j;
+  return on_backend(p, seen);
+}
+
+}  // namespace
+
+void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& options, Result& result) {
+  Timer timer;
+  const Start start = solve_at_zero(p, result);
+  if (start == Start::none) return;
+  result.seconds.lcp += timer.lap();
+  const StageGrid grid = make_grid(p, stages, options.compares_grids);
+  const Index rows = grid.t.size(), n = p.scene.constraints();
+  Given given;
+  state_problem(p, grid, stages, options, given);
+  const auto march = p.backend.stage_march(given.problem, rows);
+  const auto r = on_backend(p, p.g.table());
+  auto y = p.backend.array(rows, n), v = p.backend.array(rows, n);
+  const auto impulse = p.backend.array(rows, n);
+  const auto x = p.backend.array(rows, Index(p.components.size()));
+  result.bytes = 4 * y->bytes() + given.g->bytes() + (given.phi ? given.phi->bytes() : 0) + x->bytes() +
+                 march->bytes() + host_bytes(p);
+  RowMatrix first = RowMatrix::Constant(rows, n, NAN);
+  first.row(0) = result.y.row(0);
+  p.backend.upload(first, *y);
+  result.seconds.setup += timer.lap();
+  MarchReport report = march->run(*y, *impulse, *v, *x);
+  p.backend.download(*y, result.y);
+  p.backend.download(*impulse, result.y_integral);
+  for (Index j = 1; j < rows; ++j) result.y_integral.row(j) += result.y_integral.row(j - 1);
+  p.backend.download(*x, result.x);
+  result.continuous = false;
+  result.well_posed = report.well_posed;
+  result.kernel = describe(stages, report);
+  if (start == Start::impulse) result.kernel += impulse_note;
+  count(report, result);
+  if (!grid.lengths.empty()) {
+    v = keep_points(p, grid, given, *v, report, result);
+    y = on_backend(p, result.y);
+  }
+  if (options.trace) result.trace = trace(p, *r, *v);
+  if (report.stopped >= 0) return explain_stop(p, report, result);
+  result.residual = march_residual(p, start, *r, *v, *y);
+  result.status = Status::solved;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,415 @@
+#include "core/multigrid/multigrid.hpp"
+
+#include "core/base/text.hpp"
+#include "core/base/timer.hpp"
+#include "core/march/outcome.hpp"
+#include "core/multigrid/cycle_watch.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr std::size_t grids_of_estimate = 3;
+constexpr double least_ratio = 1.41421356;  ///< of differences: order 1/2
+constexpr double slowly_smoothed = 0.3;     ///< what a step so long leaves of a nested start is of high frequency
+constexpr int most_extra_sweeps = 2;        ///< behind a cycle
+constexpr double poor = 0.15;               ///< contraction of a cycle that may need an exact solution on the coarsest
+/// What the first cycle leaves of the error that a coarse grid sees, over the correction it finds. It is less than
+/// cycles contract by: the start is as smooth as the solution. Where sweeps are known to smooth it is measured
+/// (`bench multigrid` holds the estimates against what is left); elsewhere it is what cycles contract by.
+constexpr double assumed_contraction = 0.05, assumed_without_symbol = 0.2;
+
+}  // namespace
+
+Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& levels, Result& result)
+    : backend_(backend),
+      options_(options),
+      levels_(levels),
+      result_(result),
+      useful_(options.algebraic_share > 0 && levels.size() >= grids_of_estimate),
+      queued_(all_queue()),
+      differences_(backend.differences(slots)) {
+  recorded_.resize(levels_.size());
+  const std::size_t last = levels_.size() - 1;
+  for (std::size_t l = 0; queued_ && l <= last; ++l) {
+    const Index values = levels_[l].y->rows() * levels_[l].y->cols();
+    Recorded& recorded = recorded_[l];
+    if (l < last) {
+      recorded.descend = backend_.record(values, [this, l] { descend(l); });
+      recorded.ascend = backend_.record(values, [this, l] { ascend(l); });
+    } else if (!levels_[l].march) {
+      recorded.descend = backend_.record(values, [this] { sweep_coarsest(); });
+    }
+  }
+}
+
+bool Multigrid::all_queue() const {
+  for (const auto& level : levels_.grids)
+    if (level->march ? !level->march->queues() : !level->lcp->queues()) return false;
+  return true;
+}
+
+void Multigrid::nest(const Vector& y0) {
+  std::size_t last = levels_.size();
+  for (std::size_t l = last; l-- > 0 && !failure_;) {
+    if (left_out_of_start(l)) continue;
+    if (options_.interrupted && options_.interrupted()) failure_ = {Status::interrupted, "stopped on request"};
+    start_on(l, last, y0);
+    if (l > 0 || levels_.size() == 1) nest_on(l);
+    if (levels_[l].nested) backend_.inject(*levels_[l].y, *levels_[l].nested);
+    last = l;
+  }
+  if (levels_.size() >= grids_of_estimate) {
+    backend_.inject(*levels_[1].nested, *levels_[2].old);
+    differences_->start(quarter_step, *levels_[2].old, *levels_[2].nested);
+  }
+  y0_ = y0;
+  nested_ = true;
+}
+
+// Below the grids that estimates are made from, a cycle makes up for four times the step as well as for twice.
+bool Multigrid::left_out_of_start(std::size_t l) const {
+  if (l <= grids_of_estimate || l + 1 >= levels_.size() || (l - grids_of_estimate) % 2 == 0) return false;
+  const TimeLevel &finer = levels_[l - 1], &coarser = levels_[l + 1];
+  return finer.steps <= 4 * coarser.steps && finer.unseen <= slowly_smoothed;
+}
+
+// A cycle, but on the coarsest grid, which begins with nothing, and where the error of a start is not smooth.
+void Multigrid::nest_on(std::size_t l) {
+  TimeLevel& level = levels_[l];
+  const bool coarsest = l + 1 == levels_.size();
+  if (coarsest && !level.march) {
+    for (int visits = 0; visits < level.first_visits; ++visits) cycle(l);
+  } else if (l >= grids_of_estimate && !coarsest && level.sweeps > 0 && level.unseen > slowly_smoothed) {
+    sweep(level, {.count = level.sweeps + 1, .before = true});
+  } else {
+    cycle(l);
+  }
+}
+
+// y of the coarser grid that was started last, or y_0 alone.
+void Multigrid::start_on(std::size_t l, std::size_t last, const Vector& y0) {
+  if (nested_) backend_.upload(RowMatrix::Zero(levels_[l].steps + 1, y0.size()), *levels_[l].y);
+  if (last < levels_.size())
+    backend_.interpolate(*levels_[last].y, nullptr, *levels_[l].y);
+  else
+    backend_.upload(y0.transpose(), *levels_[l].y);  // arrays are zero when they are made
+}
+
+IterationOutcome Multigrid::iterate() {
+  const bool smoothing = levels_[0].sweeps > 0;  // by the symbol
+  const double assumed = smoothing ? assumed_contraction : assumed_without_symbol;
+  CycleWatch watch(options_.iteration_tolerance, useful_ ? assumed : INFINITY);
+  while (!failure_) {
+    if (options_.interrupted && options_.interrupted()) return {Status::interrupted, "stopped on request"};
+    if (result_.iterations >= options_.max_iterations)
+      return {Status::tolerance_not_met, text("%ld sweeps, the limit", long(result_.iterations))};
+    if (useful_ && result_.cycles > 0) {
+      const bool looked = watched([this] { look_for_correction(); });
+      if (looked && !failure_ && useful(differences_->collect()[last_change], 0)) return {Status::solved, ""};
+      if (looked) watched([this] { correct_finest(); });
+    } else {
+      watched([this] { whole_cycle(); });
+    }
+    if (failure_) break;
+    const double change = differences_->collect()[last_change];
+    ++result_.cycles;
+    result_.history.push_back(change);
+    if (options_.progress) options_.progress({result_.iterations, change});
+    const auto outcome = watch.after(change);
+    const double left = watch.left() + (useful_ ? unseen() : 0);
+    result_.algebraic_error.reset();
+    if (std::isfinite(left)) result_.algebraic_error = left;
+    const bool solved = outcome && outcome->status == Status::solved;
+    if (outcome && !(solved && useful_ && unseen() > options_.iteration_tolerance)) return *outcome;
+    if (watch.contraction() > poor && march_from_now_on()) watch.restart();
+    if (useful_ && useful(watch.left(), most_extra_sweeps)) return {Status::solved, ""};
+  }
+  return *failure_;
+}
+
+// What the coarse grid does not see of the error.
+double Multigrid::unseen() {
+  const double f = levels_[0].unseen;
+  return f / (1 - f) * differences_->collect()[last_sweep];
+}
+
+// Whether what is left is a small enough part of the discretisation error: `seen`, what the coarse grid sees, and what
+// it does not; for the latter there may be further sweeps.
+bool Multigrid::useful(double seen, int sweeps) {
+  for (; std::isfinite(seen) && !failure_; --sweeps) {
+    const double wanted = options_.algebraic_share * useful_error();
+    result_.algebraic_error = seen + unseen();
+    if (seen + unseen() <= wanted) return true;
+    if (sweeps == 0 || !(unseen() * std::pow(levels_[0].unseen, sweeps) < wanted - seen)) return false;
+    if (!watched([this] { one_more_sweep(); })) return false;  // `seen` is of a y that is no more
+  }
+  return false;
+}
+
+bool Multigrid::march_from_now_on() {
+  TimeLevel& coarsest = levels_[levels_.size() - 1];
+  if (coarsest.march) return false;
+  levels_.prepare_march();
+  result_.bytes += coarsest.march->bytes();
+  queued_ = queued_ && all_queue();
+  return true;
+}
+
+// With y_2h and y_4h, the solutions on the next grids: |y_h - y_2h| / (q - 1), q = |y_2h - y_4h| / |y_h - y_2h|; 4
+// where the order is 2, and at most that. Below an order of 1/2 the differences say nothing yet.
+std::optional<double> Multigrid::discretisation_error() {
+  if (levels_.size() < grids_of_estimate) return std::nullopt;
+  const std::vector<double>& d = differences_->collect();
+  const double last = d[half_step], before = d[quarter_step];
+  const double ratio = last > 0 ? before / last : 4;
+  if (!(ratio > least_ratio)) return std::nullopt;
+  return last / (std::min(ratio, 4.0) - 1);
+}
+
+// What the algebraic error is held against. Where the grids do not come together yet: what the estimate would be with
+// the least order that it trusts.
+double Multigrid::useful_error() {
+  return discretisation_error().value_or(differences_->collect()[half_step] / (least_ratio - 1));
+}
+
+// Work on the finest grid, with the differences that are looked at behind it. Where it left a problem unsolved, or the
+// nested start did, a whole cycle is made instead, waiting for each batch; false then.
+bool Multigrid::watched(const std::function<void()>& work) {
+  work();
+  if (!queued_ || collected()) {
+    start_is_solved_ = true;
+    return true;
+  }
+  queued_ = false;
+  TimeLevel& finest = levels_[0];
+  if (start_is_solved_ && !useful_) {
+    backend_.inject(*finest.old, *finest.y);
+  } else {
+    levels_.respond();
+    nest(y0_);
+  }
+  whole_cycle();
+  start_is_solved_ = true;
+  queued_ = !useful_ && all_queue();  // where all begins anew it has to go on from there
+  return false;
+}
+
+void Multigrid::whole_cycle() {
+  TimeLevel& finest = levels_[0];
+  if (!useful_) backend_.inject(*finest.y, *finest.old);
+  cycle(0);
+  if (useful_)
+    measure_correction();
+  else
+    differences_->start(last_change, *finest.y, *finest.old);
+  compare();
+}
+
+// A cycle in two parts, with sweeps before where one does little; y stays as it is in the first, but for them.
+void Multigrid::look_for_correction() {
+  const TimeLevel& finest = levels_[0];
+  for (int i = 0; i < finest.sweeps && finest.unseen > far_smoothed; ++i) one_more_sweep();
+  apply(levels_[0]);
+  pose(0);
+  solve_on(finest.coarse);
+  measure_correction();
+}
+
+void Multigrid::correct_finest() {
+  ascend(0);
+  if (queued_) ++result_.iterations;
+  compare();
+}
+
+void Multigrid::measure_correction() {
+  const TimeLevel& coarse = levels_[levels_[0].coarse];
+  differences_->start(last_change, *coarse.y, *coarse.old);
+}
+
+void Multigrid::one_more_sweep() {
+  TimeLevel& finest = levels_[0];
+  backend_.inject(*finest.y, *finest.old);
+  sweep(finest, {.count = 1, .before = true});
+  if (queued_) ++result_.iterations;
+  compare();
+}
+
+// y with what it was before the last sweep, y_2h with y.
+void Multigrid::compare() {
+  TimeLevel& finest = levels_[0];
+  if (useful_) differences_->start(last_sweep, *finest.y, *finest.old);
+  if (levels_.size() < grids_of_estimate) return;
+  TimeLevel& half = levels_[1];
+  backend_.inject(*finest.y, *half.old);
+  differences_->start(half_step, *half.old, *half.nested);
+}
+
+void Multigrid::cycle(std::size_t l) {
+  if (!levels_[l].march) apply(levels_[l]);
+  solve_on(l);
+}
+
+void Multigrid::solve_on(std::size_t l) {
+  if (levels_[l].march) return march(levels_[l]);
+  if (l + 1 == levels_.size()) return queued_ && recorded_[l].descend ? recorded_[l].descend->run() : sweep_coarsest();
+  const bool recorded = queued_ && recorded_[l].descend && recorded_[l].ascend;
+  recorded ? recorded_[l].descend->run() : descend(l);
+  solve_on(levels_[l].coarse);
+  recorded ? recorded_[l].ascend->run() : ascend(l);
+  if (queued_ && l == 0) result_.iterations += levels_[l].sweeps + 1;
+}
+
+void Multigrid::sweep_coarsest() {
+  TimeLevel& coarsest = levels_[levels_.size() - 1];
+  sweep(coarsest, {.count = coarsest.sweeps});
+}
+
+void Multigrid::descend(std::size_t l) {
+  TimeLevel& fine = levels_[l];
+  if (fine.sweeps > 0) sweep(fine, {.count = fine.sweeps, .behind = true});
+  pose(l);
+}
+
+// r_c = R (r + K y) - K_c R y, and y_c = R y to begin with.
+void Multigrid::pose(std::size_t l) {
+  TimeLevel &fine = levels_[l], &coarse = levels_[levels_[l].coarse];
+  coarse.kernel->apply_injected(*fine.kernel, *fine.y, *coarse.y, *coarse.v);
+  backend_.restrict_problem(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
+}
+
+// y <- y + I (y_c - R y), then a sweep.
+void Multigrid::ascend(std::size_t l) {
+  TimeLevel &fine = levels_[l], &coarse = levels_[levels_[l].coarse];
+  backend_.interpolate(*coarse.y, coarse.old.get(), *fine.y);
+  if (useful_ && l == 0) backend_.inject(*fine.y, *fine.old);
+  sweep(fine, {.count = 1, .before = true});
+}
+
+// y <- SOL(M + D, r + K y - D y), K y in between. Where nobody looks at a batch by itself, it may be one with what is
+// around it.
+void Multigrid::sweep(TimeLevel& level, SweepOrder order) {
+  if (queued_ && level.kernel->sweeps(*level.lcp))
+    return level.kernel->sweep(*level.lcp, *level.r, *level.y, *level.v, order);
+  for (int i = 0; i < order.count; ++i) {
+    if (i > 0 || order.before) apply(level);
+    smooth(level);
+  }
+  if (order.behind) apply(level);
+}
+
+void Multigrid::apply(TimeLevel& level) { level.kernel->apply(*level.y, *level.v, 0); }
+
+// y <- SOL(M + D, r + K y - D y)
+void Multigrid::smooth(TimeLevel& level) {
+  if (failure_) return;
+  if (queued_) return level.lcp->start(*level.r, *level.v, *level.y, 1, -1);
+  Timer timer;
+  const LcpReport report = level.lcp->solve(*level.r, *level.v, *level.y, 1, -1);
+  result_.seconds.lcp += timer.lap();
+  if (&level == &levels_[0]) ++result_.iterations;
+  judge(report);
+}
+
+void Multigrid::march(TimeLevel& level) {
+  if (failure_) return;
+  if (queued_) return level.march->start(*level.y, *level.v);
+  const MarchReport report = level.march->run(*level.y, *level.v);
+  result_.seconds.lcp += report.lcp_seconds;
+  judge(report, level.steps);
+}
+
+// Whether everything that was queued came to a solution. Its counts are kept.
+bool Multigrid::collected() {
+  bool solved = true;
+  for (const auto& level : levels_.grids) {
+    if (level->march && level->march->queues()) {
+      const MarchReport report = level->march->collect();
+      count(report.count);
+      solved = solved && report.stopped < 0;
+    }
+    if (level->lcp) {
+      const LcpReport report = level->lcp->collect();
+      count(report.count);
+      solved = solved && report.count.unsolved == 0 && report.finite && report.magnitude < 1e100;
+    }
+  }
+  return solved;
+}
+
+void Multigrid::judge(const LcpReport& report) {
+  count(report.count);
+  if (!report.finite || !(report.magnitude < 1e100))
+    failure_ = {Status::nonfinite, "the iterates grew beyond all bounds"};
+  else if (report.count.unsolved > 0)
+    failure_ = {Status::tolerance_not_met,
+                text("%ld complementarity problems stayed unsolved; use method march", report.count.unsolved)};
+}
+
+void Multigrid::judge(const MarchReport& report, Index steps) {
+  count(report.count);
+  if (report.interrupted)
+    failure_ = {Status::interrupted, "stopped on request"};
+  else if (!report.finite)
+    failure_ = {Status::nonfinite, "the iterates grew beyond all bounds"};
+  else if (report.stopped >= 0)
+    failure_ = {Status::tolerance_not_met,
+                text("a step of the coarsest grid, %ld steps, stayed unsolved; use method march", long(steps))};
+}
+
+void Multigrid::count(const LcpCount& c) {
+  result_.lcp.solved += c.solved;
+  result_.lcp.newton += c.newton;
+  result_.lcp.fallbacks += c.fallbacks;
+  result_.lcp.unsolved = c.unsolved;
+}
+
+namespace {
+
+void add_seconds(TimeLevels& levels, Result& result) {
+  for (auto& level : levels.grids) {
+    result.seconds.transform += level->kernel->transform_seconds;
+    result.seconds.convolution += level->kernel->convolution_seconds;
+  }
+}
+
+}  // namespace
+
+bool solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, const Options& options, Result& result) {
+  Timer timer;
+  TimeLevels levels = time_levels(p, kernel, options);
+  if (levels.size() == 0) {
+    result.seconds.setup += timer.lap();
+    return false;
+  }
+  result.kernel = levels.description;
+  result.kernel_error = levels.kernel_error;
+  result.bytes += host_bytes(p) + (kernel ? kernel->bytes : 0);
+  for (auto& level : levels.grids) {
+    result.bytes += level->bytes();
+    level->kernel->transform_seconds = level->kernel->convolution_seconds = 0;
+  }
+  Multigrid multigrid(p.backend, options, levels, result);
+  const ProblemAtZero at_zero(p);
+  result.seconds.setup += timer.lap();
+
+  Vector y0;
+  if (at_zero.solve(result, y0) != Start::found) return true;
+  multigrid.nest(y0);
+  p.backend.prepare(result.y, p.J + 1, p.scene.constraints());  // while a device is at work
+  const IterationOutcome outcome = multigrid.iterate();
+  result.seconds.sweeps = timer.lap();
+  TimeLevel& finest = levels[0];
+  const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { finest.kernel->apply(in, out, first); };
+  const auto lcp = finest.lcp ? nullptr : p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);  // a grid that is marched
+  finish_iteration(p, options, outcome, apply, finest.lcp ? *finest.lcp : *lcp, *finest.r, *finest.y, *finest.v,
+                   result);
+  if (result.status == Status::solved) result.error_estimate = multigrid.discretisation_error();
+  add_seconds(levels, result);
+  return true;
+}
+
+}  // namespace bromwich

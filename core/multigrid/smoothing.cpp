@@ -1,0 +1,100 @@
+#include "core/multigrid/smoothing.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace bromwich {
+
+namespace {
+
+constexpr Index frequencies = 24, most_modes = 48;  ///< of the sample; the symbols are smooth in both
+constexpr Index octave = 6;                         ///< frequencies in each half of what is left
+constexpr Index candidates = 120;
+constexpr double least_diagonal = 0.05;  ///< M + D I keeps this part of the smallest eigenvalue of M
+
+// The eigenvalues 0 < M^_l of tridiag(b, a, b), b <= 0, in the order of the sine modes.
+std::optional<Vector> eigenvalues(const LcpMatrix& matrix) {
+  const auto* M = std::get_if<Tridiagonal>(&matrix);
+  if (!M) return std::nullopt;
+  const Index n = M->diagonal.size();
+  const double a = M->diagonal[0], b = n > 1 ? M->upper[0] : 0;
+  for (Index i = 0; i < n; ++i)
+    if (M->diagonal[i] != a || (i > 0 && M->lower[i] != b) || (i + 1 < n && M->upper[i] != b)) return std::nullopt;
+  Vector values(n);
+  for (Index l = 0; l < n; ++l) values[l] = a + 2 * b * std::cos(std::numbers::pi * double(l + 1) / double(n + 1));
+  if (b > 0 || !(values.minCoeff() > 0)) return std::nullopt;
+  return values;
+}
+
+using Row = Eigen::Array<double, 1, Eigen::Dynamic>;
+
+// The modes of the sample, one entry each.
+struct Sample {
+  Row w0, w1;
+  Eigen::Array<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> E, C;  ///< K x modes
+};
+
+struct Symbol {
+  Row real, imaginary;
+};
+
+// K^_l(omega) from the recurrence: w0 + w1 e^{-i omega} + Σ_k C_k / (e^{i omega} - E_k).
+Symbol symbol(const Sample& r, double omega) {
+  const double c = std::cos(omega), s = std::sin(omega);
+  Symbol K{r.w0 + c * r.w1, -s * r.w1};
+  for (Index k = 0; k < r.E.rows(); ++k) {
+    const Row weight = r.C.row(k) / ((c - r.E.row(k)).square() + s * s);
+    K.real += weight * (c - r.E.row(k));
+    K.imaginary -= s * weight;
+  }
+  return K;
+}
+
+// Σ_{d<=steps} W_d. A fit of exponentials holds up to there and no longer: its slowest ones may stand for nothing.
+Row sum_of_weights(const Sample& r, Index steps) {
+  Row sum = r.w0 + r.w1;
+  for (Index k = 0; k < r.E.rows(); ++k) {
+    const auto E = r.E.row(k);
+    sum += r.C.row(k) * (E < 1).select((1 - (double(steps) * E.log()).exp()) / (1 - E), double(steps));
+  }
+  return sum;
+}
+
+}  // namespace
+
+std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r, Index steps, double useful) {
+  const std::optional<Vector> all = eigenvalues(matrix);
+  if (!all) return std::nullopt;
+  const Index n = all->size(), modes = std::min(n, most_modes);
+  std::vector<Index> l(std::size_t(modes), 0);
+  for (Index i = 1; i < modes; ++i) l[std::size_t(i)] = i * (n - 1) / (modes - 1);
+  const Row M = (*all)(l).transpose();
+  const Sample sample{r.w0(l), r.w1(l), r.decay(Eigen::all, l), r.output(Eigen::all, l)};
+  const std::vector<Symbol> smooth{{sum_of_weights(sample, steps), Row::Zero(modes)}};
+  std::vector<Symbol> K;
+  for (Index f = 0; f < frequencies; ++f)
+    K.push_back(symbol(sample, std::numbers::pi * (0.25 + 0.75 * double(f) / double(frequencies - 1))));
+  const auto factor = [&](const std::vector<Symbol>& symbols, double D) {
+    Row largest = Row::Zero(modes);
+    for (const Symbol& s : symbols) largest = largest.max((s.real - D).square() + s.imaginary.square());
+    return (largest.sqrt() / (M + D)).maxCoeff();
+  };
+  Smoothing best{0, {factor(K, 0)}, 0};
+  const double lowest = (least_diagonal - 1) * all->minCoeff(), highest = all->maxCoeff();
+  for (Index i = 0; i <= candidates; ++i) {
+    const double D = lowest + (highest - lowest) * double(i) / double(candidates);
+    if (const double f = factor(K, D); f < best.factor()) best = {D, {f}, 0};
+  }
+  best.smooth_factor = factor(smooth, best.shift);
+  // An octave more each.
+  for (double edge = std::numbers::pi / 4; best.unseen.back() < useful && edge * double(steps) > std::numbers::pi;) {
+    edge /= 2;
+    std::vector<Symbol> lower;
+    for (Index f = 0; f < octave; ++f) lower.push_back(symbol(sample, edge * (1 + double(f) / double(octave))));
+    best.unseen.push_back(std::max(best.unseen.back(), factor(lower, best.shift)));
+  }
+  return best;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,31 @@
+#pragma once
+// The shifted functional iteration as a smoother in time,
+//
+//     y^{k+1} in SOL(M + D I, r + K y^k - D y^k),
+//
+// which has the fixed points of the plain one (D = 0). Where y > 0 and sine modes diagonalise both M and K, an error
+// with mode l and frequency omega (per step) is multiplied by (D - K^_l(omega)) / (M^_l + D), K^_l(omega) = Σ_d W_d,l
+// e^{-i omega d}. What a grid with R times the step cannot see are the frequencies in [pi/(2R), pi].
+
+#include "../kernel/recurrence.hpp"
+#include "../lcp/matrix.hpp"
+
+#include <optional>
+#include <vector>
+
+namespace bromwich {
+
+struct Smoothing {
+  double shift = 0;            ///< D
+  std::vector<double> unseen;  ///< largest over modes and what the grids with R = 2, 4, 8, ... cannot see
+  double smooth_factor = 0;    ///< largest over modes at frequency 0, that is for Σ_d W_d over all steps
+
+  double factor() const { return unseen.front(); }
+};
+
+/// The D that makes the factor for R = 2 smallest, M + D I an M-matrix as M is. Larger R are looked at as long as the
+/// factors stay below `useful`. Nothing where M is not a symmetric tridiagonal Toeplitz matrix with entries off its
+/// diagonal <= 0.
+std::optional<Smoothing> best_smoothing(const LcpMatrix& M, const ModalRecurrence&, Index steps, double useful = 0);
+
+}  // namespace bromwich

@@ -1,0 +1,33 @@
+#include "core/numerics/equilibration.hpp"
+
+#include <cmath>
+
+namespace bromwich {
+
+void divide_by_roots(const Vector& largest, Vector& factors) {
+  for (Index i = 0; i < factors.size(); ++i)
+    if (largest[i] > 0) factors[i] *= 1 / std::sqrt(largest[i]);
+}
+
+void round_to_powers_of_two(Vector& factors) {
+  for (double& s : factors) s = std::exp2(std::round(std::log2(s)));
+}
+
+Equilibration equilibrate(const Matrix& A) {
+  return equilibrate(A.rows(), A.cols(), [&A](const Equilibration& e, Vector& rows, Vector& columns) {
+    const Matrix scaled = e.rows.asDiagonal() * A.cwiseAbs() * e.columns.asDiagonal();
+    rows = scaled.rowwise().maxCoeff();
+    columns = scaled.colwise().maxCoeff().transpose();
+  });
+}
+
+Matrix scaled(const Matrix& A, const Equilibration& e) { return e.rows.asDiagonal() * A * e.columns.asDiagonal(); }
+
+double reciprocal_condition(const Eigen::PartialPivLU<Matrix>& lu) {
+  const Vector pivots = lu.matrixLU().diagonal().cwiseAbs();
+  for (const double p : pivots)
+    if (!(p > 0) || !std::isfinite(p)) return 0;
+  return lu.rcond();
+}
+
+}  // namespace bromwich

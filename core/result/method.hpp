@@ -1,0 +1,27 @@
+#pragma once
+
+#include <string>
+
+namespace bromwich {
+
+enum class Method {
+  automatic,
+  multigrid,        ///< functional iteration as the smoother on nested time grids
+  contour,          ///< functional iteration, all time points at once, shared contours
+  contour_literal,  ///< (2.17) of the Laplace-inversion paper, a contour per time point
+  march,            ///< exponential piecewise-linear, step by step
+  euler,            ///< implicit Euler (1.3)-(1.4), step by step
+  galerkin,         ///< exponential Galerkin, all intervals at once: boundary values and mixed problems
+                    ///< (core/galerkin/galerkin.hpp)
+  goal,             ///< a time grid made for a quantity of interest (core/goal/goal.hpp)
+};
+
+/// "auto", "contour", ...
+const char* to_string(Method);
+/// Inverse of to_string; throws Error("method", ...) for an unknown name.
+Method method_from_string(const std::string&);
+
+/// Whether a method sweeps over all time points, so that its residual is limited by the iteration tolerance.
+bool iterates(Method);
+
+}  // namespace bromwich

@@ -1,0 +1,75 @@
+#include "core/result/switching.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+// The root of the rows nearest, next, last (NaN where there is none) at distances 0, 1, 2 steps on the active side, in
+// steps from `nearest` into the step where y vanishes; its error likewise. Nothing where it does not lie in the step.
+struct Root {
+  double distance, error;
+};
+std::optional<Root> root(double nearest, double next, double last, double beyond = 0) {
+  const double slope = next - nearest, distance = nearest / slope;
+  if (!(distance >= -beyond) || !(distance <= 1 + beyond)) return std::nullopt;
+  // Remainder of the linear continuation, d (1 + d)/2 times the second difference, over the slope.
+  const double curvature = std::abs(last - 2 * next + nearest);
+  const double error = std::abs(distance * (1 + distance) / 2 * curvature / slope);
+  return Root{distance, std::isnan(error) ? 0.5 : std::min(error, 0.5)};
+}
+
+// Discontinuous y: the line of the interval next to step j that is active throughout. The step itself may be active in
+// part, and then says little.
+Switch by_line(const Result& r, Index j, Index i, bool on, double zero) {
+  constexpr double beyond = 0.1;  // of a step: y is known to O(h^2), and so are its roots
+  const Index N = r.y_left.rows();
+  const auto active = [&](Index k) { return k >= 0 && k < N && r.y_left(k, i) > zero && r.y(k + 1, i) > zero; };
+  const double middle = (r.t[j] + r.t[j + 1]) / 2, half = (r.t[j + 1] - r.t[j]) / 2;
+  const Index k = !on ? j - 1 : active(j) ? j : j + 1, farther = on ? k + 1 : k - 1;
+  if (!active(k)) return {middle, i, on, half};
+  const double left = r.y_left(k, i), right = r.y(k + 1, i), h = r.t[k + 1] - r.t[k];
+  const double last = !active(farther) ? NAN : on ? r.y(k + 2, i) : r.y_left(farther, i);
+  const std::optional<Root> found = on ? root(left, right, last, beyond) : root(right, left, last, beyond);
+  if (!found) return {middle, i, on, half};
+  return {on ? r.t[k] - h * found->distance : r.t[k + 1] + h * found->distance, i, on, h * found->error};
+}
+
+}  // namespace
+
+std::vector<Switch> switches(const Result& result, double negligible) {
+  const RowMatrix& y = result.y;
+  Index rows = 0;
+  while (rows < y.rows() && (rows == 0 || y.row(rows).allFinite())) ++rows;
+  const Index first = rows > 0 && y.row(0).allFinite() ? 0 : 1;
+  std::vector<Switch> found;
+  if (rows - first < 2) return found;
+  const double zero = negligible * y.middleRows(first, rows - first).cwiseAbs().maxCoeff();
+  for (Index j = first; j + 1 < rows; ++j) {
+    // On a grid of many step sizes the step is all that is said.
+    const double h = result.goal ? result.t[j + 1] - result.t[j] : result.t[1] - result.t[0];
+    for (Index i = 0; i < y.cols(); ++i) {
+      const bool before = y(j, i) > zero, on = y(j + 1, i) > zero;
+      if (before == on) continue;
+      if (result.y_left.size() > 0) {
+        found.push_back(by_line(result, j, i, on, zero));
+        continue;
+      }
+      // Rows of the active side, going away from the step; a row where y vanishes again is of no use.
+      const Index start = on ? j + 1 : j, direction = on ? 1 : -1;
+      const auto value = [&](Index steps) {
+        const Index row = start + direction * steps;
+        return row >= first && row < rows && y(row, i) > zero ? y(row, i) : NAN;
+      };
+      const std::optional<Root> r = result.goal ? std::nullopt : root(value(0), value(1), value(2));
+      const double from = result.t[start], t = r ? from - double(direction) * h * r->distance : result.t[j] + h / 2;
+      found.push_back({t, i, on, h * (r ? r->error : 0.5)});
+    }
+  }
+  std::stable_sort(found.begin(), found.end(), [](const Switch& a, const Switch& b) { return a.t < b.t; });
+  return found;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,31 @@
+#pragma once
+// The pencil s E - A of a descriptor system E x' = A x + ...: whether E is regular, and what the system is where it is
+// not. All of it is judged after scaling rows and columns, so that units do not matter.
+
+#include "../base/types.hpp"
+
+#include <string>
+
+namespace bromwich {
+
+bool is_diagonal(const SparseMatrix&);
+
+/// Positive R and C with the largest entry of every row and column of R X C near 1; 1 for zero rows and columns.
+struct DescriptorUnits {
+  Vector rows, columns;
+  SparseMatrix scaled(const SparseMatrix& X) const;  ///< R X C
+};
+DescriptorUnits units_of(const SparseMatrix& X);
+
+/// Estimate of 1/(||X||_1 ||X^{-1}||_1) from sparse factors (Hager, Higham); 0 where they do not exist.
+double reciprocal_condition(const SparseMatrix& X);
+
+/// In such units X has a reciprocal condition above m eps; of a diagonal X: no zero on the diagonal.
+bool is_regular(const SparseMatrix& X);
+
+/// Of a singular E: its rank, and whether the system has index 1 (the part that E leaves algebraic can be solved for),
+/// index 2 or more, or a singular pencil: det(s E - A) = 0 for all s, no initial value has exactly one solution. Above
+/// 512 rows their number alone.
+std::string describe_singular(const SparseMatrix& E, const SparseMatrix& A);
+
+}  // namespace bromwich

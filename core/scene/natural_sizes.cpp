@@ -1,0 +1,373 @@
+#include "core/scene/natural_sizes.hpp"
+
+#include <Eigen/Cholesky>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+namespace bromwich {
+
+namespace {
+
+constexpr Index most_unknowns = 4000;       ///< above: one size for all states, one for y and one for w
+constexpr std::size_t most_terms = 100000;  ///< likewise
+constexpr Index most_factorized = 100;      ///< unknowns; above, conjugate gradients
+constexpr double small_term = -3;           ///< decimal logarithm: such a term says nothing about the sizes of others
+constexpr double weight_below = 1. / 16, weight_of_small = 1e-4;  ///< of terms below 1: they hardly say how large
+constexpr double strong = 1e-6;    ///< of the rates of two states: a pair of entries that shapes what is symmetric
+constexpr double alike = 1e-6;     ///< of two logarithms
+constexpr double same_size = 1.5;  ///< decimal logarithms that a shape may move
+
+double positive_or(double value, double otherwise) { return value > 0 && std::isfinite(value) ? value : otherwise; }
+
+// A term of an equation in units of its row: size + u_of - u_in should vanish (decimal logarithms; -1: no unknown).
+struct Term {
+  double size;
+  Index of, in;
+};
+
+// The unknowns: logarithms of X, Y, W, all of them or one for each kind.
+class Sizes {
+ public:
+  Sizes(Index m, Index n, double terms)
+      : m_(m), n_(n), each_(m + 2 * n <= most_unknowns && terms <= double(most_terms)) {}
+  Index x(Index i) const { return each_ ? i : 0; }
+  Index y(Index i) const { return each_ ? m_ + i : 1; }
+  Index w(Index i) const { return each_ ? m_ + n_ + i : 2; }
+  bool each() const { return each_; }
+
+  void add(double value, double unit, Index of, Index in) {
+    const double size = std::log10(std::abs(value)) - std::log10(unit);
+    if (std::isfinite(size) && of != in) terms_.push_back({size, of, in});
+  }
+
+  Vector solve() const {
+    constexpr int most_rounds = 16;
+    Vector weights = Vector::Ones(Index(terms_.size())), u = Vector::Zero(each_ ? m_ + 2 * n_ : 3);
+    for (int round = 0; round < most_rounds; ++round) {
+      u = weighted(weights, u);
+      if (u.size() == 0) return u;
+      const Vector before = weights;
+      for (std::size_t k = 0; k < terms_.size(); ++k) {
+        const Term& t = terms_[k];
+        const double r = t.size + (t.of >= 0 ? u[t.of] : 0) - (t.in >= 0 ? u[t.in] : 0);
+        weights[Index(k)] = r > -rounding ? 1 : r > small_term ? weight_below : weight_of_small;
+      }
+      if (weights == before) break;
+    }
+    return u;
+  }
+
+ private:
+  Vector weighted(const Vector& weights, const Vector& start) const {
+    const Index count = start.size();
+    Vector known = Vector::Zero(count);
+    for (std::size_t k = 0; k < terms_.size(); ++k) {
+      const Term& t = terms_[k];
+      if (t.of >= 0) known[t.of] -= weights[Index(k)] * t.size;
+      if (t.in >= 0) known[t.in] += weights[Index(k)] * t.size;
+    }
+    if (count > most_factorized) return by_gradients(weights, known, start);
+    Matrix L = least * Matrix::Identity(count, count);
+    for (std::size_t k = 0; k < terms_.size(); ++k) {
+      const Term& t = terms_[k];
+      const double weight = weights[Index(k)];
+      if (t.of >= 0) L(t.of, t.of) += weight;
+      if (t.in >= 0) L(t.in, t.in) += weight;
+      if (t.of >= 0 && t.in >= 0) L(t.of, t.in) -= weight, L(t.in, t.of) -= weight;
+    }
+    return L.ldlt().solve(known);
+  }
+
+  // Conjugate gradients with the diagonal as preconditioner. Empty where they take too long.
+  Vector by_gradients(const Vector& weights, const Vector& known, Vector u) const {
+    constexpr int most_steps = 400;
+    constexpr double accuracy = 1e-10;
+    Vector diagonal = Vector::Constant(u.size(), least);
+    for (std::size_t k = 0; k < terms_.size(); ++k)
+      for (const Index i : {terms_[k].of, terms_[k].in})
+        if (i >= 0) diagonal[i] += weights[Index(k)];
+    Vector r = known - product(weights, u), z = r.cwiseQuotient(diagonal), p = z;
+    double rz = r.dot(z);
+    for (int step = 0; step < most_steps; ++step) {
+      if (z.cwiseAbs().maxCoeff() <= accuracy) return u;
+      const Vector Lp = product(weights, p);
+      const double alpha = rz / p.dot(Lp);
+      u += alpha * p;
+      r -= alpha * Lp;
+      z = r.cwiseQuotient(diagonal);
+      const double next = r.dot(z);
+      p = z + next / rz * p;
+      rz = next;
+    }
+    return {};
+  }
+
+  Vector product(const Vector& weights, const Vector& u) const {
+    Vector Lu = least * u;
+    for (std::size_t k = 0; k < terms_.size(); ++k) {
+      const Term& t = terms_[k];
+      const double apart = weights[Index(k)] * ((t.of >= 0 ? u[t.of] : 0) - (t.in >= 0 ? u[t.in] : 0));
+      if (t.of >= 0) Lu[t.of] += apart;
+      if (t.in >= 0) Lu[t.in] -= apart;
+    }
+    return Lu;
+  }
+
+  static constexpr double least = 1e-9 * weight_of_small;  ///< what nothing is known of is 1
+  static constexpr double rounding = 1e-6;
+
+  Index m_, n_;
+  bool each_;
+  std::vector<Term> terms_;
+};
+
+template <typename Entry>
+void for_entries(const Matrix& A, const Entry& entry) {
+  for (Index j = 0; j < A.cols(); ++j)
+    for (Index i = 0; i < A.rows(); ++i)
+      if (A(i, j) != 0) entry(i, j, A(i, j));
+}
+
+template <typename Entry>
+void for_entries(const SparseMatrix& A, const Entry& entry) {
+  for (Index j = 0; j < A.outerSize(); ++j)
+    for (SparseMatrix::InnerIterator a(A, j); a; ++a)
+      if (a.value() != 0) entry(a.row(), j, a.value());
+}
+
+template <typename Entry>
+void for_entries(const LcpMatrix& M, const Entry& entry) {
+  if (const auto* dense = std::get_if<Matrix>(&M)) return for_entries(*dense, entry);
+  const Tridiagonal& t = std::get<Tridiagonal>(M);
+  const auto take = [&](Index i, Index j, double value) {
+    if (value != 0) entry(i, j, value);
+  };
+  for (Index i = 0; i < t.diagonal.size(); ++i) {
+    take(i, i, t.diagonal[i]);
+    if (i > 0) take(i, i - 1, t.lower[i]);
+    if (i + 1 < t.diagonal.size()) take(i, i + 1, t.upper[i]);
+  }
+}
+
+double entry_at(const Matrix& A, Index i, Index j) { return A(i, j); }
+double entry_at(const SparseMatrix& A, Index i, Index j) { return A.coeff(i, j); }
+
+// The rate of a state by itself, at least 1/T.
+template <typename Matrices>
+Vector own_rates(const Matrices& d, double T) {
+  Vector rate = Vector::Constant(d.A.rows(), 1 / T);
+  for (Index i = 0; i < rate.size(); ++i) rate[i] = std::max(rate[i], std::abs(entry_at(d.A, i, i)));
+  return rate;
+}
+
+// x0, or what the rows of a boundary condition leave of it.
+Vector initial_sizes(const Scene& scene) {
+  if (!scene.boundary) return scene.x0.cwiseAbs();
+  const BoundaryCondition& c = *scene.boundary;
+  Vector sizes = Vector::Constant(scene.states(), INFINITY);
+  for (Index i = 0; i < c.b.size(); ++i)
+    for (Index j = 0; j < sizes.size(); ++j) {
+      const double entry = std::max(std::abs(c.E0(i, j)), std::abs(c.ET(i, j)));
+      if (entry > 0 && c.b[i] != 0) sizes[j] = std::min(sizes[j], std::abs(c.b[i]) / entry);
+    }
+  return sizes.unaryExpr([](double a) { return std::isfinite(a) ? a : 0; });
+}
+
+// x_i = shape_i times a factor of its component makes |A| symmetric, where that is possible.
+struct SymmetricShape {
+  Vector shape;
+  std::vector<Index> component;  ///< -1: of none
+  Index components = 0;
+};
+
+SymmetricShape symmetric_shape(const SparseMatrix& A, const Vector& rate) {
+  const Index m = A.rows();
+  const SparseMatrix transposed = A.transpose();
+  // log of x_j/x_i, infinite where only one of the two entries is there.
+  std::vector<std::vector<std::pair<Index, double>>> next;
+  next.resize(std::size_t(m));
+  for (Index j = 0; j < m; ++j) {
+    SparseMatrix::InnerIterator back(transposed, j);
+    for (SparseMatrix::InnerIterator a(A, j); a; ++a) {
+      const Index i = a.row();
+      while (back && back.row() < i) ++back;
+      const double there = std::abs(a.value()), here = back && back.row() == i ? std::abs(back.value()) : 0;
+      if (i == j || there == 0) continue;
+      const double least = strong * std::sqrt(rate[i]) * std::sqrt(rate[j]);
+      if (here == 0) next[std::size_t(j)].emplace_back(i, INFINITY);
+      if (here == 0) next[std::size_t(i)].emplace_back(j, INFINITY);
+      if (std::sqrt(there) * std::sqrt(here) > least)
+        next[std::size_t(j)].emplace_back(i, 0.5 * (std::log(there) - std::log(here)));
+    }
+  }
+  SymmetricShape s{Vector::Zero(m), std::vector<Index>(std::size_t(m), -1), 0};
+  std::vector<char> seen(std::size_t(m), 0);
+  for (Index root = 0; root < m; ++root) {
+    if (seen[std::size_t(root)]) continue;
+    bool consistent = true;
+    std::vector<Index> members{root};
+    seen[std::size_t(root)] = 1;
+    for (std::size_t k = 0; k < members.size(); ++k)
+      for (const auto& [i, ratio] : next[std::size_t(members[k])]) {
+        const double found = s.shape[members[k]] + (std::isfinite(ratio) ? ratio : 0);
+        if (!seen[std::size_t(i)]) {
+          seen[std::size_t(i)] = 1;
+          s.shape[i] = found;
+          members.push_back(i);
+        }
+        consistent = consistent && std::isfinite(ratio) && std::abs(s.shape[i] - found) <= alike;
+      }
+    double largest = s.shape[root], smallest = largest;
+    for (const Index i : members) largest = std::max(largest, s.shape[i]), smallest = std::min(smallest, s.shape[i]);
+    if (!consistent || largest - smallest > 300) continue;
+    for (const Index i : members) {
+      s.shape[i] = std::exp(s.shape[i] - largest);
+      s.component[std::size_t(i)] = s.components;
+    }
+    ++s.components;
+  }
+  return s;
+}
+
+Vector diagonal_of(const LcpMatrix& M) {
+  const auto* dense = std::get_if<Matrix>(&M);
+  return dense ? Vector(dense->diagonal()) : std::get<Tridiagonal>(M).diagonal;
+}
+
+// The response of a grid line to its constraint, in the slowest mode along the side.
+Vector line_response(const KroneckerDynamics& d, double T) {
+  const double c = d.across.diffusivity / (d.across.spacing * d.across.spacing);
+  const double diagonal = 1 / T - d.along.eigenvalues().maxCoeff() + 2 * c;
+  const Index k = d.across.points;
+  Vector upper(k), z(k);
+  for (Index i = 0; i < k; ++i) {
+    const double pivot = diagonal - (i > 0 ? c * upper[i - 1] : 0);
+    upper[i] = c / pivot;
+    z[i] = (std::abs(d.b[i]) + (i > 0 ? c * z[i - 1] : 0)) / pivot;
+  }
+  for (Index i = k - 2; i >= 0; --i) z[i] += upper[i] * z[i + 1];
+  return z;
+}
+
+// One size for all states, one for all of y and one for all of w.
+NaturalSizes kronecker_sizes(const KroneckerDynamics& d, const Scene& scene) {
+  const Index n = scene.constraints();
+  const Vector z = line_response(d, scene.T), g = largest_values(scene.g, n, scene);
+  const double phi = scene.f ? largest_values(scene.f, scene.sources(), scene).maxCoeff() : 0;
+  const double gain = diagonal_of(scene.M).cwiseAbs().maxCoeff() + d.n.cwiseAbs().dot(z);
+  const double of_x0 = scene.boundary ? initial_sizes(scene).maxCoeff() : scene.x0.cwiseAbs().maxCoeff(),
+               at_start = scene.boundary ? 0 : observe(scene.dynamics, scene.x0).cwiseAbs().maxCoeff();
+  const double w = positive_or(std::max({g.maxCoeff(), at_start, d.n.cwiseAbs().dot(z) * phi}), 1);
+  const double y = positive_or(w / gain, 1);
+  const double x = positive_or(std::max(of_x0, z.maxCoeff() * std::max(y, phi)), 1);
+  return {Vector::Constant(scene.states(), x), Vector::Constant(n, y), Vector::Constant(n, w)};
+}
+
+// The states of a component in these proportions, where their sizes are about that anyway: what is symmetric stays so.
+void take_symmetric_shape(const SymmetricShape& s, Vector& x) {
+  Vector sum = Vector::Zero(s.components), count = sum, worst = sum;
+  const auto each = [&](const auto& take) {
+    for (Index i = 0; i < x.size(); ++i)
+      if (const Index c = s.component[std::size_t(i)]; c >= 0) take(i, c, std::log10(s.shape[i]));
+  };
+  each([&](Index i, Index c, double shape) { sum[c] += x[i] - shape, count[c] += 1; });
+  each([&](Index i, Index c, double shape) {
+    worst[c] = std::max(worst[c], std::abs(x[i] - shape - sum[c] / count[c]));
+  });
+  each([&](Index i, Index c, double shape) {
+    if (worst[c] <= same_size) x[i] = sum[c] / count[c] + shape;
+  });
+}
+
+Vector powers_of_ten(const Vector& logarithms) {
+  return logarithms.unaryExpr([](double a) { return std::pow(10.0, a); });
+}
+
+SparseMatrix as_sparse(const Matrix& A) { return A.sparseView(); }
+const SparseMatrix& as_sparse(const SparseMatrix& A) { return A; }
+
+template <typename Matrices>
+void add_f(const Matrices& d, const Scene& scene, const Vector& rate, Sizes& sizes) {
+  if (!scene.f) return;
+  const Vector phi = largest_values(scene.f, scene.sources(), scene);
+  const Vector f = scene.f_entry == SourceEntry::through_F   ? Vector(scene.F.cwiseAbs() * phi)
+                   : scene.f_entry == SourceEntry::through_B ? Vector(d.B.cwiseAbs() * phi)
+                                                             : phi;
+  for (Index i = 0; i < f.size(); ++i) sizes.add(f[i], rate[i], -1, sizes.x(i));
+}
+
+double entries(const Matrix& A) { return double((A.array() != 0).count()); }
+double entries(const SparseMatrix& A) { return double(A.nonZeros()); }
+double entries(const LcpMatrix& M) {
+  const auto* dense = std::get_if<Matrix>(&M);
+  return dense ? entries(*dense) : 3. * double(size(M));
+}
+
+template <typename Matrices>
+void add_matrices(const Matrices& d, const LcpMatrix& M, const Vector& rate, Sizes& sizes) {
+  if (sizes.each())
+    for_entries(d.A, [&](Index i, Index j, double a) {
+      const bool pair = entry_at(d.A, j, i) != 0;
+      if (i != j) sizes.add(a, pair ? std::sqrt(rate[i]) * std::sqrt(rate[j]) : rate[i], sizes.x(j), sizes.x(i));
+    });
+  for_entries(d.B, [&](Index i, Index j, double b) { sizes.add(b, rate[i], sizes.y(j), sizes.x(i)); });
+  for_entries(d.N, [&](Index i, Index j, double a) { sizes.add(a, 1, sizes.x(j), sizes.w(i)); });
+  for_entries(M, [&](Index i, Index j, double a) { sizes.add(a, 1, sizes.y(j), sizes.w(i)); });
+}
+
+// `terms`: how many the matrices make. Above the limit, or where nothing comes out: common sizes.
+template <typename Matrices>
+NaturalSizes sizes_of(const Matrices& d, const Scene& scene, double terms) {
+  const Index m = scene.states(), n = scene.constraints();
+  const Vector rate = own_rates(d, scene.T), x0 = initial_sizes(scene), g = largest_values(scene.g, n, scene);
+  Sizes sizes(m, n, terms);
+  add_matrices(d, scene.M, rate, sizes);
+  for (Index i = 0; i < m; ++i) sizes.add(x0[i], 1, -1, sizes.x(i));
+  for (Index i = 0; i < n; ++i) sizes.add(g[i], 1, -1, sizes.w(i));
+  add_f(d, scene, rate, sizes);
+  const Vector u = sizes.solve();
+  if (u.size() == 0) return sizes_of(d, scene, INFINITY);
+  Vector x(m), y(n), w(n);
+  for (Index i = 0; i < m; ++i) x[i] = u[sizes.x(i)];
+  for (Index i = 0; i < n; ++i) y[i] = u[sizes.y(i)], w[i] = u[sizes.w(i)];
+  if (sizes.each()) take_symmetric_shape(symmetric_shape(as_sparse(d.A), rate), x);
+  return {powers_of_ten(x), powers_of_ten(y), powers_of_ten(w)};
+}
+
+template <typename Matrices>
+NaturalSizes sizes_of(const Matrices& d, const Scene& scene) {
+  return sizes_of(d, scene, entries(d.A) + entries(d.B) + entries(d.N) + entries(scene.M));
+}
+
+NaturalSizes sizes_of(const KroneckerDynamics& d, const Scene& scene) { return kronecker_sizes(d, scene); }
+
+}  // namespace
+
+Vector largest_values(const TimeFunction& function, Index width, const Scene& scene) {
+  Vector largest = Vector::Zero(width);
+  if (!function) return largest;
+  constexpr int samples = 16;
+  constexpr double golden = 0.6180339887498949;
+  Vector value(width);
+  for (int k = 0; k <= samples; ++k) {
+    const double at = k * golden;
+    value.setZero();
+    function((at - std::floor(at)) * scene.T, value);
+    for (Index i = 0; i < width; ++i)
+      if (std::isfinite(value[i])) largest[i] = std::max(largest[i], std::abs(value[i]));
+  }
+  return largest;
+}
+
+NaturalSizes natural_sizes(const Scene& scene) {
+  NaturalSizes s = std::visit([&](const auto& d) { return sizes_of(d, scene); }, scene.dynamics);
+  if (std::holds_alternative<KroneckerDynamics>(scene.dynamics)) return s;
+  for (Vector* some : {&s.x, &s.y, &s.w})
+    for (double& size : *some) size = positive_or(size, 1);
+  return s;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,192 @@
+#include "core/scene/scene.hpp"
+
+#include "core/base/error.hpp"
+#include "core/base/text.hpp"
+#include "core/lcp/lcp_class.hpp"
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+namespace bromwich {
+namespace {
+
+std::string shape(Index rows, Index cols) { return std::to_string(rows) + " x " + std::to_string(cols); }
+
+void require_shape(const std::string& member, const Matrix& found, Index rows, Index cols, const std::string& meaning) {
+  if (found.rows() != rows || found.cols() != cols)
+    throw Error(member, "is " + shape(found.rows(), found.cols()), "make it " + meaning + " = " + shape(rows, cols));
+}
+
+void require_length(const std::string& member, const Vector& found, Index length, const std::string& meaning) {
+  if (found.size() != length)
+    throw Error(member, "has " + std::to_string(found.size()) + " entries",
+                "give " + std::to_string(length) + ", " + meaning);
+}
+
+template <typename Derived>
+void require_finite(const std::string& member, const Eigen::DenseBase<Derived>& values) {
+  for (Index j = 0; j < values.cols(); ++j)
+    for (Index i = 0; i < values.rows(); ++i)
+      if (const double value = values(i, j); !std::isfinite(value)) {
+        const std::string where = values.cols() == 1 ? std::to_string(i) : std::to_string(i) + "," + std::to_string(j);
+        throw Error(member, "entry (" + where + ") is " + text("%g", value), "make every entry finite");
+      }
+}
+
+void require_positive(const std::string& member, double value) {
+  if (!(value > 0) || !std::isfinite(value))
+    throw Error(member, "is " + text("%g", value), "give a positive finite number");
+}
+
+void require_some(const std::string& member, Index count, const std::string& what) {
+  if (count < 1) throw Error(member, "has no " + what, "give at least one");
+}
+
+void require_shape(const std::string& member, const SparseMatrix& found, Index rows, Index cols,
+                   const std::string& meaning) {
+  if (found.rows() != rows || found.cols() != cols)
+    throw Error(member, "is " + shape(found.rows(), found.cols()), "make it " + meaning + " = " + shape(rows, cols));
+}
+
+void require_finite(const std::string& member, const SparseMatrix& values) {
+  for (Index j = 0; j < values.outerSize(); ++j)
+    for (SparseMatrix::InnerIterator entry(values, j); entry; ++entry)
+      if (!std::isfinite(entry.value()))
+        throw Error(
+            member,
+            "entry (" + std::to_string(entry.row()) + "," + std::to_string(j) + ") is " + text("%g", entry.value()),
+            "make every entry finite");
+}
+
+/// Dense and sparse matrices alike; a port-Hamiltonian scene may have no constraints.
+template <typename Matrices>
+void validate_matrices(const Matrices& d, bool port) {
+  const Index m = d.A.rows(), n = d.B.cols();
+  require_some("A", m, "rows");
+  if (!port) require_some("B", n, "columns");
+  require_shape("A", d.A, m, m, "square, states x states");
+  require_shape("B", d.B, m, n, "states x constraints");
+  require_shape("N", d.N, n, m, "constraints x states");
+  require_finite("A", d.A);
+  require_finite("B", d.B);
+  require_finite("N", d.N);
+}
+
+void validate(const DenseDynamics& d, bool port) { validate_matrices(d, port); }
+void validate(const SparseDynamics& d, bool port) { validate_matrices(d, port); }
+
+void validate(const std::string& member, const SecondDifference& d) {
+  require_some(member + ".points", d.points, "points");
+  require_positive(member + ".spacing", d.spacing);
+  require_positive(member + ".diffusivity", d.diffusivity);
+}
+
+void validate(const KroneckerDynamics& d, bool /*port*/) {
+  validate("along", d.along);
+  validate("across", d.across);
+  require_length("b", d.b, d.across.points, "one per point of a line (across.points)");
+  require_length("n", d.n, d.across.points, "one per point of a line (across.points)");
+  require_finite("b", d.b);
+  require_finite("n", d.n);
+}
+
+void validate(const BoundaryCondition& boundary, const Vector& x0, Index m) {
+  if (x0.size() > 0) throw Error("x0", "is given with a boundary condition", "give one of the two");
+  for (const auto& [name, E] : {std::pair("E0", &boundary.E0), std::pair("ET", &boundary.ET)}) {
+    if (E->rows() != m || E->cols() != m)
+      throw Error(name, "is " + std::to_string(E->rows()) + " x " + std::to_string(E->cols()),
+                  "give " + std::to_string(m) + " x " + std::to_string(m) + ", one row and column per state");
+    require_finite(name, *E);
+  }
+  require_length("b", boundary.b, m, "one per state");
+  require_finite("b", boundary.b);
+}
+
+void validate_free_rows(const std::vector<Index>& rows, Index n) {
+  Index before = -1;
+  for (const Index i : rows) {
+    if (i < 0 || i >= n)
+      throw Error("free_rows", "row " + std::to_string(i) + " of " + std::to_string(n), "rows are counted from 0");
+    if (i <= before)
+      throw Error("free_rows", "row " + std::to_string(i) + " after row " + std::to_string(before),
+                  "give each row once, in increasing order");
+    before = i;
+  }
+}
+
+void validate_breakpoints(const std::vector<double>& times, double T) {
+  double before = -1;
+  for (const double t : times) {
+    if (!(t >= 0) || !(t <= T))
+      throw Error("breakpoints", "found " + text("%.17g", t), "give times from 0 to T = " + text("%.17g", T));
+    if (!(t > before))
+      throw Error("breakpoints", text("found %.17g after %.17g", t, before),
+                  "give each time once, in increasing order");
+    before = t;
+  }
+}
+
+void validate(const Matrix& M, Index n) {
+  require_shape("M", M, n, n, "constraints x constraints");
+  require_finite("M", M);
+}
+
+void validate(const Tridiagonal& M, Index n) {
+  const std::string meaning = "one per constraint";
+  require_length("M.lower", M.lower, n, meaning);
+  require_length("M.diagonal", M.diagonal, n, meaning);
+  require_length("M.upper", M.upper, n, meaning);
+  require_finite("M.lower", M.lower.tail(n - 1));  // lower[0] and upper[n-1] are not used
+  require_finite("M.diagonal", M.diagonal);
+  require_finite("M.upper", M.upper.head(n - 1));
+}
+
+/// The value at t = 0 must be written in full and finite.
+void validate(const std::string& member, const TimeFunction& function, Index length) {
+  if (!function) return;
+  Vector value = Vector::Constant(length, std::numeric_limits<double>::quiet_NaN());
+  function(0.0, value);
+  require_finite(member + "(0)", value);
+}
+
+}  // namespace
+
+Index Scene::states() const { return bromwich::states(dynamics); }
+Index Scene::constraints() const { return bromwich::constraints(dynamics); }
+
+Index Scene::sources() const {
+  if (f_entry == SourceEntry::through_F) return F.cols();
+  return f_entry == SourceEntry::through_B ? constraints() : states();
+}
+
+void Scene::validate() const {
+  std::visit([&](const auto& d) { bromwich::validate(d, port != nullptr); }, dynamics);
+  const Index m = states(), n = constraints();
+  std::visit([n](const auto& matrix) { bromwich::validate(matrix, n); }, M);
+  if (const auto reason = n > 0 ? contradiction(M, lcp_class) : std::nullopt)
+    throw Error("lcp_class", std::string("says ") + to_string(lcp_class) + ", but " + *reason, "use automatic");
+  if (boundary)
+    bromwich::validate(*boundary, x0, m);
+  else
+    require_length("x0", x0, m, "one per state");
+  require_finite("x0", x0);
+  validate_free_rows(free_rows, n);
+  require_positive("T", T);
+  validate_breakpoints(breakpoints, T);
+  if (default_steps < 1) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");
+  if (f_entry == SourceEntry::through_F) {
+    if (F.rows() != m)
+      throw Error("F", "has " + std::to_string(F.rows()) + " rows", "give " + std::to_string(m) + ", one per state");
+    require_finite("F", F);
+  } else if (F.size() > 0) {
+    throw Error("F", "is given but f_entry does not use it", "set f_entry to through_F");
+  }
+  if (f && f_entry != SourceEntry::through_B && std::holds_alternative<KroneckerDynamics>(dynamics))
+    throw Error("f", "enters the state of a Kronecker sum directly",
+                "give phi with f = B phi and set f_entry to through_B, or write the dynamics densely");
+  bromwich::validate("f", f, sources());
+  bromwich::validate("g", g, n);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,333 @@
+#include "core/scene/source_steps.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double rounding_of_places = 256 * epsilon;  ///< of T: how well the place of a jump is known
+constexpr double same_value = 1e-9;                   ///< of the largest: one-sided values that differ by less
+constexpr double jump_beside = 1e-3;                  ///< of a value: change within places that are not told apart
+constexpr double strong_disagreement = 0.25;  ///< of the largest value: a step that misses this much is looked into
+constexpr double linear_enough = 0.05;        ///< the same for g in a part of a rough step
+constexpr double polynomial_enough = 1e-6, most_polynomial = 2e-2;  ///< the same for f in a piece
+constexpr int many_pieces = 4;             ///< halvings of f: it goes up and down inside the step
+constexpr double mean_of_piece = 1e-3;     ///< error of the mean there, by Gauss points, to the largest error
+constexpr double longest_part = 0.25;      ///< of a step, where grids are compared
+constexpr double smallest_part = 0x1p-36;  ///< of a step: shorter, it is a jump
+constexpr Index most_declared_parts = 64;  ///< of a step; more breakpoints than that fall into equal parts
+constexpr Index most_numbers = 16000000;   ///< that pieces of f may hold
+constexpr Index most_leaves = 2048;        ///< of a step, for each source
+constexpr std::array<double, 3> gauss{0.1127016653792583, 0.5, 0.8872983346207417};
+constexpr std::array<double, 2> inside{0.3819660112501051, 0.7320508075688772};  ///< irregular places of checks
+constexpr std::array<double, 4> between_gauss{0, 0.2928932188134525, 0.7071067811865476, 1};
+constexpr double inside_end = 1e-6;  ///< of a piece: how near to its ends f is looked at
+
+// One of the sources with its samples and the size of each component.
+struct Inspected {
+  Inspected(const TimeFunction& function, Index width, const SampledSource& samples, double resolution)
+      : source(function, width, resolution),
+        given(function && samples.size() > 0 && source.width() == samples.values().cols()),
+        values(samples.values()) {
+    if (!given) return;
+    scale = values.cwiseAbs().colwise().maxCoeff().transpose();
+    scale = scale.cwiseMax(1e-12 * (scale.size() > 0 ? scale.maxCoeff() : 0)).cwiseMax(1e-290);
+  }
+
+  // A value between the samples: those of a source that is faster than the grid may all be small.
+  void inside(double t, Vector& v) {
+    source.value(t, v);
+    scale = scale.cwiseMax(v.cwiseAbs());
+  }
+
+  // |u - v| relative to the largest values of each component, u among them.
+  double apart(const Vector& u, const Vector& v) const {
+    double most = 0;
+    for (Index i = 0; i < u.size(); ++i)
+      most = std::max(most, std::abs(u[i] - v[i]) / std::max(scale[i], std::abs(v[i])));
+    return most;
+  }
+
+  OneSided source;
+  bool given;
+  const RowMatrix& values;
+  Vector scale;
+};
+
+class Inspection {
+ public:
+  Inspection(const Scene& scene, const Vector& t, const SampledSource& f, const SampledSource& g)
+      : t_(t),
+        J_(t.size() - 1),
+        h_((t[J_] - t[0]) / double(J_)),
+        resolution_(rounding_of_places * std::max(std::abs(t[0]), std::abs(t[J_]))),
+        f_(scene.f, scene.sources(), f, resolution_),
+        g_(scene.g, scene.constraints(), g, resolution_),
+        budget_(20000 + std::min(most_leaves * J_, most_numbers / (16 + f.values().cols()))) {
+    found_.resolution = resolution_;
+  }
+
+  SourceSteps run(const std::vector<double>& breakpoints, bool every_step) {
+    if (J_ < 1 || (!f_.given && !g_.given)) return std::move(found_);
+    short_parts_ = every_step;
+    place(breakpoints);
+    look_inside(every_step);
+    for (Index j = 1; j <= J_ && any_rough_; ++j)
+      if (rough_[std::size_t(j)]) take_apart(j);
+    return std::move(found_);
+  }
+
+ private:
+  // Breakpoints inside steps, and those at points of the grid that matter to the step before or behind.
+  void place(const std::vector<double>& breakpoints) {
+    if (breakpoints.empty()) return;
+    rough_.assign(std::size_t(J_) + 1, false);
+    for (const double b : breakpoints) {
+      const Index near = std::clamp<Index>(Index(std::llround((b - t_[0]) / h_)), 0, J_);
+      if (std::abs(b - t_[near]) <= 2 * resolution_) {
+        const bool before = near > 0 && own_value(near, -1), behind = near < J_ && own_value(near, +1);
+        if (before) mark(near);
+        if (behind) mark(near + 1);
+        continue;
+      }
+      const Index step = b > t_[near] ? near + 1 : near;
+      if (step < 1 || step > J_ || (!inner_.empty() && b - inner_.back() <= 8 * resolution_)) continue;
+      inner_.push_back(b);
+      mark(step);
+    }
+  }
+
+  void mark(Index step) {
+    if (rough_.empty()) rough_.assign(std::size_t(J_) + 1, false);
+    rough_[std::size_t(step)] = any_rough_ = true;
+  }
+
+  // Whether a source has a value at t_j that is not its limit from that side.
+  bool own_value(Index j, int side) {
+    bool differs = false;
+    for (const Inspected* s : {&f_, &g_}) {
+      if (!s->given) continue;
+      const Vector v = side > 0 ? s->source.after(t_[j], h_) : s->source.before(t_[j], h_);
+      if (s->apart(v, s->values.row(j).transpose()) <= same_value) continue;
+      differs = true;
+      if (s == &g_) found_.jumps_of_g = true;
+    }
+    return differs;
+  }
+
+  // Compares values inside steps without breakpoints with the linear function: where one is far off, in all steps.
+  void look_inside(bool every_step) {
+    constexpr double golden = 0.6180339887498949, silver = 0.4142135623730951;
+    const Index some = std::clamp<Index>(J_ / 32, 4, 64);
+    bool off = false;
+    for (Index k = 0; k < some && !every_step; ++k) {
+      const double at = (double(k) + 0.5) * golden, part = (double(k) + 0.5) * silver;
+      const Index j = 1 + std::min(J_ - 1, Index(double(J_) * (at - std::floor(at))));
+      off |= misses(j, 0.15 + 0.7 * (part - std::floor(part)));
+    }
+    if (!every_step && !off) return;
+    for (Index j = 1; j <= J_; ++j) {
+      const double part = double(j) * silver;
+      misses(j, 0.15 + 0.7 * (part - std::floor(part)));
+      if (off) misses(j, 0.15 + 0.7 * (2 * part - std::floor(2 * part)));
+    }
+  }
+
+  bool misses(Index j, double part) {
+    if (any_rough_ && rough_[std::size_t(j)]) return false;
+    bool off = false;
+    for (Inspected* s : {&f_, &g_}) {
+      if (!s->given) continue;
+      s->inside(t_[j - 1] + part * (t_[j] - t_[j - 1]), value_);
+      line_ = (1 - part) * s->values.row(j - 1).transpose() + part * s->values.row(j).transpose();
+      const double apart = s->apart(value_, line_);
+      if (!(apart > strong_disagreement)) continue;
+      off = true;
+      if (s == &g_) found_.disagreement_of_g = std::max(found_.disagreement_of_g, apart);
+    }
+    if (off) mark(j);
+    return off;
+  }
+
+  void take_apart(Index j) {
+    const auto first = std::upper_bound(inner_.begin(), inner_.end(), t_[j - 1]),
+               last = std::lower_bound(inner_.begin(), inner_.end(), t_[j]);
+    RoughStep step;
+    step.step = j;
+    missed_ = 0;
+    std::vector<double> cuts(first, last);
+    const bool few = Index(cuts.size()) < most_declared_parts;
+    if (!few) cuts.clear();
+    for (Index i = 1; i < most_declared_parts && !few; ++i)
+      cuts.push_back(t_[j - 1] + (t_[j] - t_[j - 1]) * double(i) / double(most_declared_parts));
+    cuts.push_back(t_[j]);
+    divide(t_[j - 1], cuts, step);
+    if (f_.given) {
+      std::vector<double> ends(first, last);
+      ends.insert(ends.end(), step.ends.begin(), step.ends.end());
+      std::sort(ends.begin(), ends.end());
+      ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
+      fit(t_[j - 1], ends, step);
+    }
+    if (missed_ > 0) ++found_.unresolved;
+    note(missed_, t_[j - 1]);
+    found_.rough.push_back(std::move(step));
+  }
+
+  void note(double apart, double t) {
+    if (!(apart > found_.disagreement)) return;
+    found_.disagreement = apart;
+    found_.time = t;
+  }
+
+  // Parts between the cuts on which g is linear, or nearly so.
+  void divide(double from, const std::vector<double>& cuts, RoughStep& step) {
+    Vector before;
+    for (const double to : cuts) {
+      if (g_.given) {
+        const Vector start = g_.source.after(from, to - from), end = g_.source.before(to, to - from);
+        if (before.size() > 0 && g_.apart(before, start) > same_value) found_.jumps_of_g = true;
+        leaves_ = 0;
+        halve(from, start, to, end, 0, step.ends);
+        before = end;
+      } else {
+        add_part(from, to, step.ends);
+      }
+      from = to;
+    }
+  }
+
+  // A part between jumps is the same on all grids whose steps are longer. Where grids are compared, its error shows
+  // when parts are short beside the step.
+  void add_part(double from, double to, std::vector<double>& ends) const {
+    const double parts = short_parts_ ? std::ceil((to - from) / (longest_part * h_)) : 1;
+    for (double k = 1; k < parts; ++k) ends.push_back(from + (to - from) * k / parts);
+    ends.push_back(to);
+  }
+
+  void halve(double a, const Vector& ga, double b, const Vector& gb, int depth, std::vector<double>& ends) {
+    double apart = 0;
+    for (const double part : inside) {
+      g_.inside(a + part * (b - a), value_);
+      line_ = (1 - part) * ga + part * gb;
+      apart = std::max(apart, g_.apart(value_, line_));
+    }
+    ++leaves_;
+    --budget_;
+    if (apart > strong_disagreement) found_.disagreement_of_g = std::max(found_.disagreement_of_g, apart);
+    const bool jump = b - a <= std::max(smallest_part * h_, 8 * resolution_);
+    if (jump && apart > linear_enough) found_.jumps_of_g = true;
+    if (!(apart > linear_enough) || jump || leaves_ >= most_leaves || budget_ <= 0) {
+      if (apart > strong_disagreement && !jump) missed_ = std::max(missed_, apart);
+      if (depth > 0 && !jump) note(apart, a);  // grids of J and 2J steps share such parts
+      add_part(a, b, ends);
+      return;
+    }
+    const double middle = a + (b - a) / 2;
+    Vector g;
+    g_.source.value(middle, g);
+    halve(a, ga, middle, g, depth + 1, ends);
+    halve(middle, g, b, gb, depth + 1, ends);
+  }
+
+  void fit(double from, const std::vector<double>& ends, RoughStep& step) {
+    for (const double to : ends) {
+      leaves_ = 0;
+      fit(from, to, 0, step.pieces);
+      from = to;
+    }
+  }
+
+  // Halves what is not a polynomial of degree 2. The shorter a piece, the less its error counts; where many are needed
+  // f goes up and down, and so does its error.
+  void fit(double a, double b, int depth, std::vector<SourcePiece>& pieces) {
+    const double d = b - a;
+    SourcePiece piece{a, d, {}};
+    std::array<Vector, 3> v;
+    for (std::size_t i = 0; i < 3; ++i) f_.inside(a + gauss[i] * d, v[i]);
+    // Divided differences at the Gauss points, then powers of sigma.
+    const Vector d01 = (v[1] - v[0]) / (gauss[1] - gauss[0]), d12 = (v[2] - v[1]) / (gauss[2] - gauss[1]),
+                 bend = (d12 - d01) / (gauss[2] - gauss[0]);
+    piece.phi.resize(v[0].size(), 3);
+    piece.phi << v[0] - gauss[0] * d01 + gauss[0] * gauss[1] * bend, d01 - (gauss[0] + gauss[1]) * bend, bend;
+    double apart = 0;
+    const double margin = std::min(std::max(inside_end, 4 * resolution_ / d), 0.5);
+    for (const double place : between_gauss) {
+      const double part = std::clamp(place, margin, 1 - margin);
+      f_.inside(a + part * d, value_);
+      line_ = piece.phi * Eigen::Vector3d(1, part, part * part);
+      apart = std::max(apart, f_.apart(value_, line_));
+    }
+    ++leaves_;
+    --budget_;
+    const bool jump = d <= std::max(smallest_part * h_, 8 * resolution_);
+    if (!(apart > std::min(std::ldexp(polynomial_enough, 2 * depth), most_polynomial)) || jump ||
+        leaves_ >= most_leaves || budget_ <= 0) {
+      if (apart > strong_disagreement && !jump) missed_ = std::max(missed_, apart);
+      if (depth >= many_pieces && !jump) note(mean_of_piece * apart, a);
+      pieces.push_back(std::move(piece));
+      return;
+    }
+    fit(a, a + d / 2, depth + 1, pieces);
+    fit(a + d / 2, b, depth + 1, pieces);
+  }
+
+  const Vector& t_;
+  Index J_;
+  double h_, resolution_;
+  Inspected f_, g_;
+  Index budget_, leaves_ = 0;
+  SourceSteps found_;
+  std::vector<double> inner_;  ///< breakpoints inside steps
+  std::vector<bool> rough_;    ///< by step, empty where none is
+  bool any_rough_ = false;
+  bool short_parts_ = false;
+  double missed_ = 0;  ///< by the parts and pieces of a step
+  Vector value_, line_;
+};
+
+}  // namespace
+
+OneSided::OneSided(const TimeFunction& function, Index width, double resolution)
+    : function_(&function), shapes_(nullptr), width_(width), resolution_(resolution) {
+  const auto* separable = function.target<SeparableSource>();
+  if (!separable) return;
+  function_ = &separable->time;
+  shapes_ = &separable->shapes;
+  width_ = shapes_->cols();
+}
+
+void OneSided::value(double t, Vector& v) const {
+  v.setZero(width_);
+  if (width_ > 0 && *function_) (*function_)(t, v);
+}
+
+// Continued from two values beside t. A jump between the two is not continued.
+Vector OneSided::limit(double t, double distance) const {
+  Vector near, far;
+  value(t + distance, near);
+  value(t + 2 * distance, far);
+  for (Index i = 0; i < near.size(); ++i)
+    if (!(std::abs(near[i] - far[i]) > jump_beside * std::abs(near[i]))) near[i] = 2 * near[i] - far[i];
+  return near;
+}
+
+Vector OneSided::after(double t, double length) const { return limit(t, std::min(4 * resolution_, length / 8)); }
+Vector OneSided::before(double t, double length) const { return limit(t, -std::min(4 * resolution_, length / 8)); }
+Vector OneSided::whole(const Vector& v) const { return shapes_ ? Vector(*shapes_ * v) : v; }
+
+const RoughStep* SourceSteps::at(Index step) const {
+  const auto found =
+      std::lower_bound(rough.begin(), rough.end(), step, [](const RoughStep& r, Index j) { return r.step < j; });
+  return found != rough.end() && found->step == step ? &*found : nullptr;
+}
+
+SourceSteps find_source_steps(const Scene& scene, const Vector& t, const SampledSource& f, const SampledSource& g,
+                              bool every_step) {
+  return Inspection(scene, t, f, g).run(scene.breakpoints, every_step);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,36 @@
+#include "core/seam/recurrence.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace bromwich {
+
+// Products of sines are differences of cosines, so entry (i, j) is c(i-j) - c(i+j) with
+// c(d) = 1/(n+1) Σ_k w0_k cos(pi k d/(n+1)), a Toeplitz and a Hankel matrix from one table.
+Matrix implicit_part(const ModalRecurrence& r) {
+  const Index n = r.modes(), period = 2 * (n + 1);
+  Vector cosine(period), c = Vector::Zero(n + 2);
+  for (Index a = 0; a < period; ++a) cosine[a] = std::cos(std::numbers::pi * double(a) / double(n + 1)) / double(n + 1);
+  for (Index d = 0; d < c.size(); ++d)
+    for (Index k = 0; k < n; ++k) c[d] += r.w0[k] * cosine[(k + 1) * d % period];
+  Matrix W(n, n);
+  for (Index j = 1; j <= n; ++j)
+    for (Index i = 1; i <= n; ++i) W(i - 1, j - 1) = c[std::abs(i - j)] - c[std::min(i + j, period - i - j)];
+  return W;
+}
+
+double growth(const RowMatrix& W) {
+  const Index half = W.rows() / 2;
+  const double early = half > 0 ? W.topRows(half).cwiseAbs().maxCoeff() : 0,
+               late = W.bottomRows(W.rows() - half).cwiseAbs().maxCoeff();
+  return early > 0 && late > 10 * early ? std::log(late / early) / double(half) : 0;
+}
+
+Vector damping(double sigma, Index rows) {
+  Vector e(rows);
+  for (Index j = 0; j < rows; ++j) e[j] = std::exp(-sigma * double(j));
+  return e;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,23 @@
+#pragma once
+// One sparse map of a chain, factorized.
+
+#include "step_map.hpp"
+
+#include <Eigen/SparseLU>
+
+namespace bromwich {
+
+struct SparseStepFactors {
+  /// LU factorization of S with partial pivoting.
+  explicit SparseStepFactors(const StepMap&);
+
+  /// S^{-T} b, without changing what threads share: the view that Eigen offers is a small object of its own.
+  Matrix solve_transposed(const Matrix& b) { return lu.transpose().solve(b); }
+  Vector solve_transposed(const Vector& b) { return lu.transpose().solve(b); }
+
+  SparseMatrix R, change;  ///< R, R - S
+  Eigen::SparseLU<SparseMatrix> lu;
+  bool singular = false;  ///< to rounding
+};
+
+}  // namespace bromwich

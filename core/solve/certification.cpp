@@ -1,0 +1,323 @@
+#include "core/solve/certification.hpp"
+
+#include "core/accuracy/magnification.hpp"
+#include "core/accuracy/other_solution.hpp"
+#include "core/base/text.hpp"
+#include "core/kernel/resolution.hpp"
+#include "core/kernel/ringing.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double most_kernel_error = 1e-6;  ///< two ways to the same weights, relative to the largest
+/// Few nodes miss by a few hundredths, a contour through the spectrum by 1.
+constexpr double most_literal_residual = 0.1;
+constexpr double most_rounding = 1e-4;              ///< of the state, left by rounding
+constexpr double most_correction = 1e-4;            ///< of y, for the state that goes with it
+constexpr double doubtful_growth = 100;             ///< of perturbations: an error of one step may fill the result
+constexpr double doubtful_growth_with_jumps = 1e6;  ///< the same where a position held moves a velocity by 1/h
+constexpr double most_divergence = 0.1;             ///< of the state, between a step and half of it
+constexpr double most_predicted_error = 0.5;        ///< of the state
+constexpr Index fewest_steps_to_judge = 32;         ///< on coarser grids every contact is short
+constexpr double strong_impulse = 0.3;              ///< of the state, by a contact that may be a spring
+constexpr double unresolved_impulse = 0.1;          ///< of the state, in a step in which the active set changes
+constexpr double most_mean_change = 0.1;            ///< of y and x with half the step, where that is looked at
+constexpr double most_typical_change = 0.05;        ///< of x at 95 of 100 time points
+constexpr double cancelled = 1e-12;                 ///< a state below this part of its terms is 0
+constexpr double confirmed_change = 0.05;           ///< of y before a step without a solution
+
+// What carries perturbations from step to step. Radau IIA is judged by implicit Euler, and where h is an eigenvalue of
+// A^{-1} by the exponential.
+Rule growth_rule(const DiscreteProblem& p, Method method, const Result& result) {
+  if (method == Method::euler) return Rule::implicit_euler;
+  if (result.continuous) return Rule::exponential;
+  return !p.dense() || has_euler_step(p.dense()->A, p.h) ? Rule::implicit_euler : Rule::exponential;
+}
+
+// What rounding leaves of M y where y is large, as in a step that an impulse fills.
+double rounding_of_w(const DiscreteProblem& p, const Result& result) {
+  const auto* M = std::get_if<Matrix>(&p.scene.M);
+  if (!M || result.y.size() == 0 || result.continuous) return 0;
+  double largest = 0;
+  for (Index j = 0; j < result.y.rows(); ++j)
+    if (result.y.row(j).allFinite()) largest = std::max(largest, result.y.row(j).cwiseAbs().maxCoeff());
+  return 64 * epsilon * M->cwiseAbs().rowwise().sum().maxCoeff() * largest;
+}
+
+void demote(Result& result, const std::string& reason) {
+  result.status = Status::tolerance_not_met;
+  result.reason = reason;
+}
+
+}  // namespace
+
+double residual_limit(bool iterated, const Result& result, const Options& options) {
+  if (!iterated) return 1e-9;
+  const double accurate = std::clamp(1e3 * options.iteration_tolerance, 1e-9, 1e-2);
+  return options.algebraic_share > 0 && result.algebraic_error
+             ? std::clamp(1e3 * *result.algebraic_error, accurate, 0.1)
+             : accurate;
+}
+
+void Certification::certify(Method method, Result& result) {
+  const DiscreteProblem& p = methods_.problem();
+  if (!(result.residual <= residual_limit(iterates(method), result, options_)) &&
+      !(result.residual <= rounding_of_w(p, result)))
+    return demote(result, "the residual is above the limit for a solution");
+  if (method != Method::contour_literal && result.kernel_error > most_kernel_error)
+    return demote(result, text("the weights of the kernel are known only to %.1e: use other steps, or method euler",
+                               result.kernel_error));
+  if (const double missed = method == Method::contour_literal && p.dense() ? true_residual(result) : 0;
+      !(missed <= most_literal_residual))
+    return demote(result,
+                  text("with the states that y gives, complementarity fails by %.1e: its contours miss them", missed));
+  const bool continuous = method != Method::euler && result.continuous;
+  // Where sources go up and down from step to step, so does y.
+  const bool driven = result.defects && 4 * Index(result.defects->steps.size()) > p.J;
+  if (const Index j = continuous && !driven && result.alternates.value_or(true) ? ringing_from(result.y) : -1; j >= 0)
+    return demote(result,
+                  text("y alternates between time points from t = %.6g on; use more steps or method euler", p.t[j]));
+  const bool from_y = (continuous && !result.defects) || method == Method::euler;
+  const RowMatrix recorded = from_y ? RowMatrix() : methods_.all_states(method, result);
+  const Magnification m = magnification(p, growth_rule(p, method, result), result.y, recorded);
+  result.magnification = m.growth;
+  result.rounding = std::isnan(m.rounding) ? 0 : m.rounding;
+  result.rounding_of_y = std::isnan(m.output) ? 0 : m.output;
+  if (m.rounding > most_rounding) {
+    sensitive_ = true;
+    return demote(result, text("rounding alone changes the state by %.1e of its size up to T: the result has no digits",
+                               std::min(m.rounding, 1.0)));
+  }
+  if (m.correction > most_correction)
+    return demote(result, text("y and the states that it leads to part by %.1e of y, because the free state grows: "
+                               "use method march",
+                               m.correction));
+  if (options_.compares_grids) {  // the next grid is half the step
+    resolve_modes(method, m.x, result);
+    if (result.status == Status::solved) look_for_other_solutions(result);
+    return;
+  }
+  if (m.impulse > strong_impulse && p.lcp_class == LcpClass::P && p.scene.states() <= Methods::most_recorded_states &&
+      contact_frequency(p, result.y) * p.h > 1) {
+    sensitive_ = true;
+    return demote(result, "a contact throws the state back within less than a step: use more steps");
+  }
+  confirm(method, m, result);
+  if (result.status == Status::solved) resolve_modes(method, m.x, result);
+  if (result.status == Status::solved) look_for_other_solutions(result);
+}
+
+// Where something speaks against a result that half the step would show, half the step is taken.
+void Certification::confirm(Method method, const Magnification& m, Result& result) {
+  const DiscreteProblem& p = methods_.problem();
+  const bool continuous = method != Method::euler && result.continuous;
+  const bool ringing = methods_.basis().rings;  // of continuous y, whatever the method
+  const std::string grows = text("errors of a step grow up to %.1e times with these steps", m.growth);
+  if (!result.well_posed)
+    confirm_one_of_several(method, result);
+  else if (ringing && m.growth > doubtful_growth_with_jumps)
+    confirm_by_half_the_step(method, 1, grows, result);
+  else if (!ringing && m.growth > doubtful_growth && states_are_known(result))
+    confirm_errors_stay_small(method, m, result);
+  else if (!ringing && m.growth > doubtful_growth)
+    confirm_by_half_the_step(method, 1, grows, result);
+  // With M of class P a contact is a spring, however stiff, and its rebound wants to be resolved. (With M = 0 an
+  // impact is over at once, and nothing is to be resolved.)
+  else if (m.impulse > unresolved_impulse && p.lcp_class == LcpClass::P && p.J >= fewest_steps_to_judge)
+    confirm_by_half_the_step(method, continuous ? 5 : 1, "a constraint is active for a few steps only, and strongly",
+                             result);
+  else if (confirm_last_resort_)
+    confirm_by_half_the_step(method, 1, "implicit Euler stands in for a method that was refused", result);
+}
+
+// y may be one of several that all lead to the same state: then the state alone has to come out the same.
+void Certification::confirm_one_of_several(Method method, Result& result) {
+  constexpr double any = INFINITY;
+  const DiscreteProblem& p = methods_.problem();
+  if (comes_out_the_same(method, 2, {1, 1}, result)) return;
+  if (p.dense() && p.scene.states() <= Methods::most_recorded_states) {
+    const OtherSolution other = other_solution(p, result, methods_.all_states(method, result));
+    if (other.row > 0 && !other.moves_the_state && comes_out_the_same(method, 2, {any, 1}, result)) return;
+  }
+  demote(result,
+         "the problems of the steps may have several solutions, and with half the step another result comes "
+         "out; use more steps or another method");
+}
+
+// Modes of the state between switches: those that the steps cannot follow, with half the step neither.
+void Certification::resolve_modes(Method method, const RowMatrix& known, Result& result) {
+  const DiscreteProblem& p = methods_.problem();
+  const bool rational = method == Method::euler || !result.continuous;
+  if (!p.dense() || p.scene.states() > Methods::most_recorded_states) return;
+  // Implicit Euler takes the means of rough sources, and has other states then.
+  const bool fits = known.rows() == p.J + 1 && !(method == Method::euler && p.sources);
+  if (!rational) {
+    if (options_.compares_grids) return;  // and looks between the points
+    if (const auto mode =
+            fast_oscillation(p, result.y, [&] { return fits ? known : methods_.all_states(method, result); }))
+      confirm_by_half_the_step(method, 1,
+                               text("the state oscillates with %.3g radians per unit of time, faster than "
+                                    "the steps",
+                                    std::abs(mode->rate.imag())),
+                               result);
+    return;
+  }
+  const RowMatrix made = fits ? RowMatrix() : methods_.all_states(method, result);
+  const RowMatrix& x = fits ? known : made;
+  if (x.rows() != p.J + 1) return;
+  if (const auto mode = options_.compares_grids ? std::nullopt : unresolved_growth(p, result.y, x)) {
+    confirm_by_fine_steps(method, std::abs(mode->rate),
+                          text("the scene has a mode that grows like e^(%.3g t)", mode->rate.real()), result);
+    if (result.status != Status::solved) return;
+  }
+  const auto damping = method == Method::euler ? euler_damping : radau_damping;
+  const auto mode = unresolved_oscillation(p, result.y, x, damping);
+  if (!mode) return;
+  const std::string words = text("the state oscillates with %.3g radians per unit of time, which %s damps at this step",
+                                 std::abs(mode->rate.imag()), method == Method::euler ? "implicit Euler" : "Radau IIA");
+  if (last_resort_ || options_.compares_grids) {
+    sensitive_ = true;
+    demote(result, words + "; use more steps");
+  } else {
+    add_warning(result, words);
+  }
+}
+
+// Only a grid that follows the mode can say whether it matters.
+void Certification::confirm_by_fine_steps(Method method, double rate, const std::string& why, Result& result) {
+  constexpr double followed = 0.25;  // h |lambda|
+  constexpr Index largest_factor = 64, most_steps = Index(1) << 19;
+  const DiscreteProblem& p = methods_.problem();
+  Index factor = 2;
+  while (double(factor) * followed < p.h * rate && factor <= largest_factor) factor *= 2;
+  const bool possible = factor <= largest_factor && factor * p.J <= most_steps;
+  if (possible && comes_out_the_same(method, factor, {1, 1}, result)) return;
+  sensitive_ = true;
+  const double steps = std::ceil(p.scene.T * rate / followed);
+  demote(result, why + text(", and steps of %.3g do not resolve it: use about %.0f steps", p.h, steps));
+}
+
+// A solution that is not the only one is said to be one of several, where another one is seen.
+void Certification::look_for_other_solutions(Result& result) {
+  const DiscreteProblem& p = methods_.problem();
+  const bool suspect = !result.well_posed || p.lcp_class == LcpClass::Z || p.lcp_class == LcpClass::unknown;
+  if (!suspect) return;
+  const OtherSolution other =
+      p.dense() && p.scene.states() <= Methods::most_recorded_states
+          ? other_solution(p, result, methods_.all_states(method_from_string(result.method), result))
+          : OtherSolution{};
+  if (other.row == 0)
+    add_warning(result, "y(0) is not unique: the problem at t = 0 has another solution");
+  else if (other.row > 0 && other.moves_the_state)
+    add_warning(result,
+                text("the solution is not unique: the step to t = %.6g has another solution, with another state",
+                     p.t[other.row]));
+  else if (other.row > 0)
+    add_warning(result, text("y is not unique: the step to t = %.6g has another solution, with the same state",
+                             p.t[other.row]));
+  else if (!result.well_posed && !other.searched)
+    add_warning(result, "the problems of the steps are not known to have only one solution: there may be others");
+}
+
+// Stages record the state only where it is small; continuous y gives it afterwards.
+bool Certification::states_are_known(const Result& result) const {
+  return result.continuous || methods_.problem().scene.states() <= Methods::most_recorded_states;
+}
+
+// The natural map with N x of the states that y gives by the matrix exponential: contours of the method itself do not
+// enter.
+double Certification::true_residual(const Result& result) const {
+  const DiscreteProblem& p = methods_.problem();
+  const RowMatrix x = states_from(p, Rule::exponential, result.y);
+  const RowMatrix q = x * p.dense()->N.transpose() + p.g.table();
+  const RowMatrix w = q + result.y * to_dense(p.scene.M).transpose();
+  // Each row against its own terms.
+  const Matrix M = to_dense(p.scene.M).cwiseAbs();
+  const RowMatrix terms = q.cwiseAbs() + result.y * M.transpose();
+  double worst = 0;
+  for (Index i = 0; i < w.cols(); ++i) {
+    const double of_w = std::max(terms.col(i).maxCoeff(), 1e-290), of_y = std::max(result.y.col(i).maxCoeff(), 1e-290);
+    for (Index k = 0; k <= p.J; ++k) {
+      const double y = result.y(k, i) / of_y, open = w(k, i) / of_w;
+      if (std::isnan(open)) return NAN;
+      worst = std::max(worst, std::max(-open, std::min(y, open)));
+    }
+  }
+  return worst;
+}
+
+Result Certification::with_half_the_step(Method method, Methods& half) {
+  Result fine;
+  half.run(method, options_, fine);
+  return fine;
+}
+
+// A scene that magnifies errors: those of the steps, seen in the first steps against half the step, may not add up to
+// the size of the state, and nowhere may the two runs part.
+void Certification::confirm_errors_stay_small(Method method, const Magnification& m, Result& result) {
+  const DiscreteProblem& p = methods_.problem();
+  Methods half(p.scene, backend_, 2 * p.J, {}, p.sources != nullptr);
+  const Result fine = with_half_the_step(method, half);
+  const Rule rule = growth_rule(p, method, result);
+  std::string why = "with half the step it is not solved";
+  if (fine.status == Status::solved) {
+    const RowMatrix x = methods_.all_states(method, result);
+    const Divergence d = divergence(x, half.all_states(method, fine), m.scale);
+    const double predicted = d.pointwise <= most_divergence ? accumulated(p, rule, result.y, x, d.defect, m.scale) : 0;
+    if (d.pointwise <= most_divergence && predicted <= most_predicted_error) return;
+    why = d.pointwise > most_divergence ? text("half the step parts from it by %.1e of the state", d.pointwise)
+                                        : text("those of the first steps add up to %.1e of the state", predicted);
+  }
+  sensitive_ = true;
+  demote(result, text("the scene magnifies errors %.1e times, and ", m.growth) + why + "; use more steps");
+}
+
+// Whether J times `factor` steps give the same result, up to what a step of this size may miss. y is compared by its
+// integral, so that impulses are.
+bool Certification::comes_out_the_same(Method method, Index factor, Slack slack, const Result& result) {
+  const DiscreteProblem& p = methods_.problem();
+  Methods finer(p.scene, backend_, factor * p.J, {}, p.sources != nullptr);
+  const Result fine = with_half_the_step(method, finer);
+  if (fine.status != Status::solved) return false;
+  const auto rows = Eigen::seq(0, factor * p.J, factor / 2);  // those that half the step has
+  const Change y = change_when_halved(integral_of_y(result), integral_of_y(fine)(rows, Eigen::all), p.J);
+  if (!(y.mean <= slack.of_y * most_mean_change)) return false;
+  if (!p.dense() || p.scene.states() > Methods::most_recorded_states) return true;
+  const RowMatrix coarse = methods_.all_states(method, result),
+                  halved = finer.all_states(method, fine)(rows, Eigen::all);
+  // A state held at 0 by terms that cancel is rounding.
+  const double terms = p.scene.T * (result.y * p.dense()->B.transpose()).cwiseAbs().maxCoeff();
+  if (std::max(coarse.cwiseAbs().maxCoeff(), halved.cwiseAbs().maxCoeff()) <= cancelled * terms) return true;
+  const Change x = change_when_halved(coarse, halved, p.J);
+  return x.mean <= slack.of_x * most_mean_change && x.typical <= slack.of_x * most_typical_change;
+}
+
+// A step may have several solutions, or see a contact hardly at all: with half the step the same must come out. What
+// these steps do not resolve no method of lower order will.
+void Certification::confirm_by_half_the_step(Method method, double slack, const std::string& why, Result& result) {
+  if (comes_out_the_same(method, 2, {slack, slack}, result)) return;
+  sensitive_ = true;
+  demote(result, why + ", and with half the step another result comes out; use more steps or another method");
+}
+
+// A step without a solution ends the discrete problem. It says something about the scene only where the solution up
+// to there is one: with half the step the end has to stay where it is, and so has y.
+void Certification::confirm_infeasible(Result& result) {
+  const DiscreteProblem& p = methods_.problem();
+  const Method method = method_from_string(result.method);
+  Methods half(p.scene, backend_, 2 * p.J, {}, p.sources != nullptr);
+  const Result fine = with_half_the_step(iterates(method) ? Method::march : method, half);
+  const double at = *result.infeasible_at;
+  const Index last = std::max<Index>(Index(std::llround(at / p.h)) - 1, 0);
+  const bool same_end = fine.status == Status::infeasible && std::abs(*fine.infeasible_at - at) <= 2 * p.h;
+  if (same_end && (last == 0 || change_when_halved(result.y, fine.y, last).largest <= confirmed_change)) return;
+  result.infeasible_at.reset();
+  demote(result,
+         text("the step to t = %.6g has no solution, but that changes with the step: not proven for the scene", at));
+}
+
+}  // namespace bromwich

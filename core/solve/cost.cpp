@@ -1,0 +1,229 @@
+#include "core/solve/cost.hpp"
+
+#include "core/base/error.hpp"
+#include "core/base/text.hpp"
+#include "core/kernel/sparse_kernel.hpp"
+
+#include <array>
+#include <cmath>
+#include <vector>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double number = sizeof(double);
+constexpr double most_operations = 1e16;
+constexpr double sweeps = 100;
+constexpr double sweeps_in_cycles = 60;  ///< eight cycles, with what they do on the coarser grids
+
+bool convolves(Method method) { return method == Method::contour || method == Method::multigrid; }
+
+double sweeps_of(Method method) {
+  return method == Method::contour ? sweeps : method == Method::multigrid ? sweeps_in_cycles : 1;
+}
+
+struct Part {
+  double bytes;
+  const char* what;
+};
+
+Cost sum(const std::vector<Part>& parts, double operations) {
+  Cost cost{0, operations, ""};
+  double most = -1;
+  for (const Part& part : parts) {
+    cost.bytes += part.bytes;
+    if (part.bytes > most) cost.largest = part.what;
+    most = std::max(most, part.bytes);
+  }
+  return cost;
+}
+
+struct Sizes {
+  double m, n, J, c, k;
+  double table() const { return number * J * (6 * n + k + c); }
+};
+
+// What the grids of a multigrid method hold beyond y, v and r of one grid.
+Part grids(const Sizes& s, Method method, double arrays) {
+  return {method == Method::multigrid ? number * arrays * s.J * s.n : 0, "arrays of all time grids"};
+}
+
+constexpr const char* tables = "tables over time (J x n and J x states asked for)";
+constexpr const char* states = "matrices of the state (m x m)";
+constexpr const char* problems = "matrices of the complementarity problem (n x n)";
+constexpr const char* weights = "lag weights (J x n x n)";
+
+// The convolution of a dense scene steps the state where that costs less than transforms of length 2J.
+bool scanned(const Sizes& s) {
+  const double length = 2 * s.J;
+  return s.J * (s.m * s.m + 2 * s.m * s.n + s.n * s.n) <= 5 * s.n * length * std::log2(length) + 2 * s.n * s.n * length;
+}
+
+Cost dense(const Sizes& s, Method method) {
+  const double step = s.J * (s.m * s.m + 2 * s.m * s.n + 4 * s.n * s.n);
+  const double setup = 60 * s.m * s.m * s.m + 10 * s.n * s.n * s.n;
+  const double forcing = s.k > 0 ? number * s.J * s.m : 0;
+  if (method == Method::contour_literal)
+    return sum({{s.table(), tables}, {26 * 16 * s.J * s.n * s.n, "resolvents of every time point (26 J x n x n)"}},
+               26 * s.J * s.m * s.m * s.m + sweeps * 26 * s.J * s.J * s.n);
+  // W_d and S_d from both ways to them, 64 lags to check a scan with or all; then one of the two beside its spectrum.
+  const double all = method == Method::multigrid ? 7 : 5;
+  const double table = !convolves(method) ? 0 : scanned(s) ? 4 * std::min(s.J, 65.) : all * s.J;
+  return sum({{s.table() + forcing, tables},
+              grids(s, method, 6),
+              {number * 20 * s.m * s.m, states},
+              {number * 24 * s.n * s.n, problems},
+              {number * table * s.n * s.n, weights}},
+             setup + sweeps_of(method) * step);
+}
+
+// Dense dynamics, or others written out. Boundary values: the steps of every interval and the QR factors between them.
+Cost galerkin(const Sizes& s, bool two_point) {
+  const double between = two_point ? 2 * s.m * s.m + 2 * s.m : 0, exchanges = two_point ? 10 : 1;
+  return sum({{s.table() + number * s.J * (14 * s.n + 4 * s.m), tables},
+              {number * s.J * between, "steps of the two-point problem (J x m x m)"},
+              {number * (30 * s.m * s.m + 96 * s.n * s.n), states}},
+             60 * s.m * s.m * s.m + exchanges * s.J * (2 * s.n + s.m) * (2 * s.n + (two_point ? 10 * s.m : 1) * s.m));
+}
+
+// Where sweeps on the coarsest grid do not suffice, it is marched.
+Part coarsest_march(const Sizes& s, Method method) {
+  return {method == Method::multigrid ? number * 6 * s.n * s.n : 0, problems};
+}
+
+Cost kronecker(const Sizes& s, Method method) {
+  const double lines = s.m / s.n;
+  if (method == Method::contour_literal)
+    return sum({{s.table(), tables}, {26 * 16 * s.J * s.n, "resolvents of every time point (26 J x n)"}},
+               sweeps * 26 * s.J * s.J * s.n);
+  if (convolves(method))
+    return sum({{s.table() + number * 6 * s.J * s.n, tables}, grids(s, method, 9), coarsest_march(s, method)},
+               sweeps_of(method) * s.J * s.n * (150 + 2 * std::min(s.n, 1000.0)));
+  return sum({{s.table() + number * 3 * s.J * s.n, tables},
+              {number * 10 * s.n * s.n, problems},
+              {number * 4 * s.m, "modes of the state"}},
+             s.J * (s.n * s.n + 3 * s.n * std::min(lines, 60.0)) + s.n * s.n * s.n);
+}
+
+Cost sparse(const Sizes& s, const SparseDynamics& d, Method method, Index J, int threads) {
+  const double n = s.n, inputs = n + s.k + 1;
+  if (method == Method::euler)
+    return sum({{s.table(), tables},
+                {40 * std::pow(s.m, 1.2) + 12 * double(d.A.nonZeros()), "the factors of I - hA"},
+                {number * (s.m * n + 6 * n * n), "responses of the state to y (m x n)"}},
+               s.J * (60 * std::pow(s.m, 1.2) + s.m * n));
+  const double solver = predicted_sparse_bytes(d, J, Index(inputs), Index(n + s.c), threads);
+  return sum({{s.table(), tables},
+              grids(s, method, 6 + 4 * n),  // with the weights of all of them
+              {number * 2 * s.J * (n + s.c) * inputs, weights},
+              {solver, "factors of zI - A"}},
+             2e5 * std::pow(s.m, 1.1) + sweeps_of(method) * 40 * s.J * n * n * std::log2(s.J + 2));
+}
+
+Sizes sizes(const Scene& scene, Index J, Index components) {
+  return {double(scene.states()), double(scene.constraints()), double(J) + 1, double(components),
+          scene.f ? double(scene.sources()) : 0};
+}
+
+// ---- on a device ----
+
+// Rows begin at cache lines (kernels/device.hpp).
+double padded(double n) { return n < 16 ? n : 8 * std::ceil(n / 8); }
+
+// An FFT over lag weights: their spectrum, the column of y_0, and spectra with workspaces of all columns.
+Part lag_weights(const Sizes& s) { return {number * s.J * (3 * s.n * s.n + 10 * s.n), weights}; }
+
+void add_dense_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
+  parts.push_back({number * (4 * s.m * s.m + 3 * s.m * s.n), states});
+  parts.push_back({number * 6 * s.n * s.n, problems});
+  if (s.k > 0 && !iterates(method)) parts.push_back({number * s.J * s.m, "the source at all times (J x m)"});
+  if (!convolves(method)) return;
+  parts.push_back({std::min(1.1e9, 420 * s.m * s.m), "shifted solves of the nodes"});
+  parts.push_back(scanned(s) ? Part{number * 2 * s.m * std::sqrt(s.J), "states at the starts of chunks of time"}
+                             : lag_weights(s));
+}
+
+void add_kronecker_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
+  if (!iterates(method)) {
+    parts.push_back({number * 6 * s.n * s.n, problems});
+    parts.push_back({number * 4 * s.m, "modes of the state"});
+    return;
+  }
+  parts.push_back(coarsest_march(s, method));
+  // At most 64 exponentials. Chunks of at least 32 time points, at most 64, and as many as give some 34 000 threads a
+  // mode each. Up to 512 time points have weights instead, on each of their grids.
+  const double modes = 32 * std::ceil(s.n / 32), chunks = std::min({s.J * modes / 32, 64 * modes, 34e3 + modes});
+  parts.push_back({number * 2 * 64 * chunks, "states at the starts of chunks of time"});
+  parts.push_back({number * 4 * std::min(s.J, 513.) * modes, weights});
+  parts.push_back({number * (s.n <= 1536 ? s.n * s.n : 2048 * s.n), "the sine transform"});
+}
+
+std::string amount(double value, const char* unit) { return text("%.3g %s", value, unit); }
+
+std::string excess(const Cost& cost, double limit) {
+  if (limit > 0 && cost.bytes > limit)
+    return "needs about " + amount(cost.bytes * 1e-9, "GB") + ", most of it for " + cost.largest +
+           ", and the limit is " + amount(limit * 1e-9, "GB");
+  if (cost.operations > most_operations) return "needs about " + amount(cost.operations, "multiplications");
+  return "";
+}
+
+std::string device_excess(const Cost& cost, const DeviceInfo& device) {
+  return "needs about " + amount(cost.bytes * 1e-9, "GB") + " on the device, most of it for " + cost.largest +
+         ", and " + device.name + " has " + amount(device.memory * 1e-9, "GB") + " free";
+}
+
+}  // namespace
+
+Cost predicted_cost(const Scene& scene, Method method, Index J, Index components, int threads) {
+  const Sizes s = sizes(scene, J, components);
+  if (method == Method::galerkin) return galerkin(s, scene.boundary.has_value());
+  if (std::holds_alternative<DenseDynamics>(scene.dynamics)) return dense(s, method);
+  if (const auto* d = std::get_if<SparseDynamics>(&scene.dynamics)) return sparse(s, *d, method, J, threads);
+  return kronecker(s, method);
+}
+
+Cost predicted_device_cost(const Scene& scene, Method method, Index J, Index components) {
+  const Sizes s = sizes(scene, J, components);
+  // Iterating: y, v, r, two in modes, the first q, one to work in. Cycles: y, v, r, y~ and two in modes on all grids,
+  // y_h on the two below the finest, one to work in. Marching: y, v, r, the source, and as much in the plan.
+  const double arrays = method == Method::multigrid ? 14 : iterates(method) ? 7 : 8;
+  std::vector<Part> parts{{number * s.J * padded(s.n) * arrays + 32 * s.J, tables}};
+  if (std::holds_alternative<DenseDynamics>(scene.dynamics))
+    add_dense_plans(s, method, parts);
+  else if (std::holds_alternative<KroneckerDynamics>(scene.dynamics))
+    add_kronecker_plans(s, method, parts);
+  else if (convolves(method))
+    parts.push_back(lag_weights(s));
+  else
+    parts.push_back({number * s.J * s.c, tables});
+  return sum(parts, 0);
+}
+
+bool fits_on_device(const Scene& scene, Method method, Index J, Index components, const DeviceInfo& device) {
+  return device.memory <= 0 || predicted_device_cost(scene, method, J, components).bytes <= device.memory;
+}
+
+Cost refuse_what_does_not_fit(const Scene& scene, const Options& options, Index J, Index components,
+                              const DeviceInfo& device) {
+  std::string found, remedy;
+  const std::array<Method, 3> all{Method::march, Method::contour, Method::euler};
+  for (const Method method : all) {
+    const Method asked = options.method == Method::automatic ? method : options.method;
+    const Cost cost = predicted_cost(scene, asked, J, components, device.threads);
+    std::string because = excess(cost, options.memory_limit);
+    const bool on_machine = because.empty();
+    if (on_machine && !fits_on_device(scene, asked, J, components, device))
+      because = device_excess(predicted_device_cost(scene, asked, J, components), device);
+    if (because.empty()) return cost;
+    if (found.empty()) {
+      found = std::string("method ") + to_string(asked) + " with " + std::to_string(J) + " steps " + because;
+      remedy = on_machine ? ", or the cpu backend" : components > 0 ? " or fewer states" : ", or another method";
+    }
+    if (asked == options.method) break;
+  }
+  throw Error("steps", found, "use fewer steps" + remedy);
+}
+
+}  // namespace bromwich

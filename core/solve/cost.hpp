@@ -1,0 +1,31 @@
+#pragma once
+// What a method will take, before it runs: m states, n constraints, J steps, c state components, k source functions.
+
+#include "../result/options.hpp"
+#include "../result/result.hpp"
+#include "../seam/backend.hpp"
+
+namespace bromwich {
+
+struct Cost {
+  double bytes = 0;       ///< memory at its largest, within a factor of about two
+  double operations = 0;  ///< floating-point multiplications, order of magnitude (an iteration: for 100 sweeps)
+  std::string largest;    ///< what most of the memory is for
+};
+
+/// For a named method; `automatic` stands for march.
+Cost predicted_cost(const Scene&, Method, Index J, Index components, int threads = 1);
+
+/// What of its memory lies on a device with memory of its own; operations are left out.
+Cost predicted_device_cost(const Scene&, Method, Index J, Index components);
+
+/// Whether that is free there; true where the backend has no memory of its own.
+bool fits_on_device(const Scene&, Method, Index J, Index components, const DeviceInfo&);
+
+/// A system that hands out memory it does not have kills a run half-way without a word: throws Error with the numbers
+/// where the cost of the method is beyond options.memory_limit or what the device has free, or beyond 10^16 operations
+/// (weeks). For `automatic`, only where no method fits. Returns what the method will take, for `automatic` the first
+/// that fits.
+Cost refuse_what_does_not_fit(const Scene&, const Options&, Index J, Index components, const DeviceInfo& = {});
+
+}  // namespace bromwich

@@ -1,0 +1,373 @@
+#include "core/solve/error_control.hpp"
+
+#include "core/accuracy/convergence.hpp"
+#include "core/accuracy/interior_check.hpp"
+#include "core/base/error.hpp"
+#include "core/base/text.hpp"
+#include "core/base/timer.hpp"
+#include "core/kernel/states.hpp"
+#include "core/scene/breakpoints.hpp"
+#include "core/solve/methods.hpp"
+#include "core/solve/scaling.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double accepted = 0.8;              ///< of the tolerance
+constexpr double algebraic_share = 0.1;       ///< of a grid's discretisation error, that cycles may leave
+constexpr Index fewest_steps = 16;            ///< of a first grid of our choice
+constexpr Index patience = 4;                 ///< times the scene's steps: below, nothing is called out of reach
+constexpr Index patience_with_failures = 16;  ///< times the scene's steps: below, a failure is put down to the grid
+constexpr Index patience_when_stalled = 64;   ///< times the scene's steps: solutions may come together late
+constexpr double not_resolved = 0.1;          ///< differences above that say nothing of the order to come
+constexpr double cheap = 2e8;                 ///< J (m + n)^2: below, grids are tried as long as the budget lasts
+constexpr double out_of_reach = 4;            ///< times max_steps, predicted with the order that was seen
+
+// What has to be reached: 0 where a kind is not controlled.
+struct Goal {
+  double y, x;
+
+  explicit Goal(const Options& o)
+      : y(o.tolerance_y > 0 ? o.tolerance_y : o.tolerance), x(o.tolerance_x > 0 ? o.tolerance_x : o.tolerance) {
+    if (o.tolerance_y == 0 && o.tolerance_x == 0 && o.tolerance == 0) y = x = o.absolute_tolerance;
+    if (!o.control_states) x = 0;
+  }
+  double smallest() const { return y > 0 && x > 0 ? std::min(y, x) : std::max(y, x); }
+};
+
+ComponentSizes sizes_for(const Scene& scene, const Options& o) {
+  ComponentSizes sizes;
+  sizes.relative = o.tolerance > 0 || o.tolerance_x > 0 || o.tolerance_y > 0;
+  if (sizes.relative) sizes.absolute = o.absolute_tolerance / Goal(o).smallest();
+  if (!o.units || o.units->trivial()) return sizes;
+  const auto ones = [](const std::vector<int>& exponents, const std::vector<Index>& which) {
+    Vector one(Index(which.size()));
+    for (std::size_t i = 0; i < which.size(); ++i) one[Index(i)] = times_ten_to(-exponents[std::size_t(which[i])], 1);
+    return one;
+  };
+  std::vector<Index> rows(o.units->y.size());
+  std::iota(rows.begin(), rows.end(), Index(0));
+  sizes.one_y = ones(o.units->y, rows);
+  sizes.one_x = ones(o.units->x, recorded_components(scene, o));
+  return sizes;
+}
+
+Index first_grid(const Scene& scene, const Options& options) {
+  Index J = options.steps > 0 ? options.steps : scene.default_steps;
+  while (options.steps == 0 && J % 2 == 0 && J / 2 >= fewest_steps) J /= 2;
+  return J;
+}
+
+// y for half the step, linear between the rows there are.
+RowMatrix refined(const RowMatrix& y) {
+  RowMatrix fine(2 * y.rows() - 1, y.cols());
+  for (Index j = 0; j < y.rows(); ++j) fine.row(2 * j) = y.row(j);
+  for (Index j = 0; j + 1 < y.rows(); ++j) fine.row(2 * j + 1) = (y.row(j) + y.row(j + 1)) / 2;
+  return fine;
+}
+
+class Refinement {
+ public:
+  Refinement(const Scene& scene, Backend& backend, const Options& options, const Solve& solve)
+      : scene_(scene),
+        backend_(backend),
+        options_(options),
+        solve_(solve),
+        goal_(options),
+        sizes_(sizes_for(scene, options)),
+        expected_(std::max(options.steps, scene.default_steps)) {}
+
+  Result run() {
+    for (Index J = first_grid(scene_, options_);; J *= 2) {
+      if (const std::string budget = grids_.empty() ? "" : spent(J); !budget.empty()) return ended(budget);
+      Result next;
+      try {
+        next = solve_on(J);
+      } catch (const Error& error) {  // the first grid says what is wrong with the input
+        if (grids_.empty()) throw;
+        return ended(std::string("the next grid is refused: ") + error.what());
+      }
+      grids_.push_back(J);
+      if (next.status != Status::solved) {
+        if (is_final(next)) return ended_by(next);
+        failed_ = std::move(next);
+        convergence_.reset();
+        continue;
+      }
+      take(next);
+      std::optional<std::string> end = verdict();
+      if (end && end->empty() && !holds_inside()) end = std::nullopt;
+      if (end && end->empty() && convergence_->wants_check()) {
+        check();
+        end = verdict();
+      }
+      if (end) return ended(*end);
+    }
+  }
+
+ private:
+  // Which budget a grid of J steps would exceed; empty: none.
+  std::string spent(Index J) const {
+    if (J > options_.max_steps)
+      return text("more than %ld steps would be needed (--max-steps allows more)", long(options_.max_steps));
+    if (options_.max_seconds > 0 && elapsed_ + 2 * last_seconds_ > options_.max_seconds)
+      return text("%ld steps would take about %.2g s, and %.2g of %.2g s are spent (--max-seconds)", long(J),
+                  2 * last_seconds_, elapsed_, options_.max_seconds);
+    return "";
+  }
+
+  Result solve_on(Index J) {
+    Options one = options_;
+    one.tolerance = one.tolerance_x = one.tolerance_y = one.absolute_tolerance = 0;
+    one.steps = J;
+    one.look_inside_every_step = true;
+    one.algebraic_share = algebraic_share;
+    one.fall_back_to_euler = false;
+    one.compares_grids = true;
+    one.look_inside_every_step = true;
+    RowMatrix start;
+    if (solved_ && solved_->continuous && 2 * solved_->steps == J) {
+      start = refined(solved_->y);
+      one.first_iterate = &start;
+    } else {
+      one.first_iterate = grids_.empty() ? options_.first_iterate : nullptr;
+    }
+    const bool looks_inside = may_look_inside();
+    if (looks_inside) one.states = StateSelection::all;
+    const double before = clock_.lap();
+    Result result = solve_(scene_, backend_, one);
+    if (looks_inside) keep_recorded(result);
+    last_seconds_ = clock_.lap();
+    elapsed_ += before + last_seconds_;
+    spent_ = spent_ + result.seconds;
+    return result;
+  }
+
+  bool may_look_inside() const {
+    return std::holds_alternative<DenseDynamics>(scene_.dynamics) && scene_.constraints() > 0 && !scene_.boundary &&
+           scene_.free_rows.empty() && scene_.states() <= Methods::most_recorded_states;
+  }
+
+  // All states were recorded; those that the options ask for stay in the result.
+  void keep_recorded(Result& result) {
+    all_states_ = std::move(result.x);
+    result.x_components = recorded_components(scene_, options_);
+    result.x = all_states_(Eigen::all, result.x_components);
+  }
+
+  // Whether a grid that was not solved ends the search. On a coarse grid anything may go wrong.
+  bool is_final(const Result& next) const {
+    if (next.status == Status::interrupted || next.infeasible_at == 0.0) return true;
+    if (next.status == Status::infeasible && failed_ && failed_->status == Status::infeasible &&
+        std::abs(*failed_->infeasible_at - *next.infeasible_at) <= 2 * scene_.T / double(failed_->steps))
+      return next.steps >= expected_;
+    return next.steps >= (next.status == Status::unsupported ? 1 : patience_with_failures) * expected_;
+  }
+
+  void take(Result& next) {
+    const bool same = solved_ && solved_->method == next.method && solved_->continuous == next.continuous &&
+                      2 * solved_->steps == next.steps;
+    if (!same || !convergence_) convergence_.emplace(scene_, next, sizes_);
+    if (same) convergence_->add(*solved_, next, next.steps >= expected_);
+    solved_ = std::move(next);
+    failed_.reset();
+    unchecked_ = false;
+    estimate();
+  }
+
+  bool holds_inside() {
+    const bool piecewise_linear = solved_->continuous && solved_->method != to_string(Method::euler) &&
+                                  solved_->method != to_string(Method::galerkin);
+    if (!piecewise_linear || !may_look_inside() || !all_states_.allFinite()) return true;
+    solved_->errors->interior = interior_defect(scene_, *solved_, all_states_, sizes_);
+    return solved_->errors->interior <= goal_.smallest();
+  }
+
+  // Jumps that stay in their steps when these are halved do not on a grid of 3/4 of the steps. Where that cannot be
+  // compared the estimate is not relied on.
+  void check() {
+    unchecked_ = true;
+    const Index J = solved_->steps;
+    if (J % 4 != 0) return;
+    const Result other = solve_on(J / 4 * 3);
+    grids_.insert(grids_.end() - 1, other.steps);
+    if (other.status != Status::solved || other.method != solved_->method || other.continuous != solved_->continuous)
+      return;
+    convergence_->check(other, *solved_);
+    unchecked_ = false;
+    estimate();
+  }
+
+  void estimate() {
+    ErrorEstimate e;
+    e.tolerance = goal_.smallest();
+    e.of_integral = convergence_->of_integral();
+    const RowMatrix controlled = e.of_integral ? integral_of_y(*solved_) / scene_.T : solved_->y;
+    const double largest = controlled.bottomRows(solved_->steps).cwiseAbs().maxCoeff();
+    const Vector sizes = e.of_integral ? sizes_.of_mean(*solved_) : sizes_.of_y(*solved_);
+    const double size = sizes.maxCoeff(), smallest = sizes.minCoeff();
+    const auto relative = [](double error, double to) { return error > 0 ? error / to : 0; };
+    e.kernel = solved_->kernel_error * relative(largest, size);
+    e.iteration = relative(
+        solved_->algebraic_error.value_or(iteration_error(solved_->history)) * std::max(1.0, largest), smallest);
+    e.rounding = relative(e.of_integral ? solved_->rounding * largest : solved_->rounding_of_y, size);
+    e.discretisation = convergence_->error();
+    e.order = (goal_.y > 0 ? convergence_->controlled() : convergence_->states()).observed_order();
+    if (controls_states()) e.states = convergence_->error_of_x() + solved_->rounding;
+    e.grids = grids_;
+    solved_->errors = e;
+    solved_->error_estimate.reset();
+    if (goal_.y == 0 && !std::isnan(e.states)) solved_->error_estimate = e.states;
+    if (goal_.y > 0 && !std::isnan(e.discretisation))
+      solved_->error_estimate = std::max(e.total(), controls_states() ? e.states : 0);
+  }
+
+  bool controls_states() const { return goal_.x > 0 && solved_->x.cols() > 0; }
+
+  // Whether the estimates can be relied on.
+  bool judged() const {
+    if (unchecked_ || !solved_->error_estimate || solved_->unresolved_sources > goal_.smallest()) return false;
+    if (goal_.y > 0 && !convergence_->can_be_judged(goal_.y)) return false;
+    const GridDifferences& x = convergence_->states();
+    return !controls_states() || x.negligible(goal_.x) || (x.confirmed() && !x.changes_abruptly());
+  }
+
+  bool met() const {
+    const ErrorEstimate& e = *solved_->errors;
+    return (goal_.y == 0 || e.total() <= accepted * goal_.y) && (!controls_states() || e.states <= accepted * goal_.x);
+  }
+
+  // Empty: the tolerance is met. Nothing: go on. Otherwise why it will not be met.
+  std::optional<std::string> verdict() const {
+    if (solved_->steps >= expected_ && judged() && met()) return "";
+    if (solved_->steps < patience * expected_) return std::nullopt;
+    if (const std::string limit = limit_of_grids(); !limit.empty()) return limit;
+    if (unchecked_)
+      return text(
+          "with %ld steps, whose points jumps of y do not share, another method is taken or none solves the scene",
+          long(solved_->steps / 4 * 3));
+    const ErrorEstimate& e = *solved_->errors;
+    if (goal_.y > 0)
+      if (const auto why = hopeless(convergence_->controlled(), goal_.y, e.total() - discretisation(e),
+                                    e.of_integral ? "the mean of y" : "y"))
+        return why;
+    if (controls_states()) return hopeless(convergence_->states(), goal_.x, solved_->rounding, "the states");
+    return std::nullopt;
+  }
+
+  static double discretisation(const ErrorEstimate& e) { return std::isnan(e.discretisation) ? 0 : e.discretisation; }
+
+  // What no grid changes.
+  std::string limit_of_grids() const {
+    const ErrorEstimate& e = *solved_->errors;
+    if (goal_.y > 0 && e.total() - discretisation(e) > accepted * goal_.y)
+      return text(
+          "the weights of the kernel are known to %s, the iteration leaves %.1e and rounding %.1e: no grid does better",
+          std::isnan(e.kernel) ? "full precision" : text("%.1e", e.kernel).c_str(), e.iteration, e.rounding);
+    if (controls_states() && solved_->rounding > accepted * goal_.x)
+      return text("rounding makes errors of %.1e in the states: no grid does better", solved_->rounding);
+    return "";
+  }
+
+  std::optional<std::string> hopeless(const GridDifferences& d, double goal, double other, const char* what) const {
+    if (!d.confirmed() || d.error() + other <= accepted * goal) return std::nullopt;
+    const double width = double(scene_.states() + scene_.constraints());
+    const bool patient =
+        solved_->steps < patience_when_stalled * expected_ || double(solved_->steps) * width * width < cheap;
+    if (!patient && d.stalled(window_when_stalled))
+      return text("halving the step does not bring the solutions together any more: %s still moves by %.1e", what,
+                  d.last());
+    if (patient && (!d.regular() || d.last() > not_resolved)) return std::nullopt;
+    const double needed = double(solved_->steps) * std::exp2(d.halvings_to(accepted * goal - other));
+    if (needed > out_of_reach * double(options_.max_steps))
+      return text("about %.0e steps would be needed (--max-steps allows %ld)", needed, long(options_.max_steps));
+    return std::nullopt;
+  }
+  static constexpr std::size_t window_when_stalled = 3;
+
+  // What a coarser grid has found stays, except where the scene has no solution.
+  Result ended_by(Result& next) {
+    if (!solved_ || next.status == Status::infeasible) return failed(next);
+    const Status why = next.status == Status::interrupted ? next.status : Status::tolerance_not_met;
+    return ended(text("with %ld steps: ", long(next.steps)) + next.reason, why);
+  }
+
+  Result failed(Result& next) {
+    next.errors.emplace().grids = grids_;
+    next.errors->tolerance = goal_.smallest();
+    next.seconds = spent_;
+    return std::move(next);
+  }
+
+  Result ended(const std::string& reason, Status status = Status::tolerance_not_met) {
+    if (!solved_) return failed(*failed_);
+    Result& result = *solved_;
+    result.errors->grids = grids_;
+    result.seconds = spent_;
+    if (reason.empty()) return std::move(result);
+    result.status = status;
+    result.reason = result.error_estimate
+                        ? text("the error is about %.1e with %ld steps, not %.1e: ", *result.error_estimate,
+                               long(result.steps), goal_.smallest()) +
+                              reason
+                        : "the error could not be estimated: " + reason;
+    return std::move(result);
+  }
+
+  const Scene& scene_;
+  Backend& backend_;
+  const Options& options_;
+  const Solve& solve_;
+  const Goal goal_;
+  const ComponentSizes sizes_;
+  const Index expected_;  ///< steps with which the scene is meant to be solved
+  std::vector<Index> grids_;
+  std::optional<Result> solved_, failed_;   ///< the last grid of each kind; failed_ only if it is the last of all
+  std::optional<Convergence> convergence_;  ///< of the grids that the method of solved_ has solved
+  bool unchecked_ = false;                  ///< the grid that checks the last one could not
+  RowMatrix all_states_;                    ///< of the last grid, where there are few
+  Seconds spent_;
+  Timer clock_;
+  double elapsed_ = 0, last_seconds_ = 0;
+};
+
+}  // namespace
+
+double iteration_error(const std::vector<double>& history) {
+  const std::size_t n = history.size();
+  if (n == 0 || history.back() == 0) return 0;
+  constexpr double slowest = 0.99;
+  const std::size_t sweeps = std::min<std::size_t>(4, n - 1);
+  const double c =
+      sweeps == 0 ? slowest : std::min(slowest, std::pow(history[n - 1] / history[n - 1 - sweeps], 1 / double(sweeps)));
+  return history.back() * c / (1 - c);
+}
+
+Result solve_to_tolerance(const Scene& given, Backend& backend, const Options& options, const Solve& solve) {
+  std::optional<Scene> with_jumps;
+  if (!given.breakpoints_are_all && (given.f || given.g))
+    if (std::vector<double> all = find_breakpoints(given); all.size() > given.breakpoints.size()) {
+      with_jumps = given;
+      with_jumps->breakpoints = std::move(all);
+      with_jumps->breakpoints_are_all = true;
+    }
+  const Scene& scene = with_jumps ? *with_jumps : given;
+  Result result = Refinement(scene, backend, options, solve).run();
+  const bool failed = result.status == Status::tolerance_not_met && !result.error_estimate;
+  if (options.method != Method::automatic || !failed || scene.boundary) return result;
+  // No grid was solved by a method of second order.
+  Options by_euler = options;
+  by_euler.method = Method::euler;
+  Result first_order = Refinement(scene, backend, by_euler, solve).run();
+  if (first_order.status != Status::solved) return result;
+  add_warning(first_order,
+              "solved by implicit Euler, of first order: the methods of second order end with: " + result.reason);
+  return first_order;
+}
+
+}  // namespace bromwich

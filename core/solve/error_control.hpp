@@ -1,0 +1,25 @@
+#pragma once
+// Error control: the step is halved until the error, estimated from the grids themselves, is below a tolerance.
+//
+// core/accuracy/grid_differences.hpp makes an error of the differences of the grids, core/accuracy/convergence.hpp says
+// of what: y, or its mean where y jumps, and the states. y_0 does not depend on the grid and is left out; an error in
+// the first steps counts like any other, at the time points that a grid has. To the discretisation come the error of
+// the weights (kernel_error |y|), that of the iteration, c/(1-c) times the last change where sweeps contract by c, and
+// rounding, carried along the solution.
+
+#include "stage.hpp"
+
+namespace bromwich {
+
+/// What the sweeps after the last one would still change, from the changes of all sweeps.
+double iteration_error(const std::vector<double>& history);
+
+/// Where controls_error(options): solves on J, 2J, 4J, ... steps, J = options.steps or as often half of the
+/// scene's default as leaves 16 steps and an integer. Returns the finest grid: `solved` where it has at least the
+/// scene's steps and the estimate, with two observed orders behind it, is below 0.8 of the tolerance (a fifth is left
+/// for the estimate to err). Otherwise it goes on until a budget is spent (max_steps, max_seconds, memory) or nothing
+/// can be gained any more, and ends as tolerance_not_met with what stood in the way. Where y may jump, a grid of 3/4 of
+/// the steps has to agree. Counts are those of the finest grid, seconds those of all.
+Result solve_to_tolerance(const Scene&, Backend&, const Options&, const Solve&);
+
+}  // namespace bromwich

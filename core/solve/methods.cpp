@@ -1,0 +1,190 @@
+#include "core/solve/methods.hpp"
+
+#include "core/base/text.hpp"
+#include "core/base/timer.hpp"
+#include "core/iteration/functional_iteration.hpp"
+#include "core/iteration/literal.hpp"
+#include "core/iteration/windows.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/kernel/states.hpp"
+#include "core/march/marching.hpp"
+#include "core/march/split.hpp"
+#include "core/march/stages.hpp"
+#include "core/multigrid/multigrid.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+namespace bromwich {
+
+namespace {
+
+void refuse_spectrum(Result& result) {
+  result.status = Status::unsupported;
+  result.reason = "no contour holds the spectrum of this A; use method march or euler";
+}
+
+}  // namespace
+
+Methods::Methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
+                 bool look_inside_every_step)
+    : problem_(discretise(scene, backend, J, look_inside_every_step)) {
+  problem_.components = components;
+  if (problem_.sources) averaged_.emplace(with_mean_sources(problem_));
+}
+
+const SparseKernel* Methods::kernel() {
+  if (!kernel_) kernel_ = sparse_kernel(problem_, problem_.components);
+  return *kernel_ ? &**kernel_ : nullptr;
+}
+
+const BasisChoice& Methods::basis() {
+  if (basis_) return *basis_;
+  const LcpMatrix& M = problem_.scene.M;
+  basis_ = choose_basis(M, problem_.lcp_class);
+  if (const auto* d = problem_.dense())
+    basis_ = choose_basis(M, problem_.lcp_class, dense_recurrence(*d, *state_step(problem_, Rule::exponential)));
+  else if (basis_->continuous && problem_.sparse() && kernel())
+    basis_ = choose_basis(M, problem_.lcp_class, kernel()->weights);
+  return *basis_;
+}
+
+void Methods::run(Method method, const Options& options, Result& result) {
+  result.method = to_string(method);
+  result.t = problem_.t;
+  result.steps = problem_.J;
+  Timer timer;
+  if (method != Method::euler) basis();
+  if (problem_.sparse() && method != Method::euler && !basis().rings) kernel();
+  result.seconds.setup += timer.lap();
+  switch (method) {
+    case Method::multigrid:
+    case Method::contour:
+    case Method::contour_literal:
+      if (basis().rings) {
+        result.status = Status::unsupported;
+        result.reason = basis().reason + ": piecewise-linear y would ring; use method march or euler";
+      } else if (method == Method::contour) {
+        iterate(options, result);
+      } else if (method == Method::multigrid) {
+        cycle(options, result);
+      } else {
+        solve_literally(problem_, options, result);
+      }
+      break;
+    case Method::euler:
+      if (problem_.sparse())
+        step_in_stages(1, options, result);
+      else
+        solve_by_marching(of(method), Rule::implicit_euler, options, result);
+      break;
+    default:
+      march(options, result);
+      break;
+  }
+  record_states(method, result);
+  report_sources(result);
+}
+
+void Methods::march(const Options& options, Result& result) {
+  // Stepping a large sparse state costs a solve a step: there only what would ring keeps it from the lag weights.
+  if (basis().rings || (!basis().continuous && !problem_.sparse())) {
+    step_in_stages(2, options, result);
+    result.kernel += "; " + basis().reason;
+  } else if (problem_.dense() && problem_.sources) {
+    solve_by_split_marching(problem_, options, result);
+  } else if (!problem_.sparse()) {
+    solve_by_marching(problem_, Rule::exponential, options, result);
+  } else if (const SparseKernel* k = kernel()) {
+    solve_by_marching(problem_, *k, options, result);
+  } else {
+    step_in_stages(2, options, result);
+    result.kernel += "; no contour holds the spectrum of this A";
+  }
+}
+
+// The state passes through: all of it is recorded where it is small, and what was asked for taken from that.
+void Methods::step_in_stages(Index stages, const Options& options, Result& result) {
+  const Index m = problem_.scene.states();
+  if (m > most_recorded_states) return solve_by_stages(problem_, stages, options, result);
+  DiscreteProblem p = problem_;
+  p.components.resize(std::size_t(m));
+  std::iota(p.components.begin(), p.components.end(), Index(0));
+  solve_by_stages(p, stages, options, result);
+  if (result.x.cols() != m) return;
+  stage_states_ = std::move(result.x);
+  result.x = stage_states_(Eigen::all, problem_.components);
+}
+
+RowMatrix Methods::all_states(Method method, const Result& result) const {
+  if (!result.continuous) return stage_states_;
+  std::vector<Index> all(std::size_t(problem_.scene.states()));
+  std::iota(all.begin(), all.end(), Index(0));
+  const Rule rule = method == Method::euler ? Rule::implicit_euler : Rule::exponential;
+  return state_components(of(method), rule, result.y, all, result.defects.get());
+}
+
+void Methods::iterate(const Options& options, Result& result) {
+  if (!problem_.sparse()) {
+    const Index window = iteration_window(problem_, options.iteration_tolerance);
+    return window < problem_.J ? solve_in_windows(problem_, window, options, result)
+                               : solve_by_iteration(problem_, options, result);
+  }
+  if (const SparseKernel* k = kernel()) return solve_by_iteration(problem_, *k, options, result);
+  refuse_spectrum(result);
+}
+
+void Methods::cycle(const Options& options, Result& result) {
+  if (problem_.sparse() && !kernel()) return refuse_spectrum(result);
+  if (solve_by_multigrid(problem_, problem_.sparse() ? kernel() : nullptr, options, result)) return;
+  iterate(options, result);
+  result.kernel += "; no coarser grid: the functional iteration";
+}
+
+// What a method that passes through the state has recorded stays; otherwise y gives the states.
+void Methods::record_states(Method method, Result& result) {
+  const Index rows = problem_.J + 1, c = Index(problem_.components.size());
+  if (result.y.size() == 0) result.y = RowMatrix::Constant(rows, problem_.scene.constraints(), NAN);
+  if (result.x.rows() == rows && result.x.cols() == c) return;
+  const Rule rule = method == Method::euler ? Rule::implicit_euler : Rule::exponential;
+  if (!problem_.sparse())
+    result.x = state_components(of(method), rule, result.y, problem_.components, result.defects.get());
+  else if (kernel_ && *kernel_)
+    result.x = sparse_states(problem_, **kernel_, result.y);
+  else
+    result.x = RowMatrix::Constant(rows, c, NAN);
+}
+
+const DiscreteProblem& Methods::of(Method method) const {
+  return method == Method::euler && averaged_ ? *averaged_ : problem_;
+}
+
+constexpr double seen_in_parts = 0.01;  ///< of a source: what parts of steps may miss without a warning
+
+// What is not resolved between points of the grid, and for whom.
+void Methods::report_sources(Result& result) const {
+  if (!problem_.sources) return;
+  const SourceSteps& s = *problem_.sources;
+  const bool parts = result.defects != nullptr;
+  result.rough_steps = Index(s.rough.size());
+  result.jumps_inside = s.jumps_of_g && !parts;
+  result.unresolved_sources = std::max(s.disagreement, parts ? 0 : s.disagreement_of_g);
+  if (result.status != Status::solved) return;
+  if (s.unresolved > 0)
+    add_warning(result,
+                text("f or g changes too fast inside %ld of %ld steps (first seen around t = %.6g): use more steps",
+                     long(s.unresolved), long(problem_.J), s.time));
+  else if (parts && s.disagreement > seen_in_parts)
+    add_warning(result,
+                text("f or g goes up and down inside of steps (t = %.6g), whose parts follow it to %.0f %%: use "
+                     "more steps",
+                     s.time, 100 * s.disagreement));
+  else if (!parts && s.disagreement_of_g > 0)
+    add_warning(result, text("g changes too fast inside steps, by up to %.0f %% of its size: use more steps, or method "
+                             "march, which takes such steps in parts",
+                             100 * result.unresolved_sources));
+  else if (result.jumps_inside)
+    add_warning(result, "g jumps inside steps, where this method has order 1: method march takes such steps in parts");
+}
+
+}  // namespace bromwich

@@ -1,0 +1,47 @@
+#pragma once
+// One method on one grid: which discretisation it stands for on a given scene, and its run.
+
+#include "../kernel/discrete_problem.hpp"
+#include "../kernel/ringing.hpp"
+#include "../kernel/sparse_kernel.hpp"
+#include "../result/options.hpp"
+#include "../result/result.hpp"
+
+#include <optional>
+
+namespace bromwich {
+
+/// A scene on a grid with what its methods share, made when first asked for.
+class Methods {
+ public:
+  Methods(const Scene&, Backend&, Index J, const std::vector<Index>& components, bool look_inside_every_step = false);
+
+  /// Fills everything of `result` but times of the whole, states included.
+  void run(Method, const Options&, Result& result);
+
+  /// All states of a dense scene after a run of `method` that gave `result`: (J+1) x m. For m <= most_recorded_states.
+  RowMatrix all_states(Method, const Result& result) const;
+  static constexpr Index most_recorded_states = 64;
+
+  const DiscreteProblem& problem() const { return problem_; }
+  /// Whether continuous piecewise-linear y is safe here.
+  const BasisChoice& basis();
+
+ private:
+  void march(const Options&, Result&);
+  void step_in_stages(Index stages, const Options&, Result&);
+  void iterate(const Options&, Result&);
+  void cycle(const Options&, Result&);
+  void report_sources(Result&) const;
+  const DiscreteProblem& of(Method) const;
+  void record_states(Method, Result&);
+  const SparseKernel* kernel();
+
+  DiscreteProblem problem_;
+  std::optional<DiscreteProblem> averaged_;  ///< of implicit Euler, where steps are rough
+  std::optional<BasisChoice> basis_;
+  std::optional<std::optional<SparseKernel>> kernel_;
+  RowMatrix stage_states_;  ///< all states of the last run in stages, where there are few
+};
+
+}  // namespace bromwich

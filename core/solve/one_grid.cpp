@@ -1,0 +1,193 @@
+#include "core/solve/one_grid.hpp"
+
+#include "core/base/error.hpp"
+#include "core/base/text.hpp"
+#include "core/base/timer.hpp"
+#include "core/iteration/windows.hpp"
+#include "core/solve/certification.hpp"
+#include "core/solve/cost.hpp"
+#include "core/solve/method_choice.hpp"
+#include "core/solve/methods.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+// One run of a scene: its methods on the grid asked for, and on finer ones where a result has to be confirmed.
+class Run {
+ public:
+  Run(Methods& methods, Backend& backend, const Options& options)
+      : methods_(methods), backend_(backend), options_(options), certification_(methods, backend, options) {}
+
+  void named(Method method, Result& result) {
+    methods_.run(method, options_, result);
+    if (iterates(method) && result.infeasible_at && result.status == Status::tolerance_not_met)
+      confirm_by_marching(result);
+    else if (iterates(method) && result.status != Status::infeasible)
+      result.infeasible_at.reset();
+    if (result.status == Status::infeasible && result.infeasible_at.value_or(0) > 0)
+      certification_.confirm_infeasible(result);
+    if (result.status == Status::solved) certification_.certify(method, result);
+  }
+
+  // What is predicted to be the fastest first. Where it does not fit into memory or ends without a solution (in
+  // marching M + W_0 may leave the class of M; the iteration only ever needs M), the next one, and implicit Euler last:
+  // not where the steps are too long for a better method, for Euler's result is less exact on that grid.
+  void automatic(Result& result) {
+    const DiscreteProblem& p = methods_.problem();
+    const bool on_device = backend_.device().memory > 0;
+    if (!on_device && p.kronecker() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
+    std::string before;
+    for (const Method method : methods_by_time(p.scene, p.lcp_class, p.J, on_device)) {
+      if (method == Method::euler && !options_.fall_back_to_euler) {
+        if (result.reason.empty()) result.reason = "no method of second order applies" + before;
+        return;
+      }
+      if (const std::string why = against(method); !why.empty()) {
+        before += std::string("; not ") + to_string(method) + ": " + why;
+        continue;
+      }
+      Result next;
+      next.seconds.setup = result.seconds.setup;
+      const bool stands_in = method == Method::euler && !result.reason.empty();
+      const std::string refused = result.reason;
+      if (stands_in) certification_.expect_last_resort(result.well_posed);
+      named(method, next);
+      // Implicit Euler, the last resort, is too inexact to prove that there is no solution where the others did not.
+      const bool ended = next.status != Status::tolerance_not_met && next.status != Status::unsupported &&
+                         (method != Method::euler || next.status != Status::infeasible);
+      const std::string reason = next.reason;
+      if (ended || result.reason.empty()) {  // of several failures the first is the one to explain
+        result = std::move(next);
+        if (ended) result.kernel += before;
+        if (ended && stands_in && result.status == Status::solved) say_who_stands_in(refused, result);
+      }
+      if (ended || certification_.sensitive()) return;
+      before += std::string("; not ") + to_string(method) + ": " + reason;
+    }
+  }
+
+ private:
+  static void say_who_stands_in(const std::string& refused, Result& result) {
+    add_warning(result, "implicit Euler stands in for a method of higher order, for which " + refused);
+  }
+
+  // Above this many constraints the n x n problems of marching cost more than many sweeps; the iteration gets as many
+  // as marching is predicted to cost.
+  bool iterate_first(Result& result) {
+    const DiscreteProblem& p = methods_.problem();
+    const double march = predicted_cost(p.scene, Method::march, p.J, 0).operations;
+    const double sweep = predicted_cost(p.scene, Method::contour, p.J, 0).operations / 100;
+    Options limited = options_;
+    limited.max_iterations = std::clamp<Index>(Index(march / sweep), 1, options_.max_iterations);
+    Run run(methods_, backend_, limited);
+    Result first;
+    first.seconds.setup = result.seconds.setup;
+    run.named(Method::contour, first);
+    if (first.status != Status::solved && first.status != Status::infeasible) return false;
+    first.kernel += "; taken before march, whose n x n problems cost more";
+    result = std::move(first);
+    return true;
+  }
+  static constexpr Index largest_marched = 1024;
+
+  // What speaks against a method before it runs.
+  std::string against(Method method) {
+    const DiscreteProblem& p = methods_.problem();
+    const DeviceInfo device = backend_.device();
+    const Cost cost = predicted_cost(p.scene, method, p.J, Index(p.components.size()), device.threads);
+    if (options_.memory_limit > 0 && cost.bytes > options_.memory_limit) return "it does not fit into memory";
+    if (!fits_on_device(p.scene, method, p.J, Index(p.components.size()), device))
+      return "it does not fit into the memory of the device";
+    if (method != Method::contour || p.lcp_class == LcpClass::Z) return "";
+    const std::optional<Forecast> f = iteration_forecast(p, options_.iteration_tolerance);
+    if (f && f->longest_window(options_.iteration_tolerance) == 0)
+      return text("its sweeps are not known to contract (kappa_0 = %.2g)", f->kappa0);
+    return "";
+  }
+
+  // An infeasible iterate proves nothing about the scene; marching the same discretisation decides.
+  void confirm_by_marching(Result& result) {
+    const std::string observed = result.reason;
+    Result marched;
+    methods_.run(Method::march, options_, marched);
+    result.infeasible_at.reset();
+    if (marched.status == Status::infeasible) {
+      result.status = Status::infeasible;
+      result.reason = marched.reason + " (confirmed by marching)";
+      result.infeasible_at = marched.infeasible_at;
+      result.y = std::move(marched.y);
+      result.x = std::move(marched.x);
+      result.trace = std::move(marched.trace);
+      result.residual = marched.residual;
+    } else if (marched.status == Status::solved) {
+      result.reason = observed + ", but marching gets past it: use method march";
+    } else {
+      result.reason = observed + "; marching ends too: " + marched.reason;
+    }
+  }
+
+  Methods& methods_;
+  Backend& backend_;
+  const Options& options_;
+  Certification certification_;
+};
+
+bool finite_sources(const DiscreteProblem& p, Result& result) {
+  for (const auto& [values, name] : {std::pair(&p.f, "f"), std::pair(&p.g, "g")}) {
+    const Index j = values->not_finite();
+    if (j < 0) continue;
+    result.status = Status::nonfinite;
+    result.reason = std::string(name) + " is not finite at t = " + std::to_string(p.t[j]);
+    return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+Result solve_on_one_grid(const Scene& scene, Backend& backend, const Options& options) {
+  Timer total;
+  Result result;
+  result.method = to_string(options.method);
+  const Index J = options.steps > 0 ? options.steps : scene.default_steps;
+  if (const RowMatrix* y = options.first_iterate; y && (y->rows() != J + 1 || y->cols() != scene.constraints()))
+    throw Error("first_iterate", "found " + std::to_string(y->rows()) + " x " + std::to_string(y->cols()),
+                "give one row per time point and one column per constraint");
+  const std::vector<Index> components = recorded_components(scene, options);
+  const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device());
+  Methods methods(scene, backend, J, components, options.look_inside_every_step);
+  const DiscreteProblem& p = methods.problem();
+  const bool finite = finite_sources(p, result);
+  result.seconds.setup = Timer(total).lap();
+  if (finite) {
+    Run run(methods, backend, options);
+    if (options.method == Method::automatic)
+      run.automatic(result);
+    else
+      run.named(options.method, result);
+  }
+  result.backend = backend.name();
+  result.bytes_predicted = std::size_t(cost.bytes);
+  result.t = p.t;
+  result.steps = J;
+  if (result.y.size() == 0) result.y = RowMatrix::Constant(J + 1, scene.constraints(), NAN);
+  if (options.trace && result.trace.rows() != J + 1)
+    result.trace = RowMatrix::Constant(J + 1, scene.constraints(), NAN);
+  if (result.x.rows() != J + 1) result.x = RowMatrix::Constant(J + 1, Index(components.size()), NAN);
+  if (result.status == Status::infeasible && result.infeasible_at == 0.0) result.y.setConstant(NAN);
+  for (Index j = 0; j < result.trace.rows(); ++j)  // what is not valid of y is not of its trace
+    if (!result.y.row(j).allFinite()) result.trace.row(j).setConstant(NAN);
+  result.x_components = components;
+  Seconds& s = result.seconds;
+  s.total = total.lap();
+  s.solve = s.total - s.setup;
+  s.other = std::max(0.0, s.solve - s.lcp - s.convolution - s.transform);
+  return result;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,346 @@
+#include "core/solve/scaling.hpp"
+
+#include "core/base/timer.hpp"
+#include "core/kernel/discrete_problem.hpp"
+#include "core/kernel/states.hpp"
+#include "core/lcp/lcp_class.hpp"
+#include "core/scene/natural_sizes.hpp"
+#include "core/scene/separable.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+using Exponents = std::vector<int>;
+
+// A power of ten stands for sizes of 0.47 to 4.7 times it. Those that are simple numbers and their means are not
+// near these ends, so that rounding does not decide.
+constexpr double round_up = 0.3317;
+
+int exponent(double size) {
+  return std::clamp(int(std::floor(std::log10(size) + round_up)), -largest_exponent, largest_exponent);
+}
+
+Exponents exponents(const Vector& sizes) {
+  Exponents k;
+  for (const double size : sizes) k.push_back(exponent(size));
+  return k;
+}
+
+bool all_zero(const Exponents& k) {
+  return std::all_of(k.begin(), k.end(), [](int e) { return e == 0; });
+}
+
+// log of S with S^{-1} |M| symmetric along the pairs of entries that are both there, and the parts of M that such pairs
+// join.
+struct Balance {
+  Vector logarithms;
+  std::vector<Index> part;
+  Index parts = 0;
+};
+
+Balance balance(const Matrix& M) {
+  const Index n = M.rows();
+  Balance b{Vector::Zero(n), std::vector<Index>(std::size_t(n), -1), 0};
+  for (Index root = 0; root < n; ++root) {
+    if (b.part[std::size_t(root)] >= 0) continue;
+    std::vector<Index> members{root};
+    b.part[std::size_t(root)] = b.parts;
+    for (std::size_t k = 0; k < members.size(); ++k)
+      for (Index j = 0; j < n; ++j) {
+        const Index i = members[k];
+        if (b.part[std::size_t(j)] >= 0 || (M(i, j) == 0 && M(j, i) == 0)) continue;
+        b.part[std::size_t(j)] = b.parts;
+        const bool pair = M(i, j) != 0 && M(j, i) != 0;
+        b.logarithms[j] = b.logarithms[i] + (pair ? std::log(M(j, i)) - std::log(M(i, j)) : 0);
+        members.push_back(j);
+      }
+    ++b.parts;
+  }
+  return b;
+}
+
+// W Y = c S in each part of M.
+void keep_semidefinite(const NaturalSizes& s, const Matrix& abs_M, bool as_stated, NaturalUnits& units) {
+  Balance b = balance(abs_M);
+  if (as_stated) b.logarithms.setZero();
+  const Vector& y = s.y;
+  const Vector S = b.logarithms.array().exp();
+  units.y = exponents(y);
+  for (Index part = 0; part < b.parts; ++part) {
+    double sum = 0;
+    Index count = 0;
+    for (Index i = 0; i < y.size(); ++i)
+      if (b.part[std::size_t(i)] == part) sum += std::log(s.w[i] * y[i] / S[i]), ++count;
+    const double c = std::exp(sum / double(count));
+    const int of_part = exponent(c);
+    for (Index i = 0; i < y.size(); ++i)
+      if (b.part[std::size_t(i)] == part)
+        units.w[std::size_t(i)] = of_part + int(std::lround(std::log10(S[i]))) - units.y[std::size_t(i)];
+  }
+}
+
+// Whether W Y has to be c S, and whether S = I.
+struct Semidefinite {
+  bool holds = false, as_stated = true;
+};
+
+Semidefinite semidefinite(const Scene& scene, const Matrix& M) {
+  const LcpClass c = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
+  if (c == LcpClass::PSD) return {true, true};
+  if (c != LcpClass::unknown || scene.lcp_class != LcpClass::automatic) return {};
+  Matrix balanced = M;
+  const Vector logarithms = balance(M.cwiseAbs()).logarithms;
+  for (Index i = 0; i < M.rows(); ++i) {
+    const int k = int(std::lround(logarithms[i] / std::log(10.0)));
+    for (double& entry : balanced.row(i)) entry = times_ten_to(-k, entry);
+  }
+  return {classify(balanced) == LcpClass::PSD, false};
+}
+
+// Nothing is gained by common factors of ten, and large results would have to be brought back.
+bool near_one(double size) { return std::abs(exponent(size)) <= 1; }
+
+// A number times 10^k is value * up / down: one of the two is 1, and 10^|k| the other, so that nothing is rounded
+// twice.
+struct Factors {
+  Factors(const Exponents& k, int sign) : up(Vector::Ones(Index(k.size()))), down(up) {
+    for (Index i = 0; i < up.size(); ++i) {
+      const int e = sign * k[std::size_t(i)];
+      (e > 0 ? up : down)[i] = times_ten_to(std::abs(e), 1);
+    }
+  }
+  Vector up, down;
+};
+
+TimeFunction divided(const TimeFunction& function, const Exponents& k) {
+  if (!function || all_zero(k)) return function;
+  if (const auto* separable = function.target<SeparableSource>()) {
+    SeparableSource scaled = *separable;
+    for (Index i = 0; i < scaled.shapes.rows(); ++i)
+      for (Index j = 0; j < scaled.shapes.cols(); ++j)
+        scaled.shapes(i, j) = times_ten_to(-k[std::size_t(i)], scaled.shapes(i, j));
+    return scaled;
+  }
+  return [function, by = Factors(k, -1)](double t, Eigen::Ref<Vector> value) {
+    function(t, value);
+    value.array() *= by.up.array();
+    value.array() /= by.down.array();
+  };
+}
+
+Matrix changed(Matrix matrix, const Exponents& rows, const Exponents& columns) {
+  for (Index j = 0; j < matrix.cols(); ++j)
+    for (Index i = 0; i < matrix.rows(); ++i)
+      matrix(i, j) = times_ten_to(columns[std::size_t(j)] - rows[std::size_t(i)], matrix(i, j));
+  return matrix;
+}
+
+SparseMatrix changed(SparseMatrix matrix, const Exponents& rows, const Exponents& columns) {
+  for (Index j = 0; j < matrix.outerSize(); ++j)
+    for (SparseMatrix::InnerIterator a(matrix, j); a; ++a)
+      a.valueRef() = times_ten_to(columns[std::size_t(j)] - rows[std::size_t(a.row())], a.value());
+  return matrix;
+}
+
+template <typename Matrices>
+Dynamics changed(const Matrices& d, const NaturalUnits& u) {
+  return Matrices{changed(d.A, u.x, u.x), changed(d.B, u.x, u.y), changed(d.N, u.w, u.x)};
+}
+
+Dynamics changed(const KroneckerDynamics& d, const NaturalUnits& u) {
+  KroneckerDynamics scaled = d;
+  for (double& b : scaled.b) b = times_ten_to(u.y[0] - u.x[0], b);
+  for (double& n : scaled.n) n = times_ten_to(u.x[0] - u.w[0], n);
+  return scaled;
+}
+
+LcpMatrix changed(const LcpMatrix& M, const NaturalUnits& u) {
+  if (const auto* dense = std::get_if<Matrix>(&M)) return changed(*dense, u.w, u.y);
+  Tridiagonal t = std::get<Tridiagonal>(M);
+  const Index n = t.diagonal.size();
+  const auto scale = [&](double& entry, Index i, Index j) {
+    entry = times_ten_to(u.y[std::size_t(j)] - u.w[std::size_t(i)], entry);
+  };
+  for (Index i = 0; i < n; ++i) {
+    scale(t.diagonal[i], i, i);
+    if (i > 0) scale(t.lower[i], i, i - 1);
+    if (i + 1 < n) scale(t.upper[i], i, i + 1);
+  }
+  return t;
+}
+
+Exponents boundary_rows(const BoundaryCondition& c, const Exponents& x) {
+  Exponents rows;
+  for (Index i = 0; i < c.E0.rows(); ++i) {
+    double largest = 0;
+    for (Index j = 0; j < c.E0.cols(); ++j)
+      largest =
+          std::max(largest, times_ten_to(x[std::size_t(j)], std::max(std::abs(c.E0(i, j)), std::abs(c.ET(i, j)))));
+    rows.push_back(largest > 0 ? exponent(largest) : 0);
+  }
+  return rows;
+}
+
+template <typename Table>
+void change_columns(Table& table, const Exponents& k, int sign) {
+  if (table.size() == 0) return;
+  if (all_zero(k)) return;
+  const Factors by(k, sign);
+  for (Index j = 0; j < table.rows(); ++j) {  // tables over time lie row by row
+    table.row(j).array() *= by.up.transpose().array();
+    table.row(j).array() /= by.down.transpose().array();
+  }
+}
+
+Result changed(Result result, const NaturalUnits& units, int sign) {
+  if (units.trivial()) return result;
+  change_columns(result.y, units.y, sign);
+  change_columns(result.y_left, units.y, sign);
+  change_columns(result.y_integral, units.y, sign);
+  change_columns(result.trace, units.w, sign);
+  Exponents x;
+  for (const Index c : result.x_components) x.push_back(units.x[std::size_t(c)]);
+  change_columns(result.x, x, sign);
+  if (result.defects) {
+    auto defects = std::make_shared<StepDefects>(*result.defects);
+    change_columns(defects->values, units.x, sign);
+    result.defects = std::move(defects);
+  }
+  return result;
+}
+
+// max_j ||min(y, w)|| / max(1, ||N x + g||) of the rows that are valid, |w_i| where row i is free; NaN where none is.
+double residual_of(const Scene& scene, const Result& result) {
+  double worst = NAN;
+  const Index n = scene.constraints();
+  const auto* M = std::get_if<Matrix>(&scene.M);
+  Vector g = Vector::Zero(n), y(n), q(n), w(n);
+  // An impulse is no solution of the problem at t = 0.
+  const Index first = result.kernel.find("the state jumps at t = 0") == std::string::npos ? 0 : 1;
+  for (Index j = first; j < std::min(result.y.rows(), result.trace.rows()); ++j) {
+    y = result.y.row(j).transpose();
+    q = result.trace.row(j).transpose();
+    if (!y.allFinite() || !q.allFinite()) continue;
+    if (scene.g) scene.g(result.t[j], g);
+    q += g;
+    if (M)
+      w.noalias() = *M * y;
+    else
+      w = multiply(scene.M, y);
+    w += q;
+    y = y.cwiseMin(w);
+    for (const Index i : scene.free_rows) y[i] = w[i];
+    const double missed = y.cwiseAbs().maxCoeff() / std::max(1.0, q.cwiseAbs().maxCoeff());
+    worst = std::isnan(worst) ? missed : std::max(worst, missed);
+  }
+  return worst;
+}
+
+double boundary_residual_of(const BoundaryCondition& c, const RowMatrix& x) {
+  const Vector apart = c.E0 * x.row(0).transpose() + c.ET * x.row(x.rows() - 1).transpose() - c.b;
+  return apart.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, c.b.cwiseAbs().maxCoeff());
+}
+
+// The components that were asked for, of all that were recorded.
+void select_components(const std::vector<Index>& asked, Result& result) {
+  if (result.x_components == asked) return;
+  result.x = result.x(Eigen::all, asked).eval();
+  result.x_components = asked;
+}
+
+}  // namespace
+
+NaturalUnits natural_units(const Scene& scene) {
+  if (scene.constraints() == 0) return {};
+  const NaturalSizes sizes = natural_sizes(scene);
+  const bool common = std::holds_alternative<KroneckerDynamics>(scene.dynamics);
+  if (common && near_one(sizes.x[0]) && near_one(sizes.y[0]) && near_one(sizes.w[0])) return {};
+  NaturalUnits units{exponents(sizes.x), exponents(sizes.y), exponents(sizes.w), {}};
+  const Matrix M = common ? Matrix() : to_dense(scene.M);
+  if (!common && !(all_zero(units.y) && all_zero(units.w)))
+    if (const Semidefinite s = semidefinite(scene, M); s.holds)
+      keep_semidefinite(sizes, M.cwiseAbs(), s.as_stated, units);
+  if (scene.boundary) units.boundary = boundary_rows(*scene.boundary, units.x);
+  if (all_zero(units.x) && all_zero(units.y) && all_zero(units.w) && all_zero(units.boundary)) return {};
+  return units;
+}
+
+Scene in_natural_units(const Scene& scene, const NaturalUnits& u) {
+  Scene natural = scene;
+  if (u.trivial()) return natural;
+  natural.port = {};
+  natural.exact = {};
+  natural.dynamics = std::visit([&](const auto& d) -> Dynamics { return changed(d, u); }, scene.dynamics);
+  natural.M = changed(scene.M, u);
+  if (scene.f_entry == SourceEntry::through_F)
+    natural.F = changed(scene.F, u.x, Exponents(std::size_t(scene.F.cols()), 0));
+  else
+    natural.f = divided(scene.f, scene.f_entry == SourceEntry::through_B ? u.y : u.x);
+  natural.g = divided(scene.g, u.w);
+  if (scene.boundary) {
+    BoundaryCondition& c = *natural.boundary;
+    c.E0 = changed(std::move(c.E0), u.boundary, u.x);
+    c.ET = changed(std::move(c.ET), u.boundary, u.x);
+    for (Index i = 0; i < c.b.size(); ++i) c.b[i] = times_ten_to(-u.boundary[std::size_t(i)], c.b[i]);
+  } else {
+    for (Index i = 0; i < natural.x0.size(); ++i) natural.x0[i] = times_ten_to(-u.x[std::size_t(i)], natural.x0[i]);
+  }
+  return natural;
+}
+
+Result to_natural_units(Result result, const NaturalUnits& units) { return changed(std::move(result), units, -1); }
+
+Result to_units_of_scene(Result result, const NaturalUnits& units) {
+  result = changed(std::move(result), units, 1);
+  if (!units.trivial() && result.rounding_of_y != 0)
+    result.rounding_of_y = times_ten_to(*std::max_element(units.y.begin(), units.y.end()), result.rounding_of_y);
+  return result;
+}
+
+Result solve_in_natural_units(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
+  Timer timer;
+  Options inner = options;
+  inner.units =
+      std::make_shared<const NaturalUnits>(options.method == Method::goal ? NaturalUnits{} : natural_units(scene));
+  const NaturalUnits& units = *inner.units;
+  if (units.trivial()) {
+    const double looked = timer.lap();
+    Result result = solve(scene, backend, inner);
+    result.seconds.setup += looked;
+    result.seconds.total += looked;
+    return result;
+  }
+  const Scene natural = in_natural_units(scene, units);
+  RowMatrix first;
+  if (options.first_iterate && options.first_iterate->cols() == scene.constraints()) {
+    first = *options.first_iterate;
+    change_columns(first, units.y, -1);
+    inner.first_iterate = &first;
+  }
+  inner.trace = true;
+  if (scene.boundary) inner.states = StateSelection::all;
+  const double before = timer.lap();
+  Result result = solve(natural, backend, inner);
+  timer.lap();
+  result = to_units_of_scene(std::move(result), units);
+  if (result.y_left.size() == 0 && !std::isnan(result.residual))
+    if (const double residual = residual_of(scene, result); !std::isnan(residual)) result.residual = residual;
+  if (result.boundary_residual && result.x.rows() > 0 && result.x.cols() == scene.states())
+    result.boundary_residual = boundary_residual_of(*scene.boundary, result.x);
+  if (scene.boundary && result.x_components.size() == std::size_t(scene.states()))
+    select_components(recorded_components(scene, options), result);
+  if (!options.trace) result.trace.resize(0, 0);
+  const double behind = timer.lap();
+  result.seconds.setup += before;
+  result.seconds.solve += behind;
+  result.seconds.other += behind;
+  result.seconds.total += before + behind;
+  return result;
+}
+
+}  // namespace bromwich

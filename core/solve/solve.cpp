@@ -1,0 +1,59 @@
+#include "core/solve/solve.hpp"
+
+#include "core/base/error.hpp"
+#include "core/base/interruption.hpp"
+#include "core/base/text.hpp"
+#include "core/solve/stages.hpp"
+
+#include <cmath>
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+constexpr Index most_steps = Index(1) << 24;
+
+void validate(const Scene& scene, const Options& options) {
+  if (options.steps < 0 || options.steps > most_steps)
+    throw Error("steps", "found " + std::to_string(options.steps), "give a whole number from 1 to 16777216");
+  if (!(options.iteration_tolerance > 0) || !(options.iteration_tolerance < 1))
+    throw Error("iteration_tolerance", "found " + std::to_string(options.iteration_tolerance),
+                "give a number between 0 and 1");
+  for (const auto& [name, value] : {std::pair("tolerance", options.tolerance),
+                                    {"tolerance_x", options.tolerance_x},
+                                    {"tolerance_y", options.tolerance_y}})
+    if (!(value >= 0) || !(value < 1)) throw Error(name, text("found %g", value), "give a number between 0 and 1");
+  if (!(options.absolute_tolerance >= 0) || !std::isfinite(options.absolute_tolerance))
+    throw Error("absolute_tolerance", text("found %g", options.absolute_tolerance), "give a positive number");
+  if (options.max_steps < 1 || options.max_steps > most_steps)
+    throw Error("max_steps", "found " + std::to_string(options.max_steps), "give a whole number from 1 to 16777216");
+  if (!(options.max_seconds >= 0))
+    throw Error("max_seconds", text("found %g", options.max_seconds), "give a positive number of seconds");
+  if (!(options.algebraic_share >= 0) || !(options.algebraic_share < 1))
+    throw Error("algebraic_share", "found " + std::to_string(options.algebraic_share),
+                "give a number from 0 to below 1");
+  if (options.max_iterations < 1)
+    throw Error("max_iterations", "found " + std::to_string(options.max_iterations), "give at least 1");
+  if (options.literal_nodes < 2 || options.literal_nodes > 400)
+    throw Error("literal_nodes", "found " + std::to_string(options.literal_nodes), "give 2 to 400");
+  for (const Index c : options.components)
+    if (c < 0 || c >= scene.states())
+      throw Error("states", "component " + std::to_string(c) + " of " + std::to_string(scene.states()),
+                  "components are counted from 0");
+}
+
+}  // namespace
+
+Result solve(const Scene& scene, Backend& backend, const Options& options) {
+  scene.validate();
+  validate(scene, options);
+  const InterruptedBy polled(options.interrupted);
+  try {
+    return run_stages(scene, backend, options, solve);
+  } catch (const Interrupted&) {
+    return unsolved(scene, backend, options, Status::interrupted, "stopped on request before the first step");
+  }
+}
+
+}  // namespace bromwich

@@ -1,0 +1,138 @@
+#!/usr/bin/env python3
+"""rooms.py SOURCE [--draw OUT.dot]: the include graph of core/, held against the order of its rooms.
+
+A room is a folder of core/. core/ROOMS lists them from the ground up; a file may include files of its own room and of
+the rooms below it. Fails on a room or file that is not listed, on an include that points up, and on a circle of files
+(a header and its source count as one). Of the other folders: core includes none of them, and nothing but backends,
+files, the command, studies and tests includes core's inner rooms.
+"""
+
+import re
+import sys
+from pathlib import Path
+
+INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"', re.M)
+
+
+def included(root, path):
+    """Files of the project that `path` includes, relative to the root."""
+    for name in INCLUDE.findall(path.read_text()):
+        beside, above = (path.parent / name).resolve(), (root / name).resolve()
+        found = beside if beside.is_file() else above
+        if found.is_file() and found.is_relative_to(root):
+            yield found.relative_to(root)
+
+
+def unit(path):
+    return str(path.with_suffix(""))
+
+
+def graph_of(root, folder):
+    graph = {}
+    for path in sorted((root / folder).rglob("*")):
+        if path.suffix in (".hpp", ".cpp"):
+            own = path.relative_to(root)
+            edges = graph.setdefault(unit(own), {})
+            for other in included(root, path):
+                if unit(other) != unit(own):
+                    edges.setdefault(unit(other), own)
+    return graph
+
+
+def circles(graph):
+    """Strongly connected components of more than one unit (Tarjan), each sorted."""
+    index, low, stack, found = {}, {}, [], []
+
+    def visit(v):
+        index[v] = low[v] = len(index)
+        stack.append(v)
+        for w in graph.get(v, ()):
+            if w not in index:
+                visit(w)
+                low[v] = min(low[v], low[w])
+            elif w in stack:
+                low[v] = min(low[v], index[w])
+        if low[v] == index[v]:
+            component = stack[stack.index(v):]
+            del stack[stack.index(v):]
+            if len(component) > 1:
+                found.append(sorted(component))
+
+    sys.setrecursionlimit(10000)
+    for v in graph:
+        if v not in index:
+            visit(v)
+    return found
+
+
+def rooms_of(root):
+    lines = (root / "core" / "ROOMS").read_text().splitlines()
+    return [line.split()[0] for line in lines if line.strip() and not line.startswith("#")]
+
+
+def faults(root):
+    rooms = rooms_of(root)
+    graph = graph_of(root, "core")
+    level = {name: i for i, name in enumerate(rooms)}
+    room = {u: u.split("/")[1] if u.count("/") >= 2 else "" for u in graph}
+    for u, name in room.items():
+        if name not in level:
+            yield f"{u}: its folder is not listed in core/ROOMS"
+    for name in rooms:
+        if name not in room.values():
+            yield f"core/ROOMS: {name} has no files"
+    for u, edges in graph.items():
+        for other, where in edges.items():
+            if not other.startswith("core/"):
+                yield f"{where}: includes {other}; core/ stands alone"
+            elif level.get(room.get(other), 99) > level.get(room[u], 99):
+                yield f"{where}: includes {other}, which is above {room[u]}"
+    for circle in circles(graph):
+        yield "circle of includes: " + ", ".join(circle)
+
+
+def draw(root, out):
+    rooms, graph = rooms_of(root), graph_of(root, "core")
+    counts = {}
+    for u, edges in graph.items():
+        for other in edges:
+            pair = (u.split("/")[1], other.split("/")[1])
+            if pair[0] != pair[1]:
+                counts[pair] = counts.get(pair, 0) + 1
+    lines = ["digraph rooms {", "  rankdir=BT; node [shape=box];"]
+    lines += [f"  {name};" for name in rooms]
+    lines += [f'  {a} -> {b} [label="{n}"];' for (a, b), n in sorted(counts.items())]
+    Path(out).write_text("\n".join(lines) + "\n}\n")
+
+
+def accepts_anything():
+    """The check itself: a circle and an arrow up have to be found in a tree that has them."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder).resolve()
+        for name, text in {"low/a.hpp": '#include "../high/b.hpp"\n', "high/b.hpp": '#include "../low/a.hpp"\n'}.items():
+            path = root / "core" / name
+            path.parent.mkdir(parents=True)
+            path.write_text(text)
+        (root / "core" / "ROOMS").write_text("low\nhigh\n")
+        found = list(faults(root))
+        return not (any("above low" in f for f in found) and any("circle" in f for f in found))
+
+
+def main():
+    root = Path(sys.argv[1]).resolve()
+    if "--draw" in sys.argv:
+        draw(root, sys.argv[sys.argv.index("--draw") + 1])
+        return 0
+    if accepts_anything():
+        print("rooms: a circle and an arrow that points up were accepted")
+        return 1
+    found = list(faults(root))
+    for fault in found:
+        print("rooms: " + fault)
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
