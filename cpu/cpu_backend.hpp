@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/seam/backend.hpp"
+#include "../core/seam/backend.hpp"
 
 #include <memory>
 

@@ -1,7 +1,7 @@
 #pragma once
 // The backend on one CUDA device.
 
-#include "core/seam/backend.hpp"
+#include "../core/seam/backend.hpp"
 
 #include <memory>
 #include <string>

@@ -4,6 +4,7 @@
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/kernel/discretise.hpp"
+#include "core/kernel/operators.hpp"
 #include "core/multigrid/smoothing.hpp"
 #include "core/multigrid/time_levels.hpp"
 #include "tests/expanding.hpp"
@@ -135,7 +136,8 @@ TEST(Multigrid, ACycleLeavesTheSolutionAsItIs) {
     const auto backend = make_cpu_backend(1);
     const DiscreteProblem p = discretise(scene, *backend, 128);
     const Options options;
-    TimeLevels levels = time_levels(p, nullptr, options);
+    const auto op = make_time_operator(p);
+    TimeLevels levels = time_levels(*op, options);
     ASSERT_GE(levels.size(), 3u);
     const RowMatrix solution = solved_y(scene, Method::march, 128);
     backend->upload(solution, *levels[0].y);

@@ -3,6 +3,7 @@
 #include "core/catalogue/catalogue.hpp"
 #include "core/iteration/functional_iteration.hpp"
 #include "core/kernel/discretise.hpp"
+#include "core/kernel/operators.hpp"
 #include "core/multigrid/cycle_watch.hpp"
 #include "core/multigrid/multigrid.hpp"
 #include "core/multigrid/time_levels.hpp"
@@ -47,7 +48,8 @@ TEST(TimeLevels, AKernelKnowsTheModesOfInjectedValues) {
   const auto backend = make_cpu_backend(1);
   const Scene scene = membrane(15);
   const DiscreteProblem p = discretise(scene, *backend, 64);
-  TimeLevels levels = time_levels(p, nullptr, {});
+  const auto op = make_time_operator(p);
+  TimeLevels levels = time_levels(*op, {});
   TimeLevel &fine = levels[0], &coarse = levels[1];
   backend->upload(Random(32).matrix(65, 15), *fine.y);
   fine.kernel->apply(*fine.y, *fine.v, 0);
@@ -206,7 +208,8 @@ TEST(Multigrid, ContractsAsWellWithSweepsOnTheCoarsestGridAsWithAMarch) {
   const RowMatrix exact = solved_y(scene, Method::march, J);
   for (const bool marched : {false, true}) {
     const Options options;
-    TimeLevels levels = time_levels(p, nullptr, options);
+    const auto op = make_time_operator(p);
+    TimeLevels levels = time_levels(*op, options);
     EXPECT_FALSE(levels.grids.back()->march) << "its symbol is known";
     if (marched) levels.prepare_march();
     Result result;
@@ -231,7 +234,7 @@ TEST(Multigrid, MarchesTheCoarsestGridWhereNoSymbolIsKnown) {
   const auto backend = make_cpu_backend(1);
   const Scene scene = expanding();
   const DiscreteProblem p = discretise(scene, *backend, 1280);
-  EXPECT_TRUE(time_levels(p, nullptr, {}).grids.back()->march);
+  EXPECT_TRUE(time_levels(*make_time_operator(p), {}).grids.back()->march);
 }
 
 TEST(Multigrid, IsInterruptedWithinTheMarchOfTheCoarsestGrid) {
@@ -250,12 +253,13 @@ TEST(TimeLevels, CoarseGridsTakeFewerSweepsAndEndEarly) {
   const auto backend = make_cpu_backend(1);
   const Scene scene = membrane(127);
   const DiscreteProblem p = discretise(scene, *backend, 1024);
-  const TimeLevels levels = time_levels(p, nullptr, {});
+  const auto op = make_time_operator(p);
+  const TimeLevels levels = time_levels(*op, {});
   ASSERT_EQ(levels.size(), 4u) << "1024, 512, 256, 128";
   EXPECT_LT(levels.grids[2]->sweeps, levels.grids[2]->coarsest_sweeps - 1);
   EXPECT_EQ(levels.grids[3]->sweeps, levels.grids[3]->coarsest_sweeps);
   const DiscreteProblem few = discretise(scene, *backend, 128);
-  EXPECT_EQ(time_levels(few, nullptr, {}).size(), 3u) << "three grids, for an estimate of the error";
+  EXPECT_EQ(time_levels(*make_time_operator(few), {}).size(), 3u) << "three grids, for an estimate of the error";
 }
 
 // ---- no further than is useful ----

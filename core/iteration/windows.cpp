@@ -1,6 +1,7 @@
 #include "core/iteration/windows.hpp"
 
 #include "core/iteration/functional_iteration.hpp"
+#include "core/kernel/operators.hpp"
 #include "core/kernel/recurrence.hpp"
 
 #include <algorithm>
@@ -21,6 +22,7 @@ DiscreteProblem window(const DiscreteProblem& p, const Scene& scene, Index first
   w.g = p.g.rows(first, rows);
   if (p.f.size() > 0) w.f = p.f.rows(first, rows);
   w.start = p.dense()->N * scene.x0 + w.g.row(0);
+  w.exponential_step = p.exponential_step;  // of the same length
   if (!p.defects) return w;
   auto defects = std::make_shared<StepDefects>();
   defects->values.resize(0, p.scene.states());
@@ -63,7 +65,7 @@ std::optional<Forecast> iteration_forecast(const DiscreteProblem& p, double tole
   if (!d || p.scene.constraints() > largest_forecast ||
       double(p.J) * (m * m * n + m * n * n) > most_forecast_operations)
     return std::nullopt;
-  return forecast(p.scene.M, lag_table(dense_recurrence(*d, Rule::exponential, p.h), p.J), p.h, tolerance);
+  return forecast(p.scene.M, lag_table(dense_recurrence(*d, *state_step(p, Rule::exponential)), p.J), p.h, tolerance);
 }
 
 Index iteration_window(const DiscreteProblem& p, double tolerance) {
@@ -76,7 +78,7 @@ Index iteration_window(const DiscreteProblem& p, double tolerance) {
 
 void solve_in_windows(const DiscreteProblem& p, Index steps, const Options& options, Result& result) {
   const Index count = (p.J + steps - 1) / steps, length = (p.J + count - 1) / count;
-  const StepOperators step = step_operators(p.dense()->A, Rule::exponential, p.h, p.J);
+  const auto step = state_step(p, Rule::exponential);
   Scene scene = p.scene;
   result.y = RowMatrix::Constant(p.J + 1, p.scene.constraints(), NAN);
   if (options.trace) result.trace = result.y;
@@ -84,12 +86,12 @@ void solve_in_windows(const DiscreteProblem& p, Index steps, const Options& opti
   for (Index first = 0; first < p.J; first += length) {
     const DiscreteProblem w = window(p, scene, first, std::min(length, p.J - first));
     Result part;
-    solve_by_iteration(w, options, part);
+    solve_by_iteration(*make_time_operator(w), options, part);
     if (part.y.rows() != w.J + 1) part.y = RowMatrix::Constant(w.J + 1, p.scene.constraints(), NAN);
     add(part, first, w.J, result);
     if (first == 0) result.kernel = std::to_string(count) + " windows in time; " + part.kernel;
     if (part.status != Status::solved) return;
-    const RowMatrix x = dense_states(step, scene.x0, state_input(w, part.y), w.defects.get());
+    const RowMatrix x = dense_states(*step, scene.x0, state_input(w, part.y), w.defects.get());
     scene.x0 = x.row(w.J).transpose();
   }
 }

@@ -73,4 +73,14 @@ DiscreteProblem with_mean_sources(const DiscreteProblem& p) {
   return mean;
 }
 
+DiscreteProblem coarser(const DiscreteProblem& p, Index steps) {
+  const Index ratio = p.J / steps;
+  DiscreteProblem coarse{p.scene, p.backend, p.lcp_class, steps, p.scene.T / double(steps), {}, {}, {}, p.start};
+  coarse.t = p.t(Eigen::seqN(0, steps + 1, ratio));
+  coarse.g = p.g.rows(0, steps + 1, ratio);
+  if (p.f.size() > 0) coarse.f = p.f.rows(0, steps + 1, ratio);
+  if (p.defects) resolve_sources(coarse, false);
+  return coarse;
+}
+
 }  // namespace bromwich

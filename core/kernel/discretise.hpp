@@ -13,4 +13,7 @@ void resolve_sources(DiscreteProblem&, bool every_step);
 /// The problem of implicit Euler, which takes f by its mean over each rough step.
 DiscreteProblem with_mean_sources(const DiscreteProblem&);
 
+/// The problem on a grid with `steps` steps, whose points are points of the given one: every R-th row of the tables.
+DiscreteProblem coarser(const DiscreteProblem&, Index steps);
+
 }  // namespace bromwich

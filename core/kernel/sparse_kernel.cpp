@@ -298,6 +298,18 @@ std::optional<SparseKernel> sparse_kernel(const DiscreteProblem& p, const std::v
   return std::nullopt;
 }
 
+RowMatrix sparse_states(const DiscreteProblem& p, const SparseKernel& kernel, const RowMatrix& y) {
+  const Index rows = p.J + 1, c = kernel.seen_free.cols();
+  if (c == 0) return RowMatrix(rows, 0);
+  const auto in = p.backend.array(rows, y.cols()), out = p.backend.array(rows, c);
+  p.backend.upload(y, *in);
+  p.backend.convolution(kernel.seen, rows)->apply(*in, *out, 0);
+  RowMatrix x;
+  p.backend.download(*out, x);
+  x += kernel.seen_free;
+  return x;
+}
+
 double predicted_sparse_bytes(const SparseDynamics& d, Index J, Index n_inputs, Index n_outputs, int threads) {
   constexpr double lane_group = 8 * sizeof(Complex);  // eight nodes are eliminated together
   const Elimination plan = analyse(d.A, d.B, d.N, std::max<Index>(n_inputs - d.B.cols(), 0) + 1);

@@ -29,6 +29,9 @@ struct SparseKernel {
 /// strongly non-normal A. Throws Error where f is given per state and there are too many states.
 std::optional<SparseKernel> sparse_kernel(const DiscreteProblem&, const std::vector<Index>& components);
 
+/// The components that a kernel was made for, from its weights: (J+1) x c.
+RowMatrix sparse_states(const DiscreteProblem&, const SparseKernel&, const RowMatrix& y);
+
 inline constexpr double accepted_contour_error = 1e-9;
 
 /// Bytes that sparse_kernel needs at most, up to small tables, for so many columns next to each other in [B F x0] and

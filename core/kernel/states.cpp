@@ -6,76 +6,13 @@
 #include "core/kernel/rough_response.hpp"
 #include "core/numerics/phi.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <set>
 
 namespace bromwich {
 
 namespace {
-
-// x_{j+1} = decay x_j + left u_j + right u_{j+1} for every pair of sine modes, b included: K x n each, k across, l
-// along.
-struct ModalStep {
-  RowMatrix decay, left, right;
-};
-
-ModalStep modal_step(const KroneckerDynamics& d, const Matrix& S, Rule rule, double h) {
-  const Index n = d.along.points, K = d.across.points;
-  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), b = S * d.b;
-  ModalStep step{RowMatrix(K, n), RowMatrix(K, n), RowMatrix(K, n)};
-  for (Index k = 0; k < K; ++k)
-    for (Index l = 0; l < n; ++l) {
-      const double x = h * (mu[l] + nu[k]);
-      const bool exact = rule == Rule::exponential;
-      const double p2 = exact ? phi2(x) : 0;
-      step.decay(k, l) = exact ? std::exp(x) : 1 / (1 - x);
-      step.left(k, l) = exact ? h * b[k] * (phi1(x) - p2) : 0;
-      step.right(k, l) = exact ? h * b[k] * p2 : h * b[k] / (1 - x);
-    }
-  return step;
-}
-
-// Steps all modes of the state and keeps, at every time point, the grid points asked for: their positions on the lines
-// are a product with a few rows of S, the other direction is transformed for all time points together.
-RowMatrix kronecker_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y,
-                           const std::vector<Index>& components) {
-  const KroneckerDynamics& d = *p.kronecker();
-  const Index n = d.along.points, K = d.across.points;
-  const Matrix S = sine_matrix(K);
-  const ModalStep step = modal_step(d, S, rule, p.h);
-  const RowMatrix u = row_modes(p.backend, p.drive() ? RowMatrix(y + p.drive()->table()) : y);
-  std::vector<Index> positions;
-  for (const Index c : components) positions.push_back(c % K);
-  std::sort(positions.begin(), positions.end());
-  positions.erase(std::unique(positions.begin(), positions.end()), positions.end());
-  const RowMatrix observe = S(positions, Eigen::all);
-
-  RowMatrix x = x0_in_modes(p.backend, d, p.scene.x0, true).transpose();
-  std::vector<RowMatrix> seen(positions.size(), RowMatrix(p.J + 1, n));  // per position, in modes of the lines
-  RowMatrix now(Index(positions.size()), n);
-  for (Index j = 0; j <= p.J; ++j) {
-    if (j > 0) {
-      x.array() = step.decay.array() * x.array();
-      x.array() += step.left.array().rowwise() * u.row(j - 1).array();
-      x.array() += step.right.array().rowwise() * u.row(j).array();
-      if (p.rough_response && p.sources->at(j) && rule == Rule::exponential) x += modal_defect(p, *p.sources->at(j));
-    }
-    now.noalias() = observe * x;
-    for (std::size_t i = 0; i < positions.size(); ++i) seen[i].row(j) = now.row(Index(i));
-  }
-  for (RowMatrix& line : seen) line = row_modes(p.backend, line);
-
-  RowMatrix states(p.J + 1, Index(components.size()));
-  for (std::size_t c = 0; c < components.size(); ++c) {
-    const auto at = std::lower_bound(positions.begin(), positions.end(), components[c] % K) - positions.begin();
-    states.col(Index(c)) = seen[std::size_t(at)].col(components[c] / K);
-    states(0, Index(c)) = p.scene.x0[components[c]];
-  }
-  return states;
-}
 
 // Σ_d c_p F_d(z_p) u_{j-d} over the lags of one window that reach back to u_0 at most; u_0 has weights S.
 ComplexMatrix past_inputs(const LagWindow& window, const RowMatrix& u, Index j) {
@@ -154,28 +91,6 @@ Matrix dense_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::
 }
 
 }  // namespace
-
-RowMatrix sparse_states(const DiscreteProblem& p, const SparseKernel& kernel, const RowMatrix& y) {
-  const Index rows = p.J + 1, c = kernel.seen_free.cols();
-  if (c == 0) return RowMatrix(rows, 0);
-  const auto in = p.backend.array(rows, y.cols()), out = p.backend.array(rows, c);
-  p.backend.upload(y, *in);
-  p.backend.convolution(kernel.seen, rows)->apply(*in, *out, 0);
-  RowMatrix x;
-  p.backend.download(*out, x);
-  x += kernel.seen_free;
-  return x;
-}
-
-RowMatrix state_components(const DiscreteProblem& p, Rule rule, const RowMatrix& y,
-                           const std::vector<Index>& components, const StepDefects* defects) {
-  if (components.empty()) return RowMatrix(p.J + 1, 0);
-  if (p.kronecker()) return kronecker_states(p, rule, y, components);
-  const RowMatrix all = states_of(p, rule, y, defects).x;
-  RowMatrix x(p.J + 1, Index(components.size()));
-  for (std::size_t c = 0; c < components.size(); ++c) x.col(Index(c)) = all.col(components[c]);
-  return x;
-}
 
 Matrix states_at_rows(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows,
                       const StepDefects* defects) {

@@ -378,16 +378,17 @@ void add_seconds(TimeLevels& levels, Result& result) {
 
 }  // namespace
 
-bool solve_by_multigrid(const DiscreteProblem& p, const SparseKernel* kernel, const Options& options, Result& result) {
+bool solve_by_multigrid(TimeOperator& op, const Options& options, Result& result) {
   Timer timer;
-  TimeLevels levels = time_levels(p, kernel, options);
+  const DiscreteProblem& p = op.problem();
+  TimeLevels levels = time_levels(op, options);
   if (levels.size() == 0) {
     result.seconds.setup += timer.lap();
     return false;
   }
   result.kernel = levels.description;
   result.kernel_error = levels.kernel_error;
-  result.bytes += host_bytes(p) + (kernel ? kernel->bytes : 0);
+  result.bytes += host_bytes(p) + op.bytes_of_tables();
   for (auto& level : levels.grids) {
     result.bytes += level->bytes();
     level->kernel->transform_seconds = level->kernel->convolution_seconds = 0;

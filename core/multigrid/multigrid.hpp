@@ -96,8 +96,8 @@ class Multigrid {
   std::optional<IterationOutcome> failure_;  ///< what ended a sweep or a march; nothing is done after it
 };
 
-/// Fills everything that solve_by_iteration does, cycles and error_estimate too. `kernel`: that of sparse dynamics, or
-/// null. False where there are no grids to cycle on; nothing is done then.
-bool solve_by_multigrid(const DiscreteProblem&, const SparseKernel* kernel, const Options&, Result&);
+/// Fills everything that solve_by_iteration does, cycles and error_estimate too. False where there are no grids to
+/// cycle on; nothing is done then.
+bool solve_by_multigrid(TimeOperator&, const Options&, Result&);
 
 }  // namespace bromwich

@@ -1,11 +1,7 @@
 #include "core/multigrid/time_levels.hpp"
 
 #include "core/iteration/forecast.hpp"
-#include "core/kernel/compression.hpp"
-#include "core/kernel/discretise.hpp"
 #include "core/multigrid/smoothing.hpp"
-
-#include <unsupported/Eigen/FFT>
 
 #include <algorithm>
 #include <cmath>
@@ -30,109 +26,6 @@ constexpr double symbol_over_w0 = 2.62;  ///< 1/sin(pi/8): of weights that fall 
 constexpr double most_unseen = 0.5;
 constexpr Index most_unasked = 2048;  ///< steps of a march that is not interrupted on a device
 
-// Where the weights and kernels of all grids come from.
-class Source {
- public:
-  Source(const DiscreteProblem& p, const SparseKernel* sparse, ConvolutionChoice choice)
-      : p_(p), sparse_(sparse), choice_(choice) {
-    by_fft_ = choice == ConvolutionChoice::fft ||
-              (choice == ConvolutionChoice::automatic && p.dense() && !scan_is_cheaper(p));
-    if (p.kronecker()) fit(*p.kronecker());
-  }
-
-  // Of the grid with `steps` steps, from a finer one or null.
-  Weights weights(Index steps, const TimeLevel* finer) const {
-    if (finer && !p_.dense()) {
-      const auto halved = [this](const Weights& w) {
-        return sparse_ ? Weights(coarsen(std::get<LagTable>(w)))
-                       : Weights(Recurrence(coarsen(std::get<ModalRecurrence>(std::get<Recurrence>(w)))));
-      };
-      Weights w = halved(finer->weights);
-      for (Index at = finer->steps / 2; at > steps; at /= 2) w = halved(w);
-      return w;
-    }
-    if (sparse_) return sparse_->weights;
-    const double h = p_.scene.T / double(steps);
-    if (const DenseDynamics* d = p_.dense())
-      return Recurrence(dense_recurrence(*d, step_operators(d->A, Rule::exponential, h, steps)));
-    const KroneckerDynamics& d = *p_.kronecker();
-    return Recurrence(fits_ ? compressed_recurrence(p_.backend, d, sum_, h)
-                            : modal_recurrence(d, Rule::exponential, h, RowMatrix()));
-  }
-
-  // The kernel of the finest grid.
-  KernelChoice finest(const TimeLevel& level) {
-    if (p_.dense()) return make_kernel(p_, choice_);
-    KernelChoice made{kernel(level), "", NAN};
-    if (sparse_) {
-      made.description = "FFT over lag weights; " + sparse_->description;
-      made.error = sparse_->error;
-      return made;
-    }
-    made.description = (by_fft_ ? "FFT over lag weights of " : "scan of ") +
-                       (fits_ ? std::to_string(sum_.rates.size()) + " exponentials a mode, fitted to contour values"
-                              : "all " + std::to_string(p_.kronecker()->across.points) + " eigenvalues a mode");
-    if (!fits_) return made;
-    made.error = sum_.error;
-    const auto x0 = by_fft_ ? std::nullopt : kronecker_initial_sum(p_, sum_);
-    if (!x0) return made;
-    made.started = started(std::get<ModalRecurrence>(std::get<Recurrence>(level.weights)), x0->coefficients);
-    if (made.started) made.error = std::max(made.error, x0->error);
-    return made;
-  }
-
-  std::unique_ptr<SpaceTimeKernel> kernel(const TimeLevel& level) const {
-    const Index rows = level.steps + 1, n = p_.scene.constraints();
-    const auto* table = std::get_if<LagTable>(&level.weights);
-    const auto* recurrence = std::get_if<Recurrence>(&level.weights);
-    auto convolution = table     ? p_.backend.convolution(*table, rows)
-                       : by_fft_ ? p_.backend.convolution(lag_table(*recurrence, level.steps), rows)
-                                 : p_.backend.convolution(*recurrence, rows);
-    return std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), p_.kronecker() != nullptr, rows, n);
-  }
-
- private:
-  // Of the finest grid: it serves all.
-  void fit(const KroneckerDynamics& d) {
-    sum_ = compress_line_kernel(d, p_.h, p_.scene.T);
-    fits_ = sum_.error <= accepted_compression_error;
-  }
-
-  const DiscreteProblem& p_;
-  const SparseKernel* sparse_;
-  ConvolutionChoice choice_;
-  bool by_fft_ = false, fits_ = false;
-  ExponentialSum sum_;
-};
-
-// |S diag(w) S| 1. Products of sines are differences of cosines: entry (i, j) is c(i-j) - c(i+j) with
-// c(d) = 1/(n+1) Σ_k w_k cos(pi k d/(n+1)), an even function of period 2(n+1).
-Vector row_sums_in_modes(const Vector& w) {
-  const Index n = w.size(), period = 2 * (n + 1);
-  Vector padded = Vector::Zero(period);
-  padded.segment(1, n) = w / double(n + 1);
-  ComplexVector transformed;
-  Eigen::FFT<double>().fwd(transformed, padded);
-  Vector c(3 * n + 1);  // from -n to 2n
-  for (Index d = -n; d <= 2 * n; ++d) c[n + d] = transformed[std::abs(d)].real();
-  Vector sums(n);
-  for (Index i = 1; i <= n; ++i)
-    sums[i - 1] = (c.segment(n + 1 - i, n) - c.segment(n + 1 + i, n)).cwiseAbs().sum();  // c(j-i) - c(j+i), j = 1..n
-  return sums;
-}
-
-// |W_0| 1
-Vector first_row_sums(const Weights& weights) {
-  if (const auto* table = std::get_if<LagTable>(&weights))
-    return Eigen::Map<const RowMatrix>(table->W.row(0).data(), table->outputs, table->inputs)
-        .cwiseAbs()
-        .rowwise()
-        .sum();
-  const auto& recurrence = std::get<Recurrence>(weights);
-  if (const auto* dense = std::get_if<DenseRecurrence>(&recurrence)) return dense->w0.cwiseAbs().rowwise().sum();
-  return row_sums_in_modes(std::get<ModalRecurrence>(recurrence).w0);
-}
-
 // With the one behind the correction they multiply what a coarser grid cannot see by `wanted`.
 int sweeps_before(double factor, double wanted, int fewest) {
   if (factor <= easily_smoothed) return 1;
@@ -151,8 +44,7 @@ struct Coarsening {
 // so that there is but one sweep a cycle, and the coarse grids have to be accurate. Where the symbol is known and its
 // size at frequency 0 is at most 1, there may be more of both.
 Coarsening choose_sweeps(const DiscreteProblem& p, TimeLevel& level, double kappa0, std::size_t finer_grids) {
-  const auto* recurrence = std::get_if<Recurrence>(&level.weights);
-  const auto* modal = recurrence ? std::get_if<ModalRecurrence>(recurrence) : nullptr;
+  const ModalRecurrence* modal = modal_recurrence_of(*level.weights);
   const auto best = modal ? best_smoothing(p.scene.M, *modal, level.steps, far_smoothed) : std::nullopt;
   level.unseen = std::min(symbol_over_w0 * kappa0, most_unseen);
   if (!best || best->smooth_factor > largest_smooth_factor) return {accurate_kappa0};
@@ -176,23 +68,12 @@ void prepare_march(const DiscreteProblem& p, const Options& options, TimeLevel& 
   MarchProblem problem;
   problem.M = &p.scene.M;
   problem.lcp_class = p.lcp_class;
-  problem.recurrence = std::get_if<Recurrence>(&level.weights);
-  problem.lags = std::get_if<LagTable>(&level.weights);
+  problem.recurrence = recurrence_of(*level.weights);
+  problem.lags = lag_table_of(*level.weights);
   problem.r = level.r.get();
   const bool queues = p.backend.device().memory > 0;  // where nobody asks on the way
   if (!queues || level.steps > most_unasked) problem.interrupted = options.interrupted;
   level.march = p.backend.march(problem, level.steps + 1);
-}
-
-// Every R-th row of the tables.
-DiscreteProblem on_grid(const DiscreteProblem& p, Index steps) {
-  const Index ratio = p.J / steps;
-  DiscreteProblem coarse{p.scene, p.backend, p.lcp_class, steps, p.scene.T / double(steps), {}, {}, {}, p.start};
-  coarse.t = p.t(Eigen::seqN(0, steps + 1, ratio));
-  coarse.g = p.g.rows(0, steps + 1, ratio);
-  if (p.f.size() > 0) coarse.f = p.f.rows(0, steps + 1, ratio);
-  if (p.defects) resolve_sources(coarse, false);
-  return coarse;
 }
 
 // r_c = R r, and K_c phi in place of R K phi: the source piecewise linear on the coarse grid. The kernel of the finer
@@ -207,23 +88,23 @@ void add_driven_difference(Backend& backend, TimeLevel& fine, TimeLevel& coarse)
 
 // r of all grids but the finest, from that, where the kernel of the finest was applied to phi last and v has the
 // outcome.
-void set_coarse_responses(const DiscreteProblem& p, const std::vector<TimeLevel*>& grids) {
+void set_coarse_responses(TimeOperator& op, const std::vector<TimeLevel*>& grids) {
+  Backend& backend = op.problem().backend;
   for (std::size_t l = 1; l < grids.size(); ++l) {
-    p.backend.inject(*grids[l - 1]->r, *grids[l]->r);
-    if (p.kronecker() && p.drive()) add_driven_difference(p.backend, *grids[l - 1], *grids[l]);
-    if (p.dense() && p.f.size() > 0)
-      p.backend.upload(dense_response(on_grid(p, grids[l]->steps), Rule::exponential), *grids[l]->r);
+    backend.inject(*grids[l - 1]->r, *grids[l]->r);
+    if (op.drive()) add_driven_difference(backend, *grids[l - 1], *grids[l]);
+    if (const auto r = op.coarse_response(grids[l]->steps)) backend.upload(*r, *grids[l]->r);
   }
 }
 
 // The same at any time.
-void respond(const DiscreteProblem& p, const std::vector<TimeLevel*>& grids) {
+void respond(TimeOperator& op, const std::vector<TimeLevel*>& grids) {
   TimeLevel& finest = *grids[0];
-  if (p.kronecker() && p.drive()) {
-    upload(p.backend, *p.drive(), *finest.old);
+  if (const SampledSource* phi = op.drive()) {
+    upload(op.problem().backend, *phi, *finest.old);
     finest.kernel->apply(*finest.old, *finest.v, 0);
   }
-  set_coarse_responses(p, grids);
+  set_coarse_responses(op, grids);
 }
 
 }  // namespace
@@ -233,34 +114,11 @@ std::size_t TimeLevel::bytes() const {
          (lcp ? lcp->bytes() : 0) + (march ? march->bytes() : 0);
 }
 
-LagTable coarsen(const LagTable& fine) {
-  const Index last = (fine.W.rows() - 1) / 2, end = fine.W.rows() - 1;
-  LagTable coarse{fine.outputs, fine.inputs, fine.modal, RowMatrix(last + 1, fine.W.cols()),
-                  RowMatrix::Zero(last + 1, fine.W.cols())};
-  coarse.W.row(0) = fine.W.row(0) + 0.5 * fine.W.row(1);
-  for (Index d = 1; d <= last; ++d) {
-    coarse.W.row(d) = 0.5 * fine.W.row(2 * d - 1) + fine.W.row(2 * d);
-    if (2 * d < end) coarse.W.row(d) += 0.5 * fine.W.row(2 * d + 1);  // the last lag acts on y_0 alone, by S
-    coarse.S.row(d) = fine.S.row(2 * d) + 0.5 * fine.W.row(2 * d - 1);
-  }
-  return coarse;
-}
-
-ModalRecurrence coarsen(const ModalRecurrence& fine) {
-  ModalRecurrence coarse;
-  const auto E = fine.decay.array(), C = fine.output.array();
-  coarse.decay = E.square();
-  coarse.output = 0.5 * C * (1 + E).square();
-  coarse.start = (2 * E * fine.start.array() + 1) / (1 + E).square();
-  coarse.w0 = fine.w0 + 0.5 * (fine.w1 + fine.output.colwise().sum().transpose());
-  coarse.w1 = coarse.s1 = 0.5 * fine.w1;
-  return coarse;
-}
-
 namespace {
 
 // Weights of all grids there may be, with how they smooth and which they ask.
-TimeLevels choose_grids(const DiscreteProblem& p, const Source& source) {
+TimeLevels choose_grids(TimeOperator& op) {
+  const DiscreteProblem& p = op.problem();
   TimeLevels levels;
   const Index fewest = p.backend.device().memory > 0 ? fewest_steps_on_device : fewest_steps;
   std::vector<Index> farthest;  // steps of the coarsest grid that each may ask
@@ -268,8 +126,9 @@ TimeLevels choose_grids(const DiscreteProblem& p, const Source& source) {
   for (Index steps = p.J;;) {
     auto level = std::make_unique<TimeLevel>();
     level->steps = steps;
-    level->weights = source.weights(steps, levels.size() > 0 ? levels.grids.back().get() : nullptr);
-    const double kappa0 = instant_contraction(p.scene.M, p.lcp_class, first_row_sums(level->weights));
+    const TimeLevel* finer = levels.size() > 0 ? levels.grids.back().get() : nullptr;
+    level->weights = op.weights(steps, finer ? finer->weights.get() : nullptr, finer ? finer->steps : 0);
+    const double kappa0 = instant_contraction(p.scene.M, p.lcp_class, first_row_sums(*level->weights));
     if (!(kappa0 < allowed.kappa0)) break;
     allowed = choose_sweeps(p, *level, kappa0, levels.size());
     const bool swept = level->sweeps > 0;
@@ -291,35 +150,33 @@ TimeLevels choose_grids(const DiscreteProblem& p, const Source& source) {
 
 }  // namespace
 
-TimeLevels time_levels(const DiscreteProblem& p, const SparseKernel* sparse, const Options& options) {
-  Source source(p, sparse, options.convolution);
-  TimeLevels levels = choose_grids(p, source);
+TimeLevels time_levels(TimeOperator& op, const Options& options) {
+  const DiscreteProblem& p = op.problem();
+  TimeLevels levels = choose_grids(op);
   if (levels.size() == 0) return levels;
-  KernelChoice finest = source.finest(levels[0]);
+  KernelPlan finest = op.finest_kernel(*levels[0].weights, options.convolution);
   levels.kernel_error = finest.error;
   levels.description = finest.description + "; grids of ";
   // Sweeps that smooth and do not enlarge what is smooth do, after a nested start, for what is left on the coarsest.
   const bool swept = levels.size() > 1 && levels.grids.back()->sweeps > 0;
   for (std::size_t l = 0; l < levels.size(); ++l) {
     TimeLevel& level = levels[l];
-    if (l > 0) level.kernel = source.kernel(level);
-    for (auto* array : {&level.r, &level.y, &level.v, &level.old})
+    if (l > 0) level.kernel = op.kernel_of(*level.weights, level.steps, options.convolution);
+    for (auto* array : {&level.y, &level.v, &level.old})
       *array = p.backend.array(level.steps + 1, p.scene.constraints());
+    if (l > 0) level.r = p.backend.array(level.steps + 1, p.scene.constraints());
     if (l == 1 || l == 2) level.nested = p.backend.array(level.steps + 1, p.scene.constraints());
     if (l + 1 < levels.size() || swept)
       level.lcp = p.backend.shifted_lcp(p.scene.M, p.lcp_class, level.shift, level.steps + 1);
     levels.description += (l > 0 ? ", " : "") + std::to_string(level.steps);
   }
   levels.description += swept ? " steps" : " steps, the last marched";
-  if (sparse)
-    p.backend.upload(p.g.table() + sparse->free, *levels[0].r);
-  else
-    levels[0].r = make_response(p, finest, *levels[0].v);
+  levels[0].r = op.response(finest, *levels[0].v);
   levels[0].kernel = std::move(finest.kernel);
   std::vector<TimeLevel*> grids;
   for (const auto& level : levels.grids) grids.push_back(level.get());
-  levels.respond = [&p, grids] { respond(p, grids); };
-  set_coarse_responses(p, grids);
+  levels.respond = [&op, grids] { respond(op, grids); };
+  set_coarse_responses(op, grids);
   TimeLevel& coarsest = *levels.grids.back();
   levels.prepare_march = [&p, &options, &coarsest] { prepare_march(p, options, coarsest); };
   if (swept)

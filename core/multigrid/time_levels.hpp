@@ -2,11 +2,6 @@
 // The time grids of a multigrid method: J, J/2, J/4 steps, from which its errors are estimated, and then as many as are
 // of use: where sweeps smooth well, the next grid may have far fewer steps than half.
 //
-// What is piecewise linear on a coarse grid is so on the finer one too: with I the interpolation and half the steps,
-// (K_c y)_i = (K I y)_{2i}, or for tabulated weights
-//
-//     W^c_0 = W_0 + W_1/2,   W^c_d = W_{2d-1}/2 + W_{2d} + W_{2d+1}/2,   S^c_d = S_{2d} + W_{2d-1}/2      (d >= 1).
-//
 // symbol    variable   shape          meaning
 // K         kernel     -              discrete convolution of this grid
 // r         r          (J_l+1) x n    right-hand side of this grid's problem y in SOL(M, r + K y)
@@ -19,16 +14,13 @@
 #include "../iteration/functional_iteration.hpp"
 
 #include <functional>
-#include <variant>
 #include <vector>
 
 namespace bromwich {
 
-using Weights = std::variant<Recurrence, LagTable>;
-
 struct TimeLevel {
   Index steps = 0;
-  Weights weights;
+  SharedWeights weights;  ///< see core/kernel/weights.hpp for those of coarser grids
   std::unique_ptr<SpaceTimeKernel> kernel;
   std::unique_ptr<Array> r, y, v, old, nested;
   std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; not of a coarsest grid that is marched from the start
@@ -59,23 +51,14 @@ struct TimeLevels {
 /// symbol of a sweep (core/multigrid/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.8 at the high ones.
 /// M + W_0 is P there. A cycle asks the coarsest one for which a sweep multiplies what that cannot see by
 /// `far_smoothed` at most, or the next one. None where that leaves but the finest, and it is too long to be marched in
-/// every cycle. The problem has to outlive them. The coarsest grid is swept where the symbol is known, and marched
-/// otherwise. r holds the response on each grid (sparse dynamics: its values on the finest), y is zero. `kernel` is
-/// that of sparse dynamics, otherwise null.
-TimeLevels time_levels(const DiscreteProblem&, const SparseKernel* kernel, const Options&);
+/// every cycle. The operator has to outlive them. The coarsest grid is swept where the symbol is known, and marched
+/// otherwise. r holds the response on each grid, y is zero.
+TimeLevels time_levels(TimeOperator&, const Options&);
 
 inline constexpr Index fewest_steps = 16;            ///< of a grid but the finest
 inline constexpr Index fewest_steps_on_device = 48;  ///< small grids cost a device as much as large ones
 inline constexpr Index enough_steps = 96;            ///< of the coarsest of three grids or more, where it is swept
 inline constexpr Index most_marched = 64;            ///< of a finest grid that is the only one
 inline constexpr double far_smoothed = 0.15;         ///< TimeLevel::unseen of a cycle that leaves out grids
-
-/// The weights of the grid with half the steps.
-LagTable coarsen(const LagTable&);
-
-/// The same for exponentials, all e^{2x} now:
-///     E^c = E^2,   C^c = C (1 + E)^2 / 2,   C^c G0^c = C (E G0 + 1/2),   W^c_0 = W_0 + W_1/2,   w1^c = s1^c = w1/2.
-/// x0 is left out.
-ModalRecurrence coarsen(const ModalRecurrence&);
 
 }  // namespace bromwich

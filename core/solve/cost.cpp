@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/kernel/sparse_kernel.hpp"
+#include "core/kernel/time_operator.hpp"
 
 #include <array>
 #include <cmath>
@@ -55,10 +56,7 @@ constexpr const char* problems = "matrices of the complementarity problem (n x n
 constexpr const char* weights = "lag weights (J x n x n)";
 
 // The convolution of a dense scene steps the state where that costs less than transforms of length 2J.
-bool scanned(const Sizes& s) {
-  const double length = 2 * s.J;
-  return s.J * (s.m * s.m + 2 * s.m * s.n + s.n * s.n) <= 5 * s.n * length * std::log2(length) + 2 * s.n * s.n * length;
-}
+bool scanned(const Sizes& s) { return scan_is_cheaper(s.m, s.n, s.J); }
 
 Cost dense(const Sizes& s, Method method) {
   const double step = s.J * (s.m * s.m + 2 * s.m * s.n + 4 * s.n * s.n);

@@ -6,6 +6,7 @@
 #include "core/iteration/literal.hpp"
 #include "core/iteration/windows.hpp"
 #include "core/kernel/discretise.hpp"
+#include "core/kernel/operators.hpp"
 #include "core/kernel/states.hpp"
 #include "core/march/marching.hpp"
 #include "core/march/split.hpp"
@@ -19,9 +20,9 @@ namespace bromwich {
 
 namespace {
 
-void refuse_spectrum(Result& result) {
+void refuse(const std::string& why, Result& result) {
   result.status = Status::unsupported;
-  result.reason = "no contour holds the spectrum of this A; use method march or euler";
+  result.reason = why + "; use method march or euler";
 }
 
 }  // namespace
@@ -30,23 +31,10 @@ Methods::Methods(const Scene& scene, Backend& backend, Index J, const std::vecto
                  bool look_inside_every_step)
     : problem_(discretise(scene, backend, J, look_inside_every_step)) {
   problem_.components = components;
-  if (problem_.sources) averaged_.emplace(with_mean_sources(problem_));
-}
-
-const SparseKernel* Methods::kernel() {
-  if (!kernel_) kernel_ = sparse_kernel(problem_, problem_.components);
-  return *kernel_ ? &**kernel_ : nullptr;
-}
-
-const BasisChoice& Methods::basis() {
-  if (basis_) return *basis_;
-  const LcpMatrix& M = problem_.scene.M;
-  basis_ = choose_basis(M, problem_.lcp_class);
-  if (const auto* d = problem_.dense())
-    basis_ = choose_basis(M, problem_.lcp_class, dense_recurrence(*d, *state_step(problem_, Rule::exponential)));
-  else if (basis_->continuous && problem_.sparse() && kernel())
-    basis_ = choose_basis(M, problem_.lcp_class, kernel()->weights);
-  return *basis_;
+  operator_ = make_time_operator(problem_);
+  if (!problem_.sources) return;
+  averaged_.emplace(with_mean_sources(problem_));
+  euler_operator_ = make_time_operator(*averaged_);
 }
 
 void Methods::run(Method method, const Options& options, Result& result) {
@@ -54,8 +42,7 @@ void Methods::run(Method method, const Options& options, Result& result) {
   result.t = problem_.t;
   result.steps = problem_.J;
   Timer timer;
-  if (method != Method::euler) basis();
-  if (problem_.sparse() && method != Method::euler && !basis().rings) kernel();
+  if (method != Method::euler && !basis().rings) operator_->missing_weights();
   result.seconds.setup += timer.lap();
   switch (method) {
     case Method::multigrid:
@@ -73,10 +60,10 @@ void Methods::run(Method method, const Options& options, Result& result) {
       }
       break;
     case Method::euler:
-      if (problem_.sparse())
-        step_in_stages(1, options, result);
+      if (operator_->marches_by_euler())
+        solve_by_marching(operator_of(method), Rule::implicit_euler, options, result);
       else
-        solve_by_marching(of(method), Rule::implicit_euler, options, result);
+        step_in_stages(1, options, result);
       break;
     default:
       march(options, result);
@@ -87,19 +74,17 @@ void Methods::run(Method method, const Options& options, Result& result) {
 }
 
 void Methods::march(const Options& options, Result& result) {
-  // Stepping a large sparse state costs a solve a step: there only what would ring keeps it from the lag weights.
-  if (basis().rings || (!basis().continuous && !problem_.sparse())) {
+  // Where stepping the state costs a solve a step, only what would ring keeps it from the weights.
+  if (basis().rings || (!basis().continuous && !operator_->prefers_weights())) {
     step_in_stages(2, options, result);
     result.kernel += "; " + basis().reason;
-  } else if (problem_.dense() && problem_.sources) {
+  } else if (operator_->takes_parts()) {
     solve_by_split_marching(problem_, options, result);
-  } else if (!problem_.sparse()) {
-    solve_by_marching(problem_, Rule::exponential, options, result);
-  } else if (const SparseKernel* k = kernel()) {
-    solve_by_marching(problem_, *k, options, result);
+  } else if (const std::string why = operator_->missing_weights(); why.empty()) {
+    solve_by_marching(*operator_, Rule::exponential, options, result);
   } else {
     step_in_stages(2, options, result);
-    result.kernel += "; no contour holds the spectrum of this A";
+    result.kernel += "; " + why;
   }
 }
 
@@ -121,22 +106,19 @@ RowMatrix Methods::all_states(Method method, const Result& result) const {
   std::vector<Index> all(std::size_t(problem_.scene.states()));
   std::iota(all.begin(), all.end(), Index(0));
   const Rule rule = method == Method::euler ? Rule::implicit_euler : Rule::exponential;
-  return state_components(of(method), rule, result.y, all, result.defects.get());
+  return operator_of(method).states(rule, result.y, all, result.defects.get());
 }
 
 void Methods::iterate(const Options& options, Result& result) {
-  if (!problem_.sparse()) {
-    const Index window = iteration_window(problem_, options.iteration_tolerance);
-    return window < problem_.J ? solve_in_windows(problem_, window, options, result)
-                               : solve_by_iteration(problem_, options, result);
-  }
-  if (const SparseKernel* k = kernel()) return solve_by_iteration(problem_, *k, options, result);
-  refuse_spectrum(result);
+  if (const std::string why = operator_->missing_weights(); !why.empty()) return refuse(why, result);
+  const Index window = iteration_window(problem_, options.iteration_tolerance);
+  window < problem_.J ? solve_in_windows(problem_, window, options, result)
+                      : solve_by_iteration(*operator_, options, result);
 }
 
 void Methods::cycle(const Options& options, Result& result) {
-  if (problem_.sparse() && !kernel()) return refuse_spectrum(result);
-  if (solve_by_multigrid(problem_, problem_.sparse() ? kernel() : nullptr, options, result)) return;
+  if (const std::string why = operator_->missing_weights(); !why.empty()) return refuse(why, result);
+  if (solve_by_multigrid(*operator_, options, result)) return;
   iterate(options, result);
   result.kernel += "; no coarser grid: the functional iteration";
 }
@@ -147,16 +129,11 @@ void Methods::record_states(Method method, Result& result) {
   if (result.y.size() == 0) result.y = RowMatrix::Constant(rows, problem_.scene.constraints(), NAN);
   if (result.x.rows() == rows && result.x.cols() == c) return;
   const Rule rule = method == Method::euler ? Rule::implicit_euler : Rule::exponential;
-  if (!problem_.sparse())
-    result.x = state_components(of(method), rule, result.y, problem_.components, result.defects.get());
-  else if (kernel_ && *kernel_)
-    result.x = sparse_states(problem_, **kernel_, result.y);
-  else
-    result.x = RowMatrix::Constant(rows, c, NAN);
+  result.x = operator_of(method).states(rule, result.y, problem_.components, result.defects.get());
 }
 
-const DiscreteProblem& Methods::of(Method method) const {
-  return method == Method::euler && averaged_ ? *averaged_ : problem_;
+TimeOperator& Methods::operator_of(Method method) const {
+  return method == Method::euler && euler_operator_ ? *euler_operator_ : *operator_;
 }
 
 constexpr double seen_in_parts = 0.01;  ///< of a source: what parts of steps may miss without a warning

@@ -1,9 +1,7 @@
 #pragma once
 // One method on one grid: which discretisation it stands for on a given scene, and its run.
 
-#include "../kernel/discrete_problem.hpp"
-#include "../kernel/ringing.hpp"
-#include "../kernel/sparse_kernel.hpp"
+#include "../kernel/time_operator.hpp"
 #include "../result/options.hpp"
 #include "../result/result.hpp"
 
@@ -25,7 +23,7 @@ class Methods {
 
   const DiscreteProblem& problem() const { return problem_; }
   /// Whether continuous piecewise-linear y is safe here.
-  const BasisChoice& basis();
+  const BasisChoice& basis() { return operator_->basis(); }
 
  private:
   void march(const Options&, Result&);
@@ -33,14 +31,12 @@ class Methods {
   void iterate(const Options&, Result&);
   void cycle(const Options&, Result&);
   void report_sources(Result&) const;
-  const DiscreteProblem& of(Method) const;
+  TimeOperator& operator_of(Method) const;
   void record_states(Method, Result&);
-  const SparseKernel* kernel();
 
   DiscreteProblem problem_;
-  std::optional<DiscreteProblem> averaged_;  ///< of implicit Euler, where steps are rough
-  std::optional<BasisChoice> basis_;
-  std::optional<std::optional<SparseKernel>> kernel_;
+  std::optional<DiscreteProblem> averaged_;                  ///< of implicit Euler, where steps are rough
+  std::unique_ptr<TimeOperator> operator_, euler_operator_;  ///< the second where steps are rough
   RowMatrix stage_states_;  ///< all states of the last run in stages, where there are few
 };
 

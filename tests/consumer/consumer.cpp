@@ -1,8 +1,7 @@
 // Solves a small scene through the installed package. It is compiled without the library's -march, so it also shows
 // that arrays made by the library can be freed here, and the other way round.
 
-#include <bromwich/core/scenes/catalogue.hpp>
-#include <bromwich/core/solve.hpp>
+#include <bromwich/bromwich.hpp>
 #include <bromwich/cpu/cpu_backend.hpp>
 #include <bromwich/kernels/cuda_backend.hpp>
 

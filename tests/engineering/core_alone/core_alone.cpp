@@ -1,7 +1,7 @@
 // Uses core where there is nothing else: e^{-t} on a contour of the library, and a scene of its catalogue.
 
-#include <bromwich/core/contour.hpp>
-#include <bromwich/core/scenes/catalogue.hpp>
+#include <bromwich/bromwich.hpp>
+#include <bromwich/core/numerics/contour.hpp>
 
 #include <cmath>
 #include <cstdio>

@@ -1,0 +1,143 @@
+// Dense dynamics: the state is stepped.
+
+#include "core/kernel/dense_operator.hpp"
+
+#include "core/base/text.hpp"
+#include "core/kernel/closed_loop.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/kernel/kernel.hpp"
+#include "core/kernel/recurrence.hpp"
+#include "core/kernel/weight_check.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double accepted_kernel_error = 1e-11;  ///< a contour kernel that misses its check by more is not used
+
+// Largest deviation of two tables, relative to the largest weight.
+double deviation(const LagTable& a, const LagTable& b) {
+  const double scale = std::max(a.W.cwiseAbs().maxCoeff(), 1e-300);
+  return std::max((a.W - b.W).cwiseAbs().maxCoeff(), (a.S - b.S).cwiseAbs().maxCoeff()) / scale;
+}
+
+class DenseOperator : public TimeOperator {
+ public:
+  explicit DenseOperator(const DiscreteProblem& p) : TimeOperator(p), dynamics_(*p.dense()) {}
+
+  bool takes_parts() const override { return p_.sources != nullptr; }
+
+  KernelPlan kernel(ConvolutionChoice choice) override {
+    const Index rows = p_.J + 1, n = p_.scene.constraints();
+    const Recurrence recurrence = dense_recurrence(dynamics_, *state_step(p_, Rule::exponential));
+    const Spectrum spectrum = bromwich::spectrum(p_.scene.dynamics);
+    const auto parameters = contour_parameters(spectrum.half_angle);
+    KernelPlan made;
+    const bool scan = choice == ConvolutionChoice::scan || !by_fft(choice);
+    // The two ways to the weights share nothing, so each checks the other; a scan needs only the first lags for that.
+    const Index checked = scan ? std::min<Index>(p_.J, 64) : p_.J;
+    LagTable table = lag_table(recurrence, checked);
+    std::string source = "matrix exponential (" + spectrum.describe() + ")";
+    made.error = NAN;
+    if (!parameters || needs_precision(dynamics_.A, p_.h, p_.J)) {
+      const WeightCheck check = check_weights(p_, std::get<DenseRecurrence>(recurrence), INFINITY);
+      made.error = check.error;
+      if (!check.against.empty()) source += ", checked against " + check.against;
+    } else {
+      LagTable contour = contour_lag_table(p_.backend, dynamics_, *parameters, p_.h, checked);
+      made.error = deviation(table, contour);
+      if (made.error <= accepted_kernel_error) {
+        source = scan ? text("matrix exponential, checked against contours of %ld nodes", long(parameters->P + 1))
+                      : text("contours of %ld nodes a window, checked against the matrix exponential",
+                             long(parameters->P + 1));
+        table = std::move(contour);
+      } else {
+        // Non-normal A defeats the contour, stiff A costs both some digits: the exponential is used, the gap is
+        // reported.
+        source = text("matrix exponential, from which contours differ by %.1e", made.error);
+      }
+    }
+    auto convolution = scan ? p_.backend.convolution(recurrence, rows) : p_.backend.convolution(table, rows);
+    made.kernel = std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), false, rows, n);
+    made.description = (scan ? "scan of the state; " : "FFT over lag weights; ") + source;
+    return made;
+  }
+
+  std::unique_ptr<Array> response(KernelPlan&, Array&) override {
+    auto r = p_.backend.array(p_.J + 1, p_.scene.constraints());
+    p_.backend.upload(dense_response(p_, Rule::exponential), *r);
+    return r;
+  }
+
+  SharedWeights weights(Index steps, const Weights*, Index) override {
+    if (steps == p_.J)
+      return share_weights(Recurrence(dense_recurrence(dynamics_, *state_step(p_, Rule::exponential))));
+    const double h = p_.scene.T / double(steps);
+    return share_weights(
+        Recurrence(dense_recurrence(dynamics_, step_operators(dynamics_.A, Rule::exponential, h, steps))));
+  }
+
+  KernelPlan finest_kernel(const Weights&, ConvolutionChoice choice) override { return kernel(choice); }
+
+  std::optional<RowMatrix> coarse_response(Index steps) override {
+    if (p_.f.size() == 0) return std::nullopt;
+    return dense_response(coarser(p_, steps), Rule::exponential);
+  }
+
+  // The state itself is stepped, x0 and f with it: nothing that grows is computed apart and cancelled later.
+  MarchData march_data(Rule rule, RecurrenceChoice) override {
+    const std::shared_ptr<const StepOperators> operators = state_step(p_, rule);
+    const StepOperators& step = *operators;
+    DenseRecurrence recurrence = dense_recurrence(dynamics_, step);
+    MarchData data{.weights = share_weights(Recurrence(recurrence)),
+                   .r = p_.g,
+                   .description = "state of the scene, stepped",
+                   .start = step.decay * p_.scene.x0};
+    if (p_.f.size() > 0) {
+      const Matrix F = source_matrix(p_), left = step.left * F, right = step.right * F;
+      data.start += left * p_.f.row(0);
+      data.source_input = step.decay * right + left;
+      data.forcing = p_.f.table() * data.source_input.transpose();
+      data.r = SampledSource(p_.g.table() + p_.f.table() * (dynamics_.N * right).transpose());
+    }
+    if (rule == Rule::implicit_euler) return data;
+    const double m = double(p_.scene.states()), n = double(p_.scene.constraints());
+    const WeightCheck check = check_weights(p_, recurrence, double(p_.J) * (m * m + 2 * m * n));
+    data.error = check.error;
+    data.description +=
+        " by the matrix exponential" + (check.against.empty() ? "" : ", checked against " + check.against);
+    return data;
+  }
+
+  RowMatrix states(Rule rule, const RowMatrix& y, const std::vector<Index>& components,
+                   const StepDefects* defects) override {
+    if (components.empty()) return RowMatrix(p_.J + 1, 0);
+    return states_of(p_, rule, y, defects).x(Eigen::all, components);
+  }
+
+ protected:
+  BasisChoice choose_basis() override {
+    return bromwich::choose_basis(p_.scene.M, p_.lcp_class,
+                                  dense_recurrence(dynamics_, *state_step(p_, Rule::exponential)));
+  }
+
+  // Multiplications of one application: the recurrence against transforms of length 2J.
+  bool by_fft(ConvolutionChoice choice) const override {
+    if (choice != ConvolutionChoice::automatic) return choice == ConvolutionChoice::fft;
+    return !scan_is_cheaper(double(p_.scene.states()), double(p_.scene.constraints()), double(p_.J));
+  }
+
+ private:
+  const DenseDynamics& dynamics_;
+};
+
+}  // namespace
+
+std::unique_ptr<TimeOperator> make_dense_operator(const DiscreteProblem& p) {
+  return std::make_unique<DenseOperator>(p);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,9 @@
+#pragma once
+
+#include "time_operator.hpp"
+
+namespace bromwich {
+
+std::unique_ptr<TimeOperator> make_dense_operator(const DiscreteProblem&);
+
+}  // namespace bromwich

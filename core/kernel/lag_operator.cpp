@@ -1,0 +1,77 @@
+// Dynamics that are known by their shifted solves: weights by lag, tabulated from contours
+// (core/kernel/sparse_kernel.hpp).
+
+#include "core/kernel/lag_operator.hpp"
+
+#include "core/kernel/sparse_kernel.hpp"
+
+namespace bromwich {
+
+namespace {
+
+class LagOperator : public TimeOperator {
+ public:
+  explicit LagOperator(const DiscreteProblem& p) : TimeOperator(p) {}
+
+  std::string missing_weights() override { return table() ? "" : "no contour holds the spectrum of this A"; }
+  bool prefers_weights() const override { return true; }
+  bool marches_by_euler() const override { return false; }
+  std::size_t bytes_of_tables() const override { return table_ && *table_ ? (*table_)->bytes : 0; }
+
+  KernelPlan kernel(ConvolutionChoice choice) override { return finest_kernel(*lags(), choice); }
+
+  std::unique_ptr<Array> response(KernelPlan&, Array&) override {
+    auto r = p_.backend.array(p_.J + 1, p_.scene.constraints());
+    p_.backend.upload(p_.g.table() + table()->free, *r);
+    return r;
+  }
+
+  SharedWeights weights(Index steps, const Weights* finer, Index finer_steps) override {
+    return finer ? share_weights(coarsened(*finer, finer_steps, steps)) : lags();
+  }
+
+  KernelPlan finest_kernel(const Weights& weights, ConvolutionChoice choice) override {
+    return {kernel_of(weights, p_.J, choice), "FFT over lag weights; " + table()->description, table()->error};
+  }
+
+  MarchData march_data(Rule, RecurrenceChoice) override {
+    return {.weights = lags(),
+            .r = SampledSource(p_.g.table() + table()->free),
+            .error = table()->error,
+            .description = "lag weights, summed in blocks of time; " + table()->description};
+  }
+
+  RowMatrix states(Rule, const RowMatrix& y, const std::vector<Index>& components, const StepDefects*) override {
+    if (!table_ || !*table_) return RowMatrix::Constant(p_.J + 1, Index(components.size()), NAN);
+    return sparse_states(p_, **table_, y);
+  }
+
+ protected:
+  BasisChoice choose_basis() override {
+    BasisChoice choice = bromwich::choose_basis(p_.scene.M, p_.lcp_class);
+    return choice.continuous && table() ? bromwich::choose_basis(p_.scene.M, p_.lcp_class, *lag_table_of(*lags()))
+                                        : choice;
+  }
+
+ private:
+  const SparseKernel* table() {
+    if (table_) return *table_ ? &**table_ : nullptr;
+    table_ = sparse_kernel(p_, p_.components);
+    if (!*table_) return nullptr;
+    lags_ = share_weights(std::move((*table_)->weights));
+    return &**table_;
+  }
+  const SharedWeights& lags() {
+    table();
+    return lags_;
+  }
+
+  std::optional<std::optional<SparseKernel>> table_;  ///< its weights are in lags_
+  SharedWeights lags_;
+};
+
+}  // namespace
+
+std::unique_ptr<TimeOperator> make_lag_operator(const DiscreteProblem& p) { return std::make_unique<LagOperator>(p); }
+
+}  // namespace bromwich

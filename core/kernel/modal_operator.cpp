@@ -1,0 +1,184 @@
+// Kronecker sums: everything in sine modes, one scalar convolution a mode.
+
+#include "core/kernel/modal_operator.hpp"
+
+#include "core/base/text.hpp"
+#include "core/kernel/compression.hpp"
+#include "core/kernel/modal_states.hpp"
+#include "core/kernel/recurrence.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+/// Up to this many eigenvalues a fit, which takes 20 and more exponentials, would not halve their number.
+constexpr Index fewest_compressed = 40;
+
+// S N (discrete e^{A t_j}) x0 by stepping all modes: for x0 that the driven recurrence cannot carry.
+RowMatrix stepped_initial_response(const DiscreteProblem& p, Rule rule) {
+  const KroneckerDynamics& d = *p.kronecker();
+  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), seen = in_sine_basis(d.n);
+  RowMatrix x = x0_in_modes(p.backend, d, p.scene.x0, true), decay(x.rows(), x.cols()), modes(p.J + 1, x.rows());
+  for (Index l = 0; l < mu.size(); ++l)
+    for (Index k = 0; k < nu.size(); ++k) {
+      const double z = p.h * (mu[l] + nu[k]);
+      decay(l, k) = rule == Rule::exponential ? std::exp(z) : 1 / (1 - z);
+    }
+  for (Index j = 0; j <= p.J; ++j, x.array() *= decay.array()) modes.row(j) = (x * seen).transpose();
+  return modes;
+}
+
+// g + S modes, on the host.
+RowMatrix with_modes(const DiscreteProblem& p, const RowMatrix& values) {
+  const auto modes = p.backend.array(values.rows(), values.cols()), r = p.backend.array(values.rows(), values.cols());
+  p.backend.upload(values, *modes);
+  upload(p.backend, p.g, *r);
+  p.backend.sine_transform(values.cols(), values.rows())->apply(*modes, r.get(), *r, 0);
+  RowMatrix sum;
+  p.backend.download(*r, sum);
+  return sum;
+}
+
+class ModalOperator : public TimeOperator {
+ public:
+  explicit ModalOperator(const DiscreteProblem& p) : TimeOperator(p), dynamics_(*p.kronecker()) {}
+
+  KernelPlan kernel(ConvolutionChoice choice) override {
+    const Index rows = p_.J + 1, n = dynamics_.along.points;
+    const auto parameters = contour_parameters(0);
+    if (choice != ConvolutionChoice::fft && (fits() || choice == ConvolutionChoice::scan)) {
+      KernelPlan made = plan(*weights(p_.J, nullptr, 0), choice);
+      made.description = fits() ? text("scan of %ld exponentials a mode, fitted to contour values (%ld nodes a window)",
+                                       long(sum().rates.size()), long(parameters->P + 1))
+                                : text("scan of all %ld eigenvalues a mode", long(dynamics_.across.points));
+      return made;
+    }
+    KernelPlan made;
+    const LagTable table = contour_lag_table(p_.backend, dynamics_, *parameters, p_.h, p_.J);
+    made.kernel = std::make_unique<SpaceTimeKernel>(p_.backend, p_.backend.convolution(table, rows), true, rows, n);
+    made.description = text("FFT over lag weights from contours of %ld nodes a window", long(parameters->P + 1));
+    made.error = NAN;  // the table is the contour values: nothing else was computed to hold them against
+    return made;
+  }
+
+  std::unique_ptr<Array> response(KernelPlan& plan, Array& v) override {
+    const Index rows = p_.J + 1, n = p_.scene.constraints();
+    auto r = p_.backend.array(rows, n);
+    const auto input = p_.backend.array(rows, n);
+    upload(p_.backend, p_.g, *r);
+    if (plan.started) {
+      p_.backend.upload(p_.start.transpose(), *r);  // row 0: the kernel has nothing at t = 0
+      plan.kernel->add_start(*plan.started, *input, *r);
+    } else {
+      p_.backend.upload(kronecker_initial_response(p_), *input);
+      p_.backend.sine_transform(n, rows)->apply(*input, r.get(), *r, 0);  // g + S N e^{At} x0
+    }
+    add_rough_response(p_, *r);
+    if (!p_.drive()) return r;
+    upload(p_.backend, *p_.drive(), *input);
+    plan.kernel->apply(*input, v, 0);
+    p_.backend.add(*r, 1, v, *r);
+    return r;
+  }
+
+  // Where no short sum fits, all eigenvalues are one. The fit of the finest grid serves all.
+  SharedWeights weights(Index steps, const Weights* finer, Index finer_steps) override {
+    if (finer) return share_weights(coarsened(*finer, finer_steps, steps));
+    const double h = p_.scene.T / double(steps);
+    return share_weights(Recurrence(fits() ? compressed_recurrence(p_.backend, dynamics_, sum(), h)
+                                           : modal_recurrence(dynamics_, Rule::exponential, h, RowMatrix())));
+  }
+
+  KernelPlan finest_kernel(const Weights& weights, ConvolutionChoice choice) override {
+    KernelPlan made = plan(weights, choice);
+    made.description = (by_fft(choice) ? "FFT over lag weights of " : "scan of ") +
+                       (fits() ? std::to_string(sum().rates.size()) + " exponentials a mode, fitted to contour values"
+                               : "all " + std::to_string(dynamics_.across.points) + " eigenvalues a mode");
+    return made;
+  }
+
+  const SampledSource* drive() const override { return p_.drive(); }
+
+  MarchData march_data(Rule rule, RecurrenceChoice choice) override {
+    const Index all = dynamics_.across.points;
+    if (rule == Rule::exponential && choice != RecurrenceChoice::modal &&
+        (choice == RecurrenceChoice::compressed || all > fewest_compressed) && fits() &&
+        (choice == RecurrenceChoice::compressed || 2 * sum().rates.size() <= all)) {
+      MarchData data = compressed();
+      data.description = std::to_string(sum().rates.size()) + " exponentials a mode, stepped";
+      return data;
+    }
+    MarchData data = all_modes(rule);
+    data.description = std::to_string(all) + " eigenvalues a mode, stepped";
+    return data;
+  }
+
+  RowMatrix states(Rule rule, const RowMatrix& y, const std::vector<Index>& components, const StepDefects*) override {
+    if (components.empty()) return RowMatrix(p_.J + 1, 0);
+    return modal_states(p_, rule, y, components);
+  }
+
+ protected:
+  BasisChoice choose_basis() override { return bromwich::choose_basis(p_.scene.M, p_.lcp_class); }
+  bool modal() const override { return true; }
+
+ private:
+  const ExponentialSum& sum() {
+    if (!sum_) sum_ = compress_line_kernel(dynamics_, p_.h, p_.scene.T);
+    return *sum_;
+  }
+  bool fits() { return sum().error <= accepted_compression_error; }
+
+  // x0 through the exponentials of the fit.
+  const std::optional<InitialSum>& initial() {
+    if (!initial_) initial_ = kronecker_initial_sum(p_, sum());
+    return *initial_;
+  }
+
+  KernelPlan plan(const Weights& weights, ConvolutionChoice choice) {
+    KernelPlan made{kernel_of(weights, p_.J, choice), "", NAN};
+    if (!fits()) return made;
+    made.error = sum().error;
+    if (by_fft(choice) || !initial()) return made;
+    made.started = started(*modal_recurrence_of(weights), initial()->coefficients);
+    if (made.started) made.error = std::max(made.error, initial()->error);
+    return made;
+  }
+
+  MarchData all_modes(Rule rule) {
+    const Vector b = in_sine_basis(dynamics_.b);
+    const bool carried = b.cwiseAbs().minCoeff() > 1e-10 * b.cwiseAbs().maxCoeff();  // x0, by the driven recurrence
+    const RowMatrix x0 = carried ? x0_in_modes(p_.backend, dynamics_, p_.scene.x0, true) : RowMatrix();
+    return {.weights = share_weights(Recurrence(modal_recurrence(dynamics_, rule, p_.h, x0))),
+            .r = carried ? p_.g : SampledSource(with_modes(p_, stepped_initial_response(p_, rule))),
+            .drive = p_.drive()};
+  }
+
+  MarchData compressed() {
+    ModalRecurrence recurrence = compressed_recurrence(p_.backend, dynamics_, sum(), p_.h);
+    MarchData data{.r = p_.g, .error = sum().error, .drive = p_.drive()};
+    if (auto with_x0 = initial() ? started(recurrence, initial()->coefficients) : std::nullopt) {
+      recurrence = std::move(*with_x0);
+      data.error = std::max(data.error, initial()->error);
+    } else {
+      data.r = SampledSource(with_modes(p_, kronecker_initial_response(p_)));
+    }
+    data.weights = share_weights(Recurrence(std::move(recurrence)));
+    return data;
+  }
+
+  const KroneckerDynamics& dynamics_;
+  std::optional<ExponentialSum> sum_;
+  std::optional<std::optional<InitialSum>> initial_;
+};
+
+}  // namespace
+
+std::unique_ptr<TimeOperator> make_modal_operator(const DiscreteProblem& p) {
+  return std::make_unique<ModalOperator>(p);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,15 @@
+#include "core/kernel/operators.hpp"
+
+#include "core/kernel/dense_operator.hpp"
+#include "core/kernel/lag_operator.hpp"
+#include "core/kernel/modal_operator.hpp"
+
+namespace bromwich {
+
+std::unique_ptr<TimeOperator> make_time_operator(const DiscreteProblem& p) {
+  if (p.dense()) return make_dense_operator(p);
+  if (p.kronecker()) return make_modal_operator(p);
+  return make_lag_operator(p);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,74 @@
+#include "core/kernel/space_time_kernel.hpp"
+
+#include "core/base/timer.hpp"
+
+#include <utility>
+
+namespace bromwich {
+
+SpaceTimeKernel::SpaceTimeKernel(Backend& backend, std::unique_ptr<Convolution> convolution, bool modal, Index rows,
+                                 Index n)
+    : backend_(backend), convolution_(std::move(convolution)) {
+  if (!modal) return;
+  sine_ = backend.sine_transform(n, rows);
+  y_modes_ = backend.array(rows, n);
+  v_modes_ = backend.array(rows, n);
+}
+
+void SpaceTimeKernel::apply(const Array& y, Array& v, Index first) {
+  Timer timer;
+  if (!sine_) {
+    convolution_->apply(y, v, first);
+    convolution_seconds += timer.lap();
+    return;
+  }
+  sine_->apply(y, nullptr, *y_modes_, first);
+  transform_seconds += timer.lap();
+  convolution_->apply(*y_modes_, *v_modes_, first);
+  convolution_seconds += timer.lap();
+  sine_->apply(*v_modes_, nullptr, v, first);
+  transform_seconds += timer.lap();
+}
+
+void SpaceTimeKernel::apply_injected(const SpaceTimeKernel& fine, const Array& y_fine, Array& y, Array& v) {
+  if (sine_) return apply_injected_modes(fine, v);
+  backend_.inject(y_fine, y);
+  apply(y, v, 0);
+}
+
+void SpaceTimeKernel::apply_injected_modes(const SpaceTimeKernel& fine, Array& v) {
+  Timer timer;
+  backend_.inject(*fine.y_modes_, *y_modes_);
+  convolution_->apply(*y_modes_, *v_modes_, 0);
+  convolution_seconds += timer.lap();
+  sine_->apply(*v_modes_, nullptr, v, 0);
+  transform_seconds += timer.lap();
+}
+
+bool SpaceTimeKernel::sweeps(const LcpBatch& lcp) const { return sine_ && lcp.takes_modes(); }
+
+// Between two convolutions the batch takes modes of v and leaves modes of y.
+void SpaceTimeKernel::sweep(LcpBatch& lcp, const Array& r, Array& y, Array& v, SweepOrder order) {
+  if (order.before) {
+    sine_->apply(y, nullptr, *y_modes_, 0);
+    convolution_->apply(*y_modes_, *v_modes_, 0);
+  }
+  bool in_modes = order.before;
+  for (int i = 1; i <= order.count; ++i, in_modes = true) {
+    const bool more = i < order.count || order.behind;
+    lcp.start_in_modes(*sine_, r, in_modes ? *v_modes_ : v, in_modes, y, more ? y_modes_.get() : nullptr, 1);
+    if (more) convolution_->apply(*y_modes_, *v_modes_, 0);
+  }
+  if (order.behind) sine_->apply(*v_modes_, nullptr, v, 0);
+}
+
+void SpaceTimeKernel::add_start(const Recurrence& started, const Array& zero, Array& r) {
+  backend_.convolution(started, zero.rows())->apply(zero, *v_modes_, 0);
+  sine_->apply(*v_modes_, &r, r, 0);
+}
+
+std::size_t SpaceTimeKernel::bytes() const {
+  return convolution_->bytes() + (sine_ ? sine_->bytes() + y_modes_->bytes() + v_modes_->bytes() : 0);
+}
+
+}  // namespace bromwich

@@ -1,0 +1,45 @@
+#pragma once
+// The weights of a discrete convolution in either form, and those of the grid with half the steps.
+//
+// What is piecewise linear on a coarse grid is so on the finer one too: with I the interpolation and half the steps,
+// (K_c y)_i = (K I y)_{2i}, or for tabulated weights
+//
+//     W^c_0 = W_0 + W_1/2,   W^c_d = W_{2d-1}/2 + W_{2d} + W_{2d+1}/2,   S^c_d = S_{2d} + W_{2d-1}/2      (d >= 1).
+
+#include "../seam/recurrence.hpp"
+
+#include <memory>
+#include <utility>
+#include <variant>
+
+namespace bromwich {
+
+using Weights = std::variant<Recurrence, LagTable>;
+/// Tables are large: those who need the same weights share them.
+using SharedWeights = std::shared_ptr<const Weights>;
+
+template <class Form>
+SharedWeights share_weights(Form form) {
+  return std::make_shared<const Weights>(std::move(form));
+}
+
+/// Null where the weights have the other form.
+const LagTable* lag_table_of(const Weights&);
+const Recurrence* recurrence_of(const Weights&);
+const ModalRecurrence* modal_recurrence_of(const Weights&);
+
+/// |W_0| 1, n.
+Vector first_row_sums(const Weights&);
+
+/// Weights of the grid with half the steps.
+LagTable coarsen(const LagTable&);
+
+/// The same for exponentials, all e^{2x} now:
+///     E^c = E^2,   C^c = C (1 + E)^2 / 2,   C^c G0^c = C (E G0 + 1/2),   W^c_0 = W_0 + W_1/2,   w1^c = s1^c = w1/2.
+/// x0 is left out.
+ModalRecurrence coarsen(const ModalRecurrence&);
+
+/// Halves the number of steps until it is `steps`. Lag tables and modal recurrences alone.
+Weights coarsened(const Weights& fine, Index fine_steps, Index steps);
+
+}  // namespace bromwich
