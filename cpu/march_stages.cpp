@@ -126,8 +126,8 @@ class Stages final : public StageMarch {
  public:
   Stages(const StageProblem& p, Index rows)
       : problem_(p), asked_to_stop_(p), rows_(rows), lengths_(p, rows), main_(p, p.stages, p.h, lengths_.rows(0)) {
-    if (const auto* d = std::get_if<DenseDynamics>(p.dynamics)) B_ = d->B.sparseView();
-    if (const auto* d = std::get_if<SparseDynamics>(p.dynamics)) B_ = d->B;
+    const auto* dense = std::get_if<DenseDynamics>(p.dynamics);
+    B_ = dense ? SparseMatrix(dense->B.sparseView()) : sparse_inputs(*p.dynamics);
   }
 
   MarchReport run(Array& y_array, Array& impulse_array, Array& v_array, Array& x_array) override {
@@ -213,14 +213,7 @@ class Stages final : public StageMarch {
   }
 
   void record(const Vector& x, Index j, RowMatrix& V, RowMatrix& X) const {
-    V.row(j) = std::visit(
-        [&](const auto& d) -> Vector {
-          if constexpr (requires { d.N; })
-            return d.N * x;
-          else
-            return {};
-        },
-        *problem_.dynamics);
+    V.row(j) = observe(*problem_.dynamics, x).transpose();
     for (std::size_t c = 0; c < problem_.components.size(); ++c) X(j, Index(c)) = x[problem_.components[c]];
   }
 

@@ -1,5 +1,7 @@
 // Shifted solves at the nodes of a contour, all nodes at once.
 
+#include "core/base/error.hpp"
+#include "core/base/text.hpp"
 #include "core/kernel/kernel.hpp"
 #include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
@@ -41,6 +43,34 @@ ComplexMatrix of(const DenseDynamics& dynamics, const ComplexVector& nodes, int 
 
 ComplexMatrix of(const SparseDynamics& dynamics, const ComplexVector& nodes, int threads) {
   return sparse_resolvent(dynamics, nodes, threads);
+}
+
+ComplexMatrix of(const SuppliedDynamics& dynamics, const ComplexVector& nodes, int threads) {
+  const Index n = dynamics.N.rows(), k = dynamics.B.cols(), m = dynamics.states;
+  const ComplexMatrix B = Matrix(dynamics.B).cast<Complex>();
+  const Eigen::SparseMatrix<Complex> N = dynamics.N.cast<Complex>();
+  ComplexMatrix R(nodes.size(), n * k);
+  const auto solve = [&](Index p) {
+    const ComplexMatrix X = dynamics.shifted(nodes[p])(B);
+    if (X.rows() != m || X.cols() != k)
+      throw Error("shifted", text("returned %td x %td", X.rows(), X.cols()), text("return %td x %td, as R has", m, k));
+    const ComplexMatrix block = N * X;
+    for (Index i = 0; i < n; ++i)
+      for (Index j = 0; j < k; ++j) R(p, i * k + j) = block(i, j);
+  };
+  if (!dynamics.thread_safe) {
+    for (Index p = 0; p < nodes.size(); ++p) solve(p);
+    return R;
+  }
+  Failure failure;
+#pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
+  for (Index p = 0; p < nodes.size(); ++p) try {
+      solve(p);
+    } catch (...) {
+      failure.keep();
+    }
+  failure.rethrow();
+  return R;
 }
 
 }  // namespace

@@ -1,9 +1,9 @@
-// N (z_p I - A)^{-1} B for sparse A: the multifrontal elimination of core/numerics/elimination.hpp, eight nodes at a
-// time, one in each lane. All lanes share the structure, so even the many fronts with one or two pivots run on whole
-// vectors.
+// N (z_p E - A)^{-1} B for sparse A and E: the multifrontal elimination of core/numerics/elimination.hpp, eight nodes
+// at a time, one in each lane. All lanes share the structure, so even the many fronts with one or two pivots run on
+// whole vectors.
 //
 // No pivoting: for z outside the numerical range of A a rotation of zI - A has a positive definite Hermitian part, and
-// every order of elimination is stable. Whether that held is measured: the column (zI - A) u, u = ±1, is carried along,
+// every order of elimination is stable. Whether that held is measured: the column (zE - A) u, u = ±1, is carried along,
 // whose answer N u is known. A node that misses it is solved again by an LU factorization with partial pivoting.
 
 #include "core/kernel/kernel.hpp"
@@ -61,24 +61,34 @@ struct System {
   Elimination plan;
   bool symmetric = false;
   std::vector<int> position;
-  const SparseMatrix& A;
-  RowSparse rows_of_A;  ///< only for non-symmetric A
+  SparseMatrix A, E;               ///< with the same structure where E is given; otherwise E is empty
+  RowSparse rows_of_A, rows_of_E;  ///< only where they are not symmetric
   RowSparse B;
   const SparseMatrix& N;
-  Vector u, Au;
+  Vector u, Au, Eu;
 
-  System(const SparseDynamics& d, Elimination elimination)
-      : plan(std::move(elimination)), symmetric(is_symmetric(d.A)), A(d.A), B(d.B), N(d.N), u(d.A.rows()) {
+  explicit System(const SparseDynamics& d)
+      : A(d.E.rows() > 0 ? SparseMatrix(d.A + 0 * d.E) : d.A),
+        E(d.E.rows() > 0 ? SparseMatrix(d.E + 0 * d.A) : d.E),
+        B(d.B),
+        N(d.N),
+        u(d.A.rows()) {
+    plan = analyse(A, d.B, N, 1);
+    symmetric = is_symmetric(A) && (!mass() || is_symmetric(E));
     position.resize(plan.order.size());
     for (std::size_t i = 0; i < position.size(); ++i) position[std::size_t(plan.order[i])] = int(i);
-    if (!symmetric) rows_of_A = d.A;
+    if (!symmetric) rows_of_A = A;
+    if (!symmetric && mass()) rows_of_E = E;
     unsigned long long random = 1;
     for (double& value : u) {
       random = random * 6364136223846793005ULL + 1442695040888963407ULL;
       value = random >> 63 ? 1 : -1;
     }
     Au = A * u;
+    Eu = mass() ? Vector(E * u) : u;
   }
+
+  bool mass() const { return E.rows() > 0; }
 
   static bool is_symmetric(const SparseMatrix& A) {
     const SparseMatrix transposed = A.transpose();
@@ -99,7 +109,7 @@ class Fronts {
         stack_(std::size_t(s_.plan.largest_stack)),
         result_(std::size_t(s_.N.rows() * inputs_)) {}
 
-  // result(i, c): entry (i, c) of N (zI - A)^{-1} [B, (zI - A) u].
+  // result(i, c): entry (i, c) of N (zE - A)^{-1} [B, (zE - A) u].
   void run(const Entry& z) {
     z_ = z;
     std::fill(result_.begin(), result_.end(), Entry{all(0), all(0)});
@@ -138,7 +148,13 @@ class Fronts {
     for (const int c : front.inputs) column_place_[std::size_t(c)] = next++;
   }
 
-  // Entries of zI - A, B and -N in the rows and columns of the pivots that no earlier front had.
+  // a += z e
+  void add_shift(Entry& a, double e) const {
+    a.re += z_.re * all(e);
+    a.im += z_.im * all(e);
+  }
+
+  // Entries of zE - A, B and -N in the rows and columns of the pivots that no earlier front had.
   void assemble(const Front& front) {
     const Index test = inputs_ - 1;
     for (Index p = 0; p < pivots_; ++p) {
@@ -147,8 +163,19 @@ class Fronts {
         const int i = s_.position[std::size_t(a.row())];
         if (i >= front.first) at(place_[std::size_t(i)], p).re -= all(a.value());
       }
-      at(p, p).re += z_.re;
-      at(p, p).im += z_.im;
+      if (!s_.mass()) {
+        at(p, p).re += z_.re;
+        at(p, p).im += z_.im;
+      } else {
+        for (SparseMatrix::InnerIterator e(s_.E, original); e; ++e) {
+          const int i = s_.position[std::size_t(e.row())];
+          if (i >= front.first) add_shift(at(place_[std::size_t(i)], p), e.value());
+        }
+        for (RowSparse::InnerIterator e(s_.rows_of_E, original); !s_.symmetric && e; ++e) {
+          const int j = s_.position[std::size_t(e.col())];
+          if (j >= front.first + pivots_) add_shift(at(p, place_[std::size_t(j)]), e.value());
+        }
+      }
       if (!s_.symmetric)
         for (RowSparse::InnerIterator a(s_.rows_of_A, original); a; ++a) {
           const int j = s_.position[std::size_t(a.col())];
@@ -157,8 +184,8 @@ class Fronts {
       for (RowSparse::InnerIterator b(s_.B, original); b; ++b)
         at(p, column_place_[std::size_t(b.col())]).re += all(b.value());
       Entry& known = at(p, column_place_[std::size_t(test)]);
-      known.re += z_.re * all(s_.u[original]) - all(s_.Au[original]);
-      known.im += z_.im * all(s_.u[original]);
+      known.re += z_.re * all(s_.Eu[original]) - all(s_.Au[original]);
+      known.im += z_.im * all(s_.Eu[original]);
       for (SparseMatrix::InnerIterator n(s_.N, original); n; ++n)
         at(row_place_[std::size_t(n.row())], p).re -= all(n.value());
     }
@@ -284,14 +311,17 @@ double miss(const Vector& Nu, const Vector& scale, const Answer& answer) {
 // A plain LU factorization with partial pivoting of one node.
 bool solve_pivoted(const System& s, Complex z, Eigen::Ref<Eigen::RowVectorXcd> out) {
   Eigen::SparseMatrix<Complex> shifted(s.A.rows(), s.A.cols());
-  shifted.setIdentity();
+  if (s.mass())
+    shifted = s.E.cast<Complex>();
+  else
+    shifted.setIdentity();
   shifted = z * shifted - s.A.cast<Complex>();
   shifted.makeCompressed();
   Eigen::SparseLU<Eigen::SparseMatrix<Complex>> lu;
   lu.compute(shifted);
   if (lu.info() != Eigen::Success) return false;
   const Eigen::SparseMatrix<Complex> N = s.N.cast<Complex>();
-  const ComplexVector test = lu.solve(ComplexVector(z * s.u.cast<Complex>() - s.Au.cast<Complex>()));
+  const ComplexVector test = lu.solve(ComplexVector(z * s.Eu.cast<Complex>() - s.Au.cast<Complex>()));
   if (!((test - s.u).cwiseAbs().maxCoeff() < accepted_pivoted_miss)) return false;
   for (Index c = 0; c < s.B.cols(); ++c) {
     const ComplexVector column = N * ComplexVector(lu.solve(ComplexVector(s.B.col(c).cast<Complex>())));
@@ -303,7 +333,7 @@ bool solve_pivoted(const System& s, Complex z, Eigen::Ref<Eigen::RowVectorXcd> o
 }  // namespace
 
 ComplexMatrix sparse_resolvent(const SparseDynamics& d, const ComplexVector& nodes, int threads) {
-  const System system(d, analyse(d.A, d.B, d.N, 1));
+  const System system(d);
   const Index n = d.N.rows(), k = d.B.cols(), groups = blocks(nodes.size());
   const Vector Nu = d.N * system.u, scale = d.N.cwiseAbs() * Vector::Ones(d.N.cols());
   ComplexMatrix R(nodes.size(), n * k);

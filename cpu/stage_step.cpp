@@ -8,7 +8,9 @@
 #include <Eigen/SparseLU>
 
 #include <cmath>
+#include <functional>
 #include <type_traits>
+#include <utility>
 
 namespace bromwich::cpu {
 
@@ -112,25 +114,93 @@ class DenseStageStep final : public StageStep {
   Matrix decay_, see_, drive_, implicit_;
 };
 
-// One sparse factorization, one solve a step.
+// (mu/h E - A)^{-1}, prepared; E x.
 template <class Scalar>
-class SparseStep final : public StageStep {
-  static constexpr Index s = Coefficients<Scalar>::stages;
+class ShiftedSystem {
+ public:
   using ScalarVector = Eigen::Matrix<Scalar, Eigen::Dynamic, 1>;
   using ScalarMatrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
+  virtual ~ShiftedSystem() = default;
+  virtual ScalarMatrix solve(const ScalarMatrix& right) = 0;
+  virtual ScalarVector solve(const ScalarVector& right) = 0;
+  virtual Vector times_mass(const Vector& x) const = 0;
+  virtual std::size_t bytes() = 0;
+};
+
+// One sparse factorization.
+template <class Scalar>
+class FactorizedSystem final : public ShiftedSystem<Scalar> {
+  using Base = ShiftedSystem<Scalar>;
   using ScalarSparse = Eigen::SparseMatrix<Scalar>;
 
  public:
-  SparseStep(const StageProblem& p, const SparseDynamics& d, double h, const std::vector<Index>& rows)
-      : h_(h), N_(d.N), F_(p.F), g_(last_stages(p.g, p.stages, s, rows)), phi_(last_stages(p.phi, p.stages, s, rows)) {
-    const Index m = d.A.rows(), n = d.N.rows();
-    ScalarSparse shifted(m, m);
-    shifted.setIdentity();
-    shifted = (c_.mu / h * shifted - d.A.cast<Scalar>()).pruned(Scalar(0), 0);
+  FactorizedSystem(const SparseDynamics& d, Scalar shift) : E_(d.E) {
+    ScalarSparse shifted(d.A.rows(), d.A.cols());
+    if (E_.rows() > 0)
+      shifted = E_.cast<Scalar>();
+    else
+      shifted.setIdentity();
+    shifted = (shift * shifted - d.A.cast<Scalar>()).pruned(Scalar(0), 0);
     shifted.makeCompressed();
     lu_.compute(shifted);
     if (lu_.info() != Eigen::Success) singular_step();
-    const ScalarMatrix RB = lu_.solve(ScalarMatrix(d.B.cast<Scalar>()));
+  }
+  typename Base::ScalarMatrix solve(const typename Base::ScalarMatrix& right) override { return lu_.solve(right); }
+  typename Base::ScalarVector solve(const typename Base::ScalarVector& right) override { return lu_.solve(right); }
+  Vector times_mass(const Vector& x) const override { return E_.rows() > 0 ? Vector(E_ * x) : x; }
+  std::size_t bytes() override { return std::size_t(lu_.nnzL() + lu_.nnzU()) * (sizeof(Scalar) + 4); }
+
+ private:
+  SparseMatrix E_;
+  Eigen::SparseLU<ScalarSparse> lu_;
+};
+
+// The solver of the user.
+template <class Scalar>
+class SuppliedSystem final : public ShiftedSystem<Scalar> {
+  using Base = ShiftedSystem<Scalar>;
+
+ public:
+  SuppliedSystem(const SuppliedDynamics& d, Scalar shift) : mass_(d.mass), solve_(d.shifted(shift)) {}
+  typename Base::ScalarMatrix solve(const typename Base::ScalarMatrix& right) override {
+    const ComplexMatrix X = solve_(right.template cast<Complex>());
+    if (X.rows() != right.rows() || X.cols() != right.cols())
+      throw Error("shifted", "its solution has another shape than R", "return as many rows and columns as R has");
+    if (!X.allFinite()) singular_step();
+    if constexpr (std::is_same_v<Scalar, Complex>)
+      return X;
+    else
+      return X.real();
+  }
+  typename Base::ScalarVector solve(const typename Base::ScalarVector& right) override {
+    return solve(typename Base::ScalarMatrix(right));
+  }
+  Vector times_mass(const Vector& x) const override { return mass_ ? Vector(mass_(x)) : x; }
+  std::size_t bytes() override { return 0; }
+
+ private:
+  std::function<Matrix(const Matrix&)> mass_;
+  ShiftedSolve solve_;
+};
+
+// One solve a step.
+template <class Scalar>
+class SolvedStep final : public StageStep {
+  static constexpr Index s = Coefficients<Scalar>::stages;
+  using ScalarVector = Eigen::Matrix<Scalar, Eigen::Dynamic, 1>;
+  using ScalarMatrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
+
+ public:
+  SolvedStep(const StageProblem& p, std::unique_ptr<ShiftedSystem<Scalar>> system, double h,
+             const std::vector<Index>& rows)
+      : h_(h),
+        N_(sparse_outputs(*p.dynamics)),
+        F_(p.F),
+        g_(last_stages(p.g, p.stages, s, rows)),
+        phi_(last_stages(p.phi, p.stages, s, rows)),
+        system_(std::move(system)) {
+    const Index m = states(*p.dynamics), n = N_.rows();
+    const ScalarMatrix RB = system_->solve(ScalarMatrix(Matrix(sparse_inputs(*p.dynamics)).cast<Scalar>()));
     drive_.resize(m, s * n);
     implicit_.resize(s * n, s * n);
     for (Index i = 0; i < s; ++i)
@@ -142,12 +212,12 @@ class SparseStep final : public StageStep {
   }
 
   void free(const Vector& x, Index j, Vector& q, Vector& x_free) override {
-    rhs_ = (c_.start / h_) * x.cast<Scalar>();
+    rhs_ = (c_.start / h_) * system_->times_mass(x).template cast<Scalar>();
     for (Index k = 0; k < s && phi_.size() > 0; ++k) {
       x_free.noalias() = F_ * phi_.row(j).segment(k * F_.cols(), F_.cols()).transpose();
       rhs_ += c_.w[k] * x_free.cast<Scalar>();
     }
-    xi_ = lu_.solve(rhs_);
+    xi_ = system_->solve(rhs_);
     const Index n = N_.rows();
     q = g_.row(j).transpose();
     for (Index i = 0; i < s; ++i) {
@@ -158,8 +228,7 @@ class SparseStep final : public StageStep {
   void drive(const Vector& y, Vector& x_free) const override { x_free.noalias() += drive_ * y; }
   const Matrix& implicit_part() const override { return implicit_; }
   std::size_t bytes() const override {
-    return std::size_t(lu_.nnzL() + lu_.nnzU()) * (sizeof(Scalar) + 4) +
-           sizeof(double) * std::size_t(drive_.size() + implicit_.size() + g_.size() + phi_.size());
+    return system_->bytes() + sizeof(double) * std::size_t(drive_.size() + implicit_.size() + g_.size() + phi_.size());
   }
 
  private:
@@ -167,7 +236,7 @@ class SparseStep final : public StageStep {
   double h_;
   SparseMatrix N_, F_;
   RowMatrix g_, phi_;
-  mutable Eigen::SparseLU<ScalarSparse> lu_;  // nnzL() is not const
+  std::unique_ptr<ShiftedSystem<Scalar>> system_;
   Matrix drive_, implicit_;
   ScalarVector rhs_, xi_;
 };
@@ -176,8 +245,13 @@ template <class Scalar>
 std::unique_ptr<StageStep> make(const StageProblem& p, double h, const std::vector<Index>& rows) {
   if (const auto* d = std::get_if<DenseDynamics>(p.dynamics))
     return std::make_unique<DenseStageStep<Scalar>>(p, *d, h, rows);
+  const Scalar shift = Coefficients<Scalar>().mu / h;
+  std::unique_ptr<ShiftedSystem<Scalar>> system;
   if (const auto* d = std::get_if<SparseDynamics>(p.dynamics))
-    return std::make_unique<SparseStep<Scalar>>(p, *d, h, rows);
+    system = std::make_unique<FactorizedSystem<Scalar>>(*d, shift);
+  if (const auto* d = std::get_if<SuppliedDynamics>(p.dynamics))
+    system = std::make_unique<SuppliedSystem<Scalar>>(*d, shift);
+  if (system) return std::make_unique<SolvedStep<Scalar>>(p, std::move(system), h, rows);
   throw Error("dynamics", "a Kronecker sum has no stages", "write it out densely");
 }
 

@@ -63,9 +63,12 @@ LcpMatrix lcp_matrix(const MatrixValue& value, const std::string& where) {
 
 Dynamics dynamics(const Sections& s) {
   const MatrixValue A = s.dynamics.matrix("A"), B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N");
-  if (stays_sparse(A)) return SparseDynamics{to_sparse(A), to_sparse(B), to_sparse(N)};
+  const bool mass = s.dynamics.has("E");
+  const MatrixValue E = mass ? s.dynamics.matrix("E") : MatrixValue(Matrix());
+  if (stays_sparse(A))
+    return SparseDynamics{to_sparse(A), to_sparse(B), to_sparse(N), mass ? to_sparse(E) : SparseMatrix()};
   return DenseDynamics{to_dense(A, s.dynamics.where("A")), to_dense(B, s.dynamics.where("B")),
-                       to_dense(N, s.complementarity.where("N"))};
+                       to_dense(N, s.complementarity.where("N")), mass ? to_dense(E, s.dynamics.where("E")) : Matrix()};
 }
 
 LcpClass lcp_class(const Section& complementarity) {
@@ -131,7 +134,7 @@ PortHamiltonian read_port(const Section& section, double T, Draft& draft) {
 
 /// E x' = (J - R) Q x + B u, with or without complementarity: y enters by dynamics.B.
 Scene port_scene(const Sections& s, Draft& draft) {
-  for (const char* key : {"A", "f", "F", "x0"})
+  for (const char* key : {"A", "E", "f", "F", "x0"})
     if (s.dynamics.has(key))
       throw Error(s.dynamics.where(key), "is given with a section [port]",
                   "leave it out: E, J, R, Q, B, u and x0 of [port] say it");
@@ -170,6 +173,8 @@ Scene port_scene(const Sections& s, Draft& draft) {
 Scene relay_scene(const Sections& s) {
   if (s.complementarity.given())
     throw Error(s.relay.where("C"), "found [relay] and [complementarity]", "give one of the two");
+  if (s.dynamics.has("E"))
+    throw Error(s.dynamics.where("E"), "is given with [relay]", "multiply A, B and f by its inverse");
   const Index m = rows(s.dynamics.matrix("A"));
   const auto dense = [](const Section& section, const char* key) {
     return to_dense(section.matrix(key), section.where(key));

@@ -47,7 +47,7 @@ Sections read_sections(const Document& document, const toml::table& root) {
   const toml::table* parameters = table("parameters");
   return {top,
           Section(document, parameters, "parameters", keys_of(parameters)),
-          Section(document, table("dynamics"), "dynamics", {"A", "B", "f", "F", "x0"}),
+          Section(document, table("dynamics"), "dynamics", {"A", "B", "E", "f", "F", "x0"}),
           Section(document, table("complementarity"), "complementarity", {"N", "M", "g", "class"}),
           Section(document, table("relay"), "relay", {"C"}),
           Section(document, table("port"), "port", {"E", "J", "R", "Q", "B", "u", "jumps", "x0"}),

@@ -14,7 +14,8 @@ namespace bromwich::cuda {
 /// Throws Error("cuda", ...) with what cuBLAS says.
 inline void check(cublasStatus_t status, const char* what) {
   if (status != CUBLAS_STATUS_SUCCESS)
-    throw Error("cuda", std::string(what) + " failed: " + cublasGetStatusString(status), "use the cpu backend");
+    throw Error("cuda", std::string(what) + " failed: " + cublasGetStatusString(status), "use the cpu backend",
+                ErrorKind::device);
 }
 
 struct Blas {

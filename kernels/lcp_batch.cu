@@ -118,7 +118,7 @@ BatchOutcome BatchOutcomes::wait() {
     if (looks % 4096 != 0 || cudaStreamQuery(device_.stream()) == cudaErrorNotReady) continue;
     device_.wait();  // throws where the kernel failed
     if (batches.load(std::memory_order_acquire) != batches_)
-      throw Error("cuda", "a batch of complementarity problems was not handed over", "collect it");
+      throw Error("cuda", "a batch of complementarity problems was not handed over", "collect it", ErrorKind::internal);
   }
   reported_ = handed_over_->totals;
   return handed_over_->sum;

@@ -43,7 +43,11 @@ DenseDynamics to_dense(const SparseDynamics& d) {
   if (d.A.rows() > largest_dense_state)
     throw Error("dynamics", "has " + std::to_string(d.A.rows()) + " states",
                 "write out at most " + std::to_string(largest_dense_state) + " densely");
-  return {Matrix(d.A), Matrix(d.B), Matrix(d.N)};
+  return {Matrix(d.A), Matrix(d.B), Matrix(d.N), Matrix(d.E)};
+}
+
+DenseDynamics to_dense(const SuppliedDynamics&) {
+  throw Error("dynamics", "is supplied by callbacks", "give A, B and N as matrices where they have to be written out");
 }
 
 template <typename... Cases>
@@ -68,21 +72,24 @@ Vector SecondDifference::eigenvalues() const {
 Index states(const Dynamics& dynamics) {
   return std::visit(Overloaded{[](const DenseDynamics& d) { return d.A.rows(); },
                                [](const KroneckerDynamics& d) { return d.along.points * d.across.points; },
-                               [](const SparseDynamics& d) { return d.A.rows(); }},
+                               [](const SparseDynamics& d) { return d.A.rows(); },
+                               [](const SuppliedDynamics& d) { return d.states; }},
                     dynamics);
 }
 
 Index constraints(const Dynamics& dynamics) {
   return std::visit(Overloaded{[](const DenseDynamics& d) { return d.B.cols(); },
                                [](const KroneckerDynamics& d) { return d.along.points; },
-                               [](const SparseDynamics& d) { return d.B.cols(); }},
+                               [](const SparseDynamics& d) { return d.B.cols(); },
+                               [](const SuppliedDynamics& d) { return d.B.cols(); }},
                     dynamics);
 }
 
 DenseDynamics to_dense(const Dynamics& dynamics) {
   return std::visit(
       Overloaded{[](const DenseDynamics& d) { return d; }, [](const KroneckerDynamics& d) { return to_dense(d); },
-                 [](const SparseDynamics& d) { return to_dense(d); }},
+                 [](const SparseDynamics& d) { return to_dense(d); },
+                 [](const SuppliedDynamics& d) { return to_dense(d); }},
       dynamics);
 }
 
@@ -109,11 +116,50 @@ SparseDynamics to_sparse(const KroneckerDynamics& d) {
   return sparse;
 }
 
+bool has_mass(const Dynamics& dynamics) {
+  return std::visit(
+      Overloaded{[](const KroneckerDynamics&) { return false; }, [](const SuppliedDynamics& d) { return bool(d.mass); },
+                 [](const auto& d) { return d.E.rows() > 0; }},
+      dynamics);
+}
+
+Vector times_mass(const Dynamics& dynamics, const Vector& x) {
+  if (!has_mass(dynamics)) return x;
+  return std::visit(Overloaded{[&](const KroneckerDynamics&) { return x; },
+                               [&](const SuppliedDynamics& d) { return Vector(d.mass(x)); },
+                               [&](const auto& d) { return Vector(d.E * x); }},
+                    dynamics);
+}
+
+namespace {
+
+const SparseMatrix& sparse_map(const Dynamics& dynamics, bool inputs) {
+  if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) return inputs ? d->B : d->N;
+  const auto& d = std::get<SuppliedDynamics>(dynamics);
+  return inputs ? d.B : d.N;
+}
+
+}  // namespace
+
+const SparseMatrix& sparse_inputs(const Dynamics& dynamics) { return sparse_map(dynamics, true); }
+const SparseMatrix& sparse_outputs(const Dynamics& dynamics) { return sparse_map(dynamics, false); }
+
 Vector observe(const Dynamics& dynamics, const Vector& x) {
-  if (const auto* d = std::get_if<DenseDynamics>(&dynamics)) return d->N * x;
-  if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) return d->N * x;
-  const auto& d = std::get<KroneckerDynamics>(dynamics);
-  return Eigen::Map<const RowMatrix>(x.data(), d.along.points, d.across.points) * d.n;
+  return std::visit(Overloaded{[&](const KroneckerDynamics& d) -> Vector {
+                                 return Eigen::Map<const RowMatrix>(x.data(), d.along.points, d.across.points) * d.n;
+                               },
+                               [&](const auto& d) -> Vector { return d.N * x; }},
+                    dynamics);
+}
+
+Vector observed_terms(const Dynamics& dynamics, const Vector& x) {
+  return std::visit(
+      Overloaded{[&](const KroneckerDynamics& d) -> Vector {
+                   return Eigen::Map<const RowMatrix>(x.data(), d.along.points, d.across.points).cwiseAbs() *
+                          d.n.cwiseAbs();
+                 },
+                 [&](const auto& d) -> Vector { return d.N.cwiseAbs() * x.cwiseAbs(); }},
+      dynamics);
 }
 
 }  // namespace bromwich

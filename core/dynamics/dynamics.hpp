@@ -1,17 +1,22 @@
 #pragma once
-// Linear dynamics x' = A x + B y and what the constraints see of them, N x.
+// Linear dynamics E x' = A x + B y and what the constraints see of them, N x. E is the identity where it is left out;
+// where it is given it has to be regular.
 
 #include "../base/types.hpp"
+#include "spectral_bound.hpp"
 
+#include <functional>
+#include <optional>
 #include <variant>
 
 namespace bromwich {
 
-/// A, B and N as dense matrices.
+/// A, B, N and E as dense matrices.
 struct DenseDynamics {
-  Matrix A;  ///< m x m
-  Matrix B;  ///< m x n
-  Matrix N;  ///< n x m
+  Matrix A;       ///< m x m
+  Matrix B;       ///< m x n
+  Matrix N;       ///< n x m
+  Matrix E = {};  ///< m x m, or empty
 };
 
 /// c/dx^2 tridiag(1, -2, 1) with `points` rows: the second difference with homogeneous Dirichlet ends.
@@ -35,26 +40,62 @@ struct KroneckerDynamics {
   Vector n;                 ///< across.points: how the line is seen by its constraint
 };
 
-/// A, B and N as sparse matrices: many states (10^5 and more), few constraints. Every scene of this form is solved
+/// A, B, N and E as sparse matrices: many states (10^5 and more), few constraints. Every scene of this form is solved
 /// through its kernel (shifted sparse solves) or by stepping the state with one sparse factorization.
 struct SparseDynamics {
-  SparseMatrix A;  ///< m x m
-  SparseMatrix B;  ///< m x n
-  SparseMatrix N;  ///< n x m
+  SparseMatrix A;       ///< m x m
+  SparseMatrix B;       ///< m x n
+  SparseMatrix N;       ///< n x m
+  SparseMatrix E = {};  ///< m x m, or empty
 };
 
-using Dynamics = std::variant<DenseDynamics, KroneckerDynamics, SparseDynamics>;
+/// (zE - A)^{-1} R for the z that it was made for, R m x k.
+using ShiftedSolve = std::function<ComplexMatrix(const ComplexMatrix& R)>;
+
+/// Dynamics that are known by what they do: matrix-free operators, solvers of a finite-element code, transforms. They
+/// are solved like sparse dynamics, through the kernel N (zE - A)^{-1} B at the nodes of contours, or by stepping the
+/// state with one prepared solve. Exceptions of the callbacks pass through `solve`.
+struct SuppliedDynamics {
+  Index states = 0;  ///< m
+  SparseMatrix B;    ///< m x n
+  SparseMatrix N;    ///< n x m
+  /// Prepares the solve for a shift z: a factorization, say. Called for all nodes of the contours, a few hundred z in
+  /// the right half-plane and around the spectrum, and their conjugates are not asked for. A z that is an eigenvalue:
+  /// throw SingularShift, or let the solve return values that are not finite.
+  std::function<ShiftedSolve(Complex z)> shifted;
+  /// E X for X m x k; empty: E = I.
+  std::function<Matrix(const Matrix& X)> mass = {};
+  /// Where the eigenvalues of E^{-1} A lie; empty: estimated by the shifted solves.
+  std::optional<SpectralBound> bound = {};
+  /// `shifted` and what it returns may be called from several threads at once. Otherwise all calls come from the thread
+  /// that called `solve`.
+  bool thread_safe = false;
+};
+
+using Dynamics = std::variant<DenseDynamics, KroneckerDynamics, SparseDynamics, SuppliedDynamics>;
 
 Index states(const Dynamics&);
 Index constraints(const Dynamics&);
 
-/// A, B and N written out densely: for small scenes and as an oracle. Throws Error above 4096 states.
+/// Whether E is given.
+bool has_mass(const Dynamics&);
+/// E x.
+Vector times_mass(const Dynamics&, const Vector& x);
+
+/// A, B, N and E written out densely: for small scenes and as an oracle. Throws Error above 4096 states, and for
+/// supplied dynamics.
 DenseDynamics to_dense(const Dynamics&);
 
 /// The Kronecker sum as sparse matrices, at any size.
 SparseDynamics to_sparse(const KroneckerDynamics&);
 
+/// B and N of sparse or supplied dynamics.
+const SparseMatrix& sparse_inputs(const Dynamics&);
+const SparseMatrix& sparse_outputs(const Dynamics&);
+
 /// N x for one state.
 Vector observe(const Dynamics&, const Vector& x);
+/// |N| |x|: what the rounding of N x is relative to.
+Vector observed_terms(const Dynamics&, const Vector& x);
 
 }  // namespace bromwich

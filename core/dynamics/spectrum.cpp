@@ -39,7 +39,17 @@ Spectrum of(const DenseDynamics& d) {
 
 Spectrum of(const SparseDynamics& d) {
   constexpr Index exact_size = 256;  // 25 m^3 operations: below a second
-  return d.A.rows() <= exact_size ? of(DenseDynamics{Matrix(d.A), {}, {}}) : sparse_spectrum(d.A);
+  if (d.A.rows() > exact_size) return d.E.rows() > 0 ? sparse_spectrum(d.A, d.E) : sparse_spectrum(d.A);
+  const Matrix A(d.A);
+  return of(DenseDynamics{d.E.rows() > 0 ? Matrix(Matrix(d.E).partialPivLu().solve(A)) : A, {}, {}});
+}
+
+Spectrum of(const SuppliedDynamics& d) {
+  if (!d.bound) return supplied_spectrum(d);
+  Spectrum s;
+  s.half_angle = d.bound->half_angle;
+  s.abscissa = d.bound->abscissa;
+  return s;
 }
 
 }  // namespace

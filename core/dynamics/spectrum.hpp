@@ -25,5 +25,9 @@ Spectrum spectrum(const Dynamics&);
 
 /// The bounds and estimates of a large sparse A, whatever its size.
 Spectrum sparse_spectrum(const SparseMatrix& A);
+/// The same of E^{-1} A, by a factorization of E.
+Spectrum sparse_spectrum(const SparseMatrix& A, const SparseMatrix& E);
+/// Estimates from Ritz values of (zE - A)^{-1} E at z = 1: those eigenvalues that are nearest to 1.
+Spectrum supplied_spectrum(const SuppliedDynamics&);
 
 }  // namespace bromwich

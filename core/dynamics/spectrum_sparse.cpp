@@ -12,6 +12,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/SparseCholesky>
+#include <Eigen/SparseLU>
 
 #include <algorithm>
 #include <cmath>
@@ -36,10 +37,11 @@ double gershgorin_abscissa(const SparseMatrix& A) {
   return std::min((diagonal + rows).maxCoeff(), (diagonal + columns).maxCoeff());
 }
 
-// Eigenvalues of A projected on the Krylov space of a random vector (Arnoldi).
-ComplexVector ritz_values(const SparseMatrix& A) {
+// Eigenvalues of an m x m matrix projected on the Krylov space of a random vector (Arnoldi). `scale`: its size.
+template <class Product>
+ComplexVector ritz_values(Index m, double scale, const Product& product) {
   constexpr Index steps = 32;
-  const Index m = A.rows(), k = std::min(m, steps);
+  const Index k = std::min(m, steps);
   Matrix Q(m, k), H = Matrix::Zero(k, k);
   unsigned long long random = 1;
   for (double& value : Q.col(0)) {
@@ -47,9 +49,8 @@ ComplexVector ritz_values(const SparseMatrix& A) {
     value = double(random >> 11) / 9007199254740992.0 - 0.5;
   }
   Q.col(0).normalize();
-  const double scale = A.norm();
   for (Index j = 0; j < k; ++j) {
-    Vector w = A * Q.col(j);
+    Vector w = product(Vector(Q.col(j)));
     for (int sweep = 0; sweep < 2; ++sweep) {
       const Vector h = Q.leftCols(j + 1).transpose() * w;
       w -= Q.leftCols(j + 1) * h;
@@ -61,6 +62,15 @@ ComplexVector ritz_values(const SparseMatrix& A) {
     Q.col(j + 1) = w / beta;
   }
   return {};
+}
+
+// Ritz values near 0 are the least accurate, and a contour is as close to 0 as it likes.
+double half_angle_of(const ComplexVector& ritz, double radius) {
+  double angle = 0;
+  for (const Complex theta : ritz)
+    if (std::abs(theta) > 1e-3 * radius && std::abs(theta.imag()) > 1e-8 * radius)
+      angle = std::max(angle, std::abs(std::arg(-theta)));
+  return angle;
 }
 
 // Smallest s on the way down from `bound` by factors of 2 with sI - A positive definite, down to rounding.
@@ -87,7 +97,7 @@ Spectrum sparse_spectrum(const SparseMatrix& A) {
   const SparseMatrix transposed = A.transpose();
   const double norm = A.norm(), rounding = 16 * epsilon * norm;
   const bool symmetric = (A - transposed).norm() <= rounding, skew = (A + transposed).norm() <= rounding;
-  const ComplexVector ritz = ritz_values(A);
+  const ComplexVector ritz = ritz_values(A.rows(), norm, [&A](const Vector& x) { return Vector(A * x); });
   s.radius = ritz.cwiseAbs().maxCoeff();
   const double bound = gershgorin_abscissa(A);
   if (bound <= rounding)
@@ -96,11 +106,50 @@ Spectrum sparse_spectrum(const SparseMatrix& A) {
     s.abscissa = symmetric ? symmetric_abscissa(A, bound, rounding) : skew ? 0 : std::max(0.0, ritz.real().maxCoeff());
   if (s.abscissa > 0) s.half_angle = std::numbers::pi;
   if (symmetric || s.abscissa > 0) return s;
-  // Ritz values near 0 are the least accurate, and a contour is as close to 0 as it likes.
-  for (const Complex theta : ritz)
-    if (std::abs(theta) > 1e-3 * s.radius && std::abs(theta.imag()) > 1e-8 * s.radius)
-      s.half_angle = std::max(s.half_angle, std::abs(std::arg(-theta)));
+  s.half_angle = half_angle_of(ritz, s.radius);
   if (skew) s.half_angle = std::numbers::pi / 2;
+  return s;
+}
+
+Spectrum sparse_spectrum(const SparseMatrix& A, const SparseMatrix& E) {
+  Spectrum s;
+  if (A.nonZeros() == 0) return s;
+  SparseMatrix mass = E;
+  mass.makeCompressed();
+  const Eigen::SparseLU<SparseMatrix> lu(mass);
+  const ComplexVector ritz = ritz_values(A.rows(), 0, [&](const Vector& x) { return Vector(lu.solve(Vector(A * x))); });
+  s.radius = ritz.cwiseAbs().maxCoeff();
+  const auto symmetric = [](const SparseMatrix& matrix) {
+    const SparseMatrix transposed = matrix.transpose();
+    return (matrix - transposed).norm() <= 16 * epsilon * matrix.norm();
+  };
+  // Of a symmetric pencil with E > 0 the eigenvalues are real, and negative where A is: Sylvester's law of inertia.
+  if (symmetric(A) && symmetric(E) && Eigen::SimplicialLLT<SparseMatrix>(mass).info() == Eigen::Success) {
+    const SparseMatrix above = 16 * epsilon * s.radius * mass - A;
+    if (Eigen::SimplicialLLT<SparseMatrix>(above).info() == Eigen::Success) return s;
+  }
+  s.abscissa = std::max(0.0, ritz.real().maxCoeff());
+  if (s.abscissa <= 1e-8 * s.radius) s.abscissa = 0;
+  s.half_angle = s.abscissa > 0 ? std::numbers::pi : half_angle_of(ritz, s.radius);
+  return s;
+}
+
+Spectrum supplied_spectrum(const SuppliedDynamics& d) {
+  Spectrum s;
+  const ShiftedSolve solve = d.shifted(Complex(1));
+  const ComplexVector inverse = ritz_values(d.states, 0, [&](const Vector& x) {
+    return Vector(solve((d.mass ? Vector(d.mass(x)) : x).cast<Complex>()).real());
+  });
+  const double largest = inverse.cwiseAbs().maxCoeff();
+  ComplexVector ritz(inverse.size());
+  Index count = 0;
+  for (const Complex theta : inverse)
+    if (std::abs(theta) > 1e-6 * largest) ritz[count++] = 1.0 - 1.0 / theta;
+  ritz.conservativeResize(count);
+  s.radius = ritz.cwiseAbs().maxCoeff();
+  s.abscissa = std::max(0.0, ritz.real().maxCoeff());
+  if (s.abscissa <= 1e-8 * s.radius) s.abscissa = 0;
+  s.half_angle = s.abscissa > 0 ? std::numbers::pi : half_angle_of(ritz, s.radius);
   return s;
 }
 

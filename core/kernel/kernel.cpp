@@ -159,9 +159,10 @@ LagTable contour_lag_table(Backend& backend, const Dynamics& dynamics, const Con
   return table;
 }
 
-Error eigenvalue_at(Complex z) {
-  return Error("resolvent", text("found an eigenvalue of A at or next to the node %.6g%+.6gi", z.real(), z.imag()),
-               "choose nodes away from the spectrum");
+SingularShift eigenvalue_at(Complex z) {
+  return SingularShift("resolvent",
+                       text("found an eigenvalue of A at or next to the node %.6g%+.6gi", z.real(), z.imag()),
+                       "choose nodes away from the spectrum");
 }
 
 ComplexVector green_row(const SecondDifference& across, const Vector& n, Complex z) {

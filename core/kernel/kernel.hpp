@@ -45,7 +45,7 @@ RowMatrix contour_initial_response(const KroneckerDynamics&, const ContourParame
                                    double h, Index J);
 
 /// What a backend's `resolvent` throws where zI - A is singular.
-Error eigenvalue_at(Complex z);
+SingularShift eigenvalue_at(Complex z);
 
 /// n^T (zI - across)^{-1} for one grid line, in closed form (the discrete Green's function of the second difference).
 ComplexVector green_row(const SecondDifference& across, const Vector& n, Complex z);

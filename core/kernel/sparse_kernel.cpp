@@ -1,6 +1,6 @@
 // symbol          variable        shape
-// [B F x0]        Wide::B         m x inputs: n of y, k of phi (where f has columns of its own), 1 of x0 unless zero
-// [N; E]          Wide::N         (n + c) x m
+// [B F E x0]      Wide::B         m x inputs: n of y, k of phi (where f has columns of its own), 1 of E x0 unless zero
+// [N; I]          Wide::N         (n + c) x m
 // z_p             nodes           of all windows and of the contours they are compared with, one after another
 // resolvents      R               nodes x (outputs inputs), row by row
 
@@ -29,7 +29,7 @@ constexpr double largest_growth = 8;
 constexpr Index most_source_columns = 4096;
 constexpr double most_source_bytes = 1 << 30;
 
-// [B F x0] and [N; E].
+// [B F E x0] and [N; I].
 struct Wide {
   Dynamics dynamics;
   Index n = 0, sources = 0, states = 0, components = 0;  ///< sources: of phi; states: 1 with x0, else 0
@@ -67,26 +67,37 @@ SparseMatrix source_columns(const DiscreteProblem& p, Index outputs) {
 }
 
 Wide widen(const DiscreteProblem& p, const std::vector<Index>& components) {
-  const SparseDynamics& d = *p.sparse();
+  const Dynamics& d = p.scene.dynamics;
+  const SparseMatrix &B = sparse_inputs(d), &given_N = sparse_outputs(d);
+  const Index m = p.scene.states();
   Wide wide;
-  wide.n = d.N.rows();
+  wide.n = given_N.rows();
   wide.components = Index(components.size());
   const SparseMatrix F = source_columns(p, wide.outputs());
   wide.sources = F.cols();
-  SparseMatrix x0(p.scene.x0.size(), 0);
-  if ((p.scene.x0.array() != 0).any()) x0 = p.scene.x0.sparseView(0, 0);
+  SparseMatrix x0(m, 0);
+  if ((p.scene.x0.array() != 0).any()) x0 = times_mass(d, p.scene.x0).sparseView(0, 0);
   wide.states = x0.cols();
   std::vector<Eigen::Triplet<double>> rows;
-  for (Index c = 0; c < d.N.cols(); ++c)
-    for (SparseMatrix::InnerIterator a(d.N, c); a; ++a) rows.emplace_back(a.row(), c, a.value());
+  for (Index c = 0; c < m; ++c)
+    for (SparseMatrix::InnerIterator a(given_N, c); a; ++a) rows.emplace_back(a.row(), c, a.value());
   for (Index i = 0; i < wide.components; ++i) rows.emplace_back(wide.n + i, components[std::size_t(i)], 1.0);
-  SparseMatrix N(wide.outputs(), d.A.rows());
+  SparseMatrix N(wide.outputs(), m);
   N.setFromTriplets(rows.begin(), rows.end());
-  wide.dynamics = SparseDynamics{d.A, beside({&d.B, &F, &x0}, d.A.rows()), std::move(N)};
+  wide.dynamics = d;
+  std::visit(
+      [&](auto& w) {
+        if constexpr (requires { w.B.outerSize(); }) {
+          using Map = std::decay_t<decltype(w.B)>;
+          w.B = Map(beside({&B, &F, &x0}, m));
+          w.N = Map(std::move(N));
+        }
+      },
+      wide.dynamics);
   return wide;
 }
 
-// Rows of the weights W_d, S_d and of [N; E] e^{A t_d} x0.
+// Rows of the weights W_d, S_d and of [N; I] e^{A t_d} x0.
 struct Rows {
   RowMatrix W, S, x0;
 };
@@ -168,7 +179,7 @@ class Attempt {
     }
     table_.S.row(0).setZero();
     if (wide_.states > 0)  // t = 0 is on no contour
-      table_.x0.row(0) = (std::get<SparseDynamics>(wide_.dynamics).N * p_.scene.x0).transpose();
+      table_.x0.row(0) = (sparse_outputs(wide_.dynamics) * p_.scene.x0).transpose();
   }
 
   void compare() {
@@ -188,8 +199,7 @@ class Attempt {
   // Largest weight of each block (constraints or components) x (y or sources), the same for x0, never below rounding in
   // N (..) B taken 1e6 times.
   void set_scales() {
-    const SparseDynamics& d = std::get<SparseDynamics>(wide_.dynamics);
-    const SparseMatrix rows = d.N.transpose();
+    const SparseMatrix rows = sparse_outputs(wide_.dynamics).transpose(), &inputs_of = sparse_inputs(wide_.dynamics);
     const Index inputs = wide_.lag_inputs();
     scale_.resize(lags_.cols());
     x0_scale_.resize(x0_.cols());
@@ -199,7 +209,7 @@ class Attempt {
         for (Index i = i0; i < i1; ++i)
           for (Index j = j0; j < j1; ++j)
             largest = std::max({largest, table_.W.col(i * inputs + j).cwiseAbs().maxCoeff(),
-                                1e-6 * p_.h * rows.col(i).norm() * d.B.col(j).norm()});
+                                1e-6 * p_.h * rows.col(i).norm() * inputs_of.col(j).norm()});
         for (Index i = i0; i < i1; ++i) scale_.segment(i * inputs + j0, j1 - j0).setConstant(largest);
       }
       if (wide_.states == 0 || i0 == i1) continue;
@@ -292,7 +302,7 @@ std::optional<SparseKernel> sparse_kernel(const DiscreteProblem& p, const std::v
     try {
       const Attempt attempt(p, wide, *contour_parameters(sector * degree), shift);
       if (attempt.error() <= accepted_contour_error) return finish(p, wide, attempt, s);
-    } catch (const Error&) {  // a node is an eigenvalue to rounding: this contour runs through the spectrum
+    } catch (const SingularShift&) {  // a node is an eigenvalue to rounding: this contour runs through the spectrum
     }
   }
   return std::nullopt;

@@ -1,7 +1,8 @@
 #pragma once
-// The kernel of a scene with sparse A: everything that A contributes comes from one batch of shifted solves
+// The kernel of dynamics that are known by shifted solves, sparse or supplied: everything that A contributes comes from
+// one batch of them,
 //
-//     [N; E] (z_p I - A)^{-1} [B F x0],   E the rows of the identity for the state components asked for,
+//     [N; I_c] (z_p E - A)^{-1} [B F E x0],   I_c the rows of the identity for the state components asked for,
 //
 // at the nodes of all windows of lags. The first n rows are what the constraints see, the others what the user sees.
 
@@ -34,8 +35,8 @@ RowMatrix sparse_states(const DiscreteProblem&, const SparseKernel&, const RowMa
 
 inline constexpr double accepted_contour_error = 1e-9;
 
-/// Bytes that sparse_kernel needs at most, up to small tables, for so many columns next to each other in [B F x0] and
-/// rows in [N; E]. Found by the symbolic analysis of A, B and N, which is exact for the elimination, with the columns
+/// Bytes that sparse_kernel needs at most, up to small tables, for so many columns next to each other in [B F E x0] and
+/// rows in [N; I_c]. Found by the symbolic analysis of A, B and N, which is exact for the elimination, with the columns
 /// after those of B taken as dense and the rows after those of N as absent: components in far corners add a few
 /// percent.
 double predicted_sparse_bytes(const SparseDynamics&, Index J, Index n_inputs, Index n_outputs, int threads);

@@ -12,9 +12,7 @@ namespace {
 Vector without_rounding(const DiscreteProblem& p) {
   Vector start = p.start;
   if (p.kronecker() || start.size() == 0 || start.minCoeff() >= 0) return start;
-  const Vector x0 = p.scene.x0.cwiseAbs(),
-               terms = (p.dense() ? Vector(p.dense()->N.cwiseAbs() * x0) : Vector(p.sparse()->N.cwiseAbs() * x0)) +
-                       p.g.row(0).cwiseAbs();
+  const Vector terms = observed_terms(p.scene.dynamics, p.scene.x0) + Vector(p.g.row(0).cwiseAbs());
   const double share = 4 * double(p.scene.states() + 1) * epsilon;
   for (Index i = 0; i < start.size(); ++i)
     if (start[i] < 0 && start[i] >= -share * terms[i]) start[i] = 0;

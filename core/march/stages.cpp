@@ -222,8 +222,8 @@ std::optional<Index> solve_at_own_values(const DiscreteProblem& p, const StageGr
 SparseMatrix source_matrix(const Scene& scene, const Dynamics& dynamics) {
   if (scene.f_entry == SourceEntry::through_F) return scene.F;
   if (scene.f_entry == SourceEntry::through_B) {
-    if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) return d->B;
-    return std::get<DenseDynamics>(dynamics).B.sparseView();
+    const auto* dense = std::get_if<DenseDynamics>(&dynamics);
+    return dense ? SparseMatrix(dense->B.sparseView()) : sparse_inputs(dynamics);
   }
   SparseMatrix identity(scene.states(), scene.states());
   identity.setIdentity();

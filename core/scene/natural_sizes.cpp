@@ -344,6 +344,19 @@ NaturalSizes sizes_of(const Matrices& d, const Scene& scene) {
 
 NaturalSizes sizes_of(const KroneckerDynamics& d, const Scene& scene) { return kronecker_sizes(d, scene); }
 
+NaturalSizes sizes_of(const SuppliedDynamics& d, const Scene& scene) {
+  const Index n = scene.constraints();
+  return {Vector::Ones(d.states), Vector::Ones(n), Vector::Ones(n)};
+}
+
+// Rows divided by the largest entry of E in them, which has to do for E^{-1}: only sizes are wanted.
+SparseDynamics with_lumped_mass(const SparseDynamics& d) {
+  Vector largest = Vector::Zero(d.A.rows());
+  for_entries(d.E, [&](Index i, Index, double e) { largest[i] = std::max(largest[i], std::abs(e)); });
+  const Vector inverse = largest.unaryExpr([](double e) { return e > 0 ? 1 / e : 1; });
+  return {inverse.asDiagonal() * d.A, inverse.asDiagonal() * d.B, d.N};
+}
+
 }  // namespace
 
 Vector largest_values(const TimeFunction& function, Index width, const Scene& scene) {
@@ -363,7 +376,10 @@ Vector largest_values(const TimeFunction& function, Index width, const Scene& sc
 }
 
 NaturalSizes natural_sizes(const Scene& scene) {
-  NaturalSizes s = std::visit([&](const auto& d) { return sizes_of(d, scene); }, scene.dynamics);
+  const auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics);
+  NaturalSizes s = sparse && sparse->E.rows() > 0
+                       ? sizes_of(with_lumped_mass(*sparse), scene)
+                       : std::visit([&](const auto& d) { return sizes_of(d, scene); }, scene.dynamics);
   if (std::holds_alternative<KroneckerDynamics>(scene.dynamics)) return s;
   for (Vector* some : {&s.x, &s.y, &s.w})
     for (double& size : *some) size = positive_or(size, 1);

@@ -71,10 +71,24 @@ void validate_matrices(const Matrices& d, bool port) {
   require_finite("A", d.A);
   require_finite("B", d.B);
   require_finite("N", d.N);
+  if (d.E.rows() == 0 && d.E.cols() == 0) return;
+  require_shape("E", d.E, m, m, "square, states x states");
+  require_finite("E", d.E);
 }
 
 void validate(const DenseDynamics& d, bool port) { validate_matrices(d, port); }
 void validate(const SparseDynamics& d, bool port) { validate_matrices(d, port); }
+
+void validate(const SuppliedDynamics& d, bool port) {
+  const Index m = d.states, n = d.B.cols();
+  require_some("states", m, "states");
+  if (!port) require_some("B", n, "columns");
+  require_shape("B", d.B, m, n, "states x constraints");
+  require_shape("N", d.N, n, m, "constraints x states");
+  require_finite("B", d.B);
+  require_finite("N", d.N);
+  if (!d.shifted) throw Error("shifted", "is empty", "give a function that solves (zE - A) X = R");
+}
 
 void validate(const std::string& member, const SecondDifference& d) {
   require_some(member + ".points", d.points, "points");

@@ -119,6 +119,16 @@ Cost sparse(const Sizes& s, const SparseDynamics& d, Method method, Index J, int
              2e5 * std::pow(s.m, 1.1) + sweeps_of(method) * 40 * s.J * n * n * std::log2(s.J + 2));
 }
 
+// What the solver of the user takes is not known.
+Cost supplied(const Sizes& s, Method method) {
+  const double n = s.n, inputs = n + s.k + 1;
+  return sum({{s.table(), tables},
+              grids(s, method, 6 + 4 * n),
+              {number * 2 * s.J * (n + s.c) * inputs, weights},
+              {2 * number * s.m * inputs, "shifted solves"}},
+             sweeps_of(method) * 40 * s.J * n * n * std::log2(s.J + 2));
+}
+
 Sizes sizes(const Scene& scene, Index J, Index components) {
   return {double(scene.states()), double(scene.constraints()), double(J) + 1, double(components),
           scene.f ? double(scene.sources()) : 0};
@@ -179,6 +189,7 @@ Cost predicted_cost(const Scene& scene, Method method, Index J, Index components
   if (method == Method::galerkin) return galerkin(s, scene.boundary.has_value());
   if (std::holds_alternative<DenseDynamics>(scene.dynamics)) return dense(s, method);
   if (const auto* d = std::get_if<SparseDynamics>(&scene.dynamics)) return sparse(s, *d, method, J, threads);
+  if (std::holds_alternative<SuppliedDynamics>(scene.dynamics)) return supplied(s, method);
   return kronecker(s, method);
 }
 
@@ -221,7 +232,7 @@ Cost refuse_what_does_not_fit(const Scene& scene, const Options& options, Index 
     }
     if (asked == options.method) break;
   }
-  throw Error("steps", found, "use fewer steps" + remedy);
+  throw Error("steps", found, "use fewer steps" + remedy, ErrorKind::does_not_fit);
 }
 
 }  // namespace bromwich

@@ -71,9 +71,9 @@ RowMatrix refined(const RowMatrix& y) {
   return fine;
 }
 
-class Refinement {
+class GridRefinement {
  public:
-  Refinement(const Scene& scene, Backend& backend, const Options& options, const Solve& solve)
+  GridRefinement(const Scene& scene, Backend& backend, const Options& options, const Solve& solve)
       : scene_(scene),
         backend_(backend),
         options_(options),
@@ -89,6 +89,7 @@ class Refinement {
       try {
         next = solve_on(J);
       } catch (const Error& error) {  // the first grid says what is wrong with the input
+        if (error.kind() == ErrorKind::device || error.kind() == ErrorKind::internal) throw;
         if (grids_.empty()) throw;
         return ended(std::string("the next grid is refused: ") + error.what());
       }
@@ -357,13 +358,13 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const Options& o
       with_jumps->breakpoints_are_all = true;
     }
   const Scene& scene = with_jumps ? *with_jumps : given;
-  Result result = Refinement(scene, backend, options, solve).run();
+  Result result = GridRefinement(scene, backend, options, solve).run();
   const bool failed = result.status == Status::tolerance_not_met && !result.error_estimate;
   if (options.method != Method::automatic || !failed || scene.boundary) return result;
   // No grid was solved by a method of second order.
   Options by_euler = options;
   by_euler.method = Method::euler;
-  Result first_order = Refinement(scene, backend, by_euler, solve).run();
+  Result first_order = GridRefinement(scene, backend, by_euler, solve).run();
   if (first_order.status != Status::solved) return result;
   add_warning(first_order,
               "solved by implicit Euler, of first order: the methods of second order end with: " + result.reason);

@@ -1,5 +1,6 @@
 #include "core/solve/mixed.hpp"
 
+#include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/kernel/states.hpp"
 #include "core/solve/certification.hpp"
@@ -61,7 +62,7 @@ Matrices eliminated(const Matrices& d, const Matrix& M, const EliminatedScene& e
   const SparseMatrix E_F = selection(e.free, n), E_C = selection(e.kept, n);
   const Block B_F = d.B * E_F, B_C = d.B * E_C, N_F = E_F.transpose() * d.N, N_C = E_C.transpose() * d.N;
   const Block from_x = block(-e.R) * N_F, from_y = block(-e.R * e.M_FC), back = block(e.M_CF);
-  return {add(d.A, Block(B_F * from_x)), add(B_C, Block(B_F * from_y)), add(N_C, Block(back * from_x))};
+  return {add(d.A, Block(B_F * from_x)), add(B_C, Block(B_F * from_y)), add(N_C, Block(back * from_x)), d.E};
 }
 
 TimeFunction selected(const TimeFunction& g, Index n, const std::vector<Index>& rows) {
@@ -219,6 +220,8 @@ RowMatrix EliminatedScene::recover(const RowMatrix& y_C, const RowMatrix& x_seen
 }
 
 std::optional<EliminatedScene> eliminate_free(const Scene& given) {
+  if (std::holds_alternative<SuppliedDynamics>(given.dynamics))
+    throw Error("free_rows", "is given with supplied dynamics", "eliminate the free unknowns, or give matrices");
   EliminatedScene e;
   const Index n = given.constraints(), m = given.states();
   if (Index(given.free_rows.size()) > largest_inverse) return std::nullopt;

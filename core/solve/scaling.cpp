@@ -147,10 +147,14 @@ SparseMatrix changed(SparseMatrix matrix, const Exponents& rows, const Exponents
   return matrix;
 }
 
+// E too gets the units of A: its rows are equations, which may have any.
 template <typename Matrices>
 Dynamics changed(const Matrices& d, const NaturalUnits& u) {
-  return Matrices{changed(d.A, u.x, u.x), changed(d.B, u.x, u.y), changed(d.N, u.w, u.x)};
+  return Matrices{changed(d.A, u.x, u.x), changed(d.B, u.x, u.y), changed(d.N, u.w, u.x), changed(d.E, u.x, u.x)};
 }
+
+// In the units of the scene: callbacks know no others.
+Dynamics changed(const SuppliedDynamics& d, const NaturalUnits&) { return d; }
 
 Dynamics changed(const KroneckerDynamics& d, const NaturalUnits& u) {
   KroneckerDynamics scaled = d;
@@ -256,6 +260,7 @@ void select_components(const std::vector<Index>& asked, Result& result) {
 }  // namespace
 
 NaturalUnits natural_units(const Scene& scene) {
+  if (std::holds_alternative<SuppliedDynamics>(scene.dynamics)) return {};
   if (scene.constraints() == 0) return {};
   const NaturalSizes sizes = natural_sizes(scene);
   const bool common = std::holds_alternative<KroneckerDynamics>(scene.dynamics);

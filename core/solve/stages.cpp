@@ -4,6 +4,7 @@
 #include "core/base/text.hpp"
 #include "core/galerkin/galerkin.hpp"
 #include "core/goal/goal.hpp"
+#include "core/scene/mass_matrix.hpp"
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/scene/separable.hpp"
 #include "core/scene/source_steps.hpp"
@@ -63,6 +64,21 @@ Result by_galerkin(const Scene& scene, Backend& backend, const Options& options)
   if (!options.event_location) note_fast_g(scene, result);
   result.bytes_predicted = std::size_t(cost.bytes);
   return result;
+}
+
+// A regular E: gone where that costs no sparsity, carried along otherwise.
+std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
+  if (!has_mass(scene.dynamics)) return std::nullopt;
+  if (has_singular_mass(scene.dynamics))
+    return unsolved(scene, backend, options, Status::unsupported,
+                    "the mass matrix E is singular: eliminate the algebraic equations, as rows with w = 0 and a free y "
+                    "where they are linear");
+  if (const auto reduced = without_mass(scene)) return solve(*reduced, backend, options);
+  if (options.method != Method::galerkin || std::holds_alternative<SuppliedDynamics>(scene.dynamics))
+    return std::nullopt;
+  Scene written_out = scene;  // as the method does anyway
+  written_out.dynamics = to_dense(scene.dynamics);
+  return solve(written_out, backend, options);
 }
 
 std::optional<Result> natural_units(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
@@ -129,8 +145,8 @@ std::optional<Result> one_grid(const Scene& scene, Backend& backend, const Optio
   return solve_on_one_grid(scene, backend, options);
 }
 
-constexpr Stage stages[] = {natural_units, goal,      no_constraints, galerkin_alone, tolerance,
-                            galerkin,      free_rows, small_sparse,   one_grid};
+constexpr Stage stages[] = {mass_matrix, natural_units, goal,      no_constraints, galerkin_alone,
+                            tolerance,   galerkin,      free_rows, small_sparse,   one_grid};
 
 }  // namespace
 

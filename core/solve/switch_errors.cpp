@@ -24,7 +24,8 @@ std::optional<Result> on_another_grid(const Scene& scene, Backend& backend, cons
   try {
     Result coarse = solve(scene, backend, other);
     if (coarse.status == Status::solved) return coarse;
-  } catch (const Error&) {  // a grid that the method refuses shows nothing
+  } catch (const Error& error) {  // a grid that the method refuses shows nothing
+    if (error.kind() == ErrorKind::device || error.kind() == ErrorKind::internal) throw;
   }
   return std::nullopt;
 }

@@ -1,0 +1,86 @@
+#include "core/scene/mass_matrix.hpp"
+
+#include "core/numerics/equilibration.hpp"
+
+#include <Eigen/SparseLU>
+
+#include <cmath>
+#include <vector>
+
+namespace bromwich {
+
+namespace {
+
+bool is_singular(const Matrix& E) {
+  return !(reciprocal_condition(Eigen::PartialPivLU<Matrix>(scaled(E, equilibrate(E)))) > epsilon);
+}
+
+// Where E^{-1} E v is far from v, E is singular to rounding though no pivot vanished.
+bool is_singular(const SparseMatrix& given) {
+  SparseMatrix E = given;
+  E.makeCompressed();
+  Eigen::SparseLU<SparseMatrix> lu(E);
+  if (lu.info() != Eigen::Success) return true;
+  const Vector v = Vector::NullaryExpr(E.rows(), [](Index i) { return 1 + std::sin(double(i * i)); });
+  const Vector found = lu.solve(Vector(E * v));
+  return !((found - v).cwiseAbs().maxCoeff() <= 1e-2);
+}
+
+bool is_all_diagonal(const SparseMatrix& E) {
+  for (Index j = 0; j < E.outerSize(); ++j)
+    for (SparseMatrix::InnerIterator entry(E, j); entry; ++entry)
+      if (entry.row() != j && entry.value() != 0) return false;
+  return true;
+}
+
+// F of f = F phi once E is gone; f per state becomes E^{-1} f.
+SparseMatrix source_columns(const Scene& scene) {
+  if (scene.f_entry == SourceEntry::through_F) return scene.F;
+  SparseMatrix identity(scene.states(), scene.states());
+  identity.setIdentity();
+  return identity;
+}
+
+template <class Solve>
+void take_from_sources(Scene& scene, const Solve& solve) {
+  if (!scene.f || scene.f_entry == SourceEntry::through_B) return;
+  scene.F = solve(source_columns(scene));
+  scene.f_entry = SourceEntry::through_F;
+}
+
+Scene without(const DenseDynamics& d, Scene scene) {
+  const Equilibration e = equilibrate(d.E);
+  const Eigen::PartialPivLU<Matrix> lu(scaled(d.E, e));
+  const auto solve = [&](const Matrix& right) -> Matrix {
+    return e.columns.asDiagonal() * lu.solve(Matrix(e.rows.asDiagonal() * right));
+  };
+  take_from_sources(scene, [&](const SparseMatrix& F) { return SparseMatrix(solve(Matrix(F)).sparseView(0, 0)); });
+  scene.dynamics = DenseDynamics{solve(d.A), solve(d.B), d.N};
+  return scene;
+}
+
+Scene without_diagonal(const SparseDynamics& d, Scene scene) {
+  const Vector inverse = Vector(d.E.diagonal()).cwiseInverse();
+  const auto solve = [&](const SparseMatrix& right) { return SparseMatrix(inverse.asDiagonal() * right); };
+  take_from_sources(scene, solve);
+  scene.dynamics = SparseDynamics{solve(d.A), solve(d.B), d.N};
+  return scene;
+}
+
+}  // namespace
+
+bool has_singular_mass(const Dynamics& dynamics) {
+  if (const auto* d = std::get_if<DenseDynamics>(&dynamics)) return d->E.rows() > 0 && is_singular(d->E);
+  if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) return d->E.rows() > 0 && is_singular(d->E);
+  return false;
+}
+
+std::optional<Scene> without_mass(const Scene& scene) {
+  if (!has_mass(scene.dynamics)) return std::nullopt;
+  if (const auto* d = std::get_if<DenseDynamics>(&scene.dynamics)) return without(*d, scene);
+  if (const auto* d = std::get_if<SparseDynamics>(&scene.dynamics); d && is_all_diagonal(d->E))
+    return without_diagonal(*d, scene);
+  return std::nullopt;
+}
+
+}  // namespace bromwich
