@@ -47,9 +47,10 @@ class ModalMarch final : public March {
     for (Vector* v : {&free_, &known_, &w0_, &first_}) *v = Vector::Zero(blocks_ * lanes);
     w0_.head(n_) = r.w0;
     q_ = y_ = Vector::Zero(n_);
-    if (!problem.drive) return;
+    given_drive_ = problem.drive;
+    if (!given_drive_) return;
     drive_ = std::make_unique<HostArray>(rows, n_);
-    make_sine_transform(n_, rows, threads)->apply(*problem.drive, nullptr, *drive_, 0);
+    transform_of_drive_ = make_sine_transform(n_, rows, threads);
   }
 
   MarchReport run(Array& y_array, Array& v_array) override {
@@ -58,6 +59,7 @@ class ModalMarch final : public March {
     MarchReport report;
     report.well_posed = lcp_.well_posed();
     V.row(0).setZero();
+    if (drive_) transform_of_drive_->apply(*given_drive_, nullptr, *drive_, 0);
     start(Y);
     for (Index j = 1; j < Y.rows(); ++j) {
       if (asked_to_stop_(j, report)) {
@@ -197,6 +199,8 @@ class ModalMarch final : public March {
   Index n_, blocks_, K_;
   const RowMatrix& response_;
   std::unique_ptr<HostArray> drive_;  ///< phi in modes
+  const Array* given_drive_ = nullptr;
+  std::unique_ptr<SineTransform> transform_of_drive_;
   std::unique_ptr<VectorSine> sine_;
   const LcpMatrix& M_;
   StepLcp lcp_;

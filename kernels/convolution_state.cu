@@ -90,13 +90,6 @@ __global__ void apply_dense(Stepped s, Span span, const double* y, const double*
   step_chunk(s, shared, shared + s.m, y, v, begin, min(span.rows, begin + span.length));
 }
 
-Matrix power(Matrix base, Index exponent) {
-  Matrix result = Matrix::Identity(base.rows(), base.cols());
-  for (; exponent > 0; exponent /= 2, base = (base * base).eval())
-    if (exponent % 2 != 0) result = (result * base).eval();
-  return result;
-}
-
 class DenseScan final : public Convolution {
  public:
   DenseScan(const Device& device, const DenseRecurrence& r, Index rows)
@@ -112,7 +105,7 @@ class DenseScan final : public Convolution {
         start_(on_device(device, r.start)),
         output_(on_device(device, r.output)),
         w0_(on_device(device, r.w0)),
-        power_(on_device(device, power(r.decay, length_))),
+        power_(on_device(device, matrix_power(r.decay, length_))),
         states_(device, std::size_t(chunks_ * m_)),
         added_(device, std::size_t(chunks_ * m_)) {
     for (const void* kernel : {(const void*)accumulate_dense, (const void*)apply_dense})

@@ -156,10 +156,8 @@ class ModalMarch final : public March {
     put_matrices(implicit);
     put_recurrence(r);
     reserve_state(r.exponentials());
-    if (problem.drive) {
-      drive_ = std::make_unique<DeviceArray>(device, rows, n_);
-      sine_->apply(*problem.drive, nullptr, *drive_, 0);
-    }
+    if (problem.drive) drive_ = std::make_unique<DeviceArray>(device, rows, n_);
+    recurrence_ = &r;
   }
 
   MarchReport run(Array& y, Array& v) override {
@@ -179,6 +177,7 @@ class ModalMarch final : public March {
   bool queues() const override { return !polled(); }
   void start(Array& y, Array& v) override {
     queued_.clear();
+    take_inputs();
     if (rows_ > 1) launch(y, 1, rows_, queued_.data());
     complete(y, v, rows_, queued_.data());
     tally<<<1, 1, 0, device_.stream()>>>(queued_.data(), int(rows_), totals_.data());
@@ -262,9 +261,16 @@ class ModalMarch final : public March {
     return {values(*problem_.r), drive, values(y), values(input_), values(known_), int(rows_), int(stride(n_))};
   }
 
+  // What x0 adds and the drive: of this run.
+  void take_inputs() {
+    if (recurrence_->initial.size() > 0) initial_ = on_device(device_, recurrence_->initial);
+    if (drive_) sine_->apply(*problem_.drive, nullptr, *drive_, 0);
+  }
+
   // Rows that are final, 0 where the host has to take over.
   Index take_steps(Array& y, MarchReport& report) {
     if (rows_ < 2) return rows_;
+    take_inputs();
     for (Index j = 1, last; j < rows_; j = last) {
       last = polled() ? std::min(rows_, j + piece) : rows_;
       launch(y, j, last, outcome_.get());
@@ -323,6 +329,7 @@ class ModalMarch final : public March {
   const Device& device_;
   Backend& host_;
   MarchProblem problem_;
+  const ModalRecurrence* recurrence_ = nullptr;
   StepKernel kernel_;
   Index n_, rows_;
   std::unique_ptr<SineTransform> sine_;

@@ -152,18 +152,6 @@ TEST(MassMatrix, DiagonalIsDividedOut) {
   expect_same_mass(run_mass(scene, Method::march), run_mass(without_E(scene), Method::march), 1e-9);
 }
 
-TEST(MassMatrix, RadauAndImpulses) {
-  SparseDynamics d = elements(530);
-  Scene scene = mass_scene(d);
-  scene.M = Matrix(Matrix::Zero(2, 2));
-  scene.x0.setZero();
-  scene.g = [](double t, Eigen::Ref<Vector> g) { g << 0.02 - 0.1 * std::sin(6 * t), 0.01 - 0.05 * t; };
-  const Result found = run_mass(scene, Method::march), expected = run_mass(without_E(scene), Method::march);
-  EXPECT_FALSE(found.continuous);
-  ASSERT_EQ(found.status, Status::solved) << found.reason;
-  EXPECT_LE((found.x - expected.x).cwiseAbs().maxCoeff(), 1e-10);
-}
-
 TEST(MassMatrix, GalerkinAndSmallSparseScenes) {
   const Scene scene = mass_scene(elements(40));
   for (const Method method : {Method::galerkin, Method::march, Method::automatic})

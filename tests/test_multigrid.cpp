@@ -142,7 +142,9 @@ TEST(Multigrid, ACycleLeavesTheSolutionAsItIs) {
     const RowMatrix solution = solved_y(scene, Method::march, 128);
     backend->upload(solution, *levels[0].y);
     Result result;
-    Multigrid(*backend, options, levels, result).cycle(0);
+    Multigrid multigrid(*backend, options, levels);
+    multigrid.begin(options, result);
+    multigrid.cycle(0);
     RowMatrix after;
     backend->download(*levels[0].y, after);
     EXPECT_LE(distance(after, solution), same_problem) << scene.name;

@@ -213,7 +213,8 @@ TEST(Multigrid, ContractsAsWellWithSweepsOnTheCoarsestGridAsWithAMarch) {
     EXPECT_FALSE(levels.grids.back()->march) << "its symbol is known";
     if (marched) levels.prepare_march();
     Result result;
-    Multigrid multigrid(*backend, options, levels, result);
+    Multigrid multigrid(*backend, options, levels);
+    multigrid.begin(options, result);
     multigrid.nest(exact.row(0).transpose());
     RowMatrix y;
     const auto error = [&] {

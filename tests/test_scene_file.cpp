@@ -97,6 +97,13 @@ TEST(SceneFile, ReadsWhatIsWritten) {
   EXPECT_FALSE(file.reference);
 }
 
+TEST(SceneFile, ReadsAMassMatrix) {
+  EXPECT_EQ(dense(parse(lines(small_scene))).E.size(), 0);
+  const SceneFile file = parse(with(7, "x0 = [3]\nE = [[\"2*R\"]]"));
+  EXPECT_EQ(dense(file).E, Matrix{{4}});
+  EXPECT_NE(refusal([] { parse(with(7, "x0 = [3]\nE = [[1, 0]]")); }).find("my.toml:8: dynamics.E"), std::string::npos);
+}
+
 TEST(SceneFile, NameAndStepsHaveDefaults) {
   const SceneFile file = parse_scene(lines(small_scene), "folder/rc.toml");
   EXPECT_EQ(file.scene.name, "rc");

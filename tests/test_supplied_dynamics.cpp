@@ -80,6 +80,31 @@ TEST(SuppliedDynamics, WithAMassMatrix) {
   }
 }
 
+// Two stages and impulses: E x moves by B times the impulse, whatever the unit of the equations.
+TEST(SuppliedDynamics, RadauWithAMassMatrix) {
+  Scene scene = supplied_signorini();
+  SparseDynamics sparse = to_sparse(std::get<KroneckerDynamics>(scene.dynamics));
+  sparse.E = SparseMatrix(sparse.A.rows(), sparse.A.cols());
+  sparse.E.setIdentity();
+  for (Index i = 0; i + 1 < sparse.A.rows(); ++i) sparse.E.coeffRef(i, i + 1) = sparse.E.coeffRef(i + 1, i) = 0.2;
+  scene.dynamics = sparse;
+  scene.M = Matrix(Matrix::Zero(scene.constraints(), scene.constraints()));
+  scene.f = {};
+  Scene own = scene, scaled = scene;
+  own.dynamics = supplied(sparse);
+  for (SparseMatrix* matrix : {&sparse.E, &sparse.A, &sparse.B}) *matrix *= 4;
+  scaled.dynamics = sparse;
+  const Result expected = run_supplied(scene, Method::march, {3});
+  ASSERT_EQ(expected.status, Status::solved) << expected.reason;
+  EXPECT_FALSE(expected.continuous);
+  for (const Scene& same : {own, scaled}) {
+    const Result found = run_supplied(same, Method::march, {3});
+    ASSERT_EQ(found.status, Status::solved) << found.reason;
+    EXPECT_LE((found.y - expected.y).cwiseAbs().maxCoeff(), 1e-9 * std::max(1.0, expected.y.cwiseAbs().maxCoeff()));
+    EXPECT_LE((found.x - expected.x).cwiseAbs().maxCoeff(), 1e-9 * std::max(1.0, expected.x.cwiseAbs().maxCoeff()));
+  }
+}
+
 TEST(SuppliedDynamics, CallbacksAreCalledFromTheCallingThreadUnlessTheyAreSafe) {
   Scene scene = supplied_signorini();
   SuppliedDynamics own = supplied(to_sparse(std::get<KroneckerDynamics>(scene.dynamics)));
@@ -122,7 +147,8 @@ TEST(SuppliedDynamics, WhatIsWrongIsSaid) {
   EXPECT_THROW(run_supplied(scene, Method::march), std::runtime_error);
 }
 
-// Solves that are not finite: no contour, and the state cannot be stepped either.
+// Solves that are not finite: no contour, and the state cannot be stepped
+// either.
 TEST(SuppliedDynamics, SolvesThatFailEndWithAReason) {
   Scene scene = supplied_signorini();
   SuppliedDynamics own = supplied(to_sparse(std::get<KroneckerDynamics>(scene.dynamics)));

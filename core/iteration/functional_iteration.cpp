@@ -211,27 +211,55 @@ void finish_iteration(const DiscreteProblem& p, const Options& options, const It
     result.y.bottomRows(result.y.rows() - outcome.settled).setConstant(NAN);
 }
 
-void solve_by_iteration(TimeOperator& op, const Options& options, Result& result) {
-  Timer setup;
-  const DiscreteProblem& p = op.problem();
-  const Index rows = p.J + 1, n = p.scene.constraints();
-  KernelPlan plan = op.kernel(options.convolution);
-  const auto r = op.response(plan, *p.backend.array(rows, n));
-  const auto y = p.backend.array(rows, n), v = p.backend.array(rows, n);
-  const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, rows);
-  SpaceTimeKernel& kernel = *plan.kernel;
-  result.kernel = plan.description;
-  result.kernel_error = plan.error;
-  result.bytes +=
-      y->bytes() + v->bytes() + r->bytes() + kernel.bytes() + lcp->bytes() + host_bytes(p) + op.bytes_of_tables();
-  kernel.transform_seconds = kernel.convolution_seconds = 0;
-  result.seconds.setup += setup.lap();
+namespace {
 
-  const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { kernel.apply(in, out, first); };
-  const IterationOutcome outcome = iterate(p, options, apply, true, *lcp, *r, *y, *v, result);
-  finish_iteration(p, options, outcome, apply, *lcp, *r, *y, *v, result);
-  result.seconds.transform = kernel.transform_seconds;
-  result.seconds.convolution = kernel.convolution_seconds;
+class PreparedIteration final : public PreparedMethod {
+ public:
+  PreparedIteration(TimeOperator& op, const Options& options)
+      : op_(op), p_(op.problem()), plan_(op.kernel(options.convolution)) {
+    const Index rows = p_.J + 1, n = p_.scene.constraints();
+    for (auto* array : {&y_, &v_, &r_}) *array = p_.backend.array(rows, n);
+    lcp_ = p_.backend.lcp(p_.scene.M, p_.lcp_class, rows);
+    respond();
+  }
+
+  void renew() override { respond(); }
+
+  void run(const Options& options, Result& result) override {
+    result.kernel = plan_.description;
+    result.kernel_error = std::isnan(plan_.error) ? NAN : std::max(plan_.error, error_of_x0_);
+    SpaceTimeKernel& kernel = *plan_.kernel;
+    result.bytes += y_->bytes() + v_->bytes() + r_->bytes() + kernel.bytes() + lcp_->bytes() + host_bytes(p_) +
+                    op_.bytes_of_tables();
+    kernel.transform_seconds = kernel.convolution_seconds = 0;
+    const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { kernel.apply(in, out, first); };
+    const IterationOutcome outcome = iterate(p_, options, apply, true, *lcp_, *r_, *y_, *v_, result);
+    finish_iteration(p_, options, outcome, apply, *lcp_, *r_, *y_, *v_, result);
+    result.seconds.transform = kernel.transform_seconds;
+    result.seconds.convolution = kernel.convolution_seconds;
+  }
+
+ private:
+  // v is where r is made; the iteration begins with v = 0 and y = 0.
+  void respond() {
+    error_of_x0_ = op_.response(plan_, *v_, *r_);
+    const RowMatrix zero = RowMatrix::Zero(v_->rows(), v_->cols());
+    p_.backend.upload(zero, *v_);
+    p_.backend.upload(zero, *y_);
+  }
+
+  TimeOperator& op_;
+  const DiscreteProblem& p_;
+  KernelPlan plan_;
+  double error_of_x0_ = 0;
+  std::unique_ptr<Array> y_, v_, r_;
+  std::unique_ptr<LcpBatch> lcp_;
+};
+
+}  // namespace
+
+std::unique_ptr<PreparedMethod> prepare_iteration(TimeOperator& op, const Options& options) {
+  return std::make_unique<PreparedIteration>(op, options);
 }
 
 }  // namespace bromwich

@@ -8,14 +8,15 @@
 // r       r           (J+1) x n    what does not depend on y
 // v       v           (J+1) x n    K * y
 
+#include "../kernel/prepared_method.hpp"
 #include "../kernel/time_operator.hpp"
 #include "../result/options.hpp"
 #include "../result/result.hpp"
 
 namespace bromwich {
 
-/// Fills status, y, iterations, history, counters, residual and seconds of `result`.
-void solve_by_iteration(TimeOperator&, const Options&, Result& result);
+/// Its run fills status, y, iterations, history, counters, residual and seconds of a result.
+std::unique_ptr<PreparedMethod> prepare_iteration(TimeOperator&, const Options&);
 
 /// The loop itself, for kernels that are not a SpaceTimeKernel too: `apply(y, v, first)` evaluates K * y. `recordable`:
 /// it does so by operations of the backend alone, which may be recorded.

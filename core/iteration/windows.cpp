@@ -1,5 +1,6 @@
 #include "core/iteration/windows.hpp"
 
+#include "core/base/timer.hpp"
 #include "core/iteration/functional_iteration.hpp"
 #include "core/kernel/operators.hpp"
 #include "core/kernel/recurrence.hpp"
@@ -86,7 +87,11 @@ void solve_in_windows(const DiscreteProblem& p, Index steps, const Options& opti
   for (Index first = 0; first < p.J; first += length) {
     const DiscreteProblem w = window(p, scene, first, std::min(length, p.J - first));
     Result part;
-    solve_by_iteration(*make_time_operator(w), options, part);
+    const auto op = make_time_operator(w);
+    Timer setup;
+    const auto prepared = prepare_iteration(*op, options);
+    part.seconds.setup += setup.lap();
+    prepared->run(options, part);
     if (part.y.rows() != w.J + 1) part.y = RowMatrix::Constant(w.J + 1, p.scene.constraints(), NAN);
     add(part, first, w.J, result);
     if (first == 0) result.kernel = std::to_string(count) + " windows in time; " + part.kernel;

@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 
 #include <cmath>
+#include <vector>
 
 namespace bromwich {
 
@@ -15,6 +16,36 @@ bool grows_harmlessly(const Matrix& A, double T) {
   Matrix shifted = -0.5 * (A + A.transpose());
   shifted.diagonal().array() += std::log(harmless_growth) / T;
   return Eigen::LLT<Matrix>(shifted).info() == Eigen::Success;
+}
+
+// D with entries of one size in each pair of D^{-1} A D that joins two states: sum x_i^2 / D_i^2 is the energy of a
+// network. Balancing leaves factors that grow along a chain.
+Vector energy_scale(const Matrix& A) {
+  const Index m = A.rows();
+  Vector logarithms = Vector::Zero(m);
+  std::vector<char> seen(std::size_t(m), 0);
+  for (Index root = 0; root < m; ++root) {
+    if (seen[std::size_t(root)]) continue;
+    seen[std::size_t(root)] = 1;
+    std::vector<Index> members{root};
+    for (std::size_t k = 0; k < members.size(); ++k)
+      for (Index j = 0; j < m; ++j) {
+        const Index i = members[k];
+        if (seen[std::size_t(j)] || A(i, j) == 0 || A(j, i) == 0) continue;
+        seen[std::size_t(j)] = 1;
+        logarithms[j] = logarithms[i] + 0.5 * (std::log(std::abs(A(j, i))) - std::log(std::abs(A(i, j))));
+        members.push_back(j);
+      }
+  }
+  return logarithms.array().exp();
+}
+
+// The same in the norm of the energy, where that is not too far from the units of A.
+bool energy_grows_harmlessly(const Matrix& A, double T) {
+  constexpr double most_apart = 1e6;
+  const Vector D = energy_scale(A);
+  return D.maxCoeff() <= most_apart * D.minCoeff() &&
+         grows_harmlessly(D.cwiseInverse().asDiagonal() * A * D.asDiagonal(), T);
 }
 
 // Up to the first row of y that is not valid.
@@ -79,14 +110,15 @@ Matrix ActiveResponse::to_columns(const Matrix& v) const {
 double free_growth(const DiscreteProblem& p, const StepOperators& step) {
   if (p.scene.states() == 0) return 1;
   const Balanced b = balanced(p.dense()->A);
-  if (grows_harmlessly(b.A, p.scene.T)) return 1;
+  if (grows_harmlessly(b.A, p.scene.T) || energy_grows_harmlessly(b.A, p.scene.T)) return 1;
   Matrix power = b.D.cwiseInverse().asDiagonal() * step.decay * b.D.asDiagonal();
   double growth = 1;
   for (Index steps = 1;; steps *= 2) {
     const double norm = power.cwiseAbs().rowwise().sum().maxCoeff();
     if (!std::isfinite(norm)) return INFINITY;
     growth = std::max(growth, norm);
-    if (2 * steps > p.J) return growth;
+    // Powers of one below 1 are no larger, and more than harmless is not told apart.
+    if (2 * steps > p.J || norm <= 1 || growth > harmless_growth) return growth;
     power = (power * power).eval();
   }
 }

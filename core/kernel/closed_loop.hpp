@@ -33,8 +33,8 @@ class ActiveResponse {
   Vector response_;
 };
 
-/// Largest growth of the free state within [0, T], from its powers E, E^2, E^4, ... in balanced units; 1 where the
-/// numerical range shows that it stays below `harmless_growth`.
+/// Largest growth of the free state within [0, T], from its powers E, E^2, E^4, ... in balanced units, up to the first
+/// above `harmless_growth`; 1 where the numerical range shows that it stays below that.
 double free_growth(const DiscreteProblem&, const StepOperators&);
 
 /// Up to this growth the rounding of y leaves the state its digits, and y gives it directly.

@@ -66,10 +66,9 @@ class DenseOperator : public TimeOperator {
     return made;
   }
 
-  std::unique_ptr<Array> response(KernelPlan&, Array&) override {
-    auto r = p_.backend.array(p_.J + 1, p_.scene.constraints());
-    p_.backend.upload(dense_response(p_, Rule::exponential), *r);
-    return r;
+  double response(const KernelPlan&, Array&, Array& r) override {
+    p_.backend.upload(dense_response(p_, Rule::exponential), r);
+    return 0;
   }
 
   SharedWeights weights(Index steps, const Weights*, Index) override {
@@ -80,29 +79,17 @@ class DenseOperator : public TimeOperator {
         Recurrence(dense_recurrence(dynamics_, step_operators(dynamics_.A, Rule::exponential, h, steps))));
   }
 
-  KernelPlan finest_kernel(const Weights&, ConvolutionChoice choice) override { return kernel(choice); }
+  KernelPlan finest_kernel(const SharedWeights&, ConvolutionChoice choice) override { return kernel(choice); }
 
   std::optional<RowMatrix> coarse_response(Index steps) override {
     if (p_.f.size() == 0) return std::nullopt;
     return dense_response(coarser(p_, steps), Rule::exponential);
   }
 
-  // The state itself is stepped, x0 and f with it: nothing that grows is computed apart and cancelled later.
-  MarchData march_data(Rule rule, RecurrenceChoice) override {
-    const std::shared_ptr<const StepOperators> operators = state_step(p_, rule);
-    const StepOperators& step = *operators;
-    DenseRecurrence recurrence = dense_recurrence(dynamics_, step);
-    MarchData data{.weights = share_weights(Recurrence(recurrence)),
-                   .r = p_.g,
-                   .description = "state of the scene, stepped",
-                   .start = step.decay * p_.scene.x0};
-    if (p_.f.size() > 0) {
-      const Matrix F = source_matrix(p_), left = step.left * F, right = step.right * F;
-      data.start += left * p_.f.row(0);
-      data.source_input = step.decay * right + left;
-      data.forcing = p_.f.table() * data.source_input.transpose();
-      data.r = SampledSource(p_.g.table() + p_.f.table() * (dynamics_.N * right).transpose());
-    }
+  MarchData march_weights(Rule rule, RecurrenceChoice) override {
+    const DenseRecurrence recurrence = dense_recurrence(dynamics_, *state_step(p_, rule));
+    MarchData data{.weights = std::make_shared<Weights>(Recurrence(recurrence)),
+                   .description = "state of the scene, stepped"};
     if (rule == Rule::implicit_euler) return data;
     const double m = double(p_.scene.states()), n = double(p_.scene.constraints());
     const WeightCheck check = check_weights(p_, recurrence, double(p_.J) * (m * m + 2 * m * n));
@@ -110,6 +97,20 @@ class DenseOperator : public TimeOperator {
     data.description +=
         " by the matrix exponential" + (check.against.empty() ? "" : ", checked against " + check.against);
     return data;
+  }
+
+  // The state itself is stepped, x0 and f with it: nothing that grows is computed apart and cancelled later.
+  void add_sources(Rule rule, MarchData& data) override {
+    const std::shared_ptr<const StepOperators> operators = state_step(p_, rule);
+    const StepOperators& step = *operators;
+    data.r = p_.g;
+    data.start = step.decay * p_.scene.x0;
+    if (p_.f.size() == 0) return;
+    const Matrix F = source_matrix(p_), left = step.left * F, right = step.right * F;
+    data.start += left * p_.f.row(0);
+    data.source_input = step.decay * right + left;
+    data.forcing = p_.f.table() * data.source_input.transpose();
+    data.r = SampledSource(p_.g.table() + p_.f.table() * (dynamics_.N * right).transpose());
   }
 
   RowMatrix states(Rule rule, const RowMatrix& y, const std::vector<Index>& components,

@@ -41,11 +41,18 @@ std::shared_ptr<const StepDefects> defects_of_f(const DiscreteProblem& p) {
 DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J, bool every_step) {
   const LcpClass lcp_class = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
   DiscreteProblem p{scene, backend, lcp_class, J, scene.T / double(J), time_grid(scene.T, J), {}, {}, {}};
-  p.g = sample(scene.g, p.t, scene.constraints());
-  if (scene.f) p.f = sample(scene.f, p.t, scene.sources());
-  p.start = observe(scene.dynamics, scene.x0) + p.g.row(0);
-  resolve_sources(p, every_step);
+  sample_sources(p, every_step);
   return p;
+}
+
+void sample_sources(DiscreteProblem& p, bool every_step) {
+  p.g = sample(p.scene.g, p.t, p.scene.constraints());
+  p.f = p.scene.f ? sample(p.scene.f, p.t, p.scene.sources()) : SampledSource();
+  p.start = observe(p.scene.dynamics, p.scene.x0) + p.g.row(0);
+  p.sources = {};
+  p.defects = {};
+  p.rough_response = {};
+  resolve_sources(p, every_step);
 }
 
 void resolve_sources(DiscreteProblem& p, bool every_step) {

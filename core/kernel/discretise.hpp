@@ -7,6 +7,9 @@ namespace bromwich {
 /// Samples the sources. `every_step`: looks inside every step whether they are linear there.
 DiscreteProblem discretise(const Scene&, Backend&, Index J, bool every_step = false);
 
+/// Samples the sources of the scene again, and takes its x0.
+void sample_sources(DiscreteProblem&, bool every_step);
+
 /// Finds the rough steps of a problem whose sources are sampled, and what they do.
 void resolve_sources(DiscreteProblem&, bool every_step);
 

@@ -18,28 +18,35 @@ class LagOperator : public TimeOperator {
   bool marches_by_euler() const override { return false; }
   std::size_t bytes_of_tables() const override { return table_ && *table_ ? (*table_)->bytes : 0; }
 
-  KernelPlan kernel(ConvolutionChoice choice) override { return finest_kernel(*lags(), choice); }
+  KernelPlan kernel(ConvolutionChoice choice) override { return finest_kernel(lags(), choice); }
 
-  std::unique_ptr<Array> response(KernelPlan&, Array&) override {
-    auto r = p_.backend.array(p_.J + 1, p_.scene.constraints());
-    p_.backend.upload(p_.g.table() + table()->free, *r);
-    return r;
+  double response(const KernelPlan&, Array&, Array& r) override {
+    p_.backend.upload(p_.g.table() + table()->free, r);
+    return 0;
+  }
+
+  // x0 and f have columns of their own in the shifted solves.
+  void renew() override {
+    const RowMatrix& f = p_.f.values();
+    const bool same_f = f.rows() == f_.rows() && f.cols() == f_.cols() && f == f_;
+    if (!same_f || p_.scene.x0 != x0_) table_.reset();
   }
 
   SharedWeights weights(Index steps, const Weights* finer, Index finer_steps) override {
     return finer ? share_weights(coarsened(*finer, finer_steps, steps)) : lags();
   }
 
-  KernelPlan finest_kernel(const Weights& weights, ConvolutionChoice choice) override {
-    return {kernel_of(weights, p_.J, choice), "FFT over lag weights; " + table()->description, table()->error};
+  KernelPlan finest_kernel(const SharedWeights& weights, ConvolutionChoice choice) override {
+    return {kernel_of(*weights, p_.J, choice), "FFT over lag weights; " + table()->description, table()->error};
   }
 
-  MarchData march_data(Rule, RecurrenceChoice) override {
-    return {.weights = lags(),
-            .r = SampledSource(p_.g.table() + table()->free),
+  MarchData march_weights(Rule, RecurrenceChoice) override {
+    lags();
+    return {.weights = lags_,
             .error = table()->error,
             .description = "lag weights, summed in blocks of time; " + table()->description};
   }
+  void add_sources(Rule, MarchData& data) override { data.r = SampledSource(p_.g.table() + table()->free); }
 
   RowMatrix states(Rule, const RowMatrix& y, const std::vector<Index>& components, const StepDefects*) override {
     if (!table_ || !*table_) return RowMatrix::Constant(p_.J + 1, Index(components.size()), NAN);
@@ -57,17 +64,21 @@ class LagOperator : public TimeOperator {
   const SparseKernel* table() {
     if (table_) return *table_ ? &**table_ : nullptr;
     table_ = sparse_kernel(p_, p_.components);
+    x0_ = p_.scene.x0;
+    f_ = p_.f.values();
     if (!*table_) return nullptr;
-    lags_ = share_weights(std::move((*table_)->weights));
+    if (!lags_) lags_ = std::make_shared<Weights>(std::move((*table_)->weights));  // they do not depend on sources
     return &**table_;
   }
-  const SharedWeights& lags() {
+  SharedWeights lags() {
     table();
     return lags_;
   }
 
   std::optional<std::optional<SparseKernel>> table_;  ///< its weights are in lags_
-  SharedWeights lags_;
+  std::shared_ptr<Weights> lags_;
+  Vector x0_;    ///< that table_ was made for
+  RowMatrix f_;  ///< values of phi, likewise
 };
 
 }  // namespace

@@ -46,11 +46,13 @@ class ModalOperator : public TimeOperator {
  public:
   explicit ModalOperator(const DiscreteProblem& p) : TimeOperator(p), dynamics_(*p.kronecker()) {}
 
+  void renew() override { initial_.reset(); }
+
   KernelPlan kernel(ConvolutionChoice choice) override {
     const Index rows = p_.J + 1, n = dynamics_.along.points;
     const auto parameters = contour_parameters(0);
     if (choice != ConvolutionChoice::fft && (fits() || choice == ConvolutionChoice::scan)) {
-      KernelPlan made = plan(*weights(p_.J, nullptr, 0), choice);
+      KernelPlan made = plan(weights(p_.J, nullptr, 0), choice);
       made.description = fits() ? text("scan of %ld exponentials a mode, fitted to contour values (%ld nodes a window)",
                                        long(sum().rates.size()), long(parameters->P + 1))
                                 : text("scan of all %ld eigenvalues a mode", long(dynamics_.across.points));
@@ -64,24 +66,28 @@ class ModalOperator : public TimeOperator {
     return made;
   }
 
-  std::unique_ptr<Array> response(KernelPlan& plan, Array& v) override {
+  double response(const KernelPlan& plan, Array& v, Array& r) override {
     const Index rows = p_.J + 1, n = p_.scene.constraints();
-    auto r = p_.backend.array(rows, n);
     const auto input = p_.backend.array(rows, n);
-    upload(p_.backend, p_.g, *r);
-    if (plan.started) {
-      p_.backend.upload(p_.start.transpose(), *r);  // row 0: the kernel has nothing at t = 0
-      plan.kernel->add_start(*plan.started, *input, *r);
+    upload(p_.backend, p_.g, r);
+    double error = 0;
+    const auto with_x0 = plan.weights && initial()
+                             ? started(*modal_recurrence_of(*plan.weights), initial()->coefficients)
+                             : std::nullopt;
+    if (with_x0) {
+      error = initial()->error;
+      p_.backend.upload(p_.start.transpose(), r);  // row 0: the kernel has nothing at t = 0
+      plan.kernel->add_start(*with_x0, *input, r);
     } else {
       p_.backend.upload(kronecker_initial_response(p_), *input);
-      p_.backend.sine_transform(n, rows)->apply(*input, r.get(), *r, 0);  // g + S N e^{At} x0
+      p_.backend.sine_transform(n, rows)->apply(*input, &r, r, 0);  // g + S N e^{At} x0
     }
-    add_rough_response(p_, *r);
-    if (!p_.drive()) return r;
+    add_rough_response(p_, r);
+    if (!p_.drive()) return error;
     upload(p_.backend, *p_.drive(), *input);
     plan.kernel->apply(*input, v, 0);
-    p_.backend.add(*r, 1, v, *r);
-    return r;
+    p_.backend.add(r, 1, v, r);
+    return error;
   }
 
   // Where no short sum fits, all eigenvalues are one. The fit of the finest grid serves all.
@@ -92,7 +98,7 @@ class ModalOperator : public TimeOperator {
                                            : modal_recurrence(dynamics_, Rule::exponential, h, RowMatrix())));
   }
 
-  KernelPlan finest_kernel(const Weights& weights, ConvolutionChoice choice) override {
+  KernelPlan finest_kernel(const SharedWeights& weights, ConvolutionChoice choice) override {
     KernelPlan made = plan(weights, choice);
     made.description = (by_fft(choice) ? "FFT over lag weights of " : "scan of ") +
                        (fits() ? std::to_string(sum().rates.size()) + " exponentials a mode, fitted to contour values"
@@ -102,18 +108,44 @@ class ModalOperator : public TimeOperator {
 
   const SampledSource* drive() const override { return p_.drive(); }
 
-  MarchData march_data(Rule rule, RecurrenceChoice choice) override {
+  MarchData march_weights(Rule rule, RecurrenceChoice choice) override {
     const Index all = dynamics_.across.points;
-    if (rule == Rule::exponential && choice != RecurrenceChoice::modal &&
-        (choice == RecurrenceChoice::compressed || all > fewest_compressed) && fits() &&
-        (choice == RecurrenceChoice::compressed || 2 * sum().rates.size() <= all)) {
-      MarchData data = compressed();
-      data.description = std::to_string(sum().rates.size()) + " exponentials a mode, stepped";
-      return data;
+    const bool compressed = rule == Rule::exponential && choice != RecurrenceChoice::modal &&
+                            (choice == RecurrenceChoice::compressed || all > fewest_compressed) && fits() &&
+                            (choice == RecurrenceChoice::compressed || 2 * sum().rates.size() <= all);
+    if (compressed)
+      return {
+          .weights = std::make_shared<Weights>(Recurrence(compressed_recurrence(p_.backend, dynamics_, sum(), p_.h))),
+          .error = sum().error,
+          .description = std::to_string(sum().rates.size()) + " exponentials a mode, stepped",
+          .compressed = true};
+    return {.weights = std::make_shared<Weights>(Recurrence(modal_recurrence(dynamics_, rule, p_.h, RowMatrix()))),
+            .description = std::to_string(all) + " eigenvalues a mode, stepped"};
+  }
+
+  // x0 in the recurrence where that can carry it, as a table of its response otherwise.
+  void add_sources(Rule rule, MarchData& data) override {
+    auto& recurrence = std::get<ModalRecurrence>(std::get<Recurrence>(*data.weights));
+    data.drive = p_.drive();
+    data.r = p_.g;
+    data.error_of_x0 = 0;
+    if (data.compressed) {
+      auto with_x0 = initial() ? started(recurrence, initial()->coefficients) : std::nullopt;
+      if (with_x0) {
+        recurrence.initial = std::move(with_x0->initial);
+        data.error_of_x0 = initial()->error;
+      } else {
+        recurrence.initial.resize(0, 0);
+        data.r = SampledSource(with_modes(p_, kronecker_initial_response(p_)));
+      }
+      return;
     }
-    MarchData data = all_modes(rule);
-    data.description = std::to_string(all) + " eigenvalues a mode, stepped";
-    return data;
+    const Vector b = in_sine_basis(dynamics_.b);
+    if (b.cwiseAbs().minCoeff() > 1e-10 * b.cwiseAbs().maxCoeff())
+      recurrence.initial =
+          modal_recurrence(dynamics_, rule, p_.h, x0_in_modes(p_.backend, dynamics_, p_.scene.x0, true)).initial;
+    else
+      data.r = SampledSource(with_modes(p_, stepped_initial_response(p_, rule)));
   }
 
   RowMatrix states(Rule rule, const RowMatrix& y, const std::vector<Index>& components, const StepDefects*) override {
@@ -138,36 +170,12 @@ class ModalOperator : public TimeOperator {
     return *initial_;
   }
 
-  KernelPlan plan(const Weights& weights, ConvolutionChoice choice) {
-    KernelPlan made{kernel_of(weights, p_.J, choice), "", NAN};
+  KernelPlan plan(const SharedWeights& weights, ConvolutionChoice choice) {
+    KernelPlan made{kernel_of(*weights, p_.J, choice), "", NAN};
     if (!fits()) return made;
     made.error = sum().error;
-    if (by_fft(choice) || !initial()) return made;
-    made.started = started(*modal_recurrence_of(weights), initial()->coefficients);
-    if (made.started) made.error = std::max(made.error, initial()->error);
+    if (!by_fft(choice)) made.weights = weights;
     return made;
-  }
-
-  MarchData all_modes(Rule rule) {
-    const Vector b = in_sine_basis(dynamics_.b);
-    const bool carried = b.cwiseAbs().minCoeff() > 1e-10 * b.cwiseAbs().maxCoeff();  // x0, by the driven recurrence
-    const RowMatrix x0 = carried ? x0_in_modes(p_.backend, dynamics_, p_.scene.x0, true) : RowMatrix();
-    return {.weights = share_weights(Recurrence(modal_recurrence(dynamics_, rule, p_.h, x0))),
-            .r = carried ? p_.g : SampledSource(with_modes(p_, stepped_initial_response(p_, rule))),
-            .drive = p_.drive()};
-  }
-
-  MarchData compressed() {
-    ModalRecurrence recurrence = compressed_recurrence(p_.backend, dynamics_, sum(), p_.h);
-    MarchData data{.r = p_.g, .error = sum().error, .drive = p_.drive()};
-    if (auto with_x0 = initial() ? started(recurrence, initial()->coefficients) : std::nullopt) {
-      recurrence = std::move(*with_x0);
-      data.error = std::max(data.error, initial()->error);
-    } else {
-      data.r = SampledSource(with_modes(p_, kronecker_initial_response(p_)));
-    }
-    data.weights = share_weights(Recurrence(std::move(recurrence)));
-    return data;
   }
 
   const KroneckerDynamics& dynamics_;

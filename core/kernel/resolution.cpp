@@ -68,13 +68,20 @@ std::optional<Mode> fastest(const DiscreteProblem& p, const RowMatrix& y, const 
     const std::optional<Matrix> closed = closed_matrix(p, S);
     if (!closed || !closed->allFinite()) continue;
     const Matrix scaled = D.cwiseInverse().asDiagonal() * *closed * D.asDiagonal();
+    const auto counting = [&, steps = phase.longest](const ComplexVector& lambda) {
+      std::vector<Index> which;
+      for (Index k = 0; k < lambda.size(); ++k)
+        if (counts(p.h * lambda[k], steps)) which.push_back(k);
+      return which;
+    };
+    // Most scenes have no such mode, and eigenvectors cost more than eigenvalues.
+    if (const Eigen::EigenSolver<Matrix> values(scaled, false);
+        values.info() != Eigen::Success || counting(values.eigenvalues()).empty())
+      continue;
     const Eigen::EigenSolver<Matrix> eigen(scaled);
     if (eigen.info() != Eigen::Success) continue;
     const ComplexVector lambda = eigen.eigenvalues();
-    std::vector<Index> candidates;
-    for (Index k = 0; k < lambda.size(); ++k)
-      if (counts(p.h * lambda[k], phase.longest)) candidates.push_back(k);
-    if (candidates.empty()) continue;
+    const std::vector<Index> candidates = counting(lambda);
     const Eigen::PartialPivLU<ComplexMatrix> modes(eigen.eigenvectors());
     const bool known = modes.rcond() > 1e-10;
     const std::size_t stride = std::max<std::size_t>(1, phase.rows.size() / std::size_t(most_samples));

@@ -24,19 +24,21 @@ namespace bromwich {
 
 /// K on the backend, and how it was made.
 struct KernelPlan {
-  std::unique_ptr<SpaceTimeKernel> kernel;
+  std::shared_ptr<SpaceTimeKernel> kernel;
   std::string description;
-  double error = 0;  ///< see Result::kernel_error
-  /// The recurrence of the kernel with x0 in its start; none: the response to x0 is a table over time.
-  std::optional<Recurrence> started = {};
+  double error = 0;            ///< see Result::kernel_error
+  SharedWeights weights = {};  ///< that the kernel applies by recurrence; null: by a table
 };
 
-/// What a march is made from, see MarchProblem (core/seam/backend.hpp).
+/// What a march is made from, see MarchProblem (core/seam/backend.hpp). The weights stay; the rest is of x0, f and g.
 struct MarchData {
-  SharedWeights weights;
-  SampledSource r;     ///< what the weights leave out; row 0 is not used
+  std::shared_ptr<Weights> weights;
   double error = NAN;  ///< of the weights, see Result::kernel_error
   std::string description;
+  bool compressed = false;  ///< modal: exponentials fitted to the kernel
+
+  SampledSource r = {};                  ///< what the weights leave out; row 0 is not used
+  double error_of_x0 = 0;                ///< modal, compressed: of what x0 adds
   Vector start = {};                     ///< dense: what x0 and f_0 add to z_0
   RowMatrix forcing = {};                ///< dense: what f adds to z_j, the sources times source_input^T
   Matrix source_input = {};              ///< dense
@@ -55,6 +57,9 @@ class TimeOperator {
 
   const DiscreteProblem& problem() const { return p_; }
 
+  /// The problem has other x0, f and g than before.
+  virtual void renew() {}
+
   /// Whether y that is linear from step to step is safe here. Made once.
   const BasisChoice& basis();
   /// Why there are no weights for such a y; empty where there are.
@@ -69,15 +74,15 @@ class TimeOperator {
 
   /// K for the functional iteration.
   virtual KernelPlan kernel(ConvolutionChoice) = 0;
-  /// r. `work` is one array of its shape; where f = B phi drives a Kronecker sum it is left with K phi, and the kernel
-  /// has been applied to phi last.
-  virtual std::unique_ptr<Array> response(KernelPlan&, Array& work) = 0;
+  /// r, and the error of x0 in it. `work` is one array of its shape; where f = B phi drives a Kronecker sum it is left
+  /// with K phi, and the kernel has been applied to phi last.
+  virtual double response(const KernelPlan&, Array& work, Array& r) = 0;
 
   /// The weights of a grid with `steps` steps, J / steps a power of two, from those of a finer grid or, where null,
   /// from the dynamics.
   virtual SharedWeights weights(Index steps, const Weights* finer, Index finer_steps) = 0;
   /// K from such weights, of the grid of the problem and of any coarser one.
-  virtual KernelPlan finest_kernel(const Weights&, ConvolutionChoice) = 0;
+  virtual KernelPlan finest_kernel(const SharedWeights&, ConvolutionChoice) = 0;
   virtual std::unique_ptr<SpaceTimeKernel> kernel_of(const Weights&, Index steps, ConvolutionChoice);
   /// phi with f = B phi, where K carries it to r; r of a coarse grid then holds K phi of that grid.
   virtual const SampledSource* drive() const { return nullptr; }
@@ -87,7 +92,10 @@ class TimeOperator {
   /// Bytes of tables that the operator keeps beside its plans.
   virtual std::size_t bytes_of_tables() const { return 0; }
 
-  virtual MarchData march_data(Rule, RecurrenceChoice) = 0;
+  /// The weights alone.
+  virtual MarchData march_weights(Rule, RecurrenceChoice) = 0;
+  /// The rest, for x0, f and g as the problem has them now.
+  virtual void add_sources(Rule, MarchData&) = 0;
 
   /// The states behind y, chosen components: (J+1) x components, row 0 = x0. `defects`: of a result whose steps were
   /// taken in parts.

@@ -3,44 +3,58 @@
 #include "core/base/timer.hpp"
 #include "core/march/outcome.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
 
 namespace {
 
-// The arrays that a march points to, and its run.
-class Marching {
+class PreparedMarch final : public PreparedMethod {
  public:
-  Marching(const DiscreteProblem& p, const Options& options) : p_(p), wants_trace_(options.trace) {
-    problem.M = &p.scene.M;
-    problem.lcp_class = p.lcp_class;
-    problem.interrupted = options.interrupted;
-    if (options.progress) problem.progress = [&options, J = p.J](Index step) { options.progress({step, 0, J}); };
-  }
-
-  Array* array(const SampledSource& values) {
-    Array* const made = array(values.rows(), values.cols());
-    upload(p_.backend, values, *made);
-    return made;
-  }
-  Array* array(const RowMatrix& values) {
-    Array* const made = array(values.rows(), values.cols());
-    p_.backend.upload(values, *made);
-    return made;
-  }
-
-  void run(Timer& timer, bool impulse_allowed, Result& result) {
+  PreparedMarch(TimeOperator& op, Rule rule, const Options& options)
+      : op_(op), p_(op.problem()), rule_(rule), data_(op.march_weights(rule, options.recurrence)) {
     const Index rows = p_.J + 1, n = p_.scene.constraints();
-    const auto y = p_.backend.array(rows, n), v = p_.backend.array(rows, n);
-    const auto march = p_.backend.march(problem, rows);
-    result.bytes = 2 * y->bytes() + bytes_ + march->bytes() + host_bytes(p_);
-    result.seconds.setup += timer.lap();
+    for (auto* array : {&y_, &v_, &r_}) *array = p_.backend.array(rows, n);
+    op_.add_sources(rule_, data_);
+    if (data_.drive) drive_ = p_.backend.array(rows, n);
+    if (data_.forcing.size() > 0) forcing_ = p_.backend.array(rows, data_.forcing.cols());
+    MarchProblem problem;
+    problem.M = &p_.scene.M;
+    problem.lcp_class = p_.lcp_class;
+    problem.interrupted = options.interrupted;
+    if (options.progress)
+      problem.progress = [progress = options.progress, J = p_.J](Index step) { progress({step, 0, J}); };
+    problem.recurrence = recurrence_of(*data_.weights);
+    problem.lags = lag_table_of(*data_.weights);
+    problem.r = r_.get();
+    problem.drive = drive_.get();
+    if (forcing_) {
+      problem.forcing = forcing_.get();
+      problem.sources = &p_.f.table();
+      problem.source_input = &data_.source_input;
+    }
+    if (data_.start.size() > 0) problem.start = &data_.start;
+    upload_sources();
+    march_ = p_.backend.march(problem, rows);
+  }
 
+  void renew() override {
+    op_.add_sources(rule_, data_);
+    upload_sources();
+  }
+
+  void run(const Options& options, Result& result) override {
+    result.kernel = data_.description;
+    result.kernel_error = std::max(data_.error, data_.error_of_x0);
+    if (std::isnan(data_.error)) result.kernel_error = NAN;
+    result.bytes = y_->bytes() + v_->bytes() + r_->bytes() + (drive_ ? drive_->bytes() : 0) +
+                   (forcing_ ? forcing_->bytes() : 0) + march_->bytes() + host_bytes(p_) + data_.bytes();
+    Timer timer;
     const Start start = solve_at_zero(p_, result);
     if (start == Start::none) return;
     if (start == Start::impulse) {
-      if (!impulse_allowed) {
+      if (rule_ != Rule::implicit_euler) {
         result.status = Status::unsupported;
         result.reason = "x0 violates the constraints and y has to jump; use method march or auto";
         return;
@@ -48,58 +62,40 @@ class Marching {
       result.y.row(0).setZero();  // implicit Euler does not look at it
       result.kernel += impulse_note;
     }
-    p_.backend.upload(result.y, *y);
+    p_.backend.upload(result.y, *y_);
     result.seconds.lcp += timer.lap();
-    const MarchReport report = march->run(*y, *v);
-    p_.backend.download(*y, result.y);
+    const MarchReport report = march_->run(*y_, *v_);
+    p_.backend.download(*y_, result.y);
     if (start == Start::impulse) result.y.row(0) = result.y.row(1);
     count(report, result);
-    if (wants_trace_) result.trace = trace(p_, *problem.r, *v);
+    if (options.trace) result.trace = trace(p_, *r_, *v_);
     result.well_posed = report.well_posed;
     if (report.stopped >= 0) return explain_stop(p_, report, result);
-    result.residual = march_residual(p_, start, *problem.r, *v, *y);
+    result.residual = march_residual(p_, start, *r_, *v_, *y_);
     result.status = Status::solved;
   }
 
-  MarchProblem problem;
-
  private:
-  Array* array(Index rows, Index cols) {
-    arrays_.push_back(p_.backend.array(rows, cols));
-    bytes_ += arrays_.back()->bytes();
-    return arrays_.back().get();
+  void upload_sources() {
+    upload(p_.backend, data_.r, *r_);
+    p_.backend.upload(p_.start.transpose(), *r_);  // row 0
+    add_rough_response(p_, *r_);
+    if (drive_) upload(p_.backend, *data_.drive, *drive_);
+    if (forcing_) p_.backend.upload(data_.forcing, *forcing_);
   }
 
+  TimeOperator& op_;
   const DiscreteProblem& p_;
-  bool wants_trace_;
-  std::vector<std::unique_ptr<Array>> arrays_;
-  std::size_t bytes_ = 0;
+  Rule rule_;
+  MarchData data_;
+  std::unique_ptr<Array> y_, v_, r_, drive_, forcing_;
+  std::unique_ptr<March> march_;
 };
 
 }  // namespace
 
-void solve_by_marching(TimeOperator& op, Rule rule, const Options& options, Result& result) {
-  Timer timer;
-  const DiscreteProblem& p = op.problem();
-  const MarchData data = op.march_data(rule, options.recurrence);
-  result.kernel = data.description;
-  result.kernel_error = data.error;
-  Marching marching(p, options);
-  marching.problem.recurrence = recurrence_of(*data.weights);
-  marching.problem.lags = lag_table_of(*data.weights);
-  Array* const r = marching.array(data.r);
-  p.backend.upload(p.start.transpose(), *r);  // row 0
-  add_rough_response(p, *r);
-  marching.problem.r = r;
-  if (data.drive) marching.problem.drive = marching.array(*data.drive);
-  if (data.forcing.size() > 0) {
-    marching.problem.forcing = marching.array(data.forcing);
-    marching.problem.sources = &p.f.table();
-    marching.problem.source_input = &data.source_input;
-  }
-  if (data.start.size() > 0) marching.problem.start = &data.start;
-  marching.run(timer, rule == Rule::implicit_euler, result);
-  result.bytes += data.bytes();
+std::unique_ptr<PreparedMethod> prepare_march(TimeOperator& op, Rule rule, const Options& options) {
+  return std::make_unique<PreparedMarch>(op, rule, options);
 }
 
 }  // namespace bromwich

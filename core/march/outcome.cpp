@@ -37,8 +37,10 @@ ProblemAtZero::ProblemAtZero(const DiscreteProblem& p)
       v_(p.backend.array(1, p.scene.constraints())),
       y_(p.backend.array(1, p.scene.constraints())),
       lcp_(p.backend.lcp(p.scene.M, p.lcp_class, 1)) {
-  p.backend.upload(without_rounding(p).transpose(), *r_);
+  renew();
 }
+
+void ProblemAtZero::renew() { p_.backend.upload(without_rounding(p_).transpose(), *r_); }
 
 Start ProblemAtZero::solve(Result& result, Vector& y0) const {
   const LcpReport report = lcp_->solve(*r_, *v_, *y_, 0, 0);

@@ -19,6 +19,8 @@ Start solve_at_zero(const DiscreteProblem&, Result&);
 class ProblemAtZero {
  public:
   explicit ProblemAtZero(const DiscreteProblem&);
+  /// For another x0 and g(0).
+  void renew();
   /// y_0 alone; result.y is left as it is.
   Start solve(Result&, Vector& y0) const;
 

@@ -45,12 +45,20 @@ class Layers {
   Layers(const DiscreteProblem& p, bool wanted) {
     if (!wanted || !p.dense() || p.scene.states() > most_states) return;
     const double rate = p.dense()->A.cwiseAbs().rowwise().sum().maxCoeff();
-    begin_.insert(p.t[0]);
+    start_ = p.t[0];
+    begin_.insert(start_);
     if (p.sources) place_jumps(p);
     const Index count = Index(begin_.size());
     first_ = 0.1 / (std::max(rate, 1 / p.h) * double(p.J));
-    if (rate * p.h > stiff && fewest * count <= p.J)
-      growth_ = typical_decades / double(std::clamp(p.J / (4 * count), fewest, most));
+    if (!(rate * p.h > stiff)) return;
+    const double factorization = std::pow(double(p.scene.states() + p.scene.constraints()), 3);
+    const Index affordable = std::max(p.J, Index(cheap / factorization));
+    const auto growth = [&](Index layers) {
+      if (fewest * layers > affordable) return double(INFINITY);
+      return typical_decades / double(std::clamp(p.J / (4 * layers), fewest, most));
+    };
+    growth_ = growth(count);
+    growth_at_start_ = std::isfinite(growth_) ? growth_ : growth(1);
   }
 
   bool none() const { return begin_.empty(); }
@@ -62,8 +70,8 @@ class Layers {
       if (from + first_ < to) ends.push_back(from + first_);
       from = last_ + std::min(first_, to - from);
     }
-    const double behind = from - last_;  // infinite before the first
-    const double parts = std::ceil(std::log1p((to - from) / behind) / growth_);
+    const double behind = from - last_, growth = last_ > start_ ? growth_ : growth_at_start_;
+    const double parts = std::ceil(std::log1p((to - from) / behind) / growth);
     for (double k = 1; k < parts; ++k) ends.push_back(last_ + behind * std::pow(1 + (to - from) / behind, k / parts));
     if (to > from) ends.push_back(to);
   }
@@ -94,10 +102,13 @@ class Layers {
   static constexpr Index most_states = 64;         ///< every part has a factorization of its own
   static constexpr Index fewest = 48, most = 400;  ///< parts of a layer
   static constexpr double typical_decades = 16;    ///< logarithm of a step over the first part of its layer
+  static constexpr double cheap = 1e7;             ///< operations of parts, that small scenes take on any grid
   std::set<double> begin_;
   double first_ = 0;  ///< part behind a jump
   /// Logarithm of the ratio of the distances of one point and the next to the jump; infinite: one part for the rest.
-  double growth_ = INFINITY;
+  /// A row behind a jump may be on the finest grid alone, so that no difference of grids shows that its layer is
+  /// missing. Where jumps are too many the start keeps its own.
+  double growth_ = INFINITY, growth_at_start_ = INFINITY, start_ = 0;
   double last_ = -INFINITY;  ///< jump passed
 };
 

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace bromwich {
 
@@ -24,11 +25,10 @@ constexpr double assumed_contraction = 0.05, assumed_without_symbol = 0.2;
 
 }  // namespace
 
-Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& levels, Result& result)
+Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& levels)
     : backend_(backend),
-      options_(options),
+      options_(&options),
       levels_(levels),
-      result_(result),
       useful_(options.algebraic_share > 0 && levels.size() >= grids_of_estimate),
       queued_(all_queue()),
       differences_(backend.differences(slots)) {
@@ -46,6 +46,14 @@ Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& level
   }
 }
 
+void Multigrid::begin(const Options& options, Result& result) {
+  options_ = &options;
+  result_ = &result;
+  failure_.reset();
+  start_is_solved_ = false;
+  queued_ = all_queue();
+}
+
 bool Multigrid::all_queue() const {
   for (const auto& level : levels_.grids)
     if (level->march ? !level->march->queues() : !level->lcp->queues()) return false;
@@ -56,7 +64,7 @@ void Multigrid::nest(const Vector& y0) {
   std::size_t last = levels_.size();
   for (std::size_t l = last; l-- > 0 && !failure_;) {
     if (left_out_of_start(l)) continue;
-    if (options_.interrupted && options_.interrupted()) failure_ = {Status::interrupted, "stopped on request"};
+    if (options_->interrupted && options_->interrupted()) failure_ = {Status::interrupted, "stopped on request"};
     start_on(l, last, y0);
     if (l > 0 || levels_.size() == 1) nest_on(l);
     if (levels_[l].nested) backend_.inject(*levels_[l].y, *levels_[l].nested);
@@ -102,12 +110,12 @@ void Multigrid::start_on(std::size_t l, std::size_t last, const Vector& y0) {
 IterationOutcome Multigrid::iterate() {
   const bool smoothing = levels_[0].sweeps > 0;  // by the symbol
   const double assumed = smoothing ? assumed_contraction : assumed_without_symbol;
-  CycleWatch watch(options_.iteration_tolerance, useful_ ? assumed : INFINITY);
+  CycleWatch watch(options_->iteration_tolerance, useful_ ? assumed : INFINITY);
   while (!failure_) {
-    if (options_.interrupted && options_.interrupted()) return {Status::interrupted, "stopped on request"};
-    if (result_.iterations >= options_.max_iterations)
-      return {Status::tolerance_not_met, text("%ld sweeps, the limit", long(result_.iterations))};
-    if (useful_ && result_.cycles > 0) {
+    if (options_->interrupted && options_->interrupted()) return {Status::interrupted, "stopped on request"};
+    if (result_->iterations >= options_->max_iterations)
+      return {Status::tolerance_not_met, text("%ld sweeps, the limit", long(result_->iterations))};
+    if (useful_ && result_->cycles > 0) {
       const bool looked = watched([this] { look_for_correction(); });
       if (looked && !failure_ && useful(differences_->collect()[last_change], 0)) return {Status::solved, ""};
       if (looked) watched([this] { correct_finest(); });
@@ -116,15 +124,15 @@ IterationOutcome Multigrid::iterate() {
     }
     if (failure_) break;
     const double change = differences_->collect()[last_change];
-    ++result_.cycles;
-    result_.history.push_back(change);
-    if (options_.progress) options_.progress({result_.iterations, change});
+    ++result_->cycles;
+    result_->history.push_back(change);
+    if (options_->progress) options_->progress({result_->iterations, change});
     const auto outcome = watch.after(change);
     const double left = watch.left() + (useful_ ? unseen() : 0);
-    result_.algebraic_error.reset();
-    if (std::isfinite(left)) result_.algebraic_error = left;
+    result_->algebraic_error.reset();
+    if (std::isfinite(left)) result_->algebraic_error = left;
     const bool solved = outcome && outcome->status == Status::solved;
-    if (outcome && !(solved && useful_ && unseen() > options_.iteration_tolerance)) return *outcome;
+    if (outcome && !(solved && useful_ && unseen() > options_->iteration_tolerance)) return *outcome;
     if (watch.contraction() > poor && march_from_now_on()) watch.restart();
     if (useful_ && useful(watch.left(), most_extra_sweeps)) return {Status::solved, ""};
   }
@@ -141,8 +149,8 @@ double Multigrid::unseen() {
 // it does not; for the latter there may be further sweeps.
 bool Multigrid::useful(double seen, int sweeps) {
   for (; std::isfinite(seen) && !failure_; --sweeps) {
-    const double wanted = options_.algebraic_share * useful_error();
-    result_.algebraic_error = seen + unseen();
+    const double wanted = options_->algebraic_share * useful_error();
+    result_->algebraic_error = seen + unseen();
     if (seen + unseen() <= wanted) return true;
     if (sweeps == 0 || !(unseen() * std::pow(levels_[0].unseen, sweeps) < wanted - seen)) return false;
     if (!watched([this] { one_more_sweep(); })) return false;  // `seen` is of a y that is no more
@@ -154,7 +162,7 @@ bool Multigrid::march_from_now_on() {
   TimeLevel& coarsest = levels_[levels_.size() - 1];
   if (coarsest.march) return false;
   levels_.prepare_march();
-  result_.bytes += coarsest.march->bytes();
+  result_->bytes += coarsest.march->bytes();
   queued_ = queued_ && all_queue();
   return true;
 }
@@ -221,7 +229,7 @@ void Multigrid::look_for_correction() {
 
 void Multigrid::correct_finest() {
   ascend(0);
-  if (queued_) ++result_.iterations;
+  if (queued_) ++result_->iterations;
   compare();
 }
 
@@ -234,7 +242,7 @@ void Multigrid::one_more_sweep() {
   TimeLevel& finest = levels_[0];
   backend_.inject(*finest.y, *finest.old);
   sweep(finest, {.count = 1, .before = true});
-  if (queued_) ++result_.iterations;
+  if (queued_) ++result_->iterations;
   compare();
 }
 
@@ -260,7 +268,7 @@ void Multigrid::solve_on(std::size_t l) {
   recorded ? recorded_[l].descend->run() : descend(l);
   solve_on(levels_[l].coarse);
   recorded ? recorded_[l].ascend->run() : ascend(l);
-  if (queued_ && l == 0) result_.iterations += levels_[l].sweeps + 1;
+  if (queued_ && l == 0) result_->iterations += levels_[l].sweeps + 1;
 }
 
 void Multigrid::sweep_coarsest() {
@@ -309,8 +317,8 @@ void Multigrid::smooth(TimeLevel& level) {
   if (queued_) return level.lcp->start(*level.r, *level.v, *level.y, 1, -1);
   Timer timer;
   const LcpReport report = level.lcp->solve(*level.r, *level.v, *level.y, 1, -1);
-  result_.seconds.lcp += timer.lap();
-  if (&level == &levels_[0]) ++result_.iterations;
+  result_->seconds.lcp += timer.lap();
+  if (&level == &levels_[0]) ++result_->iterations;
   judge(report);
 }
 
@@ -318,7 +326,7 @@ void Multigrid::march(TimeLevel& level) {
   if (failure_) return;
   if (queued_) return level.march->start(*level.y, *level.v);
   const MarchReport report = level.march->run(*level.y, *level.v);
-  result_.seconds.lcp += report.lcp_seconds;
+  result_->seconds.lcp += report.lcp_seconds;
   judge(report, level.steps);
 }
 
@@ -361,10 +369,10 @@ void Multigrid::judge(const MarchReport& report, Index steps) {
 }
 
 void Multigrid::count(const LcpCount& c) {
-  result_.lcp.solved += c.solved;
-  result_.lcp.newton += c.newton;
-  result_.lcp.fallbacks += c.fallbacks;
-  result_.lcp.unsolved = c.unsolved;
+  result_->lcp.solved += c.solved;
+  result_->lcp.newton += c.newton;
+  result_->lcp.fallbacks += c.fallbacks;
+  result_->lcp.unsolved = c.unsolved;
 }
 
 namespace {
@@ -376,41 +384,55 @@ void add_seconds(TimeLevels& levels, Result& result) {
   }
 }
 
+class PreparedMultigrid final : public PreparedMethod {
+ public:
+  PreparedMultigrid(TimeOperator& op, const Options& options, TimeLevels levels)
+      : op_(op), p_(op.problem()), levels_(std::move(levels)), multigrid_(p_.backend, options, levels_), at_zero_(p_) {}
+
+  void renew() override {
+    levels_.kernel_error = levels_.take_sources();
+    at_zero_.renew();
+  }
+
+  void run(const Options& options, Result& result) override {
+    Timer timer;
+    result.kernel = levels_.description;
+    result.kernel_error = levels_.kernel_error;
+    result.bytes += host_bytes(p_) + op_.bytes_of_tables();
+    for (auto& level : levels_.grids) {
+      result.bytes += level->bytes();
+      level->kernel->transform_seconds = level->kernel->convolution_seconds = 0;
+    }
+    multigrid_.begin(options, result);
+    Vector y0;
+    if (at_zero_.solve(result, y0) != Start::found) return;
+    multigrid_.nest(y0);
+    p_.backend.prepare(result.y, p_.J + 1, p_.scene.constraints());  // while a device is at work
+    const IterationOutcome outcome = multigrid_.iterate();
+    result.seconds.sweeps = timer.lap();
+    TimeLevel& finest = levels_[0];
+    const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { finest.kernel->apply(in, out, first); };
+    const auto lcp = finest.lcp ? nullptr : p_.backend.lcp(p_.scene.M, p_.lcp_class, p_.J + 1);  // it is marched
+    finish_iteration(p_, options, outcome, apply, finest.lcp ? *finest.lcp : *lcp, *finest.r, *finest.y, *finest.v,
+                     result);
+    if (result.status == Status::solved) result.error_estimate = multigrid_.discretisation_error();
+    add_seconds(levels_, result);
+  }
+
+ private:
+  TimeOperator& op_;
+  const DiscreteProblem& p_;
+  TimeLevels levels_;
+  Multigrid multigrid_;
+  ProblemAtZero at_zero_;
+};
+
 }  // namespace
 
-bool solve_by_multigrid(TimeOperator& op, const Options& options, Result& result) {
-  Timer timer;
-  const DiscreteProblem& p = op.problem();
+std::unique_ptr<PreparedMethod> prepare_multigrid(TimeOperator& op, const Options& options) {
   TimeLevels levels = time_levels(op, options);
-  if (levels.size() == 0) {
-    result.seconds.setup += timer.lap();
-    return false;
-  }
-  result.kernel = levels.description;
-  result.kernel_error = levels.kernel_error;
-  result.bytes += host_bytes(p) + op.bytes_of_tables();
-  for (auto& level : levels.grids) {
-    result.bytes += level->bytes();
-    level->kernel->transform_seconds = level->kernel->convolution_seconds = 0;
-  }
-  Multigrid multigrid(p.backend, options, levels, result);
-  const ProblemAtZero at_zero(p);
-  result.seconds.setup += timer.lap();
-
-  Vector y0;
-  if (at_zero.solve(result, y0) != Start::found) return true;
-  multigrid.nest(y0);
-  p.backend.prepare(result.y, p.J + 1, p.scene.constraints());  // while a device is at work
-  const IterationOutcome outcome = multigrid.iterate();
-  result.seconds.sweeps = timer.lap();
-  TimeLevel& finest = levels[0];
-  const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { finest.kernel->apply(in, out, first); };
-  const auto lcp = finest.lcp ? nullptr : p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);  // a grid that is marched
-  finish_iteration(p, options, outcome, apply, finest.lcp ? *finest.lcp : *lcp, *finest.r, *finest.y, *finest.v,
-                   result);
-  if (result.status == Status::solved) result.error_estimate = multigrid.discretisation_error();
-  add_seconds(levels, result);
-  return true;
+  if (levels.size() == 0) return nullptr;
+  return std::make_unique<PreparedMultigrid>(op, options, std::move(levels));
 }
 
 }  // namespace bromwich

@@ -24,8 +24,10 @@ namespace bromwich {
 
 class Multigrid {
  public:
-  /// Counters, sweeps and seconds go to `result`.
-  Multigrid(Backend& backend, const Options& options, TimeLevels& levels, Result& result);
+  Multigrid(Backend& backend, const Options& options, TimeLevels& levels);
+
+  /// Of a solve, whose counters, sweeps and seconds go to `result`; both have to outlive it.
+  void begin(const Options& options, Result& result);
 
   /// From y_0 alone to a first y on the finest grid. A device may still be at work when this returns.
   void nest(const Vector& y0);
@@ -85,9 +87,9 @@ class Multigrid {
   };
 
   Backend& backend_;
-  const Options& options_;
+  const Options* options_;
   TimeLevels& levels_;
-  Result& result_;
+  Result* result_ = nullptr;
   bool useful_;  ///< cycles end where they are of no further use
   bool queued_, nested_ = false, start_is_solved_ = false;
   std::unique_ptr<Differences> differences_;
@@ -96,8 +98,8 @@ class Multigrid {
   std::optional<IterationOutcome> failure_;  ///< what ended a sweep or a march; nothing is done after it
 };
 
-/// Fills everything that solve_by_iteration does, cycles and error_estimate too. False where there are no grids to
-/// cycle on; nothing is done then.
-bool solve_by_multigrid(TimeOperator&, const Options&, Result&);
+/// Its run fills everything that the functional iteration does, cycles and error_estimate too. Null where there are no
+/// grids to cycle on.
+std::unique_ptr<PreparedMethod> prepare_multigrid(TimeOperator&, const Options&);
 
 }  // namespace bromwich

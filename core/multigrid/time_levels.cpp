@@ -64,7 +64,7 @@ Coarsening choose_sweeps(const DiscreteProblem& p, TimeLevel& level, double kapp
   return {factor < smoothing_factor ? marched_kappa0 : 0, Index(1) << octaves};
 }
 
-void prepare_march(const DiscreteProblem& p, const Options& options, TimeLevel& level) {
+void prepare_march(const DiscreteProblem& p, const std::function<bool()>& interrupted, TimeLevel& level) {
   MarchProblem problem;
   problem.M = &p.scene.M;
   problem.lcp_class = p.lcp_class;
@@ -72,7 +72,7 @@ void prepare_march(const DiscreteProblem& p, const Options& options, TimeLevel& 
   problem.lags = lag_table_of(*level.weights);
   problem.r = level.r.get();
   const bool queues = p.backend.device().memory > 0;  // where nobody asks on the way
-  if (!queues || level.steps > most_unasked) problem.interrupted = options.interrupted;
+  if (!queues || level.steps > most_unasked) problem.interrupted = interrupted;
   level.march = p.backend.march(problem, level.steps + 1);
 }
 
@@ -154,31 +154,34 @@ TimeLevels time_levels(TimeOperator& op, const Options& options) {
   const DiscreteProblem& p = op.problem();
   TimeLevels levels = choose_grids(op);
   if (levels.size() == 0) return levels;
-  KernelPlan finest = op.finest_kernel(*levels[0].weights, options.convolution);
-  levels.kernel_error = finest.error;
-  levels.description = finest.description + "; grids of ";
+  levels.finest = op.finest_kernel(levels[0].weights, options.convolution);
+  levels.description = levels.finest.description + "; grids of ";
   // Sweeps that smooth and do not enlarge what is smooth do, after a nested start, for what is left on the coarsest.
   const bool swept = levels.size() > 1 && levels.grids.back()->sweeps > 0;
   for (std::size_t l = 0; l < levels.size(); ++l) {
     TimeLevel& level = levels[l];
-    if (l > 0) level.kernel = op.kernel_of(*level.weights, level.steps, options.convolution);
-    for (auto* array : {&level.y, &level.v, &level.old})
+    level.kernel = l == 0 ? levels.finest.kernel : op.kernel_of(*level.weights, level.steps, options.convolution);
+    for (auto* array : {&level.r, &level.y, &level.v, &level.old})
       *array = p.backend.array(level.steps + 1, p.scene.constraints());
-    if (l > 0) level.r = p.backend.array(level.steps + 1, p.scene.constraints());
     if (l == 1 || l == 2) level.nested = p.backend.array(level.steps + 1, p.scene.constraints());
     if (l + 1 < levels.size() || swept)
       level.lcp = p.backend.shifted_lcp(p.scene.M, p.lcp_class, level.shift, level.steps + 1);
     levels.description += (l > 0 ? ", " : "") + std::to_string(level.steps);
   }
   levels.description += swept ? " steps" : " steps, the last marched";
-  levels[0].r = op.response(finest, *levels[0].v);
-  levels[0].kernel = std::move(finest.kernel);
   std::vector<TimeLevel*> grids;
   for (const auto& level : levels.grids) grids.push_back(level.get());
   levels.respond = [&op, grids] { respond(op, grids); };
-  set_coarse_responses(op, grids);
+  levels.take_sources = [&op, grids, plan = levels.finest] {
+    const double error = op.response(plan, *grids[0]->v, *grids[0]->r);
+    set_coarse_responses(op, grids);
+    return std::isnan(plan.error) ? NAN : std::max(plan.error, error);
+  };
+  levels.kernel_error = levels.take_sources();
   TimeLevel& coarsest = *levels.grids.back();
-  levels.prepare_march = [&p, &options, &coarsest] { prepare_march(p, options, coarsest); };
+  levels.prepare_march = [&p, interrupted = options.interrupted, &coarsest] {
+    prepare_march(p, interrupted, coarsest);
+  };
   if (swept)
     coarsest.sweeps = coarsest.coarsest_sweeps;
   else

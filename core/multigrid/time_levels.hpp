@@ -21,7 +21,7 @@ namespace bromwich {
 struct TimeLevel {
   Index steps = 0;
   SharedWeights weights;  ///< see core/kernel/weights.hpp for those of coarser grids
-  std::unique_ptr<SpaceTimeKernel> kernel;
+  std::shared_ptr<SpaceTimeKernel> kernel;
   std::unique_ptr<Array> r, y, v, old, nested;
   std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; not of a coarsest grid that is marched from the start
   double shift = 0;
@@ -38,7 +38,9 @@ struct TimeLevel {
 struct TimeLevels {
   std::vector<std::unique_ptr<TimeLevel>> grids;  ///< finest first; what points to one stays valid
   std::string description;                        ///< of the kernel and the grids
+  KernelPlan finest;                              ///< of the finest grid
   double kernel_error = 0;                        ///< see Result::kernel_error
+  std::function<double()> take_sources;           ///< sets r of all grids from x0, f and g; returns kernel_error
   std::function<void()> respond;                  ///< sets r of all grids below the finest
   std::function<void()> prepare_march;            ///< of the coarsest grid, instead of the sweeps there
 

@@ -11,6 +11,7 @@
 namespace bromwich {
 
 struct GoalOptions;   // core/goal/options.hpp
+struct Prepared;      // core/solve/prepared.hpp
 struct NaturalUnits;  // core/scene/natural_units.hpp
 
 enum class StateSelection { none, all, list };
@@ -61,6 +62,8 @@ struct Options {
   /// Null: `solve` brings the scene to natural units. Otherwise it is in these already, and what is absolute (measures
   /// relative to max(1, |y|), `residual` of method galerkin) is meant in them; NaturalUnits{} leaves a scene as it is.
   std::shared_ptr<const NaturalUnits> units = {};
+  /// Of a Solver (core/solve/solver.hpp); null: nothing is kept.
+  std::shared_ptr<Prepared> prepared = {};
   double memory_limit = 0;  ///< bytes; a solve that is predicted to need more is refused. 0 = no limit
   std::function<void(const Progress&)> progress = {};
   std::function<bool()> interrupted = {};  ///< polled once per iteration

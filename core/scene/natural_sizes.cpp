@@ -252,20 +252,6 @@ Vector line_response(const KroneckerDynamics& d, double T) {
   return z;
 }
 
-// One size for all states, one for all of y and one for all of w.
-NaturalSizes kronecker_sizes(const KroneckerDynamics& d, const Scene& scene) {
-  const Index n = scene.constraints();
-  const Vector z = line_response(d, scene.T), g = largest_values(scene.g, n, scene);
-  const double phi = scene.f ? largest_values(scene.f, scene.sources(), scene).maxCoeff() : 0;
-  const double gain = diagonal_of(scene.M).cwiseAbs().maxCoeff() + d.n.cwiseAbs().dot(z);
-  const double of_x0 = scene.boundary ? initial_sizes(scene).maxCoeff() : scene.x0.cwiseAbs().maxCoeff(),
-               at_start = scene.boundary ? 0 : observe(scene.dynamics, scene.x0).cwiseAbs().maxCoeff();
-  const double w = positive_or(std::max({g.maxCoeff(), at_start, d.n.cwiseAbs().dot(z) * phi}), 1);
-  const double y = positive_or(w / gain, 1);
-  const double x = positive_or(std::max(of_x0, z.maxCoeff() * std::max(y, phi)), 1);
-  return {Vector::Constant(scene.states(), x), Vector::Constant(n, y), Vector::Constant(n, w)};
-}
-
 // The states of a component in these proportions, where their sizes are about that anyway: what is symmetric stays so.
 void take_symmetric_shape(const SymmetricShape& s, Vector& x) {
   Vector sum = Vector::Zero(s.components), count = sum, worst = sum;
@@ -342,7 +328,11 @@ NaturalSizes sizes_of(const Matrices& d, const Scene& scene) {
   return sizes_of(d, scene, entries(d.A) + entries(d.B) + entries(d.N) + entries(scene.M));
 }
 
-NaturalSizes sizes_of(const KroneckerDynamics& d, const Scene& scene) { return kronecker_sizes(d, scene); }
+NaturalSizes sizes_of(const KroneckerDynamics& d, const Scene& scene) {
+  const CommonSizes s = common_sizes(d, scene);
+  const Index m = scene.states(), n = scene.constraints();
+  return {Vector::Constant(m, s.x), Vector::Constant(n, s.y), Vector::Constant(n, s.w)};
+}
 
 NaturalSizes sizes_of(const SuppliedDynamics& d, const Scene& scene) {
   const Index n = scene.constraints();
@@ -373,6 +363,19 @@ Vector largest_values(const TimeFunction& function, Index width, const Scene& sc
       if (std::isfinite(value[i])) largest[i] = std::max(largest[i], std::abs(value[i]));
   }
   return largest;
+}
+
+CommonSizes common_sizes(const KroneckerDynamics& d, const Scene& scene) {
+  const Index n = scene.constraints();
+  const Vector z = line_response(d, scene.T), g = largest_values(scene.g, n, scene);
+  const double phi = scene.f ? largest_values(scene.f, scene.sources(), scene).maxCoeff() : 0;
+  const double gain = diagonal_of(scene.M).cwiseAbs().maxCoeff() + d.n.cwiseAbs().dot(z);
+  const double of_x0 = scene.boundary ? initial_sizes(scene).maxCoeff() : scene.x0.cwiseAbs().maxCoeff(),
+               at_start = scene.boundary ? 0 : observe(scene.dynamics, scene.x0).cwiseAbs().maxCoeff();
+  const double w = positive_or(std::max({g.maxCoeff(), at_start, d.n.cwiseAbs().dot(z) * phi}), 1);
+  const double y = positive_or(w / gain, 1);
+  const double x = positive_or(std::max(of_x0, z.maxCoeff() * std::max(y, phi)), 1);
+  return {x, y, w};
 }
 
 NaturalSizes natural_sizes(const Scene& scene) {

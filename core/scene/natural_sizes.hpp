@@ -22,6 +22,12 @@ struct NaturalSizes {
 
 NaturalSizes natural_sizes(const Scene&);
 
+/// The same of a Kronecker sum, whose vectors are long and have one value each.
+struct CommonSizes {
+  double x, y, w;
+};
+CommonSizes common_sizes(const KroneckerDynamics&, const Scene&);
+
 /// Largest |value| of each component at times between 0 and T that no grid shares: jumps and periods are not met on
 /// purpose. Values that are not finite are left out.
 Vector largest_values(const TimeFunction&, Index width, const Scene&);

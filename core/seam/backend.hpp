@@ -93,13 +93,14 @@ class LcpBatch {
 };
 
 /// Everything a step-by-step solution of the discrete problem needs: the convolution as a recurrence or, where there is
-/// none, as lag weights. What it points to has to outlive the plan.
+/// none, as lag weights. What it points to has to outlive the plan. The weights are read when the plan is made; r,
+/// drive, start, forcing, sources and what x0 adds to a recurrence are read anew by every run.
 struct MarchProblem {
   const LcpMatrix* M = nullptr;
   LcpClass lcp_class = LcpClass::unknown;
   const Recurrence* recurrence = nullptr;
   const LagTable* lags = nullptr;  ///< instead of a recurrence: n x n weights, applied in blocks of time
-  /// (J+1) x n: what does not depend on y and is not in the recurrence's state; read anew by every run.
+  /// (J+1) x n: what does not depend on y and is not in the recurrence's state.
   const Array* r = nullptr;
   const Array* drive = nullptr;    ///< modal: (J+1) x n, phi with f = B phi, added to y where it drives the state
   const Vector* start = nullptr;   ///< dense: m, what x0 and f_0 add to z_0

@@ -33,4 +33,11 @@ Vector damping(double sigma, Index rows) {
   return e;
 }
 
+Matrix matrix_power(Matrix base, Index exponent) {
+  Matrix result = Matrix::Identity(base.rows(), base.cols());
+  for (; exponent > 0; exponent /= 2, base = (base * base).eval())
+    if (exponent % 2 != 0) result = (result * base).eval();
+  return result;
+}
+
 }  // namespace bromwich

@@ -61,4 +61,8 @@ double growth(const RowMatrix& W);
 /// e^{-sigma j}, j = 0..rows-1.
 Vector damping(double sigma, Index rows);
 
+/// base^exponent by squaring. Here and not in sources of nvcc: it compiles Eigen without vector instructions under the
+/// same names, and the linker may take its products for those of the whole program.
+Matrix matrix_power(Matrix base, Index exponent);
+
 }  // namespace bromwich

@@ -126,6 +126,7 @@ class GridRefinement {
     Options one = options_;
     one.tolerance = one.tolerance_x = one.tolerance_y = one.absolute_tolerance = 0;
     one.steps = J;
+    one.prepared = {};  // grids follow one another, none comes back
     one.look_inside_every_step = true;
     one.algebraic_share = algebraic_share;
     one.fall_back_to_euler = false;

@@ -29,12 +29,45 @@ void refuse(const std::string& why, Result& result) {
 
 Methods::Methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
                  bool look_inside_every_step)
-    : problem_(discretise(scene, backend, J, look_inside_every_step)) {
+    : problem_(discretise(scene, backend, J, look_inside_every_step)), look_inside_every_step_(look_inside_every_step) {
   problem_.components = components;
   operator_ = make_time_operator(problem_);
+  average_sources();
+}
+
+void Methods::average_sources() {
+  kept_.erase(Method::euler);
+  euler_operator_.reset();
+  averaged_.reset();
   if (!problem_.sources) return;
   averaged_.emplace(with_mean_sources(problem_));
   euler_operator_ = make_time_operator(*averaged_);
+}
+
+void Methods::renew() {
+  const bool had_sources = problem_.f.size() > 0;
+  sample_sources(problem_, look_inside_every_step_);
+  operator_->renew();
+  const bool averages = averaged_.has_value() || problem_.sources;
+  if (averages) average_sources();
+  if (had_sources != (problem_.f.size() > 0)) kept_.clear();  // plans have arrays for f, or have none
+  for (auto& [method, kept] : kept_) kept.renewed = false;
+}
+
+bool Methods::run_prepared(Method method, const Options& options, Result& result,
+                           const std::function<std::unique_ptr<PreparedMethod>()>& prepare) {
+  Timer timer;
+  Kept& kept = kept_[method];
+  if (!kept.method)
+    kept.method = prepare();
+  else if (!kept.renewed)
+    kept.method->renew();
+  kept.renewed = true;
+  result.seconds.setup += timer.lap();
+  if (!kept.method) return false;
+  kept.method->run(options, result);
+  if (!keeps_) kept_.erase(method);
+  return true;
 }
 
 void Methods::run(Method method, const Options& options, Result& result) {
@@ -61,7 +94,8 @@ void Methods::run(Method method, const Options& options, Result& result) {
       break;
     case Method::euler:
       if (operator_->marches_by_euler())
-        solve_by_marching(operator_of(method), Rule::implicit_euler, options, result);
+        run_prepared(method, options, result,
+                     [&] { return prepare_march(operator_of(method), Rule::implicit_euler, options); });
       else
         step_in_stages(1, options, result);
       break;
@@ -81,7 +115,7 @@ void Methods::march(const Options& options, Result& result) {
   } else if (operator_->takes_parts()) {
     solve_by_split_marching(problem_, options, result);
   } else if (const std::string why = operator_->missing_weights(); why.empty()) {
-    solve_by_marching(*operator_, Rule::exponential, options, result);
+    run_prepared(Method::march, options, result, [&] { return prepare_march(*operator_, Rule::exponential, options); });
   } else {
     step_in_stages(2, options, result);
     result.kernel += "; " + why;
@@ -112,13 +146,13 @@ RowMatrix Methods::all_states(Method method, const Result& result) const {
 void Methods::iterate(const Options& options, Result& result) {
   if (const std::string why = operator_->missing_weights(); !why.empty()) return refuse(why, result);
   const Index window = iteration_window(problem_, options.iteration_tolerance);
-  window < problem_.J ? solve_in_windows(problem_, window, options, result)
-                      : solve_by_iteration(*operator_, options, result);
+  if (window < problem_.J) return solve_in_windows(problem_, window, options, result);
+  run_prepared(Method::contour, options, result, [&] { return prepare_iteration(*operator_, options); });
 }
 
 void Methods::cycle(const Options& options, Result& result) {
   if (const std::string why = operator_->missing_weights(); !why.empty()) return refuse(why, result);
-  if (solve_by_multigrid(*operator_, options, result)) return;
+  if (run_prepared(Method::multigrid, options, result, [&] { return prepare_multigrid(*operator_, options); })) return;
   iterate(options, result);
   result.kernel += "; no coarser grid: the functional iteration";
 }

@@ -1,10 +1,13 @@
 #pragma once
 // One method on one grid: which discretisation it stands for on a given scene, and its run.
 
+#include "../kernel/prepared_method.hpp"
 #include "../kernel/time_operator.hpp"
 #include "../result/options.hpp"
 #include "../result/result.hpp"
 
+#include <map>
+#include <memory>
 #include <optional>
 
 namespace bromwich {
@@ -13,6 +16,11 @@ namespace bromwich {
 class Methods {
  public:
   Methods(const Scene&, Backend&, Index J, const std::vector<Index>& components, bool look_inside_every_step = false);
+
+  /// From now on what a method has prepared is kept for its next run.
+  void keep_prepared() { keeps_ = true; }
+  /// The scene has other x0, f and g than before.
+  void renew();
 
   /// Fills everything of `result` but times of the whole, states included.
   void run(Method, const Options&, Result& result);
@@ -31,12 +39,21 @@ class Methods {
   void iterate(const Options&, Result&);
   void cycle(const Options&, Result&);
   void report_sources(Result&) const;
+  void average_sources();
   TimeOperator& operator_of(Method) const;
+  /// Runs what `prepare` makes, or has made for the same method before. False where it makes nothing.
+  bool run_prepared(Method, const Options&, Result&, const std::function<std::unique_ptr<PreparedMethod>()>& prepare);
   void record_states(Method, Result&);
 
   DiscreteProblem problem_;
   std::optional<DiscreteProblem> averaged_;                  ///< of implicit Euler, where steps are rough
   std::unique_ptr<TimeOperator> operator_, euler_operator_;  ///< the second where steps are rough
+  struct Kept {
+    std::unique_ptr<PreparedMethod> method;
+    bool renewed = true;  ///< has the sources of the problem
+  };
+  std::map<Method, Kept> kept_;
+  bool keeps_ = false, look_inside_every_step_ = false;
   RowMatrix stage_states_;  ///< all states of the last run in stages, where there are few
 };
 

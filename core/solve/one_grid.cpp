@@ -8,6 +8,7 @@
 #include "core/solve/cost.hpp"
 #include "core/solve/method_choice.hpp"
 #include "core/solve/methods.hpp"
+#include "core/solve/prepared.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -148,6 +149,25 @@ bool finite_sources(const DiscreteProblem& p, Result& result) {
   return true;
 }
 
+// Those of the solve before, with the x0, f and g of this one. A Solver changes nothing else.
+Methods& prepared_methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
+                          const Options& options) {
+  Prepared& kept = *options.prepared;
+  if (kept.methods && kept.methods->problem().J == J && kept.methods->problem().components == components) {
+    kept.scene->x0 = scene.x0;
+    kept.scene->f = scene.f;
+    kept.scene->g = scene.g;
+    kept.scene->breakpoints = scene.breakpoints;
+    kept.methods->renew();
+    return *kept.methods;
+  }
+  kept.methods.reset();
+  kept.scene = std::make_unique<Scene>(scene);
+  kept.methods = std::make_unique<Methods>(*kept.scene, backend, J, components, options.look_inside_every_step);
+  kept.methods->keep_prepared();
+  return *kept.methods;
+}
+
 }  // namespace
 
 Result solve_on_one_grid(const Scene& scene, Backend& backend, const Options& options) {
@@ -160,7 +180,10 @@ Result solve_on_one_grid(const Scene& scene, Backend& backend, const Options& op
                 "give one row per time point and one column per constraint");
   const std::vector<Index> components = recorded_components(scene, options);
   const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device());
-  Methods methods(scene, backend, J, components, options.look_inside_every_step);
+  const std::unique_ptr<Methods> once =
+      options.prepared ? nullptr
+                       : std::make_unique<Methods>(scene, backend, J, components, options.look_inside_every_step);
+  Methods& methods = once ? *once : prepared_methods(scene, backend, J, components, options);
   const DiscreteProblem& p = methods.problem();
   const bool finite = finite_sources(p, result);
   result.seconds.setup = Timer(total).lap();

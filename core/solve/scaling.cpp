@@ -1,5 +1,7 @@
 #include "core/solve/scaling.hpp"
 
+#include "core/solve/prepared.hpp"
+
 #include "core/base/timer.hpp"
 #include "core/kernel/discrete_problem.hpp"
 #include "core/kernel/states.hpp"
@@ -262,9 +264,10 @@ void select_components(const std::vector<Index>& asked, Result& result) {
 NaturalUnits natural_units(const Scene& scene) {
   if (std::holds_alternative<SuppliedDynamics>(scene.dynamics)) return {};
   if (scene.constraints() == 0) return {};
+  const auto* common = std::get_if<KroneckerDynamics>(&scene.dynamics);
+  if (common)
+    if (const CommonSizes s = common_sizes(*common, scene); near_one(s.x) && near_one(s.y) && near_one(s.w)) return {};
   const NaturalSizes sizes = natural_sizes(scene);
-  const bool common = std::holds_alternative<KroneckerDynamics>(scene.dynamics);
-  if (common && near_one(sizes.x[0]) && near_one(sizes.y[0]) && near_one(sizes.w[0])) return {};
   NaturalUnits units{exponents(sizes.x), exponents(sizes.y), exponents(sizes.w), {}};
   const Matrix M = common ? Matrix() : to_dense(scene.M);
   if (!common && !(all_zero(units.y) && all_zero(units.w)))
@@ -310,8 +313,11 @@ Result to_units_of_scene(Result result, const NaturalUnits& units) {
 Result solve_in_natural_units(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
   Timer timer;
   Options inner = options;
-  inner.units =
-      std::make_shared<const NaturalUnits>(options.method == Method::goal ? NaturalUnits{} : natural_units(scene));
+  const bool known = options.prepared && options.prepared->units;
+  inner.units = std::make_shared<const NaturalUnits>(options.method == Method::goal ? NaturalUnits{}
+                                                     : known                        ? *options.prepared->units
+                                                                                    : natural_units(scene));
+  if (options.prepared) options.prepared->units = *inner.units;
   const NaturalUnits& units = *inner.units;
   if (units.trivial()) {
     const double looked = timer.lap();

@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
+#include "core/base/timer.hpp"
 #include "core/solve/stages.hpp"
 
 #include <cmath>
@@ -46,11 +47,16 @@ void validate(const Scene& scene, const Options& options) {
 }  // namespace
 
 Result solve(const Scene& scene, Backend& backend, const Options& options) {
-  scene.validate();
+  Timer timer;
+  if (!options.units) scene.validate();  // else it is, or comes from, one that has been validated
   validate(scene, options);
+  const double looked = timer.lap();
   const InterruptedBy polled(options.interrupted);
   try {
-    return run_stages(scene, backend, options, solve);
+    Result result = run_stages(scene, backend, options, solve);
+    result.seconds.setup += looked;
+    result.seconds.total += looked;
+    return result;
   } catch (const Interrupted&) {
     return unsolved(scene, backend, options, Status::interrupted, "stopped on request before the first step");
   }

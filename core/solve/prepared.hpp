@@ -1,0 +1,19 @@
+#pragma once
+// What a Solver keeps from one solve to the next.
+
+#include "../scene/natural_units.hpp"
+#include "../scene/scene.hpp"
+#include "methods.hpp"
+
+#include <memory>
+#include <optional>
+
+namespace bromwich {
+
+struct Prepared {
+  std::optional<NaturalUnits> units;  ///< of the first solve: those of later ones are the same
+  std::unique_ptr<Scene> scene;       ///< that the methods are for, in natural units
+  std::unique_ptr<Methods> methods;
+};
+
+}  // namespace bromwich

@@ -1,0 +1,188 @@
+// A Solver against solving the changed scene from the beginning.
+
+#include "core/solve/solver.hpp"
+
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "tests/refusal.hpp"
+
+#include <gtest/gtest.h>
+#include <Eigen/SparseLU>
+
+#include <cmath>
+#include <memory>
+#include <string>
+
+namespace bromwich::solver_test {
+namespace {
+
+// Natural units of the first scene against those of the changed one: rounding
+// apart, amplified by M^{-1} at most.
+constexpr double rounding = 1e-11;
+
+void expect_same(const Result& found, const Result& expected, const std::string& what) {
+  ASSERT_EQ(found.status, expected.status) << what << ": " << found.reason << " / " << expected.reason;
+  EXPECT_EQ(found.method, expected.method) << what;
+  ASSERT_EQ(found.y.rows(), expected.y.rows()) << what;
+  const auto close = [&](const RowMatrix& a, const RowMatrix& b, const char* name) {
+    ASSERT_EQ(a.size(), b.size()) << what << " " << name;
+    for (Index j = 0; j < a.rows(); ++j)
+      for (Index i = 0; i < a.cols(); ++i)
+        if (std::isnan(a(j, i)) || std::isnan(b(j, i)))
+          ASSERT_EQ(std::isnan(a(j, i)), std::isnan(b(j, i))) << what << " " << name << " row " << j;
+        else
+          ASSERT_LE(std::abs(a(j, i) - b(j, i)), rounding * std::max(1.0, b.cwiseAbs().maxCoeff()))
+              << what << " " << name << " row " << j;
+  };
+  close(found.y, expected.y, "y");
+  close(found.x, expected.x, "x");
+}
+
+struct Case {
+  std::string name;
+  Scene scene;
+  Method method = Method::automatic;
+  Index steps = 64;
+  double tolerance = 0;
+};
+
+Scene sparse_signorini() {
+  Scene scene = make_scene("signorini", {{"Q", 24}});
+  scene.dynamics = to_sparse(std::get<KroneckerDynamics>(scene.dynamics));
+  return scene;
+}
+
+std::vector<Case> cases() {
+  std::vector<Case> all;
+  for (const Method m : {Method::march, Method::contour, Method::multigrid, Method::euler, Method::automatic}) {
+    all.push_back({"signorini", make_scene("signorini", {{"Q", 15}}), m});
+    all.push_back({"signorini of 60 lines", make_scene("signorini", {{"Q", 60}}), m});
+    all.push_back({"dlcp-small", make_scene("dlcp-small"), m});
+    all.push_back({"sparse", sparse_signorini(), m});
+  }
+  all.push_back({"bridge", make_scene("bridge"), Method::automatic, 200});
+  all.push_back({"bridge by galerkin", make_scene("bridge"), Method::galerkin, 100});
+  all.push_back({"ladder-diodes", make_scene("ladder-diodes"), Method::automatic, 200});
+  all.push_back({"ladder", make_scene("ladder"), Method::automatic, 200});
+  all.push_back({"dlcp-small to a tolerance", make_scene("dlcp-small"), Method::automatic, 32, 1e-3});
+  return all;
+}
+
+TimeFunction times(double factor, const TimeFunction& function) {
+  if (!function) return {};
+  return [factor, function](double t, Eigen::Ref<Vector> value) {
+    function(0.7 * t, value);
+    value *= factor;
+  };
+}
+
+TEST(Solver, IsTheSolveOfTheChangedScene) {
+  const auto backend = make_cpu_backend(2);
+  for (const Case& c : cases()) {
+    const std::string what = c.name + " " + to_string(c.method);
+    Options options;
+    options.method = c.method;
+    options.steps = c.steps;
+    options.tolerance = c.tolerance;
+    options.states = StateSelection::list;
+    options.components = {0, c.scene.states() - 1};
+    Solver solver(c.scene, *backend, options);
+    const Result first = solver.solve();
+    expect_same(first, bromwich::solve(c.scene, *backend, options), what);
+    expect_same(solver.solve(), first, what + " again");
+
+    Scene changed = c.scene;
+    changed.exact = {};
+    changed.x0 = 0.5 * c.scene.x0 + Vector::Constant(c.scene.states(), 0.01);
+    solver.set_x0(changed.x0);
+    expect_same(solver.solve(), bromwich::solve(changed, *backend, options), what + " with another x0");
+
+    changed.f = times(1.2, c.scene.f);
+    changed.g = times(1.1, c.scene.g);
+    solver.set_sources(changed.f, changed.g);
+    expect_same(solver.solve(), bromwich::solve(changed, *backend, options), what + " with other sources");
+
+    solver.set_sources(c.scene.f, c.scene.g);
+    solver.set_x0(c.scene.x0);
+    expect_same(solver.solve(), first, what + " as at first");
+  }
+}
+
+TEST(Solver, SourcesThatJumpAndThatComeAndGo) {
+  const auto backend = make_cpu_backend(1);
+  Scene scene = make_scene("dlcp-small");
+  Options options;
+  options.steps = 50;
+  options.states = StateSelection::all;
+  Solver solver(scene, *backend, options);
+  solver.solve();
+  for (const double at : {0.313, 0.5, 0.0}) {
+    Scene changed = scene;
+    changed.f = [at, m = scene.states()](double t, Eigen::Ref<Vector> f) { f = Vector::Constant(m, t < at ? 1 : -1); };
+    changed.f_entry = SourceEntry::state;
+    if (scene.f_entry != SourceEntry::state) continue;
+    changed.breakpoints = {at};
+    if (at == 0) changed.f = {}, changed.breakpoints = {};
+    for (const Method method : {Method::march, Method::euler}) {
+      options.method = method;
+      Solver other(scene, *backend, options);
+      other.solve();
+      other.set_sources(changed.f, changed.g, changed.breakpoints);
+      expect_same(other.solve(), bromwich::solve(changed, *backend, options), "jump at " + std::to_string(at));
+    }
+  }
+}
+
+// What is documented to be kept is kept: no shifted solve for another g.
+TEST(Solver, KeepsTheShiftedSolves) {
+  Scene scene = sparse_signorini();
+  const SparseDynamics sparse = std::get<SparseDynamics>(scene.dynamics);
+  const auto calls = std::make_shared<int>(0);
+  SuppliedDynamics own;
+  own.states = sparse.A.rows();
+  own.B = sparse.B;
+  own.N = sparse.N;
+  own.bound = SpectralBound{};
+  own.shifted = [A = sparse.A, calls](Complex z) -> ShiftedSolve {
+    ++*calls;
+    Eigen::SparseMatrix<Complex> shifted(A.rows(), A.cols());
+    shifted.setIdentity();
+    shifted = z * shifted - A.cast<Complex>();
+    const auto lu = std::make_shared<Eigen::SparseLU<Eigen::SparseMatrix<Complex>>>(shifted);
+    return [lu](const ComplexMatrix& R) -> ComplexMatrix { return lu->solve(R); };
+  };
+  scene.dynamics = own;
+  Options options;
+  options.method = Method::march;
+  options.steps = 40;
+  const auto backend = make_cpu_backend(1);
+  Solver solver(scene, *backend, options);
+  solver.solve();
+  const int first = *calls;
+  EXPECT_GT(first, 0);
+  solver.set_sources(scene.f, times(0.9, scene.g));
+  EXPECT_EQ(solver.solve().status, Status::solved);
+  EXPECT_EQ(*calls, first);
+  solver.set_x0(0.5 * scene.x0 + Vector::Constant(scene.states(), 0.01));
+  solver.solve();
+  EXPECT_GT(*calls, first);
+}
+
+TEST(Solver, RefusesWhatDoesNotFitAndStaysAsItWas) {
+  const auto backend = make_cpu_backend(1);
+  const Scene scene = make_scene("dlcp-small");
+  Options options;
+  options.steps = 32;
+  Solver solver(scene, *backend, options);
+  const Result first = solver.solve();
+  EXPECT_NE(refusal([&] { solver.set_x0(Vector::Zero(scene.states() + 1)); }).find("x0"), std::string::npos);
+  EXPECT_NE(refusal([&] { solver.set_x0(Vector::Constant(scene.states(), NAN)); }).find("x0"), std::string::npos);
+  EXPECT_NE(refusal([&] { solver.set_sources({}, {}, {2 * scene.T}); }).find("breakpoints"), std::string::npos);
+  expect_same(solver.solve(), first, "after refusals");
+  Solver boundary(make_scene("periodic-rectifier"), *backend, options);
+  EXPECT_NE(refusal([&] { boundary.set_x0(Vector::Zero(1)); }).find("boundary"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace bromwich::solver_test
