@@ -69,7 +69,7 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["infeasible_at"] = nullable(result.infeasible_at);
   json["class"] = matrix_class(choice.scene);
   json["spectrum"] = spectrum_text(choice.scene);
-  json["method"] = result.method;
+  json["method"] = to_string(result.method);
   json["backend"] = result.backend;
   json["threads"] = threads;
   json["kernel"] = result.kernel;

@@ -112,7 +112,8 @@ std::string summary(const SceneChoice& choice, const Result& result, int threads
   line("scene", scene_line(choice));
   line("size", grid_line(choice.scene, result));
   line("class", fmt::format("{}; spectrum {}", matrix_class(choice.scene), spectrum_text(choice.scene)));
-  line("method", fmt::format("{} on {}, {} thread{}", result.method, result.backend, threads, threads == 1 ? "" : "s"));
+  line("method", fmt::format("{} on {}, {} thread{}", to_string(result.method), result.backend, threads,
+                             threads == 1 ? "" : "s"));
   line("kernel", result.kernel.empty() ? "-" : result.kernel);
   line("status", to_string(result.status));
   if (!result.warning.empty()) line("warning", one_line(result.warning));

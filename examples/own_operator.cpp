@@ -72,6 +72,6 @@ int main() {
   const auto backend = make_cpu_backend();
   const Result result = solve(scene, *backend, options);
   std::printf("%s: %s by %s, %td states, %td constraints, residual %.1e, largest y %.6f\n", scene.name.c_str(),
-              to_string(result.status), result.method.c_str(), m, n, result.residual, result.y.maxCoeff());
+              to_string(result.status), to_string(result.method), m, n, result.residual, result.y.maxCoeff());
   return result.status == Status::solved ? 0 : 1;
 }

@@ -24,7 +24,7 @@ int main() {
   const auto backend = make_cpu_backend();
   const Result result = solve(scene, *backend, {.steps = 4000, .states = StateSelection::all});
 
-  std::printf("%s by %s, residual %.1e\n", to_string(result.status), result.method.c_str(), result.residual);
+  std::printf("%s by %s, residual %.1e\n", to_string(result.status), to_string(result.method), result.residual);
   const Index J = result.steps;
   std::printf("at t = %g: v = %.6f V, i = %.6f A, diode current %.6f A\n", result.t[J], result.x(J, 0), result.x(J, 1),
               result.y(J, 0));

@@ -15,7 +15,7 @@ int main() {
   const Result step_by_step = solve(scene, *backend, {.method = Method::march});
 
   for (const Result* r : {&all_at_once, &step_by_step})
-    std::printf("%-8s %s, %3ld sweeps, residual %.1e, %.2f ms; %s\n", r->method.c_str(), to_string(r->status),
+    std::printf("%-8s %s, %3ld sweeps, residual %.1e, %.2f ms; %s\n", to_string(r->method), to_string(r->status),
                 long(r->iterations), r->residual, 1e3 * r->seconds.total, r->kernel.c_str());
   std::printf("largest difference of y: %.1e\n", (all_at_once.y - step_by_step.y).cwiseAbs().maxCoeff());
 

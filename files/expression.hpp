@@ -4,6 +4,7 @@
 // Names are the parameters, pi and, where it is allowed, t. Operators: + - * / ^ (right to left, -2^2 = -4),
 // comparisons (1 or 0), && ||, and condition ? a : b. Decimals are written with a point, whatever the locale.
 
+#include "core/base/time_function.hpp"
 #include "core/base/types.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "files/switch_times.hpp"

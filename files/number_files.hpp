@@ -1,6 +1,7 @@
 #pragma once
 // Matrices and tables in files: Matrix Market, and numbers separated by commas. Every Error names the file and line.
 
+#include "core/base/time_function.hpp"
 #include "core/base/types.hpp"
 
 #include <filesystem>

@@ -1,6 +1,7 @@
 #pragma once
 // One section of a scene file: typed values by key, with errors that name file, line and key.
 
+#include "core/base/time_function.hpp"
 #include "files/expression.hpp"
 #include "files/number_files.hpp"
 

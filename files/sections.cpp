@@ -97,6 +97,7 @@ std::map<std::string, std::string> places(const Sections& s) {
   const Section& seen = s.relay.given() ? s.relay : s.complementarity;
   return {{"A", s.dynamics.where("A")},
           {"B", s.dynamics.where("B")},
+          {"E", s.dynamics.where("E")},
           {"F", s.dynamics.where("F")},
           {"f", s.dynamics.where("f")},
           {"x0", s.dynamics.where("x0")},

@@ -133,7 +133,8 @@ TEST(Certificate, ATrajectoryThatHasLeftTheSolutionIsNotCalledSolved) {
         scene.x0 = Vector{{1}};
         const Result r = run(scene, method, J);
         if (r.status != Status::solved) continue;
-        for (Index j = 0; j <= J; ++j) EXPECT_NEAR(r.y(j, 0), y(r.t[j]), 0.5) << b << ' ' << J << ' ' << r.method;
+        for (Index j = 0; j <= J; ++j)
+          EXPECT_NEAR(r.y(j, 0), y(r.t[j]), 0.5) << b << ' ' << J << ' ' << to_string(r.method);
       }
 }
 
@@ -246,7 +247,8 @@ TEST(Certificate, RoundingOfTheExponentialIsAvoidedOrSaid) {
       const long double trace = -(3.0L * a + 1), slow = 2 * (long double)a / (trace - std::sqrt(trace * trace - 4 * a));
       // x0 has (1, 1) + O(1/a) of the slow mode.
       const double steps = method == Method::euler ? 1e-3 : 0;
-      EXPECT_NEAR(r.x(1000, 0), double(std::exp(slow)), 3 / a + steps + 1e-12 + 2 * r.rounding) << a << r.method;
+      EXPECT_NEAR(r.x(1000, 0), double(std::exp(slow)), 3 / a + steps + 1e-12 + 2 * r.rounding)
+          << a << to_string(r.method);
       if (method == Method::march) {
         EXPECT_LE(r.rounding, 2e-9) << a;  // twice what needs_precision lets pass
       }

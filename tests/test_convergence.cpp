@@ -117,7 +117,7 @@ TEST(GridDifferences, OfTheSameSolutionAreNoError) {
 /// y(t) on J steps of [0, 1] as a method with discontinuous y would give it.
 Result sampled(Index J, const std::function<double(double)>& y) {
   Result result;
-  result.method = to_string(Method::march);
+  result.method = Method::march;
   result.continuous = false;
   result.status = Status::solved;
   result.steps = J;

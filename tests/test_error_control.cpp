@@ -62,7 +62,7 @@ double true_error(const Scene& scene, const Result& result) {
   const Index J = result.steps;
   if (!scene.exact) {
     const Index stride = 8;
-    return relative(result.y, solved_y(scene, method_from_string(result.method), stride * J), stride);
+    return relative(result.y, solved_y(scene, result.method, stride * J), stride);
   }
   return relative(result.y, exact_y(scene, result), 1);
 }

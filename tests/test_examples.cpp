@@ -113,8 +113,8 @@ TEST_P(Example, AutoReachesTheReference) {
   EXPECT_EQ(e.x.compared + e.y.compared == 0, nothing_to_compare);
   if (e.x.compared + e.y.compared == 0) return;
   ASSERT_TRUE(known.tolerance);
-  EXPECT_LE(e.x.largest, *known.tolerance) << "x, by " << result.method;
-  EXPECT_LE(e.y.largest, *known.tolerance) << "y, by " << result.method;
+  EXPECT_LE(e.x.largest, *known.tolerance) << "x, by " << to_string(result.method);
+  EXPECT_LE(e.y.largest, *known.tolerance) << "y, by " << to_string(result.method);
 }
 
 // A method may refuse a scene or stop, but what it calls solved has to be near the solution.
@@ -145,7 +145,7 @@ TEST_P(SmallExample, SecondOrderMethodsAreRightOrSayNo) {
     if (method == Method::contour_literal && file_.scene.default_steps > most_literal_steps) continue;
     const Result result = run_with_states(file_.scene, method);
     SCOPED_TRACE(to_string(method));
-    EXPECT_EQ(result.method, to_string(method)) << "a method that is named is never replaced";
+    EXPECT_EQ(result.method, method) << "a method that is named is never replaced";
     if (infeasible()) {
       EXPECT_EQ(result.status, Status::infeasible) << result.reason;
     }
@@ -163,7 +163,7 @@ TEST_P(SmallExample, ImplicitEulerConvergesOrSaysNo) {
   const Scene& s = file_.scene;
   const Result coarse = run_with_states(s, Method::euler),
                fine = run_with_states(s, Method::euler, 4 * s.default_steps);
-  EXPECT_EQ(coarse.method, "euler");
+  EXPECT_EQ(coarse.method, Method::euler);
   if (infeasible()) {
     EXPECT_EQ(coarse.status, Status::infeasible) << coarse.reason;
   }

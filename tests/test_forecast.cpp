@@ -49,7 +49,7 @@ TEST(Forecast, RefusesTheTwoCycle) {
   EXPECT_NE(run(scene, Method::contour, 4).status, Status::solved);
   const Result r = run(scene, Method::automatic, 4);
   EXPECT_EQ(r.status, Status::solved);
-  EXPECT_EQ(r.method, "march");
+  EXPECT_EQ(r.method, Method::march);
 }
 
 TEST(Forecast, SingularPrincipalSubmatricesHaveNoLipschitzConstant) {

@@ -115,9 +115,9 @@ TEST(IntegralOfY, IsThatOfLinearInterpolationWhereYIsContinuous) {
   const RowMatrix sum = integral_of_y(r);
   EXPECT_EQ(sum(1, 0), 0.5);
   EXPECT_EQ(sum(2, 0), 3.5);
-  r.method = "euler";
+  r.method = Method::euler;
   EXPECT_EQ(integral_of_y(r)(2, 0), 5);
-  r.method = "galerkin";
+  r.method = Method::galerkin;
   r.y_left = RowMatrix{{2}, {4}};
   EXPECT_EQ(integral_of_y(r)(2, 0), 1.5 + 6);
 }

@@ -33,7 +33,7 @@ void expect_march(const Scene& scene, Index J) {
   const std::string name = scene.name + ", " + std::to_string(scene.constraints()) + " constraints, " +
                            std::to_string(J) + " steps: " + result.reason;
   ASSERT_EQ(result.status, Status::solved) << name;
-  EXPECT_EQ(result.method, "multigrid");
+  EXPECT_EQ(result.method, Method::multigrid);
   EXPECT_LE(distance(result.y, solved_y(scene, Method::march, J)), same_solution) << name;
 }
 

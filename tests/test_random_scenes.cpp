@@ -138,7 +138,7 @@ TEST(Judge, FindsFalseInfeasibility) {
 
 TEST(Judge, KnowsTheDiscretisations) {
   // A result of one scheme is not one of another.
-  expect_found(Method::euler, [](Result& r) { r.method = "march"; });
+  expect_found(Method::euler, [](Result& r) { r.method = Method::march; });
 }
 
 // ---- Radau IIA of the oracle ----

@@ -101,7 +101,8 @@ TEST(SceneFile, ReadsAMassMatrix) {
   EXPECT_EQ(dense(parse(lines(small_scene))).E.size(), 0);
   const SceneFile file = parse(with(7, "x0 = [3]\nE = [[\"2*R\"]]"));
   EXPECT_EQ(dense(file).E, Matrix{{4}});
-  EXPECT_NE(refusal([] { parse(with(7, "x0 = [3]\nE = [[1, 0]]")); }).find("my.toml:8: dynamics.E"), std::string::npos);
+  const std::string refused = refusal([] { parse(with(7, "x0 = [3]\nE = [[1, 0]]")); });
+  EXPECT_TRUE(refused.starts_with("my.toml:8: dynamics.E")) << refused;
 }
 
 TEST(SceneFile, NameAndStepsHaveDefaults) {
@@ -153,7 +154,7 @@ TEST(SceneFile, MistakesNameFileLineAndKey) {
       {with(0, "[outputs]"), "my.toml:13: outputs: is no known section (did you mean 'output'?)"},
       {"nme = \"x\"\n" + lines(small_scene), "my.toml:1: nme: is no known key (did you mean 'name'?)"},
       {with(7, "x_0 = [3]"),
-       "my.toml:7: dynamics.x_0: is no known key (did you mean 'x0'?); use one of A, B, f, F, x0"},
+       "my.toml:7: dynamics.x_0: is no known key (did you mean 'x0'?); use one of A, B, E, f, F, x0"},
       {with(12, "Time = 2"), "my.toml:12: time.Time: is no known key"},
       {with(9, ""), "my.toml:8: complementarity.N: is missing"},
       {with(12, ""), "my.toml:11: time.T: is missing; add T = ... to [time]"},

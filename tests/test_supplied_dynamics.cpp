@@ -89,6 +89,7 @@ TEST(SuppliedDynamics, RadauWithAMassMatrix) {
   for (Index i = 0; i + 1 < sparse.A.rows(); ++i) sparse.E.coeffRef(i, i + 1) = sparse.E.coeffRef(i + 1, i) = 0.2;
   scene.dynamics = sparse;
   scene.M = Matrix(Matrix::Zero(scene.constraints(), scene.constraints()));
+  scene.lcp_class = LcpClass::PSD;
   scene.f = {};
   Scene own = scene, scaled = scene;
   own.dynamics = supplied(sparse);

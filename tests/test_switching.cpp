@@ -98,10 +98,11 @@ void expect_errors_hold(const Scene& scene, Method method, Index steps, const st
   ASSERT_EQ(result.status, Status::solved) << result.reason;
   std::vector<Switch> found = switches_with_errors(scene, *backend, options, result);
   std::erase_if(found, [&](const Switch& s) { return s.t < from || s.t > to; });
-  ASSERT_EQ(found.size(), known.size()) << result.method << ' ' << steps;
+  ASSERT_EQ(found.size(), known.size()) << to_string(result.method) << ' ' << steps;
   for (std::size_t k = 0; k < found.size(); ++k) {
     EXPECT_EQ(found[k].component, known[k].component);
-    EXPECT_LE(std::abs(found[k].t - known[k].t), found[k].error + 1e-12) << result.method << ' ' << steps << ' ' << k;
+    EXPECT_LE(std::abs(found[k].t - known[k].t), found[k].error + 1e-12)
+        << to_string(result.method) << ' ' << steps << ' ' << k;
     EXPECT_LE(found[k].error, 5 * result.t[1]) << "and not useless";
   }
 }

@@ -24,7 +24,7 @@ constexpr double same_solution = 1e-6;
 
 bool contains(const std::string& whole, const char* part) { return whole.find(part) != std::string::npos; }
 
-bool iterates(const Result& result) { return contains(result.method, "contour") || result.method == "multigrid"; }
+bool iterates(const Result& result) { return bromwich::iterates(result.method); }
 
 double largest(const Vector& v) { return v.size() == 0 ? 0 : v.cwiseAbs().maxCoeff(); }
 
@@ -62,7 +62,7 @@ class Judge {
     while (end <= J_ && r_.y.row(end).allFinite()) ++end;
     if (end > J_) return true;
     if (end == 0) {
-      impulse_ = contains(r_.kernel, "the state jumps at t = 0");
+      impulse_ = r_.starts_with_impulse;
       return impulse_ ? has_solution(1) : !solutions(s_.M, q(0)).empty();
     }
     return has_solution(end);
@@ -75,8 +75,9 @@ class Judge {
     for (Index j = 1; j <= J_; ++j)
       if (!step(j)) return false;
     // Where y_1 is not unique, or the state is rounding only, a step of Euler may be one of Radau IIA too.
-    if (scheme_ == Scheme::radau && (unique_ && !vanished_ ? said_jumps() != jumps_ : said_jumps() < jumps_))
-      return fails(text("%ld steps by Euler were found, %ld are reported", long(jumps_), long(said_jumps())));
+    if (scheme_ == Scheme::radau &&
+        (unique_ && !vanished_ ? long(r_.euler_steps) != jumps_ : long(r_.euler_steps) < jumps_))
+      return fails(text("%ld steps by Euler were found, %ld are reported", long(jumps_), long(r_.euler_steps)));
     return compare_residual();
   }
 
@@ -124,7 +125,7 @@ class Judge {
   bool start() {
     const Vector q0 = q(0), w = s_.M * y(0) + q0;
     const Vector terms = s_.M.cwiseAbs() * y(0) + s_.N.cwiseAbs() * s_.x0.cwiseAbs() + g(0).cwiseAbs();
-    if (contains(r_.kernel, "the state jumps at t = 0")) {
+    if (r_.starts_with_impulse) {
       impulse_ = true;
       return !selected_solution(s_.M, q0, s_.lcp_class) || fails("an impulse at t = 0, but there is a solution");
     }
@@ -257,11 +258,6 @@ class Judge {
     return true;
   }
 
-  long said_jumps() const {
-    const std::size_t at = r_.kernel.find("on the state, ");
-    return at == std::string::npos ? 0 : std::atol(r_.kernel.c_str() + at + 14);
-  }
-
   bool compare_residual() {
     double magnitude = 1;
     for (Index j = impulse_ ? 1 : 0; j <= J_; ++j) {
@@ -297,7 +293,7 @@ class Judge {
 }  // namespace
 
 Scheme scheme_of(const Result& result) {
-  if (result.method == "euler" || result.kernel.starts_with("implicit Euler on the state")) return Scheme::euler;
+  if (result.method == Method::euler || result.kernel.starts_with("implicit Euler on the state")) return Scheme::euler;
   return result.kernel.starts_with("y discontinuous") ? Scheme::radau : Scheme::exponential;
 }
 

@@ -177,7 +177,7 @@ Json row(const AutoCase& one, const Choice& c, double best) {
           {"backend_asked", c.backend},
           {"method_asked", to_string(c.method)},
           {"backend", c.result.backend},
-          {"method", c.result.method},
+          {"method", to_string(c.result.method)},
           {"status", to_string(c.result.status)},
           {"reason", c.result.reason},
           {"difference_from_auto", c.difference},
@@ -219,10 +219,11 @@ BenchReport bench_auto(const BenchRequest& request, Backend& backend) {
     for (const auto& [key, value] : one.parameters.items())
       if (key != "T" && key != "c" && key != "nu") parameters += fmt::format(" {}={}", key, value.dump());
     print_line(one.name + parameters, fmt::format("{}", one.steps),
-               chosen.solved() ? chosen.result.method + ", " + chosen.result.backend : to_string(chosen.result.status),
+               chosen.solved() ? fmt::format("{}, {}", to_string(chosen.result.method), chosen.result.backend)
+                               : to_string(chosen.result.status),
                format_seconds(chosen.seconds()),
-               fastest ? fastest->result.method + ", " + fastest->result.backend : "none", format_seconds(best),
-               fastest ? fmt::format("{:.2f}", ratio) : "-");
+               fastest ? fmt::format("{}, {}", to_string(fastest->result.method), fastest->result.backend) : "none",
+               format_seconds(best), fastest ? fmt::format("{:.2f}", ratio) : "-");
   }
   report.notes.push_back(fmt::format("{} of {} choices take at most {:g} times the best", within, all, wanted_ratio));
   print(report.notes.back() + "\n");

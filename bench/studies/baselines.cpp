@@ -126,7 +126,7 @@ std::string measured_table(const std::vector<Contestant>& list) {
 Json row(const Contestant& c, const SceneChoice& choice) {
   return {{"contestant", c.name},
           {"parameters", to_json(choice.parameters)},
-          {"method", c.result.method},
+          {"method", to_string(c.result.method)},
           {"kernel", c.result.kernel},
           {"iteration_tolerance", c.iterates ? Json(c.options.iteration_tolerance) : Json(nullptr)},
           {"status", to_string(c.result.status)},

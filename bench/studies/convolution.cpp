@@ -54,7 +54,7 @@ double difference(const std::array<Contender, 2>& pair) { return deviation(pair[
 Json row(const Contender& c, const SceneChoice& choice, Index steps, double apart) {
   return {{"contestant", c.name},
           {"parameters", to_json(choice.parameters)},
-          {"method", c.result.method},
+          {"method", to_string(c.result.method)},
           {"kernel", c.result.kernel},
           {"kernel_error", c.result.kernel_error},
           {"status", to_string(c.result.status)},

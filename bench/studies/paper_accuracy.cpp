@@ -141,16 +141,11 @@ double fitted_rate(const std::vector<Json>& rows) {
 
 Json node_row(const Result& r, Index nodes, const Scene& scene, const Truth& truth) {
   const Errors errors = truth.of(r);
-  return {{"figure", "4.3 right"},
-          {"scene", scene.name},
-          {"method", r.method},
-          {"steps", r.steps},
-          {"h", scene.T / double(r.steps)},
-          {"nodes", nodes},
-          {"status", to_string(r.status)},
-          {"reason", r.reason},
-          {"kernel_error", r.kernel_error},
-          {"error_y", errors.y.max},
+  return {{"figure", "4.3 right"},          {"scene", scene.name},
+          {"method", to_string(r.method)},  {"steps", r.steps},
+          {"h", scene.T / double(r.steps)}, {"nodes", nodes},
+          {"status", to_string(r.status)},  {"reason", r.reason},
+          {"kernel_error", r.kernel_error}, {"error_y", errors.y.max},
           {"error_trace", errors.trace.max}};
 }
 

@@ -157,7 +157,7 @@ Json row(const LadderContestant& c, const std::string& scene, const SceneChoice&
       {"scene", scene},
       {"parameters", to_json(choice.parameters)},
       {"contestant", c.name},
-      {"method", c.result.method},
+      {"method", to_string(c.result.method)},
       {"kernel", c.result.kernel},
       {"backend", c.result.backend},
       {"threads", c.runner.threads},

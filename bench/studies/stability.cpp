@@ -107,7 +107,7 @@ Found run(const HardCase& one, Backend& backend, const Options& options, int rep
       found.status = to_string(r.status);
       found.reason = r.reason;
       found.warning = r.warning;
-      found.method = r.method;
+      found.method = to_string(r.method);
       found.steps = r.steps;
       found.estimate = r.error_estimate.value_or(NAN);
       if (found.status == one.expected || r.status == Status::solved) compare(one, r, found);

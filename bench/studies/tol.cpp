@@ -132,7 +132,7 @@ Row row(const Subject& subject, const TolRun& run, const std::optional<TolTruth>
   row.json = {{"scene", subject.name},
               {"parameters", to_json(subject.choice.parameters)},
               {"method_asked", subject.method},
-              {"method", r.method},
+              {"method", to_string(r.method)},
               {"tolerance", run.tolerance},
               {"status", to_string(r.status)},
               {"reason", r.reason},

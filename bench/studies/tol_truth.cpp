@@ -95,7 +95,7 @@ TolTruth::TolTruth(const SceneChoice& choice, Backend& backend, const Options& o
     y_ = fine.y;
     x_ = fine.x;
     mean_ = mean_of(fine);
-    source_ = fmt::format("{} with {} steps", fine.method, fine.steps);
+    source_ = fmt::format("{} with {} steps", to_string(fine.method), fine.steps);
     one.steps /= 2;
     finest_ = fine.steps;
     known_to_ = of(within(seconds, scene, backend, one));

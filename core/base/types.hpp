@@ -6,7 +6,6 @@
 #include <Eigen/SparseCore>
 
 #include <complex>
-#include <functional>
 
 namespace bromwich {
 
@@ -23,9 +22,6 @@ using SparseMatrix = Eigen::SparseMatrix<double>;
 
 /// A space-time array on the host: (J+1) x n, row j belongs to time t_j.
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-/// A vector-valued function of time: writes the value at `t` into the second argument. Empty means zero.
-using TimeFunction = std::function<void(double t, Eigen::Ref<Vector> value)>;
 
 /// Unit roundoff scale of double, 2^-52.
 inline constexpr double epsilon = 2.220446049250313e-16;

@@ -300,7 +300,7 @@ Result solve_by_galerkin(const Scene& scene, Backend& backend, const Options& op
   Timer total;
   Result result;
   const Index N = options.steps > 0 ? options.steps : scene.default_steps;
-  result.method = to_string(Method::galerkin);
+  result.method = Method::galerkin;
   result.backend = backend.name();
   result.steps = N;
   result.t = Vector::LinSpaced(N + 1, 0, scene.T);

@@ -135,7 +135,7 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
       constrained ? constrained->balance(grid) : energy_balance({system, goal.scheme, grid.t, grid.last.x});
   result.status = grid.status;
   result.reason = grid.reason;
-  result.method = to_string(Method::goal);
+  result.method = Method::goal;
   result.backend = backend.name();
   result.kernel = text("%s on %td cells of %td sizes, adjoint %s, %s weights", to_string(goal.scheme), M,
                        grid.last.sizes, report.adjoint.c_str(), to_string(goal.weights));

@@ -1,6 +1,7 @@
 #pragma once
 // What a time grid can be made for: functionals I of the trajectory, with their derivative.
 
+#include "../base/time_function.hpp"
 #include "energy_balance.hpp"
 
 #include <memory>

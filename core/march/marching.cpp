@@ -61,6 +61,7 @@ class PreparedMarch final : public PreparedMethod {
       }
       result.y.row(0).setZero();  // implicit Euler does not look at it
       result.kernel += impulse_note;
+      result.starts_with_impulse = true;
     }
     p_.backend.upload(result.y, *y_);
     result.seconds.lcp += timer.lap();

@@ -340,7 +340,9 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& opti
   result.continuous = false;
   result.well_posed = report.well_posed;
   result.kernel = describe(stages, report);
-  if (start == Start::impulse) result.kernel += impulse_note;
+  result.euler_steps = report.jumps;
+  result.starts_with_impulse = start == Start::impulse;
+  if (result.starts_with_impulse) result.kernel += impulse_note;
   count(report, result);
   if (!grid.lengths.empty()) {
     v = keep_points(p, grid, given, *v, report, result);

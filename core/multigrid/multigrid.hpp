@@ -48,8 +48,8 @@ class Multigrid {
   /// the last sweep; |y_h - y_2h| and |y_2h - y_4h|.
   enum Slot : std::size_t { last_change, last_sweep, half_step, quarter_step, slots };
 
-  // Nothing is waited for in a cycle where all plans of all grids queue what they are asked for; what became of it is
-  // looked at afterwards. A cycle that left a problem unsolved is done again, waiting for each batch.
+  // If all plans of all grids are asynchronous, a cycle never synchronises; failures are detected afterwards and the
+  // cycle is repeated synchronously.
   bool all_queue() const;
   bool collected();
   bool watched(const std::function<void()>& work);

@@ -29,7 +29,7 @@ struct TimeLevel {
   int coarsest_sweeps = 0;       ///< of a visit, were this grid the coarsest
   int first_visits = 0;          ///< to it before anything else, were it the coarsest
   std::size_t coarse = 0;        ///< the grid that a cycle on this one asks
-  double unseen = 0;             ///< what a sweep multiplies the part of an error by that the grid `coarse` cannot see
+  double unseen = 0;             ///< smoothing factor for error components invisible to the grid `coarse`
   std::unique_ptr<March> march;  ///< of the coarsest grid only, in place of sweeps
 
   std::size_t bytes() const;

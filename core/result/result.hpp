@@ -2,6 +2,7 @@
 
 #include "../base/types.hpp"
 #include "../seam/lcp_count.hpp"
+#include "method.hpp"
 
 #include <limits>
 #include <memory>
@@ -105,8 +106,11 @@ struct Result {
 
   std::shared_ptr<const GoalReport> goal;  ///< of method goal: quantity, estimates and energies; null otherwise
 
-  std::string method, backend;
-  std::string kernel;  ///< how the kernel was made and applied, in words
+  Method method = Method::automatic;  ///< that solved the scene, or was tried last
+  std::string backend;
+  std::string kernel;                ///< how the kernel was made and applied, in words
+  bool starts_with_impulse = false;  ///< x0 violates the constraints: the state jumps at t = 0, row 0 of y is no value
+  Index euler_steps = 0;             ///< of Radau IIA, taken by implicit Euler since the state jumps in them
   Index steps = 0, iterations = 0, cycles = 0;
   std::vector<double> history;  ///< max change of y per iteration, or per cycle, relative to max(1, |y|)
   LcpCount lcp;

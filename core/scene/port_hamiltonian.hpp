@@ -10,6 +10,7 @@
 // Q       PortHamiltonian::Q    m x m   energy, Q^T E symmetric and positive semidefinite; empty = identity
 // B, u    PortHamiltonian::B,u  m x k   ports and their input
 
+#include "../base/time_function.hpp"
 #include "scene.hpp"
 
 #include <vector>

@@ -11,6 +11,7 @@
 //
 // Instead of x(0) = x0 a scene may state E0 x(0) + ET x(T) = b, and rows of w = 0 with a free y_i (mixed problems).
 
+#include "../base/time_function.hpp"
 #include "../dynamics/dynamics.hpp"
 #include "../lcp/matrix.hpp"
 #include "../numerics/boundary_condition.hpp"

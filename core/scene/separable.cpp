@@ -6,12 +6,6 @@
 
 namespace bromwich {
 
-void SeparableSource::operator()(double t, Eigen::Ref<Vector> value) const {
-  Vector a = Vector::Zero(shapes.cols());
-  time(t, a);
-  value.noalias() = shapes * a;
-}
-
 SampledSource::SampledSource(RowMatrix amplitudes, Matrix shapes)
     : amplitudes_(std::move(amplitudes)), shapes_(std::move(shapes)) {}
 
@@ -70,7 +64,7 @@ Vector time_grid(double T, Index J) {
 
 SampledSource sample(const TimeFunction& function, const Vector& t, Index width) {
   if (!function) return SampledSource(RowMatrix::Zero(t.size(), width));
-  const auto* separable = function.target<SeparableSource>();
+  const auto* separable = function.separable();
   if (separable && separable->shapes.cols() == 0) return sample(nullptr, t, width);
   RowMatrix values(t.size(), separable ? separable->shapes.cols() : width);
   Vector value(values.cols());

@@ -1,23 +1,11 @@
 #pragma once
-// Sources that are sums of a few fixed shapes, each times a function of time:
-//
-//     s(t) = V a(t),      V: width x k,   a: k functions of t.
-//
-// A TimeFunction that holds one is recognised: its values over time are kept as V and a(t_j), and written out by the
-// backend where they are needed.
+// Sources sampled on a grid: tables, or V and a(t_j) of separable ones (core/base/time_function.hpp).
 
-#include "../base/types.hpp"
+#include "../base/time_function.hpp"
 
 #include <cstddef>
 
 namespace bromwich {
-
-struct SeparableSource {
-  Matrix shapes;      ///< V
-  TimeFunction time;  ///< a, k values
-
-  void operator()(double t, Eigen::Ref<Vector> value) const;
-};
 
 /// Values of a source at time points, one row each: a table, or V and the rows a(t_j).
 class SampledSource {

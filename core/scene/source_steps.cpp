@@ -293,7 +293,7 @@ class Inspection {
 
 OneSided::OneSided(const TimeFunction& function, Index width, double resolution)
     : function_(&function), shapes_(nullptr), width_(width), resolution_(resolution) {
-  const auto* separable = function.target<SeparableSource>();
+  const auto* separable = function.separable();
   if (!separable) return;
   function_ = &separable->time;
   shapes_ = &separable->shapes;

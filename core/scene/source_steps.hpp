@@ -10,6 +10,7 @@
 //
 // halved until it agrees with further values. Nothing is evaluated at a breakpoint itself.
 
+#include "../base/time_function.hpp"
 #include "scene.hpp"
 #include "separable.hpp"
 

@@ -76,12 +76,13 @@ class LcpBatch {
   virtual LcpReport finish(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) {
     return solve(r, v, y, first, settle_tolerance);
   }
-  /// `start` does the work, and several may be asked for before anybody looks; false: it is done by `finish`.
+  /// True if `start` is asynchronous: several batches may be in flight before `collect`. False: `finish` does the work.
   virtual bool queues() const { return false; }
-  /// Where it queues: waits, and sums up all that was started since the last report. Rows that were left unsolved keep
+  /// If asynchronous: waits, and sums up all that was started since the last report. Rows that were left unsolved keep
   /// the y given; `change` and `settled` are not known.
   virtual LcpReport collect() { return {}; }
-  /// Whether `start_in_modes` takes less time than `start` and the transforms around it, one by one; it queues then.
+  /// Whether the fused kernel transform-solve-transform, `start_in_modes`, is faster here than the three; it is
+  /// asynchronous then.
   virtual bool takes_modes() const { return false; }
   /// `start` without a tolerance, with S v in place of v where `v_in_modes`; then y_modes <- S y for the same rows,
   /// unless null. S is a transform of the same backend.
@@ -215,11 +216,12 @@ class Backend : public HostThreads {
   virtual std::string name() const = 0;
   virtual DeviceInfo device() const = 0;
 
-  /// Until all that was asked for is done.
+  /// Blocks until all queued operations have completed.
   virtual void wait() {}
 
-  /// What `operations` asks for, on arrays and plans that outlive the program; nothing is done yet. Null where starting
-  /// them one by one costs no more: they are short (`values` of an array) and the backend takes long to start one.
+  /// Records operations for replay; nothing is done yet. Their arrays and plans have to outlive the program. Null where
+  /// replay gains nothing: the arrays (`values` numbers each) are so large that launch overhead is negligible, or the
+  /// backend has none.
   virtual std::unique_ptr<Program> record(Index values, const std::function<void()>& operations) {
     (void)values, (void)operations;
     return nullptr;

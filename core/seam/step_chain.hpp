@@ -88,7 +88,7 @@ class StepChain {
   ///     S_{2c}^T z_{2c} = q_{2c} + R_{2c+1}^T l_{c+1},    S_{2c-1}^T z_{2c-1} = q_{2c-1} + R_{2c}^T z_{2c}.
   virtual Vector locally_weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& q,
                                            const RowMatrix& l) = 0;
-  /// What another machine than that of the arrays does, in words, and empty where there is nothing.
+  /// Work delegated to the host, in words; empty if none.
   virtual std::string elsewhere() const { return {}; }
   virtual std::size_t bytes() const = 0;
 };

@@ -206,10 +206,9 @@ void Certification::look_for_other_solutions(Result& result) {
   const DiscreteProblem& p = methods_.problem();
   const bool suspect = !result.well_posed || p.lcp_class == LcpClass::Z || p.lcp_class == LcpClass::unknown;
   if (!suspect) return;
-  const OtherSolution other =
-      p.dense() && p.scene.states() <= Methods::most_recorded_states
-          ? other_solution(p, result, methods_.all_states(method_from_string(result.method), result))
-          : OtherSolution{};
+  const OtherSolution other = p.dense() && p.scene.states() <= Methods::most_recorded_states
+                                  ? other_solution(p, result, methods_.all_states(result.method, result))
+                                  : OtherSolution{};
   if (other.row == 0)
     add_warning(result, "y(0) is not unique: the problem at t = 0 has another solution");
   else if (other.row > 0 && other.moves_the_state)
@@ -308,7 +307,7 @@ void Certification::confirm_by_half_the_step(Method method, double slack, const 
 // to there is one: with half the step the end has to stay where it is, and so has y.
 void Certification::confirm_infeasible(Result& result) {
   const DiscreteProblem& p = methods_.problem();
-  const Method method = method_from_string(result.method);
+  const Method method = result.method;
   Methods half(p.scene, backend_, 2 * p.J, {}, p.sources != nullptr);
   const Result fine = with_half_the_step(iterates(method) ? Method::march : method, half);
   const double at = *result.infeasible_at;

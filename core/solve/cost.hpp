@@ -22,7 +22,7 @@ Cost predicted_device_cost(const Scene&, Method, Index J, Index components);
 /// Whether that is free there; true where the backend has no memory of its own.
 bool fits_on_device(const Scene&, Method, Index J, Index components, const DeviceInfo&);
 
-/// A system that hands out memory it does not have kills a run half-way without a word: throws Error with the numbers
+/// Overcommitting systems kill oversized runs silently, so they are refused in advance: throws Error with the numbers
 /// where the cost of the method is beyond options.memory_limit or what the device has free, or beyond 10^16 operations
 /// (weeks). For `automatic`, only where no method fits. Returns what the method will take, for `automatic` the first
 /// that fits.

@@ -27,7 +27,7 @@ Place place(const Result& result, double T, double t) {
     throw Error("times", "found " + std::to_string(t), "give times from 0 to T = " + std::to_string(T));
   const double steps = t / T * double(result.steps), nearest = std::round(steps);
   if (std::abs(steps - nearest) <= same_point) return {Index(nearest), 0};
-  if ((!result.continuous && result.y_left.size() == 0) || result.method == to_string(Method::euler))
+  if ((!result.continuous && result.y_left.size() == 0) || result.method == Method::euler)
     throw Error("times", std::to_string(t) + " is no time point, and y is not linear between them",
                 "ask for multiples of T/" + std::to_string(result.steps));
   return {Index(steps), steps - std::floor(steps)};
@@ -64,7 +64,7 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
     sampled.y.resize(sampled.y.rows(), 0);
     return sampled;
   }
-  const bool galerkin = result.method == to_string(Method::galerkin);
+  const bool galerkin = result.method == Method::galerkin;
   if (const auto eliminated = scene.free_rows.empty() || galerkin ? std::nullopt : eliminate_free(scene)) {
     // x follows from y of the rows that are not free; y itself is linear in all of them.
     Result sampled = at_times(eliminated->scene, backend, eliminated->reduced(result), times);

@@ -71,7 +71,7 @@ bool Methods::run_prepared(Method method, const Options& options, Result& result
 }
 
 void Methods::run(Method method, const Options& options, Result& result) {
-  result.method = to_string(method);
+  result.method = method;
   result.t = problem_.t;
   result.steps = problem_.J;
   Timer timer;

@@ -175,7 +175,7 @@ double mixed_residual(const RowMatrix& y, const RowMatrix& q, const Matrix& M, c
 /// What was solved is the scene without its free rows; they count as well.
 void check_all_rows(Result& result, const Options& options) {
   if (result.status != Status::solved) return;
-  const bool iterated = result.method != to_string(Method::automatic) && iterates(method_from_string(result.method));
+  const bool iterated = iterates(result.method);
   if (result.residual <= residual_limit(iterated, result, options)) return;
   result.status = Status::tolerance_not_met;
   result.reason = text(

@@ -173,7 +173,7 @@ Methods& prepared_methods(const Scene& scene, Backend& backend, Index J, const s
 Result solve_on_one_grid(const Scene& scene, Backend& backend, const Options& options) {
   Timer total;
   Result result;
-  result.method = to_string(options.method);
+  result.method = options.method;
   const Index J = options.steps > 0 ? options.steps : scene.default_steps;
   if (const RowMatrix* y = options.first_iterate; y && (y->rows() != J + 1 || y->cols() != scene.constraints()))
     throw Error("first_iterate", "found " + std::to_string(y->rows()) + " x " + std::to_string(y->cols()),

@@ -121,7 +121,7 @@ struct Factors {
 
 TimeFunction divided(const TimeFunction& function, const Exponents& k) {
   if (!function || all_zero(k)) return function;
-  if (const auto* separable = function.target<SeparableSource>()) {
+  if (const auto* separable = function.separable()) {
     SeparableSource scaled = *separable;
     for (Index i = 0; i < scaled.shapes.rows(); ++i)
       for (Index j = 0; j < scaled.shapes.cols(); ++j)
@@ -227,7 +227,7 @@ double residual_of(const Scene& scene, const Result& result) {
   const auto* M = std::get_if<Matrix>(&scene.M);
   Vector g = Vector::Zero(n), y(n), q(n), w(n);
   // An impulse is no solution of the problem at t = 0.
-  const Index first = result.kernel.find("the state jumps at t = 0") == std::string::npos ? 0 : 1;
+  const Index first = result.starts_with_impulse ? 1 : 0;
   for (Index j = first; j < std::min(result.y.rows(), result.trace.rows()); ++j) {
     y = result.y.row(j).transpose();
     q = result.trace.row(j).transpose();

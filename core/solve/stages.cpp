@@ -24,7 +24,7 @@ Result unsolved(const Scene& scene, const Backend& backend, const Options& optio
   Result result;
   result.status = status;
   result.reason = why;
-  result.method = to_string(options.method);
+  result.method = options.method;
   result.backend = backend.name();
   result.steps = options.steps > 0 ? options.steps : scene.default_steps;
   result.t = Vector::LinSpaced(result.steps + 1, 0, scene.T);
