@@ -34,6 +34,7 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
      bench_multigrid},
     {"paper", "the experiments of the paper on Laplace inversion, beside the numbers it quotes", bench_paper},
     {"scenes", "all scene files of a folder: what they are, how they are solved, error and time", bench_scenes},
+    {"solver", "a prepared scene solved again with another x0, beside whole solves", bench_solver},
     {"sparse", "heat on a square with 1e5 states and ten contacts", bench_sparse},
     {"stability", "hard cases with known solutions: error, estimate and status, implicit Euler beside them",
      bench_stability},

@@ -144,7 +144,7 @@ Outcome run(std::uint32_t seed, Backend& backend, const Arguments& a) {
     o.status = to_string(r.status);
     o.reason = r.reason;
     o.warning = r.warning;
-    o.method = r.method;
+    o.method = to_string(r.method);
     o.steps = r.steps;
     // Of x alone where y is not unique, or has impulses and its mean is not what was controlled.
     const bool same_y = truth.y_unique && (truth.jumps == 0 || (r.errors && r.errors->of_integral));

@@ -11,6 +11,8 @@
 #include "cpu/stage_step.hpp"
 #include "cpu/step_lcp.hpp"
 
+#include <Eigen/SparseLU>
+
 #include <array>
 #include <cmath>
 #include <map>
@@ -122,12 +124,28 @@ class Lengths {
   std::vector<std::vector<Index>> rows_;
 };
 
+// E^{-1} B: what y moves.
+SparseMatrix without_mass(const Dynamics& dynamics, double h) {
+  const SparseMatrix& B = sparse_inputs(dynamics);
+  if (!has_mass(dynamics)) return B;
+  if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) {
+    SparseMatrix E = d->E;
+    E.makeCompressed();
+    const Eigen::SparseLU<SparseMatrix> lu(E);
+    return Matrix(lu.solve(Matrix(B))).sparseView(0, 0);
+  }
+  // z (zE - A)^{-1} B is nearly that for a large z.
+  const Complex z = 1e6 / h;
+  const ComplexMatrix X = std::get<SuppliedDynamics>(dynamics).shifted(z)(Matrix(B).cast<Complex>());
+  return Matrix((z * X).real()).sparseView(0, 0);
+}
+
 class Stages final : public StageMarch {
  public:
   Stages(const StageProblem& p, Index rows)
       : problem_(p), asked_to_stop_(p), rows_(rows), lengths_(p, rows), main_(p, p.stages, p.h, lengths_.rows(0)) {
     const auto* dense = std::get_if<DenseDynamics>(p.dynamics);
-    B_ = dense ? SparseMatrix(dense->B.sparseView()) : sparse_inputs(*p.dynamics);
+    B_ = dense ? SparseMatrix(dense->B.sparseView()) : without_mass(*p.dynamics, p.h);
   }
 
   MarchReport run(Array& y_array, Array& impulse_array, Array& v_array, Array& x_array) override {

@@ -2,7 +2,7 @@
 // at a time, one in each lane. All lanes share the structure, so even the many fronts with one or two pivots run on
 // whole vectors.
 //
-// No pivoting: for z outside the numerical range of A a rotation of zI - A has a positive definite Hermitian part, and
+// No pivoting: for z outside the numerical range of A a rotation of zE - A has a positive definite Hermitian part, and
 // every order of elimination is stable. Whether that held is measured: the column (zE - A) u, u = ±1, is carried along,
 // whose answer N u is known. A node that misses it is solved again by an LU factorization with partial pivoting.
 
@@ -25,7 +25,7 @@ namespace {
 
 using RowSparse = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
-// A node whose test column misses N u by more is solved again. Rounding grows with the condition number of zI - A,
+// A node whose test column misses N u by more is solved again. Rounding grows with the condition number of zE - A,
 // about
 // ||A|| over the distance of z from the spectrum, 1e6 for a fine grid.
 constexpr double accepted_miss = 1e-8;

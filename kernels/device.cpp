@@ -11,7 +11,8 @@ void check(cudaError_t status, const char* what) {
   cudaGetLastError();  // it is told here, and not again by the next call
   const char* remedy = status == cudaErrorMemoryAllocation ? "use fewer steps or a smaller scene, or the cpu backend"
                                                            : "check the device with nvidia-smi, or use the cpu backend";
-  throw Error("cuda", std::string(what) + " failed: " + cudaGetErrorString(status), remedy, ErrorKind::device);
+  throw Error("cuda", std::string(what) + " failed: " + cudaGetErrorString(status), remedy,
+              status == cudaErrorMemoryAllocation ? ErrorKind::does_not_fit : ErrorKind::device);
 }
 
 Device::Device(int number) : fetcher_(number) {

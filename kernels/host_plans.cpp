@@ -88,6 +88,8 @@ class HostMarch final : public March {
  public:
   HostMarch(const Device& device, Backend& host, MarchProblem problem, Index rows)
       : given_r_(*problem.r),
+        given_drive_(problem.drive),
+        given_forcing_(problem.forcing),
         r_(device, host, *problem.r),
         drive_(twin(device, host, problem.drive)),
         forcing_(twin(device, host, problem.forcing)),
@@ -100,7 +102,9 @@ class HostMarch final : public March {
   }
 
   MarchReport run(Array& y, Array& v) override {
-    r_.fetch(given_r_);  // it may have changed since the last run
+    r_.fetch(given_r_);  // they may have changed since the last run
+    if (drive_) drive_->fetch(*given_drive_);
+    if (forcing_) forcing_->fetch(*given_forcing_);
     y_.fetch(y);
     const MarchReport report = plan_->run(*y_.array, *v_.array);
     y_.send(y);
@@ -111,6 +115,7 @@ class HostMarch final : public March {
 
  private:
   const Array& given_r_;
+  const Array *given_drive_, *given_forcing_;
   Twin r_;
   std::unique_ptr<Twin> drive_, forcing_;
   Twin y_, v_;

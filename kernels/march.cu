@@ -263,7 +263,7 @@ class ModalMarch final : public March {
 
   // What x0 adds and the drive: of this run.
   void take_inputs() {
-    if (recurrence_->initial.size() > 0) initial_ = on_device(device_, recurrence_->initial);
+    initial_ = recurrence_->initial.size() > 0 ? on_device(device_, recurrence_->initial) : Memory<double>();
     if (drive_) sine_->apply(*problem_.drive, nullptr, *drive_, 0);
   }
 

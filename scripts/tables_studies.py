@@ -201,6 +201,20 @@ def convolution(data):
     return lines + ["", f"One application of K * y in modes. {repeats(data)}."]
 
 
+def solver(data):
+    lines = ["| scene | backend | J | method | whole solve | again | set-up of it | difference |", "|--" * 8 + "|"]
+    for row in data["rows"]:
+        Q = row["parameters"].get("Q")
+        name = row["scene"] + (f", Q = {Q:g}" if Q else "")
+        again = row["again"]
+        lines.append(
+            f"| {name} | {row['backend']} | {row['steps']} | {row['method']} | {seconds(row['whole']['median'])} | {seconds(again['median'])} | "
+            f"{seconds(again['setup'])} | {row['difference']:.1e} |"
+        )
+    return lines + ["", "Again: the same scene with another x0 by a `Solver`, whose first solve has prepared it. Difference: of y from that of the whole "
+                    f"solve, relative to the largest. {repeats(data)}."]  # fmt: skip
+
+
 def multigrid(data):
     lines = ["| backend | dx | J | contraction | cycles to 1e-12 | cycles that are useful | algebraic error | discretisation error | "
              "in fine sweeps | set-up | solve | plain sweeps to 1e-12 |", "|--" * 12 + "|"]  # fmt: skip

@@ -103,8 +103,8 @@ TEST(Compression, InitialStatesInTheSameExponentials) {
     single(0, Q / 2) = 1;
     for (const RowMatrix& modes : {smooth, single, RowMatrix(RowMatrix::Random(Q, Q))}) {
       const RowMatrix state = S * modes * S;  // line by line
-      const InitialSum x0 =
-          compress_initial_response(*backend, d, sum, Eigen::Map<const Vector>(state.data(), Q * Q), h, T);
+      const InitialSum x0 = compress_initial_response(*backend, d, fit_initial_response(*backend, d, sum, h, T),
+                                                      Eigen::Map<const Vector>(state.data(), Q * Q));
       EXPECT_LE(x0.error, accepted_compression_error) << Q;
       const RowMatrix parts = modes * seen.asDiagonal();
       const double size = parts.colwise().norm().sum();
@@ -129,7 +129,7 @@ TEST(Compression, StartedRecurrence) {
   const double T = 4, h = T / double(J);
   const Vector x0 = Vector::Random(Q * Q);
   const ExponentialSum sum = compress_line_kernel(d, h, T);
-  const InitialSum start = compress_initial_response(*backend, d, sum, x0, h, T);
+  const InitialSum start = compress_initial_response(*backend, d, fit_initial_response(*backend, d, sum, h, T), x0);
   const RowMatrix lines = x0_in_modes(*backend, d, x0, false);
   for (const Index ratio : {1, 2}) {
     const Index rows = J / ratio + 1;

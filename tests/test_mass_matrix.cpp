@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/scene/mass_matrix.hpp"
+#include "core/solve/dense_output.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/refusal.hpp"
@@ -171,6 +172,23 @@ TEST(MassMatrix, UnitsDoNotMatter) {
     value *= 1e7;
   };
   expect_same_mass(run_mass(scene, Method::march), expected, 1e-9);
+}
+
+TEST(MassMatrix, StatesAfterTheSolveKnowIt) {
+  const Scene scene = mass_scene(DenseDynamics{-Matrix::Identity(3, 3), Matrix{{1, 0}, {0, 1}, {1, 0}},
+                                               Matrix{{1, 0, 0}, {0, 1, 0}}, Matrix{{2, 1, 0}, {0, 3, 0}, {1, 0, 1}}});
+  const auto backend = make_cpu_backend(1);
+  Options options;
+  options.steps = 80;
+  options.method = Method::march;
+  options.states = StateSelection::all;
+  const Result result = solve(scene, *backend, options);
+  ASSERT_EQ(result.status, Status::solved) << result.reason;
+  const double tolerance = 1e-12 * condition(to_dense(scene.dynamics).E);
+  EXPECT_LE((states_at(scene, *backend, result, {40}) - result.x.row(40).transpose()).cwiseAbs().maxCoeff(), tolerance);
+  const Result between = at_times(scene, *backend, result, {0.5, 0.50625}),
+               expected = at_times(without_E(scene), *backend, result, {0.5, 0.50625});
+  EXPECT_LE((between.x - expected.x).cwiseAbs().maxCoeff(), tolerance);
 }
 
 TEST(MassMatrix, SingularOnesAreUnsupported) {

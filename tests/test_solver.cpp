@@ -12,6 +12,7 @@
 
 #include <cmath>
 #include <memory>
+#include <stdexcept>
 #include <string>
 
 namespace bromwich::solver_test {
@@ -167,6 +168,104 @@ TEST(Solver, KeepsTheShiftedSolves) {
   solver.set_x0(0.5 * scene.x0 + Vector::Constant(scene.states(), 0.01));
   solver.solve();
   EXPECT_GT(*calls, first);
+}
+
+// How f enters the reduced scene follows from which sources there are: with a mass matrix and with free rows.
+TEST(Solver, SourcesThatComeToReducedScenes) {
+  const auto backend = make_cpu_backend(1);
+  Options options;
+  options.steps = 60;
+  options.method = Method::march;
+  options.states = StateSelection::all;
+  const TimeFunction f = [](double t, Eigen::Ref<Vector> value) { value << std::sin(3 * t), 1, t; },
+                     g = [](double t, Eigen::Ref<Vector> value) { value << std::cos(2 * t), 0.1 - t; };
+  for (const bool mass : {true, false}) {
+    Scene scene;
+    scene.dynamics =
+        DenseDynamics{-Matrix::Identity(3, 3), Matrix{{1, 0}, {0, 1}, {1, 1}}, Matrix{{1, 0, 0}, {0, 1, 1}},
+                      mass ? Matrix{{2, 1, 0}, {0, 3, 0}, {1, 0, 1}} : Matrix()};
+    scene.M = Matrix{{1, 0.2}, {0.1, 2}};
+    if (!mass) scene.free_rows = {1};
+    scene.x0 = Vector::Constant(3, 0.3);
+    scene.g = g;
+    Solver solver(scene, *backend, options);
+    expect_same(solver.solve(), bromwich::solve(scene, *backend, options), "without f");
+    for (const TimeFunction& now : {f, TimeFunction(), times(2, f)}) {
+      Scene changed = scene;
+      changed.f = now;
+      solver.set_sources(now, g);
+      expect_same(solver.solve(), bromwich::solve(changed, *backend, options),
+                  std::string(mass ? "mass" : "free rows") + (now ? " with f" : " without f"));
+    }
+  }
+}
+
+// Sources whose values at the points of the grid are the same and which differ all the same.
+TEST(Solver, SourcesThatDifferBetweenPointsOrInTheirShapes) {
+  const auto backend = make_cpu_backend(1);
+  Options options;
+  options.steps = 40;
+  options.method = Method::march;
+  Scene scene = sparse_signorini();
+  const Index n = scene.constraints();
+  const TimeFunction amplitude = [](double t, Eigen::Ref<Vector> a) { a[0] = std::sin(4 * t); };
+  const auto pulse = [h = scene.T / 40](double end) -> TimeFunction {
+    return [=](double t, Eigen::Ref<Vector> value) { value.setConstant(t > 3.2 * h && t < end * h ? 5.0 : 0.0); };
+  };
+  Scene changed = scene;
+  changed.exact = {};
+  Solver solver(scene, *backend, options);
+  for (const double width : {1.0, 2.0}) {
+    changed.f = SeparableSource{Matrix::Constant(n, 1, width), amplitude};
+    solver.set_sources(changed.f, changed.g);
+    expect_same(solver.solve(), bromwich::solve(changed, *backend, options), "another shape");
+  }
+  for (const double end : {3.5, 3.9}) {
+    changed.f = pulse(end);
+    changed.breakpoints = {3.2 * scene.T / 40, end * scene.T / 40};
+    solver.set_sources(changed.f, changed.g, changed.breakpoints);
+    expect_same(solver.solve(), bromwich::solve(changed, *backend, options), "another pulse inside a step");
+  }
+}
+
+TEST(Solver, GoalTakesTheNewInput) {
+  const auto backend = make_cpu_backend(1);
+  Options options;
+  options.method = Method::goal;
+  options.steps = 60;
+  options.states = StateSelection::all;
+  Scene scene = make_scene("ladder");
+  Solver solver(scene, *backend, options);
+  const Result first = solver.solve();
+  solver.set_sources(times(3, scene.f), scene.g);
+  const Result found = solver.solve();
+  ASSERT_EQ(found.status, Status::solved) << found.reason;
+  EXPECT_GT(found.x.cwiseAbs().maxCoeff(), 1.5 * first.x.cwiseAbs().maxCoeff()) << "three times the input";
+}
+
+// Options are copied, what they point to as well; a failing source leaves nothing half made.
+TEST(Solver, KeepsItsOwnStartAndSurvivesSourcesThatThrow) {
+  const auto backend = make_cpu_backend(1);
+  const Scene scene = make_scene("dlcp-small");
+  Options options;
+  options.steps = 48;
+  options.method = Method::contour;
+  auto start = std::make_unique<RowMatrix>(RowMatrix::Zero(49, scene.constraints()));
+  options.first_iterate = start.get();
+  Solver solver(scene, *backend, options);
+  const Result first = solver.solve();
+  start.reset();
+  expect_same(solver.solve(), first, "after the start is gone");
+  int calls = 0;
+  solver.set_sources(
+      [&calls](double, Eigen::Ref<Vector> f) {
+        f.setZero();
+        if (++calls > 20) throw std::runtime_error("the source of the user");
+      },
+      scene.g);
+  EXPECT_THROW(solver.solve(), std::runtime_error);
+  solver.set_sources(scene.f, scene.g);
+  expect_same(solver.solve(), first, "after a source that threw");
 }
 
 TEST(Solver, RefusesWhatDoesNotFitAndStaysAsItWas) {

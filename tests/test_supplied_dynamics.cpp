@@ -87,6 +87,7 @@ TEST(SuppliedDynamics, RadauWithAMassMatrix) {
   sparse.E = SparseMatrix(sparse.A.rows(), sparse.A.cols());
   sparse.E.setIdentity();
   for (Index i = 0; i + 1 < sparse.A.rows(); ++i) sparse.E.coeffRef(i, i + 1) = sparse.E.coeffRef(i + 1, i) = 0.2;
+  sparse.N = -sparse.N;  // contact: y pushes what w sees
   scene.dynamics = sparse;
   scene.M = Matrix(Matrix::Zero(scene.constraints(), scene.constraints()));
   scene.lcp_class = LcpClass::PSD;
@@ -146,6 +147,17 @@ TEST(SuppliedDynamics, WhatIsWrongIsSaid) {
   own.shifted = [](Complex) -> ShiftedSolve { throw std::runtime_error("the user's own words"); };
   scene.dynamics = own;
   EXPECT_THROW(run_supplied(scene, Method::march), std::runtime_error);
+}
+
+TEST(SuppliedDynamics, WhatNeedsMatricesIsRefused) {
+  Scene scene = supplied_signorini();
+  scene.dynamics = supplied(to_sparse(std::get<KroneckerDynamics>(scene.dynamics)));
+  EXPECT_EQ(run_supplied(scene, Method::contour_literal).status, Status::unsupported);
+  const Result result = run_supplied(scene, Method::march);
+  EXPECT_NE(refusal([&] { states_at(scene, *make_cpu_backend(1), result, {3}); }).find("supplied"), std::string::npos);
+  EXPECT_NE(refusal([&] { run_supplied(scene, Method::galerkin); }).find("callbacks"), std::string::npos);
+  scene.free_rows = {1};
+  EXPECT_NE(refusal([&] { run_supplied(scene, Method::march); }).find("free_rows"), std::string::npos);
 }
 
 // Solves that are not finite: no contour, and the state cannot be stepped

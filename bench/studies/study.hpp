@@ -55,6 +55,8 @@ BenchReport bench_multigrid(const BenchRequest& request, Backend& backend);
 BenchReport bench_paper(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene file or a folder of them.
 BenchReport bench_scenes(const BenchRequest& request, Backend& backend);
+/// Throws Error for a SCENE: it has its own.
+BenchReport bench_solver(const BenchRequest& request, Backend& backend);
 BenchReport bench_sparse(const BenchRequest& request, Backend& backend);
 /// SCENE is a group of its cases; without one, all.
 BenchReport bench_stability(const BenchRequest& request, Backend& backend);

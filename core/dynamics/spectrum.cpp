@@ -49,14 +49,16 @@ Spectrum of(const SuppliedDynamics& d) {
   Spectrum s;
   s.half_angle = d.bound->half_angle;
   s.abscissa = d.bound->abscissa;
+  s.bound = true;
   return s;
 }
 
 }  // namespace
 
 std::string Spectrum::describe() const {
-  if (radius == 0) return "zero";
   constexpr double degree = 57.29577951308232;
+  if (bound) return text("bound given: half-angle %.1f degrees, abscissa %.3g", half_angle * degree, abscissa);
+  if (radius == 0) return "zero";
   const bool unstable = abscissa > 16 * epsilon * radius, imaginary = !unstable && half_angle * degree > 89.9999;
   const std::string kind = unstable          ? text("unstable, abscissa %.3g", abscissa)
                            : real_negative() ? "real"

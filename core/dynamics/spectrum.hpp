@@ -12,10 +12,11 @@ struct Spectrum {
   double abscissa = 0;      ///< largest real part
   double radius = 0;        ///< largest modulus
   double slowest = 0;       ///< smallest non-zero modulus, 0 if none or not known
+  bool bound = false;       ///< stated by the user; radius and slowest are not known
   bool non_normal = false;  ///< dense: ||A A^T - A^T A||_F > ||A||_F^2 / 10
 
   bool real_negative() const { return half_angle == 0; }
-  /// "real, in [-12.8, -0.04]" and the like.
+  /// "real, moduli 0.04 to 12.8" and the like.
   std::string describe() const;
 };
 

@@ -10,6 +10,8 @@
 
 #include "core/dynamics/spectrum.hpp"
 
+#include "core/base/error.hpp"
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseLU>
@@ -51,6 +53,7 @@ ComplexVector ritz_values(Index m, double scale, const Product& product) {
   Q.col(0).normalize();
   for (Index j = 0; j < k; ++j) {
     Vector w = product(Vector(Q.col(j)));
+    if (!w.allFinite()) return {};
     for (int sweep = 0; sweep < 2; ++sweep) {
       const Vector h = Q.leftCols(j + 1).transpose() * w;
       w -= Q.leftCols(j + 1) * h;
@@ -136,15 +139,24 @@ Spectrum sparse_spectrum(const SparseMatrix& A, const SparseMatrix& E) {
 
 Spectrum supplied_spectrum(const SuppliedDynamics& d) {
   Spectrum s;
-  const ShiftedSolve solve = d.shifted(Complex(1));
-  const ComplexVector inverse = ritz_values(d.states, 0, [&](const Vector& x) {
-    return Vector(solve((d.mass ? Vector(d.mass(x)) : x).cast<Complex>()).real());
-  });
+  double z = 1;  // another one where it is an eigenvalue
+  ComplexVector inverse;
+  for (int tries = 0; tries < 4 && inverse.size() == 0; ++tries, z *= 1.618) try {
+      const ShiftedSolve solve = d.shifted(Complex(z));
+      inverse = ritz_values(d.states, 0, [&](const Vector& x) {
+        return Vector(solve((d.mass ? Vector(d.mass(x)) : x).cast<Complex>()).real());
+      });
+      if (!inverse.allFinite()) inverse.resize(0);
+      if (inverse.size() > 0) break;
+    } catch (const SingularShift&) {
+    }
+  if (inverse.size() == 0)
+    throw Error("shifted", "has no finite solution for real shifts near 1", "give a bound of the spectrum");
   const double largest = inverse.cwiseAbs().maxCoeff();
   ComplexVector ritz(inverse.size());
   Index count = 0;
   for (const Complex theta : inverse)
-    if (std::abs(theta) > 1e-6 * largest) ritz[count++] = 1.0 - 1.0 / theta;
+    if (std::abs(theta) > 1e-6 * largest) ritz[count++] = z - 1.0 / theta;
   ritz.conservativeResize(count);
   s.radius = ritz.cwiseAbs().maxCoeff();
   s.abscissa = std::max(0.0, ritz.real().maxCoeff());

@@ -228,6 +228,10 @@ class PreparedIteration final : public PreparedMethod {
   void run(const Options& options, Result& result) override {
     result.kernel = plan_.description;
     result.kernel_error = std::isnan(plan_.error) ? NAN : std::max(plan_.error, error_of_x0_);
+    // It begins with v = 0 and y = 0, as new arrays are.
+    for (Array* array : {v_.get(), y_.get()})
+      if (used_) p_.backend.add(*r_, -1, *r_, *array);
+    used_ = true;
     SpaceTimeKernel& kernel = *plan_.kernel;
     result.bytes += y_->bytes() + v_->bytes() + r_->bytes() + kernel.bytes() + lcp_->bytes() + host_bytes(p_) +
                     op_.bytes_of_tables();
@@ -240,18 +244,13 @@ class PreparedIteration final : public PreparedMethod {
   }
 
  private:
-  // v is where r is made; the iteration begins with v = 0 and y = 0.
-  void respond() {
-    error_of_x0_ = op_.response(plan_, *v_, *r_);
-    const RowMatrix zero = RowMatrix::Zero(v_->rows(), v_->cols());
-    p_.backend.upload(zero, *v_);
-    p_.backend.upload(zero, *y_);
-  }
+  void respond() { error_of_x0_ = op_.response(plan_, *p_.backend.array(r_->rows(), r_->cols()), *r_); }
 
   TimeOperator& op_;
   const DiscreteProblem& p_;
   KernelPlan plan_;
   double error_of_x0_ = 0;
+  bool used_ = false;  ///< the arrays hold another run
   std::unique_ptr<Array> y_, v_, r_;
   std::unique_ptr<LcpBatch> lcp_;
 };

@@ -130,33 +130,38 @@ ExponentialSum compress_line_kernel(const KroneckerDynamics& dynamics, double h,
   return best;
 }
 
-InitialSum compress_initial_response(Backend& backend, const KroneckerDynamics& dynamics, const ExponentialSum& sum,
-                                     const Vector& x0, double h, double T) {
-  const Index n = dynamics.along.points, K = dynamics.across.points, terms = sum.rates.size();
-  const Vector nu = dynamics.across.eigenvalues(), seen = in_sine_basis(dynamics.n);
+InitialFit fit_initial_response(Backend& backend, const KroneckerDynamics& dynamics, const ExponentialSum& sum,
+                                double h, double T) {
+  const Index K = dynamics.across.points, terms = sum.rates.size();
+  const Vector nu = dynamics.across.eigenvalues();
   const auto [times, checks] = sample_times(h, T);
   const Eigen::HouseholderQR<Matrix> qr(exponentials(times, sum.rates));
   const Matrix Q = qr.householderQ() * Matrix::Identity(times.size(), terms);
   const auto R = qr.matrixQR().topRows(terms).triangularView<Eigen::Upper>();
   const Matrix check = exponentials(checks, sum.rates);
-  Matrix P(terms, K);  // e^{nu t} = Σ_k P_k e^{s_k t}, times what is seen of it
-  Vector missed(K);
+  InitialFit fit{Matrix(terms, K), Vector(K), in_sine_basis(dynamics.n)};
   backend.each_range(K, columns_together, [&](Index first, Index last) {
     const Vector rates = nu.segment(first, last - first);
     Matrix part = Q.transpose() * exponentials(times, rates);
     R.solveInPlace(part);
     const Matrix gap = check * part - exponentials(checks, rates);
-    missed.segment(first, last - first) = gap.cwiseAbs().colwise().maxCoeff().transpose();
-    P.middleCols(first, last - first) = part * seen.segment(first, last - first).asDiagonal();
+    fit.missed.segment(first, last - first) = gap.cwiseAbs().colwise().maxCoeff().transpose();
+    fit.P.middleCols(first, last - first) = part * fit.seen.segment(first, last - first).asDiagonal();
   });
-  const RowMatrix lines = row_modes(backend, Eigen::Map<const RowMatrix>(x0.data(), n, K));
-  RowMatrix D(terms, n);
+  return fit;
+}
+
+InitialSum compress_initial_response(Backend& backend, const KroneckerDynamics& dynamics, const InitialFit& fit,
+                                     const Vector& x0) {
+  const Index n = dynamics.along.points;
+  const RowMatrix lines = row_modes(backend, Eigen::Map<const RowMatrix>(x0.data(), n, dynamics.across.points));
+  RowMatrix D(fit.P.rows(), n);
   backend.each_range(n, columns_together, [&](Index first, Index last) {
-    D.middleCols(first, last - first).noalias() = P * lines.middleRows(first, last - first).transpose();
+    D.middleCols(first, last - first).noalias() = fit.P * lines.middleRows(first, last - first).transpose();
   });
-  const Vector parts = seen.cwiseAbs().cwiseProduct(lines.colwise().norm().transpose());
+  const Vector parts = fit.seen.cwiseAbs().cwiseProduct(lines.colwise().norm().transpose());
   const double size = parts.sum();
-  return {row_modes(backend, D), size > 0 ? between_samples * parts.dot(missed) / size : 0};
+  return {row_modes(backend, D), size > 0 ? between_samples * parts.dot(fit.missed) / size : 0};
 }
 
 std::optional<ModalRecurrence> started(const ModalRecurrence& r, const RowMatrix& D) {

@@ -33,9 +33,15 @@ struct InitialSum {
   double error = 0;
 };
 
-/// Fits every e^{nu_k t} by those of the sum, so that no time point is looked at.
-InitialSum compress_initial_response(Backend&, const KroneckerDynamics&, const ExponentialSum&, const Vector& x0,
-                                     double h, double T);
+/// Every e^{nu_k t} by the exponentials of a sum, so that no time point is looked at; for any x0.
+struct InitialFit {
+  Matrix P;       ///< rates x across.points: e^{nu_k t} = Σ_i P_ik e^{s_i t}, times what is seen of it
+  Vector missed;  ///< across.points: largest deviation between the samples
+  Vector seen;    ///< across.points: n in the eigenvectors of a line
+};
+InitialFit fit_initial_response(Backend&, const KroneckerDynamics&, const ExponentialSum&, double h, double T);
+
+InitialSum compress_initial_response(Backend&, const KroneckerDynamics&, const InitialFit&, const Vector& x0);
 
 /// The recurrence with what x0 adds to z_0: `initial` = D E / C, for any grid. Empty where a C_k is zero.
 std::optional<ModalRecurrence> started(const ModalRecurrence&, const RowMatrix& D);

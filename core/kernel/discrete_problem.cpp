@@ -57,13 +57,6 @@ RowMatrix trace(const DiscreteProblem& p, const Array& r, const Array& v) {
   return known + response - p.g.table();
 }
 
-std::optional<InitialSum> kronecker_initial_sum(const DiscreteProblem& p, const ExponentialSum& sum) {
-  const KroneckerDynamics& d = *p.kronecker();
-  InitialSum x0 = compress_initial_response(p.backend, d, sum, p.scene.x0, p.h, p.scene.T);
-  if (!(x0.error <= accepted_compression_error)) return std::nullopt;
-  return x0;
-}
-
 RowMatrix kronecker_initial_response(const DiscreteProblem& p) {
   const KroneckerDynamics& d = *p.kronecker();
   return contour_initial_response(d, *contour_parameters(0), x0_in_modes(p.backend, d, p.scene.x0, false), p.h, p.J);

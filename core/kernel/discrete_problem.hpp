@@ -42,8 +42,7 @@ struct DiscreteProblem {
   std::shared_ptr<KeptStep> exponential_step = std::make_shared<KeptStep>();  ///< of this h, see state_step
   std::shared_ptr<const SourceSteps> sources = {};                            ///< null where no step is rough
   std::shared_ptr<const StepDefects> defects = {};  ///< of f on those, dense dynamics and the exponential rule
-  /// Kronecker sums, (J+1) x n: the same as N x at all time points, what r leaves out; null:
-  /// nothing.
+  /// Kronecker sums, (J+1) x n: the response N x to what f does inside rough steps; null where there is none.
   std::shared_ptr<const RowMatrix> rough_response = {};
 
   const KroneckerDynamics* kronecker() const { return std::get_if<KroneckerDynamics>(&scene.dynamics); }
@@ -77,10 +76,6 @@ RowMatrix dense_response(const DiscreteProblem&, Rule);
 
 /// N x at the time points from r and v = K * y: (J+1) x n; w = r + v + M y, so that r + v = N x + g.
 RowMatrix trace(const DiscreteProblem&, const Array& r, const Array& v);
-
-/// x0 in the exponentials of a sum (core/kernel/compression.hpp) for the Kronecker sum. None where the error is above
-/// that of a sum that may replace the eigenvalues.
-std::optional<InitialSum> kronecker_initial_sum(const DiscreteProblem&, const ExponentialSum&);
 
 /// S N e^{A t_j} x0 for the Kronecker sum from contours, (J+1) x n in modes.
 RowMatrix kronecker_initial_response(const DiscreteProblem&);

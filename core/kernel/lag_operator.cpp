@@ -5,6 +5,8 @@
 
 #include "core/kernel/sparse_kernel.hpp"
 
+#include <utility>
+
 namespace bromwich {
 
 namespace {
@@ -22,14 +24,19 @@ class LagOperator : public TimeOperator {
 
   double response(const KernelPlan&, Array&, Array& r) override {
     p_.backend.upload(p_.g.table() + table()->free, r);
-    return 0;
+    return table()->error;
   }
 
   // x0 and f have columns of their own in the shifted solves.
   void renew() override {
     const RowMatrix& f = p_.f.values();
-    const bool same_f = f.rows() == f_.rows() && f.cols() == f_.cols() && f == f_;
-    if (!same_f || p_.scene.x0 != x0_) table_.reset();
+    const Matrix& shapes = p_.f.shapes();
+    const bool rough = p_.sources && p_.f.size() > 0;  // then f is more than its values at points of the grid
+    const bool same_f = !rough && !rough_ && f.rows() == f_.rows() && f.cols() == f_.cols() && f == f_ &&
+                        shapes.rows() == shapes_.rows() && shapes.cols() == shapes_.cols() && shapes == shapes_;
+    if (same_f && p_.scene.x0 == x0_) return;
+    table_.reset();
+    forget_basis();
   }
 
   SharedWeights weights(Index steps, const Weights* finer, Index finer_steps) override {
@@ -46,7 +53,10 @@ class LagOperator : public TimeOperator {
             .error = table()->error,
             .description = "lag weights, summed in blocks of time; " + table()->description};
   }
-  void add_sources(Rule, MarchData& data) override { data.r = SampledSource(p_.g.table() + table()->free); }
+  void add_sources(Rule, MarchData& data) override {
+    data.r = SampledSource(p_.g.table() + table()->free);
+    data.error = table()->error;
+  }
 
   RowMatrix states(Rule, const RowMatrix& y, const std::vector<Index>& components, const StepDefects*) override {
     if (!table_ || !*table_) return RowMatrix::Constant(p_.J + 1, Index(components.size()), NAN);
@@ -66,8 +76,11 @@ class LagOperator : public TimeOperator {
     table_ = sparse_kernel(p_, p_.components);
     x0_ = p_.scene.x0;
     f_ = p_.f.values();
+    shapes_ = p_.f.shapes();
+    rough_ = p_.sources && p_.f.size() > 0;
     if (!*table_) return nullptr;
-    if (!lags_) lags_ = std::make_shared<Weights>(std::move((*table_)->weights));  // they do not depend on sources
+    LagTable weights = std::exchange((*table_)->weights, {});
+    if (!lags_) lags_ = std::make_shared<Weights>(std::move(weights));  // they do not depend on sources
     return &**table_;
   }
   SharedWeights lags() {
@@ -79,6 +92,8 @@ class LagOperator : public TimeOperator {
   std::shared_ptr<Weights> lags_;
   Vector x0_;    ///< that table_ was made for
   RowMatrix f_;  ///< values of phi, likewise
+  Matrix shapes_;
+  bool rough_ = false;  ///< with a part for rough steps
 };
 
 }  // namespace

@@ -166,7 +166,13 @@ class ModalOperator : public TimeOperator {
 
   // x0 through the exponentials of the fit.
   const std::optional<InitialSum>& initial() {
-    if (!initial_) initial_ = kronecker_initial_sum(p_, sum());
+    if (initial_) return *initial_;
+    if (!initial_fit_) initial_fit_ = fit_initial_response(p_.backend, dynamics_, sum(), p_.h, p_.scene.T);
+    InitialSum x0 = compress_initial_response(p_.backend, dynamics_, *initial_fit_, p_.scene.x0);
+    if (x0.error <= accepted_compression_error)
+      initial_.emplace(std::move(x0));
+    else
+      initial_.emplace(std::nullopt);
     return *initial_;
   }
 
@@ -180,7 +186,8 @@ class ModalOperator : public TimeOperator {
 
   const KroneckerDynamics& dynamics_;
   std::optional<ExponentialSum> sum_;
-  std::optional<std::optional<InitialSum>> initial_;
+  std::optional<InitialFit> initial_fit_;
+  std::optional<std::optional<InitialSum>> initial_;  ///< of x0; none: its error is too large
 };
 
 }  // namespace

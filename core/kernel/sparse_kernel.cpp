@@ -322,7 +322,8 @@ RowMatrix sparse_states(const DiscreteProblem& p, const SparseKernel& kernel, co
 
 double predicted_sparse_bytes(const SparseDynamics& d, Index J, Index n_inputs, Index n_outputs, int threads) {
   constexpr double lane_group = 8 * sizeof(Complex);  // eight nodes are eliminated together
-  const Elimination plan = analyse(d.A, d.B, d.N, std::max<Index>(n_inputs - d.B.cols(), 0) + 1);
+  const Elimination plan = analyse(d.E.rows() > 0 ? SparseMatrix(d.A + 0 * d.E) : d.A, d.B, d.N,
+                                   std::max<Index>(n_inputs - d.B.cols(), 0) + 1);
   const double windows = 2 + std::log(double(std::max<Index>(J, 1))) / std::log(window_ratio),
                nodes = 81 * (windows + 2);
   const double entries = double(n_inputs) * double(n_outputs);

@@ -94,8 +94,8 @@ Matrix dense_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::
 
 Matrix states_at_rows(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows,
                       const StepDefects* defects) {
-  if (p.sparse())
-    throw Error("dynamics", "whole states of sparse dynamics are not computed afterwards",
+  if (!p.dense() && !p.kronecker())
+    throw Error("dynamics", "whole states of sparse or supplied dynamics are not computed afterwards",
                 "ask for components with Options::states when solving");
   return p.kronecker() ? kronecker_states_at(p, y, rows) : dense_states_at(p, y, rows, defects);
 }

@@ -1,5 +1,5 @@
 #pragma once
-// One dynamics on one time grid: all that the methods need of A, B and N, and nothing else. With K the discrete
+// One dynamics on one time grid: what iteration, multigrid and marching need of A, B and N. With K the discrete
 // convolution of the grid,
 //
 //     w = M y + r + K y,
@@ -104,6 +104,7 @@ class TimeOperator {
 
  protected:
   virtual BasisChoice choose_basis() = 0;
+  void forget_basis() { basis_.reset(); }
   /// Whether sine modes diagonalise K.
   virtual bool modal() const { return false; }
   /// Whether K is applied by transforms over time.

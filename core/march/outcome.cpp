@@ -40,7 +40,10 @@ ProblemAtZero::ProblemAtZero(const DiscreteProblem& p)
   renew();
 }
 
-void ProblemAtZero::renew() { p_.backend.upload(without_rounding(p_).transpose(), *r_); }
+void ProblemAtZero::renew() {
+  p_.backend.upload(without_rounding(p_).transpose(), *r_);
+  p_.backend.upload(RowMatrix::Zero(1, p_.scene.constraints()), *y_);
+}
 
 Start ProblemAtZero::solve(Result& result, Vector& y0) const {
   const LcpReport report = lcp_->solve(*r_, *v_, *y_, 0, 0);

@@ -52,6 +52,11 @@ void Multigrid::begin(const Options& options, Result& result) {
   failure_.reset();
   start_is_solved_ = false;
   queued_ = all_queue();
+  for (const auto& level : levels_.grids) {  // what an interrupted solve has left
+    if (!nested_) break;
+    if (level->lcp) level->lcp->collect();
+    if (level->march) level->march->collect();
+  }
 }
 
 bool Multigrid::all_queue() const {
@@ -100,11 +105,12 @@ void Multigrid::nest_on(std::size_t l) {
 
 // y of the coarser grid that was started last, or y_0 alone.
 void Multigrid::start_on(std::size_t l, std::size_t last, const Vector& y0) {
-  if (nested_) backend_.upload(RowMatrix::Zero(levels_[l].steps + 1, y0.size()), *levels_[l].y);
+  TimeLevel& level = levels_[l];
+  if (nested_) backend_.add(*level.r, -1, *level.r, *level.y);  // arrays are zero when they are made
   if (last < levels_.size())
     backend_.interpolate(*levels_[last].y, nullptr, *levels_[l].y);
   else
-    backend_.upload(y0.transpose(), *levels_[l].y);  // arrays are zero when they are made
+    backend_.upload(y0.transpose(), *levels_[l].y);
 }
 
 IterationOutcome Multigrid::iterate() {

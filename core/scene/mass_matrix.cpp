@@ -62,7 +62,13 @@ Scene without(const DenseDynamics& d, Scene scene) {
 Scene without_diagonal(const SparseDynamics& d, Scene scene) {
   const Vector inverse = Vector(d.E.diagonal()).cwiseInverse();
   const auto solve = [&](const SparseMatrix& right) { return SparseMatrix(inverse.asDiagonal() * right); };
-  take_from_sources(scene, solve);
+  if (scene.f && scene.f_entry == SourceEntry::state)
+    scene.f = [f = scene.f, inverse](double t, Eigen::Ref<Vector> value) {
+      f(t, value);
+      value.array() *= inverse.array();
+    };
+  else
+    take_from_sources(scene, solve);
   scene.dynamics = SparseDynamics{solve(d.A), solve(d.B), d.N};
   return scene;
 }

@@ -148,7 +148,7 @@ class March {
 /// all steps where the problem of two stages is neither P nor PSD and that of one stage is. One stage: implicit Euler
 /// throughout.
 struct StageProblem {
-  const Dynamics* dynamics = nullptr;  ///< dense or sparse
+  const Dynamics* dynamics = nullptr;  ///< dense, sparse or supplied
   const LcpMatrix* M = nullptr;
   LcpClass lcp_class = LcpClass::unknown;
   Index stages = 2;               ///< 2 or 1
@@ -282,8 +282,8 @@ class Backend : public HostThreads {
   /// Affine maps along a chain of intervals, solved in blocks between two ends.
   virtual std::unique_ptr<AffineChain> affine_chain(const AffineChainSizes&) = 0;
 
-  /// The shifted solves of the contour: N (z_p I - A)^{-1} B for all nodes at once. Row p holds the n modal values
-  /// (Kronecker sum) or the n x k entries of the block, row by row (dense, sparse; N and B may have any shape that fits
+  /// The shifted solves of the contour: N (z_p E - A)^{-1} B for all nodes at once. Row p holds the n modal values
+  /// (Kronecker sum) or the n x k entries of the block, row by row (others; N and B may have any shape that fits
   /// A). Sparse: one symbolic analysis, the nodes in parallel. Throws Error where a node is an eigenvalue.
   virtual ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes) = 0;
 };

@@ -84,6 +84,8 @@ void Methods::run(Method method, const Options& options, Result& result) {
       if (basis().rings) {
         result.status = Status::unsupported;
         result.reason = basis().reason + ": piecewise-linear y would ring; use method march or euler";
+      } else if (method == Method::contour_literal && !problem_.dense() && !problem_.kronecker()) {
+        refuse("contour-literal works with dense dynamics and Kronecker sums", result);
       } else if (method == Method::contour) {
         iterate(options, result);
       } else if (method == Method::multigrid) {

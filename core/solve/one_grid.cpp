@@ -149,11 +149,18 @@ bool finite_sources(const DiscreteProblem& p, Result& result) {
   return true;
 }
 
+// How f enters: reductions of the scene derive that from which sources there are.
+bool same_entry(const Scene& a, const Scene& b) {
+  if (a.f_entry != b.f_entry || a.F.rows() != b.F.rows() || a.F.cols() != b.F.cols()) return false;
+  return a.F.size() == 0 || SparseMatrix(a.F - b.F).norm() == 0;
+}
+
 // Those of the solve before, with the x0, f and g of this one. A Solver changes nothing else.
 Methods& prepared_methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
                           const Options& options) {
   Prepared& kept = *options.prepared;
-  if (kept.methods && kept.methods->problem().J == J && kept.methods->problem().components == components) {
+  if (kept.methods && kept.methods->problem().J == J && kept.methods->problem().components == components &&
+      same_entry(*kept.scene, scene)) {
     kept.scene->x0 = scene.x0;
     kept.scene->f = scene.f;
     kept.scene->g = scene.g;

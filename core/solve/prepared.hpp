@@ -11,7 +11,7 @@
 namespace bromwich {
 
 struct Prepared {
-  std::optional<NaturalUnits> units;  ///< of the first solve: those of later ones are the same
+  std::optional<NaturalUnits> units;  ///< of the first solve, used by all later ones
   std::unique_ptr<Scene> scene;       ///< that the methods are for, in natural units
   std::unique_ptr<Methods> methods;
 };

@@ -149,7 +149,7 @@ SparseMatrix changed(SparseMatrix matrix, const Exponents& rows, const Exponents
   return matrix;
 }
 
-// E too gets the units of A: its rows are equations, which may have any.
+// E is scaled as A is; any scaling of the equations would do.
 template <typename Matrices>
 Dynamics changed(const Matrices& d, const NaturalUnits& u) {
   return Matrices{changed(d.A, u.x, u.x), changed(d.B, u.x, u.y), changed(d.N, u.w, u.x), changed(d.E, u.x, u.x)};

@@ -44,22 +44,27 @@ void validate(const Scene& scene, const Options& options) {
                   "components are counted from 0");
 }
 
+// Of a valid scene: what stages call, too.
+Result solve_valid(const Scene& scene, Backend& backend, const Options& options) {
+  const InterruptedBy polled(options.interrupted);
+  try {
+    return run_stages(scene, backend, options, solve_valid);
+  } catch (const Interrupted&) {
+    return unsolved(scene, backend, options, Status::interrupted, "stopped on request before the first step");
+  }
+}
+
 }  // namespace
 
 Result solve(const Scene& scene, Backend& backend, const Options& options) {
   Timer timer;
-  if (!options.units) scene.validate();  // else it is, or comes from, one that has been validated
+  if (!options.prepared) scene.validate();  // a Solver has done so
   validate(scene, options);
   const double looked = timer.lap();
-  const InterruptedBy polled(options.interrupted);
-  try {
-    Result result = run_stages(scene, backend, options, solve);
-    result.seconds.setup += looked;
-    result.seconds.total += looked;
-    return result;
-  } catch (const Interrupted&) {
-    return unsolved(scene, backend, options, Status::interrupted, "stopped on request before the first step");
-  }
+  Result result = solve_valid(scene, backend, options);
+  result.seconds.setup += looked;
+  result.seconds.total += looked;
+  return result;
 }
 
 }  // namespace bromwich

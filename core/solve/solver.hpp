@@ -19,12 +19,14 @@ namespace bromwich {
 /// What is kept, by method: march and euler of dense scenes and Kronecker sums, contour and multigrid of all:
 /// everything but r, x0's part of it and y. Sparse and supplied dynamics have x0 and f as columns of the shifted
 /// solves: a new g costs nothing, a new x0 or f these solves. Made anew by every solve: Radau IIA and split steps,
-/// methods galerkin and goal, grids of a tolerance, free rows. A result is that of `solve` with the same scene to
-/// rounding: natural units are those of the first solve.
+/// methods galerkin and goal, grids of a tolerance, the elimination of free rows and of a mass matrix. Natural units
+/// are those of the first solve, so results differ from those of `solve` by rounding.
 class Solver {
  public:
   /// The scene and the options are copied; the backend has to outlive the solver. Throws Error as Scene::validate.
   Solver(Scene scene, Backend& backend, Options options = {});
+  Solver(const Solver&) = delete;
+  Solver& operator=(const Solver&) = delete;
 
   /// x(0), m values. Throws Error for another length, values that are not finite, and scenes with boundary values.
   void set_x0(const Vector& x0);
@@ -38,11 +40,10 @@ class Solver {
   const Scene& scene() const { return scene_; }
 
  private:
-  void change(Scene changed);
-
   Scene scene_;
   Backend& backend_;
   Options options_;
+  RowMatrix first_iterate_;  ///< that the options point to
 };
 
 }  // namespace bromwich

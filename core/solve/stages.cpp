@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/base/timer.hpp"
 #include "core/galerkin/galerkin.hpp"
 #include "core/goal/goal.hpp"
 #include "core/scene/mass_matrix.hpp"
@@ -66,17 +67,24 @@ Result by_galerkin(const Scene& scene, Backend& backend, const Options& options)
   return result;
 }
 
-// A regular E: gone where that costs no sparsity, carried along otherwise.
+// A regular E: eliminated where that keeps A sparse.
 std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
   if (!has_mass(scene.dynamics)) return std::nullopt;
-  if (has_singular_mass(scene.dynamics))
+  Timer timer;
+  if (!options.units && has_singular_mass(scene.dynamics))
     return unsolved(scene, backend, options, Status::unsupported,
                     "the mass matrix E is singular: eliminate the algebraic equations, as rows with w = 0 and a free y "
                     "where they are linear");
-  if (const auto reduced = without_mass(scene)) return solve(*reduced, backend, options);
+  if (const auto reduced = without_mass(scene)) {
+    const double spent = timer.lap();
+    Result result = solve(*reduced, backend, options);
+    result.seconds.setup += spent;
+    result.seconds.total += spent;
+    return result;
+  }
   if (options.method != Method::galerkin || std::holds_alternative<SuppliedDynamics>(scene.dynamics))
     return std::nullopt;
-  Scene written_out = scene;  // as the method does anyway
+  Scene written_out = scene;  // method galerkin works with dense matrices
   written_out.dynamics = to_dense(scene.dynamics);
   return solve(written_out, backend, options);
 }

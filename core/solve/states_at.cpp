@@ -1,6 +1,7 @@
 #include "core/base/error.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/states.hpp"
+#include "core/scene/mass_matrix.hpp"
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/solve/mixed.hpp"
 #include "core/solve/solve.hpp"
@@ -12,6 +13,7 @@ namespace bromwich {
 
 Matrix states_at(const Scene& scene, Backend& backend, const Result& result, const std::vector<Index>& rows) {
   scene.validate();
+  if (const auto reduced = without_mass(scene)) return states_at(*reduced, backend, result, rows);
   if (result.goal) throw Error("result", "is of method goal", "ask for its states when solving");
   if (scene.constraints() == 0)
     return states_at(with_idle_constraint(scene), backend, with_idle_constraint(result), rows);

@@ -1,0 +1,124 @@
+// What a Solver saves: a scene solved from the beginning, and again with another x0 by a Solver, in turn. Each y of the
+// Solver is held against that of the whole solve of the same scene.
+
+#include "core/solve/solver.hpp"
+
+#include "app/commands.hpp"
+#include "app/text.hpp"
+#include "bench/studies/study.hpp"
+#include "core/base/error.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+
+namespace bromwich::app {
+
+namespace {
+
+struct PreparedCase {
+  const char* scene;
+  ParameterValues parameters;
+  Index steps;
+  Method method;
+};
+
+std::vector<PreparedCase> prepared_cases(bool quick) {
+  if (quick) return {{"signorini", {{"Q", 39}}, 100, Method::automatic}};
+  std::vector<PreparedCase> all;
+  for (const double Q : {127., 511.})
+    for (const Index J : {Index(400), Index(4096)})
+      for (const Method method : {Method::march, Method::multigrid})
+        all.push_back({"signorini", {{"Q", Q}}, J, method});
+  all.push_back({"ladder-diodes", {}, 1000, Method::march});
+  all.push_back({"dlcp-small", {}, 1024, Method::march});
+  return all;
+}
+
+struct WallTimes {
+  std::vector<double> wall;
+  Samples parts;
+};
+
+template <class Solve>
+Result timed_solve(WallTimes& times, const Solve& solve) {
+  const auto start = std::chrono::steady_clock::now();
+  Result result = solve();
+  times.wall.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+  times.parts.add(result.seconds.total, result.seconds.setup, result.seconds.solve);
+  return result;
+}
+
+Json wall_seconds(const WallTimes& t) {
+  return {{"median", median(t.wall)},
+          {"min", minimum(t.wall)},
+          {"max", maximum(t.wall)},
+          {"setup", median(t.parts.setup)},
+          {"solve", median(t.parts.solve)}};
+}
+
+void measure_prepared(const PreparedCase& c, Backend& backend, const BenchRequest& request, BenchReport& report,
+                      std::vector<std::vector<std::string>>& lines) {
+  const SceneChoice choice = choose_scene(c.scene, c.parameters);
+  Options options;
+  options.method = c.method;
+  options.steps = c.steps;
+  options.algebraic_share = c.method == Method::multigrid ? 0.1 : 0;
+  Solver solver(choice.scene, backend, options);
+  solver.solve();
+  WallTimes whole, again;
+  Scene changed = choice.scene;
+  double apart = 0;
+  Result result;
+  for (int round = 0; round < request.repeats(); ++round) {
+    changed.x0 *= 0.999;
+    const Result expected = timed_solve(whole, [&] { return solve(changed, backend, options); });
+    result = timed_solve(again, [&] {
+      solver.set_x0(changed.x0);
+      return solver.solve();
+    });
+    apart = std::max(
+        apart, (result.y - expected.y).cwiseAbs().maxCoeff() / std::max(1e-300, expected.y.cwiseAbs().maxCoeff()));
+  }
+  const std::string name =
+      c.parameters.empty() ? c.scene : fmt::format("{} Q={:g}", c.scene, c.parameters.begin()->second);
+  lines.push_back({name, backend.name(), fmt::format("{}", c.steps), to_string(result.method),
+                   format_seconds(median(whole.wall)), format_seconds(median(again.wall)),
+                   format_seconds(median(again.parts.setup)), format_seconds(median(whole.parts.solve)),
+                   scientific(apart)});
+  report.rows.push_back({{"scene", c.scene},
+                         {"backend", backend.name()},
+                         {"parameters", to_json(choice.parameters)},
+                         {"steps", c.steps},
+                         {"method", to_string(result.method)},
+                         {"status", to_string(result.status)},
+                         {"whole", wall_seconds(whole)},
+                         {"again", wall_seconds(again)},
+                         {"difference", apart}});
+}
+
+}  // namespace
+
+BenchReport bench_solver(const BenchRequest& request, Backend& backend) {
+  if (request.scene || !request.settings.empty() || request.steps > 0)
+    throw Error("SCENE", "is given", "leave it and its parameters out: this benchmark has its own");
+  BenchReport report;
+  report.scene = "several";
+  report.details["whole"] = "solve(scene with a new x0): wall clock, and the medians of set-up and solve";
+  report.details["again"] = "Solver::set_x0 and Solver::solve of the same: wall clock of both";
+  report.details["difference"] = "largest |y - y of the whole solve| / max |y|";
+  std::vector<std::vector<std::string>> lines{
+      {"scene", "backend", "J", "method", "whole", "again", "its set-up", "solve in whole", "difference"}};
+  std::unique_ptr<Backend> device;
+  if (!cuda_devices().empty()) device = make_cuda_backend(make_cpu_backend(backend.device().threads));
+  for (Backend* on : {&backend, device.get()})
+    for (const PreparedCase& c : prepared_cases(request.quick))
+      if (on) measure_prepared(c, *on, request, report, lines);
+  print(fmt::format("a scene solved from the beginning, and again with another x0; {} threads\n{}",
+                    backend.device().threads, table(lines)));
+  return report;
+}
+
+}  // namespace bromwich::app
