@@ -22,10 +22,6 @@ constexpr double carried = 1e-5;
 /// Two solutions that differ by more are two.
 constexpr double same_solution = 1e-6;
 
-bool contains(const std::string& whole, const char* part) { return whole.find(part) != std::string::npos; }
-
-bool iterates(const Result& result) { return bromwich::iterates(result.method); }
-
 double largest(const Vector& v) { return v.size() == 0 ? 0 : v.cwiseAbs().maxCoeff(); }
 
 /// Complementarity of y and w, row by row, relative to the terms that w is summed from; `columns`: what a unit of y_i
@@ -118,7 +114,8 @@ class Judge {
     verdict_.violation = std::max(verdict_.violation, relative);
     if (relative <= most_violation) return true;
     // An iteration promises 1e-9 in the natural map only, in absolute terms below 1.
-    if (iterates(r_) && largest(y(j).cwiseMin(w)) <= 1.1e-9 * std::max(1.0, largest(w - s_.M * y(j)))) return true;
+    if (iterates(r_.method) && largest(y(j).cwiseMin(w)) <= 1.1e-9 * std::max(1.0, largest(w - s_.M * y(j))))
+      return true;
     return fails(text("row %ld is not complementary: violation %.1e of its terms", long(j), relative));
   }
 
@@ -167,7 +164,7 @@ class Judge {
     const Vector w = s_.M * y(j) + q(j), terms = terms_of(p, j, y(j));
     if (!accepts(j, violation(y(j), w, terms, columns(p.matrix, terms)), w)) return false;
     // What the tolerance of an iteration leaves open may be more than this comparison allows.
-    if (s_.lcp_class != LcpClass::Z || (iterates(r_) && is_p_matrix(s_.M))) return true;
+    if (s_.lcp_class != LcpClass::Z || (iterates(r_.method) && is_p_matrix(s_.M))) return true;
     const auto least = selected_solution(s_.M, q(j), LcpClass::Z);
     if (least && differs(*least, y(j)) && (*least - y(j)).minCoeff() < -same_solution * largest(y(j)))
       return fails(text("row %ld is a solution, but not the least", long(j)));
@@ -316,7 +313,7 @@ Trial try_method(const RandomScene& random, const DenseScene& dense, Method meth
       const Verdict verdict = judge(dense, result);
       trial.failure = verdict.failure;
       trial.violation = verdict.violation;
-    } else if (result.status == Status::tolerance_not_met && !iterates(result)) {
+    } else if (result.status == Status::tolerance_not_met && !iterates(result.method)) {
       trial.missed = Judge(dense, result).missed();
     } else if (result.reason.empty()) {
       trial.failure = "no reason is given";
