@@ -32,16 +32,16 @@ class MatrixList {
   using ConstView = Eigen::Map<const RowMatrix>;
 
   MatrixList() = default;
-  MatrixList(Index count, Index m) : m_(m), values_(std::size_t(count * m * m)) {}
-  Index count() const { return m_ == 0 ? 0 : Index(values_.size()) / (m_ * m_); }
+  MatrixList(Index count, Index m) : m_(m), values_(Vector::Zero(count * m * m)) {}
+  Index count() const { return m_ == 0 ? 0 : values_.size() / (m_ * m_); }
   Index size() const { return m_; }
   View operator[](Index k) { return {values_.data() + k * m_ * m_, m_, m_}; }
   ConstView operator[](Index k) const { return {values_.data() + k * m_ * m_, m_, m_}; }
-  std::size_t bytes() const { return sizeof(double) * values_.size(); }
+  std::size_t bytes() const { return sizeof(double) * std::size_t(values_.size()); }
 
  private:
   Index m_ = 0;
-  std::vector<double> values_;
+  Vector values_;  ///< aligned as all arrays are: how a product rounds depends on that
 };
 
 /// The rows that a place p reads and writes: in p + in, out p + out, and what is added p + out too.

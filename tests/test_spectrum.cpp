@@ -92,5 +92,14 @@ TEST(Spectrum, KroneckerSumAgainstDense) {
   }
 }
 
+TEST(Spectrum, IsThatOfThePencil) {
+  const Matrix E{{2, 1}, {0, 3}}, A{{-1, 0.5}, {0, -2}};  // eigenvalues -1/2 and -2/3
+  const Spectrum s = spectrum(DenseDynamics{A, Matrix(2, 1), Matrix(1, 2), E});
+  EXPECT_NEAR(s.radius, 2.0 / 3, 1e-14);
+  EXPECT_NEAR(s.slowest, 0.5, 1e-14);
+  EXPECT_EQ(spectrum(DenseDynamics{A, Matrix(2, 1), Matrix(1, 2), Matrix::Ones(2, 2)}).radius, 0)
+      << "singular: not known";
+}
+
 }  // namespace
 }  // namespace bromwich

@@ -21,6 +21,10 @@ Spectrum of(const KroneckerDynamics& d) {
 
 Spectrum of(const DenseDynamics& d) {
   Spectrum s;
+  if (d.E.rows() > 0) {
+    const Matrix A = d.E.partialPivLu().solve(d.A);
+    return A.allFinite() ? of(DenseDynamics{A, {}, {}}) : s;
+  }
   if (d.A.rows() == 0) return s;
   const ComplexVector eigenvalues = Eigen::EigenSolver<Matrix>(d.A, false).eigenvalues();
   s.non_normal = (d.A * d.A.transpose() - d.A.transpose() * d.A).norm() > 0.1 * d.A.squaredNorm();
@@ -40,8 +44,7 @@ Spectrum of(const DenseDynamics& d) {
 Spectrum of(const SparseDynamics& d) {
   constexpr Index exact_size = 256;  // 25 m^3 operations: below a second
   if (d.A.rows() > exact_size) return d.E.rows() > 0 ? sparse_spectrum(d.A, d.E) : sparse_spectrum(d.A);
-  const Matrix A(d.A);
-  return of(DenseDynamics{d.E.rows() > 0 ? Matrix(Matrix(d.E).partialPivLu().solve(A)) : A, {}, {}});
+  return of(DenseDynamics{Matrix(d.A), {}, {}, Matrix(d.E)});
 }
 
 Spectrum of(const SuppliedDynamics& d) {
