@@ -31,8 +31,7 @@ class LagOperator : public TimeOperator {
   void renew() override {
     const RowMatrix& f = p_.f.values();
     const Matrix& shapes = p_.f.shapes();
-    const bool rough = p_.sources && p_.f.size() > 0;  // then f is more than its values at points of the grid
-    const bool same_f = !rough && !rough_ && f.rows() == f_.rows() && f.cols() == f_.cols() && f == f_ &&
+    const bool same_f = !rough_f() && !rough_ && f.rows() == f_.rows() && f.cols() == f_.cols() && f == f_ &&
                         shapes.rows() == shapes_.rows() && shapes.cols() == shapes_.cols() && shapes == shapes_;
     if (same_f && p_.scene.x0 == x0_) return;
     table_.reset();
@@ -71,13 +70,15 @@ class LagOperator : public TimeOperator {
   }
 
  private:
+  // f is more than its values at points of the grid.
+  bool rough_f() const { return p_.sources && p_.f.size() > 0; }
   const SparseKernel* table() {
     if (table_) return *table_ ? &**table_ : nullptr;
     table_ = sparse_kernel(p_, p_.components);
     x0_ = p_.scene.x0;
     f_ = p_.f.values();
     shapes_ = p_.f.shapes();
-    rough_ = p_.sources && p_.f.size() > 0;
+    rough_ = rough_f();
     if (!*table_) return nullptr;
     LagTable weights = std::exchange((*table_)->weights, {});
     if (!lags_) lags_ = std::make_shared<Weights>(std::move(weights));  // they do not depend on sources

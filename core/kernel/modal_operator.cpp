@@ -143,7 +143,7 @@ class ModalOperator : public TimeOperator {
     const Vector b = in_sine_basis(dynamics_.b);
     if (b.cwiseAbs().minCoeff() > 1e-10 * b.cwiseAbs().maxCoeff())
       recurrence.initial =
-          modal_recurrence(dynamics_, rule, p_.h, x0_in_modes(p_.backend, dynamics_, p_.scene.x0, true)).initial;
+          modal_start(recurrence, dynamics_, rule, p_.h, x0_in_modes(p_.backend, dynamics_, p_.scene.x0, true));
     else
       data.r = SampledSource(with_modes(p_, stepped_initial_response(p_, rule)));
   }

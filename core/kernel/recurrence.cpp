@@ -19,18 +19,18 @@ namespace {
 
 // The numbers of one exponential e^{x/h t} with unit weight, x = h lambda.
 struct ScalarRule {
-  double decay, output, start, w0, initial;
+  double decay, output, start, w0;
 };
 
 ScalarRule exponential_rule(double x, double h) {
   const double p1 = phi1(x), p2 = phi2(x), decay = std::exp(x);
-  // S_d / W_d = (phi1 - phi2)/phi1^2; x0 enters v_1 as e^x x0 = output * initial.
-  return {decay, h * p1 * p1, (p1 - p2) / (p1 * p1), h * p2, decay / (h * p1 * p1)};
+  // S_d / W_d = (phi1 - phi2)/phi1^2.
+  return {decay, h * p1 * p1, (p1 - p2) / (p1 * p1), h * p2};
 }
 
 ScalarRule euler_rule(double x, double h) {
   const double decay = 1 / (1 - x);
-  return {decay, h * decay * decay, 0, h * decay, 1 / (h * decay)};
+  return {decay, h * decay * decay, 0, h * decay};
 }
 
 }  // namespace
@@ -40,14 +40,9 @@ ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, d
   const Vector mu = dynamics.along.eigenvalues(), nu = dynamics.across.eigenvalues();
   const Vector b = in_sine_basis(dynamics.b), seen = in_sine_basis(dynamics.n);
   ModalRecurrence r;
-  const bool with_x0 = x0_modal.size() > 0;
-  if (with_x0 && b.cwiseAbs().minCoeff() <= 1e-12 * b.cwiseAbs().maxCoeff())
-    throw Error("dynamics.b", "a sine component of it is zero, so that mode of x0 is not in the driven recurrence",
-                "leave x0 out and add its response");
   r.decay.resize(K, n);
   r.output.resize(K, n);
   r.start.resize(K, n);
-  if (with_x0) r.initial.resize(K, n);
   r.w0 = r.w1 = r.s1 = Vector::Zero(n);
   for (Index k = 0; k < K; ++k) {
     for (Index l = 0; l < n; ++l) {
@@ -57,10 +52,26 @@ ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, d
       r.output(k, l) = seen[k] * b[k] * s.output;
       r.start(k, l) = s.start;
       r.w0[l] += seen[k] * b[k] * s.w0;
-      if (with_x0) r.initial(k, l) = x0_modal(l, k) * s.initial / b[k];
     }
   }
+  if (x0_modal.size() > 0) r.initial = modal_start(r, dynamics, rule, h, x0_modal);
   return r;
+}
+
+RowMatrix modal_start(const ModalRecurrence& r, const KroneckerDynamics& dynamics, Rule rule, double h,
+                      const RowMatrix& x0_modal) {
+  const Vector mu = dynamics.along.eigenvalues(), nu = dynamics.across.eigenvalues(), b = in_sine_basis(dynamics.b);
+  if (b.cwiseAbs().minCoeff() <= 1e-12 * b.cwiseAbs().maxCoeff())
+    throw Error("dynamics.b", "a sine component of it is zero, so that mode of x0 is not in the driven recurrence",
+                "leave x0 out and add its response");
+  RowMatrix initial(r.decay.rows(), r.decay.cols());
+  for (Index k = 0; k < nu.size(); ++k)
+    for (Index l = 0; l < mu.size(); ++l) {
+      const double decay = r.decay(k, l), p1 = rule == Rule::exponential ? phi1(h * (mu[l] + nu[k])) : 1;
+      const double unit = rule == Rule::exponential ? decay / (h * p1 * p1) : 1 / (h * decay);
+      initial(k, l) = x0_modal(l, k) * unit / b[k];
+    }
+  return initial;
 }
 
 bool needs_precision(const Matrix& A, double h, Index J) {

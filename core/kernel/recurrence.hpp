@@ -16,6 +16,10 @@ enum class Rule {
 /// (n x across.points), or empty to leave x0 out. Throws Error where x0 is given and a sine component of b vanishes.
 ModalRecurrence modal_recurrence(const KroneckerDynamics&, Rule, double h, const RowMatrix& x0_modal);
 
+/// `initial` of the recurrence with all eigenvalues: x0 enters v_1 as e^x x0 = output * initial, x the eigenvalue times
+/// h. Throws Error where a sine component of b vanishes.
+RowMatrix modal_start(const ModalRecurrence&, const KroneckerDynamics&, Rule, double h, const RowMatrix& x0_modal);
+
 /// One step of x' = A x + u: x_j = decay x_{j-1} + left u_{j-1} + right u_j, m x m each. Exponential: u linear in
 /// between; implicit Euler: left = 0.
 struct StepOperators {

@@ -1,5 +1,5 @@
 #pragma once
-// The state x, a by-product: computed only where it is asked for.
+// The state x behind a solution y. The methods do without it; it is computed on request.
 
 #include "discrete_problem.hpp"
 

@@ -83,7 +83,7 @@ class TimeOperator {
   virtual SharedWeights weights(Index steps, const Weights* finer, Index finer_steps) = 0;
   /// K from such weights, of the grid of the problem and of any coarser one.
   virtual KernelPlan finest_kernel(const SharedWeights&, ConvolutionChoice) = 0;
-  virtual std::unique_ptr<SpaceTimeKernel> kernel_of(const Weights&, Index steps, ConvolutionChoice);
+  std::unique_ptr<SpaceTimeKernel> kernel_of(const Weights&, Index steps, ConvolutionChoice);
   /// phi with f = B phi, where K carries it to r; r of a coarse grid then holds K phi of that grid.
   virtual const SampledSource* drive() const { return nullptr; }
   /// r of a grid with `steps` steps where it is more than the values of r at the points that the grids share.

@@ -197,14 +197,6 @@ Scene with_idle_constraint(Scene scene) {
   return scene;
 }
 
-Vector input_at(const PortHamiltonian& port, double t, Side side, double T) {
-  Vector u = Vector::Zero(port.ports());
-  if (!port.u) return u;
-  const double away = 4 * epsilon * T;
-  port.u(side == Side::before ? std::max(t - away, 0.) : std::min(t + away, T), u);
-  return u;
-}
-
 std::vector<double> input_jumps(const PortHamiltonian& port, double T, Index samples) {
   std::vector<double> found;
   for (const double t : port.jumps)

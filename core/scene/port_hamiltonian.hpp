@@ -51,9 +51,8 @@ struct StateSpace {
 };
 StateSpace state_space(const PortHamiltonian&);
 
-/// u(t^-) or u(t^+) for all ports: u at a few roundings of T before or behind t.
+/// The limit at a time from the left or from the right.
 enum class Side { before, behind };
-Vector input_at(const PortHamiltonian&, double t, Side, double T);
 
 /// Times in (0, T) where u jumps: those given, and those found by halving the intervals of `samples` in which u changes
 /// more than twice as much as beside them. Two jumps between three samples are not seen, nor one smaller than what u

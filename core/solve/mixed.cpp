@@ -219,6 +219,11 @@ RowMatrix EliminatedScene::recover(const RowMatrix& y_C, const RowMatrix& x_seen
   return -w_F * R.transpose();
 }
 
+bool can_eliminate_free(const Scene& scene) {
+  if (Index(scene.free_rows.size()) > largest_inverse) return false;
+  return regular_inverse(to_dense(scene.M)(scene.free_rows, scene.free_rows)).has_value();
+}
+
 std::optional<EliminatedScene> eliminate_free(const Scene& given) {
   if (std::holds_alternative<SuppliedDynamics>(given.dynamics))
     throw Error("free_rows", "is given with supplied dynamics", "eliminate the free unknowns, or give matrices");

@@ -31,6 +31,9 @@ struct EliminatedScene {
   RowMatrix recover(const RowMatrix& y_C, const RowMatrix& x_seen, const RowMatrix& g_F) const;
 };
 
+/// Whether M_FF is regular beyond rounding, and not larger than elimination takes.
+bool can_eliminate_free(const Scene&);
+
 /// Empty where M_FF is singular to rounding, or so large that its inverse would be (4096 rows). Kronecker sums are
 /// written out, densely up to 1024 states. Precondition: a valid scene with free rows and initial values.
 std::optional<EliminatedScene> eliminate_free(const Scene&);

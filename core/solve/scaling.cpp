@@ -301,8 +301,6 @@ Scene in_natural_units(const Scene& scene, const NaturalUnits& u) {
   return natural;
 }
 
-Result to_natural_units(Result result, const NaturalUnits& units) { return changed(std::move(result), units, -1); }
-
 Result to_units_of_scene(Result result, const NaturalUnits& units) {
   result = changed(std::move(result), units, 1);
   if (!units.trivial() && result.rounding_of_y != 0)

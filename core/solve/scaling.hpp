@@ -26,9 +26,8 @@ NaturalUnits natural_units(const Scene&);
 /// The scene in these units. The structure it was made from and its exact solution stay behind.
 Scene in_natural_units(const Scene&, const NaturalUnits&);
 
-/// y, x, their left values and the trace of a result of a scene, to its natural units and back. `back` gives rounding
-/// of y its unit too; residuals are not touched.
-Result to_natural_units(Result, const NaturalUnits&);
+/// y, x, their left values, the trace and the rounding of y of a result, from natural units to those of the scene;
+/// residuals are not touched.
 Result to_units_of_scene(Result, const NaturalUnits&);
 
 /// `solve` for a valid scene and options without units: brings both to natural units, solves, and brings the result

@@ -112,7 +112,7 @@ std::optional<Result> no_constraints(const Scene& scene, Backend& backend, const
 // Boundary values, and free unknowns that cannot be eliminated.
 std::optional<Result> galerkin_alone(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
   if (options.method == Method::galerkin) return std::nullopt;
-  const bool singular = !scene.boundary && !scene.free_rows.empty() && !eliminate_free(scene);
+  const bool singular = !scene.boundary && !scene.free_rows.empty() && !can_eliminate_free(scene);
   if (!scene.boundary && !singular) return std::nullopt;
   if (options.method != Method::automatic)
     return unsolved(scene, backend, options, Status::unsupported,
