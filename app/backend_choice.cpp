@@ -16,7 +16,8 @@ std::unique_ptr<Backend> choose_backend(const std::string& word, const Scene& sc
   const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
   if (word == "cpu" ||
       (word == "auto" &&
-       (!cuda_built() || !faster_on_device(scene, options.method, steps, device_started) || cuda_devices().empty())))
+       (!cuda_built() || !faster_on_device(cuda_traits(), cpu_traits(), scene, options.method, steps, device_started) ||
+        cuda_devices().empty())))
     return make_cpu_backend(threads);
   if (word != "auto" && word != "cuda")
     throw Error("--backend", "found '" + word + "'" + suggestion(word, {"auto", "cpu", "cuda"}),

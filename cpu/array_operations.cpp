@@ -1,6 +1,6 @@
 // Operations on whole arrays that a hierarchy of time grids needs.
 
-#include "core/kernel/ringing.hpp"
+#include "core/numerics/alternation.hpp"
 #include "cpu/parts.hpp"
 
 #include <omp.h>
@@ -61,6 +61,8 @@ void add(const RowMatrix& b, double s, const RowMatrix& c, RowMatrix& a, int thr
   for (Index j = 0; j < a.rows(); ++j) a.row(j) = b.row(j) + s * c.row(j);
 }
 
+namespace {
+
 double difference(const RowMatrix& a, const RowMatrix& b, int threads) {
   double worst = 0;
 #pragma omp parallel for num_threads(threads) schedule(static) reduction(max : worst) if (a.size() > parallel_size)
@@ -70,6 +72,26 @@ double difference(const RowMatrix& a, const RowMatrix& b, int threads) {
     worst = std::max(worst, std::isfinite(relative) ? relative : INFINITY);  // a maximum need not keep a NaN
   }
   return std::isinf(worst) ? NAN : worst;
+}
+
+class HostDifferences final : public Differences {
+ public:
+  HostDifferences(std::size_t slots, int threads) : values_(slots, 0), threads_(threads) {}
+  void submit(std::size_t slot, const Array& a, const Array& b) override {
+    values_[slot] = difference(host(a), host(b), threads_);
+  }
+  const std::vector<double>& collect() override { return values_; }
+  std::size_t bytes() const override { return values_.size() * sizeof(double); }
+
+ private:
+  std::vector<double> values_;
+  int threads_;
+};
+
+}  // namespace
+
+std::unique_ptr<Differences> make_differences(std::size_t slots, int threads) {
+  return std::make_unique<HostDifferences>(slots, threads);
 }
 
 bool alternates(const RowMatrix& y, Index run, double part, int threads) {

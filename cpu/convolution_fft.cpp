@@ -120,7 +120,7 @@ class FftConvolution final : public Convolution {
 
 }  // namespace
 
-std::unique_ptr<Convolution> make_fft_convolution(const LagTable& table, Index rows, int threads) {
+std::unique_ptr<Convolution> make_convolution(const LagTable& table, Index rows, int threads) {
   return std::make_unique<FftConvolution>(table, rows, threads);
 }
 

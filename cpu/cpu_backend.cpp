@@ -1,8 +1,6 @@
 #include "cpu/cpu_backend.hpp"
 
 #include "core/base/error.hpp"
-#include "core/seam/affine_chain.hpp"
-#include "core/seam/step_chain.hpp"
 #include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 
@@ -21,30 +19,32 @@ namespace {
 
 class CpuBackend final : public Backend {
  public:
-  explicit CpuBackend(int threads) : threads_(threads) {}
+  explicit CpuBackend(int threads) : Backend("cpu", cpu_traits()), threads_(threads) {
+    fused_.upload_product = [this](const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
+      cpu::write_product(amplitudes, shapes, cpu::host(to), threads_);
+    };
+    fused_.restrict_problem = [this](const Array& r, const Array& v, const Array& y, const Array& coarse_v,
+                                     Array& coarse_r, Array& coarse_y, Array& old) {
+      cpu::restrict_problem(cpu::host(r), cpu::host(v), cpu::host(y), cpu::host(coarse_v), cpu::host(coarse_r),
+                            cpu::host(coarse_y), cpu::host(old), threads_);
+    };
+    fused_.alternates = [this](const Array& y, Index run, double part) {
+      return cpu::alternates(cpu::host(y), run, part, threads_);
+    };
+  }
 
-  std::string name() const override { return "cpu"; }
   DeviceInfo device() const override { return {"cpu", threads_, "OpenMP, FFTW"}; }
-
+  int threads() const override { return threads_; }
   void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const override {
     const Index ranges = (count + length - 1) / length;
-    cpu::Failure failure;
-#pragma omp parallel for num_threads(threads_) schedule(static) if (ranges > 1)
-    for (Index r = 0; r < ranges; ++r) try {
-        body(r * length, std::min((r + 1) * length, count));
-      } catch (...) {
-        failure.keep();
-      }
-    failure.rethrow();
+#pragma omp parallel for num_threads(threads_) schedule(dynamic, 1) if (ranges > 1)
+    for (Index r = 0; r < ranges; ++r) body(r * length, std::min((r + 1) * length, count));
   }
 
   std::unique_ptr<Array> array(Index rows, Index cols) override {
     return std::make_unique<cpu::HostArray>(rows, cols, threads_);
   }
   void upload(const RowMatrix& from, Array& to) override { copy(from, cpu::host(to)); }
-  void upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to) override {
-    cpu::write_product(amplitudes, shapes, cpu::host(to), threads_);
-  }
   void download(const Array& from, RowMatrix& to) override {
     to.resize(from.rows(), from.cols());
     copy(cpu::host(from), to);
@@ -54,29 +54,18 @@ class CpuBackend final : public Backend {
   void interpolate(const Array& coarse, const Array* old, Array& fine) override {
     cpu::interpolate(cpu::host(coarse), old ? &cpu::host(*old) : nullptr, cpu::host(fine), threads_);
   }
-  void restrict_problem(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
-                        Array& coarse_y, Array& old) override {
-    cpu::restrict_problem(cpu::host(r), cpu::host(v), cpu::host(y), cpu::host(coarse_v), cpu::host(coarse_r),
-                          cpu::host(coarse_y), cpu::host(old), threads_);
-  }
   void add(const Array& b, double s, const Array& c, Array& a) override {
     cpu::add(cpu::host(b), s, cpu::host(c), cpu::host(a), threads_);
   }
-  double difference(const Array& a, const Array& b) override {
-    return cpu::difference(cpu::host(a), cpu::host(b), threads_);
-  }
-  bool alternates(const Array& y, Index run, double part) override {
-    return cpu::alternates(cpu::host(y), run, part, threads_);
+  std::unique_ptr<Differences> differences(std::size_t slots) override {
+    return cpu::make_differences(slots, threads_);
   }
 
   std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
     return cpu::make_sine_transform(n, rows, threads_);
   }
-  std::unique_ptr<Convolution> convolution(const Recurrence& recurrence, Index rows) override {
-    return std::visit([&](const auto& r) { return cpu::make_convolution(r, rows, threads_); }, recurrence);
-  }
-  std::unique_ptr<Convolution> convolution(const LagTable& table, Index rows) override {
-    return cpu::make_fft_convolution(table, rows, threads_);
+  std::unique_ptr<Convolution> convolution(WeightsRef weights, Index rows) override {
+    return std::visit([&](const auto* w) { return cpu::make_convolution(*w, rows, threads_); }, weights);
   }
   std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass lcp_class, double shift, Index rows) override {
     if (const auto* t = std::get_if<Tridiagonal>(&M))
@@ -86,18 +75,6 @@ class CpuBackend final : public Backend {
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
     return problem.lags ? cpu::make_lag_march(problem, rows, threads_) : cpu::make_march(problem, rows, threads_);
-  }
-  std::unique_ptr<StageMarch> stage_march(const StageProblem& problem, Index rows) override {
-    return cpu::make_stage_march(problem, rows, threads_);
-  }
-  std::unique_ptr<StepChain> step_chain(const StepChainProblem& problem) override {
-    return cpu::make_step_chain(problem, threads_);
-  }
-  std::unique_ptr<AffineChain> affine_chain(const AffineChainSizes& sizes) override {
-    return cpu::make_affine_chain(sizes, threads_);
-  }
-  ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes) override {
-    return cpu::resolvent(dynamics, nodes, threads_);
   }
 
  private:
@@ -127,6 +104,12 @@ int possible_threads(int wanted) {
 }
 
 }  // namespace
+
+BackendTraits cpu_traits() {
+  BackendTraits traits;
+  traits.march = [](double n, double J) { return 0.013 * n + 1.2e-4 * n * n + 3.4e-5 * n * J + 6e-4 * J; };
+  return traits;
+}
 
 std::unique_ptr<Backend> make_cpu_backend(int threads) {
   if (threads < 0)

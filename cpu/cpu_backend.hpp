@@ -10,4 +10,8 @@ namespace bromwich {
 /// negative number.
 std::unique_ptr<Backend> make_cpu_backend(int threads = 0);
 
+/// Fitted to `bench auto` (bench/results/auto*.json) on x86-64 processors of 2 and 16 cores, where marching was the
+/// fastest method in all of the study.
+BackendTraits cpu_traits();
+
 }  // namespace bromwich

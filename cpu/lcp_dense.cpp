@@ -15,7 +15,7 @@ namespace {
 
 constexpr Index largest_lane_size = 16;
 
-class LaneLcp final : public LcpBatch {
+class LaneLcp final : public ImmediateLcpBatch {
  public:
   LaneLcp(const Matrix& M, LcpClass lcp_class, Index rows, int threads)
       : n_(M.rows()),
@@ -29,7 +29,7 @@ class LaneLcp final : public LcpBatch {
         q_(n_),
         fresh_(n_) {}
 
-  LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
+  LcpReport solve_now(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     const RowMatrix &R = host(r), &V = host(v);
     RowMatrix& Y = host(y);
     return row_blocks_.run(
@@ -159,14 +159,14 @@ class LaneLcp final : public LcpBatch {
   Vector q_, fresh_;
 };
 
-class RowLcp final : public LcpBatch {
+class RowLcp final : public ImmediateLcpBatch {
  public:
   RowLcp(const Matrix& M, LcpClass lcp_class, Index rows, int threads)
       : M_(M), class_(selection_class(M, lcp_class)), row_blocks_(rows, threads), threads_(threads) {
     for (int t = 0; t < threads; ++t) solvers_.push_back({ActiveSetLcp(M, class_), Vector(M.rows()), Vector(M.rows())});
   }
 
-  LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
+  LcpReport solve_now(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     const RowMatrix &R = host(r), &V = host(v);
     RowMatrix& Y = host(y);
     const auto one_row = [&](Index j, Worker& s, double& change, double& magnitude) {

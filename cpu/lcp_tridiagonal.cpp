@@ -79,7 +79,7 @@ struct Lap {
   Lanes sum = all(0);  ///< a NaN or an infinity ends here
 };
 
-class TridiagonalLcp final : public LcpBatch {
+class TridiagonalLcp final : public ImmediateLcpBatch {
  public:
   TridiagonalLcp(const Tridiagonal& M, LcpClass lcp_class, double shift, Index rows, int threads)
       : n_(M.diagonal.size()),
@@ -98,7 +98,7 @@ class TridiagonalLcp final : public LcpBatch {
     for (Tridiagonal* t : {&M_, &original_, &shifted_}) t->lower[0] = t->upper[n_ - 1] = 0;
   }
 
-  LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
+  LcpReport solve_now(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     const RowMatrix &R = host(r), &V = host(v);
     RowMatrix& Y = host(y);
     return row_blocks_.run(

@@ -9,18 +9,22 @@
 // so that the exponentials are read once a block, while b sums stay in registers, and not once a step: 4 x 8 bytes per
 // exponential and mode, which was most of the work. Within the block the few nearest lags act directly, in modes.
 
+#include "core/host/step_lcp.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"
-#include "cpu/step_lcp.hpp"
 
 #include <cmath>
 #include <vector>
 
 namespace bromwich::cpu {
 
+using host::invalidate;
+using host::Poll;
+using host::StepLcp;
+
 namespace {
 
-class ModalMarch final : public March {
+class ModalMarch final : public ImmediateMarch {
  public:
   ModalMarch(const MarchProblem& problem, const ModalRecurrence& r, Index rows, int threads)
       : r_(r),

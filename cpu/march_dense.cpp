@@ -8,13 +8,17 @@
 // seen through its n outputs. x0 and f are in Z and u as y is, so nothing that grows is computed apart and cancelled
 // later; but where E^b grows within a block, C E^{i-1} Z and the sum would cancel: b is limited by ||E^i||.
 
+#include "core/host/step_lcp.hpp"
 #include "cpu/parts.hpp"
-#include "cpu/step_lcp.hpp"
 
 #include <cmath>
 #include <vector>
 
 namespace bromwich::cpu {
+
+using host::invalidate;
+using host::Poll;
+using host::StepLcp;
 
 namespace {
 
@@ -51,7 +55,7 @@ struct BlockPower {
   }
 };
 
-class DenseMarch final : public March {
+class DenseMarch final : public ImmediateMarch {
  public:
   DenseMarch(const MarchProblem& problem, const DenseRecurrence& r, Index rows)
       : r_(r),

@@ -12,9 +12,9 @@
 // O(J log^2 J) operations per entry of W.
 
 #include "core/base/error.hpp"
+#include "core/host/step_lcp.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/real_fft.hpp"
-#include "cpu/step_lcp.hpp"
 
 #include <omp.h>
 
@@ -22,6 +22,10 @@
 #include <vector>
 
 namespace bromwich::cpu {
+
+using host::invalidate;
+using host::Poll;
+using host::StepLcp;
 
 namespace {
 
@@ -86,7 +90,7 @@ class Level {
   int threads_;
 };
 
-class LagMarch final : public March {
+class LagMarch final : public ImmediateMarch {
  public:
   LagMarch(const MarchProblem& problem, Index rows, int threads)
       : table_(*problem.lags),

@@ -1,9 +1,9 @@
-// Chains of affine maps (core/seam/affine_chain.hpp) of up to 32 states: a warp for each block of intervals, a lane for
+// Chains of affine maps (core/host/affine_chain.hpp) of up to 32 states: a warp for each block of intervals, a lane for
 // each component of the state; all that belongs to single intervals has a thread for each value.
 
 #include "kernels/parts.hpp"
 
-#include "core/seam/affine_chain.hpp"
+#include "core/host/affine_chain.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -290,11 +290,10 @@ class DeviceAffineChain final : public AffineChain {
 
 }  // namespace
 
-std::unique_ptr<AffineChain> make_affine_chain(const Device& device, Backend& host, const AffineChainSizes& sizes) {
+std::unique_ptr<AffineChain> make_affine_chain(const Device& device, const AffineChainSizes& sizes) {
   const bool fits = sizes.states >= 1 && sizes.states <= warp && sizes.components >= 1 &&
                     sizes.intervals * std::max(sizes.states, sizes.components) < 2'000'000'000;
-  if (!fits) return host.affine_chain(sizes);
-  return std::make_unique<DeviceAffineChain>(device, sizes);
+  return fits ? std::make_unique<DeviceAffineChain>(device, sizes) : nullptr;
 }
 
 }  // namespace bromwich::cuda

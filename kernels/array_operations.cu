@@ -198,12 +198,12 @@ namespace {
 
 class QueuedDifferences final : public Differences {
  public:
-  QueuedDifferences(const Device& device, Backend& backend, std::size_t slots)
-      : Differences(backend, slots), device_(device), found_(device, slots) {
+  QueuedDifferences(const Device& device, std::size_t slots)
+      : device_(device), found_(device, slots), values_(slots, 0) {
     found_.clear();
   }
 
-  void start(std::size_t slot, const Array& a, const Array& b) override {
+  void submit(std::size_t slot, const Array& a, const Array& b) override {
     double* const out = found_.data() + slot;
     check(cudaMemsetAsync(out, 0, sizeof(double), device_.stream()), "starting a difference of arrays");
     follow(device_, differences, {unsigned((a.rows() + 7) / 8), dim3(32, 8)}, "starting a difference of arrays",
@@ -220,16 +220,19 @@ class QueuedDifferences final : public Differences {
     return values_;
   }
 
+  std::size_t bytes() const override { return found_.bytes(); }
+
  private:
   const Device& device_;
   Memory<double> found_;
+  std::vector<double> values_;
   bool fresh_ = false;
 };
 
 }  // namespace
 
-std::unique_ptr<Differences> make_differences(const Device& device, Backend& backend, std::size_t slots) {
-  return std::make_unique<QueuedDifferences>(device, backend, slots);
+std::unique_ptr<Differences> make_differences(const Device& device, std::size_t slots) {
+  return std::make_unique<QueuedDifferences>(device, slots);
 }
 
 bool alternates(const Device& device, const Array& y, Index run, double part) {

@@ -153,7 +153,7 @@ class FftConvolution final : public Convolution {
 
 }  // namespace
 
-std::unique_ptr<Convolution> make_fft_convolution(const Device& device, const LagTable& table, Index rows) {
+std::unique_ptr<Convolution> make_convolution(const Device& device, const LagTable& table, Index rows) {
   return std::make_unique<FftConvolution>(device, table, rows);
 }
 

@@ -1,15 +1,13 @@
 #include "kernels/cuda_backend.hpp"
 
 #include "core/base/error.hpp"
+#include "core/host/shifted_solves.hpp"
 #include "core/lcp/active_set.hpp"
-#include "core/seam/affine_chain.hpp"
-#include "core/seam/step_chain.hpp"
 #include "kernels/host_plans.hpp"
 #include "kernels/parts.hpp"
 
 #include <algorithm>
 #include <cstdint>
-#include <limits>
 #include <string>
 
 namespace bromwich {
@@ -33,11 +31,43 @@ double free_memory(const cuda::Device& device) {
 
 class CudaBackend final : public Backend {
  public:
-  CudaBackend(std::unique_ptr<Backend> host, int number, std::string name)
-      : host_(std::move(host)), device_(number), name_(std::move(name)) {}
+  CudaBackend(std::unique_ptr<Backend> host, int number, std::string device_name)
+      : Backend("cuda", cuda_traits()), host_(std::move(host)), device_(number), device_name_(std::move(device_name)) {
+    fused_.record = [this](Index values, const std::function<void()>& operations) {
+      return cuda::record(device_, values, operations);
+    };
+    fused_.upload_product = [this](const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
+      cuda::upload_product(device_, amplitudes, shapes, to);
+    };
+    fused_.download_during = [this](const Array& from, RowMatrix& to, const std::function<void()>& operations) {
+      cuda::download(device_, from, to, operations);
+    };
+    fused_.restrict_problem = [this](const Array& r, const Array& v, const Array& y, const Array& coarse_v,
+                                     Array& coarse_r, Array& coarse_y, Array& old) {
+      cuda::restrict_problem(device_, r, v, y, coarse_v, coarse_r, coarse_y, old);
+    };
+    fused_.alternates = [this](const Array& y, Index run, double part) {
+      return cuda::alternates(device_, y, run, part);
+    };
+    fused_.step_chain = [this](const StepChainProblem& problem) {
+      auto chain = cuda::make_step_chain(device_, problem);
+      return chain ? std::move(chain) : host_->step_chain(problem);
+    };
+    fused_.affine_chain = [this](const AffineChainSizes& sizes) {
+      auto chain = cuda::make_affine_chain(device_, sizes);
+      return chain ? std::move(chain) : host_->affine_chain(sizes);
+    };
+    fused_.resolvent = [this](const Dynamics& dynamics, const ComplexVector& nodes) -> ComplexMatrix {
+      if (const auto* d = std::get_if<DenseDynamics>(&dynamics)) return resolvent_(*d, nodes);
+      if (const auto* d = std::get_if<KroneckerDynamics>(&dynamics)) return resolvent_(*d, nodes);
+      return host_->resolvent(dynamics, nodes);
+    };
+  }
 
-  std::string name() const override { return "cuda"; }
-  DeviceInfo device() const override { return {name_, host_->device().threads, "cuBLAS, cuFFT", free_memory(device_)}; }
+  DeviceInfo device() const override {
+    return {device_name_, host_->device().threads, "cuBLAS, cuFFT", free_memory(device_)};
+  }
+  int threads() const override { return host_->threads(); }
 
   void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const override {
     device_.fetcher().each_range(count, length, body);
@@ -47,45 +77,22 @@ class CudaBackend final : public Backend {
     return std::make_unique<cuda::DeviceArray>(device_, rows, cols);
   }
   void upload(const RowMatrix& from, Array& to) override { cuda::upload(device_, from, to); }
-  void upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to) override {
-    cuda::upload_product(device_, amplitudes, shapes, to);
-  }
   void download(const Array& from, RowMatrix& to) override { cuda::download(device_, from, to); }
-  void download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations) override {
-    cuda::download(device_, from, to, operations);
-  }
-  void prepare(RowMatrix& to, Index rows, Index cols) override {
-    to.resize(rows, cols);
-    device_.fetcher().fill(to.data(), std::size_t(to.size()), std::numeric_limits<double>::quiet_NaN());
-  }
 
   void inject(const Array& fine, Array& coarse) override { cuda::inject(device_, fine, coarse); }
   void interpolate(const Array& coarse, const Array* old, Array& fine) override {
     cuda::interpolate(device_, coarse, old, fine);
   }
-  void restrict_problem(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
-                        Array& coarse_y, Array& old) override {
-    cuda::restrict_problem(device_, r, v, y, coarse_v, coarse_r, coarse_y, old);
-  }
   void add(const Array& b, double s, const Array& c, Array& a) override { cuda::add(device_, b, s, c, a); }
-  double difference(const Array& a, const Array& b) override {
-    const auto one = differences(1);
-    one->start(0, a, b);
-    return one->collect()[0];
-  }
   std::unique_ptr<Differences> differences(std::size_t slots) override {
-    return cuda::make_differences(device_, *this, slots);
+    return cuda::make_differences(device_, slots);
   }
-  bool alternates(const Array& y, Index run, double part) override { return cuda::alternates(device_, y, run, part); }
 
   std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
     return cuda::make_sine_transform(device_, n, rows);
   }
-  std::unique_ptr<Convolution> convolution(const Recurrence& recurrence, Index rows) override {
-    return std::visit([&](const auto& r) { return cuda::make_convolution(device_, r, rows); }, recurrence);
-  }
-  std::unique_ptr<Convolution> convolution(const LagTable& table, Index rows) override {
-    return cuda::make_fft_convolution(device_, table, rows);
+  std::unique_ptr<Convolution> convolution(WeightsRef weights, Index rows) override {
+    return std::visit([&](const auto* w) { return cuda::make_convolution(device_, *w, rows); }, weights);
   }
   std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass lcp_class, double shift, Index rows) override {
     // Which solution of a semidefinite problem is the least in norm takes more than an active set.
@@ -101,30 +108,13 @@ class CudaBackend final : public Backend {
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
     return cuda::make_march(device_, *host_, problem, rows);
   }
-  std::unique_ptr<StageMarch> stage_march(const StageProblem& problem, Index rows) override {
-    return cuda::make_host_stage_march(device_, *host_, problem, rows);
-  }
-  std::unique_ptr<StepChain> step_chain(const StepChainProblem& problem) override {
-    return cuda::make_step_chain(device_, *host_, problem);
-  }
-  std::unique_ptr<AffineChain> affine_chain(const AffineChainSizes& sizes) override {
-    return cuda::make_affine_chain(device_, *host_, sizes);
-  }
   void wait() override { device_.wait(); }
-  std::unique_ptr<Program> record(Index values, const std::function<void()>& operations) override {
-    return cuda::make_program(device_, values, operations);
-  }
-  ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes) override {
-    if (const auto* d = std::get_if<DenseDynamics>(&dynamics)) return resolvent_(*d, nodes);
-    if (const auto* d = std::get_if<KroneckerDynamics>(&dynamics)) return resolvent_(*d, nodes);
-    return host_->resolvent(dynamics, nodes);
-  }
 
  private:
   std::unique_ptr<Backend> host_;
   cuda::Device device_;
   cuda::Resolvent resolvent_{device_};
-  std::string name_;
+  std::string device_name_;
 };
 
 }  // namespace

@@ -145,16 +145,10 @@ inline Index stride(Index cols) { return cols < 16 ? cols : (cols + 7) / 8 * 8; 
 class DeviceArray final : public Array {
  public:
   DeviceArray(const Device& device, Index rows, Index cols)
-      : rows_(rows), cols_(cols), memory(device, std::size_t(rows * stride(cols))) {
+      : Array(rows, cols), memory(device, std::size_t(rows * stride(cols))) {
     memory.clear();
   }
-  Index rows() const override { return rows_; }
-  Index cols() const override { return cols_; }
 
- private:
-  Index rows_, cols_;
-
- public:
   Memory<double> memory;
 };
 

@@ -39,18 +39,6 @@ constexpr std::size_t alone_bytes = std::size_t(1) << 19;  ///< what one thread 
 Fetcher::Fetcher(int device)
     : device_(device), helpers_(std::clamp(int(std::thread::hardware_concurrency()) - 1, 0, most_helpers)) {}
 
-void Fetcher::fill(double* to, std::size_t count, double value) {
-  constexpr std::size_t share = alone_bytes / sizeof(double);
-  std::atomic<std::size_t> next = 0;
-  const std::function<void()> work = [&] {
-    for (std::size_t begin; (begin = share * next++) < count;)
-      std::fill(to + begin, to + std::min(count, begin + share), value);
-  };
-  if (busy_ || count <= share) return work();
-  const Busy busy(busy_);
-  helpers_.share(work, [] {});
-}
-
 void Fetcher::each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) {
   std::atomic<Index> next = 0;
   const auto work = [&]() noexcept {  // nobody may leave while others still work

@@ -43,10 +43,8 @@ class Fetcher {
   /// been asked for so far. `meanwhile` is called once while they are on their way.
   void fetch(const double* from, std::size_t step, double* to, std::size_t cols, std::size_t rows, cudaStream_t stream,
              const std::function<void()>& meanwhile);
-  /// All `count` values at `to`, by the same threads.
-  void fill(double* to, std::size_t count, double value);
-  /// See Backend::each_range. Threads that sleep, since those of OpenMP stay awake for a while behind a loop, and are
-  /// in the way of what is fetched next.
+  /// See HostThreads::each_range. Threads that sleep, since those of OpenMP stay awake for a while behind a loop, and
+  /// are in the way of what is fetched next.
   void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body);
 
  private:

@@ -1,7 +1,5 @@
 #include "kernels/host_plans.hpp"
 
-#include "core/seam/step_chain.hpp"
-
 namespace bromwich::cuda {
 
 void upload(const Device& device, const RowMatrix& from, Array& to) {
@@ -53,7 +51,7 @@ std::unique_ptr<Twin> twin(const Device& device, Backend& host, const Array* fro
   return from ? std::make_unique<Twin>(device, host, *from) : nullptr;
 }
 
-class HostLcp final : public LcpBatch {
+class HostLcp final : public ImmediateLcpBatch {
  public:
   HostLcp(const Device& device, Backend& host, const LcpMatrix& M, LcpClass lcp_class, double shift, Index rows)
       : r_(device, host, rows, size(M)),
@@ -61,7 +59,7 @@ class HostLcp final : public LcpBatch {
         y_(device, host, rows, size(M)),
         plan_(host.shifted_lcp(M, lcp_class, shift, rows)) {}
 
-  LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
+  LcpReport solve_now(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     fetch(r, v, y);
     const LcpReport report = plan_->solve(*r_.array, *v_.array, *y_.array, first, settle_tolerance);
     y_.send(y);
@@ -84,7 +82,7 @@ class HostLcp final : public LcpBatch {
   std::unique_ptr<LcpBatch> plan_;
 };
 
-class HostMarch final : public March {
+class HostMarch final : public ImmediateMarch {
  public:
   HostMarch(const Device& device, Backend& host, MarchProblem problem, Index rows)
       : given_r_(*problem.r),
@@ -122,73 +120,6 @@ class HostMarch final : public March {
   std::unique_ptr<March> plan_;
 };
 
-class HostStageMarch final : public StageMarch {
- public:
-  HostStageMarch(const Device& device, Backend& host, StageProblem problem, Index rows)
-      : g_(twin(device, host, problem.g)),
-        phi_(twin(device, host, problem.phi)),
-        y_(device, host, rows, constraints(*problem.dynamics)),
-        impulse_(device, host, rows, constraints(*problem.dynamics)),
-        v_(device, host, rows, constraints(*problem.dynamics)),
-        x_(device, host, rows, Index(problem.components.size())) {
-    problem.g = g_->array.get();
-    problem.phi = phi_ ? phi_->array.get() : nullptr;
-    plan_ = host.stage_march(problem, rows);
-  }
-
-  MarchReport run(Array& y, Array& impulse, Array& v, Array& x) override {
-    y_.fetch(y);
-    const MarchReport report = plan_->run(*y_.array, *impulse_.array, *v_.array, *x_.array);
-    y_.send(y);
-    impulse_.send(impulse);
-    v_.send(v);
-    x_.send(x);
-    return report;
-  }
-  std::size_t bytes() const override { return 4 * y_.array->bytes() + x_.array->bytes() + plan_->bytes(); }
-
- private:
-  std::unique_ptr<Twin> g_, phi_;
-  Twin y_, impulse_, v_, x_;
-  std::unique_ptr<StageMarch> plan_;
-};
-
-class HostStepChain final : public StepChain {
- public:
-  HostStepChain(const Device& device, Backend& host, const StepChainProblem& problem)
-      : in_(device, host, problem.steps() + 1, problem.states()),
-        out_(device, host, problem.steps() + 1, problem.states()),
-        plan_(host.step_chain(problem)) {}
-
-  void forward(const Array& d, Array& x) override {
-    in_.fetch(d);
-    plan_->forward(*in_.array, *out_.array);
-    out_.send(x);
-  }
-  void adjoint(const Array& q, Array& l, const AdjointChoice& choice) override {
-    in_.fetch(q);
-    plan_->adjoint(*in_.array, *out_.array, choice);
-    out_.send(l);
-  }
-  RowMatrix solve(RowMatrix d) override { return plan_->solve(std::move(d)); }
-  RowMatrix solve_transposed(RowMatrix q, const AdjointChoice& choice) override {
-    return plan_->solve_transposed(std::move(q), choice);
-  }
-  Vector weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) override {
-    return plan_->weighted_residual(d, x, z);
-  }
-  Vector locally_weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& q,
-                                   const RowMatrix& l) override {
-    return plan_->locally_weighted_residual(d, x, q, l);
-  }
-  std::string elsewhere() const override { return "steps and adjoints on the host"; }
-  std::size_t bytes() const override { return 2 * out_.array->bytes() + plan_->bytes(); }
-
- private:
-  Twin in_, out_;
-  std::unique_ptr<StepChain> plan_;
-};
-
 }  // namespace
 
 std::unique_ptr<LcpBatch> make_host_lcp(const Device& device, Backend& host, const LcpMatrix& M, LcpClass lcp_class,
@@ -198,15 +129,6 @@ std::unique_ptr<LcpBatch> make_host_lcp(const Device& device, Backend& host, con
 
 std::unique_ptr<March> make_host_march(const Device& device, Backend& host, const MarchProblem& problem, Index rows) {
   return std::make_unique<HostMarch>(device, host, problem, rows);
-}
-
-std::unique_ptr<StageMarch> make_host_stage_march(const Device& device, Backend& host, const StageProblem& problem,
-                                                  Index rows) {
-  return std::make_unique<HostStageMarch>(device, host, problem, rows);
-}
-
-std::unique_ptr<StepChain> make_host_step_chain(const Device& device, Backend& host, const StepChainProblem& problem) {
-  return std::make_unique<HostStepChain>(device, host, problem);
 }
 
 }  // namespace bromwich::cuda

@@ -11,8 +11,6 @@ namespace bromwich::cuda {
 std::unique_ptr<LcpBatch> make_host_lcp(const Device&, Backend& host, const LcpMatrix&, LcpClass, double shift,
                                         Index rows);
 std::unique_ptr<March> make_host_march(const Device&, Backend& host, const MarchProblem&, Index rows);
-std::unique_ptr<StageMarch> make_host_stage_march(const Device&, Backend& host, const StageProblem&, Index rows);
-std::unique_ptr<StepChain> make_host_step_chain(const Device&, Backend& host, const StepChainProblem&);
 
 /// Copies between host values and an array of this backend.
 void upload(const Device&, const RowMatrix& from, Array& to);

@@ -281,7 +281,8 @@ RegisterKernel register_kernel(Index n) {
 class DenseLcp final : public LcpBatch {
  public:
   DenseLcp(const Device& device, const Matrix& M, LcpClass lcp_class, Index rows)
-      : device_(device),
+      : LcpBatch(false),
+        device_(device),
         n_(M.rows()),
         class_(selection_class(M, lcp_class)),
         outcomes_(device, rows),
@@ -294,15 +295,25 @@ class DenseLcp final : public LcpBatch {
     column_scale_ = on_device(device, scale.columns);
   }
 
-  LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
-    start(r, v, y, first, settle_tolerance, true);
-    return finish(r, v, y, first, settle_tolerance);
+  void submit(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
+    if (first >= y.rows()) return;
+    const LcpArrays arrays{values(r), values(v), values(y), int(stride(n_))};
+    const Index rows = y.rows();
+    const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance, settle_tolerance >= 0);
+    const bool least = class_ == LcpClass::Z;
+    const unsigned most = unsigned(device_.multiprocessors());
+    const char* const what = "starting the complementarity problems";
+    if (n_ <= largest_register_size) {
+      const unsigned blocks = std::min(unsigned((rows - first + block - 1) / block), 16 * most);
+      follow(device_, register_kernel(n_), {blocks, block}, what, arrays, coefficients(), int(first), int(rows), least,
+             target);
+    } else {
+      const std::size_t shared = sizeof(double) * std::size_t(n_ * (n_ + 1) + 3 * n_);
+      const unsigned blocks = std::min(unsigned(rows - first), 32 * most);
+      follow(device_, newton_in_shared, {blocks, 32, shared}, what, arrays, coefficients(), int(n_), int(first),
+             int(rows), least, target);
+    }
   }
-  // Who asks for no tolerance does not ask what has settled, and collects.
-  void start(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
-    start(r, v, y, first, settle_tolerance, settle_tolerance >= 0);
-  }
-  bool queues() const override { return true; }
   LcpReport collect() override { return outcomes_.collect(); }
   LcpReport finish(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     return outcomes_.report(r, v, y, first, settle_tolerance, [this]() -> ActiveSetLcp& { return solver_; });
@@ -318,26 +329,6 @@ class DenseLcp final : public LcpBatch {
   std::size_t bytes() const override { return outcomes_.bytes() + residuals_.bytes() + 2 * M_.bytes(); }
 
  private:
-  void start(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance, bool handed_over) {
-    if (first >= y.rows()) return;
-    const LcpArrays arrays{values(r), values(v), values(y), int(stride(n_))};
-    const Index rows = y.rows();
-    const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance, handed_over);
-    const bool least = class_ == LcpClass::Z;
-    const unsigned most = unsigned(device_.multiprocessors());
-    const char* const what = "starting the complementarity problems";
-    if (n_ <= largest_register_size) {
-      const unsigned blocks = std::min(unsigned((rows - first + block - 1) / block), 16 * most);
-      follow(device_, register_kernel(n_), {blocks, block}, what, arrays, coefficients(), int(first), int(rows), least,
-             target);
-    } else {
-      const std::size_t shared = sizeof(double) * std::size_t(n_ * (n_ + 1) + 3 * n_);
-      const unsigned blocks = std::min(unsigned(rows - first), 32 * most);
-      follow(device_, newton_in_shared, {blocks, 32, shared}, what, arrays, coefficients(), int(n_), int(first),
-             int(rows), least, target);
-    }
-  }
-
   Coefficients coefficients() const { return {M_.data(), row_scale_.data(), column_scale_.data()}; }
 
   const Device& device_;

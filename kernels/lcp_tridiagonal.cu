@@ -142,7 +142,8 @@ Shape shape_for(Index n, bool few) {
 class TridiagonalLcp final : public LcpBatch {
  public:
   TridiagonalLcp(const Device& device, const Tridiagonal& M, LcpClass lcp_class, double shift, Index rows)
-      : device_(device),
+      : LcpBatch(false),
+        device_(device),
         n_(M.diagonal.size()),
         shape_(shape_for(n_, rows <= few_problems * device.multiprocessors())),
         shift_(shift),
@@ -161,6 +162,10 @@ class TridiagonalLcp final : public LcpBatch {
     if (uniform && rows <= most_in_modes * device.multiprocessors()) {
       in_modes_ = lcp_in_modes(n_);
       of_modes_ = *uniform;
+      if (in_modes_.kernel)
+        submit_in_modes = [this](SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y,
+                                 Array* y_modes,
+                                 Index first) { start_in_modes(S, r, v, v_in_modes, y, y_modes, first); };
     }
     if (uniform_) return;
     lower_ = spread(device, A.lower, shape_.T, shape_.K, 0);
@@ -173,27 +178,26 @@ class TridiagonalLcp final : public LcpBatch {
   /// Whether the device has the shared memory for a problem.
   bool fits() const { return groups_ > 0; }
 
-  LcpReport solve(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
-    start(r, v, y, first, settle_tolerance, true);
-    return finish(r, v, y, first, settle_tolerance);
-  }
-  // Who asks for no tolerance does not ask what has settled, and collects.
-  void start(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
-    start(r, v, y, first, settle_tolerance, settle_tolerance >= 0);
-  }
-  bool queues() const override { return true; }
-  LcpReport collect() override { return outcomes_.collect(); }
-  bool takes_modes() const override { return in_modes_.kernel; }
-  void start_in_modes(SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
-                      Index first) override {
+  // All multiprocessors get problems before any block gets many.
+  void submit(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
+    if (first >= y.rows()) return;
+    const LcpArrays arrays{values(r), values(v), values(y), int(stride(n_))};
     const Index rows = y.rows();
-    if (first >= rows) return;
-    const Modes modes{v_in_modes ? values(v) : nullptr, y_modes ? values(*y_modes) : nullptr, sine_tables(S)};
-    const LcpArrays arrays{values(r), v_in_modes ? nullptr : values(v), values(y), int(stride(n_))};
-    const OutcomeTarget target = outcomes_.target(rows - first, -1, false);
-    follow(device_, in_modes_.kernel, {unsigned(rows - first), unsigned(in_modes_.threads), in_modes_.bytes},
-           "starting a sweep in modes", arrays, modes, of_modes_, problem(first, rows, in_modes_.rows), target);
+    const int count = int(rows - first), together = std::max(32 / shape_.T, 1);
+    const int even = (count + device_.multiprocessors() - 1) / device_.multiprocessors();
+    const int groups = std::clamp((even + together - 1) / together * together, together, groups_);
+    const int blocks = std::min((count + groups - 1) / groups, blocks_ * device_.multiprocessors());
+    const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance, settle_tolerance >= 0);
+    const Blocks all{unsigned(blocks), unsigned(groups * shape_.T), std::size_t(groups) * bytes_a_group_};
+    const char* const what = "starting the complementarity problems";
+    if (uniform_)
+      follow(device_, uniform_kernel_, all, what, arrays, *uniform_, problem(first, rows, shape_.K), target);
+    else
+      follow(device_, general_, all, what, arrays,
+             {lower_.data(), diagonal_.data(), upper_.data(), row_scale_.data(), column_scale_.data()},
+             problem(first, rows, shape_.K), target);
   }
+  LcpReport collect() override { return outcomes_.collect(); }
   LcpReport finish(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     return outcomes_.report(r, v, y, first, settle_tolerance, [this]() -> ActiveSetLcp& {
       // Made when first needed: it is dense, and most scenes never get here.
@@ -221,6 +225,17 @@ class TridiagonalLcp final : public LcpBatch {
   }
 
  private:
+  void start_in_modes(SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
+                      Index first) {
+    const Index rows = y.rows();
+    if (first >= rows) return;
+    const Modes modes{v_in_modes ? values(v) : nullptr, y_modes ? values(*y_modes) : nullptr, sine_tables(S)};
+    const LcpArrays arrays{values(r), v_in_modes ? nullptr : values(v), values(y), int(stride(n_))};
+    const OutcomeTarget target = outcomes_.target(rows - first, -1, false);
+    follow(device_, in_modes_.kernel, {unsigned(rows - first), unsigned(in_modes_.threads), in_modes_.bytes},
+           "starting a sweep in modes", arrays, modes, of_modes_, problem(first, rows, in_modes_.rows), target);
+  }
+
   void choose_kernel() {
     if (shape_.K == 4 && shape_.T == 64) return use<64, 4>();
     if (shape_.K == 4 && shape_.T == 128) return use<128, 4>();
@@ -260,26 +275,6 @@ class TridiagonalLcp final : public LcpBatch {
     check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks_, kernel, groups_ * T,
                                                         std::size_t(groups_) * bytes_a_group_),
           "asking for the occupancy");
-  }
-
-  // All multiprocessors get problems before any block gets many.
-  void start(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance, bool handed_over) {
-    if (first >= y.rows()) return;
-    const LcpArrays arrays{values(r), values(v), values(y), int(stride(n_))};
-    const Index rows = y.rows();
-    const int count = int(rows - first), together = std::max(32 / shape_.T, 1);
-    const int even = (count + device_.multiprocessors() - 1) / device_.multiprocessors();
-    const int groups = std::clamp((even + together - 1) / together * together, together, groups_);
-    const int blocks = std::min((count + groups - 1) / groups, blocks_ * device_.multiprocessors());
-    const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance, handed_over);
-    const Blocks all{unsigned(blocks), unsigned(groups * shape_.T), std::size_t(groups) * bytes_a_group_};
-    const char* const what = "starting the complementarity problems";
-    if (uniform_)
-      follow(device_, uniform_kernel_, all, what, arrays, *uniform_, problem(first, rows, shape_.K), target);
-    else
-      follow(device_, general_, all, what, arrays,
-             {lower_.data(), diagonal_.data(), upper_.data(), row_scale_.data(), column_scale_.data()},
-             problem(first, rows, shape_.K), target);
   }
 
   // K rows a thread.

@@ -18,6 +18,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace bromwich::cuda {
 
@@ -139,7 +140,8 @@ class ModalMarch final : public March {
  public:
   ModalMarch(const Device& device, Backend& host, const MarchProblem& problem, const ModalRecurrence& r,
              const Matrix& implicit, const StepKernel& kernel, Index rows)
-      : device_(device),
+      : March(problem.interrupted || problem.progress),
+        device_(device),
         host_(host),
         problem_(problem),
         kernel_(kernel),
@@ -166,16 +168,21 @@ class ModalMarch final : public March {
     const Index done = take_steps(y, report);
     if (done > 0) complete(y, v, done, outcome_.get());
     device_.wait();
-    if (done == 0 || outcome_->drifted || (!polled() && outcome_->reached < rows_ && rows_ > 1))
+    if (done == 0 || outcome_->drifted || (!at_once && outcome_->reached < rows_ && rows_ > 1))
       return make_host_march(device_, host_, problem_, rows_)->run(y, v);
-    if (!polled()) count_steps(report);
+    if (!at_once) count_steps(report);
     report.count.solved = done - 1;
     return report;
   }
 
-  // Asked about nothing on the way, and looked at by `collect`: what failed there is for the caller to do again.
-  bool queues() const override { return !polled(); }
-  void start(Array& y, Array& v) override {
+  // Nobody interrupts it, and `collect` reports it. The caller repeats what failed.
+  void submit(Array& y, Array& v) override {
+    if (at_once) {
+      const MarchReport report = run(y, v);
+      polled_.count.add(report.count);
+      if (report.stopped >= 0) polled_.stopped = 0;
+      return;
+    }
     queued_.clear();
     take_inputs();
     if (rows_ > 1) launch(y, 1, rows_, queued_.data());
@@ -184,6 +191,7 @@ class ModalMarch final : public March {
     check(cudaGetLastError(), "finishing the march");
   }
   MarchReport collect() override {
+    if (at_once) return std::exchange(polled_, {});
     MarchTotals now{};
     totals_.get(&now);
     MarchReport report;
@@ -234,7 +242,7 @@ class ModalMarch final : public March {
 
   void reserve_state(Index exponentials) {
     start_transform_ = Memory<double>(device_, kernel_.transform_size());
-    if (polled() || !kernel_.resident()) transform_ = Memory<double>(device_, kernel_.transform_size());
+    if (at_once || !kernel_.resident()) transform_ = Memory<double>(device_, kernel_.transform_size());
     z_ = Memory<double>(device_, std::size_t(exponentials * n_));
     next_known_ = Memory<double>(device_, std::size_t(n_));
     exchanged_ = Memory<double>(device_, std::size_t(4 * n_ * n_));
@@ -245,8 +253,6 @@ class ModalMarch final : public March {
     updates_.clear();
     kernel_.form(tables(), start_transform_.data());
   }
-
-  bool polled() const { return problem_.interrupted || problem_.progress; }
 
   StepTables tables() const {
     return {A_.data(),         S_.data(),
@@ -272,9 +278,9 @@ class ModalMarch final : public March {
     if (rows_ < 2) return rows_;
     take_inputs();
     for (Index j = 1, last; j < rows_; j = last) {
-      last = polled() ? std::min(rows_, j + piece) : rows_;
+      last = at_once ? std::min(rows_, j + piece) : rows_;
       launch(y, j, last, outcome_.get());
-      if (!polled()) continue;
+      if (!at_once) continue;
       device_.wait();
       if (outcome_->reached < last) return 0;
       count_steps(report);
@@ -343,9 +349,10 @@ class ModalMarch final : public March {
   Memory<int> updates_;
   Memory<unsigned long long> mail_;
   Pinned<StepOutcome> outcome_;  ///< written by the device
-  Memory<StepOutcome> queued_;   ///< of the run that `start` began last
+  Memory<StepOutcome> queued_;   ///< of the run that was submitted last
   Memory<MarchTotals> totals_;
   MarchTotals reported_{};
+  MarchReport polled_;  ///< of runs at once
 };
 
 }  // namespace

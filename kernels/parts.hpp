@@ -24,16 +24,16 @@ std::unique_ptr<Convolution> make_convolution(const Device&, const ModalRecurren
 std::unique_ptr<Convolution> make_modal_scan(const Device&, const ModalRecurrence&, Index modes, Index rows);
 std::unique_ptr<Convolution> make_direct_convolution(const Device&, cudaStream_t, const ModalRecurrence&,
                                                      const std::vector<Index>& lengths, Index first, Index rows);
-std::unique_ptr<Convolution> make_fft_convolution(const Device&, const LagTable&, Index rows);
-/// The operations as a CUDA graph; null above the size where launching them one by one is hidden behind their work.
-std::unique_ptr<Program> make_program(const Device&, Index values, const std::function<void()>& operations);
+std::unique_ptr<Convolution> make_convolution(const Device&, const LagTable&, Index rows);
+/// The operations as a CUDA graph; empty above the size where launching them one by one is hidden behind their work.
+std::function<void()> record(const Device&, Index values, const std::function<void()>& operations);
 void upload_product(const Device&, const RowMatrix& amplitudes, const Matrix& shapes, Array& to);
 void inject(const Device&, const Array& fine, Array& coarse);
 void interpolate(const Device&, const Array& coarse, const Array* old, Array& fine);
 void restrict_problem(const Device&, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                       Array& coarse_r, Array& coarse_y, Array& old);
 void add(const Device&, const Array& b, double s, const Array& c, Array& a);
-std::unique_ptr<Differences> make_differences(const Device&, Backend&, std::size_t slots);
+std::unique_ptr<Differences> make_differences(const Device&, std::size_t slots);
 bool alternates(const Device&, const Array& y, Index run, double part);
 /// Null where the matrix is too large for these kernels.
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Device&, const Tridiagonal&, LcpClass, double shift, Index rows);
@@ -42,11 +42,11 @@ std::unique_ptr<LcpBatch> make_dense_lcp(const Device&, const Matrix&, LcpClass,
 /// What no kernel here takes is marched by `host`.
 std::unique_ptr<March> make_march(const Device&, Backend& host, const MarchProblem&, Index rows);
 
-/// Sparse maps of many states are left to `host`.
-std::unique_ptr<StepChain> make_step_chain(const Device&, Backend& host, const StepChainProblem&);
+/// Null for sparse maps of many states and for very long chains.
+std::unique_ptr<StepChain> make_step_chain(const Device&, const StepChainProblem&);
 
-/// More than 32 states are left to `host`.
-std::unique_ptr<AffineChain> make_affine_chain(const Device&, Backend& host, const AffineChainSizes&);
+/// Null for more than 32 states.
+std::unique_ptr<AffineChain> make_affine_chain(const Device&, const AffineChainSizes&);
 
 /// The shifted solves of dense scenes and Kronecker sums. Waits for what it returns.
 class Resolvent {

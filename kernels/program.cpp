@@ -9,7 +9,7 @@ namespace {
 /// Kernels over more values than this take longer than their launches.
 constexpr Index most_values = Index(1) << 22;
 
-class Graph final : public Program {
+class Graph {
  public:
   Graph(const Device& device, const std::function<void()>& operations) : device_(device), stream_(device.stream()) {
     device.retired_graphs().destroy();
@@ -28,11 +28,11 @@ class Graph final : public Program {
     check(status, "recording operations");
     check(cudaGraphUpload(executable_, stream_), "recording operations");  // or the first run does it
   }
-  ~Graph() override { device_.retired_graphs().add(executable_); }
+  ~Graph() { device_.retired_graphs().add(executable_); }
   Graph(const Graph&) = delete;
   Graph& operator=(const Graph&) = delete;
 
-  void run() override {
+  void run() const {
     device_.note_work();
     check(cudaGraphLaunch(executable_, stream_), "starting recorded operations");
   }
@@ -45,8 +45,9 @@ class Graph final : public Program {
 
 }  // namespace
 
-std::unique_ptr<Program> make_program(const Device& device, Index values, const std::function<void()>& operations) {
-  return values <= most_values ? std::make_unique<Graph>(device, operations) : nullptr;
+std::function<void()> record(const Device& device, Index values, const std::function<void()>& operations) {
+  if (values > most_values) return {};
+  return [graph = std::make_shared<const Graph>(device, operations)] { graph->run(); };
 }
 
 }  // namespace bromwich::cuda

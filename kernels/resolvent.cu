@@ -16,7 +16,7 @@
 #include "kernels/parts.hpp"
 
 #include "core/base/error.hpp"
-#include "core/kernel/kernel.hpp"
+#include "core/dynamics/line_transfer.hpp"
 
 #include <thrust/complex.h>
 

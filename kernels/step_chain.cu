@@ -1,9 +1,9 @@
-// Chains of dense one-step maps (core/seam/step_chain.hpp) up to 64 states. Along the chain, in the direction in which
+// Chains of dense one-step maps (core/host/step_chain.hpp) up to 64 states. Along the chain, in the direction in which
 // it is solved, rows are row vectors and follow each other as
 //
 //     x_p = q_p + x_{p-1} (I + X_p),    X = D^T forward in time, X = D for the adjoint, p = 1..M,
 //
-// D the increment of the step (core/seam/step_chain.hpp); products of steps are kept as increments too. Serial: one
+// D the increment of the step (core/host/step_chain.hpp); products of steps are kept as increments too. Serial: one
 // block, 16 threads a component, the next map on its way while this one is applied. Scan: a block for each chunk of
 // steps multiplies [I + X; x] through, (m+1) x m values in shared memory; one block carries from chunk to chunk; then
 // all chunks are substituted at once. Doubling: the same product for every row, all products of 2^k maps in global
@@ -15,7 +15,7 @@
 #include "kernels/step_chain.hpp"
 
 #include "core/base/error.hpp"
-#include "core/seam/step_chain.hpp"
+#include "core/host/step_chain.hpp"
 
 #include <cuda_pipeline_primitives.h>
 
@@ -344,11 +344,10 @@ class SmallStepChain final : public DeviceStepChain {
 
 }  // namespace
 
-std::unique_ptr<StepChain> make_step_chain(const Device& device, Backend& host, const StepChainProblem& problem) {
+std::unique_ptr<StepChain> make_step_chain(const Device& device, const StepChainProblem& problem) {
   problem.validate();
   const Index m = problem.states();
-  if (problem.steps() > most_steps || (problem.sparse() && m > most_written_out))
-    return make_host_step_chain(device, host, problem);
+  if (problem.steps() > most_steps || (problem.sparse() && m > most_written_out)) return nullptr;
   if (m > most_states || chunk_bytes(m) > device.shared_memory()) return make_large_step_chain(device, problem);
   return std::make_unique<SmallStepChain>(device, problem);
 }

@@ -3,7 +3,7 @@
 
 #include "kernels/device.hpp"
 
-#include "core/seam/step_chain.hpp"
+#include "core/host/step_chain.hpp"
 
 #include <memory>
 
@@ -21,8 +21,6 @@ constexpr Index most_written_out = 384;
 class DeviceStepChain : public StepChain {
  public:
   DeviceStepChain(const Device&, const StepChainProblem&);
-  void forward(const Array& d, Array& x) final;
-  void adjoint(const Array& q, Array& l, const AdjointChoice&) final;
   RowMatrix solve(RowMatrix d) final;
   RowMatrix solve_transposed(RowMatrix q, const AdjointChoice&) final;
   Vector weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) final;
@@ -58,6 +56,8 @@ class DeviceStepChain : public StepChain {
   DeviceArray mu_, other_;
 
  private:
+  void forward(const Array& d, Array& x);
+  void adjoint(const Array& q, Array& l, const AdjointChoice&);
   bool scans() const { return scan_is_faster() && scan_bytes() <= memory_limit_; }
   const double* doubled();
   const double* swept(const double* q, Index sweeps);

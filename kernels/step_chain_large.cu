@@ -1,4 +1,4 @@
-// Chains of one-step maps with more states than a block holds (core/seam/step_chain.hpp), dense or written out.
+// Chains of one-step maps with more states than a block holds (core/host/step_chain.hpp), dense or written out.
 // Notation of step_chain.cu: row p follows row p - 1 by x_p = q_p + x_{p-1} (I + X_p), X = D^T forward in time, D for
 // the adjoint.
 //

@@ -22,9 +22,9 @@ __global__ void weigh_rows(const double* __restrict__ z, const double* __restric
   if (threadIdx.x % 32 == 0) w[i] = sum;
 }
 
-DeviceArray on_device_rows(const Device& device, const RowMatrix& rows) {
-  DeviceArray array(device, rows.rows(), rows.cols());
-  upload(device, rows, array);
+std::unique_ptr<DeviceArray> on_device_rows(const Device& device, const RowMatrix& rows) {
+  auto array = std::make_unique<DeviceArray>(device, rows.rows(), rows.cols());
+  upload(device, rows, *array);
   return array;
 }
 
@@ -44,24 +44,24 @@ Vector weighed(const Device& device, const DeviceArray& z, const DeviceArray& r)
 
 Vector DeviceStepChain::weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) {
   DeviceArray r(device_, x.rows(), x.cols());
-  residual(on_device_rows(device_, d), on_device_rows(device_, x), r);
-  return weighed(device_, on_device_rows(device_, z), r);
+  residual(*on_device_rows(device_, d), *on_device_rows(device_, x), r);
+  return weighed(device_, *on_device_rows(device_, z), r);
 }
 
 Vector DeviceStepChain::locally_weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& q,
                                                   const RowMatrix& l) {
   DeviceArray r(device_, x.rows(), x.cols());
-  residual(on_device_rows(device_, d), on_device_rows(device_, x), r);
-  const DeviceArray coarse = on_device_rows(device_, l);
+  residual(*on_device_rows(device_, d), *on_device_rows(device_, x), r);
+  const auto coarse = on_device_rows(device_, l);
   DeviceArray behind(device_, q.rows(), q.cols());  // row 2c - 1 is l_c
   const std::size_t row = sizeof(double) * std::size_t(stride(q.cols()));
-  check(cudaMemcpy2DAsync(values(behind) + stride(q.cols()), 2 * row, values(coarse) + stride(q.cols()), row, row,
+  check(cudaMemcpy2DAsync(values(behind) + stride(q.cols()), 2 * row, values(*coarse) + stride(q.cols()), row, row,
                           std::size_t(l.rows() - 1), cudaMemcpyDeviceToDevice, device_.stream()),
         "copying rows");
-  const DeviceArray gradient = on_device_rows(device_, q);
+  const auto gradient = on_device_rows(device_, q);
   DeviceArray second(device_, q.rows(), q.cols()), first(device_, q.rows(), q.cols());
-  sweep(gradient, behind, second);
-  sweep(gradient, second, first);
+  sweep(*gradient, behind, second);
+  sweep(*gradient, second, first);
   const Vector of_first = weighed(device_, first, r);
   Vector w = weighed(device_, second, r);
   for (Index i = 0; i < w.size(); i += 2) w[i] = of_first[i];

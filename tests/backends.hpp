@@ -5,6 +5,7 @@
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
 #include "tests/reference.hpp"
+#include "tests/reference_backend.hpp"
 #include "tests/run.hpp"
 
 #include <gtest/gtest.h>
@@ -23,11 +24,13 @@ struct BackendCase {
 
 inline void PrintTo(const BackendCase& c, std::ostream* out) { *out << c.name; }
 
-/// One thread, two, and more than there are blocks of modes or cores; the CUDA backend where a device is found.
+/// One thread, two, and more than there are blocks of modes or cores; naive loops; the CUDA backend where a device is
+/// found.
 inline std::vector<BackendCase> backend_cases() {
   std::vector<BackendCase> cases{{"cpu1", [] { return make_cpu_backend(1); }},
                                  {"cpu2", [] { return make_cpu_backend(2); }},
-                                 {"cpu7", [] { return make_cpu_backend(7); }}};
+                                 {"cpu7", [] { return make_cpu_backend(7); }},
+                                 {"reference", make_reference_backend}};
   if (!cuda_devices().empty()) cases.push_back({"cuda", [] { return make_cuda_backend(make_cpu_backend(2)); }});
   return cases;
 }

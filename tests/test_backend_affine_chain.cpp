@@ -1,7 +1,7 @@
 // Chains of affine maps between two ends on every backend: against one dense system for all states, and sizes and signs
 // of v against their definition.
 
-#include "core/seam/affine_chain.hpp"
+#include "core/host/affine_chain.hpp"
 #include "tests/backends.hpp"
 
 #include <Eigen/Dense>

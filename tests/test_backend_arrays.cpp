@@ -183,15 +183,15 @@ TEST_P(BackendArrays, DifferencesAreLookedAtLater) {
   const RowMatrix values = Random(16).matrix(50, 33), others = Random(17).matrix(50, 33);
   const auto a = device(values), b = device(others);
   for (int again = 0; again < 2; ++again) {  // a slot is taken anew, whatever it held
-    found->start(0, *a, *b);
-    found->start(2, *a, *a);
+    found->submit(0, *a, *b);
+    found->submit(2, *a, *a);
     backend->add(*b, 1, *b, *b);  // what was begun is of the arrays as they were
     EXPECT_EQ(found->collect()[0], backend->difference(*a, *device((again ? 2 : 1) * others)));
     EXPECT_EQ(found->collect()[1], 0);
     EXPECT_EQ(found->collect()[2], 0);
   }
   backend->add(*a, std::numeric_limits<double>::quiet_NaN(), *a, *a);
-  found->start(0, *a, *b);
+  found->submit(0, *a, *b);
   EXPECT_TRUE(std::isnan(found->collect()[0]));
 }
 

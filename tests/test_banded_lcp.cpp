@@ -1,8 +1,8 @@
 // Complementarity problems in bands, against the dense solver.
 
 #include "core/lcp/active_set.hpp"
+#include "core/lcp/banded_lcp.hpp"
 #include "core/lcp/solution.hpp"
-#include "cpu/banded_lcp.hpp"
 #include "tests/reference.hpp"
 
 #include <gtest/gtest.h>
@@ -12,8 +12,8 @@
 namespace bromwich {
 namespace {
 
-using cpu::BandedLcp;
 using reference::Random;
+using simd::BandedLcp;
 
 /// tridiag(-1, 4, -1) and a part that decays like a heat kernel of width `reach`, as M + W_0 has; not symmetric. The
 /// sum of what is subtracted is 1: strictly diagonally dominant.

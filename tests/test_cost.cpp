@@ -14,7 +14,7 @@
 namespace bromwich {
 namespace {
 
-std::string refusal(const Scene& scene, Method method, Index steps, double limit) {
+std::string refused_cost(const Scene& scene, Method method, Index steps, double limit) {
   Options options = options_for(method, steps);
   options.memory_limit = limit;
   try {
@@ -50,7 +50,7 @@ INSTANTIATE_TEST_SUITE_P(Contract, CostTest, testing::ValuesIn(backend_cases()),
 TEST_P(CostTest, GalerkinPredictsWhatItHolds) {
   for (const char* name : {"bridge", "lq-control", "nash-game", "periodic-rectifier"})
     expect_predicted(make_scene(name), Method::galerkin, 500);
-  EXPECT_NE(refusal(make_scene("lq-control"), Method::galerkin, 1 << 20, 1e6)
+  EXPECT_NE(refused_cost(make_scene("lq-control"), Method::galerkin, 1 << 20, 1e6)
                 .find("steps: method galerkin with 1048576 steps needs about"),
             std::string::npos);
 }
@@ -70,10 +70,10 @@ TEST_P(CostTest, AScenePredictsWhatItHolds) {
 }
 
 TEST(Cost, WhatDoesNotFitIsRefusedWithNumbers) {
-  const std::string text = refusal(make_scene("signorini"), Method::march, 1 << 20, 1e9);
+  const std::string text = refused_cost(make_scene("signorini"), Method::march, 1 << 20, 1e9);
   EXPECT_NE(text.find("GB"), std::string::npos) << text;
   EXPECT_NE(text.find("1048576 steps"), std::string::npos) << text;
-  EXPECT_EQ(refusal(make_scene("bridge"), Method::march, 1000, 1e9), "");
+  EXPECT_EQ(refused_cost(make_scene("bridge"), Method::march, 1000, 1e9), "");
 }
 
 // A Kronecker sum with 10^4 constraints: marching wants n x n matrices, the iteration does not.
@@ -124,7 +124,7 @@ TEST(Cost, WeeksOfWorkAreRefused) {
   scene.x0 = Vector::Zero(3000);
   const Cost cost = predicted_cost(scene, Method::contour_literal, 1 << 20, 0);
   EXPECT_GT(cost.operations, 1e16);
-  EXPECT_NE(refusal(scene, Method::contour_literal, 1 << 20, 0).find("multiplications"), std::string::npos);
+  EXPECT_NE(refused_cost(scene, Method::contour_literal, 1 << 20, 0).find("multiplications"), std::string::npos);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "core/goal/cost.hpp"
+#include "core/goal/goal.hpp"
 #include "core/goal/grid_adaptation.hpp"
 #include "refusal.hpp"
 #include "run.hpp"

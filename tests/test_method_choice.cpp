@@ -2,6 +2,8 @@
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/solve/method_choice.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
 
 #include <gtest/gtest.h>
 
@@ -18,8 +20,8 @@ Scene heated(double Q) { return make_scene("signorini", {{"Q", Q}}); }
 TEST(MethodChoice, TriesEachMethodOnceAndImplicitEulerLast) {
   for (const double Q : {7., 127., 511., 1500.})
     for (const Index J : {17, 64, 4096})
-      for (const bool on_device : {false, true}) {
-        std::vector<Method> methods = methods_by_time(heated(Q), LcpClass::P, J, on_device);
+      for (const BackendTraits& traits : {cpu_traits(), cuda_traits()}) {
+        std::vector<Method> methods = methods_by_time(traits, heated(Q), LcpClass::P, J);
         EXPECT_EQ(methods.back(), Method::euler);
         EXPECT_TRUE(std::count(methods.begin(), methods.end(), Method::march));
         EXPECT_TRUE(std::count(methods.begin(), methods.end(), Method::contour));
@@ -30,29 +32,30 @@ TEST(MethodChoice, TriesEachMethodOnceAndImplicitEulerLast) {
 
 TEST(MethodChoice, MarchesOnAProcessorAndWhereNothingIsKnown) {
   for (const Index J : {16, 4096, int(many)})
-    EXPECT_EQ(methods_by_time(heated(511), LcpClass::P, J, false).front(), Method::march);
+    EXPECT_EQ(methods_by_time(cpu_traits(), heated(511), LcpClass::P, J).front(), Method::march);
   for (const char* name : {"dlcp-small", "bridge"}) {
     const Scene scene = make_scene(name, {});
-    EXPECT_EQ(methods_by_time(scene, LcpClass::unknown, many, true).front(), Method::march) << name;
-    EXPECT_TRUE(std::isinf(predicted_seconds(scene, LcpClass::P, Method::march, many, true))) << name;
-    EXPECT_FALSE(faster_on_device(scene, Method::automatic, many, true)) << name;
+    EXPECT_EQ(methods_by_time(cuda_traits(), scene, LcpClass::unknown, many).front(), Method::march) << name;
+    EXPECT_TRUE(std::isinf(predicted_seconds(cuda_traits(), scene, LcpClass::P, Method::march, many))) << name;
+    EXPECT_FALSE(faster_on_device(cuda_traits(), cpu_traits(), scene, Method::automatic, many, true)) << name;
   }
-  EXPECT_EQ(methods_by_time(heated(511), LcpClass::Z, many, true).front(), Method::march) << "fitted to class P";
+  EXPECT_EQ(methods_by_time(cuda_traits(), heated(511), LcpClass::Z, many).front(), Method::march)
+      << "fitted to class P";
 }
 
 TEST(MethodChoice, PredictionsGrowWithTheScene) {
   for (const Method method : {Method::march, Method::contour, Method::multigrid})
     for (const double Q : {15., 127., 511.})
       for (const Index J : {256, 4096}) {
-        const double seconds = predicted_seconds(heated(Q), LcpClass::P, method, J, true);
-        EXPECT_LT(seconds, predicted_seconds(heated(Q + 8), LcpClass::P, method, J, true));
-        EXPECT_LT(seconds, predicted_seconds(heated(Q), LcpClass::P, method, 2 * J, true));
+        const double seconds = predicted_seconds(cuda_traits(), heated(Q), LcpClass::P, method, J);
+        EXPECT_LT(seconds, predicted_seconds(cuda_traits(), heated(Q + 8), LcpClass::P, method, J));
+        EXPECT_LT(seconds, predicted_seconds(cuda_traits(), heated(Q), LcpClass::P, method, 2 * J));
       }
 }
 
 TEST(MethodChoice, TakesGridsThatCanBeHalvedForMultigridOnly) {
   const auto offers = [](Index J) {
-    const std::vector<Method> methods = methods_by_time(heated(511), LcpClass::P, J, true);
+    const std::vector<Method> methods = methods_by_time(cuda_traits(), heated(511), LcpClass::P, J);
     return std::count(methods.begin(), methods.end(), Method::multigrid) == 1;
   };
   EXPECT_TRUE(offers(4096));
@@ -63,19 +66,19 @@ TEST(MethodChoice, TakesGridsThatCanBeHalvedForMultigridOnly) {
 
 TEST(MethodChoice, ADeviceHasToPayForItsStart) {
   const Scene small = heated(15), large = heated(511);
-  EXPECT_FALSE(faster_on_device(small, Method::automatic, 64, true));
-  EXPECT_TRUE(faster_on_device(large, Method::automatic, many, false));
+  EXPECT_FALSE(faster_on_device(cuda_traits(), cpu_traits(), small, Method::automatic, 64, true));
+  EXPECT_TRUE(faster_on_device(cuda_traits(), cpu_traits(), large, Method::automatic, many, false));
   bool warm = false, cold = false;
   for (Index J = 64; J <= many; J *= 2) {
-    const bool now = faster_on_device(large, Method::automatic, J, true),
-               first = faster_on_device(large, Method::automatic, J, false);
+    const bool now = faster_on_device(cuda_traits(), cpu_traits(), large, Method::automatic, J, true),
+               first = faster_on_device(cuda_traits(), cpu_traits(), large, Method::automatic, J, false);
     EXPECT_TRUE(now || !first) << J;
     EXPECT_TRUE(now || !warm) << J << ": once faster, always faster";
     EXPECT_TRUE(first || !cold) << J;
     warm = now;
     cold = first;
   }
-  EXPECT_FALSE(faster_on_device(large, Method::euler, many, true));
+  EXPECT_FALSE(faster_on_device(cuda_traits(), cpu_traits(), large, Method::euler, many, true));
 }
 
 }  // namespace

@@ -130,6 +130,21 @@ TEST_P(StageMarching, SparseAndDenseStepsAgree) {
   }
 }
 
+// An eigenvalue 1/h, met to rounding alone: an orthogonal transform hides the zero pivot.
+TEST_P(StageMarching, ASingularSparseStepIsRefused) {
+  const Index m = 4, J = 16;
+  Scene scene = random_passive(11, m, 1);
+  const auto d = std::get<DenseDynamics>(scene.dynamics);
+  const double h = scene.T / double(J);
+  reference::Random random(3);
+  const Matrix Q = random.matrix(m, m).householderQr().householderQ();
+  const Matrix A = Q * Vector{{1 / h, -1, -2, -3}}.asDiagonal() * Q.transpose();
+  scene.dynamics = SparseDynamics{A.sparseView(), d.B.sparseView(), d.N.sparseView()};
+  EXPECT_THROW(solve_in_stages(scene, 1, J, {}), Error);
+  scene.dynamics = SparseDynamics{SparseMatrix((0.99 * A).sparseView()), d.B.sparseView(), d.N.sparseView()};
+  EXPECT_NO_THROW(solve_in_stages(scene, 1, J, {}));
+}
+
 TEST_P(StageMarching, SourcesThroughAMatrixAreTheSameSources) {
   Scene scene = random_passive(9, 3, 1);
   const Result plain = solve_in_stages(scene, 2, 20, {0, 1, 2});

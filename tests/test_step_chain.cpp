@@ -5,7 +5,7 @@
 // for two ways of the same sum and 1e-12 for the adjoint identity, which adds up (M+1) m products.
 
 #include "core/base/error.hpp"
-#include "core/seam/step_chain.hpp"
+#include "core/host/step_chain.hpp"
 #include "tests/backends.hpp"
 
 #include <Eigen/LU>
@@ -74,16 +74,9 @@ double relative(const RowMatrix& a, const RowMatrix& b) {
 
 class StepChains : public BackendTest {
  protected:
-  RowMatrix forward(StepChain& chain, const RowMatrix& d) {
-    auto x = backend->array(d.rows(), d.cols());
-    chain.forward(*device(d), *x);
-    return host(*x);
-  }
   RowMatrix adjoint(StepChain& chain, const RowMatrix& q, AdjointMethod method = AdjointMethod::substitution,
                     Index sweeps = 1) {
-    auto l = backend->array(q.rows(), q.cols());
-    chain.adjoint(*device(q), *l, {method, sweeps});
-    return host(*l);
+    return chain.solve_transposed(q, {method, sweeps});
   }
 
   // z^T r of the residual r = d - A x, for any z and for weights that are solved for step by step.
@@ -126,7 +119,7 @@ class StepChains : public BackendTest {
     Random random(17);
     const RowMatrix d = random.matrix(M + 1, m), q = random.matrix(M + 1, m);
     const auto chain = backend->step_chain(problem);
-    const RowMatrix x = forward(*chain, d), l = adjoint(*chain, q);
+    const RowMatrix x = chain->solve(d), l = adjoint(*chain, q);
     EXPECT_EQ(chain->solve(d), x);
     for (const AdjointMethod method : {AdjointMethod::exact, AdjointMethod::substitution, AdjointMethod::jacobi,
                                        AdjointMethod::doubling, AdjointMethod::scan})
@@ -191,7 +184,7 @@ TEST_P(StepChains, SparseIsDense) {
     expect_chain(sparse, "sparse");
     const RowMatrix d = random.matrix(steps.of.size() + 1, m);
     const auto a = backend->step_chain(sparse), b = backend->step_chain(full);
-    EXPECT_LE(relative(forward(*a, d), forward(*b, d)), 1e-13);
+    EXPECT_LE(relative(a->solve(d), b->solve(d)), 1e-13);
     for (const AdjointMethod method : {AdjointMethod::substitution, AdjointMethod::jacobi})
       EXPECT_LE(relative(adjoint(*a, d, method, 3), adjoint(*b, d, method, 3)), 1e-13);
   }
@@ -212,16 +205,17 @@ TEST_P(StepChains, ManyStates) {
   }
 }
 
-TEST_P(StepChains, SayWhatIsDoneElsewhere) {
-  const auto elsewhere = [&](const StepMatrix& A) {
+TEST_P(StepChains, SayWhatTheHostDoes) {
+  const auto on_host = [&](const StepMatrix& A) {
     return backend->step_chain(step_chain_problem(StepScheme::euler, A, group_steps(Vector::LinSpaced(3, 0, 1))))
-        ->elsewhere();
+        ->on_host;
   };
   SparseMatrix large(400, 400);
   large.setIdentity();
-  EXPECT_EQ(elsewhere(Matrix(-Matrix::Identity(70, 70))), "");
-  EXPECT_EQ(elsewhere(SparseMatrix(-large.topLeftCorner(70, 70))), "");
-  EXPECT_EQ(elsewhere(SparseMatrix(-large)).empty(), backend->name() == "cpu");
+  const bool device = bool(backend->fused().step_chain);
+  EXPECT_EQ(on_host(Matrix(-Matrix::Identity(70, 70))), !device);
+  EXPECT_EQ(on_host(SparseMatrix(-large.topLeftCorner(70, 70))), !device);
+  EXPECT_TRUE(on_host(SparseMatrix(-large)));
 }
 
 // What is not finite comes out, in the rows that depend on it and in no others.
@@ -233,7 +227,7 @@ TEST_P(StepChains, CarryWhatIsNotFinite) {
                                                               group_steps(Vector::LinSpaced(M + 1, 0, 6))));
     RowMatrix d = random.matrix(M + 1, m);
     d(bad, m / 2) = std::numeric_limits<double>::quiet_NaN();
-    const RowMatrix x = forward(*chain, d);
+    const RowMatrix x = chain->solve(d);
     EXPECT_TRUE(x.topRows(bad).allFinite());
     EXPECT_FALSE(x.row(bad).allFinite());
     EXPECT_FALSE(x.row(M).allFinite());
@@ -284,7 +278,7 @@ TEST_P(StepChains, LongUndampedChainKeepsItsNorm) {
       backend->step_chain(step_chain_problem(StepScheme::midpoint, A, group_steps(Vector::LinSpaced(M + 1, 0, 100))));
   RowMatrix d = RowMatrix::Zero(M + 1, 2);
   d.row(0) << 1, 0;
-  const RowMatrix x = forward(*chain, d);
+  const RowMatrix x = chain->solve(d);
   EXPECT_LE((x.rowwise().norm().array() - 1).abs().maxCoeff(), double(M) * epsilon * 2);
   RowMatrix q = RowMatrix::Zero(M + 1, 2);
   q.row(M) << 0, 1;

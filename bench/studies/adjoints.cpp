@@ -94,11 +94,11 @@ class Study {
     const StepChainProblem problem = system.step_problem(c.scheme, sizes);
     const Index m = problem.states(), M = problem.steps();
     std::unique_ptr<StepChain> chain = backend.step_chain(problem);
-    const std::string elsewhere = chain->elsewhere();
+    const bool on_host = chain->on_host && backend.fused().step_chain;
     const auto add = [&](const char* what, const std::vector<double>& times, double apart) {
       report_.rows.push_back({{"backend", backend.name()},
                               {"scheme", to_string(c.scheme)},
-                              {"elsewhere", elsewhere},
+                              {"elsewhere", on_host ? "steps and adjoints on the host" : ""},
                               {"states", m},
                               {"steps", M},
                               {"grid", c.grid()},
@@ -117,23 +117,20 @@ class Study {
     RowMatrix q(M + 1, m), exact, found;
     for (Index i = 0; i <= M; ++i)
       for (Index k = 0; k < m; ++k) q(i, k) = std::cos(0.37 * double(i) + double(k * k));
-    const auto right = backend.array(M + 1, m), left = backend.array(M + 1, m);
-    backend.upload(q, *right);
-    const auto forward = [&] { chain->forward(*right, *left); };
+    const auto forward = [&] { chain->solve(q); };
     forward();
     add("forward", timed_runs(backend, request_.repeats(), forward), 0);
     for (const Way& way : ways) {
       const bool products = way.choice.method == AdjointMethod::doubling || way.choice.method == AdjointMethod::scan;
       if (products && m > most_product_states(backend, way.choice.method)) continue;
-      const auto adjoint = [&] { chain->adjoint(*right, *left, way.choice); };
+      const auto adjoint = [&] { found = chain->solve_transposed(q, way.choice); };
       adjoint();
-      backend.download(*left, found);
       if (exact.size() == 0) exact = found;
       const double apart = (found - exact).cwiseAbs().maxCoeff() / exact.cwiseAbs().maxCoeff();
       add(way.name, timed_runs(backend, request_.repeats(), adjoint), apart);
     }
     chain.reset();
-    if (c.scheme != StepScheme::euler || !elsewhere.empty()) return;
+    if (c.scheme != StepScheme::euler || on_host) return;
     measure_cycle(scene, t, problem, backend, add);
   }
 

@@ -82,7 +82,7 @@ Sweep measure_sweep(const Scene& scene, Backend& backend, Index J, int repeats) 
     sine->apply(*y, nullptr, *modes, 0);
     scan->apply(*modes, *v, 0);
     sine->apply(*v, nullptr, *modes, 0);
-    lcp->start(*r, *zero, *y, 0, 0);
+    lcp->submit(*r, *zero, *y, 0, 0);
   };
   const auto finish = [&] { lcp->finish(*r, *zero, *y, 0, 0); };
   sweep.transform = timed(backend, repeats, [&] { sine->apply(*y, nullptr, *modes, 0); });
@@ -91,7 +91,7 @@ Sweep measure_sweep(const Scene& scene, Backend& backend, Index J, int repeats) 
   sweep.lcp = timed(backend, repeats, [&] { lcp->solve(*r, *zero, *y, 0, 0); });
   sweep.whole = timed(backend, repeats, [&] { operations(), finish(); });
   if (const auto program = backend.record(rows * n, operations))
-    sweep.recorded = timed(backend, repeats, [&] { program->run(), finish(); });
+    sweep.recorded = timed(backend, repeats, [&] { program(), finish(); });
   return sweep;
 }
 

@@ -39,7 +39,7 @@ struct Runner {
   Backend* backend;
   int threads;  ///< of the host
 
-  bool device() const { return backend->device().memory > 0; }
+  bool device() const { return !backend->traits().one_at_a_time; }
   std::string words() const {
     return device() ? "the device" : fmt::format("{} thread{}", threads, threads == 1 ? "" : "s");
   }

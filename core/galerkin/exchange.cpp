@@ -1,11 +1,11 @@
 // z_k and x_k on given active sets, and the exchange of what has the wrong sign: the semismooth Newton method on
 // min(z, w) = 0, with every linear system solved exactly. All that belongs to single intervals is done by the backend,
-// for all of them at once (core/seam/affine_chain.hpp).
+// for all of them at once (core/host/affine_chain.hpp).
 
 #include "core/base/text.hpp"
 #include "core/galerkin/solvers.hpp"
+#include "core/host/affine_chain.hpp"
 #include "core/lcp/solution.hpp"
-#include "core/seam/affine_chain.hpp"
 #include "core/seam/backend.hpp"
 
 #include <Eigen/Dense>

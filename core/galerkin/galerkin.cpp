@@ -99,8 +99,7 @@ GalerkinSolution linear_solution(const GalerkinProblem& p) {
 GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& full, const GalerkinProblem& p,
                                 Backend& backend, const Options& options, const RowMatrix* start) {
   if (p.unknowns() == 0) return linear_solution(p);
-  // A device has no use for one interval at a time.
-  if (p.initial_value && p.uniform() && backend.device().memory > 0) {
+  if (p.initial_value && p.uniform() && !backend.traits().one_at_a_time) {
     GalerkinSolution sweeps = iterate_galerkin(p, backend, options);
     if (sweeps.status == Status::solved || sweeps.status == Status::interrupted) return sweeps;
   }

@@ -24,7 +24,7 @@ GoalEvaluation ConstrainedGoal::evaluate(const Vector& t) {
   last_ = solve_constrained(system_, scheme, t, x0);
   GoalEvaluation e;
   e.x = last_.x;
-  if (backend_.name() != "cpu") e.elsewhere = "steps with complementarity on the host";
+  if (backend_.fused().step_chain) e.elsewhere = "steps with complementarity on the host";
   e.indicators = Vector::Zero(t.size() - 1);
   e.quantity = std::numeric_limits<double>::quiet_NaN();
   if (last_.unsolved >= 0) return e;

@@ -12,7 +12,7 @@
 //     x' = A_S x + f - B K g,   A_S = A - B K N,
 //
 // so that along a solution every step is a linear one-step map that depends on h and S, and the adjoint of the solution
-// is that of a chain (core/seam/step_chain.hpp): exact wherever no y_i + w_i vanishes.
+// is that of a chain (core/host/step_chain.hpp): exact wherever no y_i + w_i vanishes.
 
 #include "reconstruction.hpp"
 

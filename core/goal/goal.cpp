@@ -169,7 +169,7 @@ GoalEvaluation evaluate_goal(const PortSystem& system, Backend& backend, const G
   e.x = chain->solve(step_sources(system, goal.scheme, t, x0, &backend));
   const Trajectory path{system, goal.scheme, t, e.x, 1, nullptr, &backend};
   e.sizes = sizes.sizes.size();
-  e.elsewhere = chain->elsewhere();
+  if (chain->on_host && backend.fused().step_chain) e.elsewhere = "steps and adjoints on the host";
   const bool weighted_on_this = goal.weights != CellWeights::global;
   QuantityEvaluation quantity_here = quantity->evaluate(path, weighted_on_this);
   e.quantity = quantity_here.value;

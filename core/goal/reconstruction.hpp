@@ -8,9 +8,9 @@
 //     midpoint     linear; two Gauss nodes, exact for the squares that an energy balance integrates
 //     exponential  the cubic through both values and slopes; three Gauss nodes
 
+#include "../host/step_chain.hpp"
 #include "../scene/input_samples.hpp"
 #include "../scene/port_hamiltonian.hpp"
-#include "../seam/step_chain.hpp"
 
 #include <optional>
 

@@ -139,7 +139,7 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
     const auto q = p.backend.array(p.J + 1, p.scene.constraints());
     upload(p.backend, p.g.plus(p.start - p.g.row(0)), *q);
     timer.lap();
-    const LcpReport report = lcp.solve(*q, v, y, 0, -1);
+    const LcpReport report = lcp.solve(*q, v, y, 0);
     count(report, timer.lap(), result);
     // q_0 does not change any more: what is infeasible there is proven.
     if (report.infeasible == 0) return {Status::infeasible, "no solution at t = 0", 0, 0};
@@ -148,11 +148,11 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
   }
   Timer sweeps;
   // Short sweeps are recorded once; they then do all rows, since leaving out what has settled would save nothing.
-  std::unique_ptr<Program> sweep;
-  if (recordable)
+  std::function<void()> sweep;
+  if (recordable && !lcp.at_once)
     sweep = p.backend.record(y.rows() * y.cols(), [&] {
       apply(y, v, 0);
-      lcp.start(r, v, y, 0, settle);
+      lcp.submit(r, v, y, 0, settle);
     });
   Watch watch(options.iteration_tolerance);
   Outlook outlook(p, options);
@@ -168,7 +168,7 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
     if (options.interrupted && options.interrupted()) return ended({Status::interrupted, "stopped on request", -1});
     LcpReport report;
     if (sweep) {
-      sweep->run();
+      sweep();
       timer.lap();
       report = lcp.finish(r, v, y, 0, settle);
     } else {

@@ -11,6 +11,7 @@
 // Lag d needs t in [(d-1)h, (d+1)h]; lags 0 and 1 need [h, 2h] and have a contour of their own.
 
 #include "../base/error.hpp"
+#include "../dynamics/line_transfer.hpp"
 #include "../numerics/contour.hpp"
 #include "../seam/backend.hpp"
 
@@ -43,26 +44,5 @@ LagTable contour_lag_table(Backend&, const Dynamics&, const ContourParameters&, 
 /// `x0_lines` is x0 with only the `along` direction transformed (n x across.points).
 RowMatrix contour_initial_response(const KroneckerDynamics&, const ContourParameters&, const RowMatrix& x0_lines,
                                    double h, Index J);
-
-/// What a backend's `resolvent` throws where zI - A is singular.
-SingularShift eigenvalue_at(Complex z);
-
-/// n^T (zI - across)^{-1} for one grid line, in closed form (the discrete Green's function of the second difference).
-ComplexVector green_row(const SecondDifference& across, const Vector& n, Complex z);
-
-/// n^T (zI - across)^{-1} b, the transfer function of one grid line, in closed form.
-class LineTransfer {
- public:
-  LineTransfer(const SecondDifference& across, const Vector& n, const Vector& b);
-  Complex operator()(Complex z) const;
-
- private:
-  struct Term {
-    Index i, j;     ///< positions on the line, from 1
-    double factor;  ///< n_i b_j
-  };
-  SecondDifference across_;
-  std::vector<Term> terms_;
-};
 
 }  // namespace bromwich

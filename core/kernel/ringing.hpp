@@ -11,6 +11,7 @@
 // has to be of the kind that M + W_0 is: all principal minors of the same sign. Then no root has crossed -1, and what y
 // forgets it forgets without changing sign: M > h/2 for K = 1, M > h^2/4 for K = t, the step resolves what M damps.
 
+#include "../numerics/alternation.hpp"
 #include "discrete_problem.hpp"
 #include "recurrence.hpp"
 
@@ -34,13 +35,6 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass);
 /// value of their column.
 inline constexpr Index ringing_run = 16;
 inline constexpr double ringing_part = 0.01;
-
-/// Largest absolute value of each column in the rows begin .. end-1 of y, or what `largest` holds already.
-void largest_of_columns(const RowMatrix& y, Index begin, Index end, Vector& largest);
-
-/// Whether some column alternates over `run` rows that end in one of the rows begin .. end-1 (Backend::alternates),
-/// with second differences above least[column].
-bool alternates(const RowMatrix& y, Index begin, Index end, const Vector& least, Index run);
 
 /// Finds a column of y that alternates from one row to the next over `ringing_run` rows with hardly any decay: the row
 /// where that begins, or -1.

@@ -45,7 +45,7 @@ void SpaceTimeKernel::apply_injected_modes(const SpaceTimeKernel& fine, Array& v
   transform_seconds += timer.lap();
 }
 
-bool SpaceTimeKernel::sweeps(const LcpBatch& lcp) const { return sine_ && lcp.takes_modes(); }
+bool SpaceTimeKernel::sweeps(const LcpBatch& lcp) const { return sine_ && lcp.submit_in_modes; }
 
 // Between two convolutions the batch takes modes of v and leaves modes of y.
 void SpaceTimeKernel::sweep(LcpBatch& lcp, const Array& r, Array& y, Array& v, SweepOrder order) {
@@ -56,7 +56,7 @@ void SpaceTimeKernel::sweep(LcpBatch& lcp, const Array& r, Array& y, Array& v, S
   bool in_modes = order.before;
   for (int i = 1; i <= order.count; ++i, in_modes = true) {
     const bool more = i < order.count || order.behind;
-    lcp.start_in_modes(*sine_, r, in_modes ? *v_modes_ : v, in_modes, y, more ? y_modes_.get() : nullptr, 1);
+    lcp.submit_in_modes(*sine_, r, in_modes ? *v_modes_ : v, in_modes, y, more ? y_modes_.get() : nullptr, 1);
     if (more) convolution_->apply(*y_modes_, *v_modes_, 0);
   }
   if (order.behind) sine_->apply(*v_modes_, nullptr, v, 0);

@@ -30,7 +30,7 @@ struct KernelPlan {
   SharedWeights weights = {};  ///< that the kernel applies by recurrence; null: by a table
 };
 
-/// What a march is made from, see MarchProblem (core/seam/backend.hpp). The weights stay; the rest is of x0, f and g.
+/// What a march is made from, see MarchProblem (core/seam/plans.hpp). The weights stay; the rest is of x0, f and g.
 struct MarchData {
   std::shared_ptr<Weights> weights;
   double error = NAN;  ///< of the weights, see Result::kernel_error

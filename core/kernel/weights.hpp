@@ -14,7 +14,6 @@
 
 namespace bromwich {
 
-using Weights = std::variant<Recurrence, LagTable>;
 /// Tables are large: those who need the same weights share them.
 using SharedWeights = std::shared_ptr<const Weights>;
 

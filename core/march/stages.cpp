@@ -2,6 +2,7 @@
 
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
+#include "core/host/stage_march.hpp"
 #include "core/kernel/rough_response.hpp"
 #include "core/lcp/active_set.hpp"
 #include "core/march/outcome.hpp"
@@ -257,8 +258,6 @@ std::unique_ptr<Array> on_backend(const DiscreteProblem& p, const RowMatrix& val
 // What the march is given, and the arrays that it points to.
 struct Given {
   Dynamics written_out;  ///< a Kronecker sum as sparse matrices
-  RowMatrix g_values;
-  std::unique_ptr<Array> g, phi;
   StageProblem problem;
 };
 
@@ -280,34 +279,25 @@ void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages
   problem.components = p.components;
   problem.interrupted = options.interrupted;
   if (options.progress) problem.progress = [&](Index row) { options.progress({grid.step[std::size_t(row)], 0, p.J}); };
-  given.g_values = sample_stages(p, grid, p.scene.g, p.g.table(), stages);
-  if (!grid.lengths.empty()) take_limits(p, grid, takes_limits_at_points(p, grid), given.g_values);
-  given.g = on_backend(p, given.g_values);
-  problem.g = given.g.get();
+  problem.g = sample_stages(p, grid, p.scene.g, p.g.table(), stages);
+  if (!grid.lengths.empty()) take_limits(p, grid, takes_limits_at_points(p, grid), problem.g);
   if (p.f.size() == 0) return;
-  RowMatrix phi = sample_stages(p, grid, p.scene.f, p.f.table(), stages);
-  take_moments(p, grid, stages, phi);
-  given.phi = on_backend(p, phi);
-  problem.phi = given.phi.get();
+  problem.phi = sample_stages(p, grid, p.scene.f, p.f.table(), stages);
+  take_moments(p, grid, stages, problem.phi);
   problem.F = source_matrix(p.scene, *problem.dynamics);
 }
 
-// The rows of the points of the grid, out of those of all parts; v = N x of these.
-std::unique_ptr<Array> keep_points(const DiscreteProblem& p, const StageGrid& grid, const Given& given, const Array& v,
-                                   MarchReport& report, Result& result) {
-  for (Index* row : {&report.stopped, &report.infeasible})
+// Of all parts, the rows at points of the grid.
+void keep_points(const DiscreteProblem& p, const StageGrid& grid, const Given& given, StageSolution& s,
+                 Result& result) {
+  for (Index* row : {&s.report.stopped, &s.report.infeasible})
     if (*row >= 0) *row = grid.step[std::size_t(*row)];
-  RowMatrix seen;
-  p.backend.download(v, seen);
-  seen = seen(grid.at, Eigen::all).eval();
-  result.y = result.y(grid.at, Eigen::all).eval();
-  result.y_integral = result.y_integral(grid.at, Eigen::all).eval();
-  result.x = result.x(grid.at, Eigen::all).eval();
+  for (RowMatrix* values : {&s.v, &result.y, &result.y_integral, &result.x})
+    *values = (*values)(grid.at, Eigen::all).eval();
   result.defects = std::make_shared<StepDefects>();
   if (p.sources) result.kernel += text("; %zu steps in parts, where sources are not smooth", p.sources->rough.size());
-  if (p.sources && takes_limits_at_points(p, grid) && report.stopped < 0)
-    if (const auto j = solve_at_own_values(p, grid, given.g_values, seen, result)) report.stopped = *j;
-  return on_backend(p, seen);
+  if (p.sources && takes_limits_at_points(p, grid) && s.report.stopped < 0)
+    if (const auto j = solve_at_own_values(p, grid, given.problem.g, s.v, result)) s.report.stopped = *j;
 }
 
 }  // namespace
@@ -318,38 +308,28 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& opti
   if (start == Start::none) return;
   result.seconds.lcp += timer.lap();
   const StageGrid grid = make_grid(p, stages, options.compares_grids);
-  const Index rows = grid.t.size(), n = p.scene.constraints();
   Given given;
   state_problem(p, grid, stages, options, given);
-  const auto march = p.backend.stage_march(given.problem, rows);
-  const auto r = on_backend(p, p.g.table());
-  auto y = p.backend.array(rows, n), v = p.backend.array(rows, n);
-  const auto impulse = p.backend.array(rows, n);
-  const auto x = p.backend.array(rows, Index(p.components.size()));
-  result.bytes = 4 * y->bytes() + given.g->bytes() + (given.phi ? given.phi->bytes() : 0) + x->bytes() +
-                 march->bytes() + host_bytes(p);
-  RowMatrix first = RowMatrix::Constant(rows, n, NAN);
-  first.row(0) = result.y.row(0);
-  p.backend.upload(first, *y);
   result.seconds.setup += timer.lap();
-  MarchReport report = march->run(*y, *impulse, *v, *x);
-  p.backend.download(*y, result.y);
-  p.backend.download(*impulse, result.y_integral);
-  for (Index j = 1; j < rows; ++j) result.y_integral.row(j) += result.y_integral.row(j - 1);
-  p.backend.download(*x, result.x);
+  StageSolution s = march_by_stages(given.problem, result.y.row(0).transpose());
+  result.bytes =
+      s.bytes + host_bytes(p) +
+      sizeof(double) * std::size_t(4 * s.y.size() + s.x.size() + given.problem.g.size() + given.problem.phi.size());
+  result.y = std::move(s.y);
+  result.y_integral = std::move(s.impulse);
+  for (Index j = 1; j < result.y_integral.rows(); ++j) result.y_integral.row(j) += result.y_integral.row(j - 1);
+  result.x = std::move(s.x);
   result.continuous = false;
-  result.well_posed = report.well_posed;
-  result.kernel = describe(stages, report);
-  result.euler_steps = report.jumps;
+  result.well_posed = s.report.well_posed;
+  result.kernel = describe(stages, s.report);
+  result.euler_steps = s.report.jumps;
   result.starts_with_impulse = start == Start::impulse;
   if (result.starts_with_impulse) result.kernel += impulse_note;
-  count(report, result);
-  if (!grid.lengths.empty()) {
-    v = keep_points(p, grid, given, *v, report, result);
-    y = on_backend(p, result.y);
-  }
+  count(s.report, result);
+  if (!grid.lengths.empty()) keep_points(p, grid, given, s, result);
+  const auto r = on_backend(p, p.g.table()), v = on_backend(p, s.v), y = on_backend(p, result.y);
   if (options.trace) result.trace = trace(p, *r, *v);
-  if (report.stopped >= 0) return explain_stop(p, report, result);
+  if (s.report.stopped >= 0) return explain_stop(p, s.report, result);
   result.residual = march_residual(p, start, *r, *v, *y);
   result.status = Status::solved;
 }

@@ -61,7 +61,7 @@ void Multigrid::begin(const Options& options, Result& result) {
 
 bool Multigrid::all_queue() const {
   for (const auto& level : levels_.grids)
-    if (level->march ? !level->march->queues() : !level->lcp->queues()) return false;
+    if (level->march ? level->march->at_once : level->lcp->at_once) return false;
   return true;
 }
 
@@ -77,7 +77,7 @@ void Multigrid::nest(const Vector& y0) {
   }
   if (levels_.size() >= grids_of_estimate) {
     backend_.inject(*levels_[1].nested, *levels_[2].old);
-    differences_->start(quarter_step, *levels_[2].old, *levels_[2].nested);
+    differences_->submit(quarter_step, *levels_[2].old, *levels_[2].nested);
   }
   y0_ = y0;
   nested_ = true;
@@ -219,7 +219,7 @@ void Multigrid::whole_cycle() {
   if (useful_)
     measure_correction();
   else
-    differences_->start(last_change, *finest.y, *finest.old);
+    differences_->submit(last_change, *finest.y, *finest.old);
   compare();
 }
 
@@ -241,7 +241,7 @@ void Multigrid::correct_finest() {
 
 void Multigrid::measure_correction() {
   const TimeLevel& coarse = levels_[levels_[0].coarse];
-  differences_->start(last_change, *coarse.y, *coarse.old);
+  differences_->submit(last_change, *coarse.y, *coarse.old);
 }
 
 void Multigrid::one_more_sweep() {
@@ -255,11 +255,11 @@ void Multigrid::one_more_sweep() {
 // y with what it was before the last sweep, y_2h with y.
 void Multigrid::compare() {
   TimeLevel& finest = levels_[0];
-  if (useful_) differences_->start(last_sweep, *finest.y, *finest.old);
+  if (useful_) differences_->submit(last_sweep, *finest.y, *finest.old);
   if (levels_.size() < grids_of_estimate) return;
   TimeLevel& half = levels_[1];
   backend_.inject(*finest.y, *half.old);
-  differences_->start(half_step, *half.old, *half.nested);
+  differences_->submit(half_step, *half.old, *half.nested);
 }
 
 void Multigrid::cycle(std::size_t l) {
@@ -269,11 +269,11 @@ void Multigrid::cycle(std::size_t l) {
 
 void Multigrid::solve_on(std::size_t l) {
   if (levels_[l].march) return march(levels_[l]);
-  if (l + 1 == levels_.size()) return queued_ && recorded_[l].descend ? recorded_[l].descend->run() : sweep_coarsest();
+  if (l + 1 == levels_.size()) return queued_ && recorded_[l].descend ? recorded_[l].descend() : sweep_coarsest();
   const bool recorded = queued_ && recorded_[l].descend && recorded_[l].ascend;
-  recorded ? recorded_[l].descend->run() : descend(l);
+  recorded ? recorded_[l].descend() : descend(l);
   solve_on(levels_[l].coarse);
-  recorded ? recorded_[l].ascend->run() : ascend(l);
+  recorded ? recorded_[l].ascend() : ascend(l);
   if (queued_ && l == 0) result_->iterations += levels_[l].sweeps + 1;
 }
 
@@ -320,9 +320,9 @@ void Multigrid::apply(TimeLevel& level) { level.kernel->apply(*level.y, *level.v
 // y <- SOL(M + D, r + K y - D y)
 void Multigrid::smooth(TimeLevel& level) {
   if (failure_) return;
-  if (queued_) return level.lcp->start(*level.r, *level.v, *level.y, 1, -1);
+  if (queued_) return level.lcp->submit(*level.r, *level.v, *level.y, 1, -1);
   Timer timer;
-  const LcpReport report = level.lcp->solve(*level.r, *level.v, *level.y, 1, -1);
+  const LcpReport report = level.lcp->solve(*level.r, *level.v, *level.y, 1);
   result_->seconds.lcp += timer.lap();
   if (&level == &levels_[0]) ++result_->iterations;
   judge(report);
@@ -330,7 +330,7 @@ void Multigrid::smooth(TimeLevel& level) {
 
 void Multigrid::march(TimeLevel& level) {
   if (failure_) return;
-  if (queued_) return level.march->start(*level.y, *level.v);
+  if (queued_) return level.march->submit(*level.y, *level.v);
   const MarchReport report = level.march->run(*level.y, *level.v);
   result_->seconds.lcp += report.lcp_seconds;
   judge(report, level.steps);
@@ -340,7 +340,7 @@ void Multigrid::march(TimeLevel& level) {
 bool Multigrid::collected() {
   bool solved = true;
   for (const auto& level : levels_.grids) {
-    if (level->march && level->march->queues()) {
+    if (level->march && !level->march->at_once) {
       const MarchReport report = level->march->collect();
       count(report.count);
       solved = solved && report.stopped < 0;

@@ -80,10 +80,10 @@ class Multigrid {
   void judge(const LcpReport&);
   void judge(const MarchReport&, Index steps);
 
-  /// The two halves of a cycle on one grid, recorded; null where they are asked for one by one. On the coarsest grid
-  /// `descend` is all.
+  /// The two halves of a cycle on one grid, recorded; empty where operations are called one by one. On the coarsest
+  /// grid `descend` is all.
   struct Recorded {
-    std::unique_ptr<Program> descend, ascend;
+    std::function<void()> descend, ascend;
   };
 
   Backend& backend_;

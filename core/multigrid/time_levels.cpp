@@ -24,7 +24,6 @@ constexpr int few_coarsest_sweeps = 3, few_first_visits = 4;  ///< there, where 
 constexpr int coarsest_sweeps = 5, first_visits = 3;          ///< elsewhere, at least
 constexpr double symbol_over_w0 = 2.62;  ///< 1/sin(pi/8): of weights that fall monotonously, above pi/4
 constexpr double most_unseen = 0.5;
-constexpr Index most_unasked = 2048;  ///< steps of a march that is not interrupted on a device
 
 // With the one behind the correction they multiply what a coarser grid cannot see by `wanted`.
 int sweeps_before(double factor, double wanted, int fewest) {
@@ -71,8 +70,7 @@ void prepare_march(const DiscreteProblem& p, const std::function<bool()>& interr
   problem.recurrence = recurrence_of(*level.weights);
   problem.lags = lag_table_of(*level.weights);
   problem.r = level.r.get();
-  const bool queues = p.backend.device().memory > 0;  // where nobody asks on the way
-  if (!queues || level.steps > most_unasked) problem.interrupted = interrupted;
+  if (level.steps > p.backend.traits().unpolled_steps) problem.interrupted = interrupted;
   level.march = p.backend.march(problem, level.steps + 1);
 }
 
@@ -120,7 +118,7 @@ namespace {
 TimeLevels choose_grids(TimeOperator& op) {
   const DiscreteProblem& p = op.problem();
   TimeLevels levels;
-  const Index fewest = p.backend.device().memory > 0 ? fewest_steps_on_device : fewest_steps;
+  const Index fewest = p.backend.traits().fewest_steps;
   std::vector<Index> farthest;  // steps of the coarsest grid that each may ask
   Coarsening allowed{marched_kappa0};
   for (Index steps = p.J;;) {

@@ -49,18 +49,16 @@ struct TimeLevels {
   std::size_t size() const { return grids.size(); }
 };
 
-/// A coarser grid needs `fewest_steps`, and kappa_0 (core/iteration/forecast.hpp) below 0.1; or below 1 where the
-/// symbol of a sweep (core/multigrid/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.8 at the high ones.
-/// M + W_0 is P there. A cycle asks the coarsest one for which a sweep multiplies what that cannot see by
+/// A coarser grid needs BackendTraits::fewest_steps, and kappa_0 (core/iteration/forecast.hpp) below 0.1; or below 1
+/// where the symbol of a sweep (core/multigrid/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.8 at the
+/// high ones. M + W_0 is P there. A cycle asks the coarsest one for which a sweep multiplies what that cannot see by
 /// `far_smoothed` at most, or the next one. None where that leaves but the finest, and it is too long to be marched in
 /// every cycle. The operator has to outlive them. The coarsest grid is swept where the symbol is known, and marched
 /// otherwise. r holds the response on each grid, y is zero.
 TimeLevels time_levels(TimeOperator&, const Options&);
 
-inline constexpr Index fewest_steps = 16;            ///< of a grid but the finest
-inline constexpr Index fewest_steps_on_device = 48;  ///< small grids cost a device as much as large ones
-inline constexpr Index enough_steps = 96;            ///< of the coarsest of three grids or more, where it is swept
-inline constexpr Index most_marched = 64;            ///< of a finest grid that is the only one
-inline constexpr double far_smoothed = 0.15;         ///< TimeLevel::unseen of a cycle that leaves out grids
+inline constexpr Index enough_steps = 96;     ///< of the coarsest of three grids or more, where it is swept
+inline constexpr Index most_marched = 64;     ///< of a finest grid that is the only one
+inline constexpr double far_smoothed = 0.15;  ///< TimeLevel::unseen of a cycle that leaves out grids
 
 }  // namespace bromwich

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "../base/types.hpp"
-#include "../seam/lcp_count.hpp"
+#include "../lcp/count.hpp"
 #include "method.hpp"
 
 #include <limits>

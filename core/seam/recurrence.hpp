@@ -50,6 +50,14 @@ struct DenseRecurrence {
 };
 
 using Recurrence = std::variant<ModalRecurrence, DenseRecurrence>;
+using Weights = std::variant<Recurrence, LagTable>;
+
+/// One of the forms of the weights, by reference.
+using WeightsRef = std::variant<const ModalRecurrence*, const DenseRecurrence*, const LagTable*>;
+inline WeightsRef weights_ref(const LagTable& table) { return &table; }
+inline WeightsRef weights_ref(const Recurrence& recurrence) {
+  return std::visit([](const auto& r) -> WeightsRef { return &r; }, recurrence);
+}
 
 /// W_0 = S diag(w0) S, n x n: what a step of marching adds to M.
 Matrix implicit_part(const ModalRecurrence&);

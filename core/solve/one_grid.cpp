@@ -40,10 +40,11 @@ class Run {
   // not where the steps are too long for a better method, for Euler's result is less exact on that grid.
   void automatic(Result& result) {
     const DiscreteProblem& p = methods_.problem();
-    const bool on_device = backend_.device().memory > 0;
-    if (!on_device && p.kronecker() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
+    const BackendTraits& traits = backend_.traits();
+    if (traits.one_at_a_time && p.kronecker() && p.scene.constraints() > largest_marched && iterate_first(result))
+      return;
     std::string before;
-    for (const Method method : methods_by_time(p.scene, p.lcp_class, p.J, on_device)) {
+    for (const Method method : methods_by_time(traits, p.scene, p.lcp_class, p.J)) {
       if (method == Method::euler && !options_.fall_back_to_euler) {
         if (result.reason.empty()) result.reason = "no method of second order applies" + before;
         return;

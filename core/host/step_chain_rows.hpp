@@ -1,16 +1,14 @@
 #pragma once
 // What chains of dense and of sparse maps share: rows that meet the same matrix, taken together, and the products of
-// maps for the exact parallel adjoints. Notation of core/seam/step_chain.hpp; rows are row vectors here,
+// maps for the exact parallel adjoints. Notation of core/host/step_chain.hpp; rows are row vectors here,
 //
 //     mu_i^T = q_i^T + mu_{i+1}^T (I + D_{i+1}).
 
-#include "core/seam/step_chain.hpp"
-#include "cpu/failure.hpp"
-#include "cpu/parts.hpp"
+#include "step_chain.hpp"
 
 #include <vector>
 
-namespace bromwich::cpu {
+namespace bromwich::host {
 
 /// Places 0 .. count-1 in the order of the matrix that they meet, cut into tiles of one matrix each.
 struct PlaceTiles {
@@ -54,42 +52,34 @@ enum class Factor { plain, transposed, plus_identity };  ///< X, X^T, I + X
 
 /// out <- add + in F, F made of the matrix X of each place. `out` may be `in` where the shifts agree.
 void multiply_places(const PlaceTiles&, const MatrixList& X, Factor, const RowMatrix& in, const RowMatrix* add,
-                     RowMatrix& out, RowShift, int threads);
+                     RowMatrix& out, RowShift, const HostThreads& threads);
 
-/// use(tile, places of the tile, workspace of the thread) for all tiles at once.
+/// use(tile, places of the tile, a workspace) for all tiles at once.
 template <class Workspace, class Use>
-void each_tile(const PlaceTiles& places, int threads, int together, const Use& use) {
+void each_tile(const PlaceTiles& places, const HostThreads& threads, Index together, const Use& use) {
   const Index tiles = Index(places.tiles.size());
-  Failure failure;
-#pragma omp parallel num_threads(threads)
-  {
+  share(threads, tiles, together, [&](Index first, Index last) {
     Workspace workspace;
-#pragma omp for schedule(dynamic, together)
-    for (Index t = 0; t < tiles; ++t) try {
-        const PlaceTiles::Tile& tile = places.tiles[std::size_t(t)];
-        use(tile, places.order.data() + tile.first, workspace);
-      } catch (...) {
-        failure.keep();
-      }
-  }
-  failure.rethrow();
+    for (Index t = first; t < last; ++t) {
+      const PlaceTiles::Tile& tile = places.tiles[std::size_t(t)];
+      use(tile, places.order.data() + tile.first, workspace);
+    }
+  });
 }
 
 /// mu of a chain by products of its maps. `D` holds the increments by kind.
 void solve_by_doubling(const MatrixList& D, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
-                       int threads);
+                       const HostThreads& threads);
 void solve_by_scan(const MatrixList& D, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
-                   int threads);
+                   const HostThreads& threads);
 
 /// Of one map.
 enum class RowFactor { inverse, R, R_transposed, change_transposed };  ///< S^{-1}, R, R^T, (R - S)^T
 
 /// All but what depends on how the maps are stored.
-class CpuStepChain : public StepChain {
+class HostStepChain : public StepChain {
  public:
-  CpuStepChain(const StepChainProblem&, int threads);
-  void forward(const Array& d, Array& x) final;
-  void adjoint(const Array& q, Array& l, const AdjointChoice&) final;
+  HostStepChain(const StepChainProblem&, const HostThreads& threads);
   RowMatrix solve(RowMatrix d) final;
   RowMatrix solve_transposed(RowMatrix q, const AdjointChoice&) final;
   Vector weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) final;
@@ -126,11 +116,11 @@ class CpuStepChain : public StepChain {
   std::vector<Index> map_of_;
   std::vector<char> plain_R_;  ///< R = I, of every kind
   double memory_limit_;
-  int threads_;
+  const HostThreads& threads_;
   RowMatrix other_;  ///< of sweeps
 };
 
-std::unique_ptr<StepChain> make_dense_step_chain(const StepChainProblem&, int threads);
-std::unique_ptr<StepChain> make_sparse_step_chain(const StepChainProblem&, int threads);
+std::unique_ptr<StepChain> make_dense_step_chain(const StepChainProblem&, const HostThreads& threads);
+std::unique_ptr<StepChain> make_sparse_step_chain(const StepChainProblem&, const HostThreads& threads);
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich::host

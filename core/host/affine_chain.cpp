@@ -1,4 +1,4 @@
-#include "core/seam/affine_chain.hpp"
+#include "core/host/affine_chain.hpp"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "core/seam/sparse_step_factors.hpp"
+#include "core/host/sparse_step_factors.hpp"
 
 #include <cmath>
 

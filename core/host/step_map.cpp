@@ -1,4 +1,4 @@
-#include "core/seam/step_map.hpp"
+#include "core/host/step_map.hpp"
 
 namespace bromwich {
 

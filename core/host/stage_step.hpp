@@ -11,12 +11,12 @@
 // v the eigenvector and w the row of the inverse eigenvector matrix. Implicit Euler (s = 1): mu = v = w = 1, no 2 Re.
 // (Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.8.)
 
-#include "core/seam/backend.hpp"
+#include "stage_problem.hpp"
 
 #include <memory>
 #include <vector>
 
-namespace bromwich::cpu {
+namespace bromwich::host {
 
 class StageStep {
  public:
@@ -35,4 +35,4 @@ class StageStep {
 /// of the problem's stage values of g and phi are used.
 std::unique_ptr<StageStep> make_stage_step(const StageProblem&, Index stages, double h, const std::vector<Index>& rows);
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich::host

@@ -1,33 +1,27 @@
 // Chains of sparse maps: one LU factorization with partial pivoting for every kind of step. Rows of a space-time array
 // are contiguous, so rows of one kind are the columns of a system with many right-hand sides.
 
-#include "core/seam/sparse_step_factors.hpp"
-#include "cpu/failure.hpp"
-#include "cpu/step_chain.hpp"
+#include "core/host/sparse_step_factors.hpp"
+#include "core/host/step_chain_rows.hpp"
 
 #include <algorithm>
 
-namespace bromwich::cpu {
+namespace bromwich::host {
 
 namespace {
 
 constexpr Index sparse_tile_rows = 16;
 
-class SparseStepChain final : public CpuStepChain {
+class SparseStepChain final : public HostStepChain {
  public:
-  SparseStepChain(const StepChainProblem& problem, int threads)
-      : CpuStepChain(problem, threads),
+  SparseStepChain(const StepChainProblem& problem, const HostThreads& threads)
+      : HostStepChain(problem, threads),
         places_(map_of_, Index(problem.maps.size()), sparse_tile_rows),
         kinds_(problem.maps.size()) {
     const Index kinds = Index(kinds_.size());
-    Failure failure;
-#pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
-    for (Index k = 0; k < kinds; ++k) try {
-        kinds_[std::size_t(k)] = std::make_unique<SparseStepFactors>(problem.maps[std::size_t(k)]);
-      } catch (...) {
-        failure.keep();
-      }
-    failure.rethrow();
+    share_each(threads, kinds, [&](Index k) {
+      kinds_[std::size_t(k)] = std::make_unique<SparseStepFactors>(problem.maps[std::size_t(k)]);
+    });
     for (Index k = 0; k < kinds; ++k)
       if (kinds_[std::size_t(k)]->singular) throw singular_step(problem, k);
   }
@@ -123,16 +117,11 @@ class SparseStepChain final : public CpuStepChain {
     if (D_.count() == kinds) return D_;
     check_products(8.0 * double(m_ * m_) * double(kinds), memory_limit_, method);
     D_ = MatrixList(kinds, m_);
-    Failure failure;
-#pragma omp parallel for num_threads(threads_) schedule(dynamic, 1)
-    for (Index k = 0; k < kinds; ++k) try {
-        SparseStepFactors& kind = *kinds_[std::size_t(k)];
-        const Matrix D = kind.lu.solve(Matrix(kind.change));
-        D_[k] = D;
-      } catch (...) {
-        failure.keep();
-      }
-    failure.rethrow();
+    share_each(threads_, kinds, [&](Index k) {
+      SparseStepFactors& kind = *kinds_[std::size_t(k)];
+      const Matrix D = kind.lu.solve(Matrix(kind.change));
+      D_[k] = D;
+    });
     return D_;
   }
 
@@ -143,8 +132,8 @@ class SparseStepChain final : public CpuStepChain {
 
 }  // namespace
 
-std::unique_ptr<StepChain> make_sparse_step_chain(const StepChainProblem& problem, int threads) {
+std::unique_ptr<StepChain> make_sparse_step_chain(const StepChainProblem& problem, const HostThreads& threads) {
   return std::make_unique<SparseStepChain>(problem, threads);
 }
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich::host

@@ -1,18 +1,18 @@
-// Chains of affine maps (core/seam/affine_chain.hpp): blocks are divided among the threads, and intervals too.
+// Chains of affine maps (core/host/affine_chain.hpp): blocks are divided among the threads, and intervals too.
 
-#include "core/seam/affine_chain.hpp"
-
-#include "cpu/failure.hpp"
-#include "cpu/parts.hpp"
+#include "core/host/affine_chain.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <mutex>
 
-namespace bromwich::cpu {
+namespace bromwich::host {
 
 namespace {
 
 constexpr Index fewest_shared_values = 200'000;  ///< below, waking threads costs more than they save
+constexpr Index intervals_together = 256;
 
 // out += A v, without the overhead of a library call where A is small.
 template <typename In, typename Out>
@@ -24,13 +24,13 @@ void add_product(const Matrix& A, const In& v, Out&& out) {
     out.noalias() += A * v;
 }
 
-class CpuAffineChain final : public AffineChain {
+class HostAffineChain final : public AffineChain {
  public:
-  CpuAffineChain(const AffineChainSizes& sizes, int threads)
+  HostAffineChain(const AffineChainSizes& sizes, const HostThreads& threads)
       : N_(sizes.intervals),
         m_(sizes.states),
         n_(sizes.components),
-        threads_(threads),
+        threads_(sizes.intervals * (sizes.states + sizes.components) >= fewest_shared_values ? threads : alone_),
         x_(N_ + 1, m_),
         v_(N_, n_),
         p_(N_, m_),
@@ -44,15 +44,14 @@ class CpuAffineChain final : public AffineChain {
   void set_maps(const std::vector<const AffineMap*>& maps, const std::vector<int>& map_of) override {
     maps_ = maps;
     map_of_ = map_of;
-#pragma omp parallel for num_threads(threads_) schedule(static)
-    for (Index k = 0; k < N_; ++k) {
+    each_interval([&](Index k) {
       const AffineMap& map = map_at(k);
       P_[std::size_t(k)] = &map.P;
       auto input = p_.row(k).transpose();
       input.setZero();
       add_product(map.G, q_.row(k).transpose(), input);
       input = F_.row(k).transpose() - input;
-    }
+    });
   }
 
   void condense(Index length, Blocks& blocks) override {
@@ -61,61 +60,49 @@ class CpuAffineChain final : public AffineChain {
     blocks.products.assign(shared.block_of.size(), Matrix());
     blocks.Phi.resize(std::size_t(count));
     blocks.phi.resize(count, m_);
-    Failure failure;
-#pragma omp parallel for num_threads(threads_) schedule(dynamic, 4)
-    for (Index b = 0; b < count; ++b) try {
-        const Index product = shared.product_of[std::size_t(b)];
-        Matrix* const Phi = &blocks.products[std::size_t(product)];
-        condense_steps(P_, p_, b * length, std::min(N_, (b + 1) * length),
-                       shared.block_of[std::size_t(product)] == b ? Phi : nullptr, blocks.phi.row(b).transpose());
-        blocks.Phi[std::size_t(b)] = Phi;
-      } catch (...) {
-        failure.keep();
-      }
-    failure.rethrow();
+    share_each(threads_, count, [&](Index b) {
+      const Index product = shared.product_of[std::size_t(b)];
+      Matrix* const Phi = &blocks.products[std::size_t(product)];
+      condense_steps(P_, p_, b * length, std::min(N_, (b + 1) * length),
+                     shared.block_of[std::size_t(product)] == b ? Phi : nullptr, blocks.phi.row(b).transpose());
+      blocks.Phi[std::size_t(b)] = Phi;
+    });
   }
 
   BlockEnds expand(Index length, const RowMatrix& starts) override {
     const Index count = count_blocks(N_, length);
     BlockEnds ends(count, m_);
-#pragma omp parallel for num_threads(threads_) schedule(static)
-    for (Index b = 0; b < count; ++b) {
+    share_each(threads_, count, [&](Index b) {
       x_.row(b * length) = starts.row(b);
       expand_steps(P_, p_, b * length, std::min(N_, (b + 1) * length), b, x_, ends);
-    }
+    });
     x_.row(N_) = starts.row(count);
     return ends;
   }
 
   ActiveSizes evaluate() override {
-    double active = 0, inactive = 0;
-    bool finite = x_.row(N_).allFinite();
-#pragma omp parallel for num_threads(threads_) schedule(static) reduction(max : active, inactive) reduction(&& : finite)
-    for (Index k = 0; k < N_; ++k) {
-      const AffineMap& map = map_at(k);
-      auto v = v_.row(k).transpose();
-      v.setZero();
-      add_product(map.X, x_.row(k).transpose(), v);
-      add_product(map.Q, q_.row(k).transpose(), v);
-      finite = finite && v.allFinite() && x_.row(k).allFinite();
-      for (Index i = 0; i < n_; ++i) {
-        double& largest = contains(map.active.data(), i) ? active : inactive;
-        largest = std::max(largest, std::abs(v[i]));
-      }
-    }
-    return {active, inactive, finite};
+    ActiveSizes all;
+    all.finite = x_.row(N_).allFinite();
+    std::mutex mutex;
+    share(threads_, N_, intervals_together, [&](Index first, Index last) {
+      const ActiveSizes sizes = evaluate(first, last);
+      const std::lock_guard lock(mutex);
+      all.active = std::max(all.active, sizes.active);
+      all.inactive = std::max(all.inactive, sizes.inactive);
+      all.finite = all.finite && sizes.finite;
+    });
+    return all;
   }
 
   void wrong_signs(double active_zero, double inactive_zero, SetWords& wrong) override {
     const Index words = words_of_set(n_);
     wrong.assign(std::size_t(N_ * words), 0);
-#pragma omp parallel for num_threads(threads_) schedule(static)
-    for (Index k = 0; k < N_; ++k) {
+    each_interval([&](Index k) {
       const AffineMap& map = map_at(k);
       for (Index i = 0; i < n_; ++i)
         if (v_(k, i) < -(contains(map.active.data(), i) ? active_zero : inactive_zero))
           wrong[std::size_t(k * words + i / 64)] |= std::uint64_t(1) << (i % 64);
-    }
+    });
   }
 
   void download(RowMatrix& x, RowMatrix& v) override {
@@ -129,10 +116,34 @@ class CpuAffineChain final : public AffineChain {
   }
 
  private:
+  void each_interval(const std::function<void(Index)>& use) const {
+    share(threads_, N_, intervals_together, [&](Index first, Index last) {
+      for (Index k = first; k < last; ++k) use(k);
+    });
+  }
+
+  ActiveSizes evaluate(Index first, Index last) {
+    ActiveSizes sizes;
+    for (Index k = first; k < last; ++k) {
+      const AffineMap& map = map_at(k);
+      auto v = v_.row(k).transpose();
+      v.setZero();
+      add_product(map.X, x_.row(k).transpose(), v);
+      add_product(map.Q, q_.row(k).transpose(), v);
+      sizes.finite = sizes.finite && v.allFinite() && x_.row(k).allFinite();
+      for (Index i = 0; i < n_; ++i) {
+        double& largest = contains(map.active.data(), i) ? sizes.active : sizes.inactive;
+        largest = std::max(largest, std::abs(v[i]));
+      }
+    }
+    return sizes;
+  }
+
   const AffineMap& map_at(Index k) const { return *maps_[std::size_t(map_of_[std::size_t(k)])]; }
 
   Index N_, m_, n_;
-  int threads_;
+  HostThreads alone_;
+  const HostThreads& threads_;
   RowMatrix x_, v_, p_, F_, q_;
   std::vector<const Matrix*> P_;
   std::vector<const AffineMap*> maps_;
@@ -141,9 +152,12 @@ class CpuAffineChain final : public AffineChain {
 
 }  // namespace
 
-std::unique_ptr<AffineChain> make_affine_chain(const AffineChainSizes& sizes, int threads) {
-  const bool shared = sizes.intervals * (sizes.states + sizes.components) >= fewest_shared_values;
-  return std::make_unique<CpuAffineChain>(sizes, shared ? threads : 1);
+}  // namespace bromwich::host
+
+namespace bromwich {
+
+std::unique_ptr<AffineChain> make_affine_chain(const AffineChainSizes& sizes, const HostThreads& threads) {
+  return std::make_unique<host::HostAffineChain>(sizes, threads);
 }
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich

@@ -1,51 +1,54 @@
 // Shifted solves at the nodes of a contour, all nodes at once.
 
+#include "core/host/shifted_solves.hpp"
+
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
-#include "core/kernel/kernel.hpp"
-#include "cpu/failure.hpp"
-#include "cpu/parts.hpp"
+#include "core/dynamics/line_transfer.hpp"
+#include "core/host/shifted_solves_sparse.hpp"
 
 #include <Eigen/LU>
 
-namespace bromwich::cpu {
+#include <algorithm>
+
+namespace bromwich::host {
 
 namespace {
 
 // Every sine mode mu_l of the constrained side sees one grid line at the shift z - mu_l: a closed form.
-ComplexMatrix of(const KroneckerDynamics& dynamics, const ComplexVector& nodes, int threads) {
+ComplexMatrix of(const KroneckerDynamics& dynamics, const ComplexVector& nodes, const HostThreads& threads) {
   const Vector mu = dynamics.along.eigenvalues();
   const Index n = mu.size();
   const LineTransfer transfer(dynamics.across, dynamics.n, dynamics.b);
   ComplexMatrix R(nodes.size(), n);
-#pragma omp parallel for num_threads(threads) schedule(static) if (nodes.size() * n > 1 << 9)
-  for (Index l = 0; l < n; ++l)
-    for (Index p = 0; p < nodes.size(); ++p) R(p, l) = transfer(nodes[p] - mu[l]);
+  const Index fewest = (Index(1) << 9) / std::max<Index>(nodes.size(), 1) + 1;  // lines: as long as waking a thread
+  share(threads, n, std::max(fewest, n / (4 * threads.threads())), [&](Index first, Index last) {
+    for (Index l = first; l < last; ++l)
+      for (Index p = 0; p < nodes.size(); ++p) R(p, l) = transfer(nodes[p] - mu[l]);
+  });
   return R;
 }
 
-ComplexMatrix of(const DenseDynamics& dynamics, const ComplexVector& nodes, int threads) {
+ComplexMatrix of(const DenseDynamics& dynamics, const ComplexVector& nodes, const HostThreads& threads) {
   const Index n = dynamics.N.rows(), k = dynamics.B.cols(), m = dynamics.A.rows();
   ComplexMatrix R(nodes.size(), n * k);
-  Failure failure;
-#pragma omp parallel for num_threads(threads) schedule(dynamic, 1) if (m > 16)
-  for (Index p = 0; p < nodes.size(); ++p) try {
+  const Index together = m > 16 ? 1 : nodes.size();
+  share(threads, nodes.size(), std::max<Index>(together, 1), [&](Index first, Index last) {
+    for (Index p = first; p < last; ++p) {
       const ComplexMatrix shifted = nodes[p] * ComplexMatrix::Identity(m, m) - dynamics.A.cast<Complex>();
       const ComplexMatrix block = dynamics.N.cast<Complex>() * shifted.partialPivLu().solve(dynamics.B.cast<Complex>());
       for (Index i = 0; i < n; ++i)
         for (Index j = 0; j < k; ++j) R(p, i * k + j) = block(i, j);
-    } catch (...) {
-      failure.keep();
     }
-  failure.rethrow();
+  });
   return R;
 }
 
-ComplexMatrix of(const SparseDynamics& dynamics, const ComplexVector& nodes, int threads) {
-  return sparse_resolvent(dynamics, nodes, threads);
+ComplexMatrix of(const SparseDynamics& dynamics, const ComplexVector& nodes, const HostThreads& threads) {
+  return sparse_shifted_solves(dynamics, nodes, threads);
 }
 
-ComplexMatrix of(const SuppliedDynamics& dynamics, const ComplexVector& nodes, int threads) {
+ComplexMatrix of(const SuppliedDynamics& dynamics, const ComplexVector& nodes, const HostThreads& threads) {
   const Index n = dynamics.N.rows(), k = dynamics.B.cols(), m = dynamics.states;
   const ComplexMatrix B = Matrix(dynamics.B).cast<Complex>();
   const Eigen::SparseMatrix<Complex> N = dynamics.N.cast<Complex>();
@@ -58,28 +61,21 @@ ComplexMatrix of(const SuppliedDynamics& dynamics, const ComplexVector& nodes, i
     for (Index i = 0; i < n; ++i)
       for (Index j = 0; j < k; ++j) R(p, i * k + j) = block(i, j);
   };
-  if (!dynamics.thread_safe) {
-    for (Index p = 0; p < nodes.size(); ++p) solve(p);
-    return R;
-  }
-  Failure failure;
-#pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
-  for (Index p = 0; p < nodes.size(); ++p) try {
-      solve(p);
-    } catch (...) {
-      failure.keep();
-    }
-  failure.rethrow();
+  share_each(dynamics.thread_safe ? threads : HostThreads(), nodes.size(), solve);
   return R;
 }
 
 }  // namespace
 
-ComplexMatrix resolvent(const Dynamics& dynamics, const ComplexVector& nodes, int threads) {
-  ComplexMatrix R = std::visit([&](const auto& d) { return of(d, nodes, threads); }, dynamics);
+}  // namespace bromwich::host
+
+namespace bromwich {
+
+ComplexMatrix shifted_solves(const Dynamics& dynamics, const ComplexVector& nodes, const HostThreads& threads) {
+  ComplexMatrix R = std::visit([&](const auto& d) { return host::of(d, nodes, threads); }, dynamics);
   for (Index p = 0; p < nodes.size(); ++p)
     if (!R.row(p).allFinite()) throw eigenvalue_at(nodes[p]);
   return R;
 }
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich

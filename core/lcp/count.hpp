@@ -8,6 +8,13 @@ struct LcpCount {
   long newton = 0;     ///< semismooth Newton sweeps over single problems
   long fallbacks = 0;  ///< problems that needed pivoting or a restart from the empty active set
   long unsolved = 0;   ///< problems left with a residual above rounding level
+
+  void add(const LcpCount& other) {
+    solved += other.solved;
+    newton += other.newton;
+    fallbacks += other.fallbacks;
+    unsolved += other.unsolved;
+  }
 };
 
 }  // namespace bromwich

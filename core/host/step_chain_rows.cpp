@@ -1,11 +1,11 @@
-#include "cpu/step_chain.hpp"
+#include "core/host/step_chain_rows.hpp"
 
 #include "core/base/error.hpp"
 
 #include <algorithm>
 #include <string>
 
-namespace bromwich::cpu {
+namespace bromwich::host {
 
 PlaceTiles::PlaceTiles(const std::vector<Index>& matrix_of, Index matrices, Index most) {
   std::vector<Index> end(static_cast<std::size_t>(matrices) + 1, 0);
@@ -23,7 +23,7 @@ PlaceTiles::PlaceTiles(const std::vector<Index>& matrix_of, Index matrices, Inde
 }
 
 void multiply_places(const PlaceTiles& places, const MatrixList& X, Factor factor, const RowMatrix& in,
-                     const RowMatrix* add, RowMatrix& out, RowShift shift, int threads) {
+                     const RowMatrix* add, RowMatrix& out, RowShift shift, const HostThreads& threads) {
   struct Workspace {
     RowMatrix gathered, product;
   };
@@ -57,7 +57,7 @@ void multiply_places(const PlaceTiles& places, const MatrixList& X, Factor facto
   });
 }
 
-CpuStepChain::CpuStepChain(const StepChainProblem& problem, int threads)
+HostStepChain::HostStepChain(const StepChainProblem& problem, const HostThreads& threads)
     : M_(problem.steps()),
       m_(problem.states()),
       map_of_(problem.map_of),
@@ -66,16 +66,12 @@ CpuStepChain::CpuStepChain(const StepChainProblem& problem, int threads)
   for (const StepMap& map : problem.maps) plain_R_.push_back(map.plain_R());
 }
 
-void CpuStepChain::forward(const Array& d, Array& x) { forward(host(d), host(x)); }
-
-void CpuStepChain::adjoint(const Array& q, Array& l, const AdjointChoice& choice) { adjoint(host(q), host(l), choice); }
-
-RowMatrix CpuStepChain::solve(RowMatrix d) {
+RowMatrix HostStepChain::solve(RowMatrix d) {
   forward(d, d);
   return d;
 }
 
-RowMatrix CpuStepChain::solve_transposed(RowMatrix q, const AdjointChoice& choice) {
+RowMatrix HostStepChain::solve_transposed(RowMatrix q, const AdjointChoice& choice) {
   if (choice.method != AdjointMethod::jacobi) {
     adjoint(q, q, choice);
     return q;
@@ -85,7 +81,7 @@ RowMatrix CpuStepChain::solve_transposed(RowMatrix q, const AdjointChoice& choic
   return l;
 }
 
-void CpuStepChain::adjoint(const RowMatrix& q, RowMatrix& mu, const AdjointChoice& choice) {
+void HostStepChain::adjoint(const RowMatrix& q, RowMatrix& mu, const AdjointChoice& choice) {
   switch (choice.method) {
     case AdjointMethod::exact:  // a step is a product with one vector: no number of threads here makes up for m
     case AdjointMethod::substitution:
@@ -112,9 +108,16 @@ void CpuStepChain::adjoint(const RowMatrix& q, RowMatrix& mu, const AdjointChoic
   finish(mu);
 }
 
-std::unique_ptr<StepChain> make_step_chain(const StepChainProblem& problem, int threads) {
+}  // namespace bromwich::host
+
+namespace bromwich {
+
+std::unique_ptr<StepChain> make_step_chain(const StepChainProblem& problem, const HostThreads& threads) {
   problem.validate();
-  return problem.sparse() ? make_sparse_step_chain(problem, threads) : make_dense_step_chain(problem, threads);
+  auto chain =
+      problem.sparse() ? host::make_sparse_step_chain(problem, threads) : host::make_dense_step_chain(problem, threads);
+  chain->on_host = true;
+  return chain;
 }
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich

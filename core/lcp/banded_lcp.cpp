@@ -1,9 +1,9 @@
-#include "cpu/banded_lcp.hpp"
+#include "core/lcp/banded_lcp.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-namespace bromwich::cpu {
+namespace bromwich::simd {
 
 namespace {
 
@@ -261,4 +261,4 @@ bool BandedLcp::solve(const Vector& q, Vector& y, int& newton) {
   return false;
 }
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich::simd

@@ -15,9 +15,11 @@
 // F, q      set_sources    N x m, N x n, row k-1 for interval k
 // x, v      download       (N+1) x m, N x n
 
+#include "../base/threads.hpp"
 #include "../numerics/two_point.hpp"
 
 #include <cstdint>
+#include <memory>
 
 namespace bromwich {
 
@@ -71,6 +73,9 @@ struct BlockProducts {
 struct AffineChainSizes {
   Index intervals = 0, states = 0, components = 0;  ///< N, m, n
 };
+
+/// A chain on the host, whose threads have to outlive it.
+std::unique_ptr<AffineChain> make_affine_chain(const AffineChainSizes&, const HostThreads&);
 
 /// condense, states between blocks, expand, and shorter blocks where blocks do not meet. False where the boundary
 /// condition does not determine the states to `least_condition`.

@@ -1,12 +1,10 @@
 // The exact parallel adjoints. Products of maps P_{i+L} ... P_{i+1} = I + D carry mu_{i+L} to mu_i.
 
-#include "cpu/step_chain.hpp"
-
-#include "cpu/failure.hpp"
+#include "core/host/step_chain_rows.hpp"
 
 #include <algorithm>
 
-namespace bromwich::cpu {
+namespace bromwich::host {
 
 namespace {
 
@@ -17,7 +15,7 @@ constexpr Index scan_steps = 128;
 }  // namespace
 
 void solve_by_doubling(const MatrixList& D, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
-                       int threads) {
+                       const HostThreads& threads) {
   const Index m = D.size(), M = Index(map_of.size());
   RowMatrix next(mu.rows(), m);
   MatrixList products;                // of the windows of `length` steps, by name
@@ -34,49 +32,39 @@ void solve_by_doubling(const MatrixList& D, const std::vector<Index>& map_of, do
     kinds = Index(windows.halves.size());
     check_products(8.0 * double(m * m) * double(kinds + X.count()), memory_limit, "doubling");
     MatrixList longer(kinds, m);
-    Failure failure;
-#pragma omp parallel for num_threads(threads) schedule(static)
-    for (Index k = 0; k < kinds; ++k) try {
-        const auto [early, late] = windows.halves[std::size_t(k)];
-        longer[k].noalias() = X[late] * X[early];
-        longer[k] += X[late] + X[early];
-      } catch (...) {
-        failure.keep();
-      }
-    failure.rethrow();
+    share_each(threads, kinds, [&](Index k) {
+      const auto [early, late] = windows.halves[std::size_t(k)];
+      longer[k].noalias() = X[late] * X[early];
+      longer[k] += X[late] + X[early];
+    });
     products = std::move(longer);
     names = std::move(windows.of);
   }
 }
 
 void solve_by_scan(const MatrixList& D, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
-                   int threads) {
+                   const HostThreads& threads) {
   const Index m = D.size(), M = Index(map_of.size());
   const double block_bytes = 16.0 * double((m + 1) * m);
-  const Index fewest = std::min<Index>(M, 4 * threads);
+  const Index fewest = std::min<Index>(M, 4 * threads.threads());
   const Index most = std::max(fewest, Index(std::min(memory_limit / block_bytes, double(M))));
   const Index blocks = std::clamp((M + scan_steps - 1) / scan_steps, fewest, most), length = (M + blocks - 1) / blocks;
   check_products(block_bytes * double(blocks), memory_limit, "scan");
   const auto step = [&](Index i) { return D[map_of[std::size_t(i)]]; };
   // carry_b: m rows of P_last ... P_{first+1} - I, and what the block's own q add up to.
   std::vector<RowMatrix> carry(static_cast<std::size_t>(blocks));
-  Failure failure;
-#pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
-  for (Index b = 0; b < blocks; ++b) try {
-      const Index first = std::min(M, b * length), last = std::min(M, first + length);
-      RowMatrix& now = carry[std::size_t(b)];
-      RowMatrix before;
-      now.setZero(m + 1, m);
-      for (Index i = last - 1; i >= first; --i) {
-        before = now;
-        now.noalias() += before * step(i);
-        now.topRows(m) += step(i);
-        now.row(m) += mu.row(i);
-      }
-    } catch (...) {
-      failure.keep();
+  share_each(threads, blocks, [&](Index b) {
+    const Index first = std::min(M, b * length), last = std::min(M, first + length);
+    RowMatrix& now = carry[std::size_t(b)];
+    RowMatrix before;
+    now.setZero(m + 1, m);
+    for (Index i = last - 1; i >= first; --i) {
+      before = now;
+      now.noalias() += before * step(i);
+      now.topRows(m) += step(i);
+      now.row(m) += mu.row(i);
     }
-  failure.rethrow();
+  });
   // mu at the first row of each block, from the last block on.
   RowMatrix entry(blocks + 1, m);
   entry.row(blocks) = mu.row(M);
@@ -85,19 +73,15 @@ void solve_by_scan(const MatrixList& D, const std::vector<Index>& map_of, double
     entry.row(b) = block.row(m) + entry.row(b + 1) * block.topRows(m);
     entry.row(b) += entry.row(b + 1);
   }
-#pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
-  for (Index b = 0; b < blocks; ++b) try {
-      const Index first = std::min(M, b * length), last = std::min(M, first + length);
-      Vector next = entry.row(b + 1).transpose();
-      for (Index i = last - 1; i >= first; --i) {
-        mu.row(i).transpose().noalias() += step(i).transpose() * next;
-        mu.row(i) += next.transpose();
-        next = mu.row(i).transpose();
-      }
-    } catch (...) {
-      failure.keep();
+  share_each(threads, blocks, [&](Index b) {
+    const Index first = std::min(M, b * length), last = std::min(M, first + length);
+    Vector next = entry.row(b + 1).transpose();
+    for (Index i = last - 1; i >= first; --i) {
+      mu.row(i).transpose().noalias() += step(i).transpose() * next;
+      mu.row(i) += next.transpose();
+      next = mu.row(i).transpose();
     }
-  failure.rethrow();
+  });
 }
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich::host

@@ -1,4 +1,4 @@
-// Step by step with y discontinuous from one step to the next (core/seam/backend.hpp, StageProblem). Every step solves
+// Step by step with y discontinuous from one step to the next (core/host/stage_march.hpp). Every step solves
 //
 //     0 <= Y ⊥ D (I ⊗ M + W) Y + D q >= 0,   Y = (y_1, ..., y_s),   D = diag(3/4, 1/4) for two stages,
 //
@@ -6,10 +6,12 @@
 // scene is passive (algebraic stability), so that the problem stays in a class that can be solved; they do not change
 // solutions.
 
+#include "core/host/stage_march.hpp"
+
+#include "core/base/denormals.hpp"
+#include "core/host/stage_step.hpp"
+#include "core/host/step_lcp.hpp"
 #include "core/lcp/active_set.hpp"
-#include "cpu/parts.hpp"
-#include "cpu/stage_step.hpp"
-#include "cpu/step_lcp.hpp"
 
 #include <Eigen/SparseLU>
 
@@ -17,7 +19,7 @@
 #include <cmath>
 #include <map>
 
-namespace bromwich::cpu {
+namespace bromwich::host {
 
 namespace {
 
@@ -140,48 +142,56 @@ SparseMatrix without_mass(const Dynamics& dynamics, double h) {
   return Matrix((z * X).real()).sparseView(0, 0);
 }
 
-class Stages final : public StageMarch {
+class Stages {
  public:
-  Stages(const StageProblem& p, Index rows)
-      : problem_(p), asked_to_stop_(p), rows_(rows), lengths_(p, rows), main_(p, p.stages, p.h, lengths_.rows(0)) {
+  explicit Stages(const StageProblem& p)
+      : problem_(p),
+        asked_to_stop_(p),
+        rows_(p.g.rows()),
+        lengths_(p, rows_),
+        main_(p, p.stages, p.h, lengths_.rows(0)) {
     const auto* dense = std::get_if<DenseDynamics>(p.dynamics);
     B_ = dense ? SparseMatrix(dense->B.sparseView()) : without_mass(*p.dynamics, p.h);
   }
 
-  MarchReport run(Array& y_array, Array& impulse_array, Array& v_array, Array& x_array) override {
+  StageSolution run(const Vector& y0) {
     const FlushDenormals flush;
-    RowMatrix &Y = host(y_array), &P = host(impulse_array), &V = host(v_array), &X = host(x_array);
-    MarchReport report;
-    report.well_posed = main_.well_posed();
+    const Index n = y0.size();
+    StageSolution out;
+    for (RowMatrix* values : {&out.y, &out.impulse, &out.v}) values->resize(rows_, n);
+    out.x.resize(rows_, Index(problem_.components.size()));
+    out.report.well_posed = main_.well_posed();
     Vector x = problem_.x0, next(x.size());
-    record(x, 0, V, X);
-    P.row(0).setZero();
-    regular_ = Y.row(0).allFinite() ? Vector(Y.row(0).transpose()) : Vector(Vector::Zero(Y.cols()));
+    out.y.row(0) = y0.transpose();
+    out.impulse.row(0).setZero();
+    record(x, 0, out);
+    regular_ = y0.allFinite() ? y0 : Vector(Vector::Zero(n));
     for (Index j = 1; j < rows_; ++j) {
-      const Stepper* used = asked_to_stop_(j, report) ? nullptr : take(x, j, next, report);
+      const Stepper* used = asked_to_stop_(j, out.report) ? nullptr : take(x, j, next, out.report);
       if (!used) {
-        for (RowMatrix* values : {&Y, &P, &V, &X}) values->bottomRows(rows_ - j).setConstant(NAN);
-        return report;
+        for (RowMatrix* values : {&out.y, &out.impulse, &out.v, &out.x}) values->bottomRows(rows_ - j).setConstant(NAN);
+        break;
       }
-      if (j == 1 && !Y.row(0).allFinite()) Y.row(0) = used->first_stage().transpose();
+      if (j == 1 && !y0.allFinite()) out.y.row(0) = used->first_stage().transpose();
       const Vector y = used->last_stage();
       if (used->stages() == problem_.stages) regular_ = regular_.cwiseMax(y);
-      Y.row(j) = y.transpose();
-      P.row(j) = lengths_.size(lengths_.kind(j)) * used->mean().transpose();
+      out.y.row(j) = y.transpose();
+      out.impulse.row(j) = lengths_.size(lengths_.kind(j)) * used->mean().transpose();
       x.swap(next);
-      record(x, j, V, X);
+      record(x, j, out);
     }
-    return report;
+    out.bytes = bytes();
+    return out;
   }
 
-  std::size_t bytes() const override {
+ private:
+  std::size_t bytes() const {
     std::size_t sum = main_.bytes();
     for (const auto& of_stages : others_)
       for (const auto& [kind, stepper] : of_stages) sum += stepper->bytes();
     return sum;
   }
 
- private:
   // An impulse: y lets go within the step, and either moves a component of the state by a good part of its size (one
   // near zero is measured against a hundredth of the largest) or is much larger than where no state jumped. However
   // small, Radau IIA would move the state by 9/5 of what y has to, and many small jumps add up.
@@ -230,12 +240,12 @@ class Stages final : public StageMarch {
     return &one_stage;
   }
 
-  void record(const Vector& x, Index j, RowMatrix& V, RowMatrix& X) const {
-    V.row(j) = observe(*problem_.dynamics, x).transpose();
-    for (std::size_t c = 0; c < problem_.components.size(); ++c) X(j, Index(c)) = x[problem_.components[c]];
+  void record(const Vector& x, Index j, StageSolution& out) const {
+    out.v.row(j) = observe(*problem_.dynamics, x).transpose();
+    for (std::size_t c = 0; c < problem_.components.size(); ++c) out.x(j, Index(c)) = x[problem_.components[c]];
   }
 
-  StageProblem problem_;
+  const StageProblem& problem_;
   Poll asked_to_stop_;
   Index rows_;
   static constexpr std::size_t most_kept = 64;  ///< lengths
@@ -248,9 +258,10 @@ class Stages final : public StageMarch {
 };
 
 }  // namespace
+}  // namespace bromwich::host
 
-std::unique_ptr<StageMarch> make_stage_march(const StageProblem& problem, Index rows, int) {
-  return std::make_unique<Stages>(problem, rows);
-}
+namespace bromwich {
 
-}  // namespace bromwich::cpu
+StageSolution march_by_stages(const StageProblem& problem, const Vector& y0) { return host::Stages(problem).run(y0); }
+
+}  // namespace bromwich

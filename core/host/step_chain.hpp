@@ -29,18 +29,18 @@
 //                    once; exact, with m times the operations of a substitution and no more
 
 #include "../base/error.hpp"
+#include "../base/threads.hpp"
 #include "../base/types.hpp"
 #include "step_map.hpp"
 
 #include <cstddef>
+#include <memory>
 #include <string>
 #include <utility>
 #include <variant>
 #include <vector>
 
 namespace bromwich {
-
-class Array;
 
 struct StepChainProblem {
   std::vector<StepMap> maps;  ///< all dense or all sparse
@@ -67,31 +67,30 @@ struct AdjointChoice {
   Index checked_sweeps() const;
 };
 
-/// A plan for one chain, made by Backend::step_chain: all maps are factorized when it is made. Arrays are (M+1) x m and
-/// must not alias. A chain belongs to one caller at a time.
+/// A plan for one chain, made by Backend::step_chain: all maps are factorized when it is made. It works on values of
+/// the host, (M+1) x m. A chain belongs to one caller at a time.
 class StepChain {
  public:
   virtual ~StepChain() = default;
-  /// A x = d.
-  virtual void forward(const Array& d, Array& x) = 0;
-  /// A^T l = q, or its approximation by Jacobi sweeps. Throws Error where sweeps < 1, or products of maps would take
-  /// more than the memory limit.
-  virtual void adjoint(const Array& q, Array& l, const AdjointChoice& = {}) = 0;
-  /// The same from matrices of the host to matrices of the host: x and l. What is moved here is worked on in place.
+  /// A x = d. What is moved here is worked on in place.
   virtual RowMatrix solve(RowMatrix d) = 0;
+  /// A^T l = q, or its approximation by Jacobi sweeps. Throws Error where sweeps < 1, or where products of maps would
+  /// take more than the memory limit.
   virtual RowMatrix solve_transposed(RowMatrix q, const AdjointChoice& = {}) = 0;
   /// z_i^T r_i for i = 1..M with r_i = d_i + R_i x_{i-1} - S_i x_i, taken as d_i + (R_i - S_i) x_i - R_i (x_i -
-  /// x_{i-1}): of small steps what nearly cancels is never multiplied out. Matrices of the host, (M+1) x m.
+  /// x_{i-1}): of small steps what nearly cancels is never multiplied out.
   virtual Vector weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) = 0;
   /// The same on a grid whose M/2 cells are halved, weighted with the adjoint inside each cell, which goes on with the
   /// given l at its end; c = 1..M/2, l is (M/2+1) x m, l_{M/2+1} = 0:
   ///     S_{2c}^T z_{2c} = q_{2c} + R_{2c+1}^T l_{c+1},    S_{2c-1}^T z_{2c-1} = q_{2c-1} + R_{2c}^T z_{2c}.
   virtual Vector locally_weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& q,
                                            const RowMatrix& l) = 0;
-  /// Work delegated to the host, in words; empty if none.
-  virtual std::string elsewhere() const { return {}; }
   virtual std::size_t bytes() const = 0;
+  bool on_host = false;  ///< steps and adjoints are computed by the host
 };
+
+/// A chain on the host. The threads have to outlive it.
+std::unique_ptr<StepChain> make_step_chain(const StepChainProblem&, const HostThreads&);
 
 /// D, S^{-1}, R and R - S of a map, written out as dense matrices, m x m. Throws Error where S is singular to rounding,
 /// naming the step that has it.

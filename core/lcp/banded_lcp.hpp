@@ -11,13 +11,12 @@
 // A problem with unchanged active set S costs n (2w + 1) multiplications instead of n |S|, an exchange of one index
 // 2 (2w + 1)^2 instead of n^2, and M and P(S) stay in the caches. Every solution is verified with M itself.
 
-#include "core/base/types.hpp"
-#include "cpu/simd.hpp"
+#include "../base/simd.hpp"
 
 #include <memory>
 #include <vector>
 
-namespace bromwich::cpu {
+namespace bromwich::simd {
 
 /// n x n band matrix in blocks of eight rows: entry (i, i + o - w), 0 <= o <= 2w, in lane i % 8.
 class Band {
@@ -90,4 +89,4 @@ class BandedLcp {
   double largest_q_ = 0;
 };
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich::simd

@@ -1,9 +1,9 @@
-#include "core/seam/step_chain.hpp"
+#include "core/host/step_chain.hpp"
 
+#include "core/host/sparse_step_factors.hpp"
 #include "core/numerics/equilibration.hpp"
 #include "core/numerics/matrix_phi.hpp"
 #include "core/numerics/phi.hpp"
-#include "core/seam/sparse_step_factors.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,16 +1,18 @@
 // Residuals of a chain weighted with an adjoint, a few rows at a time so that nothing in between leaves the cache. Rows
 // that follow each other mostly meet the same matrices; they are taken together.
 
-#include "cpu/step_chain.hpp"
+#include "core/host/step_chain_rows.hpp"
 
 #include <algorithm>
 
-namespace bromwich::cpu {
+namespace bromwich::host {
 
 namespace {
 
 /// Rows of a panel: a few matrices of so many values fit into a core's cache.
 Index panel_rows(Index m) { return std::clamp<Index>(4096 / m, 4, 64); }
+
+constexpr Index panels_together = 16;  ///< of one workspace
 
 /// Rows first, first + stride, ...
 auto spread_rows(const RowMatrix& x, Index first, Index count, Index stride) {
@@ -21,8 +23,8 @@ auto spread_rows(const RowMatrix& x, Index first, Index count, Index stride) {
 
 }  // namespace
 
-void CpuStepChain::apply_steps(Index first, Index stride, RowFactor factor, RowMatrix& in, Index count,
-                               RowMatrix& out) {
+void HostStepChain::apply_steps(Index first, Index stride, RowFactor factor, RowMatrix& in, Index count,
+                                RowMatrix& out) {
   const auto kind = [&](Index k) { return map_of_[std::size_t(first + k * stride)]; };
   for (Index k = 0; k < count;) {
     Index end = k + 1;
@@ -36,8 +38,8 @@ void CpuStepChain::apply_steps(Index first, Index stride, RowFactor factor, RowM
   }
 }
 
-void CpuStepChain::residual_rows(const RowMatrix& d, const RowMatrix& x, Index first, Index stride, Index count,
-                                 Panel& p) {
+void HostStepChain::residual_rows(const RowMatrix& d, const RowMatrix& x, Index first, Index stride, Index count,
+                                  Panel& p) {
   p.in = spread_rows(x, first + 1, count, stride);
   apply_steps(first, stride, RowFactor::change_transposed, p.in, count, p.out);
   p.r = spread_rows(d, first + 1, count, stride) + p.out.topRows(count);
@@ -46,32 +48,28 @@ void CpuStepChain::residual_rows(const RowMatrix& d, const RowMatrix& x, Index f
   p.r -= p.out.topRows(count);
 }
 
-Vector CpuStepChain::weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) {
+Vector HostStepChain::weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& z) {
   Vector w(M_);
   const Index rows = panel_rows(m_), panels = (M_ + rows - 1) / rows;
-#pragma omp parallel num_threads(threads_)
-  {
+  share(threads_, panels, panels_together, [&](Index begin, Index end) {
     Panel p(rows, m_);
-#pragma omp for schedule(static)
-    for (Index b = 0; b < panels; ++b) {
+    for (Index b = begin; b < end; ++b) {
       const Index first = b * rows, count = std::min(rows, M_ - first);
       residual_rows(d, x, first, 1, count, p);
       w.segment(first, count) = z.middleRows(first + 1, count).cwiseProduct(p.r).rowwise().sum();
     }
-  }
+  });
   return w;
 }
 
-Vector CpuStepChain::locally_weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& q,
-                                               const RowMatrix& l) {
+Vector HostStepChain::locally_weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& q,
+                                                const RowMatrix& l) {
   Vector w(M_);
   const Index cells = M_ / 2, rows = panel_rows(m_), panels = (cells + rows - 1) / rows;
-#pragma omp parallel num_threads(threads_)
-  {
+  share(threads_, panels, panels_together, [&](Index begin, Index end) {
     Panel p(rows, m_);
     RowMatrix mu, z(rows, m_);
-#pragma omp for schedule(static)
-    for (Index b = 0; b < panels; ++b) {  // cells c + 1 .. c + count; their steps count from 0
+    for (Index b = begin; b < end; ++b) {  // cells c + 1 .. c + count; their steps count from 0
       const Index c = b * rows, count = std::min(rows, cells - c), first = 2 * c;
       const Index behind = std::min(count, cells - 1 - c);  // with a cell behind them
       const auto weigh = [&](Index step) {                  // with S^{-T} mu and the residual of the steps
@@ -88,8 +86,8 @@ Vector CpuStepChain::locally_weighted_residual(const RowMatrix& d, const RowMatr
       mu = spread_rows(q, first + 1, count, 2) + p.out.topRows(count);
       weigh(first);
     }
-  }
+  });
   return w;
 }
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich::host

@@ -6,28 +6,27 @@
 // every order of elimination is stable. Whether that held is measured: the column (zE - A) u, u = ±1, is carried along,
 // whose answer N u is known. A node that misses it is solved again by an LU factorization with partial pivoting.
 
-#include "core/kernel/kernel.hpp"
-#include "core/numerics/elimination.hpp"
-#include "cpu/failure.hpp"
-#include "cpu/parts.hpp"
-#include "cpu/simd.hpp"
+#include "core/host/shifted_solves_sparse.hpp"
 
-#include <omp.h>
+#include "core/base/simd.hpp"
+#include "core/dynamics/line_transfer.hpp"
+#include "core/numerics/elimination.hpp"
+
 #include <Eigen/SparseLU>
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
-namespace bromwich::cpu {
+namespace bromwich::host {
+
+using namespace simd;
 
 namespace {
 
 using RowSparse = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
 // A node whose test column misses N u by more is solved again. Rounding grows with the condition number of zE - A,
-// about
-// ||A|| over the distance of z from the spectrum, 1e6 for a fine grid.
+// about ||A|| over the distance of z from the spectrum, 1e6 for a fine grid.
 constexpr double accepted_miss = 1e-8;
 // Pivoting is the last resort: with less than four digits the matrix counts as singular.
 constexpr double accepted_pivoted_miss = 1e-4;
@@ -332,25 +331,16 @@ bool solve_pivoted(const System& s, Complex z, Eigen::Ref<Eigen::RowVectorXcd> o
 
 }  // namespace
 
-ComplexMatrix sparse_resolvent(const SparseDynamics& d, const ComplexVector& nodes, int threads) {
+ComplexMatrix sparse_shifted_solves(const SparseDynamics& d, const ComplexVector& nodes, const HostThreads& threads) {
   const System system(d);
   const Index n = d.N.rows(), k = d.B.cols(), groups = blocks(nodes.size());
   const Vector Nu = d.N * system.u, scale = d.N.cwiseAbs() * Vector::Ones(d.N.cols());
   ComplexMatrix R(nodes.size(), n * k);
   std::vector<char> again(std::size_t(nodes.size()), 0);
-  Failure failure;
-#pragma omp parallel num_threads(int(std::min <Index>(threads, groups)))
-  {
-    std::optional<Fronts> own;  // every thread has to come to the loop, also one that finds no memory
-    try {
-      own.emplace(system);
-    } catch (...) {
-      failure.keep();
-    }
-#pragma omp for schedule(dynamic, 1)
-    for (Index g = 0; g < groups; ++g) {
-      if (!own) continue;
-      Fronts& fronts = *own;
+  const Index together = (groups + threads.threads() - 1) / threads.threads();
+  share(threads, groups, std::max<Index>(together, 1), [&](Index first, Index last) {
+    Fronts fronts(system);
+    for (Index g = first; g < last; ++g) {
       Entry z;
       for (Index lane = 0; lane < lanes; ++lane) {
         const Complex node = nodes[std::min(g * lanes + lane, nodes.size() - 1)];
@@ -366,8 +356,7 @@ ComplexMatrix sparse_resolvent(const SparseDynamics& d, const ComplexVector& nod
         again[std::size_t(p)] = !(missed <= accepted_miss) || !R.row(p).allFinite();
       }
     }
-  }
-  failure.rethrow();
+  });
   for (Index p = 0; p < nodes.size(); ++p) {
     if (!again[std::size_t(p)]) continue;
     Eigen::RowVectorXcd row(n * k);
@@ -377,4 +366,4 @@ ComplexMatrix sparse_resolvent(const SparseDynamics& d, const ComplexVector& nod
   return R;
 }
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich::host

@@ -1,15 +1,17 @@
 #pragma once
 // What the marches share: the complementarity problem of one step, rows without a solution, polling.
 
-#include "core/lcp/active_set.hpp"
-#include "cpu/banded_lcp.hpp"
-#include "cpu/parts.hpp"
+#include "../lcp/active_set.hpp"
+#include "../lcp/banded_lcp.hpp"
+#include "../lcp/march_report.hpp"
 
 #include <chrono>
 #include <cmath>
+#include <functional>
+#include <memory>
 #include <optional>
 
-namespace bromwich::cpu {
+namespace bromwich::host {
 
 // The LCP of a step and its bookkeeping. M + W_0 does not inherit the class of M: it is tested itself. Where it is P
 // and its entries decay, bands solve it, and the dense solver is made when they cannot.
@@ -21,7 +23,7 @@ class StepLcp {
         scene_class_(lcp_class),
         implicit_class_(classify(LcpMatrix(implicit))),
         y_(Vector::Zero(implicit.rows())) {
-    if (implicit_class_ == LcpClass::P && lcp_class != LcpClass::Z) banded_ = BandedLcp::make(implicit);
+    if (implicit_class_ == LcpClass::P && lcp_class != LcpClass::Z) banded_ = simd::BandedLcp::make(implicit);
   }
 
   /// The problem of a step determines its solution: it is the only one, of least norm, or a least element.
@@ -93,7 +95,7 @@ class StepLcp {
 
   Matrix M_, implicit_;
   LcpClass scene_class_, implicit_class_;
-  std::unique_ptr<BandedLcp> banded_;
+  std::unique_ptr<simd::BandedLcp> banded_;
   std::optional<ActiveSetLcp> solver_;
   const double* product_ = nullptr;
   Vector y_;
@@ -126,4 +128,4 @@ class Poll {
   std::function<void(Index)> progress_;
 };
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich::host

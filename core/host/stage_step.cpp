@@ -1,8 +1,8 @@
-#include "cpu/stage_step.hpp"
+#include "core/host/stage_step.hpp"
 
 #include "core/base/error.hpp"
 #include "core/lcp/solution.hpp"
-#include "cpu/parts.hpp"
+#include "core/numerics/equilibration.hpp"
 
 #include <Eigen/LU>
 #include <Eigen/SparseLU>
@@ -12,7 +12,7 @@
 #include <type_traits>
 #include <utility>
 
-namespace bromwich::cpu {
+namespace bromwich::host {
 
 namespace {
 
@@ -41,10 +41,10 @@ struct Coefficients<double> {
 };
 
 // The stage values of g or phi that a step of s stages uses: the last s of those given, of these rows.
-RowMatrix last_stages(const Array* values, Index given, Index used, const std::vector<Index>& rows) {
-  if (!values) return {};
-  const Index width = values->cols() / given;
-  return host(*values)(rows, Eigen::seqN(values->cols() - used * width, used * width));
+RowMatrix last_stages(const RowMatrix& values, Index given, Index used, const std::vector<Index>& rows) {
+  if (values.size() == 0) return RowMatrix(values.rows() > 0 ? Index(rows.size()) : 0, 0);
+  const Index width = values.cols() / given;
+  return values(rows, Eigen::seqN(values.cols() - used * width, used * width));
 }
 
 [[noreturn]] void singular_step() {
@@ -143,7 +143,7 @@ class FactorizedSystem final : public ShiftedSystem<Scalar> {
     shifted = (shift * shifted - d.A.cast<Scalar>()).pruned(Scalar(0), 0);
     shifted.makeCompressed();
     lu_.compute(shifted);
-    if (lu_.info() != Eigen::Success) singular_step();
+    if (lu_.info() != Eigen::Success || !finds_known_solution(shifted)) singular_step();
   }
   typename Base::ScalarMatrix solve(const typename Base::ScalarMatrix& right) override { return lu_.solve(right); }
   typename Base::ScalarVector solve(const typename Base::ScalarVector& right) override { return lu_.solve(right); }
@@ -151,6 +151,14 @@ class FactorizedSystem final : public ShiftedSystem<Scalar> {
   std::size_t bytes() override { return std::size_t(lu_.nnzL() + lu_.nnzU()) * (sizeof(Scalar) + 4); }
 
  private:
+  // Where fewer than three digits are left of a known solution, the matrix is singular to rounding.
+  bool finds_known_solution(const ScalarSparse& shifted) {
+    typename Base::ScalarVector u(shifted.rows());
+    for (Index i = 0; i < u.size(); ++i) u[i] = i % 3 == 0 ? -1 : 1;
+    const typename Base::ScalarVector found = lu_.solve(typename Base::ScalarVector(shifted * u));
+    return (found - u).cwiseAbs().maxCoeff() < 1e-3;
+  }
+
   SparseMatrix E_;
   Eigen::SparseLU<ScalarSparse> lu_;
 };
@@ -262,4 +270,4 @@ std::unique_ptr<StageStep> make_stage_step(const StageProblem& p, Index stages, 
   return stages == 2 ? make<Complex>(p, h, rows) : make<double>(p, h, rows);
 }
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich::host

@@ -1,38 +1,31 @@
 // Chains of dense maps: the increment D and S^{-1} of every kind of step, so that a step is one matrix-vector product
 // and all that does not run along time is a matrix product for each kind; R and R - S for residuals.
 
-#include "cpu/step_chain.hpp"
+#include "core/base/denormals.hpp"
+#include "core/host/step_chain_rows.hpp"
 
-#include "cpu/failure.hpp"
-
-namespace bromwich::cpu {
+namespace bromwich::host {
 
 namespace {
 
 constexpr Index dense_tile_rows = 64;
 
-class DenseStepChain final : public CpuStepChain {
+class DenseStepChain final : public HostStepChain {
  public:
-  DenseStepChain(const StepChainProblem& problem, int threads)
-      : CpuStepChain(problem, threads),
+  DenseStepChain(const StepChainProblem& problem, const HostThreads& threads)
+      : HostStepChain(problem, threads),
         places_(map_of_, Index(problem.maps.size()), dense_tile_rows),
         D_(Index(problem.maps.size()), m_),
         inverse_(Index(problem.maps.size()), m_),
         R_(Index(problem.maps.size()), m_),
         change_(Index(problem.maps.size()), m_) {
-    const Index kinds = D_.count();
-    Failure failure;  // which of several is told depends on the threads
-#pragma omp parallel for num_threads(threads) schedule(static)
-    for (Index k = 0; k < kinds; ++k) try {
-        const DenseStep step(problem, k);
-        D_[k] = step.increment;
-        inverse_[k] = step.inverse;
-        R_[k] = step.R;
-        change_[k] = step.change;
-      } catch (...) {
-        failure.keep();
-      }
-    failure.rethrow();
+    share_each(threads, D_.count(), [&](Index k) {  // which of several failures is told depends on the threads
+      const DenseStep step(problem, k);
+      D_[k] = step.increment;
+      inverse_[k] = step.inverse;
+      R_[k] = step.R;
+      change_[k] = step.change;
+    });
   }
 
   std::size_t bytes() const override {
@@ -94,8 +87,8 @@ class DenseStepChain final : public CpuStepChain {
 
 }  // namespace
 
-std::unique_ptr<StepChain> make_dense_step_chain(const StepChainProblem& problem, int threads) {
+std::unique_ptr<StepChain> make_dense_step_chain(const StepChainProblem& problem, const HostThreads& threads) {
   return std::make_unique<DenseStepChain>(problem, threads);
 }
 
-}  // namespace bromwich::cpu
+}  // namespace bromwich::host

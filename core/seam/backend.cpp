@@ -1,0 +1,72 @@
+#include "core/seam/backend.hpp"
+
+#include "core/host/shifted_solves.hpp"
+#include "core/numerics/alternation.hpp"
+
+#include <algorithm>
+#include <limits>
+
+namespace bromwich {
+
+void Backend::upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
+  if (fused_.upload_product) return fused_.upload_product(amplitudes, shapes, to);
+  upload(amplitudes * shapes.transpose(), to);
+}
+
+void Backend::download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations) {
+  if (fused_.download_during) return fused_.download_during(from, to, operations);
+  download(from, to);
+  operations();
+}
+
+void Backend::prepare(RowMatrix& to, Index rows, Index cols) const {
+  constexpr Index values_together = 1 << 16;  // what one thread has done before others are awake
+  to.resize(rows, cols);
+  each_range(to.size(), values_together, [&](Index first, Index last) {
+    std::fill(to.data() + first, to.data() + last, std::numeric_limits<double>::quiet_NaN());
+  });
+}
+
+void Backend::restrict_problem(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
+                               Array& coarse_y, Array& old) {
+  if (fused_.restrict_problem) return fused_.restrict_problem(r, v, y, coarse_v, coarse_r, coarse_y, old);
+  inject(r, coarse_r);
+  inject(v, old);
+  add(coarse_r, 1, old, coarse_r);
+  add(coarse_r, -1, coarse_v, coarse_r);
+  inject(y, coarse_y);
+  inject(y, old);
+}
+
+double Backend::difference(const Array& a, const Array& b) {
+  const auto one = differences(1);
+  one->submit(0, a, b);
+  return one->collect()[0];
+}
+
+bool Backend::alternates(const Array& y, Index run, double part) {
+  if (fused_.alternates) return fused_.alternates(y, run, part);
+  RowMatrix values;
+  download(y, values);
+  Vector largest = Vector::Zero(values.cols());
+  largest_of_columns(values, 0, values.rows(), largest);
+  return bromwich::alternates(values, 0, values.rows(), part * largest, run);
+}
+
+std::function<void()> Backend::record(Index values, const std::function<void()>& operations) {
+  return fused_.record ? fused_.record(values, operations) : std::function<void()>();
+}
+
+std::unique_ptr<StepChain> Backend::step_chain(const StepChainProblem& problem) {
+  return fused_.step_chain ? fused_.step_chain(problem) : make_step_chain(problem, *this);
+}
+
+std::unique_ptr<AffineChain> Backend::affine_chain(const AffineChainSizes& sizes) {
+  return fused_.affine_chain ? fused_.affine_chain(sizes) : make_affine_chain(sizes, *this);
+}
+
+ComplexMatrix Backend::resolvent(const Dynamics& dynamics, const ComplexVector& nodes) {
+  return fused_.resolvent ? fused_.resolvent(dynamics, nodes) : shifted_solves(dynamics, nodes, *this);
+}
+
+}  // namespace bromwich
