@@ -203,7 +203,7 @@ TEST_F(BackendParity, SignoriniByMultigrid) {
 
 TEST_F(BackendParity, SignoriniByFft) {
   Options options = options_for(Method::contour, 200);
-  options.convolution = ConvolutionChoice::fft;
+  options.tuning.convolution = ConvolutionChoice::fft;
   expect_same_solve(make_scene("signorini", {{"Q", 39}}), options, "FFT");
   EXPECT_EQ(solved, 1);
 }

@@ -279,7 +279,7 @@ TEST(FirstIterate, OfTheSolutionLeavesNothingToDo) {
   Options options = options_for(Method::contour, 200);
   const Result cold = run(scene, options);
   ASSERT_EQ(cold.status, Status::solved) << cold.reason;
-  options.first_iterate = &cold.y;
+  options.tuning.first_iterate = &cold.y;
   const Result warm = run(scene, options);
   ASSERT_EQ(warm.status, Status::solved) << warm.reason;
   EXPECT_LE(warm.iterations, 3);
@@ -302,14 +302,14 @@ TEST(FirstIterate, DoesNotDecideWhichSolutionOfAZSceneIsFound) {
   Options options = options_for(Method::contour, 100);
   const RowMatrix other = RowMatrix::Constant(101, scene.constraints(), 10);
   const Result cold = run(scene, options);
-  options.first_iterate = &other;
+  options.tuning.first_iterate = &other;
   EXPECT_LE(distance(run(scene, options).y, cold.y), same_problem);
 }
 
 TEST(FirstIterate, OfAnotherShapeIsRefused) {
   const RowMatrix other = RowMatrix::Zero(11, 1);
   Options options = options_for(Method::contour, 100);
-  options.first_iterate = &other;
+  options.tuning.first_iterate = &other;
   EXPECT_THROW(run(make_scene("bridge"), options), Error);
 }
 

@@ -35,7 +35,7 @@ TEST(FunctionalIteration, SweepsDoNotDependOnTheStep) {
 TEST(FunctionalIteration, EqualsMarchingOnALargeGrid) {
   const Scene scene = make_scene("signorini", {{"Q", 511}});
   Options options = options_for(Method::march, 100);
-  options.recurrence = RecurrenceChoice::modal;
+  options.tuning.recurrence = RecurrenceChoice::modal;
   const Result march = run(scene, options), contour = run(scene, options_for(Method::contour, 100));
   ASSERT_EQ(march.status, Status::solved);
   ASSERT_EQ(contour.status, Status::solved);
@@ -88,9 +88,9 @@ TEST(FunctionalIteration, ScanAndFftAgree) {
   for (const char* name : {"signorini", "dlcp-small", "bridge"}) {
     const Scene scene = make_scene(name);
     Options options = options_for(Method::contour, 600);
-    options.convolution = ConvolutionChoice::scan;
+    options.tuning.convolution = ConvolutionChoice::scan;
     const Result scan = run(scene, options);
-    options.convolution = ConvolutionChoice::fft;
+    options.tuning.convolution = ConvolutionChoice::fft;
     const Result fft = run(scene, options);
     ASSERT_EQ(scan.status, Status::solved) << name << ": " << scan.reason;
     ASSERT_EQ(fft.status, Status::solved) << name << ": " << fft.reason;

@@ -41,11 +41,11 @@ TEST(HardCases, DiffusionSoFastThatTheKernelIsGoneAfterAStep) {
 TEST(HardCases, ForcedChoicesOfTheKernelStayExact) {
   const Scene scene = rectangle(Vector{{1, 0, 0}}, Vector{{-1, 0, 0}}, 0.3);
   Options options = options_for(Method::march, 3);
-  options.recurrence = RecurrenceChoice::compressed;
+  options.tuning.recurrence = RecurrenceChoice::compressed;
   const RowMatrix exact = run(dense_twin(scene), options_for(Method::march, 3)).y;
   EXPECT_LE(distance(run(scene, options).y, exact), 1e-11);
   options = options_for(Method::contour, 3);
-  options.convolution = ConvolutionChoice::scan;
+  options.tuning.convolution = ConvolutionChoice::scan;
   EXPECT_LE(distance(run(scene, options).y, exact), 1e-10);
 }
 

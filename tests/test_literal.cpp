@@ -15,7 +15,7 @@ double rate(Index P) { return std::exp(-2.06 * std::sqrt(double(P))) / std::sqrt
 
 Result literal(const Scene& scene, Index steps, Index P) {
   Options options = options_for(Method::contour_literal, steps);
-  options.literal_nodes = P;
+  options.tuning.literal_nodes = P;
   return run(scene, options);
 }
 

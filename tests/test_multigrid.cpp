@@ -57,7 +57,7 @@ TEST(Multigrid, EqualsMarchingWithoutASource) {
     scene.T = 3;
     expect_march(scene, 256);
     Options options = options_for(Method::multigrid, 256);
-    options.convolution = ConvolutionChoice::fft;
+    options.tuning.convolution = ConvolutionChoice::fft;
     EXPECT_LE(distance(run(scene, options).y, solved_y(scene, Method::march, 256)), same_solution) << across;
   }
 }
@@ -72,7 +72,7 @@ TEST(Multigrid, EqualsMarchingOnDenseScenes) {
 
 TEST(Multigrid, EqualsMarchingWithTabulatedWeights) {
   Options options = options_for(Method::multigrid, 256);
-  options.convolution = ConvolutionChoice::fft;
+  options.tuning.convolution = ConvolutionChoice::fft;
   for (const Scene& scene :
        {signorini(15), oracle::random_scene(6, 5, 3, oracle::SpectrumKind::sector, oracle::MatrixKind::dominant)}) {
     const Result result = run(scene, options);

@@ -66,7 +66,7 @@ TEST(TimeLevels, AKernelKnowsTheModesOfInjectedValues) {
 
 Result solved_by(Backend& backend, const Scene& scene, Index J, double share = 0) {
   Options options = options_for(Method::multigrid, J);
-  options.algebraic_share = share;
+  options.tuning.algebraic_share = share;
   return solve(scene, backend, options);
 }
 
@@ -270,7 +270,7 @@ TEST(Multigrid, StopsWhereFurtherCyclesAreOfNoUse) {
     for (const Index J : {128, 512}) {
       const Scene scene = membrane(Q);
       Options options = options_for(Method::multigrid, J);
-      options.algebraic_share = 0.1;
+      options.tuning.algebraic_share = 0.1;
       const Result found = run(scene, options), tight = run(scene, Method::multigrid, J);
       ASSERT_EQ(found.status, Status::solved) << found.reason;
       const RowMatrix finer = solved_y(scene, Method::march, 4 * J);
@@ -290,7 +290,7 @@ TEST(Multigrid, StopsWhereFurtherCyclesAreOfNoUse) {
 TEST(Multigrid, RefusesAShareThatIsNoPart) {
   Options options = options_for(Method::multigrid, 64);
   for (const double share : {-0.1, 1.0, double(NAN)}) {
-    options.algebraic_share = share;
+    options.tuning.algebraic_share = share;
     EXPECT_THROW(run(membrane(3), options), Error) << share;
   }
 }

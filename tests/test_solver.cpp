@@ -251,7 +251,7 @@ TEST(Solver, KeepsItsOwnStartAndSurvivesSourcesThatThrow) {
   options.steps = 48;
   options.method = Method::contour;
   auto start = std::make_unique<RowMatrix>(RowMatrix::Zero(49, scene.constraints()));
-  options.first_iterate = start.get();
+  options.tuning.first_iterate = start.get();
   Solver solver(scene, *backend, options);
   const Result first = solver.solve();
   start.reset();

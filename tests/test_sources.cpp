@@ -4,6 +4,7 @@
 #include "core/numerics/step_propagator.hpp"
 #include "core/scene/source_steps.hpp"
 #include "core/solve/methods.hpp"
+#include "core/solve/stages.hpp"
 #include "dense_twin.hpp"
 #include "run.hpp"
 
@@ -164,11 +165,12 @@ TEST(Sources, StepsWithJumpsKeepTheOrderOfX) {
 
 TEST(Sources, JumpsThatNobodyDeclaredAreFound) {
   Scene scene = pushed(1.5, 0.3);
-  Options options = with_states(Method::march, 50);
+  const Options options = with_states(Method::march, 50);
   const Result declared = run(scene, options);
   scene.breakpoints.clear();
-  options.look_inside_every_step = true;
-  const Result found = run(scene, options);
+  InnerOptions every_step{options};
+  every_step.look_inside_every_step = true;
+  const Result found = solve_valid(scene, *make_cpu_backend(1), every_step);
   ASSERT_EQ(found.status, Status::solved) << found.reason;
   // The parts around a jump are other ones: both differ from the solution by the error of a grid of 50 steps.
   EXPECT_LE((found.x - declared.x).cwiseAbs().maxCoeff(), 5e-3);

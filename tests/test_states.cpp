@@ -131,7 +131,7 @@ TEST(Trace, IsNTimesTheState) {
       Options options = options_for(method, 64);
       options.states = StateSelection::all;
       options.trace = true;
-      options.literal_nodes = 64;
+      options.tuning.literal_nodes = 64;
       const Result result = solve(scene, *backend, options);
       ASSERT_EQ(result.status, Status::solved) << name << ", " << to_string(method) << ": " << result.reason;
       const DenseDynamics& d = std::get<DenseDynamics>(scene.dynamics);
@@ -151,7 +151,7 @@ TEST(Trace, OfSignoriniIsTheLineNextToTheMembrane) {
   for (const Method method : {Method::contour, Method::march, Method::euler})
     for (const RecurrenceChoice recurrence : {RecurrenceChoice::modal, RecurrenceChoice::compressed}) {
       Options options = options_for(method, 50);
-      options.recurrence = recurrence;
+      options.tuning.recurrence = recurrence;
       options.trace = true;
       options.states = StateSelection::list;
       for (Index j = 0; j < 7; ++j) options.components.push_back(7 * j);

@@ -53,9 +53,9 @@ std::vector<Contestant> contestants(const Scene& scene, Index steps) {
   }
   if (kronecker) {
     list.push_back(contestant("march (modal)", Method::march, steps));
-    list.back().options.recurrence = RecurrenceChoice::modal;
+    list.back().options.tuning.recurrence = RecurrenceChoice::modal;
     list.push_back(contestant("march (compressed)", Method::march, steps));
-    list.back().options.recurrence = RecurrenceChoice::compressed;
+    list.back().options.tuning.recurrence = RecurrenceChoice::compressed;
   } else {
     list.push_back(contestant("march", Method::march, steps));
   }

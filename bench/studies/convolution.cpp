@@ -33,7 +33,7 @@ Options contender_options(const Contender& c, Index steps) {
   Options options;
   options.method = Method::contour;
   options.steps = steps;
-  options.convolution = c.choice;
+  options.tuning.convolution = c.choice;
   options.max_iterations = iterations;
   return options;
 }

@@ -94,7 +94,7 @@ class Study {
     if (backend_.name() == "cpu" && size.work() > most_host_work) return skip(size, "takes the processor too long");
     const Scene scene = make_scene("signorini", {{"Q", size.Q}});
     Options useful = on_grid(Method::multigrid, size.J);
-    useful.algebraic_share = useful_share;
+    useful.tuning.algebraic_share = useful_share;
     Result exact, stopped;
     std::vector<double> all_grids, sweep;
     try {

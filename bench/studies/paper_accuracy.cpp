@@ -21,7 +21,7 @@ Options options_of(Method method, Index steps, Index nodes) {
   Options options;
   options.method = method;
   options.steps = steps;
-  options.literal_nodes = nodes;
+  options.tuning.literal_nodes = nodes;
   options.trace = true;
   return options;
 }

@@ -65,7 +65,7 @@ void measure_prepared(const PreparedCase& c, Backend& backend, const BenchReques
   Options options;
   options.method = c.method;
   options.steps = c.steps;
-  options.algebraic_share = c.method == Method::multigrid ? 0.1 : 0;
+  options.tuning.algebraic_share = c.method == Method::multigrid ? 0.1 : 0;
   Solver solver(choice.scene, backend, options);
   solver.solve();
   WallTimes whole, again;

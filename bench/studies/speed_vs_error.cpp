@@ -53,6 +53,7 @@ struct LadderContestant {
   Result result = {};  ///< of the warm-up, arrays dropped
   Errors errors = {};
 
+  bool literal() const { return options.method == Method::contour_literal; }
   bool solved() const { return result.status == Status::solved; }
   double seconds() const { return median(samples.total); }
 };
@@ -81,12 +82,12 @@ std::vector<Ladder> ladders(const Scene& scene, const Limits& limits, bool devic
   list.back().iterates = list.back().on_device = true;
   if (std::holds_alternative<KroneckerDynamics>(scene.dynamics)) {
     list.push_back(ladder("multigrid", Method::multigrid));
-    list.back().options.algebraic_share = useful_share;
+    list.back().options.tuning.algebraic_share = useful_share;
     list.back().iterates = list.back().on_device = true;
     list.push_back(ladder("march (modal)", Method::march));
-    list.back().options.recurrence = RecurrenceChoice::modal;
+    list.back().options.tuning.recurrence = RecurrenceChoice::modal;
     list.push_back(ladder("march (compressed)", Method::march));
-    list.back().options.recurrence = RecurrenceChoice::compressed;
+    list.back().options.tuning.recurrence = RecurrenceChoice::compressed;
     list.back().on_device = true;
   } else {
     list.push_back(ladder("march", Method::march));
@@ -96,7 +97,7 @@ std::vector<Ladder> ladders(const Scene& scene, const Limits& limits, bool devic
   list.push_back(ladder("contour-literal", Method::contour_literal));
   list.push_back(ladder("contour-literal, nodes", Method::contour_literal));
   list.back().options.steps = limits.literal_steps;
-  list.back().options.literal_nodes = 4;
+  list.back().options.tuning.literal_nodes = 4;
   list.back().nodes = true;
   return list;
 }
@@ -125,7 +126,7 @@ void climb(const Ladder& ladder, const Scene& scene, const Runner& runner, const
   double before = 0;
   for (;;) {
     const Index most = truth.steps() > 0 ? truth.steps() : Index(1) << 22;
-    if (options.steps > most || options.literal_nodes > 100) return;
+    if (options.steps > most || options.tuning.literal_nodes > 100) return;
     LadderContestant c = rung(ladder, options, scene, runner, truth);
     const double seconds = c.result.seconds.total;
     const bool hopeless = c.result.status == Status::unsupported;
@@ -136,7 +137,7 @@ void climb(const Ladder& ladder, const Scene& scene, const Runner& runner, const
     list.push_back(std::move(c));
     if (hopeless || saturated || finest || seconds > limits.seconds) return;
     if (ladder.nodes)
-      options.literal_nodes = options.literal_nodes * 3 / 2;
+      options.tuning.literal_nodes = options.tuning.literal_nodes * 3 / 2;
     else
       options.steps *= 2;
   }
@@ -153,27 +154,26 @@ void measure(std::vector<LadderContestant>& list, const Scene& scene, int repeat
 }
 
 Json row(const LadderContestant& c, const std::string& scene, const SceneChoice& choice, const Truth& truth) {
-  return {
-      {"scene", scene},
-      {"parameters", to_json(choice.parameters)},
-      {"contestant", c.name},
-      {"method", to_string(c.result.method)},
-      {"kernel", c.result.kernel},
-      {"backend", c.result.backend},
-      {"threads", c.runner.threads},
-      {"steps", c.options.steps},
-      {"literal_nodes", c.options.method == Method::contour_literal ? Json(c.options.literal_nodes) : Json(nullptr)},
-      {"iteration_tolerance", c.options.iteration_tolerance},
-      {"algebraic_share", c.options.algebraic_share},
-      {"status", to_string(c.result.status)},
-      {"reason", c.result.reason},
-      {"iterations", c.result.iterations},
-      {"error", to_json(c.errors)},
-      {"residual", c.result.residual},
-      {"seconds", to_json(c.samples)},
-      {"bytes", c.result.bytes},
-      {"reference", truth.source()},
-      {"reference_known_to", to_json(truth.known_to())}};
+  return {{"scene", scene},
+          {"parameters", to_json(choice.parameters)},
+          {"contestant", c.name},
+          {"method", to_string(c.result.method)},
+          {"kernel", c.result.kernel},
+          {"backend", c.result.backend},
+          {"threads", c.runner.threads},
+          {"steps", c.options.steps},
+          {"literal_nodes", c.literal() ? Json(c.options.tuning.literal_nodes) : Json(nullptr)},
+          {"iteration_tolerance", c.options.iteration_tolerance},
+          {"algebraic_share", c.options.tuning.algebraic_share},
+          {"status", to_string(c.result.status)},
+          {"reason", c.result.reason},
+          {"iterations", c.result.iterations},
+          {"error", to_json(c.errors)},
+          {"residual", c.result.residual},
+          {"seconds", to_json(c.samples)},
+          {"bytes", c.result.bytes},
+          {"reference", truth.source()},
+          {"reference_known_to", to_json(truth.known_to())}};
 }
 
 std::string measured_table(const std::vector<LadderContestant>& list) {
@@ -181,7 +181,7 @@ std::string measured_table(const std::vector<LadderContestant>& list) {
                                               "error N x", "median", "min", "max", "status"}};
   for (const LadderContestant& c : list)
     rows.push_back({c.name, c.runner.words(), fmt::format("{}", c.options.steps),
-                    c.options.method == Method::contour_literal ? fmt::format("{}", c.options.literal_nodes + 1) : "-",
+                    c.literal() ? fmt::format("{}", c.options.tuning.literal_nodes + 1) : "-",
                     fmt::format("{}", c.result.iterations), scientific(c.errors.y.max), scientific(c.errors.y.rms),
                     scientific(c.errors.trace.max), format_seconds(c.seconds()),
                     format_seconds(minimum(c.samples.total)), format_seconds(maximum(c.samples.total)),

@@ -187,7 +187,7 @@ void record(const GalerkinSolution& s, const GalerkinProblem& p, Result& result)
 }
 
 // The same in the units that the user knows.
-double residual_as_stated(const GalerkinProblem& p, const Scene& scene, const Options& options, const RowMatrix& z,
+double residual_as_stated(const GalerkinProblem& p, const Scene& scene, const InnerOptions& options, const RowMatrix& z,
                           const RowMatrix& x, double in_these_units) {
   if (!options.units || options.units->trivial()) return in_these_units;
   const Index n = p.unknowns() / 2;
@@ -208,7 +208,7 @@ double residual_as_stated(const GalerkinProblem& p, const Scene& scene, const Op
 }
 
 // `before`: a result on another grid, or null.
-void solve_on_grid(const Scene& scene, Backend& backend, const Options& options, const std::vector<GridPart>& grid,
+void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& options, const std::vector<GridPart>& grid,
                    const Result* before, Result& result) {
   Timer timer;
   const GalerkinProblem p = galerkin_problem(scene, grid);
@@ -265,7 +265,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const Options& options,
 }
 
 // The same with nodes at the switches, until these stay where they are to the accuracy of y.
-void solve_with_located_switches(const Scene& scene, Backend& backend, const Options& options, Result& result) {
+void solve_with_located_switches(const Scene& scene, Backend& backend, const InnerOptions& options, Result& result) {
   constexpr int most_locations = 5;
   const Index N = result.steps;
   for (int pass = 0; pass < most_locations && result.status == Status::solved; ++pass) {
@@ -295,7 +295,7 @@ void solve_with_located_switches(const Scene& scene, Backend& backend, const Opt
 
 }  // namespace
 
-Result solve_by_galerkin(const Scene& scene, Backend& backend, const Options& options) {
+Result solve_by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& options) {
   Timer total;
   Result result;
   const Index N = options.steps > 0 ? options.steps : scene.default_steps;

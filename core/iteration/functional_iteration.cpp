@@ -72,7 +72,7 @@ void count(const LcpReport& report, double seconds, Result& result) {
 
 // Other grids (half the step, windows in time) are solved with the same options: they start from x0.
 void start_from_given(const DiscreteProblem& p, const Options& options, Array& y) {
-  const RowMatrix* given = options.first_iterate;
+  const RowMatrix* given = options.tuning.first_iterate;
   if (!given || given->rows() != p.J + 1 || p.lcp_class == LcpClass::Z) return;
   RowMatrix start;
   p.backend.download(y, start);
@@ -216,7 +216,7 @@ namespace {
 class PreparedIteration final : public PreparedMethod {
  public:
   PreparedIteration(TimeOperator& op, const Options& options)
-      : op_(op), p_(op.problem()), plan_(op.kernel(options.convolution)) {
+      : op_(op), p_(op.problem()), plan_(op.kernel(options.tuning.convolution)) {
     const Index rows = p_.J + 1, n = p_.scene.constraints();
     for (auto* array : {&y_, &v_, &r_}) *array = p_.backend.array(rows, n);
     lcp_ = p_.backend.lcp(p_.scene.M, p_.lcp_class, rows);

@@ -165,7 +165,7 @@ void solve_literally(const DiscreteProblem& p, const Options& options, Result& r
                     where.describe() + "; use another method";
     return;
   }
-  const Index rows = p.J + 1, n = p.scene.constraints(), P = options.literal_nodes;
+  const Index rows = p.J + 1, n = p.scene.constraints(), P = options.tuning.literal_nodes;
   const LiteralKernel kernel(p, p.scene.dynamics, P);
   const auto y = p.backend.array(rows, n), v = p.backend.array(rows, n), r = p.backend.array(rows, n);
   p.backend.upload(literal_response(p, kernel, P), *r);

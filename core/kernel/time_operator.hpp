@@ -9,7 +9,7 @@
 // core/kernel/modal_operator.cpp works in sine modes, core/kernel/lag_operator.cpp tabulates weights from shifted
 // solves.
 
-#include "../result/options.hpp"
+#include "../result/tuning.hpp"
 #include "discrete_problem.hpp"
 #include "ringing.hpp"
 #include "space_time_kernel.hpp"

@@ -13,7 +13,7 @@ namespace {
 class PreparedMarch final : public PreparedMethod {
  public:
   PreparedMarch(TimeOperator& op, Rule rule, const Options& options)
-      : op_(op), p_(op.problem()), rule_(rule), data_(op.march_weights(rule, options.recurrence)) {
+      : op_(op), p_(op.problem()), rule_(rule), data_(op.march_weights(rule, options.tuning.recurrence)) {
     const Index rows = p_.J + 1, n = p_.scene.constraints();
     for (auto* array : {&y_, &v_, &r_}) *array = p_.backend.array(rows, n);
     op_.add_sources(rule_, data_);

@@ -302,7 +302,7 @@ void keep_points(const DiscreteProblem& p, const StageGrid& grid, const Given& g
 
 }  // namespace
 
-void solve_by_stages(const DiscreteProblem& p, Index stages, const Options& options, Result& result) {
+void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions& options, Result& result) {
   Timer timer;
   const Start start = solve_at_zero(p, result);
   if (start == Start::none) return;

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "../kernel/discrete_problem.hpp"
-#include "../result/options.hpp"
+#include "../result/inner_options.hpp"
 #include "../result/result.hpp"
 
 namespace bromwich {
@@ -9,6 +9,6 @@ namespace bromwich {
 /// Steps the state with y discontinuous from step to step (core/host/stage_problem.hpp): two stages (Radau
 /// IIA) or one (implicit Euler). Fills status, y, x (the components of the problem), counters, residual and seconds. A
 /// Kronecker sum is written out as sparse matrices.
-void solve_by_stages(const DiscreteProblem&, Index stages, const Options&, Result& result);
+void solve_by_stages(const DiscreteProblem&, Index stages, const InnerOptions&, Result& result);
 
 }  // namespace bromwich

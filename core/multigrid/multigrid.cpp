@@ -29,7 +29,7 @@ Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& level
     : backend_(backend),
       options_(&options),
       levels_(levels),
-      useful_(options.algebraic_share > 0 && levels.size() >= grids_of_estimate),
+      useful_(options.tuning.algebraic_share > 0 && levels.size() >= grids_of_estimate),
       queued_(all_queue()),
       differences_(backend.differences(slots)) {
   recorded_.resize(levels_.size());
@@ -155,7 +155,7 @@ double Multigrid::unseen() {
 // it does not; for the latter there may be further sweeps.
 bool Multigrid::useful(double seen, int sweeps) {
   for (; std::isfinite(seen) && !failure_; --sweeps) {
-    const double wanted = options_->algebraic_share * useful_error();
+    const double wanted = options_->tuning.algebraic_share * useful_error();
     result_->algebraic_error = seen + unseen();
     if (seen + unseen() <= wanted) return true;
     if (sweeps == 0 || !(unseen() * std::pow(levels_[0].unseen, sweeps) < wanted - seen)) return false;

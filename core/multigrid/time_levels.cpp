@@ -152,13 +152,14 @@ TimeLevels time_levels(TimeOperator& op, const Options& options) {
   const DiscreteProblem& p = op.problem();
   TimeLevels levels = choose_grids(op);
   if (levels.size() == 0) return levels;
-  levels.finest = op.finest_kernel(levels[0].weights, options.convolution);
+  levels.finest = op.finest_kernel(levels[0].weights, options.tuning.convolution);
   levels.description = levels.finest.description + "; grids of ";
   // Sweeps that smooth and do not enlarge what is smooth do, after a nested start, for what is left on the coarsest.
   const bool swept = levels.size() > 1 && levels.grids.back()->sweeps > 0;
   for (std::size_t l = 0; l < levels.size(); ++l) {
     TimeLevel& level = levels[l];
-    level.kernel = l == 0 ? levels.finest.kernel : op.kernel_of(*level.weights, level.steps, options.convolution);
+    level.kernel =
+        l == 0 ? levels.finest.kernel : op.kernel_of(*level.weights, level.steps, options.tuning.convolution);
     for (auto* array : {&level.r, &level.y, &level.v, &level.old})
       *array = p.backend.array(level.steps + 1, p.scene.constraints());
     if (l == 1 || l == 2) level.nested = p.backend.array(level.steps + 1, p.scene.constraints());

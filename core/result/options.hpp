@@ -3,6 +3,7 @@
 
 #include "../base/types.hpp"
 #include "method.hpp"
+#include "tuning.hpp"
 
 #include <functional>
 #include <memory>
@@ -10,13 +11,9 @@
 
 namespace bromwich {
 
-struct GoalOptions;   // core/goal/options.hpp
-struct Prepared;      // core/solve/prepared.hpp
-struct NaturalUnits;  // core/scene/natural_units.hpp
+struct GoalOptions;  // core/goal/options.hpp
 
 enum class StateSelection { none, all, list };
-enum class ConvolutionChoice { automatic, scan, fft };
-enum class RecurrenceChoice { automatic, modal, compressed };
 
 struct Progress {
   Index iteration = 0;  ///< sweeps done, or time steps where `total` says how many there are
@@ -26,47 +23,37 @@ struct Progress {
 
 struct Options {
   Method method = Method::automatic;
-  Index steps = 0;  ///< 0 = the scene's default; with a tolerance the first grid
+  /// Time steps J; 0 = the scene's default. With a tolerance those of the first grid.
+  Index steps = 0;
+
   /// Error to reach by refining the grid (core/solve/error_control.hpp), 0 = one grid: that of component i is at most
   /// tolerance max(max_t |c_i|, 1e-3 of the largest component of the same kind). For y, and for the recorded states.
   double tolerance = 0;
-  double tolerance_x = 0;              ///< for the recorded states in place of `tolerance`; alone: y is not controlled
-  double tolerance_y = 0;              ///< for y in place of `tolerance`; alone: the states are not controlled
-  double absolute_tolerance = 0;       ///< in the units of the scene; added to what the others allow
-  bool control_states = true;          ///< the tolerance is for the recorded states too
-  Index max_steps = Index(1) << 20;    ///< of the finest grid that a tolerance may lead to
-  double max_seconds = 0;              ///< after which a tolerance leads to no further grid; 0 = no limit
-  double iteration_tolerance = 1e-12;  ///< max change of y relative to max(1, |y|)
-  /// Multigrid may stop earlier, where what the cycles would still change is below this part of the discretisation
-  /// error, both estimated; 0 = iteration_tolerance alone decides.
-  double algebraic_share = 0;
+  double tolerance_x = 0;            ///< for the recorded states in place of `tolerance`; alone: y is not controlled
+  double tolerance_y = 0;            ///< for y in place of `tolerance`; alone: the states are not controlled
+  double absolute_tolerance = 0;     ///< in the units of the scene; added to what the others allow
+  bool control_states = true;        ///< the tolerance is for the recorded states too
+  Index max_steps = Index(1) << 20;  ///< of the finest grid that a tolerance may lead to
+  double max_seconds = 0;            ///< after which a tolerance leads to no further grid; 0 = no limit
+
+  /// Where the iterations end: largest change of y in a sweep, relative to max(1, |y|). The default is near what
+  /// rounding allows.
+  double iteration_tolerance = 1e-12;
   Index max_iterations = 2000;  ///< converging scenes need tens to hundreds; others stop earlier by themselves
-  StateSelection states = StateSelection::none;
-  std::vector<Index> components = {};  ///< with StateSelection::list
-  /// The caller solves on several grids and compares: a result is not confirmed with half the step again.
-  bool compares_grids = false;
-  /// Method automatic may end with implicit Euler, of first order, where no method of second order takes a step.
-  bool fall_back_to_euler = true;
-  bool trace = false;  ///< record N x
-  /// Sources are looked at inside every step, and not inside some: error control does.
-  bool look_inside_every_step = false;
+
+  StateSelection states = StateSelection::none;  ///< components of x to record at all time points
+  std::vector<Index> components = {};            ///< those, from 0, with StateSelection::list
+  bool trace = false;                            ///< record N x
+
   /// Method galerkin: solved again with nodes at the switches of the active sets (core/galerkin/location.hpp).
   bool event_location = false;
-  ConvolutionChoice convolution = ConvolutionChoice::automatic;
-  RecurrenceChoice recurrence = RecurrenceChoice::automatic;  ///< exponentials in marching: all modes, or compressed
-  Index literal_nodes = 25;                                   ///< P of contour_literal (the paper's choice)
-  /// (J+1) x n, where the iteration starts instead of from the constant x0; not for M of class Z, whose least solution
-  /// is reached from there.
-  const RowMatrix* first_iterate = nullptr;
   std::shared_ptr<const GoalOptions> goal = {};  ///< of method goal; null: its defaults
-  /// Null: `solve` brings the scene to natural units. Otherwise it is in these already, and what is absolute (measures
-  /// relative to max(1, |y|), `residual` of method galerkin) is meant in them; NaturalUnits{} leaves a scene as it is.
-  std::shared_ptr<const NaturalUnits> units = {};
-  /// Of a Solver (core/solve/solver.hpp); null: nothing is kept.
-  std::shared_ptr<Prepared> prepared = {};
+
   double memory_limit = 0;  ///< bytes; a solve that is predicted to need more is refused. 0 = no limit
-  std::function<void(const Progress&)> progress = {};
-  std::function<bool()> interrupted = {};  ///< polled once per iteration
+  std::function<void(const Progress&)> progress = {};  ///< called now and then, with what is done
+  std::function<bool()> interrupted = {};              ///< polled in sweeps and marches; true ends the solve
+
+  Tuning tuning = {};  ///< for studies of the methods
 };
 
 /// Whether any of the tolerances is set, so that steps are chosen.

@@ -58,7 +58,7 @@ void demote(Result& result, const std::string& reason) {
 double residual_limit(bool iterated, const Result& result, const Options& options) {
   if (!iterated) return 1e-9;
   const double accurate = std::clamp(1e3 * options.iteration_tolerance, 1e-9, 1e-2);
-  return options.algebraic_share > 0 && result.algebraic_error
+  return options.tuning.algebraic_share > 0 && result.algebraic_error
              ? std::clamp(1e3 * *result.algebraic_error, accurate, 0.1)
              : accurate;
 }

@@ -10,7 +10,7 @@ namespace bromwich {
 
 class Certification {
  public:
-  Certification(Methods& methods, Backend& backend, const Options& options)
+  Certification(Methods& methods, Backend& backend, const InnerOptions& options)
       : methods_(methods), backend_(backend), options_(options) {}
 
   /// Of a result that its method calls solved; demotes it to tolerance_not_met with the reason.
@@ -49,7 +49,7 @@ class Certification {
   bool sensitive_ = false, last_resort_ = false, confirm_last_resort_ = false;
   Methods& methods_;
   Backend& backend_;
-  const Options& options_;
+  const InnerOptions& options_;
 };
 
 /// The largest natural-map residual of a solution: rounding of the kernel, and what an iteration tolerance leaves open.

@@ -40,7 +40,7 @@ struct Goal {
   double smallest() const { return y > 0 && x > 0 ? std::min(y, x) : std::max(y, x); }
 };
 
-ComponentSizes sizes_for(const Scene& scene, const Options& o) {
+ComponentSizes sizes_for(const Scene& scene, const InnerOptions& o) {
   ComponentSizes sizes;
   sizes.relative = o.tolerance > 0 || o.tolerance_x > 0 || o.tolerance_y > 0;
   if (sizes.relative) sizes.absolute = o.absolute_tolerance / Goal(o).smallest();
@@ -73,7 +73,7 @@ RowMatrix refined(const RowMatrix& y) {
 
 class GridRefinement {
  public:
-  GridRefinement(const Scene& scene, Backend& backend, const Options& options, const Solve& solve)
+  GridRefinement(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve)
       : scene_(scene),
         backend_(backend),
         options_(options),
@@ -123,21 +123,20 @@ class GridRefinement {
   }
 
   Result solve_on(Index J) {
-    Options one = options_;
+    InnerOptions one = options_;
     one.tolerance = one.tolerance_x = one.tolerance_y = one.absolute_tolerance = 0;
     one.steps = J;
     one.prepared = {};  // grids follow one another, none comes back
-    one.look_inside_every_step = true;
-    one.algebraic_share = algebraic_share;
+    one.tuning.algebraic_share = algebraic_share;
     one.fall_back_to_euler = false;
     one.compares_grids = true;
     one.look_inside_every_step = true;
     RowMatrix start;
     if (solved_ && solved_->continuous && 2 * solved_->steps == J) {
       start = refined(solved_->y);
-      one.first_iterate = &start;
+      one.tuning.first_iterate = &start;
     } else {
-      one.first_iterate = grids_.empty() ? options_.first_iterate : nullptr;
+      one.tuning.first_iterate = grids_.empty() ? options_.tuning.first_iterate : nullptr;
     }
     const bool looks_inside = may_look_inside();
     if (looks_inside) one.states = StateSelection::all;
@@ -323,7 +322,7 @@ class GridRefinement {
 
   const Scene& scene_;
   Backend& backend_;
-  const Options& options_;
+  const InnerOptions& options_;
   const Solve& solve_;
   const Goal goal_;
   const ComponentSizes sizes_;
@@ -350,7 +349,7 @@ double iteration_error(const std::vector<double>& history) {
   return history.back() * c / (1 - c);
 }
 
-Result solve_to_tolerance(const Scene& given, Backend& backend, const Options& options, const Solve& solve) {
+Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptions& options, const Solve& solve) {
   std::optional<Scene> with_jumps;
   if (!given.breakpoints_are_all && (given.f || given.g))
     if (std::vector<double> all = find_breakpoints(given); all.size() > given.breakpoints.size()) {
@@ -363,7 +362,7 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const Options& o
   const bool failed = result.status == Status::tolerance_not_met && !result.error_estimate;
   if (options.method != Method::automatic || !failed || scene.boundary) return result;
   // No grid was solved by a method of second order.
-  Options by_euler = options;
+  InnerOptions by_euler = options;
   by_euler.method = Method::euler;
   Result first_order = GridRefinement(scene, backend, by_euler, solve).run();
   if (first_order.status != Status::solved) return result;

@@ -20,6 +20,6 @@ double iteration_error(const std::vector<double>& history);
 /// for the estimate to err). Otherwise it goes on until a budget is spent (max_steps, max_seconds, memory) or nothing
 /// can be gained any more, and ends as tolerance_not_met with what stood in the way. Where y may jump, a grid of 3/4 of
 /// the steps has to agree. Counts are those of the finest grid, seconds those of all.
-Result solve_to_tolerance(const Scene&, Backend&, const Options&, const Solve&);
+Result solve_to_tolerance(const Scene&, Backend&, const InnerOptions&, const Solve&);
 
 }  // namespace bromwich

@@ -70,7 +70,7 @@ bool Methods::run_prepared(Method method, const Options& options, Result& result
   return true;
 }
 
-void Methods::run(Method method, const Options& options, Result& result) {
+void Methods::run(Method method, const InnerOptions& options, Result& result) {
   result.method = method;
   result.t = problem_.t;
   result.steps = problem_.J;
@@ -109,7 +109,7 @@ void Methods::run(Method method, const Options& options, Result& result) {
   report_sources(result);
 }
 
-void Methods::march(const Options& options, Result& result) {
+void Methods::march(const InnerOptions& options, Result& result) {
   // Where stepping the state costs a solve a step, only what would ring keeps it from the weights.
   if (basis().rings || (!basis().continuous && !operator_->prefers_weights())) {
     step_in_stages(2, options, result);
@@ -125,7 +125,7 @@ void Methods::march(const Options& options, Result& result) {
 }
 
 // The state passes through: all of it is recorded where it is small, and what was asked for taken from that.
-void Methods::step_in_stages(Index stages, const Options& options, Result& result) {
+void Methods::step_in_stages(Index stages, const InnerOptions& options, Result& result) {
   const Index m = problem_.scene.states();
   if (m > most_recorded_states) return solve_by_stages(problem_, stages, options, result);
   DiscreteProblem p = problem_;

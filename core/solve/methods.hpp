@@ -3,7 +3,7 @@
 
 #include "../kernel/prepared_method.hpp"
 #include "../kernel/time_operator.hpp"
-#include "../result/options.hpp"
+#include "../result/inner_options.hpp"
 #include "../result/result.hpp"
 
 #include <map>
@@ -23,7 +23,7 @@ class Methods {
   void renew();
 
   /// Fills everything of `result` but times of the whole, states included.
-  void run(Method, const Options&, Result& result);
+  void run(Method, const InnerOptions&, Result& result);
 
   /// All states of a dense scene after a run of `method` that gave `result`: (J+1) x m. For m <= most_recorded_states.
   RowMatrix all_states(Method, const Result& result) const;
@@ -34,8 +34,8 @@ class Methods {
   const BasisChoice& basis() { return operator_->basis(); }
 
  private:
-  void march(const Options&, Result&);
-  void step_in_stages(Index stages, const Options&, Result&);
+  void march(const InnerOptions&, Result&);
+  void step_in_stages(Index stages, const InnerOptions&, Result&);
   void iterate(const Options&, Result&);
   void cycle(const Options&, Result&);
   void report_sources(Result&) const;

@@ -267,16 +267,16 @@ std::optional<EliminatedScene> eliminate_free(const Scene& given) {
   return e;
 }
 
-Result solve_mixed(const Scene& scene, const EliminatedScene& e, Backend& backend, const Options& options,
+Result solve_mixed(const Scene& scene, const EliminatedScene& e, Backend& backend, const InnerOptions& options,
                    const Solve& solve) {
-  Options inner = options;
+  InnerOptions inner = options;
   inner.trace = true;
   inner.states = StateSelection::list;
   inner.components = with_seen(scene, options, e.seen);
   RowMatrix first;
-  if (options.first_iterate && options.first_iterate->cols() == scene.constraints() && !e.kept.empty()) {
-    first = (*options.first_iterate)(Eigen::all, e.kept);
-    inner.first_iterate = &first;
+  if (options.tuning.first_iterate && options.tuning.first_iterate->cols() == scene.constraints() && !e.kept.empty()) {
+    first = (*options.tuning.first_iterate)(Eigen::all, e.kept);
+    inner.tuning.first_iterate = &first;
   }
   Result result = solve(e.scene, backend, inner);
   const Index rows = result.y.rows(), n = scene.constraints(), C = Index(e.kept.size());

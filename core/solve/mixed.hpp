@@ -40,6 +40,6 @@ std::optional<EliminatedScene> eliminate_free(const Scene&);
 
 /// Solves the scene by the method of the options on what is left of it. y, trace and residual are those of the rows as
 /// stated, the free ones included; so is what rounding makes of y. On one grid: options.tolerance is 0.
-Result solve_mixed(const Scene&, const EliminatedScene&, Backend&, const Options&, const Solve&);
+Result solve_mixed(const Scene&, const EliminatedScene&, Backend&, const InnerOptions&, const Solve&);
 
 }  // namespace bromwich

@@ -21,7 +21,7 @@ namespace {
 // One run of a scene: its methods on the grid asked for, and on finer ones where a result has to be confirmed.
 class Run {
  public:
-  Run(Methods& methods, Backend& backend, const Options& options)
+  Run(Methods& methods, Backend& backend, const InnerOptions& options)
       : methods_(methods), backend_(backend), options_(options), certification_(methods, backend, options) {}
 
   void named(Method method, Result& result) {
@@ -84,7 +84,7 @@ class Run {
     const DiscreteProblem& p = methods_.problem();
     const double march = predicted_cost(p.scene, Method::march, p.J, 0).operations;
     const double sweep = predicted_cost(p.scene, Method::contour, p.J, 0).operations / 100;
-    Options limited = options_;
+    InnerOptions limited = options_;
     limited.max_iterations = std::clamp<Index>(Index(march / sweep), 1, options_.max_iterations);
     Run run(methods_, backend_, limited);
     Result first;
@@ -135,7 +135,7 @@ class Run {
 
   Methods& methods_;
   Backend& backend_;
-  const Options& options_;
+  const InnerOptions& options_;
   Certification certification_;
 };
 
@@ -158,7 +158,7 @@ bool same_entry(const Scene& a, const Scene& b) {
 
 // Those of the solve before, with the x0, f and g of this one. A Solver changes nothing else.
 Methods& prepared_methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
-                          const Options& options) {
+                          const InnerOptions& options) {
   Prepared& kept = *options.prepared;
   if (kept.methods && kept.methods->problem().J == J && kept.methods->problem().components == components &&
       same_entry(*kept.scene, scene)) {
@@ -178,12 +178,12 @@ Methods& prepared_methods(const Scene& scene, Backend& backend, Index J, const s
 
 }  // namespace
 
-Result solve_on_one_grid(const Scene& scene, Backend& backend, const Options& options) {
+Result solve_on_one_grid(const Scene& scene, Backend& backend, const InnerOptions& options) {
   Timer total;
   Result result;
   result.method = options.method;
   const Index J = options.steps > 0 ? options.steps : scene.default_steps;
-  if (const RowMatrix* y = options.first_iterate; y && (y->rows() != J + 1 || y->cols() != scene.constraints()))
+  if (const RowMatrix* y = options.tuning.first_iterate; y && (y->rows() != J + 1 || y->cols() != scene.constraints()))
     throw Error("first_iterate", "found " + std::to_string(y->rows()) + " x " + std::to_string(y->cols()),
                 "give one row per time point and one column per constraint");
   const std::vector<Index> components = recorded_components(scene, options);

@@ -308,9 +308,9 @@ Result to_units_of_scene(Result result, const NaturalUnits& units) {
   return result;
 }
 
-Result solve_in_natural_units(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
+Result solve_in_natural_units(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   Timer timer;
-  Options inner = options;
+  InnerOptions inner = options;
   const bool known = options.prepared && options.prepared->units;
   inner.units = std::make_shared<const NaturalUnits>(options.method == Method::goal ? NaturalUnits{}
                                                      : known                        ? *options.prepared->units
@@ -326,10 +326,10 @@ Result solve_in_natural_units(const Scene& scene, Backend& backend, const Option
   }
   const Scene natural = in_natural_units(scene, units);
   RowMatrix first;
-  if (options.first_iterate && options.first_iterate->cols() == scene.constraints()) {
-    first = *options.first_iterate;
+  if (options.tuning.first_iterate && options.tuning.first_iterate->cols() == scene.constraints()) {
+    first = *options.tuning.first_iterate;
     change_columns(first, units.y, -1);
-    inner.first_iterate = &first;
+    inner.tuning.first_iterate = &first;
   }
   inner.trace = true;
   if (scene.boundary) inner.states = StateSelection::all;

@@ -32,6 +32,6 @@ Result to_units_of_scene(Result, const NaturalUnits&);
 
 /// `solve` for a valid scene and options without units: brings both to natural units, solves, and brings the result
 /// back. Its residuals are those of the scene as stated.
-Result solve_in_natural_units(const Scene&, Backend&, const Options&, const Solve&);
+Result solve_in_natural_units(const Scene&, Backend&, const InnerOptions&, const Solve&);
 
 }  // namespace bromwich

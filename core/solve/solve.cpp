@@ -31,24 +31,24 @@ void validate(const Scene& scene, const Options& options) {
     throw Error("max_steps", "found " + std::to_string(options.max_steps), "give a whole number from 1 to 16777216");
   if (!(options.max_seconds >= 0))
     throw Error("max_seconds", text("found %g", options.max_seconds), "give a positive number of seconds");
-  if (!(options.algebraic_share >= 0) || !(options.algebraic_share < 1))
-    throw Error("algebraic_share", "found " + std::to_string(options.algebraic_share),
+  if (!(options.tuning.algebraic_share >= 0) || !(options.tuning.algebraic_share < 1))
+    throw Error("algebraic_share", "found " + std::to_string(options.tuning.algebraic_share),
                 "give a number from 0 to below 1");
   if (options.max_iterations < 1)
     throw Error("max_iterations", "found " + std::to_string(options.max_iterations), "give at least 1");
-  if (options.literal_nodes < 2 || options.literal_nodes > 400)
-    throw Error("literal_nodes", "found " + std::to_string(options.literal_nodes), "give 2 to 400");
+  if (options.tuning.literal_nodes < 2 || options.tuning.literal_nodes > 400)
+    throw Error("literal_nodes", "found " + std::to_string(options.tuning.literal_nodes), "give 2 to 400");
   for (const Index c : options.components)
     if (c < 0 || c >= scene.states())
       throw Error("states", "component " + std::to_string(c) + " of " + std::to_string(scene.states()),
                   "components are counted from 0");
 }
 
-// Of a valid scene: what stages call, too.
-Result solve_valid(const Scene& scene, Backend& backend, const Options& options) {
+// What stages call, too.
+Result through_stages(const Scene& scene, Backend& backend, const InnerOptions& options) {
   const InterruptedBy polled(options.interrupted);
   try {
-    return run_stages(scene, backend, options, solve_valid);
+    return run_stages(scene, backend, options, through_stages);
   } catch (const Interrupted&) {
     return unsolved(scene, backend, options, Status::interrupted, "stopped on request before the first step");
   }
@@ -56,12 +56,21 @@ Result solve_valid(const Scene& scene, Backend& backend, const Options& options)
 
 }  // namespace
 
-Result solve(const Scene& scene, Backend& backend, const Options& options) {
+Result solve_valid(const Scene& scene, Backend& backend, const InnerOptions& options) {
   Timer timer;
-  if (!options.prepared) scene.validate();  // a Solver has done so
   validate(scene, options);
   const double looked = timer.lap();
-  Result result = solve_valid(scene, backend, options);
+  Result result = through_stages(scene, backend, options);
+  result.seconds.setup += looked;
+  result.seconds.total += looked;
+  return result;
+}
+
+Result solve(const Scene& scene, Backend& backend, const Options& options) {
+  Timer timer;
+  scene.validate();
+  const double looked = timer.lap();
+  Result result = solve_valid(scene, backend, InnerOptions{options});
   result.seconds.setup += looked;
   result.seconds.total += looked;
   return result;

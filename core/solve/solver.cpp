@@ -3,18 +3,19 @@
 #include "core/base/error.hpp"
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/solve/prepared.hpp"
+#include "core/solve/stages.hpp"
 
 #include <utility>
 
 namespace bromwich {
 
 Solver::Solver(Scene scene, Backend& backend, Options options)
-    : scene_(std::move(scene)), backend_(backend), options_(std::move(options)) {
+    : scene_(std::move(scene)), backend_(backend), options_{std::move(options)} {
   scene_.validate();
   options_.prepared = std::make_shared<Prepared>();
-  if (!options_.first_iterate) return;
-  first_iterate_ = *options_.first_iterate;
-  options_.first_iterate = &first_iterate_;
+  if (!options_.tuning.first_iterate) return;
+  first_iterate_ = *options_.tuning.first_iterate;
+  options_.tuning.first_iterate = &first_iterate_;
 }
 
 void Solver::set_x0(const Vector& x0) {
@@ -50,7 +51,7 @@ void Solver::set_sources(TimeFunction f, TimeFunction g, std::vector<double> bre
 
 Result Solver::solve() {
   try {
-    return bromwich::solve(scene_, backend_, options_);
+    return solve_valid(scene_, backend_, options_);
   } catch (...) {  // what was kept may be half of this solve and half of the one before
     options_.prepared->methods.reset();
     throw;

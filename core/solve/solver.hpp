@@ -1,6 +1,7 @@
 #pragma once
 // One scene, prepared once and solved many times with other initial values and sources.
 
+#include "../result/inner_options.hpp"
 #include "solve.hpp"
 
 #include <memory>
@@ -42,7 +43,7 @@ class Solver {
  private:
   Scene scene_;
   Backend& backend_;
-  Options options_;
+  InnerOptions options_;
   RowMatrix first_iterate_;  ///< that the options point to
 };
 

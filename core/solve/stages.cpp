@@ -58,7 +58,7 @@ void note_fast_g(const Scene& scene, Result& result) {
                            100 * result.unresolved_sources));
 }
 
-Result by_galerkin(const Scene& scene, Backend& backend, const Options& options) {
+Result by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& options) {
   const Index J = options.steps > 0 ? options.steps : scene.default_steps;
   const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(recorded_components(scene, options).size()));
   Result result = solve_by_galerkin(scene, backend, options);
@@ -68,7 +68,8 @@ Result by_galerkin(const Scene& scene, Backend& backend, const Options& options)
 }
 
 // A regular E: eliminated where that keeps A sparse.
-std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
+std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const InnerOptions& options,
+                                  const Solve& solve) {
   if (!has_mass(scene.dynamics)) return std::nullopt;
   Timer timer;
   if (!options.units && has_singular_mass(scene.dynamics))
@@ -89,18 +90,20 @@ std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const Op
   return solve(written_out, backend, options);
 }
 
-std::optional<Result> natural_units(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
+std::optional<Result> natural_units(const Scene& scene, Backend& backend, const InnerOptions& options,
+                                    const Solve& solve) {
   if (options.units) return std::nullopt;
   if (options.event_location) check_event_location(scene, options);
   return solve_in_natural_units(scene, backend, options, solve);
 }
 
-std::optional<Result> goal(const Scene& scene, Backend& backend, const Options& options, const Solve&) {
+std::optional<Result> goal(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve&) {
   if (options.method != Method::goal) return std::nullopt;
   return solve_for_goal(scene, backend, options);
 }
 
-std::optional<Result> no_constraints(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
+std::optional<Result> no_constraints(const Scene& scene, Backend& backend, const InnerOptions& options,
+                                     const Solve& solve) {
   if (scene.constraints() > 0) return std::nullopt;
   Result result = solve(with_idle_constraint(scene), backend, options);
   result.y.resize(result.y.rows(), 0);
@@ -110,7 +113,8 @@ std::optional<Result> no_constraints(const Scene& scene, Backend& backend, const
 }
 
 // Boundary values, and free unknowns that cannot be eliminated.
-std::optional<Result> galerkin_alone(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
+std::optional<Result> galerkin_alone(const Scene& scene, Backend& backend, const InnerOptions& options,
+                                     const Solve& solve) {
   if (options.method == Method::galerkin) return std::nullopt;
   const bool singular = !scene.boundary && !scene.free_rows.empty() && !can_eliminate_free(scene);
   if (!scene.boundary && !singular) return std::nullopt;
@@ -119,22 +123,22 @@ std::optional<Result> galerkin_alone(const Scene& scene, Backend& backend, const
                     std::string(singular ? "the free rows and columns of M form a singular matrix"
                                          : "it needs initial values and the scene has boundary values") +
                         "; use method galerkin");
-  Options named = options;
+  InnerOptions named = options;
   named.method = Method::galerkin;
   return solve(scene, backend, named);
 }
 
-std::optional<Result> tolerance(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
+std::optional<Result> tolerance(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   if (!controls_error(options)) return std::nullopt;
   return solve_to_tolerance(scene, backend, options, solve);
 }
 
-std::optional<Result> galerkin(const Scene& scene, Backend& backend, const Options& options, const Solve&) {
+std::optional<Result> galerkin(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve&) {
   if (options.method != Method::galerkin) return std::nullopt;
   return by_galerkin(scene, backend, options);
 }
 
-std::optional<Result> free_rows(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
+std::optional<Result> free_rows(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   if (scene.free_rows.empty()) return std::nullopt;
   return solve_mixed(scene, *eliminate_free(scene), backend, options, solve);
 }
@@ -142,14 +146,15 @@ std::optional<Result> free_rows(const Scene& scene, Backend& backend, const Opti
 // Below this size dense matrices are faster in everything, and e^{hA} needs no contour.
 constexpr Index smallest_sparse = 512;
 
-std::optional<Result> small_sparse(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
+std::optional<Result> small_sparse(const Scene& scene, Backend& backend, const InnerOptions& options,
+                                   const Solve& solve) {
   if (!std::holds_alternative<SparseDynamics>(scene.dynamics) || scene.states() > smallest_sparse) return std::nullopt;
   Scene written_out = scene;
   written_out.dynamics = to_dense(scene.dynamics);
   return solve(written_out, backend, options);
 }
 
-std::optional<Result> one_grid(const Scene& scene, Backend& backend, const Options& options, const Solve&) {
+std::optional<Result> one_grid(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve&) {
   return solve_on_one_grid(scene, backend, options);
 }
 
@@ -158,7 +163,7 @@ constexpr Stage stages[] = {mass_matrix, natural_units, goal,      no_constraint
 
 }  // namespace
 
-Result run_stages(const Scene& scene, Backend& backend, const Options& options, const Solve& solve) {
+Result run_stages(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   for (const Stage stage : stages)
     if (std::optional<Result> result = stage(scene, backend, options, solve)) return std::move(*result);
   return unsolved(scene, backend, options, Status::unsupported, "no stage of the solve takes this scene");

@@ -17,11 +17,10 @@ std::optional<Result> on_another_grid(const Scene& scene, Backend& backend, cons
   other.method = result.method;
   other.steps = steps;
   other.tolerance = 0;
-  other.prepared = {};
   other.states = StateSelection::none;
   other.components.clear();
   other.trace = false;
-  other.first_iterate = nullptr;
+  other.tuning.first_iterate = nullptr;
   try {
     Result coarse = solve(scene, backend, other);
     if (coarse.status == Status::solved) return coarse;

@@ -47,7 +47,7 @@ void expect_same_on_many(const Scene& scene, const Options& options) {
 
 Options contour(Index steps, ConvolutionChoice convolution) {
   Options options = options_for(Method::contour, steps);
-  options.convolution = convolution;
+  options.tuning.convolution = convolution;
   return options;
 }
 
@@ -63,7 +63,7 @@ TEST(Threads, FftOfADenseKernel) { expect_same_on_many(dense_heat(), contour(400
 
 TEST(Threads, MarchOverModes) {
   Options options = options_for(Method::march, 24);
-  options.recurrence = RecurrenceChoice::modal;
+  options.tuning.recurrence = RecurrenceChoice::modal;
   expect_same_on_many(heat(263), options);
 }
 

@@ -1,0 +1,28 @@
+#pragma once
+// What the stages of a solve tell each other, beside what the user asked for.
+
+#include "options.hpp"
+
+#include <memory>
+
+namespace bromwich {
+
+struct NaturalUnits;  // core/scene/natural_units.hpp
+struct Prepared;      // core/solve/prepared.hpp
+
+/// Made from the user's Options by `solve` and Solver. The defaults are those of a solve on one grid.
+struct InnerOptions : Options {
+  /// Null: the scene is as its user stated it, and a stage brings it to natural units. Otherwise it is in these, and
+  /// what is absolute (measures relative to max(1, |y|), `residual` of method galerkin) is meant in the user's.
+  std::shared_ptr<const NaturalUnits> units = {};
+  /// What a Solver keeps; null: nothing is kept.
+  std::shared_ptr<Prepared> prepared = {};
+  /// The solve is one of several on finer and finer grids: a result is not confirmed with half the step again.
+  bool compares_grids = false;
+  /// Sources are looked at inside every step, not inside some of them.
+  bool look_inside_every_step = false;
+  /// Method automatic may end with implicit Euler, of first order, where no method of second order takes a step.
+  bool fall_back_to_euler = true;
+};
+
+}  // namespace bromwich
