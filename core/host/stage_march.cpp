@@ -174,7 +174,10 @@ class Stages {
       }
       if (j == 1 && !y0.allFinite()) out.y.row(0) = used->first_stage().transpose();
       const Vector y = used->last_stage();
-      if (used->stages() == problem_.stages) regular_ = regular_.cwiseMax(y);
+      if (used->stages() == problem_.stages)
+        regular_ = regular_.cwiseMax(y);
+      else
+        out.jumped.push_back(j);
       out.y.row(j) = y.transpose();
       out.impulse.row(j) = lengths_.size(lengths_.kind(j)) * used->mean().transpose();
       x.swap(next);
