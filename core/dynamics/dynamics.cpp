@@ -11,7 +11,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index largest_dense_state = 4096;  // A alone takes 128 MiB there
+constexpr Index largest_dense_state = 4096;  // A takes 128 MiB
 
 Matrix to_dense(const SecondDifference& d) {
   const double scale = d.diffusivity / (d.spacing * d.spacing);
