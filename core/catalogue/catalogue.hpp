@@ -1,5 +1,5 @@
 #pragma once
-// The built-in scenes: each a recipe that turns parameters into a Scene.
+// The built-in scenes. Each one is a recipe that makes a Scene from parameters.
 
 #include "recipe.hpp"
 

@@ -30,7 +30,7 @@ const Scene& with_port(const Scene& scene) {
   return scene;
 }
 
-/// What the steps of one size share: with theta h the part of the step up to the point e,
+/// The data shared by the steps of one size. With theta h the part of the step up to the point e,
 /// e = S^{-1} (a + theta h f) + V y,  V = theta h S^{-1} B,  y in SOL(M + N V, N S^{-1} (a + theta h f) + g).
 struct SizedStep {
   SizedStep(const ConstrainedSystem& system, double part) : part(part) {

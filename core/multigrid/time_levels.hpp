@@ -1,14 +1,14 @@
 #pragma once
-// The time grids of a multigrid method: J, J/2, J/4 steps, from which its errors are estimated, and then as many as are
-// of use: where sweeps smooth well, the next grid may have far fewer steps than half.
+// The time grids of a multigrid method: J, J/2 and J/4 steps, from which its errors are estimated, and further grids as
+// far as they are useful. If sweeps smooth well, the next grid may have far fewer than half the steps.
 //
 // symbol    variable   shape          meaning
 // K         kernel     -              discrete convolution of this grid
 // r         r          (J_l+1) x n    right-hand side of this grid's problem y in SOL(M, r + K y)
 // y         y          (J_l+1) x n    its iterate; row 0 is y_0 and never changes
 // v         v          (J_l+1) x n    K y
-// y~        old        (J_l+1) x n    y as the cycle found it, or before the last sweep of the finest grid
-// y_h       nested     (J_l+1) x n    y that the nested iteration came to; of the two grids below the finest
+// y~        old        (J_l+1) x n    y at the start of the cycle, or before the last sweep of the finest grid
+// y_h       nested     (J_l+1) x n    y from the nested iteration; on the two grids below the finest
 // D         shift      1              smoothing solves LCP(M + D I, .), see core/multigrid/smoothing.hpp
 
 #include "../iteration/functional_iteration.hpp"
@@ -23,20 +23,20 @@ struct TimeLevel {
   SharedWeights weights;  ///< see core/kernel/weights.hpp for those of coarser grids
   std::shared_ptr<SpaceTimeKernel> kernel;
   std::unique_ptr<Array> r, y, v, old, nested;
-  std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; not of a coarsest grid that is marched from the start
+  std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; null on a coarsest grid that is always marched
   double shift = 0;
-  int sweeps = 0;                ///< before a coarser grid is asked; one follows. On the coarsest: all of a visit
-  int coarsest_sweeps = 0;       ///< of a visit, were this grid the coarsest
-  int first_visits = 0;          ///< to it before anything else, were it the coarsest
-  std::size_t coarse = 0;        ///< the grid that a cycle on this one asks
+  int sweeps = 0;                ///< before the coarse problem; one more follows it. On the coarsest: all of a visit
+  int coarsest_sweeps = 0;       ///< per visit, if this grid is the coarsest
+  int first_visits = 0;          ///< visits at the start, if this grid is the coarsest
+  std::size_t coarse = 0;        ///< the grid of the coarse problem of a cycle on this one
   double unseen = 0;             ///< smoothing factor for error components invisible to the grid `coarse`
-  std::unique_ptr<March> march;  ///< of the coarsest grid only, in place of sweeps
+  std::unique_ptr<March> march;  ///< of the coarsest grid only, instead of sweeps
 
   std::size_t bytes() const;
 };
 
 struct TimeLevels {
-  std::vector<std::unique_ptr<TimeLevel>> grids;  ///< finest first; what points to one stays valid
+  std::vector<std::unique_ptr<TimeLevel>> grids;  ///< finest first; pointers to them stay valid
   std::string description;                        ///< of the kernel and the grids
   KernelPlan finest;                              ///< of the finest grid
   double kernel_error = 0;                        ///< see Result::kernel_error
@@ -49,18 +49,18 @@ struct TimeLevels {
   std::size_t size() const { return grids.size(); }
 };
 
-/// A coarser grid needs `fewest_steps`, and kappa_0 (core/iteration/forecast.hpp) below 0.1; or below 1 where the
-/// symbol of a sweep (core/multigrid/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.8 at the high ones.
-/// M + W_0 is P there. A cycle asks the coarsest one for which a sweep multiplies what that cannot see by
-/// `far_smoothed` at most, or the next one. None where that leaves but the finest, and it is too long to be marched in
-/// every cycle. The operator has to outlive them. The coarsest grid is swept where the symbol is known, and marched
-/// otherwise. r holds the response on each grid, y is zero.
+/// A coarser grid needs `fewest_steps` and kappa_0 (core/iteration/forecast.hpp) below 0.1. If the symbol of a sweep
+/// (core/multigrid/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.8 at the high frequencies, kappa_0
+/// below 1 is enough. M + W_0 is P there. A cycle uses the coarsest grid for which a sweep multiplies the error
+/// invisible to that grid by at most `far_smoothed`, or else the next grid. No grids are returned if only the finest
+/// remains and it is too long to be marched in every cycle. The operator has to outlive them. The coarsest grid is
+/// swept if the symbol is known, otherwise marched. r contains the response on each grid, y is zero.
 TimeLevels time_levels(TimeOperator&, const Options&);
 
-inline constexpr Index fewest_steps = 16;            ///< of a grid but the finest
-inline constexpr Index fewest_steps_on_device = 48;  ///< small grids cost a device as much as large ones
-inline constexpr Index enough_steps = 96;            ///< of the coarsest of three grids or more, where it is swept
+inline constexpr Index fewest_steps = 16;            ///< of every grid below the finest
+inline constexpr Index fewest_steps_on_device = 48;  ///< on a device small grids cost as much as large ones
+inline constexpr Index enough_steps = 96;            ///< of the coarsest of more than three grids, if it is swept
 inline constexpr Index most_marched = 64;            ///< of a finest grid that is the only one
-inline constexpr double far_smoothed = 0.15;         ///< TimeLevel::unseen of a cycle that leaves out grids
+inline constexpr double far_smoothed = 0.15;         ///< largest TimeLevel::unseen of a cycle that skips grids
 
 }  // namespace bromwich
