@@ -1,4 +1,4 @@
-// `bromwich bench`: picks the benchmark, checks the request, and wraps what comes back with its provenance.
+// `bromwich bench`: selects the benchmark, checks the request, and adds the provenance to the report.
 
 #include "app/arguments.hpp"
 #include "app/commands.hpp"

@@ -130,7 +130,7 @@ Json goal_to_json(const Result& result) {
 }
 
 Json energies_to_json(const EnergyBalance& b) {
-  if (b.energy.size() == 0) return nullptr;  // a step that has no solution
+  if (b.energy.size() == 0) return nullptr;  // a step has no solution
   return {{"initial", b.energy[0]},
           {"final", b.energy[b.energy.size() - 1]},
           {"supplied", b.supplied.sum()},

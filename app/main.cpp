@@ -29,7 +29,7 @@ int refuse(const std::string& message) {
   return exit_bad_input;
 }
 
-/// All values stay words here: the checks that follow the parser name what was found and what to do.
+/// The parser leaves all values as words: the later checks name the value found and the remedy.
 CLI::Option* add_word(CLI::App* command, const std::string& name, std::string& word, const char* unit,
                       const std::string& help) {
   const CLI::Validator not_empty(
@@ -116,7 +116,7 @@ CLI::App* add_bench(CLI::App& app, BenchArguments& a) {
   return command;
 }
 
-/// The parser says only that a command is missing; the word that stands in its place is worth naming.
+/// The parser only reports a missing command; this also names the word in its place.
 void check_command(int argc, char** argv) {
   const std::string word = argc > 1 ? argv[1] : "";
   for (const std::string& name : commands)
@@ -126,7 +126,7 @@ void check_command(int argc, char** argv) {
               fmt::format("begin with one of {}; 'bromwich --help' shows how", join(commands)));
 }
 
-/// What was found and what to do, for a line that the parser refuses.
+/// The value found and the remedy, for a line that the parser rejects.
 std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   const auto used = app.get_subcommands();
   const CLI::App& command = used.empty() ? app : *used.front();
@@ -202,7 +202,7 @@ int guarded_main(int argc, char** argv) {
 int main(int argc, char** argv) {
   bromwich::app::prepare_process();
 #if defined(__GLIBC__)
-  // Tables over time that are freed serve the next ones: fresh pages cost more than what is computed with them.
+  // Keeps freed memory for later tables over time: fresh pages cost more than the computations with them.
   mallopt(M_MMAP_MAX, 0);
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
 #endif
