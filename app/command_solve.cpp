@@ -115,7 +115,7 @@ void check_energies(const SolveArguments& arguments, const Scene& scene, const O
   if (!scene.port) refuse("the scene is not port-Hamiltonian", "leave it out");
   if (options.method == Method::goal) return;
   if (scene.constraints() > 0) refuse("the scene has complementarity", "use --method goal, which counts its power");
-  if (options.states != StateSelection::all) refuse("the states are not all there", "add --states all");
+  if (options.states != StateSelection::all) refuse("not all states are computed", "add --states all");
 }
 
 void write(const Outputs& outputs, const Scene& scene, Backend& backend, const Options& options, const Result& result,
@@ -151,7 +151,7 @@ void report_status(const Result& result) {
 int run_solve(const SolveArguments& arguments) {
   if (arguments.print_template) {
     if (!arguments.words.empty())
-      throw Error("--template", "found a SCENE beside it", "use it alone: bromwich solve --template > my.toml");
+      throw Error("--template", "found together with a SCENE", "use it alone: bromwich solve --template > my.toml");
     print(scene_template);
     return exit_solved;
   }
@@ -166,7 +166,7 @@ int run_solve(const SolveArguments& arguments) {
   check_energies(arguments, choice.scene, options);
   if (options.method == Method::goal && !arguments.at.empty())
     throw Error("--at", fmt::format("found '{}' with method goal", arguments.at),
-                "leave it out: its grid is the answer");
+                "omit it: the result is given on its own grid");
   const Outputs files = outputs(arguments, choice);
 
   const auto backend = choose_backend(arguments.backend, choice.scene, options, columns, threads);

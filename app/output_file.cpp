@@ -31,7 +31,7 @@ void check_name(const std::string& argument, const std::string& name, const std:
   const std::string remedy = "give a file name that ends in " + extension;
   if (name.empty() || name[0] == '-') throw refused(argument, name, "is not a file name", remedy);
   if (found == ".h5" || found == ".npz")
-    throw refused(argument, name, "asks for a format that is not available yet", remedy);
+    throw refused(argument, name, "needs a format that is not available yet", remedy);
   if (found != extension) throw refused(argument, name, fmt::format("does not end in {}", extension), remedy);
 }
 

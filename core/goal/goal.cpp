@@ -84,7 +84,7 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   if (!scene.port)
     throw Error("method", "goal needs a port-Hamiltonian scene and " + scene.name + " is none",
                 "state it by E, J, R, Q, B and u, or use another method");
-  if (scene.boundary) throw Error("method", "goal cannot meet boundary conditions", "use method galerkin");
+  if (scene.boundary) throw Error("method", "goal does not support boundary conditions", "use method galerkin");
   validate(goal, scene.T);
   Timer timer;
   PortSystem system(*scene.port, scene.T);
@@ -146,7 +146,7 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   result.y = RowMatrix(M + 1, 0);
   result.residual = 0;  // there are no constraints
   if (grid.last.blind)
-    result.warning = text("the input nearly vanishes at all points where %td steps look at it: ask for other steps", M);
+    result.warning = text("the input nearly vanishes at all points at which %td steps evaluate it: use other steps", M);
   if (constrained) constrained->report(grid, result);
   report.power =
       constrained ? constrained->power(grid, result) : power_balance({system, goal.scheme, grid.t, grid.last.x});

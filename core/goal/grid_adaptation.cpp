@@ -229,10 +229,10 @@ AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal
     if (finer.size() == grid.t.size() && (!once_more || finer == grid.t)) {  // the end, or nothing left to refine
       if (options.tolerance > 0) {
         grid.status = Status::tolerance_not_met;
-        grid.reason = text("the error of the quantity is estimated at %.2g on %td cells, %.2g was asked for",
+        grid.reason = text("the error of the quantity is estimated at %.2g on %td cells, above the tolerance %.2g",
                            std::abs(cycle.estimate), cycle.cells, options.tolerance);
         if (options.steps == 0 && cycle.cells >= limit)
-          grid.reason += bounds.memory_bound ? "; more do not fit the memory" : "; more are not made unless asked for";
+          grid.reason += bounds.memory_bound ? "; more do not fit the memory" : "; set steps to allow more";
       }
       return grid;
     }

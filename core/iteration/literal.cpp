@@ -174,8 +174,8 @@ void solve_literally(const DiscreteProblem& p, const Options& options, Result& r
   result.kernel_error = kernel_error(p, P);
   if (p.dense() && !(result.kernel_error <= 100 * printed_rate(P))) {
     result.status = Status::unsupported;
-    result.reason = "its contours miss K by " + std::to_string(result.kernel_error) +
-                    ", far above the printed rate: A is too far from normal (2.1b); use another method";
+    result.reason = "its contours have an error of " + std::to_string(result.kernel_error) +
+                    " in K, far above the printed rate: A is too far from normal (2.1b); use another method";
     return;
   }
   result.bytes = y->bytes() * 3 + kernel.bytes() + lcp->bytes() + host_bytes(p);
