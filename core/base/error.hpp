@@ -16,7 +16,7 @@ enum class ErrorKind {
 /// "bad input", "does not fit", ...
 const char* to_string(ErrorKind);
 
-/// One line that names the argument, the value found, and the remedy.
+/// what() is one line: "ARGUMENT: FOUND; REMEDY", with the argument or member at fault, the value found and the remedy.
 class Error : public std::runtime_error {
  public:
   Error(const std::string& argument, const std::string& found, const std::string& remedy,

@@ -49,7 +49,7 @@ struct Options {
   /// Method automatic may use implicit Euler, of first order, if no method of second order can solve the steps.
   bool fall_back_to_euler = true;
   bool trace = false;  ///< record N x
-  /// Sources are sampled inside every step instead of some steps, as error control does.
+  /// As in error control, sources are sampled inside every step, not only inside some.
   bool look_inside_every_step = false;
   /// Method galerkin: solve again with nodes at the switches of the active sets (core/galerkin/location.hpp).
   bool event_location = false;
@@ -66,8 +66,8 @@ struct Options {
   /// Set by a Solver (core/solve/solver.hpp); null: nothing is kept after the solve.
   std::shared_ptr<Prepared> prepared = {};
   double memory_limit = 0;  ///< bytes; a solve with a larger predicted need throws Error. 0 = no limit
-  std::function<void(const Progress&)> progress = {};
-  std::function<bool()> interrupted = {};  ///< polled once per iteration
+  std::function<void(const Progress&)> progress = {};  ///< called during the solve
+  std::function<bool()> interrupted = {};              ///< polled once per iteration; true ends the solve
 };
 
 /// Whether any of the tolerances is set, so that error control chooses the steps.

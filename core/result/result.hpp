@@ -70,8 +70,8 @@ struct Result {
   std::optional<bool> alternates;
   bool continuous = true;  ///< y is linear between its rows; false: it may jump from step to step
   Index rough_steps = 0;  ///< steps in which f or g is not resolved by the grid, or jumps (core/scene/source_steps.hpp)
-  bool well_posed = true;  ///< false: a tested problem of a step is not known to determine y
-  std::optional<double> infeasible_at;
+  bool well_posed = true;               ///< false: a tested problem of a step is not known to determine y
+  std::optional<double> infeasible_at;  ///< the first time without a solution
   std::string warning;  ///< one line about uniqueness or conditioning, also if status is solved; or empty
 
   /// max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf) with the kernel of the method; NaN if no solution was evaluated.

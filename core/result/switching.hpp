@@ -16,9 +16,9 @@ namespace bromwich {
 
 struct Switch {
   double t = 0;
-  Index component = 0;
-  bool on = false;   ///< y becomes positive
-  double error = 0;  ///< estimated, of t: h/2 if only the step is known
+  Index component = 0;  ///< of y
+  bool on = false;      ///< y becomes positive
+  double error = 0;     ///< estimated, of t: h/2 if only the step is known
 };
 
 /// The switches of all components of a result, in order of time, up to the first invalid row. `negligible`: y below
