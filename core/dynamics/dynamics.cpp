@@ -26,7 +26,7 @@ DenseDynamics to_dense(const KroneckerDynamics& d) {
   const Index lines = d.along.points, length = d.across.points, m = lines * length;
   if (m > largest_dense_state)
     throw Error("dynamics", "has " + std::to_string(m) + " states",
-                "a dense form has at most " + std::to_string(largest_dense_state));
+                "give at most " + std::to_string(largest_dense_state) + " for a dense form");
   const Matrix along = to_dense(d.along), across = to_dense(d.across);
   DenseDynamics dense{Matrix::Zero(m, m), Matrix::Zero(m, lines), Matrix::Zero(lines, m)};
   for (Index l = 0; l < lines; ++l) {
@@ -42,7 +42,7 @@ DenseDynamics to_dense(const KroneckerDynamics& d) {
 DenseDynamics to_dense(const SparseDynamics& d) {
   if (d.A.rows() > largest_dense_state)
     throw Error("dynamics", "has " + std::to_string(d.A.rows()) + " states",
-                "a dense form has at most " + std::to_string(largest_dense_state));
+                "give at most " + std::to_string(largest_dense_state) + " for a dense form");
   return {Matrix(d.A), Matrix(d.B), Matrix(d.N), Matrix(d.E)};
 }
 
