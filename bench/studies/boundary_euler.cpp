@@ -11,7 +11,7 @@ namespace bromwich::app {
 
 namespace {
 
-/// The steps in the form that the solvers of the Galerkin problem take: one coefficient per step and constraint.
+/// The steps in the form of the Galerkin problem, for its solvers: one coefficient per step and constraint.
 GalerkinProblem euler_problem(const Scene& scene, Index J) {
   const DenseDynamics d = to_dense(scene.dynamics);
   const Index m = d.A.rows(), n = d.B.cols();

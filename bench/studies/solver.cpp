@@ -1,5 +1,5 @@
-// What a Solver saves: a scene solved from the beginning, and again with another x0 by a Solver, in turn. Each y of the
-// Solver is held against that of the whole solve of the same scene.
+// Time saved by a Solver: whole solves of a scene alternate with solves with another x0 by a Solver. Each y of the
+// Solver is compared with that of the whole solve of the same scene.
 
 #include "core/solve/solver.hpp"
 

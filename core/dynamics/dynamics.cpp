@@ -11,7 +11,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index largest_dense_state = 4096;  // A alone takes 128 MiB there
+constexpr Index largest_dense_state = 4096;  // A takes 128 MiB
 
 Matrix to_dense(const SecondDifference& d) {
   const double scale = d.diffusivity / (d.spacing * d.spacing);
@@ -26,7 +26,7 @@ DenseDynamics to_dense(const KroneckerDynamics& d) {
   const Index lines = d.along.points, length = d.across.points, m = lines * length;
   if (m > largest_dense_state)
     throw Error("dynamics", "has " + std::to_string(m) + " states",
-                "write out at most " + std::to_string(largest_dense_state) + " densely");
+                "give at most " + std::to_string(largest_dense_state) + " for a dense form");
   const Matrix along = to_dense(d.along), across = to_dense(d.across);
   DenseDynamics dense{Matrix::Zero(m, m), Matrix::Zero(m, lines), Matrix::Zero(lines, m)};
   for (Index l = 0; l < lines; ++l) {
@@ -42,12 +42,12 @@ DenseDynamics to_dense(const KroneckerDynamics& d) {
 DenseDynamics to_dense(const SparseDynamics& d) {
   if (d.A.rows() > largest_dense_state)
     throw Error("dynamics", "has " + std::to_string(d.A.rows()) + " states",
-                "write out at most " + std::to_string(largest_dense_state) + " densely");
+                "give at most " + std::to_string(largest_dense_state) + " for a dense form");
   return {Matrix(d.A), Matrix(d.B), Matrix(d.N), Matrix(d.E)};
 }
 
 DenseDynamics to_dense(const SuppliedDynamics&) {
-  throw Error("dynamics", "is supplied by callbacks", "give A, B and N as matrices where they have to be written out");
+  throw Error("dynamics", "is supplied by callbacks", "give A, B and N as matrices if a dense form is needed");
 }
 
 template <typename... Cases>

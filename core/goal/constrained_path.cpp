@@ -23,14 +23,14 @@ const Scene& with_port(const Scene& scene) {
   if (!scene.port)
     throw Error("method", "goal needs a port-Hamiltonian scene and " + scene.name + " is none",
                 "state it by E, J, R, Q, B and u, or use another method");
-  if (!scene.free_rows.empty()) throw Error("method", "goal cannot keep equality rows", "use method march");
+  if (!scene.free_rows.empty()) throw Error("method", "goal does not support free rows", "use method march");
   const LcpClass found = selection_class(scene.M, scene.lcp_class);
   if (found != LcpClass::P)
     throw Error("method", text("goal needs M of class P and found class %s", to_string(found)), "use method march");
   return scene;
 }
 
-/// What the steps of one size share: with theta h the part of the step up to the point e,
+/// The data shared by the steps of one size. With theta h the part of the step up to the point e,
 /// e = S^{-1} (a + theta h f) + V y,  V = theta h S^{-1} B,  y in SOL(M + N V, N S^{-1} (a + theta h f) + g).
 struct SizedStep {
   SizedStep(const ConstrainedSystem& system, double part) : part(part) {

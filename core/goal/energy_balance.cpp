@@ -31,7 +31,7 @@ class NodeStates {
       if (path.scheme == StepScheme::exponential) within_.push_back(states_within(path, s));
     }
   }
-  /// In `count` steps from `first` on: in `panel`, or `right` itself, which has x at their right ends.
+  /// In `count` steps from `first` on: in `panel`, or in `right`, which contains x at their right ends.
   const RowPanel& load(std::size_t q, Index first, Index count, const RowPanel& right, RowPanel& panel) const {
     if (path_.scheme == StepScheme::euler) return right;
     if (path_.scheme == StepScheme::exponential)
@@ -51,7 +51,7 @@ class NodeStates {
 ///     Σ_i w_i (H(x_i) - H(x_{i-1}) + h_i Σ_q weights_q (x_q^T D x_q - u_q^T B^T Q x_q)),   D = Q^T R Q,
 /// towards x_i is
 ///     (w_i - w_{i+1}) Q^T E x_i + 2 D (a x_{i-1} + b x_i + c x_{i+1}) - Q^T B Σ_q weights_q (w_i h_i beta u_q +
-///     w_{i+1} h_{i+1} alpha u_q'),   u_q' those of the step behind,
+///     w_{i+1} h_{i+1} alpha u_q'),   u_q' those of the next step,
 ///     a = w_i h_i <alpha beta>, b = w_i h_i <beta^2> + w_{i+1} h_{i+1} <alpha^2>, c = w_{i+1} h_{i+1} <alpha beta>,
 /// <.> being sums over q with the weights; w_0 = w_{M+1} = 0.
 RowMatrix linear_balance_gradient(const Trajectory& path, const Vector& w) {
@@ -73,7 +73,7 @@ RowMatrix linear_balance_gradient(const Trajectory& path, const Vector& w) {
   each_panel(path.threads, M + 1, m, [&] {
     return [&, x = RowPanel(m), left = RowPanel(m), right = RowPanel(m), input = RowPanel(system.port().ports()),
             g = RowPanel(m)](Index first, Index count) mutable {
-      // Of the steps that end and that begin at a row.
+      // Terms of the steps that end and that begin at a row.
       Column ending = Column::Zero(), beginning = ending, ending_h = ending, beginning_h = ending;
       for (Index r = 0; r < count; ++r) {
         const Index i = first + r;

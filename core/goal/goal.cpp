@@ -2,7 +2,7 @@
 // t       grid.t              times of the grid, M cells
 // x_h     evaluation.x        the solution of the scheme on it
 // l       l                   adjoint: S_i^T l_i = R_{i+1}^T l_{i+1} + dI/dx_i
-// eta     indicators          what a cell contributes to I(x_h) - I(x)
+// eta     indicators          contribution of a cell to I(x_h) - I(x)
 
 #include "core/goal/goal.hpp"
 
@@ -56,11 +56,11 @@ void validate(const GoalOptions& goal, double T) {
   const Vector& t = goal.first_grid;
   if (t.size() < 2 || t[0] != 0 || t[t.size() - 1] != T)
     throw Error("first_grid", text("has %td times", t.size()), text("give times that ascend from 0 to T = %g", T));
-  group_steps(t);  // refuses what does not ascend
+  group_steps(t);  // throws if the times do not ascend
 }
 
-/// The steps look at the input at its right end, in the middle or at both ends. What they take in there is less than a
-/// hundredth of what there is at points between: a wave that vanishes at all of them, or a pulse.
+/// The steps evaluate the input at the right end, in the middle or at both ends. Whether these values are less than a
+/// hundredth of those at points in between: a wave that vanishes at all of them, or a pulse.
 bool sees_little(const PortSystem& system, StepScheme scheme, const Vector& t) {
   if (!system.port().u) return false;
   const Index M = t.size() - 1;
@@ -84,7 +84,7 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   if (!scene.port)
     throw Error("method", "goal needs a port-Hamiltonian scene and " + scene.name + " is none",
                 "state it by E, J, R, Q, B and u, or use another method");
-  if (scene.boundary) throw Error("method", "goal cannot meet boundary conditions", "use method galerkin");
+  if (scene.boundary) throw Error("method", "goal does not support boundary conditions", "use method galerkin");
   validate(goal, scene.T);
   Timer timer;
   PortSystem system(*scene.port, scene.T);
@@ -144,9 +144,9 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   result.cycles = result.iterations = Index(grid.history.size()) - 1;
   for (const GoalCycle& cycle : grid.history) result.history.push_back(std::abs(cycle.estimate));
   result.y = RowMatrix(M + 1, 0);
-  result.residual = 0;  // of no constraints
+  result.residual = 0;  // there are no constraints
   if (grid.last.blind)
-    result.warning = text("the input nearly vanishes at all points where %td steps look at it: ask for other steps", M);
+    result.warning = text("the input nearly vanishes at all points at which %td steps evaluate it: use other steps", M);
   if (constrained) constrained->report(grid, result);
   report.power =
       constrained ? constrained->power(grid, result) : power_balance({system, goal.scheme, grid.t, grid.last.x});

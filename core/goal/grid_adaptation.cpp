@@ -36,7 +36,7 @@ Vector first_grid(double T, Index cells, const std::vector<double>& breaks) {
   for (const double s : breaks) {
     const auto nearest =
         std::min_element(t.begin(), t.end(), [s](double a, double b) { return std::abs(a - s) < std::abs(b - s); });
-    // A point that rounding alone keeps from the break moves there.
+    // A point that differs from the break only by rounding is moved to it.
     if (std::abs(*nearest - s) > 16 * epsilon * T)
       t.push_back(s);
     else if (*nearest > 0 && *nearest < T)
@@ -53,7 +53,7 @@ struct SizedCell {
   Index cell;
 };
 
-/// By decreasing size, those of one size in the order of the grid.
+/// Sorted by decreasing size; cells of equal size keep the order of the grid.
 std::vector<SizedCell> by_size(const Vector& indicators) {
   std::vector<SizedCell> cells(std::size_t(indicators.size()));
   for (Index i = 0; i < indicators.size(); ++i) cells[std::size_t(i)] = {std::abs(indicators[i]), i};
@@ -63,7 +63,7 @@ std::vector<SizedCell> by_size(const Vector& indicators) {
   return cells;
 }
 
-/// The first `count` of them in the order of the grid.
+/// The first `count` of them, sorted in the order of the grid.
 std::vector<Index> first_cells(const std::vector<SizedCell>& cells, Index count) {
   std::vector<char> chosen(cells.size(), 0);
   for (Index k = 0; k < count; ++k) chosen[std::size_t(cells[std::size_t(k)].cell)] = 1;
@@ -111,7 +111,7 @@ Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, co
   const Vector wanted =
       indicators.unaryExpr([q](double eta) { return std::pow(std::abs(eta), 1. / (q + 1)); });  // cells
   if (!(wanted.sum() > 0)) return t;
-  // The blocks, equal between two breaks.
+  // The blocks, of equal length between two breaks.
   const double T = t[t.size() - 1];
   std::vector<double> ends{0}, at{0};
   ends.insert(ends.end(), breaks.begin(), breaks.end());
@@ -124,7 +124,7 @@ Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, co
   }
   const Index blocks = Index(at.size()) - 1;
   if (blocks > cells) return t;
-  // What a block of one cell would contribute: (Σ c_i^{1/(q+1)})^{q+1}, a cell in two blocks by its parts.
+  // The contribution of a block with one cell: (Σ c_i^{1/(q+1)})^{q+1}; a cell in two blocks counts by its parts.
   Vector cost = Vector::Zero(blocks);
   for (Index i = 0, b = 0; i < wanted.size();) {
     const double right = std::min(t[i + 1], at[std::size_t(b) + 1]), left = std::max(t[i], at[std::size_t(b)]);
@@ -135,7 +135,8 @@ Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, co
       ++b;
   }
   cost = (cost / cost.maxCoeff()).unaryExpr([q](double c) { return std::pow(c, q + 1); }).eval();
-  // One cell more where that gains most: optimal, for what a block contributes is convex in its cells.
+  // Adds one cell at a time where it gains most. This is optimal, since the contribution of a block is convex in the
+  // number of its cells.
   std::vector<Index> parts(std::size_t(blocks), 1);
   using Gain = std::pair<double, Index>;
   std::priority_queue<Gain> next;
@@ -218,7 +219,8 @@ AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal
     const bool reached = options.tolerance > 0 && !grid.last.blind && std::abs(cycle.estimate) <= options.tolerance &&
                          (!exact || std::abs(cycle.quantity - *exact) <= options.tolerance);
     if (reached) return grid;
-    // The cells asked for are divided once more: the grid before had half as many and saw less.
+    // At the requested number of cells the grid is divided once more: the previous one, with half as many cells, had
+    // less accurate indicators.
     const bool full = cycle.cells >= limit, begun = grid.history.size() > 1;
     const bool once_more = full && begun && goal.refinement == Refinement::division && !grid.last.blind &&
                            grid.history[grid.history.size() - 2].cells < limit;
@@ -227,10 +229,10 @@ AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal
     if (finer.size() == grid.t.size() && (!once_more || finer == grid.t)) {  // the end, or nothing left to refine
       if (options.tolerance > 0) {
         grid.status = Status::tolerance_not_met;
-        grid.reason = text("the error of the quantity is estimated at %.2g on %td cells, %.2g was asked for",
+        grid.reason = text("the error of the quantity is estimated at %.2g on %td cells, above the tolerance %.2g",
                            std::abs(cycle.estimate), cycle.cells, options.tolerance);
         if (options.steps == 0 && cycle.cells >= limit)
-          grid.reason += bounds.memory_bound ? "; more do not fit the memory" : "; more are not made unless asked for";
+          grid.reason += bounds.memory_bound ? "; more do not fit the memory" : "; set steps to allow more";
       }
       return grid;
     }

@@ -17,8 +17,8 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-// ||M_SS^{-1}||_inf; infinite where M_SS is singular to rounding. Rows and columns are scaled to a largest entry of
-// one first, so that singular means dependent, not small.
+// ||M_SS^{-1}||_inf; infinite if M_SS is singular to rounding. Rows and columns are first scaled to a largest entry of
+// one, so that small rows do not count as dependent.
 double inverse_norm(Matrix M) {
   const Index n = M.rows();
   const Vector rows = M.cwiseAbs().rowwise().maxCoeff();
@@ -45,7 +45,7 @@ double largest_inverse_norm(const Matrix& M) {
   return L;
 }
 
-// The smallest eigenvalue of (M + M^T)/2, less its rounding.
+// The smallest eigenvalue of (M + M^T)/2 minus its rounding error.
 double smallest_eigenvalue(const LcpMatrix& M) {
   Eigen::SelfAdjointEigenSolver<Matrix> eigen;
   if (const auto* t = std::get_if<Tridiagonal>(&M)) {

@@ -29,7 +29,7 @@ bool solves(const Matrix& M, const Vector& q, const Vector& y) {
   return true;
 }
 
-// y moves along a null vector of M_SS, S the rows with w = 0, up to where a component or a gap vanishes.
+// y moves along a null vector of M_SS, S the rows with w = 0, until a component of y or w vanishes.
 std::optional<Vector> along_a_null_vector(const Matrix& M, const Vector& q, const Vector& y) {
   const Index n = y.size();
   const double size = std::max(y.cwiseAbs().maxCoeff(), 1e-300);
