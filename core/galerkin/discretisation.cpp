@@ -8,6 +8,8 @@
 
 #include <Eigen/Dense>
 
+#include <algorithm>
+
 namespace bromwich {
 
 namespace {
@@ -53,7 +55,7 @@ GalerkinProblem galerkin_problem(const Scene& scene, const std::vector<GridPart>
   p.initial_value = !scene.boundary;
   p.forcing = RowMatrix::Zero(p.N, m);
   p.q = RowMatrix::Zero(p.N, 2 * n);
-  GalerkinSources sources(scene, d, entry, breakpoints_of(scene));
+  GalerkinSources sources(scene, d, entry, scene.breakpoints);
   Index first = 0;
   double begin = 0;
   for (const GridPart& part : parts) {
@@ -134,6 +136,23 @@ RowMatrix galerkin_slack(const GalerkinProblem& p, const RowMatrix& z, const Row
 }
 
 RowMatrix galerkin_known(const GalerkinProblem& p, const RowMatrix& x) { return galerkin_response(p, nullptr, x); }
+
+double natural_residual(const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x,
+                        const std::vector<Index>& free_rows, const NaturalUnits* units) {
+  const Index n = p.unknowns() / 2;
+  RowMatrix known = galerkin_known(p, x), w = galerkin_slack(p, z, x), y = z;
+  for (Index i = 0; i < z.cols() && units; ++i) {
+    const double unit_y = times_ten_to(units->y[std::size_t(i % n)], 1),
+                 unit_w = times_ten_to(units->w[std::size_t(i % n)], 1);
+    y.col(i) *= unit_y;
+    w.col(i) *= unit_w;
+    known.col(i) *= unit_w;
+  }
+  RowMatrix map = y.cwiseMin(w);
+  for (const Index i : free_rows)
+    for (const Index at : {i, n + i}) map.col(at) = w.col(at);
+  return map.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
+}
 
 RowMatrix apply_galerkin(const GalerkinProblem& p, const RowMatrix& z) {
   GalerkinProblem linear = p;

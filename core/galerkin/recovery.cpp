@@ -18,7 +18,7 @@ Vector carried_state(const Scene& scene, const Vector& x, double t, double s, co
   rest.x0 = x;
   rest.T = s;
   rest.g = {};
-  set_back_breakpoints(rest, t);
+  for (double& at : rest.breakpoints) at -= t;
   if (scene.f) rest.f = [f = scene.f, t](double r, Eigen::Ref<Vector> value) { f(t + r, value); };
   const GalerkinProblem step = galerkin_problem(rest, 1);
   RowMatrix z(1, a.size() + b.size());

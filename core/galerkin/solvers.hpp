@@ -32,16 +32,18 @@ struct GalerkinSolution {
   double lcp_seconds = 0;
 };
 
+/// Whether the user wants to stop; the solution then says so.
+bool asked_to_stop(const Options&, GalerkinSolution&);
+
+/// Status and reason of a march that stopped; `first`: the interval that the report counts as step 1.
+void explain_stop(const GalerkinProblem&, Index first, const MarchReport&, GalerkinSolution&);
+
 /// Interval by interval, on the backend. Precondition: initial values.
 GalerkinSolution march_galerkin(const GalerkinProblem&, Backend&, const Options&);
 
-/// Functional iteration, all intervals at once on the backend; precondition: they are of one length.
-///
-///     z^{i+1}_k in SOL(D, q_k + C x_{k-1}(z^i)),   x(z) the states with the boundary condition.
-///
-/// Initial values: the causal convolution of a recurrence, superlinear. Boundary values: beside it m numbers a sweep,
-/// the state that the convolution ends with, and the modes C E^{k-1} of x_0, which enter r; they converge where the
-/// boundary term contracts (dissipative periodic problems). Ends as tolerance_not_met where the sweeps do not.
+/// Functional iteration, all intervals at once on the backend: z^{i+1}_k in SOL(D, q_k + C x_{k-1}(z^i)), x(z) by the
+/// convolution of a recurrence. Preconditions: initial values, intervals of one length. Converges superlinearly; ends
+/// as tolerance_not_met where the sweeps do not contract.
 GalerkinSolution iterate_galerkin(const GalerkinProblem&, Backend&, const Options&);
 
 /// Active sets of all intervals at once, exchanged until they repeat or agree (primal-dual active set method), those of
@@ -71,8 +73,5 @@ inline constexpr Index most_assembled = 400;
 /// are so many that looking at the others costs more than 1e10 operations, those with the largest violations are looked
 /// at, 256 at least.
 Index first_infeasible_interval(const GalerkinProblem&, const Options&, const RowMatrix& z, const RowMatrix& x);
-
-/// max over intervals and components of |min(z, w)| / max(1, max |C x + q|).
-double natural_residual(const GalerkinProblem&, const RowMatrix& z, const RowMatrix& x);
 
 }  // namespace bromwich

@@ -67,4 +67,12 @@ Seconds operator+(const Seconds& a, const Seconds& b) {
       a.transform + b.transform, a.other + b.other, a.sweeps + b.sweeps};
 }
 
+LcpCount& operator+=(LcpCount& sum, const LcpCount& more) {
+  sum.solved += more.solved;
+  sum.newton += more.newton;
+  sum.fallbacks += more.fallbacks;
+  sum.unsolved += more.unsolved;
+  return sum;
+}
+
 }  // namespace bromwich

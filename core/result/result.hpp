@@ -25,6 +25,8 @@ struct Seconds {
 };
 Seconds operator+(const Seconds&, const Seconds&);
 
+LcpCount& operator+=(LcpCount&, const LcpCount&);
+
 /// What the error of a result is made of; core/solve/error_control.hpp estimates it. All parts are relative: that of a
 /// component to max(max_t |c_i|, 1e-3 of the largest component of its kind), see core/accuracy/convergence.hpp.
 struct ErrorEstimate {
