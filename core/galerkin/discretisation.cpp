@@ -34,19 +34,13 @@ BoundaryCondition boundary_of(const Scene& scene) {
   return scene.boundary.value_or(BoundaryCondition{Matrix::Identity(m, m), Matrix::Zero(m, m), scene.x0});
 }
 
-Matrix source_entry(const Scene& scene, const DenseDynamics& d) {
-  if (scene.f_entry == SourceEntry::through_B) return d.B;
-  if (scene.f_entry == SourceEntry::through_F) return Matrix(scene.F);
-  return Matrix::Identity(d.A.rows(), d.A.rows());
-}
-
 GalerkinStep galerkin_step(const DenseDynamics& d, const Matrix& M, double h) {
   return step_from(matrix_phis(h * d.A, 4), d, M, h);
 }
 
 GalerkinProblem galerkin_problem(const Scene& scene, const std::vector<GridPart>& parts) {
   const DenseDynamics d = to_dense(scene.dynamics);
-  const Matrix M = to_dense(scene.M), entry = source_entry(scene, d);
+  const Matrix M = to_dense(scene.M), entry = source_matrix(scene, d);
   const Index m = d.A.rows(), n = d.B.cols();
   GalerkinProblem p;
   for (const GridPart& part : parts) p.N += part.intervals;

@@ -70,9 +70,6 @@ GalerkinStep galerkin_step(const DenseDynamics&, const Matrix& M, double h);
 /// The boundary condition of a scene; initial values as (I, 0, x0).
 BoundaryCondition boundary_of(const Scene&);
 
-/// f = entry phi(t): m x Scene::sources().
-Matrix source_entry(const Scene&, const DenseDynamics&);
-
 /// The scene on N intervals, or on parts of which the last ends at T. f and g are replaced on each interval, or on its
 /// pieces (core/galerkin/sources.hpp), by the parabola through three Gauss points, and no value at an end is used:
 /// sources may jump there. Dynamics are written out densely. f and g that are not finite leave NaN in `forcing` or `q`.

@@ -97,7 +97,7 @@ Vector stage_sources(const Scene& scene, IntervalRule rule, const Tableau& table
 
 GalerkinProblem stage_problem(const Scene& scene, const GalerkinProblem& like, IntervalRule rule) {
   const DenseDynamics d = to_dense(scene.dynamics);
-  const Matrix M = to_dense(scene.M), entry = source_entry(scene, d);
+  const Matrix M = to_dense(scene.M), entry = source_matrix(scene, d);
   const Tableau t = tableau(rule);
   const Index m = d.A.rows(), n = d.B.cols();
   GalerkinProblem p = like;

@@ -13,12 +13,6 @@
 namespace bromwich {
 namespace {
 
-SparseMatrix sparse_part(const Dynamics& dynamics, bool inputs) {
-  if (const auto* sparse = std::get_if<SparseDynamics>(&dynamics)) return inputs ? sparse->B : sparse->N;
-  const DenseDynamics dense = to_dense(dynamics);
-  return (inputs ? dense.B : dense.N).sparseView();
-}
-
 const Scene& with_port(const Scene& scene) {
   if (!scene.port)
     throw Error("method", "goal needs a port-Hamiltonian scene and " + scene.name + " is none",
@@ -58,8 +52,8 @@ struct SizedStep {
 ConstrainedSystem::ConstrainedSystem(const Scene& scene)
     : scene_(with_port(scene)),
       port_(*scene.port, scene.T, PortSystem::Form::state_space),
-      B_(sparse_part(scene.dynamics, true)),
-      N_(sparse_part(scene.dynamics, false)),
+      B_(sparse_inputs(scene.dynamics)),
+      N_(sparse_outputs(scene.dynamics)),
       M_(to_dense(scene.M)),
       port_matrix_(port_.energy_matrix() * Matrix(B_)) {}
 

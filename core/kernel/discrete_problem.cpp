@@ -23,12 +23,6 @@ std::shared_ptr<const StepOperators> state_step(const DiscreteProblem& p, Rule r
       [&] { return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h, p.J)); });
 }
 
-Matrix source_matrix(const DiscreteProblem& p) {
-  if (p.scene.f_entry == SourceEntry::through_F) return p.scene.F;
-  if (p.scene.f_entry == SourceEntry::through_B) return p.dense()->B;
-  return Matrix::Identity(p.scene.states(), p.scene.states());
-}
-
 RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) {
   const Matrix& B = p.dense()->B;
   if (const SampledSource* phi = p.drive()) return (y + phi->table()) * B.transpose();

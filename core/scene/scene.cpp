@@ -174,6 +174,17 @@ Index Scene::sources() const {
   return f_entry == SourceEntry::through_B ? constraints() : states();
 }
 
+Scene written_out(Scene scene) {
+  scene.dynamics = to_dense(scene.dynamics);
+  return scene;
+}
+
+Matrix source_matrix(const Scene& scene, const DenseDynamics& d) {
+  if (scene.f_entry == SourceEntry::through_F) return scene.F;
+  if (scene.f_entry == SourceEntry::through_B) return d.B;
+  return Matrix::Identity(d.A.rows(), d.A.rows());
+}
+
 void Scene::validate() const {
   std::visit([&](const auto& d) { bromwich::validate(d, port != nullptr); }, dynamics);
   const Index m = states(), n = constraints();

@@ -62,4 +62,10 @@ struct Scene {
   void validate() const;
 };
 
+/// The scene with A, B, N and E as dense matrices, see to_dense.
+Scene written_out(Scene);
+
+/// F with f = F phi, m x sources(). Precondition: the dynamics of the scene are these.
+Matrix source_matrix(const Scene&, const DenseDynamics&);
+
 }  // namespace bromwich

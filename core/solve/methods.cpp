@@ -137,6 +137,10 @@ void Methods::step_in_stages(Index stages, const Options& options, Result& resul
   result.x = stage_states_(Eigen::all, problem_.components);
 }
 
+bool Methods::has_small_dense_state(const Scene& scene) {
+  return std::holds_alternative<DenseDynamics>(scene.dynamics) && scene.states() <= most_recorded_states;
+}
+
 RowMatrix Methods::all_states(Method method, const Result& result) const {
   if (!result.continuous) return stage_states_;
   std::vector<Index> all(std::size_t(problem_.scene.states()));

@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/kernel/states.hpp"
+#include "core/scene/port_hamiltonian.hpp"
 #include "core/solve/certification.hpp"
 
 #include <Eigen/LU>
@@ -115,21 +116,6 @@ void eliminate_sources(const Scene& given, const SparseMatrix& B, EliminatedScen
   };
 }
 
-/// Every row is free: a constraint that does nothing takes their place.
-void add_idle_constraint(EliminatedScene& e, Index m) {
-  if (auto* d = std::get_if<DenseDynamics>(&e.scene.dynamics)) {
-    d->B = Matrix::Zero(m, 1);
-    d->N = Matrix::Zero(1, m);
-  } else {
-    auto& s = std::get<SparseDynamics>(e.scene.dynamics);
-    s.B = SparseMatrix(m, 1);
-    s.N = SparseMatrix(1, m);
-  }
-  e.scene.M = Matrix(Matrix::Identity(1, 1));
-  e.scene.lcp_class = LcpClass::P;
-  e.scene.g = {};
-}
-
 RowMatrix sampled(const TimeFunction& g, const Vector& t, Index n) {
   RowMatrix values = RowMatrix::Zero(t.size(), n);
   Vector row(n);
@@ -225,7 +211,7 @@ bool can_eliminate_free(const Scene& scene) {
 }
 
 std::optional<EliminatedScene> eliminate_free(const Scene& given) {
-  if (std::holds_alternative<SuppliedDynamics>(given.dynamics))
+  if (!has_matrices(given.dynamics))
     throw Error("free_rows", "is given with supplied dynamics", "eliminate the free unknowns, or give matrices");
   EliminatedScene e;
   const Index n = given.constraints(), m = given.states();
@@ -248,22 +234,22 @@ std::optional<EliminatedScene> eliminate_free(const Scene& given) {
   // A Schur complement of a P- or PSD matrix is one; of other classes it has to be looked at.
   if (given.lcp_class != LcpClass::P && given.lcp_class != LcpClass::PSD) e.scene.lcp_class = LcpClass::automatic;
   e.scene.M = Matrix(M(e.kept, e.kept) - e.M_CF * e.R * e.M_FC);
-  SparseMatrix B, N;
-  if (const auto* d = std::get_if<DenseDynamics>(&written)) {
-    e.scene.dynamics = eliminated(*d, M, e);
-    B = d->B.sparseView();
-    N = d->N.sparseView();
-  } else {
-    const auto& s = std::get<SparseDynamics>(written);
-    e.scene.dynamics = eliminated(s, M, e);
-    B = s.B;
-    N = s.N;
-  }
-  e.N_F = SparseMatrix(selection(e.free, n).transpose() * N);
+  e.scene.dynamics = std::visit(
+      [&](const auto& d) -> Dynamics {
+        if constexpr (requires { d.A; })
+          return eliminated(d, M, e);
+        else
+          return d;
+      },
+      written);
+  e.N_F = SparseMatrix(selection(e.free, n).transpose() * sparse_outputs(written));
   for (Index i = 0; i < m; ++i)
     if (SparseMatrix::InnerIterator(e.N_F, i)) e.seen.push_back(i);
-  eliminate_sources(given, B, e);
-  if (e.kept.empty()) add_idle_constraint(e, m);
+  eliminate_sources(given, sparse_inputs(written), e);
+  if (e.kept.empty()) {  // a constraint that does nothing takes the place of the free rows
+    e.scene = with_idle_constraint(std::move(e.scene));
+    e.scene.g = {};
+  }
   return e;
 }
 

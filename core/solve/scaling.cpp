@@ -262,8 +262,7 @@ void select_components(const std::vector<Index>& asked, Result& result) {
 }  // namespace
 
 NaturalUnits natural_units(const Scene& scene) {
-  if (std::holds_alternative<SuppliedDynamics>(scene.dynamics)) return {};
-  if (scene.constraints() == 0) return {};
+  if (!has_matrices(scene.dynamics) || scene.constraints() == 0) return {};
   const auto* common = std::get_if<KroneckerDynamics>(&scene.dynamics);
   if (common)
     if (const CommonSizes s = common_sizes(*common, scene); near_one(s.x) && near_one(s.y) && near_one(s.w)) return {};
