@@ -1,6 +1,7 @@
 #include "core/accuracy/magnification.hpp"
 
 #include "core/kernel/closed_loop.hpp"
+#include "core/lcp/solution.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -189,9 +190,7 @@ double contact_frequency(const DiscreteProblem& p, const RowMatrix& y) {
   const Matrix M = to_dense(p.scene.M);
   std::set<std::vector<Index>> sets;
   for (Index j = 0; j < y.rows() && sets.size() < most_sets; ++j) {
-    std::vector<Index> S;
-    for (Index i = 0; i < y.cols(); ++i)
-      if (y(j, i) > 0) S.push_back(i);
+    const std::vector<Index> S = support_of(y.row(j).transpose());
     if (!S.empty()) sets.insert(S);
   }
   double frequency = 0;

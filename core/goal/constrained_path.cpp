@@ -65,28 +65,19 @@ Vector ConstrainedSystem::g(double t) const {
 
 Index ConstrainedSystem::mode_of(const Eigen::Ref<const Vector>& y) {
   const Index n = constraints();
-  std::vector<char> active(static_cast<std::size_t>(n));
-  std::vector<Index> set;
-  for (Index i = 0; i < n; ++i) {
-    active[std::size_t(i)] = y[i] > 0;
-    if (y[i] > 0) set.push_back(i);
-  }
-  const auto known = numbers_.find(active);
+  const std::vector<Index> S = support_of(y);
+  const auto known = numbers_.find(S);
   if (known != numbers_.end()) return known->second;
   Matrix K = Matrix::Zero(n, n);
-  if (!set.empty()) {
-    const Matrix inverse = M_(set, set).inverse();
-    for (std::size_t i = 0; i < set.size(); ++i)
-      for (std::size_t j = 0; j < set.size(); ++j) K(set[i], set[j]) = inverse(Index(i), Index(j));
-  }
+  if (!S.empty()) K(S, S) = M_(S, S).inverse();
   const SparseMatrix sparse_K = K.sparseView(), KN = sparse_K * N_, feedback = B_ * KN;
   StepMatrix A = port_.step_matrix(StepScheme::euler);
   if (auto* dense = std::get_if<Matrix>(&A))
     *dense -= Matrix(feedback);
   else
     A = SparseMatrix(std::get<SparseMatrix>(A) - feedback);
-  modes_.push_back({active, A, K, -K * Matrix(N_)});
-  return numbers_[active] = modes() - 1;
+  modes_.push_back({A, K, -K * Matrix(N_)});
+  return numbers_[S] = modes() - 1;
 }
 
 double constraint_point(StepScheme scheme) {

@@ -1,5 +1,6 @@
 #include "core/kernel/closed_loop.hpp"
 
+#include "core/lcp/solution.hpp"
 #include "core/numerics/sectorial.hpp"
 
 #include <Eigen/Cholesky>
@@ -86,9 +87,7 @@ StatesOfY closed_states(const DiscreteProblem& p, const StepOperators& step, con
 }  // namespace
 
 bool ActiveResponse::take(const Eigen::Ref<const Vector>& y) {
-  std::vector<Index> S;
-  for (Index i = 0; i < y.size(); ++i)
-    if (y[i] > 0) S.push_back(i);
+  std::vector<Index> S = support_of(y);
   if (S == support_) return false;
   support_.swap(S);
   if (!support_.empty()) lu_.compute(implicit_(support_, support_));

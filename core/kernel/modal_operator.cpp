@@ -1,6 +1,6 @@
 // Kronecker sums: everything in sine modes, one scalar convolution a mode.
 
-#include "core/kernel/modal_operator.hpp"
+#include "core/kernel/operators.hpp"
 
 #include "core/base/text.hpp"
 #include "core/kernel/compression.hpp"
