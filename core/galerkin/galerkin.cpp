@@ -1,6 +1,5 @@
 #include "core/galerkin/galerkin.hpp"
 
-#include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/galerkin/checks.hpp"
@@ -9,7 +8,6 @@
 #include "core/galerkin/recovery.hpp"
 #include "core/galerkin/rules.hpp"
 #include "core/galerkin/solvers.hpp"
-#include "core/kernel/states.hpp"
 
 #include <cmath>
 

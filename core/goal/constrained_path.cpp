@@ -7,7 +7,6 @@
 
 #include <Eigen/SparseLU>
 
-#include <cmath>
 #include <limits>
 
 namespace bromwich {
@@ -69,7 +68,7 @@ Index ConstrainedSystem::mode_of(const Eigen::Ref<const Vector>& y) {
   const auto known = numbers_.find(S);
   if (known != numbers_.end()) return known->second;
   Matrix K = Matrix::Zero(n, n);
-  if (!S.empty()) K(S, S) = M_(S, S).inverse();
+  if (!S.empty()) K(S, S) = Matrix(M_(S, S).inverse());
   const SparseMatrix sparse_K = K.sparseView(), KN = sparse_K * N_, feedback = B_ * KN;
   StepMatrix A = port_.step_matrix(StepScheme::euler);
   if (auto* dense = std::get_if<Matrix>(&A))

@@ -13,7 +13,6 @@
 #include "core/goal/cost.hpp"
 #include "core/goal/grid_adaptation.hpp"
 #include "core/goal/indicators.hpp"
-#include "core/kernel/states.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -59,8 +58,9 @@ void validate(const GoalOptions& goal, double T) {
   group_steps(t);  // refuses what does not ascend
 }
 
-/// The steps look at the input at its right end, in the middle or at both ends. What they take in there is less than a
-/// hundredth of what there is at points between: a wave that vanishes at all of them, or a pulse.
+/// Whether the steps miss the input. A step evaluates it at its right end, in the middle or at both ends; a wave may
+/// vanish at all of these points, and a pulse may lie between them. Then |u| at these points is less than a hundredth
+/// of |u| at three points between, which are no simple fractions of a step.
 bool sees_little(const PortSystem& system, StepScheme scheme, const Vector& t) {
   if (!system.port().u) return false;
   const Index M = t.size() - 1;

@@ -2,8 +2,6 @@
 
 #include "core/kernel/kernel.hpp"
 
-#include <algorithm>
-
 namespace bromwich {
 
 void add_rough_response(const DiscreteProblem& p, Array& r) {

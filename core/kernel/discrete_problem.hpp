@@ -13,7 +13,7 @@
 
 namespace bromwich {
 
-/// One step of the state, made by whoever asks first.
+/// One step of the state, computed on first use; several threads may ask for it.
 class KeptStep {
  public:
   template <class Make>

@@ -7,7 +7,6 @@
 #include "core/kernel/modal_states.hpp"
 #include "core/kernel/recurrence.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 namespace bromwich {

@@ -6,7 +6,6 @@
 #include <Eigen/SparseLU>
 
 #include <cmath>
-#include <vector>
 
 namespace bromwich {
 

@@ -5,10 +5,8 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
-#include "core/kernel/states.hpp"
 #include "core/scene/breakpoints.hpp"
 #include "core/solve/methods.hpp"
-#include "core/solve/scaling.hpp"
 
 #include <algorithm>
 #include <cmath>

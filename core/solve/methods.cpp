@@ -7,7 +7,6 @@
 #include "core/iteration/windows.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
-#include "core/kernel/states.hpp"
 #include "core/march/marching.hpp"
 #include "core/march/split.hpp"
 #include "core/march/stages.hpp"
