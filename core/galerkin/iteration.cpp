@@ -17,10 +17,10 @@ bool asked_to_stop(const Options& options, GalerkinSolution& s) {
 
 namespace {
 
-constexpr double diverging = 1e6;      ///< growth of the change over its least value
-constexpr Index patience_sweeps = 60;  ///< without a smaller change
-constexpr Index repeated_sweeps = 3;   ///< without a smaller change, once it is at rounding level
-constexpr double rounding_level = 1e-10;
+constexpr double diverging = 1e6;         ///< growth of the change over its least value
+constexpr Index patience_sweeps = 60;     ///< without a smaller change
+constexpr Index repeated_sweeps = 3;      ///< without a smaller change, once it is at rounding level
+constexpr double rounding_level = 1e-10;  ///< of a change: smaller ones may go up and down
 
 // What the changes of the sweeps say about convergence.
 class Changes {
