@@ -6,6 +6,7 @@
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/scene/breakpoints.hpp"
+#include "core/scene/natural_units.hpp"
 #include "core/solve/methods.hpp"
 
 #include <algorithm>
