@@ -97,7 +97,7 @@ class QueueingBackend final : public Backend {
     void submit(Array& y, Array& v) override {
       ++log.marches;
       const MarchReport report = plan->run(y, v);
-      sum.count.add(report.count);
+      sum.count += report.count;
       if (report.stopped >= 0) sum.stopped = 0;
     }
     MarchReport collect() override { return std::exchange(sum, {}); }

@@ -158,18 +158,17 @@ class GalerkinIteration : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Contract, GalerkinIteration, testing::ValuesIn(backend_cases()), backend_case_name);
 
 TEST_P(GalerkinIteration, FindsTheSolution) {
-  for (const EndConditions ends : {EndConditions::initial, EndConditions::periodic})
-    for (const Index N : {1, 33, 200}) {
-      Scene scene = quadratic_scene(6, ends);
-      auto& d = std::get<DenseDynamics>(scene.dynamics);
-      d.A -= 4 * Matrix::Identity(3, 3);  // what is carried around a period decays
-      d.N *= 0.5;
-      const GalerkinProblem p = galerkin_problem(scene, N);
-      const GalerkinSolution exact = exchange_active_sets(p, *backend, {}), sweeps = iterate_galerkin(p, *backend, {});
-      ASSERT_EQ(exact.status, Status::solved) << exact.reason;
-      ASSERT_EQ(sweeps.status, Status::solved) << sweeps.reason;
-      EXPECT_LE(distance(sweeps.z, exact.z), same_problem) << N;
-    }
+  Scene scene = quadratic_scene(6, EndConditions::initial);
+  auto& d = std::get<DenseDynamics>(scene.dynamics);
+  d.A -= 4 * Matrix::Identity(3, 3);
+  d.N *= 0.5;
+  for (const Index N : {1, 33, 200}) {
+    const GalerkinProblem p = galerkin_problem(scene, N);
+    const GalerkinSolution exact = exchange_active_sets(p, *backend, {}), sweeps = iterate_galerkin(p, *backend, {});
+    ASSERT_EQ(exact.status, Status::solved) << exact.reason;
+    ASSERT_EQ(sweeps.status, Status::solved) << sweeps.reason;
+    EXPECT_LE(distance(sweeps.z, exact.z), same_problem) << N;
+  }
 }
 
 TEST_P(GalerkinIteration, MarchingAgreesOnEveryBackend) {
@@ -196,9 +195,6 @@ TEST_P(GalerkinIteration, SweepsDoNotGrowWithTheGrid) {
   }
   EXPECT_LE(most, 40);
   EXPECT_LE(most - fewest, 2);
-  // The steady gain from v to the current and back is R/r = 100: around a period nothing contracts.
-  const GalerkinProblem periodic = galerkin_problem(make_scene("periodic-rectifier", {}), 64);
-  EXPECT_EQ(iterate_galerkin(periodic, *backend, {}).status, Status::tolerance_not_met);
 }
 
 // Sources of second degree are integrated exactly on both grids.

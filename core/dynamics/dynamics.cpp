@@ -133,16 +133,29 @@ Vector times_mass(const Dynamics& dynamics, const Vector& x) {
 
 namespace {
 
-const SparseMatrix& sparse_map(const Dynamics& dynamics, bool inputs) {
-  if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) return inputs ? d->B : d->N;
-  const auto& d = std::get<SuppliedDynamics>(dynamics);
-  return inputs ? d.B : d.N;
+SparseMatrix sparse_map(const Dynamics& dynamics, bool inputs) {
+  const auto of = [inputs](const auto& d) -> const auto& { return inputs ? d.B : d.N; };
+  return std::visit(Overloaded{[&](const DenseDynamics& d) -> SparseMatrix { return of(d).sparseView(); },
+                               [&](const KroneckerDynamics& d) -> SparseMatrix { return of(to_sparse(d)); },
+                               [&](const auto& d) -> SparseMatrix { return of(d); }},
+                    dynamics);
 }
 
 }  // namespace
 
-const SparseMatrix& sparse_inputs(const Dynamics& dynamics) { return sparse_map(dynamics, true); }
-const SparseMatrix& sparse_outputs(const Dynamics& dynamics) { return sparse_map(dynamics, false); }
+SparseMatrix sparse_inputs(const Dynamics& dynamics) { return sparse_map(dynamics, true); }
+SparseMatrix sparse_outputs(const Dynamics& dynamics) { return sparse_map(dynamics, false); }
+
+Dynamics with_inputs_and_outputs(Dynamics dynamics, const SparseMatrix& B, const SparseMatrix& N) {
+  std::visit(Overloaded{[](KroneckerDynamics&) {
+                          throw Error("dynamics", "are a Kronecker sum", "write them out to give other B and N");
+                        },
+                        [&](auto& d) { d.B = B, d.N = N; }},
+             dynamics);
+  return dynamics;
+}
+
+bool has_matrices(const Dynamics& dynamics) { return !std::holds_alternative<SuppliedDynamics>(dynamics); }
 
 Vector observe(const Dynamics& dynamics, const Vector& x) {
   return std::visit(Overloaded{[&](const KroneckerDynamics& d) -> Vector {

@@ -89,9 +89,15 @@ DenseDynamics to_dense(const Dynamics&);
 /// The Kronecker sum as sparse matrices, at any size.
 SparseDynamics to_sparse(const KroneckerDynamics&);
 
-/// B and N of sparse or supplied dynamics.
-const SparseMatrix& sparse_inputs(const Dynamics&);
-const SparseMatrix& sparse_outputs(const Dynamics&);
+/// B and N, whatever the kind of the dynamics.
+SparseMatrix sparse_inputs(const Dynamics&);
+SparseMatrix sparse_outputs(const Dynamics&);
+
+/// The same A and E with other B and N. Throws Error for a Kronecker sum, whose B and N are those of its lines.
+Dynamics with_inputs_and_outputs(Dynamics, const SparseMatrix& B, const SparseMatrix& N);
+
+/// Whether A is known as a matrix or as a Kronecker sum, and not by callbacks alone.
+bool has_matrices(const Dynamics&);
 
 /// N x for one state.
 Vector observe(const Dynamics&, const Vector& x);

@@ -24,10 +24,9 @@ class Backend;
 
 /// The dynamics while the constraints of one set are active.
 struct ActiveMode {
-  std::vector<char> active;  ///< n
-  StepMatrix A;              ///< A_S
-  Matrix K;                  ///< n x n
-  Matrix slope;              ///< n x m, -K N: derivative of y with respect to e
+  StepMatrix A;  ///< A_S
+  Matrix K;      ///< n x n
+  Matrix slope;  ///< n x m, -K N: how y follows e
 };
 
 class ConstrainedSystem {
@@ -57,7 +56,7 @@ class ConstrainedSystem {
   SparseMatrix B_, N_;
   Matrix M_;
   RowMatrix port_matrix_;
-  std::map<std::vector<char>, Index> numbers_;
+  std::map<std::vector<Index>, Index> numbers_;  ///< of the modes, by S
   std::vector<ActiveMode> modes_;
 };
 

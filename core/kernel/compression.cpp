@@ -1,6 +1,5 @@
 #include "core/kernel/compression.hpp"
 
-#include "core/base/error.hpp"
 #include "core/kernel/response.hpp"
 #include "core/numerics/phi.hpp"
 
@@ -35,8 +34,8 @@ Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& paramete
   return values;
 }
 
-/// Of the error by each further rate, once the fit is good enough: a rate costs a part of every sweep, and what
-/// rounding does to the error is no reason for one.
+/// Once the fit is good enough, each further rate has to reduce the error by this factor: it costs time in every sweep,
+/// and a smaller gain may be rounding.
 constexpr double gain_of_a_rate = 1.19;
 constexpr Index columns_together = 64;  ///< of products, by one thread
 constexpr double between_samples = 4;   ///< what is missed there may be so much larger than at the check points

@@ -19,9 +19,9 @@ struct ExponentialSum {
 /// Where the fit stops growing, and the error up to which it may replace the eigenvalues.
 inline constexpr double compression_tolerance = 1e-13, accepted_compression_error = 1e-11;
 
-/// Fits n^T e^{across t} b on [h, T]. The number of rates grows until `tolerance` is met or there are no more; taken is
-/// the largest whose extra rate reduced the error by a factor of 1.19 or more. The error is infinite where nothing of
-/// the kernel is left at t = h.
+/// Fits n^T e^{across t} b on [h, T]. The number of rates grows until `tolerance` is met or there are no more. Of these
+/// fits a larger one is taken only if each further rate reduces the error by a factor of 1.19. The error is infinite
+/// where nothing of the kernel is left at t = h.
 ExponentialSum compress_line_kernel(const KroneckerDynamics&, double h, double T,
                                     double tolerance = compression_tolerance);
 

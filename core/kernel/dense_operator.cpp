@@ -1,6 +1,6 @@
 // Dense dynamics: the state is stepped.
 
-#include "core/kernel/dense_operator.hpp"
+#include "core/kernel/operators.hpp"
 
 #include "core/base/text.hpp"
 #include "core/kernel/closed_loop.hpp"

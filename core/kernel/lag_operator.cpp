@@ -1,7 +1,7 @@
 // Dynamics that are known by their shifted solves: weights by lag, tabulated from contours
 // (core/kernel/sparse_kernel.hpp).
 
-#include "core/kernel/lag_operator.hpp"
+#include "core/kernel/operators.hpp"
 
 #include "core/kernel/sparse_kernel.hpp"
 

@@ -1,13 +1,12 @@
 // Kronecker sums: everything in sine modes, one scalar convolution a mode.
 
-#include "core/kernel/modal_operator.hpp"
+#include "core/kernel/operators.hpp"
 
 #include "core/base/text.hpp"
 #include "core/kernel/compression.hpp"
 #include "core/kernel/modal_states.hpp"
 #include "core/kernel/recurrence.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 namespace bromwich {

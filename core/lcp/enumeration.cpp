@@ -59,11 +59,8 @@ Vector nonnegative_least_squares(const Matrix& A, const Vector& b) {
 std::optional<Vector> solve_by_enumeration(const Matrix& M, const Vector& q,
                                            const std::function<bool(const std::vector<Index>&)>& admissible) {
   const Index n = q.size();
-  std::vector<Index> S;
   for (unsigned set = 0; set < 1u << n; ++set) {
-    S.clear();
-    for (Index i = 0; i < n; ++i)
-      if (set >> i & 1u) S.push_back(i);
+    const std::vector<Index> S = members(set, n);
     if (!admissible(S)) continue;
     Vector y = Vector::Zero(n);
     if (!S.empty()) {

@@ -109,12 +109,8 @@ class Monotone {
 
 // The solution of least norm is one of the limits on all active sets.
 void enumerate(const Monotone& problem, Index n, LeastNorm& best) {
-  std::vector<Index> S;
   for (unsigned set = 0; set < 1u << n; ++set) {
-    S.clear();
-    for (Index i = 0; i < n; ++i)
-      if (set >> i & 1u) S.push_back(i);
-    const Vector y = problem.limit(S);
+    const Vector y = problem.limit(members(set, n));
     if (!problem.solves(y) || (best.solved && y.norm() >= best.y.norm())) continue;
     best.solved = true;
     best.y = y;

@@ -2,6 +2,7 @@
 
 #include "core/lcp/comparison.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/lcp/solution.hpp"
 #include "core/numerics/equilibration.hpp"
 
 #include <Eigen/Eigenvalues>
@@ -35,11 +36,8 @@ double inverse_norm(Matrix M) {
 
 double largest_inverse_norm(const Matrix& M) {
   double L = 0;
-  std::vector<Index> S;
   for (unsigned set = 1; set < 1u << M.rows() && L < infinity; ++set) {
-    S.clear();
-    for (Index i = 0; i < M.rows(); ++i)
-      if (set >> i & 1u) S.push_back(i);
+    const std::vector<Index> S = members(set, M.rows());
     L = std::max(L, inverse_norm(M(S, S)));
   }
   return L;

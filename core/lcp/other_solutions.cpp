@@ -1,5 +1,7 @@
 #include "core/lcp/other_solutions.hpp"
 
+#include "core/lcp/solution.hpp"
+
 #include <Eigen/LU>
 
 #include <cmath>
@@ -10,13 +12,6 @@ namespace {
 
 constexpr double least_other = 1e-10;
 constexpr double distinct = 1e-6;
-
-std::vector<Index> members(unsigned set, Index n) {
-  std::vector<Index> S;
-  for (Index i = 0; i < n; ++i)
-    if (set >> i & 1u) S.push_back(i);
-  return S;
-}
 
 bool solves(const Matrix& M, const Vector& q, const Vector& y) {
   const Vector w = M * y + q, terms = M.cwiseAbs() * y.cwiseAbs() + q.cwiseAbs();

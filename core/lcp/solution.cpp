@@ -56,10 +56,17 @@ LcpMatrix scaled(const LcpMatrix& M, const Equilibration& e) {
   return std::visit([&e](const auto& given) { return LcpMatrix(scaled(given, e)); }, M);
 }
 
-std::vector<Index> support_of(const Vector& y) {
+std::vector<Index> support_of(const Eigen::Ref<const Vector>& y) {
   std::vector<Index> S;
   for (Index i = 0; i < y.size(); ++i)
     if (y[i] > 0) S.push_back(i);
+  return S;
+}
+
+std::vector<Index> members(unsigned set, Index n) {
+  std::vector<Index> S;
+  for (Index i = 0; i < n; ++i)
+    if (set >> i & 1u) S.push_back(i);
   return S;
 }
 

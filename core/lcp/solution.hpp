@@ -34,6 +34,9 @@ bool is_certainly_unique(const Matrix& M, const Vector& q, const Vector& y);
 bool is_certainly_unique(const Tridiagonal& M, const Vector& q, const Vector& y);
 
 /// {i : y_i > 0}.
-std::vector<Index> support_of(const Vector& y);
+std::vector<Index> support_of(const Eigen::Ref<const Vector>& y);
+
+/// {i < n : bit i of `set` is one}: the active set of that number, for loops over all of them.
+std::vector<Index> members(unsigned set, Index n);
 
 }  // namespace bromwich

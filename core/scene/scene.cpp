@@ -13,7 +13,8 @@ namespace {
 
 std::string shape(Index rows, Index cols) { return std::to_string(rows) + " x " + std::to_string(cols); }
 
-void require_shape(const std::string& member, const Matrix& found, Index rows, Index cols, const std::string& meaning) {
+template <typename Found>
+void require_shape(const std::string& member, const Found& found, Index rows, Index cols, const std::string& meaning) {
   if (found.rows() != rows || found.cols() != cols)
     throw Error(member, "is " + shape(found.rows(), found.cols()), "make it " + meaning + " = " + shape(rows, cols));
 }
@@ -41,12 +42,6 @@ void require_positive(const std::string& member, double value) {
 
 void require_some(const std::string& member, Index count, const std::string& what) {
   if (count < 1) throw Error(member, "has no " + what, "give at least one");
-}
-
-void require_shape(const std::string& member, const SparseMatrix& found, Index rows, Index cols,
-                   const std::string& meaning) {
-  if (found.rows() != rows || found.cols() != cols)
-    throw Error(member, "is " + shape(found.rows(), found.cols()), "make it " + meaning + " = " + shape(rows, cols));
 }
 
 void require_finite(const std::string& member, const SparseMatrix& values) {
@@ -172,6 +167,31 @@ Index Scene::constraints() const { return bromwich::constraints(dynamics); }
 Index Scene::sources() const {
   if (f_entry == SourceEntry::through_F) return F.cols();
   return f_entry == SourceEntry::through_B ? constraints() : states();
+}
+
+Scene written_out(Scene scene) {
+  scene.dynamics = to_dense(scene.dynamics);
+  return scene;
+}
+
+Scene part_of(const Scene& scene, double t, double length, const Vector& x) {
+  Scene part = scene;
+  part.boundary.reset();
+  part.x0 = x;
+  part.T = length;
+  for (auto source : {&Scene::f, &Scene::g})
+    if (scene.*source)
+      part.*source = [given = scene.*source, t](double s, Eigen::Ref<Vector> value) { given(t + s, value); };
+  part.breakpoints.clear();
+  for (const double b : scene.breakpoints)
+    if (b - t > 0 && b - t < length) part.breakpoints.push_back(b - t);
+  return part;
+}
+
+Matrix source_matrix(const Scene& scene, const DenseDynamics& d) {
+  if (scene.f_entry == SourceEntry::through_F) return scene.F;
+  if (scene.f_entry == SourceEntry::through_B) return d.B;
+  return Matrix::Identity(d.A.rows(), d.A.rows());
 }
 
 void Scene::validate() const {

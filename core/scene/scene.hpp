@@ -62,4 +62,13 @@ struct Scene {
   void validate() const;
 };
 
+/// The scene with A, B, N and E as dense matrices, see to_dense.
+Scene written_out(Scene);
+
+/// The scene on [t, t + length] alone, from the state x, with its clock set back to 0.
+Scene part_of(const Scene&, double t, double length, const Vector& x);
+
+/// F with f = F phi, m x sources(). Precondition: the dynamics of the scene are these.
+Matrix source_matrix(const Scene&, const DenseDynamics&);
+
 }  // namespace bromwich

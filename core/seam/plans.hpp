@@ -48,7 +48,7 @@ struct LcpReport {
 
   /// Counts and bounds of another batch.
   void add(const LcpReport& other) {
-    count.add(other.count);
+    count += other.count;
     magnitude = std::max(magnitude, other.magnitude);
     finite = finite && other.finite;
   }
@@ -149,7 +149,7 @@ class ImmediateMarch : public March {
   ImmediateMarch() : March(true) {}
   void submit(Array& y, Array& v) final {
     const MarchReport report = run(y, v);
-    sum_.count.add(report.count);
+    sum_.count += report.count;
     if (report.stopped >= 0) sum_.stopped = 0;
   }
   MarchReport collect() final { return std::exchange(sum_, {}); }

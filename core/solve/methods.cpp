@@ -7,7 +7,6 @@
 #include "core/iteration/windows.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
-#include "core/kernel/states.hpp"
 #include "core/march/marching.hpp"
 #include "core/march/split.hpp"
 #include "core/march/stages.hpp"
@@ -135,6 +134,10 @@ void Methods::step_in_stages(Index stages, const InnerOptions& options, Result& 
   if (result.x.cols() != m) return;
   stage_states_ = std::move(result.x);
   result.x = stage_states_(Eigen::all, problem_.components);
+}
+
+bool Methods::has_small_dense_state(const Scene& scene) {
+  return std::holds_alternative<DenseDynamics>(scene.dynamics) && scene.states() <= most_recorded_states;
 }
 
 RowMatrix Methods::all_states(Method method, const Result& result) const {

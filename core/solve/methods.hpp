@@ -28,6 +28,8 @@ class Methods {
   /// All states of a dense scene after a run of `method` that gave `result`: (J+1) x m. For m <= most_recorded_states.
   RowMatrix all_states(Method, const Result& result) const;
   static constexpr Index most_recorded_states = 64;
+  /// Dense dynamics with at most so many states.
+  static bool has_small_dense_state(const Scene&);
 
   const DiscreteProblem& problem() const { return problem_; }
   /// Whether continuous piecewise-linear y is safe here.
