@@ -95,6 +95,14 @@ class ModalConvolution final : public Convolution {
     }
   }
 
+  bool start_from(const RowMatrix& initial) override {
+    if (!sums_.empty()) return false;  // x0 is in their tables
+    for (auto& bunch : scans_)
+      for (Index i = 0; i < bunch.modes.count; ++i)
+        bunch.blocks[std::size_t(i)].start_from(initial, bunch.modes.first + i);
+    return true;
+  }
+
   std::size_t bytes() const override {
     std::size_t all = 0;
     for (const auto& bunch : scans_)

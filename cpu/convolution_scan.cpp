@@ -27,6 +27,11 @@ ScanBlock::ScanBlock(const ModalRecurrence& r, Index b, Index rows)
   states_ = std::make_unique_for_overwrite<Lanes[]>(std::size_t(tiles_ * exponentials()));
 }
 
+void ScanBlock::start_from(const RowMatrix& initial, Index b) {
+  for (Index k = 0; k < initial.rows(); ++k)
+    banks_[std::size_t(k / group)].initial[k % group] = block_of_row(initial.row(k).data(), b, initial.cols());
+}
+
 double ScanBlock::cost(const ModalRecurrence& r) { return 2 * double((r.exponentials() + group - 1) / group * group); }
 
 void ScanBlock::advance(const Bank& bank, const Lanes* before, Lanes* after, const Lanes* y, Lanes* v, Index count) {

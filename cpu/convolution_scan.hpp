@@ -23,6 +23,9 @@ class ScanBlock {
   /// Modes 8b .. 8b + 7 of a convolution with `rows` rows.
   ScanBlock(const ModalRecurrence&, Index b, Index rows);
 
+  /// Another `initial` of all modes, K x n; b as it was made with.
+  void start_from(const RowMatrix& initial, Index b);
+
   /// Multiply-adds a mode and row.
   static double cost(const ModalRecurrence&);
 

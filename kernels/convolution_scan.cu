@@ -248,6 +248,17 @@ class ModalScan final : public Convolution {
       shared_ ? start<warps_together>(m, span, slab, y, v) : start<1>(m, span, slab, y, v);
   }
 
+  // The host waits, so that kernels may read it at any time.
+  bool start_from(const RowMatrix& initial) override {
+    if (n_ != total_) return false;
+    check(cudaMemcpy2DAsync(tables_.data() + 4 * K_ * stride_, sizeof(double) * std::size_t(stride_), initial.data(),
+                            sizeof(double) * std::size_t(n_), sizeof(double) * std::size_t(n_),
+                            std::size_t(initial.rows()), cudaMemcpyHostToDevice, device_.stream()),
+          "copying to the device");
+    device_.wait();
+    return true;
+  }
+
   std::size_t bytes() const override { return tables_.bytes() + states_.bytes() + added_.bytes(); }
 
  private:

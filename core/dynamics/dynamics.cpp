@@ -145,11 +145,16 @@ const SparseMatrix& sparse_inputs(const Dynamics& dynamics) { return sparse_map(
 const SparseMatrix& sparse_outputs(const Dynamics& dynamics) { return sparse_map(dynamics, false); }
 
 Vector observe(const Dynamics& dynamics, const Vector& x) {
-  return std::visit(Overloaded{[&](const KroneckerDynamics& d) -> Vector {
-                                 return Eigen::Map<const RowMatrix>(x.data(), d.along.points, d.across.points) * d.n;
-                               },
-                               [&](const auto& d) -> Vector { return d.N * x; }},
-                    dynamics);
+  return std::visit(
+      Overloaded{[&](const KroneckerDynamics& d) -> Vector {
+                   // It may see the first points of a line alone.
+                   Index seen = d.n.size();
+                   while (seen > 1 && d.n[seen - 1] == 0) --seen;
+                   return Eigen::Map<const RowMatrix>(x.data(), d.along.points, d.across.points).leftCols(seen) *
+                          d.n.head(seen);
+                 },
+                 [&](const auto& d) -> Vector { return d.N * x; }},
+      dynamics);
 }
 
 Vector observed_terms(const Dynamics& dynamics, const Vector& x) {

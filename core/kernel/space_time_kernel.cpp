@@ -62,13 +62,21 @@ void SpaceTimeKernel::sweep(LcpBatch& lcp, const Array& r, Array& y, Array& v, S
   if (order.behind) sine_->apply(*v_modes_, nullptr, v, 0);
 }
 
-void SpaceTimeKernel::add_start(const Recurrence& started, const Array& zero, Array& r) {
-  backend_.convolution(started, zero.rows())->apply(zero, *v_modes_, 0);
-  sine_->apply(*v_modes_, &r, r, 0);
+void SpaceTimeKernel::add_start(const ModalRecurrence& recurrence, const RowMatrix& initial, const Array& zero,
+                                const Array& known, Array& r, bool keep) {
+  if (!start_ || !start_->start_from(initial)) {
+    ModalRecurrence started = recurrence;
+    started.initial = initial;
+    start_ = backend_.convolution(Recurrence(std::move(started)), zero.rows());
+  }
+  start_->apply(zero, *v_modes_, 0);
+  if (!keep) start_.reset();
+  sine_->apply(*v_modes_, &known, r, 0);
 }
 
 std::size_t SpaceTimeKernel::bytes() const {
-  return convolution_->bytes() + (sine_ ? sine_->bytes() + y_modes_->bytes() + v_modes_->bytes() : 0);
+  return convolution_->bytes() + (start_ ? start_->bytes() : 0) +
+         (sine_ ? sine_->bytes() + y_modes_->bytes() + v_modes_->bytes() : 0);
 }
 
 }  // namespace bromwich

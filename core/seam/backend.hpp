@@ -53,6 +53,9 @@ class Convolution {
   /// `v` must not alias `y`. Rows of y and v before `first` must be those of the previous call; those of v may be
   /// written again with the same values.
   virtual void apply(const Array& y, Array& v, Index first) = 0;
+  /// Another `initial` for the modal recurrence that it was made from, which had one too. False: it stays as it is, and
+  /// another plan has to be made.
+  virtual bool start_from(const RowMatrix& /*initial*/) { return false; }
   virtual std::size_t bytes() const = 0;
 };
 

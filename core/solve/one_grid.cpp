@@ -155,23 +155,34 @@ bool same_entry(const Scene& a, const Scene& b) {
   return a.F.size() == 0 || SparseMatrix(a.F - b.F).norm() == 0;
 }
 
-// Those of the solve before, with the x0, f and g of this one. A Solver changes nothing else.
+// Those of the solve before, with the x0, f and g of this one. A Solver changes nothing else. What it has changed is
+// known of the scene as stated; a scene that was made from it is taken as new.
 Methods& prepared_methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
                           const Options& options) {
   Prepared& kept = *options.prepared;
-  if (kept.methods && kept.methods->problem().J == J && kept.methods->problem().components == components &&
-      same_entry(*kept.scene, scene)) {
-    kept.scene->x0 = scene.x0;
-    kept.scene->f = scene.f;
-    kept.scene->g = scene.g;
-    kept.scene->breakpoints = scene.breakpoints;
-    kept.methods->renew();
+  const bool as_stated = &scene == kept.stated;
+  const bool same_scene = as_stated ? !kept.scene : kept.scene && same_entry(*kept.scene, scene);
+  const Changes changes = as_stated ? kept.changes : Changes{};
+  if (kept.methods && same_scene && kept.methods->problem().J == J &&
+      kept.methods->problem().components == components) {
+    if (!as_stated) {
+      kept.scene->x0 = scene.x0;
+      kept.scene->f = scene.f;
+      kept.scene->g = scene.g;
+      kept.scene->breakpoints = scene.breakpoints;
+    }
+    kept.finite_sources = kept.finite_sources && !changes.sources;
+    kept.methods->renew(changes);
+    if (as_stated) kept.changes = no_changes;
     return *kept.methods;
   }
   kept.methods.reset();
-  kept.scene = std::make_unique<Scene>(scene);
-  kept.methods = std::make_unique<Methods>(*kept.scene, backend, J, components, options.look_inside_every_step);
+  kept.scene = as_stated ? nullptr : std::make_unique<Scene>(scene);
+  kept.methods = std::make_unique<Methods>(as_stated ? scene : *kept.scene, backend, J, components,
+                                           options.look_inside_every_step);
   kept.methods->keep_prepared();
+  kept.finite_sources = false;
+  if (as_stated) kept.changes = no_changes;
   return *kept.methods;
 }
 
@@ -192,7 +203,8 @@ Result solve_on_one_grid(const Scene& scene, Backend& backend, const Options& op
                        : std::make_unique<Methods>(scene, backend, J, components, options.look_inside_every_step);
   Methods& methods = once ? *once : prepared_methods(scene, backend, J, components, options);
   const DiscreteProblem& p = methods.problem();
-  const bool finite = finite_sources(p, result);
+  const bool finite = (options.prepared && options.prepared->finite_sources) || finite_sources(p, result);
+  if (options.prepared) options.prepared->finite_sources = finite;
   result.seconds.setup = Timer(total).lap();
   if (finite) {
     Run run(methods, backend, options);

@@ -12,6 +12,7 @@ Solver::Solver(Scene scene, Backend& backend, Options options)
     : scene_(std::move(scene)), backend_(backend), options_(std::move(options)) {
   scene_.validate();
   options_.prepared = std::make_shared<Prepared>();
+  options_.prepared->stated = &scene_;
   if (!options_.first_iterate) return;
   first_iterate_ = *options_.first_iterate;
   options_.first_iterate = &first_iterate_;
@@ -19,33 +20,36 @@ Solver::Solver(Scene scene, Backend& backend, Options options)
 
 void Solver::set_x0(const Vector& x0) {
   if (scene_.boundary) throw Error("x0", "is given to a scene with boundary values", "make another solver");
-  Vector before = std::exchange(scene_.x0, x0);
-  try {
-    scene_.validate();
-  } catch (...) {  // the scene stays as it was where the change is refused
-    scene_.x0 = std::move(before);
-    throw;
-  }
+  scene_.validate_x0(x0);
+  scene_.x0 = x0;
   scene_.exact = {};
+  options_.prepared->changes.x0 = true;
 }
 
 void Solver::set_sources(TimeFunction f, TimeFunction g, std::vector<double> breakpoints) {
-  Scene changed = scene_;
-  changed.f = std::move(f);
-  changed.g = std::move(g);
-  changed.breakpoints = std::move(breakpoints);
-  changed.breakpoints_are_all = false;
-  changed.exact = {};
-  if (changed.port && changed.f && changed.f_entry != SourceEntry::through_F)
+  if (scene_.port && f && scene_.f_entry != SourceEntry::through_F)
     throw Error("f", "is given to a port-Hamiltonian scene without an input", "state B and u of the system");
-  if (changed.port) {  // method goal reads the input there
-    PortHamiltonian port = *changed.port;
-    port.u = changed.f;
-    port.jumps = changed.breakpoints;
-    changed.port = std::make_shared<const PortHamiltonian>(std::move(port));
+  const auto exchange = [&] {
+    std::swap(scene_.f, f);
+    std::swap(scene_.g, g);
+    std::swap(scene_.breakpoints, breakpoints);
+  };
+  exchange();
+  try {
+    scene_.validate_sources();
+  } catch (...) {  // the scene stays as it was where the change is refused
+    exchange();
+    throw;
   }
-  changed.validate();
-  scene_ = std::move(changed);
+  scene_.breakpoints_are_all = false;
+  scene_.exact = {};
+  if (scene_.port) {  // method goal reads the input there
+    PortHamiltonian port = *scene_.port;
+    port.u = scene_.f;
+    port.jumps = scene_.breakpoints;
+    scene_.port = std::make_shared<const PortHamiltonian>(std::move(port));
+  }
+  options_.prepared->changes.sources = true;
 }
 
 Result Solver::solve() {
