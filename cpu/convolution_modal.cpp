@@ -95,11 +95,11 @@ class ModalConvolution final : public Convolution {
     }
   }
 
-  bool start_from(const RowMatrix& initial) override {
+  bool start_from(const Array& D) override {
     if (!sums_.empty()) return false;  // x0 is in their tables
     for (auto& bunch : scans_)
       for (Index i = 0; i < bunch.modes.count; ++i)
-        bunch.blocks[std::size_t(i)].start_from(initial, bunch.modes.first + i);
+        bunch.blocks[std::size_t(i)].start_from(host(D), bunch.modes.first + i);
     return true;
   }
 

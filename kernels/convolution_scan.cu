@@ -28,6 +28,7 @@ constexpr Index few_chunks = 64;                ///< where the warps of a block 
 constexpr Index few_blocks = 2;                 ///< of a multiprocessor, up to which they do
 constexpr int segments = 8, of_segment = 16;    ///< warps that carry, and chunks of each
 constexpr Index most_chunks = segments * of_segment;
+constexpr Index starters = 128;  ///< threads of a block that sets `initial`
 constexpr const char* starting = "starting the scan";
 
 /// K x n tables with the mode index contiguous, K a multiple of `group`, n of `lanes`.
@@ -205,6 +206,15 @@ __global__ void __launch_bounds__(lanes* warps_together)
   }
 }
 
+// initial <- D E / C, a row of blocks an exponential.
+__global__ void set_initial(const double* D, int step, int modes, int stride, const double* decay, const double* output,
+                            double* initial) {
+  const int l = int(blockIdx.x * blockDim.x + threadIdx.x);
+  if (l >= modes) return;
+  const long at = long(blockIdx.y) * stride + l;
+  initial[at] = decay[at] == 0 ? 0 : D[long(blockIdx.y) * step + l] * decay[at] / output[at];
+}
+
 Index rounded_up(Index n, Index to) { return (n + to - 1) / to * to; }
 
 class ModalScan final : public Convolution {
@@ -248,14 +258,15 @@ class ModalScan final : public Convolution {
       shared_ ? start<warps_together>(m, span, slab, y, v) : start<1>(m, span, slab, y, v);
   }
 
-  // The host waits, so that kernels may read it at any time.
-  bool start_from(const RowMatrix& initial) override {
+  // Kernels read the table before they await the one before: nothing may overlap with its change.
+  bool start_from(const Array& D) override {
     if (n_ != total_) return false;
-    check(cudaMemcpy2DAsync(tables_.data() + 4 * K_ * stride_, sizeof(double) * std::size_t(stride_), initial.data(),
-                            sizeof(double) * std::size_t(n_), sizeof(double) * std::size_t(n_),
-                            std::size_t(initial.rows()), cudaMemcpyHostToDevice, device_.stream()),
-          "copying to the device");
-    device_.wait();
+    const dim3 blocks(unsigned((n_ + starters - 1) / starters), unsigned(D.rows()));
+    set_initial<<<blocks, starters, 0, device_.stream()>>>(values(D), int(stride(n_)), int(n_), int(stride_),
+                                                           tables_.data(), tables_.data() + 2 * K_ * stride_,
+                                                           tables_.data() + 4 * K_ * stride_);
+    check(cudaGetLastError(), starting);
+    device_.note_work();
     return true;
   }
 

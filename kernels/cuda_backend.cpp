@@ -50,6 +50,9 @@ class CudaBackend final : public Backend {
   void upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to) override {
     cuda::upload_product(device_, amplitudes, shapes, to);
   }
+  void upload_projection(const Vector& from, const Array& P, Array& to) override {
+    cuda::upload_projection(device_, from, P, to);
+  }
   void download(const Array& from, RowMatrix& to) override { cuda::download(device_, from, to); }
   void download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations) override {
     cuda::download(device_, from, to, operations);

@@ -139,8 +139,7 @@ InitialFit fit_initial_response(Backend& backend, const KroneckerDynamics& dynam
   const Matrix Q = qr.householderQ() * Matrix::Identity(times.size(), terms);
   const auto R = qr.matrixQR().topRows(terms).triangularView<Eigen::Upper>();
   const Matrix check = exponentials(checks, sum.rates);
-  InitialFit fit{Matrix(), Vector(K), in_sine_basis(dynamics.n),
-                 std::make_shared<RowTransform>(backend, terms, dynamics.along.points)};
+  InitialFit fit{Vector(K), in_sine_basis(dynamics.n), nullptr};
   Matrix C(terms, K);
   backend.each_range(K, columns_together, [&](Index first, Index last) {
     const Vector rates = nu.segment(first, last - first);
@@ -150,24 +149,38 @@ InitialFit fit_initial_response(Backend& backend, const KroneckerDynamics& dynam
     fit.missed.segment(first, last - first) = gap.cwiseAbs().colwise().maxCoeff().transpose();
     C.middleCols(first, last - first) = part * fit.seen.segment(first, last - first).asDiagonal();
   });
-  fit.P = row_modes(backend, C);
+  fit.project = std::make_shared<InitialProjection>(backend, dynamics, row_modes(backend, C));
   return fit;
+}
+
+InitialProjection::InitialProjection(Backend& backend, const KroneckerDynamics& dynamics, const RowMatrix& P)
+    : backend_(backend),
+      P_(backend.array(P.rows(), P.cols())),
+      values_(backend.array(P.rows(), dynamics.along.points)),
+      modes_(backend.array(P.rows(), dynamics.along.points)),
+      sine_(backend.sine_transform(dynamics.along.points, P.rows())) {
+  backend.upload(P, *P_);
+}
+
+const Array& InitialProjection::operator()(const Vector& x0) {
+  backend_.upload_projection(x0, *P_, *values_);
+  sine_->apply(*values_, nullptr, *modes_, 0);
+  return *modes_;
+}
+
+double initial_error(Backend& backend, const KroneckerDynamics& dynamics, const InitialFit& fit, const Vector& x0) {
+  const double most = between_samples * fit.missed.maxCoeff();
+  if (most <= accepted_compression_error) return most;
+  const Eigen::Map<const RowMatrix> lines(x0.data(), dynamics.along.points, dynamics.across.points);
+  const Vector parts = fit.seen.cwiseAbs().cwiseProduct(row_modes(backend, lines).colwise().norm().transpose());
+  const double size = parts.sum();
+  return size > 0 ? between_samples * parts.dot(fit.missed) / size : 0;
 }
 
 InitialSum compress_initial_response(Backend& backend, const KroneckerDynamics& dynamics, const InitialFit& fit,
                                      const Vector& x0) {
-  const Index n = dynamics.along.points;
-  const Eigen::Map<const RowMatrix> lines(x0.data(), n, dynamics.across.points);
-  InitialSum sum{RowMatrix(fit.P.rows(), n), between_samples * fit.missed.maxCoeff()};
-  backend.each_range(n, columns_together, [&](Index first, Index last) {
-    sum.coefficients.middleCols(first, last - first).noalias() =
-        fit.P * lines.middleRows(first, last - first).transpose();
-  });
-  fit.along->apply(sum.coefficients);
-  if (sum.error <= accepted_compression_error) return sum;
-  const Vector parts = fit.seen.cwiseAbs().cwiseProduct(row_modes(backend, lines).colwise().norm().transpose());
-  const double size = parts.sum();
-  sum.error = size > 0 ? between_samples * parts.dot(fit.missed) / size : 0;
+  InitialSum sum{{}, initial_error(backend, dynamics, fit, x0)};
+  backend.download((*fit.project)(x0), sum.coefficients);
   return sum;
 }
 

@@ -5,7 +5,6 @@
 // columns represent all others with small coefficients), the coefficients by least squares against contour values.
 
 #include "kernel.hpp"
-#include "response.hpp"
 
 #include <memory>
 #include <optional>
@@ -37,15 +36,28 @@ struct InitialSum {
 };
 
 /// Every e^{nu_k t} by the exponentials of a sum, so that no time point is looked at; for any x0. With e^{nu_k t} =
-/// Σ_i C_ik e^{s_i t} and n_k what is seen of eigenvector k of a line, P_iq = Σ_k C_ik n_k S_kq.
+/// Σ_i C_ik e^{s_i t} and n_k what is seen of eigenvector k of a line, D = P X^T S, P_iq = Σ_k C_ik n_k S_kq, X the
+/// lines of x0.
+class InitialProjection {
+ public:
+  InitialProjection(Backend&, const KroneckerDynamics&, const RowMatrix& P);
+  /// D of this x0, rates x n: valid until the next call.
+  const Array& operator()(const Vector& x0);
+
+ private:
+  Backend& backend_;
+  std::unique_ptr<Array> P_, values_, modes_;
+  std::unique_ptr<SineTransform> sine_;
+};
 struct InitialFit {
-  Matrix P;                             ///< rates x across.points: coefficients from the values of a line
-  Vector missed;                        ///< across.points: largest deviation between the samples
-  Vector seen;                          ///< across.points: n in the eigenvectors of a line
-  std::shared_ptr<RowTransform> along;  ///< of the coefficients of all lines
+  Vector missed;  ///< across.points: largest deviation between the samples
+  Vector seen;    ///< across.points: n in the eigenvectors of a line
+  std::shared_ptr<InitialProjection> project;
 };
 InitialFit fit_initial_response(Backend&, const KroneckerDynamics&, const ExponentialSum&, double h, double T);
 
+/// InitialSum::error of this x0.
+double initial_error(Backend&, const KroneckerDynamics&, const InitialFit&, const Vector& x0);
 InitialSum compress_initial_response(Backend&, const KroneckerDynamics&, const InitialFit&, const Vector& x0);
 
 /// What x0 adds to z_0 of a recurrence: `initial` = D E / C, for any grid. Empty where a C_k is zero.

@@ -47,7 +47,7 @@ class ModalOperator : public TimeOperator {
   explicit ModalOperator(const DiscreteProblem& p) : TimeOperator(p), dynamics_(*p.kronecker()) {}
 
   void renew(const Changes& changes) override {
-    if (changes.x0) initial_.reset();
+    if (changes.x0) x0_.reset();
   }
 
   KernelPlan kernel(ConvolutionChoice choice) override {
@@ -86,11 +86,9 @@ class ModalOperator : public TimeOperator {
 
   double add_x0(const KernelPlan& plan, Array& zero, const Array& known, Array& r) override {
     const ModalRecurrence* weights = plan.weights ? modal_recurrence_of(*plan.weights) : nullptr;
-    const auto start = weights && initial() ? start_of(*weights, initial()->coefficients) : std::nullopt;
-    if (start) {
-      plan.kernel->add_start(*weights, *start, zero, known, r, keeps_prepared());
-      return initial()->error;
-    }
+    if (const ProjectedX0* x0 = weights ? projected() : nullptr;
+        x0 && plan.kernel->add_start(*weights, *x0->D, zero, known, r, keeps_prepared()))
+      return x0->error;
     RowMatrix modes = kronecker_initial_response(p_);
     modes.row(0).setZero();
     p_.backend.upload(modes, zero);
@@ -140,10 +138,9 @@ class ModalOperator : public TimeOperator {
     if (!changes.x0 && recurrence.initial.size() > 0) return;
     data.error_of_x0 = 0;
     if (data.compressed) {
-      auto start = initial() ? start_of(recurrence, initial()->coefficients) : std::nullopt;
-      if (start) {
+      if (auto start = start_in(recurrence)) {
         recurrence.initial = std::move(*start);
-        data.error_of_x0 = initial()->error;
+        data.error_of_x0 = x0_->error;
       } else {
         recurrence.initial.resize(0, 0);
         data.r = SampledSource(with_modes(p_, kronecker_initial_response(p_)));
@@ -187,15 +184,23 @@ class ModalOperator : public TimeOperator {
   bool fits() { return sum().error <= accepted_compression_error; }
 
   // x0 through the exponentials of the fit.
-  const std::optional<InitialSum>& initial() {
-    if (initial_) return *initial_;
-    if (!initial_fit_) initial_fit_ = fit_initial_response(p_.backend, dynamics_, sum(), p_.h, p_.scene.T);
-    InitialSum x0 = compress_initial_response(p_.backend, dynamics_, *initial_fit_, p_.scene.x0);
-    if (x0.error <= accepted_compression_error)
-      initial_.emplace(std::move(x0));
-    else
-      initial_.emplace(std::nullopt);
-    return *initial_;
+  struct ProjectedX0 {
+    double error;
+    const Array* D;  ///< null: the error is too large
+  };
+  const ProjectedX0* projected() {
+    if (!x0_) {
+      if (!fit_) fit_ = fit_initial_response(p_.backend, dynamics_, sum(), p_.h, p_.scene.T);
+      const double error = initial_error(p_.backend, dynamics_, *fit_, p_.scene.x0);
+      x0_ = {error, error <= accepted_compression_error ? &(*fit_->project)(p_.scene.x0) : nullptr};
+    }
+    return x0_->D ? &*x0_ : nullptr;
+  }
+  std::optional<RowMatrix> start_in(const ModalRecurrence& recurrence) {
+    if (!projected()) return std::nullopt;
+    RowMatrix D;
+    p_.backend.download(*x0_->D, D);
+    return start_of(recurrence, D);
   }
 
   KernelPlan plan(const SharedWeights& weights, ConvolutionChoice choice) {
@@ -208,8 +213,8 @@ class ModalOperator : public TimeOperator {
 
   const KroneckerDynamics& dynamics_;
   std::optional<ExponentialSum> sum_;
-  std::optional<InitialFit> initial_fit_;
-  std::optional<std::optional<InitialSum>> initial_;  ///< of x0; none: its error is too large
+  std::optional<InitialFit> fit_;
+  std::optional<ProjectedX0> x0_;
 };
 
 }  // namespace

@@ -2,21 +2,12 @@
 
 namespace bromwich {
 
-RowTransform::RowTransform(Backend& backend, Index rows, Index cols)
-    : backend_(backend),
-      in_(backend.array(rows, cols)),
-      out_(backend.array(rows, cols)),
-      sine_(backend.sine_transform(cols, rows)) {}
-
-void RowTransform::apply(RowMatrix& rows) {
-  backend_.upload(rows, *in_);
-  sine_->apply(*in_, nullptr, *out_, 0);
-  backend_.download(*out_, rows);
-}
-
 RowMatrix row_modes(Backend& backend, const RowMatrix& rows) {
-  RowMatrix modes = rows;
-  RowTransform(backend, rows.rows(), rows.cols()).apply(modes);
+  const auto in = backend.array(rows.rows(), rows.cols()), out = backend.array(rows.rows(), rows.cols());
+  backend.upload(rows, *in);
+  backend.sine_transform(rows.cols(), rows.rows())->apply(*in, nullptr, *out, 0);
+  RowMatrix modes;
+  backend.download(*out, modes);
   return modes;
 }
 

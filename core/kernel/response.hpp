@@ -8,19 +8,6 @@
 
 namespace bromwich {
 
-/// The sine transform of the rows of a table of this size, prepared.
-class RowTransform {
- public:
-  RowTransform(Backend&, Index rows, Index cols);
-  /// rows <- rows S.
-  void apply(RowMatrix& rows);
-
- private:
-  Backend& backend_;
-  std::unique_ptr<Array> in_, out_;
-  std::unique_ptr<SineTransform> sine_;
-};
-
 /// Every row in the sine basis.
 RowMatrix row_modes(Backend&, const RowMatrix& rows);
 

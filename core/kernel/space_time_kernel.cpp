@@ -1,6 +1,7 @@
 #include "core/kernel/space_time_kernel.hpp"
 
 #include "core/base/timer.hpp"
+#include "core/kernel/compression.hpp"
 
 #include <utility>
 
@@ -62,16 +63,19 @@ void SpaceTimeKernel::sweep(LcpBatch& lcp, const Array& r, Array& y, Array& v, S
   if (order.behind) sine_->apply(*v_modes_, nullptr, v, 0);
 }
 
-void SpaceTimeKernel::add_start(const ModalRecurrence& recurrence, const RowMatrix& initial, const Array& zero,
+bool SpaceTimeKernel::add_start(const ModalRecurrence& recurrence, const Array& D, const Array& zero,
                                 const Array& known, Array& r, bool keep) {
-  if (!start_ || !start_->start_from(initial)) {
-    ModalRecurrence started = recurrence;
-    started.initial = initial;
-    start_ = backend_.convolution(Recurrence(std::move(started)), zero.rows());
+  if (!start_ || !start_->start_from(D)) {
+    RowMatrix values;
+    backend_.download(D, values);
+    auto with_x0 = started(recurrence, values);
+    if (!with_x0) return false;
+    start_ = backend_.convolution(Recurrence(std::move(*with_x0)), zero.rows());
   }
   start_->apply(zero, *v_modes_, 0);
   if (!keep) start_.reset();
   sine_->apply(*v_modes_, &known, r, 0);
+  return true;
 }
 
 std::size_t SpaceTimeKernel::bytes() const {

@@ -29,10 +29,10 @@ class SpaceTimeKernel {
   /// If there is none before the first, v has to be K y, and the kernel applied to a y with this row 0 last. v is K y
   /// then if there is one behind the last, otherwise as it was: from sweep to sweep it stays in modes.
   void sweep(LcpBatch&, const Array& r, Array& y, Array& v, SweepOrder order);
-  /// r <- known + what x0 adds by itself, for a Kronecker sum: the recurrence of the kernel with this `initial`,
-  /// applied to `zero`. `known` may be r. `keep`: the plan for it is kept for the next x0.
-  void add_start(const ModalRecurrence&, const RowMatrix& initial, const Array& zero, const Array& known, Array& r,
-                 bool keep);
+  /// r <- known + what x0 adds by itself, for a Kronecker sum: the recurrence of the kernel with x0 in its start, by D
+  /// of Convolution::start_from, applied to `zero`. `known` may be r. `keep`: the plan for it is kept for the next x0.
+  /// False, and r as it was, where the recurrence cannot carry it.
+  bool add_start(const ModalRecurrence&, const Array& D, const Array& zero, const Array& known, Array& r, bool keep);
   std::size_t bytes() const;
 
   double transform_seconds = 0, convolution_seconds = 0;

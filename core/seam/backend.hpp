@@ -53,9 +53,9 @@ class Convolution {
   /// `v` must not alias `y`. Rows of y and v before `first` must be those of the previous call; those of v may be
   /// written again with the same values.
   virtual void apply(const Array& y, Array& v, Index first) = 0;
-  /// Another `initial` for the modal recurrence that it was made from, which had one too. False: it stays as it is, and
-  /// another plan has to be made.
-  virtual bool start_from(const RowMatrix& /*initial*/) { return false; }
+  /// For a modal recurrence with an `initial`: from now on x0 adds Σ_k D_k E_k^j to row j >= 1, mode by mode, D an
+  /// array K x n. False: it stays as it is, and another plan has to be made.
+  virtual bool start_from(const Array& /*D*/) { return false; }
   virtual std::size_t bytes() const = 0;
 };
 
@@ -237,6 +237,9 @@ class Backend : public HostThreads {
   virtual void upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
     upload(amplitudes * shapes.transpose(), to);
   }
+  /// to <- P X^T for a table X of the host whose rows lie one after another in `values`: P is k x m, X n x m, `to` k x
+  /// n.
+  virtual void upload_projection(const Vector& values, const Array& P, Array& to);
   virtual void download(const Array& from, RowMatrix& to) = 0;
   /// The same, and `operations`, which leave `from` as it is, while the values are on their way.
   virtual void download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations) {

@@ -155,16 +155,29 @@ bool same_entry(const Scene& a, const Scene& b) {
   return a.F.size() == 0 || SparseMatrix(a.F - b.F).norm() == 0;
 }
 
+bool are_prepared(const Prepared& kept, const Scene& scene, Index J, const std::vector<Index>& components) {
+  if (!kept.methods || kept.methods->problem().J != J || kept.methods->problem().components != components) return false;
+  return &scene == kept.stated ? !kept.scene : kept.scene && same_entry(*kept.scene, scene);
+}
+
+// The cost of methods that there are is not asked for again: a device takes a while to say what it has free.
+Cost cost_of(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
+             const Options& options) {
+  Prepared* const kept = options.prepared.get();
+  if (kept && !kept->changes.sources && are_prepared(*kept, scene, J, components)) return kept->cost;
+  const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device());
+  if (kept) kept->cost = cost;
+  return cost;
+}
+
 // Those of the solve before, with the x0, f and g of this one. A Solver changes nothing else. What it has changed is
 // known of the scene as stated; a scene that was made from it is taken as new.
 Methods& prepared_methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
                           const Options& options) {
   Prepared& kept = *options.prepared;
   const bool as_stated = &scene == kept.stated;
-  const bool same_scene = as_stated ? !kept.scene : kept.scene && same_entry(*kept.scene, scene);
   const Changes changes = as_stated ? kept.changes : Changes{};
-  if (kept.methods && same_scene && kept.methods->problem().J == J &&
-      kept.methods->problem().components == components) {
+  if (are_prepared(kept, scene, J, components)) {
     if (!as_stated) {
       kept.scene->x0 = scene.x0;
       kept.scene->f = scene.f;
@@ -197,7 +210,7 @@ Result solve_on_one_grid(const Scene& scene, Backend& backend, const Options& op
     throw Error("first_iterate", "found " + std::to_string(y->rows()) + " x " + std::to_string(y->cols()),
                 "give one row per time point and one column per constraint");
   const std::vector<Index> components = recorded_components(scene, options);
-  const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device());
+  const Cost cost = cost_of(scene, backend, J, components, options);
   const std::unique_ptr<Methods> once =
       options.prepared ? nullptr
                        : std::make_unique<Methods>(scene, backend, J, components, options.look_inside_every_step);

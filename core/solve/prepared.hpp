@@ -3,6 +3,7 @@
 
 #include "../scene/natural_units.hpp"
 #include "../scene/scene.hpp"
+#include "cost.hpp"
 #include "methods.hpp"
 
 #include <memory>
@@ -16,6 +17,7 @@ struct Prepared {
   Changes changes = no_changes;       ///< of it, that the methods have not got yet
   std::unique_ptr<Scene> scene;       ///< that the methods are for, in natural units say; null: it is the stated one
   std::unique_ptr<Methods> methods;
+  Cost cost;                    ///< predicted for them
   bool finite_sources = false;  ///< those of the methods; false: not known
 };
 

@@ -4,6 +4,7 @@
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/solve/prepared.hpp"
 
+#include <atomic>
 #include <utility>
 
 namespace bromwich {
@@ -20,8 +21,15 @@ Solver::Solver(Scene scene, Backend& backend, Options options)
 
 void Solver::set_x0(const Vector& x0) {
   if (scene_.boundary) throw Error("x0", "is given to a scene with boundary values", "make another solver");
-  scene_.validate_x0(x0);
-  scene_.x0 = x0;
+  constexpr Index together = 1 << 15;  // values, by one thread
+  std::atomic<bool> finite = true;
+  backend_.each_range(x0.size(), together, [&](Index first, Index last) {
+    if ((0 * x0.segment(first, last - first).array()).sum() != 0) finite = false;  // NaN is not 0 either
+  });
+  if (x0.size() != scene_.states() || !finite) scene_.validate_x0(x0);  // it throws
+  backend_.each_range(x0.size(), together, [&](Index first, Index last) {
+    scene_.x0.segment(first, last - first) = x0.segment(first, last - first);
+  });
   scene_.exact = {};
   options_.prepared->changes.x0 = true;
 }
