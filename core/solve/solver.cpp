@@ -4,7 +4,7 @@
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/solve/prepared.hpp"
 
-#include <atomic>
+#include <algorithm>
 #include <utility>
 
 namespace bromwich {
@@ -20,16 +20,24 @@ Solver::Solver(Scene scene, Backend& backend, Options options)
 }
 
 void Solver::set_x0(const Vector& x0) {
+  if (x0.size() != scene_.states()) return take_x0(next_x0_ = x0);  // it throws
+  next_x0_.resize(x0.size());
+  constexpr Index together = 512;  // values, looked at while they are in the first cache
+  double sum = 0;                  // 0 but for NaN and infinity
+  for (Index first = 0; first < x0.size(); first += together) {
+    const Index count = std::min(together, x0.size() - first);
+    next_x0_.segment(first, count) = x0.segment(first, count);
+    sum += (0 * next_x0_.segment(first, count).array()).sum();
+  }
+  take_x0(next_x0_, sum == 0);
+}
+
+void Solver::set_x0(Vector&& x0) { take_x0(x0); }
+
+void Solver::take_x0(Vector& x0, bool valid) {
   if (scene_.boundary) throw Error("x0", "is given to a scene with boundary values", "make another solver");
-  constexpr Index together = 1 << 15;  // values, by one thread
-  std::atomic<bool> finite = true;
-  backend_.each_range(x0.size(), together, [&](Index first, Index last) {
-    if ((0 * x0.segment(first, last - first).array()).sum() != 0) finite = false;  // NaN is not 0 either
-  });
-  if (x0.size() != scene_.states() || !finite) scene_.validate_x0(x0);  // it throws
-  backend_.each_range(x0.size(), together, [&](Index first, Index last) {
-    scene_.x0.segment(first, last - first) = x0.segment(first, last - first);
-  });
+  if (!valid) scene_.validate_x0(x0);
+  scene_.x0.swap(x0);
   scene_.exact = {};
   options_.prepared->changes.x0 = true;
 }
