@@ -5,6 +5,7 @@
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
 #include "tests/refusal.hpp"
 
 #include <gtest/gtest.h>
@@ -78,10 +79,10 @@ TimeFunction times(double factor, const TimeFunction& function) {
   };
 }
 
-TEST(Solver, IsTheSolveOfTheChangedScene) {
-  const auto backend = make_cpu_backend(2);
-  for (const Case& c : cases()) {
-    const std::string what = c.name + " " + to_string(c.method);
+void expect_solves_of_changed_scenes(Backend& on, const std::vector<Case>& all) {
+  Backend* const backend = &on;
+  for (const Case& c : all) {
+    const std::string what = c.name + " " + to_string(c.method) + " on " + on.name();
     Options options;
     options.method = c.method;
     options.steps = c.steps;
@@ -107,6 +108,44 @@ TEST(Solver, IsTheSolveOfTheChangedScene) {
     solver.set_sources(c.scene.f, c.scene.g);
     solver.set_x0(c.scene.x0);
     expect_same(solver.solve(), first, what + " as at first");
+  }
+}
+
+TEST(Solver, IsTheSolveOfTheChangedScene) { expect_solves_of_changed_scenes(*make_cpu_backend(2), cases()); }
+
+// Large enough for fitted exponentials, and for x0 to go to the device in pieces.
+TEST(Solver, IsTheSolveOfTheChangedSceneOnADevice) {
+  if (cuda_devices().empty()) GTEST_SKIP() << "no CUDA device";
+  std::vector<Case> some;
+  for (const Method m : {Method::march, Method::contour, Method::multigrid})
+    for (const double Q : {60., 255.}) some.push_back({"signorini", make_scene("signorini", {{"Q", Q}}), m, 256});
+  expect_solves_of_changed_scenes(*make_cuda_backend(make_cpu_backend(2)), some);
+}
+
+// Between the points of a grid nothing changes: all kept, one part of it anew, then the other.
+TEST(Solver, TakesWhatHasChangedAndKeepsTheRest) {
+  const auto backend = make_cpu_backend(2);
+  Options options;
+  options.method = Method::multigrid;
+  options.steps = 256;
+  Scene scene = make_scene("signorini", {{"Q", 127}});
+  Solver solver(scene, *backend, options);
+  solver.solve();
+  scene.exact = {};
+  for (int round = 0; round < 3; ++round) {
+    scene.x0 *= 0.9;
+    solver.set_x0(Vector(scene.x0));
+    expect_same(solver.solve(), bromwich::solve(scene, *backend, options), "x0");
+    expect_same(solver.solve(), bromwich::solve(scene, *backend, options), "the same x0");
+    scene.f = times(1.1, scene.f);
+    solver.set_sources(scene.f, scene.g);
+    expect_same(solver.solve(), bromwich::solve(scene, *backend, options), "f");
+    scene.f = {};
+    solver.set_sources(scene.f, scene.g);
+    expect_same(solver.solve(), bromwich::solve(scene, *backend, options), "no f");
+    scene.f = make_scene("signorini", {{"Q", 127}}).f;
+    solver.set_sources(scene.f, scene.g);
+    expect_same(solver.solve(), bromwich::solve(scene, *backend, options), "f again");
   }
 }
 

@@ -158,11 +158,16 @@ Dynamics with_inputs_and_outputs(Dynamics dynamics, const SparseMatrix& B, const
 bool has_matrices(const Dynamics& dynamics) { return !std::holds_alternative<SuppliedDynamics>(dynamics); }
 
 Vector observe(const Dynamics& dynamics, const Vector& x) {
-  return std::visit(Overloaded{[&](const KroneckerDynamics& d) -> Vector {
-                                 return Eigen::Map<const RowMatrix>(x.data(), d.along.points, d.across.points) * d.n;
-                               },
-                               [&](const auto& d) -> Vector { return d.N * x; }},
-                    dynamics);
+  return std::visit(
+      Overloaded{[&](const KroneckerDynamics& d) -> Vector {
+                   // It may see the first points of a line alone.
+                   Index seen = d.n.size();
+                   while (seen > 1 && d.n[seen - 1] == 0) --seen;
+                   return Eigen::Map<const RowMatrix>(x.data(), d.along.points, d.across.points).leftCols(seen) *
+                          d.n.head(seen);
+                 },
+                 [&](const auto& d) -> Vector { return d.N * x; }},
+      dynamics);
 }
 
 Vector observed_terms(const Dynamics& dynamics, const Vector& x) {

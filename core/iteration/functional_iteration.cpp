@@ -222,7 +222,9 @@ class PreparedIteration final : public PreparedMethod {
     respond();
   }
 
-  void renew() override { respond(); }
+  void renew(const Changes& changes) override {
+    if (changes.any()) respond();
+  }
 
   void run(const Options& options, Result& result) override {
     result.kernel = plan_.description;

@@ -43,12 +43,14 @@ DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J, bool e
 void sample_sources(DiscreteProblem& p, bool every_step) {
   p.g = sample(p.scene.g, p.t, p.scene.constraints());
   p.f = p.scene.f ? sample(p.scene.f, p.t, p.scene.sources()) : SampledSource();
-  p.start = observe(p.scene.dynamics, p.scene.x0) + p.g.row(0);
+  set_start(p);
   p.sources = {};
   p.defects = {};
   p.rough_response = {};
   resolve_sources(p, every_step);
 }
+
+void set_start(DiscreteProblem& p) { p.start = observe(p.scene.dynamics, p.scene.x0) + p.g.row(0); }
 
 void resolve_sources(DiscreteProblem& p, bool every_step) {
   SourceSteps sources = find_source_steps(p.scene, p.t, p.f, p.g, every_step);

@@ -396,9 +396,9 @@ class PreparedMultigrid final : public PreparedMethod {
   PreparedMultigrid(TimeOperator& op, const Options& options, TimeLevels levels)
       : op_(op), p_(op.problem()), levels_(std::move(levels)), multigrid_(p_.backend, options, levels_), at_zero_(p_) {}
 
-  void renew() override {
-    levels_.kernel_error = levels_.take_sources();
-    at_zero_.renew();
+  void renew(const Changes& changes) override {
+    at_zero_.renew();  // first: it waits for a device
+    levels_.kernel_error = levels_.take_sources(changes);
   }
 
   void run(const Options& options, Result& result) override {

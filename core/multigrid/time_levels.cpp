@@ -75,13 +75,18 @@ void prepare_march(const DiscreteProblem& p, const std::function<bool()>& interr
   level.march = p.backend.march(problem, level.steps + 1);
 }
 
-// r_c = R r, with K_c phi instead of R K phi: the source is piecewise linear on the coarse grid. Precondition: the
-// kernel of the finer grid was applied to phi last.
-void add_driven_difference(Backend& backend, TimeLevel& fine, TimeLevel& coarse) {
-  backend.inject(*fine.v, *coarse.y);
-  backend.add(*coarse.r, -1, *coarse.y, *coarse.r);
+// to <- K_c phi - R K phi: the source is piecewise linear on the coarse grid. Precondition: the kernel of the finer
+// grid was applied to phi last.
+void take_driven_difference(Backend& backend, TimeLevel& fine, TimeLevel& coarse, Array& to) {
+  backend.inject(*fine.v, to);
   coarse.kernel->apply_injected_modes(*fine.kernel, *coarse.v);
-  backend.add(*coarse.r, 1, *coarse.v, *coarse.r);
+  backend.add(*coarse.v, -1, to, to);
+}
+
+// r_c = R r and that difference.
+void add_driven_difference(Backend& backend, TimeLevel& fine, TimeLevel& coarse) {
+  take_driven_difference(backend, fine, coarse, *coarse.y);
+  backend.add(*coarse.r, 1, *coarse.y, *coarse.r);
   backend.add(*coarse.y, -1, *coarse.y, *coarse.y);
 }
 
@@ -105,6 +110,53 @@ void respond(TimeOperator& op, const std::vector<TimeLevel*>& grids) {
   }
   set_coarse_responses(op, grids);
 }
+
+// What f and g make of r, kept for other x0.
+class KnownResponse {
+ public:
+  KnownResponse(TimeOperator& op, const KernelPlan& plan, const std::vector<TimeLevel*>& grids)
+      : op_(op), backend_(op.problem().backend), plan_(plan), grids_(grids) {
+    finest_ = backend_.array(grids[0]->r->rows(), grids[0]->r->cols());
+    apart_.resize(grids.size());
+  }
+
+  // The error of x0 in r. Leaves y of the finest grid with anything.
+  double take(const Changes& changes) {
+    TimeLevel& finest = *grids_[0];
+    if (changes.sources) take_sources();
+    backend_.upload(op_.problem().start.transpose(), *finest_);  // row 0
+    backend_.add(*finest_, -1, *finest_, *finest.y);
+    const double error = op_.add_x0(plan_, *finest.y, *finest_, *finest.r);
+    for (std::size_t l = 1; l < grids_.size(); ++l) {
+      TimeLevel& coarse = *grids_[l];
+      backend_.inject(*grids_[l - 1]->r, *coarse.r);
+      if (apart_[l]) backend_.add(*coarse.r, 1, *apart_[l], *coarse.r);
+    }
+    return error;
+  }
+
+ private:
+  void take_sources() {
+    TimeLevel& finest = *grids_[0];
+    op_.response_to_sources(plan_, *finest.y, *finest.v, *finest_);
+    for (std::size_t l = 1; l < grids_.size(); ++l) {
+      TimeLevel& coarse = *grids_[l];
+      if (!op_.drive()) {
+        apart_[l].reset();
+        continue;
+      }
+      if (!apart_[l]) apart_[l] = backend_.array(coarse.r->rows(), coarse.r->cols());
+      take_driven_difference(backend_, *grids_[l - 1], coarse, *apart_[l]);
+    }
+  }
+
+  TimeOperator& op_;
+  Backend& backend_;
+  KernelPlan plan_;
+  std::vector<TimeLevel*> grids_;
+  std::unique_ptr<Array> finest_;
+  std::vector<std::unique_ptr<Array>> apart_;  ///< of the coarser grids: K_c phi - R K phi
+};
 
 }  // namespace
 
@@ -172,12 +224,14 @@ TimeLevels time_levels(TimeOperator& op, const Options& options) {
   std::vector<TimeLevel*> grids;
   for (const auto& level : levels.grids) grids.push_back(level.get());
   levels.respond = [&op, grids] { respond(op, grids); };
-  levels.take_sources = [&op, grids, plan = levels.finest] {
-    const double error = op.response(plan, *grids[0]->v, *grids[0]->r);
-    set_coarse_responses(op, grids);
+  std::shared_ptr<KnownResponse> known;
+  if (op.keeps_prepared() && op.separates_x0()) known = std::make_shared<KnownResponse>(op, levels.finest, grids);
+  levels.take_sources = [&op, grids, known, plan = levels.finest](const Changes& changes) {
+    const double error = known ? known->take(changes) : op.response(plan, *grids[0]->v, *grids[0]->r);
+    if (!known) set_coarse_responses(op, grids);
     return std::isnan(plan.error) ? NAN : std::max(plan.error, error);
   };
-  levels.kernel_error = levels.take_sources();
+  levels.kernel_error = levels.take_sources({});
   TimeLevel& coarsest = *levels.grids.back();
   levels.prepare_march = [&p, interrupted = options.interrupted, &coarsest] {
     prepare_march(p, interrupted, coarsest);

@@ -12,6 +12,7 @@
 // D         shift      1              smoothing solves LCP(M + D I, .), see core/multigrid/smoothing.hpp
 
 #include "../iteration/functional_iteration.hpp"
+#include "../kernel/changes.hpp"
 
 #include <functional>
 #include <vector>
@@ -40,9 +41,10 @@ struct TimeLevels {
   std::string description;                        ///< of the kernel and the grids
   KernelPlan finest;                              ///< of the finest grid
   double kernel_error = 0;                        ///< see Result::kernel_error
-  std::function<double()> take_sources;           ///< sets r of all grids from x0, f and g; returns kernel_error
-  std::function<void()> respond;                  ///< sets r of all grids below the finest
-  std::function<void()> prepare_march;            ///< of the coarsest grid, instead of the sweeps there
+  /// Sets r of all grids from x0, f and g, of which some have changed; returns kernel_error.
+  std::function<double(const Changes&)> take_sources;
+  std::function<void()> respond;        ///< sets r of all grids below the finest
+  std::function<void()> prepare_march;  ///< of the coarsest grid, instead of the sweeps there
 
   TimeLevel& operator[](std::size_t l) { return *grids[l]; }
   const TimeLevel& operator[](std::size_t l) const { return *grids[l]; }

@@ -27,6 +27,7 @@ void require_length(const std::string& member, const Vector& found, Index length
 
 template <typename Derived>
 void require_finite(const std::string& member, const Eigen::DenseBase<Derived>& values) {
+  if ((0 * values.derived().array()).sum() == 0) return;  // neither NaN nor infinite; vectorised
   for (Index j = 0; j < values.cols(); ++j)
     for (Index i = 0; i < values.rows(); ++i)
       if (const double value = values(i, j); !std::isfinite(value)) {
@@ -203,11 +204,9 @@ void Scene::validate() const {
   if (boundary)
     bromwich::validate(*boundary, x0, m);
   else
-    require_length("x0", x0, m, "one per state");
-  require_finite("x0", x0);
+    validate_x0(x0);
   validate_free_rows(free_rows, n);
   require_positive("T", T);
-  validate_breakpoints(breakpoints, T);
   if (default_steps < 1) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");
   if (f_entry == SourceEntry::through_F) {
     if (F.rows() != m)
@@ -216,11 +215,21 @@ void Scene::validate() const {
   } else if (F.size() > 0) {
     throw Error("F", "is given but f_entry does not use it", "set f_entry to through_F");
   }
+  validate_sources();
+}
+
+void Scene::validate_x0(const Vector& values) const {
+  require_length("x0", values, states(), "one per state");
+  require_finite("x0", values);
+}
+
+void Scene::validate_sources() const {
+  validate_breakpoints(breakpoints, T);
   if (f && f_entry != SourceEntry::through_B && std::holds_alternative<KroneckerDynamics>(dynamics))
     throw Error("f", "enters the state of a Kronecker sum directly",
                 "give phi with f = B phi and set f_entry to through_B, or write the dynamics densely");
   bromwich::validate("f", f, sources());
-  bromwich::validate("g", g, n);
+  bromwich::validate("g", g, constraints());
 }
 
 }  // namespace bromwich

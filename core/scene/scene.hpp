@@ -60,6 +60,9 @@ struct Scene {
 
   /// Throws Error naming the first member whose size or value is wrong (shapes, NaN, T <= 0).
   void validate() const;
+  /// The same for one part: whether this may be x0 of the scene; its f, g and breakpoints.
+  void validate_x0(const Vector&) const;
+  void validate_sources() const;
 };
 
 /// The scene with A, B, N and E as dense matrices, see to_dense.

@@ -36,6 +36,10 @@ class Convolution : public Plan {
   /// `v` must not alias `y`. Rows of y and v before `first` must be those of the previous call; those of v may be
   /// written again with the same values.
   virtual void apply(const Array& y, Array& v, Index first) = 0;
+
+  /// Optional, for a modal recurrence with an `initial`: from now on x0 adds Σ_k D_k E_k^j to row j >= 1, mode by mode,
+  /// D an array K x n. Empty: another x0 needs another plan.
+  std::function<void(const Array& D)> start_from;
 };
 
 struct LcpReport {

@@ -43,14 +43,20 @@ void Methods::average_sources() {
   euler_operator_ = make_time_operator(*averaged_);
 }
 
-void Methods::renew() {
+void Methods::keep_prepared() {
+  keeps_ = true;
+  operator_->keep_prepared();
+}
+
+void Methods::renew(const Changes& changes) {
+  if (!changes.any()) return;
   const bool had_sources = problem_.f.size() > 0;
-  sample_sources(problem_, look_inside_every_step_);
-  operator_->renew();
+  changes.sources ? sample_sources(problem_, look_inside_every_step_) : set_start(problem_);
+  operator_->renew(changes);
   const bool averages = averaged_.has_value() || problem_.sources;
   if (averages) average_sources();
   if (had_sources != (problem_.f.size() > 0)) kept_.clear();  // plans have arrays for f, or have none
-  for (auto& [method, kept] : kept_) kept.renewed = false;
+  for (auto& [method, kept] : kept_) kept.due.add(changes);
 }
 
 bool Methods::run_prepared(Method method, const Options& options, Result& result,
@@ -59,9 +65,9 @@ bool Methods::run_prepared(Method method, const Options& options, Result& result
   Kept& kept = kept_[method];
   if (!kept.method)
     kept.method = prepare();
-  else if (!kept.renewed)
-    kept.method->renew();
-  kept.renewed = true;
+  else
+    kept.method->renew(kept.due);
+  kept.due = no_changes;
   result.seconds.setup += timer.lap();
   if (!kept.method) return false;
   kept.method->run(options, result);
