@@ -6,7 +6,7 @@
 // their status. The exit code is 1 if there is one. The numbers depend on the seeds only, up to rounding.
 
 #include "cpu/cpu_backend.hpp"
-#include "tests/verdict.hpp"
+#include "tests/support/verdict.hpp"
 
 #include <nlohmann/json.hpp>
 

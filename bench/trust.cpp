@@ -9,7 +9,7 @@
 // oracle cannot decide are counted separately. --seed K: one scene in detail. --steps J: fixed steps instead of a
 // tolerance, with --tol for the judgement. The exit code is 1 if a result is wrong.
 
-#include "tests/trust.hpp"
+#include "tests/support/trust.hpp"
 #include "core/base/error.hpp"
 #include "cpu/cpu_backend.hpp"
 
