@@ -1,5 +1,5 @@
 #ifdef BROMWICH_INSTALLED
-#include "tests/support/reference_backend.hpp"
+#include "reference_backend.hpp"
 #include <bromwich/core/base/error.hpp>
 #include <bromwich/core/lcp/active_set.hpp>
 #else
