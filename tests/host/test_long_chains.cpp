@@ -59,7 +59,7 @@ struct LongChain {
   }
 };
 
-double relative(const RowMatrix& a, const RowMatrix& b) {
+double relative_distance(const RowMatrix& a, const RowMatrix& b) {
   return (a - b).cwiseAbs().maxCoeff() / b.cwiseAbs().maxCoeff();
 }
 
@@ -84,10 +84,10 @@ TEST_P(LongChains, AreThoseOfLongDouble) {
     const bool sparse = scheme == StepScheme::euler;
     const auto chain = backend->step_chain(
         step_chain_problem(scheme, sparse ? StepMatrix(SparseMatrix(A.sparseView())) : StepMatrix(A), exact.steps));
-    EXPECT_LE(relative(chain->solve(d), x), 1e-13) << int(scheme);
+    EXPECT_LE(relative_distance(chain->solve(d), x), 1e-13) << int(scheme);
     for (const AdjointMethod method : {AdjointMethod::substitution, AdjointMethod::scan, AdjointMethod::doubling}) {
       if (sparse && method == AdjointMethod::doubling) continue;  // of the same increments as dense ones
-      EXPECT_LE(relative(chain->solve_transposed(q, {method, 1}), l), 1e-13) << int(scheme) << " " << int(method);
+      EXPECT_LE(relative_distance(chain->solve_transposed(q, {method, 1}), l), 1e-13) << int(scheme) << " " << int(method);
     }
   }
 }

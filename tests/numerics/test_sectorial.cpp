@@ -18,7 +18,7 @@ namespace {
 
 using reference::Real;
 using LongMatrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
-constexpr double degree = std::numbers::pi / 180;
+constexpr double sixty_degrees = std::numbers::pi / 3;
 
 // x'' + c x' + x = 0 with rates a and b, a b = 1, a + b = -c: phi(A) = phi(a) I + (phi(b) - phi(a))/(b - a) (A - a I),
 // written without cancellation.
@@ -102,8 +102,8 @@ TEST(Sectorial, NumericalRangeOfNormalMatrices) {
   EXPECT_FALSE(in_sector(A, exact - 1e-3, 0));
   EXPECT_TRUE(in_sector(A, exact + 1e-3, 0));
   EXPECT_TRUE(in_sector(A, std::atan2(2, 4) + 1e-3, 1));
-  EXPECT_FALSE(in_sector(Matrix{{0.5}}, 60 * degree, 0.25));
-  EXPECT_TRUE(in_sector(Matrix{{0.2}}, 60 * degree, 0.25));
+  EXPECT_FALSE(in_sector(Matrix{{0.5}}, sixty_degrees, 0.25));
+  EXPECT_TRUE(in_sector(Matrix{{0.2}}, sixty_degrees, 0.25));
 }
 
 TEST(Sectorial, BalancingChangesUnitsOnly) {

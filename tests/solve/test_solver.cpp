@@ -41,7 +41,7 @@ void expect_same(const Result& found, const Result& expected, const std::string&
   close(found.x, expected.x, "x");
 }
 
-struct Case {
+struct SolverCase {
   std::string name;
   Scene scene;
   Method method = Method::automatic;
@@ -55,8 +55,8 @@ Scene sparse_signorini() {
   return scene;
 }
 
-std::vector<Case> cases() {
-  std::vector<Case> all;
+std::vector<SolverCase> cases() {
+  std::vector<SolverCase> all;
   for (const Method m : {Method::march, Method::contour, Method::multigrid, Method::euler, Method::automatic}) {
     all.push_back({"signorini", make_scene("signorini", {{"Q", 15}}), m});
     all.push_back({"signorini of 60 lines", make_scene("signorini", {{"Q", 60}}), m});
@@ -79,9 +79,9 @@ TimeFunction times(double factor, const TimeFunction& function) {
   };
 }
 
-void expect_solves_of_changed_scenes(Backend& on, const std::vector<Case>& all) {
+void expect_solves_of_changed_scenes(Backend& on, const std::vector<SolverCase>& all) {
   Backend* const backend = &on;
-  for (const Case& c : all) {
+  for (const SolverCase& c : all) {
     const std::string what = c.name + " " + to_string(c.method) + " on " + on.name();
     Options options;
     options.method = c.method;
