@@ -183,10 +183,10 @@ bool free_rows_agree(const FreeElimination& elimination, const GalerkinProblem& 
   return true;
 }
 
-// Accepts a solution of `used` by its residual. `p`: the problem with all intervals by method galerkin.
-void judge(const Scene& scene, const GalerkinProblem& p, const GalerkinProblem& used, const RowMatrix& z,
-           const RowMatrix& x, const InnerOptions& options, Result& result) {
-  result.residual = natural_residual(used, z, x, scene.free_rows);
+// Accepts a solution by its residual, and reports that in the units of the user.
+void judge(const Scene& scene, const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x,
+           const InnerOptions& options, Result& result) {
+  result.residual = natural_residual(p, z, x, scene.free_rows);
   if (result.status == Status::solved && !(result.residual <= accepted_residual)) {
     result.status = Status::tolerance_not_met;
     result.reason = text("the residual is %.1e", result.residual);
@@ -237,7 +237,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
   const RowMatrix z = free.recovered(s.z, s.x);
   const RowMatrix x = galerkin_states(used, z);
   fill(scene, used, z, x, options, result);
-  judge(scene, p, used, z, x, options, result);
+  judge(scene, used, z, x, options, result);
   if (result.status != Status::solved) return;
   if (ruled) add_warning(result, warning_of(ruled->rules, p.t));
   if (!s.unique) check_uniqueness(scene, p.N, result);

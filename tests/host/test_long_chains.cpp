@@ -87,7 +87,8 @@ TEST_P(LongChains, AreThoseOfLongDouble) {
     EXPECT_LE(relative_distance(chain->solve(d), x), 1e-13) << int(scheme);
     for (const AdjointMethod method : {AdjointMethod::substitution, AdjointMethod::scan, AdjointMethod::doubling}) {
       if (sparse && method == AdjointMethod::doubling) continue;  // of the same increments as dense ones
-      EXPECT_LE(relative_distance(chain->solve_transposed(q, {method, 1}), l), 1e-13) << int(scheme) << " " << int(method);
+      EXPECT_LE(relative_distance(chain->solve_transposed(q, {method, 1}), l), 1e-13)
+          << int(scheme) << " " << int(method);
     }
   }
 }

@@ -116,7 +116,7 @@ TEST(Solver, IsTheSolveOfTheChangedScene) { expect_solves_of_changed_scenes(*mak
 // Large enough for fitted exponentials, and for x0 to go to the device in pieces.
 TEST(Solver, IsTheSolveOfTheChangedSceneOnADevice) {
   if (cuda_devices().empty()) GTEST_SKIP() << "no CUDA device";
-  std::vector<Case> some;
+  std::vector<SolverCase> some;
   for (const Method m : {Method::march, Method::contour, Method::multigrid})
     for (const double Q : {60., 255.}) some.push_back({"signorini", make_scene("signorini", {{"Q", Q}}), m, 256});
   expect_solves_of_changed_scenes(*make_cuda_backend(make_cpu_backend(2)), some);
