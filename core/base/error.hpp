@@ -5,11 +5,11 @@
 
 namespace bromwich {
 
-/// What an application can do about an Error.
+/// What a program can do about an Error.
 enum class ErrorKind {
-  bad_input,     ///< change what was given
-  does_not_fit,  ///< ask for less: memory or work beyond a limit
-  device,        ///< a device or a library failed; the input may be right
+  bad_input,     ///< change the input
+  does_not_fit,  ///< ask for less: memory or work exceeds a limit
+  device,        ///< a device or a library failed; the input may be valid
   internal,      ///< a defect of this library
 };
 
