@@ -15,13 +15,14 @@ namespace bromwich::host {
 
 namespace {
 
-// Every sine mode mu_l of the constrained side sees one grid line at the shift z - mu_l: a closed form.
+// Closed form: sine mode mu_l of the constrained side is a single grid line with the shift z - mu_l.
 ComplexMatrix of(const KroneckerDynamics& dynamics, const ComplexVector& nodes, const HostThreads& threads) {
   const Vector mu = dynamics.along.eigenvalues();
   const Index n = mu.size();
   const LineTransfer transfer(dynamics.across, dynamics.n, dynamics.b);
   ComplexMatrix R(nodes.size(), n);
-  const Index fewest = (Index(1) << 9) / std::max<Index>(nodes.size(), 1) + 1;  // lines: as long as waking a thread
+  const Index fewest =
+      (Index(1) << 9) / std::max<Index>(nodes.size(), 1) + 1;  // lines that take as long as waking a thread
   share(threads, n, std::max(fewest, n / (4 * threads.threads())), [&](Index first, Index last) {
     for (Index l = first; l < last; ++l)
       for (Index p = 0; p < nodes.size(); ++p) R(p, l) = transfer(nodes[p] - mu[l]);
