@@ -8,7 +8,7 @@ namespace bromwich {
 
 namespace {
 
-// The pieces of e, each with its three coefficients in the sine modes of the lines: 3 x n.
+// The pieces of e, each with three coefficients in the sine modes of the lines: 3 x n.
 std::vector<RowMatrix> pieces_in_modes(const DiscreteProblem& p, const RoughStep& rough) {
   const Index j = rough.step;
   const Vector before = p.f.values().row(j - 1).transpose(), slope = p.f.values().row(j).transpose() - before;
