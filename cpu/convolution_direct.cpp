@@ -4,7 +4,7 @@
 
 namespace bromwich::cpu {
 
-// W_d = C E^{d-1}, S_d = C E^{d-1} G0, d >= 1 (core/kernel/recurrence.hpp). The powers of `group` exponentials stay in
+// W_d = C E^{d-1}, S_d = C E^{d-1} G0, d >= 1 (core/seam/recurrence.hpp). The powers of `group` exponentials stay in
 // registers.
 DirectBlock::DirectBlock(const ModalRecurrence& r, Index b, Index D)
     : lags_(D),

@@ -1,5 +1,5 @@
 #pragma once
-// Causal convolution of eight modes as a recurrence with K exponentials per mode (core/kernel/recurrence.hpp),
+// Causal convolution of eight modes as a recurrence with K exponentials per mode (core/seam/recurrence.hpp),
 //
 //     v_j = W_0 y_j + w1 y_{j-1} + C z_{j-1},    z_j = E z_{j-1} + y_j.
 //

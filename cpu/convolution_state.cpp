@@ -1,4 +1,4 @@
-// Causal convolution along time as a recurrence with a dense state (core/kernel/recurrence.hpp): z_j = E z_{j-1} +
+// Causal convolution along time as a recurrence with a dense state (core/seam/recurrence.hpp): z_j = E z_{j-1} +
 // G y_j.
 //
 // Chunked scan: (1) accumulate: the state that each chunk adds to zero, all chunks in parallel; (2) carry: z at the
