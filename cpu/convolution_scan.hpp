@@ -45,7 +45,7 @@ class ScanBlock {
 
  private:
   static constexpr Index group =
-      8;  ///< exponentials per register block: 8 states + 8 decays + temporaries fill 32 registers
+      8;  ///< exponentials per register block: 8 states + 8 decays + temporaries: 32 registers
 
   struct Bank {
     Lanes decay[group], output[group], start[group], initial[group];

@@ -1,5 +1,6 @@
 // Step-by-step solution with the state of a dense scene, in blocks of b steps. With Z = z at the last step s of the
 // previous block, inputs u = (y, phi) and their input matrix G,
+//
 //     v_{s+i} = C E^{i-1} Z + Σ_{d=1}^{i-1} C E^{d-1} G u_{s+i-d} + W_0 y_{s+i},   1 <= i <= b,
 //     z_{s+b} = E^b Z + Σ_{i=1}^{b} E^{b-i} G u_{s+i}.
 //

@@ -21,8 +21,7 @@ ComplexMatrix of(const KroneckerDynamics& dynamics, const ComplexVector& nodes, 
   const Index n = mu.size();
   const LineTransfer transfer(dynamics.across, dynamics.n, dynamics.b);
   ComplexMatrix R(nodes.size(), n);
-  const Index fewest =
-      (Index(1) << 9) / std::max<Index>(nodes.size(), 1) + 1;  // lines that take as long as waking a thread
+  const Index fewest = (Index(1) << 9) / std::max<Index>(nodes.size(), 1) + 1;  // lines: as long as waking a thread
   share(threads, n, std::max(fewest, n / (4 * threads.threads())), [&](Index first, Index last) {
     for (Index l = first; l < last; ++l)
       for (Index p = 0; p < nodes.size(); ++p) R(p, l) = transfer(nodes[p] - mu[l]);

@@ -4,7 +4,6 @@
 // With y given, rounding errors of y in x_j = E x_{j-1} + L u_{j-1} + R u_j, u = B y + f, grow like the free state, by
 // e^{lambda T} for an eigenvalue lambda > 0 of A, although y stabilises the state. Therefore the active rows S of y are
 // solved again at every step for the state of this march:
-// that are active are solved again at every step for the state that this march has itself:
 //
 //     delta_S = -(M + N R B)_SS^{-1} (M y_j + N x_j + g_j)_S,   y_j -> y_j + delta,   x_j -> x_j + R B delta.
 //
