@@ -44,8 +44,7 @@ class ScanBlock {
   std::size_t bytes() const;
 
  private:
-  static constexpr Index group =
-      8;  ///< exponentials per register block: 8 states + 8 decays + temporaries: 32 registers
+  static constexpr Index group = 8;  ///< exponentials per register block; 8 states + 8 decays fit into 32 registers
 
   struct Bank {
     Lanes decay[group], output[group], start[group], initial[group];
