@@ -42,6 +42,8 @@ class Fetcher {
   /// enqueued on `stream` so far. Calls `meanwhile` once during the transfer.
   void fetch(const double* from, std::size_t step, double* to, std::size_t cols, std::size_t rows, cudaStream_t stream,
              const std::function<void()>& meanwhile);
+  /// Copies `count` values to the device. They may change after the call. Later work on `stream` waits for them.
+  void send(const double* from, std::size_t count, double* to, cudaStream_t stream);
   /// See HostThreads::each_range. Uses sleeping threads: OpenMP threads spin after a loop and slow down the next
   /// transfer.
   void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body);
@@ -61,6 +63,7 @@ class Fetcher {
   cudaStream_t stream_ = nullptr;
   double* ring_ = nullptr;
   cudaEvent_t ready_ = nullptr;
+  cudaEvent_t sent_ = nullptr;       ///< after the last piece that left the ring
   std::vector<cudaEvent_t> copied_;  ///< one per slot of the ring
 };
 

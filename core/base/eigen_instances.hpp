@@ -1,6 +1,6 @@
 #pragma once
-// Eigen's factorizations of Matrix take seconds to compile and are used everywhere. They are compiled once, in
-// eigen_instances.cpp. Include this header only in precompiled headers; without it every source compiles its own.
+// Eigen's factorizations of Matrix are used everywhere and take seconds to compile: they are instantiated once, in
+// eigen_instances.cpp. Include this header in precompiled headers only; without it every source instantiates its own.
 
 #include <Eigen/Dense>
 

@@ -1,5 +1,5 @@
 #pragma once
-// Lets the user stop long loops that run before the first step; methods poll between their steps.
+// Interruption by the user during long set-up loops. Between steps, the methods check it themselves.
 
 #include <functional>
 
@@ -8,7 +8,7 @@ namespace bromwich {
 /// Thrown by check_interruption; solve() turns it into a status.
 struct Interrupted {};
 
-/// While it lives, check_interruption on this thread calls `interrupted`, unless that is empty.
+/// During its lifetime check_interruption on this thread calls `interrupted`, unless that is empty.
 class InterruptedBy {
  public:
   explicit InterruptedBy(const std::function<bool()>& interrupted);

@@ -5,7 +5,7 @@
 
 namespace bromwich {
 
-/// Formats like printf.
+/// The text that printf would print.
 [[gnu::format(printf, 1, 2)]] std::string text(const char* format, ...);
 
 }  // namespace bromwich

@@ -1,9 +1,9 @@
 #pragma once
-// Vector-valued functions of time, and separable ones: few fixed shapes, each times a function of time,
+// Vector-valued functions of time, and sums of a few fixed shapes, each times a function of time:
 //
 //     s(t) = V a(t),      V: width x k,   a: k functions of t.
 //
-// A separable source is stored as V and the values a(t_j), and multiplied out where it is needed.
+// Only V and the values a(t_j) are stored; s(t_j) is formed where it is needed.
 
 #include "types.hpp"
 
@@ -32,7 +32,7 @@ class TimeFunction {
   explicit operator bool() const { return bool(function_); }
   void operator()(double t, Eigen::Ref<Vector> value) const { function_(t, value); }
 
-  /// The separable form; null if there is none.
+  /// Its shapes and their functions; null if it is not such a sum.
   const SeparableSource* separable() const { return separable_.get(); }
 
  private:

@@ -13,7 +13,7 @@
 
 namespace bromwich {
 
-/// One step of the state, made on first use.
+/// One step of the state, computed on first use. Thread-safe.
 class KeptStep {
  public:
   template <class Make>
@@ -62,7 +62,7 @@ void add_rough_response(const DiscreteProblem&, Array& r);
 std::shared_ptr<const StepOperators> state_step(const DiscreteProblem&, Rule);
 
 /// F with f_j = F phi_j for the samples p.f (dense dynamics): m x width of p.f.
-Matrix source_matrix(const DiscreteProblem&);
+inline Matrix source_matrix(const DiscreteProblem& p) { return source_matrix(p.scene, *p.dense()); }
 
 /// All states x_j from y (dense dynamics), with the given defects or those of the problem.
 RowMatrix states_from(const DiscreteProblem&, Rule, const RowMatrix& y, const StepDefects* = nullptr);

@@ -2,6 +2,7 @@
 
 #include "../result/options.hpp"
 #include "../result/result.hpp"
+#include "changes.hpp"
 
 namespace bromwich {
 
@@ -10,7 +11,7 @@ class PreparedMethod {
  public:
   virtual ~PreparedMethod() = default;
   /// Reads x0, f and g again, after they have changed in the problem of its operator.
-  virtual void renew() = 0;
+  virtual void renew(const Changes&) = 0;
   /// Fills the result except for the states and the total times.
   virtual void run(const Options&, Result&) = 0;
 };

@@ -29,16 +29,17 @@ class SpaceTimeKernel {
   /// Without `before`, v must be K y, and the kernel must last have been applied to a y with the same row 0. With
   /// `behind`, v is K y afterwards; otherwise v is unchanged, as it stays in modes between sweeps.
   void sweep(LcpBatch&, const Array& r, Array& y, Array& v, SweepOrder order);
-  /// r <- r + response to x0 for a Kronecker sum, from the recurrence with x0 in `initial`, applied to the array
-  /// `zero`.
-  void add_start(const Recurrence& started, const Array& zero, Array& r);
+  /// r <- known + response to x0 for a Kronecker sum, by the recurrence of the kernel with x0 in its start (D of
+  /// Convolution::start_from), applied to the array `zero`. `known` may be r. `keep`: keeps the plan for the next x0.
+  /// Returns false and leaves r unchanged if the recurrence cannot represent x0.
+  bool add_start(const ModalRecurrence&, const Array& D, const Array& zero, const Array& known, Array& r, bool keep);
   std::size_t bytes() const;
 
   double transform_seconds = 0, convolution_seconds = 0;
 
  private:
   Backend& backend_;
-  std::unique_ptr<Convolution> convolution_;
+  std::unique_ptr<Convolution> convolution_, start_;
   std::unique_ptr<SineTransform> sine_;
   std::unique_ptr<Array> y_modes_, v_modes_;
 };

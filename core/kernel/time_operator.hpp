@@ -10,6 +10,7 @@
 // solves.
 
 #include "../result/tuning.hpp"
+#include "changes.hpp"
 #include "discrete_problem.hpp"
 #include "ringing.hpp"
 #include "space_time_kernel.hpp"
@@ -38,6 +39,7 @@ struct MarchData {
   bool compressed = false;  ///< modal: exponentials fitted to the kernel
 
   SampledSource r = {};                  ///< part outside the weights; row 0 is not used
+  bool r_has_x0 = false;                 ///< x0 is in r
   double error_of_x0 = 0;                ///< modal, compressed: error of the contribution of x0
   Vector start = {};                     ///< dense: contribution of x0 and f_0 to z_0
   RowMatrix forcing = {};                ///< dense: contribution of f to z_j, sources times source_input^T
@@ -58,7 +60,10 @@ class TimeOperator {
   const DiscreteProblem& problem() const { return p_; }
 
   /// Called after x0, f or g of the problem have changed.
-  virtual void renew() {}
+  virtual void renew(const Changes&) {}
+  /// From now on keeps the data that another x0 or other sources need.
+  void keep_prepared() { keeps_ = true; }
+  bool keeps_prepared() const { return keeps_; }
 
   /// Whether y may be linear between steps here. Computed once.
   const BasisChoice& basis();
@@ -77,6 +82,13 @@ class TimeOperator {
   /// Computes r; returns the error of x0 in it. `work` is an array of the same shape. If f = B phi drives a Kronecker
   /// sum, `work` holds K phi afterwards, and phi is what the kernel was last applied to.
   virtual double response(const KernelPlan&, Array& work, Array& r) = 0;
+  /// The same in two parts, where x0's can be had apart. r <- what f and g make of it, by way of `input`; `work` as for
+  /// `response`.
+  virtual bool separates_x0() const { return false; }
+  virtual void response_to_sources(const KernelPlan&, Array& /*input*/, Array& /*work*/, Array& /*r*/) {}
+  /// r <- known + what x0 adds from row 1 on; returns its error. Row 0 of `known`, which may be r, holds N x0 + g(0).
+  /// `zero` holds zeros, and may hold something else afterwards.
+  virtual double add_x0(const KernelPlan&, Array& /*zero*/, const Array& /*known*/, Array& /*r*/) { return 0; }
 
   /// Weights of a grid with `steps` steps, J / steps a power of two: from those of a finer grid, or from the dynamics
   /// if `finer` is null.
@@ -94,8 +106,8 @@ class TimeOperator {
 
   /// Only the weights.
   virtual MarchData march_weights(Rule, RecurrenceChoice) = 0;
-  /// The rest, for the current x0, f and g of the problem.
-  virtual void add_sources(Rule, MarchData&) = 0;
+  /// The rest, for the current x0, f and g of the problem; unchanged parts are kept from the last call.
+  virtual void add_sources(Rule, MarchData&, const Changes&) = 0;
 
   /// Requested components of the states of y: (J+1) x components, row 0 = x0. `defects`: of a result whose steps were
   /// divided into parts.
@@ -114,6 +126,7 @@ class TimeOperator {
 
  private:
   std::optional<BasisChoice> basis_;
+  bool keeps_ = false;
 };
 
 /// Whether stepping m states is cheaper than FFT over J time points (multiplications per application of K).

@@ -68,6 +68,8 @@ class Backend : public HostThreads {
   std::unique_ptr<LcpBatch> lcp(const LcpMatrix& M, LcpClass c, Index rows) { return shifted_lcp(M, c, 0, rows); }
   /// Row j of `to` <- shapes a_j, a_j the row j of `amplitudes`. amplitudes: rows x k, shapes: cols x k, k >= 1.
   void upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to);
+  /// to <- P X^T for a host table X, stored row by row in `values`. P: k x m, X: n x m, `to`: k x n.
+  void upload_projection(const Vector& values, const Array& P, Array& to);
   /// `download`, with `operations` run while the values are copied. They must not change `from`.
   void download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations);
   /// Sizes `to` for a later download and fills it with NaN: the first touch of fresh pages costs more than a copy and
