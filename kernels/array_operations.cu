@@ -85,7 +85,7 @@ __global__ void write_product(const double* a, const double* V, int rows, int co
 
 constexpr int edge = 16, depth = 32;  ///< of the tiles of a product: rows of each factor, and columns at a time
 
-// to <- P X^T, a thread per value: tiles of both factors go through shared memory.
+// to <- P X^T, one thread per value, with tiles of both factors in shared memory.
 __global__ void project(const double* P, int p_step, const double* X, int k, int n, int m, int step, double* to) {
   __shared__ double of_P[edge][depth + 1], of_X[edge][depth + 1];
   let_next_begin();

@@ -28,7 +28,7 @@ constexpr Index few_chunks = 64;                ///< up to this many chunks, the
 constexpr Index few_blocks = 2;                 ///< same, in blocks per multiprocessor
 constexpr int segments = 8, of_segment = 16;    ///< carrying warps, and chunks per warp
 constexpr Index most_chunks = segments * of_segment;
-constexpr Index starters = 128;  ///< threads of a block that sets `initial`
+constexpr Index starters = 128;  ///< threads per block that sets `initial`
 constexpr const char* starting = "starting the scan";
 
 /// K x n tables with the mode index contiguous; K is a multiple of `group`, n of `lanes`.
@@ -206,7 +206,7 @@ __global__ void __launch_bounds__(lanes* warps_together)
   }
 }
 
-// initial <- D E / C, a row of blocks an exponential.
+// initial <- D E / C, one row of blocks per exponential.
 __global__ void set_initial(const double* D, int step, int modes, int stride, const double* decay, const double* output,
                             double* initial) {
   const int l = int(blockIdx.x * blockDim.x + threadIdx.x);
@@ -259,7 +259,7 @@ class ModalScan final : public Convolution {
       shared_ ? start<warps_together>(m, span, slab, y, v) : start<1>(m, span, slab, y, v);
   }
 
-  // Kernels read the table before they await the one before: nothing may overlap with its change.
+  // Kernels read the table before they await their predecessor, so this change must not overlap with any kernel.
   void take_start(const Array& D) {
     const dim3 blocks(unsigned((n_ + starters - 1) / starters), unsigned(D.rows()));
     set_initial<<<blocks, starters, 0, device_.stream()>>>(values(D), int(stride(n_)), int(n_), int(stride_),

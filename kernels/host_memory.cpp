@@ -30,9 +30,9 @@ void* PinnedSlots::take() {
 namespace {
 
 constexpr std::size_t slots = 16, piece_bytes = std::size_t(1) << 20;
-constexpr std::size_t sent_bytes = std::size_t(1) << 18;   ///< per piece on its way to the device
-constexpr std::size_t parts = 16;                          ///< per piece, one thread each
-constexpr int most_helpers = 8;                            ///< threads that empty the ring; more than the transfer needs
+constexpr std::size_t sent_bytes = std::size_t(1) << 18;  ///< per piece on its way to the device
+constexpr std::size_t parts = 16;                         ///< per piece, one thread each
+constexpr int most_helpers = 8;                           ///< threads that empty the ring; more than the transfer needs
 constexpr std::size_t alone_bytes = std::size_t(1) << 19;  ///< below it, one thread finishes before others wake up
 
 }  // namespace

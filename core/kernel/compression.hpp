@@ -30,8 +30,8 @@ ExponentialSum compress_line_kernel(const KroneckerDynamics&, double h, double T
 struct InitialSum {
   RowMatrix coefficients;  ///< D, K x n
   /// 2-norm over all modes, relative to Σ_k |n_k| |x0_k| in the eigenvectors of a line. Estimated from e^{nu t} between
-  /// the samples, with a factor of 4 for other times: by the eigenvalue with the largest error, or, if that is too large,
-  /// by all eigenvalues and the components of this x0.
+  /// the samples, with a factor of 4 for other times: by the eigenvalue with the largest error, or, if that is too
+  /// large, by all eigenvalues and the components of this x0.
   double error = 0;
 };
 

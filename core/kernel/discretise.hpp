@@ -9,7 +9,7 @@ DiscreteProblem discretise(const Scene&, Backend&, Index J, bool every_step = fa
 
 /// Samples the sources of the scene again, and copies its x0.
 void sample_sources(DiscreteProblem&, bool every_step);
-/// Takes x0 alone.
+/// Copies only x0.
 void set_start(DiscreteProblem&);
 
 /// Finds the rough steps of the sampled sources and computes their contributions.

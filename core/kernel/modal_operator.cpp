@@ -167,7 +167,7 @@ class ModalOperator : public TimeOperator {
   bool modal() const override { return true; }
 
  private:
-  // r <- r + what f makes of it.
+  // r <- r + response to f.
   void add_driven(const KernelPlan& plan, Array& input, Array& v, Array& r) {
     add_rough_response(p_, r);
     if (!p_.drive()) return;

@@ -82,12 +82,12 @@ class TimeOperator {
   /// Computes r; returns the error of x0 in it. `work` is an array of the same shape. If f = B phi drives a Kronecker
   /// sum, `work` holds K phi afterwards, and phi is what the kernel was last applied to.
   virtual double response(const KernelPlan&, Array& work, Array& r) = 0;
-  /// The same in two parts, where x0's can be had apart. r <- what f and g make of it, by way of `input`; `work` as for
-  /// `response`.
+  /// The same in two parts, if the contribution of x0 is separate. r <- response to f and g, with `input` as workspace;
+  /// `work` as for `response`.
   virtual bool separates_x0() const { return false; }
   virtual void response_to_sources(const KernelPlan&, Array& /*input*/, Array& /*work*/, Array& /*r*/) {}
-  /// r <- known + what x0 adds from row 1 on; returns its error. Row 0 of `known`, which may be r, holds N x0 + g(0).
-  /// `zero` holds zeros, and may hold something else afterwards.
+  /// r <- known + response to x0 from row 1 on; returns its error. Row 0 of `known`, which may be r, holds N x0 + g(0).
+  /// `zero` must hold zeros and may be overwritten.
   virtual double add_x0(const KernelPlan&, Array& /*zero*/, const Array& /*known*/, Array& /*r*/) { return 0; }
 
   /// Weights of a grid with `steps` steps, J / steps a power of two: from those of a finer grid, or from the dynamics

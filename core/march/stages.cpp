@@ -114,13 +114,13 @@ class Layers {
   double last_ = -INFINITY;  ///< last jump passed
 };
 
-// Steps in which the state jumped on the whole grid: a contact at a time that nobody knows.
+// Steps of the undivided grid in which the state jumps: contacts at unknown times.
 //
-// Implicit Euler takes the state to the constraint by the end of a step, and where y acts on the second derivative of w
-// the velocity that it leaves is that of the way there. It takes the next step to bring it to rest. A short part at the
-// end of the step does the same, so that the point of the grid has the state behind the impact.
+// Implicit Euler moves the state onto the constraint by the end of a step. If y acts on the second derivative of w, the
+// remaining velocity is that of this motion, and only the next step removes it. A short part at the end of the step
+// does the same, so the grid point has the state after the impact.
 using Contacts = std::set<Index>;
-constexpr std::size_t most_contacts = 64;  ///< steps divided; beyond, they chatter
+constexpr std::size_t most_contacts = 64;  ///< divided steps; more contacts mean chattering
 
 void divide_contact(double from, std::vector<double>& ends) {
   const double to = ends.back(), begin = ends.size() > 1 ? ends[ends.size() - 2] : from;

@@ -37,8 +37,8 @@ class Convolution : public Plan {
   /// written to those rows of v again.
   virtual void apply(const Array& y, Array& v, Index first) = 0;
 
-  /// Optional, for a modal recurrence with an `initial`: from now on x0 adds Σ_k D_k E_k^j to row j >= 1, mode by mode,
-  /// D an array K x n. Empty: another x0 needs another plan.
+  /// Optional, for a modal recurrence with an `initial`: from now on x0 contributes Σ_k D_k E_k^j to row j >= 1 of each
+  /// mode, D: K x n. Empty: another x0 needs another plan.
   std::function<void(const Array& D)> start_from;
 };
 
