@@ -348,6 +348,40 @@ class Catalogue {
     c.impulse = Vector::Ones(1);
     sliding();
     zeno();
+    falling();
+    braked();
+  }
+
+  // A mass that flies freely meets a rigid stop and loses its velocity.
+  static Scene at_stop(double stiffness, double weight, double T) {
+    Scene scene;
+    scene.dynamics = DenseDynamics{(Matrix(2, 2) << 0, 1, -stiffness, 0).finished(), (Matrix(2, 1) << 0, 1).finished(),
+                                   (Matrix(1, 2) << 1, 0).finished()};
+    scene.M = Matrix(Matrix::Zero(1, 1));
+    if (weight > 0) scene.f = [=](double, Eigen::Ref<Vector> f) { f << 0, -weight; };
+    scene.x0 = Vector::Unit(2, 0);
+    scene.T = T;
+    return scene;
+  }
+
+  void falling() {
+    constexpr double g = 9.81;
+    Scene scene = at_stop(0, g, 2);
+    scene.exact = [](double t, Eigen::Ref<Vector> x, Eigen::Ref<Vector> y) {
+      const double height = 1 - g * t * t / 2;
+      x << std::max(height, 0.0), (height > 0 ? -g * t : 0);
+      y.setConstant(NAN);
+    };
+    add("starts", "ball on a rigid floor", scene, "by hand").compare_y = false;
+  }
+
+  void braked() {
+    Scene scene = at_stop(1, 0, 3);
+    scene.exact = [](double t, Eigen::Ref<Vector> x, Eigen::Ref<Vector> y) {
+      x << (t < pi / 2 ? std::cos(t) : 0), (t < pi / 2 ? -std::sin(t) : 0);
+      y.setConstant(NAN);
+    };
+    add("starts", "spring against a stop", scene, "by hand").compare_y = false;
   }
 
   // x' in -Sgn x: y = (s, the negative part of x), Sgn = 1 - 2 s.
@@ -493,6 +527,7 @@ class Catalogue {
     rod(100, 1);
     if (quick_) return;
     rod(400, 100);
+    rod(2000, 1000);
     rod(100000, 2);
   }
 
