@@ -175,6 +175,36 @@ TEST(Stages, AreOfSecondOrderInYWhereMIsZero) {
   EXPECT_GE(std::log2(errors[1] / errors[2]), 1.8);
 }
 
+// A mass that falls on a rigid floor stays there, wherever in a step it lands: Radau IIA with both stages on the floor
+// would send it back.
+TEST(Stages, AnImpactIsInelasticWhereverItFalls) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{0}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f << 0, -1; };
+  scene.T = 2;
+  for (int k = 0; k < 40; ++k) {
+    const double height = 0.5 + 0.0005 * k;  // it lands at sqrt(2 height), 0.04 and a bit of which are 40 steps
+    scene.x0 = Vector{{height, 0}};
+    Options options = options_for(Method::march, 1000);
+    options.states = StateSelection::all;
+    const Result r = run(scene, options);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    const Index landed = Index(std::ceil(std::sqrt(2 * height) * 500)) + 2;
+    EXPECT_LE(r.x.bottomRows(1001 - landed).cwiseAbs().maxCoeff(), 1e-9) << height;
+    options.tolerance = 1e-3;
+    options.steps = 0;
+    const Result fine = run(scene, options);
+    ASSERT_EQ(fine.status, Status::solved) << height << ' ' << fine.reason;
+    for (Index j = 0; j < fine.t.size(); ++j) {
+      const double t = fine.t[j];
+      EXPECT_NEAR(fine.x(j, 0), std::max(0.0, height - t * t / 2), 1.5e-3) << height << ' ' << t;
+      if (std::abs(t - std::sqrt(2 * height)) > 1e-3)
+        EXPECT_NEAR(fine.x(j, 1), t * t > 2 * height ? 0 : -t, 1.5e-3) << height << ' ' << t;
+    }
+  }
+}
+
 // A mass pressed on an obstacle: x'' = y - 1, 0 <= y ⊥ x >= 0, x(0) = 1/2, at rest. It falls until t = 1, where its
 // velocity -1 vanishes in an impulse (inelastic), and lies still with y = 1 from then on.
 TEST(Stages, AFallingMassComesToRest) {

@@ -15,6 +15,7 @@
 // F, q      set_sources    N x m, N x n, row k-1 for interval k
 // x, v      download       (N+1) x m, N x n
 
+#include "../base/plan.hpp"
 #include "../base/threads.hpp"
 #include "../numerics/two_point.hpp"
 
@@ -40,9 +41,8 @@ struct ActiveSizes {
 };
 
 /// A plan for one chain, made by Backend::affine_chain: the operations in this order. Nothing is solved for N = 0.
-class AffineChain {
+class AffineChain : public Plan {
  public:
-  virtual ~AffineChain() = default;
   virtual void set_sources(const RowMatrix& F, const RowMatrix& q) = 0;
   /// The maps in use and which of them each interval has. What they point to stays until the next call.
   virtual void set_maps(const std::vector<const AffineMap*>& maps, const std::vector<int>& map_of) = 0;
@@ -61,7 +61,6 @@ class AffineChain {
   /// Components that have the wrong sign, v below -active_zero on S, or below -inactive_zero elsewhere: N sets.
   virtual void wrong_signs(double active_zero, double inactive_zero, SetWords&) = 0;
   virtual void download(RowMatrix& x, RowMatrix& v) = 0;
-  virtual std::size_t bytes() const = 0;
 };
 
 /// Blocks of one map throughout share its power: which product each block has, and a block that has each product.

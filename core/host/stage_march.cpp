@@ -152,6 +152,9 @@ class Stages {
         main_(p, p.stages, p.h, lengths_.rows(0)) {
     const auto* dense = std::get_if<DenseDynamics>(p.dynamics);
     B_ = dense ? SparseMatrix(dense->B.sparseView()) : without_mass(*p.dynamics, p.h);
+    const SparseMatrix N = dense ? SparseMatrix(dense->N.sparseView()) : sparse_outputs(*p.dynamics);
+    rigid_ = rigid_constraints(N);
+    touching_.assign(rigid_.size(), false);
   }
 
   StageSolution run(const Vector& y0) {
@@ -166,6 +169,7 @@ class Stages {
     out.impulse.row(0).setZero();
     record(x, 0, out);
     regular_ = y0.allFinite() ? y0 : Vector(Vector::Zero(n));
+    touch_at_start(out.v.row(0).transpose());
     for (Index j = 1; j < rows_; ++j) {
       const Stepper* used = asked_to_stop_(j, out.report) ? nullptr : take(x, j, next, out.report);
       if (!used) {
@@ -174,7 +178,11 @@ class Stages {
       }
       if (j == 1 && !y0.allFinite()) out.y.row(0) = used->first_stage().transpose();
       const Vector y = used->last_stage();
-      if (used->stages() == problem_.stages) regular_ = regular_.cwiseMax(y);
+      for (std::size_t i = 0; i < touching_.size(); ++i) touching_[i] = y[Index(i)] > 0;
+      if (used->stages() == problem_.stages)
+        regular_ = regular_.cwiseMax(y);
+      else
+        out.jumped.push_back(j);
       out.y.row(j) = y.transpose();
       out.impulse.row(j) = lengths_.size(lengths_.kind(j)) * used->mean().transpose();
       x.swap(next);
@@ -192,6 +200,36 @@ class Stages {
     return sum;
   }
 
+  // Rigid position constraints: M_ii = 0, and y_i acts on the second derivative of w_i or on a higher one. With M_ii >
+  // 0 a contact is a spring, which throws back.
+  std::vector<bool> rigid_constraints(const SparseMatrix& N) const {
+    const Matrix M = to_dense(*problem_.M);
+    const Eigen::SparseMatrix<double, Eigen::RowMajor> rows = N;
+    std::vector<bool> rigid(std::size_t(M.rows()));
+    for (Index i = 0; i < M.rows(); ++i) {
+      const double first = rows.row(i).dot(B_.col(i)), terms = rows.row(i).cwiseAbs().dot(B_.col(i).cwiseAbs());
+      rigid[std::size_t(i)] = M(i, i) == 0 && std::abs(first) <= negligible * terms;
+    }
+    return rigid;
+  }
+
+  // Those with w(0) = 0, given N x0.
+  void touch_at_start(const Vector& seen) {
+    const Vector g = problem_.g.row(0).head(seen.size()).transpose();
+    const Vector size = observed_terms(*problem_.dynamics, problem_.x0) + g.cwiseAbs();
+    for (Index i = 0; i < seen.size(); ++i)
+      touching_[std::size_t(i)] = std::abs(seen[i] + g[i]) <= negligible * size[i];
+  }
+
+  // A new contact of a rigid constraint. Where it is active at both stages, Radau IIA would send the state back with a
+  // velocity of up to twice what the way to the constraint divided by the step is.
+  bool impacts(const Stepper& step) const {
+    const Vector first = step.first_stage();
+    for (std::size_t i = 0; i < rigid_.size(); ++i)
+      if (rigid_[i] && !touching_[i] && first[Index(i)] > 0) return true;
+    return false;
+  }
+
   // An impulse: y lets go within the step, and either moves a component of the state by a good part of its size (one
   // near zero is measured against a hundredth of the largest) or is much larger than where no state jumped. However
   // small, Radau IIA would move the state by 9/5 of what y has to, and many small jumps add up.
@@ -201,6 +239,7 @@ class Stages {
     // In a part y does not fall by half but where it was an impulse, that other constraints go on to hold.
     for (Index i = 0; i < first.size() && h < problem_.h / 2 && step.stages() == 2; ++i)
       if (first[i] > std::max(zero, much_more * regular_[i]) && last[i] < first[i] / 2) return true;
+    if (impacts(step)) return true;
     if (!step.switches()) return false;
     for (Index i = 0; i < first.size(); ++i)
       if (first[i] > std::max(zero, much_more * regular_[i]) && !(last[i] > zero)) return true;
@@ -255,6 +294,8 @@ class Stages {
   Vector other_;
   Vector regular_;  ///< largest y_i at the ends of steps without jumps
   SparseMatrix B_;
+  std::vector<bool> rigid_;
+  std::vector<bool> touching_;  ///< y_i > 0 at the end of the last step
 };
 
 }  // namespace

@@ -6,10 +6,11 @@
 namespace bromwich {
 
 struct StageSolution {
-  RowMatrix y;        ///< (J+1) x n: at the right ends of the steps
-  RowMatrix impulse;  ///< (J+1) x n: integrals of y over the steps; row 0 is zero
-  RowMatrix v;        ///< (J+1) x n: N x_j
-  RowMatrix x;        ///< (J+1) x c: the components asked for
+  RowMatrix y;                ///< (J+1) x n: at the right ends of the steps
+  RowMatrix impulse;          ///< (J+1) x n: integrals of y over the steps; row 0 is zero
+  RowMatrix v;                ///< (J+1) x n: N x_j
+  RowMatrix x;                ///< (J+1) x c: the components asked for
+  std::vector<Index> jumped;  ///< rows of steps in which the state jumps
   MarchReport report;
   std::size_t bytes = 0;  ///< of the factorizations
 };

@@ -29,6 +29,7 @@
 //                    once; exact, with m times the operations of a substitution and no more
 
 #include "../base/error.hpp"
+#include "../base/plan.hpp"
 #include "../base/threads.hpp"
 #include "../base/types.hpp"
 #include "step_map.hpp"
@@ -69,9 +70,8 @@ struct AdjointChoice {
 
 /// A plan for one chain, made by Backend::step_chain: all maps are factorized when it is made. It works on values of
 /// the host, (M+1) x m. A chain belongs to one caller at a time.
-class StepChain {
+class StepChain : public Plan {
  public:
-  virtual ~StepChain() = default;
   /// A x = d. What is moved here is worked on in place.
   virtual RowMatrix solve(RowMatrix d) = 0;
   /// A^T l = q, or its approximation by Jacobi sweeps. Throws Error where sweeps < 1, or where products of maps would
@@ -85,7 +85,6 @@ class StepChain {
   ///     S_{2c}^T z_{2c} = q_{2c} + R_{2c+1}^T l_{c+1},    S_{2c-1}^T z_{2c-1} = q_{2c-1} + R_{2c}^T z_{2c}.
   virtual Vector locally_weighted_residual(const RowMatrix& d, const RowMatrix& x, const RowMatrix& q,
                                            const RowMatrix& l) = 0;
-  virtual std::size_t bytes() const = 0;
   bool on_host = false;  ///< steps and adjoints are computed by the host
 };
 

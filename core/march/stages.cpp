@@ -113,7 +113,20 @@ class Layers {
   double last_ = -INFINITY;  ///< jump passed
 };
 
-StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers) {
+// Steps in which the state jumped on the whole grid: a contact at a time that nobody knows.
+//
+// Implicit Euler takes the state to the constraint by the end of a step, and where y acts on the second derivative of w
+// the velocity that it leaves is that of the way there. It takes the next step to bring it to rest. A short part at the
+// end of the step does the same, so that the point of the grid has the state behind the impact.
+using Contacts = std::set<Index>;
+constexpr std::size_t most_contacts = 64;  ///< steps divided; beyond, they chatter
+
+void divide_contact(double from, std::vector<double>& ends) {
+  const double to = ends.back(), begin = ends.size() > 1 ? ends[ends.size() - 2] : from;
+  ends.insert(ends.end() - 1, {to - (to - begin) / 16, to - (to - begin) / 256});
+}
+
+StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers, const Contacts& contacts) {
   StageGrid grid{{}, {}, {0}, {0}};
   std::vector<double> t{p.t[0]}, ends;
   for (Index j = 1; j <= p.J; ++j) {
@@ -125,6 +138,7 @@ StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers) {
       layers.divide(from, end, ends);
       from = end;
     }
+    if (contacts.count(j) > 0) divide_contact(p.t[j - 1], ends);
     for (const double end : ends) {
       grid.lengths.push_back(ends.size() == 1 ? p.h : end - t.back());
       t.push_back(end);
@@ -136,11 +150,11 @@ StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers) {
   return grid;
 }
 
-StageGrid make_grid(const DiscreteProblem& p, Index stages, bool with_layers) {
+StageGrid make_grid(const DiscreteProblem& p, Index stages, bool with_layers, const Contacts& contacts = {}) {
   if (stages == 1) return whole_steps(p);
   Layers layers(p, with_layers);
   if (!p.sources && layers.none()) return whole_steps(p);
-  StageGrid grid = steps_in_parts(p, layers);
+  StageGrid grid = steps_in_parts(p, layers, contacts);
   if (p.dense()) return grid;
   std::set<double> different(grid.lengths.begin(), grid.lengths.end());
   return different.size() <= most_sparse_lengths ? grid : whole_steps(p);
@@ -287,6 +301,14 @@ void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages
   problem.F = source_matrix(p.scene, *problem.dynamics);
 }
 
+// Empty where steps are whole, or where contacts are too many.
+Contacts contacts_of(const StageGrid& grid, const StageSolution& s) {
+  Contacts contacts;
+  if (grid.lengths.empty()) return contacts;
+  for (const Index row : s.jumped) contacts.insert(grid.step[std::size_t(row)]);
+  return contacts.size() <= most_contacts ? contacts : Contacts();
+}
+
 // Of all parts, the rows at points of the grid.
 void keep_points(const DiscreteProblem& p, const StageGrid& grid, const Given& given, StageSolution& s,
                  Result& result) {
@@ -307,11 +329,18 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   const Start start = solve_at_zero(p, result);
   if (start == Start::none) return;
   result.seconds.lcp += timer.lap();
-  const StageGrid grid = make_grid(p, stages, options.compares_grids);
+  StageGrid grid = make_grid(p, stages, options.compares_grids);
   Given given;
   state_problem(p, grid, stages, options, given);
   result.seconds.setup += timer.lap();
-  StageSolution s = march_by_stages(given.problem, result.y.row(0).transpose());
+  const Vector y0 = result.y.row(0).transpose();
+  StageSolution s = march_by_stages(given.problem, y0);
+  if (const Contacts contacts = contacts_of(grid, s); options.compares_grids && !contacts.empty()) {
+    count(s.report, result);
+    grid = make_grid(p, stages, true, contacts);
+    state_problem(p, grid, stages, options, given);
+    s = march_by_stages(given.problem, y0);
+  }
   result.bytes =
       s.bytes + host_bytes(p) +
       sizeof(double) * std::size_t(4 * s.y.size() + s.x.size() + given.problem.g.size() + given.problem.phi.size());

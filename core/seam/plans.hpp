@@ -8,6 +8,7 @@
 // Complementarity problems are submitted and then either finished or collected. A backend that computes at once does
 // all of it in `submit`.
 
+#include "../base/plan.hpp"
 #include "../lcp/lcp_class.hpp"
 #include "../lcp/march_report.hpp"
 #include "../lcp/matrix.hpp"
@@ -21,16 +22,6 @@
 #include <vector>
 
 namespace bromwich {
-
-class Plan {
- public:
-  Plan() = default;
-  virtual ~Plan() = default;
-  Plan(const Plan&) = delete;
-  Plan& operator=(const Plan&) = delete;
-  /// Of its workspace, in the memory of the backend.
-  virtual std::size_t bytes() const = 0;
-};
 
 /// v_j <- r_j + S y_j with the symmetric orthonormal sine matrix S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)); S S = I.
 class SineTransform : public Plan {
