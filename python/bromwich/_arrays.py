@@ -50,6 +50,8 @@ def on_host(a: Any, name: str) -> np.ndarray:
         array = np.asarray(found)
         if np.iscomplexobj(array):
             raise Error(f"{name}: is complex; give real values", name)
+        if array.dtype.kind not in "biufO":
+            raise Error(f"{name}: is an array of {array.dtype}; give numbers", name)
         return np.ascontiguousarray(array, dtype=np.float64) if array.ndim else array.astype(np.float64)
     except (TypeError, ValueError) as error:
         if isinstance(error, Error):

@@ -70,7 +70,7 @@ class Prepared {
   Prepared(std::shared_ptr<const Model> model, const Options& given, const std::string& backend, int threads)
       : seen_(std::move(model)),
         options_(with_goal(given, *seen_)),
-        machine_(machine_for(backend, seen_->scene, options_, threads)),
+        machine_(machine_for(backend, seen_->scene, options_, threads, true)),
         solver_(seen_->scene, *machine_->backend, listened(options_)) {}
 
   void set_x0(const Array1& x0) {

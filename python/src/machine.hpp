@@ -17,8 +17,10 @@ struct Machine {
   std::mutex busy;
 };
 
-/// "auto", "cpu" or "cuda", as the command chooses. A CUDA backend is made once in a process and shared. threads = 0:
-/// all that OpenMP offers.
-std::shared_ptr<Machine> machine_for(const std::string& word, const Scene&, const Options&, int threads);
+/// "auto", "cpu" or "cuda", as the command chooses. threads = 0: all that OpenMP offers. Backends are kept: that of a
+/// device for the whole process, that of the processor for the next solve, unless somebody is using it or `own` asks
+/// for one that nobody else has.
+std::shared_ptr<Machine> machine_for(const std::string& word, const Scene&, const Options&, int threads,
+                                     bool own = false);
 
 }  // namespace bromwich::python
