@@ -83,7 +83,7 @@ class Scene:
     ) -> None:
         if T is None:
             raise Error("T: is missing; give the final time", "T")
-        model = _core.Model()
+        model = _core.Model.empty()
         model.name, model.T = name, float(T)
         _set_dynamics(model, A, B, N, E, dynamics)
         _set_lcp(model, M)

@@ -46,9 +46,16 @@ SourceEntry source_entry(const std::string& word) {
   return word == "F" ? SourceEntry::through_F : SourceEntry::state;
 }
 
-void set_sources(Scene& scene, const Source* f, const Source* g, const std::vector<double>& declared) {
+void keep(Model& model, const std::vector<Kept>& callables) {
+  model.callables.insert(model.callables.end(), callables.begin(), callables.end());
+}
+
+void set_sources(Model& model, const Source* f, const Source* g, const std::vector<double>& declared) {
   static const Source none{{}, 0, {}, true};
   const Source &given_f = f ? *f : none, &given_g = g ? *g : none;
+  keep(model, given_f.callables);
+  keep(model, given_g.callables);
+  Scene& scene = model.scene;
   scene.f = given_f.function;
   scene.g = given_g.function;
   scene.breakpoints = merged(merged(given_f.breakpoints, given_g.breakpoints), declared);
@@ -73,7 +80,7 @@ nb::tuple read_scene(const std::string& file, const ParameterValues& settings) {
     const nb::gil_scoped_release unlocked;
     return read_scene_file(std::filesystem::path(file), settings);
   }();
-  const auto model = std::make_shared<Model>(Model{std::move(read.scene), read.quantity});
+  const auto model = std::make_shared<Model>(std::move(read.scene), read.quantity);
   nb::dict facts;
   facts["description"] = read.description;
   facts["parameters"] = read.parameters;
@@ -101,6 +108,22 @@ nb::object exact(const Scene& scene, double t) {
   return nb::make_tuple(view(values->first, owner), view(values->second, owner));
 }
 
+int visit_callables(PyObject* self, visitproc visit, void* arg) {
+  Py_VISIT(Py_TYPE(self));
+  if (!nb::inst_ready(self)) return 0;
+  for (const Kept& callable : nb::inst_ptr<Model>(self)->callables) Py_VISIT(callable.held());
+  return 0;
+}
+
+int let_go_of_callables(PyObject* self) {
+  for (Kept& callable : nb::inst_ptr<Model>(self)->callables) callable.let_go();
+  return 0;
+}
+
+PyType_Slot cycle_slots[] = {{Py_tp_traverse, reinterpret_cast<void*>(visit_callables)},
+                             {Py_tp_clear, reinterpret_cast<void*>(let_go_of_callables)},
+                             {0, nullptr}};
+
 const char* form(const Scene& scene) {
   static constexpr const char* words[] = {"dense", "kronecker", "sparse", "supplied"};
   return words[scene.dynamics.index()];
@@ -109,8 +132,9 @@ const char* form(const Scene& scene) {
 }  // namespace
 
 void bind_scenes(nb::module_& m) {
-  nb::class_<Model>(m, "Model", "What is solved. Pieces are set one by one; `validate` looks at all of them.")
-      .def(nb::init<>())
+  nb::class_<Model>(m, "Model", nb::type_slots(cycle_slots),
+                    "What is solved. Pieces are set one by one; `validate` looks at all of them.")
+      .def_static("empty", [] { return std::make_shared<Model>(); })
       .def(
           "set_dense",
           [](Model& s, const Array2& A, const Array2& B, const Array2& N, const std::optional<Array2>& E) {
@@ -137,8 +161,9 @@ void bind_scenes(nb::module_& m) {
           [](Model& s, Index states, const Sparse& B, const Sparse& N, nb::object shifted, nb::object mass,
              std::optional<std::pair<double, double>> bound) {
             const auto spectral = bound ? std::optional(SpectralBound{bound->first, bound->second}) : std::nullopt;
-            s.scene.dynamics = supplied_dynamics(states, matrix(B), matrix(N), Kept(std::move(shifted)),
-                                                 mass.is_none() ? Kept() : Kept(std::move(mass)), spectral);
+            const Kept prepares(std::move(shifted)), multiplies = mass.is_none() ? Kept() : Kept(std::move(mass));
+            keep(s, {prepares, multiplies});
+            s.scene.dynamics = supplied_dynamics(states, matrix(B), matrix(N), prepares, multiplies, spectral);
           },
           nb::arg("states"), nb::arg("B"), nb::arg("N"), nb::arg("shifted"), nb::arg("mass").none(),
           nb::arg("bound").none())
@@ -153,7 +178,7 @@ void bind_scenes(nb::module_& m) {
       .def(
           "set_sources",
           [](Model& s, const Source* f, const Source* g, const std::vector<double>& breakpoints) {
-            set_sources(s.scene, f, g, breakpoints);
+            set_sources(s, f, g, breakpoints);
           },
           nb::arg("f").none(), nb::arg("g").none(), nb::arg("breakpoints"))
       .def(
@@ -198,16 +223,17 @@ void bind_scenes(nb::module_& m) {
   m.def(
       "relay",
       [](const Array2& A, const Array2& B, const Array2& C, const Source* f, const Array1& x0) {
-        return std::make_shared<Model>(Model{
-            relay_scene(as_matrix(A), as_matrix(B), as_matrix(C), f ? f->function : TimeFunction(), as_vector(x0)),
-            nullptr});
+        auto model = std::make_shared<Model>(
+            relay_scene(as_matrix(A), as_matrix(B), as_matrix(C), f ? f->function : TimeFunction(), as_vector(x0)));
+        if (f) keep(*model, f->callables);
+        return model;
       },
       nb::arg("A"), nb::arg("B"), nb::arg("C"), nb::arg("f").none(), nb::arg("x0"));
   m.def("read_scene", &read_scene, nb::arg("file"), nb::arg("settings"));
   m.def(
       "build_scene",
       [](const std::string& name, const ParameterValues& values) {
-        return std::make_shared<Model>(Model{make_scene(name, values), nullptr});
+        return std::make_shared<Model>(make_scene(name, values));
       },
       nb::arg("name"), nb::arg("values"));
   m.def("catalogue", &catalogue, "Name, summary and parameters (default, meaning) of the built-in scenes.");

@@ -94,7 +94,7 @@ class Prepared {
     return unlocked(calls, [&] {
       const std::lock_guard lock(mutex_);
       const std::lock_guard other(machine_->busy);
-      if (!seen_) seen_ = std::make_shared<const Model>(Model{solver_.scene(), nullptr});
+      if (!seen_) seen_ = std::make_shared<const Model>(solver_.scene());
       auto answer = std::make_shared<Answer>(Answer{seen_, machine_, options_, {}, false, {}});
       calls_ = &calls;
       const struct Forget {

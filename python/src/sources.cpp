@@ -115,9 +115,9 @@ Source table_source(const Vector& times, const RowMatrix& values) {
   return source;
 }
 
-Source python_source(Kept one, Kept many, Index width, double T) {
-  const auto walked = std::make_shared<Walked>(std::move(one), std::move(many), width, T);
-  return {[walked](double t, Eigen::Ref<Vector> out) { (*walked)(t, out); }, width, {}, false};
+Source python_source(const Kept& one, const Kept& many, Index width, double T) {
+  const auto walked = std::make_shared<Walked>(one, many, width, T);
+  return {[walked](double t, Eigen::Ref<Vector> out) { (*walked)(t, out); }, width, {}, false, {one, many}};
 }
 
 std::vector<double> merged(const std::vector<double>& a, const std::vector<double>& b) {

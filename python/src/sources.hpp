@@ -16,6 +16,7 @@ struct Source {
   Index width = 0;                  ///< values it writes
   std::vector<double> breakpoints;  ///< increasing
   bool breakpoints_are_all = false;
+  std::vector<Kept> callables = {};  ///< what the function calls
 };
 
 Source constant_source(const Vector& value);
@@ -26,7 +27,7 @@ Source table_source(const Vector& times, const RowMatrix& values);
 /// A Python function t -> array of `width` values, and where there is one its form for many times at once,
 /// array of k times -> array k x width; None otherwise. Both are called from the thread that solves, and what they
 /// raise leaves `solve`.
-Source python_source(Kept one, Kept many, Index width, double T);
+Source python_source(const Kept& one, const Kept& many, Index width, double T);
 
 /// One expression of t and the parameters per value (docs/scene-files.md).
 Source expression_source(const std::vector<std::string>& texts, const std::map<std::string, double>& parameters,

@@ -1,6 +1,7 @@
 """Results: views, other times, files, pictures, words."""
 
 import gc
+import weakref
 
 import numpy as np
 import pytest
@@ -126,3 +127,21 @@ def test_plot(result, tmp_path, Q15):
     with pytest.raises(bromwich.Error, match="what"):
         result.plot("z")
     plt.close("all")
+
+
+def test_cycles_are_collected():
+    """An object whose method is a source, and which has the scene and its result."""
+
+    class Circuit:
+        def __init__(self):
+            self.scene = bromwich.Scene(A=-1, B=1, N=1, M=1, x0=0, T=1, g=self.source)
+            self.result = bromwich.solve(self.scene, steps=10)
+
+        def source(self, t):
+            return -t
+
+    circuit = Circuit()
+    gone = weakref.ref(circuit)
+    del circuit
+    gc.collect()
+    assert gone() is None
