@@ -81,6 +81,7 @@ _NAMES = {
     "--backend": "backend",
     "absolute_tolerance": "atol",
     "default_steps": "steps",
+    "free_rows": "free",
     "iteration_tolerance": "iteration_tol",
     "tolerance": "tol",
     "tolerance_x": "tol_x",

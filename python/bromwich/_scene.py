@@ -44,7 +44,7 @@ class Scene:
 
     - an array of as many values: constant;
     - an array with J+1 rows: a table on the uniform grid over [0, T], linear between its rows;
-    - ``(times, table)``: the same at times of one's own; two rows of equal time are a jump;
+    - ``(times, table)``: the same at times of one's own, each a kink; two rows of equal time are a jump;
     - a function of t; where it takes an array of k times as well, and returns k x n or n x k values, it is called for
       all times of a grid at once;
     - a string or a list of strings, expressions of t and the parameters, ``"max(sin(2*pi*t), 0)"``, whose jumps and
@@ -92,6 +92,8 @@ class Scene:
         _set_conditions(model, x0, E0, ET, b)
         if not (model.T > 0 and np.isfinite(model.T)):
             raise Error(f"T: is {model.T:g}; give a positive finite number", "T")
+        if isinstance(dynamics, Kronecker) and f is not None and not isinstance(F, str):
+            raise Error("f: enters the states of a Kronecker sum; give n values and F='B', for B f(t)", "f")
         _set_f_entry(model, F)
         self._model, self._parameters = model, dict(parameters or {})
         parts = self._sources(f, g)

@@ -27,10 +27,10 @@ def source(given: Any, name: str, width: int, T: float, parameters: Mapping[str,
     if isinstance(given, tuple) and len(given) == 2 and np.ndim(given[1]) >= 1 and np.ndim(given[0]) == 1:
         times, values = vector(given[0], name), on_host(given[1], name)
         if values.shape in ((times.size,), (times.size, width)) and times.size > 1:
-            return _table(times, values, name, width, T)
+            return _table(times, values, name, width, T, kinks=True)
     array = on_host(given, name)
     if array.ndim == 2 and array.shape[0] > 1 or array.ndim == 1 and width == 1 and array.size > 1:
-        return _table(np.linspace(0, T, array.shape[0]), array, name, width, T)
+        return _table(np.linspace(0, T, array.shape[0]), array, name, width, T, kinks=False)
     constant = np.full(width, float(array)) if array.ndim == 0 else vector(array, name)
     _require(constant.size == width, name, f"has {constant.size} values", f"give {width}, or {width} columns over time")
     return _core.Source.constant(constant)
@@ -52,7 +52,7 @@ def _require(held: bool, name: str, found: str, remedy: str) -> None:
         raise Error(f"{name}: {found}; {remedy}", name)
 
 
-def _table(times: np.ndarray, values: np.ndarray, name: str, width: int, T: float) -> _core.Source:
+def _table(times: np.ndarray, values: np.ndarray, name: str, width: int, T: float, kinks: bool) -> _core.Source:
     if values.ndim == 1:
         values = values.reshape(-1, 1)
     _require(values.shape[1] == width, name, f"has {values.shape[1]} columns", f"give {width}")
@@ -60,7 +60,7 @@ def _table(times: np.ndarray, values: np.ndarray, name: str, width: int, T: floa
     _require(times[0] <= 0 and times[-1] >= T, name, f"has times from {times[0]:g} to {times[-1]:g}", f"cover 0 to {T:g}")
     inside = (times[1:] != times[:-1]) | ((times[1:] > 0) & (times[1:] < T))
     keep = np.concatenate([[True], inside])
-    return _core.Source.table(np.ascontiguousarray(times[keep]), np.ascontiguousarray(values[keep]))
+    return _core.Source.table(np.ascontiguousarray(times[keep]), np.ascontiguousarray(values[keep]), kinks)
 
 
 def _function(function: Callable, name: str, width: int, T: float) -> _core.Source:

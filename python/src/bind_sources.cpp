@@ -18,8 +18,11 @@ void bind_sources(nb::module_& m) {
           "constant", [](const Array1& value) { return constant_source(as_vector(value)); }, nb::arg("value"))
       .def_static(
           "table",
-          [](const Array1& times, const Array2& values) { return table_source(as_vector(times), as_matrix(values)); },
-          nb::arg("times"), nb::arg("values"), "Linear between rows; two rows of equal time are a jump.")
+          [](const Array1& times, const Array2& values, bool kinks) {
+            return table_source(as_vector(times), as_matrix(values), kinks);
+          },
+          nb::arg("times"), nb::arg("values"), nb::arg("kinks"),
+          "Linear between rows; two rows of equal time are a jump.")
       .def_static(
           "function",
           [](nb::object one, nb::object many, Index width, double T) {

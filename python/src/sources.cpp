@@ -93,12 +93,14 @@ Source constant_source(const Vector& value) {
   return {[value](double, Eigen::Ref<Vector> out) { out = value; }, value.size(), {}, true};
 }
 
-Source table_source(const Vector& times, const RowMatrix& values) {
+Source table_source(const Vector& times, const RowMatrix& values, bool kinks) {
   Source source;
   source.width = values.cols();
-  source.breakpoints_are_all = true;  // kinks at the rows are those of the interpolation
-  for (Index i = 0; i + 1 < times.size(); ++i)
-    if (times[i] == times[i + 1]) source.breakpoints.push_back(times[i]);
+  source.breakpoints_are_all = true;
+  for (Index i = 1; i + 1 < times.size(); ++i) {
+    const bool jump = times[i] == times[i + 1], first = times[i] > times[i - 1];
+    if (first && (kinks || jump)) source.breakpoints.push_back(times[i]);
+  }
   source.function = [times = std::make_shared<const Vector>(times), values = std::make_shared<const RowMatrix>(values)](
                         double t, Eigen::Ref<Vector> out) {
     const double *first = times->data(), *end = first + times->size();

@@ -21,8 +21,9 @@ struct Source {
 
 Source constant_source(const Vector& value);
 
-/// Linear between the rows of `values`, which belong to `times`; two rows of equal time are a jump.
-Source table_source(const Vector& times, const RowMatrix& values);
+/// Linear between the rows of `values`, which belong to `times`; two rows of equal time are a jump. `kinks`: the function
+/// is that, with a kink at every row; otherwise the rows are values of a smooth one.
+Source table_source(const Vector& times, const RowMatrix& values, bool kinks);
 
 /// A Python function t -> array of `width` values, and where there is one its form for many times at once,
 /// array of k times -> array k x width; None otherwise. Both are called from the thread that solves, and what they

@@ -32,7 +32,7 @@ import bromwich
         (dict(g=lambda t: [1.0, 2.0]), "g"),
         (dict(f=np.zeros((5, 3))), "f"),
         (dict(lcp_class="Q"), "lcp_class"),
-        (dict(free=[3]), "free_rows"),
+        (dict(free=[3]), "free"),
         (dict(breakpoints=[5.0]), "breakpoints"),
         (dict(steps=0), "steps"),
         (dict(steps=2.5), "steps"),

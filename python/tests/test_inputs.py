@@ -142,10 +142,11 @@ def test_kronecker_is_what_signorini_is(Q15):
     scene = bromwich.Scene(dynamics=kronecker, M=np.eye(15), g=lambda t: [-np.sin(t)] * 15, x0=0, T=1)
     assert scene.states == 225
     assert bromwich.solve(scene, steps=20).ok
+    with pytest.raises(bromwich.Error, match="F='B'"):
+        bromwich.Scene(dynamics=kronecker, M=np.eye(15), f=1.0, x0=0, T=1)
 
 
 def test_files(tmp_path):
-    pytest.importorskip("numpy")
     file = tmp_path / "rlcd.toml"
     file.write_text(
         """
@@ -174,6 +175,16 @@ def test_files(tmp_path):
     same(bromwich.solve(scene), arrays)
     with pytest.raises(bromwich.Error, match="rlcd.toml"):
         bromwich.Scene.from_toml(file, Rx=1)
+
+
+def test_without_constraints():
+    """A port-Hamiltonian scene has none, and method goal makes its grid."""
+    scene = bromwich.scene("ph-toy")
+    assert scene.constraints == 0
+    r = bromwich.solve(scene)
+    assert r.ok and r.y.shape == (r.steps + 1, 0) and r.x.shape[1] == scene.states
+    goal = bromwich.solve(scene, method="goal", steps=100)
+    assert goal.ok and goal.goal["history"][-1]["cells"] == goal.steps
 
 
 def test_catalogue():
