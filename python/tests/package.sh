@@ -19,7 +19,8 @@ rm -rf "$out"
 mkdir -p "$out"
 export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INDEX=1 PIP_QUIET=1
 "$python" -m pip wheel "$source/python" --no-deps --no-build-isolation --wheel-dir "$out" \
-  -Ccmake.source-dir=prebuilt -Ccmake.define.BROMWICH_BUILD="$build" -Cbuild.targets=all -Cbuild-dir="$out/cmake"
+  --config-settings=cmake.source-dir=prebuilt --config-settings=cmake.define.BROMWICH_BUILD="$build" \
+  --config-settings=build.targets=all --config-settings=build-dir="$out/cmake"
 
 "$python" -m venv "$out/env"
 "$out/env/bin/python" -m pip install --find-links "$wheels" "$out"/bromwich-*.whl
