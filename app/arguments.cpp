@@ -60,7 +60,7 @@ double parse_iteration_tolerance(const std::string& word) { return fraction("--i
 
 std::vector<std::string> method_names() {
   std::vector<std::string> names;
-  // The enumerators count up from 0, and to_string knows no others.
+  // The enumerators count up from 0; to_string has no text for other numbers.
   for (int i = 0; to_string(Method(i)) != std::string("unknown"); ++i) names.emplace_back(to_string(Method(i)));
   return names;
 }

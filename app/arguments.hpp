@@ -1,6 +1,6 @@
 #pragma once
-// Words of the command line into values. Every function throws Error naming the argument, what was found and what to
-// do; nothing is corrected silently.
+// Conversion of command-line words to values. Every function throws Error naming the argument, the value found and the
+// remedy; nothing is corrected silently.
 
 #include "app/commands.hpp"
 #include "core/catalogue/catalogue.hpp"
@@ -17,15 +17,15 @@ inline constexpr int max_threads = 4096;
 /// An integer from 1 to `limit`.
 Index parse_steps(const std::string& word, long long limit = max_steps);
 int parse_threads(const std::string& word);
-/// The options of error control that are given.
+/// The given options of error control.
 void parse_error_control(const SolveArguments&, Options& options);
 /// A number strictly between 0 and 1.
 double parse_iteration_tolerance(const std::string& word);
 Method parse_method(const std::string& word);
-/// "auto", "contour", ...: the words that parse_method takes.
+/// "auto", "contour", ...: the words that parse_method accepts.
 std::vector<std::string> method_names();
 
-/// "all", "none" or a list "0,3,7" of components below `states`; `argument` is what a refusal names.
+/// "all", "none" or a list "0,3,7" of components below `states`; errors name `argument`.
 void parse_states(const std::string& argument, const std::string& word, Index states, Options& options);
 
 /// Times from 0 to T, "0.1,0.25".
@@ -34,7 +34,7 @@ std::vector<double> parse_times(const std::string& word, double T);
 /// key=value, each key once.
 ParameterValues parse_settings(const std::vector<std::string>& words);
 
-/// The free words of a command: names, and more key=value words after a --set ("--set Q=39 T=2").
+/// The positional words of a command: names, and more key=value words after a --set ("--set Q=39 T=2").
 struct Words {
   std::vector<std::string> names;
   std::vector<std::string> settings;

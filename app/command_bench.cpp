@@ -1,4 +1,4 @@
-// `bromwich bench`: picks the benchmark, checks the request, and wraps what comes back with its provenance.
+// `bromwich bench`: selects the benchmark, checks the request, and adds the provenance to the report.
 
 #include "app/arguments.hpp"
 #include "app/commands.hpp"
@@ -20,25 +20,26 @@ namespace bromwich::app {
 namespace {
 
 constexpr auto benchmarks = std::to_array<Benchmark>({
-    {"speed-vs-error", "every method over a ladder of steps: error beside time, one thread and all",
+    {"speed-vs-error", "every method with more and more steps: error and time, one thread and all",
      bench_speed_vs_error},
-    {"baselines", "the iteration against step-by-step methods, error beside time", bench_baselines},
+    {"baselines", "the iteration compared with time stepping: error and time", bench_baselines},
     {"adjoints", "all ways to solve the adjoint of a chain of steps, from 16 to 3001 states", bench_adjoints},
-    {"auto", "what auto chooses, against the best of the methods by name", bench_auto},
-    {"galerkin", "boundary values and initial values by Galerkin in time, implicit Euler beside it", bench_galerkin},
-    {"goal", "goal-oriented grids of port-Hamiltonian scenes: violation of the energy balance against steps and time",
+    {"auto", "the choice of auto compared with the best method by name", bench_auto},
+    {"galerkin", "boundary values and initial values by Galerkin in time, compared with implicit Euler",
+     bench_galerkin},
+    {"goal", "goal-oriented grids of port-Hamiltonian scenes: violation of the energy balance over steps and time",
      bench_goal},
-    {"gpu", "the CUDA backend on signorini: one sweep in parts, whole solves, the processor beside it", bench_gpu},
+    {"gpu", "the CUDA backend on signorini: one sweep in parts, whole solves, compared with the CPU", bench_gpu},
     {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
-    {"multigrid", "cycles on signorini: contraction, and the way to a tenth of the discretisation error",
+    {"multigrid", "cycles on signorini: contraction, and cost to reach a tenth of the discretisation error",
      bench_multigrid},
-    {"paper", "the experiments of the paper on Laplace inversion, beside the numbers it quotes", bench_paper},
-    {"scenes", "all scene files of a folder: what they are, how they are solved, error and time", bench_scenes},
-    {"solver", "a prepared scene solved again with another x0, beside whole solves", bench_solver},
+    {"paper", "the experiments of the paper on Laplace inversion, compared with its numbers", bench_paper},
+    {"scenes", "all scene files of a folder: class, spectrum, method, error and time", bench_scenes},
+    {"solver", "a prepared scene solved again with another x0, compared with whole solves", bench_solver},
     {"sparse", "heat on a square with 1e5 states and ten contacts", bench_sparse},
-    {"stability", "hard cases with known solutions: error, estimate and status, implicit Euler beside them",
+    {"stability", "hard cases with known solutions: error, estimate and status, compared with implicit Euler",
      bench_stability},
-    {"tol", "error control: the tolerance asked for, the error estimated and the true one, and the work", bench_tol},
+    {"tol", "error control: tolerance, estimated error, true error and work", bench_tol},
 });
 
 /// A reference on a grid at least four times finer must fit below max_steps.

@@ -1,4 +1,4 @@
-// `bromwich solve`: everything that can be refused is refused before the first step is computed.
+// `bromwich solve`: all input is checked before the first step is computed.
 
 #include "app/arguments.hpp"
 #include "app/backend_choice.hpp"
@@ -43,7 +43,7 @@ std::string scene_name(const Words& words) {
   return words.names.front();
 }
 
-/// Of the relative ones; 0 where there is none.
+/// The smallest relative tolerance; 0 if there is none.
 double smallest_tolerance(const Options& o) {
   double smallest = 0;
   for (const double one : {o.tolerance, o.tolerance_x, o.tolerance_y})
@@ -58,7 +58,8 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   options.event_location = arguments.event_location;
   parse_error_control(arguments, options);
   if (const double smallest = smallest_tolerance(options); smallest > 0) {
-    // Sweeps beyond what the tolerance asks for would be wasted; a thousandth keeps the differences of grids clean.
+    // A smaller iteration error than the tolerance needs would waste sweeps. A thousandth of it does not affect the
+    // differences of grids.
     options.iteration_tolerance = std::max(1e-3 * smallest, options.iteration_tolerance);
   }
   if (!arguments.iteration_tolerance.empty())
@@ -72,10 +73,10 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   return options;
 }
 
-/// States of a scene with a reference are computed for the comparison where there are few.
+/// If there are few states, they are computed for the comparison with a reference.
 constexpr Index most_reference_states = 64;
 
-/// A result may not replace the scene file or a table or matrix that it names.
+/// A result must not replace the scene file or one of its tables or matrices.
 void keep_inputs(const SceneChoice& choice, const std::string& argument, const std::string& out) {
   std::error_code none;
   for (const std::filesystem::path& input : choice.inputs)
@@ -83,7 +84,7 @@ void keep_inputs(const SceneChoice& choice, const std::string& argument, const s
       throw Error(argument, fmt::format("'{}' is an input of the scene", out), "choose another file");
 }
 
-/// What is written, and where: made before anything is computed.
+/// The output files, opened before anything is computed.
 struct Outputs {
   std::optional<OutputFile> out, switches;
   std::vector<double> times;  ///< of the rows of `out`; empty = the time points
@@ -105,7 +106,7 @@ Outputs outputs(const SolveArguments& arguments, const SceneChoice& choice) {
   return made;
 }
 
-/// Said before anything is computed.
+/// Printed before anything is computed.
 void check_energies(const SolveArguments& arguments, const Scene& scene, const Options& options) {
   if (!arguments.energies) return;
   const auto refuse = [](const char* found, const char* remedy) { throw Error("--energies", found, remedy); };
@@ -114,7 +115,7 @@ void check_energies(const SolveArguments& arguments, const Scene& scene, const O
   if (!scene.port) refuse("the scene is not port-Hamiltonian", "leave it out");
   if (options.method == Method::goal) return;
   if (scene.constraints() > 0) refuse("the scene has complementarity", "use --method goal, which counts its power");
-  if (options.states != StateSelection::all) refuse("the states are not all there", "add --states all");
+  if (options.states != StateSelection::all) refuse("not all states are computed", "add --states all");
 }
 
 void write(const Outputs& outputs, const Scene& scene, Backend& backend, const Options& options, const Result& result,
@@ -131,7 +132,7 @@ void write(const Outputs& outputs, const Scene& scene, Backend& backend, const O
   }
   if (!outputs.switches) return;
   std::vector<Switch> found = switches_with_errors(scene, backend, options, result);
-  const std::vector<Index>& free = scene.free_rows;  // their y has a sign but no switches
+  const std::vector<Index>& free = scene.free_rows;  // their y changes sign without a switch
   std::erase_if(found, [&](const Switch& s) { return std::binary_search(free.begin(), free.end(), s.component); });
   outputs.switches->write([&](std::FILE* file) { write_switches_csv(found, result, file); });
 }
@@ -150,7 +151,7 @@ void report_status(const Result& result) {
 int run_solve(const SolveArguments& arguments) {
   if (arguments.print_template) {
     if (!arguments.words.empty())
-      throw Error("--template", "found a SCENE beside it", "use it alone: bromwich solve --template > my.toml");
+      throw Error("--template", "found together with a SCENE", "use it alone: bromwich solve --template > my.toml");
     print(scene_template);
     return exit_solved;
   }
@@ -165,7 +166,7 @@ int run_solve(const SolveArguments& arguments) {
   check_energies(arguments, choice.scene, options);
   if (options.method == Method::goal && !arguments.at.empty())
     throw Error("--at", fmt::format("found '{}' with method goal", arguments.at),
-                "leave it out: its grid is the answer");
+                "omit it: the result is given on its own grid");
   const Outputs files = outputs(arguments, choice);
 
   const auto backend = choose_backend(arguments.backend, choice.scene, options, columns, threads);
@@ -184,7 +185,7 @@ int run_solve(const SolveArguments& arguments) {
   progress.clear();
   if (!choice.warning.empty()) add_warning(result, choice.warning);
   const ReferenceError error = reference_error(choice, *backend, result);
-  if (states_for_reference) {  // they were not asked for
+  if (states_for_reference) {  // the user did not request them
     result.x_components.clear();
     result.x.resize(result.y.rows(), 0);
   }

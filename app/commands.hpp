@@ -1,5 +1,5 @@
 #pragma once
-// The subcommands. Each takes the words of its command line and returns the exit code.
+// The subcommands. Each one receives the words of its command line and returns the exit code.
 
 #include <string>
 #include <vector>
@@ -8,7 +8,7 @@ namespace bromwich::app {
 
 enum ExitCode : int { exit_solved = 0, exit_bad_input = 2, exit_not_solved = 3 };
 
-/// Words as they were typed; empty = not given.
+/// Words as typed; empty = not given.
 struct GoalArguments {
   std::string quantity, scheme, adjoint, weights, marking, cycles, first_steps;
 };
@@ -36,7 +36,7 @@ int run_info();
 /// "baselines    ...": one line per benchmark, for the help.
 std::string bench_list();
 
-/// Writes to standard output; throws Error where that fails (a full disk behind a redirection).
+/// Writes to standard output; throws Error if that fails (for example redirected to a full disk).
 void print(const std::string& text);
 
 }  // namespace bromwich::app

@@ -104,7 +104,7 @@ Energies energies(const Scene& scene, const Result& result) {
   if (scene.constraints() > 0)
     throw Error("--energies", "the scene has complementarity", "use --method goal, which counts its power");
   if (result.x.cols() != scene.states() || result.x.rows() != result.t.size())
-    throw Error("--energies", "the states are not all there", "add --states all");
+    throw Error("--energies", "not all states are computed", "add --states all");
   const bool euler = result.method == Method::euler;
   const PortSystem system(*scene.port, scene.T);
   const Trajectory path{system, euler ? StepScheme::euler : StepScheme::midpoint, result.t, result.x};
@@ -130,7 +130,7 @@ Json goal_to_json(const Result& result) {
 }
 
 Json energies_to_json(const EnergyBalance& b) {
-  if (b.energy.size() == 0) return nullptr;  // a step that has no solution
+  if (b.energy.size() == 0) return nullptr;  // a step has no solution
   return {{"initial", b.energy[0]},
           {"final", b.energy[b.energy.size() - 1]},
           {"supplied", b.supplied.sum()},

@@ -1,5 +1,5 @@
 #pragma once
-// What `bromwich solve --method goal` takes beside the other arguments, and what it adds to the output.
+// Arguments and output of `bromwich solve --method goal`, in addition to the common ones.
 
 #include "app/commands.hpp"
 #include "app/output_csv.hpp"
@@ -11,10 +11,9 @@
 
 namespace bromwich::app {
 
-/// Options of method goal from --quantity, --scheme, --adjoint, --weights, --marking and --cycles; null where the
-/// method is another one. Throws Error for words that are none of those known, and for these arguments with another
-/// method.
-/// The quantity is that of the scene file, where it has one and --quantity is not given.
+/// Options of method goal from --quantity, --scheme, --adjoint, --weights, --marking and --cycles; null for other
+/// methods. Throws Error for unknown words, and for these arguments with another method.
+/// Without --quantity, the quantity is that of the scene file, if it has one.
 std::shared_ptr<const GoalOptions> goal_options(const GoalArguments&, Method,
                                                 std::shared_ptr<const QuantityOfInterest> of_file = {});
 
@@ -25,8 +24,8 @@ std::shared_ptr<const QuantityOfInterest> parse_quantity(const std::string& word
 AdjointChoice parse_adjoint(const std::string& word);
 StepScheme parse_scheme(const std::string& word);
 
-/// The energies of a result of a port-Hamiltonian scene: those of method goal, or of the states of another method, all
-/// of which have to be there. Throws Error where there are none to be had.
+/// The energies of a result of a port-Hamiltonian scene: those of method goal, or computed from the states of another
+/// method. Throws Error if a state is missing or the scene has no energy.
 Energies energies(const Scene&, const Result&);
 
 /// {quantity, ..., history: [...]}; null for other methods.

@@ -24,7 +24,7 @@ namespace {
 std::atomic<bool> interrupt_flag{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may only touch lock-free atomics");
 
-/// Written before `doomed_set` is, and only while that is false.
+/// Written before `doomed_set`, and only while that is false.
 std::array<char, 4096> doomed{};
 std::atomic<bool> doomed_set{false};
 
@@ -54,7 +54,7 @@ constexpr const char* out_of_memory =
   ::_exit(exit_bad_input);
 }
 
-/// An output that was closed is one that cannot be written: open for reading.
+/// A closed output is replaced by one that cannot be written: open for reading.
 void occupy(int descriptor) {
   if (::fcntl(descriptor, F_GETFD) != -1 || errno != EBADF) return;
   const int found = ::open("/dev/null", descriptor == STDERR_FILENO ? O_WRONLY : O_RDONLY);
@@ -64,7 +64,7 @@ void occupy(int descriptor) {
   }
 }
 
-/// A terminal that is gone is no reason to stop: failures are not looked at.
+/// A closed terminal is no reason to stop: failures are ignored.
 void draw(const std::string& text) {
   std::fputs(("\r\033[K" + text).c_str(), stderr);
   std::fflush(stderr);

@@ -1,5 +1,5 @@
 #pragma once
-// What happens on the terminal while a solve runs: a progress line, and Ctrl-C.
+// Interaction with the terminal during a solve: a progress line, and Ctrl-C.
 
 #include "core/solve/solve.hpp"
 
@@ -10,7 +10,7 @@
 
 namespace bromwich::app {
 
-/// One self-overwriting line on standard error, at most ten times a second; silent where that is no terminal.
+/// One self-overwriting line on standard error, at most ten times a second; silent if that is not a terminal.
 class ProgressLine {
  public:
   ProgressLine();
@@ -29,15 +29,15 @@ class ProgressLine {
   Clock::time_point next_;
 };
 
-/// From now on the first SIGINT or SIGTERM only sets a flag, so that the valid part is written; a second one removes
-/// the temporary file that is being written, if there is one, and ends the process as usual.
+/// From now on the first SIGINT or SIGTERM only sets a flag, so that the valid part of the result is written. A second
+/// one removes the current temporary file, if there is one, and ends the process as usual.
 void catch_interrupts();
 bool interrupted();
 
-/// The file that a signal which ends the process removes first; "" = none. At most one at a time.
+/// The file that is removed before a signal ends the process; "" = none. At most one at a time.
 void remove_when_killed(const std::string& path);
 
-/// SIGINT, SIGTERM and SIGHUP wait while this lives: between steps that belong together.
+/// Delays SIGINT, SIGTERM and SIGHUP during its lifetime, around operations that must not be separated.
 class SignalsWait {
  public:
   SignalsWait();
@@ -49,12 +49,12 @@ class SignalsWait {
   sigset_t before_;
 };
 
-/// Before anything else is done: descriptors 0 to 2 are open, so that no file of the user takes their place, a file
-/// that grows beyond `ulimit -f` is an error of writing and not the end of the process, and an exception that nothing
-/// can catch (memory that runs out in a thread) ends in one line.
+/// To be called first. Opens descriptors 0 to 2 if they are closed, so that no user file gets their numbers. Makes a
+/// file beyond `ulimit -f` a write error instead of the end of the process. Lets an exception that cannot be caught
+/// (out of memory in a thread) end the process with one line.
 void prepare_process();
 
-/// "bromwich: MESSAGE" on standard error, in one line; nothing where that cannot be written.
+/// "bromwich: MESSAGE" on standard error, in one line; nothing if that cannot be written.
 void complain(const std::string& message);
 
 }  // namespace bromwich::app

@@ -17,7 +17,7 @@ std::string cpu_model() {
   std::ifstream file("/proc/cpuinfo");
   for (std::string line; std::getline(file, line);) {
     const auto colon = line.find(": ");
-    // x86 says "model name"; other architectures say "Model" or "CPU part" or nothing.
+    // The key is "model name" on x86, "Model" or "CPU part" or missing on other architectures.
     if (colon != std::string::npos && (line.starts_with("model name") || line.starts_with("Model")))
       return line.substr(colon + 2);
   }

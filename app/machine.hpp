@@ -1,5 +1,5 @@
 #pragma once
-// What the machine is, for the provenance of a measurement and to refuse what cannot fit.
+// Properties of the machine, for the provenance of a measurement and to reject scenes that do not fit into memory.
 
 #include <string>
 
@@ -7,7 +7,7 @@ namespace bromwich::app {
 
 std::string cpu_model();  ///< from /proc/cpuinfo, or "unknown"
 int cpu_cores();          ///< cores that this process may use
-double memory_bytes();  ///< physical memory, or the limit of the control group or of the process (ulimit) where smaller
-std::string utc_now();  ///< "2026-01-31T12:00:00Z"
+double memory_bytes();    ///< physical memory, or the limit of the control group or of the process (ulimit) if smaller
+std::string utc_now();    ///< "2026-01-31T12:00:00Z"
 
 }  // namespace bromwich::app

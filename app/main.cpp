@@ -29,7 +29,7 @@ int refuse(const std::string& message) {
   return exit_bad_input;
 }
 
-/// All values stay words here: the checks that follow the parser name what was found and what to do.
+/// The parser leaves all values as words: the later checks name the value found and the remedy.
 CLI::Option* add_word(CLI::App* command, const std::string& name, std::string& word, const char* unit,
                       const std::string& help) {
   const CLI::Validator not_empty(
@@ -52,19 +52,21 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_word(command, "--backend", a.backend, "NAME", "auto (default), cpu or cuda");
   add_word(command, "--steps", a.steps, "J", "time steps, with --tol of the first grid; default: the scene's own");
   add_word(command, "--tol", a.tolerance, "EPS",
-           "refine the grid until the error of every component of y and of the states asked for is below EPS times its "
-           "largest value");
-  add_word(command, "--tol-x", a.tolerance_x, "EPS", "the same for the states; alone: of the states only, all of them");
-  add_word(command, "--tol-y", a.tolerance_y, "EPS", "the same for y; alone: of y only");
-  add_word(command, "--atol", a.absolute_tolerance, "EPS", "error allowed besides, in the units of the scene");
-  add_word(command, "--max-steps", a.max_steps, "J", "steps that a tolerance may lead to; default 1048576");
-  add_word(command, "--max-seconds", a.max_seconds, "S", "seconds after which a tolerance leads to no further grid");
+           "refine the grid until the estimated error of every component of y and of the selected states is below EPS "
+           "times its largest value");
+  add_word(command, "--tol-x", a.tolerance_x, "EPS",
+           "the same for the states; without the other two: for all states and not for y");
+  add_word(command, "--tol-y", a.tolerance_y, "EPS", "the same for y; without the other two: for y only");
+  add_word(command, "--atol", a.absolute_tolerance, "EPS",
+           "absolute error, added to the relative one, in the units of the scene");
+  add_word(command, "--max-steps", a.max_steps, "J", "with a tolerance: largest number of steps; default 1048576");
+  add_word(command, "--max-seconds", a.max_seconds, "S", "with a tolerance: no further grid after this time");
   add_word(command, "--iteration-tol", a.iteration_tolerance, "EPS",
            "stop iterating at this change of y, relative to max(1,|y|); default 1e-12, or a thousandth of --tol");
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
   add_word(command, "--states", a.states, "LIST",
            "state components to write: none, all or 0,3,7; default: the scene's, or none");
-  add_word(command, "--out", a.out, "FILE.csv", "write t, y and the states asked for");
+  add_word(command, "--out", a.out, "FILE.csv", "write t, y and the selected states");
   add_word(command, "--at", a.at, "LIST", "with --out: rows at these times, 0.1,0.25, instead of the time points");
   add_word(command, "--switches", a.switches, "FILE.csv", "write when constraints become active and inactive");
   command->add_flag("--event-location", a.event_location,
@@ -72,15 +74,15 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_word(
       command, "--quantity", a.goal.quantity, "I",
       "method goal: loc (default), glob or loc+RHO, the violation of the energy balance step by step, over all time, "
-      "or with RHO times the integral of |x|^2; file (default where there is one): [quantity] of the scene file");
+      "or with RHO times the integral of |x|^2; file (default if the scene file has [quantity]): that quantity");
   add_word(command, "--scheme", a.goal.scheme, "NAME", "method goal: euler (default), midpoint or exponential");
   add_word(command, "--adjoint", a.goal.adjoint, "NAME",
            "method goal: exact (default), substitution, scan, doubling, jacobi:K");
   add_word(command, "--weights", a.goal.weights, "NAME",
            "method goal: local (default), interpolated or global weights of the residual");
   add_word(command, "--marking", a.goal.marking, "SHARE",
-           "method goal: halve the cells that carry this share of the error; auto (default), as many as pay; divide: "
-           "equal blocks, each into as many cells as its share asks for");
+           "method goal: halve the cells with this share of the error; auto (default): the most economical number of "
+           "cells; divide: equal blocks, each divided into cells according to its share");
   add_word(command, "--cycles", a.goal.cycles, "N", "method goal: refinements; default: until --steps or --tol");
   add_word(command, "--first-steps", a.goal.first_steps, "J", "method goal: steps of the first grid; default 20");
   command->add_flag("--energies", a.energies,
@@ -97,13 +99,13 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
       "  bromwich solve signorini --tol 1e-5\n"
       "  bromwich solve signorini --method contour --iteration-tol 1e-8 --json\n"
       "  bromwich solve ph-toy --method goal --steps 400 --states all --energies --out x.csv\n"
-      "Exit code: 0 solved, 2 bad input, 3 any other status (what is valid is still written).");
+      "Exit code: 0 solved, 2 bad input, 3 any other status (the valid part is still written).");
   return command;
 }
 
 CLI::App* add_bench(CLI::App& app, BenchArguments& a) {
-  CLI::App* command = app.add_subcommand("bench", "measure methods against each other");
-  command->add_option("NAME", a.words, "a benchmark, and the scene where it takes one")->option_text("[SCENE]");
+  CLI::App* command = app.add_subcommand("bench", "measure and compare methods");
+  command->add_option("NAME", a.words, "a benchmark, and a scene if it uses one")->option_text("[SCENE]");
   add_settings(command, a.settings);
   add_word(command, "--steps", a.steps, "J", "time steps; default: the benchmark's own sizes");
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
@@ -116,7 +118,7 @@ CLI::App* add_bench(CLI::App& app, BenchArguments& a) {
   return command;
 }
 
-/// The parser says only that a command is missing; the word that stands in its place is worth naming.
+/// The parser only reports a missing command; this also names the word in its place.
 void check_command(int argc, char** argv) {
   const std::string word = argc > 1 ? argv[1] : "";
   for (const std::string& name : commands)
@@ -126,7 +128,7 @@ void check_command(int argc, char** argv) {
               fmt::format("begin with one of {}; 'bromwich --help' shows how", join(commands)));
 }
 
-/// What was found and what to do, for a line that the parser refuses.
+/// The value found and the remedy, for a line that the parser rejects.
 std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   const auto used = app.get_subcommands();
   const CLI::App& command = used.empty() ? app : *used.front();
@@ -143,9 +145,9 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error) {
 
 int run(int argc, char** argv) {
   CLI::App app{
-      "Solves differential linear complementarity problems\n"
+      "Solves linear complementarity systems (nonsmooth dynamics)\n"
       "  x' = A x + B y + f(t),  0 <= y  perpendicular to  w = N x + M y + g(t) >= 0\n"
-      "for all time points at once by contour integrals, or step by step.",
+      "for all time points at once by contour integrals, or by time stepping.",
       "bromwich"};
   app.get_formatter()->column_width(28);
   app.set_version_flag("--version", fmt::format("bromwich {}", build_info::version), "print the version and exit");
@@ -202,7 +204,7 @@ int guarded_main(int argc, char** argv) {
 int main(int argc, char** argv) {
   bromwich::app::prepare_process();
 #if defined(__GLIBC__)
-  // Tables over time that are freed serve the next ones: fresh pages cost more than what is computed with them.
+  // Keeps freed memory for later tables over time: fresh pages cost more than the computations with them.
   mallopt(M_MMAP_MAX, 0);
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
 #endif

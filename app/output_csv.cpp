@@ -21,7 +21,7 @@ void append(fmt::memory_buffer& text, double value) {
     fmt::format_to(std::back_inserter(text), ",{}", value);
 }
 
-/// `count` values of row j; what the array does not hold is nan.
+/// `count` values of row j; nan for values that the array does not have.
 void append_row(fmt::memory_buffer& text, const RowMatrix& values, Index j, Index count) {
   for (Index i = 0; i < count; ++i) append(text, j < values.rows() && i < values.cols() ? values(j, i) : std::nan(""));
 }
@@ -30,10 +30,10 @@ bool any_finite(const RowMatrix& values, Index j) {
   return j < values.rows() && values.row(j).array().isFinite().any();
 }
 
-/// A row with a value in it; of a result that is not solved only those are written.
+/// Whether a row has a value; only such rows are written for a result that is not solved.
 bool valid(const Result& result, Index j) { return any_finite(result.y, j) || any_finite(result.x, j); }
 
-/// Of a result that is not solved, behind its rows.
+/// The comment after the rows of a result that is not solved.
 void append_end(fmt::memory_buffer& text, const Result& result) {
   if (result.status == Status::solved) return;
   Index last = result.t.size() - 1;

@@ -14,16 +14,16 @@ struct Energies {
   PowerBalance power;
 };
 
-/// Header `t,y0,...,x<component>,...` and one row per time; shortest decimals that give the same doubles back, `nan`
-/// where there is no value. `constraints` columns of y are written even where the result holds none. With `energies`
-/// the columns energy, supplied_power and dissipated_power at the time, and supplied, dissipated and violation, the
-/// energies of the step that ends there.
+/// Header `t,y0,...,x<component>,...` and one row per time. Numbers are the shortest decimals that round to the same
+/// doubles, `nan` for missing values. `constraints` columns of y are written even if the result has none. With
+/// `energies`, the columns energy, supplied_power and dissipated_power at the time, and supplied, dissipated and
+/// violation over the step that ends there.
 void write_csv(const Result& result, Index constraints, std::FILE* file, const Energies* energies = nullptr);
-/// The rows of `sampled`, at other times than those of `result`.
+/// The same for the rows of `sampled`, at other times than those of `result`.
 void write_csv(const Result& sampled, const Result& result, Index constraints, std::FILE* file,
                const Energies* energies = nullptr);
 
-/// Header `t,component,on,error` and one row per switch; the same comment behind them.
+/// Header `t,component,on,error` and one row per switch, followed by the same comment.
 void write_switches_csv(const std::vector<Switch>& switches, const Result& result, std::FILE* file);
 
 }  // namespace bromwich::app

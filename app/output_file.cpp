@@ -31,11 +31,11 @@ void check_name(const std::string& argument, const std::string& name, const std:
   const std::string remedy = "give a file name that ends in " + extension;
   if (name.empty() || name[0] == '-') throw refused(argument, name, "is not a file name", remedy);
   if (found == ".h5" || found == ".npz")
-    throw refused(argument, name, "asks for a format that is not available yet", remedy);
+    throw refused(argument, name, "needs a format that is not available yet", remedy);
   if (found != extension) throw refused(argument, name, fmt::format("does not end in {}", extension), remedy);
 }
 
-/// The file that a name stands for, whether it exists or not: links are followed, also those that lead nowhere yet.
+/// The target of a file name, whether it exists or not: symbolic links are followed, also dangling ones.
 fs::path resolve(const std::string& name, std::error_code& failure) {
   fs::path path = fs::absolute(name, failure);
   for (int links = 0; !failure && links < 40; ++links) {
@@ -51,13 +51,13 @@ fs::path resolve(const std::string& name, std::error_code& failure) {
   return path;
 }
 
-/// The file while it is filled: without a name, or with that of a temporary where the file system needs one.
+/// The file while it is written: without a name, or with a temporary name if the file system needs one.
 class Unfinished {
  public:
   explicit Unfinished(const fs::path& temporary) : temporary_(temporary) {
     int descriptor = -1;
 #ifdef O_TMPFILE
-    // A name is given to it through /proc.
+    // It gets its name through /proc.
     if (::access("/proc/self/fd", X_OK) == 0)
       descriptor = ::open(temporary.parent_path().c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
 #endif
@@ -82,9 +82,9 @@ class Unfinished {
 
   std::FILE* file() const { return file_; }
 
-  /// The file is whole: it takes the place of `target`. False, with errno, where that fails.
+  /// Replaces `target` by the complete file. False, with errno, if that fails.
   bool finish(const fs::path& target) {
-    const SignalsWait wait;  // with the short life of a name that is not the target's
+    const SignalsWait wait;  // while the temporary name exists
     const bool written = std::ferror(file_) == 0 && std::fflush(file_) == 0;
     if (!written) return false;
     if (!named_) {
@@ -101,7 +101,7 @@ class Unfinished {
 
  private:
   fs::path temporary_;
-  bool named_ = false;  ///< `temporary_` is there
+  bool named_ = false;  ///< `temporary_` exists
   std::FILE* file_ = nullptr;
 };
 
@@ -136,7 +136,7 @@ void OutputFile::write(const std::function<void(std::FILE*)>& fill) const {
   Unfinished unfinished(temporary_);
   if (!unfinished.file()) throw fail(std::strerror(errno));
   struct stat previous {};
-  // Keeping the mode of the file that is replaced is a courtesy: a failure changes nothing that was promised.
+  // The mode of the replaced file is kept if possible; a failure is ignored.
   if (::stat(target_.c_str(), &previous) == 0)
     std::ignore = ::fchmod(::fileno(unfinished.file()), previous.st_mode & 07777);
   errno = 0;

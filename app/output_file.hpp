@@ -1,5 +1,5 @@
 #pragma once
-// A file of the user that is written whole or not at all.
+// A file of the user that is written completely or not at all.
 
 #include <cstdio>
 #include <filesystem>
@@ -8,11 +8,12 @@
 
 namespace bromwich::app {
 
-/// Checks when made that FILE can be written, without touching it; write() fills a file beside it and puts it in FILE's
-/// place. Where the file system offers it that file has no name until then, so that a killed process leaves nothing.
+/// The constructor checks that FILE can be written, without changing it. write() fills another file in the same folder
+/// and replaces FILE by it. If the file system supports it, that file has no name until then, so a killed process
+/// leaves nothing behind.
 class OutputFile {
  public:
-  /// Throws Error, naming `argument`, where the name does not end in `extension`, or the file or its folder cannot be
+  /// Throws Error, naming `argument`, if the name does not end in `extension`, or if the file or its folder cannot be
   /// written.
   OutputFile(const std::string& argument, const std::string& name, const std::string& extension);
 
@@ -21,8 +22,8 @@ class OutputFile {
 
  private:
   std::string argument_, name_;
-  std::filesystem::path target_;     ///< symbolic links resolved, so that a link stays one
-  std::filesystem::path temporary_;  ///< beside the target: a rename within one folder is atomic
+  std::filesystem::path target_;     ///< with symbolic links resolved, so that links are kept
+  std::filesystem::path temporary_;  ///< in the folder of the target: a rename within one folder is atomic
 };
 
 }  // namespace bromwich::app

@@ -8,7 +8,7 @@
 
 namespace bromwich::app {
 
-/// Keys in the order they are written.
+/// JSON whose keys keep the order of insertion.
 using Json = nlohmann::ordered_json;
 
 /// The object that `solve --json` prints, schema "bromwich/1". Numbers that are not finite become null.

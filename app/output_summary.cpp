@@ -80,7 +80,7 @@ std::string split_line(const Seconds& s) {
                      format_seconds(s.convolution), format_seconds(s.transform), format_seconds(s.other));
 }
 
-/// The last row is what one looks at first.
+/// The range of y in the last row.
 std::string last_line(const Result& result) {
   if (result.y.size() == 0) return "not reached";
   const auto last = result.y.row(result.y.rows() - 1);

@@ -8,7 +8,7 @@
 
 namespace bromwich::app {
 
-/// What `solve` prints for people: about ten aligned lines. `out` is the file that was written, or empty.
+/// The text output of `solve`: about ten aligned lines. `out` is the written file, or empty.
 std::string summary(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error,
                     const std::string& out);
 

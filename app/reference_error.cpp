@@ -26,7 +26,7 @@ Position position(const Result& result, double t) {
   const auto behind = std::upper_bound(result.t.begin(), result.t.end(), t);
   const Index row = std::clamp<Index>(behind - result.t.begin() - 1, 0, result.t.size() - 2);
   const double weight = (t - result.t[row]) / (result.t[row + 1] - result.t[row]);
-  // A time point that was written with fewer digits than it has is still that time point.
+  // A time point written with fewer digits still matches.
   if (weight < 1e-6) return {row, 0};
   if (weight > 1 - 1e-6) return {row + 1, 0};
   return {row, weight};
@@ -37,7 +37,7 @@ double between(const RowMatrix& values, const Position& at, Index column) {
   return at.weight > 0 ? (1 - at.weight) * left + at.weight * values(at.row + 1, column) : left;
 }
 
-/// The whole state at one time; NaN where it is not known.
+/// The whole state at one time; NaN if not known.
 Vector state_at(const SceneChoice& choice, Backend& backend, const Result& result, const Position& at) {
   Vector x = Vector::Constant(choice.scene.states(), std::numeric_limits<double>::quiet_NaN());
   for (std::size_t i = 0; i < result.x_components.size(); ++i)
@@ -48,7 +48,7 @@ Vector state_at(const SceneChoice& choice, Backend& backend, const Result& resul
     if (at.weight > 0) rows.push_back(at.row + 1);
     const Matrix found = states_at(choice.scene, backend, result, rows);
     x = at.weight > 0 ? Vector((1 - at.weight) * found.col(0) + at.weight * found.col(1)) : Vector(found.col(0));
-  } catch (const Error&) {  // not every kernel gives states afterwards; they are then not compared
+  } catch (const Error&) {  // not every kernel can compute states afterwards; they are then not compared
   }
   return x;
 }
@@ -73,7 +73,7 @@ ReferenceError against_reference(const SceneChoice& choice, Backend& backend, co
 ReferenceError against_exact(const Scene& scene, const Result& result) {
   ReferenceError error;
   Vector x(scene.states()), y(scene.constraints());
-  for (Index j = (result.t.size() + 14) / 16; j < result.t.size(); ++j) {  // y(0) may be void
+  for (Index j = (result.t.size() + 14) / 16; j < result.t.size(); ++j) {  // y(0) may be undetermined
     scene.exact(result.t[j], x, y);
     for (Index i = 0; i < y.size(); ++i) compare(result.y(j, i), y[i], error.y);
     for (std::size_t i = 0; i < result.x_components.size(); ++i)

@@ -8,17 +8,17 @@
 
 namespace bromwich::app {
 
-/// Largest absolute errors; empty where nothing was compared.
+/// Largest absolute errors; empty if nothing was compared.
 struct ReferenceError {
   std::optional<double> x, y;
 };
 
-/// x and y each against the known values of [reference] at its time, linear between the time points beside it; without
-/// such values against the exact solution at all valid time points. Of x, only what was computed is compared with the
-/// exact solution; for [reference] the missing states are computed where that takes a few shifted solves.
+/// Compares x and y each with the values of [reference] at its time, by linear interpolation between time points;
+/// without such values, with the exact solution at all valid time points. Only computed components of x are compared
+/// with the exact solution; for [reference], missing states are computed if that takes only a few shifted solves.
 ReferenceError reference_error(const SceneChoice& choice, Backend& backend, const Result& result);
 
-/// Whether there is anything to compare with.
+/// Whether there are values for a comparison.
 bool has_reference(const SceneChoice& choice);
 
 }  // namespace bromwich::app

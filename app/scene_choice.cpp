@@ -20,7 +20,7 @@ std::vector<std::string> scene_names() {
   return names;
 }
 
-/// A SCENE that can only be meant as a file.
+/// Whether SCENE can only be a file name.
 bool looks_like_file(const std::string& name) {
   std::string extension = std::filesystem::path(name).extension();
   for (char& c : extension) c = char(std::tolower(static_cast<unsigned char>(c)));
@@ -50,7 +50,7 @@ SceneChoice choose_file(const std::string& name, const ParameterValues& settings
     throw Error("SCENE", fmt::format("the file '{}' does not exist", name),
                 "give the path of a scene file; 'bromwich solve --template' prints one to start from");
   SceneFile file = read_scene_file(name, settings);
-  if (!settings.empty()) file.reference.reset();  // it belongs to the parameters of the file
+  if (!settings.empty()) file.reference.reset();  // it is valid for the parameters of the file
   return {std::move(file.scene),    std::move(file.parameters), std::move(file.states), std::move(file.reference),
           std::move(file.quantity), std::move(file.warning),    std::move(file.inputs)};
 }
@@ -63,7 +63,7 @@ SceneChoice choose_scene(const std::string& name, const ParameterValues& setting
   check_keys(recipe, settings);
   SceneChoice choice{make_scene(name, settings), settings, "none", std::nullopt};
   for (const SceneParameter& parameter : recipe.parameters) choice.parameters.emplace(parameter.name, parameter.value);
-  // A parameter given instead of another one leaves that one without meaning, and the other way round.
+  // Of two parameters that replace each other, only the given one is kept.
   for (const SceneParameter& parameter : recipe.parameters)
     if (!parameter.replaces.empty())
       choice.parameters.erase(settings.contains(parameter.name) ? parameter.replaces : parameter.name);

@@ -8,7 +8,7 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr Index most_states = 400;  ///< all eigenvalues of a dense matrix take a second beyond
+constexpr Index most_states = 400;  ///< above, all eigenvalues of a dense matrix take more than a second
 
 }  // namespace
 

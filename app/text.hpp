@@ -1,5 +1,5 @@
 #pragma once
-// Small text helpers of the command: quantities for people to read, besides what files/words.hpp has.
+// Text helpers of the command: formatted quantities, in addition to files/words.hpp.
 
 #include "files/words.hpp"
 

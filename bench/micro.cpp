@@ -1,4 +1,4 @@
-// Micro-benchmarks of the backend's operations beside what the machine can do, measured in the same run (Google
+// Micro-benchmarks of the backend's operations and of the limits of the machine, measured in the same run (Google
 // Benchmark). scripts/bench_micro runs them and writes bench/results/micro.json.
 //
 //   bench_micro --benchmark_filter=lcp

@@ -1,11 +1,11 @@
 #pragma once
-// What the micro-benchmarks share: one backend, arrays of random numbers with fixed seeds, and the counters of a row.
+// Common parts of the micro-benchmarks: one backend, arrays of random numbers with fixed seeds, the counters of a row.
 //
 // counter           meaning, all of one call
 // bytes_per_second  compulsory traffic: every input read once, every output written once, tables of the plan included
 // flops             useful floating-point operations per second; a multiply-add is two, a complex one eight
-// divisions         divisions per second, as the code performs them
-// footprint         bytes of everything a call reads or writes: the size at which the memory ceiling is taken
+// divisions         divisions per second that the code performs
+// footprint         bytes of everything a call reads or writes: the size at which the memory ceiling is measured
 
 #include "core/seam/backend.hpp"
 
@@ -46,16 +46,16 @@ struct Field {
   std::unique_ptr<Array> in, out;
 };
 
-/// What one call does; zero where it is not counted.
+/// Operations of one call; zero if not counted.
 struct Work {
   double bytes = 0, flops = 0, divisions = 0, footprint = 0;
 };
 void count(benchmark::State& state, const Work& work);
 
-/// `each` things a call, as a rate.
+/// A rate from `each` items per call.
 benchmark::Counter rate(double each);
 
-/// max |a - b| / max |b|; infinite where a value is not finite.
+/// max |a - b| / max |b|; infinite if a value is not finite.
 double relative_difference(const RowMatrix& a, const RowMatrix& b);
 
 void register_ceilings();

@@ -1,16 +1,16 @@
-// What the machine can do, with as many threads as the backend.
+// Limits of the machine, with as many threads as the backend.
 //
 // name      per value                      bytes  what
-// copy      a = b                          16     the C library's copy, which passes by the caches for large blocks
+// copy      a = b                          16     the C library's copy, which bypasses the caches for large blocks
 // triad     a = b + s c                    24     STREAM's triad (McCalpin 1995)
 // update    a = a + b + c                  32     the streams of the batched complementarity problems
 // gemm      C += A B, square matrices      -      Eigen, one product a thread
 // fma       a = a b + c in registers       -      eight doubles at a time
 // divide    a = 1/a in registers           -      eight doubles at a time
 //
-// Bytes are counted as STREAM counts them: what a store brings into the cache first is not traffic. Every thread
-// allocates, first touches and then streams arrays of its own, and repeats its pass inside one parallel region until
-// `least_traffic` has moved, so that small sizes show the caches and not the waking of threads.
+// Bytes are counted as in STREAM: the cache lines that a store loads first are not counted. Every thread allocates,
+// first touches and then streams arrays of its own, and repeats its pass inside one parallel region until
+// `least_traffic` has moved, so that small sizes measure the caches and not the start of threads.
 
 #include "bench/micro.hpp"
 
@@ -47,7 +47,7 @@ double largest_footprint() {
   return found;
 }
 
-// One set of arrays a thread for all sizes: two of them hold the largest footprint, smaller ones take the front.
+// One set of arrays per thread for all sizes: two arrays have the largest footprint, smaller sizes use their front.
 std::vector<Arrays>& parts() {
   static std::vector<Arrays> made = [] {
     std::vector<Arrays> all(static_cast<std::size_t>(threads()));
@@ -62,7 +62,7 @@ std::vector<Arrays>& parts() {
   return made;
 }
 
-// `arrays` of them hold `footprint` bytes over all threads; a pass reads or writes `streams` arrays.
+// `arrays` arrays have `footprint` bytes over all threads; a pass reads or writes `streams` arrays.
 void stream(benchmark::State& state, void (*pass)(Arrays&, Index), int arrays, int streams) {
   const double footprint = double(state.range(0));
   const Index size = Index(footprint) / (Index(sizeof(double)) * arrays * threads()) / 8 * 8;
@@ -95,13 +95,13 @@ void gemm(benchmark::State& state) {
 
 typedef double Wide __attribute__((vector_size(64)));
 #if defined(__AVX512F__)
-constexpr int chains = 12;  // two units of latency four want eight
+constexpr int chains = 12;  // two units with latency four need eight
 #else
 constexpr int chains = 4;  // of two or more registers each
 #endif
 constexpr long rounds = 1 << 15;
 
-// `step` on `chains` independent values, again and again. They live in a copy whose address nobody takes: registers.
+// Repeats `step` on `chains` independent values, in a local copy that stays in registers.
 template <class Step>
 void in_registers(Step step) {
 #pragma omp parallel num_threads(threads())

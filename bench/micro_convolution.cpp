@@ -37,7 +37,7 @@ struct Kernel {
   LagTable lags;
 };
 
-// Both forms of one kernel on one field.
+// Both forms of a kernel on the same input.
 bool agree(const Kernel& kernel, Index J, Index inputs, Index outputs) {
   const auto y = device(Random(2).matrix(J + 1, inputs)), scan = backend().array(J + 1, outputs),
              fft = backend().array(J + 1, outputs);
@@ -46,7 +46,7 @@ bool agree(const Kernel& kernel, Index J, Index inputs, Index outputs) {
   return relative_difference(host(*scan), host(*fft)) <= accepted_difference;
 }
 
-// Made once: repetitions share them. Empty where the two forms of the kernel disagree.
+// Made once for all repetitions. Empty if the two forms of the kernel disagree.
 using Kernels = std::map<std::pair<Index, Index>, std::unique_ptr<Kernel>>;
 
 const Kernel* modal_kernel(Index n, Index J) {
@@ -85,7 +85,7 @@ void apply(benchmark::State& state, Convolution& plan, const Field& field, doubl
 
 constexpr const char* disagreement = "scan and FFT disagree";
 
-// By exponentials, or by lags where a mode remembers few: what v needs, whatever a backend does.
+// Operations by exponentials, or by lags for modes with short memory: what v needs, for any backend.
 double modal_flops(const ModalRecurrence& r, Index J) {
   double sum = 0;
   for (const Index lags : memory_lengths(r, J)) sum += std::min(4 * double(r.exponentials()), 2 * double(lags));

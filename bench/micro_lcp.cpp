@@ -1,19 +1,19 @@
-// Batches of complementarity problems by structure and size: one problem a row, known solutions with half the
+// Batches of complementarity problems by structure and size: one problem per row, known solutions with half the
 // constraints active.
 //
 // symbol  meaning
 // q       w - M y for y, w >= 0 with y_i w_i = 0, so that y is a solution; q = r + v is split at random
-// random  every index of every row is active with probability 1/2, y and w uniform in (0, 1): rows have nothing in
-//         common, the worst case for solvers that keep their active set from one row to the next
+// random  every index of every row is active with probability 1/2, y and w uniform in (0, 1): rows are independent, the
+//         worst case for solvers that keep their active set from one row to the next
 // smooth  y_i = max(0, z_i), w_i = max(0, -z_i), z_i a sine over the rows with one to eight periods, as in time
 // warm    every call starts from the solution, as the last sweeps of an iteration do: it confirms the active set
 // cold    every call starts from y = 0, set outside the timing
 //
-// Traffic: r, v and y read, y written, 32 bytes a constraint. Useful operations a sweep: 15 a constraint for the Thomas
-// algorithm and w (7 eliminate, 2 substitute, 6 for w); 2/3 s^3 + 2 s^2 + 2 n s for a dense matrix with s active
-// constraints, or 2 n s where the transform of the active set is at hand (smooth). Divisions: one a constraint and
-// sweep, where the lanes of the backend eliminate (tridiagonal, dense up to n = 16). Not counted for PSD and unknown M,
-// where pivoting or a least-norm solution may follow: there a sweep is another thing.
+// Traffic: r, v and y read, y written, 32 bytes per constraint. Useful operations per sweep: 15 per constraint for the
+// Thomas algorithm and w (7 eliminate, 2 substitute, 6 for w); 2/3 s^3 + 2 s^2 + 2 n s for a dense matrix with s active
+// constraints, or 2 n s if the transform of the active set is available (smooth). Divisions: one per constraint and
+// sweep if the lanes of the backend eliminate (tridiagonal, dense up to n = 16). Not counted for PSD and unknown M,
+// where pivoting or a least-norm solution may follow and a sweep is different.
 
 #include "bench/micro.hpp"
 
@@ -46,7 +46,7 @@ LcpMatrix tridiagonal_Z(Index n, Random&) {
   return Tridiagonal{Vector::Constant(n, -1), Vector::Constant(n, 2.5), Vector::Constant(n, -1)};
 }
 
-// Positive definite symmetric part, as large a skew one.
+// Positive definite symmetric part and an equally large skew part.
 LcpMatrix dense_P(Index n, Random& random) {
   const Matrix G = random.matrix(n, n), S = random.matrix(n, n);
   return Matrix(G * G.transpose() / double(n) + (S - S.transpose()) / 2 + 0.2 * Matrix::Identity(n, n));
@@ -65,7 +65,7 @@ LcpMatrix dense_PSD(Index n, Random& random) {
   return Matrix(G * G.transpose() / double(n));
 }
 
-// All entries positive, all minors of order two negative: strictly copositive, so that pivoting ends (Lemke), but
+// All entries positive, all minors of order two negative: strictly copositive, so that Lemke's pivoting ends, but
 // neither P nor PSD.
 LcpMatrix dense_unknown(Index n, Random& random) {
   Matrix M = random.matrix(n, n).array() / 2 + 1.1;
@@ -73,7 +73,7 @@ LcpMatrix dense_unknown(Index n, Random& random) {
   return M;
 }
 
-// y - w, one row a problem.
+// y - w, one row per problem.
 RowMatrix complementary_pairs(Index rows, Index n, bool smooth, Random& random) {
   RowMatrix z(rows, n);
   if (!smooth) {
@@ -161,8 +161,8 @@ void register_lcp() {
     for (const Index n : {1, 2, 4, 8, 16, 32, 64}) {
       add({"lcp_dense/class:P", dense_P, LcpClass::P, false, warm})->Args({n, 4096});
       add({"lcp_dense/class:Z", dense_Z, LcpClass::Z, false, warm})->Args({n, 4096});
-      if (n == 1) continue;  // a number is P
-      // Pivoting takes its time; fewer rows then.
+      if (n == 1) continue;  // a positive number is P
+      // Pivoting is slow: fewer rows.
       const Index rows = n <= 8 ? 4096 : 256;
       add({"lcp_dense/class:PSD", dense_PSD, LcpClass::PSD, false, warm})->Args({n, rows});
       add({"lcp_dense/class:unknown", dense_unknown, LcpClass::unknown, false, warm})->Args({n, rows});

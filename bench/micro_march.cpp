@@ -1,8 +1,8 @@
-// Steps of the march through the signorini scene (T = 4, 400 steps): the recurrence's state, two sine transforms and
-// one complementarity problem a step.
+// Marching the signorini scene (T = 4, 400 steps): the recurrence's state, two sine transforms and one complementarity
+// problem per step.
 //
-// Counted is the work on the state alone, K exponentials in each of n modes: decay and output read, the state read and
-// written once in a block of 16 steps, 32 bytes, and 4 operations per exponential, mode and step. K is the number of
+// Only the work on the state is counted, K exponentials in each of n modes: decay and output read, the state read and
+// written once per block of 16 steps, 32 bytes, and 4 operations per exponential, mode and step. K is the number of
 // eigenvalues Q (modal, Euler) or that of the compressed kernel.
 
 #include "bench/micro.hpp"

@@ -6,8 +6,8 @@
 // sparse     10      nodes           8 a complex multiply-add below and on the diagonal of every front, columns of
 //                                    inputs (with the test column) and rows of outputs included
 //
-// Sparse: the second differences of a G x G square, m = G^2; the time holds the symbolic analysis, made in every call.
-// No traffic is counted: inputs and results are small, and the factors are the algorithm's own.
+// Sparse: the second differences of a G x G square, m = G^2; the time includes the symbolic analysis of every call.
+// No traffic is counted: inputs and results are small, and factors are internal.
 
 #include "bench/micro.hpp"
 

@@ -2,11 +2,11 @@
 //
 //     bromwich_random_scenes [--count 10000] [--first-seed 0] [--out FILE.json]
 //
-// Prints how often each family of scenes ended with which status, and the silent failures: results that are not what
-// their status says. Ends with 1 where there is one. The numbers depend on the seeds only, up to rounding.
+// Prints how often each family of scenes ended with which status, and the silent failures: results that contradict
+// their status. The exit code is 1 if there is one. The numbers depend on the seeds only, up to rounding.
 
 #include "cpu/cpu_backend.hpp"
-#include "tests/verdict.hpp"
+#include "tests/support/verdict.hpp"
 
 #include <nlohmann/json.hpp>
 

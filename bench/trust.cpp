@@ -1,15 +1,15 @@
-// Many random small scenes with every kind of source, solved to a tolerance and compared with the event-located oracle.
+// Many random small scenes with every kind of source, solved to a tolerance and compared with the oracle with event
+// location.
 //
 //     bromwich_trust [--count 300] [--first-seed 0] [--seed K] [--method auto] [--tol 1e-3] [--steps J]
 //                    [--seconds 3] [--list all|wrong|refused|none] [--out FILE.json]
 //
-// Counts what was solved right, solved wrong (an error above three times the tolerance), refused though changing the
-// data by 1e-10 moves the solution by less than a tenth of the tolerance, and refused otherwise; scenes that the oracle
-// cannot decide are counted apart. --seed K: one scene, all about it. --steps J: fixed steps instead of a tolerance,
-// with
-// --tol for the judgement. Ends with 1 where a result is wrong.
+// Counts scenes solved correctly, solved wrong (an error above three times the tolerance), refused although a change of
+// the data by 1e-10 moves the solution by less than a tenth of the tolerance, and refused otherwise. Scenes that the
+// oracle cannot decide are counted separately. --seed K: one scene in detail. --steps J: fixed steps instead of a
+// tolerance, with --tol for the judgement. The exit code is 1 if a result is wrong.
 
-#include "tests/trust.hpp"
+#include "tests/support/trust.hpp"
 #include "core/base/error.hpp"
 #include "cpu/cpu_backend.hpp"
 
@@ -75,7 +75,7 @@ Arguments parse(int argc, char** argv) {
 using Clock = std::chrono::steady_clock;
 double since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-/// Digits as one '#', so that reasons of one kind are one.
+/// Replaces digits by one '#', to group reasons of one kind.
 std::string kind_of(const std::string& reason) {
   std::string kind;
   for (const char c : reason) {
@@ -146,7 +146,7 @@ Outcome run(std::uint32_t seed, Backend& backend, const Arguments& a) {
     o.warning = r.warning;
     o.method = to_string(r.method);
     o.steps = r.steps;
-    // Of x alone where y is not unique, or has impulses and its mean is not what was controlled.
+    // The error of x only, if y is not unique, or if y has impulses and its mean was not controlled.
     const bool same_y = truth.y_unique && (truth.jumps == 0 || (r.errors && r.errors->of_integral));
     o.estimate = same_y || !r.errors ? r.error_estimate.value_or(NAN) : r.errors->states;
     if (r.status == Status::solved && truth.decided) o.error = oracle::true_error(s, truth, r);
@@ -226,7 +226,7 @@ Summary summarise(const std::vector<Outcome>& all, double tolerance) {
     if (o.verdict == "undecided") {
       ++s.undecided[o.why_undecided.substr(0, o.why_undecided.find(" at t"))];
     }
-    // Below this, rounding and the comparison itself decide.
+    // Smaller errors are dominated by rounding and the comparison itself.
     if (o.status == "solved" && o.verdict != "undecided" && !std::isnan(o.estimate) &&
         o.error.largest() > 1e-6 * tolerance)
       s.effectivity.push_back(o.estimate / o.error.largest());
@@ -271,7 +271,7 @@ void print(const Summary& s, std::size_t count) {
 }
 
 void write(const Arguments& a, const std::vector<Outcome>& all, const Summary& s) {
-  ordered_json rows = ordered_json::array();  // without those that are as they should be
+  ordered_json rows = ordered_json::array();  // without the correct ones
   for (const Outcome& o : all)
     if (o.verdict != "right" && o.verdict != "undecided") rows.push_back(as_json(o));
   ordered_json quantiles;

@@ -3,12 +3,12 @@
 include_guard(GLOBAL)
 add_library(
   bromwich_oracle STATIC
-  ${PROJECT_SOURCE_DIR}/tests/oracle.cpp ${PROJECT_SOURCE_DIR}/tests/oracle_collocation.cpp
-  ${PROJECT_SOURCE_DIR}/tests/oracle_events.cpp ${PROJECT_SOURCE_DIR}/tests/oracle_galerkin.cpp
-  ${PROJECT_SOURCE_DIR}/tests/oracle_modes.cpp
-  ${PROJECT_SOURCE_DIR}/tests/oracle_steps.cpp
-  ${PROJECT_SOURCE_DIR}/tests/random_scenes.cpp ${PROJECT_SOURCE_DIR}/tests/random_sources.cpp
-  ${PROJECT_SOURCE_DIR}/tests/trust.cpp ${PROJECT_SOURCE_DIR}/tests/verdict.cpp)
+  ${PROJECT_SOURCE_DIR}/tests/support/oracle.cpp ${PROJECT_SOURCE_DIR}/tests/support/oracle_collocation.cpp
+  ${PROJECT_SOURCE_DIR}/tests/support/oracle_events.cpp ${PROJECT_SOURCE_DIR}/tests/support/oracle_galerkin.cpp
+  ${PROJECT_SOURCE_DIR}/tests/support/oracle_modes.cpp
+  ${PROJECT_SOURCE_DIR}/tests/support/oracle_steps.cpp
+  ${PROJECT_SOURCE_DIR}/tests/support/random_scenes.cpp ${PROJECT_SOURCE_DIR}/tests/support/random_sources.cpp
+  ${PROJECT_SOURCE_DIR}/tests/support/trust.cpp ${PROJECT_SOURCE_DIR}/tests/support/verdict.cpp)
 target_link_libraries(bromwich_oracle PUBLIC bromwich::core PRIVATE bromwich::cpu bromwich_build_options)
 # Its templates are large and its problems small: the time goes into compiling it.
 target_compile_options(bromwich_oracle PRIVATE "$<$<CONFIG:Release>:-O1>")

@@ -65,6 +65,7 @@ class ModalConvolution final : public Convolution {
     }
     for (const auto& bunch : sums_)
       for (const DirectBlock& block : bunch.blocks) past_ = std::max(past_, block.past(rows));
+    if (sums_.empty()) start_from = [this](const Array& D) { take_start(D); };  // x0 is in the tables of sums
   }
 
   void apply(const Array& y_array, Array& v_array, Index first) override {
@@ -93,6 +94,12 @@ class ModalConvolution final : public Convolution {
       for (Index begin = first; begin < rows_; begin += tile)
         for (std::size_t s = 0; s < sums_.size(); ++s) sum(y, v, sums_[s], begin, std::min(rows_, begin + tile));
     }
+  }
+
+  void take_start(const Array& D) {
+    for (auto& bunch : scans_)
+      for (Index i = 0; i < bunch.modes.count; ++i)
+        bunch.blocks[std::size_t(i)].start_from(host(D), bunch.modes.first + i);
   }
 
   std::size_t bytes() const override {

@@ -27,6 +27,15 @@ ScanBlock::ScanBlock(const ModalRecurrence& r, Index b, Index rows)
   states_ = std::make_unique_for_overwrite<Lanes[]>(std::size_t(tiles_ * exponentials()));
 }
 
+void ScanBlock::start_from(const RowMatrix& D, Index b) {
+  for (Index k = 0; k < D.rows(); ++k) {
+    Bank& bank = banks_[std::size_t(k / group)];
+    const Lanes row = block_of_row(D.row(k).data(), b, D.cols()), E = bank.decay[k % group], C = bank.output[k % group];
+    for (Index lane = 0; lane < lanes; ++lane)
+      bank.initial[k % group][lane] = E[lane] == 0 ? 0 : row[lane] * E[lane] / C[lane];
+  }
+}
+
 double ScanBlock::cost(const ModalRecurrence& r) { return 2 * double((r.exponentials() + group - 1) / group * group); }
 
 void ScanBlock::advance(const Bank& bank, const Lanes* before, Lanes* after, const Lanes* y, Lanes* v, Index count) {

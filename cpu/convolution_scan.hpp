@@ -23,6 +23,9 @@ class ScanBlock {
   /// Modes 8b .. 8b + 7 of a convolution with `rows` rows.
   ScanBlock(const ModalRecurrence&, Index b, Index rows);
 
+  /// See Convolution::start_from; b as it was made with.
+  void start_from(const RowMatrix& D, Index b);
+
   /// Multiply-adds a mode and row.
   static double cost(const ModalRecurrence&);
 

@@ -1,5 +1,5 @@
-// A suspension bridge whose cables go slack: an undamped oscillator, imaginary spectrum, no contour. The engine uses
-// the matrix exponential and says so.
+// A suspension bridge whose cables go slack: an undamped oscillator. Its spectrum is imaginary, so no contour exists;
+// the solver uses the matrix exponential and reports it.
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"

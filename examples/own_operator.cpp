@@ -1,8 +1,8 @@
-// A Signorini problem on an L-shaped domain with operators of one's own: bromwich is given a function that solves
-// (zI - A) X = R, here by a sparse factorization, and never sees A.
+// A Signorini problem on an L-shaped domain with user-supplied dynamics: bromwich calls a function that solves
+// (zI - A) X = R, here by a sparse factorization, and does not need A itself.
 //
-//     x' = c Δx on [0, 1]^2 without its upper right quarter, x = 0 on the edge but for the side at the bottom, where
-//     0 <= y  ⊥  x + M y - obstacle(t) >= 0 and y flows in.
+//     x' = c Δx on [0, 1]^2 without its upper right quarter, x = 0 on the boundary except the bottom side, where
+//     0 <= y  ⊥  x + M y - obstacle(t) >= 0 and y is the inflow.
 
 #include <bromwich/bromwich.hpp>
 #include "cpu/cpu_backend.hpp"
@@ -32,7 +32,7 @@ int main() {
     const auto [i, j] = at;
     entries.emplace_back(row, row, -4 * c / (dx * dx));
     for (const auto& next : {std::pair(i - 1, j), std::pair(i + 1, j), std::pair(i, j - 1), std::pair(i, j + 1)}) {
-      // No flow through the bottom but y: the point below is the point itself.
+      // The only flow through the bottom is y: the point below is the point itself.
       const auto inside = number.find(next.second < 0 ? at : next);
       if (inside != number.end()) entries.emplace_back(row, inside->second, c / (dx * dx));
     }

@@ -1,4 +1,4 @@
-// Your own system in five minutes: an RLC circuit with a diode.
+// A system of your own: an RLC circuit with a diode.
 //
 //     C v' = -i - i_D,  L i' = v,  0 <= i_D ⊥ -v + R i_D >= 0,  v(0) = 10, i(0) = 0
 //

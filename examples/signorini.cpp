@@ -19,7 +19,7 @@ int main() {
                 long(r->iterations), r->residual, 1e3 * r->seconds.total, r->kernel.c_str());
   std::printf("largest difference of y: %.1e\n", (all_at_once.y - step_by_step.y).cwiseAbs().maxCoeff());
 
-  // The state is a by-product: here the temperature at the end, over the whole square, from a few contours.
+  // The state is computed on request: here the temperature at the end, in the whole square, from a few contours.
   const Matrix end = states_at(scene, *backend, all_at_once, {all_at_once.steps});
   std::printf("V at the centre of the square at t = %g: %.6f\n", scene.T, end(19 * 39 + 19, 0));
   return all_at_once.status == Status::solved ? 0 : 1;

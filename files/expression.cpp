@@ -20,12 +20,13 @@ namespace bromwich {
 
 namespace {
 
-/// muParser evaluates several results in one call, but refuses long texts: expressions share a parser up to here.
+/// muParser evaluates several results in one call, but rejects long texts: expressions share a parser up to this
+/// length.
 constexpr std::size_t longest_batch = 4000;
-/// Beyond, muParser refuses a single one too: it is evaluated as a Formula.
+/// Longer texts are rejected by muParser even alone: they are evaluated as a Formula.
 constexpr std::size_t longest_parsed = 19'000;
 
-/// Operations of formulas that are looked through for times where they switch: seconds at most.
+/// Operations of formulas spent on the search for switch times: seconds at most.
 constexpr long most_work = 20'000'000;
 
 bool parsed(const std::string& text) { return text.size() <= longest_parsed; }
@@ -80,7 +81,7 @@ constexpr std::array<Named<Variadic>, 2> variadic{{
     {"max", [](const double* values, int count) { return *std::max_element(values, values + count); }},
 }};
 
-/// With only the functions and constants above, whatever muParser brings along.
+/// A parser with only the functions and constants above, without muParser's own.
 mu::Parser make_parser(const ParameterValues& parameters) {
   mu::Parser parser;
   parser.ClearFun();
@@ -102,7 +103,7 @@ std::string quoted(std::string_view text) {
   return line.size() <= longest ? "'" + line + "'" : "'" + line.substr(0, longest) + "...'";
 }
 
-/// Past the number that starts at `begin`: "2.5e-3" holds no name e.
+/// The end of the number that starts at `begin`: the e in "2.5e-3" is not a name.
 std::size_t skip_number(std::string_view text, std::size_t begin) {
   const auto digits = [&](std::size_t i) {
     while (i < text.size() && (std::isdigit(static_cast<unsigned char>(text[i])) != 0 || text[i] == '.')) ++i;
@@ -147,7 +148,7 @@ bool contains(const std::vector<std::string>& words, const std::string& word) {
   return std::find(words.begin(), words.end(), word) != words.end();
 }
 
-/// What muParser would take for something else: "a = 2" assigns, "1,5" has two values.
+/// Rejects texts with another meaning in muParser: "a = 2" assigns, "1,5" has two values.
 void check_signs(const std::string& text, const std::string& where) {
   if (one_line(text).empty()) throw Error(where, "found an empty expression", "write a number or an expression");
   int depth = 0;
@@ -184,7 +185,7 @@ void check_names(const std::string& text, const ParameterValues& parameters, boo
   }
 }
 
-/// What `use` of a parser gives; what muParser throws becomes an Error about the text.
+/// Result of `use` of a parser; exceptions of muParser become an Error about the text.
 template <typename Use>
 auto guarded(const std::string& text, const std::string& where, const Use& use) {
   try {
@@ -209,7 +210,7 @@ double finite(double value, const std::string& text, const std::string& where) {
   return value;
 }
 
-/// The parsers of one thread. muParser keeps the address of t, so they stay where they were made.
+/// The parsers of one thread. muParser stores the address of t, so they must not be moved.
 class ParserSet {
  public:
   ParserSet(const std::vector<std::string>& texts, const ParameterValues& parameters) {
@@ -227,7 +228,7 @@ class ParserSet {
   ParserSet(const ParserSet&) = delete;
   ParserSet& operator=(const ParserSet&) = delete;
 
-  /// Hands every value to `write`, in the order of the texts.
+  /// Calls `write` for every value, in the order of the texts.
   template <typename Write>
   void evaluate(double t, const Write& write) {
     t_ = t;
@@ -244,13 +245,13 @@ class ParserSet {
   std::vector<mu::Parser> parsers_;
 };
 
-/// Parser sets that no thread is using. A thread takes one, or makes one where all are in use.
+/// Parser sets that no thread is using. A thread takes one, or makes one if all are in use.
 class TimeVector {
  public:
   TimeVector(Vector constants, ParameterValues parameters)
       : constants_(std::move(constants)), parameters_(std::move(parameters)) {}
 
-  /// Entry `row`, checked before.
+  /// Value of entry `row`; its text was checked before.
   void add(Index row, const std::string& text) {
     if (!parsed(text)) {
       long_.emplace_back(row, read_formula(text, parameters_, "expression"));
@@ -373,7 +374,7 @@ SwitchTimes Expressions::switch_times(const std::vector<std::string>& texts, dou
   return all;
 }
 
-/// The formula of a text, where it has the values that muParser gives.
+/// The formula of a text, if it has the same values as in muParser.
 std::optional<Formula> Expressions::understood(const std::string& text, double T) const {
   try {
     Formula formula = read_formula(text, implementation_->parameters, "expression");

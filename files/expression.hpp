@@ -1,8 +1,8 @@
 #pragma once
 // Expressions of parameters and of the time t, such as "-1/(R*C)" or "max(sin(2*pi*t), 0)".
 //
-// Names are the parameters, pi and, where it is allowed, t. Operators: + - * / ^ (right to left, -2^2 = -4),
-// comparisons (1 or 0), && ||, and condition ? a : b. Decimals are written with a point, whatever the locale.
+// Names are the parameters, pi and, where allowed, t. Operators: + - * / ^ (right to left, -2^2 = -4), comparisons (1
+// or 0), && ||, and condition ? a : b. The decimal separator is a point in every locale.
 
 #include "core/base/time_function.hpp"
 #include "core/base/types.hpp"
@@ -19,7 +19,7 @@ namespace bromwich {
 /// "sin", "cos", ...: every function that an expression may call.
 std::vector<std::string> expression_functions();
 
-/// Numbers and functions of time from text. `where` is the argument of every Error thrown: "rlcd.toml:7: dynamics.A".
+/// Makes numbers and functions of time from text. `where` is the argument of every Error: "rlcd.toml:7: dynamics.A".
 class Expressions {
  public:
   Expressions();
@@ -27,18 +27,18 @@ class Expressions {
   Expressions(const Expressions&) = delete;
   Expressions& operator=(const Expressions&) = delete;
 
-  /// Throws where `name` is no identifier, is t, pi or a function, or is defined already.
+  /// Throws if `name` is not an identifier, is t, pi or a function, or is already defined.
   void define(const std::string& name, double value, const std::string& where);
   const ParameterValues& parameters() const;
 
-  /// A constant; throws where the text is none, uses t or an unknown name, or is not finite.
+  /// A constant; throws if the text is not an expression, uses t or an unknown name, or is not finite.
   double number(const std::string& text, const std::string& where) const;
 
-  /// Throws where the text is no expression of t and the parameters, or is constant and not finite.
+  /// Throws if the text is not an expression of t and the parameters, or is constant and not finite.
   void check_in_time(const std::string& text, const std::string& where) const;
 
-  /// One entry per text, each checked before. May be called from several threads at once; what does not depend on t is
-  /// evaluated here and never again.
+  /// A function with one entry per text; the texts must have been checked. It may be called from several threads at
+  /// once. Parts that do not depend on t are evaluated once, here.
   TimeFunction in_time(const std::vector<std::string>& texts) const;
 
   /// The times in [0, T] at which one of the texts may jump or have a kink.

@@ -46,7 +46,7 @@ constexpr auto two_arguments = std::to_array<NamedOperation>({
 constexpr auto many_arguments =
     std::to_array<NamedOperation>({{"min", Operation::minimum}, {"max", Operation::maximum}});
 
-/// By binding, the loosest first; a longer sign stands before one that it begins with.
+/// In the order of precedence, the lowest first; a longer sign precedes its own prefix.
 constexpr auto comparisons = std::to_array<NamedOperation>({
     {"<=", Operation::less_equal},
     {">=", Operation::greater_equal},
@@ -110,7 +110,7 @@ class Reader {
     return std::nullopt;
   }
 
-  /// `change`: values more on the stack.
+  /// `change`: change of the number of values on the stack.
   std::size_t emit(Operation operation, int change, double value = 0) {
     formula_.program.push_back({operation, value, 0});
     height_ = std::size_t(long(height_) + change);
@@ -131,7 +131,7 @@ class Reader {
       const std::size_t to_else = emit(Operation::jump_if_zero, -1);
       choice();
       expect(":");
-      const std::size_t to_end = emit(Operation::jump, -1);  // one of the two values is there
+      const std::size_t to_end = emit(Operation::jump, -1);  // only one of the two values is on the stack
       land(to_else);
       choice();
       land(to_end);

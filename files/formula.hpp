@@ -1,8 +1,8 @@
 #pragma once
-// An expression of t as a program for a stack: what the text means, open to being looked into. muParser, which
-// evaluates expressions over time, cannot be asked where they switch.
+// An expression of t as a program for a stack machine, used to find the times at which it switches. muParser, which
+// evaluates expressions over time, does not give access to their structure.
 //
-// Names and operators are those of files/expression.hpp. What is not chosen by ?: && || is not evaluated.
+// Names and operators are those of files/expression.hpp. Operands that ?: && || do not select are not evaluated.
 
 #include "core/catalogue/catalogue.hpp"
 #include "files/operation.hpp"
@@ -22,13 +22,13 @@ struct Instruction {
 
 struct Formula {
   std::vector<Instruction> program;
-  std::size_t depth = 0;  ///< values on the stack at most
+  std::size_t depth = 0;  ///< largest number of values on the stack
   bool switches = false;  ///< it has an operation that jumps or has a kink
 
   double operator()(double t) const;
 };
 
-/// Throws Error(where, ...) for a text that is no expression, or is nested more than a thousand times.
+/// Throws Error(where, ...) for a text that is not an expression, or is nested more than a thousand times.
 Formula read_formula(std::string_view text, const ParameterValues& parameters, const std::string& where);
 
 }  // namespace bromwich

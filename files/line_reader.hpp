@@ -14,12 +14,12 @@ class LineReader {
 
   /// Moves to the next line; false at the end.
   bool next();
-  std::string_view line() const { return line_; }  ///< without its end
+  std::string_view line() const { return line_; }  ///< without the end-of-line characters
   bool blank() const;
 
-  /// The line cut at blanks.
+  /// The line split at blanks.
   std::vector<std::string_view> words() const;
-  /// The line cut at commas, blanks around the pieces removed.
+  /// The line split at commas, without blanks around the pieces.
   std::vector<std::string_view> cells() const;
   /// A finite number; throws Error naming file and line.
   double number(std::string_view word) const;

@@ -14,7 +14,7 @@ namespace bromwich {
 
 namespace {
 
-/// What a few characters of a file may ask for: 80 MB of places where columns begin.
+/// Limit of the sizes in a header: column starts of 80 MB.
 constexpr long long largest_side = 10'000'000;
 
 struct Header {
@@ -22,7 +22,7 @@ struct Header {
   bool symmetric = false, skew = false;
 };
 
-/// One of `choices`, without regard to case.
+/// One of `choices`, ignoring case.
 std::string choice(const LineReader& lines, std::string word, const char* what,
                    const std::vector<std::string>& choices) {
   std::transform(word.begin(), word.end(), word.begin(), [](unsigned char c) { return char(std::tolower(c)); });
@@ -51,7 +51,7 @@ Header read_header(LineReader& lines) {
   return header;
 }
 
-/// The next line that holds data.
+/// The next line with data.
 bool next_data(LineReader& lines) {
   while (lines.next())
     if (!lines.blank() && lines.line()[0] != '%') return true;
@@ -125,12 +125,12 @@ SparseMatrix read_coordinate(LineReader& lines, const Header& header, const Size
   return matrix;
 }
 
-/// Column by column; of a symmetric matrix the lower triangle.
+/// Column by column; for a symmetric matrix only the lower triangle.
 Matrix read_array(LineReader& lines, const Header& header, const Size& size) {
   const auto first_row = [&](Index j) { return header.skew ? j + 1 : header.symmetric ? j : 0; };
   long long announced = 0;
   for (Index j = 0; j < size.columns; ++j) announced += size.rows - std::min(first_row(j), size.rows);
-  // Every entry takes two characters or more: no memory is asked for that the file cannot fill.
+  // Every entry takes at least two characters, so the size of the file limits the memory.
   if (announced > 1 + (long long)(lines.bytes() / 2))
     throw Error(lines.place(), fmt::format("the sizes announce {} entries, more than the file holds", announced),
                 "correct the sizes");

@@ -11,19 +11,19 @@
 
 namespace bromwich {
 
-/// Dense, or sparse where the file lists positions.
+/// Dense, or sparse if the file lists positions.
 using MatrixValue = std::variant<Matrix, SparseMatrix>;
 
 Index rows(const MatrixValue&);
 Index columns(const MatrixValue&);
 
-/// As it is named in messages, and where it is.
+/// Its name in messages, and its path.
 struct NumberFile {
   std::string name;
   std::filesystem::path path;
 };
 
-/// The whole file. Throws Error(where, ...) where it cannot be read, `where` being the place that names it.
+/// The whole file. Throws Error(where, ...) if it cannot be read; `where` is the place that names it.
 std::string read_text(const NumberFile& file, const std::string& where);
 
 /// Matrix Market: coordinate or array; real, integer or pattern; general, symmetric or skew-symmetric. Positions given
@@ -35,14 +35,14 @@ Matrix read_number_table(const std::string& text, const std::string& name);
 
 /// Times and one column of values per entry, from a file with the header `t,f0,f1,...` (`letter` = f).
 struct TimeTable {
-  Vector t;  ///< ascending; a time given twice is a jump, from the values of its first row to those of its second
+  Vector t;  ///< ascending; a time given twice is a jump from the values of its first row to those of its second
   RowMatrix values;  ///< t.size() x entries
 };
-/// Throws where the header is another one, the times do not ascend from 0 or below to `last_time` or beyond, or one is
+/// Throws if the header is wrong, if the times do not ascend from at most 0 to at least `last_time`, or if a time is
 /// given three times.
 TimeTable read_time_table(const std::string& text, const std::string& name, char letter, double last_time);
 
-/// Piecewise linear in t, constant before the first and after the last time; where it jumps, the value behind.
+/// Piecewise linear in t, constant before the first and after the last time; continuous from the right at jumps.
 TimeFunction interpolate(TimeTable table);
 
 /// The times in (0, last_time) at which the interpolant jumps or has a kink. Rows on a straight line do not count.

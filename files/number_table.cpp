@@ -18,7 +18,7 @@ namespace bromwich {
 
 namespace {
 
-/// Times are written with fewer digits than T has, T = 3 pi for one.
+/// Times may be written with fewer digits than T has, for example T = 3 pi.
 constexpr double rounding = 1e-9;
 
 bool next_row(LineReader& lines) {
@@ -27,7 +27,7 @@ bool next_row(LineReader& lines) {
   return false;
 }
 
-/// Appends the numbers of the line, `columns` of them; 0 takes as many as there are.
+/// Appends the numbers of the line, which must have `columns` of them; 0 = any number.
 void append_row(const LineReader& lines, std::size_t columns, std::vector<double>& values) {
   const auto cells = lines.cells();
   if (columns > 0 && cells.size() != columns)
@@ -41,7 +41,7 @@ RowMatrix as_matrix(const std::vector<double>& values, std::size_t columns) {
   return Eigen::Map<const RowMatrix>(values.data(), Index(values.size()) / width, width);
 }
 
-/// `t,f0,f1,...`; the number of entries.
+/// Reads the header `t,f0,f1,...` and returns the number of entries.
 std::size_t read_header(LineReader& lines, char letter) {
   const std::string form = fmt::format("begin with a line t,{0}0,{0}1,... that has one column per entry", letter);
   const bool some = next_row(lines);
@@ -71,7 +71,7 @@ std::string read_text(const NumberFile& file, const std::string& where) {
   const auto refused = [&](const char* form, const char* remedy) {
     return Error(where, fmt::format(fmt::runtime(form), one_line(file.name)), remedy);
   };
-  // Without waiting: the other end of a pipe may never come.
+  // Non-blocking: the other end of a pipe may never be opened.
   const Descriptor opened(::open(file.path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
   struct stat found {};
   if (opened.number < 0 && (errno == ENOENT || errno == ENOTDIR))
@@ -110,7 +110,7 @@ TimeTable read_time_table(const std::string& text, const std::string& name, char
   const std::size_t columns = read_header(lines, letter) + 1;
   std::vector<double> values;
   double previous = 0;
-  bool twice = false;  // the two rows before have one time
+  bool twice = false;  // the two previous rows have the same time
   while (next_row(lines)) {
     append_row(lines, columns, values);
     const double t = values[values.size() - columns];
@@ -148,7 +148,7 @@ TimeFunction interpolate(TimeTable table) {
 }
 
 std::vector<double> kinks(const TimeTable& table, double last_time) {
-  constexpr double rounded = 1e-12;  // of the values: what differs by less lies on the line
+  constexpr double rounded = 1e-12;  // of the values: with smaller differences a point lies on the line
   std::vector<double> found;
   const auto add = [&](double t) {
     if (t > 0 && t < last_time && (found.empty() || found.back() < t)) found.push_back(t);
@@ -157,7 +157,7 @@ std::vector<double> kinks(const TimeTable& table, double last_time) {
   const double largest = table.values.size() > 0 ? table.values.cwiseAbs().maxCoeff() : 0;
   for (Index j = 1; j + 1 < rows; ++j) {
     const double before = table.t[j] - table.t[j - 1], behind = table.t[j + 1] - table.t[j];
-    if (before == 0) continue;  // looked at with the row before
+    if (before == 0) continue;  // handled with the previous row
     if (behind == 0) {
       add(table.t[j]);
       continue;

@@ -62,7 +62,7 @@ constexpr auto of_two = std::to_array<Meaning<Binary>>({
     {Operation::maximum, [](double a, double b) { return std::max(a, b); }},
 });
 
-/// By operation; null where it is none of them.
+/// By operation; null for other operations.
 template <typename Function, std::size_t count>
 constexpr auto by_operation(const std::array<Meaning<Function>, count>& meanings) {
   std::array<Function, std::size_t(Operation::maximum) + 1> table{};

@@ -1,5 +1,5 @@
 #pragma once
-// What an expression does with one or two numbers.
+// The operations of expressions on one or two numbers.
 
 namespace bromwich {
 
@@ -21,7 +21,7 @@ enum class Operation {
   truth,  // 1 or 0
   jump,
   jump_if_zero,
-  jump_if_not_zero,  // to `target`; the value is taken away
+  jump_if_not_zero,  // to `target`; pops the value
   sin,
   cos,
   tan,

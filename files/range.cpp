@@ -12,7 +12,7 @@ namespace {
 
 constexpr double tiny = std::numeric_limits<double>::min();
 
-/// 0 * inf is 0 here: the bounds of a range are limits that are not reached.
+/// 0 * inf is 0 here: infinite bounds of a range are not attained.
 double product(double a, double b) { return a == 0 || b == 0 ? 0 : a * b; }
 
 /// Whether a number offset + k period lies in the range.
@@ -20,7 +20,7 @@ bool meets(Range r, double offset, double period) {
   return std::floor((r.high - offset) / period) >= std::ceil((r.low - offset) / period);
 }
 
-/// What is exact stays exact: the slope of t - t is 0.
+/// Exact values are not widened: the slope of t - t is 0.
 bool exact_sum(double a, double b, double sum) {
   const double of_b = sum - a;
   return (a - (sum - of_b)) + (b - of_b) == 0;

@@ -1,5 +1,5 @@
 #pragma once
-// Ranges of numbers: what an operation can give for all arguments of a range, rounding included.
+// Interval arithmetic: the range of an operation for all arguments of a range, including rounding.
 
 #include <limits>
 
@@ -17,9 +17,9 @@ Range operator+(Range, Range);
 Range operator-(Range, Range);
 Range operator-(Range);
 Range operator*(Range, Range);
-Range operator/(Range, Range);  ///< everything where the divisor may be 0
+Range operator/(Range, Range);  ///< all numbers if the divisor may be 0
 
-/// Between the values of an increasing function at the ends; everything where one of them is not a number.
+/// Between the values of an increasing function at the ends; all numbers if one of them is NaN.
 Range increasing(double (*function)(double), Range);
 Range widened(Range);  ///< by rounding
 Range hull(Range, Range);

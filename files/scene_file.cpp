@@ -17,10 +17,10 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index largest_dense = 4096;       ///< states; a dense A takes 128 MiB there
+constexpr Index largest_dense = 4096;       ///< states; a dense A then takes 128 MiB
 constexpr Index smallest_sparse = 257;      ///< states from which a sparse A is kept sparse
 constexpr double largest_density = 0.1;     ///< of a sparse A
-constexpr Index smallest_tridiagonal = 17;  ///< constraints from which a tridiagonal M is kept as one
+constexpr Index smallest_tridiagonal = 17;  ///< constraints from which a tridiagonal M is stored as diagonals
 
 SparseMatrix to_sparse(const MatrixValue& value) {
   if (const auto* sparse = std::get_if<SparseMatrix>(&value)) return *sparse;
@@ -101,7 +101,7 @@ Scene complementarity_scene(const Sections& s) {
   return scene;
 }
 
-/// A scene in the making, and where its sources switch.
+/// A scene under construction, and the switch times of its sources.
 struct Draft {
   Scene scene;
   SwitchTimes switches;
@@ -182,18 +182,18 @@ Scene relay_scene(const Sections& s) {
   const Matrix A = dense(s.dynamics, "A"), B = dense(s.dynamics, "B"), C = dense(s.relay, "C");
   const Vector x0 = s.boundary.given() ? Vector(Vector::Zero(m)) : s.dynamics.vector("x0");
   Scene scene;
-  // The sources follow once their length is known to be right.
+  // The sources follow when their lengths have been checked.
   in_the_file(places(s), [&] { scene = bromwich::relay_scene(A, B, C, {}, x0); });
   if (s.boundary.given()) scene.x0 = {};
   return scene;
 }
 
-/// Adds f of the file to what a relay brings.
+/// Adds f of the file to the f of a relay.
 void add_f(const Sections& s, Draft& draft) {
   Scene& scene = draft.scene;
   const FunctionValue f = s.dynamics.function("f", scene.T);
   draft.note(f);
-  const TimeFunction brought = std::exchange(scene.f, {});  // it is as long as the state, f need not be
+  const TimeFunction brought = std::exchange(scene.f, {});  // it has one entry per state, f may have fewer
   if (s.dynamics.has("F")) {
     if (!f.function) throw Error(s.dynamics.where("F"), "is given without f", "add f with one entry per column of F");
     scene.F = to_sparse(s.dynamics.matrix("F"));
@@ -240,7 +240,7 @@ void add_exact(const Section& section, Scene& scene) {
   };
 }
 
-/// E0 x(0) + ET x(T) = b in place of x0; the matrix that is left out is zero.
+/// E0 x(0) + ET x(T) = b instead of x0; an omitted matrix is zero.
 void add_boundary(const Sections& s, Scene& scene) {
   const Section& section = s.boundary;
   if (!section.given()) return;
@@ -268,7 +268,7 @@ void add_free_rows(const Section& section, Scene& scene) {
   }
 }
 
-/// Those of the sources and those that the file declares, each once.
+/// The switch times of the sources and those that the file declares, each once.
 void add_breakpoints(const Sections& s, Draft& draft) {
   Scene& scene = draft.scene;
   if (s.time.has("jumps")) {

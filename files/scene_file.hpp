@@ -13,12 +13,12 @@
 
 namespace bromwich {
 
-/// What the solution is known to be; nothing of it takes part in solving. Unknown entries are NaN.
+/// Known values of the solution, not used in solving. Unknown entries are NaN.
 struct Reference {
   std::optional<double> t;          ///< the time of x and y
   std::vector<double> x, y;         ///< empty, or m and n values
   std::optional<double> tolerance;  ///< absolute error of x and y with the default steps and method
-  std::string status = "solved";    ///< how a solve ends
+  std::string status = "solved";    ///< expected status of a solve
   std::optional<double> infeasible_at;
   std::string source;  ///< one line
 };
@@ -29,18 +29,18 @@ struct SceneFile {
   ParameterValues parameters;   ///< of [parameters], with the settings
   std::string states = "none";  ///< components to write: "none", "all" or "0,3"
   std::optional<Reference> reference;
-  std::shared_ptr<const QuantityOfInterest> quantity;  ///< of method goal; null where the file gives none
-  std::string warning;                                 ///< one line about what was not found out, or empty
+  std::shared_ptr<const QuantityOfInterest> quantity;  ///< of method goal; null if the file has none
+  std::string warning;                                 ///< one line about switch times that were not found, or empty
   std::vector<std::filesystem::path> inputs;           ///< the scene file, tables and matrices that were read
 };
 
-/// False where this build has no reader: read_scene_file then throws an Error that says what to install.
+/// False if this build has no reader: read_scene_file then throws an Error that names the missing packages.
 bool scene_files_available();
 
 /// Reads a scene. `settings` replace values of [parameters]. Every Error names file, line and key.
 SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValues& settings = {});
 
-/// The same from text. `file_name` is what messages call it; other files are looked for in `folder`.
+/// The same from text. `file_name` is its name in messages; names of other files are relative to `folder`.
 SceneFile parse_scene(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder = {},
                       const ParameterValues& settings = {});
 

@@ -1,4 +1,4 @@
-// In place of the reader, where toml++ or muParser was not found.
+// Replaces the reader if toml++ or muParser was not found.
 
 #include "core/base/error.hpp"
 #include "files/scene_file.hpp"

@@ -14,7 +14,7 @@
 
 namespace bromwich {
 
-/// What all sections of a file share.
+/// Data shared by all sections of a file.
 struct Document {
   std::string name;  ///< of the file in messages
   std::filesystem::path folder;
@@ -22,37 +22,37 @@ struct Document {
   mutable std::vector<std::filesystem::path> read = {};  ///< tables and matrices, in the order of reading
 };
 
-/// A function of time and how many values it has; no function is zero.
+/// A function of time and its number of values; an empty function is zero.
 struct FunctionValue {
   TimeFunction function;
   Index entries = 0;
-  SwitchTimes switches = {};  ///< where it may jump or have a kink
+  SwitchTimes switches = {};  ///< times at which it may jump or have a kink
 };
 
 class Section {
  public:
-  /// `table` is null where the file has no such section. `keys` are those it may have: Error for any other.
+  /// `table` is null if the file has no such section. `keys` are the allowed ones: Error for any other.
   Section(const Document& document, const toml::table* table, std::string name, const std::vector<std::string>& keys);
 
   bool given() const { return table_ != nullptr; }
   bool has(const std::string& key) const { return find(key) != nullptr; }
-  /// "rlcd.toml:7: dynamics.A"; where the key is missing, the line of the section.
+  /// "rlcd.toml:7: dynamics.A"; if the key is missing, the line of the section.
   std::string where(const std::string& key) const;
 
   double number(const std::string& key) const;
   std::optional<double> optional_number(const std::string& key) const;
   Index positive_integer(const std::string& key, Index otherwise) const;
   std::string text(const std::string& key, const std::string& otherwise) const;
-  /// One of `words`, the first where the key is missing.
+  /// One of `words`; the first if the key is missing.
   std::string word(const std::string& key, const std::vector<std::string>& words) const;
 
   Vector vector(const std::string& key) const;
-  /// Unknown entries, "" or nan, are NaN; empty where the key is missing.
+  /// Unknown entries, "" or nan, are NaN; empty if the key is missing.
   std::vector<double> partly_known(const std::string& key) const;
   MatrixValue matrix(const std::string& key) const;
   /// Expressions of t, or a table of values up to `last_time`.
   FunctionValue function(const std::string& key, double last_time) const;
-  /// Expressions of t; empty where the key is missing.
+  /// Expressions of t; empty if the key is missing.
   FunctionValue expressions(const std::string& key) const;
 
  private:

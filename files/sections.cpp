@@ -82,7 +82,7 @@ void in_the_file(const std::map<std::string, std::string>& places, const std::fu
     check();
   } catch (const Error& error) {
     const std::string line = error.what();
-    for (const auto& [member, place] : places)  // it names a place already, of a file that may be called as a member
+    for (const auto& [member, place] : places)  // it already names a place; the file may have the name of a member
       if (line.starts_with(place.substr(0, place.find(':') + 1))) throw;
     const std::size_t colon = std::min(line.find(": "), line.size());
     const std::size_t member = std::min(line.find_first_of(".(:"), line.size());

@@ -1,5 +1,5 @@
 #pragma once
-// The sections of a scene file, and how an Error about a scene finds its line.
+// The sections of a scene file, and the translation of an Error about a scene to a line of the file.
 
 #include "files/scene_file.hpp"
 #include "files/section.hpp"
@@ -16,16 +16,16 @@ struct Sections {
       quantity;
 };
 
-/// Throws Error for a section or a key that is not known.
+/// Throws Error for an unknown section or key.
 Sections read_sections(const Document&, const toml::table& root);
 
-/// Defines the parameters of the file for its expressions, in its order; `settings` replace values.
+/// Defines the parameters of the file for its expressions, in the order of the file; `settings` replace values.
 void read_parameters(Document&, const toml::table& root, const Section&, const ParameterValues& settings);
 
 /// The places in the file of the members of Scene.
 std::map<std::string, std::string> places(const Sections&);
 
-/// Runs `check`, whose Errors name a member of Scene, and lets them name its place in the file instead.
+/// Runs `check`, whose Errors name a member of Scene, and replaces this name by its place in the file.
 void in_the_file(const std::map<std::string, std::string>& places, const std::function<void()>& check);
 
 }  // namespace bromwich

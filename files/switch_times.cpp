@@ -13,7 +13,7 @@ namespace bromwich {
 
 namespace {
 
-/// A condition that is no comparison is false where it is 0 over the whole piece.
+/// A condition that is not a comparison is false if it is 0 over the whole piece.
 bool vanishes(const Course& c) { return c.left == 0 && c.right == 0; }
 
 /// The expression over pieces of [0, T].
@@ -43,7 +43,7 @@ class Search {
           break;
         }
         case Outcome::open:
-          if (b - a <= 1e-13 * T_) break;  // both ends go the same way
+          if (b - a <= 1e-13 * T_) break;  // both ends have the same way
           pieces.emplace_back(a + (b - a) / 2, b);
           pieces.emplace_back(a, a + (b - a) / 2);
       }
@@ -55,14 +55,14 @@ class Search {
  private:
   enum class Outcome { smooth, switches, open };
 
-  /// A part of the work shows that [0, T] takes ten times all of it: time goes by from left to right.
+  /// Whether the work so far shows that [0, T] would take ten times all of it: pieces are searched from left to right.
   bool hopeless(double reached) const {
     const double used = double(given_ - work_), all = double(given_);
     return used > all / 16 && used / 10 > all * (reached / T_);
   }
 
-  /// Runs the program over [a, b]; ways_ are those of the operations that switch, in the order of execution. Where the
-  /// ends of one go different ways, `low_way_` is the way below the change that is looked for.
+  /// Runs the program over [a, b]; ways_ are those of the operations that switch, in the order of execution. If one has
+  /// different ways at the ends, `low_way_` is the way below the change to be located.
   Outcome look(double a, double b) {
     ways_.clear();
     stack_.clear();
@@ -134,7 +134,7 @@ class Search {
     return Outcome::smooth;
   }
 
-  /// s of the operation that `look` stopped at, and whether it goes the way low_way_ or below, at one time.
+  /// s of the operation at which `look` stopped, and whether its way is low_way_ or below, at one time.
   std::pair<double, bool> at(double t) {
     values_.clear();
     std::size_t known = 0;
@@ -178,7 +178,7 @@ class Search {
     return {0, true};
   }
 
-  /// Neighbouring numbers in [a, b] between which the way changes.
+  /// Adjacent floating-point numbers in [a, b] between which the way changes.
   std::pair<double, double> locate(double a, double b) {
     auto [s_a, below_a] = at(a);
     auto [s_b, below_b] = at(b);
@@ -202,7 +202,7 @@ class Search {
     return {a, b};
   }
 
-  /// Times that are one, but for rounding, become the last of them.
+  /// Times that differ only by rounding are replaced by the last of them.
   void clean() {
     const double same = 16 * epsilon * T_;
     std::vector<double> kept;

@@ -18,7 +18,7 @@ bool same_letter(char a, char b) {
   return std::tolower(static_cast<unsigned char>(a)) == std::tolower(static_cast<unsigned char>(b));
 }
 
-/// Levenshtein distance: insertions, deletions and replacements of one character, upper and lower case being the same.
+/// Levenshtein distance: insertions, deletions and replacements of one character, ignoring case.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), std::size_t{0});
@@ -53,7 +53,7 @@ std::optional<std::string> nearest(const std::string& name, const std::vector<st
   std::size_t best_distance = std::max<std::size_t>(2, name.size() / 3) + 1;
   for (const std::string& candidate : candidates) {
     const std::size_t distance = edit_distance(name, candidate);
-    // Replacing every letter makes any short name of any other: that is no suggestion.
+    // Replacing every letter turns any short name into any other, which is not a useful suggestion.
     if (distance >= best_distance || distance >= candidate.size()) continue;
     best = candidate;
     best_distance = distance;

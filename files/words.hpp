@@ -1,6 +1,5 @@
 #pragma once
-// Words that people type, in files and on command lines: numbers from them, and the nearest known name to a misspelt
-// one.
+// Words in files and on command lines: conversion to numbers, and the nearest known name to a misspelt one.
 
 #include "core/solve/solve.hpp"
 
@@ -14,16 +13,16 @@ namespace bromwich {
 /// "a, b, c"
 std::string join(const std::vector<std::string>& words);
 
-/// The candidate within a third of the name's length (at least 2 edits) of `name`, or nothing.
+/// The nearest candidate within a third of the name's length (at least 2 edits) of `name`, or nothing.
 std::optional<std::string> nearest(const std::string& name, const std::vector<std::string>& candidates);
 
-/// " (did you mean 'x'?)" or "": to be put behind what was found.
+/// " (did you mean 'x'?)" or "", to be appended to the value found.
 std::string suggestion(const std::string& name, const std::vector<std::string>& candidates);
 
-/// Line breaks and runs of blanks become one blank; nothing else that would move the cursor is kept.
+/// Replaces line breaks and runs of blanks by one blank and removes other characters that move the cursor.
 std::string one_line(std::string_view text);
 
-/// The whole word as a number; empty where it is none, is not finite or has anything behind it.
+/// The whole word as a number; empty if it is not a number, is not finite or has trailing characters.
 std::optional<double> parse_double(std::string_view word);
 std::optional<long long> parse_integer(std::string_view word);
 

@@ -84,6 +84,30 @@ __global__ void write_product(const double* a, const double* V, int rows, int co
   }
 }
 
+constexpr int edge = 16, depth = 32;  ///< of the tiles of a product: rows of each factor, and columns at a time
+
+// to <- P X^T, a thread per value: tiles of both factors go through shared memory.
+__global__ void project(const double* P, int p_step, const double* X, int k, int n, int m, int step, double* to) {
+  __shared__ double of_P[edge][depth + 1], of_X[edge][depth + 1];
+  let_next_begin();
+  const int first_row = int(blockIdx.y) * edge, first_col = int(blockIdx.x) * edge;
+  const int x = int(threadIdx.x), y = int(threadIdx.y);
+  double sum = 0;
+  await_previous();
+  for (int q0 = 0; q0 < m; q0 += depth) {
+    for (int q = x; q < depth; q += edge) {
+      const bool inside = q0 + q < m;
+      of_P[y][q] = inside && first_row + y < k ? P[long(first_row + y) * p_step + q0 + q] : 0;
+      of_X[y][q] = inside && first_col + y < n ? X[long(first_col + y) * m + q0 + q] : 0;
+    }
+    __syncthreads();
+#pragma unroll 8
+    for (int q = 0; q < depth; ++q) sum += of_P[y][q] * of_X[x][q];
+    __syncthreads();
+  }
+  if (first_row + y < k && first_col + x < n) to[long(first_row + y) * step + first_col + x] = sum;
+}
+
 __global__ void add_multiple(const double* b, double s, const double* c, long values, double* a) {
   let_next_begin();
   await_previous();
@@ -170,6 +194,15 @@ void upload_product(const Device& device, const RowMatrix& amplitudes, const Mat
   follow(device, write_product, {blocks(amplitudes.rows() * to.cols()), threads}, "starting a product of shapes",
          a.data(), V.data(), int(amplitudes.rows()), int(to.cols()), int(stride(to.cols())), int(shapes.cols()),
          values(to));
+}
+
+void upload_projection(const Device& device, const Vector& from, const Array& P, Array& to) {
+  Memory<double> X(device, std::size_t(from.size()));
+  device.fetcher().send(from.data(), std::size_t(from.size()), X.data(), device.stream());
+  const Index k = to.rows(), n = to.cols();
+  follow(device, project, {dim3(unsigned((n + edge - 1) / edge), unsigned((k + edge - 1) / edge)), dim3(edge, edge)},
+         "starting a projection", values(P), int(stride(P.cols())), X.data(), int(k), int(n), int(P.cols()),
+         int(stride(n)), values(to));
 }
 
 void inject(const Device& device, const Array& fine, Array& coarse) {

@@ -28,6 +28,7 @@ constexpr Index few_chunks = 64;                ///< where the warps of a block 
 constexpr Index few_blocks = 2;                 ///< of a multiprocessor, up to which they do
 constexpr int segments = 8, of_segment = 16;    ///< warps that carry, and chunks of each
 constexpr Index most_chunks = segments * of_segment;
+constexpr Index starters = 128;  ///< threads of a block that sets `initial`
 constexpr const char* starting = "starting the scan";
 
 /// K x n tables with the mode index contiguous, K a multiple of `group`, n of `lanes`.
@@ -205,6 +206,15 @@ __global__ void __launch_bounds__(lanes* warps_together)
   }
 }
 
+// initial <- D E / C, a row of blocks an exponential.
+__global__ void set_initial(const double* D, int step, int modes, int stride, const double* decay, const double* output,
+                            double* initial) {
+  const int l = int(blockIdx.x * blockDim.x + threadIdx.x);
+  if (l >= modes) return;
+  const long at = long(blockIdx.y) * stride + l;
+  initial[at] = decay[at] == 0 ? 0 : D[long(blockIdx.y) * step + l] * decay[at] / output[at];
+}
+
 Index rounded_up(Index n, Index to) { return (n + to - 1) / to * to; }
 
 class ModalScan final : public Convolution {
@@ -224,6 +234,7 @@ class ModalScan final : public Convolution {
         added_(device, std::size_t(chunks_ * K_ * stride_)) {
     reserve<1>();
     reserve<warps_together>();
+    if (n_ == total_) start_from = [this](const Array& D) { take_start(D); };
   }
 
   void apply(const Array& y, Array& v, Index first) override {
@@ -246,6 +257,16 @@ class ModalScan final : public Convolution {
            added_.data(), states_.data());
     for (unsigned slab = 0; slab < slabs; ++slab)
       shared_ ? start<warps_together>(m, span, slab, y, v) : start<1>(m, span, slab, y, v);
+  }
+
+  // Kernels read the table before they await the one before: nothing may overlap with its change.
+  void take_start(const Array& D) {
+    const dim3 blocks(unsigned((n_ + starters - 1) / starters), unsigned(D.rows()));
+    set_initial<<<blocks, starters, 0, device_.stream()>>>(values(D), int(stride(n_)), int(n_), int(stride_),
+                                                           tables_.data(), tables_.data() + 2 * K_ * stride_,
+                                                           tables_.data() + 4 * K_ * stride_);
+    check(cudaGetLastError(), starting);
+    device_.note_work();
   }
 
   std::size_t bytes() const override { return tables_.bytes() + states_.bytes() + added_.bytes(); }

@@ -39,6 +39,9 @@ class CudaBackend final : public Backend {
     fused_.upload_product = [this](const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
       cuda::upload_product(device_, amplitudes, shapes, to);
     };
+    fused_.upload_projection = [this](const Vector& from, const Array& P, Array& to) {
+      cuda::upload_projection(device_, from, P, to);
+    };
     fused_.download_during = [this](const Array& from, RowMatrix& to, const std::function<void()>& operations) {
       cuda::download(device_, from, to, operations);
     };

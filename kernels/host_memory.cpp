@@ -30,6 +30,7 @@ void* PinnedSlots::take() {
 namespace {
 
 constexpr std::size_t slots = 16, piece_bytes = std::size_t(1) << 20;
+constexpr std::size_t sent_bytes = std::size_t(1) << 18;   ///< of a piece on its way to the device
 constexpr std::size_t parts = 16;                          ///< of a piece, each for one thread
 constexpr int most_helpers = 8;                            ///< that empty the ring: faster than it fills
 constexpr std::size_t alone_bytes = std::size_t(1) << 19;  ///< what one thread has done before others are awake
@@ -53,12 +54,14 @@ Fetcher::~Fetcher() {
   if (stream_) cudaStreamDestroy(stream_);
   for (const cudaEvent_t copied : copied_) cudaEventDestroy(copied);
   if (ready_) cudaEventDestroy(ready_);
+  if (sent_) cudaEventDestroy(sent_);
   if (ring_) cudaFreeHost(ring_);
 }
 
 void Fetcher::make() {
   if (!stream_) check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
-  if (!ready_) check(cudaEventCreateWithFlags(&ready_, cudaEventDisableTiming), "making an event");
+  for (cudaEvent_t* event : {&ready_, &sent_})
+    if (!*event) check(cudaEventCreateWithFlags(event, cudaEventDisableTiming), "making an event");
   if (!ring_) check(cudaMallocHost(&ring_, slots * piece_bytes), "allocating pinned memory");
   while (copied_.size() < slots) {
     cudaEvent_t event = nullptr;
@@ -78,6 +81,7 @@ void Fetcher::fetch(const double* from, std::size_t step, double* to, std::size_
   }
   const Busy busy(busy_);
   make();
+  check(cudaEventSynchronize(sent_), "copying rows");  // the ring is free
   check(cudaEventRecord(ready_, stream), "copying rows");
   check(cudaStreamWaitEvent(stream_, ready_, 0), "copying rows");
   const auto slot = [&](std::size_t piece) { return ring_ + piece % slots * (piece_bytes / sizeof(double)); };
@@ -122,6 +126,33 @@ void Fetcher::fetch(const double* from, std::size_t step, double* to, std::size_
   if (!failure) return;
   cudaStreamSynchronize(stream_);
   std::rethrow_exception(failure);
+}
+
+void Fetcher::send(const double* from, std::size_t count, double* to, cudaStream_t stream) {
+  constexpr std::size_t piece = sent_bytes / sizeof(double), ring = slots * piece_bytes / sizeof(double);
+  if (busy_ || count <= piece || count > ring) {
+    check(cudaMemcpyAsync(to, from, sizeof(double) * count, cudaMemcpyHostToDevice, stream), "copying to the device");
+    check(cudaStreamSynchronize(stream), "copying to the device");
+    return;
+  }
+  const Busy busy(busy_);
+  make();
+  check(cudaEventSynchronize(sent_), "copying to the device");  // the ring is free
+  std::atomic<std::size_t> next = 0;
+  std::atomic<cudaError_t> status = cudaSuccess;
+  const std::function<void()> work = [&] {
+    cudaSetDevice(device_);
+    for (std::size_t begin; (begin = piece * next++) < count;) {
+      const std::size_t size = std::min(piece, count - begin);
+      std::copy_n(from + begin, size, ring_ + begin);
+      const cudaError_t found =
+          cudaMemcpyAsync(to + begin, ring_ + begin, sizeof(double) * size, cudaMemcpyHostToDevice, stream);
+      if (found != cudaSuccess) status = found;
+    }
+  };
+  helpers_.share(work, [] {});
+  check(status, "copying to the device");
+  check(cudaEventRecord(sent_, stream), "copying to the device");
 }
 
 }  // namespace bromwich::cuda

@@ -43,6 +43,8 @@ class Fetcher {
   /// been asked for so far. `meanwhile` is called once while they are on their way.
   void fetch(const double* from, std::size_t step, double* to, std::size_t cols, std::size_t rows, cudaStream_t stream,
              const std::function<void()>& meanwhile);
+  /// The other way: `count` values, which may change once this returns. Later work on `stream` waits for them.
+  void send(const double* from, std::size_t count, double* to, cudaStream_t stream);
   /// See HostThreads::each_range. Threads that sleep, since those of OpenMP stay awake for a while behind a loop, and
   /// are in the way of what is fetched next.
   void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body);
@@ -62,6 +64,7 @@ class Fetcher {
   cudaStream_t stream_ = nullptr;
   double* ring_ = nullptr;
   cudaEvent_t ready_ = nullptr;
+  cudaEvent_t sent_ = nullptr;       ///< behind the last piece that left the ring
   std::vector<cudaEvent_t> copied_;  ///< one a slot of the ring
 };
 

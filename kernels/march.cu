@@ -179,7 +179,7 @@ class ModalMarch final : public March {
   void submit(Array& y, Array& v) override {
     if (at_once) {
       const MarchReport report = run(y, v);
-      polled_.count.add(report.count);
+      polled_.count += report.count;
       if (report.stopped >= 0) polled_.stopped = 0;
       return;
     }

@@ -28,6 +28,7 @@ std::unique_ptr<Convolution> make_convolution(const Device&, const LagTable&, In
 /// The operations as a CUDA graph; empty above the size where launching them one by one is hidden behind their work.
 std::function<void()> record(const Device&, Index values, const std::function<void()>& operations);
 void upload_product(const Device&, const RowMatrix& amplitudes, const Matrix& shapes, Array& to);
+void upload_projection(const Device&, const Vector& values, const Array& P, Array& to);
 void inject(const Device&, const Array& fine, Array& coarse);
 void interpolate(const Device&, const Array& coarse, const Array* old, Array& fine);
 void restrict_problem(const Device&, const Array& r, const Array& v, const Array& y, const Array& coarse_v,

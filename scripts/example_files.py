@@ -43,7 +43,7 @@ def wrapped(text):
     lines = []
     for line in text.split("\n"):
         joins = lines and re.match("# [^ ]", lines[-1]) and re.match("# [^ ]", line)
-        if joins and not re.match(r"# (x =|Hard|Prescribed)", line):
+        if joins and not re.match(r"# (x =|Difficulty|Prescribed)", line):
             lines[-1] += line[1:]
         else:
             lines.append(line)

@@ -67,35 +67,35 @@ COUPLED = np.array([[2.0, -1], [-1, 2]])
 NONE = np.zeros((2, 2))
 
 STIFF = """\
-# A stiff system: eigenvalues -1e8, -1e4, -1e2, -1, -1e-4 and 0, turned by a reflection; constructed.
-# Hard to pass: """
+# A stiff system: eigenvalues -1e8, -1e4, -1e2, -1, -1e-4 and 0, eigenvectors from a reflection; constructed.
+# Difficulty: """
 STIFF_ERROR = """\
-# Interpolation of y and f errs by h^2/8 |y''| = h^2/8 (2 pi)^2 = 1.2e-4 between grid points, a third of
-# it on the average; B x is of size 2 and M keeps y within 1 of it."""
+# Interpolation of y and f has an error of h^2/8 |y''| = h^2/8 (2 pi)^2 = 1.2e-4 between grid points, a third of
+# it on average; B x is of size 2 and M keeps y within 1 of it."""
 STIFF_SINGULAR_ERROR = """\
-# x is smooth: f takes up the kinks of y. y follows from N x', which a second-order method
-# knows to h^2 |d^3x/dt^3| = 2e-4, h = 5e-3, through the inverse of N B, smaller than 1."""
+# x is smooth: f compensates the kinks of y. y follows from N x' by the inverse of N B, which is smaller than 1. A
+# second-order method computes N x' up to h^2 |d^3x/dt^3| = 2e-4, h = 5e-3."""
 
 NON_NORMAL = """\
 # A single eigenvalue -1 of multiplicity 32 with one eigenvector: A = -I - 8 on the superdiagonal,
 # ||e^A|| = 1046. Constructed.
-# Hard to pass: eigenvalues say nothing about this A; implicit Euler is off by 29 with 1024 steps."""
+# Difficulty: the eigenvalues do not describe this A; implicit Euler has an error of 29 with 1024 steps."""
 NON_NORMAL_ERROR = """\
-# y feeds the last state through 31 couplings of 8: a defect of h^2/12 |y''| = 1.3e-5 (h = 2e-3) and
-# of as much from f is amplified by ||e^{2A}|| = 2e3 to 4e3 and what is left of it at T."""
+# y acts on the first state through 31 couplings of 8. Defects of h^2/12 |y''| = 1.3e-5 (h = 2e-3) from y and f are
+# amplified by ||e^{2A}|| = 2e3 to 4e3."""
 
 UNSTABLE = """\
-# A fast unstable spiral, 5 +- 20i, beside a slow oscillator, +-3i; constructed.
-# Hard to pass: errors grow by up to e^10; implicit Euler is off by 0.63 with 1024 steps."""
+# A fast unstable spiral with eigenvalues 5 +- 20i and a slow oscillator with +-3i; constructed.
+# Difficulty: errors grow by up to e^10; implicit Euler has an error of 0.63 with 1024 steps."""
 UNSTABLE_ERROR = """\
-# f is up to 25 times x and turns at rates up to 2: a defect of h^2/12 25 4 = 3.3e-5, h = 2e-3. Growing
-# at 5 over T it becomes 3.3e-5 e^10/20 = 4e-2; complementarity stops part of the growth."""
+# f is up to 25 times x and varies at rates up to 2: a defect of h^2/12 25 4 = 3.3e-5, h = 2e-3. It grows at
+# the rate 5 over T to 3.3e-5 e^10/20 = 4e-2; complementarity stops part of the growth."""
 
 DAMPED = """\
-# A damped system (-0.75 +- i and -1 +- 0.15 i) in which y acts on what it is compared with; constructed.
-# Hard to pass: """
+# A damped system (eigenvalues -0.75 +- i and -1 +- 0.15 i) in which y acts directly on N x; constructed.
+# Difficulty: """
 DAMPED_ERROR = """\
-# x is smooth: f takes up the kinks of y. y follows from x', which a second-order method knows to
+# x is smooth: f compensates the kinks of y. y follows from x', which a second-order method computes up to
 # h^2 |d^3x/dt^3| = 2e-4, h = 5e-3; N B = I."""
 
 
@@ -128,7 +128,7 @@ def unstable():
     known = "open loop grows like e^{5t}; the exact solution is known"
     manufactured("unstable", known, UNSTABLE, A, B, B.T, COUPLED, 1000, "5e-2", UNSTABLE_ERROR)
     A = A / 20 - np.eye(4)
-    about = DAMPED + "M = 1e-10 I is P on paper only; continuous piecewise-linear y would ring from step to step."
+    about = DAMPED + "M = 1e-10 I is a P-matrix but numerically singular; continuous piecewise-linear y would ring from step to step."
     known = "M = 1e-10 I; the exact solution is known"
     manufactured("nearly-singular", known, about, A, B, B.T, 1e-10 * np.eye(2), 400, "2e-4", DAMPED_ERROR)
     about = DAMPED + "M = 0; at t = 0 complementarity alone does not determine y."

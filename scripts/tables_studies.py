@@ -202,17 +202,21 @@ def convolution(data):
 
 
 def solver(data):
-    lines = ["| scene | backend | J | method | whole solve | again | set-up of it | difference |", "|--" * 8 + "|"]
+    with_f = all("again_with_f" in row for row in data["rows"])
+    lines = [f"| scene | backend | J | method | whole solve | its cycles or steps | again | set-up of it |{' again with f |' if with_f else ''} "
+             "difference |", "|--" * (10 if with_f else 9) + "|"]  # fmt: skip
     for row in data["rows"]:
         Q = row["parameters"].get("Q")
         name = row["scene"] + (f", Q = {Q:g}" if Q else "")
         again = row["again"]
+        other_f = f" {seconds(row['again_with_f']['median'])} |" if with_f else ""
         lines.append(
-            f"| {name} | {row['backend']} | {row['steps']} | {row['method']} | {seconds(row['whole']['median'])} | {seconds(again['median'])} | "
-            f"{seconds(again['setup'])} | {row['difference']:.1e} |"
+            f"| {name} | {row['backend']} | {row['steps']} | {row['method']} | {seconds(row['whole']['median'])} | "
+            f"{seconds(row['whole']['solve'])} | {seconds(again['median'])} | {seconds(again['setup'])} |{other_f} {row['difference']:.1e} |"
         )
-    return lines + ["", "Again: the same scene with another x0 by a `Solver`, whose first solve has prepared it. Difference: of y from that of the whole "
-                    f"solve, relative to the largest. {repeats(data)}."]  # fmt: skip
+    other = "; with f: another x0 and f" if with_f else ""
+    return lines + ["", f"Again: the same scene with another x0 by a `Solver`, whose first solve has prepared it{other}. Its time includes handing x0 over. "
+                    f"Difference: of y from that of the whole solve, relative to the largest. {repeats(data)}."]  # fmt: skip
 
 
 def multigrid(data):

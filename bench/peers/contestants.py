@@ -64,7 +64,7 @@ class Bromwich:
 
 
 class Siconos:
-    """language: C++ or Python; storage: dense or sparse; matrices: "step" or "once" (siconos_loop.cpp says of what)."""
+    """language: C++ or Python; storage: dense or sparse; matrices: "step" or "once" (see siconos_loop.cpp)."""
 
     threads = 1
 
@@ -84,7 +84,7 @@ class Siconos:
         return self.folder / f"{label}-{self.steps}-{self.theta}.problem"
 
     def write_problem(self):
-        """The sources enter a step as theta (new value) + (1 - theta) (old value), g as its new value."""
+        """A step uses theta (new value) + (1 - theta) (old value) of f, and the new value of g."""
         scene, theta, J = self.scene, self.theta, self.steps
         t = scene.T * np.arange(J + 1) / J
         f, g = scene.f(t), scene.g(t)

@@ -48,12 +48,12 @@ def row_text(row):
 
 
 def no_less_accurate(row, than):
-    """To six digits: the same scheme on the same grid differs by rounding."""
+    """Rounded to six digits: the same scheme on the same grid differs by rounding."""
     return all(row[name] <= (1 + 1e-6) * than[name] for name in ("error_max", "trace_error_max"))
 
 
 def compare(row, bromwich):
-    """One sentence for a row of Siconos, and its time over that of bromwich at errors no larger; 0 if it has none."""
+    """One sentence for a row of Siconos, and its time divided by that of bromwich at errors no larger; 0 if none."""
     where = f"{row['scene']}, error of y {row['error_max']:.1e}, of N x {row['trace_error_max']:.1e}: "
     time = time_text(row["seconds"]["median"])
     able = [other for other in bromwich if no_less_accurate(other, row)]
@@ -70,7 +70,7 @@ def compare(row, bromwich):
 
 
 def comparisons(timed):
-    """All sentences of compare(), then per scene the extremes, then the lost ones once more."""
+    """All sentences of compare(), then the extremes per scene, then the cases that bromwich loses."""
     sentences, extremes, losses = [], [], []
     for scene in dict.fromkeys(row["scene"] for row in timed):
         here = [row for row in timed if row["scene"] == scene]
@@ -90,7 +90,7 @@ def comparisons(timed):
 
 
 def endings(rows):
-    """The rows that are not solved, one sentence a contestant."""
+    """The rows that are not solved, one sentence per contestant."""
     steps = {}
     for row in rows:
         if row["status"] != "solved":

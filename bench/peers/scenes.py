@@ -17,7 +17,7 @@ import numpy as np
 @dataclasses.dataclass
 class Scene:
     label: str
-    command: list  # what bromwich is asked to solve
+    command: list  # the scene and its parameters for bromwich
     parameters: dict
     T: float
     A: tuple

@@ -5,8 +5,8 @@
 //   siconos_loop PROBLEM RESULT dense|sparse step|once THETA
 //
 // dense|sparse  storage of A and of the iteration matrix I - h theta A
-// step|once     how often that matrix is factorised and the matrix of the LCP made from it: step is what TimeStepping
-//               does by itself; once, see FactorisedOnce and keep_lcp_matrix
+// step|once     how often that matrix is factorised and the matrix of the LCP formed: step is the default of
+//               TimeStepping; for once see FactorisedOnce and keep_lcp_matrix
 // THETA         theta and gamma of EulerMoreauOSI; 1 is the implicit Euler method
 //
 // here          Siconos                    file, all entries double, matrices by rows
@@ -15,7 +15,7 @@
 // N, M          C, D                       n x m, n x n
 // x0, r0        x0, r before step 1        m, m
 // observed      -                          indices of x
-// f, g          b, e                       J x m, J x n: the values that step 1, ..., J takes
+// f, g          b, e                       J x m, J x n: the values for step 1, ..., J
 // y, w          lambda, y                  result: J x (y, observed x)
 #include <lcp_cst.h>
 #include <SiconosKernel.hpp>
@@ -36,8 +36,8 @@ using VectorPointer = std::shared_ptr<SiconosVector>;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-/// TimeStepping lets the integrator rebuild I - h theta A at every step, which drops its factors. The matrix of a
-/// time-invariant system on a uniform grid is always the same: the first step's is kept.
+/// In TimeStepping the integrator forms I - h theta A at every step and discards its factors. For a time-invariant
+/// system on a uniform grid this matrix is always the same: that of the first step is kept.
 class FactorisedOnce : public EulerMoreauOSI {
  public:
   using EulerMoreauOSI::EulerMoreauOSI;
@@ -50,7 +50,7 @@ class FactorisedOnce : public EulerMoreauOSI {
   bool prepared_ = false;
 };
 
-/// The doubles of a file, taken from the front.
+/// Reads the doubles of a file in order.
 class Reader {
  public:
   explicit Reader(const char* path) {
@@ -89,7 +89,7 @@ MatrixPointer square_matrix(unsigned size, bool sparse) {
   return result;
 }
 
-/// LinearOSNS rebuilds the matrix of the LCP, n solves and a product, until it is told that nothing has changed.
+/// LinearOSNS forms the matrix of the LCP, n solves and a product, until it is told that nothing has changed.
 void keep_lcp_matrix(LCP& lcp, NonSmoothDynamicalSystem& model) {
   model.topology()->setHasChanged(false);
   lcp.setHasBeenUpdated(true);
@@ -145,12 +145,12 @@ Model build(const Problem& problem, bool sparse, bool once, double theta) {
   model.b = std::make_shared<SiconosVector>(problem.m);
   model.e = std::make_shared<SiconosVector>(problem.n);
   model.system = std::make_shared<FirstOrderLinearTIDS>(problem.x0, problem.A, model.b);
-  if (sparse) {  // the iteration matrix takes the storage of the mass matrix
+  if (sparse) {  // the iteration matrix has the storage of the mass matrix
     const auto identity = square_matrix(problem.m, true);
     for (unsigned i = 0; i < problem.m; ++i) identity->setValue(i, i, 1);
     model.system->setMPtr(identity);
   }
-  *model.system->r() = *problem.r0;  // with theta < 1 the first step takes it; 0 would cost an order
+  *model.system->r() = *problem.r0;  // used by the first step if theta < 1; with 0 one order would be lost
   const auto relation = std::make_shared<FirstOrderLinearTIR>(problem.N, problem.B);
   relation->setDPtr(problem.M);
   relation->setePtr(model.e);

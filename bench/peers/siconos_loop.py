@@ -12,7 +12,7 @@ import siconos.kernel as kernel
 
 
 class Reader:
-    """The doubles of a file, taken from the front."""
+    """Reads the doubles of a file in order."""
 
     def __init__(self, path):
         self.values, self.next = np.fromfile(path), 0

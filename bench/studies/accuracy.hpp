@@ -1,6 +1,6 @@
 #pragma once
-// What results are measured against: the exact solution of a scene, or march on a grid so fine that its own error,
-// which is reported, does not count.
+// References for errors: the exact solution of a scene, or march on a grid so fine that its own error, which is
+// reported, is negligible.
 
 #include "core/solve/solve.hpp"
 
@@ -8,14 +8,14 @@
 
 namespace bromwich::app {
 
-/// Largest entry and root mean square of a difference over the rows t_j >= T/16, where the initial layer has passed;
-/// NaN where either side holds a NaN.
+/// Largest entry and root mean square of a difference over the rows t_j >= T/16, after the initial layer; NaN if either
+/// side has a NaN.
 struct Deviation {
   double max = 0, rms = 0;
 };
 Deviation deviation(const RowMatrix& values, const RowMatrix& reference);
 
-/// Of y, and of the trace N x where the result has one (NaN otherwise).
+/// Errors of y, and of the trace N x if the result has one (NaN otherwise).
 struct Errors {
   Deviation y, trace;
 };
@@ -24,15 +24,15 @@ inline constexpr const char* error_definition =
 
 class Truth {
  public:
-  /// The exact solution where the scene has one, else march with `steps` steps. Throws Error where that is not solved.
+  /// The exact solution if the scene has one, otherwise march with `steps` steps. Throws Error if that is not solved.
   Truth(const Scene&, Backend&, Index steps);
 
-  /// At the time points that both have: the steps of `result` must divide those of the reference or be a multiple of
-  /// them; any number against an exact solution.
+  /// Errors at the common time points: the steps of `result` must divide those of the reference or be a multiple of
+  /// them; with an exact solution any number is allowed.
   Errors of(const Result& result) const;
 
   const std::string& source() const { return source_; }
-  /// How far the reference is from itself with half the steps; 0 for an exact solution.
+  /// Difference of the reference from the same with half the steps; 0 for an exact solution.
   const Errors& known_to() const { return known_to_; }
   /// Steps of the reference; 0 for an exact solution.
   Index steps() const { return y_.rows() > 0 ? y_.rows() - 1 : 0; }

@@ -27,7 +27,7 @@ namespace {
 struct Chain {
   double cells = 0;     ///< of the ladder, m = 3 cells + 1
   Index steps = 0;      ///< about
-  bool graded = false;  ///< as bisection leaves it: sizes from h to h/64
+  bool graded = false;  ///< a grid as bisection makes it: sizes from h to h/64
   StepScheme scheme = StepScheme::euler;
   const char* grid() const { return graded ? "bisected" : "uniform"; }
 };
@@ -43,13 +43,13 @@ constexpr Way ways[] = {{"substitution", {AdjointMethod::substitution, 1}},
                         {"doubling", {AdjointMethod::doubling, 1}},
                         {"scan", {AdjointMethod::scan, 1}}};
 
-/// Where products of maps are worth their m^3 operations: on a processor for few states, on a device (which writes out
-/// sparse maps up to here) for hundreds in a scan, that multiplies each map once.
+/// Numbers of states up to which products of maps are worth their m^3 operations: few on a CPU; hundreds on a device
+/// (which converts sparse maps to dense ones up to here) in a scan, which multiplies each map once.
 Index most_product_states(const Backend& backend, AdjointMethod method) {
   return backend.name() == "cpu" || method == AdjointMethod::doubling ? 64 : 384;
 }
 
-// Cells halved up to six times where a wave is high: runs of one size, a power of two apart.
+// Cells halved up to six times where a wave is high: runs of equal size that differ by powers of two.
 Vector graded_grid(double T, Index about) {
   const auto halvings = [](double s) { return int(std::lround(3 + 3 * std::sin(40 * s))); };
   double weight = 0;
@@ -139,8 +139,8 @@ class Study {
  private:
   using Add = std::function<void(const char* what, const std::vector<double>& times, double apart)>;
 
-  /// From one grid to the next: arrays come from the host and go back to it. A system remembers its inputs: there is a
-  /// new one for each whole cycle, and for the sources, which ask for them first.
+  /// From one grid to the next: arrays come from the host and return to it. A system caches its inputs, so each whole
+  /// cycle, and the sources, which evaluate them first, have a new one.
   void measure_cycle(const Scene& scene, const Vector& t, const StepChainProblem& problem, Backend& backend,
                      const Add& add) {
     const int repeats = request_.repeats();
@@ -169,7 +169,7 @@ class Study {
     const auto mark = [&] { finer = bisected(t, economical_cells(indicators, q, t.size())); };
     add("cycle: marking and bisection", timed_runs(backend, repeats, mark), 0);
 
-    if (problem.states() > 64) return;  // seconds each, and the parts are known
+    if (problem.states() > 64) return;  // they take seconds each, and the parts are known
     Vector exact;
     for (const Way& way : ways) {
       const bool products = way.choice.method == AdjointMethod::doubling || way.choice.method == AdjointMethod::scan;

@@ -1,5 +1,5 @@
-// What `auto` chooses, against the best that it could have chosen: every method by name on every backend there is, on
-// scenes of all structures and sizes. The runs are interleaved.
+// The choice of `auto` compared with the best possible one: every method by name on every available backend, on scenes
+// of all structures and sizes. The runs are interleaved.
 
 #include "app/backend_choice.hpp"
 #include "app/commands.hpp"
@@ -21,7 +21,7 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr double wanted_ratio = 1.3;  ///< of the time of the choice to the best
+constexpr double wanted_ratio = 1.3;  ///< of the time of the choice to the best time
 constexpr double hopeless = 5;        ///< times the best so far: stopped in the warm-up
 constexpr double short_solve = 0.05;  ///< seconds; below, twice as many repeats
 constexpr double long_solve = 0.5;    ///< seconds; above, two
@@ -125,7 +125,7 @@ double best_of(const std::vector<Choice>& list) {
   return best;
 }
 
-// One warm-up each, then whole rounds. What is refused or takes hopelessly long counts as not solved.
+// One warm-up each, then whole rounds. Refused and much too slow runs count as not solved.
 void measure(std::vector<Choice>& list, const AutoCase& one, int repeats) {
   Options options;
   options.steps = one.steps;
@@ -160,7 +160,7 @@ void measure(std::vector<Choice>& list, const AutoCase& one, int repeats) {
     if (c.solved()) turns.push_back(&c);
   std::mt19937 order(1);
   for (int round = 0; round < rounds; ++round) {
-    std::shuffle(turns.begin(), turns.end(), order);  // what ran before leaves its traces in the caches
+    std::shuffle(turns.begin(), turns.end(), order);  // previous runs affect the caches
     for (Choice* turn : turns) {
       Choice& c = *turn;
       options.method = c.method;
@@ -185,7 +185,7 @@ Json row(const AutoCase& one, const Choice& c, double best) {
           {"ratio", c.solved() ? Json(c.seconds() / best) : Json(nullptr)}};
 }
 
-// As soon as it is known: the study takes minutes.
+// Printed as soon as it is known: the study takes minutes.
 void print_line(const std::string& scene, const std::string& steps, const std::string& chosen, const std::string& time,
                 const std::string& best, const std::string& best_time, const std::string& ratio) {
   print(fmt::format("{:<22} {:>6}  {:<18} {:>8}  {:<18} {:>8}  {:>5}\n", scene, steps, chosen, time, best, best_time,

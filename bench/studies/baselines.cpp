@@ -1,5 +1,5 @@
-// The functional iteration against step-by-step methods of the same scene, at the error that each one reaches. The
-// runs are interleaved, so that a slow moment of the machine meets all contestants alike.
+// The functional iteration compared with time stepping on the same scene, with the error that each one reaches. The
+// runs are interleaved, so that a slow phase of the machine affects all contestants equally.
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
@@ -16,9 +16,9 @@ namespace bromwich::app {
 
 namespace {
 
-/// Errors this close are errors of the same discretisation: the solvers then differ by time alone.
+/// Errors this close are errors of the same discretisation: the solvers then differ in time only.
 constexpr double same_error = 1.01;
-/// Medians closer than this say nothing about who is faster.
+/// Medians closer than this do not show which one is faster.
 constexpr double noise = 1.05;
 constexpr Index max_reference_steps = 65536;
 
@@ -63,8 +63,8 @@ std::vector<Contestant> contestants(const Scene& scene, Index steps) {
   return list;
 }
 
-/// Implicit Euler with the fewest steps (doubling) that reach `error`: the fair comparison. Empty where memory or the
-/// largest reference ends first.
+/// Implicit Euler with the fewest steps (by doubling) that reach `error`: the fair comparison. Empty if memory or the
+/// largest reference is exhausted before.
 std::optional<Contestant> euler_at_equal_error(const Scene& scene, Backend& backend, Index steps, double error,
                                                const Truth& truth) {
   for (Index factor = 2; steps * factor <= 16 * max_reference_steps; factor *= 2) {
@@ -78,7 +78,7 @@ std::optional<Contestant> euler_at_equal_error(const Scene& scene, Backend& back
     if (!c.solved()) return std::nullopt;
     c.error = truth.of(c.result).y;
     if (c.error.max <= error) return c;
-    // First order: the next doubling at most halves the error, so far ones are not tried one by one.
+    // First order: a doubling at most halves the error, so the distance to `error` allows several at once.
     while (c.error.max > 2.5 * error && steps * factor * 2 <= 16 * max_reference_steps) factor *= 2, c.error.max /= 2;
   }
   return std::nullopt;
@@ -146,7 +146,7 @@ const Contestant* fastest(const std::vector<const Contestant*>& list) {
   return best == list.end() ? nullptr : *best;
 }
 
-/// Who is fastest among those that reach the smallest error on the grid asked for.
+/// The fastest contestant among those with the smallest error on the given grid.
 std::string winner(const std::vector<Contestant>& list) {
   const auto entered = [&](const Contestant& c) { return c.solved() && c.options.steps == list.front().options.steps; };
   double smallest = INFINITY;
@@ -161,7 +161,7 @@ std::string winner(const std::vector<Contestant>& list) {
                      format_seconds(best->seconds()));
 }
 
-/// One variant of the iteration against one marching; a shorter time at a larger error is named as that.
+/// One variant of the iteration compared with one marching; a shorter time with a larger error is reported as such.
 std::string comparison(const Contestant& c, const Contestant& march) {
   const double ratio = c.seconds() / march.seconds(), error = c.error.max / march.error.max;
   const std::string at = error > same_error ? fmt::format(", at {:.3g} x its error", error) : "";
@@ -171,7 +171,7 @@ std::string comparison(const Contestant& c, const Contestant& march) {
   return fmt::format("{} and {} take the same time here{}", c.name, march.name, at);
 }
 
-/// Implicit Euler at the error of the others, if it got there.
+/// Implicit Euler at the error of the others, if it reached it.
 std::string euler_note(const std::vector<Contestant>& list) {
   const Contestant& last = list.back();
   const Contestant* best = nullptr;
@@ -183,7 +183,7 @@ std::string euler_note(const std::vector<Contestant>& list) {
                      last.seconds() / best->seconds(), best->name);
 }
 
-/// Every variant of the iteration against the fastest marching, said plainly where it loses.
+/// Every variant of the iteration compared with the fastest marching, including the cases where it loses.
 std::vector<std::string> conclusions(const std::vector<Contestant>& list) {
   std::vector<std::string> notes{winner(list), euler_note(list)};
   std::vector<const Contestant*> marching;
@@ -238,7 +238,7 @@ void run_case(const Case& one, const BenchRequest& request, Backend& backend, Be
   }
   print(text + "\n");
 
-  // What differs between the cases does not describe the whole benchmark.
+  // Parameters that differ between the cases do not describe the whole benchmark.
   Json parameters = to_json(choice.parameters);
   if (report.rows.empty()) report.parameters = parameters;
   for (const auto& [key, value] : parameters.items())

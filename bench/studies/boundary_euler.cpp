@@ -11,7 +11,7 @@ namespace bromwich::app {
 
 namespace {
 
-/// The steps in the form that the solvers of the Galerkin problem take: one coefficient per step and constraint.
+/// The steps in the form of the Galerkin problem, for its solvers: one coefficient per step and constraint.
 GalerkinProblem euler_problem(const Scene& scene, Index J) {
   const DenseDynamics d = to_dense(scene.dynamics);
   const Index m = d.A.rows(), n = d.B.cols();
@@ -23,7 +23,7 @@ GalerkinProblem euler_problem(const Scene& scene, Index J) {
   p.runs = {{0, J, {R, h * R * d.B, d.N * R, M + h * d.N * R * d.B, M}}};
   p.forcing = RowMatrix::Zero(J, m);
   p.q = RowMatrix::Zero(J, n);
-  const Matrix from_f = h * R * source_entry(scene, d);
+  const Matrix from_f = h * R * source_matrix(scene, d);
   Vector f(scene.sources()), g(n);
   for (Index k = 0; k < J; ++k) {
     const double t = h * double(k + 1);

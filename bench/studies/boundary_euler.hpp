@@ -1,11 +1,10 @@
 #pragma once
-// Implicit Euler for scenes with boundary values, as strong as the Galerkin method it is held against: all steps at
-// once,
+// Implicit Euler for scenes with boundary values, with the same solvers as the Galerkin method to which it is compared:
+// all steps at once,
 //
 //     x_k = R (x_{k-1} + h B y_k + h f_k),   0 <= y_k ⊥ N x_k + M y_k + g_k >= 0,   E0 x_0 + ET x_J = b,
 //
-// R = (I - hA)^{-1}, by the same solvers: active sets exchanged with exact two-point solves, damped Newton
-// where they repeat. Dense dynamics.
+// R = (I - hA)^{-1}: exchange of active sets with exact two-point solves, damped Newton if they repeat. Dense dynamics.
 
 #include "core/solve/solve.hpp"
 
@@ -13,7 +12,7 @@ namespace bromwich::app {
 
 struct BoundaryEuler {
   bool solved = false;
-  std::string reason;  ///< where not
+  std::string reason;  ///< if not solved
   RowMatrix y;         ///< J x n, row k - 1 at t_k
   RowMatrix x;         ///< (J+1) x m
   Index iterations = 0;

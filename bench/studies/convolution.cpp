@@ -15,8 +15,8 @@ namespace bromwich::app {
 
 namespace {
 
-/// Enough for a mean, few enough that hardly a row has settled and left the iteration. The first sweep starts from x0
-/// without a kernel, and the residual takes one application at the end: as many applications as sweeps.
+/// Enough for a mean, and so few that hardly any row has settled and left the iteration. The first sweep starts from x0
+/// without a kernel, and the residual needs one application at the end: as many applications as sweeps.
 constexpr Index iterations = 10;
 
 struct Contender {
@@ -38,7 +38,7 @@ Options contender_options(const Contender& c, Index steps) {
   return options;
 }
 
-/// `result` keeps y of the warm-up: the two must agree before their times are worth anything.
+/// `result` keeps y of the warm-up: the two must agree before their times are compared.
 void measure(std::array<Contender, 2>& pair, const Scene& scene, Backend& backend, Index steps, int repeats) {
   for (Contender& c : pair) c.result = solve(scene, backend, contender_options(c, steps));
   for (int round = 0; round < repeats; ++round)

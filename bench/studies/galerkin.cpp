@@ -1,6 +1,6 @@
-// The Galerkin method in time on boundary values and initial values, beside implicit Euler: what the paper on it (Wang
-// and Chen, An exponential integrator based discontinuous Galerkin method for linear complementarity systems) shows in
-// its figures, and what an application and a solve cost.
+// The Galerkin method in time on boundary values and initial values, compared with implicit Euler: the experiments in
+// the figures of the paper (Wang and Chen, An exponential integrator based discontinuous Galerkin method for linear
+// complementarity systems), and the cost of an application and of a solve.
 
 #include "bench/studies/galerkin.hpp"
 
@@ -16,7 +16,7 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr Index kink_panels = 6;  ///< of an interval: kinks between nodes are met by short panels
+constexpr Index kink_panels = 6;  ///< of an interval: short panels around kinks between nodes
 // Gauss, three points on [0, 1].
 const double gauss_node[] = {0.5 - std::sqrt(0.15), 0.5, 0.5 + std::sqrt(0.15)};
 constexpr double gauss_weight[] = {5. / 18, 4. / 9, 5. / 18};
@@ -62,7 +62,7 @@ TimeErrors galerkin_errors(const Scene& scene, const RowMatrix& left, const RowM
   const double h = scene.T / double(J);
   const DenseDynamics d = to_dense(scene.dynamics);
   Vector f = Vector::Zero(m);
-  // f may jump at nodes: its slopes are taken just inside.
+  // f may jump at nodes: its slopes are computed just inside.
   const auto slope = [&](Index node, const auto& y, double t) {
     if (scene.f) scene.f(t, f);
     return Vector(h * (d.A * x.row(node).transpose() + d.B * y.transpose() + f));

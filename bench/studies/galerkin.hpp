@@ -1,5 +1,5 @@
 #pragma once
-// Parts of `bench galerkin` and the norms they share: L2 in time of the Euclidean norm over components.
+// Parts of `bench galerkin` and their norm: L2 in time of the Euclidean norm over components.
 
 #include "bench/studies/study.hpp"
 
@@ -9,11 +9,12 @@ struct TimeErrors {
   double y_L2 = NAN, x_L2 = NAN, y_at_T = NAN, x_at_T = NAN;
 };
 
-/// y linear on every interval between its rows of `left` and `right` (J x n); x (J+1 x m) continued by the cubic that
-/// has the values and slopes A x + B y + f of its ends, an error O(h^4). For scenes with an exact solution.
+/// y is linear on every interval between its rows of `left` and `right` (J x n). x ((J+1) x m) is interpolated by
+/// cubics with the values and slopes A x + B y + f at the ends, with an error O(h^4). For scenes with an exact
+/// solution.
 TimeErrors galerkin_errors(const Scene&, const RowMatrix& left, const RowMatrix& right, const RowMatrix& x);
 
-/// y constant on every step (J x n), x linear.
+/// y (J x n) is constant on every step, x linear.
 TimeErrors euler_errors(const Scene&, const RowMatrix& y, const RowMatrix& x);
 
 Json to_json(const TimeErrors&);
@@ -21,11 +22,11 @@ Json to_json(const TimeErrors&);
 /// Errors of Galerkin and implicit Euler against steps and time; switches and cost of the control problem.
 void study_convergence(const BenchRequest&, Backend&, BenchReport&);
 
-/// What the spaces of functions allow: projections of the exact control (Fig. 3), and the smallest eigenvalue of the
-/// operator (Fig. 6).
+/// Approximation by the spaces of functions: projections of the exact control (Fig. 3), and the smallest eigenvalue of
+/// the operator (Fig. 6).
 void study_spaces(const BenchRequest&, Backend&, BenchReport&);
 
-/// Time and memory of an application and a solve against the number of intervals; the periodic state against marching.
+/// Time and memory of an application and a solve over the number of intervals; the periodic state compared to marching.
 void study_galerkin_cost(const BenchRequest&, Backend&, BenchReport&);
 
 }  // namespace bromwich::app

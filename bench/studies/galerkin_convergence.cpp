@@ -1,4 +1,4 @@
-// Errors of Galerkin and implicit Euler against steps and time, where the exact solution is known.
+// Errors of Galerkin and implicit Euler over steps and time, for scenes with known exact solutions.
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
@@ -18,7 +18,7 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr double no_order_below = 1e-11;  ///< errors below say nothing about an order
+constexpr double no_order_below = 1e-11;  ///< smaller errors are not used for an order
 constexpr double long_solve_seconds = 2;  ///< seconds; a longer solve is not repeated
 
 struct TimeLadder {
@@ -56,7 +56,7 @@ struct Measurement {
   RowMatrix left, right, x;  ///< y at the ends of the intervals, states
 };
 
-/// As often as the request says, unless once takes long.
+/// Repeats as requested, unless one solve takes long.
 template <typename Solve>
 void repeat(const BenchRequest& request, Measurement& m, const Solve& solve_once) {
   for (int i = 0; i < request.repeats(); ++i) {
@@ -126,7 +126,7 @@ constexpr std::array<std::pair<const char*, double TimeErrors::*>, 4> norms{{{"y
                                                                              {"y_at_T", &TimeErrors::y_at_T},
                                                                              {"x_at_T", &TimeErrors::x_at_T}}};
 
-/// Slope of log error over log steps by least squares, errors at rounding level left out; NaN for fewer than two.
+/// Slope of log error over log steps by least squares, without errors at rounding level; NaN for fewer than two.
 double observed_order(const std::vector<Point>& points, double TimeErrors::*norm) {
   double count = 0, sum_h = 0, sum_e = 0, sum_hh = 0, sum_he = 0;
   for (const Point& p : points) {
@@ -149,7 +149,7 @@ Json convergence_row(const TimeLadder& ladder, const char* method, const Scene& 
           {"iterations", m.iterations}, {"residual", m.residual}, {"seconds", median(m.seconds)}};
 }
 
-// v = -p2 - y_0 + y_1 is linear on every interval, p2 linear altogether: cost and switches need no further error.
+// v = -p2 - y_0 + y_1 is linear on every interval, p2 is linear on [0, 1]: cost and switches follow without error.
 Json control_row(const char* method, Index steps, double T, const Measurement& m) {
   const double h = T / double(steps), k = 5 / std::sqrt(0.6), a = (1 - std::sqrt(0.6)) / 2;
   double cost = 0;

@@ -1,4 +1,4 @@
-// What Galerkin costs against the number of intervals, and the periodic state against marching to it.
+// Cost of Galerkin over the number of intervals, and the periodic state compared with marching to it.
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
@@ -18,7 +18,7 @@ namespace {
 
 constexpr double wanted_agreement = 1e-6;  ///< of the periodic states
 constexpr Index most_periods = 40;
-constexpr double most_seconds = 5;  ///< of a solve; the next size is then left out
+constexpr double most_seconds = 5;  ///< of a solve; the next size is then omitted
 
 std::size_t bytes_of(const GalerkinProblem& p) { return sizeof(double) * std::size_t(p.forcing.size() + p.q.size()); }
 
@@ -29,7 +29,7 @@ double measure_size(const std::string& name, Index J, const BenchRequest& reques
   const GalerkinProblem p = galerkin_problem(scene, J);
   const RowMatrix z = RowMatrix::Ones(J, p.unknowns());
   std::vector<double> application, whole;
-  double sum = 0;  // so that no application is left out
+  double sum = 0;  // prevents the compiler from removing applications
   Options options;
   options.method = Method::galerkin;
   options.steps = J;
@@ -90,10 +90,10 @@ void study_sizes(const BenchRequest& request, Backend& backend, BenchReport& rep
   print("cost\n" + table(text) + "\n");
 }
 
-/// Marches from v = 0 over whole periods until v at their ends changes by less than a tenth of what is wanted.
+/// Marches from v = 0 over whole periods until v at their ends changes by less than a tenth of the wanted agreement.
 struct LongRun {
   Index periods = 0;
-  double seconds = NAN;  ///< of the march over so many periods
+  double seconds = NAN;  ///< of the march over these periods
   RowMatrix last;        ///< v over the last of them, J+1 rows
 };
 

@@ -1,5 +1,5 @@
-// What the spaces of functions in time allow, whatever the method: projections of the exact control, and how monotone
-// the operator is on them.
+// Properties of the spaces of functions in time, independent of a method: projections of the exact control, and
+// monotonicity of the operator.
 
 #include "app/commands.hpp"
 #include "bench/studies/galerkin.hpp"
@@ -66,8 +66,8 @@ Eigen::Vector2d nearest_linear(const Eigen::Vector2d& moment) {
   return ends;
 }
 
-/// The nearest continuous one: J+1 values v >= 0 with the tridiagonal mass matrix, by Gauss-Seidel with projection,
-/// whose condition is 3.
+/// The nearest continuous one: J+1 values v >= 0 with the tridiagonal mass matrix (condition number 3), by projected
+/// Gauss-Seidel.
 Vector nearest_continuous(const std::vector<Eigen::Vector2d>& moment) {
   const Index J = Index(moment.size());
   Vector right = Vector::Zero(J + 1), v = Vector::Zero(J + 1);
@@ -113,8 +113,8 @@ void project(const Scene& bridge, const char* grid, Index J, std::vector<std::ve
                   scientific(norm(discontinuous))});
 }
 
-/// Smallest eigenvalue of the symmetric part for the matrix that the paper prints: below the diagonal it takes the
-/// state that an interval leaves to be constant in the later ones, [N; N] H in place of C E^{k'-k-1} H.
+/// Smallest eigenvalue of the symmetric part for the matrix that the paper prints: below the diagonal it treats the
+/// response of the state as constant after an interval, [N; N] H instead of C E^{k'-k-1} H.
 double smallest_eigenvalue_as_printed(const Scene& scene, Index J) {
   const GalerkinProblem p = galerkin_problem(scene, J);
   const auto& [E, H, C, D, M] = p.first_step();

@@ -1,5 +1,5 @@
-// Goal-oriented grids of port-Hamiltonian scenes: what is violated of the energy balance, against steps and against
-// time, beside uniform grids, the equidistributed grid and schemes of higher order.
+// Goal-oriented grids of port-Hamiltonian scenes: violation of the energy balance over steps and over time, compared
+// with uniform grids, the equidistributed grid and schemes of higher order.
 
 #include "bench/studies/goal.hpp"
 
@@ -21,7 +21,7 @@ namespace bromwich::app {
 namespace {
 
 constexpr Index reference_halvings = 6;
-constexpr Index most_reference_cells = 3200;  ///< of a judged grid; finer ones are not compared with the reference
+constexpr Index most_reference_cells = 3200;  ///< of a grid; finer ones are not compared with the reference
 
 struct GoalContestant {
   const char* name;
@@ -100,7 +100,7 @@ Json row_of(const GoalScene& s, Backend& backend, const GoalContestant& c, Index
   return row;
 }
 
-/// The ladder with its diode: y is part of the balance, so that method goal computes uniform grids too.
+/// The ladder with its diode: y is part of the balance, so method goal also computes the uniform grids.
 Json switching_row(const SceneChoice& choice, Backend& backend, const Vector& at_end, StepScheme scheme, bool adapted,
                    Index steps, int repeats) {
   Options options;
@@ -212,14 +212,14 @@ Json judged(const GoalScene& s, Backend& backend, StepScheme scheme, const Vecto
 
 namespace {
 
-/// |x'| in the norm of the energy at the left ends of the steps of a grid that holds the jumps.
+/// |x'| in the norm of the energy at the left ends of the steps of a grid that contains the jumps.
 Vector speeds(const GoalScene& s, Backend& backend, const Vector& t) {
   const RowMatrix x = trajectory(s, backend, StepScheme::exponential, t);
   const RowMatrix slope = slopes({s.system, StepScheme::exponential, t, x}, Side::behind);
   return (slope * s.system.energy_matrix()).cwiseProduct(slope).rowwise().sum().cwiseMax(0).cwiseSqrt();
 }
 
-/// T^3 ∫ |x'|^4 / (∫ |x'|)^4: what the equidistributed grid gains in I_loc of implicit Euler, for many steps.
+/// T^3 ∫ |x'|^4 / (∫ |x'|)^4: gain of the equidistributed grid in I_loc of implicit Euler, for many steps.
 double equidistribution_gain(const GoalScene& s, Backend& backend) {
   const Vector t = first_grid(s.scene.T, 50000, input_jumps(*s.scene.port, s.scene.T));
   const Vector speed = speeds(s, backend, t), h = t.tail(t.size() - 1) - t.head(t.size() - 1);
@@ -234,7 +234,7 @@ Vector equidistributed(const GoalScene& s, Backend& backend, Index M) {
   const Vector speed = speeds(s, backend, fine);
   Vector length = Vector::Zero(fine.size());
   for (Index i = 0; i < speed.size(); ++i) length[i + 1] = length[i] + (fine[i + 1] - fine[i]) * speed[i];
-  // Cells end at the jumps: each piece gets its share of them.
+  // Cells end at the jumps: each piece gets its share of the cells.
   std::vector<double> t{0};
   std::vector<Index> ends;
   for (const double jump : jumps) ends.push_back(std::lower_bound(fine.begin(), fine.end(), jump) - fine.begin());

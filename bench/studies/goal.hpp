@@ -1,5 +1,5 @@
 #pragma once
-// What the parts of `bench goal` share: a scene with its port-Hamiltonian system, and judged trajectories.
+// Common parts of `bench goal`: a scene with its port-Hamiltonian system, and trajectories with their errors.
 
 #include "bench/studies/study.hpp"
 #include "core/goal/goal.hpp"
@@ -15,15 +15,15 @@ struct GoalScene {
   GoalScene(std::string label, const std::string& name, ParameterValues parameters);
 };
 
-/// The balance of a trajectory by its own scheme, by implicit Euler's quadrature (right end points, what the paper
-/// takes for all solvers) and by straight lines between the points; and its error, against 64 exponential steps in
-/// each.
+/// The balance of a trajectory by its own scheme, by implicit Euler's quadrature (right end points, as the paper does
+/// for all solvers) and by straight lines between the points; and its error, relative to 64 exponential steps in each
+/// step.
 Json judged(const GoalScene&, Backend&, StepScheme, const Vector& t, const RowMatrix& x);
 
 /// x of a scheme on a grid.
 RowMatrix trajectory(const GoalScene&, Backend&, StepScheme, const Vector& t);
 
-/// Equal h |x'| in all cells, the least Σ v^2 that implicit Euler can have with M cells (for M to infinity).
+/// Equal h |x'| in all cells: the smallest Σ v^2 of implicit Euler with M cells (as M tends to infinity).
 Vector equidistributed(const GoalScene&, Backend&, Index M);
 
 /// The curves behind the pictures: trajectories, violations and adjoints on a few grids.

@@ -12,7 +12,7 @@ namespace {
 
 constexpr Index most_curve_points = 250;  ///< of a curve
 
-/// Five digits: what a picture shows.
+/// Rounded to five digits, enough for a picture.
 Json numbers(const Vector& values) {
   Json json = Json::array();
   for (const double value : values) json.push_back(std::stod(fmt::format("{:.5g}", value)));
@@ -85,7 +85,7 @@ Json curve(const GoalScene& s, StepScheme scheme, const Vector& t, const RowMatr
           {"supplied", b.supplied.sum()},     {"steps", M}};
 }
 
-/// Fig. 2, 3 and 6: trajectories and what they violate, goal-oriented beside uniform and exact.
+/// Fig. 2, 3 and 6: trajectories and their violations on goal-oriented and uniform grids, and the exact ones.
 Json trajectories(Backend& backend, const GoalScene& s, const std::vector<Index>& shown,
                   const std::vector<std::tuple<std::string, GoalOptions, Index>>& entrants) {
   Json json = Json::array();

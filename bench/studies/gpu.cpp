@@ -1,6 +1,6 @@
-// The CUDA backend on the signorini scene: one sweep of the functional iteration split into its operations, against the
-// copy bandwidth and the product rate measured in the same run; whole solves; and the step-by-step methods of the same
-// machine's processor, at the error that each reaches.
+// The CUDA backend on the signorini scene: one sweep of the functional iteration split into its operations, compared
+// with the copy bandwidth and the product rate of the same run; whole solves; and time stepping on the CPU of the same
+// machine, with the error that each one reaches.
 
 #include "bench/studies/gpu.hpp"
 #include "app/commands.hpp"

@@ -1,5 +1,5 @@
 #pragma once
-// The parts of `bench gpu`: operations of the CUDA backend, and whole solves beside those of the processor.
+// The parts of `bench gpu`: operations of the CUDA backend, and whole solves compared with those of the CPU.
 
 #include "bench/studies/study.hpp"
 #include "kernels/ceilings.hpp"
@@ -18,7 +18,7 @@ Json sweep_row(double Q, Index J, const Sweep&, const CudaCeilings&);
 std::string measure_transforms(bool quick, const CudaCeilings&, BenchReport&);
 std::string measure_small_problems(Backend& backend, int repeats, bool quick, const CudaCeilings&, BenchReport&);
 
-/// Whole solves on one grid by the CUDA backend and by the processor with one core and all, interleaved.
+/// Whole solves on one grid by the CUDA backend and by the CPU with one core and with all cores, interleaved.
 struct GpuContestant {
   std::string name;
   Backend* backend;

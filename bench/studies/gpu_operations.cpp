@@ -1,5 +1,5 @@
-// One sweep of the functional iteration on signorini split into its operations, and the operations that other scenes
-// and sizes take, against the copy bandwidth and the product rate of the same run.
+// One sweep of the functional iteration on signorini split into its operations, and the operations for other scenes and
+// sizes, compared with the copy bandwidth and the product rate of the same run.
 
 #include "app/text.hpp"
 #include "bench/studies/gpu.hpp"
@@ -16,7 +16,7 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr int runs = 20;  ///< of an operation between two looks at the clock
+constexpr int runs = 20;  ///< of an operation between two readings of the clock
 constexpr Index most_fft_values = 2200000;
 
 /// Seconds of one run, several times.
@@ -64,7 +64,7 @@ Sweep measure_sweep(const Scene& scene, Backend& backend, Index J, int repeats) 
   const double h = scene.T / double(J);
   const ExponentialSum sum = compress_line_kernel(d, h, scene.T);
   const auto scan = backend.convolution(Recurrence(compressed_recurrence(backend, d, sum, h)), rows);
-  std::unique_ptr<Convolution> fft;  // where its table does not take longer than all else
+  std::unique_ptr<Convolution> fft;  // if its table does not take longer than everything else
   if (rows * n <= most_fft_values)
     fft = backend.convolution(contour_lag_table(backend, d, *contour_parameters(0), h, J), rows);
   const auto sine = backend.sine_transform(n, rows);
@@ -77,7 +77,7 @@ Sweep measure_sweep(const Scene& scene, Backend& backend, Index J, int repeats) 
   sweep.upload = timed(backend, repeats, [&] { backend.upload(known.q, *r); });
   backend.upload(known.y, *y);
   sweep.download = timed(backend, repeats, [&] { backend.download(*y, known.y); });
-  // The same problems every time: y stays.
+  // The same problems every time: y does not change.
   const auto operations = [&] {
     sine->apply(*y, nullptr, *modes, 0);
     scan->apply(*modes, *v, 0);

@@ -1,5 +1,5 @@
-// Whole solves of signorini on one grid: the CUDA backend, the step-by-step methods of the processor with one core and
-// all, and implicit Euler with as many steps as the iteration's error takes.
+// Whole solves of signorini on one grid: the CUDA backend, time stepping on the CPU with one core and with all cores,
+// and implicit Euler with as many steps as it needs for the error of the iteration.
 
 #include "bench/studies/gpu.hpp"
 
@@ -10,8 +10,8 @@ namespace bromwich::app {
 
 namespace {
 
-// What takes long on the processor, or has no place on the device, is left out; values are steps times constraints.
-constexpr double most_host_values = 2.2e6;   ///< for the step-by-step methods of the processor
+// Runs that take long on the CPU, or are slow on the device, are omitted; values are steps times constraints.
+constexpr double most_host_values = 2.2e6;   ///< for time stepping on the CPU
 constexpr double most_equal_values = 1.2e7;  ///< for implicit Euler at equal error
 constexpr Index most_marched = 512;          ///< constraints: above, exchanges of the device's march are slow
 constexpr double most_exact_values = 2.2e6;  ///< for the iteration to 1e-12
@@ -46,7 +46,7 @@ void warm_up(GpuContestant& c, const Scene& scene, const Truth* truth) {
   for (RowMatrix* array : {&c.result.y, &c.result.x}) array->resize(0, 0);
 }
 
-// The fewest steps, doubled from J, whose error is no larger; nothing where they would be too many.
+// The fewest steps, doubled from J, with an error no larger; empty if they would be too many.
 std::optional<GpuContestant> euler_at_equal_error(const Scene& scene, Index J, Backend& one, double error,
                                                   const Truth& truth) {
   const Index most_steps = Index(most_equal_values / double(scene.constraints()));
@@ -54,7 +54,7 @@ std::optional<GpuContestant> euler_at_equal_error(const Scene& scene, Index J, B
     GpuContestant c{"euler, cpu, one core, equal error", &one, with(Method::euler, steps)};
     warm_up(c, scene, &truth);
     if (c.error.max <= error) return c;
-    // First order: a doubling halves the error at most, so that far ones need not be tried one by one.
+    // First order: a doubling at most halves the error, so the distance to the error allows several at once.
     for (double left = c.error.max; left > 2.5 * error && 4 * steps <= most_steps; left /= 2) steps *= 2;
   }
   return std::nullopt;
@@ -65,7 +65,7 @@ std::optional<GpuContestant> euler_at_equal_error(const Scene& scene, Index J, B
 std::vector<GpuContestant> measure_solves(const Scene& scene, Index J, Backend& cuda, Backend& one, Backend& all,
                                           int repeats, bool quick) {
   std::vector<GpuContestant> list = contestants(scene, J, cuda, one, all);
-  // Errors where a reference takes seconds: on the grid of the paper's examples.
+  // Errors are computed where a reference takes only seconds: on the grid of the paper's examples.
   std::optional<Truth> truth;
   if (J <= 400 && scene.constraints() <= most_marched) truth.emplace(scene, all, J * (quick ? 8 : 16));
   for (GpuContestant& c : list) warm_up(c, scene, truth ? &*truth : nullptr);
@@ -73,7 +73,7 @@ std::vector<GpuContestant> measure_solves(const Scene& scene, Index J, Backend& 
     if (auto euler = euler_at_equal_error(scene, J, one, list[0].error.max, *truth)) list.push_back(std::move(*euler));
   for (int round = 0; round < repeats; ++round)
     for (GpuContestant& c : list) {
-      if (c.result.seconds.total > 1 && round > 0) continue;  // what takes seconds is timed once more
+      if (c.result.seconds.total > 1 && round > 0) continue;  // long runs are timed once more only
       const Seconds seconds = solve(scene, *c.backend, c.options).seconds;
       c.samples.add(seconds.total, seconds.setup, seconds.solve);
       c.sweeps.push_back(seconds.sweeps);

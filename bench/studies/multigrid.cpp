@@ -1,6 +1,6 @@
-// Multigrid in time on signorini: contraction of its cycles from 1e-12 runs over a range of grids in space and time,
-// and what it takes until the algebraic error is below a tenth of the discretisation error; the plain iteration beside
-// it.
+// Multigrid in time on signorini: contraction of its cycles in runs to 1e-12 over a range of grids in space and time,
+// and the cost until the algebraic error is below a tenth of the discretisation error, compared with the plain
+// iteration.
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
@@ -20,11 +20,11 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr double useful_share = 0.1;  ///< of the discretisation error, that the cycles may leave
+constexpr double useful_share = 0.1;  ///< algebraic error relative to the discretisation error
 constexpr double wanted_contraction = 0.1;
 constexpr int wanted_sweeps = 20;
-constexpr double least_change = 1e-10;  ///< changes below it say nothing about contraction
-constexpr double most_host_work = 5e9;  ///< J Q^2 of what the processor solves in some ten seconds
+constexpr double least_change = 1e-10;  ///< smaller changes are not used for the contraction
+constexpr double most_host_work = 5e9;  ///< J Q^2 that the CPU solves in about ten seconds
 constexpr double most_plain_seconds = 2;
 constexpr Index sampled_sweeps = 12;  ///< of which a sweep is timed
 
@@ -34,7 +34,7 @@ struct Grid {
   double work() const { return double(J) * Q * Q; }
 };
 
-// dx = 1/16 to 1/1024, and the grids that the paper and the goals speak of; the cheap ones first.
+// dx = 1/16 to 1/1024, and the grids of the paper; the cheap ones first.
 std::vector<Grid> study_sizes(bool quick) {
   if (quick) return {{15, 192}, {31, 256}};  // three grids on a device too
   std::vector<Grid> all{{39, 400}, {511, 400}};
@@ -75,7 +75,7 @@ double sweep_seconds(const Scene& scene, Backend& backend, Index J) {
   return r.seconds.sweeps / double(std::max<std::size_t>(1, r.history.size()));
 }
 
-/// Sweeps of the plain iteration to 1e-12, counted or, where that takes long, as many as with fewer steps.
+/// Sweeps of the plain iteration to 1e-12; if counting takes long, the number for fewer steps is used.
 struct PlainSweeps {
   Index sweeps = 0, steps = 0;
 };
@@ -178,7 +178,7 @@ void refuse_other_scenes(const BenchRequest& request) {
     if (key != "Q") throw Error("--set", "found '" + key + "'", "set Q, or nothing");
 }
 
-// What the rows show, the cases that miss it by name.
+// Summary of the rows; cases that miss a goal are named.
 std::vector<std::string> multigrid_notes(const Json& rows) {
   double contracts = 0;
   long all = 0, cheap = 0;

@@ -1,5 +1,5 @@
-// The experiments of section 4 of the paper on Laplace inversion, repeated, with the numbers that its text quotes. What
-// it shows only in figures is not read off them.
+// The experiments of section 4 of the paper on Laplace inversion, with the numbers of its text. Values that it shows
+// only in figures are not used.
 
 #include "bench/studies/paper.hpp"
 #include "app/commands.hpp"

@@ -1,4 +1,4 @@
-// Figure 4.3: error against the step, and against the nodes of a contour.
+// Figure 4.3: error over the step, and over the nodes of a contour.
 
 #include "app/commands.hpp"
 #include "bench/studies/paper.hpp"
@@ -15,7 +15,7 @@ namespace bromwich::app {
 namespace {
 
 constexpr Index step_study_nodes = 64;    ///< P in the left panel
-constexpr Index node_study_steps = 1024;  ///< the paper has 1e5 in the right one
+constexpr Index node_study_steps = 1024;  ///< the paper has 1e5 in the right panel
 
 Options options_of(Method method, Index steps, Index nodes) {
   Options options;
@@ -56,7 +56,7 @@ Json step_row(Method method, const Result& coarse, const Result& fine, const Tru
           {"error_trace", coarse.status == Status::solved ? errors.trace.max : NAN}};
 }
 
-/// Orders between neighbours, and a note that says what they are over the whole range.
+/// Orders between neighbours, and a note with the order over the whole range.
 std::string step_note(const std::vector<Json>& rows) {
   const Json *first = nullptr, *last = nullptr;
   std::string failed;
@@ -81,7 +81,7 @@ std::string step_note(const std::vector<Json>& rows) {
   } else {
     text += "no two steps solved";
   }
-  // Of second order, the difference is 3/4 of the error; what the two grids share does not show in it.
+  // With second order the difference is 3/4 of the error; it does not contain errors common to the two grids.
   if (last && double(last->at("error_y")) > 2 * double(last->at("difference_y")))
     text += fmt::format(
         "; at h = 1/{} the error of y is {:.2g} times the difference that stands for it, which cannot see the error of "
@@ -149,7 +149,7 @@ Json node_row(const Result& r, Index nodes, const Scene& scene, const Truth& tru
           {"error_trace", errors.trace.max}};
 }
 
-/// From which P on the error is that of the step.
+/// The smallest P for which the error is that of the step.
 std::string at_the_floor(const std::vector<Json>& rows, double floor) {
   for (const Json& row : rows)
     if (double(row["error_y"]) <= 1.1 * floor)

@@ -25,7 +25,7 @@ double largest_difference(const RowMatrix& a, const RowMatrix& b) {
 
 Iterates::Iterates(const Scene& scene, Backend& backend, Index steps, bool with_states)
     : scene_(scene), backend_(backend), steps_(steps), with_states_(with_states) {
-  // Below rounding: the iteration goes on until nothing changes.
+  // Below rounding: the iteration continues until nothing changes.
   Options to_the_end = options(Options{}.max_iterations);
   converged_ = solve(scene, backend, to_the_end);
   if (converged_.status != Status::solved)
@@ -70,7 +70,7 @@ Index Iterates::sweeps_to(double tolerance, const std::function<double(const Err
 
 namespace {
 
-constexpr Index most_sweeps = 100000;  ///< the bound is not followed beyond
+constexpr Index most_sweeps = 100000;  ///< the bound is not computed beyond
 
 /// l ∫_0^1 (1-τ)^{l-1} e^{a τ} dτ by Simpson's rule on the part that is not negligible.
 double theta(Index l, double a) {
@@ -127,7 +127,7 @@ IterationBound iteration_bound(const Scene& scene, Index nodes, Index steps, Ind
   bound.factor = bound.phi * bound.lipschitz * norm2(d.B) * norm2(d.N) * scene.T;
   double sum = 0;
   for (Index k = 1, next = 1; k <= least || (bound.decades.back() >= 0 && k <= most_sweeps); ++k) {
-    if (k == next) {  // smooth in k: taken anew where k has grown by a percent
+    if (k == next) {  // smooth in k: computed again when k has grown by a percent
       sum = contour_sum(literal_contour(nodes, 1), k);
       next = k + 1 + k / 100;
     }

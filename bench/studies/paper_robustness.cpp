@@ -1,4 +1,5 @@
-// Figure 4.4: steps at which implicit Euler's matrix M^h = M + h N (I - hA)^{-1} B is no Z-matrix although M is one.
+// Figure 4.4: steps at which the matrix M^h = M + h N (I - hA)^{-1} B of implicit Euler is not a Z-matrix although M
+// is.
 
 #include "app/commands.hpp"
 #include "bench/studies/paper.hpp"
@@ -24,7 +25,7 @@ Scene unstable_dlcp_small(double T) {
     stable(t, x, y);
     y[3] = std::max(cosine(t), 0.) / 4;
   };
-  // f = x' - A x - B y and g = w - N x - M y change by what y4 and w4 change by.
+  // f = x' - A x - B y and g = w - N x - M y change according to y4 and w4.
   const auto change = [stable, cosine](double t) {
     Vector x(3), y(4);
     stable(t, x, y);
@@ -66,7 +67,7 @@ double critical_step(const Scene& scene) {
   return below;
 }
 
-/// Last time with a solution; NaN for an iteration that was given up, whose iterates are no solution anywhere.
+/// Last time with a solution; NaN for an iteration that was stopped, whose iterates are not a solution anywhere.
 double valid_until(const Result& r) {
   if (r.status == Status::solved) return r.t[r.steps];
   Index rows = 0;
@@ -74,7 +75,7 @@ double valid_until(const Result& r) {
   return rows == 0 || rows == r.y.rows() ? NAN : r.t[rows - 1];
 }
 
-/// An error of y above this part of the largest y makes a result useless, whatever its status.
+/// An error of y above this part of the largest y makes a result useless, with any status.
 constexpr double useless = 0.1;
 
 double largest_multiplier(const Scene& scene) {
@@ -115,7 +116,7 @@ Json robust_row(const Scene& scene, Backend& backend, Method method, Index steps
 
 std::string format_time(double t) { return std::isnan(t) ? "-" : fmt::format("{:.3f}", t); }
 
-/// log2 of the steps of one method that `which` picks.
+/// log2 of the steps of one method that `which` selects.
 template <class Which>
 std::string steps_where(const std::vector<Json>& rows, const char* method, const Which& which) {
   std::string text;

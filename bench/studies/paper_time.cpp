@@ -1,4 +1,4 @@
-// Figure 4.10 and Table 4.1: time against h and against dx, beside the times that the paper's text quotes.
+// Figure 4.10 and Table 4.1: time over h and over dx, compared with the times in the paper's text.
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
@@ -15,7 +15,7 @@ namespace {
 
 constexpr Index default_cells = 40;   ///< dx = 0.025
 constexpr Index default_steps = 400;  ///< h = 0.01
-constexpr Index literal_cells = 40;   ///< contour-literal takes seconds there and minutes beyond
+constexpr Index literal_cells = 40;   ///< contour-literal takes seconds, and minutes above
 
 struct PaperCase {
   Index cells, steps, reference;  ///< 1/dx, T/h, steps of the reference
@@ -33,7 +33,7 @@ struct PaperContestant {
   bool solved() const { return result.status == Status::solved; }
 };
 
-/// The text of the paper; what only its figures show is not here.
+/// Values of the paper's text; values only in its figures are not included.
 struct Quoted {
   const char* contestant;
   const char* machine;
@@ -154,7 +154,7 @@ const Json* find(const Json& rows, const std::string& contestant, double h, doub
 
 double seconds(const Json& row) { return row["seconds"]["median"]; }
 
-/// Our methods against one quoted time.
+/// Our methods compared with one quoted time.
 std::string against(const Quoted& q, const Json& rows, int threads) {
   std::string text;
   for (const char* name : {"euler", "march", "contour, to (4.8)", "contour-literal, to (4.8)"}) {
@@ -168,7 +168,7 @@ std::string against(const Quoted& q, const Json& rows, int threads) {
                      q.contestant, q.words, q.machine, threads, text);
 }
 
-/// Where the iteration is not the fastest of ours.
+/// The cases in which the iteration is not our fastest method.
 void lost_cases(const Json& rows, BenchReport& report) {
   std::string lost, won;
   for (const Json& row : rows) {
@@ -184,7 +184,7 @@ void lost_cases(const Json& rows, BenchReport& report) {
   report.notes.push_back("Fig. 4.10: contour to (4.8) is faster than march at " + (won.empty() ? "no point" : won));
 }
 
-/// What time and error do to each other at the paper's point.
+/// Time and error at the paper's point.
 void equal_step_note(const Json& rows, BenchReport& report) {
   const Json *march = find(rows, "march", 0.01, 0.025), *euler = find(rows, "euler", 0.01, 0.025);
   if (!march || !euler) return;

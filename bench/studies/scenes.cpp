@@ -1,5 +1,5 @@
-// Every scene file of a folder, solved as `auto` chooses: what the scene is, what was chosen, and how far the result is
-// from what is known of the solution. A scene whose reference says that it has no solution is in the table as well.
+// Every scene file of a folder, solved by `auto`: properties of the scene, the choice, and the difference from the
+// known values of the solution. Scenes without a solution, according to their reference, are included.
 
 #include "app/commands.hpp"
 #include "app/scene_facts.hpp"
@@ -32,7 +32,7 @@ std::vector<std::filesystem::path> scene_files(const std::string& place) {
 
 namespace {
 
-/// What the row of one scene is made of.
+/// The data of the row of one scene.
 struct Outcome {
   std::string name;  ///< of the file; scenes in different files may have the same name
   SceneFile file;
@@ -41,7 +41,7 @@ struct Outcome {
   Samples samples;
 };
 
-/// Largest |found - expected| where `expected` is known, infinite where `found` is NaN there; NaN where nothing is
+/// Largest |found - expected| over known values of `expected`; infinite if `found` is NaN there; NaN if nothing is
 /// known.
 double largest_error(const Eigen::Ref<const Vector>& found, const Eigen::Ref<const Vector>& expected) {
   double largest = NAN;
@@ -53,7 +53,7 @@ double largest_error(const Eigen::Ref<const Vector>& found, const Eigen::Ref<con
   return largest;
 }
 
-/// Against the exact solution over t >= T/16, up to where the result ends.
+/// Error relative to the exact solution over t >= T/16, up to the end of the result.
 void compare_with_exact(Outcome& o) {
   const Scene& scene = o.file.scene;
   const Result& r = o.result;
@@ -67,7 +67,7 @@ void compare_with_exact(Outcome& o) {
   }
 }
 
-/// Against the values given for one time, at the grid point next to it.
+/// Error relative to the given values at one time, at the nearest grid point.
 void compare_with_values(Outcome& o) {
   const Reference& known = *o.file.reference;
   const Index J = o.result.y.rows() - 1, row = Index(std::lround(*known.t / o.file.scene.T * double(J)));

@@ -1,5 +1,6 @@
-// What a Solver saves: a scene solved from the beginning, and again with another x0 by a Solver, in turn. Each y of the
-// Solver is held against that of the whole solve of the same scene.
+// Time saved by a Solver: whole solves of a scene alternate with solves with another x0, and with another x0
+// and f, by a Solver. Each y of the
+// Solver is compared with that of the whole solve of the same scene.
 
 #include "core/solve/solver.hpp"
 
@@ -59,6 +60,20 @@ Json wall_seconds(const WallTimes& t) {
           {"solve", median(t.parts.solve)}};
 }
 
+// Of the same kind, so that sampling it costs the same.
+TimeFunction scaled(double factor, const TimeFunction& function) {
+  if (!function) return {};
+  if (const SeparableSource* s = function.separable()) return SeparableSource{factor * s->shapes, s->time};
+  return [factor, function](double t, Eigen::Ref<Vector> value) {
+    function(t, value);
+    value *= factor;
+  };
+}
+
+double apart(const Result& found, const Result& expected) {
+  return (found.y - expected.y).cwiseAbs().maxCoeff() / std::max(1e-300, expected.y.cwiseAbs().maxCoeff());
+}
+
 void measure_prepared(const PreparedCase& c, Backend& backend, const BenchRequest& request, BenchReport& report,
                       std::vector<std::vector<std::string>>& lines) {
   const SceneChoice choice = choose_scene(c.scene, c.parameters);
@@ -68,9 +83,9 @@ void measure_prepared(const PreparedCase& c, Backend& backend, const BenchReques
   options.tuning.algebraic_share = c.method == Method::multigrid ? 0.1 : 0;
   Solver solver(choice.scene, backend, options);
   solver.solve();
-  WallTimes whole, again;
+  WallTimes whole, again, with_f;
   Scene changed = choice.scene;
-  double apart = 0;
+  double difference = 0;
   Result result;
   for (int round = 0; round < request.repeats(); ++round) {
     changed.x0 *= 0.999;
@@ -79,15 +94,22 @@ void measure_prepared(const PreparedCase& c, Backend& backend, const BenchReques
       solver.set_x0(changed.x0);
       return solver.solve();
     });
-    apart = std::max(
-        apart, (result.y - expected.y).cwiseAbs().maxCoeff() / std::max(1e-300, expected.y.cwiseAbs().maxCoeff()));
+    difference = std::max(difference, apart(result, expected));
+    changed.x0 *= 0.999;
+    changed.f = scaled(0.999, changed.f);
+    const Result other = timed_solve(with_f, [&] {
+      solver.set_x0(changed.x0);
+      solver.set_sources(changed.f, changed.g, changed.breakpoints);
+      return solver.solve();
+    });
+    difference = std::max(difference, apart(other, solve(changed, backend, options)));
   }
   const std::string name =
       c.parameters.empty() ? c.scene : fmt::format("{} Q={:g}", c.scene, c.parameters.begin()->second);
   lines.push_back({name, backend.name(), fmt::format("{}", c.steps), to_string(result.method),
                    format_seconds(median(whole.wall)), format_seconds(median(again.wall)),
-                   format_seconds(median(again.parts.setup)), format_seconds(median(whole.parts.solve)),
-                   scientific(apart)});
+                   format_seconds(median(again.parts.setup)), format_seconds(median(with_f.wall)),
+                   format_seconds(median(whole.parts.solve)), scientific(difference)});
   report.rows.push_back({{"scene", c.scene},
                          {"backend", backend.name()},
                          {"parameters", to_json(choice.parameters)},
@@ -96,7 +118,8 @@ void measure_prepared(const PreparedCase& c, Backend& backend, const BenchReques
                          {"status", to_string(result.status)},
                          {"whole", wall_seconds(whole)},
                          {"again", wall_seconds(again)},
-                         {"difference", apart}});
+                         {"again_with_f", wall_seconds(with_f)},
+                         {"difference", difference}});
 }
 
 }  // namespace
@@ -108,9 +131,10 @@ BenchReport bench_solver(const BenchRequest& request, Backend& backend) {
   report.scene = "several";
   report.details["whole"] = "solve(scene with a new x0): wall clock, and the medians of set-up and solve";
   report.details["again"] = "Solver::set_x0 and Solver::solve of the same: wall clock of both";
+  report.details["again_with_f"] = "Solver::set_x0, set_sources and solve with another x0 and f: likewise";
   report.details["difference"] = "largest |y - y of the whole solve| / max |y|";
   std::vector<std::vector<std::string>> lines{
-      {"scene", "backend", "J", "method", "whole", "again", "its set-up", "solve in whole", "difference"}};
+      {"scene", "backend", "J", "method", "whole", "again", "its set-up", "with f", "solve in whole", "difference"}};
   std::unique_ptr<Backend> device;
   if (!cuda_devices().empty()) device = make_cuda_backend(make_cpu_backend(backend.device().threads));
   for (Backend* on : {&backend, device.get()})

@@ -1,4 +1,4 @@
-// Heat on a square, G x G points, with contact at ten of them: a sparse A of 1e5 states behind ten constraints.
+// Heat on a square, G x G points, with contact at ten of them: a sparse A with 1e5 states and ten constraints.
 //
 //     x' = Δ_h x + B y + F phi(t),   0 <= y  ⊥  x(p_i) - psi + P y >= 0,   x(0) = sin(pi s) sin(pi r),   psi = -0.1.
 //
@@ -143,8 +143,7 @@ BenchReport bench_sparse(const BenchRequest& request, Backend& backend) {
   add("dense", small_grid, small_grid * small_grid * small_grid * small_grid, dense, apart);
 
   const Scene large = cooled_plate(G);
-  const SparseRun run =
-      measure(large, backend, Method::march, steps, 1);  // half a minute: its spread is not what matters
+  const SparseRun run = measure(large, backend, Method::march, steps, 1);  // half a minute: one run is enough
   add("sparse", G, std::get<SparseDynamics>(large.dynamics).A.nonZeros(), run, std::nan(""));
   report.notes.push_back(fmt::format("{} states: {} for the kernel, {} for {} steps", G * G,
                                      format_seconds(median(run.samples.setup)),

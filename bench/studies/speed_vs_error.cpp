@@ -1,6 +1,6 @@
-// Speed against error: every method over a ladder of steps (or of nodes P), on one thread and on all, and what is worth
-// it on a CUDA device where there is one, each with the errors of y and of the trace N x that it reaches and the time
-// that it takes. A method leaves the ladder where it has become too slow, or as exact as the reference allows to say.
+// Speed against error: every method over a sequence of steps (or of nodes P), called a ladder, on one thread and on
+// all; suitable methods also on a CUDA device if there is one. Each run has its time and the errors of y and of the
+// trace N x. A method ends its ladder when it is too slow, or as accurate as the reference.
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
@@ -22,17 +22,17 @@ namespace bromwich::app {
 
 namespace {
 
-/// What a ladder may cost: a full study of one scene then takes a few minutes.
+/// Limits of a ladder: with these a full study of one scene takes a few minutes.
 struct Limits {
-  double seconds;         ///< of one solve; a method that took longer does not climb on
+  double seconds;         ///< of one solve; a method that took longer ends its ladder
   Index first_steps;      ///< of every ladder
   Index reference_steps;  ///< at most
   Index literal_steps;    ///< the grid on which the nodes of contour-literal are varied
 };
 
-/// An error this close to what is known of the reference is not resolved.
+/// An error this close to the accuracy of the reference is not resolved.
 constexpr double resolved = 4;
-/// Below this error y is exact for all purposes, and rounding is near.
+/// Smaller errors of y are near rounding and not refined further.
 constexpr double exact_enough = 1e-9;
 
 struct Runner {
@@ -61,14 +61,13 @@ struct LadderContestant {
 struct Ladder {
   std::string name;
   Options options;
-  bool nodes = false;     ///< climbs in P on one grid, not in steps
-  bool iterates = false;  ///< with a device: worth it there and on all threads, not on one
+  bool nodes = false;     ///< its ladder increases P on one grid, not the steps
+  bool iterates = false;  ///< with a device: run there and on all threads, not on one
   bool on_device = false;
 };
 
-/// Multigrid ends where what is left of its iteration is this part of the discretisation error, both as it estimates
-/// them.
-constexpr double useful_share = 0.03;  ///< of an error that is larger before T/16 than where it is looked at
+/// Multigrid ends when its estimated algebraic error is this part of its estimated discretisation error.
+constexpr double useful_share = 0.03;  ///< small, since the error before T/16, which is not compared, is larger
 
 std::vector<Ladder> ladders(const Scene& scene, const Limits& limits, bool device) {
   const auto ladder = [&](const std::string& name, Method method) {
@@ -93,7 +92,7 @@ std::vector<Ladder> ladders(const Scene& scene, const Limits& limits, bool devic
     list.push_back(ladder("march", Method::march));
   }
   list.push_back(ladder("euler", Method::euler));
-  if (device) return list;  // the literal method is measured without
+  if (device) return list;  // the literal method is measured without a device
   list.push_back(ladder("contour-literal", Method::contour_literal));
   list.push_back(ladder("contour-literal, nodes", Method::contour_literal));
   list.back().options.steps = limits.literal_steps;
@@ -102,12 +101,12 @@ std::vector<Ladder> ladders(const Scene& scene, const Limits& limits, bool devic
   return list;
 }
 
-/// Nothing is refined below the error of the reference: what comes then is not measured.
+/// Ends a ladder below the error of the reference.
 bool worth_refining(const Errors& errors, const Truth& truth) {
   return !(errors.y.max < std::max(resolved * truth.known_to().y.max, exact_enough));
 }
 
-/// One rung: solved once, which warms up and gives the error.
+/// One run of a ladder: solved once, for the warm-up and the error.
 LadderContestant rung(const Ladder& ladder, const Options& options, const Scene& scene, const Runner& runner,
                       const Truth& truth) {
   LadderContestant c{ladder.name, options, runner};
@@ -119,7 +118,7 @@ LadderContestant rung(const Ladder& ladder, const Options& options, const Scene&
   return c;
 }
 
-/// All rungs of one ladder on one runner, up to where they no longer pay.
+/// All runs of one ladder on one runner.
 void climb(const Ladder& ladder, const Scene& scene, const Runner& runner, const Truth& truth, const Limits& limits,
            std::vector<LadderContestant>& list) {
   Options options = ladder.options;
@@ -130,7 +129,7 @@ void climb(const Ladder& ladder, const Scene& scene, const Runner& runner, const
     LadderContestant c = rung(ladder, options, scene, runner, truth);
     const double seconds = c.result.seconds.total;
     const bool hopeless = c.result.status == Status::unsupported;
-    // Where the nodes no longer change the error, the steps limit it.
+    // If more nodes do not change the error, the steps limit it.
     const bool saturated = ladder.nodes && before > 0 && c.errors.y.max > 0.99 * before;
     before = c.errors.y.max;
     const bool finest = c.solved() && !worth_refining(c.errors, truth);
@@ -143,7 +142,7 @@ void climb(const Ladder& ladder, const Scene& scene, const Runner& runner, const
   }
 }
 
-/// Whole rounds, so that no contestant runs twice in a row and a slow moment of the machine meets all alike.
+/// Whole rounds, so that no contestant runs twice in a row and a slow phase of the machine affects all equally.
 void measure(std::vector<LadderContestant>& list, const Scene& scene, int repeats) {
   for (int round = 0; round < repeats; ++round)
     for (LadderContestant& c : list) {
@@ -189,7 +188,7 @@ std::string measured_table(const std::vector<LadderContestant>& list) {
   return table(rows);
 }
 
-/// The fastest run of a contestant, on any number of threads, whose y is within `error`.
+/// The fastest run of a contestant, on any number of threads, with an error of y of at most `error`.
 const LadderContestant* fastest(const std::vector<LadderContestant>& list, double error, const auto& belongs) {
   const LadderContestant* best = nullptr;
   for (const LadderContestant& c : list)
@@ -202,7 +201,7 @@ std::string words(const LadderContestant& c) {
                      format_seconds(c.seconds()));
 }
 
-/// Who is fastest at an error, and by how much; implicit Euler and the iteration are always named.
+/// The fastest contestant at an error, and by which factor; implicit Euler and the iteration are always included.
 std::string at_error(const std::vector<LadderContestant>& list, double error) {
   const LadderContestant* best = fastest(list, error, [](const LadderContestant&) { return true; });
   if (!best) return "";
@@ -219,7 +218,7 @@ std::string at_error(const std::vector<LadderContestant>& list, double error) {
   return text;
 }
 
-/// Rungs on which a method gave no solution.
+/// Runs in which a method gave no solution.
 std::vector<std::string> failures(const std::vector<LadderContestant>& list) {
   std::vector<std::string> notes;
   std::map<std::string, std::string> steps_of;

@@ -1,8 +1,8 @@
-// Hard cases with known solutions, solved to a tolerance as `auto` chooses, and by implicit Euler on as many steps: how
-// far each is from the truth, what it says of itself, and how long it takes.
+// Hard cases with known solutions, solved to a tolerance by `auto`, and by implicit Euler with the same number of
+// steps: true error, estimated error, status and time.
 //
-// The error of component i is relative to max(max_t |c_i|, 1e-3 of the largest component of its kind). Of y, or of its
-// integral from 0 to t where y jumps.
+// The error of component i is relative to max(max_t |c_i|, 1e-3 of the largest component of its kind). If y jumps, the
+// error of its integral from 0 to t is used.
 
 #include "bench/studies/stability.hpp"
 
@@ -45,7 +45,7 @@ Result timed_solve(const HardCase& one, Backend& backend, Options options) {
   return solve(one.scene, backend, options);
 }
 
-/// The exact solution at the rows of a result; `integral` of y by 16 midpoints a step, with the impulse.
+/// The exact solution at the rows of a result; `integral` of y by 16 midpoints per step, with the impulse.
 struct Truth {
   RowMatrix x, y, integral;
 };
@@ -71,7 +71,7 @@ Truth truth(const HardCase& one, const Result& r, bool integrate) {
   return out;
 }
 
-/// Rows 1 to `last`, each column relative to the measure above.
+/// Error over rows 1 to `last`, each column relative to the measure above.
 double error_in_measure(const RowMatrix& found, const RowMatrix& exact, Index last) {
   const Vector sizes = exact.topRows(last + 1).cwiseAbs().colwise().maxCoeff().transpose();
   if (sizes.size() == 0) return 0;

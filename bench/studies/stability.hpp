@@ -3,7 +3,7 @@
 //
 //     f = x' - A x - B y,   g = w - N x - M y,   y = max(S, 0),   w = max(-S, 0),
 //
-// so that the solution is known whatever A, B, N and M are; the others are solved by hand.
+// so the solution is known for any A, B, N and M. The others are solved by hand.
 
 #include "core/scene/scene.hpp"
 
@@ -16,10 +16,10 @@ namespace bromwich::app {
 
 struct HardCase {
   std::string group, name, reference;
-  Scene scene;  ///< with `exact`; values at a jump are those behind it
+  Scene scene;  ///< with `exact`; right limits at jumps
   std::string expected = "solved";
   double until = INFINITY;             ///< compared up to here
-  bool compare_y = true;               ///< false where y is not unique
+  bool compare_y = true;               ///< false if y is not unique
   bool y_jumps = false;                ///< then its mean over [0, t] is compared
   Vector impulse = {};                 ///< part of the integral of y at t = 0
   std::vector<Index> components = {};  ///< of x to record; empty = all

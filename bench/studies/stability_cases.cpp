@@ -20,7 +20,7 @@ struct Motion {
 };
 using Switch = std::function<double(Index i, double t)>;
 
-// t runs over [0, 2] whatever T is.
+// t in [0, 2] for any T.
 Motion cosines(Index m, double T) {
   const auto rate = [=](Index i) { return 2 / T * (1 + double(i) / double(m)); };
   return {[=](Index i, double t) { return std::cos(rate(i) * t); },
@@ -159,7 +159,7 @@ class Catalogue {
     dense(group, "stiff, 1e12", stiff({-1e12, -1e4, -1e2, -1, -1e-4, 0}), two(), 2);
     dense(group, "non-normal", chain(32, -1, -8), two(), 2);
     dense(group, "stiff and M = 0", stiff({-1e8, -1e2, -1}), Matrix::Zero(2, 2), 2);
-    // y held down from outside: w = 1 - x, x' = 20 x - 40 y is unstable without y, and e^{-20 t} with it.
+    // w = 1 - x; x' = 20 x - 40 y is unstable without y, and decays like e^{-20 t} with it.
     Scene held;
     held.dynamics = DenseDynamics{Matrix::Constant(1, 1, 20), Matrix::Constant(1, 1, -40), Matrix::Constant(1, 1, -1)};
     held.M = Matrix(Matrix::Ones(1, 1));
@@ -191,7 +191,7 @@ class Catalogue {
       return s > 0.5 ? s - 0.5 : s < -0.5 ? s + 0.5 : 0;
     });
     with("grazing", [](Index i, double t) { return std::pow(std::sin(2 * pi * t + 0.3 + double(i)), 3); });
-    Scene fold;  // Z: the least solution merges with another at ln(5/3) and vanishes
+    Scene fold;  // Z: the least solution merges with another at ln(5/3) and ceases to exist
     fold.dynamics =
         DenseDynamics{-Matrix::Identity(1, 1), (Matrix(1, 2) << 0.5, 0).finished(), (Matrix(2, 1) << 0, 1).finished()};
     fold.M = Matrix((Matrix(2, 2) << 1, -2, -2, 1).finished());
@@ -283,7 +283,7 @@ class Catalogue {
   }
 
   // x' = -100 x + 1000 y, w = x + y/2 - 10 sin(2 pi turns t): x follows the peaks of a sine that coarse grids do not
-  // see.
+  // resolve.
   void rectifier(double turns) {
     const double omega = 2 * pi * turns;
     std::vector<Phase> phases{{omega, 0, 0, true}};
@@ -333,7 +333,7 @@ class Catalogue {
 
   void starts() {
     const std::string group = "starts";
-    Scene jump;  // x0 = -1 is not possible: the state jumps to 0, then x' = 1 - x
+    Scene jump;  // x0 = -1 violates the constraint: the state jumps to 0, then x' = 1 - x
     jump.dynamics = DenseDynamics{-Matrix::Identity(1, 1), Matrix::Ones(1, 1), Matrix::Ones(1, 1)};
     jump.M = Matrix(Matrix::Zero(1, 1));
     jump.f = [](double, Eigen::Ref<Vector> f) { f[0] = 1; };
@@ -367,7 +367,7 @@ class Catalogue {
     add("starts", "relay, slides from t = 1", scene, "by hand").y_jumps = true;
   }
 
-  // A relay in the plane that turns around the origin and reaches it at t = 2 after infinitely many switches.
+  // Two relays: the state rotates around the origin and reaches it at t = 2 after infinitely many switches.
   void zeno() {
     const Matrix turn = 500 * (Matrix(2, 2) << .01, .99, -.99, .01).finished();
     Scene scene;
@@ -413,7 +413,7 @@ class Catalogue {
     const Matrix Y1 = y.cwiseInverse().asDiagonal(), W = w.asDiagonal();
     const DenseDynamics d{X * A * X1, X * B * Y1, W * B.transpose() * X1};
     const Motion base = cosines(m, T);
-    // y and w of a row have signs in common only: S is in units of y where it is positive, of w elsewhere.
+    // y and w of a row have different units: S is in units of y where it is positive, otherwise in units of w.
     const Vector unit_y = y;
     Scene scene = manufactured(d, Matrix(W * two() * Y1), T,
                                {[=](Index i, double t) { return x[i] * base.x(i, t); },
@@ -462,7 +462,7 @@ class Catalogue {
     HardCase& one = add("sizes", "n = " + std::to_string(n) + ", m = " + std::to_string(m),
                         manufactured(SparseDynamics{A, B, B.transpose()}, M, 1, motion, sines(1)));
     one.scene.lcp_class = LcpClass::P;
-    // x is an eigenvector of A times cos t: f has 1 + n shapes, not m values.
+    // x is an eigenvector of A times cos t: f has 1 + n shapes instead of m values.
     std::vector<Eigen::Triplet<double>> shapes;
     for (Index i = 0; i < m; ++i) shapes.emplace_back(i, 0, std::sin(pi * (double(i) + 1) / double(m + 1)));
     for (Index k = 0; k < n; ++k) shapes.emplace_back((2 * k + 1) * m / (2 * n), k + 1, -1);
@@ -474,7 +474,7 @@ class Catalogue {
       f[0] = -std::sin(t) + decay * std::cos(t);
       for (Index k = 1; k < f.size(); ++k) f[k] = std::max(0.0, S(k - 1, t));
     };
-    // g sees the states at the contacts alone.
+    // g depends only on the states at the contacts.
     one.scene.g = [m, n, S = sines(1)](double t, Eigen::Ref<Vector> g) {
       const auto y = [&](Index k) { return k < 0 || k >= n ? 0 : std::max(0.0, S(k, t)); };
       for (Index k = 0; k < n; ++k)

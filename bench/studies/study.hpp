@@ -1,5 +1,5 @@
 #pragma once
-// What the benchmarks share: the request, the envelope of the JSON file, repeated timings and aligned tables.
+// Common parts of the benchmarks: the request, the envelope of the JSON file, repeated timings and aligned tables.
 
 #include "app/output_json.hpp"
 #include "app/scene_choice.hpp"
@@ -22,13 +22,13 @@ struct BenchRequest {
   int repeats() const { return quick ? 2 : 5; }
 };
 
-/// What a benchmark hands back; it prints its own tables.
+/// The results of a benchmark; it prints its own tables.
 struct BenchReport {
   std::string scene;
   Json parameters = Json::object();  ///< those common to all rows; each row also carries its own
   Json rows = Json::array();
   Json details = Json::object();   ///< how the numbers are defined
-  std::vector<std::string> notes;  ///< conclusions, lost cases among them
+  std::vector<std::string> notes;  ///< conclusions, including the lost cases
 };
 
 struct Benchmark {
@@ -37,7 +37,7 @@ struct Benchmark {
   BenchReport (*run)(const BenchRequest&, Backend&);
 };
 
-/// On the CUDA backend too, where a device is found.
+/// Also on the CUDA backend if a device is found.
 BenchReport bench_adjoints(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene or a scene file; without one, scenes of all structures.
 BenchReport bench_auto(const BenchRequest& request, Backend& backend);
@@ -46,11 +46,11 @@ BenchReport bench_baselines(const BenchRequest& request, Backend& backend);
 BenchReport bench_speed_vs_error(const BenchRequest& request, Backend& backend);
 /// Throws Error for a SCENE: it has its own.
 BenchReport bench_galerkin(const BenchRequest& request, Backend& backend);
-/// Throws Error where there is no CUDA device.
+/// Throws Error without a CUDA device.
 BenchReport bench_gpu(const BenchRequest& request, Backend& backend);
 BenchReport bench_goal(const BenchRequest& request, Backend& backend);
 BenchReport bench_convolution(const BenchRequest& request, Backend& backend);
-/// Throws Error for another scene. On the CUDA backend too, where a device is found.
+/// Throws Error for another scene. Also on the CUDA backend if a device is found.
 BenchReport bench_multigrid(const BenchRequest& request, Backend& backend);
 BenchReport bench_paper(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene file or a folder of them.
@@ -63,7 +63,7 @@ BenchReport bench_stability(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene, a scene file or a folder of them; without one, all built-in scenes and the examples.
 BenchReport bench_tol(const BenchRequest& request, Backend& backend);
 
-/// The file itself, or the scene files of a folder by name. Throws Error where there is none.
+/// The file itself, or the scene files of a folder by name. Throws Error if there is none.
 std::vector<std::filesystem::path> scene_files(const std::string& place);
 inline constexpr const char* examples_folder = "examples";
 

@@ -1,5 +1,5 @@
-// Error control against the truth: scenes with an exact or a converged solution are solved for tolerances from 1e-2 to
-// 1e-7, and the error that is estimated stands beside the true one, with the steps of all grids together as the work.
+// Estimated and true errors of error control: scenes with an exact or a converged solution are solved for tolerances
+// from 1e-2 to 1e-7. The work is the number of steps of all grids together.
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
@@ -20,10 +20,10 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr double least_effectivity = 0.5, largest_effectivity = 3;  ///< the estimate is then good
-/// A reference whose own error may be more than this part of an error does not measure it.
+constexpr double least_effectivity = 0.5, largest_effectivity = 3;  ///< limits of a good estimate
+/// The error of a reference may be at most this part of the error to be measured.
 constexpr double reference_share = 0.25;
-/// Exact solutions that are prescribed are known as exactly as their sources are computed.
+/// Prescribed exact solutions are as accurate as the computation of their sources.
 constexpr double rounding_level = 1e-10;
 
 struct ToleranceLimits {
@@ -54,7 +54,7 @@ std::vector<Subject> subjects(const BenchRequest& request) {
     all.push_back(built_in("dlcp-small", {}, "euler"));
   }
   for (const auto& path : scene_files(request.scene.value_or(examples_folder))) {
-    // In the list of all scenes each stands once: these files are built-in scenes, and rlcd.
+    // The list of all scenes has each scene once: these files are built-in scenes, and rlcd.
     const std::string name = path.stem();
     if (!request.scene && (name == "bridge" || name == "dlcp-small" || name == "template")) continue;
     SceneChoice choice = choose_scene(path, request.settings);
@@ -88,7 +88,7 @@ std::vector<TolRun> runs(const Subject& subject, const BenchRequest& request, Ba
   return all;
 }
 
-/// NaN where the error is not known well enough to say, or too small.
+/// NaN if the error is not known accurately enough, or too small.
 double effectivity(double estimate, double error, double known_to) {
   return error > rounding_level && reference_share * error >= known_to ? estimate / error : NAN;
 }
@@ -96,7 +96,7 @@ double effectivity(double estimate, double error, double known_to) {
 struct Row {
   Json json;
   std::vector<std::string> text;
-  bool counts;        ///< solved, and not the result of the tolerance before
+  bool counts;        ///< solved, and different from the result for the previous tolerance
   double of_y, of_x;  ///< effectivities
   double true_over_tolerance;
 };
@@ -156,8 +156,8 @@ Row row(const Subject& subject, const TolRun& run, const std::optional<TolTruth>
   return row;
 }
 
-/// The effectivities of the results called solved, each once though it may meet several tolerances; and of how many
-/// scenes all are good.
+/// The effectivities of the results called solved, each once even if it meets several tolerances; and the number of
+/// scenes for which all are good.
 Json share(const std::vector<Row>& rows, std::vector<std::string>& notes) {
   Json json = Json::object();
   for (const auto& [name, member] : {std::pair("y", &Row::of_y), std::pair("x", &Row::of_x)}) {
@@ -193,7 +193,7 @@ std::vector<Row> study(const Subject& subject, const BenchRequest& request, Back
   const std::vector<TolRun> all = runs(subject, request, backend, options);
   std::optional<TolTruth> truth;
   options.method = Method::automatic;
-  // For the finest result if that is possible, else for as fine a one as is.
+  // For the finest result if possible, otherwise for the finest possible one.
   for (auto run = all.rbegin(); run != all.rend() && !truth; ++run) {
     const Result& r = run->result;
     if (!r.errors || r.y.rows() != r.steps + 1 || !r.y.allFinite()) continue;

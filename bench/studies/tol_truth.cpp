@@ -16,7 +16,7 @@ namespace {
 
 constexpr double most_numbers = 4e7;  ///< of a reference
 
-/// Rows 1, 2, ... of `found` against rows stride, 2 stride, ... of `known`: of each component relative to
+/// Difference of rows 1, 2, ... of `found` from rows stride, 2 stride, ... of `known`, of each component relative to
 /// max(max |known|, 1e-3 of the largest component).
 double error_of_rows(const RowMatrix& found, const RowMatrix& known, Index stride) {
   if (found.cols() == 0) return NAN;

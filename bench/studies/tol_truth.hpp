@@ -1,6 +1,6 @@
 #pragma once
-// What results of error control are measured against: the exact solution, or a solve on a grid that none of the grids
-// of error control has for a coarser one, 12 times as fine as the finest of them.
+// References for results of error control: the exact solution, or a solve on a grid 12 times as fine as the finest grid
+// of error control and not one of its refinements by two.
 
 #include "bench/studies/study.hpp"
 
@@ -14,17 +14,17 @@ struct TolErrors {
 
 class TolTruth {
  public:
-  /// For results with `finest` steps or a number that divides it. Throws Error where the reference is not solved within
-  /// `seconds` (0: none is tried) and the scene has no exact solution.
+  /// For results with `finest` steps or a divisor of it. Throws Error if the scene has no exact solution and the
+  /// reference is not solved within `seconds` (0: it is not tried).
   TolTruth(const SceneChoice&, Backend&, const Options&, Index finest, double seconds_for_finest, double seconds);
 
   /// NaN for a result with more steps.
   TolErrors of(const Result& result) const;
 
   const std::string& source() const { return source_; }
-  /// How far the reference is from one with half the steps; 0 for an exact solution.
+  /// Difference of the reference from one with half the steps; 0 for an exact solution.
   const TolErrors& known_to() const { return known_to_; }
-  /// How far it is from the values that the scene file gives at one time, relative likewise; NaN where there are none.
+  /// Difference from the values of the scene file at one time, relative in the same way; NaN if there are none.
   double from_file() const { return from_file_; }
 
  private:

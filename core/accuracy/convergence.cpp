@@ -1,6 +1,5 @@
 #include "core/accuracy/convergence.hpp"
 
-#include "core/accuracy/magnification.hpp"
 #include "core/result/options.hpp"
 
 #include <algorithm>

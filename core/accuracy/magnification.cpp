@@ -1,6 +1,7 @@
 #include "core/accuracy/magnification.hpp"
 
 #include "core/kernel/closed_loop.hpp"
+#include "core/lcp/solution.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -104,6 +105,35 @@ class ScaledNorm {
 
 constexpr double rounding_margin = 2;  ///< the roundings of a run are one sample
 
+// How much a perturbation of the state grows, from any step to any later one.
+class Growth {
+ public:
+  Growth(const Vector& first, const ScaledNorm& norm)
+      : norm_(norm), start_(norm(first) > 0 ? Vector(first / norm(first)) : first), dz_(start_), next_(first.size()) {}
+
+  void step(const Matrix& map) {
+    next_.noalias() = map * dz_;
+    dz_.swap(next_);
+    size_ = norm_(dz_);
+    if (size_ < 1e-14) {  // the perturbation is gone, what is left of it is rounding: another one starts
+      dz_ = start_;
+      logarithm_ = least_ = 0;
+      return;
+    }
+    dz_ /= size_;
+    logarithm_ += std::log(size_);
+    least_ = std::min(least_, logarithm_);
+    most_ = std::max(most_, logarithm_ - least_);
+  }
+  bool finite() const { return std::isfinite(size_); }
+  double largest() const { return std::exp(std::min(most_, 700.0)); }
+
+ private:
+  const ScaledNorm& norm_;
+  Vector start_, dz_, next_;
+  double size_ = 1, logarithm_ = 0, least_ = 0, most_ = 0;  ///< logarithms of the size since the start
+};
+
 }  // namespace
 
 Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const RowMatrix& recorded) {
@@ -125,35 +155,22 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   const ScaledNorm norm(result.scale);
 
   TangentStep tangent(p, r);
-  const Vector first = perturbation(result.scale);
-  const double length = norm(first);
-  Vector dz = length > 0 ? Vector(first / length) : first, next(dz.size());
-  Vector error = epsilon * perturbation(p.scene.x0);
-  double size = norm(p.scene.x0), log_growth = 0, least = 0, most = 0;
+  Growth growth(perturbation(result.scale), norm);
+  Vector error = epsilon * perturbation(p.scene.x0), next(error.size());
+  double size = norm(p.scene.x0);
   for (Index j = 1; j <= p.J; ++j) {
     tangent.take(y.row(j).transpose());
     if (n > 0) result.output = std::max(result.output, rounding_margin * (tangent.gain * error).cwiseAbs().maxCoeff());
     next.noalias() = tangent.map * error;
     error = next + rounded.row(j).transpose();
-    next.noalias() = tangent.map * dz;
-    dz.swap(next);
-    const double rho = norm(dz);
+    growth.step(tangent.map);
     size = std::max(size, norm(x.row(j).transpose()) + norm(terms.row(j).transpose()));
     if (j < p.J && (!same_set(y, j, j - 1) || !same_set(y, j, j + 1)))
       result.impulse = std::max(result.impulse, p.h * norm(driven.row(j).transpose()) / size);
-    if (rho < 1e-14) {  // the perturbation is gone, what is left of it is rounding: another one starts
-      if (length > 0) dz = first / length;
-      log_growth = least = 0;
-    } else {
-      dz /= rho;
-      log_growth += std::log(rho);
-      least = std::min(least, log_growth);
-      most = std::max(most, log_growth - least);
-    }
     result.rounding = std::max(result.rounding, size > 0 ? rounding_margin * norm(error) / size : 0);
-    if (!std::isfinite(rho) || !std::isfinite(norm(error))) result.rounding = INFINITY;
+    if (!growth.finite() || !std::isfinite(norm(error))) result.rounding = INFINITY;
   }
-  result.growth = std::exp(std::min(most, 700.0));
+  result.growth = growth.largest();
   result.x = std::move(states.x);
   return result;
 }
@@ -189,9 +206,7 @@ double contact_frequency(const DiscreteProblem& p, const RowMatrix& y) {
   const Matrix M = to_dense(p.scene.M);
   std::set<std::vector<Index>> sets;
   for (Index j = 0; j < y.rows() && sets.size() < most_sets; ++j) {
-    std::vector<Index> S;
-    for (Index i = 0; i < y.cols(); ++i)
-      if (y(j, i) > 0) S.push_back(i);
+    const std::vector<Index> S = support_of(y.row(j).transpose());
     if (!S.empty()) sets.insert(S);
   }
   double frequency = 0;

@@ -1,7 +1,6 @@
 #pragma once
-// What Eigen makes of its factorizations for Matrix takes seconds to compile and is used everywhere: it is compiled
-// once, in eigen_instances.cpp. This header belongs into precompiled headers and nowhere else; without it every source
-// compiles its own.
+// Eigen's factorizations of Matrix are used everywhere and take seconds to compile: they are instantiated once, in
+// eigen_instances.cpp. Include this header in precompiled headers only; without it every source instantiates its own.
 
 #include <Eigen/Dense>
 

@@ -5,18 +5,18 @@
 
 namespace bromwich {
 
-/// What an application can do about an Error.
+/// How an application can react to an Error.
 enum class ErrorKind {
-  bad_input,     ///< change what was given
-  does_not_fit,  ///< ask for less: memory or work beyond a limit
-  device,        ///< a device or a library failed; the input may be right
+  bad_input,     ///< change the input
+  does_not_fit,  ///< memory or work exceeds a limit: reduce the size
+  device,        ///< a device or a library failed; the input may be correct
   internal,      ///< a defect of this library
 };
 
 /// "bad input", "does not fit", ...
 const char* to_string(ErrorKind);
 
-/// One line that names the argument, what was found, and what to do.
+/// what() is one line: "ARGUMENT: FOUND; REMEDY", with the argument or member at fault, the value found and the remedy.
 class Error : public std::runtime_error {
  public:
   Error(const std::string& argument, const std::string& found, const std::string& remedy,

@@ -1,14 +1,14 @@
 #pragma once
-// Long loops before the first step ask whether the user wants to stop, as the methods do between their steps.
+// Interruption by the user during long set-up loops. Between steps, the methods check it themselves.
 
 #include <functional>
 
 namespace bromwich {
 
-/// Thrown by check_interruption; solve() makes a status of it.
+/// Thrown by check_interruption; solve() turns it into a status.
 struct Interrupted {};
 
-/// While it lives, check_interruption on this thread asks `interrupted`, where that is not empty.
+/// During its lifetime check_interruption on this thread calls `interrupted`, unless that is empty.
 class InterruptedBy {
  public:
   explicit InterruptedBy(const std::function<bool()>& interrupted);
@@ -20,7 +20,7 @@ class InterruptedBy {
   const std::function<bool()>* before_;
 };
 
-/// Throws Interrupted where that is wanted.
+/// Throws Interrupted if the user wants to stop.
 void check_interruption();
 
 }  // namespace bromwich

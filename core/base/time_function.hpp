@@ -3,7 +3,7 @@
 //
 //     s(t) = V a(t),      V: width x k,   a: k functions of t.
 //
-// Of those V and the values a(t_j) are kept, and written out where they are needed.
+// Only V and the values a(t_j) are stored; s(t_j) is formed where it is needed.
 
 #include "types.hpp"
 
@@ -32,7 +32,7 @@ class TimeFunction {
   explicit operator bool() const { return bool(function_); }
   void operator()(double t, Eigen::Ref<Vector> value) const { function_(t, value); }
 
-  /// Its shapes and their functions; null: it has none.
+  /// Its shapes and their functions; null if it is not such a sum.
   const SeparableSource* separable() const { return separable_.get(); }
 
  private:

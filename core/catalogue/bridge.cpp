@@ -3,7 +3,7 @@
 //     x'' + 4 max(x,0) - max(-x,0) = sin 4t,   x(0) = 0,   x'(0) = nu.
 //
 // With y = max(-x,0) this is x'' = -4x - 3y + sin 4t and 0 <= y ⊥ w = x + y >= 0. The stiffness is 4 above and 1 below
-// zero, so one swing takes pi/2 + pi and the exact solution is known piece by piece, kinks at the zeros of x.
+// zero, so one swing takes pi/2 + pi, and the exact solution is known piecewise, with kinks at the zeros of x.
 
 #include "core/catalogue/recipes.hpp"
 
@@ -43,7 +43,7 @@ Scene build_bridge(const ParameterValues& values) {
   scene.x0 = Eigen::Vector2d(0, nu);
   scene.T = positive_parameter(values, "T");
   scene.default_steps = 600;
-  if (nu >= 0)  // a bridge that starts downwards swings through the pieces in another order
+  if (nu >= 0)  // with a downward start the pieces have another order
     scene.exact = [nu](double t, Eigen::Ref<Vector> x, Eigen::Ref<Vector> y) {
       exact_state(nu, t, x);
       y[0] = std::max(-x[0], 0.);

@@ -4,8 +4,8 @@
 //
 //     p1' = 0,  p2' = -p1,   0 <= y_0 ⊥ p2 + y_0 - y_1 + bound >= 0,   0 <= y_1 ⊥ -p2 - y_0 + y_1 + bound >= 0.
 //
-// M = [[1, -1], [-1, 1]] is singular: only y_0 - y_1 is determined where both bounds could act, which bound > 0
-// excludes. Two of the four states are given at either end.
+// M = [[1, -1], [-1, 1]] is singular: if both bounds could be active only y_0 - y_1 would be determined, but bound > 0
+// excludes that. Two of the four states are given at each end.
 
 #include "core/catalogue/recipes.hpp"
 

@@ -3,7 +3,7 @@
 //
 //     x' = (J - R) x + B u,   J = [[0, 0, 1], [0, 0, -1], [-1, 1, 0]],   B = (1, 1, 0)^T,   x(0) = (1, 2, 1),
 //
-// u = 0 up to t = 5 and 10 after it. Eigenvalues of J - R: -2, ±1.41i (variant 1: not exponentially stable), -1, -1
+// u = 0 for t <= 5 and 10 afterwards. Eigenvalues of J - R: -2, ±1.41i (variant 1: not exponentially stable), -1, -1
 // ± 1.41i (variant 2), -10, -10 ± 1.41i (variant 3).
 
 #include "core/catalogue/recipes.hpp"

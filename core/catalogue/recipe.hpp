@@ -12,8 +12,7 @@ struct SceneParameter {
   std::string name;
   double value;  ///< default
   std::string meaning;
-  std::string replaces =
-      {};  ///< the parameter this one may be given instead of; its own default is then NaN, "not given"
+  std::string replaces = {};  ///< the parameter that this one may replace; its own default is then NaN, "not given"
 };
 
 using ParameterValues = std::map<std::string, double>;
@@ -22,7 +21,7 @@ struct SceneRecipe {
   std::string name;
   std::string summary;  ///< one line
   std::vector<SceneParameter> parameters;
-  Scene (*build)(const ParameterValues&);  ///< gets every parameter, defaults filled in
+  Scene (*build)(const ParameterValues&);  ///< receives all parameters, including defaults
 };
 
 }  // namespace bromwich

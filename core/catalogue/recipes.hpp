@@ -1,5 +1,5 @@
 #pragma once
-// The recipes behind the catalogue, one file each, and the checks of parameters that they share.
+// The recipes of the catalogue, one file each, and their common checks of parameters.
 
 #include "../base/error.hpp"
 #include "recipe.hpp"

@@ -26,7 +26,7 @@ constexpr double most_points = 4095;
 Index points_per_side(const ParameterValues& values) {
   if (const double dx = values.at("dx"); !std::isnan(dx)) {
     const double cells = 1 / dx, rounded = std::round(cells);
-    // A spacing is typed as a decimal: six digits must be enough to say which integer is meant.
+    // A spacing is a rounded decimal: six digits must be enough to determine the integer.
     if (!(dx > 0) || !(std::abs(cells - rounded) <= 1e-6 * cells) || rounded < 2 || rounded > most_points + 1)
       throw Error("dx", "found " + number_text(dx) + ", that is Q = 1/dx - 1 = " + number_text(cells - 1),
                   "give 1/(Q+1) for an integer Q from 1 to 4095, or give Q");
@@ -42,7 +42,7 @@ Index points_per_side(const ParameterValues& values) {
 SeparableSource obstacle(Index Q) {
   const Index cells = Q + 1;
   Matrix shapes = Matrix::Zero(Q, 2);
-  for (Index i = 1; i <= Q; ++i)  // in units of dx/4, so that x2 = 1/4 and 3/4 are met exactly
+  for (Index i = 1; i <= Q; ++i)  // in units of dx/4, so that x2 = 1/4 and 3/4 are exact
     shapes(i - 1, std::abs(4 * i - 2 * cells) >= cells ? 0 : 1) = 1;
   return {shapes, [](double t, Eigen::Ref<Vector> a) { a << 4 / (1 + t), std::sin(2 * std::numbers::pi * t); }};
 }

@@ -11,7 +11,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index largest_dense_state = 4096;  // A alone takes 128 MiB there
+constexpr Index largest_dense_state = 4096;  // A takes 128 MiB
 
 Matrix to_dense(const SecondDifference& d) {
   const double scale = d.diffusivity / (d.spacing * d.spacing);
@@ -26,7 +26,7 @@ DenseDynamics to_dense(const KroneckerDynamics& d) {
   const Index lines = d.along.points, length = d.across.points, m = lines * length;
   if (m > largest_dense_state)
     throw Error("dynamics", "has " + std::to_string(m) + " states",
-                "write out at most " + std::to_string(largest_dense_state) + " densely");
+                "give at most " + std::to_string(largest_dense_state) + " for a dense form");
   const Matrix along = to_dense(d.along), across = to_dense(d.across);
   DenseDynamics dense{Matrix::Zero(m, m), Matrix::Zero(m, lines), Matrix::Zero(lines, m)};
   for (Index l = 0; l < lines; ++l) {
@@ -42,12 +42,12 @@ DenseDynamics to_dense(const KroneckerDynamics& d) {
 DenseDynamics to_dense(const SparseDynamics& d) {
   if (d.A.rows() > largest_dense_state)
     throw Error("dynamics", "has " + std::to_string(d.A.rows()) + " states",
-                "write out at most " + std::to_string(largest_dense_state) + " densely");
+                "give at most " + std::to_string(largest_dense_state) + " for a dense form");
   return {Matrix(d.A), Matrix(d.B), Matrix(d.N), Matrix(d.E)};
 }
 
 DenseDynamics to_dense(const SuppliedDynamics&) {
-  throw Error("dynamics", "is supplied by callbacks", "give A, B and N as matrices where they have to be written out");
+  throw Error("dynamics", "is supplied by callbacks", "give A, B and N as matrices if a dense form is needed");
 }
 
 template <typename... Cases>
@@ -133,23 +133,41 @@ Vector times_mass(const Dynamics& dynamics, const Vector& x) {
 
 namespace {
 
-const SparseMatrix& sparse_map(const Dynamics& dynamics, bool inputs) {
-  if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) return inputs ? d->B : d->N;
-  const auto& d = std::get<SuppliedDynamics>(dynamics);
-  return inputs ? d.B : d.N;
+SparseMatrix sparse_map(const Dynamics& dynamics, bool inputs) {
+  const auto of = [inputs](const auto& d) -> const auto& { return inputs ? d.B : d.N; };
+  return std::visit(Overloaded{[&](const DenseDynamics& d) -> SparseMatrix { return of(d).sparseView(); },
+                               [&](const KroneckerDynamics& d) -> SparseMatrix { return of(to_sparse(d)); },
+                               [&](const auto& d) -> SparseMatrix { return of(d); }},
+                    dynamics);
 }
 
 }  // namespace
 
-const SparseMatrix& sparse_inputs(const Dynamics& dynamics) { return sparse_map(dynamics, true); }
-const SparseMatrix& sparse_outputs(const Dynamics& dynamics) { return sparse_map(dynamics, false); }
+SparseMatrix sparse_inputs(const Dynamics& dynamics) { return sparse_map(dynamics, true); }
+SparseMatrix sparse_outputs(const Dynamics& dynamics) { return sparse_map(dynamics, false); }
+
+Dynamics with_inputs_and_outputs(Dynamics dynamics, const SparseMatrix& B, const SparseMatrix& N) {
+  std::visit(Overloaded{[](KroneckerDynamics&) {
+                          throw Error("dynamics", "are a Kronecker sum", "write them out to give other B and N");
+                        },
+                        [&](auto& d) { d.B = B, d.N = N; }},
+             dynamics);
+  return dynamics;
+}
+
+bool has_matrices(const Dynamics& dynamics) { return !std::holds_alternative<SuppliedDynamics>(dynamics); }
 
 Vector observe(const Dynamics& dynamics, const Vector& x) {
-  return std::visit(Overloaded{[&](const KroneckerDynamics& d) -> Vector {
-                                 return Eigen::Map<const RowMatrix>(x.data(), d.along.points, d.across.points) * d.n;
-                               },
-                               [&](const auto& d) -> Vector { return d.N * x; }},
-                    dynamics);
+  return std::visit(
+      Overloaded{[&](const KroneckerDynamics& d) -> Vector {
+                   // It may see the first points of a line alone.
+                   Index seen = d.n.size();
+                   while (seen > 1 && d.n[seen - 1] == 0) --seen;
+                   return Eigen::Map<const RowMatrix>(x.data(), d.along.points, d.across.points).leftCols(seen) *
+                          d.n.head(seen);
+                 },
+                 [&](const auto& d) -> Vector { return d.N * x; }},
+      dynamics);
 }
 
 Vector observed_terms(const Dynamics& dynamics, const Vector& x) {

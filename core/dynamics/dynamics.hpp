@@ -1,6 +1,6 @@
 #pragma once
-// Linear dynamics E x' = A x + B y and what the constraints see of them, N x. E is the identity where it is left out;
-// where it is given it has to be regular.
+// Linear dynamics E x' = A x + B y and their output to the constraints, N x. E has to be regular; by default it is the
+// identity.
 
 #include "../base/types.hpp"
 #include "spectral_bound.hpp"
@@ -36,12 +36,12 @@ struct SecondDifference {
 struct KroneckerDynamics {
   SecondDifference along;   ///< n points: along the constrained side
   SecondDifference across;  ///< points of one grid line, counted from the constrained side
-  Vector b;                 ///< across.points: how y of a line drives the line
-  Vector n;                 ///< across.points: how the line is seen by its constraint
+  Vector b;                 ///< across.points: input of y of a line to the line
+  Vector n;                 ///< across.points: output of the line to its constraint
 };
 
-/// A, B, N and E as sparse matrices: many states (10^5 and more), few constraints. Every scene of this form is solved
-/// through its kernel (shifted sparse solves) or by stepping the state with one sparse factorization.
+/// A, B, N and E as sparse matrices: many states (10^5 and more), few constraints. Such scenes are solved through their
+/// kernel (shifted sparse solves) or by stepping the state with one sparse factorization.
 struct SparseDynamics {
   SparseMatrix A;       ///< m x m
   SparseMatrix B;       ///< m x n
@@ -49,26 +49,26 @@ struct SparseDynamics {
   SparseMatrix E = {};  ///< m x m, or empty
 };
 
-/// (zE - A)^{-1} R for the z that it was made for, R m x k.
+/// Returns (zE - A)^{-1} R for its z; R is m x k.
 using ShiftedSolve = std::function<ComplexMatrix(const ComplexMatrix& R)>;
 
-/// Dynamics that are known by what they do: matrix-free operators, solvers of a finite-element code, transforms. They
-/// are solved like sparse dynamics, through the kernel N (zE - A)^{-1} B at the nodes of contours, or by stepping the
-/// state with one prepared solve. Exceptions of the callbacks pass through `solve`.
+/// Dynamics given by callbacks: matrix-free operators, solvers of a finite-element code, transforms. They are treated
+/// like sparse dynamics, through the kernel N (zE - A)^{-1} B at the nodes of contours, or by stepping the state with
+/// one prepared solve. `solve` passes exceptions of the callbacks on.
 struct SuppliedDynamics {
   Index states = 0;  ///< m
   SparseMatrix B;    ///< m x n
   SparseMatrix N;    ///< n x m
-  /// Prepares the solve for a shift z: a factorization, say. Called for all nodes of the contours, a few hundred z in
-  /// the right half-plane and around the spectrum, and their conjugates are not asked for. A z that is an eigenvalue:
-  /// throw SingularShift, or let the solve return values that are not finite.
+  /// Prepares the solve for a shift z, for example by a factorization. Called for all nodes of the contours, a few
+  /// hundred z in the right half-plane and around the spectrum, but not for their conjugates. If z is an eigenvalue,
+  /// throw SingularShift or return values that are not finite.
   std::function<ShiftedSolve(Complex z)> shifted;
   /// E X for X m x k; empty: E = I.
   std::function<Matrix(const Matrix& X)> mass = {};
-  /// Where the eigenvalues of E^{-1} A lie; empty: estimated by the shifted solves.
+  /// Bound of the eigenvalues of E^{-1} A; if empty, estimated by shifted solves.
   std::optional<SpectralBound> bound = {};
-  /// `shifted` and what it returns may be called from several threads at once. Otherwise all calls come from the thread
-  /// that called `solve`.
+  /// `shifted` and the functions it returns may be called from several threads at once. Otherwise all calls come from
+  /// the thread that called `solve`.
   bool thread_safe = false;
 };
 
@@ -82,20 +82,26 @@ bool has_mass(const Dynamics&);
 /// E x.
 Vector times_mass(const Dynamics&, const Vector& x);
 
-/// A, B, N and E written out densely: for small scenes and as an oracle. Throws Error above 4096 states, and for
-/// supplied dynamics.
+/// A, B, N and E as dense matrices, for small scenes and as an oracle. Throws Error above 4096 states, and for supplied
+/// dynamics.
 DenseDynamics to_dense(const Dynamics&);
 
 /// The Kronecker sum as sparse matrices, at any size.
 SparseDynamics to_sparse(const KroneckerDynamics&);
 
-/// B and N of sparse or supplied dynamics.
-const SparseMatrix& sparse_inputs(const Dynamics&);
-const SparseMatrix& sparse_outputs(const Dynamics&);
+/// B and N, whatever the kind of the dynamics.
+SparseMatrix sparse_inputs(const Dynamics&);
+SparseMatrix sparse_outputs(const Dynamics&);
+
+/// The same A and E with other B and N. Throws Error for a Kronecker sum, whose B and N are those of its lines.
+Dynamics with_inputs_and_outputs(Dynamics, const SparseMatrix& B, const SparseMatrix& N);
+
+/// Whether A is known as a matrix or as a Kronecker sum, and not by callbacks alone.
+bool has_matrices(const Dynamics&);
 
 /// N x for one state.
 Vector observe(const Dynamics&, const Vector& x);
-/// |N| |x|: what the rounding of N x is relative to.
+/// |N| |x|: the rounding of N x is relative to this.
 Vector observed_terms(const Dynamics&, const Vector& x);
 
 }  // namespace bromwich

@@ -30,7 +30,7 @@ Spectrum of(const DenseDynamics& d) {
   s.non_normal = (d.A * d.A.transpose() - d.A.transpose() * d.A).norm() > 0.1 * d.A.squaredNorm();
   s.radius = eigenvalues.cwiseAbs().maxCoeff();
   s.abscissa = eigenvalues.real().maxCoeff();
-  // The QR algorithm returns eigenvalues to about eps ||A||: smaller ones are zero, and so are smaller imaginary parts.
+  // The QR algorithm has an error of about eps ||A||: smaller eigenvalues and imaginary parts are set to zero.
   const double rounding = 16 * epsilon * d.A.norm();
   for (const Complex lambda : eigenvalues) {
     if (std::abs(lambda) <= rounding) continue;

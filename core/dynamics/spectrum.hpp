@@ -1,5 +1,5 @@
 #pragma once
-// Where the eigenvalues of A lie, so that a contour can be put around them.
+// Location of the eigenvalues of A, to place contours around them.
 
 #include "dynamics.hpp"
 
@@ -8,7 +8,7 @@
 namespace bromwich {
 
 struct Spectrum {
-  double half_angle = 0;    ///< smallest sector |arg(-z)| <= half_angle that holds the eigenvalues (pi if one is > 0)
+  double half_angle = 0;    ///< of the smallest sector |arg(-z)| <= half_angle with all eigenvalues (pi if one is > 0)
   double abscissa = 0;      ///< largest real part
   double radius = 0;        ///< largest modulus
   double slowest = 0;       ///< smallest non-zero modulus, 0 if none or not known
@@ -16,7 +16,7 @@ struct Spectrum {
   bool non_normal = false;  ///< dense: ||A A^T - A^T A||_F > ||A||_F^2 / 10
 
   bool real_negative() const { return half_angle == 0; }
-  /// "real, moduli 0.04 to 12.8" and the like.
+  /// For example "real, moduli 0.04 to 12.8".
   std::string describe() const;
 };
 
@@ -24,11 +24,11 @@ struct Spectrum {
 /// at most 256 states. Larger sparse A: bounds and estimates, `abscissa` at least 0 and `slowest` not known (0).
 Spectrum spectrum(const Dynamics&);
 
-/// The bounds and estimates of a large sparse A, whatever its size.
+/// The bounds and estimates used for large sparse A, for a matrix of any size.
 Spectrum sparse_spectrum(const SparseMatrix& A);
 /// The same of E^{-1} A, by a factorization of E.
 Spectrum sparse_spectrum(const SparseMatrix& A, const SparseMatrix& E);
-/// Estimates from Ritz values of (zE - A)^{-1} E at z = 1: those eigenvalues that are nearest to 1.
+/// Estimates from Ritz values of (zE - A)^{-1} E at z = 1, which give the eigenvalues nearest to 1.
 Spectrum supplied_spectrum(const SuppliedDynamics&);
 
 }  // namespace bromwich

@@ -1,11 +1,11 @@
-// The spectrum of a sparse A, for which eigenvalues cannot be listed:
+// The spectrum of a sparse A, without computing all eigenvalues:
 //
-//     symmetric, skew          read off the entries; half-angle 0 or pi/2 follows
-//     abscissa                 0 where Gershgorin's discs say so; otherwise for symmetric A the sign of the pivots of
-//                              sI - A tells whether s is above it, and for other A the Ritz values do
+//     symmetric, skew          from the entries; the half-angle is then 0 or pi/2
+//     abscissa                 0 if Gershgorin's discs show it; otherwise for symmetric A the signs of the pivots of
+//                              sI - A tell whether s is larger, and for other A the Ritz values are used
 //     radius, half-angle       Ritz values of a Krylov space: estimates from inside the numerical range
 //
-// What is only estimated chooses where the contour search starts; the check of the kernel decides
+// Estimates only determine the start of the search for a contour; the check of the kernel decides
 // (core/kernel/sparse_kernel.hpp).
 
 #include "core/dynamics/spectrum.hpp"
@@ -67,7 +67,7 @@ ComplexVector ritz_values(Index m, double scale, const Product& product) {
   return {};
 }
 
-// Ritz values near 0 are the least accurate, and a contour is as close to 0 as it likes.
+// Ritz values near 0 are the least accurate, and contours may pass arbitrarily close to 0.
 double half_angle_of(const ComplexVector& ritz, double radius) {
   double angle = 0;
   for (const Complex theta : ritz)
@@ -76,7 +76,7 @@ double half_angle_of(const ComplexVector& ritz, double radius) {
   return angle;
 }
 
-// Smallest s on the way down from `bound` by factors of 2 with sI - A positive definite, down to rounding.
+// Smallest s = bound/2^k for which sI - A is positive definite, down to rounding.
 double symmetric_abscissa(const SparseMatrix& A, double bound, double rounding) {
   SparseMatrix identity(A.rows(), A.cols());
   identity.setIdentity();
@@ -139,7 +139,7 @@ Spectrum sparse_spectrum(const SparseMatrix& A, const SparseMatrix& E) {
 
 Spectrum supplied_spectrum(const SuppliedDynamics& d) {
   Spectrum s;
-  double z = 1;  // another one where it is an eigenvalue
+  double z = 1;  // changed if it is an eigenvalue
   ComplexVector inverse;
   for (int tries = 0; tries < 4 && inverse.size() == 0; ++tries, z *= 1.618) try {
       const ShiftedSolve solve = d.shifted(Complex(z));

@@ -55,11 +55,7 @@ class DampedNewton {
     GalerkinSolution s;
     double next_attempt = 1e-1 * size;
     for (s.iterations = 1; s.iterations <= most_damped_steps; ++s.iterations) {
-      if (options_.interrupted && options_.interrupted()) {
-        s.status = Status::interrupted;
-        s.reason = "stopped on request";
-        break;
-      }
+      if (asked_to_stop(options_, s)) break;
       const double distance = largest_phi();
       s.history.push_back(distance);
       if (options_.progress) options_.progress({s.iterations, distance, 0});

@@ -8,6 +8,8 @@
 
 #include <Eigen/Dense>
 
+#include <algorithm>
+
 namespace bromwich {
 
 namespace {
@@ -32,19 +34,13 @@ BoundaryCondition boundary_of(const Scene& scene) {
   return scene.boundary.value_or(BoundaryCondition{Matrix::Identity(m, m), Matrix::Zero(m, m), scene.x0});
 }
 
-Matrix source_entry(const Scene& scene, const DenseDynamics& d) {
-  if (scene.f_entry == SourceEntry::through_B) return d.B;
-  if (scene.f_entry == SourceEntry::through_F) return Matrix(scene.F);
-  return Matrix::Identity(d.A.rows(), d.A.rows());
-}
-
 GalerkinStep galerkin_step(const DenseDynamics& d, const Matrix& M, double h) {
   return step_from(matrix_phis(h * d.A, 4), d, M, h);
 }
 
 GalerkinProblem galerkin_problem(const Scene& scene, const std::vector<GridPart>& parts) {
   const DenseDynamics d = to_dense(scene.dynamics);
-  const Matrix M = to_dense(scene.M), entry = source_entry(scene, d);
+  const Matrix M = to_dense(scene.M), entry = source_matrix(scene, d);
   const Index m = d.A.rows(), n = d.B.cols();
   GalerkinProblem p;
   for (const GridPart& part : parts) p.N += part.intervals;
@@ -53,7 +49,7 @@ GalerkinProblem galerkin_problem(const Scene& scene, const std::vector<GridPart>
   p.initial_value = !scene.boundary;
   p.forcing = RowMatrix::Zero(p.N, m);
   p.q = RowMatrix::Zero(p.N, 2 * n);
-  GalerkinSources sources(scene, d, entry, breakpoints_of(scene));
+  GalerkinSources sources(scene, d, entry, scene.breakpoints);
   Index first = 0;
   double begin = 0;
   for (const GridPart& part : parts) {
@@ -134,6 +130,23 @@ RowMatrix galerkin_slack(const GalerkinProblem& p, const RowMatrix& z, const Row
 }
 
 RowMatrix galerkin_known(const GalerkinProblem& p, const RowMatrix& x) { return galerkin_response(p, nullptr, x); }
+
+double natural_residual(const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x,
+                        const std::vector<Index>& free_rows, const NaturalUnits* units) {
+  const Index n = p.unknowns() / 2;
+  RowMatrix known = galerkin_known(p, x), w = galerkin_slack(p, z, x), y = z;
+  for (Index i = 0; i < z.cols() && units; ++i) {
+    const double unit_y = times_ten_to(units->y[std::size_t(i % n)], 1),
+                 unit_w = times_ten_to(units->w[std::size_t(i % n)], 1);
+    y.col(i) *= unit_y;
+    w.col(i) *= unit_w;
+    known.col(i) *= unit_w;
+  }
+  RowMatrix map = y.cwiseMin(w);
+  for (const Index i : free_rows)
+    for (const Index at : {i, n + i}) map.col(at) = w.col(at);
+  return map.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
+}
 
 RowMatrix apply_galerkin(const GalerkinProblem& p, const RowMatrix& z) {
   GalerkinProblem linear = p;

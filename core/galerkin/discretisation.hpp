@@ -23,6 +23,7 @@
 // x        RowMatrix       (N+1) x m
 // F        forcing         N x m
 
+#include "../scene/natural_units.hpp"
 #include "../scene/scene.hpp"
 
 namespace bromwich {
@@ -69,25 +70,6 @@ GalerkinStep galerkin_step(const DenseDynamics&, const Matrix& M, double h);
 /// The boundary condition of a scene; initial values as (I, 0, x0).
 BoundaryCondition boundary_of(const Scene&);
 
-/// Scene::breakpoints.
-template <class S>
-std::vector<double> breakpoints_of(const S& scene) {
-  if constexpr (requires { scene.breakpoints; })
-    return scene.breakpoints;
-  else
-    return {};
-}
-
-/// The same scene with its clock set back to 0 at `t`, as far as breakpoints go.
-template <class S>
-void set_back_breakpoints(S& scene, double t) {
-  if constexpr (requires { scene.breakpoints; })
-    for (double& at : scene.breakpoints) at -= t;
-}
-
-/// f = entry phi(t): m x Scene::sources().
-Matrix source_entry(const Scene&, const DenseDynamics&);
-
 /// The scene on N intervals, or on parts of which the last ends at T. f and g are replaced on each interval, or on its
 /// pieces (core/galerkin/sources.hpp), by the parabola through three Gauss points, and no value at an end is used:
 /// sources may jump there. Dynamics are written out densely. f and g that are not finite leave NaN in `forcing` or `q`.
@@ -107,6 +89,11 @@ RowMatrix galerkin_slack(const GalerkinProblem&, const RowMatrix& z, const RowMa
 
 /// q + C x alone: N x 2n.
 RowMatrix galerkin_known(const GalerkinProblem&, const RowMatrix& x);
+
+/// max over intervals and components of |min(z, w)|, of |w| for the free rows of the scene, relative to
+/// max(1, max |C x + q|); in the units of the user where `units` are given.
+double natural_residual(const GalerkinProblem&, const RowMatrix& z, const RowMatrix& x,
+                        const std::vector<Index>& free_rows = {}, const NaturalUnits* units = nullptr);
 
 /// The linear part of z -> w, boundary term included: O(N (m + n)^2) operations, nothing assembled.
 RowMatrix apply_galerkin(const GalerkinProblem&, const RowMatrix& z);

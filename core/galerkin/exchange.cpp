@@ -228,10 +228,4 @@ GalerkinSolution exchange_active_sets(const GalerkinProblem& p, Backend& backend
   return Exchange(p, backend, options).run(start, most);
 }
 
-double natural_residual(const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x) {
-  const RowMatrix known = galerkin_known(p, x);
-  return z.cwiseMin(galerkin_slack(p, z, x)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() /
-         std::max(1.0, known.cwiseAbs().maxCoeff());
-}
-
 }  // namespace bromwich

@@ -12,7 +12,6 @@
 #include <Eigen/Dense>
 
 #include <algorithm>
-#include <numeric>
 
 namespace bromwich {
 

@@ -11,7 +11,6 @@
 #include "discretisation.hpp"
 
 #include <optional>
-#include <string>
 
 namespace bromwich {
 

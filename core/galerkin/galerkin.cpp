@@ -1,6 +1,5 @@
 #include "core/galerkin/galerkin.hpp"
 
-#include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/galerkin/checks.hpp"
@@ -9,8 +8,6 @@
 #include "core/galerkin/recovery.hpp"
 #include "core/galerkin/rules.hpp"
 #include "core/galerkin/solvers.hpp"
-#include "core/kernel/states.hpp"
-#include "core/scene/natural_units.hpp"
 
 #include <cmath>
 
@@ -158,19 +155,6 @@ bool finite_galerkin_sources(const GalerkinProblem& p, Result& result) {
   return true;
 }
 
-// Natural map of the whole problem, |w_f| for the free components.
-double residual_of(const GalerkinProblem& p, const std::vector<Index>& free_rows, const RowMatrix& z,
-                   const RowMatrix& x) {
-  const Index n = p.unknowns() / 2;
-  const RowMatrix known = galerkin_known(p, x), w = galerkin_slack(p, z, x);
-  RowMatrix map = z.cwiseMin(w);
-  for (const Index i : free_rows) {
-    map.col(i) = w.col(i);
-    map.col(n + i) = w.col(n + i);
-  }
-  return map.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
-}
-
 // What a solver reports.
 void record(const GalerkinSolution& s, const GalerkinProblem& p, Result& result) {
   result.status = s.status;
@@ -186,25 +170,35 @@ void record(const GalerkinSolution& s, const GalerkinProblem& p, Result& result)
   if (s.infeasible >= 0) result.infeasible_at = p.t[s.infeasible];
 }
 
-// The same in the units that the user knows.
-double residual_as_stated(const GalerkinProblem& p, const Scene& scene, const InnerOptions& options, const RowMatrix& z,
-                          const RowMatrix& x, double in_these_units) {
-  if (!options.units || options.units->trivial()) return in_these_units;
-  const Index n = p.unknowns() / 2;
-  RowMatrix known = galerkin_known(p, x), w = galerkin_slack(p, z, x), y = z;
-  for (Index i = 0; i < 2 * n; ++i) {
-    const double unit_y = times_ten_to(options.units->y[std::size_t(i % n)], 1),
-                 unit_w = times_ten_to(options.units->w[std::size_t(i % n)], 1);
-    y.col(i) *= unit_y;
-    w.col(i) *= unit_w;
-    known.col(i) *= unit_w;
+// Whether the equations of the free rows can hold; the result says where they contradict each other.
+bool free_rows_agree(const FreeElimination& elimination, const GalerkinProblem& p, Result& result) {
+  if (const auto k = elimination.contradiction()) {
+    result.status = Status::infeasible;
+    result.infeasible_at = p.t[*k];
+    result.reason = text("the equations of the free rows contradict each other at t = %.6g", *result.infeasible_at);
+    return false;
   }
-  RowMatrix map = y.cwiseMin(w);
-  for (const Index i : scene.free_rows) {
-    map.col(i) = w.col(i);
-    map.col(n + i) = w.col(n + i);
+  if (!elimination.unique())
+    add_warning(result, "the free unknowns are not determined; theirs of least norm are given");
+  return true;
+}
+
+// Accepts a solution by its residual, and reports that in the units of the user.
+void judge(const Scene& scene, const GalerkinProblem& p, const RowMatrix& z, const RowMatrix& x,
+           const InnerOptions& options, Result& result) {
+  result.residual = natural_residual(p, z, x, scene.free_rows);
+  if (result.status == Status::solved && !(result.residual <= accepted_residual)) {
+    result.status = Status::tolerance_not_met;
+    result.reason = text("the residual is %.1e", result.residual);
   }
-  return map.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, known.cwiseAbs().maxCoeff());
+  if (options.units && !options.units->trivial())
+    result.residual = natural_residual(p, z, x, scene.free_rows, options.units.get());
+}
+
+void check_uniqueness(const Scene& scene, Index N, Result& result) {
+  const Uniqueness unique = uniqueness_of(scene, N);
+  result.well_posed = unique.assured;
+  if (!unique.assured) add_warning(result, unique.words);
 }
 
 // `before`: a result on another grid, or null.
@@ -220,14 +214,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
   if (condition < delicate_boundary)
     add_warning(result, text("the boundary condition is ill-conditioned (reciprocal condition %.1e)", condition));
   const FreeElimination elimination(p, scene.free_rows);
-  if (const auto k = elimination.contradiction()) {
-    result.status = Status::infeasible;
-    result.infeasible_at = p.t[*k];
-    result.reason = text("the equations of the free rows contradict each other at t = %.6g", *result.infeasible_at);
-    return;
-  }
-  if (!elimination.unique())
-    add_warning(result, "the free unknowns are not determined; theirs of least norm are given");
+  if (!free_rows_agree(elimination, p, result)) return;
   result.seconds.setup = timer.lap();
 
   RowMatrix start;
@@ -250,18 +237,10 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
   const RowMatrix z = free.recovered(s.z, s.x);
   const RowMatrix x = galerkin_states(used, z);
   fill(scene, used, z, x, options, result);
-  result.residual = residual_of(used, scene.free_rows, z, x);
-  if (result.status == Status::solved && !(result.residual <= accepted_residual)) {
-    result.status = Status::tolerance_not_met;
-    result.reason = text("the residual is %.1e", result.residual);
-  }
-  result.residual = residual_as_stated(p, scene, options, z, x, result.residual);
+  judge(scene, used, z, x, options, result);
   if (result.status != Status::solved) return;
   if (ruled) add_warning(result, warning_of(ruled->rules, p.t));
-  if (s.unique) return;
-  const Uniqueness unique = uniqueness_of(scene, p.N);
-  result.well_posed = unique.assured;
-  if (!unique.assured) add_warning(result, unique.words);
+  if (!s.unique) check_uniqueness(scene, p.N, result);
 }
 
 // The same with nodes at the switches, until these stay where they are to the accuracy of y.
@@ -286,9 +265,7 @@ void solve_with_located_switches(const Scene& scene, Backend& backend, const Inn
       add_warning(located, text("%ld switch(es) not located: y jumps there or is active for no whole interval",
                                 long(grid.missed)));
     located.seconds = located.seconds + result.seconds;
-    located.lcp.solved += result.lcp.solved;
-    located.lcp.newton += result.lcp.newton;
-    located.lcp.fallbacks += result.lcp.fallbacks;
+    located.lcp += result.lcp;
     result = std::move(located);
   }
 }

@@ -1,59 +1,61 @@
-#include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/galerkin/recurrence.hpp"
 #include "core/galerkin/solvers.hpp"
 #include "core/lcp/lcp_class.hpp"
 
-#include <Eigen/Dense>
-
 #include <algorithm>
 
 namespace bromwich {
 
+bool asked_to_stop(const Options& options, GalerkinSolution& s) {
+  if (!options.interrupted || !options.interrupted()) return false;
+  s.status = Status::interrupted;
+  s.reason = "stopped on request";
+  return true;
+}
+
 namespace {
 
-constexpr double diverging = 1e6;      ///< growth of the change over its least value
-constexpr Index patience_sweeps = 60;  ///< without a smaller change
-constexpr double rounding_level = 1e-10;
+constexpr double diverging = 1e6;         ///< growth of the change over its least value
+constexpr Index patience_sweeps = 60;     ///< without a smaller change
+constexpr Index repeated_sweeps = 3;      ///< without a smaller change, once it is at rounding level
+constexpr double rounding_level = 1e-10;  ///< of a change: smaller ones may go up and down
 
-// x_0 = x0_free - from_end r, r = Σ_k E^{N-k} H z_k: S x_0 = b - ET (r + what f adds), S = E0 + ET E^N.
-class BoundaryTerm {
+// What the changes of the sweeps say about convergence.
+class Changes {
  public:
-  BoundaryTerm(const GalerkinProblem& p, Backend& backend) : p_(p) {
-    const Index m = p.states(), N = p.N;
-    Matrix power = Matrix::Identity(m, m);
-    std::vector<RowMatrix> modes(std::size_t(m), RowMatrix(N, p.unknowns()));
-    for (Index k = 0; k < N; ++k) {
-      const Matrix seen = p.first_step().C * power;
-      for (Index i = 0; i < m; ++i) modes[std::size_t(i)].row(k) = seen.col(i).transpose();
-      power = (p.first_step().E * power).eval();
-    }
-    const Matrix S = p.boundary.E0 + p.boundary.ET * power;
-    if (!S.allFinite()) throw Error("boundary", "e^{TA} overflows", "use the solver for boundary values");
-    from_end_ = S.partialPivLu().solve(p.boundary.ET);
-    for (const RowMatrix& mode : modes) arrays_.push_back(padded_array(mode, backend));
-  }
+  explicit Changes(double tolerance) : tolerance_(tolerance) {}
 
-  // r from the coefficients; the state carried by the causal part alone.
-  Vector end_response(const RowMatrix& z) const {
-    Vector r = Vector::Zero(p_.states());
-    for (Index k = 0; k < p_.N; ++k) r = p_.first_step().E * r + p_.first_step().H * z.row(k).transpose();
-    return r;
+  void add(double change) {
+    since_ = change < least_ ? 0 : since_ + 1;
+    least_ = std::min(least_, change);
+    last_ = change;
   }
-  Vector initial_change(const Vector& r) const { return -from_end_ * r; }
-  const Array& mode(Index i) const { return *arrays_[std::size_t(i)]; }
-  std::size_t bytes() const {
-    std::size_t sum = 0;
-    for (const auto& a : arrays_) sum += a->bytes();
-    return sum;
-  }
+  bool converged() const { return last_ <= tolerance_ || (since_ >= repeated_sweeps && least_ <= rounding_level); }
+  bool hopeless() const { return since_ >= patience_sweeps || last_ > diverging * std::max(least_, tolerance_); }
 
  private:
-  const GalerkinProblem& p_;
-  std::vector<std::unique_ptr<Array>> arrays_;
-  Matrix from_end_;
+  double tolerance_, least_ = INFINITY, last_ = INFINITY;
+  Index since_ = 0;
 };
+
+// Whether the iteration ends with the sweep reported; the solution says how.
+bool ends(const LcpReport& report, const Changes& changes, GalerkinSolution& s) {
+  if (!report.finite) {
+    s.status = Status::nonfinite;
+    s.reason = "the iteration is not finite";
+  } else if (report.count.unsolved > 0) {
+    s.reason = "a complementarity problem of a sweep stayed unsolved";
+  } else if (changes.converged()) {
+    s.status = Status::solved;
+  } else if (changes.hopeless()) {
+    s.reason = text("the sweeps do not contract (change %.1e)", report.change);
+  } else {
+    return false;
+  }
+  return true;
+}
 
 }  // namespace
 
@@ -61,73 +63,37 @@ GalerkinSolution iterate_galerkin(const GalerkinProblem& p, Backend& backend, co
   const LcpMatrix D = p.first_step().D;
   const LcpClass lcp_class = classify(D);
   const Index rows = p.N + 1, n = p.unknowns();
-  const RowMatrix zero = RowMatrix::Zero(p.N, n), free_states = galerkin_states(p, zero);
-  const auto free = padded_array(galerkin_slack(p, zero, free_states), backend), r = backend.array(rows, n),
-             v = backend.array(rows, n), z = backend.array(rows, n);
-  backend.inject(*free, *r);
-  const Recurrence recurrence = galerkin_recurrence(p.first_step());
-  const auto convolution = backend.convolution(recurrence, rows);
+  const RowMatrix zero = RowMatrix::Zero(p.N, n);
+  const auto r = padded_array(galerkin_slack(p, zero, galerkin_states(p, zero)), backend), v = backend.array(rows, n),
+             z = backend.array(rows, n);
+  const auto convolution = backend.convolution(galerkin_recurrence(p.first_step()), rows);
   const auto lcp = backend.lcp(D, lcp_class, rows);
-  std::optional<BoundaryTerm> boundary;
-  if (!p.initial_value) boundary.emplace(p, backend);
 
   GalerkinSolution s;
   s.iterated = true;
-  s.unique = p.initial_value && lcp_class == LcpClass::P;
+  s.unique = lcp_class == LcpClass::P;
   Timer timer;
-  RowMatrix values = RowMatrix::Zero(rows, n);
-  double least = INFINITY;
-  Index since = 0;
+  Changes changes(options.iteration_tolerance);
   for (s.iterations = 1; s.iterations <= options.max_iterations; ++s.iterations) {
-    if (options.interrupted && options.interrupted()) {
-      s.status = Status::interrupted;
-      s.reason = "stopped on request";
-      break;
-    }
+    if (asked_to_stop(options, s)) break;
     convolution->apply(*z, *v, 1);
-    if (boundary) {
-      backend.download(*z, values);
-      const Vector x0 = boundary->initial_change(boundary->end_response(values.bottomRows(p.N)));
-      backend.inject(*free, *r);
-      for (Index i = 0; i < x0.size(); ++i) backend.add(*r, x0[i], boundary->mode(i), *r);
-    }
     timer.lap();
     const LcpReport report = lcp->solve(*r, *v, *z, 1, 0);
     s.lcp_seconds += timer.lap();
-    s.lcp.solved += report.count.solved;
-    s.lcp.newton += report.count.newton;
-    s.lcp.fallbacks += report.count.fallbacks;
-    s.lcp.unsolved = report.count.unsolved;
+    s.lcp += report.count;
     s.history.push_back(report.change);
     if (options.progress) options.progress({s.iterations, report.change, 0});
-    if (!report.finite) {
-      s.status = Status::nonfinite;
-      s.reason = "the iteration is not finite";
-      break;
-    }
-    if (report.count.unsolved > 0) {
-      s.reason = "a complementarity problem of a sweep stayed unsolved";
-      break;
-    }
-    since = report.change < least ? 0 : since + 1;
-    least = std::min(least, report.change);
-    if (report.change <= options.iteration_tolerance || (since >= 3 && least <= rounding_level)) {
-      s.status = Status::solved;
-      break;
-    }
-    if (since >= patience_sweeps || report.change > diverging * std::max(least, options.iteration_tolerance)) {
-      s.reason = text("the sweeps do not contract (change %.1e)", report.change);
-      break;
-    }
+    changes.add(report.change);
+    if (ends(report, changes, s)) break;
   }
   if (s.status == Status::tolerance_not_met && s.reason.empty())
     s.reason = text("%ld sweeps were not enough", long(options.max_iterations));
+  RowMatrix values;
   backend.download(*z, values);
   s.z = values.bottomRows(p.N);
   s.x = galerkin_states(p, s.z);
   s.how = "functional iteration over all intervals";
-  s.bytes = free->bytes() + r->bytes() + v->bytes() + z->bytes() + convolution->bytes() + lcp->bytes() +
-            (boundary ? boundary->bytes() : 0);
+  s.bytes = r->bytes() + v->bytes() + z->bytes() + convolution->bytes() + lcp->bytes();
   return s;
 }
 

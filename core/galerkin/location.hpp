@@ -1,7 +1,8 @@
 #pragma once
-// Event location: a switch of the active set inside an interval costs half an order of y and one of x, on a node
-// nothing. core/result/switching.hpp knows them to O(h^2) where y leaves 0 with a slope. With nodes at these times and
-// intervals of one length in between, a kink lies at most O(h^2) off its node: of y this is h^3 in L2, of x it is h^4.
+// Event location. A switch of the active set inside an interval costs y half an order and x one order; a switch on a
+// node costs nothing. core/result/switching.hpp finds the times of switches up to O(h^2) where y leaves 0 with a slope.
+// With nodes at these times and intervals of one length between them, a kink lies at most O(h^2) off its node, which
+// leaves an error of h^3 in y (L2) and of h^4 in x.
 
 #include "../result/result.hpp"
 #include "discretisation.hpp"

@@ -8,14 +8,7 @@
 
 namespace bromwich {
 
-namespace {
-
-// `first`: interval that the report counts as its first.
-void explain(const GalerkinProblem& p, Index first, const MarchReport& report, GalerkinSolution& s) {
-  if (report.stopped < 0) {
-    s.status = Status::solved;
-    return;
-  }
+void explain_stop(const GalerkinProblem& p, Index first, const MarchReport& report, GalerkinSolution& s) {
   const Index at = first + report.stopped - 1;
   const std::string where = text("in the interval that begins at t = %.6g", p.t[at]);
   s.status = Status::tolerance_not_met;
@@ -33,6 +26,8 @@ void explain(const GalerkinProblem& p, Index first, const MarchReport& report, G
     s.reason = "the complementarity problem stayed unsolved " + where + "; try other steps";
   }
 }
+
+namespace {
 
 // The intervals of one length, from the state x; their rows of z, and x behind them.
 void march_run(const GalerkinProblem& p, const GalerkinRun& run, Backend& backend, const Options& options, Vector& x,
@@ -58,13 +53,11 @@ void march_run(const GalerkinProblem& p, const GalerkinRun& run, Backend& backen
   backend.download(*y, z);
   s.z.middleRows(run.first, run.count) = z.bottomRows(run.count);
   s.unique = s.unique && problem.lcp_class == LcpClass::P;
-  s.lcp.solved += report.count.solved;
-  s.lcp.newton += report.count.newton;
-  s.lcp.fallbacks += report.count.fallbacks;
-  s.lcp.unsolved += report.count.unsolved;
+  s.lcp += report.count;
   s.lcp_seconds += report.lcp_seconds;
   s.bytes = std::max(s.bytes, q->bytes() + forcing->bytes() + y->bytes() + v->bytes() + march->bytes());
-  explain(p, run.first, report, s);
+  s.status = Status::solved;
+  if (report.stopped >= 0) explain_stop(p, run.first, report, s);
   const bool last = run.first + run.count == p.N;
   for (Index k = 0; !last && k < run.count; ++k)
     x = (run.step.E * x + run.step.H * z.row(k + 1).transpose() + own_forcing.row(k).transpose()).eval();

@@ -13,14 +13,9 @@ constexpr double same_node = 1e-9;  ///< of an interval
 
 // x(t + s) from x(t), y linear from a to b: one interval of length s.
 Vector carried_state(const Scene& scene, const Vector& x, double t, double s, const Vector& a, const Vector& b) {
-  Scene rest = scene;
-  rest.boundary.reset();
-  rest.x0 = x;
-  rest.T = s;
-  rest.g = {};
-  set_back_breakpoints(rest, t);
-  if (scene.f) rest.f = [f = scene.f, t](double r, Eigen::Ref<Vector> value) { f(t + r, value); };
-  const GalerkinProblem step = galerkin_problem(rest, 1);
+  Scene part = part_of(scene, t, s, x);
+  part.g = {};
+  const GalerkinProblem step = galerkin_problem(part, 1);
   RowMatrix z(1, a.size() + b.size());
   z << a.transpose(), b.transpose();
   return galerkin_states(step, z).row(1).transpose();

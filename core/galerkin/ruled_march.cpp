@@ -1,7 +1,6 @@
 // Initial values interval by interval, where some intervals are taken by the stages of core/galerkin/rules.hpp: the
 // active set of an interval by method galerkin says which rule it needs.
 
-#include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/galerkin/rules.hpp"
 #include "core/lcp/active_set.hpp"
@@ -110,25 +109,24 @@ class RuledMarch {
   bool asked_to_stop(Index k, GalerkinSolution& s) const {
     if (options_.progress) options_.progress({k, 0, p_.N});
     if (!options_.interrupted || !options_.interrupted()) return false;
-    s.status = Status::interrupted;
-    s.reason = text("stopped on request in the interval that begins at t = %.6g", p_.t[k]);
+    MarchReport report;
+    report.interrupted = true;
+    stop_at(k, report, s);
     return true;
   }
 
   GalerkinSolution unsolved(Index k, GalerkinSolution& s) {
-    const std::string where = text("in the interval that begins at t = %.6g", p_.t[k]);
+    MarchReport report;
+    report.finite = s.x.row(k).allFinite();
+    if (by(IntervalRule::euler).infeasible) report.infeasible = k + 1;
     ++s.lcp.unsolved;
-    if (!s.x.row(k).allFinite()) {
-      s.status = Status::nonfinite;
-      s.reason = "the solution is not finite " + where;
-    } else if (by(IntervalRule::euler).infeasible) {
-      s.status = Status::infeasible;
-      s.infeasible = k;
-      s.reason = "no solution " + where;
-    } else {
-      s.reason = "the complementarity problem stayed unsolved " + where + "; try other steps";
-    }
+    stop_at(k, report, s);
     return std::move(s);
+  }
+
+  void stop_at(Index k, MarchReport& report, GalerkinSolution& s) const {
+    report.stopped = k + 1;
+    explain_stop(p_, 0, report, s);
   }
 
   const ReducedProblems& problems_;

@@ -21,16 +21,31 @@ bool any_rule_needed(RuleChoice& choice, const RowMatrix& z) {
   return false;
 }
 
+void set_problem(const Scene& scene, GalerkinProblem p, RuledSolution& ruled) {
+  ruled.problem = std::make_unique<GalerkinProblem>(std::move(p));
+  ruled.elimination = std::make_unique<FreeElimination>(*ruled.problem, scene.free_rows);
+}
+
 // Solves with given rules, from the active sets of z (of the scene).
 void solve_again(const Scene& scene, const RuledProblems& problems, const GalerkinSolver& solver, const RowMatrix& z,
                  RuledSolution& ruled) {
-  ruled.problem = std::make_unique<GalerkinProblem>(mixed_problem(problems, ruled.rules));
-  ruled.elimination = std::make_unique<FreeElimination>(*ruled.problem, scene.free_rows);
-  const LcpCount before = ruled.reduced.lcp;
+  set_problem(scene, mixed_problem(problems, ruled.rules), ruled);
+  LcpCount before = ruled.reduced.lcp;
+  before.unsolved = 0;
   ruled.reduced = solver(*ruled.problem, ruled.elimination->reduced(), ruled.elimination->bound_part(z));
-  ruled.reduced.lcp.solved += before.solved;
-  ruled.reduced.lcp.newton += before.newton;
-  ruled.reduced.lcp.fallbacks += before.fallbacks;
+  ruled.reduced.lcp += before;
+}
+
+// Solves with all intervals by Radau IIA or, where that fails, by implicit Euler.
+bool solve_by_one_rule(const Scene& scene, const RuledProblems& problems, const GalerkinSolver& solver,
+                       RuledSolution& ruled) {
+  const GalerkinProblem& p = problems.galerkin;
+  for (const IntervalRule all : {IntervalRule::radau, IntervalRule::euler}) {
+    ruled.rules.assign(std::size_t(p.N), all);
+    solve_again(scene, problems, solver, RowMatrix::Zero(p.N, p.unknowns()), ruled);
+    if (ruled.reduced.status == Status::solved) return true;
+  }
+  return false;
 }
 
 double bytes_of(const GalerkinProblem& p, const std::vector<IntervalRule>& rules) {
@@ -82,27 +97,17 @@ std::optional<RuledSolution> solve_by_rules(const Scene& scene, const GalerkinPr
     const ReducedProblems reduced(problems, scene.free_rows);
     ruled.reduced = march_by_rules(reduced, choice, options, ruled.rules);
     if (failed && ruled.reduced.status != Status::solved) return std::nullopt;
-    ruled.problem = std::make_unique<GalerkinProblem>(mixed_problem(problems, ruled.rules));
-    ruled.elimination = std::make_unique<FreeElimination>(*ruled.problem, scene.free_rows);
+    set_problem(scene, mixed_problem(problems, ruled.rules), ruled);
     return ruled;
   }
-  RowMatrix z;
   if (failed) {
-    for (const IntervalRule all : {IntervalRule::radau, IntervalRule::euler}) {
-      ruled.rules.assign(std::size_t(p.N), all);
-      solve_again(scene, problems, solver, RowMatrix::Zero(p.N, p.unknowns()), ruled);
-      if (ruled.reduced.status == Status::solved) break;
-    }
-    if (ruled.reduced.status != Status::solved) return std::nullopt;
-    z = ruled.elimination->recovered(ruled.reduced.z, ruled.reduced.x);
+    if (!solve_by_one_rule(scene, problems, solver, ruled)) return std::nullopt;
   } else {
     ruled.rules.assign(std::size_t(p.N), IntervalRule::galerkin);
-    ruled.problem = std::make_unique<GalerkinProblem>(p);
-    ruled.elimination = std::make_unique<FreeElimination>(*ruled.problem, scene.free_rows);
+    set_problem(scene, p, ruled);
     ruled.reduced = first;
-    z = ruled.elimination->recovered(first.z, first.x);
   }
-  settle(scene, problems, solver, choice, std::move(z), ruled);
+  settle(scene, problems, solver, choice, ruled.elimination->recovered(ruled.reduced.z, ruled.reduced.x), ruled);
   return ruled;
 }
 

@@ -97,17 +97,12 @@ Vector stage_sources(const Scene& scene, IntervalRule rule, const Tableau& table
 
 GalerkinProblem stage_problem(const Scene& scene, const GalerkinProblem& like, IntervalRule rule) {
   const DenseDynamics d = to_dense(scene.dynamics);
-  const Matrix M = to_dense(scene.M), entry = source_entry(scene, d);
+  const Matrix M = to_dense(scene.M), entry = source_matrix(scene, d);
   const Tableau t = tableau(rule);
   const Index m = d.A.rows(), n = d.B.cols();
-  GalerkinProblem p;
-  p.N = like.N;
-  p.t = like.t;
-  p.boundary = like.boundary;
-  p.initial_value = like.initial_value;
-  p.forcing = RowMatrix::Zero(p.N, m);
-  p.q = RowMatrix::Zero(p.N, 2 * n);
-  GalerkinSources sources(scene, d, entry, breakpoints_of(scene));
+  GalerkinProblem p = like;
+  p.runs.clear();
+  GalerkinSources sources(scene, d, entry, scene.breakpoints);
   Vector g(n);
   for (const GalerkinRun& run : like.runs) {
     const double h = (like.t[run.first + run.count] - like.t[run.first]) / double(run.count);
@@ -139,13 +134,8 @@ const GalerkinProblem& RuledProblems::by(IntervalRule rule) const {
 
 GalerkinProblem mixed_problem(const RuledProblems& problems, const std::vector<IntervalRule>& rules) {
   const GalerkinProblem& like = problems.galerkin;
-  GalerkinProblem p;
-  p.N = like.N;
-  p.t = like.t;
-  p.boundary = like.boundary;
-  p.initial_value = like.initial_value;
-  p.forcing.resize(like.forcing.rows(), like.forcing.cols());
-  p.q.resize(like.q.rows(), like.q.cols());
+  GalerkinProblem p = like;
+  p.runs.clear();
   for (std::size_t r = 0; r < like.runs.size(); ++r)
     for (Index k = like.runs[r].first; k < like.runs[r].first + like.runs[r].count; ++k) {
       const IntervalRule rule = rules[std::size_t(k)];
@@ -159,7 +149,7 @@ GalerkinProblem mixed_problem(const RuledProblems& problems, const std::vector<I
 }
 
 RuleChoice::RuleChoice(const Scene& scene)
-    : n_(scene.constraints()), free_rows_(scene.free_rows), M_(to_dense(scene.M)), breakpoints_(breakpoints_of(scene)) {
+    : n_(scene.constraints()), free_rows_(scene.free_rows), M_(to_dense(scene.M)), breakpoints_(scene.breakpoints) {
   const DenseDynamics d = to_dense(scene.dynamics);
   NB_ = d.N * d.B;
   for (Index i = 0; i < n_; ++i)

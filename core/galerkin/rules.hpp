@@ -60,9 +60,9 @@ class RuleChoice {
   std::map<std::vector<Index>, IntervalRule> known_;
 };
 
-/// Some constraint is active at the first stage of an interval by Radau IIA and not at the second, z = (y_1, y_2). It
-/// is what a jump of the state looks like, however small: y_1 takes w_1 to 0 and moves x_k by 3/4 : 5/12 = 9/5 of what
-/// was needed. Where y just ends the state is smooth, and a step of Euler in its place has an error of O(h^2), once.
+/// Whether some constraint is active at the first stage of an interval by Radau IIA and not at the second, z = (y_1,
+/// y_2). A jump of the state looks like this, however small it is: y_1 takes w_1 to 0 and moves x_k by 3/4 : 5/12 = 9/5
+/// of what was needed. So does a smooth state where y ends; a step of Euler there costs one error of O(h^2).
 bool lets_go(const Vector& z);
 
 /// The problems without their free unknowns.

@@ -30,9 +30,8 @@ class Shooting {
     for (Index shots = 1; shots <= most_shots; ++shots) {
       s = exchange_active_sets(p_, backend_, options_, &marched_.z, 1);
       s.iterations = shots;
-      s.lcp.solved += count.solved;
-      s.lcp.newton += count.newton;
-      s.lcp.fallbacks = count.fallbacks + 1;
+      s.lcp += count;
+      ++s.lcp.fallbacks;
       s.how =
           text("Newton's method on the initial state, %ld times marched and a two-point problem solved", long(shots));
       if (s.status != Status::tolerance_not_met) return s;
@@ -42,9 +41,7 @@ class Shooting {
       double length = 1;
       for (; length >= shortest_shot; length /= 2) {
         if (march(x0 + length * direction)) {
-          count.solved += marched_.lcp.solved;
-          count.newton += marched_.lcp.newton;
-          count.fallbacks += marched_.lcp.fallbacks;
+          count += marched_.lcp;
           if (largest_miss() < miss) break;
         } else if (marched_.status == Status::interrupted) {
           return marched_;

@@ -32,16 +32,18 @@ struct GalerkinSolution {
   double lcp_seconds = 0;
 };
 
+/// Whether the user wants to stop; the solution then says so.
+bool asked_to_stop(const Options&, GalerkinSolution&);
+
+/// Status and reason of a march that stopped; `first`: the interval that the report counts as step 1.
+void explain_stop(const GalerkinProblem&, Index first, const MarchReport&, GalerkinSolution&);
+
 /// Interval by interval, on the backend. Precondition: initial values.
 GalerkinSolution march_galerkin(const GalerkinProblem&, Backend&, const Options&);
 
-/// Functional iteration, all intervals at once on the backend; precondition: they are of one length.
-///
-///     z^{i+1}_k in SOL(D, q_k + C x_{k-1}(z^i)),   x(z) the states with the boundary condition.
-///
-/// Initial values: the causal convolution of a recurrence, superlinear. Boundary values: beside it m numbers a sweep,
-/// the state that the convolution ends with, and the modes C E^{k-1} of x_0, which enter r; they converge where the
-/// boundary term contracts (dissipative periodic problems). Ends as tolerance_not_met where the sweeps do not.
+/// Functional iteration, all intervals at once on the backend: z^{i+1}_k in SOL(D, q_k + C x_{k-1}(z^i)), x(z) by the
+/// convolution of a recurrence. Preconditions: initial values, intervals of one length. Converges superlinearly; ends
+/// as tolerance_not_met where the sweeps do not contract.
 GalerkinSolution iterate_galerkin(const GalerkinProblem&, Backend&, const Options&);
 
 /// Active sets of all intervals at once, exchanged until they repeat or agree (primal-dual active set method), those of
@@ -50,10 +52,10 @@ inline constexpr Index most_exchanges = 200;
 GalerkinSolution exchange_active_sets(const GalerkinProblem&, Backend&, const Options&,
                                       const RowMatrix* start = nullptr, Index most = most_exchanges);
 
-/// Newton's method on the initial state, from x0: marching finds the active sets that belong to it, however far they
-/// spread, where exchanges move them an interval at a time (M = 0); the two-point problem on them gives the next
-/// initial state, closer along the line where that misses the boundary condition by more. Ends as tolerance_not_met
-/// where marching does not reach T (growing modes).
+/// Newton's method on the initial state, from x0. Marching finds the active sets that belong to an initial state in one
+/// pass, where exchanges move them by one interval at a time (M = 0). The two-point problem on these sets gives the
+/// next initial state; the step is shortened where it would miss the boundary condition by more. Ends as
+/// tolerance_not_met where marching does not reach T (growing modes).
 GalerkinSolution shoot(const GalerkinProblem&, Backend&, const Options&, const Vector& x0);
 
 /// Damped Newton method on the Fischer-Burmeister function, whose merit function is smooth: from anywhere, for singular
@@ -65,14 +67,10 @@ GalerkinSolution damped_newton(const GalerkinProblem&, Backend&, const Options&,
 GalerkinSolution pivot_assembled(const GalerkinProblem&, const Options&);
 inline constexpr Index most_assembled = 400;
 
-/// First interval for which no z >= 0 and no state at all give w >= 0: such a problem has no solution whatever the
-/// boundary condition. A certificate by Farkas' lemma whose four conditions hold up to the rounding of their own terms;
-/// -1 where there is none. Intervals where (z, x) leaves w >= 0 need no look (either may be empty); where constraints
-/// are so many that looking at the others costs more than 1e10 operations, those with the largest violations are looked
-/// at, 256 at least.
+/// First interval in which no z >= 0 and no state give w >= 0, or -1: such a problem has no solution, whatever the
+/// boundary condition. The proof is a certificate by Farkas' lemma whose four conditions hold up to the rounding of
+/// their own terms. Intervals in which (z, x) gives w >= 0 are passed over (z and x may be empty). Where checking all
+/// others would take more than 1e10 operations, only those with the largest violations are checked, 256 at least.
 Index first_infeasible_interval(const GalerkinProblem&, const Options&, const RowMatrix& z, const RowMatrix& x);
-
-/// max over intervals and components of |min(z, w)| / max(1, max |C x + q|).
-double natural_residual(const GalerkinProblem&, const RowMatrix& z, const RowMatrix& x);
 
 }  // namespace bromwich

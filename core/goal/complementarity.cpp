@@ -15,7 +15,7 @@ ConstrainedGoal::ConstrainedGoal(const Scene& scene, Backend& backend, const Goa
       goal_(goal),
       quantity_(goal.quantity ? goal.quantity : local_balance()),
       last_() {
-  constraint_point(goal.scheme);  // refuses what has none
+  constraint_point(goal.scheme);  // throws if the scheme has none
 }
 
 GoalEvaluation ConstrainedGoal::evaluate(const Vector& t) {
@@ -74,7 +74,7 @@ void ConstrainedGoal::report(const AdaptedGrid& grid, Result& result) {
   result.y = RowMatrix::Constant(M + 1, n, std::numeric_limits<double>::quiet_NaN());
   result.y.topRows(good) =
       constraints_at(system_, backend_, grid.t.head(good), grid.last.x.topRows(good)).y.array() + 0.;  // -0 + 0 = 0
-  // Of the steps, where complementarity holds in them.
+  // Residual at the points of the steps where complementarity holds.
   const Trajectory path{system_.port(), goal_.scheme, grid.t, grid.last.x};
   const RowMatrix e = states_within(path, constraint_point(goal_.scheme));
   const double theta = constraint_point(goal_.scheme);

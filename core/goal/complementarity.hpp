@@ -1,8 +1,8 @@
 #pragma once
 // Goal-oriented time grids for port-Hamiltonian scenes with complementarity: the cycle of core/goal/goal.hpp with the
-// steps and the adjoint of core/goal/constrained_path.hpp. The quantity is a function of x alone, with y(t) in SOL(M, N
-// x(t) + g(t)); what the constraints take out is supplied power. The residual of the halved grid is that of the
-// nonlinear step: it sees a constraint that becomes active within a cell.
+// steps and the adjoint of core/goal/constrained_path.hpp. The quantity is a function of x only, with y(t) in SOL(M,
+// N x(t) + g(t)); the power of the constraints is supplied power. The residual on the halved grid is that of the
+// nonlinear step, which includes a constraint that becomes active within a cell.
 
 #include "constrained_path.hpp"
 #include "grid_adaptation.hpp"
@@ -11,16 +11,16 @@ namespace bromwich {
 
 class ConstrainedGoal {
  public:
-  /// What it is made from has to outlive it. Throws Error for the exponential scheme, and as ConstrainedSystem.
+  /// The arguments have to outlive it. Throws Error for the exponential scheme, and as ConstrainedSystem.
   ConstrainedGoal(const Scene&, Backend&, const GoalOptions&);
 
-  /// The quantity is NaN where a step could not be solved.
+  /// The quantity is NaN if a step could not be solved.
   GoalEvaluation evaluate(const Vector& t);
 
-  /// Of the grid evaluated last.
+  /// On the last evaluated grid.
   EnergyBalance balance(const AdaptedGrid&) const;
   PowerBalance power(const AdaptedGrid&, const Result&) const;
-  /// y at the time points, residual and counters; status and reason where a step could not be solved.
+  /// Sets y at the time points, residual and counters; status and reason if a step could not be solved.
   void report(const AdaptedGrid&, Result&);
 
   ConstrainedSystem& system() { return system_; }

@@ -7,30 +7,23 @@
 
 #include <Eigen/SparseLU>
 
-#include <cmath>
 #include <limits>
 
 namespace bromwich {
 namespace {
 
-SparseMatrix sparse_part(const Dynamics& dynamics, bool inputs) {
-  if (const auto* sparse = std::get_if<SparseDynamics>(&dynamics)) return inputs ? sparse->B : sparse->N;
-  const DenseDynamics dense = to_dense(dynamics);
-  return (inputs ? dense.B : dense.N).sparseView();
-}
-
 const Scene& with_port(const Scene& scene) {
   if (!scene.port)
     throw Error("method", "goal needs a port-Hamiltonian scene and " + scene.name + " is none",
                 "state it by E, J, R, Q, B and u, or use another method");
-  if (!scene.free_rows.empty()) throw Error("method", "goal cannot keep equality rows", "use method march");
+  if (!scene.free_rows.empty()) throw Error("method", "goal does not support free rows", "use method march");
   const LcpClass found = selection_class(scene.M, scene.lcp_class);
   if (found != LcpClass::P)
     throw Error("method", text("goal needs M of class P and found class %s", to_string(found)), "use method march");
   return scene;
 }
 
-/// What the steps of one size share: with theta h the part of the step up to the point e,
+/// The data shared by the steps of one size. With theta h the part of the step up to the point e,
 /// e = S^{-1} (a + theta h f) + V y,  V = theta h S^{-1} B,  y in SOL(M + N V, N S^{-1} (a + theta h f) + g).
 struct SizedStep {
   SizedStep(const ConstrainedSystem& system, double part) : part(part) {
@@ -58,8 +51,8 @@ struct SizedStep {
 ConstrainedSystem::ConstrainedSystem(const Scene& scene)
     : scene_(with_port(scene)),
       port_(*scene.port, scene.T, PortSystem::Form::state_space),
-      B_(sparse_part(scene.dynamics, true)),
-      N_(sparse_part(scene.dynamics, false)),
+      B_(sparse_inputs(scene.dynamics)),
+      N_(sparse_outputs(scene.dynamics)),
       M_(to_dense(scene.M)),
       port_matrix_(port_.energy_matrix() * Matrix(B_)) {}
 
@@ -71,28 +64,19 @@ Vector ConstrainedSystem::g(double t) const {
 
 Index ConstrainedSystem::mode_of(const Eigen::Ref<const Vector>& y) {
   const Index n = constraints();
-  std::vector<char> active(static_cast<std::size_t>(n));
-  std::vector<Index> set;
-  for (Index i = 0; i < n; ++i) {
-    active[std::size_t(i)] = y[i] > 0;
-    if (y[i] > 0) set.push_back(i);
-  }
-  const auto known = numbers_.find(active);
+  const std::vector<Index> S = support_of(y);
+  const auto known = numbers_.find(S);
   if (known != numbers_.end()) return known->second;
   Matrix K = Matrix::Zero(n, n);
-  if (!set.empty()) {
-    const Matrix inverse = M_(set, set).inverse();
-    for (std::size_t i = 0; i < set.size(); ++i)
-      for (std::size_t j = 0; j < set.size(); ++j) K(set[i], set[j]) = inverse(Index(i), Index(j));
-  }
+  if (!S.empty()) K(S, S) = Matrix(M_(S, S).inverse());
   const SparseMatrix sparse_K = K.sparseView(), KN = sparse_K * N_, feedback = B_ * KN;
   StepMatrix A = port_.step_matrix(StepScheme::euler);
   if (auto* dense = std::get_if<Matrix>(&A))
     *dense -= Matrix(feedback);
   else
     A = SparseMatrix(std::get<SparseMatrix>(A) - feedback);
-  modes_.push_back({active, A, K, -K * Matrix(N_)});
-  return numbers_[active] = modes() - 1;
+  modes_.push_back({A, K, -K * Matrix(N_)});
+  return numbers_[S] = modes() - 1;
 }
 
 double constraint_point(StepScheme scheme) {

@@ -3,7 +3,7 @@
 //
 //     x' = A x + B y + f,   0 <= y ⊥ N x + M y + g >= 0.
 //
-// A step takes y at one point e of its reconstruction, the right end (Euler) or the middle (midpoint):
+// A step evaluates y at one point e of its reconstruction, the right end (Euler) or the middle (midpoint):
 //
 //     b = a + h (A e + B y + f(t_e)),   y in SOL(M, N e + g(t_e)).
 //
@@ -24,15 +24,14 @@ class Backend;
 
 /// The dynamics while the constraints of one set are active.
 struct ActiveMode {
-  std::vector<char> active;  ///< n
-  StepMatrix A;              ///< A_S
-  Matrix K;                  ///< n x n
-  Matrix slope;              ///< n x m, -K N: how y follows e
+  StepMatrix A;  ///< A_S
+  Matrix K;      ///< n x n
+  Matrix slope;  ///< n x m, -K N: how y follows e
 };
 
 class ConstrainedSystem {
  public:
-  /// Throws Error where the scene has no port, free rows, or M is not of class P.
+  /// Throws Error if the scene has no port, has free rows, or M is not of class P.
   explicit ConstrainedSystem(const Scene&);
 
   const Scene& scene() const { return scene_; }
@@ -46,7 +45,7 @@ class ConstrainedSystem {
   /// Bytes that products of steps may take.
   void limit_memory(double bytes) { port_.memory_limit = bytes; }
 
-  /// The mode with the set {y > 0}, made where it is met for the first time.
+  /// The mode with the set {y > 0}, made on first use.
   Index mode_of(const Eigen::Ref<const Vector>& y);
   const ActiveMode& mode(Index k) const { return modes_[std::size_t(k)]; }
   Index modes() const { return Index(modes_.size()); }
@@ -57,7 +56,7 @@ class ConstrainedSystem {
   SparseMatrix B_, N_;
   Matrix M_;
   RowMatrix port_matrix_;
-  std::map<std::vector<char>, Index> numbers_;
+  std::map<std::vector<Index>, Index> numbers_;  ///< of the modes, by S
   std::vector<ActiveMode> modes_;
 };
 
@@ -67,35 +66,36 @@ struct ConstraintValues {
   std::vector<Index> modes;  ///< M
 };
 
-/// y within the steps of a trajectory, y(t) in SOL(M, N x(t) + g(t)), at the nodes of its quadrature: what the
-/// integrals of its energy balance take. Euler: the y of the step; midpoint: y may differ from that of the step where a
-/// constraint switches within it, and the balance is violated by that.
+/// y within the steps of a trajectory, y(t) in SOL(M, N x(t) + g(t)), at the nodes of its quadrature, for the integrals
+/// of the energy balance. Euler: the y of the step. Midpoint: differs from the y of the step if a constraint switches
+/// within it, which contributes to the violation of the balance.
 struct ConstraintPath {
   const ConstrainedSystem* system = nullptr;
   std::vector<ConstraintValues> nodes;  ///< by node of quadrature(scheme)
 };
 
-/// Where in a step complementarity holds, as a fraction of it: 1 or 1/2. Throws Error for the exponential scheme.
+/// The point of a step at which complementarity holds, as a fraction of the step: 1 or 1/2. Throws Error for the
+/// exponential scheme.
 double constraint_point(StepScheme);
 
 struct ConstrainedSolution {
   RowMatrix x;              ///< (M+1) x m
-  ConstraintValues steps;   ///< y that the steps take
+  ConstraintValues steps;   ///< y of the steps
   Index unsolved = -1;      ///< first step whose problem was not solved, or -1
   bool infeasible = false;  ///< proven there
-  bool nonfinite = false;   ///< its data are not finite
+  bool nonfinite = false;   ///< the data of its problem are not finite
 };
-/// Step by step. Rows from an unsolved step on are NaN.
+/// Solves step by step. Rows from an unsolved step on are NaN.
 ConstrainedSolution solve_constrained(ConstrainedSystem&, StepScheme, const Vector& t, const Vector& x0);
 
-/// y in SOL(M, N e + g) at the given points, rows of e, all at once. Throws Error where a problem stays unsolved.
+/// y in SOL(M, N e + g) at the given points, rows of e, all at once. Throws Error if a problem stays unsolved.
 ConstraintValues constraints_at(ConstrainedSystem&, Backend&, const Vector& times, const RowMatrix& e);
 /// The same at fraction s of all steps of a trajectory, and at the nodes of its quadrature.
 ConstraintValues constraints_within(ConstrainedSystem&, Backend&, const Trajectory&, double s);
 ConstraintPath constraints_along(ConstrainedSystem&, Backend&, const Trajectory&);
 
-/// The chain of steps with given y and its sources d: S x_i = R x_{i-1} + d_i holds for solutions, and what is left for
-/// another x, with the y that belong to it, is the residual of the nonlinear step.
+/// The chain of steps for given y, and its sources d. A solution satisfies S x_i = R x_{i-1} + d_i; for another x with
+/// its y, the difference is the residual of the nonlinear step.
 struct ConstrainedChain {
   StepChainProblem problem;
   RowMatrix d;
@@ -105,7 +105,7 @@ ConstrainedChain constrained_chain(const ConstrainedSystem&, StepScheme, const V
 
 /// ∫ y^T B^T Q^T E x over each step: M.
 Vector constraint_supply(const Trajectory&);
-/// Adds the derivative of Σ weights_i (constraint_supply)_i, y following x, to `gradient`.
+/// Adds the derivative of Σ weights_i (constraint_supply)_i, with y a function of x, to `gradient`.
 void add_constraint_supply(const Trajectory&, const Vector& weights, RowMatrix& gradient);
 
 }  // namespace bromwich

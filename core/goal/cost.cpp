@@ -4,7 +4,6 @@
 #include "core/base/text.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 namespace bromwich {
 namespace {
@@ -16,8 +15,8 @@ constexpr double goal_constraint_arrays = 20;  ///< y at the nodes of both grids
 
 GoalCost predicted_goal_cost(const PortSystem& system, StepScheme scheme, Index constraints, Index cells, Index sizes) {
   const double m = double(system.states()), n = double(constraints), M = double(cells) + 1, K = double(sizes);
-  // u and its times: of the grid and the halved one at the fractions of a step that the scheme looks at, and of two
-  // grids at those that tell whether it sees u at all.
+  // u and its times: on the grid and the halved one at the fractions of a step that the scheme uses, and on two grids
+  // at the fractions for the test of blindness.
   const double fractions = scheme == StepScheme::euler ? 1 : scheme == StepScheme::midpoint ? 3 : 5;
   const double inputs = (3 * fractions + 2 * 3) * (double(system.port().ports()) + 1);
   GoalCost cost{sizeof(double) * M * (goal_arrays * m + goal_constraint_arrays * n + inputs), 0};

@@ -1,5 +1,5 @@
 #pragma once
-// What method goal takes of the memory, before it takes it.
+// Prediction of the memory that method goal needs.
 
 #include "reconstruction.hpp"
 
@@ -11,13 +11,13 @@ struct GoalCost {
   double bytes() const { return arrays + steps; }
 };
 
-/// Within a factor of about two, without products of steps (doubling, scan): those are held to what is left.
+/// Within a factor of about two, without products of steps (doubling, scan): these are limited to the remaining memory.
 GoalCost predicted_goal_cost(const PortSystem&, StepScheme, Index constraints, Index cells, Index sizes);
 
-/// The most cells, of `sizes` step sizes, that fit into `limit` bytes; 0 where not even one does.
+/// The largest number of cells, with `sizes` step sizes, that fits into `limit` bytes; 0 if not even one does.
 Index most_goal_cells(const PortSystem&, StepScheme, Index constraints, Index sizes, double limit);
 
-/// Throws Error("steps", ...) where the cost is above the limit; 0 = no limit.
+/// Throws Error("steps", ...) if the cost is above the limit; 0 = no limit.
 void refuse_goal_beyond(double limit, const GoalCost&, const PortSystem&, Index cells, Index sizes);
 
 }  // namespace bromwich

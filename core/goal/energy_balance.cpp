@@ -31,7 +31,7 @@ class NodeStates {
       if (path.scheme == StepScheme::exponential) within_.push_back(states_within(path, s));
     }
   }
-  /// In `count` steps from `first` on: in `panel`, or `right` itself, which has x at their right ends.
+  /// In `count` steps from `first` on: in `panel`, or in `right`, which contains x at their right ends.
   const RowPanel& load(std::size_t q, Index first, Index count, const RowPanel& right, RowPanel& panel) const {
     if (path_.scheme == StepScheme::euler) return right;
     if (path_.scheme == StepScheme::exponential)
@@ -51,62 +51,103 @@ class NodeStates {
 ///     Σ_i w_i (H(x_i) - H(x_{i-1}) + h_i Σ_q weights_q (x_q^T D x_q - u_q^T B^T Q x_q)),   D = Q^T R Q,
 /// towards x_i is
 ///     (w_i - w_{i+1}) Q^T E x_i + 2 D (a x_{i-1} + b x_i + c x_{i+1}) - Q^T B Σ_q weights_q (w_i h_i beta u_q +
-///     w_{i+1} h_{i+1} alpha u_q'),   u_q' those of the step behind,
+///     w_{i+1} h_{i+1} alpha u_q'),   u_q' those of the next step,
 ///     a = w_i h_i <alpha beta>, b = w_i h_i <beta^2> + w_{i+1} h_{i+1} <alpha^2>, c = w_{i+1} h_{i+1} <alpha beta>,
 /// <.> being sums over q with the weights; w_0 = w_{M+1} = 0.
-RowMatrix linear_balance_gradient(const Trajectory& path, const Vector& w) {
-  const PortSystem& system = path.system;
-  const Index M = path.steps(), m = path.x.cols();
-  const auto& [nodes, weights] = quadrature(path.scheme);
-  const std::vector<RowMatrix> u = inputs_at_nodes(path);
-  std::vector<Reconstruction> at;
-  double alpha_alpha = 0, alpha_beta = 0, beta_beta = 0;
-  for (std::size_t q = 0; q < nodes.size(); ++q) {
-    const Reconstruction& r = at.emplace_back(reconstruction(path.scheme, nodes[q]));
-    alpha_alpha += weights[q] * r.alpha * r.alpha;
-    alpha_beta += weights[q] * r.alpha * r.beta;
-    beta_beta += weights[q] * r.beta * r.beta;
+class LinearBalanceGradient {
+ public:
+  LinearBalanceGradient(const Trajectory& path, const Vector& w)
+      : path_(path),
+        w_(w),
+        weights_(quadrature(path.scheme).weights),
+        u_(inputs_at_nodes(path)),
+        inputs_(path.system.output_matrix().transpose()) {
+    const std::vector<double>& nodes = quadrature(path.scheme).nodes;
+    for (std::size_t q = 0; q < nodes.size(); ++q) {
+      const Reconstruction& r = at_.emplace_back(reconstruction(path.scheme, nodes[q]));
+      alpha_alpha_ += weights_[q] * r.alpha * r.alpha;
+      alpha_beta_ += weights_[q] * r.alpha * r.beta;
+      beta_beta_ += weights_[q] * r.beta * r.beta;
+    }
   }
-  const bool neighbours = alpha_beta != 0;
-  const SparseMatrix inputs = system.output_matrix().transpose();
-  RowMatrix gradient(M + 1, m);
-  each_panel(path.threads, M + 1, m, [&] {
-    return [&, x = RowPanel(m), left = RowPanel(m), right = RowPanel(m), input = RowPanel(system.port().ports()),
-            g = RowPanel(m)](Index first, Index count) mutable {
-      // Of the steps that end and that begin at a row.
-      Column ending = Column::Zero(), beginning = ending, ending_h = ending, beginning_h = ending;
-      for (Index r = 0; r < count; ++r) {
-        const Index i = first + r;
-        if (i > 0) ending[r] = w[i - 1], ending_h[r] = w[i - 1] * path.h(i - 1);
-        if (i < M) beginning[r] = w[i], beginning_h[r] = w[i] * path.h(i);
-      }
-      g.set_zero();
-      x.load(path.x, first, count);
-      const Column of_energy = ending - beginning;
-      x.each_product(system.energy_matrix(), [&](Index j, const Column& column) { g.col(j) = of_energy * column; });
-      const Column own = 2 * (beta_beta * ending_h + alpha_alpha * beginning_h);
-      if (neighbours) {
-        left.load(path.x, first - 1, count);
-        right.load(path.x, first + 1, count);
-        const Column before = 2 * alpha_beta * ending_h, behind = 2 * alpha_beta * beginning_h;
-        for (Index j = 0; j < m; ++j) x.col(j) = before * left.col(j) + own * x.col(j) + behind * right.col(j);
-        x.each_product(system.dissipation_matrix(), [&](Index j, const Column& column) { g.col(j) += column; });
-      } else {
-        x.each_product(system.dissipation_matrix(), [&](Index j, const Column& column) { g.col(j) += own * column; });
-      }
-      for (std::size_t q = 0; q < u.size(); ++q) {
-        input.load(u[q], first - 1, count);
-        const Column before = weights[q] * at[q].beta * ending_h, behind = weights[q] * at[q].alpha * beginning_h;
-        input.each_product(inputs, [&](Index j, const Column& column) { g.col(j) -= before * column; });
-        if (at[q].alpha == 0) continue;
-        input.load(u[q], first, count);
-        input.each_product(inputs, [&](Index j, const Column& column) { g.col(j) -= behind * column; });
-      }
-      g.store(gradient, first, count);
-    };
-  });
-  return gradient;
-}
+
+  RowMatrix operator()() const {
+    const Index rows = path_.steps() + 1, m = path_.x.cols();
+    RowMatrix gradient(rows, m);
+    each_panel(path_.threads, rows, m, [&] {
+      return [&, x = RowPanel(m), g = RowPanel(m), left = RowPanel(m), right = RowPanel(m),
+              input = RowPanel(path_.system.port().ports())](Index first, Index count) mutable {
+        const StepWeights of = weights_of_rows(first, count);
+        x.load(path_.x, first, count);
+        g.set_zero();
+        add_energy(of, x, g);
+        if (alpha_beta_ != 0) {
+          left.load(path_.x, first - 1, count);
+          right.load(path_.x, first + 1, count);
+        }
+        add_dissipation(of, left, x, right, g);
+        subtract_inputs(of, first, count, input, g);
+        g.store(gradient, first, count);
+      };
+    });
+    return gradient;
+  }
+
+ private:
+  /// w and w h of the steps that end and that begin at the rows of a panel.
+  struct StepWeights {
+    Column ending = Column::Zero(), beginning = ending, ending_h = ending, beginning_h = ending;
+  };
+
+  StepWeights weights_of_rows(Index first, Index count) const {
+    StepWeights of;
+    for (Index r = 0; r < count; ++r) {
+      const Index i = first + r;
+      if (i > 0) of.ending[r] = w_[i - 1], of.ending_h[r] = w_[i - 1] * path_.h(i - 1);
+      if (i < path_.steps()) of.beginning[r] = w_[i], of.beginning_h[r] = w_[i] * path_.h(i);
+    }
+    return of;
+  }
+
+  void add_energy(const StepWeights& of, const RowPanel& x, RowPanel& g) const {
+    const Column change = of.ending - of.beginning;
+    x.each_product(path_.system.energy_matrix(), [&](Index j, const Column& column) { g.col(j) = change * column; });
+  }
+
+  /// x is used up. Where alpha beta = 0 no neighbours take part, and D comes first.
+  void add_dissipation(const StepWeights& of, const RowPanel& left, RowPanel& x, const RowPanel& right,
+                       RowPanel& g) const {
+    const SparseMatrix& D = path_.system.dissipation_matrix();
+    const Column own = 2 * (beta_beta_ * of.ending_h + alpha_alpha_ * of.beginning_h);
+    if (alpha_beta_ == 0) {
+      x.each_product(D, [&](Index j, const Column& column) { g.col(j) += own * column; });
+      return;
+    }
+    const Column before = 2 * alpha_beta_ * of.ending_h, behind = 2 * alpha_beta_ * of.beginning_h;
+    for (Index j = 0; j < path_.x.cols(); ++j) x.col(j) = before * left.col(j) + own * x.col(j) + behind * right.col(j);
+    x.each_product(D, [&](Index j, const Column& column) { g.col(j) += column; });
+  }
+
+  void subtract_inputs(const StepWeights& of, Index first, Index count, RowPanel& input, RowPanel& g) const {
+    for (std::size_t q = 0; q < u_.size(); ++q) {
+      input.load(u_[q], first - 1, count);
+      const Column before = weights_[q] * at_[q].beta * of.ending_h,
+                   behind = weights_[q] * at_[q].alpha * of.beginning_h;
+      input.each_product(inputs_, [&](Index j, const Column& column) { g.col(j) -= before * column; });
+      if (at_[q].alpha == 0) continue;
+      input.load(u_[q], first, count);
+      input.each_product(inputs_, [&](Index j, const Column& column) { g.col(j) -= behind * column; });
+    }
+  }
+
+  const Trajectory& path_;
+  const Vector& w_;
+  const std::vector<double>& weights_;
+  std::vector<RowMatrix> u_;
+  SparseMatrix inputs_;  ///< B^T Q
+  std::vector<Reconstruction> at_;
+  double alpha_alpha_ = 0, alpha_beta_ = 0, beta_beta_ = 0;  ///< <.> over the nodes
+};
 
 RowMatrix cubic_balance_gradient(const Trajectory& path, const Vector& w) {
   const PortSystem& system = path.system;
@@ -175,7 +216,7 @@ PowerBalance power_balance(const Trajectory& path, const RowMatrix& y, const Row
 
 RowMatrix balance_gradient(const Trajectory& path, const Vector& w) {
   RowMatrix gradient =
-      path.scheme == StepScheme::exponential ? cubic_balance_gradient(path, w) : linear_balance_gradient(path, w);
+      path.scheme == StepScheme::exponential ? cubic_balance_gradient(path, w) : LinearBalanceGradient(path, w)();
   if (path.constraints) add_constraint_supply(path, -w, gradient);
   return gradient;
 }

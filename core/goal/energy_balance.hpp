@@ -3,7 +3,7 @@
 //
 //     v_i = ∫_{I_i} (x^T Q^T R Q x - u^T B^T Q x) dt + H(x_i) - H(x_{i-1}),
 //
-// the violation; 0 for the exact solution. x between the time points and the quadrature are those of the scheme
+// This violation is 0 for the exact solution. x between the time points and the quadrature are those of the scheme
 // (core/goal/reconstruction.hpp). Implicit Euler: v_i = -||x_i - x_{i-1}||^2 / 2 in the norm of Q^T E; implicit
 // midpoint with u constant: v_i = h/12 ||x_i - x_{i-1}||^2 in that of Q^T R Q.
 
@@ -20,17 +20,16 @@ struct EnergyBalance {
 
 EnergyBalance energy_balance(const Trajectory&);
 
-/// Both sides of dH/dt = supplied - dissipated at the time points, with u from inside the step that ends there (at 0:
-/// that begins there).
+/// Both terms of dH/dt = supplied - dissipated at the time points, with the left limit of u (at t = 0 the right limit).
 struct PowerBalance {
   Vector supplied;    ///< M+1: u^T B^T Q x, and y^T B^T Q^T E x of constraints
   Vector dissipated;  ///< M+1: x^T Q^T R Q x
 };
 
-/// `y` (M+1 x n), at the time points, and `port_matrix` (m x n, Q^T E B), of the constraints where the path has some.
+/// With constraints: `y` ((M+1) x n) at the time points, and `port_matrix` (m x n, Q^T E B).
 PowerBalance power_balance(const Trajectory&, const RowMatrix& y = {}, const RowMatrix& port_matrix = {});
 
-/// Σ_i weights_i dv_i/dx: (M+1) x m. One weight a step.
+/// Σ_i weights_i dv_i/dx: (M+1) x m. One weight per step.
 RowMatrix balance_gradient(const Trajectory&, const Vector& weights);
 
 }  // namespace bromwich

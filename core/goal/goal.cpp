@@ -2,7 +2,7 @@
 // t       grid.t              times of the grid, M cells
 // x_h     evaluation.x        the solution of the scheme on it
 // l       l                   adjoint: S_i^T l_i = R_{i+1}^T l_{i+1} + dI/dx_i
-// eta     indicators          what a cell contributes to I(x_h) - I(x)
+// eta     indicators          contribution of a cell to I(x_h) - I(x)
 
 #include "core/goal/goal.hpp"
 
@@ -13,7 +13,6 @@
 #include "core/goal/cost.hpp"
 #include "core/goal/grid_adaptation.hpp"
 #include "core/goal/indicators.hpp"
-#include "core/kernel/states.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -56,11 +55,11 @@ void validate(const GoalOptions& goal, double T) {
   const Vector& t = goal.first_grid;
   if (t.size() < 2 || t[0] != 0 || t[t.size() - 1] != T)
     throw Error("first_grid", text("has %td times", t.size()), text("give times that ascend from 0 to T = %g", T));
-  group_steps(t);  // refuses what does not ascend
+  group_steps(t);  // throws if the times do not ascend
 }
 
-/// The steps look at the input at its right end, in the middle or at both ends. What they take in there is less than a
-/// hundredth of what there is at points between: a wave that vanishes at all of them, or a pulse.
+/// The steps evaluate the input at the right end, in the middle or at both ends. Whether these values are less than a
+/// hundredth of those at points in between: a wave that vanishes at all of them, or a pulse.
 bool sees_little(const PortSystem& system, StepScheme scheme, const Vector& t) {
   if (!system.port().u) return false;
   const Index M = t.size() - 1;
@@ -76,6 +75,115 @@ bool sees_little(const PortSystem& system, StepScheme scheme, const Vector& t) {
   return amount(looks) < 0.01 * amount({0.1127, 0.3183, 0.7071});
 }
 
+constexpr Index expected_sizes = 16;  ///< step sizes of a grid, where its cells are limited by the memory
+
+/// The cycle for one scene: its grids, what is evaluated on them, and what the result says.
+class GoalSolve {
+ public:
+  GoalSolve(const Scene& scene, Backend& backend, const Options& options, const GoalOptions& goal)
+      : scene_(scene),
+        backend_(backend),
+        options_(options),
+        goal_(goal),
+        system_(*scene.port, scene.T),
+        quantity_(goal.quantity ? goal.quantity : local_balance()) {
+    if (scene.constraints() > 0) constrained_.emplace(scene, backend, goal);
+  }
+
+  Result run() {
+    const Index first = options_.steps > 0 ? std::min(goal_.first_cells, options_.steps) : goal_.first_cells;
+    const GridBounds bounds = limit_cells(first);
+    const Vector t = goal_.first_grid.size() > 0 ? goal_.first_grid : first_grid(scene_.T, first, bounds.breaks);
+    Result result;
+    result.seconds.setup = timer_.lap();
+    AdaptedGrid grid = adapt_grid(t, options_, goal_, *quantity_, bounds, [&](const Vector& times) {
+      refuse_beyond_limit(times.size() - 1, group_steps(times).sizes.size());
+      return evaluate(times);
+    });
+    result.seconds.solve = result.seconds.other = timer_.lap();
+    result.seconds.total = result.seconds.setup + result.seconds.solve;
+    describe_solve(grid, result);
+    result.goal = report(grid, result);
+    take_states(std::move(grid), result);
+    return result;
+  }
+
+ private:
+  GoalCost cost(Index cells, Index sizes) const {
+    return predicted_goal_cost(system_, goal_.scheme, scene_.constraints(), cells, sizes);
+  }
+  void refuse_beyond_limit(Index cells, Index sizes) const {
+    refuse_goal_beyond(options_.memory_limit, cost(cells, sizes), system_, cells, sizes);
+  }
+
+  /// What the memory limits: the cells, and the products of steps with what the grid asked for leaves.
+  GridBounds limit_cells(Index first) {
+    GridBounds bounds;
+    bounds.default_cells = scene_.default_steps;
+    bounds.breaks = input_jumps(*scene_.port, scene_.T);
+    const double limit = options_.memory_limit;
+    if (!(limit > 0)) return bounds;
+    const Index affordable = most_goal_cells(system_, goal_.scheme, scene_.constraints(), expected_sizes, limit);
+    bounds.memory_bound = affordable < bounds.most_cells;
+    bounds.most_cells = std::min(bounds.most_cells, affordable);
+    const Index cells = std::max(options_.steps, first);
+    refuse_beyond_limit(cells, 1);
+    system_.memory_limit = std::max(limit - cost(cells, 1).bytes(), 1.);
+    if (constrained_) constrained_->system().limit_memory(system_.memory_limit);
+    return bounds;
+  }
+
+  GoalEvaluation evaluate(const Vector& t) {
+    GoalEvaluation e = constrained_ ? constrained_->evaluate(t) : evaluate_goal(system_, backend_, goal_, t, scene_.x0);
+    e.blind = sees_little(system_, goal_.scheme, t);
+    return e;
+  }
+
+  void describe_solve(const AdaptedGrid& grid, Result& result) {
+    const Index M = grid.t.size() - 1;
+    result.status = grid.status;
+    result.reason = grid.reason;
+    result.method = Method::goal;
+    result.backend = backend_.name();
+    result.kernel = text("%s on %td cells of %td sizes, adjoint %s, %s weights", to_string(goal_.scheme), M,
+                         grid.last.sizes, describe(goal_.adjoint).c_str(), to_string(goal_.weights));
+    if (!grid.last.elsewhere.empty()) result.kernel += ", " + grid.last.elsewhere;
+    result.steps = M;
+    result.cycles = result.iterations = Index(grid.history.size()) - 1;
+    for (const GoalCycle& cycle : grid.history) result.history.push_back(std::abs(cycle.estimate));
+    result.y = RowMatrix(M + 1, 0);
+    result.residual = 0;  // of no constraints
+    if (grid.last.blind)
+      result.warning =
+          text("the input nearly vanishes at all points where %td steps look at it: ask for other steps", M);
+    if (constrained_) constrained_->report(grid, result);
+    result.bytes = result.bytes_predicted = std::size_t(cost(M, grid.last.sizes).bytes());
+  }
+
+  std::shared_ptr<const GoalReport> report(const AdaptedGrid& grid, const Result& result) const {
+    const Trajectory path{system_, goal_.scheme, grid.t, grid.last.x};
+    return std::make_shared<const GoalReport>(
+        GoalReport{quantity_->name(), to_string(goal_.scheme), describe(goal_.adjoint), to_string(goal_.weights),
+                   quantity_->exact(), grid.history, constrained_ ? constrained_->balance(grid) : energy_balance(path),
+                   constrained_ ? constrained_->power(grid, result) : power_balance(path)});
+  }
+
+  void take_states(AdaptedGrid grid, Result& result) const {
+    result.x_components = recorded_components(scene_, options_);
+    result.x = grid.last.x(Eigen::all, result.x_components);
+    result.t = std::move(grid.t);
+  }
+
+  Timer timer_;
+  const Scene& scene_;
+  Backend& backend_;
+  const Options& options_;
+  const GoalOptions& goal_;
+  PortSystem system_;
+  std::shared_ptr<const QuantityOfInterest> quantity_;
+  std::optional<ConstrainedGoal> constrained_;
+};
+
 }  // namespace
 
 Result solve_for_goal(const Scene& scene, Backend& backend, const Options& options) {
@@ -84,80 +192,9 @@ Result solve_for_goal(const Scene& scene, Backend& backend, const Options& optio
   if (!scene.port)
     throw Error("method", "goal needs a port-Hamiltonian scene and " + scene.name + " is none",
                 "state it by E, J, R, Q, B and u, or use another method");
-  if (scene.boundary) throw Error("method", "goal cannot meet boundary conditions", "use method galerkin");
+  if (scene.boundary) throw Error("method", "goal does not support boundary conditions", "use method galerkin");
   validate(goal, scene.T);
-  Timer timer;
-  PortSystem system(*scene.port, scene.T);
-  std::optional<ConstrainedGoal> constrained;
-  if (scene.constraints() > 0) constrained.emplace(scene, backend, goal);
-  const auto quantity = goal.quantity ? goal.quantity : local_balance();
-  const Index first = options.steps > 0 ? std::min(goal.first_cells, options.steps) : goal.first_cells;
-  GridBounds bounds;
-  bounds.default_cells = scene.default_steps;
-  bounds.breaks = input_jumps(*scene.port, scene.T);
-  const Vector t = goal.first_grid.size() > 0 ? goal.first_grid : first_grid(scene.T, first, bounds.breaks);
-  const auto fits = [&](Index cells, Index sizes) {
-    const GoalCost cost = predicted_goal_cost(system, goal.scheme, scene.constraints(), cells, sizes);
-    refuse_goal_beyond(options.memory_limit, cost, system, cells, sizes);
-    return cost;
-  };
-  if (options.memory_limit > 0) {
-    const Index expected_sizes = 16;
-    const Index affordable =
-        most_goal_cells(system, goal.scheme, scene.constraints(), expected_sizes, options.memory_limit);
-    bounds.memory_bound = affordable < bounds.most_cells;
-    bounds.most_cells = std::min(bounds.most_cells, affordable);
-    system.memory_limit = std::max(options.memory_limit - fits(std::max(options.steps, first), 1).bytes(), 1.);
-    if (constrained) constrained->system().limit_memory(system.memory_limit);
-  }
-  Result result;
-  result.seconds.setup = timer.lap();
-  AdaptedGrid grid = adapt_grid(t, options, goal, *quantity, bounds, [&](const Vector& times) {
-    fits(times.size() - 1, group_steps(times).sizes.size());
-    GoalEvaluation e =
-        constrained ? constrained->evaluate(times) : evaluate_goal(system, backend, goal, times, scene.x0);
-    e.blind = sees_little(system, goal.scheme, times);
-    return e;
-  });
-  result.seconds.solve = result.seconds.other = timer.lap();
-  result.seconds.total = result.seconds.setup + result.seconds.solve;
-
-  const Index M = grid.t.size() - 1;
-  GoalReport report{quantity->name(),
-                    to_string(goal.scheme),
-                    describe(goal.adjoint),
-                    to_string(goal.weights),
-                    quantity->exact(),
-                    grid.history,
-                    {},
-                    {}};
-  report.balance =
-      constrained ? constrained->balance(grid) : energy_balance({system, goal.scheme, grid.t, grid.last.x});
-  result.status = grid.status;
-  result.reason = grid.reason;
-  result.method = Method::goal;
-  result.backend = backend.name();
-  result.kernel = text("%s on %td cells of %td sizes, adjoint %s, %s weights", to_string(goal.scheme), M,
-                       grid.last.sizes, report.adjoint.c_str(), to_string(goal.weights));
-  if (!grid.last.elsewhere.empty()) result.kernel += ", " + grid.last.elsewhere;
-  result.steps = M;
-  result.cycles = result.iterations = Index(grid.history.size()) - 1;
-  for (const GoalCycle& cycle : grid.history) result.history.push_back(std::abs(cycle.estimate));
-  result.y = RowMatrix(M + 1, 0);
-  result.residual = 0;  // of no constraints
-  if (grid.last.blind)
-    result.warning = text("the input nearly vanishes at all points where %td steps look at it: ask for other steps", M);
-  if (constrained) constrained->report(grid, result);
-  report.power =
-      constrained ? constrained->power(grid, result) : power_balance({system, goal.scheme, grid.t, grid.last.x});
-  result.x_components = recorded_components(scene, options);
-  result.x.resize(M + 1, Index(result.x_components.size()));
-  for (Index c = 0; c < result.x.cols(); ++c) result.x.col(c) = grid.last.x.col(result.x_components[std::size_t(c)]);
-  result.t = std::move(grid.t);
-  result.bytes = std::size_t(predicted_goal_cost(system, goal.scheme, scene.constraints(), M, grid.last.sizes).bytes());
-  result.bytes_predicted = result.bytes;
-  result.goal = std::make_shared<const GoalReport>(std::move(report));
-  return result;
+  return GoalSolve(scene, backend, options, goal).run();
 }
 
 GoalEvaluation evaluate_goal(const PortSystem& system, Backend& backend, const GoalOptions& goal, const Vector& t,

@@ -1,7 +1,7 @@
 #pragma once
-// A time grid made for a quantity of interest (Bartel, Schaller, Goal-oriented time adaptivity for port-Hamiltonian
-// systems): solve, solve the adjoint equation, weight the residual of each cell with it, halve the cells that carry
-// most of the error, repeat. docs/goal.md has the mathematics.
+// A time grid adapted to a quantity of interest (Bartel, Schaller, Goal-oriented time adaptivity for port-Hamiltonian
+// systems): solve, solve the adjoint equation, weight the residual of each cell with the adjoint, halve the cells with
+// the largest contributions to the error, repeat. docs/goal.md has the mathematics.
 
 #include "../result/options.hpp"
 #include "../result/result.hpp"
@@ -10,10 +10,11 @@
 
 namespace bromwich {
 
-/// Throws Error for scenes that are not port-Hamiltonian and for options out of range.
+/// Solves on grids adapted to Options::goal; the result is that of the last grid, its member `goal` has all of them.
+/// Throws Error for scenes that are not port-Hamiltonian, and for options out of range.
 Result solve_for_goal(const Scene&, Backend&, const Options&);
 
-/// Indicators of a given solution, for tests and studies.
+/// Solution, quantity and indicators on the given grid t (M+1 times from 0 to T), for tests and studies.
 GoalEvaluation evaluate_goal(const PortSystem&, Backend&, const GoalOptions&, const Vector& t, const Vector& x0);
 
 }  // namespace bromwich

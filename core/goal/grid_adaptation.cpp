@@ -15,6 +15,8 @@ namespace {
 
 constexpr Index most_refinements = 1000;
 
+Vector as_vector(const std::vector<double>& t) { return Eigen::Map<const Vector>(t.data(), Index(t.size())); }
+
 GoalCycle record(const GoalEvaluation& e, std::optional<double> exact) {
   GoalCycle cycle;
   cycle.cells = e.indicators.size();
@@ -36,14 +38,14 @@ Vector first_grid(double T, Index cells, const std::vector<double>& breaks) {
   for (const double s : breaks) {
     const auto nearest =
         std::min_element(t.begin(), t.end(), [s](double a, double b) { return std::abs(a - s) < std::abs(b - s); });
-    // A point that rounding alone keeps from the break moves there.
+    // A point that differs from the break only by rounding is moved to it.
     if (std::abs(*nearest - s) > 16 * epsilon * T)
       t.push_back(s);
     else if (*nearest > 0 && *nearest < T)
       *nearest = s;
   }
   std::sort(t.begin(), t.end());
-  return Eigen::Map<const Vector>(t.data(), Index(t.size()));
+  return as_vector(t);
 }
 
 namespace {
@@ -53,7 +55,7 @@ struct SizedCell {
   Index cell;
 };
 
-/// By decreasing size, those of one size in the order of the grid.
+/// Sorted by decreasing size; cells of equal size keep the order of the grid.
 std::vector<SizedCell> by_size(const Vector& indicators) {
   std::vector<SizedCell> cells(std::size_t(indicators.size()));
   for (Index i = 0; i < indicators.size(); ++i) cells[std::size_t(i)] = {std::abs(indicators[i]), i};
@@ -63,7 +65,7 @@ std::vector<SizedCell> by_size(const Vector& indicators) {
   return cells;
 }
 
-/// The first `count` of them in the order of the grid.
+/// The first `count` of them, sorted in the order of the grid.
 std::vector<Index> first_cells(const std::vector<SizedCell>& cells, Index count) {
   std::vector<char> chosen(cells.size(), 0);
   for (Index k = 0; k < count; ++k) chosen[std::size_t(cells[std::size_t(k)].cell)] = 1;
@@ -107,24 +109,29 @@ std::vector<Index> economical_cells(const Vector& indicators, int q, Index most)
   return first_cells(cells, std::min(best, most));
 }
 
-Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, const std::vector<double>& breaks) {
-  const Vector wanted =
-      indicators.unaryExpr([q](double eta) { return std::pow(std::abs(eta), 1. / (q + 1)); });  // cells
-  if (!(wanted.sum() > 0)) return t;
-  // The blocks, equal between two breaks.
-  const double T = t[t.size() - 1];
-  std::vector<double> ends{0}, at{0};
-  ends.insert(ends.end(), breaks.begin(), breaks.end());
-  ends.push_back(T);
-  const double length = T / double(std::max<Index>(1, cells / 4));
-  for (std::size_t p = 1; p < ends.size(); ++p) {
-    const double from = ends[p - 1], piece = ends[p] - from;
-    const Index blocks = std::max<Index>(1, Index(std::lround(piece / length)));
-    for (Index b = 1; b <= blocks; ++b) at.push_back(b == blocks ? ends[p] : from + piece * double(b) / double(blocks));
-  }
+namespace {
+
+/// The ends of `count` equal cells from `from` to `to`, but for `from` itself.
+void cut(double from, double to, Index count, std::vector<double>& times) {
+  for (Index k = 1; k <= count; ++k) times.push_back(k == count ? to : from + (to - from) * double(k) / double(count));
+}
+
+/// The ends of blocks of about `length`, equal between two breaks.
+std::vector<double> block_ends(double T, double length, const std::vector<double>& breaks) {
+  std::vector<double> at{0};
+  const auto add_until = [&](double end) {
+    const double from = at.back();
+    cut(from, end, std::max<Index>(1, Index(std::lround((end - from) / length))), at);
+  };
+  for (const double end : breaks) add_until(end);
+  add_until(T);
+  return at;
+}
+
+/// What each block would contribute as one cell, (Σ c_i^{1/(q+1)})^{q+1} over its cells, relative to the largest.
+/// `wanted`: c_i^{1/(q+1)} of the cells of t; a cell in two blocks counts by its parts.
+Vector block_costs(const Vector& t, const Vector& wanted, int q, const std::vector<double>& at) {
   const Index blocks = Index(at.size()) - 1;
-  if (blocks > cells) return t;
-  // What a block of one cell would contribute: (Σ c_i^{1/(q+1)})^{q+1}, a cell in two blocks by its parts.
   Vector cost = Vector::Zero(blocks);
   for (Index i = 0, b = 0; i < wanted.size();) {
     const double right = std::min(t[i + 1], at[std::size_t(b) + 1]), left = std::max(t[i], at[std::size_t(b)]);
@@ -134,8 +141,13 @@ Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, co
     else
       ++b;
   }
-  cost = (cost / cost.maxCoeff()).unaryExpr([q](double c) { return std::pow(c, q + 1); }).eval();
-  // One cell more where that gains most: optimal, for what a block contributes is convex in its cells.
+  return (cost / cost.maxCoeff()).unaryExpr([q](double c) { return std::pow(c, q + 1); });
+}
+
+/// Numbers n of cells with Σ cost n^-q least: one cell more where that gains most, which is optimal because n^-q is
+/// convex.
+std::vector<Index> cells_of_blocks(const Vector& cost, int q, Index cells) {
+  const Index blocks = cost.size();
   std::vector<Index> parts(std::size_t(blocks), 1);
   using Gain = std::pair<double, Index>;
   std::priority_queue<Gain> next;
@@ -150,15 +162,21 @@ Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, co
     ++parts[std::size_t(b)];
     next.push({gain(b), b});
   }
-  Vector finer(cells + 1);
-  finer[0] = 0;
-  Index i = 0;
-  for (Index b = 0; b < blocks; ++b) {
-    const Index n = parts[std::size_t(b)];
-    const double left = at[std::size_t(b)], right = at[std::size_t(b) + 1];
-    for (Index k = 1; k <= n; ++k) finer[++i] = k == n ? right : left + (right - left) * double(k) / double(n);
-  }
-  return finer;
+  return parts;
+}
+
+}  // namespace
+
+Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, const std::vector<double>& breaks) {
+  const Vector wanted = indicators.unaryExpr([q](double eta) { return std::pow(std::abs(eta), 1. / (q + 1)); });
+  if (!(wanted.sum() > 0)) return t;
+  const double T = t[t.size() - 1];
+  const std::vector<double> at = block_ends(T, T / double(std::max<Index>(1, cells / 4)), breaks);
+  if (Index(at.size()) - 1 > cells) return t;
+  const std::vector<Index> parts = cells_of_blocks(block_costs(t, wanted, q, at), q, cells);
+  std::vector<double> finer{0};
+  for (std::size_t b = 0; b < parts.size(); ++b) cut(at[b], at[b + 1], parts[b], finer);
+  return as_vector(finer);
 }
 
 Vector bisected(const Vector& t, const std::vector<Index>& marked) {
@@ -173,7 +191,7 @@ Vector bisected(const Vector& t, const std::vector<Index>& marked) {
     const double h = t[i + 1] - t[i];
     if (h > shortest) points.push_back(t[i] + h / 2);
   }
-  return Eigen::Map<const Vector>(points.data(), Index(points.size()));
+  return as_vector(points);
 }
 
 namespace {
@@ -191,6 +209,20 @@ Vector refined_grid(const AdaptedGrid& grid, const GoalOptions& goal, int q, Ind
     return divided(grid.t, indicators, q, std::min(2 * cells, limit), breaks);
   return bisected(
       grid.t, goal.marking > 0 ? marked_cells(indicators, goal.marking, most) : economical_cells(indicators, q, most));
+}
+
+/// Whether the last grid meets the tolerance: by its estimate, and by its error where that is known.
+bool meets(double tolerance, const AdaptedGrid& grid, std::optional<double> exact) {
+  const GoalCycle& last = grid.history.back();
+  return tolerance > 0 && !grid.last.blind && std::abs(last.estimate) <= tolerance &&
+         (!exact || std::abs(last.quantity - *exact) <= tolerance);
+}
+
+void miss(double tolerance, AdaptedGrid& grid) {
+  const GoalCycle& last = grid.history.back();
+  grid.status = Status::tolerance_not_met;
+  grid.reason = text("the error of the quantity is estimated at %.2g on %td cells, %.2g was asked for",
+                     std::abs(last.estimate), last.cells, tolerance);
 }
 
 }  // namespace
@@ -215,23 +247,18 @@ AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal
       grid.reason = text("the quantity or its estimate is not finite on %td cells", cycle.cells);
       return grid;
     }
-    const bool reached = options.tolerance > 0 && !grid.last.blind && std::abs(cycle.estimate) <= options.tolerance &&
-                         (!exact || std::abs(cycle.quantity - *exact) <= options.tolerance);
-    if (reached) return grid;
-    // The cells asked for are divided once more: the grid before had half as many and saw less.
+    if (meets(options.tolerance, grid, exact)) return grid;
+    // At the requested number of cells the grid is divided once more: the previous one, with half as many cells, had
+    // less accurate indicators.
     const bool full = cycle.cells >= limit, begun = grid.history.size() > 1;
     const bool once_more = full && begun && goal.refinement == Refinement::division && !grid.last.blind &&
                            grid.history[grid.history.size() - 2].cells < limit;
     const bool at_end = (full && !once_more) || Index(grid.history.size()) > cycles;
     Vector finer = at_end ? grid.t : refined_grid(grid, goal, q, limit, bounds.breaks);
     if (finer.size() == grid.t.size() && (!once_more || finer == grid.t)) {  // the end, or nothing left to refine
-      if (options.tolerance > 0) {
-        grid.status = Status::tolerance_not_met;
-        grid.reason = text("the error of the quantity is estimated at %.2g on %td cells, %.2g was asked for",
-                           std::abs(cycle.estimate), cycle.cells, options.tolerance);
-        if (options.steps == 0 && cycle.cells >= limit)
-          grid.reason += bounds.memory_bound ? "; more do not fit the memory" : "; more are not made unless asked for";
-      }
+      if (options.tolerance > 0) miss(options.tolerance, grid);
+      if (options.tolerance > 0 && options.steps == 0 && full)
+        grid.reason += bounds.memory_bound ? "; more do not fit the memory" : "; set steps to allow more";
       return grid;
     }
     if (options.interrupted && options.interrupted()) {

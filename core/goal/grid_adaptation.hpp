@@ -1,5 +1,5 @@
 #pragma once
-// The cycle of goal-oriented refinement, whatever is solved on the grids.
+// The cycle of goal-oriented refinement, for any problem on the grids.
 
 #include "../result/options.hpp"
 #include "../result/result.hpp"
@@ -13,20 +13,20 @@ namespace bromwich {
 /// `cells` equal cells on [0, T], with `breaks` (0 < t < T) among the points.
 Vector first_grid(double T, Index cells, const std::vector<double>& breaks);
 
-/// Doerfler: the fewest cells that carry the share `marking` of Σ |indicators|, at most `most`, in increasing order.
-/// None where all indicators are 0.
+/// Doerfler marking: the fewest cells with the share `marking` of Σ |indicators|, at most `most`, in increasing order.
+/// Empty if all indicators are 0.
 std::vector<Index> marked_cells(const Vector& indicators, double marking, Index most);
 
-/// The cells to halve, those with the largest |indicators|, as many as make M^q Σ |indicators| least, by the law that
-/// what a cell contributes falls by 2^-q: half of the cells of a grid where all contribute alike would be a waste.
+/// The cells to halve: those with the largest |indicators|, as many as minimise M^q Σ |indicators| if halving reduces
+/// the contribution of a cell by 2^-q. If all cells contribute equally, these are all cells.
 std::vector<Index> economical_cells(const Vector& indicators, int q, Index most);
 
-/// Cuts [0, T] into equal blocks, one for four cells, between the `breaks`, and each block into equal cells: `cells` in
-/// all, as many in each as make Σ c n^-q least, where c n^-q is what a block of n cells contributes. `t` as it is where
-/// all indicators are 0.
+/// Divides [0, T] between the `breaks` into equal blocks, one per four cells, and each block into n equal cells:
+/// `cells` in total, with n chosen to minimise Σ c n^-q, where c n^-q is the contribution of a block of n cells.
+/// Returns `t` if all indicators are 0.
 Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, const std::vector<double>& breaks);
 
-/// Halves the marked cells; those of a few roundings of T are left as they are.
+/// Halves the marked cells, except those as short as a few roundings of T.
 Vector bisected(const Vector& t, const std::vector<Index>& marked);
 
 struct AdaptedGrid {
@@ -38,14 +38,14 @@ struct AdaptedGrid {
 };
 
 struct GridBounds {
-  Index default_cells = 400;          ///< where neither cells, cycles nor a tolerance are asked for
-  Index most_cells = Index(1) << 22;  ///< where the cells are not limited by Options
-  std::vector<double> breaks;         ///< times that stay points
-  bool memory_bound = false;          ///< most_cells is what fits the memory
+  Index default_cells = 400;          ///< if neither cells, cycles nor a tolerance are given
+  Index most_cells = Index(1) << 22;  ///< if Options does not limit the cells
+  std::vector<double> breaks;         ///< times that are points of every grid
+  bool memory_bound = false;          ///< memory determines most_cells
 };
 
-/// Evaluates and refines until the cycles, cells or tolerance asked for. A grid that is blind is halved throughout, and
-/// no tolerance is met on it.
+/// Evaluates and refines up to the given cycles, cells or tolerance. On a blind grid all cells are halved, and no
+/// tolerance is met.
 AdaptedGrid adapt_grid(Vector t, const Options&, const GoalOptions&, const QuantityOfInterest&, const GridBounds&,
                        const std::function<GoalEvaluation(const Vector& t)>& evaluate);
 

@@ -1,5 +1,5 @@
 #pragma once
-// What a user may ask of method goal, and what it reports.
+// Options and report of method goal.
 
 #include "quantities.hpp"
 
@@ -10,7 +10,7 @@
 
 namespace bromwich {
 
-/// With which adjoint the residual of a cell is weighted.
+/// The adjoint with which the residual of a cell is weighted.
 enum class CellWeights {
   local,         ///< that of the grid with all cells halved, solved inside each cell from the coarse adjoint at its end
   interpolated,  ///< the coarse adjoint, linear from cell to cell (the paper)
@@ -18,28 +18,28 @@ enum class CellWeights {
 };
 const char* to_string(CellWeights);
 
-/// How the cells that carry most of the error are made smaller.
+/// Refinement of the cells with the largest contributions to the error.
 enum class Refinement {
   bisection,  ///< they are halved
-  division,   ///< the interval is cut into equal blocks, a quarter as many as cells, and each into as many equal cells
-              ///< as its share of the error asks for: twice as many cells as before in all, of few sizes. With the
-              ///< cells asked for once more
+  division,   ///< [0, T] is divided into equal blocks, a quarter as many as cells, and each block into equal cells
+              ///< according to its share of the error: twice as many cells as before in total, of few sizes. The
+              ///< requested number of cells is divided once more
 };
 const char* to_string(Refinement);
 
-/// Beside Options: `steps` is the number of cells to refine to (the scene's default; without limit where cycles or a
-/// tolerance are given and steps are not), `tolerance` the error of the quantity, absolute, to be estimated at its end.
+/// Used with Options: `steps` is the final number of cells (default: that of the scene; no limit if only cycles or a
+/// tolerance are given), `tolerance` the estimated absolute error of the quantity at which the cycle ends.
 struct GoalOptions {
   StepScheme scheme = StepScheme::euler;
   std::shared_ptr<const QuantityOfInterest> quantity;  ///< null: local_balance()
   AdjointChoice adjoint;
   CellWeights weights = CellWeights::local;
   Refinement refinement = Refinement::bisection;
-  /// Of bisection. Share of the estimated error whose cells are halved (Doerfler), in (0, 1]; 0: economical_cells
+  /// For bisection: share of the estimated error whose cells are halved (Doerfler), in (0, 1]; 0: economical_cells
   /// chooses.
   double marking = 0;
-  Index first_cells = 20;  ///< of the first grid, equal but for the jumps of the input
-  Index cycles = 0;        ///< refinements; 0 = as many as steps or tolerance ask for
+  Index first_cells = 20;  ///< of the first grid, equal except at the jumps of the input
+  Index cycles = 0;        ///< refinements; 0 = as many as steps or tolerance need
   Vector first_grid;       ///< instead of first_cells: times 0 to T
 };
 
@@ -48,15 +48,15 @@ struct GoalCycle {
   Index cells = 0;
   Index sizes = 0;      ///< distinct step sizes
   double quantity = 0;  ///< I(x_h)
-  double estimate = 0;  ///< of I(x_h) - I(x): indicators summed with their signs
-  double absolute = 0;  ///< their absolute values summed
-  /// estimate / (I(x_h) - I(x)), where I(x) is known and the difference is above the rounding of the estimate and of
-  /// I(x_h), and the grid sees the input.
+  double estimate = 0;  ///< of I(x_h) - I(x): sum of the indicators
+  double absolute = 0;  ///< sum of their absolute values
+  /// estimate / (I(x_h) - I(x)), if I(x) is known, the difference is above the rounding of the estimate and of I(x_h),
+  /// and the grid is not blind.
   std::optional<double> effectivity;
   double seconds = 0;
 };
 
-/// What method goal adds to a Result.
+/// The part of a Result that method goal adds.
 struct GoalReport {
   std::string quantity, scheme, adjoint, weights;
   std::optional<double> exact;
@@ -65,15 +65,15 @@ struct GoalReport {
   PowerBalance power;
 };
 
-/// What one solution on one grid tells.
+/// Evaluation of the solution on one grid.
 struct GoalEvaluation {
   RowMatrix x;  ///< (M+1) x m
   double quantity = 0;
-  Vector indicators;  ///< M, with signs: what cell i contributes to I(x_h) - I(x)
+  Vector indicators;  ///< M, with signs: contribution of cell i to I(x_h) - I(x)
   Index sizes = 0;
-  std::string elsewhere;  ///< what another machine than the backend's has done (StepChain::elsewhere)
-  double rounding = 0;    ///< of the quantity: what is below is noise
-  bool blind = false;     ///< the steps hardly see the input: it vanishes where they look, and not in between
+  std::string elsewhere;  ///< work done on another machine than the backend's (StepChain::elsewhere)
+  double rounding = 0;    ///< rounding error of the quantity
+  bool blind = false;     ///< the input nearly vanishes at all points that the steps use, and not in between
 };
 
 }  // namespace bromwich

@@ -21,7 +21,7 @@ Vector per_step(const Trajectory& path, const Vector& of_cells) {
   return values;
 }
 
-/// Of the violations of the cells: they are differences of energies.
+/// Rounding of the violations of the cells, which are differences of energies.
 Vector balance_rounding(const Trajectory& path, const EnergyBalance& b) {
   const Index M = path.steps();
   const Vector terms = b.energy.head(M) + b.energy.tail(M) + b.supplied.cwiseAbs() + b.dissipated;
@@ -61,7 +61,7 @@ class GlobalBalance : public BalanceQuantity {
 class LocalBalance : public BalanceQuantity {
  public:
   std::string name() const override { return "loc"; }
-  int order(int p) const override { return 2 * p + 1; }  // v falls by 2^-(p+1), and there are two
+  int order(int p) const override { return 2 * p + 1; }  // v decreases by 2^-(p+1), and v^2 is summed over two cells
 
  private:
   double of_cells(const Vector& v) const override { return v.squaredNorm(); }
@@ -156,7 +156,7 @@ std::shared_ptr<const QuantityOfInterest> quadratic_quantity(const QuadraticQuan
                   text("give %td x %td, as there are states", states, states));
   if (q.end_c.size() > 0 && q.end_c.size() != states)
     throw Error("end_c", text("has %td entries", q.end_c.size()), text("give %td, one per state", states));
-  // Zeros where nothing is given.
+  // Zeros for omitted members.
   const auto square = [](const SparseMatrix& W, const Vector& x) { return W.size() > 0 ? x.dot(W * x) : 0; };
   const auto slope = [](const SparseMatrix& W, const Vector& x) {
     return W.size() > 0 ? Vector(W * x + W.transpose() * x) : Vector(Vector::Zero(x.size()));

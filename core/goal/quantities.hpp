@@ -1,5 +1,5 @@
 #pragma once
-// What a time grid can be made for: functionals I of the trajectory, with their derivative.
+// Quantities of interest: functionals I of the trajectory, with their derivatives.
 
 #include "../base/time_function.hpp"
 #include "energy_balance.hpp"
@@ -10,7 +10,7 @@
 
 namespace bromwich {
 
-/// What a cycle asks of a quantity on one grid.
+/// Values of a quantity on one grid.
 struct QuantityEvaluation {
   double value = 0, rounding = 0;
   RowMatrix gradient;  ///< (M+1) x m, or empty
@@ -23,16 +23,16 @@ class QuantityOfInterest {
   virtual double value(const Trajectory&) const = 0;
   /// dI/dx_i as row i: (M+1) x m.
   virtual RowMatrix gradient(const Trajectory&) const = 0;
-  /// I of the exact solution, where that is known.
+  /// I of the exact solution, if it is known.
   virtual std::optional<double> exact() const { return std::nullopt; }
-  /// I(x_h) - I(x) over the derivative at x_h in the direction x_h - x, for small errors: 1/2 for the square of what
-  /// the exact solution makes zero, 1 otherwise.
+  /// I(x_h) - I(x) divided by the derivative at x_h in the direction x_h - x, for small errors: 1/2 for the square of
+  /// an expression that vanishes for the exact solution, 1 otherwise.
   virtual double secant() const { return 1; }
-  /// q where what a cell contributes falls by 2^-q when it is halved, for a reconstruction of order p.
+  /// q such that halving a cell reduces its contribution by 2^-q, for a reconstruction of order p.
   virtual int order(int p) const { return p; }
-  /// What of value() may be rounding: a few eps of the terms that it is summed from; 0 where that is not known.
+  /// Rounding error of value(): a few eps of its terms; 0 if not known.
   virtual double rounding(const Trajectory&) const { return 0; }
-  /// All at once, the gradient where it is asked for.
+  /// All at once; the gradient if requested.
   virtual QuantityEvaluation evaluate(const Trajectory&, bool with_gradient) const;
 };
 
@@ -42,20 +42,20 @@ std::shared_ptr<const QuantityOfInterest> global_balance();
 /// I_loc = Σ_cells v^2.
 std::shared_ptr<const QuantityOfInterest> local_balance();
 
-/// I_loc + rho ∫ |x|^2 dt. Throws Error where rho is negative or not finite.
+/// I_loc + rho ∫ |x|^2 dt. Throws Error if rho is negative or not finite.
 std::shared_ptr<const QuantityOfInterest> weighted_balance(double rho);
 
-/// A quantity of the user's: ∫ j(t, x) dt + e(x(T)), each with its gradient; either may be left out.
+/// A user-defined quantity ∫ j(t, x) dt + e(x(T)), each term with its gradient; either may be omitted.
 struct UserQuantity {
   std::string name = "user";
-  std::function<double(double t, const Vector&x)> density, end;  ///< `end` gets t = T
+  std::function<double(double t, const Vector&x)> density, end;  ///< `end` is called with t = T
   std::function<Vector(double t, const Vector&x)> density_gradient, end_gradient;
   std::optional<double> exact;
 };
-/// Throws Error where a function is given without its gradient, or neither is given.
+/// Throws Error if a function is given without its gradient, or if both are omitted.
 std::shared_ptr<const QuantityOfInterest> user_quantity(UserQuantity);
 
-/// ∫ (x^T W x + c(t)^T x) dt + x(T)^T end_W x(T) + end_c^T x(T), what is left empty being 0.
+/// ∫ (x^T W x + c(t)^T x) dt + x(T)^T end_W x(T) + end_c^T x(T); empty members are 0.
 struct QuadraticQuantity {
   std::string name = "user";
   SparseMatrix W, end_W;  ///< m x m
@@ -63,7 +63,7 @@ struct QuadraticQuantity {
   Vector end_c;           ///< m
   std::optional<double> exact;
 };
-/// Throws Error where all is empty, or naming the first member whose size is wrong.
+/// Throws Error if all members are empty or a member has the wrong size; names the member.
 std::shared_ptr<const QuantityOfInterest> quadratic_quantity(const QuadraticQuantity&, Index states);
 
 }  // namespace bromwich

@@ -16,7 +16,7 @@ namespace {
 constexpr Index largest_dense_step = 64;          // above, sparse factors are faster
 constexpr Index largest_exponential_step = 1024;  // e^{hA} is dense
 
-/// work(i) for the rows i = 0 .. rows-1 of an array, on the threads given, or on this one.
+/// Calls work(i) for the rows i = 0 .. rows-1 of an array, on the given threads or on this one.
 template <typename Work>
 void share_out(const HostThreads* threads, Index rows, Index cols, const Work& work) {
   const auto range = [&](Index first, Index last) {

@@ -1,11 +1,11 @@
 #pragma once
-// What a one-step scheme says of x between its time points a = x_{i-1}, b = x_i, and how integrals over a step are
-// taken: with s = (t - t_{i-1})/h
+// Reconstruction of x by a one-step scheme between its time points a = x_{i-1}, b = x_i, and the quadrature over a
+// step. With s = (t - t_{i-1})/h
 //
 //     x(t) = alpha a + beta b + h (gamma a' + delta b'),   x' = A x + F u with u(t_{i-1}^+) and u(t_i^-)
 //
 //     Euler        alpha = 0, beta = 1: constant, the value at the right end; one node there
-//     midpoint     linear; two Gauss nodes, exact for the squares that an energy balance integrates
+//     midpoint     linear; two Gauss nodes, exact for the quadratic terms of an energy balance
 //     exponential  the cubic through both values and slopes; three Gauss nodes
 
 #include "../host/step_chain.hpp"
@@ -26,16 +26,16 @@ struct Quadrature {
 };
 const Quadrature& quadrature(StepScheme);
 
-/// In powers of h, of x(t) between the time points of a smooth solution that is exact at them, or of the scheme where
+/// The order in h of the reconstruction of a smooth solution from exact values at the time points, or of the scheme if
 /// that is lower: 1, 2, 4.
 int order(StepScheme);
 const char* to_string(StepScheme);
 
-/// A port-Hamiltonian system as the schemes need it. Reads the scene's dynamics, or those of the port.
+/// A port-Hamiltonian system in the form that the schemes use, from the scene's dynamics or those of the port.
 class PortSystem {
  public:
-  /// How the steps are written: with A = E^{-1} (J - R) Q, or with E beside (J - R) Q, which stay sparse where A would
-  /// not. `automatic` takes E for a sparse system whose E is not diagonal.
+  /// Form of the steps: with A = E^{-1} (J - R) Q, or with E and (J - R) Q, which remain sparse if A does not.
+  /// `automatic` keeps E for a sparse system whose E is not diagonal.
   enum class Form { automatic, state_space };
 
   PortSystem(const PortHamiltonian& port, double T, Form = Form::automatic);
@@ -43,23 +43,23 @@ class PortSystem {
   const PortHamiltonian& port() const { return port_; }
   Index states() const { return port_.states(); }
   double T() const { return T_; }
-  const SparseMatrix& A() const { return space().A; }  ///< made when it is asked for first
+  const SparseMatrix& A() const { return space().A; }  ///< made on first use
   const SparseMatrix& F() const { return space().F; }  ///< E^{-1} B
   const SparseMatrix& energy_matrix() const { return energy_; }
   const SparseMatrix& dissipation_matrix() const { return dissipation_; }
   const SparseMatrix& output_matrix() const { return output_; }
-  /// A as the steps take it: dense up to 64 states, above it sparse (exponential: dense always).
+  /// A in the form that the steps use: dense up to 64 states, sparse above (exponential: always dense).
   StepMatrix step_matrix(StepScheme) const;
   /// All steps of a grid, S_i x_i = R_i x_{i-1} + d_i with the d of step_sources: S = I - hA, R = I of implicit Euler
-  /// or, with E kept, S = E - h (J - R) Q, R = E; the others alike.
+  /// or, with E kept, S = E - h (J - R) Q, R = E; the other schemes in the same way.
   StepChainProblem step_problem(StepScheme, const StepSizes&) const;
   bool keeps_E(StepScheme) const;
   bool dense_steps(StepScheme) const;
 
   double memory_limit = 0;  ///< bytes that products of steps may take; 0 = as StepChainProblem has it
 
-  /// M x k: u at fraction s of every step; at its ends the limits from inside. u is asked for where the last two grids
-  /// with this s did not.
+  /// M x k: u at fraction s of every step; at its ends the limits from inside. u is evaluated only at times that the
+  /// last two grids with this s did not contain.
   RowMatrix inputs(const Vector& t, double s) const;
 
  private:
@@ -76,8 +76,8 @@ class PortSystem {
 struct ConstraintPath;  // core/goal/constrained_path.hpp
 class HostThreads;
 
-/// x at the time points of a grid, as a scheme gives it. Steps are taken together by `per_cell` (1, or 2 where the
-/// cells of a coarser grid are halved): the balance of a quantity is that of cells.
+/// x at the time points of a grid, as computed by a scheme. `per_cell` consecutive steps form a cell (1, or 2 if the
+/// cells of a coarser grid are halved); quantities use the energy balance of cells.
 struct Trajectory {
   const PortSystem& system;
   StepScheme scheme;
@@ -85,17 +85,17 @@ struct Trajectory {
   const RowMatrix& x;  ///< (M+1) x m
   Index per_cell = 1;
   const ConstraintPath* constraints = nullptr;  ///< y of scenes with complementarity
-  const HostThreads* threads = nullptr;         ///< that share the work on the path; null: it is not shared
+  const HostThreads* threads = nullptr;         ///< for work on the path; null: the calling thread only
 
   Index steps() const { return t.size() - 1; }
   Index cells() const { return steps() / per_cell; }
   double h(Index i) const { return t[i + 1] - t[i]; }  ///< of the step from t_i to t_{i+1}
 };
 
-/// x' at the left ends of all steps (u behind) or at their right ends (u before): M x m.
+/// x' at the left ends of all steps (right limit of u) or at their right ends (left limit of u): M x m.
 RowMatrix slopes(const Trajectory&, Side);
 
-/// M x m: x at fraction s of every step. The slopes are needed by the exponential scheme alone.
+/// M x m: x at fraction s of every step. Only the exponential scheme needs the slopes.
 RowMatrix states_within(const Trajectory&, double s);
 
 /// Adds the derivative of Σ_i g_i^T x(t_{i-1} + s h_i) to `gradient`, (M+1) x m; g is M x m.

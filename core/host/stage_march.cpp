@@ -35,10 +35,19 @@ class Stepper {
         lcp_(scale_.asDiagonal() * (blocks() + step_->implicit_part()), M_,
              stages == 1 ? p.lcp_class : LcpClass::unknown) {}
 
-  // x_{j-1} -> Y and x_j, step j being the one at `place` of the rows; false: its problem stayed unsolved.
-  bool advance(const Vector& x, Index place, Index j, Vector& next, MarchReport& report) {
+  // x_{j-1} -> Y and x_j, step j being the one at `place` of the rows; false: its problem stayed unsolved. `touching`:
+  // constraints that were active at the end of the last step. Where solutions are several, as with rigid contacts, that
+  // is taken in which the others stay open if they can.
+  bool advance(const Vector& x, Index place, Index j, const std::vector<bool>& touching, Vector& next,
+               MarchReport& report) {
     step_->free(x, place, q_, next);
+    if ((q_.array() >= 0).all()) {
+      Y = Vector::Zero(q_.size());
+      ++report.count.solved;
+      return true;
+    }
     q_.array() *= scale_.array();
+    if (!lcp_.well_posed()) lcp_.start_from(active_in_all_stages(touching));
     if (!lcp_.solve(q_, Y, j, report)) return false;
     step_->drive(Y, next);
     return true;
@@ -68,6 +77,12 @@ class Stepper {
   Vector Y;
 
  private:
+  Vector active_in_all_stages(const std::vector<bool>& touching) const {
+    Vector y(q_.size());
+    for (Index i = 0; i < y.size(); ++i) y[i] = touching[std::size_t(i % M_.rows())] ? 1 : 0;
+    return y;
+  }
+
   Vector weights() const {
     Vector d = Vector::Ones(stages_ * M_.rows());
     if (stages_ == 2) d << Vector::Constant(M_.rows(), 0.75), Vector::Constant(M_.rows(), 0.25);
@@ -224,9 +239,9 @@ class Stages {
   // A new contact of a rigid constraint. Where it is active at both stages, Radau IIA would send the state back with a
   // velocity of up to twice what the way to the constraint divided by the step is.
   bool impacts(const Stepper& step) const {
-    const Vector first = step.first_stage();
+    const Vector most = step.first_stage().cwiseMax(step.last_stage());
     for (std::size_t i = 0; i < rigid_.size(); ++i)
-      if (rigid_[i] && !touching_[i] && first[Index(i)] > 0) return true;
+      if (rigid_[i] && !touching_[i] && most[Index(i)] > 0) return true;
     return false;
   }
 
@@ -264,7 +279,7 @@ class Stages {
     const std::size_t kind = lengths_.kind(j);
     const Index place = lengths_.place(j);
     Stepper& main = stepper(problem_.stages, kind);
-    const bool fine = main.advance(x, place, j, next, report);
+    const bool fine = main.advance(x, place, j, touching_, next, report);
     if (fine && !jumps(main, lengths_.size(kind), x, next)) return &main;
     if (problem_.stages == 1) return nullptr;
     MarchReport by_euler = report;
@@ -272,7 +287,7 @@ class Stages {
     by_euler.count.unsolved = 0;
     other_.resize(x.size());
     Stepper& one_stage = stepper(1, kind);
-    if (!one_stage.advance(x, place, j, other_, by_euler)) return fine ? &main : nullptr;
+    if (!one_stage.advance(x, place, j, touching_, other_, by_euler)) return fine ? &main : nullptr;
     next.swap(other_);
     report = by_euler;
     ++report.jumps;

@@ -18,7 +18,7 @@ Vector contraction_of_lags(const LcpMatrix& M, const LagTable& table, double L) 
   const std::optional<Matrix> inverse = inverse_comparison(M);
   Vector kappa(table.W.rows());
   for (Index d = 0; d < kappa.size(); ++d) {
-    // The infinity norm of the nonnegative F |W_d| is its largest sum of a row.
+    // The infinity norm of the nonnegative F |W_d| is its largest row sum.
     const Matrix W = table.modal ? Matrix(S * table.W.row(d).asDiagonal() * S)
                                  : Matrix(Eigen::Map<const RowMatrix>(table.W.row(d).data(), n, table.inputs));
     const Vector rows = W.cwiseAbs().rowwise().sum();
@@ -60,7 +60,7 @@ Forecast forecast(const LcpMatrix& M, const LagTable& table, double h, double to
   f.kappa0 = kappa[0];
   if (!(f.kappa0 < 1)) return f;
   f.growth_rate = transform(kappa, h, 0) < 1 ? 0 : unit_rate(kappa, h);
-  // The bound is smooth in log s: ten values a decade are enough for its minimum.
+  // The bound is smooth in log s: ten values per decade are enough for its minimum.
   for (int i = 0; i <= 60; ++i) {
     const double s = (f.growth_rate + 1e-3 / T) * std::pow(10.0, i / 10.0);
     const double contraction = transform(kappa, h, s);

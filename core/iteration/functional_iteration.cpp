@@ -16,11 +16,11 @@ namespace bromwich {
 
 namespace {
 
-/// An iterate may be infeasible for a while (Theorem 3.2 bounds only short horizons); after this many sweeps in which
-/// no further row settled it stays so.
+/// An iterate may be infeasible temporarily (Theorem 3.2 bounds only short horizons). After this many sweeps in which
+/// no further row settled, it is considered permanent.
 constexpr Index most_infeasible_sweeps = 40;
 
-// Watches the sweeps and says when they are over.
+// Monitors the sweeps and decides when to stop.
 class Watch {
  public:
   explicit Watch(double tolerance) : tolerance_(tolerance) {}
@@ -28,12 +28,12 @@ class Watch {
   // Sweeps in which nothing settled and changes did not fall.
   Index stuck() const { return stuck_; }
 
-  // The outcome once it is known. `advanced`: rows have settled since the last sweep.
+  // The outcome if it is known. `advanced`: rows have settled since the last sweep.
   std::optional<IterationOutcome> after(const DiscreteProblem& p, const LcpReport& report, bool advanced) {
     if (!report.finite || !(report.magnitude < 1e100))
       return IterationOutcome{Status::nonfinite, "the iterates grew beyond all bounds", -1};
     infeasible_for_ = report.infeasible >= 0 && !advanced ? infeasible_for_ + 1 : 0;
-    // Rounding keeps a converged iteration moving at a level of its own; a 2-cycle does so at any level.
+    // Rounding keeps the changes of a converged iteration at a low level; in a 2-cycle they may have any size.
     stuck_ = advanced || report.change < 0.99 * best_ ? 0 : stuck_ + 1;
     best_ = std::min(best_, report.change);
     if (report.change <= tolerance_ || (stuck_ >= 12 && report.change <= rounding_level)) return converged(report);
@@ -70,17 +70,17 @@ void count(const LcpReport& report, double seconds, Result& result) {
   ++result.iterations;
 }
 
-// Other grids (half the step, windows in time) are solved with the same options: they start from x0.
+// Solves on other grids (half the step, windows in time) have the same options but start from x0.
 void start_from_given(const DiscreteProblem& p, const Options& options, Array& y) {
   const RowMatrix* given = options.tuning.first_iterate;
   if (!given || given->rows() != p.J + 1 || p.lcp_class == LcpClass::Z) return;
   RowMatrix start;
   p.backend.download(y, start);
-  start.bottomRows(p.J) = given->bottomRows(p.J);  // y_0 is the solution of its problem already
+  start.bottomRows(p.J) = given->bottomRows(p.J);  // y_0 already solves its problem
   p.backend.upload(start, y);
 }
 
-// Whether an iteration that has run for some sweeps will come to an end, by what was seen of it.
+// Predicts from the observed sweeps whether an iteration will converge.
 class Outlook {
  public:
   Outlook(const DiscreteProblem& p, const Options& options)
@@ -111,8 +111,7 @@ class Outlook {
  private:
   static constexpr Index stuck_for_some_time = 24;
 
-  // The first row that the last sweep has changed by more than rounding: rows before it may never settle to the last
-  // digit.
+  // The first row that the last sweep changed by more than rounding: earlier rows may never settle to the last digit.
   Index first_moving(const RowMatrix& y) const {
     constexpr double rounding = 1e-10;
     Index j = 0;
@@ -141,7 +140,7 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
     timer.lap();
     const LcpReport report = lcp.solve(*q, v, y, 0);
     count(report, timer.lap(), result);
-    // q_0 does not change any more: what is infeasible there is proven.
+    // q_0 does not change any more: infeasibility there is proven.
     if (report.infeasible == 0) return {Status::infeasible, "no solution at t = 0", 0, 0};
     start_from_given(p, options, y);
     timer.lap();
@@ -157,8 +156,8 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
   Watch watch(options.iteration_tolerance);
   Outlook outlook(p, options);
   Index first = 0;        // rows before it have settled
-  Index solved_from = 0;  // rows before it were left alone by the last batch
-  Index furthest = 0;     // that `first` has been; recorded sweeps may fall back
+  Index solved_from = 0;  // rows before it were not in the last batch
+  Index furthest = 0;     // largest value of `first`, which may decrease in recorded sweeps
   const auto ended = [&](IterationOutcome outcome) {
     outcome.settled = first;
     result.seconds.sweeps = sweeps.lap();
@@ -206,7 +205,7 @@ void finish_iteration(const DiscreteProblem& p, const Options& options, const It
   });
   if (outcome.status == Status::infeasible) return;
   if (options.trace) result.trace = trace(p, r, v);
-  // What had not settled when the iteration was cut off is no solution.
+  // Rows that had not settled when the iteration was stopped are not a solution.
   if (outcome.status == Status::interrupted || outcome.status == Status::nonfinite)
     result.y.bottomRows(result.y.rows() - outcome.settled).setConstant(NAN);
 }
@@ -223,12 +222,14 @@ class PreparedIteration final : public PreparedMethod {
     respond();
   }
 
-  void renew() override { respond(); }
+  void renew(const Changes& changes) override {
+    if (changes.any()) respond();
+  }
 
   void run(const Options& options, Result& result) override {
     result.kernel = plan_.description;
     result.kernel_error = std::isnan(plan_.error) ? NAN : std::max(plan_.error, error_of_x0_);
-    // It begins with v = 0 and y = 0, as new arrays are.
+    // It starts with v = 0 and y = 0, like new arrays.
     for (Array* array : {v_.get(), y_.get()})
       if (used_) p_.backend.add(*r_, -1, *r_, *array);
     used_ = true;
@@ -250,7 +251,7 @@ class PreparedIteration final : public PreparedMethod {
   const DiscreteProblem& p_;
   KernelPlan plan_;
   double error_of_x0_ = 0;
-  bool used_ = false;  ///< the arrays hold another run
+  bool used_ = false;  ///< the arrays contain a previous run
   std::unique_ptr<Array> y_, v_, r_;
   std::unique_ptr<LcpBatch> lcp_;
 };

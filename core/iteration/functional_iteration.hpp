@@ -5,7 +5,7 @@
 //
 // symbol  variable    shape        meaning
 // K *     SpaceTimeKernel          discrete causal convolution, in sine modes where they diagonalise it
-// r       r           (J+1) x n    what does not depend on y
+// r       r           (J+1) x n    terms without y
 // v       v           (J+1) x n    K * y
 
 #include "../kernel/prepared_method.hpp"
@@ -15,23 +15,23 @@
 
 namespace bromwich {
 
-/// Its run fills status, y, iterations, history, counters, residual and seconds of a result.
+/// Running it sets status, y, iterations, history, counters, residual and seconds of a result.
 std::unique_ptr<PreparedMethod> prepare_iteration(TimeOperator&, const Options&);
 
-/// The loop itself, for kernels that are not a SpaceTimeKernel too: `apply(y, v, first)` evaluates K * y. `recordable`:
-/// it does so by operations of the backend alone, which may be recorded.
+/// The loop for any kernel: `apply(y, v, first)` evaluates K * y. `recordable`: apply uses operations of the backend
+/// only, which may be recorded.
 struct IterationOutcome {
   Status status = Status::tolerance_not_met;
   std::string reason;
-  Index infeasible = -1;  ///< row of an iterate that stayed infeasible: not yet a proof for the scene
+  Index infeasible = -1;  ///< row of an iterate that stayed infeasible; not a proof for the scene
   Index settled = 0;      ///< rows before it had settled
 };
 using ApplyKernel = std::function<void(const Array& y, Array& v, Index first)>;
 IterationOutcome iterate(const DiscreteProblem&, const Options&, const ApplyKernel&, bool recordable, LcpBatch&,
                          const Array& r, Array& y, Array& v, Result& result);
 
-/// Writes y, the trace, status and the residual of a fresh K * y to `result`; rows that had not settled in an iteration
-/// that was cut off become NaN.
+/// Writes y, the trace, status and the residual of a fresh K * y to `result`. Rows that had not settled when an
+/// iteration was stopped become NaN.
 void finish_iteration(const DiscreteProblem&, const Options&, const IterationOutcome&, const ApplyKernel&, LcpBatch&,
                       const Array& r, const Array& y, Array& v, Result& result);
 

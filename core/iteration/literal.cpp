@@ -55,7 +55,7 @@ class LiteralKernel {
     result_ = backend_.array(p.J + 1, n_);
   }
 
-  // v_j for inputs u (constraints, or constraints and sources side by side).
+  // v_j for inputs u (constraints, or constraints and sources).
   RowMatrix respond(const RowMatrix& u) const {
     RowMatrix v = RowMatrix::Zero(u.rows(), n_);
     for (Index j = 1; j < u.rows(); ++j) {
@@ -98,7 +98,7 @@ class LiteralKernel {
   std::unique_ptr<Array> modes_, result_;
 };
 
-// g + N e^{A t_j} x0 (accurately, as the paper assumes) + the literal response to f.
+// g + N e^{A t_j} x0 (computed accurately, as the paper assumes) + the literal response to f.
 RowMatrix literal_response(const DiscreteProblem& p, const LiteralKernel& kernel, Index P) {
   const Index rows = p.J + 1, n = p.scene.constraints();
   const auto in = p.backend.array(rows, n), out = p.backend.array(rows, n);
@@ -174,8 +174,8 @@ void solve_literally(const DiscreteProblem& p, const Options& options, Result& r
   result.kernel_error = kernel_error(p, P);
   if (p.dense() && !(result.kernel_error <= 100 * printed_rate(P))) {
     result.status = Status::unsupported;
-    result.reason = "its contours miss K by " + std::to_string(result.kernel_error) +
-                    ", far above the printed rate: A is too far from normal (2.1b); use another method";
+    result.reason = "its contours have an error of " + std::to_string(result.kernel_error) +
+                    " in K, far above the printed rate: A is too far from normal (2.1b); use another method";
     return;
   }
   result.bytes = y->bytes() * 3 + kernel.bytes() + lcp->bytes() + host_bytes(p);

@@ -10,15 +10,15 @@ namespace bromwich {
 namespace {
 
 constexpr Index looked_at_every = 32;
-constexpr double sweep_margin = 4;            ///< speeds change: sweeps beyond the limit by so much are out of reach
-constexpr double falls = 0.9;                 ///< in half of the sweeps that are looked at
+constexpr double sweep_margin = 4;            ///< times the limit of sweeps: a forecast beyond this ends it
+constexpr double falls = 0.9;                 ///< ratio of changes over half of the observed sweeps
 constexpr double rounding_of_change = 1e-10;  ///< relative
 
 }  // namespace
 
 void SweepForecast::add(Index settled_rows, double change) {
   const double before = front_.empty() ? 0 : front_.back();
-  front_.push_back(std::max(before, double(settled_rows)));  // it may fall back
+  front_.push_back(std::max(before, double(settled_rows)));  // it may decrease
   change_.push_back(change);
 }
 
@@ -27,7 +27,7 @@ double SweepForecast::rows_a_sweep() const {
   return (front_.back() - front_[half]) / double(front_.size() - 1 - half);
 }
 
-// By the smallest change of each half: single sweeps may rise.
+// Uses the smallest change of each half: changes may increase in single sweeps.
 double SweepForecast::contraction() const {
   const auto middle = change_.begin() + std::ptrdiff_t(change_.size() / 2);
   const double early = *std::min_element(change_.begin(), middle), late = *std::min_element(middle, change_.end());
@@ -45,7 +45,7 @@ std::optional<double> SweepForecast::sweeps_left() const {
 std::optional<std::string> SweepForecast::hopeless() const {
   if (front_.size() % std::size_t(looked_at_every) != 0) return std::nullopt;
   const std::optional<double> left = sweeps_left();
-  if (!left || !std::isfinite(*left)) return std::nullopt;  // of a front that stands still its row tells more
+  if (!left || !std::isfinite(*left)) return std::nullopt;  // if the front does not move its row is tested instead
   if (!(*left > sweep_margin * double(most_sweeps_))) return std::nullopt;
   const std::string seen = text(
       "after %ld sweeps %ld of %ld time points have settled, %.2g a sweep, and changes fall by "

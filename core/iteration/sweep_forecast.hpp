@@ -1,12 +1,12 @@
 #pragma once
-// What the sweeps of the functional iteration show of those that are still to come. The iteration is causal: rows of y
-// settle from t = 0 on, at a speed that a Volterra kernel keeps (changes may grow before), or all together where every
-// sweep contracts. So many sweeps more are needed as the faster of the two says, by the second half of those seen:
+// Forecast of the remaining sweeps of the functional iteration from the observed ones. The iteration is causal. Rows of
+// y settle from t = 0 on, at a speed that a Volterra kernel keeps (changes may grow before), or all together if every
+// sweep contracts. The smaller of two numbers is used, both from the second half of the observed sweeps:
 //
-//     (J - front) / (rows settled a sweep),   ln(tolerance / change) / ln(contraction).
+//     (J - front) / (rows settled per sweep),   ln(tolerance / change) / ln(contraction).
 //
-// The row at the front depends on itself alone, once what lies before it has settled: where its changes do not fall,
-// they never will.
+// Once all earlier rows have settled, the row at the front depends only on itself: if its changes do not decrease, they
+// never will.
 
 #include "../base/types.hpp"
 
@@ -23,10 +23,10 @@ class SweepForecast {
 
   void add(Index settled_rows, double change);
 
-  /// Sweeps still needed; infinite where neither the front nor the changes move. Nothing with too few seen.
+  /// Remaining sweeps; infinite if neither the front moves nor the changes decrease. Empty with too few observations.
   std::optional<double> sweeps_left() const;
 
-  /// Why it is not worth going on, or nothing: more sweeps than several times the limit.
+  /// The reason to stop, if several times the limit of sweeps would be needed; otherwise empty.
   std::optional<std::string> hopeless() const;
 
   static constexpr Index fewest_seen = 64;
@@ -41,12 +41,12 @@ class SweepForecast {
   std::vector<double> front_, change_;
 };
 
-/// The row at the front of an iteration that stands still.
+/// The row at the front of an iteration in which no further rows settle.
 class FrontRow {
  public:
-  /// y of the row `at` after a sweep. The answer, once it is known: changes fall (true), or they do not.
+  /// Adds y of the row `at` after a sweep. Returns whether its changes decrease, once it is known.
   std::optional<bool> contracts(Index at, const Vector& y);
-  /// A change of the row comes back so many times as large.
+  /// Factor by which a change of the row grows per sweep.
   double factor() const;
 
   static constexpr int seen = 24;

@@ -14,9 +14,9 @@ namespace {
 
 constexpr Index largest_forecast = 8;             ///< constraints: 2^n active sets give L
 constexpr double most_forecast_operations = 3e7;  ///< of the lag weights that the forecast needs
-constexpr double safety = 0.1;                    ///< of the tolerance, for what rounding grows to
+constexpr double safety = 0.1;                    ///< of the tolerance, for amplified rounding
 
-// Rows first..first+count of the problem as a problem of its own.
+// Rows first..first+count of the problem as a separate problem.
 DiscreteProblem window(const DiscreteProblem& p, const Scene& scene, Index first, Index count) {
   const Index rows = count + 1;
   DiscreteProblem w{scene, p.backend, p.lcp_class, count, p.h, p.t.segment(first, rows), {}, {}, {}};
@@ -71,7 +71,7 @@ std::optional<Forecast> iteration_forecast(const DiscreteProblem& p, double tole
 
 Index iteration_window(const DiscreteProblem& p, double tolerance) {
   const std::optional<Forecast> f = iteration_forecast(p, tolerance);
-  // With several solutions a window could begin on another one than its state was made with.
+  // With several solutions, a window could start with a y that does not belong to its initial state.
   if (!f || (p.lcp_class != LcpClass::P && p.lcp_class != LcpClass::Z)) return p.J;
   const double longest = f->longest_window(safety * tolerance);
   return longest > 0 && longest < p.scene.T ? std::max<Index>(1, Index(longest / p.h)) : p.J;

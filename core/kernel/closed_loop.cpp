@@ -1,5 +1,7 @@
 #include "core/kernel/closed_loop.hpp"
 
+#include "core/lcp/solution.hpp"
+#include "core/numerics/components.hpp"
 #include "core/numerics/sectorial.hpp"
 
 #include <Eigen/Cholesky>
@@ -21,22 +23,12 @@ bool grows_harmlessly(const Matrix& A, double T) {
 // D with entries of one size in each pair of D^{-1} A D that joins two states: sum x_i^2 / D_i^2 is the energy of a
 // network. Balancing leaves factors that grow along a chain.
 Vector energy_scale(const Matrix& A) {
-  const Index m = A.rows();
-  Vector logarithms = Vector::Zero(m);
-  std::vector<char> seen(std::size_t(m), 0);
-  for (Index root = 0; root < m; ++root) {
-    if (seen[std::size_t(root)]) continue;
-    seen[std::size_t(root)] = 1;
-    std::vector<Index> members{root};
-    for (std::size_t k = 0; k < members.size(); ++k)
-      for (Index j = 0; j < m; ++j) {
-        const Index i = members[k];
-        if (seen[std::size_t(j)] || A(i, j) == 0 || A(j, i) == 0) continue;
-        seen[std::size_t(j)] = 1;
+  Vector logarithms = Vector::Zero(A.rows());
+  connected_components(
+      A.rows(), [&](Index i, Index j) { return A(i, j) != 0 && A(j, i) != 0; },
+      [&](Index i, Index j) {
         logarithms[j] = logarithms[i] + 0.5 * (std::log(std::abs(A(j, i))) - std::log(std::abs(A(i, j))));
-        members.push_back(j);
-      }
-  }
+      });
   return logarithms.array().exp();
 }
 
@@ -86,9 +78,7 @@ StatesOfY closed_states(const DiscreteProblem& p, const StepOperators& step, con
 }  // namespace
 
 bool ActiveResponse::take(const Eigen::Ref<const Vector>& y) {
-  std::vector<Index> S;
-  for (Index i = 0; i < y.size(); ++i)
-    if (y[i] > 0) S.push_back(i);
+  std::vector<Index> S = support_of(y);
   if (S == support_) return false;
   support_.swap(S);
   if (!support_.empty()) lu_.compute(implicit_(support_, support_));

@@ -1,6 +1,5 @@
 #include "core/kernel/compression.hpp"
 
-#include "core/base/error.hpp"
 #include "core/kernel/response.hpp"
 #include "core/numerics/phi.hpp"
 
@@ -35,8 +34,8 @@ Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& paramete
   return values;
 }
 
-/// Of the error by each further rate, once the fit is good enough: a rate costs a part of every sweep, and what
-/// rounding does to the error is no reason for one.
+/// Once the fit is good enough, each further rate has to reduce the error by this factor: it costs time in every sweep,
+/// and a smaller gain may be rounding.
 constexpr double gain_of_a_rate = 1.19;
 constexpr Index columns_together = 64;  ///< of products, by one thread
 constexpr double between_samples = 4;   ///< what is missed there may be so much larger than at the check points
@@ -139,35 +138,62 @@ InitialFit fit_initial_response(Backend& backend, const KroneckerDynamics& dynam
   const Matrix Q = qr.householderQ() * Matrix::Identity(times.size(), terms);
   const auto R = qr.matrixQR().topRows(terms).triangularView<Eigen::Upper>();
   const Matrix check = exponentials(checks, sum.rates);
-  InitialFit fit{Matrix(terms, K), Vector(K), in_sine_basis(dynamics.n)};
+  InitialFit fit{Vector(K), in_sine_basis(dynamics.n), nullptr};
+  Matrix C(terms, K);
   backend.each_range(K, columns_together, [&](Index first, Index last) {
     const Vector rates = nu.segment(first, last - first);
     Matrix part = Q.transpose() * exponentials(times, rates);
     R.solveInPlace(part);
     const Matrix gap = check * part - exponentials(checks, rates);
     fit.missed.segment(first, last - first) = gap.cwiseAbs().colwise().maxCoeff().transpose();
-    fit.P.middleCols(first, last - first) = part * fit.seen.segment(first, last - first).asDiagonal();
+    C.middleCols(first, last - first) = part * fit.seen.segment(first, last - first).asDiagonal();
   });
+  fit.project = std::make_shared<InitialProjection>(backend, dynamics, row_modes(backend, C));
   return fit;
+}
+
+InitialProjection::InitialProjection(Backend& backend, const KroneckerDynamics& dynamics, const RowMatrix& P)
+    : backend_(backend),
+      P_(backend.array(P.rows(), P.cols())),
+      values_(backend.array(P.rows(), dynamics.along.points)),
+      modes_(backend.array(P.rows(), dynamics.along.points)),
+      sine_(backend.sine_transform(dynamics.along.points, P.rows())) {
+  backend.upload(P, *P_);
+}
+
+const Array& InitialProjection::operator()(const Vector& x0) {
+  backend_.upload_projection(x0, *P_, *values_);
+  sine_->apply(*values_, nullptr, *modes_, 0);
+  return *modes_;
+}
+
+double initial_error(Backend& backend, const KroneckerDynamics& dynamics, const InitialFit& fit, const Vector& x0) {
+  const double most = between_samples * fit.missed.maxCoeff();
+  if (most <= accepted_compression_error) return most;
+  const Eigen::Map<const RowMatrix> lines(x0.data(), dynamics.along.points, dynamics.across.points);
+  const Vector parts = fit.seen.cwiseAbs().cwiseProduct(row_modes(backend, lines).colwise().norm().transpose());
+  const double size = parts.sum();
+  return size > 0 ? between_samples * parts.dot(fit.missed) / size : 0;
 }
 
 InitialSum compress_initial_response(Backend& backend, const KroneckerDynamics& dynamics, const InitialFit& fit,
                                      const Vector& x0) {
-  const Index n = dynamics.along.points;
-  const RowMatrix lines = row_modes(backend, Eigen::Map<const RowMatrix>(x0.data(), n, dynamics.across.points));
-  RowMatrix D(fit.P.rows(), n);
-  backend.each_range(n, columns_together, [&](Index first, Index last) {
-    D.middleCols(first, last - first).noalias() = fit.P * lines.middleRows(first, last - first).transpose();
-  });
-  const Vector parts = fit.seen.cwiseAbs().cwiseProduct(lines.colwise().norm().transpose());
-  const double size = parts.sum();
-  return {row_modes(backend, D), size > 0 ? between_samples * parts.dot(fit.missed) / size : 0};
+  InitialSum sum{{}, initial_error(backend, dynamics, fit, x0)};
+  backend.download((*fit.project)(x0), sum.coefficients);
+  return sum;
+}
+
+std::optional<RowMatrix> start_of(const ModalRecurrence& r, const RowMatrix& D) {
+  RowMatrix initial = (r.decay.array() == 0).select(0, D.array() * r.decay.array() / r.output.array());
+  if ((0 * initial.array()).sum() != 0) return std::nullopt;  // NaN is not 0 either
+  return initial;
 }
 
 std::optional<ModalRecurrence> started(const ModalRecurrence& r, const RowMatrix& D) {
+  auto initial = start_of(r, D);
+  if (!initial) return std::nullopt;
   ModalRecurrence with_x0 = r;
-  with_x0.initial = (r.decay.array() == 0).select(0, D.array() * r.decay.array() / r.output.array());
-  if (!with_x0.initial.allFinite()) return std::nullopt;
+  with_x0.initial = std::move(*initial);
   return with_x0;
 }
 

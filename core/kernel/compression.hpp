@@ -6,6 +6,7 @@
 
 #include "kernel.hpp"
 
+#include <memory>
 #include <optional>
 
 namespace bromwich {
@@ -19,9 +20,9 @@ struct ExponentialSum {
 /// Where the fit stops growing, and the error up to which it may replace the eigenvalues.
 inline constexpr double compression_tolerance = 1e-13, accepted_compression_error = 1e-11;
 
-/// Fits n^T e^{across t} b on [h, T]. The number of rates grows until `tolerance` is met or there are no more; taken is
-/// the largest whose extra rate reduced the error by a factor of 1.19 or more. The error is infinite where nothing of
-/// the kernel is left at t = h.
+/// Fits n^T e^{across t} b on [h, T]. The number of rates grows until `tolerance` is met or there are no more. Of these
+/// fits a larger one is taken only if each further rate reduces the error by a factor of 1.19. The error is infinite
+/// where nothing of the kernel is left at t = h.
 ExponentialSum compress_line_kernel(const KroneckerDynamics&, double h, double T,
                                     double tolerance = compression_tolerance);
 
@@ -29,21 +30,39 @@ ExponentialSum compress_line_kernel(const KroneckerDynamics&, double h, double T
 struct InitialSum {
   RowMatrix coefficients;  ///< D, K x n
   /// Of all modes together, in the 2-norm, relative to the sum of the parts Σ_k |n_k| |x0_k| in the eigenvectors of a
-  /// line. Estimated from each eigenvalue's e^{nu t} between the samples, with a factor of 4 for other times.
+  /// line. Estimated from e^{nu t} between the samples, with a factor of 4 for other times: by the eigenvalue that is
+  /// missed most, or, where that is too much, by all eigenvalues and the parts of this x0.
   double error = 0;
 };
 
-/// Every e^{nu_k t} by the exponentials of a sum, so that no time point is looked at; for any x0.
+/// Every e^{nu_k t} by the exponentials of a sum, so that no time point is looked at; for any x0. With e^{nu_k t} =
+/// Σ_i C_ik e^{s_i t} and n_k what is seen of eigenvector k of a line, D = P X^T S, P_iq = Σ_k C_ik n_k S_kq, X the
+/// lines of x0.
+class InitialProjection {
+ public:
+  InitialProjection(Backend&, const KroneckerDynamics&, const RowMatrix& P);
+  /// D of this x0, rates x n: valid until the next call.
+  const Array& operator()(const Vector& x0);
+
+ private:
+  Backend& backend_;
+  std::unique_ptr<Array> P_, values_, modes_;
+  std::unique_ptr<SineTransform> sine_;
+};
 struct InitialFit {
-  Matrix P;       ///< rates x across.points: e^{nu_k t} = Σ_i P_ik e^{s_i t}, times what is seen of it
   Vector missed;  ///< across.points: largest deviation between the samples
   Vector seen;    ///< across.points: n in the eigenvectors of a line
+  std::shared_ptr<InitialProjection> project;
 };
 InitialFit fit_initial_response(Backend&, const KroneckerDynamics&, const ExponentialSum&, double h, double T);
 
+/// InitialSum::error of this x0.
+double initial_error(Backend&, const KroneckerDynamics&, const InitialFit&, const Vector& x0);
 InitialSum compress_initial_response(Backend&, const KroneckerDynamics&, const InitialFit&, const Vector& x0);
 
-/// The recurrence with what x0 adds to z_0: `initial` = D E / C, for any grid. Empty where a C_k is zero.
+/// What x0 adds to z_0 of a recurrence: `initial` = D E / C, for any grid. Empty where a C_k is zero.
+std::optional<RowMatrix> start_of(const ModalRecurrence&, const RowMatrix& D);
+/// The recurrence with it.
 std::optional<ModalRecurrence> started(const ModalRecurrence&, const RowMatrix& D);
 
 /// The recurrence with these exponentials in place of all eigenvalues: lags 0 and 1 come from the contour, and each

@@ -1,6 +1,6 @@
 // Dense dynamics: the state is stepped.
 
-#include "core/kernel/dense_operator.hpp"
+#include "core/kernel/operators.hpp"
 
 #include "core/base/text.hpp"
 #include "core/kernel/closed_loop.hpp"
@@ -100,14 +100,16 @@ class DenseOperator : public TimeOperator {
   }
 
   // The state itself is stepped, x0 and f with it: nothing that grows is computed apart and cancelled later.
-  void add_sources(Rule rule, MarchData& data) override {
+  void add_sources(Rule rule, MarchData& data, const Changes& changes) override {
     const std::shared_ptr<const StepOperators> operators = state_step(p_, rule);
     const StepOperators& step = *operators;
-    data.r = p_.g;
+    if (changes.sources) data.r = p_.g;
     data.start = step.decay * p_.scene.x0;
     if (p_.f.size() == 0) return;
-    const Matrix F = source_matrix(p_), left = step.left * F, right = step.right * F;
+    const Matrix F = source_matrix(p_), left = step.left * F;
     data.start += left * p_.f.row(0);
+    if (!changes.sources) return;
+    const Matrix right = step.right * F;
     data.source_input = step.decay * right + left;
     data.forcing = p_.f.table() * data.source_input.transpose();
     data.r = SampledSource(p_.g.table() + p_.f.table() * (dynamics_.N * right).transpose());

@@ -2,8 +2,6 @@
 
 #include "core/kernel/kernel.hpp"
 
-#include <algorithm>
-
 namespace bromwich {
 
 void add_rough_response(const DiscreteProblem& p, Array& r) {
@@ -21,12 +19,6 @@ std::shared_ptr<const StepOperators> state_step(const DiscreteProblem& p, Rule r
   if (rule != Rule::exponential) return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h));
   return p.exponential_step->get(
       [&] { return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h, p.J)); });
-}
-
-Matrix source_matrix(const DiscreteProblem& p) {
-  if (p.scene.f_entry == SourceEntry::through_F) return p.scene.F;
-  if (p.scene.f_entry == SourceEntry::through_B) return p.dense()->B;
-  return Matrix::Identity(p.scene.states(), p.scene.states());
 }
 
 RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) {

@@ -13,7 +13,7 @@
 
 namespace bromwich {
 
-/// One step of the state, made by whoever asks first.
+/// One step of the state, computed on first use; several threads may ask for it.
 class KeptStep {
  public:
   template <class Make>
@@ -62,7 +62,7 @@ void add_rough_response(const DiscreteProblem&, Array& r);
 std::shared_ptr<const StepOperators> state_step(const DiscreteProblem&, Rule);
 
 /// F with f_j = F phi_j, the samples p.f: m x their number (dense dynamics).
-Matrix source_matrix(const DiscreteProblem&);
+inline Matrix source_matrix(const DiscreteProblem& p) { return source_matrix(p.scene, *p.dense()); }
 
 /// x_j from y, all states (dense dynamics): with the defects given, or else those of the problem.
 RowMatrix states_from(const DiscreteProblem&, Rule, const RowMatrix& y, const StepDefects* = nullptr);

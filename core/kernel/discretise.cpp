@@ -19,19 +19,14 @@ std::shared_ptr<const StepDefects> defects_of_f(const DiscreteProblem& p) {
   auto defects = std::make_shared<StepDefects>();
   defects->values.resize(Index(p.sources->rough.size()), F.rows());
   for (const RoughStep& rough : p.sources->rough) {
-    const Index j = rough.step;
-    const Vector before = p.f.values().row(j - 1).transpose(), slope = p.f.values().row(j).transpose() - before;
-    Matrix e = Matrix::Zero(F.rows(), 1);
-    for (const SourcePiece& piece : rough.pieces) {
-      const double from = (piece.start - p.t[j - 1]) / p.h, length = piece.length / p.h;
-      Matrix apart = piece.phi;
-      apart.col(0) -= before + from * slope;
-      apart.col(1) -= length * slope;
-      apart = (F * apart).eval();
-      propagator.advance(piece.length, {apart.col(0), apart.col(1), apart.col(2)}, e);
+    const std::vector<Matrix> pieces = beyond_linear(p, rough);
+    Matrix x = Matrix::Zero(F.rows(), 1);
+    for (std::size_t i = 0; i < pieces.size(); ++i) {
+      const Matrix e = F * pieces[i];
+      propagator.advance(rough.pieces[i].length, {e.col(0), e.col(1), e.col(2)}, x);
     }
-    defects->values.row(Index(defects->steps.size())) = e.transpose();
-    defects->steps.push_back(j);
+    defects->values.row(Index(defects->steps.size())) = x.transpose();
+    defects->steps.push_back(rough.step);
   }
   return defects;
 }
@@ -48,12 +43,14 @@ DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J, bool e
 void sample_sources(DiscreteProblem& p, bool every_step) {
   p.g = sample(p.scene.g, p.t, p.scene.constraints());
   p.f = p.scene.f ? sample(p.scene.f, p.t, p.scene.sources()) : SampledSource();
-  p.start = observe(p.scene.dynamics, p.scene.x0) + p.g.row(0);
+  set_start(p);
   p.sources = {};
   p.defects = {};
   p.rough_response = {};
   resolve_sources(p, every_step);
 }
+
+void set_start(DiscreteProblem& p) { p.start = observe(p.scene.dynamics, p.scene.x0) + p.g.row(0); }
 
 void resolve_sources(DiscreteProblem& p, bool every_step) {
   SourceSteps sources = find_source_steps(p.scene, p.t, p.f, p.g, every_step);

@@ -9,6 +9,8 @@ DiscreteProblem discretise(const Scene&, Backend&, Index J, bool every_step = fa
 
 /// Samples the sources of the scene again, and takes its x0.
 void sample_sources(DiscreteProblem&, bool every_step);
+/// Takes x0 alone.
+void set_start(DiscreteProblem&);
 
 /// Finds the rough steps of a problem whose sources are sampled, and what they do.
 void resolve_sources(DiscreteProblem&, bool every_step);

@@ -88,8 +88,7 @@ LagTable contour_lag_table(Backend& backend, const Dynamics& dynamics, const Con
                            Index J) {
   LagTable table;
   table.modal = std::holds_alternative<KroneckerDynamics>(dynamics);
-  table.outputs = constraints(dynamics);
-  table.inputs = table.modal ? table.outputs : std::get<DenseDynamics>(dynamics).B.cols();
+  table.outputs = table.inputs = constraints(dynamics);
   const Index width = table.modal ? table.outputs : table.outputs * table.inputs;
   table.W.resize(J + 1, width);
   table.S.resize(J + 1, width);

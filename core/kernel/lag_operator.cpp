@@ -1,7 +1,7 @@
 // Dynamics that are known by their shifted solves: weights by lag, tabulated from contours
 // (core/kernel/sparse_kernel.hpp).
 
-#include "core/kernel/lag_operator.hpp"
+#include "core/kernel/operators.hpp"
 
 #include "core/kernel/sparse_kernel.hpp"
 
@@ -28,7 +28,7 @@ class LagOperator : public TimeOperator {
   }
 
   // x0 and f have columns of their own in the shifted solves.
-  void renew() override {
+  void renew(const Changes&) override {
     const RowMatrix& f = p_.f.values();
     const Matrix& shapes = p_.f.shapes();
     const bool same_f = !rough_f() && !rough_ && f.rows() == f_.rows() && f.cols() == f_.cols() && f == f_ &&
@@ -52,8 +52,9 @@ class LagOperator : public TimeOperator {
             .error = table()->error,
             .description = "lag weights, summed in blocks of time; " + table()->description};
   }
-  void add_sources(Rule, MarchData& data) override {
+  void add_sources(Rule, MarchData& data, const Changes&) override {
     data.r = SampledSource(p_.g.table() + table()->free);
+    data.r_has_x0 = true;
     data.error = table()->error;
   }
 

@@ -1,13 +1,12 @@
 // Kronecker sums: everything in sine modes, one scalar convolution a mode.
 
-#include "core/kernel/modal_operator.hpp"
+#include "core/kernel/operators.hpp"
 
 #include "core/base/text.hpp"
 #include "core/kernel/compression.hpp"
 #include "core/kernel/modal_states.hpp"
 #include "core/kernel/recurrence.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
@@ -46,7 +45,9 @@ class ModalOperator : public TimeOperator {
  public:
   explicit ModalOperator(const DiscreteProblem& p) : TimeOperator(p), dynamics_(*p.kronecker()) {}
 
-  void renew() override { initial_.reset(); }
+  void renew(const Changes& changes) override {
+    if (changes.x0) x0_.reset();
+  }
 
   KernelPlan kernel(ConvolutionChoice choice) override {
     const Index rows = p_.J + 1, n = dynamics_.along.points;
@@ -67,27 +68,31 @@ class ModalOperator : public TimeOperator {
   }
 
   double response(const KernelPlan& plan, Array& v, Array& r) override {
-    const Index rows = p_.J + 1, n = p_.scene.constraints();
-    const auto input = p_.backend.array(rows, n);
+    const auto input = p_.backend.array(p_.J + 1, p_.scene.constraints());
     upload(p_.backend, p_.g, r);
-    double error = 0;
-    const auto with_x0 = plan.weights && initial()
-                             ? started(*modal_recurrence_of(*plan.weights), initial()->coefficients)
-                             : std::nullopt;
-    if (with_x0) {
-      error = initial()->error;
-      p_.backend.upload(p_.start.transpose(), r);  // row 0: the kernel has nothing at t = 0
-      plan.kernel->add_start(*with_x0, *input, r);
-    } else {
-      p_.backend.upload(kronecker_initial_response(p_), *input);
-      p_.backend.sine_transform(n, rows)->apply(*input, &r, r, 0);  // g + S N e^{At} x0
-    }
-    add_rough_response(p_, r);
-    if (!p_.drive()) return error;
-    upload(p_.backend, *p_.drive(), *input);
-    plan.kernel->apply(*input, v, 0);
-    p_.backend.add(r, 1, v, r);
+    p_.backend.upload(p_.start.transpose(), r);  // row 0: the kernel has nothing at t = 0
+    const double error = add_x0(plan, *input, r, r);
+    add_driven(plan, *input, v, r);
     return error;
+  }
+
+  bool separates_x0() const override { return true; }
+
+  void response_to_sources(const KernelPlan& plan, Array& input, Array& v, Array& r) override {
+    upload(p_.backend, p_.g, r);
+    add_driven(plan, input, v, r);
+  }
+
+  double add_x0(const KernelPlan& plan, Array& zero, const Array& known, Array& r) override {
+    const ModalRecurrence* weights = plan.weights ? modal_recurrence_of(*plan.weights) : nullptr;
+    if (const ProjectedX0* x0 = weights ? projected() : nullptr;
+        x0 && plan.kernel->add_start(*weights, *x0->D, zero, known, r, keeps_prepared()))
+      return x0->error;
+    RowMatrix modes = kronecker_initial_response(p_);
+    modes.row(0).setZero();
+    p_.backend.upload(modes, zero);
+    p_.backend.sine_transform(r.cols(), r.rows())->apply(zero, &known, r, 0);  // g + S N e^{At} x0
+    return 0;
   }
 
   // Where no short sum fits, all eigenvalues are one. The fit of the finest grid serves all.
@@ -124,28 +129,32 @@ class ModalOperator : public TimeOperator {
   }
 
   // x0 in the recurrence where that can carry it, as a table of its response otherwise.
-  void add_sources(Rule rule, MarchData& data) override {
+  void add_sources(Rule rule, MarchData& data, const Changes& changes) override {
     auto& recurrence = std::get<ModalRecurrence>(std::get<Recurrence>(*data.weights));
     data.drive = p_.drive();
-    data.r = p_.g;
+    if (changes.sources || data.r_has_x0) data.r = p_.g;
+    data.r_has_x0 = false;
+    if (!changes.x0 && recurrence.initial.size() > 0) return;
     data.error_of_x0 = 0;
     if (data.compressed) {
-      auto with_x0 = initial() ? started(recurrence, initial()->coefficients) : std::nullopt;
-      if (with_x0) {
-        recurrence.initial = std::move(with_x0->initial);
-        data.error_of_x0 = initial()->error;
+      if (auto start = start_in(recurrence)) {
+        recurrence.initial = std::move(*start);
+        data.error_of_x0 = x0_->error;
       } else {
         recurrence.initial.resize(0, 0);
         data.r = SampledSource(with_modes(p_, kronecker_initial_response(p_)));
+        data.r_has_x0 = true;
       }
       return;
     }
     const Vector b = in_sine_basis(dynamics_.b);
-    if (b.cwiseAbs().minCoeff() > 1e-10 * b.cwiseAbs().maxCoeff())
+    if (b.cwiseAbs().minCoeff() > 1e-10 * b.cwiseAbs().maxCoeff()) {
       recurrence.initial =
           modal_start(recurrence, dynamics_, rule, p_.h, x0_in_modes(p_.backend, dynamics_, p_.scene.x0, true));
-    else
+    } else {
       data.r = SampledSource(with_modes(p_, stepped_initial_response(p_, rule)));
+      data.r_has_x0 = true;
+    }
   }
 
   RowMatrix states(Rule rule, const RowMatrix& y, const std::vector<Index>& components, const StepDefects*) override {
@@ -158,6 +167,15 @@ class ModalOperator : public TimeOperator {
   bool modal() const override { return true; }
 
  private:
+  // r <- r + what f makes of it.
+  void add_driven(const KernelPlan& plan, Array& input, Array& v, Array& r) {
+    add_rough_response(p_, r);
+    if (!p_.drive()) return;
+    upload(p_.backend, *p_.drive(), input);
+    plan.kernel->apply(input, v, 0);
+    p_.backend.add(r, 1, v, r);
+  }
+
   const ExponentialSum& sum() {
     if (!sum_) sum_ = compress_line_kernel(dynamics_, p_.h, p_.scene.T);
     return *sum_;
@@ -165,15 +183,23 @@ class ModalOperator : public TimeOperator {
   bool fits() { return sum().error <= accepted_compression_error; }
 
   // x0 through the exponentials of the fit.
-  const std::optional<InitialSum>& initial() {
-    if (initial_) return *initial_;
-    if (!initial_fit_) initial_fit_ = fit_initial_response(p_.backend, dynamics_, sum(), p_.h, p_.scene.T);
-    InitialSum x0 = compress_initial_response(p_.backend, dynamics_, *initial_fit_, p_.scene.x0);
-    if (x0.error <= accepted_compression_error)
-      initial_.emplace(std::move(x0));
-    else
-      initial_.emplace(std::nullopt);
-    return *initial_;
+  struct ProjectedX0 {
+    double error;
+    const Array* D;  ///< null: the error is too large
+  };
+  const ProjectedX0* projected() {
+    if (!x0_) {
+      if (!fit_) fit_ = fit_initial_response(p_.backend, dynamics_, sum(), p_.h, p_.scene.T);
+      const double error = initial_error(p_.backend, dynamics_, *fit_, p_.scene.x0);
+      x0_ = {error, error <= accepted_compression_error ? &(*fit_->project)(p_.scene.x0) : nullptr};
+    }
+    return x0_->D ? &*x0_ : nullptr;
+  }
+  std::optional<RowMatrix> start_in(const ModalRecurrence& recurrence) {
+    if (!projected()) return std::nullopt;
+    RowMatrix D;
+    p_.backend.download(*x0_->D, D);
+    return start_of(recurrence, D);
   }
 
   KernelPlan plan(const SharedWeights& weights, ConvolutionChoice choice) {
@@ -186,8 +212,8 @@ class ModalOperator : public TimeOperator {
 
   const KroneckerDynamics& dynamics_;
   std::optional<ExponentialSum> sum_;
-  std::optional<InitialFit> initial_fit_;
-  std::optional<std::optional<InitialSum>> initial_;  ///< of x0; none: its error is too large
+  std::optional<InitialFit> fit_;
+  std::optional<ProjectedX0> x0_;
 };
 
 }  // namespace

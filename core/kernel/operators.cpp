@@ -1,9 +1,5 @@
 #include "core/kernel/operators.hpp"
 
-#include "core/kernel/dense_operator.hpp"
-#include "core/kernel/lag_operator.hpp"
-#include "core/kernel/modal_operator.hpp"
-
 namespace bromwich {
 
 std::unique_ptr<TimeOperator> make_time_operator(const DiscreteProblem& p) {

@@ -7,4 +7,8 @@ namespace bromwich {
 /// The operator for the kind of dynamics that the scene has.
 std::unique_ptr<TimeOperator> make_time_operator(const DiscreteProblem&);
 
+std::unique_ptr<TimeOperator> make_dense_operator(const DiscreteProblem&);
+std::unique_ptr<TimeOperator> make_modal_operator(const DiscreteProblem&);
+std::unique_ptr<TimeOperator> make_lag_operator(const DiscreteProblem&);
+
 }  // namespace bromwich

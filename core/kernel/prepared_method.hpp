@@ -2,6 +2,7 @@
 
 #include "../result/options.hpp"
 #include "../result/result.hpp"
+#include "changes.hpp"
 
 namespace bromwich {
 
@@ -10,7 +11,7 @@ class PreparedMethod {
  public:
   virtual ~PreparedMethod() = default;
   /// Takes x0, f and g anew, after the problem of its operator has got others.
-  virtual void renew() = 0;
+  virtual void renew(const Changes&) = 0;
   /// Fills everything of the result but the states and times of the whole.
   virtual void run(const Options&, Result&) = 0;
 };

@@ -1,5 +1,6 @@
 #include "core/kernel/resolution.hpp"
 
+#include "core/lcp/solution.hpp"
 #include "core/numerics/sectorial.hpp"
 
 #include <Eigen/Eigenvalues>
@@ -31,9 +32,7 @@ std::map<std::vector<Index>, Phase> phases(const RowMatrix& y) {
     const bool same = j > 1 && ((y.row(j).array() > 0) == (y.row(j - 1).array() > 0)).all();
     length = same ? length + 1 : 1;
     if (!same) {
-      std::vector<Index> S;
-      for (Index i = 0; i < y.cols(); ++i)
-        if (y(j, i) > 0) S.push_back(i);
+      const std::vector<Index> S = support_of(y.row(j).transpose());
       phase = found.size() == most_sets && !found.count(S) ? nullptr : &found[S];
     }
     if (!phase) continue;

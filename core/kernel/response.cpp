@@ -28,8 +28,4 @@ RowMatrix dense_states(const StepOperators& step, const Vector& x0, const RowMat
   return x;
 }
 
-RowMatrix dense_states(const Matrix& A, Rule rule, double h, const Vector& x0, const RowMatrix& u) {
-  return dense_states(step_operators(A, rule, h), x0, u);
-}
-
 }  // namespace bromwich

@@ -17,6 +17,5 @@ RowMatrix x0_in_modes(Backend&, const KroneckerDynamics&, const Vector& x0, bool
 /// x_j of x' = A x + u with u piecewise linear on the grid (exponential) or sampled at the right ends (Euler), for
 /// given inputs u_j = B y_j + f_j in R^m and what single steps add: (J+1) x m, row 0 = x0.
 RowMatrix dense_states(const StepOperators&, const Vector& x0, const RowMatrix& u, const StepDefects* = nullptr);
-RowMatrix dense_states(const Matrix& A, Rule, double h, const Vector& x0, const RowMatrix& u);
 
 }  // namespace bromwich

@@ -13,13 +13,6 @@ namespace {
 constexpr double margin = 1, ringing_margin = 0.1;  ///< delta
 constexpr Index most_sets_n = 12;                   ///< active sets are enumerated up to this size
 
-std::vector<Index> members(unsigned set, Index n) {
-  std::vector<Index> S;
-  for (Index i = 0; i < n; ++i)
-    if (set >> i & 1u) S.push_back(i);
-  return S;
-}
-
 // Sign of the determinant; 0 where the matrix is singular to rounding, whatever the units of its rows and columns.
 int determinant_sign(Matrix matrix) {
   for (Index i = 0; i < matrix.rows(); ++i) matrix.row(i) /= std::max(matrix.row(i).cwiseAbs().maxCoeff(), 1e-300);

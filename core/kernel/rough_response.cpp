@@ -8,50 +8,55 @@ namespace bromwich {
 
 namespace {
 
-// The pieces of e, each with its three coefficients in the sine modes of the lines: 3 x n.
-std::vector<RowMatrix> pieces_in_modes(const DiscreteProblem& p, const RoughStep& rough) {
-  const Index j = rough.step;
-  const Vector before = p.f.values().row(j - 1).transpose(), slope = p.f.values().row(j).transpose() - before;
-  std::vector<RowMatrix> modes;
-  for (const SourcePiece& piece : rough.pieces) {
-    Matrix apart = piece.phi;
-    apart.col(0) -= before + (piece.start - p.t[j - 1]) / p.h * slope;
-    apart.col(1) -= piece.length / p.h * slope;
-    if (p.f.shapes().size() > 0) apart = (p.f.shapes() * apart).eval();
-    modes.push_back(row_modes(p.backend, apart.transpose()));
-  }
-  return modes;
-}
-
 RowMatrix kronecker_response(const DiscreteProblem& p) {
   const KroneckerDynamics& d = *p.kronecker();
-  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), seen = in_sine_basis(d.n);
-  RowMatrix decay(nu.size(), mu.size()), x = RowMatrix::Zero(nu.size(), mu.size()),
-                                         modes = RowMatrix::Zero(p.J + 1, mu.size());
-  for (Index k = 0; k < nu.size(); ++k) decay.row(k) = (p.h * (mu.array() + nu[k])).exp().transpose();
-  for (Index j = p.sources->rough.front().step; j <= p.J; ++j) {
-    x.array() *= decay.array();
-    if (const RoughStep* rough = p.sources->at(j)) x += modal_defect(p, *rough);
-    modes.row(j).noalias() = seen.transpose() * x;
-  }
+  const Vector seen = in_sine_basis(d.n);
+  RowMatrix modes = RowMatrix::Zero(p.J + 1, d.along.points);
+  each_rough_state(p, p.J, [&](Index j, const RowMatrix& x) { modes.row(j).noalias() = seen.transpose() * x; });
   return row_modes(p.backend, modes);
 }
 
 }  // namespace
 
+std::vector<Matrix> beyond_linear(const DiscreteProblem& p, const RoughStep& rough) {
+  const Index j = rough.step;
+  const Vector before = p.f.values().row(j - 1).transpose(), slope = p.f.values().row(j).transpose() - before;
+  std::vector<Matrix> pieces;
+  for (const SourcePiece& piece : rough.pieces) {
+    Matrix& e = pieces.emplace_back(piece.phi);
+    e.col(0) -= before + (piece.start - p.t[j - 1]) / p.h * slope;
+    e.col(1) -= piece.length / p.h * slope;
+  }
+  return pieces;
+}
+
+void each_rough_state(const DiscreteProblem& p, Index last,
+                      const std::function<void(Index j, const RowMatrix& x)>& visit) {
+  const KroneckerDynamics& d = *p.kronecker();
+  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
+  RowMatrix x = RowMatrix::Zero(nu.size(), mu.size()), decay = x;
+  for (Index k = 0; k < nu.size(); ++k) decay.row(k) = (p.h * (mu.array() + nu[k])).exp().transpose();
+  for (Index j = p.sources->rough.front().step; j <= last; ++j) {
+    x.array() *= decay.array();
+    if (const RoughStep* rough = p.sources->at(j)) x += modal_defect(p, *rough);
+    visit(j, x);
+  }
+}
+
 RowMatrix modal_defect(const DiscreteProblem& p, const RoughStep& rough) {
   const KroneckerDynamics& d = *p.kronecker();
   const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), b = in_sine_basis(d.b);
   RowMatrix e = RowMatrix::Zero(nu.size(), mu.size());
-  const std::vector<RowMatrix> modes = pieces_in_modes(p, rough);
-  for (std::size_t i = 0; i < modes.size(); ++i) {
+  const std::vector<Matrix> pieces = beyond_linear(p, rough);
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const Matrix in_lines = p.f.shapes().size() > 0 ? Matrix(p.f.shapes() * pieces[i]) : pieces[i];
+    const RowMatrix c = row_modes(p.backend, in_lines.transpose());  // the coefficients of e: 3 x n
     const double length = rough.pieces[i].length;
     for (Index k = 0; k < nu.size(); ++k)
       for (Index l = 0; l < mu.size(); ++l) {
         const double z = length * (nu[k] + mu[l]);
-        e(k, l) =
-            std::exp(z) * e(k, l) +
-            b[k] * length * (phi(1, z) * modes[i](0, l) + phi(2, z) * modes[i](1, l) + 2 * phi(3, z) * modes[i](2, l));
+        e(k, l) = std::exp(z) * e(k, l) +
+                  b[k] * length * (phi(1, z) * c(0, l) + phi(2, z) * c(1, l) + 2 * phi(3, z) * c(2, l));
       }
   }
   return e;

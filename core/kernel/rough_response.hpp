@@ -8,7 +8,17 @@
 #include "discrete_problem.hpp"
 #include "recurrence.hpp"
 
+#include <functional>
+#include <vector>
+
 namespace bromwich {
+
+/// The coefficients of e on the pieces of a rough step: those of f, less the linear function.
+std::vector<Matrix> beyond_linear(const DiscreteProblem&, const RoughStep&);
+
+/// x_e of a Kronecker sum at t_j in both sine bases (K x n), for j from the first rough step to `last`; 0 before.
+void each_rough_state(const DiscreteProblem&, Index last,
+                      const std::function<void(Index j, const RowMatrix& x)>& visit);
 
 /// N x_e, (J+1) x n. Kronecker sums: exact, in modes. Null for sparse dynamics, whose kernel holds it.
 std::shared_ptr<const RowMatrix> rough_response(const DiscreteProblem&);

@@ -1,6 +1,7 @@
 #include "core/kernel/space_time_kernel.hpp"
 
 #include "core/base/timer.hpp"
+#include "core/kernel/compression.hpp"
 
 #include <utility>
 
@@ -62,13 +63,26 @@ void SpaceTimeKernel::sweep(LcpBatch& lcp, const Array& r, Array& y, Array& v, S
   if (order.behind) sine_->apply(*v_modes_, nullptr, v, 0);
 }
 
-void SpaceTimeKernel::add_start(const Recurrence& started, const Array& zero, Array& r) {
-  backend_.convolution(started, zero.rows())->apply(zero, *v_modes_, 0);
-  sine_->apply(*v_modes_, &r, r, 0);
+bool SpaceTimeKernel::add_start(const ModalRecurrence& recurrence, const Array& D, const Array& zero,
+                                const Array& known, Array& r, bool keep) {
+  if (start_ && start_->start_from) {
+    start_->start_from(D);
+  } else {
+    RowMatrix values;
+    backend_.download(D, values);
+    auto with_x0 = started(recurrence, values);
+    if (!with_x0) return false;
+    start_ = backend_.convolution(Recurrence(std::move(*with_x0)), zero.rows());
+  }
+  start_->apply(zero, *v_modes_, 0);
+  if (!keep) start_.reset();
+  sine_->apply(*v_modes_, &known, r, 0);
+  return true;
 }
 
 std::size_t SpaceTimeKernel::bytes() const {
-  return convolution_->bytes() + (sine_ ? sine_->bytes() + y_modes_->bytes() + v_modes_->bytes() : 0);
+  return convolution_->bytes() + (start_ ? start_->bytes() : 0) +
+         (sine_ ? sine_->bytes() + y_modes_->bytes() + v_modes_->bytes() : 0);
 }
 
 }  // namespace bromwich

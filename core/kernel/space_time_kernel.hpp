@@ -29,16 +29,17 @@ class SpaceTimeKernel {
   /// If there is none before the first, v has to be K y, and the kernel applied to a y with this row 0 last. v is K y
   /// then if there is one behind the last, otherwise as it was: from sweep to sweep it stays in modes.
   void sweep(LcpBatch&, const Array& r, Array& y, Array& v, SweepOrder order);
-  /// r <- r + what x0 adds by itself, for a Kronecker sum: the recurrence of the kernel with x0 in its start, applied
-  /// to `zero`.
-  void add_start(const Recurrence& started, const Array& zero, Array& r);
+  /// r <- known + what x0 adds by itself, for a Kronecker sum: the recurrence of the kernel with x0 in its start, by D
+  /// of Convolution::start_from, applied to `zero`. `known` may be r. `keep`: the plan for it is kept for the next x0.
+  /// False, and r as it was, where the recurrence cannot carry it.
+  bool add_start(const ModalRecurrence&, const Array& D, const Array& zero, const Array& known, Array& r, bool keep);
   std::size_t bytes() const;
 
   double transform_seconds = 0, convolution_seconds = 0;
 
  private:
   Backend& backend_;
-  std::unique_ptr<Convolution> convolution_;
+  std::unique_ptr<Convolution> convolution_, start_;
   std::unique_ptr<SineTransform> sine_;
   std::unique_ptr<Array> y_modes_, v_modes_;
 };

@@ -68,7 +68,7 @@ SparseMatrix source_columns(const DiscreteProblem& p, Index outputs) {
 
 Wide widen(const DiscreteProblem& p, const std::vector<Index>& components) {
   const Dynamics& d = p.scene.dynamics;
-  const SparseMatrix &B = sparse_inputs(d), &given_N = sparse_outputs(d);
+  const SparseMatrix B = sparse_inputs(d), given_N = sparse_outputs(d);
   const Index m = p.scene.states();
   Wide wide;
   wide.n = given_N.rows();
@@ -84,16 +84,7 @@ Wide widen(const DiscreteProblem& p, const std::vector<Index>& components) {
   for (Index i = 0; i < wide.components; ++i) rows.emplace_back(wide.n + i, components[std::size_t(i)], 1.0);
   SparseMatrix N(wide.outputs(), m);
   N.setFromTriplets(rows.begin(), rows.end());
-  wide.dynamics = d;
-  std::visit(
-      [&](auto& w) {
-        if constexpr (requires { w.B.outerSize(); }) {
-          using Map = std::decay_t<decltype(w.B)>;
-          w.B = Map(beside({&B, &F, &x0}, m));
-          w.N = Map(std::move(N));
-        }
-      },
-      wide.dynamics);
+  wide.dynamics = with_inputs_and_outputs(d, beside({&B, &F, &x0}, m), N);
   return wide;
 }
 
@@ -199,7 +190,7 @@ class Attempt {
   // Largest weight of each block (constraints or components) x (y or sources), the same for x0, never below rounding in
   // N (..) B taken 1e6 times.
   void set_scales() {
-    const SparseMatrix rows = sparse_outputs(wide_.dynamics).transpose(), &inputs_of = sparse_inputs(wide_.dynamics);
+    const SparseMatrix rows = sparse_outputs(wide_.dynamics).transpose(), inputs_of = sparse_inputs(wide_.dynamics);
     const Index inputs = wide_.lag_inputs();
     scale_.resize(lags_.cols());
     x0_scale_.resize(x0_.cols());

@@ -6,7 +6,7 @@
 #include "core/kernel/rough_response.hpp"
 #include "core/numerics/phi.hpp"
 
-#include <cmath>
+#include <algorithm>
 #include <map>
 #include <set>
 
@@ -44,17 +44,11 @@ RowMatrix lines_at(const DiscreteProblem& p, const std::vector<LagWindow>& windo
 // The state of what f does on rough steps (core/kernel/rough_response.hpp) at chosen time points, in both sine bases.
 std::map<Index, RowMatrix> rough_states(const DiscreteProblem& p, const std::vector<Index>& rows) {
   std::map<Index, RowMatrix> at;
-  if (!p.rough_response) return at;
-  const KroneckerDynamics& d = *p.kronecker();
-  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
+  if (!p.rough_response || rows.empty()) return at;
   const std::set<Index> wanted(rows.begin(), rows.end());
-  RowMatrix x = RowMatrix::Zero(nu.size(), mu.size()), decay(nu.size(), mu.size());
-  for (Index k = 0; k < nu.size(); ++k) decay.row(k) = (p.h * (mu.array() + nu[k])).exp().transpose();
-  for (Index j = 1; j <= p.J && !wanted.empty() && j <= *wanted.rbegin(); ++j) {
-    x.array() *= decay.array();
-    if (const RoughStep* rough = p.sources->at(j)) x += modal_defect(p, *rough);
+  each_rough_state(p, std::min(p.J, *wanted.rbegin()), [&](Index j, const RowMatrix& x) {
     if (wanted.count(j) > 0) at[j] = x.transpose();
-  }
+  });
   return at;
 }
 
@@ -83,21 +77,14 @@ Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const s
   return x;
 }
 
-// A dense state is small: stepping it costs little and needs no contour.
-Matrix dense_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows,
-                       const StepDefects* defects) {
-  const RowMatrix all = states_of(p, Rule::exponential, y, defects).x;
-  return all(rows, Eigen::all).transpose();
-}
-
 }  // namespace
 
 Matrix states_at_rows(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows,
                       const StepDefects* defects) {
-  if (!p.dense() && !p.kronecker())
-    throw Error("dynamics", "whole states of sparse or supplied dynamics are not computed afterwards",
-                "ask for components with Options::states when solving");
-  return p.kronecker() ? kronecker_states_at(p, y, rows) : dense_states_at(p, y, rows, defects);
+  if (p.kronecker()) return kronecker_states_at(p, y, rows);
+  if (p.dense()) return states_of(p, Rule::exponential, y, defects).x(rows, Eigen::all).transpose();
+  throw Error("dynamics", "whole states of sparse or supplied dynamics are not computed afterwards",
+              "ask for components with Options::states when solving");
 }
 
 }  // namespace bromwich

@@ -10,6 +10,7 @@
 // solves.
 
 #include "../result/tuning.hpp"
+#include "changes.hpp"
 #include "discrete_problem.hpp"
 #include "ringing.hpp"
 #include "space_time_kernel.hpp"
@@ -38,6 +39,7 @@ struct MarchData {
   bool compressed = false;  ///< modal: exponentials fitted to the kernel
 
   SampledSource r = {};                  ///< what the weights leave out; row 0 is not used
+  bool r_has_x0 = false;                 ///< x0 is in r
   double error_of_x0 = 0;                ///< modal, compressed: of what x0 adds
   Vector start = {};                     ///< dense: what x0 and f_0 add to z_0
   RowMatrix forcing = {};                ///< dense: what f adds to z_j, the sources times source_input^T
@@ -57,8 +59,11 @@ class TimeOperator {
 
   const DiscreteProblem& problem() const { return p_; }
 
-  /// The problem has other x0, f and g than before.
-  virtual void renew() {}
+  /// The problem has other x0, f or g than before.
+  virtual void renew(const Changes&) {}
+  /// From now on, what x0 and sources need in order to be taken anew is kept.
+  void keep_prepared() { keeps_ = true; }
+  bool keeps_prepared() const { return keeps_; }
 
   /// Whether y that is linear from step to step is safe here. Made once.
   const BasisChoice& basis();
@@ -77,6 +82,13 @@ class TimeOperator {
   /// r, and the error of x0 in it. `work` is one array of its shape; where f = B phi drives a Kronecker sum it is left
   /// with K phi, and the kernel has been applied to phi last.
   virtual double response(const KernelPlan&, Array& work, Array& r) = 0;
+  /// The same in two parts, where x0's can be had apart. r <- what f and g make of it, by way of `input`; `work` as for
+  /// `response`.
+  virtual bool separates_x0() const { return false; }
+  virtual void response_to_sources(const KernelPlan&, Array& /*input*/, Array& /*work*/, Array& /*r*/) {}
+  /// r <- known + what x0 adds from row 1 on; returns its error. Row 0 of `known`, which may be r, holds N x0 + g(0).
+  /// `zero` holds zeros, and may hold something else afterwards.
+  virtual double add_x0(const KernelPlan&, Array& /*zero*/, const Array& /*known*/, Array& /*r*/) { return 0; }
 
   /// The weights of a grid with `steps` steps, J / steps a power of two, from those of a finer grid or, where null,
   /// from the dynamics.
@@ -94,8 +106,8 @@ class TimeOperator {
 
   /// The weights alone.
   virtual MarchData march_weights(Rule, RecurrenceChoice) = 0;
-  /// The rest, for x0, f and g as the problem has them now.
-  virtual void add_sources(Rule, MarchData&) = 0;
+  /// The rest, for x0, f and g as the problem has them now; what has not changed is there from the last time.
+  virtual void add_sources(Rule, MarchData&, const Changes&) = 0;
 
   /// The states behind y, chosen components: (J+1) x components, row 0 = x0. `defects`: of a result whose steps were
   /// taken in parts.
@@ -114,6 +126,7 @@ class TimeOperator {
 
  private:
   std::optional<BasisChoice> basis_;
+  bool keeps_ = false;
 };
 
 /// Whether stepping m states costs less than transforms over J time points (multiplications of one application of K).

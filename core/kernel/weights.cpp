@@ -3,7 +3,6 @@
 #include <unsupported/Eigen/FFT>
 
 #include <cmath>
-#include <vector>
 
 namespace bromwich {
 

@@ -11,8 +11,8 @@ namespace bromwich {
 
 namespace {
 
-// Gaussian elimination without exchanges meets positive pivots only, beyond rounding. For a Z-matrix: it is a
-// nonsingular M-matrix, whose pivots fall from the diagonal entries.
+// All pivots of Gaussian elimination without exchanges are positive beyond rounding. For a Z-matrix this is equivalent
+// to being a nonsingular M-matrix; its pivots do not exceed the diagonal entries.
 bool pivots_positive(Matrix M) {
   const Index n = M.rows();
   const Vector level = 16 * double(n) * epsilon * M.diagonal().cwiseAbs();
@@ -24,16 +24,16 @@ bool pivots_positive(Matrix M) {
   return true;
 }
 
-// A pivot so small beside its row that the update would lose six digits: the factorization is better off.
+// For a larger ratio of row to pivot the update would lose six digits: M_SS is factorized instead.
 constexpr double safe_growth = 1e6;
 
-// Entries of P(S), those of M being about 1, from which solutions are refined.
+// Solutions are refined if entries of P(S) exceed this; those of M are about 1.
 constexpr double safe_inverse = 1e3;
 
-// Exchanges before the transform is formed anew: its rounding errors grow with their number.
+// Exchanges before the transform is computed again: its rounding errors grow with their number.
 constexpr int most_updates = 100;
 
-// A set's hash is the sum of its members' (the finalizer of splitmix64).
+// The hash of a set is the sum of the hashes of its members (the finalizer of splitmix64).
 std::uint64_t hash(Index i) {
   std::uint64_t z = (std::uint64_t(i) + 1) * 0x9e3779b97f4a7c15u;
   z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -41,7 +41,7 @@ std::uint64_t hash(Index i) {
   return z ^ (z >> 31);
 }
 
-// With another matrix to judge by, the least norm means nothing.
+// If another matrix selects the solution, there is no solution of least norm to prefer.
 LcpClass class_to_solve(const Matrix& M, LcpClass stated, bool judged) {
   const LcpClass c = selection_class(M, stated);
   return c == LcpClass::PSD && judged ? LcpClass::unknown : c;
@@ -80,8 +80,8 @@ void ActiveSetLcp::start_from(const Vector& y) {
   if (!flips_.empty() && !exchange_flips()) reset();
 }
 
-// A value counts as negative below the rounding of the terms it is summed from, and of the largest q: a flip at that
-// level would only swap two equally good active sets. The sum is formed for the few values that need it.
+// A value counts as negative only beyond the rounding of its terms and of the largest q: an exchange at that level
+// would swap two equally good active sets. The sum of the terms is formed only for the few values that need it.
 bool ActiveSetLcp::negative(Index i) const {
   if (!(value_[i] < -rounding_)) return false;
   const bool inactive = !active_[std::size_t(i)];
@@ -109,7 +109,7 @@ void ActiveSetLcp::evaluate() {
   value_(support_) = y;
 }
 
-// One step of iterative refinement: products with an inverse leave residuals that grow with the condition of M_SS.
+// One step of iterative refinement: the residual of a product with an inverse grows with the condition of M_SS.
 void ActiveSetLcp::refine() {
   Vector y = value_(support_), defect = q_(support_);
   for (std::size_t k = 0; k < support_.size(); ++k)
@@ -121,7 +121,7 @@ void ActiveSetLcp::refine() {
   value_(support_) = y;
 }
 
-// Whether the transform is that of a badly conditioned M_SS.
+// Whether the transform belongs to an ill-conditioned M_SS.
 void ActiveSetLcp::look_at_transform() { amplifies_ = P_.size() > 0 && P_.cwiseAbs().maxCoeff() > safe_inverse; }
 
 // Exchanges the indices in flips_ and sorts all indices into support_ (active) and rest_.
@@ -178,8 +178,8 @@ bool ActiveSetLcp::form_transform() {
   return P_.allFinite();
 }
 
-// Updates drift: after many of them, or where many indices change, start again from M. So too where the set before has
-// no transform because M_SS is singular there, which says nothing of the next one.
+// After many updates (rounding accumulates), or if many indices change, the transform is computed from M. The same if
+// the previous set has no transform because its M_SS is singular; the next one may be regular.
 bool ActiveSetLcp::exchange_flips() {
   if (flips_.size() <= 4 + std::size_t(M_.rows()) / 8 && updates_ <= most_updates && (transform_ || form_transform()) &&
       pivot_on_flips(safe_growth))
@@ -188,7 +188,7 @@ bool ActiveSetLcp::exchange_flips() {
   return factorize();
 }
 
-// Exchanges all that has the wrong sign, until nothing has. A set that comes up again starts a cycle.
+// Exchanges all indices with the wrong sign until there are none. A repeated set means a cycle.
 bool ActiveSetLcp::newton(LcpOutcome& outcome) {
   visited_.clear();
   std::uint64_t set = 0;
@@ -209,7 +209,7 @@ bool ActiveSetLcp::newton(LcpOutcome& outcome) {
   return false;
 }
 
-// Murty's rule: the first index with the wrong sign alone. It ends for every P-matrix, after at most 2^n exchanges.
+// Murty's rule: exchanges only the first index with the wrong sign. For a P-matrix it ends after at most 2^n exchanges.
 bool ActiveSetLcp::least_index(LcpOutcome& outcome) {
   reset();
   const int cap = q_.size() < 16 ? 1 << q_.size() : 100 * int(q_.size());
@@ -238,8 +238,8 @@ bool ActiveSetLcp::least_element(LcpOutcome& outcome) {
         if (negative(i)) return false;
       return value_.allFinite() && may_be_taken(support_);
     }
-    // For a Z-matrix the pivots met on the way are those of M_SS, and fall from the diagonal entry: one that is not
-    // positive beyond rounding has no positive solution.
+    // For a Z-matrix these pivots are those of M_SS and do not exceed the diagonal entry. If one is not positive beyond
+    // rounding, there is no positive solution.
     const std::vector<Index> added = flips_;
     for (const Index i : added) {
       flips_.assign(1, i);
@@ -255,7 +255,7 @@ bool ActiveSetLcp::least_element(LcpOutcome& outcome) {
 // A solution found without the active set, in scaled units.
 bool ActiveSetLcp::take(const Vector& y) {
   if (!is_solution(M_, q_, y) || !may_be_taken(support_of(y))) return false;
-  start_from(y);  // where M_SS is singular the next problem starts from the empty set
+  start_from(y);  // if M_SS is singular the next problem starts from the empty set
   taken_ = y;
   return true;
 }
@@ -281,14 +281,14 @@ bool ActiveSetLcp::enumerate(LcpOutcome& outcome) {
   return y && take(*y);
 }
 
-// For Z, and where another matrix decides: the active set is that of a least element.
+// For Z, and if another matrix selects the solution: the active set is that of a least element.
 bool ActiveSetLcp::may_be_taken(const std::vector<Index>& S) const {
   if (least_of_ == nullptr && class_ != LcpClass::Z) return true;
   return pivots_positive((least_of_ ? *least_of_ : M_)(S, S));
 }
 
-// Newton's method ends at a solution wherever M_SS is not close to singular, which P- and Z-matrices are not there.
-// Elsewhere the residual decides; and a monotone problem may have other solutions, of smaller norm.
+// If M_SS is not nearly singular, Newton's method ended at a solution; for P- and Z-matrices this holds. Otherwise the
+// residual decides. A monotone problem may have other solutions of smaller norm.
 bool ActiveSetLcp::is_confirmed() const {
   if (class_ == LcpClass::P || class_ == LcpClass::Z) return true;
   Vector y = Vector::Zero(q_.size());
@@ -296,7 +296,7 @@ bool ActiveSetLcp::is_confirmed() const {
   return is_solution(M_, q_, y) && (class_ != LcpClass::PSD || is_certainly_unique(M_, q_, y));
 }
 
-// What follows where Newton's method found nothing that may be taken.
+// The fallbacks if Newton's method found no acceptable solution.
 bool ActiveSetLcp::fall_back(const Vector& q, LcpOutcome& outcome) {
   outcome.fallback = true;
   if (class_ == LcpClass::PSD) return least_norm(q, outcome) || (!outcome.infeasible && lemke(outcome));

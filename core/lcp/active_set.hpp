@@ -10,7 +10,7 @@
 // Murty's least-index rule always ends (Murty, Linear Algebra Appl. 7, 1974). Z: the least element is reached from the
 // empty set by monotone additions, and the problem is infeasible exactly when an added block's solution is not positive
 // (Chandrasekaran, Opsearch 7, 1970; Cottle, Pang, Stone, The Linear Complementarity Problem). PSD: the solutions form
-// a convex set, so that one that is isolated is the only one; otherwise the one of least norm is taken
+// a convex set, so that an isolated solution is unique; otherwise the one of least norm is returned
 // (core/lcp/least_norm.hpp). A matrix that is both PSD and Z is treated as Z: the least element has the least norm.
 
 #include "lcp_class.hpp"
@@ -29,30 +29,30 @@ struct LcpOutcome {
   bool solved = false;
   bool infeasible = false;  ///< proven (Z and PSD)
   bool fallback = false;    ///< pivoting, a restart from the empty set or the least-norm solver was needed
-  bool exhausted = false;   ///< every active set was tried (n <= 12): no solution exists that may be taken
+  bool exhausted = false;   ///< every active set was tried (n <= 12): no acceptable solution exists
   int newton = 0;           ///< active sets tried
 };
 
-/// Solves problems with one dense matrix and changing q, keeping the active set and its transform from one problem to
-/// the next. A problem with unchanged active set costs O(n |S|), an exchange of k indices O(k n^2); after large
-/// exchanges M_SS is factorized anew, and the transform is formed again when a small exchange follows. Inside, rows and
-/// columns are scaled to comparable size, so that M and q may have any.
+/// Solves problems with one dense matrix and changing q; the active set and its transform are kept from one problem to
+/// the next. A problem with unchanged active set costs O(n |S|), an exchange of k indices O(k n^2). After large
+/// exchanges M_SS is factorized, and the transform is computed again when a small exchange follows. Rows and columns
+/// are scaled internally, so M and q may have any scale.
 class ActiveSetLcp {
  public:
-  /// With `least_of`, a solution also has to be the least element of LCP(., *least_of) seen from the fixed rest, that
-  /// is (*least_of)_SS has to be an M-matrix (positive pivots). For marching, M + W_0 is solved but M decides.
+  /// With `least_of`, a solution is accepted only if (*least_of)_SS is an M-matrix (positive pivots): it is then the
+  /// least element for this matrix. In marching, the matrix is M + W_0 and `least_of` is M.
   ActiveSetLcp(const Matrix& M, LcpClass, const Matrix* least_of = nullptr);
 
-  /// y in SOL(q, M); the active set of the last call is the start. Unsolved: y holds the last iterate.
+  /// y in SOL(q, M), starting from the active set of the last call. If not solved, y is the last iterate.
   LcpOutcome solve(const Vector& q, Vector& y);
 
   /// w = M y + q of the last solution.
   const Vector& slack() const { return w_; }
 
-  /// Forget the active set.
+  /// Start the next call from the empty active set.
   void reset();
 
-  /// Start from the active set {y > 0}; what the solver holds of its present one is used where the two are close.
+  /// Start from the active set {y > 0}. The stored transform is updated if the two active sets differ little.
   void start_from(const Vector& y);
 
  private:
@@ -78,13 +78,13 @@ class ActiveSetLcp {
   void accept(Vector& y);
 
   Equilibration scale_;
-  Matrix M_;                                ///< R M C
-  Matrix original_;                         ///< M as given: PSD only, the least norm depends on the columns' scale
-  Matrix P_;                                ///< P(S) where transform_ holds
-  Eigen::PartialPivLU<Matrix> lu_;          ///< of M_SS where it does not
-  bool transform_ = true, regular_ = true;  ///< regular_: the last M_SS that was factorized
+  Matrix M_;                        ///< R M C
+  Matrix original_;                 ///< M as given; PSD only, since the least norm depends on the scale of the columns
+  Matrix P_;                        ///< P(S) if transform_
+  Eigen::PartialPivLU<Matrix> lu_;  ///< of M_SS otherwise
+  bool transform_ = true, regular_ = true;  ///< regular_: of the last factorized M_SS
   bool amplifies_ = false;                  ///< P_ has large entries
-  int updates_ = 0;                         ///< exchanges since P_ was last formed from M_
+  int updates_ = 0;                         ///< exchanges since P_ was computed from M_
   const Matrix* least_of_;
   LcpClass class_;
   std::vector<char> active_;
@@ -95,7 +95,8 @@ class ActiveSetLcp {
   double rounding_ = 0;                 ///< of the largest entry of q_
 };
 
-/// The least solution of a monotone problem (core/lcp/least_norm.hpp), regularized problems by ActiveSetLcp.
+/// The least-norm solution of a monotone problem (core/lcp/least_norm.hpp); ActiveSetLcp solves the regularized
+/// problems.
 LeastNorm least_norm_solution(const Matrix& M, const Vector& q);
 
 }  // namespace bromwich

@@ -32,7 +32,7 @@ Comparison::Comparison(const LcpMatrix& M) : C_(comparison(M)) {
   if (const auto* dense = std::get_if<Matrix>(&C_); dense && dense->rows() > 0) lu_.compute(*dense);
 }
 
-// Elimination without exchanges: the pivots of a nonsingular M-matrix are positive in any order.
+// Elimination without exchanges: a nonsingular M-matrix has positive pivots in any order.
 Vector Comparison::solve_tridiagonal(const Vector& b) const {
   const Tridiagonal& t = std::get<Tridiagonal>(C_);
   const Index n = b.size();

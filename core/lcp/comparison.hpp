@@ -11,7 +11,7 @@ class Comparison {
  public:
   explicit Comparison(const LcpMatrix&);
 
-  /// <M> is a nonsingular M-matrix: the solution u of <M> u = diag|M| is positive, and <M> u is, beyond rounding.
+  /// <M> is a nonsingular M-matrix: the solution u of <M> u = diag|M| and <M> u are positive beyond rounding.
   bool is_M_matrix() const;
 
   /// <M> u = b.

@@ -9,11 +9,12 @@ struct LcpCount {
   long fallbacks = 0;  ///< problems that needed pivoting or a restart from the empty active set
   long unsolved = 0;   ///< problems left with a residual above rounding level
 
-  void add(const LcpCount& other) {
+  LcpCount& operator+=(const LcpCount& other) {
     solved += other.solved;
     newton += other.newton;
     fallbacks += other.fallbacks;
     unsolved += other.unsolved;
+    return *this;
   }
 };
 

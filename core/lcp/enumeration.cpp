@@ -11,7 +11,7 @@ namespace bromwich {
 
 namespace {
 
-// y >= 0 on S with q in the cone of the columns -M_S and e_i, i not in S: some solution with this active set, if any.
+// A solution with active set S, if there is one: q is in the cone of the columns -M_S and e_i, i not in S.
 Vector in_complementary_cone(const Matrix& M, const Vector& q, const std::vector<Index>& S) {
   const Index n = q.size();
   Matrix A = Matrix::Identity(n, n);
@@ -42,7 +42,7 @@ Vector nonnegative_least_squares(const Matrix& A, const Vector& b) {
         x(P) = z;
         break;
       }
-      double step = 1;  // the longest from x towards z that stays >= 0
+      double step = 1;  // the longest step from x towards z with a result >= 0
       for (std::size_t k = 0; k < P.size(); ++k)
         if (z[Index(k)] <= 0) step = std::min(step, x[P[k]] / (x[P[k]] - z[Index(k)]));
       for (std::size_t k = 0; k < P.size(); ++k) x[P[k]] += step * (z[Index(k)] - x[P[k]]);
@@ -59,11 +59,8 @@ Vector nonnegative_least_squares(const Matrix& A, const Vector& b) {
 std::optional<Vector> solve_by_enumeration(const Matrix& M, const Vector& q,
                                            const std::function<bool(const std::vector<Index>&)>& admissible) {
   const Index n = q.size();
-  std::vector<Index> S;
   for (unsigned set = 0; set < 1u << n; ++set) {
-    S.clear();
-    for (Index i = 0; i < n; ++i)
-      if (set >> i & 1u) S.push_back(i);
+    const std::vector<Index> S = members(set, n);
     if (!admissible(S)) continue;
     Vector y = Vector::Zero(n);
     if (!S.empty()) {

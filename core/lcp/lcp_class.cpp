@@ -52,7 +52,7 @@ bool strictly_dominant(const LcpMatrix& M) {
          (twice.array() > dense.cwiseAbs().colwise().sum().transpose().array()).all();
 }
 
-// D M D with the largest entry of every row of |M| + |M|^T about one: definite as M is, and rounding is comparable.
+// D M D with the largest entry of every row of |M| + |M|^T about one: the same definiteness, with comparable rounding.
 LcpMatrix congruent(const LcpMatrix& M) {
   if (const auto* t = std::get_if<Tridiagonal>(&M)) {
     const Index n = t->diagonal.size();
@@ -68,12 +68,12 @@ LcpMatrix congruent(const LcpMatrix& M) {
   return scaled(M, {d, d});
 }
 
-// Definiteness of S = M + M^T under any rounding of M's entries: rounding moves the eigenvalues of S by no more than
-// those of E = diag(c eps Σ_j |m_ij| + |m_ji|), and S + E or S - E is scaled to a unit diagonal, which changes no sign.
+// Definiteness of S = M + M^T for any rounding of the entries of M: rounding moves the eigenvalues of S by at most
+// those of E = diag(c eps Σ_j |m_ij| + |m_ji|). S + E or S - E is scaled to a unit diagonal, which preserves signs.
 constexpr double entry_rounding = 4 * epsilon;
 
-// A Cholesky factorization of the scaled matrix with `margin` added to the diagonal succeeds. Its own rounding is below
-// 32 n eps for a unit diagonal.
+// Whether the Cholesky factorization of the scaled matrix with `margin` added to the diagonal succeeds. Its rounding is
+// below 32 n eps for a unit diagonal.
 bool definite(const Matrix& M, double sign) {
   const Index n = M.rows();
   Matrix S = M + M.transpose();
@@ -82,7 +82,7 @@ bool definite(const Matrix& M, double sign) {
   Vector scale(n);
   for (Index i = 0; i < n; ++i) {
     if (S(i, i) < 0 || (sign < 0 && S(i, i) == 0)) return false;
-    scale[i] = S(i, i) > 0 ? 1 / std::sqrt(S(i, i)) : 1;  // S_ii = 0 with E only where row and column are zero
+    scale[i] = S(i, i) > 0 ? 1 / std::sqrt(S(i, i)) : 1;  // with E, S_ii = 0 only if row and column are zero
   }
   S = scale.asDiagonal() * S * scale.asDiagonal();
   S.diagonal().setConstant(1 + sign * 32 * double(n) * epsilon);
@@ -112,8 +112,8 @@ bool is_positive_definite(const LcpMatrix& M) {
   return std::visit([](const auto& m) { return definite(m, -1); }, congruent(M));
 }
 
-// Minors by elimination: m_11 > 0, and the same for M without index 1 and for its Schur complement. `error` bounds the
-// rounding of each entry (running error analysis), so that the answer does not depend on how rows are scaled.
+// Principal minors by elimination: m_11 > 0, and recursively M without index 1 and its Schur complement. `error` bounds
+// the rounding of each entry (running error analysis), so the result does not depend on the scaling of rows.
 struct Minors {
   enum class Wanted { positive_beyond_rounding, positive_as_computed };
   Wanted wanted;

@@ -15,8 +15,8 @@ namespace {
 
 constexpr double rank_rounding = 1e-11;  ///< below this a pivot of M_SS counts as zero, relative to the largest
 
-// The x of least norm with A x = b, for a consistent system: scaling its rows changes nothing, and scaling its columns
-// too where A has full rank.
+// The x of least norm with A x = b for a consistent system. Scaling of rows does not change it; scaling of columns does
+// not if A has full rank.
 Vector least_norm_solve(const Matrix& A, const Vector& b) {
   const Equilibration e = equilibrate(A);
   const Eigen::PartialPivLU<Matrix> lu(scaled(A, e));
@@ -37,19 +37,19 @@ class Monotone {
 
   bool solves(const Vector& y) const { return is_solution(scaled_, scaled_q_, y.cwiseQuotient(e_.columns)); }
 
-  /// The limit of the Tikhonov solutions, should S be their active set.
+  /// The limit of the Tikhonov solutions if S is their active set.
   Vector limit(const std::vector<Index>& S) const {
     Vector y = Vector::Zero(n_);
     if (S.empty()) return y;
     const Vector limit = least_norm_solve(M_(S, S), -q_(S));
-    // What is zero in exact arithmetic comes out at the size of rounding, times the condition of M_SS. Where leaving it
-    // out shows in the residual it was not zero.
+    // Values that are zero in exact arithmetic are of the size of rounding times the condition of M_SS. If omitting one
+    // changes the residual, it was not zero.
     y(S) = (limit.array() > 1e-12 * limit.cwiseAbs().maxCoeff()).select(limit, 0);
     if (!solves(y)) y(S) = limit.cwiseMax(0);
     return y;
   }
 
-  /// A solution y = limit(S) is the one of least norm.
+  /// Whether the solution y = limit(S) is the one of least norm.
   bool is_least(const Vector& y, const std::vector<Index>& S) const {
     if (S.empty()) return true;
     Vector slope = Vector::Zero(n_);
@@ -68,7 +68,7 @@ class Monotone {
     return true;
   }
 
-  /// v >= 0 proves that there is no feasible point.
+  /// Whether v >= 0 proves that there is no feasible point.
   bool proves_infeasible(Vector v) const {
     v = v.cwiseMax(0).cwiseQuotient(e_.rows);
     if (!v.allFinite() || !(v.maxCoeff() > 0)) return false;
@@ -79,7 +79,7 @@ class Monotone {
            scaled_q_.dot(v) < -rounding * scaled_q_.cwiseAbs().maxCoeff() * v.sum();
   }
 
-  /// The part of -q_S that M_SS does not reach.
+  /// The part of -q_S outside the range of M_SS.
   Vector out_of_reach(const std::vector<Index>& S) const {
     Vector v = Vector::Zero(n_);
     if (S.empty()) return v;
@@ -107,14 +107,10 @@ class Monotone {
   Vector scaled_q_;
 };
 
-// The solution of least norm among the limits on all active sets: one of them is it.
+// The solution of least norm is one of the limits on all active sets.
 void enumerate(const Monotone& problem, Index n, LeastNorm& best) {
-  std::vector<Index> S;
   for (unsigned set = 0; set < 1u << n; ++set) {
-    S.clear();
-    for (Index i = 0; i < n; ++i)
-      if (set >> i & 1u) S.push_back(i);
-    const Vector y = problem.limit(S);
+    const Vector y = problem.limit(members(set, n));
     if (!problem.solves(y) || (best.solved && y.norm() >= best.y.norm())) continue;
     best.solved = true;
     best.y = y;

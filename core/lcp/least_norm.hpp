@@ -1,10 +1,10 @@
 #pragma once
 // The solution of least Euclidean norm of LCP(q, M), M positive semidefinite.
 //
-// y_eps in SOL(q, M + eps I) tends to it as eps -> 0 (Tikhonov), and for all small eps on one active set S. On that set
-// the limit is y_S = M_SS^+ (-q_S): a positive semidefinite M_SS has the same null space as its transpose, so that
-// (M_SS + eps I)^{-1} tends to the pseudoinverse on its range. So the exact limit is known once S is, and S is right
-// when the first-order term of y_eps = y + eps y' + ... belongs to a solution too:
+// y_eps in SOL(q, M + eps I) tends to it as eps -> 0 (Tikhonov), with one active set S for all small eps. On S the
+// limit is y_S = M_SS^+ (-q_S): a positive semidefinite M_SS has the same null space as its transpose, so (M_SS + eps
+// I)^{-1} tends to the pseudoinverse on its range. So S determines the exact limit. S is correct if the first-order
+// term of y_eps = y + eps y' + ... satisfies
 //
 //     y'_S = -M_SS^+ y_S,  w' = M y' + y;   y'_i >= 0 where y_i = 0, w'_i >= 0 where w_i = 0.
 //
@@ -27,10 +27,10 @@ struct LeastNorm {
   Vector y;
 };
 
-/// Any scale of M's rows and of q.
-/// Solves LCP(q, P) for a definite P: whether it did, and how many active sets it tried.
+/// Solves LCP(q, P) for a definite P; returns whether it did, and the number of active sets tried.
 using DefiniteSolver = std::function<std::pair<bool, int>(const Matrix& P, const Vector& q, Vector& y)>;
 
+/// M and q may have any scale.
 LeastNorm least_norm_solution(const Matrix& M, const Vector& q, const DefiniteSolver&);
 
 }  // namespace bromwich

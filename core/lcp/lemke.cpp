@@ -1,6 +1,6 @@
 // symbol  meaning
 // B       basis, n columns of (I, -M, -d); variables 0..n-1 are w, n..2n-1 are y, 2n is y_0
-// T       B^{-1} (q, I): a row divided by its entry of the entering column is what the lexicographic order compares
+// T       B^{-1} (q, I): the lexicographic order compares rows divided by their entry of the entering column
 
 #include "core/lcp/lemke.hpp"
 
@@ -27,8 +27,8 @@ class Tableau {
     return variable < 2 * n_ ? Vector(-inverse * M_.col(variable - n_)) : Vector(-inverse.rowwise().sum());
   }
 
-  /// The row that leaves: lexicographically least T_i / by_i over by_i > least; y_0 where it ties in the first entry.
-  /// -1: none.
+  /// The row that leaves: lexicographically least T_i / by_i over by_i > least; y_0 if it ties in the first entry. -1
+  /// if there is none.
   Index leaving(const Vector& by, double least) const {
     Index best = -1;
     for (Index i = 0; i < n_; ++i)
@@ -49,7 +49,7 @@ class Tableau {
     return entering;
   }
 
-  /// y of a vector of values of the basic variables.
+  /// y from the values of the basic variables.
   Vector y_part(const Vector& values) const {
     Vector y = Vector::Zero(n_);
     for (Index i = 0; i < n_; ++i)
@@ -100,7 +100,7 @@ LemkeOutcome lemke(const Matrix& M, const Vector& q) {
   Index entering = 2 * n;
   Vector column = tableau.column(entering);
   Index row = tableau.leaving(Vector::Ones(n), 0);
-  const int cap = 1000 + 50 * int(n);  // exponential in the worst case, a few n in practice
+  const int cap = 1000 + 50 * int(n);  // pivots: exponential in the worst case, a few n in practice
   for (; outcome.pivots < cap; ++outcome.pivots) {
     const Index left = tableau.pivot(row, entering, column);
     if (left == 2 * n) {

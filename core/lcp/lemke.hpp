@@ -1,6 +1,6 @@
 #pragma once
 // Lemke's method for LCP(q, M): complementary pivots on w - M y - d y_0 = q, d = (1, ..., 1), until y_0 leaves the
-// basis. Ties of the ratio test are broken lexicographically, so that it always ends: with a solution or on a ray.
+// basis. Ties of the ratio test are broken lexicographically, so it always ends: with a solution or on a ray.
 
 #include "matrix.hpp"
 
@@ -8,13 +8,13 @@ namespace bromwich {
 
 struct LemkeOutcome {
   bool solved = false;
-  bool ray = false;  ///< proves infeasibility for PSD and Z matrices; nothing for others
+  bool ray = false;  ///< proves infeasibility for PSD and Z matrices only
   int pivots = 0;
   Vector y;          ///< solution, where solved
   Vector direction;  ///< of y along the ray
 };
 
-/// For rows and columns of comparable scale.
+/// Precondition: rows and columns of comparable scale.
 LemkeOutcome lemke(const Matrix& M, const Vector& q);
 
 }  // namespace bromwich

@@ -2,6 +2,7 @@
 
 #include "core/lcp/comparison.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/lcp/solution.hpp"
 #include "core/numerics/equilibration.hpp"
 
 #include <Eigen/Eigenvalues>
@@ -17,8 +18,8 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-// ||M_SS^{-1}||_inf; infinite where M_SS is singular to rounding. Rows and columns are scaled to a largest entry of
-// one first, so that singular means dependent, not small.
+// ||M_SS^{-1}||_inf; infinite if M_SS is singular to rounding. Rows and columns are first scaled to a largest entry of
+// one, so that small rows do not count as dependent.
 double inverse_norm(Matrix M) {
   const Index n = M.rows();
   const Vector rows = M.cwiseAbs().rowwise().maxCoeff();
@@ -35,17 +36,14 @@ double inverse_norm(Matrix M) {
 
 double largest_inverse_norm(const Matrix& M) {
   double L = 0;
-  std::vector<Index> S;
   for (unsigned set = 1; set < 1u << M.rows() && L < infinity; ++set) {
-    S.clear();
-    for (Index i = 0; i < M.rows(); ++i)
-      if (set >> i & 1u) S.push_back(i);
+    const std::vector<Index> S = members(set, M.rows());
     L = std::max(L, inverse_norm(M(S, S)));
   }
   return L;
 }
 
-// The smallest eigenvalue of (M + M^T)/2, less its rounding.
+// The smallest eigenvalue of (M + M^T)/2 minus its rounding error.
 double smallest_eigenvalue(const LcpMatrix& M) {
   Eigen::SelfAdjointEigenSolver<Matrix> eigen;
   if (const auto* t = std::get_if<Tridiagonal>(&M)) {

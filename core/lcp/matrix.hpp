@@ -1,5 +1,5 @@
 #pragma once
-// The complementarity matrix M and what is known of it.
+// The complementarity matrix M and its class.
 
 #include "../base/types.hpp"
 
@@ -15,7 +15,7 @@ struct Tridiagonal {
 /// The complementarity matrix M, dense or tridiagonal.
 using LcpMatrix = std::variant<Matrix, Tridiagonal>;
 
-/// What is known of M. `automatic` asks for a test (core/lcp/active_set.hpp).
+/// The class of M as stated by the user. `automatic`: it is tested (core/lcp/lcp_class.hpp).
 enum class LcpClass { automatic, P, Z, PSD, unknown };
 
 Index size(const LcpMatrix&);

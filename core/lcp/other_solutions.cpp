@@ -1,5 +1,7 @@
 #include "core/lcp/other_solutions.hpp"
 
+#include "core/lcp/solution.hpp"
+
 #include <Eigen/LU>
 
 #include <cmath>
@@ -10,13 +12,6 @@ namespace {
 
 constexpr double least_other = 1e-10;
 constexpr double distinct = 1e-6;
-
-std::vector<Index> members(unsigned set, Index n) {
-  std::vector<Index> S;
-  for (Index i = 0; i < n; ++i)
-    if (set >> i & 1u) S.push_back(i);
-  return S;
-}
 
 bool solves(const Matrix& M, const Vector& q, const Vector& y) {
   const Vector w = M * y + q, terms = M.cwiseAbs() * y.cwiseAbs() + q.cwiseAbs();
@@ -29,7 +24,7 @@ bool solves(const Matrix& M, const Vector& q, const Vector& y) {
   return true;
 }
 
-// y moves along a null vector of M_SS, S the rows with w = 0, up to where a component or a gap vanishes.
+// y moves along a null vector of M_SS, S the rows with w = 0, until a component of y or w vanishes.
 std::optional<Vector> along_a_null_vector(const Matrix& M, const Vector& q, const Vector& y) {
   const Index n = y.size();
   const double size = std::max(y.cwiseAbs().maxCoeff(), 1e-300);

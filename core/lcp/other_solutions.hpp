@@ -9,9 +9,9 @@ namespace bromwich {
 
 inline constexpr Index largest_searched = 8;
 
-/// A solution of LCP(q, M) that differs from the solution y by more than 1e-6 of the largest of both, the nearest one;
-/// none where there is no other, or n > 8. On active sets with a singular M_SS, only directions in which y itself can
-/// move are looked at.
+/// The nearest solution of LCP(q, M) that differs from the solution y by more than 1e-6 of the largest entry of both.
+/// Empty if there is none, or n > 8. On active sets with a singular M_SS, only directions in which y itself can move
+/// are searched.
 std::optional<Vector> another_solution(const Matrix& M, const Vector& q, const Vector& y);
 
 }  // namespace bromwich

@@ -8,7 +8,7 @@ namespace bromwich {
 
 namespace {
 
-// Where a number is clearly not rounding, relative to what it is summed from.
+// A number above this level, relative to its terms, is clearly not rounding.
 constexpr double clear = 1e-10;
 
 double rounding(Index n) { return 16 * double(n + 4) * epsilon; }
@@ -56,10 +56,17 @@ LcpMatrix scaled(const LcpMatrix& M, const Equilibration& e) {
   return std::visit([&e](const auto& given) { return LcpMatrix(scaled(given, e)); }, M);
 }
 
-std::vector<Index> support_of(const Vector& y) {
+std::vector<Index> support_of(const Eigen::Ref<const Vector>& y) {
   std::vector<Index> S;
   for (Index i = 0; i < y.size(); ++i)
     if (y[i] > 0) S.push_back(i);
+  return S;
+}
+
+std::vector<Index> members(unsigned set, Index n) {
+  std::vector<Index> S;
+  for (Index i = 0; i < n; ++i)
+    if (set >> i & 1u) S.push_back(i);
   return S;
 }
 
@@ -69,7 +76,7 @@ bool is_solution(const Matrix& M, const Vector& q, const Vector& y) {
   const double largest = q.size() > 0 ? q.cwiseAbs().maxCoeff() : 0;
   for (Index i = 0; i < y.size(); ++i) {
     const double level = rounding(y.size()) * (terms[i] + largest);
-    if (!(y[i] > 0) && w[i] > level) continue;  // positive whatever rounding hides
+    if (!(y[i] > 0) && w[i] > level) continue;  // positive for any rounding
     if (level > 1e-4 * largest) return false;
     if (w[i] < -level || (y[i] > 0 && w[i] > level)) return false;
   }
@@ -90,7 +97,7 @@ bool is_certainly_unique(const Matrix& M, const Vector& q, const Vector& y) {
 
 bool is_certainly_unique(const Tridiagonal& M, const Vector& q, const Vector& y) {
   const Index n = y.size();
-  double c = 0;  // eliminated superdiagonal of the row before, where that is active
+  double c = 0;  // eliminated superdiagonal of the previous row, if that is active
   for (Index i = 0; i < n; ++i) {
     const double lower = i > 0 ? M.lower[i] : 0, upper = i + 1 < n ? M.upper[i] : 0;
     const double left = i > 0 ? lower * y[i - 1] : 0, right = i + 1 < n ? upper * y[i + 1] : 0;

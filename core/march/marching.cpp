@@ -16,7 +16,7 @@ class PreparedMarch final : public PreparedMethod {
       : op_(op), p_(op.problem()), rule_(rule), data_(op.march_weights(rule, options.tuning.recurrence)) {
     const Index rows = p_.J + 1, n = p_.scene.constraints();
     for (auto* array : {&y_, &v_, &r_}) *array = p_.backend.array(rows, n);
-    op_.add_sources(rule_, data_);
+    op_.add_sources(rule_, data_, {});
     if (data_.drive) drive_ = p_.backend.array(rows, n);
     if (data_.forcing.size() > 0) forcing_ = p_.backend.array(rows, data_.forcing.cols());
     MarchProblem problem;
@@ -36,12 +36,15 @@ class PreparedMarch final : public PreparedMethod {
     }
     if (data_.start.size() > 0) problem.start = &data_.start;
     upload_sources();
+    upload_start();
     march_ = p_.backend.march(problem, rows);
   }
 
-  void renew() override {
-    op_.add_sources(rule_, data_);
-    upload_sources();
+  void renew(const Changes& changes) override {
+    const bool had_x0 = data_.r_has_x0;
+    op_.add_sources(rule_, data_, changes);
+    if (changes.sources || had_x0 || data_.r_has_x0) upload_sources();
+    upload_start();
   }
 
   void run(const Options& options, Result& result) override {
@@ -79,11 +82,11 @@ class PreparedMarch final : public PreparedMethod {
  private:
   void upload_sources() {
     upload(p_.backend, data_.r, *r_);
-    p_.backend.upload(p_.start.transpose(), *r_);  // row 0
     add_rough_response(p_, *r_);
     if (drive_) upload(p_.backend, *data_.drive, *drive_);
     if (forcing_) p_.backend.upload(data_.forcing, *forcing_);
   }
+  void upload_start() { p_.backend.upload(p_.start.transpose(), *r_); }  // row 0
 
   TimeOperator& op_;
   const DiscreteProblem& p_;

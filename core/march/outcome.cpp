@@ -84,10 +84,7 @@ void explain_stop(const DiscreteProblem& p, const MarchReport& report, Result& r
 
 void count(const MarchReport& report, Result& result) {
   result.iterations = 1;
-  result.lcp.solved += report.count.solved;
-  result.lcp.newton += report.count.newton;
-  result.lcp.fallbacks += report.count.fallbacks;
-  result.lcp.unsolved += report.count.unsolved;
+  result.lcp += report.count;
   result.seconds.lcp += report.lcp_seconds;
 }
 

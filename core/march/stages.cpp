@@ -7,7 +7,9 @@
 #include "core/lcp/active_set.hpp"
 #include "core/march/outcome.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -113,17 +115,35 @@ class Layers {
   double last_ = -INFINITY;  ///< jump passed
 };
 
-// Steps in which the state jumped on the whole grid: a contact at a time that nobody knows.
+// Contacts at times that nobody knows: steps in which the state jumped when they were taken whole, with the time of the
+// contact where it could be foreseen, or NaN.
 //
-// Implicit Euler takes the state to the constraint by the end of a step, and where y acts on the second derivative of w
-// the velocity that it leaves is that of the way there. It takes the next step to bring it to rest. A short part at the
-// end of the step does the same, so that the point of the grid has the state behind the impact.
-using Contacts = std::set<Index>;
+// Implicit Euler takes the state to the constraint by the end of a step. Where y acts on the second derivative of w,
+// the velocity that it leaves is that of the way there, and the next step brings it to rest. So there are short parts
+// after the time of the contact: the state goes on from there, and not from the end of the step. Without that time they
+// are at the end of the step.
+using Contacts = std::map<Index, double>;
 constexpr std::size_t most_contacts = 64;  ///< steps divided; beyond, they chatter
+constexpr int most_passes = 8;
 
-void divide_contact(double from, std::vector<double>& ends) {
+void divide_contact(double contact, double from, double h, std::vector<double>& ends) {
   const double to = ends.back(), begin = ends.size() > 1 ? ends[ends.size() - 2] : from;
-  ends.insert(ends.end() - 1, {to - (to - begin) / 16, to - (to - begin) / 256});
+  if (contact > begin && contact < to) {
+    for (const double behind : {1, 2, 4})
+      if (contact + (behind + 1) * h / 256 < to) ends.insert(ends.end() - 1, contact + behind * h / 256);
+    if (contact + 3 * h / 256 < to) return;
+  }
+  const double last = ends.size() > 1 ? std::max(begin, ends[ends.size() - 2]) : begin;
+  ends.insert(ends.end() - 1, {to - (to - last) / 16, to - (to - last) / 256});
+}
+
+// Root of the parabola through w at three times, behind the last of them; NaN where there is none.
+double foreseen_root(const Vector& t, const Vector& w) {
+  const double slope = (w[2] - w[1]) / (t[2] - t[1]), before = (w[1] - w[0]) / (t[1] - t[0]);
+  const double bend = (slope - before) / (t[2] - t[0]), at_end = slope + bend * (t[2] - t[1]);
+  const double root = at_end * at_end - 4 * bend * w[2];
+  if (!(w[2] > 0) || !(root >= 0)) return NAN;
+  return t[2] + 2 * w[2] / (-at_end + std::sqrt(root));
 }
 
 StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers, const Contacts& contacts) {
@@ -138,7 +158,8 @@ StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers, const Contact
       layers.divide(from, end, ends);
       from = end;
     }
-    if (contacts.count(j) > 0) divide_contact(p.t[j - 1], ends);
+    if (const auto contact = contacts.find(j); contact != contacts.end())
+      divide_contact(contact->second, p.t[j - 1], p.h, ends);
     for (const double end : ends) {
       grid.lengths.push_back(ends.size() == 1 ? p.h : end - t.back());
       t.push_back(end);
@@ -301,11 +322,21 @@ void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages
   problem.F = source_matrix(p.scene, *problem.dynamics);
 }
 
-// Empty where steps are whole, or where contacts are too many.
-Contacts contacts_of(const StageGrid& grid, const StageSolution& s) {
+// Empty where steps are whole, or where contacts are too many. A contact is foreseen from the three rows before it.
+Contacts contacts_of(const StageGrid& grid, const StageSolution& s, const RowMatrix& g) {
   Contacts contacts;
   if (grid.lengths.empty()) return contacts;
-  for (const Index row : s.jumped) contacts.insert(grid.step[std::size_t(row)]);
+  const Index n = s.y.cols();
+  for (const Index row : s.jumped) {
+    const auto [place, added] = contacts.try_emplace(grid.step[std::size_t(row)], NAN);
+    if (!added || row < 4) continue;
+    const RowMatrix w = s.v.middleRows(row - 3, 3) + g.block(row - 3, g.cols() - n, 3, n);
+    for (Index i = 0; i < n; ++i) {
+      if (!(s.y(row, i) > 0) || (s.y.col(i).segment(row - 3, 3).array() > 0).any()) continue;
+      const double t = foreseen_root(grid.t.segment(row - 3, 3), w.col(i));
+      if (!(t >= place->second)) place->second = t;
+    }
+  }
   return contacts.size() <= most_contacts ? contacts : Contacts();
 }
 
@@ -335,9 +366,15 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   result.seconds.setup += timer.lap();
   const Vector y0 = result.y.row(0).transpose();
   StageSolution s = march_by_stages(given.problem, y0);
-  if (const Contacts contacts = contacts_of(grid, s); options.compares_grids && !contacts.empty()) {
+  // A contact that is taken better moves those that follow it.
+  Contacts divided;
+  for (int pass = 0; pass < most_passes && options.compares_grids; ++pass) {
+    Contacts contacts = contacts_of(grid, s, given.problem.g);
+    const auto known = [&](const auto& contact) { return divided.count(contact.first) > 0; };
+    if (std::all_of(contacts.begin(), contacts.end(), known)) break;
     count(s.report, result);
-    grid = make_grid(p, stages, true, contacts);
+    divided = std::move(contacts);
+    grid = make_grid(p, stages, true, divided);
     state_problem(p, grid, stages, options, given);
     s = march_by_stages(given.problem, y0);
   }

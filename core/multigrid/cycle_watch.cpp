@@ -8,9 +8,9 @@ namespace bromwich {
 
 namespace {
 
-constexpr double slow = 0.5;                ///< contraction of a cycle that does not pay
-constexpr double unseen = 0.1;              ///< contraction of further cycles at least, after one was seen
-constexpr double rounding_changes = 1e-10;  ///< changes that rounding may keep up
+constexpr double slow = 0.5;                ///< contraction of a cycle that is too slow
+constexpr double unseen = 0.1;              ///< smallest contraction assumed for further cycles after the first
+constexpr double rounding_changes = 1e-10;  ///< changes that may be due to rounding
 
 }  // namespace
 

@@ -1,5 +1,5 @@
 #pragma once
-// When the cycles of a multigrid method are over.
+// The stopping rule of the cycles of a multigrid method.
 
 #include "../iteration/functional_iteration.hpp"
 
@@ -8,24 +8,24 @@
 
 namespace bromwich {
 
-/// Watches the changes of y from cycle to cycle.
+/// Monitors the changes of y from cycle to cycle.
 class CycleWatch {
  public:
-  /// `contraction`: of the first cycle, or infinite.
+  /// `contraction`: assumed for the first cycle, or infinite.
   CycleWatch(double tolerance, double contraction) : tolerance_(tolerance), contraction_(contraction) {}
 
-  /// The outcome, where the cycle that changed y so much was the last one.
+  /// Takes the change of y by a cycle; returns the outcome if this cycle is the last one.
   std::optional<IterationOutcome> after(double change);
 
-  /// As it was seen in the last cycle; 0 where it was not.
+  /// Contraction observed in the last cycle; 0 if none.
   double contraction() const { return seen_ ? contraction_ : 0; }
 
-  /// With contraction c what is left after a change is at most change c / (1 - c); c is the larger of the last two,
-  /// since the first is flattered by the error of the start. Infinite where cycles do not contract, or too few were
-  /// seen.
+  /// With contraction c the remaining error after a change is at most change c / (1 - c). c is the larger of the last
+  /// two contractions, since the first one is too small because of the error of the start. Infinite if cycles do not
+  /// contract, or with too few observations.
   double left() const;
 
-  /// Cycles are others from now on: what was seen says nothing of them.
+  /// The cycles change from now on: earlier observations are discarded.
   void restart();
 
   static constexpr Index most_cycles = 40;

@@ -15,12 +15,13 @@ namespace {
 
 constexpr std::size_t grids_of_estimate = 3;
 constexpr double least_ratio = 1.41421356;  ///< of differences: order 1/2
-constexpr double slowly_smoothed = 0.3;     ///< what a step so long leaves of a nested start is of high frequency
-constexpr int most_extra_sweeps = 2;        ///< behind a cycle
-constexpr double poor = 0.15;               ///< contraction of a cycle that may need an exact solution on the coarsest
-/// What the first cycle leaves of the error that a coarse grid sees, over the correction it finds. It is less than
-/// cycles contract by: the start is as smooth as the solution. Where sweeps are known to smooth it is measured
-/// (`bench multigrid` holds the estimates against what is left); elsewhere it is what cycles contract by.
+constexpr double slowly_smoothed =
+    0.3;                              ///< above this smoothing factor the error of a nested start has high frequencies
+constexpr int most_extra_sweeps = 2;  ///< after a cycle
+constexpr double poor = 0.15;         ///< contraction of a cycle that may need an exact coarsest solution
+/// Error seen by a coarse grid after the first cycle, relative to the correction. It is smaller than the contraction of
+/// cycles, since the start is as smooth as the solution. If sweeps are known to smooth, the value is measured
+/// (`bench multigrid` compares the estimates with the true errors); otherwise it is the contraction of cycles.
 constexpr double assumed_contraction = 0.05, assumed_without_symbol = 0.2;
 
 }  // namespace
@@ -52,7 +53,7 @@ void Multigrid::begin(const Options& options, Result& result) {
   failure_.reset();
   start_is_solved_ = false;
   queued_ = all_queue();
-  for (const auto& level : levels_.grids) {  // what an interrupted solve has left
+  for (const auto& level : levels_.grids) {  // values of an interrupted solve
     if (!nested_) break;
     if (level->lcp) level->lcp->collect();
     if (level->march) level->march->collect();
@@ -83,14 +84,14 @@ void Multigrid::nest(const Vector& y0) {
   nested_ = true;
 }
 
-// Below the grids that estimates are made from, a cycle makes up for four times the step as well as for twice.
+// Below the grids used for estimates, a cycle works with a ratio of four between the steps as well as with two.
 bool Multigrid::left_out_of_start(std::size_t l) const {
   if (l <= grids_of_estimate || l + 1 >= levels_.size() || (l - grids_of_estimate) % 2 == 0) return false;
   const TimeLevel &finer = levels_[l - 1], &coarser = levels_[l + 1];
   return finer.steps <= 4 * coarser.steps && finer.unseen <= slowly_smoothed;
 }
 
-// A cycle, but on the coarsest grid, which begins with nothing, and where the error of a start is not smooth.
+// A cycle, or only sweeps: on the coarsest grid, which has no start, and where the error of the start is not smooth.
 void Multigrid::nest_on(std::size_t l) {
   TimeLevel& level = levels_[l];
   const bool coarsest = l + 1 == levels_.size();
@@ -103,7 +104,7 @@ void Multigrid::nest_on(std::size_t l) {
   }
 }
 
-// y of the coarser grid that was started last, or y_0 alone.
+// y of the coarser grid that was started last, or only y_0.
 void Multigrid::start_on(std::size_t l, std::size_t last, const Vector& y0) {
   TimeLevel& level = levels_[l];
   if (nested_) backend_.add(*level.r, -1, *level.r, *level.y);  // arrays are zero when they are made
@@ -145,21 +146,21 @@ IterationOutcome Multigrid::iterate() {
   return *failure_;
 }
 
-// What the coarse grid does not see of the error.
+// The part of the error that the coarse grid does not represent.
 double Multigrid::unseen() {
   const double f = levels_[0].unseen;
   return f / (1 - f) * differences_->collect()[last_sweep];
 }
 
-// Whether what is left is a small enough part of the discretisation error: `seen`, what the coarse grid sees, and what
-// it does not; for the latter there may be further sweeps.
+// Whether the algebraic error is a small enough part of the discretisation error. It consists of `seen`, the part on
+// the coarse grid, and the rest, which further sweeps may reduce.
 bool Multigrid::useful(double seen, int sweeps) {
   for (; std::isfinite(seen) && !failure_; --sweeps) {
     const double wanted = options_->tuning.algebraic_share * useful_error();
     result_->algebraic_error = seen + unseen();
     if (seen + unseen() <= wanted) return true;
     if (sweeps == 0 || !(unseen() * std::pow(levels_[0].unseen, sweeps) < wanted - seen)) return false;
-    if (!watched([this] { one_more_sweep(); })) return false;  // `seen` is of a y that is no more
+    if (!watched([this] { one_more_sweep(); })) return false;  // `seen` belongs to an earlier y
   }
   return false;
 }
@@ -173,8 +174,8 @@ bool Multigrid::march_from_now_on() {
   return true;
 }
 
-// With y_2h and y_4h, the solutions on the next grids: |y_h - y_2h| / (q - 1), q = |y_2h - y_4h| / |y_h - y_2h|; 4
-// where the order is 2, and at most that. Below an order of 1/2 the differences say nothing yet.
+// With y_2h and y_4h, the solutions on the next grids: |y_h - y_2h| / (q - 1), q = |y_2h - y_4h| / |y_h - y_2h|, at
+// most 4 (order 2). Below order 1/2 the differences are not usable yet.
 std::optional<double> Multigrid::discretisation_error() {
   if (levels_.size() < grids_of_estimate) return std::nullopt;
   const std::vector<double>& d = differences_->collect();
@@ -184,14 +185,14 @@ std::optional<double> Multigrid::discretisation_error() {
   return last / (std::min(ratio, 4.0) - 1);
 }
 
-// What the algebraic error is held against. Where the grids do not come together yet: what the estimate would be with
-// the least order that it trusts.
+// The error with which the algebraic error is compared. If the grids do not converge yet, the estimate for the smallest
+// accepted order.
 double Multigrid::useful_error() {
   return discretisation_error().value_or(differences_->collect()[half_step] / (least_ratio - 1));
 }
 
-// Work on the finest grid, with the differences that are looked at behind it. Where it left a problem unsolved, or the
-// nested start did, a whole cycle is made instead, waiting for each batch; false then.
+// Work on the finest grid, followed by the differences. If it, or the nested start, left a problem unsolved, a whole
+// cycle is run instead, waiting for each batch; returns false then.
 bool Multigrid::watched(const std::function<void()>& work) {
   work();
   if (!queued_ || collected()) {
@@ -208,7 +209,7 @@ bool Multigrid::watched(const std::function<void()>& work) {
   }
   whole_cycle();
   start_is_solved_ = true;
-  queued_ = !useful_ && all_queue();  // where all begins anew it has to go on from there
+  queued_ = !useful_ && all_queue();  // a complete restart has to continue in the same way
   return false;
 }
 
@@ -223,7 +224,7 @@ void Multigrid::whole_cycle() {
   compare();
 }
 
-// A cycle in two parts, with sweeps before where one does little; y stays as it is in the first, but for them.
+// A cycle in two parts, with sweeps before if one sweep smooths little. The first part changes y only by these sweeps.
 void Multigrid::look_for_correction() {
   const TimeLevel& finest = levels_[0];
   for (int i = 0; i < finest.sweeps && finest.unseen > far_smoothed; ++i) one_more_sweep();
@@ -252,7 +253,7 @@ void Multigrid::one_more_sweep() {
   compare();
 }
 
-// y with what it was before the last sweep, y_2h with y.
+// Compares y with its value before the last sweep, and y_2h with y.
 void Multigrid::compare() {
   TimeLevel& finest = levels_[0];
   if (useful_) differences_->submit(last_sweep, *finest.y, *finest.old);
@@ -288,7 +289,7 @@ void Multigrid::descend(std::size_t l) {
   pose(l);
 }
 
-// r_c = R (r + K y) - K_c R y, and y_c = R y to begin with.
+// r_c = R (r + K y) - K_c R y, and y_c = R y as the start.
 void Multigrid::pose(std::size_t l) {
   TimeLevel &fine = levels_[l], &coarse = levels_[levels_[l].coarse];
   coarse.kernel->apply_injected(*fine.kernel, *fine.y, *coarse.y, *coarse.v);
@@ -303,8 +304,8 @@ void Multigrid::ascend(std::size_t l) {
   sweep(fine, {.count = 1, .before = true});
 }
 
-// y <- SOL(M + D, r + K y - D y), K y in between. Where nobody looks at a batch by itself, it may be one with what is
-// around it.
+// y <- SOL(M + D, r + K y - D y), with K y computed in between. If batches are not checked one by one, a batch may be
+// merged with the adjacent operations.
 void Multigrid::sweep(TimeLevel& level, SweepOrder order) {
   if (queued_ && level.kernel->sweeps(*level.lcp))
     return level.kernel->sweep(*level.lcp, *level.r, *level.y, *level.v, order);
@@ -336,7 +337,7 @@ void Multigrid::march(TimeLevel& level) {
   judge(report, level.steps);
 }
 
-// Whether everything that was queued came to a solution. Its counts are kept.
+// Whether all queued problems were solved. Adds their counts.
 bool Multigrid::collected() {
   bool solved = true;
   for (const auto& level : levels_.grids) {
@@ -395,9 +396,9 @@ class PreparedMultigrid final : public PreparedMethod {
   PreparedMultigrid(TimeOperator& op, const Options& options, TimeLevels levels)
       : op_(op), p_(op.problem()), levels_(std::move(levels)), multigrid_(p_.backend, options, levels_), at_zero_(p_) {}
 
-  void renew() override {
-    levels_.kernel_error = levels_.take_sources();
-    at_zero_.renew();
+  void renew(const Changes& changes) override {
+    at_zero_.renew();  // first: it waits for a device
+    levels_.kernel_error = levels_.take_sources(changes);
   }
 
   void run(const Options& options, Result& result) override {
@@ -413,12 +414,13 @@ class PreparedMultigrid final : public PreparedMethod {
     Vector y0;
     if (at_zero_.solve(result, y0) != Start::found) return;
     multigrid_.nest(y0);
-    p_.backend.prepare(result.y, p_.J + 1, p_.scene.constraints());  // while a device is at work
+    p_.backend.prepare(result.y, p_.J + 1, p_.scene.constraints());  // while a device works
     const IterationOutcome outcome = multigrid_.iterate();
     result.seconds.sweeps = timer.lap();
     TimeLevel& finest = levels_[0];
     const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { finest.kernel->apply(in, out, first); };
-    const auto lcp = finest.lcp ? nullptr : p_.backend.lcp(p_.scene.M, p_.lcp_class, p_.J + 1);  // it is marched
+    const auto lcp =
+        finest.lcp ? nullptr : p_.backend.lcp(p_.scene.M, p_.lcp_class, p_.J + 1);  // null: the grid is marched
     finish_iteration(p_, options, outcome, apply, finest.lcp ? *finest.lcp : *lcp, *finest.r, *finest.y, *finest.v,
                      result);
     if (result.status == Status::solved) result.error_estimate = multigrid_.discretisation_error();

@@ -7,16 +7,16 @@
 //     correct         y <- y + I (y_c - R y)
 //     smooth
 //
-// R y of a solution y solves its coarse problem, so that y is left as it is. R has to be injection: averages of y and w
-// over time are not complementary where the active set changes. On the coarsest grid there are only sweeps, or, where
-// these do not do, it is marched. The start comes from the coarse grids (nested iteration). K_c R y serves the coarse
-// problem and the first sweep on it.
+// For a solution y, R y solves its coarse problem, so y is a fixed point. R has to be injection: averages of y and w
+// over time are not complementary where the active set changes. On the coarsest grid there are only sweeps, or, if
+// these are not enough, it is marched. The start comes from the coarse grids (nested iteration). K_c R y serves the
+// coarse problem and the first sweep on it.
 //
-// The correction y_c - R y is, up to what the coarse problem is solved to, the error of R y: it estimates what the
-// cycle found. What a cycle leaves is estimated by two parts,
+// The correction y_c - R y is the error of R y before the cycle, up to the accuracy of the coarse problem. The error
+// after the cycle is estimated in two parts,
 //
-//     rho/(1 - rho) |y_c - R y|   of what the coarse grid sees, rho the quotient of two corrections in turn, and
-//     f/(1 - f) |S y - y|         of what it does not, S the last sweep and f = TimeLevel::unseen.
+//     rho/(1 - rho) |y_c - R y|   on the coarse grid, rho the ratio of two successive corrections, and
+//     f/(1 - f) |S y - y|         invisible to it, S the last sweep and f = TimeLevel::unseen.
 
 #include "time_levels.hpp"
 
@@ -26,26 +26,26 @@ class Multigrid {
  public:
   Multigrid(Backend& backend, const Options& options, TimeLevels& levels);
 
-  /// Of a solve, whose counters, sweeps and seconds go to `result`; both have to outlive it.
+  /// For one solve. Counters, sweeps and seconds are added to `result`; problem and result have to outlive the object.
   void begin(const Options& options, Result& result);
 
-  /// From y_0 alone to a first y on the finest grid. A device may still be at work when this returns.
+  /// Computes a first y on the finest grid from y_0. A device may still be working when this returns.
   void nest(const Vector& y0);
 
-  /// Cycles on the finest grid until y stands still, or, with Options::algebraic_share, as long as they are useful. For
-  /// the latter there have to be three grids.
+  /// Cycles on the finest grid until y converges, or, with Options::algebraic_share and three grids, until further
+  /// cycles are of no use.
   IterationOutcome iterate();
 
-  /// Estimated from y on the finest grid after the last cycle and what the nested iteration came to on the two below,
-  /// relative to max(1, |y|) of a time point. Nothing where there are fewer, or where they do not come together.
+  /// Discretisation error, estimated from y on the finest grid after the last cycle and from the nested iteration on
+  /// the next two, relative to max(1, |y|) of a time point. Empty with fewer grids, or if they do not converge.
   std::optional<double> discretisation_error();
 
-  /// One V-cycle for the y and r that grid l holds.
+  /// One V-cycle for the y and r of grid l.
   void cycle(std::size_t l);
 
  private:
-  /// The differences that a solve looks at on the finest grid: the last change by a cycle, or its correction; that by
-  /// the last sweep; |y_h - y_2h| and |y_2h - y_4h|.
+  /// The differences that a solve checks on the finest grid: the last change by a cycle, or its correction; the change
+  /// by the last sweep; |y_h - y_2h| and |y_2h - y_4h|.
   enum Slot : std::size_t { last_change, last_sweep, half_step, quarter_step, slots };
 
   // If all plans of all grids are asynchronous, a cycle never synchronises; failures are detected afterwards and the
@@ -67,7 +67,7 @@ class Multigrid {
   bool left_out_of_start(std::size_t l) const;
   void start_on(std::size_t l, std::size_t last, const Vector& y0);
   void nest_on(std::size_t l);
-  void solve_on(std::size_t l);  // v holds K y
+  void solve_on(std::size_t l);  // precondition: v = K y
   void sweep_coarsest();
   void descend(std::size_t l);
   void pose(std::size_t l);
@@ -90,15 +90,15 @@ class Multigrid {
   const Options* options_;
   TimeLevels& levels_;
   Result* result_ = nullptr;
-  bool useful_;  ///< cycles end where they are of no further use
+  bool useful_;  ///< cycles end when they are of no further use
   bool queued_, nested_ = false, start_is_solved_ = false;
   std::unique_ptr<Differences> differences_;
   std::vector<Recorded> recorded_;
   Vector y0_;
-  std::optional<IterationOutcome> failure_;  ///< what ended a sweep or a march; nothing is done after it
+  std::optional<IterationOutcome> failure_;  ///< of a sweep or a march; nothing is computed after it
 };
 
-/// Its run fills everything that the functional iteration does, cycles and error_estimate too. Null where there are no
+/// Running it sets the same members as the functional iteration, and cycles and error_estimate. Null if there are no
 /// grids to cycle on.
 std::unique_ptr<PreparedMethod> prepare_multigrid(TimeOperator&, const Options&);
 

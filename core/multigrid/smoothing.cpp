@@ -9,7 +9,7 @@ namespace bromwich {
 namespace {
 
 constexpr Index frequencies = 24, most_modes = 48;  ///< of the sample; the symbols are smooth in both
-constexpr Index octave = 6;                         ///< frequencies in each half of what is left
+constexpr Index octave = 6;                         ///< frequencies in each half of the remaining interval
 constexpr Index candidates = 120;
 constexpr double least_diagonal = 0.05;  ///< M + D I keeps this part of the smallest eigenvalue of M
 
@@ -51,7 +51,7 @@ Symbol symbol(const Sample& r, double omega) {
   return K;
 }
 
-// Σ_{d<=steps} W_d. A fit of exponentials holds up to there and no longer: its slowest ones may stand for nothing.
+// Σ_{d<=steps} W_d. A fit of exponentials is valid up to there only: its slowest terms may be meaningless beyond.
 Row sum_of_weights(const Sample& r, Index steps) {
   Row sum = r.w0 + r.w1;
   for (Index k = 0; k < r.E.rows(); ++k) {
@@ -87,7 +87,7 @@ std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecu
     if (const double f = factor(K, D); f < best.factor()) best = {D, {f}, 0};
   }
   best.smooth_factor = factor(smooth, best.shift);
-  // An octave more each.
+  // One octave more for each grid.
   for (double edge = std::numbers::pi / 4; best.unseen.back() < useful && edge * double(steps) > std::numbers::pi;) {
     edge /= 2;
     std::vector<Symbol> lower;

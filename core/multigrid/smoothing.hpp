@@ -5,7 +5,7 @@
 //
 // which has the fixed points of the plain one (D = 0). Where y > 0 and sine modes diagonalise both M and K, an error
 // with mode l and frequency omega (per step) is multiplied by (D - K^_l(omega)) / (M^_l + D), K^_l(omega) = Σ_d W_d,l
-// e^{-i omega d}. What a grid with R times the step cannot see are the frequencies in [pi/(2R), pi].
+// e^{-i omega d}. A grid with R times the step does not represent the frequencies in [pi/(2R), pi].
 
 #include "../kernel/recurrence.hpp"
 #include "../lcp/matrix.hpp"
@@ -16,16 +16,17 @@
 namespace bromwich {
 
 struct Smoothing {
-  double shift = 0;            ///< D
-  std::vector<double> unseen;  ///< largest over modes and what the grids with R = 2, 4, 8, ... cannot see
-  double smooth_factor = 0;    ///< largest over modes at frequency 0, that is for Σ_d W_d over all steps
+  double shift = 0;  ///< D
+  std::vector<double>
+      unseen;  ///< factor, maximum over modes and frequencies invisible to the grids with R = 2, 4, 8, ...
+  double smooth_factor = 0;  ///< maximum over modes at frequency 0, that is for Σ_d W_d over all steps
 
   double factor() const { return unseen.front(); }
 };
 
-/// The D that makes the factor for R = 2 smallest, M + D I an M-matrix as M is. Larger R are looked at as long as the
-/// factors stay below `useful`. Nothing where M is not a symmetric tridiagonal Toeplitz matrix with entries off its
-/// diagonal <= 0.
+/// The D that minimises the factor for R = 2, with M and M + D I M-matrices. Larger R are included as long as the
+/// factors are below `useful`. Empty if M is not a symmetric tridiagonal Toeplitz matrix with off-diagonal entries <=
+/// 0.
 std::optional<Smoothing> best_smoothing(const LcpMatrix& M, const ModalRecurrence&, Index steps, double useful = 0);
 
 }  // namespace bromwich

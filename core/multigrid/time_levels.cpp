@@ -10,38 +10,39 @@ namespace bromwich {
 
 namespace {
 
-constexpr double marched_kappa0 = 1;            ///< M + W_0 is P below it
-constexpr double accurate_kappa0 = 0.1;         ///< of coarse grids that have to make up for what sweeps add
+constexpr double marched_kappa0 = 1;            ///< below it M + W_0 is P
+constexpr double accurate_kappa0 = 0.1;         ///< of coarse grids that have to compensate amplification by sweeps
 constexpr double smoothing_factor = 0.8;        ///< of a sweep on a grid that has a coarser one
-constexpr std::size_t finest_grids = 2;         ///< that are smoothed well: their cycles are few and have to suffice
+constexpr std::size_t finest_grids = 2;         ///< with strong smoothing, since their cycles are few
 constexpr double wanted_factor = 0.1;           ///< of all sweeps of a cycle there
 constexpr double wanted_below = 0.37;           ///< and on coarser grids
-constexpr int most_sweeps = 8;                  ///< before a coarser grid is asked
-constexpr double largest_smooth_factor = 1.01;  ///< at frequency 0: 1, and what a sample of it may miss
-constexpr double easily_smoothed = 0.25;        ///< by a single sweep before
-constexpr double easily_solved = 0.9;           ///< factor of a sweep at frequency 0: the coarsest grid needs few then
-constexpr int few_coarsest_sweeps = 3, few_first_visits = 4;  ///< there, where it is not marched
-constexpr int coarsest_sweeps = 5, first_visits = 3;          ///< elsewhere, at least
-constexpr double symbol_over_w0 = 2.62;  ///< 1/sin(pi/8): of weights that fall monotonously, above pi/4
+constexpr int most_sweeps = 8;                  ///< before the coarse problem
+constexpr double largest_smooth_factor = 1.01;  ///< at frequency 0: 1 plus the error of sampling
+constexpr double easily_smoothed = 0.25;        ///< factor for which a single sweep before is enough
+constexpr double easily_solved = 0.9;           ///< factor at frequency 0 for which the coarsest grid needs few sweeps
+constexpr int few_coarsest_sweeps = 3, few_first_visits = 4;  ///< for these grids, if not marched
+constexpr int coarsest_sweeps = 5, first_visits = 3;          ///< for others, at least
+constexpr double symbol_over_w0 = 2.62;  ///< 1/sin(pi/8): bound for monotonically decreasing weights above pi/4
 constexpr double most_unseen = 0.5;
 
-// With the one behind the correction they multiply what a coarser grid cannot see by `wanted`.
+// Sweeps before the coarse problem. Together with the one after the correction they reduce the error that a coarser
+// grid does not represent by the factor `wanted`.
 int sweeps_before(double factor, double wanted, int fewest) {
   if (factor <= easily_smoothed) return 1;
   return std::clamp(int(std::ceil(std::log(wanted) / std::log(factor))) - 1, fewest, most_sweeps);
 }
 
-// What the next coarser grids may be.
+// Requirements on the next coarser grids.
 struct Coarsening {
-  double kappa0 = 0;  ///< that they may have, 0: none
-  Index ratio = 2;    ///< of the steps, at most
+  double kappa0 = 0;  ///< largest allowed value; 0: there are no coarser grids
+  Index ratio = 2;    ///< largest ratio of the steps
 };
 
 // Chooses the sweeps of this grid.
 //
-// A sweep multiplies what is smooth in time by K/M, which may be far above 1; the coarse grid has to make up for that,
-// so that there is but one sweep a cycle, and the coarse grids have to be accurate. Where the symbol is known and its
-// size at frequency 0 is at most 1, there may be more of both.
+// A sweep multiplies smooth errors by K/M, which may be far above 1. The coarse grid has to compensate for that, so
+// there is only one sweep per cycle, and the coarse grids have to be accurate. If the symbol is known and its size at
+// frequency 0 is at most 1, more sweeps and coarser grids are allowed.
 Coarsening choose_sweeps(const DiscreteProblem& p, TimeLevel& level, double kappa0, std::size_t finer_grids) {
   const ModalRecurrence* modal = modal_recurrence_of(*level.weights);
   const auto best = modal ? best_smoothing(p.scene.M, *modal, level.steps, far_smoothed) : std::nullopt;
@@ -74,18 +75,23 @@ void prepare_march(const DiscreteProblem& p, const std::function<bool()>& interr
   level.march = p.backend.march(problem, level.steps + 1);
 }
 
-// r_c = R r, and K_c phi in place of R K phi: the source piecewise linear on the coarse grid. The kernel of the finer
-// grid has been applied to phi last.
-void add_driven_difference(Backend& backend, TimeLevel& fine, TimeLevel& coarse) {
-  backend.inject(*fine.v, *coarse.y);
-  backend.add(*coarse.r, -1, *coarse.y, *coarse.r);
+// to <- K_c phi - R K phi: the source is piecewise linear on the coarse grid. Precondition: the kernel of the finer
+// grid was applied to phi last.
+void take_driven_difference(Backend& backend, TimeLevel& fine, TimeLevel& coarse, Array& to) {
+  backend.inject(*fine.v, to);
   coarse.kernel->apply_injected_modes(*fine.kernel, *coarse.v);
-  backend.add(*coarse.r, 1, *coarse.v, *coarse.r);
+  backend.add(*coarse.v, -1, to, to);
+}
+
+// r_c = R r and that difference.
+void add_driven_difference(Backend& backend, TimeLevel& fine, TimeLevel& coarse) {
+  take_driven_difference(backend, fine, coarse, *coarse.y);
+  backend.add(*coarse.r, 1, *coarse.y, *coarse.r);
   backend.add(*coarse.y, -1, *coarse.y, *coarse.y);
 }
 
-// r of all grids but the finest, from that, where the kernel of the finest was applied to phi last and v has the
-// outcome.
+// r of all grids below the finest, from r of the finest. Precondition: its kernel was applied to phi last, with the
+// result in v.
 void set_coarse_responses(TimeOperator& op, const std::vector<TimeLevel*>& grids) {
   Backend& backend = op.problem().backend;
   for (std::size_t l = 1; l < grids.size(); ++l) {
@@ -95,7 +101,7 @@ void set_coarse_responses(TimeOperator& op, const std::vector<TimeLevel*>& grids
   }
 }
 
-// The same at any time.
+// The same without that precondition.
 void respond(TimeOperator& op, const std::vector<TimeLevel*>& grids) {
   TimeLevel& finest = *grids[0];
   if (const SampledSource* phi = op.drive()) {
@@ -104,6 +110,53 @@ void respond(TimeOperator& op, const std::vector<TimeLevel*>& grids) {
   }
   set_coarse_responses(op, grids);
 }
+
+// What f and g make of r, kept for other x0.
+class KnownResponse {
+ public:
+  KnownResponse(TimeOperator& op, const KernelPlan& plan, const std::vector<TimeLevel*>& grids)
+      : op_(op), backend_(op.problem().backend), plan_(plan), grids_(grids) {
+    finest_ = backend_.array(grids[0]->r->rows(), grids[0]->r->cols());
+    apart_.resize(grids.size());
+  }
+
+  // The error of x0 in r. Leaves y of the finest grid with anything.
+  double take(const Changes& changes) {
+    TimeLevel& finest = *grids_[0];
+    if (changes.sources) take_sources();
+    backend_.upload(op_.problem().start.transpose(), *finest_);  // row 0
+    backend_.add(*finest_, -1, *finest_, *finest.y);
+    const double error = op_.add_x0(plan_, *finest.y, *finest_, *finest.r);
+    for (std::size_t l = 1; l < grids_.size(); ++l) {
+      TimeLevel& coarse = *grids_[l];
+      backend_.inject(*grids_[l - 1]->r, *coarse.r);
+      if (apart_[l]) backend_.add(*coarse.r, 1, *apart_[l], *coarse.r);
+    }
+    return error;
+  }
+
+ private:
+  void take_sources() {
+    TimeLevel& finest = *grids_[0];
+    op_.response_to_sources(plan_, *finest.y, *finest.v, *finest_);
+    for (std::size_t l = 1; l < grids_.size(); ++l) {
+      TimeLevel& coarse = *grids_[l];
+      if (!op_.drive()) {
+        apart_[l].reset();
+        continue;
+      }
+      if (!apart_[l]) apart_[l] = backend_.array(coarse.r->rows(), coarse.r->cols());
+      take_driven_difference(backend_, *grids_[l - 1], coarse, *apart_[l]);
+    }
+  }
+
+  TimeOperator& op_;
+  Backend& backend_;
+  KernelPlan plan_;
+  std::vector<TimeLevel*> grids_;
+  std::unique_ptr<Array> finest_;
+  std::vector<std::unique_ptr<Array>> apart_;  ///< of the coarser grids: K_c phi - R K phi
+};
 
 }  // namespace
 
@@ -114,7 +167,7 @@ std::size_t TimeLevel::bytes() const {
 
 namespace {
 
-// Weights of all grids there may be, with how they smooth and which they ask.
+// Weights of all possible grids, with their smoothing and the coarse grids that their cycles use.
 TimeLevels choose_grids(TimeOperator& op) {
   const DiscreteProblem& p = op.problem();
   TimeLevels levels;
@@ -154,7 +207,7 @@ TimeLevels time_levels(TimeOperator& op, const Options& options) {
   if (levels.size() == 0) return levels;
   levels.finest = op.finest_kernel(levels[0].weights, options.tuning.convolution);
   levels.description = levels.finest.description + "; grids of ";
-  // Sweeps that smooth and do not enlarge what is smooth do, after a nested start, for what is left on the coarsest.
+  // After a nested start, sweeps are enough on the coarsest grid if they smooth and do not amplify smooth errors.
   const bool swept = levels.size() > 1 && levels.grids.back()->sweeps > 0;
   for (std::size_t l = 0; l < levels.size(); ++l) {
     TimeLevel& level = levels[l];
@@ -171,12 +224,14 @@ TimeLevels time_levels(TimeOperator& op, const Options& options) {
   std::vector<TimeLevel*> grids;
   for (const auto& level : levels.grids) grids.push_back(level.get());
   levels.respond = [&op, grids] { respond(op, grids); };
-  levels.take_sources = [&op, grids, plan = levels.finest] {
-    const double error = op.response(plan, *grids[0]->v, *grids[0]->r);
-    set_coarse_responses(op, grids);
+  std::shared_ptr<KnownResponse> known;
+  if (op.keeps_prepared() && op.separates_x0()) known = std::make_shared<KnownResponse>(op, levels.finest, grids);
+  levels.take_sources = [&op, grids, known, plan = levels.finest](const Changes& changes) {
+    const double error = known ? known->take(changes) : op.response(plan, *grids[0]->v, *grids[0]->r);
+    if (!known) set_coarse_responses(op, grids);
     return std::isnan(plan.error) ? NAN : std::max(plan.error, error);
   };
-  levels.kernel_error = levels.take_sources();
+  levels.kernel_error = levels.take_sources({});
   TimeLevel& coarsest = *levels.grids.back();
   levels.prepare_march = [&p, interrupted = options.interrupted, &coarsest] {
     prepare_march(p, interrupted, coarsest);

@@ -1,17 +1,18 @@
 #pragma once
-// The time grids of a multigrid method: J, J/2, J/4 steps, from which its errors are estimated, and then as many as are
-// of use: where sweeps smooth well, the next grid may have far fewer steps than half.
+// The time grids of a multigrid method: J, J/2 and J/4 steps, from which its errors are estimated, and further grids as
+// far as they are useful. If sweeps smooth well, the next grid may have far fewer than half the steps.
 //
 // symbol    variable   shape          meaning
 // K         kernel     -              discrete convolution of this grid
 // r         r          (J_l+1) x n    right-hand side of this grid's problem y in SOL(M, r + K y)
 // y         y          (J_l+1) x n    its iterate; row 0 is y_0 and never changes
 // v         v          (J_l+1) x n    K y
-// y~        old        (J_l+1) x n    y as the cycle found it, or before the last sweep of the finest grid
-// y_h       nested     (J_l+1) x n    y that the nested iteration came to; of the two grids below the finest
+// y~        old        (J_l+1) x n    y at the start of the cycle, or before the last sweep of the finest grid
+// y_h       nested     (J_l+1) x n    y from the nested iteration; on the two grids below the finest
 // D         shift      1              smoothing solves LCP(M + D I, .), see core/multigrid/smoothing.hpp
 
 #include "../iteration/functional_iteration.hpp"
+#include "../kernel/changes.hpp"
 
 #include <functional>
 #include <vector>
@@ -23,26 +24,27 @@ struct TimeLevel {
   SharedWeights weights;  ///< see core/kernel/weights.hpp for those of coarser grids
   std::shared_ptr<SpaceTimeKernel> kernel;
   std::unique_ptr<Array> r, y, v, old, nested;
-  std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; not of a coarsest grid that is marched from the start
+  std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; null on a coarsest grid that is always marched
   double shift = 0;
-  int sweeps = 0;                ///< before a coarser grid is asked; one follows. On the coarsest: all of a visit
-  int coarsest_sweeps = 0;       ///< of a visit, were this grid the coarsest
-  int first_visits = 0;          ///< to it before anything else, were it the coarsest
-  std::size_t coarse = 0;        ///< the grid that a cycle on this one asks
+  int sweeps = 0;                ///< before the coarse problem; one more follows it. On the coarsest: all of a visit
+  int coarsest_sweeps = 0;       ///< per visit, if this grid is the coarsest
+  int first_visits = 0;          ///< visits at the start, if this grid is the coarsest
+  std::size_t coarse = 0;        ///< the grid of the coarse problem of a cycle on this one
   double unseen = 0;             ///< smoothing factor for error components invisible to the grid `coarse`
-  std::unique_ptr<March> march;  ///< of the coarsest grid only, in place of sweeps
+  std::unique_ptr<March> march;  ///< of the coarsest grid only, instead of sweeps
 
   std::size_t bytes() const;
 };
 
 struct TimeLevels {
-  std::vector<std::unique_ptr<TimeLevel>> grids;  ///< finest first; what points to one stays valid
+  std::vector<std::unique_ptr<TimeLevel>> grids;  ///< finest first; pointers to them stay valid
   std::string description;                        ///< of the kernel and the grids
   KernelPlan finest;                              ///< of the finest grid
   double kernel_error = 0;                        ///< see Result::kernel_error
-  std::function<double()> take_sources;           ///< sets r of all grids from x0, f and g; returns kernel_error
-  std::function<void()> respond;                  ///< sets r of all grids below the finest
-  std::function<void()> prepare_march;            ///< of the coarsest grid, instead of the sweeps there
+  /// Sets r of all grids from x0, f and g, of which some have changed; returns kernel_error.
+  std::function<double(const Changes&)> take_sources;
+  std::function<void()> respond;        ///< sets r of all grids below the finest
+  std::function<void()> prepare_march;  ///< of the coarsest grid, instead of the sweeps there
 
   TimeLevel& operator[](std::size_t l) { return *grids[l]; }
   const TimeLevel& operator[](std::size_t l) const { return *grids[l]; }

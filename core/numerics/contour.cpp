@@ -11,8 +11,8 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180;
 
-// Worst errors are over t in [t0, 5 t0] and over the rays of the sector; the near shapes give the weights of lags 0 and
-// 1 to 1e-15 h.
+// Errors are maxima over t in [t0, 5 t0] and over the rays of the sector. The near shapes give the weights of lags 0
+// and 1 with an error of 1e-15 h.
 // clang-format off
 constexpr std::array<ContourParameters, 6> parameter_table{{
     // half-angle   P   window: gamma, spacing, mu                                   error    near: gamma, spacing, mu
@@ -25,8 +25,8 @@ constexpr std::array<ContourParameters, 6> parameter_table{{
 }};
 // clang-format on
 
-// z(v) = scale (1 + sin(iv - gamma)) and z'(v) = scale i cos(iv - gamma) at v = p spacing, p = 0..P; the conjugate
-// half is folded into the weights.
+// z(v) = scale (1 + sin(iv - gamma)) and z'(v) = scale i cos(iv - gamma) at v = p spacing, p = 0..P; the weights
+// include the conjugate half.
 Contour hyperbola(Index P, const HyperbolaShape& shape, double t0) {
   const double scale = shape.mu / t0;
   Contour contour;

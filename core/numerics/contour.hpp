@@ -5,8 +5,8 @@
 //     z(v) = mu/t0 (1 + sin(iv - gamma)),   z_p = z(p dv),   c_p = dv/(2 pi i) z'(p dv),
 //
 // so all time points of a window share nodes, factorizations and solves (López-Fernández, Palencia, Schädle, SIAM J.
-// Numer. Anal. 44, 2006; Weideman, Trefethen, Math. Comp. 76, 2007). For real A the nodes come in conjugate pairs and
-// only p = 0..P are kept: the sum is then 2 Re with half weight at p = 0.
+// Numer. Anal. 44, 2006; Weideman, Trefethen, Math. Comp. 76, 2007). For real A the nodes are conjugate pairs and only
+// p = 0..P are stored: the sum is then 2 Re with half weight at p = 0.
 
 #include "../base/types.hpp"
 
@@ -23,18 +23,18 @@ struct HyperbolaShape {
 /// Parameters found by minimising the worst error over the sector |arg(-a)| <= half_angle, in double precision
 /// (scripts/contour_parameters.py).
 struct ContourParameters {
-  double half_angle;      ///< of the sector that holds the spectrum, radians
+  double half_angle;      ///< of the sector that contains the spectrum, radians
   Index P;                ///< nodes p = 0..P
   HyperbolaShape window;  ///< for e^{at}, t in a window of ratio 5
-  double error;           ///< its worst error
-  HyperbolaShape near;    ///< for the weights of lags 0 and 1: their 1/z^2 asks for a contour farther from 0
+  double error;           ///< its largest error
+  HyperbolaShape near;    ///< for the weights of lags 0 and 1: their 1/z^2 needs a contour farther from 0
 };
 
-/// Ratio of the windows that the stored parameters are made for.
+/// Ratio t1/t0 of the windows for which the stored parameters are made.
 inline constexpr double window_ratio = 5;
 
-/// The stored parameters with the fewest nodes whose sector holds `half_angle` and whose error is at most `tolerance`;
-/// empty where there are none (half-angles above 60 degrees, tolerances below about 1e-14).
+/// The stored parameters with the fewest nodes for a sector of at least `half_angle` and an error of at most
+/// `tolerance`; empty if there are none (half-angles above 60 degrees, tolerances below about 1e-14).
 std::optional<ContourParameters> contour_parameters(double half_angle, double tolerance = 1e-14);
 
 /// Nodes and weights of one window, upper half of the contour only.
@@ -49,13 +49,13 @@ Contour window_contour(const ContourParameters&, double t0);
 /// For the weights of lags 0 and 1 at step h: t in [h, 2h], a double pole at z = 0.
 Contour near_contour(const ContourParameters&, double h);
 
-/// A circle around the spectrum, for entire functions of hA with any spectrum of radius rho: oscillators and unstable
-/// modes included. Its radius is max(2 rho, rho + 3/h), its trapezoidal rule has 128 nodes (64 kept): error about
-/// 2^-128 or (rho/radius)^128, and eps e^{h radius} by rounding. Empty where h rho > 9. Center 0, t0 = 0, t1 = 2h.
+/// A circle around the spectrum, for entire functions of hA with any spectrum of radius rho, including oscillators and
+/// unstable modes. Radius max(2 rho, rho + 3/h), center 0, t0 = 0, t1 = 2h. The trapezoidal rule has 128 nodes (64
+/// stored); its error is about 2^-128 or (rho/radius)^128, plus rounding of eps e^{h radius}. Empty for h rho > 9.
 std::optional<Contour> circle(double rho, double h);
 
 /// The contour of (2.2) of the Laplace-inversion paper with its printed parameters for one time point t:
-/// gamma = 0.794, mu = sqrt(P)/4, dv = 2.0603/sqrt(P); its error is printed as e^{-2.06 sqrt P}/sqrt P (2.8).
+/// gamma = 0.794, mu = sqrt(P)/4, dv = 2.0603/sqrt(P); the paper gives the error as e^{-2.06 sqrt P}/sqrt P (2.8).
 Contour literal_contour(Index P, double t);
 
 }  // namespace bromwich

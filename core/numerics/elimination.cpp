@@ -10,7 +10,7 @@ namespace {
 
 using Pattern = Eigen::SparseMatrix<char>;
 
-// Pattern of A + A^T in the order given, without the diagonal.
+// Pattern of A + A^T in the given order, without the diagonal.
 Pattern symmetric_pattern(const SparseMatrix& A, const std::vector<int>& order) {
   std::vector<int> position(order.size());
   for (std::size_t i = 0; i < order.size(); ++i) position[std::size_t(order[i])] = int(i);
@@ -68,8 +68,8 @@ std::vector<int> postorder(const std::vector<int>& parent) {
   return order;
 }
 
-// Entries below the diagonal per column of the factor: row i has an entry in every column on the paths from the
-// columns of S's row i up to i.
+// Number of entries below the diagonal in each column of the factor: row i has an entry in every column on the paths
+// from the columns of row i of S up to i.
 std::vector<int> column_counts(const Pattern& S, const std::vector<int>& parent) {
   std::vector<int> count(parent.size(), 0), mark(parent.size(), -1);
   for (int i = 0; i < int(S.cols()); ++i) {
@@ -83,9 +83,8 @@ std::vector<int> column_counts(const Pattern& S, const std::vector<int>& parent)
   return count;
 }
 
-// Runs of columns that share their structure, and runs that nearly do: a chain of fronts with few pivots each moves
-// more memory than it computes, so the last child joins its parent while at most 1/16 of the columns' entries are
-// zeros.
+// Groups columns with equal or nearly equal structure into fronts. A chain of fronts with few pivots each is limited by
+// memory traffic, so the last child is merged with its parent if at most 1/16 of the entries become explicit zeros.
 std::vector<Index> front_starts(const std::vector<int>& parent, const std::vector<int>& count) {
   const Index m = Index(parent.size());
   std::vector<Index> starts, entries;  // of the fronts so far; entries without the zeros

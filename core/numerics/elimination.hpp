@@ -1,16 +1,16 @@
 #pragma once
 // Symbolic part of a multifrontal elimination of zI - A with A sparse, the same for all shifts z.
 //
-// The bordered matrix [zI - A, B; -N, 0] is reduced to its last block, which is then N (zI - A)^{-1} B: no factor is
-// kept and no solve follows. Columns that share their structure are eliminated together in a dense *front*
+// The bordered matrix [zI - A, B; -N, 0] is reduced to its last block, which is then N (zI - A)^{-1} B. No factor is
+// stored and no solve follows. Columns with the same structure are eliminated together in a dense *front*
 //
 //                 pivots   rest   inputs
 //     pivots   [    P       U       U    ]      rest: rows and columns touched by the pivots and eliminated later,
 //     rest     [    L       C       C    ]      inputs, outputs: columns of B and rows of N that have reached the
-//     outputs  [    L       C     result ]      front, which is few where B and N are sparse.
+//     outputs  [    L       C     result ]      front, which are few for sparse B and N.
 //
-// What is left of it (C) waits on a stack for the front of its parent (Duff, Reid, ACM TOMS 9, 1983; Liu, SIAM Review
-// 34, 1992). Order: approximate minimum degree, then a postorder of the elimination tree.
+// The update matrix C stays on a stack until the front of its parent is assembled (Duff, Reid, ACM TOMS 9, 1983; Liu,
+// SIAM Review 34, 1992). Order: approximate minimum degree, then a postorder of the elimination tree.
 
 #include "../base/types.hpp"
 
@@ -22,11 +22,11 @@ struct Front {
   Index first = 0, pivots = 0;       ///< eliminates the positions first .. first+pivots-1 of the order
   std::vector<int> rest;             ///< positions, increasing
   std::vector<int> inputs, outputs;  ///< columns of B and rows of N, increasing
-  Index children = 0;                ///< their remainders lie on top of the stack
+  Index children = 0;                ///< their update matrices are on top of the stack
 
   Index rows() const { return pivots + Index(rest.size() + outputs.size()); }
   Index cols() const { return pivots + Index(rest.size() + inputs.size()); }
-  /// What waits on the stack: all but the pivots and the block of outputs and inputs.
+  /// Size of the update matrix on the stack: all except the pivots and the block of outputs and inputs.
   Index remainder() const { return rest.empty() ? 0 : (rows() - pivots) * (cols() - pivots); }
 };
 
@@ -37,10 +37,10 @@ struct Elimination {
   Index largest_stack = 0;    ///< entries
   double products = 0;        ///< multiplications and additions of one elimination
 
-  Index entries() const { return largest_front + largest_stack; }  ///< of one elimination under way
+  Index entries() const { return largest_front + largest_stack; }  ///< memory of one elimination
 };
 
-/// `dense_inputs` full columns are carried along after those of B.
+/// `dense_inputs`: number of full columns after those of B.
 Elimination analyse(const SparseMatrix& A, const SparseMatrix& B, const SparseMatrix& N, Index dense_inputs);
 
 }  // namespace bromwich

@@ -1,5 +1,5 @@
 #pragma once
-// Diagonal scaling that makes the rows and columns of a matrix comparable, and the condition of what is left.
+// Diagonal scaling that makes the rows and columns of a matrix comparable, and condition estimates.
 
 #include "../base/types.hpp"
 
@@ -13,7 +13,7 @@ struct Equilibration {
 };
 
 /// R and C with the largest entry of every row and column of R A C between about 1/2 and 2; 1 for zero rows, columns.
-/// Powers of two, so that scaling rounds nothing.
+/// Powers of two: scaling causes no rounding.
 Equilibration equilibrate(const Matrix& A);
 
 /// The same, with the largest entry of each row and column of R A C given by `largest(e, rows, columns)`.
@@ -23,8 +23,8 @@ Equilibration equilibrate(Index rows, Index columns, const Largest& largest);
 /// R A C.
 Matrix scaled(const Matrix& A, const Equilibration&);
 
-/// Estimate of 1/(||A||_1 ||A^{-1}||_1) from A = LU; 0 where a pivot is zero or not finite, which Eigen's estimate can
-/// miss (0/0 inside it).
+/// Estimate of 1/(||A||_1 ||A^{-1}||_1) from A = LU; 0 if a pivot is zero or not finite, which Eigen's estimate can
+/// miss (0/0 in its computation).
 double reciprocal_condition(const Eigen::PartialPivLU<Matrix>&);
 
 /// One sweep of equilibration: divides by the square roots of the largest entries of rows and columns.

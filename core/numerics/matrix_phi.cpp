@@ -14,19 +14,19 @@ using namespace phi_series;
 
 namespace {
 
-// Above this size the block matrix of 3m rows costs more than doublings of three m x m matrices.
+// Above this size the block matrix with 3m rows costs more than doublings of three m x m matrices.
 constexpr Index largest_block = 16;
 
 double largest_column_sum(const Matrix& A) { return A.cwiseAbs().colwise().sum().maxCoeff(); }
 
-// Squaring multiplies rounding by the norm: above this it costs more than three digits.
+// Squaring multiplies rounding errors by the norm: above this limit more than three digits are lost.
 constexpr double stiff_norm = 1024;
 
 std::optional<std::vector<Matrix>> stiff_phis(const Matrix& A, int last) {
   return largest_column_sum(A) > stiff_norm ? sectorial_phis(A, last) : std::nullopt;
 }
 
-// A symmetric matrix that was computed is so to rounding of its largest entries; it is not known better than that.
+// A computed symmetric matrix is symmetric up to rounding of its largest entries.
 bool is_symmetric(const Matrix& A) {
   return (A - A.transpose()).cwiseAbs().maxCoeff() <= 8 * epsilon * A.cwiseAbs().maxCoeff();
 }
@@ -58,7 +58,7 @@ MatrixPhi doubled_phi(const Matrix& A) {
   const double norm = largest_column_sum(A);
   const int doublings = norm > series_radius ? int(std::ceil(std::log2(norm / series_radius))) : 0;
   const Matrix X = std::ldexp(1.0, -doublings) * A;
-  // Paterson and Stockmeyer: polynomials of degree 3 in X, themselves the coefficients of one in X^4.
+  // Paterson and Stockmeyer: polynomials of degree 3 in X are the coefficients of a polynomial in X^4.
   const Matrix X2 = X * X, X3 = X2 * X, X4 = X2 * X2;
   Matrix p2 = phi2_coefficients.back() * I;
   for (std::size_t k = phi2_coefficients.size() - 1; k > 0;) {

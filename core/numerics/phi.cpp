@@ -22,7 +22,7 @@ ArrayPhi array_phi(const Eigen::ArrayXd& x) {
 
 double phi(int k, double x) {
   if (k == 0) return std::exp(x);
-  if (std::abs(x) >= series_radius) {  // each step divides by x: the error stays below that of phi_1
+  if (std::abs(x) >= series_radius) {  // each step divides by x, so the error does not exceed that of phi_1
     double value = phi1(x), coefficient = 1;
     for (int j = 1; j < k; ++j) {
       coefficient /= double(j);

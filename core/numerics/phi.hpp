@@ -1,6 +1,6 @@
 #pragma once
-// phi_0(x) = e^x and phi_k(x) = ∫_0^1 e^{(1-s)x} s^{k-1}/(k-1)! ds = Σ_j x^j/(j+k)!, so that phi_k(x) = 1/k! + x
-// phi_{k+1}(x): what exponential integrators are made of.
+// The phi-functions of exponential integrators: phi_0(x) = e^x and
+// phi_k(x) = ∫_0^1 e^{(1-s)x} s^{k-1}/(k-1)! ds = Σ_j x^j/(j+k)!, so that phi_k(x) = 1/k! + x phi_{k+1}(x).
 
 #include "../base/types.hpp"
 
@@ -29,10 +29,10 @@ Complex expm1(Complex z);
 // The series of phi_2, for scalars, arrays and matrices alike.
 namespace phi_series {
 
-// Below this the closed form of phi_2 loses more than the series does: (e^x - 1 - x)/x^2 has absolute error about
-// eps/|x|, the series below leaves out x^17/19! < 2^-56 |x|^17, below rounding of phi_2 >= 0.36 for |x| < 1.
+// Below this radius the closed form of phi_2 is less accurate than the series: (e^x - 1 - x)/x^2 has an absolute error
+// of about eps/|x|. The series omits x^17/19! < 2^-56 |x|^17, below the rounding of phi_2 >= 0.36 for |x| < 1.
 inline constexpr double series_radius = 1.0;
-inline constexpr int series_terms = 18;  // of phi_k, k >= 1: what is left out is below 2/19! < 2^-54 of the first
+inline constexpr int series_terms = 18;  // of phi_k, k >= 1: the remainder is below 2/19! < 2^-54 of the first
 
 // 1/(k+2)!, k = 0..16.
 inline constexpr std::array<double, 17> phi2_coefficients = [] {

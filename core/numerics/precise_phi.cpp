@@ -80,7 +80,7 @@ PairMatrix operator*(const PairMatrix& a, const PairMatrix& b) {
   return product;
 }
 
-constexpr int taylor_terms = 28;  ///< of phi_2 at norms up to 1: what is left out is below 1/30! = 2^-107
+constexpr int taylor_terms = 28;  ///< of phi_2 at norms up to 1: the remainder is below 1/30! = 2^-107
 
 // Σ_k X^k/(k + 2)!, by Horner's rule.
 PairMatrix taylor(const PairMatrix& X) {

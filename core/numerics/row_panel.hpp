@@ -1,6 +1,6 @@
 #pragma once
-// A few rows of a space-time array with their columns contiguous, so that a product with a sparse matrix A is one short
-// vector operation for each of its entries: (x A)_j = Σ_i A_ij x_i for all rows of the panel at once.
+// A few rows of a space-time array stored by columns, so that a product with a sparse matrix A is one short vector
+// operation per entry of A: (x A)_j = Σ_i A_ij x_i for all rows of the panel at once.
 
 #include "../base/threads.hpp"
 
@@ -27,7 +27,7 @@ class RowPanel {
     return values;
   }
 
-  /// Rows first .. first+count-1 of x, count <= height. A row that x does not have, or that is not asked for, is the
+  /// Rows first .. first+count-1 of x, count <= height. Other rows of the panel, and rows outside x, are copies of the
   /// nearest one.
   void load(const Eigen::Ref<const RowMatrix>& x, Index first, Index count) {
     resize(x.cols());
@@ -45,7 +45,7 @@ class RowPanel {
     for (Index j = 0; j < x.cols(); ++j)
       for (int r = 0; r < height; ++r) values_(r, j) = a * from[r][j] + b * next[r][j];
   }
-  /// The other way.
+  /// Writes the panel back to the rows of x.
   void store(Eigen::Ref<RowMatrix> x, Index first, Index count) const {
     for (Index r = 0; r < count; ++r) {
       double* to = x.data() + (first + r) * x.outerStride();
@@ -83,8 +83,8 @@ class RowPanel {
   Eigen::Array<double, height, Eigen::Dynamic> values_;
 };
 
-/// visit(first row, how many) for panels of `rows` rows with `cols` columns, shared out among the threads of the
-/// backend where one is given. make_visit() makes a visit with panels of its own.
+/// Calls visit(first row, number of rows) for panels of `rows` rows with `cols` columns, on the threads of the backend
+/// if one is given. make_visit() makes a visit with panels of its own for each thread.
 template <typename MakeVisit>
 void each_panel(const HostThreads* threads, Index rows, Index cols, const MakeVisit& make_visit) {
   const auto visit_range = [&](Index begin, Index end) {

@@ -1,6 +1,6 @@
 #pragma once
-// Products of many rows with one small or sparse matrix, in panels that stay in cache: arrays over time are long, and a
-// temporary of their size costs more than the arithmetic.
+// Products of many rows with one small or sparse matrix, in panels that fit into the cache: arrays over time are long,
+// and a temporary of their size costs more than the arithmetic.
 
 #include "../base/types.hpp"
 

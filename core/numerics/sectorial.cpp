@@ -13,8 +13,8 @@ namespace bromwich {
 
 namespace {
 
-// The hyperbolas for double poles at 0 hold these sectors up to a shift of 1/4: phi_k(z), k <= 5, comes out to 6e-15/k!
-// for every z in them. Those for narrower sectors pass closer to the pole and lose digits of phi_4 and phi_5.
+// The hyperbolas for double poles at 0 contain these sectors up to a shift of 1/4: phi_k(z), k <= 5, has an error of
+// 6e-15/k! for every z in them. Those for narrower sectors pass closer to the pole; phi_4 and phi_5 are less accurate.
 constexpr double sector_shift = 0.25;
 constexpr double radians_per_degree = std::numbers::pi / 180;
 
@@ -52,7 +52,7 @@ bool in_sector(const Matrix& A, double half_angle, double shift) {
   return hermitian.allFinite() && Eigen::LLT<ComplexMatrix>(hermitian).info() == Eigen::Success;
 }
 
-// Balancing may spread a coupling of fast modes to slow ones: the matrix as given is the second try.
+// Balancing may amplify a coupling of fast to slow modes. So the matrix as given is tried second.
 std::optional<std::vector<Matrix>> sectorial_phis(const Matrix& A, int last) {
   for (const Balanced& b : {balanced(A), Balanced{A, Vector::Ones(A.rows())}})
     for (const double half_angle : {45 * radians_per_degree, 60 * radians_per_degree}) {

@@ -7,7 +7,7 @@ namespace bromwich {
 
 namespace {
 
-// One period of the entries of S as a table: i k is reduced exactly, whatever its size.
+// One period of the entries of S as a table: i k is reduced exactly for any size.
 Vector sine_period(Index n) {
   Vector period(2 * (n + 1));
   for (Index a = 0; a < period.size(); ++a)

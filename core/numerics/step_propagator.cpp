@@ -15,7 +15,7 @@ constexpr std::size_t most_levels = 64;
 
 double one_norm(const Matrix& A) { return A.size() > 0 ? A.cwiseAbs().colwise().sum().maxCoeff() : 0; }
 
-// The same input on [from, from + length] of [0, 1].
+// The input restricted to [from, from + length] of [0, 1].
 QuadraticInput part_of(const QuadraticInput& u, double from, double length) {
   return {u.c0 + from * u.c1 + from * from * u.c2, length * (u.c1 + 2 * from * u.c2), length * length * u.c2};
 }
@@ -42,7 +42,7 @@ void StepPropagator::expand(double d, const QuadraticInput& u, Matrix& X) {
     if (k < 3) X += *c[std::size_t(k)];
     term_ = (d / double(k + 1)) * X;
     sum_ += term_;
-    // Columns may be of very different sizes: what is left is judged entry by entry.
+    // Columns may have very different sizes: the remainder is compared entry by entry.
     if (k >= 2 && (term_.array().abs() <= epsilon / 4 * sum_.array().abs()).all()) break;
   }
   X = sum_;

@@ -1,9 +1,8 @@
 #pragma once
 // x' = A x + c0 + c1 s/d + c2 (s/d)^2 over any part d <= h of a step of a dense scene, for several columns at once.
 //
-// Where |A| d <= 1 the Taylor series of x itself, from products of A with vectors. Longer parts begin with pieces of
-// h/2^k, each with its own phi-functions, so that stiff A stays safe; their matrices are made when they are first asked
-// for.
+// For |A| d <= 1 the Taylor series of x is used, from products of A with vectors. Longer parts begin with pieces of
+// h/2^k with phi-functions of their own, which are accurate for stiff A; their matrices are computed on first use.
 
 #include "../base/types.hpp"
 

@@ -13,7 +13,7 @@ namespace bromwich {
 
 namespace {
 
-// Equations of size 1: a QR factorization keeps small rows only beside rows that are no larger.
+// Scales equations to size 1: a QR factorization loses small rows beside larger ones.
 Segment with_comparable_rows(Segment s) {
   for (Index i = 0; i < s.r.size(); ++i) {
     const double size = std::max(s.V.row(i).cwiseAbs().maxCoeff(), s.U.row(i).cwiseAbs().maxCoeff());
@@ -157,7 +157,7 @@ RowMatrix solve_two_point_in_blocks(const std::vector<const Matrix*>& P, const R
 
 namespace {
 
-// x with A x = b to 1e-14 of b, from 0, or empty. No restarts: V holds all directions.
+// GMRES from 0: x with A x = b to 1e-14 of b, or empty. No restarts: V has all directions.
 Vector gmres(const std::function<Vector(const Vector&)>& A, const Vector& b) {
   constexpr Index most_products = 100;
   constexpr double gmres_tolerance = 1e-14;

@@ -8,12 +8,12 @@ enum class Method {
   automatic,
   multigrid,        ///< functional iteration as the smoother on nested time grids
   contour,          ///< functional iteration, all time points at once, shared contours
-  contour_literal,  ///< (2.17) of the Laplace-inversion paper, a contour per time point
-  march,            ///< exponential piecewise-linear, step by step
-  euler,            ///< implicit Euler (1.3)-(1.4), step by step
+  contour_literal,  ///< (2.17) of the Laplace-inversion paper, one contour per time point
+  march,            ///< time stepping: exponential with piecewise-linear y, or Radau IIA
+  euler,            ///< implicit Euler (1.3)-(1.4)
   galerkin,         ///< exponential Galerkin, all intervals at once: boundary values and mixed problems
                     ///< (core/galerkin/galerkin.hpp)
-  goal,             ///< a time grid made for a quantity of interest (core/goal/goal.hpp)
+  goal,             ///< a time grid adapted to a quantity of interest (core/goal/goal.hpp)
 };
 
 /// "auto", "contour", ...

@@ -1,5 +1,5 @@
 #pragma once
-// What a user may ask of a solve.
+// Options of a solve.
 
 #include "../base/types.hpp"
 #include "method.hpp"
@@ -16,8 +16,8 @@ struct GoalOptions;  // core/goal/options.hpp
 enum class StateSelection { none, all, list };
 
 struct Progress {
-  Index iteration = 0;  ///< sweeps done, or time steps where `total` says how many there are
-  double change = 0;    ///< of the last sweep
+  Index iteration = 0;  ///< completed sweeps; with `total` > 0, completed time steps
+  double change = 0;    ///< of y in the last sweep
   Index total = 0;      ///< steps of a march, 0 for an iteration
 };
 
@@ -56,12 +56,12 @@ struct Options {
   Tuning tuning = {};  ///< for studies of the methods
 };
 
-/// Whether any of the tolerances is set, so that steps are chosen.
+/// Whether any of the tolerances is set, so that error control chooses the steps.
 bool controls_error(const Options&);
 
 struct Scene;  // core/scene/scene.hpp
 
-/// The components of the state that Options::states asks for.
+/// The components of the state that Options::states selects.
 std::vector<Index> recorded_components(const Scene&, const Options&);
 
 }  // namespace bromwich

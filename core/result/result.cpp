@@ -24,7 +24,7 @@ const char* to_string(Status status) {
 
 namespace {
 
-// What y adds to its integral in the step to row j.
+// The integral of y over the step to row j.
 RowMatrix::RowXpr::PlainObject step_integral(const Result& r, Index j) {
   const double h = r.t[j] - r.t[j - 1];
   if (r.y_left.rows() >= j) {

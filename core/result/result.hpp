@@ -25,108 +25,106 @@ struct Seconds {
 };
 Seconds operator+(const Seconds&, const Seconds&);
 
-/// What the error of a result is made of; core/solve/error_control.hpp estimates it. All parts are relative: that of a
-/// component to max(max_t |c_i|, 1e-3 of the largest component of its kind), see core/accuracy/convergence.hpp.
+/// The parts of the error of a result, estimated by core/solve/error_control.hpp. All are relative, for a component to
+/// max(max_t |c_i|, 1e-3 of the largest component of its kind); see core/accuracy/convergence.hpp.
 struct ErrorEstimate {
-  double discretisation = std::numeric_limits<double>::quiet_NaN();  ///< of the finest grid, from the grids before it
-  double kernel = std::numeric_limits<double>::quiet_NaN();          ///< of the weights; NaN where nothing was compared
-  double iteration = 0;                                              ///< left by the last sweep
-  double rounding = 0;  ///< carried along with the active sets; 0 where it was not looked at (large and sparse scenes)
-  double states = std::numeric_limits<double>::quiet_NaN();  ///< of the recorded x, a component by its largest value
-  double order = std::numeric_limits<double>::quiet_NaN();   ///< observed on the last grids; NaN where none was
-  double interior =
-      0;  ///< defect between the time points; 0 where it was not looked at (core/accuracy/interior_check.hpp)
+  double discretisation = std::numeric_limits<double>::quiet_NaN();  ///< of the finest grid, from the coarser grids
+  double kernel = std::numeric_limits<double>::quiet_NaN();          ///< of the weights; NaN if not compared
+  double iteration = 0;                                              ///< after the last sweep
+  double rounding = 0;  ///< propagated with the active sets; 0 if not computed (large and sparse scenes)
+  double states =
+      std::numeric_limits<double>::quiet_NaN();  ///< of the recorded x, each component relative to its largest value
+  double order = std::numeric_limits<double>::quiet_NaN();  ///< observed on the last grids; NaN if none
+  double interior = 0;       ///< defect between the time points; 0 if not computed (core/accuracy/interior_check.hpp)
   double tolerance = 0;      ///< the smallest one given
-  bool of_integral = false;  ///< of the mean of y over [0, t] instead of y(t), where y may jump
+  bool of_integral = false;  ///< the error is that of the mean of y over [0, t], since y may jump
   std::vector<Index> grids;  ///< steps of all grids, the finest last
 
-  double total() const;  ///< of y: the sum of its parts, a kernel error that is not known left out
+  double total() const;  ///< of y: the sum of its parts, without an unknown kernel error
 };
 
 struct GoalReport;   // core/goal/options.hpp
 struct StepDefects;  // core/kernel/step_defects.hpp
 
-/// How an interval of method galerkin is taken (core/galerkin/rules.hpp).
+/// Discretisation of an interval of method galerkin (core/galerkin/rules.hpp).
 enum class IntervalRule : char { galerkin, radau, euler };
 
 struct Result {
   Status status = Status::unsupported;
-  std::string reason;  ///< one line wherever status is not solved
+  std::string reason;  ///< one line if status is not solved
 
   Vector t;     ///< J+1 times
   RowMatrix y;  ///< (J+1) x n; rows after the last valid time are NaN
-  /// J x n, method galerkin: y at the left end of step j, y.row(j+1) at its right; by Radau IIA at a third of the step.
-  /// Empty otherwise.
+  /// J x n, method galerkin: y at the left end of step j (y.row(j+1) is its right end); for Radau IIA at a third of the
+  /// step. Empty for other methods.
   RowMatrix y_left;
-  /// (J+1) x n, the integral of y over [0, t_j] with the quadrature of the steps, impulses that move the state
-  /// included; empty where y_left or linear interpolation of the rows of y tells it.
+  /// (J+1) x n, the integral of y over [0, t_j] with the quadrature of the steps, including impulses on the state.
+  /// Empty if it follows from y_left or from linear interpolation of the rows of y.
   RowMatrix y_integral;
-  /// Method galerkin: the rule of each step (core/galerkin/rules.hpp); empty where all are taken by the method itself.
+  /// Method galerkin: the rule of each step (core/galerkin/rules.hpp); empty if all use the Galerkin discretisation.
   std::vector<IntervalRule> interval_rules;
-  RowMatrix x;                      ///< (J+1) x components of the state that were asked for
-  std::vector<Index> x_components;  ///< which
-  RowMatrix trace;                  ///< (J+1) x n, N x where it was asked for; w = trace + M y + g
-  /// Whether y alternates for many rows (core/kernel/ringing.hpp), where the backend has looked at it already.
+  RowMatrix x;                      ///< (J+1) x requested components of the state
+  std::vector<Index> x_components;  ///< their indices
+  RowMatrix trace;                  ///< (J+1) x n, N x if requested; w = trace + M y + g
+  /// Whether y alternates for many rows (core/kernel/ringing.hpp), if the backend has tested it already.
   std::optional<bool> alternates;
   bool continuous = true;  ///< y is linear between its rows; false: it may jump from step to step
   Index rough_steps = 0;  ///< steps in which f or g is not resolved by the grid, or jumps (core/scene/source_steps.hpp)
-  bool well_posed = true;  ///< the problems of the steps are known to determine y, as far as that was looked at
-  std::optional<double> infeasible_at;
-  std::string warning;  ///< one line about a result that may be called solved: uniqueness, conditioning; or empty
+  bool well_posed = true;               ///< false: a tested problem of a step is not known to determine y
+  std::optional<double> infeasible_at;  ///< the first time without a solution
+  std::string warning;  ///< one line about uniqueness or conditioning, also if status is solved; or empty
 
-  /// max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf) with the kernel of the method; NaN where no solution was
-  /// evaluated.
+  /// max_j ||min(y,w)||_inf / max(1, ||N x + g||_inf) with the kernel of the method; NaN if no solution was evaluated.
   double residual = std::numeric_limits<double>::quiet_NaN();
   /// ||E0 x(0) + ET x(T) - b||_inf / max(1, ||b||_inf); empty without a boundary condition.
   std::optional<double> boundary_residual;
-  /// total() of `errors`, or of x if that is larger. Without Options::tolerance, from method multigrid alone: of y at
-  /// the points of the next coarser grid, in the maximum norm. Empty where not estimated.
+  /// total() of `errors`, or the error of x if that is larger. Without Options::tolerance only method multigrid sets
+  /// it: the error of y at the points of the next coarser grid, in the maximum norm. Empty if not estimated.
   std::optional<double> error_estimate;
-  /// Method multigrid: what further cycles would change, in the measure of `history`. Empty where not estimated.
+  /// Method multigrid: the estimated change of y by further cycles, in the norm of `history`. Empty if not estimated.
   std::optional<double> algebraic_error;
   std::optional<ErrorEstimate> errors;  ///< with Options::tolerance
-  /// Deviation of the kernel weights from values they were not made from, relative to the largest; NaN where there are
-  /// none to compare with. Where x0 starts the kernel and deviates by more, relative to all parts of N x0 in a mode:
-  /// that.
+  /// Difference of the kernel weights from independently computed values, relative to the largest; NaN if there are
+  /// none. If the response to x0 has a larger difference, relative to all parts of N x0 in a mode: that difference.
   double kernel_error = std::numeric_limits<double>::quiet_NaN();
 
-  /// Largest growth of perturbations along the solution (core/accuracy/magnification.hpp); NaN where it was not looked
-  /// at: sparse dynamics, Kronecker sums and very long or large dense scenes.
+  /// Largest growth of perturbations along the solution (core/accuracy/magnification.hpp); NaN if not computed: sparse
+  /// dynamics, Kronecker sums and very long or large dense scenes.
   double magnification = std::numeric_limits<double>::quiet_NaN();
-  /// What rounding adds up to along the solution; 0 where it was not looked at.
+  /// Accumulated rounding errors along the solution; 0 if not computed.
   double rounding = 0;       ///< of the state, relative
   double rounding_of_y = 0;  ///< of y, not relative
 
-  /// How far f and g are, at most, from what is taken for them between points of the grid, relative to the largest
-  /// value of a component; 0: resolved, as far as they were looked at.
+  /// Largest difference of f and g from their approximation between grid points, relative to the largest value of a
+  /// component; 0: resolved at all sampled times.
   double unresolved_sources = 0;
-  bool jumps_inside = false;  ///< g jumps and the method takes no step in parts: y has order 1 around those times
-  /// Steps that were taken in parts, for states computed afterwards; null where none was.
+  bool jumps_inside = false;  ///< g jumps and the method does not divide steps: y has order 1 around those times
+  /// Steps that were divided into parts, for states computed afterwards; null if none.
   std::shared_ptr<const StepDefects> defects;
 
   std::shared_ptr<const GoalReport> goal;  ///< of method goal: quantity, estimates and energies; null otherwise
 
-  Method method = Method::automatic;  ///< that solved the scene, or was tried last
+  Method method = Method::automatic;  ///< the method that solved the scene, or the last one tried
   std::string backend;
-  std::string kernel;                ///< how the kernel was made and applied, in words
-  bool starts_with_impulse = false;  ///< x0 violates the constraints: the state jumps at t = 0, row 0 of y is no value
-  Index euler_steps = 0;             ///< of Radau IIA, taken by implicit Euler since the state jumps in them
+  std::string kernel;                ///< description of how the kernel was made and applied
+  bool starts_with_impulse = false;  ///< x0 violates the constraints: the state jumps at t = 0, y_0 is an impulse
+  Index euler_steps = 0;             ///< steps of a Radau IIA march that use implicit Euler since the state jumps
   Index steps = 0, iterations = 0, cycles = 0;
   std::vector<double> history;  ///< max change of y per iteration, or per cycle, relative to max(1, |y|)
   LcpCount lcp;
   Seconds seconds;
   std::size_t bytes = 0;  ///< arrays and plans held by the solve
-  /// What core/solve/cost.hpp predicted before the solve, for auto the first of its methods that fits.
+  /// Memory that core/solve/cost.hpp predicted before the solve; for auto, of its first method that fits.
   std::size_t bytes_predicted = 0;
 };
 
-/// (J+1) x n: the integral of y over [0, t_j], by the rule that the method takes y with. Rows without y are NaN.
+/// (J+1) x n: the integral of y over [0, t_j], by the quadrature of the method. Rows without y are NaN.
 RowMatrix integral_of_y(const Result&);
 
-/// The same of a scene with an idle constraint (core/scene/port_hamiltonian.hpp): its y = 0.
+/// The same for a scene with an idle constraint (core/scene/port_hamiltonian.hpp), with y = 0.
 Result with_idle_constraint(Result);
 
-/// One more sentence of Result::warning; nothing where it is said already.
+/// Appends a sentence to Result::warning unless it is already there.
 void add_warning(Result&, const std::string& sentence);
 
 }  // namespace bromwich

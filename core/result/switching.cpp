@@ -7,8 +7,9 @@ namespace bromwich {
 
 namespace {
 
-// The root of the rows nearest, next, last (NaN where there is none) at distances 0, 1, 2 steps on the active side, in
-// steps from `nearest` into the step where y vanishes; its error likewise. Nothing where it does not lie in the step.
+// The root of the extrapolated rows nearest, next, last (NaN if there is none), at distances 0, 1, 2 steps on the
+// active side. The root and its error are in steps from `nearest` into the step where y vanishes. Empty if outside the
+// step.
 struct Root {
   double distance, error;
 };
@@ -21,8 +22,8 @@ std::optional<Root> root(double nearest, double next, double last, double beyond
   return Root{distance, std::isnan(error) ? 0.5 : std::min(error, 0.5)};
 }
 
-// Discontinuous y: the line of the interval next to step j that is active throughout. The step itself may be active in
-// part, and then says little.
+// Discontinuous y: extrapolates from the interval next to step j that is active throughout. The step itself may be
+// active in part, so its y is not used.
 Switch by_line(const Result& r, Index j, Index i, bool on, double zero) {
   constexpr double beyond = 0.1;  // of a step: y is known to O(h^2), and so are its roots
   const Index N = r.y_left.rows();
@@ -48,7 +49,7 @@ std::vector<Switch> switches(const Result& result, double negligible) {
   if (rows - first < 2) return found;
   const double zero = negligible * y.middleRows(first, rows - first).cwiseAbs().maxCoeff();
   for (Index j = first; j + 1 < rows; ++j) {
-    // On a grid of many step sizes the step is all that is said.
+    // On a grid with different step sizes only the step is reported.
     const double h = result.goal ? result.t[j + 1] - result.t[j] : result.t[1] - result.t[0];
     for (Index i = 0; i < y.cols(); ++i) {
       const bool before = y(j, i) > zero, on = y(j + 1, i) > zero;
@@ -57,7 +58,7 @@ std::vector<Switch> switches(const Result& result, double negligible) {
         found.push_back(by_line(result, j, i, on, zero));
         continue;
       }
-      // Rows of the active side, going away from the step; a row where y vanishes again is of no use.
+      // Rows of the active side, away from the step; rows where y vanishes again are not used.
       const Index start = on ? j + 1 : j, direction = on ? 1 : -1;
       const auto value = [&](Index steps) {
         const Index row = start + direction * steps;

@@ -1,11 +1,11 @@
 #include "core/scene/mass_matrix.hpp"
 
 #include "core/numerics/equilibration.hpp"
+#include "core/scene/descriptor.hpp"
 
 #include <Eigen/SparseLU>
 
 #include <cmath>
-#include <vector>
 
 namespace bromwich {
 
@@ -24,13 +24,6 @@ bool is_singular(const SparseMatrix& given) {
   const Vector v = Vector::NullaryExpr(E.rows(), [](Index i) { return 1 + std::sin(double(i * i)); });
   const Vector found = lu.solve(Vector(E * v));
   return !((found - v).cwiseAbs().maxCoeff() <= 1e-2);
-}
-
-bool is_all_diagonal(const SparseMatrix& E) {
-  for (Index j = 0; j < E.outerSize(); ++j)
-    for (SparseMatrix::InnerIterator entry(E, j); entry; ++entry)
-      if (entry.row() != j && entry.value() != 0) return false;
-  return true;
 }
 
 // F of f = F phi once E is gone; f per state becomes E^{-1} f.
@@ -76,15 +69,20 @@ Scene without_diagonal(const SparseDynamics& d, Scene scene) {
 }  // namespace
 
 bool has_singular_mass(const Dynamics& dynamics) {
-  if (const auto* d = std::get_if<DenseDynamics>(&dynamics)) return d->E.rows() > 0 && is_singular(d->E);
-  if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) return d->E.rows() > 0 && is_singular(d->E);
-  return false;
+  return std::visit(
+      [](const auto& d) {
+        if constexpr (requires { d.E; })
+          return d.E.rows() > 0 && is_singular(d.E);
+        else
+          return false;
+      },
+      dynamics);
 }
 
 std::optional<Scene> without_mass(const Scene& scene) {
   if (!has_mass(scene.dynamics)) return std::nullopt;
   if (const auto* d = std::get_if<DenseDynamics>(&scene.dynamics)) return without(*d, scene);
-  if (const auto* d = std::get_if<SparseDynamics>(&scene.dynamics); d && is_all_diagonal(d->E))
+  if (const auto* d = std::get_if<SparseDynamics>(&scene.dynamics); d && is_diagonal(d->E))
     return without_diagonal(*d, scene);
   return std::nullopt;
 }

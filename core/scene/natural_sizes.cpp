@@ -324,8 +324,23 @@ NaturalSizes sizes_of(const Matrices& d, const Scene& scene, double terms) {
 }
 
 template <typename Matrices>
-NaturalSizes sizes_of(const Matrices& d, const Scene& scene) {
-  return sizes_of(d, scene, entries(d.A) + entries(d.B) + entries(d.N) + entries(scene.M));
+double terms_of(const Matrices& d, const LcpMatrix& M) {
+  return entries(d.A) + entries(d.B) + entries(d.N) + entries(M);
+}
+
+// Rows divided by the largest entry of E in them, which has to do for E^{-1}: only sizes are wanted.
+SparseDynamics with_lumped_mass(const SparseDynamics& d) {
+  Vector largest = Vector::Zero(d.A.rows());
+  for_entries(d.E, [&](Index i, Index, double e) { largest[i] = std::max(largest[i], std::abs(e)); });
+  const Vector inverse = largest.unaryExpr([](double e) { return e > 0 ? 1 / e : 1; });
+  return {inverse.asDiagonal() * d.A, inverse.asDiagonal() * d.B, d.N};
+}
+
+NaturalSizes sizes_of(const DenseDynamics& d, const Scene& scene) { return sizes_of(d, scene, terms_of(d, scene.M)); }
+
+NaturalSizes sizes_of(const SparseDynamics& given, const Scene& scene) {
+  const SparseDynamics d = given.E.rows() > 0 ? with_lumped_mass(given) : given;
+  return sizes_of(d, scene, terms_of(d, scene.M));
 }
 
 NaturalSizes sizes_of(const KroneckerDynamics& d, const Scene& scene) {
@@ -337,14 +352,6 @@ NaturalSizes sizes_of(const KroneckerDynamics& d, const Scene& scene) {
 NaturalSizes sizes_of(const SuppliedDynamics& d, const Scene& scene) {
   const Index n = scene.constraints();
   return {Vector::Ones(d.states), Vector::Ones(n), Vector::Ones(n)};
-}
-
-// Rows divided by the largest entry of E in them, which has to do for E^{-1}: only sizes are wanted.
-SparseDynamics with_lumped_mass(const SparseDynamics& d) {
-  Vector largest = Vector::Zero(d.A.rows());
-  for_entries(d.E, [&](Index i, Index, double e) { largest[i] = std::max(largest[i], std::abs(e)); });
-  const Vector inverse = largest.unaryExpr([](double e) { return e > 0 ? 1 / e : 1; });
-  return {inverse.asDiagonal() * d.A, inverse.asDiagonal() * d.B, d.N};
 }
 
 }  // namespace
@@ -379,11 +386,7 @@ CommonSizes common_sizes(const KroneckerDynamics& d, const Scene& scene) {
 }
 
 NaturalSizes natural_sizes(const Scene& scene) {
-  const auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics);
-  NaturalSizes s = sparse && sparse->E.rows() > 0
-                       ? sizes_of(with_lumped_mass(*sparse), scene)
-                       : std::visit([&](const auto& d) { return sizes_of(d, scene); }, scene.dynamics);
-  if (std::holds_alternative<KroneckerDynamics>(scene.dynamics)) return s;
+  NaturalSizes s = std::visit([&](const auto& d) { return sizes_of(d, scene); }, scene.dynamics);
   for (Vector* some : {&s.x, &s.y, &s.w})
     for (double& size : *some) size = positive_or(size, 1);
   return s;

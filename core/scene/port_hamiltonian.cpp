@@ -185,13 +185,7 @@ Scene make_scene(PortHamiltonian port, const Vector& x0, double T) {
 
 Scene with_idle_constraint(Scene scene) {
   const Index m = scene.states();
-  if (auto* dense = std::get_if<DenseDynamics>(&scene.dynamics)) {
-    dense->B = Matrix::Zero(m, 1);
-    dense->N = Matrix::Zero(1, m);
-  } else if (auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
-    sparse->B = SparseMatrix(m, 1);
-    sparse->N = SparseMatrix(1, m);
-  }
+  scene.dynamics = with_inputs_and_outputs(std::move(scene.dynamics), SparseMatrix(m, 1), SparseMatrix(1, m));
   scene.M = Matrix(Matrix::Identity(1, 1));
   scene.lcp_class = LcpClass::P;
   return scene;

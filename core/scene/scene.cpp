@@ -13,7 +13,8 @@ namespace {
 
 std::string shape(Index rows, Index cols) { return std::to_string(rows) + " x " + std::to_string(cols); }
 
-void require_shape(const std::string& member, const Matrix& found, Index rows, Index cols, const std::string& meaning) {
+template <typename Found>
+void require_shape(const std::string& member, const Found& found, Index rows, Index cols, const std::string& meaning) {
   if (found.rows() != rows || found.cols() != cols)
     throw Error(member, "is " + shape(found.rows(), found.cols()), "make it " + meaning + " = " + shape(rows, cols));
 }
@@ -26,6 +27,7 @@ void require_length(const std::string& member, const Vector& found, Index length
 
 template <typename Derived>
 void require_finite(const std::string& member, const Eigen::DenseBase<Derived>& values) {
+  if ((0 * values.derived().array()).sum() == 0) return;  // neither NaN nor infinite; vectorised
   for (Index j = 0; j < values.cols(); ++j)
     for (Index i = 0; i < values.rows(); ++i)
       if (const double value = values(i, j); !std::isfinite(value)) {
@@ -41,12 +43,6 @@ void require_positive(const std::string& member, double value) {
 
 void require_some(const std::string& member, Index count, const std::string& what) {
   if (count < 1) throw Error(member, "has no " + what, "give at least one");
-}
-
-void require_shape(const std::string& member, const SparseMatrix& found, Index rows, Index cols,
-                   const std::string& meaning) {
-  if (found.rows() != rows || found.cols() != cols)
-    throw Error(member, "is " + shape(found.rows(), found.cols()), "make it " + meaning + " = " + shape(rows, cols));
 }
 
 void require_finite(const std::string& member, const SparseMatrix& values) {
@@ -174,6 +170,31 @@ Index Scene::sources() const {
   return f_entry == SourceEntry::through_B ? constraints() : states();
 }
 
+Scene written_out(Scene scene) {
+  scene.dynamics = to_dense(scene.dynamics);
+  return scene;
+}
+
+Scene part_of(const Scene& scene, double t, double length, const Vector& x) {
+  Scene part = scene;
+  part.boundary.reset();
+  part.x0 = x;
+  part.T = length;
+  for (auto source : {&Scene::f, &Scene::g})
+    if (scene.*source)
+      part.*source = [given = scene.*source, t](double s, Eigen::Ref<Vector> value) { given(t + s, value); };
+  part.breakpoints.clear();
+  for (const double b : scene.breakpoints)
+    if (b - t > 0 && b - t < length) part.breakpoints.push_back(b - t);
+  return part;
+}
+
+Matrix source_matrix(const Scene& scene, const DenseDynamics& d) {
+  if (scene.f_entry == SourceEntry::through_F) return scene.F;
+  if (scene.f_entry == SourceEntry::through_B) return d.B;
+  return Matrix::Identity(d.A.rows(), d.A.rows());
+}
+
 void Scene::validate() const {
   std::visit([&](const auto& d) { bromwich::validate(d, port != nullptr); }, dynamics);
   const Index m = states(), n = constraints();
@@ -183,11 +204,9 @@ void Scene::validate() const {
   if (boundary)
     bromwich::validate(*boundary, x0, m);
   else
-    require_length("x0", x0, m, "one per state");
-  require_finite("x0", x0);
+    validate_x0(x0);
   validate_free_rows(free_rows, n);
   require_positive("T", T);
-  validate_breakpoints(breakpoints, T);
   if (default_steps < 1) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");
   if (f_entry == SourceEntry::through_F) {
     if (F.rows() != m)
@@ -196,11 +215,21 @@ void Scene::validate() const {
   } else if (F.size() > 0) {
     throw Error("F", "is given but f_entry does not use it", "set f_entry to through_F");
   }
+  validate_sources();
+}
+
+void Scene::validate_x0(const Vector& values) const {
+  require_length("x0", values, states(), "one per state");
+  require_finite("x0", values);
+}
+
+void Scene::validate_sources() const {
+  validate_breakpoints(breakpoints, T);
   if (f && f_entry != SourceEntry::through_B && std::holds_alternative<KroneckerDynamics>(dynamics))
     throw Error("f", "enters the state of a Kronecker sum directly",
                 "give phi with f = B phi and set f_entry to through_B, or write the dynamics densely");
   bromwich::validate("f", f, sources());
-  bromwich::validate("g", g, n);
+  bromwich::validate("g", g, constraints());
 }
 
 }  // namespace bromwich

@@ -60,6 +60,18 @@ struct Scene {
 
   /// Throws Error naming the first member whose size or value is wrong (shapes, NaN, T <= 0).
   void validate() const;
+  /// The same for one part: whether this may be x0 of the scene; its f, g and breakpoints.
+  void validate_x0(const Vector&) const;
+  void validate_sources() const;
 };
+
+/// The scene with A, B, N and E as dense matrices, see to_dense.
+Scene written_out(Scene);
+
+/// The scene on [t, t + length] alone, from the state x, with its clock set back to 0.
+Scene part_of(const Scene&, double t, double length, const Vector& x);
+
+/// F with f = F phi, m x sources(). Precondition: the dynamics of the scene are these.
+Matrix source_matrix(const Scene&, const DenseDynamics&);
 
 }  // namespace bromwich

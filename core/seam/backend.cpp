@@ -13,6 +13,18 @@ void Backend::upload_product(const RowMatrix& amplitudes, const Matrix& shapes, 
   upload(amplitudes * shapes.transpose(), to);
 }
 
+void Backend::upload_projection(const Vector& values, const Array& P, Array& to) {
+  if (fused_.upload_projection) return fused_.upload_projection(values, P, to);
+  constexpr Index together = 64;  // rows of X, by one thread
+  const Eigen::Map<const RowMatrix> X(values.data(), to.cols(), P.cols());
+  RowMatrix weights, product(to.rows(), to.cols());
+  download(P, weights);
+  each_range(X.rows(), together, [&](Index first, Index last) {
+    product.middleCols(first, last - first).noalias() = weights * X.middleRows(first, last - first).transpose();
+  });
+  upload(product, to);
+}
+
 void Backend::download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations) {
   if (fused_.download_during) return fused_.download_during(from, to, operations);
   download(from, to);

@@ -68,6 +68,9 @@ class Backend : public HostThreads {
   std::unique_ptr<LcpBatch> lcp(const LcpMatrix& M, LcpClass c, Index rows) { return shifted_lcp(M, c, 0, rows); }
   /// Row j <- shapes a_j for the rows a_j of `amplitudes`: rows x k, cols x k, k >= 1.
   void upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to);
+  /// to <- P X^T for a table X of the host whose rows lie one after another in `values`: P is k x m, X n x m, `to` k x
+  /// n.
+  void upload_projection(const Vector& values, const Array& P, Array& to);
   /// `download`, and `operations`, which leave `from` as it is, while the values are on their way.
   void download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations);
   /// Sizes `to` for a later download and writes NaN: the first touch of fresh memory costs more than a copy, and

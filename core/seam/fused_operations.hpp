@@ -17,6 +17,7 @@ struct FusedOperations {
   /// gains nothing: the arrays, of `values` numbers each, are so large that the time to launch is negligible.
   std::function<std::function<void()>(Index values, const std::function<void()>& operations)> record;
   std::function<void(const RowMatrix& amplitudes, const Matrix& shapes, Array& to)> upload_product;
+  std::function<void(const Vector& values, const Array& P, Array& to)> upload_projection;
   std::function<void(const Array& from, RowMatrix& to, const std::function<void()>& operations)> download_during;
   std::function<void(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
                      Array& coarse_y, Array& old)>

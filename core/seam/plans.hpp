@@ -36,6 +36,10 @@ class Convolution : public Plan {
   /// `v` must not alias `y`. Rows of y and v before `first` must be those of the previous call; those of v may be
   /// written again with the same values.
   virtual void apply(const Array& y, Array& v, Index first) = 0;
+
+  /// Optional, for a modal recurrence with an `initial`: from now on x0 adds Σ_k D_k E_k^j to row j >= 1, mode by mode,
+  /// D an array K x n. Empty: another x0 needs another plan.
+  std::function<void(const Array& D)> start_from;
 };
 
 struct LcpReport {
@@ -48,7 +52,7 @@ struct LcpReport {
 
   /// Counts and bounds of another batch.
   void add(const LcpReport& other) {
-    count.add(other.count);
+    count += other.count;
     magnitude = std::max(magnitude, other.magnitude);
     finite = finite && other.finite;
   }
@@ -149,7 +153,7 @@ class ImmediateMarch : public March {
   ImmediateMarch() : March(true) {}
   void submit(Array& y, Array& v) final {
     const MarchReport report = run(y, v);
-    sum_.count.add(report.count);
+    sum_.count += report.count;
     if (report.stopped >= 0) sum_.stopped = 0;
   }
   MarchReport collect() final { return std::exchange(sum_, {}); }

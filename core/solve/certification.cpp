@@ -139,7 +139,7 @@ void Certification::confirm_one_of_several(Method method, Result& result) {
   constexpr double any = INFINITY;
   const DiscreteProblem& p = methods_.problem();
   if (comes_out_the_same(method, 2, {1, 1}, result)) return;
-  if (p.dense() && p.scene.states() <= Methods::most_recorded_states) {
+  if (Methods::has_small_dense_state(p.scene)) {
     const OtherSolution other = other_solution(p, result, methods_.all_states(method, result));
     if (other.row > 0 && !other.moves_the_state && comes_out_the_same(method, 2, {any, 1}, result)) return;
   }
@@ -152,7 +152,7 @@ void Certification::confirm_one_of_several(Method method, Result& result) {
 void Certification::resolve_modes(Method method, const RowMatrix& known, Result& result) {
   const DiscreteProblem& p = methods_.problem();
   const bool rational = method == Method::euler || !result.continuous;
-  if (!p.dense() || p.scene.states() > Methods::most_recorded_states) return;
+  if (!Methods::has_small_dense_state(p.scene)) return;
   // Implicit Euler takes the means of rough sources, and has other states then.
   const bool fits = known.rows() == p.J + 1 && !(method == Method::euler && p.sources);
   if (!rational) {
@@ -206,7 +206,7 @@ void Certification::look_for_other_solutions(Result& result) {
   const DiscreteProblem& p = methods_.problem();
   const bool suspect = !result.well_posed || p.lcp_class == LcpClass::Z || p.lcp_class == LcpClass::unknown;
   if (!suspect) return;
-  const OtherSolution other = p.dense() && p.scene.states() <= Methods::most_recorded_states
+  const OtherSolution other = Methods::has_small_dense_state(p.scene)
                                   ? other_solution(p, result, methods_.all_states(result.method, result))
                                   : OtherSolution{};
   if (other.row == 0)
@@ -285,7 +285,7 @@ bool Certification::comes_out_the_same(Method method, Index factor, Slack slack,
   const auto rows = Eigen::seq(0, factor * p.J, factor / 2);  // those that half the step has
   const Change y = change_when_halved(integral_of_y(result), integral_of_y(fine)(rows, Eigen::all), p.J);
   if (!(y.mean <= slack.of_y * most_mean_change)) return false;
-  if (!p.dense() || p.scene.states() > Methods::most_recorded_states) return true;
+  if (!Methods::has_small_dense_state(p.scene)) return true;
   const RowMatrix coarse = methods_.all_states(method, result),
                   halved = finer.all_states(method, fine)(rows, Eigen::all);
   // A state held at 0 by terms that cancel is rounding.

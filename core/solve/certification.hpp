@@ -22,9 +22,9 @@ class Certification {
   /// The steps are too long for this scene, or rounding leaves nothing: no method of lower order will do better.
   bool sensitive() const { return sensitive_; }
 
-  /// From now on results are those of a method that stands in for a better one, on the same grid: what they damp counts
-  /// against them, and half the step has to confirm them, unless it is the steps of the better one that were in doubt
-  /// and not its order.
+  /// From now on results come from a method that stands in for a better one on the same grid. Modes that it damps count
+  /// against them. Half the step has to confirm them, unless the steps of the better method were in doubt, not its
+  /// order.
   void expect_last_resort(bool confirm) {
     last_resort_ = true;
     confirm_last_resort_ = confirm;

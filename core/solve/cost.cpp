@@ -41,7 +41,8 @@ Cost sum(const std::vector<Part>& parts, double operations) {
 }
 
 struct Sizes {
-  double m, n, J, c, k;
+  double m, n, J, c, k;  ///< J: time points
+  int threads = 1;
   double table() const { return number * J * (6 * n + k + c); }
 };
 
@@ -58,7 +59,7 @@ constexpr const char* weights = "lag weights (J x n x n)";
 // The convolution of a dense scene steps the state where that costs less than transforms of length 2J.
 bool scanned(const Sizes& s) { return scan_is_cheaper(s.m, s.n, s.J); }
 
-Cost dense(const Sizes& s, Method method) {
+Cost cost_of(const DenseDynamics&, const Sizes& s, Method method) {
   const double step = s.J * (s.m * s.m + 2 * s.m * s.n + 4 * s.n * s.n);
   const double setup = 60 * s.m * s.m * s.m + 10 * s.n * s.n * s.n;
   const double forcing = s.k > 0 ? number * s.J * s.m : 0;
@@ -90,7 +91,7 @@ Part coarsest_march(const Sizes& s, Method method) {
   return {method == Method::multigrid ? number * 6 * s.n * s.n : 0, problems};
 }
 
-Cost kronecker(const Sizes& s, Method method) {
+Cost cost_of(const KroneckerDynamics&, const Sizes& s, Method method) {
   const double lines = s.m / s.n;
   if (method == Method::contour_literal)
     return sum({{s.table(), tables}, {26 * 16 * s.J * s.n, "resolvents of every time point (26 J x n)"}},
@@ -104,14 +105,14 @@ Cost kronecker(const Sizes& s, Method method) {
              s.J * (s.n * s.n + 3 * s.n * std::min(lines, 60.0)) + s.n * s.n * s.n);
 }
 
-Cost sparse(const Sizes& s, const SparseDynamics& d, Method method, Index J, int threads) {
+Cost cost_of(const SparseDynamics& d, const Sizes& s, Method method) {
   const double n = s.n, inputs = n + s.k + 1;
   if (method == Method::euler)
     return sum({{s.table(), tables},
                 {40 * std::pow(s.m, 1.2) + 12 * double(d.A.nonZeros()), "the factors of I - hA"},
                 {number * (s.m * n + 6 * n * n), "responses of the state to y (m x n)"}},
                s.J * (60 * std::pow(s.m, 1.2) + s.m * n));
-  const double solver = predicted_sparse_bytes(d, J, Index(inputs), Index(n + s.c), threads);
+  const double solver = predicted_sparse_bytes(d, Index(s.J) - 1, Index(inputs), Index(n + s.c), s.threads);
   return sum({{s.table(), tables},
               grids(s, method, 6 + 4 * n),  // with the weights of all of them
               {number * 2 * s.J * (n + s.c) * inputs, weights},
@@ -120,7 +121,7 @@ Cost sparse(const Sizes& s, const SparseDynamics& d, Method method, Index J, int
 }
 
 // What the solver of the user takes is not known.
-Cost supplied(const Sizes& s, Method method) {
+Cost cost_of(const SuppliedDynamics&, const Sizes& s, Method method) {
   const double n = s.n, inputs = n + s.k + 1;
   return sum({{s.table(), tables},
               grids(s, method, 6 + 4 * n),
@@ -129,9 +130,9 @@ Cost supplied(const Sizes& s, Method method) {
              sweeps_of(method) * 40 * s.J * n * n * std::log2(s.J + 2));
 }
 
-Sizes sizes(const Scene& scene, Index J, Index components) {
-  return {double(scene.states()), double(scene.constraints()), double(J) + 1, double(components),
-          scene.f ? double(scene.sources()) : 0};
+Sizes sizes(const Scene& scene, Index J, Index components, int threads = 1) {
+  return {double(scene.states()), double(scene.constraints()),           double(J) + 1,
+          double(components),     scene.f ? double(scene.sources()) : 0, threads};
 }
 
 // ---- on a device ----
@@ -142,7 +143,7 @@ double padded(double n) { return n < 16 ? n : 8 * std::ceil(n / 8); }
 // An FFT over lag weights: their spectrum, the column of y_0, and spectra with workspaces of all columns.
 Part lag_weights(const Sizes& s) { return {number * s.J * (3 * s.n * s.n + 10 * s.n), weights}; }
 
-void add_dense_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
+void add_plans(const DenseDynamics&, const Sizes& s, Method method, std::vector<Part>& parts) {
   parts.push_back({number * (4 * s.m * s.m + 3 * s.m * s.n), states});
   parts.push_back({number * 6 * s.n * s.n, problems});
   if (s.k > 0 && !iterates(method)) parts.push_back({number * s.J * s.m, "the source at all times (J x m)"});
@@ -152,7 +153,7 @@ void add_dense_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
                              : lag_weights(s));
 }
 
-void add_kronecker_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
+void add_plans(const KroneckerDynamics&, const Sizes& s, Method method, std::vector<Part>& parts) {
   if (!iterates(method)) {
     parts.push_back({number * 6 * s.n * s.n, problems});
     parts.push_back({number * 4 * s.m, "modes of the state"});
@@ -165,6 +166,12 @@ void add_kronecker_plans(const Sizes& s, Method method, std::vector<Part>& parts
   parts.push_back({number * 2 * 64 * chunks, "states at the starts of chunks of time"});
   parts.push_back({number * 4 * std::min(s.J, 513.) * modes, weights});
   parts.push_back({number * (s.n <= 1536 ? s.n * s.n : 2048 * s.n), "the sine transform"});
+}
+
+// Sparse and supplied dynamics.
+template <class Other>
+void add_plans(const Other&, const Sizes& s, Method method, std::vector<Part>& parts) {
+  parts.push_back(convolves(method) ? lag_weights(s) : Part{number * s.J * s.c, tables});
 }
 
 std::string amount(double value, const char* unit) { return text("%.3g %s", value, unit); }
@@ -185,12 +192,9 @@ std::string device_excess(const Cost& cost, const DeviceInfo& device) {
 }  // namespace
 
 Cost predicted_cost(const Scene& scene, Method method, Index J, Index components, int threads) {
-  const Sizes s = sizes(scene, J, components);
+  const Sizes s = sizes(scene, J, components, threads);
   if (method == Method::galerkin) return galerkin(s, scene.boundary.has_value());
-  if (std::holds_alternative<DenseDynamics>(scene.dynamics)) return dense(s, method);
-  if (const auto* d = std::get_if<SparseDynamics>(&scene.dynamics)) return sparse(s, *d, method, J, threads);
-  if (std::holds_alternative<SuppliedDynamics>(scene.dynamics)) return supplied(s, method);
-  return kronecker(s, method);
+  return std::visit([&](const auto& d) { return cost_of(d, s, method); }, scene.dynamics);
 }
 
 Cost predicted_device_cost(const Scene& scene, Method method, Index J, Index components) {
@@ -199,14 +203,7 @@ Cost predicted_device_cost(const Scene& scene, Method method, Index J, Index com
   // y_h on the two below the finest, one to work in. Marching: y, v, r, the source, and as much in the plan.
   const double arrays = method == Method::multigrid ? 14 : iterates(method) ? 7 : 8;
   std::vector<Part> parts{{number * s.J * padded(s.n) * arrays + 32 * s.J, tables}};
-  if (std::holds_alternative<DenseDynamics>(scene.dynamics))
-    add_dense_plans(s, method, parts);
-  else if (std::holds_alternative<KroneckerDynamics>(scene.dynamics))
-    add_kronecker_plans(s, method, parts);
-  else if (convolves(method))
-    parts.push_back(lag_weights(s));
-  else
-    parts.push_back({number * s.J * s.c, tables});
+  std::visit([&](const auto& d) { add_plans(d, s, method, parts); }, scene.dynamics);
   return sum(parts, 0);
 }
 

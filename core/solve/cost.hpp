@@ -16,16 +16,16 @@ struct Cost {
 /// For a named method; `automatic` stands for march.
 Cost predicted_cost(const Scene&, Method, Index J, Index components, int threads = 1);
 
-/// What of its memory lies on a device with memory of its own; operations are left out.
+/// The part of the memory that lies on a device with memory of its own, without operations.
 Cost predicted_device_cost(const Scene&, Method, Index J, Index components);
 
 /// Whether that is free there; true where the backend has no memory of its own.
 bool fits_on_device(const Scene&, Method, Index J, Index components, const DeviceInfo&);
 
-/// Overcommitting systems kill oversized runs silently, so they are refused in advance: throws Error with the numbers
-/// where the cost of the method is beyond options.memory_limit or what the device has free, or beyond 10^16 operations
-/// (weeks). For `automatic`, only where no method fits. Returns what the method will take, for `automatic` the first
-/// that fits.
+/// Refuses runs that are too large: an operating system that overcommits memory would kill them without a message.
+/// Throws Error with the numbers where the method needs more than options.memory_limit, more than the device has free,
+/// or more than 10^16 operations (weeks); for `automatic`, where no method fits. Returns the cost of the method, for
+/// `automatic` that of the first method that fits.
 Cost refuse_what_does_not_fit(const Scene&, const Options&, Index J, Index components, const DeviceInfo& = {});
 
 }  // namespace bromwich

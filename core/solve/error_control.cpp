@@ -5,10 +5,9 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
-#include "core/kernel/states.hpp"
 #include "core/scene/breakpoints.hpp"
+#include "core/scene/natural_units.hpp"
 #include "core/solve/methods.hpp"
-#include "core/solve/scaling.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -150,8 +149,8 @@ class GridRefinement {
   }
 
   bool may_look_inside() const {
-    return std::holds_alternative<DenseDynamics>(scene_.dynamics) && scene_.constraints() > 0 && !scene_.boundary &&
-           scene_.free_rows.empty() && scene_.states() <= Methods::most_recorded_states;
+    return Methods::has_small_dense_state(scene_) && scene_.constraints() > 0 && !scene_.boundary &&
+           scene_.free_rows.empty();
   }
 
   // All states were recorded; those that the options ask for stay in the result.

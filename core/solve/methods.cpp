@@ -7,7 +7,6 @@
 #include "core/iteration/windows.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
-#include "core/kernel/states.hpp"
 #include "core/march/marching.hpp"
 #include "core/march/split.hpp"
 #include "core/march/stages.hpp"
@@ -44,14 +43,20 @@ void Methods::average_sources() {
   euler_operator_ = make_time_operator(*averaged_);
 }
 
-void Methods::renew() {
+void Methods::keep_prepared() {
+  keeps_ = true;
+  operator_->keep_prepared();
+}
+
+void Methods::renew(const Changes& changes) {
+  if (!changes.any()) return;
   const bool had_sources = problem_.f.size() > 0;
-  sample_sources(problem_, look_inside_every_step_);
-  operator_->renew();
+  changes.sources ? sample_sources(problem_, look_inside_every_step_) : set_start(problem_);
+  operator_->renew(changes);
   const bool averages = averaged_.has_value() || problem_.sources;
   if (averages) average_sources();
   if (had_sources != (problem_.f.size() > 0)) kept_.clear();  // plans have arrays for f, or have none
-  for (auto& [method, kept] : kept_) kept.renewed = false;
+  for (auto& [method, kept] : kept_) kept.due.add(changes);
 }
 
 bool Methods::run_prepared(Method method, const Options& options, Result& result,
@@ -60,9 +65,9 @@ bool Methods::run_prepared(Method method, const Options& options, Result& result
   Kept& kept = kept_[method];
   if (!kept.method)
     kept.method = prepare();
-  else if (!kept.renewed)
-    kept.method->renew();
-  kept.renewed = true;
+  else
+    kept.method->renew(kept.due);
+  kept.due = no_changes;
   result.seconds.setup += timer.lap();
   if (!kept.method) return false;
   kept.method->run(options, result);
@@ -135,6 +140,10 @@ void Methods::step_in_stages(Index stages, const InnerOptions& options, Result& 
   if (result.x.cols() != m) return;
   stage_states_ = std::move(result.x);
   result.x = stage_states_(Eigen::all, problem_.components);
+}
+
+bool Methods::has_small_dense_state(const Scene& scene) {
+  return std::holds_alternative<DenseDynamics>(scene.dynamics) && scene.states() <= most_recorded_states;
 }
 
 RowMatrix Methods::all_states(Method method, const Result& result) const {

@@ -18,9 +18,9 @@ class Methods {
   Methods(const Scene&, Backend&, Index J, const std::vector<Index>& components, bool look_inside_every_step = false);
 
   /// From now on what a method has prepared is kept for its next run.
-  void keep_prepared() { keeps_ = true; }
-  /// The scene has other x0, f and g than before.
-  void renew();
+  void keep_prepared();
+  /// The scene has other x0, f or g than before.
+  void renew(const Changes&);
 
   /// Fills everything of `result` but times of the whole, states included.
   void run(Method, const InnerOptions&, Result& result);
@@ -28,6 +28,8 @@ class Methods {
   /// All states of a dense scene after a run of `method` that gave `result`: (J+1) x m. For m <= most_recorded_states.
   RowMatrix all_states(Method, const Result& result) const;
   static constexpr Index most_recorded_states = 64;
+  /// Dense dynamics with at most so many states.
+  static bool has_small_dense_state(const Scene&);
 
   const DiscreteProblem& problem() const { return problem_; }
   /// Whether continuous piecewise-linear y is safe here.
@@ -50,7 +52,7 @@ class Methods {
   std::unique_ptr<TimeOperator> operator_, euler_operator_;  ///< the second where steps are rough
   struct Kept {
     std::unique_ptr<PreparedMethod> method;
-    bool renewed = true;  ///< has the sources of the problem
+    Changes due = no_changes;  ///< what the problem has got since
   };
   std::map<Method, Kept> kept_;
   bool keeps_ = false, look_inside_every_step_ = false;

@@ -2,7 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
-#include "core/kernel/states.hpp"
+#include "core/scene/port_hamiltonian.hpp"
 #include "core/solve/certification.hpp"
 
 #include <Eigen/LU>
@@ -115,21 +115,6 @@ void eliminate_sources(const Scene& given, const SparseMatrix& B, EliminatedScen
   };
 }
 
-/// Every row is free: a constraint that does nothing takes their place.
-void add_idle_constraint(EliminatedScene& e, Index m) {
-  if (auto* d = std::get_if<DenseDynamics>(&e.scene.dynamics)) {
-    d->B = Matrix::Zero(m, 1);
-    d->N = Matrix::Zero(1, m);
-  } else {
-    auto& s = std::get<SparseDynamics>(e.scene.dynamics);
-    s.B = SparseMatrix(m, 1);
-    s.N = SparseMatrix(1, m);
-  }
-  e.scene.M = Matrix(Matrix::Identity(1, 1));
-  e.scene.lcp_class = LcpClass::P;
-  e.scene.g = {};
-}
-
 RowMatrix sampled(const TimeFunction& g, const Vector& t, Index n) {
   RowMatrix values = RowMatrix::Zero(t.size(), n);
   Vector row(n);
@@ -202,6 +187,34 @@ void check_digits(const RowMatrix& y_F, double rounding, Result& result) {
       rounding);
 }
 
+/// N x of all rows: N_C x = N' x + M_CF R N_F x.
+RowMatrix whole_trace(const EliminatedScene& e, const RowMatrix& trace_C, const RowMatrix& x_seen) {
+  RowMatrix trace_F = RowMatrix::Zero(x_seen.rows(), Index(e.free.size()));
+  e.add_trace(x_seen, trace_F);
+  RowMatrix trace(x_seen.rows(), Index(e.free.size() + e.kept.size()));
+  trace(Eigen::all, e.free) = trace_F;
+  trace(Eigen::all, e.kept) = trace_C + trace_F * (e.M_CF * e.R).transpose();
+  return trace;
+}
+
+/// What the rounding of y_C and x makes of each y_F; sizes: the largest of each state seen.
+Vector rounding_of_free(const EliminatedScene& e, const Result& result, const RowMatrix& sizes) {
+  const RowMatrix of_y = (e.R * e.M_FC).cwiseAbs(), of_x = (e.R * Matrix(e.N_F)(Eigen::all, e.seen)).cwiseAbs();
+  return of_y.rowwise().sum() * result.rounding_of_y + of_x * sizes.transpose() * result.rounding;
+}
+
+/// y of all rows from that of the rows kept.
+void take_y(const EliminatedScene& e, const RowMatrix& y_C, const RowMatrix& y_F, Result& result) {
+  result.y.resize(y_C.rows(), y_C.cols() + y_F.cols());
+  result.y(Eigen::all, e.kept) = y_C;
+  result.y(Eigen::all, e.free) = y_F;
+  const RowMatrix of_kept = std::exchange(result.y_integral, {});
+  if (of_kept.size() == 0) return;
+  RowMatrix all = integral_of_y(result);
+  all(Eigen::all, e.kept) = of_kept.leftCols(y_C.cols());
+  result.y_integral = std::move(all);
+}
+
 }  // namespace
 
 Result EliminatedScene::reduced(const Result& result) const {
@@ -210,11 +223,15 @@ Result EliminatedScene::reduced(const Result& result) const {
   return part;
 }
 
-RowMatrix EliminatedScene::recover(const RowMatrix& y_C, const RowMatrix& x_seen, const RowMatrix& g_F) const {
-  RowMatrix w_F = g_F;
+void EliminatedScene::add_trace(const RowMatrix& x_seen, RowMatrix& w_F) const {
   for (std::size_t k = 0; k < seen.size(); ++k)
     for (SparseMatrix::InnerIterator entry(N_F, seen[k]); entry; ++entry)
       w_F.col(entry.row()) += entry.value() * x_seen.col(Index(k));
+}
+
+RowMatrix EliminatedScene::recover(const RowMatrix& y_C, const RowMatrix& x_seen, const RowMatrix& g_F) const {
+  RowMatrix w_F = g_F;
+  add_trace(x_seen, w_F);
   w_F += y_C.leftCols(M_FC.cols()) * M_FC.transpose();
   return -w_F * R.transpose();
 }
@@ -225,7 +242,7 @@ bool can_eliminate_free(const Scene& scene) {
 }
 
 std::optional<EliminatedScene> eliminate_free(const Scene& given) {
-  if (std::holds_alternative<SuppliedDynamics>(given.dynamics))
+  if (!has_matrices(given.dynamics))
     throw Error("free_rows", "is given with supplied dynamics", "eliminate the free unknowns, or give matrices");
   EliminatedScene e;
   const Index n = given.constraints(), m = given.states();
@@ -248,22 +265,22 @@ std::optional<EliminatedScene> eliminate_free(const Scene& given) {
   // A Schur complement of a P- or PSD matrix is one; of other classes it has to be looked at.
   if (given.lcp_class != LcpClass::P && given.lcp_class != LcpClass::PSD) e.scene.lcp_class = LcpClass::automatic;
   e.scene.M = Matrix(M(e.kept, e.kept) - e.M_CF * e.R * e.M_FC);
-  SparseMatrix B, N;
-  if (const auto* d = std::get_if<DenseDynamics>(&written)) {
-    e.scene.dynamics = eliminated(*d, M, e);
-    B = d->B.sparseView();
-    N = d->N.sparseView();
-  } else {
-    const auto& s = std::get<SparseDynamics>(written);
-    e.scene.dynamics = eliminated(s, M, e);
-    B = s.B;
-    N = s.N;
-  }
-  e.N_F = SparseMatrix(selection(e.free, n).transpose() * N);
+  e.scene.dynamics = std::visit(
+      [&](const auto& d) -> Dynamics {
+        if constexpr (requires { d.A; })
+          return eliminated(d, M, e);
+        else
+          return d;
+      },
+      written);
+  e.N_F = SparseMatrix(selection(e.free, n).transpose() * sparse_outputs(written));
   for (Index i = 0; i < m; ++i)
     if (SparseMatrix::InnerIterator(e.N_F, i)) e.seen.push_back(i);
-  eliminate_sources(given, B, e);
-  if (e.kept.empty()) add_idle_constraint(e, m);
+  eliminate_sources(given, sparse_inputs(written), e);
+  if (e.kept.empty()) {  // a constraint that does nothing takes the place of the free rows
+    e.scene = with_idle_constraint(std::move(e.scene));
+    e.scene.g = {};
+  }
   return e;
 }
 
@@ -279,29 +296,17 @@ Result solve_mixed(const Scene& scene, const EliminatedScene& e, Backend& backen
     inner.tuning.first_iterate = &first;
   }
   Result result = solve(e.scene, backend, inner);
-  const Index rows = result.y.rows(), n = scene.constraints(), C = Index(e.kept.size());
-  const RowMatrix y_C = result.y.leftCols(C), x = result.x, g = sampled(scene.g, result.t, n);
+  const Index C = Index(e.kept.size());
+  const RowMatrix y_C = result.y.leftCols(C), x = result.x, g = sampled(scene.g, result.t, scene.constraints());
   const auto valid = [&](Index j) { return x.row(j).allFinite() && y_C.row(j).allFinite(); };
   const RowMatrix x_seen = x(Eigen::all, positions(e.seen, inner.components));
-  result.y.resize(rows, n);
-  result.y(Eigen::all, e.kept) = y_C;
-  result.y(Eigen::all, e.free) = e.recover(y_C, x_seen, g(Eigen::all, e.free));
-  if (const RowMatrix of_kept = std::exchange(result.y_integral, {}); of_kept.size() > 0) {
-    RowMatrix all = integral_of_y(result);
-    all(Eigen::all, e.kept) = of_kept.leftCols(C);
-    result.y_integral = std::move(all);
-  }
-
-  // N_C x = N' x + M_CF R N_F x.
-  RowMatrix trace_F = RowMatrix::Zero(rows, Index(e.free.size()));
-  for (std::size_t k = 0; k < e.seen.size(); ++k)
-    for (SparseMatrix::InnerIterator entry(e.N_F, e.seen[k]); entry; ++entry)
-      trace_F.col(entry.row()) += entry.value() * x_seen.col(Index(k));
-  RowMatrix trace(rows, n);
-  trace(Eigen::all, e.free) = trace_F;
-  trace(Eigen::all, e.kept) = result.trace.leftCols(C) + trace_F * (e.M_CF * e.R).transpose();
-  for (Index j = 0; j < rows; ++j)
-    if (!valid(j)) trace.row(j).setConstant(NAN);
+  take_y(e, y_C, e.recover(y_C, x_seen, g(Eigen::all, e.free)), result);
+  RowMatrix trace = whole_trace(e, result.trace.leftCols(C), x_seen), sizes = RowMatrix::Zero(1, x_seen.cols());
+  for (Index j = 0; j < trace.rows(); ++j)
+    if (valid(j))
+      sizes = sizes.cwiseMax(x_seen.row(j).cwiseAbs());
+    else
+      trace.row(j).setConstant(NAN);
   if (const double residual = mixed_residual(result.y, trace + g, to_dense(scene.M), e); !std::isnan(residual))
     result.residual = residual;
   check_all_rows(result, options);
@@ -312,11 +317,7 @@ Result solve_mixed(const Scene& scene, const EliminatedScene& e, Backend& backen
   if (options.states == StateSelection::all) asked = with_seen(scene, options, {});
   result.x = x(Eigen::all, positions(asked, inner.components));
   result.x_components = asked;
-  const RowMatrix of_y = (e.R * e.M_FC).cwiseAbs(), of_x = (e.R * Matrix(e.N_F)(Eigen::all, e.seen)).cwiseAbs();
-  RowMatrix sizes = RowMatrix::Zero(1, of_x.cols());
-  for (Index j = 0; j < rows; ++j)
-    if (valid(j)) sizes = sizes.cwiseMax(x_seen.row(j).cwiseAbs());
-  const Vector rounding_F = of_y.rowwise().sum() * result.rounding_of_y + of_x * sizes.transpose() * result.rounding;
+  const Vector rounding_F = rounding_of_free(e, result, sizes);
   result.rounding_of_y = std::max(result.rounding_of_y, rounding_F.maxCoeff());
   check_digits(result.y(Eigen::all, e.free), rounding_F.maxCoeff(), result);
   result.kernel += "; free rows eliminated";

@@ -29,6 +29,9 @@ struct EliminatedScene {
 
   /// y_F at the rows of y_C (rows x |C|), with the states `seen` and g_F there: rows x |F|.
   RowMatrix recover(const RowMatrix& y_C, const RowMatrix& x_seen, const RowMatrix& g_F) const;
+
+  /// w_F <- w_F + N_F x, from the states `seen`: rows x |F|.
+  void add_trace(const RowMatrix& x_seen, RowMatrix& w_F) const;
 };
 
 /// Whether M_FF is regular beyond rounding, and not larger than elimination takes.

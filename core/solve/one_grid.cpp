@@ -156,23 +156,47 @@ bool same_entry(const Scene& a, const Scene& b) {
   return a.F.size() == 0 || SparseMatrix(a.F - b.F).norm() == 0;
 }
 
-// Those of the solve before, with the x0, f and g of this one. A Solver changes nothing else.
+bool are_prepared(const Prepared& kept, const Scene& scene, Index J, const std::vector<Index>& components) {
+  if (!kept.methods || kept.methods->problem().J != J || kept.methods->problem().components != components) return false;
+  return &scene == kept.stated ? !kept.scene : kept.scene && same_entry(*kept.scene, scene);
+}
+
+// The cost of methods that there are is not asked for again: a device takes a while to say what it has free.
+Cost cost_of(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
+             const InnerOptions& options) {
+  Prepared* const kept = options.prepared.get();
+  if (kept && !kept->changes.sources && are_prepared(*kept, scene, J, components)) return kept->cost;
+  const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device());
+  if (kept) kept->cost = cost;
+  return cost;
+}
+
+// Those of the solve before, with the x0, f and g of this one. A Solver changes nothing else. What it has changed is
+// known of the scene as stated; a scene that was made from it is taken as new.
 Methods& prepared_methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
                           const InnerOptions& options) {
   Prepared& kept = *options.prepared;
-  if (kept.methods && kept.methods->problem().J == J && kept.methods->problem().components == components &&
-      same_entry(*kept.scene, scene)) {
-    kept.scene->x0 = scene.x0;
-    kept.scene->f = scene.f;
-    kept.scene->g = scene.g;
-    kept.scene->breakpoints = scene.breakpoints;
-    kept.methods->renew();
+  const bool as_stated = &scene == kept.stated;
+  const Changes changes = as_stated ? kept.changes : Changes{};
+  if (are_prepared(kept, scene, J, components)) {
+    if (!as_stated) {
+      kept.scene->x0 = scene.x0;
+      kept.scene->f = scene.f;
+      kept.scene->g = scene.g;
+      kept.scene->breakpoints = scene.breakpoints;
+    }
+    kept.finite_sources = kept.finite_sources && !changes.sources;
+    kept.methods->renew(changes);
+    if (as_stated) kept.changes = no_changes;
     return *kept.methods;
   }
   kept.methods.reset();
-  kept.scene = std::make_unique<Scene>(scene);
-  kept.methods = std::make_unique<Methods>(*kept.scene, backend, J, components, options.look_inside_every_step);
+  kept.scene = as_stated ? nullptr : std::make_unique<Scene>(scene);
+  kept.methods = std::make_unique<Methods>(as_stated ? scene : *kept.scene, backend, J, components,
+                                           options.look_inside_every_step);
   kept.methods->keep_prepared();
+  kept.finite_sources = false;
+  if (as_stated) kept.changes = no_changes;
   return *kept.methods;
 }
 
@@ -187,13 +211,14 @@ Result solve_on_one_grid(const Scene& scene, Backend& backend, const InnerOption
     throw Error("first_iterate", "found " + std::to_string(y->rows()) + " x " + std::to_string(y->cols()),
                 "give one row per time point and one column per constraint");
   const std::vector<Index> components = recorded_components(scene, options);
-  const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device());
+  const Cost cost = cost_of(scene, backend, J, components, options);
   const std::unique_ptr<Methods> once =
       options.prepared ? nullptr
                        : std::make_unique<Methods>(scene, backend, J, components, options.look_inside_every_step);
   Methods& methods = once ? *once : prepared_methods(scene, backend, J, components, options);
   const DiscreteProblem& p = methods.problem();
-  const bool finite = finite_sources(p, result);
+  const bool finite = (options.prepared && options.prepared->finite_sources) || finite_sources(p, result);
+  if (options.prepared) options.prepared->finite_sources = finite;
   result.seconds.setup = Timer(total).lap();
   if (finite) {
     Run run(methods, backend, options);

@@ -1,16 +1,14 @@
 #include "core/solve/scaling.hpp"
 
-#include "core/solve/prepared.hpp"
-
 #include "core/base/timer.hpp"
-#include "core/kernel/discrete_problem.hpp"
-#include "core/kernel/states.hpp"
+#include "core/kernel/step_defects.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/numerics/components.hpp"
 #include "core/scene/natural_sizes.hpp"
 #include "core/scene/separable.hpp"
+#include "core/solve/prepared.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace bromwich {
@@ -41,28 +39,17 @@ bool all_zero(const Exponents& k) {
 // join.
 struct Balance {
   Vector logarithms;
-  std::vector<Index> part;
-  Index parts = 0;
+  std::vector<std::vector<Index>> parts;
 };
 
 Balance balance(const Matrix& M) {
-  const Index n = M.rows();
-  Balance b{Vector::Zero(n), std::vector<Index>(std::size_t(n), -1), 0};
-  for (Index root = 0; root < n; ++root) {
-    if (b.part[std::size_t(root)] >= 0) continue;
-    std::vector<Index> members{root};
-    b.part[std::size_t(root)] = b.parts;
-    for (std::size_t k = 0; k < members.size(); ++k)
-      for (Index j = 0; j < n; ++j) {
-        const Index i = members[k];
-        if (b.part[std::size_t(j)] >= 0 || (M(i, j) == 0 && M(j, i) == 0)) continue;
-        b.part[std::size_t(j)] = b.parts;
+  Balance b{Vector::Zero(M.rows()), {}};
+  b.parts = connected_components(
+      M.rows(), [&](Index i, Index j) { return M(i, j) != 0 || M(j, i) != 0; },
+      [&](Index i, Index j) {
         const bool pair = M(i, j) != 0 && M(j, i) != 0;
         b.logarithms[j] = b.logarithms[i] + (pair ? std::log(M(j, i)) - std::log(M(i, j)) : 0);
-        members.push_back(j);
-      }
-    ++b.parts;
-  }
+      });
   return b;
 }
 
@@ -73,16 +60,12 @@ void keep_semidefinite(const NaturalSizes& s, const Matrix& abs_M, bool as_state
   const Vector& y = s.y;
   const Vector S = b.logarithms.array().exp();
   units.y = exponents(y);
-  for (Index part = 0; part < b.parts; ++part) {
+  for (const std::vector<Index>& part : b.parts) {
     double sum = 0;
-    Index count = 0;
-    for (Index i = 0; i < y.size(); ++i)
-      if (b.part[std::size_t(i)] == part) sum += std::log(s.w[i] * y[i] / S[i]), ++count;
-    const double c = std::exp(sum / double(count));
-    const int of_part = exponent(c);
-    for (Index i = 0; i < y.size(); ++i)
-      if (b.part[std::size_t(i)] == part)
-        units.w[std::size_t(i)] = of_part + int(std::lround(std::log10(S[i]))) - units.y[std::size_t(i)];
+    for (const Index i : part) sum += std::log(s.w[i] * y[i] / S[i]);
+    const int c = exponent(std::exp(sum / double(part.size())));
+    for (const Index i : part)
+      units.w[std::size_t(i)] = c + int(std::lround(std::log10(S[i]))) - units.y[std::size_t(i)];
   }
 }
 
@@ -262,8 +245,7 @@ void select_components(const std::vector<Index>& asked, Result& result) {
 }  // namespace
 
 NaturalUnits natural_units(const Scene& scene) {
-  if (std::holds_alternative<SuppliedDynamics>(scene.dynamics)) return {};
-  if (scene.constraints() == 0) return {};
+  if (!has_matrices(scene.dynamics) || scene.constraints() == 0) return {};
   const auto* common = std::get_if<KroneckerDynamics>(&scene.dynamics);
   if (common)
     if (const CommonSizes s = common_sizes(*common, scene); near_one(s.x) && near_one(s.y) && near_one(s.w)) return {};

@@ -5,6 +5,7 @@
 #include "core/solve/prepared.hpp"
 #include "core/solve/stages.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace bromwich {
@@ -13,40 +14,59 @@ Solver::Solver(Scene scene, Backend& backend, Options options)
     : scene_(std::move(scene)), backend_(backend), options_{std::move(options)} {
   scene_.validate();
   options_.prepared = std::make_shared<Prepared>();
+  options_.prepared->stated = &scene_;
   if (!options_.tuning.first_iterate) return;
   first_iterate_ = *options_.tuning.first_iterate;
   options_.tuning.first_iterate = &first_iterate_;
 }
 
 void Solver::set_x0(const Vector& x0) {
-  if (scene_.boundary) throw Error("x0", "is given to a scene with boundary values", "make another solver");
-  Vector before = std::exchange(scene_.x0, x0);
-  try {
-    scene_.validate();
-  } catch (...) {  // the scene stays as it was where the change is refused
-    scene_.x0 = std::move(before);
-    throw;
+  if (x0.size() != scene_.states()) return take_x0(next_x0_ = x0);  // it throws
+  next_x0_.resize(x0.size());
+  constexpr Index together = 512;  // values, looked at while they are in the first cache
+  double sum = 0;                  // 0 but for NaN and infinity
+  for (Index first = 0; first < x0.size(); first += together) {
+    const Index count = std::min(together, x0.size() - first);
+    next_x0_.segment(first, count) = x0.segment(first, count);
+    sum += (0 * next_x0_.segment(first, count).array()).sum();
   }
+  take_x0(next_x0_, sum == 0);
+}
+
+void Solver::set_x0(Vector&& x0) { take_x0(x0); }
+
+void Solver::take_x0(Vector& x0, bool valid) {
+  if (scene_.boundary) throw Error("x0", "is given to a scene with boundary values", "make another solver");
+  if (!valid) scene_.validate_x0(x0);
+  scene_.x0.swap(x0);
   scene_.exact = {};
+  options_.prepared->changes.x0 = true;
 }
 
 void Solver::set_sources(TimeFunction f, TimeFunction g, std::vector<double> breakpoints) {
-  Scene changed = scene_;
-  changed.f = std::move(f);
-  changed.g = std::move(g);
-  changed.breakpoints = std::move(breakpoints);
-  changed.breakpoints_are_all = false;
-  changed.exact = {};
-  if (changed.port && changed.f && changed.f_entry != SourceEntry::through_F)
+  if (scene_.port && f && scene_.f_entry != SourceEntry::through_F)
     throw Error("f", "is given to a port-Hamiltonian scene without an input", "state B and u of the system");
-  if (changed.port) {  // method goal reads the input there
-    PortHamiltonian port = *changed.port;
-    port.u = changed.f;
-    port.jumps = changed.breakpoints;
-    changed.port = std::make_shared<const PortHamiltonian>(std::move(port));
+  const auto exchange = [&] {
+    std::swap(scene_.f, f);
+    std::swap(scene_.g, g);
+    std::swap(scene_.breakpoints, breakpoints);
+  };
+  exchange();
+  try {
+    scene_.validate_sources();
+  } catch (...) {  // the scene stays as it was where the change is refused
+    exchange();
+    throw;
   }
-  changed.validate();
-  scene_ = std::move(changed);
+  scene_.breakpoints_are_all = false;
+  scene_.exact = {};
+  if (scene_.port) {  // method goal reads the input there
+    PortHamiltonian port = *scene_.port;
+    port.u = scene_.f;
+    port.jumps = scene_.breakpoints;
+    scene_.port = std::make_shared<const PortHamiltonian>(std::move(port));
+  }
+  options_.prepared->changes.sources = true;
 }
 
 Result Solver::solve() {

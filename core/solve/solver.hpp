@@ -31,6 +31,7 @@ class Solver {
 
   /// x(0), m values. Throws Error for another length, values that are not finite, and scenes with boundary values.
   void set_x0(const Vector& x0);
+  void set_x0(Vector&& x0);  ///< without a copy
   /// f and g as functions of time, as Scene::f and Scene::g, with the times where they may jump. Throws Error where
   /// they are not finite at t = 0 or the times are not in [0, T].
   void set_sources(TimeFunction f, TimeFunction g, std::vector<double> breakpoints = {});
@@ -41,10 +42,13 @@ class Solver {
   const Scene& scene() const { return scene_; }
 
  private:
+  void take_x0(Vector& x0, bool valid = false);
+
   Scene scene_;
   Backend& backend_;
   InnerOptions options_;
   RowMatrix first_iterate_;  ///< that the options point to
+  Vector next_x0_;           ///< where an x0 is copied to and looked at
 };
 
 }  // namespace bromwich

@@ -83,11 +83,8 @@ std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const In
     result.seconds.total += spent;
     return result;
   }
-  if (options.method != Method::galerkin || std::holds_alternative<SuppliedDynamics>(scene.dynamics))
-    return std::nullopt;
-  Scene written_out = scene;  // method galerkin works with dense matrices
-  written_out.dynamics = to_dense(scene.dynamics);
-  return solve(written_out, backend, options);
+  if (options.method != Method::galerkin || !has_matrices(scene.dynamics)) return std::nullopt;
+  return solve(written_out(scene), backend, options);  // method galerkin works with dense matrices
 }
 
 std::optional<Result> natural_units(const Scene& scene, Backend& backend, const InnerOptions& options,
@@ -149,9 +146,7 @@ constexpr Index smallest_sparse = 512;
 std::optional<Result> small_sparse(const Scene& scene, Backend& backend, const InnerOptions& options,
                                    const Solve& solve) {
   if (!std::holds_alternative<SparseDynamics>(scene.dynamics) || scene.states() > smallest_sparse) return std::nullopt;
-  Scene written_out = scene;
-  written_out.dynamics = to_dense(scene.dynamics);
-  return solve(written_out, backend, options);
+  return solve(written_out(scene), backend, options);
 }
 
 std::optional<Result> one_grid(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve&) {

@@ -21,8 +21,8 @@ struct Source {
 
 Source constant_source(const Vector& value);
 
-/// Linear between the rows of `values`, which belong to `times`; two rows of equal time are a jump. `kinks`: the function
-/// is that, with a kink at every row; otherwise the rows are values of a smooth one.
+/// Linear between the rows of `values`, which belong to `times`; two rows of equal time are a jump. `kinks`: the
+/// function is that, with a kink at every row; otherwise the rows are values of a smooth one.
 Source table_source(const Vector& times, const RowMatrix& values, bool kinks);
 
 /// A Python function t -> array of `width` values, and where there is one its form for many times at once,

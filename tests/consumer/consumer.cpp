@@ -5,7 +5,7 @@
 #include <bromwich/cpu/cpu_backend.hpp>
 #include <bromwich/kernels/cuda_backend.hpp>
 
-#include "../reference_backend.hpp"
+#include "../support/reference_backend.hpp"
 
 #include <cstdio>
 

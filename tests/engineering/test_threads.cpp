@@ -12,7 +12,7 @@
 // marching on lags: levels by FFT           sparse: 39 constraints x 1024 lags >= 2^15
 
 #include "core/catalogue/catalogue.hpp"
-#include "tests/run.hpp"
+#include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,16 @@
+#pragma once
+
+namespace bromwich {
+
+/// What a scene has got anew since it was solved last.
+struct Changes {
+  bool x0 = true;
+  bool sources = true;  ///< f, g or their breakpoints
+
+  bool any() const { return x0 || sources; }
+  void add(const Changes& more) { x0 = x0 || more.x0, sources = sources || more.sources; }
+};
+
+inline constexpr Changes no_changes{false, false};
+
+}  // namespace bromwich

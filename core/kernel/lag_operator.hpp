@@ -1,9 +1,0 @@
-#pragma once
-
-#include "time_operator.hpp"
-
-namespace bromwich {
-
-std::unique_ptr<TimeOperator> make_lag_operator(const DiscreteProblem&);
-
-}  // namespace bromwich

@@ -1,0 +1,242 @@
+// The studies of `bromwich bench`, at their smallest sizes: what they write is complete and says what is true.
+
+#include "files/scene_file.hpp"
+#include "tests/app/cli.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <map>
+
+namespace bromwich {
+namespace {
+
+using Json = nlohmann::json;
+
+class Bench : public Cli {
+ protected:
+  Json study(const std::string& arguments) const {
+    const Outcome result = run("bench " + arguments + " --quick --threads 1 --out study.json");
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    const Json json = Json::parse(read(folder_ / "study.json"));
+    EXPECT_EQ(json["schema"], "bromwich-bench/1");
+    for (const char* key :
+         {"bench", "parameters", "machine", "compiler", "flags", "commit", "version", "date", "details"})
+      EXPECT_TRUE(json.contains(key)) << key;
+    for (const Json& note : json["notes"]) EXPECT_TRUE(contains(result.out, text_after_colon(note))) << note;
+    return json;
+  }
+
+  static std::string text_after_colon(const std::string& note) { return note.substr(note.find(": ") + 2); }
+
+  // Errors of one contestant by its steps.
+  static std::map<long, double> errors(const Json& study, const std::string& contestant, const char* of) {
+    std::map<long, double> found;
+    for (const Json& row : study["rows"])
+      if (row["contestant"] == contestant) found[row["steps"]] = row["error"][of]["max"];
+    return found;
+  }
+};
+
+TEST_F(Bench, BaselinesWritesItsSchema) {
+  const Json json = study("baselines signorini --set Q=7 --steps 32");
+  EXPECT_EQ(json["bench"], "baselines");
+  EXPECT_EQ(json["scene"], "signorini");
+  EXPECT_EQ(json["repeats"], 2);
+  EXPECT_EQ(json["threads"], 1);
+  for (const char* key : {"cpu", "cores", "memory"}) EXPECT_TRUE(json["machine"].contains(key)) << key;
+  ASSERT_EQ(json["rows"].size(), 6u);
+  for (const Json& row : json["rows"]) {
+    for (const char* key :
+         {"contestant", "method", "steps", "iterations", "error_max", "error_rms", "residual", "bytes"})
+      EXPECT_TRUE(row.contains(key)) << key;
+    EXPECT_LE(row["seconds"]["min"], row["seconds"]["median"]);
+    EXPECT_LE(row["seconds"]["median"], row["seconds"]["max"]);
+    // The stopping rule of the paper leaves an error of the order of its tolerance, min(1/8, 1/64)/50 here; implicit
+    // Euler with h = 1/8 is first order: everything stays below one.
+    EXPECT_LT(row["error_max"], 1) << row;
+  }
+}
+
+TEST_F(Bench, SpeedVsErrorFindsTheOrdersOfTheMethods) {
+  const Json json = study("speed-vs-error dlcp-small");
+  EXPECT_EQ(json["bench"], "speed-vs-error");
+  for (const char* of : {"y", "trace"}) {
+    // The exact solution is known: halving the step divides errors by 4 and 2, but for where the kinks lie.
+    const auto march = errors(json, "march", of), euler = errors(json, "euler", of);
+    ASSERT_TRUE(march.contains(64) && march.contains(128)) << of;
+    ASSERT_TRUE(euler.contains(64) && euler.contains(128)) << of;
+    EXPECT_NEAR(std::log2(march.at(64) / march.at(128)), 2, 0.3) << of;
+    EXPECT_NEAR(std::log2(euler.at(64) / euler.at(128)), 1, 0.3) << of;
+    const auto contour = errors(json, "contour", of);
+    ASSERT_TRUE(contour.contains(32)) << of;
+    EXPECT_NEAR(contour.at(32) / march.at(32), 1, 1e-6) << of;  // one discretisation
+  }
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["reference"], "the exact solution");
+    EXPECT_EQ(row["threads"], 1);
+    if (row["status"] != "solved") continue;
+    EXPECT_LE(row["seconds"]["min"], row["seconds"]["median"]);
+    EXPECT_LE(row["seconds"]["median"], row["seconds"]["max"]);
+  }
+  EXPECT_FALSE(json["notes"].empty());
+}
+
+TEST_F(Bench, SpeedVsErrorSaysHowFarItsReferenceIsKnown) {
+  const Json json = study("speed-vs-error signorini --set Q=7");
+  ASSERT_FALSE(json["rows"].empty());
+  const double known_to = json["rows"][0]["reference_known_to"]["y"]["max"];
+  EXPECT_GT(known_to, 0);
+  for (const Json& row : json["rows"]) EXPECT_EQ(row["reference_known_to"]["y"]["max"], known_to);
+  const auto euler = errors(json, "euler", "y");
+  ASSERT_TRUE(euler.contains(32));
+  EXPECT_GT(euler.at(32), 100 * known_to);
+  // The same reference, whatever the steps: 4096 halved often enough.
+  EXPECT_EQ(json["rows"][0]["reference"], "march with 4096 steps");
+}
+
+TEST_F(Bench, TolSetsEstimatesBesideTrueErrors) {
+  const Json json = study("tol dlcp-small");
+  ASSERT_EQ(json["rows"].size(), 3u);
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["status"], "solved") << row;
+    EXPECT_EQ(row["reference"], "the exact solution");
+    for (const char* of : {"y", "x"}) {
+      EXPECT_LE(row["error"][of], row["tolerance"]);
+      // Smooth between few kinks: the estimate is the error, to a tenth.
+      EXPECT_NEAR(row["effectivity"][of], 1, 0.1) << row;
+    }
+    const double parts = row["parts"]["discretisation"].get<double>() + row["parts"]["rounding"].get<double>() +
+                         row["parts"]["iteration"].get<double>();
+    EXPECT_NEAR(row["estimate"]["y"].get<double>(), parts, 1e-12) << "and the kernel, where it is compared, to 1e-13";
+    long work = 0;
+    for (const Json& steps : row["grids"]) work += steps.get<long>();
+    EXPECT_EQ(row["work"], work);
+  }
+}
+
+TEST_F(Bench, TolMeasuresTheMeanWhereYJumps) {
+  if (!scene_files_available()) GTEST_SKIP() << "this build reads no scene files";
+  const std::string file = std::string(BROMWICH_EXAMPLES) + "/bottlenecks-hard.toml";
+  const Json json = study("tol " + file);
+  ASSERT_EQ(json["rows"].size(), 3u);
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["of"], "mean of y") << row;
+    EXPECT_TRUE(contains(row["reference"].get<std::string>(), "march with")) << row;
+    EXPECT_LE(row["reference_from_file"], 1e-4) << "the tolerance of the file";
+  }
+}
+
+TEST_F(Bench, SparseSolvesAllItsRows) {
+  const Json json = study("sparse");
+  ASSERT_EQ(json["rows"].size(), 3u);
+  for (const Json& row : json["rows"]) EXPECT_EQ(row["status"], "solved") << row;
+  // Two discretisations of second order or more, 1000 steps, y of size 1 to 10.
+  EXPECT_LT(json["rows"][0]["difference_max"], 0.1);
+}
+
+TEST_F(Bench, MultigridContractsAndStopsInTime) {
+  const Json json = study("multigrid");
+  ASSERT_GE(json["rows"].size(), 2u);
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["status"], "solved") << row;
+    EXPECT_LE(row["contraction"], 0.1) << row;
+    const Json& useful = row["useful"];
+    EXPECT_LE(useful["algebraic_error"], 0.1 * useful["discretisation_error"].get<double>()) << row;
+    EXPECT_LT(useful["cycles"], row["cycles"]) << row;
+    EXPECT_GT(row["plain_sweeps"], row["sweeps"]) << row;
+  }
+}
+
+TEST_F(Bench, GalerkinFindsItsOrders) {
+  const Json json = study("galerkin");
+  std::map<std::string, std::map<std::string, double>> orders;
+  for (const Json& row : json["rows"]) {
+    const std::string part = row["part"];
+    if (part == "order" && row["method"] == "galerkin" && row["scene"] == "bridge")
+      for (const auto& [norm, order] : row["order"].items())
+        if (!order.is_null()) orders[row["grid"]][norm] = order;  // null: exact on every grid
+    if (part == "convergence" && row["method"] == "galerkin") EXPECT_TRUE(row["solved"]) << row;
+    // y piecewise linear in any way is nearer than continuous, and that nearer than constant.
+    if (part == "projection") {
+      EXPECT_LE(row["discontinuous"], row["continuous"]) << row;
+      EXPECT_LT(row["continuous"], row["constant"]) << row;
+    }
+    if (part == "ratio") EXPECT_GT(row["x_at_T"], 100) << row;  // 49 h = 1 here; 2000 at h = 1e-3
+    if (part == "cost") EXPECT_EQ(row["status"], "solved") << row;
+    if (part == "periodic") EXPECT_LE(row["boundary_residual"], 1e-12) << row;
+    if (part == "periodic" && row["steps"] == 6400) EXPECT_LE(row["difference"], 1e-5) << row;
+    // Monotone, with 0.1 from M + 0.1 I alone; the matrix that the paper prints makes it indefinite at T = 1.
+    if (part == "eigenvalue" && row["scene"] == "nash-game" && !row["as_printed"])
+      EXPECT_NEAR(row["smallest"], 0.1, 1e-6) << row;
+    if (part == "eigenvalue" && row["as_printed"] && row["T"] == 1.0) EXPECT_LT(row["smallest"], -0.1) << row;
+  }
+  ASSERT_TRUE(orders["kinks on nodes"].contains("x_at_T"));
+  for (const auto& [norm, order] : orders["kinks on nodes"]) EXPECT_GE(order, 1.9) << norm;
+  EXPECT_GE(orders["kinks off nodes"]["y_L2"], 1.4);
+}
+
+TEST_F(Bench, PaperFindsWhatItsFiguresShow) {
+  const Json json = study("paper");
+  std::map<std::string, int> figures;
+  for (const Json& row : json["rows"]) ++figures[row["figure"]];
+  for (const char* figure : {"4.1", "4.3 left", "4.3 right", "4.4", "4.6 left", "4.6 right"})
+    EXPECT_GT(figures[figure], 0) << figure;
+  for (const Json& row : json["rows"])
+    if (row["figure"] == "4.6 right") EXPECT_GT(row["sweeps_to_1e-12"], row["sweeps_to_tolerance"]) << row;
+}
+
+TEST_F(Bench, SpeedVsErrorRefusesWhatHasNoScene) {
+  EXPECT_TRUE(contains(refused("bench speed-vs-error --steps 64").err, "SCENE"));
+  EXPECT_TRUE(contains(refused("bench speed-vs-error --set Q=7").err, "SCENE"));
+}
+
+TEST_F(Bench, GoalComparesGridsOfTheSameSteps) {
+  const Json json = study("goal --steps 100");
+  EXPECT_EQ(json["bench"], "goal");
+  std::map<std::string, Json> toy;
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["steps"], 100) << row;
+    for (const char* key : {"I_loc", "I_glob", "violation", "violation_right", "violation_linear", "error_x"})
+      EXPECT_TRUE(row[key].is_number()) << key << row;
+    if (row["scene"] == "ph-toy") toy[row["contestant"]] = row;
+  }
+  EXPECT_LT(toy["euler, goal"]["I_loc"], toy["euler, uniform"]["I_loc"]);
+  EXPECT_EQ(toy["euler, goal"]["I_loc"], toy["euler, goal, doubling"]["I_loc"]);
+  EXPECT_LT(toy["midpoint, goal"]["I_loc"], toy["midpoint, uniform"]["I_loc"]);
+  const Json& gain = json["details"]["equidistribution_gain"];
+  EXPECT_NEAR(gain["ph-toy"], 19, 1);
+  EXPECT_NEAR(gain["ladder"], 2.2, 0.1);
+  const Json& figures = json["details"]["figures"];
+  EXPECT_EQ(figures["adjoints"].size(), 3u);
+  EXPECT_EQ(figures["toy"].size(), 4u);
+  EXPECT_EQ(figures["ladder"].size(), 2u);
+}
+
+TEST_F(Bench, StabilityKnowsTheTruthOfEveryCase) {
+  const Json json = study("stability");
+  std::map<std::string, int> groups;
+  for (const Json& row : json["rows"]) {
+    ++groups[row["group"]];
+    const std::string verdict = row["verdict"];
+    // What is called solved is right; what is refused says why.
+    EXPECT_NE(verdict, "wrong") << row;
+    if (verdict == "refused")
+      EXPECT_NE(row["reason"], "") << row;
+    else
+      EXPECT_LE(row["error_x"], 3 * double(row["tolerance"])) << row;
+    for (const char* key : {"estimate", "seconds", "euler", "reference", "steps"})
+      EXPECT_TRUE(row.contains(key)) << key;
+  }
+  for (const char* group : {"A", "M", "sources", "starts", "scales", "sizes"}) EXPECT_GE(groups[group], 2) << group;
+  // Implicit Euler is of first order and seldom as good: the references are not made by what they judge.
+  int compared = 0;
+  for (const Json& row : json["rows"])
+    if (row["group"] == "A" && row["verdict"] == "right" && row["euler"]["error_x"].is_number()) {
+      EXPECT_LT(row["euler"]["error_x"], 0.2) << row;
+      ++compared;
+    }
+  EXPECT_GE(compared, 5);
+}
+
+}  // namespace
+}  // namespace bromwich

@@ -1,0 +1,361 @@
+// The command seen from outside: exit codes, what goes to which stream, and the files it writes.
+
+#include "kernels/cuda_backend.hpp"
+#include "tests/app/cli.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+using Json = nlohmann::json;
+
+/// Small enough that every solve of these tests takes milliseconds.
+const std::string small = "solve signorini --set Q=7 --steps 20 --threads 1";
+
+TEST_F(Cli, RefusesBadInputInOneLine) {
+  const std::vector<BadInput> cases{
+      {"", {"command", "solve"}},
+      {"sovle", {"sovle", "solve"}},
+      {"--bogus", {"--bogus"}},
+      {"scenes extra", {"extra"}},
+      {"info --json", {"--json"}},
+      {"solve", {"SCENE", "bromwich scenes"}},
+      {"solve signorni", {"SCENE", "signorni", "did you mean 'signorini'", "bridge"}},
+      {"solve ./mine.toml", {"mine.toml"}},
+      {"solve mine.TOML", {"mine.TOML"}},
+      {"bench baselines mine.toml", {"mine.toml"}},
+      {"solve --template signorini", {"--template", "alone"}},
+      {"solve signorini bridge", {"SCENE", "bridge"}},
+      {"solve ''", {"SCENE"}},
+      {"solve \"$(printf 'two\\nlines')\"", {"SCENE", "two lines"}},
+      {"solve signorini --bogus", {"--bogus", "--help"}},
+      {"solve signorini --step 5", {"--step", "--steps"}},
+      {"solve signorini --json=perhaps", {"--json", "perhaps"}},
+      {"solve signorini --set", {"--set"}},
+      {"solve signorini --set Q", {"--set", "'Q'", "key=value"}},
+      {"solve signorini --set =3", {"--set", "=3", "key=value"}},
+      {"solve signorini --set Q=", {"--set", "Q", "number"}},
+      {"solve signorini --set Q=nan", {"--set", "nan", "finite"}},
+      {"solve signorini --set T=inf", {"--set", "inf", "finite"}},
+      {"solve signorini --set T=1e999", {"--set", "1e999"}},
+      {"solve signorini --set Q=3x", {"--set", "3x"}},
+      {"solve signorini --set Q=3 --set Q=5", {"--set", "Q", "twice"}},
+      {"solve signorini --set R=1", {"--set", "'R'", "Q", "dx", "c", "T"}},
+      {"solve signorini --set q=9", {"--set", "'q'", "did you mean 'Q'"}},
+      {"solve signorini Q=9", {"Q=9", "--set Q=9"}},
+      {"solve signorini --set Q=0", {"Q", "0"}},
+      {"solve signorini --set Q=2.5", {"Q", "2.5"}},
+      {"solve signorini --set T=-1", {"T", "-1"}},
+      {"solve signorini --set Q=7 dx=0.125", {"dx"}},
+  };
+  for (const BadInput& bad : cases) {
+    const Outcome result = refused(bad.arguments);
+    for (const std::string& word : bad.mentions) EXPECT_TRUE(contains(result.err, word)) << word << "\n" << result.err;
+  }
+}
+
+TEST_F(Cli, RefusesBadOptionValues) {
+  std::vector<BadInput> cases{
+      {"--steps 0", {"--steps", "'0'", "integer from 1"}},
+      {"--steps -4", {"--steps", "'-4'"}},
+      {"--steps 2.5", {"--steps", "'2.5'"}},
+      {"--steps nan", {"--steps", "'nan'"}},
+      {"--steps 16777217", {"--steps", "16777217", "16777216"}},
+      {"--steps 99999999999999999999", {"--steps"}},
+      {"--steps ''", {"--steps", "empty"}},
+      {"--steps", {"--steps"}},
+      {"--steps 3 --steps 4", {"--steps"}},
+      {"--threads 0", {"--threads", "'0'"}},
+      {"--threads 4097", {"--threads", "4097", "4096"}},
+      {"--threads many", {"--threads", "many"}},
+      {"--iteration-tol 0", {"--iteration-tol", "'0'"}},
+      {"--iteration-tol 1", {"--iteration-tol", "'1'"}},
+      {"--iteration-tol -1e-3", {"--iteration-tol", "'-1e-3'"}},
+      {"--iteration-tol nan", {"--iteration-tol", "nan"}},
+      {"--iteration-tol inf", {"--iteration-tol", "inf"}},
+      {"--tol 0", {"--tol", "'0'", "between 0 and 1"}},
+      {"--tol 1", {"--tol", "'1'"}},
+      {"--tol -1e-3", {"--tol", "'-1e-3'"}},
+      {"--tol nan", {"--tol", "nan"}},
+      {"--tol small", {"--tol", "small", "1e-4"}},
+      {"--method goal", {"method", "goal", "port-Hamiltonian"}},
+      {"--method marsh", {"--method", "marsh", "did you mean 'march'"}},
+      {"--backend gpu", {"--backend", "gpu"}},
+      {"--states 1521", {"--states", "1521", "1520"}},
+      {"--states -1", {"--states", "'-1'"}},
+      {"--states 1,1", {"--states", "twice"}},
+      {"--states 1,,2", {"--states", "1,,2"}},
+      {"--states 1,", {"--states", "'1,'"}},
+      {"--states some", {"--states", "some", "all, none"}},
+      {"--report a.html", {"--report", "a.html", "not available yet"}},
+      {"--at 1", {"--at", "without --out"}},
+      {"--at 1,5 --out y.csv", {"--at", "1,5", "T = 4"}},
+      {"--at 1, --out y.csv", {"--at", "'1,'"}},
+      {"--at -1 --out y.csv", {"--at", "-1"}},
+      {"--switches s.txt", {"--switches", "s.txt", ".csv"}},
+      {"--switches a.csv --out a.csv", {"--switches", "a.csv", "--out"}},
+      {"--out y.h5", {"--out", "y.h5", "not available yet", ".csv"}},
+      {"--out y.npz", {"--out", "y.npz", "not available yet", ".csv"}},
+      {"--out y.txt", {"--out", "y.txt", ".csv"}},
+      {"--out y", {"--out", ".csv"}},
+      {"--out --json", {"--out", "--json"}},
+      {"--out missing/y.csv", {"--out", "missing"}},
+  };
+  if (cuda_devices().empty()) cases.push_back({"--backend cuda", {"--backend", "no CUDA", "use --backend cpu"}});
+  for (const BadInput& bad : cases) {
+    const Outcome result = refused("solve signorini " + bad.arguments);
+    for (const std::string& word : bad.mentions) EXPECT_TRUE(contains(result.err, word)) << word << "\n" << result.err;
+  }
+  EXPECT_EQ(files(), 0u);
+}
+
+TEST_F(Cli, RefusesStepsThatCannotFitIntoMemory) {
+  // 2^24 steps of 4095 constraints: more than 2 TB for five arrays.
+  const Outcome result = refused("solve signorini --set Q=4095 --steps 16777216");
+  EXPECT_TRUE(contains(result.err, "--steps"));
+}
+
+TEST_F(Cli, RefusesBadBenchInput) {
+  EXPECT_TRUE(contains(refused("bench").err, "baselines"));
+  EXPECT_TRUE(contains(refused("bench baseline").err, "did you mean 'baselines'"));
+  EXPECT_TRUE(contains(refused("bench speed").err, "convolution"));
+  EXPECT_TRUE(contains(refused("bench baselines signorni").err, "signorini"));
+  EXPECT_TRUE(contains(refused("bench baselines signorini bridge").err, "SCENE"));
+  EXPECT_TRUE(contains(refused("bench convolution bridge").err, "signorini"));
+  EXPECT_TRUE(contains(refused("bench convolution --steps 9").err, "--steps"));
+  EXPECT_TRUE(contains(refused("bench baselines --steps 0").err, "--steps"));
+  EXPECT_TRUE(contains(refused("bench baselines --threads 0").err, "--threads"));
+  EXPECT_TRUE(contains(refused("bench baselines --out a.csv").err, ".json"));
+}
+
+TEST_F(Cli, HelpAndVersionGoToStandardOutput) {
+  for (const std::string arguments : {"--help", "-h", "solve --help", "bench --help", "scenes --help", "info --help"}) {
+    const Outcome result = run(arguments);
+    EXPECT_EQ(result.exit_code, 0) << arguments;
+    EXPECT_TRUE(contains(result.out, "Usage:")) << arguments;
+    EXPECT_EQ(result.err, "") << arguments;
+  }
+  EXPECT_TRUE(contains(run("solve --help").out, "bromwich solve signorini"));
+  const Outcome version = run("--version");
+  EXPECT_EQ(version.exit_code, 0);
+  EXPECT_TRUE(version.out.starts_with("bromwich ")) << version.out;
+}
+
+TEST_F(Cli, HelpThatCannotBeWrittenIsAFailure) {
+  if (!fs::exists("/dev/full")) GTEST_SKIP() << "this system has no device that is always full";
+  for (const std::string arguments : {"--help", "solve --help", "--version", "scenes"}) {
+    const Outcome result = run(arguments + " >/dev/full");
+    EXPECT_EQ(result.exit_code, 2) << arguments;
+    EXPECT_TRUE(contains(result.err, "standard output")) << result.err;
+  }
+}
+
+TEST_F(Cli, HelpNamesEveryMethodThatIsAccepted) {
+  const std::string help = run("solve --help").out;
+  for (const char* method : {"auto", "multigrid", "contour", "contour-literal", "march", "euler"})
+    EXPECT_TRUE(contains(help, method)) << method;
+}
+
+TEST_F(Cli, ListsScenesWithDefaults) {
+  const Outcome result = run("scenes");
+  EXPECT_EQ(result.exit_code, 0);
+  const auto lines = split(result.out, '\n');
+  const auto line_of = [&](const std::string& name) {
+    return *std::find_if(lines.begin(), lines.end(), [&](const auto& line) { return line.starts_with(name + " "); });
+  };
+  ASSERT_TRUE(contains(result.out, "signorini ") && contains(result.out, "\nbridge "));
+  for (const char* word : {"Q=39", "dx", "c=0.002", "T=4"}) EXPECT_TRUE(contains(line_of("signorini"), word)) << word;
+}
+
+TEST_F(Cli, ScenesSayWhetherFilesAreRead) { EXPECT_TRUE(contains(run("scenes").out, ".toml")); }
+
+TEST_F(Cli, InfoNamesVersionBackendAndThreads) {
+  const Outcome result = run("info");
+  EXPECT_EQ(result.exit_code, 0);
+  for (const char* word : {"version", "backends", "cpu", "threads"}) EXPECT_TRUE(contains(result.out, word)) << word;
+}
+
+TEST_F(Cli, JsonIsOneObjectWithTheKeysOfTheContract) {
+  const Outcome result = run(small + " --json --out y.csv");
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(result.err, "");  // no terminal, so no progress either
+  const Json json = Json::parse(result.out);
+  ASSERT_TRUE(json.is_object());
+  for (const char* key : {"schema", "scene", "status", "infeasible_at", "method", "backend", "steps", "iterations",
+                          "cycles", "residual", "error_estimate", "lcp", "seconds", "bytes", "bytes_predicted"})
+    EXPECT_TRUE(json.contains(key)) << key;
+  for (const char* key : {"solved", "newton", "fallbacks"}) EXPECT_TRUE(json["lcp"].contains(key)) << key;
+  for (const char* key : {"total", "setup", "solve", "lcp", "convolution", "transform", "other"})
+    EXPECT_TRUE(json["seconds"].contains(key)) << key;
+  EXPECT_EQ(json["schema"], "bromwich/1");
+  EXPECT_EQ(json["scene"], "signorini");
+  EXPECT_EQ(json["status"], "solved");
+  EXPECT_TRUE(json["infeasible_at"].is_null());
+  EXPECT_EQ(json["backend"], "cpu");
+  EXPECT_EQ(json["steps"], 20);
+  EXPECT_EQ(json["threads"], 1);
+  EXPECT_EQ(json["parameters"]["Q"], 7);
+  EXPECT_FALSE(json["parameters"].contains("dx"));  // Q was used, not dx
+  EXPECT_TRUE(json["residual"].is_number());
+}
+
+TEST_F(Cli, ToleranceChoosesTheStepsAndReportsTheError) {
+  const Outcome result = run("solve signorini --set Q=7 --tol 1e-3 --json --out y.csv");
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  const Json json = Json::parse(result.out);
+  EXPECT_EQ(json["status"], "solved");
+  EXPECT_LE(json["error_estimate"].get<double>(), 1e-3);
+  const Json& errors = json["errors"];
+  for (const char* key : {"discretisation", "kernel", "iteration", "states", "order", "tolerance", "of", "grids"})
+    EXPECT_TRUE(errors.contains(key)) << key;
+  EXPECT_EQ(errors["of"], "y");
+  EXPECT_TRUE(errors["states"].is_null()) << "none were asked for";
+  EXPECT_EQ(errors["grids"].back(), json["steps"]);
+  const std::size_t rows = split(read(folder_ / "y.csv"), '\n').size();
+  EXPECT_EQ(rows, json["steps"].get<std::size_t>() + 2) << "a heading, and t = 0";
+  EXPECT_TRUE(Json::parse(run(small + " --json").out)["errors"].is_null());
+}
+
+TEST_F(Cli, ToleranceOutOfReachIsNotMet) {
+  const Outcome result = run("solve signorini --set Q=7 --method euler --tol 1e-9");
+  EXPECT_EQ(result.exit_code, 3);
+  for (const char* word : {"tolerance_not_met", "steps would be needed", "not 1.0e-09"})
+    EXPECT_TRUE(contains(result.err, word)) << word << "\n" << result.err;
+  EXPECT_TRUE(contains(result.out, "grids 25 50"));
+}
+
+TEST_F(Cli, WritesRowsAtTimesAndSwitches) {
+  const Outcome result = run(small + " --states 0 --at 0,0.2,0.31 --out y.csv --switches s.csv");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto rows = split(read(folder_ / "y.csv"), '\n');
+  ASSERT_EQ(rows.size(), 4u);
+  EXPECT_EQ(split(rows[3], ',')[0], "0.31");
+  EXPECT_EQ(split(rows[3], ',').size(), 9u) << "t, seven y and x0";
+  EXPECT_FALSE(contains(rows[3], "nan"));
+  ASSERT_EQ(run(small + " --states 0 --out all.csv").exit_code, 0);
+  EXPECT_EQ(rows[2], split(read(folder_ / "all.csv"), '\n')[2]) << "0.2 is a time point";
+  const auto found = split(read(folder_ / "s.csv"), '\n');
+  ASSERT_GE(found.size(), 2u);
+  EXPECT_EQ(found[0], "t,component,on,error");
+  EXPECT_EQ(split(found[1], ',').size(), 4u);
+}
+
+TEST_F(Cli, NamedMethodIsTheOneThatRuns) {
+  for (const std::string method : {"multigrid", "contour", "contour-literal", "march", "euler"}) {
+    const Outcome result = run(std::string(small).append(" --json --method ").append(method));
+    EXPECT_EQ(Json::parse(result.out)["method"], method);
+  }
+}
+
+TEST_F(Cli, SummaryNamesStatusAndOutput) {
+  const Outcome result = run(small + " --out y.csv");
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  for (const char* word : {"signorini", "Q = 7", "20 steps", "solved", "y.csv"})
+    EXPECT_TRUE(contains(result.out, word)) << word << "\n" << result.out;
+}
+
+TEST_F(Cli, SettingsMayFollowOneAnother) {
+  const Json json = Json::parse(run("solve --set Q=5 T=2 signorini --steps=8 --set c=1e-3 --json").out);
+  EXPECT_EQ(json["parameters"]["Q"], 5);
+  EXPECT_EQ(json["parameters"]["T"], 2);
+  EXPECT_EQ(json["parameters"]["c"], 1e-3);
+  const Json spacing = Json::parse(run("solve signorini --set dx=0.125 --steps 8 --json").out);
+  EXPECT_EQ(spacing["parameters"]["dx"], 0.125);
+  EXPECT_FALSE(spacing["parameters"].contains("Q"));
+}
+
+TEST_F(Cli, CsvHasOneRowPerTime) {
+  ASSERT_EQ(run(small + " --out y.csv").exit_code, 0);
+  const auto lines = split(read(folder_ / "y.csv"), '\n');
+  ASSERT_EQ(lines.size(), 22u);  // header, t_0 ... t_20
+  EXPECT_EQ(lines[0], "t,y0,y1,y2,y3,y4,y5,y6");
+  for (std::size_t j = 0; j < 21; ++j) {
+    const auto cells = split(lines[j + 1], ',');
+    ASSERT_EQ(cells.size(), 8u) << j;
+    // t_j = j T/J = j/5, to the rounding of one multiplication and one division.
+    EXPECT_NEAR(std::stod(cells[0]), double(j) / 5, 1e-15 * 4) << j;
+    for (std::size_t i = 1; i < cells.size(); ++i) EXPECT_GE(std::stod(cells[i]), 0) << j;
+  }
+}
+
+TEST_F(Cli, RowZeroHoldsTheInitialState) {
+  ASSERT_EQ(run(small + " --states 0,8,3 --out y.csv").exit_code, 0);
+  const auto lines = split(read(folder_ / "y.csv"), '\n');
+  EXPECT_EQ(lines[0], "t,y0,y1,y2,y3,y4,y5,y6,x0,x8,x3");
+  const auto cells = split(lines[1], ',');
+  ASSERT_EQ(cells.size(), 11u);
+  EXPECT_EQ(std::stod(cells[0]), 0);
+  // x0 = 2 x1 x2 (1 - x1)(1 - x2) on the grid of spacing 1/8; component 7 a + b sits at x2 = (a+1)/8, x1 = (b+1)/8.
+  const auto initial = [](int a, int b) { return 2.0 * (a + 1) * (7 - a) * (b + 1) * (7 - b) / 4096; };
+  EXPECT_NEAR(std::stod(cells[8]), initial(0, 0), 1e-15);
+  EXPECT_NEAR(std::stod(cells[9]), initial(1, 1), 1e-15);
+  EXPECT_NEAR(std::stod(cells[10]), initial(0, 3), 1e-15);
+}
+
+TEST_F(Cli, AllStatesAreWrittenInOrder) {
+  ASSERT_EQ(run(small + " --states all --out y.csv").exit_code, 0);
+  const auto header = split(split(read(folder_ / "y.csv"), '\n')[0], ',');
+  ASSERT_EQ(header.size(), 1u + 7 + 49);
+  EXPECT_EQ(header[8], "x0");
+  EXPECT_EQ(header.back(), "x48");
+}
+
+TEST_F(Cli, CsvNumbersAreShortestAndExact) {
+  ASSERT_EQ(run(small + " --out y.csv").exit_code, 0);
+  // Every number must be at most 17 significant digits; t = 0.2 shows that no digits are padded.
+  EXPECT_TRUE(split(read(folder_ / "y.csv"), '\n')[2].starts_with("0.2,"));
+}
+
+TEST_F(Cli, ExistingFileSurvivesARefusedRun) {
+  std::ofstream(folder_ / "y.csv") << "precious";
+  refused("solve signorini --steps 0 --out y.csv");
+  refused("solve signorini --set T=-1 --out y.csv");
+  refused("solve signorini --method goal --out y.csv");
+  EXPECT_EQ(read(folder_ / "y.csv"), "precious");
+  EXPECT_EQ(files(), 1u);
+}
+
+TEST_F(Cli, WritesWholeFilesAndLeavesNothingBeside) {
+  std::ofstream(folder_ / "y.csv") << "old";
+  fs::permissions(folder_ / "y.csv", fs::perms::owner_read | fs::perms::owner_write);
+  fs::create_symlink("y.csv", folder_ / "link.csv");
+  ASSERT_EQ(run(small + " --out link.csv").exit_code, 0);
+  EXPECT_TRUE(fs::is_symlink(folder_ / "link.csv"));
+  EXPECT_TRUE(read(folder_ / "y.csv").starts_with("t,y0,"));
+  EXPECT_EQ(fs::status(folder_ / "y.csv").permissions(), fs::perms::owner_read | fs::perms::owner_write);
+  EXPECT_EQ(files(), 2u);
+}
+
+TEST_F(Cli, RefusesAnOutputThatIsNoRegularFile) {
+  fs::create_directory(folder_ / "folder.csv");
+  EXPECT_TRUE(contains(refused(small + " --out folder.csv").err, "regular"));
+  if (::geteuid() == 0) GTEST_SKIP() << "the superuser may write everywhere";
+  std::ofstream(folder_ / "locked.csv") << "precious";
+  fs::permissions(folder_ / "locked.csv", fs::perms::owner_read);
+  EXPECT_TRUE(contains(refused(small + " --out locked.csv").err, "write-protected"));
+  EXPECT_EQ(read(folder_ / "locked.csv"), "precious");
+}
+
+TEST_F(Cli, InterruptWritesTheValidPart) {
+  // Iterations of tens of milliseconds and hundreds of them: far from done after three seconds, on any machine. In the
+  // foreground timeout signals only the command; otherwise its group gets a second signal, and a second one kills.
+  const Outcome result = run("solve signorini --set Q=511 --steps 4096 --method contour --threads 1 --json --out y.csv",
+                             "timeout --foreground --preserve-status -s INT 3");
+  if (result.exit_code == 0) GTEST_SKIP() << "solved before the signal came";
+  EXPECT_EQ(result.exit_code, 3) << result.err;
+  EXPECT_EQ(Json::parse(result.out)["status"], "interrupted");
+  EXPECT_TRUE(contains(result.err, "interrupted")) << result.err;
+  EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1);
+  const auto lines = split(read(folder_ / "y.csv"), '\n');
+  ASSERT_GE(lines.size(), 3u);
+  ASSERT_LE(lines.size(), 4099u);
+  for (std::size_t i = 1; i + 1 < lines.size(); ++i) EXPECT_EQ(lines[i].find("nan"), std::string::npos) << lines[i];
+  EXPECT_TRUE(lines.back().starts_with("# ended at t = ")) << lines.back();
+  EXPECT_TRUE(lines.back().ends_with(": interrupted, stopped on request")) << lines.back();
+}
+
+}  // namespace
+}  // namespace bromwich

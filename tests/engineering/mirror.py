@@ -1,0 +1,81 @@
+#!/usr/bin/env python3
+"""mirror.py SOURCE: tests/ mirrors core/.
+
+Every room of core/ has a folder of tests. Every source core/ROOM/NAME.cpp has a test: tests/ROOM/test_NAME.cpp, or a
+test that includes core/ROOM/NAME.hpp, or a line in tests/COVERED. No test lies in tests/ itself, and every one is in the
+lists of tests/CMakeLists.txt.
+"""
+
+import re
+import sys
+from pathlib import Path
+
+INCLUDE = re.compile(r'^\s*#\s*include\s+"(core/[^"]+)"', re.M)
+LISTED = re.compile(r"bromwich_tests_of\(\s*(\w+)\s+([^)]*)\)")
+
+
+def lines_of(path):
+    return [line.split() for line in path.read_text().splitlines() if line.strip() and not line.startswith("#")]
+
+
+def faults(root):
+    core, tests = root / "core", root / "tests"
+    for room, *_ in lines_of(core / "ROOMS"):
+        if not any((tests / room).glob("test_*.cpp")):
+            yield f"core/{room} has no tests: tests/{room} is missing or empty"
+    for path in sorted(tests.glob("*.[ch]pp")):
+        yield f"tests/{path.name}: belongs into a folder"
+
+    listed = {f"{folder}/{name}" for folder, names in LISTED.findall((tests / "CMakeLists.txt").read_text())
+              for name in names.split()}
+    included = set()
+    for path in sorted(tests.glob("*/test_*.cpp")):
+        included.update(INCLUDE.findall(path.read_text()))
+        name = str(path.relative_to(tests))
+        if path.parent.name != "engineering" and name not in listed:
+            yield f"tests/{name}: is not in tests/CMakeLists.txt"
+
+    covered = {}
+    for source, *by in lines_of(tests / "COVERED"):
+        covered[source] = by
+        if not (core / f"{source}.cpp").is_file():
+            yield f"tests/COVERED: core/{source}.cpp does not exist"
+        for name in by or ["(nothing)"]:
+            if not (tests / name).is_file():
+                yield f"tests/COVERED: {source}: tests/{name} does not exist"
+    for path in sorted(core.glob("*/*.cpp")):
+        unit = str(path.relative_to(core).with_suffix(""))
+        own = tests / path.parent.name / f"test_{path.stem}.cpp"
+        if not own.is_file() and f"core/{unit}.hpp" not in included and unit not in covered:
+            yield f"core/{unit}.cpp has no test: write {own.relative_to(root)}, or say in tests/COVERED what tests it"
+
+
+def accepts_anything():
+    """The check itself: a room, a source and a test that are not as they should be have to be found."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        for name, text in {"core/ROOMS": "low\nhigh\n", "core/low/a.cpp": "", "core/low/b.cpp": "", "core/high/c.cpp": "",
+                           "tests/COVERED": "low/gone low/test_a.cpp\n", "tests/low/test_a.cpp": "",
+                           "tests/stray.cpp": "", "tests/CMakeLists.txt": ""}.items():
+            (root / name).parent.mkdir(parents=True, exist_ok=True)
+            (root / name).write_text(text)
+        found = "\n".join(faults(root))
+    expected = ["core/high has no tests", "core/low/b.cpp has no test", "core/high/c.cpp has no test", "stray.cpp",
+                "test_a.cpp: is not in", "core/low/gone.cpp does not exist"]
+    return any(part not in found for part in expected) or "core/low/a.cpp has no test" in found
+
+
+def main():
+    if accepts_anything():
+        print("mirror: a tree with faults was accepted")
+        return 1
+    found = list(faults(Path(sys.argv[1]).resolve()))
+    for fault in found:
+        print("mirror: " + fault)
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

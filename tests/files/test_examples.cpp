@@ -1,0 +1,202 @@
+// The scene files of examples/: each against what its file says is known of the solution, and every named method on the
+// small ones. The references come from closed forms and from integrations between located switches, not from this
+// solver; each file derives its tolerance from the discretisation.
+
+#include "core/base/error.hpp"
+#include "core/lcp/lcp_class.hpp"
+#include "core/lcp/lipschitz.hpp"
+#include "files/scene_file.hpp"
+#include "tests/support/run.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace bromwich {
+namespace {
+
+constexpr double infinite = std::numeric_limits<double>::infinity();
+
+std::vector<std::string> scene_files() {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(BROMWICH_EXAMPLES))
+    if (entry.path().extension() == ".toml") names.push_back(entry.path().stem());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+SceneFile read(const std::string& name) {
+  return read_scene_file(std::filesystem::path(BROMWICH_EXAMPLES) / (name + ".toml"));
+}
+
+std::string test_name(const testing::TestParamInfo<std::string>& info) {
+  std::string name = info.param;
+  std::replace_if(
+      name.begin(), name.end(), [](unsigned char c) { return !std::isalnum(c); }, '_');
+  return name;
+}
+
+Result run_with_states(const Scene& scene, Method method, Index steps = 0) {
+  Options options = options_for(method, steps);
+  options.states = StateSelection::all;
+  return run(scene, options);
+}
+
+/// Largest error, and how many values were compared.
+struct Deviation {
+  double largest = 0;
+  Index compared = 0;
+
+  /// A value that should be known but was not found is infinitely wrong.
+  void add(double found, double known) {
+    if (std::isnan(known)) return;
+    ++compared;
+    const double error = std::abs(found - known);
+    largest = std::max(largest, std::isnan(error) ? infinite : error);
+  }
+};
+
+struct Errors {
+  Deviation x, y;
+};
+
+/// Against the exact solution from T/16 on (y(0) need not be unique), up to where the result ends as infeasible, and
+/// against the values at the reference time.
+Errors errors(const SceneFile& file, const Result& result) {
+  const Scene& scene = file.scene;
+  Errors e;
+  const auto add_row = [&](Index row, const auto& x, const auto& y) {
+    for (std::size_t i = 0; i < std::size_t(x.size()); ++i) e.x.add(result.x(row, Index(i)), x[i]);
+    for (std::size_t i = 0; i < std::size_t(y.size()); ++i) e.y.add(result.y(row, Index(i)), y[i]);
+  };
+  const Index J = result.steps;
+  if (scene.exact) {
+    Vector x(scene.states()), y(scene.constraints());
+    for (Index j = (J + 15) / 16; j <= J && !(result.infeasible_at && result.t[j] >= *result.infeasible_at); ++j) {
+      scene.exact(result.t[j], x, y);
+      add_row(j, x, y);
+    }
+  }
+  if (file.reference && file.reference->t) {
+    const double row = *file.reference->t / scene.T * double(J);
+    EXPECT_NEAR(row, std::round(row), 1e-9 * double(J)) << "the time of the reference is no grid point";
+    add_row(Index(std::lround(row)), file.reference->x, file.reference->y);
+  }
+  return e;
+}
+
+class Example : public testing::TestWithParam<std::string> {
+ protected:
+  void SetUp() override {
+    if (!scene_files_available()) GTEST_SKIP() << "this build has no reader for scene files";
+  }
+};
+
+TEST_P(Example, AutoReachesTheReference) {
+  const SceneFile file = read(GetParam());
+  ASSERT_TRUE(file.reference) << "a scene file of the project says what is known of its solution";
+  const Reference& known = *file.reference;
+  const Result result = run_with_states(file.scene, Method::automatic);
+  ASSERT_STREQ(to_string(result.status), known.status.c_str()) << result.reason;
+  if (known.infeasible_at) {
+    ASSERT_TRUE(result.infeasible_at);
+    // The first grid point without a solution, or the one before if rounding decides.
+    EXPECT_NEAR(*result.infeasible_at, *known.infeasible_at, file.scene.T / double(result.steps));
+  }
+  const Errors e = errors(file, result);
+  const bool nothing_to_compare = known.status != "solved" && !file.scene.exact && !known.t;
+  EXPECT_EQ(e.x.compared + e.y.compared == 0, nothing_to_compare);
+  if (e.x.compared + e.y.compared == 0) return;
+  ASSERT_TRUE(known.tolerance);
+  EXPECT_LE(e.x.largest, *known.tolerance) << "x, by " << to_string(result.method);
+  EXPECT_LE(e.y.largest, *known.tolerance) << "y, by " << to_string(result.method);
+}
+
+// A method may refuse a scene or stop, but what it calls solved has to be near the solution.
+
+constexpr Index largest_small = 10;           ///< states
+constexpr Index most_steps = 4000;            ///< of a small scene
+constexpr Index most_literal_steps = 400;     ///< it draws a contour per time point and sweep
+constexpr double other_discretisation = 100;  ///< times the tolerance, which is meant for the method that auto takes
+
+class SmallExample : public testing::TestWithParam<std::string> {
+ protected:
+  void SetUp() override {  // not before: reading all files would take longer than most tests, in each of them
+    if (file_.scene.states() > largest_small || file_.scene.default_steps > most_steps)
+      GTEST_SKIP() << "larger than what all methods are tried on";
+  }
+  SmallExample() : file_(read(GetParam())) {
+    if (file_.reference) bound_ = other_discretisation * file_.reference->tolerance.value_or(0);
+  }
+
+  bool infeasible() const { return file_.reference && file_.reference->status == "infeasible"; }
+
+  const SceneFile file_;
+  double bound_ = 0;
+};
+
+TEST_P(SmallExample, SecondOrderMethodsAreRightOrSayNo) {
+  for (const Method method : {Method::march, Method::contour, Method::contour_literal}) {
+    if (method == Method::contour_literal && file_.scene.default_steps > most_literal_steps) continue;
+    const Result result = run_with_states(file_.scene, method);
+    SCOPED_TRACE(to_string(method));
+    EXPECT_EQ(result.method, method) << "a method that is named is never replaced";
+    if (infeasible()) {
+      EXPECT_EQ(result.status, Status::infeasible) << result.reason;
+    }
+    if (result.status != Status::solved) {
+      EXPECT_FALSE(result.reason.empty());
+      continue;
+    }
+    const Errors e = errors(file_, result);
+    EXPECT_LE(e.x.largest, bound_);
+    EXPECT_LE(e.y.largest, bound_);
+  }
+}
+
+TEST_P(SmallExample, ImplicitEulerConvergesOrSaysNo) {
+  const Scene& s = file_.scene;
+  const Result coarse = run_with_states(s, Method::euler),
+               fine = run_with_states(s, Method::euler, 4 * s.default_steps);
+  EXPECT_EQ(coarse.method, Method::euler);
+  if (infeasible()) {
+    EXPECT_EQ(coarse.status, Status::infeasible) << coarse.reason;
+  }
+  for (const Result* result : {&coarse, &fine}) EXPECT_EQ(result->reason.empty(), result->status == Status::solved);
+  if (coarse.status != Status::solved || fine.status != Status::solved) return;
+  const Errors far = errors(file_, coarse), near = errors(file_, fine);
+  // First order: a quarter of the step leaves a quarter of the error, where the error is small; half where it is not.
+  EXPECT_LE(near.x.largest, std::max(far.x.largest / 2, bound_));
+  if (s.constraints() == 0) return;
+  // Where M does not determine y, an error O(h) of x that a constraint removes within one step enters y divided by h.
+  constexpr double well_conditioned = 1e3;  // of M as a map from w to y; scenes of the kind above have 1e10 or infinity
+  if (solution_lipschitz(s.M) * std::max(1., to_dense(s.M).cwiseAbs().maxCoeff()) > well_conditioned) return;
+  EXPECT_LE(near.y.largest, std::max(far.y.largest / 2, bound_));
+}
+
+// Up to T = 1 an error grows by e^118: no step is small enough, and no method may claim otherwise.
+TEST(UnstableVariant, IsRightOrSaysNoUnderEveryMethod) {
+  SceneFile file = read("dlcp-small-unstable");
+  file.scene.T = 1;
+  for (const Method method :
+       {Method::automatic, Method::march, Method::contour, Method::contour_literal, Method::euler})
+    for (const Index steps : {32, 200, 1000}) {
+      if (method == Method::contour_literal && steps > 200) continue;  // seconds, for the same answer
+      const Result result = run_with_states(file.scene, method, steps);
+      EXPECT_TRUE(result.status != Status::infeasible) << to_string(method) << ' ' << steps;
+      if (result.status != Status::solved) continue;
+      EXPECT_LE(errors(file, result).x.largest, 0.01) << to_string(method) << ' ' << steps;
+    }
+}
+
+GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(SmallExample);  // without a reader there are none
+INSTANTIATE_TEST_SUITE_P(Files, SmallExample, testing::ValuesIn(scene_files()), test_name);
+INSTANTIATE_TEST_SUITE_P(Files, Example, testing::ValuesIn(scene_files()), test_name);
+
+}  // namespace
+}  // namespace bromwich

@@ -1,0 +1,180 @@
+// The state where it is asked for: components by observers, time points by contours, both against stepping.
+
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/dense_output.hpp"
+#include "core/solve/solve.hpp"
+#include "tests/support/run.hpp"
+
+#include <gtest/gtest.h>
+#include <unsupported/Eigen/MatrixFunctions>
+
+#include <cmath>
+#include <random>
+
+namespace bromwich {
+namespace {
+
+// Rows of `result.x` (all components) against states_at.
+void expect_same_states(const Scene& scene, Index steps) {
+  Options options = options_for(Method::contour, steps);
+  options.states = StateSelection::all;
+  const auto backend = make_cpu_backend(1);
+  const Result result = solve(scene, *backend, options);
+  ASSERT_EQ(result.status, Status::solved) << result.reason;
+  const std::vector<Index> rows{0, 1, std::min<Index>(2, steps), steps / 2, steps};
+  const Matrix x = states_at(scene, *backend, result, rows);
+  ASSERT_EQ(x.rows(), scene.states());
+  for (std::size_t c = 0; c < rows.size(); ++c) {
+    const double scale = std::max(1.0, result.x.row(rows[c]).cwiseAbs().maxCoeff());
+    // Contours of 25 nodes are good to 7e-15 of the size of what they sum, lags of size 1 and up to `steps` of them.
+    EXPECT_LE((x.col(Index(c)).transpose() - result.x.row(rows[c])).cwiseAbs().maxCoeff(), 1e-11 * scale)
+        << scene.name << ", row " << rows[c];
+  }
+}
+
+TEST(StatesAt, EqualTheObserversOfSignorini) {
+  for (const double Q : {1, 2, 7, 39}) expect_same_states(make_scene("signorini", {{"Q", Q}}), 400);
+  for (const Index steps : {1, 3, 5, 20}) expect_same_states(make_scene("signorini", {{"Q", 7}}), steps);
+}
+
+TEST(StatesAt, EqualSteppingOfDenseScenes) {
+  expect_same_states(make_scene("dlcp-small"), 4000);  // by contours: few rows, many steps
+  expect_same_states(make_scene("dlcp-small"), 100);
+  expect_same_states(make_scene("bridge"), 600);
+}
+
+TEST(StatesAt, RefusesWhatItCannotDo) {
+  const Scene scene = make_scene("signorini", {{"Q", 7}});
+  const auto backend = make_cpu_backend(1);
+  const Result march = solve(scene, *backend, options_for(Method::march, 16));
+  EXPECT_THROW(states_at(scene, *backend, march, {17}), Error);
+  EXPECT_THROW(states_at(scene, *backend, march, {-1}), Error);
+  EXPECT_THROW(states_at(make_scene("bridge"), *backend, march, {1}), Error);
+  EXPECT_THROW(states_at(scene, *backend, solve(scene, *backend, options_for(Method::euler, 16)), {1}), Error);
+  EXPECT_EQ(states_at(scene, *backend, march, {}).cols(), 0);
+}
+
+// N x as the methods hand it out against N times the states, whatever way each of them takes to y.
+// x' = 20 x - 40 y, w = -x + y: y = x, and x = e^{-20 t} in closed loop. Left to itself the state grows by e^{100}, and
+// with it what rounding makes of y.
+Scene held_back() {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{20}}, Matrix{{-40}}, Matrix{{-1}}};
+  scene.M = Matrix{{1}};
+  scene.x0 = Vector{{1}};
+  scene.T = 5;
+  return scene;
+}
+
+TEST(States, OfAFreeStateThatGrowsComeFromTheClosedLoop) {
+  const Scene scene = held_back();
+  const auto backend = make_cpu_backend(1);
+  for (const Method method : {Method::automatic, Method::march, Method::contour, Method::multigrid, Method::euler}) {
+    Options options = options_for(method, 2000);
+    options.states = StateSelection::all;
+    const Result r = solve(scene, *backend, options);
+    if (method == Method::automatic || method == Method::march) {
+      ASSERT_EQ(r.status, Status::solved) << r.reason;
+    }
+    if (r.status != Status::solved) continue;
+    // h lambda = 0.05: second order is off by (h lambda)^2/12 of 20 t e^{-20 t} <= 1/e, Euler by h lambda/2 of it.
+    const double bound = method == Method::euler ? 0.02 : 1e-3;
+    for (Index j = 0; j <= 2000; ++j) ASSERT_NEAR(r.x(j, 0), std::exp(-20 * r.t[j]), bound) << to_string(method) << j;
+    EXPECT_LE(std::abs(r.x(2000, 0)), 1e-12) << to_string(method);
+    if (method != Method::march) continue;
+    EXPECT_LE(std::abs(states_at(scene, *backend, r, {2000})(0, 0)), 1e-12);
+    const Result between = at_times(scene, *backend, r, {4.99875});
+    EXPECT_LE(std::abs(between.x(0, 0)), 1e-12);
+  }
+}
+
+// Twenty random scenes with an unstable A whose closed loop decays: the states are those of Radau IIA, which steps
+// them.
+TEST(States, OfUnstableScenesAreThoseThatAreStepped) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (int trial = 0; trial < 20; ++trial) {
+    const Index m = 2 + trial % 3;
+    Scene scene;
+    Matrix A = Matrix::NullaryExpr(m, m, [&] { return normal(random); });
+    Matrix B = Matrix::NullaryExpr(m, 1, [&] { return normal(random); }), N = -B.transpose();
+    A = (A - A.transpose()).eval() - Matrix::Identity(m, m);
+    // A + 30 b b^T is unstable; y = x_b while x_b > 0 takes 60 b b^T off again. Below 0, y = 0 and the state runs away:
+    // g keeps y positive.
+    B.normalize();
+    N = -B.transpose();
+    scene.dynamics = DenseDynamics{A + 10 * B * B.transpose(), -20 * B, N};
+    scene.M = Matrix{{1}};
+    scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = -1; };
+    scene.f = [B](double, Eigen::Ref<Vector> f) { f = 20 * B.col(0); };
+    scene.x0 = 0.2 * B.col(0);
+    scene.T = 8;
+    Options options = options_for(Method::march, 8000);
+    options.states = StateSelection::all;
+    const Result r = run(scene, options);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    // With y = 1 + b^T x throughout: x' = (A - 10 b b^T) x, whatever y is made of.
+    ASSERT_GT(r.y.minCoeff(), 0) << trial;
+    const Matrix closed = A - 10 * B * B.transpose();
+    const Vector expected = (8 * closed).exp() * scene.x0;
+    EXPECT_LE((r.x.row(8000).transpose() - expected).cwiseAbs().maxCoeff(), 1e-4) << trial;
+  }
+}
+
+TEST(Trace, IsNTimesTheState) {
+  const auto backend = make_cpu_backend(1);
+  for (const char* name : {"dlcp-small", "bridge"})
+    for (const Method method : {Method::contour, Method::contour_literal, Method::march, Method::euler}) {
+      const Scene scene = make_scene(name);
+      if (method == Method::contour_literal && scene.name == "bridge") continue;  // eigenvalues on the imaginary axis
+      Options options = options_for(method, 64);
+      options.states = StateSelection::all;
+      options.trace = true;
+      options.tuning.literal_nodes = 64;
+      const Result result = solve(scene, *backend, options);
+      ASSERT_EQ(result.status, Status::solved) << name << ", " << to_string(method) << ": " << result.reason;
+      const DenseDynamics& d = std::get<DenseDynamics>(scene.dynamics);
+      const RowMatrix expected = result.x * d.N.transpose();
+      ASSERT_EQ(result.trace.rows(), expected.rows());
+      // contour-literal accepts contours that miss N e^{At} B by up to 100 times the printed rate e^{-2.06 sqrt P}/sqrt
+      // P, 9e-9 here, of t ||N|| ||B||; the others are exact up to rounding.
+      const double size = d.N.norm() * (scene.x0.norm() + scene.T * d.B.norm() * result.y.cwiseAbs().maxCoeff());
+      const double tolerance = (method == Method::contour_literal ? 9e-7 : 1e-11) * size;
+      EXPECT_LE((result.trace - expected).cwiseAbs().maxCoeff(), tolerance) << name << ", " << to_string(method);
+    }
+}
+
+TEST(Trace, OfSignoriniIsTheLineNextToTheMembrane) {
+  const Scene scene = make_scene("signorini", {{"Q", 7}});
+  const auto backend = make_cpu_backend(1);
+  for (const Method method : {Method::contour, Method::march, Method::euler})
+    for (const RecurrenceChoice recurrence : {RecurrenceChoice::modal, RecurrenceChoice::compressed}) {
+      Options options = options_for(method, 50);
+      options.tuning.recurrence = recurrence;
+      options.trace = true;
+      options.states = StateSelection::list;
+      for (Index j = 0; j < 7; ++j) options.components.push_back(7 * j);
+      const Result result = solve(scene, *backend, options);
+      ASSERT_EQ(result.status, Status::solved) << result.reason;
+      // Compressed exponentials hold the kernel to 1e-12 or better.
+      EXPECT_LE((result.trace + 2 * result.x).cwiseAbs().maxCoeff(), 1e-10) << to_string(method);
+    }
+}
+
+TEST(Trace, EndsWhereTheSolutionEndsAndIsEmptyUnasked) {
+  const auto backend = make_cpu_backend(1);
+  const Scene scene = make_scene("bridge");
+  EXPECT_EQ(solve(scene, *backend, options_for(Method::march, 8)).trace.size(), 0);
+  Options options = options_for(Method::contour, 400);
+  options.trace = true;
+  Index polls = 0;
+  options.interrupted = [&polls] { return ++polls > 3; };
+  const Result result = solve(make_scene("signorini", {{"Q", 15}}), *backend, options);
+  ASSERT_EQ(result.status, Status::interrupted);
+  ASSERT_EQ(result.trace.rows(), 401);
+  for (Index j = 0; j <= 400; ++j) EXPECT_EQ(result.y.row(j).allFinite(), result.trace.row(j).allFinite()) << j;
+}
+
+}  // namespace
+}  // namespace bromwich

@@ -1,0 +1,135 @@
+// Switching times between grid points, against exact solutions.
+
+#include "core/catalogue/catalogue.hpp"
+#include "core/result/switching.hpp"
+#include "core/solve/switch_errors.hpp"
+#include "tests/support/run.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+namespace bromwich {
+namespace {
+
+Result rows_of(const std::vector<double>& y, double h = 1) {
+  Result result;
+  result.steps = Index(y.size()) - 1;
+  result.t = Vector::LinSpaced(Index(y.size()), 0, h * double(result.steps));
+  result.y = Eigen::Map<const RowMatrix>(y.data(), Index(y.size()), 1);
+  return result;
+}
+
+TEST(Switches, OfStraightLinesAreExact) {
+  // Zero until 2.25, slope 2 up to 5, slope -4 down to 0 at 6.375.
+  const auto found = switches(rows_of({0, 0, 0, 1.5, 3.5, 5.5, 1.5, 0, 0}));
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_TRUE(found[0].on);
+  EXPECT_NEAR(found[0].t, 2.25, 1e-14);
+  EXPECT_NEAR(found[0].error, 0, 1e-14);
+  EXPECT_FALSE(found[1].on);
+  EXPECT_NEAR(found[1].t, 6.375, 1e-14);
+}
+
+TEST(Switches, WhereOnlyTheStepIsKnownAreItsMiddle) {
+  for (const std::vector<double>& y : {std::vector<double>{0, 0, 3, 0, 0}, {0, 0, 1, 1, 1}, {0, 0, 2, 1, 1}}) {
+    const auto found = switches(rows_of(y, 0.5));
+    ASSERT_FALSE(found.empty());
+    EXPECT_TRUE(found[0].on);
+    EXPECT_EQ(found[0].t, 0.75);
+    EXPECT_EQ(found[0].error, 0.25);
+  }
+}
+
+TEST(Switches, DoNotCountRoundingOrRowsThatAreNotValid) {
+  EXPECT_TRUE(switches(rows_of({1, 1e-17, 1})).size() == 2u);
+  EXPECT_TRUE(switches(rows_of({0, 1e-17, 0, 1, 1, 1})).size() == 1u);
+  EXPECT_TRUE(switches(rows_of({0, 0, NAN, 1, 0})).empty());
+  EXPECT_TRUE(switches(rows_of({NAN, 1, 1})).empty()) << "y at 0 need not be known";
+  EXPECT_TRUE(switches(rows_of({1})).empty());
+  EXPECT_TRUE(switches(rows_of({})).empty());
+}
+
+struct Known {
+  double t;
+  Index component;
+  bool on;
+};
+
+// y1 = max(sin 3 pi t, 0)/2, y3 = max(-sin 3 pi t - 0.3, 0)/4.
+std::vector<Known> switches_of_dlcp_small() {
+  const double pi = std::numbers::pi, a = std::asin(0.3);
+  return {{1. / 3, 1, false}, {(pi + a) / (3 * pi), 3, true}, {(2 * pi - a) / (3 * pi), 3, false}, {2. / 3, 1, true}};
+}
+
+double largest_error(Index steps) {
+  const std::vector<Known> known = switches_of_dlcp_small();
+  const Result result = run(make_scene("dlcp-small"), Method::march, steps);
+  EXPECT_EQ(result.status, Status::solved) << result.reason;
+  std::vector<Switch> found = switches(result);
+  std::erase_if(found, [](const Switch& s) { return s.t < 0.01 || s.t > 0.99; });  // sin is 0 at both ends
+  EXPECT_EQ(found.size(), known.size());
+  double largest = 0;
+  for (std::size_t k = 0; k < std::min(found.size(), known.size()); ++k) {
+    EXPECT_EQ(found[k].component, known[k].component);
+    EXPECT_EQ(found[k].on, known[k].on);
+    const double error = std::abs(found[k].t - known[k].t);
+    // The estimate leaves out third differences (a tenth of the second at these steps) and the error of y, which is of
+    // the same order.
+    EXPECT_LE(error, 3 * found[k].error + 1e-2 * result.t[1]);
+    largest = std::max(largest, error);
+  }
+  return largest;
+}
+
+TEST(Switches, AreOfSecondOrder) {
+  const double coarse = largest_error(110), fine = largest_error(440);
+  EXPECT_LE(coarse, 0.1 / 110) << "far within a step";
+  EXPECT_LE(fine, coarse / 6);  // 16 at equal positions in the step; the remainder varies with them
+}
+
+// Against switches that are known: the errors given are errors.
+void expect_errors_hold(const Scene& scene, Method method, Index steps, const std::vector<Known>& known, double from,
+                        double to) {
+  const auto backend = make_cpu_backend(1);
+  const Options options = options_for(method, steps);
+  const Result result = solve(scene, *backend, options);
+  ASSERT_EQ(result.status, Status::solved) << result.reason;
+  std::vector<Switch> found = switches_with_errors(scene, *backend, options, result);
+  std::erase_if(found, [&](const Switch& s) { return s.t < from || s.t > to; });
+  ASSERT_EQ(found.size(), known.size()) << to_string(result.method) << ' ' << steps;
+  for (std::size_t k = 0; k < found.size(); ++k) {
+    EXPECT_EQ(found[k].component, known[k].component);
+    EXPECT_LE(std::abs(found[k].t - known[k].t), found[k].error + 1e-12)
+        << to_string(result.method) << ' ' << steps << ' ' << k;
+    EXPECT_LE(found[k].error, 5 * result.t[1]) << "and not useless";
+  }
+}
+
+TEST(Switches, KnowTheirErrors) {
+  for (const Index steps : {50, 110, 237, 440, 1000})
+    for (const Method method : {Method::march, Method::contour, Method::euler})
+      expect_errors_hold(make_scene("dlcp-small"), method, steps, switches_of_dlcp_small(),
+                         std::max(0.01, 1.5 / double(steps)), 1 - std::max(0.01, 1.5 / double(steps)));
+}
+
+// x' = -x + cos t with w = x + 0.1 y >= 0 and x held by y below 0: until the first contact x is known.
+TEST(Switches, KnowThatTheSolutionItselfIsOff) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.f = [](double t, Eigen::Ref<Vector> f) { f[0] = std::cos(t); };
+  scene.M = Matrix{{0.1}};
+  scene.x0 = Vector{{0}};
+  scene.T = 4;
+  // x = (cos t + sin t - e^{-t})/2 vanishes where cos t + sin t = e^{-t}.
+  double t = 2.3;
+  for (int k = 0; k < 50; ++k)
+    t -= (std::cos(t) + std::sin(t) - std::exp(-t)) / (std::cos(t) - std::sin(t) + std::exp(-t));
+  for (const Index steps : {16, 40, 100, 333})
+    for (const Method method : {Method::march, Method::euler})
+      expect_errors_hold(scene, method, steps, {{t, 0, true}}, 0.5, 3.9);
+}
+
+}  // namespace
+}  // namespace bromwich

@@ -1,0 +1,215 @@
+// Scenes with a mass matrix E against the same scenes with E^{-1} A, E^{-1} B and E^{-1} f written out.
+
+#include "core/base/error.hpp"
+#include "core/scene/mass_matrix.hpp"
+#include "core/solve/dense_output.hpp"
+#include "core/solve/solve.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "tests/support/refusal.hpp"
+
+#include <gtest/gtest.h>
+#include <Eigen/Dense>
+
+#include <cmath>
+#include <random>
+
+namespace bromwich {
+namespace {
+
+// A diffusion on a line with contact at one end, in finite elements: E and A tridiagonal, neither of them diagonal.
+SparseDynamics elements(Index m) {
+  const double dx = 1.0 / double(m + 1);
+  std::vector<Eigen::Triplet<double>> E, A;
+  for (Index i = 0; i < m; ++i) {
+    E.emplace_back(i, i, 4 * dx / 6);
+    A.emplace_back(i, i, -2 / dx);
+    for (const Index j : {i - 1, i + 1})
+      if (j >= 0 && j < m) {
+        E.emplace_back(i, j, dx / 6);
+        A.emplace_back(i, j, 1 / dx);
+      }
+  }
+  SparseDynamics d{SparseMatrix(m, m), SparseMatrix(m, 2), SparseMatrix(2, m), SparseMatrix(m, m)};
+  d.E.setFromTriplets(E.begin(), E.end());
+  d.A.setFromTriplets(A.begin(), A.end());
+  d.B.insert(0, 0) = d.N.insert(0, 0) = 1;
+  d.B.insert(m / 2, 1) = d.N.insert(1, m / 2) = 1;
+  return d;
+}
+
+Scene mass_scene(const Dynamics& dynamics) {
+  Scene scene;
+  scene.dynamics = dynamics;
+  scene.M = Matrix{{0.5, 0.1}, {0.1, 0.4}};
+  const Index m = scene.states();
+  scene.f = [m](double t, Eigen::Ref<Vector> f) {
+    for (Index i = 0; i < m; ++i) f[i] = std::sin(3 * t + double(i)) / double(m);
+  };
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g << 0.1 - 0.3 * std::sin(6 * t), 0.2 * std::cos(5 * t) - 0.05; };
+  scene.x0 = Vector::LinSpaced(m, 0.1, 0.3);
+  scene.T = 1;
+  return scene;
+}
+
+// E^{-1} (..) with refinement, by the oracle's own elimination.
+DenseDynamics written_out(const Dynamics& dynamics) {
+  const DenseDynamics d = to_dense(dynamics);
+  const Eigen::FullPivLU<Matrix> lu(d.E);
+  return {lu.solve(d.A), lu.solve(d.B), d.N};
+}
+
+Scene without_E(const Scene& scene) {
+  Scene plain = scene;
+  plain.dynamics = written_out(scene.dynamics);
+  const Matrix E = to_dense(scene.dynamics).E;
+  if (scene.f_entry == SourceEntry::state)
+    plain.f = [f = scene.f, lu = Eigen::FullPivLU<Matrix>(E)](double t, Eigen::Ref<Vector> value) {
+      Vector given(value.size());
+      f(t, given);
+      value = lu.solve(given);
+    };
+  if (scene.f_entry == SourceEntry::through_F)
+    plain.F = SparseMatrix(Matrix(E.fullPivLu().solve(Matrix(scene.F))).sparseView(0, 0));
+  return plain;
+}
+
+double condition(const Matrix& E) {
+  const Vector s = E.jacobiSvd().singularValues();
+  return s[0] / s[s.size() - 1];
+}
+
+Result run_mass(const Scene& scene, Method method, Index steps = 160) {
+  Options options;
+  options.method = method;
+  options.steps = steps;
+  options.states = StateSelection::list;
+  options.components = {0, scene.states() / 2, scene.states() - 1};
+  return solve(scene, *make_cpu_backend(2), options);
+}
+
+void expect_same_mass(const Result& a, const Result& b, double tolerance) {
+  ASSERT_EQ(a.status, Status::solved) << a.reason;
+  ASSERT_EQ(b.status, Status::solved) << b.reason;
+  EXPECT_LE((a.y - b.y).cwiseAbs().maxCoeff(), tolerance * std::max(1.0, b.y.cwiseAbs().maxCoeff())) << a.kernel;
+  EXPECT_LE((a.x - b.x).cwiseAbs().maxCoeff(), tolerance * std::max(1.0, b.x.cwiseAbs().maxCoeff())) << a.kernel;
+}
+
+TEST(MassMatrix, DenseScenesAreThoseWithTheInverse) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  const auto draw = [&](Index r, Index c) { return Matrix(Matrix::NullaryExpr(r, c, [&] { return normal(random); })); };
+  for (int k = 0; k < 8; ++k) {
+    const Index m = 3 + k;
+    const Matrix G = draw(m, m);
+    DenseDynamics d{-(G * G.transpose() + 0.5 * Matrix::Identity(m, m)), draw(m, 2), {}, {}};
+    d.N = d.B.transpose();
+    d.E = Matrix::Identity(m, m) + 0.3 * draw(m, m);
+    Scene scene = mass_scene(d);
+    if (k % 3 == 1) {
+      scene.f_entry = SourceEntry::through_F;
+      scene.F = draw(m, m).sparseView();
+    }
+    if (k % 3 == 2) {
+      scene.f_entry = SourceEntry::through_B;
+      scene.f = [](double t, Eigen::Ref<Vector> phi) { phi << std::sin(t), std::cos(2 * t); };
+    }
+    const double tolerance = 1e-12 * condition(d.E);
+    for (const Method method : {Method::march, Method::euler})
+      expect_same_mass(run_mass(scene, method), run_mass(without_E(scene), method), tolerance);
+  }
+}
+
+TEST(MassMatrix, StaysSparse) {
+  const SparseDynamics d = elements(600);
+  const Scene scene = mass_scene(d), plain = without_E(scene);
+  const double tolerance = 1e-12 * condition(Matrix(d.E)) + 1e-9;  // accepted error of contours
+  const Result marched = run_mass(scene, Method::march);
+  EXPECT_NE(marched.kernel.find("lag weights"), std::string::npos) << marched.kernel;
+  expect_same_mass(marched, run_mass(plain, Method::march), tolerance);
+  expect_same_mass(run_mass(scene, Method::contour), marched, 1e-9);
+  expect_same_mass(run_mass(scene, Method::euler), run_mass(plain, Method::euler), 1e-12 * condition(Matrix(d.E)));
+}
+
+TEST(MassMatrix, NonsymmetricSparse) {
+  SparseDynamics d = elements(560);
+  for (Index i = 0; i + 1 < 560; ++i) {
+    d.A.coeffRef(i, i + 1) += 3;
+    d.A.coeffRef(i + 1, i) -= 3;
+    d.E.coeffRef(i, i + 1) *= 0.5;
+  }
+  const Scene scene = mass_scene(d);
+  expect_same_mass(run_mass(scene, Method::march), run_mass(without_E(scene), Method::march),
+                   1e-12 * condition(Matrix(d.E)) + 1e-9);
+}
+
+TEST(MassMatrix, DiagonalIsDividedOut) {
+  SparseDynamics d = elements(700);
+  const SparseMatrix full = d.E;
+  d.E = SparseMatrix(700, 700);
+  for (Index i = 0; i < 700; ++i) d.E.insert(i, i) = full.row(i).sum() * (1 + 0.5 * std::sin(double(i)));
+  const Scene scene = mass_scene(d);
+  ASSERT_TRUE(without_mass(scene));
+  EXPECT_FALSE(has_mass(without_mass(scene)->dynamics));
+  expect_same_mass(run_mass(scene, Method::march), run_mass(without_E(scene), Method::march), 1e-9);
+}
+
+TEST(MassMatrix, GalerkinAndSmallSparseScenes) {
+  const Scene scene = mass_scene(elements(40));
+  for (const Method method : {Method::galerkin, Method::march, Method::automatic})
+    expect_same_mass(run_mass(scene, method), run_mass(without_E(scene), method), 1e-11);
+}
+
+TEST(MassMatrix, UnitsDoNotMatter) {
+  SparseDynamics d = elements(600);
+  Scene scene = mass_scene(d);
+  const Result expected = run_mass(scene, Method::march);
+  d.E *= 1e7;  // equations in another unit
+  d.A *= 1e7;
+  d.B *= 1e7;
+  scene.dynamics = d;
+  scene.f = [f = scene.f](double t, Eigen::Ref<Vector> value) {
+    f(t, value);
+    value *= 1e7;
+  };
+  expect_same_mass(run_mass(scene, Method::march), expected, 1e-9);
+}
+
+TEST(MassMatrix, StatesAfterTheSolveKnowIt) {
+  const Scene scene = mass_scene(DenseDynamics{-Matrix::Identity(3, 3), Matrix{{1, 0}, {0, 1}, {1, 0}},
+                                               Matrix{{1, 0, 0}, {0, 1, 0}}, Matrix{{2, 1, 0}, {0, 3, 0}, {1, 0, 1}}});
+  const auto backend = make_cpu_backend(1);
+  Options options;
+  options.steps = 80;
+  options.method = Method::march;
+  options.states = StateSelection::all;
+  const Result result = solve(scene, *backend, options);
+  ASSERT_EQ(result.status, Status::solved) << result.reason;
+  const double tolerance = 1e-12 * condition(to_dense(scene.dynamics).E);
+  EXPECT_LE((states_at(scene, *backend, result, {40}) - result.x.row(40).transpose()).cwiseAbs().maxCoeff(), tolerance);
+  const Result between = at_times(scene, *backend, result, {0.5, 0.50625}),
+               expected = at_times(without_E(scene), *backend, result, {0.5, 0.50625});
+  EXPECT_LE((between.x - expected.x).cwiseAbs().maxCoeff(), tolerance);
+}
+
+TEST(MassMatrix, SingularOnesAreUnsupported) {
+  SparseDynamics d = elements(600);
+  d.E.coeffRef(17, 17) = 0;
+  for (const Index j : {16, 18}) d.E.coeffRef(17, j) = d.E.coeffRef(j, 17) = 0;
+  const Result sparse = run_mass(mass_scene(d), Method::march);
+  EXPECT_EQ(sparse.status, Status::unsupported);
+  EXPECT_NE(sparse.reason.find("E is singular"), std::string::npos);
+  const Result dense =
+      run_mass(mass_scene(DenseDynamics{-Matrix::Identity(3, 3), Matrix::Identity(3, 2), Matrix::Identity(2, 3),
+                                        Matrix{{1, 2, 0}, {2, 4, 0}, {0, 0, 1}}}),
+               Method::automatic);
+  EXPECT_EQ(dense.status, Status::unsupported);
+}
+
+TEST(MassMatrix, WrongShapesAreNamed) {
+  SparseDynamics d = elements(10);
+  d.E = SparseMatrix(9, 10);
+  EXPECT_EQ(refusal([&] { mass_scene(d).validate(); }).rfind("E:", 0), 0u);
+}
+
+}  // namespace
+}  // namespace bromwich

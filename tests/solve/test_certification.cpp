@@ -1,0 +1,259 @@
+// What goes beyond the residual: magnified perturbations, and solutions that change with the step.
+
+#include "core/accuracy/magnification.hpp"
+#include "core/kernel/discretise.hpp"
+
+#include "tests/support/run.hpp"
+
+#include <Eigen/Dense>
+
+#include <cmath>
+#include <numbers>
+
+namespace bromwich {
+namespace {
+
+// x' = a x + f with x = cos t and y = 0 (g = 1): a perturbation grows by e^{aT}, the solution does not.
+Scene growing(double a, double T) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{a}}, Matrix{{1}}, Matrix{{0}}};
+  scene.M = Matrix{{1}};
+  scene.f = [a](double t, Eigen::Ref<Vector> f) { f[0] = -std::sin(t) - a * std::cos(t); };
+  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 1; };
+  scene.x0 = Vector{{1}};
+  scene.T = T;
+  return scene;
+}
+
+TEST(Certificate, MagnificationIsTheGrowthOfPerturbations) {
+  const auto backend = make_cpu_backend(1);
+  for (const double a : {-1.0, 2.0, 5.0}) {
+    const Scene scene = growing(a, 2);
+    const DiscreteProblem p = discretise(scene, *backend, 50);
+    const Magnification m = magnification(p, Rule::exponential, RowMatrix::Zero(51, 1));
+    EXPECT_NEAR(m.growth, std::exp(std::max(2 * a, 0.0)), 1e-10 * m.growth) << a;
+    EXPECT_GE(m.rounding, epsilon);
+    EXPECT_LE(m.rounding, 100 * epsilon * std::exp(std::max(2 * a, 0.0))) << a;
+  }
+}
+
+// Rounding stays small beside a state that grows with it, and half the step gives the same.
+TEST(Certificate, GrowthThatTheSolutionSharesDoesNoHarm) {
+  Scene scene = growing(3, 5);
+  scene.f = {};
+  for (const Method method : {Method::march, Method::contour})
+    EXPECT_EQ(run(scene, method, 100).status, Status::solved) << to_string(method);
+}
+
+// A constraint that holds a position takes every perturbation away within two steps: what is left is rounding.
+TEST(Certificate, ARestingMassMagnifiesNothing) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{0}};
+  scene.x0 = Vector{{0, 0}};
+  const auto backend = make_cpu_backend(1);
+  const DiscreteProblem p = discretise(scene, *backend, 100);
+  EXPECT_LE(magnification(p, Rule::implicit_euler, RowMatrix::Ones(101, 1)).growth, 200);  // 1/h at most
+}
+
+TEST(Certificate, ActiveConstraintsTakePerturbationsAway) {
+  // x' = 5 x + y, w = x + y/100: while y > 0 it holds x near 0, and the closed loop decays with 5 - 100.
+  Scene scene = growing(5, 2);
+  scene.dynamics = DenseDynamics{Matrix{{5}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{0.01}};
+  const auto backend = make_cpu_backend(1);
+  const DiscreteProblem p = discretise(scene, *backend, 2000);
+  EXPECT_LE(magnification(p, Rule::exponential, RowMatrix::Ones(2001, 1)).growth, 1 + 1e-9);
+}
+
+// The errors of the steps have grown by e^{40}, and the state with them: only half the step shows it.
+TEST(Certificate, ASolutionWithoutDigitsIsNotCalledSolved) {
+  for (const Method method : {Method::march, Method::contour, Method::euler}) {
+    const Result r = run(growing(20, 2), method, 400);
+    EXPECT_EQ(r.status, Status::tolerance_not_met) << to_string(method);
+    EXPECT_NE(r.reason.find("magnifies"), std::string::npos) << r.reason;
+  }
+}
+
+// y held down from outside: x' = 20 x - 40 y with w = y - x, so that x = y = e^{-20 t}. h = 1/20 makes I - hA singular,
+// which stages do not mind.
+TEST(Certificate, AStepThatEulerCannotTakeIsNoneOfStages) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{20}}, Matrix{{-40}}, Matrix{{-1}}};
+  scene.M = Matrix{{1}};
+  scene.x0 = Vector{{1}};
+  scene.T = 5;
+  EXPECT_FALSE(has_euler_step(Matrix{{20}}, 0.05));
+  EXPECT_TRUE(has_euler_step(Matrix{{20}}, 0.049));
+  const Result r = run(scene, Method::march, 100);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_FALSE(r.continuous);
+  // With hA - hB N = -1 the stages of Radau IIA multiply x by R(-1) = (1 - 1/3)/(1 + 2/3 + 1/6) a step.
+  for (Index j = 0; j <= 100; ++j) EXPECT_NEAR(r.y(j, 0), std::pow(4.0 / 11, double(j)), 1e-12) << j;
+}
+
+TEST(Certificate, ImpulsesAreComparedByTheirIntegral) {
+  Result coarse, fine;
+  coarse.continuous = fine.continuous = false;
+  coarse.t = Vector::LinSpaced(5, 0, 2), fine.t = Vector::LinSpaced(9, 0, 2);
+  coarse.y = RowMatrix::Ones(5, 1), fine.y = RowMatrix::Ones(9, 1);
+  coarse.y(2, 0) += 10;  // 10 h = 20 h/2
+  fine.y(4, 0) += 20;
+  const RowMatrix a = integral_of_y(coarse), b = integral_of_y(fine);
+  EXPECT_EQ(a(0, 0), 0);
+  EXPECT_EQ(a(4, 0), 7);
+  EXPECT_EQ(change_when_halved(a, b, 4).largest, 0);
+}
+
+TEST(Certificate, ChangeWithTheStepIsTakenOnCommonNodes) {
+  RowMatrix coarse(3, 1), fine(5, 1);
+  coarse << 0, 1, 2;
+  fine << 0, 7, 1, 7, 4;
+  const Change whole = change_when_halved(coarse, fine, 2), first = change_when_halved(coarse, fine, 1);
+  EXPECT_EQ(first.largest, 0);
+  EXPECT_EQ(whole.largest, 0.5);
+  EXPECT_EQ(whole.typical, 0);
+  EXPECT_EQ(whole.mean, 2.0 / 5);
+}
+
+// x = cos t, y = 2 + sin t > 0 held by feedback of the wrong sign: with y active the closed loop grows by e^{(b-1)t}.
+// Once errors of the steps have grown to the size of y, y drops to 0 and stays there: a solution of the discrete
+// problem, with half the step too, and of no use.
+TEST(Certificate, ATrajectoryThatHasLeftTheSolutionIsNotCalledSolved) {
+  for (const double b : {10.0, 30.0, 100.0})
+    for (const Index J : {200, 1000})
+      for (const Method method : {Method::automatic, Method::march, Method::contour, Method::euler}) {
+        Scene scene;
+        scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{b}}, Matrix{{-1}}};
+        scene.M = Matrix{{1}};
+        const auto x = [](double t) { return std::cos(t); };
+        const auto y = [](double t) { return 2 + std::sin(t); };
+        scene.f = [=](double t, Eigen::Ref<Vector> f) { f[0] = -std::sin(t) + x(t) - b * y(t); };
+        scene.g = [=](double t, Eigen::Ref<Vector> g) { g[0] = x(t) - y(t); };
+        scene.x0 = Vector{{1}};
+        const Result r = run(scene, method, J);
+        if (r.status != Status::solved) continue;
+        for (Index j = 0; j <= J; ++j)
+          EXPECT_NEAR(r.y(j, 0), y(r.t[j]), 0.5) << b << ' ' << J << ' ' << to_string(r.method);
+      }
+}
+
+// M = 1e-6 is a spring that throws the mass back within pi/1000: steps that do not see the rebound have no answer.
+TEST(Certificate, ARebound) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{1e-6}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f << 0, -10; };
+  scene.x0 = Vector{{1, 0}};
+  // Free fall to sqrt(0.2), a contact of about pi/1000, and the way back up.
+  const double up = 1 - std::sqrt(0.2) - std::numbers::pi * 1e-3, v = std::sqrt(20.0);
+  for (const Index J : {100, 400, 1000, 40000}) {
+    Options options = options_for(Method::automatic, J);
+    options.states = StateSelection::all;
+    const Result r = run(scene, options);
+    if (J == 40000) {
+      ASSERT_EQ(r.status, Status::solved) << r.reason;
+    }
+    if (r.status != Status::solved) continue;
+    EXPECT_NEAR(r.x(J, 0), v * up - 5 * up * up, 0.02) << J;
+  }
+}
+
+// An initial layer of width M = 1e-4 that no step of 1e-3 resolves: x rises from -1 to 0 and no further.
+TEST(Certificate, AnUnresolvedLayerDoesNotThrowTheStateOver) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1e-4}};
+  scene.x0 = Vector{{-1}};
+  for (const Index J : {10, 100, 1000, 10000}) {
+    Options options = options_for(Method::automatic, J);
+    options.states = StateSelection::all;
+    const Result r = run(scene, options);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    EXPECT_LE(r.x.maxCoeff(), 1e-12) << J;
+    EXPECT_NEAR(r.x(J, 0), 0, 1e-12) << J;
+  }
+}
+
+// e^{50 t} with steps of 0.04: rational methods turn its growth into decay, with half the step too.
+TEST(Certificate, AGrowingModeThatStepsDoNotResolveIsNotCalledSolved) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{50, 0}, {0, -1}}, Matrix{{0}, {1}}, Matrix{{0, 1}}};
+  scene.M = Matrix{{0}};
+  scene.x0 = Vector{{1, 1}};
+  for (const double T : {1.0, 5.0})
+    for (const Method method : {Method::automatic, Method::march, Method::euler}) {
+      Options options = options_for(method, 25);
+      options.states = StateSelection::all;
+      scene.T = T;
+      const Result r = run(scene, options);
+      if (r.status != Status::solved) continue;
+      for (Index j = 0; j <= 25; ++j) EXPECT_NEAR(r.x(j, 0), std::exp(50 * r.t[j]), 0.1 * std::exp(50 * T));
+    }
+  scene.x0 = Vector{{0, 1}};  // nothing to resolve
+  scene.T = 1;
+  for (const Method method : {Method::automatic, Method::march})
+    EXPECT_EQ(run(scene, method, 25).status, Status::solved) << to_string(method);
+}
+
+// A mass on a spring that turns by more than a radian in a step, and a soft stop: no method follows it at these steps.
+TEST(Certificate, FastOscillationsAreNotDampedSilently) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {-1e6, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{1e-5}};
+  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 0.5; };
+  scene.x0 = Vector{{1, 0}};
+  for (const Index J : {50, 400, 800}) {
+    const Result automatic = run(scene, Method::automatic, J);
+    EXPECT_NE(automatic.status, Status::solved) << J << ' ' << automatic.kernel;
+    const Result euler = run(scene, Method::euler, J);
+    if (euler.status == Status::solved) {
+      EXPECT_NE(euler.warning.find("damps"), std::string::npos) << J;
+    }
+  }
+  EXPECT_EQ(run(scene, Method::automatic, 20000).status, Status::solved);
+}
+
+// What is decoupled from an unstable part, moved by the solution or not, has its digits whatever that part does.
+TEST(Certificate, PartsThatAreDecoupledDoNotSpoilEachOther) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{30, 0}, {0, -1}}, Matrix{{0}, {1}}, Matrix{{0, 1}}};
+  scene.M = Matrix{{1}};
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g[0] = std::sin(3 * t) - 0.5; };
+  scene.T = 2;
+  for (const double first : {0.0, 1.0})
+    for (const Method method : {Method::automatic, Method::march}) {
+      scene.x0 = Vector{{first, 1}};
+      const Result r = run(scene, method, 400);
+      EXPECT_EQ(r.status, Status::solved) << first << ' ' << r.reason;
+      EXPECT_LE(r.rounding, 1e-10) << first;
+      EXPECT_LE(r.rounding_of_y, 1e-10) << first;
+    }
+}
+
+// slow' = -slow/3 or so beside a mode of rate 3 a: what rounding of e^{hA} does to the slow one is avoided or said.
+TEST(Certificate, RoundingOfTheExponentialIsAvoidedOrSaid) {
+  for (const double a : {1e6, 1e10, 1e13})
+    for (const Method method : {Method::march, Method::contour, Method::euler}) {
+      Scene scene;
+      scene.dynamics = DenseDynamics{Matrix{{-a, a}, {2 * a, -2 * a - 1}}, Matrix{{1}, {0}}, Matrix{{1, 0}}};
+      scene.M = Matrix{{1}};
+      scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 1; };  // y = 0
+      scene.x0 = Vector{{1, 1}};
+      Options options = options_for(method, 1000);
+      options.states = StateSelection::all;
+      const Result r = run(scene, options);
+      if (r.status != Status::solved) continue;
+      const long double trace = -(3.0L * a + 1), slow = 2 * (long double)a / (trace - std::sqrt(trace * trace - 4 * a));
+      // x0 has (1, 1) + O(1/a) of the slow mode.
+      const double steps = method == Method::euler ? 1e-3 : 0;
+      EXPECT_NEAR(r.x(1000, 0), double(std::exp(slow)), 3 / a + steps + 1e-12 + 2 * r.rounding)
+          << a << to_string(r.method);
+      if (method == Method::march) {
+        EXPECT_LE(r.rounding, 2e-9) << a;  // twice what needs_precision lets pass
+      }
+    }
+}
+
+}  // namespace
+}  // namespace bromwich

@@ -1,0 +1,69 @@
+// Random scenes with every kind of source, solved to a tolerance: what is called solved is right, in the measure of
+// Options::tolerance, against the event-located oracle. Many more of them: bench/trust.cpp.
+
+#include "tests/support/run.hpp"
+#include "tests/support/trust.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <string>
+
+namespace bromwich::oracle::trust_test {
+namespace {
+
+constexpr double tolerance = 1e-3;
+
+TEST(Trust, NothingSolvedIsWrong) {
+  const auto backend = make_cpu_backend(1);
+  constexpr std::uint32_t count = 250;  // about 15 s
+  Index right = 0, decided = 0;
+  for (std::uint32_t seed = 0; seed < count; ++seed) {
+    const SourceScene s = source_scene(seed);
+    const EventSolution truth = locate_events(s.base);
+    if (!truth.decided) continue;
+    ++decided;
+    Options options;
+    options.tolerance = tolerance;
+    options.states = StateSelection::all;
+    const Result r = solve(s.scene, *backend, options);
+    if (r.status != Status::solved) {
+      EXPECT_NE(r.reason, "") << "seed " << seed;
+      continue;
+    }
+    const TrueError error = true_error(s, truth, r);
+    right += error.largest() <= tolerance;
+    EXPECT_LE(error.largest(), 3 * tolerance)
+        << "seed " << seed << ", " << to_string(s.family) << ", sources: " << s.sources << "; x " << error.x << " at "
+        << error.x_at << ", y " << error.y << " at " << error.y_at;
+  }
+  EXPECT_GE(decided, Index(0.8 * count));
+  EXPECT_GE(right, Index(0.6 * double(decided)));
+}
+
+// The judge itself sees an error: one row of y, or of x, that is off by more than the tolerance.
+TEST(Trust, AWrongRowIsSeen) {
+  const SourceScene s = source_scene(0);
+  const EventSolution truth = locate_events(s.base);
+  ASSERT_TRUE(truth.decided) << truth.reason;
+  Result r;
+  const Index J = 100, n = s.base.scene.M.rows(), m = s.base.scene.A.rows();
+  r.t = Vector::LinSpaced(J + 1, 0, s.scene.T);
+  r.x.resize(J + 1, m);
+  r.y.resize(J + 1, n);
+  for (Index j = 0; j <= J; ++j) {
+    const double t = std::min(s.base.scene.T, r.t[j] / s.unit_t);
+    r.x.row(j) = s.unit_x * truth.x(t).transpose();
+    r.y.row(j) = s.unit_y * truth.y(t).transpose();
+  }
+  EXPECT_LE(true_error(s, truth, r).largest(), 1e-9);
+  const Vector x = measure(truth.largest_x());
+  r.x(40, 0) += s.unit_x * 0.01 * x[0];
+  const TrueError off = true_error(s, truth, r);
+  EXPECT_NEAR(off.x, 0.01, 1e-6);
+  EXPECT_EQ(off.x_at, r.t[40]);
+  EXPECT_LE(off.y, 1e-9);
+}
+
+}  // namespace
+}  // namespace bromwich::oracle::trust_test

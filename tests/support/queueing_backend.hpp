@@ -1,0 +1,115 @@
+#pragma once
+// A backend that queues as a device does: batches and marches are begun and looked at later, and operations are
+// recorded and replayed. The CPU does the work, at once.
+
+#include "core/seam/backend.hpp"
+#include "cpu/cpu_backend.hpp"
+
+#include <utility>
+
+namespace bromwich {
+
+/// What happened, and the number of the batch that is to be left unsolved.
+struct QueueLog {
+  long batches = 0, marches = 0, replays = 0, waited = 0;
+  bool modes = false;  ///< batches take modes
+  long in_modes = 0;   ///< such batches
+  long failing = -1;   ///< the number of a batch; its y stays as it is
+  long failures = 1;   ///< how many from there
+};
+
+class QueueingBackend final : public Backend {
+ public:
+  explicit QueueingBackend(QueueLog& log) : Backend("queueing"), log_(log), host_(make_cpu_backend(1)) {
+    fused_ = host_->fused();
+    fused_.record = [this](Index, const std::function<void()>& operations) -> std::function<void()> {
+      return [this, operations] {
+        ++log_.replays;
+        operations();
+      };
+    };
+  }
+
+  DeviceInfo device() const override { return host_->device(); }
+  std::unique_ptr<Array> array(Index rows, Index cols) override { return host_->array(rows, cols); }
+  void upload(const RowMatrix& from, Array& to) override { host_->upload(from, to); }
+  void download(const Array& from, RowMatrix& to) override { host_->download(from, to); }
+  void inject(const Array& fine, Array& coarse) override { host_->inject(fine, coarse); }
+  void interpolate(const Array& coarse, const Array* old, Array& fine) override {
+    host_->interpolate(coarse, old, fine);
+  }
+  void add(const Array& b, double s, const Array& c, Array& a) override { host_->add(b, s, c, a); }
+  std::unique_ptr<Differences> differences(std::size_t slots) override { return host_->differences(slots); }
+  std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override { return host_->sine_transform(n, rows); }
+  std::unique_ptr<Convolution> convolution(WeightsRef weights, Index rows) override {
+    return host_->convolution(weights, rows);
+  }
+  std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass c, double D, Index rows) override {
+    return std::make_unique<Batch>(log_, *host_, host_->shifted_lcp(M, c, D, rows));
+  }
+  std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
+    return std::make_unique<QueuedMarch>(log_, host_->march(problem, rows));
+  }
+
+ private:
+  struct Batch final : LcpBatch {
+    Batch(QueueLog& log, Backend& host, std::unique_ptr<LcpBatch> plan)
+        : LcpBatch(false), log(log), host(host), plan(std::move(plan)) {
+      if (log.modes)
+        submit_in_modes = [this](SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y,
+                                 Array* y_modes, Index first) { in_modes(S, r, v, v_in_modes, y, y_modes, first); };
+    }
+    void submit(const Array& r, const Array& v, Array& y, Index first, double settle) override {
+      if (settle >= 0) {
+        ++log.waited;
+        last = plan->solve(r, v, y, first, settle);
+        return;
+      }
+      const long batch = log.batches++;
+      if (log.failing >= 0 && batch >= log.failing && batch < log.failing + log.failures) {
+        ++sum.count.unsolved;
+        return;
+      }
+      sum.add(plan->solve(r, v, y, first));
+    }
+    LcpReport finish(const Array&, const Array&, Array&, Index, double) override { return last; }
+    LcpReport collect() override { return std::exchange(sum, {}); }
+    void in_modes(SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
+                  Index first) {
+      ++log.in_modes;
+      const auto values = host.array(v.rows(), v.cols());
+      if (v_in_modes) S.apply(v, nullptr, *values, 0);  // all rows: products of others round otherwise
+      submit(r, v_in_modes ? *values : v, y, first, -1);
+      if (y_modes) S.apply(y, nullptr, *y_modes, 0);
+    }
+    double residual(const Array& r, const Array& v, const Array& y) override { return plan->residual(r, v, y); }
+    std::size_t bytes() const override { return plan->bytes(); }
+
+    QueueLog& log;
+    Backend& host;
+    std::unique_ptr<LcpBatch> plan;
+    LcpReport last, sum;
+  };
+
+  struct QueuedMarch final : March {
+    QueuedMarch(QueueLog& log, std::unique_ptr<March> plan) : March(false), log(log), plan(std::move(plan)) {}
+    MarchReport run(Array& y, Array& v) override { return plan->run(y, v); }
+    void submit(Array& y, Array& v) override {
+      ++log.marches;
+      const MarchReport report = plan->run(y, v);
+      sum.count += report.count;
+      if (report.stopped >= 0) sum.stopped = 0;
+    }
+    MarchReport collect() override { return std::exchange(sum, {}); }
+    std::size_t bytes() const override { return plan->bytes(); }
+
+    QueueLog& log;
+    std::unique_ptr<March> plan;
+    MarchReport sum;
+  };
+
+  QueueLog& log_;
+  std::unique_ptr<Backend> host_;
+};
+
+}  // namespace bromwich

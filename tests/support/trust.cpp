@@ -1,0 +1,54 @@
+#include "tests/support/trust.hpp"
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace bromwich::oracle {
+namespace {
+
+/// Largest distance of `found` from what lies between the values around t, where the solution may jump.
+template <typename Value>
+double distance(const Vector& found, double t, double T, const Vector& size, const Value& value) {
+  if (!found.allFinite()) return INFINITY;
+  const double apart = 1e-9 * T;
+  const std::array<Vector, 3> around{value(std::max(0.0, t - apart)), value(t), value(std::min(T, t + apart))};
+  const Vector least = around[0].cwiseMin(around[1]).cwiseMin(around[2]);
+  const Vector most = around[0].cwiseMax(around[1]).cwiseMax(around[2]);
+  const Vector off = (least - found).cwiseMax(found - most).cwiseMax(0);
+  return found.size() == 0 ? 0 : off.cwiseQuotient(size).maxCoeff();
+}
+
+/// Edges of two sources that should coincide differ by rounding: a point between them has values that no side has.
+bool between_edges(const std::vector<double>& breaks, double t, double T) {
+  const double apart = 1e-12 * T;
+  const auto first = std::lower_bound(breaks.begin(), breaks.end(), t - apart);
+  return std::upper_bound(first, breaks.end(), t + apart) - first > 1;
+}
+
+}  // namespace
+
+TrueError true_error(const SourceScene& s, const EventSolution& truth, const Result& r) {
+  const double T = s.base.scene.T;
+  TrueError e;
+  e.of_mean = (r.errors && r.errors->of_integral) || truth.jumps > 0;
+  const Vector size_x = measure(truth.largest_x());
+  const Vector size_y = measure(e.of_mean ? truth.largest_integral() : truth.largest_y());
+  const RowMatrix mean = e.of_mean ? RowMatrix(integral_of_y(r) / (s.unit_y * s.unit_t)) : RowMatrix();
+  const Index J = r.y.rows() - 1;
+  for (Index j = 1; j <= J; ++j) {
+    const double t = std::min(T, r.t[j] / s.unit_t);
+    const double x = distance(r.x.row(j).transpose() / s.unit_x, t, T, size_x, [&](double at) { return truth.x(at); });
+    if (x > e.x) e.x = x, e.x_at = r.t[j];
+    if (!truth.y_unique || (!e.of_mean && between_edges(s.base.breaks, t, T))) continue;
+    const double y =
+        e.of_mean ? distance(mean.row(j).transpose(), t, T, size_y, [&](double at) { return truth.integral(at); })
+                  : distance(r.y.row(j).transpose() / s.unit_y, t, T, size_y, [&](double at) { return truth.y(at); });
+    if (y > e.y) e.y = y, e.y_at = r.t[j];
+  }
+  return e;
+}
+
+}  // namespace bromwich::oracle
