@@ -84,9 +84,10 @@ def matrix(a: Any, name: str, column: bool = False) -> np.ndarray:
 def compressed(a: Any, name: str, column: bool = False) -> tuple:
     """Rows, columns, values, row indices and starts of columns."""
     if not is_sparse(a):
-        import scipy.sparse
-
-        a = scipy.sparse.csc_array(matrix(a, name, column))
+        dense = matrix(a, name, column)
+        cols, rows = np.nonzero(dense.T)
+        starts = np.concatenate([[0], np.cumsum(np.bincount(cols, minlength=dense.shape[1]))])
+        return (*dense.shape, dense[rows, cols], rows.astype(np.int32), starts.astype(np.int32))
     if a.ndim != 2:
         raise Error(f"{name}: has {a.ndim} dimensions; give two", name)
     csc = a.tocsc(copy=True)

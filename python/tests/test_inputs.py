@@ -134,6 +134,24 @@ def test_what_supplied_dynamics_raise_leaves_solve(heat):
         bromwich.solve(dynamics=dynamics, **heat, steps=10)
 
 
+def test_dynamics_without_scipy(diode):
+    """x' = -x by its resolvent 1/(z + 1), B and N dense."""
+    scene = dict(M=diode["M"], x0=[0.0], T=2.0, g=lambda t: -np.sin(t), steps=64)
+    dynamics = bromwich.Dynamics(1, [[1.0]], [[1.0]], shifted=lambda z: lambda R: R / (z + 1), bound=(0, -1))
+    same(bromwich.solve(dynamics=dynamics, **scene), bromwich.solve(**diode, g=scene["g"], steps=64), atol=1e-9)
+
+
+def test_an_eigenvalue_is_said_to_be_one(diode):
+    """The bound is wrong, and the solve refuses every shift: an error of the library, not of the callback."""
+
+    def shifted(z):
+        raise np.linalg.LinAlgError("singular matrix")
+
+    dynamics = bromwich.Dynamics(1, [[1.0]], [[1.0]], shifted=shifted, bound=(0, 0))
+    with pytest.raises((bromwich.SingularShift, bromwich.NotSolved)):
+        bromwich.solve(dynamics=dynamics, M=1, x0=0, T=1, g=-1, steps=20, check=True)
+
+
 def test_kronecker_is_what_signorini_is(Q15):
     p = Q15.parameters
     assert p["Q"] == 15
