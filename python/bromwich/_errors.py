@@ -97,6 +97,7 @@ def made(kind: str, message: str) -> Error:
         argument += ": " + key
     if not separator:
         return _KINDS[kind](message)
+    argument = argument.removesuffix("(0)")  # a source at t = 0
     argument = _NAMES.get(argument, argument)
     rest = re.sub(r"--backend (\w+)", r"backend='\1'", rest)
     rest = re.sub(r"--(\w+)", r"\1", rest)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import warnings
 from collections.abc import Callable, Iterable
 from typing import Any, Literal
@@ -94,6 +95,7 @@ def solve(
         >>> r = solve(A=[[-1.0]], B=[[1.0]], N=[[1.0]], M=[[1.0]], g="-sin(2*pi*t)", x0=0, T=1)
         >>> r.status, r.y[-1]
     """
+    _known(arguments)
     if scene is None:
         scene = Scene(steps=steps, **arguments)
     elif not isinstance(scene, Scene):
@@ -170,6 +172,14 @@ class Solver:
     ) -> Result:
         """As :func:`bromwich.solve`, with the scene as it is now."""
         return _checked(self._prepared.solve(progress, stop), self._scene, check, stop)
+
+
+def _known(arguments: dict[str, Any]) -> None:
+    """What Python says of a misspelt argument, with its neighbour."""
+    for name in arguments.keys() - Scene.__init__.__kwdefaults__.keys():
+        near = difflib.get_close_matches(name, [*Scene.__init__.__kwdefaults__, *solve.__kwdefaults__], 1)
+        suggestion = f"; did you mean {near[0]!r}?" if near else ""
+        raise TypeError(f"solve() got an unexpected keyword argument {name!r}{suggestion}")
 
 
 def _options(

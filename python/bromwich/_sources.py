@@ -65,17 +65,21 @@ def _table(times: np.ndarray, values: np.ndarray, name: str, width: int, T: floa
 
 def _function(function: Callable, name: str, width: int, T: float) -> _core.Source:
     def one(t: float) -> np.ndarray:
-        found = np.asarray(function(t), dtype=np.float64)
+        returned = function(t)
+        try:
+            found = np.asarray(returned, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise Error(f"{name}: returned no numbers at t = {t:g} ({error}); return {width} values", name) from error
         if found.shape != (width,):
             _require(found.size == width, name, f"returned shape {found.shape} at t = {t:g}", f"return {width} values")
             found = found.ravel()
         return np.ascontiguousarray(found)
 
-    return _core.Source.function(one, _many(function, one, width, T), width, T)
+    return _core.Source.function(one, _many(function, one, name, width, T), width, T)
 
 
 def _many(
-    function: Callable, one: Callable[[float], np.ndarray], width: int, T: float
+    function: Callable, one: Callable[[float], np.ndarray], name: str, width: int, T: float
 ) -> Callable[[np.ndarray], np.ndarray] | None:
     """The function for many times at once, times x width, where it proves to take an array of times; None otherwise.
 
@@ -105,11 +109,7 @@ def _many(
         if turned:
             values = values.reshape(width, t.size).T
         if values.shape != (t.size, width):
-            raise Error(f"{name_of(function)}: returned shape {values.shape} for {t.size} times", name_of(function))
+            raise Error(f"{name}: returned shape {values.shape} for {t.size} times; return {(t.size, width)}", name)
         return np.ascontiguousarray(values)
 
     return many
-
-
-def name_of(function: Callable) -> str:
-    return getattr(function, "__name__", type(function).__name__)

@@ -30,6 +30,8 @@ import bromwich
         (dict(g=[1.0, 2.0, 3.0, "t"]), "g"),
         (dict(g="sin("), "g"),
         (dict(g=lambda t: [1.0, 2.0]), "g"),
+        (dict(g=lambda t: "one"), "g"),
+        (dict(g=lambda t: np.nan), "g"),
         (dict(f=np.zeros((5, 3))), "f"),
         (dict(lcp_class="Q"), "lcp_class"),
         (dict(free=[3]), "free"),
@@ -55,8 +57,8 @@ def test_refused(diode, change, argument):
 
 
 def test_misspelt_argument(diode):
-    with pytest.raises(TypeError, match="tolerance"):
-        bromwich.solve(**diode, tolerance=1e-3)
+    with pytest.raises(TypeError, match="'stepz'; did you mean 'steps'"):
+        bromwich.solve(**diode, stepz=100)
 
 
 def test_does_not_fit(diode):
