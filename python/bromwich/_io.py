@@ -20,7 +20,7 @@ def save(result: Result, path: str | os.PathLike[str]) -> None:
     arrays["x_components"] = np.array(result.x_components, dtype=np.int64)
     if name.endswith(".npz"):
         facts = {f"attribute_{key}": np.array(value) for key, value in result._attributes().items()}
-        np.savez(name, **arrays, **facts)
+        np.savez(name, allow_pickle=False, **arrays, **facts)
     elif name.endswith((".h5", ".hdf5", ".nc")):
         _save_hdf5(result, name, arrays)
     else:

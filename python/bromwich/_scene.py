@@ -245,11 +245,11 @@ def _set_dynamics(model: _core.Model, A: Any, B: Any, N: Any, E: Any, dynamics: 
         if value is None:
             raise Error(f"{name}: is missing; give A, B and N, or dynamics", name)
     if is_sparse(A):
-        mass = None if E is None else compressed(E, "E")
-        model.set_sparse(compressed(A, "A"), compressed(B, "B", column=True), compressed(N, "N"), mass)
+        sparse_E = None if E is None else compressed(E, "E")
+        model.set_sparse(compressed(A, "A"), compressed(B, "B", column=True), compressed(N, "N"), sparse_E)
         return
-    mass = None if E is None else matrix(E, "E")
-    model.set_dense(matrix(A, "A"), matrix(B, "B", column=True), matrix(N, "N"), mass)
+    dense_E = None if E is None else matrix(E, "E")
+    model.set_dense(matrix(A, "A"), matrix(B, "B", column=True), matrix(N, "N"), dense_E)
 
 
 def _set_lcp(model: _core.Model, M: Any) -> None:

@@ -176,8 +176,9 @@ class Solver:
 
 def _known(arguments: dict[str, Any]) -> None:
     """What Python says of a misspelt argument, with its neighbour."""
-    for name in arguments.keys() - Scene.__init__.__kwdefaults__.keys():
-        near = difflib.get_close_matches(name, [*Scene.__init__.__kwdefaults__, *solve.__kwdefaults__], 1)
+    of_scene, of_solve = Scene.__init__.__kwdefaults__ or {}, solve.__kwdefaults__ or {}
+    for name in arguments.keys() - of_scene.keys():
+        near = difflib.get_close_matches(name, [*of_scene, *of_solve], 1)
         suggestion = f"; did you mean {near[0]!r}?" if near else ""
         raise TypeError(f"solve() got an unexpected keyword argument {name!r}{suggestion}")
 

@@ -26,11 +26,11 @@ RowMatrix slack(const Scene& scene, const Result& result) {
   return w;
 }
 
-nb::object slack_of(nb::handle_t<Answer> self) {
+std::optional<View> slack_of(nb::handle_t<Answer> self) {
   auto& answer = nb::cast<Answer&>(self);
   if (!answer.slack) answer.slack = slack(answer.model->scene, answer.result);
-  if (answer.slack->rows() == 0) return nb::none();
-  return view(*answer.slack, self).cast();
+  if (answer.slack->rows() == 0) return std::nullopt;
+  return view(*answer.slack, self);
 }
 
 std::shared_ptr<Answer> at(const Answer& answer, const std::vector<double>& times) {
@@ -74,8 +74,8 @@ nb::dict seconds_of(const Answer& answer) {
   return d;
 }
 
-nb::object errors_of(const Answer& answer) {
-  if (!answer.result.errors) return nb::none();
+std::optional<nb::dict> errors_of(const Answer& answer) {
+  if (!answer.result.errors) return std::nullopt;
   const ErrorEstimate& e = *answer.result.errors;
   nb::dict d;
   d["y"] = e.total();
@@ -92,8 +92,8 @@ nb::object errors_of(const Answer& answer) {
   return d;
 }
 
-nb::object goal_of(const Answer& answer) {
-  if (!answer.result.goal) return nb::none();
+std::optional<nb::dict> goal_of(const Answer& answer) {
+  if (!answer.result.goal) return std::nullopt;
   const GoalReport& goal = *answer.result.goal;
   nb::dict d;
   d["quantity"] = goal.quantity;

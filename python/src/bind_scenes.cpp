@@ -53,8 +53,10 @@ void keep(Model& model, const std::vector<Kept>& callables) {
 void set_sources(Model& model, const Source* f, const Source* g, const std::vector<double>& declared) {
   static const Source none{{}, 0, {}, true};
   const Source &given_f = f ? *f : none, &given_g = g ? *g : none;
-  keep(model, given_f.callables);
-  keep(model, given_g.callables);
+  for (const Source* given : {&given_f, &given_g}) {
+    keep(model, given->callables);
+    if (given->forget) model.forget.push_back(given->forget);
+  }
   Scene& scene = model.scene;
   scene.f = given_f.function;
   scene.g = given_g.function;
@@ -100,12 +102,12 @@ nb::list catalogue() {
   return all;
 }
 
-nb::object exact(const Scene& scene, double t) {
-  if (!scene.exact) return nb::none();
+std::optional<std::pair<View, View>> exact(const Scene& scene, double t) {
+  if (!scene.exact) return std::nullopt;
   auto* values = new std::pair<Vector, Vector>(Vector::Zero(scene.states()), Vector::Zero(scene.constraints()));
   const nb::capsule owner(values, [](void* p) noexcept { delete static_cast<std::pair<Vector, Vector>*>(p); });
   scene.exact(t, values->first, values->second);
-  return nb::make_tuple(view(values->first, owner), view(values->second, owner));
+  return std::pair(view(values->first, owner), view(values->second, owner));
 }
 
 int visit_callables(PyObject* self, visitproc visit, void* arg) {
@@ -226,6 +228,7 @@ void bind_scenes(nb::module_& m) {
         auto model = std::make_shared<Model>(
             relay_scene(as_matrix(A), as_matrix(B), as_matrix(C), f ? f->function : TimeFunction(), as_vector(x0)));
         if (f) keep(*model, f->callables);
+        if (f && f->forget) model->forget.push_back(f->forget);
         return model;
       },
       nb::arg("A"), nb::arg("B"), nb::arg("C"), nb::arg("f").none(), nb::arg("x0"));

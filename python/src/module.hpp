@@ -7,6 +7,7 @@
 
 #include <nanobind/nanobind.h>
 
+#include <functional>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -24,6 +25,8 @@ struct Model : std::enable_shared_from_this<Model> {
   std::shared_ptr<const QuantityOfInterest> quantity = {};  ///< of method goal, where a file states one
   /// What its functions call, for the collector of cycles: an object whose method is a source, and which has the scene.
   std::vector<Kept> callables = {};
+  /// Before a solve: a function of Python may have changed since the last one.
+  std::vector<std::function<void()>> forget = {};
 };
 
 void bind_errors(nb::module_& m);

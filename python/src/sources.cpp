@@ -31,7 +31,13 @@ class Walked {
       if (find(t, value)) return;
     }
     const nb::object values = one_.get()(t);
-    copy(nb::cast<Array1>(values), value);
+    value = as_vector(nb::cast<Array1>(values));
+  }
+
+  void forget() {
+    const std::lock_guard lock(mutex_);
+    grids_.clear();
+    before_ = -1;
   }
 
  private:
@@ -77,8 +83,6 @@ class Walked {
     grids_.push_back(std::move(grid));
   }
 
-  static void copy(const Array1& from, Eigen::Ref<Vector> to) { to = as_vector(from); }
-
   Kept one_, many_;
   Index width_;
   double T_;
@@ -119,7 +123,12 @@ Source table_source(const Vector& times, const RowMatrix& values, bool kinks) {
 
 Source python_source(const Kept& one, const Kept& many, Index width, double T) {
   const auto walked = std::make_shared<Walked>(one, many, width, T);
-  return {[walked](double t, Eigen::Ref<Vector> out) { (*walked)(t, out); }, width, {}, false, {one, many}};
+  return {[walked](double t, Eigen::Ref<Vector> out) { (*walked)(t, out); },
+          width,
+          {},
+          false,
+          {one, many},
+          [walked] { walked->forget(); }};
 }
 
 std::vector<double> merged(const std::vector<double>& a, const std::vector<double>& b) {

@@ -4,6 +4,7 @@
 #include "callable.hpp"
 #include "core/base/time_function.hpp"
 
+#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -16,7 +17,8 @@ struct Source {
   Index width = 0;                  ///< values it writes
   std::vector<double> breakpoints;  ///< increasing
   bool breakpoints_are_all = false;
-  std::vector<Kept> callables = {};  ///< what the function calls
+  std::vector<Kept> callables = {};   ///< what the function calls
+  std::function<void()> forget = {};  ///< drops values that it has kept, before a solve; may be empty
 };
 
 Source constant_source(const Vector& value);

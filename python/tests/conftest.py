@@ -1,7 +1,6 @@
+import bromwich
 import numpy as np
 import pytest
-
-import bromwich
 
 
 @pytest.fixture
@@ -20,7 +19,7 @@ def heat():
     A[0, 0] = -1 / dx**2
     B = sparse.coo_array(([1 / dx], ([0], [0])), shape=(m, 1))
     N = sparse.coo_array(([1.0], ([0], [0])), shape=(1, m))
-    g = lambda t: -0.2 * np.sin(3 * t)  # noqa: E731
+    g = lambda t: -0.2 * np.sin(3 * t)
     return dict(A=A.tocsr(), B=B, N=N, M=[[0.1]], g=g, x0=np.zeros(m), T=1.0)
 
 

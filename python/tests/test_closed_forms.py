@@ -1,9 +1,8 @@
 """Against solutions that are known in closed form."""
 
+import bromwich
 import numpy as np
 import pytest
-
-import bromwich
 
 
 def test_linear_decay_without_contact(diode):

@@ -8,10 +8,9 @@ import threading
 import time
 import warnings
 
+import bromwich
 import numpy as np
 import pytest
-
-import bromwich
 
 
 @pytest.mark.parametrize(

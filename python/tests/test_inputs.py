@@ -1,9 +1,10 @@
 """Matrices, sources and scenes in every form that is documented, against one another."""
 
-import numpy as np
-import pytest
+import threading
 
 import bromwich
+import numpy as np
+import pytest
 
 
 @pytest.fixture
@@ -52,6 +53,17 @@ def test_functions_are_called_for_all_times_at_once(diode):
     bromwich.solve(**diode, g=g, steps=1000)
     assert max(at_once) >= 1000
     assert len(alone) < 200
+
+
+def test_functions_may_change_between_solves(diode):
+    speed = [1.0]
+    scene = bromwich.Scene(**diode, g=lambda t: -np.sin(speed[0] * t))
+    solver = bromwich.Solver(scene, steps=64)
+    first = solver.solve()
+    speed[0] = 2.0
+    for second in (bromwich.solve(scene, steps=64), solver.solve()):
+        same(second, bromwich.solve(**diode, g="-sin(2*t)", steps=64))
+    assert not np.allclose(first.y, second.y)
 
 
 def test_functions_of_one_time(diode, solved):
@@ -210,3 +222,15 @@ def test_catalogue():
     assert scenes["signorini"]["parameters"]["Q"][0] == 39
     with pytest.raises(bromwich.Error):
         bromwich.scene("signorino")
+
+
+@pytest.mark.parametrize("options", [{"method": m} for m in ("march", "contour", "multigrid", "euler", "galerkin")] + [{"tol": 1e-3}])
+def test_callables_run_in_the_calling_thread(diode, options):
+    idents = set()
+
+    def g(t):
+        idents.add(threading.get_ident())
+        return -np.sin(3 * t)
+
+    bromwich.solve(**diode, g=g, f=g, steps=64, progress=lambda *_: g(0.0), stop=lambda: g(0.0) > 2, **options)
+    assert idents == {threading.get_ident()}

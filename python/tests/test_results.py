@@ -3,11 +3,10 @@
 import gc
 import weakref
 
+import bromwich
 import numpy as np
 import pytest
 from conftest import is_view
-
-import bromwich
 
 
 @pytest.fixture

@@ -1,9 +1,8 @@
 """A scene that is prepared once."""
 
+import bromwich
 import numpy as np
 import pytest
-
-import bromwich
 
 
 def test_other_initial_values(Q15):
