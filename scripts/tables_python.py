@@ -15,4 +15,7 @@ def python(data):
             f"{seconds(row['python']['median'])} | {1e6 * over['median']:.0f} us ({100 * over['median'] / row['cpp']['median']:.1f} %) | "
             f"{low}, {high} |"
         )
-    return lines + ["", f"Medians of {data['repeats']} rounds, C++ and Python in turns, of each the least of a block of solves. {machine(data)}."]
+    return lines + [
+        "",
+        f"Medians of {data['repeats']} rounds, C++ and Python in turns, of each the least of a block of solves. {machine(data)}.",
+    ]

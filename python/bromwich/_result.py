@@ -211,7 +211,7 @@ class Result:
         return [Switch(*s) for s in self._answer.switches(True)]
 
     def at(self, t: float | Iterable[float]) -> Result:
-        """The result at other times, in the order of the method: ``t``, ``y`` and the recorded ``x``, a row for each time.
+        """The result at other times, in the order of the method: a row of ``t``, ``y`` and the recorded ``x`` for each.
 
         Raises:
             Error: for times outside [0, T]; for times between time points where y is not linear there; for x of sparse

@@ -74,8 +74,8 @@ def solve(
         max_steps, max_seconds: where a tolerance ends refining.
         iteration_tol: where sweeps end, the largest change relative to max(1, |y|); None: 1e-12, or tol/1000.
         max_iterations: sweeps at most.
-        states: components of x to record: ``"all"``, ``"none"`` or None, a list of indices from 0, or ``"auto"``: all of
-            them where there are at most 1000.
+        states: components of x to record: ``"all"``, ``"none"`` or None, a list of indices from 0, or ``"auto"``: all
+            of them where there are at most 1000.
         memory_limit: bytes; a solve that is predicted to need more is refused.
         event_location: method galerkin: solve again with nodes where constraints switch.
 
@@ -223,7 +223,11 @@ def _options(
         ("memory_limit", memory_limit),
     ):
         if value is not None:
-            setattr(o, attribute, int(value) if attribute.startswith("max_") and attribute != "max_seconds" else float(value))
+            setattr(
+                o,
+                attribute,
+                int(value) if attribute.startswith("max_") and attribute != "max_seconds" else float(value),
+            )
     _select_states(o, scene, states)
     return o
 

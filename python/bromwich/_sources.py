@@ -57,7 +57,9 @@ def _table(times: np.ndarray, values: np.ndarray, name: str, width: int, T: floa
         values = values.reshape(-1, 1)
     _require(values.shape[1] == width, name, f"has {values.shape[1]} columns", f"give {width}")
     _require(bool(np.all(np.diff(times) >= 0)), name, "has times that decrease", "sort them")
-    _require(times[0] <= 0 and times[-1] >= T, name, f"has times from {times[0]:g} to {times[-1]:g}", f"cover 0 to {T:g}")
+    _require(
+        times[0] <= 0 and times[-1] >= T, name, f"has times from {times[0]:g} to {times[-1]:g}", f"cover 0 to {T:g}"
+    )
     inside = (times[1:] != times[:-1]) | ((times[1:] > 0) & (times[1:] < T))
     keep = np.concatenate([[True], inside])
     return _core.Source.table(np.ascontiguousarray(times[keep]), np.ascontiguousarray(values[keep]), kinks)

@@ -224,7 +224,9 @@ def test_catalogue():
         bromwich.scene("signorino")
 
 
-@pytest.mark.parametrize("options", [{"method": m} for m in ("march", "contour", "multigrid", "euler", "galerkin")] + [{"tol": 1e-3}])
+@pytest.mark.parametrize(
+    "options", [{"method": m} for m in ("march", "contour", "multigrid", "euler", "galerkin")] + [{"tol": 1e-3}]
+)
 def test_callables_run_in_the_calling_thread(diode, options):
     idents = set()
 
