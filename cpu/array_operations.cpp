@@ -1,4 +1,4 @@
-// Operations on whole arrays that a hierarchy of time grids needs.
+// Operations on whole arrays for the hierarchy of time grids.
 
 #include "core/numerics/alternation.hpp"
 #include "cpu/parts.hpp"
@@ -12,7 +12,7 @@ namespace bromwich::cpu {
 
 namespace {
 
-constexpr Index parallel_size = 1 << 14;  ///< below it starting the threads costs more than they save
+constexpr Index parallel_size = 1 << 14;  ///< values; below it, starting the threads costs more than they save
 
 }  // namespace
 
@@ -69,7 +69,7 @@ double difference(const RowMatrix& a, const RowMatrix& b, int threads) {
   for (Index j = 0; j < a.rows(); ++j) {
     const double gap = (a.row(j) - b.row(j)).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
     const double relative = gap / std::max(1.0, a.row(j).cwiseAbs().maxCoeff());
-    worst = std::max(worst, std::isfinite(relative) ? relative : INFINITY);  // a maximum need not keep a NaN
+    worst = std::max(worst, std::isfinite(relative) ? relative : INFINITY);  // a max reduction may drop a NaN
   }
   return std::isinf(worst) ? NAN : worst;
 }

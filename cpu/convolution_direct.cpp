@@ -4,7 +4,7 @@
 
 namespace bromwich::cpu {
 
-// W_d = C E^{d-1}, S_d = C E^{d-1} G0, d >= 1 (core/kernel/recurrence.hpp); powers of `group` exponentials stay in
+// W_d = C E^{d-1}, S_d = C E^{d-1} G0, d >= 1 (core/seam/recurrence.hpp). The powers of `group` exponentials stay in
 // registers.
 DirectBlock::DirectBlock(const ModalRecurrence& r, Index b, Index D)
     : lags_(D),
@@ -41,7 +41,7 @@ DirectBlock::DirectBlock(const ModalRecurrence& r, Index b, Index D)
   start_[1] += block(r.s1, 0);
 }
 
-// A lag takes 0.7 of the time of a multiply-add in a scan (AVX-512); a weight is three of them for each exponential.
+// Measured with AVX-512: a lag costs 0.7 multiply-adds of a scan. Computing a weight costs 3 per exponential.
 double DirectBlock::cost(Index D, Index rows, Index exponentials) {
   const double steps = double(std::max<Index>(rows - 1, 1)), lags = std::min(double(D), steps);
   return 0.7 * (lags - lags * lags / (2 * steps) + near) + 0.1 * 3 * double(exponentials) * lags / steps;
@@ -50,7 +50,7 @@ double DirectBlock::cost(Index D, Index rows, Index exponentials) {
 void DirectBlock::apply(const Lanes* y, Lanes y0, Lanes* v, Index begin, Index count) const {
   for (Index j = 0; j < count; j += own) {
     Lanes sum[own] = {};
-    const Index last = std::min(lags_, begin + j + own - 2);  // the lag of row 1 in the last of the rows
+    const Index last = std::min(lags_, begin + j + own - 2);  // the lag of row 1 seen from the last of these rows
     for (Index d = 0; d <= last; d += near) {
       Lanes W[near];
       for (Index i = 0; i < near; ++i) W[i] = weights_[std::size_t(d + i)];

@@ -1,8 +1,8 @@
-// Causal convolution along time with tabulated lag weights, by FFT of length >= 2J: one transform per mode (modal
-// tables), or per input and output column with a small product per frequency in between (dense tables).
+// Causal convolution along time with tabulated lag weights, by FFT of length >= 2J. Modal tables take one transform per
+// mode. Dense tables take one per input and output column, with a small matrix product per frequency.
 //
-// An FFT is accurate relative to its largest input: where the weights grow like e^{sigma t}, everything is multiplied
-// by e^{-sigma t} first, which commutes with causal convolution.
+// The error of an FFT is relative to its largest input. Where weights grow like e^{sigma t}, inputs and weights are
+// damped by e^{-sigma t}, which commutes with causal convolution.
 
 #include "cpu/parts.hpp"
 #include "cpu/real_fft.hpp"

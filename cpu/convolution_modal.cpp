@@ -1,10 +1,10 @@
-// Causal convolution along time with a scalar kernel a mode, eight modes at a time: as a sum of few terms where they
-// forget soon, by a scan of exponentials where they do not.
+// Causal convolution along time with one scalar kernel per mode, eight modes at a time. Modes with a short memory use
+// the direct sum over lags, the others a scan of exponentials.
 //
-// A thread takes a tile of rows of some neighbouring blocks of modes. Rows of a sum are independent of each other;
-// scans run from tile to tile. Where one of these is more than a thread's share of the work, time is cut into chunks:
-// (1) the state each chunk adds, from zero; (2) carry: z at the start of chunk c+1 = E^length z at the start of c +
-// what c adds; (3) apply.
+// A thread processes one tile of rows for a bunch of neighbouring blocks of modes. Rows of direct sums are independent;
+// scans run from tile to tile. Where one scan exceeds a thread's share of the work, it becomes a chunked scan:
+// (1) accumulate: the state that each chunk adds to zero; (2) carry: z at the start of chunk c+1 = E^length z at the
+// start of c + what c adds; (3) apply.
 
 #include "core/kernel/memory_length.hpp"
 #include "cpu/convolution_direct.hpp"
@@ -20,10 +20,10 @@ namespace bromwich::cpu {
 
 namespace {
 
-constexpr Index most_together = 8;  ///< blocks: 512 bytes of a row
+constexpr Index most_together = 8;  ///< blocks per bunch: 512 bytes of a row
 constexpr Index page = 4096 / sizeof(Lanes);
 constexpr Index tile = ScanBlock::tile;
-constexpr Index stride = tile + 1;  ///< between the columns of a bunch: odd, so that a cache holds them side by side
+constexpr Index stride = tile + 1;  ///< between the columns of a bunch; odd, to avoid cache set conflicts
 
 template <typename Block>
 struct Bunch {
@@ -31,7 +31,7 @@ struct Bunch {
   std::vector<Block> blocks;
 };
 
-// Lags that count, of each block.
+// Memory length of each block, in lags.
 std::vector<Index> remembered(const ModalRecurrence& r, Index rows) {
   const std::vector<Index> of_modes = memory_lengths(r, rows - 1);
   std::vector<Index> lags(std::size_t(blocks(r.modes())), 0);
@@ -112,10 +112,11 @@ class ModalConvolution final : public Convolution {
   }
 
  private:
-  // Blocks of a bunch, where `parts` of work are for all threads.
+  // Blocks per bunch, so that `parts` units of work keep all threads busy.
   Index shared(Index parts) const { return std::clamp<Index>(parts / (2 * threads_), 1, most_together); }
 
-  // Where block b joins its neighbours, at most `together` of them.
+  // The bunch that takes block b: the last one if b is its neighbour and it has fewer than `together` blocks, else a
+  // new one.
   template <typename Block>
   static std::vector<Block>& place(std::vector<Bunch<Block>>& bunches, Index b, Index together) {
     if (bunches.empty() || bunches.back().modes.count == together ||
@@ -125,13 +126,13 @@ class ModalConvolution final : public Convolution {
     return bunches.back().blocks;
   }
 
-  // Of a thread: y and its past, and v, of the blocks of a bunch. v_j comes just behind y_j modulo a page: a load waits
-  // for an earlier store that is as far into its page.
+  // Buffers of a thread for one bunch: y with its past, and v. The offset of v_j modulo a page is just behind that of
+  // y_j: a load stalls on an earlier store with the same page offset (4K aliasing).
   Index input_size() const { return (most_together * (past_ + stride) / page + 1) * page + 1; }
   Lanes* inputs() const { return workspace(input_size() + most_together * stride); }
   Lanes* outputs() const { return inputs() + input_size(); }
 
-  // One a thread, for all plans.
+  // One buffer per thread, shared by all plans.
   static Lanes* workspace(Index size) {
     static thread_local std::vector<Lanes> values;
     if (Index(values.size()) < size) values.resize(std::size_t(size));
@@ -140,7 +141,7 @@ class ModalConvolution final : public Convolution {
 
   Index count(Index t) const { return std::min(rows_, ScanBlock::begin(t + 1)) - ScanBlock::begin(t); }
 
-  // What tiles [t0, t1) add to a zero state.
+  // The state that tiles [t0, t1) add to zero.
   void accumulate(const RowMatrix& y, Bunch<ScanBlock>& bunch, Index t0, Index t1) {
     if (t1 >= tiles_) return;
     Lanes* const in = inputs();

@@ -1,6 +1,5 @@
-// The K exponentials of a mode are taken `group` at a time, so that states and decay factors of a group stay in
-// registers while time runs over a tile that stays in L1. Per time point, mode and exponential: two multiply-adds and
-// no memory traffic.
+// Exponentials are processed in groups of `group`. The states and decay factors of a group stay in registers while time
+// runs over a tile held in L1. Per time point, mode and exponential: two multiply-adds and no memory traffic.
 
 #include "cpu/convolution_scan.hpp"
 
@@ -39,7 +38,7 @@ void ScanBlock::start_from(const RowMatrix& D, Index b) {
 double ScanBlock::cost(const ModalRecurrence& r) { return 2 * double((r.exponentials() + group - 1) / group * group); }
 
 void ScanBlock::advance(const Bank& bank, const Lanes* before, Lanes* after, const Lanes* y, Lanes* v, Index count) {
-  Lanes E[group], C[group], z[group];  // in registers: v could lie anywhere
+  Lanes E[group], C[group], z[group];  // local copies stay in registers; v might alias members
   std::copy_n(bank.decay, group, E);
   std::copy_n(bank.output, group, C);
   std::copy_n(before, group, z);
@@ -64,7 +63,7 @@ void ScanBlock::apply(const Lanes* y, Lanes* v, Index t, Index count, bool keep)
     advance(banks_[std::size_t(k)], state(t) + k * group, keep ? state(t + 1) + k * group : left, y + 1, v, count);
 }
 
-// z before row 1: the column of y_0 and what x0 adds.
+// z before row 1: contributions of y_0 and x0.
 void ScanBlock::start(Lanes y0) {
   Lanes* z = state(0);
   for (const Bank& bank : banks_)

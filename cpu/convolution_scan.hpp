@@ -1,9 +1,9 @@
 #pragma once
-// Eight modes of a causal convolution as a recurrence with K exponentials a mode (core/kernel/recurrence.hpp),
+// Causal convolution of eight modes as a recurrence with K exponentials per mode (core/seam/recurrence.hpp),
 //
-//     v_j = W_0 y_j + w1 y_{j-1} + C z_{j-1},    z_j = E z_{j-1} + y_j:
+//     v_j = W_0 y_j + w1 y_{j-1} + C z_{j-1},    z_j = E z_{j-1} + y_j.
 //
-// 2 K multiply-adds a mode and row, however far back the modes remember.
+// 2 K multiply-adds per mode and row, independent of the memory length.
 
 #include "core/kernel/recurrence.hpp"
 #include "cpu/simd.hpp"
@@ -14,8 +14,8 @@
 
 namespace bromwich::cpu {
 
-/// Time runs in tiles, and the states at their starts are kept: a call can begin at any tile whose past has not
-/// changed, or, after `accumulate` and `carry`, at several at once.
+/// Time is cut into tiles; the state at the start of each tile is kept. A call can begin at any tile whose past has not
+/// changed. After `accumulate` and `carry`, several tiles can begin at once.
 class ScanBlock {
  public:
   static constexpr Index tile = 128;  ///< rows; y and v of a block take 2 x 8 KB
@@ -23,31 +23,31 @@ class ScanBlock {
   /// Modes 8b .. 8b + 7 of a convolution with `rows` rows.
   ScanBlock(const ModalRecurrence&, Index b, Index rows);
 
-  /// See Convolution::start_from; b as it was made with.
+  /// See Convolution::start_from; b as in the constructor.
   void start_from(const RowMatrix& D, Index b);
 
-  /// Multiply-adds a mode and row.
+  /// Cost in multiply-adds per mode and row.
   static double cost(const ModalRecurrence&);
 
-  /// Tile t has the rows begin(t) = 1 + t tile .. of v; the last ends at row rows - 1.
+  /// Tile t covers the rows of v from begin(t) = 1 + t tile on; the last tile ends at row rows - 1.
   static Index tiles(Index rows) { return std::max<Index>(1, (rows - 1 + tile - 1) / tile); }
   static Index begin(Index t) { return 1 + t * tile; }
 
-  /// The `count` rows of tile t of v from y, one row before it included; with `keep`, the state at the start of the
-  /// next tile.
+  /// Writes the `count` rows of tile t of v. `y` starts one row before the tile. With `keep`, stores the state at the
+  /// start of the next tile.
   void apply(const Lanes* y, Lanes* v, Index t, Index count, bool keep);
 
-  /// Sets the state at the start of tile `to` to 0, and
+  /// Sets the state at the start of tile `to` to 0.
   void clear(Index to) { std::fill_n(state(to), exponentials(), all(0)); }
-  /// advances it by the rows of y of tile t, one row before it included.
+  /// Advances the state of tile `to` over the rows of tile t. `y` starts one row before tile t.
   void accumulate(const Lanes* y, Index t, Index count, Index to);
-  /// The states of tiles from + length, from + 2 length, .. < end, from what the tiles before each of them add.
+  /// States of tiles from + length, from + 2 length, .. < end, from what `accumulate` stored there.
   void carry(Index from, Index length, Index end);
 
   std::size_t bytes() const;
 
  private:
-  static constexpr Index group = 8;  ///< exponentials that move together: 8 states + 8 decays + some fill 32 registers
+  static constexpr Index group = 8;  ///< exponentials per register block; 8 states + 8 decays fit into 32 registers
 
   struct Bank {
     Lanes decay[group], output[group], start[group], initial[group];

@@ -1,8 +1,8 @@
-// Causal convolution along time as a recurrence with a dense state z (core/kernel/recurrence.hpp): z_j = E z_{j-1} + G
-// y_j.
+// Causal convolution along time as a recurrence with a dense state (core/seam/recurrence.hpp): z_j = E z_{j-1} +
+// G y_j.
 //
-// Chunks of time run in parallel: (1) the state each chunk adds, from zero; (2) carry: z at the start of chunk c+1 =
-// E^length z at the start of c + what c adds; (3) apply.
+// Chunked scan: (1) accumulate: the state that each chunk adds to zero, all chunks in parallel; (2) carry: z at the
+// start of chunk c+1 = E^length z at the start of c + what c adds; (3) apply, again in parallel.
 
 #include "cpu/parts.hpp"
 
@@ -14,7 +14,7 @@ namespace bromwich::cpu {
 
 namespace {
 
-constexpr Index fewest_rows = 128;  ///< of a chunk
+constexpr Index fewest_rows = 128;  ///< per chunk
 
 class DenseScan final : public Convolution {
  public:
@@ -65,13 +65,13 @@ class DenseScan final : public Convolution {
   }
 
  private:
-  // Below some 10^5 operations a chunk costs less than waking a thread for it.
+  // A chunk below about 10^5 operations costs less than waking a thread.
   static Index shortest_chunk(const DenseRecurrence& r) {
     const Index m = r.decay.rows(), n = r.output.rows(), k = r.input.cols();
     return std::max<Index>(fewest_rows, (1 << 17) / (1 + m * m + m * n + m * k + n * k));
   }
 
-  // Advances next_.col(c) over the rows of chunk c; with v, writes the output on the way.
+  // Advances next_.col(c) over the rows of chunk c; writes the output if v is given.
   void run(const RowMatrix& y, RowMatrix* v, Index c) {
     const Index m = r_.decay.rows(), n = r_.output.rows(), k = r_.input.cols();
     const Index begin = 1 + c * length_, end = std::min(y.rows(), begin + length_);

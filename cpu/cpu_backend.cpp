@@ -86,8 +86,8 @@ class CpuBackend final : public Backend {
   int threads_;
 };
 
-/// How many of `wanted` threads there can be at once, this one included: OpenMP ends the process where it cannot make
-/// one, under `ulimit -v` for example. They are made here first, and wait for each other.
+/// Number of threads, at most `wanted`, that can exist at once, the calling one included. OpenMP ends the process when
+/// it cannot create a thread (`ulimit -v`, for example), so this function creates them first, all waiting on one mutex.
 int possible_threads(int wanted) {
   std::mutex all_made;
   std::unique_lock hold(all_made);
@@ -95,7 +95,7 @@ int possible_threads(int wanted) {
   try {
     made.reserve(std::size_t(wanted - 1));
     while (int(made.size()) + 1 < wanted) made.emplace_back([&all_made] { const std::lock_guard wait(all_made); });
-  } catch (const std::exception&) {  // of the system, or no memory
+  } catch (const std::exception&) {  // the system refused a thread, or no memory is left
   }
   const int possible = int(made.size()) + 1;
   hold.unlock();
@@ -115,7 +115,7 @@ std::unique_ptr<Backend> make_cpu_backend(int threads) {
   if (threads < 0)
     throw Error("threads", "found " + std::to_string(threads), "pass 0 for all cores, or a number of threads");
   const int possible = possible_threads(threads == 0 ? omp_get_max_threads() : threads);
-  // OpenMP makes its threads now and keeps them: later the memory may be in use.
+  // OpenMP creates its threads now and keeps them; the memory may be taken later.
 #pragma omp parallel num_threads(possible)
   {}
   return std::make_unique<CpuBackend>(possible);

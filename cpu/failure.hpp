@@ -4,11 +4,11 @@
 
 namespace bromwich::cpu {
 
-/// What was thrown inside a parallel region, memory that ran out for one: no exception may leave the region, so the
-/// first one is kept and thrown again behind it.
+/// Keeps the first exception thrown inside an OpenMP region (out of memory, for example) and rethrows it afterwards: no
+/// exception may leave the region.
 class Failure {
  public:
-  /// In a catch block.
+  /// Call inside a catch block.
   void keep() noexcept {
 #pragma omp critical(bromwich_failure)
     if (!first_) first_ = std::current_exception();

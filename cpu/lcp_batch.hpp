@@ -1,7 +1,7 @@
 #pragma once
-// What the batched complementarity solvers share: rows are taken `width` at a time with one row per SIMD lane, each
-// block runs semismooth Newton on min(y, w) (an exchange of active sets) until all its lanes agree, and the few rows
-// that do not settle go to the pivoting solver of core/lcp/active_set.hpp one by one.
+// Shared by the batched complementarity solvers. Rows are processed `width` at a time, one row per SIMD lane. Each
+// block runs semismooth Newton on min(y, w), an active-set iteration, until all its lanes settle. The few rows that do
+// not settle go one by one to the pivoting solver of core/lcp/active_set.hpp.
 
 #include "core/lcp/active_set.hpp"
 #include "cpu/failure.hpp"
@@ -22,8 +22,8 @@ struct BlockOutcome {
   int sweeps[2 * lanes] = {};   ///< Newton sweeps per lane
 };
 
-/// Runs `newton(first row, rows, thread, outcome)` over blocks of rows and `pivot(row, thread)` on what is left, then
-/// fills the report from the change of every row.
+/// Runs `newton(first row, rows, thread, outcome)` over blocks of rows and `pivot(row, thread)` on the unsolved rows.
+/// Fills the report from the change of every row.
 class RowBlocks {
  public:
   RowBlocks(Index rows, int threads)
@@ -102,11 +102,11 @@ inline LcpOutcome pivot_row(ActiveSetLcp& solver, const Vector& q, double* y, Ve
   return outcome;
 }
 
-/// max_j ||min(y_j, w_j)||_inf / max(1, ||q_j||_inf) with w = M y + q; `product(y_j, w)` writes M y_j. NaN where any
-/// value is not finite.
+/// max_j ||min(y_j, w_j)||_inf / max(1, ||q_j||_inf) with w = M y + q; `product(y_j, w)` writes M y_j. NaN if any value
+/// is not finite.
 template <class Product>
 double natural_residual(const RowMatrix& R, const RowMatrix& V, const RowMatrix& Y, int threads, Product product) {
-  constexpr Index parallel_size = 1 << 19;  // values: a millisecond, less than threads may take to start
+  constexpr Index parallel_size = 1 << 19;  // values: a millisecond; threads may take as long to start
   const Index n = Y.cols();
   double worst = 0;
 #pragma omp parallel num_threads(threads) reduction(max : worst) if (threads > 1 && Y.size() > parallel_size)
@@ -118,7 +118,7 @@ double natural_residual(const RowMatrix& R, const RowMatrix& V, const RowMatrix&
       q = R.row(j).transpose().array() + V.row(j).transpose().array();
       product(Y.row(j).data(), w.data());
       w += q;
-      const double sum = w.abs().sum() + y.abs().sum();  // keeps a NaN, which the largest need not
+      const double sum = w.abs().sum() + y.abs().sum();  // keeps a NaN; a maximum may drop it
       if (n == 0) continue;
       const double gap = y.min(w).abs().maxCoeff(), scale = std::max(1.0, q.abs().maxCoeff());
       worst = std::max(worst, std::isfinite(sum) ? gap / scale : INFINITY);

@@ -1,11 +1,11 @@
 // Batched complementarity problems with one small dense matrix.
 //
-// Up to `largest_lane_size` constraints eight problems share the lanes of a vector: a Newton sweep eliminates the
-// matrix that equals M on the active set and the identity elsewhere, without exchanges (all leading minors are positive
-// for a P-matrix; where a pivot fails the row is left to pivoting). Larger matrices go row by row to the active-set
-// solver, which keeps its transform from one time point to the next. The lanes work on R M C with rows and columns of
-// comparable size (core/lcp/solution.hpp). For a PSD matrix a lane counts as solved only where its solution is
-// certainly the only one.
+// Up to `largest_lane_size` constraints, eight problems share the lanes of a vector. A Newton sweep eliminates, without
+// row exchanges, the matrix that equals M on the active set and the identity elsewhere. All leading minors of a
+// P-matrix are positive; a row whose pivot fails is left to pivoting. Larger matrices go row by row to the active-set
+// solver, which keeps its transform between time points. The lanes work on R M C, whose rows and columns have
+// comparable size (core/lcp/solution.hpp). For a PSD matrix a lane counts as solved only if its solution is certainly
+// unique.
 
 #include "cpu/lcp_batch.hpp"
 
@@ -67,7 +67,7 @@ class LaneLcp final : public ImmediateLcpBatch {
     }
   }
 
-  // y_S = -M_SS^{-1} q_S, 0 elsewhere. Returns the lanes whose pivots were all positive, beyond rounding.
+  // y_S = -M_SS^{-1} q_S, 0 elsewhere. Returns the lanes whose pivots were all positive beyond rounding.
   LaneMask eliminate(Block& s) const {
     LaneMask positive = all(0) == all(0);
     for (Index i = 0; i < n_; ++i) {
@@ -92,7 +92,7 @@ class LaneLcp final : public ImmediateLcpBatch {
     return positive;
   }
 
-  // Exchanges what has the wrong sign; returns the lanes in which nothing had.
+  // Flips the indices with the wrong sign; returns the lanes without any.
   LaneMask exchange(Block& s, Lanes tolerance) const {
     LaneMask same = all(0) == all(0);
     for (Index i = 0; i < n_; ++i) {

@@ -1,16 +1,16 @@
 // Batched complementarity problems with one tridiagonal matrix.
 //
-// Rows of the space-time array are transposed into lanes, sixteen problems at a time (two vectors, so that the
-// divisions of one hide behind those of the other), eight columns at a time. A Newton sweep solves the system that
-// equals M on the active set and the identity elsewhere by the Thomas algorithm, eliminating downwards and substituting
-// upwards, and finds the indices to exchange on the way up.
+// Rows of the space-time array are transposed into lanes: sixteen problems at a time (two vectors, so that divisions of
+// one overlap those of the other), eight columns at a time. A Newton sweep solves, by the Thomas algorithm, the system
+// that equals M on the active set and the identity elsewhere. It eliminates from the first index to the last,
+// substitutes back, and finds the indices to flip during the back substitution.
 //
-// A warm block, whose active sets are those of its solution, takes two passes: downwards q = r + v comes in and is
-// eliminated, upwards y is substituted, checked and goes out. What has not settled then takes further sweeps in the
-// workspace, which lies in L2: 4 numbers a value, 5 with the active set. Memory per block: r, v and y are read and y
-// written once; a shift D needs no more, since the y given is there. Rows and columns are scaled to comparable size
-// (core/lcp/solution.hpp) as q comes in and y goes out. For a PSD matrix a lane counts as solved only where its
-// solution is certainly the only one.
+// A warm block, whose active sets are already those of its solution, takes two passes. The first reads q = r + v and
+// eliminates. The second substitutes, checks and writes y. Blocks that do not settle take further sweeps in the
+// workspace, which stays in L2: 4 numbers per value, 5 with the active set. Memory traffic per block: r, v and y are
+// read and y is written once. A shift D adds none, since the old y is read anyway. Rows and columns are scaled to
+// comparable size (core/lcp/solution.hpp) as q is read and y written. For a PSD matrix a lane counts as solved only if
+// its solution is certainly unique.
 
 #include "cpu/lcp_batch.hpp"
 
@@ -21,8 +21,8 @@ namespace {
 constexpr Index pair = 2;
 constexpr Index width = pair * lanes;
 
-/// One column of eight problems: q, the y given, and the eliminated system y_i = d_i - c_i y_{i+1}. After a sweep in
-/// the workspace d holds the solution.
+/// One column of eight problems: q, the old y, and the eliminated system y_i = d_i - c_i y_{i+1}. After a sweep in the
+/// workspace d holds the solution.
 struct Cell {
   Lanes q, y, c, d;
 };
@@ -39,7 +39,7 @@ struct Workspace {
   std::vector<ActivePair> active;
 };
 
-/// A block of rows in the three arrays: `size` rows from `begin` on.
+/// A block of rows in the three arrays: `size` rows.
 struct Rows {
   const double *r, *v;
   double* y;
@@ -49,8 +49,8 @@ struct Rows {
   Index at(Index h, Index k) const { return (h * lanes + k) * n; }
 };
 
-/// Up to eight columns, loaded and stored by eight where the rows are that long: the last ones then take some of the
-/// columns before them along, which are loaded twice and stored before those columns are stored themselves.
+/// Up to eight columns, moved as a full vector if the rows have eight. The last vector is then shifted back over
+/// columns of the one before: they are loaded twice, and the later store of their own vector overwrites them.
 struct Columns {
   Index begin, size, from;  ///< columns begin .. begin+size-1, moved as from .. from+7
 
@@ -70,13 +70,13 @@ struct Columns {
   }
 };
 
-/// What the lanes of one vector have come to.
+/// State of the lanes of one vector after a sweep.
 struct Lap {
-  LaneMask same = all(0) == all(0);      ///< nothing to exchange
-  LaneMask positive = all(0) == all(0);  ///< all pivots of active rows were, beyond rounding
-  Lanes tolerance = all(0);              ///< rounding of M y + q: a handful of operations of the size of q
+  LaneMask same = all(0) == all(0);      ///< nothing to flip
+  LaneMask positive = all(0) == all(0);  ///< all pivots of active rows positive beyond rounding
+  Lanes tolerance = all(0);              ///< rounding error of M y + q: a few operations of the size of q
   Lanes change = all(0), largest = all(0);
-  Lanes sum = all(0);  ///< a NaN or an infinity ends here
+  Lanes sum = all(0);  ///< not finite if any value was not
 };
 
 class TridiagonalLcp final : public ImmediateLcpBatch {
@@ -109,9 +109,9 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
           newton(rows, work_[std::size_t(thread)], outcome, change, magnitude);
         },
         [&](Index j, double& change, double& magnitude) {
-          // Made when first needed: it is dense, and most scenes never get here.
+          // Made when first needed: it is dense, and most scenes never use it.
           if (!pivoting_) pivoting_ = std::make_unique<ActiveSetLcp>(to_dense(LcpMatrix(shifted_)), class_);
-          q_ = R.row(j) + V.row(j) - shift_ * Y.row(j);  // an unsolved row has kept its y
+          q_ = R.row(j) + V.row(j) - shift_ * Y.row(j);  // an unsolved row still has its old y
           return pivot_row(*pivoting_, q_, Y.row(j).data(), fresh_, change, magnitude);
         });
   }
@@ -127,7 +127,7 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
   }
 
  private:
-  // Eight columns of eight rows as lanes. Rows past the end get q = 1, y = 0 and are solved at once.
+  // Loads eight columns of eight rows into lanes. Rows past the end get q = 1, y = 0, which is solved at once.
   void gather(const Rows& rows, Index h, const Columns& at, Lanes q[lanes], Lanes y[lanes]) const {
     const Lanes scale = at.load(scale_.rows.data());
     const Index given = rows.of(h);
@@ -146,7 +146,7 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
     for (Index k = 0; k < rows.of(h); ++k) at.store(rows.y + rows.at(h, k), y[k]);
   }
 
-  // c_i and d_i from those of the row above; `pivots` keeps the least excess over what may be rounding.
+  // c_i and d_i from the row above; `pivots` keeps the smallest excess of a pivot over its rounding error.
   void eliminate(Index i, LaneMask active, const Lanes& q, Lanes& c, Lanes& d, Lanes& pivots) const {
     const Lanes pivot = active ? M_.diagonal[i] - M_.lower[i] * c : all(1);
     const Lanes inverse = 1 / pivot;
@@ -155,7 +155,7 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
     d = active ? -(q + M_.lower[i] * d) * inverse : all(0);
   }
 
-  // Downwards: everything of a block comes in; the system of the active set that y gives is eliminated.
+  // First pass: loads a block and eliminates the system of the active set given by y.
   void come_in(const Rows& rows, Workspace& s, Lap lap[pair]) const {
     Lanes c[pair] = {all(0), all(0)}, d[pair] = {all(0), all(0)}, q_size[pair] = {all(0), all(0)};
     Lanes y_size[pair] = {all(0), all(0)}, pivots[pair] = {all(1), all(1)};
@@ -180,7 +180,7 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
     }
   }
 
-  // y_{i-1} and w_i.
+  // Returns y_{i-1} and sets w to w_i.
   Lanes substitute(const Workspace& s, Index i, Index h, const Lanes& present, const Lanes& next, Lanes& w) const {
     const Cell& cell = s.columns[std::size_t(i)].of[h];
     Lanes previous = all(0);
@@ -194,7 +194,7 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
 
   Lanes in_units_of_the_caller(Index i, const Lanes& y) const { return scale_.columns[i] * max(y, all(0)); }
 
-  // Upwards: y is substituted and goes out, whether or not it is the solution.
+  // Second pass: substitutes and writes y, whether or not it is the solution.
   void go_out(const Rows& rows, const Workspace& s, Lap lap[pair]) const {
     Lanes next[pair] = {all(0), all(0)}, present[pair];
     Lanes lowest[pair] = {all(0), all(0)}, change[pair] = {all(0), all(0)}, largest[pair] = {all(0), all(0)};
@@ -228,7 +228,7 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
     }
   }
 
-  // One sweep in the workspace: y for the current active sets, then the exchanges.
+  // One sweep in the workspace: y for the current active sets, then the flips.
   void sweep(Workspace& s, Lap lap[pair]) const {
     Lanes c[pair] = {all(0), all(0)}, d[pair] = {all(0), all(0)}, pivots[pair] = {all(1), all(1)};
     LaneMask same[pair] = {all(0) == all(0), all(0) == all(0)};
@@ -262,8 +262,8 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
     if (n_ == 0) return;
     Lap lap[pair];
     come_in(rows, s, lap);
-    // Whether a PSD matrix has other solutions is asked of a solution in the workspace; a start from y = 0 has no
-    // active set to try.
+    // The uniqueness check of a PSD matrix needs a solution in the workspace. A start from y = 0 has no active set to
+    // try.
     if (class_ != LcpClass::PSD && any((lap[0].largest > 0) | (lap[1].largest > 0))) {
       lap[0].largest = lap[1].largest = all(0);
       go_out(rows, s, lap);
@@ -282,11 +282,11 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
     finish(rows, s, lap, outcome, change, magnitude);
   }
 
-  // Lanes whose active set is that of the solution asked for: for a Z-matrix, of the least one, which it is exactly
-  // when the active block has positive pivots.
+  // Lanes whose active set is that of the wanted solution. For a Z-matrix this is the least one, which has positive
+  // pivots of the active block.
   LaneMask settled(const Lap& lap) const { return class_ == LcpClass::Z ? lap.same & lap.positive : lap.same; }
 
-  // The solutions in the workspace go out; where there is none the y given returns.
+  // Writes the solutions of the workspace; unsolved rows get their old y back.
   void finish(const Rows& rows, const Workspace& s, Lap lap[pair], BlockOutcome& outcome, double* change,
               double* magnitude) const {
     for (Index h = 0; h < pair; ++h) {

@@ -1,13 +1,13 @@
-// Step-by-step solution of the discrete problem: at step j
+// Step-by-step solution of the discrete problem. At step j
 //
-//     q_j = r_j + (part of v_j that is known),   y_j in SOL(M + W_0, q_j),   v_j = q_j - r_j + W_0 y_j,
+//     q_j = r_j + (known part of v_j),   y_j in SOL(M + W_0, q_j),   v_j = q_j - r_j + W_0 y_j.
 //
-// The past of a Kronecker sum is cut into blocks of b steps. With Z = z at the last step s of the block before,
+// The past of a Kronecker sum is processed in blocks of b steps. With Z = z at the last step s of the previous block,
 //
 //     v_{s+i} = C E^{i-1} Z + Σ_{d=1}^{i-1} W_d u_{s+i-d} + W_0 u_{s+i},   1 <= i <= b,
 //
-// so that the exponentials are read once a block, while b sums stay in registers, and not once a step: 4 x 8 bytes per
-// exponential and mode, which was most of the work. Within the block the few nearest lags act directly, in modes.
+// Exponentials are therefore read once per block instead of once per step (4 x 8 bytes per exponential and mode, which
+// dominates a step-wise march), and b sums stay in registers. Lags within the block are applied directly, in modes.
 
 #include "core/host/step_lcp.hpp"
 #include "cpu/parts.hpp"
@@ -94,10 +94,10 @@ class ModalMarch final : public ImmediateMarch {
   }
 
  private:
-  static constexpr Index parallel_size = 1 << 16;  ///< below it a barrier per block costs more than it saves
+  static constexpr Index parallel_size = 1 << 16;  ///< below it, a barrier per block costs more than it saves
   static constexpr Index block_steps = 16;
 
-  // Row d - 1: W_d in modes, the far parts of z = 1 and what lag 1 has besides.
+  // Row d - 1: W_d in modes, from the far parts of z = 1 and the extra weight of lag 1.
   void make_near_lags() {
     std::fill(z_.begin(), z_.end(), all(1));
     for (Index b = 0; b < blocks_; ++b) sum_far(b);
@@ -105,7 +105,7 @@ class ModalMarch final : public ImmediateMarch {
     near_.row(0).head(n_) += r_.w1.transpose();
   }
 
-  // z_0 from y_0, phi_0 and x0; lag 1 of y_0 has its own weight.
+  // z_0 from y_0, phi_0 and x0. Lag 1 of y_0 has its own weight.
   void start(const RowMatrix& Y) {
     y_ = Y.row(0).transpose();
     lcp_.start_from(y_);
@@ -121,7 +121,7 @@ class ModalMarch final : public ImmediateMarch {
     first_.head(n_) = r_.s1.cwiseProduct(u);
   }
 
-  // z advanced by the inputs of the block before, then what it contributes to the steps j .. j + b - 1.
+  // Advances z by the inputs of the previous block, then computes its contribution to the steps j .. j + b - 1.
   void begin_block(Index j) {
     if (j > 1) first_.head(n_) = r_.w1.cwiseProduct(u_.row(block_steps - 1).head(n_).transpose());
 #pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1)
@@ -176,7 +176,7 @@ class ModalMarch final : public ImmediateMarch {
     for (Index i = 0; i < block_steps; ++i) store(far_.row(i).data() + b * lanes, sum[i]);
   }
 
-  // free = what is known of v in modes: the far part and the lags within the block.
+  // free = known part of v in modes: the far part and the lags within the block.
   void sum_near(Index i) {
     for (Index b = 0; b < blocks_; ++b) {
       Lanes sum[2] = {load(far_.row(i).data() + b * lanes), all(0)};
@@ -186,7 +186,7 @@ class ModalMarch final : public ImmediateMarch {
     }
   }
 
-  // known + W_0 y, from the product of the complementarity problem or in modes.
+  // Adds W_0 y to the known part: from the product of the complementarity solver, or in modes.
   void add_implicit(Index i) {
     const double* product = lcp_.product();
     if (const auto* M = std::get_if<Tridiagonal>(&M_); M && product) {

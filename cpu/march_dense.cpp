@@ -1,12 +1,12 @@
 // Step-by-step solution with the state of a dense scene, in blocks of b steps. With Z = z at the last step s of the
-// block before, u = (y, phi) and G the columns by which both enter,
+// previous block, inputs u = (y, phi) and their input matrix G,
 //
 //     v_{s+i} = C E^{i-1} Z + Σ_{d=1}^{i-1} C E^{d-1} G u_{s+i-d} + W_0 y_{s+i},   1 <= i <= b,
 //     z_{s+b} = E^b Z + Σ_{i=1}^{b} E^{b-i} G u_{s+i}.
 //
-// A step then costs m^2/b + 2 m (n + k) + n (n + k) b/2 multiplications in place of m^2 + m (2 n + k): the state is
-// seen through its n outputs. x0 and f are in Z and u as y is, so nothing that grows is computed apart and cancelled
-// later; but where E^b grows within a block, C E^{i-1} Z and the sum would cancel: b is limited by ||E^i||.
+// A step costs m^2/b + 2 m (n + k) + n (n + k) b/2 multiplications instead of m^2 + m (2 n + k). x0 and f enter Z and u
+// as y does, so no growing parts are computed separately and cancelled later. If E^b grows within a block, C E^{i-1} Z
+// and the sum would cancel; therefore b is limited by ||E^i||.
 
 #include "core/host/step_lcp.hpp"
 #include "cpu/parts.hpp"
@@ -22,15 +22,15 @@ using host::StepLcp;
 
 namespace {
 
-constexpr Index smallest_blocked = 48;  ///< m: below it a step costs less than the LCP
+constexpr Index smallest_blocked = 48;  ///< m; below it a step costs less than the LCP
 constexpr Index most_block_steps = 32;
-constexpr double most_growth = 8;  ///< of a state within a block: a digit
+constexpr double most_growth = 8;  ///< of a state within a block: at most one digit is lost
 constexpr double product_advantage =
-    6;  ///< multiplications of a matrix product in the time of one that waits for memory
+    6;  ///< multiplications per time of one memory-bound multiplication, in a matrix product
 
 double growth_of(const Matrix& E) { return E.cwiseAbs().rowwise().sum().maxCoeff(); }
 
-// E^b for the power of two b that costs least over all rows.
+// E^b for the power of two b with the smallest cost over all rows.
 struct BlockPower {
   Index b = 1;
   Matrix power;
@@ -70,7 +70,7 @@ class DenseMarch final : public ImmediateMarch {
         next_(z_),
         q_(n_),
         y_(n_) {
-    // Sources of few functions enter as y does; others are a vector of the state a step.
+    // Sources with few shapes are inputs like y; others add a vector to the state at each step.
     const bool few = problem.sources && 4 * problem.source_input->cols() <= z_.size();
     if (few) sources_ = problem.sources;
     inputs_ = n_ + (few ? problem.source_input->cols() : 0);
@@ -102,7 +102,7 @@ class DenseMarch final : public ImmediateMarch {
       const Index i = (j - 1) % power_.b;
       if (i == 0) begin_block(j);
       q_ = far_.segment(i * n_, n_);
-      // near_ holds .. W_2 W_1 side by side: the last i of them against the first i inputs of the block.
+      // near_ holds .., W_2, W_1 side by side: its last i blocks multiply the first i inputs of the block.
       if (i > 0) q_.noalias() += near_.rightCols(i * inputs_) * u_.head(i * inputs_);
       V.row(j) = q_.transpose();
       q_ += response_.row(j).transpose();
@@ -142,7 +142,7 @@ class DenseMarch final : public ImmediateMarch {
     u_ = Vector::Zero(b * inputs_);
   }
 
-  // z at row j - 1, and what it contributes to the rows of the block that begins with row j.
+  // z at row j - 1, and its contribution to the rows of the block that begins at row j.
   void begin_block(Index j) {
     if (j > 1) {
       next_.noalias() = power_.power * z_;
@@ -163,9 +163,9 @@ class DenseMarch final : public ImmediateMarch {
   Matrix M_;
   StepLcp lcp_;
   BlockPower power_;
-  RowMatrix seen_;  ///< b n x m: C E^{i-1} below each other
-  Matrix driven_;   ///< m x b (n + k): E^{b-i} G side by side
-  Matrix near_;     ///< n x (b - 1)(n + k): C E^{d-1} G, the last lag first
+  RowMatrix seen_;  ///< b n x m: C E^{i-1}, stacked
+  Matrix driven_;   ///< m x b (n + k): E^{b-i} G, side by side
+  Matrix near_;     ///< n x (b - 1)(n + k): C E^{d-1} G, largest lag first
   Vector z_, next_, q_, y_, far_, u_;
 };
 

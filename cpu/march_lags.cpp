@@ -1,13 +1,14 @@
-// Step-by-step solution from lag weights alone,
+// Step-by-step solution with lag weights alone,
 //
 //     y_j in SOL(M + W_0, r_j + h_j),   h_j = Σ_{d=1}^{j-1} W_d y_{j-d} + S_j y_0,   v_j = h_j + W_0 y_j.
 //
 // The history h is a convolution whose input becomes known row by row (Hairer, Lubich, Schlichte, SIAM J. Sci. Stat.
 // Comput. 6, 1985). Rows are cut into blocks of b; within a block the sums are direct. When k blocks are complete and
-// 2^s is the largest power of 2 that divides k, the last L = 2^s b rows act on the next L ones by one FFT of length 2L:
+// 2^s is the largest power of 2 that divides k, the last L = 2^s b rows contribute to the next L by one FFT of length
+// 2L:
 //
-//     source  |      k-2^s .. k      |   Every pair of a row and a later one is in exactly one such product, that of
-//     the target          | k .. k+2^s   |   smallest dyadic interval that holds both.
+//     source  |      k-2^s .. k      |   Every pair of a row and a later one belongs to exactly one such product, that
+//     target          | k .. k+2^s   |   of the smallest dyadic interval that contains both.
 //
 // O(J log^2 J) operations per entry of W.
 
@@ -29,7 +30,7 @@ using host::StepLcp;
 
 namespace {
 
-// The product of one level: L rows of y into the L rows after them.
+// The product of one level: from L rows of y to the L rows after them.
 class Level {
  public:
   Level(const LagTable& table, double sigma, Index L, int threads)
@@ -50,7 +51,7 @@ class Level {
     }
   }
 
-  // v(from + L ..) += Σ_d W_d y, y the rows from .. from + L - 1; rows past the end of v are left out.
+  // v(from + L ..) += Σ_d W_d y with the rows from .. from + L - 1 of y; rows past the end of v are skipped.
   void apply(const RowMatrix& y, Index from, RowMatrix& v) {
     const Index rows = std::min(L_, v.rows() - from - L_);
 #pragma omp parallel num_threads(threads_) if (threads_ > 1)
@@ -69,7 +70,7 @@ class Level {
         sum.setZero();
         for (Index c = 0; c < n_; ++c) sum.array() += weights_.row(i * n_ + c).array() * spectra_.row(c).array();
         fft_.backward(sum.data(), real);
-        // The first half of the product has wrapped around; the second is what the targets get.
+        // The first half of the product has wrapped around; the second half belongs to the target rows.
         for (Index j = 0; j < rows; ++j) v(from + L_ + j, i) += real[L_ + j] / damping_[L_ + j];
       }
     }
@@ -80,7 +81,7 @@ class Level {
   }
 
  private:
-  static constexpr Index parallel_size = 1 << 15;  ///< below it starting the threads costs more than they save
+  static constexpr Index parallel_size = 1 << 15;  ///< below it, starting the threads costs more than they save
 
   Index n_, L_;
   RealFft fft_;
@@ -120,7 +121,7 @@ class LagMarch final : public ImmediateMarch {
         invalidate(Y, V, j);
         return report;
       }
-      // Row 1 is the first of the first block.
+      // Row 1 begins the first block.
       const Index begin = 1 + (j - 1) / block * block;
       for (Index l = begin; l < j; ++l)
         V.row(j).transpose().noalias() += weight(table_.W, j - l) * Y.row(l).transpose();

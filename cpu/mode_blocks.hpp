@@ -1,6 +1,5 @@
 #pragma once
-// Neighbouring modes of a space-time array in blocks of eight, which move together in one vector; in the last block
-// those that are not there are 0.
+// Neighbouring modes of a space-time array in blocks of eight, one vector each. The last block is padded with 0.
 
 #include "cpu/simd.hpp"
 
@@ -16,8 +15,8 @@ inline Lanes block_of_row(const double* row, Index b, Index n) {
   return values;
 }
 
-/// `count` blocks from block `first` on. Their rows lie side by side in the array: moved together, row by row, they are
-/// read and written as fast as memory allows; one by one they miss cache and page at every row.
+/// `count` blocks from block `first` on, which lie side by side in each row of the array. Moving them together, row by
+/// row, runs at memory bandwidth; moving them one by one misses cache and TLB at every row.
 struct ModeBlocks {
   Index first = 0, count = 0;
 

@@ -1,5 +1,5 @@
 #pragma once
-// What the files of this room share: the host array, threads and the makers of each plan.
+// Shared by the files of cpu/: the host array, threads and the makers of plans.
 
 #include "core/base/denormals.hpp"
 #include "core/base/error.hpp"
@@ -13,7 +13,7 @@ namespace bromwich::cpu {
 
 class HostArray final : public Array {
  public:
-  /// Zero. The threads that will work on the rows touch them first, which spreads the cost of fresh pages.
+  /// Zero-filled. The threads that will use the rows touch them first (first-touch page placement).
   HostArray(Index rows, Index cols, int threads = 1) : Array(rows, cols), values(rows, cols) {
 #pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1 && values.size() > 1 << 16)
     for (Index j = 0; j < rows; ++j) values.row(j).setZero();
@@ -25,7 +25,7 @@ class HostArray final : public Array {
 inline const RowMatrix& host(const Array& array) { return static_cast<const HostArray&>(array).values; }
 inline RowMatrix& host(Array& array) { return static_cast<HostArray&>(array).values; }
 
-/// FFTW plans are made under one lock; executing them needs none.
+/// Guards the FFTW planner; executing plans needs no lock.
 std::mutex& fftw_planner();
 
 /// The smallest 2^a 3^b 5^c >= n.
@@ -45,7 +45,7 @@ class VectorSine {
  public:
   virtual ~VectorSine() = default;
   virtual void apply(const double* in, double* out) = 0;    ///< `in` is not changed; no aliasing
-  virtual std::unique_ptr<VectorSine> another() const = 0;  ///< for another thread
+  virtual std::unique_ptr<VectorSine> another() const = 0;  ///< a copy for another thread
 };
 std::unique_ptr<VectorSine> make_vector_sine(Index n);
 

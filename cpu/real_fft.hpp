@@ -1,5 +1,5 @@
 #pragma once
-// Real transforms along time.
+// Real FFTs along time.
 
 #include "core/base/error.hpp"
 #include "cpu/parts.hpp"
@@ -12,7 +12,7 @@ namespace bromwich::cpu {
 
 using Spectra = Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Real transforms of one length between user buffers.
+// Real FFTs of one length, in buffers of the caller.
 class RealFft {
  public:
   explicit RealFft(Index length) : length_(length) {

@@ -1,8 +1,8 @@
 // Sine transforms of the rows of a space-time array.
 //
-// S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)) is even or odd about the middle index according to the parity of k, so a row
-// is folded first: two products with matrices of half the size, half the multiplications of a full product. From n =
-// 129 on a fast transform beats that where n + 1 has small factors, otherwise from about n = 1000 on.
+// S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)) is even or odd about the middle index, depending on the parity of k. A row is
+// folded first, then multiplied by two matrices of half the size: half the multiplications of a full product. A fast
+// transform is faster from n = 129 on if n + 1 has small factors, otherwise from about n = 1000 on.
 
 #include "cpu/parts.hpp"
 
@@ -25,7 +25,7 @@ std::mutex& fftw_planner() {
 
 namespace {
 
-/// Shared by the transforms of all threads: it is executed on arrays of theirs.
+/// Shared by the transforms of all threads, which execute it on their own arrays.
 using SharedPlan = std::shared_ptr<std::remove_pointer_t<fftw_plan>>;
 
 SharedPlan shared(fftw_plan plan) {
@@ -35,13 +35,13 @@ SharedPlan shared(fftw_plan plan) {
           }};
 }
 
-constexpr Index largest_product = 1100;  ///< above it rows are transformed by FFTW
+constexpr Index largest_product = 1100;  ///< above it, rows are transformed by FFTW
 constexpr Index row_block = 32;          ///< rows folded and multiplied together: their halves stay in L2
 
-// The even half holds the odd wave numbers 1, 3, ... and the other way round.
+// The even half holds the odd wave numbers 1, 3, ...; the odd half holds the even ones.
 struct FoldedSine {
   explicit FoldedSine(Index n) : n(n), even((n + 1) / 2), odd(n / 2), E(even, even), O(odd, odd) {
-    // One period of the sine as a table: i k is reduced exactly, whatever its size.
+    // One period of the sine as a table; i k is reduced exactly.
     Vector period(2 * (n + 1));
     for (Index a = 0; a < period.size(); ++a)
       period[a] = std::sqrt(2.0 / double(n + 1)) * std::sin(M_PI * double(a) / double(n + 1));
@@ -84,7 +84,7 @@ class ProductSine final : public SineTransform {
 #pragma omp parallel for num_threads(threads_) \
     schedule(dynamic, 1) if ((rows - first) * sine_.n * sine_.n > parallel_size)
     for (Index block = 0; block < count; ++block) try {
-        const FlushDenormals flush;  // what decays in time leaves them behind, and they cost a hundredfold
+        const FlushDenormals flush;  // decay in time produces denormals, which cost a hundredfold
         const Index begin = first + block * row_block, size = std::min(row_block, rows - begin);
         transform(x, a, y, begin, size, scratch_[std::size_t(omp_get_thread_num())]);
       } catch (...) {
@@ -154,12 +154,12 @@ class FastVectorSine final : public VectorSine {
   SharedPlan plan_;
 };
 
-/// By a real transform of length N = n + 1, N even: with y_j = sin(pi j/N) (x_j + x_{N-j}) + (x_j - x_{N-j}) / 2 and
-/// its discrete Fourier transform Y, the sine sums are F_{2k} = -Im Y_k, F_{2k+1} = F_{2k-1} + Re Y_k, F_1 = Y_0 / 2.
-/// Half the work of FFTW's own, which pads to 2N; the running sum costs sqrt(N) eps in the odd half.
+/// Sine transform by a real FFT of length N = n + 1, N even. With y_j = sin(pi j/N) (x_j + x_{N-j}) + (x_j - x_{N-j}) /
+/// 2 and its discrete Fourier transform Y, the sine sums are F_{2k} = -Im Y_k, F_{2k+1} = F_{2k-1} + Re Y_k, F_1 = Y_0
+/// / 2. Half the work of FFTW's own RODFT00, which pads to 2N. The running sum loses sqrt(N) eps in the odd half.
 class HalvedVectorSine final : public VectorSine {
  public:
-  /// Where FFTW has codelets for N.
+  /// True if FFTW has codelets for N.
   static bool suits(Index n) { return n % 2 == 1 && fast_fft_length(n + 1) == n + 1; }
 
   explicit HalvedVectorSine(Index n)
@@ -255,7 +255,7 @@ class ProductVectorSine final : public VectorSine {
 }  // namespace
 
 std::unique_ptr<VectorSine> make_vector_sine(Index n) {
-  // A single row makes the product a matrix-vector one, bound by loads: the fast transforms win much earlier.
+  // A single row makes the product a matrix-vector product, bound by loads: fast transforms win at much smaller n.
   if (n <= 128) return std::make_unique<ProductVectorSine>(n);
   if (HalvedVectorSine::suits(n)) return std::make_unique<HalvedVectorSine>(n);
   return std::make_unique<FastVectorSine>(n);

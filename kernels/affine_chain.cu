@@ -1,5 +1,5 @@
-// Chains of affine maps (core/host/affine_chain.hpp) of up to 32 states: a warp for each block of intervals, a lane for
-// each component of the state; all that belongs to single intervals has a thread for each value.
+// Chains of affine maps (core/host/affine_chain.hpp) with up to 32 states. Along a block of intervals: one warp per
+// block, one lane per state. Within single intervals: one thread per value.
 
 #include "kernels/parts.hpp"
 
@@ -17,7 +17,7 @@ namespace {
 constexpr int warp = 32, block_threads = 128, warps_of_block = block_threads / warp;
 constexpr unsigned whole_warp = ~0u;
 
-/// All maps one after the other: P, G, X, Q, columns contiguous.
+/// All maps, concatenated: P, G, X, Q, column-major.
 struct Maps {
   const double* matrices;
   const std::uint64_t* active;
@@ -45,7 +45,7 @@ __global__ void make_inputs(Maps maps, const double* __restrict__ F, const doubl
   p[at] = F[at] - sum;
 }
 
-// (P state)_lane, and with `absolute` the same of absolute values.
+// (P state)_lane; with `absolute`, of absolute values.
 template <bool absolute>
 __device__ double times_state(const double* P, int m, int lane, double state) {
   double sum = 0;
@@ -56,7 +56,7 @@ __device__ double times_state(const double* P, int m, int lane, double state) {
   return sum;
 }
 
-/// What a warp of `condense` carries through a block: one column of Phi, or phi (column -1).
+/// The vector that a warp of `condense` propagates through a block: one column of Phi, or phi (column -1).
 struct Carried {
   int block, column;
 };
@@ -75,7 +75,7 @@ __global__ void condense_blocks(Maps maps, const double* __restrict__ p, int len
   if (lane < m) out[long(item) * m + lane] = state;
 }
 
-// ends: for each block its last state, the bound of rounding and the largest values, m each.
+// ends: for each block its last state, the rounding bound and the largest values, m each.
 __global__ void expand_blocks(Maps maps, const double* __restrict__ p, int length, int blocks,
                               const double* __restrict__ starts, double* __restrict__ x, double* __restrict__ ends) {
   const int b = blockIdx.x * warps_of_block + threadIdx.x / warp, lane = threadIdx.x % warp, m = maps.m;
@@ -100,7 +100,7 @@ __global__ void expand_blocks(Maps maps, const double* __restrict__ p, int lengt
   }
 }
 
-/// Of v, as bits: absolute values are ordered like them.
+/// Largest absolute values of v as bits, which are ordered alike.
 struct Sizes {
   unsigned long long active, inactive;
   int not_finite;

@@ -1,6 +1,5 @@
-// Operations on whole arrays that a hierarchy of time grids needs, and looks at a solution: one pass over memory each,
-// a thread per number where nothing else is said.
-// Rows keep their stride; what lies between them stays zero.
+// Operations on whole arrays for the hierarchy of time grids and for tests of a solution. Each is one pass over memory,
+// one thread per value unless stated otherwise. The padding between rows stays zero.
 
 #include "kernels/launch.cuh"
 #include "kernels/lcp_batch.hpp"
@@ -27,7 +26,7 @@ __device__ double2 operator+(double2 a, double2 b) { return {a.x + b.x, a.y + b.
 __device__ double2 operator-(double2 a, double2 b) { return {a.x - b.x, a.y - b.y}; }
 __device__ double2 operator*(double s, double2 a) { return {s * a.x, s * a.y}; }
 
-/// A thread per value of `rows` rows of `width` values; a Value is one number, or two where rows are that wide.
+/// One thread per value of `rows` rows of `width` values. A Value is one number, or two if rows are wide enough.
 struct Rows {
   int rows, width;
   __device__ int row() const { return int(blockIdx.x * blockDim.y + threadIdx.y); }
@@ -43,7 +42,7 @@ __global__ void take_rows(Rows rows, const Value* fine, int ratio, Value* coarse
   if (rows.has_thread()) coarse[rows.at(rows.row())] = fine[rows.at(long(rows.row()) * ratio)];
 }
 
-// A thread per value of a coarse row i: it has the `ratio` fine rows from there to the next one.
+// One thread per value of coarse row i; it updates the `ratio` fine rows up to the next coarse row.
 template <class Value>
 __global__ void add_interpolation(Rows rows, const Value* coarse, const Value* old, int ratio, Value* fine) {
   let_next_begin();
@@ -72,7 +71,7 @@ __global__ void pose(Rows rows, const Value* r, const Value* v, const Value* y, 
   coarse_y[i] = old[i] = value;
 }
 
-// Row j <- Σ_i a_ji V_i, V by columns of `cols` values.
+// Row j <- Σ_i a_ji V_i; V has columns of `cols` values.
 __global__ void write_product(const double* a, const double* V, int rows, int cols, int step, int terms, double* to) {
   let_next_begin();
   await_previous();
@@ -86,7 +85,7 @@ __global__ void write_product(const double* a, const double* V, int rows, int co
 
 constexpr int edge = 16, depth = 32;  ///< of the tiles of a product: rows of each factor, and columns at a time
 
-// to <- P X^T, a thread per value: tiles of both factors go through shared memory.
+// to <- P X^T, one thread per value, with tiles of both factors in shared memory.
 __global__ void project(const double* P, int p_step, const double* X, int k, int n, int m, int step, double* to) {
   __shared__ double of_P[edge][depth + 1], of_X[edge][depth + 1];
   let_next_begin();
@@ -114,12 +113,12 @@ __global__ void add_multiple(const double* b, double s, const double* c, long va
   for (long i = first_value(); i < values; i += all_threads()) a[i] = b[i] + s * c[i];
 }
 
-// A warp per row; the largest of all rows goes to `out`, a NaN as one.
+// One warp per row; the maximum over the rows goes to `out`, NaN included.
 __global__ void differences(const double* a, const double* b, int rows, int cols, int step, double* out) {
   let_next_begin();
   await_previous();
   const int row = int(blockIdx.x) * int(blockDim.y) + int(threadIdx.y);
-  if (row >= rows) return;  // the same for all lanes of the warp
+  if (row >= rows) return;  // uniform over the warp
   const double* const p = a + long(row) * step;
   const double* const q = b + long(row) * step;
   double gap = 0, size = 1;
@@ -135,7 +134,7 @@ __global__ void differences(const double* a, const double* b, int rows, int cols
   if (threadIdx.x == 0) atomicMax(reinterpret_cast<unsigned long long*>(out), bits(gap / size));
 }
 
-// A thread per column and chunk of rows, as in all below.
+// From here on: one thread per column and chunk of rows.
 __device__ int first_row(int begin) { return begin + int(blockIdx.x) * chunk; }
 __device__ int column() { return int(blockIdx.y * blockDim.x + threadIdx.x); }
 
@@ -148,7 +147,7 @@ __global__ void largest_of_columns(const double* y, int rows, int cols, int step
   atomicMax(reinterpret_cast<unsigned long long*>(largest + column()), bits(mine));
 }
 
-// Runs that end in the chunk: it begins so many rows before.
+// Finds runs that end in the chunk; reading starts `run` rows earlier.
 __global__ void find_alternation(const double* y, int rows, int cols, int step, int run, double part,
                                  const double* largest, int* found) {
   if (column() >= cols) return;
@@ -170,7 +169,7 @@ __global__ void find_alternation(const double* y, int rows, int cols, int step, 
 Index values_of(const Array& array) { return array.rows() * stride(array.cols()); }
 Index ratio(const Array& fine, const Array& coarse) { return (fine.rows() - 1) / (coarse.rows() - 1); }
 
-/// Starts a kernel with a thread per value of `array`: `of_two` where values can be taken in twos, otherwise `of_one`.
+/// Launches one thread per value of `array`: `of_two` if values can be paired, otherwise `of_one`.
 template <class... Parameters, class... PairParameters, class... Arguments>
 void follow_rows(const Device& device, const Array& array, const char* what, void (*of_one)(Rows, Parameters...),
                  void (*of_two)(Rows, PairParameters...), Arguments... arguments) {

@@ -1,5 +1,5 @@
 #pragma once
-// The cuBLAS handle that the plans of a device share.
+// The cuBLAS handle shared by the plans of a device.
 
 #include "core/base/error.hpp"
 #include "kernels/device.hpp"
@@ -11,7 +11,7 @@
 
 namespace bromwich::cuda {
 
-/// Throws Error("cuda", ...) with what cuBLAS says.
+/// Throws Error("cuda", ...) with the status of cuBLAS.
 inline void check(cublasStatus_t status, const char* what) {
   if (status != CUBLAS_STATUS_SUCCESS)
     throw Error("cuda", std::string(what) + " failed: " + cublasGetStatusString(status), "use the cpu backend",
@@ -30,7 +30,7 @@ struct Blas {
   cublasHandle_t handle = nullptr;
 };
 
-/// Made once: starting the library takes longer than most solves.
+/// Made once per device: initialising cuBLAS takes longer than most solves.
 inline std::shared_ptr<Blas> shared_blas(const Device& device) {
   return device.shared<Blas>([](const Blas&) { return true; }, [&] { return std::make_shared<Blas>(device); });
 }

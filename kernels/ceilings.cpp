@@ -10,7 +10,7 @@ namespace bromwich {
 
 namespace {
 
-/// The shortest of several runs, in seconds.
+/// The shortest time of several runs, in seconds.
 template <class Run>
 double shortest(const cuda::Device& device, Run run) {
   cudaEvent_t start, stop;

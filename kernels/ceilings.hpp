@@ -1,17 +1,17 @@
 #pragma once
-// What operations of the CUDA backend are held against, measured on the device. Throws Error where there is none.
+// Hardware limits measured on the device, for comparison with the CUDA backend. Throws Error if there is no device.
 
 #include "core/base/types.hpp"
 
 namespace bromwich {
 
 struct CudaCeilings {
-  double copy_bytes_per_second = 0;  ///< of a copy of 2 GiB on the device, read and written bytes together
-  double gemm_flops_per_second = 0;  ///< of a DGEMM of order 8192, a multiply-add being two
+  double copy_bytes_per_second = 0;  ///< copy of 2 GiB on the device; bytes read plus bytes written
+  double gemm_flops_per_second = 0;  ///< DGEMM of order 8192; a multiply-add counts as two
 };
 CudaCeilings cuda_ceilings();
 
-/// Seconds of the sine transform of n points and so many rows in its two forms; the backend takes one of them.
+/// Seconds of the sine transform of n points for this many rows in its two forms. The backend uses one of them.
 struct CudaTransformSeconds {
   double product = 0, fft = 0;
 };

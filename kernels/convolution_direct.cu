@@ -1,12 +1,11 @@
-// Causal convolution along time with one weight per lag and mode, as the sum that it is: for modes that remember few
-// rows, and for few rows, where a scan is three kernels whose start costs more than their work. A thread has `own`
-// neighbouring rows of one mode, so that a value of y and a weight serve `own` multiply-adds: the weights that the rows
-// need shift by one from one row of y to the next. A warp works alone where 32 modes remember little; where they
-// remember more, two, four or all of a block share the rows of y among them and add up what each has found, always in
-// one order.
+// Causal convolution along time by direct summation over the lags. Used for modes with a short memory, and for few
+// rows, where launching the three kernels of a scan costs more than their work. A thread computes `own` neighbouring
+// rows of one mode, so each value of y and each weight is used `own` times; from one row of y to the next the weights
+// shift by one. For a short memory each warp works alone. For a longer one, two, four or all warps of a block split the
+// rows of y and add up their results in a fixed order.
 //
-// Sums run over whole batches of rows, later ones with weights of 0: an infinite value of y makes up to 14 rows before
-// it NaN.
+// Sums cover whole batches of rows, padded with weights of 0: an infinite value of y turns up to 14 earlier rows into
+// NaN.
 
 #include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
@@ -19,36 +18,36 @@ namespace bromwich::cuda {
 
 namespace {
 
-constexpr int lanes = 32, warps = 8;             ///< of a block: neighbouring modes, and its warps
-constexpr int own = 8;                           ///< rows of v of a thread
-constexpr int few_alone = 40, many_alone = 160;  ///< rows of y that a warp takes by itself
+constexpr int lanes = 32, warps = 8;             ///< modes and warps per block
+constexpr int own = 8;                           ///< rows of v per thread
+constexpr int few_alone = 40, many_alone = 160;  ///< rows of y per warp
 constexpr int before = 32, beyond = 32;          ///< rows of zeros around the weights
-constexpr int lags = 16;                         ///< of a thread that forms weights
-constexpr int most_groups = 128;                 ///< of 32 modes with a length of their own
-constexpr int few_blocks = 2;                    ///< of a multiprocessor: more lose by beginning early
-constexpr int batch = 8;                         ///< rows of y that are added without a look at where they end
-constexpr int most_near = 192;  ///< lags of sums whose weights and rows of y are in shared memory at once
+constexpr int lags = 16;                         ///< lags per thread when weights are formed
+constexpr int most_groups = 128;                 ///< groups of 32 modes with their own length
+constexpr int few_blocks = 2;   ///< per multiprocessor; above it, early launch costs more than it saves
+constexpr int batch = 8;        ///< rows of y added without a bounds check
+constexpr int most_near = 192;  ///< largest lag for which weights and rows of y are held in shared memory at once
 
-/// W_0 w1 s1: n; the others K x n.
+/// W_0, w1, s1: n entries; the others K x n.
 struct Exponentials {
   const double *decay, *output, *start, *w0, *w1, *s1;
   int count, modes;
 };
 
-/// Of lags 0 .. the longest length, `stride` to a row.
+/// For lags 0 .. longest length; rows are `stride` apart.
 struct Weights {
   const double *W, *S;
   int modes, stride;
 };
 
-/// The last lag of modes 32 g .. 32 g + 31, for the last g of all beyond.
+/// The last lag of modes 32 g .. 32 g + 31; the last g covers all remaining modes.
 struct Lengths {
   int of[most_groups];
   int longest;
-  int alone;  ///< rows of y that a warp takes by itself
-  int near;   ///< lags, for whose weights and rows of y a block has shared memory
+  int alone;  ///< rows of y per warp
+  int near;   ///< lags up to which weights and rows of y fit into shared memory
 
-  /// Warps that share `own` rows of v of modes with `length` lags.
+  /// Number of warps that share `own` rows of v for modes with `length` lags.
   __host__ __device__ int parts(int length) const {
     int parts = 1;
     while (parts < warps && parts * alone < length + own) parts *= 2;
@@ -56,7 +55,7 @@ struct Lengths {
   }
 };
 
-// W_d = C E^{d-1}, S_d = C E^{d-1} G0, d >= 1 (core/kernel/recurrence.hpp).
+// W_d = C E^{d-1}, S_d = C E^{d-1} G0, d >= 1 (core/seam/recurrence.hpp).
 __global__ void form_weights(Exponentials r, int rows, int stride, double* __restrict__ W, double* __restrict__ S) {
   const int l = int(blockIdx.x) * int(blockDim.x) + int(threadIdx.x), first = int(blockIdx.y) * lags;
   if (l >= r.modes) return;
@@ -82,7 +81,7 @@ __global__ void form_weights(Exponentials r, int rows, int stride, double* __res
   }
 }
 
-/// What a block of the sums has to do: rows j .. j + own - 1 of v a warp, or `parts` warps that share the rows of y.
+/// The work of a block: a warp, or `parts` warps that split the rows of y, computes rows j .. j + own - 1 of v.
 struct Share {
   Weights weights;
   int length, parts, step, first, rows;  ///< first: row of v of the block
@@ -91,13 +90,13 @@ struct Share {
   bool given = l < weights.modes;
 
   __device__ int block_rows() const { return warps / parts * own; }
-  /// Rows of y of a part, where they begin with row `oldest`, and the batches of them that this part has.
+  /// Rows of y per part if they begin at row `oldest`, in whole batches.
   __device__ int portion(int oldest) const {
     return ((j + own - oldest + parts - 1) / parts + batch - 1) / batch * batch;
   }
   __device__ int batches(int from, int portion) const { return (min(j + own - from, portion) + batch - 1) / batch; }
 
-  /// sum[g]: what this part has found for row j + g.
+  /// Adds up the parts and writes v. sum[g]: the sum of this part for row j + g.
   __device__ void put(const double (&sum)[own], double* shared, const double* y, double* v) const {
     if (j == 1 && part == 0 && given) v[l] = 0;
     const auto write = [&](int g, double all) {
@@ -123,8 +122,8 @@ struct Share {
   }
 };
 
-/// Adds a batch of rows of y to the sums. w[g]: the weight of the first of them in row j + g; with each row comes the
-/// weight that enters behind it.
+/// Adds a batch of rows of y to the sums. w[g]: the weight of the first of them in row j + g. Each row shifts in one
+/// new weight.
 __device__ void add_batch(const double* value, int value_step, const double* weight, int weight_step, double (&w)[own],
                           double (&sum)[own]) {
 #pragma unroll
@@ -138,9 +137,9 @@ __device__ void add_batch(const double* value, int value_step, const double* wei
   }
 }
 
-/// Short memories: all rows of y and all weights that a block needs are in shared memory, once.
+/// Short memory: all rows of y and all weights of a block are loaded into shared memory once.
 struct Near {
-  static constexpr int lag_before = own + batch;  ///< weights of 0 before lag 0
+  static constexpr int lag_before = own + batch;  ///< zero weights before lag 0
 
   __host__ __device__ static int y_rows(int length, int block_rows) { return length + block_rows + batch; }
   __host__ __device__ static int lag_rows(int length) { return lag_before + length + own; }
@@ -180,8 +179,8 @@ struct Near {
   }
 };
 
-/// Long memories: each thread copies `stages` batches of its rows of y, and of the weights that come with them, to
-/// shared memory ahead of its sums. No other thread sees them.
+/// Long memory: each thread prefetches `stages` batches of its rows of y and their weights into shared memory. Threads
+/// read only their own copies.
 struct Far {
   static constexpr int stages = 3, threads = lanes * warps;
   static constexpr std::size_t bytes = sizeof(double) * 2 * batch * stages * threads;
@@ -224,7 +223,7 @@ struct Far {
   }
 };
 
-// The blocks of the modes that remember most come first, and of them those of the latest rows.
+// Longest memory first, and within it the latest rows, for load balance.
 __global__ void __launch_bounds__(lanes* warps, 3) convolve(Weights weights, Lengths lengths, int step, int begin,
                                                             int rows, const double* y, double* v, bool overlapped) {
   extern __shared__ double shared[];
@@ -255,7 +254,7 @@ class DirectConvolution final : public Convolution {
         S_(device, std::size_t((lengths_.longest + 1) * stride_)) {
     W_.clear();
     const Index K = r.exponentials();
-    RowMatrix tables(3 * K + 3, n_);  // one copy
+    RowMatrix tables(3 * K + 3, n_);  // a single copy
     tables << r.decay.rightCols(n_), r.output.rightCols(n_), r.start.rightCols(n_), r.w0.tail(n_).transpose(),
         r.w1.tail(n_).transpose(), r.s1.tail(n_).transpose();
     const Memory<double> sent = on_device(device, tables);
@@ -265,7 +264,7 @@ class DirectConvolution final : public Convolution {
     form_weights<<<blocks, 128, 0, device.stream()>>>(e, lengths_.longest + 1, int(stride_),
                                                       W_.data() + before * stride_, S_.data());
     check(cudaGetLastError(), "forming weights");
-    device.wait();  // before any kernel reads them ahead of what is before it
+    device.wait();  // kernels may read them before their predecessors end (launch.cuh)
     check(cudaFuncSetAttribute(convolve, cudaFuncAttributeMaxDynamicSharedMemorySize,
                                int(std::max(Near::bytes(lengths_.near, 1), Far::bytes))),
           "reserving shared memory");
@@ -294,7 +293,7 @@ class DirectConvolution final : public Convolution {
     return groups;
   }
 
-  // That a block needs for the near groups, for the far ones, and to add up what its warps have found.
+  // Bytes that a block needs for near groups, for far groups, and for adding up its parts.
   std::size_t shared_bytes() const {
     std::size_t most = sizeof(double) * warps * own * lanes;
     for (const int length : lengths_.of)
@@ -303,11 +302,11 @@ class DirectConvolution final : public Convolution {
     return most;
   }
 
-  // Rows max(1, first) .. rows - 1 of v.
+  // Computes rows max(1, first) .. rows - 1 of v.
   void start(int first, const double* y, double* v) {
     const int begin = std::max(first, 1), rows = int(rows_), tiles = (rows - begin + own - 1) / own;
     if (tiles <= 0) return;
-    const int along = warps / lengths_.parts(lengths_.longest);  // tiles of a block, at the fewest
+    const int along = warps / lengths_.parts(lengths_.longest);  // smallest number of tiles per block
     const dim3 blocks(unsigned((tiles + along - 1) / along), unsigned(stride_ / lanes));
     const Weights weights{W_.data() + before * stride_, S_.data(), int(n_), int(stride_)};
     const dim3 threads(lanes, warps);
@@ -322,7 +321,7 @@ class DirectConvolution final : public Convolution {
 
   const Device& device_;
   cudaStream_t stream_;
-  Index first_, total_, n_, stride_, rows_;  ///< modes first_ .. total_ - 1 are taken
+  Index first_, total_, n_, stride_, rows_;  ///< this plan computes modes first_ .. total_ - 1
   Lengths lengths_;
   Memory<double> W_, S_;
 };

@@ -1,5 +1,5 @@
-// Causal convolution with one weight per lag through transforms of length N >= 2J: v = F^{-1}(F(W) F(y)). Columns are
-// batched as they lie in memory, time-major. Where the weights grow, everything is damped by e^{-sigma t} first.
+// Causal convolution with tabulated lag weights by FFT of length N >= 2J: v = F^{-1}(F(W) F(y)). Columns are batched in
+// their time-major layout. Growing weights are damped by e^{-sigma t} first.
 
 #include "kernels/parts.hpp"
 
@@ -31,7 +31,7 @@ Index fast_length(Index n) {
   }
 }
 
-/// Real columns in time to spectra and back, `columns` at once.
+/// Real columns in time to spectra and back, `columns` at a time.
 class Transforms {
  public:
   Transforms(const Device& device, Index length, Index columns) {
@@ -55,7 +55,7 @@ class Transforms {
   cufftHandle forward_ = 0, backward_ = 0;
 };
 
-// y_1 .. y_J, damped, then zeros; y_0 has a column of weights of its own.
+// y_1 .. y_J, damped and padded with zeros; y_0 has its own column of weights.
 __global__ void pad(const double* y, const double* damping, long rows, int columns, int step, long length,
                     double* out) {
   const long count = length * columns;
@@ -79,7 +79,7 @@ __global__ void multiply(const cufftDoubleComplex* W, const cufftDoubleComplex* 
   }
 }
 
-// v_j, j >= 1, from the convolution of y_1, ..., with the part of y_0.
+// Writes v_j, j >= 1, from the convolution of y_1, .. plus the contribution of y_0.
 __global__ void take(const double* convolved, const double* damping, const double* S, const double* y0, long rows,
                      int outputs, int inputs, int step, bool modal, double* v) {
   const long count = rows * outputs;

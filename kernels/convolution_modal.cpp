@@ -1,5 +1,5 @@
-// Which modes of a recurrence are scanned, and which are summed over the lags that they remember. In a diffusive scene
-// memory shrinks with the square of the mode, so that those that are scanned are the first ones.
+// Chooses, for the modes of a recurrence, between a scan and direct sums over the lags of their memory. In a diffusive
+// scene memory shrinks with the square of the mode number, so the first modes are scanned.
 
 #include "core/kernel/memory_length.hpp"
 #include "kernels/parts.hpp"
@@ -10,12 +10,12 @@ namespace bromwich::cuda {
 
 namespace {
 
-constexpr Index lanes = 32;               ///< modes that a warp takes together
-constexpr Index scanned_memory = 192;     ///< lags that cost as much as a scan with 48 exponentials
-constexpr double fewest_scanned = 1.5e8;  ///< multiply-adds of sums that take as long as starting a scan
-constexpr Index taken_beyond = 16;        ///< lags of a sum beyond its length: rows of a thread, whole batches
+constexpr Index lanes = 32;               ///< modes per warp
+constexpr Index scanned_memory = 192;     ///< lags of a direct sum that cost as much as a scan with 48 exponentials
+constexpr double fewest_scanned = 1.5e8;  ///< multiply-adds of direct sums that take as long as starting a scan
+constexpr Index taken_beyond = 16;        ///< extra lags of a direct sum: rows per thread, whole batches
 
-// Both at the same time: neither fills a device.
+// Scan and direct sums run concurrently, since neither fills the device.
 class DividedConvolution final : public Convolution {
  public:
   DividedConvolution(const Device& device, const ModalRecurrence& r, const std::vector<Index>& lengths, Index scanned,
@@ -34,7 +34,7 @@ class DividedConvolution final : public Convolution {
   std::size_t bytes() const override { return scan_->bytes() + direct_->bytes(); }
 
  private:
-  /// A stream that begins behind another one and ends before what that one does next.
+  /// A side stream with fork (`follow`) and join (`join`) against another stream.
   struct Beside : SideStream {
     explicit Beside(const Device& device) : SideStream(device.side_streams().take()), device(device) {}
     ~Beside() { device.side_streams().give_back(*this); }
@@ -62,7 +62,7 @@ double multiply_adds(Index length, Index rows) {
   return double(lanes * rows) * (lags + double(taken_beyond));
 }
 
-// The modes before the last group that remembers much; none where sums are few.
+// Number of modes up to the last group with a long memory; 0 if direct sums are cheap for all.
 Index modes_to_scan(const std::vector<Index>& lengths, Index rows) {
   const Index n = Index(lengths.size());
   Index scanned = 0;

@@ -1,10 +1,10 @@
-// Causal convolution along time as a recurrence with K exponentials a mode (core/kernel/recurrence.hpp), in chunks of
-// time: (1) accumulate: the state that each chunk adds, from zero; (2) carry: z at the start of chunk c+1 = E^length z
-// at the start of c + what c adds; (3) apply. What chunks add and start from is kept, so a later call can begin at any
-// chunk whose past has not changed.
+// Causal convolution along time as a recurrence with K exponentials per mode (core/seam/recurrence.hpp), as a chunked
+// scan: (1) accumulate: the state that each chunk adds to zero; (2) carry: z at the start of chunk c+1 = E^length z at
+// the start of c + what c adds; (3) apply. The states of the chunks are kept, so a later call can begin at any chunk
+// whose past has not changed.
 //
-// Warps work alone, each on 32 neighbouring modes and a chunk, a tile of rows of y in registers at a time. What is
-// accumulated is shared out once more, `group` exponentials a warp. Three multiply-adds a value and exponential.
+// Each warp processes 32 neighbouring modes and one chunk, a tile of rows of y in registers at a time. In the first
+// pass the exponentials are also divided among warps, `group` each. Three multiply-adds per value and exponential.
 
 #include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
@@ -19,23 +19,23 @@ namespace bromwich::cuda {
 namespace {
 
 constexpr int lanes = 32, group = 8, tile = 16;
-constexpr int most_groups = 8;                  ///< of a launch; more exponentials are taken in slabs
+constexpr int most_groups = 8;                  ///< per launch; more exponentials are processed in slabs
 constexpr int slab_size = most_groups * group;  ///< exponentials
-constexpr int together = 4;                     ///< exponentials taken at a time in the third pass
-constexpr int warps_together = 4;               ///< of a block of the third pass
-constexpr Index wanted_warps = 8;               ///< of a multiprocessor in the third pass
-constexpr Index few_chunks = 64;                ///< where the warps of a block share a chunk
-constexpr Index few_blocks = 2;                 ///< of a multiprocessor, up to which they do
-constexpr int segments = 8, of_segment = 16;    ///< warps that carry, and chunks of each
+constexpr int together = 4;                     ///< exponentials processed together in the third pass
+constexpr int warps_together = 4;               ///< warps per block in the third pass
+constexpr Index wanted_warps = 8;               ///< warps per multiprocessor in the third pass
+constexpr Index few_chunks = 64;                ///< up to this many chunks, the warps of a block share a chunk
+constexpr Index few_blocks = 2;                 ///< same, in blocks per multiprocessor
+constexpr int segments = 8, of_segment = 16;    ///< carrying warps, and chunks per warp
 constexpr Index most_chunks = segments * of_segment;
-constexpr Index starters = 128;  ///< threads of a block that sets `initial`
+constexpr Index starters = 128;  ///< threads per block that sets `initial`
 constexpr const char* starting = "starting the scan";
 
-/// K x n tables with the mode index contiguous, K a multiple of `group`, n of `lanes`.
+/// K x n tables with the mode index contiguous; K is a multiple of `group`, n of `lanes`.
 struct Tables {
   const double *decay, *power, *output, *start, *initial, *w0, *w1, *s1;
   int exponentials, modes, stride;  ///< stride = padded n
-  int step;                         ///< of y and v, from row to row
+  int step;                         ///< of y and v, between rows
 };
 
 struct Span {
@@ -44,13 +44,13 @@ struct Span {
   __device__ int end(int c) const { return min(rows, 1 + (c + 1) * length); }
 };
 
-/// Rows j .. j + tile - 1 of one mode; rows beyond the last are it again.
+/// Rows j .. j + tile - 1 of one mode; rows past the end repeat the last row.
 __device__ void read_tile(const double* column, int step, int j, int rows, double (&u)[tile]) {
 #pragma unroll
   for (int i = 0; i < tile; ++i) u[i] = column[long(min(j + i, rows - 1)) * step];
 }
 
-// z of one chunk from zero, into added[c]. Chunks that are followed by another one are full.
+// The state that each chunk adds to zero, into added[c]. Every chunk that has a successor is full.
 __global__ void __launch_bounds__(lanes* most_groups) accumulate(Tables m, Span span, const double* y, double* added) {
   let_next_begin();
   const int l = int(blockIdx.x) * lanes + int(threadIdx.x), c = span.from + int(blockIdx.y);
@@ -79,8 +79,8 @@ __global__ void __launch_bounds__(lanes* most_groups) accumulate(Tables m, Span 
   for (int g = 0; g < group; ++g) added[(long(c) * m.exponentials + k0 + g) * m.stride + l] = z[g];
 }
 
-// A segment of chunks a warp: what it adds to z at its end, then, with what the segments before it add, z at all
-// chunks.
+// One warp per segment of chunks: first what the segment adds to z at its end, then, including the preceding segments,
+// z at all chunks.
 __global__ void __launch_bounds__(lanes* segments)
     carry(Tables m, Span span, const double* y, const double* added, double* states) {
   __shared__ double ends[segments][lanes];
@@ -111,8 +111,8 @@ __global__ void __launch_bounds__(lanes* segments)
   }
 }
 
-/// What the third pass keeps in shared memory, [k][lane] each: the decays and outputs that its chunks have in common,
-/// the states of each chunk, and what warps that share a chunk have found.
+/// Shared memory of the third pass, [k][lane] each: decays and outputs common to the chunks of a block, the states of
+/// each chunk, and partial sums of warps that share a chunk.
 template <int share>
 struct Slab {
   static constexpr int chunks = warps_together / share;
@@ -127,8 +127,8 @@ struct Slab {
   }
 };
 
-// Exponentials from slab * slab_size on; the first slab writes v, the others add to it. `share` warps have a chunk in
-// common and take its exponentials in turn: 1, or all warps of a block.
+// Exponentials from slab * slab_size on. The first slab writes v, the others add to it. `share` warps process a chunk
+// together and take its exponentials in turn: 1, or all warps of a block.
 template <int share>
 __global__ void __launch_bounds__(lanes* warps_together)
     apply_chunks(Tables m, Span span, int slab, const double* y, const double* states, double* v) {
@@ -206,7 +206,7 @@ __global__ void __launch_bounds__(lanes* warps_together)
   }
 }
 
-// initial <- D E / C, a row of blocks an exponential.
+// initial <- D E / C, one row of blocks per exponential.
 __global__ void set_initial(const double* D, int step, int modes, int stride, const double* decay, const double* output,
                             double* initial) {
   const int l = int(blockIdx.x * blockDim.x + threadIdx.x);
@@ -259,7 +259,7 @@ class ModalScan final : public Convolution {
       shared_ ? start<warps_together>(m, span, slab, y, v) : start<1>(m, span, slab, y, v);
   }
 
-  // Kernels read the table before they await the one before: nothing may overlap with its change.
+  // Kernels read the table before they await their predecessor, so this change must not overlap with any kernel.
   void take_start(const Array& D) {
     const dim3 blocks(unsigned((n_ + starters - 1) / starters), unsigned(D.rows()));
     set_initial<<<blocks, starters, 0, device_.stream()>>>(values(D), int(stride(n_)), int(n_), int(stride_),
@@ -288,8 +288,8 @@ class ModalScan final : public Convolution {
            values(y), states_.data(), values(v));
   }
 
-  // Decays E, E^length, outputs, starts and what x0 adds, K_ rows each, then w0, w1 and s1: n_ columns, padded with
-  // zeros.
+  // Decays E, E^length, outputs, starts and contributions of x0, K_ rows each, then w0, w1 and s1: n_ columns, padded
+  // with zeros.
   RowMatrix tables(const ModalRecurrence& r) const {
     RowMatrix all = RowMatrix::Zero(5 * K_ + 3, stride_);
     const auto put = [&](Index row, const auto& values) {
@@ -306,7 +306,7 @@ class ModalScan final : public Convolution {
     return all;
   }
 
-  // As many warps as hide what they wait for; carrying is cheap where chunks are few.
+  // Enough warps to hide latency; the carry pass is cheap for few chunks.
   Index chunk_length(Index rows) const {
     const Index most = shared_ ? few_chunks : most_chunks;
     const Index chunks = std::clamp<Index>(wanted_warps * device_.multiprocessors() * lanes / stride_, 1, most);
@@ -314,7 +314,7 @@ class ModalScan final : public Convolution {
   }
 
   const Device& device_;
-  Index total_, n_, K_, stride_;  ///< modes 0 .. n_ - 1 are taken
+  Index total_, n_, K_, stride_;  ///< this plan computes modes 0 .. n_ - 1
   bool shared_;                   ///< few modes: the warps of a block share a chunk
   Index length_, chunks_, rows_;
   Memory<double> tables_, states_, added_;

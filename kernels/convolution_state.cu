@@ -1,5 +1,5 @@
-// Causal convolution along time with the state of the scene itself as z (core/kernel/recurrence.hpp), in chunks of time
-// as in convolution_scan.cu; a block per chunk, matrices with columns contiguous.
+// Causal convolution along time as a recurrence with a dense state z (core/seam/recurrence.hpp), as a chunked scan like
+// convolution_scan.cu: one block per chunk, column-major matrices.
 
 #include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
@@ -18,7 +18,7 @@ struct Span {
 struct Stepped {
   const double *decay, *input, *output, *w0;
   int m, k, n;
-  int y_step, v_step;  ///< from row to row
+  int y_step, v_step;  ///< between rows
 };
 
 // z <- E z + G u over the rows of a chunk; with v, writes C z + W_0 u before each step.
@@ -42,7 +42,7 @@ __device__ void step_chunk(const Stepped& s, double* z, double* next, const doub
     z = next;
     next = old;
   }
-  // The caller looks at its own z.
+  // The caller reads the result from `z`.
   if ((end - begin) % 2 != 0 && end > begin) {
     for (int i = threadIdx.x; i < s.m; i += blockDim.x) next[i] = z[i];
     __syncthreads();

@@ -14,8 +14,8 @@ namespace bromwich {
 
 namespace {
 
-// What the driver has free, and what the pool and the device keep of what was freed. Never 0, which would mean no
-// memory of its own.
+// Free memory of the driver plus what the pool and the device's cache keep. At least 1: 0 means that arrays use the
+// memory of the host.
 double free_memory(const cuda::Device& device) {
   std::size_t free = 0, total = 0;
   std::uint64_t reserved = 0, used = 0;
@@ -98,7 +98,7 @@ class CudaBackend final : public Backend {
     return std::visit([&](const auto* w) { return cuda::make_convolution(device_, *w, rows); }, weights);
   }
   std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass lcp_class, double shift, Index rows) override {
-    // Which solution of a semidefinite problem is the least in norm takes more than an active set.
+    // The least-norm solution of a semidefinite problem needs more than an active set.
     const bool semidefinite = selection_class(M, lcp_class) == LcpClass::PSD;
     const auto* tridiagonal = std::get_if<Tridiagonal>(&M);
     std::unique_ptr<LcpBatch> plan;
@@ -125,7 +125,7 @@ class CudaBackend final : public Backend {
 std::vector<std::string> cuda_devices() {
   int count = 0;
   std::vector<std::string> names;
-  if (cudaGetDeviceCount(&count) != cudaSuccess) return names;  // no driver is no device
+  if (cudaGetDeviceCount(&count) != cudaSuccess) return names;  // no driver: no device
   for (int i = 0; i < count; ++i) {
     cudaDeviceProp properties;
     if (cudaGetDeviceProperties(&properties, i) == cudaSuccess) names.emplace_back(properties.name);

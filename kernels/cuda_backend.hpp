@@ -9,17 +9,18 @@
 
 namespace bromwich {
 
-/// Names of the devices that can be used, in the order of their numbers; empty where there is none, or no driver.
+/// Names of the usable devices, by device number; empty if there is no device or no driver.
 std::vector<std::string> cuda_devices();
 
-/// Whether this build has the backend at all.
+/// Whether this build contains the backend.
 bool cuda_built();
 
-/// Fitted to `bench auto` (bench/results/auto*.json) on one H200. Known in builds without CUDA too.
+/// Fitted to `bench auto` (bench/results/auto*.json) on one H200. Also defined in builds without CUDA.
 BackendTraits cuda_traits();
 
-/// What no kernel here takes goes to `host`, with copies to and fro: some of marching, the shifted solves of sparse
-/// scenes, batches with positive semidefinite M or dense M above 64. Throws Error where there is no such device.
+/// Problems without a kernel run on `host`, with arrays copied both ways: other marches, shifted solves of sparse
+/// dynamics, batches with semidefinite M, dense M above 64 or tridiagonal M above 4096 rows, chains of large sparse
+/// maps. Throws Error if there is no such device.
 std::unique_ptr<Backend> make_cuda_backend(std::unique_ptr<Backend> host, int device = 0);
 
 }  // namespace bromwich

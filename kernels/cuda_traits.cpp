@@ -12,7 +12,7 @@ BackendTraits cuda_traits() {
   traits.start_seconds = 0.15;
   traits.fewest_values = 1e4;
   traits.march = [](double n, double J) {
-    constexpr double largest = 1024;  // constraints of the fit
+    constexpr double largest = 1024;  // largest n of the fit
     return n > largest ? INFINITY : 0.5 + 0.017 * n + 2.8e-5 * n * n + 1e-5 * n * J + 2.4e-3 * J;
   };
   traits.contour = [](double n, double J) {

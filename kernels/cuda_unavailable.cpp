@@ -1,4 +1,4 @@
-// What takes the place of the CUDA backend in builds without it.
+// Replaces the CUDA backend in builds without nvcc.
 
 #include "core/base/error.hpp"
 #include "kernels/ceilings.hpp"

@@ -8,7 +8,7 @@ namespace bromwich::cuda {
 
 void check(cudaError_t status, const char* what) {
   if (status == cudaSuccess) return;
-  cudaGetLastError();  // it is told here, and not again by the next call
+  cudaGetLastError();  // reported here, so clear it
   const char* remedy = status == cudaErrorMemoryAllocation ? "use fewer steps or a smaller scene, or the cpu backend"
                                                            : "check the device with nvidia-smi, or use the cpu backend";
   throw Error("cuda", std::string(what) + " failed: " + cudaGetErrorString(status), remedy,
@@ -22,15 +22,15 @@ Device::Device(int number) : fetcher_(number) {
   check(cudaDeviceGetAttribute(&major_, cudaDevAttrComputeCapabilityMajor, number), "asking the device");
   check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
   blocks_.emplace(stream_);
-  // What has been freed stays with the pool, so that no plan waits for the driver twice.
+  // The pool keeps freed memory, so plans do not wait for the driver again.
   cudaMemPool_t pool;
   check(cudaDeviceGetDefaultMemPool(&pool, number), "asking for the memory pool");
   std::uint64_t keep = ~std::uint64_t(0);
   check(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &keep), "setting up the memory pool");
 }
 
-// In a recording the edge from one kernel to the next says so. No other node has such edges, and where streams have met
-// and several nodes are before a kernel, all have to end.
+// In a stream capture only a kernel-to-kernel edge supports programmatic launch. After streams have joined, several
+// nodes precede the kernel, and all of them must end.
 bool Device::may_overlap() const {
   if (major_ < 9) return false;
   cudaStreamCaptureStatus status = cudaStreamCaptureStatusNone;

@@ -1,6 +1,6 @@
 #pragma once
-// CUDA errors, memory and the stream of a backend. Every operation is put on one stream and returns before it has
-// finished; what needs a result on the host waits.
+// CUDA errors, memory and the stream of a backend. Operations are enqueued on one stream and return before they finish.
+// Functions that return values to the host wait.
 
 #include "core/seam/backend.hpp"
 #include "kernels/host_memory.hpp"
@@ -18,10 +18,10 @@
 
 namespace bromwich::cuda {
 
-/// Throws Error("cuda", ...) with what the runtime says.
+/// Throws Error("cuda", ...) with the message of the runtime.
 void check(cudaError_t status, const char* what);
 
-/// The stream and the memory pool that everything of one backend shares.
+/// The stream, the memory pool and the caches shared by all plans of a backend.
 class Device {
  public:
   explicit Device(int number);
@@ -32,9 +32,9 @@ class Device {
   cudaStream_t stream() const { return stream_; }
   void wait() const { check(cudaStreamSynchronize(stream_), "waiting for the device"); }
   int multiprocessors() const { return multiprocessors_; }
-  std::size_t shared_memory() const { return std::size_t(shared_memory_); }  ///< bytes a block may have
-  /// Whether the kernel that is started next on the stream may begin while the one before ends (kernels/launch.cuh):
-  /// the device knows how to, and a recording has exactly one kernel before it.
+  std::size_t shared_memory() const { return std::size_t(shared_memory_); }  ///< bytes available to a block
+  /// Whether the next kernel on the stream may begin before the previous one ends (kernels/launch.cuh): the device
+  /// supports it, and in a stream capture exactly one kernel precedes it.
   bool may_overlap() const;
   PinnedSlots& pinned() const { return pinned_; }
   Fetcher& fetcher() const { return fetcher_; }
@@ -42,12 +42,12 @@ class Device {
   SideStreams& side_streams() const { return side_streams_; }
   RetiredGraphs& retired_graphs() const { return retired_graphs_; }
 
-  /// Counts what is started that may change what plans have counted.
+  /// Call before work that may change the counters of plans.
   void note_work() const { ++work_; }
   unsigned long work() const { return work_; }
 
-  /// The T that plans of this device share: the one made last, if `fits` it; otherwise what `make` makes. It stays
-  /// until another takes its place.
+  /// A T shared by plans of this device: the last one made if it `fits`, otherwise the result of `make`, which replaces
+  /// it.
   template <class T, class Fits, class Make>
   std::shared_ptr<T> shared(Fits fits, Make make) const {
     std::shared_ptr<void>& kept = kept_[typeid(T)];
@@ -67,7 +67,7 @@ class Device {
   mutable std::map<std::type_index, std::shared_ptr<void>> kept_;
 };
 
-/// A T in pinned memory of the host.
+/// A T in pinned host memory.
 template <class T>
 class Pinned {
  public:
@@ -89,7 +89,7 @@ class Pinned {
   T* value_;
 };
 
-/// `size` values of T on the device; not initialised.
+/// `size` values of T on the device, not initialised.
 template <class T>
 class Memory {
  public:
@@ -114,7 +114,7 @@ class Memory {
   void clear() {
     if (size_ > 0) check(cudaMemsetAsync(data(), 0, bytes(), device_->stream()), "clearing device memory");
   }
-  /// From the host; the source may change once this returns.
+  /// Copies from the host. The source may change after the call.
   void put(const T* from) {
     if (size_ == 0) return;
     check(cudaMemcpyAsync(data(), from, bytes(), cudaMemcpyHostToDevice, device_->stream()), "copying to the device");
@@ -138,8 +138,8 @@ class Memory {
   std::size_t size_ = 0;
 };
 
-/// Values from one row of an array to the next: rows begin at cache lines, which tensor cores and wide loads want, but
-/// for short ones. What lies between is zero and stays zero.
+/// Distance in values between rows of an array. Except for short rows, it aligns rows for tensor cores and wide loads.
+/// The padding is zero and stays zero.
 inline Index stride(Index cols) { return cols < 16 ? cols : (cols + 7) / 8 * 8; }
 
 class DeviceArray final : public Array {
@@ -155,7 +155,7 @@ class DeviceArray final : public Array {
 inline const double* values(const Array& array) { return static_cast<const DeviceArray&>(array).memory.data(); }
 inline double* values(Array& array) { return static_cast<DeviceArray&>(array).memory.data(); }
 
-/// A matrix of the host on the device, in its own storage order.
+/// Copies a host matrix to the device in its own storage order.
 template <class Derived>
 Memory<double> on_device(const Device& device, const Eigen::PlainObjectBase<Derived>& matrix) {
   Memory<double> memory(device, std::size_t(matrix.size()));

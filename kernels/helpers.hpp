@@ -1,6 +1,6 @@
 #pragma once
-// Threads that sleep until there is something to share, for work of less than a millisecond: nobody waits for one that
-// wakes up late. The teams of OpenMP end together, so that the slowest to wake decides.
+// Sleeping threads that share work of less than a millisecond. A thread that wakes up late is not waited for, unlike in
+// an OpenMP team, where the slowest thread decides.
 
 #include <condition_variable>
 #include <functional>
@@ -13,7 +13,7 @@ namespace bromwich {
 
 class Helpers {
  public:
-  /// None are made before the first `share`.
+  /// Threads are created by the first `share`.
   explicit Helpers(int count) : count_(count) {}
   ~Helpers() {
     {
@@ -25,16 +25,16 @@ class Helpers {
   Helpers(const Helpers&) = delete;
   Helpers& operator=(const Helpers&) = delete;
 
-  /// Calls `first`, then `work`, by this thread; `work` by the others too, as soon as they are there. `work` returns
-  /// when nothing is left to be begun; who comes later does not call it any more. Returns when all calls have. Neither
-  /// may throw.
+  /// The calling thread runs `first`, then `work`; the others run `work` as soon as they wake up. `work` returns when
+  /// nothing is left to begin; threads that wake up later skip it. Returns after all calls have returned. Neither
+  /// function may throw.
   void share(const std::function<void()>& work, const std::function<void()>& first) {
     {
       const std::lock_guard lock(mutex_);
       try {
         while (int(threads_.size()) < count_) threads_.emplace_back([this] { help(); });
       } catch (const std::system_error&) {
-        count_ = int(threads_.size());  // as many as there may be
+        count_ = int(threads_.size());  // no more threads are available
       }
       work_ = &work;
       ++number_;
@@ -67,10 +67,10 @@ class Helpers {
   std::mutex mutex_;
   std::condition_variable begun_, ended_;
   const std::function<void()>* work_ = nullptr;
-  unsigned long number_ = 0;  ///< of the work
-  int at_work_ = 0;           ///< helpers
+  unsigned long number_ = 0;  ///< of the current work
+  int at_work_ = 0;           ///< helpers that run `work`
   bool ending_ = false;
-  std::vector<std::jthread> threads_;  ///< joined first
+  std::vector<std::jthread> threads_;  ///< joined before the members above are destroyed
 };
 
 }  // namespace bromwich

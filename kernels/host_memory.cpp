@@ -30,10 +30,10 @@ void* PinnedSlots::take() {
 namespace {
 
 constexpr std::size_t slots = 16, piece_bytes = std::size_t(1) << 20;
-constexpr std::size_t sent_bytes = std::size_t(1) << 18;   ///< of a piece on its way to the device
-constexpr std::size_t parts = 16;                          ///< of a piece, each for one thread
-constexpr int most_helpers = 8;                            ///< that empty the ring: faster than it fills
-constexpr std::size_t alone_bytes = std::size_t(1) << 19;  ///< what one thread has done before others are awake
+constexpr std::size_t sent_bytes = std::size_t(1) << 18;  ///< per piece on its way to the device
+constexpr std::size_t parts = 16;                         ///< per piece, one thread each
+constexpr int most_helpers = 8;                           ///< threads that empty the ring; more than the transfer needs
+constexpr std::size_t alone_bytes = std::size_t(1) << 19;  ///< below it, one thread finishes before others wake up
 
 }  // namespace
 
@@ -42,7 +42,7 @@ Fetcher::Fetcher(int device)
 
 void Fetcher::each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) {
   std::atomic<Index> next = 0;
-  const auto work = [&]() noexcept {  // nobody may leave while others still work
+  const auto work = [&]() noexcept {  // must not leave while others still work
     for (Index first; (first = length * next++) < count;) body(first, std::min(first + length, count));
   };
   if (busy_ || count <= length) return work();
@@ -73,7 +73,7 @@ void Fetcher::make() {
 void Fetcher::fetch(const double* from, std::size_t step, double* to, std::size_t cols, std::size_t rows,
                     cudaStream_t stream, const std::function<void()>& meanwhile) {
   const std::size_t pitch = sizeof(double) * step, width = sizeof(double) * cols;
-  const std::size_t together = piece_bytes / pitch;  // rows of a piece
+  const std::size_t together = piece_bytes / pitch;  // rows per piece
   if (together == 0 || busy_) {
     check(cudaMemcpy2DAsync(to, width, from, pitch, width, rows, cudaMemcpyDeviceToHost, stream), "copying rows");
     check(cudaStreamSynchronize(stream), "copying rows");
@@ -93,7 +93,7 @@ void Fetcher::fetch(const double* from, std::size_t step, double* to, std::size_
   };
   const auto arrived = [&](std::size_t piece) {
     const cudaError_t status = cudaEventQuery(copied_[piece % slots]);
-    if (status == cudaErrorNotReady) return cudaGetLastError(), false;  // it counts as an error
+    if (status == cudaErrorNotReady) return cudaGetLastError(), false;  // clears the error state
     check(status, "copying rows");
     return true;
   };
@@ -103,7 +103,7 @@ void Fetcher::fetch(const double* from, std::size_t step, double* to, std::size_
       std::copy_n(slot(piece) + j * step, cols, to + (piece * together + j) * cols);
   };
   PieceRelay relay((rows + together - 1) / together, parts, slots, start, arrived, take_out);
-  relay.advance();  // the first pieces are on their way while helpers wake up
+  relay.advance();  // starts the first pieces while helpers wake up
   std::exception_ptr failure;
   const auto attend = [&] {
     try {

@@ -1,6 +1,5 @@
 #pragma once
-// Memory of the host that a device reads and writes: small pinned pieces, and the way of large arrays to memory that is
-// not pinned.
+// Host memory that a device reads and writes: small pinned slots, and copies of large arrays to pageable memory.
 
 #include "core/base/types.hpp"
 #include "kernels/helpers.hpp"
@@ -13,7 +12,7 @@
 
 namespace bromwich::cuda {
 
-/// Small pieces of pinned memory, which the driver takes long to give and to take back: handed out again and again.
+/// Small slots of pinned memory. The driver allocates and frees such memory slowly, so slots are reused.
 class PinnedSlots {
  public:
   static constexpr std::size_t slot_bytes = 128;
@@ -23,15 +22,15 @@ class PinnedSlots {
   PinnedSlots& operator=(const PinnedSlots&) = delete;
 
   void* take();
-  /// Nothing may be under way that writes to it.
+  /// No device operation may still write to the slot.
   void give_back(void* slot) { free_.push_back(slot); }
 
  private:
   std::vector<void*> pages_, free_;
 };
 
-/// Copies arrays to memory of the host that is not pinned, through a ring of pinned pieces that several threads empty
-/// while the next ones arrive.
+/// Copies arrays to pageable host memory through a ring of pinned pieces, which several threads empty while the next
+/// pieces arrive.
 class Fetcher {
  public:
   explicit Fetcher(int device);
@@ -39,14 +38,14 @@ class Fetcher {
   Fetcher(const Fetcher&) = delete;
   Fetcher& operator=(const Fetcher&) = delete;
 
-  /// `rows` rows of `cols` values, `step` apart on the device and without gaps on the host, after what `stream` has
-  /// been asked for so far. `meanwhile` is called once while they are on their way.
+  /// Copies `rows` rows of `cols` values, `step` apart on the device and contiguous on the host, after the operations
+  /// enqueued on `stream` so far. Calls `meanwhile` once during the transfer.
   void fetch(const double* from, std::size_t step, double* to, std::size_t cols, std::size_t rows, cudaStream_t stream,
              const std::function<void()>& meanwhile);
-  /// The other way: `count` values, which may change once this returns. Later work on `stream` waits for them.
+  /// Copies `count` values to the device. They may change after the call. Later work on `stream` waits for them.
   void send(const double* from, std::size_t count, double* to, cudaStream_t stream);
-  /// See HostThreads::each_range. Threads that sleep, since those of OpenMP stay awake for a while behind a loop, and
-  /// are in the way of what is fetched next.
+  /// See HostThreads::each_range. Uses sleeping threads: OpenMP threads spin after a loop and slow down the next
+  /// transfer.
   void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body);
 
  private:
@@ -59,13 +58,13 @@ class Fetcher {
   void make();
 
   int device_;
-  bool busy_ = false;  ///< `meanwhile` may fetch another array, not through the ring then; a range may ask for ranges
+  bool busy_ = false;  ///< a nested `fetch` or `each_range` does without ring and helpers
   Helpers helpers_;
   cudaStream_t stream_ = nullptr;
   double* ring_ = nullptr;
   cudaEvent_t ready_ = nullptr;
-  cudaEvent_t sent_ = nullptr;       ///< behind the last piece that left the ring
-  std::vector<cudaEvent_t> copied_;  ///< one a slot of the ring
+  cudaEvent_t sent_ = nullptr;       ///< after the last piece that left the ring
+  std::vector<cudaEvent_t> copied_;  ///< one per slot of the ring
 };
 
 }  // namespace bromwich::cuda

@@ -20,7 +20,7 @@ void download(const Device& device, const Array& from, RowMatrix& to, const std:
 
 namespace {
 
-/// An array of the host backend with the shape of one here.
+/// An array of the host backend that mirrors a device array.
 class Twin {
  public:
   Twin(const Device& device, Backend& host, Index rows, Index cols)
@@ -100,7 +100,7 @@ class HostMarch final : public ImmediateMarch {
   }
 
   MarchReport run(Array& y, Array& v) override {
-    r_.fetch(given_r_);  // they may have changed since the last run
+    r_.fetch(given_r_);  // inputs may have changed since the last run
     if (drive_) drive_->fetch(*given_drive_);
     if (forcing_) forcing_->fetch(*given_forcing_);
     y_.fetch(y);

@@ -1,17 +1,16 @@
 #pragma once
-// Kernels that follow each other in a stream without a gap: the blocks of one come to their multiprocessors, and do
-// what does not depend on the kernels before, while those still run (programmatic dependent launch, compute capability
-// 9.0).
+// Overlapping launches (programmatic dependent launch, compute capability 9.0): the blocks of a kernel start, and do
+// the work that does not depend on earlier kernels, while the previous kernel still runs.
 //
-// A kernel that `follow` starts may begin as soon as all blocks of the one before have called `let_next_begin` or
-// ended. Its threads have to call `await_previous` before they read or write anything that other kernels write; blocks
-// without work may return at once, where others of the same launch do wait. That waits for the end of the one kernel
-// before, and for what it wrote. Since that one awaited its own predecessor before it ended, everything further back
-// has ended too; a kernel in which nobody waits would break this for all behind it. Copies, memsets, events and kernels
-// that are started with <<<>>> wait for the end of what is before them, and let nothing begin before their own.
+// A kernel launched by `follow` may begin once all blocks of the previous kernel have called `let_next_begin` or ended.
+// Its threads must call `await_previous` before they read or write anything that other kernels write. Blocks without
+// work may return at once if others of the same launch wait. The wait covers the previous kernel and its writes. As
+// that one awaited its own predecessor, all earlier kernels have ended too; a kernel in which no thread waits would
+// break this for all later ones. Copies, memsets, events and kernels launched with <<<>>> wait for everything before
+// them, and nothing after them begins early.
 //
-// Tables that are complete before a kernel that reads them is started, since the host has waited for them, may be read
-// at any time. What other kernels write must not be const __restrict__: such loads may be moved to before the wait.
+// Tables may be read at any time if the host has waited for them before the launch. Memory that other kernels write
+// must not be const __restrict__: the compiler may move such loads before the wait.
 
 #include "kernels/device.hpp"
 
@@ -19,7 +18,7 @@
 
 namespace bromwich::cuda {
 
-inline constexpr bool overlaps = true;  ///< false: each kernel begins where the one before has ended
+inline constexpr bool overlaps = true;  ///< false: each kernel begins after the previous one has ended
 
 __device__ inline void let_next_begin() {
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
@@ -33,14 +32,14 @@ __device__ inline void await_previous() {
 #endif
 }
 
-/// Of a launch: its blocks, the threads of each, and their bytes of dynamic shared memory.
+/// Launch configuration: blocks, threads per block, and bytes of dynamic shared memory.
 struct Blocks {
   dim3 count, threads;
   std::size_t shared = 0;
 };
 
-/// Starts the kernel on the stream of the device, behind the kernel before as described above where that is possible.
-/// Raises Error("cuda", ...) naming `what`.
+/// Launches the kernel on the stream of the device, overlapping the previous one as described above if possible. Throws
+/// Error("cuda", ...) that names `what`.
 template <class... Parameters>
 void follow(const Device& device, void (*kernel)(Parameters...), const Blocks& blocks, const char* what,
             std::type_identity_t<Parameters>... arguments) {

@@ -16,7 +16,7 @@ namespace {
 
 constexpr int threads = 1024;
 
-// One block: the values of a batch are few, and lie in the second-level cache.
+// One block suffices: the values of a batch are few and in the L2 cache.
 __global__ void reduce_largest(const double* values, int count, double* out) {
   __shared__ double found[threads];
   double mine = 0;
@@ -110,13 +110,13 @@ LcpReport BatchOutcomes::collect() {
   return report;
 }
 
-// Looking at the counter answers some microseconds before the stream does.
+// Polling the counter is some microseconds faster than synchronising with the stream.
 BatchOutcome BatchOutcomes::wait() {
   ++batches_;
   const std::atomic_ref<unsigned> batches(handed_over_->batches);
   for (unsigned looks = 1; batches.load(std::memory_order_acquire) != batches_; ++looks) {
     if (looks % 4096 != 0 || cudaStreamQuery(device_.stream()) == cudaErrorNotReady) continue;
-    device_.wait();  // throws where the kernel failed
+    device_.wait();  // throws if the kernel failed
     if (batches.load(std::memory_order_acquire) != batches_)
       throw Error("cuda", "a batch of complementarity problems was not handed over", "collect it", ErrorKind::internal);
   }
@@ -148,7 +148,7 @@ void BatchOutcomes::pivot(const Array& r, const Array& v, Array& y, Index first,
   for (Index j = first; j < y.rows(); ++j) {
     if (sweeps[std::size_t(j)] >= 0) continue;
     ++report.count.fallbacks;
-    const Vector old = row_of(values(y), j, y.cols(), stream);  // an unsolved row has kept it
+    const Vector old = row_of(values(y), j, y.cols(), stream);  // an unsolved row still has its old y
     const Vector q = row_of(values(r), j, y.cols(), stream) + row_of(values(v), j, y.cols(), stream) - shift_ * old;
     LcpOutcome outcome;
     double change = std::numeric_limits<double>::quiet_NaN();

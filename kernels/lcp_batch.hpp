@@ -1,7 +1,7 @@
 #pragma once
-// What the batched complementarity solvers of this room share. A kernel counts what becomes of its problems on the way
-// (lcp_outcome.cuh), and its last block hands the sums to the host (or they are collected later); only problems that it
-// leaves are looked at one by one, by pivoting on the host.
+// Shared by the batched complementarity solvers. A kernel counts the outcomes of its problems (lcp_outcome.cuh). Its
+// last block writes the sums to the host, or they are collected later. Only unsolved problems are handled one by one,
+// by pivoting on the host.
 
 #include "core/lcp/active_set.hpp"
 #include "kernels/device.hpp"
@@ -12,14 +12,14 @@
 
 namespace bromwich::cuda {
 
-/// What a batch works on.
+/// Arrays of a batch.
 struct LcpArrays {
-  const double *r, *v;  ///< v: null where it comes from elsewhere
+  const double *r, *v;  ///< v: null if the kernel computes it
   double* y;
-  int stride;  ///< from row to row
+  int stride;  ///< values between rows
 };
 
-/// What became of a batch. Doubles >= 0 are ordered as their bits are, so that maxima are taken of the bits.
+/// Outcome of a batch. Doubles >= 0 are ordered like their bits, so maxima use integer atomics.
 struct BatchOutcome {
   unsigned long long change, magnitude;  ///< bits of max |y_new - y_old| / max(1, |y_new|) and of max |y_new|
   unsigned long long sweeps;
@@ -29,20 +29,20 @@ struct BatchOutcome {
 
 inline constexpr BatchOutcome empty_outcome{0, 0, 0, 0, ~0u};
 
-/// Of all batches since the plan was made; they only grow.
+/// Sums over all batches since the plan was made. Monotone.
 struct BatchTotals {
   unsigned long long batches, magnitude;  ///< magnitude: bits of the largest
   unsigned long long sweeps, unsolved;
 };
 
-/// In memory of the host that the device writes.
+/// In pinned host memory; written by the device.
 struct HandedOver {
   BatchOutcome sum;
   BatchTotals totals;
-  unsigned batches;  ///< that have been handed over; written last
+  unsigned batches;  ///< number of batches written so far; stored last
 };
 
-/// The totals of all plans of a device, which come to the host together: many plans are asked for theirs in turn.
+/// The totals of all plans of a device. They are fetched together, since several plans are usually collected in turn.
 class TotalsBoard {
  public:
   struct Place {
@@ -57,7 +57,7 @@ class TotalsBoard {
 
   Place take();  ///< zero on the device
   void give_back(const Place& place) { free_.push_back(place); }
-  /// Waits for the device. What was `fetched` is what the device has.
+  /// Waits for the device, then copies the totals of all plans to `fetched`.
   void fetch();
 
  private:
@@ -69,17 +69,17 @@ class TotalsBoard {
   const Device& device_;
   std::vector<Page> pages_;
   std::vector<Place> free_;
-  unsigned long fetched_ = ~0ul;  ///< Device::work then
+  unsigned long fetched_ = ~0ul;  ///< Device::work at the last fetch
 };
 
-/// Where a kernel leaves its outcome.
+/// Where a kernel writes its outcome.
 struct OutcomeTarget {
-  int* rows;  ///< per row: Newton sweeps, negative where the row is unsolved
+  int* rows;  ///< per row: Newton sweeps, negative if unsolved
   BatchTotals* totals;
-  bool handed_over;    ///< false: it is only added to the totals, and what follows is not needed
-  BatchOutcome* sum;   ///< empty before and after
-  unsigned* finished;  ///< blocks of this batch that are done; 0 before and after
-  unsigned* batches;   ///< that have been handed over
+  bool handed_over;    ///< false: only add to the totals; the members below are unused
+  BatchOutcome* sum;   ///< empty before and after the batch
+  unsigned* finished;  ///< finished blocks of this batch; 0 before and after
+  unsigned* batches;   ///< batches written to the host so far
   HandedOver* host;
   double settle_tolerance;
 };
@@ -92,17 +92,16 @@ class BatchOutcomes {
   BatchOutcomes(const BatchOutcomes&) = delete;
   BatchOutcomes& operator=(const BatchOutcomes&) = delete;
 
-  /// For the kernel that is started next, over so many problems. Only one that is `handed_over` has a report of its
-  /// own.
+  /// Target of the next kernel, which solves this many problems. Only batches with `handed_over` have their own report.
   OutcomeTarget target(Index problems, double settle_tolerance, bool handed_over);
   std::size_t bytes() const { return rows_.bytes(); }
 
-  /// Waits for the batch over rows first .. rows-1 that was started last; one report a batch. What is unsolved goes to
-  /// the solver row by row.
+  /// Waits for the last batch, which covers rows first .. rows-1; call once per batch. Unsolved rows go to the solver
+  /// one by one.
   LcpReport report(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance,
                    const std::function<ActiveSetLcp&()>& solver);
-  /// Waits for all batches, and sums up those since the last report; they were over as many problems each. `magnitude`
-  /// is the largest since the plan was made.
+  /// Waits for all batches and sums up those since the last report; all must have had the same number of problems.
+  /// `magnitude` is the largest since the plan was made.
   LcpReport collect();
 
  private:
@@ -119,11 +118,11 @@ class BatchOutcomes {
   TotalsBoard::Place totals_;
   Memory<unsigned> counters_;  ///< finished, batches
   Pinned<HandedOver> handed_over_;
-  unsigned batches_ = 0;  ///< reported
+  unsigned batches_ = 0;  ///< reported so far
   BatchTotals reported_{0, 0, 0, 0};
 };
 
-/// The largest of one value a row, NaN where one of them is.
+/// Largest of one value per row; NaN if one of them is.
 double largest(const Device&, const Memory<double>& per_row);
 
 }  // namespace bromwich::cuda

@@ -1,8 +1,7 @@
-// Batched complementarity problems with one small dense matrix. Up to eight constraints a thread
-// takes a problem and keeps everything in registers; up to `largest_shared_size` a warp does, with the eliminated
-// matrix in shared memory. A Newton sweep eliminates the matrix that equals M on the active set and the identity
-// elsewhere, without exchanges: all leading minors are positive for a P-matrix, and where a pivot fails the row is left
-// to pivoting on the host.
+// Batched complementarity problems with one small dense matrix. Up to eight constraints: one thread per problem, all in
+// registers. Up to `largest_shared_size`: one warp per problem, with the eliminated matrix in shared memory. A Newton
+// sweep eliminates, without row exchanges, the matrix that equals M on the active set and the identity elsewhere. All
+// leading minors of a P-matrix are positive; a row whose pivot fails is left to pivoting on the host.
 
 #include "kernels/launch.cuh"
 #include "kernels/lcp_outcome.cuh"
@@ -18,14 +17,14 @@ namespace bromwich::cuda {
 namespace {
 
 constexpr int largest_register_size = 8, largest_shared_size = 64;
-constexpr int block = 128;  ///< threads, where a thread takes a problem
+constexpr int block = 128;  ///< threads per block, one problem each
 
-/// R M C by rows, and the scales.
+/// R M C by rows, and its scales.
 struct Coefficients {
   const double *M, *row_scale, *column_scale;
 };
 
-// n neighbouring values, two at a time where they begin at multiples of 16 bytes.
+// Loads n neighbouring values, two at a time if 16-byte aligned.
 template <int n>
 __device__ void load(const double* from, double (&to)[n]) {
   if constexpr (n % 2 == 0) {
@@ -50,12 +49,12 @@ __device__ void store(const double (&from)[n], double* to) {
   }
 }
 
-/// One problem in the registers of a thread.
+/// One problem in registers.
 template <int n>
 struct Problem {
   double q[n], x[n];
   unsigned active = 0;
-  double size = 0;  ///< of q
+  double size = 0;  ///< largest |q_i|
   bool positive = false;
 
   __device__ void eliminate(const double* M) {
@@ -90,7 +89,7 @@ struct Problem {
     }
   }
 
-  // Exchanges what has the wrong sign; whether there was any.
+  // Flips the indices with the wrong sign; returns whether there was any.
   __device__ bool exchange(const double* M, double tolerance) {
     unsigned flips = 0;
 #pragma unroll
@@ -105,7 +104,7 @@ struct Problem {
   }
 };
 
-// Thread after thread; the rows of a block lie beside each other.
+// One thread per problem; a block takes consecutive rows.
 template <int n>
 __global__ void __launch_bounds__(block)
     newton_in_registers(LcpArrays arrays, Coefficients m, int first, int rows, bool least, OutcomeTarget target) {
@@ -137,7 +136,7 @@ __global__ void __launch_bounds__(block)
     double change = 0, magnitude = 0;
 #pragma unroll
     for (int i = 0; i < n; ++i) {
-      p.x[i] = p.x[i] <= 0 ? 0 : column_scale[i] * p.x[i];  // a NaN stays one
+      p.x[i] = p.x[i] <= 0 ? 0 : column_scale[i] * p.x[i];  // keeps a NaN
       change = larger(fabs(p.x[i] - old[i]), change);
       magnitude = larger(fabs(p.x[i]), magnitude);
     }
@@ -156,7 +155,7 @@ __device__ double largest_of_warp(double mine) {
   return mine;
 }
 
-// x for the active set, by all threads of a warp; whether all pivots were positive.
+// x for the active set, by one warp. Returns whether all pivots were positive.
 __device__ bool eliminate(int n, const double* M, const double* active, const double* q, double* a, double* x) {
   const int t = threadIdx.x, step = n + 1;
   bool positive = true;
@@ -187,7 +186,7 @@ __device__ bool eliminate(int n, const double* M, const double* active, const do
   return positive;
 }
 
-// Exchanges what has the wrong sign; whether the warp had any.
+// Flips the indices with the wrong sign; returns whether the warp had any.
 __device__ bool exchange(int n, const double* M, const double* q, const double* x, double* active, double tolerance) {
   bool flipped = false;
   for (int i = threadIdx.x; i < n; i += 32) {
@@ -201,7 +200,7 @@ __device__ bool exchange(int n, const double* M, const double* q, const double* 
   return __any_sync(0xffffffffu, flipped);
 }
 
-// One warp a block, which takes every gridDim.x-th problem; thread t has the rows t, t + 32.
+// Blocks of one warp, each taking every gridDim.x-th problem; thread t has the rows t, t + 32.
 __global__ void __launch_bounds__(32)
     newton_in_shared(LcpArrays arrays, Coefficients m, int n, int first, int rows, bool least, OutcomeTarget target) {
   extern __shared__ double shared[];
@@ -228,7 +227,7 @@ __global__ void __launch_bounds__(32)
     }
     double change = 0, magnitude = 0;
     for (int i = t; i < n; i += 32) {
-      x[i] = x[i] <= 0 ? 0 : m.column_scale[i] * x[i];  // a NaN stays one
+      x[i] = x[i] <= 0 ? 0 : m.column_scale[i] * x[i];  // keeps a NaN
       change = larger(fabs(x[i] - arrays.y[at + i]), change);
       magnitude = larger(fabs(x[i]), magnitude);
     }
@@ -248,7 +247,7 @@ __global__ void __launch_bounds__(32)
   outcomes.finish();
 }
 
-// A warp a row, with M as it was given.
+// One warp per row, with the unscaled M.
 __global__ void natural_residual(const double* r, const double* v, const double* y, const double* M, int n, int stride,
                                  int rows, double* out) {
   const int j = blockIdx.x * blockDim.y + threadIdx.y;

@@ -1,8 +1,7 @@
-// The sine transforms and the complementarity problem between two convolutions. All is local to a row: it stays in the
-// shared memory of a block from its modes to its modes. Where rows are few, kernels of their own would each take longer
-// to begin and to end than to do their work.
+// The sine transforms and the complementarity problem between two convolutions, one block per row in shared memory. For
+// few rows, separate kernels would spend more time on launches than on work.
 //
-// Memory: r, y and the modes of v read once, y and its modes written once, 40 bytes a value.
+// Memory traffic: r, y and the modes of v are read once, y and its modes are written once: 40 bytes per value.
 
 #include "kernels/lcp_in_modes.cuh"
 
@@ -36,7 +35,7 @@ __global__ void __launch_bounds__(T)
   const Transform transform{memory, modes.sine.roots, t};
   double2 twiddles[Transform::passes - 1];
   transform.template take_up<1>(twiddles);
-  if (modes.v && t == 0) rows.value(rows.v, n) = 0;  // beyond the rows, as what comes with them
+  if (modes.v && t == 0) rows.value(rows.v, n) = 0;  // padding, as in fetched rows
   await_previous();
   rows.fetch(arrays, n, j, t);
   __pipeline_commit();
@@ -53,7 +52,7 @@ __global__ void __launch_bounds__(T)
   if (solution.is) rows.store_y(arrays, n, j, t);
   if (t == 0) solution.count(outcomes, j);
   outcomes.template finish<true>();
-  if (modes.y)  // a row that is unsolved keeps the y given
+  if (modes.y)  // an unsolved row keeps its y
     transform(
         twiddles, modes.sine.scale, [&](int i) { return solution.is ? rows.value(rows.y, i) : arrays.y[at + i]; },
         [&](int i, double y) { modes.y[at + i] = y; });

@@ -1,5 +1,5 @@
 #pragma once
-// What a sweep of the functional iteration does between two convolutions, in one kernel with a block a row:
+// A sweep of the functional iteration between two convolutions, in one kernel with one block per row:
 //
 //     v = S v^,   y <- SOL(M + D, r + v - D y),   y^ = S y.
 
@@ -10,21 +10,21 @@
 
 namespace bromwich::cuda {
 
-/// The arrays of modes, and the tables of S.
+/// The arrays in modes, and the tables of S.
 struct Modes {
-  const double* v;  ///< null: v is given as it is
-  double* y;        ///< null: not wanted
+  const double* v;  ///< null: LcpArrays::v is used as it is
+  double* y;        ///< null: not needed
   SineTables sine;
 };
 
-/// The kernel, and how it is started.
+/// The kernel and its launch configuration.
 struct LcpInModes {
   void (*kernel)(LcpArrays, Modes, Coefficients<true>, Problem, OutcomeTarget) = nullptr;
-  int threads = 0, rows = 1;  ///< of a block, and of a thread
-  std::size_t bytes = 0;      ///< of shared memory of a block
+  int threads = 0, rows = 1;  ///< threads per block, rows per thread
+  std::size_t bytes = 0;      ///< of shared memory per block
 };
 
-/// For problems of n rows, n + 1 = 64, 128, ... 1024; no kernel for others.
+/// For problems of n rows, n + 1 = 64, 128, ..., 1024; no kernel otherwise.
 LcpInModes lcp_in_modes(Index n);
 
 }  // namespace bromwich::cuda

@@ -1,7 +1,6 @@
 #pragma once
-// Counting what becomes of a batch inside its kernel: every thread keeps sums of its own, the block adds them up at the
-// end, and the last block to finish hands those of the batch to the host. Batches that are queued one after another
-// only add to counters on the device.
+// Counts the outcomes of a batch inside its kernel. Every thread keeps its own sums, the block adds them up at the end,
+// and the last block writes those of the batch to the host. Queued batches only add to counters on the device.
 
 #include "kernels/lcp_batch.hpp"
 
@@ -9,14 +8,14 @@ namespace bromwich::cuda {
 
 __device__ inline unsigned long long bits(double value) { return (unsigned long long)(__double_as_longlong(value)); }
 
-/// Of two values >= 0; NaN where one is.
+/// The larger of two values >= 0; NaN if one of them is.
 __device__ inline double larger(double a, double b) { return bits(a) > bits(b) ? a : b; }
 
 class Outcomes {
  public:
   __device__ explicit Outcomes(const OutcomeTarget& target) : target_(target) {}
 
-  /// Row j has a solution whose largest entry is `magnitude`, and whose largest difference from the last is `change`.
+  /// Row j is solved; `magnitude` is its largest entry, `change` the largest difference from the old y.
   __device__ void solved(int j, int sweeps, double change, double magnitude) {
     const double relative = change / fmax(1.0, magnitude);
     mine_.change = max(mine_.change, bits(relative));
@@ -31,7 +30,7 @@ class Outcomes {
     target_.rows[j] = -sweeps;
   }
 
-  /// By all threads of the block, whole warps, once. `alone`: only its first thread has counted.
+  /// Called once by all threads of the block (whole warps). `alone`: only its first thread has counted.
   template <bool alone = false>
   __device__ void finish() {
     __shared__ BatchOutcome block;
@@ -70,8 +69,8 @@ class Outcomes {
     if (part.unsolved > 0) atomicAdd(&totals.unsolved, (unsigned long long)(part.unsolved));
   }
 
-  // By a warp, each word by a lane of its own so that none waits for another: the sums are taken from where the atomics
-  // of the other blocks left them, and emptied for the next batch.
+  // By one warp, one word per lane: reads the sums accumulated by the atomics of all blocks and clears them for the
+  // next batch.
   __device__ void hand_over() {
     static_assert(sizeof(BatchOutcome) == 32 && sizeof(BatchTotals) == 32);
     using Word = unsigned long long;
@@ -79,7 +78,7 @@ class Outcomes {
     const unsigned number = *target_.batches + 1;
     __threadfence();
     if (word < 4) {
-      const bool counts = word == 3;  // unsolved and, above it, settled
+      const bool counts = word == 3;  // holds `unsolved` and, in the upper half, `settled`
       const Word of_batch = atomicExch(reinterpret_cast<Word*>(target_.sum) + word, counts ? Word(~0u) << 32 : Word(0));
       Word& total = reinterpret_cast<Word*>(target_.totals)[word];
       const Word more = word == 0 ? 1 : counts ? of_batch & ~0u : of_batch;

@@ -1,10 +1,10 @@
-// Batched complementarity problems with one tridiagonal matrix: a group of T threads per problem, K consecutive rows a
-// thread. A Newton sweep solves the system that equals M on the active set and the identity elsewhere (tridiagonal.cuh)
-// and exchanges what has the wrong sign. Problems that have settled leave; while a group works on a problem, r, v and y
-// of its next one are on their way to shared memory.
+// Batched complementarity problems with one tridiagonal matrix: T threads per problem, K consecutive rows per thread. A
+// Newton sweep solves, by cyclic reduction (tridiagonal.cuh), the system that equals M on the active set and the
+// identity elsewhere, and flips the indices with the wrong sign. A group that has settled goes on to its next problem,
+// whose r, v and y are prefetched to shared memory.
 //
-// Memory: r, v, y read once and y written once, 32 bytes a value. Operations: about 30 on doubles a value and sweep,
-// and 13 log2 T a thread.
+// Memory traffic: r, v, y read and y written once, 32 bytes per value. Operations: about 30 per value and sweep, plus
+// 13 log2 T per thread.
 
 #include "kernels/launch.cuh"
 #include "kernels/lcp_in_modes.cuh"
@@ -18,7 +18,7 @@ namespace bromwich::cuda {
 
 namespace {
 
-constexpr int most_threads = 256;  ///< of a block, where groups are no larger than a warp
+constexpr int most_threads = 256;  ///< per block, for groups no larger than a warp
 constexpr Index largest_size = 4096;
 
 template <int T, int K, bool uniform>
@@ -35,13 +35,13 @@ __global__ void __launch_bounds__(T > most_threads ? T : most_threads)
   const int n = problem.n, step = gridDim.x * groups;
   const unsigned valid = t * K >= n ? 0 : n - t * K >= K ? (1u << K) - 1 : (1u << (n - t * K)) - 1;
 
-  for (int i = t; i < 2 * Here::size; i += T) shared[i] = 0;  // what lies beyond the rows stays zero
+  for (int i = t; i < 2 * Here::size; i += T) shared[i] = 0;  // the padding stays zero
   group.meet();
   await_previous();
   int stage = 0, j = problem.first + blockIdx.x * groups + g;
   if (j < problem.rows) Here(shared).fetch(arrays, n, j, t);
   __pipeline_commit();
-  // The first group of the block has the smallest j.
+  // The first group of a block has the smallest j.
   for (; j - g < problem.rows; j += step, stage = 1 - stage) {
     if (j + step < problem.rows) Here(shared + (1 - stage) * Here::size).fetch(arrays, n, j + step, t);
     __pipeline_commit();
@@ -80,7 +80,7 @@ __global__ void natural_residual(const double* r, const double* v, const double*
   if (threadIdx.x == 0) out[blockIdx.x] = gap[0] / scale[0];
 }
 
-/// Row i of thread t at [i T + t], `beyond` past the end.
+/// Row i of thread t at [i T + t]; `beyond` past the end.
 Memory<double> spread(const Device& device, const Vector& values, int T, int K, double beyond) {
   Vector all(T * K);
   for (int t = 0; t < T; ++t)
@@ -88,7 +88,7 @@ Memory<double> spread(const Device& device, const Vector& values, int T, int K, 
   return on_device(device, all);
 }
 
-/// The value of all rows, where they have one value.
+/// The common value of all rows in the range, if they have one.
 std::optional<double> common(const Vector& values, Index from, Index to) {
   for (Index i = from; i < to; ++i)
     if (values[i] != values[from]) return std::nullopt;
@@ -103,9 +103,9 @@ std::optional<Coefficients<true>> uniform_coefficients(const Tridiagonal& M, con
   return Coefficients<true>{*lower, *diagonal, *upper, *row, *column};
 }
 
-/// Rows from which on two unknowns of A x = d do not see each other, whatever part of A is taken, to below rounding: a
-/// power of two, at most `all`. With u and w the largest |a| and |c| of rows divided by their diagonal entry, those
-/// after a step of cyclic reduction are at most u^2 / (1 - 2 u w) and w^2 / (1 - 2 u w).
+/// Distance in rows at which two unknowns of A x = d, or of any principal subsystem, are decoupled to below rounding: a
+/// power of two, at most `all`. With u and w the largest |a| and |c| of rows divided by their diagonal entry, a step of
+/// cyclic reduction leaves at most u^2 / (1 - 2 u w) and w^2 / (1 - 2 u w).
 Index coupled_rows(const Tridiagonal& A, Index all) {
   double u = 0, w = 0;
   for (Index i = 0; i < A.diagonal.size(); ++i) {
@@ -121,16 +121,16 @@ Index coupled_rows(const Tridiagonal& A, Index all) {
   return all;
 }
 
-/// Threads a group and rows a thread for n rows.
+/// Threads per group and rows per thread.
 struct Shape {
   int T, K;
 };
 
 constexpr Index most_spread = 1024;
-constexpr Index few_problems = 2;   ///< of a multiprocessor
-constexpr Index most_in_modes = 8;  ///< likewise: beyond them starting kernels is a small part of a sweep
+constexpr Index few_problems = 2;   ///< per multiprocessor
+constexpr Index most_in_modes = 8;  ///< per multiprocessor; for more rows, launch overhead is a small part of a sweep
 
-// Few problems leave most of the device idle: more threads then take one of them, which is done sooner.
+// Few problems leave most of the device idle, so more threads share each of them.
 Shape shape_for(Index n, bool few) {
   if (n <= 32) return {16, 2};
   if (few && n > 128 && n <= most_spread) return {n <= 256 ? 64 : n <= 512 ? 128 : 256, 4};
@@ -175,10 +175,10 @@ class TridiagonalLcp final : public LcpBatch {
     column_scale_ = spread(device, scale.columns, shape_.T, shape_.K, 1);
   }
 
-  /// Whether the device has the shared memory for a problem.
+  /// Whether a problem fits into shared memory.
   bool fits() const { return groups_ > 0; }
 
-  // All multiprocessors get problems before any block gets many.
+  // Distributes problems over all multiprocessors before it fills blocks.
   void submit(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     if (first >= y.rows()) return;
     const LcpArrays arrays{values(r), values(v), values(y), int(stride(n_))};
@@ -200,14 +200,14 @@ class TridiagonalLcp final : public LcpBatch {
   LcpReport collect() override { return outcomes_.collect(); }
   LcpReport finish(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     return outcomes_.report(r, v, y, first, settle_tolerance, [this]() -> ActiveSetLcp& {
-      // Made when first needed: it is dense, and most scenes never get here.
+      // Made when first needed: it is dense, and most scenes never use it.
       if (!solver_) solver_.emplace(to_dense(LcpMatrix(shifted_)), class_);
       return *solver_;
     });
   }
 
   double residual(const Array& r, const Array& v, const Array& y) override {
-    if (given_bands_.size() == 0) {  // of few plans it is asked
+    if (given_bands_.size() == 0) {  // few plans compute residuals
       RowMatrix bands(3, n_);
       bands << given_.lower.transpose(), given_.diagonal.transpose(), given_.upper.transpose();
       given_bands_ = on_device(device_, bands);
@@ -277,7 +277,7 @@ class TridiagonalLcp final : public LcpBatch {
           "asking for the occupancy");
   }
 
-  // K rows a thread.
+  // K rows per thread.
   Problem problem(Index first, Index rows, int K) const {
     const int reach = int((coupled_ + K - 1) / K);
     return {int(n_), int(first), int(rows), 12 + int(std::min<Index>(n_, 40)), class_ == LcpClass::Z, shift_, reach};
@@ -286,23 +286,23 @@ class TridiagonalLcp final : public LcpBatch {
   const Device& device_;
   Index n_;
   Shape shape_;
-  Index coupled_ = 0;    ///< rows that a solution couples
+  Index coupled_ = 0;    ///< distance up to which rows are coupled
   double shift_;         ///< D
   Tridiagonal shifted_;  ///< M + D I
   LcpClass class_;
   BatchOutcomes outcomes_;
   Memory<double> residuals_;
   Memory<double> lower_, diagonal_, upper_, row_scale_, column_scale_;
-  Tridiagonal given_;           ///< M, 0 beside its ends
+  Tridiagonal given_;           ///< M, with 0 outside the matrix
   Memory<double> given_bands_;  ///< on the device
   std::optional<Coefficients<true>> uniform_;
   void (*general_)(LcpArrays, Coefficients<false>, Problem, OutcomeTarget) = nullptr;
   void (*uniform_kernel_)(LcpArrays, Coefficients<true>, Problem, OutcomeTarget) = nullptr;
   LcpInModes in_modes_;
-  Coefficients<true> of_modes_{};  ///< its matrix
+  Coefficients<true> of_modes_{};  ///< matrix of in_modes_
   std::size_t bytes_a_group_ = 0;
-  int groups_ = 0;  ///< a block at most
-  int blocks_ = 1;  ///< a multiprocessor
+  int groups_ = 0;  ///< at most, per block
+  int blocks_ = 1;  ///< per multiprocessor
   std::optional<ActiveSetLcp> solver_;
 };
 

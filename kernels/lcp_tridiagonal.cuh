@@ -1,6 +1,6 @@
 #pragma once
-// One complementarity problem with a tridiagonal matrix in a group of T threads, K consecutive rows a thread: where its
-// rows lie in shared memory, and a thread's part of the Newton sweeps.
+// One tridiagonal complementarity problem in a group of T threads, K consecutive rows per thread: layout in shared
+// memory, and a thread's part of the Newton sweeps.
 
 #include "core/base/types.hpp"
 #include "kernels/lcp_outcome.cuh"
@@ -10,7 +10,7 @@
 
 namespace bromwich::cuda {
 
-/// The entries of R M C and the scales, one of each for all rows or one a row: row i of thread t at [i T + t].
+/// The entries of R M C and the scales: one value for all rows (`uniform`), or row i of thread t at [i T + t].
 template <bool uniform>
 struct Coefficients {
   const double *lower, *diagonal, *upper, *row_scale, *column_scale;
@@ -20,16 +20,16 @@ struct Coefficients<true> {
   double lower, diagonal, upper, row_scale, column_scale;
 };
 
-/// What all problems of a batch share beside their matrix.
+/// Parameters common to all problems of a batch, besides the matrix.
 struct Problem {
-  int n, first, rows, cap;  ///< cap: sweeps at most
+  int n, first, rows, cap;  ///< cap: largest number of sweeps
   bool least;
   double shift;
   int reach;
 };
 
-/// Where a problem's rows lie in shared memory, two to a piece of 16 bytes. The pieces of a thread are turned about so
-/// that eight neighbouring threads, each reading one of its own, never meet in a bank.
+/// Layout of a problem's rows in shared memory, in pieces of two rows (16 bytes). The pieces of a thread are rotated so
+/// that eight neighbouring threads read without bank conflicts.
 template <int K>
 struct Place {
   static constexpr int pieces = K / 2;
@@ -50,7 +50,7 @@ struct Slot {
     return reinterpret_cast<double*>(of + Place<K>::of(i / 2))[i % 2];
   }
 
-  // Rows of less than 32 values need not begin at multiples of 16 bytes.
+  // Short rows need not be 16-byte aligned.
   static constexpr bool by_value = T < 32;
 
   __device__ void fetch(const LcpArrays& arrays, int n, int j, int t) {
@@ -83,10 +83,10 @@ struct Slot {
   }
 };
 
-/// What became of a problem.
+/// Outcome of a problem.
 struct Solution {
-  bool is;                   ///< false: there is none
-  int sweeps;                ///< negative where they did not settle
+  bool is;                   ///< false: unsolved
+  int sweeps;                ///< negative if they did not settle
   double change, magnitude;  ///< of y
 
   __device__ void count(Outcomes& outcomes, int j) const {
@@ -97,8 +97,8 @@ struct Solution {
   }
 };
 
-/// One thread's part of a problem with M + D I in place of M, and q = r + v - D y with the y given. q takes the place
-/// of r in the slot.
+/// One thread's part of a problem with M + D I instead of M and q = r + v - D y, y the old one. q overwrites r in the
+/// slot.
 template <int T, int K, bool uniform>
 struct Part {
   Group<T>& group;
@@ -107,11 +107,11 @@ struct Part {
   int t;
   unsigned valid;  ///< bit i: row t K + i exists
   double shift;    ///< D
-  int reach;       ///< threads that a solution couples
+  int reach;       ///< distance in threads up to which rows are coupled
   unsigned active = 0;
-  double size = 0;  ///< of q
+  double size = 0;  ///< largest |q_i|
   bool positive = true;
-  double x[K], above, below;  ///< the rows of this thread, the one before and the one after
+  double x[K], above, below;  ///< x of this thread's rows, of the row before and of the row after
 
   __device__ double coefficient(const double* all, int i) const { return __ldg(all + i * T + t); }
   __device__ double coefficient(double one, int) const { return one; }
@@ -134,7 +134,7 @@ struct Part {
     size = group.largest(size);
   }
 
-  // x for the current active set.
+  // Computes x for the current active set.
   __device__ void substitute() {
     double a[K], b[K], c[K];
 #pragma unroll
@@ -149,7 +149,7 @@ struct Part {
     positive = solve_tridiagonal<K>(group, reach, a, b, c, x, above, below);
   }
 
-  // Exchanges what has the wrong sign; whether this thread had any.
+  // Flips the indices with the wrong sign; returns whether this thread had any.
   __device__ bool exchange(double tolerance) {
     unsigned flips = 0;
 #pragma unroll
@@ -165,9 +165,9 @@ struct Part {
     return flips != 0;
   }
 
-  // The number of sweeps, negative where they did not settle. All groups of a warp go on until the last one is done.
+  // Returns the number of sweeps, negative if they did not settle. The groups of a warp run until all have settled.
   __device__ int sweep(int cap) {
-    // Rounding of M y + q: a handful of operations of the size of q for a well-scaled M.
+    // Rounding error of M y + q: a few operations of the size of q, for a well-scaled M.
     const double tolerance = 16 * epsilon * size;
     bool settled = false;
     int sweeps = 0;
@@ -180,7 +180,7 @@ struct Part {
     return settled ? sweeps : -sweeps;
   }
 
-  // y from x; what was there before is compared. A NaN stays one.
+  // y from x, compared with the old y. Keeps a NaN.
   __device__ void give_back(bool keep, double& change, double& magnitude) {
 #pragma unroll
     for (int p = 0; p < K / 2; ++p) {
@@ -194,11 +194,11 @@ struct Part {
     group.largest(change, magnitude);
   }
 
-  // All of it. y of the slot becomes the solution where there is one; the same for all threads of the group.
+  // Solves the problem. If there is a solution it replaces y in the slot. Same result in all threads of the group.
   __device__ Solution solve(int cap, bool least) {
     take_up();
     Solution found{false, sweep(cap), 0, 0};
-    // For a Z-matrix the solution is the least one exactly when the active block has positive pivots.
+    // For a Z-matrix the solution is the least one exactly if the active block has positive pivots.
     const bool wanted = !(least && group.any(!positive)) && found.sweeps > 0;
     give_back(wanted, found.change, found.magnitude);
     found.is = wanted && isfinite(size) && isfinite(found.change) && isfinite(found.magnitude);

@@ -1,10 +1,10 @@
-// Step-by-step solution of modal recurrences (cpu/march.cpp) where the problem of a step is of class P. The steps are
-// taken by kernels/march_steps.cu; here are the state they begin with, the sine transforms of all rows afterwards, and
-// the check of every row. What the device cannot finish is marched by the host, so that the outcome is the host's.
+// Step-by-step solution of modal recurrences (cpu/march.cpp) with step problems of class P. kernels/march_steps.cu
+// takes the steps. This file sets the initial state, transforms all rows afterwards, and checks every row. A march that
+// fails is repeated by the host, which then determines the outcome.
 //
 // symbol  meaning
 // u_j     S y_j, the modes of y
-// free_j  what v_j holds without W_0 y_j, in modes; v_j = S (free_j + w0 u_j)
+// free_j  v_j without W_0 y_j, in modes; v_j = S (free_j + w0 u_j)
 // R, C    scaling of M + W_0 (core/lcp/solution.hpp)
 
 #include "kernels/host_plans.hpp"
@@ -25,13 +25,13 @@ namespace bromwich::cuda {
 namespace {
 
 constexpr int threads = 128;
-constexpr Index piece = 512;  ///< steps of one launch where somebody wants to hear of them
+constexpr Index piece = 512;  ///< steps per launch if progress or interruption is wanted
 
-// What rounding, and the drift of an updated transform, may leave in a row, relative to its largest term: what
-// is_solution() allows for n = 1000.
+// Allowed residual of a row from rounding and from drift of the updated transform, relative to its largest term: the
+// bound of is_solution() for n = 1000.
 constexpr double tolerance = 4e-12;
 
-/// M as it was given: bands, or all columns.
+/// The unscaled M: bands, or all columns.
 struct GivenMatrix {
   const double *lower, *diagonal, *upper, *dense;
 
@@ -71,12 +71,12 @@ __device__ double largest_of_block(double mine) {
   return reduced(mine, [](double a, double b) { return larger(a, b); });
 }
 
-/// Of the first step: z_0 = G0 u_0 + initial, and lag 1 of y_0 has the weight s1 beside it.
+/// Data of the first step: z_0 = G0 u_0 + initial; lag 1 of y_0 has the additional weight s1.
 struct First {
   const double *start, *initial, *s1;
 };
 
-// A block a mode: z and free of step 1 from y_0 and the drive.
+// One block per mode: z and free of step 1 from y_0 and the drive.
 __global__ void begin(StepTables m, First first, StepArrays a, double* z, double* known) {
   const int l = blockIdx.x;
   double sum = 0;
@@ -93,13 +93,13 @@ __global__ void begin(StepTables m, First first, StepArrays a, double* z, double
   if (threadIdx.x == 0) known[l] = sum + (a.drive ? m.w0[l] * a.drive[a.step + l] : 0);
 }
 
-// free <- free + w0 u, a block a row j >= 1.
+// free <- free + w0 u, one block per row j >= 1.
 __global__ void add_implicit(const double* w0, int n, int step, const double* u, double* known) {
   const long at = long(blockIdx.x + 1) * step;
   for (int l = threadIdx.x; l < n; l += threads) known[at + l] += w0[l] * u[at + l];
 }
 
-// A block a row j >= 1: min(y, w) = 0 with w = M y + r + v, and the u that the steps went on with is S y.
+// One block per row j >= 1. Checks min(y, w) = 0 with w = M y + r + v, and that the u used by the steps is S y.
 __global__ void check_rows(StepTables m, GivenMatrix M, StepArrays a, const double* v, const double* exact_u,
                            StepOutcome* out) {
   const long at = long(blockIdx.x + 1) * a.step;
@@ -119,7 +119,7 @@ __global__ void check_rows(StepTables m, GivenMatrix M, StepArrays a, const doub
   if (threadIdx.x == 0 && !(worst <= tolerance * scale && gap <= tolerance * scale * column)) out->drifted = 1;
 }
 
-/// Of all queued runs since the plan was made; they only grow.
+/// Sums over all queued runs since the plan was made. Monotone.
 struct MarchTotals {
   long long sweeps, fallbacks, runs, failed;
 };
@@ -175,7 +175,7 @@ class ModalMarch final : public March {
     return report;
   }
 
-  // Nobody interrupts it, and `collect` reports it. The caller repeats what failed.
+  // Queued runs cannot be interrupted; `collect` reports them, and the caller repeats failed ones.
   void submit(Array& y, Array& v) override {
     if (at_once) {
       const MarchReport report = run(y, v);
@@ -267,13 +267,13 @@ class ModalMarch final : public March {
     return {values(*problem_.r), drive, values(y), values(input_), values(known_), int(rows_), int(stride(n_))};
   }
 
-  // What x0 adds and the drive: of this run.
+  // Reads the contribution of x0 and the drive for this run.
   void take_inputs() {
     initial_ = recurrence_->initial.size() > 0 ? on_device(device_, recurrence_->initial) : Memory<double>();
     if (drive_) sine_->apply(*problem_.drive, nullptr, *drive_, 0);
   }
 
-  // Rows that are final, 0 where the host has to take over.
+  // Number of final rows; 0 if the host has to take over.
   Index take_steps(Array& y, MarchReport& report) {
     if (rows_ < 2) return rows_;
     take_inputs();
@@ -289,7 +289,7 @@ class ModalMarch final : public March {
     return rows_;
   }
 
-  // Steps j .. last-1.
+  // Launches steps j .. last-1.
   void launch(Array& y, Index j, Index last, StepOutcome* out) {
     const First first{start_.data(), initial_.size() > 0 ? initial_.data() : nullptr, s1_.data()};
     const StepState state{
@@ -314,7 +314,7 @@ class ModalMarch final : public March {
     return true;
   }
 
-  // v from the rows 0 .. done-1 of y, and their check; NaN beyond.
+  // Computes v for rows 0 .. done-1 of y and checks them; NaN beyond.
   void complete(Array& y, Array& v, Index done, StepOutcome* out) {
     sine_->apply(y, nullptr, exact_input_, 1);
     const unsigned last = unsigned(done - 1);
@@ -340,7 +340,7 @@ class ModalMarch final : public March {
   Index n_, rows_;
   std::unique_ptr<SineTransform> sine_;
   DeviceArray known_;                   ///< free_j, then free_j + w0 u_j
-  DeviceArray input_, exact_input_;     ///< u as the steps had it, and S y
+  DeviceArray input_, exact_input_;     ///< u used by the steps, and S y
   std::unique_ptr<DeviceArray> drive_;  ///< phi in modes
   Memory<double> A_, S_, row_scale_, column_scale_, lower_, diagonal_, upper_, dense_;
   Memory<double> decay_, output_, start_, initial_, lag1_, s1_, w0_;
@@ -349,10 +349,10 @@ class ModalMarch final : public March {
   Memory<int> updates_;
   Memory<unsigned long long> mail_;
   Pinned<StepOutcome> outcome_;  ///< written by the device
-  Memory<StepOutcome> queued_;   ///< of the run that was submitted last
+  Memory<StepOutcome> queued_;   ///< outcome of the run submitted last
   Memory<MarchTotals> totals_;
   MarchTotals reported_{};
-  MarchReport polled_;  ///< of runs at once
+  MarchReport polled_;  ///< sum of runs that were not queued
 };
 
 }  // namespace

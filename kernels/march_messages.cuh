@@ -1,8 +1,8 @@
 #pragma once
-// Messages between the blocks of one launch. A message is one word of 8 bytes, a double and two bits in the place of
-// its last: who waits for it reads it until the bit that says whose turn it is changes, and needs neither a barrier nor
-// a fence. Messages alternate between two buffers, cleared before the launch: who sends the one after next has had an
-// answer to this one from all. Message numbers begin at 1.
+// Messages between the blocks of one launch. A message is one 8-byte word: a double whose last two bits are replaced.
+// The receiver polls it until the turn bit changes, which needs neither a barrier nor a fence. Messages alternate
+// between two buffers, cleared before the launch: a sender reuses a buffer only after it has received the answers of
+// all blocks to the message in between. Message numbers begin at 1.
 
 #include <cuda_runtime.h>
 
@@ -12,7 +12,7 @@ namespace bromwich::cuda {
 
 __device__ inline unsigned long long turn(unsigned number) { return (number + 1) / 2 % 2; }
 
-/// What is left of a value that is sent: 51 bits. Infinite where it, or what came of it, is not finite.
+/// The value as sent, rounded to 51 bits. Infinite if it, or a result computed from it, is not finite.
 __device__ inline double to_send(double value, bool finite) {
   return finite ? __longlong_as_double((__double_as_longlong(value) + 2) & ~3ll) : INFINITY;
 }

@@ -1,15 +1,15 @@
-// Steps of a modal march by all blocks of one launch together. Block b owns the rows i and the modes l of `own`
-// neighbouring indices.
+// Steps of a modal march by one cooperative launch. Block b owns the rows i and the modes l of `own` neighbouring
+// indices.
 //
 // symbol  meaning
-// free_j  what v_j holds without W_0 y_j, in modes; q_j = r_j + S free_j
+// free_j  v_j without W_0 y_j, in modes; q_j = r_j + S free_j
 // G(S)    the tableau of a step after principal pivots on the active set S (kernels/march_transform.cuh): for a known S
 //         one product of G with r_j and free_j gives both y_j and its modes u
 //
-// With u, free_{j+1} = W_1 u + Σ_k C_k E_k z_k follows at once. It is sent before it is known whether S was right: a
-// message holds free_{j+1} of one mode and whether the row of the same number has the wrong sign. Where none has, the
-// step is done, with one message between blocks; otherwise all blocks exchange the wrong indices and repeat it. The
-// rows of G that an exchange needs were sent along, so that a sweep costs one message too.
+// With u, free_{j+1} = W_1 u + Σ_k C_k E_k z_k follows at once. It is sent before it is known whether S is right: a
+// message holds free_{j+1} of one mode and whether the row with the same index has the wrong sign. If no row has, the
+// step is done after one message exchange between blocks. Otherwise all blocks pivot on the wrong indices and repeat
+// the step. The rows of G needed for the pivots are sent along, so a Newton sweep costs one message exchange too.
 
 #include "kernels/march_steps.hpp"
 
@@ -24,8 +24,8 @@ namespace {
 
 constexpr int most_threads = 512;
 
-// Sums `count` values over the warp, halving them from lane to lane: lane t gets the sum of value t * count / 32. By
-// recursion, so that every index is known and the values stay in registers.
+// Sums `count` values over the warp by recursive halving: lane t gets the sum of value t * count / 32. The recursion
+// makes every index a constant, so the values stay in registers.
 template <int count, int bit = 16, int size>
 __device__ double scattered_sum(double (&value)[size]) {
   if constexpr (count > 1) {
@@ -48,7 +48,7 @@ __global__ void form_transform(StepTables m, int own, double* G) {
   form_rows(m, own, blockIdx.x * own, G + long(blockIdx.x) * 4 * own * m.n);
 }
 
-/// One thread's part of a march. Lanes below `own` of the first warp finish a row and a mode each.
+/// One thread's part of a march. The first `own` lanes of the first warp finish one row and one mode each.
 template <int own, int columns, bool resident>
 struct Marcher {
   Transform<own, columns, resident> g;
@@ -57,9 +57,9 @@ struct Marcher {
   const StepArrays& a;
   const int n, K, thread, threads, begin;
 
-  // Of the thread's columns; `ahead` is what the step after will need, read early.
+  // Values of the thread's columns; `ahead` is prefetched for the following step.
   double free[columns] = {}, next[columns] = {}, scale[columns] = {}, r[columns] = {}, r_ahead[columns] = {};
-  // Of the lane's own row and mode.
+  // Values of the lane's own row and mode.
   const bool finishes;
   double own_free = 0, own_next = 0, value = 0, u = 0;
   double own_scale = 0, own_column_scale = 0, lag1 = 0, w0 = 0;
@@ -77,7 +77,7 @@ struct Marcher {
         begin(g.begin),
         finishes(thread < own && begin + thread < n) {}
 
-  // Tables and the state at row `first`; of those in shared memory every thread reads back only what it wrote itself.
+  // Loads tables and the state at row `first`. In shared memory every thread reads back only its own values.
   __device__ void load(int first) {
     for (int k = thread; k < K; k += threads)
       for (int i = 0; i < own; ++i) {
@@ -117,7 +117,7 @@ struct Marcher {
     if (finishes) own_r_ahead = row[begin + thread];
   }
 
-  // r and the drive of row j, which have been read before.
+  // Makes the prefetched r and drive of row j current and prefetches the next.
   __device__ void advance_inputs(int j) {
 #pragma unroll
     for (int q = 0; q < columns; ++q) r[q] = r_ahead[q];
@@ -127,7 +127,7 @@ struct Marcher {
     if (finishes && a.drive) drive_ahead = a.drive[long(min(j + 2, a.rows - 1)) * a.step + begin + thread];
   }
 
-  // From the start set of the run before; what differs from {y_0 > 0} is to be exchanged.
+  // Starts from the start set of the previous run. Returns the number of indices in which it differs from {y_0 > 0}.
   __device__ int start() {
     g.updates = *s.start_updates;
     g.copy(g.P, g.kept(s.start_transform));
@@ -140,7 +140,7 @@ struct Marcher {
     return g.compact();
   }
 
-  // All blocks have read the old one: they have sent messages since.
+  // Stores G for the start set. All blocks have read the old one, since they have sent messages since.
   __device__ void keep_start() const {
     g.copy(g.kept(s.start_transform), g.P);
     if (blockIdx.x > 0) return;
@@ -165,7 +165,8 @@ struct Marcher {
     if (thread == 0) *s.updates = g.updates;
   }
 
-  // next <- the messages of all; marks the wrong signs. Whether there are any, or worse. Ends with a barrier.
+  // next <- the messages of all blocks. Marks rows with the wrong sign; returns whether there are any, or a value is
+  // not finite (`broken`). Ends with a barrier.
   __device__ bool receive_all(bool& broken) {
     bool any = false, infinite = false;
 #pragma unroll
@@ -177,13 +178,13 @@ struct Marcher {
       any |= wrong;
       infinite |= isinf(next[q]);
     }
-    if (any) __threadfence();  // rows of G that came along are read after this
+    if (any) __threadfence();  // orders the reads of the rows of G sent along
     if (!__syncthreads_or(any || infinite)) return false;
     broken = __syncthreads_or(infinite);
     return true;
   }
 
-  // [left right] (-(R r)_S, free) of the own rows, with the sum of |.| for P and T.
+  // [left right] (-(R r)_S, free) of the own rows; for P and T also the sum of absolute terms.
   template <bool with_terms>
   __device__ void multiply(const double* left, const double* right, double (&sum)[2 * own]) const {
 #pragma unroll
@@ -207,8 +208,8 @@ struct Marcher {
     if (lane % (16 / own) == 0) g.shared.partial[(thread / 32 * 2 + part) * 2 * own + of_lane] = mine;
   }
 
-  // (y^_S, w^_I), the terms it is summed from, u and Σ_k C_k E_k z_k of the own indices: lane i of the first warp gets
-  // the sum of value i.
+  // (y^_S, w^_I), the sums of their absolute terms, u and Σ_k C_k E_k z_k of the own indices. Lane i of the first warp
+  // gets value i.
   __device__ double products() const {
     double rows[2 * own] = {}, modes[2 * own] = {};
     multiply<true>(g.P, g.T, rows);
@@ -227,7 +228,7 @@ struct Marcher {
     return total;
   }
 
-  // The first warp: value, u and free_{j+1} of the lane's own index, sent.
+  // First warp: computes value, u and free_{j+1} of the lane's own index and sends them.
   __device__ void finish(double total) {
     const int i = thread % own, l = finishes ? begin + thread : 0;
     value = __shfl_sync(~0u, total, i);
@@ -250,7 +251,7 @@ struct Marcher {
     if (finishes) send(g.mail(g.number, l), own_next, g.number, wrong_sign);
   }
 
-  // Row j is final: z <- E z + u, free <- next.
+  // Accepts row j: z <- E z + u, free <- next.
   __device__ void commit(int j) {
     if (finishes) {
       const int l = begin + thread;
@@ -268,7 +269,7 @@ struct Marcher {
     for (int q = 0; q < columns; ++q) free[q] = next[q];
   }
 
-  // Newton's sweeps exchange all wrong signs; where they do not end, the first of them alone, which does.
+  // Newton sweeps pivot on all wrong signs. If they do not end, only the first one is pivoted on, which terminates.
   __device__ StepOutcome march(const StepSpan& span) {
     StepOutcome out{0, span.first, 0, 0};
     const int cap = 12 + min(n, 40);
@@ -320,7 +321,7 @@ __global__ void __launch_bounds__(most_threads, 1)
 
 }  // namespace
 
-// Four rows a block where there are multiprocessors for it.
+// Four rows per block if there are enough multiprocessors.
 StepKernel::StepKernel(const Device& device, Index n, Index exponentials)
     : device_(device), n_(n), exponentials_(exponentials) {
   if (!choose<4, 1, true>() && !choose<4, 1, false>() && !choose<8, 2, true>() && !choose<8, 2, false>())
@@ -354,7 +355,7 @@ void StepKernel::form(const StepTables& tables, double* transform) const {
 void StepKernel::launch(StepTables tables, StepState state, StepArrays arrays, StepSpan span, StepOutcome* out) const {
   check(cudaMemsetAsync(state.mail, 0, 2 * sizeof(unsigned long long) * std::size_t(n_), device_.stream()),
         "clearing the messages");
-  // The limit is the kernel's: another plan may have lowered it.
+  // This limit belongs to the kernel: another plan may have lowered it.
   check(cudaFuncSetAttribute(kernel_, cudaFuncAttributeMaxDynamicSharedMemorySize, int(shared_)),
         "reserving shared memory");
   void* arguments[] = {&tables, &state, &arrays, &span, &out};

@@ -1,28 +1,28 @@
 #pragma once
-// What the blocks of a march hold of the tableau that solves a step, and how they change its active set together.
+// The tableau of a step, distributed over the blocks of a march, and its principal pivots.
 //
 // symbol  meaning
 // A       R (M + W_0) C, equilibrated (core/lcp/solution.hpp), with q^ = R q and y^ = C^{-1} y
 // G(S)    principal pivot transform on the active set S of the tableau
 //             w^ = A y^ + R r + R S free,    u = S C y^,    G = [P T; V U],  G(empty) = [A, R S; S C, 0],
-//         so that for a known S one product gives both the step's solution and its modes,
+//         so that for a known S one product gives the solution of the step and its modes,
 //             (y^_S, w^_I) = E R r - P(:,S) (R r)_S + T free,    u = -V(:,S) (R r)_S + U free
-// F       indices that are exchanged together: P_FF^{-1} in P_FF, G_RF P_FF^{-1} in G_RF, -P_FF^{-1} G_FR in G_FR and
-//         the Schur complement elsewhere, with R all other rows or columns
+// F       indices of one block pivot: P_FF^{-1} replaces P_FF, G_RF P_FF^{-1} replaces G_RF, -P_FF^{-1} G_FR replaces
+//         G_FR, and the Schur complement replaces the rest, with R all other rows or columns
 //
-// Block b owns the rows i and the modes l of `own` neighbouring indices; the rows F of G go to all blocks.
+// Block b owns the rows i and the modes l of `own` neighbouring indices; the rows F of G are sent to all blocks.
 
 #include "kernels/march_messages.cuh"
 #include "kernels/march_steps.hpp"
 
 namespace bromwich::cuda {
 
-constexpr int chunk = 32;  ///< indices that are exchanged at once
+constexpr int chunk = 32;  ///< indices per block pivot
 
-// Exchanges before G is formed anew: its rounding errors grow with their number, and forming it takes up to n.
+// Pivots before G is formed again from A. Rounding errors grow with their number; forming G takes up to n pivots.
 __device__ inline int most_updates(int n) { return 200 + 4 * n; }
 
-// Of a matrix with entries about one: a smaller pivot is rounding.
+// For a matrix with entries of about one; smaller pivots are rounding errors.
 constexpr double least_pivot = 1e-13;
 
 // G(empty) for the indices begin .. begin + own - 1.
@@ -40,7 +40,7 @@ __device__ inline void form_rows(const StepTables& m, int own, int begin, double
     }
 }
 
-/// Shared memory of a block, in the order in which it is laid out. Doubles come first. `marks` has a bit an index.
+/// Shared memory of a block, in layout order, doubles first. `marks` has one bit per index.
 template <int own, bool resident>
 struct BlockMemory {
   double *G, *z, *decay, *weight, *partial, *pivots, *multipliers, *input;
@@ -67,7 +67,7 @@ struct BlockMemory {
   }
 };
 
-/// A thread's part of the block's G: its columns t, t + threads, ... of all own rows.
+/// A thread's part of the block's G: columns t, t + threads, ... of all own rows.
 template <int own, int columns, bool resident>
 struct Transform {
   const StepTables& m;
@@ -76,7 +76,7 @@ struct Transform {
   const int n, thread, threads, begin;            ///< begin: the first own index
   double *const P, *const T, *const V, *const U;  ///< own x n each
   unsigned number = 0;                            ///< of the last message
-  int updates = 0;                                ///< exchanges since G was formed from A
+  int updates = 0;                                ///< pivots since G was formed from A
 
   __device__ Transform(const StepTables& m, const StepState& s, double* memory)
       : m(m),
@@ -101,13 +101,13 @@ struct Transform {
       for (int c = thread; c < n; c += threads) to[row * n + c] = from[row * n + c];
   }
 
-  /// Marks the thread's q-th column, or takes the mark away; all threads of a warp together.
+  /// Sets or clears the mark of the thread's q-th column. Called by all threads of a warp together.
   __device__ void mark(int q, bool marked) const {
     const unsigned all = __ballot_sync(~0u, marked);
     if (thread % 32 == 0) shared.marks[(thread + q * threads) / 32] = all;
   }
 
-  /// shared.list of what is marked, in ascending order. Begins and ends with a barrier.
+  /// Writes the marked indices to shared.list in ascending order. Begins and ends with a barrier.
   __device__ int compact() const {
     __syncthreads();
     const int lane = thread % 32;
@@ -130,7 +130,7 @@ struct Transform {
     return count;
   }
 
-  // The first warp writes the rows [P T] of the own indices in `mask` where the others will read them.
+  // First warp: writes the rows [P T] of the own indices in `mask` to global memory for the other blocks.
   __device__ void publish(unsigned mask, unsigned number) const {
     for (; mask != 0; mask &= mask - 1) {
       const int i = __ffs(mask) - 1;
@@ -142,7 +142,7 @@ struct Transform {
     __threadfence();
   }
 
-  // Rows of G of the indices list[first .. first + size) to all blocks, where no step's message took them along.
+  // Sends the rows of G of list[first .. first + size) to all blocks, if the messages of a step have not done so.
   __device__ void share_rows(int first, int size) {
     ++number;
     if (thread < 32) {
@@ -159,8 +159,8 @@ struct Transform {
     __syncthreads();
   }
 
-  // P_FF^{-1} for F = list[0 .. size), pivot by pivot; for a P-matrix all are positive. Null where one is not. Rows are
-  // `chunk` values apart, and a warp takes a row.
+  // P_FF^{-1} for F = list[0 .. size), pivot by pivot. For a P-matrix all pivots are positive; null if one is not. Rows
+  // are `chunk` values apart, one warp per row.
   __device__ const double* invert(const int* F, int size) const {
     double *from = shared.pivots, *to = from + chunk * chunk;
     const int c = thread % 32, warps = threads / 32;
@@ -185,7 +185,7 @@ struct Transform {
     return from;
   }
 
-  // multipliers[f][row] of own row i: G_iF P_FF^{-1}, and for i in F the row of P_FF^{-1}, which replaces the old one.
+  // multipliers[f][row] of own row i: G_iF P_FF^{-1}; for i in F the row of P_FF^{-1} that replaces the old one.
   __device__ void find_multipliers(const int* F, int size, const double* inverse) const {
     for (int e = thread; e < 2 * own * size; e += threads) {
       const int row = e % (2 * own), f = e / (2 * own), i = row < own ? row : row - own;
@@ -202,8 +202,8 @@ struct Transform {
     __syncthreads();
   }
 
-  // The column c of [P; V] (offset 0) or [T; U] (offset n): minus multipliers rows_F; the columns F of P and V are the
-  // multipliers.
+  // Column c of [P; V] (offset 0) or [T; U] (offset n): subtracts multipliers rows_F. The columns F of P and V become
+  // the multipliers.
   __device__ void update_column(const int* F, int size, int c, int offset, double* top, double* bottom) const {
     double sum[2 * own] = {};
     int at = -1;
@@ -223,7 +223,8 @@ struct Transform {
     }
   }
 
-  // Exchanges list[0 .. count). `sent`: the rows came with the last message. Ends with a barrier; false: no P-matrix.
+  // Pivots on list[0 .. count). `sent`: the rows came with the last message. Ends with a barrier. False: not a
+  // P-matrix.
   __device__ bool exchange(int count, bool sent) {
     for (int first = 0; first < count; first += chunk) {
       const int size = min(chunk, count - first), *const F = shared.list + first;
@@ -242,7 +243,7 @@ struct Transform {
     return true;
   }
 
-  // The same, and G formed anew for the active set where it has been updated often.
+  // The same, but forms G again for the active set after many pivots.
   __device__ bool exchange_or_form(int count, bool sent) {
     for (;;) {
       if (!exchange(count, sent)) return false;

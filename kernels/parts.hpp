@@ -1,5 +1,5 @@
 #pragma once
-// The makers of each plan of this room.
+// The makers of the plans of kernels/.
 
 #include "kernels/device.hpp"
 
@@ -10,7 +10,7 @@
 namespace bromwich::cuda {
 
 std::unique_ptr<SineTransform> make_sine_transform(const Device&, Index n, Index rows);
-/// The three that it chooses from: a kernel for n + 1 a power of two, 16 to 4096 (`has_sine_rows`), a product with the
+/// The three implementations: one kernel for n + 1 a power of two, 16 to 4096 (`has_sine_rows`), a product with the
 /// dense matrix, and cuFFT.
 bool has_sine_rows(Index n);
 std::unique_ptr<SineTransform> make_sine_rows(const Device&, Index n);
@@ -18,14 +18,14 @@ std::unique_ptr<SineTransform> make_sine_product(const Device&, Index n);
 std::unique_ptr<SineTransform> make_sine_fft(const Device&, Index n, Index rows);
 std::unique_ptr<Convolution> make_convolution(const Device&, const DenseRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_convolution(const Device&, const ModalRecurrence&, Index rows);
-/// The two that it chooses from or divides the modes between: modes 0 .. modes - 1 by their exponentials, and modes
-/// first .. n - 1 with the weights that the recurrence without `initial` stands for, up to lag lengths[l] of mode l, on
-/// the stream given.
+/// The two implementations, used alone or on different modes. The scan takes modes 0 .. modes - 1. The direct sum takes
+/// modes first .. n - 1 with weights up to lag lengths[l] of mode l, on the given stream, for a recurrence without
+/// `initial`.
 std::unique_ptr<Convolution> make_modal_scan(const Device&, const ModalRecurrence&, Index modes, Index rows);
 std::unique_ptr<Convolution> make_direct_convolution(const Device&, cudaStream_t, const ModalRecurrence&,
                                                      const std::vector<Index>& lengths, Index first, Index rows);
 std::unique_ptr<Convolution> make_convolution(const Device&, const LagTable&, Index rows);
-/// The operations as a CUDA graph; empty above the size where launching them one by one is hidden behind their work.
+/// Records operations as a CUDA graph; empty above the size at which launch overhead is hidden.
 std::function<void()> record(const Device&, Index values, const std::function<void()>& operations);
 void upload_product(const Device&, const RowMatrix& amplitudes, const Matrix& shapes, Array& to);
 void upload_projection(const Device&, const Vector& values, const Array& P, Array& to);
@@ -36,20 +36,20 @@ void restrict_problem(const Device&, const Array& r, const Array& v, const Array
 void add(const Device&, const Array& b, double s, const Array& c, Array& a);
 std::unique_ptr<Differences> make_differences(const Device&, std::size_t slots);
 bool alternates(const Device&, const Array& y, Index run, double part);
-/// Null where the matrix is too large for these kernels.
+/// Null if the matrix is too large for these kernels.
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Device&, const Tridiagonal&, LcpClass, double shift, Index rows);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Device&, const Matrix&, LcpClass, Index rows);
 
-/// What no kernel here takes is marched by `host`.
+/// Marches without a kernel run on `host`.
 std::unique_ptr<March> make_march(const Device&, Backend& host, const MarchProblem&, Index rows);
 
-/// Null for sparse maps of many states and for very long chains.
+/// Null for sparse maps with many states and for very long chains.
 std::unique_ptr<StepChain> make_step_chain(const Device&, const StepChainProblem&);
 
 /// Null for more than 32 states.
 std::unique_ptr<AffineChain> make_affine_chain(const Device&, const AffineChainSizes&);
 
-/// The shifted solves of dense scenes and Kronecker sums. Waits for what it returns.
+/// Shifted solves of dense scenes and Kronecker sums. Waits for the results.
 class Resolvent {
  public:
   explicit Resolvent(const Device& device) : device_(device) {}

@@ -1,7 +1,7 @@
 #pragma once
-// Pieces of a transfer on their way through a ring of slots. Each is started, arrives in its slot, and is taken out of
-// it in parts by as many threads as there are; whoever finds nothing to take out looks for what has arrived and starts
-// what has a slot. One thread alone gets through as well.
+// A transfer in pieces through a ring of slots. Each piece is started, arrives in its slot, and is taken out in parts
+// by any number of threads. A thread that finds nothing to take out polls for arrivals and starts pieces that have a
+// free slot. One thread alone suffices.
 
 #include <atomic>
 #include <cstddef>
@@ -12,8 +12,9 @@
 
 namespace bromwich {
 
-/// start(piece): begins to fill slot piece % slots. arrived(piece): whether that has ended; asked for the pieces in
-/// order. Neither by two threads at a time; what they throw ends the relay, see `failure`. take_out(piece, part).
+/// start(piece): begins to fill slot piece % slots. arrived(piece): whether the piece is complete; called in order of
+/// the pieces. Neither is called concurrently; an exception ends the relay, see `failure`. take_out(piece, part) may
+/// run concurrently.
 template <class Start, class Arrived, class TakeOut>
 class PieceRelay {
  public:
@@ -27,7 +28,7 @@ class PieceRelay {
     for (auto& parts_taken : taken_out_) parts_taken = parts;
   }
 
-  /// Starts what has a slot and looks for what has arrived, unless another thread is about it.
+  /// Starts pieces that have a free slot and polls for arrivals, unless another thread is doing so.
   void advance() noexcept {
     if (busy_.test_and_set(std::memory_order_acquire)) return std::this_thread::yield();
     try {
@@ -46,7 +47,7 @@ class PieceRelay {
     busy_.clear(std::memory_order_release);
   }
 
-  /// By each thread, until all parts are taken out or in work, or something has failed.
+  /// Called by each thread. Returns when all parts are taken out or in progress, or after a failure.
   void work() noexcept {
     for (;;) {
       const std::size_t ticket = next_.fetch_add(1, std::memory_order_relaxed);
@@ -61,16 +62,16 @@ class PieceRelay {
     }
   }
 
-  /// After all threads: what `start` or `arrived` has thrown, or null.
+  /// Call after all threads have returned: the exception of `start` or `arrived`, or null.
   std::exception_ptr failure() const { return failure_; }
 
  private:
   std::size_t pieces_, parts_;
-  std::vector<std::atomic<std::size_t>> taken_out_;  ///< parts, of the piece that each slot holds or held last
+  std::vector<std::atomic<std::size_t>> taken_out_;  ///< parts taken out of the last piece of each slot
   Start start_;
   Arrived arrived_;
   TakeOut take_out_;
-  std::size_t started_ = 0;  ///< of the thread that is busy
+  std::size_t started_ = 0;  ///< used by the thread that holds busy_
   std::atomic<std::size_t> there_{0}, next_{0};
   std::atomic_flag busy_;
   std::atomic<bool> failed_{false};

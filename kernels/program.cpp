@@ -1,4 +1,4 @@
-// Operations recorded as a CUDA graph: one launch instead of one a kernel.
+// Operations recorded as a CUDA graph: one launch for all kernels.
 
 #include "kernels/parts.hpp"
 
@@ -6,7 +6,7 @@ namespace bromwich::cuda {
 
 namespace {
 
-/// Kernels over more values than this take longer than their launches.
+/// Kernels over more values take longer than their launches.
 constexpr Index most_values = Index(1) << 22;
 
 class Graph {
@@ -26,7 +26,7 @@ class Graph {
     const cudaError_t status = cudaGraphInstantiate(&executable_, graph, 0);
     cudaGraphDestroy(graph);
     check(status, "recording operations");
-    check(cudaGraphUpload(executable_, stream_), "recording operations");  // or the first run does it
+    check(cudaGraphUpload(executable_, stream_), "recording operations");  // otherwise the first run uploads it
   }
   ~Graph() { device_.retired_graphs().add(executable_); }
   Graph(const Graph&) = delete;

@@ -4,7 +4,7 @@
 
 namespace bromwich::cuda {
 
-/// 1/b to rounding: the 20 bits of the approximation, tripled.
+/// 1/b to rounding: one third-order step from the 20-bit approximation.
 __device__ inline double reciprocal(double b) {
   double r;
   asm("rcp.approx.ftz.f64 %0, %1;" : "=d"(r) : "d"(b));

@@ -1,5 +1,5 @@
 #pragma once
-// What a driver takes long to give and to take back, kept for the plans that are made next.
+// Resources that the driver allocates and frees slowly, kept for later plans.
 
 #include <cuda_runtime.h>
 
@@ -9,13 +9,12 @@
 
 namespace bromwich::cuda {
 
-/// Blocks of device memory. All are used in the order of one stream, so that one which is given back may be taken at
-/// once.
+/// Blocks of device memory. All are used in order on one stream, so a returned block can be reused at once.
 class BlockCache {
  public:
   struct Block {
     void* data = nullptr;
-    std::size_t bytes = 0;  ///< at least what was asked for, and at most a quarter more
+    std::size_t bytes = 0;  ///< at least the requested size, at most a quarter more
   };
 
   explicit BlockCache(cudaStream_t stream) : stream_(stream) {}
@@ -23,7 +22,7 @@ class BlockCache {
   BlockCache(const BlockCache&) = delete;
   BlockCache& operator=(const BlockCache&) = delete;
 
-  /// Raises Error("cuda", ...) where there is no memory, after everything kept has gone back.
+  /// Frees everything kept and retries if memory is short, then throws Error("cuda", ...).
   Block take(std::size_t bytes);
   void give_back(const Block&);
   void clear();
@@ -38,7 +37,7 @@ class BlockCache {
   std::size_t kept_ = 0;
 };
 
-/// A stream beside that of the device, and events to begin it behind that one and to end it before what follows there.
+/// A stream beside the main one, with events for fork and join.
 struct SideStream {
   cudaStream_t stream = nullptr;
   cudaEvent_t begun = nullptr, ended = nullptr;
@@ -52,14 +51,14 @@ class SideStreams {
   SideStreams& operator=(const SideStreams&) = delete;
 
   SideStream take();
-  /// What it was asked for has to be awaited by the stream of the device.
+  /// The main stream must wait for the work of the side stream.
   void give_back(const SideStream& side) { free_.push_back(side); }
 
  private:
   std::vector<SideStream> free_;
 };
 
-/// Graphs that nobody starts any more: destroyed when the next one is made, or at the end.
+/// Graphs out of use, destroyed when the next graph is made or at the end.
 class RetiredGraphs {
  public:
   RetiredGraphs() = default;

@@ -1,16 +1,16 @@
-// N (z_p I - A)^{-1} B at all nodes of a contour: what stands at the beginning of every kernel.
+// N (z_p I - A)^{-1} B at all nodes of a contour.
 //
-// Kronecker sum: sine mode l sees one grid line at the shift z - mu_l, whose Green's function is known
-// (core/kernel/kernel.cpp). With s = z dx^2/c, 2 cosh theta = 2 + s and rho = e^{-theta}, |rho| <= 1, entry (i, j), i
-// <= j, is
+// Kronecker sum: sine mode l is one grid line with the shift z - mu_l, whose Green's function is known
+// (core/dynamics/line_transfer.hpp). With s = z dx^2/c, 2 cosh theta = 2 + s and rho = e^{-theta}, |rho| <= 1, entry
+// (i, j), i <= j, is
 //
 //     dx^2/c rho^{1+j-i} (1 - rho^{2i})/(1 - rho^2) (1 - rho^{2(Q+1-j)})/(1 - rho^{2(Q+1)}).
 //
-// Dense: LU factorizations with partial pivoting, all nodes at once: one after the other they fill a device only from
-// some 700 states on. Only min(n, k) right-hand sides are solved for: N^T with the transposed matrix where N has fewer
-// rows than B columns.
+// Dense: LU factorizations with partial pivoting of all nodes at once; a single one fills a device only from about 700
+// states on. Only min(n, k) right-hand sides are solved: N^T with the transposed matrix if N has fewer rows than B
+// has columns.
 //
-// Sparse: the host's elimination already returns the block of each node; there is nothing left to compute here.
+// Sparse: computed by the host backend, whose elimination returns N (..) B directly.
 
 #include "kernels/blas.hpp"
 #include "kernels/parts.hpp"
@@ -30,8 +30,8 @@ namespace {
 
 using Number = thrust::complex<double>;
 
-constexpr Index group_bytes = Index(1) << 30;  ///< of factors and right-hand sides at once
-constexpr Index most_nodes = 4096;             ///< of a group: the second dimension of a grid ends at 65535
+constexpr Index group_bytes = Index(1) << 30;  ///< factors and right-hand sides of one group
+constexpr Index most_nodes = 4096;             ///< per group; the second grid dimension is limited to 65535
 constexpr int threads = 128;
 
 unsigned blocks(Index count) { return unsigned((count + threads - 1) / threads); }
@@ -47,7 +47,7 @@ __device__ Number expm1(Number z) {
   return {grown * cosine - 2 * half * half, (grown + 1) * sine};
 }
 
-// asinh w for |w| < 0.06, where the logarithm would lose digits: the next term of the series is below 1e-18.
+// asinh w for |w| < 0.06, where the logarithm loses digits; the next term of the series is below 1e-18.
 __device__ Number small_asinh(Number w) {
   const double coefficients[] = {231. / 13312, -63. / 2816, 35. / 1152, -5. / 112, 3. / 40, -1. / 6, 1};
   const Number square = w * w;
@@ -83,7 +83,7 @@ class Green {
   }
 
  private:
-  // 1 - rho^{2k}; below rounding the power is not formed.
+  // 1 - rho^{2k}; the power is skipped if it is below rounding.
   __device__ Number decay(int k) const {
     const Number exponent = -2.0 * double(k) * theta_;
     return exponent.real() < -37 ? Number(1) : -expm1(exponent);
@@ -93,7 +93,7 @@ class Green {
   Number rho_, theta_;
 };
 
-// One thread a mode and node. Entries of n and b that are not zero: `seen` and `driven`, by their places from 1.
+// One thread per mode and node. Nonzero entries of n and b: `seen` and `driven`, with positions from 1.
 struct Entries {
   const int* place;
   const double* value;
@@ -114,7 +114,7 @@ __global__ void line_transfers(Line line, Entries seen, Entries driven, const do
   out[long(p) * modes + l] = sum;
 }
 
-// z_p I - A, columns contiguous.
+// z_p I - A, column-major.
 __global__ void shift(const double* __restrict__ A, long m, const Number* __restrict__ nodes,
                       Number* __restrict__ out) {
   const long at = long(blockIdx.x) * threads + threadIdx.x;
@@ -146,7 +146,7 @@ Memory<T> list_on_device(const Device& device, const std::vector<T>& values) {
   return memory;
 }
 
-/// The entries of a vector that are not zero.
+/// The nonzero entries of a vector.
 struct EntryList {
   EntryList(const Device& device, const Vector& values) {
     std::vector<int> places;
@@ -165,7 +165,7 @@ struct EntryList {
   Memory<double> value;
 };
 
-/// The factors of as many nodes as fit and their solutions, side by side.
+/// Factors and solutions of as many nodes as fit.
 class Group {
  public:
   Group(const Device& device, cublasHandle_t blas, const DenseDynamics& d, Index nodes)
@@ -223,13 +223,13 @@ class Group {
     const int m = int(m_), sides = int(right_sides_);
     check(cublasZgetrfBatched(blas_, m, factor_of_.data(), m, pivots_.data(), singular_.data(), count),
           "factoring the shifted matrices");
-    int refused = 0;  // an argument, never a matrix
+    int refused = 0;  // set for invalid arguments, never by a singular matrix
     check(cublasZgetrsBatched(blas_, transposed_ ? CUBLAS_OP_T : CUBLAS_OP_N, m, sides, factor_of_.data(), m,
                               pivots_.data(), solution_of_.data(), m, &refused, count),
           "the shifted solves");
   }
 
-  // Columns are contiguous here, so the transpose (k x n) of each block is what is wanted: B^T X or X^T N^T.
+  // Column-major, so the transpose (k x n) of each result is formed: B^T X or X^T N^T.
   void multiply(int count) {
     const int m = int(m_), n = int(n_), k = int(k_);
     const cuDoubleComplex one{1, 0}, zero{0, 0};
@@ -250,7 +250,7 @@ class Group {
   Memory<double> A_;
   Memory<Number> B_, N_, nodes_, factors_, solutions_, results_;
   Memory<cuDoubleComplex*> factor_of_, solution_of_;
-  Memory<int> pivots_, singular_;  ///< singular: the first zero pivot of each node, counted from 1, or 0
+  Memory<int> pivots_, singular_;  ///< singular: index of the first zero pivot of each node, from 1, or 0
 };
 
 using NodeRows = Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;

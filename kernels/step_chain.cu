@@ -1,14 +1,14 @@
-// Chains of dense one-step maps (core/host/step_chain.hpp) up to 64 states. Along the chain, in the direction in which
-// it is solved, rows are row vectors and follow each other as
+// Chains of dense one-step maps (core/host/step_chain.hpp) with up to 64 states. In the direction of the solution, rows
+// are row vectors with
 //
 //     x_p = q_p + x_{p-1} (I + X_p),    X = D^T forward in time, X = D for the adjoint, p = 1..M,
 //
-// D the increment of the step (core/host/step_chain.hpp); products of steps are kept as increments too. Serial: one
-// block, 16 threads a component, the next map on its way while this one is applied. Scan: a block for each chunk of
-// steps multiplies [I + X; x] through, (m+1) x m values in shared memory; one block carries from chunk to chunk; then
-// all chunks are substituted at once. Doubling: the same product for every row, all products of 2^k maps in global
-// memory: 2 M m^2 values read and M m^2 written each time. Windows that repeat are not looked for here: naming them on
-// the host takes longer than multiplying them.
+// D the increment of the step (core/host/step_chain.hpp); products of steps are also stored as increments. Serial: one
+// block, 16 threads per component, with the next map prefetched. Scan: one block per chunk of steps forms the product
+// of the maps and its contribution [I + X; x], (m+1) x m values in shared memory; one block carries from chunk to
+// chunk; then all chunks are substituted at once. Doubling: the same product for every row, with all products of 2^k
+// maps in global memory: 2 M m^2 values read and M m^2 written per level. Repeated windows are not shared: naming them
+// on the host takes longer than multiplying them.
 
 #include "kernels/host_plans.hpp"
 #include "kernels/parts.hpp"
@@ -30,13 +30,13 @@ namespace {
 constexpr Index most_steps = 100'000'000;
 constexpr int most_states = 64, lanes = 16, slots = most_states / lanes;
 constexpr int threads = 256;
-constexpr Index serial_steps = 256;  ///< up to here a scan gains nothing
+constexpr Index serial_steps = 256;  ///< up to here a scan is no faster
 
-/// Matrices by kind, columns contiguous, and the direction.
+/// Matrices by kind, column-major, and the direction.
 struct Chain {
   const double* matrices;
   const int* map_of;  ///< null: step i has matrix i
-  int m, M, stride;   ///< stride: of rows
+  int m, M, stride;   ///< stride: between rows
   bool backward;      ///< position p is row M - p
   bool transposed;    ///< X is the transpose of the matrix
 
@@ -49,7 +49,7 @@ struct Chain {
   __device__ int at(int k, int j) const { return transposed ? k * m + j : j * m + k; }
 };
 
-// out_i = in_i X for rows i >= 1 with the matrix of their step, row 0 as it is.
+// out_i = in_i X for rows i >= 1 with the matrix of their step; row 0 is copied.
 __global__ void solve_rows(Chain c, const double* __restrict__ in, double* __restrict__ out) {
   const long index = long(blockIdx.x) * threads + threadIdx.x;
   const int i = int(index / c.m), j = int(index % c.m);
@@ -78,7 +78,7 @@ __global__ void sweep_rows(Chain c, bool plus_identity, const double* __restrict
   out[long(i) * c.stride + j] = sum;
 }
 
-// r_i = d_i + (R - S) x_i - R (x_i - x_{i-1}), r_0 = d_0 - x_0. `change` has R - S.
+// r_i = d_i + (R - S) x_i - R (x_i - x_{i-1}), r_0 = d_0 - x_0. `change` holds R - S.
 __global__ void residual_rows(Chain R, const double* __restrict__ change, const double* __restrict__ d,
                               const double* __restrict__ x, double* __restrict__ r) {
   const long index = long(blockIdx.x) * threads + threadIdx.x;
@@ -99,7 +99,7 @@ __global__ void residual_rows(Chain R, const double* __restrict__ change, const 
   r[long(i) * R.stride + j] = sum;
 }
 
-// x holds q and becomes the solution, for the positions of each block's chunk; `entry` has the row before each chunk.
+// Overwrites q in x with the solution, one chunk per block; `entry` has the row before each chunk.
 __global__ void substitute(Chain c, double* __restrict__ x, int length, const double* __restrict__ entry) {
   __shared__ double state[2][most_states];
   const int lane = threadIdx.x % lanes, j = threadIdx.x / lanes;
@@ -139,7 +139,7 @@ __global__ void substitute(Chain c, double* __restrict__ x, int length, const do
   }
 }
 
-// Entry o of [left; row] X, (m+1) x m, columns contiguous.
+// Entry o of [left; row] X, (m+1) x m, column-major.
 __device__ double product_entry(const double* left, const double* X, int m, int o) {
   const int r = o % (m + 1), j = o / (m + 1);
   double sum = 0;
@@ -148,7 +148,8 @@ __device__ double product_entry(const double* left, const double* X, int m, int 
   return sum;
 }
 
-// Of each chunk: the increment of the product of its maps, and in row block + 1 of `sums` what its own q add up to.
+// For each chunk the increment of the product of its maps, and in row block + 1 of `sums` the contribution of its own
+// q.
 __global__ void multiply_chunk(Chain c, const double* __restrict__ q, int length, double* __restrict__ products,
                                double* __restrict__ sums) {
   extern __shared__ double shared[];
@@ -168,7 +169,7 @@ __global__ void multiply_chunk(Chain c, const double* __restrict__ q, int length
   if (first <= last) fetch(first);
   for (int p = first; p <= last; ++p) {
     __pipeline_wait_prior(0);
-    __syncthreads();  // what came and what was computed is there, and nobody reads what was before it
+    __syncthreads();  // prefetched and computed values are visible, and the old ones are no longer read
     if (p < last) fetch(p + 1);
     for (int o = threadIdx.x; o < size; o += blockDim.x) {
       const int r = o % (m + 1), j = o / (m + 1);
@@ -187,8 +188,8 @@ __global__ void multiply_chunk(Chain c, const double* __restrict__ q, int length
   }
 }
 
-// With I + X_i the product of `length` maps that carries row i + length to row i: next_i = mu_i + mu_{i+length} +
-// mu_{i+length} X_i, and of the products of twice the length X_{i+length} + X_i + X_{i+length} X_i.
+// With the product I + X_i of the `length` maps from row i + length to row i: next_i = mu_i + mu_{i+length} +
+// mu_{i+length} X_i. Products of twice the length: X_{i+length} + X_i + X_{i+length} X_i.
 __global__ void double_window_rows(Chain c, int length, const double* __restrict__ mu, double* __restrict__ next,
                                    double* __restrict__ longer) {
   extern __shared__ double shared[];
@@ -240,7 +241,7 @@ class SmallStepChain final : public DeviceStepChain {
     inverse_.put(inverse.data());
     R_.put(R.data());
     change_.put(change.data());
-    // Steps within a chunk cost about four times what a chunk costs in the carry; all chunks run at once.
+    // A step within a chunk costs about four times a chunk of the carry; all chunks run at once.
     const int resident = device.multiprocessors() * std::max(1, 2048 / whole_warps((m_ + 1) * m_));
     const int chunks = std::clamp(int(2 * std::sqrt(double(M_))), 1, resident);
     length_ = (M_ + chunks - 1) / chunks;

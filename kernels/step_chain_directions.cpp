@@ -1,4 +1,4 @@
-// Chains of steps solved in both directions, whatever multiplies their maps.
+// Chains of steps solved forward and backward; the products with maps are virtual.
 
 #include "kernels/host_plans.hpp"
 #include "kernels/step_chain.hpp"
@@ -74,7 +74,7 @@ const double* DeviceStepChain::doubled() {
   for (int level = 0; (1L << level) <= M_; ++level) {
     double_windows(level, mu, next);
     std::swap(mu, next);
-    // The rows that no window reaches are final, in both arrays from the second time on.
+    // Rows that no window reaches are final. From the second level on, both arrays hold them.
     const Index rows = std::min<Index>(M_ + 1, 2L << level);
     copy_rows(mu, next, M_ + 1 - rows, rows);
   }

@@ -1,11 +1,10 @@
-// Chains of one-step maps with more states than a block holds (core/host/step_chain.hpp), dense or written out.
-// Notation of step_chain.cu: row p follows row p - 1 by x_p = q_p + x_{p-1} (I + X_p), X = D^T forward in time, D for
-// the adjoint.
+// Chains of one-step maps with too many states for one block (core/host/step_chain.hpp), dense or converted to dense.
+// Notation of step_chain.cu: x_p = q_p + x_{p-1} (I + X_p), X = D^T forward in time, D for the adjoint.
 //
-// What does not run along time: rows of one kind are gathered, multiplied by cuBLAS, one product for each kind, and
-// scattered. Serial: a launch for each step, a warp for each state; a launch takes longer than the product. Scan: the
-// chunks in lockstep, as batched products of (m+1) x m with m x m matrices, then one serial run from chunk to chunk,
-// then all chunks in lockstep once more. Doubling: batched products of all windows.
+// Operations on all rows: rows of one kind are gathered, multiplied by cuBLAS, one product per kind, and scattered.
+// Serial: one launch per step, one warp per state; the launch takes longer than the product. Scan: all chunks in
+// lockstep, as batched products of (m+1) x m with m x m matrices, then one serial run from chunk to chunk, then all
+// chunks in lockstep again. Doubling: batched products of all windows.
 
 #include "kernels/blas.hpp"
 #include "kernels/parts.hpp"
@@ -22,16 +21,16 @@ namespace bromwich::cuda {
 namespace {
 
 constexpr int block_threads = 256, block_columns = block_threads / 32;
-constexpr Index most_batched = 16384;       ///< products of one call
-constexpr Index serial_steps = 256;         ///< up to here a scan gains nothing
-constexpr Index most_scanned_states = 384;  ///< above, 2 m^3 operations a step take longer than a launch does
+constexpr Index most_batched = 16384;       ///< products per call
+constexpr Index serial_steps = 256;         ///< up to here a scan is no faster
+constexpr Index most_scanned_states = 384;  ///< above it, 2 m^3 operations per step take longer than a launch
 
-/// X_i by kind, columns contiguous, and the direction.
+/// X_i by kind, column-major, and the direction.
 struct Steps {
   const double* matrices;
   const int* map_of;  ///< null: step i has matrix i
-  int m, height;      ///< rows of a matrix as it is stored
-  int M, stride;      ///< stride: of rows
+  int m, height;      ///< height: rows of a matrix as stored
+  int M, stride;      ///< stride: between rows
   bool backward;      ///< position p is row M - p
 
   __device__ long row(int p) const { return long(backward ? M - p : p) * stride; }
@@ -50,7 +49,7 @@ __device__ double column_product(const double* row, const double* X, const Steps
   return sum;
 }
 
-// x holds q and becomes the solution at position `at` of every chunk; `entry` has the rows before the chunks, or null:
+// Overwrites q in x with the solution at position `at` of every chunk. `entry` has the rows before the chunks; null if
 // they are in x.
 __global__ void step_rows(Steps s, double* x, const double* entry, int length, int at) {
   const int p = blockIdx.y * length + 1 + at, j = blockIdx.x * block_columns + threadIdx.x / 32;
@@ -60,7 +59,7 @@ __global__ void step_rows(Steps s, double* x, const double* entry, int length, i
   if (threadIdx.x % 32 == 0) x[s.row(p) + j] = before[j] + (x[s.row(p) + j] + sum);
 }
 
-// next_i = mu_i + mu_{i+length} (I + X_i) for i <= M - length, X_i of the window that begins behind row i.
+// next_i = mu_i + mu_{i+length} (I + X_i) for i <= M - length, X_i of the window that follows row i.
 __global__ void double_rows(Steps s, int length, const double* __restrict__ mu, double* __restrict__ next) {
   const int across = (s.m + block_columns - 1) / block_columns, i = blockIdx.x / across,
             j = blockIdx.x % across * block_columns + threadIdx.x / 32;
@@ -70,7 +69,7 @@ __global__ void double_rows(Steps s, int length, const double* __restrict__ mu, 
   if (threadIdx.x % 32 == 0) next[long(i) * s.stride + j] = mu[long(i) * s.stride + j] + (later[j] + sum);
 }
 
-// longer_i = X_{i+length} + X_i, to which the product of both is added; where these three are.
+// longer_i = X_{i+length} + X_i, to which their product is added later; also lists the pointers for that product.
 __global__ void add_windows(Steps s, int length, double* __restrict__ longer, const double** late, const double** early,
                             double** sum) {
   const int i = blockIdx.x;
@@ -84,8 +83,8 @@ __global__ void add_windows(Steps s, int length, double* __restrict__ longer, co
   sum[i] = out;
 }
 
-// Of each chunk in lockstep: [C; c] + [X; q] with C the increment of its product so far and c what its own q add up to,
-// (m+1) x m; [C; c] X is then added.
+// For each chunk in lockstep: [C; c] + [X; q], (m+1) x m, with the increment C of its product so far and the
+// contribution c of its own q; [C; c] X is added later.
 __global__ void add_step(Steps s, const double* __restrict__ q, int length, int at, const double* __restrict__ from,
                          double* __restrict__ to, const double** now, const double** X, double** next) {
   const int b = blockIdx.x, p = b * length + 1 + at, rows = s.m + 1;
@@ -103,7 +102,7 @@ __global__ void add_step(Steps s, const double* __restrict__ q, int length, int 
   next[b] = after;
 }
 
-// The last row of every chunk's product: what its own q add up to.
+// The last row of every chunk's product: the contribution of its own q.
 __global__ void take_sums(const double* __restrict__ products, int m, double* __restrict__ sums) {
   const long b = blockIdx.x;
   for (int j = threadIdx.x; j < m; j += blockDim.x) sums[(b + 1) * m + j] = products[(b * m + j) * (m + 1) + m];
@@ -117,7 +116,7 @@ __global__ void gather_rows(const int* __restrict__ places, int shift, int strid
     packed[long(blockIdx.x) * stride + j] = difference ? row[j] - row[j - stride] : row[j];
 }
 
-// out_{place + shift} = add_{place + shift} + packed_p + other_p; what is null is left out.
+// out_{place + shift} = add_{place + shift} + packed_p + other_p; null terms are skipped.
 __global__ void scatter_rows(const int* __restrict__ places, int shift, int m, int stride,
                              const double* __restrict__ packed, const double* __restrict__ other, const double* add,
                              double* out) {
@@ -194,7 +193,7 @@ class LargeStepChain final : public DeviceStepChain {
 
   struct Group {
     std::size_t kind;
-    int first, count;  ///< of places_
+    int first, count;  ///< range in places_
   };
 
   void sort_places(const std::vector<int>& map_of, std::size_t kinds) {
@@ -223,7 +222,8 @@ class LargeStepChain final : public DeviceStepChain {
   unsigned across() const { return unsigned((m_ + block_columns - 1) / block_columns); }
   double scan_bytes() const override { return 16.0 * double(chunks_) * double(m_ + 1) * double(m_); }
 
-  // product_p = s in_{place + shift} X (X^T where `transposed`), X of the place's kind; rows are columns to cuBLAS.
+  // product_p = s in_{place + shift} X (X^T if `transposed`) with X of the kind of the place; rows are columns to
+  // cuBLAS.
   void multiply(const Memory<double>& X, bool transposed, const double* in, int shift, bool difference, double s = 1) {
     const int step = int(stride(m_));
     gather_rows<<<unsigned(M_), block_threads, 0, device_.stream()>>>(places_.data(), shift, step, difference, in,
@@ -253,7 +253,7 @@ class LargeStepChain final : public DeviceStepChain {
     check(cudaGetLastError(), "starting the substitution");
   }
 
-  // C_b += A_b B_b with `rows` rows, for the matrices whose places are known.
+  // C_b += A_b B_b with `rows` rows, for matrices given by pointer arrays.
   void add_products(int rows, Index count) const {
     const double one = 1;
     for (Index first = 0; first < count; first += most_batched)
@@ -333,7 +333,7 @@ class LargeStepChain final : public DeviceStepChain {
 
   std::shared_ptr<Blas> blas_;
   int length_ = 1, chunks_ = 1;  ///< of a scan
-  Memory<int> map_of_, places_;  ///< places by kind
+  Memory<int> map_of_, places_;  ///< places, sorted by kind
   std::vector<Group> groups_;
   DeviceArray packed_, product_;
   Memory<double> D_, D_transposed_, inverse_, R_, change_;

@@ -1,6 +1,6 @@
-// Weighted residuals of chains. The weights inside each cell are two sweeps of block-Jacobi: the first, from the l of
-// the cells put at the middles of theirs, is right in second half steps, the second one, from the first, in first
-// halves.
+// Weighted residuals of chains. The weights inside each cell result from two sweeps of block-Jacobi. The first, with
+// the l of each cell's end placed at its midpoint, gives the weights of second half steps; the second sweep, started
+// from the first, gives those of first half steps.
 
 #include "kernels/host_plans.hpp"
 #include "kernels/step_chain.hpp"
@@ -11,7 +11,7 @@ namespace {
 
 constexpr int threads = 256;
 
-// w_i = z_i^T r_i, a warp for each row.
+// w_i = z_i^T r_i, one warp per row.
 __global__ void weigh_rows(const double* __restrict__ z, const double* __restrict__ r, long rows, int m, int stride,
                            double* __restrict__ w) {
   const long i = long(blockIdx.x) * (threads / 32) + threadIdx.x / 32;
@@ -28,7 +28,7 @@ std::unique_ptr<DeviceArray> on_device_rows(const Device& device, const RowMatri
   return array;
 }
 
-/// Of rows 1..M.
+/// z_i^T r_i for rows 1..M.
 Vector weighed(const Device& device, const DeviceArray& z, const DeviceArray& r) {
   const long rows = long(r.rows()), warps = threads / 32;
   Memory<double> w(device, std::size_t(rows));

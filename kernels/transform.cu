@@ -1,6 +1,6 @@
-// The orthonormal sine transform of rows, where kernels/transform_rows.cu has no kernel of its own. Up to
-// `largest_product` points it is a product with the dense matrix, which the tensor cores do faster than an FFT of
-// awkward length; beyond, the odd extension of each row goes through cuFFT.
+// The orthonormal sine transform of rows where kernels/transform_rows.cu does not apply. Up to `largest_product` points
+// it is a product with the dense matrix; tensor cores are faster than an FFT of awkward length. Beyond, the odd
+// extension of each row goes through cuFFT.
 
 #include "kernels/blas.hpp"
 #include "kernels/parts.hpp"
@@ -17,7 +17,7 @@ namespace bromwich::cuda {
 
 namespace {
 
-constexpr Index largest_product = 1536;  ///< on an H200 they cross between 1535 and 2047 points
+constexpr Index largest_product = 1536;  ///< on an H200 the break-even lies between 1535 and 2047 points
 
 void check(cufftResult status, const char* what) {
   if (status != CUFFT_SUCCESS)
@@ -27,7 +27,7 @@ void check(cufftResult status, const char* what) {
 
 using cuda::check;
 
-/// S, n x n, with zeros beyond up to the stride, so that what lies between the rows of an array stays zero.
+/// S, n x n, padded with zeros up to the stride, so that the padding of an array stays zero.
 struct SineTable {
   SineTable(const Device& device, Index n) : n(n), values(on_device(device, padded(n))) {}
 
@@ -68,12 +68,12 @@ class SineProduct final : public SineTransform {
 
  private:
   const Device& device_;
-  Index n_;  ///< with the padding
+  Index n_;  ///< including the padding
   std::shared_ptr<Blas> blas_;
   std::shared_ptr<SineTable> S_;
 };
 
-// x_1, ..., x_n between zeros, then the same backwards with the other sign.
+// 0, x_1, ..., x_n, 0, -x_n, ..., -x_1: the odd extension.
 __global__ void extend(const double* in, int n, int stride, double* out) {
   const int length = 2 * (n + 1);
   const long row = blockIdx.x;

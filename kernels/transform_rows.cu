@@ -13,8 +13,8 @@ namespace bromwich::cuda {
 
 namespace {
 
-constexpr int held = 8;              ///< complex values of a thread
-constexpr int wanted_threads = 128;  ///< of a block, where rows are short
+constexpr int held = 8;              ///< complex values per thread
+constexpr int wanted_threads = 128;  ///< per block, for short rows
 constexpr Index least_length = 16, largest_length = 4096;
 
 template <int N>
@@ -69,7 +69,7 @@ class SineRows final : public SineTransform {
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
     const Index rows = in.rows() - first, step = stride(N_ - 1);
     if (rows <= 0) return;
-    // All multiprocessors get rows before any block gets many.
+    // Distributes rows over all multiprocessors before it fills blocks.
     const Index even = (rows + device_.multiprocessors() - 1) / device_.multiprocessors();
     const Index together = std::clamp<Index>(even, std::max<Index>(32 / threads(), 1), most_together());
     follow(device_, kernel_,

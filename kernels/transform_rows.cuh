@@ -1,6 +1,6 @@
 #pragma once
-// The orthonormal sine transform of a row of n = N - 1 values, N a power of two, by the threads of a block that have
-// it: a few complex values each in registers, which the passes of a Stockham FFT exchange in shared memory.
+// The orthonormal sine transform of a row of n = N - 1 values, N a power of two, by a group of threads. Each thread
+// holds a few complex values in registers, exchanged in shared memory between the passes of a Stockham FFT.
 //
 // The odd extension x_{2N-m} = -x_m of a row, 2N real values, becomes N complex ones, z_j = x_{2j} + i x_{2j+1}. With
 // Z the Fourier transform of z and X that of x,
@@ -17,13 +17,13 @@
 
 namespace bromwich::cuda {
 
-/// What a transform of rows reads beside them: e^{-i pi m/N}, m < 2N, and what its sums are multiplied by.
+/// Tables of a row transform: e^{-i pi m/N}, m < 2N, and the scale of its sums.
 struct SineTables {
   const double2* roots;
   double scale;
 };
 
-/// Of a transform with n that `has_sine_rows`; they live as long as it does.
+/// Tables of a transform for which `has_sine_rows`; they live as long as the transform.
 SineTables sine_tables(const SineTransform&);
 
 __device__ inline double2 operator+(double2 a, double2 b) { return {a.x + b.x, a.y + b.y}; }
@@ -31,7 +31,7 @@ __device__ inline double2 operator-(double2 a, double2 b) { return {a.x - b.x, a
 __device__ inline double2 operator*(double2 a, double2 b) { return {a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x}; }
 __device__ inline double2 over_i(double2 a) { return {a.y, -a.x}; }
 
-/// z_q <- Σ_r e^{-2 pi i q r/R} z_r, r in steps of `step`.
+/// Butterfly z_q <- Σ_r e^{-2 pi i q r/R} z_r, r in steps of `step`.
 template <int R, int held>
 __device__ void butterfly(double2 (&z)[held], int first, int step) {
   double2* const a = z + first;
@@ -56,9 +56,9 @@ __device__ void butterfly(double2 (&z)[held], int first, int step) {
   }
 }
 
-/// One row of N complex values in shared memory. Every eighth is followed by a gap, so that eight neighbouring threads
-/// meet in no bank, be their values neighbours or eight apart. A thread holds `held` of them; all threads of the block
-/// have rows.
+/// One row of N complex values in shared memory. A gap follows every eighth value, so that eight neighbouring threads
+/// have no bank conflicts, whether their values are neighbours or eight apart. Each thread holds `held` values; all
+/// threads of the block must take part.
 template <int N, int held, bool one_warp = false>
 struct TransformRow {
   static constexpr int threads = N / held, size = N + N / 8;
@@ -88,7 +88,7 @@ struct TransformRow {
     }
   }
 
-  // Of the pass behind those with a product `done` of radices, for its butterfly b.
+  // Radix of the pass after passes with a product `done` of radices.
   template <int done>
   static constexpr int radix = N / done >= held ? held : N / done;
   template <int done>
@@ -96,14 +96,14 @@ struct TransformRow {
     return __ldg(roots + (t + b * threads) % done * (2 * N / (done * radix<done>)));
   }
 
-  // The first twiddle factor of each pass but the first.
+  // Loads the first twiddle factor of each pass except the first.
   template <int done>
   __device__ void take_up(double2* w) const {
     if constexpr (done > 1) *w++ = twiddle<done>(0);
     if constexpr (done * radix<done> < N) take_up<done * radix<done>>(w);
   }
 
-  // The passes behind those with a product `done` of radices; the last one's values have yet to meet.
+  // The passes after those with a product `done` of radices. The last pass writes to shared memory without a barrier.
   template <int done>
   __device__ void transform(double2 (&z)[held], const double2* first_twiddle) const {
     constexpr int R = radix<done>, together = held / R;
@@ -135,7 +135,7 @@ struct TransformRow {
     }
   }
 
-  // give(i, x) for each value x_{i+1} of the transform, by one of the threads.
+  // Calls give(i, x) for each value x_{i+1} of the transform, by one of the threads.
   template <class Give>
   __device__ void give_back(double scale, const Give& give) const {
     double2 of_part[held / 2];
@@ -153,7 +153,7 @@ struct TransformRow {
     }
   }
 
-  // All of it, with the factors that `take_up<1>` has found.
+  // The whole transform, with the factors loaded by `take_up<1>`.
   template <class Row, class Give>
   __device__ void operator()(const double2* first_twiddle, double scale, const Row& in, const Give& give) const {
     double2 z[held];

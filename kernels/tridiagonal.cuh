@@ -1,31 +1,32 @@
 #pragma once
-// A tridiagonal system solved by a group of T threads, K consecutive rows in the registers of each: cyclic reduction
-// inside the threads until each has one unknown left, its last, then parallel cyclic reduction over the threads, then
-// back (Hockney, J. ACM 12, 1965; Wang, ACM Trans. Math. Softw. 7, 1981; Zhang, Cohen, Owens, PPoPP 2010).
+// A tridiagonal system solved by a group of T threads with K consecutive rows in registers each. Cyclic reduction
+// inside the threads leaves one unknown each, the last; parallel cyclic reduction over the threads solves for these;
+// then back substitution (Hockney, J. ACM 12, 1965; Wang, ACM Trans. Math. Softw. 7, 1981; Zhang, Cohen, Owens, PPoPP
+// 2010).
 //
-// A step of reduction eliminates every other row: a row x = d - a x_above - c x_below with the unknowns of its
-// neighbours is put into them. All the pivots of a step are independent of each other, so that log2 K + log2 T of them
-// follow upon each other instead of n. They are diagonal entries of Schur complements: positive for a P-matrix in any
-// order, and for a Z-matrix exactly when it is a nonsingular M-matrix.
+// A reduction step eliminates every other row: x = d - a x_above - c x_below is substituted into the neighbouring rows.
+// The pivots of a step are independent, so the critical path has log2 K + log2 T steps instead of n. Pivots are
+// diagonal entries of Schur complements: positive for a P-matrix in any order, and for a Z-matrix exactly if it is a
+// nonsingular M-matrix.
 //
-// Where rows are diagonally dominant the couplings a and c fall with the square of themselves from step to step, and
-// after a few steps they are below rounding (`reach`).
+// For diagonally dominant rows the couplings a and c are squared in every step, and fall below rounding after a few
+// steps (`reach`).
 
 #include "kernels/reciprocal.cuh"
 
 namespace bromwich::cuda {
 
-/// A row that has been divided by its pivot: a x_above + x + c x_below = d.
+/// A row divided by its pivot: a x_above + x + c x_below = d.
 struct Row {
   double a, c, d;
 };
 
-/// Of values >= 0, or NaN.
+/// The larger of two values >= 0, or NaN.
 __device__ inline double larger_bits(double a, double b) {
   return __double_as_longlong(b) > __double_as_longlong(a) ? b : a;
 }
 
-/// T threads of a warp that share a system, T <= 32; a warp holds several such groups, which run together.
+/// T <= 32: threads of a warp that share a system. A warp holds several groups, which run together.
 template <int T>
 class Group {
  public:
@@ -49,10 +50,10 @@ class Group {
     down = {below(row.a, s), below(row.c, s), below(row.d, s)};
   }
 
-  /// Of the group, and of all threads that have to go on together with it.
+  /// Over the group, and over all groups that run together.
   __device__ bool any(bool mine) { return (__ballot_sync(all, mine) & mask()) != 0; }
   __device__ bool any_together(bool mine) { return __any_sync(all, mine); }
-  /// Of values >= 0, or NaN.
+  /// Largest of values >= 0, or NaN.
   __device__ double largest(double mine) {
     for (int s = T / 2; s > 0; s /= 2) mine = larger_bits(mine, __shfl_xor_sync(all, mine, s, T));
     return mine;
@@ -65,7 +66,7 @@ class Group {
   int t_;
 };
 
-/// T > 32: the whole block. Values go through two buffers in turn, so that one barrier an exchange is enough.
+/// T > 32: the whole block. Values alternate between two buffers, so one barrier per exchange is enough.
 template <int T>
 requires(T > 32) class Group<T> {
  public:
@@ -121,16 +122,17 @@ requires(T > 32) class Group<T> {
   int t_, turn_ = 0;
 };
 
-/// A pivot counts as positive above 2^-46 of the diagonal entry it came from, by exponents alone, times the square of
-/// the `distance` of the rows it now couples: their row sums have lost as much. A doubt costs a look on the host.
+/// A pivot counts as positive if it exceeds 2^-46, by exponents alone, of the diagonal entry it came from times the
+/// square of the `distance` of the rows it now couples, which bounds the loss of their row sums. Doubtful problems go
+/// to the host.
 __device__ inline bool is_positive(double pivot, double entry, int distance) {
   const double size = fabs(entry) * double(distance) * double(distance);
   return pivot > 0 && __double2hiint(pivot) > __double2hiint(size) - (46 << 20);
 }
 
-/// x of rows t K .. t K + K - 1, with a x_above + b x + c x_below = d; b stays as it is, `above` and `below` become x
-/// of the rows before and after. Rows whose unknowns are `reach` K or more apart are taken as not coupled any more. The
-/// result is whether all pivots of this thread were positive.
+/// Solves a x_above + b x + c x_below = d for x of rows t K .. t K + K - 1. b is kept; `above` and `below` become x of
+/// the rows before and after. Rows whose unknowns are `reach` K or more apart count as decoupled. Returns whether all
+/// pivots of this thread were positive.
 template <int K, int T>
 __device__ bool solve_tridiagonal(Group<T>& group, int reach, double (&a)[K], const double (&b)[K], double (&c)[K],
                                   double (&d)[K], double& above, double& below) {
@@ -158,7 +160,7 @@ __device__ bool solve_tridiagonal(Group<T>& group, int reach, double (&a)[K], co
       c[i] *= -c[(i + s) % K];
     }
   }
-  // The first row with the last unknowns of the thread before and of this one, which the thread before needs.
+  // The first row in terms of the last unknowns of the previous thread and of this one; the previous thread needs it.
   Row first{a[0], c[0], d[0]};
 #pragma unroll
   for (int s = 2; s < K; s *= 2)
@@ -171,7 +173,7 @@ __device__ bool solve_tridiagonal(Group<T>& group, int reach, double (&a)[K], co
   Row row{a[K - 1], c[K - 1], d[K - 1]};
 #pragma unroll
   for (int s = 1; s < T; s *= 2) {
-    if (s >= reach) break;  // the same for all threads
+    if (s >= reach) break;  // uniform over the threads
     Row up, down;
     group.neighbours(row, s, up, down);
     const double rest = 1 - (row.a * up.c + row.c * down.a);

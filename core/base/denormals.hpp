@@ -6,8 +6,8 @@
 
 namespace bromwich {
 
-/// Decaying exponentials end in denormal numbers, which cost a hundred cycles each: while this lives, the calling
-/// thread treats them as zero.
+/// While this object lives, the calling thread treats denormals as zero. Decaying exponentials end in denormals, which
+/// cost a hundred cycles each.
 class FlushDenormals {
  public:
 #if defined(__SSE2__)

@@ -4,14 +4,14 @@
 
 namespace bromwich {
 
-/// An operation that was prepared, with its workspace.
+/// A prepared operation with its workspace.
 class Plan {
  public:
   Plan() = default;
   virtual ~Plan() = default;
   Plan(const Plan&) = delete;
   Plan& operator=(const Plan&) = delete;
-  /// Of its workspace, in the memory where it runs.
+  /// Bytes of the workspace, in the memory where the operation runs.
   virtual std::size_t bytes() const = 0;
 };
 

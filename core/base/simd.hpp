@@ -1,6 +1,6 @@
 #pragma once
-// Eight doubles that move together. GCC and Clang lower the vector type to whatever the target has (one AVX-512
-// register, two AVX, four SSE2).
+// Vectors of eight doubles. GCC and Clang lower the type to the registers of the target (one AVX-512, two AVX, four
+// SSE2).
 
 #include "core/base/types.hpp"
 
@@ -25,7 +25,7 @@ inline void store(double* to, Lanes v) { std::memcpy(to, &v, sizeof v); }
 
 inline Lanes max(Lanes a, Lanes b) { return a > b ? a : b; }
 inline Lanes min(Lanes a, Lanes b) { return a < b ? a : b; }
-inline Lanes abs(Lanes a) { return Lanes(LaneMask(a) & ~(1ll << 63)); }  // the sign bit away
+inline Lanes abs(Lanes a) { return Lanes(LaneMask(a) & ~(1ll << 63)); }  // clears the sign bit
 
 inline bool any(LaneMask m) {
   long long sum = 0;
@@ -33,7 +33,7 @@ inline bool any(LaneMask m) {
   return sum != 0;
 }
 
-/// Rows become columns: blocks of width 1, 2 and 4 off the diagonal change places.
+/// Transposes an 8 x 8 block: off-diagonal blocks of width 1, 2 and 4 are swapped in turn.
 inline void transpose(Lanes m[lanes]) {
   for (Index r = 0; r < lanes; r += 2) {
     const Lanes a = m[r], b = m[r + 1];

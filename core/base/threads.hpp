@@ -9,20 +9,20 @@
 
 namespace bromwich {
 
-/// Threads of the host that share work on values of the host. This class has the calling thread alone.
+/// Host threads that share work on host values. This class has the calling thread only.
 class HostThreads {
  public:
   virtual ~HostThreads() = default;
-  /// How many there are, the calling thread included.
+  /// Number of threads, the calling thread included.
   virtual int threads() const { return 1; }
-  /// body(first, last) for the ranges first <= i < last that make up 0 <= i < count, in any order and at the same time.
-  /// Each has `length` numbers, the last one what is left. The body must not throw.
+  /// Calls body(first, last) for ranges first <= i < last that partition 0 <= i < count, in any order and concurrently.
+  /// Ranges have `length` indices, the last one the remainder. The body must not throw.
   virtual void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const {
     for (Index first = 0; first < count; first += length) body(first, std::min(first + length, count));
   }
 };
 
-/// The same for a body that may throw: the first exception is thrown again when all ranges have ended.
+/// The same for a body that may throw: the first exception is rethrown after all ranges have ended.
 inline void share(const HostThreads& threads, Index count, Index length,
                   const std::function<void(Index first, Index last)>& body) {
   std::exception_ptr failure;
@@ -38,7 +38,7 @@ inline void share(const HostThreads& threads, Index count, Index length,
   if (failure) std::rethrow_exception(failure);
 }
 
-/// use(i) for 0 <= i < count, one at a time.
+/// use(i) for 0 <= i < count, as `share` with ranges of one index.
 inline void share_each(const HostThreads& threads, Index count, const std::function<void(Index)>& use) {
   share(threads, count, 1, [&](Index first, Index) { use(first); });
 }

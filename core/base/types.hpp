@@ -17,13 +17,13 @@ using Matrix = Eigen::MatrixXd;
 using ComplexVector = Eigen::VectorXcd;
 using ComplexMatrix = Eigen::MatrixXcd;
 
-/// Compressed columns.
+/// Compressed sparse columns.
 using SparseMatrix = Eigen::SparseMatrix<double>;
 
 /// A space-time array on the host: (J+1) x n, row j belongs to time t_j.
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-/// Unit roundoff scale of double, 2^-52.
+/// Machine epsilon of double, 2^-52.
 inline constexpr double epsilon = 2.220446049250313e-16;
 
 }  // namespace bromwich

@@ -6,7 +6,7 @@ namespace bromwich {
 
 namespace {
 
-// States between blocks; empty where they are not determined, or a product is too large to be one step.
+// States between blocks. Empty if they are not determined, or if a product is too large to act as one step.
 RowMatrix states_between_blocks(const AffineChain::Blocks& blocks, const BoundaryCondition& boundary,
                                 double least_condition) {
   const RowMatrix none(0, blocks.phi.cols());

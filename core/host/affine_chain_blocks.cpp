@@ -1,4 +1,5 @@
-// Chains of affine maps (core/host/affine_chain.hpp): blocks are divided among the threads, and intervals too.
+// Chains of affine maps on the host (core/host/affine_chain.hpp). Blocks and intervals are distributed over the
+// threads.
 
 #include "core/host/affine_chain.hpp"
 
@@ -11,10 +12,10 @@ namespace bromwich::host {
 
 namespace {
 
-constexpr Index fewest_shared_values = 200'000;  ///< below, waking threads costs more than they save
+constexpr Index fewest_shared_values = 200'000;  ///< below it, waking threads costs more than it saves
 constexpr Index intervals_together = 256;
 
-// out += A v, without the overhead of a library call where A is small.
+// out += A v, without the overhead of a library call if A is small.
 template <typename In, typename Out>
 void add_product(const Matrix& A, const In& v, Out&& out) {
   constexpr Index small = 400;

@@ -15,7 +15,7 @@ namespace bromwich::host {
 
 namespace {
 
-// Every sine mode mu_l of the constrained side sees one grid line at the shift z - mu_l: a closed form.
+// Closed form: sine mode mu_l of the constrained side is a single grid line with the shift z - mu_l.
 ComplexMatrix of(const KroneckerDynamics& dynamics, const ComplexVector& nodes, const HostThreads& threads) {
   const Vector mu = dynamics.along.eigenvalues();
   const Index n = mu.size();

@@ -1,10 +1,9 @@
 // N (z_p E - A)^{-1} B for sparse A and E: the multifrontal elimination of core/numerics/elimination.hpp, eight nodes
-// at a time, one in each lane. All lanes share the structure, so even the many fronts with one or two pivots run on
-// whole vectors.
+// at a time, one per lane. All lanes have the same structure, so even fronts with one or two pivots use whole vectors.
 //
-// No pivoting: for z outside the numerical range of A a rotation of zE - A has a positive definite Hermitian part, and
-// every order of elimination is stable. Whether that held is measured: the column (zE - A) u, u = ±1, is carried along,
-// whose answer N u is known. A node that misses it is solved again by an LU factorization with partial pivoting.
+// No pivoting: for z outside the numerical range of A, a rotation of zE - A has a positive definite Hermitian part, and
+// every elimination order is stable. This is verified: a test column (zE - A) u, u = ±1, with the known answer N u is
+// solved along with B. A node that misses it is solved again by LU factorization with partial pivoting.
 
 #include "core/host/shifted_solves_sparse.hpp"
 
@@ -26,9 +25,9 @@ namespace {
 using RowSparse = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
 // A node whose test column misses N u by more is solved again. Rounding grows with the condition number of zE - A,
-// about ||A|| over the distance of z from the spectrum, 1e6 for a fine grid.
+// about ||A|| over the distance of z from the spectrum: 1e6 for a fine grid.
 constexpr double accepted_miss = 1e-8;
-// Pivoting is the last resort: with less than four digits the matrix counts as singular.
+// Bound for the LU factorization: with fewer than four correct digits the matrix counts as singular.
 constexpr double accepted_pivoted_miss = 1e-4;
 
 struct Entry {
@@ -55,13 +54,13 @@ inline Entry inverse(const Entry& a) {
   return {a.re / norm, -a.im / norm};
 }
 
-// What all threads read: A in the order of elimination, B and N, the test column.
+// Read by all threads: A in elimination order, B and N, the test column.
 struct System {
   Elimination plan;
   bool symmetric = false;
   std::vector<int> position;
-  SparseMatrix A, E;               ///< with the same structure where E is given; otherwise E is empty
-  RowSparse rows_of_A, rows_of_E;  ///< only where they are not symmetric
+  SparseMatrix A, E;               ///< E with the structure of A; empty if there is no E
+  RowSparse rows_of_A, rows_of_E;  ///< only if not symmetric
   RowSparse B;
   const SparseMatrix& N;
   Vector u, Au, Eu;
@@ -95,7 +94,7 @@ struct System {
   }
 };
 
-// One thread's elimination of eight nodes.
+// Elimination of eight nodes by one thread.
 class Fronts {
  public:
   explicit Fronts(const System& system)
@@ -153,7 +152,7 @@ class Fronts {
     a.im += z_.im * all(e);
   }
 
-  // Entries of zE - A, B and -N in the rows and columns of the pivots that no earlier front had.
+  // Adds the entries of zE - A, B and -N in the rows and columns of the front's pivots that no earlier front has taken.
   void assemble(const Front& front) {
     const Index test = inputs_ - 1;
     for (Index p = 0; p < pivots_; ++p) {
@@ -190,7 +189,7 @@ class Fronts {
     }
   }
 
-  // The remainder on top of the stack moves into the front: rest x rest (rest x inputs), outputs x rest.
+  // Adds the remainder on top of the stack to the front: rest x rest (rest x inputs), outputs x rest.
   void take_child() {
     const Front& child = s_.plan.fronts[remainders_.back()];
     remainders_.pop_back();
@@ -208,7 +207,7 @@ class Fronts {
     }
   }
 
-  // Pivots in panels: L below them, U to their right, then one product for all that remains.
+  // Eliminates pivots in panels: L below them, U to their right, then one product for the trailing block.
   void eliminate() {
     for (Index first = 0; first < pivots_; first += panel) {
       const Index last = std::min(pivots_, first + panel);
@@ -216,12 +215,12 @@ class Fronts {
         const Entry scale = inverse(at(p, p));
         for (Index i = p + 1; i < rows_; ++i) at(i, p) = product(at(i, p), scale);
         for (Index j = p + 1; j < last; ++j) {
-          // Below the diagonal only: with symmetry U is the transpose of L times the pivot.
+          // Below the diagonal only: by symmetry U is the transpose of L times the pivot.
           const Entry u = s_.symmetric ? product(at(j, p), at(p, p)) : at(p, j);
           for (Index i = s_.symmetric ? j : p + 1; i < rows_; ++i) subtract_product(at(i, j), at(i, p), u);
         }
       }
-      // Tiles do not cross from the rest to the inputs: symmetry ends there.
+      // Tiles do not cross from the rest to the inputs, where symmetry ends.
       for (Index j = last; j < main_; j += tile_columns)
         update_columns(first, last, j, std::min(tile_columns, main_ - j));
       for (Index j = main_; j < cols_; j += tile_columns)
@@ -229,7 +228,7 @@ class Fronts {
     }
   }
 
-  // Columns j.. of everything below and to the right of the panel.
+  // Updates `count` columns from j on, below and to the right of the panel.
   void update_columns(Index first, Index last, Index j, Index count) {
     Entry U[panel * tile_columns];
     const Index width = last - first;
@@ -265,7 +264,7 @@ class Fronts {
       for (Index k = 0; k < height; ++k) add(at(i + k, j + c), sum[k][c]);
   }
 
-  // The block of outputs and inputs is done; the rest waits for the parent.
+  // Adds the outputs x inputs block to the result and pushes the rest for the parent front.
   void hand_on(const Front& front, std::size_t f) {
     for (Index j = main_; j < cols_; ++j)
       for (Index i = main_; i < rows_; ++i)
@@ -281,7 +280,7 @@ class Fronts {
 
   static constexpr Index panel = 32;
 #if defined(__AVX512F__)
-  static constexpr Index tile_rows = 4, tile_columns = 2;  // 16 of 32 registers are sums
+  static constexpr Index tile_rows = 4, tile_columns = 2;  // accumulators take 16 of 32 registers
 #else
   static constexpr Index tile_rows = 2, tile_columns = 1;
 #endif
@@ -307,7 +306,7 @@ double miss(const Vector& Nu, const Vector& scale, const Answer& answer) {
   return worst;
 }
 
-// A plain LU factorization with partial pivoting of one node.
+// LU factorization with partial pivoting for one node.
 bool solve_pivoted(const System& s, Complex z, Eigen::Ref<Eigen::RowVectorXcd> out) {
   Eigen::SparseMatrix<Complex> shifted(s.A.rows(), s.A.cols());
   if (s.mass())

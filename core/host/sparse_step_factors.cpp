@@ -13,7 +13,7 @@ SparseStepFactors::SparseStepFactors(const StepMap& map)
   lu.compute(S);
   singular = lu.info() != Eigen::Success;
   if (singular) return;
-  // Where S^{-1} S v is far from v, S is singular to rounding though no pivot vanished.
+  // S is singular to rounding if S^{-1} S v is far from v, even though no pivot vanished.
   const Vector v = Vector::NullaryExpr(S.rows(), [](Index i) { return 1 + std::sin(double(i * i)); });
   const Vector found = lu.solve(Vector(S * v));
   singular = !((found - v).cwiseAbs().maxCoeff() <= 1e-2);

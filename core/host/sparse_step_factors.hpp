@@ -1,5 +1,5 @@
 #pragma once
-// One sparse map of a chain, factorized.
+// Factorization of one sparse map of a chain.
 
 #include "step_map.hpp"
 
@@ -11,7 +11,7 @@ struct SparseStepFactors {
   /// LU factorization of S with partial pivoting.
   explicit SparseStepFactors(const StepMap&);
 
-  /// S^{-T} b, without changing what threads share: the view that Eigen offers is a small object of its own.
+  /// S^{-T} b. Thread-safe: Eigen's transposed view is a local object.
   Matrix solve_transposed(const Matrix& b) { return lu.transpose().solve(b); }
   Vector solve_transposed(const Vector& b) { return lu.transpose().solve(b); }
 

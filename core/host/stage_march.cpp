@@ -1,10 +1,9 @@
-// Step by step with y discontinuous from one step to the next (core/host/stage_march.hpp). Every step solves
+// March with y discontinuous between steps (core/host/stage_march.hpp). Every step solves
 //
 //     0 <= Y ⊥ D (I ⊗ M + W) Y + D q >= 0,   Y = (y_1, ..., y_s),   D = diag(3/4, 1/4) for two stages,
 //
-// where W is the implicit part. The weights D of the quadrature make D (I ⊗ M + W) positive semidefinite where the
-// scene is passive (algebraic stability), so that the problem stays in a class that can be solved; they do not change
-// solutions.
+// with the implicit part W. The quadrature weights D make D (I ⊗ M + W) positive semidefinite for passive scenes
+// (algebraic stability), so the problem stays in a class that can be solved. They do not change the solutions.
 
 #include "core/host/stage_march.hpp"
 
@@ -23,7 +22,7 @@ namespace bromwich::host {
 
 namespace {
 
-// Steps of one length with their complementarity problem.
+// Steps of one length, with their complementarity problem.
 class Stepper {
  public:
   Stepper(const StageProblem& p, Index stages, double h, const std::vector<Index>& rows)
@@ -31,13 +30,13 @@ class Stepper {
         M_(to_dense(*p.M)),
         stages_(stages),
         scale_(weights()),
-        // A problem of two stages is new in kind: the class of M says nothing of least elements there.
+        // The two-stage problem does not inherit the class of M: least elements need not exist there.
         lcp_(scale_.asDiagonal() * (blocks() + step_->implicit_part()), M_,
              stages == 1 ? p.lcp_class : LcpClass::unknown) {}
 
-  // x_{j-1} -> Y and x_j, step j being the one at `place` of the rows; false: its problem stayed unsolved. `touching`:
-  // constraints that were active at the end of the last step. Where solutions are several, as with rigid contacts, that
-  // is taken in which the others stay open if they can.
+  // Advances x_{j-1} to x_j and sets Y. `place` is the index of step j among the rows, `touching` the constraints that
+  // were active at the end of the last step. If the LCP has several solutions, as with rigid contacts, the other
+  // constraints stay inactive if they can. False: the LCP is unsolved.
   bool advance(const Vector& x, Index place, Index j, const std::vector<bool>& touching, Vector& next,
                MarchReport& report) {
     step_->free(x, place, q_, next);
@@ -56,13 +55,13 @@ class Stepper {
   Index stages() const { return stages_; }
   Vector first_stage() const { return Y.head(M_.rows()); }
   Vector last_stage() const { return Y.tail(M_.rows()); }
-  // Of y over the step, with the weights of the quadrature.
+  // Mean of y over the step, by the quadrature weights.
   Vector mean() const { return stages_ == 1 ? Y : Vector(0.75 * first_stage() + 0.25 * last_stage()); }
 
-  // Solutions of a step are unique, or at least form a convex set of which one is taken.
+  // Solutions of a step are unique, or form a convex set from which one is selected.
   bool well_posed() const { return lcp_.well_posed(); }
 
-  // Constraints that are active at one stage of the step and not at the other, beyond rounding.
+  // Whether some constraint is active at only one of the two stages, beyond rounding.
   bool switches() const {
     const double zero = 1e-9 * Y.cwiseAbs().maxCoeff();
     for (Index i = 0; i < M_.rows() && stages_ == 2; ++i)
@@ -103,7 +102,7 @@ class Stepper {
   Vector q_;
 };
 
-// Steps by their length: most have that of the problem, some are parts of a step.
+// Steps grouped by length: most have the length of the problem, some are parts of a step.
 class Lengths {
  public:
   Lengths(const StageProblem& p, Index rows) : place_(std::size_t(rows)), kind_(std::size_t(rows), 0), sizes_{p.h} {
@@ -123,12 +122,12 @@ class Lengths {
   }
 
   std::size_t kind(Index j) const { return kind_[std::size_t(j)]; }
-  Index place(Index j) const { return place_[std::size_t(j)]; }  ///< among the rows of its kind
+  Index place(Index j) const { return place_[std::size_t(j)]; }  ///< index among the rows of its kind
   double size(std::size_t kind) const { return sizes_[kind]; }
   const std::vector<Index>& rows(std::size_t kind) const { return rows_[kind]; }
 
  private:
-  // Lengths that agree to 2^-44 are the same.
+  // Lengths that agree to 2^-44 count as equal.
   static long long key(double part) {
     int exponent = 0;
     const double digits = std::frexp(part, &exponent);
@@ -141,7 +140,7 @@ class Lengths {
   std::vector<std::vector<Index>> rows_;
 };
 
-// E^{-1} B: what y moves.
+// E^{-1} B: the effect of y on x'.
 SparseMatrix without_mass(const Dynamics& dynamics, double h) {
   const SparseMatrix& B = sparse_inputs(dynamics);
   if (!has_mass(dynamics)) return B;
@@ -151,7 +150,7 @@ SparseMatrix without_mass(const Dynamics& dynamics, double h) {
     const Eigen::SparseLU<SparseMatrix> lu(E);
     return Matrix(lu.solve(Matrix(B))).sparseView(0, 0);
   }
-  // z (zE - A)^{-1} B is nearly that for a large z.
+  // z (zE - A)^{-1} B approximates it for large z.
   const Complex z = 1e6 / h;
   const ComplexMatrix X = std::get<SuppliedDynamics>(dynamics).shifted(z)(Matrix(B).cast<Complex>());
   return Matrix((z * X).real()).sparseView(0, 0);
@@ -215,8 +214,8 @@ class Stages {
     return sum;
   }
 
-  // Rigid position constraints: M_ii = 0, and y_i acts on the second derivative of w_i or on a higher one. With M_ii >
-  // 0 a contact is a spring, which throws back.
+  // Rigid position constraints: M_ii = 0, and y_i acts on the second or a higher derivative of w_i. With M_ii > 0 a
+  // contact is a spring, which throws back.
   std::vector<bool> rigid_constraints(const SparseMatrix& N) const {
     const Matrix M = to_dense(*problem_.M);
     const Eigen::SparseMatrix<double, Eigen::RowMajor> rows = N;
@@ -228,7 +227,7 @@ class Stages {
     return rigid;
   }
 
-  // Those with w(0) = 0, given N x0.
+  // Marks the constraints with w(0) = 0; `seen` is N x0.
   void touch_at_start(const Vector& seen) {
     const Vector g = problem_.g.row(0).head(seen.size()).transpose();
     const Vector size = observed_terms(*problem_.dynamics, problem_.x0) + g.cwiseAbs();
@@ -236,8 +235,8 @@ class Stages {
       touching_[std::size_t(i)] = std::abs(seen[i] + g[i]) <= negligible * size[i];
   }
 
-  // A new contact of a rigid constraint. Where it is active at both stages, Radau IIA would send the state back with a
-  // velocity of up to twice what the way to the constraint divided by the step is.
+  // Whether a rigid constraint has a new contact. If it is active at both stages, Radau IIA sends the state back with a
+  // velocity of up to twice the distance to the constraint divided by the step.
   bool impacts(const Stepper& step) const {
     const Vector most = step.first_stage().cwiseMax(step.last_stage());
     for (std::size_t i = 0; i < rigid_.size(); ++i)
@@ -245,13 +244,14 @@ class Stages {
     return false;
   }
 
-  // An impulse: y lets go within the step, and either moves a component of the state by a good part of its size (one
-  // near zero is measured against a hundredth of the largest) or is much larger than where no state jumped. However
-  // small, Radau IIA would move the state by 9/5 of what y has to, and many small jumps add up.
+  // Detects an impulse: y is released within the step, and it either moves a component of the state by a large part of
+  // its size (small components are measured against a hundredth of the largest) or is much larger than in steps without
+  // jumps. Radau IIA would move the state by 9/5 of the impulse, and many small errors of this kind add up.
   bool jumps(const Stepper& step, double h, const Vector& before, const Vector& after) const {
     const Vector first = step.first_stage(), last = step.last_stage();
     const double zero = negligible * step.Y.cwiseAbs().maxCoeff();
-    // In a part y does not fall by half but where it was an impulse, that other constraints go on to hold.
+    // In a part of a step, y halves only after an impulse. Other constraints may then hold the state, so y need not be
+    // 0.
     for (Index i = 0; i < first.size() && h < problem_.h / 2 && step.stages() == 2; ++i)
       if (first[i] > std::max(zero, much_more * regular_[i]) && last[i] < first[i] / 2) return true;
     if (impacts(step)) return true;
@@ -262,8 +262,8 @@ class Stages {
     const Vector size = before.cwiseAbs().cwiseMax(after.cwiseAbs());
     return (moved.array() > 0.25 * size.cwiseMax(0.01 * size.maxCoeff()).array()).any();
   }
-  static constexpr double negligible = 1e-9;  ///< of the largest y of the step
-  static constexpr double much_more = 4;      ///< than y of steps without jumps
+  static constexpr double negligible = 1e-9;  ///< relative to the largest y of the step
+  static constexpr double much_more = 4;      ///< relative to y in steps without jumps
 
   Stepper& stepper(Index stages, std::size_t kind) {
     if (stages == problem_.stages && kind == 0) return main_;
@@ -273,8 +273,8 @@ class Stages {
     return *(made[kind] = std::make_unique<Stepper>(problem_, stages, lengths_.size(kind), lengths_.rows(kind)));
   }
 
-  // The step to t_j by the stages asked for, or by one where the state jumps or there is no solution otherwise. Null:
-  // it stayed unsolved.
+  // The step to t_j with the stages of the problem, or with one stage if the state jumps or two have no solution. Null:
+  // unsolved.
   const Stepper* take(const Vector& x, Index j, Vector& next, MarchReport& report) {
     const std::size_t kind = lengths_.kind(j);
     const Index place = lengths_.place(j);
@@ -305,7 +305,7 @@ class Stages {
   static constexpr std::size_t most_kept = 64;  ///< lengths
   Lengths lengths_;
   Stepper main_;
-  std::array<std::map<std::size_t, std::unique_ptr<Stepper>>, 2> others_;  ///< of one stage and of two
+  std::array<std::map<std::size_t, std::unique_ptr<Stepper>>, 2> others_;  ///< by kind; one-stage and two-stage
   Vector other_;
   Vector regular_;  ///< largest y_i at the ends of steps without jumps
   SparseMatrix B_;

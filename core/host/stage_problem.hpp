@@ -8,29 +8,28 @@
 
 namespace bromwich {
 
-/// y discontinuous from one step to the next, for M that leaves y to the dynamics (M = 0 in the extreme).
+/// A march with y discontinuous between steps, for M that leaves y to the dynamics (M = 0 in the extreme).
 ///
-/// Two stages: the Radau IIA method with nodes c = 1/3, 1, complementarity at both,
-///     X_i = x_{j-1} + h Σ_k a_ik (A X_k + B y_k + f_k),   0 <= y_i ⊥ N X_i + M y_i + g_i >= 0,   x_j = X_2,
-/// one complex shifted solve a step, since the inverse of (a_ik) has eigenvalues 2 ± i sqrt(2). It is stiffly accurate,
-/// so that y has no memory of its own, and algebraically stable, so that passive scenes stay passive. A step in which
-/// the state jumps is taken by implicit Euler instead, which puts x_j on the constraint at once; so are
-/// all steps where the problem of two stages is neither P nor PSD and that of one stage is. One stage: implicit Euler
-/// throughout.
+/// Two stages: Radau IIA with nodes c = 1/3, 1 and complementarity at both,
+///     X_i = x_{j-1} + h Σ_k a_ik (A X_k + B y_k + f_k),   0 <= y_i ⊥ N X_i + M y_i + g_i >= 0,   x_j = X_2.
+/// One complex shifted solve per step suffices, since (a_ik)^{-1} has the eigenvalues 2 ± i sqrt(2). The method is
+/// stiffly accurate, so y has no memory, and algebraically stable, so passive scenes stay passive. A step in which the
+/// state jumps is taken by implicit Euler, which puts x_j on the constraint at once. So are all steps if the two-stage
+/// problem is neither P nor PSD and the one-stage problem is. One stage: implicit Euler throughout.
 struct StageProblem {
   const Dynamics* dynamics = nullptr;  ///< dense, sparse or supplied
   const LcpMatrix* M = nullptr;
   LcpClass lcp_class = LcpClass::unknown;
   Index stages = 2;               ///< 2 or 1
   double h = 0;                   ///< step
-  std::vector<double> lengths;    ///< of the step to row j, at j - 1; empty: all are h
+  std::vector<double> lengths;    ///< length of the step to row j at index j - 1; empty: all are h
   Vector x0;                      ///< m
   RowMatrix g;                    ///< (J+1) x (stages n): row j holds g at the stages of the step to t_j; row 0 is g(0)
-  RowMatrix phi;                  ///< (J+1) x (stages k): the same of phi with f = F phi; or empty
+  RowMatrix phi;                  ///< (J+1) x (stages k): the same for phi, f = F phi; may be empty
   SparseMatrix F;                 ///< m x k
-  std::vector<Index> components;  ///< of the state, to be recorded
-  std::function<bool()> interrupted;         ///< polled now and then; true ends the march
-  std::function<void(Index step)> progress;  ///< called now and then
+  std::vector<Index> components;  ///< state components to record
+  std::function<bool()> interrupted;         ///< polled from time to time; true ends the march
+  std::function<void(Index step)> progress;  ///< called from time to time
 };
 
 }  // namespace bromwich

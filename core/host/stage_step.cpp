@@ -16,7 +16,7 @@ namespace bromwich::host {
 
 namespace {
 
-// The coefficients of the head comment for complex (Radau IIA) or real (implicit Euler) arithmetic.
+// The coefficients of stage_step.hpp in complex (Radau IIA) or real (implicit Euler) arithmetic.
 template <class Scalar>
 struct Coefficients;
 
@@ -40,7 +40,7 @@ struct Coefficients<double> {
   static const Matrix& real(const Matrix& z) { return z; }
 };
 
-// The stage values of g or phi that a step of s stages uses: the last s of those given, of these rows.
+// Stage values of g or phi for a step with `used` stages: the last `used` of `given`, for these rows.
 RowMatrix last_stages(const RowMatrix& values, Index given, Index used, const std::vector<Index>& rows) {
   if (values.size() == 0) return RowMatrix(values.rows() > 0 ? Index(rows.size()) : 0, 0);
   const Index width = values.cols() / given;
@@ -51,8 +51,7 @@ RowMatrix last_stages(const RowMatrix& values, Index given, Index used, const st
   throw Error("steps", "a step is singular: h meets an eigenvalue of A", "use another number of steps");
 }
 
-// The inverse of a step matrix. Units of the states do not make it singular: where it looks so, rows and columns are
-// brought to one size first.
+// Inverse of a step matrix. If it looks singular, it is equilibrated first: units of the states do not count.
 template <class ScalarMatrix>
 ScalarMatrix inverse_of_step(const ScalarMatrix& K) {
   const Eigen::PartialPivLU<ScalarMatrix> lu(K);
@@ -63,7 +62,7 @@ ScalarMatrix inverse_of_step(const ScalarMatrix& K) {
   return e.columns.asDiagonal() * balanced.inverse() * e.rows.asDiagonal();
 }
 
-// All operators written out: a step is a few products with small matrices.
+// Dense operators: a step is a few products with small matrices.
 template <class Scalar>
 class DenseStageStep final : public StageStep {
   static constexpr Index s = Coefficients<Scalar>::stages;
@@ -82,7 +81,7 @@ class DenseStageStep final : public StageStep {
     const RowMatrix phi = last_stages(p.phi, p.stages, s, rows);
     if (phi.size() > 0) forcing_ = RowMatrix::Zero(phi.rows(), m);
     for (Index i = 0; i < s; ++i) {
-      decay_ = c.real(c.v[i] * c.start / h * R);  // of the last stage in the end
+      decay_ = c.real(c.v[i] * c.start / h * R);  // of the last stage after the loop
       see_.middleRows(i * n, n) = d.N * decay_;
       for (Index k = 0; k < s; ++k) {
         const Matrix Q = c.real(c.v[i] * c.w[k] * R), QB = Q * d.B;
@@ -114,7 +113,7 @@ class DenseStageStep final : public StageStep {
   Matrix decay_, see_, drive_, implicit_;
 };
 
-// (mu/h E - A)^{-1}, prepared; E x.
+// Prepared (mu/h E - A)^{-1}, and E x.
 template <class Scalar>
 class ShiftedSystem {
  public:
@@ -127,7 +126,7 @@ class ShiftedSystem {
   virtual std::size_t bytes() = 0;
 };
 
-// One sparse factorization.
+// By a sparse LU factorization.
 template <class Scalar>
 class FactorizedSystem final : public ShiftedSystem<Scalar> {
   using Base = ShiftedSystem<Scalar>;
@@ -151,7 +150,7 @@ class FactorizedSystem final : public ShiftedSystem<Scalar> {
   std::size_t bytes() override { return std::size_t(lu_.nnzL() + lu_.nnzU()) * (sizeof(Scalar) + 4); }
 
  private:
-  // Where fewer than three digits are left of a known solution, the matrix is singular to rounding.
+  // With fewer than three digits of a known solution the matrix counts as singular.
   bool finds_known_solution(const ScalarSparse& shifted) {
     typename Base::ScalarVector u(shifted.rows());
     for (Index i = 0; i < u.size(); ++i) u[i] = i % 3 == 0 ? -1 : 1;
@@ -163,7 +162,7 @@ class FactorizedSystem final : public ShiftedSystem<Scalar> {
   Eigen::SparseLU<ScalarSparse> lu_;
 };
 
-// The solver of the user.
+// By the user's solver.
 template <class Scalar>
 class SuppliedSystem final : public ShiftedSystem<Scalar> {
   using Base = ShiftedSystem<Scalar>;
@@ -191,7 +190,7 @@ class SuppliedSystem final : public ShiftedSystem<Scalar> {
   ShiftedSolve solve_;
 };
 
-// One solve a step.
+// One shifted solve per step.
 template <class Scalar>
 class SolvedStep final : public StageStep {
   static constexpr Index s = Coefficients<Scalar>::stages;

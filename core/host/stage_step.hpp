@@ -1,15 +1,15 @@
 #pragma once
-// One step of the state with s stages, y left open:
+// One step of the state with s stages, y given:
 //
 //     X_i = x + h Σ_k a_ik (A X_k + B y_k + F phi_k),   i = 1..s,   x_j = X_s.
 //
-// With L = (a_ik)^{-1} this is (L/h ⊗ I - I ⊗ A) X = (L 1)/h ⊗ x + (B y_k + F phi_k)_k. The L of Radau IIA (s = 2) has
+// With L = (a_ik)^{-1} this is (L/h ⊗ I - I ⊗ A) X = (L 1)/h ⊗ x + (B y_k + F phi_k)_k. For Radau IIA (s = 2), L has
 // the eigenvalues mu = 2 ± i sqrt(2), so one complex shifted solve gives both stages:
 //
 //     (mu/h I - A) xi = (w · L1)/h x + Σ_k w_k (B y_k + F phi_k),   X_i = 2 Re(v_i xi),
 //
-// v the eigenvector and w the row of the inverse eigenvector matrix. Implicit Euler (s = 1): mu = v = w = 1, no 2 Re.
-// (Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.8.)
+// with the eigenvector v and the row w of the inverse eigenvector matrix. Implicit Euler (s = 1): mu = v = w = 1, no 2
+// Re. (Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.8.)
 
 #include "stage_problem.hpp"
 
@@ -22,17 +22,17 @@ class StageStep {
  public:
   virtual ~StageStep() = default;
 
-  /// What step j of those it was made for does without y: q (s n) = N X_i + g_i of all stages, x_free (m) = X_s.
+  /// The step without y: q (s n) = N X_i + g_i for all stages, x_free (m) = X_s. `j` is the index in `rows`.
   virtual void free(const Vector& x, Index j, Vector& q, Vector& x_free) = 0;
-  /// x_free + what the y of all stages (s n) add.
+  /// Adds the contribution of y (s n, all stages) to x_free.
   virtual void drive(const Vector& y, Vector& x_free) const = 0;
-  /// s n x s n: N X_i as it depends on y_k.
+  /// s n x s n: derivative of N X_i with respect to y_k.
   virtual const Matrix& implicit_part() const = 0;
   virtual std::size_t bytes() const = 0;
 };
 
-/// For the steps of length h to these rows of the problem. `stages` 2 or 1, whatever the problem says; with 1, the last
-/// of the problem's stage values of g and phi are used.
+/// Steps of length h to these rows of the problem, with 2 or 1 stages, whatever the problem says. With 1, the last
+/// stage values of g and phi are used. Throws Error if the matrix of a step is singular.
 std::unique_ptr<StageStep> make_stage_step(const StageProblem&, Index stages, double h, const std::vector<Index>& rows);
 
 }  // namespace bromwich::host

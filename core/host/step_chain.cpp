@@ -26,7 +26,7 @@ bool is_step_finite(const StepMatrix& matrix) {
          std::isfinite(sparse.sum());
 }
 
-/// Whether `change` is R - S but for rounding.
+/// Whether `change` is R - S up to rounding.
 bool is_difference(const StepMap& map) {
   const auto largest = [](const StepMatrix& matrix) -> double {
     if (const auto* dense = std::get_if<Matrix>(&matrix)) return dense->cwiseAbs().maxCoeff();
@@ -61,7 +61,7 @@ StepMatrix times(double s, const StepMatrix& A) {
   return std::visit([s](const auto& a) -> StepMatrix { return std::decay_t<decltype(a)>(s * a); }, A);
 }
 
-// The order of `count` places by key, those with equal keys in the order they have.
+/// `count` places sorted by key (stable).
 std::vector<Index> sorted_by(const std::vector<Index>& places, const std::vector<Index>& keys, Index offset,
                              Index names) {
   std::vector<Index> start(std::size_t(names) + 1, 0), order(places.size());
@@ -157,7 +157,7 @@ StepSizes group_steps(const Vector& t) {
   std::vector<double> sorted;
   std::unique_copy(h.begin(), h.end(), std::back_inserter(sorted));
   std::sort(sorted.begin(), sorted.end());
-  // Each time is rounded by eps/2 |t| when it is computed, and a halved step by as much again.
+  // Each time has a rounding error of eps/2 |t|, and halving a step adds as much again.
   const double rounding = 4 * epsilon * t.cwiseAbs().maxCoeff();
   std::vector<double> sizes;
   for (const double size : sorted)
@@ -184,7 +184,7 @@ StepMap step_map(StepScheme scheme, const StepMatrix& A, double h) {
   const Matrix X = h * *dense;
   const MatrixPhi phi = matrix_phi(X);
   StepMap map{identity_plus(0, A), phi.exponential};
-  // e^X - I = X phi_1(X); where X is large, the product rounds more than the subtraction.
+  // e^X - I = X phi_1(X). For large X this product has more rounding error than the subtraction.
   if (X.cwiseAbs().rowwise().sum().maxCoeff() <= 1) map.change = Matrix(X * phi.phi1);
   return map;
 }

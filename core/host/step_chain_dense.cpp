@@ -1,5 +1,5 @@
-// Chains of dense maps: the increment D and S^{-1} of every kind of step, so that a step is one matrix-vector product
-// and all that does not run along time is a matrix product for each kind; R and R - S for residuals.
+// Chains of dense maps. Stored for every kind of step: the increment D and S^{-1}, so that a step is one matrix-vector
+// product and operations on all rows are one matrix product per kind; R and R - S for residuals.
 
 #include "core/base/denormals.hpp"
 #include "core/host/step_chain_rows.hpp"
@@ -19,7 +19,7 @@ class DenseStepChain final : public HostStepChain {
         inverse_(Index(problem.maps.size()), m_),
         R_(Index(problem.maps.size()), m_),
         change_(Index(problem.maps.size()), m_) {
-    share_each(threads, D_.count(), [&](Index k) {  // which of several failures is told depends on the threads
+    share_each(threads, D_.count(), [&](Index k) {  // if several kinds fail, the threads decide which is reported
       const DenseStep step(problem, k);
       D_[k] = step.increment;
       inverse_[k] = step.inverse;

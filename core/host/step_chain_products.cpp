@@ -9,7 +9,7 @@ namespace bromwich::host {
 namespace {
 
 constexpr Index doubling_tile_rows = 64;
-/// Steps that a scan multiplies in a row: their product grows away from I, and what is added to it rounds ever more.
+/// Steps per product of a scan. Products grow away from I, and so does their rounding error.
 constexpr Index scan_steps = 128;
 
 }  // namespace
@@ -19,7 +19,7 @@ void solve_by_doubling(const MatrixList& D, const std::vector<Index>& map_of, do
   const Index m = D.size(), M = Index(map_of.size());
   RowMatrix next(mu.rows(), m);
   MatrixList products;                // of the windows of `length` steps, by name
-  std::vector<Index> names = map_of;  // of the window that begins behind row i
+  std::vector<Index> names = map_of;  // of the window of steps that follows row i
   Index kinds = D.count();
   for (Index length = 1;; length *= 2) {
     const MatrixList& X = length == 1 ? D : products;
@@ -51,7 +51,7 @@ void solve_by_scan(const MatrixList& D, const std::vector<Index>& map_of, double
   const Index blocks = std::clamp((M + scan_steps - 1) / scan_steps, fewest, most), length = (M + blocks - 1) / blocks;
   check_products(block_bytes * double(blocks), memory_limit, "scan");
   const auto step = [&](Index i) { return D[map_of[std::size_t(i)]]; };
-  // carry_b: m rows of P_last ... P_{first+1} - I, and what the block's own q add up to.
+  // carry_b: m rows of P_last ... P_{first+1} - I, and one row with the contribution of the block's own q.
   std::vector<RowMatrix> carry(static_cast<std::size_t>(blocks));
   share_each(threads, blocks, [&](Index b) {
     const Index first = std::min(M, b * length), last = std::min(M, first + length);
@@ -65,7 +65,7 @@ void solve_by_scan(const MatrixList& D, const std::vector<Index>& map_of, double
       now.row(m) += mu.row(i);
     }
   });
-  // mu at the first row of each block, from the last block on.
+  // mu at the first row of each block, from the last block to the first.
   RowMatrix entry(blocks + 1, m);
   entry.row(blocks) = mu.row(M);
   for (Index b = blocks - 1; b >= 0; --b) {

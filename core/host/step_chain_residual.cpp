@@ -1,5 +1,5 @@
-// Residuals of a chain weighted with an adjoint, a few rows at a time so that nothing in between leaves the cache. Rows
-// that follow each other mostly meet the same matrices; they are taken together.
+// Residuals of a chain weighted with an adjoint, a panel of rows at a time so that intermediate values stay in the
+// cache. Neighbouring rows mostly use the same matrices and are multiplied together.
 
 #include "core/host/step_chain_rows.hpp"
 
@@ -9,10 +9,10 @@ namespace bromwich::host {
 
 namespace {
 
-/// Rows of a panel: a few matrices of so many values fit into a core's cache.
+/// Rows per panel: a few arrays of this size fit into a core's cache.
 Index panel_rows(Index m) { return std::clamp<Index>(4096 / m, 4, 64); }
 
-constexpr Index panels_together = 16;  ///< of one workspace
+constexpr Index panels_together = 16;  ///< per task and workspace
 
 /// Rows first, first + stride, ...
 auto spread_rows(const RowMatrix& x, Index first, Index count, Index stride) {
@@ -69,10 +69,10 @@ Vector HostStepChain::locally_weighted_residual(const RowMatrix& d, const RowMat
   share(threads_, panels, panels_together, [&](Index begin, Index end) {
     Panel p(rows, m_);
     RowMatrix mu, z(rows, m_);
-    for (Index b = begin; b < end; ++b) {  // cells c + 1 .. c + count; their steps count from 0
+    for (Index b = begin; b < end; ++b) {  // cells c + 1 .. c + count; steps count from 0
       const Index c = b * rows, count = std::min(rows, cells - c), first = 2 * c;
-      const Index behind = std::min(count, cells - 1 - c);  // with a cell behind them
-      const auto weigh = [&](Index step) {                  // with S^{-T} mu and the residual of the steps
+      const Index behind = std::min(count, cells - 1 - c);  // cells that have a next cell
+      const auto weigh = [&](Index step) {                  // z = S^{-T} mu, then the products of z with the residuals
         apply_steps(step, 2, RowFactor::inverse, mu, count, z);
         residual_rows(d, x, step, 2, count, p);
         for (Index k = 0; k < count; ++k) w[step + 2 * k] = z.row(k).dot(p.r.row(k));

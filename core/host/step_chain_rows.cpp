@@ -38,7 +38,7 @@ void multiply_places(const PlaceTiles& places, const MatrixList& X, Factor facto
     else
       for (Index r = 0; r < tile.count; ++r) gathered.row(r) = in.row(order[r] + shift.in);
     product.resize(tile.count, m);
-    if (tile.count == 1) {  // a matrix-vector product: Eigen's for matrices has its price
+    if (tile.count == 1) {  // a matrix-vector product; Eigen's matrix product has more overhead
       if (transposed)
         product.row(0).transpose().noalias() = matrix * gathered.row(0).transpose();
       else
@@ -83,12 +83,13 @@ RowMatrix HostStepChain::solve_transposed(RowMatrix q, const AdjointChoice& choi
 
 void HostStepChain::adjoint(const RowMatrix& q, RowMatrix& mu, const AdjointChoice& choice) {
   switch (choice.method) {
-    case AdjointMethod::exact:  // a step is a product with one vector: no number of threads here makes up for m
+    case AdjointMethod::exact:  // a serial step is one matrix-vector product; host threads do not make up for the
+                                // factor m of a scan
     case AdjointMethod::substitution:
       return substitute(q, mu);
     case AdjointMethod::jacobi:
       mu = q;
-      // Row i depends on the rows i .. i+k-1: with more than M+1 sweeps nothing changes any more.
+      // Row i depends on the rows i .. i+k-1: nothing changes after M+1 sweeps.
       for (Index k = 1; k < std::min(choice.checked_sweeps(), M_ + 1); ++k) {
         other_.resize(M_ + 1, m_);
         other_.row(M_) = q.row(M_);

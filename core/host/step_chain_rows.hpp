@@ -1,6 +1,6 @@
 #pragma once
-// What chains of dense and of sparse maps share: rows that meet the same matrix, taken together, and the products of
-// maps for the exact parallel adjoints. Notation of core/host/step_chain.hpp; rows are row vectors here,
+// Shared by chains of dense and of sparse maps: products of rows grouped by matrix, and products of maps for the exact
+// parallel adjoints. Notation of core/host/step_chain.hpp; rows are row vectors here,
 //
 //     mu_i^T = q_i^T + mu_{i+1}^T (I + D_{i+1}).
 
@@ -10,11 +10,11 @@
 
 namespace bromwich::host {
 
-/// Places 0 .. count-1 in the order of the matrix that they meet, cut into tiles of one matrix each.
+/// Places 0 .. count-1 sorted by their matrix and cut into tiles, one matrix each.
 struct PlaceTiles {
   struct Tile {
     Index matrix, first, count;  ///< places order[first .. first+count)
-    bool adjacent;               ///< they follow each other
+    bool adjacent;               ///< the places are consecutive
   };
   std::vector<Index> order;
   std::vector<Tile> tiles;
@@ -39,22 +39,22 @@ class MatrixList {
 
  private:
   Index m_ = 0;
-  Vector values_;  ///< aligned as all arrays are: how a product rounds depends on that
+  Vector values_;  ///< Eigen-aligned: the rounding of a product depends on alignment
 };
 
-/// The rows that a place p reads and writes: in p + in, out p + out, and what is added p + out too.
+/// Rows of place p: p + in is read, p + out is written and added.
 struct RowShift {
   Index in = 0, out = 0;
 };
 
-/// Which matrix a place multiplies with.
+/// The factor made of the matrix X of a place.
 enum class Factor { plain, transposed, plus_identity };  ///< X, X^T, I + X
 
-/// out <- add + in F, F made of the matrix X of each place. `out` may be `in` where the shifts agree.
+/// out <- add + in F with the factor F of each place. `out` may be `in` if the shifts agree.
 void multiply_places(const PlaceTiles&, const MatrixList& X, Factor, const RowMatrix& in, const RowMatrix* add,
                      RowMatrix& out, RowShift, const HostThreads& threads);
 
-/// use(tile, places of the tile, a workspace) for all tiles at once.
+/// Calls use(tile, places of the tile, a workspace) for all tiles, concurrently.
 template <class Workspace, class Use>
 void each_tile(const PlaceTiles& places, const HostThreads& threads, Index together, const Use& use) {
   const Index tiles = Index(places.tiles.size());
@@ -67,16 +67,16 @@ void each_tile(const PlaceTiles& places, const HostThreads& threads, Index toget
   });
 }
 
-/// mu of a chain by products of its maps. `D` holds the increments by kind.
+/// Adjoints mu of a chain by products of its maps. `D`: increments by kind. Throws Error above the memory limit.
 void solve_by_doubling(const MatrixList& D, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
                        const HostThreads& threads);
 void solve_by_scan(const MatrixList& D, const std::vector<Index>& map_of, double memory_limit, RowMatrix& mu,
                    const HostThreads& threads);
 
-/// Of one map.
+/// Factors made of one map.
 enum class RowFactor { inverse, R, R_transposed, change_transposed };  ///< S^{-1}, R, R^T, (R - S)^T
 
-/// All but what depends on how the maps are stored.
+/// The part of a chain that does not depend on the storage of its maps.
 class HostStepChain : public StepChain {
  public:
   HostStepChain(const StepChainProblem&, const HostThreads& threads);
@@ -87,37 +87,37 @@ class HostStepChain : public StepChain {
                                    const RowMatrix& l) final;
 
  protected:
-  /// x and l have the size of d and q and any values; they may be d and q.
+  /// x and l have the sizes of d and q; their values are overwritten. They may be the same objects as d and q.
   virtual void forward(const RowMatrix& d, RowMatrix& x) = 0;
   virtual void substitute(const RowMatrix& q, RowMatrix& l) = 0;
   /// next_i = q_i + P_{i+1}^T mu_{i+1} for i < M.
   virtual void carry(const RowMatrix& q, const RowMatrix& mu, RowMatrix& next) = 0;
   /// l_i = S_i^{-T} mu_i for i >= 1, in place.
   virtual void finish(RowMatrix& mu) = 0;
-  /// Rows that meet the same kind of step: out <- in F; called by several threads.
+  /// out <- in F for rows with the same kind of step. Called concurrently.
   using Rows = Eigen::Ref<RowMatrix, 0, Eigen::OuterStride<>>;
   virtual void apply(Index kind, RowFactor, const Rows& in, Rows out) = 0;
-  /// D by kind.
+  /// D by kind. `method` names the caller in errors.
   virtual const MatrixList& increments(const char* method) = 0;
 
-  /// Rows that are worked on together.
+  /// Buffers for rows processed together.
   struct Panel {
     Panel(Index rows, Index m) : out(rows, m) {}
     RowMatrix in, out, r;
   };
-  /// out_k <- in_k F of the step `first + k stride`, steps counted from 0.
+  /// out_k <- in_k F with F of step `first + k stride`; steps count from 0.
   void apply_steps(Index first, Index stride, RowFactor, RowMatrix& in, Index count, RowMatrix& out);
-  /// The residuals of those steps, in p.r.
+  /// The residuals of these steps, in p.r.
   void residual_rows(const RowMatrix& d, const RowMatrix& x, Index first, Index stride, Index count, Panel& p);
 
   void adjoint(const RowMatrix& q, RowMatrix& l, const AdjointChoice&);
 
   Index M_, m_;
   std::vector<Index> map_of_;
-  std::vector<char> plain_R_;  ///< R = I, of every kind
+  std::vector<char> plain_R_;  ///< whether R = I, by kind
   double memory_limit_;
   const HostThreads& threads_;
-  RowMatrix other_;  ///< of sweeps
+  RowMatrix other_;  ///< buffer of Jacobi sweeps
 };
 
 std::unique_ptr<StepChain> make_dense_step_chain(const StepChainProblem&, const HostThreads& threads);

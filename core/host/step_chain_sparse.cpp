@@ -1,5 +1,5 @@
-// Chains of sparse maps: one LU factorization with partial pivoting for every kind of step. Rows of a space-time array
-// are contiguous, so rows of one kind are the columns of a system with many right-hand sides.
+// Chains of sparse maps: one LU factorization with partial pivoting per kind of step. Rows of a space-time array are
+// contiguous, so rows of one kind form the columns of a system with many right-hand sides.
 
 #include "core/host/sparse_step_factors.hpp"
 #include "core/host/step_chain_rows.hpp"
@@ -37,7 +37,7 @@ class SparseStepChain final : public HostStepChain {
  private:
   SparseStepFactors& step(Index i) { return *kinds_[std::size_t(map_of_[std::size_t(i - 1)])]; }
 
-  // x_i = x_{i-1} + S^{-1} (d_i + (R - S) x_{i-1}): what is solved for is small, and so is its rounding.
+  // x_i = x_{i-1} + S^{-1} (d_i + (R - S) x_{i-1}): the solved part is small, and so is its rounding error.
   void forward(const RowMatrix& d, RowMatrix& x) override {
     x.row(0) = d.row(0);
     Vector right(m_), solved(m_);
@@ -49,7 +49,7 @@ class SparseStepChain final : public HostStepChain {
     }
   }
 
-  // mu_{i-1} = q_{i-1} + R^T l_i = mu_i + (q_{i-1} + (R - S)^T l_i), for mu_i = S^T l_i.
+  // mu_{i-1} = q_{i-1} + R^T l_i = mu_i + (q_{i-1} + (R - S)^T l_i) with mu_i = S^T l_i.
   void substitute(const RowMatrix& q, RowMatrix& l) override {
     Vector mu = q.row(M_).transpose(), added(m_), solved(m_);
     for (Index i = M_; i >= 1; --i) {
@@ -62,7 +62,7 @@ class SparseStepChain final : public HostStepChain {
     l.row(0) = mu.transpose();
   }
 
-  // Rows `in` of the places of a tile as columns.
+  // The rows p + in of the places p of a tile, as columns.
   struct Columns {
     Matrix values, changed;
     void gather(const RowMatrix& in, const PlaceTiles::Tile& tile, const Index* order, Index shift) {

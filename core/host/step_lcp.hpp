@@ -1,5 +1,5 @@
 #pragma once
-// What the marches share: the complementarity problem of one step, rows without a solution, polling.
+// Shared by the marches: the complementarity problem of one step, handling of unsolvable steps, polling.
 
 #include "../lcp/active_set.hpp"
 #include "../lcp/banded_lcp.hpp"
@@ -13,8 +13,8 @@
 
 namespace bromwich::host {
 
-// The LCP of a step and its bookkeeping. M + W_0 does not inherit the class of M: it is tested itself. Where it is P
-// and its entries decay, bands solve it, and the dense solver is made when they cannot.
+// The LCP of a step and its counters. M + W_0 does not inherit the class of M, so its class is tested. If it is P with
+// decaying entries, a banded solver is used; the dense solver is made when bands fail.
 class StepLcp {
  public:
   StepLcp(const Matrix& implicit, const Matrix& M, LcpClass lcp_class)
@@ -26,7 +26,7 @@ class StepLcp {
     if (implicit_class_ == LcpClass::P && lcp_class != LcpClass::Z) banded_ = simd::BandedLcp::make(implicit);
   }
 
-  /// The problem of a step determines its solution: it is the only one, of least norm, or a least element.
+  /// The problem determines its solution: the unique one, the one of least norm, or the least element.
   bool well_posed() const {
     return scene_class_ == LcpClass::Z || implicit_class_ == LcpClass::P || implicit_class_ == LcpClass::PSD;
   }
@@ -39,7 +39,7 @@ class StepLcp {
       dense().start_from(y);
   }
 
-  // false: no solution could be certified; the report says why.
+  // Returns false if no solution could be certified; the report says why.
   bool solve(const Vector& q, Vector& y, Index j, MarchReport& report) {
     const auto start = std::chrono::steady_clock::now();
     const LcpOutcome outcome = solve(q, y);
@@ -59,11 +59,11 @@ class StepLcp {
     return false;
   }
 
-  /// (M + W_0) y of the last solution where it is at hand, n entries; otherwise null.
+  /// (M + W_0) y of the last solution, n entries; null if it was not computed.
   const double* product() const { return product_; }
 
   std::size_t bytes() const {
-    const Index matrices = banded_ && !solver_ ? 1 : 4;  // the dense solver is made by the first problem without bands
+    const Index matrices = banded_ && !solver_ ? 1 : 4;  // the dense solver is made when bands first fail
     return sizeof(double) * std::size_t(M_.size() + matrices * implicit_.size()) + (banded_ ? banded_->bytes() : 0);
   }
 
@@ -91,7 +91,7 @@ class StepLcp {
     return *solver_;
   }
 
-  static constexpr int most_given_up = 8;  ///< problems that bands cannot solve, before they are given up
+  static constexpr int most_given_up = 8;  ///< failures of the banded solver before it is abandoned
 
   Matrix M_, implicit_;
   LcpClass scene_class_, implicit_class_;
@@ -107,7 +107,7 @@ inline void invalidate(RowMatrix& y, RowMatrix& v, Index from) {
   v.bottomRows(v.rows() - from).setConstant(NAN);
 }
 
-// Every `polled_every` steps: reports progress and looks whether to stop.
+// Every `polled_every` steps: reports progress and polls for interruption.
 class Poll {
  public:
   template <class Problem>

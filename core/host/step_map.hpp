@@ -10,12 +10,12 @@ using StepMatrix = std::variant<Matrix, SparseMatrix>;
 
 struct StepMap {
   StepMatrix S, R;      ///< both dense or both sparse
-  StepMatrix change{};  ///< R - S where that is known, as h A is, to more digits than subtraction leaves; or empty
+  StepMatrix change{};  ///< R - S if known to more digits than the subtraction gives (h A, for example); may be empty
   StepMatrix difference() const;  ///< `change`, or R - S
-  bool plain_R() const;           ///< R = I, as of implicit Euler
+  bool plain_R() const;           ///< whether R = I, as for implicit Euler
 };
 
-/// Rows of a matrix of either kind.
+/// Number of rows of a dense or sparse matrix.
 Index step_rows(const StepMatrix&);
 
 }  // namespace bromwich

@@ -2,7 +2,7 @@
 
 namespace bromwich {
 
-/// What a scene has got anew since it was solved last.
+/// The data of a scene that have changed since the last solve.
 struct Changes {
   bool x0 = true;
   bool sources = true;  ///< f, g or their breakpoints

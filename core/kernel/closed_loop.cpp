@@ -13,15 +13,15 @@ namespace bromwich {
 
 namespace {
 
-// ||e^{At}|| <= harmless_growth for t in [0, T] by the numerical range of A.
+// Whether the numerical range of A shows ||e^{At}|| <= harmless_growth on [0, T].
 bool grows_harmlessly(const Matrix& A, double T) {
   Matrix shifted = -0.5 * (A + A.transpose());
   shifted.diagonal().array() += std::log(harmless_growth) / T;
   return Eigen::LLT<Matrix>(shifted).info() == Eigen::Success;
 }
 
-// D with entries of one size in each pair of D^{-1} A D that joins two states: sum x_i^2 / D_i^2 is the energy of a
-// network. Balancing leaves factors that grow along a chain.
+// Diagonal D such that D^{-1} A D has entries of equal size in each pair that couples two states; sum x_i^2 / D_i^2 is
+// the energy of a network. Balancing leaves factors that grow along a chain.
 Vector energy_scale(const Matrix& A) {
   Vector logarithms = Vector::Zero(A.rows());
   connected_components(
@@ -32,7 +32,7 @@ Vector energy_scale(const Matrix& A) {
   return logarithms.array().exp();
 }
 
-// The same in the norm of the energy, where that is not too far from the units of A.
+// The same in the energy norm, if its scale is not too far from the units of A.
 bool energy_grows_harmlessly(const Matrix& A, double T) {
   constexpr double most_apart = 1e6;
   const Vector D = energy_scale(A);
@@ -40,7 +40,7 @@ bool energy_grows_harmlessly(const Matrix& A, double T) {
          grows_harmlessly(D.cwiseInverse().asDiagonal() * A * D.asDiagonal(), T);
 }
 
-// Up to the first row of y that is not valid.
+// Stops at the first row of y that is not valid.
 StatesOfY closed_states(const DiscreteProblem& p, const StepOperators& step, const RowMatrix& y,
                         const StepDefects* defects) {
   const DenseDynamics& d = *p.dense();
@@ -107,7 +107,7 @@ double free_growth(const DiscreteProblem& p, const StepOperators& step) {
     const double norm = power.cwiseAbs().rowwise().sum().maxCoeff();
     if (!std::isfinite(norm)) return INFINITY;
     growth = std::max(growth, norm);
-    // Powers of one below 1 are no larger, and more than harmless is not told apart.
+    // Powers of a norm below 1 do not grow; above harmless_growth the exact value does not matter.
     if (2 * steps > p.J || norm <= 1 || growth > harmless_growth) return growth;
     power = (power * power).eval();
   }

@@ -12,7 +12,7 @@ namespace bromwich {
 
 namespace {
 
-// k(t) = n^T e^{across t} b at the times given (ascending), from one contour per window of ratio 5.
+// k(t) = n^T e^{across t} b at ascending times, with one contour per window of ratio 5.
 Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& parameters, const Vector& times) {
   const LineTransfer transfer(d.across, d.n, d.b);
   Vector values(times.size());
@@ -37,8 +37,8 @@ Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& paramete
 /// Once the fit is good enough, each further rate has to reduce the error by this factor: it costs time in every sweep,
 /// and a smaller gain may be rounding.
 constexpr double gain_of_a_rate = 1.19;
-constexpr Index columns_together = 64;  ///< of products, by one thread
-constexpr double between_samples = 4;   ///< what is missed there may be so much larger than at the check points
+constexpr Index columns_together = 64;  ///< of products, per thread
+constexpr double between_samples = 4;   ///< how much larger errors may be than at the check points
 
 Vector logarithmic(double from, double to, Index count) {
   Vector grid(count);
@@ -48,7 +48,7 @@ Vector logarithmic(double from, double to, Index count) {
   return grid;
 }
 
-// Where a sum of exponentials is fitted on [h, T], and where it is checked: in between.
+// Sample times of the fit on [h, T], and check times between them.
 struct SampleTimes {
   Vector fitted, checked;
 };
@@ -60,7 +60,7 @@ SampleTimes sample_times(double h, double T) {
   return {fitted, (fitted.head(samples - 1).array() * fitted.tail(samples - 1).array()).sqrt()};
 }
 
-// 0 where squares and products would be denormal numbers, which slow down what is done with them.
+// 0 where squares and products would be denormal, which are slow.
 Matrix exponentials(const Vector& times, const Vector& rates) {
   constexpr double least = -340;
   const Matrix x = times * rates.transpose();
@@ -69,7 +69,7 @@ Matrix exponentials(const Vector& times, const Vector& rates) {
 
 struct Pivots {
   std::vector<Index> order;
-  std::vector<double> left;  ///< largest norm of a column's part outside the span of those picked before
+  std::vector<double> left;  ///< largest norm of a column's part outside the span of the columns picked before
 };
 
 // Pivot order of the first `count` columns by modified Gram-Schmidt with column pivoting.
@@ -109,8 +109,8 @@ ExponentialSum compress_line_kernel(const KroneckerDynamics& dynamics, double h,
   const auto [order, left] = pivots(all, std::min<Index>({rates.size(), times.size(), 64}));
   ExponentialSum best;
   best.error = INFINITY;
-  if (order.empty()) return best;  // nothing is left of the kernel at t = h
-  // As long as some exponential is missed by 1e6 times the tolerance, so is their sum: no fit is tried.
+  if (order.empty()) return best;  // the kernel has decayed at t = h
+  // While some exponential is missed by 1e6 times the tolerance, so is the sum: skip these fits.
   Index fewest = std::min<Index>(8, Index(order.size()));
   while (fewest + 2 <= Index(order.size()) && left[std::size_t(fewest)] > 1e6 * tolerance * left[0]) fewest += 2;
   // One factorization serves all numbers of rates: the first K columns of Q R are those of the first K rates.

@@ -1,8 +1,8 @@
 #pragma once
-// A kernel as a short sum of real exponentials: on [h, T] the trace kernel of one grid line,
-// k(t) = n^T e^{across t} b, has numerical rank 15 to 50 whatever the number of grid points. Rates are picked from a
-// logarithmic grid by a column-pivoted QR of the sampled exponentials (an interpolative decomposition: the picked
-// columns represent all others with small coefficients), the coefficients by least squares against contour values.
+// A kernel as a short sum of real exponentials. On [h, T] the trace kernel of one grid line, k(t) = n^T e^{across t} b,
+// has numerical rank 15 to 50, independent of the number of grid points. Rates are picked from a logarithmic grid by a
+// column-pivoted QR of the sampled exponentials (interpolative decomposition: the picked columns represent all others
+// with small coefficients). Coefficients are a least-squares fit to contour values.
 
 #include "kernel.hpp"
 
@@ -17,27 +17,27 @@ struct ExponentialSum {
   double error = 0;     ///< max |k(t) - Σ c_k e^{s_k t}| over check points between the samples, relative to max |k|
 };
 
-/// Where the fit stops growing, and the error up to which it may replace the eigenvalues.
+/// Error at which the fit stops growing, and error up to which it may replace the eigenvalues.
 inline constexpr double compression_tolerance = 1e-13, accepted_compression_error = 1e-11;
 
-/// Fits n^T e^{across t} b on [h, T]. The number of rates grows until `tolerance` is met or there are no more. Of these
-/// fits a larger one is taken only if each further rate reduces the error by a factor of 1.19. The error is infinite
-/// where nothing of the kernel is left at t = h.
+/// Fits n^T e^{across t} b on [h, T]. The number of rates grows until `tolerance` is met or no rate is left. Of these
+/// fits a larger one is taken only if each further rate reduces the error by a factor of 1.19. The error is infinite if
+/// the kernel has decayed at t = h.
 ExponentialSum compress_line_kernel(const KroneckerDynamics&, double h, double T,
                                     double tolerance = compression_tolerance);
 
-/// x0 seen through the same exponentials: S N e^{At} x0 = Σ_k D_kl e^{(s_k + mu_l) t} in mode l, t in [h, T].
+/// The response to x0 by the same exponentials: S N e^{At} x0 = Σ_k D_kl e^{(s_k + mu_l) t} in mode l, t in [h, T].
 struct InitialSum {
   RowMatrix coefficients;  ///< D, K x n
-  /// Of all modes together, in the 2-norm, relative to the sum of the parts Σ_k |n_k| |x0_k| in the eigenvectors of a
-  /// line. Estimated from e^{nu t} between the samples, with a factor of 4 for other times: by the eigenvalue that is
-  /// missed most, or, where that is too much, by all eigenvalues and the parts of this x0.
+  /// 2-norm over all modes, relative to Σ_k |n_k| |x0_k| in the eigenvectors of a line. Estimated from e^{nu t} between
+  /// the samples, with a factor of 4 for other times: by the eigenvalue with the largest error, or, if that is too
+  /// large, by all eigenvalues and the components of this x0.
   double error = 0;
 };
 
-/// Every e^{nu_k t} by the exponentials of a sum, so that no time point is looked at; for any x0. With e^{nu_k t} =
-/// Σ_i C_ik e^{s_i t} and n_k what is seen of eigenvector k of a line, D = P X^T S, P_iq = Σ_k C_ik n_k S_kq, X the
-/// lines of x0.
+/// Every e^{nu_k t} by the exponentials of a sum, for any x0 and without evaluating time points. With e^{nu_k t} =
+/// Σ_i C_ik e^{s_i t} and n_k the component of n in eigenvector k of a line, D = P X^T S, P_iq = Σ_k C_ik n_k S_kq, X
+/// the lines of x0.
 class InitialProjection {
  public:
   InitialProjection(Backend&, const KroneckerDynamics&, const RowMatrix& P);
@@ -60,13 +60,13 @@ InitialFit fit_initial_response(Backend&, const KroneckerDynamics&, const Expone
 double initial_error(Backend&, const KroneckerDynamics&, const InitialFit&, const Vector& x0);
 InitialSum compress_initial_response(Backend&, const KroneckerDynamics&, const InitialFit&, const Vector& x0);
 
-/// What x0 adds to z_0 of a recurrence: `initial` = D E / C, for any grid. Empty where a C_k is zero.
+/// Contribution of x0 to z_0 of a recurrence: `initial` = D E / C, for any grid. Empty if a C_k is zero.
 std::optional<RowMatrix> start_of(const ModalRecurrence&, const RowMatrix& D);
 /// The recurrence with it.
 std::optional<ModalRecurrence> started(const ModalRecurrence&, const RowMatrix& D);
 
-/// The recurrence with these exponentials in place of all eigenvalues: lags 0 and 1 come from the contour, and each
-/// mode l uses the rates s_k + mu_l.
+/// The recurrence with these exponentials instead of all eigenvalues. Lags 0 and 1 come from the contour; mode l uses
+/// the rates s_k + mu_l.
 ModalRecurrence compressed_recurrence(Backend&, const KroneckerDynamics&, const ExponentialSum&, double h);
 
 }  // namespace bromwich

@@ -1,4 +1,4 @@
-// Dense dynamics: the state is stepped.
+// Operator of dense dynamics: steps the state.
 
 #include "core/kernel/operators.hpp"
 
@@ -16,7 +16,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr double accepted_kernel_error = 1e-11;  ///< a contour kernel that misses its check by more is not used
+constexpr double accepted_kernel_error = 1e-11;  ///< larger errors of a contour kernel in its check are rejected
 
 // Largest deviation of two tables, relative to the largest weight.
 double deviation(const LagTable& a, const LagTable& b) {
@@ -37,7 +37,7 @@ class DenseOperator : public TimeOperator {
     const auto parameters = contour_parameters(spectrum.half_angle);
     KernelPlan made;
     const bool scan = choice == ConvolutionChoice::scan || !by_fft(choice);
-    // The two ways to the weights share nothing, so each checks the other; a scan needs only the first lags for that.
+    // Two independent ways to the weights check each other; a scan needs only the first lags for that.
     const Index checked = scan ? std::min<Index>(p_.J, 64) : p_.J;
     LagTable table = lag_table(recurrence, checked);
     std::string source = "matrix exponential (" + spectrum.describe() + ")";
@@ -55,8 +55,8 @@ class DenseOperator : public TimeOperator {
                              long(parameters->P + 1));
         table = std::move(contour);
       } else {
-        // Non-normal A defeats the contour, stiff A costs both some digits: the exponential is used, the gap is
-        // reported.
+        // Non-normal A defeats the contour, and stiff A costs both ways some digits: use the exponential, report the
+        // difference.
         source = text("matrix exponential, from which contours differ by %.1e", made.error);
       }
     }
@@ -99,7 +99,7 @@ class DenseOperator : public TimeOperator {
     return data;
   }
 
-  // The state itself is stepped, x0 and f with it: nothing that grows is computed apart and cancelled later.
+  // The state carries x0 and f, so no growing parts are computed separately and cancelled later.
   void add_sources(Rule rule, MarchData& data, const Changes& changes) override {
     const std::shared_ptr<const StepOperators> operators = state_step(p_, rule);
     const StepOperators& step = *operators;
@@ -127,7 +127,7 @@ class DenseOperator : public TimeOperator {
                                   dense_recurrence(dynamics_, *state_step(p_, Rule::exponential)));
   }
 
-  // Multiplications of one application: the recurrence against transforms of length 2J.
+  // Compares multiplications of one application: the recurrence against transforms of length 2J.
   bool by_fft(ConvolutionChoice choice) const override {
     if (choice != ConvolutionChoice::automatic) return choice == ConvolutionChoice::fft;
     return !scan_is_cheaper(double(p_.scene.states()), double(p_.scene.constraints()), double(p_.J));

@@ -10,7 +10,7 @@ namespace bromwich {
 
 namespace {
 
-// What f does on rough steps beyond its linear function between points of the grid.
+// Contribution of f on rough steps beyond its linear interpolant between grid points.
 std::shared_ptr<const StepDefects> defects_of_f(const DiscreteProblem& p) {
   const DenseDynamics& d = *p.dense();
   Matrix F = source_matrix(p);

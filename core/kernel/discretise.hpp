@@ -4,21 +4,21 @@
 
 namespace bromwich {
 
-/// Samples the sources. `every_step`: looks inside every step whether they are linear there.
+/// Samples the sources. `every_step`: tests inside every step whether they are linear there.
 DiscreteProblem discretise(const Scene&, Backend&, Index J, bool every_step = false);
 
-/// Samples the sources of the scene again, and takes its x0.
+/// Samples the sources of the scene again, and copies its x0.
 void sample_sources(DiscreteProblem&, bool every_step);
-/// Takes x0 alone.
+/// Copies only x0.
 void set_start(DiscreteProblem&);
 
-/// Finds the rough steps of a problem whose sources are sampled, and what they do.
+/// Finds the rough steps of the sampled sources and computes their contributions.
 void resolve_sources(DiscreteProblem&, bool every_step);
 
-/// The problem of implicit Euler, which takes f by its mean over each rough step.
+/// The problem for implicit Euler, which uses the mean of f over each rough step.
 DiscreteProblem with_mean_sources(const DiscreteProblem&);
 
-/// The problem on a grid with `steps` steps, whose points are points of the given one: every R-th row of the tables.
+/// The problem on a coarser grid with `steps` steps: every R-th row of the tables.
 DiscreteProblem coarser(const DiscreteProblem&, Index steps);
 
 }  // namespace bromwich

@@ -40,7 +40,7 @@ LagWindow lag_window(const Contour& contour, double h, Index first, Index last) 
     const Complex step = std::exp(x);
     for (Index d = first; d <= last; ++d) {
       const Index row = d - first;
-      // From lag 2 on a window is a geometric sequence: one multiplication a lag, restarted before rounding adds up.
+      // From lag 2 on, a window is a geometric sequence: one multiplication per lag, restarted before rounding adds up.
       if (d >= 3 && row % geometric_run != 0) {
         window.F(row, p) = step * window.F(row - 1, p);
         window.S(row, p) = step * window.S(row - 1, p);
@@ -64,7 +64,7 @@ ComplexMatrix exponential_factors(const Contour& contour, double h, Index first,
   return F;
 }
 
-// Re(F R) by two real products, four times fewer multiplications than the complex one would spend.
+// Re(F R) by two real products, half the multiplications of a complex product.
 void real_product(const ComplexMatrix& F, const ComplexMatrix& R, Eigen::Ref<RowMatrix> out) {
   const Matrix Fr = F.real(), Fi = F.imag();
   const RowMatrix Rr = R.real(), Ri = R.imag();
@@ -123,7 +123,7 @@ RowMatrix contour_initial_response(const KroneckerDynamics& dynamics, const Cont
     real_product(exponential_factors(contour, h, first, last), R, response.middleRows(first, count));
     first = last + 1;
   }
-  // What has decayed below 1e-200 is zero: its products would be denormal.
+  // Values below 1e-200 are set to zero: their products would be denormal.
   const Eigen::ArrayXd step = (h * mu.array()).exp();
   Eigen::ArrayXd power(n);
   for (Index j = 1; j <= J; ++j) {

@@ -1,5 +1,4 @@
-// Dynamics that are known by their shifted solves: weights by lag, tabulated from contours
-// (core/kernel/sparse_kernel.hpp).
+// Operator of dynamics known by shifted solves: lag weights tabulated from contours (core/kernel/sparse_kernel.hpp).
 
 #include "core/kernel/operators.hpp"
 
@@ -27,7 +26,7 @@ class LagOperator : public TimeOperator {
     return table()->error;
   }
 
-  // x0 and f have columns of their own in the shifted solves.
+  // x0 and f have their own columns in the shifted solves.
   void renew(const Changes&) override {
     const RowMatrix& f = p_.f.values();
     const Matrix& shapes = p_.f.shapes();
@@ -71,7 +70,7 @@ class LagOperator : public TimeOperator {
   }
 
  private:
-  // f is more than its values at points of the grid.
+  // Whether f is rough on some steps.
   bool rough_f() const { return p_.sources && p_.f.size() > 0; }
   const SparseKernel* table() {
     if (table_) return *table_ ? &**table_ : nullptr;
@@ -82,7 +81,7 @@ class LagOperator : public TimeOperator {
     rough_ = rough_f();
     if (!*table_) return nullptr;
     LagTable weights = std::exchange((*table_)->weights, {});
-    if (!lags_) lags_ = std::make_shared<Weights>(std::move(weights));  // they do not depend on sources
+    if (!lags_) lags_ = std::make_shared<Weights>(std::move(weights));  // weights do not depend on sources
     return &**table_;
   }
   SharedWeights lags() {
@@ -92,10 +91,10 @@ class LagOperator : public TimeOperator {
 
   std::optional<std::optional<SparseKernel>> table_;  ///< its weights are in lags_
   std::shared_ptr<Weights> lags_;
-  Vector x0_;    ///< that table_ was made for
-  RowMatrix f_;  ///< values of phi, likewise
+  Vector x0_;    ///< x0 of table_
+  RowMatrix f_;  ///< phi of table_
   Matrix shapes_;
-  bool rough_ = false;  ///< with a part for rough steps
+  bool rough_ = false;  ///< table_ includes the response to rough steps
 };
 
 }  // namespace

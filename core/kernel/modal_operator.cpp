@@ -1,4 +1,4 @@
-// Kronecker sums: everything in sine modes, one scalar convolution a mode.
+// Operator of Kronecker sums: works in sine modes, one scalar convolution per mode.
 
 #include "core/kernel/operators.hpp"
 
@@ -13,10 +13,10 @@ namespace bromwich {
 
 namespace {
 
-/// Up to this many eigenvalues a fit, which takes 20 and more exponentials, would not halve their number.
+/// A fit takes 20 or more exponentials; up to this many eigenvalues it would not halve their number.
 constexpr Index fewest_compressed = 40;
 
-// S N (discrete e^{A t_j}) x0 by stepping all modes: for x0 that the driven recurrence cannot carry.
+// S N (discrete e^{A t_j}) x0 by stepping all modes; used if the recurrence cannot represent x0.
 RowMatrix stepped_initial_response(const DiscreteProblem& p, Rule rule) {
   const KroneckerDynamics& d = *p.kronecker();
   const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), seen = in_sine_basis(d.n);
@@ -63,14 +63,14 @@ class ModalOperator : public TimeOperator {
     const LagTable table = contour_lag_table(p_.backend, dynamics_, *parameters, p_.h, p_.J);
     made.kernel = std::make_unique<SpaceTimeKernel>(p_.backend, p_.backend.convolution(table, rows), true, rows, n);
     made.description = text("FFT over lag weights from contours of %ld nodes a window", long(parameters->P + 1));
-    made.error = NAN;  // the table is the contour values: nothing else was computed to hold them against
+    made.error = NAN;  // the table holds the contour values themselves, so there is no second result to compare
     return made;
   }
 
   double response(const KernelPlan& plan, Array& v, Array& r) override {
     const auto input = p_.backend.array(p_.J + 1, p_.scene.constraints());
     upload(p_.backend, p_.g, r);
-    p_.backend.upload(p_.start.transpose(), r);  // row 0: the kernel has nothing at t = 0
+    p_.backend.upload(p_.start.transpose(), r);  // row 0: the kernel has no value at t = 0
     const double error = add_x0(plan, *input, r, r);
     add_driven(plan, *input, v, r);
     return error;
@@ -95,7 +95,7 @@ class ModalOperator : public TimeOperator {
     return 0;
   }
 
-  // Where no short sum fits, all eigenvalues are one. The fit of the finest grid serves all.
+  // If no short sum fits, all eigenvalues are used. The fit of the finest grid serves all grids.
   SharedWeights weights(Index steps, const Weights* finer, Index finer_steps) override {
     if (finer) return share_weights(coarsened(*finer, finer_steps, steps));
     const double h = p_.scene.T / double(steps);
@@ -128,7 +128,7 @@ class ModalOperator : public TimeOperator {
             .description = std::to_string(all) + " eigenvalues a mode, stepped"};
   }
 
-  // x0 in the recurrence where that can carry it, as a table of its response otherwise.
+  // x0 goes into the recurrence if it can represent it, otherwise into a table of its response.
   void add_sources(Rule rule, MarchData& data, const Changes& changes) override {
     auto& recurrence = std::get<ModalRecurrence>(std::get<Recurrence>(*data.weights));
     data.drive = p_.drive();
@@ -167,7 +167,7 @@ class ModalOperator : public TimeOperator {
   bool modal() const override { return true; }
 
  private:
-  // r <- r + what f makes of it.
+  // r <- r + response to f.
   void add_driven(const KernelPlan& plan, Array& input, Array& v, Array& r) {
     add_rough_response(p_, r);
     if (!p_.drive()) return;
@@ -182,7 +182,7 @@ class ModalOperator : public TimeOperator {
   }
   bool fits() { return sum().error <= accepted_compression_error; }
 
-  // x0 through the exponentials of the fit.
+  // x0 by the exponentials of the fit.
   struct ProjectedX0 {
     double error;
     const Array* D;  ///< null: the error is too large

@@ -10,8 +10,8 @@ namespace bromwich {
 
 namespace {
 
-// x_{j+1} = decay x_j + left u_j + right u_{j+1} for every pair of sine modes, b included: K x n each, k across, l
-// along.
+// x_{j+1} = decay x_j + left u_j + right u_{j+1} for every pair of sine modes, including b: K x n each, k across,
+// l along.
 struct ModalStep {
   RowMatrix decay, left, right;
 };
@@ -34,8 +34,8 @@ ModalStep modal_step(const KroneckerDynamics& d, const Matrix& S, Rule rule, dou
 
 }  // namespace
 
-// Steps all modes of the state and keeps, at every time point, the grid points asked for: their positions on the lines
-// are a product with a few rows of S, the other direction is transformed for all time points together.
+// Steps all modes of the state and records the requested grid points: their positions on the lines by a product with a
+// few rows of S, the other direction by one transform for all time points.
 RowMatrix modal_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const std::vector<Index>& components) {
   const KroneckerDynamics& d = *p.kronecker();
   const Index n = d.along.points, K = d.across.points;

@@ -4,7 +4,7 @@
 
 namespace bromwich {
 
-/// The operator for the kind of dynamics that the scene has.
+/// The operator for the dynamics of the scene.
 std::unique_ptr<TimeOperator> make_time_operator(const DiscreteProblem&);
 
 std::unique_ptr<TimeOperator> make_dense_operator(const DiscreteProblem&);

@@ -6,13 +6,13 @@
 
 namespace bromwich {
 
-/// A method with everything made that does not depend on x0, f and g: weights, plans, arrays.
+/// A method with everything that does not depend on x0, f and g: weights, plans, arrays.
 class PreparedMethod {
  public:
   virtual ~PreparedMethod() = default;
-  /// Takes x0, f and g anew, after the problem of its operator has got others.
+  /// Reads x0, f and g again, after they have changed in the problem of its operator.
   virtual void renew(const Changes&) = 0;
-  /// Fills everything of the result but the states and times of the whole.
+  /// Fills the result except for the states and the total times.
   virtual void run(const Options&, Result&) = 0;
 };
 

@@ -17,7 +17,7 @@ namespace bromwich {
 
 namespace {
 
-// The numbers of one exponential e^{x/h t} with unit weight, x = h lambda.
+// The recurrence of one exponential e^{x/h t} with unit weight, x = h lambda.
 struct ScalarRule {
   double decay, output, start, w0;
 };
@@ -75,7 +75,7 @@ RowMatrix modal_start(const ModalRecurrence& r, const KroneckerDynamics& dynamic
 }
 
 bool needs_precision(const Matrix& A, double h, Index J) {
-  constexpr Index largest = 24;  // m^3 products of 25 operations each, some hundred times
+  constexpr Index largest = 24;  // m^3 products of 25 operations each, about a hundred times
   constexpr double harmless = 1e-9;
   if (A.rows() == 0 || A.rows() > largest || !A.allFinite()) return false;
   return epsilon * h * double(J) * balanced(A).A.cwiseAbs().colwise().sum().maxCoeff() > harmless;
@@ -83,8 +83,7 @@ bool needs_precision(const Matrix& A, double h, Index J) {
 
 namespace {
 
-// (I - hA)^{-1}. Units of the states do not make it singular: where it looks so, rows and columns are brought to one
-// size first.
+// (I - hA)^{-1}. If the matrix looks singular, it is equilibrated first: units of the states do not count.
 std::optional<Matrix> inverse_of_step(const Matrix& A, double h) {
   const Matrix K = Matrix::Identity(A.rows(), A.rows()) - h * A;
   const Eigen::PartialPivLU<Matrix> lu(K);

@@ -16,9 +16,9 @@ namespace bromwich {
 namespace {
 
 constexpr std::size_t most_sets = 16;
-constexpr Index most_samples = 64;  ///< rows of an active set at which its modes are looked for in the state
+constexpr Index most_samples = 64;  ///< rows of an active set whose states are tested for its modes
 
-// An active set of y: the rows that have it, and for how many steps in a row it lasts at most.
+// An active set of y: its rows, and the largest number of consecutive steps it lasts.
 struct Phase {
   std::vector<Index> rows;
   Index longest = 0;
@@ -42,7 +42,7 @@ std::map<std::vector<Index>, Phase> phases(const RowMatrix& y) {
   return found;
 }
 
-// The matrix of the state while S is active; nothing where neither M_SS nor (N B)_SS is regular.
+// The matrix of the state while S is active; none if neither M_SS nor (N B)_SS is nonsingular.
 std::optional<Matrix> closed_matrix(const DiscreteProblem& p, const std::vector<Index>& S) {
   constexpr double regular = 1e-12;
   const DenseDynamics& d = *p.dense();
@@ -56,7 +56,7 @@ std::optional<Matrix> closed_matrix(const DiscreteProblem& p, const std::vector<
   return std::nullopt;
 }
 
-// Modes of every phase that `counts` lets pass, with the part of the state that each makes up.
+// The fastest mode of any phase that `counts` accepts and whose amplitude in the states exceeds `least_amplitude`.
 std::optional<Mode> fastest(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x, double least_amplitude,
                             const std::function<bool(Complex z, Index steps)>& counts) {
   const Vector scale = x.cwiseAbs().colwise().maxCoeff().transpose();
@@ -73,7 +73,7 @@ std::optional<Mode> fastest(const DiscreteProblem& p, const RowMatrix& y, const 
         if (counts(p.h * lambda[k], steps)) which.push_back(k);
       return which;
     };
-    // Most scenes have no such mode, and eigenvectors cost more than eigenvalues.
+    // Most scenes have no such mode, and eigenvalues alone are cheaper.
     if (const Eigen::EigenSolver<Matrix> values(scaled, false);
         values.info() != Eigen::Success || counting(values.eigenvalues()).empty())
       continue;

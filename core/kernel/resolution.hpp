@@ -1,7 +1,7 @@
 #pragma once
-// Modes that a time grid does not resolve. A method whose rational function replaces e^{h lambda} (Radau IIA, implicit
-// Euler) turns growth into decay where h Re lambda > 2 or so, and damps oscillations with h Im lambda > 1 away: with
-// half the step too, so that a comparison of the two shows nothing.
+// Modes that a time grid does not resolve. A method that replaces e^{h lambda} by a rational function (Radau IIA,
+// implicit Euler) turns growth into decay for h Re lambda > 2 or so, and damps oscillations with h Im lambda > 1. It
+// does so with h/2 too, so comparing the two grids shows nothing.
 
 #include "discrete_problem.hpp"
 
@@ -12,21 +12,21 @@ namespace bromwich {
 
 struct Mode {
   Complex rate;          ///< lambda, 1/time
-  double amplitude = 0;  ///< largest part of the state that it makes up, between 0 and 1 or so
+  double amplitude = 0;  ///< largest part of the state in this mode, roughly 0 to 1
 };
 
-/// The fastest mode, of A or of the closed loop of an active set of y (A - B_S M_SS^{-1} N_S, or what the constraints
-/// N_S x = const leave of A where (N B)_SS is regular), that grows noticeably while the set lasts, with h |lambda| >
-/// 1/2, and that the states x contain. Dense dynamics with few states.
+/// The fastest mode contained in the states x that grows noticeably while its active set lasts and has h |lambda| >
+/// 1/2. Modes of A and of the closed loops of the active sets of y are tested: A - B_S M_SS^{-1} N_S, or A restricted
+/// by the constraints N_S x = const if (N B)_SS is nonsingular. Dense dynamics with few states.
 std::optional<Mode> unresolved_growth(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x);
 
-/// The fastest hardly damped oscillation of the same kind that makes up at least a tenth of the state, and of which the
-/// rule that `damping` stands for (log |R(z)|, z = h lambda) takes away or adds a third while the set lasts.
+/// The fastest weakly damped oscillation of these modes that makes up at least a tenth of the state, and of which the
+/// method removes or adds a third while its active set lasts. `damping` is log |R(z)| of the method, z = h lambda.
 std::optional<Mode> unresolved_oscillation(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x,
                                            double (*damping)(Complex z));
 
-/// The fastest hardly damped oscillation of the same kind with h |Im lambda| > 1, where that is not ruled out by the
-/// size of the skew part: contacts come and go within a step of it, whatever the method.
+/// The fastest weakly damped oscillation of these modes with h |Im lambda| > 1, unless the size of the skew part rules
+/// it out. Contacts then open and close within a step, whatever the method.
 std::optional<Mode> fast_oscillation(const DiscreteProblem&, const RowMatrix& y,
                                      const std::function<RowMatrix()>& states);
 

@@ -12,14 +12,14 @@ RowMatrix row_modes(Backend& backend, const RowMatrix& rows) {
 }
 
 RowMatrix x0_in_modes(Backend& backend, const KroneckerDynamics& d, const Vector& x0, bool both) {
-  // S acts on rows: the transpose for the `along` direction.
+  // S acts on rows, so transpose for the `along` direction.
   const Eigen::Map<const RowMatrix> lines(x0.data(), d.along.points, d.across.points);
   const RowMatrix modes = row_modes(backend, lines.transpose()).transpose();
   return both ? row_modes(backend, modes) : modes;
 }
 
 RowMatrix dense_states(const StepOperators& step, const Vector& x0, const RowMatrix& u, const StepDefects* defects) {
-  // Time-major products first, so that the sequential part is one small matrix-vector product a step.
+  // Products over all time points first; the sequential part is then one small matrix-vector product per step.
   RowMatrix x = u * step.right.transpose();
   x.bottomRows(x.rows() - 1) += u.topRows(u.rows() - 1) * step.left.transpose();
   if (defects) defects->add_to(x);

@@ -1,5 +1,5 @@
 #pragma once
-// The part of w that does not depend on y: r(t) = N e^{At} x0 + ∫_0^t N e^{A(t-s)} f(s) ds + g(t), and x itself.
+// The part of w that does not depend on y, r(t) = N e^{At} x0 + ∫_0^t N e^{A(t-s)} f(s) ds + g(t), and x.
 
 #include "../numerics/sine_basis.hpp"
 #include "../seam/backend.hpp"
@@ -8,14 +8,14 @@
 
 namespace bromwich {
 
-/// Every row in the sine basis.
+/// Every row transformed to the sine basis.
 RowMatrix row_modes(Backend&, const RowMatrix& rows);
 
-/// x0 with only the `along` direction (`both` = false) or both directions in the sine basis: n x across.points.
+/// x0 in the sine basis, in the `along` direction only (`both` = false) or in both directions: n x across.points.
 RowMatrix x0_in_modes(Backend&, const KroneckerDynamics&, const Vector& x0, bool both);
 
 /// x_j of x' = A x + u with u piecewise linear on the grid (exponential) or sampled at the right ends (Euler), for
-/// given inputs u_j = B y_j + f_j in R^m and what single steps add: (J+1) x m, row 0 = x0.
+/// given inputs u_j = B y_j + f_j in R^m plus the defects of single steps: (J+1) x m, row 0 = x0.
 RowMatrix dense_states(const StepOperators&, const Vector& x0, const RowMatrix& u, const StepDefects* = nullptr);
 
 }  // namespace bromwich

@@ -13,7 +13,7 @@ namespace {
 constexpr double margin = 1, ringing_margin = 0.1;  ///< delta
 constexpr Index most_sets_n = 12;                   ///< active sets are enumerated up to this size
 
-// Sign of the determinant; 0 where the matrix is singular to rounding, whatever the units of its rows and columns.
+// Sign of the determinant; 0 if the matrix is singular to rounding after equilibration.
 int determinant_sign(Matrix matrix) {
   for (Index i = 0; i < matrix.rows(); ++i) matrix.row(i) /= std::max(matrix.row(i).cwiseAbs().maxCoeff(), 1e-300);
   for (Index i = 0; i < matrix.cols(); ++i) matrix.col(i) /= std::max(matrix.col(i).cwiseAbs().maxCoeff(), 1e-300);
@@ -44,7 +44,7 @@ BasisChoice decide(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, con
   const Matrix dense = to_dense(M);
   const auto keeps_its_kind = [&](double delta) -> bool {
     const Matrix damped = dense + at_minus_one - delta * w0;
-    // Beyond that, those of one index; for the rest of the P-matrices the solution is watched (ringing_from).
+    // Larger ones: principal minors of size one only. For other P-matrices the solution is checked (ringing_from).
     return dense.rows() <= most_sets_n ? same_minors(dense + w0, damped) : (damped.diagonal().array() > 0).all();
   };
   if (dense.rows() > most_sets_n && lcp_class != LcpClass::P) return without;
@@ -80,8 +80,8 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const LagTable&
     last = sum;
     sum += (d % 2 == 0 ? 1 : -1) * table.W.row(d);
   }
-  const RowMatrix mean = 0.5 * (sum + last);  // partial sums of a slowly changing
-                                              // alternating series lie on both sides
+  const RowMatrix mean = 0.5 * (sum + last);  // consecutive partial sums of a slowly
+                                              // changing alternating series bracket it
   const auto square = [n](const RowMatrix& row) { return Matrix(Eigen::Map<const RowMatrix>(row.data(), n, n)); };
   return decide(M, lcp_class, square(table.W.row(0)), square(mean));
 }

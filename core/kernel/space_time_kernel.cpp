@@ -48,7 +48,7 @@ void SpaceTimeKernel::apply_injected_modes(const SpaceTimeKernel& fine, Array& v
 
 bool SpaceTimeKernel::sweeps(const LcpBatch& lcp) const { return sine_ && lcp.submit_in_modes; }
 
-// Between two convolutions the batch takes modes of v and leaves modes of y.
+// Between two convolutions the batch reads v and writes y in modes.
 void SpaceTimeKernel::sweep(LcpBatch& lcp, const Array& r, Array& y, Array& v, SweepOrder order) {
   if (order.before) {
     sine_->apply(y, nullptr, *y_modes_, 0);

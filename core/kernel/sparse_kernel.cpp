@@ -1,7 +1,7 @@
 // symbol          variable        shape
-// [B F E x0]      Wide::B         m x inputs: n of y, k of phi (where f has columns of its own), 1 of E x0 unless zero
+// [B F E x0]      Wide::B         m x inputs: n for y, k for phi (if f has its own columns), 1 for E x0 unless zero
 // [N; I]          Wide::N         (n + c) x m
-// z_p             nodes           of all windows and of the contours they are compared with, one after another
+// z_p             nodes           of all windows and of the contours used for comparison, concatenated
 // resolvents      R               nodes x (outputs inputs), row by row
 
 #include "core/kernel/sparse_kernel.hpp"
@@ -22,10 +22,10 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180;
 
-// A shift sigma costs the factor e^{sigma T} in accuracy: 3000 at most.
+// A shift sigma loses a factor e^{sigma T} of accuracy, at most 3000.
 constexpr double largest_growth = 8;
 
-// f given per state has m columns of its own.
+// f given per state has m columns.
 constexpr Index most_source_columns = 4096;
 constexpr double most_source_bytes = 1 << 30;
 
@@ -88,12 +88,12 @@ Wide widen(const DiscreteProblem& p, const std::vector<Index>& components) {
   return wide;
 }
 
-// Rows of the weights W_d, S_d and of [N; I] e^{A t_d} x0.
+// Rows of W_d, S_d and of [N; I] e^{A t_d} x0.
 struct Rows {
   RowMatrix W, S, x0;
 };
 
-// A window with the place of its nodes among all.
+// A window and the index of its first node.
 struct Placed {
   LagWindow window;
   Index at = 0;
@@ -138,7 +138,7 @@ class Attempt {
     count_ += list.back().nodes();
   }
 
-  // The same lags on another contour: that of the next sector or, after the last, the same begun earlier.
+  // The same lags on another contour: that of the next sector, or after the last sector the same with an earlier start.
   LagWindow other_window(const LagWindow& w, const ContourParameters& parameters) const {
     const auto wider = contour_parameters(parameters.half_angle + degree);
     const double start = (wider ? 1 : 0.8) * w.contour.t0;
@@ -148,7 +148,7 @@ class Attempt {
     return lag_window(contour, p_.h, w.first, w.last);
   }
 
-  // Lags first..last from the nodes of `w`, whose factors are given.
+  // Lags first..last from the nodes of `w` and the given factors.
   Rows rows_of(const Placed& w, const LagWindow& factors, Index first, Index last) const {
     const Index count = last - first + 1, from = first - factors.first;
     Rows rows{RowMatrix(count, lags_.cols()), RowMatrix(count, lags_.cols()), RowMatrix(count, x0_.cols())};
@@ -169,7 +169,7 @@ class Attempt {
       table_.x0.middleRows(w.window.first, rows.x0.rows()) = rows.x0;
     }
     table_.S.row(0).setZero();
-    if (wide_.states > 0)  // t = 0 is on no contour
+    if (wide_.states > 0)  // no contour covers t = 0
       table_.x0.row(0) = (sparse_outputs(wide_.dynamics) * p_.scene.x0).transpose();
   }
 
@@ -179,7 +179,7 @@ class Attempt {
       const LagWindow& w = other.window;
       for (const Index d : std::array{w.first, (w.first + w.last) / 2, w.last}) deviation(rows_of(other, w, d, d), d);
     }
-    // The first lag of a window by the contour of the window before (not of the near one, made for lags 0 and 1).
+    // Checks the first lag of each window against the contour of the window before it (lags 0 and 1 excepted).
     for (std::size_t i = 2; i < windows_.size(); ++i) {
       const Placed& before = windows_[i - 1];
       const Index d = windows_[i].window.first;
@@ -187,8 +187,8 @@ class Attempt {
     }
   }
 
-  // Largest weight of each block (constraints or components) x (y or sources), the same for x0, never below rounding in
-  // N (..) B taken 1e6 times.
+  // Largest weight of each block (constraints or components) x (y or sources), the same for x0; at least 1e-6 of the
+  // scale h |N_i| |B_j|.
   void set_scales() {
     const SparseMatrix rows = sparse_outputs(wide_.dynamics).transpose(), inputs_of = sparse_inputs(wide_.dynamics);
     const Index inputs = wide_.lag_inputs();
@@ -230,13 +230,13 @@ class Attempt {
   double shift_;
   std::vector<Placed> windows_, others_;
   Index count_ = 0;
-  ComplexMatrix lags_, x0_;  ///< resolvents of the columns [B F] and x0
+  ComplexMatrix lags_, x0_;  ///< resolvents of the columns [B F], and of x0
   Rows table_;
   Vector scale_, x0_scale_;
   double error_ = 0;
 };
 
-// The block of a table for outputs i0.. and inputs j0..
+// The block of a table with outputs i0.. and inputs j0..
 LagTable block(const Rows& table, const Wide& wide, Index i0, Index outputs, Index j0, Index inputs) {
   const Index rows = table.W.rows();
   LagTable out{outputs, inputs, false, RowMatrix(rows, outputs * inputs), RowMatrix(rows, outputs * inputs)};
@@ -248,7 +248,7 @@ LagTable block(const Rows& table, const Wide& wide, Index i0, Index outputs, Ind
   return out;
 }
 
-// What x0 and f contribute to outputs i0..
+// Contribution of x0 and f to outputs i0..
 RowMatrix free_part(const DiscreteProblem& p, const Rows& table, const Wide& wide, Index i0, Index outputs) {
   RowMatrix free = RowMatrix::Zero(p.J + 1, outputs);
   if (outputs == 0) return free;
@@ -293,7 +293,7 @@ std::optional<SparseKernel> sparse_kernel(const DiscreteProblem& p, const std::v
     try {
       const Attempt attempt(p, wide, *contour_parameters(sector * degree), shift);
       if (attempt.error() <= accepted_contour_error) return finish(p, wide, attempt, s);
-    } catch (const SingularShift&) {  // a node is an eigenvalue to rounding: this contour runs through the spectrum
+    } catch (const SingularShift&) {  // a node is an eigenvalue to rounding: the contour runs through the spectrum
     }
   }
   return std::nullopt;

@@ -14,7 +14,7 @@ namespace bromwich {
 
 namespace {
 
-// Σ_d c_p F_d(z_p) u_{j-d} over the lags of one window that reach back to u_0 at most; u_0 has weights S.
+// Σ_d c_p F_d(z_p) u_{j-d} over the lags of one window, back to u_0 at most; u_0 has the weights S.
 ComplexMatrix past_inputs(const LagWindow& window, const RowMatrix& u, Index j) {
   ComplexMatrix sums = ComplexMatrix::Zero(window.contour.nodes.size(), u.cols());
   const Index last = std::min(window.last, j - 1);
@@ -25,7 +25,7 @@ ComplexMatrix past_inputs(const LagWindow& window, const RowMatrix& u, Index j) 
   return sums;
 }
 
-// One time point of the Kronecker sum, in modes of the `along` direction: row l is the grid line of mode l.
+// The state at one time point of a Kronecker sum, in modes of the `along` direction: row l is the grid line of mode l.
 RowMatrix lines_at(const DiscreteProblem& p, const std::vector<LagWindow>& windows, const RowMatrix& u, Index j) {
   const KroneckerDynamics& d = *p.kronecker();
   const Vector mu = d.along.eigenvalues();
@@ -35,13 +35,13 @@ RowMatrix lines_at(const DiscreteProblem& p, const std::vector<LagWindow>& windo
     const ComplexMatrix sums = past_inputs(window, u, j);
     for (Index l = 0; l < mu.size(); ++l)
       for (Index q = 0; q < sums.rows(); ++q)
-        // (zI - across) is symmetric: the solution of a grid line for b is its Green's row.
+        // zI - across is symmetric: the solution on a grid line with right-hand side b is its Green's row.
         lines.row(l) += (sums(q, l) * green_row(d.across, d.b, window.contour.nodes[q] - mu[l])).real().transpose();
   }
   return lines;
 }
 
-// The state of what f does on rough steps (core/kernel/rough_response.hpp) at chosen time points, in both sine bases.
+// The response to f on rough steps (core/kernel/rough_response.hpp) at chosen time points, in both sine bases.
 std::map<Index, RowMatrix> rough_states(const DiscreteProblem& p, const std::vector<Index>& rows) {
   std::map<Index, RowMatrix> at;
   if (!p.rough_response || rows.empty()) return at;

@@ -6,12 +6,12 @@
 
 namespace bromwich {
 
-/// What single steps add to x_j beyond the rule with sources and y that are linear between points of the grid.
+/// Contributions of single steps to x_j beyond the rule for sources and y that are linear between grid points.
 struct StepDefects {
   std::vector<Index> steps;  ///< increasing
-  RowMatrix values;          ///< a row in R^m for each
+  RowMatrix values;          ///< one row in R^m per step
 
-  /// Rows of `x`, one a time point, before the steps are summed up.
+  /// Adds them to the rows of `x`, one per time point, before the steps are summed up.
   void add_to(RowMatrix& x) const;
 };
 

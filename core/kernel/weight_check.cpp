@@ -13,7 +13,7 @@ namespace bromwich {
 
 namespace {
 
-// W_0, W_1, W_2, S_1 in this order, one row each.
+// W_0, W_1, W_2, S_1 in this order, one per row.
 RowMatrix first_weights(const LagTable& table) {
   RowMatrix rows(4, table.W.cols());
   rows << table.W.topRows(3), table.S.row(1);
@@ -30,7 +30,7 @@ RowMatrix circle_weights(const DiscreteProblem& p, const Contour& contour) {
   return (F * R).real();
 }
 
-// The weights of e^{hA} made of steps of h/2: another scaling, other rounding.
+// The weights from e^{hA} made of two steps of h/2: other scaling, other rounding.
 RowMatrix doubled_weights(const DiscreteProblem& p) {
   const DenseDynamics& d = *p.dense();
   const Matrix I = Matrix::Identity(d.A.rows(), d.A.cols());
@@ -54,8 +54,8 @@ WeightCheck check_weights(const DiscreteProblem& p, const DenseRecurrence& recur
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
   constexpr double nodes = 100;
   if (nodes * (4 * m * m * m + m * m * n) > operations || p.J < 2) return {NAN, ""};
-  if (needs_precision(p.dense()->A, p.h, p.J)) return {NAN, ""};  // what is known to fewer digits cannot check it
-  constexpr double agreed = 1e-9;                                 ///< below this two of them suffice
+  if (needs_precision(p.dense()->A, p.h, p.J)) return {NAN, ""};  // too few digits are known to check it
+  constexpr double agreed = 1e-9;                                 ///< if two agree to this, no third is computed
   const Spectrum where = spectrum(p.scene.dynamics);
   const RowMatrix made = first_weights(lag_table(recurrence, 2));
   const double scale = std::max(made.cwiseAbs().maxCoeff(), 1e-300);
@@ -68,8 +68,8 @@ WeightCheck check_weights(const DiscreteProblem& p, const DenseRecurrence& recur
   const RowMatrix other = around ? circle_weights(p, *around) : *by_contour(p, where.half_angle);
   const double deviation = apart(made, other);
   if (deviation <= agreed) return {deviation, words};
-  // The other opinion counts as far as it agrees with itself, on another contour that holds the same spectrum: of a
-  // matrix that is far from normal contours see the pseudospectrum, which they may cut.
+  // The second result counts only as far as another contour around the same spectrum confirms it: for highly non-normal
+  // matrices, contours may cut the pseudospectrum.
   const auto wider = around ? circle(1.5 * where.radius, p.h) : std::nullopt;
   const auto again = wider ? std::optional(circle_weights(p, *wider))
                            : by_contour(p, std::min(where.half_angle + wider_angle, widest_angle));

@@ -12,9 +12,9 @@ struct WeightCheck {
   std::string against;  ///< "a circle of 64 nodes around the spectrum", "contours of 25 nodes", "" where not checked
 };
 
-/// A second opinion on the matrix exponential of a dense scene: the first weights from shifted solves on a circle
-/// around the spectrum where h rho <= 9, otherwise on the contour of its sector. Left out where there is neither, or
-/// where the solves would cost more than `operations`.
+/// Independent check of the matrix exponential of a dense scene: the first weights from shifted solves, on a circle
+/// around the spectrum if h rho <= 9, otherwise on the contour of its sector. Not checked if there is neither, or if
+/// the solves would cost more than `operations`.
 WeightCheck check_weights(const DiscreteProblem&, const DenseRecurrence&, double operations);
 
 }  // namespace bromwich

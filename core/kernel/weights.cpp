@@ -8,7 +8,7 @@ namespace bromwich {
 
 namespace {
 
-// |S diag(w) S| 1. Products of sines are differences of cosines: entry (i, j) is c(i-j) - c(i+j) with
+// |S diag(w) S| 1. sin a sin b is a difference of cosines: entry (i, j) is c(i-j) - c(i+j) with
 // c(d) = 1/(n+1) Σ_k w_k cos(pi k d/(n+1)), an even function of period 2(n+1).
 Vector row_sums_in_modes(const Vector& w) {
   const Index n = w.size(), period = 2 * (n + 1);
@@ -52,7 +52,7 @@ LagTable coarsen(const LagTable& fine) {
   coarse.W.row(0) = fine.W.row(0) + 0.5 * fine.W.row(1);
   for (Index d = 1; d <= last; ++d) {
     coarse.W.row(d) = 0.5 * fine.W.row(2 * d - 1) + fine.W.row(2 * d);
-    if (2 * d < end) coarse.W.row(d) += 0.5 * fine.W.row(2 * d + 1);  // the last lag acts on y_0 alone, by S
+    if (2 * d < end) coarse.W.row(d) += 0.5 * fine.W.row(2 * d + 1);  // the last lag acts only on y_0, through S
     coarse.S.row(d) = fine.S.row(2 * d) + 0.5 * fine.W.row(2 * d - 1);
   }
   return coarse;

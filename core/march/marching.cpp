@@ -62,7 +62,7 @@ class PreparedMarch final : public PreparedMethod {
         result.reason = "x0 violates the constraints and y has to jump; use method march or auto";
         return;
       }
-      result.y.row(0).setZero();  // implicit Euler does not look at it
+      result.y.row(0).setZero();  // implicit Euler does not use it
       result.kernel += impulse_note;
       result.starts_with_impulse = true;
     }

@@ -1,13 +1,13 @@
 #pragma once
-// Step by step: the sequential baselines. `march` solves the same discrete problem as the functional iteration
-// (exponential, piecewise linear), `euler` is (1.3)-(1.4) of the Laplace-inversion paper.
+// Step-by-step methods, the sequential baselines. `march` solves the same discrete problem as the functional iteration
+// (exponential, piecewise linear); `euler` is (1.3)-(1.4) of the Laplace-inversion paper.
 
 #include "../kernel/prepared_method.hpp"
 #include "../kernel/time_operator.hpp"
 
 namespace bromwich {
 
-/// By the recurrence or the lag weights that the operator has for the rule.
+/// Marches by the recurrence or the lag weights of the operator for this rule.
 std::unique_ptr<PreparedMethod> prepare_march(TimeOperator&, Rule, const Options&);
 
 }  // namespace bromwich

@@ -8,7 +8,7 @@ namespace bromwich {
 
 namespace {
 
-// N x0 + g(0) below 0 by no more than the rounding of its sum is 0: x0 lies on a constraint.
+// Sets N x0 + g(0) to 0 where it is below 0 by no more than rounding: x0 lies on a constraint.
 Vector without_rounding(const DiscreteProblem& p) {
   Vector start = p.start;
   if (p.kronecker() || start.size() == 0 || start.minCoeff() >= 0) return start;

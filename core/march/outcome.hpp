@@ -1,5 +1,5 @@
 #pragma once
-// What all step-by-step methods share: y_0, and the words and numbers of a result.
+// Shared by all step-by-step methods: y_0, and status, reason and counters of a result.
 
 #include "../kernel/discrete_problem.hpp"
 #include "../result/result.hpp"
@@ -8,20 +8,20 @@ namespace bromwich {
 
 enum class Start {
   found,    ///< y_0 in SOL(M, N x0 + g(0))
-  impulse,  ///< there is none, but M is singular: y may act as an impulse that moves the state at t = 0
-  none,     ///< there is none, and the result says so
+  impulse,  ///< no solution, but M is singular: y may act as an impulse that moves the state at t = 0
+  none,     ///< no solution; the result says so
 };
 
-/// Sizes result.y, all NaN but y_0 in row 0 where `found`.
+/// Sizes result.y, fills it with NaN, and sets row 0 to y_0 if `found`.
 Start solve_at_zero(const DiscreteProblem&, Result&);
 
-/// The complementarity problem at t = 0, prepared. Keeps the discrete problem.
+/// The prepared complementarity problem at t = 0. Refers to the discrete problem.
 class ProblemAtZero {
  public:
   explicit ProblemAtZero(const DiscreteProblem&);
-  /// For another x0 and g(0).
+  /// Updates for another x0 and g(0).
   void renew();
-  /// y_0 alone; result.y is left as it is.
+  /// y_0 alone; does not change result.y.
   Start solve(Result&, Vector& y0) const;
 
  private:
@@ -36,7 +36,7 @@ void explain_stop(const DiscreteProblem&, const MarchReport&, Result&);
 /// Adds the counters of a march to the result.
 void count(const MarchReport&, Result&);
 
-/// The natural-map residual of y with q = r + v. Without y_0, row 0 (an impulse) is left out.
+/// Natural-map residual of y with q = r + v. Without y_0 (an impulse), row 0 is skipped.
 double march_residual(const DiscreteProblem&, Start, const Array& r, const Array& v, const Array& y);
 
 inline constexpr const char* impulse_note = "; x0 violates the constraints: the state jumps at t = 0";

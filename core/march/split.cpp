@@ -16,12 +16,12 @@ namespace bromwich {
 namespace {
 
 constexpr Index polled_every = 64;
-constexpr std::size_t most_kept_parts = 256;  ///< lengths whose operators are kept
-constexpr double same_limit = 1e-9;           ///< of the largest: limits of g that differ by less
+constexpr std::size_t most_kept_parts = 256;  ///< lengths with stored operators
+constexpr double same_limit = 1e-9;           ///< relative to the largest: limits of g that count as equal
 
-// What y at the end of a part does.
+// Operators for the effect of y at the end of a part.
 struct Part {
-  Matrix driven;  ///< m x n: x at the end, from y linear from 0
+  Matrix driven;  ///< m x n: contribution to x of y rising linearly from 0
   std::optional<ActiveSetLcp> lcp;
 };
 
@@ -48,7 +48,7 @@ class SplitMarch {
     if (p.f.shapes().size() > 0) F_ = (F_ * p.f.shapes()).eval();
   }
 
-  // From y_0; rows of y, of its integral from 0 on, and of x.
+  // Starts from y_0. Fills the rows of y, of its integral from 0, and of x.
   MarchReport run(RowMatrix& y, RowMatrix& integral, RowMatrix& x, StepDefects& defects) {
     const RowMatrix forcing = smooth_forcing();
     g_scale_ = std::max(p_.g.values().size() > 0 ? p_.g.values().cwiseAbs().maxCoeff() : 0, 1e-290);
@@ -80,7 +80,7 @@ class SplitMarch {
   }
 
  private:
-  // What f adds to x_j where it is linear on the step.
+  // Contribution of f to x_j on steps where it is linear.
   RowMatrix smooth_forcing() const {
     if (p_.f.size() == 0) return {};
     const Matrix F = source_matrix(p_);
@@ -129,14 +129,14 @@ class SplitMarch {
     return restart(g_before, p_.g.row(j), j, report);
   }
 
-  // y behind a jump of g.
+  // y after a jump of g.
   bool restart(const Vector& before, const Vector& after, Index j, MarchReport& report) {
     if ((before - after).cwiseAbs().maxCoeff() <= same_limit * g_scale_) return true;
     q_ = after + d_.N * x_;
     return solve(alone_, q_, y_, j, report);
   }
 
-  // x over a part with y falling to zero and f.
+  // x over a part, with y falling linearly to zero and with f.
   void drift(const RoughStep& rough, std::size_t& piece, double from, double to) {
     const Vector By = d_.B * y_;
     const double d = to - from;
@@ -158,7 +158,7 @@ class SplitMarch {
     x_ = state;
   }
 
-  // Lengths that agree to 2^-40 of a step are the same.
+  // Lengths that agree to 2^-40 of a step count as equal.
   Part& part_of(double d) {
     const auto key = std::llround(std::ldexp(d / p_.h, 40));
     if (const auto found = parts_.find(key); found != parts_.end()) return found->second;
@@ -167,7 +167,8 @@ class SplitMarch {
     part.driven = Matrix::Zero(d_.B.rows(), n_);
     const Matrix none = part.driven;
     propagator_.advance(d, {none, d_.B, none}, part.driven);
-    // Between M and M + W_0 of the whole step: of class P as these are. A solution counts by its residual.
+    // The matrix lies between M and M + W_0 of a whole step: class P if both are. A solution is accepted by its
+    // residual.
     const bool is_P = p_.lcp_class == LcpClass::P && whole_class_ == LcpClass::P;
     const LcpClass c = is_P ? LcpClass::P : p_.lcp_class == LcpClass::Z ? whole_class_ : LcpClass::unknown;
     part.lcp.emplace(M_ + d_.N * part.driven, c, least_of_);
@@ -214,7 +215,7 @@ class SplitMarch {
   Vector impulse_;  ///< integral of y over the step
 };
 
-// r = g and v = N x with y on the backend: the residual and the trace are those of every march.
+// r = g and v = N x as backend arrays: residual and trace are computed as for every march.
 void look_at(const DiscreteProblem& p, const Options& options, const RowMatrix& x, Result& result) {
   RowMatrix known = p.g.table(), seen = x * p.dense()->N.transpose();
   known.row(0) = p.start.transpose();

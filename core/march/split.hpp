@@ -1,11 +1,11 @@
 #pragma once
-// The march of dense scenes with continuous y where sources are rough on some steps (core/scene/source_steps.hpp):
-// those steps are taken in parts. On a part of length d, with y linear and f in its pieces,
+// March of dense scenes with continuous y whose sources are rough on some steps (core/scene/source_steps.hpp). These
+// steps are divided into parts. On a part of length d, with y linear and f piecewise polynomial,
 //
 //     x(t + d) = e^{dA} x + ∫_0^d e^{(d-s)A} (B y + f) ds,    0 <= y(t + d) ⊥ N x(t + d) + M y(t + d) + g >= 0,
 //
-// and where g jumps y starts anew from SOL(M, N x + g(t+)). Steps that are not rough are those of the other march.
-// The host alone: the matrix of a part is that of its length.
+// and after a jump of g, y starts anew from SOL(M, N x + g(t+)). Other steps are those of the usual march. Runs on the
+// host only, with one matrix per length of part.
 
 #include "../kernel/discrete_problem.hpp"
 #include "../result/options.hpp"
@@ -13,8 +13,8 @@
 
 namespace bromwich {
 
-/// Exponential rule, dense dynamics. Fills what solve_by_marching does, the components of the state that the problem
-/// asks for, and Result::defects.
+/// Exponential rule, dense dynamics. Fills the result as the usual march does, plus the requested components of the
+/// state and Result::defects.
 void solve_by_split_marching(const DiscreteProblem&, const Options&, Result& result);
 
 }  // namespace bromwich

@@ -19,17 +19,17 @@ namespace bromwich {
 namespace {
 
 constexpr double first_node = 1.0 / 3;  ///< c_1 of Radau IIA; the last node is the end of the step
-constexpr double same_at_end = 1e-9;    ///< of the largest: values of g that differ by less
+constexpr double same_at_end = 1e-9;    ///< relative to the largest: values of g that count as equal
 
-// The steps of a march in stages: those of the grid, and in place of rough ones their parts.
+// The steps of a march in stages: grid steps, with rough ones replaced by their parts.
 struct StageGrid {
-  Vector t;                     ///< where each ends, t[0] = 0
-  std::vector<double> lengths;  ///< of the step to row j, at j - 1; empty where no step is rough
-  std::vector<Index> step;      ///< of the grid, that row j belongs to
-  std::vector<Index> at;        ///< the row of each point of the grid
+  Vector t;                     ///< end times of the steps, t[0] = 0
+  std::vector<double> lengths;  ///< length of the step to row j at index j - 1; empty if no step is rough
+  std::vector<Index> step;      ///< grid step that contains row j
+  std::vector<Index> at;        ///< row of each grid point
 };
 
-constexpr std::size_t most_sparse_lengths = 32;  ///< a sparse factorization each
+constexpr std::size_t most_sparse_lengths = 32;  ///< one sparse factorization each
 
 StageGrid whole_steps(const DiscreteProblem& p) {
   StageGrid grid{p.t, {}, std::vector<Index>(std::size_t(p.J) + 1), {}};
@@ -38,11 +38,12 @@ StageGrid whole_steps(const DiscreteProblem& p) {
   return grid;
 }
 
-// An impulse acts at once: it has a part of its own, for within a step it may be undone before the first stage.
+// Divides steps after jumps into parts. An impulse gets a part of its own: within a longer step it may be undone before
+// the first stage.
 //
-// Layers: a state that has jumped, or starts anywhere, settles within 1/||A||, and so it does where f jumps; y follows.
-// Parts that grow geometrically go along, more of them on finer grids. For grids whose error is controlled: where steps
-// are given, they are the ones that are taken.
+// After a jump of the state or of f, and at the start, the state has a boundary layer of width 1/||A||, and y follows
+// it. The layer is resolved by geometrically growing parts, more of them on finer grids. Used only for grids whose
+// error is controlled; a grid given by the user is used as it is.
 class Layers {
  public:
   Layers(const DiscreteProblem& p, bool wanted) {
@@ -66,7 +67,7 @@ class Layers {
 
   bool none() const { return begin_.empty(); }
 
-  // Ends of the parts of (from, to]; called from left to right.
+  // Appends the ends of the parts of (from, to]. Call with increasing times.
   void divide(double from, double to, std::vector<double>& ends) {
     if (begin_.count(from) > 0) {
       last_ = from;
@@ -91,7 +92,7 @@ class Layers {
     for (const RoughStep& rough : p.sources->rough) {
       double from = p.t[rough.step - 1], before = p.h;
       for (const double to : rough.ends) {
-        const bool behind_place = before <= shortest * p.h;  // in which a jump has been found
+        const bool behind_place = before <= shortest * p.h;  // parts this short enclose a located jump
         if (behind_place || jumps(f, p.f, from, before, to - from) || jumps(g, p.g, from, before, to - from))
           begin_.insert(from);
         before = to - from;
@@ -100,30 +101,30 @@ class Layers {
     }
   }
 
-  static constexpr double stiff = 0.05;  ///< rate h above which a step does not resolve the layer
+  static constexpr double stiff = 0.05;  ///< ||A|| h above which a step does not resolve the layer
   static constexpr double shortest = 0x1p-30;
-  static constexpr Index most_states = 64;         ///< every part has a factorization of its own
+  static constexpr Index most_states = 64;         ///< every part length has its own factorization
   static constexpr Index fewest = 48, most = 400;  ///< parts of a layer
-  static constexpr double typical_decades = 16;    ///< logarithm of a step over the first part of its layer
-  static constexpr double cheap = 1e7;             ///< operations of parts, that small scenes take on any grid
+  static constexpr double typical_decades = 16;    ///< logarithm of the ratio of a step to the first part of its layer
+  static constexpr double cheap = 1e7;             ///< operations that parts of small scenes may cost on any grid
   std::set<double> begin_;
-  double first_ = 0;  ///< part behind a jump
-  /// Logarithm of the ratio of the distances of one point and the next to the jump; infinite: one part for the rest.
-  /// A row behind a jump may be on the finest grid alone, so that no difference of grids shows that its layer is
-  /// missing. Where jumps are too many the start keeps its own.
+  double first_ = 0;  ///< length of the part after a jump
+  /// Logarithmic growth of the distance to the jump from one point to the next; infinite: one part for the rest. A row
+  /// after a jump may exist on the finest grid only, so comparing grids would not show that its layer is missing. With
+  /// too many jumps only the start is resolved.
   double growth_ = INFINITY, growth_at_start_ = INFINITY, start_ = 0;
-  double last_ = -INFINITY;  ///< jump passed
+  double last_ = -INFINITY;  ///< last jump passed
 };
 
-// Contacts at times that nobody knows: steps in which the state jumped when they were taken whole, with the time of the
-// contact where it could be foreseen, or NaN.
+// Steps of the undivided grid in which the state jumps (contacts at unknown times), each with the predicted time of the
+// contact, or NaN.
 //
-// Implicit Euler takes the state to the constraint by the end of a step. Where y acts on the second derivative of w,
-// the velocity that it leaves is that of the way there, and the next step brings it to rest. So there are short parts
-// after the time of the contact: the state goes on from there, and not from the end of the step. Without that time they
-// are at the end of the step.
+// Implicit Euler moves the state onto the constraint by the end of a step. If y acts on the second derivative of w, the
+// remaining velocity is that of this motion, and only the next step removes it. Short parts just after the contact do
+// the same, so the motion continues from there and not from the end of the step. Without a predicted time the short
+// parts are at the end of the step.
 using Contacts = std::map<Index, double>;
-constexpr std::size_t most_contacts = 64;  ///< steps divided; beyond, they chatter
+constexpr std::size_t most_contacts = 64;  ///< divided steps; more contacts mean chattering
 constexpr int most_passes = 8;
 
 void divide_contact(double contact, double from, double h, std::vector<double>& ends) {
@@ -137,8 +138,8 @@ void divide_contact(double contact, double from, double h, std::vector<double>& 
   ends.insert(ends.end() - 1, {to - (to - last) / 16, to - (to - last) / 256});
 }
 
-// Root of the parabola through w at three times, behind the last of them; NaN where there is none.
-double foreseen_root(const Vector& t, const Vector& w) {
+// The first root after t[2] of the parabola through w at three times; NaN if there is none.
+double predicted_root(const Vector& t, const Vector& w) {
   const double slope = (w[2] - w[1]) / (t[2] - t[1]), before = (w[1] - w[0]) / (t[1] - t[0]);
   const double bend = (slope - before) / (t[2] - t[0]), at_end = slope + bend * (t[2] - t[1]);
   const double root = at_end * at_end - 4 * bend * w[2];
@@ -181,8 +182,8 @@ StageGrid make_grid(const DiscreteProblem& p, Index stages, bool with_layers, co
   return different.size() <= most_sparse_lengths ? grid : whole_steps(p);
 }
 
-// g or phi at the stages of every step: row j belongs to the step that ends with row j, row 0 holds the value at 0 in
-// all stages.
+// g or phi at the stages of every step. Row j belongs to the step that ends at row j; row 0 holds the value at t = 0
+// for all stages.
 RowMatrix sample_stages(const DiscreteProblem& p, const StageGrid& grid, const TimeFunction& function,
                         const RowMatrix& at_nodes, Index stages) {
   const Index width = at_nodes.cols(), rows = grid.t.size();
@@ -198,8 +199,8 @@ RowMatrix sample_stages(const DiscreteProblem& p, const StageGrid& grid, const T
   return values;
 }
 
-// Where steps are taken in parts g has its limit from the left at the end of each. At a point of the grid that is so
-// where M determines y, which then gets the value of the function there; elsewhere the state itself has to follow it.
+// Sets g at the end of each part to its limit from the left. At grid points this is done only if M determines y
+// (`at_points`); y there is computed later from g's own value. Otherwise the state has to follow g itself.
 void take_limits(const DiscreteProblem& p, const StageGrid& grid, bool at_points, RowMatrix& g) {
   if (!p.sources || !p.scene.g) return;
   const OneSided source(p.scene.g, p.scene.constraints(), p.sources->resolution);
@@ -211,7 +212,7 @@ void take_limits(const DiscreteProblem& p, const StageGrid& grid, bool at_points
   }
 }
 
-// f on a part of a step that one polynomial describes, at a stage: there the stages take its values, as elsewhere.
+// f at a stage if a single polynomial describes it on this part. The stages then use point values, as on smooth steps.
 std::optional<Vector> value_of_one_piece(const RoughStep& rough, double begin, double d, double stage) {
   const double near = 1e-9 * d;
   for (const SourcePiece& piece : rough.pieces) {
@@ -222,8 +223,8 @@ std::optional<Vector> value_of_one_piece(const RoughStep& rough, double begin, d
   return std::nullopt;
 }
 
-// On rough steps the stages take f by its moments: two of them those of order 0 and 1, one the mean. Where y balances
-// a stiff f, moments of a smooth one would be less exact than its values.
+// On rough steps, stage values of f are set by its moments: orders 0 and 1 for two stages, the mean for one. For a
+// smooth f, point values are more accurate if y balances a stiff f.
 void take_moments(const DiscreteProblem& p, const StageGrid& grid, Index stages, RowMatrix& phi) {
   if (!p.sources) return;
   const Index width = phi.cols() / stages;
@@ -247,7 +248,7 @@ void take_moments(const DiscreteProblem& p, const StageGrid& grid, Index stages,
   }
 }
 
-// y at points of the grid where g has a value of its own. Null: all solved; otherwise the first that is not.
+// y at grid points where g has a value of its own. Null: all solved; otherwise the first unsolved point.
 std::optional<Index> solve_at_own_values(const DiscreteProblem& p, const StageGrid& grid, const RowMatrix& g,
                                          const RowMatrix& seen, Result& result) {
   const Index n = p.scene.constraints();
@@ -290,7 +291,7 @@ std::unique_ptr<Array> on_backend(const DiscreteProblem& p, const RowMatrix& val
   return array;
 }
 
-// What the march is given, and the arrays that it points to.
+// Input of the march and what it points to.
 struct Given {
   Dynamics written_out;  ///< a Kronecker sum as sparse matrices
   StageProblem problem;
@@ -322,7 +323,8 @@ void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages
   problem.F = source_matrix(p.scene, *problem.dynamics);
 }
 
-// Empty where steps are whole, or where contacts are too many. A contact is foreseen from the three rows before it.
+// Empty if steps are not divided, or if there are too many contacts. The time of a contact is predicted from the three
+// rows before it.
 Contacts contacts_of(const StageGrid& grid, const StageSolution& s, const RowMatrix& g) {
   Contacts contacts;
   if (grid.lengths.empty()) return contacts;
@@ -333,14 +335,14 @@ Contacts contacts_of(const StageGrid& grid, const StageSolution& s, const RowMat
     const RowMatrix w = s.v.middleRows(row - 3, 3) + g.block(row - 3, g.cols() - n, 3, n);
     for (Index i = 0; i < n; ++i) {
       if (!(s.y(row, i) > 0) || (s.y.col(i).segment(row - 3, 3).array() > 0).any()) continue;
-      const double t = foreseen_root(grid.t.segment(row - 3, 3), w.col(i));
+      const double t = predicted_root(grid.t.segment(row - 3, 3), w.col(i));
       if (!(t >= place->second)) place->second = t;
     }
   }
   return contacts.size() <= most_contacts ? contacts : Contacts();
 }
 
-// Of all parts, the rows at points of the grid.
+// Keeps the rows at grid points.
 void keep_points(const DiscreteProblem& p, const StageGrid& grid, const Given& given, StageSolution& s,
                  Result& result) {
   for (Index* row : {&s.report.stopped, &s.report.infeasible})
@@ -366,7 +368,7 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   result.seconds.setup += timer.lap();
   const Vector y0 = result.y.row(0).transpose();
   StageSolution s = march_by_stages(given.problem, y0);
-  // A contact that is taken better moves those that follow it.
+  // A more accurate contact moves the contacts after it.
   Contacts divided;
   for (int pass = 0; pass < most_passes && options.compares_grids; ++pass) {
     Contacts contacts = contacts_of(grid, s, given.problem.g);

@@ -6,9 +6,9 @@
 
 namespace bromwich {
 
-/// Steps the state with y discontinuous from step to step (core/host/stage_problem.hpp): two stages (Radau
-/// IIA) or one (implicit Euler). Fills status, y, x (the components of the problem), counters, residual and seconds. A
-/// Kronecker sum is written out as sparse matrices.
+/// Marches the state with y discontinuous between steps (core/host/stage_problem.hpp): two stages (Radau IIA) or one
+/// (implicit Euler). Fills status, y, x (the requested components), counters, residual and seconds. A Kronecker sum is
+/// converted to sparse matrices.
 void solve_by_stages(const DiscreteProblem&, Index stages, const InnerOptions&, Result& result);
 
 }  // namespace bromwich

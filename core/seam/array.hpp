@@ -6,7 +6,7 @@
 
 namespace bromwich {
 
-/// Values of a space-time grid in the memory of a backend: row j = time t_j, J+1 rows. Zero when made.
+/// A space-time array in the memory of a backend: (J+1) x n, row j belongs to time t_j. Zero when made.
 class Array {
  public:
   Array(Index rows, Index cols) : rows_(rows), cols_(cols) {}

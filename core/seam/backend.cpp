@@ -32,7 +32,7 @@ void Backend::download_during(const Array& from, RowMatrix& to, const std::funct
 }
 
 void Backend::prepare(RowMatrix& to, Index rows, Index cols) const {
-  constexpr Index values_together = 1 << 16;  // what one thread has done before others are awake
+  constexpr Index values_together = 1 << 16;  // fewer are done by one thread before others wake up
   to.resize(rows, cols);
   each_range(to.size(), values_together, [&](Index first, Index last) {
     std::fill(to.data() + first, to.data() + last, std::numeric_limits<double>::quiet_NaN());

@@ -1,9 +1,9 @@
 #pragma once
-// The seam between the mathematics and the machine. A backend owns memory and prepares plans (plans.hpp); each plan is
-// one operation on whole space-time arrays, never on one time step.
+// The interface between the mathematics and the machine. A backend owns memory and makes plans (plans.hpp). Each plan
+// is one operation on whole space-time arrays, never on one time step.
 //
-// Required of a backend: arrays, the copies between them and the host, four operations on arrays, and six plans. What
-// else it can do is in `fused` (fused_operations.hpp).
+// Required of a backend: arrays, copies to and from the host, three operations on arrays, and five kinds of plans.
+// Optional operations are in `fused` (fused_operations.hpp).
 
 #include "../base/threads.hpp"
 #include "fused_operations.hpp"
@@ -19,7 +19,7 @@ struct DeviceInfo {
   std::string name;
   int threads = 1;
   std::string detail;
-  double memory = 0;  ///< bytes free for arrays and plans; 0: they lie in the memory of the machine
+  double memory = 0;  ///< bytes free for arrays and plans; 0: they use the memory of the host
 };
 
 class Backend : public HostThreads {
@@ -36,14 +36,14 @@ class Backend : public HostThreads {
   /// Blocks until all operations called so far have finished.
   virtual void wait() {}
   virtual std::unique_ptr<Array> array(Index rows, Index cols) = 0;
-  /// The first rows of `to`, as many as `from` has; the others stay as they are.
+  /// Writes the first from.rows() rows of `to`; the others keep their values.
   virtual void upload(const RowMatrix& from, Array& to) = 0;
   virtual void download(const Array& from, RowMatrix& to) = 0;
-  /// Row i of `coarse` <- row R i of `fine`, R = (rows of fine - 1) / (rows of coarse - 1) a whole number; R = 1
+  /// Row i of `coarse` <- row R i of `fine`. R = (rows of fine - 1) / (rows of coarse - 1) must be an integer; R = 1
   /// copies.
   virtual void inject(const Array& fine, Array& coarse) = 0;
-  /// fine <- fine + I (coarse - old), I the linear interpolation to R times as many steps; without `old`, fine + I
-  /// coarse.
+  /// fine <- fine + I (coarse - old) with linear interpolation I to R times as many steps; fine + I coarse if `old` is
+  /// null.
   virtual void interpolate(const Array& coarse, const Array* old, Array& fine) = 0;
   /// a <- b + s c; `a` may be `b` or `c`.
   virtual void add(const Array& b, double s, const Array& c, Array& a) = 0;
@@ -52,12 +52,12 @@ class Backend : public HostThreads {
   virtual std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) = 0;
   /// The weights are read when the plan is made.
   virtual std::unique_ptr<Convolution> convolution(WeightsRef, Index rows) = 0;
-  /// y_j in SOL(M + D I, r_j + v_j - D y_j) with the y given on the right (core/multigrid/smoothing.hpp), the class
-  /// being that of M + D I. D other than 0: tridiagonal M.
+  /// Solves y_j in SOL(M + D I, r_j + v_j - D y_j), with the given y on the right side (core/multigrid/smoothing.hpp).
+  /// The class is that of M + D I. D != 0 needs a tridiagonal M.
   virtual std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix&, LcpClass, double D, Index rows) = 0;
   virtual std::unique_ptr<March> march(const MarchProblem&, Index rows) = 0;
 
-  // ---- From the required ones, or fused.
+  // ---- Made of the required ones, or fused.
 
   std::unique_ptr<Convolution> convolution(const LagTable& table, Index rows) {
     return convolution(weights_ref(table), rows);
@@ -66,32 +66,30 @@ class Backend : public HostThreads {
     return convolution(weights_ref(recurrence), rows);
   }
   std::unique_ptr<LcpBatch> lcp(const LcpMatrix& M, LcpClass c, Index rows) { return shifted_lcp(M, c, 0, rows); }
-  /// Row j <- shapes a_j for the rows a_j of `amplitudes`: rows x k, cols x k, k >= 1.
+  /// Row j of `to` <- shapes a_j, a_j the row j of `amplitudes`. amplitudes: rows x k, shapes: cols x k, k >= 1.
   void upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to);
-  /// to <- P X^T for a table X of the host whose rows lie one after another in `values`: P is k x m, X n x m, `to` k x
-  /// n.
+  /// to <- P X^T for a host table X, stored row by row in `values`. P: k x m, X: n x m, `to`: k x n.
   void upload_projection(const Vector& values, const Array& P, Array& to);
-  /// `download`, and `operations`, which leave `from` as it is, while the values are on their way.
+  /// `download`, with `operations` run while the values are copied. They must not change `from`.
   void download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations);
-  /// Sizes `to` for a later download and writes NaN: the first touch of fresh memory costs more than a copy, and
+  /// Sizes `to` for a later download and fills it with NaN: the first touch of fresh pages costs more than a copy and
   /// needs no device.
   void prepare(RowMatrix& to, Index rows, Index cols) const;
-  /// The problem of a coarser grid, with R what `inject` takes: coarse_r <- R (r + v) - coarse_v, and coarse_y, old <-
-  /// R y.
+  /// Problem of a coarser grid, with R = injection: coarse_r <- R (r + v) - coarse_v; coarse_y, old <- R y.
   void restrict_problem(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
                         Array& coarse_y, Array& old);
   /// max_j |a_j - b_j|_inf / max(1, |a_j|_inf); NaN where a value is not finite.
   double difference(const Array& a, const Array& b);
-  /// Whether some column alternates over `run` consecutive rows: the second difference of each is larger than `part`
-  /// times the largest value of the column, and of the sign that the row before has not.
+  /// Whether some column alternates over `run` consecutive rows: the second differences change sign from row to row,
+  /// and each exceeds `part` times the largest value of the column.
   bool alternates(const Array& y, Index run, double part);
-  /// The operations recorded, or empty (FusedOperations::record).
+  /// A replay of the recorded operations, or empty (FusedOperations::record).
   std::function<void()> record(Index values, const std::function<void()>& operations);
 
-  /// Linear one-step maps on a grid of any step sizes and their adjoint. Throws Error where the problem is not valid or
+  /// Linear one-step maps on a grid with any step sizes, and their adjoint. Throws Error if the problem is not valid or
   /// the matrix of a step is singular.
   std::unique_ptr<StepChain> step_chain(const StepChainProblem&);
-  /// Affine maps along a chain of intervals, solved in blocks between two ends.
+  /// Affine maps along a chain of intervals between two boundary conditions, solved in blocks.
   std::unique_ptr<AffineChain> affine_chain(const AffineChainSizes&);
   /// The shifted solves of a contour (core/host/shifted_solves.hpp).
   ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes);

@@ -10,11 +10,11 @@
 
 namespace bromwich {
 
-/// Operations that a backend has beyond the required ones, because one kernel does what several would, or because its
-/// device does what the host would. An empty one is replaced (see the members of Backend of the same name).
+/// Optional operations of a backend: one kernel replaces several operations, or the device replaces the host. An empty
+/// one is replaced by required operations or by core/host (see the members of Backend of the same name).
 struct FusedOperations {
-  /// Operations recorded for replay; their arrays and plans have to outlive it. Nothing is done yet. Empty where replay
-  /// gains nothing: the arrays, of `values` numbers each, are so large that the time to launch is negligible.
+  /// Records operations without running them, and returns their replay. Their arrays and plans must outlive it. Returns
+  /// an empty function if replay gains nothing: arrays of `values` numbers make the launch overhead negligible.
   std::function<std::function<void()>(Index values, const std::function<void()>& operations)> record;
   std::function<void(const RowMatrix& amplitudes, const Matrix& shapes, Array& to)> upload_product;
   std::function<void(const Vector& values, const Array& P, Array& to)> upload_projection;

@@ -6,8 +6,8 @@
 
 namespace bromwich {
 
-// Products of sines are differences of cosines, so entry (i, j) is c(i-j) - c(i+j) with
-// c(d) = 1/(n+1) Σ_k w0_k cos(pi k d/(n+1)), a Toeplitz and a Hankel matrix from one table.
+// sin a sin b is a difference of cosines. Hence entry (i, j) is c(i-j) - c(i+j), a Toeplitz minus a Hankel matrix, with
+// c(d) = 1/(n+1) Σ_k w0_k cos(pi k d/(n+1)).
 Matrix implicit_part(const ModalRecurrence& r) {
   const Index n = r.modes(), period = 2 * (n + 1);
   Vector cosine(period), c = Vector::Zero(n + 2);

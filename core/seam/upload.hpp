@@ -5,7 +5,7 @@
 
 namespace bromwich {
 
-/// The values of a source to the first rows of an array of its width.
+/// Writes the values of a source to the first rows of an array of its width.
 inline void upload(Backend& backend, const SampledSource& source, Array& to) {
   source.factored() ? backend.upload_product(source.values(), source.shapes(), to)
                     : backend.upload(source.values(), to);

@@ -1,5 +1,5 @@
-// Errors from differences of grids: exact for powers of the step, not fooled by differences that are small by chance,
-// and by jumps that stay in their steps.
+// Error estimates from differences of grids: exact for powers of the step, robust against differences that are small by
+// chance, and against jumps that stay within a step.
 
 #include "core/accuracy/convergence.hpp"
 #include "core/solve/solve.hpp"
@@ -35,7 +35,7 @@ TEST(GridDifferences, TheOrderIsThatOfTwoHalvings) {
   EXPECT_NEAR(differences(2, {8, 2, 1}).order(), 1.5, 1e-14);
 }
 
-// What the differences cannot tell from q counts as q, and changes the estimate by sqrt(2) at most.
+// Orders indistinguishable from q count as q, which changes the estimate by sqrt(2) at most.
 TEST(GridDifferences, AnOrderCloseToTheHighestIsTheHighest) {
   for (const double q : {1.0, 2.0, 3.0})
     for (double order = 0.5; order <= q; order += 0.01) {
@@ -48,9 +48,9 @@ TEST(GridDifferences, AnOrderCloseToTheHighestIsTheHighest) {
     }
 }
 
-// Errors c_k h^2 whose c_k lie within sqrt(2) of 1, as where switches fall anywhere between grid points. With p <= 2
-// and D >= d_k >= c_k - c_{k+1}/4 and c_k >= c_{k+1}/2, the estimate is at least (4/2 - 1)/3 = 1/3 of the error. What
-// the mean of three adds to that shows in how few leave [1/2, 3].
+// Errors c_k h^2 with c_k within sqrt(2) of 1, as for switches anywhere between grid points. With p <= 2, D >= d_k >=
+// c_k - c_{k+1}/4 and c_k >= c_{k+1}/2, the estimate is at least (4/2 - 1)/3 = 1/3 of the error. The mean of three
+// improves this: few estimates leave [1/2, 3].
 TEST(GridDifferences, OfScatteredErrorsGiveTheirSize) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> scatter(-0.5, 0.5);
@@ -67,8 +67,8 @@ TEST(GridDifferences, OfScatteredErrorsGiveTheirSize) {
   EXPECT_GE(good, 0.9 * samples);
 }
 
-// Differences that alternate around their trend h^2, by factors of 2: the estimate is between 1/2 and 3 of the error
-// of the trend, 4^-k/3.
+// Differences that alternate around the trend h^2 by factors of 2: the estimate is between 1/2 and 3 times the error of
+// the trend, 4^-k/3.
 TEST(GridDifferences, ThatFallIrregularlyAreSmoothed) {
   for (const bool high_last : {false, true}) {
     const double up = 2, down = 0.5;
@@ -114,7 +114,7 @@ TEST(GridDifferences, OfTheSameSolutionAreNoError) {
 
 // ---- of results ----
 
-/// y(t) on J steps of [0, 1] as a method with discontinuous y would give it.
+/// y(t) on J steps of [0, 1], as computed by a method with discontinuous y.
 Result sampled(Index J, const std::function<double(double)>& y) {
   Result result;
   result.method = Method::march;
@@ -129,7 +129,7 @@ Result sampled(Index J, const std::function<double(double)>& y) {
   return result;
 }
 
-/// Errors as they are.
+/// Absolute errors.
 const ComponentSizes in_units_of_the_scene{.relative = false};
 
 TEST(Distance, OfAComponentIsRelativeToItOrAThousandthOfTheLargest) {
@@ -182,8 +182,8 @@ Convergence on_grids(const std::vector<Index>& grids, const std::function<double
   return convergence;
 }
 
-// A jump behind a point that all grids have: their y and its mean are the same, but each knows the jump to within a
-// step only, h/2 expected, which makes the mean over [0, 1] wrong by 1/(2 J).
+// A jump behind a point common to all grids: y and its mean agree on all grids, but each knows the jump only to within
+// a step, h/2 on average, so the mean over [0, 1] has an error of 1/(2 J).
 TEST(Convergence, JumpsThatStayInTheirStepsAreSeen) {
   const auto step = [](double t) { return t > 0.5 ? 1.0 : 0.0; };
   const Convergence c = on_grids({16, 32, 64, 128, 256}, step);
@@ -191,14 +191,14 @@ TEST(Convergence, JumpsThatStayInTheirStepsAreSeen) {
   EXPECT_NEAR(c.error(), 0.5 / 256, 1e-15);
 }
 
-// Behind any time a jump is known to within a step, and the mean over [0, 1] is wrong by less than 1/J.
+// A jump at any time is known to within a step, so the mean over [0, 1] has an error below 1/J.
 TEST(Convergence, JumpsAnywhereAreNotUnderestimated) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> anywhere(0.2, 0.8);
   for (int sample = 0; sample < 20; ++sample) {
     const double t = anywhere(random);
     const Index J = 512;
-    const double error = t - std::floor(t * double(J)) / double(J);  // of the sum of rows, from the step of the jump
+    const double error = t - std::floor(t * double(J)) / double(J);  // of the sum of rows
     const Convergence c = on_grids({32, 64, 128, 256, J}, [t](double s) { return s > t ? 1.0 : 0.0; });
     EXPECT_TRUE(c.of_integral());
     EXPECT_GE(c.error(), 0.5 * error) << t;
@@ -215,7 +215,7 @@ Result with_errors(Index J, const Vector& first, const Vector& order) {
   return result;
 }
 
-// 8 J^-2 hides J^-1 / 4: at J = 64 it is half as large, and its last difference is still the larger one.
+// 8 J^-2 hides J^-1 / 4: at J = 64 it is half as large, but its last difference is still the larger one.
 TEST(Convergence, AComponentOfXThatConvergesMoreSlowlyIsSeen) {
   const Vector first{{8, 0.25}}, order{{2, 1}};
   Result before = with_errors(4, first, order);
@@ -248,8 +248,8 @@ TEST(Convergence, WaitsWhereTheGridBeforeDidNotResolve) {
   EXPECT_NEAR(c.controlled().order(), 2, 1e-14);
 }
 
-// Differences of x that vanish from one grid to the next are chance where y jumps: the jump, known to within a step,
-// moves x by |B| h/2.
+// Differences of x that vanish between two grids are accidental if y jumps: a jump known to within a step moves x by
+// |B| h/2.
 TEST(Convergence, StatesDoNotConvergeByChance) {
   Result before = sampled(16, [](double t) { return t > 0.5 ? 1.0 : 0.0; });
   Convergence c(integrated, before, in_units_of_the_scene);

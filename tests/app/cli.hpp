@@ -1,5 +1,5 @@
 #pragma once
-// The command run as a user runs it; its path comes from the build (BROMWICH_CLI).
+// Runs the command as a user does. Its path comes from the build (BROMWICH_CLI).
 
 #include <gtest/gtest.h>
 
@@ -31,7 +31,7 @@ inline std::string read(const fs::path& path) {
   return text.str();
 }
 
-/// A folder of its own for every test, removed at the end.
+/// A separate folder per test, removed at the end.
 class Cli : public testing::Test {
  protected:
   void SetUp() override {

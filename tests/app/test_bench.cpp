@@ -1,4 +1,4 @@
-// The studies of `bromwich bench`, at their smallest sizes: what they write is complete and says what is true.
+// The studies of `bromwich bench` at their smallest sizes: output is complete and consistent.
 
 #include "files/scene_file.hpp"
 #include "tests/app/cli.hpp"
@@ -28,7 +28,7 @@ class Bench : public Cli {
 
   static std::string text_after_colon(const std::string& note) { return note.substr(note.find(": ") + 2); }
 
-  // Errors of one contestant by its steps.
+  // Errors of one contestant by number of steps.
   static std::map<long, double> errors(const Json& study, const std::string& contestant, const char* of) {
     std::map<long, double> found;
     for (const Json& row : study["rows"])
@@ -61,7 +61,7 @@ TEST_F(Bench, SpeedVsErrorFindsTheOrdersOfTheMethods) {
   const Json json = study("speed-vs-error dlcp-small");
   EXPECT_EQ(json["bench"], "speed-vs-error");
   for (const char* of : {"y", "trace"}) {
-    // The exact solution is known: halving the step divides errors by 4 and 2, but for where the kinks lie.
+    // The exact solution is known: halving the step divides errors by 4 and 2, apart from the positions of kinks.
     const auto march = errors(json, "march", of), euler = errors(json, "euler", of);
     ASSERT_TRUE(march.contains(64) && march.contains(128)) << of;
     ASSERT_TRUE(euler.contains(64) && euler.contains(128)) << of;
@@ -69,7 +69,7 @@ TEST_F(Bench, SpeedVsErrorFindsTheOrdersOfTheMethods) {
     EXPECT_NEAR(std::log2(euler.at(64) / euler.at(128)), 1, 0.3) << of;
     const auto contour = errors(json, "contour", of);
     ASSERT_TRUE(contour.contains(32)) << of;
-    EXPECT_NEAR(contour.at(32) / march.at(32), 1, 1e-6) << of;  // one discretisation
+    EXPECT_NEAR(contour.at(32) / march.at(32), 1, 1e-6) << of;  // the same discretisation
   }
   for (const Json& row : json["rows"]) {
     EXPECT_EQ(row["reference"], "the exact solution");
@@ -90,7 +90,7 @@ TEST_F(Bench, SpeedVsErrorSaysHowFarItsReferenceIsKnown) {
   const auto euler = errors(json, "euler", "y");
   ASSERT_TRUE(euler.contains(32));
   EXPECT_GT(euler.at(32), 100 * known_to);
-  // The same reference, whatever the steps: 4096 halved often enough.
+  // The same reference for all rows, with far more steps.
   EXPECT_EQ(json["rows"][0]["reference"], "march with 4096 steps");
 }
 
@@ -102,7 +102,7 @@ TEST_F(Bench, TolSetsEstimatesBesideTrueErrors) {
     EXPECT_EQ(row["reference"], "the exact solution");
     for (const char* of : {"y", "x"}) {
       EXPECT_LE(row["error"][of], row["tolerance"]);
-      // Smooth between few kinks: the estimate is the error, to a tenth.
+      // Smooth between few kinks: the estimate equals the error to a tenth.
       EXPECT_NEAR(row["effectivity"][of], 1, 0.1) << row;
     }
     const double parts = row["parts"]["discretisation"].get<double>() + row["parts"]["rounding"].get<double>() +
@@ -156,7 +156,7 @@ TEST_F(Bench, GalerkinFindsItsOrders) {
       for (const auto& [norm, order] : row["order"].items())
         if (!order.is_null()) orders[row["grid"]][norm] = order;  // null: exact on every grid
     if (part == "convergence" && row["method"] == "galerkin") EXPECT_TRUE(row["solved"]) << row;
-    // y piecewise linear in any way is nearer than continuous, and that nearer than constant.
+    // The best piecewise-linear y is closer than the continuous one, which is closer than the constant one.
     if (part == "projection") {
       EXPECT_LE(row["discontinuous"], row["continuous"]) << row;
       EXPECT_LT(row["continuous"], row["constant"]) << row;
@@ -218,7 +218,7 @@ TEST_F(Bench, StabilityKnowsTheTruthOfEveryCase) {
   for (const Json& row : json["rows"]) {
     ++groups[row["group"]];
     const std::string verdict = row["verdict"];
-    // What is called solved is right; what is refused says why.
+    // A result that says solved is right; others have a reason.
     EXPECT_NE(verdict, "wrong") << row;
     if (verdict == "refused")
       EXPECT_NE(row["reason"], "") << row;
@@ -228,7 +228,7 @@ TEST_F(Bench, StabilityKnowsTheTruthOfEveryCase) {
       EXPECT_TRUE(row.contains(key)) << key;
   }
   for (const char* group : {"A", "M", "sources", "starts", "scales", "sizes"}) EXPECT_GE(groups[group], 2) << group;
-  // Implicit Euler is of first order and seldom as good: the references are not made by what they judge.
+  // Implicit Euler is of first order and seldom as good: references do not come from the method they judge.
   int compared = 0;
   for (const Json& row : json["rows"])
     if (row["group"] == "A" && row["verdict"] == "right" && row["euler"]["error_x"].is_number()) {

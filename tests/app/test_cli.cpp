@@ -1,4 +1,4 @@
-// The command seen from outside: exit codes, what goes to which stream, and the files it writes.
+// The command from outside: exit codes, output streams, and the files it writes.
 
 #include "kernels/cuda_backend.hpp"
 #include "tests/app/cli.hpp"
@@ -340,8 +340,8 @@ TEST_F(Cli, RefusesAnOutputThatIsNoRegularFile) {
 }
 
 TEST_F(Cli, InterruptWritesTheValidPart) {
-  // Iterations of tens of milliseconds and hundreds of them: far from done after three seconds, on any machine. In the
-  // foreground timeout signals only the command; otherwise its group gets a second signal, and a second one kills.
+  // Hundreds of iterations of tens of milliseconds: far from done after three seconds on any machine. With
+  // --foreground, timeout signals only the command; otherwise the group gets a second signal, which kills.
   const Outcome result = run("solve signorini --set Q=511 --steps 4096 --method contour --threads 1 --json --out y.csv",
                              "timeout --foreground --preserve-status -s INT 3");
   if (result.exit_code == 0) GTEST_SKIP() << "solved before the signal came";

@@ -1,5 +1,5 @@
-// The command where the system lets it down: memory, disk, signals, bad files. Every outcome is one clear
-// line, nothing the user had is lost, and nothing is left behind.
+// The command under system failures: memory, disk, signals, bad files. Every outcome is one clear line, no file of the
+// user is lost, and nothing is left behind.
 
 #include "tests/app/cli.hpp"
 
@@ -29,7 +29,7 @@ steps = 8
 states = "all"
 )toml";
 
-// w = 1 - t: y = 0 until t = 1, and no y at all afterwards.
+// w = 1 - t: y = 0 until t = 1, infeasible afterwards.
 const std::string infeasible = R"toml(
 [dynamics]
 A = [[0]]
@@ -210,7 +210,7 @@ TEST_F(CliFaults, FilesOfAnEarlyEndSaySo) {
   }
 }
 
-// tests/files/test_fuzz.cpp reads far more of them, in one process.
+// tests/files/test_fuzz.cpp reads many more of them, in one process.
 TEST_F(CliFaults, MutatedScenesEndInOneLine) {
   std::mt19937 random(7);
   const auto below = [&](std::size_t count) {

@@ -1,4 +1,4 @@
-// Method goal and energies as a user of the command meets them.
+// Method goal and energies through the command.
 
 #include "files/scene_file.hpp"
 #include "tests/app/cli.hpp"
@@ -89,7 +89,7 @@ TEST_F(CliGoal, SolvesForTheQuantityOfAFile) {
 
 TEST_F(CliGoal, SaysWhatIsWrongWithAPort) {
   if (!scene_files_available()) GTEST_SKIP() << "this build reads no scene files";
-  // The file is called as a member of a scene is: no place is named twice.
+  // Messages name the file like a member of a scene; no location appears twice.
   const auto said = [&](const std::string& port, const std::string& more = "") {
     std::ofstream(folder_ / "f.toml") << "[port]\n" + port + "[time]\nT = 1\n" + more;
     return refused("solve f.toml --method goal --steps 30").err;

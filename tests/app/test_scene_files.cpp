@@ -1,4 +1,4 @@
-// Scene files as the command takes them.
+// Scene files through the command.
 
 #include "tests/app/cli.hpp"
 
@@ -55,7 +55,7 @@ TEST_F(CliFiles, SolvesASceneFile) {
   const auto lines = split(read(folder_ / "y.csv"), '\n');
   EXPECT_EQ(lines[0], "t,y0,x0");  // states = "all" in the file
   const auto last = split(lines.back(), ',');
-  // One exponential: exact but for the kernel's 1e-13 of its largest weight.
+  // One exponential: exact up to 1e-13 of the largest weight of the kernel.
   EXPECT_NEAR(std::stod(last[2]), 2 * std::exp(-1), 1e-12);
 }
 
@@ -111,7 +111,7 @@ TEST_F(CliFiles, BoundaryConditionsThatDetermineNothingAreRefused) {
   EXPECT_TRUE(contains(refused("solve nan.toml").err, "boundary.b: '0/0' is not a number"));
 }
 
-// Two states and two rows of which the second sees no state.
+// Two states and two rows; the second row does not depend on the state.
 std::string two_rows(const std::string& M, const std::string& g, const std::string& rest) {
   return "[dynamics]\nA = [[-1, 0], [0, -2]]\nB = [[1, 0], [0, 1]]\n[complementarity]\nN = [[1, 0], [0, 0]]\nM = " + M +
          "\ng = " + g + "\n[time]\nT = 1\nsteps = 400\n" + rest;
@@ -152,17 +152,17 @@ TEST_F(CliFiles, ErrorAgainstTheExactSolution) {
   const Json march = solved("exact.toml --method march")["reference_error"];
   EXPECT_LT(march["x"], 1e-12);  // as above
   EXPECT_EQ(march["y"], 0);
-  // Implicit Euler after 8 steps: 2 ((8/9)^8 - 1/e) = 4.3e-2 at t = 1, which is where the error is largest.
+  // Implicit Euler after 8 steps: 2 ((8/9)^8 - 1/e) = 4.3e-2 at t = 1, where the error is largest.
   const double error = 2 * (std::pow(8. / 9, 8) - std::exp(-1));
   EXPECT_NEAR(solved("exact.toml --method euler")["reference_error"]["x"], error, 1e-12);
-  // A small state is compared even where it was not asked for.
+  // A small state is compared even if it was not requested.
   EXPECT_NEAR(solved("exact.toml --method euler --states none")["reference_error"]["x"], error, 1e-12);
   EXPECT_TRUE(contains(run("solve exact.toml").out, "\nreference ")) << run("solve exact.toml").out;
 }
 
 TEST_F(CliFiles, ErrorAgainstReferenceValues) {
   save("reference.toml", decay + "[reference]\nt = 0.5\nx = [1]\ny = [nan]\ntolerance = 0.5\nsource = \"by hand\"\n");
-  for (const std::string states : {"all", "none"}) {  // without states, x is computed at that time alone
+  for (const std::string states : {"all", "none"}) {  // without states, x is computed only at that time
     const Json json = solved("reference.toml --method march --states " + states);
     EXPECT_NEAR(json["reference_error"]["x"], 2 * std::exp(-0.5) - 1, 1e-12) << states;
     EXPECT_TRUE(json["reference_error"]["y"].is_null());
@@ -173,7 +173,7 @@ TEST_F(CliFiles, ErrorAgainstReferenceValues) {
   // Five steps have no point at 0.5: the value is linear between 0.4 and 0.6.
   const double between = std::exp(-0.4) + std::exp(-0.6);
   EXPECT_NEAR(solved("reference.toml --method march --steps 5")["reference_error"]["x"], between - 1, 1e-12);
-  // The values belong to the parameters of the file.
+  // Reference values hold for the parameters of the file only.
   EXPECT_TRUE(solved("reference.toml --set x0=3")["reference_error"].is_null());
 }
 

@@ -1,6 +1,5 @@
 #pragma once
-// What the tests of step-by-step solutions share: one march of a backend, and the loop over the lag table that it is
-// compared with.
+// Shared by the tests of marches: one march on a backend, and a loop over the lag table as its reference.
 
 #include "core/lcp/active_set.hpp"
 #include "tests/support/backends.hpp"
@@ -30,7 +29,7 @@ class BackendMarch : public BackendTest {
     problem.r = r_array.get();
     problem.drive = drive_array.get();
     if (const auto* dense = std::get_if<DenseRecurrence>(&recurrence); dense && drive) {
-      // A state that is stepped takes its drive as a forcing of the state.
+      // A dense recurrence takes its drive as a forcing of the state.
       added = device(r + *drive * dense->w0.transpose());
       forcing = device(*drive * dense->input.transpose());
       z0 = dense->start * drive->row(0).transpose();
@@ -49,12 +48,12 @@ class BackendMarch : public BackendTest {
     out.report = plan->run(*y, *v);
     out.y = host(*y);
     out.v = host(*v);
-    if (added) out.v += host(*added) - r;  // v + r is what counts
+    if (added) out.v += host(*added) - r;  // only v + r matters
     return out;
   }
 };
 
-/// Dense n x n weights of every lag.
+/// Dense n x n weights, one per lag.
 inline std::vector<Matrix> dense_weights(const LagTable& table, const RowMatrix& rows) {
   std::vector<Matrix> all;
   const Matrix S = reference::sine_matrix(table.outputs);
@@ -97,8 +96,8 @@ inline Trajectory loop(const Matrix& M, const LagTable& table, const RowMatrix& 
   return out;
 }
 
-/// Weights below 0.1 over 50 rows and ||(M + W_0)^{-1}|| <= 1: rounding grows at most by e^{Σ |W|}, below e^4, from n
-/// eps a row.
+/// Weights below 0.1 over 50 rows and ||(M + W_0)^{-1}|| <= 1: rounding of n eps per row grows at most by e^{Σ |W|} <
+/// e^4.
 inline constexpr double same = 1e-12;
 
 }  // namespace bromwich

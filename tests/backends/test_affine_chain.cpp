@@ -1,5 +1,5 @@
-// Chains of affine maps between two ends on every backend: against one dense system for all states, and sizes and signs
-// of v against their definition.
+// Contract of affine chains on every backend: states against one dense system, sizes and signs of v against their
+// definition.
 
 #include "core/host/affine_chain.hpp"
 #include "tests/support/backends.hpp"
@@ -14,7 +14,7 @@ namespace {
 
 using reference::Random;
 
-// 300 states of size 1, each of them known to a few hundred roundings of the dense system.
+// 300 states of size 1, each with an error of a few hundred roundings of the dense system.
 constexpr double same_chain = 1e-11;
 
 struct ChainProblem {
@@ -30,7 +30,7 @@ struct ChainProblem {
   }
 };
 
-// `growth` 1: every map keeps sizes about as they are. Runs of 150 intervals have one map, the others change.
+// `growth` 1: maps roughly keep sizes. Runs of 150 intervals share a map; the others vary.
 ChainProblem chain_problem(Index N, Index m, Index n, double growth) {
   Random random(unsigned(N + 10 * m + 100 * n));
   ChainProblem p;
@@ -75,9 +75,9 @@ TEST_P(BackendAffineChain, SolvesBetweenTwoEnds) {
   for (const auto& [N, m, n] :
        {Shape{1, 1, 1}, {7, 4, 2}, {128, 3, 10}, {129, 2, 70}, {300, 4, 5}, {20, 33, 3}, {60000, 1, 3}}) {
     SCOPED_TRACE("N = " + std::to_string(N) + ", m = " + std::to_string(m) + ", n = " + std::to_string(n));
-    // As it is; growing by 4^128 in a block, which only steps by themselves can hold.
+    // No growth, and growth by 4^128 within a block, which only single steps can represent.
     for (const double growth : {0.7, 4.}) {
-      if (growth > 1 && N > 300) continue;  // sizes of e^{60000}; blocks are held to the largest value of all times
+      if (growth > 1 && N > 300) continue;  // values up to e^{60000}; blocks are scaled by the largest of all times
       const ChainProblem p = chain_problem(N, m, n, growth);
       const auto chain = backend->affine_chain({N, m, n});
       chain->set_sources(p.F, p.q);
@@ -87,10 +87,10 @@ TEST_P(BackendAffineChain, SolvesBetweenTwoEnds) {
       EXPECT_TRUE(sizes.finite);
       RowMatrix x, v;
       chain->download(x, v);
-      if (growth < 1 && N <= 300) {  // the dense system forgets what grows
+      if (growth < 1 && N <= 300) {  // the dense system loses digits with growth
         EXPECT_LE(distance(x, dense_states(p)), same_chain * std::max(1., x.cwiseAbs().maxCoeff()));
       }
-      // Relative to the terms of a row. Blocks of eight steps are the smallest: rounding grows by growth^8 in one.
+      // Relative to the terms of a row. The smallest blocks have eight steps, in which rounding grows by growth^8.
       const double step_rounding = std::max(same_chain, 100 * epsilon * std::pow(growth, 8));
       double active = 0, inactive = 0;
       SetWords wrong;

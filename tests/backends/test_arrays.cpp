@@ -1,4 +1,4 @@
-// The contract of the Backend seam: operations on whole arrays of a hierarchy of time grids.
+// Contract of Backend: operations on whole arrays of the hierarchy of time grids.
 
 #include "core/kernel/recurrence.hpp"
 #include "tests/support/backends.hpp"
@@ -15,7 +15,7 @@ class BackendArrays : public BackendTest {};
 
 INSTANTIATE_TEST_SUITE_P(Contract, BackendArrays, testing::ValuesIn(backend_cases()), backend_case_name);
 
-/// Rows that are padded on a device and rows that are not, short arrays and some of many blocks.
+/// Rows with and without padding on a device, short arrays and arrays of many blocks.
 const std::vector<std::pair<Index, Index>> shapes{{1, 1}, {1, 5}, {2, 16}, {3, 15}, {7, 33}, {64, 64}, {500, 127}};
 
 TEST_P(BackendArrays, InjectionTakesEveryRthRow) {
@@ -82,7 +82,7 @@ TEST_P(BackendArrays, RangesMayBeAskedForDuringADownload) {
   EXPECT_TRUE(filled.array().isNaN().all());
 }
 
-// More of both than is on its way at a time.
+// Both arrays are larger than the ring of the transfer.
 TEST_P(BackendArrays, ADownloadMayComeWithinAnother) {
   const RowMatrix first = Random(18).matrix(4200, 512), second = Random(19).matrix(4200, 512);
   const auto a = device(first), b = device(second);
@@ -143,7 +143,7 @@ TEST_P(BackendArrays, SumsMayOverwriteWhatTheyAdd) {
 }
 
 TEST_P(BackendArrays, SumsLeaveThePaddingOfRowsAlone) {
-  // 17 columns lie in rows of 24 on a device: what is summed there must stay out of a transform that reads it.
+  // 17 columns have a stride of 24 on a device: the sum must not write padding that the transform reads.
   const RowMatrix values = Random(9).matrix(9, 17);
   const auto a = device(values), b = backend->array(9, 17), sine_of_sum = backend->array(9, 17);
   backend->add(*a, 1, *a, *b);
@@ -182,10 +182,10 @@ TEST_P(BackendArrays, DifferencesAreLookedAtLater) {
   EXPECT_EQ(found->collect(), std::vector<double>(3, 0));
   const RowMatrix values = Random(16).matrix(50, 33), others = Random(17).matrix(50, 33);
   const auto a = device(values), b = device(others);
-  for (int again = 0; again < 2; ++again) {  // a slot is taken anew, whatever it held
+  for (int again = 0; again < 2; ++again) {  // a slot is reused, whatever it held
     found->submit(0, *a, *b);
     found->submit(2, *a, *a);
-    backend->add(*b, 1, *b, *b);  // what was begun is of the arrays as they were
+    backend->add(*b, 1, *b, *b);  // a submitted difference uses the arrays as they were
     EXPECT_EQ(found->collect()[0], backend->difference(*a, *device((again ? 2 : 1) * others)));
     EXPECT_EQ(found->collect()[1], 0);
     EXPECT_EQ(found->collect()[2], 0);
@@ -195,8 +195,8 @@ TEST_P(BackendArrays, DifferencesAreLookedAtLater) {
   EXPECT_TRUE(std::isnan(found->collect()[0]));
 }
 
-// Column `column` alternates in the rows from .. to-1 about a curve that bends too little; two rows more have second
-// differences that alternate with them, but for the ends of the array.
+// Column `column` alternates in the rows from .. to-1 around a curve with small curvature. Two more rows have second
+// differences that alternate with them, except at the ends of the array.
 RowMatrix alternating(Index rows, Index n, Index column, Index from, Index to) {
   RowMatrix y(rows, n);
   for (Index j = 0; j < rows; ++j)
@@ -205,7 +205,7 @@ RowMatrix alternating(Index rows, Index n, Index column, Index from, Index to) {
   return y;
 }
 
-// Runs within chunks of rows and blocks of columns, across them, and at the ends.
+// Runs within and across chunks of rows and blocks of columns, and at the ends.
 TEST_P(BackendArrays, AlternatingColumnsAreFoundWhereverTheyAre) {
   const Index rows = 300, n = 270, run = 16;
   const auto found = [&](const RowMatrix& y) { return backend->alternates(*device(y), run, 0.01); };
@@ -221,7 +221,7 @@ TEST_P(BackendArrays, AlternatingColumnsAreFoundWhereverTheyAre) {
   for (const Index few : {1, 2, 3, 17}) EXPECT_FALSE(found(RowMatrix::Zero(few, 5))) << few;
 }
 
-// More than the pieces in which a device hands them over, with rows that are padded there and rows that are not.
+// Larger than the pieces of a device transfer; rows with and without padding.
 TEST_P(BackendArrays, LargeArraysComeBackWhole) {
   for (const auto& [rows, n] : {std::pair<Index, Index>{6000, 127}, {70000, 9}, {3, 200000}}) {
     const RowMatrix values = Random(18).matrix(rows, n);
@@ -229,7 +229,7 @@ TEST_P(BackendArrays, LargeArraysComeBackWhole) {
   }
 }
 
-// A plan is made once and run with the right-hand side of every cycle.
+// A plan is made once and run again with the right-hand side of every cycle.
 TEST_P(BackendArrays, MarchReadsItsResponseAnew) {
   const Index rows = 40;
   const DenseDynamics d{Matrix{{-1, 0.5}, {0, -2}}, Matrix{{1}, {1}}, Matrix{{1, -1}}};

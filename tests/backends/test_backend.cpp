@@ -1,4 +1,4 @@
-// The contract of the Backend seam: arrays, sine transforms and shifted solves.
+// Contract of Backend: arrays, sine transforms and shifted solves.
 
 #include "core/base/error.hpp"
 #include "core/numerics/contour.hpp"
@@ -41,8 +41,8 @@ const Matrix& sine_matrix(Index n) {
   return S;
 }
 
-/// n products of entries sqrt(2/(n+1)) with values up to 1, rounded in any order: below n eps sqrt(2/n), and a fast
-/// transform is better than that.
+/// n products of entries sqrt(2/(n+1)) with values up to 1, summed in any order: error below n eps sqrt(2/n). Fast
+/// transforms are more accurate.
 double transform_tolerance(Index n) { return 4 * epsilon * std::sqrt(2.0 * double(n)); }
 
 TEST_P(BackendTest, SineTransformEqualsTheDenseMatrix) {
@@ -68,7 +68,7 @@ TEST_P(BackendTest, SineTransformIsItsOwnInverse) {
     const auto in = device(values), out = backend->array(5, n);
     const auto sine = backend->sine_transform(n, 5);
     sine->apply(*in, nullptr, *out, 0);
-    // An isometry: the first error arrives with its 2-norm, at most sqrt(n) times its largest entry.
+    // An isometry: the error of the first transform keeps its 2-norm, at most sqrt(n) times its largest entry.
     EXPECT_NEAR(host(*out).norm(), values.norm(), 8 * epsilon * std::sqrt(double(n)) * values.norm()) << n;
     sine->apply(*out, nullptr, *in, 0);
     EXPECT_LE(distance(host(*in), values), 2 * std::sqrt(double(n)) * transform_tolerance(n)) << n;
@@ -106,7 +106,7 @@ TEST_P(BackendTest, ResolventOfDenseMatrices) {
   };
   for (const auto [m, n, k] : {Shape{1, 1, 1}, {2, 2, 1}, {7, 3, 5}, {7, 5, 2}, {33, 2, 2}, {200, 1, 4}}) {
     Random random{5u};
-    // Eigenvalues in a disk of radius 1 around -2, the nodes to the right of it or far from it.
+    // Eigenvalues in a disk of radius 1 around -2; nodes to its right or far away.
     const Matrix A = random.matrix(m, m) / std::sqrt(double(m)) - Matrix(2 * Matrix::Identity(m, m));
     const DenseDynamics d{A, random.matrix(m, k), random.matrix(n, m)};
     const ComplexVector nodes = m < 100 ? nodes_of_a_window() : ComplexVector(nodes_of_a_window().head(2));
@@ -143,7 +143,7 @@ TEST_P(BackendTest, ResolventRefusesAnEigenvalue) {
   }
 }
 
-// Row p: the diagonal of S N (z_p I - A)^{-1} B S; nothing else may be left of it.
+// Row p: the diagonal of S N (z_p I - A)^{-1} B S; the rest must vanish.
 void expect_modes(const KroneckerDynamics& d, const ComplexVector& nodes, const ComplexMatrix& R, double tolerance) {
   const Index n = d.along.points;
   const Matrix& S = sine_matrix(n);
@@ -163,7 +163,7 @@ TEST_P(BackendTest, ResolventOfKroneckerSums) {
     KroneckerDynamics d = reference::signorini_dynamics(along, across, 0.05);
     // |N (zI-A)^{-1} B| <= 2 c/dx^2 / distance: below 10; the matrices' condition numbers are below 1e2.
     expect_modes(d, nodes, backend->resolvent(d, nodes), 1e-13);
-    // Constraints that see and drive all points of their line: |n| |b| / distance is smaller still.
+    // Constraints that use all points of their line: |n| |b| / distance is smaller still.
     Random random{std::uint32_t(across)};
     d.n = random.vector(across);
     d.b = random.vector(across);

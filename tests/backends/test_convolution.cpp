@@ -1,4 +1,4 @@
-// The contract of the Backend seam: causal convolutions, by recurrence and by table, against direct summation.
+// Contract of Backend: causal convolutions by recurrence and by table, against direct summation.
 
 #include "core/kernel/memory_length.hpp"
 #include "tests/support/backends.hpp"
@@ -34,7 +34,7 @@ ModalRecurrence random_modal(Random& random, Index n, Index K) {
   return r;
 }
 
-/// m states that turn and decay.
+/// m states that rotate and decay.
 DenseRecurrence random_dense(Random& random, Index n, Index m) {
   DenseRecurrence r;
   r.decay = 0.98 * Matrix(random.matrix(m, m).householderQr().householderQ());
@@ -45,8 +45,8 @@ DenseRecurrence random_dense(Random& random, Index n, Index m) {
   return r;
 }
 
-/// |v| <= Σ_d |W_d| max |y| with |W_d| of the recurrence below `largest`; the order of summation, the powers of the
-/// decay (one rounding a lag) and a fast transform (log of the length) each cost at most one rounding per row.
+/// |v| <= Σ_d |W_d| max |y|, with |W_d| of the recurrence below `largest`. The order of summation, the powers of the
+/// decay (one rounding per lag) and an FFT (log of the length) each cost at most one rounding per row.
 double tolerance(Index rows, double largest) { return epsilon * double(rows + 16) * double(rows) * largest / 4; }
 
 const std::vector<Index> row_counts{1, 2, 3, 129, 130, 400, 1000};
@@ -66,14 +66,14 @@ TEST_P(BackendConvolution, ModalAgainstDirectSums) {
       }
 }
 
-/// The slowest decay of mode l is 0.5^((l/n)^2 40): the first modes remember all, the last next to nothing.
+/// The slowest decay of mode l is 0.5^((l/n)^2 40): the first modes have full memory, the last almost none.
 ModalRecurrence forgetting_modal(Random& random, Index n, Index K) {
   ModalRecurrence r = random_modal(random, n, K);
   for (Index l = 0; l < n; ++l) r.decay.col(l) *= std::pow(0.5, 40 * double(l * l) / double(n * n));
   return r;
 }
 
-/// As the recurrence says it, row by row.
+/// The recurrence itself, row by row.
 RowMatrix by_recurrence(const ModalRecurrence& r, const RowMatrix& y) {
   RowMatrix v = RowMatrix::Zero(y.rows(), y.cols());
   RowMatrix z = r.start * y.row(0).asDiagonal();
@@ -110,9 +110,9 @@ TEST_P(BackendConvolution, ModesThatForget) {
   }
 }
 
-/// What rounding may do to rows of mode l. A term of v_j is a product of a power of E and what multiplies it, which are
-/// at most 2D + 8 roundings where D lags count, and a sum of at most D + K of them; the same for by_recurrence, and a
-/// rounding for what the lags beyond D sum up to.
+/// Bound on the rounding error of rows of mode l. A term of v_j is a product of a power of E and its factors, at most
+/// 2D + 8 roundings if D lags matter, in a sum of at most D + K terms; the same for by_recurrence; plus one rounding
+/// for the sum of the lags beyond D.
 Vector rounding(const ModalRecurrence& r, Index rows) {
   const auto lags = memory_lengths(r, rows - 1);
   Vector allowed(r.modes());
@@ -128,12 +128,12 @@ Vector rounding(const ModalRecurrence& r, Index rows) {
   return allowed;
 }
 
-/// Max over the rows of |a - b| per mode, in units of what is allowed.
+/// Largest |a - b| over the rows per mode, relative to `allowed`.
 double excess(const RowMatrix& a, const RowMatrix& b, const Vector& allowed) {
   return ((a - b).cwiseAbs().colwise().maxCoeff().transpose().array() / allowed.array()).maxCoeff();
 }
 
-/// Blocks of eight modes in turn: remember all, some 20, 60 and 200 lags.
+/// Blocks of eight modes with a memory of all, about 20, 60 and 200 lags in turn.
 ModalRecurrence uneven_modal(Random& random, Index n, Index K) {
   ModalRecurrence r = random_modal(random, n, K);
   const double slowest[] = {1, 0.15, 0.53, 0.83};
@@ -161,7 +161,7 @@ TEST_P(BackendConvolution, NeighboursThatRememberDifferently) {
 }
 
 TEST_P(BackendConvolution, ExponentialsThatGrowOrStartFromTheState) {
-  // Fewer rows than exponentials, and more; what is remembered for ever beside what is forgotten.
+  // Fewer rows than exponentials, and more; modes with and without decay.
   for (const Index rows : {2, 30, 90, 300})
     for (const bool starts : {false, true}) {
       const Index n = 20, K = 48;
@@ -176,7 +176,7 @@ TEST_P(BackendConvolution, ExponentialsThatGrowOrStartFromTheState) {
 }
 
 TEST_P(BackendConvolution, DenseAgainstDirectSums) {
-  // 30 states make a step dear enough that time is cut into chunks.
+  // With 30 states a step is expensive enough that time is cut into chunks.
   for (const auto& [n, m] : {std::pair<Index, Index>{1, 1}, {3, 5}, {8, 2}, {2, 30}})
     for (const Index rows : row_counts) {
       Random random(std::uint32_t(100 * n + m));
@@ -191,7 +191,7 @@ TEST_P(BackendConvolution, DenseAgainstDirectSums) {
     }
 }
 
-/// One of each kind for the properties: name, plan, its memory in rows.
+/// One plan of each kind for the common properties: name, plan, memory in rows.
 struct Kind {
   const char* name;
   std::unique_ptr<Convolution> plan;
@@ -268,8 +268,7 @@ TEST_P(BackendConvolution, RowsBeforeFirstKeepTheirValues) {
 }
 
 TEST_P(BackendConvolution, TablesThatStartFromZeroOrGrow) {
-  // An oscillator seen through its position has K(0) = 0; an unstable one grows, and early rows stay accurate all the
-  // same.
+  // An oscillator observed by its position has K(0) = 0. An unstable one grows, and early rows must stay accurate.
   const Index rows = 600;
   for (const bool grows : {false, true}) {
     LagTable table{1, 1, true, RowMatrix(rows, 1), RowMatrix(rows, 1)};
@@ -282,7 +281,7 @@ TEST_P(BackendConvolution, TablesThatStartFromZeroOrGrow) {
     double sum = 0;
     for (Index j = 0; j < rows; ++j) {
       sum += std::abs(table.W(j, 0));
-      // One rounding per row of what the row sums up; the oscillator's largest weights, rows of them, bound it too.
+      // One rounding per row of the terms of its sum; the oscillator is also bounded by rows times its largest weights.
       const double allowed = epsilon * double(rows + 16) * (grows ? sum : double(rows));
       EXPECT_LE(std::abs(v(j, 0) - exact(j, 0)), allowed) << (grows ? "growing" : "from zero") << ", row " << j;
     }

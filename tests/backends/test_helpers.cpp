@@ -10,7 +10,7 @@
 namespace bromwich {
 namespace {
 
-// Each number once, whoever comes to it; nobody is at work any more when it is done.
+// Each number is processed once, by any thread; no thread is at work afterwards.
 TEST(Helpers, ShareWorkOutOnce) {
   for (const int count : {0, 1, 5}) {
     Helpers helpers(count);

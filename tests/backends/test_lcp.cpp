@@ -1,4 +1,4 @@
-// The contract of the Backend seam: batches of complementarity problems, row by row against other solvers.
+// Contract of Backend: batches of complementarity problems, row by row against other solvers.
 
 #include "core/lcp/active_set.hpp"
 #include "tests/support/backends.hpp"
@@ -75,7 +75,7 @@ TEST_P(BackendLcp, RowsAgainstOtherSolvers) {
         EXPECT_NEAR(report.magnitude, y.maxCoeff(), 1e-14);
         EXPECT_LE(residual, 64 * epsilon * double(n) * (1 + written.cwiseAbs().maxCoeff() * y.maxCoeff())) << n;
 
-        const LcpReport again = solve(*lcp, q, y);  // from the solution: nothing is exchanged
+        const LcpReport again = solve(*lcp, q, y);  // started at the solution: no exchange
         EXPECT_EQ(again.count.newton, rows) << n << (dense ? " dense" : " tridiagonal");
         EXPECT_EQ(again.count.fallbacks, 0);
         EXPECT_LE(again.change, tolerance(n));
@@ -94,7 +94,7 @@ TEST_P(BackendLcp, ShiftedRows) {
       const RowMatrix before = y;
       const auto lcp = backend->shifted_lcp(LcpMatrix(M), LcpClass::P, D, rows);
       EXPECT_EQ(solve(*lcp, q, y).count.unsolved, 0);
-      // Half of the least margin of dominance is left.
+      // Half of the smallest margin of dominance is left.
       for (Index j = 0; j < rows; ++j) {
         const Vector expected = solved_alone(shifted, (q.row(j) - D * before.row(j)).transpose(), LcpClass::P);
         EXPECT_LE((y.row(j).transpose() - expected).cwiseAbs().maxCoeff(), 2 * tolerance(n)) << n << ' ' << D;
@@ -108,7 +108,7 @@ TEST_P(BackendLcp, ShiftedRows) {
     }
 }
 
-// Of two plans in turn.
+// Two plans, alternately.
 TEST_P(BackendLcp, SubmittedBatchesAreSummedUp) {
   const Index n = 17, rows = 50;
   Random random{61};
@@ -135,7 +135,7 @@ TEST_P(BackendLcp, SubmittedBatchesAreSummedUp) {
   }
 }
 
-// A batch in modes and the same one by one, from the same y; rows whose problem stays unsolved keep it.
+// A batch in modes against the separate operations, from the same y; unsolved rows keep their y.
 TEST_P(BackendLcp, BatchesBetweenSineTransforms) {
   struct Case {
     Tridiagonal M;
@@ -147,7 +147,7 @@ TEST_P(BackendLcp, BatchesBetweenSineTransforms) {
   };
   for (const Index n : {63, 127, 255, 511, 1023})
     for (const Index rows : {1, 2, 67}) {
-      // Of the last, only problems with q >= 0 have a solution, y = 0: in one row of three.
+      // In the last case only problems with q >= 0 have a solution, y = 0: one row in three.
       for (const Case& c : {Case{uniform(n, -1, 4), LcpClass::P, 0}, Case{uniform(n, -1, 4), LcpClass::P, -1.1},
                             Case{uniform(n, -2, 1), LcpClass::Z, 0}}) {
         const auto S = backend->sine_transform(n, rows);
@@ -186,7 +186,7 @@ TEST_P(BackendLcp, BatchesBetweenSineTransforms) {
             const double tolerance = 64 * epsilon * std::sqrt(double(n));
             EXPECT_NEAR(found.magnitude, report.magnitude, tolerance);
             EXPECT_LE(distance(host(*y), host(*expected)), tolerance) << n << ' ' << rows;
-            // rows before the first as they were, all where none are wanted
+            // rows before the first are unchanged, as are all rows if modes are not requested
             EXPECT_LE(distance(host(*y_modes), host(*expected_modes)), tolerance) << n << ' ' << rows;
           }
       }
@@ -241,7 +241,7 @@ TEST_P(BackendLcp, LeastElementsAndInfeasibleRows) {
     LcpReport report = solve(*lcp, q, y);
     EXPECT_EQ(report.count.solved, rows) << size(M);
     EXPECT_LE(distance(y, least), 1e-14) << size(M);
-    q(13, 1) = q(17, 1) = 1.9;  // y_1 >= 1 + 2 y_2, y_2 >= 2 y_1 - 1.9: nothing
+    q(13, 1) = q(17, 1) = 1.9;  // y_1 >= 1 + 2 y_2, y_2 >= 2 y_1 - 1.9: infeasible
     report = solve(*lcp, q, y);
     EXPECT_EQ(report.infeasible, 13) << size(M);
     EXPECT_EQ(report.count.unsolved, 2) << size(M);
@@ -272,7 +272,7 @@ TEST_P(BackendLcp, LeastNormRows) {
     EXPECT_LE(distance(y, least), 1e-14 / R * double(size(M))) << size(M);
     EXPECT_EQ(report.infeasible, -1) << size(M);
   }
-  // Relays, M = [[0, 1], [-1, 0]]: q_1 < 0 asks for y_0 <= q_1.
+  // Relays, M = [[0, 1], [-1, 0]]: q_1 < 0 requires y_0 <= q_1.
   RowMatrix q = Eigen::RowVector2d(-2, 1).replicate(rows, 1), y = RowMatrix::Zero(rows, 2);
   q(7, 1) = -1;
   const LcpReport report = solve(*backend->lcp(Matrix{{0, 1}, {-1, 0}}, LcpClass::PSD, rows), q, y);
@@ -319,7 +319,7 @@ TEST_P(BackendLcp, NaturalResidual) {
       const auto lcp = backend->lcp(M, LcpClass::P, 9);
       EXPECT_NEAR(lcp->residual(*device(R), *device(V), *device(Y)), worst, 16 * epsilon * double(n) * (1 + worst))
           << n;
-      // A NaN anywhere shows.
+      // A NaN anywhere is reported.
       for (const Index j : {0, 4, 8}) {
         RowMatrix broken = Y;
         broken(j, 0) = NAN;

@@ -1,4 +1,4 @@
-// The contract of the Backend seam: step-by-step solutions against a loop over the lag table.
+// Contract of Backend: step-by-step solutions against a loop over the lag table.
 
 #include "tests/backends/march.hpp"
 
@@ -8,14 +8,14 @@ namespace {
 INSTANTIATE_TEST_SUITE_P(Contract, BackendMarch, testing::ValuesIn(backend_cases()), backend_case_name);
 
 TEST_P(BackendMarch, ModalAgainstALoop) {
-  // At 143 points the problems are solved in bands and the sines by a transform of length 144.
+  // For n = 143 the LCP uses the banded solver and the sine transform has length 144.
   for (const Index n : {1, 3, 8, 9, 39, 143})
     for (const bool driven : {false, true}) {
       const Index rows = n < 100 ? 50 : 20;
       const KroneckerDynamics d = reference::signorini_dynamics(n, 5, 2e-3);
       Random random{std::uint32_t(n)};
       ModalRecurrence recurrence = modal_recurrence(d, n % 2 ? Rule::exponential : Rule::implicit_euler, 0.05, {});
-      recurrence.w1 = 0.01 * random.vector(n);  // as compression leaves them
+      recurrence.w1 = 0.01 * random.vector(n);  // nonzero, as after compression
       recurrence.s1 = 0.01 * random.vector(n);
       const LcpMatrix M = Tridiagonal{-Vector::Ones(n), Vector::Constant(n, 4), -Vector::Ones(n)};
       const RowMatrix r = random.matrix(rows, n), drive = random.matrix(rows, n);
@@ -77,7 +77,7 @@ TEST_P(BackendMarch, StopsWhereNothingSolves) {
   EXPECT_TRUE(broken.y.bottomRows(rows - 4).array().isNaN().all());
 }
 
-/// One plan that is run again and again, and the arrays it reads.
+/// One plan that is run repeatedly, and its input arrays.
 struct ModalCase {
   ModalCase(Index n, Index rows, bool driven)
       : M(Tridiagonal{-Vector::Ones(n), Vector::Constant(n, 4), -Vector::Ones(n)}),
@@ -99,13 +99,13 @@ struct ModalCase {
   RowMatrix drive;
 };
 
-/// r whose rows have nothing to do with each other: about half of all signs change from row to row. With y_0, row 0.
+/// r with independent rows: about half of all signs change from row to row. Row 0 holds y_0.
 RowMatrix unrelated_rows(Index rows, Index n, unsigned seed) {
   Random random(seed);
   return 3 * random.matrix(rows, n);
 }
 
-/// The same on one thread of the CPU.
+/// The same by one CPU thread.
 struct Reference {
   Reference(const ModalCase& c, const RowMatrix& r, const RowMatrix& start) {
     const auto cpu = make_cpu_backend(1);
@@ -129,11 +129,11 @@ double natural_residual(const ModalCase& c, const RowMatrix& r, const RowMatrix&
   return y.cwiseMin(w).bottomRows(y.rows() - 1).cwiseAbs().maxCoeff();
 }
 
-/// n eps for the sums of a step times the growth e^4 of above, for n up to 1000 and entries up to ten.
+/// n eps for the sums of a step times the growth e^4 (as above), for n up to 1000 and entries up to ten.
 constexpr double alike = 1e-11;
 
-// Sizes around those at which kernels change, one step and many, and a plan that is run twice: what it kept of the
-// first run must not be seen in the second.
+// Sizes around those at which kernels change, one step and many. Each plan runs twice: the state kept from the first
+// run must not affect the second.
 TEST_P(BackendMarch, ModalSizesRunTwice) {
   for (const auto& [n, rows] : {std::pair<Index, Index>{1, 2},
                                 {1, 40},
@@ -152,7 +152,7 @@ TEST_P(BackendMarch, ModalSizesRunTwice) {
       const auto drive_array = driven ? device(c.drive) : nullptr;
       const auto plan = backend->march(c.on(*r_array, drive_array.get()), rows);
       for (const unsigned run : {1u, 2u, 3u}) {
-        // The third begins where the second did, with the active set of the first rows kept.
+        // The third run begins like the second, with the same active set in its first rows.
         const RowMatrix r = unrelated_rows(rows, n, run);
         RowMatrix start = RowMatrix::Zero(rows, n), y, v;
         if (run > 1) start.row(0) = unrelated_rows(1, n, 17).cwiseMax(0);
@@ -172,7 +172,7 @@ TEST_P(BackendMarch, ModalSizesRunTwice) {
     }
 }
 
-// Somebody who wants to hear of the steps does not change them.
+// Reporting progress does not change the steps.
 TEST_P(BackendMarch, ModalInPiecesAndInterrupted) {
   const Index n = 11, rows = 1200;
   const ModalCase c(n, rows, true);
@@ -203,8 +203,8 @@ TEST_P(BackendMarch, ModalInPiecesAndInterrupted) {
   EXPECT_TRUE(host(*v_array).bottomRows(rows - ended.stopped).array().isNaN().all());
 }
 
-// For this P-matrix semismooth Newton runs in a circle at q = -1 from the set {0}, where q = (-1, 5, 5) leaves it. The
-// dynamics add 1e-9.
+// Semismooth Newton cycles for this P-matrix at q = -1 from the set {0}, to which q = (-1, 5, 5) leads. The dynamics
+// add 1e-9.
 TEST_P(BackendMarch, ModalEndsWhereNewtonCycles) {
   const Index n = 3, rows = 9;
   ModalRecurrence weak = modal_recurrence(reference::signorini_dynamics(n, 5, 2e-3), Rule::exponential, 0.05, {});

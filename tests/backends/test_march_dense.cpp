@@ -1,5 +1,4 @@
-// The contract of the Backend seam: step-by-step solutions with the state of a dense scene, against a loop over the lag
-// table.
+// Contract of Backend: marches with a dense state, against a loop over the lag table.
 
 #include "tests/backends/march.hpp"
 
@@ -37,7 +36,7 @@ TEST_P(BackendDenseMarch, AgainstALoop) {
     }
 }
 
-// A state large enough to be stepped in blocks of time. Eigenvalues have real parts between -4 and 0, so nothing grows.
+// A state large enough for blocks of time. Eigenvalues have real parts between -4 and 0, so nothing grows.
 TEST_P(BackendDenseMarch, InBlocksAgainstALoop) {
   const Index rows = 300;
   for (const auto& [n, m] : {std::pair<Index, Index>{1, 48}, {3, 70}, {40, 60}})
@@ -50,8 +49,8 @@ TEST_P(BackendDenseMarch, InBlocksAgainstALoop) {
     }
 }
 
-// One mode of the state grows tenfold a step and is fed back: in blocks, 10^b would cancel. Here all operations are
-// exact.
+// One mode of the state grows tenfold per step under feedback: blocks would cancel with 10^b. All operations are exact
+// here.
 TEST_P(BackendDenseMarch, WithoutBlocksWhereTheStateGrows) {
   const Index m = 64, rows = 200;
   DenseRecurrence r{0.5 * Matrix::Identity(m, m), Matrix::Zero(m, 1), Matrix::Zero(m, 1), Matrix::Zero(1, m),

@@ -1,4 +1,4 @@
-// The contract of marching on lag weights: against a loop over the weights, and against the recurrence they come from.
+// Contract of marches on lag weights: against a loop over the weights, and against the recurrence behind them.
 
 #include "core/lcp/active_set.hpp"
 #include "tests/support/backends.hpp"
@@ -71,7 +71,7 @@ void loop(const Matrix& M, const LagTable& table, const RowMatrix& r, RowMatrix&
 }
 
 TEST_P(BackendMarchLags, AgreesWithALoop) {
-  // Below, at, and above one block of 64 rows; several levels; sizes that end inside a target.
+  // Below, at, and above one block of 64 rows; several levels; sizes that end inside a target interval.
   for (const Index n : {1, 3})
     for (const Index J : {1, 2, 7, 63, 64, 65, 100, 128, 129, 320, 1000}) {
       Random random{std::uint32_t(1000 * n + J)};
@@ -96,7 +96,7 @@ TEST_P(BackendMarchLags, AgreesWithALoop) {
 }
 
 TEST_P(BackendMarchLags, AgreesWithTheRecurrence) {
-  // Slow decay, so that all blocks matter, and growth by e^{12} over the horizon: the same discrete problem both ways.
+  // Slow decay, so that all blocks matter, and growth by e^{12} over the horizon. Both solve the same discrete problem.
   const Index J = 777;
   for (const double sigma : {-0.5, 12.0})
     for (const Index n : {1, 3}) {

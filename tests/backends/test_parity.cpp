@@ -1,10 +1,9 @@
 // The CUDA backend against the CPU backend: operations, batches and whole solves.
 //
-// same_everywhere: the backends carry out the same sums in another order, with other exponentials and other fast
+// same_everywhere: the backends compute the same sums in another order, with other exponentials and other fast
 // transforms. One operation differs by a few hundred roundings of its largest sum, 1e-13 relative. A solve adds up to
 // 600 lags of such weights and stops at a change of 1e-12, one sweep earlier or later, which leaves 1e-12/(1 - rate)
-// with rates below 0.8. What a scene makes of perturbations beyond that is known where it was looked at:
-// Result::magnification multiplies the tolerance.
+// with rates below 0.8. Where a scene amplifies perturbations further, Result::magnification multiplies the tolerance.
 
 #include "core/catalogue/catalogue.hpp"
 #include "tests/support/backends.hpp"
@@ -33,7 +32,7 @@ bool identical(const RowMatrix& a, const RowMatrix& b) {
 
 class BackendParity : public BothBackends {
  protected:
-  /// `operation(backend)` returns a matrix; on the CUDA backend it is carried out twice.
+  /// `operation(backend)` returns a matrix; it runs twice on the CUDA backend.
   template <class Operation>
   void expect_same(const std::string& name, const Operation& operation) {
     const RowMatrix expected = operation(*cpu), found = operation(*cuda);
@@ -124,7 +123,7 @@ TEST_F(BackendParity, Convolutions) {
 
 // ---- batches ----
 
-// 0 <= y ⊥ M y + q >= 0 for random q: from zero, from the solution of nearby problems, and from the row 9 on.
+// 0 <= y ⊥ M y + q >= 0 for random q: from zero, from the solution of nearby problems, and from row 9 on.
 RowMatrix solved_batches(Backend& backend, const LcpMatrix& M, LcpClass lcp_class, Index rows) {
   Random random(5);
   const Index n = size(M);
@@ -156,8 +155,8 @@ TEST_F(BackendParity, TridiagonalBatches) {
   }
 }
 
-// A device takes few problems in another way than many, and matrices with constant diagonals in another than others.
-// How far their rows are coupled depends on the diagonal; inverses are below 1 / 0.05.
+// A device has different kernels for few and many problems, and for matrices with constant diagonals. The diagonal
+// determines how far rows are coupled; inverses are below 1 / 0.05.
 TEST_F(BackendParity, FewTridiagonalProblemsAndMany) {
   for (const Index n : {129, 257, 511, 600})
     for (const double diagonal : {2.05, 2.5, 6.0})
@@ -193,7 +192,7 @@ TEST_F(BackendParity, Signorini) {
   EXPECT_EQ(solved, 12);
 }
 
-// The sizes whose coarse grids a device sweeps in modes, and one beside them.
+// Sizes whose coarse grids a device sweeps in modes, and one other size.
 TEST_F(BackendParity, SignoriniByMultigrid) {
   for (const double Q : {40., 63., 127., 255., 511.})
     expect_same_solve(make_scene("signorini", {{"Q", Q}}), options_for(Method::multigrid, 256),

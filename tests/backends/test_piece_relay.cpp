@@ -1,4 +1,4 @@
-// Pieces of a transfer through a ring of slots (kernels/piece_relay.hpp), with a transfer that takes a while.
+// Pieces of a transfer through a ring of slots (kernels/piece_relay.hpp), with a simulated slow transfer.
 
 #include "kernels/piece_relay.hpp"
 
@@ -13,11 +13,11 @@ namespace bromwich {
 namespace {
 
 struct Relayed {
-  std::vector<std::size_t> target;  ///< [piece][part]: the piece that was found in its slot, + 1
+  std::vector<std::size_t> target;  ///< [piece][part]: number of the piece found in its slot, + 1
   std::string failure;
 };
 
-// Slots hold the number of their piece; one arrives when it has been asked for `latency` times. `failing` never starts.
+// Slots hold the number of their piece. A piece arrives after `latency` polls. `failing` never starts.
 Relayed relayed(std::size_t pieces, std::size_t parts, std::size_t slots, int threads, int latency,
                 std::size_t failing = ~std::size_t(0)) {
   std::vector<std::size_t> ring(slots, 0);

@@ -1,4 +1,4 @@
-// A request to stop is heard while sources are sampled, before the first step.
+// A request to stop takes effect while sources are sampled, before the first step.
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"

@@ -28,7 +28,7 @@ Exact exact(const Scene& scene, double t) {
   return at;
 }
 
-/// Checks x' = A x + B y + f by central differences away from the kinks, and complementarity everywhere.
+/// Checks x' = A x + B y + f by central differences away from kinks, and complementarity everywhere.
 void expect_exact(const Scene& scene, const std::vector<double>& kinks) {
   const oracle::DenseScene s = oracle::write_out(scene);
   if (const auto& ends = scene.boundary) {
@@ -73,7 +73,7 @@ TEST(DlcpSmall, ExactSolutionIsTheLeastElement) {
     const auto [x, y] = exact(scene, t);
     const auto least = oracle::solve_lcp(s.M, s.N * x + oracle::value(s.g, t, 4), LcpClass::Z);
     ASSERT_TRUE(least) << "t = " << t;
-    // The inverse of M on the active sets {}, {2}, {4} is at most 3 and q is rounded at size 10.
+    // The inverse of M on the active sets {}, {2}, {4} is at most 3; q has rounding errors of size 10 eps.
     EXPECT_LE((*least - y).cwiseAbs().maxCoeff(), 100 * epsilon) << "t = " << t;
   }
 }
@@ -108,14 +108,14 @@ TEST(LqControl, ExactSolutionSolvesTheProblem) {
     const Scene scene = make_scene("lq-control", {{"bound", bound}});
     const double k = bound < 6 ? bound / std::sqrt(3 - 12 / bound) : 6, a = bound < k ? (1 - bound / k) / 2 : 0;
     expect_exact(scene, {a, 1 - a});
-    // The cost is quadratic between the switches: Simpson's rule on each of the three pieces is exact.
+    // The integrand is quadratic between the switches: Simpson's rule on each of the three pieces is exact.
     double cost = 0;
     for (const auto& [from, to] : {std::pair(0., a), std::pair(a, 1 - a), std::pair(1 - a, 1.)})
       for (const auto& [place, weight] : {std::pair(from, 1.), std::pair((from + to) / 2, 4.), std::pair(to, 1.)}) {
         const auto [x, y] = exact(scene, place);
         cost += (to - from) / 6 * weight * std::pow(-x[3] - y[0] + y[1], 2) / 2;
       }
-    if (bound == 5) EXPECT_NEAR(cost, 6.045027756, 1e-8);  // as many digits as are written
+    if (bound == 5) EXPECT_NEAR(cost, 6.045027756, 1e-8);  // to the printed digits
     if (bound == 8) EXPECT_NEAR(cost, 6, 1e-14);
   }
 }

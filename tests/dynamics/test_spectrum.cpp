@@ -56,7 +56,7 @@ TEST(Spectrum, ZeroEigenvalues) {
   const Spectrum some = of(rotated(Vector{{0, 0, -2, -5}}, 3));
   EXPECT_TRUE(some.real_negative()) << "zeros up to rounding have no direction";
   EXPECT_NEAR(some.slowest, 2, 1e-14 * 5);
-  EXPECT_NEAR(some.abscissa, 0, 16 * epsilon * 8);  // the level below which an eigenvalue counts as zero
+  EXPECT_NEAR(some.abscissa, 0, 16 * epsilon * 8);  // the threshold below which an eigenvalue counts as zero
   EXPECT_EQ(of(Matrix(0, 0)).radius, 0);
 }
 
@@ -76,7 +76,7 @@ TEST(Spectrum, DefectiveBlocksStayReal) {
   Matrix A = Matrix::Zero(4, 4);
   A.diagonal().setConstant(-1);
   A.diagonal(1).setConstant(10);
-  EXPECT_EQ(of(A).half_angle, 0);  // triangular: the eigenvalues are read off
+  EXPECT_EQ(of(A).half_angle, 0);  // triangular: the eigenvalues are the diagonal
 }
 
 TEST(Spectrum, KroneckerSumAgainstDense) {

@@ -1,4 +1,4 @@
-// Dynamics supplied by callbacks against the same dynamics as matrices.
+// Dynamics supplied by callbacks against the same dynamics given as matrices.
 
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
@@ -80,7 +80,7 @@ TEST(SuppliedDynamics, WithAMassMatrix) {
   }
 }
 
-// Two stages and impulses: E x moves by B times the impulse, whatever the unit of the equations.
+// Two stages and impulses: E x changes by B times the impulse, whatever the unit of the equations.
 TEST(SuppliedDynamics, RadauWithAMassMatrix) {
   Scene scene = supplied_signorini();
   SparseDynamics sparse = to_sparse(std::get<KroneckerDynamics>(scene.dynamics));
@@ -160,8 +160,7 @@ TEST(SuppliedDynamics, WhatNeedsMatricesIsRefused) {
   EXPECT_NE(refusal([&] { run_supplied(scene, Method::march); }).find("free_rows"), std::string::npos);
 }
 
-// Solves that are not finite: no contour, and the state cannot be stepped
-// either.
+// Solves that return non-finite values: no contour, and no steps of the state.
 TEST(SuppliedDynamics, SolvesThatFailEndWithAReason) {
   Scene scene = supplied_signorini();
   SuppliedDynamics own = supplied(to_sparse(std::get<KroneckerDynamics>(scene.dynamics)));

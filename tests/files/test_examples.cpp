@@ -1,6 +1,6 @@
-// The scene files of examples/: each against what its file says is known of the solution, and every named method on the
-// small ones. The references come from closed forms and from integrations between located switches, not from this
-// solver; each file derives its tolerance from the discretisation.
+// The scene files of examples/: each against the reference in the file, and every named method on the small ones. The
+// references come from closed forms and from integrations between located switches, not from this solver. Each file
+// derives its tolerance from the discretisation.
 
 #include "core/base/error.hpp"
 #include "core/lcp/lcp_class.hpp"
@@ -47,12 +47,12 @@ Result run_with_states(const Scene& scene, Method method, Index steps = 0) {
   return run(scene, options);
 }
 
-/// Largest error, and how many values were compared.
+/// Largest error, and the number of compared values.
 struct Deviation {
   double largest = 0;
   Index compared = 0;
 
-  /// A value that should be known but was not found is infinitely wrong.
+  /// A missing value that should be known has an infinite error.
   void add(double found, double known) {
     if (std::isnan(known)) return;
     ++compared;
@@ -65,7 +65,7 @@ struct Errors {
   Deviation x, y;
 };
 
-/// Against the exact solution from T/16 on (y(0) need not be unique), up to where the result ends as infeasible, and
+/// Against the exact solution from T/16 on (y(0) need not be unique), up to the end of an infeasible result, and
 /// against the values at the reference time.
 Errors errors(const SceneFile& file, const Result& result) {
   const Scene& scene = file.scene;
@@ -117,16 +117,16 @@ TEST_P(Example, AutoReachesTheReference) {
   EXPECT_LE(e.y.largest, *known.tolerance) << "y, by " << to_string(result.method);
 }
 
-// A method may refuse a scene or stop, but what it calls solved has to be near the solution.
+// A method may refuse a scene or stop, but a solved result must be close to the solution.
 
 constexpr Index largest_small = 10;           ///< states
 constexpr Index most_steps = 4000;            ///< of a small scene
 constexpr Index most_literal_steps = 400;     ///< it draws a contour per time point and sweep
-constexpr double other_discretisation = 100;  ///< times the tolerance, which is meant for the method that auto takes
+constexpr double other_discretisation = 100;  ///< factor on the tolerance, which is meant for the method chosen by auto
 
 class SmallExample : public testing::TestWithParam<std::string> {
  protected:
-  void SetUp() override {  // not before: reading all files would take longer than most tests, in each of them
+  void SetUp() override {  // not earlier: reading all files in each test would take longer than most tests
     if (file_.scene.states() > largest_small || file_.scene.default_steps > most_steps)
       GTEST_SKIP() << "larger than what all methods are tried on";
   }
@@ -170,23 +170,23 @@ TEST_P(SmallExample, ImplicitEulerConvergesOrSaysNo) {
   for (const Result* result : {&coarse, &fine}) EXPECT_EQ(result->reason.empty(), result->status == Status::solved);
   if (coarse.status != Status::solved || fine.status != Status::solved) return;
   const Errors far = errors(file_, coarse), near = errors(file_, fine);
-  // First order: a quarter of the step leaves a quarter of the error, where the error is small; half where it is not.
+  // First order: a quarter of the step gives a quarter of the error if it is small, half if it is not.
   EXPECT_LE(near.x.largest, std::max(far.x.largest / 2, bound_));
   if (s.constraints() == 0) return;
-  // Where M does not determine y, an error O(h) of x that a constraint removes within one step enters y divided by h.
-  constexpr double well_conditioned = 1e3;  // of M as a map from w to y; scenes of the kind above have 1e10 or infinity
+  // If M does not determine y, an error O(h) of x that a constraint removes within one step enters y divided by h.
+  constexpr double well_conditioned = 1e3;  // of M as a map from w to y; scenes as above have 1e10 or infinity
   if (solution_lipschitz(s.M) * std::max(1., to_dense(s.M).cwiseAbs().maxCoeff()) > well_conditioned) return;
   EXPECT_LE(near.y.largest, std::max(far.y.largest / 2, bound_));
 }
 
-// Up to T = 1 an error grows by e^118: no step is small enough, and no method may claim otherwise.
+// Up to T = 1 an error grows by e^118: no step is small enough, and no method may call the result solved.
 TEST(UnstableVariant, IsRightOrSaysNoUnderEveryMethod) {
   SceneFile file = read("dlcp-small-unstable");
   file.scene.T = 1;
   for (const Method method :
        {Method::automatic, Method::march, Method::contour, Method::contour_literal, Method::euler})
     for (const Index steps : {32, 200, 1000}) {
-      if (method == Method::contour_literal && steps > 200) continue;  // seconds, for the same answer
+      if (method == Method::contour_literal && steps > 200) continue;  // takes seconds and adds nothing
       const Result result = run_with_states(file.scene, method, steps);
       EXPECT_TRUE(result.status != Status::infeasible) << to_string(method) << ' ' << steps;
       if (result.status != Status::solved) continue;
@@ -194,7 +194,7 @@ TEST(UnstableVariant, IsRightOrSaysNoUnderEveryMethod) {
     }
 }
 
-GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(SmallExample);  // without a reader there are none
+GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(SmallExample);  // without the TOML reader there are no cases
 INSTANTIATE_TEST_SUITE_P(Files, SmallExample, testing::ValuesIn(scene_files()), test_name);
 INSTANTIATE_TEST_SUITE_P(Files, Example, testing::ValuesIn(scene_files()), test_name);
 

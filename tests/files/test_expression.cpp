@@ -1,4 +1,4 @@
-// Expressions of scene files: values against the same formula in C++, and one clear line for what is none.
+// Expressions of scene files: values against the same formula in C++, and one-line errors for invalid text.
 
 #include "core/base/error.hpp"
 #include "files/expression.hpp"
@@ -33,7 +33,7 @@ class ExpressionTest : public testing::Test {
     expressions_.in_time({text})(t, entry);
     return entry[0];
   }
-  /// The message of the Error that the text is refused with.
+  /// The message of the Error thrown for the text.
   std::string refusal(const std::string& text, bool in_time = false) const {
     try {
       if (in_time)
@@ -54,8 +54,8 @@ struct Case {
   double value;
 };
 
-// The same operations in the same order give the same doubles; library functions may be folded at compile time here and
-// called at run time there, which allows a last bit or two.
+// The same operations in the same order give the same doubles. Library functions may be folded at compile time here and
+// called at run time there, which allows for a last bit or two.
 TEST_F(ExpressionTest, FollowsTheUsualRules) {
   const std::vector<Case> cases{
       {"-1/C", -1e6},        {"1/(R*C)", 1 / (1e3 * 1e-6)},
@@ -196,7 +196,7 @@ TEST_F(ExpressionTest, SeveralThreadsShareOneFunction) {
   const auto work = [&](int offset) {
     Vector value(4);
     for (int i = 0; i < 5000; ++i) {
-      const double t = offset + i / 1024.;  // exact in binary, so that all products are
+      const double t = offset + i / 1024.;  // exact in binary, and so are all products
       f(t, value);
       if (value != Vector{{t, 1e3 * t, std::min(t, 1.), 1e3}}) ++wrong;
     }

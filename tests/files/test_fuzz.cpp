@@ -1,5 +1,5 @@
-// Scene files, tables and matrices with mistakes that nobody thought of: every text is a scene or an Error of one line,
-// nothing else, within a bounded memory. BROMWICH_FUZZ=N mutates N times; scripts/fuzz does so for long.
+// Scene files, tables and matrices with random mistakes: every text gives a scene or an Error of one line, within
+// bounded memory. BROMWICH_FUZZ=N sets the number of mutations; scripts/fuzz runs many.
 
 #include "core/base/error.hpp"
 #include "files/expression.hpp"
@@ -174,7 +174,7 @@ class Mutator {
     }
   }
 
-  /// Another number in place of the next one.
+  /// Replaces the next number by another one.
   void number(std::string& text, std::size_t place) {
     const std::size_t begin = text.find_first_of("0123456789", place);
     if (begin == std::string::npos) return;
@@ -182,7 +182,7 @@ class Mutator {
     text.replace(begin, end - begin, words[below(17)]);
   }
 
-  /// A line is taken out or repeated.
+  /// Removes or repeats a line.
   void line(std::string& text, std::size_t place) {
     const std::size_t begin = text.rfind('\n', place) == std::string::npos ? 0 : text.rfind('\n', place) + 1;
     const std::size_t end = std::min(text.find('\n', place), text.size());
@@ -196,7 +196,7 @@ class Mutator {
   std::mt19937_64 random_;
 };
 
-/// While it lives no more than this many bytes of addresses can be had beyond what is in use.
+/// While it lives, the process can allocate at most this much more address space.
 class LimitedMemory {
  public:
   explicit LimitedMemory(rlim_t bytes) {
@@ -219,7 +219,7 @@ class LimitedMemory {
   rlimit before_{};
 };
 
-/// Runs `read`; 1 where it takes the text, 0 where that is refused in one line. Everything else fails the test.
+/// Runs `read`; 1 if it accepts the text, 0 if it refuses it in one line. Everything else fails the test.
 template <class Read>
 int outcome(const std::string& text, const Read& read) {
   try {
@@ -276,7 +276,7 @@ TEST(Fuzz, ScenesAndTheirFiles) {
     taken += outcome(text, [&] { parse_scene(text, "fuzz.toml", folder).scene.validate(); });
   }
   fs::remove_all(folder);
-  EXPECT_GT(taken, count / 50);          // mutations are small enough to leave some scenes whole,
+  EXPECT_GT(taken, count / 50);          // mutations are small enough to keep some scenes valid,
   EXPECT_LT(taken, count - count / 50);  // and large enough to break others
 }
 
@@ -313,7 +313,7 @@ TEST(Fuzz, Expressions) {
       Vector value(3);
       function(0.3, value);
       EXPECT_EQ(value[1], 0.3);
-      // Read by muParser alone where it is shorter; the formula has to mean the same.
+      // Read by muParser alone if it is shorter; the formula must mean the same.
       const SwitchTimes times = expressions.switch_times({text}, 1);
       EXPECT_TRUE(std::is_sorted(times.times.begin(), times.times.end()));
       const Formula formula = read_formula(text, expressions.parameters(), "here");

@@ -1,5 +1,5 @@
-// Matrices and tables in files beside a scene: every variant of Matrix Market against the matrix written out, and
-// mistakes by the line of their own file.
+// Matrices and tables in files beside a scene: every variant of Matrix Market against the dense matrix, and mistakes
+// reported with the line of their own file.
 
 #include "core/base/error.hpp"
 #include "files/number_files.hpp"
@@ -121,7 +121,7 @@ TEST(TimeTable, KinksAreKnotsWhereTheSlopeChanges) {
       "t,f0,f1\n-1,0,0\n0.25,1.25,0\n0.5,1.5,0\n0.75,1.75,1\n1,1.75,2\n1.5,1.75,4\n2,1.75,4\n3,0,4\n";
   const TimeTable table = read_time_table(text, "f.csv", 'f', 1.75);
   EXPECT_EQ(kinks(table, 1.75), (std::vector<double>{0.5, 0.75, 1.5}));
-  EXPECT_EQ(kinks(table, 4), (std::vector<double>{0.5, 0.75, 1.5, 2, 3}));  // constant behind the last row
+  EXPECT_EQ(kinks(table, 4), (std::vector<double>{0.5, 0.75, 1.5, 2, 3}));  // constant after the last row
 }
 
 TEST(TimeTable, IsLinearBetweenItsTimes) {
@@ -165,7 +165,7 @@ TEST(TimeTable, MistakesNameTheirLine) {
   }
 }
 
-/// A folder of its own for every test, removed at the end.
+/// A separate folder per test, removed at the end.
 class SceneFolder : public testing::Test {
  protected:
   void SetUp() override {
@@ -183,7 +183,7 @@ class SceneFolder : public testing::Test {
   std::string refused(const std::string& text) const {
     return refusal([&] { read(text); });
   }
-  /// In messages files are called by their path.
+  /// Messages name files by their path.
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
 
   fs::path folder_;
@@ -258,7 +258,7 @@ TEST_F(SceneFolder, LargeSparseMatricesStaySparse) {
     const Matrix A = to_dense(file.scene.dynamics).A;
     EXPECT_EQ(A.diagonal(), Vector::Constant(m, -2));
     EXPECT_EQ(A.diagonal(1), Vector::Constant(m - 1, 1));
-    EXPECT_EQ(A.squaredNorm(), 4. * double(m) + 2. * double(m - 1));  // and nothing else
+    EXPECT_EQ(A.squaredNorm(), 4. * double(m) + 2. * double(m - 1));  // and no other entries
     EXPECT_EQ(to_dense(file.scene.dynamics).B.col(0), Vector::Unit(m, 0));
   }
 }

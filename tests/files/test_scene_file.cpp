@@ -1,5 +1,5 @@
-// Scene files: a scene written in TOML is the same problem as the one built in, and every mistake is one line that
-// names file, line and key.
+// Scene files: a scene in TOML is the same problem as the built-in one, and every mistake gives one line that names
+// file, line and key.
 
 #include "core/base/error.hpp"
 #include "core/scene/relay.hpp"
@@ -19,7 +19,7 @@
 namespace bromwich {
 namespace {
 
-/// One state, one constraint; tests replace a line by another one. Line 1 is the first.
+/// One state, one constraint; tests replace single lines. Lines count from 1.
 const std::vector<std::string> small_scene{
     "[parameters]",       // 1
     "R = 2",              // 2
@@ -290,8 +290,8 @@ T = 1
 steps = 400
 )toml";
 
-// The matrices are the same doubles and the sources differ by rounding (1e-15 of terms of size 10), which the problem
-// amplifies no more than the kernel's own accuracy.
+// The matrices are the same doubles. The sources differ by rounding (1e-15 of terms of size 10), which the problem
+// amplifies no more than the kernel's own error.
 TEST(SceneFile, BridgeInTomlIsTheBuiltInOne) {
   for (const Method method : {Method::march, Method::euler})
     EXPECT_LT(distance(solved_y(parse(bridge).scene, method, 600), solved_y(make_scene("bridge"), method, 600)),
@@ -334,7 +334,7 @@ TEST(SceneFile, RelayBecomesAComplementaritySystem) {
   EXPECT_EQ(scene.lcp_class, LcpClass::PSD);
   EXPECT_EQ(oracle::value(scene.f, 0.5, 2), oracle::value(expected.f, 0.5, 2));
   EXPECT_EQ(oracle::value(scene.g, 0.5, 2), oracle::value(expected.g, 0.5, 2));
-  // The same source through F, and none at all.
+  // The same source through F, and without F.
   const std::string f = "f = [\"t\", \"2*t\"]\n";
   auto through = text, without = text;
   through.replace(through.find(f), f.size(), "f = [\"t\"]\nF = [[1], [2]]\n");
@@ -384,7 +384,7 @@ TEST(SceneFile, ReferenceIsReadAsWritten) {
   EXPECT_EQ(reference->source, "by hand");
 }
 
-// Several backends' threads may sample one scene at once.
+// Threads of several backends may sample one scene at once.
 TEST(SceneFile, SourcesMayBeSampledByManyThreads) {
   const Scene scene = parse(dlcp_small).scene;
   const Scene built_in = make_scene("dlcp-small");

@@ -1,4 +1,4 @@
-// The times at which expressions switch, against known edges and against the values on both sides of random points.
+// Switch times of expressions, against known edges and against values on both sides of random points.
 
 #include "core/base/error.hpp"
 #include "files/formula.hpp"
@@ -26,13 +26,13 @@ SwitchTimes found(const std::string& text, double T, long work = plenty) {
   return switch_times(read_formula(text, parameters, "here"), T, work);
 }
 
-/// Those inside (0, T): at the ends rounding may decide.
+/// The times inside (0, T): at the ends rounding may decide.
 SwitchTimes inside(SwitchTimes times, double T) {
   std::erase_if(times.times, [T](double t) { return t == 0 || t == T; });
   return times;
 }
 
-/// A few roundings of the time, as the arguments of the functions round.
+/// Within a few roundings of the time, like the arguments of the functions.
 void expect_times(const std::string& text, double T, const std::vector<double>& expected) {
   const SwitchTimes times = inside(found(text, T), T);
   EXPECT_TRUE(times.complete) << text;
@@ -68,7 +68,7 @@ TEST(SwitchTimes, EdgesOfPulses) {
   expect_times("t >= 1e-9 || t < 0 ? 1 : 2", 1, {1e-9});
   expect_times("t == 0.125", 1, {0.125});
   expect_times("t != 0.125 && t > 0.5", 1, {0.125, 0.5});
-  // Gaussians of width 1e-7: sqrt(log(2)) of it to both sides.
+  // Gaussians of width 1e-7: edges at sqrt(log(2)) widths on both sides.
   const double half = 1e-7 * std::sqrt(std::log(2));
   const SwitchTimes bump = found("exp(-((t-0.3)/1e-7)^2) > 0.5", 1);
   ASSERT_EQ(bump.times.size(), 2u);
@@ -106,7 +106,7 @@ TEST(SwitchTimes, PulseWidthModulation) {
   expect_times("abs(mod(t, 0.5) - 0.25)", 1.1, multiples(0.25, 1.1));
   expect_times("mod(floor(4*t), 2) == 0 ? t : 1-t", 1, multiples(0.25, 1));
   expect_times("atan2(sin(2*pi*t), cos(2*pi*t))", 2.2, {0.5, 1.5});
-  // A sine against a carrier: 0.8 sin(2 std::numbers::pi t) = 2 mod(10 t, 1) - 1 once in every period of the carrier.
+  // A sine against a carrier: 0.8 sin(2 pi t) = 2 mod(10 t, 1) - 1 once per period of the carrier.
   const SwitchTimes natural = inside(found("0.8*sin(2*pi*t) > 2*mod(10*t, 1) - 1", 1), 1);
   EXPECT_TRUE(natural.complete);
   EXPECT_EQ(natural.times.size(), 19u);  // 10 crossings and 9 ends of a period between 0 and 1
@@ -144,7 +144,7 @@ TEST(SwitchTimes, WorkIsBounded) {
   long work = 100'000;
   const SwitchTimes times = switch_times(read_formula("sign(sin(1e9*t))", {}, "here"), 1, work);
   EXPECT_FALSE(times.complete);
-  EXPECT_GT(work, 50'000);  // a small part shows that all would take far more
+  EXPECT_GT(work, 50'000);  // a small part shows that all edges would cost far more
   work = 1'000'000;
   switch_times(read_formula("heaviside(sin(t)^2+cos(t)^2-1)", {}, "here"), 1, work);  // rounding alone
   EXPECT_GT(work, -10'000);
@@ -178,8 +178,8 @@ std::string random_text(std::mt19937_64& random, int left) {
   }
 }
 
-// Between the times found the expression is continuous: over pieces that shrink its change shrinks with them. What
-// jumps does so by the same amount over every piece.
+// Between the times found the expression is continuous: on shrinking pieces its change shrinks too. A jump changes it
+// by the same amount on every piece.
 TEST(SwitchTimes, BetweenThemExpressionsAreContinuous) {
   std::mt19937_64 random(20);
   int checked = 0, with_switches = 0;
@@ -196,7 +196,7 @@ TEST(SwitchTimes, BetweenThemExpressionsAreContinuous) {
       const auto next = std::upper_bound(times.times.begin(), times.times.end(), a);
       if (next != times.times.end()) b = std::min(b, *next - 64 * eps * T);
       if (!(b - a > 1e-9)) continue;
-      // Halved towards the larger change 24 times: what is Lipschitz, or a cube root, has changed by little.
+      // 24 halvings towards the larger change: a Lipschitz function, or a cube root, has then changed little.
       const double scale = 1 + std::abs(formula(a)) + std::abs(formula(b));
       if (!std::isfinite(scale) || scale > 1e6) continue;
       double lipschitz = 0;
@@ -206,7 +206,7 @@ TEST(SwitchTimes, BetweenThemExpressionsAreContinuous) {
         (left ? b : a) = middle;
         lipschitz = std::abs(formula(b) - formula(a)) / (b - a);
       }
-      // A jump of a hundredth over 2e-2 / 2^24 has a quotient of 1e7; the expressions grow by e^{e^e} at most where
+      // A jump of 1e-2 over 2e-2 / 2^24 has a difference quotient of 1e7; the expressions grow by at most e^{e^e} where
       // they are below 1e6.
       EXPECT_TRUE(lipschitz < 1e6 * scale || std::abs(formula(b) - formula(a)) < 1e-3 * scale)
           << text << " at " << a << ": " << formula(a) << " and " << formula(b);

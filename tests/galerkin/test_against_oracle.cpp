@@ -1,5 +1,5 @@
-// The dense Galerkin oracle against exact solutions, and the engine against the oracle: initial values, conditions at
-// separate ends, coupled ends and periodic ones, inequalities and equations.
+// The dense Galerkin oracle against exact solutions, and the engine against the oracle: initial values, separated,
+// coupled and periodic boundary conditions, inequalities and equations.
 
 #include "core/catalogue/catalogue.hpp"
 #include "tests/support/oracle.hpp"
@@ -13,7 +13,7 @@
 namespace bromwich {
 namespace {
 
-/// L2 norm over [0, T] of y_h - y and x_h(T) - x(T), y_h linear on each of the intervals (rows: left and right values).
+/// L2 norm over [0, T] of y_h - y, and x_h(T) - x(T); y_h is linear on each interval (rows: left and right values).
 struct GalerkinError {
   double y = 0, x_at_T = 0;
 };
@@ -54,7 +54,7 @@ TEST(GalerkinOracle, ScenesWithTwoEnds) {
     const char* name;
     Index few, many;
   };
-  // Kinks off the nodes, at the same places of their intervals on both grids: a kink costs h^1.5 in L2.
+  // Kinks off the nodes, at the same places in their intervals on both grids: a kink costs h^1.5 in L2.
   for (const auto& [name, few, many] : {Grids{"nash-game", 17, 57}, Grids{"lq-control", 4, 75}}) {
     const Scene scene = make_scene(name);
     const GalerkinError coarse = oracle_error(scene, few), fine = oracle_error(scene, many);
@@ -65,7 +65,7 @@ TEST(GalerkinOracle, ScenesWithTwoEnds) {
 }
 
 TEST(GalerkinOracle, SmallestEigenvalueOfTheBridge) {
-  // Known from another program, three digits; from below as the grid is refined.
+  // Known from another program to three digits; the estimates approach it from below.
   const Scene bridge = make_scene("bridge");
   const double eigenvalue = oracle::smallest_galerkin_eigenvalue(oracle::galerkin_system(bridge, 48), 48);
   EXPECT_NEAR(eigenvalue, -1.45, 0.02);
@@ -73,7 +73,7 @@ TEST(GalerkinOracle, SmallestEigenvalueOfTheBridge) {
 
 enum class Ends { initial, separated, coupled, periodic };
 
-/// A random scene with a strongly monotone operator, so that there is one solution; sources quadratic in t, which the
+/// A random scene with a strongly monotone operator, hence a unique solution; sources quadratic in t, which the
 /// engine's quadrature integrates exactly.
 Scene two_point_scene(std::uint32_t seed, Index m, Index n, Ends ends, const std::vector<Index>& free) {
   Scene scene = oracle::random_scene(seed, m, n, oracle::SpectrumKind::sector, oracle::MatrixKind::positive_definite);
@@ -103,7 +103,7 @@ Scene two_point_scene(std::uint32_t seed, Index m, Index n, Ends ends, const std
   return scene;
 }
 
-/// The engine's y on all intervals (left and right values) and x at the nodes against the oracle's.
+/// Compares the engine's y on all intervals (left and right values) and x at the nodes with the oracle's.
 void expect_agreement(const Scene& scene, Index J) {
   const oracle::GalerkinSystem system = oracle::galerkin_system(scene, J);
   const auto expected = oracle::galerkin_solution(system, J);
@@ -135,7 +135,7 @@ TEST(GalerkinOracle, EngineAgreesOnAFineGrid) {
   for (const Ends ends : {Ends::initial, Ends::coupled}) expect_agreement(two_point_scene(40, 3, 2, ends, {}), 64);
 }
 
-/// Each interval's parabola through three Gauss points in the place of the source, which is how the engine sees it.
+/// Replaces the source on each interval by its parabola through three Gauss points, as the engine does.
 TimeFunction by_parabolas(const TimeFunction& source, Index size, double T, Index J) {
   if (!source) return source;
   return [=, h = T / double(J)](double t, Eigen::Ref<Vector> value) {

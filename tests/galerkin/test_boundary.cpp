@@ -1,4 +1,4 @@
-// Boundary problems of the Galerkin method that are hard to solve, have no solution, or are not to be had.
+// Boundary problems of the Galerkin method that are hard, infeasible or refused.
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/galerkin/solvers.hpp"
@@ -33,8 +33,8 @@ GalerkinProblem static_problem(const Matrix& D, const Matrix& C, const RowMatrix
 
 Index first_infeasible(const GalerkinProblem& p) { return first_infeasible_interval(p, {}, RowMatrix(), RowMatrix()); }
 
-// Feasible only far away: w_1 = x_1 - x_2 - 1 and w_2 = x_2 (1 + 1e-9) - x_1 - 1 for x_2 >= 2e9, where the residual of
-// a least squares problem is all rounding.
+// Feasible only far away: w_1 = x_1 - x_2 - 1 and w_2 = x_2 (1 + 1e-9) - x_1 - 1 need x_2 >= 2e9, where the residual of
+// a least-squares problem is all rounding.
 TEST(GalerkinFeasibility, DistantPointsAreNotDenied) {
   for (const double slope : {1e-5, 1e-9, 1e-12})
     for (const double unit : {1e-12, 1., 1e9}) {
@@ -63,8 +63,8 @@ TEST(GalerkinFeasibility, FeasibleIntervalsAreNotDenied) {
   }
 }
 
-// D^T u <= 0, C^T u = 0 and q^T u < 0 for some u >= 0 by construction, on one interval among feasible ones. Units of x
-// and z have no say.
+// Infeasible by construction: D^T u <= 0, C^T u = 0 and q^T u < 0 for some u >= 0 on one of several intervals, in any
+// units of x and z.
 TEST(GalerkinFeasibility, InfeasibleIntervalsAreFound) {
   Random random(22);
   int found = 0;
@@ -81,11 +81,11 @@ TEST(GalerkinFeasibility, InfeasibleIntervalsAreFound) {
     q.row(bad) -= (q.row(bad).dot(u) + 0.5) / u.squaredNorm() * u.transpose();
     found += first_infeasible(static_problem(unit * D, C / unit, q)) == bad;
   }
-  // The certificate is a u computed to rounding; where C^T u or D^T u are not zero to that, none is claimed.
+  // The certificate u is computed to rounding; none is claimed if C^T u or D^T u are not zero to that accuracy.
   EXPECT_GE(found, 297);
 }
 
-// w_2 = g_2 - y_1 where g_2 is negative in one interval of a thousand.
+// w_2 = g_2 - y_1, with g_2 negative in one interval of a thousand.
 TEST(GalerkinFeasibility, OneIntervalOfAThousand) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix::Zero(2, 2), Matrix::Identity(2, 2), Matrix{{1, 0}, {0, 0}}};
@@ -109,8 +109,8 @@ Scene periodic_stop() {
   return scene;
 }
 
-// Exchanges move the ends of the contact by an interval each; shooting takes as many marches at every N. On the stop
-// x = 0.1 and y = 0.1 - sin 2 pi t, which Radau IIA keeps to its order; y does not alternate.
+// Active-set exchanges move the ends of the contact by one interval each; shooting takes as many marches for every N.
+// On the stop, x = 0.1 and y = 0.1 - sin 2 pi t, which Radau IIA reproduces to its order; y does not alternate.
 TEST(GalerkinShooting, ContactsWithoutCompliance) {
   for (const Index N : {160, 2560}) {
     const Result r = run(periodic_stop(), Method::galerkin, N);
@@ -129,7 +129,7 @@ TEST(GalerkinShooting, ContactsWithoutCompliance) {
   }
 }
 
-// Stages take the place of the moments there, and the result says so.
+// Stages replace the moments there, and the result says so.
 TEST(GalerkinBoundary, AnIdealStopIsWarnedAbout) {
   const Result r = run(periodic_stop(), Method::galerkin, 160);
   ASSERT_EQ(r.status, Status::solved) << r.reason;
@@ -159,8 +159,8 @@ double control_cost(const Result& r) {
   return cost;
 }
 
-// |v| <= 5: v = clip(k (1 - 2t), ±5) with k = 5 / sqrt(3 - 12/5), saturated up to (1 - 5/k)/2 = (1 - sqrt(0.6))/2 and
-// from there mirrored; the cost is 1/2 (2 * 25 a + k^2 (1 - 2a)^3 / 3), a the first switch.
+// |v| <= 5: v = clip(k (1 - 2t), ±5) with k = 5 / sqrt(3 - 12/5), saturated up to a = (1 - 5/k)/2 = (1 - sqrt(0.6))/2,
+// the first switch, and symmetrically at the end. The cost is 1/2 (2 * 25 a + k^2 (1 - 2a)^3 / 3).
 TEST(GalerkinBoundary, BoundedControlHasItsSwitchesAndItsCost) {
   const double s = std::sqrt(0.6), a = (1 - s) / 2, k = 5 / s, cost = (50 * a + k * k * s * s * s / 3) / 2;
   const Scene scene = make_scene("lq-control", {});
@@ -169,9 +169,9 @@ TEST(GalerkinBoundary, BoundedControlHasItsSwitchesAndItsCost) {
     bool located;
     double tolerance;
   };
-  // On a uniform grid the projection of a kink of slope 2k is off by c h^1.5 in L2, c <= 2k/sqrt(48), and the least
-  // cost by the square of that, c^2 h^3 < 1e-8; p and the switches by less than h^2. Located, that is how far the nodes
-  // are from the switches, and what is left of the kinks counts with its square, h^4.
+  // On a uniform grid the projection of a kink of slope 2k has the L2 error c h^1.5, c <= 2k/sqrt(48), and the least
+  // cost its square, c^2 h^3 < 1e-8; p and the switches have less than h^2. With located switches these are the
+  // distances of the nodes from the switches, and the rest of the kinks enters squared, h^4.
   for (const auto& [steps, located, tolerance] : {Grid{1001, false, 1e-6}, Grid{50, true, std::pow(50, -4)}}) {
     Options options = options_for(Method::galerkin, steps);
     options.states = StateSelection::all;
@@ -200,7 +200,7 @@ TEST(GalerkinBoundary, RowsAtTimesWhereNothingWasFound) {
   EXPECT_EQ(rows.y.rows(), 4);
   EXPECT_TRUE(rows.y.array().isNaN().all() && rows.x.array().isNaN().all());
 
-  const Index m = 1025;  // not one dense matrix of that size is made
+  const Index m = 1025;  // no dense matrix of this size is formed
   SparseMatrix A(m, m), B(m, 1), N(1, m);
   A.setIdentity();
   A *= -1;

@@ -1,6 +1,5 @@
-// The Galerkin method against a dense matrix of the same discrete problem, which the oracle integrates by quadrature:
-// free unknowns are eliminated from the whole matrix at once, and the complementarity problem is solved by Lemke's
-// method.
+// The Galerkin method against a dense matrix of the same discrete problem, integrated by the oracle's quadrature. Free
+// unknowns are eliminated from the whole matrix at once, and the complementarity problem is solved by Lemke's method.
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/galerkin/free.hpp"
@@ -21,7 +20,7 @@ using reference::Random;
 
 enum class EndConditions { initial, separated, coupled, periodic };
 
-/// m = 3, n = 2; quadratic f and g; M strictly dominant and the dynamics weak enough for one solution.
+/// m = 3, n = 2; quadratic f and g; M strictly dominant, dynamics weak enough for a unique solution.
 Scene quadratic_scene(std::uint32_t seed, EndConditions ends) {
   Random random(seed);
   const Index m = 3, n = 2;
@@ -55,7 +54,7 @@ Scene quadratic_scene(std::uint32_t seed, EndConditions ends) {
   return scene;
 }
 
-/// w = L z + q, all intervals, boundary condition included, by quadrature.
+/// w = L z + q over all intervals, boundary condition included, by quadrature.
 struct Assembled {
   Matrix L;
   Vector q;
@@ -88,7 +87,8 @@ Vector pivoted(const Assembled& a, const std::vector<Index>& free_rows, Index n)
 
 RowMatrix rows_of(const Vector& z, Index N) { return Eigen::Map<const RowMatrix>(z.data(), N, z.size() / N); }
 
-// Sums of 2 n N = 256 terms of size 10 and the condition of the boundary problems, some 10^2: 1e-16 * 1e4 and a margin.
+// Sums of 2 n N = 256 terms of size 10, and a condition of the boundary problems of about 10^2: 1e-16 * 1e4 and a
+// margin.
 constexpr double same_assembled = 1e-11;
 
 class GalerkinDense : public testing::TestWithParam<EndConditions> {};
@@ -153,7 +153,7 @@ TEST_P(GalerkinDense, SolversAgree) {
   }
 }
 
-// The iteration on every backend: to its tolerance on z.
+// The iteration on every backend, to its tolerance on z.
 class GalerkinIteration : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Contract, GalerkinIteration, testing::ValuesIn(backend_cases()), backend_case_name);
 
@@ -179,7 +179,7 @@ TEST_P(GalerkinIteration, MarchingAgreesOnEveryBackend) {
   EXPECT_LE(distance(marched.z, exchange_active_sets(p, *backend, {}).z), same_assembled);
 }
 
-// What multigrid in time would have to remove: a number of sweeps that grows with the grid.
+// The number of sweeps must not grow with the grid.
 TEST_P(GalerkinIteration, SweepsDoNotGrowWithTheGrid) {
   const Scene scene = make_scene("bridge", {});
   Index fewest = most_exchanges, most = 0;
@@ -197,7 +197,7 @@ TEST_P(GalerkinIteration, SweepsDoNotGrowWithTheGrid) {
   EXPECT_LE(most - fewest, 2);
 }
 
-// Sources of second degree are integrated exactly on both grids.
+// Quadratic sources are integrated exactly on both grids.
 TEST(GalerkinGrids, HalfAsManyIntervalsWithoutSamples) {
   for (const EndConditions ends : {EndConditions::initial, EndConditions::periodic}) {
     const Scene scene = quadratic_scene(3, ends);
@@ -210,7 +210,7 @@ TEST(GalerkinGrids, HalfAsManyIntervalsWithoutSamples) {
   }
 }
 
-// A chain with modes e^{15 k} and e^{-15 k} over 80 steps: e^{1200} is never formed, the ends hold both.
+// A chain with modes e^{15 k} and e^{-15 k} over 80 steps: e^{1200} is never formed, each end fixes one mode.
 TEST(TwoPoint, BoundaryLayers) {
   const Matrix V{{1, 1}, {1, 2}};
   const Matrix P = V * Eigen::Vector2d(std::exp(15), std::exp(-15)).asDiagonal() * V.inverse();
@@ -218,8 +218,8 @@ TEST(TwoPoint, BoundaryLayers) {
   const BoundaryCondition ends{Matrix{{0, 1}, {0, 0}}, Matrix{{0, 0}, {1, 0}}, Vector{{3, 5}}};
   const RowMatrix x = solve_two_point(steps, RowMatrix::Zero(80, 2), ends, 1e-10);
   ASSERT_EQ(x.rows(), 81);
-  // The decaying mode (1, 2) alone is left at 0, the growing one (1, 1) at T. The entries of P are known to eps e^15 =
-  // 1e-9, which takes the place of the decaying factor, and a state follows from its neighbour no better.
+  // Only the decaying mode (1, 2) remains at 0, the growing one (1, 1) at T. The entries of P have the error eps e^15 =
+  // 1e-9, which replaces the decaying factor, and a state follows from its neighbour with no better accuracy.
   EXPECT_NEAR(x(0, 0), 1.5, 1e-12);
   EXPECT_NEAR(x(0, 1), 3, 1e-12);
   EXPECT_NEAR(x(80, 0), 5, 1e-12);
@@ -227,7 +227,7 @@ TEST(TwoPoint, BoundaryLayers) {
   EXPECT_LE(x.middleRows(5, 60).cwiseAbs().maxCoeff(), 16 * epsilon * std::exp(15));
 }
 
-// Three ways to the same states.
+// Three methods for the same states.
 TEST(TwoPoint, BlocksSegmentsAndKrylovAgree) {
   Random random(9);
   for (const Index m : {1, 4, 70}) {
@@ -240,7 +240,7 @@ TEST(TwoPoint, BlocksSegmentsAndKrylovAgree) {
     const BoundaryCondition ends{Matrix::Identity(m, m), -Matrix::Identity(m, m), random.vector(m)};
     const RowMatrix segments = solve_two_point_by_segments(P, p, ends, 1e-12);
     ASSERT_EQ(segments.rows(), N + 1) << m;
-    if (m <= 4)  // the bound that is carried along grows with the absolute values
+    if (m <= 4)  // its rounding bound grows with the absolute values
       for (const Index length : {1, 7, 30, 128})
         EXPECT_LE(distance(solve_two_point_in_blocks(P, p, ends, 1e-12, length), segments), 1e-12)
             << m << ' ' << length;
@@ -251,7 +251,7 @@ TEST(TwoPoint, BlocksSegmentsAndKrylovAgree) {
               .norm(),
           1e-12);
   }
-  // Growing by 2^60 within a block: it says no.
+  // Growth by 2^60 within a block: it refuses.
   const Matrix twice = Matrix{{2, 1}, {0, 0.5}};
   const std::vector<const Matrix*> P(60, &twice);
   const BoundaryCondition ends{Matrix{{0, 1}, {0, 0}}, Matrix{{0, 0}, {1, 0}}, Vector{{3, 5}}};

@@ -20,8 +20,8 @@ namespace {
 
 using reference::pi;
 
-/// Errors against Scene::exact: L2 over time by five Gauss points an interval (kinks off nodes cost digits of the norm,
-/// not its order), and at T.
+/// Errors against Scene::exact: L2 in time with five Gauss points per interval (kinks off nodes cost digits of the
+/// norm, not its order), and at T.
 struct Errors {
   double y = 0, x = 0, y_end = 0, x_end = 0;
 };
@@ -60,7 +60,7 @@ Result run_galerkin(const Scene& scene, Index steps) {
 
 double order(double coarse, double fine) { return std::log2(coarse / fine); }
 
-// Kinks of the solution on nodes where 6 divides N.
+// The kinks of the solution lie on nodes if 6 divides N.
 TEST(Galerkin, BridgeHasItsKnownErrors) {
   const Scene scene = make_scene("bridge", {});
   const std::vector<std::pair<Index, double>> known{{24, 1.8e-2}, {48, 4.6e-3}, {96, 1.15e-3}, {192, 2.9e-4}};
@@ -76,7 +76,7 @@ TEST(Galerkin, BridgeHasItsKnownErrors) {
   }
 }
 
-// Off the nodes a kink costs half an order, more or less by where in its interval it lies: seen over a factor of 16.
+// Off the nodes a kink costs half an order, depending on its place in the interval: tested over a factor of 16.
 TEST(Galerkin, BridgeWithKinksOffTheNodes) {
   const Scene scene = make_scene("bridge", {});
   const Errors coarse = errors_of(scene, run_galerkin(scene, 50)), fine = errors_of(scene, run_galerkin(scene, 800));
@@ -114,8 +114,8 @@ TEST(Galerkin, BridgeBetweenTwoPositions) {
   EXPECT_GE(order(coarse.x, fine.x) / 3, 1.4);
 }
 
-// Singular PSD M; the exact solution is known. With its kinks, at 0.3 and 0.5, on nodes y is in the space, and what is
-// left is the quadrature of f and g.
+// Singular PSD M; the exact solution is known. With its kinks, at 0.3 and 0.5, on nodes y is in the space; only the
+// quadrature error of f and g remains.
 TEST(Galerkin, NashGame) {
   const Scene scene = make_scene("nash-game", {});
   const Result r = run_galerkin(scene, 20);
@@ -135,8 +135,8 @@ TEST(Galerkin, BoundedControl) {
   EXPECT_GE(order(coarse.x_end, fine.x_end) / 4, 1.4);
 }
 
-// The steady state is what 60 periods of marching end in: e^{-60 * 0.02 / 0.1} = 6e-6 of the distance it began
-// with, 10. Another 60 take the rest to 4e-11.
+// The steady state is the limit of marching: after 60 periods the initial distance of 10 has decayed by
+// e^{-60 * 0.02 / 0.1} = 6e-6; another 60 take the rest to 4e-11.
 TEST(Galerkin, PeriodicSteadyStateIsTheLimitOfMarching) {
   const Scene scene = make_scene("periodic-rectifier", {});
   const Index N = 400, periods = 120;
@@ -146,7 +146,7 @@ TEST(Galerkin, PeriodicSteadyStateIsTheLimitOfMarching) {
   start.x0 = Vector::Zero(1);
   start.T = scene.T * double(periods);
   const Result marched = run_galerkin(start, N * periods);
-  // Work: intervals that a sweep over N of them passes through. The coarser grids of the start are N more, together.
+  // Work in intervals: each sweep passes N of them. The coarser grids of the start add up to N more.
   EXPECT_LE(2 * steady.iterations * N, marched.steps / 10);
   EXPECT_LE(distance(marched.x.bottomRows(N), steady.x.bottomRows(N)), 1e-6);
   EXPECT_LE(distance(marched.y.bottomRows(N), steady.y.bottomRows(N)), 1e-6);
@@ -180,7 +180,7 @@ TEST(Galerkin, SmallestEigenvalueOfTheBridge) {
   EXPECT_NEAR(smallest_symmetric_eigenvalue(scene, 64, 1), 0.40, 0.005);
 }
 
-// Against a dense matrix: L from its columns, the Gram matrix of the basis from its definition.
+// Against a dense matrix: L by columns, the Gram matrix of the basis by definition.
 TEST(Galerkin, SmallestEigenvalueOfABoundaryProblem) {
   const Scene scene = make_scene("nash-game", {});
   const Index N = 6, n = 5, size = 2 * n * N;
@@ -203,7 +203,7 @@ TEST(Galerkin, SaysWhereSeveralSolutionsAreNotExcluded) {
   EXPECT_NE(run_galerkin(make_scene("nash-game", {}), 16).warning.find("uniqueness is not assured"), std::string::npos);
 }
 
-// x' = y + f, w = x - 1 + y, x(0) = x(T): without y nothing determines x.
+// x' = y + f, w = x - 1 + y, x(0) = x(T): without y, x is undetermined.
 Scene integrator(const BoundaryCondition& boundary) {
   Scene scene;
   scene.name = "integrator";
@@ -229,7 +229,7 @@ TEST(Galerkin, RefusesConditionsThatDetermineNothing) {
             "boundary: row 1 of E0 and ET is zero; give one condition per state");
 }
 
-// x' = -1e-9 x + y + f, periodic: without y x is known to 1e9 roundings.
+// x' = -1e-9 x + y + f, periodic: without y, x has an error of 1e9 roundings.
 TEST(Galerkin, SaysWhereTheBoundaryConditionIsDelicate) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{-1e-9}}, Matrix{{1}}, Matrix{{1}}};
@@ -250,13 +250,13 @@ TEST(Galerkin, InfeasibleConstraints) {
   Result r = run(scene, Method::galerkin, 10);
   EXPECT_EQ(r.status, Status::infeasible);
   EXPECT_NEAR(r.infeasible_at.value_or(-1), 0.5, 1e-12);
-  // Without the contradiction the free unknowns are still two for one equation.
+  // Without the contradiction there are still two free unknowns for one equation.
   scene.g = {};
   r = run(scene, Method::galerkin, 10);
   EXPECT_EQ(r.status, Status::solved) << r.reason;
   EXPECT_NE(r.warning.find("least norm"), std::string::npos);
 
-  // w_2 = -y_1 - 1 cannot become positive, whatever x is; a boundary problem, many intervals.
+  // w_2 = -y_1 - 1 cannot become nonnegative for any x; a boundary problem with many intervals.
   scene = integrator({Matrix{{1, 0}, {0, 0}}, Matrix{{0, 0}, {0, 1}}, Vector::Zero(2)});
   scene.dynamics = DenseDynamics{Matrix::Zero(2, 2), Matrix{{1, 0}, {0, 1}}, Matrix{{1, 0}, {0, 0}}};
   scene.M = Matrix{{1, 0}, {-1, 0}};
@@ -288,7 +288,7 @@ TEST(Galerkin, BoundaryLayersDoNotOverflow) {
   EXPECT_EQ(r.y.cwiseAbs().maxCoeff(), 0);
   for (const Index k : {0, 2, 10, 1000, 1990, 1998, 2000}) {
     const double t = scene.T * double(k) / 2000;
-    // The factor of a step is known to eps e^{0.5}, 2000 steps.
+    // The factor of a step has the error eps e^{0.5}; 2000 steps.
     EXPECT_NEAR(r.x(k, 0), std::exp(-100 * t) + 2 * std::exp(-100 * (10 - t)), 1e-11) << k;
   }
 }

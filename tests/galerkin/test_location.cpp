@@ -1,4 +1,4 @@
-// Event location: nodes at the switches of the active sets.
+// Event location: nodes at the switches of active sets.
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/galerkin/location.hpp"
@@ -19,8 +19,8 @@ namespace {
 
 using reference::pi;
 
-/// Against Scene::exact: y in L2 over [0, T], by Gauss points on 32 pieces of each interval (kinks lie anywhere), and x
-/// at T.
+/// Errors against Scene::exact: y in L2 over [0, T], by Gauss points on 32 pieces of each interval (kinks lie
+/// anywhere), and x at T.
 struct LocationErrors {
   double y = 0, x_end = 0;
 };
@@ -57,7 +57,7 @@ double location_order(double coarse, double fine, Index N, Index M) {
   return std::log(coarse / fine) / std::log(double(M) / double(N));
 }
 
-// The kinks at pi/2, 3 pi/2 and 2 pi lie at different places of their intervals: 6 does not divide N.
+// The kinks at pi/2, 3 pi/2 and 2 pi lie at different places in their intervals: 6 does not divide N.
 TEST(GalerkinLocation, BridgeHasTheErrorsOfAGridWithItsKinksOnNodes) {
   const Scene scene = make_scene("bridge", {});
   std::vector<LocationErrors> errors;
@@ -81,8 +81,8 @@ TEST(GalerkinLocation, BridgeHasTheErrorsOfAGridWithItsKinksOnNodes) {
   EXPECT_LE(errors.back().x_end, 0.05 * location_errors(scene, run_located(scene, 470, false)).x_end);
 }
 
-// y is linear between its kinks in both scenes, with slopes of at most 13: what is left is that of two kinks off their
-// nodes by what the location accepts, 0.1 T/N^2, slope d^1.5 each.
+// In both scenes y is linear between its kinks, with slopes up to 13. The remaining error comes from two kinks whose
+// nodes are off by the accuracy of the location, d = 0.1 T/N^2: slope d^1.5 each.
 TEST(GalerkinLocation, BoundaryProblems) {
   const Index N = 149;
   for (const char* name : {"nash-game", "lq-control"}) {
@@ -112,7 +112,7 @@ TEST(GalerkinLocation, SwitchesAndOutputOfALocatedResult) {
   EXPECT_LE((sampled.x.row(5) - r.x.row(100)).norm(), 8 * epsilon * r.x.row(100).norm());
 }
 
-// x' = -x + y + f, w = x + y - s(t): with s = 1 from t = 0.43 on y jumps by 1 there, and no line leads to the jump.
+// x' = -x + y + f, w = x + y - s(t): if s = 1 from t = 0.43 on, y jumps by 1, and no linear function leads to the jump.
 TEST(GalerkinLocation, SaysWhatItDoesNotLocate) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
@@ -134,7 +134,7 @@ TEST(GalerkinLocation, Refusals) {
   EXPECT_EQ(refusal([&] { run(scene, options); }), "event_location: found with a tolerance; give steps instead");
 }
 
-// Parts of several lengths against the same problem with every interval a part of its own.
+// Parts of several lengths against the same problem with one part per interval.
 TEST(GalerkinLocation, GridsOfSeveralLengths) {
   const Scene scene = make_scene("nash-game", {});
   const std::vector<GridPart> parts{{0.2, 5}, {0.45, 4}, {1, 9}};

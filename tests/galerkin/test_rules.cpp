@@ -1,5 +1,5 @@
-// Method galerkin where M is singular on what is active: jumps of the state, impacts, sliding, for initial and boundary
-// values. References are solved by hand or by implicit Euler with steps so small that its error does not matter.
+// Method galerkin with M singular on the active set: jumps of the state, impacts, sliding, for initial and boundary
+// values. References are solved by hand, or by implicit Euler with negligible steps.
 
 #include "core/galerkin/recovery.hpp"
 #include "core/galerkin/rules.hpp"
@@ -22,10 +22,10 @@ Result all_states(const Scene& scene, Index steps) {
   return run(scene, options);
 }
 
-/// A square wave of amplitude 1, high on the first half of each period; values at its edges are those from the right.
+/// A square wave of amplitude 1, high on the first half of each period; continuous from the right.
 double square(double t, double period) { return std::fmod(t, period) < period / 2 ? 1 : -1; }
 
-/// Two ideal diodes and two capacitors behind a square wave of 10 V. At every edge charge flows at once.
+/// Two ideal diodes and two capacitors driven by a square wave of 10 V. Charge flows at once at every edge.
 Scene doubler(double leak) {
   Scene scene;
   scene.name = "doubler";
@@ -37,13 +37,13 @@ Scene doubler(double leak) {
   return scene;
 }
 
-/// The same by its charges: v_1 >= -s, v_2 >= v_1 + s at all times, and charge moves only as far as it has to.
+/// The same by charges: v_1 >= -s and v_2 >= v_1 + s at all times; charge moves only as far as needed.
 Vector doubler_at_end(double leak) {
   Vector v = Vector::Zero(2);
   for (int half = 0; half < 20; ++half) {
     const double s = half % 2 == 0 ? 10 : -10;
     if (v[0] < -s) v[0] = -s;
-    if (v[1] < v[0] + s) {  // one amount through the second diode lifts v_2 and lowers v_1
+    if (v[1] < v[0] + s) {  // the charge through the second diode raises v_2 and lowers v_1 by the same amount
       const double charge = (v[0] + s - v[1]) / 2;
       v += Vector{{-charge, charge}};
     }
@@ -68,7 +68,7 @@ TEST(GalerkinRules, DoublerWithASquareWave) {
     ASSERT_EQ(r.status, Status::solved) << r.reason;
     EXPECT_NE(r.warning.find("the state may jump"), std::string::npos) << r.warning;
     const double error = (r.x.row(N).transpose() - exact).cwiseAbs().maxCoeff();
-    // An edge costs one step of Euler, 1/2 (leak h)^2 10 V; there are 20 of them.
+    // An edge costs one Euler step, 1/2 (leak h)^2 10 V; there are 20 edges.
     EXPECT_LE(error, 20 * 10 * std::pow(leak * 2 / double(N), 2)) << N;
     if (before > 0) {
       EXPECT_LE(error, before / 8) << N;
@@ -78,7 +78,7 @@ TEST(GalerkinRules, DoublerWithASquareWave) {
 }
 
 TEST(GalerkinRules, IncompatibleInitialStates) {
-  Scene scene;  // x' = -x + y, x >= 0: from -1 to 0 at once, and it stays there
+  Scene scene;  // x' = -x + y, x >= 0: jumps from -1 to 0 and stays there
   scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
   scene.M = Matrix{{0}};
   scene.x0 = Vector{{-1}};
@@ -87,7 +87,7 @@ TEST(GalerkinRules, IncompatibleInitialStates) {
   EXPECT_EQ(r.x(0, 0), -1);
   EXPECT_LE(r.x.bottomRows(50).cwiseAbs().maxCoeff(), 1e-14);
   EXPECT_LE(r.y.bottomRows(49).cwiseAbs().maxCoeff(), 1e-12);
-  // The impulse lifts x by 1 and what the step lets it lose: h y = 1 for implicit Euler.
+  // The impulse raises x by 1 plus its loss over the step: h y = 1 for implicit Euler.
   EXPECT_NEAR(r.y(1, 0) / 50, 1, 1e-12);
 }
 
@@ -103,14 +103,14 @@ Scene ball(double push_at) {
 }
 
 TEST(GalerkinRules, BallOnARigidFloor) {
-  // The floor takes all of the velocity; from 1.5 on it rises with 5 m/s^2: x = 5/2 0.5^2, v = 2.5.
+  // The floor absorbs the velocity; from 1.5 on it rises with 5 m/s^2: x = 5/2 0.5^2, v = 2.5.
   for (const Index N : {200, 800, 3200}) {
     const Result r = all_states(ball(1.5), N);
     ASSERT_EQ(r.status, Status::solved) << r.reason;
     const double h = 2 / double(N);
-    EXPECT_NEAR(r.x(N, 0), 0.625, 5 * 0.5 * h) << N;  // the step to the push may be one of Euler: v off by 5 h at most
+    EXPECT_NEAR(r.x(N, 0), 0.625, 5 * 0.5 * h) << N;  // the step to the push may be an Euler step: v off by 5 h at most
     EXPECT_NEAR(r.x(N, 1), 2.5, 5 * h) << N;
-    EXPECT_NEAR(r.y(N / 2, 0), 9.81, 1e-9);  // it lies still
+    EXPECT_NEAR(r.y(N / 2, 0), 9.81, 1e-9);  // at rest
   }
 }
 
@@ -132,8 +132,7 @@ TEST(GalerkinRules, SlidingRelay) {
 }
 
 TEST(GalerkinRules, PeriodicStateOfAnIdealClamp) {
-  // C v' = -v/R + y, v >= 2 square(t): jumps to 2 at the rising edge, is held there, and decays from the falling edge
-  // on
+  // C v' = -v/R + y, v >= 2 square(t): jumps to 2 at the rising edge, stays there, and decays from the falling edge on.
   Scene scene;
   const double a = 1.5;
   scene.dynamics = DenseDynamics{Matrix{{-a}}, Matrix{{1}}, Matrix{{1}}};
@@ -180,8 +179,8 @@ TEST(GalerkinRules, WhichRuleAnActiveSetNeeds) {
   EXPECT_EQ(rule({3}), IntervalRule::euler);
 }
 
-// States at other times than the nodes follow the rules too: on the nodes they are those of the result, before the
-// impact the ball falls freely, and lying it stays.
+// States between nodes follow the rules too: they match the result on the nodes, the ball falls freely before the
+// impact and rests afterwards.
 TEST(GalerkinRules, StatesAtAnyTime) {
   const Scene scene = ball(1.5);
   const Result r = all_states(scene, 200);
@@ -196,7 +195,7 @@ TEST(GalerkinRules, StatesAtAnyTime) {
   EXPECT_NEAR(out.x(2, 1), 5 * 0.4023, 5 * 0.01);  // as far as the step to the push is known
 }
 
-/// x' = -3 x + f, w = 2 x + g with jumps of f and g at 0.3 of an interval, f = 1 and g = -1 from there on.
+/// x' = -3 x + f, w = 2 x + g; f and g jump at 0.3 of an interval, to f = 1 and g = -1.
 struct SteppedSources {
   Scene scene;
   DenseDynamics dynamics{Matrix{{-3}}, Matrix{{1}}, Matrix{{2}}};
@@ -233,7 +232,7 @@ TEST(GalerkinSources, JumpsInsideAnInterval) {
   EXPECT_NEAR(F, x(1), 1e-13);
   EXPECT_NEAR(q[0], left, 1e-12);
   EXPECT_NEAR(q[1], right, 1e-12);
-  // Without being told, the jump is found to 2^-16 of the interval: the last piece errs by its length at most.
+  // An undeclared jump is found to 2^-16 of the interval, the length of the last piece.
   const auto [found, p] = stepped.on_interval({});
   EXPECT_NEAR(found, x(1), std::exp2(-16));
   EXPECT_NEAR(p[0], left, 8 * std::exp2(-16));

@@ -1,8 +1,8 @@
-// Goal-oriented grids on a device: whole adaptive runs are those of the processor.
+// Goal-oriented grids on a device: whole adaptive runs against the CPU.
 //
-// The same sums in another order: x differs by 1e-13 of its size. A cell violates the balance by 1e-6 of the energies
-// that are subtracted and more, so that its violation keeps seven digits, and indicators as many; cells are marked in
-// the same order, since no two of these scenes have indicators that agree to seven digits.
+// The same sums in another order: x differs by 1e-13 relative. A cell violates the balance by 1e-6 or more of the
+// subtracted energies, so violations and indicators keep seven digits. Cells are marked in the same order, since no two
+// indicators of these scenes agree to seven digits.
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/goal/goal.hpp"

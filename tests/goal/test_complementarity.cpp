@@ -1,5 +1,4 @@
-// Goal-oriented grids of scenes that switch: steps, balance, derivatives along the active sets, and what the grids
-// find.
+// Goal-oriented grids of scenes with switching: steps, balance, derivatives along the active sets, and the grids found.
 
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
@@ -21,7 +20,7 @@ namespace {
 
 constexpr StepScheme constrained_schemes[] = {StepScheme::euler, StepScheme::midpoint};
 
-/// Two masses (q, p each) coupled by springs and damped, both pushed by a wave, each with a soft stop:
+/// Two masses (q, p each), coupled by springs and damped, driven by a wave, each with a soft stop:
 /// 0 <= y ⊥ gap - q + y/stiffness >= 0, a force -y on p.
 Scene two_stops(double stiffness = 30) {
   PortHamiltonian port;
@@ -55,7 +54,7 @@ struct Setting {
   std::unique_ptr<Backend> backend = make_cpu_backend(1);
 };
 
-/// The value of a quantity, its gradient where wanted, and all modes that were met.
+/// The value of a quantity, its gradient if requested, and all modes that occurred.
 struct Looked {
   double value = 0;
   RowMatrix gradient;
@@ -91,7 +90,7 @@ Index switches(const ConstraintValues& path) {
   return count;
 }
 
-// The equations of a step, written out: rounding of terms of the size of x, and |A| h of it.
+// The equations of a step, evaluated directly: rounding of terms of the size of x and |A| h x.
 TEST(ConstrainedSteps, SolveTheirEquations) {
   for (const Scene& scene : switching_scenes())
     for (const StepScheme scheme : constrained_schemes) {
@@ -119,7 +118,7 @@ TEST(ConstrainedSteps, SolveTheirEquations) {
     }
 }
 
-// v = -||x_i - x_{i-1}||^2 / 2 in the norm of Q^T E for Euler, with what the constraints take out counted as supplied.
+// v = -||x_i - x_{i-1}||^2 / 2 in the norm of Q^T E for Euler; power removed by the constraints counts as supplied.
 TEST(ConstrainedBalance, ViolationOfEulerIsTheSquareOfTheStep) {
   for (const Scene& scene : switching_scenes()) {
     Setting s(scene);
@@ -135,8 +134,8 @@ TEST(ConstrainedBalance, ViolationOfEulerIsTheSquareOfTheStep) {
   }
 }
 
-// y follows x: central differences of the value with y solved for anew. All active sets stay. v_i moves by e times the
-// energy and is smaller than that by some 1e3: the error e^2 1e3 is below 1e-8, and rounding eps/e 1e3 too.
+// y follows x: central differences of the value, y solved again each time; active sets stay the same. v_i changes by e
+// times the energy and is about 1e3 times smaller: the error e^2 1e3 is below 1e-8, and so is rounding eps/e 1e3.
 TEST(ConstrainedQuantity, DerivativesAreThoseOfDifferences) {
   for (const Scene& scene : switching_scenes())
     for (const StepScheme scheme : constrained_schemes)
@@ -159,7 +158,8 @@ TEST(ConstrainedQuantity, DerivativesAreThoseOfDifferences) {
       }
 }
 
-// The derivative of the quantity of the *solution* to the initial state is l_0: the whole chain of active sets.
+// The derivative of a quantity of the *solution* with respect to the initial state is l_0, through the chain of active
+// sets.
 TEST(ConstrainedAdjoint, GivesTheDerivativeToTheInitialState) {
   for (const Scene& scene : switching_scenes())
     for (const StepScheme scheme : constrained_schemes)
@@ -212,8 +212,8 @@ TEST(ConstrainedSteps, ConvergeToTheReferenceOfTheLadder) {
   }
 }
 
-// Stiff stops: the momentum turns within 0.1 of T = 6 at each contact. Euler's grid has at its switches more than twice
-// the density of steps of the mean, and violates the balance less than a tenth as much as equal steps do; midpoint puts
+// Stiff stops: the momentum turns within 0.1 of T = 6 at each contact. At its switches Euler's grid has more than twice
+// the mean density of steps, and violates the balance less than a tenth as much as equal steps. Midpoint concentrates
 // its steps there too.
 TEST(ConstrainedGoal, GridFindsTheSwitches) {
   const Scene scene = two_stops(1000);
@@ -245,14 +245,13 @@ TEST(ConstrainedGoal, GridFindsTheSwitches) {
       const double middle = (adapted.t[i] + adapted.t[i + 1]) / 2;
       near += std::any_of(times.begin(), times.end(), [&](double at) { return std::abs(at - middle) < width; });
     }
-    const double share = 2 * width * double(times.size()) / scene.T;  // of the time
+    const double share = 2 * width * double(times.size()) / scene.T;  // fraction of the time interval
     EXPECT_GE(near, 2 * share * double(adapted.steps)) << to_string(scheme);
   }
 }
 
-// Nothing is gained where |x'| hardly varies: T^3 ∫|x'|^4 / (∫|x'|)^4 = 2.2 bounds what any grid can gain on the
-// ladder for Euler. The estimate, the quantity (-½ ‖x_i - x_{i-1}‖² from the states), and equal steps beside: no better
-// than that bound allows, and no worse than halving cells can lose, a factor of 1.9, and of 1/2.2 where it gains.
+// |x'| of the ladder hardly varies: T^3 ∫|x'|^4 / (∫|x'|)^4 = 2.2 bounds the gain of any grid over equal steps for
+// Euler, and halving cells can lose a factor of 1.9. The quantity is the sum of (½ ‖x_i - x_{i-1}‖²)² over the states.
 TEST(ConstrainedGoal, EstimatesTheBalanceOfTheLadder) {
   const Scene scene = make_scene("ladder-diodes");
   const auto backend = make_cpu_backend(1);
@@ -284,7 +283,7 @@ TEST(ConstrainedGoal, EstimatesTheBalanceOfTheLadder) {
   EXPECT_GT(result.y.maxCoeff(), 0.02);
 }
 
-// Both sides of the balance at the time points, the diode's power supplied: x' from the equations.
+// Both sides of the balance at the time points, including the power of the diode; x' from the equations.
 TEST(ConstrainedGoal, PowersAreTheRateOfTheEnergy) {
   const Scene scene = two_stops();
   const auto backend = make_cpu_backend(1);
@@ -305,7 +304,8 @@ TEST(ConstrainedGoal, PowersAreTheRateOfTheEnergy) {
   }
 }
 
-// 25 equal steps see sin(5e6 pi t) nowhere: the quantity is nothing, the estimate sees all of it on the halved grid.
+// 25 equal steps miss sin(5e6 pi t) completely: the quantity is zero, and the estimate sees all of it on the halved
+// grid.
 TEST(ConstrainedGoal, ABlindGridHasNoEffectivityAndMeetsNoTolerance) {
   const auto backend = make_cpu_backend(1);
   for (const char* name : {"ladder", "ladder-diodes"}) {

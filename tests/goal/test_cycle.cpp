@@ -1,5 +1,5 @@
-// What a cycle of goal-oriented grids is made of: products of many rows, inputs that are asked for once, one evaluation
-// of a quantity, and the same bits for any number of threads.
+// Parts of a cycle of goal-oriented grids: products of many rows, inputs evaluated once, one evaluation of a quantity,
+// and identical bits for any number of threads.
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/goal/goal.hpp"
@@ -19,7 +19,7 @@ namespace {
 
 constexpr StepScheme all_schemes[] = {StepScheme::euler, StepScheme::midpoint, StepScheme::exponential};
 
-// About a third of the entries, and a column without any.
+// About a third of the entries, and one empty column.
 SparseMatrix random_sparse(reference::Random& random, Index rows, Index cols) {
   Matrix A = random.matrix(rows, cols);
   A = A.unaryExpr([&](double a) { return random.uniform() < 0.3 ? a : 0.; }).eval();
@@ -49,7 +49,7 @@ TEST(RowProducts, AreThoseOfDenseMatrices) {
     }
 }
 
-// An input of two ports that counts.
+// An input with two ports that counts its evaluations.
 struct CountedInput {
   std::vector<double> asked;
   PortHamiltonian port = *make_scene("ph-toy").port;
@@ -89,9 +89,9 @@ TEST(Inputs, AreAskedForOncePerPoint) {
     expect_inputs(fine, within ? 80 : 40);
     expect_inputs(t, 0);
     expect_inputs(fine, 0);
-    expect_inputs(next, 0);                        // cells of one or of the other
-    expect_inputs(halved(next), within ? 16 : 8);  // the cells that no grid had, the points that none had
-    expect_inputs(t, within ? 4 : 0);              // the first grid is forgotten, but for what the later ones kept
+    expect_inputs(next, 0);                        // cells of either grid
+    expect_inputs(halved(next), within ? 16 : 8);  // only new cells and new points
+    expect_inputs(t, within ? 4 : 0);  // the first grid is forgotten, except for values reused by later ones
   }
 }
 
@@ -106,7 +106,7 @@ TEST(Inputs, AreTakenFromInsideTheSteps) {
   EXPECT_EQ(system.inputs(half, 1), Vector({{1, 1}}));
 }
 
-// v is quadratic in x: differences of any length are its derivative. Rounding: Σ |w v| eps.
+// v is quadratic in x: differences of any length give its derivative. Rounding: Σ |w v| eps.
 TEST(EnergyBalance, GradientsOfManyStatesAreThoseOfDifferences) {
   reference::Random random(7);
   const Scene scene = make_scene("ladder", {{"n", 30}});  // 91 states
@@ -169,7 +169,7 @@ TEST(Backends, ShareOutEveryNumberOnce) {
   }
 }
 
-// The grid is long enough for several ranges of rows.
+// The grid has several ranges of rows.
 TEST(Goal, CyclesDoNotDependOnTheThreads) {
   const Scene scene = make_scene("ladder", {{"n", 30}});
   const PortSystem system(*scene.port, scene.T);

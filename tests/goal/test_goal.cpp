@@ -41,7 +41,7 @@ std::shared_ptr<const QuantityOfInterest> some_user_quantity() {
   return user_quantity(q);
 }
 
-// Central differences with step e: e^2 times third derivatives, and rounding eps/e of the value.
+// Central differences with step e: errors e^2 times third derivatives, and rounding eps/e of the value.
 TEST(Quantity, DerivativesAreThoseOfDifferences) {
   const Toy toy;
   reference::Random random(1);
@@ -74,7 +74,7 @@ TEST(Quantity, RefusesWhatIsIncomplete) {
   EXPECT_TRUE(refusal([&] { user_quantity(q); }).starts_with("quantity: has a function without"));
 }
 
-// Σ z_i^T r_i = I'(P x_h) (X_f - P x_h), the adjoint identity: sums of some hundred terms.
+// Adjoint identity Σ z_i^T r_i = I'(P x_h) (X_f - P x_h): sums of some hundred terms.
 TEST(Indicators, OfTheGlobalAdjointAreTheDerivativeTowardsTheHalvedGrid) {
   const Toy toy;
   const Vector t = first_grid(10, 60, {});
@@ -97,8 +97,8 @@ TEST(Indicators, OfTheGlobalAdjointAreTheDerivativeTowardsTheHalvedGrid) {
     }
 }
 
-// Once the grid resolves the solution the estimate is that of the error: within 10 % on uniform grids, and on adapted
-// ones, whose neighbouring cells differ by factors of 2, within [0.3, 3].
+// Once the grid resolves the solution, the estimate is within 10 % of the error on uniform grids, and within factors
+// [0.3, 3] on adapted ones, whose neighbouring cells differ by factors of 2.
 TEST(Indicators, EstimateTheErrorOnceResolved) {
   const Toy toy;
   for (const StepScheme scheme : schemes)
@@ -120,8 +120,8 @@ TEST(Indicators, EstimateTheErrorOnceResolved) {
     }
 }
 
-// Where the input varies within steps: midpoint as elsewhere; the exponential scheme takes u linear, of order 2 and not
-// 4, (1 - 2^-2)/(1 - 2^-4) = 0.8; implicit Euler takes u at right ends, another supply on the halved grid.
+// Input varying within steps. Midpoint: as usual. Exponential: u is taken as linear, order 2 instead of 4, ratio
+// (1 - 2^-2)/(1 - 2^-4) = 0.8. Implicit Euler: u at right ends, a different supply on the halved grid.
 TEST(Indicators, KnowWhatAnInputWithinStepsLeavesOut) {
   const Scene scene = make_scene("ladder");
   const PortSystem system(*scene.port, scene.T);
@@ -140,8 +140,8 @@ TEST(Indicators, KnowWhatAnInputWithinStepsLeavesOut) {
     }
 }
 
-// A quantity without known value: the estimate against the exact one from a grid of 2^17 exponential steps, whose own
-// error is (1e-4)^4 and rounding.
+// A quantity without a known value: the estimate against the value on a grid of 2^17 exponential steps, whose own error
+// is (1e-4)^4 plus rounding.
 TEST(Indicators, EstimateTheErrorOfAUserQuantity) {
   const Toy toy;
   GoalOptions goal;
@@ -170,7 +170,7 @@ TEST(GridAdaptation, MarksTheFewestCells) {
   EXPECT_EQ(marked_cells(eta, 1, 9), (std::vector<Index>{0, 1, 2, 4}));
   EXPECT_EQ(marked_cells(eta, 1, 2), (std::vector<Index>{1, 4}));
   EXPECT_TRUE(marked_cells(Vector::Zero(3), 1, 9).empty());
-  EXPECT_EQ(economical_cells(Vector{{1, 1, 1, 1}}, 3, 9).size(), 4u);  // all or none
+  EXPECT_EQ(economical_cells(Vector{{1, 1, 1, 1}}, 3, 9).size(), 4u);  // all cells or none
   EXPECT_EQ(economical_cells(Vector{{1, -99, 1, 1}}, 3, 9), (std::vector<Index>{1}));
   EXPECT_TRUE(economical_cells(Vector::Zero(3), 3, 9).empty());
   EXPECT_EQ(bisected(Vector{{0, 1, 3}}, {1}), (Vector{{0, 1, 2, 3}}));
@@ -192,7 +192,7 @@ TEST(Goal, GridsOfTheToyBeatUniformOnesAtEveryNumberOfSteps) {
   }
 }
 
-/// x of the toy in closed form: x(t) for u = 0, then from x(5) with u = 10, by steps of the exponential scheme.
+/// x of the toy scene in closed form: x(t) for u = 0, then from x(5) with u = 10, by exponential steps.
 Vector slope_norms(const Toy& toy, const Vector& t) {
   GoalOptions goal;
   goal.scheme = StepScheme::exponential;
@@ -200,7 +200,7 @@ Vector slope_norms(const Toy& toy, const Vector& t) {
   return slopes({toy.system, StepScheme::exponential, t, x}, Side::behind).rowwise().norm();
 }
 
-// I_loc of implicit Euler is Σ (h^2 |x'|^2 / 2)^2: least where h |x'| is the same in all cells. That grid is the bound.
+// I_loc of implicit Euler is Σ (h^2 |x'|^2 / 2)^2, minimal if h |x'| is equal in all cells. That grid is the bound.
 TEST(Goal, EulerGridOfTheToyIsNearTheEquidistributedOne) {
   const Toy toy;
   const GoalOptions goal;
@@ -227,8 +227,8 @@ TEST(Goal, EulerGridOfTheToyIsNearTheEquidistributedOne) {
   EXPECT_LE(adapted, 2 * toy.evaluate(t, goal).quantity);
 }
 
-// J - R1 has undamped modes: what one sweep of block-Jacobi sees of the adjoint falls with the number of steps, so that
-// the estimate misses ever more of the error; J - 10 I forgets within a few steps.
+// J - R1 has undamped modes: the part of the adjoint seen by one block-Jacobi sweep falls with the number of steps, so
+// the estimate misses more and more of the error. J - 10 I forgets within a few steps.
 TEST(Goal, OneJacobiSweepSaturatesWhereModesAreUndamped) {
   const auto seen = [](double variant, Index M, Index sweeps) {
     const Scene scene = make_scene("ph-toy", {{"variant", variant}});
@@ -248,11 +248,11 @@ TEST(Goal, OneJacobiSweepSaturatesWhereModesAreUndamped) {
   EXPECT_GT(seen(1, 1600, 1), 0.95);
   EXPECT_LT(seen(3, 100, 1), 0.7);
   EXPECT_LT(seen(3, 100, 8), 0.05);
-  EXPECT_LE(seen(1, 100, 101), 1e-13);  // exact after as many sweeps as steps
+  EXPECT_LE(seen(1, 100, 101), 1e-13);  // exact once sweeps reach the number of steps
 }
 
-// |x'| of the ladder is that of a forced oscillation: the equidistributed grid is only 2.2 times better than the
-// uniform one, and halving cells loses some of it.
+// |x'| of the ladder is a forced oscillation: the equidistributed grid is only 2.2 times better than the uniform one,
+// and halving cells loses part of that.
 TEST(Goal, CyclesOfTheLadderBeatUniformGrids) {
   const Scene scene = make_scene("ladder");
   const PortSystem system(*scene.port, scene.T);
@@ -284,7 +284,7 @@ TEST(Goal, StopsAtATolerance) {
   EXPECT_FALSE(missed.reason.empty());
 }
 
-// Sparse steps: 301 states. The violation of implicit Euler as above; and as many steps as were asked for, few or many.
+// Sparse steps: 301 states. The violation of implicit Euler as above; the requested number of steps, few or many.
 TEST(Goal, TakesSparseScenesAndFewSteps) {
   const Scene scene = make_scene("ladder", {{"n", 100}});
   const auto backend = make_cpu_backend(1);

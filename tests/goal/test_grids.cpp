@@ -1,4 +1,4 @@
-// Goal-oriented grids by division into blocks; what is said where a grid tells nothing, or would not fit the memory.
+// Goal-oriented grids by division into blocks; reports for grids that tell nothing or exceed the memory limit.
 
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
@@ -13,8 +13,8 @@
 namespace bromwich {
 namespace {
 
-// Two blocks of one to four cells each for eight; with q = 1 a block of costs c = (Σ |η|^{1/2})^2 wants cells like
-// √c: 1 + 1 to 3 + 3.
+// Two blocks with one to four cells each, eight in total. With q = 1 a block of cost c = (Σ |η|^{1/2})^2 gets cells in
+// proportion to √c: from 1 + 1 to 3 + 3.
 TEST(GridAdaptation, DividesByShares) {
   const Vector t{{0, 2.5, 5, 7.5, 10}};
   EXPECT_EQ(divided(t, Vector{{4, 4, 4, 4}}, 1, 8, {}), Vector::LinSpaced(9, 0, 10));
@@ -30,8 +30,8 @@ TEST(GridAdaptation, DividesByShares) {
   EXPECT_GT((jump.tail(11) - jump.head(11)).minCoeff(), 0);
 }
 
-// What halving loses within a round of equal cells is not lost: never more than a few percent above equal steps, and
-// below them once the wave is resolved; few sizes.
+// Division does not lose what halving loses within a round of equal cells: at most a few percent worse than equal
+// steps, and better once the wave is resolved; few sizes.
 TEST(Goal, DividedGridsOfTheLadderKeepUpWithUniformOnes) {
   const Scene scene = make_scene("ladder");
   const PortSystem system(*scene.port, scene.T);
@@ -53,7 +53,7 @@ TEST(Goal, DividedGridsOfTheLadderKeepUpWithUniformOnes) {
   }
 }
 
-// Rounding: of sums of squares of violations that are eps of the energies.
+// The estimate is rounding: sums of squares of violations of eps times the energies.
 TEST(Goal, SaysNoEffectivityOfWhatIsRounding) {
   const Scene scene = make_scene("ph-toy", {{"u", 0}});
   const PortSystem system(*scene.port, scene.T);
@@ -91,7 +91,7 @@ TEST(Goal, RefusesWhatDoesNotFitTheMemory) {
   const double barely = predicted_goal_cost(small, StepScheme::euler, 0, 150, 8).bytes() + 500;
   EXPECT_EQ(tried(barely, 150, 0, AdjointMethod::substitution), "solved");
   EXPECT_TRUE(tried(barely, 150, 0, AdjointMethod::doubling).starts_with("adjoint: doubling would take"));
-  // What is predicted is at least what the chains of both grids hold.
+  // The prediction is at least the memory of the chains of both grids.
   const Scene ladder = make_scene("ladder", {{"n", 200}});
   const PortSystem sparse(*ladder.port, ladder.T);
   for (const PortSystem* system : {&sparse, &small}) {

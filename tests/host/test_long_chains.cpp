@@ -1,10 +1,10 @@
 // Chains of very many steps against the same steps taken in long double.
 //
-// The exact scheme is the oracle: S, R and their products from h and A, all in 64 bits of mantissa, whose own M
-// roundings are M 2^-64 = 5e-15 at most. What double leaves: an increment D is rounded by |D| eps in all steps alike,
-// T |A| eps = 1e-14 over all of them; each step adds a rounding of x of its own, and M of them make sqrt(M) eps =
-// 4e-14; a scan adds increments to products of up to 160 steps, a few times T |A| eps. Together below 1e-13. Of steps
-// kept as P = I + D the rounding of P alone may make M eps = 1e-11.
+// The exponential scheme in long double is the oracle: S, R and their products from h and A with a 64-bit mantissa; M
+// roundings are M 2^-64 = 5e-15 at most. In double, an increment D has the error |D| eps, the same in all steps,
+// together T |A| eps = 1e-14. Each step adds a rounding of x, and M of them add up to sqrt(M) eps = 4e-14. A scan adds
+// increments to products of up to 160 steps, a few times T |A| eps. The sum is below 1e-13. With steps stored as P = I
+// + D the rounding of P alone could reach M eps = 1e-11.
 
 #include "core/host/step_chain.hpp"
 #include "tests/support/backends.hpp"
@@ -86,7 +86,7 @@ TEST_P(LongChains, AreThoseOfLongDouble) {
         step_chain_problem(scheme, sparse ? StepMatrix(SparseMatrix(A.sparseView())) : StepMatrix(A), exact.steps));
     EXPECT_LE(relative_distance(chain->solve(d), x), 1e-13) << int(scheme);
     for (const AdjointMethod method : {AdjointMethod::substitution, AdjointMethod::scan, AdjointMethod::doubling}) {
-      if (sparse && method == AdjointMethod::doubling) continue;  // of the same increments as dense ones
+      if (sparse && method == AdjointMethod::doubling) continue;  // uses the same increments as dense maps
       EXPECT_LE(relative_distance(chain->solve_transposed(q, {method, 1}), l), 1e-13)
           << int(scheme) << " " << int(method);
     }

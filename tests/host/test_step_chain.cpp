@@ -1,8 +1,8 @@
-// Chains of one-step maps against their block bidiagonal matrix written out, and against each other.
+// Chains of one-step maps against their dense block bidiagonal matrix, and against each other.
 //
-// Rounding: every row is the sum of at most M products of maps of norm about 1, on problems whose assembled matrix has
-// a condition number below 1e4; solutions then agree to a few hundred roundings of the largest entry, 1e-13 relative
-// for two ways of the same sum and 1e-12 for the adjoint identity, which adds up (M+1) m products.
+// Rounding: every row is the sum of at most M products of maps of norm about 1, and the assembled matrix has a
+// condition number below 1e4. Two ways to the same sum agree to a few hundred roundings of the largest entry, 1e-13
+// relative; the adjoint identity, a sum of (M+1) m products, to 1e-12.
 
 #include "core/base/error.hpp"
 #include "core/host/step_chain.hpp"
@@ -34,7 +34,7 @@ Vector random_grid(Random& random, Index M) {
   return t;
 }
 
-// Uniform, then halved here and there, as an adaptive grid is.
+// Uniform, then bisected in places, like an adaptive grid.
 Vector bisected_grid(Index coarse, int times) {
   std::vector<double> t;
   for (Index i = 0; i <= coarse; ++i) t.push_back(double(i) / double(coarse));
@@ -65,7 +65,7 @@ Matrix assembled(const StepChainProblem& problem) {
   return A;
 }
 
-// Rows of an array one after the other.
+// The rows of an array, concatenated.
 Vector stacked(const RowMatrix& rows) { return Eigen::Map<const Vector>(rows.data(), rows.size()); }
 
 double relative(const RowMatrix& a, const RowMatrix& b) {
@@ -79,7 +79,7 @@ class StepChains : public BackendTest {
     return chain.solve_transposed(q, {method, sweeps});
   }
 
-  // z^T r of the residual r = d - A x, for any z and for weights that are solved for step by step.
+  // z^T r with the residual r = d - A x, for any z and for weights from serial solves.
   void expect_residuals(StepChain& chain, const StepChainProblem& problem) {
     const Index M = problem.steps(), m = problem.states();
     Random random(18);
@@ -112,7 +112,7 @@ class StepChains : public BackendTest {
               1e-13 * double(m) * std::max(1., locally.cwiseAbs().maxCoeff()));
   }
 
-  // Everything that has to hold for any chain.
+  // Properties of any chain.
   void expect_chain(const StepChainProblem& problem, const std::string& name) {
     SCOPED_TRACE(name);
     const Index M = problem.steps(), m = problem.states();
@@ -134,7 +134,7 @@ class StepChains : public BackendTest {
     const Matrix A = assembled(problem);
     EXPECT_LE((A * stacked(x) - stacked(d)).cwiseAbs().maxCoeff(), 1e-12 * x.cwiseAbs().maxCoeff());
     EXPECT_LE((A.transpose() * stacked(l) - stacked(q)).cwiseAbs().maxCoeff(), 1e-12 * l.cwiseAbs().maxCoeff());
-    // Jacobi, by the matrix: D l = q - (A^T - D) l, D block diagonal.
+    // Jacobi by the assembled matrix: D l = q - (A^T - D) l, D block diagonal.
     for (const Index sweeps : {1, 2, 3}) {
       Matrix D = Matrix::Zero(A.rows(), A.cols());
       for (Index i = 0; i <= M; ++i) D.block(i * m, i * m, m, m) = A.block(i * m, i * m, m, m).transpose();
@@ -190,7 +190,7 @@ TEST_P(StepChains, SparseIsDense) {
   }
 }
 
-// More states than a block of a device holds, and few enough of sparse maps to be written out there.
+// More states than a block of a device holds, and sparse maps small enough to be converted to dense ones there.
 TEST_P(StepChains, ManyStates) {
   Random random(8);
   for (const Index m : {63, 64, 65, 200}) {
@@ -218,7 +218,7 @@ TEST_P(StepChains, SayWhatTheHostDoes) {
   EXPECT_TRUE(on_host(SparseMatrix(-large)));
 }
 
-// What is not finite comes out, in the rows that depend on it and in no others.
+// Values that are not finite propagate to the rows that depend on them, and to no others.
 TEST_P(StepChains, CarryWhatIsNotFinite) {
   Random random(9);
   for (const Index m : {3, 70}) {
@@ -257,7 +257,7 @@ TEST_P(StepChains, JacobiContractsForHurwitz) {
   const auto chain =
       backend->step_chain(step_chain_problem(StepScheme::euler, A, group_steps(Vector::LinSpaced(101, 0, 10))));
   const RowMatrix q = random.matrix(101, 4), exact = adjoint(*chain, q);
-  // Row 0 has no step of its own: its error is that of row 1 before the last sweep, not damped.
+  // Row 0 has no step: its error is that of row 1 before the last sweep, not damped.
   const auto error = [&](Index sweeps) {
     return (adjoint(*chain, q, AdjointMethod::jacobi, sweeps) - exact).bottomRows(100).norm();
   };

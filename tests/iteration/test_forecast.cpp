@@ -1,4 +1,4 @@
-// The a-priori criterion of the functional iteration and its windows in time.
+// The a-priori criterion of the functional iteration, and its windows in time.
 
 #include "core/iteration/forecast.hpp"
 
@@ -40,7 +40,7 @@ TEST(Forecast, OfAScalarKernelIsKnown) {
   EXPECT_TRUE(of(scalar(-1, 0.5, 10), 1000).converges(1e9, 1e-12));
 }
 
-// The statement "convergent for any step" fails here: W_0 = 10 phi2(-1) = 3.7.
+// The statement "convergent for any step" is false here: W_0 = 10 phi2(-1) = 3.7.
 TEST(Forecast, RefusesTheTwoCycle) {
   const Scene scene = scalar(-1, 10, 4);
   EXPECT_GE(of(scene, 4).kappa0, 1);
@@ -69,8 +69,8 @@ TEST(Forecast, BoundsTheSweepsOfSignorini) {
   EXPECT_LE(f.sweeps, 2 * double(r.iterations));
 }
 
-// Over T = 60 the sweeps would first grow by e^{s1 T} = e^{180}: the plain iteration cannot reach its tolerance,
-// windows of a few time units do, and what they give is the solution that marching finds.
+// Over T = 60 the changes of the sweeps would first grow by e^{s1 T} = e^{180}: the plain iteration cannot reach its
+// tolerance. Windows of a few time units can, and they give the solution of marching.
 TEST(Windows, CarryTheIterationOverLongHorizons) {
   const Scene scene = scalar(-1, 4, 60);
   const auto backend = make_cpu_backend(1);

@@ -1,4 +1,4 @@
-// The functional iteration: how many sweeps, when it must not converge, what it holds.
+// The functional iteration: number of sweeps, cases without convergence, memory.
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/iteration/functional_iteration.hpp"
@@ -24,8 +24,7 @@ TEST(FunctionalIteration, ReachesThePapersToleranceInSixteenSweeps) {
 }
 
 TEST(FunctionalIteration, SweepsDoNotDependOnTheStep) {
-  // Superlinear convergence of a Volterra iteration is a matter of T and K, not of h: the counts of the paper's
-  // Fig. 4.6.
+  // Superlinear convergence of a Volterra iteration depends on T and K, not on h: the counts of the paper's Fig. 4.6.
   const Scene scene = make_scene("signorini", {{"Q", 39}});
   const Index coarse = run(scene, options_for(Method::contour, 200)).iterations;
   const Index fine = run(scene, options_for(Method::contour, 1600)).iterations;
@@ -56,7 +55,7 @@ TEST(FunctionalIteration, DoesNotConvergeWhereItMustNot) {
             same_problem);
 }
 
-// Transients of the iteration can be many orders above the solution: settled rows must be judged by their own size.
+// Transients of the iteration can be many orders above the solution: settled rows are judged by their own size.
 TEST(FunctionalIteration, SurvivesLargeTransients) {
   for (const double omega : {5.0, 8.0, 10.0}) {
     Scene scene;
@@ -78,7 +77,7 @@ TEST(FunctionalIteration, HoldsAFewArraysOfJTimesN) {
       return double(run(make_scene("signorini", {{"Q", Q}}), options_for(method, J)).bytes);
     };
     // Space-time arrays of J n numbers: y, v, r, two in modes, the drive, f, g and y on the host, r of the plan; plus
-    // what does not grow with J (exponentials, transforms, M). Never J x states, which would be 39 arrays.
+    // parts independent of J (exponentials, transforms, M). Never J x states, which would be 39 arrays.
     EXPECT_LE(bytes(39, 4096), 8.0 * 11 * 39 * 4097 + 1e6);
     EXPECT_LE(bytes(39, 8192) - bytes(39, 4096), 8.0 * 11 * 39 * 4096);
   }

@@ -1,4 +1,4 @@
-// (2.17) to the letter, as a method.
+// (2.17) taken literally, as a method.
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/iteration/literal.hpp"
@@ -34,13 +34,13 @@ TEST(Literal, ApproachesTheSharedContoursAtThePrintedRate) {
       const Result r = literal(scene, 64, P);
       ASSERT_EQ(r.status, Status::solved) << name << ", P = " << P << ": " << r.reason;
       EXPECT_LE(distance(r.y, shared.y), 4 * size * rate(P)) << name << ", P = " << P;
-      // It is the literal kernel that was used: the error is there, and the residual does not see it.
+      // The literal kernel was used: the error is there, although the residual is small.
       EXPECT_GT(distance(r.y, shared.y), 1e-3 * rate(P)) << name << ", P = " << P;
     }
   }
 }
 
-// f = F phi with one source for two states, as a vector of the state's length and as the source itself.
+// f = F phi with one source for two states, given as a state vector and as the source itself.
 TEST(Literal, TakesSourcesThroughTheirMatrix) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{-1, 0.3}, {0.3, -2}}, Matrix{{1}, {0}}, Matrix{{-1, 0.5}}};
@@ -68,7 +68,7 @@ TEST(Literal, RefusesSpectraOutsideItsSector) {
 }
 
 TEST(Literal, RefusesSystemsFarFromNormal) {
-  // All eigenvalues are -1, but the resolvent is not bounded by that: (2.1b) does not hold.
+  // All eigenvalues are -1, but the resolvent is not bounded accordingly: (2.1b) does not hold.
   Scene scene = make_scene("dlcp-small");
   Matrix A = -Matrix::Identity(8, 8);
   A.diagonal(1).setConstant(-4);

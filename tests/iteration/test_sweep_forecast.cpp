@@ -1,4 +1,4 @@
-// What sweeps that were seen say of those to come, and iterations that end because of it.
+// Forecasts of the remaining sweeps from observed ones, and iterations that end because of them.
 
 #include "core/iteration/sweep_forecast.hpp"
 
@@ -25,12 +25,12 @@ TEST(SweepForecast, AFrontThatMovesSteadily) {
 TEST(SweepForecast, ChangesThatFall) {
   SweepForecast f(1000, 1e-12, 2000);
   for (Index k = 1; k <= 96; ++k) f.add(1, std::pow(0.9, double(k)));
-  // ln(1e-12 / 0.9^96) / ln 0.9 = 166; the smallest of a half lies at its end.
+  // ln(1e-12 / 0.9^96) / ln 0.9 = 166; the smallest change of each half is its last.
   EXPECT_NEAR(*f.sweeps_left(), 166.3, 1);
   EXPECT_FALSE(f.hopeless());
 }
 
-// A Volterra iteration: changes (L T)^k / k! grow up to k = L T, and do not stop it.
+// A Volterra iteration: changes (L T)^k / k! grow up to k = L T and must not stop it.
 TEST(SweepForecast, ChangesThatGrowFirst) {
   constexpr double LT = 100;
   constexpr Index J = 1000;
@@ -54,7 +54,7 @@ TEST(SweepForecast, OutOfReach) {
   SweepForecast slow(100000, 1e-12, 2000), small(1000, 1e-12, 2000);
   for (Index k = 1; k <= 96; ++k)
     for (SweepForecast* f : {&slow, &small}) f->add(k, 1);
-  ASSERT_TRUE(slow.hopeless());  // a row a sweep: 1e5 sweeps
+  ASSERT_TRUE(slow.hopeless());  // one row per sweep: 1e5 sweeps
   EXPECT_NE(slow.hopeless()->find("about 1e+05 more"), std::string::npos) << *slow.hopeless();
   EXPECT_FALSE(small.hopeless());
 }
@@ -75,7 +75,7 @@ TEST(SweepForecast, TheRowAtTheFront) {
   }
 }
 
-/// A chain of braking wagons; friction saturates, with the compliances `soft` that make M a P-matrix.
+/// A chain of braking wagons with saturating friction; the compliances `soft` make M a P-matrix.
 Scene wagons(Index count, double soft) {
   const Index m = 2 * count;
   Matrix A = Matrix::Zero(m, m), B = Matrix::Zero(m, count), C = Matrix::Zero(count, m);
@@ -99,7 +99,7 @@ Scene wagons(Index count, double soft) {
   return scene;
 }
 
-// M = 1e-2 does not outweigh the first lag where a wagon stands: the sweeps end in a cycle there, and say so long
+// M = 1e-2 does not dominate the first lag for a wagon at rest: the sweeps end in a cycle, which is detected long
 // before their limit. Marching solves it.
 TEST(SweepForecast, BrakingWagons) {
   const Scene scene = wagons(6, 1e-2);

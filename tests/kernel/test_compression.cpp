@@ -47,11 +47,11 @@ TEST(Compression, ReproducesTheLineKernel) {
         worst = std::max(worst, std::abs(fitted - exact));
         largest = std::max(largest, std::abs(exact));
       }
-      // Ten steps from h on are a window of ratio 10 only, where exponentials of 511 rates look alike: the fit stops at
-      // 2.3e-12 whatever their number.
+      // Ten steps from h on span a window of ratio 10 only, in which exponentials of 511 rates are nearly dependent:
+      // the fit stops at 2.3e-12 whatever the number of rates.
       const double allowed = Q == 511 && J == 10 ? 5e-12 : tolerance;
       EXPECT_LE(worst, allowed * largest) << "Q = " << Q << ", J = " << J << ", K = " << sum.rates.size();
-      // What it says of itself comes from fewer points and contour values good to 1e-14.
+      // Its own error estimate uses fewer points, and contour values accurate to 1e-14.
       EXPECT_LE(worst, (4 * sum.error + 1e-13) * largest) << "Q = " << Q << ", J = " << J;
     }
 }
@@ -66,7 +66,7 @@ TEST(Compression, WeightsOfTheRecurrence) {
     const Index stride = Q > 50 ? 17 : 1;
     const LagTable exact = reference::modal_weights(d, h, J, stride);
     // Weights are averages of the kernel over [(d-1)h, (d+1)h]: lags 0 and 1 from the contour, the others within [h, T]
-    // to 1e-12 of the largest kernel value there, which is at most a few times W_2/h.
+    // to 1e-12 of the largest kernel value there, which is a few times W_2/h at most.
     const double scale = tolerance * exact.W.cwiseAbs().maxCoeff();
     for (Index l = 0; l < Q; l += stride) {
       EXPECT_LE((table.W.col(l) - exact.W.col(l)).cwiseAbs().maxCoeff(), scale) << "Q = " << Q << ", mode " << l;

@@ -22,7 +22,7 @@ TEST(LagWindows, CoverAllLagsWithinTheirContours) {
     for (const LagWindow& window : lag_windows(parameters, h, J)) {
       EXPECT_EQ(window.first, next);
       EXPECT_GE(window.last, window.first);
-      // Lag d takes values of the kernel in [(d-1)h, (d+1)h]; of lags 0 and 1 the parts in [h, 2h] are left.
+      // Lag d uses kernel values in [(d-1)h, (d+1)h]; lags 0 and 1 use [h, 2h].
       EXPECT_GE(h * double(std::max<Index>(window.first - 1, 1)), window.contour.t0 * (1 - 4 * epsilon));
       EXPECT_LE(h * double(window.last + 1), window.contour.t1 * (1 + 4 * epsilon));
       EXPECT_EQ(window.F.rows(), window.last - window.first + 1);
@@ -119,8 +119,8 @@ TEST(LineResolvent, ClosedFormAgainstDenseLu) {
       for (const Vector& n : {first, random.vector(Q)}) {
         const LongVector exact = resolvent_row(across, n, z);
         const Vector b = random.vector(Q);
-        // z itself is exact. A relative perturbation eps of z moves the resolvent by eps |z| / distance to the
-        // spectrum; the closed form rounds like a few such perturbations.
+        // z itself is exact. A relative perturbation eps of z changes the resolvent by eps |z| / distance to the
+        // spectrum; the closed form has the rounding error of a few such perturbations.
         double distance = std::abs(z);
         for (const double lambda : across.eigenvalues()) distance = std::min(distance, std::abs(z - lambda));
         const double condition = std::abs(z) / distance + 1, largest = double(exact.cwiseAbs().maxCoeff());

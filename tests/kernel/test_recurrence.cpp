@@ -99,7 +99,8 @@ TEST(ModalRecurrence, WeightsInExtendedPrecision) {
     const double h = 0.01;
     const LagTable table = lag_table(modal_recurrence(d, Rule::exponential, h, {}), 200);
     const LagTable exact = reference::modal_weights(d, h, 200);
-    // Powers of a decay <= 1 drift by eps a lag where they matter (d e^{-d|x|} d |x| <= 1/e): far below 1e-14.
+    // Powers of a decay <= 1 have an error of eps per lag where they matter (d e^{-d|x|} d |x| <= 1/e): far below
+    // 1e-14.
     const double tolerance = 1e-14 * exact.W.cwiseAbs().maxCoeff();
     EXPECT_LE(distance(table.W, exact.W), tolerance) << Q;
     EXPECT_LE(distance(table.S, exact.S), tolerance) << Q;
@@ -121,7 +122,7 @@ TEST(MemoryLengths, LeaveOutLessThanARounding) {
       const double kernel = table.W.col(l).cwiseAbs().sum();
       EXPECT_LE(table.W.col(l).tail(left).cwiseAbs().sum(), epsilon / 2 * kernel) << h << ' ' << l;
       EXPECT_LE(table.S.col(l).tail(left).cwiseAbs().sum(), epsilon / 2 * kernel) << h << ' ' << l;
-      // The bound is one exponential: 20 % longer than need be at most, and a lag.
+      // The bound uses one exponential: at most 20 % and one lag too long.
       const Index needed = std::max<Index>(Index(0.8 * double(D)) - 1, 0);
       EXPECT_TRUE(D == J || table.W.col(l).tail(J - needed).cwiseAbs().sum() > epsilon / 2 * kernel) << h << ' ' << l;
       shortened += D < J;
@@ -141,7 +142,7 @@ TEST(MemoryLengths, OfWhatDoesNotDecayAreAll) {
   r.initial = RowMatrix::Ones(2, 3);
   EXPECT_EQ(memory_lengths(r, 70)[2], 70);
   r.initial.resize(0, 0);
-  r.output.setZero();  // W_0, w1 and s1 are all that is left
+  r.output.setZero();  // only W_0, w1 and s1 are left
   EXPECT_EQ(memory_lengths(r, 70)[2], 1);
   r.w0[2] = INFINITY;
   EXPECT_EQ(memory_lengths(r, 70)[2], 70);
@@ -177,7 +178,7 @@ TEST(ModalRecurrence, InitialState) {
 }
 
 TEST(ModalRecurrence, RefusesX0InAModeThatIsNotDriven) {
-  // b = e_4 has no part in mode 3, sin(pi 4 3/6) = 0, so what x0 has there cannot be carried by the driven state.
+  // b = e_4 vanishes in mode 3, sin(pi 4 3/6) = 0, so the driven state cannot represent x0 there.
   KroneckerDynamics d = signorini_dynamics(2, 5, 0.05);
   d.b = Vector{{0, 0, 0, 1, 0}};
   EXPECT_THROW(modal_recurrence(d, Rule::exponential, 0.1, RowMatrix::Ones(2, 5)), Error);
@@ -187,7 +188,7 @@ TEST(ModalRecurrence, RefusesX0InAModeThatIsNotDriven) {
 TEST(Euler, PrintedMatricesOfThePaper) {
   const Scene scene = make_scene("dlcp-small");
   const auto& d = std::get<DenseDynamics>(scene.dynamics);
-  // The text assigns them to steps twice as large; these are the ones that match.
+  // The paper assigns them to steps twice as large; these are the steps that match.
   const std::array<Matrix, 3> printed{Matrix{{0.6725, -0.9942, -0.3333, -1.6725},
                                              {-0.6598, 0.3480, -0.6511, -1.3246},
                                              {-0.6569, -0.0226, 0.0058, -1.6696},

@@ -30,7 +30,7 @@ TEST(Ringing, OfAForceOnAPositionGrowsBelowHSquaredOverTwelve) {
   EXPECT_FALSE(choose_basis(Matrix{{M_unstable}}, LcpClass::P, recurrence(d, h)).continuous);
   EXPECT_TRUE(choose_basis(Matrix{{M_safe}}, LcpClass::P, recurrence(d, h)).continuous);
 
-  // Seen in the recurrence itself: y of the closed loop grows for the one and not for the other.
+  // In the recurrence itself: y of the closed loop grows for one M and not for the other.
   const auto largest = [&](double M) {
     const DenseRecurrence r = recurrence(d, h);
     Vector z = Vector{{1e-3, 0}};
@@ -66,7 +66,7 @@ TEST(Ringing, IsSeenInASolution) {
   RowMatrix ringing = y;
   for (Index j = 50; j <= J; ++j) ringing(j, 1) += (j % 2 ? 0.1 : -0.1);
   EXPECT_NEAR(double(ringing_from(ringing)), 50, 2);
-  RowMatrix damped = y;  // dies by a fifth a step
+  RowMatrix damped = y;  // decays by a fifth per step
   for (Index j = 50; j <= J; ++j) damped(j, 1) += (j % 2 ? 0.1 : -0.1) * std::pow(0.8, double(j - 50));
   EXPECT_EQ(ringing_from(damped), -1);
   RowMatrix kink = y;
@@ -75,11 +75,11 @@ TEST(Ringing, IsSeenInASolution) {
   EXPECT_EQ(ringing_from(RowMatrix::Zero(50, 3)), -1);
 }
 
-// The rows taken in chunks, each with what comes before it, find what all of them do.
+// Detection by chunks of rows, each with its preceding rows, equals detection over all rows.
 TEST(Ringing, IsSeenInChunksOfRows) {
   reference::Random random{41};
   for (int k = 0; k < 20; ++k) {
-    RowMatrix y = random.matrix(90, 3);  // every other random number or so has a second difference of the other sign
+    RowMatrix y = random.matrix(90, 3);  // about every other random value has a second difference of the other sign
     y.topRows(30) *= 1e-3;
     Vector largest = Vector::Zero(3);
     largest_of_columns(y, 0, 90, largest);
@@ -93,7 +93,7 @@ TEST(Ringing, IsSeenInChunksOfRows) {
   }
 }
 
-// S15 in small: a stiff contact. With steps too long for its compliance the continuous basis would grow silently.
+// A stiff contact: with steps too long for its compliance the continuous basis would grow silently.
 TEST(Ringing, AStiffContactIsNotSolvedWrongly) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
@@ -103,8 +103,8 @@ TEST(Ringing, AStiffContactIsNotSolvedWrongly) {
   scene.T = 1;
   Options options = options_for(Method::march, 400);
   options.states = StateSelection::all;
-  // It falls for 1/2, is thrown back by the spring within about pi/1000, and cannot rise above where it came from.
-  // (Steps of 1/400 hardly see the contact, which lasts 1/300.)
+  // It falls for 1/2, is thrown back by the spring within about pi/1000, and cannot rise above its start. (Steps of
+  // 1/400 barely resolve the contact, which lasts 1/300.)
   for (const Index J : {50, 400, 20000}) {
     options.steps = J;
     const Result r = run(scene, options);

@@ -1,5 +1,5 @@
-// Large sparse A at sizes where everything can be written out: the resolvent against dense solves, the estimates of the
-// spectrum against known eigenvalues, and the kernel against the oracle's matrix functions.
+// Large sparse A at sizes that allow dense references: the resolvent against dense solves, spectrum estimates against
+// known eigenvalues, and the kernel against the oracle's matrix functions.
 
 #include "core/base/error.hpp"
 #include "core/kernel/discretise.hpp"
@@ -42,7 +42,7 @@ SparseMatrix grid(Index G, Index H, double diffusivity = 1, double wind = 0, dou
   return assemble(G * H, G * H, entries);
 }
 
-/// Entries of a random pattern, `filled` of them on average per row.
+/// Entries of a random pattern, `filled` per row on average.
 SparseMatrix random_sparse(Random& random, Index rows, Index cols, double filled) {
   Triplets entries;
   for (Index i = 0; i < rows; ++i)
@@ -68,8 +68,8 @@ INSTANTIATE_TEST_SUITE_P(Contract, SparseResolvent, testing::ValuesIn(backend_ca
 
 TEST_P(SparseResolvent, AgreesWithDenseSolves) {
   Random random(3);
-  // One state; a symmetric grid; a wind; an unsymmetric pattern with empty rows; more than one component; and a full
-  // matrix, which is a single front of more than one panel.
+  // One state; a symmetric grid; a wind; an unsymmetric pattern with empty rows; several components; and a full matrix,
+  // which is a single front with several panels.
   const std::vector<SparseMatrix> matrices{assemble(1, 1, {{0, 0, -2.0}}),
                                            grid(9, 7),
                                            grid(8, 8, 1, 30),
@@ -85,8 +85,7 @@ TEST_P(SparseResolvent, AgreesWithDenseSolves) {
       N.coeffRef(outputs - 1, m - 1) = 1;
       if (inputs == 11) B = Matrix(random.matrix(m, inputs)).sparseView();
       const SparseDynamics d{A, B, N};
-      // The radius is below 400, 0.5 for the random ones below 12: no node is close to an eigenvalue of the stable
-      // matrices, and random spectra miss nodes of imaginary part above 12.
+      // No node is close to an eigenvalue: nodes have imaginary parts above 12, random spectra have radii below 12.
       ComplexVector all(17);
       for (Index p = 0; p < all.size(); ++p) all[p] = Complex(5 - 3 * double(p), 13 + 2 * double(p));
       const ComplexMatrix all_exact = dense_resolvent(d, all);
@@ -95,14 +94,14 @@ TEST_P(SparseResolvent, AgreesWithDenseSolves) {
         const ComplexMatrix found = backend->resolvent(Dynamics(d), nodes), exact = all_exact.topRows(count);
         ASSERT_EQ(found.rows(), exact.rows());
         ASSERT_EQ(found.cols(), exact.cols());
-        // Condition numbers below 1e3, some 100 operations in a row of sums: 1e3 * 100 eps.
+        // Condition numbers below 1e3, sums of about 100 operations: 1e3 * 100 eps.
         EXPECT_LE((found - exact).cwiseAbs().maxCoeff(), 1e-11 * exact.cwiseAbs().maxCoeff()) << m << ' ' << count;
       }
     }
 }
 
 TEST_P(SparseResolvent, PivotsWhereTheOrderNeedsIt) {
-  // Without pivoting the first pivot is z = 0, which is no eigenvalue (they are 1 and -1).
+  // Without pivoting the first pivot is z = 0, which is not an eigenvalue (they are 1 and -1).
   const SparseDynamics d{assemble(2, 2, {{0, 1, 1.0}, {1, 0, 1.0}}), assemble(2, 1, {{0, 0, 1.0}}),
                          assemble(1, 2, {{0, 1, 1.0}})};
   const ComplexMatrix R = backend->resolvent(Dynamics(d), ComplexVector{{Complex(0, 0), Complex(0, 2)}});
@@ -137,8 +136,8 @@ TEST(Elimination, CountsAFullMatrix) {
 }
 
 TEST(Elimination, StaysSmallOnAGrid) {
-  // A nested order of a G x G grid leaves O(G^2) on the stack; a band order would eliminate fronts of G^2 entries G^2
-  // times: G^4 = 3e5 times 24 against the 31 G^3 (George, 1973) of a good order, here with room for a factor of 4.
+  // Nested dissection of a G x G grid leaves O(G^2) on the stack. A band order would cost G^4 = 3e5 times 24, a good
+  // order 31 G^3 (George, 1973), with room for a factor of 4.
   const Index G = 24;
   const SparseMatrix A = grid(G, G), none(G * G, 0), nothing(0, G * G);
   const Elimination e = analyse(A, none, nothing, 0);
@@ -175,15 +174,15 @@ TEST(SparseSpectrum, SymmetricGrid) {
   const Spectrum stable = sparse_spectrum(grid(G, G));
   EXPECT_EQ(stable.half_angle, 0);
   EXPECT_EQ(stable.abscissa, 0);  // Gershgorin's bound
-  // Ritz values lie inside the spectrum; 32 steps on 400 states find its end to some percent.
+  // Ritz values lie inside the spectrum; 32 steps on 400 states find its end to a few percent.
   EXPECT_LE(stable.radius, fastest * (1 + 1e-12));
   EXPECT_GE(stable.radius, 0.9 * fastest);
-  // Growth 50 moves the largest eigenvalue to 50 - slowest; found from above, within the factor 2 of the search.
+  // Growth 50 moves the largest eigenvalue to 50 - slowest; the search finds it from above, within a factor of 2.
   const Spectrum unstable = sparse_spectrum(grid(G, G, 1, 0, 50));
   EXPECT_GE(unstable.abscissa, 50 - slowest);
   EXPECT_LE(unstable.abscissa, 2 * (50 - slowest));
   EXPECT_FALSE(unstable.real_negative());
-  // Growth below `slowest`: the discs reach beyond 0, the eigenvalues do not.
+  // Growth below `slowest`: the Gershgorin discs extend beyond 0, the eigenvalues do not.
   EXPECT_EQ(sparse_spectrum(grid(G, G, 1, 0, 0.5 * slowest)).abscissa, 0);
 }
 
@@ -199,7 +198,7 @@ TEST(SparseSpectrum, SectorsAndSkewMatrices) {
                                    {int(2 * i + 1), int(2 * i), -a * tangent}});
   }
   const Spectrum sector = sparse_spectrum(assemble(300, 300, entries));
-  // The field of values is the hull of the eigenvalues: the estimate is not above 40 degrees and close to it.
+  // The field of values is the convex hull of the eigenvalues: the estimate is close to 40 degrees and not above.
   EXPECT_LE(sector.half_angle, 40.001 * std::numbers::pi / 180);
   EXPECT_GE(sector.half_angle, 35 * std::numbers::pi / 180);
   EXPECT_LE(sector.radius, 15.9 / std::cos(40 * std::numbers::pi / 180) * (1 + 1e-12));
@@ -217,7 +216,7 @@ TEST(SparseSpectrum, SectorsAndSkewMatrices) {
   EXPECT_GE(skew.radius, 1.8);
 }
 
-/// A scene on a sparse A with n constraints at some states, x0 and sources of size 1.
+/// A scene on a sparse A with n constraints on some states, x0 and sources of size 1.
 Scene scene_on(const SparseMatrix& A, Index n, SourceEntry entry, Index sources, double T) {
   const Index m = A.rows();
   Random random{std::uint32_t(m + n)};
@@ -290,7 +289,7 @@ TEST(SparseKernel, AgreesWithTheOracle) {
     EXPECT_GE(kernel->bytes, sizeof(double) * std::size_t(kernel->weights.W.size()));
 
     oracle::DenseScene exact = oracle::write_out(dense_twin(c.scene));
-    // Contours of 1e-14, e^{sigma T} <= 3000 of them where shifted, weights relative to the largest.
+    // Contours are accurate to 1e-14, with a factor e^{sigma T} <= 3000 if shifted; weights relative to the largest.
     const double tolerance = 1e-10;
     EXPECT_LE(weight_distance(kernel->weights, oracle::weights(exact, p.h, c.J)), tolerance) << c.name;
     const RowMatrix x = oracle::states_of(exact, RowMatrix::Zero(c.J + 1, c.scene.constraints()));
@@ -308,12 +307,12 @@ TEST(SparseKernel, AgreesWithTheOracle) {
 TEST(SparseKernel, IsNeverWrongWhereItAnswers) {
   const auto backend = make_cpu_backend(2);
   std::vector<KernelCase> cases;
-  // Growth from e^3 to e^60 next to stiff decay, seen by the estimates of a symmetric A or hidden by a wind.
+  // Growth from e^3 to e^60 beside stiff decay, visible to the estimates (symmetric A) or hidden by a wind.
   for (const double growth : {3.0, 10.0, 60.0})
     for (const double wind : {0.0, 3.0})
       cases.push_back({wind > 0 ? "growth and wind" : "growth",
                        scene_on(grid(10, 30, 0.05, wind, growth), 2, SourceEntry::through_F, 1, 1), 60});
-  // A chain x_i' = 20 (x_{i-1} - x_i): one eigenvalue, a field of values far from it.
+  // A chain x_i' = 20 (x_{i-1} - x_i): one eigenvalue, and a field of values far from it.
   Triplets chain;
   for (int i = 0; i < 300; ++i) chain.emplace_back(i, i, -20.0);
   for (int i = 1; i < 300; ++i) chain.emplace_back(i, i - 1, 20.0);
@@ -334,7 +333,7 @@ TEST(SparseKernel, IsNeverWrongWhereItAnswers) {
     if (!kernel) continue;
     ++answered;
     const oracle::DenseScene exact = oracle::write_out(dense_twin(c.scene));
-    // The check sees a few lags only: ten times what it accepts.
+    // The check samples a few lags only, so allow ten times its limit.
     EXPECT_LE(weight_distance(kernel->weights, oracle::weights(exact, p.h, c.J)), 10 * accepted_contour_error)
         << c.name << ": " << kernel->description;
     const RowMatrix x = oracle::states_of(exact, RowMatrix::Zero(c.J + 1, c.scene.constraints()));
@@ -397,10 +396,10 @@ TEST(SparseKernel, PredictsItsBytes) {
     const Scene scene = scene_on(grid(G, G), 2, SourceEntry::through_F, 0, 1);
     return predicted_sparse_bytes(std::get<SparseDynamics>(scene.dynamics), J, 3, 2, threads);
   };
-  // The tables of W and S alone.
+  // Only the tables of W and S.
   EXPECT_GE(bytes(10, 10000, 1), 2 * sizeof(double) * 10001.0 * 3 * 2);
   EXPECT_LE(bytes(10, 10000, 1), 1e7);
-  // The elimination holds O(G^2) entries a thread, at most a quarter more than in proportion at these sizes.
+  // The elimination holds O(G^2) entries per thread, at most a quarter above proportionality at these sizes.
   EXPECT_GT(bytes(40, 10, 2), 1.5 * bytes(40, 10, 1));
   EXPECT_LT(bytes(40, 10, 1), 1.3 * 4 * bytes(20, 10, 1));
 }

@@ -1,4 +1,4 @@
-// The state where it is asked for: components by observers, time points by contours, both against stepping.
+// States on request: components by observers, time points by contours, both against stepping.
 
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
@@ -27,7 +27,7 @@ void expect_same_states(const Scene& scene, Index steps) {
   ASSERT_EQ(x.rows(), scene.states());
   for (std::size_t c = 0; c < rows.size(); ++c) {
     const double scale = std::max(1.0, result.x.row(rows[c]).cwiseAbs().maxCoeff());
-    // Contours of 25 nodes are good to 7e-15 of the size of what they sum, lags of size 1 and up to `steps` of them.
+    // Contours with 25 nodes are accurate to 7e-15 of the terms of their sums, up to `steps` lags of size 1.
     EXPECT_LE((x.col(Index(c)).transpose() - result.x.row(rows[c])).cwiseAbs().maxCoeff(), 1e-11 * scale)
         << scene.name << ", row " << rows[c];
   }
@@ -55,9 +55,8 @@ TEST(StatesAt, RefusesWhatItCannotDo) {
   EXPECT_EQ(states_at(scene, *backend, march, {}).cols(), 0);
 }
 
-// N x as the methods hand it out against N times the states, whatever way each of them takes to y.
-// x' = 20 x - 40 y, w = -x + y: y = x, and x = e^{-20 t} in closed loop. Left to itself the state grows by e^{100}, and
-// with it what rounding makes of y.
+// N x of the methods against N times the states, for every way to y. x' = 20 x - 40 y, w = -x + y: y = x, and x =
+// e^{-20 t} in closed loop. The free state grows by e^{100}, and so would rounding errors of y.
 Scene held_back() {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{20}}, Matrix{{-40}}, Matrix{{-1}}};
@@ -78,7 +77,7 @@ TEST(States, OfAFreeStateThatGrowsComeFromTheClosedLoop) {
       ASSERT_EQ(r.status, Status::solved) << r.reason;
     }
     if (r.status != Status::solved) continue;
-    // h lambda = 0.05: second order is off by (h lambda)^2/12 of 20 t e^{-20 t} <= 1/e, Euler by h lambda/2 of it.
+    // h lambda = 0.05: second order has the error (h lambda)^2/12 of 20 t e^{-20 t} <= 1/e, Euler h lambda/2 of it.
     const double bound = method == Method::euler ? 0.02 : 1e-3;
     for (Index j = 0; j <= 2000; ++j) ASSERT_NEAR(r.x(j, 0), std::exp(-20 * r.t[j]), bound) << to_string(method) << j;
     EXPECT_LE(std::abs(r.x(2000, 0)), 1e-12) << to_string(method);
@@ -89,8 +88,8 @@ TEST(States, OfAFreeStateThatGrowsComeFromTheClosedLoop) {
   }
 }
 
-// Twenty random scenes with an unstable A whose closed loop decays: the states are those of Radau IIA, which steps
-// them.
+// Twenty random scenes with unstable A and a decaying closed loop: the states agree with those of Radau IIA, which
+// steps them.
 TEST(States, OfUnstableScenesAreThoseThatAreStepped) {
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
@@ -100,8 +99,8 @@ TEST(States, OfUnstableScenesAreThoseThatAreStepped) {
     Matrix A = Matrix::NullaryExpr(m, m, [&] { return normal(random); });
     Matrix B = Matrix::NullaryExpr(m, 1, [&] { return normal(random); }), N = -B.transpose();
     A = (A - A.transpose()).eval() - Matrix::Identity(m, m);
-    // A + 30 b b^T is unstable; y = x_b while x_b > 0 takes 60 b b^T off again. Below 0, y = 0 and the state runs away:
-    // g keeps y positive.
+    // A + 30 b b^T is unstable; y = x_b while x_b > 0 removes 60 b b^T. Below 0, y = 0 and the state diverges: g keeps
+    // y positive.
     B.normalize();
     N = -B.transpose();
     scene.dynamics = DenseDynamics{A + 10 * B * B.transpose(), -20 * B, N};
@@ -114,7 +113,7 @@ TEST(States, OfUnstableScenesAreThoseThatAreStepped) {
     options.states = StateSelection::all;
     const Result r = run(scene, options);
     ASSERT_EQ(r.status, Status::solved) << r.reason;
-    // With y = 1 + b^T x throughout: x' = (A - 10 b b^T) x, whatever y is made of.
+    // y = 1 + b^T x throughout, so x' = (A - 10 b b^T) x.
     ASSERT_GT(r.y.minCoeff(), 0) << trial;
     const Matrix closed = A - 10 * B * B.transpose();
     const Vector expected = (8 * closed).exp() * scene.x0;
@@ -138,7 +137,7 @@ TEST(Trace, IsNTimesTheState) {
       const RowMatrix expected = result.x * d.N.transpose();
       ASSERT_EQ(result.trace.rows(), expected.rows());
       // contour-literal accepts contours that miss N e^{At} B by up to 100 times the printed rate e^{-2.06 sqrt P}/sqrt
-      // P, 9e-9 here, of t ||N|| ||B||; the others are exact up to rounding.
+      // P, here 9e-9, times t ||N|| ||B||; the other methods are exact up to rounding.
       const double size = d.N.norm() * (scene.x0.norm() + scene.T * d.B.norm() * result.y.cwiseAbs().maxCoeff());
       const double tolerance = (method == Method::contour_literal ? 9e-7 : 1e-11) * size;
       EXPECT_LE((result.trace - expected).cwiseAbs().maxCoeff(), tolerance) << name << ", " << to_string(method);
@@ -157,7 +156,7 @@ TEST(Trace, OfSignoriniIsTheLineNextToTheMembrane) {
       for (Index j = 0; j < 7; ++j) options.components.push_back(7 * j);
       const Result result = solve(scene, *backend, options);
       ASSERT_EQ(result.status, Status::solved) << result.reason;
-      // Compressed exponentials hold the kernel to 1e-12 or better.
+      // Compressed exponentials represent the kernel to 1e-12 or better.
       EXPECT_LE((result.trace + 2 * result.x).cwiseAbs().maxCoeff(), 1e-10) << to_string(method);
     }
 }

@@ -21,7 +21,7 @@ Matrix random_P(Random& random, Index n, int kind) {
   return L * L.transpose() + 0.3 * Matrix::Identity(n, n) + skew - skew.transpose();
 }
 
-/// Two solutions by different factorizations: condition numbers of a few hundred at most, times eps and the size of y.
+/// Two solutions by different factorizations: condition numbers of a few hundred, times eps and the size of y.
 double close(const Vector& y) { return 1e-11 * (1 + y.cwiseAbs().maxCoeff()); }
 
 void expect_complementary(const ActiveSetLcp& solver, const Matrix& M, const Vector& q, const Vector& y) {
@@ -65,7 +65,7 @@ TEST(ActiveSetLcp, LeastElementsAgainstEnumeration) {
       ASSERT_EQ(outcome.solved, exact.has_value()) << "n = " << n << ", instance " << instance;
       EXPECT_EQ(outcome.infeasible, !exact.has_value()) << "n = " << n << ", instance " << instance;
       infeasible += outcome.infeasible;
-      // M_SS may come close to singular: up to four more digits than for P are given away, in proportion to y.
+      // M_SS may be close to singular: up to four more digits than for P are lost, in proportion to y.
       if (!exact) continue;
       EXPECT_LE((y - *exact).cwiseAbs().maxCoeff(), 1e4 * close(*exact)) << n << ' ' << instance;
     }
@@ -73,8 +73,8 @@ TEST(ActiveSetLcp, LeastElementsAgainstEnumeration) {
   EXPECT_LT(infeasible, 2200);
 }
 
-/// Semismooth Newton on min(y, w) by itself: from an active set to the next until one comes back; true where that is
-/// not the same set (a cycle).
+/// Pure semismooth Newton on min(y, w), from one active set to the next until a set repeats. True if that is not the
+/// same set twice in a row (a cycle).
 bool newton_cycles(const Matrix& M, const Vector& q, unsigned set) {
   std::vector<char> seen(std::size_t(1) << q.size(), 0);
   while (!seen[set]) {
@@ -152,7 +152,8 @@ TEST(ActiveSetLcp, LeastOfTwoSolutions) {
   ASSERT_TRUE(solver.solve(q, y).solved);
   EXPECT_LE((y - least).cwiseAbs().maxCoeff(), 1e-15);
 
-  // The other solution's active set is no M-matrix; a matrix to judge by says so for any class.
+  // The block of the other solution's active set is not an M-matrix; with a reference matrix this is detected for any
+  // class.
   ActiveSetLcp judged(fold, LcpClass::unknown, &fold);
   judged.start_from(other);
   ASSERT_TRUE(judged.solve(q, y).solved);
@@ -172,7 +173,7 @@ TEST(ActiveSetLcp, LargeProblemAgainstProjectedGaussSeidel) {
   for (int instance = 0; instance < 20; ++instance) {
     const Vector q = random.vector(n);
     Vector z = Vector::Zero(n);
-    for (int sweep = 0; sweep < 100; ++sweep)  // contracts by 1/2 a sweep
+    for (int sweep = 0; sweep < 100; ++sweep)  // contracts by 1/2 per sweep
       for (Index i = 0; i < n; ++i) z[i] = std::max(0.0, z[i] - (M.row(i).dot(z) + q[i]) / M(i, i));
     ASSERT_TRUE(solver.solve(q, y).solved) << instance;
     EXPECT_LE((y - z).cwiseAbs().maxCoeff(), 1e-14) << instance;  // ||M^{-1}|| <= 1/2, values below 1

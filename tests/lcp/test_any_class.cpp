@@ -1,4 +1,4 @@
-// Matrices of no class, matrices of any scale, Lemke's method and the enumeration of active sets.
+// Matrices of unknown class and of any scale, Lemke's method, and the enumeration of active sets.
 
 #include "core/lcp/active_set.hpp"
 #include "core/lcp/enumeration.hpp"
@@ -59,7 +59,7 @@ TEST(LcpUnknown, SingularActiveSets) {
 }
 
 TEST(LcpUnknown, NearlySingularIsNoSolution) {
-  // -y_0 + y_1 = 1 = y_0 - y_1 up to 1e-15: no y whose rounding leaves something of q.
+  // -y_0 + y_1 = 1 = y_0 - y_1 up to 1e-15: rounding of a solution y would exceed q.
   const Matrix M{{-1, 1}, {1 + 2 * epsilon, -1}};
   Vector y;
   const LcpOutcome outcome = ActiveSetLcp(M, LcpClass::unknown).solve(Vector{{-1, -1}}, y);
@@ -87,13 +87,13 @@ TEST(LcpAnyScale, RowsAndColumns) {
     EXPECT_EQ(outcome.infeasible, c == LcpClass::Z && !exact) << instance;
     if (!exact) continue;
     const Vector back = y.cwiseProduct(columns) / size;
-    // Powers of two scale without rounding; the condition of M_SS is below 1e4 but for Z near infeasibility.
+    // Powers of two scale without rounding; the condition of M_SS is below 1e4 except for Z near infeasibility.
     EXPECT_LE((back - *exact).cwiseAbs().maxCoeff(), 1e-8 * (1 + exact->cwiseAbs().maxCoeff())) << instance;
   }
 }
 
 TEST(LcpAnyScale, CircuitAndStepTogether) {
-  // A resistance of 1e3, a conductance of 1e-3 and a constraint that only the step size couples, with 1e-20.
+  // A resistance of 1e3, a conductance of 1e-3, and a constraint coupled only by the step size, with 1e-20.
   const Matrix M{{1e3, 1, 0}, {-1, 1e-3, 0}, {0, 0, 1e-20}};
   ASSERT_EQ(classify(M), LcpClass::P);
   const Vector solution{{1e-3, 0, 7}};
@@ -153,15 +153,15 @@ TEST(Enumeration, NonnegativeLeastSquares) {
     Matrix A = random.matrix(rows, columns);
     if (instance % 3 == 0) A.col(columns - 1) = A.col(0);
     const Vector b = random.vector(rows), x = nonnegative_least_squares(A, b);
-    // Optimal exactly when x >= 0, the gradient A^T (A x - b) >= 0, and one of the two is zero.
+    // Optimal exactly if x >= 0, the gradient A^T (A x - b) >= 0, and one of the two vanishes in each component.
     const Vector gradient = A.transpose() * (A * x - b);
     EXPECT_LE(x.cwiseMin(gradient).cwiseAbs().maxCoeff(), 1e-12 * (1 + x.maxCoeff())) << instance;
   }
 }
 
-// A step of the twisting controller, x1' = x2, x2' = -2 sgn x1 - sgn x2, by Radau IIA: skew but for terms of size h and
-// h^2, of no class. Newton's method from the empty set ends at a singular set; the solution that Lemke's method then
-// finds is where the next problem begins, however few indices part the two sets.
+// A step of the twisting controller, x1' = x2, x2' = -2 sgn x1 - sgn x2, by Radau IIA: skew up to terms of size h and
+// h^2, of unknown class. Newton's method from the empty set ends at a singular set. The solution that Lemke's method
+// then finds is the start for the next problem, even if the two sets differ in few indices.
 TEST(LcpUnknown, TwistingStaysOnItsActiveSet) {
   for (const double h : {1. / 2000, 1. / 3200, 1. / 3802}) {
     const Matrix A{{0, 1}, {0, 0}}, relays{{0, 0}, {2, 1}}, a{{5. / 12, -1. / 12}, {3. / 4, 1. / 4}};

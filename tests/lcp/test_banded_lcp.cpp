@@ -1,4 +1,4 @@
-// Complementarity problems in bands, against the dense solver.
+// The banded complementarity solver against the dense one.
 
 #include "core/lcp/active_set.hpp"
 #include "core/lcp/banded_lcp.hpp"
@@ -15,8 +15,8 @@ namespace {
 using reference::Random;
 using simd::BandedLcp;
 
-/// tridiag(-1, 4, -1) and a part that decays like a heat kernel of width `reach`, as M + W_0 has; not symmetric. The
-/// sum of what is subtracted is 1: strictly diagonally dominant.
+/// tridiag(-1, 4, -1) minus a part that decays like a heat kernel of width `reach`, as in M + W_0; not symmetric. Row
+/// sums of the subtracted part are 1: strictly diagonally dominant.
 Matrix decaying(Index n, double reach, double unit) {
   Matrix M(n, n);
   double sum = 0;
@@ -30,7 +30,7 @@ Matrix decaying(Index n, double reach, double unit) {
   return unit * M;
 }
 
-// The inverse is at most 1 in units of M: y of either solver is n eps times the largest q from the solution.
+// The inverse is at most 1 in units of M: both solvers are within n eps times the largest q of the solution.
 TEST(BandedLcp, AgreesWithTheDenseSolver) {
   for (const auto& [n, reach, unit] : {std::tuple<Index, double, double>{12, 1, 1},
                                        {39, 2, 1},
@@ -61,7 +61,7 @@ TEST(BandedLcp, AgreesWithTheDenseSolver) {
   }
 }
 
-// Columns that vanish near the diagonal and do not farther out, as where constraints come in two groups.
+// Columns that vanish near the diagonal but not farther out, as for two groups of constraints.
 TEST(BandedLcp, SeesEntriesBehindAGap) {
   const Index n = 64, gap = 16;
   Matrix M = Matrix::Identity(n, n);
@@ -88,7 +88,7 @@ TEST(BandedLcp, LeavesToOthersWhatIsNotABand) {
   M = decaying(40, 1, 1);
   M(3, 3) = -1;
   EXPECT_FALSE(BandedLcp::make(M));  // not P
-  // A band whose inverse is none: the plain second difference.
+  // A band matrix whose inverse does not decay: the plain second difference.
   const Index n = 400;
   M = 2 * Matrix::Identity(n, n);
   M.diagonal(1).setConstant(-1);
@@ -111,7 +111,7 @@ TEST(BandedLcp, RefusesWhatIsNotFiniteAndGoesOn) {
   q[4] = 1;
   EXPECT_TRUE(banded->solve(q, y, newton));
   EXPECT_TRUE(is_solution(M, q, y));
-  // Finite, but not in the units of M.
+  // Finite, but overflows in the units of M.
   const Vector huge = Vector::Constant(n, 1e305), kept = y;
   EXPECT_FALSE(BandedLcp::make(decaying(n, 2, 1e-8))->solve(huge, y, newton));
   EXPECT_EQ(y, kept);

@@ -1,4 +1,4 @@
-// Classes of matrices, how they are known, and the bounds that go with them.
+// Classes of matrices, their tests, and the bounds that depend on them.
 
 #include "core/lcp/lcp_class.hpp"
 #include "core/lcp/lipschitz.hpp"
@@ -175,13 +175,13 @@ TEST(LcpClass, LipschitzConstant) {
   EXPECT_EQ(solution_lipschitz(Matrix(Matrix::Ones(2, 2))), INFINITY);
   EXPECT_EQ(solution_lipschitz(relays), INFINITY);
   EXPECT_NEAR(solution_lipschitz(Matrix{{1e-20, 0}, {0, 1}}), 1e20, 1e6) << "small is not singular";
-  // Above 12: by <M>^{-1}, by the smallest eigenvalue, by nothing.
+  // Above n = 12: by <M>^{-1}, by the smallest eigenvalue, or unknown.
   EXPECT_NEAR(solution_lipschitz(tridiagonal(20, -1, 4, -1)), 0.5, 1e-5);
   Matrix K = random.matrix(16, 16);
   EXPECT_NEAR(solution_lipschitz(Matrix(Matrix::Identity(16, 16) + 10 * (K - K.transpose()))), 4, 1e-10);
   EXPECT_EQ(solution_lipschitz(Matrix(K - K.transpose())), INFINITY);
   EXPECT_EQ(solution_lipschitz(Tridiagonal{Vector::Ones(20), Vector::Zero(20), -Vector::Ones(20)}), INFINITY);
-  // A bound of the constant itself, seen on principal submatrices that can be enumerated.
+  // An upper bound of the constant, compared with principal submatrices that can be enumerated.
   const Matrix M = random.dominant(14);
   for (Index k = 0; k < 7; ++k)
     EXPECT_GE(solution_lipschitz(M) * (1 + 1e-12), oracle::lipschitz(M.block(k, k, 8, 8))) << k;

@@ -1,4 +1,4 @@
-// Problems with several solutions: found, and said in the warning of a result.
+// Problems with several solutions: they are found and reported in the warning of a result.
 
 #include "core/lcp/other_solutions.hpp"
 
@@ -12,7 +12,7 @@
 namespace bromwich {
 namespace {
 
-// All solutions with a regular M_SS, in exact terms of small integers.
+// All solutions with nonsingular M_SS, exact for small integers.
 std::vector<Vector> by_brute_force(const Matrix& M, const Vector& q) {
   std::vector<Vector> found;
   const Index n = q.size();
@@ -41,7 +41,7 @@ TEST(OtherSolutions, AreFoundWhereThereAreSome) {
   for (int trial = 0; trial < 400; ++trial) {
     const Index n = 1 + trial % 4;
     const Matrix M = Matrix::NullaryExpr(n, n, [&] { return double(entry(random)); });
-    const Vector q = Vector::NullaryExpr(n, [&] { return double(entry(random)) + 0.5; });  // no degenerate ones
+    const Vector q = Vector::NullaryExpr(n, [&] { return double(entry(random)) + 0.5; });  // not degenerate
     const std::vector<Vector> all = by_brute_force(M, q);
     if (all.empty()) continue;
     const auto other = another_solution(M, q, all.front());
@@ -79,7 +79,7 @@ TEST(OtherSolutions, OfASingularBlock) {
   EXPECT_FALSE(another_solution(Matrix{{1, 0}, {0, 1}}, Vector{{-1, -1}}, Vector{{1, 1}}));
 }
 
-// x' in Sgn x from 0 may stay, or leave on either side at any time.
+// x' in Sgn x from 0 may stay, or leave to either side at any time.
 TEST(OtherSolutions, AreSaidOfARelayThatPushesAway) {
   Scene scene = relay_scene(Matrix{{0}}, Matrix{{-1}}, Matrix{{1}}, {}, Vector{{0}});
   scene.T = 1;

@@ -1,5 +1,5 @@
-// Positive semidefinite problems: the solution of least norm against enumeration of the active inequalities, and
-// infeasibility against problems made to be infeasible.
+// Positive semidefinite problems: the least-norm solution against enumeration of the active inequalities, and
+// infeasibility of problems that are infeasible by construction.
 
 #include "core/lcp/active_set.hpp"
 #include "tests/support/lcp_oracle.hpp"
@@ -11,7 +11,7 @@ namespace {
 
 using reference::Random;
 
-/// Least-norm solutions are known to the condition of the active set (up to 1e4 here) times eps, in both solvers.
+/// In both solvers least-norm solutions have the error eps times the condition of the active set (up to 1e4 here).
 constexpr double close_enough = 1e-9;
 
 TEST(LcpPSD, LeastNormAgainstEnumeration) {
@@ -30,7 +30,7 @@ TEST(LcpPSD, LeastNormAgainstEnumeration) {
         << instance << "\n"
         << p.M << "\nq " << p.q.transpose() << "\ny " << y.transpose() << "\nexact " << exact.transpose();
     degenerate += (p.known - exact).cwiseAbs().maxCoeff() > 1e-6;
-    // From another solution: the answer does not depend on the start.
+    // From another solution: the answer must not depend on the start.
     solver.start_from(p.known);
     ASSERT_TRUE(solver.solve(p.q, y).solved) << instance;
     EXPECT_LE((y - exact).cwiseAbs().maxCoeff(), close_enough) << instance;

@@ -1,4 +1,4 @@
-// Marching with discontinuous y (Radau IIA, and implicit Euler where the state jumps).
+// Marches with discontinuous y (Radau IIA, and implicit Euler where the state jumps).
 
 #include "core/march/stages.hpp"
 
@@ -63,9 +63,9 @@ Scene random_passive(std::uint32_t seed, Index m, Index n) {
   return scene;
 }
 
-// Every row of a run is a solution of the stage equations, formed here in another way: x_j follows from x_{j-1} and the
-// y of both stages, so the y of the first stage is recovered from them (m >= n, B of full rank), and both stages have
-// to be complementary.
+// Every row of a run solves the stage equations, formed here independently. x_j follows from x_{j-1} and y at both
+// stages, so y of the first stage is recovered from them (m >= n, B of full rank), and both stages must satisfy
+// complementarity.
 TEST_P(StageMarching, EveryStepSolvesTheStageEquations) {
   const Index m = 4, n = 2, J = 400;
   for (const std::uint32_t seed : {1u, 2u, 3u}) {
@@ -99,7 +99,7 @@ TEST_P(StageMarching, EveryStepSolvesTheStageEquations) {
       scene.g(t - 2 * h / 3, g1);
       scene.g(t, g2);
       const Vector w1 = d.N * X.col(0) + g1, w2 = d.N * next + g2, y2 = r.y.row(j).transpose();
-      // A step may also have been one of implicit Euler.
+      // The step may also be an implicit Euler step.
       const Vector u_end = u.col(1), jumped = (Matrix::Identity(m, m) - h * d.A).lu().solve(x + h * u_end);
       if ((jumped - next).norm() <= 1e-12) {
         ++by_euler;
@@ -112,7 +112,7 @@ TEST_P(StageMarching, EveryStepSolvesTheStageEquations) {
       EXPECT_LE(y2.cwiseMin(w2).cwiseAbs().maxCoeff(), 1e-9) << seed << " " << j;
       active = std::max(active, y2.maxCoeff());
     }
-    EXPECT_GT(active, 0.01);  // something did press
+    EXPECT_GT(active, 0.01);  // some constraints are active
     EXPECT_LE(by_euler, J / 50);
   }
 }
@@ -130,7 +130,7 @@ TEST_P(StageMarching, SparseAndDenseStepsAgree) {
   }
 }
 
-// An eigenvalue 1/h, met to rounding alone: an orthogonal transform hides the zero pivot.
+// An eigenvalue 1/h up to rounding: an orthogonal transform hides the zero pivot.
 TEST_P(StageMarching, ASingularSparseStepIsRefused) {
   const Index m = 4, J = 16;
   Scene scene = random_passive(11, m, 1);
@@ -175,7 +175,7 @@ TEST(Stages, AreOfSecondOrderInYWhereMIsZero) {
   EXPECT_GE(std::log2(errors[1] / errors[2]), 1.8);
 }
 
-// A mass that falls on a rigid floor stays there, wherever in a step it lands: Radau IIA with both stages on the floor
+// A mass that falls on a rigid floor stays there, wherever in a step it lands. Radau IIA with both stages on the floor
 // would send it back.
 TEST(Stages, AnImpactIsInelasticWhereverItFalls) {
   Scene scene;
@@ -205,8 +205,8 @@ TEST(Stages, AnImpactIsInelasticWhereverItFalls) {
   }
 }
 
-// A mass pressed on an obstacle: x'' = y - 1, 0 <= y ⊥ x >= 0, x(0) = 1/2, at rest. It falls until t = 1, where its
-// velocity -1 vanishes in an impulse (inelastic), and lies still with y = 1 from then on.
+// A mass pressed on an obstacle: x'' = y - 1, 0 <= y ⊥ x >= 0, x(0) = 1/2, at rest. It falls until t = 1, where an
+// impulse removes its velocity -1 (inelastic), and rests with y = 1 from then on.
 TEST(Stages, AFallingMassComesToRest) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
@@ -246,7 +246,7 @@ TEST(Stages, AStateThatViolatesTheConstraintJumpsOntoIt) {
 }
 
 TEST(Stages, AJumpIsSeenBesideALargeState) {
-  Scene scene;  // x1 = -1 jumps to 0, x2 = 10 has nothing to do with it
+  Scene scene;  // x1 = -1 jumps to 0, x2 = 10 is unaffected
   scene.dynamics = DenseDynamics{Matrix::Zero(2, 2), Matrix{{1}, {0}}, Matrix{{1, 0}}};
   scene.M = Matrix{{0}};
   scene.x0 = Vector{{-1, 10}};
@@ -270,8 +270,8 @@ TEST(Stages, AZenoSpiralEndsAtTheOrigin) {
   EXPECT_LE(largest(2.1), 1e-9);  // at rest, reached at t = 2
   EXPECT_LE(largest(2.5), 1e-9);
   EXPECT_GE(largest(1.0), 0.5);
-  // Two stages may settle into a cycle around the origin (CB is not symmetric: the scene is not passive); whatever auto
-  // calls solved has to be the answer.
+  // Two stages may settle into a cycle around the origin (CB is not symmetric: the scene is not passive). A result of
+  // auto that says solved must be right.
   options.method = Method::automatic;
   for (const Index J : {1000, 5000, 10000}) {
     options.steps = J;

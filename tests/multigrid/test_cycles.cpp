@@ -1,4 +1,4 @@
-// What a cycle of multigrid in time is made of: kernels and weights of coarse grids, queued batches, and when to stop.
+// Parts of a cycle of multigrid in time: kernels and weights of coarse grids, queued batches, stopping criteria.
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/iteration/functional_iteration.hpp"
@@ -35,7 +35,7 @@ ModalRecurrence some_exponentials(Index n) {
   return r;
 }
 
-// Two ways to the same weights. S_1 of the fine grid acts on no point of the coarse one.
+// Two ways to the same weights. S_1 of the fine grid acts on no coarse grid point.
 TEST(TimeLevels, ExponentialsOfTheCoarseGridAreThoseOfItsTable) {
   const ModalRecurrence fine = some_exponentials(5);
   const LagTable expected = coarsen(lag_table(fine, 40)), found = lag_table(coarsen(fine), 20);
@@ -105,7 +105,7 @@ TEST(QueuedMultigrid, StopsWhereTheOtherStops) {
     }
 }
 
-// Any of the batches, wherever it was looked for: in the nested start, a cycle, the search for a correction, a sweep.
+// Any batch may fail: in the nested start, a cycle, the search for a correction, a sweep.
 TEST(QueuedMultigrid, StopsAsWellAfterAnUnsolvedBatch) {
   const Scene scene = membrane(127);
   const double share = 1e-4;
@@ -123,12 +123,12 @@ TEST(QueuedMultigrid, StopsAsWellAfterAnUnsolvedBatch) {
       ASSERT_EQ(found.status, Status::solved) << failing << found.reason;
       ASSERT_TRUE(found.algebraic_error && expected.error_estimate) << failing;
       EXPECT_LE(*found.algebraic_error, 1.01 * share * *expected.error_estimate) << failing;
-      // What is estimated is relative to max(1, |y|) of a time point.
+      // The estimate is relative to max(1, |y|) of a time point.
       EXPECT_LE(distance(found.y, exact), *found.algebraic_error * std::max(1., exact.maxCoeff())) << failing;
     }
 }
 
-// A batch left unsolved in the nested start, and one in the second cycle.
+// An unsolved batch in the nested start, and one in the second cycle.
 TEST(QueuedMultigrid, DoesAgainWhatStayedUnsolved) {
   const Scene scene = membrane(15);
   QueueLog all;
@@ -190,7 +190,7 @@ TEST(CycleWatch, ForgetsWhatWasSeenWhereCyclesAreOthers) {
   EXPECT_EQ(watch.left(), INFINITY) << "nothing is known of the new cycles";
   EXPECT_FALSE(watch.after(0.7));
   EXPECT_TRUE(watch.after(0.65)) << "two slow ones again";
-  // They are counted on: nothing cycles for ever.
+  // The number of cycles is limited: it always ends.
   CycleWatch patient(1e-300, INFINITY);
   Index cycles = 1;
   for (double change = 1; !patient.after(change); change *= 0.4, ++cycles)
@@ -239,7 +239,7 @@ TEST(Multigrid, MarchesTheCoarsestGridWhereNoSymbolIsKnown) {
 }
 
 TEST(Multigrid, IsInterruptedWithinTheMarchOfTheCoarsestGrid) {
-  // Asked before the first grid, the coarsest, and then after 64 of its steps.
+  // Polled before the coarsest grid, the first, and then after 64 of its steps.
   Options options = options_for(Method::multigrid, 1280);
   int asked = 0;
   options.interrupted = [&] { return ++asked == 2; };
@@ -249,7 +249,7 @@ TEST(Multigrid, IsInterruptedWithinTheMarchOfTheCoarsestGrid) {
   EXPECT_TRUE(result.y.array().isNaN().all());
 }
 
-// Sweeps of a cycle cost the more the finer the grid; only the two finest have to smooth well.
+// Sweeps on finer grids cost more; only the two finest grids must smooth well.
 TEST(TimeLevels, CoarseGridsTakeFewerSweepsAndEndEarly) {
   const auto backend = make_cpu_backend(1);
   const Scene scene = membrane(127);

@@ -1,4 +1,4 @@
-// Multigrid in time: the solution of the march, how fast, and what happens where it cannot work.
+// Multigrid in time: the solution of the march, speed of convergence, and cases where it cannot converge.
 
 #include "core/multigrid/multigrid.hpp"
 
@@ -25,7 +25,7 @@ namespace {
 
 Scene signorini(double Q) { return make_scene("signorini", {{"Q", Q}}); }
 
-/// Two ways to the same discrete problem: 1e-12 is left by the iteration, a few times that where its kernel is a fit.
+/// Two methods for the same discrete problem: the iteration leaves 1e-12, a few times that if its kernel is a fit.
 constexpr double same_solution = 1e-10;
 
 void expect_march(const Scene& scene, Index J) {
@@ -37,16 +37,16 @@ void expect_march(const Scene& scene, Index J) {
   EXPECT_LE(distance(result.y, solved_y(scene, Method::march, J)), same_solution) << name;
 }
 
-// Steps that can be halved often, once, and not at all.
+// Numbers of steps that can be halved often, once, and not at all.
 TEST(Multigrid, EqualsMarchingOnSignorini) {
   for (const double Q : {1., 3., 15., 40.})
     for (const Index J : {1, 2, 7, 33, 64, 100, 250, 512}) expect_march(signorini(Q), J);
 }
 
-// Six grids: the nested start leaves one out.
+// Six grids: the nested start skips one.
 TEST(Multigrid, EqualsMarchingOnManyGrids) { expect_march(signorini(127), 4096); }
 
-// x0 and g alone, on rectangles.
+// Only x0 and g, on rectangles.
 TEST(Multigrid, EqualsMarchingWithoutASource) {
   for (const auto& [along, across] : {std::pair<Index, Index>{15, 15}, {15, 60}, {31, 9}}) {
     Scene scene;
@@ -81,7 +81,7 @@ TEST(Multigrid, EqualsMarchingWithTabulatedWeights) {
   }
 }
 
-// More than 512 states: a sparse scene keeps to lag weights.
+// More than 512 states: a sparse scene uses lag weights.
 TEST(Multigrid, EqualsMarchingOnSparseScenes) {
   Scene scene = signorini(24);
   const SparseDynamics sparse = to_sparse(std::get<KroneckerDynamics>(scene.dynamics));
@@ -121,7 +121,7 @@ TEST(Multigrid, ContractsTenfoldPerCycle) {
     }
 }
 
-// h c/dx^2 = 0.5: half of M lies in the step's own weight on the coarsest grid, and only the shift smooths.
+// h c/dx^2 = 0.5: half of M comes from the weight W_0 on the coarsest grid, and only the shift smooths.
 TEST(Multigrid, ContractsOnCoarseGridsToo) {
   const Cycles found = cycles_of(signorini(127), 64);
   EXPECT_LE(found.contraction, 0.1);
@@ -178,7 +178,7 @@ ModalRecurrence memoryless(Index n, double w) {
 TEST(Smoothing, FindsTheShiftThatCancelsAKernelWithoutMemory) {
   const std::optional<Smoothing> found = best_smoothing(toeplitz(20, 4, -1), memoryless(20, -1.2), 200);
   ASSERT_TRUE(found);
-  // Shifts are tried in steps of 8/120 at most: |D + 1.2| <= 1/30, over eigenvalues of M + D of at least 0.7.
+  // Shifts are tried in steps of at most 8/120: |D + 1.2| <= 1/30, over eigenvalues of M + D of at least 0.7.
   EXPECT_NEAR(found->shift, -1.2, 1. / 30);
   EXPECT_LE(found->factor(), 0.05);
 }
@@ -194,9 +194,9 @@ TEST(Smoothing, SumsTheWeightsAtFrequencyZero) {
   EXPECT_NEAR(found->smooth_factor, std::abs(-2 - D) / (smallest + D), 1e-12);
 }
 
-// An octave lower each: what coarser grids cannot see includes what finer ones cannot. The symbol of C e^{-i omega} /
-// (1 - E e^{-i omega}) is |C| / |1 - E e^{-i omega}| in size, largest at the lowest frequency; D is about 0 at E
-// near 1.
+// Each further frequency bound is an octave lower and includes the earlier ones. The symbol C e^{-i omega} /
+// (1 - E e^{-i omega}) has the absolute value |C| / |1 - E e^{-i omega}|, largest at the lowest frequency; D is about 0
+// for E near 1.
 TEST(Smoothing, LooksAtWhatCoarserGridsCannotSee) {
   ModalRecurrence r = memoryless(20, 0);
   r.decay = RowMatrix::Constant(1, 20, 0.99);
@@ -265,7 +265,7 @@ TEST(Multigrid, EndsHonestlyWhereSweepsCannotContract) {
   EXPECT_FALSE(coarse.reason.empty());
   EXPECT_EQ(coarse.cycles, 0);
   EXPECT_NE(coarse.kernel.find("no coarser grid"), std::string::npos) << coarse.kernel;
-  // L ||W_0|| = 10/320 at h = 1/160 and 10/160 on the coarser grid, the last.
+  // L ||W_0|| = 10/320 at h = 1/160, and 10/160 on the coarser grid, the coarsest.
   EXPECT_GT(run(expanding(), Method::multigrid, 1280).cycles, 0);
   expect_march(expanding(), 1280);
 }

@@ -1,4 +1,4 @@
-// The shared hyperbolas reproduce e^{at} over whole windows and sectors; the literal one has its printed rate.
+// Shared hyperbolas reproduce e^{at} over whole windows and sectors; the literal contour has its printed rate.
 
 #include "core/iteration/literal.hpp"
 #include "core/kernel/kernel.hpp"
@@ -44,7 +44,8 @@ TEST(Contour, ReproducesExponentialsOverWindowAndSector) {
             worst = std::max(worst, std::abs(inverted(contour, a, t) - std::exp(a * t)));
           }
         }
-      // The stored error is the worst over a coarser grid of a and t: within 4 times of it between the grid points.
+      // The stored error is the maximum over a coarser grid of a and t; between its points errors are at most 4 times
+      // larger.
       EXPECT_LE(worst, 4 * parameters.error) << parameters.half_angle / degree << " degrees, P = " << parameters.P;
     }
 }
@@ -88,7 +89,7 @@ TEST(Contour, LagWindowsCover) {
       EXPECT_EQ(w.first, next) << J;
       EXPECT_EQ(w.F.rows(), w.last - w.first + 1);
       EXPECT_EQ(w.contour.nodes.size(), parameters.P + 1);
-      // Lag d is an integral over [(d-1)h, (d+1)h]; of lags 0 and 1 only [h, 2h] is left.
+      // Lag d is an integral over [(d-1)h, (d+1)h]; for lags 0 and 1 only [h, 2h] remains.
       EXPECT_LE(w.contour.t0, h * double(std::max<Index>(w.first - 1, 1)) * (1 + epsilon)) << J;
       EXPECT_GE(w.contour.t1, h * double(w.last + 1) * (1 - 4 * epsilon)) << J;
       next = w.last + 1;
@@ -97,7 +98,7 @@ TEST(Contour, LagWindowsCover) {
   }
 }
 
-// Any spectrum of radius rho, on both sides of the axis: the residues of phi functions at the eigenvalues.
+// Any spectrum of radius rho, on both sides of the axis: residues of phi-functions at the eigenvalues.
 TEST(Circle, GivesEntireFunctionsOnAnySpectrum) {
   const double h = 0.1;
   for (const double rho : {0.0, 1.0, 20.0, 80.0}) {
@@ -127,7 +128,7 @@ TEST(LiteralContour, HasThePrintedRate) {
       if (error > worst) worst = error, where = a;
     }
     const double root = std::sqrt(double(P)), printed = std::exp(-2.06 * root) / root;
-    // (2.8) is a rate; its constant was found to be below 4 over all a <= 0, and the rate is not beaten by much.
+    // (2.8) is a rate; its constant is below 4 for all a <= 0 tested, and the rate is nearly sharp.
     EXPECT_LE(worst, 4 * printed) << "P = " << P << ", a = " << where;
     EXPECT_GE(worst, printed / 4) << "P = " << P;
   }

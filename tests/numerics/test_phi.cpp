@@ -1,4 +1,4 @@
-// phi_1 and phi_2 against extended precision, matrix functions against quadrature of their integrals.
+// phi_1 and phi_2 against extended precision; matrix functions against quadrature of their integrals.
 
 #include "core/numerics/contour_phi.hpp"
 #include "core/numerics/matrix_phi.hpp"
@@ -53,7 +53,7 @@ TEST(Phi, RealValuesToRounding) {
 TEST(Phi, ManyValuesToRounding) {
   for (const double magnitude : magnitudes)
     for (const double x : {magnitude, -magnitude}) {
-      const ArrayPhi phi = array_phi(Eigen::ArrayXd::Constant(11, x));  // whole vectors of a processor and a rest
+      const ArrayPhi phi = array_phi(Eigen::ArrayXd::Constant(11, x));  // full SIMD vectors and a remainder
       for (const Index i : {0, 10}) {
         // 1 + x phi_1 of x near -1 loses a factor e; vectorised exponentials are good to a few roundings.
         EXPECT_NEAR(phi.exponential[i] / double(std::exp(Real(x))), 1, 16 * epsilon) << x;
@@ -73,8 +73,8 @@ TEST(Phi, ComplexValuesToRounding) {
       const Complex z = std::polar(magnitude, k * std::numbers::pi / 8);
       const LongComplex wide(z.real(), z.imag());
       const double size = std::abs(z), growth = std::exp(std::max(z.real(), 0.0));
-      // Both are integrals of e^{uz} over [0,1] with weights up to 1. Below |z| = 1 a few roundings of values near 1;
-      // above, of e^z/z, divided once more for phi2. sin and cos of |z| <= 17 are good to one rounding.
+      // Both are integrals of e^{uz} over [0,1] with weights up to 1. Below |z| = 1: a few roundings of values near 1;
+      // above: of e^z/z, divided again for phi2. sin and cos of |z| <= 17 are accurate to one rounding.
       const double scale = size < 1 ? growth : (growth + 1) / size, scale2 = size < 1 ? growth : (scale + 1) / size;
       EXPECT_LE(double(std::abs(LongComplex(phi1(z)) - phi1_reference(wide))), 8 * epsilon * scale) << z;
       EXPECT_LE(double(std::abs(LongComplex(phi2(z)) - phi2_reference(wide))), 8 * epsilon * scale2) << z;
@@ -154,8 +154,7 @@ TEST(MatrixPhi, DiagonalisableMatrices) {
   }
 }
 
-// Eigenvalues from -1e8 to 0 side by side: the slow ones keep their digits, up to what rounding of the entries (eps
-// 1e8) does to them.
+// Eigenvalues from -1e8 to 0: the slow ones keep their digits up to the rounding of the entries (eps 1e8).
 TEST(MatrixPhi, StiffSymmetricMatrices) {
   const Vector v = Vector::LinSpaced(6, 1, 6), lambda{{-1e8, -1e4, -1e2, -1, -1e-4, 0}};
   const Matrix V = Matrix::Identity(6, 6) - 2 * v * v.transpose() / v.squaredNorm();
@@ -169,7 +168,7 @@ TEST(MatrixPhi, StiffSymmetricMatrices) {
   EXPECT_LE((phi.phi2 - exact(+[](double x) { return double(reference::phi2(x)); })).norm(), tolerance);
 }
 
-// Nilpotent: the series end. Above 16 rows it is the doublings that have to get this right.
+// Nilpotent: the series terminate. Above 16 rows the doublings must reproduce this.
 TEST(MatrixPhi, LongShifts) {
   for (const Index m : {16, 17, 40}) {
     Matrix A = Matrix::Zero(m, m);
@@ -201,7 +200,7 @@ TEST(Phi, HigherFunctions) {
   EXPECT_EQ(phi(0, 2.0), std::exp(2.0));
 }
 
-// Stiff, zero, nilpotent, non-normal and oscillating: three ways that share nothing but their definition.
+// Stiff, zero, nilpotent, non-normal and oscillating: three independent methods.
 TEST(MatrixPhi, HigherFunctionsFromSquaringAndFromContours) {
   Matrix nilpotent = Matrix::Zero(4, 4), non_normal = -Matrix::Identity(8, 8), stiff(3, 3);
   nilpotent.diagonal(1).setConstant(2);
@@ -212,8 +211,8 @@ TEST(MatrixPhi, HigherFunctionsFromSquaringAndFromContours) {
     Contour contour;
     double tolerance;  ///< of the contour
   };
-  // near_contour is made for double poles at 0, to 1e-14; up to the power -6 and for resolvents of norm 10 it loses two
-  // digits. The circle of radius 6 multiplies rounding by e^6 = 4e2.
+  // near_contour is designed for double poles at 0, to 1e-14; up to the power -6 and for resolvents of norm 10 it loses
+  // two digits. The circle of radius 6 amplifies rounding by e^6 = 4e2.
   const Contour near = near_contour(*contour_parameters(0.26), 1), round = *circle(3, 1);
   const std::vector<Case> cases{{Matrix::Zero(2, 2), round, 1e-12},
                                 {nilpotent, round, 1e-12},

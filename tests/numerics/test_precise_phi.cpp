@@ -17,7 +17,7 @@ Matrix random_matrix(std::mt19937& random, Index m) {
   return Matrix::NullaryExpr(m, m, [&] { return normal(random); });
 }
 
-// Both are good to some eps of the largest entries of e^{|hA|}.
+// Both are accurate to some eps of the largest entries of e^{|hA|}.
 TEST(PrecisePhi, EqualsTheOtherWayWhereThatIsGood) {
   std::mt19937 random(1);
   for (const Index m : {1, 2, 3, 5, 8, 17})
@@ -74,7 +74,7 @@ TEST(PrecisePhi, AddsAndDoublesLikeAnExponential) {
 TEST(PrecisePhi, IsTakenOnlyWhereRoundingAddsUp) {
   EXPECT_FALSE(needs_precision(Matrix{{-1e4}}, 1e-3, 1000));
   EXPECT_TRUE(needs_precision(Matrix{{-1e10, 1e10}, {2e10, -2e10}}, 1e-3, 1000));
-  // Units do not matter: [[-1, 1e10], [1e-10, -1]] is [[-1, 1], [1, -1]] balanced.
+  // Units do not matter: [[-1, 1e10], [1e-10, -1]] is [[-1, 1], [1, -1]] after balancing.
   EXPECT_FALSE(needs_precision(Matrix{{-1, 1e10}, {1e-10, -1}}, 1e-3, 1000));
   EXPECT_FALSE(needs_precision(Matrix::Constant(200, 200, 1e10), 1e-3, 1000)) << "too large for it";
 }

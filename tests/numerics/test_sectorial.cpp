@@ -1,4 +1,4 @@
-// phi-functions of stiff matrices that are not symmetric: contours against closed forms and extended precision.
+// phi-functions of stiff nonsymmetric matrices: contours against closed forms and extended precision.
 
 #include "core/numerics/sectorial.hpp"
 
@@ -27,8 +27,8 @@ Matrix oscillator_phi(int k, double c) {
   return Matrix{{b * phi_a - a * phi_b, phi_b - phi_a}, {phi_a - phi_b, b * phi_b - a * phi_a}} / (b - a);
 }
 
-// The contour's 6e-15, and some roundings of sums of 51 terms: the same digits at every stiffness. Below a norm of 1024
-// squaring costs up to that many roundings.
+// The contour's 6e-15, and some roundings of sums of 51 terms, at every stiffness. Below a norm of 1024 squaring is
+// used, which costs up to that many roundings.
 TEST(Sectorial, OverdampedOscillator) {
   for (const double c : {10., 1e3, 1e5, 1e8, 1e12}) {
     const Matrix A{{0, 1}, {-1, -c}};
@@ -85,18 +85,18 @@ TEST(Sectorial, ContoursAgreeWithExtendedPrecision) {
   }
 }
 
-// A Jordan block of -1 with 3 above: its numerical range is a disk that reaches to the right of 0. Squaring is left.
+// A Jordan block of -1 with 3 above: its numerical range extends to the right of 0, so squaring is used.
 TEST(Sectorial, NumericalRangesThatReachTooFarAreRefused) {
   Matrix A = -1e4 * Matrix::Identity(4, 4);
   A.diagonal(1).setConstant(3e4);
-  A(3, 0) = 1e4;  // or balancing would shrink what is above the diagonal
+  A(3, 0) = 1e4;  // otherwise balancing would shrink the entries above the diagonal
   EXPECT_FALSE(sectorial_phis(A, 4));
   EXPECT_FALSE(sectorial_phis(Matrix{{0, 3000}, {-3000, 0}}, 4));
   EXPECT_FALSE(sectorial_phis(Matrix{{2000}}, 4));
 }
 
 TEST(Sectorial, NumericalRangeOfNormalMatrices) {
-  // The segment between a ± bi: half-angle atan(b/a), seen from a shift s atan(b/(a + s)).
+  // The segment between a ± bi: half-angle atan(b/a), or atan(b/(a + s)) seen from a shift s.
   const Matrix A{{-3, 2}, {-2, -3}};
   const double exact = std::atan2(2, 3);
   EXPECT_FALSE(in_sector(A, exact - 1e-3, 0));

@@ -75,8 +75,8 @@ double largest_error(Index steps) {
     EXPECT_EQ(found[k].component, known[k].component);
     EXPECT_EQ(found[k].on, known[k].on);
     const double error = std::abs(found[k].t - known[k].t);
-    // The estimate leaves out third differences (a tenth of the second at these steps) and the error of y, which is of
-    // the same order.
+    // The estimate omits third differences (a tenth of the second at these steps) and the error of y, of the same
+    // order.
     EXPECT_LE(error, 3 * found[k].error + 1e-2 * result.t[1]);
     largest = std::max(largest, error);
   }
@@ -86,10 +86,10 @@ double largest_error(Index steps) {
 TEST(Switches, AreOfSecondOrder) {
   const double coarse = largest_error(110), fine = largest_error(440);
   EXPECT_LE(coarse, 0.1 / 110) << "far within a step";
-  EXPECT_LE(fine, coarse / 6);  // 16 at equal positions in the step; the remainder varies with them
+  EXPECT_LE(fine, coarse / 6);  // 16 at equal positions within the step; the remainder varies
 }
 
-// Against switches that are known: the errors given are errors.
+// Against known switches: the reported errors are upper bounds.
 void expect_errors_hold(const Scene& scene, Method method, Index steps, const std::vector<Known>& known, double from,
                         double to) {
   const auto backend = make_cpu_backend(1);
@@ -114,7 +114,7 @@ TEST(Switches, KnowTheirErrors) {
                          std::max(0.01, 1.5 / double(steps)), 1 - std::max(0.01, 1.5 / double(steps)));
 }
 
-// x' = -x + cos t with w = x + 0.1 y >= 0 and x held by y below 0: until the first contact x is known.
+// x' = -x + cos t with w = x + 0.1 y >= 0: y keeps x near 0. Until the first contact x is known.
 TEST(Switches, KnowThatTheSolutionItselfIsOff) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};

@@ -1,4 +1,4 @@
-// Jumps of sources that nobody has named, impulses and the layers behind them.
+// Undeclared jumps of sources, impulses, and the layers after them.
 
 #include "core/lcp/active_set.hpp"
 #include "core/scene/breakpoints.hpp"
@@ -95,7 +95,7 @@ TEST(IntegralOfY, HoldsImpulsesAndHasTheOrderOfTheStages) {
     }
     return largest;
   };
-  // The step with the impulse is one of implicit Euler, h s(h) instead of the integral of s; the others are exact.
+  // The step with the impulse is an implicit Euler step, h s(h) instead of the integral of s; the others are exact.
   for (const double J : {100.0, 200.0}) EXPECT_NEAR(error(Index(J)), 1 / (2 * J * J) + 2 / (3 * J * J * J), 1e-12);
   scene.x0[0] = 1;  // without an impulse; the quadrature is exact for polynomials of degree 2
   const auto smooth = [&](Index J) {
@@ -122,8 +122,8 @@ TEST(IntegralOfY, IsThatOfLinearInterpolationWhereYIsContinuous) {
   EXPECT_EQ(integral_of_y(r)(2, 0), 1.5 + 6);
 }
 
-// Impulses followed by layers a thousandth of a default step long, M skew or zero: steps that stride over a layer miss
-// the state at the next time point by its size, however many there are.
+// Impulses followed by layers of a thousandth of a default step, M skew or zero: steps that jump over a layer miss the
+// next state by its size, however many there are.
 TEST(Layers, AreFollowedBehindImpulses) {
   for (const std::uint32_t seed : {249u, 51u, 97u}) {
     const oracle::SourceScene s = oracle::source_scene(seed);

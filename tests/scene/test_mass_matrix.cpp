@@ -1,4 +1,4 @@
-// Scenes with a mass matrix E against the same scenes with E^{-1} A, E^{-1} B and E^{-1} f written out.
+// Scenes with a mass matrix E against the same scenes with explicit E^{-1} A, E^{-1} B and E^{-1} f.
 
 #include "core/base/error.hpp"
 #include "core/scene/mass_matrix.hpp"
@@ -16,7 +16,7 @@
 namespace bromwich {
 namespace {
 
-// A diffusion on a line with contact at one end, in finite elements: E and A tridiagonal, neither of them diagonal.
+// Diffusion on a line with contact at one end, by finite elements: E and A are tridiagonal, neither is diagonal.
 SparseDynamics elements(Index m) {
   const double dx = 1.0 / double(m + 1);
   std::vector<Eigen::Triplet<double>> E, A;
@@ -51,7 +51,7 @@ Scene mass_scene(const Dynamics& dynamics) {
   return scene;
 }
 
-// E^{-1} (..) with refinement, by the oracle's own elimination.
+// E^{-1} (..) with iterative refinement, by the oracle's own elimination.
 DenseDynamics written_out(const Dynamics& dynamics) {
   const DenseDynamics d = to_dense(dynamics);
   const Eigen::FullPivLU<Matrix> lu(d.E);

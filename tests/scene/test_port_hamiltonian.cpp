@@ -74,25 +74,25 @@ TEST(PortHamiltonian, RefusesWhatHasNoStructure) {
 TEST(PortHamiltonian, SaysTheIndexOfASingularE) {
   PortHamiltonian port = toy();
   port.E = Matrix(Vector{{1, 1, 0}}.asDiagonal()).sparseView();
-  port.R = Matrix(Matrix::Identity(3, 3)).sparseView();  // 0 = -x_0 + x_1 - x_2: solvable for x_2
+  port.R = Matrix(Matrix::Identity(3, 3)).sparseView();  // 0 = -x_0 + x_1 - x_2: determines x_2
   std::string line = refusal([&] { port.validate(); });
   EXPECT_TRUE(line.starts_with("E: is singular, of rank 2 of 3, a differential-algebraic system of index 1")) << line;
-  port.R = Matrix{{1, 0, 0}, {0, 1, 0}, {0, 0, 0}}.sparseView();  // 0 = -x_0 + x_1: a constraint, x_2 its multiplier
+  port.R = Matrix{{1, 0, 0}, {0, 1, 0}, {0, 0, 0}}.sparseView();  // 0 = -x_0 + x_1: a constraint with multiplier x_2
   line = refusal([&] { port.validate(); });
   EXPECT_TRUE(line.starts_with("E: is singular, of rank 2 of 3, a differential-algebraic system of index 2")) << line;
-  port.J.setZero();  // nothing is said of x_2 at all
+  port.J.setZero();  // x_2 is undetermined
   line = refusal([&] { port.validate(); });
   EXPECT_TRUE(line.starts_with("E: is singular, of rank 2 of 3, and det(s E - (J - R) Q) = 0 for all s")) << line;
 }
 
-/// m x m, s with neighbours: the mass matrix of linear elements.
+/// m x m, s with neighbours: mass matrix of linear elements.
 Matrix element_masses(Index m) {
   Matrix E = 4 * Matrix::Identity(m, m);
   for (Index i = 0; i + 1 < m; ++i) E(i, i + 1) = E(i + 1, i) = 1;
   return E;
 }
 
-// E of full rank in any units of its rows and columns, and E that lacks rank in any.
+// E of full rank in any units of its rows and columns, and rank-deficient E in any units.
 TEST(PortHamiltonian, RegularityIsIndependentOfUnits) {
   for (const Index m : {6, 40, 600}) {
     PortHamiltonian port;
@@ -102,7 +102,7 @@ TEST(PortHamiltonian, RegularityIsIndependentOfUnits) {
     for (Index i = 0; i < m; ++i) units[i] = std::pow(10, -12 + 24 * double(i % 7) / 6);  // 1e-12 to 1e12
     port.E = Matrix(units.asDiagonal() * element_masses(m) * units.asDiagonal()).sparseView();
     EXPECT_EQ(refusal([&] { port.validate(); }), "nothing was refused") << m;
-    Matrix singular = element_masses(m);  // the second row and column are those of the first
+    Matrix singular = element_masses(m);  // rows and columns 0 and 1 become equal
     singular.row(1) = singular.row(0);
     singular.col(1) = singular.col(0);
     port.E = Matrix(units.asDiagonal() * singular * units.asDiagonal()).sparseView();
@@ -110,7 +110,7 @@ TEST(PortHamiltonian, RegularityIsIndependentOfUnits) {
   }
 }
 
-// With E kept in the steps as with E^{-1} (J - R) Q: the same x, and it satisfies E (x_i - x_{i-1}) = h (...) itself.
+// Steps with E against steps with E^{-1} (J - R) Q: the same x, which satisfies E (x_i - x_{i-1}) = h (...).
 TEST(PortHamiltonian, StepsWithEAreThoseWithItsInverse) {
   const Index m = 80;
   PortHamiltonian port = *make_scene("ladder", {{"n", 26}}).port;  // 79 states
@@ -149,7 +149,7 @@ TEST(PortHamiltonian, StructureIsIndependentOfUnits) {
   reference::Random random(3);
   PortHamiltonian port = random_port(random, 5);
   EXPECT_NO_THROW(port.validate());
-  // Rows of R in units that are 1e9 apart: what is negative in small units is still seen.
+  // Rows of R in units 1e9 apart: a negative part in small units is still detected.
   port.E = port.Q = SparseMatrix();
   port.R = Matrix(Vector{{1e9, 1, 1, 1, 1}}.asDiagonal()).sparseView();
   EXPECT_NO_THROW(port.validate());
@@ -173,8 +173,8 @@ TEST(PortHamiltonian, SceneHasTheSameDynamics) {
   EXPECT_TRUE(std::holds_alternative<SparseDynamics>(make_scene("ladder", {{"n", 200}}).dynamics));
 }
 
-// March and implicit Euler solve scenes without constraints; e^{hA} with u constant on both sides of the jump, which
-// lies on the grid, is exact but for the mean of u in the step behind the jump (u is sampled at time points).
+// March and implicit Euler solve scenes without constraints. e^{hA} is exact for u constant on both sides of a jump on
+// the grid, apart from the mean of u in the step after the jump (u is sampled at time points).
 TEST(PortHamiltonian, StepByStepMethodsTakeScenesWithoutConstraints) {
   const Scene scene = make_scene("ph-toy", {{"u", 0}});
   const auto& A = std::get<DenseDynamics>(scene.dynamics).A;
@@ -196,7 +196,7 @@ RowMatrix steps_by_hand(const PortSystem& system, StepScheme scheme, const Vecto
   const Index m = system.states();
   const Matrix A(system.A()), I = Matrix::Identity(m, m);
   const Matrix F = Matrix(system.port().E.size() > 0 ? Matrix(system.port().E) : I).inverse() * Matrix(system.port().B);
-  const auto input = [&](double at) {  // left of a jump
+  const auto input = [&](double at) {  // from the left at a jump
     Vector u(F.cols());
     system.port().u(at, u);
     return Vector(F * u);
@@ -233,8 +233,8 @@ Vector random_grid(reference::Random& random, Index M, double T) {
   return t * (T / t[M]);
 }
 
-// With the quadrature of the scheme: v_i = -||x_i - x_{i-1}||^2/2 in the norm of Q^T E. Rounding: terms of the size of
-// the energies and of the power times T, a few hundred operations each.
+// With the quadrature of the scheme, v_i = -||x_i - x_{i-1}||^2/2 in the norm of Q^T E. Rounding: a few hundred
+// operations on terms of the size of the energies and of power times T.
 TEST(EnergyBalance, ViolationOfImplicitEulerIsHalfTheSquareOfTheStep) {
   reference::Random random(5);
   for (int repeat = 0; repeat < 4; ++repeat) {
@@ -251,7 +251,7 @@ TEST(EnergyBalance, ViolationOfImplicitEulerIsHalfTheSquareOfTheStep) {
   }
 }
 
-// Linear x, constant u: the balance of the midpoint rule misses h/12 ||x_i - x_{i-1}||^2 in the norm of Q^T R Q only.
+// Linear x, constant u: the midpoint rule violates the balance only by h/12 ||x_i - x_{i-1}||^2 in the norm of Q^T R Q.
 TEST(EnergyBalance, ViolationOfMidpointIsThatOfDissipation) {
   reference::Random random(6);
   PortHamiltonian port = random_port(random, 4);
@@ -268,7 +268,7 @@ TEST(EnergyBalance, ViolationOfMidpointIsThatOfDissipation) {
   }
 }
 
-// The library's steps and sources against steps from dense formulas: u at its right end, in the middle, linear.
+// The library's steps and sources against dense formulas: u at the right end, at the midpoint, linear.
 TEST(PortHamiltonian, StepsAreThoseByHand) {
   reference::Random random(9);
   const auto backend = make_cpu_backend(1);
@@ -279,12 +279,12 @@ TEST(PortHamiltonian, StepsAreThoseByHand) {
       const RowMatrix by_hand = steps_by_hand(system, scheme, t, x0);
       const RowMatrix x =
           backend->step_chain(system.step_problem(scheme, group_steps(t)))->solve(step_sources(system, scheme, t, x0));
-      // u at 4 eps T beside the points where the hand takes 1e-14 T: it is continuous there
+      // u at 4 eps T from the points where the dense formulas use 1e-14 T; u is continuous there
       EXPECT_LE((x - by_hand).cwiseAbs().maxCoeff(), 1e-11 * by_hand.cwiseAbs().maxCoeff()) << to_string(scheme);
     }
 }
 
-// dH/dt = supplied - dissipated, x' from the system itself; and the integral of the powers is what the energy gains.
+// dH/dt = supplied - dissipated with x' from the system; the integral of the powers is the gain in energy.
 TEST(EnergyBalance, PowersAreTheRateOfTheEnergy) {
   reference::Random random(10);
   const PortHamiltonian port = random_port(random, 4);
@@ -319,8 +319,8 @@ TEST(EnergyBalance, PowersAreTheRateOfTheEnergy) {
   EXPECT_NEAR(gaps[0] / gaps[1], 4, 0.2);
 }
 
-// What is violated falls with the order of the reconstruction: the exponential scheme is exact for constant u, its
-// cubics are not.
+// The violation falls with the order of the reconstruction: the exponential scheme is exact for constant u, its cubic
+// polynomials are not.
 TEST(EnergyBalance, ViolationFallsWithTheOrderOfTheScheme) {
   const PortSystem system(toy(), 10);
   for (const auto& [scheme, order] :

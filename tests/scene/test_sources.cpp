@@ -1,4 +1,4 @@
-// Sources that jump, have kinks or change faster than the grid.
+// Sources that jump, have kinks, or vary faster than the grid.
 
 #include "core/kernel/discretise.hpp"
 #include "core/numerics/step_propagator.hpp"
@@ -18,7 +18,7 @@
 namespace bromwich {
 namespace {
 
-// Edges at `times`: a function of t that is +1 before the first, -1 behind it, +1 behind the second, ...
+// A square wave with edges at `times`: +1 before the first, -1 after it, +1 after the second, ...
 struct Square {
   std::vector<double> times;
   double operator()(double t) const {
@@ -29,8 +29,8 @@ struct Square {
 // y in SOL(M, q), one constraint.
 double solve_one(double M, double q) { return std::max(0.0, -q / M); }
 
-// x(T) for one constraint and M > 0, by classical Runge-Kutta steps that end at the breakpoints, each as long as `step`
-// at most; sources are evaluated inside of pieces.
+// x(T) for one constraint and M > 0, by classical Runge-Kutta steps of length at most `step` that end at the
+// breakpoints. Sources are evaluated inside of pieces.
 Vector oracle(const Scene& scene, double step) {
   const auto& d = std::get<DenseDynamics>(scene.dynamics);
   const double M = to_dense(scene.M)(0, 0);
@@ -101,7 +101,7 @@ Scene pushed(double force, double stop) {
   return scene;
 }
 
-// log2 of the quotient of errors at T, from the coarsest to the finest of grids of J, 2J, ... steps, a halving.
+// Observed order: log2 of the ratio of errors at T, per halving, from J to the finest of J, 2J, ... steps.
 double order(const Scene& scene, const Vector& exact, Method method, Index J, int halvings) {
   const double coarse = (x_at_end(scene, method, J) - exact).norm(),
                fine = (x_at_end(scene, method, J << halvings) - exact).norm();
@@ -128,7 +128,7 @@ TEST(StepPropagator, AgreesWithTheExponentialOfTheExtendedMatrixAtAnyLengthAndSt
       start[3] = 1;
       const Vector expected = (Matrix(extended.exp()) * start).head(3);
       propagator.advance(d, u, X);
-      // Squaring, of the oracle too, costs eps |A| d.
+      // Squaring costs eps |A| d, in the oracle too.
       EXPECT_LE((X - expected).cwiseAbs().maxCoeff(), 100 * epsilon * (1 + stiff * d) * expected.cwiseAbs().maxCoeff())
           << stiff << ", " << d;
     }
@@ -140,7 +140,7 @@ TEST(Sources, APulseInsideAStepIsIntegratedExactly) {
   for (const Index J : {7, 100, 1000})
     for (const Method method : {Method::march, Method::contour, Method::multigrid}) {
       if (method != Method::march && J < 100) continue;
-      // Everything is exact but for rounding and, of multigrid, the tolerance of its cycles.
+      // Everything is exact up to rounding and, for multigrid, the tolerance of its cycles.
       EXPECT_NEAR(x_at_end(pulse(1), method, J)[0], pulse_end, 1e-10) << to_string(method) << ", " << J;
     }
 }
@@ -172,9 +172,9 @@ TEST(Sources, JumpsThatNobodyDeclaredAreFound) {
   every_step.look_inside_every_step = true;
   const Result found = solve_valid(scene, *make_cpu_backend(1), every_step);
   ASSERT_EQ(found.status, Status::solved) << found.reason;
-  // The parts around a jump are other ones: both differ from the solution by the error of a grid of 50 steps.
+  // The parts around a jump differ: both results have the error of a grid of 50 steps.
   EXPECT_LE((found.x - declared.x).cwiseAbs().maxCoeff(), 5e-3);
-  // Parts beside a jump are half a step long at most, where g bends by 0.4 d^2/8 of 0.5.
+  // Parts beside a jump are at most half a step long; the curvature of g contributes 0.4 d^2/8 of 0.5.
   EXPECT_LE(found.unresolved_sources, 1e-4);
 }
 
@@ -199,7 +199,7 @@ TEST(Sources, AnUnstableStateHeldByItsConstraintStaysBounded) {
   scene.x0 = Vector::Ones(1);
   scene.T = 4;
   const Vector x = x_at_end(scene, Method::march, 1000);
-  // Held: x' = -20 x + f, at rest with f = 2 behind the last edge.
+  // Held at the stop: x' = -20 x + f, at rest with f = 2 after the last edge.
   EXPECT_NEAR(x[0], 2.0 / 20, 1e-6);
 }
 
@@ -218,7 +218,7 @@ TEST(Sources, TenThousandEdgesAreSummedUp) {
   EXPECT_NEAR(x_at_end(scene, Method::march, 400)[0], exact, 1e-10);
 }
 
-// Heat on a rectangle, heated from the constrained side in an uneven rhythm.
+// Heat on a rectangle, heated from the constrained side at irregular times.
 Scene heated() {
   Scene scene;
   KroneckerDynamics d{{5, 1.0 / 6, 1}, {4, 0.2, 1}, Vector::Zero(4), Vector::Zero(4)};
@@ -245,7 +245,7 @@ TEST(Sources, KroneckerSumsAgreeWithTheDenseSceneThatTheyStandFor) {
   for (const Method method : {Method::march, Method::contour, Method::multigrid}) {
     const Result result = run(scene, with_states(method, 64));
     ASSERT_EQ(result.status, Status::solved) << result.reason;
-    // The same discrete problem, solved to the tolerance of iterations; pieces of f are fitted to 1e-6.
+    // The same discrete problem to the tolerance of iterations; pieces of f are fitted to 1e-6.
     EXPECT_LE(distance(result.y, expected.y), 1e-9) << to_string(method);
     EXPECT_LE(distance(result.x, expected.x), 1e-9) << to_string(method);
     if (method == Method::march) continue;
@@ -282,7 +282,7 @@ TEST(Sources, SparseScenesKeepTheOrderBehindAJump) {
   scene.breakpoints = edges.times;
   scene.x0 = Vector::Zero(m);
   scene.T = 0.2;
-  // One mode of the rod, driven with 1, 3 and 1 again.
+  // One mode of the rod, with the inputs 1, 3 and 1 in turn.
   const double rate = 4 / spacing / spacing * std::pow(std::sin(std::numbers::pi * spacing / 2), 2),
                first = std::exp(-rate * (0.2 - 0.0321)), second = std::exp(-rate * (0.2 - 0.0777)),
                middle = std::sin(std::numbers::pi * double(m / 2 + 1) * spacing),

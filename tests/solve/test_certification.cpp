@@ -1,4 +1,4 @@
-// What goes beyond the residual: magnified perturbations, and solutions that change with the step.
+// Checks beyond the residual: magnified perturbations, and solutions that change with the step.
 
 #include "core/accuracy/magnification.hpp"
 #include "core/kernel/discretise.hpp"
@@ -37,7 +37,7 @@ TEST(Certificate, MagnificationIsTheGrowthOfPerturbations) {
   }
 }
 
-// Rounding stays small beside a state that grows with it, and half the step gives the same.
+// A state that grows with its rounding error keeps its relative accuracy, and half the step gives the same.
 TEST(Certificate, GrowthThatTheSolutionSharesDoesNoHarm) {
   Scene scene = growing(3, 5);
   scene.f = {};
@@ -45,7 +45,7 @@ TEST(Certificate, GrowthThatTheSolutionSharesDoesNoHarm) {
     EXPECT_EQ(run(scene, method, 100).status, Status::solved) << to_string(method);
 }
 
-// A constraint that holds a position takes every perturbation away within two steps: what is left is rounding.
+// A constraint on a position removes every perturbation within two steps; only rounding remains.
 TEST(Certificate, ARestingMassMagnifiesNothing) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
@@ -66,7 +66,7 @@ TEST(Certificate, ActiveConstraintsTakePerturbationsAway) {
   EXPECT_LE(magnification(p, Rule::exponential, RowMatrix::Ones(2001, 1)).growth, 1 + 1e-9);
 }
 
-// The errors of the steps have grown by e^{40}, and the state with them: only half the step shows it.
+// The errors of the steps have grown by e^{40}, and so has the state: only half the step shows it.
 TEST(Certificate, ASolutionWithoutDigitsIsNotCalledSolved) {
   for (const Method method : {Method::march, Method::contour, Method::euler}) {
     const Result r = run(growing(20, 2), method, 400);
@@ -75,8 +75,8 @@ TEST(Certificate, ASolutionWithoutDigitsIsNotCalledSolved) {
   }
 }
 
-// y held down from outside: x' = 20 x - 40 y with w = y - x, so that x = y = e^{-20 t}. h = 1/20 makes I - hA singular,
-// which stages do not mind.
+// y is held by the state: x' = 20 x - 40 y with w = y - x, so x = y = e^{-20 t}. h = 1/20 makes I - hA singular, which
+// does not affect Radau IIA.
 TEST(Certificate, AStepThatEulerCannotTakeIsNoneOfStages) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{20}}, Matrix{{-40}}, Matrix{{-1}}};
@@ -88,7 +88,7 @@ TEST(Certificate, AStepThatEulerCannotTakeIsNoneOfStages) {
   const Result r = run(scene, Method::march, 100);
   ASSERT_EQ(r.status, Status::solved) << r.reason;
   EXPECT_FALSE(r.continuous);
-  // With hA - hB N = -1 the stages of Radau IIA multiply x by R(-1) = (1 - 1/3)/(1 + 2/3 + 1/6) a step.
+  // With hA - hB N = -1, each step of Radau IIA multiplies x by R(-1) = (1 - 1/3)/(1 + 2/3 + 1/6).
   for (Index j = 0; j <= 100; ++j) EXPECT_NEAR(r.y(j, 0), std::pow(4.0 / 11, double(j)), 1e-12) << j;
 }
 
@@ -116,9 +116,9 @@ TEST(Certificate, ChangeWithTheStepIsTakenOnCommonNodes) {
   EXPECT_EQ(whole.mean, 2.0 / 5);
 }
 
-// x = cos t, y = 2 + sin t > 0 held by feedback of the wrong sign: with y active the closed loop grows by e^{(b-1)t}.
-// Once errors of the steps have grown to the size of y, y drops to 0 and stays there: a solution of the discrete
-// problem, with half the step too, and of no use.
+// x = cos t, y = 2 + sin t > 0 under feedback of the wrong sign: with y active the closed loop grows by e^{(b-1)t}.
+// Once the errors have grown to the size of y, y drops to 0 and stays there. That solves the discrete problem, with
+// half the step too, but is useless.
 TEST(Certificate, ATrajectoryThatHasLeftTheSolutionIsNotCalledSolved) {
   for (const double b : {10.0, 30.0, 100.0})
     for (const Index J : {200, 1000})
@@ -138,7 +138,7 @@ TEST(Certificate, ATrajectoryThatHasLeftTheSolutionIsNotCalledSolved) {
       }
 }
 
-// M = 1e-6 is a spring that throws the mass back within pi/1000: steps that do not see the rebound have no answer.
+// M = 1e-6 is a spring that throws the mass back within pi/1000. Steps that miss the rebound must not count as solved.
 TEST(Certificate, ARebound) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
@@ -159,7 +159,7 @@ TEST(Certificate, ARebound) {
   }
 }
 
-// An initial layer of width M = 1e-4 that no step of 1e-3 resolves: x rises from -1 to 0 and no further.
+// An initial layer of width M = 1e-4, unresolved by steps of 1e-3: x rises from -1 to 0 and no further.
 TEST(Certificate, AnUnresolvedLayerDoesNotThrowTheStateOver) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
@@ -175,7 +175,7 @@ TEST(Certificate, AnUnresolvedLayerDoesNotThrowTheStateOver) {
   }
 }
 
-// e^{50 t} with steps of 0.04: rational methods turn its growth into decay, with half the step too.
+// e^{50 t} with steps of 0.04: rational methods turn growth into decay, with half the step too.
 TEST(Certificate, AGrowingModeThatStepsDoNotResolveIsNotCalledSolved) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{50, 0}, {0, -1}}, Matrix{{0}, {1}}, Matrix{{0, 1}}};
@@ -196,7 +196,7 @@ TEST(Certificate, AGrowingModeThatStepsDoNotResolveIsNotCalledSolved) {
     EXPECT_EQ(run(scene, method, 25).status, Status::solved) << to_string(method);
 }
 
-// A mass on a spring that turns by more than a radian in a step, and a soft stop: no method follows it at these steps.
+// A mass on a spring that rotates by more than a radian per step, and a soft stop: no method resolves it.
 TEST(Certificate, FastOscillationsAreNotDampedSilently) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{0, 1}, {-1e6, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
@@ -214,7 +214,7 @@ TEST(Certificate, FastOscillationsAreNotDampedSilently) {
   EXPECT_EQ(run(scene, Method::automatic, 20000).status, Status::solved);
 }
 
-// What is decoupled from an unstable part, moved by the solution or not, has its digits whatever that part does.
+// A part decoupled from an unstable part stays accurate, whether or not the solution excites the unstable one.
 TEST(Certificate, PartsThatAreDecoupledDoNotSpoilEachOther) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{30, 0}, {0, -1}}, Matrix{{0}, {1}}, Matrix{{0, 1}}};
@@ -231,7 +231,7 @@ TEST(Certificate, PartsThatAreDecoupledDoNotSpoilEachOther) {
     }
 }
 
-// slow' = -slow/3 or so beside a mode of rate 3 a: what rounding of e^{hA} does to the slow one is avoided or said.
+// slow' = -slow/3 or so beside a mode of rate 3 a: rounding of e^{hA} in the slow mode is avoided or reported.
 TEST(Certificate, RoundingOfTheExponentialIsAvoidedOrSaid) {
   for (const double a : {1e6, 1e10, 1e13})
     for (const Method method : {Method::march, Method::contour, Method::euler}) {

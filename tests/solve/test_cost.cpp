@@ -1,4 +1,4 @@
-// What is refused before it runs.
+// Problems that are refused before they run.
 
 #include "core/solve/cost.hpp"
 
@@ -27,8 +27,8 @@ std::string refused_cost(const Scene& scene, Method method, Index steps, double 
 
 class CostTest : public BackendTest {
  protected:
-  // A prediction also counts what is gone before the last sweep or step: copies on the way, the weights that are held
-  // against each other, matrices from which e^{hA} is made. It may be that much larger, but not much smaller.
+  // A prediction includes memory that is freed before the last sweep or step: temporary copies, weights used for
+  // checks, matrices for e^{hA}. It may be larger by that much, but not much smaller.
   void expect_predicted(const Scene& scene, Method method, Index J) {
     Options options = options_for(method, J);
     options.max_iterations = 5;  // the arrays are the same
@@ -59,7 +59,7 @@ TEST_P(CostTest, AScenePredictsWhatItHolds) {
   for (const double Q : {39., 127.})
     for (const Index J : {400, 4000})
       for (const Method method : {Method::march, Method::contour, Method::multigrid, Method::euler}) {
-        if (Q == 127 && J == 4000) continue;  // takes long and says nothing new
+        if (Q == 127 && J == 4000) continue;  // takes long without testing more
         expect_predicted(make_scene("signorini", {{"Q", Q}}), method, J);
       }
   // 100 states and 10 constraints, where one application of the kernel is an FFT over n x n weights.
@@ -76,7 +76,7 @@ TEST(Cost, WhatDoesNotFitIsRefusedWithNumbers) {
   EXPECT_EQ(refused_cost(make_scene("bridge"), Method::march, 1000, 1e9), "");
 }
 
-// A Kronecker sum with 10^4 constraints: marching wants n x n matrices, the iteration does not.
+// A Kronecker sum with 10^4 constraints: marching needs n x n matrices, the iteration does not.
 TEST(Cost, AutoIsRefusedOnlyWhereNothingFits) {
   const Index n = 10000;
   Scene scene = make_scene("signorini");

@@ -1,5 +1,4 @@
-// A result between its time points: against the same y on a finer grid, where it is the same function, and against
-// exact solutions.
+// A result between its time points: against the same function y on a finer grid, and against exact solutions.
 
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
@@ -31,7 +30,7 @@ Result refined(const Result& result) {
 
 TEST(DenseOutput, IsTheStateOfPiecewiseLinearY) {
   Scene scene = make_scene("signorini", {{"Q", 7}});
-  scene.f = {};  // its samples on the two grids are two functions
+  scene.f = {};  // its samples differ between the grids
   const auto backend = make_cpu_backend(1);
   const Result result = solve(scene, *backend, with_states(20));
   ASSERT_EQ(result.status, Status::solved) << result.reason;
@@ -69,7 +68,7 @@ TEST(DenseOutput, HasTheOrderOfTheMethod) {
     errors.push_back(error);
   }
   EXPECT_LE(errors[0], 1e-2);
-  EXPECT_LE(errors[1], errors[0] / 10);  // 16, where the times lie alike in their steps
+  EXPECT_LE(errors[1], errors[0] / 10);  // 16 if the times lie alike within their steps
 }
 
 TEST(DenseOutput, RefusesWhatItCannotKnow) {

@@ -1,5 +1,5 @@
-// Error control: what is called solved is as exact as asked for, the estimate is near the true error, and where the
-// tolerance cannot be reached that is said.
+// Error control: a solved result meets the tolerance, the estimate is close to the true error, and a tolerance out of
+// reach is reported.
 
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
@@ -22,7 +22,7 @@ TEST(IterationError, IsTheSumOfTheSweepsThatAreLeft) {
   EXPECT_NEAR(iteration_error({1, 0.5, 0.25, 0.125, 0.0625}), 0.0625, 1e-14);
   EXPECT_EQ(iteration_error({}), 0);
   EXPECT_EQ(iteration_error({1, 0}), 0);
-  EXPECT_NEAR(iteration_error({1e-13, 1e-13, 1e-13}), 99e-13, 1e-14);  // does not contract: bounded, not infinite
+  EXPECT_NEAR(iteration_error({1e-13, 1e-13, 1e-13}), 99e-13, 1e-14);  // no contraction: large but finite
 }
 
 // ---- scenes ----
@@ -33,8 +33,8 @@ Options options_to(double tolerance, Method method = Method::automatic) {
   return options;
 }
 
-/// Largest difference over t > 0, of each component relative to max(max |known|, 1e-3 of the largest component);
-/// `known` with `stride` times the steps.
+/// Largest difference over t > 0, each component relative to max(max |known|, 1e-3 of the largest component). `known`
+/// has `stride` times as many steps.
 double relative(const RowMatrix& found, const RowMatrix& known, Index stride) {
   Vector error = Vector::Zero(found.cols()), size = error;
   for (Index j = 1; j < found.rows(); ++j) {
@@ -57,7 +57,8 @@ RowMatrix exact_y(const Scene& scene, const Result& result) {
   return known;
 }
 
-/// Of y, against the exact solution or eight times the steps, whose own error is at most 1/8 of it (first order).
+/// Error of y against the exact solution, or against eight times the steps, whose own error is at most 1/8 (first
+/// order).
 double true_error(const Scene& scene, const Result& result) {
   const Index J = result.steps;
   if (!scene.exact) {
@@ -67,10 +68,10 @@ double true_error(const Scene& scene, const Result& result) {
   return relative(result.y, exact_y(scene, result), 1);
 }
 
-// Where y is smooth between few kinks, orders are those of theory and the estimate is the error. The moving ends of a
-// contact set change the error of a grid, and the difference of two, by factors of up to sqrt(2) from their trend; with
-// an order of 1.5 observed where it is 2, that makes at most 2 (2^2 - 1)/(2^1.5 - 1) = 3.3 times the error or half of
-// it, and 4 with the error of the reference.
+// For y smooth between few kinks, orders follow theory and the estimate is close to the error. Moving ends of a contact
+// set change the error of a grid, and differences of grids, by factors of up to sqrt(2) from their trend. With an
+// observed order of 1.5 instead of 2, the estimate is at most 2 (2^2 - 1)/(2^1.5 - 1) = 3.3 times the error, or half of
+// it; 4 with the error of the reference.
 constexpr double least_effectivity = 0.5, largest_effectivity = 4;
 
 struct Case {
@@ -132,7 +133,7 @@ TEST(ErrorControl, HoldsForTheStatesAskedFor) {
   EXPECT_TRUE(std::isnan(run(scene, options).errors->states));
 }
 
-// Everything but A, B, N, M times s: y and x are s times as large, with the same grids.
+// Everything except A, B, N, M times s: y and x scale with s, on the same grids.
 Scene scaled_scene(double s) {
   Scene scene = make_scene("dlcp-small");
   scene.x0 *= s;
@@ -148,7 +149,7 @@ Scene scaled_scene(double s) {
 
 TEST(ErrorControl, IsRelativeInAnyUnits) {
   const Result plain = run(scaled_scene(1), options_to(1e-4));
-  for (const double s : {0x1p-40, 0x1p40}) {  // powers of two: not even rounding differs
+  for (const double s : {0x1p-40, 0x1p40}) {  // powers of two: identical rounding
     const Result other = run(scaled_scene(s), options_to(1e-4));
     ASSERT_EQ(other.status, Status::solved) << other.reason;
     EXPECT_EQ(other.errors->grids, plain.errors->grids);
@@ -201,7 +202,7 @@ TEST(ErrorControl, EndsWithItsBudget) {
   EXPECT_NE(by_time.reason.find("max-seconds"), std::string::npos) << by_time.reason;
 }
 
-// Two grids that see no contact do not prove that there is none.
+// Agreement of two grids that both miss a contact does not prove that there is none.
 TEST(ErrorControl, NeverEndsBelowTheStepsOfTheScene) {
   for (const char* name : {"dlcp-small", "bridge"}) {
     const Scene scene = make_scene(name);
@@ -344,13 +345,13 @@ TEST_F(ErrorControlOfExamples, OfDiscontinuousYControlYWhereItConverges) {
     EXPECT_FALSE(result.errors->of_integral);
     const double error = true_error(scene, result);
     EXPECT_LE(error, 1e-5) << name;
-    // Scattered differences are a third of the error at least (tests/accuracy/test_convergence.cpp,
+    // Scattered estimates are at least a third of the error (tests/accuracy/test_convergence.cpp,
     // OfScatteredErrors...).
     EXPECT_GE(*result.error_estimate, error / 3) << name;
   }
 }
 
-// Perturbations grow 1e4 times here: rounding alone makes errors of 1e-6 in y. The exact solution is known.
+// Perturbations grow by 1e4 here: rounding alone causes errors of 1e-6 in y. The exact solution is known.
 TEST_F(ErrorControlOfExamples, CountWhatRoundingDoesToY) {
   const Scene scene = read("dlcp-small-unstable");
   for (const double tolerance : {1e-5, 1e-6}) {
@@ -363,7 +364,8 @@ TEST_F(ErrorControlOfExamples, CountWhatRoundingDoesToY) {
   }
 }
 
-// Switches of this relay stay in their steps for several halvings, and the differences of grids vanish with them.
+// Switches of this relay keep their place within the step for several halvings, so differences of grids vanish by
+// chance.
 TEST_F(ErrorControlOfExamples, AreNotSolvedByChance) {
   const Scene scene = read("relay-oscillator");
   for (const Index first : {0, 82}) {

@@ -1,4 +1,4 @@
-// Scenes at the edge of what the engine can do: each ends in the right answer or says why not.
+// Scenes at the limits of the engine: each ends with the right answer or a reason.
 
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
@@ -30,7 +30,7 @@ TEST(HardCases, DiffusionSoFastThatTheKernelIsGoneAfterAStep) {
       const Scene scene = make_scene("signorini", {{"Q", 9}, {"c", c}});
       const Result r = run(scene, options_for(method, 100));  // which resolve g
       ASSERT_EQ(r.status, Status::solved) << c << " " << to_string(method) << ": " << r.reason;
-      // The static problem: the weights are those of W_0 = -N A^{-1} B, y stays below max psi = 4.
+      // Quasi-static: W_0 = -N A^{-1} B dominates, y stays below max psi = 4.
       if (c < 1e6) {
         EXPECT_LE(distance(r.y, run(dense_twin(scene), options_for(method, 100)).y), 1e-9)
             << c << " " << to_string(method);
@@ -50,7 +50,7 @@ TEST(HardCases, ForcedChoicesOfTheKernelStayExact) {
 }
 
 TEST(HardCases, DrivesThatMissAMode) {
-  // b in the middle of a line of five has no part in the even modes, b = 0 in none.
+  // b in the middle of a line of five vanishes in the even modes, b = 0 in all.
   for (const Vector& b : {Vector{{0, 0, 1, 0, 0}}, Vector{{1, 1, 1, 1, 1}}, Vector{{0, 0, 0, 0, 0}}}) {
     const Scene scene = rectangle(b, Vector{{-0.5, 0, 0, -0.2, 0}}, 2);
     for (const Method method : {Method::automatic, Method::contour, Method::march, Method::euler}) {

@@ -1,4 +1,4 @@
-// The order in which `auto` tries the methods. How good the predictions are is for `bench auto` to show.
+// The order in which `auto` tries the methods. `bench auto` measures the quality of the predictions.
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/solve/method_choice.hpp"

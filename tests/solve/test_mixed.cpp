@@ -1,6 +1,6 @@
-// Mixed problems: rows with w = 0 and a free y beside complementary ones. Each step of implicit Euler is compared with
-// an enumeration of the active sets of the whole mixed problem; the other methods with a prescribed solution and with
-// each other.
+// Mixed problems: rows with w = 0 and free y beside complementary rows. Each step of implicit Euler is compared with an
+// enumeration of the active sets of the whole mixed problem, the other methods with a prescribed solution and with each
+// other.
 
 #include "core/solve/dense_output.hpp"
 #include "core/solve/mixed.hpp"
@@ -18,7 +18,7 @@ namespace {
 
 using reference::pi;
 
-/// y with y_C >= 0 ⊥ w_C >= 0 and w_F = 0, w = M y + q: every active set that holds F, the least residual wins.
+/// y with y_C >= 0 ⊥ w_C >= 0 and w_F = 0, w = M y + q: all active sets that contain F; the smallest residual wins.
 Vector mixed_lcp(const Matrix& M, const Vector& q, const std::vector<Index>& free) {
   const Index n = q.size();
   double best = INFINITY;
@@ -41,7 +41,7 @@ Vector mixed_lcp(const Matrix& M, const Vector& q, const std::vector<Index>& fre
   return found;
 }
 
-/// x_j = x_{j-1} + h (A x_j + B y_j + f_j) with the whole mixed problem in every step.
+/// x_j = x_{j-1} + h (A x_j + B y_j + f_j) with the whole mixed problem at every step.
 RowMatrix euler_by_enumeration(const Scene& scene, Index J, RowMatrix& states) {
   const oracle::DenseScene s = oracle::write_out(scene);
   const Index m = s.A.rows(), n = s.M.rows();
@@ -62,7 +62,7 @@ RowMatrix euler_by_enumeration(const Scene& scene, Index J, RowMatrix& states) {
   return y;
 }
 
-/// A random P-scene whose rows `free` are equations, sources of both kinds.
+/// A random P-scene with equations in the rows `free`, and sources of both kinds.
 Scene random_mixed(std::uint32_t seed, Index m, Index n, const std::vector<Index>& free) {
   Scene scene = oracle::random_scene(seed, m, n, oracle::SpectrumKind::sector, oracle::MatrixKind::positive_definite);
   scene.free_rows = free;
@@ -88,7 +88,7 @@ TEST(Mixed, ImplicitEulerAgreesWithEnumeration) {
   }
 }
 
-/// x, y_C, w_C and y_F prescribed; f and g follow from them.
+/// Prescribes x, y_C, w_C and y_F; f and g follow.
 Scene prescribed(bool sparse, SourceEntry entry) {
   const Matrix A{{-1, 2, 0}, {-2, -1, 1}, {0, 0, -3}}, B{{1, 0, 1}, {0, 1, -1}, {1, 1, 1}},
       N{{1, 0, 1}, {0, 1, 0}, {1, -1, 0}};
@@ -147,7 +147,7 @@ TEST(Mixed, EverySourceEntryHasTheOrderOfMarching) {
       const Scene scene = prescribed(sparse, entry);
       const Result coarse = with_states(scene, Method::march, 64), fine = with_states(scene, Method::march, 128);
       ASSERT_EQ(fine.status, Status::solved) << fine.reason;
-      // Kinks of y lie on the nodes: second order, in the unknowns that were eliminated as well.
+      // Kinks of y lie on nodes: second order, also for the eliminated unknowns.
       EXPECT_NEAR(std::log2(error(scene, coarse) / error(scene, fine)), 2, 0.1) << int(entry) << sparse;
       EXPECT_LE(error(scene, fine), 1e-3);
     }
@@ -223,7 +223,7 @@ TEST(Mixed, ToleranceIsKeptByWhatWasEliminated) {
   const Result result = run(scene, options);
   ASSERT_EQ(result.status, Status::solved) << result.reason;
   EXPECT_LE(error(scene, result), 1e-4);
-  // All rows are smooth between kinks on the grid points, free ones included: the estimate is that of their own error.
+  // All rows, including free ones, are smooth between kinks on grid points: the estimate is that of their own error.
   double of_y = 0;
   Vector x(scene.states()), y(scene.constraints());
   for (Index j = 1; j < result.t.size(); ++j) {

@@ -1,4 +1,4 @@
-// What must hold for any solver: causality, symmetry, scaling, states, and an honest status.
+// Properties of any solver: causality, symmetry, scaling, states, and a correct status.
 
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
@@ -37,8 +37,8 @@ TEST_P(EveryMethod, TheFutureDoesNotChangeThePast) {
     if (t > change_at) v.array() -= 3;
   };
   const RowMatrix y = solved_y(before, GetParam(), J), changed = solved_y(after, GetParam(), J);
-  // Step by step nothing of the future is known; with a jump ahead other operators make the same steps, up to rounding
-  // of values of size 1. All at once, the last iterate differs within the iteration tolerance, and an FFT along time
+  // Marching does not use the future. With a jump ahead, other operators make the same steps up to rounding of values
+  // of size 1. Methods over all times differ in the last iterate within the iteration tolerance, and an FFT along time
   // spreads rounding over all rows.
   const double tolerance =
       GetParam() == Method::contour || GetParam() == Method::multigrid ? same_problem : 16 * epsilon;
@@ -129,7 +129,7 @@ void expect_states(const Scene& scene, Method method, Index steps) {
   result = run(scene, options);
   ASSERT_EQ(result.x.rows(), steps + 1);
   ASSERT_EQ(result.x.cols(), scene.states());
-  // States are the convolution of a y that is right to same_problem with kernels of norm below 10.
+  // States are the convolution of y, accurate to same_problem, with kernels of norm below 10.
   EXPECT_LE(distance(result.x, expected.x), 10 * same_problem) << to_string(method);
   EXPECT_LE(distance(result.y, expected.y), same_problem) << to_string(method);
 
@@ -156,7 +156,7 @@ TEST(States, OfSignorini) {
 
 // ---- status and bad input ----
 
-/// M has the solutions (1, 0) and ((2x-1)/3, (x-2)/3), which merge at x = 2, t = ln(5/3); none exists afterwards.
+/// M has the solutions (1, 0) and ((2x-1)/3, (x-2)/3), which merge at x = 2, t = ln(5/3), and disappear.
 Scene fold() {
   Scene scene;
   scene.name = "fold";
@@ -175,7 +175,7 @@ TEST(Status, InfeasibleWhereTheSolutionsMerge) {
   ASSERT_EQ(result.status, Status::infeasible) << result.reason;
   EXPECT_FALSE(result.reason.empty());
   ASSERT_TRUE(result.infeasible_at);
-  // y is constant until then, so marching is exact and the first step beyond the fold fails.
+  // y is constant until then, so marching is exact, and the first step beyond the fold fails.
   EXPECT_LE(std::abs(*result.infeasible_at - std::log(5. / 3)), 1. / double(steps));
   ASSERT_EQ(result.y.rows(), steps + 1);
   for (Index j = 0; j <= steps; ++j) {

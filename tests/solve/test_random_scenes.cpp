@@ -1,5 +1,5 @@
-// Random scenes of every class and spectrum against the oracle: no result may be anything else than it says. The same
-// with many more scenes: bench/random_scenes.cpp.
+// Random scenes of every class and spectrum against the oracle: no result may claim something false.
+// bench/random_scenes.cpp runs many more.
 
 #include "tests/support/run.hpp"
 #include "tests/support/verdict.hpp"
@@ -41,10 +41,10 @@ TEST(RandomScenes, NothingFailsSilently) {
       missed += method == Method::automatic && trial.missed;
     }
   }
-  // The scenes do reach what the solver can say.
+  // The scenes must reach every status of the solver.
   for (const char* status : {"solved", "infeasible", "tolerance_not_met", "unsupported"})
     EXPECT_TRUE(statuses.contains(status)) << status;
-  // What is withheld although the oracle solves the steps: scenes that magnify errors, on coarse grids.
+  // Most scenes are solved; the others magnify errors on coarse grids, though the oracle solves the steps.
   EXPECT_GT(solved, Index(0.75 * count));
   EXPECT_LE(missed, Index(0.04 * count));
 }
@@ -110,7 +110,7 @@ void expect_found(Method method, const Change& change) {
     found += !judge(dense, result).failure.empty();
   }
   EXPECT_GE(tried, 10);
-  // Where a change keeps a solution (a state that drives nothing and is not seen) there is nothing to find.
+  // A change that leaves a solution (a state without effect and observation) cannot be found.
   EXPECT_GE(found, tried - 1);
 }
 
@@ -137,7 +137,7 @@ TEST(Judge, FindsFalseInfeasibility) {
 }
 
 TEST(Judge, KnowsTheDiscretisations) {
-  // A result of one scheme is not one of another.
+  // A result of one scheme is not a result of another.
   expect_found(Method::euler, [](Result& r) { r.method = Method::march; });
 }
 
@@ -172,7 +172,7 @@ TEST(OracleSteps, StabilityFunctionOfRadau) {
   }
 }
 
-// x' = y, 0 <= y ⊥ x - (t - 1/2) >= 0: a wall that moves to the right with speed 1 pushes x once it has come.
+// x' = y, 0 <= y ⊥ x - (t - 1/2) >= 0: a wall moving right with speed 1 pushes x once it arrives.
 Scene wall(double x0) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix::Zero(1, 1), Matrix::Ones(1, 1), Matrix::Ones(1, 1)};
@@ -193,7 +193,7 @@ TEST(OracleSteps, RadauFollowsAMovingWall) {
 }
 
 TEST(OracleSteps, AJumpIsTakenByEuler) {
-  // The wall stands at -1/2 at t = 0, x0 = -1 is behind it: y is an impulse, x = t_1 - 1/2 after one step.
+  // The wall is at -1/2 at t = 0 and x0 = -1 is behind it: y is an impulse, x = t_1 - 1/2 after one step.
   const Trajectory found = trajectory(write_out(wall(-1)), Scheme::radau, 8);
   ASSERT_EQ(found.infeasible, -1);
   EXPECT_TRUE(std::isnan(found.y(0, 0)));

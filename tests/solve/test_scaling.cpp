@@ -1,4 +1,4 @@
-// Units do not matter: a scene in other units ends with the same status and the same solution.
+// Units do not matter: a scene in other units ends with the same status and solution.
 
 #include "core/solve/scaling.hpp"
 
@@ -24,7 +24,7 @@ using oracle::in_other_units;
 using oracle::UnitChange;
 
 /// Largest difference of a column, relative to its largest value. Columns below `noise` of the largest in natural units
-/// are rounding. Infinite where the same rows are not valid.
+/// are rounding errors. Infinite if different rows are valid.
 double apart(const RowMatrix& a, const RowMatrix& b, const std::vector<int>& units, const std::vector<int>& natural) {
   if (a.rows() != b.rows() || a.cols() != b.cols()) return INFINITY;
   constexpr double noise = 1e-12;
@@ -66,7 +66,7 @@ Ended end_of(const Scene& scene, Method method, Index steps) {
   }
 }
 
-/// The scene with data that are rounded otherwise: every entry changes by a few eps.
+/// The scene with other rounding: every entry changes by a few eps.
 Scene rounded(Scene scene) {
   Index k = 0;
   const auto change = [&k](double& value) { value *= 1 + 4 * epsilon * std::cos(1.0 + 2.4 * double(k++)); };
@@ -90,8 +90,8 @@ Scene rounded(Scene scene) {
 
 enum class Compared { same, rounding_decides };
 
-/// Status, steps, y and x are the same: to 1e-10, or to what a few roundings of the data make of them. Where these
-/// alone change the status nothing is compared.
+/// Expects the same status, steps, y and x: to 1e-10, or to the effect of a few roundings of the data. If these alone
+/// change the status, nothing is compared.
 Compared expect_same(const Scene& scene, const UnitChange& units, Method method, Index steps) {
   const Ended a = end_of(scene, method, steps), b = end_of(in_other_units(scene, units), method, steps);
   const Ended c = end_of(rounded(scene), method, steps);
@@ -146,7 +146,7 @@ TEST(Scaling, Examples) {
     SCOPED_TRACE(name);
     Scene scene = read_scene_file(entry.path()).scene;
     if (scene.constraints() == 0) continue;
-    // What a file says of M holds in its own units; here the solver has to see it in others.
+    // A class of M stated in a file holds in its own units; here the solver must detect it in others.
     if (scene.lcp_class == LcpClass::PSD) scene.lcp_class = LcpClass::automatic;
     const Index steps = std::min<Index>(scene.default_steps, 400);
     compared += expect_same(scene, any_units(scene, 7, 6, 6), Method::automatic, steps) == Compared::same;
@@ -154,7 +154,7 @@ TEST(Scaling, Examples) {
   EXPECT_GE(compared, 22);
 }
 
-/// The residual of a result, written out from its definition.
+/// The residual of a result, by definition.
 double residual_of(const Scene& scene, const Result& result) {
   double worst = 0;
   Vector g = Vector::Zero(scene.constraints());
@@ -191,7 +191,7 @@ TEST(Scaling, NothingHappensNearOne) {
   EXPECT_TRUE(natural_units(scene).trivial());
 }
 
-// Components 1e9 apart were called singular.
+// States whose sizes differ by 1e9 must not count as singular.
 TEST(Scaling, StatesFarApartAreNotSingular) {
   Scene scene;
   Matrix A(2, 2), B(2, 1), N(1, 2);
@@ -206,7 +206,7 @@ TEST(Scaling, StatesFarApartAreNotSingular) {
     EXPECT_EQ(end_of(scene, method, 50).status, "solved") << to_string(method);
 }
 
-// All quantities at 1e-13: what counts as converged is meant in natural units.
+// All quantities at 1e-13: convergence is measured in natural units.
 TEST(Scaling, TinyQuantities) {
   const oracle::RandomScene random = oracle::any_scene(4);  // M-matrix
   Scene tiny = random.scene;

@@ -152,7 +152,7 @@ TEST(Order, SignoriniWithoutTheInitialLayer) {
     }
     return out;
   };
-  // Second order, less what switches between grid points disturb (observed slopes are 2.0 to 2.1); first order.
+  // Second order up to the effect of switches between grid points (observed slopes are 2.0 to 2.1); first order.
   EXPECT_GE(observed_order(steps, errors(Method::march)), 1.9);
   const double euler = observed_order(steps, errors(Method::euler));
   EXPECT_GE(euler, 0.9);
@@ -167,7 +167,7 @@ TEST(Order, DlcpSmallAgainstItsExactSolution) {
   // B y + f = x' - A x is interpolated to h^2/12 max|(x' - A x)''| = 1e-6; ||M_SS^{-1} N|| <= 16.5 takes that to y.
   EXPECT_LE(march.back(), 1.7e-5);
   const std::vector<double> euler = errors_of_y(scene, Method::euler, steps);
-  EXPECT_GE(observed_order(steps, euler), 0.85);  // h ||B y'|| is not small yet: 0.93 to 0.98 between these steps
+  EXPECT_GE(observed_order(steps, euler), 0.85);  // h ||B y'|| is not yet small: 0.93 to 0.98 between these steps
   EXPECT_LE(observed_order(steps, euler), 1.1);
 }
 
@@ -176,7 +176,7 @@ TEST(Order, BridgeAgainstItsExactSolution) {
   const std::vector<Index> steps{128, 256, 512, 1024};
   const std::vector<double> march = errors_of_y(scene, Method::march, steps);
   EXPECT_GE(observed_order(steps, march), 1.9);
-  EXPECT_LE(march.back(), 1e-3);  // h^2/12 max|f''| T, the interpolation error of f integrated without its oscillation
+  EXPECT_LE(march.back(), 1e-3);  // h^2/12 max|f''| T: interpolation error of f, integrated without cancellation
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A Solver against solving the changed scene from the beginning.
+// A Solver against a fresh solve of the changed scene.
 
 #include "core/solve/solver.hpp"
 
@@ -19,8 +19,8 @@
 namespace bromwich::solver_test {
 namespace {
 
-// Natural units of the first scene against those of the changed one: rounding
-// apart, amplified by M^{-1} at most.
+// Natural units of the first scene against those of the changed one: differences by
+// rounding, amplified by M^{-1} at most.
 constexpr double rounding = 1e-11;
 
 void expect_same(const Result& found, const Result& expected, const std::string& what) {
@@ -174,7 +174,7 @@ TEST(Solver, SourcesThatJumpAndThatComeAndGo) {
   }
 }
 
-// What is documented to be kept is kept: no shifted solve for another g.
+// Documented reuse: another g needs no shifted solve.
 TEST(Solver, KeepsTheShiftedSolves) {
   Scene scene = sparse_signorini();
   const SparseDynamics sparse = std::get<SparseDynamics>(scene.dynamics);
@@ -209,7 +209,7 @@ TEST(Solver, KeepsTheShiftedSolves) {
   EXPECT_GT(*calls, first);
 }
 
-// How f enters the reduced scene follows from which sources there are: with a mass matrix and with free rows.
+// How f enters the reduced scene depends on which sources exist: with a mass matrix and with free rows.
 TEST(Solver, SourcesThatComeToReducedScenes) {
   const auto backend = make_cpu_backend(1);
   Options options;
@@ -239,7 +239,7 @@ TEST(Solver, SourcesThatComeToReducedScenes) {
   }
 }
 
-// Sources whose values at the points of the grid are the same and which differ all the same.
+// Sources that agree at all grid points and differ elsewhere.
 TEST(Solver, SourcesThatDifferBetweenPointsOrInTheirShapes) {
   const auto backend = make_cpu_backend(1);
   Options options;
@@ -282,7 +282,7 @@ TEST(Solver, GoalTakesTheNewInput) {
   EXPECT_GT(found.x.cwiseAbs().maxCoeff(), 1.5 * first.x.cwiseAbs().maxCoeff()) << "three times the input";
 }
 
-// Options are copied, what they point to as well; a failing source leaves nothing half made.
+// Options are copied, including what they point to; a failing source leaves no partial state.
 TEST(Solver, KeepsItsOwnStartAndSurvivesSourcesThatThrow) {
   const auto backend = make_cpu_backend(1);
   const Scene scene = make_scene("dlcp-small");

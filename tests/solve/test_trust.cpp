@@ -1,5 +1,5 @@
-// Random scenes with every kind of source, solved to a tolerance: what is called solved is right, in the measure of
-// Options::tolerance, against the event-located oracle. Many more of them: bench/trust.cpp.
+// Random scenes with every kind of source, solved to a tolerance: a solved result is right, in the measure of
+// Options::tolerance, against the event-located oracle. bench/trust.cpp runs many more.
 
 #include "tests/support/run.hpp"
 #include "tests/support/trust.hpp"
@@ -41,7 +41,7 @@ TEST(Trust, NothingSolvedIsWrong) {
   EXPECT_GE(right, Index(0.6 * double(decided)));
 }
 
-// The judge itself sees an error: one row of y, or of x, that is off by more than the tolerance.
+// The judge detects an error: one row of y or x that is off by more than the tolerance.
 TEST(Trust, AWrongRowIsSeen) {
   const SourceScene s = source_scene(0);
   const EventSolution truth = locate_events(s.base);

@@ -1,5 +1,5 @@
 #pragma once
-// The backends that the contract tests run on, and what those tests share.
+// The backends of the contract tests, and helpers of these tests.
 
 #include "core/seam/backend.hpp"
 #include "cpu/cpu_backend.hpp"
@@ -24,8 +24,8 @@ struct BackendCase {
 
 inline void PrintTo(const BackendCase& c, std::ostream* out) { *out << c.name; }
 
-/// One thread, two, and more than there are blocks of modes or cores; naive loops; the CUDA backend where a device is
-/// found.
+/// CPU with one thread, with two, and with more threads than cores or blocks of modes; naive loops; CUDA if there is a
+/// device.
 inline std::vector<BackendCase> backend_cases() {
   std::vector<BackendCase> cases{{"cpu1", [] { return make_cpu_backend(1); }},
                                  {"cpu2", [] { return make_cpu_backend(2); }},
@@ -53,7 +53,7 @@ class BackendTest : public testing::TestWithParam<BackendCase> {
   std::unique_ptr<Backend> backend = GetParam().make();
 };
 
-/// The same on both backends; skipped where there is no device.
+/// Compares the CPU with CUDA; skipped if there is no device.
 class BothBackends : public testing::Test {
  protected:
   void SetUp() override {

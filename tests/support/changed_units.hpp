@@ -1,6 +1,6 @@
 #pragma once
-// A scene in other units: x_i = 10^{x_i} x'_i, y and w alike, t = 10^{time} t'. Written out entry by entry, without the
-// solver's own scaling.
+// A scene in other units: x_i = 10^{x_i} x'_i, the same for y and w, t = 10^{time} t'. Applied entry by entry, without
+// the solver's own scaling.
 
 #include "core/scene/scene.hpp"
 
@@ -18,7 +18,7 @@ struct UnitChange {
 
 inline double power_of_ten(int k) { return k >= 0 ? std::pow(10.0, k) : 1 / std::pow(10.0, -k); }
 
-/// Exponents in [-largest, largest]; of Kronecker sums, whose rows share a unit, one for each kind.
+/// Exponents in [-largest, largest]. In a Kronecker sum all rows of one kind share a unit.
 inline UnitChange any_units(const Scene& scene, std::uint32_t seed, int largest, int largest_of_time) {
   std::mt19937 engine(seed);
   const auto draw = [&engine](int most) { return int(engine() % std::uint32_t(2 * most + 1)) - most; };

@@ -1,5 +1,5 @@
 #pragma once
-// A scene with every matrix written out and f as an m-vector.
+// A scene with all matrices dense and f as an m-vector.
 
 #include "core/scene/scene.hpp"
 

@@ -1,6 +1,6 @@
 #pragma once
-// Least-norm solutions of monotone complementarity problems by trying every set of active inequalities, and random
-// problems whose solutions, or whose lack of one, are known from the way they are made.
+// Least-norm solutions of monotone complementarity problems by enumeration of the active inequalities, and random
+// problems whose solution or infeasibility is known by construction.
 
 #include "tests/support/reference.hpp"
 
@@ -11,9 +11,9 @@
 
 namespace bromwich::oracle {
 
-/// min ||y|| over the solutions of LCP(q, M), M PSD, n <= 6, given one solution y*: the set is y >= 0, M y + q >= 0,
-/// (M + M^T)(y - y*) = 0, q^T (y - y*) = 0 (Cottle, Pang, Stone, theorem 3.1.7). The minimiser is the point of least
-/// norm of an affine set, given by the inequalities active there.
+/// min ||y|| over the solutions of LCP(q, M), M PSD, n <= 6, given one solution y*. The solution set is y >= 0,
+/// M y + q >= 0, (M + M^T)(y - y*) = 0, q^T (y - y*) = 0 (Cottle, Pang, Stone, theorem 3.1.7). The minimiser is the
+/// least-norm point of the affine set defined by its active inequalities.
 inline Vector least_norm(const Matrix& M, const Vector& q, const Vector& known) {
   const Index n = q.size();
   Matrix equal(n + 1, n), bounds(2 * n, n);
@@ -45,8 +45,8 @@ struct Monotone {
   Vector q, known;  ///< one solution
 };
 
-/// A singular PSD matrix with small integer entries in its factors, so that ranks are clear: L L^T plus, by `kind`,
-/// nothing, a skew part, only a skew part, or every column and row twice. The known solution is degenerate at times.
+/// A singular PSD matrix with small integer factors, so that ranks are clear: L L^T plus, by `kind`, nothing or a skew
+/// part; only a skew part; or every row and column twice. The known solution is sometimes degenerate.
 inline Monotone random_monotone(reference::Random& random, Index n, int kind) {
   const auto integers = [&random](Index rows, Index cols) {
     return Matrix(Matrix::NullaryExpr(rows, cols, [&random] { return std::round(random.uniform(-2.4, 2.4)); }));

@@ -51,10 +51,10 @@ std::vector<Candidate> candidates(const Matrix& M, const Vector& q) {
   return all;
 }
 
-/// A residual that rounding in a solve of size n <= 10 explains.
+/// Bound for the rounding error of a solve of size n <= 10.
 constexpr double solved_by_a_set = 1e-12;
 
-/// One step's problem: y with 0 <= y ⊥ q + (M + W0) y >= 0; for Z also least in LCP(M, q + W0 y).
+/// One step: y with 0 <= y ⊥ q + (M + W0) y >= 0; for Z also the least element of LCP(M, q + W0 y).
 std::optional<Vector> solve_step(const DenseScene& s, const Matrix& W0, const Vector& q) {
   const Matrix shifted = s.M + W0;
   if (s.lcp_class != LcpClass::Z) return solve_lcp(shifted, q, s.lcp_class);
@@ -206,8 +206,8 @@ Weights quadrature_weights(const DenseScene& s, double h, Index J) {
     Matrix decayed = s.N;
     for (Index k = 0; k <= J; ++k, decayed = decayed * step) {
       const Matrix K = h * w[i] * decayed * in_interval;  // part of ∫ over lags in [k h, (k+1) h]
-      out.W[std::size_t(k)] += (1 - a) * K;               // the hat of lag k falls there,
-      if (k < J) {                                        // that of lag k+1 rises
+      out.W[std::size_t(k)] += (1 - a) * K;               // falling part of the hat of lag k
+      if (k < J) {                                        // rising part of the hat of lag k+1
         out.W[std::size_t(k + 1)] += a * K;
         out.S[std::size_t(k + 1)] += a * K;
       }

@@ -8,8 +8,8 @@
 namespace bromwich::oracle {
 namespace {
 
-// Radau points on [0, 1] with the right end among them: eigenvalues of the Jacobi matrix of the Legendre polynomials on
-// [-1, 1] whose last entry is changed so that 1 is one of them (Golub).
+// Radau points on [0, 1], including the right end: eigenvalues of the Jacobi matrix of the Legendre polynomials on
+// [-1, 1] with its last entry modified so that 1 is an eigenvalue (Golub).
 Vector radau_points(Index s) {
   const auto beta = [](Index k) { return double(k) / std::sqrt(4.0 * double(k) * double(k) - 1); };
   Matrix jacobi = Matrix::Zero(s, s);

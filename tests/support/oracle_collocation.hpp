@@ -1,6 +1,6 @@
 #pragma once
-// Polynomials of degree `degree` on [0, 1] by their Legendre coefficients, and Radau IIA of that many stages as a
-// collocation method: order 19, L-stable, with a polynomial for the whole step.
+// Polynomials of degree `degree` on [0, 1] by their Legendre coefficients, and Radau IIA with that many stages as a
+// collocation method: order 19, L-stable, with a polynomial on the whole step.
 //
 // symbol  variable     meaning
 // c       nodes        0 and the Radau points, the last is 1
@@ -18,7 +18,7 @@ struct Collocation {
   Matrix runge_kutta;   ///< degree x degree
   Matrix values;        ///< from coefficients to values at the nodes
   Matrix coefficients;  ///< the inverse
-  Vector samples;       ///< degree + 1 Chebyshev points inside (0, 1): a source is not asked for its value at a jump
+  Vector samples;       ///< degree + 1 Chebyshev points inside (0, 1), so that sources are not sampled at jumps
   Matrix from_samples;  ///< from values at the samples to coefficients
   Matrix derivative;    ///< from coefficients to those of the derivative
 

@@ -16,8 +16,8 @@ namespace bromwich::oracle {
 namespace {
 
 constexpr Index degree = Collocation::degree;
-constexpr double resolved = 1e-12;     ///< last coefficients, relative to the largest values so far
-constexpr double noise_level = 3e-11;  ///< what counts as zero, relative to the terms of a sum
+constexpr double resolved = 1e-12;     ///< bound on last coefficients, relative to the largest values so far
+constexpr double noise_level = 3e-11;  ///< counts as zero, relative to the terms of a sum
 constexpr double same_state = 1e-7;
 constexpr long most_events = 20000, most_pieces = 60000;
 
@@ -33,12 +33,12 @@ double value_at(const Vector& c, double s) {
   return sum;
 }
 
-/// Where a polynomial on [0, 1] that is not negative at the beginning becomes so.
+/// First time at which a polynomial on [0, 1] that is nonnegative at 0 becomes negative.
 class SignChange {
  public:
   SignChange(const Vector& c, double noise) : c_(c), noise_(noise) {}
 
-  /// In [0, 1]; 1 where it stays, 0 where it is negative from the beginning.
+  /// In [0, 1]: 1 if it stays nonnegative, 0 if it is negative from the beginning.
   double find() const {
     static const std::vector<double> grid = make_grid();
     double before = 0;
@@ -178,7 +178,7 @@ class Events {
     return before.cwiseMax((Collocation::get().values * c).cwiseAbs().colwise().maxCoeff().transpose());
   }
 
-  /// The step from here in a mode, without looking at signs.
+  /// The step from here in a mode, without sign checks.
   Step attempt(const Mode& mode, double h) const {
     const Collocation& c = Collocation::get();
     Step step;
@@ -205,7 +205,7 @@ class Events {
     return step;
   }
 
-  /// How long y >= 0 and w >= 0, as a part of the step.
+  /// Fraction of the step over which y >= 0 and w >= 0.
   double validity(const Mode& mode, const Step& step) const {
     const Vector x = sizes(step.x, size_x_), f = sizes(step.f, size_f_), g = sizes(step.g, size_g_);
     const Vector slope = sizes(step.slope, Vector::Zero(n_));
@@ -236,7 +236,8 @@ class Events {
     double before = INFINITY;
     for (int k = 0; k < 60; ++k) {
       Step step = attempt(mode, h);
-      // Rounding is all that is left where a shorter step does not help: t is known to 1e-16, sin(1e5 t) to 1e-11.
+      // Only rounding is left if a shorter step does not help: t has a rounding error of 1e-16, so sin(1e5 t) has
+      // 1e-11.
       const bool rounding = step.tail <= noise_level && step.tail > 0.5 * before;
       if (step.tail <= resolved || rounding || h < 1e-14 * s_.T) {
         step.valid = validity(mode, step);
@@ -257,7 +258,7 @@ class Events {
     return true;
   }
 
-  /// All modes that go on from here; the longest is taken. False where two of them part.
+  /// Tries all modes that can continue from here and takes the longest. False if two of them lead to different states.
   bool choose_among_all(double h, bool& found) {
     std::vector<std::pair<unsigned, Step>> candidates;
     for (const auto& mode : modes_)
@@ -332,9 +333,9 @@ class Events {
     t_ = to;
   }
 
-  /// Up to end_.
+  /// Runs up to end_.
   bool run() {
-    int idle = 0;  // events one behind the other, without time passing
+    int idle = 0;  // consecutive events without progress in time
     for (long k = 0; t_ < end_; ++k) {
       if (long(out_.pieces.size()) > most_pieces) return give_up("too many steps");
       const bool look = !unique_ && !monotone_ && k % 4 == 3;
@@ -420,7 +421,7 @@ Apart apart(const EventSolution& a, const EventSolution& b, double T, Index coun
     return u.size() == 0 ? 0.0 : (u - v).cwiseAbs().cwiseQuotient(size).maxCoeff();
   };
   for (Index j = 1; j <= count; ++j) {
-    // An irrational part of the distance of the times: events seldom happen there.
+    // An irrational fraction of the interval, where events are unlikely.
     const double t = T * (j == count ? 1.0 : (double(j) - 0.381966011250105) / double(count));
     d.x = std::max(d.x, worst(a.x(t), b.x(t), x));
     d.y = std::max(d.y, worst(a.y(t), b.y(t), y));

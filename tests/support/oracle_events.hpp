@@ -1,11 +1,11 @@
 #pragma once
-// An independent solution of small systems (n <= 6) whose sources are smooth between known times, event by event.
+// An independent event-located solution of small systems (n <= 6) whose sources are smooth between known times.
 //
-// Between events the active set S stays, and x' = A_S x + f_S is solved by collocation of order 19 with steps so short
-// that the last coefficients of x, f and g are below 1e-12. An event is a root of the polynomial of some y_i or w_i.
-// There and at breakpoints all active sets are tried: those whose y and w do not become negative go on. Where there is
-// none, the state jumps (core theory of passive systems: p in the kernel cone of M, N x+ + g in its dual). Two that
-// lead to different states, none at all, and events without end are answers of their own: undecided.
+// Between events the active set S is constant, and x' = A_S x + f_S is solved by collocation of order 19 with steps so
+// short that the last coefficients of x, f and g are below 1e-12. An event is a root of the polynomial of some y_i or
+// w_i. At events and breakpoints all active sets are tried, and those whose y and w do not become negative continue. If
+// there is none, the state jumps (theory of passive systems: p in the kernel cone of M, N x+ + g in its dual). The
+// result is undecided if two active sets lead to different states, if none continues, or if events accumulate.
 
 #include "tests/support/oracle.hpp"
 
@@ -18,7 +18,7 @@ namespace bromwich::oracle {
 struct EventScene {
   DenseScene scene;
   std::vector<double> breaks;  ///< times in (0, T) at which f or g jump or have a kink, increasing
-  double longest_step = 0;     ///< short against what the sources do between breakpoints; 0 = T
+  double longest_step = 0;     ///< short compared with the variation of sources between breakpoints; 0 = T
 };
 
 /// A piece of the solution: polynomials on [begin, begin + length], valid up to `end`.
@@ -26,20 +26,20 @@ struct EventPiece {
   double begin, length, end;
   unsigned set;
   Matrix x, y;      ///< Legendre coefficients, degree + 1 rows
-  Vector integral;  ///< of y up to `begin`, with all impulses up to there
+  Vector integral;  ///< of y up to `begin`, including all impulses up to then
 };
 
 class EventSolution {
  public:
   bool decided = false;
-  std::string reason;  ///< why not
+  std::string reason;  ///< why it is undecided
   double until = 0;    ///< valid up to here
   long events = 0, jumps = 0;
-  bool y_unique = true;  ///< no two active sets gave the same state and different y
+  bool y_unique = true;  ///< no two active sets gave the same state with different y
   std::vector<EventPiece> pieces;
-  Vector start;  ///< x(0) before a jump there
+  Vector start;  ///< x(0) before a jump at t = 0
 
-  /// At a time where something jumps, from the left or from the right; likewise y, and its integral from 0 on.
+  /// Where a component jumps: the value from the left or from the right. The same for y, and its integral from 0.
   Vector x(double t, bool left = false) const { return at(t, left, &EventPiece::x); }
   Vector y(double t, bool left = false) const { return at(t, left, &EventPiece::y); }
   Vector integral(double t, bool left = false) const;
@@ -56,18 +56,17 @@ class EventSolution {
 
 EventSolution locate_events(const EventScene&);
 
-/// All data changed by `size`, relative, at random but in a way that keeps zeros, symmetry, skewness and the rank of M,
-/// and N = B^T.
+/// All data changed at random by the relative `size`, keeping zeros, symmetry, skewness, the rank of M, and N = B^T.
 EventScene perturbed(const EventScene&, double size, std::uint32_t seed);
 
-/// How far two solutions are apart: every component relative to max(max_t |c_i|, 1e-3 of the largest component of its
-/// kind), at `count` times. Infinite where one of them is undecided.
+/// Distance of two solutions: every component relative to max(max_t |c_i|, 1e-3 of the largest component of its kind),
+/// at `count` times. Infinite if one of them is undecided.
 struct Apart {
   double x = 0, y = 0, mean = 0;
 };
 Apart apart(const EventSolution&, const EventSolution&, double T, Index count);
 
-/// max(c_i, 1e-3 max_j c_j), what errors of component i are relative to.
+/// max(c_i, 1e-3 max_j c_j), the scale for errors of component i.
 Vector measure(const Vector& largest);
 
 }  // namespace bromwich::oracle

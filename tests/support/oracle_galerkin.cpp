@@ -28,12 +28,12 @@ Rule gauss_rule() {
 
 double hat(Index end, double s) { return end == 0 ? 1 - s : s; }
 
-/// What one interval does, by quadrature, for every end e of it.
+/// The operators of one interval, by quadrature, for each end e.
 struct Interval {
   Matrix decay;                ///< e^{hA}
-  std::array<Matrix, 2> seen;  ///< (2/h) ∫ psi_e(t) N e^{tA} dt, n x m: the state at the left node in the equations
-  std::array<Matrix, 2> made;  ///< ∫ e^{(h-s)A} B psi_e(s) ds, m x n: y in the state at the right node
-  Matrix own;                  ///< 2n x 2n: y of the interval in its own equations, M included
+  std::array<Matrix, 2> seen;  ///< (2/h) ∫ psi_e(t) N e^{tA} dt, n x m: from the left state to the equations
+  std::array<Matrix, 2> made;  ///< ∫ e^{(h-s)A} B psi_e(s) ds, m x n: from y to the right state
+  Matrix own;                  ///< 2n x 2n: from y of the interval to its own equations, including M
 };
 
 Interval integrate(const DenseScene& s, double h, const Rule& gauss) {
@@ -92,7 +92,7 @@ DenseScene without_x0(const Scene& scene) {
   return write_out(copy);
 }
 
-/// The state at the nodes that f gives with x(0) = 0: columns 0..J.
+/// Response of the state to f at the nodes with x(0) = 0: columns 0..J.
 Matrix driven_states(const DenseScene& s, Index J, const Rule& gauss) {
   const double h = s.T / double(J);
   const Matrix decay = exponential(h * s.A);
@@ -147,8 +147,8 @@ std::optional<Vector> lemke(const Matrix& M, const Vector& q) {
   const Index n = q.size();
   Vector y = Vector::Zero(n);
   if (n == 0 || q.minCoeff() >= 0) return y;
-  // w - M y - e y_0 = q; columns w (0..n-1), y (n..2n-1), y_0 (2n), and q last. Columns w double as the inverse of the
-  // basis, which breaks ties of the ratio test lexicographically.
+  // w - M y - e y_0 = q. Columns: w (0..n-1), y (n..2n-1), y_0 (2n), and q last. The columns of w also hold the inverse
+  // of the basis, which breaks ties of the ratio test lexicographically.
   Matrix tableau(n, 2 * n + 2);
   tableau << Matrix::Identity(n, n), -M, -Vector::Ones(n), q;
   std::vector<Index> basis;
@@ -161,7 +161,7 @@ std::optional<Vector> lemke(const Matrix& M, const Vector& q) {
     basis[std::size_t(row)] = column;
     return left;
   };
-  const auto before = [&](Index a, Index b, Index column) {  // row a leaves rather than row b
+  const auto before = [&](Index a, Index b, Index column) {  // whether row a leaves rather than row b
     for (Index c = -1; c < n; ++c) {
       const Index place = c < 0 ? 2 * n + 1 : c;
       const double left = tableau(a, place) / tableau(a, column), right = tableau(b, place) / tableau(b, column);
@@ -178,12 +178,12 @@ std::optional<Vector> lemke(const Matrix& M, const Vector& q) {
     for (Index i = 0; i < n; ++i)
       if (tableau(i, entering) > 1e-11 && (row < 0 || before(i, row, entering))) row = i;
     if (row < 0) return std::nullopt;
-    // y_0 leaves as soon as it may.
+    // y_0 leaves as soon as possible.
     for (Index i = 0; i < n; ++i)
       if (basis[std::size_t(i)] == 2 * n && tableau(i, entering) > 1e-11 && !before(row, i, entering)) row = i;
     left = pivot(row, entering);
     if (left != 2 * n) continue;
-    // The active set is what counts; its equations are solved once more, without the rounding of the pivots.
+    // Only the active set is used; its equations are solved again, without the rounding errors of the pivots.
     std::vector<Index> S;
     for (const Index b : basis)
       if (b >= n) S.push_back(b - n);

@@ -1,10 +1,10 @@
 #pragma once
-// An independent oracle for discontinuous piecewise-linear Galerkin in time, for scenes with few states. The operator
+// An independent oracle for the discontinuous piecewise-linear Galerkin method in time, for few states. The operator
 //
-//     (L y)(t) = M y(t) + N x_y(t),   x_y = the state that y alone drives, E0 x_y(0) + ET x_y(T) = 0,
+//     (L y)(t) = M y(t) + N x_y(t),   x_y = the state driven by y alone, E0 x_y(0) + ET x_y(T) = 0,
 //
-// is integrated by Gauss quadrature with matrix exponentials, no phi-function in sight, and the complementarity problem
-// of all intervals solved as one dense matrix by Lemke's method.
+// is integrated by Gauss quadrature with matrix exponentials, without phi-functions. The complementarity problem of all
+// intervals is one dense matrix, solved by Lemke's method.
 //
 // Unknowns are ordered by interval, end (left, right), constraint: index (2 k + e) n + i, k = 0..J-1, e = 0, 1.
 
@@ -22,14 +22,14 @@ struct GalerkinSystem {
   std::vector<Index> free;  ///< the rows of Scene::free_rows, every interval and end
 };
 
-/// f and g are integrated over each interval by Gauss quadrature: kinks of theirs belong on nodes.
+/// f and g are integrated over each interval by Gauss quadrature; their kinks must lie on nodes.
 GalerkinSystem galerkin_system(const Scene&, Index J);
 
-/// y at both ends of the intervals, J x 2n: left values, then right values. Free rows are eliminated first. Empty where
+/// y at both ends of the intervals, J x 2n: left values, then right values. Free rows are eliminated first. Empty if
 /// Lemke's method ends on a ray.
 std::optional<RowMatrix> galerkin_solution(const GalerkinSystem&, Index J);
 
-/// x(t_j) that such a y gives, (J+1) x m.
+/// x(t_j) for such a y, (J+1) x m.
 RowMatrix galerkin_states(const Scene&, const RowMatrix& y);
 
 /// max |min(y, w)|, and |w| in free rows, of the system.

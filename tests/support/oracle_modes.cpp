@@ -7,7 +7,7 @@
 namespace bromwich::oracle {
 namespace {
 
-constexpr double singular = 1e-12;  ///< of a singular value, relative to the largest entry that it came from
+constexpr double singular = 1e-12;  ///< bound on a singular value, relative to the largest entry of its matrix
 
 struct Ranges {
   Matrix inverse;  ///< pseudo-inverse
@@ -83,7 +83,7 @@ std::vector<Jump> jumps_from(const DenseScene& s, const Vector& x, const Vector&
   std::vector<Jump> found;
   for (unsigned set = 1; set < 1u << n; ++set)
     for (unsigned level = 0; level < 1u << n; ++level) {
-      if (level & set) continue;  // the rows of M p that vanish besides those of S: faces of the cone of p
+      if (level & set) continue;  // rows of M p that vanish in addition to those of S: faces of the cone of p
       const std::vector<Index> S = members(set, n), R = members(set | level, n);
       const Matrix Z = ranges(s.M(R, S), std::max(largest_entry(s.M), 1e-300)).V;
       if (Z.cols() == 0) continue;

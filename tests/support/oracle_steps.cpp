@@ -13,13 +13,13 @@
 namespace bromwich::oracle {
 namespace {
 
-/// What a solution may miss after a solve of size <= 12 with M_SS of condition up to 1e5, relative to the terms of a
-/// row.
+/// Allowed residual of a solution relative to the terms of a row: a solve of size <= 12 with M_SS of condition up to
+/// 1e5.
 constexpr double solved = 1e-11;
-/// A pivot below this, relative to the largest entry of rows and columns of size 1, is taken as zero.
+/// A pivot below this counts as zero, relative to the largest entry after equilibration.
 constexpr double rank = 1e-12;
 
-/// R M C with rows and columns of size about 1; units do not matter any more.
+/// R M C, equilibrated: independent of units.
 struct Scaled {
   Scaled(const Matrix& M, const Vector& given) : matrix(M), rows(Vector::Ones(M.rows())), columns(rows) {
     const auto root = [](double largest) { return largest > 0 ? 1 / std::sqrt(largest) : 1.0; };
@@ -45,7 +45,7 @@ struct Scaled {
         z(S) = lu.solve(Vector(-q(S)));
       } else {
         if (!singular) return std::nullopt;
-        // The least norm is meant in the units of y.
+        // Least norm in the units of y.
         const Matrix block = matrix(S, S) * columns(S).cwiseInverse().asDiagonal();
         Eigen::CompleteOrthogonalDecomposition<Matrix> least;
         least.setThreshold(rank);

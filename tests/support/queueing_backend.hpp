@@ -1,6 +1,6 @@
 #pragma once
-// A backend that queues as a device does: batches and marches are begun and looked at later, and operations are
-// recorded and replayed. The CPU does the work, at once.
+// A backend that queues like a device: batches and marches are submitted and collected, operations are recorded and
+// replayed. The CPU does the work, at once.
 
 #include "core/seam/backend.hpp"
 #include "cpu/cpu_backend.hpp"
@@ -9,13 +9,13 @@
 
 namespace bromwich {
 
-/// What happened, and the number of the batch that is to be left unsolved.
+/// Log of the calls, and which batches to leave unsolved.
 struct QueueLog {
   long batches = 0, marches = 0, replays = 0, waited = 0;
-  bool modes = false;  ///< batches take modes
-  long in_modes = 0;   ///< such batches
-  long failing = -1;   ///< the number of a batch; its y stays as it is
-  long failures = 1;   ///< how many from there
+  bool modes = false;  ///< batches support submit_in_modes
+  long in_modes = 0;   ///< number of batches in modes
+  long failing = -1;   ///< first batch to fail; its y is left unchanged
+  long failures = 1;   ///< number of failing batches
 };
 
 class QueueingBackend final : public Backend {
@@ -78,7 +78,7 @@ class QueueingBackend final : public Backend {
                   Index first) {
       ++log.in_modes;
       const auto values = host.array(v.rows(), v.cols());
-      if (v_in_modes) S.apply(v, nullptr, *values, 0);  // all rows: products of others round otherwise
+      if (v_in_modes) S.apply(v, nullptr, *values, 0);  // all rows: products of fewer rows may round differently
       submit(r, v_in_modes ? *values : v, y, first, -1);
       if (y_modes) S.apply(y, nullptr, *y_modes, 0);
     }

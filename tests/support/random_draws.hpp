@@ -1,5 +1,5 @@
 #pragma once
-// What the generators of random scenes share.
+// Shared by the generators of random scenes.
 
 #include "core/base/types.hpp"
 #include "tests/support/random_scenes.hpp"
@@ -27,9 +27,9 @@ class Draw {
   std::mt19937 engine_;
 };
 
-/// n x n, of a family.
+/// Random n x n matrix of a family.
 Matrix complementarity_matrix(Draw&, Family, Index n);
-/// m x m, with a spectrum.
+/// Random m x m matrix with a spectrum.
 Matrix state_matrix(Draw&, Spectrum, Index m);
 
 }  // namespace bromwich::oracle

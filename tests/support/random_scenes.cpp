@@ -47,7 +47,7 @@ Matrix low_rank(Draw& draw, Index n) {
   return L * L.transpose() + share * (K - K.transpose());
 }
 
-// Constraint i is a copy of owner[i]: the same row and column of M, and of N and B.
+// Constraint i copies owner[i]: the same rows and columns of M, N and B.
 std::vector<Index> owners(Draw& draw, Index n) {
   std::vector<Index> owner;
   for (Index i = 0; i < n; ++i) owner.push_back(i > 0 && (i == n - 1 || draw.chance(0.4)) ? draw.index(0, i - 1) : i);
@@ -144,7 +144,7 @@ Matrix state_matrix(Draw& draw, Spectrum spectrum, Index m) {
 
 namespace {
 
-// Sines; `edged`: their signs instead, so that the source jumps.
+// Sines; `edged`: their signs, so that the source jumps.
 TimeFunction source(Draw& draw, Index size, double amplitude, double T, bool edged) {
   const Vector a = amplitude * draw.vector(size), omega = 8 / T * draw.vector(size), phase = 3 * draw.vector(size);
   return [=](double t, Eigen::Ref<Vector> v) {
@@ -168,7 +168,7 @@ double unit(Draw& draw) {
   return std::pow(10, sign * draw.uniform(3, 6));
 }
 
-// Units of y, of the state, of all data and of time.
+// Changes the units of y, of the state, of all data, and of time.
 void change_units(Draw& draw, Scene& scene, DenseDynamics& d, Matrix& M) {
   const double y = unit(draw), x = unit(draw), data = unit(draw), time = unit(draw);
   d = {d.A / time, x / (y * time) * d.B, 1 / x * d.N};

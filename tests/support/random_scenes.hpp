@@ -35,8 +35,8 @@ struct RandomScene {
   Spectrum spectrum;
 };
 
-/// The family is that of seed % families; everything else is drawn. Some scenes are in units in which y, the state, all
-/// data or the time have sizes from 1e-6 to 1e6. The discrete problem need not have a solution.
+/// The family is number seed % families; everything else is random. In some scenes y, the state, all data or time have
+/// sizes from 1e-6 to 1e6. The discrete problem need not have a solution.
 RandomScene any_scene(std::uint32_t seed);
 
 }  // namespace bromwich::oracle

@@ -21,7 +21,7 @@ constexpr double pi = std::numbers::pi;
 struct Signal {
   std::function<double(double)> value;
   std::vector<double> breaks = {};
-  double step = INFINITY;  ///< short against what it does between its breaks
+  double step = INFINITY;  ///< short compared with the variation between breaks
 };
 
 std::vector<double> multiples(double period, double first, double T) {
@@ -31,7 +31,7 @@ std::vector<double> multiples(double period, double first, double T) {
   return times;
 }
 
-double zero_of_sine(double omega, double phase) {  // the first after 0
+double zero_of_sine(double omega, double phase) {  // the first zero after t = 0
   const double turns = phase / pi;
   return (std::ceil(turns) - turns) * pi / omega;
 }
@@ -47,7 +47,7 @@ Signal square(Draw& d, double T) {
           multiples(pi / omega, zero_of_sine(omega, phase), T)};
 }
 
-/// The product of a sine and the sign of another, which jumps; or |sin|, or max(0, sin), which have kinks.
+/// A sine times the sign of another one (jumps); or |sin|, or max(0, sin) (kinks).
 Signal cut_sine(Draw& d, double T, int kind) {
   const double omega = 2 * pi * d.uniform(0.7, 9) / T, phase = d.uniform(0, 3), slow = 5 / T;
   const auto value = [=](double t) {
@@ -123,7 +123,7 @@ Signal exponential_signal(Draw& d, double T) {
 
 Signal bump(Draw& d, double T) {
   const double middle = T * d.uniform(0.1, 0.9), width = T * std::pow(10, -d.uniform(1, 3));
-  // Beyond 7 widths it is below 1e-21: breakpoints there keep the steps of the oracle from passing over it.
+  // Beyond 7 widths it is below 1e-21. Breakpoints there keep the oracle's steps from missing it.
   std::vector<double> breaks;
   for (const double k : {-7, -3, 0, 3, 7})
     if (middle + k * width > 0 && middle + k * width < T) breaks.push_back(middle + k * width);
@@ -158,7 +158,7 @@ Signal signal(Draw& d, Index kind, double T) {
     case 11:
       return cut_sine(d, T, int(kind) - 9);
     case 12:
-      return sine(d, T, 210, 420);  // 200 is what 400 steps can tell apart
+      return sine(d, T, 210, 420);  // 400 steps resolve up to 200
     case 13:
       return exponential_signal(d, T);
     case 14:
@@ -168,7 +168,7 @@ Signal signal(Draw& d, Index kind, double T) {
   }
 }
 
-/// `size` components, of two kinds and smooth ones.
+/// `size` components with two kinds of sources and smooth ones.
 struct Sources {
   TimeFunction function;
   std::vector<double> breaks;

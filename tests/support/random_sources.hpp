@@ -1,6 +1,6 @@
 #pragma once
-// Small random scenes with every kind of source that engineers write: square waves, pulses, tables, steps, fast sines.
-// All that happens in them between breakpoints is smooth, so that tests/support/oracle_events.hpp can solve them.
+// Small random scenes with typical engineering sources: square waves, pulses, tables, steps, fast sines. Everything is
+// smooth between breakpoints, so tests/support/oracle_events.hpp can solve them.
 
 #include "tests/support/oracle_events.hpp"
 #include "tests/support/random_scenes.hpp"
@@ -10,16 +10,17 @@
 namespace bromwich::oracle {
 
 struct SourceScene {
-  Scene scene;      ///< in units of its own
-  EventScene base;  ///< the same in natural units: x = unit_x * that of `base`, and so on
+  Scene scene;      ///< in its own units
+  EventScene base;  ///< the same in natural units: x = unit_x times x of `base`, and so on
   double unit_x = 1, unit_y = 1, unit_t = 1;
-  bool told = false;  ///< the scene names its breakpoints
+  bool told = false;  ///< the scene declares its breakpoints
   Family family;
   Spectrum spectrum;
-  std::string sources;  ///< kinds, with commas
+  std::string sources;  ///< kinds of sources, separated by commas
 };
 
-/// 1 to 4 states, 1 to 3 constraints; the family is that of seed % families. Every second scene names its breakpoints.
+/// 1 to 4 states, 1 to 3 constraints; the family is number seed % families. Every second scene declares its
+/// breakpoints.
 SourceScene source_scene(std::uint32_t seed);
 
 }  // namespace bromwich::oracle

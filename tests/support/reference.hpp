@@ -1,5 +1,5 @@
 #pragma once
-// Formulas in extended precision that core and cpu are checked against, and the random data of those checks.
+// Formulas in extended precision as references for core and cpu, and random test data.
 
 #include "core/kernel/recurrence.hpp"
 #include "core/lcp/matrix.hpp"
@@ -16,7 +16,7 @@ using Real = long double;
 inline constexpr double pi = std::numbers::pi;
 
 inline const Matrix cycling{{1, 0, 2}, {2, 1, 0}, {0, 2, 1}};  ///< P; semismooth Newton cycles at q = -1
-inline const Matrix fold{{1, -2}, {-2, 1}};                    ///< Z, not P: two solutions where q is in the fold
+inline const Matrix fold{{1, -2}, {-2, 1}};                    ///< Z, not P: two solutions if q is in the fold
 
 inline Tridiagonal tridiagonal(Index n, double lower, double diagonal, double upper) {
   return {Vector::Constant(n, lower), Vector::Constant(n, diagonal), Vector::Constant(n, upper)};
@@ -25,7 +25,7 @@ inline Tridiagonal tridiagonal(Index n, double lower, double diagonal, double up
 /// (e^x - 1)/x.
 inline Real phi1(Real x) { return x == 0 ? 1 : std::expm1(x) / x; }
 
-/// (e^x - 1 - x)/x^2: the series where the formula cancels.
+/// (e^x - 1 - x)/x^2; by the series where the formula cancels.
 inline Real phi2(Real x) {
   if (std::abs(x) > 1) return (phi1(x) - 1) / x;
   Real term = 0.5L, sum = 0;
@@ -82,7 +82,7 @@ inline LagTable modal_weights(const KroneckerDynamics& d, double h, Index J, Ind
       const Real decay = std::exp(x), factor = Real(h) * c[std::size_t(k)];
       W[0] += factor * p2;
       Real power = factor;
-      // Below 1e-60 nothing is added any more (and denormal numbers are slow).
+      // Terms below 1e-60 are negligible (and denormals are slow).
       for (std::size_t lag = 1; lag < W.size() && std::abs(power) > 1e-60L; ++lag, power *= decay) {
         W[lag] += power * p1 * p1;
         S[lag] += power * (p1 - p2);

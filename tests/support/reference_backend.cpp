@@ -56,7 +56,7 @@ class NaiveSine final : public SineTransform {
   Matrix S_;
 };
 
-// The state z of a recurrence, stepped: `known` is v_j without W_0 u_j, `take` goes on with u_j.
+// Steps the state z of a recurrence: `known` is v_j without W_0 u_j, `take` advances with u_j.
 class Recursion {
  public:
   virtual ~Recursion() = default;

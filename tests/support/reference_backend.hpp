@@ -1,7 +1,7 @@
 #pragma once
-// A backend of naive loops. It has the required operations alone, and includes installed headers alone
-// (tests/consumer builds it outside of the project). It is slow and meant to be read: the contract tests hold it and
-// the fast backends to the same answers.
+// A backend of naive loops with the required operations only. It includes installed headers only; tests/consumer builds
+// it outside of the project. It is slow and meant to be read. The contract tests compare it and the fast backends with
+// the same answers.
 
 #ifdef BROMWICH_INSTALLED
 #include <bromwich/core/seam/backend.hpp>

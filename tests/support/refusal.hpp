@@ -1,5 +1,5 @@
 #pragma once
-// Bad input: the one line that says what is wrong with it.
+// Bad input: the one-line message that says what is wrong.
 
 #include "core/base/error.hpp"
 
@@ -8,7 +8,7 @@
 
 namespace bromwich {
 
-/// An input, and how the message about it begins.
+/// An input, and the beginning of its error message.
 struct Refused {
   std::string text, message;
 };

@@ -1,5 +1,5 @@
 #pragma once
-// What the tests of the solver share.
+// Shared by the tests of the solver.
 
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
@@ -14,12 +14,12 @@ namespace bromwich {
 /// Lets GoogleTest name a status.
 inline void PrintTo(Status status, std::ostream* out) { *out << to_string(status); }
 
-/// Bound for two solutions of the same discrete problem on scenes of size 1: they differ by rounding and by the
-/// kernel's accuracy only, weights to about 1e-13 of their largest (below 0.1), summed over some 64 lags and amplified
-/// by L = max ||M_SS^{-1}|| <= 3 and at most e^{L ||K||} < e^6.
+/// Bound for two solutions of the same discrete problem on scenes of size 1. They differ by rounding and by kernel
+/// errors: weights to about 1e-13 of their largest (below 0.1), summed over about 64 lags and amplified by L = max
+/// ||M_SS^{-1}|| <= 3 and at most e^{L ||K||} < e^6.
 inline constexpr double same_problem = 1e-11;
 
-/// Largest difference; NaN where either holds one, infinite where the shapes differ.
+/// Largest difference; NaN if either has one, infinite if the shapes differ.
 inline double distance(const RowMatrix& a, const RowMatrix& b) {
   if (a.rows() != b.rows() || a.cols() != b.cols()) return std::numeric_limits<double>::infinity();
   return (a - b).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
@@ -40,7 +40,7 @@ inline Result run(const Scene& scene, const Options& options) {
 
 inline Result run(const Scene& scene, Method method, Index steps = 0) { return run(scene, options_for(method, steps)); }
 
-/// y of a run that has to end solved; all NaN where it did not.
+/// y of a run that must end solved; all NaN if it did not.
 inline RowMatrix solved_y(const Scene& scene, Method method, Index steps) {
   const Result result = run(scene, method, steps);
   EXPECT_EQ(result.status, Status::solved) << scene.name << ", " << to_string(method) << ": " << result.reason;

@@ -1,4 +1,4 @@
-// The oracle itself, checked against formulas and quadrature before anything is checked against it.
+// The oracle itself, against formulas and quadrature.
 
 #include "core/base/types.hpp"
 #include "tests/support/oracle.hpp"

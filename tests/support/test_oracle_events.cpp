@@ -1,5 +1,5 @@
-// The event-located oracle on scenes whose solutions are known in closed form or from other sources, on scenes that it
-// has to leave undecided, and against implicit Euler on a sequence of grids.
+// The event-located oracle on scenes with known solutions, on scenes that it must leave undecided, and against implicit
+// Euler on a sequence of grids.
 
 #include "tests/support/oracle_events.hpp"
 #include "tests/support/random_sources.hpp"
@@ -32,7 +32,7 @@ void expect_near(const Vector& found, std::initializer_list<double> expected, do
   for (Index i = 0; i < found.size(); ++i) EXPECT_NEAR(found[i], expected.begin()[i], tolerance) << i;
 }
 
-// lambda in -Sgn(C x): s and the negative part of C x are y.
+// lambda in -Sgn(C x): y holds s and the negative part of C x.
 EventScene relay(const Matrix& A, const Matrix& B, const Matrix& C, const Vector& x0, double T) {
   const Index k = C.rows(), m = A.rows();
   Matrix drive = Matrix::Zero(m, 2 * k), seen = Matrix::Zero(2 * k, m), M = Matrix::Zero(2 * k, 2 * k);
@@ -125,8 +125,8 @@ TEST(OracleEvents, QueuesAtBottlenecks) {
   e.breaks = {2};
   const EventSolution s = locate_events(e);
   ASSERT_TRUE(s.decided) << s.reason;
-  EXPECT_NEAR(s.x(5. / 3)[0], .87198225, 1e-8);  // as much comes as goes: 2 sin(pi t / 2) = 1
-  // A queue ends where it becomes 0 for good.
+  EXPECT_NEAR(s.x(5. / 3)[0], .87198225, 1e-8);  // inflow equals outflow: 2 sin(pi t / 2) = 1
+  // A queue ends when it becomes 0 for good.
   const double ends[] = {2.70923067, 3.31220834, 4.34036113};
   for (Index i = 0; i < 3; ++i) {
     EXPECT_GT(s.x(ends[i] - 1e-3)[i], 1e-5);
@@ -148,12 +148,12 @@ TEST(OracleEvents, WhatItCannotDecideIsNotDecided) {
   EventScene sign = relay(matrix(1, 1, {0}), matrix(1, 1, {-1}), matrix(1, 1, {1}), Vector::Zero(1), 1);
   EXPECT_FALSE(locate_events(sign).decided);
   EXPECT_NE(locate_events(sign).reason.find("not unique"), std::string::npos);
-  // w = x - 1 - y: nothing fits where x < 1.
+  // w = x - 1 - y: no solution if x < 1.
   EventScene none =
       scene(matrix(1, 1, {0}), matrix(1, 1, {0}), matrix(1, 1, {1}), matrix(1, 1, {-1}), Vector::Zero(1), 1);
   none.scene.g = [](double, Eigen::Ref<Vector> v) { v[0] = -1; };
   EXPECT_FALSE(locate_events(none).decided);
-  // A mass falls on a rigid floor: relative degree two, what happens there is not said.
+  // A mass falls on a rigid floor: relative degree two, for which no impact law is defined.
   EventScene ball = scene(matrix(2, 2, {0, 1, 0, 0}), matrix(2, 1, {0, 1}), matrix(1, 2, {1, 0}), matrix(1, 1, {0}),
                           matrix(2, 1, {1, 0}), 2);
   ball.scene.f = [](double, Eigen::Ref<Vector> v) { v << 0, -9.81; };
@@ -186,7 +186,7 @@ TEST(OracleEvents, ImplicitEulerComesCloser) {
     all_coarse += coarse;
     all_fine += fine;
   }
-  // A source that jumps inside a step makes single errors irregular; on the whole they fall by 4.
+  // A source that jumps inside a step makes single errors irregular; on the whole they fall with the grid.
   EXPECT_LE(all_fine, 0.4 * all_coarse);
   EXPECT_GE(compared, 20);
 }

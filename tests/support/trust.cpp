@@ -9,7 +9,7 @@
 namespace bromwich::oracle {
 namespace {
 
-/// Largest distance of `found` from what lies between the values around t, where the solution may jump.
+/// Largest distance of `found` from the range of values around t, where the solution may jump.
 template <typename Value>
 double distance(const Vector& found, double t, double T, const Vector& size, const Value& value) {
   if (!found.allFinite()) return INFINITY;
@@ -21,7 +21,7 @@ double distance(const Vector& found, double t, double T, const Vector& size, con
   return found.size() == 0 ? 0 : off.cwiseQuotient(size).maxCoeff();
 }
 
-/// Edges of two sources that should coincide differ by rounding: a point between them has values that no side has.
+/// Edges of two sources that should coincide differ by rounding: a point between them has values of neither side.
 bool between_edges(const std::vector<double>& breaks, double t, double T) {
   const double apart = 1e-12 * T;
   const auto first = std::lower_bound(breaks.begin(), breaks.end(), t - apart);

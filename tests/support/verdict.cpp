@@ -12,20 +12,21 @@
 namespace bromwich::oracle {
 namespace {
 
-/// A residual of 1e-9 is called solved; x is recorded by a second pass over the steps, and rounding of the two passes
-/// may part where the scene magnifies it.
+/// A residual of 1e-9 counts as solved. x is recorded by a second pass over the steps; rounding of the two passes may
+/// differ where the scene magnifies it.
 constexpr double most_violation = 1e-8;
 /// x_j against free + drive y: rounding of an exponential of a stiff or non-normal hA.
 constexpr double most_in_state = 1e-9;
-/// Share of the largest state so far that counts as a term of every sum: 1e-8 of it is 1e-13, rounding with room.
+/// Fraction of the largest state so far that counts as a term of every sum: 1e-8 of it is 1e-13, rounding with a
+/// margin.
 constexpr double carried = 1e-5;
-/// Two solutions that differ by more are two.
+/// Solutions that differ by more count as different.
 constexpr double same_solution = 1e-6;
 
 double largest(const Vector& v) { return v.size() == 0 ? 0 : v.cwiseAbs().maxCoeff(); }
 
-/// Complementarity of y and w, row by row, relative to the terms that w is summed from; `columns`: what a unit of y_i
-/// adds to the rows, in those terms. A y_i below rounding counts as zero.
+/// Complementarity of y and w, row by row, relative to the terms of w. `columns`: contribution of a unit of y_i to the
+/// rows, in those terms. A y_i below rounding counts as zero.
 double violation(const Vector& y, const Vector& w, const Vector& terms, const Vector& columns) {
   double worst = 0;
   for (Index i = 0; i < y.size(); ++i) {
@@ -70,7 +71,7 @@ class Judge {
     if (!start()) return false;
     for (Index j = 1; j <= J_; ++j)
       if (!step(j)) return false;
-    // Where y_1 is not unique, or the state is rounding only, a step of Euler may be one of Radau IIA too.
+    // If y_1 is not unique, or the state is only rounding, an Euler step may be a Radau IIA step too.
     if (scheme_ == Scheme::radau &&
         (unique_ && !vanished_ ? long(r_.euler_steps) != jumps_ : long(r_.euler_steps) < jumps_))
       return fails(text("%ld steps by Euler were found, %ld are reported", long(jumps_), long(r_.euler_steps)));
@@ -86,7 +87,7 @@ class Judge {
     for (Index j = 1; j < end; ++j)
       if (!step(j)) return false;
     if (has_solution(end)) return fails(text("infeasible at step %ld, but it has a solution", long(end)));
-    // Steps with several solutions: the end of one branch is not the end of all.
+    // Steps with several solutions: if one branch ends, another may continue.
     if (!unique_ && trajectory(s_, scheme_, J_).infeasible < 0)
       return fails(text("infeasible at step %ld, but other solutions of earlier steps lead to T", long(end)));
     return true;
@@ -113,7 +114,7 @@ class Judge {
   bool accepts(Index j, double relative, const Vector& w) {
     verdict_.violation = std::max(verdict_.violation, relative);
     if (relative <= most_violation) return true;
-    // An iteration promises 1e-9 in the natural map only, in absolute terms below 1.
+    // An iteration guarantees 1e-9 in the natural map only, absolute if below 1.
     if (iterates(r_.method) && largest(y(j).cwiseMin(w)) <= 1.1e-9 * std::max(1.0, largest(w - s_.M * y(j))))
       return true;
     return fails(text("row %ld is not complementary: violation %.1e of its terms", long(j), relative));
@@ -140,12 +141,12 @@ class Judge {
     return (inverse.asDiagonal() * M.cwiseAbs()).colwise().maxCoeff().transpose();
   }
 
-  /// Size of the sums behind x_j. Rounding of a large state of before stays when the state has become small.
+  /// Size of the terms of x_j. Rounding of an earlier large state remains after the state has become small.
   double state_size(const StepProblem& p, Index j, const Vector& Y) const {
     return largest(x(j - 1)) + largest(p.free) + largest(p.drive.cwiseAbs() * Y) + largest(x(j)) + carried * before_;
   }
 
-  /// The sums behind N X + g for each stage, in size.
+  /// Sizes of the terms of N X + g for each stage.
   Vector terms_of(const StepProblem& p, Index j, const Vector& Y) const {
     Vector terms = p.matrix.cwiseAbs() * Y + p.q.cwiseAbs();
     const Vector seen = s_.N.cwiseAbs().rowwise().sum() * state_size(p, j, Y) + g(j).cwiseAbs();
@@ -163,7 +164,7 @@ class Judge {
       return fails(text("x_%ld does not follow from x and y: %.1e", long(j), e));
     const Vector w = s_.M * y(j) + q(j), terms = terms_of(p, j, y(j));
     if (!accepts(j, violation(y(j), w, terms, columns(p.matrix, terms)), w)) return false;
-    // What the tolerance of an iteration leaves open may be more than this comparison allows.
+    // The tolerance of an iteration may exceed the limit of this comparison.
     if (s_.lcp_class != LcpClass::Z || (iterates(r_.method) && is_p_matrix(s_.M))) return true;
     const auto least = selected_solution(s_.M, q(j), LcpClass::Z);
     if (least && differs(*least, y(j)) && (*least - y(j)).minCoeff() < -same_solution * largest(y(j)))
@@ -171,7 +172,7 @@ class Judge {
     return true;
   }
 
-  /// Y = (y_1, y_2) with the x_j and y_2 of the result: y_1 on the active set T from the state and its own rows.
+  /// Y = (y_1, y_2) with x_j and y_2 of the result; y_1 on the active set T from the state and its own rows.
   double try_first_stage(const StepProblem& p, Index j, const std::vector<Index>& T, Vector& Y) const {
     const Index n = s_.M.rows(), m = s_.A.rows(), k = Index(T.size());
     Y << Vector::Zero(n), y(j);
@@ -221,7 +222,7 @@ class Judge {
     }
     if (best <= most_violation) {
       verdict_.violation = std::max(verdict_.violation, best);
-      // Where Y is not unique, it may be another one that was looked at.
+      // If Y is not unique, the result may belong to another one.
       if (really_jumps(p, j, best_Y) && unique_ && step_solution(s_, euler_step(j), y(j)))
         return fails(text("step %ld jumps, but was not taken by Euler", long(j)));
       if (impulse_ && j == 1 && unique_ && differs(y(0), best_Y.head(n))) return fails("y_0 is not the first stage");
@@ -231,7 +232,7 @@ class Judge {
     return jump_step(p, j, best);
   }
 
-  /// Not only by the rounding that is left of a larger state.
+  /// Not only by the remaining rounding of an earlier, larger state.
   bool really_jumps(const StepProblem& p, Index j, const Vector& Y) const {
     return jumps(s_, h_, Y, x(j - 1), x(j), regular_, 1.001) && largest(p.drive * Y) > carried * before_;
   }
@@ -264,7 +265,7 @@ class Judge {
       const double terms = largest(s_.M.cwiseAbs() * y(j) + s_.N.cwiseAbs() * x(j).cwiseAbs() + g(j).cwiseAbs());
       magnitude = std::max(magnitude, terms / scale);
     }
-    // Both are rounding; what they may differ by is that of their terms, magnified like the violation.
+    // Both are rounding errors of their terms, magnified like the violation.
     const double limit = (1e-10 + 10 * verdict_.violation) * magnitude;
     if (!(std::abs(verdict_.residual - r_.residual) <= limit))
       return fails(text("the residual is %.1e, not %.1e", verdict_.residual, r_.residual));
@@ -279,7 +280,7 @@ class Judge {
   Steps main_, euler_;
   bool impulse_ = false;
   bool unique_ = false;    ///< the matrix of a step is P
-  bool vanished_ = false;  ///< the state has been rounding only
+  bool vanished_ = false;  ///< the state has been only rounding
   double before_ = 0;      ///< largest state so far
   unsigned last_ = 0;      ///< active set of the first stage in the last step
   long jumps_ = 0;
@@ -307,8 +308,7 @@ Trial try_method(const RandomScene& random, const DenseScene& dense, Method meth
     trial.status = bromwich::to_string(result.status);
     trial.reason = result.reason;
     trial.kernel = result.kernel;
-    // Steps with sources that the grid does not resolve are not those of the discretisation
-    // (tests/scene/test_sources.cpp).
+    // Steps with unresolved sources are not those of the discretisation (tests/scene/test_sources.cpp).
     if (result.rough_steps > 0) return trial;
     if (result.status == Status::solved || result.status == Status::infeasible) {
       const Verdict verdict = judge(dense, result);
