@@ -164,7 +164,10 @@ class Solver:
         self._prepared.set_x0(np.full(m, float(x0)) if np.ndim(x0) == 0 else vector(x0, "x0"))
 
     def set_sources(self, f: Any = None, g: Any = None, breakpoints: Iterable[float] = ()) -> None:
-        """Both sources, as :class:`Scene` takes them; None is zero."""
+        """Both sources, as :class:`Scene` takes them; None is zero.
+
+        A solver keeps the values of sources. Where a function has changed in itself, hand it over again.
+        """
         self._prepared.set_sources(*self._scene._sources(f, g), sorted(float(t) for t in breakpoints))
 
     def solve(

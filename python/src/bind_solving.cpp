@@ -70,7 +70,6 @@ class Prepared {
  public:
   Prepared(std::shared_ptr<const Model> model, const Options& given, const std::string& backend, int threads)
       : seen_(std::move(model)),
-        forget_(seen_->forget),
         options_(with_goal(given, *seen_)),
         machine_(machine_for(backend, seen_->scene, options_, threads, true)),
         solver_(seen_->scene, *machine_->backend, listened(options_)) {}
@@ -88,9 +87,6 @@ class Prepared {
     const Source none, &given_f = f ? *f : none, &given_g = g ? *g : none;
     solver_.set_sources(given_f.function, given_g.function,
                         merged(merged(given_f.breakpoints, given_g.breakpoints), declared));
-    forget_.clear();
-    for (const Source* given : {&given_f, &given_g})
-      if (given->forget) forget_.push_back(given->forget);
     seen_ = nullptr;
   }
 
@@ -99,7 +95,6 @@ class Prepared {
     return unlocked(calls, [&] {
       const std::lock_guard lock(mutex_);
       const std::lock_guard other(machine_->busy);
-      for (const auto& forget : forget_) forget();
       if (!seen_) seen_ = std::make_shared<const Model>(solver_.scene());
       auto answer = std::make_shared<Answer>(Answer{seen_, machine_, options_, {}, false, {}});
       calls_ = &calls;
@@ -122,7 +117,6 @@ class Prepared {
   }
 
   std::shared_ptr<const Model> seen_;
-  std::vector<std::function<void()>> forget_;  ///< of the sources as they are now
   Options options_;
   std::shared_ptr<Machine> machine_;
   Calls* calls_ = nullptr;  ///< of the solve that runs
