@@ -17,5 +17,5 @@ def python(data):
         )
     return lines + [
         "",
-        f"Medians of {data['repeats']} rounds, C++ and Python in turns, of each the least of a block of solves. {machine(data)}.",
+        f"Medians of {data['repeats']} rounds, C++ and Python in turns of random order, of each the least of a block of solves. {machine(data)}.",
     ]
