@@ -195,8 +195,8 @@ class Stages {
       for (std::size_t i = 0; i < touching_.size(); ++i) touching_[i] = y[Index(i)] > 0;
       if (used->stages() == problem_.stages)
         regular_ = regular_.cwiseMax(y);
-      else
-        out.jumped.push_back(j);
+      else if (impact_)
+        out.impacts.push_back(j);
       out.y.row(j) = y.transpose();
       out.impulse.row(j) = lengths_.size(lengths_.kind(j)) * used->mean().transpose();
       x.swap(next);
@@ -254,7 +254,6 @@ class Stages {
     // 0.
     for (Index i = 0; i < first.size() && h < problem_.h / 2 && step.stages() == 2; ++i)
       if (first[i] > std::max(zero, much_more * regular_[i]) && last[i] < first[i] / 2) return true;
-    if (impacts(step)) return true;
     if (!step.switches()) return false;
     for (Index i = 0; i < first.size(); ++i)
       if (first[i] > std::max(zero, much_more * regular_[i]) && !(last[i] > zero)) return true;
@@ -280,8 +279,9 @@ class Stages {
     const Index place = lengths_.place(j);
     Stepper& main = stepper(problem_.stages, kind);
     const bool fine = main.advance(x, place, j, touching_, next, report);
-    if (fine && !jumps(main, lengths_.size(kind), x, next)) return &main;
-    if (problem_.stages == 1) return nullptr;
+    if (problem_.stages == 1) return fine ? &main : nullptr;
+    impact_ = fine && impacts(main);
+    if (fine && !impact_ && !jumps(main, lengths_.size(kind), x, next)) return &main;
     MarchReport by_euler = report;
     by_euler.stopped = by_euler.infeasible = -1;
     by_euler.count.unsolved = 0;
@@ -310,6 +310,7 @@ class Stages {
   Vector regular_;  ///< largest y_i at the ends of steps without jumps
   SparseMatrix B_;
   std::vector<bool> rigid_;
+  bool impact_ = false;         ///< the last step was an impact on a rigid constraint
   std::vector<bool> touching_;  ///< y_i > 0 at the end of the last step
 };
 

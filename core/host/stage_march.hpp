@@ -6,11 +6,11 @@
 namespace bromwich {
 
 struct StageSolution {
-  RowMatrix y;                ///< (J+1) x n: y at the right ends of the steps
-  RowMatrix impulse;          ///< (J+1) x n: integral of y over each step; row 0 is zero
-  RowMatrix v;                ///< (J+1) x n: N x_j
-  RowMatrix x;                ///< (J+1) x c: the requested components of x
-  std::vector<Index> jumped;  ///< rows of steps in which the state jumps
+  RowMatrix y;                 ///< (J+1) x n: y at the right ends of the steps
+  RowMatrix impulse;           ///< (J+1) x n: integral of y over each step; row 0 is zero
+  RowMatrix v;                 ///< (J+1) x n: N x_j
+  RowMatrix x;                 ///< (J+1) x c: the requested components of x
+  std::vector<Index> impacts;  ///< rows of steps with a new contact of a rigid position constraint
   MarchReport report;
   std::size_t bytes = 0;  ///< of the factorizations
 };

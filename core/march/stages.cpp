@@ -116,8 +116,8 @@ class Layers {
   double last_ = -INFINITY;  ///< last jump passed
 };
 
-// Steps of the undivided grid in which the state jumps (contacts at unknown times), each with the predicted time of the
-// contact, or NaN.
+// Steps of the undivided grid with a new contact of a rigid constraint, each with the predicted time of the contact, or
+// NaN.
 //
 // Implicit Euler moves the state onto the constraint by the end of a step. If y acts on the second derivative of w, the
 // remaining velocity is that of this motion, and only the next step removes it. Short parts just after the contact do
@@ -329,7 +329,7 @@ Contacts contacts_of(const StageGrid& grid, const StageSolution& s, const RowMat
   Contacts contacts;
   if (grid.lengths.empty()) return contacts;
   const Index n = s.y.cols();
-  for (const Index row : s.jumped) {
+  for (const Index row : s.impacts) {
     const auto [place, added] = contacts.try_emplace(grid.step[std::size_t(row)], NAN);
     if (!added || row < 4) continue;
     const RowMatrix w = s.v.middleRows(row - 3, 3) + g.block(row - 3, g.cols() - n, 3, n);

@@ -205,6 +205,23 @@ TEST(Stages, AnImpactIsInelasticWhereverItFalls) {
   }
 }
 
+TEST(Stages, ImplicitEulerTakesImpactsOfSparseScenes) {
+  Scene scene;
+  scene.dynamics =
+      SparseDynamics{Matrix{{0, 1}, {0, 0}}.sparseView(), Matrix{{0}, {1}}.sparseView(), Matrix{{1, 0}}.sparseView()};
+  scene.M = Matrix{{0}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f << 0, -1; };
+  scene.x0 = Vector{{0.5, 0}};
+  scene.T = 2;
+  const auto backend = make_cpu_backend(1);
+  DiscreteProblem p = discretise(scene, *backend, 1000);
+  p.components = {0, 1};
+  Result r;
+  solve_by_stages(p, 1, {}, r);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_LE(r.x.bottomRows(490).cwiseAbs().maxCoeff(), 1e-9);
+}
+
 // A mass pressed on an obstacle: x'' = y - 1, 0 <= y ⊥ x >= 0, x(0) = 1/2, at rest. It falls until t = 1, where an
 // impulse removes its velocity -1 (inelastic), and rests with y = 1 from then on.
 TEST(Stages, AFallingMassComesToRest) {
