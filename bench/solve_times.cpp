@@ -1,6 +1,6 @@
-// Times whole solves of built-in scenes when it is asked to: lines "signorini 127 400 3" (scene, Q or 0, steps, how many)
-// on standard input, seconds of each solve on standard output. scripts/bench_python asks, between the same solves from
-// Python.
+// Times whole solves of built-in scenes when it is asked to: lines "signorini 127 400 3" (scene, Q or 0, steps, how
+// many) on standard input, seconds of each solve on standard output. scripts/bench_python asks, between the same solves
+// from Python.
 
 #include <bromwich/bromwich.hpp>
 #include "cpu/cpu_backend.hpp"
@@ -44,7 +44,8 @@ int main(int argc, char** argv) {
   for (long Q, steps, count; std::cin >> name >> Q >> steps >> count;) {
     auto found = scenes.find(name);
     if (found == scenes.end())
-      found = scenes.emplace(name, make_scene(name, Q > 0 ? ParameterValues{{"Q", double(Q)}} : ParameterValues{})).first;
+      found =
+          scenes.emplace(name, make_scene(name, Q > 0 ? ParameterValues{{"Q", double(Q)}} : ParameterValues{})).first;
     const Options options = options_for(found->second, steps);
     for (long i = 0; i < count; ++i) {
       const auto start = std::chrono::steady_clock::now();
