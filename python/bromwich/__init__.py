@@ -1,0 +1,61 @@
+"""Differential linear complementarity problems, all time points at once::
+
+    E x' = A x + B y + f(t),   0 <= y  ⊥  w = N x + M y + g(t) >= 0,   x(0) = x0,   0 <= t <= T.
+
+    import bromwich
+    r = bromwich.solve(A=A, B=B, N=N, M=M, x0=x0, T=1, g=lambda t: ...)
+    r.status, r.t, r.y, r.x, r.w, r.residual
+
+:func:`solve` takes arrays or a :class:`Scene`; :class:`Solver` keeps what it has prepared for other x0 and sources.
+"""
+
+from . import _core
+from ._arrays import Tridiagonal
+from ._dynamics import Dynamics, Kronecker
+from ._errors import (
+    DeviceError,
+    DoesNotFit,
+    Error,
+    InternalError,
+    Interrupted,
+    NotSolved,
+    NotSolvedWarning,
+    SingularShift,
+)
+from ._io import load
+from ._result import Result, Status, Switch
+from ._scene import Scene, scene, scenes
+from ._solve import Solver, solve
+
+__version__: str = _core.version
+
+
+def cuda_devices() -> list[str]:
+    """Names of the CUDA devices that can be used; empty where there is none, or the build has no CUDA backend."""
+    return _core.cuda_devices()
+
+
+__all__ = [
+    "DeviceError",
+    "DoesNotFit",
+    "Dynamics",
+    "Error",
+    "InternalError",
+    "Interrupted",
+    "Kronecker",
+    "NotSolved",
+    "NotSolvedWarning",
+    "Result",
+    "Scene",
+    "SingularShift",
+    "Solver",
+    "Status",
+    "Switch",
+    "Tridiagonal",
+    "__version__",
+    "cuda_devices",
+    "load",
+    "scene",
+    "scenes",
+    "solve",
+]

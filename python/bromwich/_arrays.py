@@ -1,0 +1,118 @@
+"""What users hand over, as the arrays that the compiled part takes: float64, C-contiguous, on the host."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ._errors import Error
+
+# A dense M is kept as three diagonals from here on, where it has no more.
+SMALLEST_TRIDIAGONAL = 17
+
+
+class Tridiagonal:
+    """A tridiagonal n x n matrix M by its diagonals.
+
+    Args:
+        lower: n values, ``lower[i] = M[i, i-1]``; ``lower[0]`` is not used. Or a number.
+        diagonal: n values.
+        upper: n values, ``upper[i] = M[i, i+1]``; ``upper[n-1]`` is not used. Or a number.
+    """
+
+    def __init__(self, lower: Any, diagonal: Any, upper: Any) -> None:
+        self.diagonal = vector(diagonal, "M.diagonal")
+        n = self.diagonal.size
+        self.lower, self.upper = (
+            np.full(n, float(d)) if np.ndim(d) == 0 else vector(d, name)
+            for d, name in ((lower, "M.lower"), (upper, "M.upper"))
+        )
+
+
+def is_sparse(a: Any) -> bool:
+    """Whether it is a matrix or array of scipy.sparse, which is not imported for the question."""
+    return hasattr(a, "tocsc") and hasattr(a, "nnz")
+
+
+def on_host(a: Any, name: str) -> np.ndarray:
+    """NumPy's view of an array; others come through DLPack, from devices by an explicit copy."""
+    if isinstance(a, (np.ndarray, Sequence, int, float)) or np.isscalar(a):
+        found = a
+    elif hasattr(a, "__dlpack__") and not hasattr(a, "__array__"):
+        found = np.from_dlpack(a)
+    elif hasattr(a, "__cuda_array_interface__"):
+        raise Error(f"{name}: is an array on a CUDA device; copy it to the host first", name)
+    else:
+        found = a
+    try:
+        array = np.asarray(found)
+        if np.iscomplexobj(array):
+            raise Error(f"{name}: is complex; give real values", name)
+        if array.dtype.kind not in "biufO":
+            raise Error(f"{name}: is an array of {array.dtype}; give numbers", name)
+        return np.ascontiguousarray(array, dtype=np.float64) if array.ndim else array.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, Error):
+            raise
+        raise Error(f"{name}: is no array of numbers ({error}); give nested lists or an array", name) from error
+
+
+def vector(a: Any, name: str) -> np.ndarray:
+    """One dimension; a number is one value."""
+    array = on_host(a, name)
+    if array.ndim == 2 and 1 in array.shape:
+        array = array.ravel()
+    if array.ndim > 1:
+        raise Error(f"{name}: has {array.ndim} dimensions; give one", name)
+    return np.atleast_1d(array)
+
+
+def matrix(a: Any, name: str, column: bool = False) -> np.ndarray:
+    """Two dimensions; a number is 1 x 1, one dimension a row, or a column."""
+    if is_sparse(a):
+        a = a.toarray()
+    array = on_host(a, name)
+    if array.ndim > 2:
+        raise Error(f"{name}: has {array.ndim} dimensions; give two", name)
+    if array.ndim == 1 and column:
+        return array.reshape(-1, 1)
+    return np.atleast_2d(array)
+
+
+def compressed(a: Any, name: str, column: bool = False) -> tuple:
+    """Rows, columns, values, row indices and starts of columns."""
+    if not is_sparse(a):
+        dense = matrix(a, name, column)
+        cols, rows = np.nonzero(dense.T)
+        starts = np.concatenate([[0], np.cumsum(np.bincount(cols, minlength=dense.shape[1]))])
+        return (*dense.shape, dense[rows, cols], rows.astype(np.int32), starts.astype(np.int32))
+    if a.ndim != 2:
+        raise Error(f"{name}: has {a.ndim} dimensions; give two", name)
+    csc = a.tocsc(copy=True)
+    csc.sum_duplicates()
+    if csc.nnz > np.iinfo(np.int32).max:
+        raise Error(f"{name}: has {csc.nnz} entries; at most {np.iinfo(np.int32).max} are possible", name)
+    return (*csc.shape, on_host(csc.data, name), csc.indices.astype(np.int32), csc.indptr.astype(np.int32))
+
+
+def lcp_matrix(M: Any, n: int) -> np.ndarray | Tridiagonal:
+    """M as a dense or a tridiagonal matrix; None is zero."""
+    if isinstance(M, Tridiagonal):
+        return M
+    if M is None:
+        return np.zeros((n, n))
+    if is_sparse(M):
+        coo = M.tocoo()
+        if n >= SMALLEST_TRIDIAGONAL and M.shape == (n, n) and np.all(np.abs(coo.row - coo.col) <= 1):
+            return _three(M.diagonal(-1), M.diagonal(0), M.diagonal(1))
+        return matrix(M, "M")
+    dense = matrix(M, "M")
+    if n < SMALLEST_TRIDIAGONAL or dense.shape != (n, n) or np.any(np.triu(dense, 2)) or np.any(np.tril(dense, -2)):
+        return dense
+    return _three(np.diag(dense, -1), np.diag(dense), np.diag(dense, 1))
+
+
+def _three(lower: np.ndarray, diagonal: np.ndarray, upper: np.ndarray) -> Tridiagonal:
+    return Tridiagonal(np.concatenate([[0.0], lower]), diagonal, np.concatenate([upper, [0.0]]))

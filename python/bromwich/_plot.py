@@ -1,0 +1,60 @@
+"""Pictures of results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ._result import Result, require
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Beyond so many, lines say nothing: components against time as a picture.
+MOST_LINES = 10
+
+
+def plot(result: Result, what: str, components: Iterable[int] | None, ax: Axes | None) -> Any:
+    import matplotlib.pyplot as plt
+
+    require(what in ("auto", "x", "y", "w"), "what", f"found {what!r}; use 'auto', 'x', 'y' or 'w'")
+    if what == "auto" and ax is None and components is None and result.x.shape[1] > 0:
+        figure, axes = plt.subplots(2, 1, sharex=True, layout="constrained")
+        _draw(result, "x", None, axes[0])
+        _draw(result, "y", None, axes[1])
+        axes[0].set_xlabel("")
+        _title(result, axes[0])
+        return axes
+    if ax is None:
+        _, ax = plt.subplots(layout="constrained")
+        _title(result, ax)
+    _draw(result, "y" if what == "auto" else what, components, ax)
+    return ax
+
+
+def _title(result: Result, ax: Axes) -> None:
+    status = "" if result.ok else f" ({result.status})"
+    ax.set_title((result.scene.name or "bromwich") + status)
+
+
+def _draw(result: Result, what: str, components: Iterable[int] | None, ax: Axes) -> None:
+    values = getattr(result, what)
+    require(values is not None and values.shape[1] > 0, what, "was not recorded; solve with states='all'")
+    names = np.array(result.x_components if what == "x" else range(values.shape[1]), dtype=int)
+    if components is not None:
+        columns = [int(c) for c in components]
+        values, names = values[:, columns], names[columns]
+    ax.set_xlabel("t")
+    if len(names) > MOST_LINES:
+        mesh = ax.pcolormesh(result.t, names, values.T, shading="nearest", rasterized=True)
+        ax.figure.colorbar(mesh, ax=ax, label=what)
+        ax.set_ylabel("state" if what == "x" else "constraint")
+        return
+    drawstyle = "default" if what == "x" or result.continuous else "steps-pre"
+    for name, column in zip(names, values.T):
+        ax.plot(result.t, column, drawstyle=drawstyle, label=f"${what}_{{{name}}}$")
+    ax.set_ylabel(what)
+    if len(names) > 1:
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)

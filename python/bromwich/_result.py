@@ -1,0 +1,301 @@
+"""Results: what came out, and how good it is."""
+
+from __future__ import annotations
+
+import enum
+import os
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from . import _core
+from ._errors import Error
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+
+    from ._scene import Scene
+
+
+class Status(str, enum.Enum):
+    """How a solve ended. Each is a string: ``result.status == "solved"``."""
+
+    solved = "solved"
+    tolerance_not_met = "tolerance_not_met"  #: y is there, and the residual or the error is too large
+    infeasible = "infeasible"  #: no y from the time ``infeasible_at`` on
+    unsupported = "unsupported"  #: the method does not take the scene
+    nonfinite = "nonfinite"  #: values beyond what a double holds
+    interrupted = "interrupted"  #: by Ctrl-C, or by ``stop``
+
+    def __str__(self) -> str:
+        return self.value
+
+
+class Switch(NamedTuple):
+    """A constraint that becomes active or inactive."""
+
+    t: float
+    component: int  #: of y, from 0
+    on: bool  #: y becomes positive
+    error: float  #: estimated, of t
+
+
+class Result:
+    """What a solve has computed. Arrays are read-only views without a copy; they keep the result alive.
+
+    ``t`` has J+1 times; ``y``, ``x``, ``w`` have one row for each. Rows after the last valid time are NaN.
+    """
+
+    def __init__(self, answer: _core.Answer, scene: Scene) -> None:
+        self._answer, self._scene = answer, scene
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, as it was given to ``solve`` or the solver."""
+        return self._scene
+
+    @property
+    def status(self) -> Status:
+        """``solved``, or what is wrong."""
+        return Status(self._answer.status)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the status is ``solved``."""
+        return self._answer.status == "solved"
+
+    @property
+    def reason(self) -> str:
+        """One line where the status is not ``solved``; otherwise empty."""
+        return self._answer.reason
+
+    @property
+    def warning(self) -> str:
+        """One line about a result that may be called solved, on uniqueness or conditions; or empty."""
+        return self._answer.warning
+
+    @property
+    def t(self) -> np.ndarray:
+        """Times, J+1."""
+        return self._answer.t
+
+    @property
+    def y(self) -> np.ndarray:
+        """(J+1) x n."""
+        return self._answer.y
+
+    @property
+    def y_left(self) -> np.ndarray:
+        """J x n, method galerkin and Radau IIA: y inside step j, at its left end or at a third. Otherwise 0 x 0."""
+        return self._answer.y_left
+
+    @property
+    def y_integral(self) -> np.ndarray:
+        """(J+1) x n: the integral of y over [0, t_j], impulses that move the state included. Computed at each call."""
+        return self._answer.y_integral()
+
+    @property
+    def w(self) -> np.ndarray | None:
+        """(J+1) x n: N x + M y + g, with g as it is when w is first asked for. None in results of :meth:`at`."""
+        return self._answer.w
+
+    @property
+    def x(self) -> np.ndarray:
+        """(J+1) x the number of components that were recorded."""
+        return self._answer.x
+
+    @property
+    def x_components(self) -> list[int]:
+        """Which component of the state each column of ``x`` is."""
+        return self._answer.x_components
+
+    @property
+    def residual(self) -> float:
+        """max_j ||min(y, w)|| / max(1, ||N x + g||) in the maximum norm; NaN where no solution was evaluated."""
+        return self._answer.residual
+
+    @property
+    def boundary_residual(self) -> float | None:
+        """max |E0 x(0) + ET x(T) - b| / max(1, max |b|); None without boundary values."""
+        return self._answer.boundary_residual
+
+    @property
+    def error_estimate(self) -> float | None:
+        """Relative error of y and the recorded x, with a tolerance or from method multigrid; None: not estimated."""
+        return self._answer.error_estimate
+
+    @property
+    def errors(self) -> dict[str, Any] | None:
+        """With a tolerance: the parts of the estimate, the order that was observed, and the grids."""
+        return self._answer.errors
+
+    @property
+    def kernel_error(self) -> float:
+        """Relative error of the weights of the time convolution; NaN where there is nothing to compare them with."""
+        return self._answer.kernel_error
+
+    @property
+    def infeasible_at(self) -> float | None:
+        """With status ``infeasible``: the first time without a solution."""
+        return self._answer.infeasible_at
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time of the solve; :attr:`timings` has its parts."""
+        return self._answer.seconds["total"]
+
+    @property
+    def timings(self) -> dict[str, float]:
+        """Seconds: total, setup and solve, and of the last one lcp, convolution, transform and other."""
+        return self._answer.seconds
+
+    @property
+    def method(self) -> str:
+        """That solved the scene, or was tried last."""
+        return self._answer.method
+
+    @property
+    def backend(self) -> str:
+        """``"cpu"`` or ``"cuda"``."""
+        return self._answer.backend
+
+    @property
+    def kernel(self) -> str:
+        """How the kernel was made and applied, in words."""
+        return self._answer.kernel
+
+    @property
+    def steps(self) -> int:
+        """J."""
+        return self._answer.steps
+
+    @property
+    def iterations(self) -> int:
+        """Sweeps of the functional iteration."""
+        return self._answer.iterations
+
+    @property
+    def history(self) -> list[float]:
+        """Largest change of y in each sweep or cycle, relative to max(1, |y|)."""
+        return self._answer.history
+
+    @property
+    def continuous(self) -> bool:
+        """Whether y is linear between its rows; otherwise it may jump from step to step."""
+        return self._answer.continuous
+
+    @property
+    def starts_with_impulse(self) -> bool:
+        """x0 violates the constraints: the state jumps at t = 0, and the first row of y is no value."""
+        return self._answer.starts_with_impulse
+
+    @property
+    def bytes(self) -> int:
+        """Memory that the solve has held in arrays and plans."""
+        return self._answer.bytes
+
+    @property
+    def goal(self) -> dict[str, Any] | None:
+        """Method goal: the quantity, and the history of the grids."""
+        return self._answer.goal
+
+    @property
+    def switches(self) -> list[Switch]:
+        """When constraints become active and inactive, in order of time; the errors are those of interpolation."""
+        return [Switch(*s) for s in self._answer.switches(False)]
+
+    def switches_with_errors(self) -> list[Switch]:
+        """The same with errors that include those of the grid: solves again on coarser grids, 1.25 times the work."""
+        return [Switch(*s) for s in self._answer.switches(True)]
+
+    def at(self, t: float | Iterable[float]) -> Result:
+        """The result at other times, in the order of the method: a row of ``t``, ``y`` and the recorded ``x`` for each.
+
+        Raises:
+            Error: for times outside [0, T]; for times between time points where y is not linear there; for x of sparse
+                scenes (solve with ``states=None``).
+        """
+        times = np.atleast_1d(np.asarray(t, dtype=np.float64)).ravel()
+        return Result(self._answer.at(times.tolist()), self._scene)
+
+    def plot(self, what: str = "auto", *, components: Iterable[int] | None = None, ax: Axes | None = None) -> Axes:
+        """Draws y, x or w over time with matplotlib; many components as a picture over time.
+
+        Args:
+            what: ``"y"``, ``"x"``, ``"w"``, or ``"auto"``: x and y side by side where x was recorded.
+            components: columns to draw; None: all.
+            ax: axes to draw into; None: new ones.
+        """
+        from ._plot import plot
+
+        return plot(self, what, components, ax)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """A dataset with dimensions ``t``, ``constraint`` and ``state``; the rest as attributes."""
+        import xarray
+
+        constraint = np.arange(self.y.shape[1])
+        variables = {"y": (("t", "constraint"), self.y)}
+        if self.w is not None:
+            variables["w"] = (("t", "constraint"), self.w)
+        if self.x.shape[1] > 0:
+            variables["x"] = (("t", "state"), self.x)
+        coordinates = {"t": self.t, "constraint": constraint, "state": np.array(self.x_components, dtype=int)}
+        return xarray.Dataset(variables, coordinates, attrs=self._attributes())
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes ``.npz``, or ``.h5`` with h5py: t, y, w, x, x_components and attributes.
+
+        xarray opens the latter with ``xarray.open_dataset(path, engine="h5netcdf")``; :func:`bromwich.load` reads both.
+        """
+        from ._io import save
+
+        save(self, path)
+
+    def _attributes(self) -> dict[str, Any]:
+        facts: dict[str, Any] = {
+            "scene": self._scene.name,
+            "status": str(self.status),
+            "reason": self.reason,
+            "warning": self.warning,
+            "method": self.method,
+            "backend": self.backend,
+            "kernel": self.kernel,
+            "steps": self.steps,
+            "seconds": self.seconds,
+            "residual": self.residual,
+            "bromwich_version": _core.version,
+        }
+        for name in ("error_estimate", "boundary_residual", "infeasible_at"):
+            value = getattr(self, name)
+            if value is not None:
+                facts[name] = value
+        return facts
+
+    def __repr__(self) -> str:
+        words = [f"{self.status} by {self.method}"]
+        if self.ok:
+            estimate = self.error_estimate
+            words.append(f"residual {self.residual:.1e}")
+            words.append("error not estimated (give tol)" if estimate is None else f"error estimate {estimate:.1e}")
+        else:
+            words.append(self.reason)
+        words.append(f"{self.steps} steps")
+        words.append(_seconds(self.seconds))
+        if self.warning:
+            words.append(f"warning: {self.warning}")
+        return f"<bromwich.Result {', '.join(words)}>"
+
+
+def _seconds(s: float) -> str:
+    for unit, scale in (("s", 1.0), ("ms", 1e-3)):
+        if s >= scale:
+            return f"{s / scale:.3g} {unit}"
+    return f"{s / 1e-6:.3g} us"
+
+
+def require(held: bool, argument: str, message: str) -> None:
+    if not held:
+        raise Error(f"{argument}: {message}", argument)

@@ -1,0 +1,285 @@
+"""Scenes: what is solved."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from . import _core
+from ._arrays import Tridiagonal, compressed, is_sparse, lcp_matrix, matrix, vector
+from ._dynamics import Dynamics, Kronecker
+from ._errors import Error
+from ._sources import source, steps_of
+
+
+class Scene:
+    """A differential linear complementarity problem with m states and n constraints::
+
+        E x' = A x + B y + f(t),   0 <= y  ⊥  w = N x + M y + g(t) >= 0,   x(0) = x0,   0 <= t <= T.
+
+    Args:
+        A: m x m, NumPy or SciPy sparse. Sparse: many states (10^5 and more) and few constraints.
+        B: m x n; one dimension is a column.
+        N: n x m; one dimension is a row.
+        M: n x n, NumPy, SciPy sparse, :class:`Tridiagonal` or a number where n = 1; None: zero.
+        x0: m values, the state at t = 0.
+        T: final time, in the user's unit of time.
+        f: source of the states, m values (see F). None, a number, m values, a table, a function or expressions, below.
+        g: source of the constraints, n values.
+        E: m x m, regular; None: the identity.
+        F: f enters as F f(t) with this m x k matrix and f of k values, or as B f(t) with n values where it is ``"B"``.
+        E0, ET, b: instead of x0: ``E0 x(0) + ET x(T) = b``, m x m, m x m and m values (method galerkin).
+        free: rows i of mixed problems, with w_i = 0 and y_i of either sign.
+        lcp_class: ``"auto"``, ``"P"``, ``"Z"`` or ``"PSD"``, what is known of M.
+        breakpoints: times in [0, T] at which f or g may jump or have a kink. Functions are looked through for others.
+        parameters: names and values for expressions.
+        steps: time steps J where a solve does not say; default 400, or those of a table.
+        dynamics: in place of A, B, N and E: :class:`Dynamics` (callbacks) or :class:`Kronecker`.
+        name: for messages.
+
+    Sources are given as
+
+    - an array of as many values: constant;
+    - an array with J+1 rows: a table on the uniform grid over [0, T], linear between its rows;
+    - ``(times, table)``: the same at times of one's own, each a kink; two rows of equal time are a jump;
+    - a function of t; where it takes an array of k times as well, and returns k x n or n x k values, it is called for
+      all times of a grid at once;
+    - a string or a list of strings, expressions of t and the parameters, ``"max(sin(2*pi*t), 0)"``, whose jumps and
+      kinks are found exactly.
+
+    Raises:
+        Error: an argument has a wrong shape, or values that are not finite; ``argument`` says which.
+
+    Example:
+        >>> Scene(A=[[0, -1 / C], [1 / L, 0]], B=[-1 / C, 0], N=[-1, 0], M=R, x0=[10, 0], T=5e-3)
+    """
+
+    def __init__(
+        self,
+        *,
+        A: Any = None,
+        B: Any = None,
+        N: Any = None,
+        M: Any = None,
+        x0: Any = None,
+        T: float | None = None,
+        f: Any = None,
+        g: Any = None,
+        E: Any = None,
+        F: Any = None,
+        E0: Any = None,
+        ET: Any = None,
+        b: Any = None,
+        free: Iterable[int] = (),
+        lcp_class: str = "auto",
+        breakpoints: Iterable[float] = (),
+        parameters: Mapping[str, float] | None = None,
+        steps: int | None = None,
+        dynamics: Dynamics | Kronecker | None = None,
+        name: str = "",
+    ) -> None:
+        if T is None:
+            raise Error("T: is missing; give the final time", "T")
+        model = _core.Model.empty()
+        model.name, model.T = name, float(T)
+        _set_dynamics(model, A, B, N, E, dynamics)
+        _set_lcp(model, M)
+        model.set_lcp_class(lcp_class)
+        model.free_rows = [int(i) for i in free]
+        _set_conditions(model, x0, E0, ET, b)
+        if not (model.T > 0 and np.isfinite(model.T)):
+            raise Error(f"T: is {model.T:g}; give a positive finite number", "T")
+        if isinstance(dynamics, Kronecker) and f is not None and not isinstance(F, str):
+            raise Error("f: enters the states of a Kronecker sum; give n values and F='B', for B f(t)", "f")
+        _set_f_entry(model, F)
+        self._model, self._parameters = model, dict(parameters or {})
+        parts = self._sources(f, g)
+        tables = [steps_of(f, model.sources), steps_of(g, model.constraints)]
+        model.steps = int(steps) if steps is not None else max(tables) or 400
+        model.set_sources(*parts, sorted(float(t) for t in breakpoints))
+        model.validate()
+        self._facts: dict[str, Any] = {}
+
+    def _sources(self, f: Any, g: Any) -> tuple[_core.Source | None, _core.Source | None]:
+        m = self._model
+        return (
+            source(f, "f", m.sources, m.T, self._parameters),
+            source(g, "g", m.constraints, m.T, self._parameters),
+        )
+
+    @classmethod
+    def _of(cls, model: _core.Model, parameters: Mapping[str, float], facts: dict[str, Any]) -> Scene:
+        scene = cls.__new__(cls)
+        scene._model, scene._parameters, scene._facts = model, dict(parameters), facts
+        return scene
+
+    @classmethod
+    def from_toml(cls, path: str | os.PathLike[str], **settings: float) -> Scene:
+        """Reads a scene file (docs/scene-files.md); ``settings`` replace values of its ``[parameters]``.
+
+        Raises:
+            Error: names file, line and key.
+        """
+        model, facts = _core.read_scene(os.fspath(path), {k: float(v) for k, v in settings.items()})
+        return cls._of(model, facts["parameters"], facts)
+
+    @classmethod
+    def relay(
+        cls, *, A: Any, B: Any, C: Any, x0: Any, T: float, f: Any = None, steps: int = 400, name: str = ""
+    ) -> Scene:
+        """Relays: ``x' = A x + B l + f(t)``, ``l_i`` in ``-Sgn(C_i x)`` between -1 and 1, for k outputs.
+
+        A is m x m, B m x k, C k x m. As a complementarity problem y has 2k components, ``l = 1 - 2 y[:, :k]``.
+        """
+        A, B, C = matrix(A, "A"), matrix(B, "B", column=True), matrix(C, "C")
+        model = _core.relay(A, B, C, source(f, "f", A.shape[0], float(T), {}), vector(x0, "x0"))
+        model.name, model.T, model.steps = name, float(T), int(steps)
+        model.validate()
+        return cls._of(model, {}, {})
+
+    @property
+    def name(self) -> str:
+        return self._model.name
+
+    @property
+    def states(self) -> int:
+        """m"""
+        return self._model.states
+
+    @property
+    def constraints(self) -> int:
+        """n"""
+        return self._model.constraints
+
+    @property
+    def T(self) -> float:
+        """Final time."""
+        return self._model.T
+
+    @property
+    def steps(self) -> int:
+        """Time steps J where a solve does not say."""
+        return self._model.steps
+
+    @property
+    def x0(self) -> np.ndarray:
+        """m values; none where the scene has boundary values."""
+        return np.array(self._model.x0())
+
+    @property
+    def breakpoints(self) -> list[float]:
+        """Times at which f or g may jump or have a kink, as far as they are known before a solve."""
+        return self._model.breakpoints
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Of a file or a built-in scene, with the settings; of expressions."""
+        return dict(self._parameters)
+
+    @property
+    def description(self) -> str:
+        """One line, of a file or a built-in scene."""
+        return self._facts.get("description", "")
+
+    @property
+    def warning(self) -> str:
+        """What was not found out when a file was read, or an empty string."""
+        return self._facts.get("warning", "")
+
+    @property
+    def reference(self) -> dict[str, Any] | None:
+        """What a file says of its solution: t, x, y, tolerance, status, source; None where it says nothing."""
+        return self._facts.get("reference")
+
+    def exact(self, t: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """x (m) and y (n) at t, of built-in scenes whose solution is known; otherwise None."""
+        return self._model.exact(float(t))
+
+    def __repr__(self) -> str:
+        name = f"{self.name!r}: " if self.name else ""
+        ends = "boundary values" if self._model.has_boundary else "initial values"
+        return (
+            f"<bromwich.Scene {name}{self.states} states ({self._model.form}), {self.constraints} constraints, "
+            f"{ends}, T = {self.T:g}>"
+        )
+
+
+def scene(name: str, **settings: float) -> Scene:
+    """A built-in scene, such as ``scene("signorini", Q=127)``; :func:`scenes` lists them.
+
+    Raises:
+        Error: for an unknown name, an unknown parameter or a value out of range.
+    """
+    values = {k: float(v) for k, v in settings.items()}
+    model = _core.build_scene(name, values)
+    for known, summary, parameters in _core.catalogue():
+        if known == name:
+            defaults = {k: default for k, (default, _) in parameters.items() if np.isfinite(default)}
+            return Scene._of(model, {**defaults, **values}, {"description": summary})
+    return Scene._of(model, values, {})
+
+
+def scenes() -> dict[str, dict[str, Any]]:
+    """The built-in scenes: ``summary`` and ``parameters``, each with its default and its meaning."""
+    return {name: {"summary": summary, "parameters": parameters} for name, summary, parameters in _core.catalogue()}
+
+
+def _set_dynamics(model: _core.Model, A: Any, B: Any, N: Any, E: Any, dynamics: Dynamics | Kronecker | None) -> None:
+    given = [name for name, value in (("A", A), ("B", B), ("N", N), ("E", E)) if value is not None]
+    if dynamics is not None:
+        if given:
+            raise Error(f"{given[0]}: is given with dynamics; give one of the two", given[0])
+        if isinstance(dynamics, Kronecker):
+            model.set_kronecker(dynamics.along, dynamics.across, dynamics.b, dynamics.n)
+        elif isinstance(dynamics, Dynamics):
+            d = dynamics
+            model.set_supplied(d.states, d.B, d.N, d.shifted, d.mass, d.bound)
+        else:
+            found = type(dynamics).__name__
+            raise Error(f"dynamics: is a {found}; give bromwich.Dynamics or bromwich.Kronecker", "dynamics")
+        return
+    for name, value in (("A", A), ("B", B), ("N", N)):
+        if value is None:
+            raise Error(f"{name}: is missing; give A, B and N, or dynamics", name)
+    if is_sparse(A):
+        sparse_E = None if E is None else compressed(E, "E")
+        model.set_sparse(compressed(A, "A"), compressed(B, "B", column=True), compressed(N, "N"), sparse_E)
+        return
+    dense_E = None if E is None else matrix(E, "E")
+    model.set_dense(matrix(A, "A"), matrix(B, "B", column=True), matrix(N, "N"), dense_E)
+
+
+def _set_lcp(model: _core.Model, M: Any) -> None:
+    found = lcp_matrix(M, model.constraints)
+    if isinstance(found, Tridiagonal):
+        model.set_M_tridiagonal(found.lower, found.diagonal, found.upper)
+    else:
+        model.set_M(found)
+
+
+def _set_conditions(model: _core.Model, x0: Any, E0: Any, ET: Any, b: Any) -> None:
+    if E0 is None and ET is None and b is None:
+        if x0 is None:
+            raise Error("x0: is missing; give the state at t = 0, or E0, ET and b", "x0")
+        model.set_x0(np.full(model.states, float(x0)) if np.ndim(x0) == 0 else vector(x0, "x0"))
+        return
+    for name, value in (("E0", E0), ("ET", ET), ("b", b)):
+        if value is None:
+            raise Error(f"{name}: is missing; give E0, ET and b, E0 x(0) + ET x(T) = b", name)
+    if x0 is not None:
+        raise Error("x0: is given with boundary values; give one of the two", "x0")
+    model.set_boundary(matrix(E0, "E0"), matrix(ET, "ET"), vector(b, "b"))
+
+
+def _set_f_entry(model: _core.Model, F: Any) -> None:
+    if F is None:
+        model.set_f_entry("x", None)
+    elif isinstance(F, str):
+        if F != "B":
+            raise Error(f"F: found {F!r}; give a matrix m x k, or 'B'", "F")
+        model.set_f_entry("B", None)
+    else:
+        model.set_f_entry("F", compressed(F, "F", column=True))

@@ -1,0 +1,261 @@
+"""Solving: one scene once, or one scene prepared for many solves."""
+
+from __future__ import annotations
+
+import difflib
+import warnings
+from collections.abc import Callable, Iterable
+from typing import Any, Literal
+
+import numpy as np
+
+from . import _core
+from ._arrays import vector
+from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
+from ._result import Result, Status
+from ._scene import Scene
+
+# States are recorded by default where there are no more.
+RECORDED_STATES = 1000
+
+OPTIONS = frozenset(
+    "method steps tol tol_x tol_y atol max_steps max_seconds iteration_tol max_iterations states memory_limit "
+    "event_location".split()
+)
+
+Check = bool | Literal["warn"]
+Progress = Callable[[int, int, float], object]
+
+
+def solve(
+    scene: Scene | None = None,
+    /,
+    *,
+    backend: str = "auto",
+    threads: int = 0,
+    progress: Progress | None = None,
+    stop: Callable[[], bool] | None = None,
+    check: Check = "warn",
+    method: str = "auto",
+    steps: int | None = None,
+    tol: float | None = None,
+    tol_x: float | None = None,
+    tol_y: float | None = None,
+    atol: float | None = None,
+    max_steps: int | None = None,
+    max_seconds: float | None = None,
+    iteration_tol: float | None = None,
+    max_iterations: int | None = None,
+    states: str | Iterable[int] | None = "auto",
+    memory_limit: float | None = None,
+    event_location: bool = False,
+    **arguments: Any,
+) -> Result:
+    """Solves a scene on the time points t_j = j T/J, j = 0..J::
+
+        E x' = A x + B y + f(t),   0 <= y  ⊥  w = N x + M y + g(t) >= 0,   x(0) = x0,   0 <= t <= T.
+
+    Args:
+        scene: a :class:`Scene`; or none, and A, B, N, M, x0, T, f, g, E, ... by name as :class:`Scene` takes them.
+        backend: ``"cpu"``, ``"cuda"``, or ``"auto"``: a CUDA device where it is predicted to be faster.
+        threads: of the host; 0: all cores.
+        progress: called as ``progress(done, total, change)`` now and then: steps done and all steps, or sweeps done, 0
+            and the change of the last sweep.
+        stop: called now and then; where it returns true the solve ends with status ``interrupted``.
+        check: what happens where the status is not ``solved``: ``"warn"`` issues :class:`NotSolvedWarning`, True raises
+            :class:`NotSolved`, False does nothing.
+        method: ``"auto"``, ``"march"``, ``"contour"``, ``"multigrid"``, ``"euler"``, ``"galerkin"``, ``"goal"`` or
+            ``"contour-literal"``.
+        steps: time steps J, with a tolerance those of the first grid; None: the scene's.
+        tol: refine the grid until the error of every component of y, and of the states that are recorded, is estimated
+            below tol times its largest value; None: one grid.
+        tol_x, tol_y: the same for one kind; alone: the other one is not controlled.
+        atol: error allowed besides, in the units of the scene.
+        max_steps, max_seconds: where a tolerance ends refining.
+        iteration_tol: where sweeps end, the largest change relative to max(1, |y|); None: 1e-12, or tol/1000.
+        max_iterations: sweeps at most.
+        states: components of x to record: ``"all"``, ``"none"`` or None, a list of indices from 0, or ``"auto"``: all
+            of them where there are at most 1000.
+        memory_limit: bytes; a solve that is predicted to need more is refused.
+        event_location: method galerkin: solve again with nodes where constraints switch.
+
+    Returns:
+        A :class:`Result`, whatever the status is.
+
+    Raises:
+        Error: bad input, a ValueError whose ``argument`` says which; :class:`DoesNotFit` (also a MemoryError),
+            :class:`DeviceError`, :class:`InternalError`.
+        NotSolved: with ``check=True``.
+        Interrupted: Ctrl-C, a KeyboardInterrupt whose ``result`` has the valid part.
+
+    What callables raise leaves ``solve``. They are called from the thread that called it; other threads of Python run
+    while it computes.
+
+    Example:
+        >>> r = solve(A=[[-1.0]], B=[[1.0]], N=[[1.0]], M=[[1.0]], g="-sin(2*pi*t)", x0=0, T=1)
+        >>> r.status, r.y[-1]
+    """
+    _known(arguments)
+    if scene is None:
+        scene = Scene(steps=steps, **arguments)
+    elif not isinstance(scene, Scene):
+        raise Error(f"scene: is a {type(scene).__name__}; give a bromwich.Scene, or A, B, N, ... by name", "scene")
+    elif arguments:
+        name = next(iter(arguments))
+        raise Error(f"{name}: is given with a scene; make the scene with it", name)
+    options = _options(
+        scene,
+        method=method,
+        steps=steps,
+        tol=tol,
+        tol_x=tol_x,
+        tol_y=tol_y,
+        atol=atol,
+        max_steps=max_steps,
+        max_seconds=max_seconds,
+        iteration_tol=iteration_tol,
+        max_iterations=max_iterations,
+        states=states,
+        memory_limit=memory_limit,
+        event_location=event_location,
+    )
+    return _checked(_core.solve(scene._model, options, backend, int(threads), progress, stop), scene, check, stop)
+
+
+class Solver:
+    """One scene, prepared once and solved many times with other x0, f and g.
+
+    It keeps what does not depend on them: fits of the kernel, factorizations, plans, arrays of the host and the device.
+    The first solve makes them. The scene itself stays as it is.
+
+    Args:
+        scene: a :class:`Scene`.
+        backend, threads, and options: as :func:`solve` takes them; ``progress``, ``stop`` and ``check`` belong to each
+            solve.
+
+    Example:
+        >>> solver = Solver(scene("signorini", Q=127), steps=400)
+        >>> first = solver.solve()
+        >>> solver.set_x0(x0)
+        >>> second = solver.solve()
+    """
+
+    def __init__(self, scene: Scene, *, backend: str = "auto", threads: int = 0, **options: Any) -> None:
+        if not isinstance(scene, Scene):
+            raise Error(f"scene: is a {type(scene).__name__}; give a bromwich.Scene", "scene")
+        for name in options:
+            if name not in OPTIONS:
+                raise Error(f"{name}: is no option of a solver; use {', '.join(sorted(OPTIONS))}", name)
+        self._scene = scene
+        self._prepared = _core.Prepared(scene._model, _options(scene, **options), backend, int(threads))
+
+    @property
+    def scene(self) -> Scene:
+        """As it was given."""
+        return self._scene
+
+    def set_x0(self, x0: Any) -> None:
+        """The state at t = 0, m values.
+
+        Raises:
+            Error: for another length, values that are not finite, and scenes with boundary values.
+        """
+        m = self._scene.states
+        self._prepared.set_x0(np.full(m, float(x0)) if np.ndim(x0) == 0 else vector(x0, "x0"))
+
+    def set_sources(self, f: Any = None, g: Any = None, breakpoints: Iterable[float] = ()) -> None:
+        """Both sources, as :class:`Scene` takes them; None is zero.
+
+        A solver keeps the values of sources. Where a function has changed in itself, hand it over again.
+        """
+        self._prepared.set_sources(*self._scene._sources(f, g), sorted(float(t) for t in breakpoints))
+
+    def solve(
+        self, *, progress: Progress | None = None, stop: Callable[[], bool] | None = None, check: Check = "warn"
+    ) -> Result:
+        """As :func:`bromwich.solve`, with the scene as it is now."""
+        return _checked(self._prepared.solve(progress, stop), self._scene, check, stop)
+
+
+def _known(arguments: dict[str, Any]) -> None:
+    """What Python says of a misspelt argument, with its neighbour."""
+    of_scene, of_solve = Scene.__init__.__kwdefaults__ or {}, solve.__kwdefaults__ or {}
+    for name in arguments.keys() - of_scene.keys():
+        near = difflib.get_close_matches(name, [*of_scene, *of_solve], 1)
+        suggestion = f"; did you mean {near[0]!r}?" if near else ""
+        raise TypeError(f"solve() got an unexpected keyword argument {name!r}{suggestion}")
+
+
+def _options(
+    scene: Scene,
+    *,
+    method: str = "auto",
+    steps: int | None = None,
+    tol: float | None = None,
+    tol_x: float | None = None,
+    tol_y: float | None = None,
+    atol: float | None = None,
+    max_steps: int | None = None,
+    max_seconds: float | None = None,
+    iteration_tol: float | None = None,
+    max_iterations: int | None = None,
+    states: str | Iterable[int] | None = "auto",
+    memory_limit: float | None = None,
+    event_location: bool = False,
+) -> _core.Options:
+    o = _core.Options()
+    o.method = method
+    o.trace = True
+    o.event_location = event_location
+    if steps is not None:
+        if int(steps) < 1 or int(steps) != steps:
+            raise Error(f"steps: found {steps}; give a whole number from 1 on", "steps")
+        o.steps = int(steps)
+    tolerances = [t for t in (tol, tol_x, tol_y) if t is not None and t > 0]
+    if tolerances:
+        o.iteration_tolerance = max(1e-3 * min(tolerances), o.iteration_tolerance)
+    for attribute, value in (
+        ("tolerance", tol),
+        ("tolerance_x", tol_x),
+        ("tolerance_y", tol_y),
+        ("absolute_tolerance", atol),
+        ("max_steps", max_steps),
+        ("max_seconds", max_seconds),
+        ("iteration_tolerance", iteration_tol),
+        ("max_iterations", max_iterations),
+        ("memory_limit", memory_limit),
+    ):
+        if value is not None:
+            setattr(
+                o,
+                attribute,
+                int(value) if attribute.startswith("max_") and attribute != "max_seconds" else float(value),
+            )
+    _select_states(o, scene, states)
+    return o
+
+
+def _select_states(o: _core.Options, scene: Scene, states: str | Iterable[int] | None) -> None:
+    if isinstance(states, str):
+        if states not in ("auto", "all", "none"):
+            raise Error(f"states: found {states!r}; use 'auto', 'all', 'none' or a list of indices", "states")
+        if states == "all" or (states == "auto" and scene.states <= RECORDED_STATES):
+            o.record_all_states()
+    elif states is not None:
+        components = [int(i) for i in states]
+        if components:
+            o.record_states(components)
+
+
+def _checked(answer: _core.Answer, scene: Scene, check: Check, stop: Callable[[], bool] | None) -> Result:
+    result = Result(answer, scene)
+    if answer.status == "solved":
+        return result
+    if answer.by_keyboard:
+        raise Interrupted(result.reason, result)
+    asked = stop is not None and result.status is Status.interrupted
+    if check is True:
+        raise NotSolved(f"status: {result.status}: {result.reason}", result)
+    if check and not asked:
+        warnings.warn(f"{result.status}: {result.reason}", NotSolvedWarning, stacklevel=3)
+    return result

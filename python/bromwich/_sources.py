@@ -1,0 +1,117 @@
+"""Sources f and g: constants, tables over time, expressions, and functions of t."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from . import _core
+from ._arrays import on_host, vector
+from ._errors import Error
+
+
+def source(given: Any, name: str, width: int, T: float, parameters: Mapping[str, float]) -> _core.Source | None:
+    """Whatever a user may give for f or g, with ``width`` values; None: zero."""
+    if given is None or isinstance(given, _core.Source):
+        return given
+    if isinstance(given, str):
+        given = [given]
+    if callable(given):
+        return _function(given, name, width, T)
+    if isinstance(given, (list, tuple)) and given and any(isinstance(entry, str) for entry in given):
+        _require(len(given) == width, name, f"has {len(given)} expressions", f"give {width}")
+        texts = [entry if isinstance(entry, str) else repr(float(entry)) for entry in given]
+        return _core.Source.expressions(texts, {k: float(v) for k, v in parameters.items()}, T, name)
+    if isinstance(given, tuple) and len(given) == 2 and np.ndim(given[1]) >= 1 and np.ndim(given[0]) == 1:
+        times, values = vector(given[0], name), on_host(given[1], name)
+        if values.shape in ((times.size,), (times.size, width)) and times.size > 1:
+            return _table(times, values, name, width, T, kinks=True)
+    array = on_host(given, name)
+    if array.ndim == 2 and array.shape[0] > 1 or array.ndim == 1 and width == 1 and array.size > 1:
+        return _table(np.linspace(0, T, array.shape[0]), array, name, width, T, kinks=False)
+    constant = np.full(width, float(array)) if array.ndim == 0 else vector(array, name)
+    _require(constant.size == width, name, f"has {constant.size} values", f"give {width}, or {width} columns over time")
+    return _core.Source.constant(constant)
+
+
+def steps_of(given: Any, width: int) -> int:
+    """Steps that a table on the grid has been made for; 0: it is none."""
+    if given is None or callable(given) or isinstance(given, (str, tuple, _core.Source)):
+        return 0
+    if isinstance(given, list) and any(isinstance(entry, str) for entry in given):
+        return 0
+    shape = np.shape(given)
+    on_grid = len(shape) == 2 and shape[0] > 1 or len(shape) == 1 and width == 1 and shape[0] > 1
+    return shape[0] - 1 if on_grid else 0
+
+
+def _require(held: bool, name: str, found: str, remedy: str) -> None:
+    if not held:
+        raise Error(f"{name}: {found}; {remedy}", name)
+
+
+def _table(times: np.ndarray, values: np.ndarray, name: str, width: int, T: float, kinks: bool) -> _core.Source:
+    if values.ndim == 1:
+        values = values.reshape(-1, 1)
+    _require(values.shape[1] == width, name, f"has {values.shape[1]} columns", f"give {width}")
+    _require(bool(np.all(np.diff(times) >= 0)), name, "has times that decrease", "sort them")
+    _require(
+        times[0] <= 0 and times[-1] >= T, name, f"has times from {times[0]:g} to {times[-1]:g}", f"cover 0 to {T:g}"
+    )
+    inside = (times[1:] != times[:-1]) | ((times[1:] > 0) & (times[1:] < T))
+    keep = np.concatenate([[True], inside])
+    return _core.Source.table(np.ascontiguousarray(times[keep]), np.ascontiguousarray(values[keep]), kinks)
+
+
+def _function(function: Callable, name: str, width: int, T: float) -> _core.Source:
+    def one(t: float) -> np.ndarray:
+        returned = function(t)
+        try:
+            found = np.asarray(returned, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise Error(f"{name}: returned no numbers at t = {t:g} ({error}); return {width} values", name) from error
+        if found.shape != (width,):
+            _require(found.size == width, name, f"returned shape {found.shape} at t = {t:g}", f"return {width} values")
+            found = found.ravel()
+        return np.ascontiguousarray(found)
+
+    return _core.Source.function(one, _many(function, one, name, width, T), width, T)
+
+
+def _many(
+    function: Callable, one: Callable[[float], np.ndarray], name: str, width: int, T: float
+) -> Callable[[np.ndarray], np.ndarray] | None:
+    """The function for many times at once, times x width, where it proves to take an array of times; None otherwise.
+
+    It may return times x width or width x times; with one value, times alone.
+    """
+    count = 5 if width != 5 else 7  # as many as cannot be taken for the values
+    times = T * np.array([0.0, 0.137, 0.381, 0.5, 0.729, 0.901, 1.0])[:count]
+    try:
+        with np.errstate(all="ignore"):
+            found = np.asarray(function(times), dtype=np.float64)
+    except Exception:  # it takes one time at once
+        return None
+    if found.shape == (count, width):
+        turned = False
+    elif found.shape == (width, count) or (width == 1 and found.shape == (count,)):
+        turned = True
+    else:
+        return None
+    found = found.reshape(width, count).T if turned else found
+    alone = np.array([one(float(t)) for t in times])
+    scale = np.max(np.abs(alone), initial=0.0)
+    if not np.allclose(found, alone, rtol=1e-12, atol=1e-13 * scale, equal_nan=True):
+        return None
+
+    def many(t: np.ndarray) -> np.ndarray:
+        values = np.asarray(function(t), dtype=np.float64)
+        if turned:
+            values = values.reshape(width, t.size).T
+        if values.shape != (t.size, width):
+            raise Error(f"{name}: returned shape {values.shape} for {t.size} times; return {(t.size, width)}", name)
+        return np.ascontiguousarray(values)
+
+    return many

@@ -1,0 +1,245 @@
+// Scenes: put together piece by piece by the Python layer, read from files, or built in.
+
+#include "arrays.hpp"
+#include "core/base/error.hpp"
+#include "core/scene/relay.hpp"
+#include "dynamics.hpp"
+#include "files/scene_file.hpp"
+#include "module.hpp"
+#include "sources.hpp"
+
+#include <nanobind/stl/complex.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <utility>
+
+namespace bromwich::python {
+namespace {
+
+using Sparse = std::tuple<Index, Index, Array1, Indices, Indices>;  // rows, columns, values, row of each, starts
+
+SparseMatrix matrix(const Sparse& s) {
+  return std::apply([](Index rows, Index cols, const auto&... parts) { return as_sparse(rows, cols, parts...); }, s);
+}
+
+SparseMatrix matrix_or_empty(const std::optional<Sparse>& s) { return s ? matrix(*s) : SparseMatrix(); }
+
+LcpClass lcp_class(const std::string& word) {
+  if (word == "auto") return LcpClass::automatic;
+  if (word == "P") return LcpClass::P;
+  if (word == "Z") return LcpClass::Z;
+  if (word == "PSD") return LcpClass::PSD;
+  throw Error("lcp_class", "found '" + word + "'", "use auto, P, Z or PSD");
+}
+
+SourceEntry source_entry(const std::string& word) {
+  if (word == "B") return SourceEntry::through_B;
+  return word == "F" ? SourceEntry::through_F : SourceEntry::state;
+}
+
+void keep(Model& model, const std::vector<Kept>& callables) {
+  model.callables.insert(model.callables.end(), callables.begin(), callables.end());
+}
+
+void set_sources(Model& model, const Source* f, const Source* g, const std::vector<double>& declared) {
+  static const Source none{{}, 0, {}, true};
+  const Source &given_f = f ? *f : none, &given_g = g ? *g : none;
+  for (const Source* given : {&given_f, &given_g}) {
+    keep(model, given->callables);
+    if (given->forget) model.forget.push_back(given->forget);
+  }
+  Scene& scene = model.scene;
+  scene.f = given_f.function;
+  scene.g = given_g.function;
+  scene.breakpoints = merged(merged(given_f.breakpoints, given_g.breakpoints), declared);
+  scene.breakpoints_are_all = given_f.breakpoints_are_all && given_g.breakpoints_are_all;
+}
+
+nb::object reference_of(const std::optional<Reference>& r) {
+  if (!r) return nb::none();
+  nb::dict d;
+  d["t"] = r->t;
+  d["x"] = r->x;
+  d["y"] = r->y;
+  d["tolerance"] = r->tolerance;
+  d["status"] = r->status;
+  d["infeasible_at"] = r->infeasible_at;
+  d["source"] = r->source;
+  return d;
+}
+
+nb::tuple read_scene(const std::string& file, const ParameterValues& settings) {
+  SceneFile read = [&] {
+    const nb::gil_scoped_release unlocked;
+    return read_scene_file(std::filesystem::path(file), settings);
+  }();
+  const auto model = std::make_shared<Model>(std::move(read.scene), read.quantity);
+  nb::dict facts;
+  facts["description"] = read.description;
+  facts["parameters"] = read.parameters;
+  facts["states"] = read.states;
+  facts["reference"] = reference_of(read.reference);
+  facts["warning"] = read.warning;
+  return nb::make_tuple(model, facts);
+}
+
+nb::list catalogue() {
+  nb::list all;
+  for (const SceneRecipe& recipe : scene_catalogue()) {
+    nb::dict parameters;
+    for (const SceneParameter& p : recipe.parameters) parameters[p.name.c_str()] = nb::make_tuple(p.value, p.meaning);
+    all.append(nb::make_tuple(recipe.name, recipe.summary, parameters));
+  }
+  return all;
+}
+
+std::optional<std::pair<View, View>> exact(const Scene& scene, double t) {
+  if (!scene.exact) return std::nullopt;
+  auto* values = new std::pair<Vector, Vector>(Vector::Zero(scene.states()), Vector::Zero(scene.constraints()));
+  const nb::capsule owner(values, [](void* p) noexcept { delete static_cast<std::pair<Vector, Vector>*>(p); });
+  scene.exact(t, values->first, values->second);
+  return std::pair(view(values->first, owner), view(values->second, owner));
+}
+
+int visit_callables(PyObject* self, visitproc visit, void* arg) {
+  Py_VISIT(Py_TYPE(self));
+  if (!nb::inst_ready(self)) return 0;
+  for (const Kept& callable : nb::inst_ptr<Model>(self)->callables) Py_VISIT(callable.held());
+  return 0;
+}
+
+int let_go_of_callables(PyObject* self) {
+  for (Kept& callable : nb::inst_ptr<Model>(self)->callables) callable.let_go();
+  return 0;
+}
+
+PyType_Slot cycle_slots[] = {{Py_tp_traverse, reinterpret_cast<void*>(visit_callables)},
+                             {Py_tp_clear, reinterpret_cast<void*>(let_go_of_callables)},
+                             {0, nullptr}};
+
+const char* form(const Scene& scene) {
+  static constexpr const char* words[] = {"dense", "kronecker", "sparse", "supplied"};
+  return words[scene.dynamics.index()];
+}
+
+}  // namespace
+
+void bind_scenes(nb::module_& m) {
+  nb::class_<Model>(m, "Model", nb::type_slots(cycle_slots),
+                    "What is solved. Pieces are set one by one; `validate` looks at all of them.")
+      .def_static("empty", [] { return std::make_shared<Model>(); })
+      .def(
+          "set_dense",
+          [](Model& s, const Array2& A, const Array2& B, const Array2& N, const std::optional<Array2>& E) {
+            s.scene.dynamics =
+                DenseDynamics{as_matrix(A), as_matrix(B), as_matrix(N), E ? Matrix(as_matrix(*E)) : Matrix()};
+          },
+          nb::arg("A"), nb::arg("B"), nb::arg("N"), nb::arg("E").none())
+      .def(
+          "set_sparse",
+          [](Model& s, const Sparse& A, const Sparse& B, const Sparse& N, const std::optional<Sparse>& E) {
+            s.scene.dynamics = SparseDynamics{matrix(A), matrix(B), matrix(N), matrix_or_empty(E)};
+          },
+          nb::arg("A"), nb::arg("B"), nb::arg("N"), nb::arg("E").none())
+      .def(
+          "set_kronecker",
+          [](Model& s, std::tuple<Index, double, double> along, std::tuple<Index, double, double> across,
+             const Array1& b, const Array1& n) {
+            const auto difference = [](const auto& d) { return std::make_from_tuple<SecondDifference>(d); };
+            s.scene.dynamics = KroneckerDynamics{difference(along), difference(across), as_vector(b), as_vector(n)};
+          },
+          nb::arg("along"), nb::arg("across"), nb::arg("b"), nb::arg("n"))
+      .def(
+          "set_supplied",
+          [](Model& s, Index states, const Sparse& B, const Sparse& N, nb::object shifted, nb::object mass,
+             std::optional<std::pair<double, double>> bound) {
+            const auto spectral = bound ? std::optional(SpectralBound{bound->first, bound->second}) : std::nullopt;
+            const Kept prepares(std::move(shifted)), multiplies = mass.is_none() ? Kept() : Kept(std::move(mass));
+            keep(s, {prepares, multiplies});
+            s.scene.dynamics = supplied_dynamics(states, matrix(B), matrix(N), prepares, multiplies, spectral);
+          },
+          nb::arg("states"), nb::arg("B"), nb::arg("N"), nb::arg("shifted"), nb::arg("mass").none(),
+          nb::arg("bound").none())
+      .def(
+          "set_M", [](Model& s, const Array2& M) { s.scene.M = Matrix(as_matrix(M)); }, nb::arg("M"))
+      .def(
+          "set_M_tridiagonal",
+          [](Model& s, const Array1& lower, const Array1& diagonal, const Array1& upper) {
+            s.scene.M = Tridiagonal{as_vector(lower), as_vector(diagonal), as_vector(upper)};
+          },
+          nb::arg("lower"), nb::arg("diagonal"), nb::arg("upper"))
+      .def(
+          "set_sources",
+          [](Model& s, const Source* f, const Source* g, const std::vector<double>& breakpoints) {
+            set_sources(s, f, g, breakpoints);
+          },
+          nb::arg("f").none(), nb::arg("g").none(), nb::arg("breakpoints"))
+      .def(
+          "set_f_entry",
+          [](Model& s, const std::string& word, const std::optional<Sparse>& F) {
+            s.scene.f_entry = source_entry(word);
+            s.scene.F = matrix_or_empty(F);
+          },
+          nb::arg("word"), nb::arg("F").none())
+      .def(
+          "set_x0", [](Model& s, const Array1& x0) { s.scene.x0 = as_vector(x0); }, nb::arg("x0"))
+      .def(
+          "set_boundary",
+          [](Model& s, const Array2& E0, const Array2& ET, const Array1& b) {
+            s.scene.boundary = BoundaryCondition{as_matrix(E0), as_matrix(ET), as_vector(b)};
+          },
+          nb::arg("E0"), nb::arg("ET"), nb::arg("b"))
+      .def(
+          "set_lcp_class", [](Model& s, const std::string& word) { s.scene.lcp_class = lcp_class(word); },
+          nb::arg("word"))
+      .def("validate", [](const Model& s) { s.scene.validate(); })
+      .def_prop_rw(
+          "name", [](const Model& s) { return s.scene.name; },
+          [](Model& s, std::string v) { s.scene.name = std::move(v); })
+      .def_prop_rw(
+          "T", [](const Model& s) { return s.scene.T; }, [](Model& s, double v) { s.scene.T = v; })
+      .def_prop_rw(
+          "steps", [](const Model& s) { return s.scene.default_steps; },
+          [](Model& s, Index v) { s.scene.default_steps = v; })
+      .def_prop_rw(
+          "free_rows", [](const Model& s) { return s.scene.free_rows; },
+          [](Model& s, std::vector<Index> v) { s.scene.free_rows = std::move(v); })
+      .def_prop_ro("states", [](const Model& s) { return s.scene.states(); })
+      .def_prop_ro("constraints", [](const Model& s) { return s.scene.constraints(); })
+      .def_prop_ro("sources", [](const Model& s) { return s.scene.sources(); })
+      .def_prop_ro("breakpoints", [](const Model& s) { return s.scene.breakpoints; })
+      .def_prop_ro("form", [](const Model& s) { return form(s.scene); })
+      .def_prop_ro("has_boundary", [](const Model& s) { return s.scene.boundary.has_value(); })
+      .def("x0", [](const Model& s) { return std::vector<double>(s.scene.x0.begin(), s.scene.x0.end()); })
+      .def(
+          "exact", [](const Model& s, double t) { return exact(s.scene, t); }, nb::arg("t"));
+  m.def(
+      "relay",
+      [](const Array2& A, const Array2& B, const Array2& C, const Source* f, const Array1& x0) {
+        auto model = std::make_shared<Model>(
+            relay_scene(as_matrix(A), as_matrix(B), as_matrix(C), f ? f->function : TimeFunction(), as_vector(x0)));
+        if (f) keep(*model, f->callables);
+        if (f && f->forget) model->forget.push_back(f->forget);
+        return model;
+      },
+      nb::arg("A"), nb::arg("B"), nb::arg("C"), nb::arg("f").none(), nb::arg("x0"));
+  m.def("read_scene", &read_scene, nb::arg("file"), nb::arg("settings"));
+  m.def(
+      "build_scene",
+      [](const std::string& name, const ParameterValues& values) {
+        return std::make_shared<Model>(make_scene(name, values));
+      },
+      nb::arg("name"), nb::arg("values"));
+  m.def("catalogue", &catalogue, "Name, summary and parameters (default, meaning) of the built-in scenes.");
+}
+
+}  // namespace bromwich::python

@@ -1,0 +1,169 @@
+// Options, solves and prepared solvers. The interpreter's lock is released while the library computes.
+
+#include "answer.hpp"
+#include "arrays.hpp"
+#include "calls.hpp"
+#include "core/base/error.hpp"
+#include "core/solve/solver.hpp"
+#include "kernels/cuda_backend.hpp"
+#include "sources.hpp"
+
+#include <bromwich/bromwich.hpp>
+
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <utility>
+
+namespace bromwich::python {
+namespace {
+
+void select_states(Options& options, StateSelection selection, std::vector<Index> components) {
+  options.states = selection;
+  options.components = std::move(components);
+}
+
+Options with_goal(Options options, const Model& model) {
+  if (options.method == Method::goal && model.quantity) {
+    GoalOptions goal;
+    goal.quantity = model.quantity;
+    options.goal = std::make_shared<const GoalOptions>(std::move(goal));
+  }
+  return options;
+}
+
+/// `work` without the lock; then what callbacks have raised.
+template <class Work>
+std::shared_ptr<Answer> unlocked(Calls& calls, const Work& work) {
+  std::shared_ptr<Answer> answer;
+  try {
+    const nb::gil_scoped_release released;
+    answer = work();
+  } catch (...) {
+    calls.raise();  // what came first
+    throw;
+  }
+  calls.raise();
+  answer->by_keyboard = calls.by_keyboard();
+  return answer;
+}
+
+std::shared_ptr<Answer> solve_once(std::shared_ptr<const Model> model, const Options& given, const std::string& backend,
+                                   int threads, nb::object progress, nb::object stop) {
+  Calls calls(std::move(progress), std::move(stop));
+  return unlocked(calls, [&] {
+    for (const auto& forget : model->forget) forget();
+    Options options = with_goal(given, *model);
+    const auto machine = machine_for(backend, model->scene, options, threads);
+    auto answer = std::make_shared<Answer>(Answer{model, machine, options, {}, false, {}});
+    options.progress = [&](const Progress& p) { calls.progress(p); };
+    options.interrupted = [&] { return calls.interrupted(); };
+    const std::lock_guard lock(machine->busy);
+    answer->result = solve(model->scene, *machine->backend, options);
+    return answer;
+  });
+}
+
+/// A Solver, its backend, and the scene as results see it.
+class Prepared {
+ public:
+  Prepared(std::shared_ptr<const Model> model, const Options& given, const std::string& backend, int threads)
+      : seen_(std::move(model)),
+        options_(with_goal(given, *seen_)),
+        machine_(machine_for(backend, seen_->scene, options_, threads, true)),
+        solver_(seen_->scene, *machine_->backend, listened(options_)) {}
+
+  void set_x0(const Array1& x0) {
+    const nb::gil_scoped_release released;
+    const std::lock_guard lock(mutex_);
+    solver_.set_x0(as_vector(x0));
+    seen_ = nullptr;
+  }
+
+  void set_sources(const Source* f, const Source* g, const std::vector<double>& declared) {
+    const nb::gil_scoped_release released;
+    const std::lock_guard lock(mutex_);
+    const Source none, &given_f = f ? *f : none, &given_g = g ? *g : none;
+    solver_.set_sources(given_f.function, given_g.function,
+                        merged(merged(given_f.breakpoints, given_g.breakpoints), declared));
+    seen_ = nullptr;
+  }
+
+  std::shared_ptr<Answer> solve(nb::object progress, nb::object stop) {
+    Calls calls(std::move(progress), std::move(stop));
+    return unlocked(calls, [&] {
+      const std::lock_guard lock(mutex_);
+      const std::lock_guard other(machine_->busy);
+      if (!seen_) seen_ = std::make_shared<const Model>(solver_.scene());
+      auto answer = std::make_shared<Answer>(Answer{seen_, machine_, options_, {}, false, {}});
+      calls_ = &calls;
+      const struct Forget {
+        Calls*& calls;
+        ~Forget() { calls = nullptr; }
+      } forget{calls_};
+      answer->result = solver_.solve();
+      return answer;
+    });
+  }
+
+ private:
+  Options listened(Options options) {
+    options.progress = [this](const Progress& p) {
+      if (calls_) calls_->progress(p);
+    };
+    options.interrupted = [this] { return calls_ && calls_->interrupted(); };
+    return options;
+  }
+
+  std::shared_ptr<const Model> seen_;
+  Options options_;
+  std::shared_ptr<Machine> machine_;
+  Calls* calls_ = nullptr;  ///< of the solve that runs
+  Solver solver_;
+  std::mutex mutex_;
+};
+
+}  // namespace
+
+void bind_solving(nb::module_& m) {
+  nb::class_<Options>(m, "Options")
+      .def(nb::init<>())
+      .def_prop_rw(
+          "method", [](const Options& o) { return to_string(o.method); },
+          [](Options& o, const std::string& word) { o.method = method_from_string(word); })
+      .def_rw("steps", &Options::steps)
+      .def_rw("tolerance", &Options::tolerance)
+      .def_rw("tolerance_x", &Options::tolerance_x)
+      .def_rw("tolerance_y", &Options::tolerance_y)
+      .def_rw("absolute_tolerance", &Options::absolute_tolerance)
+      .def_rw("control_states", &Options::control_states)
+      .def_rw("max_steps", &Options::max_steps)
+      .def_rw("max_seconds", &Options::max_seconds)
+      .def_rw("iteration_tolerance", &Options::iteration_tolerance)
+      .def_rw("max_iterations", &Options::max_iterations)
+      .def_rw("trace", &Options::trace)
+      .def_rw("event_location", &Options::event_location)
+      .def_rw("memory_limit", &Options::memory_limit)
+      .def("record_no_states", [](Options& o) { select_states(o, StateSelection::none, {}); })
+      .def("record_all_states", [](Options& o) { select_states(o, StateSelection::all, {}); })
+      .def(
+          "record_states",
+          [](Options& o, std::vector<Index> components) {
+            select_states(o, StateSelection::list, std::move(components));
+          },
+          nb::arg("components"));
+  m.def("solve", &solve_once, nb::arg("model"), nb::arg("options"), nb::arg("backend"), nb::arg("threads"),
+        nb::arg("progress").none(), nb::arg("stop").none());
+  nb::class_<Prepared>(m, "Prepared")
+      .def(nb::init<std::shared_ptr<const Model>, const Options&, const std::string&, int>(), nb::arg("model"),
+           nb::arg("options"), nb::arg("backend"), nb::arg("threads"))
+      .def("set_x0", &Prepared::set_x0, nb::arg("x0"))
+      .def("set_sources", &Prepared::set_sources, nb::arg("f").none(), nb::arg("g").none(), nb::arg("breakpoints"))
+      .def("solve", &Prepared::solve, nb::arg("progress").none(), nb::arg("stop").none());
+  m.def("cuda_devices", &cuda_devices, "Names of the CUDA devices that can be used.");
+  m.def("cuda_built", &cuda_built, "Whether this build has the CUDA backend.");
+  m.attr("version") = BROMWICH_VERSION;
+}
+
+}  // namespace bromwich::python

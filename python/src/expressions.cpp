@@ -1,0 +1,15 @@
+#include "files/expression.hpp"
+#include "sources.hpp"
+
+namespace bromwich::python {
+
+Source expression_source(const std::vector<std::string>& texts, const std::map<std::string, double>& parameters,
+                         double T, const std::string& name) {
+  Expressions expressions;
+  for (const auto& [key, value] : parameters) expressions.define(key, value, "parameters");
+  for (const std::string& text : texts) expressions.check_in_time(text, name);
+  SwitchTimes switches = expressions.switch_times(texts, T);
+  return {expressions.in_time(texts), Index(texts.size()), std::move(switches.times), switches.complete};
+}
+
+}  // namespace bromwich::python

@@ -1,0 +1,72 @@
+#include "machine.hpp"
+
+#include "app/backend_choice.hpp"
+#include "core/solve/cost.hpp"
+#include "core/solve/method_choice.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
+
+#include <utility>
+
+namespace bromwich::python {
+namespace {
+
+/// A backend and how many threads its host has.
+struct KeptMachine {
+  std::shared_ptr<Machine> machine;
+  int threads = 0;
+
+  bool fits(int asked) const { return machine && threads == asked; }
+};
+
+struct KeptMachines {
+  std::mutex mutex;
+  KeptMachine cpu, cuda;
+};
+
+KeptMachines& kept_machines() {
+  static auto* kept = new KeptMachines;  // never destroyed: the CUDA libraries may end before it does
+  return *kept;
+}
+
+bool idle(Machine& machine) {
+  const std::unique_lock lock(machine.busy, std::try_to_lock);
+  return lock.owns_lock();
+}
+
+bool stays_on_host(const std::string& word, const Scene& scene, const Options& options, bool started) {
+  if (word != "auto") return word == "cpu";
+  const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
+  return !cuda_built() || !faster_on_device(cuda_traits(), cpu_traits(), scene, options.method, steps, started);
+}
+
+std::shared_ptr<Machine> on_host(KeptMachines& kept, int threads, bool own) {
+  if (own) return std::make_shared<Machine>(make_cpu_backend(threads));
+  if (!kept.cpu.fits(threads) || !idle(*kept.cpu.machine))
+    kept.cpu = {std::make_shared<Machine>(make_cpu_backend(threads)), threads};
+  return kept.cpu.machine;
+}
+
+bool takes(const std::string& word, const Scene& scene, const Options& options, Index components, Backend& cuda) {
+  const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
+  return word == "cuda" || fits_on_device(scene, options.method, steps, components, cuda.device());
+}
+
+}  // namespace
+
+std::shared_ptr<Machine> machine_for(const std::string& word, const Scene& scene, const Options& options, int threads,
+                                     bool own) {
+  KeptMachines& kept = kept_machines();
+  const std::lock_guard lock(kept.mutex);
+  const bool started = kept.cuda.machine != nullptr;
+  if (stays_on_host(word, scene, options, started)) return on_host(kept, threads, own);
+  const Index components = Index(recorded_components(scene, options).size());
+  if (kept.cuda.fits(threads) && (word == "auto" || word == "cuda"))
+    return takes(word, scene, options, components, *kept.cuda.machine->backend) ? kept.cuda.machine
+                                                                                : on_host(kept, threads, own);
+  auto made = std::make_shared<Machine>(app::choose_backend(word, scene, options, components, threads, started));
+  if (made->backend->name() == "cuda") kept.cuda = {made, threads};
+  return made;
+}
+
+}  // namespace bromwich::python

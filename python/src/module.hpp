@@ -1,0 +1,38 @@
+#pragma once
+// The parts of the extension module.
+
+#include "callable.hpp"
+#include "core/goal/goal.hpp"
+#include "core/scene/scene.hpp"
+
+#include <nanobind/nanobind.h>
+
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+namespace bromwich::python {
+
+/// A scene as Python holds it; a solve and its result share it. Made by make_shared, so that they hold it and not its
+/// Python object, which the collector of cycles could not see.
+struct Model : std::enable_shared_from_this<Model> {
+  Model() = default;
+  explicit Model(Scene stated, std::shared_ptr<const QuantityOfInterest> of_file = {})
+      : scene(std::move(stated)), quantity(std::move(of_file)) {}
+
+  Scene scene;
+  std::shared_ptr<const QuantityOfInterest> quantity = {};  ///< of method goal, where a file states one
+  /// What its functions call, for the collector of cycles: an object whose method is a source, and which has the scene.
+  std::vector<Kept> callables = {};
+  /// Before a solve: a function of Python may have changed since the last one.
+  std::vector<std::function<void()>> forget = {};
+};
+
+void bind_errors(nb::module_& m);
+void bind_sources(nb::module_& m);
+void bind_scenes(nb::module_& m);
+void bind_results(nb::module_& m);
+void bind_solving(nb::module_& m);
+
+}  // namespace bromwich::python

@@ -1,0 +1,42 @@
+#pragma once
+// Sources f and g as Python states them.
+
+#include "callable.hpp"
+#include "core/base/time_function.hpp"
+
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace bromwich::python {
+
+/// A function of time, and what is known of its jumps and kinks.
+struct Source {
+  TimeFunction function;
+  Index width = 0;                  ///< values it writes
+  std::vector<double> breakpoints;  ///< increasing
+  bool breakpoints_are_all = false;
+  std::vector<Kept> callables = {};   ///< what the function calls
+  std::function<void()> forget = {};  ///< drops values that it has kept, before a solve; may be empty
+};
+
+Source constant_source(const Vector& value);
+
+/// Linear between the rows of `values`, which belong to `times`; two rows of equal time are a jump. `kinks`: the
+/// function is that, with a kink at every row; otherwise the rows are values of a smooth one.
+Source table_source(const Vector& times, const RowMatrix& values, bool kinks);
+
+/// A Python function t -> array of `width` values, and where there is one its form for many times at once,
+/// array of k times -> array k x width; None otherwise. Both are called from the thread that solves, and what they
+/// raise leaves `solve`.
+Source python_source(const Kept& one, const Kept& many, Index width, double T);
+
+/// One expression of t and the parameters per value (docs/scene-files.md).
+Source expression_source(const std::vector<std::string>& texts, const std::map<std::string, double>& parameters,
+                         double T, const std::string& name);
+
+/// f and g together: the times of both.
+std::vector<double> merged(const std::vector<double>& a, const std::vector<double>& b);
+
+}  // namespace bromwich::python

@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# package.sh PYTHON SOURCE BUILD: makes a wheel of what BUILD has compiled, installs it with NumPy alone into an empty
+# environment and runs the tests there. PYTHON is that of scripts/python-env. Exit code 77: it lacks something.
+set -euo pipefail
+python=$1 source=$2 build=$3
+out=$build/python/package
+tools=$("$python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
+
+for module in scikit_build_core numpy scipy pytest; do
+  "$python" -c "import $module" 2>/dev/null || {
+    echo "python.package: skipped, $python has no $module (scripts/python-env installs it)"
+    exit 77
+  }
+done
+wheels=$(dirname "$(dirname "$python")")/wheels
+[[ -d $wheels ]] || { echo "python.package: skipped, no $wheels (scripts/python-env makes it)"; exit 77; }
+
+rm -rf "$out"
+mkdir -p "$out"
+export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INDEX=1 PIP_QUIET=1
+"$python" -m pip wheel "$source/python" --no-deps --no-build-isolation --wheel-dir "$out" \
+  --config-settings=cmake.source-dir=prebuilt --config-settings=cmake.define.BROMWICH_BUILD="$build" \
+  --config-settings=build.targets=all --config-settings=build-dir="$out/cmake"
+
+"$python" -m venv "$out/env"
+"$out/env/bin/python" -m pip install --find-links "$wheels" "$out"/bromwich-*.whl
+cd "$out"
+echo "With NumPy alone:"
+env/bin/python - <<'END'
+import bromwich
+print(bromwich.__version__, bromwich.solve(A=-1, B=1, N=1, M=1, g=lambda t: -t, x0=0, T=1, check=True))
+END
+env/bin/python -m bromwich info
+env/bin/bromwich --version
+
+# The other packages of the tests from where they are.
+echo "$tools" >"$(env/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/tools.pth"
+MPLBACKEND=Agg MPLCONFIGDIR=$out/matplotlib env/bin/python -m pytest -q -p no:cacheprovider "$source/python/tests" \
+  --rootdir "$source/python"

@@ -1,0 +1,79 @@
+"""Against solutions that are known in closed form."""
+
+import bromwich
+import numpy as np
+import pytest
+
+
+def test_linear_decay_without_contact(diode):
+    """w = x + y > 0 with x > 0, so y = 0 and x = exp(-t): exact for exponential steps, up to rounding."""
+    r = bromwich.solve(**{**diode, "x0": [1.0]}, steps=50)
+    assert r.ok
+    assert np.all(r.y == 0)
+    np.testing.assert_allclose(r.x[:, 0], np.exp(-r.t), rtol=1e-13)
+    np.testing.assert_allclose(r.w[:, 0], r.x[:, 0], rtol=1e-13)
+
+
+def test_obstacle_carries_the_state(diode):
+    """x + y - t = 0 while y > 0: y = t - x, x' = -2x + t, x = t/2 - 1/4 + exp(-2t)/4."""
+    r = bromwich.solve(**diode, g=lambda t: -t, steps=100, method="march")
+    x = r.t / 2 - 0.25 + 0.25 * np.exp(-2 * r.t)
+    # y is linear in every step: second order, x'' <= 1 and h = 0.02.
+    np.testing.assert_allclose(r.x[:, 0], x, atol=0.02**2)
+    np.testing.assert_allclose(r.y[:, 0], r.t - x, atol=0.02**2)
+    assert r.residual < 1e-13
+    np.testing.assert_allclose(r.w, 0, atol=1e-13)
+
+
+def test_ideal_diode_charges_a_capacitor():
+    """A source u = t - 1/2 behind an ideal diode and R = 1 charges C = 1: none before t = 1/2, then v' = u - v."""
+    r = bromwich.solve(A=0, B=1, N=1, M=1, g=lambda t: 0.5 - t, x0=0, T=2, steps=400)
+    s = np.maximum(r.t - 0.5, 0)
+    # Steps of second order away from the kink of y at 1/2, where h^2 slope is lost once.
+    np.testing.assert_allclose(r.x[:, 0], s - 1 + np.exp(-s), atol=(2 / 400) ** 2)
+    on = [switch for switch in r.switches if switch.on]
+    assert len(on) == 1 and abs(on[0].t - 0.5) <= 2 / 400
+
+
+def test_tolerance_holds(diode):
+    r = bromwich.solve(**diode, g=lambda t: -t, tol=1e-6, steps=10)
+    x = r.t / 2 - 0.25 + 0.25 * np.exp(-2 * r.t)
+    assert r.ok and r.error_estimate < 1e-6
+    assert np.max(np.abs(r.y[:, 0] - (r.t - x))) < 1e-6 * np.max(r.y)
+    assert r.errors["grids"][-1] == r.steps
+
+
+def test_mass_matrix(diode):
+    """2 x' = -x + 2 y with E = 2 is x' = -x/2 + y."""
+    with_mass = bromwich.solve(**{**diode, "B": [[2.0]]}, E=[[2.0]], g=lambda t: -t, steps=100)
+    without = bromwich.solve(**{**diode, "A": [[-0.5]]}, g=lambda t: -t, steps=100)
+    np.testing.assert_allclose(with_mass.y, without.y, atol=1e-13)
+
+
+def test_boundary_values():
+    """x'' = 0 between x(0) = 1 and x(1) = 2, an obstacle far below: x = 1 + t, x' = 1."""
+    r = bromwich.solve(
+        A=[[0, 1], [0, 0]], B=[0, 1], N=[1, 0], M=1, g=5.0,
+        E0=[[1, 0], [0, 0]], ET=[[0, 0], [1, 0]], b=[1, 2], T=1, steps=10,
+    )  # fmt: skip
+    assert r.ok and r.method == "galerkin"
+    np.testing.assert_allclose(r.x[:, 0], 1 + r.t, rtol=1e-12)
+    assert r.boundary_residual < 1e-12
+
+
+def test_built_in_scene_with_exact_solution():
+    scene = bromwich.scene("dlcp-small")
+    r = bromwich.solve(scene, steps=800)
+    x, y = scene.exact(1.0)
+    # Second order, h = 1/800, derivatives up to (3 pi)^2.
+    np.testing.assert_allclose(r.x[-1], x, atol=90 / 800**2)
+    np.testing.assert_allclose(r.y[-1], y, atol=90 / 800**2)
+
+
+def test_relay_slides():
+    """x' = 1/2 + l, l in -Sgn(x), from x = 1: x = 1 - t/2 until it slides on 0 with l = -1/2."""
+    scene = bromwich.Scene.relay(A=[[0.0]], B=[[1.0]], C=[[1.0]], f=0.5, x0=[1.0], T=4, steps=400)
+    r = bromwich.solve(scene)
+    assert r.ok
+    np.testing.assert_allclose(r.x[:, 0], np.maximum(1 - r.t / 2, 0), atol=4 / 400)
+    assert 1 - 2 * r.y[-1, 0] == pytest.approx(-0.5, abs=1e-10)

@@ -1,0 +1,19 @@
+"""The Python of README.md and docs/python.md runs as it stands there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/python.md"])
+def test_code_runs(name, monkeypatch, tmp_path):
+    pytest.importorskip("scipy")
+    blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / name).read_text(encoding="utf-8"), re.M | re.S)
+    assert blocks
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": "document"}
+    for block in blocks:
+        exec(compile(block, name, "exec"), names)

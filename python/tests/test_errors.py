@@ -1,0 +1,191 @@
+"""What is refused, how it is said, and what ends a solve."""
+
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+import warnings
+
+import bromwich
+import numpy as np
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("change", "argument"),
+    [
+        (dict(x0=[1.0, 2.0]), "x0"),
+        (dict(x0=None), "x0"),
+        (dict(A=[[np.nan]]), "A"),
+        (dict(A=[[1.0, 2.0]]), "A"),
+        (dict(A="-1"), "A"),
+        (dict(A=None), "A"),
+        (dict(B=[[1j]]), "B"),
+        (dict(M=np.eye(2)), "M"),
+        (dict(T=-1), "T"),
+        (dict(T=None), "T"),
+        (dict(g=[1.0, 2.0, 3.0, "t"]), "g"),
+        (dict(g="sin("), "g"),
+        (dict(g=lambda t: [1.0, 2.0]), "g"),
+        (dict(g=lambda t: "one"), "g"),
+        (dict(g=lambda t: np.nan), "g"),
+        (dict(f=np.zeros((5, 3))), "f"),
+        (dict(lcp_class="Q"), "lcp_class"),
+        (dict(free=[3]), "free"),
+        (dict(breakpoints=[5.0]), "breakpoints"),
+        (dict(steps=0), "steps"),
+        (dict(steps=2.5), "steps"),
+        (dict(tol=2), "tol"),
+        (dict(atol=-1), "atol"),
+        (dict(iteration_tol=-1), "iteration_tol"),
+        (dict(method="automatic"), "method"),
+        (dict(backend="gpu"), "backend"),
+        (dict(states=[7]), "states"),
+        (dict(states="some"), "states"),
+        (dict(E0=np.eye(1)), "ET"),
+    ],
+)
+def test_refused(diode, change, argument):
+    with pytest.raises(bromwich.Error) as caught:
+        bromwich.solve(**{**diode, **change})
+    assert caught.value.argument == argument
+    assert str(caught.value).startswith(argument)
+    assert isinstance(caught.value, ValueError)
+
+
+def test_misspelt_argument(diode):
+    with pytest.raises(TypeError, match="'stepz'; did you mean 'steps'"):
+        bromwich.solve(**diode, stepz=100)
+
+
+def test_does_not_fit(diode):
+    with pytest.raises(bromwich.DoesNotFit) as caught:
+        bromwich.solve(**diode, memory_limit=10)
+    assert isinstance(caught.value, MemoryError) and isinstance(caught.value, bromwich.Error)
+
+
+def test_errors_can_be_pickled():
+    error = bromwich.Error("x0: is wrong", "x0")
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error) and again.argument == "x0"
+
+
+def test_sources_that_raise(diode):
+    def g(t):
+        if np.ndim(t) == 0 and t > 1:
+            raise KeyError("behind 1")
+        return -np.asarray(t) if np.ndim(t) == 0 else None
+
+    with pytest.raises(KeyError, match="behind 1"):
+        bromwich.solve(**diode, g=g)
+
+
+def infeasible():
+    """x = 0 and 0 = w = x - t < 0 for every y: no solution from the first step on."""
+    return dict(A=0, B=0, N=1, M=0, g=lambda t: 0.5 - t, x0=0, T=1, steps=20)
+
+
+def test_not_solved_warns():
+    with pytest.warns(bromwich.NotSolvedWarning, match="infeasible"):
+        r = bromwich.solve(**infeasible())
+    assert r.status == "infeasible" and not r.ok and r.reason
+    assert 0.5 <= r.infeasible_at <= 0.56
+    assert np.isnan(r.y[-1, 0]) and r.y[5, 0] == 0
+
+
+def test_not_solved_raises_where_asked():
+    with pytest.raises(bromwich.NotSolved) as caught:
+        bromwich.solve(**infeasible(), check=True)
+    assert caught.value.result.status == "infeasible"
+
+
+def test_not_solved_is_silent_where_asked():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not bromwich.solve(**infeasible(), check=False).ok
+
+
+def long_solve(diode):
+    """Steps enough for many seconds of Radau IIA and marching."""
+    return bromwich.Scene(**diode, g=lambda t: -np.sin(t)), dict(steps=1 << 22, method="march", states=None)
+
+
+def test_progress(Q15):
+    seen = []
+    bromwich.solve(Q15, steps=20000, method="contour", progress=lambda *p: seen.append(p), check=False)
+    done, total, change = seen[-1]
+    assert isinstance(done, int) and isinstance(total, int) and isinstance(change, float)
+
+
+def test_progress_that_raises(Q15):
+    def progress(done, total, change):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        bromwich.solve(Q15, steps=20000, method="contour", progress=progress)
+
+
+def test_stop(Q15):
+    r = bromwich.solve(Q15, steps=20000, method="march", stop=lambda: True)
+    assert r.status == "interrupted"
+
+
+def test_ctrl_c_keeps_what_is_valid(diode):
+    scene, options = long_solve(diode)
+    main = threading.main_thread().ident
+    timer = threading.Timer(0.5, lambda: signal.pthread_kill(main, signal.SIGINT))
+    timer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt) as caught:
+            while True:
+                bromwich.solve(scene, **options)
+    finally:
+        timer.cancel()
+    if isinstance(caught.value, bromwich.Interrupted):  # otherwise it came between two solves
+        assert caught.value.result.status == "interrupted"
+
+
+def test_other_threads_run(Q15):
+    """A thread counts while the library computes; with the lock held it would stand still."""
+    counted, done = [0], threading.Event()
+
+    def count():
+        while not done.is_set():
+            counted[0] += 1
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    try:
+        start, before = time.perf_counter(), counted[0]
+        while time.perf_counter() - start < 0.5:
+            bromwich.solve(Q15, steps=20000, method="march")
+        during = counted[0] - before
+    finally:
+        done.set()
+        thread.join()
+    assert during > 10
+
+
+def test_solves_in_two_threads(diode):
+    scene = bromwich.Scene(**diode, g=lambda t: -np.sin(3 * t))
+    expected = bromwich.solve(scene).y
+    found = [None] * 4
+
+    def work(i):
+        found[i] = bromwich.solve(scene).y
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for y in found:
+        np.testing.assert_allclose(y, expected, atol=1e-14)
+
+
+def test_the_command():
+    found = subprocess.run([sys.executable, "-m", "bromwich", "--version"], capture_output=True, text=True)
+    assert found.returncode == 0 and bromwich.__version__ in found.stdout

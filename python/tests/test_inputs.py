@@ -1,0 +1,243 @@
+"""Matrices, sources and scenes in every form that is documented, against one another."""
+
+import threading
+
+import bromwich
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def solved(diode):
+    return bromwich.solve(**diode, g=lambda t: -np.sin(t), steps=64)
+
+
+def same(r, other, atol=1e-13):
+    np.testing.assert_allclose(r.y, other.y, atol=atol)
+
+
+@pytest.mark.parametrize(
+    "g",
+    [
+        "-sin(t)",
+        ["-sin(w*t)"],
+        lambda t: [-np.sin(t)],
+        lambda t: -np.sin(t)[:, None] if np.ndim(t) else -np.sin(t),
+        -np.sin(np.linspace(0, 2, 65)),
+        -np.sin(np.linspace(0, 2, 65))[:, None],
+        (np.linspace(0, 2, 65), -np.sin(np.linspace(0, 2, 65))),
+    ],
+)
+def test_sources_agree(diode, solved, g):
+    same(bromwich.solve(**diode, g=g, steps=64, parameters={"w": 1.0}), solved)
+
+
+def test_a_table_says_the_steps(diode):
+    assert bromwich.solve(**diode, g=np.zeros(33)).steps == 32
+
+
+def test_a_table_that_jumps(diode):
+    """g = 1 before t = 1, -1 behind it: y = 0, then x + y = 1."""
+    r = bromwich.solve(**diode, g=([0, 1, 1, 2], [1.0, 1.0, -1.0, -1.0]), steps=200)
+    assert np.all(r.y[r.t < 0.99] == 0)
+    np.testing.assert_allclose((r.x + r.y)[r.t > 1.02], 1, atol=1e-12)
+
+
+def test_functions_are_called_for_all_times_at_once(diode):
+    at_once, alone = [], []
+
+    def g(t):
+        (at_once if np.ndim(t) else alone).append(np.size(t))
+        return -np.sin(t)
+
+    bromwich.solve(**diode, g=g, steps=1000)
+    assert max(at_once) >= 1000
+    assert len(alone) < 200
+
+
+def test_functions_may_change_between_solves(diode):
+    speed = [1.0]
+
+    def g(t):
+        return -np.sin(speed[0] * t)
+
+    scene = bromwich.Scene(**diode, g=g)
+    solver = bromwich.Solver(scene, steps=64)
+    first = solver.solve()
+    speed[0] = 2.0
+    solver.set_sources(g=g)
+    for second in (bromwich.solve(scene, steps=64), solver.solve()):
+        same(second, bromwich.solve(**diode, g="-sin(2*t)", steps=64))
+    assert not np.allclose(first.y, second.y)
+
+
+def test_functions_of_one_time(diode, solved):
+    def g(t):
+        return -np.sin(t) if t < 10 else 0.0  # a truth value of an array raises
+
+    same(bromwich.solve(**diode, g=g, steps=64), solved)
+
+
+def test_rows_or_columns_over_time():
+    """Two values: k x 2 and 2 x k arrays for k times."""
+    scene = dict(A=-np.eye(2), B=np.eye(2), N=np.eye(2), M=np.eye(2), x0=[0, 0], T=1, steps=50)
+    columns = bromwich.solve(**scene, g=lambda t: np.array([-np.sin(t), 0 * t - 0.1]))
+    rows = bromwich.solve(**scene, g=lambda t: np.array([-np.sin(t), 0 * t - 0.1]).T)
+    one = bromwich.solve(**scene, g=lambda t: [-float(np.sin(t)), -0.1])
+    same(columns, one)
+    same(rows, one)
+
+
+def test_sources_of_the_states(diode):
+    B = [[1.0]]
+    direct = bromwich.solve(**diode, f=lambda t: [-np.cos(t)], steps=64)
+    for F in (B, "B"):
+        same(bromwich.solve(**diode, f=lambda t: [-np.cos(t)], F=F, steps=64), direct)
+
+
+def test_tridiagonal_dense_and_sparse_M():
+    sparse = pytest.importorskip("scipy.sparse")
+    n = 20
+    dense = 4 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    scene = dict(A=-np.eye(n), B=np.eye(n), N=np.eye(n), x0=np.zeros(n), T=1, steps=40)
+    scene["g"] = lambda t: -np.sin(3 * t) * np.ones(n)
+    given = [dense, sparse.csr_array(dense), sparse.csc_matrix(dense), bromwich.Tridiagonal(-1, np.full(n, 4.0), -1)]
+    first, *others = [bromwich.solve(**scene, M=M) for M in given]
+    for other in others:
+        same(first, other)
+
+
+def test_sparse_heat(heat):
+    """SciPy's sparse matrices: A in CSR, B and N in COO; the same densely."""
+    r = bromwich.solve(**heat, steps=200)
+    assert r.ok and r.scene._model.form == "sparse"
+    dense = {**heat, **{k: heat[k].toarray() for k in "ABN"}}
+    # Weights of the sparse kernel are known to 1e-10.
+    same(bromwich.solve(**dense, steps=200, method=r.method), r, atol=1e-8)
+    assert r.x.shape == (201, 300)
+
+
+def test_supplied_dynamics(heat):
+    linalg, sparse = pytest.importorskip("scipy.sparse.linalg"), pytest.importorskip("scipy.sparse")
+    A, B, N = heat.pop("A"), heat.pop("B"), heat.pop("N")
+    identity = sparse.eye_array(A.shape[0])
+    shifts = []
+
+    def shifted(z):
+        shifts.append(z)
+        return linalg.splu((z * identity - A).tocsc()).solve
+
+    dynamics = bromwich.Dynamics(A.shape[0], B, N, shifted=shifted, bound=(0, 0))
+    r = bromwich.solve(dynamics=dynamics, **heat, steps=100)
+    assert r.ok and len(shifts) > 5
+    same(bromwich.solve(A=A, B=B, N=N, **heat, steps=100), r, atol=1e-8)
+    massive = bromwich.Dynamics(A.shape[0], B, N, shifted=shifted, mass=lambda X: X, bound=(0, 0))
+    same(bromwich.solve(dynamics=massive, **heat, steps=100), r, atol=1e-8)
+
+
+def test_what_supplied_dynamics_raise_leaves_solve(heat):
+    class Mine(Exception):
+        pass
+
+    def shifted(z):
+        raise Mine("no factorization today")
+
+    B, N = heat.pop("B"), heat.pop("N")
+    heat.pop("A")
+    with pytest.raises(Mine, match="today"):
+        bromwich.solve(dynamics=bromwich.Dynamics(300, B, N, shifted=shifted), **heat, steps=10)
+    dynamics = bromwich.Dynamics(300, B, N, shifted=lambda z: lambda R: R[:5])
+    with pytest.raises(bromwich.Error, match="returned shape"):
+        bromwich.solve(dynamics=dynamics, **heat, steps=10)
+
+
+def test_dynamics_without_scipy(diode):
+    """x' = -x by its resolvent 1/(z + 1), B and N dense."""
+    scene = dict(M=diode["M"], x0=[0.0], T=2.0, g=lambda t: -np.sin(t), steps=64)
+    dynamics = bromwich.Dynamics(1, [[1.0]], [[1.0]], shifted=lambda z: lambda R: R / (z + 1), bound=(0, -1))
+    same(bromwich.solve(dynamics=dynamics, **scene), bromwich.solve(**diode, g=scene["g"], steps=64), atol=1e-9)
+
+
+def test_an_eigenvalue_is_said_to_be_one(diode):
+    """The bound is wrong, and the solve refuses every shift: an error of the library, not of the callback."""
+
+    def shifted(z):
+        raise np.linalg.LinAlgError("singular matrix")
+
+    dynamics = bromwich.Dynamics(1, [[1.0]], [[1.0]], shifted=shifted, bound=(0, 0))
+    with pytest.raises((bromwich.SingularShift, bromwich.NotSolved)):
+        bromwich.solve(dynamics=dynamics, M=1, x0=0, T=1, g=-1, steps=20, check=True)
+
+
+def test_kronecker_is_what_signorini_is(Q15):
+    p = Q15.parameters
+    assert p["Q"] == 15
+    dx = 1 / 16
+    kronecker = bromwich.Kronecker((15, dx, 1.0), (15, dx, 1.0), np.eye(15)[0], np.eye(15)[0])
+    scene = bromwich.Scene(dynamics=kronecker, M=np.eye(15), g=lambda t: [-np.sin(t)] * 15, x0=0, T=1)
+    assert scene.states == 225
+    assert bromwich.solve(scene, steps=20).ok
+    with pytest.raises(bromwich.Error, match="F='B'"):
+        bromwich.Scene(dynamics=kronecker, M=np.eye(15), f=1.0, x0=0, T=1)
+
+
+def test_files(tmp_path):
+    file = tmp_path / "rlcd.toml"
+    file.write_text(
+        """
+        description = "an RLC circuit with a diode"
+        [parameters]
+        L = 1e-2
+        C = 1e-6
+        R = 1e3
+        [dynamics]
+        A = [[0, "-1/C"], ["1/L", 0]]
+        B = [["-1/C"], [0]]
+        x0 = [10, 0]
+        [complementarity]
+        N = [[-1, 0]]
+        M = [["R"]]
+        [time]
+        T = 5e-3
+        steps = 4000
+        """
+    )
+    scene = bromwich.Scene.from_toml(file, R=500)
+    assert scene.parameters == {"L": 1e-2, "C": 1e-6, "R": 500}
+    assert (scene.states, scene.constraints, scene.steps) == (2, 1, 4000)
+    L, C, R = 1e-2, 1e-6, 500
+    arrays = bromwich.solve(A=[[0, -1 / C], [1 / L, 0]], B=[-1 / C, 0], N=[-1, 0], M=R, x0=[10, 0], T=5e-3, steps=4000)
+    same(bromwich.solve(scene), arrays)
+    with pytest.raises(bromwich.Error, match="rlcd.toml"):
+        bromwich.Scene.from_toml(file, Rx=1)
+
+
+def test_without_constraints():
+    """A port-Hamiltonian scene has none, and method goal makes its grid."""
+    scene = bromwich.scene("ph-toy")
+    assert scene.constraints == 0
+    r = bromwich.solve(scene)
+    assert r.ok and r.y.shape == (r.steps + 1, 0) and r.x.shape[1] == scene.states
+    goal = bromwich.solve(scene, method="goal", steps=100)
+    assert goal.ok and goal.goal["history"][-1]["cells"] == goal.steps
+
+
+def test_catalogue():
+    scenes = bromwich.scenes()
+    assert scenes["signorini"]["parameters"]["Q"][0] == 39
+    with pytest.raises(bromwich.Error):
+        bromwich.scene("signorino")
+
+
+@pytest.mark.parametrize(
+    "options", [{"method": m} for m in ("march", "contour", "multigrid", "euler", "galerkin")] + [{"tol": 1e-3}]
+)
+def test_callables_run_in_the_calling_thread(diode, options):
+    idents = set()
+
+    def g(t):
+        idents.add(threading.get_ident())
+        return -np.sin(3 * t)
+
+    bromwich.solve(**diode, g=g, f=g, steps=64, progress=lambda *_: g(0.0), stop=lambda: g(0.0) > 2, **options)
+    assert idents == {threading.get_ident()}

@@ -1,0 +1,146 @@
+"""Results: views, other times, files, pictures, words."""
+
+import gc
+import weakref
+
+import bromwich
+import numpy as np
+import pytest
+from conftest import is_view
+
+
+@pytest.fixture
+def result(diode):
+    return bromwich.solve(**diode, g=lambda t: -np.sin(3 * t), steps=200)
+
+
+def test_arrays_are_views(result):
+    for name in ("t", "y", "x", "w"):
+        first, second = getattr(result, name), getattr(result, name)
+        assert is_view(first)
+        assert np.shares_memory(first, second)
+    with pytest.raises(ValueError):
+        result.y[0] = 1
+
+
+def test_views_outlive_the_result(result, request):
+    y, copied = result.y, result.y.copy()
+    del result
+    request.node.funcargs.clear()
+    gc.collect()
+    np.testing.assert_array_equal(y, copied)
+
+
+def test_w_is_what_it_says(result):
+    np.testing.assert_allclose(result.w, result.x + result.y - np.sin(3 * result.t)[:, None], atol=1e-13)
+    assert np.max(np.minimum(result.y, result.w)) < 1e-12
+
+
+def test_states(diode):
+    scene = dict(A=-np.eye(3), B=np.ones(3), N=np.ones(3), M=1, x0=[1, 2, 3], T=1, steps=10)
+    assert bromwich.solve(**scene).x.shape == (11, 3)
+    assert bromwich.solve(**scene, states=None).x.shape == (11, 0)
+    chosen = bromwich.solve(**scene, states=[2, 0])
+    assert chosen.x_components in ([2, 0], [0, 2])
+    assert chosen.x[0, chosen.x_components.index(2)] == 3
+
+
+def test_at(result):
+    np.testing.assert_allclose(result.at(result.t).y, result.y)
+    between = result.at(0.123456)
+    assert between.t.shape == (1,) and between.y.shape == (1, 1) and between.w is None
+    # x' = -x + y + ..., second order between time points of distance 1/100
+    assert abs(between.x[0, 0] - np.interp(0.123456, result.t, result.x[:, 0])) < 1e-4
+    with pytest.raises(bromwich.Error):
+        result.at(3.0)
+
+
+def test_switches(result):
+    switch = result.switches[0]
+    assert switch.component == 0 and isinstance(switch.on, bool)
+    assert 0 <= switch.t <= 2 and switch.error < 0.01
+    assert len(result.switches_with_errors()) == len(result.switches)
+
+
+def test_words(result):
+    words = repr(result)
+    for word in ("solved", result.method, "residual", "steps"):
+        assert word in words
+    assert "error estimate" in repr(bromwich.solve(bromwich.scene("dlcp-small"), tol=1e-3))
+    assert "3 states" in repr(bromwich.scene("dlcp-small"))
+
+
+def test_status_is_a_string(result):
+    assert result.status == "solved" and result.status is bromwich.Status.solved and result.ok
+    assert f"{result.status}" == "solved"
+
+
+def test_timings(result):
+    assert result.seconds == result.timings["total"] > 0
+
+
+@pytest.mark.parametrize("extension", ["npz", "h5"])
+def test_files(result, tmp_path, extension):
+    if extension == "h5":
+        pytest.importorskip("h5py")
+    path = tmp_path / f"r.{extension}"
+    result.save(path)
+    read = bromwich.load(path)
+    for name in ("t", "y", "x", "w"):
+        np.testing.assert_array_equal(read[name], getattr(result, name))
+    assert read["attributes"]["status"] == "solved"
+    assert read["attributes"]["steps"] == 200
+    with pytest.raises(bromwich.Error, match="path"):
+        result.save(tmp_path / "r.mat")
+
+
+def test_hdf5_opens_in_xarray(result, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    result.save(tmp_path / "r.h5")
+    with xarray.open_dataset(tmp_path / "r.h5", engine="h5netcdf") as data:
+        assert data["y"].dims == ("t", "constraint")
+        np.testing.assert_array_equal(data["t"], result.t)
+
+
+def test_xarray(result):
+    pytest.importorskip("xarray")
+    data = result.to_xarray()
+    assert data["y"].dims == ("t", "constraint") and data["x"].dims == ("t", "state")
+    assert data.attrs["method"] == result.method
+    np.testing.assert_array_equal(data["y"].sel(t=0.5, method="nearest")[0], result.y[50, 0])
+
+
+def test_plot(result, tmp_path, Q15):
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    x, y = result.plot()
+    np.testing.assert_array_equal(y.lines[0].get_ydata(), result.y[:, 0])
+    assert y.get_xlabel() == "t"
+    assert result.plot("w").get_ylabel() == "w"
+    many = bromwich.solve(Q15, steps=40).plot("y")
+    assert len(many.collections) == 1
+    many.figure.savefig(tmp_path / "y.png")
+    with pytest.raises(bromwich.Error, match="what"):
+        result.plot("z")
+    plt.close("all")
+
+
+def test_cycles_are_collected():
+    """An object whose method is a source, and which has the scene and its result."""
+
+    class Circuit:
+        def __init__(self):
+            self.scene = bromwich.Scene(A=-1, B=1, N=1, M=1, x0=0, T=1, g=self.source)
+            self.result = bromwich.solve(self.scene, steps=10)
+
+        def source(self, t):
+            return -t
+
+    circuit = Circuit()
+    gone = weakref.ref(circuit)
+    del circuit
+    gc.collect()
+    assert gone() is None

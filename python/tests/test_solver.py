@@ -1,0 +1,54 @@
+"""A scene that is prepared once."""
+
+import bromwich
+import numpy as np
+import pytest
+
+
+def test_other_initial_values(Q15):
+    solver = bromwich.Solver(Q15, steps=100)
+    first = solver.solve()
+    np.testing.assert_allclose(first.y, bromwich.solve(Q15, steps=100).y, atol=1e-12)
+    solver.set_x0(0.1 * np.ones(Q15.states))
+    second = solver.solve()
+    assert second.ok and not np.allclose(first.y, second.y)
+    # What the first result shows is its own.
+    np.testing.assert_allclose(first.y, bromwich.solve(Q15, steps=100).y, atol=1e-12)
+
+
+def test_other_sources(diode):
+    scene = bromwich.Scene(**diode, g=lambda t: -np.sin(t))
+    solver = bromwich.Solver(scene, steps=64)
+    solver.solve()
+    solver.set_sources(g="-cos(t)", f=0.25)
+    r = solver.solve()
+    expected = bromwich.solve(**diode, g=lambda t: -np.cos(t), f=[0.25], steps=64)
+    np.testing.assert_allclose(r.y, expected.y, atol=1e-12)
+    np.testing.assert_allclose(r.w, expected.w, atol=1e-12)
+    np.testing.assert_allclose(r.at(0.7).x, expected.at(0.7).x, atol=1e-12)
+
+
+def test_refused(diode):
+    solver = bromwich.Solver(bromwich.Scene(**diode))
+    with pytest.raises(bromwich.Error, match="x0"):
+        solver.set_x0([1.0, 2.0])
+    with pytest.raises(bromwich.Error, match="g"):
+        solver.set_sources(g=np.zeros((5, 3)))
+    assert solver.solve().ok
+    with pytest.raises(bromwich.Error, match="stepz"):
+        bromwich.Solver(bromwich.Scene(**diode), stepz=3)
+
+
+def test_errors_do_not_break_a_solver(diode):
+    solver = bromwich.Solver(bromwich.Scene(**diode), steps=50)
+
+    def raising(t):
+        if np.ndim(t) or t > 0:
+            raise OSError("lost")
+        return 0.0
+
+    solver.set_sources(g=raising)
+    with pytest.raises(OSError, match="lost"):
+        solver.solve()
+    solver.set_sources(g=lambda t: -t)
+    np.testing.assert_allclose(solver.solve().y, bromwich.solve(**diode, g=lambda t: -t, steps=50).y, atol=1e-13)
