@@ -527,7 +527,6 @@ class Catalogue {
     rod(100, 1);
     if (quick_) return;
     rod(400, 100);
-    rod(2000, 1000);
     rod(100000, 2);
   }
 
