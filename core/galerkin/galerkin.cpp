@@ -66,7 +66,7 @@ RowMatrix halved_intervals(const RowMatrix& z) {
 }
 
 // The active sets of coarser grids: most exchanges happen where they cost little. The safe solvers are for the coarsest
-// one, and for the grid that was asked for; where exchanges do not end in between, the next begins with empty sets.
+// one, and for the requested grid. If exchanges do not end on a grid in between, the next one begins with empty sets.
 RowMatrix nested_start(const Scene& scene, const GalerkinProblem& fine, Index unknowns, Backend& backend,
                        const Options& options) {
   constexpr Index fewest_intervals = 32;

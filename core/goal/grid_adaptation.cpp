@@ -221,7 +221,7 @@ bool meets(double tolerance, const AdaptedGrid& grid, std::optional<double> exac
 void miss(double tolerance, AdaptedGrid& grid) {
   const GoalCycle& last = grid.history.back();
   grid.status = Status::tolerance_not_met;
-  grid.reason = text("the error of the quantity is estimated at %.2g on %td cells, %.2g was asked for",
+  grid.reason = text("the error of the quantity is estimated at %.2g on %td cells, above the tolerance %.2g",
                      std::abs(last.estimate), last.cells, tolerance);
 }
 

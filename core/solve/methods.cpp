@@ -129,7 +129,7 @@ void Methods::march(const InnerOptions& options, Result& result) {
   }
 }
 
-// The state passes through: all of it is recorded where it is small, and what was asked for taken from that.
+// Small states are recorded whole, and the requested components are taken from them.
 void Methods::step_in_stages(Index stages, const InnerOptions& options, Result& result) {
   const Index m = problem_.scene.states();
   if (m > most_recorded_states) return solve_by_stages(problem_, stages, options, result);
