@@ -20,7 +20,7 @@ std::string matrix_class(const Scene& scene) {
 }
 
 std::string spectrum_text(const Scene& scene) {
-  const bool small = !std::holds_alternative<DenseDynamics>(scene.dynamics) || scene.states() <= most_states;
+  const bool small = !scene.dynamics->small_state() || scene.states() <= most_states;
   return small ? spectrum(scene.dynamics).describe() : "not computed";
 }
 

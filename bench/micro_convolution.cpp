@@ -54,7 +54,7 @@ const Kernel* modal_kernel(Index n, Index J) {
   const auto [place, fresh] = made.try_emplace({n, J});
   if (!fresh) return place->second.get();
   const Dynamics dynamics = make_scene("signorini", {{"Q", double(n)}}).dynamics;
-  const auto& d = std::get<KroneckerDynamics>(dynamics);
+  const auto& d = get<KroneckerDynamics>(dynamics);
   const double h = end / double(J);
   auto kernel = std::make_unique<Kernel>(Kernel{compressed_recurrence(backend(), d, compress_line_kernel(d, h, end), h),
                                                 contour_lag_table(backend(), d, *contour_parameters(0), h, J)});

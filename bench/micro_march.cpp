@@ -36,7 +36,7 @@ struct Prepared {
 
   Prepared(Kind kind, Index Q)
       : scene(make_scene("signorini", {{"Q", double(Q)}})), problem(discretise(scene, backend(), steps)) {
-    const KroneckerDynamics& d = *problem.kronecker();
+    const KroneckerDynamics& d = *problem.modes();
     RowMatrix free = problem.g.table();
     if (kind == Kind::compressed) {
       recurrence = compressed_recurrence(backend(), d, compress_line_kernel(d, problem.h, scene.T), problem.h);

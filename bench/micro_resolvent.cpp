@@ -26,7 +26,7 @@ constexpr Index contacts = 10;
 ComplexVector nodes() { return window_contour(*contour_parameters(0), 0.01).nodes; }
 
 KroneckerDynamics square(Index Q) {
-  return std::get<KroneckerDynamics>(make_scene("signorini", {{"Q", double(Q)}}).dynamics);
+  return get<KroneckerDynamics>(make_scene("signorini", {{"Q", double(Q)}}).dynamics);
 }
 
 void run(benchmark::State& state, const Dynamics& dynamics, double lines, double flops) {

@@ -157,11 +157,11 @@ Scene port_scene(const Sections& s, Draft& draft) {
     return scene;
   }
   const MatrixValue B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N");
-  if (auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
+  if (auto* sparse = get_if<SparseDynamics>(&scene.dynamics)) {
     sparse->B = to_sparse(B);
     sparse->N = to_sparse(N);
   } else {
-    auto& dense = std::get<DenseDynamics>(scene.dynamics);
+    auto& dense = get<DenseDynamics>(scene.dynamics);
     dense.B = to_dense(B, s.dynamics.where("B"));
     dense.N = to_dense(N, s.complementarity.where("N"));
   }

@@ -1,7 +1,6 @@
 #include "kernels/cuda_backend.hpp"
 
 #include "core/base/error.hpp"
-#include "core/host/shifted_solves.hpp"
 #include "core/lcp/active_set.hpp"
 #include "kernels/host_plans.hpp"
 #include "kernels/parts.hpp"
@@ -61,8 +60,8 @@ class CudaBackend final : public Backend {
       return chain ? std::move(chain) : host_->affine_chain(sizes);
     };
     fused_.resolvent = [this](const Dynamics& dynamics, const ComplexVector& nodes) -> ComplexMatrix {
-      if (const auto* d = std::get_if<DenseDynamics>(&dynamics)) return resolvent_(*d, nodes);
-      if (const auto* d = std::get_if<KroneckerDynamics>(&dynamics)) return resolvent_(*d, nodes);
+      if (const auto* d = dynamics->small_state()) return resolvent_(*d, nodes);
+      if (const auto* d = dynamics->modes()) return resolvent_(*d, nodes);
       return host_->resolvent(dynamics, nodes);
     };
   }

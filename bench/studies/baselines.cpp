@@ -43,7 +43,7 @@ Contestant contestant(const std::string& name, Method method, Index steps) {
 }
 
 std::vector<Contestant> contestants(const Scene& scene, Index steps) {
-  const auto* kronecker = std::get_if<KroneckerDynamics>(&scene.dynamics);
+  const auto* kronecker = get_if<KroneckerDynamics>(&scene.dynamics);
   std::vector<Contestant> list{contestant("contour", Method::contour, steps)};
   if (kronecker && scene.name == "signorini") {
     // Stopping rule (4.8) of the paper on Laplace inversion for contact problems.

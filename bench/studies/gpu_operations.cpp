@@ -59,7 +59,7 @@ std::string percent(double part) { return fmt::format("{:.0f} %", 100 * part); }
 }  // namespace
 
 Sweep measure_sweep(const Scene& scene, Backend& backend, Index J, int repeats) {
-  const auto& d = std::get<KroneckerDynamics>(scene.dynamics);
+  const auto& d = get<KroneckerDynamics>(scene.dynamics);
   const Index n = scene.constraints(), rows = J + 1;
   const double h = scene.T / double(J);
   const ExponentialSum sum = compress_line_kernel(d, h, scene.T);

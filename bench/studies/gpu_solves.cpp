@@ -24,7 +24,7 @@ Options with(Method method, Index J) {
 }
 
 std::vector<GpuContestant> contestants(const Scene& scene, Index J, Backend& cuda, Backend& one, Backend& all) {
-  const auto& d = std::get<KroneckerDynamics>(scene.dynamics);
+  const auto& d = get<KroneckerDynamics>(scene.dynamics);
   Options paper = with(Method::contour, J);
   paper.iteration_tolerance = std::min(scene.T / double(J), d.along.spacing * d.along.spacing) / 50;  // (4.8)
   const Index n = scene.constraints();

@@ -16,7 +16,7 @@ namespace bromwich::app {
 
 Scene unstable_dlcp_small(double T) {
   Scene scene = choose_scene("dlcp-small", {{"T", T}}).scene;
-  const DenseDynamics d = std::get<DenseDynamics>(scene.dynamics);
+  const DenseDynamics d = get<DenseDynamics>(scene.dynamics);
   const Matrix M = to_dense(scene.M);
   scene.name = "dlcp-small, unstable variant";
   const auto stable = scene.exact;

@@ -139,12 +139,12 @@ BenchReport bench_sparse(const BenchRequest& request, Backend& backend) {
   const SparseRun sparse = measure(small, backend, Method::march, steps, request.repeats()),
                   dense = measure(twin, backend, Method::march, steps, request.repeats());
   const double apart = deviation(sparse.result.y, dense.result.y).max;
-  add("sparse", small_grid, std::get<SparseDynamics>(small.dynamics).A.nonZeros(), sparse, apart);
+  add("sparse", small_grid, get<SparseDynamics>(small.dynamics).A.nonZeros(), sparse, apart);
   add("dense", small_grid, small_grid * small_grid * small_grid * small_grid, dense, apart);
 
   const Scene large = cooled_plate(G);
   const SparseRun run = measure(large, backend, Method::march, steps, 1);  // half a minute: one run is enough
-  add("sparse", G, std::get<SparseDynamics>(large.dynamics).A.nonZeros(), run, std::nan(""));
+  add("sparse", G, get<SparseDynamics>(large.dynamics).A.nonZeros(), run, std::nan(""));
   report.notes.push_back(fmt::format("{} states: {} for the kernel, {} for {} steps", G * G,
                                      format_seconds(median(run.samples.setup)),
                                      format_seconds(median(run.samples.solve)), steps));

@@ -79,7 +79,7 @@ std::vector<Ladder> ladders(const Scene& scene, const Limits& limits, bool devic
   };
   std::vector<Ladder> list{ladder("contour", Method::contour)};
   list.back().iterates = list.back().on_device = true;
-  if (std::holds_alternative<KroneckerDynamics>(scene.dynamics)) {
+  if (holds<KroneckerDynamics>(scene.dynamics)) {
     list.push_back(ladder("multigrid", Method::multigrid));
     list.back().options.tuning.algebraic_share = useful_share;
     list.back().iterates = list.back().on_device = true;

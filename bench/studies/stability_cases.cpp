@@ -46,13 +46,10 @@ Scene manufactured(const Dynamics& dynamics, const LcpMatrix& M, double T, Motio
   scene.M = M;
   scene.T = T;
   const auto parts = std::make_shared<Matrices>();
-  if (const auto* dense = std::get_if<DenseDynamics>(&dynamics))
+  if (const auto* dense = get_if<DenseDynamics>(&dynamics))
     *parts = {dense->A.sparseView(), dense->B.sparseView(), dense->N.sparseView(), {}};
   else
-    *parts = {std::get<SparseDynamics>(dynamics).A,
-              std::get<SparseDynamics>(dynamics).B,
-              std::get<SparseDynamics>(dynamics).N,
-              {}};
+    *parts = {get<SparseDynamics>(dynamics).A, get<SparseDynamics>(dynamics).B, get<SparseDynamics>(dynamics).N, {}};
   const Matrix full = n <= 2000 ? to_dense(M) : Matrix();
   parts->M = full.sparseView();
   const auto x = [=](double t) { return Vector(Vector::NullaryExpr(m, [&](Index i) { return motion.x(i, t); })); };

@@ -103,7 +103,7 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   jump_.add(against(jumps, sizes_.of_y(fine)));
   displaced_ = against(jumps, sizes_.of_mean(fine)) / (2 * steps);
   displaced_x_ = 0;
-  if (const DenseDynamics* dynamics = std::get_if<DenseDynamics>(&scene_.dynamics); dynamics && fine.x.cols() > 0)
+  if (const DenseDynamics* dynamics = scene_.dynamics->small_state(); dynamics && fine.x.cols() > 0)
     displaced_x_ = against(Vector(scene_.T / steps * dynamics->B(fine.x_components, Eigen::all).cwiseAbs() * jumps),
                            sizes_.of_x(fine));
   // A contact of one step leaves a row that no coarser grid has, with a y that depends on where it began.

@@ -20,7 +20,7 @@ std::size_t place_of(Index j) { return std::size_t((std::uint64_t(j) * 0x9E3779B
 
 class Inputs {
  public:
-  explicit Inputs(const Scene& scene) : scene_(scene), d_(std::get<DenseDynamics>(scene.dynamics)) {
+  explicit Inputs(const Scene& scene) : scene_(scene), d_(*scene.dynamics->small_state()) {
     if (scene.f_entry == SourceEntry::through_B) F_ = d_.B;
     if (scene.f_entry == SourceEntry::through_F) F_ = scene.F;
   }
@@ -68,7 +68,7 @@ double dip(const Scene& scene, const Matrix& w, const Matrix& g, Index j, Index 
 }  // namespace
 
 double interior_defect(const Scene& scene, const Result& r, const RowMatrix& x, const ComponentSizes& sizes) {
-  const DenseDynamics& d = std::get<DenseDynamics>(scene.dynamics);
+  const DenseDynamics& d = *scene.dynamics->small_state();
   const Matrix M = to_dense(scene.M);
   const Index J = r.steps, n = M.rows();
   const double h = scene.T / double(J);

@@ -55,7 +55,7 @@ class Signs {
 // What rounding does to E: its own entries, and where eps ||hA|| is more than that, what it does to A.
 Matrix rounding_of_decay(const DiscreteProblem& p, Rule rule, const StepOperators& step) {
   constexpr double perturbed = 16 * epsilon, negligible = 1e-11;
-  const Matrix& A = p.dense()->A;
+  const Matrix& A = p.small_state()->A;
   Signs signs;
   const auto sign = [&signs](double) { return signs(); };
   const Matrix own = epsilon * step.decay.unaryExpr([&](double e) { return std::abs(e) * signs(); });
@@ -137,7 +137,7 @@ class Growth {
 }  // namespace
 
 Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const RowMatrix& recorded) {
-  const DenseDynamics* d = p.dense();
+  const DenseDynamics* d = p.small_state();
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
   if (!d || double(p.J) * (3 * m * m + 4 * m * n) > most_certified_operations || !y.allFinite())
     return {NAN, NAN, NAN, NAN, NAN, {}, {}};
@@ -179,7 +179,7 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
 double accumulated(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const RowMatrix& x, const Vector& defect,
                    const Vector& scale) {
   const std::shared_ptr<const StepOperators> operators = state_step(p, rule);
-  const DenseRecurrence r = dense_recurrence(*p.dense(), *operators);
+  const DenseRecurrence r = dense_recurrence(*p.small_state(), *operators);
   const ScaledNorm norm(scale);
   TangentStep tangent(p, r);
   Matrix error = Matrix::Zero(x.cols(), 2), next = error;
@@ -202,7 +202,7 @@ double accumulated(const DiscreteProblem& p, Rule rule, const RowMatrix& y, cons
 double contact_frequency(const DiscreteProblem& p, const RowMatrix& y) {
   constexpr std::size_t most_sets = 16;
   constexpr double hardly_damped = 0.1;
-  const DenseDynamics& d = *p.dense();
+  const DenseDynamics& d = *p.small_state();
   const Matrix M = to_dense(p.scene.M);
   std::set<std::vector<Index>> sets;
   for (Index j = 0; j < y.rows() && sets.size() < most_sets; ++j) {

@@ -31,7 +31,7 @@ struct EulerStep {
 };
 
 std::optional<EulerStep> euler_step(const DiscreteProblem& p) {
-  const DenseDynamics& d = *p.dense();
+  const DenseDynamics& d = *p.small_state();
   const Index m = d.A.rows();
   const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(m, m) - p.h * d.A);
   if (m > 0 && !(lu.rcond() > epsilon)) return std::nullopt;
@@ -58,7 +58,7 @@ OtherSolution other_solution(const DiscreteProblem& p, const Result& result, con
   const RowMatrix f = state_input(p, RowMatrix::Zero(p.J + 1, n)), g = p.g.table();
   for (const Index j : rows_to_look_at(result.y)) {
     const Vector free = step->decay * (x.row(j - 1) + p.h * f.row(j)).transpose();
-    const Vector q = p.dense()->N * free + g.row(j).transpose(), y = result.y.row(j).transpose();
+    const Vector q = p.small_state()->N * free + g.row(j).transpose(), y = result.y.row(j).transpose();
     const auto first = another_solution(step->implicit, q, y);
     if (!first) continue;
     // y may belong to another method than implicit Euler: two solutions of one problem are compared.

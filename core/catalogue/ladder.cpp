@@ -78,7 +78,7 @@ Scene build_ladder_diodes(const ParameterValues& values) {
   SparseMatrix B(m, 1), N(1, m);
   B.insert(0, 0) = -1 / circuit::C;
   N.insert(0, 0) = -1;
-  scene.dynamics = with_inputs_and_outputs(std::move(scene.dynamics), B, N);
+  scene.dynamics = Dynamics(scene.dynamics->with_inputs_and_outputs(B, N));
   scene.M = Matrix(Matrix::Constant(1, 1, r));
   scene.lcp_class = LcpClass::automatic;
   scene.g = [clamp](double, Eigen::Ref<Vector> g) { g[0] = clamp; };

@@ -2,106 +2,109 @@
 // Linear dynamics E x' = A x + B y and their output to the constraints, N x. E has to be regular; by default it is the
 // identity.
 
-#include "../base/types.hpp"
-#include "spectral_bound.hpp"
+#include "dense.hpp"
+#include "kronecker.hpp"
+#include "linear_system.hpp"
+#include "sparse.hpp"
+#include "spectrum.hpp"
+#include "supplied.hpp"
 
-#include <functional>
-#include <optional>
-#include <variant>
+#include <concepts>
+#include <memory>
+#include <utility>
 
 namespace bromwich {
 
-/// A, B, N and E as dense matrices.
-struct DenseDynamics {
-  Matrix A;       ///< m x m
-  Matrix B;       ///< m x n
-  Matrix N;       ///< n x m
-  Matrix E = {};  ///< m x m, or empty
+/// A struct is a kind of dynamics if `linear_system` makes a LinearSystem from it.
+template <class Kind>
+concept DynamicsKind = requires(Kind values) {
+  { linear_system(std::move(values)) } -> std::same_as<std::shared_ptr<LinearSystem>>;
 };
 
-/// c/dx^2 tridiag(1, -2, 1) with `points` rows: the second difference with homogeneous Dirichlet ends.
-/// Its eigenvectors are the sine vectors sqrt(2/(points+1)) sin(pi i k/(points+1)).
-struct SecondDifference {
-  Index points = 0;
-  double spacing = 0;      ///< dx
-  double diffusivity = 0;  ///< c
+/// Dynamics of any kind, a value. Copies share the matrices until one of them is changed.
+class Dynamics {
+ public:
+  Dynamics() : Dynamics(DenseDynamics{}) {}
+  template <DynamicsKind Kind>
+  Dynamics(Kind values) : system_(linear_system(std::move(values))) {}
+  /// An implementation of one's own, not changed afterwards.
+  explicit Dynamics(std::shared_ptr<LinearSystem> system) : system_(std::move(system)) {}
 
-  /// lambda_k = -4 c/dx^2 sin^2(k pi / (2(points+1))), k = 1..points, decreasing.
-  Vector eigenvalues() const;
+  Dynamics(const Dynamics& other) : system_(other.copied()) {}
+  Dynamics(Dynamics&&) = default;
+  Dynamics& operator=(const Dynamics& other) { return *this = Dynamics(other); }
+  Dynamics& operator=(Dynamics&&) = default;
+  ~Dynamics() = default;
+
+  const LinearSystem& operator*() const { return *system_; }
+  const LinearSystem* operator->() const { return system_.get(); }
+
+  /// The struct from which these dynamics were made, or null if it was one of another kind. For code that makes or
+  /// shows scenes; methods ask for capabilities.
+  template <DynamicsKind Kind>
+  const Kind* made_from() const {
+    const auto* system = dynamic_cast<const SystemOf<Kind>*>(system_.get());
+    return system ? &system->d : nullptr;
+  }
+  /// The same, to change values. Copies of the dynamics keep theirs.
+  template <DynamicsKind Kind>
+  Kind* made_from() {
+    auto* system = dynamic_cast<SystemOf<Kind>*>(system_.get());
+    if (!system) return nullptr;
+    if (system_.use_count() > 1) {
+      system_ = linear_system(system->d);
+      system = static_cast<SystemOf<Kind>*>(system_.get());
+    }
+    copy_ = [](const LinearSystem& given) { return linear_system(static_cast<const SystemOf<Kind>&>(given).d); };
+    return &system->d;
+  }
+
+ private:
+  std::shared_ptr<LinearSystem> copied() const { return copy_ ? copy_(*system_) : system_; }
+
+  std::shared_ptr<LinearSystem> system_;
+  std::shared_ptr<LinearSystem> (*copy_)(const LinearSystem&) = nullptr;  ///< set once values may be changed
 };
 
-/// A = I ⊗ across + along ⊗ I on a rectangle, B = I ⊗ b, N = I ⊗ n^T: the constraints sit on one side of the
-/// rectangle, one per grid line of `along`. State index = line * across.points + position on the line.
-/// Sine transforms diagonalise A, so nothing of size m x m is ever formed.
-struct KroneckerDynamics {
-  SecondDifference along;   ///< n points: along the constrained side
-  SecondDifference across;  ///< points of one grid line, counted from the constrained side
-  Vector b;                 ///< across.points: input of y of a line to the line
-  Vector n;                 ///< across.points: output of the line to its constraint
-};
+template <DynamicsKind Kind>
+bool holds(const Dynamics& dynamics) {
+  return dynamics.made_from<Kind>() != nullptr;
+}
+template <DynamicsKind Kind>
+const Kind* get_if(const Dynamics* dynamics) {
+  return dynamics->made_from<Kind>();
+}
+template <DynamicsKind Kind>
+Kind* get_if(Dynamics* dynamics) {
+  return dynamics->made_from<Kind>();
+}
+/// Throws Error if the dynamics were made from a struct of another kind.
+template <DynamicsKind Kind>
+const Kind& get(const Dynamics& dynamics) {
+  if (const Kind* values = get_if<Kind>(&dynamics)) return *values;
+  throw Error("dynamics", "are of another kind", "ask with holds<Kind>(dynamics) first");
+}
+template <DynamicsKind Kind>
+Kind& get(Dynamics& dynamics) {
+  if (Kind* values = get_if<Kind>(&dynamics)) return *values;
+  throw Error("dynamics", "are of another kind", "ask with holds<Kind>(dynamics) first");
+}
 
-/// A, B, N and E as sparse matrices: many states (10^5 and more), few constraints. Such scenes are solved through their
-/// kernel (shifted sparse solves) or by stepping the state with one sparse factorization.
-struct SparseDynamics {
-  SparseMatrix A;       ///< m x m
-  SparseMatrix B;       ///< m x n
-  SparseMatrix N;       ///< n x m
-  SparseMatrix E = {};  ///< m x m, or empty
-};
+inline Index states(const Dynamics& d) { return d->states(); }
+inline Index constraints(const Dynamics& d) { return d->constraints(); }
 
-/// Returns (zE - A)^{-1} R for its z; R is m x k.
-using ShiftedSolve = std::function<ComplexMatrix(const ComplexMatrix& R)>;
+/// A, B, N and E as dense matrices, for small scenes and as an oracle. Throws Error above 4096 states, and where A is
+/// known by its solves alone.
+inline DenseDynamics to_dense(const Dynamics& d) {
+  if (const auto dense = d->dense_form()) return *dense;
+  throw Error("dynamics", "are known by their solves alone", "give A, B and N as matrices if a dense form is needed");
+}
 
-/// Dynamics given by callbacks: matrix-free operators, solvers of a finite-element code, transforms. They are treated
-/// like sparse dynamics, through the kernel N (zE - A)^{-1} B at the nodes of contours, or by stepping the state with
-/// one prepared solve. `solve` passes exceptions of the callbacks on.
-struct SuppliedDynamics {
-  Index states = 0;  ///< m
-  SparseMatrix B;    ///< m x n
-  SparseMatrix N;    ///< n x m
-  /// Prepares the solve for a shift z, for example by a factorization. Called for all nodes of the contours, a few
-  /// hundred z in the right half-plane and around the spectrum, but not for their conjugates. If z is an eigenvalue,
-  /// throw SingularShift or return values that are not finite.
-  std::function<ShiftedSolve(Complex z)> shifted;
-  /// E X for X m x k; empty: E = I.
-  std::function<Matrix(const Matrix& X)> mass = {};
-  /// Bound of the eigenvalues of E^{-1} A; if empty, estimated by shifted solves.
-  std::optional<SpectralBound> bound = {};
-  /// `shifted` and the functions it returns may be called from several threads at once. Otherwise all calls come from
-  /// the thread that called `solve`.
-  bool thread_safe = false;
-};
-
-using Dynamics = std::variant<DenseDynamics, KroneckerDynamics, SparseDynamics, SuppliedDynamics>;
-
-Index states(const Dynamics&);
-Index constraints(const Dynamics&);
-
-/// Whether E is given.
-bool has_mass(const Dynamics&);
-/// E x.
-Vector times_mass(const Dynamics&, const Vector& x);
-
-/// A, B, N and E as dense matrices, for small scenes and as an oracle. Throws Error above 4096 states, and for supplied
-/// dynamics.
-DenseDynamics to_dense(const Dynamics&);
-
-/// The Kronecker sum as sparse matrices, at any size.
-SparseDynamics to_sparse(const KroneckerDynamics&);
-
-/// B and N, whatever the kind of the dynamics.
-SparseMatrix sparse_inputs(const Dynamics&);
-SparseMatrix sparse_outputs(const Dynamics&);
-
-/// The same A and E with other B and N. Throws Error for a Kronecker sum, whose B and N are those of its lines.
-Dynamics with_inputs_and_outputs(Dynamics, const SparseMatrix& B, const SparseMatrix& N);
-
-/// Whether A is known as a matrix or as a Kronecker sum, and not by callbacks alone.
-bool has_matrices(const Dynamics&);
+/// Exact for a Kronecker sum (sine eigenvalues); all eigenvalues by the QR algorithm for dense A and for sparse A with
+/// at most 256 states. Larger sparse A: bounds and estimates, `abscissa` at least 0 and `slowest` not known (0).
+inline Spectrum spectrum(const Dynamics& d) { return d->spectrum(); }
 
 /// N x for one state.
-Vector observe(const Dynamics&, const Vector& x);
-/// |N| |x|: the rounding of N x is relative to this.
-Vector observed_terms(const Dynamics&, const Vector& x);
+inline Vector observe(const Dynamics& d, const Vector& x) { return d->observe(x); }
 
 }  // namespace bromwich

@@ -72,12 +72,6 @@ class Green {
 
 }  // namespace
 
-SingularShift eigenvalue_at(Complex z) {
-  return SingularShift("resolvent",
-                       text("found an eigenvalue of A at or next to the node %.6g%+.6gi", z.real(), z.imag()),
-                       "choose nodes away from the spectrum");
-}
-
 ComplexVector green_row(const SecondDifference& across, const Vector& n, Complex z) {
   const Green green(across, z);
   ComplexVector row = ComplexVector::Zero(across.points);

@@ -1,15 +1,11 @@
 #pragma once
-// One grid line of a Kronecker sum, and shifts that meet an eigenvalue.
+// One grid line of a Kronecker sum.
 
-#include "../base/error.hpp"
-#include "dynamics.hpp"
+#include "second_difference.hpp"
 
 #include <vector>
 
 namespace bromwich {
-
-/// What shifted solves throw where zE - A is singular.
-SingularShift eigenvalue_at(Complex z);
 
 /// n^T (zI - across)^{-1} for one grid line, in closed form (the discrete Green's function of the second difference).
 ComplexVector green_row(const SecondDifference& across, const Vector& n, Complex z);

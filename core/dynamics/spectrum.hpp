@@ -1,11 +1,14 @@
 #pragma once
 // Location of the eigenvalues of A, to place contours around them.
 
-#include "dynamics.hpp"
+#include "../base/types.hpp"
 
 #include <string>
 
 namespace bromwich {
+
+struct DenseDynamics;
+struct SuppliedDynamics;
 
 struct Spectrum {
   double half_angle = 0;    ///< of the smallest sector |arg(-z)| <= half_angle with all eigenvalues (pi if one is > 0)
@@ -20,9 +23,8 @@ struct Spectrum {
   std::string describe() const;
 };
 
-/// Exact for a Kronecker sum (sine eigenvalues); all eigenvalues by the QR algorithm for dense A and for sparse A with
-/// at most 256 states. Larger sparse A: bounds and estimates, `abscissa` at least 0 and `slowest` not known (0).
-Spectrum spectrum(const Dynamics&);
+/// All eigenvalues by the QR algorithm.
+Spectrum dense_spectrum(const DenseDynamics&);
 
 /// The bounds and estimates used for large sparse A, for a matrix of any size.
 Spectrum sparse_spectrum(const SparseMatrix& A);

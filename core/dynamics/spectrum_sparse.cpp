@@ -11,6 +11,7 @@
 #include "core/dynamics/spectrum.hpp"
 
 #include "core/base/error.hpp"
+#include "core/dynamics/supplied.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/SparseCholesky>

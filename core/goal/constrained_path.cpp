@@ -51,8 +51,8 @@ struct SizedStep {
 ConstrainedSystem::ConstrainedSystem(const Scene& scene)
     : scene_(with_port(scene)),
       port_(*scene.port, scene.T, PortSystem::Form::state_space),
-      B_(sparse_inputs(scene.dynamics)),
-      N_(sparse_outputs(scene.dynamics)),
+      B_(scene.dynamics->inputs()),
+      N_(scene.dynamics->outputs()),
       M_(to_dense(scene.M)),
       port_matrix_(port_.energy_matrix() * Matrix(B_)) {}
 

@@ -12,8 +12,6 @@
 #include "core/host/step_lcp.hpp"
 #include "core/lcp/active_set.hpp"
 
-#include <Eigen/SparseLU>
-
 #include <array>
 #include <cmath>
 #include <map>
@@ -140,22 +138,6 @@ class Lengths {
   std::vector<std::vector<Index>> rows_;
 };
 
-// E^{-1} B: the effect of y on x'.
-SparseMatrix without_mass(const Dynamics& dynamics, double h) {
-  const SparseMatrix& B = sparse_inputs(dynamics);
-  if (!has_mass(dynamics)) return B;
-  if (const auto* d = std::get_if<SparseDynamics>(&dynamics)) {
-    SparseMatrix E = d->E;
-    E.makeCompressed();
-    const Eigen::SparseLU<SparseMatrix> lu(E);
-    return Matrix(lu.solve(Matrix(B))).sparseView(0, 0);
-  }
-  // z (zE - A)^{-1} B approximates it for large z.
-  const Complex z = 1e6 / h;
-  const ComplexMatrix X = std::get<SuppliedDynamics>(dynamics).shifted(z)(Matrix(B).cast<Complex>());
-  return Matrix((z * X).real()).sparseView(0, 0);
-}
-
 class Stages {
  public:
   explicit Stages(const StageProblem& p)
@@ -164,10 +146,8 @@ class Stages {
         rows_(p.g.rows()),
         lengths_(p, rows_),
         main_(p, p.stages, p.h, lengths_.rows(0)) {
-    const auto* dense = std::get_if<DenseDynamics>(p.dynamics);
-    B_ = dense ? SparseMatrix(dense->B.sparseView()) : without_mass(*p.dynamics, p.h);
-    const SparseMatrix N = dense ? SparseMatrix(dense->N.sparseView()) : sparse_outputs(*p.dynamics);
-    rigid_ = rigid_constraints(N);
+    B_ = (*p.dynamics)->rates_of_inputs(p.h);
+    rigid_ = rigid_constraints((*p.dynamics)->outputs());
     touching_.assign(rigid_.size(), false);
   }
 
@@ -230,7 +210,7 @@ class Stages {
   // Marks the constraints with w(0) = 0; `seen` is N x0.
   void touch_at_start(const Vector& seen) {
     const Vector g = problem_.g.row(0).head(seen.size()).transpose();
-    const Vector size = observed_terms(*problem_.dynamics, problem_.x0) + g.cwiseAbs();
+    const Vector size = (*problem_.dynamics)->observed_terms(problem_.x0) + g.cwiseAbs();
     for (Index i = 0; i < seen.size(); ++i)
       touching_[std::size_t(i)] = std::abs(seen[i] + g[i]) <= negligible * size[i];
   }

@@ -5,11 +5,8 @@
 #include "core/numerics/equilibration.hpp"
 
 #include <Eigen/LU>
-#include <Eigen/SparseLU>
 
 #include <cmath>
-#include <functional>
-#include <type_traits>
 #include <utility>
 
 namespace bromwich::host {
@@ -49,6 +46,16 @@ RowMatrix last_stages(const RowMatrix& values, Index given, Index used, const st
 
 [[noreturn]] void singular_step() {
   throw Error("steps", "a step is singular: h meets an eigenvalue of A", "use another number of steps");
+}
+
+// The result of a solve with the matrix of a step.
+template <class Solve>
+auto regular(const Solve& solve) {
+  try {
+    return solve();
+  } catch (const SingularShift&) {
+    singular_step();
+  }
 }
 
 // Inverse of a step matrix. If it looks singular, it is equilibrated first: units of the states do not count.
@@ -113,83 +120,6 @@ class DenseStageStep final : public StageStep {
   Matrix decay_, see_, drive_, implicit_;
 };
 
-// Prepared (mu/h E - A)^{-1}, and E x.
-template <class Scalar>
-class ShiftedSystem {
- public:
-  using ScalarVector = Eigen::Matrix<Scalar, Eigen::Dynamic, 1>;
-  using ScalarMatrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
-  virtual ~ShiftedSystem() = default;
-  virtual ScalarMatrix solve(const ScalarMatrix& right) = 0;
-  virtual ScalarVector solve(const ScalarVector& right) = 0;
-  virtual Vector times_mass(const Vector& x) const = 0;
-  virtual std::size_t bytes() = 0;
-};
-
-// By a sparse LU factorization.
-template <class Scalar>
-class FactorizedSystem final : public ShiftedSystem<Scalar> {
-  using Base = ShiftedSystem<Scalar>;
-  using ScalarSparse = Eigen::SparseMatrix<Scalar>;
-
- public:
-  FactorizedSystem(const SparseDynamics& d, Scalar shift) : E_(d.E) {
-    ScalarSparse shifted(d.A.rows(), d.A.cols());
-    if (E_.rows() > 0)
-      shifted = E_.cast<Scalar>();
-    else
-      shifted.setIdentity();
-    shifted = (shift * shifted - d.A.cast<Scalar>()).pruned(Scalar(0), 0);
-    shifted.makeCompressed();
-    lu_.compute(shifted);
-    if (lu_.info() != Eigen::Success || !finds_known_solution(shifted)) singular_step();
-  }
-  typename Base::ScalarMatrix solve(const typename Base::ScalarMatrix& right) override { return lu_.solve(right); }
-  typename Base::ScalarVector solve(const typename Base::ScalarVector& right) override { return lu_.solve(right); }
-  Vector times_mass(const Vector& x) const override { return E_.rows() > 0 ? Vector(E_ * x) : x; }
-  std::size_t bytes() override { return std::size_t(lu_.nnzL() + lu_.nnzU()) * (sizeof(Scalar) + 4); }
-
- private:
-  // With fewer than three digits of a known solution the matrix counts as singular.
-  bool finds_known_solution(const ScalarSparse& shifted) {
-    typename Base::ScalarVector u(shifted.rows());
-    for (Index i = 0; i < u.size(); ++i) u[i] = i % 3 == 0 ? -1 : 1;
-    const typename Base::ScalarVector found = lu_.solve(typename Base::ScalarVector(shifted * u));
-    return (found - u).cwiseAbs().maxCoeff() < 1e-3;
-  }
-
-  SparseMatrix E_;
-  Eigen::SparseLU<ScalarSparse> lu_;
-};
-
-// By the user's solver.
-template <class Scalar>
-class SuppliedSystem final : public ShiftedSystem<Scalar> {
-  using Base = ShiftedSystem<Scalar>;
-
- public:
-  SuppliedSystem(const SuppliedDynamics& d, Scalar shift) : mass_(d.mass), solve_(d.shifted(shift)) {}
-  typename Base::ScalarMatrix solve(const typename Base::ScalarMatrix& right) override {
-    const ComplexMatrix X = solve_(right.template cast<Complex>());
-    if (X.rows() != right.rows() || X.cols() != right.cols())
-      throw Error("shifted", "its solution has another shape than R", "return as many rows and columns as R has");
-    if (!X.allFinite()) singular_step();
-    if constexpr (std::is_same_v<Scalar, Complex>)
-      return X;
-    else
-      return X.real();
-  }
-  typename Base::ScalarVector solve(const typename Base::ScalarVector& right) override {
-    return solve(typename Base::ScalarMatrix(right));
-  }
-  Vector times_mass(const Vector& x) const override { return mass_ ? Vector(mass_(x)) : x; }
-  std::size_t bytes() override { return 0; }
-
- private:
-  std::function<Matrix(const Matrix&)> mass_;
-  ShiftedSolve solve_;
-};
-
 // One shifted solve per step.
 template <class Scalar>
 class SolvedStep final : public StageStep {
@@ -198,16 +128,17 @@ class SolvedStep final : public StageStep {
   using ScalarMatrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
 
  public:
-  SolvedStep(const StageProblem& p, std::unique_ptr<ShiftedSystem<Scalar>> system, double h,
-             const std::vector<Index>& rows)
+  SolvedStep(const StageProblem& p, double h, const std::vector<Index>& rows)
       : h_(h),
-        N_(sparse_outputs(*p.dynamics)),
+        system_(**p.dynamics),
+        N_(system_.outputs()),
         F_(p.F),
         g_(last_stages(p.g, p.stages, s, rows)),
         phi_(last_stages(p.phi, p.stages, s, rows)),
-        system_(std::move(system)) {
-    const Index m = states(*p.dynamics), n = N_.rows();
-    const ScalarMatrix RB = system_->solve(ScalarMatrix(Matrix(sparse_inputs(*p.dynamics)).cast<Scalar>()));
+        shifted_(regular([&] { return system_.at_shift(Coefficients<Scalar>().mu / h); })) {
+    if (!shifted_) singular_step();
+    const Index m = system_.states(), n = N_.rows();
+    const ScalarMatrix B = Matrix(system_.inputs()).cast<Scalar>(), RB = regular([&] { return shifted_->solve(B); });
     drive_.resize(m, s * n);
     implicit_.resize(s * n, s * n);
     for (Index i = 0; i < s; ++i)
@@ -219,12 +150,12 @@ class SolvedStep final : public StageStep {
   }
 
   void free(const Vector& x, Index j, Vector& q, Vector& x_free) override {
-    rhs_ = (c_.start / h_) * system_->times_mass(x).template cast<Scalar>();
+    rhs_ = (c_.start / h_) * system_.times_mass(x).template cast<Scalar>();
     for (Index k = 0; k < s && phi_.size() > 0; ++k) {
       x_free.noalias() = F_ * phi_.row(j).segment(k * F_.cols(), F_.cols()).transpose();
       rhs_ += c_.w[k] * x_free.cast<Scalar>();
     }
-    xi_ = system_->solve(rhs_);
+    xi_ = regular([&] { return shifted_->solve(rhs_); });
     const Index n = N_.rows();
     q = g_.row(j).transpose();
     for (Index i = 0; i < s; ++i) {
@@ -235,31 +166,24 @@ class SolvedStep final : public StageStep {
   void drive(const Vector& y, Vector& x_free) const override { x_free.noalias() += drive_ * y; }
   const Matrix& implicit_part() const override { return implicit_; }
   std::size_t bytes() const override {
-    return system_->bytes() + sizeof(double) * std::size_t(drive_.size() + implicit_.size() + g_.size() + phi_.size());
+    return shifted_->bytes() + sizeof(double) * std::size_t(drive_.size() + implicit_.size() + g_.size() + phi_.size());
   }
 
  private:
   Coefficients<Scalar> c_;
   double h_;
+  const LinearSystem& system_;
   SparseMatrix N_, F_;
   RowMatrix g_, phi_;
-  std::unique_ptr<ShiftedSystem<Scalar>> system_;
+  std::unique_ptr<ShiftedSystem<Scalar>> shifted_;  ///< (mu/h E - A)^{-1}
   Matrix drive_, implicit_;
   ScalarVector rhs_, xi_;
 };
 
 template <class Scalar>
 std::unique_ptr<StageStep> make(const StageProblem& p, double h, const std::vector<Index>& rows) {
-  if (const auto* d = std::get_if<DenseDynamics>(p.dynamics))
-    return std::make_unique<DenseStageStep<Scalar>>(p, *d, h, rows);
-  const Scalar shift = Coefficients<Scalar>().mu / h;
-  std::unique_ptr<ShiftedSystem<Scalar>> system;
-  if (const auto* d = std::get_if<SparseDynamics>(p.dynamics))
-    system = std::make_unique<FactorizedSystem<Scalar>>(*d, shift);
-  if (const auto* d = std::get_if<SuppliedDynamics>(p.dynamics))
-    system = std::make_unique<SuppliedSystem<Scalar>>(*d, shift);
-  if (system) return std::make_unique<SolvedStep<Scalar>>(p, std::move(system), h, rows);
-  throw Error("dynamics", "a Kronecker sum has no stages", "write it out densely");
+  if (const auto* d = (*p.dynamics)->small_state()) return std::make_unique<DenseStageStep<Scalar>>(p, *d, h, rows);
+  return std::make_unique<SolvedStep<Scalar>>(p, h, rows);
 }
 
 }  // namespace

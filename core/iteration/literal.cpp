@@ -46,7 +46,7 @@ class TimePoint {
 class LiteralKernel {
  public:
   LiteralKernel(const DiscreteProblem& p, const Dynamics& dynamics, Index P)
-      : backend_(p.backend), modal_(p.kronecker() != nullptr), n_(p.scene.constraints()) {
+      : backend_(p.backend), modal_(p.modes() != nullptr), n_(p.scene.constraints()) {
     points_.reserve(std::size_t(p.J));
     for (Index j = 1; j <= p.J; ++j) points_.emplace_back(backend_, dynamics, P, j, p.h);
     if (!modal_) return;
@@ -103,13 +103,13 @@ RowMatrix literal_response(const DiscreteProblem& p, const LiteralKernel& kernel
   const Index rows = p.J + 1, n = p.scene.constraints();
   const auto in = p.backend.array(rows, n), out = p.backend.array(rows, n);
   RowMatrix r = p.g.table(), part;
-  if (p.kronecker()) {
+  if (p.modes()) {
     p.backend.upload(kronecker_initial_response(p), *in);
     p.backend.sine_transform(n, rows)->apply(*in, nullptr, *out, 0);
     p.backend.download(*out, part);
     r += part;
   } else {
-    const DenseDynamics& d = *p.dense();
+    const DenseDynamics& d = *p.small_state();
     r += dense_states(step_operators(d.A, Rule::exponential, p.h), p.scene.x0, RowMatrix::Zero(rows, p.scene.states()),
                       p.defects.get()) *
          d.N.transpose();
@@ -121,7 +121,7 @@ RowMatrix literal_response(const DiscreteProblem& p, const LiteralKernel& kernel
     p.backend.download(*out, part);
     r += part;
   } else if (p.f.size() > 0) {
-    DenseDynamics source = *p.dense();
+    DenseDynamics source = *p.small_state();
     source.B = source_matrix(p);
     r += LiteralKernel(p, source, P).respond(p.f.table());
   }
@@ -134,7 +134,7 @@ double printed_rate(Index P) { return std::exp(-2.06 * std::sqrt(double(P))) / s
 // The response of dense dynamics to y = 1 at the first, middle and last time point against phi1, relative to
 // t ||N|| ||B||. NaN for a Kronecker sum: its A is normal with real spectrum, where Theorem 2.3 (2) holds.
 double kernel_error(const DiscreteProblem& p, Index P) {
-  const DenseDynamics* d = p.dense();
+  const DenseDynamics* d = p.small_state();
   if (!d) return NAN;
   double worst = 0;
   for (const Index j : {Index(1), (p.J + 1) / 2, p.J}) {
@@ -172,7 +172,7 @@ void solve_literally(const DiscreteProblem& p, const Options& options, Result& r
   const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, rows);
   result.kernel = "a contour of " + std::to_string(P + 1) + " nodes for every time point";
   result.kernel_error = kernel_error(p, P);
-  if (p.dense() && !(result.kernel_error <= 100 * printed_rate(P))) {
+  if (p.small_state() && !(result.kernel_error <= 100 * printed_rate(P))) {
     result.status = Status::unsupported;
     result.reason = "its contours have an error of " + std::to_string(result.kernel_error) +
                     " in K, far above the printed rate: A is too far from normal (2.1b); use another method";

@@ -22,7 +22,7 @@ DiscreteProblem window(const DiscreteProblem& p, const Scene& scene, Index first
   DiscreteProblem w{scene, p.backend, p.lcp_class, count, p.h, p.t.segment(first, rows), {}, {}, {}};
   w.g = p.g.rows(first, rows);
   if (p.f.size() > 0) w.f = p.f.rows(first, rows);
-  w.start = p.dense()->N * scene.x0 + w.g.row(0);
+  w.start = p.small_state()->N * scene.x0 + w.g.row(0);
   w.exponential_step = p.exponential_step;  // of the same length
   if (!p.defects) return w;
   auto defects = std::make_shared<StepDefects>();
@@ -61,7 +61,7 @@ void add(const Result& part, Index first, Index count, Result& whole) {
 }  // namespace
 
 std::optional<Forecast> iteration_forecast(const DiscreteProblem& p, double tolerance) {
-  const DenseDynamics* d = p.dense();
+  const DenseDynamics* d = p.small_state();
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
   if (!d || p.scene.constraints() > largest_forecast ||
       double(p.J) * (m * m * n + m * n * n) > most_forecast_operations)

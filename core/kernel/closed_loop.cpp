@@ -43,7 +43,7 @@ bool energy_grows_harmlessly(const Matrix& A, double T) {
 // Stops at the first row of y that is not valid.
 StatesOfY closed_states(const DiscreteProblem& p, const StepOperators& step, const RowMatrix& y,
                         const StepDefects* defects) {
-  const DenseDynamics& d = *p.dense();
+  const DenseDynamics& d = *p.small_state();
   const Index m = p.scene.states(), n = p.scene.constraints();
   const RowMatrix f = state_input(p, RowMatrix::Zero(p.J + 1, n)), g = p.g.table();
   RowMatrix forced = f * step.right.transpose();
@@ -99,7 +99,7 @@ Matrix ActiveResponse::to_columns(const Matrix& v) const {
 
 double free_growth(const DiscreteProblem& p, const StepOperators& step) {
   if (p.scene.states() == 0) return 1;
-  const Balanced b = balanced(p.dense()->A);
+  const Balanced b = balanced(p.small_state()->A);
   if (grows_harmlessly(b.A, p.scene.T) || energy_grows_harmlessly(b.A, p.scene.T)) return 1;
   Matrix power = b.D.cwiseInverse().asDiagonal() * step.decay * b.D.asDiagonal();
   double growth = 1;

@@ -26,7 +26,7 @@ double deviation(const LagTable& a, const LagTable& b) {
 
 class DenseOperator : public TimeOperator {
  public:
-  explicit DenseOperator(const DiscreteProblem& p) : TimeOperator(p), dynamics_(*p.dense()) {}
+  explicit DenseOperator(const DiscreteProblem& p) : TimeOperator(p), dynamics_(*p.small_state()) {}
 
   bool takes_parts() const override { return p_.sources != nullptr; }
 

@@ -16,13 +16,13 @@ std::size_t host_bytes(const DiscreteProblem& p) {
 }
 
 std::shared_ptr<const StepOperators> state_step(const DiscreteProblem& p, Rule rule) {
-  if (rule != Rule::exponential) return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h));
+  if (rule != Rule::exponential) return std::make_shared<StepOperators>(step_operators(p.small_state()->A, rule, p.h));
   return p.exponential_step->get(
-      [&] { return std::make_shared<StepOperators>(step_operators(p.dense()->A, rule, p.h, p.J)); });
+      [&] { return std::make_shared<StepOperators>(step_operators(p.small_state()->A, rule, p.h, p.J)); });
 }
 
 RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) {
-  const Matrix& B = p.dense()->B;
+  const Matrix& B = p.small_state()->B;
   if (const SampledSource* phi = p.drive()) return (y + phi->table()) * B.transpose();
   RowMatrix input = y * B.transpose();
   if (p.f.size() > 0 && p.scene.f_entry == SourceEntry::through_F)
@@ -39,7 +39,7 @@ RowMatrix states_from(const DiscreteProblem& p, Rule rule, const RowMatrix& y, c
 
 RowMatrix dense_response(const DiscreteProblem& p, Rule rule) {
   const RowMatrix none = RowMatrix::Zero(p.J + 1, p.scene.constraints());
-  return p.g.table() + states_from(p, rule, none) * p.dense()->N.transpose();
+  return p.g.table() + states_from(p, rule, none) * p.small_state()->N.transpose();
 }
 
 RowMatrix trace(const DiscreteProblem& p, const Array& r, const Array& v) {
@@ -50,7 +50,7 @@ RowMatrix trace(const DiscreteProblem& p, const Array& r, const Array& v) {
 }
 
 RowMatrix kronecker_initial_response(const DiscreteProblem& p) {
-  const KroneckerDynamics& d = *p.kronecker();
+  const KroneckerDynamics& d = *p.modes();
   return contour_initial_response(d, *contour_parameters(0), x0_in_modes(p.backend, d, p.scene.x0, false), p.h, p.J);
 }
 

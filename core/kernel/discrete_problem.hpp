@@ -45,9 +45,8 @@ struct DiscreteProblem {
   /// Kronecker sums, (J+1) x n: response N x to the part of f inside rough steps; null if there is none.
   std::shared_ptr<const RowMatrix> rough_response = {};
 
-  const KroneckerDynamics* kronecker() const { return std::get_if<KroneckerDynamics>(&scene.dynamics); }
-  const DenseDynamics* dense() const { return std::get_if<DenseDynamics>(&scene.dynamics); }
-  const SparseDynamics* sparse() const { return std::get_if<SparseDynamics>(&scene.dynamics); }
+  const KroneckerDynamics* modes() const { return scene.dynamics->modes(); }
+  const DenseDynamics* small_state() const { return scene.dynamics->small_state(); }
   /// phi, f = B phi, as an input beside y; null if there is none.
   const SampledSource* drive() const { return scene.f_entry == SourceEntry::through_B && f.size() > 0 ? &f : nullptr; }
 };
@@ -62,7 +61,7 @@ void add_rough_response(const DiscreteProblem&, Array& r);
 std::shared_ptr<const StepOperators> state_step(const DiscreteProblem&, Rule);
 
 /// F with f_j = F phi_j for the samples p.f (dense dynamics): m x width of p.f.
-inline Matrix source_matrix(const DiscreteProblem& p) { return source_matrix(p.scene, *p.dense()); }
+inline Matrix source_matrix(const DiscreteProblem& p) { return source_matrix(p.scene, *p.small_state()); }
 
 /// All states x_j from y (dense dynamics), with the given defects or those of the problem.
 RowMatrix states_from(const DiscreteProblem&, Rule, const RowMatrix& y, const StepDefects* = nullptr);

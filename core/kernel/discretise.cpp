@@ -12,7 +12,7 @@ namespace {
 
 // Contribution of f on rough steps beyond its linear interpolant between grid points.
 std::shared_ptr<const StepDefects> defects_of_f(const DiscreteProblem& p) {
-  const DenseDynamics& d = *p.dense();
+  const DenseDynamics& d = *p.small_state();
   Matrix F = source_matrix(p);
   if (p.f.shapes().size() > 0) F = (F * p.f.shapes()).eval();
   StepPropagator propagator(d.A, p.h);
@@ -57,7 +57,7 @@ void resolve_sources(DiscreteProblem& p, bool every_step) {
   if (sources.rough.empty()) return;
   p.sources = std::make_shared<SourceSteps>(std::move(sources));
   if (p.f.size() == 0) return;
-  if (p.dense())
+  if (p.small_state())
     p.defects = defects_of_f(p);
   else
     p.rough_response = rough_response(p);

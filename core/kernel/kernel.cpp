@@ -87,7 +87,7 @@ std::vector<LagWindow> lag_windows(const ContourParameters& parameters, double h
 LagTable contour_lag_table(Backend& backend, const Dynamics& dynamics, const ContourParameters& parameters, double h,
                            Index J) {
   LagTable table;
-  table.modal = std::holds_alternative<KroneckerDynamics>(dynamics);
+  table.modal = dynamics->modes() != nullptr;
   table.outputs = table.inputs = constraints(dynamics);
   const Index width = table.modal ? table.outputs : table.outputs * table.inputs;
   table.W.resize(J + 1, width);

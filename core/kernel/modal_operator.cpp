@@ -18,7 +18,7 @@ constexpr Index fewest_compressed = 40;
 
 // S N (discrete e^{A t_j}) x0 by stepping all modes; used if the recurrence cannot represent x0.
 RowMatrix stepped_initial_response(const DiscreteProblem& p, Rule rule) {
-  const KroneckerDynamics& d = *p.kronecker();
+  const KroneckerDynamics& d = *p.modes();
   const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), seen = in_sine_basis(d.n);
   RowMatrix x = x0_in_modes(p.backend, d, p.scene.x0, true), decay(x.rows(), x.cols()), modes(p.J + 1, x.rows());
   for (Index l = 0; l < mu.size(); ++l)
@@ -43,7 +43,7 @@ RowMatrix with_modes(const DiscreteProblem& p, const RowMatrix& values) {
 
 class ModalOperator : public TimeOperator {
  public:
-  explicit ModalOperator(const DiscreteProblem& p) : TimeOperator(p), dynamics_(*p.kronecker()) {}
+  explicit ModalOperator(const DiscreteProblem& p) : TimeOperator(p), dynamics_(*p.modes()) {}
 
   void renew(const Changes& changes) override {
     if (changes.x0) x0_.reset();

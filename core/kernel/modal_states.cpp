@@ -37,7 +37,7 @@ ModalStep modal_step(const KroneckerDynamics& d, const Matrix& S, Rule rule, dou
 // Steps all modes of the state and records the requested grid points: their positions on the lines by a product with a
 // few rows of S, the other direction by one transform for all time points.
 RowMatrix modal_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const std::vector<Index>& components) {
-  const KroneckerDynamics& d = *p.kronecker();
+  const KroneckerDynamics& d = *p.modes();
   const Index n = d.along.points, K = d.across.points;
   const Matrix S = sine_matrix(K);
   const ModalStep step = modal_step(d, S, rule, p.h);

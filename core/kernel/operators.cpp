@@ -3,8 +3,8 @@
 namespace bromwich {
 
 std::unique_ptr<TimeOperator> make_time_operator(const DiscreteProblem& p) {
-  if (p.dense()) return make_dense_operator(p);
-  if (p.kronecker()) return make_modal_operator(p);
+  if (p.small_state()) return make_dense_operator(p);
+  if (p.modes()) return make_modal_operator(p);
   return make_lag_operator(p);
 }
 

@@ -45,7 +45,7 @@ std::map<std::vector<Index>, Phase> phases(const RowMatrix& y) {
 // The matrix of the state while S is active; none if neither M_SS nor (N B)_SS is nonsingular.
 std::optional<Matrix> closed_matrix(const DiscreteProblem& p, const std::vector<Index>& S) {
   constexpr double regular = 1e-12;
-  const DenseDynamics& d = *p.dense();
+  const DenseDynamics& d = *p.small_state();
   if (S.empty()) return d.A;
   const Matrix B = d.B(Eigen::all, S), N = d.N(S, Eigen::all), M = to_dense(p.scene.M)(S, S), NB = N * B;
   const Eigen::FullPivLU<Matrix> lu(M);

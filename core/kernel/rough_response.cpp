@@ -9,7 +9,7 @@ namespace bromwich {
 namespace {
 
 RowMatrix kronecker_response(const DiscreteProblem& p) {
-  const KroneckerDynamics& d = *p.kronecker();
+  const KroneckerDynamics& d = *p.modes();
   const Vector seen = in_sine_basis(d.n);
   RowMatrix modes = RowMatrix::Zero(p.J + 1, d.along.points);
   each_rough_state(p, p.J, [&](Index j, const RowMatrix& x) { modes.row(j).noalias() = seen.transpose() * x; });
@@ -32,7 +32,7 @@ std::vector<Matrix> beyond_linear(const DiscreteProblem& p, const RoughStep& rou
 
 void each_rough_state(const DiscreteProblem& p, Index last,
                       const std::function<void(Index j, const RowMatrix& x)>& visit) {
-  const KroneckerDynamics& d = *p.kronecker();
+  const KroneckerDynamics& d = *p.modes();
   const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
   RowMatrix x = RowMatrix::Zero(nu.size(), mu.size()), decay = x;
   for (Index k = 0; k < nu.size(); ++k) decay.row(k) = (p.h * (mu.array() + nu[k])).exp().transpose();
@@ -44,7 +44,7 @@ void each_rough_state(const DiscreteProblem& p, Index last,
 }
 
 RowMatrix modal_defect(const DiscreteProblem& p, const RoughStep& rough) {
-  const KroneckerDynamics& d = *p.kronecker();
+  const KroneckerDynamics& d = *p.modes();
   const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), b = in_sine_basis(d.b);
   RowMatrix e = RowMatrix::Zero(nu.size(), mu.size());
   const std::vector<Matrix> pieces = beyond_linear(p, rough);
@@ -108,7 +108,7 @@ RowMatrix rough_response(const DiscreteProblem& p, const LagTable& response) {
 }
 
 std::shared_ptr<const RowMatrix> rough_response(const DiscreteProblem& p) {
-  if (!p.kronecker()) return nullptr;
+  if (!p.modes()) return nullptr;
   return std::make_shared<RowMatrix>(kronecker_response(p));
 }
 

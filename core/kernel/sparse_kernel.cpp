@@ -68,7 +68,7 @@ SparseMatrix source_columns(const DiscreteProblem& p, Index outputs) {
 
 Wide widen(const DiscreteProblem& p, const std::vector<Index>& components) {
   const Dynamics& d = p.scene.dynamics;
-  const SparseMatrix B = sparse_inputs(d), given_N = sparse_outputs(d);
+  const SparseMatrix B = d->inputs(), given_N = d->outputs();
   const Index m = p.scene.states();
   Wide wide;
   wide.n = given_N.rows();
@@ -76,7 +76,7 @@ Wide widen(const DiscreteProblem& p, const std::vector<Index>& components) {
   const SparseMatrix F = source_columns(p, wide.outputs());
   wide.sources = F.cols();
   SparseMatrix x0(m, 0);
-  if ((p.scene.x0.array() != 0).any()) x0 = times_mass(d, p.scene.x0).sparseView(0, 0);
+  if ((p.scene.x0.array() != 0).any()) x0 = d->times_mass(p.scene.x0).sparseView(0, 0);
   wide.states = x0.cols();
   std::vector<Eigen::Triplet<double>> rows;
   for (Index c = 0; c < m; ++c)
@@ -84,7 +84,7 @@ Wide widen(const DiscreteProblem& p, const std::vector<Index>& components) {
   for (Index i = 0; i < wide.components; ++i) rows.emplace_back(wide.n + i, components[std::size_t(i)], 1.0);
   SparseMatrix N(wide.outputs(), m);
   N.setFromTriplets(rows.begin(), rows.end());
-  wide.dynamics = with_inputs_and_outputs(d, beside({&B, &F, &x0}, m), N);
+  wide.dynamics = Dynamics(d->with_inputs_and_outputs(beside({&B, &F, &x0}, m), N));
   return wide;
 }
 
@@ -170,7 +170,7 @@ class Attempt {
     }
     table_.S.row(0).setZero();
     if (wide_.states > 0)  // no contour covers t = 0
-      table_.x0.row(0) = (sparse_outputs(wide_.dynamics) * p_.scene.x0).transpose();
+      table_.x0.row(0) = (wide_.dynamics->outputs() * p_.scene.x0).transpose();
   }
 
   void compare() {
@@ -190,7 +190,7 @@ class Attempt {
   // Largest weight of each block (constraints or components) x (y or sources), the same for x0; at least 1e-6 of the
   // scale h |N_i| |B_j|.
   void set_scales() {
-    const SparseMatrix rows = sparse_outputs(wide_.dynamics).transpose(), inputs_of = sparse_inputs(wide_.dynamics);
+    const SparseMatrix rows = wide_.dynamics->outputs().transpose(), inputs_of = wide_.dynamics->inputs();
     const Index inputs = wide_.lag_inputs();
     scale_.resize(lags_.cols());
     x0_scale_.resize(x0_.cols());

@@ -27,7 +27,7 @@ ComplexMatrix past_inputs(const LagWindow& window, const RowMatrix& u, Index j) 
 
 // The state at one time point of a Kronecker sum, in modes of the `along` direction: row l is the grid line of mode l.
 RowMatrix lines_at(const DiscreteProblem& p, const std::vector<LagWindow>& windows, const RowMatrix& u, Index j) {
-  const KroneckerDynamics& d = *p.kronecker();
+  const KroneckerDynamics& d = *p.modes();
   const Vector mu = d.along.eigenvalues();
   RowMatrix lines = RowMatrix::Zero(mu.size(), d.across.points);
   for (const LagWindow& window : windows) {
@@ -53,7 +53,7 @@ std::map<Index, RowMatrix> rough_states(const DiscreteProblem& p, const std::vec
 }
 
 Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
-  const KroneckerDynamics& d = *p.kronecker();
+  const KroneckerDynamics& d = *p.modes();
   const RowMatrix u = row_modes(p.backend, p.drive() ? RowMatrix(y + p.drive()->table()) : y);
   const RowMatrix x0 = x0_in_modes(p.backend, d, p.scene.x0, true);
   const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
@@ -81,8 +81,8 @@ Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const s
 
 Matrix states_at_rows(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows,
                       const StepDefects* defects) {
-  if (p.kronecker()) return kronecker_states_at(p, y, rows);
-  if (p.dense()) return states_of(p, Rule::exponential, y, defects).x(rows, Eigen::all).transpose();
+  if (p.modes()) return kronecker_states_at(p, y, rows);
+  if (p.small_state()) return states_of(p, Rule::exponential, y, defects).x(rows, Eigen::all).transpose();
   throw Error("dynamics", "whole states of sparse or supplied dynamics are not computed afterwards",
               "ask for components with Options::states when solving");
 }

@@ -32,7 +32,7 @@ RowMatrix circle_weights(const DiscreteProblem& p, const Contour& contour) {
 
 // The weights from e^{hA} made of two steps of h/2: other scaling, other rounding.
 RowMatrix doubled_weights(const DiscreteProblem& p) {
-  const DenseDynamics& d = *p.dense();
+  const DenseDynamics& d = *p.small_state();
   const Matrix I = Matrix::Identity(d.A.rows(), d.A.cols());
   const MatrixPhi half = matrix_phi(0.5 * p.h * d.A);
   const Matrix p2 = (half.phi1 * half.phi1 + 2 * half.phi2) / 4, p1 = (half.exponential + I) * half.phi1 / 2;
@@ -54,8 +54,8 @@ WeightCheck check_weights(const DiscreteProblem& p, const DenseRecurrence& recur
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
   constexpr double nodes = 100;
   if (nodes * (4 * m * m * m + m * m * n) > operations || p.J < 2) return {NAN, ""};
-  if (needs_precision(p.dense()->A, p.h, p.J)) return {NAN, ""};  // too few digits are known to check it
-  constexpr double agreed = 1e-9;                                 ///< if two agree to this, no third is computed
+  if (needs_precision(p.small_state()->A, p.h, p.J)) return {NAN, ""};  // too few digits are known to check it
+  constexpr double agreed = 1e-9;                                       ///< if two agree to this, no third is computed
   const Spectrum where = spectrum(p.scene.dynamics);
   const RowMatrix made = first_weights(lag_table(recurrence, 2));
   const double scale = std::max(made.cwiseAbs().maxCoeff(), 1e-300);

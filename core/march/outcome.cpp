@@ -11,8 +11,8 @@ namespace {
 // Sets N x0 + g(0) to 0 where it is below 0 by no more than rounding: x0 lies on a constraint.
 Vector without_rounding(const DiscreteProblem& p) {
   Vector start = p.start;
-  if (p.kronecker() || start.size() == 0 || start.minCoeff() >= 0) return start;
-  const Vector terms = observed_terms(p.scene.dynamics, p.scene.x0) + Vector(p.g.row(0).cwiseAbs());
+  if (p.modes() || start.size() == 0 || start.minCoeff() >= 0) return start;
+  const Vector terms = p.scene.dynamics->observed_terms(p.scene.x0) + Vector(p.g.row(0).cwiseAbs());
   const double share = 4 * double(p.scene.states() + 1) * epsilon;
   for (Index i = 0; i < start.size(); ++i)
     if (start[i] < 0 && start[i] >= -share * terms[i]) start[i] = 0;

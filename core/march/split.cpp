@@ -30,7 +30,7 @@ class SplitMarch {
   SplitMarch(const DiscreteProblem& p, const Options& options)
       : p_(p),
         options_(options),
-        d_(*p.dense()),
+        d_(*p.small_state()),
         n_(p.scene.constraints()),
         step_(state_step(p, Rule::exponential)),
         M_(to_dense(p.scene.M)),
@@ -217,7 +217,7 @@ class SplitMarch {
 
 // r = g and v = N x as backend arrays: residual and trace are computed as for every march.
 void look_at(const DiscreteProblem& p, const Options& options, const RowMatrix& x, Result& result) {
-  RowMatrix known = p.g.table(), seen = x * p.dense()->N.transpose();
+  RowMatrix known = p.g.table(), seen = x * p.small_state()->N.transpose();
   known.row(0) = p.start.transpose();
   seen.row(0).setZero();
   const auto array = [&](const RowMatrix& values) {
@@ -235,7 +235,7 @@ void look_at(const DiscreteProblem& p, const Options& options, const RowMatrix& 
 void solve_by_split_marching(const DiscreteProblem& p, const Options& options, Result& result) {
   Timer timer;
   const double m = double(p.scene.states()), n = double(p.scene.constraints());
-  const WeightCheck check = check_weights(p, dense_recurrence(*p.dense(), *state_step(p, Rule::exponential)),
+  const WeightCheck check = check_weights(p, dense_recurrence(*p.small_state(), *state_step(p, Rule::exponential)),
                                           double(p.J) * (m * m + 2 * m * n));
   result.kernel_error = check.error;
   result.kernel = "state of the scene, stepped by the matrix exponential" +

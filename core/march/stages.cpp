@@ -47,8 +47,8 @@ StageGrid whole_steps(const DiscreteProblem& p) {
 class Layers {
  public:
   Layers(const DiscreteProblem& p, bool wanted) {
-    if (!wanted || !p.dense() || p.scene.states() > most_states) return;
-    const double rate = p.dense()->A.cwiseAbs().rowwise().sum().maxCoeff();
+    if (!wanted || !p.small_state() || p.scene.states() > most_states) return;
+    const double rate = p.small_state()->A.cwiseAbs().rowwise().sum().maxCoeff();
     start_ = p.t[0];
     begin_.insert(start_);
     if (p.sources) place_jumps(p);
@@ -177,7 +177,7 @@ StageGrid make_grid(const DiscreteProblem& p, Index stages, bool with_layers, co
   Layers layers(p, with_layers);
   if (!p.sources && layers.none()) return whole_steps(p);
   StageGrid grid = steps_in_parts(p, layers, contacts);
-  if (p.dense()) return grid;
+  if (p.small_state()) return grid;
   std::set<double> different(grid.lengths.begin(), grid.lengths.end());
   return different.size() <= most_sparse_lengths ? grid : whole_steps(p);
 }
@@ -269,10 +269,7 @@ std::optional<Index> solve_at_own_values(const DiscreteProblem& p, const StageGr
 
 SparseMatrix source_matrix(const Scene& scene, const Dynamics& dynamics) {
   if (scene.f_entry == SourceEntry::through_F) return scene.F;
-  if (scene.f_entry == SourceEntry::through_B) {
-    const auto* dense = std::get_if<DenseDynamics>(&dynamics);
-    return dense ? SparseMatrix(dense->B.sparseView()) : sparse_inputs(dynamics);
-  }
+  if (scene.f_entry == SourceEntry::through_B) return dynamics->inputs();
   SparseMatrix identity(scene.states(), scene.states());
   identity.setIdentity();
   return identity;
@@ -304,8 +301,8 @@ bool takes_limits_at_points(const DiscreteProblem& p, const StageGrid& grid) {
 void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages, const Options& options,
                    Given& given) {
   StageProblem& problem = given.problem;
-  if (p.kronecker()) given.written_out = to_sparse(*p.kronecker());
-  problem.dynamics = p.kronecker() ? &given.written_out : &p.scene.dynamics;
+  if (p.modes()) given.written_out = to_sparse(*p.modes());
+  problem.dynamics = p.modes() ? &given.written_out : &p.scene.dynamics;
   problem.M = &p.scene.M;
   problem.lcp_class = p.lcp_class;
   problem.stages = stages;

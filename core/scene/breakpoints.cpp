@@ -153,8 +153,7 @@ class Search {
 
 std::vector<double> find_breakpoints(const Scene& scene) {
   std::vector<double> all = scene.breakpoints;
-  const bool kinks = std::holds_alternative<DenseDynamics>(scene.dynamics) &&
-                     scene.states() + scene.constraints() <= largest_with_kinks;
+  const bool kinks = scene.dynamics->small_state() && scene.states() + scene.constraints() <= largest_with_kinks;
   const std::array<std::pair<const TimeFunction*, Index>, 2> sources{
       {{&scene.f, scene.sources()}, {&scene.g, scene.constraints()}}};
   for (const auto& [function, width] : sources) {

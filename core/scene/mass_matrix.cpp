@@ -3,28 +3,11 @@
 #include "core/numerics/equilibration.hpp"
 #include "core/scene/descriptor.hpp"
 
-#include <Eigen/SparseLU>
-
-#include <cmath>
+#include <Eigen/LU>
 
 namespace bromwich {
 
 namespace {
-
-bool is_singular(const Matrix& E) {
-  return !(reciprocal_condition(Eigen::PartialPivLU<Matrix>(scaled(E, equilibrate(E)))) > epsilon);
-}
-
-// Where E^{-1} E v is far from v, E is singular to rounding though no pivot vanished.
-bool is_singular(const SparseMatrix& given) {
-  SparseMatrix E = given;
-  E.makeCompressed();
-  Eigen::SparseLU<SparseMatrix> lu(E);
-  if (lu.info() != Eigen::Success) return true;
-  const Vector v = Vector::NullaryExpr(E.rows(), [](Index i) { return 1 + std::sin(double(i * i)); });
-  const Vector found = lu.solve(Vector(E * v));
-  return !((found - v).cwiseAbs().maxCoeff() <= 1e-2);
-}
 
 // F of f = F phi once E is gone; f per state becomes E^{-1} f.
 SparseMatrix source_columns(const Scene& scene) {
@@ -68,22 +51,10 @@ Scene without_diagonal(const SparseDynamics& d, Scene scene) {
 
 }  // namespace
 
-bool has_singular_mass(const Dynamics& dynamics) {
-  return std::visit(
-      [](const auto& d) {
-        if constexpr (requires { d.E; })
-          return d.E.rows() > 0 && is_singular(d.E);
-        else
-          return false;
-      },
-      dynamics);
-}
-
 std::optional<Scene> without_mass(const Scene& scene) {
-  if (!has_mass(scene.dynamics)) return std::nullopt;
-  if (const auto* d = std::get_if<DenseDynamics>(&scene.dynamics)) return without(*d, scene);
-  if (const auto* d = std::get_if<SparseDynamics>(&scene.dynamics); d && is_diagonal(d->E))
-    return without_diagonal(*d, scene);
+  if (!scene.dynamics->has_mass()) return std::nullopt;
+  if (const auto* d = scene.dynamics->small_state()) return without(*d, scene);
+  if (const auto* d = scene.dynamics->matrices(); d && is_diagonal(d->E)) return without_diagonal(*d, scene);
   return std::nullopt;
 }
 

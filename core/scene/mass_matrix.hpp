@@ -7,10 +7,6 @@
 
 namespace bromwich {
 
-/// E is singular to rounding; of a dense E rows and columns are made comparable first. Supplied dynamics: not looked
-/// at.
-bool has_singular_mass(const Dynamics&);
-
 /// The scene without E where that costs no sparsity: dense and diagonal E. Nothing for others. Precondition: E is
 /// regular.
 std::optional<Scene> without_mass(const Scene&);

@@ -349,9 +349,12 @@ NaturalSizes sizes_of(const KroneckerDynamics& d, const Scene& scene) {
   return {Vector::Constant(m, s.x), Vector::Constant(n, s.y), Vector::Constant(n, s.w)};
 }
 
-NaturalSizes sizes_of(const SuppliedDynamics& d, const Scene& scene) {
+NaturalSizes sizes_of(const Scene& scene) {
+  if (const auto* d = scene.dynamics->small_state()) return sizes_of(*d, scene);
+  if (const auto* d = scene.dynamics->modes()) return sizes_of(*d, scene);
+  if (const auto* d = scene.dynamics->matrices()) return sizes_of(*d, scene);
   const Index n = scene.constraints();
-  return {Vector::Ones(d.states), Vector::Ones(n), Vector::Ones(n)};
+  return {Vector::Ones(scene.states()), Vector::Ones(n), Vector::Ones(n)};
 }
 
 }  // namespace
@@ -386,7 +389,7 @@ CommonSizes common_sizes(const KroneckerDynamics& d, const Scene& scene) {
 }
 
 NaturalSizes natural_sizes(const Scene& scene) {
-  NaturalSizes s = std::visit([&](const auto& d) { return sizes_of(d, scene); }, scene.dynamics);
+  NaturalSizes s = sizes_of(scene);
   for (Vector* some : {&s.x, &s.y, &s.w})
     for (double& size : *some) size = positive_or(size, 1);
   return s;

@@ -185,7 +185,7 @@ Scene make_scene(PortHamiltonian port, const Vector& x0, double T) {
 
 Scene with_idle_constraint(Scene scene) {
   const Index m = scene.states();
-  scene.dynamics = with_inputs_and_outputs(std::move(scene.dynamics), SparseMatrix(m, 1), SparseMatrix(1, m));
+  scene.dynamics = Dynamics(scene.dynamics->with_inputs_and_outputs(SparseMatrix(m, 1), SparseMatrix(1, m)));
   scene.M = Matrix(Matrix::Identity(1, 1));
   scene.lcp_class = LcpClass::P;
   return scene;

@@ -1,7 +1,6 @@
 #include "core/scene/scene.hpp"
 
-#include "core/base/error.hpp"
-#include "core/base/text.hpp"
+#include "core/base/require.hpp"
 #include "core/lcp/lcp_class.hpp"
 
 #include <cmath>
@@ -10,96 +9,6 @@
 
 namespace bromwich {
 namespace {
-
-std::string shape(Index rows, Index cols) { return std::to_string(rows) + " x " + std::to_string(cols); }
-
-template <typename Found>
-void require_shape(const std::string& member, const Found& found, Index rows, Index cols, const std::string& meaning) {
-  if (found.rows() != rows || found.cols() != cols)
-    throw Error(member, "is " + shape(found.rows(), found.cols()), "make it " + meaning + " = " + shape(rows, cols));
-}
-
-void require_length(const std::string& member, const Vector& found, Index length, const std::string& meaning) {
-  if (found.size() != length)
-    throw Error(member, "has " + std::to_string(found.size()) + " entries",
-                "give " + std::to_string(length) + ", " + meaning);
-}
-
-template <typename Derived>
-void require_finite(const std::string& member, const Eigen::DenseBase<Derived>& values) {
-  if ((0 * values.derived().array()).sum() == 0) return;  // neither NaN nor infinite; vectorised
-  for (Index j = 0; j < values.cols(); ++j)
-    for (Index i = 0; i < values.rows(); ++i)
-      if (const double value = values(i, j); !std::isfinite(value)) {
-        const std::string where = values.cols() == 1 ? std::to_string(i) : std::to_string(i) + "," + std::to_string(j);
-        throw Error(member, "entry (" + where + ") is " + text("%g", value), "make every entry finite");
-      }
-}
-
-void require_positive(const std::string& member, double value) {
-  if (!(value > 0) || !std::isfinite(value))
-    throw Error(member, "is " + text("%g", value), "give a positive finite number");
-}
-
-void require_some(const std::string& member, Index count, const std::string& what) {
-  if (count < 1) throw Error(member, "has no " + what, "give at least one");
-}
-
-void require_finite(const std::string& member, const SparseMatrix& values) {
-  for (Index j = 0; j < values.outerSize(); ++j)
-    for (SparseMatrix::InnerIterator entry(values, j); entry; ++entry)
-      if (!std::isfinite(entry.value()))
-        throw Error(
-            member,
-            "entry (" + std::to_string(entry.row()) + "," + std::to_string(j) + ") is " + text("%g", entry.value()),
-            "make every entry finite");
-}
-
-/// Dense and sparse matrices alike; a port-Hamiltonian scene may have no constraints.
-template <typename Matrices>
-void validate_matrices(const Matrices& d, bool port) {
-  const Index m = d.A.rows(), n = d.B.cols();
-  require_some("A", m, "rows");
-  if (!port) require_some("B", n, "columns");
-  require_shape("A", d.A, m, m, "square, states x states");
-  require_shape("B", d.B, m, n, "states x constraints");
-  require_shape("N", d.N, n, m, "constraints x states");
-  require_finite("A", d.A);
-  require_finite("B", d.B);
-  require_finite("N", d.N);
-  if (d.E.rows() == 0 && d.E.cols() == 0) return;
-  require_shape("E", d.E, m, m, "square, states x states");
-  require_finite("E", d.E);
-}
-
-void validate(const DenseDynamics& d, bool port) { validate_matrices(d, port); }
-void validate(const SparseDynamics& d, bool port) { validate_matrices(d, port); }
-
-void validate(const SuppliedDynamics& d, bool port) {
-  const Index m = d.states, n = d.B.cols();
-  require_some("states", m, "states");
-  if (!port) require_some("B", n, "columns");
-  require_shape("B", d.B, m, n, "states x constraints");
-  require_shape("N", d.N, n, m, "constraints x states");
-  require_finite("B", d.B);
-  require_finite("N", d.N);
-  if (!d.shifted) throw Error("shifted", "is empty", "give a function that solves (zE - A) X = R");
-}
-
-void validate(const std::string& member, const SecondDifference& d) {
-  require_some(member + ".points", d.points, "points");
-  require_positive(member + ".spacing", d.spacing);
-  require_positive(member + ".diffusivity", d.diffusivity);
-}
-
-void validate(const KroneckerDynamics& d, bool /*port*/) {
-  validate("along", d.along);
-  validate("across", d.across);
-  require_length("b", d.b, d.across.points, "one per point of a line (across.points)");
-  require_length("n", d.n, d.across.points, "one per point of a line (across.points)");
-  require_finite("b", d.b);
-  require_finite("n", d.n);
-}
 
 void validate(const BoundaryCondition& boundary, const Vector& x0, Index m) {
   if (x0.size() > 0) throw Error("x0", "is given with a boundary condition", "give one of the two");
@@ -196,7 +105,7 @@ Matrix source_matrix(const Scene& scene, const DenseDynamics& d) {
 }
 
 void Scene::validate() const {
-  std::visit([&](const auto& d) { bromwich::validate(d, port != nullptr); }, dynamics);
+  dynamics->validate(port != nullptr);
   const Index m = states(), n = constraints();
   std::visit([n](const auto& matrix) { bromwich::validate(matrix, n); }, M);
   if (const auto reason = n > 0 ? contradiction(M, lcp_class) : std::nullopt)
@@ -225,7 +134,7 @@ void Scene::validate_x0(const Vector& values) const {
 
 void Scene::validate_sources() const {
   validate_breakpoints(breakpoints, T);
-  if (f && f_entry != SourceEntry::through_B && std::holds_alternative<KroneckerDynamics>(dynamics))
+  if (f && f_entry != SourceEntry::through_B && dynamics->modes())
     throw Error("f", "enters the state of a Kronecker sum directly",
                 "give phi with f = B phi and set f_entry to through_B, or write the dynamics densely");
   bromwich::validate("f", f, sources());

@@ -1,6 +1,5 @@
 #include "core/seam/backend.hpp"
 
-#include "core/host/shifted_solves.hpp"
 #include "core/numerics/alternation.hpp"
 
 #include <algorithm>
@@ -78,7 +77,7 @@ std::unique_ptr<AffineChain> Backend::affine_chain(const AffineChainSizes& sizes
 }
 
 ComplexMatrix Backend::resolvent(const Dynamics& dynamics, const ComplexVector& nodes) {
-  return fused_.resolvent ? fused_.resolvent(dynamics, nodes) : shifted_solves(dynamics, nodes, *this);
+  return fused_.resolvent ? fused_.resolvent(dynamics, nodes) : dynamics->shifted_solves(nodes, *this);
 }
 
 }  // namespace bromwich

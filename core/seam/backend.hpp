@@ -91,7 +91,7 @@ class Backend : public HostThreads {
   std::unique_ptr<StepChain> step_chain(const StepChainProblem&);
   /// Affine maps along a chain of intervals between two boundary conditions, solved in blocks.
   std::unique_ptr<AffineChain> affine_chain(const AffineChainSizes&);
-  /// The shifted solves of a contour (core/host/shifted_solves.hpp).
+  /// The shifted solves of a contour (LinearSystem::shifted_solves).
   ComplexMatrix resolvent(const Dynamics&, const ComplexVector& nodes);
 
  protected:

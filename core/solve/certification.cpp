@@ -35,7 +35,7 @@ constexpr double confirmed_change = 0.05;           ///< of y before a step with
 Rule growth_rule(const DiscreteProblem& p, Method method, const Result& result) {
   if (method == Method::euler) return Rule::implicit_euler;
   if (result.continuous) return Rule::exponential;
-  return !p.dense() || has_euler_step(p.dense()->A, p.h) ? Rule::implicit_euler : Rule::exponential;
+  return !p.small_state() || has_euler_step(p.small_state()->A, p.h) ? Rule::implicit_euler : Rule::exponential;
 }
 
 // What rounding leaves of M y where y is large, as in a step that an impulse fills.
@@ -71,7 +71,7 @@ void Certification::certify(Method method, Result& result) {
   if (method != Method::contour_literal && result.kernel_error > most_kernel_error)
     return demote(result, text("the weights of the kernel are known only to %.1e: use other steps, or method euler",
                                result.kernel_error));
-  if (const double missed = method == Method::contour_literal && p.dense() ? true_residual(result) : 0;
+  if (const double missed = method == Method::contour_literal && p.small_state() ? true_residual(result) : 0;
       !(missed <= most_literal_residual))
     return demote(result,
                   text("with the states that y gives, complementarity fails by %.1e: its contours miss them", missed));
@@ -232,7 +232,7 @@ bool Certification::states_are_known(const Result& result) const {
 double Certification::true_residual(const Result& result) const {
   const DiscreteProblem& p = methods_.problem();
   const RowMatrix x = states_from(p, Rule::exponential, result.y);
-  const RowMatrix q = x * p.dense()->N.transpose() + p.g.table();
+  const RowMatrix q = x * p.small_state()->N.transpose() + p.g.table();
   const RowMatrix w = q + result.y * to_dense(p.scene.M).transpose();
   // Each row against its own terms.
   const Matrix M = to_dense(p.scene.M).cwiseAbs();
@@ -289,7 +289,7 @@ bool Certification::comes_out_the_same(Method method, Index factor, Slack slack,
   const RowMatrix coarse = methods_.all_states(method, result),
                   halved = finer.all_states(method, fine)(rows, Eigen::all);
   // A state held at 0 by terms that cancel is rounding.
-  const double terms = p.scene.T * (result.y * p.dense()->B.transpose()).cwiseAbs().maxCoeff();
+  const double terms = p.scene.T * (result.y * p.small_state()->B.transpose()).cwiseAbs().maxCoeff();
   if (std::max(coarse.cwiseAbs().maxCoeff(), halved.cwiseAbs().maxCoeff()) <= cancelled * terms) return true;
   const Change x = change_when_halved(coarse, halved, p.J);
   return x.mean <= slack.of_x * most_mean_change && x.typical <= slack.of_x * most_typical_change;

@@ -14,9 +14,13 @@ namespace bromwich {
 namespace {
 
 constexpr double number = sizeof(double);
-constexpr double most_operations = 1e16;
-constexpr double sweeps = 100;
-constexpr double sweeps_in_cycles = 60;  ///< eight cycles, with what they do on the coarser grids
+constexpr double most_operations = 1e16;  ///< a month at 4e9 multiplications a second
+constexpr double sweeps = 100;            ///< of an iteration, as Cost::operations says
+constexpr double sweeps_in_cycles = 60;   ///< eight cycles, with what they do on the coarser grids
+constexpr double printed_nodes = 26;      ///< P + 1 of Tuning::literal_nodes
+/// Entries of L and U over m^1.2: 9.1 to 10.7 for five-point stencils on squares of 32^2 to 256^2 points, COLAMD.
+constexpr double factor_entries = 10.5;
+constexpr double bytes_of_entry = sizeof(double) + sizeof(int);  ///< of a real sparse factor
 
 bool convolves(Method method) { return method == Method::contour || method == Method::multigrid; }
 
@@ -59,13 +63,17 @@ constexpr const char* weights = "lag weights (J x n x n)";
 // The convolution of a dense scene steps the state where that costs less than transforms of length 2J.
 bool scanned(const Sizes& s) { return scan_is_cheaper(s.m, s.n, s.J); }
 
-Cost cost_of(const DenseDynamics&, const Sizes& s, Method method) {
+Cost with_small_state(const Sizes& s, Method method) {
+  // A step: e^{hA} x, B and N, and four products of an active set with M + W_0.
   const double step = s.J * (s.m * s.m + 2 * s.m * s.n + 4 * s.n * s.n);
+  // e^{hA} by twenty products, all eigenvalues by 25 m^3, and a second way to the first weights; classes of M + W_0 by
+  // a few factorizations.
   const double setup = 60 * s.m * s.m * s.m + 10 * s.n * s.n * s.n;
   const double forcing = s.k > 0 ? number * s.J * s.m : 0;
   if (method == Method::contour_literal)
-    return sum({{s.table(), tables}, {26 * 16 * s.J * s.n * s.n, "resolvents of every time point (26 J x n x n)"}},
-               26 * s.J * s.m * s.m * s.m + sweeps * 26 * s.J * s.J * s.n);
+    return sum({{s.table(), tables},
+                {printed_nodes * sizeof(Complex) * s.J * s.n * s.n, "resolvents of every time point (26 J x n x n)"}},
+               printed_nodes * s.J * (s.m * s.m * s.m + sweeps * s.J * s.n));
   // W_d and S_d from both ways to them, 64 lags to check a scan with or all; then one of the two beside its spectrum.
   const double all = method == Method::multigrid ? 7 : 5;
   const double table = !convolves(method) ? 0 : scanned(s) ? 4 * std::min(s.J, 65.) : all * s.J;
@@ -91,27 +99,33 @@ Part coarsest_march(const Sizes& s, Method method) {
   return {method == Method::multigrid ? number * 6 * s.n * s.n : 0, problems};
 }
 
-Cost cost_of(const KroneckerDynamics&, const Sizes& s, Method method) {
+Cost in_modes(const Sizes& s, Method method) {
   const double lines = s.m / s.n;
   if (method == Method::contour_literal)
-    return sum({{s.table(), tables}, {26 * 16 * s.J * s.n, "resolvents of every time point (26 J x n)"}},
-               sweeps * 26 * s.J * s.J * s.n);
+    return sum({{s.table(), tables},
+                {printed_nodes * sizeof(Complex) * s.J * s.n, "resolvents of every time point (26 J x n)"}},
+               sweeps * printed_nodes * s.J * s.J * s.n);
+  // A sweep in modes: 64 exponentials at most and their sums (150), two sine transforms as products of up to 1000 rows.
   if (convolves(method))
     return sum({{s.table() + number * 6 * s.J * s.n, tables}, grids(s, method, 9), coarsest_march(s, method)},
                sweeps_of(method) * s.J * s.n * (150 + 2 * std::min(s.n, 1000.0)));
+  // A step: one product with M + W_0, and three numbers for each exponential of a mode, 60 where they are fitted.
   return sum({{s.table() + number * 3 * s.J * s.n, tables},
               {number * 10 * s.n * s.n, problems},
               {number * 4 * s.m, "modes of the state"}},
              s.J * (s.n * s.n + 3 * s.n * std::min(lines, 60.0)) + s.n * s.n * s.n);
 }
 
-Cost cost_of(const SparseDynamics& d, const Sizes& s, Method method) {
+Cost with_matrices(const SparseDynamics& d, const Sizes& s, Method method) {
   const double n = s.n, inputs = n + s.k + 1;
   if (method == Method::euler)
-    return sum({{s.table(), tables},
-                {40 * std::pow(s.m, 1.2) + 12 * double(d.A.nonZeros()), "the factors of I - hA"},
-                {number * (s.m * n + 6 * n * n), "responses of the state to y (m x n)"}},
-               s.J * (60 * std::pow(s.m, 1.2) + s.m * n));
+    return sum(
+        {{s.table(), tables},
+         {bytes_of_entry * (factor_entries * std::pow(s.m, 1.2) + double(d.A.nonZeros())), "the factors of I - hA"},
+         {number * (s.m * n + 6 * n * n), "responses of the state to y (m x n)"}},
+        s.J * (factor_entries * std::pow(s.m, 1.2) + s.m * n));
+  // 2e5 m^1.1: 620 nodes (J = 400) times the products of one elimination, 3e5 (m = 1e3) to 3e8 (m = 6e4) on squares,
+  // to a factor of 4.
   const double solver = predicted_sparse_bytes(d, Index(s.J) - 1, Index(inputs), Index(n + s.c), s.threads);
   return sum({{s.table(), tables},
               grids(s, method, 6 + 4 * n),  // with the weights of all of them
@@ -120,8 +134,8 @@ Cost cost_of(const SparseDynamics& d, const Sizes& s, Method method) {
              2e5 * std::pow(s.m, 1.1) + sweeps_of(method) * 40 * s.J * n * n * std::log2(s.J + 2));
 }
 
-// What the solver of the user takes is not known.
-Cost cost_of(const SuppliedDynamics&, const Sizes& s, Method method) {
+// What the solver of a user takes is not known.
+Cost by_solves(const Sizes& s, Method method) {
   const double n = s.n, inputs = n + s.k + 1;
   return sum({{s.table(), tables},
               grids(s, method, 6 + 4 * n),
@@ -130,12 +144,18 @@ Cost cost_of(const SuppliedDynamics&, const Sizes& s, Method method) {
              sweeps_of(method) * 40 * s.J * n * n * std::log2(s.J + 2));
 }
 
+Cost cost_of(const LinearSystem& system, const Sizes& s, Method method) {
+  if (system.small_state()) return with_small_state(s, method);
+  if (system.modes()) return in_modes(s, method);
+  return system.matrices() ? with_matrices(*system.matrices(), s, method) : by_solves(s, method);
+}
+
 Sizes sizes(const Scene& scene, Index J, Index components, int threads = 1) {
   return {double(scene.states()), double(scene.constraints()),           double(J) + 1,
           double(components),     scene.f ? double(scene.sources()) : 0, threads};
 }
 
-// ---- on a device ----
+// ---- on a device: bytes of the plans of kernels/, as their constructors allocate them ----
 
 // Rows begin at cache lines (kernels/device.hpp).
 double padded(double n) { return n < 16 ? n : 8 * std::ceil(n / 8); }
@@ -143,17 +163,18 @@ double padded(double n) { return n < 16 ? n : 8 * std::ceil(n / 8); }
 // An FFT over lag weights: their spectrum, the column of y_0, and spectra with workspaces of all columns.
 Part lag_weights(const Sizes& s) { return {number * s.J * (3 * s.n * s.n + 10 * s.n), weights}; }
 
-void add_plans(const DenseDynamics&, const Sizes& s, Method method, std::vector<Part>& parts) {
+void add_state_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
   parts.push_back({number * (4 * s.m * s.m + 3 * s.m * s.n), states});
   parts.push_back({number * 6 * s.n * s.n, problems});
   if (s.k > 0 && !iterates(method)) parts.push_back({number * s.J * s.m, "the source at all times (J x m)"});
   if (!convolves(method)) return;
+  // 16 bytes m^2 for each of 26 nodes of a window, in groups of at most 1 GiB (kernels/resolvent.cu).
   parts.push_back({std::min(1.1e9, 420 * s.m * s.m), "shifted solves of the nodes"});
   parts.push_back(scanned(s) ? Part{number * 2 * s.m * std::sqrt(s.J), "states at the starts of chunks of time"}
                              : lag_weights(s));
 }
 
-void add_plans(const KroneckerDynamics&, const Sizes& s, Method method, std::vector<Part>& parts) {
+void add_modal_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
   if (!iterates(method)) {
     parts.push_back({number * 6 * s.n * s.n, problems});
     parts.push_back({number * 4 * s.m, "modes of the state"});
@@ -168,9 +189,9 @@ void add_plans(const KroneckerDynamics&, const Sizes& s, Method method, std::vec
   parts.push_back({number * (s.n <= 1536 ? s.n * s.n : 2048 * s.n), "the sine transform"});
 }
 
-// Sparse and supplied dynamics.
-template <class Other>
-void add_plans(const Other&, const Sizes& s, Method method, std::vector<Part>& parts) {
+void add_plans(const LinearSystem& system, const Sizes& s, Method method, std::vector<Part>& parts) {
+  if (system.small_state()) return add_state_plans(s, method, parts);
+  if (system.modes()) return add_modal_plans(s, method, parts);
   parts.push_back(convolves(method) ? lag_weights(s) : Part{number * s.J * s.c, tables});
 }
 
@@ -194,7 +215,7 @@ std::string device_excess(const Cost& cost, const DeviceInfo& device) {
 Cost predicted_cost(const Scene& scene, Method method, Index J, Index components, int threads) {
   const Sizes s = sizes(scene, J, components, threads);
   if (method == Method::galerkin) return galerkin(s, scene.boundary.has_value());
-  return std::visit([&](const auto& d) { return cost_of(d, s, method); }, scene.dynamics);
+  return cost_of(*scene.dynamics, s, method);
 }
 
 Cost predicted_device_cost(const Scene& scene, Method method, Index J, Index components) {
@@ -203,7 +224,7 @@ Cost predicted_device_cost(const Scene& scene, Method method, Index J, Index com
   // y_h on the two below the finest, one to work in. Marching: y, v, r, the source, and as much in the plan.
   const double arrays = method == Method::multigrid ? 14 : iterates(method) ? 7 : 8;
   std::vector<Part> parts{{number * s.J * padded(s.n) * arrays + 32 * s.J, tables}};
-  std::visit([&](const auto& d) { add_plans(d, s, method, parts); }, scene.dynamics);
+  add_plans(*scene.dynamics, s, method, parts);
   return sum(parts, 0);
 }
 

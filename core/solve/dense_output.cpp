@@ -80,7 +80,7 @@ Result at_times(const Scene& scene, const EliminatedScene& eliminated, Backend& 
 Result at_times(const Scene& scene, Backend& backend, const Result& result, const std::vector<double>& times) {
   if (result.goal) throw Error("result", "is of method goal", "its time points are the answer");
   if (const auto reduced = without_mass(scene)) return at_times(*reduced, backend, result, times);
-  if (has_mass(scene.dynamics) && result.method == Method::galerkin)  // which works with dense matrices
+  if (scene.dynamics->has_mass() && result.method == Method::galerkin)  // which works with dense matrices
     return at_times(written_out(scene), backend, result, times);
   if (scene.constraints() == 0) {
     Result sampled = at_times(with_idle_constraint(scene), backend, with_idle_constraint(result), times);

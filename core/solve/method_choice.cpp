@@ -11,8 +11,7 @@ namespace bromwich {
 namespace {
 
 bool is_fitted(const Scene& scene, LcpClass lcp_class) {
-  return std::holds_alternative<KroneckerDynamics>(scene.dynamics) && lcp_class == LcpClass::P && !scene.boundary &&
-         scene.free_rows.empty();
+  return scene.dynamics->modes() && lcp_class == LcpClass::P && !scene.boundary && scene.free_rows.empty();
 }
 
 // Two of them at least.

@@ -89,7 +89,7 @@ void Methods::run(Method method, const InnerOptions& options, Result& result) {
       if (basis().rings) {
         result.status = Status::unsupported;
         result.reason = basis().reason + ": piecewise-linear y would ring; use method march or euler";
-      } else if (method == Method::contour_literal && !problem_.dense() && !problem_.kronecker()) {
+      } else if (method == Method::contour_literal && !problem_.small_state() && !problem_.modes()) {
         refuse("contour-literal works with dense dynamics and Kronecker sums", result);
       } else if (method == Method::contour) {
         iterate(options, result);
@@ -143,7 +143,7 @@ void Methods::step_in_stages(Index stages, const InnerOptions& options, Result& 
 }
 
 bool Methods::has_small_dense_state(const Scene& scene) {
-  return std::holds_alternative<DenseDynamics>(scene.dynamics) && scene.states() <= most_recorded_states;
+  return scene.dynamics->small_state() && scene.states() <= most_recorded_states;
 }
 
 RowMatrix Methods::all_states(Method method, const Result& result) const {

@@ -242,7 +242,7 @@ bool can_eliminate_free(const Scene& scene) {
 }
 
 std::optional<EliminatedScene> eliminate_free(const Scene& given) {
-  if (!has_matrices(given.dynamics))
+  if (!given.dynamics->has_matrices())
     throw Error("free_rows", "is given with supplied dynamics", "eliminate the free unknowns, or give matrices");
   EliminatedScene e;
   const Index n = given.constraints(), m = given.states();
@@ -256,7 +256,7 @@ std::optional<EliminatedScene> eliminate_free(const Scene& given) {
   e.M_FC = M(e.free, e.kept);
   e.M_CF = M(e.kept, e.free);
   Dynamics written = given.dynamics;
-  if (const auto* k = std::get_if<KroneckerDynamics>(&given.dynamics))
+  if (const auto* k = given.dynamics->modes())
     written = m <= largest_written_out ? Dynamics(to_dense(given.dynamics)) : Dynamics(to_sparse(*k));
   e.scene = given;
   e.scene.free_rows.clear();
@@ -265,18 +265,14 @@ std::optional<EliminatedScene> eliminate_free(const Scene& given) {
   // A Schur complement of a P- or PSD matrix is one; of other classes it has to be looked at.
   if (given.lcp_class != LcpClass::P && given.lcp_class != LcpClass::PSD) e.scene.lcp_class = LcpClass::automatic;
   e.scene.M = Matrix(M(e.kept, e.kept) - e.M_CF * e.R * e.M_FC);
-  e.scene.dynamics = std::visit(
-      [&](const auto& d) -> Dynamics {
-        if constexpr (requires { d.A; })
-          return eliminated(d, M, e);
-        else
-          return d;
-      },
-      written);
-  e.N_F = SparseMatrix(selection(e.free, n).transpose() * sparse_outputs(written));
+  if (const auto* d = written->small_state())
+    e.scene.dynamics = eliminated(*d, M, e);
+  else
+    e.scene.dynamics = eliminated(*written->matrices(), M, e);
+  e.N_F = SparseMatrix(selection(e.free, n).transpose() * written->outputs());
   for (Index i = 0; i < m; ++i)
     if (SparseMatrix::InnerIterator(e.N_F, i)) e.seen.push_back(i);
-  eliminate_sources(given, sparse_inputs(written), e);
+  eliminate_sources(given, written->inputs(), e);
   if (e.kept.empty()) {  // a constraint that does nothing takes the place of the free rows
     e.scene = with_idle_constraint(std::move(e.scene));
     e.scene.g = {};

@@ -41,8 +41,7 @@ class Run {
   void automatic(Result& result) {
     const DiscreteProblem& p = methods_.problem();
     const BackendTraits& traits = backend_.traits();
-    if (traits.one_at_a_time && p.kronecker() && p.scene.constraints() > largest_marched && iterate_first(result))
-      return;
+    if (traits.one_at_a_time && p.modes() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
     std::string before;
     for (const Method method : methods_by_time(traits, p.scene, p.lcp_class, p.J)) {
       if (method == Method::euler && !options_.fall_back_to_euler) {

@@ -134,18 +134,24 @@ SparseMatrix changed(SparseMatrix matrix, const Exponents& rows, const Exponents
 
 // E is scaled as A is; any scaling of the equations would do.
 template <typename Matrices>
+requires requires(Matrices d) { d.E; }
 Dynamics changed(const Matrices& d, const NaturalUnits& u) {
   return Matrices{changed(d.A, u.x, u.x), changed(d.B, u.x, u.y), changed(d.N, u.w, u.x), changed(d.E, u.x, u.x)};
 }
-
-// In the units of the scene: callbacks know no others.
-Dynamics changed(const SuppliedDynamics& d, const NaturalUnits&) { return d; }
 
 Dynamics changed(const KroneckerDynamics& d, const NaturalUnits& u) {
   KroneckerDynamics scaled = d;
   for (double& b : scaled.b) b = times_ten_to(u.y[0] - u.x[0], b);
   for (double& n : scaled.n) n = times_ten_to(u.x[0] - u.w[0], n);
   return scaled;
+}
+
+// What is known by its solves alone keeps the units of the scene.
+Dynamics changed(const Dynamics& given, const NaturalUnits& u) {
+  if (const auto* d = given->small_state()) return changed(*d, u);
+  if (const auto* d = given->modes()) return changed(*d, u);
+  if (const auto* d = given->matrices()) return changed(*d, u);
+  return given;
 }
 
 LcpMatrix changed(const LcpMatrix& M, const NaturalUnits& u) {
@@ -245,8 +251,8 @@ void select_components(const std::vector<Index>& asked, Result& result) {
 }  // namespace
 
 NaturalUnits natural_units(const Scene& scene) {
-  if (!has_matrices(scene.dynamics) || scene.constraints() == 0) return {};
-  const auto* common = std::get_if<KroneckerDynamics>(&scene.dynamics);
+  if (!scene.dynamics->has_matrices() || scene.constraints() == 0) return {};
+  const auto* common = scene.dynamics->modes();
   if (common)
     if (const CommonSizes s = common_sizes(*common, scene); near_one(s.x) && near_one(s.y) && near_one(s.w)) return {};
   const NaturalSizes sizes = natural_sizes(scene);
@@ -265,7 +271,7 @@ Scene in_natural_units(const Scene& scene, const NaturalUnits& u) {
   if (u.trivial()) return natural;
   natural.port = {};
   natural.exact = {};
-  natural.dynamics = std::visit([&](const auto& d) -> Dynamics { return changed(d, u); }, scene.dynamics);
+  natural.dynamics = changed(scene.dynamics, u);
   natural.M = changed(scene.M, u);
   if (scene.f_entry == SourceEntry::through_F)
     natural.F = changed(scene.F, u.x, Exponents(std::size_t(scene.F.cols()), 0));

@@ -70,9 +70,9 @@ Result by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& opt
 // A regular E: eliminated where that keeps A sparse.
 std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const InnerOptions& options,
                                   const Solve& solve) {
-  if (!has_mass(scene.dynamics)) return std::nullopt;
+  if (!scene.dynamics->has_mass()) return std::nullopt;
   Timer timer;
-  if (!options.units && has_singular_mass(scene.dynamics))
+  if (!options.units && scene.dynamics->has_singular_mass())
     return unsolved(scene, backend, options, Status::unsupported,
                     "the mass matrix E is singular: eliminate the algebraic equations, as rows with w = 0 and a free y "
                     "where they are linear");
@@ -83,7 +83,7 @@ std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const In
     result.seconds.total += spent;
     return result;
   }
-  if (options.method != Method::galerkin || !has_matrices(scene.dynamics)) return std::nullopt;
+  if (options.method != Method::galerkin || !scene.dynamics->has_matrices()) return std::nullopt;
   return solve(written_out(scene), backend, options);  // method galerkin works with dense matrices
 }
 
@@ -145,7 +145,7 @@ constexpr Index smallest_sparse = 512;
 
 std::optional<Result> small_sparse(const Scene& scene, Backend& backend, const InnerOptions& options,
                                    const Solve& solve) {
-  if (!std::holds_alternative<SparseDynamics>(scene.dynamics) || scene.states() > smallest_sparse) return std::nullopt;
+  if (!scene.dynamics->matrices() || scene.states() > smallest_sparse) return std::nullopt;
   return solve(written_out(scene), backend, options);
 }
 

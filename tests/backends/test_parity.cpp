@@ -114,7 +114,7 @@ TEST_F(BackendParity, Convolutions) {
   }
   for (const Index n : {1, 8, 33}) {
     const Scene scene = oracle::random_scene(7, 10, n, oracle::SpectrumKind::sector, oracle::MatrixKind::dominant);
-    const Recurrence stepped = dense_recurrence(std::get<DenseDynamics>(scene.dynamics), Rule::exponential, 0.01);
+    const Recurrence stepped = dense_recurrence(get<DenseDynamics>(scene.dynamics), Rule::exponential, 0.01);
     const RowMatrix y = Random(4).matrix(rows, n);
     expect_same("10 states, n = " + std::to_string(n),
                 [&](Backend& backend) { return convolved_twice(backend, *backend.convolution(stepped, rows), y); });

@@ -122,7 +122,7 @@ TEST(LqControl, ExactSolutionSolvesTheProblem) {
 
 TEST(PeriodicRectifier, ByHand) {
   const Scene scene = make_scene("periodic-rectifier");
-  const auto& d = std::get<DenseDynamics>(scene.dynamics);
+  const auto& d = get<DenseDynamics>(scene.dynamics);
   EXPECT_DOUBLE_EQ(d.A(0, 0), -10);
   EXPECT_DOUBLE_EQ(d.B(0, 0), 1000);
   EXPECT_DOUBLE_EQ(scene.T, 0.02);

@@ -48,7 +48,7 @@ Result run_supplied(const Scene& scene, Method method, const std::vector<Index>&
 
 TEST(SuppliedDynamics, EveryMethodOfSparseDynamics) {
   Scene scene = supplied_signorini();
-  const SparseDynamics sparse = to_sparse(std::get<KroneckerDynamics>(scene.dynamics));
+  const SparseDynamics sparse = to_sparse(get<KroneckerDynamics>(scene.dynamics));
   scene.dynamics = sparse;
   Scene own = scene;
   own.dynamics = supplied(sparse);
@@ -64,7 +64,7 @@ TEST(SuppliedDynamics, EveryMethodOfSparseDynamics) {
 
 TEST(SuppliedDynamics, WithAMassMatrix) {
   Scene scene = supplied_signorini();
-  SparseDynamics sparse = to_sparse(std::get<KroneckerDynamics>(scene.dynamics));
+  SparseDynamics sparse = to_sparse(get<KroneckerDynamics>(scene.dynamics));
   sparse.E = SparseMatrix(sparse.A.rows(), sparse.A.cols());
   sparse.E.setIdentity();
   for (Index i = 0; i + 1 < sparse.A.rows(); ++i)
@@ -83,7 +83,7 @@ TEST(SuppliedDynamics, WithAMassMatrix) {
 // Two stages and impulses: E x changes by B times the impulse, whatever the unit of the equations.
 TEST(SuppliedDynamics, RadauWithAMassMatrix) {
   Scene scene = supplied_signorini();
-  SparseDynamics sparse = to_sparse(std::get<KroneckerDynamics>(scene.dynamics));
+  SparseDynamics sparse = to_sparse(get<KroneckerDynamics>(scene.dynamics));
   sparse.E = SparseMatrix(sparse.A.rows(), sparse.A.cols());
   sparse.E.setIdentity();
   for (Index i = 0; i + 1 < sparse.A.rows(); ++i) sparse.E.coeffRef(i, i + 1) = sparse.E.coeffRef(i + 1, i) = 0.2;
@@ -109,7 +109,7 @@ TEST(SuppliedDynamics, RadauWithAMassMatrix) {
 
 TEST(SuppliedDynamics, CallbacksAreCalledFromTheCallingThreadUnlessTheyAreSafe) {
   Scene scene = supplied_signorini();
-  SuppliedDynamics own = supplied(to_sparse(std::get<KroneckerDynamics>(scene.dynamics)));
+  SuppliedDynamics own = supplied(to_sparse(get<KroneckerDynamics>(scene.dynamics)));
   const auto elsewhere = std::make_shared<std::atomic<int>>(0);
   own.shifted = [inner = own.shifted, elsewhere, here = std::this_thread::get_id()](Complex z) {
     if (std::this_thread::get_id() != here) ++*elsewhere;
@@ -125,7 +125,7 @@ TEST(SuppliedDynamics, CallbacksAreCalledFromTheCallingThreadUnlessTheyAreSafe) 
 
 TEST(SuppliedDynamics, AGivenBoundIsUsed) {
   Scene scene = supplied_signorini();
-  SuppliedDynamics own = supplied(to_sparse(std::get<KroneckerDynamics>(scene.dynamics)));
+  SuppliedDynamics own = supplied(to_sparse(get<KroneckerDynamics>(scene.dynamics)));
   scene.dynamics = own;
   const Result estimated = run_supplied(scene, Method::march);
   own.bound = SpectralBound{0, 0};
@@ -135,7 +135,7 @@ TEST(SuppliedDynamics, AGivenBoundIsUsed) {
 
 TEST(SuppliedDynamics, WhatIsWrongIsSaid) {
   Scene scene = supplied_signorini();
-  SuppliedDynamics own = supplied(to_sparse(std::get<KroneckerDynamics>(scene.dynamics)));
+  SuppliedDynamics own = supplied(to_sparse(get<KroneckerDynamics>(scene.dynamics)));
   own.shifted = {};
   scene.dynamics = own;
   EXPECT_NE(refusal([&] { scene.validate(); }).find("shifted"), std::string::npos);
@@ -151,7 +151,7 @@ TEST(SuppliedDynamics, WhatIsWrongIsSaid) {
 
 TEST(SuppliedDynamics, WhatNeedsMatricesIsRefused) {
   Scene scene = supplied_signorini();
-  scene.dynamics = supplied(to_sparse(std::get<KroneckerDynamics>(scene.dynamics)));
+  scene.dynamics = supplied(to_sparse(get<KroneckerDynamics>(scene.dynamics)));
   EXPECT_EQ(run_supplied(scene, Method::contour_literal).status, Status::unsupported);
   const Result result = run_supplied(scene, Method::march);
   EXPECT_NE(refusal([&] { states_at(scene, *make_cpu_backend(1), result, {3}); }).find("supplied"), std::string::npos);
@@ -163,7 +163,7 @@ TEST(SuppliedDynamics, WhatNeedsMatricesIsRefused) {
 // Solves that return non-finite values: no contour, and no steps of the state.
 TEST(SuppliedDynamics, SolvesThatFailEndWithAReason) {
   Scene scene = supplied_signorini();
-  SuppliedDynamics own = supplied(to_sparse(std::get<KroneckerDynamics>(scene.dynamics)));
+  SuppliedDynamics own = supplied(to_sparse(get<KroneckerDynamics>(scene.dynamics)));
   own.bound = SpectralBound{0, 0};
   own.shifted = [](Complex) -> ShiftedSolve { return [](const ComplexMatrix& R) -> ComplexMatrix { return NAN * R; }; };
   scene.dynamics = own;

@@ -31,7 +31,7 @@ Scene dense_heat() {
 
 Scene sparse_heat() {
   Scene scene = heat(39);
-  scene.dynamics = to_sparse(std::get<KroneckerDynamics>(scene.dynamics));
+  scene.dynamics = to_sparse(get<KroneckerDynamics>(scene.dynamics));
   return scene;
 }
 

@@ -204,7 +204,7 @@ TEST_F(SceneFolder, MatricesVectorsAndSourcesComeFromFiles) {
   write("f.csv", "t,f0,f1\n0,0,0\n2,2,4\n");
   const SceneFile file =
       read(scene("\"data/A.mtx\"", "\"B.csv\"", "\"x0.csv\"", "\"N.mtx\"", "[[1]]", "f = \"f.csv\"\n"));
-  const auto& dense = std::get<DenseDynamics>(file.scene.dynamics);
+  const auto& dense = get<DenseDynamics>(file.scene.dynamics);
   EXPECT_EQ(dense.A, (Matrix{{-1, 0}, {3, 0}}));
   EXPECT_EQ(dense.B, (Matrix{{1}, {2}}));
   EXPECT_EQ(dense.N, (Matrix{{1, 0}}));
@@ -254,7 +254,7 @@ TEST_F(SceneFolder, LargeSparseMatricesStaySparse) {
     write("B.mtx", head + "general\n" + size + " 1 1\n1 1 1\n");
     write("N.mtx", head + "general\n1 " + size + " 1\n1 1 1\n");
     const SceneFile file = read(sparse_scene(m));
-    EXPECT_EQ(std::holds_alternative<SparseDynamics>(file.scene.dynamics), m > 256) << m;
+    EXPECT_EQ(holds<SparseDynamics>(file.scene.dynamics), m > 256) << m;
     const Matrix A = to_dense(file.scene.dynamics).A;
     EXPECT_EQ(A.diagonal(), Vector::Constant(m, -2));
     EXPECT_EQ(A.diagonal(1), Vector::Constant(m - 1, 1));

@@ -55,7 +55,7 @@ SceneFile parse(const std::string& text, const ParameterValues& settings = {}) {
   return parse_scene(text, "my.toml", {}, settings);
 }
 
-const DenseDynamics& dense(const SceneFile& file) { return std::get<DenseDynamics>(file.scene.dynamics); }
+const DenseDynamics& dense(const SceneFile& file) { return get<DenseDynamics>(file.scene.dynamics); }
 
 TEST(SceneFile, ReadsBoundaryValuesAndFreeRows) {
   const Scene scene = parse(with(7, "") + "[boundary]\nE0 = [[\"1/R\"]]\nb = [\"-R\"]\n[free]\nrows = [0]\n").scene;
@@ -416,7 +416,7 @@ const std::string toy_port =
 
 TEST(SceneFile, ReadsPortHamiltonianScenes) {
   const Scene scene = parse(toy_port).scene, built_in = make_scene("ph-toy");
-  const auto &read = std::get<DenseDynamics>(scene.dynamics), &made = std::get<DenseDynamics>(built_in.dynamics);
+  const auto &read = get<DenseDynamics>(scene.dynamics), &made = get<DenseDynamics>(built_in.dynamics);
   EXPECT_EQ(read.A, made.A);
   EXPECT_EQ(scene.constraints(), 0);
   EXPECT_EQ(Matrix(scene.F), Matrix(built_in.F));
@@ -429,7 +429,7 @@ TEST(SceneFile, ReadsPortHamiltonianScenes) {
       parse(toy_port + "[dynamics]\nB = [[-1], [0], [0]]\n[complementarity]\nN = [[-1, 0, 0]]\nM = [[1]]\ng = [3]\n")
           .scene;
   EXPECT_EQ(clamped.constraints(), 1);
-  EXPECT_EQ(std::get<DenseDynamics>(clamped.dynamics).B, (Matrix{{-1}, {0}, {0}}));
+  EXPECT_EQ(get<DenseDynamics>(clamped.dynamics).B, (Matrix{{-1}, {0}, {0}}));
   EXPECT_EQ(oracle::value(clamped.g, 1, 1)[0], 3);
 }
 

@@ -77,7 +77,7 @@ enum class Ends { initial, separated, coupled, periodic };
 /// engine's quadrature integrates exactly.
 Scene two_point_scene(std::uint32_t seed, Index m, Index n, Ends ends, const std::vector<Index>& free) {
   Scene scene = oracle::random_scene(seed, m, n, oracle::SpectrumKind::sector, oracle::MatrixKind::positive_definite);
-  auto& d = std::get<DenseDynamics>(scene.dynamics);
+  auto& d = get<DenseDynamics>(scene.dynamics);
   d.N *= 0.3 / std::max(1., d.N.norm() * d.B.norm());
   scene.f = [m](double t, Eigen::Ref<Vector> f) {
     for (Index i = 0; i < m; ++i) f[i] = std::cos(double(i)) + t * (1 - t * double(i));

@@ -159,7 +159,7 @@ INSTANTIATE_TEST_SUITE_P(Contract, GalerkinIteration, testing::ValuesIn(backend_
 
 TEST_P(GalerkinIteration, FindsTheSolution) {
   Scene scene = quadratic_scene(6, EndConditions::initial);
-  auto& d = std::get<DenseDynamics>(scene.dynamics);
+  auto& d = get<DenseDynamics>(scene.dynamics);
   d.A -= 4 * Matrix::Identity(3, 3);
   d.N *= 0.5;
   for (const Index N : {1, 33, 200}) {

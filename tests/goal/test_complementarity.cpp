@@ -32,7 +32,7 @@ Scene two_stops(double stiffness = 30) {
   port.u = [](double t, Eigen::Ref<Vector> u) { u[0] = std::sin(2 * t) + 0.3; };
   Scene scene = make_scene(std::move(port), Vector{{0.1, -0.2, 0.3, 0.1}}, 6);
   scene.name = "two-stops";
-  auto& d = std::get<DenseDynamics>(scene.dynamics);
+  auto& d = get<DenseDynamics>(scene.dynamics);
   d.B = Matrix{{0, 0}, {0, 0}, {-1, 0}, {0, -1}};
   d.N = Matrix{{-1, 0, 0, 0}, {0, -1, 0, 0}};
   scene.M = Matrix(Matrix::Identity(2, 2) / stiffness);

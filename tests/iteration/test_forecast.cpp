@@ -27,7 +27,7 @@ Scene scalar(double a, double N, double T) {
 
 Forecast of(const Scene& scene, Index J, double tolerance = 1e-12) {
   const double h = scene.T / double(J);
-  const LagTable table = lag_table(dense_recurrence(std::get<DenseDynamics>(scene.dynamics), Rule::exponential, h), J);
+  const LagTable table = lag_table(dense_recurrence(get<DenseDynamics>(scene.dynamics), Rule::exponential, h), J);
   return forecast(scene.M, table, h, tolerance);
 }
 

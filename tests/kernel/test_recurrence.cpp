@@ -187,7 +187,7 @@ TEST(ModalRecurrence, RefusesX0InAModeThatIsNotDriven) {
 
 TEST(Euler, PrintedMatricesOfThePaper) {
   const Scene scene = make_scene("dlcp-small");
-  const auto& d = std::get<DenseDynamics>(scene.dynamics);
+  const auto& d = get<DenseDynamics>(scene.dynamics);
   // The paper assigns them to steps twice as large; these are the steps that match.
   const std::array<Matrix, 3> printed{Matrix{{0.6725, -0.9942, -0.3333, -1.6725},
                                              {-0.6598, 0.3480, -0.6511, -1.3246},

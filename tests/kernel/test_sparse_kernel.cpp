@@ -394,7 +394,7 @@ TEST(SparseKernel, RefusesSourcesForTooManyStates) {
 TEST(SparseKernel, PredictsItsBytes) {
   const auto bytes = [](Index G, Index J, int threads) {
     const Scene scene = scene_on(grid(G, G), 2, SourceEntry::through_F, 0, 1);
-    return predicted_sparse_bytes(std::get<SparseDynamics>(scene.dynamics), J, 3, 2, threads);
+    return predicted_sparse_bytes(get<SparseDynamics>(scene.dynamics), J, 3, 2, threads);
   };
   // Only the tables of W and S.
   EXPECT_GE(bytes(10, 10000, 1), 2 * sizeof(double) * 10001.0 * 3 * 2);

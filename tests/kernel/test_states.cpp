@@ -133,7 +133,7 @@ TEST(Trace, IsNTimesTheState) {
       options.tuning.literal_nodes = 64;
       const Result result = solve(scene, *backend, options);
       ASSERT_EQ(result.status, Status::solved) << name << ", " << to_string(method) << ": " << result.reason;
-      const DenseDynamics& d = std::get<DenseDynamics>(scene.dynamics);
+      const DenseDynamics& d = get<DenseDynamics>(scene.dynamics);
       const RowMatrix expected = result.x * d.N.transpose();
       ASSERT_EQ(result.trace.rows(), expected.rows());
       // contour-literal accepts contours that miss N e^{At} B by up to 100 times the printed rate e^{-2.06 sqrt P}/sqrt

@@ -70,7 +70,7 @@ TEST_P(StageMarching, EveryStepSolvesTheStageEquations) {
   const Index m = 4, n = 2, J = 400;
   for (const std::uint32_t seed : {1u, 2u, 3u}) {
     const Scene scene = random_passive(seed, m, n);
-    const auto& d = std::get<DenseDynamics>(scene.dynamics);
+    const auto& d = get<DenseDynamics>(scene.dynamics);
     const Result r = solve_in_stages(scene, 2, J, {0, 1, 2, 3});
     ASSERT_EQ(r.status, Status::solved) << r.reason;
     const double h = scene.T / double(J);
@@ -121,7 +121,7 @@ TEST_P(StageMarching, SparseAndDenseStepsAgree) {
   for (const Index count : {1, 2}) {
     Scene scene = random_passive(7, 5, 2);
     const Result dense = solve_in_stages(scene, count, 33, {4, 0});
-    const auto d = std::get<DenseDynamics>(scene.dynamics);
+    const auto d = get<DenseDynamics>(scene.dynamics);
     scene.dynamics = SparseDynamics{d.A.sparseView(), d.B.sparseView(), d.N.sparseView()};
     const Result sparse = solve_in_stages(scene, count, 33, {4, 0});
     ASSERT_EQ(sparse.status, Status::solved);
@@ -134,7 +134,7 @@ TEST_P(StageMarching, SparseAndDenseStepsAgree) {
 TEST_P(StageMarching, ASingularSparseStepIsRefused) {
   const Index m = 4, J = 16;
   Scene scene = random_passive(11, m, 1);
-  const auto d = std::get<DenseDynamics>(scene.dynamics);
+  const auto d = get<DenseDynamics>(scene.dynamics);
   const double h = scene.T / double(J);
   reference::Random random(3);
   const Matrix Q = random.matrix(m, m).householderQr().householderQ();

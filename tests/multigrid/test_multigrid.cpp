@@ -84,7 +84,7 @@ TEST(Multigrid, EqualsMarchingWithTabulatedWeights) {
 // More than 512 states: a sparse scene uses lag weights.
 TEST(Multigrid, EqualsMarchingOnSparseScenes) {
   Scene scene = signorini(24);
-  const SparseDynamics sparse = to_sparse(std::get<KroneckerDynamics>(scene.dynamics));
+  const SparseDynamics sparse = to_sparse(get<KroneckerDynamics>(scene.dynamics));
   scene.dynamics = sparse;
   scene.f_entry = SourceEntry::through_F;
   scene.F = sparse.B;

@@ -163,21 +163,21 @@ TEST(PortHamiltonian, SceneHasTheSameDynamics) {
   const Scene scene = make_scene(port, random.vector(5), 2);
   scene.validate();
   const Matrix E(port.E), A = Matrix(port.J - port.R) * Matrix(port.Q);
-  EXPECT_LE((E * std::get<DenseDynamics>(scene.dynamics).A - A).norm(), 1e-13 * A.norm() * E.norm());
+  EXPECT_LE((E * get<DenseDynamics>(scene.dynamics).A - A).norm(), 1e-13 * A.norm() * E.norm());
   EXPECT_LE((E * Matrix(scene.F) - Matrix(port.B)).norm(), 1e-13 * E.norm() * Matrix(scene.F).norm());
   EXPECT_EQ(scene.constraints(), 0);
 
   const PortHamiltonian ladder = *make_scene("ladder", {{"n", 7}}).port;
   EXPECT_NO_THROW(ladder.validate());
   EXPECT_EQ(ladder.states(), 22);
-  EXPECT_TRUE(std::holds_alternative<SparseDynamics>(make_scene("ladder", {{"n", 200}}).dynamics));
+  EXPECT_TRUE(holds<SparseDynamics>(make_scene("ladder", {{"n", 200}}).dynamics));
 }
 
 // March and implicit Euler solve scenes without constraints. e^{hA} is exact for u constant on both sides of a jump on
 // the grid, apart from the mean of u in the step after the jump (u is sampled at time points).
 TEST(PortHamiltonian, StepByStepMethodsTakeScenesWithoutConstraints) {
   const Scene scene = make_scene("ph-toy", {{"u", 0}});
-  const auto& A = std::get<DenseDynamics>(scene.dynamics).A;
+  const auto& A = get<DenseDynamics>(scene.dynamics).A;
   const Vector expected = Matrix(scene.T * A).exp() * scene.x0;
   for (const Method method : {Method::march, Method::automatic, Method::euler}) {
     Options options = options_for(method, 400);

@@ -57,8 +57,8 @@ void expect_rejected(const Scene& valid, const std::vector<Rejection>& rejection
   }
 }
 
-DenseDynamics& dense(Scene& s) { return std::get<DenseDynamics>(s.dynamics); }
-KroneckerDynamics& kronecker(Scene& s) { return std::get<KroneckerDynamics>(s.dynamics); }
+DenseDynamics& dense(Scene& s) { return get<DenseDynamics>(s.dynamics); }
+KroneckerDynamics& kronecker(Scene& s) { return get<KroneckerDynamics>(s.dynamics); }
 Tridiagonal& tridiagonal(Scene& s) { return std::get<Tridiagonal>(s.M); }
 
 /// Replaces M by zero diagonals of the lengths given.

@@ -32,7 +32,7 @@ double solve_one(double M, double q) { return std::max(0.0, -q / M); }
 // x(T) for one constraint and M > 0, by classical Runge-Kutta steps of length at most `step` that end at the
 // breakpoints. Sources are evaluated inside of pieces.
 Vector oracle(const Scene& scene, double step) {
-  const auto& d = std::get<DenseDynamics>(scene.dynamics);
+  const auto& d = get<DenseDynamics>(scene.dynamics);
   const double M = to_dense(scene.M)(0, 0);
   std::vector<double> ends = scene.breakpoints;
   ends.push_back(scene.T);
@@ -308,7 +308,7 @@ TEST(Sources, YAtAJumpOnTheGridIsThatOfTheValueThere) {
   const Result result = run(scene, options);
   ASSERT_EQ(result.status, Status::solved) << result.reason;
   EXPECT_LE(result.residual, 1e-13);
-  const auto& d = std::get<DenseDynamics>(scene.dynamics);
+  const auto& d = get<DenseDynamics>(scene.dynamics);
   for (const Index j : {9, 10, 11, 19, 20, 21}) {
     Vector g(1);
     scene.g(result.t[j], g);

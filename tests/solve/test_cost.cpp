@@ -69,6 +69,15 @@ TEST_P(CostTest, AScenePredictsWhatItHolds) {
                        method, 2000);
 }
 
+// Factors of I - hA on grids, and what the weights of contours take.
+TEST_P(CostTest, ASparseScenePredictsWhatItHolds) {
+  for (const double Q : {31., 63.}) {
+    Scene scene = make_scene("signorini", {{"Q", Q}});
+    scene.dynamics = to_sparse(get<KroneckerDynamics>(scene.dynamics));
+    expect_predicted(scene, Method::euler, 100);
+  }
+}
+
 TEST(Cost, WhatDoesNotFitIsRefusedWithNumbers) {
   const std::string text = refused_cost(make_scene("signorini"), Method::march, 1 << 20, 1e9);
   EXPECT_NE(text.find("GB"), std::string::npos) << text;

@@ -23,7 +23,7 @@ Scene some_scene(std::uint32_t seed = 7) {
   return oracle::random_scene(seed, 5, 4, oracle::SpectrumKind::sector, oracle::MatrixKind::dominant);
 }
 
-const DenseDynamics& dynamics(const Scene& scene) { return std::get<DenseDynamics>(scene.dynamics); }
+const DenseDynamics& dynamics(const Scene& scene) { return get<DenseDynamics>(scene.dynamics); }
 const Matrix& matrix(const Scene& scene) { return std::get<Matrix>(scene.M); }
 
 class EveryMethod : public testing::TestWithParam<Method> {};

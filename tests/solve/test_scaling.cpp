@@ -74,8 +74,8 @@ Scene rounded(Scene scene) {
     for (Index j = 0; j < matrix.cols(); ++j)
       for (Index i = 0; i < matrix.rows(); ++i) change(matrix(i, j));
   };
-  if (auto* d = std::get_if<DenseDynamics>(&scene.dynamics)) all(d->A), all(d->B), all(d->N);
-  if (auto* d = std::get_if<SparseDynamics>(&scene.dynamics))
+  if (auto* d = get_if<DenseDynamics>(&scene.dynamics)) all(d->A), all(d->B), all(d->N);
+  if (auto* d = get_if<SparseDynamics>(&scene.dynamics))
     for (SparseMatrix* matrix : {&d->A, &d->B, &d->N})
       for (Index i = 0; i < matrix->nonZeros(); ++i) change(matrix->valuePtr()[i]);
   for (TimeFunction* function : {&scene.f, &scene.g})

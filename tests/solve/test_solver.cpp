@@ -51,7 +51,7 @@ struct SolverCase {
 
 Scene sparse_signorini() {
   Scene scene = make_scene("signorini", {{"Q", 24}});
-  scene.dynamics = to_sparse(std::get<KroneckerDynamics>(scene.dynamics));
+  scene.dynamics = to_sparse(get<KroneckerDynamics>(scene.dynamics));
   return scene;
 }
 
@@ -177,7 +177,7 @@ TEST(Solver, SourcesThatJumpAndThatComeAndGo) {
 // Documented reuse: another g needs no shifted solve.
 TEST(Solver, KeepsTheShiftedSolves) {
   Scene scene = sparse_signorini();
-  const SparseDynamics sparse = std::get<SparseDynamics>(scene.dynamics);
+  const SparseDynamics sparse = get<SparseDynamics>(scene.dynamics);
   const auto calls = std::make_shared<int>(0);
   SuppliedDynamics own;
   own.states = sparse.A.rows();

@@ -22,7 +22,7 @@ inline double power_of_ten(int k) { return k >= 0 ? std::pow(10.0, k) : 1 / std:
 inline UnitChange any_units(const Scene& scene, std::uint32_t seed, int largest, int largest_of_time) {
   std::mt19937 engine(seed);
   const auto draw = [&engine](int most) { return int(engine() % std::uint32_t(2 * most + 1)) - most; };
-  const bool common = std::holds_alternative<KroneckerDynamics>(scene.dynamics);
+  const bool common = holds<KroneckerDynamics>(scene.dynamics);
   UnitChange u;
   for (const auto& [exponents, count] :
        {std::pair(&u.x, scene.states()), std::pair(&u.y, scene.constraints()), std::pair(&u.w, scene.constraints())}) {
@@ -50,16 +50,16 @@ inline TimeFunction in_other_units(const TimeFunction& function, const Vector& u
 inline Scene in_other_units(Scene scene, const UnitChange& u) {
   const Vector X = factors(u.x), Y = factors(u.y), W = factors(u.w);
   const double time = power_of_ten(u.time);
-  if (auto* dense = std::get_if<DenseDynamics>(&scene.dynamics)) {
+  if (auto* dense = get_if<DenseDynamics>(&scene.dynamics)) {
     dense->A = X.cwiseInverse().asDiagonal() * (time * dense->A) * X.asDiagonal();
     dense->B = X.cwiseInverse().asDiagonal() * (time * dense->B) * Y.asDiagonal();
     dense->N = W.cwiseInverse().asDiagonal() * dense->N * X.asDiagonal();
-  } else if (auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
+  } else if (auto* sparse = get_if<SparseDynamics>(&scene.dynamics)) {
     sparse->A = SparseMatrix(X.cwiseInverse().asDiagonal() * SparseMatrix(time * sparse->A) * X.asDiagonal());
     sparse->B = SparseMatrix(X.cwiseInverse().asDiagonal() * SparseMatrix(time * sparse->B) * Y.asDiagonal());
     sparse->N = SparseMatrix(W.cwiseInverse().asDiagonal() * sparse->N * X.asDiagonal());
   } else {
-    auto& d = std::get<KroneckerDynamics>(scene.dynamics);
+    auto& d = get<KroneckerDynamics>(scene.dynamics);
     d.along.diffusivity *= time;
     d.across.diffusivity *= time;
     d.b *= time * Y[0] / X[0];

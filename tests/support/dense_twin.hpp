@@ -7,7 +7,7 @@ namespace bromwich {
 
 inline Scene dense_twin(const Scene& scene) {
   Scene twin = scene;
-  const auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics);
+  const auto* sparse = get_if<SparseDynamics>(&scene.dynamics);
   const DenseDynamics dense = to_dense(scene.dynamics);
   twin.dynamics = dense;
   if (!scene.f || scene.f_entry == SourceEntry::state) return twin;

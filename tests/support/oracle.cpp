@@ -128,16 +128,16 @@ double smallest_principal_minor(const Matrix& M) {
 
 DenseScene write_out(const Scene& scene) {
   DenseScene s;
-  if (const auto* dense = std::get_if<DenseDynamics>(&scene.dynamics)) {
+  if (const auto* dense = get_if<DenseDynamics>(&scene.dynamics)) {
     s.A = dense->A;
     s.B = dense->B;
     s.N = dense->N;
-  } else if (const auto* sparse = std::get_if<SparseDynamics>(&scene.dynamics)) {
+  } else if (const auto* sparse = get_if<SparseDynamics>(&scene.dynamics)) {
     s.A = sparse->A;
     s.B = sparse->B;
     s.N = sparse->N;
   } else {
-    const auto& k = std::get<KroneckerDynamics>(scene.dynamics);
+    const auto& k = get<KroneckerDynamics>(scene.dynamics);
     const Matrix lines = Matrix::Identity(k.along.points, k.along.points);
     const Matrix line = Matrix::Identity(k.across.points, k.across.points);
     s.A = Eigen::kroneckerProduct(lines, second_difference(k.across)).eval() +

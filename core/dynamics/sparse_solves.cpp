@@ -5,10 +5,10 @@
 // every elimination order is stable. This is verified: a test column (zE - A) u, u = ±1, with the known answer N u is
 // solved along with B. A node that misses it is solved again by LU factorization with partial pivoting.
 
-#include "core/host/shifted_solves_sparse.hpp"
+#include "core/dynamics/sparse_solves.hpp"
 
 #include "core/base/simd.hpp"
-#include "core/dynamics/line_transfer.hpp"
+#include "core/dynamics/linear_system.hpp"
 #include "core/numerics/elimination.hpp"
 
 #include <Eigen/SparseLU>
@@ -16,7 +16,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace bromwich::host {
+namespace bromwich::multifrontal {
 
 using namespace simd;
 
@@ -65,13 +65,13 @@ struct System {
   const SparseMatrix& N;
   Vector u, Au, Eu;
 
-  explicit System(const SparseDynamics& d)
-      : A(d.E.rows() > 0 ? SparseMatrix(d.A + 0 * d.E) : d.A),
-        E(d.E.rows() > 0 ? SparseMatrix(d.E + 0 * d.A) : d.E),
-        B(d.B),
-        N(d.N),
-        u(d.A.rows()) {
-    plan = analyse(A, d.B, N, 1);
+  System(const SparseMatrix& given_A, const SparseMatrix& given_E, const SparseMatrix& given_B, const SparseMatrix& N_)
+      : A(given_E.rows() > 0 ? SparseMatrix(given_A + 0 * given_E) : given_A),
+        E(given_E.rows() > 0 ? SparseMatrix(given_E + 0 * given_A) : given_E),
+        B(given_B),
+        N(N_),
+        u(A.rows()) {
+    plan = analyse(A, given_B, N, 1);
     symmetric = is_symmetric(A) && (!mass() || is_symmetric(E));
     position.resize(plan.order.size());
     for (std::size_t i = 0; i < position.size(); ++i) position[std::size_t(plan.order[i])] = int(i);
@@ -330,10 +330,11 @@ bool solve_pivoted(const System& s, Complex z, Eigen::Ref<Eigen::RowVectorXcd> o
 
 }  // namespace
 
-ComplexMatrix sparse_shifted_solves(const SparseDynamics& d, const ComplexVector& nodes, const HostThreads& threads) {
-  const System system(d);
-  const Index n = d.N.rows(), k = d.B.cols(), groups = blocks(nodes.size());
-  const Vector Nu = d.N * system.u, scale = d.N.cwiseAbs() * Vector::Ones(d.N.cols());
+ComplexMatrix sparse_shifted_solves(const SparseMatrix& A, const SparseMatrix& E, const SparseMatrix& B,
+                                    const SparseMatrix& N, const ComplexVector& nodes, const HostThreads& threads) {
+  const System system(A, E, B, N);
+  const Index n = N.rows(), k = B.cols(), groups = blocks(nodes.size());
+  const Vector Nu = N * system.u, scale = N.cwiseAbs() * Vector::Ones(N.cols());
   ComplexMatrix R(nodes.size(), n * k);
   std::vector<char> again(std::size_t(nodes.size()), 0);
   const Index together = (groups + threads.threads() - 1) / threads.threads();
@@ -365,4 +366,4 @@ ComplexMatrix sparse_shifted_solves(const SparseDynamics& d, const ComplexVector
   return R;
 }
 
-}  // namespace bromwich::host
+}  // namespace bromwich::multifrontal
