@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 namespace bromwich {
 
@@ -16,15 +17,21 @@ constexpr Index largest_forecast = 8;             ///< constraints: 2^n active s
 constexpr double most_forecast_operations = 3e7;  ///< of the lag weights that the forecast needs
 constexpr double safety = 0.1;                    ///< of the tolerance, for amplified rounding
 
-// Rows first..first+count of the problem as a separate problem.
-DiscreteProblem window(const DiscreteProblem& p, const Scene& scene, Index first, Index count) {
-  const Index rows = count + 1;
-  DiscreteProblem w{scene, p.backend, p.lcp_class, count, p.h, p.t.segment(first, rows), {}, {}, {}};
+// `count` steps of the problem as a separate problem, from x0 of the scene.
+DiscreteProblem window(const DiscreteProblem& p, const Scene& scene, Index count) {
+  DiscreteProblem w{scene, p.backend, p.lcp_class, count, p.h, {}, {}, {}, {}};
+  w.exponential_step = p.exponential_step;  // of the same length
+  return w;
+}
+
+// Moves the window to the rows from `first` on.
+void move_to(Index first, const DiscreteProblem& p, DiscreteProblem& w) {
+  const Index count = w.J, rows = count + 1;
+  w.t = p.t.segment(first, rows);
   w.g = p.g.rows(first, rows);
   if (p.f.size() > 0) w.f = p.f.rows(first, rows);
-  w.start = p.small_state()->N * scene.x0 + w.g.row(0);
-  w.exponential_step = p.exponential_step;  // of the same length
-  if (!p.defects) return w;
+  w.start = p.small_state()->N * w.scene.x0 + w.g.row(0);
+  if (!p.defects) return;
   auto defects = std::make_shared<StepDefects>();
   defects->values.resize(0, p.scene.states());
   for (std::size_t i = 0; i < p.defects->steps.size(); ++i) {
@@ -35,8 +42,27 @@ DiscreteProblem window(const DiscreteProblem& p, const Scene& scene, Index first
     defects->values.bottomRows(1) = p.defects->values.row(Index(i));
   }
   w.defects = std::move(defects);
-  return w;
 }
+
+// The iteration on windows of one length: kernel, plans and arrays are made once.
+struct WindowIteration {
+  WindowIteration(const DiscreteProblem& p, const Scene& scene, Index first, Index count, const Options& options)
+      : problem(window(p, scene, count)) {
+    move_to(first, p, problem);
+    op = make_time_operator(problem);
+    prepared = prepare_iteration(*op, options);
+  }
+
+  void renew(const DiscreteProblem& p, Index first) {
+    move_to(first, p, problem);
+    op->renew(Changes{});
+    prepared->renew(Changes{});
+  }
+
+  DiscreteProblem problem;
+  std::unique_ptr<TimeOperator> op;
+  std::unique_ptr<PreparedMethod> prepared;
+};
 
 void add(const Result& part, Index first, Index count, Result& whole) {
   whole.y.middleRows(first, count + 1) = part.y;
@@ -84,14 +110,18 @@ void solve_in_windows(const DiscreteProblem& p, Index steps, const Options& opti
   result.y = RowMatrix::Constant(p.J + 1, p.scene.constraints(), NAN);
   if (options.trace) result.trace = result.y;
   result.residual = 0;
+  std::unique_ptr<WindowIteration> iteration;
   for (Index first = 0; first < p.J; first += length) {
-    const DiscreteProblem w = window(p, scene, first, std::min(length, p.J - first));
-    Result part;
-    const auto op = make_time_operator(w);
+    const Index steps_here = std::min(length, p.J - first);
     Timer setup;
-    const auto prepared = prepare_iteration(*op, options);
+    if (!iteration || iteration->problem.J != steps_here)
+      iteration = std::make_unique<WindowIteration>(p, scene, first, steps_here, options);
+    else
+      iteration->renew(p, first);
+    const DiscreteProblem& w = iteration->problem;
+    Result part;
     part.seconds.setup += setup.lap();
-    prepared->run(options, part);
+    iteration->prepared->run(options, part);
     if (part.y.rows() != w.J + 1) part.y = RowMatrix::Constant(w.J + 1, p.scene.constraints(), NAN);
     add(part, first, w.J, result);
     if (first == 0) result.kernel = std::to_string(count) + " windows in time; " + part.kernel;
