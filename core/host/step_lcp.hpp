@@ -10,8 +10,27 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <utility>
 
 namespace bromwich::host {
+
+// Counts the outcome of step j. Returns false if no solution could be certified; the report says why. `feasible`: the
+// scene is known to have a solution.
+inline bool count_step(const LcpOutcome& outcome, const Vector& q, bool feasible, Index j, MarchReport& report) {
+  report.count.newton += outcome.newton;
+  report.count.fallbacks += outcome.fallback;
+  if (outcome.solved) {
+    ++report.count.solved;
+    return true;
+  }
+  ++report.count.unsolved;
+  if (!q.allFinite())
+    report.finite = false;
+  else if (outcome.infeasible && !feasible)
+    report.infeasible = j;
+  report.stopped = j;
+  return false;
+}
 
 // The LCP of a step and its counters. M + W_0 does not inherit the class of M, so its class is tested. If it is P with
 // decaying entries, a banded solver is used; the dense solver is made when bands fail.
@@ -44,19 +63,7 @@ class StepLcp {
     const auto start = std::chrono::steady_clock::now();
     const LcpOutcome outcome = solve(q, y);
     report.lcp_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    report.count.newton += outcome.newton;
-    report.count.fallbacks += outcome.fallback;
-    if (outcome.solved) {
-      ++report.count.solved;
-      return true;
-    }
-    ++report.count.unsolved;
-    if (!q.allFinite())
-      report.finite = false;
-    else if (outcome.infeasible && scene_class_ != LcpClass::P)  // with M of class P the scene has a solution
-      report.infeasible = j;
-    report.stopped = j;
-    return false;
+    return count_step(outcome, q, scene_class_ == LcpClass::P, j, report);
   }
 
   /// (M + W_0) y of the last solution, n entries; null if it was not computed.
@@ -110,8 +117,10 @@ inline void invalidate(RowMatrix& y, RowMatrix& v, Index from) {
 // Every `polled_every` steps: reports progress and polls for interruption.
 class Poll {
  public:
+  Poll(std::function<bool()> interrupted, std::function<void(Index)> progress)
+      : interrupted_(std::move(interrupted)), progress_(std::move(progress)) {}
   template <class Problem>
-  explicit Poll(const Problem& problem) : interrupted_(problem.interrupted), progress_(problem.progress) {}
+  explicit Poll(const Problem& problem) : Poll(problem.interrupted, problem.progress) {}
 
   bool operator()(Index j, MarchReport& report) const {
     if (j % polled_every != 0) return false;

@@ -1,6 +1,7 @@
 #include "core/march/split.hpp"
 
 #include "core/base/timer.hpp"
+#include "core/host/step_lcp.hpp"
 #include "core/kernel/weight_check.hpp"
 #include "core/lcp/active_set.hpp"
 #include "core/march/outcome.hpp"
@@ -15,7 +16,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index polled_every = 64;
 constexpr std::size_t most_kept_parts = 256;  ///< lengths with stored operators
 constexpr double same_limit = 1e-9;           ///< relative to the largest: limits of g that count as equal
 
@@ -29,7 +29,10 @@ class SplitMarch {
  public:
   SplitMarch(const DiscreteProblem& p, const Options& options)
       : p_(p),
-        options_(options),
+        asked_to_stop_(options.interrupted,
+                       [&options, J = p.J](Index j) {
+                         if (options.progress) options.progress({j, 0, J});
+                       }),
         d_(*p.small_state()),
         n_(p.scene.constraints()),
         step_(state_step(p, Rule::exponential)),
@@ -62,7 +65,7 @@ class SplitMarch {
     std::size_t next_rough = 0;
     const std::vector<RoughStep>& rough = p_.sources->rough;
     for (Index j = 1; j <= p_.J; ++j) {
-      if (j % polled_every == 0 && asked_to_stop(j, report)) return report;
+      if (asked_to_stop_(j, report)) return report;
       smooth_ = step_->decay * x_ + driven_left_ * y_;
       if (forcing.size() > 0) smooth_ += forcing.row(j).transpose();
       const bool is_rough = next_rough < rough.size() && rough[next_rough].step == j;
@@ -87,14 +90,6 @@ class SplitMarch {
     RowMatrix sum = p_.f.table() * (step_->right * F).transpose();
     sum.bottomRows(p_.J) += p_.f.table().topRows(p_.J) * (step_->left * F).transpose();
     return sum;
-  }
-
-  bool asked_to_stop(Index j, MarchReport& report) const {
-    if (options_.progress) options_.progress({j, 0, p_.J});
-    if (!options_.interrupted || !options_.interrupted()) return false;
-    report.interrupted = true;
-    report.stopped = j;
-    return true;
   }
 
   bool take_whole(Index j, MarchReport& report) {
@@ -180,23 +175,11 @@ class SplitMarch {
     Timer timer;
     const LcpOutcome outcome = lcp.solve(q, y);
     report.lcp_seconds += timer.lap();
-    report.count.newton += outcome.newton;
-    report.count.fallbacks += outcome.fallback;
-    if (outcome.solved) {
-      ++report.count.solved;
-      return true;
-    }
-    ++report.count.unsolved;
-    if (!q.allFinite())
-      report.finite = false;
-    else if (outcome.infeasible && p_.lcp_class != LcpClass::P)
-      report.infeasible = j;
-    report.stopped = j;
-    return false;
+    return host::count_step(outcome, q, p_.lcp_class == LcpClass::P, j, report);
   }
 
   const DiscreteProblem& p_;
-  const Options& options_;
+  host::Poll asked_to_stop_;
   const DenseDynamics& d_;
   Index n_;
   std::shared_ptr<const StepOperators> step_;
