@@ -6,12 +6,16 @@
 
 namespace bromwich {
 
-EulerResponse::EulerResponse(TimeOperator& op)
-    : op_(op), p_(op.problem()), data_(op.march_weights(Rule::implicit_euler, RecurrenceChoice::automatic)) {}
+EulerResponse::EulerResponse(TimeOperator& op) : op_(op), p_(op.problem()) {}
 
-std::unique_ptr<SpaceTimeKernel> EulerResponse::make_kernel() const {
+MarchData& EulerResponse::data() {
+  if (!data_) data_ = op_.march_weights(Rule::implicit_euler, RecurrenceChoice::automatic);
+  return *data_;
+}
+
+std::unique_ptr<SpaceTimeKernel> EulerResponse::make_kernel() {
   const Index rows = p_.J + 1, n = p_.scene.constraints();
-  auto convolution = p_.backend.convolution(std::get<Recurrence>(*data_.weights), rows);
+  auto convolution = p_.backend.convolution(std::get<Recurrence>(*data().weights), rows);
   return std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), p_.kronecker() != nullptr, rows, n);
 }
 
@@ -20,16 +24,20 @@ void EulerResponse::respond(const Changes& changes, Array& r) {
   Backend& backend = p_.backend;
   if (p_.dense()) {
     backend.upload(dense_response(p_, Rule::implicit_euler), r);
+  } else if (p_.scene.x0.isZero(0) && p_.f.size() == 0) {
+    upload(backend, p_.g, r);
+    responded_ = false;  // the data does not know this g
   } else {
-    op_.add_sources(Rule::implicit_euler, data_, responded_ ? changes : Changes{});
+    MarchData& given = data();
+    op_.add_sources(Rule::implicit_euler, given, responded_ ? changes : Changes{});
     responded_ = true;
-    upload(backend, data_.r, r);
+    upload(backend, given.r, r);
     add_rough_response(p_, r);
-    const auto& weights = std::get<ModalRecurrence>(std::get<Recurrence>(*data_.weights));
-    if (weights.initial.size() > 0 || data_.drive) {
+    const auto& weights = std::get<ModalRecurrence>(std::get<Recurrence>(*given.weights));
+    if (weights.initial.size() > 0 || given.drive) {
       const Index rows = p_.J + 1, n = p_.scene.constraints();
       const auto input = backend.array(rows, n), v = backend.array(rows, n);
-      if (data_.drive) upload(backend, *data_.drive, *input);
+      if (given.drive) upload(backend, *given.drive, *input);
       make_kernel()->apply(*input, *v, 0);
       backend.add(r, 1, *v, r);
     }
@@ -40,7 +48,7 @@ void EulerResponse::respond(const Changes& changes, Array& r) {
 // The part of x0 in the recurrence is left out: it is in r.
 void EulerResponse::apply(const Array& y, Array& v) {
   if (!kernel_) {
-    if (auto* weights = std::get_if<ModalRecurrence>(&std::get<Recurrence>(*data_.weights))) {
+    if (auto* weights = std::get_if<ModalRecurrence>(&std::get<Recurrence>(*data().weights))) {
       const RowMatrix initial = std::exchange(weights->initial, RowMatrix());
       kernel_ = make_kernel();
       weights->initial = initial;
@@ -51,7 +59,7 @@ void EulerResponse::apply(const Array& y, Array& v) {
   kernel_->apply(y, v, 0);
 }
 
-std::size_t EulerResponse::bytes() const { return (kernel_ ? kernel_->bytes() : 0) + data_.bytes(); }
+std::size_t EulerResponse::bytes() const { return (kernel_ ? kernel_->bytes() : 0) + (data_ ? data_->bytes() : 0); }
 
 RowMatrix times_rows(const LcpMatrix& P, const RowMatrix& rows) {
   if (const auto* dense = std::get_if<Matrix>(&P)) return rows * dense->transpose();

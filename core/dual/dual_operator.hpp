@@ -6,6 +6,7 @@
 #include "dual_weights.hpp"
 
 #include <memory>
+#include <optional>
 
 namespace bromwich {
 
@@ -21,11 +22,12 @@ class EulerResponse {
   std::size_t bytes() const;
 
  private:
-  std::unique_ptr<SpaceTimeKernel> make_kernel() const;
+  MarchData& data();
+  std::unique_ptr<SpaceTimeKernel> make_kernel();
 
   TimeOperator& op_;
   const DiscreteProblem& p_;
-  MarchData data_;
+  std::optional<MarchData> data_;  ///< made when first needed: of coarse grids, for x0 and f only
   std::unique_ptr<SpaceTimeKernel> kernel_;
   bool responded_ = false;
 };

@@ -3,7 +3,8 @@
 #include "core/base/text.hpp"
 #include "core/dynamics/line_transfer.hpp"
 #include "core/kernel/recurrence.hpp"
-#include "core/kernel/transfer_fit.hpp"
+#include "core/lcp/lcp_class.hpp"
+#include "core/numerics/equilibration.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -63,7 +64,8 @@ class ModalInverse {
         nu_(d_.across.eigenvalues()),
         line_(d_.across, d_.n, d_.b) {}
 
-  DualChoice choose() const {
+  DualChoice choose(std::shared_ptr<const PoleSum> known) const {
+    if (known) return with(std::move(known));
     const double direct = d_.n.dot(d_.b), terms = d_.n.cwiseAbs().dot(d_.b.cwiseAbs());
     const double largest = M_.cwiseAbs().maxCoeff();
     if (largest == 0 && terms == 0 && line_(1 / p_.h) == 0.0) return refused("M + K is zero: N and B do not meet");
@@ -107,9 +109,16 @@ class ModalInverse {
     };
     const FitRegion region{false, p_.h, p_.scene.T, -mu_.maxCoeff(), -mu_.minCoeff()};
     const double fastest = 4 * std::max(-nu_.minCoeff(), 2 / p_.h);
-    const PoleSum sum = fit_poles(inverse, functions, region, -0.3 * nu_.maxCoeff(), fastest, true);
-    if (!(sum.error <= accepted_fit_error))
-      return refused(text("V is no short sum of decaying exponentials: the best one misses %.1e of it", sum.error));
+    auto sum =
+        std::make_shared<const PoleSum>(fit_poles(inverse, functions, region, -0.3 * nu_.maxCoeff(), fastest, true));
+    if (!(sum->error <= accepted_fit_error))
+      return refused(text("V is no short sum of decaying exponentials: the best one misses %.1e of it", sum->error));
+    return with(std::move(sum));
+  }
+
+  // The weights of this grid, with the d of its sweeps.
+  DualChoice with(std::shared_ptr<const PoleSum> fit) const {
+    const PoleSum& sum = *fit;
     ModalRecurrence V = recurrence(sum);
     std::vector<Complex> values;
     const Index n = M_.size(), modes = std::min(n, most_modes);
@@ -121,7 +130,7 @@ class ModalInverse {
     V.w0.array() -= divisor;
     std::string words = text("V: %ld exponentials a mode", long(sum.rates.size()));
     return {DualWeights{Tridiagonal{Vector::Zero(n), Vector::Constant(n, divisor), Vector::Zero(n)},
-                        share_weights(Recurrence(std::move(V))), factor, sum.error, std::move(words)},
+                        share_weights(Recurrence(std::move(V))), factor, sum.error, std::move(words), std::move(fit)},
             ""};
   }
 
@@ -168,6 +177,19 @@ bool has_relative_degree_one(const Matrix& M, const Matrix& NB, const Matrix& te
          lu.rcond() > negligible;
 }
 
+// det(M + N (zI - A)^{-1} B) is a rational function: zero at two points in general position means zero.
+bool is_singular_everywhere(const DenseDynamics& d, const Matrix& M, double h) {
+  for (const double z : {1 / h, 0.2718 / h}) {
+    const Matrix shifted = z * Matrix::Identity(d.A.rows(), d.A.rows()) - d.A;
+    const Matrix symbol = M + d.N * shifted.partialPivLu().solve(d.B);
+    if (!symbol.allFinite()) continue;
+    const Equilibration e = equilibrate(symbol);
+    const Matrix scaled = e.rows.asDiagonal() * symbol * e.columns.asDiagonal();
+    if (scaled.partialPivLu().rcond() > 1e3 * epsilon) return false;
+  }
+  return true;
+}
+
 double spectral_radius(const Matrix& E) {
   if (E.size() == 0) return 0;
   const Eigen::EigenSolver<Matrix> eigen(E, false);
@@ -196,12 +218,13 @@ DualChoice dense_inverse(const DiscreteProblem& p) {
   const Matrix M = to_dense(p.scene.M);
   if (d.A.rows() > largest_dense) return refused(text("a dense state of more than %ld", long(largest_dense)));
   if (!has_euler_step(d.A, p.h)) return refused("I - hA is singular at this step");
+  if (is_singular_everywhere(d, M, p.h)) return refused("M + K has no inverse: constraints repeat each other");
   if (!has_relative_degree_one(M, d.N * d.B, d.N.cwiseAbs() * d.B.cwiseAbs())) return refused(two_derivatives);
   const StepOperators step = step_operators(d.A, Rule::implicit_euler, p.h);
   const Matrix step_matrix = M + d.N * step.right * d.B;
   const Equilibration e = equilibrate(step_matrix);
   const Eigen::PartialPivLU<Matrix> lu(e.rows.asDiagonal() * step_matrix * e.columns.asDiagonal());
-  if (!(lu.rcond() > 1e3 * epsilon)) return refused("M + W_0 is singular: constraints repeat each other");
+  if (!(lu.rcond() > 1e3 * epsilon)) return refused("M + W_0 is singular at this step");
   if (classify(LcpMatrix(step_matrix)) != LcpClass::P) return refused("M + W_0 is not known to be a P-matrix");
   DenseRecurrence V = inverse_recurrence(d, M, p.h);
   const double growth = std::pow(spectral_radius(V.decay), double(p.J));
@@ -251,12 +274,12 @@ DenseRecurrence inverse_recurrence(const DenseDynamics& d, const Matrix& M, doub
   return V;
 }
 
-DualChoice dual_weights(const DiscreteProblem& p) {
+DualChoice dual_weights(const DiscreteProblem& p, const DualWeights* finer) {
   if (p.dense()) return dense_inverse(p);
   if (!p.kronecker()) return refused("V is made for dense dynamics and Kronecker sums");
   auto M = eigenvalues_in_modes(p.scene.M);
   if (!M) return refused("sine modes do not diagonalise M");
-  return ModalInverse(p, std::move(*M)).choose();
+  return ModalInverse(p, std::move(*M)).choose(finer ? finer->fit : nullptr);
 }
 
 }  // namespace bromwich

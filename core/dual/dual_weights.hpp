@@ -18,8 +18,10 @@
 //     y_j = V_0 (w_j - N R x_{j-1}),   x_j = (R - h R B V_0 N R) x_{j-1} + h R B V_0 w_j.
 
 #include "../kernel/discrete_problem.hpp"
+#include "../kernel/transfer_fit.hpp"
 #include "../kernel/weights.hpp"
 
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -32,6 +34,7 @@ struct DualWeights {
   double smoothing = 0;
   double error = 0;  ///< of V: largest relative difference from values that were not used to make it
   std::string description;
+  std::shared_ptr<const PoleSum> fit = {};  ///< of V^ of a grid line; Kronecker sums only
 };
 
 /// What V is, or why there is none.
@@ -42,7 +45,9 @@ struct DualChoice {
 
 /// V of the problem's grid. Refused where M + K is singular, where y acts on the second or a higher derivative of w,
 /// where V grows (zeros of M + N (zI - A)^{-1} B in the right half-plane), and for dynamics or M without a dual form.
-DualChoice dual_weights(const DiscreteProblem&);
+/// With `finer`, V of a grid with shorter steps, its fit is used again: implicit Euler sees V^ on discs |1 - hz| <= 1,
+/// of which the one of longer steps lies in the other, and so do zeros.
+DualChoice dual_weights(const DiscreteProblem&, const DualWeights* finer = nullptr);
 
 /// The eigenvalues of M in the sine modes: M is a symmetric tridiagonal Toeplitz matrix. Empty otherwise.
 std::optional<Vector> eigenvalues_in_modes(const LcpMatrix& M);

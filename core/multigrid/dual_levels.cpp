@@ -5,6 +5,7 @@
 #include "core/kernel/operators.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 namespace bromwich {
@@ -47,23 +48,24 @@ void prepare_dual_march(const DiscreteProblem& p, const LcpMatrix& P, const std:
 }
 
 // Adds a grid; false if V is refused there.
-bool add_dual_grid(TimeOperator& finest, Index steps, bool coarsest, DualLevels& all) {
+bool add_dual_grid(TimeOperator& finest, Index steps, bool coarsest, std::optional<DualWeights>& V, DualLevels& all) {
   DualLevels::Grid grid;
   if (steps < finest.problem().J) {
     grid.problem = std::make_unique<DiscreteProblem>(coarser(finest.problem(), steps));
     grid.op = make_time_operator(*grid.problem);
   }
   TimeOperator& op = grid.op ? *grid.op : finest;
-  DualChoice choice = dual_weights(op.problem());
+  DualChoice choice = dual_weights(op.problem(), V ? &*V : nullptr);
   if (!choice.weights) {
     all.refusal = std::move(choice.refusal);
     return false;
   }
   grid.response = std::make_unique<EulerResponse>(op);
-  all.P.push_back(choice.weights->P);
-  if (all.levels.size() == 0) all.levels.description = choice.weights->description;
-  all.levels.kernel_error = std::max(all.levels.kernel_error, choice.weights->error);
-  all.levels.grids.push_back(make_dual_level(op.problem(), *choice.weights, all.P.back(), coarsest));
+  V = std::move(choice.weights);
+  all.P.push_back(V->P);
+  if (all.levels.size() == 0) all.levels.description = V->description;
+  all.levels.kernel_error = std::max(all.levels.kernel_error, V->error);
+  all.levels.grids.push_back(make_dual_level(op.problem(), *V, all.P.back(), coarsest));
   all.grids.push_back(std::move(grid));
   return true;
 }
@@ -99,8 +101,9 @@ std::unique_ptr<DualLevels> dual_levels(TimeOperator& op, const Options& options
     return all;
   }
   all->P.reserve(steps.size());
+  std::optional<DualWeights> V;  // of the grid added last
   for (const Index J : steps)
-    if (!add_dual_grid(op, J, J == steps.back(), *all)) {
+    if (!add_dual_grid(op, J, J == steps.back(), V, *all)) {
       all->levels.grids.clear();
       return all;
     }
