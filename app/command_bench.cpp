@@ -31,6 +31,7 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
      bench_goal},
     {"gpu", "the CUDA backend on signorini: one sweep in parts, whole solves, compared with the CPU", bench_gpu},
     {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
+    {"dual", "cycles in w on contact: contraction, and time compared with marching on one core", bench_dual},
     {"multigrid", "cycles on signorini: contraction, and cost to reach a tenth of the discretisation error",
      bench_multigrid},
     {"paper", "the experiments of the paper on Laplace inversion, compared with its numbers", bench_paper},

@@ -105,7 +105,7 @@ Energies energies(const Scene& scene, const Result& result) {
     throw Error("--energies", "the scene has complementarity", "use --method goal, which counts its power");
   if (result.x.cols() != scene.states() || result.x.rows() != result.t.size())
     throw Error("--energies", "not all states are computed", "add --states all");
-  const bool euler = result.method == Method::euler;
+  const bool euler = by_euler(result);
   const PortSystem system(*scene.port, scene.T);
   const Trajectory path{system, euler ? StepScheme::euler : StepScheme::midpoint, result.t, result.x};
   return {energy_balance(path), power_balance(path)};

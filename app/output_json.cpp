@@ -70,6 +70,7 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["class"] = matrix_class(choice.scene);
   json["spectrum"] = spectrum_text(choice.scene);
   json["method"] = to_string(result.method);
+  json["form"] = result.form.empty() ? Json(nullptr) : Json(result.form);
   json["backend"] = result.backend;
   json["threads"] = threads;
   json["kernel"] = result.kernel;

@@ -51,6 +51,8 @@ BenchReport bench_gpu(const BenchRequest& request, Backend& backend);
 BenchReport bench_goal(const BenchRequest& request, Backend& backend);
 BenchReport bench_convolution(const BenchRequest& request, Backend& backend);
 /// Throws Error for another scene. Also on the CUDA backend if a device is found.
+BenchReport bench_dual(const BenchRequest& request, Backend& backend);
+/// Throws Error for another scene. Also on the CUDA backend if a device is found.
 BenchReport bench_multigrid(const BenchRequest& request, Backend& backend);
 BenchReport bench_paper(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene file or a folder of them.

@@ -17,7 +17,7 @@ constexpr double chance = 4;  ///< times the differences to three other grids: e
 
 // Where solutions are smooth: implicit Euler, piecewise-linear y (continuous, or Galerkin's), Radau IIA.
 double order_of(const Result& result) {
-  if (result.method == Method::euler) return 1;
+  if (by_euler(result)) return 1;
   return result.continuous || result.method == Method::galerkin ? 2 : 3;
 }
 
@@ -83,7 +83,7 @@ Convergence::Convergence(const Scene& scene, const Result& first, ComponentSizes
       components_(std::size_t(first.x.cols()), x_),
       scene_(scene),
       sizes_(std::move(sizes)),
-      may_jump_(!first.continuous || first.method == Method::euler || first.jumps_inside) {}
+      may_jump_(!first.continuous || by_euler(first) || first.jumps_inside) {}
 
 void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   const Distance d = distance(coarse, 1, fine, 2, sizes_);

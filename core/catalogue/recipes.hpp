@@ -9,6 +9,7 @@
 namespace bromwich {
 
 SceneRecipe signorini_recipe();
+SceneRecipe contact_recipe();
 SceneRecipe dlcp_small_recipe();
 SceneRecipe bridge_recipe();
 SceneRecipe ph_toy_recipe();

@@ -11,6 +11,7 @@
 #include "core/host/stage_step.hpp"
 #include "core/host/step_lcp.hpp"
 #include "core/lcp/active_set.hpp"
+#include "core/numerics/sine_basis.hpp"
 
 #include <array>
 #include <cmath>
@@ -146,9 +147,15 @@ class Stages {
         rows_(p.g.rows()),
         lengths_(p, rows_),
         main_(p, p.stages, p.h, lengths_.rows(0)) {
+    touching_.assign(std::size_t(p.g.cols() / p.stages), false);
+    if (p.modal) {
+      S_ = sine_matrix(p.modal->along.size());
+      if (!p.components.empty()) across_ = sine_matrix(p.modal->rates.size());
+      rigid_.assign(touching_.size(), p.modal->direct == 0 && to_dense(*p.M).diagonal().isZero(0));
+      return;
+    }
     B_ = (*p.dynamics)->rates_of_inputs(p.h);
     rigid_ = rigid_constraints((*p.dynamics)->outputs());
-    touching_.assign(rigid_.size(), false);
   }
 
   StageSolution run(const Vector& y0) {
@@ -158,12 +165,12 @@ class Stages {
     for (RowMatrix* values : {&out.y, &out.impulse, &out.v}) values->resize(rows_, n);
     out.x.resize(rows_, Index(problem_.components.size()));
     out.report.well_posed = main_.well_posed();
-    Vector x = problem_.x0, next(x.size());
+    Vector x = start(), next(x.size());
     out.y.row(0) = y0.transpose();
     out.impulse.row(0).setZero();
     record(x, 0, out);
     regular_ = y0.allFinite() ? y0 : Vector(Vector::Zero(n));
-    touch_at_start(out.v.row(0).transpose());
+    touch_at_start(problem_.modal ? observe(*problem_.dynamics, problem_.x0) : Vector(out.v.row(0).transpose()));
     for (Index j = 1; j < rows_; ++j) {
       const Stepper* used = asked_to_stop_(j, out.report) ? nullptr : take(x, j, next, out.report);
       if (!used) {
@@ -182,11 +189,31 @@ class Stages {
       x.swap(next);
       record(x, j, out);
     }
+    if (problem_.modal) finish_modes(out);
     out.bytes = bytes();
     return out;
   }
 
  private:
+  Vector start() const {
+    if (!problem_.modal) return problem_.x0;
+    const RowMatrix& z = problem_.modal->start;
+    return Eigen::Map<const Vector>(z.data(), z.size());
+  }
+
+  // S N x of a state in modes.
+  Vector seen_in_modes(const Vector& x) const {
+    const ModalStages& modal = *problem_.modal;
+    const Eigen::Map<const RowMatrix> z(x.data(), modal.rates.size(), modal.along.size());
+    return z.transpose() * modal.output;
+  }
+
+  // N x of all rows from modes, and row 0 from x0 itself.
+  void finish_modes(StageSolution& out) const {
+    const Index valid = out.report.stopped >= 0 ? out.report.stopped : rows_;
+    if (valid > 0) out.v.topRows(valid) = (out.v.topRows(valid) * S_).eval();
+  }
+
   std::size_t bytes() const {
     std::size_t sum = main_.bytes();
     for (const auto& of_stages : others_)
@@ -237,8 +264,13 @@ class Stages {
     if (!step.switches()) return false;
     for (Index i = 0; i < first.size(); ++i)
       if (first[i] > std::max(zero, much_more * regular_[i]) && !(last[i] > zero)) return true;
-    const Vector moved = h * (B_ * first).cwiseAbs().cwiseMax((B_ * last).cwiseAbs());
-    const Vector size = before.cwiseAbs().cwiseMax(after.cwiseAbs());
+    // In modes N x stands for the state: y moves it by N B y.
+    const auto pushed = [&](const Vector& y) {
+      return problem_.modal ? Vector(problem_.modal->direct * y) : Vector(B_ * y);
+    };
+    const auto state = [&](const Vector& x) { return problem_.modal ? Vector(S_ * seen_in_modes(x)) : x; };
+    const Vector moved = h * pushed(first).cwiseAbs().cwiseMax(pushed(last).cwiseAbs());
+    const Vector size = state(before).cwiseAbs().cwiseMax(state(after).cwiseAbs());
     return (moved.array() > 0.25 * size.cwiseMax(0.01 * size.maxCoeff()).array()).any();
   }
   static constexpr double negligible = 1e-9;  ///< relative to the largest y of the step
@@ -259,7 +291,7 @@ class Stages {
     const Index place = lengths_.place(j);
     Stepper& main = stepper(problem_.stages, kind);
     const bool fine = main.advance(x, place, j, touching_, next, report);
-    if (problem_.stages == 1) return fine ? &main : nullptr;
+    if (problem_.stages == 1 || (fine && !problem_.substitutes_euler)) return fine ? &main : nullptr;
     impact_ = fine && impacts(main);
     if (fine && !impact_ && !jumps(main, lengths_.size(kind), x, next)) return &main;
     MarchReport by_euler = report;
@@ -275,8 +307,23 @@ class Stages {
   }
 
   void record(const Vector& x, Index j, StageSolution& out) const {
+    if (problem_.modal) return record_modes(x, j, out);
     out.v.row(j) = observe(*problem_.dynamics, x).transpose();
     for (std::size_t c = 0; c < problem_.components.size(); ++c) out.x(j, Index(c)) = x[problem_.components[c]];
+  }
+
+  // v in modes, which are transformed at the end, and components of the state.
+  void record_modes(const Vector& x, Index j, StageSolution& out) const {
+    out.v.row(j) = seen_in_modes(x).transpose();
+    if (problem_.components.empty()) return;
+    const ModalStages& modal = *problem_.modal;
+    const Index n = modal.along.size(), K = modal.rates.size();
+    const Eigen::Map<const RowMatrix> z(x.data(), K, n);
+    const Matrix state = across_ * z * S_;  // positions x lines
+    for (std::size_t c = 0; c < problem_.components.size(); ++c) {
+      const Index i = problem_.components[c];
+      out.x(j, Index(c)) = j == 0 ? problem_.x0[i] : state(i % K, i / K);
+    }
   }
 
   const StageProblem& problem_;
@@ -289,6 +336,7 @@ class Stages {
   Vector other_;
   Vector regular_;  ///< largest y_i at the ends of steps without jumps
   SparseMatrix B_;
+  Matrix S_, across_;  ///< sine matrices along and across the lines of a Kronecker sum
   std::vector<bool> rigid_;
   bool impact_ = false;         ///< the last step was an impact on a rigid constraint
   std::vector<bool> touching_;  ///< y_i > 0 at the end of the last step

@@ -4,9 +4,23 @@
 #include "../lcp/matrix.hpp"
 
 #include <functional>
+#include <memory>
 #include <vector>
 
 namespace bromwich {
+
+/// A Kronecker sum in sine modes, with one state for each rate of each mode:
+///     z_kl' = (s_k + mu_l) z_kl + i_k S (y + phi),   S N x = Σ_k o_k z_kl.
+/// Rates are the eigenvalues of a line, and z the state in modes, or fewer ones that represent the transfer function of
+/// a line (core/kernel/transfer_fit.hpp); the state is not known then.
+struct ModalStages {
+  Vector along;          ///< n: mu
+  Vector rates;          ///< K: s
+  Vector input, output;  ///< K: i, o
+  RowMatrix start;       ///< K x n: z(0)
+  double direct = 0;     ///< n^T b of a line: N B = direct I
+  bool has_state = true;
+};
 
 /// A march with y discontinuous between steps, for M that leaves y to the dynamics (M = 0 in the extreme).
 ///
@@ -17,7 +31,8 @@ namespace bromwich {
 /// state jumps is taken by implicit Euler, which puts x_j on the constraint at once. So are all steps if the two-stage
 /// problem is neither P nor PSD and the one-stage problem is. One stage: implicit Euler throughout.
 struct StageProblem {
-  const Dynamics* dynamics = nullptr;  ///< dense, sparse or supplied
+  const Dynamics* dynamics = nullptr;             ///< dense, sparse or supplied, or a Kronecker sum with `modal`
+  std::shared_ptr<const ModalStages> modal = {};  ///< phi enters through B then
   const LcpMatrix* M = nullptr;
   LcpClass lcp_class = LcpClass::unknown;
   Index stages = 2;               ///< 2 or 1
@@ -28,6 +43,7 @@ struct StageProblem {
   RowMatrix phi;                  ///< (J+1) x (stages k): the same for phi, f = F phi; may be empty
   SparseMatrix F;                 ///< m x k
   std::vector<Index> components;  ///< state components to record
+  bool substitutes_euler = true;  ///< steps in which the state jumps are taken by implicit Euler
   std::function<bool()> interrupted;         ///< polled from time to time; true ends the march
   std::function<void(Index step)> progress;  ///< called from time to time
 };

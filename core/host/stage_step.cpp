@@ -1,6 +1,7 @@
 #include "core/host/stage_step.hpp"
 
 #include "core/base/error.hpp"
+#include "core/host/stage_coefficients.hpp"
 #include "core/lcp/solution.hpp"
 #include "core/numerics/equilibration.hpp"
 
@@ -12,37 +13,6 @@
 namespace bromwich::host {
 
 namespace {
-
-// The coefficients of stage_step.hpp in complex (Radau IIA) or real (implicit Euler) arithmetic.
-template <class Scalar>
-struct Coefficients;
-
-template <>
-struct Coefficients<Complex> {
-  static constexpr Index stages = 2;
-  Complex mu{2, std::sqrt(2.0)};
-  Complex v[2] = {1, Complex(1, 2 * std::sqrt(2.0))};
-  Complex w[2] = {std::conj(v[1]) / (std::conj(v[1]) - v[1]), -1.0 / (std::conj(v[1]) - v[1])};
-  Complex start = 2.0 * w[0] - 2.0 * w[1];  // w · L1, L1 = (2, -2)
-  static Matrix real(const Eigen::Ref<const ComplexMatrix>& z) { return 2 * z.real(); }
-};
-
-template <>
-struct Coefficients<double> {
-  static constexpr Index stages = 1;
-  double mu = 1;
-  double v[1] = {1};
-  double w[1] = {1};
-  double start = 1;
-  static const Matrix& real(const Matrix& z) { return z; }
-};
-
-// Stage values of g or phi for a step with `used` stages: the last `used` of `given`, for these rows.
-RowMatrix last_stages(const RowMatrix& values, Index given, Index used, const std::vector<Index>& rows) {
-  if (values.size() == 0) return RowMatrix(values.rows() > 0 ? Index(rows.size()) : 0, 0);
-  const Index width = values.cols() / given;
-  return values(rows, Eigen::seqN(values.cols() - used * width, used * width));
-}
 
 [[noreturn]] void singular_step() {
   throw Error("steps", "a step is singular: h meets an eigenvalue of A", "use another number of steps");
@@ -188,8 +158,15 @@ std::unique_ptr<StageStep> make(const StageProblem& p, double h, const std::vect
 
 }  // namespace
 
+RowMatrix last_stages(const RowMatrix& values, Index given, Index used, const std::vector<Index>& rows) {
+  if (values.size() == 0) return RowMatrix(values.rows() > 0 ? Index(rows.size()) : 0, 0);
+  const Index width = values.cols() / given;
+  return values(rows, Eigen::seqN(values.cols() - used * width, used * width));
+}
+
 std::unique_ptr<StageStep> make_stage_step(const StageProblem& p, Index stages, double h,
                                            const std::vector<Index>& rows) {
+  if (p.modal) return make_modal_stage_step(p, stages, h, rows);
   return stages == 2 ? make<Complex>(p, h, rows) : make<double>(p, h, rows);
 }
 

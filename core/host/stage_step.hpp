@@ -35,4 +35,11 @@ class StageStep {
 /// stage values of g and phi are used. Throws Error if the matrix of a step is singular.
 std::unique_ptr<StageStep> make_stage_step(const StageProblem&, Index stages, double h, const std::vector<Index>& rows);
 
+/// The same for a Kronecker sum in sine modes; the state is that of ModalStages.
+std::unique_ptr<StageStep> make_modal_stage_step(const StageProblem&, Index stages, double h,
+                                                 const std::vector<Index>& rows);
+
+/// Stage values of g or phi for a step with `used` stages: the last `used` of `given`, for these rows.
+RowMatrix last_stages(const RowMatrix& values, Index given, Index used, const std::vector<Index>& rows);
+
 }  // namespace bromwich::host

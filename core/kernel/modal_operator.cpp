@@ -6,6 +6,7 @@
 #include "core/kernel/compression.hpp"
 #include "core/kernel/modal_states.hpp"
 #include "core/kernel/recurrence.hpp"
+#include "core/kernel/transfer_fit.hpp"
 
 #include <cmath>
 
@@ -115,6 +116,7 @@ class ModalOperator : public TimeOperator {
 
   MarchData march_weights(Rule rule, RecurrenceChoice choice) override {
     const Index all = dynamics_.across.points;
+    const bool chosen = choice == RecurrenceChoice::compressed;
     const bool compressed = rule == Rule::exponential && choice != RecurrenceChoice::modal &&
                             (choice == RecurrenceChoice::compressed || all > fewest_compressed) && fits() &&
                             (choice == RecurrenceChoice::compressed || 2 * sum().rates.size() <= all);
@@ -124,6 +126,8 @@ class ModalOperator : public TimeOperator {
           .error = sum().error,
           .description = std::to_string(sum().rates.size()) + " exponentials a mode, stepped",
           .compressed = true};
+    if (rule == Rule::implicit_euler && choice != RecurrenceChoice::modal && (all > fewest_compressed || chosen))
+      if (auto data = compressed_euler(chosen)) return std::move(*data);
     return {.weights = std::make_shared<Weights>(Recurrence(modal_recurrence(dynamics_, rule, p_.h, RowMatrix()))),
             .description = std::to_string(all) + " eigenvalues a mode, stepped"};
   }
@@ -136,6 +140,12 @@ class ModalOperator : public TimeOperator {
     data.r_has_x0 = false;
     if (!changes.x0 && recurrence.initial.size() > 0) return;
     data.error_of_x0 = 0;
+    if (data.compressed && rule == Rule::implicit_euler) {
+      if (p_.scene.x0.isZero(0)) return;
+      data.r = SampledSource(with_modes(p_, stepped_initial_response(p_, rule)));
+      data.r_has_x0 = true;
+      return;
+    }
     if (data.compressed) {
       if (auto start = start_in(recurrence)) {
         recurrence.initial = std::move(*start);
@@ -174,6 +184,39 @@ class ModalOperator : public TimeOperator {
     upload(p_.backend, *p_.drive(), input);
     plan.kernel->apply(input, v, 0);
     p_.backend.add(r, 1, v, r);
+  }
+
+  // Implicit Euler with few poles instead of all eigenvalues, where they halve their number at least. They do not
+  // represent x0, whose response would have to be stepped.
+  std::optional<MarchData> compressed_euler(bool chosen) {
+    if (!chosen && !p_.scene.x0.isZero(0)) return std::nullopt;
+    const Vector mu = dynamics_.along.eigenvalues(), nu = dynamics_.across.eigenvalues();
+    const LineTransfer line(dynamics_.across, dynamics_.n, dynamics_.b);
+    const TransferFunctions transfer = [&line](Complex z) -> ComplexVector {
+      return ComplexVector::Constant(1, line(z));
+    };
+    const FitRegion region{false, p_.h, p_.scene.T, -mu.maxCoeff(), -mu.minCoeff()};
+    const PoleSum fit = fit_poles(transfer, 1, region, -nu.maxCoeff(), -nu.minCoeff(), false);
+    const Index n = mu.size(), K = fit.rates.size();
+    if (!(fit.error <= accepted_compression_error) || (!chosen && 2 * K > nu.size())) return std::nullopt;
+    ModalRecurrence r;
+    r.decay.resize(K, n);
+    r.output.resize(K, n);
+    r.start = RowMatrix::Zero(K, n);
+    r.w0.resize(n);
+    r.w1 = r.s1 = Vector::Zero(n);
+    for (Index l = 0; l < n; ++l) {
+      r.w0[l] = line(1 / p_.h - mu[l]).real();
+      for (Index k = 0; k < K; ++k) {
+        const double E = 1 / (1 - p_.h * (fit.rates[k] + mu[l]));
+        r.decay(k, l) = E;
+        r.output(k, l) = fit.coefficients(k, 0) * p_.h * E * E;
+      }
+    }
+    return MarchData{.weights = std::make_shared<Weights>(Recurrence(std::move(r))),
+                     .error = fit.error,
+                     .description = std::to_string(K) + " exponentials a mode, stepped",
+                     .compressed = true};
   }
 
   const ExponentialSum& sum() {

@@ -3,7 +3,10 @@
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/host/stage_march.hpp"
+#include "core/kernel/compression.hpp"
+#include "core/kernel/response.hpp"
 #include "core/kernel/rough_response.hpp"
+#include "core/kernel/transfer_fit.hpp"
 #include "core/lcp/active_set.hpp"
 #include "core/march/outcome.hpp"
 
@@ -29,6 +32,7 @@ struct StageGrid {
   std::vector<Index> at;        ///< row of each grid point
 };
 
+constexpr Index fewest_compressed_stages = 40;   ///< eigenvalues of a line above which few poles are looked for
 constexpr std::size_t most_sparse_lengths = 32;  ///< one sparse factorization each
 
 StageGrid whole_steps(const DiscreteProblem& p) {
@@ -275,9 +279,11 @@ SparseMatrix source_matrix(const Scene& scene, const Dynamics& dynamics) {
   return identity;
 }
 
-std::string describe(Index stages, const MarchReport& report) {
+std::string describe(Index stages, const MarchReport& report, const ModalStages* modal) {
   if (stages == 1) return "implicit Euler on the state";
   std::string text = "y discontinuous between steps: Radau IIA on the state";
+  if (modal)
+    text += ", " + std::to_string(modal->rates.size()) + (modal->has_state ? " eigenvalues a mode" : " poles a mode");
   if (report.jumps > 0) text += ", " + std::to_string(report.jumps) + " steps by implicit Euler (the state jumps)";
   return text;
 }
@@ -298,11 +304,47 @@ bool takes_limits_at_points(const DiscreteProblem& p, const StageGrid& grid) {
   return !grid.lengths.empty() && p.lcp_class == LcpClass::P;
 }
 
+// The modes of a Kronecker sum: all eigenvalues of a line, or few poles of its transfer function where no states are
+// asked for and x0 is zero.
+std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index stages, RecurrenceChoice choice) {
+  const KroneckerDynamics& d = *p.modes();
+  auto modal = std::make_shared<ModalStages>();
+  modal->along = d.along.eigenvalues();
+  modal->direct = d.n.dot(d.b);
+  const Vector nu = d.across.eigenvalues();
+  const bool chosen = choice == RecurrenceChoice::compressed;
+  if (p.components.empty() && p.scene.x0.isZero(0) && choice != RecurrenceChoice::modal &&
+      (chosen || nu.size() > fewest_compressed_stages)) {
+    const LineTransfer line(d.across, d.n, d.b);
+    const TransferFunctions transfer = [&line](Complex z) -> ComplexVector {
+      return ComplexVector::Constant(1, line(z));
+    };
+    const FitRegion region{stages == 2, p.h, p.scene.T, -modal->along.maxCoeff(), -modal->along.minCoeff()};
+    const PoleSum fit = fit_poles(transfer, 1, region, -nu.maxCoeff(), -nu.minCoeff(), false);
+    if (fit.error <= accepted_compression_error && (chosen || 2 * fit.rates.size() <= nu.size())) {
+      modal->rates = fit.rates;
+      modal->input = Vector::Ones(fit.rates.size());
+      modal->output = fit.coefficients.col(0);
+      modal->start = RowMatrix::Zero(fit.rates.size(), modal->along.size());
+      modal->has_state = false;
+      return modal;
+    }
+  }
+  modal->rates = nu;
+  modal->input = in_sine_basis(d.b);
+  modal->output = in_sine_basis(d.n);
+  modal->start = x0_in_modes(p.backend, d, p.scene.x0, true).transpose();
+  return modal;
+}
+
 void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages, const Options& options,
                    Given& given) {
   StageProblem& problem = given.problem;
-  if (p.modes()) given.written_out = to_sparse(*p.modes());
-  problem.dynamics = p.modes() ? &given.written_out : &p.scene.dynamics;
+  const bool in_modes = p.modes() && (p.f.size() == 0 || p.drive()) && grid.lengths.empty();
+  if (p.modes() && !in_modes) given.written_out = to_sparse(*p.modes());
+  problem.dynamics = p.modes() && !in_modes ? &given.written_out : &p.scene.dynamics;
+  problem.modal = in_modes ? modal_stages(p, stages, options.tuning.recurrence) : nullptr;
+  problem.substitutes_euler = options.tuning.substitutes_euler;
   problem.M = &p.scene.M;
   problem.lcp_class = p.lcp_class;
   problem.stages = stages;
@@ -317,7 +359,7 @@ void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages
   if (p.f.size() == 0) return;
   problem.phi = sample_stages(p, grid, p.scene.f, p.f.table(), stages);
   take_moments(p, grid, stages, problem.phi);
-  problem.F = source_matrix(p.scene, *problem.dynamics);
+  if (!in_modes) problem.F = source_matrix(p.scene, *problem.dynamics);
 }
 
 // Empty if steps are not divided, or if there are too many contacts. The time of a contact is predicted from the three
@@ -386,7 +428,7 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   result.x = std::move(s.x);
   result.continuous = false;
   result.well_posed = s.report.well_posed;
-  result.kernel = describe(stages, s.report);
+  result.kernel = describe(stages, s.report, given.problem.modal.get());
   result.euler_steps = s.report.jumps;
   result.starts_with_impulse = start == Start::impulse;
   if (result.starts_with_impulse) result.kernel += impulse_note;

@@ -8,7 +8,8 @@ namespace bromwich {
 
 /// Marches the state with y discontinuous between steps (core/host/stage_problem.hpp): two stages (Radau IIA) or one
 /// (implicit Euler). Fills status, y, x (the requested components), counters, residual and seconds. A Kronecker sum is
-/// converted to sparse matrices.
+/// stepped in sine modes; with rough sources, or an f that does not enter through B, it is converted to sparse
+/// matrices.
 void solve_by_stages(const DiscreteProblem&, Index stages, const InnerOptions&, Result& result);
 
 }  // namespace bromwich

@@ -9,9 +9,10 @@ namespace bromwich {
 
 namespace {
 
-constexpr std::array<std::pair<Method, const char*>, 8> method_names{{
+constexpr std::array<std::pair<Method, const char*>, 9> method_names{{
     {Method::automatic, "auto"},
     {Method::multigrid, "multigrid"},
+    {Method::dual, "dual"},
     {Method::contour, "contour"},
     {Method::contour_literal, "contour-literal"},
     {Method::march, "march"},
@@ -38,7 +39,8 @@ Method method_from_string(const std::string& name) {
 }
 
 bool iterates(Method method) {
-  return method == Method::multigrid || method == Method::contour || method == Method::contour_literal;
+  return method == Method::multigrid || method == Method::dual || method == Method::contour ||
+         method == Method::contour_literal;
 }
 
 }  // namespace bromwich

@@ -6,7 +6,8 @@ namespace bromwich {
 
 enum class Method {
   automatic,
-  multigrid,        ///< functional iteration as the smoother on nested time grids
+  multigrid,        ///< cycles over nested time grids, in y or in w
+  dual,             ///< the same in w, for M small, singular or zero (docs/dual.md)
   contour,          ///< functional iteration, all time points at once, shared contours
   contour_literal,  ///< (2.17) of the Laplace-inversion paper, one contour per time point
   march,            ///< time stepping: exponential with piecewise-linear y, or Radau IIA

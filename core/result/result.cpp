@@ -32,7 +32,7 @@ RowMatrix::RowXpr::PlainObject step_integral(const Result& r, Index j) {
     const double left = rule == IntervalRule::galerkin ? 0.5 : rule == IntervalRule::radau ? 0.75 : 0;
     return h * (left * r.y_left.row(j - 1) + (1 - left) * r.y.row(j));
   }
-  const bool linear = r.continuous && r.method != Method::euler && r.y.row(j - 1).allFinite();
+  const bool linear = r.continuous && !by_euler(r) && r.y.row(j - 1).allFinite();
   if (linear) return h / 2 * (r.y.row(j - 1) + r.y.row(j));
   return h * r.y.row(j);
 }

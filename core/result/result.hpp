@@ -106,6 +106,7 @@ struct Result {
 
   Method method = Method::automatic;  ///< the method that solved the scene, or the last one tried
   std::string backend;
+  std::string form = {};             ///< of multigrid and dual: "primal" (cycles in y) or "dual" (cycles in w)
   std::string kernel;                ///< description of how the kernel was made and applied
   bool starts_with_impulse = false;  ///< x0 violates the constraints: the state jumps at t = 0, y_0 is an impulse
   Index euler_steps = 0;             ///< steps of a Radau IIA march that use implicit Euler since the state jumps
@@ -117,6 +118,10 @@ struct Result {
   /// Memory that core/solve/cost.hpp predicted before the solve; for auto, of its first method that fits.
   std::size_t bytes_predicted = 0;
 };
+
+/// The result is one of implicit Euler: of that method, or of cycles in w.
+inline bool by_euler(Method method, const Result& result) { return method == Method::euler || result.form == "dual"; }
+inline bool by_euler(const Result& result) { return by_euler(result.method, result); }
 
 /// (J+1) x n: the integral of y over [0, t_j], by the quadrature of the method. Rows without y are NaN.
 RowMatrix integral_of_y(const Result&);

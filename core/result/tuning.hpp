@@ -15,6 +15,8 @@ struct Tuning {
   /// Exponentials that march carries in a Kronecker sum: one for each eigenvalue (`modal`), or the fewer ones of the
   /// compressed kernel. Default: compressed, where there are many eigenvalues and it halves their number at least.
   RecurrenceChoice recurrence = RecurrenceChoice::automatic;
+  /// Radau IIA takes steps in which the state jumps by implicit Euler; false: by both stages, for comparisons.
+  bool substitutes_euler = true;
   /// P of contour-literal, whose contours have P + 1 nodes: 2 to 400. Default: that of the paper.
   Index literal_nodes = 25;
   /// Multigrid may stop earlier than Options::iteration_tolerance says, where what the cycles would still change is

@@ -33,7 +33,7 @@ constexpr double confirmed_change = 0.05;           ///< of y before a step with
 // What carries perturbations from step to step. Radau IIA is judged by implicit Euler, and where h is an eigenvalue of
 // A^{-1} by the exponential.
 Rule growth_rule(const DiscreteProblem& p, Method method, const Result& result) {
-  if (method == Method::euler) return Rule::implicit_euler;
+  if (by_euler(method, result)) return Rule::implicit_euler;
   if (result.continuous) return Rule::exponential;
   return !p.small_state() || has_euler_step(p.small_state()->A, p.h) ? Rule::implicit_euler : Rule::exponential;
 }
@@ -75,13 +75,13 @@ void Certification::certify(Method method, Result& result) {
       !(missed <= most_literal_residual))
     return demote(result,
                   text("with the states that y gives, complementarity fails by %.1e: its contours miss them", missed));
-  const bool continuous = method != Method::euler && result.continuous;
+  const bool continuous = !by_euler(method, result) && result.continuous;
   // Where sources go up and down from step to step, so does y.
   const bool driven = result.defects && 4 * Index(result.defects->steps.size()) > p.J;
   if (const Index j = continuous && !driven && result.alternates.value_or(true) ? ringing_from(result.y) : -1; j >= 0)
     return demote(result,
                   text("y alternates between time points from t = %.6g on; use more steps or method euler", p.t[j]));
-  const bool from_y = (continuous && !result.defects) || method == Method::euler;
+  const bool from_y = (continuous && !result.defects) || by_euler(method, result);
   const RowMatrix recorded = from_y ? RowMatrix() : methods_.all_states(method, result);
   const Magnification m = magnification(p, growth_rule(p, method, result), result.y, recorded);
   result.magnification = m.growth;
@@ -114,7 +114,7 @@ void Certification::certify(Method method, Result& result) {
 // Where something speaks against a result that half the step would show, half the step is taken.
 void Certification::confirm(Method method, const Magnification& m, Result& result) {
   const DiscreteProblem& p = methods_.problem();
-  const bool continuous = method != Method::euler && result.continuous;
+  const bool continuous = !by_euler(method, result) && result.continuous;
   const bool ringing = methods_.basis().rings;  // of continuous y, whatever the method
   const std::string grows = text("errors of a step grow up to %.1e times with these steps", m.growth);
   if (!result.well_posed)
@@ -151,10 +151,10 @@ void Certification::confirm_one_of_several(Method method, Result& result) {
 // Modes of the state between switches: those that the steps cannot follow, with half the step neither.
 void Certification::resolve_modes(Method method, const RowMatrix& known, Result& result) {
   const DiscreteProblem& p = methods_.problem();
-  const bool rational = method == Method::euler || !result.continuous;
+  const bool rational = by_euler(method, result) || !result.continuous;
   if (!Methods::has_small_dense_state(p.scene)) return;
   // Implicit Euler takes the means of rough sources, and has other states then.
-  const bool fits = known.rows() == p.J + 1 && !(method == Method::euler && p.sources);
+  const bool fits = known.rows() == p.J + 1 && !(by_euler(method, result) && p.sources);
   if (!rational) {
     if (options_.compares_grids) return;  // and looks between the points
     if (const auto mode =
@@ -174,11 +174,12 @@ void Certification::resolve_modes(Method method, const RowMatrix& known, Result&
                           text("the scene has a mode that grows like e^(%.3g t)", mode->rate.real()), result);
     if (result.status != Status::solved) return;
   }
-  const auto damping = method == Method::euler ? euler_damping : radau_damping;
+  const auto damping = by_euler(method, result) ? euler_damping : radau_damping;
   const auto mode = unresolved_oscillation(p, result.y, x, damping);
   if (!mode) return;
-  const std::string words = text("the state oscillates with %.3g radians per unit of time, which %s damps at this step",
-                                 std::abs(mode->rate.imag()), method == Method::euler ? "implicit Euler" : "Radau IIA");
+  const std::string words =
+      text("the state oscillates with %.3g radians per unit of time, which %s damps at this step",
+           std::abs(mode->rate.imag()), by_euler(method, result) ? "implicit Euler" : "Radau IIA");
   if (last_resort_ || options_.compares_grids) {
     sensitive_ = true;
     demote(result, words + "; use more steps");

@@ -22,11 +22,10 @@ constexpr double printed_nodes = 26;      ///< P + 1 of Tuning::literal_nodes
 constexpr double factor_entries = 10.5;
 constexpr double bytes_of_entry = sizeof(double) + sizeof(int);  ///< of a real sparse factor
 
-bool convolves(Method method) { return method == Method::contour || method == Method::multigrid; }
+bool cycles(Method method) { return method == Method::multigrid || method == Method::dual; }
+bool convolves(Method method) { return method == Method::contour || cycles(method); }
 
-double sweeps_of(Method method) {
-  return method == Method::contour ? sweeps : method == Method::multigrid ? sweeps_in_cycles : 1;
-}
+double sweeps_of(Method method) { return method == Method::contour ? sweeps : cycles(method) ? sweeps_in_cycles : 1; }
 
 struct Part {
   double bytes;
@@ -52,7 +51,7 @@ struct Sizes {
 
 // What the grids of a multigrid method hold beyond y, v and r of one grid.
 Part grids(const Sizes& s, Method method, double arrays) {
-  return {method == Method::multigrid ? number * arrays * s.J * s.n : 0, "arrays of all time grids"};
+  return {cycles(method) ? number * arrays * s.J * s.n : 0, "arrays of all time grids"};
 }
 
 constexpr const char* tables = "tables over time (J x n and J x states asked for)";
@@ -75,7 +74,7 @@ Cost with_small_state(const Sizes& s, Method method) {
                 {printed_nodes * sizeof(Complex) * s.J * s.n * s.n, "resolvents of every time point (26 J x n x n)"}},
                printed_nodes * s.J * (s.m * s.m * s.m + sweeps * s.J * s.n));
   // W_d and S_d from both ways to them, 64 lags to check a scan with or all; then one of the two beside its spectrum.
-  const double all = method == Method::multigrid ? 7 : 5;
+  const double all = cycles(method) ? 7 : 5;
   const double table = !convolves(method) ? 0 : scanned(s) ? 4 * std::min(s.J, 65.) : all * s.J;
   return sum({{s.table() + forcing, tables},
               grids(s, method, 6),
@@ -95,9 +94,7 @@ Cost galerkin(const Sizes& s, bool two_point) {
 }
 
 // Where sweeps on the coarsest grid do not suffice, it is marched.
-Part coarsest_march(const Sizes& s, Method method) {
-  return {method == Method::multigrid ? number * 6 * s.n * s.n : 0, problems};
-}
+Part coarsest_march(const Sizes& s, Method method) { return {cycles(method) ? number * 6 * s.n * s.n : 0, problems}; }
 
 Cost in_modes(const Sizes& s, Method method) {
   const double lines = s.m / s.n;
@@ -222,7 +219,7 @@ Cost predicted_device_cost(const Scene& scene, Method method, Index J, Index com
   const Sizes s = sizes(scene, J, components);
   // Iterating: y, v, r, two in modes, the first q, one to work in. Cycles: y, v, r, y~ and two in modes on all grids,
   // y_h on the two below the finest, one to work in. Marching: y, v, r, the source, and as much in the plan.
-  const double arrays = method == Method::multigrid ? 14 : iterates(method) ? 7 : 8;
+  const double arrays = cycles(method) ? 14 : iterates(method) ? 7 : 8;
   std::vector<Part> parts{{number * s.J * padded(s.n) * arrays + 32 * s.J, tables}};
   add_plans(*scene.dynamics, s, method, parts);
   return sum(parts, 0);

@@ -28,7 +28,7 @@ Place place(const Result& result, double T, double t) {
     throw Error("times", "found " + std::to_string(t), "give times from 0 to T = " + std::to_string(T));
   const double steps = t / T * double(result.steps), nearest = std::round(steps);
   if (std::abs(steps - nearest) <= same_point) return {Index(nearest), 0};
-  if ((!result.continuous && result.y_left.size() == 0) || result.method == Method::euler)
+  if ((!result.continuous && result.y_left.size() == 0) || by_euler(result))
     throw Error("times", std::to_string(t) + " is no time point, and y is not linear between them",
                 "ask for multiples of T/" + std::to_string(result.steps));
   return {Index(steps), steps - std::floor(steps)};

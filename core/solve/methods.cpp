@@ -10,6 +10,7 @@
 #include "core/march/marching.hpp"
 #include "core/march/split.hpp"
 #include "core/march/stages.hpp"
+#include "core/multigrid/dual.hpp"
 #include "core/multigrid/multigrid.hpp"
 
 #include <algorithm>
@@ -36,6 +37,7 @@ Methods::Methods(const Scene& scene, Backend& backend, Index J, const std::vecto
 
 void Methods::average_sources() {
   kept_.erase(Method::euler);
+  kept_.erase(Method::dual);
   euler_operator_.reset();
   averaged_.reset();
   if (!problem_.sources) return;
@@ -80,13 +82,18 @@ void Methods::run(Method method, const InnerOptions& options, Result& result) {
   result.t = problem_.t;
   result.steps = problem_.J;
   Timer timer;
-  if (method != Method::euler && !basis().rings) operator_->missing_weights();
+  if (method != Method::euler && method != Method::dual && !basis().rings) operator_->missing_weights();
   result.seconds.setup += timer.lap();
   switch (method) {
+    case Method::dual:
+      cycle_in_w(method, options, result);
+      break;
     case Method::multigrid:
     case Method::contour:
     case Method::contour_literal:
-      if (basis().rings) {
+      if (method == Method::multigrid && basis().rings) {
+        cycle_in_w(method, options, result);
+      } else if (basis().rings) {
         result.status = Status::unsupported;
         result.reason = basis().reason + ": piecewise-linear y would ring; use method march or euler";
       } else if (method == Method::contour_literal && !problem_.small_state() && !problem_.modes()) {
@@ -150,8 +157,9 @@ RowMatrix Methods::all_states(Method method, const Result& result) const {
   if (!result.continuous) return stage_states_;
   std::vector<Index> all(std::size_t(problem_.scene.states()));
   std::iota(all.begin(), all.end(), Index(0));
-  const Rule rule = method == Method::euler ? Rule::implicit_euler : Rule::exponential;
-  return operator_of(method).states(rule, result.y, all, result.defects.get());
+  const bool euler = by_euler(method, result);
+  const Rule rule = euler ? Rule::implicit_euler : Rule::exponential;
+  return operator_of(euler ? Method::euler : method).states(rule, result.y, all, result.defects.get());
 }
 
 void Methods::iterate(const Options& options, Result& result) {
@@ -163,9 +171,37 @@ void Methods::iterate(const Options& options, Result& result) {
 
 void Methods::cycle(const Options& options, Result& result) {
   if (const std::string why = operator_->missing_weights(); !why.empty()) return refuse(why, result);
-  if (run_prepared(Method::multigrid, options, result, [&] { return prepare_multigrid(*operator_, options); })) return;
+  if (run_prepared(Method::multigrid, options, result, [&] { return prepare_multigrid(*operator_, options); })) {
+    result.form = "primal";
+    return;
+  }
+  // Without coarse grids that contract, cycles in w may.
+  const auto f = iteration_forecast(problem_, options.iteration_tolerance);
+  if (f && f->longest_window(options.iteration_tolerance) == 0) {
+    Result dual;
+    dual.seconds = result.seconds;
+    dual.method = result.method;
+    dual.t = result.t;
+    dual.steps = result.steps;
+    if (cycle_in_w(Method::multigrid, options, dual)) {
+      result = std::move(dual);
+      return;
+    }
+  }
   iterate(options, result);
   result.kernel += "; no coarser grid: the functional iteration";
+}
+
+// False, with the reason in the result, if the problem has no dual form.
+bool Methods::cycle_in_w(Method method, const Options& options, Result& result) {
+  std::string why;
+  if (run_prepared(Method::dual, options, result,
+                   [&] { return prepare_dual(operator_of(Method::euler), options, why); }))
+    return true;
+  result.status = Status::unsupported;
+  result.reason = (method == Method::dual ? "no cycles in w: " : basis().reason + ", and no cycles in w: ") + why +
+                  "; use method march or euler";
+  return false;
 }
 
 // What a method that passes through the state has recorded stays; otherwise y gives the states.
@@ -173,8 +209,10 @@ void Methods::record_states(Method method, Result& result) {
   const Index rows = problem_.J + 1, c = Index(problem_.components.size());
   if (result.y.size() == 0) result.y = RowMatrix::Constant(rows, problem_.scene.constraints(), NAN);
   if (result.x.rows() == rows && result.x.cols() == c) return;
-  const Rule rule = method == Method::euler ? Rule::implicit_euler : Rule::exponential;
-  result.x = operator_of(method).states(rule, result.y, problem_.components, result.defects.get());
+  const bool euler = by_euler(method, result);
+  const Rule rule = euler ? Rule::implicit_euler : Rule::exponential;
+  result.x =
+      operator_of(euler ? Method::euler : method).states(rule, result.y, problem_.components, result.defects.get());
 }
 
 TimeOperator& Methods::operator_of(Method method) const {

@@ -20,7 +20,7 @@ Matrix states_at(const Scene& scene, Backend& backend, const Result& result, con
   if (result.y.rows() != result.steps + 1 || result.y.cols() != scene.constraints())
     throw Error("result", "its y does not have one row per time point and one column per constraint",
                 "pass a result of this scene");
-  if (result.method == Method::euler || !result.continuous)
+  if (by_euler(result) || !result.continuous)
     throw Error("result", "its y is not linear between time points", "ask for states when solving");
   if (const auto eliminated = scene.free_rows.empty() ? std::nullopt : eliminate_free(scene))
     return states_at(eliminated->scene, backend, eliminated->reduced(result), rows);

@@ -57,7 +57,7 @@ std::vector<Switch> switches_with_errors(const Scene& scene, Backend& backend, c
   }
   // Steps of first order differ from twice as long ones by no more than their own error, those of second order by three
   // times that.
-  const bool euler = result.method == Method::euler;
+  const bool euler = by_euler(result);
   const bool may_jump = euler || (!result.continuous && result.y_left.size() == 0);
   for (std::size_t k = 0; k < found.size(); ++k)
     found[k].error = std::max(found[k].error + (euler ? 2 : 1) * apart[k], may_jump ? h / 2 : 0);

@@ -134,6 +134,17 @@ TEST_F(Bench, SparseSolvesAllItsRows) {
   EXPECT_LT(json["rows"][0]["difference_max"], 0.1);
 }
 
+TEST_F(Bench, DualContractsAndAgreesWithImplicitEuler) {
+  const Json json = study("dual");
+  ASSERT_GE(json["rows"].size(), 2u);
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["status"], "solved") << row;
+    EXPECT_LE(row["contraction"]["mean"], 0.2) << row;
+    // w to 1e-12 relative to 1, V_0 below 1e2.
+    if (row["backend"] == "cpu") EXPECT_LE(row["difference_from_euler"], 2e-10) << row;
+  }
+}
+
 TEST_F(Bench, MultigridContractsAndStopsInTime) {
   const Json json = study("multigrid");
   ASSERT_GE(json["rows"].size(), 2u);

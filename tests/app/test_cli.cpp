@@ -155,7 +155,7 @@ TEST_F(Cli, HelpThatCannotBeWrittenIsAFailure) {
 
 TEST_F(Cli, HelpNamesEveryMethodThatIsAccepted) {
   const std::string help = run("solve --help").out;
-  for (const char* method : {"auto", "multigrid", "contour", "contour-literal", "march", "euler"})
+  for (const char* method : {"auto", "multigrid", "dual", "contour", "contour-literal", "march", "euler"})
     EXPECT_TRUE(contains(help, method)) << method;
 }
 

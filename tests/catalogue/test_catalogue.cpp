@@ -211,8 +211,30 @@ TEST(Catalogue, ListsItsScenes) {
     EXPECT_EQ(make_scene(recipe.name).name, recipe.name);  // the defaults are valid
     for (const SceneParameter& parameter : recipe.parameters) EXPECT_FALSE(parameter.meaning.empty());
   }
-  EXPECT_EQ(names, (std::vector<std::string>{"signorini", "dlcp-small", "bridge", "nash-game", "lq-control",
+  EXPECT_EQ(names, (std::vector<std::string>{"signorini", "contact", "dlcp-small", "bridge", "nash-game", "lq-control",
                                              "periodic-rectifier", "ph-toy", "ladder", "ladder-diodes"}));
+}
+
+// g, A, B, N and M as the text of the scene says, at one point.
+TEST(Contact, IsTheSceneOfItsText) {
+  const Index Q = 5;
+  const Scene scene = make_scene("contact", {{"Q", double(Q)}, {"c", 0.3}, {"eps", 0.25}});
+  const oracle::DenseScene s = oracle::write_out(scene);
+  const double dx = 1. / 6, t = 0.7, x = 2 * dx, rise = 1 - std::exp(-5 * t);
+  const double expected = 0.5 * std::sin(3 * t) * rise * std::sin(pi * x) * (1 + 0.5 * std::cos(5 * x)) +
+                          0.05 * rise * std::sin(7 * pi * x);
+  EXPECT_NEAR(oracle::value(s.g, t, Q)[1], expected, 8 * epsilon);
+  EXPECT_NEAR(s.A(Q, Q), -4 * 0.3 / (dx * dx), 1e-13);
+  EXPECT_NEAR(s.A(Q, 2 * Q), 0.3 / (dx * dx), 1e-14);  // across the lines
+  EXPECT_NEAR(s.B(Q, 1), 1 / dx, 1e-14);
+  EXPECT_EQ(s.B.cwiseAbs().sum(), double(Q) * s.B(Q, 1));
+  EXPECT_EQ(s.N(1, Q), 1);
+  EXPECT_EQ(s.N.sum(), double(Q));
+  EXPECT_EQ((s.M - 0.25 * Matrix::Identity(Q, Q)).norm(), 0);
+  EXPECT_EQ(scene.x0.norm(), 0);
+  EXPECT_THROW(make_scene("contact", {{"eps", -1e-9}}), Error);
+  EXPECT_THROW(make_scene("contact", {{"c", 0}}), Error);
+  EXPECT_THROW(make_scene("contact", {{"Q", 2.5}}), Error);
 }
 
 TEST(Catalogue, RefusesUnknownNamesAndListsTheKnown) {

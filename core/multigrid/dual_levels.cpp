@@ -1,0 +1,133 @@
+#include "core/multigrid/dual_levels.hpp"
+
+#include "core/base/text.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/kernel/operators.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double most_unseen_dual = 0.3;  ///< the smoothing factor bounds what a coarse grid does not see from above
+
+std::vector<Index> dual_steps(const BackendTraits& traits, Index J) {
+  std::vector<Index> steps{J};
+  while (steps.back() % 2 == 0 && steps.back() / 2 >= traits.fewest_steps) steps.push_back(steps.back() / 2);
+  return steps;
+}
+
+// Weights, plans and arrays of one grid.
+std::unique_ptr<TimeLevel> make_dual_level(const DiscreteProblem& p, const DualWeights& V, const LcpMatrix& P,
+                                           bool coarsest) {
+  auto level = std::make_unique<TimeLevel>();
+  const Index rows = p.J + 1, n = p.scene.constraints();
+  level->steps = p.J;
+  level->weights = V.weights;
+  level->kernel = std::make_shared<SpaceTimeKernel>(
+      p.backend, p.backend.convolution(std::get<Recurrence>(*V.weights), rows), p.modes() != nullptr, rows, n);
+  for (auto* array : {&level->r, &level->y, &level->v, &level->old}) *array = p.backend.array(rows, n);
+  level->sweeps = dual_sweeps;
+  level->unseen = std::min(V.smoothing, most_unseen_dual);
+  if (!coarsest) level->lcp = p.backend.lcp(P, LcpClass::P, rows);
+  return level;
+}
+
+void prepare_dual_march(const DiscreteProblem& p, const LcpMatrix& P, const std::function<bool()>& interrupted,
+                        TimeLevel& level) {
+  MarchProblem problem;
+  problem.M = &P;
+  problem.lcp_class = LcpClass::P;
+  problem.recurrence = recurrence_of(*level.weights);
+  problem.r = level.r.get();
+  if (level.steps > p.backend.traits().unpolled_steps) problem.interrupted = interrupted;
+  level.march = p.backend.march(problem, level.steps + 1);
+}
+
+// Adds a grid; false if V is refused there.
+bool add_dual_grid(TimeOperator& finest, Index steps, bool coarsest, std::optional<DualWeights>& V, DualLevels& all) {
+  DualLevels::Grid grid;
+  if (steps < finest.problem().J) {
+    grid.problem = std::make_unique<DiscreteProblem>(coarser(finest.problem(), steps));
+    grid.op = make_time_operator(*grid.problem);
+  }
+  TimeOperator& op = grid.op ? *grid.op : finest;
+  DualChoice choice = dual_weights(op.problem(), V ? &*V : nullptr);
+  if (!choice.weights) {
+    all.refusal = std::move(choice.refusal);
+    return false;
+  }
+  grid.response = std::make_unique<EulerResponse>(op);
+  V = std::move(choice.weights);
+  all.P.push_back(V->P);
+  if (all.levels.size() == 0) all.levels.description = V->description;
+  all.levels.kernel_error = std::max(all.levels.kernel_error, V->error);
+  all.levels.grids.push_back(make_dual_level(op.problem(), *V, all.P.back(), coarsest));
+  all.grids.push_back(std::move(grid));
+  return true;
+}
+
+// s of all grids, from x0, f and g of the finest problem.
+void take_dual_sources(TimeOperator& finest, const Changes& changes, DualLevels& all) {
+  Backend& backend = finest.problem().backend;
+  for (std::size_t l = 0; l < all.grids.size(); ++l) {
+    DualLevels::Grid& grid = all.grids[l];
+    TimeLevel& level = all.levels[l];
+    if (grid.problem) {
+      DiscreteProblem renewed = coarser(finest.problem(), level.steps);
+      grid.problem->g = std::move(renewed.g);
+      grid.problem->f = std::move(renewed.f);
+      grid.problem->start = std::move(renewed.start);
+      grid.op->renew(changes);
+    }
+    grid.response->respond(changes, *level.v);
+    dual_response(backend, all.P[l], *level.kernel, *level.v, *level.old, *level.r);
+    backend.download(*level.r, all.s[l]);
+  }
+}
+
+}  // namespace
+
+std::unique_ptr<DualLevels> dual_levels(TimeOperator& op, const Options& options) {
+  auto all = std::make_unique<DualLevels>();
+  const DiscreteProblem& p = op.problem();
+  const std::vector<Index> steps = dual_steps(p.backend.traits(), p.J);
+  if (steps.back() > most_marched_dual) {
+    all->refusal = text("%ld steps have no grid of at most %ld steps below them: use a power of two times fewer",
+                        long(p.J), long(most_marched_dual));
+    return all;
+  }
+  all->P.reserve(steps.size());
+  std::optional<DualWeights> V;  // of the grid added last
+  for (const Index J : steps)
+    if (!add_dual_grid(op, J, J == steps.back(), V, *all)) {
+      all->levels.grids.clear();
+      return all;
+    }
+  TimeLevels& levels = all->levels;
+  all->s.resize(levels.size());
+  all->finest = all->grids[0].response.get();
+  levels.finest = {levels[0].kernel, levels.description, levels.kernel_error, levels[0].weights};
+  levels.description = "cycles in w by implicit Euler; " + levels.description + "; grids of ";
+  for (std::size_t l = 0; l < levels.size(); ++l) {
+    if (l == 1 || l == 2) levels[l].nested = p.backend.array(levels[l].steps + 1, p.scene.constraints());
+    levels[l].coarse = l + 1;
+    levels.description += (l > 0 ? ", " : "") + std::to_string(levels[l].steps);
+  }
+  levels.description += " steps, the last marched";
+  prepare_dual_march(p, all->P.back(), options.interrupted, *levels.grids.back());
+  levels.take_sources = [&op, all = all.get()](const Changes& changes) {
+    take_dual_sources(op, changes, *all);
+    return all->levels.kernel_error;
+  };
+  levels.respond = [&backend = p.backend, all = all.get()] {
+    for (std::size_t l = 1; l < all->levels.size(); ++l) backend.upload(all->s[l], *all->levels[l].r);
+  };
+  levels.take_sources({});
+  return all;
+}
+
+}  // namespace bromwich

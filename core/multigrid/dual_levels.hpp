@@ -1,0 +1,37 @@
+#pragma once
+// The time grids of cycles in w (core/dual/dual_weights.hpp). They are TimeLevels like those of cycles in y: with P in
+// place of M, V - P delta in place of K and s in place of r, so that y, v and r of a TimeLevel hold w, (V - P delta) w
+// and s. Only the smoother differs, a projected step or LCP(P, .) where the primal form solves LCP(M + D I, .), and the
+// coarse grids, which exist down to the fewest steps that the backend likes, since V_0 alone decides. The coarsest grid
+// is marched.
+
+#include "../dual/dual_operator.hpp"
+#include "time_levels.hpp"
+
+#include <string>
+
+namespace bromwich {
+
+struct DualLevels {
+  TimeLevels levels;                ///< empty if refused
+  std::string refusal;              ///< why
+  std::vector<LcpMatrix> P;         ///< of the grids; never moved
+  std::vector<RowMatrix> s;         ///< of the grids, on the host
+  EulerResponse* finest = nullptr;  ///< K of the finest grid
+
+  /// What the grids refer to, in the order in which it is made.
+  struct Grid {
+    std::unique_ptr<DiscreteProblem> problem;  ///< null: that of the operator
+    std::unique_ptr<TimeOperator> op;
+    std::unique_ptr<EulerResponse> response;
+  };
+  std::vector<Grid> grids;
+};
+
+/// Cycles in w for the problem of the operator, which must outlive them. Null pointers never; see `refusal`.
+std::unique_ptr<DualLevels> dual_levels(TimeOperator&, const Options&);
+
+inline constexpr int dual_sweeps = 3;            ///< before the coarse problem; one more follows it
+inline constexpr Index most_marched_dual = 128;  ///< steps of a coarsest grid
+
+}  // namespace bromwich

@@ -1,0 +1,145 @@
+// V = (M + K)^{-1} of implicit Euler against convolution quadrature of dense matrices by the trapezoidal rule.
+
+#include "core/dual/dual_weights.hpp"
+
+#include "core/catalogue/catalogue.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/kernel/recurrence.hpp"
+#include "tests/support/oracle.hpp"
+#include "tests/support/reference.hpp"
+#include "tests/support/run.hpp"
+
+#include <gtest/gtest.h>
+#include <Eigen/Dense>
+
+#include <cmath>
+#include <numbers>
+
+namespace bromwich {
+namespace {
+
+using reference::Random;
+
+// V_0 .. V_J: coefficients of V^((1 - zeta)/h) from its values on |zeta| = rho, rho^L = 1e-8. Values of lags d + L fold
+// back with rho^L, rounding is amplified by rho^-J.
+std::vector<Matrix> quadrature(const oracle::DenseScene& s, double h, Index J) {
+  const Index L = 64 * J, n = s.M.rows(), m = s.A.rows();
+  const double rho = std::pow(1e-8, 1 / double(L));
+  std::vector<Matrix> V(std::size_t(J) + 1, Matrix::Zero(n, n));
+  for (Index i = 0; i < L; ++i) {
+    const double angle = 2 * std::numbers::pi * (double(i) + 0.5) / double(L);
+    const Complex z = (1.0 - std::polar(rho, angle)) / h;
+    const ComplexMatrix shifted = z * ComplexMatrix::Identity(m, m) - s.A.cast<Complex>();
+    const ComplexMatrix K = s.N.cast<Complex>() * shifted.partialPivLu().solve(s.B.cast<Complex>());
+    const ComplexMatrix inverse = (s.M.cast<Complex>() + K).inverse();
+    for (Index d = 0; d <= J; ++d)
+      V[std::size_t(d)] += (inverse * std::polar(std::pow(rho, -double(d)), -double(d) * angle)).real() / double(L);
+  }
+  return V;
+}
+
+void expect_weights(const Scene& scene, Index J) {
+  const auto backend = make_cpu_backend(1);
+  const DiscreteProblem p = discretise(scene, *backend, J);
+  const DualChoice choice = dual_weights(p);
+  ASSERT_TRUE(choice.weights) << choice.refusal;
+  const LagTable table = lag_table(std::get<Recurrence>(*choice.weights->weights), J);
+  const Index n = scene.constraints();
+  const Matrix S = reference::sine_matrix(n);
+  const std::vector<Matrix> expected = quadrature(oracle::write_out(scene), p.h, J);
+  const double size = expected[0].cwiseAbs().maxCoeff();
+  for (Index d = 0; d <= J; ++d) {
+    const Matrix W = table.modal ? Matrix(S * table.W.row(d).asDiagonal() * S)
+                                 : Matrix(Eigen::Map<const RowMatrix>(table.W.row(d).data(), n, n));
+    const Matrix V = d == 0 ? Matrix(W + to_dense(choice.weights->P)) : W;
+    // The rule: rounding of L = 64 J values and 1e-8 J^-1.5 of a folded lag; the fit: 1e-13 of V at |zeta| = 1, which
+    // is at most twice V_0 here.
+    EXPECT_LE((V - expected[std::size_t(d)]).cwiseAbs().maxCoeff(), 1e-11 * size) << scene.name << ' ' << d;
+  }
+}
+
+TEST(DualWeights, AreThoseOfConvolutionQuadrature) {
+  for (const double eps : {0., 1e-2, 1.})
+    for (const double c : {0.05, 1.}) expect_weights(make_scene("contact", {{"Q", 4}, {"eps", eps}, {"c", c}}), 16);
+}
+
+// M that the modes diagonalise without being a multiple of I: one fit a mode.
+TEST(DualWeights, TakeAnyToeplitzM) {
+  Scene scene = make_scene("contact", {{"Q", 4}});
+  scene.M = Tridiagonal{Vector::Constant(4, -0.1), Vector::Constant(4, 0.3), Vector::Constant(4, -0.1)};
+  scene.lcp_class = LcpClass::P;
+  expect_weights(scene, 16);
+}
+
+Scene passive(std::uint32_t seed, Index m, Index n) {
+  Random random(seed);
+  Scene scene;
+  scene.name = "passive " + std::to_string(seed);
+  const Matrix A = random.matrix(m, m) - 2.0 * Matrix::Identity(m, m), B = random.matrix(m, n);
+  scene.dynamics = DenseDynamics{A, B, B.transpose()};
+  scene.M = Matrix(Matrix::Zero(n, n));
+  scene.x0 = Vector::Zero(m);
+  return scene;
+}
+
+TEST(DualWeights, OfDenseDynamicsAreThoseOfConvolutionQuadrature) {
+  for (const std::uint32_t seed : {1u, 2u, 3u}) expect_weights(passive(seed, 4, 2), 16);
+}
+
+std::string refusal_of(const Scene& scene, Index J = 64) {
+  const auto backend = make_cpu_backend(1);
+  const DiscreteProblem p = discretise(scene, *backend, J);
+  const DualChoice choice = dual_weights(p);
+  EXPECT_FALSE(choice.weights) << scene.name;
+  return choice.refusal;
+}
+
+TEST(DualWeights, AreRefusedWhereTheyDoNotExist) {
+  Scene twice = passive(5, 4, 1);
+  auto& d = get<DenseDynamics>(twice.dynamics);
+  d.B = (Matrix(4, 2) << d.B, d.B).finished();
+  d.N = d.B.transpose();
+  twice.M = Matrix(Matrix::Zero(2, 2));
+  EXPECT_NE(refusal_of(twice).find("repeat each other"), std::string::npos);
+  Scene stop = passive(6, 2, 1);  // a mass on a spring: y acts on the acceleration
+  stop.dynamics = DenseDynamics{Matrix{{0, 1}, {-1, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  EXPECT_NE(refusal_of(stop).find("second or a higher derivative"), std::string::npos);
+  // N (zI - A)^{-1} B = (z - 5)/((z + 1)(z + 4)): V grows like e^{5t}.
+  Scene growing = passive(7, 2, 1);
+  growing.dynamics = DenseDynamics{Matrix{{-1, 0}, {0, -4}}, Matrix{{1}, {1}}, Matrix{{-2, 3}}};
+  growing.T = 4;
+  EXPECT_NE(refusal_of(growing).find("V grows"), std::string::npos);
+  Scene local = make_scene("contact", {{"Q", 4}});
+  local.M = Tridiagonal{Vector::Zero(4), Vector{{0, 1, 0, 1}}, Vector::Zero(4)};
+  EXPECT_NE(refusal_of(local).find("do not diagonalise M"), std::string::npos);
+  Scene sparse = make_scene("contact", {{"Q", 4}});
+  sparse.dynamics = to_sparse(get<KroneckerDynamics>(sparse.dynamics));
+  EXPECT_NE(refusal_of(sparse).find("dense dynamics and Kronecker sums"), std::string::npos);
+}
+
+TEST(DualWeights, AreRefusedForAKroneckerSumWhoseInverseGrows) {
+  Scene scene = make_scene("contact", {{"Q", 4}});
+  auto& heat = get<KroneckerDynamics>(scene.dynamics);
+  heat.n = Vector{{1, 0, 0, -20}};  // N (zI - A)^{-1} B is negative at 0 and positive at infinity
+  EXPECT_NE(refusal_of(scene, 512).find("right half-plane"), std::string::npos);
+  heat.n = Vector{{0, 1, 0, 0}};
+  EXPECT_NE(refusal_of(scene).find("higher derivative"), std::string::npos);
+}
+
+// The sign that makes sweeps monotone (docs/dual.md): V_0 > 0, V_d <= 0, Σ V_d >= 0 in every mode.
+TEST(DualWeights, OfContactHaveTheSignsOfTheTheorem) {
+  const Scene scene = make_scene("contact", {{"Q", 15}});
+  const auto backend = make_cpu_backend(1);
+  const DiscreteProblem p = discretise(scene, *backend, 64);
+  const DualChoice choice = dual_weights(p);
+  ASSERT_TRUE(choice.weights) << choice.refusal;
+  LagTable table = lag_table(std::get<Recurrence>(*choice.weights->weights), 64);
+  table.W.row(0) += std::get<Tridiagonal>(choice.weights->P).diagonal.transpose();
+  const double rounding = 1e-12 * table.W.row(0).maxCoeff();
+  EXPECT_GT(table.W.row(0).minCoeff(), 0);
+  EXPECT_LE(table.W.bottomRows(64).maxCoeff(), rounding);
+  EXPECT_GE(table.W.colwise().sum().minCoeff(), -64 * rounding);
+}
+
+}  // namespace
+}  // namespace bromwich
