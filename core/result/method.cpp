@@ -9,13 +9,14 @@ namespace bromwich {
 
 namespace {
 
-constexpr std::array<std::pair<Method, const char*>, 8> method_names{{
+constexpr std::array<std::pair<Method, const char*>, 9> method_names{{
     {Method::automatic, "auto"},
     {Method::multigrid, "multigrid"},
     {Method::contour, "contour"},
     {Method::contour_literal, "contour-literal"},
     {Method::march, "march"},
     {Method::euler, "euler"},
+    {Method::events, "events"},
     {Method::galerkin, "galerkin"},
     {Method::goal, "goal"},
 }};
