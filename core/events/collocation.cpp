@@ -144,4 +144,19 @@ double first_below(const Vector& bernstein, double noise) {
   return 1;
 }
 
+double zero_before(const Vector& coefficients, double at) {
+  const auto value = [&](double t) { return coefficients.dot(legendre(t)); };
+  double positive = at;
+  for (double back = 0x1p-40; value(positive) < 0; back *= 2) {
+    if (positive == 0) return at;
+    positive = std::max(0.0, at - back);
+  }
+  double negative = at;
+  for (int k = 0; k < 60 && negative - positive > 0; ++k) {
+    const double middle = positive + (negative - positive) / 2;
+    (value(middle) < 0 ? negative : positive) = middle;
+  }
+  return positive;
+}
+
 }  // namespace bromwich

@@ -18,9 +18,10 @@ namespace bromwich {
 namespace {
 
 constexpr Index most_states = 64, most_constraints = 48;
-constexpr double noise_share = 10;        ///< of the tolerance: negative values below count as zero
-constexpr double shortest_share = 1e-14;  ///< of T
-constexpr double overhead = 4000;         ///< of a step, in the time of floating-point operations
+constexpr double noise_share = 10;           ///< of the tolerance: negative values below count as zero
+constexpr double shortest_share = 1e-14;     ///< of T
+constexpr Index looks_per_interval = 16384;  ///< at sources, in [0, T], where they seem to be smooth
+constexpr double overhead = 4000;            ///< of a step, in the time of floating-point operations
 constexpr double rounding_defect = 3e-13;
 constexpr int most_jumps_at_once = 12;
 constexpr int idle_events = 40;      ///< events within a short time that count as accumulated
@@ -51,6 +52,20 @@ class EventSources {
     Vector v = Vector::Zero(n_);
     if (scene_.g) scene_.g(t, v);
     return v;
+  }
+
+  // How far the polynomials of sources on [t, t + h] are from the sources at `count` times. A pulse may lie between the
+  // times that a polynomial is made from.
+  void look(double t, double h, Index count, const Matrix& f_coefficients, const Matrix& g_coefficients, Vector& off_f,
+            Vector& off_g) const {
+    constexpr double golden = 0.6180339887498949;
+    for (Index k = 0; k < count; ++k) {
+      const double irregular = golden * double(k) - std::floor(golden * double(k));
+      const double at = (double(k) + 0.1 + 0.8 * irregular) / double(count);
+      const Vector p = legendre(at);
+      if (scene_.f) off_f = off_f.cwiseMax((f(t + h * at) - f_coefficients.transpose() * p).cwiseAbs());
+      if (scene_.g) off_g = off_g.cwiseMax((g(t + h * at) - g_coefficients.transpose() * p).cwiseAbs());
+    }
   }
 
   // Coefficients of f (s+1 x m) and g (s+1 x n) on [t, t + h], and how far they are from the sources at further points.
@@ -275,18 +290,31 @@ class EventIntegration {
     const Vector of_w = system_.N.cwiseAbs() * size.x + system_.M.cwiseAbs() * of_y + size.g;
     double valid = 1;
     event_ = -1;
+    Vector of_event;
     std::size_t k = 0;
     for (Index i = 0; i < n_; ++i) {
       const bool active = k < mode.active.size() && mode.active[k] == i;
       if (active) ++k;
       const double zero = noise() * (active ? of_y[i] : of_w[i]) + 1e-290;
-      const double at = first_below(c.bernstein * (active ? step.y : step.w).col(i), zero);
-      if (at < valid) {
-        valid = at;
-        event_ = i;
-      }
+      const Vector coefficients = (active ? step.y : step.w).col(i);
+      const double at = first_below(c.bernstein * coefficients, zero);
+      if (at >= valid) continue;
+      valid = at;
+      event_ = i;
+      of_event = coefficients;
     }
+    if (event_ >= 0 && valid > 0) valid = zero_before(of_event, valid);
     return valid;
+  }
+
+  // Looks at the sources at more times of a long step.
+  void look_between(Step& step) const {
+    const Index count = Index(double(looks_per_interval) * step.length / T_);
+    if (count <= Collocation::get().checks.size() || !sources_.any()) return;
+    Vector off_f = Vector::Zero(m_), off_g = Vector::Zero(n_);
+    sources_.look(t_, step.length, count, step.f, step.g, off_f, off_g);
+    const JetValues size = sizes_.with(step);
+    step.defect = std::max({step.defect, tail(step.f, size.f, off_f), tail(step.g, size.g, off_g)});
   }
 
   // The longest resolved step in a mode, with its validity. False if none is.
@@ -298,6 +326,7 @@ class EventIntegration {
       step = attempt(mode, h);
       // Where a shorter step does not help, rounding is left: t is known to 1e-16, and sin(1e5 t) to 1e-11.
       const bool rounding = step.defect <= 1e3 * options_.tolerance && step.defect > 0.5 * before;
+      if (step.defect <= options_.tolerance) look_between(step);
       if (step.defect <= options_.tolerance || rounding) {
         step.valid = validity(mode, step);
         return true;
@@ -355,6 +384,16 @@ class EventIntegration {
 
   enum class Entry { smooth, jumped, refused };
 
+  // An impulse is what h y tends to in steps of implicit Euler as h -> 0: that selects the one that the state needs.
+  bool is_limit_of_short_steps(const Vector& p) {
+    const double h = 1e-8 / std::max(1 / T_, system_.A.cwiseAbs().rowwise().sum().maxCoeff());
+    const EulerStep step = euler(std::min(h, 0.5 * (end_ - t_)), touching(false));
+    if (!step.solved) return false;
+    const Vector moved = system_.B * p, by_step = step.x - x_;
+    return (moved - by_step).cwiseAbs().maxCoeff() <=
+           1e-3 * moved.cwiseAbs().maxCoeff() + 100 * noise() * x_.cwiseAbs().maxCoeff();
+  }
+
   // Brings the state onto the constraints of the mode by an impulse.
   Entry enter(const Mode& mode) {
     if (mode.constraints.x.rows() == 0) return Entry::smooth;
@@ -391,6 +430,10 @@ class EventIntegration {
       const Vector left = evaluate(mode.constraints, after);
       if (((left.cwiseAbs() - 100 * noise() * of).array() > 0).any()) return Entry::refused;
       if (p.minCoeff() < -1e-6 * p.cwiseAbs().maxCoeff()) return Entry::refused;
+      // An impulse of w has to be nonnegative, too.
+      const Vector of_w = system_.M * p, terms_of_w = system_.M.cwiseAbs() * p.cwiseAbs();
+      if (((of_w + 1e-6 * terms_of_w).array() < 0).any()) return Entry::refused;
+      if (!is_limit_of_short_steps(p)) return Entry::refused;
     }
     x_ += moved;
     integral_ += p;

@@ -366,6 +366,12 @@ std::optional<Scene> with_breakpoints(const Scene& given) {
 constexpr double quick = 1e9;     ///< floating-point operations: event-driven integration before grids are tried
 constexpr double patient = 1e11;  ///< and after, where grids have not solved the scene, or the method is named
 
+EventGoal event_goal(const InnerOptions& options, double most_work) {
+  if (!controls_error(options)) return {0, true, true, most_work};
+  const Goal goal(options);
+  return {goal.smallest(), goal.y > 0, goal.x > 0, most_work};
+}
+
 Result by_grids(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   Result result = GridRefinement(scene, backend, options, solve).run();
   const bool failed = result.status == Status::tolerance_not_met && !result.error_estimate;
@@ -384,8 +390,8 @@ Result by_grids(const Scene& scene, Backend& backend, const InnerOptions& option
 
 Result solve_by_events(const Scene& given, Backend& backend, const InnerOptions& options) {
   const std::optional<Scene> with = with_breakpoints(given);
-  const double tolerance = controls_error(options) ? Goal(options).smallest() : 0;
-  return solve_by_events(with ? *with : given, backend, options, sizes_for(given, options), tolerance, patient);
+  return solve_by_events(with ? *with : given, backend, options, sizes_for(given, options),
+                         event_goal(options, patient));
 }
 
 Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptions& options, const Solve& solve) {
@@ -394,12 +400,13 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptio
   if (options.method != Method::automatic || !unsuited_to_events(scene).empty())
     return by_grids(scene, backend, options, solve);
   const auto by_events = [&](double most_work) {
-    return solve_by_events(scene, backend, options, sizes_for(scene, options), Goal(options).smallest(), most_work);
+    return solve_by_events(scene, backend, options, sizes_for(scene, options), event_goal(options, most_work));
   };
   Result events = by_events(quick);
   if (events.status == Status::solved || events.status == Status::interrupted) return events;
   Result result = by_grids(scene, backend, options, solve);
-  if (result.status != Status::tolerance_not_met || events.reason.rfind(out_of_work, 0) != 0) return result;
+  if (options.max_seconds > 0 || result.status != Status::tolerance_not_met || events.reason.rfind(out_of_work, 0) != 0)
+    return result;
   events = by_events(patient);
   return events.status == Status::solved ? events : result;
 }

@@ -6,6 +6,7 @@
 #include "core/solve/event_rows.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 namespace bromwich {
@@ -41,27 +42,27 @@ double bend(const EventSolution& s, const Result& r, const ComponentSizes& sizes
 class EventControl {
  public:
   EventControl(const Scene& scene, Backend& backend, const InnerOptions& options, const ComponentSizes& sizes,
-               double tolerance, double most_work)
+               const EventGoal& goal)
       : scene_(scene),
         backend_(backend),
         options_(options),
         sizes_(sizes),
-        tolerance_(tolerance),
-        goal_(tolerance > 0 ? tolerance : assumed),
-        most_work_(most_work),
+        goal_(goal),
+        tolerance_(goal.tolerance > 0 ? goal.tolerance : assumed),
         lcp_class_(selection_class(scene.M, scene.lcp_class)),
         components_(recorded_components(scene, options)) {}
 
   Result run() {
     const Index J = options_.steps > 0 ? options_.steps : scene_.default_steps;
-    rows_.emplace(scene_, backend_, tolerance_ > 0 ? std::max(J, scene_.default_steps) : J);
+    rows_.emplace(scene_, backend_,
+                  chooses_grid() ? std::min(std::max(J, scene_.default_steps), options_.max_steps) : J);
     if (rows_->start() == Start::none) {
       Result r = rows_->at_zero();
       rows_->fill({}, components_, options_.trace, r);
       return r;
     }
     std::vector<EventSolution> found;
-    double next = std::min(first_tolerance, 1e-4 * goal_);
+    double next = std::min(first_tolerance, 1e-4 * tolerance_);
     for (bool known = false; !known; next = std::max(finest_tolerance, next * ratio)) {
       tolerances_.push_back(next);
       found.push_back(integrate());
@@ -72,13 +73,20 @@ class EventControl {
   }
 
  private:
+  bool chooses_grid() const { return goal_.tolerance > 0; }
+
   EventSolution integrate() const {
     EventOptions o;
     o.tolerance = tolerances_.back();
     o.longest_step = scene_.T / fewest_in_T[tolerances_.size() - 1];
-    o.most_work = most_work_;
-    o.interrupted = options_.interrupted;
+    o.most_work = goal_.most_work;
+    o.interrupted = [this] { return (options_.interrupted && options_.interrupted()) || out_of_time(); };
     return integrate_with_events(scene_, lcp_class_, scene_.breakpoints, o);
+  }
+
+  bool out_of_time() const {
+    return options_.max_seconds > 0 &&
+           std::chrono::steady_clock::now() - start_ > std::chrono::duration<double>(options_.max_seconds);
   }
 
   // Whether the error of the second solution is known, in of_y_ and of_x_.
@@ -91,18 +99,21 @@ class EventControl {
     const Distance d = distance(coarse, 1, fine, 1, sizes_);
     of_mean_ = !found[1].continuous || !found[last].continuous;
     of_y_ = of_mean_ ? d.mean : d.y;
-    of_x_ = options_.control_states ? d.of_x() : 0;
+    of_x_ = goal_.of_x ? d.of_x() : 0;
+    if (!goal_.of_y) of_y_ = 0;
     const double difference = std::max(of_y_, of_x_);
     const double floor = of_events * tolerances_[1];
     if (last == 1) {
       // The first solution differs from the second by its own error; that of the second is smaller as its tolerance is.
       const double smaller = tolerances_[1] / tolerances_[0];
-      if (!(difference <= agreed * goal_) || !(smaller * difference <= negligible * goal_)) return false;
+      const bool resolved = found[1].defect <= 2 * tolerances_[1];
+      if (!resolved || !(difference <= agreed * tolerance_) || !(smaller * difference <= negligible * tolerance_))
+        return false;
       of_y_ *= smaller;
       of_x_ *= smaller;
     }
-    of_y_ = std::max(of_y_, floor);
-    of_x_ = std::max(of_x_, floor);
+    if (goal_.of_y) of_y_ = std::max(of_y_, floor);
+    if (goal_.of_x && fine.x.cols() > 0) of_x_ = std::max(of_x_, floor);
     return true;
   }
 
@@ -124,8 +135,9 @@ class EventControl {
     Result r;
     rows_->fill(s, components_, options_.trace, r);
     describe(s, r);
-    r.status = s.interrupted ? Status::interrupted : Status::tolerance_not_met;
-    r.reason = s.reason;
+    const bool late = s.interrupted && out_of_time();
+    r.status = s.interrupted && !late ? Status::interrupted : Status::tolerance_not_met;
+    r.reason = late ? text("%.2g s are spent (--max-seconds) at t = %.6g", options_.max_seconds, s.until) : s.reason;
     return r;
   }
 
@@ -134,27 +146,27 @@ class EventControl {
     for (Index halvings = 0;; ++halvings) {
       rows_->fill(s, components_, options_.trace, r);
       const Index next = 2 * r.steps;
-      if (tolerance_ == 0 || !s.continuous || halvings == most_halvings || next > options_.max_steps ||
-          bend(s, r, sizes_) <= goal_)
+      if (!chooses_grid() || !s.continuous || halvings == most_halvings || next > options_.max_steps ||
+          bend(s, r, sizes_) <= tolerance_)
         break;
       rows_.emplace(scene_, backend_, next);
     }
     describe(s, r);
     r.residual = rows_->residual(r);
     r.error_estimate = std::max(of_y_, of_x_);
-    const bool met = *r.error_estimate <= agreed * goal_ || tolerance_ == 0;
+    const bool met = *r.error_estimate <= agreed * tolerance_ || !chooses_grid();
     r.status = met ? Status::solved : Status::tolerance_not_met;
     if (!met)
       r.reason = text("integrations with tolerances of %.0e and %.0e differ by %.1e", tolerances_[1], tolerances_[2],
                       *r.error_estimate);
-    else if (*r.error_estimate > agreed * goal_)
+    else if (*r.error_estimate > agreed * tolerance_)
       add_warning(r, text("the error is about %.1e, of data that magnify rounding", *r.error_estimate));
-    if (tolerance_ == 0) return r;
+    if (!chooses_grid()) return r;
     ErrorEstimate e;
-    e.tolerance = tolerance_;
+    e.tolerance = goal_.tolerance;
     e.of_integral = of_mean_;
-    e.discretisation = of_y_;
-    if (options_.control_states && r.x.cols() > 0) e.states = of_x_;
+    if (goal_.of_y) e.discretisation = of_y_;
+    if (goal_.of_x && r.x.cols() > 0) e.states = of_x_;
     e.grids = {r.steps};
     r.errors = e;
     return r;
@@ -164,10 +176,12 @@ class EventControl {
   Backend& backend_;
   const InnerOptions& options_;
   const ComponentSizes& sizes_;
-  double tolerance_, goal_, most_work_;
+  const EventGoal goal_;
+  double tolerance_;
   LcpClass lcp_class_;
   std::vector<Index> components_;
   std::optional<EventRows> rows_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::vector<double> tolerances_;  ///< of the integrations
   double of_y_ = INFINITY, of_x_ = INFINITY;
   bool of_mean_ = false;
@@ -176,11 +190,11 @@ class EventControl {
 }  // namespace
 
 Result solve_by_events(const Scene& scene, Backend& backend, const InnerOptions& options, const ComponentSizes& sizes,
-                       double tolerance, double most_work) {
+                       const EventGoal& goal) {
   Timer timer;
   Result result;
   if (const std::string why = unsuited_to_events(scene); why.empty())
-    result = EventControl(scene, backend, options, sizes, tolerance, most_work).run();
+    result = EventControl(scene, backend, options, sizes, goal).run();
   else
     result.reason = "method events: " + why + "; use method march or euler";
   result.method = Method::events;
