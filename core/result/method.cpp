@@ -17,6 +17,7 @@ constexpr std::array<std::pair<Method, const char*>, 9> method_names{{
     {Method::contour_literal, "contour-literal"},
     {Method::march, "march"},
     {Method::euler, "euler"},
+    {Method::events, "events"},
     {Method::galerkin, "galerkin"},
     {Method::goal, "goal"},
 }};

@@ -12,6 +12,7 @@ enum class Method {
   contour_literal,  ///< (2.17) of the Laplace-inversion paper, one contour per time point
   march,            ///< time stepping: exponential with piecewise-linear y, or Radau IIA
   euler,            ///< implicit Euler (1.3)-(1.4)
+  events,           ///< event-driven: collocation of high order between located switches (core/events)
   galerkin,         ///< exponential Galerkin, all intervals at once: boundary values and mixed problems
                     ///< (core/galerkin/galerkin.hpp)
   goal,             ///< a time grid adapted to a quantity of interest (core/goal/goal.hpp)

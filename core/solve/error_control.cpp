@@ -5,8 +5,10 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
+#include "core/events/event_driven.hpp"
 #include "core/scene/breakpoints.hpp"
 #include "core/scene/natural_units.hpp"
+#include "core/solve/event_control.hpp"
 #include "core/solve/methods.hpp"
 
 #include <algorithm>
@@ -348,15 +350,29 @@ double iteration_error(const std::vector<double>& history) {
   return history.back() * c / (1 - c);
 }
 
-Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptions& options, const Solve& solve) {
-  std::optional<Scene> with_jumps;
-  if (!given.breakpoints_are_all && (given.f || given.g))
-    if (std::vector<double> all = find_breakpoints(given); all.size() > given.breakpoints.size()) {
-      with_jumps = given;
-      with_jumps->breakpoints = std::move(all);
-      with_jumps->breakpoints_are_all = true;
-    }
-  const Scene& scene = with_jumps ? *with_jumps : given;
+namespace {
+
+// The scene with all breakpoints of its sources; nothing if these are known already.
+std::optional<Scene> with_breakpoints(const Scene& given) {
+  if (given.breakpoints_are_all || (!given.f && !given.g)) return std::nullopt;
+  std::vector<double> all = find_breakpoints(given);
+  if (all.size() == given.breakpoints.size()) return std::nullopt;
+  std::optional<Scene> scene = given;
+  scene->breakpoints = std::move(all);
+  scene->breakpoints_are_all = true;
+  return scene;
+}
+
+constexpr double quick = 1e9;     ///< floating-point operations: event-driven integration before grids are tried
+constexpr double patient = 1e11;  ///< and after, where grids have not solved the scene, or the method is named
+
+EventGoal event_goal(const InnerOptions& options, double most_work) {
+  if (!controls_error(options)) return {0, true, true, most_work};
+  const Goal goal(options);
+  return {goal.smallest(), goal.y > 0, goal.x > 0, most_work};
+}
+
+Result by_grids(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   Result result = GridRefinement(scene, backend, options, solve).run();
   const bool failed = result.status == Status::tolerance_not_met && !result.error_estimate;
   if (options.method != Method::automatic || !failed || scene.boundary) return result;
@@ -368,6 +384,31 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptio
   add_warning(first_order,
               "solved by implicit Euler, of first order: the methods of second order end with: " + result.reason);
   return first_order;
+}
+
+}  // namespace
+
+Result solve_by_events(const Scene& given, Backend& backend, const InnerOptions& options) {
+  const std::optional<Scene> with = with_breakpoints(given);
+  return solve_by_events(with ? *with : given, backend, options, sizes_for(given, options),
+                         event_goal(options, patient));
+}
+
+Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptions& options, const Solve& solve) {
+  const std::optional<Scene> with = with_breakpoints(given);
+  const Scene& scene = with ? *with : given;
+  if (options.method != Method::automatic || !unsuited_to_events(scene).empty())
+    return by_grids(scene, backend, options, solve);
+  const auto by_events = [&](double most_work) {
+    return solve_by_events(scene, backend, options, sizes_for(scene, options), event_goal(options, most_work));
+  };
+  Result events = by_events(quick);
+  if (events.status == Status::solved || events.status == Status::interrupted) return events;
+  Result result = by_grids(scene, backend, options, solve);
+  if (options.max_seconds > 0 || result.status != Status::tolerance_not_met || events.reason.rfind(out_of_work, 0) != 0)
+    return result;
+  events = by_events(patient);
+  return events.status == Status::solved ? events : result;
 }
 
 }  // namespace bromwich

@@ -20,6 +20,12 @@ double iteration_error(const std::vector<double>& history);
 /// for the estimate to err). Otherwise it goes on until a budget is spent (max_steps, max_seconds, memory) or nothing
 /// can be gained any more, and ends as tolerance_not_met with what stood in the way. Where y may jump, a grid of 3/4 of
 /// the steps has to agree. Counts are those of the finest grid, seconds those of all.
+///
+/// Small dense scenes with initial values are first given to event-driven integration (core/solve/event_control.hpp),
+/// whose errors are far below the tolerance; grids are for what it does not take, or gives up.
 Result solve_to_tolerance(const Scene&, Backend&, const InnerOptions&, const Solve&);
+
+/// Method events by name, to a tolerance or on one grid.
+Result solve_by_events(const Scene&, Backend&, const InnerOptions&);
 
 }  // namespace bromwich

@@ -125,6 +125,12 @@ std::optional<Result> galerkin_alone(const Scene& scene, Backend& backend, const
   return solve(scene, backend, named);
 }
 
+// By name; automatic tries it for a tolerance.
+std::optional<Result> events(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve&) {
+  if (options.method != Method::events) return std::nullopt;
+  return solve_by_events(scene, backend, options);
+}
+
 std::optional<Result> tolerance(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   if (!controls_error(options)) return std::nullopt;
   return solve_to_tolerance(scene, backend, options, solve);
@@ -153,8 +159,8 @@ std::optional<Result> one_grid(const Scene& scene, Backend& backend, const Inner
   return solve_on_one_grid(scene, backend, options);
 }
 
-constexpr Stage stages[] = {mass_matrix, natural_units, goal,      no_constraints, galerkin_alone,
-                            tolerance,   galerkin,      free_rows, small_sparse,   one_grid};
+constexpr Stage stages[] = {mass_matrix, natural_units, goal,     no_constraints, galerkin_alone, small_sparse,
+                            events,      tolerance,     galerkin, free_rows,      one_grid};
 
 }  // namespace
 

@@ -1,0 +1,58 @@
+#pragma once
+// Radau IIA with many stages as a collocation method: L-stable, of order 2 s - 1 at the ends of steps, with a
+// polynomial of degree s on the whole step (Hairer, Wanner, Solving Ordinary Differential Equations II, IV.5).
+//
+// symbol  variable     shape           meaning
+// s       degree       1               stages, and the degree of all polynomials
+// c       nodes        s               Radau points in (0, 1], the last is 1
+// A       -            s x s           integrals of the Lagrange polynomials of c, A = W diag(lambda) W^{-1}
+// P_k     legendre     s+1             Legendre polynomials shifted to [0, 1]
+//
+// A polynomial with several components is an (s+1) x components matrix of Legendre coefficients.
+
+#include "../base/types.hpp"
+
+#include <vector>
+
+namespace bromwich {
+
+struct Collocation {
+  static constexpr Index degree = 7;
+
+  Vector nodes;
+  Matrix stages;        ///< s x (s+1): from coefficients to values at c
+  Matrix integrals;     ///< s x (s+1): from coefficients to integrals over [0, c_i]
+  Matrix coefficients;  ///< (s+1) x (s+1): from values at 0 and at c to coefficients
+  Matrix derivative;    ///< (s+1) x (s+1): from coefficients to those of the derivative
+  Matrix bernstein;     ///< (s+1) x (s+1): from coefficients to those in the Bernstein basis
+  Vector samples;       ///< s+1 points inside (0, 1) at which sources are sampled
+  Matrix from_samples;  ///< (s+1) x (s+1): from values there to coefficients
+  Vector checks;        ///< further points, where the polynomial of a source is compared with the source
+  Matrix at_checks;     ///< from coefficients to values there
+
+  /// An eigenvalue of A with nonnegative imaginary part. X = sum over these of Re(weight * right * (left X)), with
+  /// weight 1 for a real one and 2 for one of a pair.
+  struct Eigenvalue {
+    Complex value;
+    ComplexVector right, left;  ///< a column of W, a row of W^{-1}
+    double weight;
+  };
+  std::vector<Eigenvalue> eigenvalues;
+
+  static const Collocation& get();
+};
+
+/// P_0(at), ..., P_s(at).
+Vector legendre(double at);
+/// The integrals of P_0, ..., P_s over [0, at].
+Vector legendre_integrals(double at);
+
+/// The first point of [0, 1] at which a polynomial, given by its Bernstein coefficients, is below -noise; 1 if it is
+/// nowhere. Exact to 2^-50: the polynomial lies in the convex hull of its coefficients, and intervals are halved until
+/// that decides.
+double first_below(const Vector& bernstein, double noise);
+
+/// The last zero of a polynomial (Legendre coefficients) before `at`, where it is negative; `at` if there is none.
+double zero_before(const Vector& coefficients, double at);
+
+}  // namespace bromwich

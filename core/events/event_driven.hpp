@@ -1,0 +1,67 @@
+#pragma once
+// Event-driven integration of small scenes with dense dynamics and initial values.
+//
+// Between events the active set is constant, and x' = A_S x + ... is solved by collocation
+// (core/events/collocation.hpp) with steps so short that the last coefficients of x, f and g are below a tolerance. An
+// event is the first time at which the polynomial of some y_i or w_i is negative, located to rounding. There, and at
+// breakpoints of the sources, an implicit Euler step of very short length proposes the active set that continues, and a
+// step of collocation confirms it: y and w have to be nonnegative on it. Where the state does not fulfil the
+// constraints of the new active set it jumps. Where events accumulate (sliding motion, Zeno), a short step of implicit
+// Euler passes the accumulation.
+//
+// The solution has to be unique: M, or the matrix of a short step of implicit Euler, is of class P (core/lcp).
+
+#include "../lcp/matrix.hpp"
+#include "../scene/scene.hpp"
+#include "mode.hpp"
+
+#include <functional>
+#include <string>
+
+namespace bromwich {
+
+/// The solution on [begin, end], begin + length >= end: polynomials on [begin, begin + length].
+struct EventPiece {
+  double begin, length, end;
+  Matrix x, y;      ///< (s+1) x m and (s+1) x n Legendre coefficients
+  Vector integral;  ///< n: of y over [0, begin], impulses up to then included
+};
+
+struct EventOptions {
+  double tolerance = 1e-10;  ///< of the last coefficients, relative to the largest value of a component so far
+  double longest_step = 0;   ///< 0: a 64th of T
+  double most_work = 4e10;   ///< floating-point operations, about; more: the integration gives up
+  std::function<bool()> interrupted = {};
+  std::function<void(double t)> progress = {};
+};
+
+struct EventSolution {
+  bool complete = false;
+  bool interrupted = false;
+  std::string reason;  ///< why it is not complete
+  double until = 0;    ///< the solution is known up to here
+  Index events = 0, jumps = 0, accumulations = 0, breakpoints = 0;
+  double defect = 0;       ///< largest last coefficients of all steps, as the tolerance counts them
+  bool continuous = true;  ///< y has no jump or impulse after t = 0
+  Vector jump_at_start;    ///< n: the impulse at t = 0; empty if there is none
+  std::vector<EventPiece> pieces;
+
+  /// The piece that holds t; where two meet, the one before with `left`.
+  const EventPiece& piece(double t, bool left) const;
+  /// m, n and n values. At jumps the limit from the left with `left`, and otherwise from the right.
+  Vector x(double t, bool left) const;
+  Vector y(double t, bool left) const;
+  Vector integral_of_y(double t, bool left) const;
+};
+
+inline constexpr const char* out_of_work = "too many steps";  ///< how EventSolution::reason begins in that case
+
+/// Whether the scene is of the kind: dense dynamics without E, x(0) = x0, few unknowns, no free rows. Otherwise why
+/// not.
+std::string unsuited_to_events(const Scene&);
+
+/// `lcp_class`: of M, never automatic. `breakpoints`: all jumps and kinks of f and g, increasing.
+EventSolution integrate_with_events(const Scene&, LcpClass lcp_class, const std::vector<double>& breakpoints,
+                                    const EventOptions&);
+
+}  // namespace bromwich

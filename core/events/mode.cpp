@@ -1,0 +1,168 @@
+#include "core/events/mode.hpp"
+
+#include <Eigen/Dense>
+
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double same_rank = 1e-10;  ///< relative singular values below count as zero
+constexpr int most_derivatives = 2;
+
+Jet stacked(const Jet& a, const Jet& b) {
+  const auto both = [](const Matrix& p, const Matrix& q) {
+    Matrix all(p.rows() + q.rows(), p.cols());
+    all << p, q;
+    return all;
+  };
+  return {both(a.x, b.x), both(a.f, b.f), both(a.df, b.df), both(a.g, b.g), both(a.dg, b.dg), both(a.ddg, b.ddg)};
+}
+
+// The derivative without its part of y, which is c.x B.
+Jet derivative(const Jet& c, const Matrix& A) {
+  return {c.x * A, c.x, c.f, Matrix::Zero(c.g.rows(), c.g.cols()), c.g, c.dg};
+}
+
+// Rows of E y + C u = 0 with a largest coefficient of y of 1. Rows of rounding are zero.
+void equilibrate(Matrix& E, Jet& C, const Vector& size) {
+  Vector by = Vector::Ones(E.rows());
+  for (Index i = 0; i < E.rows(); ++i) {
+    const double largest = E.row(i).cwiseAbs().maxCoeff();
+    if (largest > 64 * double(E.rows()) * epsilon * size[i])
+      by[i] = 1 / largest;
+    else
+      E.row(i).setZero();
+  }
+  E = by.asDiagonal() * E;
+  C = Matrix(by.asDiagonal()) * C;
+}
+
+// Of each row the largest coefficient.
+Vector largest_of(const Jet& c) {
+  return c.x.cwiseAbs()
+      .rowwise()
+      .maxCoeff()
+      .cwiseMax(c.f.cwiseAbs().rowwise().maxCoeff())
+      .cwiseMax(c.g.cwiseAbs().rowwise().maxCoeff())
+      .cwiseMax(c.dg.cwiseAbs().rowwise().maxCoeff());
+}
+
+}  // namespace
+
+Jet Jet::zero(Index rows, Index m, Index n) {
+  const Matrix of_m = Matrix::Zero(rows, m), of_n = Matrix::Zero(rows, n);
+  return {of_m, of_m, of_m, of_n, of_n, of_n};
+}
+
+Jet operator*(const Matrix& left, const Jet& c) {
+  return {left * c.x, left * c.f, left * c.df, left * c.g, left * c.dg, left * c.ddg};
+}
+
+Vector evaluate(const Jet& c, const JetValues& u) {
+  return c.x * u.x + c.f * u.f + c.df * u.df + c.g * u.g + c.dg * u.dg + c.ddg * u.ddg;
+}
+
+Vector terms(const Jet& c, const JetValues& u) {
+  return c.x.cwiseAbs() * u.x + c.f.cwiseAbs() * u.f + c.df.cwiseAbs() * u.df + c.g.cwiseAbs() * u.g +
+         c.dg.cwiseAbs() * u.dg + c.ddg.cwiseAbs() * u.ddg;
+}
+
+namespace {
+
+// Constraints by independent rows: those that the others imply, or that are zero but for rounding, are left out.
+Jet independent(const Jet& c, const Vector& size) {
+  if (c.x.rows() == 0) return c;
+  const Index m = c.x.cols(), n = c.g.cols();
+  Matrix all(c.x.rows(), 2 * m + 2 * n);
+  all << c.x, c.f, c.g, c.dg;
+  for (Index i = 0; i < all.rows(); ++i) all.row(i) /= std::max(size[i], 1e-290);
+  const Eigen::JacobiSVD<Matrix> svd(all, Eigen::ComputeFullU);
+  Index rank = 0;
+  while (rank < std::min(all.rows(), all.cols()) && svd.singularValues()[rank] > same_rank) ++rank;
+  return Matrix(svd.matrixU().leftCols(rank).transpose() * size.cwiseMax(1e-290).cwiseInverse().asDiagonal()) * c;
+}
+
+// y_S = -E^+ C, of least norm. Directions that E leaves open may move neither the state nor w.
+bool determine_y(const DenseSystem& s, const std::vector<Index>& active, const Eigen::JacobiSVD<Matrix>& svd,
+                 Index rank, const Jet& C, Jet& y) {
+  const Index a = Index(active.size());
+  const Matrix open = svd.matrixV().rightCols(a - rank);
+  const auto moves = [&](const Matrix& by) {
+    const Matrix block = by(Eigen::all, active);
+    return open.cols() > 0 && (block * open).cwiseAbs().maxCoeff() > 1e-8 * block.cwiseAbs().maxCoeff();
+  };
+  if (moves(s.B) || moves(s.M)) return false;
+  const Matrix inverse = svd.matrixV().leftCols(rank) * svd.singularValues().head(rank).cwiseInverse().asDiagonal() *
+                         svd.matrixU().leftCols(rank).transpose();
+  Matrix select = Matrix::Zero(s.constraints(), a);
+  for (Index i = 0; i < a; ++i) select(active[std::size_t(i)], i) = 1;
+  y = Matrix(select * -inverse) * C;
+  return true;
+}
+
+// Impulses that bring the state onto the constraints: [M_SS; K B] p = [0; -k], rows with a largest entry of 1.
+Matrix impulses(const DenseSystem& s, const std::vector<Index>& active, const Jet& constraints) {
+  const Index a = Index(active.size()), c = constraints.x.rows();
+  const Matrix B = s.B(Eigen::all, active);
+  Matrix system(a + c, a), right = Matrix::Zero(a + c, c);
+  system << s.M(active, active), constraints.x * B;
+  right.bottomRows(c) = -Matrix::Identity(c, c);
+  const Matrix terms = constraints.x.cwiseAbs() * B.cwiseAbs();
+  for (Index i = 0; i < a + c; ++i) {
+    const double largest = system.row(i).cwiseAbs().maxCoeff();
+    const bool moved = largest > (i < a ? 0.0 : 64 * double(s.states()) * epsilon * terms.row(i - a).maxCoeff());
+    system.row(i) *= moved ? 1 / largest : 0;
+    right.row(i) *= moved ? 1 / largest : 0;
+  }
+  const Matrix p = Eigen::CompleteOrthogonalDecomposition<Matrix>(system).solve(right);
+  Matrix impulse = Matrix::Zero(s.constraints(), c);
+  for (Index i = 0; i < a; ++i) impulse.row(active[std::size_t(i)]) = p.row(i);
+  return impulse;
+}
+
+}  // namespace
+
+std::optional<Mode> make_mode(const DenseSystem& s, const std::vector<Index>& active) {
+  const Index m = s.states(), n = s.constraints(), a = Index(active.size());
+  Mode mode{active, s.A, Jet::zero(n, m, n), false, false, false, Jet::zero(0, m, n), Matrix::Zero(n, 0)};
+  if (a == 0) return mode;
+  const Matrix B = s.B(Eigen::all, active);
+  Matrix E = s.M(active, active);
+  Jet C = Jet::zero(a, m, n);
+  C.x = s.N(active, Eigen::all);
+  for (Index i = 0; i < a; ++i) C.g(i, active[std::size_t(i)]) = 1;
+  Vector size = s.M(active, Eigen::all).cwiseAbs().rowwise().maxCoeff();
+  for (int derived = 0;; ++derived) {
+    equilibrate(E, C, size);
+    const Eigen::JacobiSVD<Matrix> svd(E, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const Vector& values = svd.singularValues();
+    Index rank = 0;
+    while (rank < values.size() && values[rank] > same_rank * std::max(1.0, values[0])) ++rank;
+    const Matrix U = svd.matrixU().rightCols(E.rows() - rank).transpose();
+    const Jet left = U * C;
+    const Jet constraints = independent(left, U.cwiseAbs() * largest_of(C));
+    if (constraints.x.rows() == 0) {
+      if (!determine_y(s, active, svd, rank, C, mode.y)) return std::nullopt;
+      break;
+    }
+    if (derived == most_derivatives) return std::nullopt;
+    mode.constraints = stacked(mode.constraints, constraints);
+    const Matrix Q = svd.matrixU().leftCols(rank).transpose();
+    size = Vector::Ones(rank + constraints.x.rows());
+    size.tail(constraints.x.rows()) = constraints.x.cwiseAbs() * B.cwiseAbs().rowwise().maxCoeff();
+    Matrix next(size.size(), a);
+    next << Q * E, constraints.x * B;
+    C = stacked(Q * C, derivative(constraints, s.A));
+    E = next;
+  }
+  mode.A += s.B * mode.y.x;
+  mode.uses_df = (mode.y.df.array() != 0).any();
+  mode.uses_dg = (mode.y.dg.array() != 0).any();
+  mode.uses_ddg = (mode.y.ddg.array() != 0).any();
+  if (mode.constraints.x.rows() > 0) mode.impulse = impulses(s, active, mode.constraints);
+  return mode;
+}
+
+}  // namespace bromwich

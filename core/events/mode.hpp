@@ -1,0 +1,60 @@
+#pragma once
+// Dynamics of a linear complementarity system with a constant active set, and the impulses with which it begins.
+//
+// symbol  variable      meaning
+// S       active        active set: w_S = 0, and y = 0 elsewhere
+// u       Jet           the values (x, f, f', g, g', g'') at one time
+//
+// w_S = M_SS y_S + N_S x + g_S = 0 determines y_S where M_SS is regular. Otherwise the left null space U of M_SS gives
+// constraints U^T (N_S x + g_S) = 0 on the state, which replace rows that M_SS does not have by their derivatives, with
+// x' = A x + B y + f. Two derivatives are enough for diodes and relays (one) and for rigid contact (two). This is the
+// shuffle algorithm for descriptor systems (Luenberger, IEEE Trans. Automat. Control 22, 1977).
+//
+// A state that does not fulfil the constraints jumps by B p with an impulse p of y_S: M_SS p = 0, and the constraints
+// hold afterwards.
+
+#include "../base/types.hpp"
+
+#include <optional>
+#include <vector>
+
+namespace bromwich {
+
+/// A, B, N and M of a scene with dense dynamics.
+struct DenseSystem {
+  Matrix A, B, N, M;
+
+  Index states() const { return A.rows(); }
+  Index constraints() const { return M.rows(); }
+};
+
+/// Rows that are linear in u; a block without columns is zero.
+struct Jet {
+  Matrix x, f, df, g, dg, ddg;
+
+  static Jet zero(Index rows, Index m, Index n);
+};
+Jet operator*(const Matrix& left, const Jet&);
+
+/// The values of the jet at one time, or bounds of their sizes.
+struct JetValues {
+  Vector x, f, df, g, dg, ddg;
+};
+
+struct Mode {
+  std::vector<Index> active;
+  Matrix A;                                                 ///< m x m, x' = A x + B (y without its part of x) + f
+  Jet y;                                                    ///< n rows: y as a function of u
+  bool uses_df = false, uses_dg = false, uses_ddg = false;  ///< y depends on these
+  Jet constraints;                                          ///< rows that vanish on the states of this mode
+  Matrix impulse;  ///< n x constraints: p = impulse * (value of the constraints)
+};
+
+/// Value of the rows, and the sum of the absolute values of their terms.
+Vector evaluate(const Jet&, const JetValues&);
+Vector terms(const Jet&, const JetValues& sizes);
+
+/// Nothing if two derivatives do not determine y.
+std::optional<Mode> make_mode(const DenseSystem&, const std::vector<Index>& active);
+
+}  // namespace bromwich

@@ -1,0 +1,28 @@
+#pragma once
+
+#include "../accuracy/convergence.hpp"
+#include "../result/inner_options.hpp"
+#include "../seam/backend.hpp"
+
+namespace bromwich {
+
+/// What has to be reached, and how hard to try.
+struct EventGoal {
+  double tolerance = 0;  ///< 0: none, and the grid is that of the options
+  bool of_y = true, of_x = true;
+  double most_work = 1e11;  ///< floating-point operations of each integration, about
+};
+
+/// A small scene by located events (core/events): two integrations, the second a thousand times as accurate, and a
+/// third where the difference of the two says that the error of the second cannot be neglected.
+///
+/// With a tolerance the rows of the result are those of a grid of at least the scene's default steps, halved until y
+/// and x are linear between them to the tolerance, where they are continuous. Without one the grid is that of the
+/// options.
+///
+/// Status solved; unsupported for another kind of scene; interrupted; or tolerance_not_met where an integration ended
+/// early or the integrations differ by more than the tolerance, with the rows up to there. Scene::breakpoints have to
+/// be all jumps and kinks of the sources.
+Result solve_by_events(const Scene&, Backend&, const InnerOptions&, const ComponentSizes&, const EventGoal&);
+
+}  // namespace bromwich

@@ -1,0 +1,85 @@
+#include "core/solve/event_rows.hpp"
+
+#include "core/kernel/discretise.hpp"
+#include "core/lcp/active_set.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+EventRows::EventRows(const Scene& scene, Backend& backend, Index J)
+    : p_(discretise(scene, backend, J)),
+      resolution_(256 * epsilon * scene.T),
+      f_(scene.f, scene.sources(), resolution_),
+      g_(scene.g, scene.constraints(), resolution_),
+      start_(solve_at_zero(p_, at_zero_)) {
+  for (const double t : scene.breakpoints) {
+    const Index j = Index(std::llround(t / p_.h));
+    if (j >= 1 && j <= J && std::abs(p_.t[j] - t) <= 4 * resolution_) at_breakpoints_.push_back(j);
+  }
+  std::sort(at_breakpoints_.begin(), at_breakpoints_.end());
+}
+
+void EventRows::fill(const EventSolution& s, const std::vector<Index>& components, bool trace, Result& r) {
+  const Index n = p_.scene.constraints(), J = p_.J;
+  r.y = r.y_integral = RowMatrix::Constant(J + 1, n, NAN);
+  states_ = RowMatrix::Constant(J + 1, p_.scene.states(), NAN);
+  r.y.row(0) = at_zero_.y.row(0);
+  r.y_integral.row(0).setZero();
+  states_.row(0) = p_.scene.x0.transpose();
+  const auto at_breakpoint = [this](Index j) {
+    return std::binary_search(at_breakpoints_.begin(), at_breakpoints_.end(), j);
+  };
+  for (Index j = 1; j <= J && p_.t[j] <= s.until * (1 + 4 * epsilon) && !s.pieces.empty(); ++j) {
+    const bool left = !at_breakpoint(j) || !takes_right(s, j);
+    states_.row(j) = s.x(p_.t[j], left).transpose();
+    r.y.row(j) = s.y(p_.t[j], left).cwiseMax(0).transpose();
+    r.y_integral.row(j) = s.integral_of_y(p_.t[j], left).transpose();
+  }
+  if (p_.lcp_class == LcpClass::P) solve_at_own_values(r);
+  r.x = states_(Eigen::all, components);
+  r.x_components = components;
+  r.t = p_.t;
+  r.steps = J;
+  r.continuous = s.continuous;
+  if (trace) r.trace = states_ * p_.dense()->N.transpose();
+}
+
+double EventRows::residual(const Result& r) const {
+  const auto on_backend = [this](const RowMatrix& values) {
+    auto array = p_.backend.array(values.rows(), values.cols());
+    p_.backend.upload(values, *array);
+    return array;
+  };
+  const auto g = on_backend(p_.g.table()), v = on_backend(states_ * p_.dense()->N.transpose()), y = on_backend(r.y);
+  return march_residual(p_, start_, *g, *v, *y);
+}
+
+// At a breakpoint: whether f and g have their values from the right there.
+bool EventRows::takes_right(const EventSolution& s, Index j) const {
+  if (j == p_.J) return false;
+  const EventPiece& after = s.piece(p_.t[j], false);
+  const double d = std::min(p_.h, after.end - after.begin);
+  const auto from_right = [&](const OneSided& source) {
+    Vector own;
+    source.value(p_.t[j], own);
+    const Vector left = source.before(p_.t[j], d), right = source.after(p_.t[j], d);
+    return (own - right).cwiseAbs().maxCoeff() <= (own - left).cwiseAbs().maxCoeff();
+  };
+  return (!p_.scene.g || from_right(g_)) && (!p_.scene.f || from_right(f_));
+}
+
+// Where g has a value of its own, so has y.
+void EventRows::solve_at_own_values(Result& r) const {
+  if (at_breakpoints_.empty() || !p_.scene.g) return;
+  ActiveSetLcp lcp(to_dense(p_.scene.M), p_.lcp_class);
+  Vector y;
+  for (const Index j : at_breakpoints_) {
+    if (!states_.row(j).allFinite()) return;
+    const Vector q = p_.dense()->N * states_.row(j).transpose() + Vector(p_.g.row(j));
+    if (lcp.solve(q, y).solved) r.y.row(j) = y.transpose();
+  }
+}
+
+}  // namespace bromwich

@@ -1,0 +1,39 @@
+#pragma once
+// Rows of a grid from an event-driven solution.
+
+#include "../events/event_driven.hpp"
+#include "../march/outcome.hpp"
+
+#include <vector>
+
+namespace bromwich {
+
+class EventRows {
+ public:
+  /// The grid of J steps. Scene and backend have to outlive the object.
+  EventRows(const Scene&, Backend&, Index J);
+
+  /// y, its integral, x, the trace if wanted, t and steps of `result`. Where y or x jump at a point of the grid: the
+  /// limit from the left, but at breakpoints of the sources the side that f and g are on. Row 0 is y_0 and x0. Rows
+  /// after `until` of the solution are NaN.
+  void fill(const EventSolution&, const std::vector<Index>& components, bool trace, Result& result);
+  /// Of the rows filled last.
+  double residual(const Result&) const;
+
+  Start start() const { return start_; }
+  const Result& at_zero() const { return at_zero_; }  ///< status and counters of the problem at t = 0
+
+ private:
+  bool takes_right(const EventSolution&, Index j) const;
+  void solve_at_own_values(Result&) const;
+
+  DiscreteProblem p_;
+  double resolution_;  ///< of the times of breakpoints
+  OneSided f_, g_;
+  Result at_zero_;
+  Start start_;
+  std::vector<Index> at_breakpoints_;  ///< rows
+  RowMatrix states_;                   ///< (J+1) x m, of the rows filled last
+};
+
+}  // namespace bromwich
