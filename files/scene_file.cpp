@@ -5,6 +5,7 @@
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/scene/relay.hpp"
 #include "files/include.hpp"
+#include "files/names.hpp"
 #include "files/sections.hpp"
 #include "files/words.hpp"
 
@@ -506,7 +507,9 @@ SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValu
 
 double constant_expression(const std::string& text, const ParameterValues& names, const std::string& where) {
   Expressions expressions;
-  for (const auto& [name, value] : names) expressions.define(name, value, where);
+  for (const Name& name : names_in(text))
+    if (const auto known = names.find(name.text); known != names.end() && !expressions.has(name.text))
+      expressions.define(name.text, known->second, where);
   return expressions.number(text, where);
 }
 
