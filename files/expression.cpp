@@ -113,11 +113,11 @@ void check_signs(const std::string& text, const std::string& where) {
   for (std::size_t i = 0; i < text.size(); ++i) {
     depth += int(text[i] == '(') - int(text[i] == ')');
     if (text[i] == ',' && depth <= 0)
-      throw Error(where, quoted(text) + " has a comma outside of a function", "write decimals with a point");
+      throw Error(where, in_quotes(text) + " has a comma outside of a function", "write decimals with a point");
     if (text[i] != '=') continue;
     const bool compares = i > 0 && std::string_view("<>!").find(text[i - 1]) != std::string_view::npos;
     const bool doubled = i + 1 < text.size() && text[i + 1] == '=';
-    if (!compares && !doubled) throw Error(where, quoted(text) + " assigns with '='", "compare with ==");
+    if (!compares && !doubled) throw Error(where, in_quotes(text) + " assigns with '='", "compare with ==");
     i += std::size_t(doubled);
   }
 }
@@ -131,14 +131,15 @@ void check_names(const std::string& text, const ParameterValues& parameters, con
   for (const auto& [name, meaning] : definitions) known.push_back(name);
   for (const auto& [name, begin, called] : names_in(text)) {
     if (called && !contains(functions, name))
-      throw Error(where, quoted(text) + fmt::format(" calls '{}'", name) + suggestion(name, functions),
+      throw Error(where, in_quotes(text) + fmt::format(" calls '{}'", name) + suggestion(name, functions),
                   contains(known, name) ? "write * to multiply" : "use one of the functions " + join(functions));
     if (called || contains(known, name)) continue;
     if (contains(functions, name))
-      throw Error(where, quoted(text) + fmt::format(" uses the function '{}' without arguments", name),
+      throw Error(where, in_quotes(text) + fmt::format(" uses the function '{}' without arguments", name),
                   fmt::format("write {}(...)", name));
-    if (name == "t") throw Error(where, quoted(text) + " depends on the time t", time_remedy);
-    throw Error(where, quoted(text) + fmt::format(" uses '{}', which is not defined", name) + suggestion(name, known),
+    if (name == "t") throw Error(where, in_quotes(text) + " depends on the time t", time_remedy);
+    throw Error(where,
+                in_quotes(text) + fmt::format(" uses '{}', which is not defined", name) + suggestion(name, known),
                 "define it in [parameters], before its first use, or use one of " + join(known));
   }
 }
@@ -149,7 +150,7 @@ auto guarded(const std::string& text, const std::string& where, const Use& use) 
   try {
     return use();
   } catch (const mu::Parser::exception_type& error) {
-    throw Error(where, quoted(text) + " is no expression: " + one_line(error.GetMsg()), "correct it");
+    throw Error(where, in_quotes(text) + " is no expression: " + one_line(error.GetMsg()), "correct it");
   }
 }
 
@@ -163,7 +164,7 @@ double evaluate(mu::Parser& parser, const std::string& text, const std::string& 
 
 double finite(double value, const std::string& text, const std::string& where) {
   if (!std::isfinite(value))
-    throw Error(where, fmt::format("{} is {}", quoted(text), std::isnan(value) ? "not a number" : "infinite"),
+    throw Error(where, fmt::format("{} is {}", in_quotes(text), std::isnan(value) ? "not a number" : "infinite"),
                 "check the divisions in it and the values of the parameters");
   return value;
 }
@@ -301,14 +302,14 @@ double Expressions::number(const std::string& text, const std::string& where) co
   check_signs(text, where);
   check_names(text, implementation_->parameters, implementation_->definitions, false, where);
   const std::string meaning = spelled(text, where);
-  if (uses_time(meaning)) throw Error(where, quoted(text) + " depends on the time t", time_remedy);
+  if (uses_time(meaning)) throw Error(where, in_quotes(text) + " depends on the time t", time_remedy);
   return evaluated(meaning, where);
 }
 
 std::string Expressions::spelled(const std::string& text, const std::string& where) const {
   const auto constant = [&](const std::string& part) {
     if (uses_time(part))
-      throw Error(where, fmt::format("{} depends on the time t in {}", quoted(part), quoted(text)),
+      throw Error(where, fmt::format("{} depends on the time t in {}", in_quotes(part), in_quotes(text)),
                   "use t in the first argument of pulse and pwl only, and in the width of pulse(t, period, width)");
     return evaluated(part, where);
   };

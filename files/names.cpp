@@ -62,7 +62,7 @@ std::string with_names_replaced(std::string_view text,
   return replaced.append(text.substr(copied));
 }
 
-std::string quoted(std::string_view text) {
+std::string in_quotes(std::string_view text) {
   constexpr std::size_t longest = 60;
   const std::string line = one_line(text);
   return line.size() <= longest ? "'" + line + "'" : "'" + line.substr(0, longest) + "...'";

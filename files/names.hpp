@@ -26,6 +26,6 @@ std::string with_names_replaced(std::string_view text,
                                 const std::function<bool(const std::string& name, std::string& by)>& replacement);
 
 /// For messages: the text in quotes, on one line, cut after 60 characters.
-std::string quoted(std::string_view text);
+std::string in_quotes(std::string_view text);
 
 }  // namespace bromwich

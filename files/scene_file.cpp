@@ -392,12 +392,12 @@ Index whole_steps(const std::string& where, double value) {
 Draft build(const Sections& s, const ParameterValues& settings) {
   Draft draft;
   Scene& scene = draft.scene;
-  scene.T = settings.contains("T") ? settings.at("T") : s.time.number("T");
-  const double T = scene.T;
+  const auto final_time = [&] { return settings.contains("T") ? settings.at("T") : s.time.number("T"); };
+  if (s.port.given() || s.relay.given()) scene.T = final_time();  // their sources are read with their matrices
   scene = s.port.given() ? port_scene(s, draft) : s.relay.given() ? relay_scene(s, draft) : complementarity_scene(s);
   add_boundary(s, scene);
   add_free_rows(s.free, scene);
-  scene.T = T;
+  scene.T = final_time();
   scene.default_steps = s.time.positive_integer("steps", scene.default_steps);
   if (settings.contains("steps")) scene.default_steps = whole_steps("--set", settings.at("steps"));
   auto where = places(s);

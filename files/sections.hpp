@@ -2,6 +2,7 @@
 // The sections of a scene file, and the translation of an Error about a scene to a line of the file.
 
 #include "files/scene_file.hpp"
+#include "files/scene_file_keys.hpp"
 #include "files/section.hpp"
 
 #include <functional>
@@ -9,14 +10,6 @@
 #include <string>
 
 namespace bromwich {
-
-/// The known keys of a section; the first section, without a name, is the top of a file.
-struct SectionKeys {
-  std::string name;
-  std::vector<std::string> keys;  ///< empty: any
-};
-/// Of all sections. docs/scene.schema.json has the same.
-const std::vector<SectionKeys>& scene_file_keys();
 
 /// The sections of a file, by name.
 struct Sections {

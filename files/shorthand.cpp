@@ -104,7 +104,7 @@ class Speller {
       place = begin;
       return arguments;
     }
-    throw Error(where_, quoted(text) + " is no expression: a parenthesis is not closed", "correct it");
+    throw Error(where_, in_quotes(text) + " is no expression: a parenthesis is not closed", "correct it");
   }
 
   std::string pwl(const std::vector<std::string>& arguments) const {
