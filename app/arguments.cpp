@@ -93,6 +93,24 @@ std::vector<double> parse_times(const std::string& word, double T) {
   return times;
 }
 
+namespace {
+
+/// A number, or an expression of the settings before it.
+double setting(const std::string& key, const std::string& text, const ParameterValues& before) {
+  if (const auto number = parse_double(text)) return *number;
+  const std::string found = fmt::format("found '{}' as the value of {}", text, key);
+  for (const char* word : {"", "nan", "inf", "-inf", "infinity"})
+    if (text == word) throw Error("--set", found, "give a finite number");
+  try {
+    return constant_expression(text, before, "--set");
+  } catch (const Error& error) {
+    throw Error("--set", found + ": " + error.found(),
+                "give a finite number, or an expression of pi and of settings before it");
+  }
+}
+
+}  // namespace
+
 ParameterValues parse_settings(const std::vector<std::string>& words) {
   ParameterValues values;
   for (const std::string& word : words) {
@@ -100,10 +118,7 @@ ParameterValues parse_settings(const std::vector<std::string>& words) {
     if (equals == std::string::npos || equals == 0)
       throw Error("--set", found(word), "write key=value, such as --set T=2");
     const std::string key = word.substr(0, equals), text = word.substr(equals + 1);
-    if (text.empty())
-      throw Error("--set", fmt::format("found no value of {}", key), "write key=value, such as --set T=2");
-    const auto number = parse_double(text);
-    const double value = number ? *number : constant_expression(text, values, "--set");
+    const double value = setting(key, text, values);
     if (!values.emplace(key, value).second)
       throw Error("--set", fmt::format("{} is given twice", key), "set every parameter once");
   }

@@ -1,8 +1,8 @@
 #pragma once
 // Scenes in TOML files; docs/scene-files.md describes the format.
 
-#include "core/catalogue/catalogue.hpp"
-#include "core/goal/quantities.hpp"
+#include "../core/catalogue/catalogue.hpp"
+#include "../core/goal/quantities.hpp"
 
 #include <filesystem>
 #include <memory>
