@@ -2,6 +2,7 @@
 
 #include "app/text.hpp"
 #include "core/base/error.hpp"
+#include "core/scene/component_names.hpp"
 
 #include <fmt/format.h>
 

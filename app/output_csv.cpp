@@ -2,6 +2,7 @@
 
 #include "app/text.hpp"
 #include "core/result/slack.hpp"
+#include "core/scene/component_names.hpp"
 
 #include <fmt/format.h>
 

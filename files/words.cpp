@@ -1,6 +1,7 @@
 #include "files/words.hpp"
 
 #include "core/base/error.hpp"
+#include "core/scene/component_names.hpp"
 
 #include <fmt/format.h>
 

@@ -1,8 +1,6 @@
 #pragma once
 // Names and units of the components of a scene, for column headers, axes and messages.
 
-#include "../base/types.hpp"
-
 #include <string>
 #include <vector>
 
@@ -15,14 +13,5 @@ struct Labels {
   std::vector<std::string> y;  ///< n
   std::vector<std::string> w;  ///< n
 };
-
-struct Scene;
-
-/// The name that the user gave, otherwise "x3", "y0", "w0".
-std::string state_name(const Scene&, Index component);
-std::string multiplier_name(const Scene&, Index component);  ///< of y
-std::string slack_name(const Scene&, Index component);       ///< of w
-/// The component of x with this name, also "x3"; -1 where there is none.
-Index find_state(const Scene&, const std::string& name);
 
 }  // namespace bromwich

@@ -3,6 +3,7 @@
 
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
+#include "core/scene/component_names.hpp"
 #include "files/scene_file.hpp"
 #include "files/scene_file_keys.hpp"
 #include "tests/support/refusal.hpp"

@@ -1,6 +1,4 @@
-#include "core/scene/labels.hpp"
-
-#include "core/scene/scene.hpp"
+#include "core/scene/component_names.hpp"
 
 #include <algorithm>
 
