@@ -21,7 +21,7 @@ void append(fmt::memory_buffer& text, double value) {
   if (std::isnan(value))
     fmt::format_to(std::back_inserter(text), ",nan");
   else
-    fmt::format_to(std::back_inserter(text), ",{}", value);
+    fmt::format_to(std::back_inserter(text), ",{}", value + 0.0);  // -0 becomes 0
 }
 
 /// The values of all columns.

@@ -150,13 +150,14 @@ def affine_flow(A, c, x, length):
 
 
 def converter_solution(on, off, duty, period, periods, x, conducts):
-    """A converter in continuous conduction: (A, c) with the switch on and off. `conducts(x)`, the current of the diode
-    in the off state, must stay positive there; it is looked at in 50 points of every off interval."""
-    for _ in range(periods):
+    """A converter in continuous conduction: (A, c) with the switch on and off; the last period may be a part of one that
+    ends in the off state. `conducts(x)`, the current of the diode in the off state, must stay positive there; it is
+    looked at in 50 points of every off interval."""
+    while periods > 0:
         x = affine_flow(*on, x, duty * period)
-        y = x
+        length = (min(periods, 1) - duty) * period / 50
         for _ in range(50):
-            y = affine_flow(*off, y, (1 - duty) * period / 50)
-            assert conducts(y) > 0, "the converter leaves continuous conduction"
-        x = affine_flow(*off, x, (1 - duty) * period)
+            x = affine_flow(*off, x, length)
+            assert conducts(x) > 0, "the converter leaves continuous conduction"
+        periods -= 1
     return x
