@@ -162,7 +162,7 @@ StateChoice parse_state_choice(const std::string& argument, const std::string& w
   std::vector<std::string> names = scene.names.x;
   const std::string remedy = fmt::format("give all, none, or different components from 0 to {} separated by commas{}",
                                          states - 1, names.empty() ? "" : ", or names: " + join(names));
-  names.insert(names.end(), {"all", "none"});
+  if (names.empty()) names = {"all", "none"};
   for (const std::string& item : split_list(word)) {
     const auto number = parse_integer(item);
     const Index component = number ? Index(*number) : find_state(scene, item);
