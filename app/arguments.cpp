@@ -2,6 +2,7 @@
 
 #include "app/text.hpp"
 #include "core/base/error.hpp"
+#include "files/scene_file.hpp"
 
 #include <fmt/format.h>
 
@@ -16,7 +17,7 @@ namespace {
 std::string found(const std::string& word) { return fmt::format("found '{}'", word); }
 
 long long integer_within(const char* argument, const std::string& word, long long limit) {
-  const auto value = parse_integer(word);
+  const auto value = parse_count(word);
   if (!value || *value < 1 || *value > limit)
     throw Error(argument, found(word), fmt::format("give an integer from 1 to {}", limit));
   return *value;
@@ -39,7 +40,7 @@ Index parse_steps(const std::string& word, long long limit) { return Index(integ
 
 int parse_threads(const std::string& word) { return int(integer_within("--threads", word, max_threads)); }
 
-void parse_error_control(const SolveArguments& a, Options& options) {
+void parse_error_control(const SolveArguments& a, Options& options, std::optional<double> of_file) {
   const auto positive = [](const char* argument, const std::string& word) {
     const auto value = parse_double(word);
     if (!value || !(*value > 0) || !std::isfinite(*value)) throw Error(argument, found(word), "give a positive number");
@@ -52,6 +53,7 @@ void parse_error_control(const SolveArguments& a, Options& options) {
   if (!a.absolute_tolerance.empty()) options.absolute_tolerance = positive("--atol", a.absolute_tolerance);
   if (!a.max_steps.empty()) options.max_steps = Index(integer_within("--max-steps", a.max_steps, max_steps));
   if (!a.max_seconds.empty()) options.max_seconds = positive("--max-seconds", a.max_seconds);
+  if (of_file && a.steps.empty() && !controls_error(options)) options.tolerance = *of_file;
   if (!controls_error(options) && !(a.max_steps.empty() && a.max_seconds.empty()))
     throw Error(a.max_steps.empty() ? "--max-seconds" : "--max-steps", "is given without a tolerance", "add --tol EPS");
 }
@@ -72,24 +74,42 @@ Method parse_method(const std::string& word) {
   return method_from_string(word);
 }
 
-void parse_states(const std::string& argument, const std::string& word, Index states, Options& options) {
-  StateChoice choice = parse_state_choice(argument, word, states);
+void parse_states(const std::string& argument, const std::string& word, const Scene& scene, Options& options) {
+  StateChoice choice = parse_state_choice(argument, word, scene);
   options.states = choice.selection;
   options.components = std::move(choice.components);
 }
 
 std::vector<double> parse_times(const std::string& word, double T) {
+  constexpr double rounding = 1e-9;  // T = 2 pi may be written as 6.2831853072
   std::vector<double> times;
-  for (std::size_t begin = 0; begin <= word.size();) {
-    const std::size_t end = std::min(word.find(',', begin), word.size());
-    const auto value = parse_double(word.substr(begin, end - begin));
-    if (!value || *value < 0 || *value > T)
-      throw Error("--at", found(word), fmt::format("give times from 0 to T = {}, such as 0.1,0.25", T));
-    times.push_back(*value);
-    begin = end + 1;
+  for (const std::string& item : split_list(word)) {
+    const auto value = parse_double(item);
+    if (!value || *value < 0 || *value > T * (1 + rounding))
+      throw Error("--at", item == word ? found(word) : fmt::format("found '{}' in '{}'", item, word),
+                  fmt::format("give times from 0 to T = {:.17g}, such as 0.1,0.25", T));
+    times.push_back(std::min(*value, T));
   }
   return times;
 }
+
+namespace {
+
+/// A number, or an expression of the settings before it.
+double setting(const std::string& key, const std::string& text, const ParameterValues& before) {
+  if (const auto number = parse_double(text)) return *number;
+  const std::string found = fmt::format("found '{}' as the value of {}", text, key);
+  for (const char* word : {"", "nan", "inf", "-inf", "infinity"})
+    if (text == word) throw Error("--set", found, "give a finite number");
+  try {
+    return constant_expression(text, before, "--set");
+  } catch (const Error& error) {
+    throw Error("--set", found + ": " + error.found(),
+                "give a finite number, or an expression of pi and of settings before it");
+  }
+}
+
+}  // namespace
 
 ParameterValues parse_settings(const std::vector<std::string>& words) {
   ParameterValues values;
@@ -98,9 +118,8 @@ ParameterValues parse_settings(const std::vector<std::string>& words) {
     if (equals == std::string::npos || equals == 0)
       throw Error("--set", found(word), "write key=value, such as --set T=2");
     const std::string key = word.substr(0, equals), text = word.substr(equals + 1);
-    const auto value = parse_double(text);
-    if (!value) throw Error("--set", fmt::format("found '{}' as the value of {}", text, key), "give a finite number");
-    if (!values.emplace(key, *value).second)
+    const double value = setting(key, text, values);
+    if (!values.emplace(key, value).second)
       throw Error("--set", fmt::format("{} is given twice", key), "set every parameter once");
   }
   return values;

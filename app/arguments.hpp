@@ -6,6 +6,7 @@
 #include "core/catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,24 +15,24 @@ namespace bromwich::app {
 inline constexpr long long max_steps = 1LL << 24;
 inline constexpr int max_threads = 4096;
 
-/// An integer from 1 to `limit`.
+/// A whole number from 1 to `limit`, also "1e6".
 Index parse_steps(const std::string& word, long long limit = max_steps);
 int parse_threads(const std::string& word);
-/// The given options of error control.
-void parse_error_control(const SolveArguments&, Options& options);
+/// The given options of error control. `of_file`: tolerance where neither a tolerance nor --steps is given.
+void parse_error_control(const SolveArguments&, Options& options, std::optional<double> of_file = {});
 /// A number strictly between 0 and 1.
 double parse_iteration_tolerance(const std::string& word);
 Method parse_method(const std::string& word);
 /// "auto", "contour", ...: the words that parse_method accepts.
 std::vector<std::string> method_names();
 
-/// "all", "none" or a list "0,3,7" of components below `states`; errors name `argument`.
-void parse_states(const std::string& argument, const std::string& word, Index states, Options& options);
+/// "all", "none" or a list "0,3,7" or "v,i" of components; errors name `argument`.
+void parse_states(const std::string& argument, const std::string& word, const Scene& scene, Options& options);
 
-/// Times from 0 to T, "0.1,0.25".
+/// Times from 0 to T, "0.1,0.25"; T may be written with fewer digits than it has.
 std::vector<double> parse_times(const std::string& word, double T);
 
-/// key=value, each key once.
+/// key=value, each key once; a value may be an expression of the keys before it, "2*pi/3".
 ParameterValues parse_settings(const std::vector<std::string>& words);
 
 /// The positional words of a command: names, and more key=value words after a --set ("--set Q=39 T=2").

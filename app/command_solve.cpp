@@ -2,6 +2,7 @@
 
 #include "app/arguments.hpp"
 #include "app/backend_choice.hpp"
+#include "app/columns.hpp"
 #include "app/commands.hpp"
 #include "app/goal_arguments.hpp"
 #include "app/interaction.hpp"
@@ -51,12 +52,37 @@ double smallest_tolerance(const Options& o) {
   return smallest;
 }
 
-Options solve_options(const SolveArguments& arguments, const SceneChoice& choice) {
+/// The states of --states, or of the scene, and those of the columns. N x between time points takes the state there.
+void choose_states(const SolveArguments& arguments, const SceneChoice& choice, const std::vector<Column>& columns,
+                   Options& options) {
+  const bool given = !arguments.states.empty();
+  const std::vector<Index> in_columns = states_of(columns);
+  const bool by_columns = !given && !columns.empty();
+  const bool only_x = options.tolerance_x > 0 && !given && !by_columns && choice.states == "none";
+  if (!by_columns)
+    parse_states("--states", only_x ? "all" : given ? arguments.states : choice.states, choice.scene, options);
+  if (options.states != StateSelection::all && !in_columns.empty()) {
+    options.states = StateSelection::list;
+    for (const Index i : in_columns)
+      if (std::find(options.components.begin(), options.components.end(), i) == options.components.end())
+        options.components.push_back(i);
+  }
+  if (options.tolerance_x > 0 && options.states == StateSelection::none)
+    throw Error("--tol-x", "found without states", "add --states all or a list");
+  options.trace = need_trace(columns);
+  if (options.trace && !arguments.at.empty() && options.states == StateSelection::none) {
+    options.states = StateSelection::list;
+    options.components = {0};
+    options.control_states = false;
+  }
+}
+
+Options solve_options(const SolveArguments& arguments, const SceneChoice& choice, const std::vector<Column>& columns) {
   Options options;
   options.method = parse_method(arguments.method);
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
   options.event_location = arguments.event_location;
-  parse_error_control(arguments, options);
+  parse_error_control(arguments, options, choice.tolerance);
   if (const double smallest = smallest_tolerance(options); smallest > 0) {
     // A smaller iteration error than the tolerance needs would waste sweeps. A thousandth of it does not affect the
     // differences of grids.
@@ -65,11 +91,9 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   if (!arguments.iteration_tolerance.empty())
     options.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
   options.goal = goal_options(arguments.goal, options.method, choice.quantity);
-  const bool given = !arguments.states.empty();
-  const bool only_x = options.tolerance_x > 0 && !given && choice.states == "none";
-  parse_states("--states", only_x ? "all" : given ? arguments.states : choice.states, choice.scene.states(), options);
-  if (options.tolerance_x > 0 && options.states == StateSelection::none)
-    throw Error("--tol-x", "found without states", "add --states all or a list");
+  choose_states(arguments, choice, columns, options);
+  if (options.method == Method::goal && options.trace)
+    throw Error("--columns", "asks for w or N x with method goal", "leave w and trace out");
   return options;
 }
 
@@ -87,12 +111,15 @@ void keep_inputs(const SceneChoice& choice, const std::string& argument, const s
 /// The output files, opened before anything is computed.
 struct Outputs {
   std::optional<OutputFile> out, switches;
-  std::vector<double> times;  ///< of the rows of `out`; empty = the time points
+  std::vector<double> times;    ///< of the rows of `out`; empty = the time points
+  std::vector<Column> columns;  ///< empty: y and the recorded states
 };
 
 Outputs outputs(const SolveArguments& arguments, const SceneChoice& choice) {
   if (!arguments.at.empty() && arguments.out.empty())
     throw Error("--at", fmt::format("found '{}' without --out", arguments.at), "add --out FILE.csv");
+  if (!arguments.columns.empty() && arguments.out.empty())
+    throw Error("--columns", fmt::format("found '{}' without --out", arguments.columns), "add --out FILE.csv");
   if (!arguments.out.empty() && arguments.out == arguments.switches)
     throw Error("--switches", fmt::format("'{}' is the file of --out", arguments.switches), "choose another file");
   Outputs made;
@@ -126,15 +153,16 @@ void write(const Outputs& outputs, const Scene& scene, Backend& backend, const O
       balance = energies(scene, result);
     const bool sampled = !outputs.times.empty() && result.y.rows() == result.steps + 1;
     const Result rows = sampled ? at_times(scene, backend, result, outputs.times) : Result{};
+    const auto columns = outputs.columns.empty() ? default_columns(scene, result.x_components) : outputs.columns;
     outputs.out->write([&](std::FILE* file) {
-      write_csv(sampled ? rows : result, result, scene.constraints(), file, balance ? &*balance : nullptr);
+      write_csv(scene, sampled ? rows : result, result, columns, file, balance ? &*balance : nullptr);
     });
   }
   if (!outputs.switches) return;
   std::vector<Switch> found = switches_with_errors(scene, backend, options, result);
   const std::vector<Index>& free = scene.free_rows;  // their y changes sign without a switch
   std::erase_if(found, [&](const Switch& s) { return std::binary_search(free.begin(), free.end(), s.component); });
-  outputs.switches->write([&](std::FILE* file) { write_switches_csv(found, result, file); });
+  outputs.switches->write([&](std::FILE* file) { write_switches_csv(scene, found, result, file); });
 }
 
 Index state_columns(const Options& options, const Scene& scene) {
@@ -149,27 +177,33 @@ void report_status(const Result& result) {
 }  // namespace
 
 int run_solve(const SolveArguments& arguments) {
-  if (arguments.print_template) {
-    if (!arguments.words.empty())
-      throw Error("--template", "found together with a SCENE", "use it alone: bromwich solve --template > my.toml");
-    print(scene_template);
+  if (arguments.print_template || arguments.print_schema) {
+    const char* option = arguments.print_template ? "--template" : "--schema";
+    if (!arguments.words.empty() || (arguments.print_template && arguments.print_schema))
+      throw Error(option, arguments.words.empty() ? "found together with --schema" : "found together with a SCENE",
+                  fmt::format("use it alone: bromwich solve {} > {}", option,
+                              arguments.print_template ? "my.toml" : "scene.schema.json"));
+    print(arguments.print_template ? scene_template : scene_schema);
     return exit_solved;
   }
   refuse_unavailable(arguments);
   const Words words = split_words(arguments.words, arguments.settings);
   const ParameterValues settings = parse_settings(words.settings);
   const SceneChoice choice = choose_scene(scene_name(words), settings);
-  Options options = solve_options(arguments, choice);
+  const auto columns =
+      arguments.columns.empty() ? std::vector<Column>{} : parse_columns(arguments.columns, choice.scene);
+  Options options = solve_options(arguments, choice, columns);
   const int threads = arguments.threads.empty() ? 0 : parse_threads(arguments.threads);
-  const Index columns = state_columns(options, choice.scene);
-  check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps, columns);
+  const Index recorded = state_columns(options, choice.scene);
+  check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps, recorded);
   check_energies(arguments, choice.scene, options);
   if (options.method == Method::goal && !arguments.at.empty())
     throw Error("--at", fmt::format("found '{}' with method goal", arguments.at),
                 "omit it: the result is given on its own grid");
-  const Outputs files = outputs(arguments, choice);
+  Outputs files = outputs(arguments, choice);
+  files.columns = columns;
 
-  const auto backend = choose_backend(arguments.backend, choice.scene, options, columns, threads);
+  const auto backend = choose_backend(arguments.backend, choice.scene, options, recorded, threads);
   ProgressLine progress;
   if (progress.visible()) options.progress = [&progress](const Progress& state) { progress.show(state); };
   catch_interrupts();

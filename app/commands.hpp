@@ -17,9 +17,9 @@ struct SolveArguments {
   std::vector<std::string> words, settings;
   std::string method = "auto", backend = "auto";
   std::string states, tolerance, tolerance_x, tolerance_y, absolute_tolerance, max_steps, max_seconds, steps,
-      iteration_tolerance, threads, at, out, switches, report;
+      iteration_tolerance, threads, at, columns, out, switches, report;
   GoalArguments goal;
-  bool json = false, print_template = false, energies = false, event_location = false;
+  bool json = false, print_template = false, print_schema = false, energies = false, event_location = false;
 };
 
 struct BenchArguments {

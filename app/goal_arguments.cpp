@@ -11,14 +11,15 @@ namespace bromwich::app {
 
 namespace {
 
-Error unknown_word(const char* argument, const std::string& word, const std::string& known) {
-  return {argument, fmt::format("found '{}'", word), "use " + known};
+Error unknown_word(const char* argument, const std::string& word, const std::string& known,
+                   const std::vector<std::string>& words) {
+  return {argument, fmt::format("found '{}'", word) + suggestion(word, words), "use " + known};
 }
 
 CellWeights parse_weights(const std::string& word) {
   for (const CellWeights weights : {CellWeights::local, CellWeights::interpolated, CellWeights::global})
     if (word == to_string(weights)) return weights;
-  throw unknown_word("--weights", word, "local, interpolated or global");
+  throw unknown_word("--weights", word, "local, interpolated or global", {"local", "interpolated", "global"});
 }
 
 std::string given_argument(const GoalArguments& a) {
@@ -31,7 +32,7 @@ std::string given_argument(const GoalArguments& a) {
 }
 
 Index parse_count(const char* argument, const std::string& word, long long least, long long most) {
-  const auto value = parse_integer(word);
+  const auto value = bromwich::parse_count(word);
   if (!value || *value < least || *value > most)
     throw Error(argument, fmt::format("found '{}'", word), fmt::format("give an integer from {} to {}", least, most));
   return Index(*value);
@@ -51,7 +52,8 @@ std::shared_ptr<const QuantityOfInterest> parse_quantity(const std::string& word
     const auto rho = parse_double(word.substr(4));
     if (rho && *rho >= 0 && std::isfinite(*rho)) return weighted_balance(*rho);
   }
-  throw unknown_word("--quantity", word, "glob, loc, loc+RHO with a number RHO from 0 on, such as loc+10, or file");
+  throw unknown_word("--quantity", word, "glob, loc, loc+RHO with a number RHO from 0 on, such as loc+10, or file",
+                     {"loc", "glob", "file"});
 }
 
 AdjointChoice parse_adjoint(const std::string& word) {
@@ -63,13 +65,14 @@ AdjointChoice parse_adjoint(const std::string& word) {
   if (word.starts_with("jacobi:"))
     if (const auto sweeps = parse_integer(word.substr(7)); sweeps && *sweeps >= 1 && *sweeps <= 1000000)
       return {AdjointMethod::jacobi, Index(*sweeps)};
-  throw unknown_word("--adjoint", word, "exact, substitution, scan, doubling, or jacobi:K with K sweeps");
+  throw unknown_word("--adjoint", word, "exact, substitution, scan, doubling, or jacobi:K with K sweeps",
+                     {"exact", "substitution", "scan", "doubling", "jacobi"});
 }
 
 StepScheme parse_scheme(const std::string& word) {
   for (const StepScheme scheme : {StepScheme::euler, StepScheme::midpoint, StepScheme::exponential})
     if (word == to_string(scheme)) return scheme;
-  throw unknown_word("--scheme", word, "euler, midpoint or exponential");
+  throw unknown_word("--scheme", word, "euler, midpoint or exponential", {"euler", "midpoint", "exponential"});
 }
 
 std::shared_ptr<const GoalOptions> goal_options(const GoalArguments& a, Method method,

@@ -38,7 +38,9 @@ CLI::Option* add_word(CLI::App* command, const std::string& name, std::string& w
 }
 
 void add_settings(CLI::App* command, std::vector<std::string>& settings) {
-  command->add_option("--set", settings, "set parameters of the scene; may be repeated")
+  command
+      ->add_option("--set", settings,
+                   "set parameters of the scene, or T; a number or an expression such as 2*pi; may be repeated")
       ->allow_extra_args(false)
       ->type_name("key=value")
       ->option_text("key=value ...");
@@ -65,8 +67,12 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
            "stop iterating at this change of y, relative to max(1,|y|); default 1e-12, or a thousandth of --tol");
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
   add_word(command, "--states", a.states, "LIST",
-           "state components to write: none, all or 0,3,7; default: the scene's, or none");
+           "state components to write: none, all, 0,3,7 or their names; default: the scene's, or none");
   add_word(command, "--out", a.out, "FILE.csv", "write t, y and the selected states");
+  add_word(
+      command, "--columns", a.columns, "LIST",
+      "with --out: columns to write: y, w, trace (N x), x (all states), or single ones by name, y0,w0,x2; default: y "
+      "and the selected states");
   add_word(command, "--at", a.at, "LIST", "with --out: rows at these times, 0.1,0.25, instead of the time points");
   add_word(command, "--switches", a.switches, "FILE.csv", "write when constraints become active and inactive");
   command->add_flag("--event-location", a.event_location,
@@ -91,10 +97,12 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_word(command, "--report", a.report, "FILE.html", "write a report (not available yet)");
   command->add_flag("--json", a.json, "print one JSON object instead of the summary");
   command->add_flag("--template", a.print_template, "print a commented scene file to start from, and exit");
+  command->add_flag("--schema", a.print_schema, "print the JSON Schema of scene files, for editors, and exit");
   command->footer(
       "Examples:\n"
       "  bromwich solve signorini\n"
       "  bromwich solve --template > my.toml && bromwich solve my.toml --set R=500\n"
+      "  bromwich solve my.toml --set T=2*pi --columns y,w,x --out y.csv\n"
       "  bromwich solve signorini --set Q=127 --steps 1000 --method march --out y.csv\n"
       "  bromwich solve signorini --tol 1e-5\n"
       "  bromwich solve signorini --method contour --iteration-tol 1e-8 --json\n"

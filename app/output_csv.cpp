@@ -1,9 +1,12 @@
 #include "app/output_csv.hpp"
 
 #include "app/text.hpp"
+#include "core/result/slack.hpp"
+#include "core/scene/component_names.hpp"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <iterator>
 
@@ -18,13 +21,38 @@ void append(fmt::memory_buffer& text, double value) {
   if (std::isnan(value))
     fmt::format_to(std::back_inserter(text), ",nan");
   else
-    fmt::format_to(std::back_inserter(text), ",{}", value);
+    fmt::format_to(std::back_inserter(text), ",{}", value + 0.0);  // -0 becomes 0
 }
 
-/// `count` values of row j; nan for values that the array does not have.
-void append_row(fmt::memory_buffer& text, const RowMatrix& values, Index j, Index count) {
-  for (Index i = 0; i < count; ++i) append(text, j < values.rows() && i < values.cols() ? values(j, i) : std::nan(""));
-}
+/// The values of all columns.
+class Values {
+ public:
+  Values(const Scene& scene, const Result& result, const std::vector<Column>& columns) : result_(result) {
+    if (std::any_of(columns.begin(), columns.end(), [](const Column& c) { return c.kind == ColumnKind::w; }))
+      w_ = slack(scene, result);
+    for (const Column& column : columns) sources_.push_back(source(column));
+  }
+
+  /// Row j; nan for values that the result does not have.
+  void append_row(fmt::memory_buffer& text, Index j) const {
+    for (const auto& [values, i] : sources_)
+      append(text, j < values->rows() && i < values->cols() ? (*values)(j, i) : std::nan(""));
+  }
+
+ private:
+  std::pair<const RowMatrix*, Index> source(const Column& column) const {
+    const Index i = column.component;
+    if (column.kind == ColumnKind::y) return {&result_.y, i};
+    if (column.kind == ColumnKind::w) return {&w_, i};
+    if (column.kind == ColumnKind::trace) return {&result_.trace, i};
+    const auto& recorded = result_.x_components;
+    return {&result_.x, std::find(recorded.begin(), recorded.end(), i) - recorded.begin()};
+  }
+
+  const Result& result_;
+  RowMatrix w_;
+  std::vector<std::pair<const RowMatrix*, Index>> sources_;  ///< one for each column
+};
 
 bool any_finite(const RowMatrix& values, Index j) {
   return j < values.rows() && values.row(j).array().isFinite().any();
@@ -50,24 +78,19 @@ void flush(fmt::memory_buffer& text, std::FILE* file) {
 
 }  // namespace
 
-void write_csv(const Result& result, Index constraints, std::FILE* file, const Energies* energies) {
-  write_csv(result, result, constraints, file, energies);
-}
-
-void write_csv(const Result& sampled, const Result& result, Index constraints, std::FILE* file,
-               const Energies* energies) {
+void write_csv(const Scene& scene, const Result& sampled, const Result& result, const std::vector<Column>& columns,
+               std::FILE* file, const Energies* energies) {
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
   fmt::format_to(out, "t");
-  for (Index i = 0; i < constraints; ++i) fmt::format_to(out, ",y{}", i);
-  for (const Index component : sampled.x_components) fmt::format_to(out, ",x{}", component);
+  for (const Column& column : columns) fmt::format_to(out, ",{}", column.name);
   if (energies) fmt::format_to(out, ",energy,supplied_power,dissipated_power,supplied,dissipated,violation");
   fmt::format_to(out, "\n");
+  const Values values(scene, sampled, columns);
   for (Index j = 0; j < sampled.t.size(); ++j) {
     if (result.status != Status::solved && !valid(sampled, j)) continue;
     fmt::format_to(out, "{}", sampled.t[j]);
-    append_row(text, sampled.y, j, constraints);
-    append_row(text, sampled.x, j, Index(sampled.x_components.size()));
+    values.append_row(text, j);
     if (energies) {
       const EnergyBalance& steps = energies->balance;
       for (const Vector* part : {&steps.energy, &energies->power.supplied, &energies->power.dissipated})
@@ -82,11 +105,20 @@ void write_csv(const Result& sampled, const Result& result, Index constraints, s
   flush(text, file);
 }
 
-void write_switches_csv(const std::vector<Switch>& switches, const Result& result, std::FILE* file) {
+void write_switches_csv(const Scene& scene, const std::vector<Switch>& switches, const Result& result,
+                        std::FILE* file) {
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
-  fmt::format_to(out, "t,component,on,error\n");
-  for (const Switch& s : switches) fmt::format_to(out, "{},{},{},{}\n", s.t, s.component, s.on ? 1 : 0, s.error);
+  const auto component = [&](Index i) { return scene.names.y.empty() ? std::to_string(i) : multiplier_name(scene, i); };
+  if (scene.relays > 0) {
+    fmt::format_to(out, "t,relay,from,to,error\n");
+    for (const RelaySwitch& s : relay_switches(result, switches, scene.relays))
+      fmt::format_to(out, "{},{},{},{},{}\n", s.t, component(s.relay), s.from, s.to, s.error);
+  } else {
+    fmt::format_to(out, "t,component,on,error\n");
+    for (const Switch& s : switches)
+      fmt::format_to(out, "{},{},{},{}\n", s.t, component(s.component), s.on ? 1 : 0, s.error);
+  }
   append_end(text, result);
   flush(text, file);
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "app/columns.hpp"
 #include "core/goal/energy_balance.hpp"
 #include "core/result/result.hpp"
 #include "core/result/switching.hpp"
@@ -14,16 +15,15 @@ struct Energies {
   PowerBalance power;
 };
 
-/// Header `t,y0,...,x<component>,...` and one row per time. Numbers are the shortest decimals that round to the same
-/// doubles, `nan` for missing values. `constraints` columns of y are written even if the result has none. With
-/// `energies`, the columns energy, supplied_power and dissipated_power at the time, and supplied, dissipated and
-/// violation over the step that ends there.
-void write_csv(const Result& result, Index constraints, std::FILE* file, const Energies* energies = nullptr);
-/// The same for the rows of `sampled`, at other times than those of `result`.
-void write_csv(const Result& sampled, const Result& result, Index constraints, std::FILE* file,
-               const Energies* energies = nullptr);
+/// Header `t,` and the names of the columns, and one row per time. Numbers are the shortest decimals that round to the
+/// same doubles, `nan` for missing values. With `energies`, the columns energy, supplied_power and dissipated_power at
+/// the time, and supplied, dissipated and violation over the step that ends there. `sampled` has the rows: those of
+/// `result`, or others. A result that is not solved ends with a comment.
+void write_csv(const Scene& scene, const Result& sampled, const Result& result, const std::vector<Column>& columns,
+               std::FILE* file, const Energies* energies = nullptr);
 
-/// Header `t,component,on,error` and one row per switch, followed by the same comment.
-void write_switches_csv(const std::vector<Switch>& switches, const Result& result, std::FILE* file);
+/// Header `t,component,on,error` and one row per switch, followed by the same comment. Components have the names of the
+/// scene, otherwise their numbers. For relays `t,relay,from,to,error`: lambda is -1, 1, or 0 between them.
+void write_switches_csv(const Scene& scene, const std::vector<Switch>& switches, const Result& result, std::FILE* file);
 
 }  // namespace bromwich::app

@@ -39,6 +39,12 @@ Json errors_to_json(const std::optional<ErrorEstimate>& errors) {
           {"grids", errors->grids}};
 }
 
+/// What the scene file calls its components, and their units; null where it gives none.
+Json labels_to_json(const Labels& labels) {
+  if (labels.x.empty() && labels.y.empty() && labels.w.empty()) return nullptr;
+  return {{"x", labels.x}, {"y", labels.y}, {"w", labels.w}};
+}
+
 Json reference_to_json(const std::optional<Reference>& reference) {
   if (!reference) return nullptr;
   return {{"t", nullable(reference->t)},
@@ -87,6 +93,9 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["reference_error"] = nullptr;
   if (has_reference(choice)) json["reference_error"] = {{"x", nullable(error.x)}, {"y", nullable(error.y)}};
   json["reference"] = reference_to_json(choice.reference);
+  json["names"] = labels_to_json(choice.scene.names);
+  json["units"] = labels_to_json(choice.scene.units);
+  if (!choice.scene.time_unit.empty()) json["units"]["t"] = choice.scene.time_unit;
   json["goal"] = goal_to_json(result);
   json["lcp"] = to_json(result.lcp);
   json["seconds"] = to_json(result.seconds);

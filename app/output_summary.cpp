@@ -31,6 +31,7 @@ std::string grid_line(const Scene& scene, const Result& result) {
            fmt::format(", {} steps of {:.3g} to {:.3g} up to T = {:.6g}", steps, h.minCoeff(), h.maxCoeff(), scene.T);
   }
   if (steps > 0) line += fmt::format(", {} steps of {:.6g} up to T = {:.6g}", steps, scene.T / double(steps), scene.T);
+  if (!scene.time_unit.empty()) line += " " + one_line(scene.time_unit);
   return line;
 }
 

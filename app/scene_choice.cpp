@@ -51,8 +51,8 @@ SceneChoice choose_file(const std::string& name, const ParameterValues& settings
                 "give the path of a scene file; 'bromwich solve --template' prints one to start from");
   SceneFile file = read_scene_file(name, settings);
   if (!settings.empty()) file.reference.reset();  // it is valid for the parameters of the file
-  return {std::move(file.scene),    std::move(file.parameters), std::move(file.states), std::move(file.reference),
-          std::move(file.quantity), std::move(file.warning),    std::move(file.inputs)};
+  return {std::move(file.scene),     std::move(file.parameters), std::move(file.states),  file.tolerance,
+          std::move(file.reference), std::move(file.quantity),   std::move(file.warning), std::move(file.inputs)};
 }
 
 }  // namespace
@@ -61,7 +61,7 @@ SceneChoice choose_scene(const std::string& name, const ParameterValues& setting
   if (looks_like_file(name)) return choose_file(name, settings);
   const SceneRecipe& recipe = find_recipe(name);
   check_keys(recipe, settings);
-  SceneChoice choice{make_scene(name, settings), settings, "none", std::nullopt};
+  SceneChoice choice{make_scene(name, settings), settings, "none", std::nullopt, std::nullopt};
   for (const SceneParameter& parameter : recipe.parameters) choice.parameters.emplace(parameter.name, parameter.value);
   // Of two parameters that replace each other, only the given one is kept.
   for (const SceneParameter& parameter : recipe.parameters)

@@ -2,6 +2,8 @@
 
 #include "core/base/error.hpp"
 #include "files/formula.hpp"
+#include "files/names.hpp"
+#include "files/shorthand.hpp"
 #include "files/words.hpp"
 
 #include <fmt/format.h>
@@ -9,7 +11,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <mutex>
 #include <numbers>
@@ -25,6 +26,8 @@ namespace {
 constexpr std::size_t longest_batch = 4000;
 /// Longer texts are rejected by muParser even alone: they are evaluated as a Formula.
 constexpr std::size_t longest_parsed = 19'000;
+
+constexpr const char* time_remedy = "only f, g, u, e, definitions and exact solutions may depend on it";
 
 /// Operations of formulas spent on the search for switch times: seconds at most.
 constexpr long most_work = 20'000'000;
@@ -94,51 +97,6 @@ mu::Parser make_parser(const ParameterValues& parameters) {
   return parser;
 }
 
-bool begins_name(char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0 || c == '_'; }
-bool continues_name(char c) { return begins_name(c) || std::isdigit(static_cast<unsigned char>(c)) != 0; }
-
-std::string quoted(std::string_view text) {
-  constexpr std::size_t longest = 60;
-  const std::string line = one_line(text);
-  return line.size() <= longest ? "'" + line + "'" : "'" + line.substr(0, longest) + "...'";
-}
-
-/// The end of the number that starts at `begin`: the e in "2.5e-3" is not a name.
-std::size_t skip_number(std::string_view text, std::size_t begin) {
-  const auto digits = [&](std::size_t i) {
-    while (i < text.size() && (std::isdigit(static_cast<unsigned char>(text[i])) != 0 || text[i] == '.')) ++i;
-    return i;
-  };
-  const std::size_t end = digits(begin);
-  if (end >= text.size() || (text[end] != 'e' && text[end] != 'E')) return end;
-  std::size_t exponent = end + 1;
-  if (exponent < text.size() && (text[exponent] == '+' || text[exponent] == '-')) ++exponent;
-  return digits(exponent) > exponent ? digits(exponent) : end;
-}
-
-struct Name {
-  std::string text;
-  bool called = false;  ///< a parenthesis follows
-};
-
-std::vector<Name> names_in(std::string_view text) {
-  std::vector<Name> names;
-  for (std::size_t i = 0; i < text.size();) {
-    if (std::isdigit(static_cast<unsigned char>(text[i])) != 0 || text[i] == '.') {
-      i = skip_number(text, i);
-    } else if (begins_name(text[i])) {
-      std::size_t end = i;
-      while (end < text.size() && continues_name(text[end])) ++end;
-      const std::size_t next = text.find_first_not_of(' ', end);
-      names.push_back({std::string(text.substr(i, end - i)), next != std::string_view::npos && text[next] == '('});
-      i = end;
-    } else {
-      ++i;
-    }
-  }
-  return names;
-}
-
 bool uses_time(std::string_view text) {
   const auto names = names_in(text);
   return std::any_of(names.begin(), names.end(), [](const Name& name) { return name.text == "t" && !name.called; });
@@ -155,32 +113,33 @@ void check_signs(const std::string& text, const std::string& where) {
   for (std::size_t i = 0; i < text.size(); ++i) {
     depth += int(text[i] == '(') - int(text[i] == ')');
     if (text[i] == ',' && depth <= 0)
-      throw Error(where, quoted(text) + " has a comma outside of a function", "write decimals with a point");
+      throw Error(where, in_quotes(text) + " has a comma outside of a function", "write decimals with a point");
     if (text[i] != '=') continue;
     const bool compares = i > 0 && std::string_view("<>!").find(text[i - 1]) != std::string_view::npos;
     const bool doubled = i + 1 < text.size() && text[i + 1] == '=';
-    if (!compares && !doubled) throw Error(where, quoted(text) + " assigns with '='", "compare with ==");
+    if (!compares && !doubled) throw Error(where, in_quotes(text) + " assigns with '='", "compare with ==");
     i += std::size_t(doubled);
   }
 }
 
-void check_names(const std::string& text, const ParameterValues& parameters, bool time_allowed,
-                 const std::string& where) {
+void check_names(const std::string& text, const ParameterValues& parameters, const Definitions& definitions,
+                 bool time_allowed, const std::string& where) {
   static const auto functions = expression_functions();
   std::vector<std::string> known{"pi"};
   if (time_allowed) known.emplace_back("t");
   for (const auto& [name, value] : parameters) known.push_back(name);
-  for (const auto& [name, called] : names_in(text)) {
+  for (const auto& [name, meaning] : definitions) known.push_back(name);
+  for (const auto& [name, begin, called] : names_in(text)) {
     if (called && !contains(functions, name))
-      throw Error(where, quoted(text) + fmt::format(" calls '{}'", name) + suggestion(name, functions),
+      throw Error(where, in_quotes(text) + fmt::format(" calls '{}'", name) + suggestion(name, functions),
                   contains(known, name) ? "write * to multiply" : "use one of the functions " + join(functions));
     if (called || contains(known, name)) continue;
     if (contains(functions, name))
-      throw Error(where, quoted(text) + fmt::format(" uses the function '{}' without arguments", name),
+      throw Error(where, in_quotes(text) + fmt::format(" uses the function '{}' without arguments", name),
                   fmt::format("write {}(...)", name));
-    if (name == "t")
-      throw Error(where, quoted(text) + " depends on the time t", "only f, g and exact solutions may depend on it");
-    throw Error(where, quoted(text) + fmt::format(" uses '{}', which is not defined", name) + suggestion(name, known),
+    if (name == "t") throw Error(where, in_quotes(text) + " depends on the time t", time_remedy);
+    throw Error(where,
+                in_quotes(text) + fmt::format(" uses '{}', which is not defined", name) + suggestion(name, known),
                 "define it in [parameters], before its first use, or use one of " + join(known));
   }
 }
@@ -191,7 +150,7 @@ auto guarded(const std::string& text, const std::string& where, const Use& use) 
   try {
     return use();
   } catch (const mu::Parser::exception_type& error) {
-    throw Error(where, quoted(text) + " is no expression: " + one_line(error.GetMsg()), "correct it");
+    throw Error(where, in_quotes(text) + " is no expression: " + one_line(error.GetMsg()), "correct it");
   }
 }
 
@@ -205,7 +164,7 @@ double evaluate(mu::Parser& parser, const std::string& text, const std::string& 
 
 double finite(double value, const std::string& text, const std::string& where) {
   if (!std::isfinite(value))
-    throw Error(where, fmt::format("{} is {}", quoted(text), std::isnan(value) ? "not a number" : "infinite"),
+    throw Error(where, fmt::format("{} is {}", in_quotes(text), std::isnan(value) ? "not a number" : "infinite"),
                 "check the divisions in it and the values of the parameters");
   return value;
 }
@@ -297,6 +256,7 @@ class TimeVector {
 
 struct Expressions::Implementation {
   ParameterValues parameters;
+  Definitions definitions;                      ///< spelled out
   mutable mu::Parser parser = make_parser({});  ///< of constants
 };
 
@@ -305,53 +265,82 @@ Expressions::~Expressions() = default;
 
 const ParameterValues& Expressions::parameters() const { return implementation_->parameters; }
 
-void Expressions::define(const std::string& name, double value, const std::string& where) {
-  if (name.empty() || !begins_name(name[0]) || !std::all_of(name.begin(), name.end(), continues_name))
+bool Expressions::has(const std::string& name) const {
+  return implementation_->parameters.contains(name) || implementation_->definitions.contains(name);
+}
+
+void Expressions::require_new(const std::string& name, const std::string& where) const {
+  if (!is_name(name))
     throw Error(where, fmt::format("'{}' cannot be used in expressions", one_line(name)),
                 "write a name of letters, digits and _ that does not begin with a digit");
   if (name == "t" || name == "pi" || contains(expression_functions(), name))
     throw Error(where, fmt::format("'{}' already has a meaning in expressions", name), "choose another name");
-  if (!implementation_->parameters.emplace(name, value).second)
-    throw Error(where, fmt::format("'{}' is defined twice", name), "define it once");
+  if (has(name)) throw Error(where, fmt::format("'{}' is defined twice", name), "define it once");
+}
+
+void Expressions::define(const std::string& name, double value, const std::string& where) {
+  require_new(name, where);
+  implementation_->parameters.emplace(name, value);
   guarded(name, where, [&] {
     implementation_->parser.DefineConst(name, value);
     return 0;
   });
 }
 
-double Expressions::number(const std::string& text, const std::string& where) const {
-  check_signs(text, where);
-  check_names(text, implementation_->parameters, false, where);
+void Expressions::define_in_time(const std::string& name, const std::string& text, const std::string& where) {
+  require_new(name, where);
+  implementation_->definitions.emplace(name, in_full(text, where));
+}
+
+double Expressions::evaluated(const std::string& text, const std::string& where) const {
   const double value = parsed(text) ? evaluate(implementation_->parser, text, where)
                                     : read_formula(text, implementation_->parameters, where)(0);
   return finite(value, text, where);
 }
 
-void Expressions::check_in_time(const std::string& text, const std::string& where) const {
-  if (!uses_time(text)) {
-    number(text, where);
-    return;
-  }
+double Expressions::number(const std::string& text, const std::string& where) const {
   check_signs(text, where);
-  check_names(text, implementation_->parameters, true, where);
-  if (!parsed(text)) {
-    read_formula(text, implementation_->parameters, where);
-    return;
+  check_names(text, implementation_->parameters, implementation_->definitions, false, where);
+  const std::string meaning = spelled(text, where);
+  if (uses_time(meaning)) throw Error(where, in_quotes(text) + " depends on the time t", time_remedy);
+  return evaluated(meaning, where);
+}
+
+std::string Expressions::spelled(const std::string& text, const std::string& where) const {
+  const auto constant = [&](const std::string& part) {
+    if (uses_time(part))
+      throw Error(where, fmt::format("{} depends on the time t in {}", in_quotes(part), in_quotes(text)),
+                  "use t in the first argument of pulse and pwl only, and in the width of pulse(t, period, width)");
+    return evaluated(part, where);
+  };
+  return spelled_out(text, implementation_->definitions, constant, where);
+}
+
+std::string Expressions::in_full(const std::string& text, const std::string& where) const {
+  check_signs(text, where);
+  check_names(text, implementation_->parameters, implementation_->definitions, true, where);
+  std::string meaning = spelled(text, where);
+  if (!uses_time(meaning)) {
+    evaluated(meaning, where);
+  } else if (!parsed(meaning)) {
+    read_formula(meaning, implementation_->parameters, where);
+  } else {
+    double t = 0;
+    mu::Parser parser = implementation_->parser;
+    guarded(text, where, [&] {
+      parser.DefineVar("t", &t);
+      return 0;
+    });
+    evaluate(parser, meaning, where);
+    evaluate(parser, "(" + meaning + ")", where);  // as it will be used
   }
-  double t = 0;
-  mu::Parser parser = implementation_->parser;
-  guarded(text, where, [&] {
-    parser.DefineVar("t", &t);
-    return 0;
-  });
-  evaluate(parser, text, where);
-  evaluate(parser, "(" + text + ")", where);  // as it will be used
+  return meaning;
 }
 
 TimeFunction Expressions::in_time(const std::vector<std::string>& texts) const {
   Vector constants = Vector::Zero(Index(texts.size()));
   for (std::size_t i = 0; i < texts.size(); ++i)
-    if (!uses_time(texts[i])) constants[Index(i)] = number(texts[i], "expression");
+    if (!uses_time(texts[i])) constants[Index(i)] = evaluated(texts[i], "expression");
   auto function = std::make_shared<TimeVector>(std::move(constants), implementation_->parameters);
   for (std::size_t i = 0; i < texts.size(); ++i)
     if (uses_time(texts[i])) function->add(Index(i), texts[i]);
@@ -397,6 +386,7 @@ std::vector<std::string> expression_functions() {
   for (const auto& entry : unary) names.emplace_back(entry.name);
   for (const auto& entry : binary) names.emplace_back(entry.name);
   for (const auto& entry : variadic) names.emplace_back(entry.name);
+  for (const std::string& name : shorthand_functions()) names.push_back(name);
   return names;
 }
 

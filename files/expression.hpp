@@ -1,8 +1,9 @@
 #pragma once
 // Expressions of parameters and of the time t, such as "-1/(R*C)" or "max(sin(2*pi*t), 0)".
 //
-// Names are the parameters, pi and, where allowed, t. Operators: + - * / ^ (right to left, -2^2 = -4), comparisons (1
-// or 0), && ||, and condition ? a : b. The decimal separator is a point in every locale.
+// Names are the parameters, pi and, where allowed, t; definitions stand for expressions of them. Operators: + - * / ^
+// (right to left, -2^2 = -4), comparisons (1 or 0), && ||, and condition ? a : b. The decimal separator is a point in
+// every locale.
 
 #include "core/base/time_function.hpp"
 #include "core/base/types.hpp"
@@ -30,21 +31,30 @@ class Expressions {
   /// Throws if `name` is not an identifier, is t, pi or a function, or is already defined.
   void define(const std::string& name, double value, const std::string& where);
   const ParameterValues& parameters() const;
+  /// Whether it is the name of a parameter or of a definition.
+  bool has(const std::string& name) const;
 
   /// A constant; throws if the text is not an expression, uses t or an unknown name, or is not finite.
   double number(const std::string& text, const std::string& where) const;
 
-  /// Throws if the text is not an expression of t and the parameters, or is constant and not finite.
-  void check_in_time(const std::string& text, const std::string& where) const;
+  /// Names an expression of t: later ones may use it. Throws as `define` and `in_full`.
+  void define_in_time(const std::string& name, const std::string& text, const std::string& where);
 
-  /// A function with one entry per text; the texts must have been checked. It may be called from several threads at
-  /// once. Parts that do not depend on t are evaluated once, here.
+  /// The expression of t and the parameters without definitions and other shorthands (files/shorthand.hpp). Throws if
+  /// the text is no expression, or is constant and not finite.
+  std::string in_full(const std::string& text, const std::string& where) const;
+
+  /// A function with one entry per text of `in_full`. It may be called from several threads at once. Parts that do not
+  /// depend on t are evaluated once, here.
   TimeFunction in_time(const std::vector<std::string>& texts) const;
 
-  /// The times in [0, T] at which one of the texts may jump or have a kink.
+  /// The times in [0, T] at which one of the texts of `in_full` may jump or have a kink.
   SwitchTimes switch_times(const std::vector<std::string>& texts, double T) const;
 
  private:
+  void require_new(const std::string& name, const std::string& where) const;
+  double evaluated(const std::string& text, const std::string& where) const;
+  std::string spelled(const std::string& text, const std::string& where) const;
   std::optional<Formula> understood(const std::string& text, double T) const;
 
   struct Implementation;

@@ -282,40 +282,23 @@ class Reader {
   Formula formula_;
 };
 
+struct Numbers {
+  double t;
+  static double constant(double value) { return value; }
+  double time() const { return t; }
+  static bool zero(double value) { return value == 0; }
+  static std::optional<double> apply(Operation o, double a, double b) {
+    return takes_two(o) ? bromwich::apply(o, a, b) : bromwich::apply(o, a);
+  }
+};
+
 }  // namespace
 
 double Formula::operator()(double t) const {
   std::vector<double> stack;
   stack.reserve(depth);
-  const auto pop = [&stack] {
-    const double value = stack.back();
-    stack.pop_back();
-    return value;
-  };
-  for (std::size_t i = 0; i < program.size(); ++i) {
-    const Instruction& step = program[i];
-    switch (step.operation) {
-      case Operation::constant:
-        stack.push_back(step.value);
-        break;
-      case Operation::time:
-        stack.push_back(t);
-        break;
-      case Operation::jump:
-        i = step.target - 1;
-        break;
-      case Operation::jump_if_zero:
-        if (pop() == 0) i = step.target - 1;
-        break;
-      case Operation::jump_if_not_zero:
-        if (pop() != 0) i = step.target - 1;
-        break;
-      default:
-        const double b = pop();
-        stack.push_back(takes_two(step.operation) ? apply(step.operation, pop(), b) : apply(step.operation, b));
-    }
-  }
-  return stack.back();
+  Numbers numbers{t};
+  return *execute(*this, numbers, stack);
 }
 
 Formula read_formula(std::string_view text, const ParameterValues& parameters, const std::string& where) {

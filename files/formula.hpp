@@ -8,6 +8,7 @@
 #include "files/operation.hpp"
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,6 +28,52 @@ struct Formula {
 
   double operator()(double t) const;
 };
+
+/// Runs the program of a formula on values of a domain: numbers, or their courses over a piece of time. The domain has
+///
+///     Value constant(double), Value time(), bool zero(Value), std::optional<Value> apply(Operation, Value a, Value b)
+///
+/// with any b for an operation on one value. The result is empty where `apply` gave nothing, which ends the run.
+/// `stack` is memory that is used again.
+template <class Domain, class Value>
+std::optional<Value> execute(const Formula& formula, Domain& domain, std::vector<Value>& stack) {
+  stack.clear();
+  const auto pop = [&stack] {
+    const Value top = stack.back();
+    stack.pop_back();
+    return top;
+  };
+  for (std::size_t i = 0; i < formula.program.size(); ++i) {
+    const Instruction& step = formula.program[i];
+    switch (step.operation) {
+      case Operation::constant:
+        stack.push_back(domain.constant(step.value));
+        break;
+      case Operation::time:
+        stack.push_back(domain.time());
+        break;
+      case Operation::jump:
+        i = step.target - 1;
+        break;
+      case Operation::jump_if_zero:
+        if (domain.zero(pop())) i = step.target - 1;
+        break;
+      case Operation::jump_if_not_zero:
+        if (!domain.zero(pop())) i = step.target - 1;
+        break;
+      case Operation::truth:
+        stack.push_back(domain.constant(double(!domain.zero(pop()))));
+        break;
+      default: {
+        const Value b = takes_two(step.operation) ? pop() : Value{}, a = pop();
+        const std::optional<Value> value = domain.apply(step.operation, a, b);
+        if (!value) return std::nullopt;
+        stack.push_back(*value);
+      }
+    }
+  }
+  return stack.back();
+}
 
 /// Throws Error(where, ...) for a text that is not an expression, or is nested more than a thousand times.
 Formula read_formula(std::string_view text, const ParameterValues& parameters, const std::string& where);

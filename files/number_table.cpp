@@ -88,9 +88,13 @@ std::string read_text(const NumberFile& file, const std::string& where) {
     const ssize_t count = ::read(opened.number, block.data(), block.size());
     if (count < 0 && errno == EINTR) continue;
     if (count < 0) throw refused("the file '{}' cannot be read", "check its permissions");
-    if (count == 0) return text;
+    if (count == 0) break;
     text.append(block.data(), std::size_t(count));
   }
+  if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // the mark of UTF-8
+  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
+    throw refused("the file '{}' is in UTF-16", "save it as UTF-8");
+  return text;
 }
 
 Matrix read_number_table(const std::string& text, const std::string& name) {

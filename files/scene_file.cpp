@@ -4,6 +4,8 @@
 #include "core/result/result.hpp"
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/scene/relay.hpp"
+#include "files/include.hpp"
+#include "files/names.hpp"
 #include "files/sections.hpp"
 #include "files/words.hpp"
 
@@ -12,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 namespace bromwich {
 
@@ -48,10 +51,11 @@ bool is_tridiagonal(const SparseMatrix& M) {
   return true;
 }
 
-LcpMatrix lcp_matrix(const MatrixValue& value, const std::string& where) {
+/// `smallest`: number of rows from which a tridiagonal matrix is kept as diagonals.
+LcpMatrix lcp_matrix(const MatrixValue& value, const std::string& where, Index smallest = smallest_tridiagonal) {
   const SparseMatrix M = to_sparse(value);
   const Index n = M.rows();
-  if (n < smallest_tridiagonal || M.cols() != n || !is_tridiagonal(M)) return to_dense(value, where);
+  if (n < smallest || M.cols() != n || !is_tridiagonal(M)) return to_dense(value, where);
   Tridiagonal t{Vector::Zero(n), Vector::Zero(n), Vector::Zero(n)};
   for (Index i = 0; i < n; ++i) {
     if (i > 0) t.lower[i] = M.coeff(i, i - 1);
@@ -62,13 +66,55 @@ LcpMatrix lcp_matrix(const MatrixValue& value, const std::string& where) {
 }
 
 Dynamics dynamics(const Sections& s) {
-  const MatrixValue A = s.dynamics.matrix("A"), B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N");
+  const MatrixValue A = s.dynamics.matrix("A");
+  const Index m = rows(A);
+  const MatrixValue B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N", columns(B), m);
   const bool mass = s.dynamics.has("E");
-  const MatrixValue E = mass ? s.dynamics.matrix("E") : MatrixValue(Matrix());
+  const MatrixValue E = mass ? s.dynamics.matrix("E", m, m) : MatrixValue(Matrix());
   if (stays_sparse(A))
     return SparseDynamics{to_sparse(A), to_sparse(B), to_sparse(N), mass ? to_sparse(E) : SparseMatrix()};
   return DenseDynamics{to_dense(A, s.dynamics.where("A")), to_dense(B, s.dynamics.where("B")),
                        to_dense(N, s.complementarity.where("N")), mass ? to_dense(E, s.dynamics.where("E")) : Matrix()};
+}
+
+constexpr double most_points = 1 << 16;  ///< of a side of a rectangle
+
+/// `entries` of the file, followed by zeros.
+Vector of_line(const Section& section, const char* key, Index length) {
+  const Vector entries = section.vector(key);
+  if (entries.size() > length)
+    throw Error(section.where(key), fmt::format("has {} entries", entries.size()),
+                fmt::format("give at most {}, the points of a line", length));
+  Vector whole = Vector::Zero(length);
+  whole.head(entries.size()) = entries;
+  return whole;
+}
+
+/// A rectangle whose first direction is along the side of the constraints.
+KroneckerDynamics kronecker(const Sections& s) {
+  for (const auto& [section, key] : {std::pair(&s.dynamics, "A"),
+                                     {&s.dynamics, "B"},
+                                     {&s.dynamics, "E"},
+                                     {&s.dynamics, "F"},
+                                     {&s.complementarity, "N"}})
+    if (section->has(key))
+      throw Error(section->where(key), "is given with a section [kronecker]", "leave it out: [kronecker] says it");
+  const Section& section = s.kronecker;
+  const auto points = section.one_or_two("points"), spacing = section.one_or_two("spacing"),
+             diffusivity = section.one_or_two("diffusivity");
+  for (const double count : points)
+    if (count != std::floor(count) || count < 1 || count > most_points)
+      throw Error(section.where("points"), fmt::format("found {}", count),
+                  fmt::format("give whole numbers from 1 to {}", most_points));
+  for (const auto& [key, values] : {std::pair("spacing", &spacing), std::pair("diffusivity", &diffusivity)})
+    for (const double value : *values)
+      if (!(value > 0)) throw Error(section.where(key), fmt::format("found {}", value), "give positive numbers");
+  KroneckerDynamics sum;
+  sum.along = {Index(points[0]), spacing[0], diffusivity[0]};
+  sum.across = {Index(points[1]), spacing[1], diffusivity[1]};
+  sum.b = of_line(section, "b", sum.across.points);
+  sum.n = of_line(section, "n", sum.across.points);
+  return sum;
 }
 
 LcpClass lcp_class(const Section& complementarity) {
@@ -92,12 +138,24 @@ TimeFunction spread(const SparseMatrix& F, const TimeFunction& phi) {
   };
 }
 
+LcpMatrix matrix_M(const Sections& s, Index n, Index smallest = smallest_tridiagonal) {
+  return lcp_matrix(s.complementarity.matrix("M", n, n), s.complementarity.where("M"), smallest);
+}
+
 Scene complementarity_scene(const Sections& s) {
   Scene scene;
-  scene.dynamics = dynamics(s);
-  scene.M = lcp_matrix(s.complementarity.matrix("M"), s.complementarity.where("M"));
+  Index line = 1;  // states of one constraint, of a rectangle
+  if (s.kronecker.given()) {
+    const KroneckerDynamics sum = kronecker(s);
+    line = sum.across.points;
+    scene.dynamics = sum;
+    scene.f_entry = SourceEntry::through_B;
+  } else {
+    scene.dynamics = dynamics(s);
+  }
+  scene.M = matrix_M(s, scene.constraints(), s.kronecker.given() ? 1 : smallest_tridiagonal);
   scene.lcp_class = lcp_class(s.complementarity);
-  if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0");
+  if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states(), line);
   return scene;
 }
 
@@ -120,7 +178,7 @@ PortHamiltonian read_port(const Section& section, double T, Draft& draft) {
       matrix("E"), to_sparse(section.matrix("J")), to_sparse(section.matrix("R")), matrix("Q"), matrix("B"), {}, {}};
   if (section.has("u") && !section.has("B"))
     throw Error(section.where("B"), "is missing beside u", "give m rows and one column per entry of u");
-  const FunctionValue u = section.function("u", T);
+  const FunctionValue u = section.function("u", T, port.ports());
   require_entries(u, port.ports(), section.where("u"), "one per column of B");
   port.u = u.function;
   draft.note(u);
@@ -141,14 +199,13 @@ Scene port_scene(const Sections& s, Draft& draft) {
   for (const Section* other : {&s.relay, &s.boundary})
     if (other->given())
       throw Error(other->where(other == &s.relay ? "C" : "b"), "is given with [port]", "leave it out");
-  const double T = s.time.number("T");
-  const PortHamiltonian port = read_port(s.port, T, draft);
+  const PortHamiltonian port = read_port(s.port, draft.scene.T, draft);
   std::map<std::string, std::string> in_port = places(s);
   for (const char* key : {"E", "J", "R", "Q", "B", "x0"}) in_port[key] = s.port.where(key);
   in_port["Q^T E"] = s.port.where("Q");
   Scene scene;
   in_the_file(in_port, [&] {
-    scene = make_scene(port, s.port.vector("x0"), T);
+    scene = make_scene(port, s.port.vector("x0"), draft.scene.T);
     scene.validate();
   });
   if (!s.complementarity.given()) {
@@ -156,7 +213,7 @@ Scene port_scene(const Sections& s, Draft& draft) {
       throw Error(s.dynamics.where("B"), "is given without [complementarity]", "add N and M there, or leave it out");
     return scene;
   }
-  const MatrixValue B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N");
+  const MatrixValue B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N", columns(B), scene.states());
   if (auto* sparse = get_if<SparseDynamics>(&scene.dynamics)) {
     sparse->B = to_sparse(B);
     sparse->N = to_sparse(N);
@@ -165,25 +222,31 @@ Scene port_scene(const Sections& s, Draft& draft) {
     dense.B = to_dense(B, s.dynamics.where("B"));
     dense.N = to_dense(N, s.complementarity.where("N"));
   }
-  scene.M = lcp_matrix(s.complementarity.matrix("M"), s.complementarity.where("M"));
+  scene.M = matrix_M(s, scene.constraints());
   scene.lcp_class = lcp_class(s.complementarity);
   return scene;
 }
 
-Scene relay_scene(const Sections& s) {
-  if (s.complementarity.given())
-    throw Error(s.relay.where("C"), "found [relay] and [complementarity]", "give one of the two");
-  if (s.dynamics.has("E"))
-    throw Error(s.dynamics.where("E"), "is given with [relay]", "multiply A, B and f by its inverse");
-  const Index m = rows(s.dynamics.matrix("A"));
-  const auto dense = [](const Section& section, const char* key) {
-    return to_dense(section.matrix(key), section.where(key));
+Scene relay_scene(const Sections& s, Draft& draft) {
+  for (const Section* other : {&s.complementarity, &s.kronecker})
+    if (other->given())
+      throw Error(s.relay.where("C"),
+                  fmt::format("found [relay] and {}", other == &s.kronecker ? "[kronecker]" : "[complementarity]"),
+                  "give one of the two");
+  const auto dense = [](const Section& section, const char* key, Index rows = 0, Index columns = 0) {
+    return to_dense(section.matrix(key, rows, columns), section.where(key));
   };
-  const Matrix A = dense(s.dynamics, "A"), B = dense(s.dynamics, "B"), C = dense(s.relay, "C");
-  const Vector x0 = s.boundary.given() ? Vector(Vector::Zero(m)) : s.dynamics.vector("x0");
+  const Matrix A = dense(s.dynamics, "A"), B = dense(s.dynamics, "B");
+  const Index m = A.rows();
+  const Matrix C = dense(s.relay, "C", m, m);
+  const FunctionValue e = s.relay.function("e", draft.scene.T, C.rows());
+  require_entries(e, C.rows(), s.relay.where("e"), "one per row of C");
+  draft.note(e);
+  const Vector x0 = s.boundary.given() ? Vector(Vector::Zero(m)) : s.dynamics.vector("x0", m);
   Scene scene;
-  // The sources follow when their lengths have been checked.
-  in_the_file(places(s), [&] { scene = bromwich::relay_scene(A, B, C, {}, x0); });
+  // The sources of the states follow when their lengths have been checked.
+  in_the_file(places(s), [&] { scene = bromwich::relay_scene(A, B, C, {}, x0, e.function); });
+  if (s.dynamics.has("E")) get<DenseDynamics>(scene.dynamics).E = dense(s.dynamics, "E", m, m);
   if (s.boundary.given()) scene.x0 = {};
   return scene;
 }
@@ -191,17 +254,19 @@ Scene relay_scene(const Sections& s) {
 /// Adds f of the file to the f of a relay.
 void add_f(const Sections& s, Draft& draft) {
   Scene& scene = draft.scene;
-  const FunctionValue f = s.dynamics.function("f", scene.T);
+  const SparseMatrix F = s.dynamics.has("F") ? to_sparse(s.dynamics.matrix("F")) : SparseMatrix();
+  const FunctionValue f = s.dynamics.function("f", scene.T, s.dynamics.has("F") ? F.cols() : scene.sources());
   draft.note(f);
   const TimeFunction brought = std::exchange(scene.f, {});  // it has one entry per state, f may have fewer
   if (s.dynamics.has("F")) {
     if (!f.function) throw Error(s.dynamics.where("F"), "is given without f", "add f with one entry per column of F");
-    scene.F = to_sparse(s.dynamics.matrix("F"));
+    scene.F = F;
     scene.f_entry = SourceEntry::through_F;
     require_entries(f, scene.F.cols(), s.dynamics.where("f"), "one per column of F");
     in_the_file(places(s), [&] { scene.validate(); });
   } else {
-    require_entries(f, scene.states(), s.dynamics.where("f"), "one per state");
+    const bool by_line = scene.f_entry == SourceEntry::through_B;
+    require_entries(f, scene.sources(), s.dynamics.where("f"), by_line ? "one per line: B f(t)" : "one per state");
   }
   if (!f.function || !s.relay.given()) {
     scene.f = f.function ? f.function : brought;
@@ -220,7 +285,7 @@ void add_f(const Sections& s, Draft& draft) {
 
 void add_g(const Sections& s, Draft& draft) {
   Scene& scene = draft.scene;
-  const FunctionValue g = s.complementarity.function("g", scene.T);
+  const FunctionValue g = s.complementarity.function("g", scene.T, scene.constraints());
   require_entries(g, scene.constraints(), s.complementarity.where("g"), "one per constraint");
   if (g.function) scene.g = g.function;
   draft.note(g);
@@ -228,7 +293,7 @@ void add_g(const Sections& s, Draft& draft) {
 
 void add_exact(const Section& section, Scene& scene) {
   if (!section.given()) return;
-  const FunctionValue x = section.expressions("x"), y = section.expressions("y");
+  const FunctionValue x = section.expressions("x", scene.states()), y = section.expressions("y", scene.constraints());
   if (!x.function && !y.function) throw Error(section.where("x"), "found neither x nor y", "give one of them or both");
   require_entries(x, scene.states(), section.where("x"), "one per state");
   require_entries(y, scene.constraints(), section.where("y"), "one per constraint");
@@ -253,9 +318,9 @@ void add_boundary(const Sections& s, Scene& scene) {
     throw Error(section.where("E0"), fmt::format("the scene has {} states", m),
                 fmt::format("boundary values are for {} states at most", largest_dense));
   const auto end = [&](const char* key) {
-    return section.has(key) ? to_dense(section.matrix(key), section.where(key)) : Matrix(Matrix::Zero(m, m));
+    return section.has(key) ? to_dense(section.matrix(key, m, m), section.where(key)) : Matrix(Matrix::Zero(m, m));
   };
-  scene.boundary = BoundaryCondition{end("E0"), end("ET"), section.vector("b")};
+  scene.boundary = BoundaryCondition{end("E0"), end("ET"), section.vector("b", m)};
 }
 
 void add_free_rows(const Section& section, Scene& scene) {
@@ -287,20 +352,63 @@ void add_breakpoints(const Sections& s, Draft& draft) {
   scene.breakpoints_are_all = draft.switches.complete;
 }
 
-Draft build(const Sections& s) {
+void check_names(const Section& section, const Labels& names) {
+  std::set<std::string> seen{"t", "all", "none"};
+  for (const auto& [key, list] : {std::pair("x", &names.x), std::pair("y", &names.y), std::pair("w", &names.w)})
+    for (std::size_t i = 0; i < list->size(); ++i) {
+      const std::string& name = (*list)[i];
+      if (name.empty() || name.find_first_of(",\"'#=") != std::string::npos)
+        throw Error(section.where(key), fmt::format("found '{}'", name),
+                    "give names without commas, quotes, # and =: they are headers of columns");
+      const bool numbered = (name[0] == 'x' || name[0] == 'y' || name[0] == 'w') && name.size() > 1 &&
+                            name.find_first_not_of("0123456789", 1) == std::string::npos;
+      if (numbered && name != key + std::to_string(i))
+        throw Error(section.where(key), fmt::format("found '{}' for component {}", name, i),
+                    "choose another name: x, y or w with a number is a component without a name");
+      if (!seen.insert(name).second)
+        throw Error(section.where(key), fmt::format("'{}' is taken", name), "give every component a name of its own");
+    }
+}
+
+void add_labels(const Sections& s, Scene& scene) {
+  const auto labels = [&](const Section& section) {
+    return Labels{section.texts("x", scene.states()), section.texts("y", scene.constraints()),
+                  section.texts("w", scene.constraints())};
+  };
+  scene.names = labels(s.names);
+  scene.units = labels(s.units);
+  scene.time_unit = s.units.text("t", "");
+  check_names(s.names, scene.names);
+}
+
+Index whole_steps(const std::string& where, double value) {
+  constexpr double largest = 1 << 24;
+  if (value != std::floor(value) || value < 1 || value > largest)
+    throw Error(where, fmt::format("steps is {}", value), fmt::format("give a whole number from 1 to {}", largest));
+  return Index(value);
+}
+
+/// `settings`: T and steps, in place of those of the file.
+Draft build(const Sections& s, const ParameterValues& settings) {
   Draft draft;
   Scene& scene = draft.scene;
-  scene = s.port.given() ? port_scene(s, draft) : s.relay.given() ? relay_scene(s) : complementarity_scene(s);
+  const auto final_time = [&] { return settings.contains("T") ? settings.at("T") : s.time.number("T"); };
+  if (s.port.given() || s.relay.given()) scene.T = final_time();  // their sources are read with their matrices
+  scene = s.port.given() ? port_scene(s, draft) : s.relay.given() ? relay_scene(s, draft) : complementarity_scene(s);
   add_boundary(s, scene);
   add_free_rows(s.free, scene);
-  scene.T = s.time.number("T");
+  scene.T = final_time();
   scene.default_steps = s.time.positive_integer("steps", scene.default_steps);
-  in_the_file(places(s), [&] { scene.validate(); });
+  if (settings.contains("steps")) scene.default_steps = whole_steps("--set", settings.at("steps"));
+  auto where = places(s);
+  if (settings.contains("T")) where["T"] = "--set";
+  in_the_file(where, [&] { scene.validate(); });
   if (!s.port.given()) add_f(s, draft);
   add_g(s, draft);
   add_breakpoints(s, draft);
-  in_the_file(places(s), [&] { scene.validate(); });
+  in_the_file(where, [&] { scene.validate(); });
   add_exact(s.exact, scene);
+  add_labels(s, scene);
   return draft;
 }
 
@@ -356,38 +464,34 @@ std::shared_ptr<const QuantityOfInterest> read_quantity(const Section& section, 
   return quantity;
 }
 
-toml::table parse_toml(std::string_view text, const std::string& name) {
-  try {
-    return toml::parse(text, name);
-  } catch (const toml::parse_error& error) {
-    throw Error(fmt::format("{}:{}", name, error.source().begin.line), one_line(error.description()),
-                "correct the TOML of this line");
-  }
-}
-
 }  // namespace
 
 bool scene_files_available() { return true; }
 
 SceneFile parse_scene(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder,
                       const ParameterValues& settings) {
-  const toml::table root = parse_toml(toml, file_name);
-  Document document{file_name, folder, {}, {}};
+  Document document{file_name};
+  const toml::table root = read_with_includes(document, toml, folder / std::filesystem::path(file_name).filename());
   const Sections sections = read_sections(document, root);
-  read_parameters(document, root, sections.parameters, settings);
+  ParameterValues others;
+  read_parameters(document, sections.parameters, settings, others);
+  read_definitions(document, sections.definitions);
   SceneFile file;
-  Draft draft = build(sections);
+  Draft draft = build(sections, others);
   file.scene = std::move(draft.scene);
   if (!draft.switches.complete)
     file.warning =
         "not all times at which a source jumps or has a kink were found: its expressions switch too often; declare "
-        "them "
-        "as jumps in [time]";
+        "them as jumps in [time]";
   file.scene.name = sections.top.text("name", std::filesystem::path(file_name).stem().string());
   file.description = sections.top.text("description", "");
   file.parameters = document.expressions.parameters();
   file.states = sections.output.text("states", "none");
-  parse_state_choice(sections.output.where("states"), file.states, file.scene.states());
+  parse_state_choice(sections.output.where("states"), file.states, file.scene);
+  file.tolerance = sections.time.optional_number("tolerance");
+  if (file.tolerance && !(*file.tolerance > 0 && *file.tolerance < 1))
+    throw Error(sections.time.where("tolerance"), fmt::format("found {}", *file.tolerance),
+                "give a number between 0 and 1, such as 1e-4");
   file.reference = read_reference(sections.reference, file.scene);
   file.quantity = read_quantity(sections.quantity, file.scene);
   file.inputs = std::move(document.read);
@@ -399,6 +503,14 @@ SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValu
   SceneFile found = parse_scene(read_text({name, file}, name), name, file.parent_path(), settings);
   found.inputs.push_back(file);
   return found;
+}
+
+double constant_expression(const std::string& text, const ParameterValues& names, const std::string& where) {
+  Expressions expressions;
+  for (const Name& name : names_in(text))
+    if (const auto known = names.find(name.text); known != names.end() && !expressions.has(name.text))
+      expressions.define(name.text, known->second, where);
+  return expressions.number(text, where);
 }
 
 }  // namespace bromwich

@@ -1,8 +1,8 @@
 #pragma once
 // Scenes in TOML files; docs/scene-files.md describes the format.
 
-#include "core/catalogue/catalogue.hpp"
-#include "core/goal/quantities.hpp"
+#include "../core/catalogue/catalogue.hpp"
+#include "../core/goal/quantities.hpp"
 
 #include <filesystem>
 #include <memory>
@@ -25,9 +25,10 @@ struct Reference {
 
 struct SceneFile {
   Scene scene;
-  std::string description;      ///< one line
-  ParameterValues parameters;   ///< of [parameters], with the settings
-  std::string states = "none";  ///< components to write: "none", "all" or "0,3"
+  std::string description;          ///< one line
+  ParameterValues parameters;       ///< of [parameters], with the settings
+  std::string states = "none";      ///< components to write: "none", "all" or "0,3"
+  std::optional<double> tolerance;  ///< default of --tol: steps are then those of the first grid
   std::optional<Reference> reference;
   std::shared_ptr<const QuantityOfInterest> quantity;  ///< of method goal; null if the file has none
   std::string warning;                                 ///< one line about switch times that were not found, or empty
@@ -37,11 +38,16 @@ struct SceneFile {
 /// False if this build has no reader: read_scene_file then throws an Error that names the missing packages.
 bool scene_files_available();
 
-/// Reads a scene. `settings` replace values of [parameters]. Every Error names file, line and key.
+/// Reads a scene. `settings` replace values of [parameters]; T and steps, where no parameter has this name, those of
+/// [time]. Every Error names file, line and key.
 SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValues& settings = {});
 
 /// The same from text. `file_name` is its name in messages; names of other files are relative to `folder`.
 SceneFile parse_scene(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder = {},
                       const ParameterValues& settings = {});
+
+/// The value of an expression without t, such as "2*pi/3" or "R/2" with the value of R among `names`. Without a reader
+/// only numbers are understood.
+double constant_expression(const std::string& text, const ParameterValues& names, const std::string& where);
 
 }  // namespace bromwich

@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "files/scene_file.hpp"
+#include "files/words.hpp"
 
 namespace bromwich {
 
@@ -15,6 +16,12 @@ SceneFile parse_scene(std::string_view, const std::string& file_name, const std:
                       const ParameterValues&) {
   throw Error(file_name, "found a scene file, but this build reads none",
               "install the Debian packages libtomlplusplus-dev and libmuparser-dev and build again");
+}
+
+double constant_expression(const std::string& text, const ParameterValues&, const std::string& where) {
+  const auto value = parse_double(text);
+  if (!value) throw Error(where, "found '" + one_line(text) + "'", "give a finite number");
+  return *value;
 }
 
 }  // namespace bromwich

@@ -1,6 +1,8 @@
 #include "files/section.hpp"
 
 #include "core/base/error.hpp"
+#include "files/matrix_forms.hpp"
+#include "files/names.hpp"
 #include "files/words.hpp"
 
 #include <fmt/format.h>
@@ -16,7 +18,8 @@ namespace {
 
 constexpr const char* list_remedy = "give a list such as [1, \"2*R\"] or the name of a file .csv or .mtx";
 constexpr const char* rows_remedy =
-    "give rows of numbers and expressions such as [[1, \"-1/C\"], [0, 1]] or the name of a file .mtx or .csv";
+    "give rows of numbers and expressions such as [[1, \"-1/C\"], [0, 1]], the name of a file .mtx or .csv, or "
+    "identity(n), zero(rows, columns) or tridiag(n, lower, diagonal, upper) in quotes";
 constexpr const char* function_remedy = "give a list of expressions of t, or the name of a file .csv";
 
 std::string extension(const std::string& name) {
@@ -45,17 +48,21 @@ Section::Section(const Document& document, const toml::table* table, std::string
     const std::string found(key.str());
     if (std::find(keys.begin(), keys.end(), found) != keys.end()) continue;
     const std::string what = name_.empty() && node.is_table() ? "section" : "key";
-    throw Error(fmt::format("{}:{}: {}", document_->name, key.source().begin.line,
-                            name_.empty() ? one_line(found) : name_ + "." + one_line(found)),
-                fmt::format("is no known {}{}", what, suggestion(found, keys)), "use one of " + join(keys));
+    throw Error(
+        fmt::format("{}: {}", place(key.source()), name_.empty() ? one_line(found) : name_ + "." + one_line(found)),
+        fmt::format("is no known {}{}", what, suggestion(found, keys)), "use one of " + join(keys));
   }
+}
+
+std::string Section::place(const toml::source_region& source) const {
+  return fmt::format("{}:{}", source.path ? *source.path : document_->name,
+                     std::max<std::uint32_t>(source.begin.line, 1));
 }
 
 const toml::node* Section::find(const std::string& key) const { return table_ ? table_->get(key) : nullptr; }
 
 std::string Section::where(const toml::node& node, const std::string& key) const {
-  return fmt::format("{}:{}: {}", document_->name, std::max<std::uint32_t>(node.source().begin.line, 1),
-                     name_.empty() ? key : name_ + "." + key);
+  return fmt::format("{}: {}", place(node.source()), name_.empty() ? key : name_ + "." + key);
 }
 
 std::string Section::where(const std::string& key) const {
@@ -119,12 +126,35 @@ std::optional<NumberFile> Section::file(const std::string& key) const {
   if (!text) return std::nullopt;
   const std::string& name = text->get();
   if (const std::string found = extension(name); found != ".mtx" && found != ".csv") return std::nullopt;
-  const std::filesystem::path path = document_->folder / name;
+  const std::string& in = require(key).source().path ? *require(key).source().path : document_->name;
+  const std::filesystem::path path = document_->folders.at(in) / name;
   document_->read.push_back(path);
   return NumberFile{path.string(), path};
 }
 
-Vector Section::vector(const std::string& key) const {
+const std::string* Section::single_text(const std::string& key) const {
+  const toml::value<std::string>* text = require(key).as_string();
+  return text ? &text->get() : nullptr;
+}
+
+/// The one expression of all entries, for entry i; parameters of this name have priority.
+std::string Section::of_entry(const std::string& key, Index i, std::optional<Index> j) const {
+  return with_names_replaced(*single_text(key), [&](const std::string& name, std::string& by) {
+    const bool index = name == "i" || (name == "j" && j);
+    if (!index || document_->expressions.has(name)) return false;
+    by = std::to_string(name == "i" ? i : *j);
+    return true;
+  });
+}
+
+Vector Section::vector(const std::string& key, Index size, Index line) const {
+  if (size > 0 && !file(key) && single_text(key)) {
+    Vector values(size);
+    for (Index k = 0; k < size; ++k)
+      values[k] =
+          document_->expressions.number(line > 1 ? of_entry(key, k / line, k % line) : of_entry(key, k), where(key));
+    return values;
+  }
   if (file(key)) {
     const MatrixValue value = matrix(key);
     if (rows(value) != 1 && columns(value) != 1)
@@ -137,6 +167,31 @@ Vector Section::vector(const std::string& key) const {
   Vector values(Index(list.size()));
   for (std::size_t i = 0; i < list.size(); ++i) values[Index(i)] = number(list[i], key);
   return values;
+}
+
+std::array<double, 2> Section::one_or_two(const std::string& key) const {
+  if (!require(key).is_array()) {
+    const double both = number(key);
+    return {both, both};
+  }
+  const Vector two = vector(key);
+  if (two.size() != 2) throw Error(where(key), fmt::format("has {} entries", two.size()), "give one number or two");
+  return {two[0], two[1]};
+}
+
+std::vector<std::string> Section::texts(const std::string& key, Index size) const {
+  if (!has(key)) return {};
+  const std::string remedy = fmt::format("give a list of {} texts in quotes", size);
+  if (const std::string* one = single_text(key)) return std::vector<std::string>(std::size_t(size), one_line(*one));
+  std::vector<std::string> found;
+  for (const toml::node& entry : require_list(key, remedy)) {
+    const auto* text = entry.as_string();
+    if (!text) throw Error(where(entry, key), "found " + kind(entry), remedy);
+    found.push_back(one_line(text->get()));
+  }
+  if (Index(found.size()) != size)
+    throw Error(where(key), fmt::format("has {} entries", found.size()), fmt::format("give {}", size));
+  return found;
 }
 
 std::vector<double> Section::partly_known(const std::string& key) const {
@@ -152,9 +207,17 @@ std::vector<double> Section::partly_known(const std::string& key) const {
   return values;
 }
 
-MatrixValue Section::matrix(const std::string& key) const {
+MatrixValue Section::matrix(const std::string& key, Index rows, Index columns) const {
   const auto named = file(key);
-  if (!named) return inline_matrix(key);
+  if (!named) {
+    const std::string* word = single_text(key);
+    if (!word) return inline_matrix(key);
+    const auto number = [&](const std::string& text) { return document_->expressions.number(text, where(key)); };
+    if (const auto form = matrix_form(*word, rows, columns, number, where(key))) return *form;
+    throw Error(where(key),
+                "found " + kind(require(key)) + suggestion(word->substr(0, word->find('(')), matrix_forms()),
+                rows_remedy);
+  }
   const std::string text = read_text(*named, where(key));
   if (extension(named->name) == ".csv") return read_number_table(text, named->name);
   return read_matrix_market(text, named->name);
@@ -179,27 +242,32 @@ Matrix Section::inline_matrix(const std::string& key) const {
 std::string Section::time_expression(const toml::node& node, const std::string& key) const {
   const auto* text = node.as_string();
   if (!text) return fmt::format("({})", number(node, key));
-  document_->expressions.check_in_time(text->get(), where(node, key));
-  return text->get();
+  return document_->expressions.in_full(text->get(), where(node, key));
 }
 
-std::vector<std::string> Section::texts_in_time(const std::string& key) const {
+std::string Section::expression(const std::string& key) const { return time_expression(require(key), key); }
+
+std::vector<std::string> Section::texts_in_time(const std::string& key, Index size) const {
   std::vector<std::string> texts;
+  if (size > 0 && single_text(key)) {
+    for (Index i = 0; i < size; ++i) texts.push_back(document_->expressions.in_full(of_entry(key, i), where(key)));
+    return texts;
+  }
   for (const toml::node& entry : require_list(key, function_remedy)) texts.push_back(time_expression(entry, key));
   return texts;
 }
 
-FunctionValue Section::expressions(const std::string& key) const {
+FunctionValue Section::expressions(const std::string& key, Index size) const {
   if (!has(key)) return {};
-  const std::vector<std::string> texts = texts_in_time(key);
+  const std::vector<std::string> texts = texts_in_time(key, size);
   return {document_->expressions.in_time(texts), Index(texts.size())};
 }
 
-FunctionValue Section::function(const std::string& key, double last_time) const {
+FunctionValue Section::function(const std::string& key, double last_time, Index size) const {
   if (!has(key)) return {};
   const auto named = file(key);
   if (!named || extension(named->name) != ".csv") {
-    const std::vector<std::string> texts = texts_in_time(key);
+    const std::vector<std::string> texts = texts_in_time(key, size);
     return {document_->expressions.in_time(texts), Index(texts.size()),
             document_->expressions.switch_times(texts, last_time)};
   }

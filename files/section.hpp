@@ -7,7 +7,9 @@
 
 #include <toml++/toml.h>
 
+#include <array>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,9 +19,11 @@ namespace bromwich {
 /// Data shared by all sections of a file.
 struct Document {
   std::string name;  ///< of the file in messages
-  std::filesystem::path folder;
-  Expressions expressions;
-  mutable std::vector<std::filesystem::path> read = {};  ///< tables and matrices, in the order of reading
+  Expressions expressions = {};
+  mutable std::vector<std::filesystem::path> read = {};       ///< tables, matrices and included files
+  std::map<std::string, std::filesystem::path> folders = {};  ///< of this file and of included ones, by name
+  /// Keys of [parameters] and [definitions] in the order of the files, those of included files first.
+  std::map<std::string, std::vector<std::string>> order = {};
 };
 
 /// A function of time and its number of values; an empty function is zero.
@@ -46,22 +50,34 @@ class Section {
   /// One of `words`; the first if the key is missing.
   std::string word(const std::string& key, const std::vector<std::string>& words) const;
 
-  Vector vector(const std::string& key) const;
+  /// A list or a file; with `size` also one expression for all entries i = 0, ..., size - 1. In lines of `line` entries
+  /// i counts the lines and j the entries of a line.
+  Vector vector(const std::string& key, Index size = 0, Index line = 1) const;
+  /// One number, or two.
+  std::array<double, 2> one_or_two(const std::string& key) const;
   /// Unknown entries, "" or nan, are NaN; empty if the key is missing.
   std::vector<double> partly_known(const std::string& key) const;
-  MatrixValue matrix(const std::string& key) const;
-  /// Expressions of t, or a table of values up to `last_time`.
-  FunctionValue function(const std::string& key, double last_time) const;
+  /// Texts, or one for all of `size` entries; empty if the key is missing.
+  std::vector<std::string> texts(const std::string& key, Index size) const;
+  /// `rows` and `columns`: the size of "identity" and "zero", if it is known.
+  MatrixValue matrix(const std::string& key, Index rows = 0, Index columns = 0) const;
+  /// Expressions of t, or a table of values up to `last_time`; with `size` also one expression for all entries i.
+  FunctionValue function(const std::string& key, double last_time, Index size = 0) const;
   /// Expressions of t; empty if the key is missing.
-  FunctionValue expressions(const std::string& key) const;
+  FunctionValue expressions(const std::string& key, Index size = 0) const;
+  /// The text of an expression of t.
+  std::string expression(const std::string& key) const;
 
  private:
   const toml::node* find(const std::string& key) const;
   const toml::node& require(const std::string& key) const;
   const toml::array& require_list(const std::string& key, const std::string& remedy) const;
+  std::string place(const toml::source_region& source) const;
   std::string where(const toml::node& node, const std::string& key) const;
   double number(const toml::node& node, const std::string& key) const;
-  std::vector<std::string> texts_in_time(const std::string& key) const;
+  std::vector<std::string> texts_in_time(const std::string& key, Index size) const;
+  std::string of_entry(const std::string& key, Index i, std::optional<Index> j = {}) const;
+  const std::string* single_text(const std::string& key) const;
   std::string time_expression(const toml::node& node, const std::string& key) const;
   Matrix inline_matrix(const std::string& key) const;
   std::optional<NumberFile> file(const std::string& key) const;

@@ -27,49 +27,59 @@ std::vector<std::string> keys_of(const toml::table* table) {
   return keys;
 }
 
-/// The keys in the order of the file: a parameter may use those above it.
-std::vector<std::string> in_file_order(const toml::table& table) {
-  std::vector<std::pair<toml::source_position, std::string>> found;
-  for (const auto& [key, node] : table) found.emplace_back(key.source().begin, key.str());
-  std::sort(found.begin(), found.end());
-  std::vector<std::string> keys;
-  for (const auto& [position, key] : found) keys.push_back(key);
+}  // namespace
+
+const std::vector<SectionKeys>& scene_file_keys() {
+  static const std::vector<SectionKeys> keys{
+      {"",
+       {"name", "description", "include", "parameters", "definitions", "dynamics", "kronecker", "complementarity",
+        "relay", "port", "boundary", "free", "time", "names", "units", "output", "exact", "reference", "quantity"}},
+      {"parameters", {}},
+      {"definitions", {}},
+      {"dynamics", {"A", "B", "E", "f", "F", "x0"}},
+      {"kronecker", {"points", "spacing", "diffusivity", "b", "n"}},
+      {"complementarity", {"N", "M", "g", "class"}},
+      {"relay", {"C", "e"}},
+      {"port", {"E", "J", "R", "Q", "B", "u", "jumps", "x0"}},
+      {"boundary", {"E0", "ET", "b"}},
+      {"free", {"rows"}},
+      {"time", {"T", "steps", "tolerance", "jumps"}},
+      {"names", {"x", "y", "w"}},
+      {"units", {"t", "x", "y", "w"}},
+      {"output", {"states"}},
+      {"exact", {"x", "y"}},
+      {"reference", {"t", "x", "y", "status", "infeasible_at", "tolerance", "source"}},
+      {"quantity", {"name", "W", "c", "end_W", "end_c", "exact"}}};
   return keys;
 }
 
-}  // namespace
-
 Sections read_sections(const Document& document, const toml::table& root) {
-  const auto table = [&](const char* name) { return find_table(document, root, name); };
-  const Section top(document, &root, "",
-                    {"name", "description", "parameters", "dynamics", "complementarity", "relay", "port", "boundary",
-                     "free", "time", "output", "exact", "reference", "quantity"});
-  const toml::table* parameters = table("parameters");
-  return {top,
-          Section(document, parameters, "parameters", keys_of(parameters)),
-          Section(document, table("dynamics"), "dynamics", {"A", "B", "E", "f", "F", "x0"}),
-          Section(document, table("complementarity"), "complementarity", {"N", "M", "g", "class"}),
-          Section(document, table("relay"), "relay", {"C"}),
-          Section(document, table("port"), "port", {"E", "J", "R", "Q", "B", "u", "jumps", "x0"}),
-          Section(document, table("boundary"), "boundary", {"E0", "ET", "b"}),
-          Section(document, table("free"), "free", {"rows"}),
-          Section(document, table("time"), "time", {"T", "steps", "jumps"}),
-          Section(document, table("output"), "output", {"states"}),
-          Section(document, table("exact"), "exact", {"x", "y"}),
-          Section(document, table("reference"), "reference",
-                  {"t", "x", "y", "status", "infeasible_at", "tolerance", "source"}),
-          Section(document, table("quantity"), "quantity", {"name", "W", "c", "end_W", "end_c", "exact"})};
+  const auto section = [&](const std::string& name) {
+    const auto& all = scene_file_keys();
+    const auto known = std::find_if(all.begin(), all.end(), [&](const SectionKeys& s) { return s.name == name; });
+    const toml::table* table = name.empty() ? &root : find_table(document, root, name);
+    return Section(document, table, name, known->keys.empty() ? keys_of(table) : known->keys);
+  };
+  return {section(""),          section("parameters"), section("definitions"),
+          section("dynamics"),  section("kronecker"),  section("complementarity"),
+          section("relay"),     section("port"),       section("boundary"),
+          section("free"),      section("time"),       section("names"),
+          section("units"),     section("output"),     section("exact"),
+          section("reference"), section("quantity")};
 }
 
-void read_parameters(Document& document, const toml::table& root, const Section& section,
-                     const ParameterValues& settings) {
-  const toml::table* table = find_table(document, root, "parameters");
-  const auto keys = table ? in_file_order(*table) : std::vector<std::string>{};
+void read_parameters(Document& document, const Section& section, const ParameterValues& settings,
+                     ParameterValues& others) {
+  const std::vector<std::string>& keys = document.order["parameters"];
+  std::vector<std::string> known = keys;
+  for (const char* key : {"T", "steps"})
+    if (std::find(keys.begin(), keys.end(), key) == keys.end()) known.emplace_back(key);
   for (const auto& [key, value] : settings) {
-    if (std::find(keys.begin(), keys.end(), key) == keys.end())
-      throw Error("--set", fmt::format("'{}' is no parameter of {}", key, document.name) + suggestion(key, keys),
-                  keys.empty() ? "leave it out" : "use one of " + join(keys));
+    if (std::find(known.begin(), known.end(), key) == known.end())
+      throw Error("--set", fmt::format("'{}' is no parameter of {}", key, document.name) + suggestion(key, known),
+                  "use one of " + join(known));
     if (!std::isfinite(value)) throw Error("--set", fmt::format("{} is {}", key, value), "give a finite number");
+    if (std::find(keys.begin(), keys.end(), key) == keys.end()) others.emplace(key, value);
   }
   for (const std::string& key : keys) {
     const double written = settings.contains(key) ? settings.at(key) : section.number(key);
@@ -77,26 +87,33 @@ void read_parameters(Document& document, const toml::table& root, const Section&
   }
 }
 
+void read_definitions(Document& document, const Section& section) {
+  for (const std::string& key : document.order["definitions"])
+    document.expressions.define_in_time(key, section.expression(key), section.where(key));
+}
+
 void in_the_file(const std::map<std::string, std::string>& places, const std::function<void()>& check) {
   try {
     check();
   } catch (const Error& error) {
-    const std::string line = error.what();
+    const std::string& argument = error.argument();
     for (const auto& [member, place] : places)  // it already names a place; the file may have the name of a member
-      if (line.starts_with(place.substr(0, place.find(':') + 1))) throw;
-    const std::size_t colon = std::min(line.find(": "), line.size());
-    const std::size_t member = std::min(line.find_first_of(".(:"), line.size());
-    const auto place = places.find(line.substr(0, member));
-    const std::size_t semicolon = line.rfind("; ");
-    if (place == places.end() || semicolon == std::string::npos || semicolon < colon) throw;
-    throw Error(place->second, line.substr(colon + 2, semicolon - colon - 2), line.substr(semicolon + 2));
+      if (argument.starts_with(place.substr(0, place.find(':') + 1))) throw;
+    const auto place = places.find(argument.substr(0, argument.find_first_of(".(")));
+    if (place == places.end()) throw;
+    throw Error(place->second, error.found(), error.remedy(), error.kind());
   }
 }
 
 std::map<std::string, std::string> places(const Sections& s) {
   const Section& seen = s.relay.given() ? s.relay : s.complementarity;
+  const bool sum = s.kronecker.given();
   return {{"A", s.dynamics.where("A")},
           {"B", s.dynamics.where("B")},
+          {"along", s.kronecker.where("points")},
+          {"across", s.kronecker.where("points")},
+          {"n", s.kronecker.where("n")},
+          {"e", s.relay.where("e")},
           {"E", s.dynamics.where("E")},
           {"F", s.dynamics.where("F")},
           {"f", s.dynamics.where("f")},
@@ -104,11 +121,11 @@ std::map<std::string, std::string> places(const Sections& s) {
           {"C", s.relay.where("C")},
           {"N", seen.where(s.relay.given() ? "C" : "N")},
           {"M", s.complementarity.where("M")},
-          {"g", s.complementarity.where("g")},
+          {"g", s.relay.given() ? s.relay.where("e") : s.complementarity.where("g")},
           {"lcp_class", s.complementarity.where("class")},
           {"E0", s.boundary.where("E0")},
           {"ET", s.boundary.where("ET")},
-          {"b", s.boundary.where("b")},
+          {"b", sum ? s.kronecker.where("b") : s.boundary.where("b")},
           {"free_rows", s.free.where("rows")},
           {"T", s.time.where("T")},
           {"breakpoints", s.time.where("jumps")},

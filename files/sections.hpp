@@ -2,6 +2,7 @@
 // The sections of a scene file, and the translation of an Error about a scene to a line of the file.
 
 #include "files/scene_file.hpp"
+#include "files/scene_file_keys.hpp"
 #include "files/section.hpp"
 
 #include <functional>
@@ -12,15 +13,19 @@ namespace bromwich {
 
 /// The sections of a file, by name.
 struct Sections {
-  Section top, parameters, dynamics, complementarity, relay, port, boundary, free, time, output, exact, reference,
-      quantity;
+  Section top, parameters, definitions, dynamics, kronecker, complementarity, relay, port, boundary, free, time, names,
+      units, output, exact, reference, quantity;
 };
 
 /// Throws Error for an unknown section or key.
 Sections read_sections(const Document&, const toml::table& root);
 
 /// Defines the parameters of the file for its expressions, in the order of the file; `settings` replace values.
-void read_parameters(Document&, const toml::table& root, const Section&, const ParameterValues& settings);
+/// Settings of other keys stay in `others`.
+void read_parameters(Document&, const Section&, const ParameterValues& settings, ParameterValues& others);
+
+/// Defines the expressions of [definitions], in the order of the file.
+void read_definitions(Document&, const Section&);
 
 /// The places in the file of the members of Scene.
 std::map<std::string, std::string> places(const Sections&);

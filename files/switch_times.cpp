@@ -61,57 +61,55 @@ class Search {
     return used > all / 16 && used / 10 > all * (reached / T_);
   }
 
+  /// Courses over [a, b]; stops at an operation that is not smooth there.
+  struct Courses {
+    Search& search;
+    double a, b;
+    Outcome outcome = Outcome::smooth;
+
+    static Course constant(double value) { return bromwich::constant(value); }
+    Course time() const { return {a, b, {a, b}, {1, 1}}; }
+    static bool zero(const Course& c) { return vanishes(c); }
+    std::optional<Course> apply(Operation o, const Course& first, const Course& second) {
+      --search.work_;
+      const double width = b - a;
+      if (!switches(o))
+        return takes_two(o) ? bromwich::apply(o, first, second, width) : bromwich::apply(o, first, width);
+      outcome = search.decide(o, first, second, width);
+      if (outcome != Outcome::smooth) return std::nullopt;
+      return apply_on(o, search.ways_.back(), first, second, width);
+    }
+  };
+
+  /// Numbers at one time, on the ways of the last run over a piece; stops at the operation at which that stopped.
+  struct Values {
+    Search& search;
+    double t;
+    std::size_t known = 0;
+    std::pair<double, bool> stopped = {0, true};  ///< s there, and whether its way is low_way_ or below
+
+    static double constant(double value) { return value; }
+    double time() const { return t; }
+    static bool zero(double value) { return value == 0; }
+    std::optional<double> apply(Operation o, double a, double b) {
+      --search.work_;
+      if (!switches(o)) return takes_two(o) ? bromwich::apply(o, a, b) : bromwich::apply(o, a);
+      if (known < search.ways_.size()) return apply_on(o, search.ways_[known++], a, b);
+      stopped = {switching(o, a, b), way_of(o, a, b) <= search.low_way_};
+      return std::nullopt;
+    }
+  };
+
   /// Runs the program over [a, b]; ways_ are those of the operations that switch, in the order of execution. If one has
   /// different ways at the ends, `low_way_` is the way below the change to be located.
   Outcome look(double a, double b) {
     ways_.clear();
-    stack_.clear();
-    width_ = b - a;
-    const auto pop = [this] {
-      const Course top = stack_.back();
-      stack_.pop_back();
-      return top;
-    };
-    const auto& program = formula_.program;
-    for (std::size_t i = 0; i < program.size(); ++i) {
-      const Instruction& step = program[i];
-      --work_;
-      switch (step.operation) {
-        case Operation::constant:
-          stack_.push_back(constant(step.value));
-          break;
-        case Operation::time:
-          stack_.push_back({a, b, {a, b}, {1, 1}});
-          break;
-        case Operation::jump:
-          i = step.target - 1;
-          break;
-        case Operation::jump_if_zero:
-          if (vanishes(pop())) i = step.target - 1;
-          break;
-        case Operation::jump_if_not_zero:
-          if (!vanishes(pop())) i = step.target - 1;
-          break;
-        case Operation::truth:
-          stack_.push_back(constant(double(!vanishes(pop()))));
-          break;
-        default: {
-          const bool two = takes_two(step.operation);
-          const Course second = two ? pop() : Course{}, first = pop();
-          if (!switches(step.operation)) {
-            stack_.push_back(two ? apply(step.operation, first, second, width_) : apply(step.operation, first, width_));
-            break;
-          }
-          const Outcome outcome = decide(step.operation, first, second);
-          if (outcome != Outcome::smooth) return outcome;
-          stack_.push_back(apply_on(step.operation, ways_.back(), first, second, width_));
-        }
-      }
-    }
-    return Outcome::smooth;
+    Courses courses{*this, a, b};
+    execute(formula_, courses, stack_);
+    return courses.outcome;
   }
 
-  Outcome decide(Operation o, const Course& first, const Course& second) {
+  Outcome decide(Operation o, const Course& first, const Course& second, double width) {
     const double at_left = way_of(o, first.left, second.left), at_right = way_of(o, first.right, second.right);
     const double s_left = switching(o, first.left, second.left), s_right = switching(o, first.right, second.right);
     if (std::isnan(s_left) && std::isnan(s_right)) return keep(at_left);
@@ -124,7 +122,7 @@ class Search {
       low_way_ = std::floor((at_left + at_right) / 2);
       return Outcome::switches;
     }
-    const Course s = switching(o, first, second, width_);
+    const Course s = switching(o, first, second, width);
     if (one_way(o, s.value) || s.slope.low >= 0 || s.slope.high <= 0) return keep(at_left);
     return Outcome::open;
   }
@@ -136,46 +134,9 @@ class Search {
 
   /// s of the operation at which `look` stopped, and whether its way is low_way_ or below, at one time.
   std::pair<double, bool> at(double t) {
-    values_.clear();
-    std::size_t known = 0;
-    const auto pop = [this] {
-      const double top = values_.back();
-      values_.pop_back();
-      return top;
-    };
-    const auto& program = formula_.program;
-    for (std::size_t i = 0; i < program.size(); ++i) {
-      const Instruction& step = program[i];
-      --work_;
-      switch (step.operation) {
-        case Operation::constant:
-          values_.push_back(step.value);
-          break;
-        case Operation::time:
-          values_.push_back(t);
-          break;
-        case Operation::jump:
-          i = step.target - 1;
-          break;
-        case Operation::jump_if_zero:
-          if (pop() == 0) i = step.target - 1;
-          break;
-        case Operation::jump_if_not_zero:
-          if (pop() != 0) i = step.target - 1;
-          break;
-        default: {
-          const bool two = takes_two(step.operation);
-          const double b = two ? pop() : 0, a = pop();
-          if (!switches(step.operation))
-            values_.push_back(two ? apply(step.operation, a, b) : apply(step.operation, a));
-          else if (known == ways_.size())
-            return {switching(step.operation, a, b), way_of(step.operation, a, b) <= low_way_};
-          else
-            values_.push_back(apply_on(step.operation, ways_[known++], a, b));
-        }
-      }
-    }
-    return {0, true};
+    Values values{*this, t};
+    execute(formula_, values, values_);
+    return values.stopped;
   }
 
   /// Adjacent floating-point numbers in [a, b] between which the way changes.
@@ -222,7 +183,6 @@ class Search {
   double T_;
   long& work_;
   long given_;
-  double width_ = 0;
   Operation target_ = Operation::constant;
   double low_way_ = 0;
   std::vector<double> ways_, values_;

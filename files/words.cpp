@@ -1,14 +1,17 @@
 #include "files/words.hpp"
 
 #include "core/base/error.hpp"
+#include "core/scene/component_names.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <charconv>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 namespace bromwich {
 
@@ -33,6 +36,47 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   }
   return row[b.size()];
 }
+
+/// Words of other programs, and what they are called here.
+constexpr auto synonyms = std::to_array<std::pair<std::string_view, std::string_view>>({
+    {"automatic", "auto"},
+    {"default", "auto"},
+    {"gpu", "cuda"},
+    {"nvidia", "cuda"},
+    {"device", "cuda"},
+    {"host", "cpu"},
+    {"radau", "march"},
+    {"marching", "march"},
+    {"timestepping", "march"},
+    {"implicit", "euler"},
+    {"implicit-euler", "euler"},
+    {"backward-euler", "euler"},
+    {"mgrit", "multigrid"},
+    {"arcsin", "asin"},
+    {"arccos", "acos"},
+    {"arctan", "atan"},
+    {"arctan2", "atan2"},
+    {"fabs", "abs"},
+    {"power", "pow"},
+    {"sgn", "sign"},
+    {"signum", "sign"},
+    {"step", "heaviside"},
+    {"theta", "heaviside"},
+    {"fmod", "mod"},
+    {"pwm", "pulse"},
+    {"square", "pulse"},
+    {"interp", "pwl"},
+    {"eye", "identity"},
+    {"zeros", "zero"},
+    {"tridiagonal", "tridiag"},
+    {"constants", "parameters"},
+    {"params", "parameters"},
+    {"lcp", "complementarity"},
+    {"labels", "names"},
+    {"tol", "tolerance"},
+    {"t_end", "T"},
+    {"tend", "T"},
+});
 
 template <class Number>
 std::optional<Number> parse(std::string_view word) {
@@ -62,7 +106,11 @@ std::optional<std::string> nearest(const std::string& name, const std::vector<st
 }
 
 std::string suggestion(const std::string& name, const std::vector<std::string>& candidates) {
-  const auto guess = nearest(name, candidates);
+  std::string lower = name;
+  std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+  auto guess = nearest(name, candidates);
+  for (const auto& [other, ours] : synonyms)
+    if (lower == other && std::find(candidates.begin(), candidates.end(), ours) != candidates.end()) guess = ours;
   return guess ? fmt::format(" (did you mean '{}'?)", *guess) : "";
 }
 
@@ -86,24 +134,44 @@ std::optional<double> parse_double(std::string_view word) {
 
 std::optional<long long> parse_integer(std::string_view word) { return parse<long long>(word); }
 
-StateChoice parse_state_choice(const std::string& argument, const std::string& word, Index states) {
+std::optional<long long> parse_count(std::string_view word) {
+  constexpr double largest = 9007199254740992.0;  // above, not every whole number is a double
+  if (const auto whole = parse_integer(word)) return whole;
+  const auto value = parse_double(word);
+  if (!value || *value != std::floor(*value) || std::abs(*value) > largest) return std::nullopt;
+  return static_cast<long long>(*value);
+}
+
+std::vector<std::string> split_list(const std::string& list) {
+  std::vector<std::string> words;
+  for (std::size_t begin = 0; begin <= list.size();) {
+    const std::size_t end = std::min(list.find(',', begin), list.size());
+    words.push_back(list.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return words;
+}
+
+StateChoice parse_state_choice(const std::string& argument, const std::string& word, const Scene& scene) {
   StateChoice choice;
   if (word == "none") return choice;
   choice.selection = word == "all" ? StateSelection::all : StateSelection::list;
   if (word == "all") return choice;
 
-  const std::string remedy =
-      fmt::format("give all, none, or different components from 0 to {} separated by commas", states - 1);
-  for (std::size_t begin = 0; begin <= word.size();) {
-    const std::size_t end = std::min(word.find(',', begin), word.size());
-    const std::string item = word.substr(begin, end - begin);
-    const auto component = parse_integer(item);
-    if (!component || *component < 0 || *component >= states)
+  const Index states = scene.states();
+  std::vector<std::string> names = scene.names.x;
+  const std::string remedy = fmt::format("give all, none, or different components from 0 to {} separated by commas{}",
+                                         states - 1, names.empty() ? "" : ", or names: " + join(names));
+  if (names.empty()) names = {"all", "none"};
+  for (const std::string& item : split_list(word)) {
+    const auto number = parse_integer(item);
+    const Index component = number ? Index(*number) : find_state(scene, item);
+    if (component < 0 || component >= states)
       throw Error(argument,
-                  item == word ? fmt::format("found '{}'", word) : fmt::format("found '{}' in '{}'", item, word),
+                  (item == word ? fmt::format("found '{}'", word) : fmt::format("found '{}' in '{}'", item, word)) +
+                      (number ? "" : suggestion(item, names)),
                   remedy);
-    choice.components.push_back(Index(*component));
-    begin = end + 1;
+    choice.components.push_back(component);
   }
   auto sorted = choice.components;
   std::sort(sorted.begin(), sorted.end());

@@ -132,3 +132,32 @@ def bar_solution(mass, stiffness, eps, gap, T):
         if found is None or t + found >= T:
             return q / scale, v / scale, events
         q[0], t, contact, events = 0.0, t + s, 1 - contact, events + 1
+
+
+def affine_flow(A, c, x, length):
+    """The solution of x' = A x + c after `length`, by the Taylor series of the exponential on 2^-k of it, squared."""
+    n = len(c)
+    H = np.zeros((n + 1, n + 1))
+    H[:n, :n], H[:n, n] = A * length, c * length
+    k = max(0, int(np.ceil(np.log2(max(np.abs(H).sum(axis=1).max(), 1e-300)))) + 4)
+    term = total = np.eye(n + 1)
+    for j in range(1, 20):
+        term = term @ H / 2**k / j
+        total = total + term
+    for _ in range(k):
+        total = total @ total
+    return total[:n, :n] @ x + total[:n, n]
+
+
+def converter_solution(on, off, duty, period, periods, x, conducts):
+    """A converter in continuous conduction: (A, c) with the switch on and off; the last period may be a part of one that
+    ends in the off state. `conducts(x)`, the current of the diode in the off state, must stay positive there; it is
+    looked at in 50 points of every off interval."""
+    while periods > 0:
+        x = affine_flow(*on, x, duty * period)
+        length = (min(periods, 1) - duty) * period / 50
+        for _ in range(50):
+            x = affine_flow(*off, x, length)
+            assert conducts(x) > 0, "the converter leaves continuous conduction"
+        periods -= 1
+    return x

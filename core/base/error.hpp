@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <stdexcept>
 #include <string>
 
@@ -21,11 +22,21 @@ class Error : public std::runtime_error {
  public:
   Error(const std::string& argument, const std::string& found, const std::string& remedy,
         ErrorKind kind = ErrorKind::bad_input)
-      : std::runtime_error(argument + ": " + found + "; " + remedy), kind_(kind) {}
+      : std::runtime_error(argument + ": " + found + "; " + remedy),
+        parts_(std::make_shared<const Parts>(Parts{argument, found, remedy})),
+        kind_(kind) {}
 
   ErrorKind kind() const { return kind_; }
+  /// The three parts of what().
+  const std::string& argument() const { return parts_->argument; }
+  const std::string& found() const { return parts_->found; }
+  const std::string& remedy() const { return parts_->remedy; }
 
  private:
+  struct Parts {
+    std::string argument, found, remedy;
+  };
+  std::shared_ptr<const Parts> parts_;  ///< shared: copying an exception must not throw
   ErrorKind kind_;
 };
 

@@ -36,7 +36,7 @@ class EventSources {
  public:
   explicit EventSources(const Scene& scene) : scene_(scene), m_(scene.states()), n_(scene.constraints()) {
     if (scene.f && scene.f_entry != SourceEntry::state)
-      F_ = source_matrix(scene, std::get<DenseDynamics>(scene.dynamics));
+      F_ = source_matrix(scene, get<DenseDynamics>(scene.dynamics));
   }
 
   bool any() const { return bool(scene_.f) || bool(scene_.g); }
@@ -126,7 +126,7 @@ class EventIntegration {
   EventIntegration(const Scene& scene, LcpClass lcp_class, const std::vector<double>& breakpoints,
                    const EventOptions& o)
       : scene_(scene), breakpoints_(breakpoints), options_(o), sources_(scene), class_(lcp_class), T_(scene.T) {
-    const DenseDynamics& d = std::get<DenseDynamics>(scene.dynamics);
+    const DenseDynamics& d = get<DenseDynamics>(scene.dynamics);
     system_ = {d.A, d.B, d.N, to_dense(scene.M)};
     m_ = system_.states();
     n_ = system_.constraints();
@@ -672,7 +672,7 @@ class EventIntegration {
 }  // namespace
 
 std::string unsuited_to_events(const Scene& scene) {
-  const DenseDynamics* d = std::get_if<DenseDynamics>(&scene.dynamics);
+  const DenseDynamics* d = get_if<DenseDynamics>(&scene.dynamics);
   if (scene.boundary) return "it needs initial values, and the scene has boundary values";
   if (!d || d->E.size() > 0 || scene.states() > most_states || scene.constraints() > most_constraints)
     return text("it takes dense dynamics with at most %ld states and %ld constraints", long(most_states),

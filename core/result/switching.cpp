@@ -73,4 +73,39 @@ std::vector<Switch> switches(const Result& result, double negligible) {
   return found;
 }
 
+std::vector<RelaySwitch> relay_switches(const Result& result, const std::vector<Switch>& found, Index relays) {
+  std::vector<RelaySwitch> all;
+  const auto lambda = [](bool s, bool y) { return y ? -1 : s ? 0 : 1; };
+  for (Index relay = 0; relay < relays; ++relay) {
+    std::vector<Switch> own;
+    for (const Switch& s : found)
+      if (s.component % relays == relay) own.push_back(s);
+    // Without a switch y is positive at all times or never: any row says so, but y_0 may be undetermined.
+    const auto before = [&](Index component) {
+      for (const Switch& s : own)
+        if (s.component == component) return !s.on;
+      return result.y.rows() > 1 && result.y(1, component) > 0;
+    };
+    bool s = before(relay), y = before(relay + relays);
+    for (std::size_t k = 0; k < own.size();) {
+      const int from = lambda(s, y);
+      double last = own[k].t, sum = 0, error = 0;
+      const std::size_t first = k;
+      for (; k < own.size(); ++k) {
+        const double step = result.steps > 0 ? result.t[result.t.size() - 1] / double(result.steps) : 0;
+        if (k > first && own[k].t - last > std::max(step, own[k].error)) break;
+        (own[k].component < relays ? s : y) = own[k].on;
+        last = own[k].t;
+        sum += last;
+        error = std::max(error, own[k].error);
+      }
+      const double mean = sum / double(k - first);
+      if (const int to = lambda(s, y); to != from)
+        all.push_back({mean, relay, from, to, std::max(error, std::max(last - mean, mean - own[first].t))});
+    }
+  }
+  std::stable_sort(all.begin(), all.end(), [](const RelaySwitch& a, const RelaySwitch& b) { return a.t < b.t; });
+  return all;
+}
+
 }  // namespace bromwich

@@ -25,4 +25,17 @@ struct Switch {
 /// this part of its largest value counts as 0.
 std::vector<Switch> switches(const Result&, double negligible = 1e-12);
 
+/// What a relay does at a switch: lambda is -1, 1, or 0 for a value between them (sliding).
+struct RelaySwitch {
+  double t = 0;
+  Index relay = 0;
+  int from = 0, to = 0;
+  double error = 0;  ///< estimated, of t
+};
+
+/// The switches of a result with y = (s, y+) of 2k components (core/scene/relay.hpp) as those of its k relays: lambda
+/// is -1 where y+ > 0, otherwise 0 where s > 0, otherwise 1. Switches of s and y+ within one step, or within their
+/// errors, are one.
+std::vector<RelaySwitch> relay_switches(const Result&, const std::vector<Switch>&, Index relays);
+
 }  // namespace bromwich

@@ -12,7 +12,8 @@ std::string shape(const Matrix& matrix) {
 
 }  // namespace
 
-Scene relay_scene(const Matrix& A, const Matrix& B, const Matrix& C, const TimeFunction& f, const Vector& x0) {
+Scene relay_scene(const Matrix& A, const Matrix& B, const Matrix& C, const TimeFunction& f, const Vector& x0,
+                  const TimeFunction& e) {
   const Index m = A.rows(), k = C.rows();
   if (A.cols() != m) throw Error("A", "is " + shape(A), "make it square, states x states");
   if (C.cols() != m) throw Error("C", "is " + shape(C), "make it relays x states, with as many states as A has rows");
@@ -33,10 +34,13 @@ Scene relay_scene(const Matrix& A, const Matrix& B, const Matrix& C, const TimeF
     if (f) f(t, value);
     value += on;
   };
-  scene.g = [k](double, Eigen::Ref<Vector> g) {
-    g.head(k).setZero();
+  scene.g = [k, e](double t, Eigen::Ref<Vector> g) {
+    g.setZero();
+    if (e) e(t, g.head(k));
+    g = -g;
     g.tail(k).setOnes();
   };
+  scene.relays = k;
   scene.x0 = x0;
   return scene;
 }

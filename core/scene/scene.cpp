@@ -109,7 +109,7 @@ void Scene::validate() const {
   const Index m = states(), n = constraints();
   std::visit([n](const auto& matrix) { bromwich::validate(matrix, n); }, M);
   if (const auto reason = n > 0 ? contradiction(M, lcp_class) : std::nullopt)
-    throw Error("lcp_class", std::string("says ") + to_string(lcp_class) + ", but " + *reason, "use automatic");
+    throw Error("lcp_class", std::string("says ") + to_string(lcp_class) + ", but " + *reason, "use auto");
   if (boundary)
     bromwich::validate(*boundary, x0, m);
   else

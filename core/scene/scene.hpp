@@ -15,6 +15,7 @@
 #include "../dynamics/dynamics.hpp"
 #include "../lcp/matrix.hpp"
 #include "../numerics/boundary_condition.hpp"
+#include "labels.hpp"
 
 #include <memory>
 #include <optional>
@@ -48,8 +49,13 @@ struct Scene {
   /// The structure the dynamics were made from, where there is one; null otherwise. Such a scene may have no
   /// constraints (n = 0).
   std::shared_ptr<const PortHamiltonian> port;
+  /// k for a scene made by relay_scene: y = (s, y+) has 2k components, relay i is at lambda_i = 1 - 2 y_i. Otherwise 0.
+  Index relays = 0;
   double T = 1;
   Index default_steps = 400;
+
+  Labels names, units;    ///< for output and messages only
+  std::string time_unit;  ///< such as "s"; empty where none is given
 
   /// Exact solution where one is known: writes x (m) and y (n) at t.
   std::function<void(double t, Eigen::Ref<Vector> x, Eigen::Ref<Vector> y)> exact;

@@ -1,6 +1,7 @@
 #include "core/solve/dense_output.hpp"
 
 #include "core/base/error.hpp"
+#include "core/base/text.hpp"
 #include "core/galerkin/recovery.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/states.hpp"
@@ -25,12 +26,9 @@ struct Place {
 
 Place place(const Result& result, double T, double t) {
   if (!(t >= 0) || !(t <= T * (1 + epsilon)))
-    throw Error("times", "found " + std::to_string(t), "give times from 0 to T = " + std::to_string(T));
+    throw Error("times", text("found %.17g", t), text("give times from 0 to T = %.17g", T));
   const double steps = t / T * double(result.steps), nearest = std::round(steps);
   if (std::abs(steps - nearest) <= same_point) return {Index(nearest), 0};
-  if ((!result.continuous && result.y_left.size() == 0) || by_euler(result))
-    throw Error("times", std::to_string(t) + " is no time point, and y is not linear between them",
-                "ask for multiples of T/" + std::to_string(result.steps));
   return {Index(steps), steps - std::floor(steps)};
 }
 
@@ -47,21 +45,90 @@ Vector carried(const Scene& scene, Backend& backend, const RowMatrix& y, const V
   return states_at_rows(discretise(part_of(scene, t, s, x), backend, 1), ends, {1}).col(0);
 }
 
+// The whole state at the time points before the places between them, one column for each place.
+Matrix states_before(const Scene& scene, Backend& backend, const Result& result, const std::vector<Place>& places) {
+  std::vector<Index> rows;
+  for (const Place& at : places) rows.push_back(at.row);
+  if (Index(result.x_components.size()) == scene.states()) return result.x(rows, Eigen::all).transpose();
+  return states_at(scene, backend, result, rows);
+}
+
 // y and x of a result with continuous y, linear between its time points, or of its time points alone.
 void sample(const Scene& scene, Backend& backend, const Result& result, const std::vector<Place>& places,
             Result& sampled) {
   const double h = scene.T / double(result.steps);
   Index valid = 1;  // rows of y that are; y_0 may be open where the rest is known
   while (valid < result.y.rows() && result.y.row(valid).allFinite()) ++valid;
+  std::vector<Index> between;
+  std::vector<Place> there;
   for (Index k = 0; k < Index(places.size()); ++k) {
     const Place& at = places[std::size_t(k)];
     sampled.y.row(k) = y_at(result.y, at).transpose();
     if (at.part == 0) {
       sampled.x.row(k) = result.x.row(at.row);
     } else if (sampled.x.cols() > 0 && at.row + 1 < valid) {
-      const Vector x = states_at(scene, backend, result, {at.row}).col(0);
-      sampled.x.row(k) = carried(scene, backend, result.y, x, double(at.row) * h, at.part * h, at)(result.x_components);
+      between.push_back(k);
+      there.push_back(at);
     }
+  }
+  if (between.empty()) return;
+  const Matrix before = states_before(scene, backend, result, there);
+  for (std::size_t i = 0; i < between.size(); ++i) {
+    const Place& at = there[i];
+    const Vector x = carried(scene, backend, result.y, before.col(Index(i)), double(at.row) * h, at.part * h, at);
+    sampled.x.row(between[i]) = x(result.x_components);
+    if (sampled.trace.cols() > 0) sampled.trace.row(between[i]) = observe(scene.dynamics, x).transpose();
+  }
+}
+
+// Whether y is not a line between time points, or its state there cannot be computed from it.
+bool by_steps(const Scene& scene, const Result& result) {
+  if (result.y_left.size() > 0) return false;
+  const bool stepped = holds<SparseDynamics>(scene.dynamics) ||
+                       holds<SuppliedDynamics>(scene.dynamics);
+  return !result.continuous || result.method == Method::euler || (stepped && !result.x_components.empty());
+}
+
+// The result with all states at its time points; it is solved again where they were not recorded.
+Result with_all_states(const Scene& scene, Backend& backend, const Result& result) {
+  if (Index(result.x_components.size()) == scene.states()) return result;
+  constexpr double most_bytes = 4e9;
+  if (const double bytes = sizeof(double) * double(result.steps + 1) * double(scene.states()); bytes > most_bytes)
+    throw Error("times", text("the state at all time points takes %.1f GB", bytes / 1e9),
+                text("ask for multiples of T/%td, or for fewer steps", result.steps), ErrorKind::does_not_fit);
+  Options options;
+  options.method = result.method;
+  options.steps = result.steps;
+  options.states = StateSelection::all;
+  return solve(scene, backend, options);
+}
+
+// One step of the method from the time point before: where y jumps from step to step this is its state, and its y.
+void sample_by_steps(const Scene& scene, Backend& backend, const Result& result, const std::vector<Place>& places,
+                     Result& sampled) {
+  const bool all_on_grid = std::all_of(places.begin(), places.end(), [](const Place& at) { return at.part == 0; });
+  const Result whole = all_on_grid ? result : with_all_states(scene, backend, result);
+  const double h = scene.T / double(result.steps);
+  Options options;
+  options.method = result.method;
+  options.steps = 1;
+  options.states = StateSelection::all;
+  options.trace = sampled.trace.cols() > 0;
+  for (Index k = 0; k < Index(places.size()); ++k) {
+    const Place& at = places[std::size_t(k)];
+    sampled.y.row(k).setConstant(NAN);
+    if (at.part == 0) {
+      sampled.y.row(k) = result.y.row(at.row);
+      sampled.x.row(k) = result.x.row(at.row);
+      continue;
+    }
+    if (!whole.x.row(at.row + 1).allFinite()) continue;
+    const Scene step = part_of(scene, double(at.row) * h, at.part * h, whole.x.row(at.row).transpose());
+    const Result one = solve(step, backend, options);
+    if (one.status == Status::infeasible || one.x.rows() != 2) continue;
+    sampled.y.row(k) = one.y.row(1);
+    sampled.x.row(k) = one.x.row(1)(result.x_components);
+    if (options.trace) sampled.trace.row(k) = one.trace.row(1);
   }
 }
 
@@ -70,26 +137,38 @@ Result at_times(const Scene& scene, const EliminatedScene& eliminated, Backend& 
                 const std::vector<double>& times) {
   Result sampled = at_times(eliminated.scene, backend, eliminated.reduced(result), times);
   sampled.y.resize(Index(times.size()), result.y.cols());
-  for (std::size_t k = 0; k < times.size(); ++k)
-    sampled.y.row(Index(k)) = y_at(result.y, place(result, scene.T, times[k])).transpose();
+  sampled.trace = RowMatrix::Constant(Index(times.size()), result.trace.cols(), NAN);
+  for (std::size_t k = 0; k < times.size(); ++k) {
+    const Place at = place(result, scene.T, times[k]);
+    sampled.y.row(Index(k)) = y_at(result.y, at).transpose();
+    if (at.part == 0 && result.trace.cols() > 0) sampled.trace.row(Index(k)) = result.trace.row(at.row);
+  }
   return sampled;
 }
 
-}  // namespace
-
-Result at_times(const Scene& scene, Backend& backend, const Result& result, const std::vector<double>& times) {
-  if (result.goal) throw Error("result", "is of method goal", "its time points are the answer");
+// Of a scene that has a simpler form with the same y and x; nothing if this one is simple.
+std::optional<Result> of_simpler_scene(const Scene& scene, Backend& backend, const Result& result,
+                                       const std::vector<double>& times) {
   if (const auto reduced = without_mass(scene)) return at_times(*reduced, backend, result, times);
-  if (scene.dynamics->has_mass() && result.method == Method::galerkin)  // which works with dense matrices
+  const bool galerkin = result.method == Method::galerkin;
+  if (scene.dynamics->has_mass() && galerkin)  // which works with dense matrices
     return at_times(written_out(scene), backend, result, times);
   if (scene.constraints() == 0) {
     Result sampled = at_times(with_idle_constraint(scene), backend, with_idle_constraint(result), times);
     sampled.y.resize(sampled.y.rows(), 0);
     return sampled;
   }
-  const bool galerkin = result.method == Method::galerkin;
   if (const auto eliminated = scene.free_rows.empty() || galerkin ? std::nullopt : eliminate_free(scene))
     return at_times(scene, *eliminated, backend, result, times);
+  return std::nullopt;
+}
+
+}  // namespace
+
+Result at_times(const Scene& scene, Backend& backend, const Result& result, const std::vector<double>& times) {
+  if (result.goal) throw Error("result", "is of method goal", "its time points are the answer");
+  const bool steps = by_steps(scene, result);  // solve() takes care of the form of the scene
+  if (auto sampled = steps ? std::nullopt : of_simpler_scene(scene, backend, result, times)) return *sampled;
   std::vector<Place> places;
   for (const double t : times) places.push_back(place(result, scene.T, t));
   Result sampled = result;
@@ -97,16 +176,22 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
   sampled.t = Eigen::Map<const Vector>(times.data(), count);
   sampled.y.resize(count, result.y.cols());
   sampled.x = RowMatrix::Constant(count, Index(result.x_components.size()), NAN);
-  sampled.trace.resize(0, 0);
+  sampled.trace = RowMatrix::Constant(count, result.trace.cols(), NAN);
   sampled.y_integral.resize(0, 0);
   if (result.y_left.size() > 0) {
     const GalerkinOutput output = galerkin_at(scene, result, times);
     sampled.y = output.y;
     sampled.x = output.x(Eigen::all, result.x_components);
+    for (Index k = 0; k < count && sampled.trace.cols() > 0; ++k)
+      sampled.trace.row(k) = observe(scene.dynamics, output.x.row(k).transpose()).transpose();
     sampled.y_left.resize(0, 0);
+  } else if (steps) {
+    sample_by_steps(scene, backend, result, places, sampled);
   } else {
     sample(scene, backend, result, places, sampled);
   }
+  for (Index k = 0; k < count && sampled.trace.cols() > 0; ++k)
+    if (places[std::size_t(k)].part == 0) sampled.trace.row(k) = result.trace.row(places[std::size_t(k)].row);
   return sampled;
 }
 

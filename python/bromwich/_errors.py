@@ -89,14 +89,8 @@ _NAMES = {
 }
 
 
-def made(kind: str, message: str) -> Error:
-    """The exception for an error of the library; its message begins with the argument and a colon."""
-    argument, separator, rest = message.partition(": ")
-    while separator and re.search(r"\.\w+:\d+$", argument):  # file:line: key
-        key, separator, rest = rest.partition(": ")
-        argument += ": " + key
-    if not separator:
-        return _KINDS[kind](message)
+def made(kind: str, argument: str, rest: str) -> Error:
+    """The exception for an error of the library: what it says of an argument."""
     argument = argument.removesuffix("(0)")  # a source at t = 0
     argument = _NAMES.get(argument, argument)
     rest = re.sub(r"--backend (\w+)", r"backend='\1'", rest)

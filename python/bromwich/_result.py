@@ -98,7 +98,7 @@ class Result:
 
     @property
     def w(self) -> np.ndarray | None:
-        """(J+1) x n: N x + M y + g, with g as it is when w is first asked for. None in results of :meth:`at`."""
+        """(J+1) x n: N x + M y + g, with g as it is when w is first asked for."""
         return self._answer.w
 
     @property

@@ -118,7 +118,7 @@ class Scene:
 
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str], **settings: float) -> Scene:
-        """Reads a scene file (docs/scene-files.md); ``settings`` replace values of its ``[parameters]``.
+        """Reads a scene file (docs/scene-files.md); ``settings`` replace values of its ``[parameters]``, or T and steps.
 
         Raises:
             Error: names file, line and key.
@@ -128,14 +128,15 @@ class Scene:
 
     @classmethod
     def relay(
-        cls, *, A: Any, B: Any, C: Any, x0: Any, T: float, f: Any = None, steps: int = 400, name: str = ""
+        cls, *, A: Any, B: Any, C: Any, x0: Any, T: float, f: Any = None, e: Any = None, steps: int = 400, name: str = ""
     ) -> Scene:
-        """Relays: ``x' = A x + B l + f(t)``, ``l_i`` in ``-Sgn(C_i x)`` between -1 and 1, for k outputs.
+        """Relays: ``x' = A x + B l + f(t)``, ``l_i`` in ``-Sgn(C_i x + e_i(t))`` between -1 and 1, for k outputs.
 
-        A is m x m, B m x k, C k x m. As a complementarity problem y has 2k components, ``l = 1 - 2 y[:, :k]``.
+        A is m x m, B m x k, C k x m; f has m values, e has k. As a complementarity problem y has 2k components, ``l = 1 - 2 y[:, :k]``.
         """
         A, B, C = matrix(A, "A"), matrix(B, "B", column=True), matrix(C, "C")
-        model = _core.relay(A, B, C, source(f, "f", A.shape[0], float(T), {}), vector(x0, "x0"))
+        sources = source(f, "f", A.shape[0], float(T), {}), source(e, "e", C.shape[0], float(T), {})
+        model = _core.relay(A, B, C, sources[0], vector(x0, "x0"), sources[1])
         model.name, model.T, model.steps = name, float(T), int(steps)
         model.validate()
         return cls._of(model, {}, {})
@@ -178,6 +179,16 @@ class Scene:
     def parameters(self) -> dict[str, float]:
         """Of a file or a built-in scene, with the settings; of expressions."""
         return dict(self._parameters)
+
+    @property
+    def names(self) -> dict[str, list[str]]:
+        """What a file calls the components of x, y and w, by these letters; empty lists where it gives no names."""
+        return self._model.names
+
+    @property
+    def units(self) -> dict[str, list[str]]:
+        """Units of the components of x, y and w of a file, likewise, and that of time, a list of one text, as ``"t"``."""
+        return {"t": [self._model.time_unit] if self._model.time_unit else [], **self._model.units}
 
     @property
     def description(self) -> str:

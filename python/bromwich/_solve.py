@@ -103,6 +103,8 @@ def solve(
     elif arguments:
         name = next(iter(arguments))
         raise Error(f"{name}: is given with a scene; make the scene with it", name)
+    if steps is tol is tol_x is tol_y is None:
+        tol = scene._facts.get("tolerance")  # of a file
     options = _options(
         scene,
         method=method,

@@ -3,8 +3,8 @@
 #include "answer.hpp"
 #include "arrays.hpp"
 #include "core/base/error.hpp"
+#include "core/result/slack.hpp"
 #include "core/result/switching.hpp"
-#include "core/scene/separable.hpp"
 #include "core/solve/dense_output.hpp"
 #include "core/solve/switch_errors.hpp"
 
@@ -17,14 +17,6 @@
 
 namespace bromwich::python {
 namespace {
-
-/// w = N x + M y + g at all time points; empty where N x was not recorded.
-RowMatrix slack(const Scene& scene, const Result& result) {
-  if (result.trace.rows() != result.t.size()) return {};
-  RowMatrix w = sample(scene.g, result.t, scene.constraints()).table() + result.trace;
-  for (Index j = 0; j < w.rows(); ++j) w.row(j) += multiply(scene.M, result.y.row(j).transpose()).transpose();
-  return w;
-}
 
 std::optional<View> slack_of(nb::handle_t<Answer> self) {
   auto& answer = nb::cast<Answer&>(self);

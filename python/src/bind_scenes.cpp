@@ -77,6 +77,14 @@ nb::object reference_of(const std::optional<Reference>& r) {
   return d;
 }
 
+nb::dict labels(const Labels& given) {
+  nb::dict d;
+  d["x"] = given.x;
+  d["y"] = given.y;
+  d["w"] = given.w;
+  return d;
+}
+
 nb::tuple read_scene(const std::string& file, const ParameterValues& settings) {
   SceneFile read = [&] {
     const nb::gil_scoped_release unlocked;
@@ -87,6 +95,7 @@ nb::tuple read_scene(const std::string& file, const ParameterValues& settings) {
   facts["description"] = read.description;
   facts["parameters"] = read.parameters;
   facts["states"] = read.states;
+  facts["tolerance"] = read.tolerance;
   facts["reference"] = reference_of(read.reference);
   facts["warning"] = read.warning;
   return nb::make_tuple(model, facts);
@@ -217,6 +226,9 @@ void bind_scenes(nb::module_& m) {
       .def_prop_ro("constraints", [](const Model& s) { return s.scene.constraints(); })
       .def_prop_ro("sources", [](const Model& s) { return s.scene.sources(); })
       .def_prop_ro("breakpoints", [](const Model& s) { return s.scene.breakpoints; })
+      .def_prop_ro("names", [](const Model& s) { return labels(s.scene.names); })
+      .def_prop_ro("units", [](const Model& s) { return labels(s.scene.units); })
+      .def_prop_ro("time_unit", [](const Model& s) { return s.scene.time_unit; })
       .def_prop_ro("form", [](const Model& s) { return form(s.scene); })
       .def_prop_ro("has_boundary", [](const Model& s) { return s.scene.boundary.has_value(); })
       .def("x0", [](const Model& s) { return std::vector<double>(s.scene.x0.begin(), s.scene.x0.end()); })
@@ -224,14 +236,20 @@ void bind_scenes(nb::module_& m) {
           "exact", [](const Model& s, double t) { return exact(s.scene, t); }, nb::arg("t"));
   m.def(
       "relay",
-      [](const Array2& A, const Array2& B, const Array2& C, const Source* f, const Array1& x0) {
+      [](const Array2& A, const Array2& B, const Array2& C, const Source* f, const Array1& x0, const Source* e) {
+        const auto function = [](const Source* s) { return s ? s->function : TimeFunction(); };
         auto model = std::make_shared<Model>(
-            relay_scene(as_matrix(A), as_matrix(B), as_matrix(C), f ? f->function : TimeFunction(), as_vector(x0)));
-        if (f) keep(*model, f->callables);
-        if (f && f->forget) model->forget.push_back(f->forget);
+            relay_scene(as_matrix(A), as_matrix(B), as_matrix(C), function(f), as_vector(x0), function(e)));
+        model->scene.breakpoints =
+            merged(f ? f->breakpoints : std::vector<double>{}, e ? e->breakpoints : std::vector<double>{});
+        for (const Source* source : {f, e}) {
+          if (!source) continue;
+          keep(*model, source->callables);
+          if (source->forget) model->forget.push_back(source->forget);
+        }
         return model;
       },
-      nb::arg("A"), nb::arg("B"), nb::arg("C"), nb::arg("f").none(), nb::arg("x0"));
+      nb::arg("A"), nb::arg("B"), nb::arg("C"), nb::arg("f").none(), nb::arg("x0"), nb::arg("e").none());
   m.def("read_scene", &read_scene, nb::arg("file"), nb::arg("settings"));
   m.def(
       "build_scene",

@@ -7,9 +7,10 @@ Source expression_source(const std::vector<std::string>& texts, const std::map<s
                          double T, const std::string& name) {
   Expressions expressions;
   for (const auto& [key, value] : parameters) expressions.define(key, value, "parameters");
-  for (const std::string& text : texts) expressions.check_in_time(text, name);
-  SwitchTimes switches = expressions.switch_times(texts, T);
-  return {expressions.in_time(texts), Index(texts.size()), std::move(switches.times), switches.complete};
+  std::vector<std::string> full;
+  for (const std::string& text : texts) full.push_back(expressions.in_full(text, name));
+  SwitchTimes switches = expressions.switch_times(full, T);
+  return {expressions.in_time(full), Index(full.size()), std::move(switches.times), switches.complete};
 }
 
 }  // namespace bromwich::python

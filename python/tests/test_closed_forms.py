@@ -77,3 +77,11 @@ def test_relay_slides():
     assert r.ok
     np.testing.assert_allclose(r.x[:, 0], np.maximum(1 - r.t / 2, 0), atol=4 / 400)
     assert 1 - 2 * r.y[-1, 0] == pytest.approx(-0.5, abs=1e-10)
+
+
+def test_relay_with_an_offset_follows_it():
+    # x' in -Sgn(x - t/2), x(0) = 0: x = t/2, lambda = 1/2
+    scene = bromwich.Scene.relay(A=[[0.0]], B=[[1.0]], C=[[1.0]], e="-t/2", x0=[0.0], T=1, steps=50)
+    r = bromwich.solve(scene)
+    np.testing.assert_allclose(r.x[:, 0], r.t / 2, atol=1e-12)
+    np.testing.assert_allclose(1 - 2 * r.y[1:, 0], 0.5, atol=1e-11)

@@ -210,6 +210,42 @@ def test_files(tmp_path):
     same(bromwich.solve(scene), arrays)
     with pytest.raises(bromwich.Error, match="rlcd.toml"):
         bromwich.Scene.from_toml(file, Rx=1)
+    assert bromwich.Scene.from_toml(file, T=1e-3).T == 1e-3
+    assert scene.names == {"x": [], "y": [], "w": []} and scene.units["t"] == []
+
+
+def test_files_with_names_and_a_tolerance(tmp_path):
+    file = tmp_path / "decay.toml"
+    file.write_text(
+        """
+        [dynamics]
+        A = [[-1]]
+        B = [[0]]
+        x0 = [2]
+        [complementarity]
+        N = [[1]]
+        M = [[1]]
+        [time]
+        T = 1
+        steps = 8
+        tolerance = 1e-4
+        [names]
+        x = ["level"]
+        [units]
+        t = "s"
+        x = "m"
+        """
+    )
+    scene = bromwich.Scene.from_toml(file)
+    assert scene.names["x"] == ["level"]
+    assert scene.units == {"t": ["s"], "x": ["m"], "y": [], "w": []}
+    assert bromwich.solve(scene).error_estimate is not None
+    assert bromwich.solve(scene, steps=16).t.size == 17
+    bad = tmp_path / "bad.toml"
+    bad.write_text("[time]\nT = 'a'\n")
+    with pytest.raises(bromwich.Error) as refused:
+        bromwich.Scene.from_toml(bad)
+    assert refused.value.argument.endswith("bad.toml:1: dynamics.A")
 
 
 def test_without_constraints():

@@ -48,7 +48,8 @@ def test_states(diode):
 def test_at(result):
     np.testing.assert_allclose(result.at(result.t).y, result.y)
     between = result.at(0.123456)
-    assert between.t.shape == (1,) and between.y.shape == (1, 1) and between.w is None
+    assert between.t.shape == (1,) and between.y.shape == (1, 1)
+    np.testing.assert_allclose(between.w, between.x + between.y - np.sin(3 * 0.123456), atol=1e-13)
     # x' = -x + y + ..., second order between time points of distance 1/100
     assert abs(between.x[0, 0] - np.interp(0.123456, result.t, result.x[:, 0])) < 1e-4
     with pytest.raises(bromwich.Error):

@@ -42,6 +42,19 @@ TEST_F(Cli, RefusesBadInputInOneLine) {
       {"solve signorini --set T=inf", {"--set", "inf", "finite"}},
       {"solve signorini --set T=1e999", {"--set", "1e999"}},
       {"solve signorini --set Q=3x", {"--set", "3x"}},
+      {"solve signorini --set Q=2*k", {"--set", "2*k", "'k'", "not defined", "settings before it"}},
+      {"solve signorini --set T=1/0", {"--set", "1/0", "infinite"}},
+      {"solve signorini --method automatic", {"--method", "automatic", "did you mean 'auto'"}},
+      {"solve signorini --method radau", {"--method", "did you mean 'march'"}},
+      {"solve signorini --backend gpu", {"--backend", "gpu", "did you mean 'cuda'", "auto, cpu or cuda"}},
+      {"solve signorini --steps 1e6.5", {"--steps", "1e6.5", "integer"}},
+      {"solve signorini --steps 1.5e0", {"--steps", "1.5e0", "integer"}},
+      {"solve signorini --columns y", {"--columns", "without --out"}},
+      {"solve signorini --out y.csv --columns z", {"--columns", "'z'", "y, w, trace, x"}},
+      {"solve signorini --out y.csv --columns y0,y0", {"--columns", "y0 is given twice"}},
+      {"solve signorini --out y.csv --columns y39", {"--columns", "'y39'"}},
+      {"solve signorini --schema", {"--schema", "alone"}},
+      {"solve --template --schema", {"--template", "--schema"}},
       {"solve signorini --set Q=3 --set Q=5", {"--set", "Q", "twice"}},
       {"solve signorini --set R=1", {"--set", "'R'", "Q", "dx", "c", "T"}},
       {"solve signorini --set q=9", {"--set", "'q'", "did you mean 'Q'"}},
@@ -55,6 +68,39 @@ TEST_F(Cli, RefusesBadInputInOneLine) {
     const Outcome result = refused(bad.arguments);
     for (const std::string& word : bad.mentions) EXPECT_TRUE(contains(result.err, word)) << word << "\n" << result.err;
   }
+}
+
+TEST_F(Cli, NumbersMayBeExpressionsOrHaveAnExponent) {
+  const Outcome result = run("solve signorini --set k=3 --set Q=7 T=2/2 --steps 2e1 --json");
+  EXPECT_EQ(result.exit_code, 2) << "k is no parameter";
+  const Outcome good = run("solve signorini --set Q=2^3-1 T=2*pi/4 --steps 2e1 --threads 1 --json");
+  ASSERT_EQ(good.exit_code, 0) << good.err;
+  const Json json = Json::parse(good.out);
+  EXPECT_EQ(json["parameters"]["Q"], 7);
+  EXPECT_DOUBLE_EQ(json["parameters"]["T"].get<double>(), std::acos(-1.0) / 2);
+  EXPECT_EQ(json["steps"], 20);
+}
+
+// w = N x + M y + g: of the columns themselves, M = tridiag(-1, 4, -1) and g = 4 psi_i - psi_(i-1) - psi_(i+1).
+TEST_F(Cli, WritesTheColumnsThatAreGiven) {
+  ASSERT_EQ(run(small + " --columns w3,y2,y3,y4,trace3 --out c.csv").exit_code, 0);
+  const auto lines = split(read(folder_ / "c.csv"), '\n');
+  EXPECT_EQ(lines[0], "t,w3,y2,y3,y4,trace3");
+  ASSERT_EQ(lines.size(), 22u);
+  for (std::size_t k = 1; k < lines.size(); ++k) {
+    const auto cells = split(lines[k], ',');
+    const auto at = [&](std::size_t i) { return std::stod(cells[i]); };
+    const double psi = std::sin(2 * std::acos(-1.0) * at(0));  // lines 2, 3, 4 of 7 lie in the middle
+    EXPECT_NEAR(at(1), at(5) + 4 * at(3) - at(2) - at(4) + 2 * psi, 1e-13 * 40);
+    EXPECT_NEAR(std::min(at(1), at(3)), 0, 1e-10) << "complementary";
+  }
+  ASSERT_EQ(run(small + " --columns y,x --out c.csv").exit_code, 0);
+  EXPECT_EQ(split(split(read(folder_ / "c.csv"), '\n')[0], ',').size(), 1u + 7u + 49u);
+  ASSERT_EQ(run(small + " --columns w0,x5 --at 0.123,4 --out c.csv").exit_code, 0);
+  const auto sampled = split(read(folder_ / "c.csv"), '\n');
+  ASSERT_EQ(sampled.size(), 3u);
+  EXPECT_EQ(sampled[0], "t,w0,x5");
+  EXPECT_FALSE(contains(sampled[1], "nan")) << sampled[1];
 }
 
 TEST_F(Cli, RefusesBadOptionValues) {

@@ -31,6 +31,11 @@ states = "all"
 
 const std::string exact = "[exact]\nx = [\"x0*exp(-t)\"]\ny = [0]\n";
 
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  text.replace(text.find(from), from.size(), to);
+  return text;
+}
+
 class CliFiles : public Cli {
  protected:
   void SetUp() override {
@@ -64,6 +69,73 @@ TEST_F(CliFiles, OptionsOverrideTheFile) {
   EXPECT_EQ(json["parameters"]["x0"], 3);
   EXPECT_EQ(json["steps"], 4);
   EXPECT_EQ(split(read(folder_ / "y.csv"), '\n')[0], "t,y0");
+}
+
+TEST_F(CliFiles, FinalTimeAndExpressionsMayBeSet) {
+  const Json json = solved("decay.toml --method march --set x0=1+1 --set T=x0/4 --out y.csv");
+  EXPECT_EQ(json["parameters"], Json::parse(R"({"x0": 2})"));
+  const auto last = split(split(read(folder_ / "y.csv"), '\n').back(), ',');
+  EXPECT_EQ(std::stod(last[0]), 0.5);
+  EXPECT_NEAR(std::stod(last[2]), 2 * std::exp(-0.5), 1e-12);
+  EXPECT_TRUE(contains(refused("solve decay.toml --set T=0").err, "--set: is 0; give a positive finite number"));
+  EXPECT_TRUE(contains(refused("solve decay.toml --set Tend=2").err, "(did you mean 'T'?)"));
+}
+
+TEST_F(CliFiles, NamesAreUsedEverywhere) {
+  save("named.toml",
+       decay + "[names]\nx = [\"level\"]\ny = [\"inflow\"]\nw = [\"gap\"]\n[units]\nt = \"s\"\nx = \"m\"\n");
+  const Json json = solved("named.toml --states level --out y.csv --switches s.csv");
+  EXPECT_EQ(split(read(folder_ / "y.csv"), '\n')[0], "t,inflow,level");
+  EXPECT_EQ(json["names"]["w"][0], "gap");
+  EXPECT_EQ(json["units"]["t"], "s");
+  EXPECT_EQ(json["units"]["x"][0], "m");
+  solved("named.toml --columns gap,level,y0 --at 0.1,1 --out y.csv");
+  const auto lines = split(read(folder_ / "y.csv"), '\n');
+  EXPECT_EQ(lines[0], "t,gap,level,inflow");
+  EXPECT_NEAR(std::stod(split(lines[1], ',')[2]), 2 * std::exp(-0.1), 1e-12);
+  EXPECT_TRUE(contains(refused("solve named.toml --states levle").err, "did you mean 'level'")) << "with its neighbour";
+  EXPECT_TRUE(contains(refused("solve named.toml --out z.csv --columns gep").err, "did you mean 'gap'"));
+}
+
+TEST_F(CliFiles, TheToleranceOfTheFileIsTheDefault) {
+  save("tolerance.toml", replaced(decay, "steps = 8", "tolerance = 1e-4"));
+  EXPECT_EQ(solved("tolerance.toml")["errors"]["tolerance"], 1e-4);
+  EXPECT_EQ(solved("tolerance.toml --tol 1e-3")["errors"]["tolerance"], 1e-3);
+  EXPECT_TRUE(solved("tolerance.toml --steps 16")["errors"].is_null()) << "--steps fixes the grid";
+}
+
+// x' in -Sgn(x - 1/2), x(0) = 1: lambda = -1 until t = 1/2, sliding after it.
+TEST_F(CliFiles, RelaysReportTheirSwitches) {
+  save("relay.toml",
+       "[dynamics]\nA = [[0]]\nB = [[1]]\nx0 = [1]\n[relay]\nC = [[1]]\ne = [-0.5]\n[time]\nT = 1\nsteps = 50\n");
+  solved("relay.toml --method march --switches s.csv");
+  const auto lines = split(read(folder_ / "s.csv"), '\n');
+  ASSERT_EQ(lines.size(), 2u) << read(folder_ / "s.csv");
+  EXPECT_EQ(lines[0], "t,relay,from,to,error");
+  const auto cells = split(lines[1], ',');
+  EXPECT_NEAR(std::stod(cells[0]), 0.5, std::stod(cells[4]) + 1e-9);
+  EXPECT_EQ(cells[1] + cells[2] + cells[3], "0-10");
+}
+
+TEST_F(CliFiles, TimesBetweenTimePointsAreAllowedWhereYJumps) {
+  // A mass falls onto a stop at t = 1 and stays: y jumps from 0 to 1.
+  save("stop.toml",
+       "[dynamics]\nA = [[0, 1], [0, 0]]\nB = [[0], [1]]\nf = [0, -1]\nx0 = [0.5, 0]\n[complementarity]\nN = [[1, "
+       "0]]\nM "
+       "= [[0]]\n[time]\nT = 2\nsteps = 40\n");
+  solved("stop.toml --at 0.333,1.777 --columns x0,w0 --out y.csv");
+  const auto lines = split(read(folder_ / "y.csv"), '\n');
+  EXPECT_NEAR(std::stod(split(lines[1], ',')[1]), 0.5 - 0.333 * 0.333 / 2, 1e-12);
+  EXPECT_NEAR(std::stod(split(lines[2], ',')[1]), 0, 1e-12);
+  EXPECT_EQ(split(lines[1], ',')[1], split(lines[1], ',')[2]) << "w = x0";
+  EXPECT_TRUE(contains(refused("solve stop.toml --at 0.1,2.5 --out y.csv").err,
+                       "--at: found '2.5' in '0.1,2.5'; give times from 0 to T = 2"));
+}
+
+TEST_F(CliFiles, PrintsTheSchema) {
+  const Outcome printed = run("solve --schema");
+  EXPECT_EQ(printed.exit_code, 0);
+  EXPECT_EQ(printed.out, read(fs::path(BROMWICH_EXAMPLES).parent_path() / "docs" / "scene.schema.json"));
 }
 
 TEST_F(CliFiles, UnknownParametersAreRefused) {

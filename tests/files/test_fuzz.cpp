@@ -298,8 +298,12 @@ TEST(Fuzz, MatricesAndTables) {
 
 TEST(Fuzz, Expressions) {
   const std::vector<std::string> seeds{
-      "max(sin(2*pi*t), 0)", "mod(t, 0.1) < 0.03 ? 5 : -2^-t", "(t > 0.2 && t <= 0.4) * exp(-R*t) || 0",
-      "abs(t-0.5)/(1+t^2) - floor(10*t)/min(R, 2, t+1)", "atan2(sin(t), cos(t)) + round(-3.5e-1)"};
+      "max(sin(2*pi*t), 0)",
+      "mod(t, 0.1) < 0.03 ? 5 : -2^-t",
+      "(t > 0.2 && t <= 0.4) * exp(-R*t) || 0",
+      "abs(t-0.5)/(1+t^2) - floor(10*t)/min(R, 2, t+1)",
+      "atan2(sin(t), cos(t)) + round(-3.5e-1)",
+      "pulse(t, 0, 5, 0.1, 0.01, 0.02, 0.3, 1) - pwl(mod(t, 2), 0, 1, 0.5, 2, 0.5, 0, 1, R) * pulse(t, 0.2, 0.1)"};
   const LimitedMemory limited(rlim_t(2) << 30);
   Expressions expressions;
   expressions.define("R", 3, "here");
@@ -308,15 +312,15 @@ TEST(Fuzz, Expressions) {
   for (long i = 0; i < mutations(2000); ++i) {
     const std::string text = mutate(seeds[mutate.below(seeds.size())], seeds[mutate.below(seeds.size())]);
     taken += outcome(text, [&] {
-      expressions.check_in_time(text, "here");
-      const TimeFunction function = expressions.in_time({text, "t", text});
+      const std::string full = expressions.in_full(text, "here");
+      const TimeFunction function = expressions.in_time({full, "t", full});
       Vector value(3);
       function(0.3, value);
       EXPECT_EQ(value[1], 0.3);
       // Read by muParser alone if it is shorter; the formula must mean the same.
-      const SwitchTimes times = expressions.switch_times({text}, 1);
+      const SwitchTimes times = expressions.switch_times({full}, 1);
       EXPECT_TRUE(std::is_sorted(times.times.begin(), times.times.end()));
-      const Formula formula = read_formula(text, expressions.parameters(), "here");
+      const Formula formula = read_formula(full, expressions.parameters(), "here");
       const double same = formula(0.3), scale = std::abs(same) + 1;
       EXPECT_TRUE(!(std::abs(value[0] - same) > 1e-9 * scale)) << text << ": " << value[0] << " and " << same;
     });

@@ -124,8 +124,9 @@ TEST(SceneFile, SettingsThatAreNoParametersAreRefused) {
   const auto set = [](const ParameterValues& settings) {
     return refusal([&] { parse(lines(small_scene), settings); });
   };
-  EXPECT_EQ(set({{"r", 1}}), "--set: 'r' is no parameter of my.toml (did you mean 'R'?); use one of R, C");
-  EXPECT_EQ(set({{"T", 1}}), "--set: 'T' is no parameter of my.toml; use one of R, C");
+  EXPECT_EQ(set({{"r", 1}}), "--set: 'r' is no parameter of my.toml (did you mean 'R'?); use one of R, C, T, steps");
+  EXPECT_EQ(set({{"T", -1}}), "--set: is -1; give a positive finite number");
+  EXPECT_EQ(set({{"steps", 0.5}}), "--set: steps is 0.5; give a whole number from 1 to 16777216");
   EXPECT_EQ(set({{"R", NAN}}), "--set: R is nan; give a finite number");
   EXPECT_EQ(set({{"C", 0}}),
             "my.toml:5: dynamics.A: '-1/C' is infinite; check the divisions in it and the values of the parameters");
@@ -205,8 +206,8 @@ TEST(SceneFile, MistakesNameFileLineAndKey) {
       {with(7, "x0 = 3"), "my.toml:7: dynamics.x0: found 3; give a list"},
       {with(7, "x0 = [3, 4]"), "my.toml:7: dynamics.x0: has 2 entries; give 1, one per state"},
       {with(7, "x0 = [\"1/0\"]"), "my.toml:7: dynamics.x0: '1/0' is infinite"},
-      {with(7, "x0 = [3]\nf = \"sin(t)\""),
-       "my.toml:8: dynamics.f: found the text 'sin(t)'; give a list of expressions"},
+      {with(7, "x0 = [3]\nf = 3"), "my.toml:8: dynamics.f: found 3; give a list of expressions"},
+      {with(7, "x0 = [3]\nf = \"sin(k*t)\""), "my.toml:8: dynamics.f: 'sin(k*t)' uses 'k', which is not defined"},
       {with(7, "x0 = [3]\nf = [\"sin(t)\", 0]"), "my.toml:8: dynamics.f: has 2 entries; give 1, one per state"},
       {with(7, "x0 = [3]\nf = [\"sin(t\"]"), "my.toml:8: dynamics.f: 'sin(t' is no expression"},
       {with(7, "x0 = [3]\nf = [\"1/t\"]"), "my.toml:8: dynamics.f: entry (0) is inf"},

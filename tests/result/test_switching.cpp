@@ -131,5 +131,36 @@ TEST(Switches, KnowThatTheSolutionItselfIsOff) {
       expect_errors_hold(scene, method, steps, {{t, 0, true}}, 0.5, 3.9);
 }
 
+// lambda of one relay: 1, then -1 at 2 (s and y+ switch in the same step), sliding from 5, 1 again from 8.
+TEST(Switches, OfRelaysAreThoseOfLambda) {
+  Result result = rows_of({0, 0, 0, 1, 1, 1, .6, .4, .2, 0, 0});
+  result.y.conservativeResize(11, 2);
+  result.y.col(1) << 0, 0, 0, 2, 2, 1, 0, 0, 0, 0, 0;
+  const std::vector<RelaySwitch> found = relay_switches(result, switches(result), 1);
+  ASSERT_EQ(found.size(), 3u);
+  EXPECT_EQ(found[0].from, 1);
+  EXPECT_EQ(found[0].to, -1);
+  EXPECT_NEAR(found[0].t, 2.5, 0.5);
+  EXPECT_LE(std::abs(found[0].t - 2.5), found[0].error + 1e-12);
+  EXPECT_EQ(found[1].from, -1);
+  EXPECT_EQ(found[1].to, 0);
+  EXPECT_NEAR(found[1].t, 6, 1e-12) << "the line of y+ ends there";
+  EXPECT_EQ(found[2].to, 1);
+  EXPECT_NEAR(found[2].t, 9, 1e-12);
+}
+
+TEST(Switches, OfRelaysThatNeverSwitchOrAreOfOthers) {
+  Result result = rows_of({1, 1, 1, 1});  // relay 0 stays at -1, relay 1 leaves sliding for 1
+  result.y.conservativeResize(4, 4);
+  result.y.col(1) << .5, .3, 0, 0;
+  result.y.col(2) << 3, 3, 3, 3;
+  result.y.col(3).setZero();
+  const std::vector<RelaySwitch> found = relay_switches(result, switches(result), 2);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].relay, 1);
+  EXPECT_EQ(found[0].from, 0);
+  EXPECT_EQ(found[0].to, 1);
+}
+
 }  // namespace
 }  // namespace bromwich

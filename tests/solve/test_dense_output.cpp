@@ -2,7 +2,9 @@
 
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
+#include "core/result/slack.hpp"
 #include "core/solve/dense_output.hpp"
+#include "tests/support/refusal.hpp"
 #include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>
@@ -74,12 +76,58 @@ TEST(DenseOutput, HasTheOrderOfTheMethod) {
 TEST(DenseOutput, RefusesWhatItCannotKnow) {
   const Scene scene = make_scene("bridge");
   const auto backend = make_cpu_backend(1);
-  const Result march = solve(scene, *backend, with_states(60)), euler = run(scene, Method::euler, 60);
+  const Result march = solve(scene, *backend, with_states(60));
   EXPECT_THROW(at_times(scene, *backend, march, {-1e-3}), Error);
   EXPECT_THROW(at_times(scene, *backend, march, {scene.T + 1}), Error);
   EXPECT_THROW(at_times(scene, *backend, march, {NAN}), Error);
-  EXPECT_THROW(at_times(scene, *backend, euler, {scene.T / 61}), Error);
-  EXPECT_NO_THROW(at_times(scene, *backend, euler, {scene.T / 60}));
+  const std::string message = refusal([&] { at_times(scene, *backend, march, {10.0}); });
+  EXPECT_EQ(message, "times: found 10; give times from 0 to T = 9.4247779607693793") << "17 digits";
+}
+
+// A mass on a stop: x'' = -1 + y, 0 <= y, x >= 0, x(0) = 1/2 falls onto x = 0 at t = 1 and stays, without a bounce. y
+// jumps from 0 to 1, and is an impulse in between. The fall is a parabola, which Radau IIA steps have exactly.
+TEST(DenseOutput, StatesWhereYJumpsAreThoseOfAStep) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{0}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f << 0, -1; };
+  scene.x0 = Vector{{0.5, 0}};
+  scene.T = 2;
+  const auto backend = make_cpu_backend(1);
+  for (const StateSelection states : {StateSelection::all, StateSelection::list}) {
+    Options options = options_for(Method::march, 40);
+    options.states = states;
+    options.components = {0};
+    options.trace = true;
+    const Result result = solve(scene, *backend, options);
+    ASSERT_EQ(result.status, Status::solved) << result.reason;
+    ASSERT_FALSE(result.continuous);
+    const std::vector<double> times{0.333, 0.77, 0.5, 1.777};
+    const Result between = at_times(scene, *backend, result, times);
+    for (Index k = 0; k < 4; ++k) {
+      const double t = times[std::size_t(k)], x = t < 1 ? 0.5 - t * t / 2 : 0;
+      EXPECT_NEAR(between.x(k, 0), x, 1e-12) << t;
+      EXPECT_NEAR(between.trace(k, 0), x, 1e-12) << t;
+      EXPECT_NEAR(between.y(k, 0), t < 1 ? 0 : 1, 1e-9) << t;
+    }
+    EXPECT_EQ(slack(scene, between).col(0), between.trace.col(0)) << "w = N x";
+  }
+}
+
+// x' = -x + 1 by implicit Euler: a step of length s from x_j ends at (x_j + s)/(1 + s).
+TEST(DenseOutput, ImplicitEulerTakesAShorterStep) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{0}}, Matrix{{1}}};
+  scene.M = Matrix{{1}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f << 1; };
+  scene.x0 = Vector{{3}};
+  scene.T = 1;
+  const auto backend = make_cpu_backend(1);
+  Options options = options_for(Method::euler, 8);
+  options.states = StateSelection::all;
+  const Result result = solve(scene, *backend, options), between = at_times(scene, *backend, result, {0.3, 0.5});
+  EXPECT_NEAR(between.x(0, 0), (result.x(2, 0) + 0.05) / 1.05, 1e-14);
+  EXPECT_EQ(between.x(1, 0), result.x(4, 0));
 }
 
 TEST(DenseOutput, EndsWithTheRowsThatAreValid) {

@@ -1,0 +1,31 @@
+#pragma once
+// The columns of an output file.
+
+#include "core/result/result.hpp"
+#include "core/scene/scene.hpp"
+
+#include <string>
+#include <vector>
+
+namespace bromwich::app {
+
+enum class ColumnKind : char { y, w, trace, x };
+
+struct Column {
+  ColumnKind kind = ColumnKind::y;
+  Index component = 0;
+  std::string name;  ///< y0, w0, trace0, x0, or that of the scene
+};
+
+/// Of --columns: y, w, trace (N x), x (all states) or single columns by name, "y,w0,v". Throws Error for other words.
+std::vector<Column> parse_columns(const std::string& words, const Scene& scene);
+
+/// Without --columns: all y, and the recorded states.
+std::vector<Column> default_columns(const Scene& scene, const std::vector<Index>& states);
+
+/// The components of the state among the columns, each once, increasing.
+std::vector<Index> states_of(const std::vector<Column>& columns);
+/// Whether N x is needed.
+bool need_trace(const std::vector<Column>& columns);
+
+}  // namespace bromwich::app
