@@ -18,6 +18,7 @@ namespace {
 constexpr Index values_per_part = 1 << 22;  ///< 32 MiB of states and constraints: parts must not fill the memory
 constexpr Index fewest_steps = 16;          ///< of a part: shorter ones are mostly set-up
 constexpr Index first_steps = 64;           ///< of the first part, of which nobody knows how long it takes
+constexpr Index few_states = 64;            ///< recorded at all time points, as those at the end are needed
 constexpr double share_of_interval = 0.25;  ///< of the time between checkpoints that a part may take
 constexpr double long_enough = 0.5;         ///< seconds of a part that is not made longer: its set-up is small then
 constexpr double same_point = 1e-6;         ///< of a step: as close to a jump as the end of a part must not be
@@ -68,6 +69,18 @@ class PartSolver {
       solver_->set_x0(x);
       if (part_.f || part_.g) solver_->set_sources(part_.f, part_.g, within(part_.breakpoints));
     }
+    return solver_->solve();
+  }
+
+  /// The same part, and those after it, with all states.
+  void record_all() {
+    options_.states = StateSelection::all;
+    options_.components.clear();
+    solver_.reset();
+  }
+  Result solve_again() {
+    options_.steps = steps_;
+    solver_ = std::make_unique<Solver>(part_, backend_, options_);
     return solver_->solve();
   }
 
@@ -128,7 +141,8 @@ class PartsRun {
         out_(out),
         components_(recorded_components(scene, options)),
         boundaries_(scene, options.steps),
-        solver_(scene, backend, of_part(options, out)) {
+        solver_(scene, backend, of_part(scene, options, out)),
+        backend_(backend) {
     most_steps_ = std::max(fewest_steps, values_per_part / (scene.states() + 2 * scene.constraints()));
     next_steps_ = std::min(first_steps, most_steps_);
     state_ = {parts.run, parts.scene, 0, options.steps, 0, scene.x0, {}, {}};
@@ -152,13 +166,29 @@ class PartsRun {
   }
 
  private:
-  /// All states are needed at the end of a part.
-  static Options of_part(const Options& options, const ResultOutput* out) {
+  /// All states of a few are recorded. Of many, those at the end of a part are computed from y, where that can be.
+  static Options of_part(const Scene& scene, const Options& options, const ResultOutput* out) {
     Options changed = options;
+    changed.trace = out && out->with_slack();
+    if (options.method == Method::march && scene.states() > few_states) return changed;
     changed.states = StateSelection::all;
     changed.components.clear();
-    changed.trace = out && out->with_slack();
     return changed;
+  }
+
+  /// The whole state at the end of a part that is solved.
+  Vector state_at_end(Result& part, Index steps) {
+    if (Index(part.x_components.size()) < scene_.states() && part.continuous) {
+      try {
+        return states_at(solver_.part(), backend_, part, {steps}).col(0);
+      } catch (const Error&) {  // not every kernel can compute states afterwards
+      }
+    }
+    if (Index(part.x_components.size()) < scene_.states()) {
+      solver_.record_all();
+      part = solver_.solve_again();
+    }
+    return part.x.row(steps).transpose();
   }
 
   void advance() {
@@ -179,11 +209,11 @@ class PartsRun {
     total_.status = part.status;
     if (part.status != Status::solved) total_.reason = fmt::format("{} (in the part from t = {} on)", part.reason, t);
     if (part.infeasible_at) total_.infeasible_at = t + *part.infeasible_at;
+    if (part.status == Status::solved) state_.x = state_at_end(part, steps);
     write(part, begin, first ? 0 : 1, valid);
     if (part.status == Status::solved) {
       state_.row = end;
       state_.t = boundaries_.time(end);
-      state_.x = part.x.row(steps).transpose();
       state_.y = part.y.row(steps).transpose();
     }
     const double seconds = clock_.lap();
@@ -216,7 +246,9 @@ class PartsRun {
     for (Index j = 0; j <= valid; ++j) total_.t[j] = boundaries_.time(begin + j);
     total_.y = part.y.rows() > valid ? RowMatrix(part.y.topRows(valid + 1)) : RowMatrix();
     total_.x_components = components_;
-    total_.x = RowMatrix(part.x.topRows(std::min<Index>(valid + 1, part.x.rows()))(Eigen::all, components_));
+    const bool all = part.x_components.size() != components_.size();
+    const Index rows = std::min<Index>(valid + 1, part.x.rows());
+    total_.x = all ? RowMatrix(part.x.topRows(rows)(Eigen::all, components_)) : RowMatrix(part.x.topRows(rows));
   }
 
   void choose_steps(double seconds, Index steps) {
@@ -225,6 +257,7 @@ class PartsRun {
   }
 
   void save() {
+    if (out_) out_->flush();  // before the checkpoint: a restart needs these rows
     state_.totals = {{"residual", total_.residual},
                      {"kernel_error", total_.kernel_error},
                      {"iterations", double(total_.iterations)},
@@ -241,6 +274,7 @@ class PartsRun {
   std::vector<Index> components_;
   Boundaries boundaries_;
   PartSolver solver_;
+  Backend& backend_;
   Index most_steps_, next_steps_, saved_row_ = -1;
   Checkpoint state_;
   Result total_;

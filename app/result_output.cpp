@@ -117,8 +117,9 @@ bool ResultOutput::exists() const {
 }
 
 void ResultOutput::begin(const std::vector<Index>& states, Index rows, Facts facts) {
-  if (!grows()) return;
   states_ = states;
+  facts_ = facts;
+  if (!grows()) return;
   facts.emplace_back("status", "running");
   const FileTarget target{argument_, file_.target()};
   growing_ = format_ == ResultFormat::hdf5
@@ -152,6 +153,10 @@ void ResultOutput::append(const Scene& part, const Result& result, const Vector&
   }
 }
 
+void ResultOutput::flush() {
+  if (growing_) growing_->flush();
+}
+
 void ResultOutput::write(const Result& sampled, const Result& result, const Energies* energies, const Facts& facts) {
   if (format_ == ResultFormat::csv) {
     file_.write([&](std::FILE* file) { write_csv(sampled, result, scene_.constraints(), file, energies); });
@@ -177,7 +182,9 @@ void ResultOutput::write(const Result& sampled, const Result& result, const Ener
   const View y = has_y ? View(sampled.y.topRows(rows)) : View(missing);
   const View x = sampled.x.rows() >= rows ? View(sampled.x.topRows(rows)) : View(missing);
   const FileTarget target{argument_, file_.target()};
-  file_.write([&](std::FILE* file) { write_npz(target, wanted, {sampled.t.head(rows), y, w, x}, facts, file); });
+  Facts all = facts_;
+  all.insert(all.end(), facts.begin(), facts.end());
+  file_.write([&](std::FILE* file) { write_npz(target, wanted, {sampled.t.head(rows), y, w, x}, all, file); });
 }
 
 void ResultOutput::finish(const Facts& facts) {

@@ -47,6 +47,9 @@ class ResultOutput {
   /// Appends rows `first` to `last` of a part of the run to a growing file. Its columns of x are selected.
   void append(const Scene& part, const Result&, const Vector& t, Index first, Index last);
 
+  /// What was appended is in the file when this returns.
+  void flush();
+
   /// The whole result, or `sampled` rows of it at other times.
   void write(const Result& sampled, const Result& result, const Energies* energies, const Facts& facts);
   /// The facts of the end, for a file that was written by append().
@@ -60,6 +63,7 @@ class ResultOutput {
   OutputFile file_;
   const Scene& scene_;
   std::vector<Index> states_;
+  Facts facts_;  ///< known before the solve
   std::unique_ptr<ResultFile> growing_;
   bool finished_ = false;
 };

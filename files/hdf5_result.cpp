@@ -10,6 +10,7 @@
 // state_name       (k)
 
 #include "core/base/error.hpp"
+#include "files/batched_file.hpp"
 #include "files/hdf5_file.hpp"
 
 #include <hdf5_hl.h>
@@ -27,7 +28,7 @@ struct Column {
   Index width = 0;
 };
 
-class Hdf5Result : public ResultFile {
+class Hdf5Result : public BatchedFile {
  public:
   Hdf5Result(const FileTarget& target, const ResultColumns& columns, Index expected_rows, const Facts& facts)
       : width_(row_width(columns)),
@@ -47,7 +48,7 @@ class Hdf5Result : public ResultFile {
 
   /// Continues an existing file after its first `rows` rows.
   Hdf5Result(const FileTarget& target, const ResultColumns& columns, Index rows, const std::string& run)
-      : width_(row_width(columns)), file_(target, File::Access::write), rows_(rows) {
+      : width_(row_width(columns)), file_(target, File::Access::write), chunk_rows_(rows_per_chunk(width_)) {
     const Index n = columns.constraints, k = Index(columns.states.size());
     require_same_run(run);
     t_ = existing("t", 1, true);
@@ -62,35 +63,34 @@ class Hdf5Result : public ResultFile {
     for (const Column* column : {&t_, &y_, &w_, &x_})
       if (column->width > 0) set_rows(file_, column->dataset, rows);
     file_.flush();
-  }
-
-  void append(const ResultRows& rows) override {
-    const Index step = rows_per_flush(width_);
-    for (Index first = 0; first < rows.t.size(); first += step) {
-      const Index count = std::min(step, rows.t.size() - first);
-      write(t_, count, rows.t.data() + first);
-      if (y_.width > 0) write(y_, count, rows.y.data() + first * rows.y.outerStride());
-      if (w_.width > 0) write(w_, count, rows.w.data() + first * rows.w.outerStride());
-      if (x_.width > 0) write(x_, count, rows.x.data() + first * rows.x.outerStride());
-      rows_ += count;
-      file_.flush();
-    }
+    continue_after(rows);
   }
 
   void set(const Facts& facts) override {
+    flush();
     set_attributes(file_, file_, facts);
     file_.flush();
   }
 
-  Index rows() const override { return rows_; }
+ protected:
+  Index chunk_rows() const override { return chunk_rows_; }
+  Index flush_rows() const override { return rows_per_flush(width_); }
+
+  void write(const ResultRows& rows, Index written) override {
+    const auto add = [&](const Column& column, const double* values) {
+      if (column.width > 0)
+        append_rows(file_, column.dataset, H5T_NATIVE_DOUBLE, written, rows.t.size(), values);
+    };
+    add(t_, rows.t.data());
+    add(y_, rows.y.data());
+    add(w_, rows.w.data());
+    add(x_, rows.x.data());
+    file_.flush();
+  }
 
  private:
   static Index row_width(const ResultColumns& columns) {
     return std::max(columns.constraints, Index(columns.states.size()));
-  }
-
-  void write(const Column& column, Index count, const double* values) {
-    append_rows(file_, column.dataset, H5T_NATIVE_DOUBLE, rows_, count, values);
   }
 
   void add_scales(const ResultColumns& columns) {
@@ -142,7 +142,7 @@ class Hdf5Result : public ResultFile {
 
   Index width_;
   File file_;
-  Index chunk_rows_ = 1, rows_ = 0;
+  Index chunk_rows_;
   Handle constraint_, state_;
   Column t_, y_, w_, x_;
 };

@@ -44,14 +44,16 @@ struct FileTarget {
   std::filesystem::path path;
 };
 
-/// A file that grows while a result is computed. It can be read at any time: rows are there when append() returns, also
-/// if the process is killed later. Every function throws Error if writing fails; what was written before stays.
+/// A file that grows while a result is computed. It can be read at any time, also if the process is killed: it holds all
+/// rows up to the last flush(), and those that came after it in whole chunks. Every function throws Error if writing
+/// fails; what was written before stays.
 class ResultFile {
  public:
   virtual ~ResultFile() = default;
   virtual void append(const ResultRows&) = 0;
-  virtual void set(const Facts&) = 0;  ///< replaces facts of the same name
-  virtual Index rows() const = 0;      ///< that the file holds
+  virtual void flush() = 0;
+  virtual void set(const Facts&) = 0;  ///< replaces facts of the same name, and flushes
+  virtual Index rows() const = 0;      ///< that were appended, and those the file had before
 };
 
 /// False if this build has no HDF5: the functions below then throw an Error that names the missing package.

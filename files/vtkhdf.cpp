@@ -7,6 +7,7 @@
 // VTKHDF/Steps/PointDataOffsets/NAME   (rows)           the row of each time
 
 #include "core/base/error.hpp"
+#include "files/batched_file.hpp"
 #include "files/hdf5_file.hpp"
 
 #include <algorithm>
@@ -30,7 +31,7 @@ void set_type(File& file, hid_t group, const std::string& value) {
   file.checked(H5Awrite(attribute, type, value.data()));
 }
 
-class VtkhdfResult : public ResultFile {
+class VtkhdfResult : public BatchedFile {
  public:
   VtkhdfResult(const FileTarget& target, const FieldGrid& grid, const ResultColumns& columns, Index expected_rows,
                const Facts& facts)
@@ -40,13 +41,13 @@ class VtkhdfResult : public ResultFile {
     steps_ = group(image_, "Steps");
     describe_image(grid);
     const Handle data = group(image_, "PointData"), offsets = group(steps_, "PointDataOffsets");
-    const Index chunk_rows = std::clamp<Index>(expected_rows, 1, rows_per_chunk(along_ * across_));
+    chunk_rows_ = std::clamp<Index>(expected_rows, 1, chunk_rows_);
     const Shape row{hsize_t(along_), hsize_t(across_)};
     for (const std::string& name : names_)
-      fields_[name] = {growing_dataset(file_, data, name, H5T_IEEE_F64LE, row, chunk_rows),
+      fields_[name] = {growing_dataset(file_, data, name, H5T_IEEE_F64LE, row, chunk_rows_),
                        growing_dataset(file_, offsets, name, H5T_STD_I64LE, {}, rows_per_chunk(1))};
     values_ = growing_dataset(file_, steps_, "Values", H5T_IEEE_F64LE, {}, rows_per_chunk(1));
-    count_steps();
+    count_steps(0);
   }
 
   VtkhdfResult(const FileTarget& target, const FieldGrid& grid, const ResultColumns& columns, Index rows,
@@ -69,41 +70,39 @@ class VtkhdfResult : public ResultFile {
     }
     values_ = open_dataset(file_, file_, "VTKHDF/Steps/Values");
     if (Index(shape_of(file_, values_)[0]) < rows) throw refuse("ends before the checkpoint");
-    rows_ = rows;
-    count_steps();
+    count_steps(rows);
     for (const auto& [name, field] : fields_) {
       set_rows(file_, field.values, rows);
       set_rows(file_, field.offsets, rows);
     }
     set_rows(file_, values_, rows);
     file_.flush();
-  }
-
-  void append(const ResultRows& rows) override {
-    const Index step = rows_per_flush(along_ * across_);
-    for (Index first = 0; first < rows.t.size(); first += step) {
-      const Index count = std::min(step, rows.t.size() - first);
-      for (const auto& [name, field] : fields_) {
-        const Eigen::Ref<const RowMatrix>& values = name == "x" ? rows.x : name == "y" ? rows.y : rows.w;
-        const RowMatrix points = on_points(name, values.middleRows(first, count));
-        append_rows(file_, field.values, H5T_NATIVE_DOUBLE, rows_, count, points.data());
-        std::vector<std::int64_t> numbers;
-        for (Index j = 0; j < count; ++j) numbers.push_back(rows_ + j);
-        append_rows(file_, field.offsets, H5T_NATIVE_INT64, rows_, count, numbers.data());
-      }
-      append_rows(file_, values_, H5T_NATIVE_DOUBLE, rows_, count, rows.t.data() + first);
-      file_.flush();  // the rows are there before they are counted
-      rows_ += count;
-      count_steps();
-    }
+    continue_after(rows);
   }
 
   void set(const Facts& facts) override {
+    flush();
     set_attributes(file_, file_, facts);
     file_.flush();
   }
 
-  Index rows() const override { return rows_; }
+ protected:
+  Index chunk_rows() const override { return chunk_rows_; }
+  Index flush_rows() const override { return rows_per_flush(along_ * across_); }
+
+  void write(const ResultRows& rows, Index written) override {
+    const Index count = rows.t.size();
+    std::vector<std::int64_t> numbers;
+    for (Index j = 0; j < count; ++j) numbers.push_back(written + j);
+    for (const auto& [name, field] : fields_) {
+      const RowMatrix points = on_points(name, name == "x" ? rows.x : name == "y" ? rows.y : rows.w);
+      append_rows(file_, field.values, H5T_NATIVE_DOUBLE, written, count, points.data());
+      append_rows(file_, field.offsets, H5T_NATIVE_INT64, written, count, numbers.data());
+    }
+    append_rows(file_, values_, H5T_NATIVE_DOUBLE, written, count, rows.t.data());
+    file_.flush();  // the rows are there before they are counted
+    count_steps(written + count);
+  }
 
  private:
   struct Field {
@@ -115,7 +114,8 @@ class VtkhdfResult : public ResultFile {
       : along_(grid.along),
         across_(columns.states.empty() ? strip_width : grid.across),
         file_((check(target, grid, columns), target), access,
-              expected_rows / rows_per_chunk(along_ * across_) + 1) {
+              expected_rows / rows_per_chunk(along_ * across_) + 1),
+        chunk_rows_(rows_per_chunk(along_ * across_)) {
     if (!columns.states.empty()) names_.push_back("x");
     names_.push_back("y");
     if (columns.slack) names_.push_back("w");
@@ -131,6 +131,8 @@ class VtkhdfResult : public ResultFile {
       throw Error(target.argument, name + "needs a grid of at least 2 x 2 points", "write a file .h5");
   }
 
+  bool has_x() const { return names_.front() == "x"; }
+
   Handle group(hid_t parent, const std::string& name) {
     return {file_.checked(H5Gcreate2(parent, name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT)), H5Gclose};
   }
@@ -138,12 +140,12 @@ class VtkhdfResult : public ResultFile {
     return {file_.checked(H5Gopen2(file_, name.c_str(), H5P_DEFAULT)), H5Gclose};
   }
 
-  /// Point (position, line) lies at x1 = origin + position * spacing, x2 = origin + line * spacing.
+  /// Points of lines lie at x1 = spacing, 2 spacing, ...; a strip at 0 and spacing, where the constraints are.
   void describe_image(const FieldGrid& grid) {
     set_attribute(file_, image_, "Version", std::vector<std::int64_t>{2, 0});
     set_type(file_, image_, "ImageData");
     set_attribute(file_, image_, "WholeExtent", std::vector<std::int64_t>{0, across_ - 1, 0, along_ - 1, 0, 0});
-    set_attribute(file_, image_, "Origin", std::vector<double>{grid.across_spacing, grid.along_spacing, 0});
+    set_attribute(file_, image_, "Origin", std::vector<double>{has_x() ? grid.across_spacing : 0, grid.along_spacing, 0});
     set_attribute(file_, image_, "Spacing", std::vector<double>{grid.across_spacing, grid.along_spacing, 1});
     set_attribute(file_, image_, "Direction", std::vector<double>{1, 0, 0, 0, 1, 0, 0, 0, 1});
   }
@@ -157,14 +159,14 @@ class VtkhdfResult : public ResultFile {
     return points;
   }
 
-  void count_steps() {
-    set_attribute(file_, steps_, "NSteps", std::int64_t(rows_));
+  void count_steps(Index rows) {
+    set_attribute(file_, steps_, "NSteps", std::int64_t(rows));
     file_.flush();
   }
 
   Index along_, across_;
   File file_;
-  Index rows_ = 0;
+  Index chunk_rows_;
   std::vector<std::string> names_;
   Handle image_, steps_, values_;
   std::map<std::string, Field> fields_;
