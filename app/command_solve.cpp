@@ -175,8 +175,9 @@ std::optional<PartsOptions> parts_options(const SolveArguments& a, const SceneCh
                                     {"--switches", !a.switches.empty()},
                                     {"--energies", a.energies},
                                     {"--event-location", a.event_location}})
-    if (given) throw Error(argument, fmt::format("is given with {}, which needs the whole result", name),
-                           "leave one of them out");
+    if (given)
+      throw Error(argument, fmt::format("is given with {}, which needs the whole result", name),
+                  "leave one of them out");
   prepare_parts(argument, choice.scene, options);
   PartsOptions parts;
   if (!a.checkpoint_every.empty()) parts.seconds = parse_seconds("--checkpoint-every", a.checkpoint_every);
@@ -194,13 +195,13 @@ void begin(const SolveArguments& arguments, const SceneChoice& choice, const Opt
            const PartsOptions* parts, Outputs& files) {
   if (!files.out) return;
   if (parts && !files.out->grows())
-    throw Error("--out", fmt::format("'{}' is written at the end of a run, and checkpoints are for long ones",
-                                     files.out->name()),
-                "choose a file .h5 or .vtkhdf");
+    throw Error(
+        "--out",
+        fmt::format("'{}' is written at the end of a run, and checkpoints are for long ones", files.out->name()),
+        "choose a file .h5 or .vtkhdf");
   const std::vector<Index> states = recorded_components(choice.scene, options);
   files.out->check_states(states);
-  if (parts && parts->from && files.out->exists())
-    return files.out->resume(states, parts->from->row + 1, parts->run);
+  if (parts && parts->from && files.out->exists()) return files.out->resume(states, parts->from->row + 1, parts->run);
   const Index steps = options.steps > 0 ? options.steps : choice.scene.default_steps;
   const Index rows = files.times.empty() ? steps + 1 : Index(files.times.size());
   files.out->begin(states, rows, facts_of_run(arguments, choice, options, parts ? parts->run : new_run()));

@@ -66,9 +66,10 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
   add_word(command, "--states", a.states, "LIST",
            "state components to write: none, all or 0,3,7; default: the scene's, or none");
-  add_word(command, "--out", a.out, "FILE",
-           "write t, y and the selected states: .csv, .h5 (HDF5, for xarray), .npz (NumPy), or .vtkhdf (ParaView, scenes "
-           "on a grid)");
+  add_word(
+      command, "--out", a.out, "FILE",
+      "write t, y and the selected states: .csv, .h5 (HDF5, for xarray), .npz (NumPy), or .vtkhdf (ParaView, scenes "
+      "on a grid)");
   add_word(command, "--at", a.at, "LIST", "with --out: rows at these times, 0.1,0.25, instead of the time points");
   add_word(command, "--switches", a.switches, "FILE.csv", "write when constraints become active and inactive");
   command->add_flag("--event-location", a.event_location,
@@ -140,8 +141,9 @@ std::string command_line(int argc, char** argv) {
   std::string line = "bromwich";
   for (int i = 1; i < argc; ++i) {
     std::string word = argv[i];
-    const bool plain = !word.empty() && word.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                                               "0123456789_-+=,./:@%") == std::string::npos;
+    const bool plain = !word.empty() && word.find_first_not_of(
+                                            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                            "0123456789_-+=,./:@%") == std::string::npos;
     for (std::size_t at = 0; !plain && (at = word.find('\'', at)) != std::string::npos; at += 4)
       word.replace(at, 1, "'\\''");
     line += plain ? " " + word : " '" + word + "'";

@@ -25,6 +25,9 @@ constexpr double same_point = 1e-6;         ///< of a step: as close to a jump a
 /// How well y at the start of a part, found from x alone, must agree with y of the step before.
 constexpr double same_y = 1e-6;
 
+/// Growth of perturbations over all parts at which rounding is no longer far below the usual tolerances.
+constexpr double much_growth = 1e6;
+
 /// Where parts may end: not at a jump of f or g, whose value there would be one of two.
 class Boundaries {
  public:
@@ -114,7 +117,7 @@ Index valid_steps(const Result& part) {
 double maximum(double a, double b) { return std::isnan(a) ? b : std::isnan(b) ? a : std::max(a, b); }
 
 /// Adds the counters and errors of a part to those of the run.
-void add(Result& total, const Result& part) {
+void add(Result& total, const Result& part, bool first) {
   total.residual = maximum(total.residual, part.residual);
   total.kernel_error = maximum(total.kernel_error, part.kernel_error);
   total.unresolved_sources = std::max(total.unresolved_sources, part.unresolved_sources);
@@ -129,7 +132,10 @@ void add(Result& total, const Result& part) {
   total.method = part.method;
   total.backend = part.backend;
   total.kernel = part.kernel;
+  total.magnification = first ? part.magnification : total.magnification * part.magnification;
   if (!part.warning.empty()) add_warning(total, part.warning);
+  if (total.magnification > much_growth)
+    add_warning(total, "each part of the run is certified on its own, and perturbations grow from part to part");
 }
 
 class PartsRun {
@@ -154,7 +160,7 @@ class PartsRun {
       if (name == "iterations") total_.iterations = Index(value);
       if (name == "seconds") total_.seconds.total = value;
     }
-    saved_row_ = state_.row;
+    start_ = saved_row_ = state_.row;
     total_.status = Status::solved;
     total_.steps = options.steps;
   }
@@ -197,17 +203,21 @@ class PartsRun {
     Result part = solver_.solve(t, boundaries_.time(end) - t, steps, state_.x);
     const Index valid = valid_steps(part);
     const bool first = begin == 0;
-    add(total_, part);
+    add(total_, part, begin == start_);
     if (!first && !continues(part)) {
       total_.status = Status::unsupported;
       total_.reason = fmt::format(
-          "at t = {} y does not follow from x alone, so that the run cannot be divided there; run it without --checkpoint",
+          "at t = {:.10g} y does not follow from x alone, and the run cannot be divided there; use --method euler, or "
+          "run "
+          "it without --checkpoint",
           t);
       return finish(std::move(part), begin, 0);
     }
+    refuse_memory_of_steps(part);
     if (first) total_.starts_with_impulse = part.starts_with_impulse;
     total_.status = part.status;
-    if (part.status != Status::solved) total_.reason = fmt::format("{} (in the part from t = {} on)", part.reason, t);
+    if (part.status != Status::solved)
+      total_.reason = fmt::format("{} (in the part from t = {:.10g} on)", part.reason, t);
     if (part.infeasible_at) total_.infeasible_at = t + *part.infeasible_at;
     if (part.status == Status::solved) state_.x = state_at_end(part, steps);
     write(part, begin, first ? 0 : 1, valid);
@@ -223,11 +233,19 @@ class PartsRun {
     finish(std::move(part), begin, valid);
   }
 
+  /// Radau IIA takes steps after a jump of the state by other rules, so that a step depends on those before.
+  void refuse_memory_of_steps(const Result& part) const {
+    if (options_.method == Method::euler || part.continuous) return;
+    throw Error(parts_.checkpoint ? "--checkpoint" : "--restart",
+                "M leaves y to the dynamics, where a step of method march depends on those before it",
+                "use --method euler, or run it without checkpoints");
+  }
+
   bool continues(const Result& part) const {
+    if (options_.method == Method::euler || state_.y.size() == 0) return true;  // it does not use y at the start
     if (part.starts_with_impulse) return false;
-    if (!part.continuous || part.y.rows() == 0 || state_.y.size() == 0) return true;
-    const double largest = state_.y.cwiseAbs().maxCoeff(), distance =
-        (part.y.row(0).transpose() - state_.y).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+    const double largest = state_.y.cwiseAbs().maxCoeff(),
+                 distance = (part.y.row(0).transpose() - state_.y).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
     return distance <= same_y * std::max(1.0, largest);
   }
 
@@ -275,7 +293,7 @@ class PartsRun {
   Boundaries boundaries_;
   PartSolver solver_;
   Backend& backend_;
-  Index most_steps_, next_steps_, saved_row_ = -1;
+  Index most_steps_, next_steps_, start_ = 0, saved_row_ = -1;
   Checkpoint state_;
   Result total_;
   Timer clock_;

@@ -49,10 +49,8 @@ FieldGrid grid_of(const std::string& argument, const std::string& name, const Sc
 void require_library(const std::string& argument, const std::string& name, ResultFormat format) {
   const bool hdf5 = format == ResultFormat::hdf5 || format == ResultFormat::vtkhdf;
   if (hdf5 ? hdf5_available() : format != ResultFormat::npz || npz_available()) return;
-  throw Error(argument,
-              fmt::format("'{}' needs {}, which this build does not have", name, hdf5 ? "HDF5" : "minizip"),
-              fmt::format("install {} and build again, or write a file .csv",
-                          hdf5 ? "libhdf5-dev" : "libminizip-dev"));
+  throw Error(argument, fmt::format("'{}' needs {}, which this build does not have", name, hdf5 ? "HDF5" : "minizip"),
+              fmt::format("install {} and build again, or write a file .csv", hdf5 ? "libhdf5-dev" : "libminizip-dev"));
 }
 
 bool any_finite(const RowMatrix& values, Index j) {

@@ -14,8 +14,8 @@ struct Checkpoint {
   Index row = 0;      ///< time point, of `steps`
   Index steps = 0;
   double t = 0;
-  Vector x;  ///< the whole state at t
-  Vector y;  ///< at t, from the step that ends there
+  Vector x;      ///< the whole state at t
+  Vector y;      ///< at t, from the step that ends there
   Facts totals;  ///< what the facts of the result have summed up so far
 };
 

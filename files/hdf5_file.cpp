@@ -15,11 +15,11 @@ namespace bromwich::hdf5 {
 
 namespace {
 
-constexpr Index values_per_chunk = 1 << 17;      ///< 1 MiB: large enough for the disk, small enough to read rows
-constexpr Index values_per_flush = 1 << 21;      ///< 16 MiB
+constexpr Index values_per_chunk = 1 << 17;  ///< 1 MiB: large enough for the disk, small enough to read rows
+constexpr Index values_per_flush = 1 << 21;  ///< 16 MiB
 constexpr Index fewest_rows_per_chunk = 1;
-constexpr Index most_rows_per_chunk = 1 << 12;   ///< chunks of narrow results, which are rewritten when they grow
-constexpr unsigned compression = 1;              ///< of 9: higher levels cost time and save little after the shuffle
+constexpr Index most_rows_per_chunk = 1 << 12;  ///< chunks of narrow results, which are rewritten when they grow
+constexpr unsigned compression = 1;             ///< of 9: higher levels cost time and save little after the shuffle
 constexpr unsigned fewest_index_entries = 32, most_index_entries = 4096;  ///< half of a node of the index of chunks
 
 /// Once, before anything else of the library: no messages of its own, and no flush at the end of the process.
@@ -78,8 +78,8 @@ Handle text_type() {
 void write_attribute(File& file, hid_t object, const std::string& name, hid_t stored, hid_t memory, hid_t space,
                      const void* values) {
   if (file.checked(H5Aexists(object, name.c_str())) > 0) file.checked(H5Adelete(object, name.c_str()));
-  const Handle attribute(
-      file.checked(H5Acreate2(object, name.c_str(), stored, space, H5P_DEFAULT, H5P_DEFAULT)), H5Aclose);
+  const Handle attribute(file.checked(H5Acreate2(object, name.c_str(), stored, space, H5P_DEFAULT, H5P_DEFAULT)),
+                         H5Aclose);
   file.checked(H5Awrite(attribute, memory, values));
 }
 
@@ -100,7 +100,8 @@ File::File(FileTarget target, Access access, Index chunks)
   checked(keep_metadata(properties));
   const char* path = target_.path.c_str();
   if (access != Access::create) {
-    file_ = Handle(checked(H5Fopen(path, access == Access::read ? H5F_ACC_RDONLY : H5F_ACC_RDWR, properties)), H5Fclose);
+    file_ =
+        Handle(checked(H5Fopen(path, access == Access::read ? H5F_ACC_RDONLY : H5F_ACC_RDWR, properties)), H5Fclose);
     return;
   }
   const Handle creation(checked(H5Pcreate(H5P_FILE_CREATE)), H5Pclose);
@@ -151,8 +152,7 @@ void File::fail() {
   if (access_ == Access::read)
     throw Error(target_.argument, name + "could not be read (" + found + ")", "give an HDF5 file that is whole");
   const bool space = number == ENOSPC || number == EFBIG || number == EDQUOT;
-  throw Error(target_.argument,
-              name + "could not be written (" + found + "); rows before stay in it",
+  throw Error(target_.argument, name + "could not be written (" + found + "); rows before stay in it",
               space ? "free some space, raise ulimit -f, or choose another folder" : "choose another file");
 }
 
@@ -228,8 +228,8 @@ Handle growing_dataset(File& file, hid_t group, const std::string& name, hid_t t
 Handle fixed_dataset(File& file, hid_t group, const std::string& name, hid_t type, const Shape& shape,
                      const void* values) {
   const Handle space(file.checked(H5Screate_simple(int(shape.size()), shape.data(), nullptr)), H5Sclose);
-  Handle dataset(
-      file.checked(H5Dcreate2(group, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT)), H5Dclose);
+  Handle dataset(file.checked(H5Dcreate2(group, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT)),
+                 H5Dclose);
   file.checked(H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values));
   return dataset;
 }

@@ -78,8 +78,7 @@ class Hdf5Result : public BatchedFile {
 
   void write(const ResultRows& rows, Index written) override {
     const auto add = [&](const Column& column, const double* values) {
-      if (column.width > 0)
-        append_rows(file_, column.dataset, H5T_NATIVE_DOUBLE, written, rows.t.size(), values);
+      if (column.width > 0) append_rows(file_, column.dataset, H5T_NATIVE_DOUBLE, written, rows.t.size(), values);
     };
     add(t_, rows.t.data());
     add(y_, rows.y.data());

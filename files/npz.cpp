@@ -1,5 +1,6 @@
-// Results as NPZ: a zip archive of NumPy arrays, https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html.
-// The arrays have the names of the HDF5 layout, the facts are arrays of no dimension named attribute_NAME.
+// Results as NPZ: a zip archive of NumPy arrays,
+// https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html. The arrays have the names of the HDF5 layout,
+// the facts are arrays of no dimension named attribute_NAME.
 
 #include "core/base/error.hpp"
 #include "files/result_file.hpp"
@@ -26,7 +27,9 @@ uLong write_bytes(voidpf /*opaque*/, voidpf file, const void* bytes, uLong size)
 }
 ZPOS64_T position(voidpf /*opaque*/, voidpf file) { return ZPOS64_T(::ftello(static_cast<std::FILE*>(file))); }
 long seek(voidpf /*opaque*/, voidpf file, ZPOS64_T offset, int origin) {
-  const int whence = origin == ZLIB_FILEFUNC_SEEK_CUR ? SEEK_CUR : origin == ZLIB_FILEFUNC_SEEK_END ? SEEK_END : SEEK_SET;
+  const int whence = origin == ZLIB_FILEFUNC_SEEK_CUR   ? SEEK_CUR
+                     : origin == ZLIB_FILEFUNC_SEEK_END ? SEEK_END
+                                                        : SEEK_SET;
   return ::fseeko(static_cast<std::FILE*>(file), off_t(offset), whence);
 }
 uLong read_nothing(voidpf /*opaque*/, voidpf /*file*/, void* /*bytes*/, uLong /*size*/) { return 0; }
@@ -145,8 +148,7 @@ void add_numbers(Archive& archive, const std::string& name, const std::vector<st
 
 void add_fact(Archive& archive, const std::string& name, const Fact& fact) {
   if (const auto* text = std::get_if<std::string>(&fact)) return add_texts(archive, name, {*text}, "");
-  if (const auto* number = std::get_if<double>(&fact))
-    return archive.add(name, "<f8", "", number, sizeof *number);
+  if (const auto* number = std::get_if<double>(&fact)) return archive.add(name, "<f8", "", number, sizeof *number);
   const auto& number = std::get<std::int64_t>(fact);
   archive.add(name, "<i8", "", &number, sizeof number);
 }

@@ -44,9 +44,9 @@ struct FileTarget {
   std::filesystem::path path;
 };
 
-/// A file that grows while a result is computed. It can be read at any time, also if the process is killed: it holds all
-/// rows up to the last flush(), and those that came after it in whole chunks. Every function throws Error if writing
-/// fails; what was written before stays.
+/// A file that grows while a result is computed. It can be read at any time, also if the process is killed: it holds
+/// all rows up to the last flush(), and those that came after it in whole chunks. Every function throws Error if
+/// writing fails; what was written before stays.
 class ResultFile {
  public:
   virtual ~ResultFile() = default;

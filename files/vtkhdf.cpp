@@ -113,8 +113,7 @@ class VtkhdfResult : public BatchedFile {
                Index expected_rows)
       : along_(grid.along),
         across_(columns.states.empty() ? strip_width : grid.across),
-        file_((check(target, grid, columns), target), access,
-              expected_rows / rows_per_chunk(along_ * across_) + 1),
+        file_((check(target, grid, columns), target), access, expected_rows / rows_per_chunk(along_ * across_) + 1),
         chunk_rows_(rows_per_chunk(along_ * across_)) {
     if (!columns.states.empty()) names_.push_back("x");
     names_.push_back("y");
@@ -145,7 +144,8 @@ class VtkhdfResult : public BatchedFile {
     set_attribute(file_, image_, "Version", std::vector<std::int64_t>{2, 0});
     set_type(file_, image_, "ImageData");
     set_attribute(file_, image_, "WholeExtent", std::vector<std::int64_t>{0, across_ - 1, 0, along_ - 1, 0, 0});
-    set_attribute(file_, image_, "Origin", std::vector<double>{has_x() ? grid.across_spacing : 0, grid.along_spacing, 0});
+    set_attribute(file_, image_, "Origin",
+                  std::vector<double>{has_x() ? grid.across_spacing : 0, grid.along_spacing, 0});
     set_attribute(file_, image_, "Spacing", std::vector<double>{grid.across_spacing, grid.along_spacing, 1});
     set_attribute(file_, image_, "Direction", std::vector<double>{1, 0, 0, 0, 1, 0, 0, 0, 1});
   }
@@ -155,7 +155,8 @@ class VtkhdfResult : public BatchedFile {
     if (name == "x") return values;
     RowMatrix points(values.rows(), along_ * across_);
     for (Index j = 0; j < values.rows(); ++j)
-      for (Index line = 0; line < along_; ++line) points.row(j).segment(line * across_, across_).setConstant(values(j, line));
+      for (Index line = 0; line < along_; ++line)
+        points.row(j).segment(line * across_, across_).setConstant(values(j, line));
     return points;
   }
 
