@@ -30,6 +30,12 @@ double fraction(const char* argument, const std::string& word, const char* examp
   return *value;
 }
 
+double positive(const std::string& argument, const std::string& word) {
+  const auto value = parse_double(word);
+  if (!value || !(*value > 0) || !std::isfinite(*value)) throw Error(argument, found(word), "give a positive number");
+  return *value;
+}
+
 bool contains(const std::vector<std::string>& words, const std::string& word) {
   return std::find(words.begin(), words.end(), word) != words.end();
 }
@@ -40,12 +46,15 @@ Index parse_steps(const std::string& word, long long limit) { return Index(integ
 
 int parse_threads(const std::string& word) { return int(integer_within("--threads", word, max_threads)); }
 
+double positive(const std::string& argument, const std::string& word) {
+  const auto value = parse_double(word);
+  if (!value || !(*value > 0) || !std::isfinite(*value)) throw Error(argument, found(word), "give a positive number");
+  return *value;
+}
+
+double parse_seconds(const std::string& argument, const std::string& word) { return positive(argument, word); }
+
 void parse_error_control(const SolveArguments& a, Options& options, std::optional<double> of_file) {
-  const auto positive = [](const char* argument, const std::string& word) {
-    const auto value = parse_double(word);
-    if (!value || !(*value > 0) || !std::isfinite(*value)) throw Error(argument, found(word), "give a positive number");
-    return *value;
-  };
   for (const auto& [argument, word, value] : {std::tuple("--tol", &a.tolerance, &options.tolerance),
                                               {"--tol-x", &a.tolerance_x, &options.tolerance_x},
                                               {"--tol-y", &a.tolerance_y, &options.tolerance_y}})

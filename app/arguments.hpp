@@ -20,6 +20,8 @@ Index parse_steps(const std::string& word, long long limit = max_steps);
 int parse_threads(const std::string& word);
 /// The given options of error control. `of_file`: tolerance where neither a tolerance nor --steps is given.
 void parse_error_control(const SolveArguments&, Options& options, std::optional<double> of_file = {});
+/// A positive number of seconds.
+double parse_seconds(const std::string& argument, const std::string& word);
 /// A number strictly between 0 and 1.
 double parse_iteration_tolerance(const std::string& word);
 Method parse_method(const std::string& word);

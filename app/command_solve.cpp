@@ -7,11 +7,13 @@
 #include "app/goal_arguments.hpp"
 #include "app/interaction.hpp"
 #include "app/machine.hpp"
-#include "app/output_csv.hpp"
 #include "app/output_file.hpp"
 #include "app/output_json.hpp"
 #include "app/output_summary.hpp"
+#include "app/parts_run.hpp"
 #include "app/reference_error.hpp"
+#include "app/result_facts.hpp"
+#include "app/result_output.hpp"
 #include "app/scene_choice.hpp"
 #include "app/scene_template.hpp"
 #include "app/text.hpp"
@@ -24,7 +26,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <optional>
-#include <tuple>
 #include <vector>
 
 namespace bromwich::app {
@@ -110,27 +111,27 @@ void keep_inputs(const SceneChoice& choice, const std::string& argument, const s
 
 /// The output files, opened before anything is computed.
 struct Outputs {
-  std::optional<OutputFile> out, switches;
+  std::optional<ResultOutput> out;
+  std::optional<OutputFile> switches;
   std::vector<double> times;    ///< of the rows of `out`; empty = the time points
-  std::vector<Column> columns;  ///< empty: y and the recorded states
+  std::vector<Column> columns;  ///< of a CSV file; empty: y and the recorded states
 };
 
-Outputs outputs(const SolveArguments& arguments, const SceneChoice& choice) {
+void open_outputs(const SolveArguments& arguments, const SceneChoice& choice, Outputs& made) {
   if (!arguments.at.empty() && arguments.out.empty())
     throw Error("--at", fmt::format("found '{}' without --out", arguments.at), "add --out FILE.csv");
   if (!arguments.columns.empty() && arguments.out.empty())
     throw Error("--columns", fmt::format("found '{}' without --out", arguments.columns), "add --out FILE.csv");
   if (!arguments.out.empty() && arguments.out == arguments.switches)
     throw Error("--switches", fmt::format("'{}' is the file of --out", arguments.switches), "choose another file");
-  Outputs made;
   if (!arguments.at.empty()) made.times = parse_times(arguments.at, choice.scene.T);
-  for (auto [argument, name, file] : {std::tuple{"--out", &arguments.out, &made.out},
-                                      std::tuple{"--switches", &arguments.switches, &made.switches}}) {
-    if (name->empty()) continue;
-    keep_inputs(choice, argument, *name);
-    file->emplace(argument, *name, ".csv");
+  if (!arguments.out.empty()) {
+    keep_inputs(choice, "--out", arguments.out);
+    made.out.emplace("--out", arguments.out, choice.scene);
   }
-  return made;
+  if (arguments.switches.empty()) return;
+  keep_inputs(choice, "--switches", arguments.switches);
+  made.switches.emplace("--switches", arguments.switches, ".csv");
 }
 
 /// Printed before anything is computed.
@@ -138,6 +139,7 @@ void check_energies(const SolveArguments& arguments, const Scene& scene, const O
   if (!arguments.energies) return;
   const auto refuse = [](const char* found, const char* remedy) { throw Error("--energies", found, remedy); };
   if (arguments.out.empty()) refuse("is given without --out", "add --out FILE.csv");
+  if (result_format("--out", arguments.out) != ResultFormat::csv) refuse("is for files .csv", "add --out FILE.csv");
   if (!arguments.at.empty()) refuse("is given with --at", "leave one of them out");
   if (!scene.port) refuse("the scene is not port-Hamiltonian", "leave it out");
   if (options.method == Method::goal) return;
@@ -145,8 +147,8 @@ void check_energies(const SolveArguments& arguments, const Scene& scene, const O
   if (options.states != StateSelection::all) refuse("not all states are computed", "add --states all");
 }
 
-void write(const Outputs& outputs, const Scene& scene, Backend& backend, const Options& options, const Result& result,
-           bool with_energies) {
+void write(Outputs& outputs, const Scene& scene, Backend& backend, const Options& options, const Result& result,
+           bool with_energies, const Facts& facts) {
   if (outputs.out) {
     std::optional<Energies> balance;
     if (with_energies && (result.goal ? result.goal->balance.energy.size() > 0 : result.status == Status::solved))
@@ -154,9 +156,7 @@ void write(const Outputs& outputs, const Scene& scene, Backend& backend, const O
     const bool sampled = !outputs.times.empty() && result.y.rows() == result.steps + 1;
     const Result rows = sampled ? at_times(scene, backend, result, outputs.times) : Result{};
     const auto columns = outputs.columns.empty() ? default_columns(scene, result.x_components) : outputs.columns;
-    outputs.out->write([&](std::FILE* file) {
-      write_csv(scene, sampled ? rows : result, result, columns, file, balance ? &*balance : nullptr);
-    });
+    outputs.out->write(sampled ? rows : result, result, columns, balance ? &*balance : nullptr, facts);
   }
   if (!outputs.switches) return;
   std::vector<Switch> found = switches_with_errors(scene, backend, options, result);
@@ -172,6 +172,68 @@ Index state_columns(const Options& options, const Scene& scene) {
 void report_status(const Result& result) {
   const std::string reason = result.reason.empty() ? "no reason was given" : one_line(result.reason);
   complain(fmt::format("{}: {}", to_string(result.status), reason));
+}
+
+/// The whole run at once. Without requested states those of few are computed for the comparison with a reference.
+Result solve_whole(const SceneChoice& choice, Backend& backend, Options& options, const Outputs& files,
+                   ReferenceError& error) {
+  options.trace = files.out && files.out->with_slack();
+  const bool states_for_reference =
+      options.states == StateSelection::none && has_reference(choice) && choice.scene.states() <= most_reference_states;
+  if (states_for_reference) {
+    options.states = StateSelection::all;
+    options.control_states = false;
+  }
+  Result result = solve(choice.scene, backend, options);
+  error = reference_error(choice, backend, result);
+  if (states_for_reference) {  // the user did not request them
+    result.x_components.clear();
+    result.x.resize(result.y.rows(), 0);
+  }
+  return result;
+}
+
+/// What --checkpoint and --restart ask for; checked before anything is computed.
+std::optional<PartsOptions> parts_options(const SolveArguments& a, const SceneChoice& choice, Options& options) {
+  if (!a.checkpoint_every.empty() && a.checkpoint.empty())
+    throw Error("--checkpoint-every", "is given without --checkpoint", "add --checkpoint FILE.h5");
+  if (a.checkpoint.empty() && a.restart.empty()) return std::nullopt;
+  const std::string argument = a.checkpoint.empty() ? "--restart" : "--checkpoint";
+  for (const auto& [name, given] : {std::pair("--at", !a.at.empty()),
+                                    {"--switches", !a.switches.empty()},
+                                    {"--energies", a.energies},
+                                    {"--event-location", a.event_location}})
+    if (given)
+      throw Error(argument, fmt::format("is given with {}, which needs the whole result", name),
+                  "leave one of them out");
+  prepare_parts(argument, choice.scene, options);
+  PartsOptions parts;
+  if (!a.checkpoint_every.empty()) parts.seconds = parse_seconds("--checkpoint-every", a.checkpoint_every);
+  if (!a.checkpoint.empty()) parts.checkpoint.emplace("--checkpoint", a.checkpoint, ".h5");
+  parts.scene = fingerprint(choice, options);
+  parts.run = new_run();
+  if (!a.out.empty() && a.out == a.checkpoint)
+    throw Error("--checkpoint", fmt::format("'{}' is the file of --out", a.checkpoint), "choose another file");
+  if (!a.restart.empty()) read_restart(a.restart, parts);
+  return parts;
+}
+
+/// Creates a growing file of results, or continues that of the run before.
+void begin(const SolveArguments& arguments, const SceneChoice& choice, const Options& options,
+           const PartsOptions* parts, Outputs& files) {
+  if (!files.out) return;
+  if (parts && !files.out->grows())
+    throw Error(
+        "--out",
+        fmt::format("'{}' is written at the end of a run, and checkpoints are for long ones", files.out->name()),
+        "choose a file .h5 or .vtkhdf");
+  const std::vector<Index> states = recorded_components(choice.scene, options);
+  files.out->check_states(states);
+  if (parts && parts->from && files.out->exists()) return files.out->resume(states, parts->from->row + 1, parts->run);
+  const Index steps = options.steps > 0 ? options.steps : choice.scene.default_steps;
+  const Index rows = files.times.empty() ? steps + 1 : Index(files.times.size());
+  files.out->begin(states, rows, facts_of_run(arguments, choice, options, parts ? parts->run : new_run()));
+  if (parts && parts->from) append_start(choice.scene, *parts->from, *files.out);
 }
 
 }  // namespace
@@ -200,8 +262,10 @@ int run_solve(const SolveArguments& arguments) {
   if (options.method == Method::goal && !arguments.at.empty())
     throw Error("--at", fmt::format("found '{}' with method goal", arguments.at),
                 "omit it: the result is given on its own grid");
-  Outputs files = outputs(arguments, choice);
+  Outputs files;
+  open_outputs(arguments, choice, files);
   files.columns = columns;
+  std::optional<PartsOptions> parts = parts_options(arguments, choice, options);
 
   const auto backend = choose_backend(arguments.backend, choice.scene, options, recorded, threads);
   ProgressLine progress;
@@ -209,23 +273,17 @@ int run_solve(const SolveArguments& arguments) {
   catch_interrupts();
   options.interrupted = interrupted;
   options.memory_limit = memory_bytes();
-  const bool states_for_reference =
-      options.states == StateSelection::none && has_reference(choice) && choice.scene.states() <= most_reference_states;
-  if (states_for_reference) {
-    options.states = StateSelection::all;
-    options.control_states = false;
-  }
-  Result result = solve(choice.scene, *backend, options);
+  begin(arguments, choice, options, parts ? &*parts : nullptr, files);
+  ReferenceError error;
+  Result result = parts ? solve_in_parts(choice.scene, *backend, options, *parts, files.out ? &*files.out : nullptr)
+                        : solve_whole(choice, *backend, options, files, error);
   progress.clear();
   if (!choice.warning.empty()) add_warning(result, choice.warning);
-  const ReferenceError error = reference_error(choice, *backend, result);
-  if (states_for_reference) {  // the user did not request them
-    result.x_components.clear();
-    result.x.resize(result.y.rows(), 0);
-  }
 
-  write(files, choice.scene, *backend, options, result, arguments.energies);
   const int used = backend->device().threads;
+  const Facts facts = facts_of_result(choice, result, used, error);
+  if (!parts) write(files, choice.scene, *backend, options, result, arguments.energies, facts);
+  if (parts && files.out) files.out->finish(facts);
   print(arguments.json ? dump(to_json(choice, result, used, error))
                        : summary(choice, result, used, error, arguments.out));
   if (result.status == Status::solved) return exit_solved;

@@ -68,11 +68,14 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
   add_word(command, "--states", a.states, "LIST",
            "state components to write: none, all, 0,3,7 or their names; default: the scene's, or none");
-  add_word(command, "--out", a.out, "FILE.csv", "write t, y and the selected states");
+  add_word(
+      command, "--out", a.out, "FILE",
+      "write t, y and the selected states: .csv, .h5 (HDF5, for xarray), .npz (NumPy), or .vtkhdf (ParaView, scenes "
+      "on a grid)");
   add_word(
       command, "--columns", a.columns, "LIST",
-      "with --out: columns to write: y, w, trace (N x), x (all states), or single ones by name, y0,w0,x2; default: y "
-      "and the selected states");
+      "with --out FILE.csv: columns to write: y, w, trace (N x), x (all states), or single ones by name, y0,w0,x2; "
+      "default: y and the selected states");
   add_word(command, "--at", a.at, "LIST", "with --out: rows at these times, 0.1,0.25, instead of the time points");
   add_word(command, "--switches", a.switches, "FILE.csv", "write when constraints become active and inactive");
   command->add_flag("--event-location", a.event_location,
@@ -94,6 +97,11 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   command->add_flag("--energies", a.energies,
                     "with --out: columns energy, supplied_power, dissipated_power at t, and supplied, dissipated, "
                     "violation of the step");
+  add_word(command, "--checkpoint", a.checkpoint, "FILE.h5",
+           "solve in parts of time, and write what a restart needs; methods march and euler");
+  add_word(command, "--checkpoint-every", a.checkpoint_every, "S", "seconds between checkpoints; default 60");
+  add_word(command, "--restart", a.restart, "FILE.h5",
+           "continue the run of this checkpoint, and its --out if that is .h5 or .vtkhdf");
   add_word(command, "--report", a.report, "FILE.html", "write a report (not available yet)");
   command->add_flag("--json", a.json, "print one JSON object instead of the summary");
   command->add_flag("--template", a.print_template, "print a commented scene file to start from, and exit");
@@ -136,6 +144,21 @@ void check_command(int argc, char** argv) {
               fmt::format("begin with one of {}; 'bromwich --help' shows how", join(commands)));
 }
 
+/// The words as a shell takes them.
+std::string command_line(int argc, char** argv) {
+  std::string line = "bromwich";
+  for (int i = 1; i < argc; ++i) {
+    std::string word = argv[i];
+    const bool plain = !word.empty() && word.find_first_not_of(
+                                            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                            "0123456789_-+=,./:@%") == std::string::npos;
+    for (std::size_t at = 0; !plain && (at = word.find('\'', at)) != std::string::npos; at += 4)
+      word.replace(at, 1, "'\\''");
+    line += plain ? " " + word : " '" + word + "'";
+  }
+  return line;
+}
+
 /// The value found and the remedy, for a line that the parser rejects.
 std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   const auto used = app.get_subcommands();
@@ -173,6 +196,7 @@ int run(int argc, char** argv) {
       "'bromwich COMMAND --help' explains a command.");
 
   check_command(argc, argv);
+  solve_arguments.command_line = command_line(argc, argv);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

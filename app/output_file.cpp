@@ -30,8 +30,6 @@ void check_name(const std::string& argument, const std::string& name, const std:
   for (char& c : found) c = char(std::tolower(static_cast<unsigned char>(c)));
   const std::string remedy = "give a file name that ends in " + extension;
   if (name.empty() || name[0] == '-') throw refused(argument, name, "is not a file name", remedy);
-  if (found == ".h5" || found == ".npz")
-    throw refused(argument, name, "needs a format that is not available yet", remedy);
   if (found != extension) throw refused(argument, name, fmt::format("does not end in {}", extension), remedy);
 }
 

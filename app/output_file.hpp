@@ -19,6 +19,7 @@ class OutputFile {
 
   void write(const std::function<void(std::FILE*)>& fill) const;
   const std::string& name() const { return name_; }
+  const std::filesystem::path& target() const { return target_; }
 
  private:
   std::string argument_, name_;

@@ -22,7 +22,7 @@ std::unique_ptr<SpaceTimeKernel> EulerResponse::make_kernel() {
 // A dense state is stepped without y. In modes, x0 is part of the recurrence, and f = B phi acts like y.
 void EulerResponse::respond(const Changes& changes, Array& r) {
   Backend& backend = p_.backend;
-  if (p_.dense()) {
+  if (p_.small_state()) {
     backend.upload(dense_response(p_, Rule::implicit_euler), r);
   } else if (p_.scene.x0.isZero(0) && p_.f.size() == 0) {
     upload(backend, p_.g, r);

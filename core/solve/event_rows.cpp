@@ -43,7 +43,7 @@ void EventRows::fill(const EventSolution& s, const std::vector<Index>& component
   r.t = p_.t;
   r.steps = J;
   r.continuous = s.continuous;
-  if (trace) r.trace = states_ * p_.dense()->N.transpose();
+  if (trace) r.trace = states_ * p_.small_state()->N.transpose();
 }
 
 double EventRows::residual(const Result& r) const {
@@ -52,7 +52,7 @@ double EventRows::residual(const Result& r) const {
     p_.backend.upload(values, *array);
     return array;
   };
-  const auto g = on_backend(p_.g.table()), v = on_backend(states_ * p_.dense()->N.transpose()), y = on_backend(r.y);
+  const auto g = on_backend(p_.g.table()), v = on_backend(states_ * p_.small_state()->N.transpose()), y = on_backend(r.y);
   return march_residual(p_, start_, *g, *v, *y);
 }
 
@@ -77,7 +77,7 @@ void EventRows::solve_at_own_values(Result& r) const {
   Vector y;
   for (const Index j : at_breakpoints_) {
     if (!states_.row(j).allFinite()) return;
-    const Vector q = p_.dense()->N * states_.row(j).transpose() + Vector(p_.g.row(j));
+    const Vector q = p_.small_state()->N * states_.row(j).transpose() + Vector(p_.g.row(j));
     if (lcp.solve(q, y).solved) r.y.row(j) = y.transpose();
   }
 }

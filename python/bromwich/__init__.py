@@ -22,7 +22,7 @@ from ._errors import (
     NotSolvedWarning,
     SingularShift,
 )
-from ._io import load
+from ._io import SavedResult, load
 from ._result import Result, Status, Switch
 from ._scene import Scene, scene, scenes
 from ._solve import Solver, solve
@@ -46,6 +46,7 @@ __all__ = [
     "NotSolved",
     "NotSolvedWarning",
     "Result",
+    "SavedResult",
     "Scene",
     "SingularShift",
     "Solver",

@@ -28,6 +28,8 @@ class Status(str, enum.Enum):
     unsupported = "unsupported"  #: the method does not take the scene
     nonfinite = "nonfinite"  #: values beyond what a double holds
     interrupted = "interrupted"  #: by Ctrl-C, or by ``stop``
+    running = "running"  #: of a file: the run goes on, or was killed
+    failed = "failed"  #: of a file: the run ended with an error, which the command has printed
 
     def __str__(self) -> str:
         return self.value
@@ -246,33 +248,23 @@ class Result:
         return xarray.Dataset(variables, coordinates, attrs=self._attributes())
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes ``.npz``, or ``.h5`` with h5py: t, y, w, x, x_components and attributes.
+        """Writes the rows up to the last valid one in the layout of the command (``docs/output.md``).
 
-        xarray opens the latter with ``xarray.open_dataset(path, engine="h5netcdf")``; :func:`bromwich.load` reads both.
+        Args:
+            path: ends in ``.h5`` (HDF5, needs h5py; ``xarray.open_dataset(path, engine="h5netcdf")`` opens it), in
+                ``.npz`` (NumPy) or in ``.csv`` (t, y and x). :func:`bromwich.load` reads all of them.
+
+        Raises:
+            Error: for another extension, or without h5py.
         """
         from ._io import save
 
         save(self, path)
 
     def _attributes(self) -> dict[str, Any]:
-        facts: dict[str, Any] = {
-            "scene": self._scene.name,
-            "status": str(self.status),
-            "reason": self.reason,
-            "warning": self.warning,
-            "method": self.method,
-            "backend": self.backend,
-            "kernel": self.kernel,
-            "steps": self.steps,
-            "seconds": self.seconds,
-            "residual": self.residual,
-            "bromwich_version": _core.version,
-        }
-        for name in ("error_estimate", "boundary_residual", "infeasible_at"):
-            value = getattr(self, name)
-            if value is not None:
-                facts[name] = value
-        return facts
+        from ._io import attributes
+
+        return attributes(self)
 
     def __repr__(self) -> str:
         words = [f"{self.status} by {self.method}"]

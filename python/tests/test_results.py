@@ -80,30 +80,6 @@ def test_timings(result):
     assert result.seconds == result.timings["total"] > 0
 
 
-@pytest.mark.parametrize("extension", ["npz", "h5"])
-def test_files(result, tmp_path, extension):
-    if extension == "h5":
-        pytest.importorskip("h5py")
-    path = tmp_path / f"r.{extension}"
-    result.save(path)
-    read = bromwich.load(path)
-    for name in ("t", "y", "x", "w"):
-        np.testing.assert_array_equal(read[name], getattr(result, name))
-    assert read["attributes"]["status"] == "solved"
-    assert read["attributes"]["steps"] == 200
-    with pytest.raises(bromwich.Error, match="path"):
-        result.save(tmp_path / "r.mat")
-
-
-def test_hdf5_opens_in_xarray(result, tmp_path):
-    xarray = pytest.importorskip("xarray")
-    pytest.importorskip("h5netcdf")
-    result.save(tmp_path / "r.h5")
-    with xarray.open_dataset(tmp_path / "r.h5", engine="h5netcdf") as data:
-        assert data["y"].dims == ("t", "constraint")
-        np.testing.assert_array_equal(data["t"], result.t)
-
-
 def test_xarray(result):
     pytest.importorskip("xarray")
     data = result.to_xarray()

@@ -1,0 +1,349 @@
+#include "app/parts_run.hpp"
+
+#include "app/text.hpp"
+#include "core/base/error.hpp"
+#include "core/base/timer.hpp"
+#include "core/scene/separable.hpp"
+#include "core/solve/solver.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich::app {
+
+namespace {
+
+constexpr Index values_per_part = 1 << 22;  ///< 32 MiB of states and constraints: parts must not fill the memory
+constexpr Index fewest_steps = 16;          ///< of a part: shorter ones are mostly set-up
+constexpr Index first_steps = 64;           ///< of the first part, of which nobody knows how long it takes
+constexpr Index few_states = 64;            ///< recorded at all time points, as those at the end are needed
+constexpr double share_of_interval = 0.25;  ///< of the time between checkpoints that a part may take
+constexpr double long_enough = 0.5;         ///< seconds of a part that is not made longer: its set-up is small then
+constexpr double same_point = 1e-6;         ///< of a step: as close to a jump as the end of a part must not be
+/// How well y at the start of a part, found from x alone, must agree with y of the step before.
+constexpr double same_y = 1e-6;
+
+/// Growth of perturbations over all parts at which rounding is no longer far below the usual tolerances.
+constexpr double much_growth = 1e6;
+
+/// Where parts may end: not at a jump of f or g, whose value there would be one of two.
+class Boundaries {
+ public:
+  Boundaries(const Scene& scene, Index steps) : scene_(scene), steps_(steps), h_(scene.T / double(steps)) {}
+
+  double time(Index j) const { return double(j) * scene_.T / double(steps_); }
+
+  /// The first time point from `wanted` on that is no jump.
+  Index from(Index wanted) const {
+    Index j = std::min(wanted, steps_);
+    while (j < steps_ && jumps(j)) ++j;
+    return j;
+  }
+
+ private:
+  bool jumps(Index j) const {
+    const std::vector<double>& times = scene_.breakpoints;
+    const auto next = std::lower_bound(times.begin(), times.end(), time(j) - same_point * h_);
+    return next != times.end() && *next <= time(j) + same_point * h_;
+  }
+
+  const Scene& scene_;
+  Index steps_;
+  double h_;
+};
+
+/// The solver of parts of one length.
+class PartSolver {
+ public:
+  PartSolver(const Scene& scene, Backend& backend, const Options& options)
+      : scene_(scene), backend_(backend), options_(options) {}
+
+  Result solve(double t, double length, Index steps, const Vector& x) {
+    part_ = part_of(scene_, t, length, x);
+    part_.exact = {};
+    part_.default_steps = steps;
+    if (!solver_ || steps != steps_) {
+      options_.steps = steps_ = steps;
+      length_ = length;
+      solver_ = std::make_unique<Solver>(part_, backend_, options_);
+    } else {
+      solver_->set_x0(x);
+      if (part_.f || part_.g) solver_->set_sources(part_.f, part_.g, within(part_.breakpoints));
+    }
+    return solver_->solve();
+  }
+
+  /// The same part, and those after it, with all states.
+  void record_all() {
+    options_.states = StateSelection::all;
+    options_.components.clear();
+    solver_.reset();
+  }
+  Result solve_again() {
+    options_.steps = steps_;
+    solver_ = std::make_unique<Solver>(part_, backend_, options_);
+    return solver_->solve();
+  }
+
+  const Scene& part() const { return part_; }
+
+ private:
+  /// Parts of equally many steps differ in length by rounding.
+  std::vector<double> within(std::vector<double> times) const {
+    for (double& t : times) t = std::min(t, length_);
+    return times;
+  }
+
+  const Scene& scene_;
+  Backend& backend_;
+  Options options_;
+  Scene part_;
+  std::unique_ptr<Solver> solver_;
+  Index steps_ = 0;
+  double length_ = 0;
+};
+
+/// Rows of a part with a value, without a gap.
+Index valid_steps(const Result& part) {
+  Index row = 0;
+  while (row + 1 < part.t.size() && row + 1 < part.y.rows() && part.y.row(row + 1).allFinite() &&
+         part.x.row(row + 1).allFinite())
+    ++row;
+  return row;
+}
+
+double maximum(double a, double b) { return std::isnan(a) ? b : std::isnan(b) ? a : std::max(a, b); }
+
+/// Adds the counters and errors of a part to those of the run.
+void add(Result& total, const Result& part, bool first) {
+  total.residual = maximum(total.residual, part.residual);
+  total.kernel_error = maximum(total.kernel_error, part.kernel_error);
+  total.unresolved_sources = std::max(total.unresolved_sources, part.unresolved_sources);
+  total.rough_steps += part.rough_steps;
+  total.iterations += part.iterations;
+  total.lcp += part.lcp;
+  total.seconds = total.seconds + part.seconds;
+  total.bytes = std::max(total.bytes, part.bytes);
+  total.bytes_predicted = std::max(total.bytes_predicted, part.bytes_predicted);
+  total.well_posed = total.well_posed && part.well_posed;
+  total.continuous = part.continuous;
+  total.method = part.method;
+  total.backend = part.backend;
+  total.kernel = part.kernel;
+  total.magnification = first ? part.magnification : total.magnification * part.magnification;
+  if (!part.warning.empty()) add_warning(total, part.warning);
+  if (total.magnification > much_growth)
+    add_warning(total, "each part of the run is certified on its own, and perturbations grow from part to part");
+}
+
+class PartsRun {
+ public:
+  PartsRun(const Scene& scene, Backend& backend, const Options& options, const PartsOptions& parts, ResultOutput* out)
+      : scene_(scene),
+        options_(options),
+        parts_(parts),
+        out_(out),
+        components_(recorded_components(scene, options)),
+        boundaries_(scene, options.steps),
+        solver_(scene, backend, of_part(scene, options, out)),
+        backend_(backend) {
+    most_steps_ = std::max(fewest_steps, values_per_part / (scene.states() + 2 * scene.constraints()));
+    next_steps_ = std::min(first_steps, most_steps_);
+    state_ = {parts.run, parts.scene, 0, options.steps, 0, scene.x0, {}, {}};
+    if (parts.from) state_ = *parts.from;
+    for (const auto& [name, fact] : state_.totals) {
+      const double value = std::get<double>(fact);
+      if (name == "residual") total_.residual = value;
+      if (name == "kernel_error") total_.kernel_error = value;
+      if (name == "iterations") total_.iterations = Index(value);
+      if (name == "seconds") total_.seconds.total = value;
+    }
+    start_ = saved_row_ = state_.row;
+    total_.status = Status::solved;
+    total_.steps = options.steps;
+  }
+
+  Result run() {
+    while (state_.row < options_.steps && total_.status == Status::solved) advance();
+    if (parts_.checkpoint && saved_row_ != state_.row) save();
+    return std::move(total_);
+  }
+
+ private:
+  /// All states of a few are recorded. Of many, those at the end of a part are computed from y, where that can be.
+  static Options of_part(const Scene& scene, const Options& options, const ResultOutput* out) {
+    Options changed = options;
+    changed.trace = out && out->with_slack();
+    if (options.method == Method::march && scene.states() > few_states) return changed;
+    changed.states = StateSelection::all;
+    changed.components.clear();
+    return changed;
+  }
+
+  /// The whole state at the end of a part that is solved.
+  Vector state_at_end(Result& part, Index steps) {
+    if (Index(part.x_components.size()) < scene_.states() && part.continuous) {
+      try {
+        return states_at(solver_.part(), backend_, part, {steps}).col(0);
+      } catch (const Error&) {  // not every kernel can compute states afterwards
+      }
+    }
+    if (Index(part.x_components.size()) < scene_.states()) {
+      solver_.record_all();
+      part = solver_.solve_again();
+    }
+    return part.x.row(steps).transpose();
+  }
+
+  void advance() {
+    const Index begin = state_.row, end = boundaries_.from(begin + next_steps_), steps = end - begin;
+    const double t = boundaries_.time(begin);
+    Result part = solver_.solve(t, boundaries_.time(end) - t, steps, state_.x);
+    const Index valid = valid_steps(part);
+    const bool first = begin == 0;
+    add(total_, part, begin == start_);
+    if (!first && !continues(part)) {
+      total_.status = Status::unsupported;
+      total_.reason = fmt::format(
+          "at t = {:.10g} y does not follow from x alone, and the run cannot be divided there; use --method euler, or "
+          "run "
+          "it without --checkpoint",
+          t);
+      return finish(std::move(part), begin, 0);
+    }
+    refuse_memory_of_steps(part);
+    if (first) total_.starts_with_impulse = part.starts_with_impulse;
+    total_.status = part.status;
+    if (part.status != Status::solved)
+      total_.reason = fmt::format("{} (in the part from t = {:.10g} on)", part.reason, t);
+    if (part.infeasible_at) total_.infeasible_at = t + *part.infeasible_at;
+    if (part.status == Status::solved) state_.x = state_at_end(part, steps);
+    write(part, begin, first ? 0 : 1, valid);
+    if (part.status == Status::solved) {
+      state_.row = end;
+      state_.t = boundaries_.time(end);
+      state_.y = part.y.row(steps).transpose();
+    }
+    const double seconds = clock_.lap();
+    since_save_ += seconds;
+    choose_steps(seconds, steps);
+    if (parts_.checkpoint && part.status == Status::solved && since_save_ >= parts_.seconds) save();
+    finish(std::move(part), begin, valid);
+  }
+
+  /// Radau IIA takes steps after a jump of the state by other rules, so that a step depends on those before.
+  void refuse_memory_of_steps(const Result& part) const {
+    if (options_.method == Method::euler || part.continuous) return;
+    throw Error(parts_.checkpoint ? "--checkpoint" : "--restart",
+                "M leaves y to the dynamics, where a step of method march depends on those before it",
+                "use --method euler, or run it without checkpoints");
+  }
+
+  bool continues(const Result& part) const {
+    if (options_.method == Method::euler || state_.y.size() == 0) return true;  // it does not use y at the start
+    if (part.starts_with_impulse) return false;
+    const double largest = state_.y.cwiseAbs().maxCoeff(),
+                 distance = (part.y.row(0).transpose() - state_.y).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+    return distance <= same_y * std::max(1.0, largest);
+  }
+
+  /// Rows `first` to `last` of the part.
+  void write(const Result& part, Index begin, Index first, Index last) {
+    if (part.status != Status::solved && part.y.rows() > 0 && !part.y.row(0).allFinite() && last == 0) last = -1;
+    if (!out_ || last < first) return;
+    Vector t(last - first + 1);
+    for (Index j = first; j <= last; ++j) t[j - first] = boundaries_.time(begin + j);
+    out_->append(solver_.part(), part, t, first, last);
+  }
+
+  /// Keeps the arrays of the last part, with the times of the run.
+  void finish(Result part, Index begin, Index valid) {
+    total_.t.resize(valid + 1);
+    for (Index j = 0; j <= valid; ++j) total_.t[j] = boundaries_.time(begin + j);
+    total_.y = part.y.rows() > valid ? RowMatrix(part.y.topRows(valid + 1)) : RowMatrix();
+    total_.x_components = components_;
+    const bool all = part.x_components.size() != components_.size();
+    const Index rows = std::min<Index>(valid + 1, part.x.rows());
+    total_.x = all ? RowMatrix(part.x.topRows(rows)(Eigen::all, components_)) : RowMatrix(part.x.topRows(rows));
+  }
+
+  void choose_steps(double seconds, Index steps) {
+    const double enough = std::min(long_enough, share_of_interval * parts_.seconds);
+    if (steps == next_steps_ && seconds < enough / 2) next_steps_ = std::min(2 * next_steps_, most_steps_);
+  }
+
+  void save() {
+    if (out_) out_->flush();  // before the checkpoint: a restart needs these rows
+    state_.totals = {{"residual", total_.residual},
+                     {"kernel_error", total_.kernel_error},
+                     {"iterations", double(total_.iterations)},
+                     {"seconds", total_.seconds.total}};
+    write_checkpoint({"--checkpoint", parts_.checkpoint->target()}, state_);
+    saved_row_ = state_.row;
+    since_save_ = 0;
+  }
+
+  const Scene& scene_;
+  const Options& options_;
+  const PartsOptions& parts_;
+  ResultOutput* out_;
+  std::vector<Index> components_;
+  Boundaries boundaries_;
+  PartSolver solver_;
+  Backend& backend_;
+  Index most_steps_, next_steps_, start_ = 0, saved_row_ = -1;
+  Checkpoint state_;
+  Result total_;
+  Timer clock_;
+  double since_save_ = 0;  ///< seconds
+};
+
+}  // namespace
+
+void prepare_parts(const std::string& argument, const Scene& scene, Options& options) {
+  const auto refuse = [&](const std::string& found, const std::string& remedy) {
+    throw Error(argument, found, remedy);
+  };
+  if (controls_error(options))
+    refuse("a tolerance looks at the whole run and solves it on several grids", "give --steps instead of --tol");
+  if (scene.boundary) refuse("a scene with boundary values is no run from the start to the end", "leave it out");
+  if (options.method == Method::automatic) options.method = Method::march;
+  if (options.method != Method::march && options.method != Method::euler)
+    refuse(fmt::format("method {} treats all time points together", to_string(options.method)),
+           "use --method march or euler");
+  if (options.steps == 0) options.steps = scene.default_steps;
+}
+
+void read_restart(const std::string& file, PartsOptions& parts) {
+  std::error_code none;
+  if (!std::filesystem::is_regular_file(file, none))
+    throw Error("--restart", fmt::format("the file '{}' does not exist", file), "give a file of --checkpoint");
+  Checkpoint found = read_checkpoint({"--restart", file});
+  if (found.scene != parts.scene)
+    throw Error("--restart", fmt::format("the checkpoint is of {}, and this run is {}", found.scene, parts.scene),
+                "give the scene and the options of the run that wrote it");
+  if (found.row >= found.steps)
+    throw Error("--restart", fmt::format("the run of '{}' has reached its end", file), "start without --restart");
+  parts.run = found.run;
+  parts.from = std::move(found);
+}
+
+void append_start(const Scene& scene, const Checkpoint& checkpoint, ResultOutput& out) {
+  Result row;
+  row.status = Status::solved;
+  row.t = Vector::Constant(1, checkpoint.t);
+  row.y = checkpoint.y.transpose();
+  row.x = checkpoint.x.transpose();
+  for (Index i = 0; i < scene.states(); ++i) row.x_components.push_back(i);
+  row.trace = observe(scene.dynamics, checkpoint.x).transpose();
+  out.append(scene, row, row.t, 0, 0);
+}
+
+Result solve_in_parts(const Scene& scene, Backend& backend, const Options& options, const PartsOptions& parts,
+                      ResultOutput* out) {
+  return PartsRun(scene, backend, options, parts, out).run();
+}
+
+}  // namespace bromwich::app

@@ -1,0 +1,42 @@
+// HDF5 where the library was not found.
+
+#include "core/base/error.hpp"
+#include "files/checkpoint.hpp"
+#include "files/result_file.hpp"
+
+namespace bromwich {
+
+namespace {
+
+[[noreturn]] void refuse(const FileTarget& target) {
+  throw Error(target.argument, "'" + target.path.string() + "' needs HDF5, which this build does not have",
+              "install libhdf5-dev and build again, or write a file .csv");
+}
+
+}  // namespace
+
+bool hdf5_available() { return false; }
+
+std::unique_ptr<ResultFile> create_hdf5(const FileTarget& target, const ResultColumns&, Index, const Facts&) {
+  refuse(target);
+}
+
+std::unique_ptr<ResultFile> continue_hdf5(const FileTarget& target, const ResultColumns&, Index, const std::string&) {
+  refuse(target);
+}
+
+std::unique_ptr<ResultFile> create_vtkhdf(const FileTarget& target, const FieldGrid&, const ResultColumns&, Index,
+                                          const Facts&) {
+  refuse(target);
+}
+
+std::unique_ptr<ResultFile> continue_vtkhdf(const FileTarget& target, const FieldGrid&, const ResultColumns&, Index,
+                                            const std::string&) {
+  refuse(target);
+}
+
+void write_checkpoint(const FileTarget& target, const Checkpoint&) { refuse(target); }
+
+Checkpoint read_checkpoint(const FileTarget& target) { refuse(target); }
+
+}  // namespace bromwich

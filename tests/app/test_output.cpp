@@ -1,0 +1,207 @@
+// Files of --out in all formats, killed and restarted runs, full disks.
+
+#include "tests/app/cli.hpp"
+#include "tests/files/hdf5_reading.hpp"
+
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+const std::string heat = "solve signorini --set Q=7 --threads 1 ";
+
+/// The numbers of a CSV file below its header.
+RowMatrix table(const fs::path& path) {
+  const std::vector<std::string> lines = split(read(path), '\n');
+  const auto width = Index(split(lines.at(0), ',').size());
+  RowMatrix values(Index(lines.size()) - 1, width);
+  for (Index j = 0; j < values.rows(); ++j) {
+    const std::vector<std::string> words = split(lines[std::size_t(j) + 1], ',');
+    for (Index i = 0; i < width; ++i) values(j, i) = std::stod(words.at(std::size_t(i)));
+  }
+  return values;
+}
+
+double distance(const RowMatrix& a, const RowMatrix& b) {
+  if (a.rows() != b.rows() || a.cols() != b.cols()) return INFINITY;
+  return a.size() == 0 ? 0 : (a - b).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+}
+
+/// Rounding of the same discrete problem in other orders: the heat equation damps what was before, so that errors are
+/// those of one part, 64 to 16384 steps with products of at most 49 terms of size 12; states at the end of a part come
+/// from contours to 1e-12 of them.
+constexpr double same = 1e-11;
+
+class CliOutput : public Cli {};
+
+TEST_F(CliOutput, AllFormatsHoldTheSameNumbers) {
+  const std::string options = heat + "--steps 50 --states all --out ";
+  for (const std::string name : {"r.csv", "r.h5", "r.npz", "r.vtkhdf"}) {
+    const Outcome outcome = run(options + name);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_TRUE(contains(outcome.out, name)) << outcome.out;
+  }
+  const RowMatrix csv = table(folder_ / "r.csv");
+  const Hdf5Reading h5(folder_ / "r.h5"), grid(folder_ / "r.vtkhdf");
+  EXPECT_EQ(h5.rows("t"), csv.col(0));
+  EXPECT_EQ(h5.rows("y"), csv.middleCols(1, 7));
+  EXPECT_EQ(h5.rows("x"), csv.rightCols(49));
+  EXPECT_EQ(grid.rows("VTKHDF/PointData/x"), csv.rightCols(49));
+  EXPECT_EQ(grid.rows("VTKHDF/Steps/Values"), csv.col(0));
+  const RowMatrix y = h5.rows("y"), w = h5.rows("w");
+  EXPECT_LE(y.cwiseMin(w).cwiseAbs().maxCoeff(), 1e-12);  // complementary: the residual is 1e-15 of sizes below 12
+  EXPECT_GT(w.maxCoeff(), 1);
+  EXPECT_EQ(h5.text("status"), "solved");
+  EXPECT_EQ(h5.text("scene"), "signorini");
+  EXPECT_EQ(h5.text("command"), "bromwich " + options + "r.h5");
+  EXPECT_EQ(h5.number("/", "steps"), 50);
+  EXPECT_TRUE(read(folder_ / "r.npz").starts_with("PK"));
+  EXPECT_EQ(files(), 4u);
+}
+
+TEST_F(CliOutput, OtherTimesAndEarlyEnds) {
+  ASSERT_EQ(run(heat + "--steps 40 --at 0.5,1.05 --out a.h5").exit_code, 0);
+  ASSERT_EQ(run(heat + "--steps 40 --at 0.5,1.05 --out a.csv").exit_code, 0);
+  EXPECT_EQ(Hdf5Reading(folder_ / "a.h5").rows("y"), table(folder_ / "a.csv").rightCols(7));
+
+  std::ofstream(folder_ / "ends.toml") << "[dynamics]\nA = [[0]]\nB = [[0]]\nx0 = [0]\n[complementarity]\nN = [[0]]\n"
+                                          "M = [[0]]\ng = [\"1 - t\"]\n[time]\nT = 2\nsteps = 20\n";
+  EXPECT_EQ(run("solve ends.toml --method march --out e.h5").exit_code, 3);
+  const Hdf5Reading ended(folder_ / "e.h5");
+  EXPECT_EQ(ended.text("status"), "infeasible");
+  EXPECT_NE(ended.text("reason"), "");
+  EXPECT_EQ(ended.text("scene_file"), read(folder_ / "ends.toml"));
+  const RowMatrix t = ended.rows("t"), y = ended.rows("y");
+  ASSERT_GE(t.rows(), 9);
+  EXPECT_LE(t(t.rows() - 1, 0), 1.0);
+  EXPECT_TRUE(y.allFinite());
+  EXPECT_EQ(ended.number("/", "t_end"), t(t.rows() - 1, 0));
+}
+
+TEST_F(CliOutput, PartsAreOneRun) {
+  const std::string options = heat + "--steps 1500 --states 0,24,48 --method march --out ";
+  ASSERT_EQ(run(options + "whole.h5").exit_code, 0);
+  ASSERT_EQ(run(options + "parts.h5 --checkpoint c.h5").exit_code, 0);
+  const Hdf5Reading whole(folder_ / "whole.h5"), parts(folder_ / "parts.h5");
+  EXPECT_EQ(whole.rows("t"), parts.rows("t"));
+  for (const std::string name : {"y", "w", "x"}) EXPECT_LE(distance(whole.rows(name), parts.rows(name)), same) << name;
+  EXPECT_TRUE(contains(refused(options + "again.h5 --restart c.h5").err, "reached its end"));
+}
+
+TEST_F(CliOutput, AKilledRunIsReadAndContinued) {
+  const std::string options = heat + "--steps 60000 --states 0 --method march ";
+  ASSERT_EQ(run(options + "--out whole.h5").exit_code, 0);
+  const Hdf5Reading whole(folder_ / "whole.h5");
+  int continued = 0;
+  for (const std::string seconds : {"0.05", "0.15", "0.25", "0.35", "0.6"}) {
+    for (const std::string name : {"k.h5", "c.h5"}) fs::remove(folder_ / name);
+    const std::string files = "--checkpoint c.h5 --checkpoint-every 0.01 --out k.h5 ";
+    if (run(options + files, "timeout --foreground -s KILL " + seconds).exit_code == 0) continue;
+    if (!fs::exists(folder_ / "k.h5") || fs::file_size(folder_ / "k.h5") == 0) continue;  // killed before it began
+    {
+      const Hdf5Reading killed(folder_ / "k.h5");
+      ASSERT_TRUE(killed.readable());
+      if (!killed.has("x")) continue;  // killed while the empty file was made
+      const Index rows = killed.rows("t").rows();
+      EXPECT_LE(distance(whole.rows("y").topRows(rows), killed.rows("y")), same);
+      if (rows < 60001) EXPECT_EQ(killed.text("status"), "running");
+    }
+    if (!fs::exists(folder_ / "c.h5")) continue;
+    const Outcome rest = run(options + files + "--restart c.h5");
+    if (rest.exit_code == 2 && contains(rest.err, "reached its end")) continue;
+    ASSERT_EQ(rest.exit_code, 0) << rest.err;
+    const Hdf5Reading all(folder_ / "k.h5");
+    EXPECT_EQ(all.text("status"), "solved");
+    EXPECT_EQ(all.rows("t"), whole.rows("t"));
+    for (const std::string name : {"y", "w", "x"}) EXPECT_LE(distance(whole.rows(name), all.rows(name)), same) << name;
+    ++continued;
+  }
+  RecordProperty("continued", continued);
+}
+
+TEST_F(CliOutput, AStoppedRunIsContinued) {
+  const std::string options = heat + "--steps 400000 --method march ";
+  const Outcome stopped =
+      run(options + "--checkpoint c.h5 --checkpoint-every 100 --out k.h5", "timeout --foreground -s TERM 0.3");
+  if (!fs::exists(folder_ / "c.h5")) GTEST_SKIP() << "stopped before the first part, or after the last";
+  {
+    const Hdf5Reading part(folder_ / "k.h5");
+    EXPECT_EQ(part.text("status"), "interrupted");
+    EXPECT_TRUE(part.rows("y").allFinite());
+  }
+  // A new file gets the rest alone.
+  ASSERT_EQ(run(options + "--restart c.h5 --out rest.h5").exit_code, 0);
+  ASSERT_EQ(run(options + "--restart c.h5 --out k.h5").exit_code, 0);
+  const Hdf5Reading all(folder_ / "k.h5"), rest(folder_ / "rest.h5");
+  EXPECT_EQ(all.rows("t").rows(), 400001);
+  const Index rows = rest.rows("t").rows();
+  EXPECT_EQ(all.rows("t").bottomRows(rows), rest.rows("t"));
+  EXPECT_LE(distance(all.rows("w").bottomRows(rows), rest.rows("w")), same);
+}
+
+TEST_F(CliOutput, WhatCannotBeContinuedIsRefused) {
+  std::ofstream(folder_ / "sliding.toml")  // M = 0: steps after a jump depend on those before
+      << "[dynamics]\nA = [[0]]\nB = [[1]]\nx0 = [1]\nf = [\"-1\"]\n[complementarity]\nN = [[1]]\nM = [[0]]\n"
+         "[time]\nT = 2\nsteps = 200\n";
+  ASSERT_EQ(run(heat + "--steps 200 --checkpoint c.h5").exit_code, 0);
+  const std::vector<BadInput> cases{
+      {heat + "--tol 1e-3 --checkpoint d.h5", {"--checkpoint", "tolerance", "--steps"}},
+      {heat + "--method contour --checkpoint d.h5", {"--checkpoint", "contour", "march"}},
+      {heat + "--checkpoint d.h5 --out y.csv", {"--out", "y.csv", ".h5"}},
+      {heat + "--checkpoint d.h5 --out y.npz", {"--out", "y.npz", ".h5"}},
+      {heat + "--checkpoint d.h5 --out d.h5", {"--checkpoint", "d.h5", "--out"}},
+      {heat + "--checkpoint d.csv", {"--checkpoint", "d.csv", ".h5"}},
+      {heat + "--checkpoint d.h5 --switches s.csv", {"--checkpoint", "--switches"}},
+      {heat + "--checkpoint d.h5 --at 1 --out y.h5", {"--checkpoint", "--at"}},
+      {heat + "--checkpoint-every 3", {"--checkpoint-every", "without --checkpoint"}},
+      {heat + "--checkpoint d.h5 --checkpoint-every 0", {"--checkpoint-every", "'0'"}},
+      {heat + "--restart none.h5", {"--restart", "none.h5", "does not exist"}},
+      {heat + "--steps 300 --restart c.h5", {"--restart", "300 steps", "200 steps"}},
+      {"solve lq-control --checkpoint d.h5", {"--checkpoint", "boundary"}},
+      {"solve sliding.toml --method march --checkpoint d.h5", {"--checkpoint", "euler"}},
+      {"solve bridge --out y.vtkhdf", {"--out", "y.vtkhdf", "grid", ".h5"}},
+      {heat + "--states 0,1 --out y.vtkhdf", {"--out", "y.vtkhdf", "--states all"}},
+      {heat + "--out y.mat", {"--out", "y.mat", ".csv, .h5, .npz or .vtkhdf"}},
+      {"solve ph-toy --method goal --states all --energies --out y.h5", {"--energies", ".csv"}},
+  };
+  for (const BadInput& bad : cases) {
+    const Outcome result = refused(bad.arguments);
+    for (const std::string& word : bad.mentions) EXPECT_TRUE(contains(result.err, word)) << word << "\n" << result.err;
+  }
+  EXPECT_EQ(run("solve sliding.toml --method euler --checkpoint d.h5").exit_code, 0);
+  std::ofstream(folder_ / "c.h5") << "no checkpoint";
+  EXPECT_TRUE(contains(refused(heat + "--restart c.h5").err, "--restart"));
+}
+
+TEST_F(CliOutput, FullDisksLeaveWhatWasThere) {
+  // Growing files keep whole chunks; the others are written whole or not at all.
+  const std::string options = heat + "--steps 40000 --states all --method march --out ";
+  const Outcome outcome = run(options + "r.h5", "ulimit -f 2000 &&");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(contains(outcome.err, "could not be written (File too large)")) << outcome.err;
+  const Hdf5Reading partial(folder_ / "r.h5");
+  ASSERT_TRUE(partial.readable());
+  const Index rows = partial.rows("t").rows();
+  EXPECT_LT(rows, 40001);
+  for (const std::string name : {"y", "w", "x"}) {
+    EXPECT_EQ(partial.rows(name).rows(), rows) << name;
+    EXPECT_TRUE(partial.rows(name).allFinite()) << name;
+  }
+  std::ofstream(folder_ / "r.npz") << "precious";
+  EXPECT_TRUE(contains(run(options + "r.npz", "ulimit -f 8 &&").err, "could not be written (File too large)"));
+  EXPECT_EQ(read(folder_ / "r.npz"), "precious");
+  EXPECT_EQ(files(), 2u);
+}
+
+TEST_F(CliOutput, AFailedSolveIsSaidInTheFile) {
+  // The memory limit is only looked at in the solve.
+  const Outcome outcome = run("solve signorini --set Q=255 --steps 3000 --threads 1 --out r.h5", "ulimit -v 200000 &&");
+  if (outcome.exit_code == 0) GTEST_SKIP() << "it fits";
+  EXPECT_EQ(outcome.exit_code, 2);
+  if (!fs::exists(folder_ / "r.h5")) return;
+  const Hdf5Reading file(folder_ / "r.h5");
+  EXPECT_TRUE(file.text("status") == "failed" || file.text("status") == "running") << file.text("status");
+}
+
+}  // namespace
+}  // namespace bromwich
