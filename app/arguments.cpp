@@ -46,12 +46,6 @@ Index parse_steps(const std::string& word, long long limit) { return Index(integ
 
 int parse_threads(const std::string& word) { return int(integer_within("--threads", word, max_threads)); }
 
-double positive(const std::string& argument, const std::string& word) {
-  const auto value = parse_double(word);
-  if (!value || !(*value > 0) || !std::isfinite(*value)) throw Error(argument, found(word), "give a positive number");
-  return *value;
-}
-
 double parse_seconds(const std::string& argument, const std::string& word) { return positive(argument, word); }
 
 void parse_error_control(const SolveArguments& a, Options& options, std::optional<double> of_file) {
