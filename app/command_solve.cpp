@@ -5,6 +5,7 @@
 #include "app/commands.hpp"
 #include "app/goal_arguments.hpp"
 #include "app/interaction.hpp"
+#include "app/log.hpp"
 #include "app/machine.hpp"
 #include "app/output_csv.hpp"
 #include "app/output_file.hpp"
@@ -15,8 +16,10 @@
 #include "app/scene_template.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
+#include "core/build_info.hpp"
 #include "core/solve/dense_output.hpp"
 #include "core/solve/switch_errors.hpp"
+#include "report/page.hpp"
 
 #include <fmt/format.h>
 
@@ -29,19 +32,6 @@
 namespace bromwich::app {
 
 namespace {
-
-void refuse_unavailable(const SolveArguments& arguments) {
-  if (!arguments.report.empty())
-    throw Error("--report", fmt::format("found '{}' but reports are not available yet", arguments.report),
-                "use --out FILE.csv or --json");
-}
-
-std::string scene_name(const Words& words) {
-  if (words.names.empty()) throw Error("SCENE", "found none", "name a scene; 'bromwich scenes' lists them");
-  if (words.names.size() > 1)
-    throw Error("SCENE", "found " + join(words.names), "name one scene; options start with --");
-  return words.names.front();
-}
 
 /// The smallest relative tolerance; 0 if there is none.
 double smallest_tolerance(const Options& o) {
@@ -75,6 +65,7 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
 
 /// If there are few states, they are computed for the comparison with a reference.
 constexpr Index most_reference_states = 64;
+constexpr std::size_t most_decisions = 100;
 
 /// A result must not replace the scene file or one of its tables or matrices.
 void keep_inputs(const SceneChoice& choice, const std::string& argument, const std::string& out) {
@@ -86,7 +77,7 @@ void keep_inputs(const SceneChoice& choice, const std::string& argument, const s
 
 /// The output files, opened before anything is computed.
 struct Outputs {
-  std::optional<OutputFile> out, switches;
+  std::optional<OutputFile> out, switches, report;
   std::vector<double> times;  ///< of the rows of `out`; empty = the time points
 };
 
@@ -102,6 +93,10 @@ Outputs outputs(const SolveArguments& arguments, const SceneChoice& choice) {
     if (name->empty()) continue;
     keep_inputs(choice, argument, *name);
     file->emplace(argument, *name, ".csv");
+  }
+  if (!arguments.report.empty()) {
+    keep_inputs(choice, "--report", arguments.report);
+    made.report.emplace("--report", arguments.report, ".html");
   }
   return made;
 }
@@ -141,6 +136,28 @@ Index state_columns(const Options& options, const Scene& scene) {
   return options.states == StateSelection::all ? scene.states() : Index(options.components.size());
 }
 
+/// Progress on a terminal, log lines, Ctrl-C; decisions at level info are kept for the summary.
+void listen(const SolveArguments& arguments, ProgressLine& progress, std::vector<std::string>& decisions,
+            Options& options) {
+  if (progress.visible()) options.progress = [&progress](const Progress& state) { progress.show(state); };
+  catch_interrupts();
+  options.interrupted = [&progress] {
+    progress.wait();
+    return interrupted();
+  };
+  options.log = [&decisions,
+                 log = make_log(arguments.log_level, [&progress] { progress.clear(); })](const LogEntry& e) {
+    if (e.level >= LogLevel::info && decisions.size() < most_decisions) decisions.push_back(one_line(e.text));
+    if (log) log(e);
+  };
+}
+
+void write_report(const OutputFile& file, const SceneChoice& choice, const Result& result, const Json& object) {
+  const std::string page = report::page(
+      {object, report::as_table(choice.scene, result), "bromwich solve " + choice.scene.name, build_info::version});
+  file.write([&page](std::FILE* out) { std::fwrite(page.data(), 1, page.size(), out); });
+}
+
 void report_status(const Result& result) {
   const std::string reason = result.reason.empty() ? "no reason was given" : one_line(result.reason);
   complain(fmt::format("{}: {}", to_string(result.status), reason));
@@ -155,7 +172,6 @@ int run_solve(const SolveArguments& arguments) {
     print(scene_template);
     return exit_solved;
   }
-  refuse_unavailable(arguments);
   const Words words = split_words(arguments.words, arguments.settings);
   const ParameterValues settings = parse_settings(words.settings);
   const SceneChoice choice = choose_scene(scene_name(words), settings);
@@ -170,10 +186,9 @@ int run_solve(const SolveArguments& arguments) {
   const Outputs files = outputs(arguments, choice);
 
   const auto backend = choose_backend(arguments.backend, choice.scene, options, columns, threads);
-  ProgressLine progress;
-  if (progress.visible()) options.progress = [&progress](const Progress& state) { progress.show(state); };
-  catch_interrupts();
-  options.interrupted = interrupted;
+  ProgressLine progress(options.iteration_tolerance);
+  std::vector<std::string> decisions;
+  listen(arguments, progress, decisions, options);
   options.memory_limit = memory_bytes();
   const bool states_for_reference =
       options.states == StateSelection::none && has_reference(choice) && choice.scene.states() <= most_reference_states;
@@ -181,6 +196,8 @@ int run_solve(const SolveArguments& arguments) {
     options.states = StateSelection::all;
     options.control_states = false;
   }
+  const bool trace_for_report = files.report && choice.scene.constraints() > 0;
+  options.trace = trace_for_report;
   Result result = solve(choice.scene, *backend, options);
   progress.clear();
   if (!choice.warning.empty()) add_warning(result, choice.warning);
@@ -192,8 +209,9 @@ int run_solve(const SolveArguments& arguments) {
 
   write(files, choice.scene, *backend, options, result, arguments.energies);
   const int used = backend->device().threads;
-  print(arguments.json ? dump(to_json(choice, result, used, error))
-                       : summary(choice, result, used, error, arguments.out));
+  const Json object = to_json(choice, result, used, error, {options, decisions});
+  if (files.report) write_report(*files.report, choice, result, object);
+  print(arguments.json ? dump(object) : summary(choice, result, used, error, arguments.out));
   if (result.status == Status::solved) return exit_solved;
   report_status(result);
   return exit_not_solved;

@@ -12,6 +12,7 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <exception>
@@ -64,6 +65,17 @@ void occupy(int descriptor) {
   }
 }
 
+constexpr std::chrono::seconds quiet_time{1};  ///< no line for what is over by then
+constexpr std::size_t longest_line = 78;       ///< a longer line would wrap, and stay
+
+/// "7 s", "3 min 20 s", "5 h 10 min": an estimate has no more digits.
+std::string rounded_seconds(double seconds) {
+  const auto whole = static_cast<long long>(std::ceil(seconds));
+  if (whole < 100) return fmt::format("{} s", whole);
+  if (whole < 6000) return fmt::format("{} min {} s", whole / 60, whole % 60);
+  return fmt::format("{} h {} min", whole / 3600, whole / 60 % 60);
+}
+
 /// A closed terminal is no reason to stop: failures are ignored.
 void draw(const std::string& text) {
   std::fputs(("\r\033[K" + text).c_str(), stderr);
@@ -72,15 +84,39 @@ void draw(const std::string& text) {
 
 }  // namespace
 
-ProgressLine::ProgressLine() : visible_(::isatty(STDERR_FILENO) != 0), next_(Clock::now()) {}
+ProgressLine::ProgressLine(double tolerance)
+    : visible_(::isatty(STDERR_FILENO) != 0),
+      start_(Clock::now()),
+      next_(start_ + quiet_time),
+      reported_(start_),
+      left_(tolerance) {}
+
+bool ProgressLine::due(Clock::time_point now) {
+  if (!visible_ || now < next_) return false;
+  next_ = now + std::chrono::milliseconds(100);
+  return true;
+}
+
+void ProgressLine::draw_line(const std::string& words) {
+  draw(words.substr(0, longest_line));
+  drawn_ = true;
+}
 
 void ProgressLine::show(const Progress& progress) {
   const auto now = Clock::now();
-  if (!visible_ || now < next_) return;
-  next_ = now + std::chrono::milliseconds(100);
-  draw(progress.total > 0 ? fmt::format("step {} of {}", progress.iteration, progress.total)
-                          : fmt::format("iteration {}, change {:.2e}", progress.iteration, progress.change));
-  drawn_ = true;
+  const std::optional<double> left = left_.after(progress, std::chrono::duration<double>(now - start_).count());
+  reported_ = now;
+  if (!due(now)) return;
+  last_ = progress.total > 0 ? fmt::format("step {} of {}", progress.iteration, progress.total)
+                             : fmt::format("sweep {}, change {:.1e}", progress.iteration, progress.change);
+  draw_line(left ? fmt::format("{}, about {} left", last_, rounded_seconds(*left)) : last_);
+}
+
+void ProgressLine::wait() {
+  const auto now = Clock::now();
+  if (now - reported_ < quiet_time || !due(now)) return;
+  const double spent = std::chrono::duration<double>(now - start_).count();
+  draw_line(fmt::format("{}, {} spent", last_.empty() ? "set-up" : "after " + last_, rounded_seconds(spent)));
 }
 
 void ProgressLine::clear() {

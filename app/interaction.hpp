@@ -1,6 +1,7 @@
 #pragma once
 // Interaction with the terminal during a solve: a progress line, and Ctrl-C.
 
+#include "core/result/time_left.hpp"
 #include "core/solve/solve.hpp"
 
 #include <signal.h>
@@ -10,23 +11,32 @@
 
 namespace bromwich::app {
 
-/// One self-overwriting line on standard error, at most ten times a second; silent if that is not a terminal.
+/// One self-overwriting line on standard error, from the first second on and at most ten times a second: what is done,
+/// and an estimate of the time left. Silent if that is not a terminal.
 class ProgressLine {
  public:
-  ProgressLine();
+  /// `tolerance`: the change of y at which iterations end.
+  explicit ProgressLine(double tolerance = 1e-12);
   ~ProgressLine() { clear(); }
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
   bool visible() const { return visible_; }
   void show(const Progress& progress);
+  /// The time spent, where nothing can be counted: during set-up, and while a result is checked.
+  void wait();
   void clear();
 
  private:
   using Clock = std::chrono::steady_clock;
+  bool due(Clock::time_point now);
+  void draw_line(const std::string& words);
+
   bool visible_;
   bool drawn_ = false;
-  Clock::time_point next_;
+  Clock::time_point start_, next_, reported_;
+  std::string last_;  ///< what was shown of the last report
+  TimeLeft left_;
 };
 
 /// From now on the first SIGINT or SIGTERM only sets a flag, so that the valid part of the result is written. A second

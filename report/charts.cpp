@@ -332,7 +332,7 @@ std::string number_bars(const NumberBars& chart) {
     svg.words(left - 6, y + 16, "end", names[i]);
     svg.add(R"(<rect class="bar" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>)", left, y + 5, end - left,
             row - 10);
-    svg.words(end + 5, y + 16, "start", short_number(values[i], 3), R"( class="value")");
+    svg.words(x.to() + 6, y + 16, "start", short_number(values[i], 3), R"( class="value")");
   }
   for (const Level& level : chart.levels) {
     svg.segment("level", x(level.value), top, x(level.value), bottom);

@@ -176,16 +176,52 @@ RowMatrix without_impulse(const Report& report, const Quantity& q) {
   return values;
 }
 
-std::string lines_of(const Report& report, const Quantity& q, const std::string& label) {
+/// Columns that share an axis: of one unit, and of sizes that are seen beside each other.
+std::vector<std::vector<Index>> panels(const Quantity& q, const RowMatrix& values) {
+  constexpr double seen_beside = 40;  ///< times smaller: a few pixels
+  constexpr std::size_t most_panels = 4;
+  std::vector<std::pair<double, Index>> sizes;
+  for (Index i = 0; i < values.cols(); ++i) {
+    double largest = 0;
+    for (const double v : values.col(i))
+      if (std::isfinite(v)) largest = std::max(largest, std::abs(v));
+    sizes.emplace_back(largest, i);
+  }
+  std::stable_sort(sizes.begin(), sizes.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<std::vector<Index>> groups;
+  std::vector<double> of_group;
+  for (const auto& [size, i] : sizes) {
+    std::size_t g = 0;
+    const auto fits = [&](std::size_t k) {
+      return q.units[std::size_t(groups[k].front())] == q.units[std::size_t(i)] &&
+             (size == 0 || size * seen_beside >= of_group[k]);
+    };
+    while (g < groups.size() && !fits(g)) ++g;
+    if (g == groups.size() && g == most_panels) --g;
+    if (g == groups.size()) {
+      groups.emplace_back();
+      of_group.push_back(size);
+    }
+    groups[g].push_back(i);
+  }
+  for (auto& group : groups) std::sort(group.begin(), group.end());
+  return groups;
+}
+
+std::string lines_of(const Report& report, const Quantity& q) {
   const RowMatrix values = without_impulse(report, q);
-  const std::string unit = common_unit(q);
-  LineChart chart{label + " over time", {time_label(report)}, {with_unit(label, unit)}, {}, {}};
   const bool steps = q.symbol == "y" && report.summary.is_object() && report.summary.contains("continuous") &&
                      !is_set(report.summary, "continuous");
-  for (std::size_t i = 0; i < q.names.size(); ++i)
-    chart.lines.push_back(
-        {unit.empty() ? with_unit(q.names[i], q.units[i]) : q.names[i], report.table.t, values.col(Index(i)), steps});
-  return line_chart(chart);
+  std::string pictures;
+  for (const std::vector<Index>& panel : panels(q, values)) {
+    const std::string unit = q.units[std::size_t(panel.front())];
+    const bool one = panel.size() == 1;
+    const std::string label = one ? q.names[std::size_t(panel.front())] : q.symbol;
+    LineChart chart{label + " over time", {time_label(report)}, {with_unit(label, unit)}, {}, {}};
+    for (const Index i : panel) chart.lines.push_back({q.names[std::size_t(i)], report.table.t, values.col(i), steps});
+    pictures += line_chart(chart);
+  }
+  return pictures;
 }
 
 std::string map_of(const Report& report, const Quantity& q, const Kind& kind) {
@@ -205,7 +241,8 @@ std::string curve_caption(const Report& report, const Quantity& q, const Kind& k
   else if (q.names.size() == 1)
     words = with_unit(q.names.front(), q.units.front()) + " over time.";
   else
-    words = fmt::format("{} components over time.", q.names.size());
+    words = fmt::format("{} components over time; those of other units or sizes have an axis of their own.",
+                        q.names.size());
   if (q.symbol == "y" && is_set(report.summary, "starts_with_impulse"))
     words += " The state jumps at t = 0: the value of y there is an impulse and not shown.";
   if (q.symbol == std::string("x") && map) words += fmt::format(" Numbers count the recorded {}s.", kind.one);
@@ -233,7 +270,7 @@ std::string curves_part(const Report& report) {
     const Quantity* q = report.table.find(kind.symbol);
     if (!q) continue;
     html += heading(kind.heading);
-    html += figure(q->names.size() > most_lines ? map_of(report, *q, kind) : lines_of(report, *q, kind.symbol),
+    html += figure(q->names.size() > most_lines ? map_of(report, *q, kind) : lines_of(report, *q),
                    curve_caption(report, *q, kind));
   }
   if (const Quantity* q = report.table.find("")) html += others(report, *q);
@@ -429,8 +466,8 @@ std::string time_part(const Report& report) {
   if (bytes && predicted && *predicted > 0)
     words += fmt::format(", predicted were {} MB", short_number(*predicted * 1e-6, 3));
   if (bytes) words += ".";
-  return heading("Time and memory") + figure(parts_of_whole("parts of the time", values), words) + "<table>\n" + rows +
-         "</table>\n";
+  return heading("Time and memory") + figure(parts_of_whole("parts of the time", values), words) +
+         "<table class=\"times\">\n" + rows + "</table>\n";
 }
 
 }  // namespace bromwich::report

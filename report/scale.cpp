@@ -81,7 +81,7 @@ std::vector<Tick> Scale::ticks(int count) const {
   const double step = tick_step(hi_ - lo_, count);
   std::vector<Tick> ticks;
   for (double k = std::ceil(lo_ / step - 1e-9); k * step <= hi_ + 1e-9 * step; ++k)
-    ticks.push_back({k * step, short_number(k * step)});
+    ticks.push_back({k * step + 0.0, short_number(k * step + 0.0)});  // + 0: no negative zero
   return ticks;
 }
 

@@ -27,7 +27,7 @@ const Json* at(const Json& summary, const std::string& path) {
 
 std::string sentence(const std::string& text) { return text.empty() || text.back() == '.' ? text : text + "."; }
 
-std::string number(double value) { return short_number(value, 3); }
+std::string rounded(double value) { return short_number(value, 3); }
 
 }  // namespace
 
@@ -54,24 +54,24 @@ std::vector<double> numbers_at(const Json& summary, const std::string& path) {
 std::string status_sentence(const Json& summary) {
   const std::string status = text_at(summary, "status"), reason = sentence(text_at(summary, "reason"));
   const auto because = [&](const std::string& words) { return reason.empty() ? words : words + " Reason: " + reason; };
-  if (status == "solved") return "Solved: the result passed all checks that were made on it.";
+  if (status == "solved") return "The result passed all checks that were made on it.";
   if (status == "tolerance_not_met")
-    return because("Not solved as asked for: a check failed or a tolerance was not reached. Use the curves with care.");
+    return because("A check failed or a tolerance was not reached. Use the curves with care.");
   if (status == "infeasible") {
     const auto from = number_at(summary, "infeasible_at");
     return because(from ? fmt::format("No solution exists from t = {} on; the curves end there.", short_number(*from))
                         : "No solution exists.");
   }
-  if (status == "unsupported") return because("Not solved: the method does not take this scene.");
-  if (status == "nonfinite") return because("Not solved: values that are not finite came up.");
-  if (status == "interrupted") return because("Interrupted: the curves show what was computed until then.");
+  if (status == "unsupported") return because("The method does not take this scene.");
+  if (status == "nonfinite") return because("Values that are not finite came up.");
+  if (status == "interrupted") return because("The curves show what was computed until then.");
   return status.empty() ? "The status is not known: the file has no summary." : because("Status: " + status + ".");
 }
 
 std::vector<Certificate> certificates(const Json& summary) {
   std::vector<Certificate> list;
   const auto add = [&](const char* path, const char* name, const std::string& meaning) {
-    if (const auto value = number_at(summary, path)) list.push_back({name, number(*value), meaning});
+    if (const auto value = number_at(summary, path)) list.push_back({name, rounded(*value), meaning});
   };
   add("residual", "complementarity residual",
       "largest |min(y, w)| of all time points, relative to max(1, |N x + g|): 0 if y ≥ 0, w ≥ 0 and one of the two is "
@@ -81,10 +81,10 @@ std::vector<Certificate> certificates(const Json& summary) {
       "difference of the weights of the kernel from independently computed ones, relative to the largest");
   const auto tolerance = number_at(summary, "errors/tolerance");
   add("error_estimate", "estimated error",
-      tolerance
-          ? fmt::format("of {}, relative; the tolerance is {}. An estimate from several grids, not a bound",
-                        text_at(summary, "errors/of").empty() ? "y" : text_at(summary, "errors/of"), number(*tolerance))
-          : "of y, from the next coarser grid. An estimate, not a bound");
+      tolerance ? fmt::format("of {}, relative; the tolerance is {}. An estimate from several grids, not a bound",
+                              text_at(summary, "errors/of").empty() ? "y" : text_at(summary, "errors/of"),
+                              rounded(*tolerance))
+                : "of y, from the next coarser grid. An estimate, not a bound");
   if (!number_at(summary, "error_estimate") && !text_at(summary, "status").empty())
     list.push_back(
         {"estimated error", "not estimated", "one grid says nothing of the error of its steps; --tol EPS does"});
