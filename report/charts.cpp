@@ -85,7 +85,7 @@ void draw_y_axis(Svg& svg, const Scale& y, const std::vector<Tick>& ticks, doubl
 double left_margin(const std::vector<Tick>& ticks) {
   double widest = 0;
   for (const Tick& tick : ticks) widest = std::max(widest, text_width(tick.label));
-  return 32 + widest;
+  return std::max(62.0, 32 + widest);  // axes of pictures below one another begin at the same place
 }
 
 // ---- lines ----

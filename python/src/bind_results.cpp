@@ -71,6 +71,7 @@ nb::dict seconds_of(const Answer& answer) {
   d["convolution"] = s.convolution;
   d["transform"] = s.transform;
   d["other"] = s.other;
+  d["certification"] = s.certification;
   return d;
 }
 
@@ -89,6 +90,7 @@ std::optional<nb::dict> errors_of(const Answer& answer) {
   d["tolerance"] = e.tolerance;
   d["of_integral"] = e.of_integral;
   d["grids"] = e.grids;
+  d["estimates"] = e.estimates;
   return d;
 }
 
