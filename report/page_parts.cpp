@@ -141,6 +141,7 @@ std::string facts_part(const Report& report) {
   for (const std::string& decision : words_at(s, "decisions")) why += (why.empty() ? "" : "; ") + decision;
   table.row("what was decided", why);
   table.row("kernel", text_at(s, "kernel"));
+  if (number_at(s, "sizes/constraints") == 0.0) return heading("What was solved") + table.end();
   return heading("What was solved") +
          "<p class=\"note\">E x′ = A x + B y + f(t), 0 ≤ y ⊥ w = N x + M y + g(t) ≥ 0: at every time each "
          "constraint has y = 0 or w = 0.</p>\n" +
@@ -241,8 +242,9 @@ std::string curve_caption(const Report& report, const Quantity& q, const Kind& k
   else if (q.names.size() == 1)
     words = with_unit(q.names.front(), q.units.front()) + " over time.";
   else
-    words = fmt::format("{} components over time; those of other units or sizes have an axis of their own.",
-                        q.names.size());
+    words =
+        fmt::format("{} components over time{}.", q.names.size(),
+                    panels(q, q.values).size() > 1 ? "; those of other units or sizes have an axis of their own" : "");
   if (q.symbol == "y" && is_set(report.summary, "starts_with_impulse"))
     words += " The state jumps at t = 0: the value of y there is an impulse and not shown.";
   if (q.symbol == std::string("x") && map) words += fmt::format(" Numbers count the recorded {}s.", kind.one);

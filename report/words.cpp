@@ -29,6 +29,14 @@ std::string sentence(const std::string& text) { return text.empty() || text.back
 
 std::string rounded(double value) { return short_number(value, 3); }
 
+void add_goal(const Json& summary, std::vector<Certificate>& list) {
+  const Json* history = at(summary, "goal/history");
+  if (!history || !history->is_array() || history->empty()) return;
+  const auto quantity = number_at(history->back(), "quantity"), estimate = number_at(history->back(), "estimate");
+  if (quantity) list.push_back({"quantity of interest", rounded(*quantity), text_at(summary, "goal/quantity")});
+  if (estimate) list.push_back({"estimated error of it", rounded(*estimate), "absolute, with its sign; not a bound"});
+}
+
 }  // namespace
 
 std::optional<double> number_at(const Json& summary, const std::string& path) {
@@ -59,8 +67,10 @@ std::string status_sentence(const Json& summary) {
     return because("A check failed or a tolerance was not reached. Use the curves with care.");
   if (status == "infeasible") {
     const auto from = number_at(summary, "infeasible_at");
-    return because(from ? fmt::format("No solution exists from t = {} on; the curves end there.", short_number(*from))
-                        : "No solution exists.");
+    if (!from) return because("The scene has no solution.");
+    const std::string words =
+        fmt::format("The scene has no solution from t = {} on; the curves end there.", short_number(*from));
+    return reason.starts_with("no solution from") ? words : because(words);
   }
   if (status == "unsupported") return because("The method does not take this scene.");
   if (status == "nonfinite") return because("Values that are not finite came up.");
@@ -73,9 +83,11 @@ std::vector<Certificate> certificates(const Json& summary) {
   const auto add = [&](const char* path, const char* name, const std::string& meaning) {
     if (const auto value = number_at(summary, path)) list.push_back({name, rounded(*value), meaning});
   };
-  add("residual", "complementarity residual",
-      "largest |min(y, w)| of all time points, relative to max(1, |N x + g|): 0 if y ≥ 0, w ≥ 0 and one of the two is "
-      "0");
+  if (number_at(summary, "sizes/constraints") != 0.0)
+    add("residual", "complementarity residual",
+        "largest |min(y, w)| of all time points, relative to max(1, |N x + g|): 0 if y ≥ 0, w ≥ 0 and one of the two "
+        "is "
+        "0");
   add("boundary_residual", "boundary residual", "how far E0 x(0) + ET x(T) is from b, relative to max(1, |b|)");
   add("kernel_error", "kernel error",
       "difference of the weights of the kernel from independently computed ones, relative to the largest");
@@ -85,7 +97,9 @@ std::vector<Certificate> certificates(const Json& summary) {
                               text_at(summary, "errors/of").empty() ? "y" : text_at(summary, "errors/of"),
                               rounded(*tolerance))
                 : "of y, from the next coarser grid. An estimate, not a bound");
-  if (!number_at(summary, "error_estimate") && !text_at(summary, "status").empty())
+  add_goal(summary, list);
+  const bool of_goal = !text_at(summary, "goal/quantity").empty();
+  if (!of_goal && !number_at(summary, "error_estimate") && !text_at(summary, "status").empty())
     list.push_back(
         {"estimated error", "not estimated", "one grid says nothing of the error of its steps; --tol EPS does"});
   add("algebraic_error", "iteration error", "what further sweeps or cycles would still change, estimated");
