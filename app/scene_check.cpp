@@ -24,9 +24,11 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr double operations_per_second = 1e9;  ///< of one core, within a factor of ten
-constexpr Index smallest_sparse = 512;         ///< below, solves write sparse dynamics out (core/solve/stages.cpp)
-constexpr double large_growth = 1e6;           ///< of a free state over [0, T]
+// Of one core, within a factor of ten: multiplications, and what a step costs however small it is.
+constexpr double operations_per_second = 1e9;
+constexpr double seconds_of_step = 5e-7, seconds_of_stages = 1.5e-5;  ///< stages: where M leaves y to the dynamics
+constexpr Index smallest_sparse = 512;  ///< below, solves write sparse dynamics out (core/solve/stages.cpp)
+constexpr double large_growth = 1e6;    ///< of a free state over [0, T]
 
 std::string counted(std::size_t count, const char* noun) {
   return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
@@ -140,9 +142,10 @@ Candidate candidate(const Scene& scene, Backend& backend, const Options& options
   const Cost cost = predicted_cost(scene, method, J, components, backend.device().threads);
   const LcpClass lcp_class = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
   const double fitted = predicted_seconds(backend.traits(), scene, lcp_class, method, J);
-  Candidate c{
-      method, cost.bytes, cost.operations, std::isfinite(fitted) ? fitted : cost.operations / operations_per_second,
-      "",     ""};
+  const bool stages = method == Method::galerkin || (lcp_class != LcpClass::P && lcp_class != LcpClass::Z);
+  const double step = (convolves(method) ? 0 : 1) * (stages ? seconds_of_stages : seconds_of_step);
+  const double seconds = cost.operations / operations_per_second + double(J) * step;
+  Candidate c{method, cost.bytes, cost.operations, std::isfinite(fitted) ? fitted : seconds, "", ""};
   if (options.memory_limit > 0 && cost.bytes > options.memory_limit)
     c.against = fmt::format("it needs {}, most of it for {}", format_bytes(cost.bytes), cost.largest);
   else if (!fits_on_device(scene, method, J, components, backend.device()))

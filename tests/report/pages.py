@@ -28,7 +28,7 @@ SCENES = [
     ("infeasible", ["{examples}/fold.toml", "--states", "all"], 3, "ywx"),
     ("not-met", ["{examples}/rlcd.toml", "--tol", "1e-9", "--max-steps", "2000", "--states", "all"], 3, "ywx"),
     ("tolerance", ["{examples}/rlcd.toml", "--tol", "1e-3", "--states", "all"], 0, "ywx"),
-    ("periodic", ["{examples}/periodic-rectifier.toml", "--states", "all"], 0, "yx"),
+    ("periodic", ["{examples}/periodic-rectifier.toml", "--states", "all"], 0, "ywx"),
     ("goal", ["ph-toy", "--method", "goal", "--steps", "80", "--states", "all"], 0, "x"),
 ]
 
