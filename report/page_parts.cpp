@@ -17,6 +17,7 @@ namespace {
 constexpr double negligible = 1e-12;   ///< y below this part of the largest counts as 0, as for switches
 constexpr std::size_t most_bars = 30;  ///< constraints with a bar of their own
 constexpr std::size_t most_other_columns = 6;
+constexpr Index most_steps_seen = 120;  ///< rows up to which y is drawn in steps if it may jump from row to row
 
 std::string number(double value) { return short_number(value, 4); }
 
@@ -32,6 +33,12 @@ class Table {
   void row(const std::string& label, const std::string& words) {
     if (!words.empty())
       text_ += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td></tr>\n", escaped(label), escaped(words));
+  }
+  void rows(const std::string& label, const std::vector<std::string>& lines) {
+    if (lines.empty()) return;
+    std::string all;
+    for (const std::string& line : lines) all += (all.empty() ? "" : "<br/>") + escaped(line);
+    text_ += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td></tr>\n", escaped(label), all);
   }
   std::string end() const { return text_.empty() ? "" : "<table>\n" + text_ + "</table>\n"; }
 
@@ -137,9 +144,7 @@ std::string facts_part(const Report& report) {
   table.row("spectrum of A", text_at(s, "spectrum"));
   table.row("asked for", asked(s));
   table.row("method", how(s));
-  std::string why;
-  for (const std::string& decision : words_at(s, "decisions")) why += (why.empty() ? "" : "; ") + decision;
-  table.row("what was decided", why);
+  table.rows("what was decided", words_at(s, "decisions"));
   table.row("kernel", text_at(s, "kernel"));
   if (number_at(s, "sizes/constraints") == 0.0) return heading("What was solved") + table.end();
   return heading("What was solved") +
@@ -211,7 +216,8 @@ std::vector<std::vector<Index>> panels(const Quantity& q, const RowMatrix& value
 
 std::string lines_of(const Report& report, const Quantity& q) {
   const RowMatrix values = without_impulse(report, q);
-  const bool steps = q.symbol == "y" && report.summary.is_object() && report.summary.contains("continuous") &&
+  const bool few = report.table.t.size() <= most_steps_seen;
+  const bool steps = few && q.symbol == "y" && report.summary.is_object() && report.summary.contains("continuous") &&
                      !is_set(report.summary, "continuous");
   std::string pictures;
   for (const std::vector<Index>& panel : panels(q, values)) {
@@ -401,16 +407,15 @@ std::string goal_figure(const Json& s) {
 std::string convergence_part(const Report& report) {
   const Json& s = report.summary;
   std::string html;
-  const auto any = [](const std::vector<double>& v) {
-    return std::any_of(v.begin(), v.end(), [](double x) { return std::isfinite(x) && x > 0; });
+  const auto drawn = [](const std::vector<double>& v) {
+    return std::count_if(v.begin(), v.end(), [](double x) { return std::isfinite(x) && x > 0; });
   };
-  if (const auto history = numbers_at(s, "history"); history.size() > 1 && any(history))
-    html += changes_figure(s, history);
+  const bool goal = s.is_object() && s.contains("goal") && s["goal"].is_object() && s["goal"].contains("history");
+  if (const auto history = numbers_at(s, "history"); !goal && drawn(history) > 1) html += changes_figure(s, history);
   const auto grids = numbers_at(s, "errors/grids"), estimates = numbers_at(s, "errors/estimates");
-  if (grids.size() > 1 && grids.size() == estimates.size() && any(estimates)) html += grids_figure(s, grids, estimates);
-  if (s.is_object() && s.contains("goal") && s["goal"].is_object() && s["goal"].contains("history") &&
-      s["goal"]["history"].size() > 1)
-    html += goal_figure(s);
+  if (grids.size() > 1 && grids.size() == estimates.size() && drawn(estimates) > 0)
+    html += grids_figure(s, grids, estimates);
+  if (goal && s["goal"]["history"].size() > 1) html += goal_figure(s);
   return html.empty() ? "" : heading("Convergence") + html;
 }
 

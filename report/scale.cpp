@@ -19,6 +19,21 @@ double tick_step(double length, int count) {
   return 10 * power;
 }
 
+/// From 1, 2 or 5 times a power of ten to another one; whole decades where there are many.
+Range round_range(double lo, double hi) {
+  const auto power = [](double exponent) { return std::pow(10, exponent); };
+  Range range{power(std::floor(std::log10(lo) + 1e-9)), power(std::ceil(std::log10(hi) - 1e-9))};
+  if (hi < 100 * lo)
+    for (const double factor : {2., 5.}) {
+      const double below = factor * power(std::floor(std::log10(lo) + 1e-9));
+      const double above = power(std::ceil(std::log10(hi) - 1e-9)) / factor;
+      if (below <= lo * (1 + 1e-9)) range.lo = below;
+      if (above >= hi * (1 - 1e-9)) range.hi = above;
+    }
+  if (range.hi <= range.lo) range.hi = 10 * range.lo;
+  return range;
+}
+
 }  // namespace
 
 std::string escaped(const std::string& text) {
@@ -108,11 +123,7 @@ Range range_of(const std::vector<double>& values, bool logarithmic) {
     hi = std::max(hi, v);
   }
   if (!(lo <= hi)) return logarithmic ? Range{1e-1, 1} : Range{0, 1};
-  if (logarithmic) {
-    Range decades{std::pow(10, std::floor(std::log10(lo) + 1e-9)), std::pow(10, std::ceil(std::log10(hi) - 1e-9))};
-    if (decades.hi <= decades.lo) decades.hi = 10 * decades.lo;
-    return decades;
-  }
+  if (logarithmic) return round_range(lo, hi);
   if (lo == hi) {
     const double pad = lo == 0 ? 1 : 0.1 * std::abs(lo);
     return {lo == 0 ? 0 : lo - pad, hi + pad};

@@ -81,7 +81,8 @@ std::string status_sentence(const Json& summary) {
 std::vector<Certificate> certificates(const Json& summary) {
   std::vector<Certificate> list;
   const auto add = [&](const char* path, const char* name, const std::string& meaning) {
-    if (const auto value = number_at(summary, path)) list.push_back({name, rounded(*value), meaning});
+    if (const auto value = number_at(summary, path); value && std::isfinite(*value))
+      list.push_back({name, rounded(*value), meaning});
   };
   if (number_at(summary, "sizes/constraints") != 0.0)
     add("residual", "complementarity residual",

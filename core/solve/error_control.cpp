@@ -94,8 +94,8 @@ class GridRefinement {
       }
       add_grid(J);
       if (next.status != Status::solved) {
-        note(options_.log, LogLevel::info, "grid of %ld steps: %s, %s", long(J), to_string(next.status),
-             next.reason.c_str());
+        note(options_.log, LogLevel::info, "%s on %ld steps: %s, %s", to_string(next.method), long(J),
+             to_string(next.status), next.reason.c_str());
         if (is_final(next)) return ended_by(next);
         failed_ = std::move(next);
         convergence_.reset();
@@ -108,8 +108,8 @@ class GridRefinement {
         check();
         end = verdict();
       }
-      note(options_.log, LogLevel::info, "grid of %ld steps: error %s, tolerance %.3g", long(J),
-           solved_->error_estimate ? text("about %.2e", *solved_->error_estimate).c_str() : "not known yet",
+      note(options_.log, LogLevel::info, "%s on %ld steps: error %s, tolerance %.3g", to_string(solved_->method),
+           long(J), solved_->error_estimate ? text("about %.2e", *solved_->error_estimate).c_str() : "not known yet",
            goal_.smallest());
       if (end) return ended(*end);
     }

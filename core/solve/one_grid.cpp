@@ -26,7 +26,7 @@ class Run {
 
   void named(Method method, Result& result) {
     const DiscreteProblem& p = methods_.problem();
-    note(options_.log, LogLevel::info, "method %s: %ld steps of %.6g", to_string(method), long(p.J), p.h);
+    note(options_.log, level(), "method %s: %ld steps of %.6g", to_string(method), long(p.J), p.h);
     methods_.run(method, options_, result);
     note(options_.log, LogLevel::debug, "method %s: %s after %.3g s of set-up; %s", to_string(method),
          to_string(result.status), result.seconds.setup, result.kernel.c_str());
@@ -55,7 +55,7 @@ class Run {
       return;
     std::string before;
     const std::vector<Method> methods = methods_by_time(traits, p.scene, p.lcp_class, p.J);
-    note(options_.log, LogLevel::info, "auto tries %s", listed(methods).c_str());
+    note(options_.log, level(), "auto tries %s", listed(methods).c_str());
     for (const Method method : methods) {
       if (method == Method::euler && !options_.fall_back_to_euler) {
         if (result.reason.empty()) result.reason = "no method of second order applies" + before;
@@ -88,6 +88,9 @@ class Run {
   }
 
  private:
+  // Of several grids their errors are told, not how each was solved.
+  LogLevel level() const { return options_.compares_grids ? LogLevel::debug : LogLevel::info; }
+
   static std::string listed(const std::vector<Method>& methods) {
     std::string words;
     for (const Method method : methods) words += (words.empty() ? "" : ", then ") + std::string(to_string(method));

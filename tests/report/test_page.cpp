@@ -57,7 +57,7 @@ TEST(Page, SaysInWordsWhatTheSummarySays) {
                             "2 constraints, 3 states, 4 time steps up to T = 2",
                             "P (H+)",
                             "march on cpu, 1 thread",
-                            "auto tries march; method march: 4 steps",
+                            "auto tries march<br/>method march: 4 steps",
                             "method auto, error below 0.001",
                             "2.5e−16",
                             "4e−4",

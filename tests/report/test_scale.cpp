@@ -54,6 +54,8 @@ TEST(Scale, RangesHaveRoomAndZero) {
   EXPECT_LT(range_of({0}).lo, range_of({0}).hi);
   EXPECT_EQ(range_of({3e-7, 0, -2, 4e-3}, true).lo, 1e-7);
   EXPECT_EQ(range_of({3e-7, 0, -2, 4e-3}, true).hi, 1e-2);
+  EXPECT_DOUBLE_EQ(range_of({600, 4000}, true).lo, 500);
+  EXPECT_DOUBLE_EQ(range_of({600, 4000}, true).hi, 5000);
   EXPECT_LT(range_of({1e-3}, true).lo, range_of({1e-3}, true).hi);
 }
 

@@ -54,7 +54,7 @@ TEST(Log, SaysHowTheErrorFalls) {
   ASSERT_EQ(result.errors->estimates.size(), result.errors->grids.size());
   EXPECT_EQ(result.errors->estimates.back(), result.error_estimate);
   for (const Index J : result.errors->grids)
-    EXPECT_TRUE(contains(lines, "grid of " + std::to_string(J) + " steps")) << lines;
+    EXPECT_TRUE(contains(lines, "march on " + std::to_string(J) + " steps: error ")) << lines;
 }
 
 }  // namespace
