@@ -141,10 +141,7 @@ void listen(const SolveArguments& arguments, ProgressLine& progress, std::vector
             Options& options) {
   if (progress.visible()) options.progress = [&progress](const Progress& state) { progress.show(state); };
   catch_interrupts();
-  options.interrupted = [&progress] {
-    progress.wait();
-    return interrupted();
-  };
+  options.interrupted = interrupted;
   options.log = [&decisions,
                  log = make_log(arguments.log_level, [&progress] { progress.clear(); })](const LogEntry& e) {
     if (e.level >= LogLevel::info && decisions.size() < most_decisions) decisions.push_back(one_line(e.text));
@@ -199,7 +196,7 @@ int run_solve(const SolveArguments& arguments) {
   const bool trace_for_report = files.report && choice.scene.constraints() > 0;
   options.trace = trace_for_report;
   Result result = solve(choice.scene, *backend, options);
-  progress.clear();
+  progress.finish();
   if (!choice.warning.empty()) add_warning(result, choice.warning);
   const ReferenceError error = reference_error(choice, *backend, result);
   if (states_for_reference) {  // the user did not request them

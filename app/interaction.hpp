@@ -7,36 +7,46 @@
 #include <signal.h>
 
 #include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <optional>
 #include <string>
+#include <thread>
 
 namespace bromwich::app {
 
-/// One self-overwriting line on standard error, from the first second on and at most ten times a second: what is done,
-/// and an estimate of the time left. Silent if that is not a terminal.
+/// One self-overwriting line on standard error, from the first second on: what is done, and an estimate of the time
+/// left; the time spent where nothing is reported, as during set-up. Silent if that is not a terminal.
 class ProgressLine {
  public:
   /// `tolerance`: the change of y at which iterations end.
   explicit ProgressLine(double tolerance = 1e-12);
-  ~ProgressLine() { clear(); }
+  ~ProgressLine() { finish(); }
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
   bool visible() const { return visible_; }
   void show(const Progress& progress);
-  /// The time spent, where nothing can be counted: during set-up, and while a result is checked.
-  void wait();
+  /// Takes the line away, for other output; it comes back.
   void clear();
+  /// Takes the line away for good.
+  void finish();
 
  private:
   using Clock = std::chrono::steady_clock;
-  bool due(Clock::time_point now);
-  void draw_line(const std::string& words);
+  void keep_drawing(const std::stop_token&);
+  std::string words(Clock::time_point now) const;
 
-  bool visible_;
-  bool drawn_ = false;
-  Clock::time_point start_, next_, reported_;
-  std::string last_;  ///< what was shown of the last report
+  const bool visible_;
+  const Clock::time_point start_;
+  std::mutex mutex_;  ///< of what follows
+  std::condition_variable_any wake_;
   TimeLeft left_;
+  std::optional<Progress> last_;  ///< report
+  std::optional<double> until_;   ///< estimated end, in seconds from start_
+  Clock::time_point reported_;
+  bool drawn_ = false;
+  std::jthread drawing_;  ///< the last member: it ends first
 };
 
 /// From now on the first SIGINT or SIGTERM only sets a flag, so that the valid part of the result is written. A second
