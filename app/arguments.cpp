@@ -141,4 +141,11 @@ Words split_words(const std::vector<std::string>& words, const std::vector<std::
   return split;
 }
 
+std::string scene_name(const Words& words) {
+  if (words.names.empty()) throw Error("SCENE", "found none", "name a scene; 'bromwich scenes' lists them");
+  if (words.names.size() > 1)
+    throw Error("SCENE", "found " + join(words.names), "name one scene; options start with --");
+  return words.names.front();
+}
+
 }  // namespace bromwich::app

@@ -42,6 +42,8 @@ struct Words {
   std::vector<std::string> names;
   std::vector<std::string> settings;
 };
+/// The one SCENE of a command.
+std::string scene_name(const Words&);
 Words split_words(const std::vector<std::string>& words, const std::vector<std::string>& settings);
 
 }  // namespace bromwich::app

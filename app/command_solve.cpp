@@ -6,6 +6,7 @@
 #include "app/commands.hpp"
 #include "app/goal_arguments.hpp"
 #include "app/interaction.hpp"
+#include "app/log.hpp"
 #include "app/machine.hpp"
 #include "app/output_file.hpp"
 #include "app/output_json.hpp"
@@ -18,8 +19,10 @@
 #include "app/scene_template.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
+#include "core/build_info.hpp"
 #include "core/solve/dense_output.hpp"
 #include "core/solve/switch_errors.hpp"
+#include "report/page.hpp"
 
 #include <fmt/format.h>
 
@@ -31,19 +34,6 @@
 namespace bromwich::app {
 
 namespace {
-
-void refuse_unavailable(const SolveArguments& arguments) {
-  if (!arguments.report.empty())
-    throw Error("--report", fmt::format("found '{}' but reports are not available yet", arguments.report),
-                "use --out FILE.csv or --json");
-}
-
-std::string scene_name(const Words& words) {
-  if (words.names.empty()) throw Error("SCENE", "found none", "name a scene; 'bromwich scenes' lists them");
-  if (words.names.size() > 1)
-    throw Error("SCENE", "found " + join(words.names), "name one scene; options start with --");
-  return words.names.front();
-}
 
 /// The smallest relative tolerance; 0 if there is none.
 double smallest_tolerance(const Options& o) {
@@ -100,6 +90,7 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
 
 /// If there are few states, they are computed for the comparison with a reference.
 constexpr Index most_reference_states = 64;
+constexpr std::size_t most_decisions = 100;
 
 /// A result must not replace the scene file or one of its tables or matrices.
 void keep_inputs(const SceneChoice& choice, const std::string& argument, const std::string& out) {
@@ -112,7 +103,7 @@ void keep_inputs(const SceneChoice& choice, const std::string& argument, const s
 /// The output files, opened before anything is computed.
 struct Outputs {
   std::optional<ResultOutput> out;
-  std::optional<OutputFile> switches;
+  std::optional<OutputFile> switches, report;
   std::vector<double> times;    ///< of the rows of `out`; empty = the time points
   std::vector<Column> columns;  ///< of a CSV file; empty: y and the recorded states
 };
@@ -128,6 +119,10 @@ void open_outputs(const SolveArguments& arguments, const SceneChoice& choice, Ou
   if (!arguments.out.empty()) {
     keep_inputs(choice, "--out", arguments.out);
     made.out.emplace("--out", arguments.out, choice.scene);
+  }
+  if (!arguments.report.empty()) {
+    keep_inputs(choice, "--report", arguments.report);
+    made.report.emplace("--report", arguments.report, ".html");
   }
   if (arguments.switches.empty()) return;
   keep_inputs(choice, "--switches", arguments.switches);
@@ -169,6 +164,25 @@ Index state_columns(const Options& options, const Scene& scene) {
   return options.states == StateSelection::all ? scene.states() : Index(options.components.size());
 }
 
+/// Progress on a terminal, log lines, Ctrl-C; decisions at level info are kept for the summary.
+void listen(const SolveArguments& arguments, ProgressLine& progress, std::vector<std::string>& decisions,
+            Options& options) {
+  if (progress.visible()) options.progress = [&progress](const Progress& state) { progress.show(state); };
+  catch_interrupts();
+  options.interrupted = interrupted;
+  options.log = [&decisions,
+                 log = make_log(arguments.log_level, [&progress] { progress.clear(); })](const LogEntry& e) {
+    if (e.level >= LogLevel::info && decisions.size() < most_decisions) decisions.push_back(one_line(e.text));
+    if (log) log(e);
+  };
+}
+
+void write_report(const OutputFile& file, const SceneChoice& choice, const Result& result, const Json& object) {
+  const std::string page = report::page(
+      {object, report::as_table(choice.scene, result), "bromwich solve " + choice.scene.name, build_info::version});
+  file.write([&page](std::FILE* out) { std::fwrite(page.data(), 1, page.size(), out); });
+}
+
 void report_status(const Result& result) {
   const std::string reason = result.reason.empty() ? "no reason was given" : one_line(result.reason);
   complain(fmt::format("{}: {}", to_string(result.status), reason));
@@ -177,7 +191,8 @@ void report_status(const Result& result) {
 /// The whole run at once. Without requested states those of few are computed for the comparison with a reference.
 Result solve_whole(const SceneChoice& choice, Backend& backend, Options& options, const Outputs& files,
                    ReferenceError& error) {
-  options.trace = files.out && files.out->with_slack();
+  const bool trace_for_report = files.report && choice.scene.constraints() > 0;
+  options.trace = options.trace || trace_for_report || (files.out && files.out->with_slack());
   const bool states_for_reference =
       options.states == StateSelection::none && has_reference(choice) && choice.scene.states() <= most_reference_states;
   if (states_for_reference) {
@@ -202,6 +217,7 @@ std::optional<PartsOptions> parts_options(const SolveArguments& a, const SceneCh
   for (const auto& [name, given] : {std::pair("--at", !a.at.empty()),
                                     {"--switches", !a.switches.empty()},
                                     {"--energies", a.energies},
+                                    {"--report", !a.report.empty()},
                                     {"--event-location", a.event_location}})
     if (given)
       throw Error(argument, fmt::format("is given with {}, which needs the whole result", name),
@@ -248,7 +264,6 @@ int run_solve(const SolveArguments& arguments) {
     print(arguments.print_template ? scene_template : scene_schema);
     return exit_solved;
   }
-  refuse_unavailable(arguments);
   const Words words = split_words(arguments.words, arguments.settings);
   const ParameterValues settings = parse_settings(words.settings);
   const SceneChoice choice = choose_scene(scene_name(words), settings);
@@ -268,24 +283,24 @@ int run_solve(const SolveArguments& arguments) {
   std::optional<PartsOptions> parts = parts_options(arguments, choice, options);
 
   const auto backend = choose_backend(arguments.backend, choice.scene, options, recorded, threads);
-  ProgressLine progress;
-  if (progress.visible()) options.progress = [&progress](const Progress& state) { progress.show(state); };
-  catch_interrupts();
-  options.interrupted = interrupted;
+  ProgressLine progress(options.iteration_tolerance);
+  std::vector<std::string> decisions;
+  listen(arguments, progress, decisions, options);
   options.memory_limit = memory_bytes();
   begin(arguments, choice, options, parts ? &*parts : nullptr, files);
   ReferenceError error;
   Result result = parts ? solve_in_parts(choice.scene, *backend, options, *parts, files.out ? &*files.out : nullptr)
                         : solve_whole(choice, *backend, options, files, error);
-  progress.clear();
+  progress.finish();
   if (!choice.warning.empty()) add_warning(result, choice.warning);
 
   const int used = backend->device().threads;
   const Facts facts = facts_of_result(choice, result, used, error);
   if (!parts) write(files, choice.scene, *backend, options, result, arguments.energies, facts);
   if (parts && files.out) files.out->finish(facts);
-  print(arguments.json ? dump(to_json(choice, result, used, error))
-                       : summary(choice, result, used, error, arguments.out));
+  const Json object = to_json(choice, result, used, error, {options, decisions});
+  if (files.report) write_report(*files.report, choice, result, object);
+  print(arguments.json ? dump(object) : summary(choice, result, used, error, arguments.out));
   if (result.status == Status::solved) return exit_solved;
   report_status(result);
   return exit_not_solved;

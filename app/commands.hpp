@@ -19,6 +19,7 @@ struct SolveArguments {
   std::string states, tolerance, tolerance_x, tolerance_y, absolute_tolerance, max_steps, max_seconds, steps,
       iteration_tolerance, threads, at, columns, out, switches, report, checkpoint, checkpoint_every, restart;
   std::string command_line;  ///< as typed, for the files that are written
+  std::string log_level = "off";
   GoalArguments goal;
   bool json = false, print_template = false, print_schema = false, energies = false, event_location = false;
 };
@@ -29,9 +30,23 @@ struct BenchArguments {
   bool quick = false;
 };
 
+struct PlotArguments {
+  std::vector<std::string> results;
+  std::string summary, out;
+};
+
+struct CheckArguments {
+  std::vector<std::string> words, settings;
+  std::string method = "auto", backend = "auto";
+  std::string steps, states;
+  bool json = false;
+};
+
 int run_scenes();
 int run_solve(const SolveArguments& arguments);
 int run_bench(const BenchArguments& arguments);
+int run_plot(const PlotArguments& arguments);
+int run_check(const CheckArguments& arguments);
 int run_info();
 
 /// "baselines    ...": one line per benchmark, for the help.

@@ -12,6 +12,7 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <exception>
@@ -64,6 +65,18 @@ void occupy(int descriptor) {
   }
 }
 
+constexpr std::chrono::seconds quiet_time{1};  ///< no line for what is over by then
+constexpr std::chrono::milliseconds redrawn_every{100};
+constexpr std::size_t longest_line = 78;  ///< a longer line would wrap, and stay
+
+/// "7 s", "3 min 20 s", "5 h 10 min": an estimate has no more digits.
+std::string rounded_seconds(double seconds) {
+  const auto whole = static_cast<long long>(std::ceil(seconds));
+  if (whole < 100) return fmt::format("{} s", whole);
+  if (whole < 6000) return fmt::format("{} min {} s", whole / 60, whole % 60);
+  return fmt::format("{} h {} min", whole / 3600, whole / 60 % 60);
+}
+
 /// A closed terminal is no reason to stop: failures are ignored.
 void draw(const std::string& text) {
   std::fputs(("\r\033[K" + text).c_str(), stderr);
@@ -72,21 +85,54 @@ void draw(const std::string& text) {
 
 }  // namespace
 
-ProgressLine::ProgressLine() : visible_(::isatty(STDERR_FILENO) != 0), next_(Clock::now()) {}
+ProgressLine::ProgressLine(double tolerance)
+    : visible_(::isatty(STDERR_FILENO) != 0), start_(Clock::now()), left_(tolerance), reported_(start_) {
+  if (!visible_) return;
+  const SignalsWait blocked;  // they are for the thread that solves
+  drawing_ = std::jthread([this](const std::stop_token& stop) { keep_drawing(stop); });
+}
+
+void ProgressLine::keep_drawing(const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  while (!wake_.wait_until(lock, stop, std::max(Clock::now() + redrawn_every, start_ + quiet_time), [] {
+    return false;
+  }) && !stop.stop_requested()) {
+    draw(words(Clock::now()).substr(0, longest_line));
+    drawn_ = true;
+  }
+}
+
+std::string ProgressLine::words(Clock::time_point now) const {
+  const double spent = std::chrono::duration<double>(now - start_).count();
+  if (!last_) return fmt::format("set-up, {} spent", rounded_seconds(spent));
+  const std::string done = last_->total > 0 ? fmt::format("step {} of {}", last_->iteration, last_->total)
+                                            : fmt::format("sweep {}, change {:.1e}", last_->iteration, last_->change);
+  if (now - reported_ > quiet_time)  // nothing can be counted
+    return fmt::format("after {}, {} spent", done, rounded_seconds(spent));
+  return until_ ? fmt::format("{}, about {} left", done, rounded_seconds(std::max(0., *until_ - spent))) : done;
+}
 
 void ProgressLine::show(const Progress& progress) {
-  const auto now = Clock::now();
-  if (!visible_ || now < next_) return;
-  next_ = now + std::chrono::milliseconds(100);
-  draw(progress.total > 0 ? fmt::format("step {} of {}", progress.iteration, progress.total)
-                          : fmt::format("iteration {}, change {:.2e}", progress.iteration, progress.change));
-  drawn_ = true;
+  if (!visible_) return;
+  const std::lock_guard lock(mutex_);
+  reported_ = Clock::now();
+  const double seconds = std::chrono::duration<double>(reported_ - start_).count();
+  const std::optional<double> left = left_.after(progress, seconds);
+  until_ = left ? std::optional(seconds + *left) : std::nullopt;
+  last_ = progress;
 }
 
 void ProgressLine::clear() {
+  const std::lock_guard lock(mutex_);
   if (!drawn_) return;
   draw("");
   drawn_ = false;
+}
+
+void ProgressLine::finish() {
+  drawing_.request_stop();
+  if (drawing_.joinable()) drawing_.join();
+  clear();
 }
 
 void catch_interrupts() {

@@ -1,32 +1,52 @@
 #pragma once
 // Interaction with the terminal during a solve: a progress line, and Ctrl-C.
 
+#include "core/result/time_left.hpp"
 #include "core/solve/solve.hpp"
 
 #include <signal.h>
 
 #include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <optional>
 #include <string>
+#include <thread>
 
 namespace bromwich::app {
 
-/// One self-overwriting line on standard error, at most ten times a second; silent if that is not a terminal.
+/// One self-overwriting line on standard error, from the first second on: what is done, and an estimate of the time
+/// left; the time spent where nothing is reported, as during set-up. Silent if that is not a terminal.
 class ProgressLine {
  public:
-  ProgressLine();
-  ~ProgressLine() { clear(); }
+  /// `tolerance`: the change of y at which iterations end.
+  explicit ProgressLine(double tolerance = 1e-12);
+  ~ProgressLine() { finish(); }
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
   bool visible() const { return visible_; }
   void show(const Progress& progress);
+  /// Takes the line away, for other output; it comes back.
   void clear();
+  /// Takes the line away for good.
+  void finish();
 
  private:
   using Clock = std::chrono::steady_clock;
-  bool visible_;
+  void keep_drawing(const std::stop_token&);
+  std::string words(Clock::time_point now) const;
+
+  const bool visible_;
+  const Clock::time_point start_;
+  std::mutex mutex_;  ///< of what follows
+  std::condition_variable_any wake_;
+  TimeLeft left_;
+  std::optional<Progress> last_;  ///< report
+  std::optional<double> until_;   ///< estimated end, in seconds from start_
+  Clock::time_point reported_;
   bool drawn_ = false;
-  Clock::time_point next_;
+  std::jthread drawing_;  ///< the last member: it ends first
 };
 
 /// From now on the first SIGINT or SIGTERM only sets a flag, so that the valid part of the result is written. A second

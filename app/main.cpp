@@ -22,7 +22,7 @@ namespace bromwich::app {
 
 namespace {
 
-const std::vector<std::string> commands{"scenes", "solve", "bench", "info"};
+const std::vector<std::string> commands{"scenes", "solve", "check", "plot", "bench", "info"};
 
 int refuse(const std::string& message) {
   complain(message);
@@ -102,7 +102,10 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
   add_word(command, "--checkpoint-every", a.checkpoint_every, "S", "seconds between checkpoints; default 60");
   add_word(command, "--restart", a.restart, "FILE.h5",
            "continue the run of this checkpoint, and its --out if that is .h5 or .vtkhdf");
-  add_word(command, "--report", a.report, "FILE.html", "write a report (not available yet)");
+  add_word(command, "--report", a.report, "FILE.html",
+           "write a page with the curves of y, w and the selected states, active sets, convergence, errors and times");
+  add_word(command, "--log-level", a.log_level, "LEVEL",
+           "say on standard error what the solve decides: off (default), warning, info or debug");
   command->add_flag("--json", a.json, "print one JSON object instead of the summary");
   command->add_flag("--template", a.print_template, "print a commented scene file to start from, and exit");
   command->add_flag("--schema", a.print_schema, "print the JSON Schema of scene files, for editors, and exit");
@@ -116,6 +119,41 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
       "  bromwich solve signorini --method contour --iteration-tol 1e-8 --json\n"
       "  bromwich solve ph-toy --method goal --steps 400 --states all --energies --out x.csv\n"
       "Exit code: 0 solved, 2 bad input, 3 any other status (the valid part is still written).");
+  return command;
+}
+
+CLI::App* add_check(CLI::App& app, CheckArguments& a) {
+  CLI::App* command = app.add_subcommand("check", "say what is known of a scene before it is solved");
+  command->add_option("SCENE", a.words, "a scene that 'bromwich scenes' lists, or a file .toml")->option_text(" ");
+  add_settings(command, a.settings);
+  add_word(command, "--method", a.method, "NAME", join(method_names()) + "; default: auto");
+  add_word(command, "--backend", a.backend, "NAME", "auto (default), cpu or cuda");
+  add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
+  add_word(command, "--states", a.states, "LIST", "state components to write: none, all or 0,3,7");
+  command->add_flag("--json", a.json, "print one JSON object instead of the lines");
+  command->footer(
+      "Prints sizes, the class of M, the spectrum of A, sources, the methods that would be tried with their memory "
+      "and\n"
+      "time, and warnings.\n"
+      "Examples:\n"
+      "  bromwich check my.toml\n"
+      "  bromwich check signorini --set Q=511 --steps 4096 --json\n"
+      "Exit code: 0 nothing speaks against a solve, 2 bad input, or the scene will not be solved (one line says why).");
+  return command;
+}
+
+CLI::App* add_plot(CLI::App& app, PlotArguments& a) {
+  CLI::App* command = app.add_subcommand("plot", "draw a result as an HTML page");
+  command->add_option("RESULT", a.results, "a file that 'bromwich solve SCENE --out FILE.csv' has written")
+      ->option_text(" ");
+  add_word(command, "--summary", a.summary, "FILE.json",
+           "what 'bromwich solve SCENE --json' has printed: adds method, certificates, errors and times");
+  add_word(command, "--out", a.out, "FILE.html", "the page; default: RESULT with the extension .html");
+  command->footer(
+      "The page stands alone: no network, no scripts. 'bromwich solve SCENE --report FILE.html' writes it at once.\n"
+      "Example:\n"
+      "  bromwich solve signorini --out y.csv --json > y.json\n"
+      "  bromwich plot y.csv --summary y.json");
   return command;
 }
 
@@ -184,9 +222,13 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", fmt::format("bromwich {}", build_info::version), "print the version and exit");
   app.require_subcommand(1);
   SolveArguments solve_arguments;
+  CheckArguments check_arguments;
+  PlotArguments plot_arguments;
   BenchArguments bench_arguments;
   const CLI::App* scenes = app.add_subcommand("scenes", "list the built-in scenes and their parameters");
   const CLI::App* solve = add_solve(app, solve_arguments);
+  const CLI::App* check = add_check(app, check_arguments);
+  const CLI::App* plot = add_plot(app, plot_arguments);
   const CLI::App* bench = add_bench(app, bench_arguments);
   app.add_subcommand("info", "print version, build, backends and device");
   app.footer(
@@ -210,6 +252,8 @@ int run(int argc, char** argv) {
   }
   if (scenes->parsed()) return run_scenes();
   if (solve->parsed()) return run_solve(solve_arguments);
+  if (check->parsed()) return run_check(check_arguments);
+  if (plot->parsed()) return run_plot(plot_arguments);
   return bench->parsed() ? run_bench(bench_arguments) : run_info();
 }
 

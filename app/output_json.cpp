@@ -18,7 +18,8 @@ Json to_json(const Seconds& seconds) {
           {"lcp", seconds.lcp},
           {"convolution", seconds.convolution},
           {"transform", seconds.transform},
-          {"other", seconds.other}};
+          {"other", seconds.other},
+          {"certification", seconds.certification}};
 }
 
 Json to_json(const LcpCount& count) {
@@ -36,7 +37,19 @@ Json errors_to_json(const std::optional<ErrorEstimate>& errors) {
           {"interior", errors->interior},
           {"tolerance", errors->tolerance},
           {"of", errors->of_integral ? "mean of y" : "y"},
-          {"grids", errors->grids}};
+          {"grids", errors->grids},
+          {"estimates", errors->estimates}};
+}
+
+Json requested_to_json(const Options& o) {
+  const auto given = [](double value) { return value > 0 ? Json(value) : Json(nullptr); };
+  return {{"method", to_string(o.method)},
+          {"steps", o.steps > 0 ? Json(o.steps) : Json(nullptr)},
+          {"tolerance", given(o.tolerance)},
+          {"tolerance_x", given(o.tolerance_x)},
+          {"tolerance_y", given(o.tolerance_y)},
+          {"absolute_tolerance", given(o.absolute_tolerance)},
+          {"iteration_tolerance", iterates(o.method) ? Json(o.iteration_tolerance) : Json(nullptr)}};
 }
 
 /// What the scene file calls its components, and their units; null where it gives none.
@@ -65,7 +78,8 @@ Json to_json(const ParameterValues& parameters) {
   return json;
 }
 
-Json to_json(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error) {
+Json to_json(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error,
+             const Asked& asked) {
   Json json;
   json["schema"] = "bromwich/1";
   json["scene"] = choice.scene.name;
@@ -73,8 +87,13 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["status"] = to_string(result.status);
   json["reason"] = result.reason;
   json["infeasible_at"] = nullable(result.infeasible_at);
+  json["sizes"] = {
+      {"constraints", choice.scene.constraints()}, {"states", choice.scene.states()}, {"T", choice.scene.T}};
+  json["free_rows"] = choice.scene.free_rows;
   json["class"] = matrix_class(choice.scene);
   json["spectrum"] = spectrum_text(choice.scene);
+  json["requested"] = requested_to_json(asked.options);
+  json["decisions"] = asked.decisions;
   json["method"] = to_string(result.method);
   json["form"] = result.form.empty() ? Json(nullptr) : Json(result.form);
   json["backend"] = result.backend;
@@ -84,10 +103,14 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["steps"] = result.steps;
   json["iterations"] = result.iterations;
   json["cycles"] = result.cycles;
+  json["history"] = result.history;
+  json["continuous"] = result.continuous;
+  json["starts_with_impulse"] = result.starts_with_impulse;
   json["residual"] = result.residual;
   json["boundary_residual"] = nullable(result.boundary_residual);
   json["warning"] = result.warning;
   json["magnification"] = result.magnification;
+  json["algebraic_error"] = nullable(result.algebraic_error);
   json["error_estimate"] = nullable(result.error_estimate);
   json["errors"] = errors_to_json(result.errors);
   json["reference_error"] = nullptr;

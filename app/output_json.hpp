@@ -2,6 +2,7 @@
 
 #include "app/reference_error.hpp"
 #include "app/scene_choice.hpp"
+#include "core/result/options.hpp"
 #include "core/result/result.hpp"
 
 #include <nlohmann/json.hpp>
@@ -12,7 +13,13 @@ namespace bromwich::app {
 using Json = nlohmann::ordered_json;
 
 /// The object that `solve --json` prints, schema "bromwich/1". Numbers that are not finite become null.
-Json to_json(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error);
+/// `asked`: what the user asked for, and what the solve decided.
+struct Asked {
+  const Options& options;
+  const std::vector<std::string>& decisions;
+};
+Json to_json(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error,
+             const Asked& asked);
 
 Json to_json(const ParameterValues& parameters);
 

@@ -229,6 +229,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
     s.how += describe(ruled->rules);
     result.interval_rules = ruled->rules;
   }
+  note(options.log, LogLevel::info, "method galerkin: %ld intervals, %s", long(p.N), s.how.c_str());
   const GalerkinProblem& used = ruled ? *ruled->problem : p;
   const FreeElimination& free = ruled ? *ruled->elimination : elimination;
   record(s, used, result);

@@ -241,6 +241,8 @@ AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal
     GoalCycle cycle = record(grid.last, exact);
     cycle.seconds = timer.lap();
     grid.history.push_back(cycle);
+    note(options.log, LogLevel::info, "grid of %td cells: quantity %.6g, error about %.2e", cycle.cells, cycle.quantity,
+         cycle.estimate);
     if (options.progress) options.progress({Index(grid.history.size()), cycle.estimate, limit});
     if (!std::isfinite(cycle.quantity) || !std::isfinite(cycle.absolute)) {
       grid.status = Status::nonfinite;

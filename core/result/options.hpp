@@ -2,6 +2,7 @@
 // Options of a solve.
 
 #include "../base/types.hpp"
+#include "log.hpp"
 #include "method.hpp"
 #include "tuning.hpp"
 
@@ -52,6 +53,7 @@ struct Options {
   double memory_limit = 0;  ///< bytes; a solve that is predicted to need more is refused. 0 = no limit
   std::function<void(const Progress&)> progress = {};  ///< called now and then, with what is done
   std::function<bool()> interrupted = {};              ///< polled in sweeps and marches; true ends the solve
+  Log log = {};                                        ///< receives what the solve decides
 
   Tuning tuning = {};  ///< for studies of the methods
 };

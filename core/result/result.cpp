@@ -62,9 +62,15 @@ double ErrorEstimate::total() const {
 }
 
 Seconds operator+(const Seconds& a, const Seconds& b) {
-  return {
-      a.total + b.total,         a.setup + b.setup, a.solve + b.solve,  a.lcp + b.lcp, a.convolution + b.convolution,
-      a.transform + b.transform, a.other + b.other, a.sweeps + b.sweeps};
+  return {a.total + b.total,
+          a.setup + b.setup,
+          a.solve + b.solve,
+          a.lcp + b.lcp,
+          a.convolution + b.convolution,
+          a.transform + b.transform,
+          a.other + b.other,
+          a.sweeps + b.sweeps,
+          a.certification + b.certification};
 }
 
 }  // namespace bromwich

@@ -22,6 +22,7 @@ struct Seconds {
   double total = 0, setup = 0, solve = 0;
   double lcp = 0, convolution = 0, transform = 0, other = 0;  ///< parts of `solve`
   double sweeps = 0;  ///< of `solve`: the functional iteration after its first batch, all parts
+  double certification = 0;  ///< of `other`: checks of the result, with the solves that confirm it
 };
 Seconds operator+(const Seconds&, const Seconds&);
 
@@ -39,6 +40,7 @@ struct ErrorEstimate {
   double tolerance = 0;      ///< the smallest one given
   bool of_integral = false;  ///< the error is that of the mean of y over [0, t], since y may jump
   std::vector<Index> grids;  ///< steps of all grids, the finest last
+  std::vector<double> estimates;  ///< of each grid: error_estimate as it was then; NaN where there was none
 
   double total() const;  ///< of y: the sum of its parts, without an unknown kernel error
 };

@@ -251,6 +251,9 @@ double Certification::true_residual(const Result& result) const {
 }
 
 Result Certification::with_half_the_step(Method method, Methods& half) {
+  const DiscreteProblem &p = methods_.problem(), &finer = half.problem();
+  note(options_.log, LogLevel::info, "solved again with %ld steps instead of %ld, to confirm the result", long(finer.J),
+       long(p.J));
   Result fine;
   half.run(method, options_, fine);
   return fine;

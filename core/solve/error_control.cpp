@@ -94,8 +94,10 @@ class GridRefinement {
         if (grids_.empty()) throw;
         return ended(std::string("the next grid is refused: ") + error.what());
       }
-      grids_.push_back(J);
+      add_grid(J);
       if (next.status != Status::solved) {
+        note(options_.log, LogLevel::info, "%s on %ld steps: %s, %s", to_string(next.method), long(J),
+             to_string(next.status), next.reason.c_str());
         if (is_final(next)) return ended_by(next);
         failed_ = std::move(next);
         convergence_.reset();
@@ -108,6 +110,9 @@ class GridRefinement {
         check();
         end = verdict();
       }
+      note(options_.log, LogLevel::info, "%s on %ld steps: error %s, tolerance %.3g", to_string(solved_->method),
+           long(J), solved_->error_estimate ? text("about %.2e", *solved_->error_estimate).c_str() : "not known yet",
+           goal_.smallest());
       if (end) return ended(*end);
     }
   }
@@ -121,6 +126,11 @@ class GridRefinement {
       return text("%ld steps would take about %.2g s, and %.2g of %.2g s are spent (--max-seconds)", long(J),
                   2 * last_seconds_, elapsed_, options_.max_seconds);
     return "";
+  }
+
+  void add_grid(Index J) {
+    grids_.push_back(J);
+    estimates_.push_back(NAN);
   }
 
   Result solve_on(Index J) {
@@ -198,6 +208,7 @@ class GridRefinement {
     if (J % 4 != 0) return;
     const Result other = solve_on(J / 4 * 3);
     grids_.insert(grids_.end() - 1, other.steps);
+    estimates_.insert(estimates_.end() - 1, NAN);
     if (other.status != Status::solved || other.method != solved_->method || other.continuous != solved_->continuous)
       return;
     convergence_->check(other, *solved_);
@@ -227,6 +238,7 @@ class GridRefinement {
     if (goal_.y == 0 && !std::isnan(e.states)) solved_->error_estimate = e.states;
     if (goal_.y > 0 && !std::isnan(e.discretisation))
       solved_->error_estimate = std::max(e.total(), controls_states() ? e.states : 0);
+    estimates_.back() = solved_->error_estimate.value_or(NAN);
   }
 
   bool controls_states() const { return goal_.x > 0 && solved_->x.cols() > 0; }
@@ -301,6 +313,7 @@ class GridRefinement {
 
   Result failed(Result& next) {
     next.errors.emplace().grids = grids_;
+    next.errors->estimates = estimates_;
     next.errors->tolerance = goal_.smallest();
     next.seconds = spent_;
     return std::move(next);
@@ -310,6 +323,7 @@ class GridRefinement {
     if (!solved_) return failed(*failed_);
     Result& result = *solved_;
     result.errors->grids = grids_;
+    result.errors->estimates = estimates_;
     result.seconds = spent_;
     if (reason.empty()) return std::move(result);
     result.status = status;
@@ -329,6 +343,7 @@ class GridRefinement {
   const ComponentSizes sizes_;
   const Index expected_;  ///< steps with which the scene is meant to be solved
   std::vector<Index> grids_;
+  std::vector<double> estimates_;           ///< of grids_
   std::optional<Result> solved_, failed_;   ///< the last grid of each kind; failed_ only if it is the last of all
   std::optional<Convergence> convergence_;  ///< of the grids that the method of solved_ has solved
   bool unchecked_ = false;                  ///< the grid that checks the last one could not
@@ -377,6 +392,7 @@ Result by_grids(const Scene& scene, Backend& backend, const InnerOptions& option
   const bool failed = result.status == Status::tolerance_not_met && !result.error_estimate;
   if (options.method != Method::automatic || !failed || scene.boundary) return result;
   // No grid was solved by a method of second order.
+  note(options.log, LogLevel::info, "no grid is solved by a method of second order: implicit Euler");
   InnerOptions by_euler = options;
   by_euler.method = Method::euler;
   Result first_order = GridRefinement(scene, backend, by_euler, solve).run();

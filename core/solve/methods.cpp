@@ -165,6 +165,9 @@ RowMatrix Methods::all_states(Method method, const Result& result) const {
 void Methods::iterate(const Options& options, Result& result) {
   if (const std::string why = operator_->missing_weights(); !why.empty()) return refuse(why, result);
   const Index window = iteration_window(problem_, options.iteration_tolerance);
+  if (window < problem_.J)
+    note(options.log, LogLevel::info, "sweeps contract on windows of at most %ld of %ld steps", long(window),
+         long(problem_.J));
   if (window < problem_.J) return solve_in_windows(problem_, window, options, result);
   run_prepared(Method::contour, options, result, [&] { return prepare_iteration(*operator_, options); });
 }
@@ -188,6 +191,7 @@ void Methods::cycle(const Options& options, Result& result) {
       return;
     }
   }
+  note(options.log, LogLevel::info, "multigrid has no coarser grid here: the functional iteration");
   iterate(options, result);
   result.kernel += "; no coarser grid: the functional iteration";
 }

@@ -25,7 +25,17 @@ class Run {
       : methods_(methods), backend_(backend), options_(options), certification_(methods, backend, options) {}
 
   void named(Method method, Result& result) {
+    const DiscreteProblem& p = methods_.problem();
+    note(options_.log, level(), "method %s: %ld steps of %.6g", to_string(method), long(p.J), p.h);
     methods_.run(method, options_, result);
+    note(options_.log, LogLevel::debug, "method %s: %s after %.3g s of set-up; %s", to_string(method),
+         to_string(result.status), result.seconds.setup, result.kernel.c_str());
+    Timer timer;
+    certify(method, result);
+    result.seconds.certification += timer.lap();
+  }
+
+  void certify(Method method, Result& result) {
     if (iterates(method) && result.infeasible_at && result.status == Status::tolerance_not_met)
       confirm_by_marching(result);
     else if (iterates(method) && result.status != Status::infeasible)
@@ -43,13 +53,16 @@ class Run {
     const BackendTraits& traits = backend_.traits();
     if (traits.one_at_a_time && p.modes() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
     std::string before;
-    for (const Method method : methods_by_time(traits, p.scene, p.lcp_class, p.J)) {
+    const std::vector<Method> methods = methods_by_time(traits, p.scene, p.lcp_class, p.J);
+    note(options_.log, level(), "auto tries %s", listed(methods).c_str());
+    for (const Method method : methods) {
       if (method == Method::euler && !options_.fall_back_to_euler) {
         if (result.reason.empty()) result.reason = "no method of second order applies" + before;
         return;
       }
       if (const std::string why = against(method); !why.empty()) {
         before += std::string("; not ") + to_string(method) + ": " + why;
+        note(options_.log, LogLevel::info, "not %s: %s", to_string(method), why.c_str());
         continue;
       }
       Result next;
@@ -69,10 +82,20 @@ class Run {
       }
       if (ended || certification_.sensitive()) return;
       before += std::string("; not ") + to_string(method) + ": " + reason;
+      note(options_.log, LogLevel::info, "%s ends: %s", to_string(method), reason.c_str());
     }
   }
 
  private:
+  // Of several grids their errors are told, not how each was solved.
+  LogLevel level() const { return options_.compares_grids ? LogLevel::debug : LogLevel::info; }
+
+  static std::string listed(const std::vector<Method>& methods) {
+    std::string words;
+    for (const Method method : methods) words += (words.empty() ? "" : ", then ") + std::string(to_string(method));
+    return words;
+  }
+
   static void say_who_stands_in(const std::string& refused, Result& result) {
     add_warning(result, "implicit Euler stands in for a method of higher order, for which " + refused);
   }
@@ -114,6 +137,7 @@ class Run {
   // An infeasible iterate proves nothing about the scene; marching the same discretisation decides.
   void confirm_by_marching(Result& result) {
     const std::string observed = result.reason;
+    note(options_.log, LogLevel::info, "%s: confirmed by marching", observed.c_str());
     Result marched;
     methods_.run(Method::march, options_, marched);
     result.infeasible_at.reset();
@@ -216,6 +240,8 @@ Result solve_on_one_grid(const Scene& scene, Backend& backend, const InnerOption
                        : std::make_unique<Methods>(scene, backend, J, components, options.look_inside_every_step);
   Methods& methods = once ? *once : prepared_methods(scene, backend, J, components, options);
   const DiscreteProblem& p = methods.problem();
+  note(options.log, LogLevel::debug, "M is of class %s, %ld constraints, %ld states", to_string(p.lcp_class),
+       long(scene.constraints()), long(scene.states()));
   const bool finite = (options.prepared && options.prepared->finite_sources) || finite_sources(p, result);
   if (options.prepared) options.prepared->finite_sources = finite;
   result.seconds.setup = Timer(total).lap();

@@ -312,6 +312,7 @@ Result solve_in_natural_units(const Scene& scene, Backend& backend, const InnerO
     result.seconds.total += looked;
     return result;
   }
+  note(options.log, LogLevel::debug, "solved in natural units: powers of ten that bring x, y and w near 1");
   const Scene natural = in_natural_units(scene, units);
   RowMatrix first;
   if (options.tuning.first_iterate && options.tuning.first_iterate->cols() == scene.constraints()) {

@@ -77,6 +77,7 @@ std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const In
                     "the mass matrix E is singular: eliminate the algebraic equations, as rows with w = 0 and a free y "
                     "where they are linear");
   if (const auto reduced = without_mass(scene)) {
+    note(options.log, LogLevel::debug, "the mass matrix E is eliminated");
     const double spent = timer.lap();
     Result result = solve(*reduced, backend, options);
     result.seconds.setup += spent;
@@ -120,6 +121,8 @@ std::optional<Result> galerkin_alone(const Scene& scene, Backend& backend, const
                     std::string(singular ? "the free rows and columns of M form a singular matrix"
                                          : "it needs initial values and the scene has boundary values") +
                         "; use method galerkin");
+  note(options.log, LogLevel::info, "method galerkin: %s",
+       singular ? "the free rows and columns of M form a singular matrix" : "the scene has boundary values");
   InnerOptions named = options;
   named.method = Method::galerkin;
   return solve(scene, backend, named);
@@ -143,6 +146,7 @@ std::optional<Result> galerkin(const Scene& scene, Backend& backend, const Inner
 
 std::optional<Result> free_rows(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   if (scene.free_rows.empty()) return std::nullopt;
+  note(options.log, LogLevel::debug, "%zu free rows are eliminated", scene.free_rows.size());
   return solve_mixed(scene, *eliminate_free(scene), backend, options, solve);
 }
 
@@ -152,6 +156,8 @@ constexpr Index smallest_sparse = 512;
 std::optional<Result> small_sparse(const Scene& scene, Backend& backend, const InnerOptions& options,
                                    const Solve& solve) {
   if (!scene.dynamics->matrices() || scene.states() > smallest_sparse) return std::nullopt;
+  note(options.log, LogLevel::debug, "sparse dynamics with %ld states are written out as dense ones",
+       long(scene.states()));
   return solve(written_out(scene), backend, options);
 }
 

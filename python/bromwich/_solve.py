@@ -12,6 +12,7 @@ import numpy as np
 from . import _core
 from ._arrays import vector
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
+from ._progress import reporting
 from ._result import Result, Status
 from ._scene import Scene
 
@@ -33,7 +34,7 @@ def solve(
     *,
     backend: str = "auto",
     threads: int = 0,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     stop: Callable[[], bool] | None = None,
     check: Check = "warn",
     method: str = "auto",
@@ -59,8 +60,9 @@ def solve(
         scene: a :class:`Scene`; or none, and A, B, N, M, x0, T, f, g, E, ... by name as :class:`Scene` takes them.
         backend: ``"cpu"``, ``"cuda"``, or ``"auto"``: a CUDA device where it is predicted to be faster.
         threads: of the host; 0: all cores.
-        progress: called as ``progress(done, total, change)`` now and then: steps done and all steps, or sweeps done, 0
-            and the change of the last sweep.
+        progress: True: after a second, one line with what is done and an estimate of the time left, on a terminal or
+            in a notebook. Or a function, called as ``progress(done, total, change)`` now and then: steps done and all
+            steps, or sweeps done, 0 and the change of the last sweep.
         stop: called now and then; where it returns true the solve ends with status ``interrupted``.
         check: what happens where the status is not ``solved``: ``"warn"`` issues :class:`NotSolvedWarning`, True raises
             :class:`NotSolved`, False does nothing.
@@ -121,7 +123,9 @@ def solve(
         memory_limit=memory_limit,
         event_location=event_location,
     )
-    return _checked(_core.solve(scene._model, options, backend, int(threads), progress, stop), scene, check, stop)
+    with reporting(progress, options.iteration_tolerance) as report:
+        answer = _core.solve(scene._model, options, backend, int(threads), report, stop)
+    return _checked(answer, scene, check, stop)
 
 
 class Solver:
@@ -149,7 +153,9 @@ class Solver:
             if name not in OPTIONS:
                 raise Error(f"{name}: is no option of a solver; use {', '.join(sorted(OPTIONS))}", name)
         self._scene = scene
-        self._prepared = _core.Prepared(scene._model, _options(scene, **options), backend, int(threads))
+        made = _options(scene, **options)
+        self._iteration_tolerance = made.iteration_tolerance
+        self._prepared = _core.Prepared(scene._model, made, backend, int(threads))
 
     @property
     def scene(self) -> Scene:
@@ -173,10 +179,12 @@ class Solver:
         self._prepared.set_sources(*self._scene._sources(f, g), sorted(float(t) for t in breakpoints))
 
     def solve(
-        self, *, progress: Progress | None = None, stop: Callable[[], bool] | None = None, check: Check = "warn"
+        self, *, progress: Progress | bool | None = None, stop: Callable[[], bool] | None = None, check: Check = "warn"
     ) -> Result:
         """As :func:`bromwich.solve`, with the scene as it is now."""
-        return _checked(self._prepared.solve(progress, stop), self._scene, check, stop)
+        with reporting(progress, self._iteration_tolerance) as report:
+            answer = self._prepared.solve(report, stop)
+        return _checked(answer, self._scene, check, stop)
 
 
 def _known(arguments: dict[str, Any]) -> None:

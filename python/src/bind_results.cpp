@@ -63,6 +63,7 @@ nb::dict seconds_of(const Answer& answer) {
   d["convolution"] = s.convolution;
   d["transform"] = s.transform;
   d["other"] = s.other;
+  d["certification"] = s.certification;
   return d;
 }
 
@@ -81,6 +82,7 @@ std::optional<nb::dict> errors_of(const Answer& answer) {
   d["tolerance"] = e.tolerance;
   d["of_integral"] = e.of_integral;
   d["grids"] = e.grids;
+  d["estimates"] = e.estimates;
   return d;
 }
 

@@ -4,12 +4,14 @@
 #include "arrays.hpp"
 #include "calls.hpp"
 #include "core/base/error.hpp"
+#include "core/result/time_left.hpp"
 #include "core/solve/solver.hpp"
 #include "kernels/cuda_backend.hpp"
 #include "sources.hpp"
 
 #include <bromwich/bromwich.hpp>
 
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -153,6 +155,14 @@ void bind_solving(nb::module_& m) {
             select_states(o, StateSelection::list, std::move(components));
           },
           nb::arg("components"));
+  nb::class_<TimeLeft>(m, "TimeLeft", "An estimate of the seconds that a solve still takes.")
+      .def(nb::init<double>(), nb::arg("tolerance"))
+      .def(
+          "after",
+          [](TimeLeft& left, Index done, Index total, double change, double seconds) {
+            return left.after({done, change, total}, seconds);
+          },
+          nb::arg("done"), nb::arg("total"), nb::arg("change"), nb::arg("seconds"));
   m.def("solve", &solve_once, nb::arg("model"), nb::arg("options"), nb::arg("backend"), nb::arg("threads"),
         nb::arg("progress").none(), nb::arg("stop").none());
   nb::class_<Prepared>(m, "Prepared")

@@ -119,6 +119,27 @@ def test_progress(Q15):
     assert isinstance(done, int) and isinstance(total, int) and isinstance(change, float)
 
 
+def test_progress_line():
+    """Ten steps a second on a clock of our own: after 2 s 20 of 100 steps are done, and 8 s are left."""
+    from bromwich._progress import ProgressLine, duration
+
+    now, lines = [0.0], []
+    line = ProgressLine(1e-12, lines.append, lambda: now[0])
+    for k in range(21):
+        now[0] = k / 10
+        line(k, 100, 0.0)
+    assert lines[0] == "step 10 of 100, about 9 s left"  # nothing in the first second
+    assert lines[-1] == "step 20 of 100, about 8 s left"
+    line.close()
+    assert lines[-1] == ""
+    assert [duration(s) for s in (6.2, 200, 18600)] == ["7 s", "3 min 20 s", "5 h 10 min"]
+
+
+def test_progress_line_is_silent_without_a_terminal(Q15, capfd):
+    bromwich.solve(Q15, steps=20000, method="contour", progress=True, check=False)
+    assert capfd.readouterr().err == ""
+
+
 def test_progress_that_raises(Q15):
     def progress(done, total, change):
         raise ZeroDivisionError

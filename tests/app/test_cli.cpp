@@ -136,7 +136,7 @@ TEST_F(Cli, RefusesBadOptionValues) {
       {"--states 1,,2", {"--states", "1,,2"}},
       {"--states 1,", {"--states", "'1,'"}},
       {"--states some", {"--states", "some", "all, none"}},
-      {"--report a.html", {"--report", "a.html", "not available yet"}},
+      {"--report a.txt", {"--report", "a.txt", ".html"}},
       {"--at 1", {"--at", "without --out"}},
       {"--at 1,5 --out y.csv", {"--at", "1,5", "T = 4"}},
       {"--at 1, --out y.csv", {"--at", "'1,'"}},

@@ -1,0 +1,31 @@
+// `bromwich check`: what is known of a scene before it is solved.
+
+#include "app/arguments.hpp"
+#include "app/backend_choice.hpp"
+#include "app/commands.hpp"
+#include "app/interaction.hpp"
+#include "app/machine.hpp"
+#include "app/output_json.hpp"
+#include "app/scene_check.hpp"
+#include "app/text.hpp"
+#include "core/base/error.hpp"
+
+namespace bromwich::app {
+
+int run_check(const CheckArguments& arguments) {
+  const Words words = split_words(arguments.words, arguments.settings);
+  const SceneChoice choice = choose_scene(scene_name(words), parse_settings(words.settings));
+  Options options;
+  options.method = parse_method(arguments.method);
+  if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
+  parse_states("--states", arguments.states.empty() ? choice.states : arguments.states, choice.scene.states(), options);
+  options.memory_limit = memory_bytes();
+  const auto backend = choose_backend(arguments.backend, choice.scene, options, 0, 0);
+  const SceneCheck check = check_scene(choice, *backend, options);
+  print(arguments.json ? dump(check_json(choice, check)) : check_text(choice, check));
+  if (check.refusal.empty()) return exit_solved;
+  complain(check.refusal);
+  return exit_bad_input;
+}
+
+}  // namespace bromwich::app

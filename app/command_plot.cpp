@@ -1,0 +1,54 @@
+// `bromwich plot`: a page from files that `solve` has written.
+
+#include "app/commands.hpp"
+#include "app/output_file.hpp"
+#include "app/text.hpp"
+#include "core/base/error.hpp"
+#include "core/build_info.hpp"
+#include "files/number_files.hpp"
+#include "report/page.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+namespace bromwich::app {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string result_name(const PlotArguments& arguments) {
+  if (arguments.results.empty())
+    throw Error("RESULT", "found none", "name a file that 'bromwich solve SCENE --out FILE.csv' has written");
+  if (arguments.results.size() > 1) throw Error("RESULT", "found " + join(arguments.results), "name one file");
+  return arguments.results.front();
+}
+
+report::Json read_summary(const std::string& name) {
+  const std::string text = read_text({name, name}, "--summary");
+  report::Json summary = report::Json::parse(text, nullptr, false);
+  if (summary.is_discarded() || !summary.is_object())
+    throw Error("--summary", fmt::format("'{}' is not a JSON object", name),
+                "give a file that 'bromwich solve SCENE --json' has printed");
+  if (const std::string schema = report::text_at(summary, "schema"); schema != "bromwich/1")
+    throw Error("--summary", fmt::format("'{}' has the schema '{}'", name, one_line(schema)),
+                "give a file that 'bromwich solve SCENE --json' has printed, of schema 'bromwich/1'");
+  return summary;
+}
+
+}  // namespace
+
+int run_plot(const PlotArguments& arguments) {
+  const std::string name = result_name(arguments);
+  const std::string target = arguments.out.empty() ? fs::path(name).replace_extension(".html").string() : arguments.out;
+  const OutputFile file("--out", target, ".html");
+  report::Report made{arguments.summary.empty() ? report::Json() : read_summary(arguments.summary),
+                      report::read_result("RESULT", name), fs::path(name).filename().string(), build_info::version};
+  const std::string page = report::page(made);
+  file.write([&page](std::FILE* out) { std::fwrite(page.data(), 1, page.size(), out); });
+  print(fmt::format("{}\n", target));
+  return exit_solved;
+}
+
+}  // namespace bromwich::app

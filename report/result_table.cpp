@@ -1,0 +1,154 @@
+#include "report/result_table.hpp"
+
+#include "core/base/error.hpp"
+#include "core/lcp/matrix.hpp"
+#include "core/scene/separable.hpp"
+#include "files/line_reader.hpp"
+#include "files/number_files.hpp"
+#include "files/words.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <functional>
+#include <map>
+
+namespace bromwich::report {
+
+namespace {
+
+/// w = N x + M y + g; empty if N x was not recorded.
+RowMatrix slack(const Scene& scene, const Result& result) {
+  if (result.trace.rows() != result.t.size()) return {};
+  RowMatrix w = sample(scene.g, result.t, scene.constraints()).table() + result.trace;
+  for (Index j = 0; j < w.rows(); ++j) w.row(j) += multiply(scene.M, result.y.row(j).transpose()).transpose();
+  return w;
+}
+
+Quantity numbered(const std::string& symbol, RowMatrix values, const std::vector<Index>* numbers = nullptr) {
+  Quantity q{symbol, {}, {}, std::move(values)};
+  for (Index i = 0; i < q.values.cols(); ++i)
+    q.names.push_back(fmt::format("{}{}", symbol, numbers ? (*numbers)[std::size_t(i)] : i));
+  q.units.assign(q.names.size(), "");
+  return q;
+}
+
+void add(Quantity quantity, ResultTable& table) {
+  if (!quantity.names.empty()) table.quantities.push_back(std::move(quantity));
+}
+
+// ---- CSV ----
+
+struct Column {
+  std::string name, unit;
+  std::string symbol() const {
+    const bool indexed =
+        name.size() > 1 && std::all_of(name.begin() + 1, name.end(), [](unsigned char c) { return std::isdigit(c); });
+    return indexed && (name[0] == 'y' || name[0] == 'w' || name[0] == 'x') ? name.substr(0, 1) : "";
+  }
+};
+
+/// "i_L [A]": a name and its unit.
+Column column(std::string_view cell) {
+  const std::size_t open = cell.find('[');
+  if (open == std::string_view::npos || cell.back() != ']') return {one_line(cell), ""};
+  return {one_line(cell.substr(0, open)), one_line(cell.substr(open + 1, cell.size() - open - 2))};
+}
+
+double value(const LineReader& lines, std::string_view cell) {
+  const bool missing = cell.empty() || cell == "nan" || cell == "NaN" || cell == "-nan";
+  return missing ? std::nan("") : lines.number(cell);
+}
+
+std::vector<Column> read_header(LineReader& lines) {
+  std::vector<Column> columns;
+  if (lines.next())
+    for (const std::string_view cell : lines.cells()) columns.push_back(column(cell));
+  if (columns.empty() || columns.front().name != "t")
+    throw Error(lines.place(), "found no header t,y0,y1,...", "give a file that 'bromwich solve --out' has written");
+  return columns;
+}
+
+/// All rows, one after the other; a comment ends up in `remark`.
+std::vector<double> read_rows(LineReader& lines, std::size_t columns, std::string& remark) {
+  std::vector<double> values;
+  double before = -INFINITY;
+  while (lines.next()) {
+    if (lines.blank()) continue;
+    if (lines.line()[0] == '#') {
+      remark = one_line(lines.line().substr(1));
+      continue;
+    }
+    const auto cells = lines.cells();
+    if (cells.size() != columns)
+      throw Error(lines.place(), fmt::format("found {} values where the header has {}", cells.size(), columns),
+                  "give rows of equal length");
+    for (const std::string_view cell : cells) values.push_back(value(lines, cell));
+    const double t = values[values.size() - columns];
+    if (!(t >= before)) throw Error(lines.place(), "the times do not ascend", "give ascending times");
+    before = t;
+  }
+  return values;
+}
+
+ResultTable read_csv(const std::filesystem::path& path, const std::string& argument) {
+  const std::string name = path.filename().string(), text = read_text({path.string(), path}, argument);
+  LineReader lines(text, name);
+  const std::vector<Column> columns = read_header(lines);
+  ResultTable table;
+  const std::vector<double> values = read_rows(lines, columns.size(), table.remark);
+  const Index width = Index(columns.size()), rows = Index(values.size()) / width;
+  const Eigen::Map<const RowMatrix> all(values.data(), rows, width);
+  table.t = all.col(0);
+  table.time_unit = columns.front().unit;
+  for (const char* symbol : {"y", "w", "x", ""}) {
+    Quantity q{symbol, {}, {}, {}};
+    std::vector<Index> which;
+    for (Index i = 1; i < width; ++i) {
+      if (columns[std::size_t(i)].symbol() != symbol) continue;
+      which.push_back(i);
+      q.names.push_back(columns[std::size_t(i)].name);
+      q.units.push_back(columns[std::size_t(i)].unit);
+    }
+    q.values = all(Eigen::all, which);
+    add(std::move(q), table);
+  }
+  return table;
+}
+
+/// What reads a file, by its extension.
+using Reader = std::function<ResultTable(const std::filesystem::path&, const std::string& argument)>;
+const std::map<std::string, Reader>& readers() {
+  static const std::map<std::string, Reader> known{{".csv", read_csv}};
+  return known;
+}
+
+}  // namespace
+
+const Quantity* ResultTable::find(const std::string& symbol) const {
+  for (const Quantity& q : quantities)
+    if (q.symbol == symbol) return &q;
+  return nullptr;
+}
+
+ResultTable as_table(const Scene& scene, const Result& result) {
+  ResultTable table;
+  table.t = result.t;
+  add(numbered("y", result.y), table);
+  add(numbered("w", slack(scene, result)), table);
+  add(numbered("x", result.x, &result.x_components), table);
+  return table;
+}
+
+ResultTable read_result(const std::string& argument, const std::filesystem::path& path) {
+  const auto reader = readers().find(path.extension().string());
+  if (reader != readers().end()) return reader->second(path, argument);
+  std::vector<std::string> known;
+  for (const auto& [extension, read] : readers()) known.push_back(extension);
+  throw Error(argument, fmt::format("found '{}'", one_line(path.string())),
+              "give a file " + join(known) + " that 'bromwich solve --out' has written");
+}
+
+}  // namespace bromwich::report
