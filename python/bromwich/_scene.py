@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import pickle
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -12,7 +14,7 @@ from . import _core
 from ._arrays import Tridiagonal, compressed, is_sparse, lcp_matrix, matrix, vector
 from ._dynamics import Dynamics, Kronecker
 from ._errors import Error
-from ._sources import source, steps_of
+from ._sources import restored, source, steps_of
 
 
 class Scene:
@@ -102,6 +104,7 @@ class Scene:
         model.set_sources(*parts, sorted(float(t) for t in breakpoints))
         model.validate()
         self._facts: dict[str, Any] = {}
+        self._recipe: tuple | None = None
 
     def _sources(self, f: Any, g: Any) -> tuple[_core.Source | None, _core.Source | None]:
         m = self._model
@@ -111,10 +114,19 @@ class Scene:
         )
 
     @classmethod
-    def _of(cls, model: _core.Model, parameters: Mapping[str, float], facts: dict[str, Any]) -> Scene:
+    def _of(
+        cls, model: _core.Model, parameters: Mapping[str, float], facts: dict[str, Any], recipe: tuple | None = None
+    ) -> Scene:
         scene = cls.__new__(cls)
-        scene._model, scene._parameters, scene._facts = model, dict(parameters), facts
+        scene._model, scene._parameters, scene._facts, scene._recipe = model, dict(parameters), facts, recipe
         return scene
+
+    def __reduce__(self) -> tuple:
+        """Pickles what was given; functions, and scenes of files and of the catalogue, by name."""
+        if self._recipe is not None:
+            return _made_again, (type(self), self._recipe, _fingerprint(self._model))
+        state = _core.state_of_model(self._model)
+        return _restored, (type(self), state, _core.state_of_sources(self._model), self._parameters)
 
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str], **settings: float) -> Scene:
@@ -123,8 +135,9 @@ class Scene:
         Raises:
             Error: names file, line and key.
         """
-        model, facts = _core.read_scene(os.fspath(path), {k: float(v) for k, v in settings.items()})
-        return cls._of(model, facts["parameters"], facts)
+        values = {k: float(v) for k, v in settings.items()}
+        model, facts = _core.read_scene(os.fspath(path), values)
+        return cls._of(model, facts["parameters"], facts, ("from_toml", (os.path.abspath(path),), values))
 
     @classmethod
     def relay(
@@ -138,7 +151,8 @@ class Scene:
         model = _core.relay(A, B, C, source(f, "f", A.shape[0], float(T), {}), vector(x0, "x0"))
         model.name, model.T, model.steps = name, float(T), int(steps)
         model.validate()
-        return cls._of(model, {}, {})
+        given = dict(A=A.copy(), B=B.copy(), C=C.copy(), x0=vector(x0, "x0").copy(), T=float(T), f=f)
+        return cls._of(model, {}, {}, ("relay", (), {**given, "steps": int(steps), "name": name}))
 
     @property
     def name(self) -> str:
@@ -218,13 +232,49 @@ def scene(name: str, **settings: float) -> Scene:
     for known, summary, parameters in _core.catalogue():
         if known == name:
             defaults = {k: default for k, (default, _) in parameters.items() if np.isfinite(default)}
-            return Scene._of(model, {**defaults, **values}, {"description": summary})
-    return Scene._of(model, values, {})
+            return Scene._of(model, {**defaults, **values}, {"description": summary}, ("catalogue", (name,), values))
+    return Scene._of(model, values, {}, ("catalogue", (name,), values))
 
 
 def scenes() -> dict[str, dict[str, Any]]:
     """The built-in scenes: ``summary`` and ``parameters``, each with its default and its meaning."""
     return {name: {"summary": summary, "parameters": parameters} for name, summary, parameters in _core.catalogue()}
+
+
+def _restored(cls: type[Scene], state: dict[str, Any], sources: tuple, parameters: dict[str, float]) -> Scene:
+    """A scene that was stated by arrays, from what ``Scene.__reduce__`` has kept."""
+    model = _core.Model.empty()
+    model.name, model.T, model.steps, model.free_rows = (state[k] for k in ("name", "T", "steps", "free_rows"))
+    for key in ("dynamics", "M"):
+        setter, *arguments = state[key]
+        getattr(model, setter)(*arguments)
+    model.set_lcp_class(state["lcp_class"])
+    model.set_f_entry(*state["f_entry"])
+    if "boundary" in state:
+        model.set_boundary(*state["boundary"])
+    else:
+        model.set_x0(state["x0"])
+    f, g, breakpoints = sources
+    model.set_sources(restored(f), restored(g), breakpoints)
+    model.validate()
+    return cls._of(model, parameters, {})
+
+
+def _made_again(cls: type[Scene], recipe: tuple, fingerprint: str) -> Scene:
+    """A scene of a file, of the catalogue or of a relay."""
+    maker, arguments, named = recipe
+    made = scene(*arguments, **named) if maker == "catalogue" else getattr(cls, maker)(*arguments, **named)
+    if _fingerprint(made._model) != fingerprint:
+        where = arguments[0] if arguments else maker
+        raise Error(f"scene: {where} is not what it was when the scene was pickled; pickle it again", "scene")
+    return made
+
+
+def _fingerprint(model: _core.Model) -> str:
+    """Of all numbers of a scene, and of its sources at a few times."""
+    times = model.T * np.array([0.0, 0.137, 0.381, 0.729, 1.0])
+    values = [_core.source_values(model, float(t)) for t in times]
+    return hashlib.sha256(pickle.dumps((_core.state_of_model(model), values), protocol=4)).hexdigest()
 
 
 def _set_dynamics(model: _core.Model, A: Any, B: Any, N: Any, E: Any, dynamics: Dynamics | Kronecker | None) -> None:

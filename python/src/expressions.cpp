@@ -1,6 +1,10 @@
 #include "files/expression.hpp"
 #include "sources.hpp"
 
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
 namespace bromwich::python {
 
 Source expression_source(const std::vector<std::string>& texts, const std::map<std::string, double>& parameters,
@@ -9,7 +13,13 @@ Source expression_source(const std::vector<std::string>& texts, const std::map<s
   for (const auto& [key, value] : parameters) expressions.define(key, value, "parameters");
   for (const std::string& text : texts) expressions.check_in_time(text, name);
   SwitchTimes switches = expressions.switch_times(texts, T);
-  return {expressions.in_time(texts), Index(texts.size()), std::move(switches.times), switches.complete};
+  return {expressions.in_time(texts),
+          Index(texts.size()),
+          std::move(switches.times),
+          switches.complete,
+          {},
+          {},
+          [texts, parameters, T, name] { return nb::make_tuple("expressions", texts, parameters, T, name); }};
 }
 
 }  // namespace bromwich::python
