@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from ._arrays import Tridiagonal, compressed, is_sparse, lcp_matrix, matrix, vector
+from ._arrays import Tridiagonal, compressed, filled, is_sparse, lcp_matrix, matrix, vector
 from ._dynamics import Dynamics, Kronecker
 from ._errors import Error
-from ._sources import restored, source, steps_of
+from ._sources import on_this_host, restored, source, steps_of
 
 
 class Scene:
@@ -98,6 +98,7 @@ class Scene:
             raise Error("f: enters the states of a Kronecker sum; give n values and F='B', for B f(t)", "f")
         _set_f_entry(model, F)
         self._model, self._parameters = model, dict(parameters or {})
+        f, g = on_this_host(f, "f"), on_this_host(g, "g")
         parts = self._sources(f, g)
         tables = [steps_of(f, model.sources), steps_of(g, model.constraints)]
         model.steps = int(steps) if steps is not None else max(tables) or 400
@@ -314,7 +315,7 @@ def _set_conditions(model: _core.Model, x0: Any, E0: Any, ET: Any, b: Any) -> No
     if E0 is None and ET is None and b is None:
         if x0 is None:
             raise Error("x0: is missing; give the state at t = 0, or E0, ET and b", "x0")
-        model.set_x0(np.full(model.states, float(x0)) if np.ndim(x0) == 0 else vector(x0, "x0"))
+        model.set_x0(filled(x0, model.states, "x0"))
         return
     for name, value in (("E0", E0), ("ET", ET), ("b", b)):
         if value is None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from ._arrays import on_host, vector
+from ._arrays import of_other_library, on_host, vector
 from ._errors import Error
 
 
@@ -34,6 +34,13 @@ def source(given: Any, name: str, width: int, T: float, parameters: Mapping[str,
     constant = np.full(width, float(array)) if array.ndim == 0 else vector(array, name)
     _require(constant.size == width, name, f"has {constant.size} values", f"give {width}, or {width} columns over time")
     return _core.Source.constant(constant)
+
+
+def on_this_host(given: Any, name: str) -> Any:
+    """The same with arrays of other libraries as NumPy's, in a table of one's own times too."""
+    if isinstance(given, tuple):
+        return tuple(on_this_host(part, name) for part in given)
+    return on_host(given, name) if of_other_library(given) else given
 
 
 def steps_of(given: Any, width: int) -> int:

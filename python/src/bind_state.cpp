@@ -272,6 +272,8 @@ void bind_state(nb::module_& m) {
   m.def(
       "state_of_answer", [](const Answer& a) { return state_of(a); }, nb::arg("answer"));
   m.def("answer_from", &answer_from, nb::arg("model"), nb::arg("state"));
+  m.def("changed_model", &changed_model, nb::arg("model"), nb::arg("x0").none(), nb::arg("other_sources"),
+        nb::arg("f").none(), nb::arg("g").none(), nb::arg("breakpoints"), nb::arg("all"));
   m.def(
       "state_of_model", [](const Model& model) { return state_of(model); }, nb::arg("model"), "All but the sources.");
   m.def(
