@@ -34,8 +34,20 @@ def openmp() -> str:
         except (OSError, AttributeError) as error:
             tried.append(f"{file}: {error}")
             continue
+        _for_libraries()
         return next(iter(_in_process()), str(file))
     raise ImportError("bromwich: no OpenMP runtime; install libgomp1 (" + "; ".join(tried) + ")")
+
+
+def _for_libraries() -> None:
+    """Debian's muParser wants a libgomp.so.1 by name; that of PyTorch has another. Its functions are still those of the
+    runtime above, which come first, so that it starts no threads."""
+    for file in ("libgomp.so.1", *_own()):
+        try:
+            ctypes.CDLL(str(file), mode=os.RTLD_LOCAL | os.RTLD_NOW)
+        except OSError:
+            continue
+        return
 
 
 def _in_process() -> list[str]:

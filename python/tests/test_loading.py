@@ -193,6 +193,31 @@ print(bromwich.backends()["cuda"].detail)
     assert "is no CUDA backend of bromwich" in run(code).stdout
 
 
+def test_a_loaded_backend():
+    """A backend of another shared object (pretended_cuda.cpp): solves, its errors, and the switch to it."""
+    file = os.environ.get("BROMWICH_PRETENDED_CUDA", "")
+    if not Path(file).exists():
+        pytest.skip("BROMWICH_PRETENDED_CUDA is not set")
+    code = f"""
+import bromwich, numpy as np
+bromwich._core.set_cuda_plugin({file!r})
+assert bromwich.backends()["cuda"] == (True, "naive loops")
+scene = bromwich.scene("signorini", Q=9)
+for method in ("contour", "march", "multigrid", "euler"):
+    expected = bromwich.solve(scene, steps=40, method=method, backend="cpu")
+    found = bromwich.solve(scene, steps=40, method=method, backend="cuda", check=False)
+    assert (found.backend, found.status) == ("reference", expected.status), found
+    np.testing.assert_allclose(found.y, expected.y, atol=1e-9)
+solver = bromwich.Solver(scene, steps=40, backend="cuda")
+np.testing.assert_array_equal(solver.solve().y, solver.solve().y)
+try:
+    bromwich.solve(scene, steps=40, backend="cuda", threads=3)
+except bromwich.DeviceError as error:
+    print(type(error).__name__, error)
+"""
+    assert run(code).stdout.strip() == "DeviceError device: is at work; try again"
+
+
 def test_on_a_device():
     """The same answers as on the processor, through the loaded backend."""
     if not bromwich.cuda_devices():
