@@ -42,6 +42,9 @@ struct CheckArguments {
   bool json = false;
 };
 
+/// The whole command: prepares the process, reads the command line, returns the exit code. Called once a process.
+int command(int argc, char** argv);
+
 int run_scenes();
 int run_solve(const SolveArguments& arguments);
 int run_bench(const BenchArguments& arguments);

@@ -275,14 +275,14 @@ int guarded_main(int argc, char** argv) {
   }
 }
 
-}  // namespace bromwich::app
-
-int main(int argc, char** argv) {
-  bromwich::app::prepare_process();
+int command(int argc, char** argv) {
+  prepare_process();
 #if defined(__GLIBC__)
   // Keeps freed memory for later tables over time: fresh pages cost more than the computations with them.
   mallopt(M_MMAP_MAX, 0);
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
 #endif
-  return bromwich::app::guarded_main(argc, argv);
+  return guarded_main(argc, argv);
 }
+
+}  // namespace bromwich::app

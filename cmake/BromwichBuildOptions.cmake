@@ -15,7 +15,9 @@ endif()
 
 # No -ffast-math: NaN is checked for, and sums keep their order.
 set(bromwich_optimisation_flags -fno-math-errno -fno-trapping-math)
-if(BROMWICH_NATIVE)
+if(BROMWICH_ARCH)
+  list(APPEND bromwich_optimisation_flags -march=${BROMWICH_ARCH})
+elseif(BROMWICH_NATIVE)
   check_cxx_compiler_flag(-march=native BROMWICH_HAVE_MARCH_NATIVE)
   if(BROMWICH_HAVE_MARCH_NATIVE)
     list(APPEND bromwich_optimisation_flags -march=native)

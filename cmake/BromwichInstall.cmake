@@ -5,7 +5,7 @@ set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/bromwich)
 
 set(libraries bromwich bromwich_core)
 if(BROMWICH_CPU)
-  list(APPEND libraries bromwich_cpu bromwich_cuda)
+  list(APPEND libraries bromwich_cpu bromwich_openmp bromwich_cuda)
 endif()
 install(TARGETS ${libraries} EXPORT bromwichTargets)
 set(headers ${CMAKE_INSTALL_INCLUDEDIR}/bromwich)

@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
+#include "cpu/real_fft.hpp"
 
 #include <omp.h>
 
@@ -33,7 +34,7 @@ class CpuBackend final : public Backend {
     };
   }
 
-  DeviceInfo device() const override { return {"cpu", threads_, "OpenMP, FFTW"}; }
+  DeviceInfo device() const override { return {"cpu", threads_, std::string("OpenMP, ") + cpu::transform_library()}; }
   int threads() const override { return threads_; }
   void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const override {
     const Index ranges = (count + length - 1) / length;

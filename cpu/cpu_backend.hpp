@@ -6,7 +6,7 @@
 
 namespace bromwich {
 
-/// The OpenMP + FFTW backend. threads = 0 uses what OpenMP offers (OMP_NUM_THREADS, or all cores). Throws Error for a
+/// The backend on OpenMP. threads = 0 uses what OpenMP offers (OMP_NUM_THREADS, or all cores). Throws Error for a
 /// negative number.
 std::unique_ptr<Backend> make_cpu_backend(int threads = 0);
 

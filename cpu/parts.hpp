@@ -7,7 +7,6 @@
 
 #include <chrono>
 #include <memory>
-#include <mutex>
 
 namespace bromwich::cpu {
 
@@ -24,9 +23,6 @@ class HostArray final : public Array {
 
 inline const RowMatrix& host(const Array& array) { return static_cast<const HostArray&>(array).values; }
 inline RowMatrix& host(Array& array) { return static_cast<HostArray&>(array).values; }
-
-/// Guards the FFTW planner; executing plans needs no lock.
-std::mutex& fftw_planner();
 
 /// The smallest 2^a 3^b 5^c >= n.
 Index fast_fft_length(Index n);

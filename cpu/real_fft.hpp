@@ -1,50 +1,51 @@
 #pragma once
-// Real FFTs along time.
+// Real Fourier and sine transforms of one vector, by FFTW (real_fft_fftw.cpp) or by pocketfft (real_fft_pocketfft.cpp).
+// BROMWICH_TRANSFORM selects the file at link time. Copies share a plan; threads may execute it on arrays of their own.
 
-#include "core/base/error.hpp"
-#include "cpu/parts.hpp"
+#include "core/base/types.hpp"
 
-#include <fftw3.h>
-
-#include <cmath>
+#include <memory>
 
 namespace bromwich::cpu {
 
 using Spectra = Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Real FFTs of one length, in buffers of the caller.
+/// "FFTW" or "pocketfft".
+const char* transform_library();
+
+/// Discrete Fourier transforms of N real values, N >= 1, in buffers of the caller.
 class RealFft {
  public:
-  explicit RealFft(Index length) : length_(length) {
-    Vector real(length);
-    ComplexVector complex(length / 2 + 1);
-    auto* c = reinterpret_cast<fftw_complex*>(complex.data());
-    const std::lock_guard lock(fftw_planner());
-    forward_ = fftw_plan_dft_r2c_1d(int(length), real.data(), c, FFTW_ESTIMATE | FFTW_UNALIGNED);
-    backward_ = fftw_plan_dft_c2r_1d(int(length), c, real.data(), FFTW_ESTIMATE | FFTW_UNALIGNED);
-    if (!forward_ || !backward_)
-      throw Error("steps", "FFTW made no plan of length " + std::to_string(length), "use fewer steps");
-  }
-  ~RealFft() {
-    const std::lock_guard lock(fftw_planner());
-    fftw_destroy_plan(forward_);
-    fftw_destroy_plan(backward_);
-  }
-  RealFft(const RealFft&) = delete;
-  RealFft& operator=(const RealFft&) = delete;
+  /// Throws Error if there is no plan of this length.
+  explicit RealFft(Index length);
+  /// Without `backward`; the buffers are aligned as Eigen allocates them.
+  static RealFft forward_of_aligned(Index length);
 
   Index length() const { return length_; }
   Index frequencies() const { return length_ / 2 + 1; }
-  void forward(double* in, Complex* out) const {
-    fftw_execute_dft_r2c(forward_, in, reinterpret_cast<fftw_complex*>(out));
-  }
-  void backward(Complex* in, double* out) const {
-    fftw_execute_dft_c2r(backward_, reinterpret_cast<fftw_complex*>(in), out);
-  }
+  /// out_k = sum_j in_j exp(-2 pi i jk/N), k = 0..N/2. `in` is not changed; no aliasing.
+  void forward(const double* in, Complex* out) const;
+  /// out_j = sum_k in_k exp(2 pi i jk/N) over all N frequencies, the other half being conjugate. `in` is overwritten;
+  /// no aliasing.
+  void backward(Complex* in, double* out) const;
 
  private:
+  struct Plan;
+  RealFft(Index length, std::shared_ptr<const Plan> plan) : length_(length), plan_(std::move(plan)) {}
+
   Index length_;
-  fftw_plan forward_, backward_;
+  std::shared_ptr<const Plan> plan_;
+};
+
+/// out_k = 2 sum_j in_j sin(pi (j+1)(k+1)/(n+1)), j, k = 0..n-1, for any n >= 1. `in` is not changed; no aliasing.
+class SineFft {
+ public:
+  explicit SineFft(Index n);
+  void apply(const double* in, double* out) const;
+
+ private:
+  struct Plan;
+  std::shared_ptr<const Plan> plan_;
 };
 
 }  // namespace bromwich::cpu

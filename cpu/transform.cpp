@@ -7,35 +7,19 @@
 #include "cpu/parts.hpp"
 
 #include "cpu/failure.hpp"
+#include "cpu/real_fft.hpp"
 
-#include <fftw3.h>
 #include <omp.h>
 
 #include <cmath>
 #include <memory>
-#include <type_traits>
 #include <vector>
 
 namespace bromwich::cpu {
 
-std::mutex& fftw_planner() {
-  static std::mutex mutex;
-  return mutex;
-}
-
 namespace {
 
-/// Shared by the transforms of all threads, which execute it on their own arrays.
-using SharedPlan = std::shared_ptr<std::remove_pointer_t<fftw_plan>>;
-
-SharedPlan shared(fftw_plan plan) {
-  return {plan, [](fftw_plan last) {
-            const std::lock_guard lock(fftw_planner());
-            fftw_destroy_plan(last);
-          }};
-}
-
-constexpr Index largest_product = 1100;  ///< above it, rows are transformed by FFTW
+constexpr Index largest_product = 1100;  ///< above it, rows are transformed by an FFT
 constexpr Index row_block = 32;          ///< rows folded and multiplied together: their halves stay in L2
 
 // The even half holds the odd wave numbers 1, 3, ...; the odd half holds the even ones.
@@ -133,16 +117,11 @@ class ProductSine final : public SineTransform {
 
 class FastVectorSine final : public VectorSine {
  public:
-  explicit FastVectorSine(Index n) : n_(n), scale_(1 / std::sqrt(2.0 * double(n + 1))) {
-    Vector in(n), out(n);
-    const std::lock_guard lock(fftw_planner());
-    plan_ = shared(fftw_plan_r2r_1d(int(n), in.data(), out.data(), FFTW_RODFT00,
-                                    FFTW_ESTIMATE | FFTW_UNALIGNED | FFTW_PRESERVE_INPUT));
-  }
+  explicit FastVectorSine(Index n) : n_(n), scale_(1 / std::sqrt(2.0 * double(n + 1))), sine_(n) {}
 
   std::unique_ptr<VectorSine> another() const override { return std::make_unique<FastVectorSine>(*this); }
   void apply(const double* in, double* out) override {
-    fftw_execute_r2r(plan_.get(), const_cast<double*>(in), out);
+    sine_.apply(in, out);
     for (Index i = 0; i < n_; ++i) out[i] *= scale_;
   }
 
@@ -151,22 +130,25 @@ class FastVectorSine final : public VectorSine {
  private:
   Index n_;
   double scale_;
-  SharedPlan plan_;
+  SineFft sine_;
 };
 
 /// Sine transform by a real FFT of length N = n + 1, N even. With y_j = sin(pi j/N) (x_j + x_{N-j}) + (x_j - x_{N-j}) /
 /// 2 and its discrete Fourier transform Y, the sine sums are F_{2k} = -Im Y_k, F_{2k+1} = F_{2k-1} + Re Y_k, F_1 = Y_0
-/// / 2. Half the work of FFTW's own RODFT00, which pads to 2N. The running sum loses sqrt(N) eps in the odd half.
+/// / 2. Half the work of SineFft, which pads to 2N. The running sum loses sqrt(N) eps in the odd half.
 class HalvedVectorSine final : public VectorSine {
  public:
-  /// True if FFTW has codelets for N.
+  /// True if N is even and has small factors.
   static bool suits(Index n) { return n % 2 == 1 && fast_fft_length(n + 1) == n + 1; }
 
   explicit HalvedVectorSine(Index n)
-      : n_(n), scale_(std::sqrt(2.0 / double(n + 1))), sine_(n), y_(Vector::Zero(n + 1)), Y_((n + 1) / 2 + 1) {
+      : n_(n),
+        scale_(std::sqrt(2.0 / double(n + 1))),
+        sine_(n),
+        y_(Vector::Zero(n + 1)),
+        Y_((n + 1) / 2 + 1),
+        fft_(RealFft::forward_of_aligned(n + 1)) {
     for (Index j = 0; j < n; ++j) sine_[j] = scale_ * std::sin(M_PI * double(j + 1) / double(n + 1));
-    const std::lock_guard lock(fftw_planner());
-    plan_ = shared(fftw_plan_dft_r2c_1d(int(n + 1), y_.data(), spectrum(), FFTW_ESTIMATE));
   }
 
   std::unique_ptr<VectorSine> another() const override { return std::make_unique<HalvedVectorSine>(*this); }
@@ -175,7 +157,7 @@ class HalvedVectorSine final : public VectorSine {
     double* y = y_.data() + 1;
     for (Index j = 0; j < n_; ++j) y[j] = sine_[j] * (in[j] + in[n_ - 1 - j]) + half * (in[j] - in[n_ - 1 - j]);
     y_[0] = 0;
-    fftw_execute_dft_r2c(plan_.get(), y_.data(), spectrum());
+    fft_.forward(y_.data(), Y_.data());
     double odd = out[0] = 0.5 * Y_[0].real();
     for (Index k = 1; 2 * k < n_; ++k) {
       out[2 * k - 1] = -Y_[k].imag();
@@ -184,13 +166,11 @@ class HalvedVectorSine final : public VectorSine {
   }
 
  private:
-  fftw_complex* spectrum() { return reinterpret_cast<fftw_complex*>(Y_.data()); }
-
   Index n_;
   double scale_;
   Vector sine_, y_;
   ComplexVector Y_;
-  SharedPlan plan_;
+  RealFft fft_;
 };
 
 class FastSine final : public SineTransform {

@@ -9,6 +9,10 @@
 :func:`solve` takes arrays or a :class:`Scene`; :class:`Solver` keeps what it has prepared for other x0 and sources.
 """
 
+from . import _load
+
+_variant, _openmp = _load.core()
+
 from . import _core
 from ._arrays import Tridiagonal
 from ._dynamics import Dynamics, Kronecker
@@ -22,6 +26,7 @@ from ._errors import (
     NotSolvedWarning,
     SingularShift,
 )
+from ._backends import BackendInfo, backends, cuda_devices
 from ._io import SavedResult, load
 from ._result import Result, Status, Switch
 from ._scene import Scene, scene, scenes
@@ -30,12 +35,8 @@ from ._solve import Solver, solve
 __version__: str = _core.version
 
 
-def cuda_devices() -> list[str]:
-    """Names of the CUDA devices that can be used; empty where there is none, or the build has no CUDA backend."""
-    return _core.cuda_devices()
-
-
 __all__ = [
+    "BackendInfo",
     "DeviceError",
     "DoesNotFit",
     "Dynamics",
@@ -54,6 +55,7 @@ __all__ = [
     "Switch",
     "Tridiagonal",
     "__version__",
+    "backends",
     "cuda_devices",
     "load",
     "scene",

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
+import signal
 import sys
-from pathlib import Path
+
+from . import _core
 
 
 def main() -> None:
-    command = Path(__file__).with_name("bin") / "bromwich"
-    if not command.exists():
-        sys.exit(f"bromwich: {command} is missing: this build of the package has no command")
     sys.stdout.flush()
-    os.execv(command, ["bromwich", *sys.argv[1:]])
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # the command has its own answer to Ctrl-C
+    sys.exit(_core.command(["bromwich", *sys.argv[1:]]))
 
 
 if __name__ == "__main__":

@@ -36,16 +36,19 @@ def is_sparse(a: Any) -> bool:
     return hasattr(a, "tocsc") and hasattr(a, "nnz")
 
 
+# Of DLPack: the processor, and memory of devices that the processor can read.
+READABLE = frozenset({1, 3, 11, 13})
+
+
 def on_host(a: Any, name: str) -> np.ndarray:
-    """NumPy's view of an array; others come through DLPack, from devices by an explicit copy."""
-    if isinstance(a, (np.ndarray, Sequence, int, float)) or np.isscalar(a):
-        found = a
-    elif hasattr(a, "__dlpack__") and not hasattr(a, "__array__"):
-        found = np.from_dlpack(a)
-    elif hasattr(a, "__cuda_array_interface__"):
-        raise Error(f"{name}: is an array on a CUDA device; copy it to the host first", name)
-    else:
-        found = a
+    """NumPy's view of an array of any library, through DLPack where it has that. What lies on a device is refused."""
+    found = a
+    if not (isinstance(a, (np.ndarray, Sequence, int, float)) or np.isscalar(a)):
+        where = a.__dlpack_device__()[0] if hasattr(a, "__dlpack_device__") else 1
+        if where not in READABLE or (where == 1 and hasattr(a, "__cuda_array_interface__")):
+            raise Error(f"{name}: is an array on a device; copy it to the host first", name)
+        if hasattr(a, "__dlpack__") and not hasattr(a, "__array__"):
+            found = _through_dlpack(a, name)
     try:
         array = np.asarray(found)
         if np.iscomplexobj(array):
@@ -53,10 +56,17 @@ def on_host(a: Any, name: str) -> np.ndarray:
         if array.dtype.kind not in "biufO":
             raise Error(f"{name}: is an array of {array.dtype}; give numbers", name)
         return np.ascontiguousarray(array, dtype=np.float64) if array.ndim else array.astype(np.float64)
-    except (TypeError, ValueError) as error:
-        if isinstance(error, Error):
-            raise
+    except Error:
+        raise
+    except (TypeError, ValueError, RuntimeError, BufferError) as error:  # what libraries say of arrays that they keep
         raise Error(f"{name}: is no array of numbers ({error}); give nested lists or an array", name) from error
+
+
+def _through_dlpack(a: Any, name: str) -> np.ndarray:
+    try:
+        return np.from_dlpack(a)
+    except (TypeError, ValueError, RuntimeError, BufferError) as error:
+        raise Error(f"{name}: cannot be read through DLPack ({error}); give a NumPy array", name) from error
 
 
 def vector(a: Any, name: str) -> np.ndarray:
@@ -67,6 +77,17 @@ def vector(a: Any, name: str) -> np.ndarray:
     if array.ndim > 1:
         raise Error(f"{name}: has {array.ndim} dimensions; give one", name)
     return np.atleast_1d(array)
+
+
+def filled(a: Any, size: int, name: str) -> np.ndarray:
+    """One dimension; a number is that for all of ``size``."""
+    array = on_host(a, name)
+    return np.full(size, float(array)) if array.ndim == 0 else vector(array, name)
+
+
+def of_other_library(a: Any) -> bool:
+    """Whether it is an array, and none of NumPy."""
+    return hasattr(a, "__dlpack__") and not isinstance(a, np.ndarray)
 
 
 def matrix(a: Any, name: str, column: bool = False) -> np.ndarray:

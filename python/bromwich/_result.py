@@ -11,6 +11,7 @@ import numpy as np
 
 from . import _core
 from ._errors import Error
+from ._sources import restored
 
 if TYPE_CHECKING:
     import xarray
@@ -52,6 +53,10 @@ class Result:
 
     def __init__(self, answer: _core.Answer, scene: Scene) -> None:
         self._answer, self._scene = answer, scene
+
+    def __reduce__(self) -> tuple:
+        """Pickles the arrays with the scene; what is asked of the copy later is computed on the host."""
+        return _restored, (self._scene, _core.state_of_answer(self._answer))
 
     @property
     def scene(self) -> Scene:
@@ -279,6 +284,16 @@ class Result:
         if self.warning:
             words.append(f"warning: {self.warning}")
         return f"<bromwich.Result {', '.join(words)}>"
+
+
+def _restored(scene: Scene, state: dict[str, Any]) -> Result:
+    model = scene._model
+    if "x0" in state or "sources" in state:  # of a Solver, which has changed them
+        f, g, breakpoints, known = state.get("sources", (None, None, [], False))
+        model = _core.changed_model(
+            model, state.get("x0"), "sources" in state, restored(f), restored(g), breakpoints, known
+        )
+    return Result(_core.answer_from(model, state), scene)
 
 
 def _seconds(s: float) -> str:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import pickle
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from . import _core
-from ._arrays import Tridiagonal, compressed, is_sparse, lcp_matrix, matrix, vector
+from ._arrays import Tridiagonal, compressed, filled, is_sparse, lcp_matrix, matrix, vector
 from ._dynamics import Dynamics, Kronecker
 from ._errors import Error
-from ._sources import source, steps_of
+from ._sources import on_this_host, restored, source, steps_of
 
 
 class Scene:
@@ -96,12 +98,14 @@ class Scene:
             raise Error("f: enters the states of a Kronecker sum; give n values and F='B', for B f(t)", "f")
         _set_f_entry(model, F)
         self._model, self._parameters = model, dict(parameters or {})
+        f, g = on_this_host(f, "f"), on_this_host(g, "g")
         parts = self._sources(f, g)
         tables = [steps_of(f, model.sources), steps_of(g, model.constraints)]
         model.steps = int(steps) if steps is not None else max(tables) or 400
         model.set_sources(*parts, sorted(float(t) for t in breakpoints))
         model.validate()
         self._facts: dict[str, Any] = {}
+        self._recipe: tuple | None = None
 
     def _sources(self, f: Any, g: Any) -> tuple[_core.Source | None, _core.Source | None]:
         m = self._model
@@ -111,10 +115,19 @@ class Scene:
         )
 
     @classmethod
-    def _of(cls, model: _core.Model, parameters: Mapping[str, float], facts: dict[str, Any]) -> Scene:
+    def _of(
+        cls, model: _core.Model, parameters: Mapping[str, float], facts: dict[str, Any], recipe: tuple | None = None
+    ) -> Scene:
         scene = cls.__new__(cls)
-        scene._model, scene._parameters, scene._facts = model, dict(parameters), facts
+        scene._model, scene._parameters, scene._facts, scene._recipe = model, dict(parameters), facts, recipe
         return scene
+
+    def __reduce__(self) -> tuple:
+        """Pickles what was given; functions, and scenes of files and of the catalogue, by name."""
+        if self._recipe is not None:
+            return _made_again, (type(self), self._recipe, _fingerprint(self._model))
+        state = _core.state_of_model(self._model)
+        return _restored, (type(self), state, _core.state_of_sources(self._model), self._parameters)
 
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str], **settings: float) -> Scene:
@@ -123,8 +136,9 @@ class Scene:
         Raises:
             Error: names file, line and key.
         """
-        model, facts = _core.read_scene(os.fspath(path), {k: float(v) for k, v in settings.items()})
-        return cls._of(model, facts["parameters"], facts)
+        values = {k: float(v) for k, v in settings.items()}
+        model, facts = _core.read_scene(os.fspath(path), values)
+        return cls._of(model, facts["parameters"], facts, ("from_toml", (os.path.abspath(path),), values))
 
     @classmethod
     def relay(
@@ -139,7 +153,8 @@ class Scene:
         model = _core.relay(A, B, C, sources[0], vector(x0, "x0"), sources[1])
         model.name, model.T, model.steps = name, float(T), int(steps)
         model.validate()
-        return cls._of(model, {}, {})
+        given = dict(A=A.copy(), B=B.copy(), C=C.copy(), x0=vector(x0, "x0").copy(), T=float(T), f=f)
+        return cls._of(model, {}, {}, ("relay", (), {**given, "steps": int(steps), "name": name}))
 
     @property
     def name(self) -> str:
@@ -229,13 +244,49 @@ def scene(name: str, **settings: float) -> Scene:
     for known, summary, parameters in _core.catalogue():
         if known == name:
             defaults = {k: default for k, (default, _) in parameters.items() if np.isfinite(default)}
-            return Scene._of(model, {**defaults, **values}, {"description": summary})
-    return Scene._of(model, values, {})
+            return Scene._of(model, {**defaults, **values}, {"description": summary}, ("catalogue", (name,), values))
+    return Scene._of(model, values, {}, ("catalogue", (name,), values))
 
 
 def scenes() -> dict[str, dict[str, Any]]:
     """The built-in scenes: ``summary`` and ``parameters``, each with its default and its meaning."""
     return {name: {"summary": summary, "parameters": parameters} for name, summary, parameters in _core.catalogue()}
+
+
+def _restored(cls: type[Scene], state: dict[str, Any], sources: tuple, parameters: dict[str, float]) -> Scene:
+    """A scene that was stated by arrays, from what ``Scene.__reduce__`` has kept."""
+    model = _core.Model.empty()
+    model.name, model.T, model.steps, model.free_rows = (state[k] for k in ("name", "T", "steps", "free_rows"))
+    for key in ("dynamics", "M"):
+        setter, *arguments = state[key]
+        getattr(model, setter)(*arguments)
+    model.set_lcp_class(state["lcp_class"])
+    model.set_f_entry(*state["f_entry"])
+    if "boundary" in state:
+        model.set_boundary(*state["boundary"])
+    else:
+        model.set_x0(state["x0"])
+    f, g, breakpoints = sources
+    model.set_sources(restored(f), restored(g), breakpoints)
+    model.validate()
+    return cls._of(model, parameters, {})
+
+
+def _made_again(cls: type[Scene], recipe: tuple, fingerprint: str) -> Scene:
+    """A scene of a file, of the catalogue or of a relay."""
+    maker, arguments, named = recipe
+    made = scene(*arguments, **named) if maker == "catalogue" else getattr(cls, maker)(*arguments, **named)
+    if _fingerprint(made._model) != fingerprint:
+        where = arguments[0] if arguments else maker
+        raise Error(f"scene: {where} is not what it was when the scene was pickled; pickle it again", "scene")
+    return made
+
+
+def _fingerprint(model: _core.Model) -> str:
+    """Of all numbers of a scene, and of its sources at a few times."""
+    times = model.T * np.array([0.0, 0.137, 0.381, 0.729, 1.0])
+    values = [_core.source_values(model, float(t)) for t in times]
+    return hashlib.sha256(pickle.dumps((_core.state_of_model(model), values), protocol=4)).hexdigest()
 
 
 def _set_dynamics(model: _core.Model, A: Any, B: Any, N: Any, E: Any, dynamics: Dynamics | Kronecker | None) -> None:
@@ -275,7 +326,7 @@ def _set_conditions(model: _core.Model, x0: Any, E0: Any, ET: Any, b: Any) -> No
     if E0 is None and ET is None and b is None:
         if x0 is None:
             raise Error("x0: is missing; give the state at t = 0, or E0, ET and b", "x0")
-        model.set_x0(np.full(model.states, float(x0)) if np.ndim(x0) == 0 else vector(x0, "x0"))
+        model.set_x0(filled(x0, model.states, "x0"))
         return
     for name, value in (("E0", E0), ("ET", ET), ("b", b)):
         if value is None:

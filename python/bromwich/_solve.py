@@ -7,14 +7,13 @@ import warnings
 from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
-import numpy as np
-
 from . import _core
-from ._arrays import vector
+from ._arrays import filled
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._progress import reporting
 from ._result import Result, Status
 from ._scene import Scene
+from ._sources import on_this_host
 
 # States are recorded by default where there are no more.
 RECORDED_STATES = 1000
@@ -168,15 +167,15 @@ class Solver:
         Raises:
             Error: for another length, values that are not finite, and scenes with boundary values.
         """
-        m = self._scene.states
-        self._prepared.set_x0(np.full(m, float(x0)) if np.ndim(x0) == 0 else vector(x0, "x0"))
+        self._prepared.set_x0(filled(x0, self._scene.states, "x0"))
 
     def set_sources(self, f: Any = None, g: Any = None, breakpoints: Iterable[float] = ()) -> None:
         """Both sources, as :class:`Scene` takes them; None is zero.
 
         A solver keeps the values of sources. Where a function has changed in itself, hand it over again.
         """
-        self._prepared.set_sources(*self._scene._sources(f, g), sorted(float(t) for t in breakpoints))
+        parts = self._scene._sources(on_this_host(f, "f"), on_this_host(g, "g"))
+        self._prepared.set_sources(*parts, sorted(float(t) for t in breakpoints))
 
     def solve(
         self, *, progress: Progress | bool | None = None, stop: Callable[[], bool] | None = None, check: Check = "warn"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from ._arrays import on_host, vector
+from ._arrays import of_other_library, on_host, vector
 from ._errors import Error
 
 
@@ -34,6 +34,13 @@ def source(given: Any, name: str, width: int, T: float, parameters: Mapping[str,
     constant = np.full(width, float(array)) if array.ndim == 0 else vector(array, name)
     _require(constant.size == width, name, f"has {constant.size} values", f"give {width}, or {width} columns over time")
     return _core.Source.constant(constant)
+
+
+def on_this_host(given: Any, name: str) -> Any:
+    """The same with arrays of other libraries as NumPy's, in a table of one's own times too."""
+    if isinstance(given, tuple):
+        return tuple(on_this_host(part, name) for part in given)
+    return on_host(given, name) if of_other_library(given) else given
 
 
 def steps_of(given: Any, width: int) -> int:
@@ -65,9 +72,14 @@ def _table(times: np.ndarray, values: np.ndarray, name: str, width: int, T: floa
     return _core.Source.table(np.ascontiguousarray(times[keep]), np.ascontiguousarray(values[keep]), kinks)
 
 
-def _function(function: Callable, name: str, width: int, T: float) -> _core.Source:
-    def one(t: float) -> np.ndarray:
-        returned = function(t)
+class _OneTime:
+    """A user's function as the compiled part calls it: one time, ``width`` values."""
+
+    def __init__(self, function: Callable, name: str, width: int) -> None:
+        self.function, self.name, self.width = function, name, width
+
+    def __call__(self, t: float) -> np.ndarray:
+        returned, name, width = self.function(t), self.name, self.width
         try:
             found = np.asarray(returned, dtype=np.float64)
         except (TypeError, ValueError) as error:
@@ -77,21 +89,39 @@ def _function(function: Callable, name: str, width: int, T: float) -> _core.Sour
             found = found.ravel()
         return np.ascontiguousarray(found)
 
-    return _core.Source.function(one, _many(function, one, name, width, T), width, T)
+
+class _ManyTimes:
+    """The same for an array of times: times x width. ``turned``: the user's function returns width x times."""
+
+    def __init__(self, function: Callable, name: str, width: int, turned: bool) -> None:
+        self.function, self.name, self.width, self.turned = function, name, width, turned
+
+    def __call__(self, t: np.ndarray) -> np.ndarray:
+        values = np.asarray(self.function(t), dtype=np.float64)
+        name, shape = self.name, (t.size, self.width)
+        if self.turned and values.size == t.size * self.width:
+            values = values.reshape(self.width, t.size).T
+        if values.shape != shape:
+            raise Error(f"{name}: returned shape {values.shape} for {t.size} times; return {shape}", name)
+        return np.ascontiguousarray(values)
 
 
-def _many(
-    function: Callable, one: Callable[[float], np.ndarray], name: str, width: int, T: float
-) -> Callable[[np.ndarray], np.ndarray] | None:
-    """The function for many times at once, times x width, where it proves to take an array of times; None otherwise.
+def _function(function: Callable, name: str, width: int, T: float) -> _core.Source:
+    one = _OneTime(function, name, width)
+    return _core.Source.function(one, _many(one, T), width, T)
+
+
+def _many(one: _OneTime, T: float) -> _ManyTimes | None:
+    """The function for many times at once, where it proves to take an array of times; None otherwise.
 
     It may return times x width or width x times; with one value, times alone.
     """
+    width = one.width
     count = 5 if width != 5 else 7  # as many as cannot be taken for the values
     times = T * np.array([0.0, 0.137, 0.381, 0.5, 0.729, 0.901, 1.0])[:count]
     try:
         with np.errstate(all="ignore"):
-            found = np.asarray(function(times), dtype=np.float64)
+            found = np.asarray(one.function(times), dtype=np.float64)
     except Exception:  # it takes one time at once
         return None
     if found.shape == (count, width):
@@ -105,13 +135,12 @@ def _many(
     scale = np.max(np.abs(alone), initial=0.0)
     if not np.allclose(found, alone, rtol=1e-12, atol=1e-13 * scale, equal_nan=True):
         return None
+    return _ManyTimes(one.function, one.name, width, turned)
 
-    def many(t: np.ndarray) -> np.ndarray:
-        values = np.asarray(function(t), dtype=np.float64)
-        if turned:
-            values = values.reshape(width, t.size).T
-        if values.shape != (t.size, width):
-            raise Error(f"{name}: returned shape {values.shape} for {t.size} times; return {(t.size, width)}", name)
-        return np.ascontiguousarray(values)
 
-    return many
+def restored(state: tuple | None) -> _core.Source | None:
+    """The source that the compiled part has described (``state_of_sources``)."""
+    if state is None:
+        return None
+    word, *arguments = state
+    return getattr(_core.Source, word)(*arguments)

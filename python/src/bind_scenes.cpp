@@ -57,6 +57,9 @@ void set_sources(Model& model, const Source* f, const Source* g, const std::vect
     keep(model, given->callables);
     if (given->forget) model.forget.push_back(given->forget);
   }
+  model.f = f ? std::make_shared<const Source>(*f) : nullptr;
+  model.g = g ? std::make_shared<const Source>(*g) : nullptr;
+  model.declared = declared;
   Scene& scene = model.scene;
   scene.f = given_f.function;
   scene.g = given_g.function;
@@ -174,6 +177,7 @@ void bind_scenes(nb::module_& m) {
             const auto spectral = bound ? std::optional(SpectralBound{bound->first, bound->second}) : std::nullopt;
             const Kept prepares(std::move(shifted)), multiplies = mass.is_none() ? Kept() : Kept(std::move(mass));
             keep(s, {prepares, multiplies});
+            s.shifted = prepares, s.mass = multiplies;
             s.scene.dynamics = supplied_dynamics(states, matrix(B), matrix(N), prepares, multiplies, spectral);
           },
           nb::arg("states"), nb::arg("B"), nb::arg("N"), nb::arg("shifted"), nb::arg("mass").none(),

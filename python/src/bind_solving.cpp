@@ -6,7 +6,6 @@
 #include "core/base/error.hpp"
 #include "core/result/time_left.hpp"
 #include "core/solve/solver.hpp"
-#include "kernels/cuda_backend.hpp"
 #include "sources.hpp"
 
 #include <bromwich/bromwich.hpp>
@@ -80,6 +79,7 @@ class Prepared {
     const nb::gil_scoped_release released;
     const std::lock_guard lock(mutex_);
     solver_.set_x0(as_vector(x0));
+    changes_.other_x0 = true;
     seen_ = nullptr;
   }
 
@@ -89,6 +89,9 @@ class Prepared {
     const Source none, &given_f = f ? *f : none, &given_g = g ? *g : none;
     solver_.set_sources(given_f.function, given_g.function,
                         merged(merged(given_f.breakpoints, given_g.breakpoints), declared));
+    changes_.f = f ? std::make_shared<const Source>(*f) : nullptr;
+    changes_.g = g ? std::make_shared<const Source>(*g) : nullptr;
+    changes_.other_sources = true;
     seen_ = nullptr;
   }
 
@@ -97,7 +100,7 @@ class Prepared {
     return unlocked(calls, [&] {
       const std::lock_guard lock(mutex_);
       const std::lock_guard other(machine_->busy);
-      if (!seen_) seen_ = std::make_shared<const Model>(solver_.scene());
+      if (!seen_) seen_ = changed();
       auto answer = std::make_shared<Answer>(Answer{seen_, machine_, options_, {}, false, {}});
       calls_ = &calls;
       const struct Forget {
@@ -110,6 +113,12 @@ class Prepared {
   }
 
  private:
+  std::shared_ptr<const Model> changed() const {
+    auto model = std::make_shared<Model>(solver_.scene());
+    model->f = changes_.f, model->g = changes_.g;
+    model->other_x0 = changes_.other_x0, model->other_sources = changes_.other_sources;
+    return model;
+  }
   Options listened(Options options) {
     options.progress = [this](const Progress& p) {
       if (calls_) calls_->progress(p);
@@ -119,6 +128,7 @@ class Prepared {
   }
 
   std::shared_ptr<const Model> seen_;
+  Model changes_;  ///< its sources, and what is another one than at first
   Options options_;
   std::shared_ptr<Machine> machine_;
   Calls* calls_ = nullptr;  ///< of the solve that runs
@@ -171,8 +181,6 @@ void bind_solving(nb::module_& m) {
       .def("set_x0", &Prepared::set_x0, nb::arg("x0"))
       .def("set_sources", &Prepared::set_sources, nb::arg("f").none(), nb::arg("g").none(), nb::arg("breakpoints"))
       .def("solve", &Prepared::solve, nb::arg("progress").none(), nb::arg("stop").none());
-  m.def("cuda_devices", &cuda_devices, "Names of the CUDA devices that can be used.");
-  m.def("cuda_built", &cuda_built, "Whether this build has the CUDA backend.");
   m.attr("version") = BROMWICH_VERSION;
 }
 

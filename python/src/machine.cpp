@@ -1,10 +1,11 @@
 #include "machine.hpp"
 
 #include "app/backend_choice.hpp"
+#include "core/base/error.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/method_choice.hpp"
 #include "cpu/cpu_backend.hpp"
-#include "kernels/cuda_backend.hpp"
+#include "kernels/cuda_plugin.hpp"
 
 #include <utility>
 
@@ -59,6 +60,8 @@ std::shared_ptr<Machine> machine_for(const std::string& word, const Scene& scene
   KeptMachines& kept = kept_machines();
   const std::lock_guard lock(kept.mutex);
   const bool started = kept.cuda.machine != nullptr;
+  if (word == "cuda" && !cuda_plugin_missing().empty())
+    throw Error("backend", "found 'cuda' but " + cuda_plugin_missing(), "use cpu", ErrorKind::device);
   if (stays_on_host(word, scene, options, started)) return on_host(kept, threads, own);
   const Index components = Index(recorded_components(scene, options).size());
   if (kept.cuda.fits(threads) && (word == "auto" || word == "cuda"))

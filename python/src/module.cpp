@@ -2,6 +2,42 @@
 
 #include "module.hpp"
 
+#include "app/commands.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "cpu/real_fft.hpp"
+#include "kernels/cuda_plugin.hpp"
+
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <string>
+#include <vector>
+
+namespace bromwich::python {
+namespace {
+
+int command(std::vector<std::string> words) {
+  const nb::gil_scoped_release released;
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  return app::command(int(words.size()), argv.data());
+}
+
+void bind_machine(nb::module_& m) {
+  m.def("command", &command, nb::arg("words"), "The command line; the exit code. Once a process.");
+  m.def(
+      "threads", [] { return make_cpu_backend()->device().threads; }, "Threads of a solve with threads=0.");
+  m.def("set_cuda_plugin", &set_cuda_plugin, nb::arg("file"), "Where the CUDA backend is; empty: nowhere.");
+  m.def("cuda_missing", &cuda_plugin_missing, "Why there is no CUDA backend; empty if it is loaded.");
+  m.def("cuda_devices", &cuda_devices, "Names of the CUDA devices that can be used.");
+  m.attr("transform") = cpu::transform_library();
+  m.attr("built_for") = BROMWICH_BUILT_FOR;
+}
+
+}  // namespace
+}  // namespace bromwich::python
+
 NB_MODULE(_core, m) {
   using namespace bromwich::python;
   nanobind::set_leak_warnings(false);  // a function of a module that holds its own scene outlives the interpreter
@@ -11,4 +47,6 @@ NB_MODULE(_core, m) {
   bind_scenes(m);
   bind_results(m);
   bind_solving(m);
+  bind_state(m);
+  bind_machine(m);
 }

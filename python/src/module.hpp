@@ -16,6 +16,8 @@ namespace bromwich::python {
 
 /// A scene as Python holds it; a solve and its result share it. Made by make_shared, so that they hold it and not its
 /// Python object, which the collector of cycles could not see.
+struct Source;
+
 struct Model : std::enable_shared_from_this<Model> {
   Model() = default;
   explicit Model(Scene stated, std::shared_ptr<const QuantityOfInterest> of_file = {})
@@ -27,6 +29,11 @@ struct Model : std::enable_shared_from_this<Model> {
   std::vector<Kept> callables = {};
   /// Before a solve: a function of Python may have changed since the last one.
   std::vector<std::function<void()>> forget = {};
+  /// As they were given, for pickle; null in scenes that were not stated by arrays, and without a source.
+  std::shared_ptr<const Source> f = {}, g = {};
+  std::vector<double> declared = {};             ///< breakpoints that were given
+  Kept shifted = {}, mass = {};                  ///< of supplied dynamics
+  bool other_x0 = false, other_sources = false;  ///< than the scene has, in results of a Solver
 };
 
 void bind_errors(nb::module_& m);
@@ -34,5 +41,6 @@ void bind_sources(nb::module_& m);
 void bind_scenes(nb::module_& m);
 void bind_results(nb::module_& m);
 void bind_solving(nb::module_& m);
+void bind_state(nb::module_& m);
 
 }  // namespace bromwich::python

@@ -3,6 +3,8 @@
 #include "arrays.hpp"
 #include "core/base/error.hpp"
 
+#include <nanobind/eigen/dense.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -94,7 +96,9 @@ class Walked {
 }  // namespace
 
 Source constant_source(const Vector& value) {
-  return {[value](double, Eigen::Ref<Vector> out) { out = value; }, value.size(), {}, true};
+  Source source{[value](double, Eigen::Ref<Vector> out) { out = value; }, value.size(), {}, true};
+  source.state = [value] { return nb::make_tuple("constant", value); };
+  return source;
 }
 
 Source table_source(const Vector& times, const RowMatrix& values, bool kinks) {
@@ -105,8 +109,10 @@ Source table_source(const Vector& times, const RowMatrix& values, bool kinks) {
     const bool jump = times[i] == times[i + 1], first = times[i] > times[i - 1];
     if (first && (kinks || jump)) source.breakpoints.push_back(times[i]);
   }
-  source.function = [times = std::make_shared<const Vector>(times), values = std::make_shared<const RowMatrix>(values)](
-                        double t, Eigen::Ref<Vector> out) {
+  const auto kept_times = std::make_shared<const Vector>(times);
+  const auto kept_values = std::make_shared<const RowMatrix>(values);
+  source.state = [kept_times, kept_values, kinks] { return nb::make_tuple("table", *kept_times, *kept_values, kinks); };
+  source.function = [times = kept_times, values = kept_values](double t, Eigen::Ref<Vector> out) {
     const double *first = times->data(), *end = first + times->size();
     const double* above = std::upper_bound(first, end, t);  // of two rows at t the second one counts
     const Index i = above - first;
@@ -128,7 +134,10 @@ Source python_source(const Kept& one, const Kept& many, Index width, double T) {
           {},
           false,
           {one, many},
-          [walked] { walked->forget(); }};
+          [walked] { walked->forget(); },
+          [one, many, width, T] {
+            return nb::make_tuple("function", one.get(), many ? many.get() : nb::none(), width, T);
+          }};
 }
 
 std::vector<double> merged(const std::vector<double>& a, const std::vector<double>& b) {

@@ -19,6 +19,8 @@ struct Source {
   bool breakpoints_are_all = false;
   std::vector<Kept> callables = {};   ///< what the function calls
   std::function<void()> forget = {};  ///< drops values that it has kept, before a solve; may be empty
+  /// With the lock held: (word, arguments) of the function that makes it again.
+  std::function<nb::object()> state = {};
 };
 
 Source constant_source(const Vector& value);

@@ -6,7 +6,7 @@ python=$1 source=$2 build=$3
 out=$build/python/package
 tools=$("$python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
 
-for module in scikit_build_core numpy scipy pytest; do
+for module in scikit_build_core numpy scipy pytest auditwheel; do
   "$python" -c "import $module" 2>/dev/null || {
     echo "python.package: skipped, $python has no $module (scripts/python-env installs it)"
     exit 77
@@ -22,12 +22,17 @@ export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INDEX=1 PIP_QUIET=1
   --config-settings=cmake.source-dir=prebuilt --config-settings=cmake.define.BROMWICH_BUILD="$build" \
   --config-settings=build.targets=all --config-settings=build-dir="$out/cmake"
 
+# The libraries of this system go into the wheel, save those that every Linux has.
+PATH=$(dirname "$python"):$PATH "$python" -m auditwheel repair --exclude libgomp.so.1 --wheel-dir "$out/repaired" "$out"/bromwich-*.whl
 "$python" -m venv "$out/env"
-"$out/env/bin/python" -m pip install --find-links "$wheels" "$out"/bromwich-*.whl
+"$out/env/bin/python" -m pip install --find-links "$wheels" "$out"/repaired/bromwich-*.whl
+"$python" "$source/python/tests/self_contained.py" "$("$out/env/bin/python" -c 'import bromwich; print(bromwich.__path__[0])')"
 cd "$out"
+ls -l repaired
 echo "With NumPy alone:"
 env/bin/python - <<'END'
 import bromwich
+print(bromwich.backends())
 print(bromwich.__version__, bromwich.solve(A=-1, B=1, N=1, M=1, g=lambda t: -t, x0=0, T=1, check=True))
 END
 env/bin/python -m bromwich info

@@ -210,3 +210,55 @@ def test_solves_in_two_threads(diode):
 def test_the_command():
     found = subprocess.run([sys.executable, "-m", "bromwich", "--version"], capture_output=True, text=True)
     assert found.returncode == 0 and bromwich.__version__ in found.stdout
+
+
+def frames(error):
+    """Names of the functions that an exception came through."""
+    trace, names = error.__traceback__, []
+    while trace:
+        names.append(trace.tb_frame.f_code.co_name)
+        trace = trace.tb_next
+    return names
+
+
+class Mine(Exception):
+    pass
+
+
+def deep(*_):
+    raise Mine("from below") from LookupError("the cause")
+
+
+def callbacks():
+    def at_first(t):
+        return -1.0 if t < 1 else deep()
+
+    def only_many(t):
+        return -np.asarray(t) if np.size(t) < 20 else deep()
+
+    system = dict(A=-1.0, B=1.0, N=1.0, M=1.0, x0=0.0, T=2.0, steps=100)
+    operator = dict(M=1, x0=0, T=2, g=-1.0, steps=20)
+    resolvent = lambda z: lambda R: R / (z + 1)
+    dynamics = lambda **change: bromwich.Dynamics(1, [[1.0]], [[1.0]], **{"shifted": resolvent, "bound": (0, -1)} | change)
+    long = dict(system, g="-sin(t)", steps=1 << 20, method="march", states=None)
+    return {
+        "g of one time": dict(system, g=at_first),
+        "g of many times": dict(system, g=only_many),
+        "f": dict(system, f=at_first),
+        "preparing a shift": dict(operator, dynamics=dynamics(shifted=deep)),
+        "solving": dict(operator, dynamics=dynamics(shifted=lambda z: deep)),
+        "mass": dict(operator, x0=0.5, dynamics=dynamics(mass=deep)),  # of E x0
+        "progress": dict(long, progress=deep),
+        "stop": dict(long, stop=deep),
+    }
+
+
+@pytest.mark.parametrize("where", callbacks())
+def test_callbacks_that_raise(where):
+    """The exception itself, with its own traceback and cause, and nothing of ours around it."""
+    with pytest.raises(Mine, match="^from below$") as caught:
+        bromwich.solve(**callbacks()[where])
+    assert frames(caught.value)[-1] == "deep"
+    assert "solve" in frames(caught.value)
+    assert isinstance(caught.value.__cause__, LookupError)
+    assert bromwich.solve(A=-1, B=1, N=1, M=1, x0=0, T=1, g=-1.0).ok  # and the next solve is as ever

@@ -277,3 +277,46 @@ def test_callables_run_in_the_calling_thread(diode, options):
 
     bromwich.solve(**diode, g=g, f=g, steps=64, progress=lambda *_: g(0.0), stop=lambda: g(0.0) > 2, **options)
     assert idents == {threading.get_ident()}
+
+
+@pytest.mark.parametrize("method", ["auto", "march", "contour", "multigrid", "euler"])
+def test_supplied_dynamics_run_in_the_calling_thread(heat, method):
+    """All three callables, also where the library has threads to spare; what the method refuses is refused."""
+    linalg, sparse = pytest.importorskip("scipy.sparse.linalg"), pytest.importorskip("scipy.sparse")
+    A, B, N = heat.pop("A"), heat.pop("B"), heat.pop("N")
+    identity, calls = sparse.eye_array(A.shape[0]), []
+
+    def note(kind):
+        calls.append((kind, threading.get_ident()))
+
+    def shifted(z):
+        note("shifted")
+        lu = linalg.splu((z * identity - A).tocsc())
+
+        def solve(R):
+            note("solve")
+            return lu.solve(R)
+
+        return solve
+
+    def mass(X):
+        note("mass")
+        return X
+
+    dynamics = bromwich.Dynamics(A.shape[0], B, N, shifted=shifted, mass=mass, bound=(0, 0))
+    scene = bromwich.Scene(dynamics=dynamics, **heat)
+    bromwich.solve(scene, steps=60, method=method, threads=4, check=False)
+    assert {kind for kind, _ in calls} >= {"shifted", "solve"}
+    assert {ident for _, ident in calls} == {threading.get_ident()}
+    calls.clear()
+    thread = threading.Thread(target=lambda: bromwich.solve(scene, steps=60, method=method, check=False))
+    thread.start()
+    thread.join()
+    assert {ident for _, ident in calls} == {thread.ident}
+
+
+def test_functions_return_arrays_of_other_shapes(diode):
+    """One number, a list, a column, integers: one value each."""
+    expected = bromwich.solve(**diode, g=-1.0, steps=20)
+    for g in (lambda t: -1, lambda t: [-1], lambda t: np.array([[-1.0]]), lambda t: np.full(np.shape(t), -1)):
+        same(bromwich.solve(**diode, g=g, steps=20), expected)
