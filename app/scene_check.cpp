@@ -46,14 +46,14 @@ struct Describe {
 };
 
 std::string mass_text(const Dynamics& dynamics) {
-  if (!has_mass(dynamics)) return "E = I";
+  if ( dynamics->has_mass()) return "E = I";
   return has_singular_mass(dynamics) ? "E is singular" : "E is regular";
 }
 
 /// The scene on which the methods work: without E and free rows, small sparse matrices written out.
 Scene reduced(const Scene& scene) {
   Scene result = scene;
-  if (has_mass(result.dynamics))
+  if (result.dynamics->has_mass())
     if (auto without = without_mass(result)) result = std::move(*without);
   if (!result.free_rows.empty() && !result.boundary && has_matrices(result.dynamics))
     if (auto eliminated = eliminate_free(result)) result = std::move(eliminated->scene);
@@ -203,7 +203,7 @@ SceneCheck check_scene(const SceneChoice& choice, Backend& backend, const Option
   check.spectrum = spectrum_text(scene);
   check.start = start_text(scene);
   look_at_sources(scene, check.steps, check);
-  if (has_mass(scene.dynamics) && has_singular_mass(scene.dynamics))
+  if (scene.dynamics->has_mass() && has_singular_mass(scene.dynamics))
     check.refusal = "E is singular: eliminate the algebraic equations, as rows with w = 0 and a free y";
   else
     look_at_methods(scene, backend, options, check);
