@@ -18,7 +18,7 @@ int run_check(const CheckArguments& arguments) {
   Options options;
   options.method = parse_method(arguments.method);
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
-  parse_states("--states", arguments.states.empty() ? choice.states : arguments.states, choice.scene.states(), options);
+  parse_states("--states", arguments.states.empty() ? choice.states : arguments.states, choice.scene, options);
   options.memory_limit = memory_bytes();
   const auto backend = choose_backend(arguments.backend, choice.scene, options, 0, 0);
   const SceneCheck check = check_scene(choice, *backend, options);

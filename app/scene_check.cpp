@@ -34,20 +34,17 @@ std::string counted(std::size_t count, const char* noun) {
   return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
 
-struct Describe {
-  std::string operator()(const DenseDynamics&) const { return "dense matrices"; }
-  std::string operator()(const KroneckerDynamics& d) const {
-    return fmt::format("Kronecker sum, {} lines of {} points", d.along.points, d.across.points);
-  }
-  std::string operator()(const SparseDynamics& d) const {
-    return fmt::format("sparse matrices, {} nonzeros in A", d.A.nonZeros());
-  }
-  std::string operator()(const SuppliedDynamics&) const { return "supplied by callbacks"; }
-};
+std::string kind_text(const LinearSystem& dynamics) {
+  if (dynamics.small_state()) return "dense matrices";
+  if (const auto* d = dynamics.modes())
+    return fmt::format("Kronecker sum, {} lines of {} points", d->along.points, d->across.points);
+  if (const auto* d = dynamics.matrices()) return fmt::format("sparse matrices, {} nonzeros in A", d->A.nonZeros());
+  return "supplied by callbacks";
+}
 
 std::string mass_text(const Dynamics& dynamics) {
-  if ( dynamics->has_mass()) return "E = I";
-  return has_singular_mass(dynamics) ? "E is singular" : "E is regular";
+  if (!dynamics->has_mass()) return "E = I";
+  return dynamics->has_singular_mass() ? "E is singular" : "E is regular";
 }
 
 /// The scene on which the methods work: without E and free rows, small sparse matrices written out.
@@ -55,7 +52,7 @@ Scene reduced(const Scene& scene) {
   Scene result = scene;
   if (result.dynamics->has_mass())
     if (auto without = without_mass(result)) result = std::move(*without);
-  if (!result.free_rows.empty() && !result.boundary && has_matrices(result.dynamics))
+  if (!result.free_rows.empty() && !result.boundary && result.dynamics->has_matrices())
     if (auto eliminated = eliminate_free(result)) result = std::move(eliminated->scene);
   if (holds<SparseDynamics>(result.dynamics) && result.states() <= smallest_sparse)
     result = written_out(std::move(result));
@@ -197,13 +194,13 @@ SceneCheck check_scene(const SceneChoice& choice, Backend& backend, const Option
   check.steps = options.steps > 0 ? options.steps : scene.default_steps;
   check.free_rows = Index(scene.free_rows.size());
   check.T = scene.T;
-  check.dynamics = std::visit(Describe{}, scene.dynamics);
+  check.dynamics = kind_text(*scene.dynamics);
   check.mass = mass_text(scene.dynamics);
   check.matrix_class = matrix_class(scene);
   check.spectrum = spectrum_text(scene);
   check.start = start_text(scene);
   look_at_sources(scene, check.steps, check);
-  if (scene.dynamics->has_mass() && has_singular_mass(scene.dynamics))
+  if (scene.dynamics->has_singular_mass())
     check.refusal = "E is singular: eliminate the algebraic equations, as rows with w = 0 and a free y";
   else
     look_at_methods(scene, backend, options, check);
