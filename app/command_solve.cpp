@@ -295,10 +295,10 @@ int run_solve(const SolveArguments& arguments) {
   if (!choice.warning.empty()) add_warning(result, choice.warning);
 
   const int used = backend->device().threads;
-  const Facts facts = facts_of_result(choice, result, used, error);
+  const Json object = to_json(choice, result, used, error, {options, decisions});
+  const Facts facts = facts_of_result(result, used, object);
   if (!parts) write(files, choice.scene, *backend, options, result, arguments.energies, facts);
   if (parts && files.out) files.out->finish(facts);
-  const Json object = to_json(choice, result, used, error, {options, decisions});
   if (files.report) write_report(*files.report, choice, result, object);
   print(arguments.json ? dump(object) : summary(choice, result, used, error, arguments.out));
   if (result.status == Status::solved) return exit_solved;

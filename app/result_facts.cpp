@@ -62,7 +62,7 @@ Facts facts_of_run(const SolveArguments& arguments, const SceneChoice& choice, c
   return facts;
 }
 
-Facts facts_of_result(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error) {
+Facts facts_of_result(const Result& result, int threads, const Json& summary) {
   Facts facts{{"status", to_string(result.status)},
               {"reason", result.reason},
               {"warning", result.warning},
@@ -77,7 +77,7 @@ Facts facts_of_result(const SceneChoice& choice, const Result& result, int threa
               {"residual", result.residual},
               {"kernel_error", result.kernel_error},
               {"seconds", result.seconds.total},
-              {"summary", compact(to_json(choice, result, threads, error))}};
+              {"summary", compact(summary)}};
   for (const auto& [name, value] : {std::pair("error_estimate", result.error_estimate),
                                     {"boundary_residual", result.boundary_residual},
                                     {"infeasible_at", result.infeasible_at}})

@@ -13,8 +13,8 @@ namespace bromwich::app {
 /// Scene, options and provenance, known before the solve.
 Facts facts_of_run(const SolveArguments&, const SceneChoice&, const Options&, const std::string& run);
 
-/// Status, reason, warning, errors and how it was solved.
-Facts facts_of_result(const SceneChoice&, const Result&, int threads, const ReferenceError&);
+/// Status, reason, warning, errors and how it was solved. `summary`: the object of --json.
+Facts facts_of_result(const Result&, int threads, const Json& summary);
 
 /// Sixteen random hexadecimal digits.
 std::string new_run();

@@ -15,6 +15,8 @@ std::mutex& planner() {
   return mutex;
 }
 
+}  // namespace
+
 struct OnePlan {
   explicit OnePlan(fftw_plan made, Index length) : plan(made) {
     if (!plan)
@@ -29,6 +31,8 @@ struct OnePlan {
 
   fftw_plan plan;
 };
+
+namespace {
 
 fftw_complex* of(Complex* values) { return reinterpret_cast<fftw_complex*>(values); }
 

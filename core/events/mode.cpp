@@ -26,7 +26,7 @@ Jet derivative(const Jet& c, const Matrix& A) {
 }
 
 // Rows of E y + C u = 0 with a largest coefficient of y of 1. Rows of rounding are zero.
-void equilibrate(Matrix& E, Jet& C, const Vector& size) {
+void balance_rows(Matrix& E, Jet& C, const Vector& size) {
   Vector by = Vector::Ones(E.rows());
   for (Index i = 0; i < E.rows(); ++i) {
     const double largest = E.row(i).cwiseAbs().maxCoeff();
@@ -135,7 +135,7 @@ std::optional<Mode> make_mode(const DenseSystem& s, const std::vector<Index>& ac
   for (Index i = 0; i < a; ++i) C.g(i, active[std::size_t(i)]) = 1;
   Vector size = s.M(active, Eigen::all).cwiseAbs().rowwise().maxCoeff();
   for (int derived = 0;; ++derived) {
-    equilibrate(E, C, size);
+    balance_rows(E, C, size);
     const Eigen::JacobiSVD<Matrix> svd(E, Eigen::ComputeFullU | Eigen::ComputeFullV);
     const Vector& values = svd.singularValues();
     Index rank = 0;

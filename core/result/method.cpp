@@ -9,7 +9,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr std::array<std::pair<Method, const char*>, 9> method_names{{
+constexpr std::array<std::pair<Method, const char*>, 10> method_names{{
     {Method::automatic, "auto"},
     {Method::multigrid, "multigrid"},
     {Method::dual, "dual"},
