@@ -1,34 +1,25 @@
 #include "core/events/event_driven.hpp"
 
 #include "core/base/text.hpp"
-#include "core/events/collocation.hpp"
-#include "core/lcp/active_set.hpp"
-#include "core/lcp/lcp_class.hpp"
-
-#include <Eigen/Dense>
+#include "core/events/event_step.hpp"
+#include "core/events/short_steps.hpp"
+#include "core/events/successor.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <map>
-#include <set>
 
 namespace bromwich {
 
 namespace {
 
 constexpr Index most_states = 64, most_constraints = 48;
-constexpr double noise_share = 10;           ///< of the tolerance: negative values below count as zero
-constexpr double shortest_share = 1e-14;     ///< of T
-constexpr Index looks_per_interval = 16384;  ///< at sources, in [0, T], where they seem to be smooth
-constexpr double overhead = 4000;            ///< of a step, in the time of floating-point operations
 constexpr double rounding_defect = 3e-13;
-constexpr int most_jumps_at_once = 12;
 constexpr int idle_events = 40;      ///< events within a short time that count as accumulated
 constexpr double idle_share = 1e-7;  ///< of T: that time
 constexpr int most_accumulations = 200;
 constexpr std::size_t most_stored = 60000000;  ///< numbers in the pieces
 
+<<<<<<< HEAD
 // f and g as polynomials on a step.
 class EventSources {
   static constexpr Index s = Collocation::degree;
@@ -117,461 +108,132 @@ struct EventSizes {
     return before.cwiseMax(c.cwiseAbs().colwise().sum().transpose());
   }
 };
+=======
+DenseSystem dense_system(const Scene& scene) {
+  const DenseDynamics& d = get<DenseDynamics>(scene.dynamics);
+  return {d.A, d.B, d.N, to_dense(scene.M)};
+}
+>>>>>>> 430628d8fe6f37702a02c4f3d881af13c8ac0ea4
 
 class EventIntegration {
   static constexpr Index s = Collocation::degree;
-  using Step = EventStep;
 
  public:
   EventIntegration(const Scene& scene, LcpClass lcp_class, const std::vector<double>& breakpoints,
                    const EventOptions& o)
+<<<<<<< HEAD
       : scene_(scene), breakpoints_(breakpoints), options_(o), sources_(scene), class_(lcp_class), T_(scene.T) {
     const DenseDynamics& d = get<DenseDynamics>(scene.dynamics);
     system_ = {d.A, d.B, d.N, to_dense(scene.M)};
     m_ = system_.states();
     n_ = system_.constraints();
     longest_ = o.longest_step > 0 ? o.longest_step : T_ / 64;
+=======
+      : breakpoints_(breakpoints),
+        options_(o),
+        class_(lcp_class),
+        T_(scene.T),
+        longest_(o.longest_step > 0 ? o.longest_step : T_ / 64),
+        system_(dense_system(scene)),
+        m_(system_.states()),
+        n_(system_.constraints()),
+        sources_(scene),
+        short_steps_(system_, sources_, T_),
+        steps_(system_, sources_, T_, o.tolerance, longest_),
+        successor_(system_, sources_, short_steps_, steps_, T_) {
+>>>>>>> 430628d8fe6f37702a02c4f3d881af13c8ac0ea4
     const Vector of_x = Vector::Zero(m_), of_y = Vector::Zero(n_);
-    sizes_.u = {of_x, of_x, of_x, of_y, of_y, of_y};
-    x_ = scene.x0;
-    y_ = integral_ = of_y;
+    at_.sizes.u = {of_x, of_x, of_x, of_y, of_y, of_y};
+    at_.h = longest_;
+    at_.x = scene.x0;
+    at_.y = at_.integral = of_y;
   }
 
   EventSolution run() {
-    if (!determines_y()) return ended("the complementarity problem of a short step is not of class P");
+    if (!short_steps_.unique(class_)) {
+      solution_.reason = "the complementarity problem of a short step is not of class P";
+      return std::move(solution_);
+    }
     std::vector<double> ends;
     for (const double t : breakpoints_)
       if (t > 0 && t < T_) ends.push_back(t);
     solution_.breakpoints = Index(ends.size());
     ends.push_back(T_);
-    h_ = longest_;
-    for (const double end : ends) {
-      end_ = end;
-      if (end_ - t_ <= 4 * epsilon * T_) {  // edges that differ by rounding alone
-        t_ = end_;
-        continue;
-      }
-      if (!begin_segment() || !run_segment()) return ended("");
-    }
-    solution_.complete = true;
-    return ended("");
-  }
-
- private:
-  EventSolution ended(const std::string& reason) {
-    if (solution_.reason.empty()) solution_.reason = reason;
-    solution_.until = t_;
+    solution_.complete = std::all_of(ends.begin(), ends.end(), [this](double end) { return advance_to(end); });
+    solution_.until = at_.t;
     return std::move(solution_);
   }
 
+ private:
   bool give_up(const std::string& why) {
-    solution_.reason = why + text(" at t = %.6g", t_);
+    solution_.reason = why + text(" at t = %.6g", at_.t);
     return false;
   }
 
-  bool determines_y() {
-    if (n_ == 0 || class_ == LcpClass::P) return true;
-    if (!is_PSD(LcpMatrix(system_.M))) return false;
-    const double rate = std::max(1 / T_, system_.A.cwiseAbs().rowwise().sum().maxCoeff());
-    for (const double share : {1e-2, 1e-5}) {
-      const Matrix W = step_matrix(share / rate);
-      const LcpClass found = classify(LcpMatrix(W));
-      step_class_ = found;
-      if (found == LcpClass::P) continue;
-      if (!is_PSD(LcpMatrix(W)) || moves_the_state(W)) return false;
-      step_class_ = LcpClass::PSD;
+  bool advance_to(double end) {
+    at_.end = end;
+    if (end - at_.t > 4 * epsilon * T_) {
+      std::optional<std::vector<Index>> likely;
+      if (mode_) likely = mode_->active;
+      return continue_with(likely, false) && run_segment();
     }
+    at_.t = end;  // edges that differ by rounding alone
     return true;
   }
 
-  // Whether two solutions of a monotone problem with the matrix W may have different B y: their difference lies in the
-  // null space of W + W^T.
-  bool moves_the_state(const Matrix& W) const {
-    const Vector by = W.diagonal().cwiseAbs().cwiseMax(1e-290).cwiseSqrt().cwiseInverse();
-    const Eigen::SelfAdjointEigenSolver<Matrix> solver(by.asDiagonal() * Matrix(W + W.transpose()) * by.asDiagonal());
-    const Matrix B = system_.B * by.asDiagonal();
-    for (Index k = 0; k < n_; ++k)
-      if (solver.eigenvalues()[k] < 1e-9 * solver.eigenvalues()[n_ - 1] &&
-          (B * solver.eigenvectors().col(k)).cwiseAbs().maxCoeff() > 1e-7 * B.cwiseAbs().maxCoeff())
-        return true;
-    return false;
+  // Chooses the active set after an event or a breakpoint, and takes its first step.
+  bool continue_with(const std::optional<std::vector<Index>>& likely, bool y_is_known) {
+    const Vector before = at_.y;
+    const double t = at_.t;
+    const Successor::Choice next = successor_.choose(at_, y_is_known, likely);
+    if (!next.mode) return give_up("no active set was found that continues the solution");
+    mode_ = next.mode;
+    for (const Vector& impulse : next.impulses) note_impulse(impulse);
+    if (t > 0) note_jump_of_y(before, next.step);
+    accept(next.step);
+    pending_event_ = next.step.valid < 1 ? next.step.event : -1;
+    return true;
   }
 
-  // M + h N (I - hA)^{-1} B.
-  Matrix step_matrix(double h) const {
-    const Matrix shifted = Matrix::Identity(m_, m_) - h * system_.A;
-    return system_.M + h * (system_.N * shifted.partialPivLu().solve(system_.B));
-  }
-
-  const Mode* mode_of(const std::vector<Index>& active) {
-    auto known = modes_.find(active);
-    if (known == modes_.end()) known = modes_.emplace(active, make_mode(system_, active)).first;
-    return known->second ? &*known->second : nullptr;
-  }
-
-  // one step
-
-  void sample(double h, const Mode& mode, Step& step, Vector& off_f, Vector& off_g) const {
-    const Collocation& c = Collocation::get();
-    sources_.sample(t_, h, step.f, step.g, off_f, off_g);
-    if (mode.uses_df) step.df = c.derivative * step.f / h;
-    if (mode.uses_dg) step.dg = c.derivative * step.g / h;
-    if (mode.uses_ddg) step.ddg = c.derivative * (c.derivative * step.g) / (h * h);
-  }
-
-  // Coefficients of the part of rows of a jet that does not depend on x.
-  static Matrix without_x(const Jet& rows, const Step& p) {
-    Matrix sum = p.f * rows.f.transpose() + p.g * rows.g.transpose();
-    if (p.df.size() > 0) sum += p.df * rows.df.transpose();
-    if (p.dg.size() > 0) sum += p.dg * rows.dg.transpose();
-    if (p.ddg.size() > 0) sum += p.ddg * rows.ddg.transpose();
-    return sum;
-  }
-
-  // (I - h lambda A_S) for the eigenvalues lambda of the Radau matrix, kept as long as mode and h stay.
-  const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& factors(const Mode& mode, double h) {
-    if (factored_mode_ == &mode && factored_h_ == h) return factors_;
-    factors_.clear();
-    const ComplexMatrix identity = ComplexMatrix::Identity(m_, m_);
-    for (const auto& e : Collocation::get().eigenvalues)
-      factors_.emplace_back(identity - (h * e.value) * mode.A.cast<Complex>());
-    factored_mode_ = &mode;
-    factored_h_ = h;
-    work_ += 12 * double(m_ * m_ * m_);
-    return factors_;
-  }
-
-  Step attempt(const Mode& mode, double h) {
-    const Collocation& c = Collocation::get();
-    Step step;
-    step.length = h;
-    Vector off_f, off_g;
-    sample(h, mode, step, off_f, off_g);
-    const Matrix y_of_sources = without_x(mode.y, step);
-    const Matrix input = step.f + y_of_sources * system_.B.transpose();
-    const Matrix right = (h * (c.integrals * input)).rowwise() + x_.transpose();  // s x m
-    Matrix values = Matrix::Zero(s + 1, m_);
-    values.row(0) = x_.transpose();
-    const auto& lu = factors(mode, h);
-    for (std::size_t k = 0; k < lu.size(); ++k) {
-      const auto& e = c.eigenvalues[k];
-      const ComplexVector z = lu[k].solve(ComplexVector(right.transpose().cast<Complex>() * e.left));
-      values.bottomRows(s) += e.weight * (e.right * z.transpose()).real();
-    }
-    step.x = c.coefficients * values;
-    step.y = step.x * mode.y.x.transpose() + y_of_sources;
-    step.w = step.x * system_.N.transpose() + step.y * system_.M.transpose() + step.g;
-    const JetValues size = sizes_.with(step);
-    step.defect = std::max({tail(step.x, size.x, {}), tail(step.f, size.f, off_f), tail(step.g, size.g, off_g)});
-    work_ +=
-        double((s + 1) * (s + 1) * (3 * m_ + 3 * n_) + 40 * m_ * m_ + (s + 1) * (4 * m_ * n_ + 2 * n_ * n_)) + overhead;
-    return step;
-  }
-
-  // The last two coefficients, or a difference that was seen, relative to the sizes.
-  static double tail(const Matrix& c, const Vector& size, const Vector& off) {
-    if (size.size() == 0) return 0;
-    const double floor = 1e-4 * size.maxCoeff() + 1e-280;
-    double largest = 0;
-    for (Index i = 0; i < c.cols(); ++i) {
-      const double last = std::abs(c(s, i)) + std::abs(c(s - 1, i)), seen = off.size() > 0 ? off[i] : 0;
-      largest = std::max(largest, std::max(last, seen) / std::max(size[i], floor));
-    }
-    return std::isfinite(largest) ? largest : INFINITY;
-  }
-
-  double noise() const { return noise_share * options_.tolerance; }
-
-  // The part of the step on which y and w are nonnegative; which component ends it is left in `event_`.
-  double validity(const Mode& mode, const Step& step) {
-    const Collocation& c = Collocation::get();
-    const JetValues size = sizes_.with(step);
-    const Vector of_y = terms(mode.y, size);
-    const Vector of_w = system_.N.cwiseAbs() * size.x + system_.M.cwiseAbs() * of_y + size.g;
-    double valid = 1;
-    event_ = -1;
-    Vector of_event;
-    std::size_t k = 0;
-    for (Index i = 0; i < n_; ++i) {
-      const bool active = k < mode.active.size() && mode.active[k] == i;
-      if (active) ++k;
-      const double zero = noise() * (active ? of_y[i] : of_w[i]) + 1e-290;
-      const Vector coefficients = (active ? step.y : step.w).col(i);
-      const double at = first_below(c.bernstein * coefficients, zero);
-      if (at >= valid) continue;
-      valid = at;
-      event_ = i;
-      of_event = coefficients;
-    }
-    if (event_ >= 0 && valid > 0) valid = zero_before(of_event, valid);
-    return valid;
-  }
-
-  // Looks at the sources at more times of a long step.
-  void look_between(Step& step) const {
-    const Index count = Index(double(looks_per_interval) * step.length / T_);
-    if (count <= Collocation::get().checks.size() || !sources_.any()) return;
-    Vector off_f = Vector::Zero(m_), off_g = Vector::Zero(n_);
-    sources_.look(t_, step.length, count, step.f, step.g, off_f, off_g);
-    const JetValues size = sizes_.with(step);
-    step.defect = std::max({step.defect, tail(step.f, size.f, off_f), tail(step.g, size.g, off_g)});
-  }
-
-  // The longest resolved step in a mode, with its validity. False if none is.
-  bool resolve(const Mode& mode, double h, Step& step) {
-    h = std::min({h, longest_, end_ - t_});
-    double before = INFINITY;
-    shortened_ = false;
-    for (int k = 0; k < 80; ++k) {
-      step = attempt(mode, h);
-      // Where a shorter step does not help, rounding is left: t is known to 1e-16, and sin(1e5 t) to 1e-11.
-      const bool rounding = step.defect <= 1e3 * options_.tolerance && step.defect > 0.5 * before;
-      if (step.defect <= options_.tolerance) look_between(step);
-      if (step.defect <= options_.tolerance || rounding) {
-        step.valid = validity(mode, step);
-        return true;
-      }
-      if (h < shortest_share * T_) return false;
-      before = step.defect;
-      shortened_ = true;
-      h *= std::isfinite(step.defect)
-               ? std::clamp(0.9 * std::pow(options_.tolerance / step.defect, 1.0 / double(s)), 0.1, 0.7)
-               : 0.1;
-    }
-    return false;
-  }
-
-  // which active set continues
-
-  // What w lacks to 0 on constraints that the state touches: rounding, and the error of the time of the event.
-  Vector touching(bool y_is_known) const {
-    const Vector g = sources_.g(t_ + 1e-15 * T_);
-    const Vector w = system_.N * x_ + system_.M * y_ + g;
-    const Vector of_w = system_.N.cwiseAbs() * sizes_.u.x.cwiseMax(x_.cwiseAbs()) +
-                        system_.M.cwiseAbs() * y_.cwiseAbs() + sizes_.u.g.cwiseMax(g.cwiseAbs());
-    Vector offset = Vector::Zero(n_);
-    for (Index i = 0; i < n_; ++i) {
-      const bool depends = system_.M.row(i).cwiseAbs().maxCoeff() > 0;
-      if ((!depends || y_is_known) && std::abs(w[i]) <= 10 * noise() * of_w[i]) offset[i] = w[i];
-    }
-    return offset;
-  }
-
-  struct EulerStep {
-    bool solved = false;
-    Vector y, x;
-  };
-
-  EulerStep euler(double h, const Vector& offset) {
-    const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(m_, m_) - h * system_.A);
-    const Matrix moved = h * lu.solve(system_.B);
-    const Vector free = lu.solve(x_ + h * sources_.f(t_ + h));
-    const Vector q = system_.N * free + sources_.g(t_ + h) - offset;
-    EulerStep step;
-    ActiveSetLcp lcp(system_.M + system_.N * moved, step_class_);
-    step.solved = lcp.solve(q, step.y).solved;
-    if (step.solved) step.x = free + moved * step.y;
-    work_ += double(m_ * m_ * m_ + n_ * n_ * n_);
-    return step;
-  }
-
-  static std::vector<Index> support(const Vector& y) {
-    std::vector<Index> set;
-    for (Index i = 0; i < y.size(); ++i)
-      if (y[i] > 0) set.push_back(i);
-    return set;
-  }
-
-  enum class Entry { smooth, jumped, refused };
-
-  // An impulse is what h y tends to in steps of implicit Euler as h -> 0: that selects the one that the state needs.
-  bool is_limit_of_short_steps(const Vector& p) {
-    const double h = 1e-8 / std::max(1 / T_, system_.A.cwiseAbs().rowwise().sum().maxCoeff());
-    const EulerStep step = euler(std::min(h, 0.5 * (end_ - t_)), touching(false));
-    if (!step.solved) return false;
-    const Vector moved = system_.B * p, by_step = step.x - x_;
-    return (moved - by_step).cwiseAbs().maxCoeff() <=
-           1e-3 * moved.cwiseAbs().maxCoeff() + 100 * noise() * x_.cwiseAbs().maxCoeff();
-  }
-
-  // Brings the state onto the constraints of the mode by an impulse.
-  Entry enter(const Mode& mode) {
-    if (mode.constraints.x.rows() == 0) return Entry::smooth;
-    Step here;  // only to have f and g at t
-    Vector off_f, off_g;
-    const double h = std::min({h_, longest_, end_ - t_}) / 16;
-    sample(h, mode, here, off_f, off_g);
-    const Vector at = legendre(0);
-    const auto start = [&](const Matrix& c, Index width) {
-      return c.size() > 0 ? Vector(c.transpose() * at) : Vector(Vector::Zero(width));
-    };
-    const Collocation& c = Collocation::get();
-    const JetValues u{x_,
-                      start(here.f, m_),
-                      start(here.df, m_),
-                      start(here.g, n_),
-                      Vector(c.derivative.transpose().size() > 0 ? Vector((c.derivative * here.g / h).transpose() * at)
-                                                                 : Vector(Vector::Zero(n_))),
-                      start(here.ddg, n_)};
-    const Vector off = evaluate(mode.constraints, u);
-    JetValues size = sizes_.u;
-    size.x = size.x.cwiseMax(x_.cwiseAbs());
-    size.f = size.f.cwiseMax(u.f.cwiseAbs());
-    size.g = size.g.cwiseMax(u.g.cwiseAbs());
-    size.dg = size.dg.cwiseMax(u.dg.cwiseAbs());
-    const Vector of = terms(mode.constraints, size);
-    const Vector p = mode.impulse * off;
-    const Vector moved = system_.B * p;
-    const bool jumps = ((off.cwiseAbs() - 30 * noise() * of).array() > 0).any();
-    if (jumps) {
-      // What no impulse moves has to hold.
-      JetValues after = u;
-      after.x += moved;
-      const Vector left = evaluate(mode.constraints, after);
-      if (((left.cwiseAbs() - 100 * noise() * of).array() > 0).any()) return Entry::refused;
-      if (p.minCoeff() < -1e-6 * p.cwiseAbs().maxCoeff()) return Entry::refused;
-      // An impulse of w has to be nonnegative, too.
-      const Vector of_w = system_.M * p, terms_of_w = system_.M.cwiseAbs() * p.cwiseAbs();
-      if (((of_w + 1e-6 * terms_of_w).array() < 0).any()) return Entry::refused;
-      if (!is_limit_of_short_steps(p)) return Entry::refused;
-    }
-    x_ += moved;
-    integral_ += p;
-    if (!jumps) return Entry::smooth;
-    if (t_ == 0) {
-      if (solution_.jump_at_start.size() == 0) solution_.jump_at_start = Vector::Zero(n_);
-      solution_.jump_at_start += p;
-    } else {
-      solution_.continuous = false;
-    }
+  void note_impulse(const Vector& impulse) {
     ++solution_.jumps;
-    sizes_.u.x = sizes_.u.x.cwiseMax(x_.cwiseAbs());
-    return Entry::jumped;
+    if (at_.t > 0) return void(solution_.continuous = false);
+    if (solution_.jump_at_start.size() == 0) solution_.jump_at_start = Vector::Zero(n_);
+    solution_.jump_at_start += impulse;
   }
 
-  // Tries an active set from here. The step is kept if it lasts.
-  Entry try_set(const std::vector<Index>& set, double least, Step& step, bool& found) {
-    found = false;
-    const Mode* mode = mode_of(set);
-    if (!mode) return Entry::refused;
-    const Vector x = x_, integral = integral_;
-    const Entry entry = enter(*mode);
-    if (entry != Entry::smooth) return entry;
-    Step next;
-    if (resolve(*mode, h_, next)) {
-      const double lasts = next.valid * next.length;
-      found = next.valid >= 1 || lasts >= least;
-      if (found || lasts > best_.lasts) best_ = {mode, lasts, next, event_, x_, integral_};
-    }
-    if (found)
-      take_best(step);
-    else
-      x_ = x, integral_ = integral;
-    return entry;
-  }
-
-  // The candidate that lasted longest so far.
-  struct Candidate {
-    const Mode* mode = nullptr;
-    double lasts = 0;
-    Step step = {};
-    Index event = -1;
-    Vector x = {}, integral = {};
-  };
-
-  void take_best(Step& step) {
-    mode_ = best_.mode;
-    step = std::move(best_.step);
-    event_ = best_.event;
-    x_ = std::move(best_.x);
-    integral_ = std::move(best_.integral);
-  }
-
-  // Tries the active sets that short steps of implicit Euler propose.
-  Entry try_proposed(double h, const Vector& offset, std::set<std::vector<Index>>& tried, Step& step, bool& found) {
-    static constexpr std::array<double, 6> shares{1e-3, 1e-5, 1e-2, 1e-7, 1e-1, 1e-9};
-    for (const double share : shares) {
-      const EulerStep proposed = euler(share * h, offset);
-      if (!proposed.solved || !proposed.y.allFinite()) continue;
-      const std::vector<Index> set = support(proposed.y);
-      if (!tried.insert(set).second) continue;
-      const Entry entry = try_set(set, 0.5 * share * h, step, found);
-      if (found || entry == Entry::jumped) return entry;
-    }
-    return Entry::refused;
-  }
-
-  // The active set that continues from here, and its first step. `likely`: tried first; empty: none. `known`: y_ is the
-  // limit of y from the left.
-  bool choose(Step& step, bool known, const std::optional<std::vector<Index>>& likely) {
-    sizes_.u.x = sizes_.u.x.cwiseMax(x_.cwiseAbs());
-    for (int jumps = 0; jumps <= most_jumps_at_once; ++jumps) {
-      const double h = std::min({h_, longest_, end_ - t_});
-      best_ = {};
-      std::set<std::vector<Index>> tried;
-      bool found = false;
-      Entry entry = Entry::refused;
-      if (likely && jumps == 0) {
-        tried.insert(*likely);
-        entry = try_set(*likely, 1e-3 * h, step, found);
-      }
-      if (!found && entry != Entry::jumped) entry = try_proposed(h, touching(known), tried, step, found);
-      if (found) return true;
-      known = false;
-      if (entry == Entry::jumped) continue;
-      // None lasts: the next event is very near.
-      if (!(best_.lasts > 4 * epsilon * T_)) return false;
-      take_best(step);
-      return true;
-    }
-    return false;
-  }
-
-  // the way through time
-
-  bool begin_segment() {
-    Step step;
-    const Vector before = y_;
-    const bool first = t_ == 0;
-    std::optional<std::vector<Index>> likely;
-    if (mode_) likely = mode_->active;
-    if (!choose(step, false, likely)) return give_up("no active set was found that continues the solution");
-    if (!first) note_jump_of_y(before, step);
-    const Index next = event_;
-    accept(step);
-    pending_event_ = step.valid < 1 ? next : -1;
-    return true;
-  }
-
-  // y_ from the left and the first value of the next step.
-  void note_jump_of_y(const Vector& before, const Step& step) {
+  // y from the left and the first value of the next step.
+  void note_jump_of_y(const Vector& before, const EventStep& step) {
     if (n_ == 0) return;
     const Vector after = step.y.transpose() * legendre(0);
     const double size = std::max(size_y_, after.cwiseAbs().maxCoeff());
     if ((after - before).cwiseAbs().maxCoeff() > 1e-6 * size) solution_.continuous = false;
   }
 
-  void accept(const Step& step) {
-    const double end = step.valid >= 1 ? t_ + step.length : t_ + step.valid * step.length;
-    const double to = end_ - end < 4 * epsilon * T_ ? end_ : end;
-    solution_.pieces.push_back({t_, step.length, to, step.x, step.y, integral_});
+  void accept(const EventStep& step) {
+    const double end = step.valid >= 1 ? at_.t + step.length : at_.t + step.valid * step.length;
+    const double to = at_.end - end < 4 * epsilon * T_ ? at_.end : end;
+    solution_.pieces.push_back({at_.t, step.length, to, step.x, step.y, at_.integral});
     stored_ += std::size_t((s + 1) * (m_ + n_));
-    sizes_.include(step);
+    at_.sizes.include(step);
     solution_.defect = std::max(solution_.defect, step.defect);
-    const Vector at = legendre(step.valid);
-    x_ = step.x.transpose() * at;
-    y_ = step.y.transpose() * at;
-    size_y_ = std::max(size_y_, step.y.cwiseAbs().colwise().sum().maxCoeff());
-    integral_ += step.length * (step.y.transpose() * legendre_integrals(step.valid));
-    t_ = to;
-    if (step.valid < 1) return;
+    const Vector values = legendre(step.valid);
+    at_.x = step.x.transpose() * values;
+    at_.y = step.y.transpose() * values;
+    if (n_ > 0) size_y_ = std::max(size_y_, step.y.cwiseAbs().colwise().sum().maxCoeff());
+    at_.integral += step.length * (step.y.transpose() * legendre_integrals(step.valid));
+    at_.t = to;
+    if (step.valid >= 1) propose_length(step);
+  }
+
+  void propose_length(const EventStep& step) {
     // Rounding makes defects that say nothing of the step.
     const double room =
         step.defect > rounding_defect ? 0.9 * std::pow(options_.tolerance / step.defect, 1.0 / double(s)) : 3;
     if (room > 1.3)
-      h_ = std::min(longest_, std::max(h_, step.length * std::min(room, 3.0)));
-    else if (shortened_)
-      h_ = step.length;
+      at_.h = std::min(longest_, std::max(at_.h, step.length * std::min(room, 3.0)));
+    else if (step.shortened)
+      at_.h = step.length;
   }
 
   // The present active set without the component of the event, or with it.
@@ -588,25 +250,26 @@ class EventIntegration {
   // A short step of implicit Euler, where events accumulate.
   bool pass_accumulation() {
     if (++solution_.accumulations > most_accumulations) return give_up("events accumulate");
-    const double h = std::min(10 * options_.tolerance * T_, 0.5 * (end_ - t_));
-    const EulerStep step = euler(h, Vector::Zero(n_));
+    const double h = std::min(10 * options_.tolerance * T_, 0.5 * (at_.end - at_.t));
+    const ShortSteps::Step step = short_steps_.take(at_.t, h, at_.x, Vector::Zero(n_));
     if (!step.solved) return give_up("events accumulate");
-    EventPiece piece{t_, h, t_ + h, Matrix::Zero(s + 1, m_), Matrix::Zero(s + 1, n_), integral_};
-    piece.x.row(0) = (x_ + step.x).transpose() / 2;
-    piece.x.row(1) = (step.x - x_).transpose() / 2;
+    EventPiece piece{at_.t, h, at_.t + h, Matrix::Zero(s + 1, m_), Matrix::Zero(s + 1, n_), at_.integral};
+    piece.x.row(0) = (at_.x + step.x).transpose() / 2;
+    piece.x.row(1) = (step.x - at_.x).transpose() / 2;
     piece.y.row(0) = step.y.transpose();
     solution_.pieces.push_back(piece);
-    x_ = step.x;
-    y_ = step.y;
-    integral_ += h * step.y;
-    t_ += h;
+    at_.x = step.x;
+    at_.y = step.y;
+    at_.integral += h * step.y;
+    at_.t += h;
     return true;
   }
 
   bool may_go_on(long step) {
-    if (work_ > options_.most_work || stored_ > most_stored) return give_up(out_of_work);
+    if (at_.work > options_.most_work || stored_ > most_stored) return give_up(out_of_work);
+    if (!at_.x.allFinite()) return give_up("the solution grows without bounds");
     if (step % 64 != 0) return true;
-    if (options_.progress) options_.progress(t_);
+    if (options_.progress) options_.progress(at_.t);
     if (!options_.interrupted || !options_.interrupted()) return true;
     solution_.interrupted = true;
     return give_up("stopped on request");
@@ -614,58 +277,44 @@ class EventIntegration {
 
   bool run_segment() {
     int idle = 0;
-    double idle_since = t_;
-    for (long k = 0; t_ < end_; ++k) {
+    double idle_since = at_.t;
+    for (long k = 0; at_.t < at_.end; ++k) {
       if (!may_go_on(k)) return false;
-      if (!x_.allFinite()) return give_up("the solution grows without bounds");
-      Step step;
       if (pending_event_ < 0) {
-        if (!resolve(*mode_, h_, step)) return give_up("a step could not be resolved");
+        EventStep step;
+        if (!steps_.resolve(*mode_, at_, step)) return give_up("a step could not be resolved");
         if (step.valid > 0) accept(step);
         if (step.valid >= 1) continue;
-        pending_event_ = event_;
+        pending_event_ = step.event;
       }
-      if (!(t_ < end_)) break;
+      if (!(at_.t < at_.end)) break;
       ++solution_.events;
-      idle = t_ - idle_since > idle_share * T_ ? 0 : idle + 1;
-      if (idle == 0) idle_since = t_;
-      const Vector before = y_;
+      idle = at_.t - idle_since > idle_share * T_ ? 0 : idle + 1;
+      if (idle == 0) idle_since = at_.t;
       if (idle > idle_events) {
         idle = 0;
         if (!pass_accumulation()) return false;
       }
-      const std::vector<Index> likely = exchanged(pending_event_);
-      pending_event_ = -1;
-      if (!choose(step, true, likely)) return give_up("no active set was found that continues the solution");
-      note_jump_of_y(before, step);
-      const Index next = event_;
-      accept(step);
-      if (step.valid < 1) pending_event_ = next;
+      if (!continue_with(exchanged(pending_event_), true)) return false;
     }
     return true;
   }
 
-  const Scene& scene_;
   const std::vector<double>& breakpoints_;
   const EventOptions& options_;
+  const LcpClass class_;
+  const double T_, longest_;
+  const DenseSystem system_;
+  const Index m_, n_;
   const EventSources sources_;
-  LcpClass class_;
-  LcpClass step_class_ = LcpClass::P;  ///< of the matrix of a short step
-  double T_, longest_ = 0;
-  DenseSystem system_;
-  Index m_ = 0, n_ = 0;
-  std::map<std::vector<Index>, std::optional<Mode>> modes_;
+  ShortSteps short_steps_;
+  EventSteps steps_;
+  Successor successor_;
+  EventPoint at_;
   const Mode* mode_ = nullptr;
-  std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors_;
-  const Mode* factored_mode_ = nullptr;
-  double factored_h_ = 0;
-  double t_ = 0, end_ = 0, h_ = 0, work_ = 0, size_y_ = 0;
+  Index pending_event_ = -1;  ///< the component that ended the last step
+  double size_y_ = 0;
   std::size_t stored_ = 0;
-  Index event_ = -1, pending_event_ = -1;
-  bool shortened_ = false;  ///< the last step that was resolved is shorter than proposed
-  Vector x_, y_, integral_;
-  EventSizes sizes_;
-  Candidate best_;
   EventSolution solution_;
 };
 

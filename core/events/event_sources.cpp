@@ -1,0 +1,57 @@
+#include "core/events/event_sources.hpp"
+
+#include <cmath>
+
+namespace bromwich {
+
+EventSources::EventSources(const Scene& scene) : scene_(scene), m_(scene.states()), n_(scene.constraints()) {
+  if (scene.f && scene.f_entry != SourceEntry::state)
+    F_ = source_matrix(scene, get<DenseDynamics>(scene.dynamics));
+}
+
+Vector EventSources::f(double t) const {
+  if (!scene_.f) return Vector::Zero(m_);
+  Vector phi = Vector::Zero(scene_.sources());
+  scene_.f(t, phi);
+  return F_.size() > 0 ? Vector(F_ * phi) : phi;
+}
+
+Vector EventSources::g(double t) const {
+  Vector v = Vector::Zero(n_);
+  if (scene_.g) scene_.g(t, v);
+  return v;
+}
+
+EventSources::Polynomials EventSources::sample(double t, double h) const {
+  const Collocation& c = Collocation::get();
+  const auto one = [&](bool given, Index width, const auto& value, Matrix& coefficients, Vector& off) {
+    off = Vector::Zero(width);
+    coefficients.setZero(c.samples.size(), width);
+    if (!given) return;
+    Matrix values(c.samples.size(), width);
+    for (Index k = 0; k < c.samples.size(); ++k) values.row(k) = value(t + h * c.samples[k]).transpose();
+    coefficients = c.from_samples * values;
+    const Matrix expected = c.at_checks * coefficients;
+    for (Index k = 0; k < c.checks.size(); ++k)
+      off = off.cwiseMax((value(t + h * c.checks[k]) - expected.row(k).transpose()).cwiseAbs());
+  };
+  Polynomials p;
+  one(
+      bool(scene_.f), m_, [this](double at) { return f(at); }, p.f, p.off_f);
+  one(
+      bool(scene_.g), n_, [this](double at) { return g(at); }, p.g, p.off_g);
+  return p;
+}
+
+void EventSources::look(double t, double h, Index count, Polynomials& p) const {
+  constexpr double golden = 0.6180339887498949;
+  for (Index k = 0; k < count; ++k) {
+    const double irregular = golden * double(k) - std::floor(golden * double(k));
+    const double at = (double(k) + 0.1 + 0.8 * irregular) / double(count);
+    const Vector values = legendre(at);
+    if (scene_.f) p.off_f = p.off_f.cwiseMax((f(t + h * at) - p.f.transpose() * values).cwiseAbs());
+    if (scene_.g) p.off_g = p.off_g.cwiseMax((g(t + h * at) - p.g.transpose() * values).cwiseAbs());
+  }
+}
+
+}  // namespace bromwich

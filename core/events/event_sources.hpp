@@ -1,0 +1,33 @@
+#pragma once
+// f and g of a scene as polynomials on the steps of the event-driven integration.
+
+#include "../scene/scene.hpp"
+#include "collocation.hpp"
+
+namespace bromwich {
+
+class EventSources {
+ public:
+  /// A scene with dense dynamics that outlives the object.
+  explicit EventSources(const Scene&);
+
+  bool any() const { return bool(scene_.f) || bool(scene_.g); }
+  Vector f(double t) const;  ///< m values, as x' = A x + B y + f takes them
+  Vector g(double t) const;  ///< n values
+
+  struct Polynomials {
+    Matrix f, g;          ///< (s+1) x m and (s+1) x n Legendre coefficients
+    Vector off_f, off_g;  ///< largest differences from the sources that were seen, m and n values
+  };
+  /// On [t, t + h]; the differences are those at Collocation::checks.
+  Polynomials sample(double t, double h) const;
+  /// Increases the differences to those at `count` times: a pulse may lie between the samples.
+  void look(double t, double h, Index count, Polynomials&) const;
+
+ private:
+  const Scene& scene_;
+  Index m_, n_;
+  Matrix F_;  ///< f = F phi where the scene gives phi
+};
+
+}  // namespace bromwich

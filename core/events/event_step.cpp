@@ -1,0 +1,167 @@
+#include "core/events/event_step.hpp"
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr Index s = Collocation::degree;
+constexpr double noise_share = 10;           ///< of the tolerance: negative values below count as zero
+constexpr double shortest_share = 1e-14;     ///< of T
+constexpr Index looks_per_interval = 16384;  ///< at sources, in [0, T], where they seem to be smooth
+constexpr double overhead = 4000;            ///< of a step, in the time of floating-point operations
+
+// Coefficients of the part of rows of a jet that does not depend on x.
+Matrix without_x(const Jet& rows, const EventStep& p) {
+  Matrix sum = p.sources.f * rows.f.transpose() + p.sources.g * rows.g.transpose();
+  if (p.df.size() > 0) sum += p.df * rows.df.transpose();
+  if (p.dg.size() > 0) sum += p.dg * rows.dg.transpose();
+  if (p.ddg.size() > 0) sum += p.ddg * rows.ddg.transpose();
+  return sum;
+}
+
+// The last two coefficients, or a difference that was seen, relative to the sizes.
+double tail(const Matrix& c, const Vector& size, const Vector& off) {
+  if (size.size() == 0) return 0;
+  const double floor = 1e-4 * size.maxCoeff() + 1e-280;
+  double largest = 0;
+  for (Index i = 0; i < c.cols(); ++i) {
+    const double last = std::abs(c(s, i)) + std::abs(c(s - 1, i)), seen = off.size() > 0 ? off[i] : 0;
+    const double share = std::max(last, seen) / std::max(size[i], floor);
+    if (!std::isfinite(share)) return INFINITY;
+    largest = std::max(largest, share);
+  }
+  return largest;
+}
+
+// Coefficients of Legendre polynomials bound the values.
+Vector larger(const Vector& before, const Matrix& c) {
+  if (c.size() == 0) return before;
+  return before.cwiseMax(c.cwiseAbs().colwise().sum().transpose());
+}
+
+}  // namespace
+
+JetValues EventSizes::with(const EventStep& step) const {
+  return {larger(u.x, step.x),         larger(u.f, step.sources.f), larger(u.df, step.df),
+          larger(u.g, step.sources.g), larger(u.dg, step.dg),       larger(u.ddg, step.ddg)};
+}
+
+EventSteps::EventSteps(const DenseSystem& system, const EventSources& sources, double T, double tolerance,
+                       double longest)
+    : system_(system), sources_(sources), T_(T), tolerance_(tolerance), longest_(longest) {}
+
+double EventSteps::noise() const { return noise_share * tolerance_; }
+
+void EventSteps::sample(const Mode& mode, double t, double h, EventStep& step) const {
+  const Collocation& c = Collocation::get();
+  step.sources = sources_.sample(t, h);
+  if (mode.uses_df) step.df = c.derivative * step.sources.f / h;
+  if (mode.uses_dg) step.dg = c.derivative * step.sources.g / h;
+  if (mode.uses_ddg) step.ddg = c.derivative * (c.derivative * step.sources.g) / (h * h);
+}
+
+double EventSteps::source_defect(const JetValues& size, const EventSources::Polynomials& p) const {
+  return std::max(tail(p.f, size.f, p.off_f), tail(p.g, size.g, p.off_g));
+}
+
+// I - h lambda A_S for the eigenvalues lambda of the Radau matrix.
+const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& EventSteps::factors(const Mode& mode, double h, double& work) {
+  if (factored_mode_ == &mode && factored_h_ == h) return factors_;
+  const Index m = system_.states();
+  factors_.clear();
+  const ComplexMatrix identity = ComplexMatrix::Identity(m, m);
+  for (const auto& e : Collocation::get().eigenvalues)
+    factors_.emplace_back(identity - (h * e.value) * mode.A.cast<Complex>());
+  factored_mode_ = &mode;
+  factored_h_ = h;
+  work += 12 * double(m * m * m);
+  return factors_;
+}
+
+EventStep EventSteps::attempt(const Mode& mode, EventPoint& p, double h) {
+  const Collocation& c = Collocation::get();
+  const Index m = system_.states(), n = system_.constraints();
+  EventStep step;
+  step.length = h;
+  sample(mode, p.t, h, step);
+  const Matrix y_of_sources = without_x(mode.y, step);
+  const Matrix input = step.sources.f + y_of_sources * system_.B.transpose();
+  const Matrix right = (h * (c.integrals * input)).rowwise() + p.x.transpose();  // s x m
+  Matrix values = Matrix::Zero(s + 1, m);
+  values.row(0) = p.x.transpose();
+  const auto& lu = factors(mode, h, p.work);
+  for (std::size_t k = 0; k < lu.size(); ++k) {
+    const auto& e = c.eigenvalues[k];
+    const ComplexVector z = lu[k].solve(ComplexVector(right.transpose().cast<Complex>() * e.left));
+    values.bottomRows(s) += e.weight * (e.right * z.transpose()).real();
+  }
+  step.x = c.coefficients * values;
+  step.y = step.x * mode.y.x.transpose() + y_of_sources;
+  step.w = step.x * system_.N.transpose() + step.y * system_.M.transpose() + step.sources.g;
+  const JetValues size = p.sizes.with(step);
+  step.defect = std::max(tail(step.x, size.x, {}), source_defect(size, step.sources));
+  p.work += double((s + 1) * (s + 1) * (3 * m + 3 * n) + 40 * m * m + (s + 1) * (4 * m * n + 2 * n * n)) + overhead;
+  return step;
+}
+
+// The part of the step on which y and w are nonnegative.
+void EventSteps::find_event(const Mode& mode, const EventPoint& p, EventStep& step) const {
+  const Collocation& c = Collocation::get();
+  const JetValues size = p.sizes.with(step);
+  const Vector of_y = terms(mode.y, size);
+  const Vector of_w = system_.N.cwiseAbs() * size.x + system_.M.cwiseAbs() * of_y + size.g;
+  step.valid = 1;
+  step.event = -1;
+  Vector of_event;
+  std::size_t k = 0;
+  for (Index i = 0; i < system_.constraints(); ++i) {
+    const bool active = k < mode.active.size() && mode.active[k] == i;
+    if (active) ++k;
+    const double zero = noise() * (active ? of_y[i] : of_w[i]) + 1e-290;
+    const Vector coefficients = (active ? step.y : step.w).col(i);
+    const double at = first_below(c.bernstein * coefficients, zero);
+    if (at >= step.valid) continue;
+    step.valid = at;
+    step.event = i;
+    of_event = coefficients;
+  }
+  if (step.event >= 0 && step.valid > 0) step.valid = zero_before(of_event, step.valid);
+}
+
+// Looks at the sources at more times of a long step.
+void EventSteps::look_between(const EventPoint& p, EventStep& step) const {
+  const Index count = Index(double(looks_per_interval) * step.length / T_);
+  if (count <= Collocation::get().checks.size() || !sources_.any()) return;
+  sources_.look(p.t, step.length, count, step.sources);
+  step.defect = std::max(step.defect, source_defect(p.sizes.with(step), step.sources));
+}
+
+bool EventSteps::resolve(const Mode& mode, EventPoint& p, EventStep& step) {
+  double h = longest_from(p);
+  double before = INFINITY;
+  bool shortened = false;
+  for (int k = 0; k < 80; ++k) {
+    step = attempt(mode, p, h);
+    step.shortened = shortened;
+    // Where a shorter step does not help, rounding is left: t is known to 1e-16, and sin(1e5 t) to 1e-11.
+    const bool rounding = step.defect <= 1e3 * tolerance_ && step.defect > 0.5 * before;
+    if (step.defect <= tolerance_) look_between(p, step);
+    if (step.defect <= tolerance_ || rounding) {
+      find_event(mode, p, step);
+      return true;
+    }
+    if (h < shortest_share * T_) return false;
+    before = step.defect;
+    shortened = true;
+    h *= std::isfinite(step.defect) ? std::clamp(0.9 * std::pow(tolerance_ / step.defect, 1.0 / double(s)), 0.1, 0.7)
+                                    : 0.1;
+  }
+  return false;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,73 @@
+#pragma once
+// Steps of collocation in one mode, as long as the polynomials of x, f and g are resolved.
+
+#include "event_sources.hpp"
+#include "mode.hpp"
+
+#include <Eigen/LU>
+
+#include <vector>
+
+namespace bromwich {
+
+/// A step in one mode: polynomials on [0, length], valid on the first `valid` of it.
+struct EventStep {
+  double length = 0, defect = INFINITY, valid = 0;
+  Index event = -1;        ///< the component of y or w that becomes negative after `valid`
+  bool shortened = false;  ///< it is shorter than proposed
+  Matrix x, y, w;
+  EventSources::Polynomials sources;
+  Matrix df, dg, ddg;
+};
+
+/// Largest absolute values of each component so far.
+struct EventSizes {
+  JetValues u;
+
+  void include(const EventStep& step) { u = with(step); }
+  void include_x(const Vector& x) { u.x = u.x.cwiseMax(x.cwiseAbs()); }
+  JetValues with(const EventStep&) const;
+};
+
+/// Where the integration is.
+struct EventPoint {
+  double t = 0;
+  double end = 0;   ///< the next breakpoint, or T
+  double h = 0;     ///< the proposed step
+  Vector x;         ///< m
+  Vector y;         ///< n: the limit from the left
+  Vector integral;  ///< n: of y from 0, impulses included
+  EventSizes sizes;
+  double work = 0;  ///< floating-point operations so far, about
+};
+
+class EventSteps {
+ public:
+  /// `tolerance` and `longest` as in EventOptions. The first three have to outlive the object.
+  EventSteps(const DenseSystem&, const EventSources&, double T, double tolerance, double longest);
+
+  double longest_from(const EventPoint& p) const { return std::min({p.h, longest_, p.end - p.t}); }
+  /// Values below this share of the sum of their terms count as zero.
+  double noise() const;
+
+  /// The longest resolved step in a mode, with its validity. False if none is.
+  bool resolve(const Mode&, EventPoint&, EventStep&);
+  /// f, g and their derivatives on [t, t + h], those that the mode needs.
+  void sample(const Mode&, double t, double h, EventStep&) const;
+
+ private:
+  EventStep attempt(const Mode&, EventPoint&, double h);
+  void find_event(const Mode&, const EventPoint&, EventStep&) const;
+  void look_between(const EventPoint&, EventStep&) const;
+  double source_defect(const JetValues& size, const EventSources::Polynomials&) const;
+  const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& factors(const Mode&, double h, double& work);
+
+  const DenseSystem& system_;
+  const EventSources& sources_;
+  double T_, tolerance_, longest_;
+  std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors_;  ///< kept as long as mode and h stay
+  const Mode* factored_mode_ = nullptr;
+  double factored_h_ = 0;
+};
+
+}  // namespace bromwich

@@ -1,0 +1,166 @@
+#include "core/events/successor.hpp"
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr int most_jumps_at_once = 12;
+
+std::vector<Index> support(const Vector& y) {
+  std::vector<Index> set;
+  for (Index i = 0; i < y.size(); ++i)
+    if (y[i] > 0) set.push_back(i);
+  return set;
+}
+
+}  // namespace
+
+Successor::Successor(const DenseSystem& system, const EventSources& sources, const ShortSteps& short_steps,
+                     EventSteps& steps, double T)
+    : system_(system), sources_(sources), short_steps_(short_steps), steps_(steps), T_(T) {}
+
+const Mode* Successor::mode_of(const std::vector<Index>& active) {
+  auto known = modes_.find(active);
+  if (known == modes_.end()) known = modes_.emplace(active, make_mode(system_, active)).first;
+  return known->second ? &*known->second : nullptr;
+}
+
+// What w lacks to 0 on constraints that the state touches: rounding, and the error of the time of the event.
+Vector Successor::touching(const EventPoint& p, bool y_is_known) const {
+  const Vector g = sources_.g(p.t + 1e-15 * T_);
+  const Vector w = system_.N * p.x + system_.M * p.y + g;
+  const Vector of_w = system_.N.cwiseAbs() * p.sizes.u.x.cwiseMax(p.x.cwiseAbs()) +
+                      system_.M.cwiseAbs() * p.y.cwiseAbs() + p.sizes.u.g.cwiseMax(g.cwiseAbs());
+  Vector offset = Vector::Zero(w.size());
+  for (Index i = 0; i < w.size(); ++i) {
+    const bool depends = system_.M.row(i).cwiseAbs().maxCoeff() > 0;
+    if ((!depends || y_is_known) && std::abs(w[i]) <= 10 * steps_.noise() * of_w[i]) offset[i] = w[i];
+  }
+  return offset;
+}
+
+// The values of x, f and g, and the derivatives that the mode needs, at the begin of the next step.
+JetValues Successor::sources_at(const Mode& mode, const EventPoint& p) const {
+  EventStep here;
+  const double h = steps_.longest_from(p) / 16;
+  steps_.sample(mode, p.t, h, here);
+  const Vector at = legendre(0);
+  const auto start = [&](const Matrix& c, Index width) {
+    return c.size() > 0 ? Vector(c.transpose() * at) : Vector(Vector::Zero(width));
+  };
+  const Index m = system_.states(), n = system_.constraints();
+  const Matrix dg = Collocation::get().derivative * here.sources.g / h;
+  return {p.x, start(here.sources.f, m), start(here.df, m), start(here.sources.g, n), start(dg, n), start(here.ddg, n)};
+}
+
+// An impulse is what h y tends to in steps of implicit Euler as h -> 0: that selects the one that the state needs.
+bool Successor::is_limit_of_short_steps(const EventPoint& p, const Vector& impulse) const {
+  const double h = std::min(1e-8 / short_steps_.rate(), 0.5 * (p.end - p.t));
+  const ShortSteps::Step step = short_steps_.take(p.t, h, p.x, touching(p, false));
+  if (!step.solved) return false;
+  const Vector moved = system_.B * impulse, by_step = step.x - p.x;
+  return (moved - by_step).cwiseAbs().maxCoeff() <=
+         1e-3 * moved.cwiseAbs().maxCoeff() + 100 * steps_.noise() * p.x.cwiseAbs().maxCoeff();
+}
+
+bool Successor::may_jump(const Mode& mode, const EventPoint& p, const JetValues& u, const Vector& of,
+                         const Vector& impulse) const {
+  // What no impulse moves has to hold.
+  JetValues after = u;
+  after.x += system_.B * impulse;
+  const Vector left = evaluate(mode.constraints, after);
+  if (((left.cwiseAbs() - 100 * steps_.noise() * of).array() > 0).any()) return false;
+  // Impulses of y and of w are nonnegative.
+  if (impulse.minCoeff() < -1e-6 * impulse.cwiseAbs().maxCoeff()) return false;
+  const Vector of_w = system_.M * impulse, terms_of_w = system_.M.cwiseAbs() * impulse.cwiseAbs();
+  return !((of_w + 1e-6 * terms_of_w).array() < 0).any() && is_limit_of_short_steps(p, impulse);
+}
+
+// Brings the state onto the constraints of the mode by an impulse.
+Successor::Entry Successor::enter(const Mode& mode, EventPoint& p) {
+  if (mode.constraints.x.rows() == 0) return Entry::smooth;
+  const JetValues u = sources_at(mode, p);
+  const Vector off = evaluate(mode.constraints, u);
+  JetValues size = p.sizes.u;
+  size.x = size.x.cwiseMax(p.x.cwiseAbs());
+  size.f = size.f.cwiseMax(u.f.cwiseAbs());
+  size.g = size.g.cwiseMax(u.g.cwiseAbs());
+  size.dg = size.dg.cwiseMax(u.dg.cwiseAbs());
+  const Vector of = terms(mode.constraints, size);
+  const Vector impulse = mode.impulse * off;
+  const bool jumps = ((off.cwiseAbs() - 30 * steps_.noise() * of).array() > 0).any();
+  if (jumps && !may_jump(mode, p, u, of, impulse)) return Entry::refused;
+  p.x += system_.B * impulse;
+  p.integral += impulse;
+  if (!jumps) return Entry::smooth;
+  impulses_.push_back(impulse);
+  p.sizes.include_x(p.x);
+  return Entry::jumped;
+}
+
+// Tries an active set from here: it is found if it lasts.
+Successor::Entry Successor::attempt(const std::vector<Index>& set, double least, EventPoint& p) {
+  const Mode* mode = mode_of(set);
+  if (!mode) return Entry::refused;
+  const Vector x = p.x, integral = p.integral;
+  const Entry entry = enter(*mode, p);
+  if (entry != Entry::smooth) return entry;
+  EventStep next;
+  if (steps_.resolve(*mode, p, next)) {
+    const double lasts = next.valid * next.length;
+    found_ = next.valid >= 1 || lasts >= least;
+    if (found_ || lasts > best_.lasts) best_ = {mode, lasts, std::move(next), p.x, p.integral};
+  }
+  p.x = x;
+  p.integral = integral;
+  return entry;
+}
+
+// Tries the active sets that short steps of implicit Euler propose.
+Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, EventPoint& p) {
+  static constexpr std::array<double, 6> shares{1e-3, 1e-5, 1e-2, 1e-7, 1e-1, 1e-9};
+  const double m = double(system_.states()), n = double(system_.constraints());
+  for (const double share : shares) {
+    const ShortSteps::Step proposed = short_steps_.take(p.t, share * h, p.x, offset);
+    p.work += m * m * m + n * n * n;
+    if (!proposed.solved || !proposed.y.allFinite()) continue;
+    const std::vector<Index> set = support(proposed.y);
+    if (!tried_.insert(set).second) continue;
+    const Entry entry = attempt(set, 0.5 * share * h, p);
+    if (found_ || entry == Entry::jumped) return entry;
+  }
+  return Entry::refused;
+}
+
+Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely) {
+  p.sizes.include_x(p.x);
+  impulses_.clear();
+  for (int jumps = 0; jumps <= most_jumps_at_once; ++jumps) {
+    const double h = steps_.longest_from(p);
+    best_ = {};
+    tried_.clear();
+    found_ = false;
+    Entry entry = Entry::refused;
+    if (likely && jumps == 0) {
+      tried_.insert(*likely);
+      entry = attempt(*likely, 1e-3 * h, p);
+    }
+    if (!found_ && entry != Entry::jumped) entry = attempt_proposed(h, touching(p, y_is_known), p);
+    y_is_known = false;
+    if (!found_ && entry == Entry::jumped) continue;
+    // If none lasts, the next event is very near.
+    if (!found_ && !(best_.lasts > 4 * epsilon * T_)) break;
+    p.x = std::move(best_.x);
+    p.integral = std::move(best_.integral);
+    return {best_.mode, std::move(best_.step), std::move(impulses_)};
+  }
+  return {};
+}
+
+}  // namespace bromwich

@@ -1,0 +1,62 @@
+#pragma once
+// The active set that continues a solution from an event or a breakpoint, and the impulse with which it begins.
+//
+// A short step of implicit Euler proposes an active set, and a step of collocation confirms it: y and w have to be
+// nonnegative for some time. Where the state does not fulfil the constraints of the new active set, it jumps.
+
+#include "event_step.hpp"
+#include "short_steps.hpp"
+
+#include <map>
+#include <optional>
+#include <set>
+#include <vector>
+
+namespace bromwich {
+
+class Successor {
+ public:
+  /// All have to outlive the object.
+  Successor(const DenseSystem&, const EventSources&, const ShortSteps&, EventSteps&, double T);
+
+  struct Choice {
+    const Mode* mode = nullptr;  ///< none: no active set was found
+    EventStep step;
+    std::vector<Vector> impulses;  ///< n each: the jumps of the state, in their order
+  };
+  /// Moves x and the integral of `p` by the impulses. `y_is_known`: y of `p` is the limit from the left. `likely`:
+  /// tried first.
+  Choice choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely);
+
+ private:
+  enum class Entry { smooth, jumped, refused };
+  // An active set that was tried, with the state after it was entered.
+  struct Candidate {
+    const Mode* mode = nullptr;
+    double lasts = 0;
+    EventStep step = {};
+    Vector x = {}, integral = {};
+  };
+
+  const Mode* mode_of(const std::vector<Index>& active);
+  Vector touching(const EventPoint&, bool y_is_known) const;
+  JetValues sources_at(const Mode&, const EventPoint&) const;
+  bool may_jump(const Mode&, const EventPoint&, const JetValues& u, const Vector& of, const Vector& p) const;
+  bool is_limit_of_short_steps(const EventPoint&, const Vector& impulse) const;
+  Entry enter(const Mode&, EventPoint&);
+  Entry attempt(const std::vector<Index>& set, double least, EventPoint&);
+  Entry attempt_proposed(double h, const Vector& offset, EventPoint&);
+
+  const DenseSystem& system_;
+  const EventSources& sources_;
+  const ShortSteps& short_steps_;
+  EventSteps& steps_;
+  double T_;
+  std::map<std::vector<Index>, std::optional<Mode>> modes_;
+  std::set<std::vector<Index>> tried_;
+  Candidate best_;      ///< that lasted longest
+  bool found_ = false;  ///< it lasts long enough
+  std::vector<Vector> impulses_;
+};
+
+}  // namespace bromwich
