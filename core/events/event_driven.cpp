@@ -19,101 +19,10 @@ constexpr double idle_share = 1e-7;  ///< of T: that time
 constexpr int most_accumulations = 200;
 constexpr std::size_t most_stored = 60000000;  ///< numbers in the pieces
 
-<<<<<<< HEAD
-// f and g as polynomials on a step.
-class EventSources {
-  static constexpr Index s = Collocation::degree;
-
- public:
-  explicit EventSources(const Scene& scene) : scene_(scene), m_(scene.states()), n_(scene.constraints()) {
-    if (scene.f && scene.f_entry != SourceEntry::state)
-      F_ = source_matrix(scene, get<DenseDynamics>(scene.dynamics));
-  }
-
-  bool any() const { return bool(scene_.f) || bool(scene_.g); }
-
-  Vector f(double t) const {
-    if (!scene_.f) return Vector::Zero(m_);
-    Vector phi = Vector::Zero(scene_.sources());
-    scene_.f(t, phi);
-    return F_.size() > 0 ? Vector(F_ * phi) : phi;
-  }
-
-  Vector g(double t) const {
-    Vector v = Vector::Zero(n_);
-    if (scene_.g) scene_.g(t, v);
-    return v;
-  }
-
-  // How far the polynomials of sources on [t, t + h] are from the sources at `count` times. A pulse may lie between the
-  // times that a polynomial is made from.
-  void look(double t, double h, Index count, const Matrix& f_coefficients, const Matrix& g_coefficients, Vector& off_f,
-            Vector& off_g) const {
-    constexpr double golden = 0.6180339887498949;
-    for (Index k = 0; k < count; ++k) {
-      const double irregular = golden * double(k) - std::floor(golden * double(k));
-      const double at = (double(k) + 0.1 + 0.8 * irregular) / double(count);
-      const Vector p = legendre(at);
-      if (scene_.f) off_f = off_f.cwiseMax((f(t + h * at) - f_coefficients.transpose() * p).cwiseAbs());
-      if (scene_.g) off_g = off_g.cwiseMax((g(t + h * at) - g_coefficients.transpose() * p).cwiseAbs());
-    }
-  }
-
-  // Coefficients of f (s+1 x m) and g (s+1 x n) on [t, t + h], and how far they are from the sources at further points.
-  void sample(double t, double h, Matrix& f_coefficients, Matrix& g_coefficients, Vector& off_f, Vector& off_g) const {
-    const Collocation& c = Collocation::get();
-    const auto one = [&](bool given, Index width, const auto& value, Matrix& coefficients, Vector& off) {
-      off = Vector::Zero(width);
-      if (!given) return coefficients.setZero(s + 1, width), void();
-      Matrix values(s + 1, width);
-      for (Index k = 0; k <= s; ++k) values.row(k) = value(t + h * c.samples[k]).transpose();
-      coefficients = c.from_samples * values;
-      const Matrix expected = c.at_checks * coefficients;
-      for (Index k = 0; k < c.checks.size(); ++k)
-        off = off.cwiseMax((value(t + h * c.checks[k]) - expected.row(k).transpose()).cwiseAbs());
-    };
-    one(
-        bool(scene_.f), m_, [this](double at) { return f(at); }, f_coefficients, off_f);
-    one(
-        bool(scene_.g), n_, [this](double at) { return g(at); }, g_coefficients, off_g);
-  }
-
- private:
-  const Scene& scene_;
-  Index m_, n_;
-  Matrix F_;
-};
-
-// A step in one mode: polynomials, valid on the first `valid` of it.
-struct EventStep {
-  double length = 0, defect = INFINITY, valid = 0;
-  Matrix x, y, w;
-  Matrix f, df, g, dg, ddg;
-};
-
-// Largest absolute values of each component so far.
-struct EventSizes {
-  JetValues u;
-
-  void include(const EventStep& step) { u = with(step); }
-  JetValues with(const EventStep& step) const {
-    return {larger(u.x, step.x), larger(u.f, step.f),   larger(u.df, step.df),
-            larger(u.g, step.g), larger(u.dg, step.dg), larger(u.ddg, step.ddg)};
-  }
-
- private:
-  // Coefficients of Legendre polynomials bound the values.
-  static Vector larger(const Vector& before, const Matrix& c) {
-    if (c.size() == 0) return before;
-    return before.cwiseMax(c.cwiseAbs().colwise().sum().transpose());
-  }
-};
-=======
 DenseSystem dense_system(const Scene& scene) {
   const DenseDynamics& d = get<DenseDynamics>(scene.dynamics);
   return {d.A, d.B, d.N, to_dense(scene.M)};
 }
->>>>>>> 430628d8fe6f37702a02c4f3d881af13c8ac0ea4
 
 class EventIntegration {
   static constexpr Index s = Collocation::degree;
@@ -121,14 +30,6 @@ class EventIntegration {
  public:
   EventIntegration(const Scene& scene, LcpClass lcp_class, const std::vector<double>& breakpoints,
                    const EventOptions& o)
-<<<<<<< HEAD
-      : scene_(scene), breakpoints_(breakpoints), options_(o), sources_(scene), class_(lcp_class), T_(scene.T) {
-    const DenseDynamics& d = get<DenseDynamics>(scene.dynamics);
-    system_ = {d.A, d.B, d.N, to_dense(scene.M)};
-    m_ = system_.states();
-    n_ = system_.constraints();
-    longest_ = o.longest_step > 0 ? o.longest_step : T_ / 64;
-=======
       : breakpoints_(breakpoints),
         options_(o),
         class_(lcp_class),
@@ -141,7 +42,6 @@ class EventIntegration {
         short_steps_(system_, sources_, T_),
         steps_(system_, sources_, T_, o.tolerance, longest_),
         successor_(system_, sources_, short_steps_, steps_, T_) {
->>>>>>> 430628d8fe6f37702a02c4f3d881af13c8ac0ea4
     const Vector of_x = Vector::Zero(m_), of_y = Vector::Zero(n_);
     at_.sizes.u = {of_x, of_x, of_x, of_y, of_y, of_y};
     at_.h = longest_;
@@ -311,7 +211,7 @@ class EventIntegration {
   EventSteps steps_;
   Successor successor_;
   EventPoint at_;
-  const Mode* mode_ = nullptr;
+  const ActiveMode* mode_ = nullptr;
   Index pending_event_ = -1;  ///< the component that ended the last step
   double size_y_ = 0;
   std::size_t stored_ = 0;

@@ -51,22 +51,22 @@ class EventSteps {
   double noise() const;
 
   /// The longest resolved step in a mode, with its validity. False if none is.
-  bool resolve(const Mode&, EventPoint&, EventStep&);
+  bool resolve(const ActiveMode&, EventPoint&, EventStep&);
   /// f, g and their derivatives on [t, t + h], those that the mode needs.
-  void sample(const Mode&, double t, double h, EventStep&) const;
+  void sample(const ActiveMode&, double t, double h, EventStep&) const;
 
  private:
-  EventStep attempt(const Mode&, EventPoint&, double h);
-  void find_event(const Mode&, const EventPoint&, EventStep&) const;
+  EventStep attempt(const ActiveMode&, EventPoint&, double h);
+  void find_event(const ActiveMode&, const EventPoint&, EventStep&) const;
   void look_between(const EventPoint&, EventStep&) const;
   double source_defect(const JetValues& size, const EventSources::Polynomials&) const;
-  const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& factors(const Mode&, double h, double& work);
+  const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& factors(const ActiveMode&, double h, double& work);
 
   const DenseSystem& system_;
   const EventSources& sources_;
   double T_, tolerance_, longest_;
   std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors_;  ///< kept as long as mode and h stay
-  const Mode* factored_mode_ = nullptr;
+  const ActiveMode* factored_mode_ = nullptr;
   double factored_h_ = 0;
 };
 

@@ -124,9 +124,9 @@ Matrix impulses(const DenseSystem& s, const std::vector<Index>& active, const Je
 
 }  // namespace
 
-std::optional<Mode> make_mode(const DenseSystem& s, const std::vector<Index>& active) {
+std::optional<ActiveMode> make_active_mode(const DenseSystem& s, const std::vector<Index>& active) {
   const Index m = s.states(), n = s.constraints(), a = Index(active.size());
-  Mode mode{active, s.A, Jet::zero(n, m, n), false, false, false, Jet::zero(0, m, n), Matrix::Zero(n, 0)};
+  ActiveMode mode{active, s.A, Jet::zero(n, m, n), false, false, false, Jet::zero(0, m, n), Matrix::Zero(n, 0)};
   if (a == 0) return mode;
   const Matrix B = s.B(Eigen::all, active);
   Matrix E = s.M(active, active);

@@ -20,7 +20,7 @@ class Successor {
   Successor(const DenseSystem&, const EventSources&, const ShortSteps&, EventSteps&, double T);
 
   struct Choice {
-    const Mode* mode = nullptr;  ///< none: no active set was found
+    const ActiveMode* mode = nullptr;  ///< none: no active set was found
     EventStep step;
     std::vector<Vector> impulses;  ///< n each: the jumps of the state, in their order
   };
@@ -32,18 +32,18 @@ class Successor {
   enum class Entry { smooth, jumped, refused };
   // An active set that was tried, with the state after it was entered.
   struct Candidate {
-    const Mode* mode = nullptr;
+    const ActiveMode* mode = nullptr;
     double lasts = 0;
     EventStep step = {};
     Vector x = {}, integral = {};
   };
 
-  const Mode* mode_of(const std::vector<Index>& active);
+  const ActiveMode* mode_of(const std::vector<Index>& active);
   Vector touching(const EventPoint&, bool y_is_known) const;
-  JetValues sources_at(const Mode&, const EventPoint&) const;
-  bool may_jump(const Mode&, const EventPoint&, const JetValues& u, const Vector& of, const Vector& p) const;
+  JetValues sources_at(const ActiveMode&, const EventPoint&) const;
+  bool may_jump(const ActiveMode&, const EventPoint&, const JetValues& u, const Vector& of, const Vector& p) const;
   bool is_limit_of_short_steps(const EventPoint&, const Vector& impulse) const;
-  Entry enter(const Mode&, EventPoint&);
+  Entry enter(const ActiveMode&, EventPoint&);
   Entry attempt(const std::vector<Index>& set, double least, EventPoint&);
   Entry attempt_proposed(double h, const Vector& offset, EventPoint&);
 
@@ -52,7 +52,7 @@ class Successor {
   const ShortSteps& short_steps_;
   EventSteps& steps_;
   double T_;
-  std::map<std::vector<Index>, std::optional<Mode>> modes_;
+  std::map<std::vector<Index>, std::optional<ActiveMode>> modes_;
   std::set<std::vector<Index>> tried_;
   Candidate best_;      ///< that lasted longest
   bool found_ = false;  ///< it lasts long enough
