@@ -67,8 +67,8 @@ def save(figure, picture, names):
 
 def outdated_pictures():
     """Pictures that README or docs show and that are missing, or whose mark is not that of the committed measurements."""
-    texts = [root / "README.md", *sorted((root / "docs").glob("*.md"))]
-    shown = {name for text in texts for name in re.findall(r"\]\((?:docs/)?pictures/([^)]+)\)", text.read_text())}
+    texts = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
+    shown = {name for text in texts for name in re.findall(r"\]\((?:docs/|\.\./)?pictures/([^)]+)\)", text.read_text())}
     wrong = []
     for path in sorted({pictures / name for name in shown} | set(pictures.glob("*.*"))):
         if not path.exists():

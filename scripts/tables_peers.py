@@ -1,4 +1,4 @@
-"""The table of docs/measurements.md that comes from scripts/bench_peers."""
+"""The table of docs/measurements/siconos.md that comes from scripts/bench_peers."""
 from evidence import machine, number, seconds
 
 
