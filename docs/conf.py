@@ -67,5 +67,11 @@ def read(app, name, source):
     source[0] = contents(text) if name == root_doc else text
 
 
+def bars(app, what, name, obj, options, lines):
+    """|y| in a docstring is an absolute value and no substitution."""
+    lines[:] = [line.replace("|", r"\|") for line in lines]
+
+
 def setup(app):
+    app.connect("autodoc-process-docstring", bars)
     app.connect("source-read", read)

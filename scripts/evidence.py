@@ -9,20 +9,6 @@ root = pathlib.Path(__file__).resolve().parent.parent
 results = root / "bench" / "results"
 pictures = root / "docs" / "pictures"
 
-# One colour and marker a method, in every picture.
-styles = {
-    "contour": ("tab:blue", "o", "contour: all time points at once"),
-    "contour (paper's tolerance)": ("tab:cyan", "o", "contour, to the paper's tolerance"),
-    "contour-literal": ("tab:purple", "v", "contour-literal: the paper to the letter"),
-    "multigrid": ("tab:orange", "D", "multigrid in time"),
-    "march": ("tab:green", "s", "march: exponential, step by step"),
-    "march (modal)": ("tab:olive", "s", "march, all eigenvalues"),
-    "march (compressed)": ("tab:green", "s", "march, compressed exponentials"),
-    "euler": ("tab:red", "X", "implicit Euler"),
-    "siconos": ("tab:brown", "P", "Siconos"),
-}
-
-
 def load(name):
     return json.loads((results / f"{name}.json").read_text())
 
@@ -67,7 +53,7 @@ def save(figure, picture, names):
     if path.suffix == ".svg":
         figure.savefig(path, metadata={"Source": mark, "Date": None, "Creator": None})
     else:
-        figure.savefig(path, dpi=110, metadata={"Source": mark, "Software": None})
+        figure.savefig(path, metadata={"Source": mark, "Software": None})
     return path
 
 
