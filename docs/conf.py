@@ -31,7 +31,8 @@ copybutton_exclude = ".linenos, .gp, .go"
 
 html_theme = "furo"
 html_title = "bromwich"
-html_static_path = []
+html_static_path = ["static"]
+html_css_files = ["book.css"]
 html_copy_source = False
 html_show_sphinx = False
 
@@ -43,7 +44,7 @@ def contents(text):
     parts = re.split(r"(?m)^(## .*)$", text)
     out = [parts[0]]
     for heading, body in zip(parts[1::2], parts[2::2]):
-        pages = [link[1].removesuffix(".md") for link in LINK.findall(body)]
+        pages = [f"{link[0]} <{link[1].removesuffix('.md')}>" for link in LINK.findall(body)]
         out += [heading, body]
         if pages:
             tree = "\n".join(pages)
@@ -64,6 +65,8 @@ def folder_links(app, name, text):
 
 def read(app, name, source):
     text = folder_links(app, name, source[0])
+    if name == "docs/cpp":  # what Doxygen makes lies beside the pages
+        text = text.replace("`cpp/index.html`", '<a href="../cpp/index.html">cpp/index.html</a>')
     source[0] = contents(text) if name == root_doc else text
 
 

@@ -13,8 +13,8 @@ A comment in the line before the fence says what else a block is:
     <!-- output -->          the block is what the block before it prints; numbers may differ in rounding, times in all
     <!-- not run: REASON --> the block is only shown; at most EXEMPT blocks of all pages
 
-A block of any other language is text: it must not begin like a command or a program. Blocks made by indentation are
-refused, since they have no language.
+A block of any other language, or of none since it is made by indentation, is text: it must not begin like a command or a
+program.
 """
 
 import argparse
@@ -52,8 +52,9 @@ class Fault(Exception):
 
 
 def blocks_of(page, text):
-    """The fenced blocks of a page, with the comment before each."""
+    """The blocks of a page, with the comment before each."""
     found, fence, start, mark = [], None, 0, ""
+    indented = []
     before_blank, in_list, body = True, False, []
     for number, line in enumerate(text.split("\n"), 1):
         if fence is None:
@@ -61,8 +62,12 @@ def blocks_of(page, text):
             if opening:
                 fence, start, language, body = opening, number, opening[3], []
                 continue
-            if before_blank and not in_list and re.match(r"    +\S", line):
-                raise Fault(f"{page}:{number}: a block by indentation has no language; write a fence")
+            if re.match(r"    +\S", line) and not in_list and (before_blank or indented):
+                indented.append(line[4:])
+                continue
+            if indented and line.strip():
+                found.append(Block(page, number - 1, "", "\n".join(indented) + "\n", ""))
+                indented = []
             comment = re.match(r"\s*<!-- ((?:file|not run): .*|output) -->$", line)
             mark = comment[1] if comment else mark if not line.strip() else ""
             if re.match(r"\s*([-*]|\d+\.) ", line):
@@ -195,7 +200,7 @@ def accepts_anything():
     with tempfile.TemporaryDirectory() as name:
         root = Path(name)
         (root / "examples").mkdir()
-        for number, text in enumerate(["```python\n1/0\n```", "```sh\nfalse\n```", "```toml\nx\n```", "    indented",
+        for number, text in enumerate(["```python\n1/0\n```", "```sh\nfalse\n```", "```toml\nx\n```", "    bromwich scenes\n\ntext",
                                        "```text\n$ bromwich\n```", "```sh\necho 1\n```\n<!-- output -->\n```text\n2\n```",
                                        "```sh\ntrue"]):
             (root / "page.md").write_text(text + "\n")
