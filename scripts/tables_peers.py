@@ -81,6 +81,6 @@ def headline(data):
     small = [ratio for place, ratio in least.items() if not place[0].startswith("signorini") and "dense" in place[1]]
     return [
         f"- Siconos, the main simulator of the field, takes at least **{ratio_text(large)} times** as long on this scene with "
-        f"{scene.removeprefix('signorini, ')} at errors no larger, since it takes A as a general matrix, and **{min(small):.1f} to {max(small):.1f} times** "
+        f"{scene.removeprefix('signorini, ')} where the errors of bromwich are no larger, since it takes A as a general matrix, and **{min(small):.1f} to {max(small):.1f} times** "
         f"as long on small dense circuits ({origin(data)})."
     ]
