@@ -222,8 +222,12 @@ def main():
     source, build = arguments.source.resolve(), arguments.build.resolve()
     if arguments.cpp:
         return write_program(source, arguments.cpp)
-    for module in ("bromwich", "scipy", "matplotlib"):
-        if importlib.util.find_spec(module) is None:
+    for module in ("bromwich._core", "scipy", "matplotlib"):
+        try:
+            missing = importlib.util.find_spec(module) is None
+        except ModuleNotFoundError:
+            missing = True
+        if missing:
             print(f"blocks: skipped, there is no {module} (scripts/python-env installs what is needed)")
             return 77
     os.environ.update(MPLBACKEND="Agg", OMP_NUM_THREADS="2", OMP_WAIT_POLICY="PASSIVE")

@@ -1,11 +1,16 @@
 #!/usr/bin/env bash
 # book.sh PYTHON SOURCE BUILD: builds the book of docs/ into BUILD/book/html, warnings are errors, with the reference of
-# C++ by Doxygen in its folder cpp. PYTHON is that of scripts/python-env. Exit code 77: it has no Sphinx.
+# C++ by Doxygen in its folder cpp. PYTHON is that of scripts/python-env. Exit code 77: it has no Sphinx, or
+# BUILD no Python package.
 set -euo pipefail
 python=$1 source=$(realpath "$2") build=$(realpath "$3")
 out=$build/book
 if ! "$python" -c 'import sphinx, myst_parser, furo, sphinx_copybutton' 2>/dev/null; then
   echo "book: skipped, $python has no Sphinx with MyST (scripts/python-env installs docs/requirements.txt)"
+  exit 77
+fi
+if ! compgen -G "$build/python/bromwich/_core*.so" >/dev/null; then
+  echo "book: skipped, this build has no Python package"
   exit 77
 fi
 mkdir -p "$out"
