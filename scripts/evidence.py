@@ -12,20 +12,6 @@ pictures = root / "docs" / "pictures"
 # The mark of a picture that shows the program and no measurement.
 screenshot_mark = "a screenshot of bromwich"
 
-# One colour and marker a method, in every picture.
-styles = {
-    "contour": ("tab:blue", "o", "contour: all time points at once"),
-    "contour (paper's tolerance)": ("tab:cyan", "o", "contour, to the paper's tolerance"),
-    "contour-literal": ("tab:purple", "v", "contour-literal: the paper to the letter"),
-    "multigrid": ("tab:orange", "D", "multigrid in time"),
-    "march": ("tab:green", "s", "march: exponential, step by step"),
-    "march (modal)": ("tab:olive", "s", "march, all eigenvalues"),
-    "march (compressed)": ("tab:green", "s", "march, compressed exponentials"),
-    "euler": ("tab:red", "X", "implicit Euler"),
-    "siconos": ("tab:brown", "P", "Siconos"),
-}
-
-
 def load(name):
     return json.loads((results / f"{name}.json").read_text())
 
@@ -56,6 +42,12 @@ def sources_mark(names):
     return "measurements " + " ".join(marks)
 
 
+def page_mark(page):
+    """'page PAGE:HASH' of the Python on a page of docs/ that draws a picture."""
+    blocks = re.findall(r"^```python\n(.*?)^```", (root / page).read_text(encoding="utf-8"), re.M | re.S)
+    return f"page {page}:{hashlib.sha256(''.join(blocks).encode()).hexdigest()[:16]}"
+
+
 def save(figure, picture, names):
     """Writes docs/pictures/PICTURE (.svg or .png), marked with the measurements NAMES that it shows."""
     pictures.mkdir(exist_ok=True)
@@ -64,20 +56,26 @@ def save(figure, picture, names):
     if path.suffix == ".svg":
         figure.savefig(path, metadata={"Source": mark, "Date": None, "Creator": None})
     else:
-        figure.savefig(path, dpi=110, metadata={"Source": mark, "Software": None})
+        figure.savefig(path, metadata={"Source": mark, "Software": None})
     return path
 
 
 def outdated_pictures():
-    """Pictures that README or docs show and that are missing, or whose mark is not that of the committed measurements."""
-    texts = [root / "README.md", *sorted((root / "docs").glob("*.md"))]
-    shown = {name for text in texts for name in re.findall(r"\]\((?:docs/)?pictures/([^)]+)\)", text.read_text())}
+    """Pictures that README or docs show and that are missing, or whose mark is not that of the committed measurements, or
+    of the page whose code draws them."""
+    texts = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
+    shown = {name for text in texts for name in re.findall(r"\]\((?:docs/|\.\./)?pictures/([^)]+)\)", text.read_text())}
     wrong = []
     for path in sorted({pictures / name for name in shown} | set(pictures.glob("*.*"))):
         if not path.exists():
             wrong.append(path.name)
             continue
         if screenshot_mark.encode() in path.read_bytes():
+            continue
+        drawn = re.search(rb"page (docs/[\w/-]+\.md):[0-9a-f]{16}", path.read_bytes())
+        if drawn and (root / drawn[1].decode()).exists():
+            if page_mark(drawn[1].decode()) != drawn[0].decode():
+                wrong.append(path.name)
             continue
         found = re.search(rb"measurements((?: \w[\w-]*:[0-9a-f]{16})+)", path.read_bytes())
         names = [word.split(":")[0] for word in found[1].decode().split()] if found else []

@@ -1,4 +1,4 @@
-"""The section of docs/measurements.md that comes from `bromwich bench galerkin`."""
+"""The tables of docs/measurements/galerkin.md that come from `bromwich bench galerkin`."""
 from evidence import machine, number, seconds
 
 norms = {"y_L2": "y in L2", "x_L2": "x in L2", "y_at_T": "y(T)", "x_at_T": "x(T)"}
