@@ -98,7 +98,7 @@ void in_the_file(const std::map<std::string, std::string>& places, const std::fu
   } catch (const Error& error) {
     const std::string& argument = error.argument();
     for (const auto& [member, place] : places)  // it already names a place; the file may have the name of a member
-      if (argument.starts_with(place.substr(0, place.find(':') + 1))) throw;
+      if (place.find(':') != std::string::npos && argument.starts_with(place.substr(0, place.find(':') + 1))) throw;
     const auto place = places.find(argument.substr(0, argument.find_first_of(".(")));
     if (place == places.end()) throw;
     throw Error(place->second, error.found(), error.remedy(), error.kind());

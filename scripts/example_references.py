@@ -149,15 +149,19 @@ def affine_flow(A, c, x, length):
     return total[:n, :n] @ x + total[:n, n]
 
 
-def converter_solution(on, off, duty, period, periods, x, conducts):
-    """A converter in continuous conduction: (A, c) with the switch on and off; the last period may be a part of one that
-    ends in the off state. `conducts(x)`, the current of the diode in the off state, must stay positive there; it is
-    looked at in 50 points of every off interval."""
-    while periods > 0:
-        x = affine_flow(*on, x, duty * period)
-        length = (min(periods, 1) - duty) * period / 50
+def converter_solution(on, off, duty, period, periods, shift, x, conducts):
+    """A converter in continuous conduction after `periods`: (A, c) with the switch on and off; it is on from `shift` of
+    every period on. `conducts(x)`, the current of the diode in the off state, must stay positive there; it is looked at in
+    50 points of every off interval."""
+
+    def while_off(x, length):
         for _ in range(50):
-            x = affine_flow(*off, x, length)
+            x = affine_flow(*off, x, length / 50)
             assert conducts(x) > 0, "the converter leaves continuous conduction"
-        periods -= 1
+        return x
+
+    x = while_off(x, shift)
+    for k in range(periods):
+        x = affine_flow(*on, x, duty * period)
+        x = while_off(x, (1 - duty) * period - (shift if k + 1 == periods else 0))
     return x

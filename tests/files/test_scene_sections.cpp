@@ -266,7 +266,7 @@ TEST(SceneSections, NamesAndUnits) {
       {names("x = [1, 2]"), "my.toml:11: names.x: found 1; give a list of 2 texts in quotes"},
       {names("z = [\"a\"]"), "my.toml:11: names.z: is no known key"},
       {two_states + "[units]\nx = [\"V\"]\n", "my.toml:11: units.x: has 1 entries; give 2"},
-      {two_states + labels + "[output]\nstates = \"j\"\n", "my.toml:19: output.states: found 'j'"},
+      {two_states + labels + "[output]\nstates = \"j\"\n", "my.toml:18: output.states: found 'j'"},
   });
 }
 
