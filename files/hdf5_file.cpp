@@ -16,7 +16,7 @@ namespace bromwich::hdf5 {
 namespace {
 
 constexpr Index values_per_chunk = 1 << 17;  ///< 1 MiB: large enough for the disk, small enough to read rows
-constexpr Index values_per_flush = 1 << 21;  ///< 16 MiB
+constexpr Index values_per_flush = 1 << 19;  ///< 4 MiB
 constexpr Index fewest_rows_per_chunk = 1;
 constexpr Index most_rows_per_chunk = 1 << 12;  ///< chunks of narrow results, which are rewritten when they grow
 constexpr unsigned compression = 1;             ///< of 9: higher levels cost time and save little after the shuffle
@@ -137,6 +137,11 @@ File::Lock::Lock(const FileTarget* target) {
 
 File::Lock::~Lock() {
   if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+void File::require_whole() {
+  if (failed_)
+    throw Error(target_.argument, "'" + target_.path.string() + "' could not be written before", "choose another file");
 }
 
 void File::close() {
@@ -261,6 +266,7 @@ void set_rows(File& file, hid_t dataset, Index rows) {
 }
 
 void append_rows(File& file, hid_t dataset, hid_t memory_type, Index first, Index count, const void* values) {
+  file.require_whole();
   set_rows(file, dataset, first + count);
   const Handle space(file.checked(H5Dget_space(dataset)), H5Sclose);
   Shape size = shape_of(file, dataset), start(size.size(), 0);

@@ -58,7 +58,12 @@ class File {
     if (code < 0) fail();
     return code;
   }
-  void flush() { checked(H5Fflush(file_, H5F_SCOPE_LOCAL)); }
+  /// Throws Error after a failure: what the library still holds must not get into the file.
+  void require_whole();
+  void flush() {
+    require_whole();
+    checked(H5Fflush(file_, H5F_SCOPE_LOCAL));
+  }
   /// Ends the file and reports failures; otherwise the destructor ends it in silence.
   void close();
 

@@ -1,4 +1,4 @@
-"""The Python of README.md and docs/python.md runs as it stands there."""
+"""The Python of README.md, docs/python.md and docs/output.md runs as it stands there."""
 
 import re
 from pathlib import Path
@@ -8,9 +8,11 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("name", ["README.md", "docs/python.md"])
+@pytest.mark.parametrize("name", ["README.md", "docs/python.md", "docs/output.md"])
 def test_code_runs(name, monkeypatch, tmp_path):
     pytest.importorskip("scipy")
+    pytest.importorskip("h5netcdf")
+    pytest.importorskip("xarray")
     blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / name).read_text(encoding="utf-8"), re.M | re.S)
     assert blocks
     monkeypatch.chdir(tmp_path)

@@ -15,7 +15,11 @@ namespace bromwich {
 
 class Hdf5Reading {
  public:
-  explicit Hdf5Reading(const std::filesystem::path& path) : file_(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT)) {
+  explicit Hdf5Reading(const std::filesystem::path& path) {
+    const hid_t properties = H5Pcreate(H5P_FILE_ACCESS);
+    H5Pset_file_locking(properties, false, true);  // as the writer, which may be in the same process
+    file_ = H5Fopen(path.c_str(), H5F_ACC_RDONLY, properties);
+    H5Pclose(properties);
     EXPECT_GE(file_, 0) << path;
   }
   ~Hdf5Reading() { H5Fclose(file_); }
