@@ -15,7 +15,7 @@ constexpr double largest_label = 1e5, smallest_label = 1e-3;  ///< beyond, numbe
 double tick_step(double length, int count) {
   const double raw = length / count, power = std::pow(10, std::floor(std::log10(raw)));
   for (const double factor : {1., 2., 5.})
-    if (raw <= factor * power * 1.0001) return factor * power;
+    if (raw <= factor * power * 1.4) return factor * power;  // the nearest in ratio
   return 10 * power;
 }
 
@@ -129,7 +129,8 @@ Range range_of(const std::vector<double>& values, bool logarithmic) {
     return {lo == 0 ? 0 : lo - pad, hi + pad};
   }
   const double pad = 0.04 * (hi - lo);
-  const bool from_zero = lo >= 0 && lo < 0.5 * hi, to_zero = hi <= 0 && hi > 0.5 * lo;
+  const double rounding = 1e-9 * (hi - lo);
+  const bool from_zero = lo >= -rounding && lo < 0.5 * hi, to_zero = hi <= rounding && hi > 0.5 * lo;
   return {from_zero ? 0 : lo - pad, to_zero ? 0 : hi + pad};
 }
 

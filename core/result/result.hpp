@@ -21,7 +21,7 @@ const char* to_string(Status);
 struct Seconds {
   double total = 0, setup = 0, solve = 0;
   double lcp = 0, convolution = 0, transform = 0, other = 0;  ///< parts of `solve`
-  double sweeps = 0;  ///< of `solve`: the functional iteration after its first batch, all parts
+  double sweeps = 0;         ///< of `solve`: the functional iteration after its first batch, all parts
   double certification = 0;  ///< of `other`: checks of the result, with the solves that confirm it
 };
 Seconds operator+(const Seconds&, const Seconds&);

@@ -63,6 +63,7 @@ Result solve_valid(const Scene& scene, Backend& backend, const InnerOptions& opt
   Result result = through_stages(scene, backend, options);
   result.seconds.setup += looked;
   result.seconds.total += looked;
+  if (!result.warning.empty()) note(options.log, LogLevel::warning, "%s", result.warning.c_str());
   return result;
 }
 

@@ -135,8 +135,42 @@ def test_progress_line():
     assert [duration(s) for s in (6.2, 200, 18600)] == ["7 s", "3 min 20 s", "5 h 10 min"]
 
 
+def test_progress_in_a_notebook_is_one_display_that_changes(monkeypatch):
+    """IPython with a kernel: the line is displayed once, updated after that, and empty at the end."""
+    import sys
+    import types
+
+    from bromwich import _progress
+
+    shown = []
+
+    class Handle:
+        def update(self, data, raw):
+            shown.append(data["text/plain"])
+
+    def display(data, raw, display_id):
+        assert raw and display_id
+        shown.append("first: " + data["text/plain"])
+        return Handle()
+
+    ipython = types.ModuleType("IPython")
+    ipython.get_ipython = lambda: types.SimpleNamespace(kernel=object())
+    ipython.display = types.ModuleType("IPython.display")
+    ipython.display.display = display
+    monkeypatch.setitem(sys.modules, "IPython", ipython)
+    monkeypatch.setitem(sys.modules, "IPython.display", ipython.display)
+    monkeypatch.setattr(_progress, "QUIET", 0.0)
+    monkeypatch.setattr(_progress, "PAUSE", 0.0)
+    with _progress.reporting(True, 1e-12) as report:
+        report(1, 10, 0.0)
+        report(2, 10, 0.0)
+    assert shown[0] == "first: step 1 of 10"
+    assert shown[1].startswith("step 2 of 10, about ")
+    assert shown[-1] == ""
+
+
 def test_progress_line_is_silent_without_a_terminal(Q15, capfd):
-    bromwich.solve(Q15, steps=20000, method="contour", progress=True, check=False)
+    bromwich.solve(Q15, steps=200, progress=True, check=False)
     assert capfd.readouterr().err == ""
 
 
