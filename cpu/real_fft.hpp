@@ -5,6 +5,7 @@
 #include "core/base/types.hpp"
 
 #include <memory>
+#include <utility>
 
 namespace bromwich::cpu {
 

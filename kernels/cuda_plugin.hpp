@@ -6,6 +6,10 @@
 #include "kernels/ceilings.hpp"
 #include "kernels/cuda_backend.hpp"
 
+#include <memory>
+#include <string>
+#include <vector>
+
 namespace bromwich {
 
 /// What the shared object offers: the functions of cuda_backend.hpp and ceilings.hpp.

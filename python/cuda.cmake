@@ -17,4 +17,5 @@ set_target_properties(
              LIBRARY_OUTPUT_DIRECTORY ${package_dir}
              BUILD_RPATH_USE_ORIGIN ON
              INSTALL_RPATH "${beside}")
+add_dependencies(bromwich_python_package bromwich_python_cuda)
 install(TARGETS bromwich_python_cuda LIBRARY DESTINATION bromwich COMPONENT python EXCLUDE_FROM_ALL)

@@ -6,7 +6,7 @@ set(BROMWICH_PYTHON_VARIANTS "" CACHE STRING "Vector instructions for which _cor
 set(arch_avx2 x86-64-v3)
 set(arch_avx512 x86-64-v4)
 set(inherited
-    BROMWICH_CUDA BROMWICH_TRANSFORM BROMWICH_WARNINGS_AS_ERRORS CMAKE_BUILD_TYPE CMAKE_CXX_COMPILER CMAKE_CXX_FLAGS
+    BROMWICH_TRANSFORM BROMWICH_WARNINGS_AS_ERRORS CMAKE_BUILD_TYPE CMAKE_CXX_COMPILER CMAKE_CXX_FLAGS
     CMAKE_MAKE_PROGRAM CMAKE_PREFIX_PATH CMAKE_UNITY_BUILD Python_EXECUTABLE SKBUILD_SOABI SKBUILD_SABI_COMPONENT)
 
 add_custom_target(bromwich_python_package ALL DEPENDS bromwich_python bromwich_python_processor)
@@ -16,7 +16,8 @@ foreach(variant IN LISTS BROMWICH_PYTHON_VARIANTS)
     message(FATAL_ERROR "BROMWICH_PYTHON_VARIANTS: found '${variant}'; use avx2, avx512 or both")
   endif()
   set(values -DBROMWICH_ARCH:STRING=${arch_${variant}} -DBROMWICH_NATIVE:BOOL=OFF -DBROMWICH_PYTHON:STRING=ON
-             -DBROMWICH_PYTHON_VARIANTS:STRING= -DBUILD_TESTING:BOOL=OFF)
+             -DBROMWICH_PYTHON_VARIANTS:STRING= -DBUILD_TESTING:BOOL=OFF
+             -DBROMWICH_CUDA:STRING=OFF) # _cuda.so is there once
   foreach(name IN LISTS inherited)
     if(DEFINED ${name})
       list(APPEND values "-D${name}:STRING=${${name}}")

@@ -196,7 +196,7 @@ print(bromwich.backends()["cuda"].detail)
 def test_a_loaded_backend():
     """A backend of another shared object (pretended_cuda.cpp): solves, its errors, and the switch to it."""
     file = os.environ.get("BROMWICH_PRETENDED_CUDA", "")
-    if not Path(file).exists():
+    if not file:
         pytest.skip("BROMWICH_PRETENDED_CUDA is not set")
     code = f"""
 import bromwich, numpy as np
