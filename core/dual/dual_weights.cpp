@@ -2,12 +2,6 @@
 
 #include "core/base/text.hpp"
 #include "core/dynamics/line_transfer.hpp"
-#include "core/kernel/recurrence.hpp"
-#include "core/lcp/lcp_class.hpp"
-#include "core/numerics/equilibration.hpp"
-
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 
 #include <algorithm>
 #include <cmath>
@@ -19,38 +13,15 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index frequencies = 13, most_modes = 24;  ///< of the sample for the smoothing factor
-constexpr Index circle_points = 96;                 ///< on half of |zeta| = 1, for the number of zeros inside
-constexpr double negligible = 1e-10;                ///< relative: a coefficient that vanishes
-constexpr double most_growth = 1e4;                 ///< of V over the whole grid
-constexpr Index largest_dense = 600;                ///< states, since V takes eigenvalues of such matrices
-
-DualChoice refused(std::string why) { return {std::nullopt, std::move(why)}; }
-
-const char* const two_derivatives =
-    "y acts on the second or a higher derivative of w, so that M + K has no inverse in w alone (relative degree)";
+constexpr Index most_modes = 24;      ///< of the sample for the smoothing factor
+constexpr Index circle_points = 96;   ///< on half of |zeta| = 1, for the number of zeros inside
+constexpr double negligible = 1e-10;  ///< relative: a coefficient that vanishes
 
 // z of implicit Euler at zeta = e^{i angle}, in the upper half-plane.
 Complex euler_point(double angle, double h) {
   const double half = std::sin(angle / 2);
   return Complex(2 * half * half, std::sin(angle)) / h;
 }
-
-// The d that minimises max |1 - v/d| over values of V^, and that maximum.
-std::pair<double, double> best_divisor(const std::vector<Complex>& values) {
-  double largest = 0;
-  for (const Complex& v : values) largest = std::max(largest, std::abs(v));
-  std::pair<double, double> best{largest, INFINITY};
-  for (int i = 0; i <= 80; ++i) {
-    const double d = largest * (0.4 + 0.02 * double(i));
-    double worst = 0;
-    for (const Complex& v : values) worst = std::max(worst, std::abs(1.0 - v / d));
-    if (worst < best.second) best = {d, worst};
-  }
-  return best;
-}
-
-double high_frequency(Index i) { return std::numbers::pi * (0.25 + 0.75 * double(i) / double(frequencies - 1)); }
 
 // ---- Kronecker sums ----
 
@@ -68,9 +39,9 @@ class ModalInverse {
     if (known) return with(std::move(known));
     const double direct = d_.n.dot(d_.b), terms = d_.n.cwiseAbs().dot(d_.b.cwiseAbs());
     const double largest = M_.cwiseAbs().maxCoeff();
-    if (largest == 0 && terms == 0 && line_(1 / p_.h) == 0.0) return refused("M + K is zero: N and B do not meet");
-    if (M_.cwiseAbs().minCoeff() == 0 && !(std::abs(direct) > negligible * terms)) return refused(two_derivatives);
-    if (const std::string why = zeros(); !why.empty()) return refused(why);
+    if (largest == 0 && terms == 0 && line_(1 / p_.h) == 0.0) return refused_dual("M + K is zero: N and B do not meet");
+    if (M_.cwiseAbs().minCoeff() == 0 && !(std::abs(direct) > negligible * terms)) return refused_dual(two_derivatives);
+    if (const std::string why = zeros(); !why.empty()) return refused_dual(why);
     return fit();
   }
 
@@ -108,11 +79,14 @@ class ModalInverse {
       return v;
     };
     const FitRegion region{false, p_.h, p_.scene.T, -mu_.maxCoeff(), -mu_.minCoeff()};
-    const double fastest = 4 * std::max(-nu_.minCoeff(), 2 / p_.h);
+    // Poles of V^ lie between those of k, and one near -n^T b / M^, which acts like a polynomial if it is far away.
+    const double near = std::max(-nu_.minCoeff(), 2 / p_.h), direct = std::abs(d_.n.dot(d_.b));
+    const double fastest = 4 * std::clamp(direct / std::max(M_.minCoeff(), 1e-300), near, 1e4 * near);
     auto sum =
         std::make_shared<const PoleSum>(fit_poles(inverse, functions, region, -0.3 * nu_.maxCoeff(), fastest, true));
     if (!(sum->error <= accepted_fit_error))
-      return refused(text("V is no short sum of decaying exponentials: the best one misses %.1e of it", sum->error));
+      return refused_dual(
+          text("V is no short sum of decaying exponentials: the best one misses %.1e of it", sum->error));
     return with(std::move(sum));
   }
 
@@ -124,14 +98,19 @@ class ModalInverse {
     const Index n = M_.size(), modes = std::min(n, most_modes);
     for (Index i = 0; i < modes; ++i) {
       const Index l = modes > 1 ? i * (n - 1) / (modes - 1) : 0;
-      for (Index f = 0; f < frequencies; ++f) values.push_back(1.0 / symbol(l, euler_point(high_frequency(f), p_.h)));
+      for (Index f = 0; f < high_frequencies; ++f)
+        values.push_back(1.0 / symbol(l, euler_point(high_frequency(f), p_.h)));
     }
     const auto [divisor, factor] = best_divisor(values);
-    V.w0.array() -= divisor;
-    std::string words = text("V: %ld exponentials a mode", long(sum.rates.size()));
-    return {DualWeights{Tridiagonal{Vector::Zero(n), Vector::Constant(n, divisor), Vector::Zero(n)},
-                        share_weights(Recurrence(std::move(V))), factor, sum.error, std::move(words), std::move(fit)},
-            ""};
+    DualWeights weights;
+    weights.P = Tridiagonal{Vector::Zero(n), Vector::Zero(n), Vector::Zero(n)};
+    weights.shift = divisor;
+    weights.weights = share_weights(Recurrence(std::move(V)));
+    weights.smoothing = factor;
+    weights.error = sum.error;
+    weights.description = text("V: %ld exponentials a mode", long(sum.rates.size()));
+    weights.fit = std::move(fit);
+    return {std::move(weights), ""};
   }
 
   // c/(z - sigma) has the weights c h E^{d+1}, E = 1/(1 - h sigma); a z has a/h and -a/h.
@@ -163,82 +142,24 @@ class ModalInverse {
   LineTransfer line_;
 };
 
-// ---- dense dynamics ----
-
-// L^T X R is regular for bases L, R of the left and right null space of M: y is determined by M or the first derivative
-// of w.
-bool has_relative_degree_one(const Matrix& M, const Matrix& NB, const Matrix& terms) {
-  const Eigen::FullPivLU<Matrix> right(M), left(Matrix(M.transpose()));
-  if (right.isInvertible()) return true;
-  const Matrix on_kernel = left.kernel().transpose() * NB * right.kernel();
-  const double scale = (left.kernel().cwiseAbs().transpose() * terms * right.kernel().cwiseAbs()).maxCoeff();
-  const Eigen::FullPivLU<Matrix> lu(on_kernel);
-  return scale > 0 && on_kernel.cwiseAbs().maxCoeff() > negligible * scale && lu.isInvertible() &&
-         lu.rcond() > negligible;
-}
-
-// det(M + N (zI - A)^{-1} B) is a rational function: zero at two points in general position means zero.
-bool is_singular_everywhere(const DenseDynamics& d, const Matrix& M, double h) {
-  for (const double z : {1 / h, 0.2718 / h}) {
-    const Matrix shifted = z * Matrix::Identity(d.A.rows(), d.A.rows()) - d.A;
-    const Matrix symbol = M + d.N * shifted.partialPivLu().solve(d.B);
-    if (!symbol.allFinite()) continue;
-    const Equilibration e = equilibrate(symbol);
-    const Matrix scaled = e.rows.asDiagonal() * symbol * e.columns.asDiagonal();
-    if (scaled.partialPivLu().rcond() > 1e3 * epsilon) return false;
-  }
-  return true;
-}
-
-double spectral_radius(const Matrix& E) {
-  if (E.size() == 0) return 0;
-  const Eigen::EigenSolver<Matrix> eigen(E, false);
-  return eigen.info() == Eigen::Success ? eigen.eigenvalues().cwiseAbs().maxCoeff() : INFINITY;
-}
-
-// The eigenvalues of V_0^{-1} V^ at high frequencies.
-std::vector<Complex> relative_symbols(const DenseRecurrence& V) {
-  std::vector<Complex> values;
-  const Eigen::PartialPivLU<Matrix> V0(V.w0);
-  const Index m = V.decay.rows();
-  for (Index f = 0; f < frequencies; ++f) {
-    const Complex z = std::polar(1.0, high_frequency(f));
-    const ComplexMatrix shifted = z * ComplexMatrix::Identity(m, m) - V.decay.cast<Complex>();
-    const ComplexMatrix far = V.output.cast<Complex>() * shifted.partialPivLu().solve(V.input.cast<Complex>());
-    const ComplexMatrix symbol = V.w0.cast<Complex>() + far;
-    const ComplexMatrix relative = V0.inverse().cast<Complex>() * symbol;
-    const Eigen::ComplexEigenSolver<ComplexMatrix> eigen(relative, false);
-    for (const Complex& v : eigen.eigenvalues()) values.push_back(v);
-  }
-  return values;
-}
-
-DualChoice dense_inverse(const DiscreteProblem& p) {
-  const DenseDynamics& d = *p.small_state();
-  const Matrix M = to_dense(p.scene.M);
-  if (d.A.rows() > largest_dense) return refused(text("a dense state of more than %ld", long(largest_dense)));
-  if (!has_euler_step(d.A, p.h)) return refused("I - hA is singular at this step");
-  if (is_singular_everywhere(d, M, p.h)) return refused("M + K has no inverse: constraints repeat each other");
-  if (!has_relative_degree_one(M, d.N * d.B, d.N.cwiseAbs() * d.B.cwiseAbs())) return refused(two_derivatives);
-  const StepOperators step = step_operators(d.A, Rule::implicit_euler, p.h);
-  const Matrix step_matrix = M + d.N * step.right * d.B;
-  const Equilibration e = equilibrate(step_matrix);
-  const Eigen::PartialPivLU<Matrix> lu(e.rows.asDiagonal() * step_matrix * e.columns.asDiagonal());
-  if (!(lu.rcond() > 1e3 * epsilon)) return refused("M + W_0 is singular at this step");
-  if (classify(LcpMatrix(step_matrix)) != LcpClass::P) return refused("M + W_0 is not known to be a P-matrix");
-  DenseRecurrence V = inverse_recurrence(d, M, p.h);
-  const double growth = std::pow(spectral_radius(V.decay), double(p.J));
-  if (!(growth <= most_growth))
-    return refused(text("V grows by %.1e up to T: M + N (zI - A)^{-1} B has zeros in the right half-plane", growth));
-  const auto [alpha, factor] = best_divisor(relative_symbols(V));
-  const Matrix P = alpha * V.w0;
-  V.w0 -= P;
-  return {DualWeights{P, share_weights(Recurrence(std::move(V))), factor, epsilon * std::max(growth, 1.0),
-                      "V: the step with y and w exchanged"},
-          ""};
-}
-
 }  // namespace
+
+DualChoice refused_dual(std::string why) { return {std::nullopt, std::move(why)}; }
+
+std::pair<double, double> best_divisor(const std::vector<Complex>& values) {
+  double largest = 0;
+  for (const Complex& v : values) largest = std::max(largest, std::abs(v));
+  std::pair<double, double> best{largest, INFINITY};
+  for (int i = 0; i <= 80; ++i) {
+    const double d = largest * (0.4 + 0.02 * double(i));
+    double worst = 0;
+    for (const Complex& v : values) worst = std::max(worst, std::abs(1.0 - v / d));
+    if (worst < best.second) best = {d, worst};
+  }
+  return best;
+}
+
+double high_frequency(Index i) { return std::numbers::pi * (0.25 + 0.75 * double(i) / double(high_frequencies - 1)); }
 
 std::optional<Vector> eigenvalues_in_modes(const LcpMatrix& matrix) {
   const Index n = size(matrix);
@@ -261,24 +182,11 @@ std::optional<Vector> eigenvalues_in_modes(const LcpMatrix& matrix) {
   return values;
 }
 
-DenseRecurrence inverse_recurrence(const DenseDynamics& d, const Matrix& M, double h) {
-  const StepOperators step = step_operators(d.A, Rule::implicit_euler, h);
-  const Matrix drive = step.right * d.B, seen = d.N * step.decay;
-  const Matrix V0 = Matrix(M + d.N * drive).partialPivLu().inverse();
-  DenseRecurrence V;
-  V.w0 = V0;
-  V.input = drive * V0;
-  V.output = -V0 * seen;
-  V.decay = step.decay - V.input * seen;
-  V.start = Matrix::Zero(d.A.rows(), M.rows());
-  return V;
-}
-
 DualChoice dual_weights(const DiscreteProblem& p, const DualWeights* finer) {
-  if (p.small_state()) return dense_inverse(p);
-  if (!p.modes()) return refused("V is made for dense dynamics and Kronecker sums");
+  if (p.small_state()) return dense_dual_weights(p);
+  if (!p.modes()) return refused_dual("V is made for dense dynamics and Kronecker sums");
   auto M = eigenvalues_in_modes(p.scene.M);
-  if (!M) return refused("sine modes do not diagonalise M");
+  if (!M) return refused_dual("sine modes do not diagonalise M");
   return ModalInverse(p, std::move(*M)).choose(finer ? finer->fit : nullptr);
 }
 

@@ -4,12 +4,13 @@
 //
 //     0 <= w  ⊥  y = V w + s >= 0,   s = -V r.
 //
-// V is the convolution quadrature of V^(z) = (M + N (zI - A)^{-1} B)^{-1} at z = (1 - zeta)/h. It is split as
-// P delta + (V - P delta), so that this is a problem like the primal one with the matrix P in place of M:
+// V is the convolution quadrature of V^(z) = (M + N (zI - A)^{-1} B)^{-1} at z = (1 - zeta)/h. This is a problem like
+// the primal one, with a matrix P in place of M and V - P delta in place of K, and so are its sweeps:
 //
-//     w <- SOL(P, s + (V - P delta) w),
+//     w <- SOL(P + d I, s + (V - P delta) w - d w),
 //
-// for P = d I the projected Richardson sweep w <- max(0, w - (V w + s)/d), and for a multiple of V_0 a block sweep.
+// for P = 0 the projected Richardson sweep w <- max(0, w - (V w + s)/d), and for d = 0 and a multiple P of V_0 a sweep
+// by blocks.
 //
 // Kronecker sums: one scalar inverse per sine mode, as a short sum of exponentials (core/kernel/transfer_fit.hpp).
 // Dense dynamics: the step with the roles of y and w exchanged. With R = (I - hA)^{-1}, W_0 = h N R B, V_0 = (M +
@@ -24,11 +25,14 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace bromwich {
 
 struct DualWeights {
-  LcpMatrix P;            ///< d I, tridiagonal, for Kronecker sums; (1 + alpha) V_0 otherwise
+  LcpMatrix P;            ///< 0, tridiagonal, for Kronecker sums; (1 + alpha) V_0 for dense dynamics
+  double shift = 0;       ///< d
   SharedWeights weights;  ///< of V - P delta
   /// Factor of a sweep for errors with frequencies in [pi/4, pi] a step, which the next grid does not represent.
   double smoothing = 0;
@@ -48,6 +52,18 @@ struct DualChoice {
 /// With `finer`, V of a grid with shorter steps, its fit is used again: implicit Euler sees V^ on discs |1 - hz| <= 1,
 /// of which the one of longer steps lies in the other, and so do zeros.
 DualChoice dual_weights(const DiscreteProblem&, const DualWeights* finer = nullptr);
+
+/// The part for dense dynamics.
+DualChoice dense_dual_weights(const DiscreteProblem&);
+DualChoice refused_dual(std::string why);
+inline constexpr const char* two_derivatives =
+    "y acts on the second or a higher derivative of w, so that M + K has no inverse in w alone (relative degree)";
+
+/// The d that minimises max |1 - v/d| over values v of V^, and that maximum.
+std::pair<double, double> best_divisor(const std::vector<Complex>& values);
+/// Frequencies in [pi/4, pi] a step, which the grid with half the steps does not represent.
+inline constexpr Index high_frequencies = 13;
+double high_frequency(Index i);
 
 /// The eigenvalues of M in the sine modes: M is a symmetric tridiagonal Toeplitz matrix. Empty otherwise.
 std::optional<Vector> eigenvalues_in_modes(const LcpMatrix& M);

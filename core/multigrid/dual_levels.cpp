@@ -32,7 +32,8 @@ std::unique_ptr<TimeLevel> make_dual_level(const DiscreteProblem& p, const DualW
   for (auto* array : {&level->r, &level->y, &level->v, &level->old}) *array = p.backend.array(rows, n);
   level->sweeps = dual_sweeps;
   level->unseen = std::min(V.smoothing, most_unseen_dual);
-  if (!coarsest) level->lcp = p.backend.lcp(P, LcpClass::P, rows);
+  level->shift = V.shift;
+  if (!coarsest) level->lcp = p.backend.shifted_lcp(P, LcpClass::P, V.shift, rows);
   return level;
 }
 
@@ -45,6 +46,17 @@ void prepare_dual_march(const DiscreteProblem& p, const LcpMatrix& P, const std:
   problem.r = level.r.get();
   if (level.steps > p.backend.traits().unpolled_steps) problem.interrupted = interrupted;
   level.march = p.backend.march(problem, level.steps + 1);
+}
+
+// P_f - P as a convolution without memory; nothing if both are zero.
+void set_matrix_change(Backend& backend, const LcpMatrix& finer, const LcpMatrix& P, TimeLevel& level) {
+  const auto *fine = std::get_if<Matrix>(&finer), *coarse = std::get_if<Matrix>(&P);
+  if (!fine || !coarse) return;
+  const Index n = fine->rows();
+  const DenseRecurrence change{Matrix::Zero(1, 1), Matrix::Zero(1, n), Matrix::Zero(1, n), Matrix::Zero(n, 1),
+                               *fine - *coarse};
+  level.matrix_change = backend.convolution(Recurrence(change), level.steps + 1);
+  level.matrix_term = backend.array(level.steps + 1, n);
 }
 
 // Adds a grid; false if V is refused there.
@@ -66,6 +78,8 @@ bool add_dual_grid(TimeOperator& finest, Index steps, bool coarsest, std::option
   if (all.levels.size() == 0) all.levels.description = V->description;
   all.levels.kernel_error = std::max(all.levels.kernel_error, V->error);
   all.levels.grids.push_back(make_dual_level(op.problem(), *V, all.P.back(), coarsest));
+  const std::size_t l = all.P.size() - 1;
+  if (l > 0) set_matrix_change(op.problem().backend, all.P[l - 1], all.P[l], all.levels[l]);
   all.grids.push_back(std::move(grid));
   return true;
 }

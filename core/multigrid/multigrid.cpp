@@ -289,11 +289,14 @@ void Multigrid::descend(std::size_t l) {
   pose(l);
 }
 
-// r_c = R (r + K y) - K_c R y, and y_c = R y as the start.
+// r_c = R (r + K y) - K_c R y, and y_c = R y as the start. With P in place of M, P_f R y - P_c R y is added.
 void Multigrid::pose(std::size_t l) {
   TimeLevel &fine = levels_[l], &coarse = levels_[levels_[l].coarse];
   coarse.kernel->apply_injected(*fine.kernel, *fine.y, *coarse.y, *coarse.v);
   backend_.restrict_problem(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
+  if (!coarse.matrix_change) return;
+  coarse.matrix_change->apply(*coarse.y, *coarse.matrix_term, 0);
+  backend_.add(*coarse.r, 1, *coarse.matrix_term, *coarse.r);
 }
 
 // y <- y + I (y_c - R y), then a sweep.

@@ -162,7 +162,8 @@ class KnownResponse {
 
 std::size_t TimeLevel::bytes() const {
   return r->bytes() + y->bytes() + v->bytes() + old->bytes() + (nested ? nested->bytes() : 0) + kernel->bytes() +
-         (lcp ? lcp->bytes() : 0) + (march ? march->bytes() : 0);
+         (matrix_change ? matrix_change->bytes() + matrix_term->bytes() : 0) + (lcp ? lcp->bytes() : 0) +
+         (march ? march->bytes() : 0);
 }
 
 namespace {

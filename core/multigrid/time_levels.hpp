@@ -26,11 +26,15 @@ struct TimeLevel {
   std::unique_ptr<Array> r, y, v, old, nested;
   std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; null on a coarsest grid that is always marched
   double shift = 0;
-  int sweeps = 0;                ///< before the coarse problem; one more follows it. On the coarsest: all of a visit
-  int coarsest_sweeps = 0;       ///< per visit, if this grid is the coarsest
-  int first_visits = 0;          ///< visits at the start, if this grid is the coarsest
-  std::size_t coarse = 0;        ///< the grid of the coarse problem of a cycle on this one
-  double unseen = 0;             ///< smoothing factor for error components invisible to the grid `coarse`
+  int sweeps = 0;           ///< before the coarse problem; one more follows it. On the coarsest: all of a visit
+  int coarsest_sweeps = 0;  ///< per visit, if this grid is the coarsest
+  int first_visits = 0;     ///< visits at the start, if this grid is the coarsest
+  std::size_t coarse = 0;   ///< the grid of the coarse problem of a cycle on this one
+  double unseen = 0;        ///< smoothing factor for error components invisible to the grid `coarse`
+  /// P_f - P of the next finer grid, where P in place of M differs from grid to grid (core/multigrid/dual_levels.hpp),
+  /// and an array for it; null otherwise.
+  std::unique_ptr<Convolution> matrix_change;
+  std::unique_ptr<Array> matrix_term;
   std::unique_ptr<March> march;  ///< of the coarsest grid only, instead of sweeps
 
   std::size_t bytes() const;

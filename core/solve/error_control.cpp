@@ -193,8 +193,7 @@ class GridRefinement {
   }
 
   bool holds_inside() {
-    const bool piecewise_linear =
-        solved_->continuous && !by_euler(*solved_) && solved_->method != Method::galerkin;
+    const bool piecewise_linear = solved_->continuous && !by_euler(*solved_) && solved_->method != Method::galerkin;
     if (!piecewise_linear || !may_look_inside() || !all_states_.allFinite()) return true;
     solved_->errors->interior = interior_defect(scene_, *solved_, all_states_, sizes_);
     return solved_->errors->interior <= goal_.smallest();

@@ -139,8 +139,8 @@ PyType_Slot cycle_slots[] = {{Py_tp_traverse, reinterpret_cast<void*>(visit_call
                              {0, nullptr}};
 
 const char* form(const Scene& scene) {
-  static constexpr const char* words[] = {"dense", "kronecker", "sparse", "supplied"};
-  return words[scene.dynamics.index()];
+  const LinearSystem& dynamics = *scene.dynamics;
+  return dynamics.small_state() ? "dense" : dynamics.modes() ? "kronecker" : dynamics.matrices() ? "sparse" : "supplied";
 }
 
 }  // namespace

@@ -11,7 +11,6 @@ Source expression_source(const std::vector<std::string>& texts, const std::map<s
                          double T, const std::string& name) {
   Expressions expressions;
   for (const auto& [key, value] : parameters) expressions.define(key, value, "parameters");
-  for (const std::string& text : texts) expressions.check_in_time(text, name);
   std::vector<std::string> full;
   for (const std::string& text : texts) full.push_back(expressions.in_full(text, name));
   SwitchTimes switches = expressions.switch_times(full, T);
