@@ -52,7 +52,8 @@ double EventRows::residual(const Result& r) const {
     p_.backend.upload(values, *array);
     return array;
   };
-  const auto g = on_backend(p_.g.table()), v = on_backend(states_ * p_.small_state()->N.transpose()), y = on_backend(r.y);
+  const auto g = on_backend(p_.g.table()), v = on_backend(states_ * p_.small_state()->N.transpose()),
+             y = on_backend(r.y);
   return march_residual(p_, start_, *g, *v, *y);
 }
 

@@ -140,7 +140,10 @@ PyType_Slot cycle_slots[] = {{Py_tp_traverse, reinterpret_cast<void*>(visit_call
 
 const char* form(const Scene& scene) {
   const LinearSystem& dynamics = *scene.dynamics;
-  return dynamics.small_state() ? "dense" : dynamics.modes() ? "kronecker" : dynamics.matrices() ? "sparse" : "supplied";
+  return dynamics.small_state() ? "dense"
+         : dynamics.modes()     ? "kronecker"
+         : dynamics.matrices()  ? "sparse"
+                                : "supplied";
 }
 
 }  // namespace

@@ -37,7 +37,7 @@ TEST(Mode, WithARegularBlockSolvesForY) {
     Draw draw(seed);
     const DenseSystem s{draw.matrix(4, 4), draw.matrix(4, 3), draw.matrix(3, 4),
                         draw.matrix(3, 3) + 3 * Matrix::Identity(3, 3)};
-    const auto mode = make_mode(s, {0, 2});
+    const auto mode = make_active_mode(s, {0, 2});
     ASSERT_TRUE(mode);
     EXPECT_EQ(mode->constraints.x.rows(), 0);
     const JetValues u = draw.values(4, 3);
@@ -57,7 +57,7 @@ TEST(Mode, OfRelativeDegreeOneKeepsTheConstraint) {
     Draw draw(seed);
     const Matrix N = draw.matrix(2, 4);
     const DenseSystem s{draw.matrix(4, 4), N.transpose() + 0.1 * draw.matrix(4, 2), N, Matrix::Zero(2, 2)};
-    const auto mode = make_mode(s, {0, 1});
+    const auto mode = make_active_mode(s, {0, 1});
     ASSERT_TRUE(mode);
     ASSERT_EQ(mode->constraints.x.rows(), 2);
     EXPECT_TRUE(mode->uses_dg);
@@ -82,7 +82,7 @@ TEST(Mode, OfRigidContactHasAnImpulseThatStopsTheVelocity) {
     B.bottomRows(3) = W;
     N.leftCols(3) = W.transpose();
     const DenseSystem s{A, B, N, Matrix::Zero(2, 2)};
-    const auto mode = make_mode(s, {0, 1});
+    const auto mode = make_active_mode(s, {0, 1});
     ASSERT_TRUE(mode);
     EXPECT_EQ(mode->constraints.x.rows(), 4) << "positions and velocities";
     EXPECT_TRUE(mode->uses_ddg);
@@ -104,12 +104,12 @@ TEST(Mode, OfSkewMSolvesByBothComponents) {
   Matrix M(2, 2);
   M << 0, 2, -2, 0;
   const DenseSystem s{draw.matrix(3, 3), draw.matrix(3, 2), draw.matrix(2, 3), M};
-  const auto both = make_mode(s, {0, 1});
+  const auto both = make_active_mode(s, {0, 1});
   ASSERT_TRUE(both);
   EXPECT_EQ(both->constraints.x.rows(), 0);
   const JetValues u = draw.values(3, 2);
   EXPECT_LE((s.N * u.x + M * evaluate(both->y, u) + u.g).norm(), close);
-  const auto one = make_mode(s, {1});  // M_SS = 0
+  const auto one = make_active_mode(s, {1});  // M_SS = 0
   ASSERT_TRUE(one);
   ASSERT_EQ(one->constraints.x.rows(), 1);
   EXPECT_NEAR(s.N.row(1).dot(rate(s, u, evaluate(one->y, u))) + u.dg[1], 0, close);
@@ -122,7 +122,7 @@ TEST(Mode, OfSingularMHasImpulsesInItsNullSpace) {
     const Matrix N = draw.matrix(3, 4);
     const Vector v = draw.vector(3);
     const DenseSystem s{draw.matrix(4, 4), N.transpose(), N, v * v.transpose()};
-    const auto mode = make_mode(s, {0, 1, 2});
+    const auto mode = make_active_mode(s, {0, 1, 2});
     ASSERT_TRUE(mode);
     ASSERT_EQ(mode->constraints.x.rows(), 2);
     const JetValues u = draw.values(4, 3);
@@ -141,7 +141,7 @@ TEST(Mode, OfDuplicatedConstraintsTakesYOfLeastNorm) {
   N << n, n;
   for (const double resistance : {0.0, 0.7}) {
     const DenseSystem s{draw.matrix(3, 3), N.transpose(), N, Matrix::Constant(2, 2, resistance)};
-    const auto mode = make_mode(s, {0, 1});
+    const auto mode = make_active_mode(s, {0, 1});
     ASSERT_TRUE(mode);
     JetValues u = draw.values(3, 2);
     for (Vector* g : {&u.g, &u.dg, &u.ddg}) (*g)[1] = (*g)[0];
@@ -155,20 +155,20 @@ TEST(Mode, OfDuplicatedConstraintsTakesYOfLeastNorm) {
 TEST(Mode, ThatTwoDerivativesDoNotDetermineIsNone) {
   Draw draw(6);
   const Matrix A = draw.matrix(3, 3), none = Matrix::Zero(1, 1);
-  EXPECT_FALSE(make_mode({A, draw.matrix(3, 1), Matrix::Zero(1, 3), none}, {0})) << "w does not depend on y";
+  EXPECT_FALSE(make_active_mode({A, draw.matrix(3, 1), Matrix::Zero(1, 3), none}, {0})) << "w does not depend on y";
   // x1' = x2, x2' = x3, x3' = y: relative degree three.
   Matrix chain = Matrix::Zero(3, 3);
   chain(0, 1) = chain(1, 2) = 1;
-  EXPECT_FALSE(make_mode({chain, Vector::Unit(3, 2), Vector::Unit(3, 0).transpose(), none}, {0}));
+  EXPECT_FALSE(make_active_mode({chain, Vector::Unit(3, 2), Vector::Unit(3, 0).transpose(), none}, {0}));
   // Two components that move the state apart, and only their sum is constrained.
   Matrix B = Matrix::Identity(2, 2), N = Matrix::Ones(2, 2);
-  EXPECT_FALSE(make_mode({Matrix::Zero(2, 2), B, N, Matrix::Zero(2, 2)}, {0, 1}));
+  EXPECT_FALSE(make_active_mode({Matrix::Zero(2, 2), B, N, Matrix::Zero(2, 2)}, {0, 1}));
 }
 
 TEST(Mode, WithoutActiveConstraintsHasNoY) {
   Draw draw(7);
   const DenseSystem s{draw.matrix(3, 3), draw.matrix(3, 2), draw.matrix(2, 3), draw.matrix(2, 2)};
-  const auto mode = make_mode(s, {});
+  const auto mode = make_active_mode(s, {});
   ASSERT_TRUE(mode);
   EXPECT_EQ(evaluate(mode->y, draw.values(3, 2)).norm(), 0);
   EXPECT_EQ(mode->A, s.A);

@@ -30,43 +30,46 @@ const std::string two_states =
     "[dynamics]\nA = [[-2, 1], [1, -2]]\nB = [[1], [0]]\nx0 = [1, 0]\n[complementarity]\nN = [[1, 0]]\nM = [[1]]\n"
     "[time]\nT = 1\n";
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
+std::string with_replaced(std::string text, const std::string& from, const std::string& to) {
   text.replace(text.find(from), from.size(), to);
   return text;
 }
 
-SceneFile parse(const std::string& text, const ParameterValues& settings = {}) {
+SceneFile parse_sections(const std::string& text, const ParameterValues& settings = {}) {
   return parse_scene(text, "my.toml", {}, settings);
 }
 
-std::string refused(const std::string& text) {
-  return refusal([&] { parse(text); });
+std::string refused_section(const std::string& text) {
+  return refusal([&] { parse_sections(text); });
 }
 
-void expect_refusals(const std::vector<Refused>& cases) {
+void expect_refused_sections(const std::vector<Refused>& cases) {
   for (const Refused& bad : cases) {
-    const std::string found = refused(bad.text);
+    const std::string found = refused_section(bad.text);
     EXPECT_TRUE(found.starts_with(bad.message)) << found << "\nexpected: " << bad.message;
     EXPECT_NE(found.find("; "), std::string::npos) << found;  // what to do
   }
 }
 
-const DenseDynamics& dense(const SceneFile& file) { return get<DenseDynamics>(file.scene.dynamics); }
+const DenseDynamics& dense_matrices(const SceneFile& file) { return get<DenseDynamics>(file.scene.dynamics); }
 
 TEST(SceneSections, MatricesByAWord) {
   const auto A = [](const std::string& word) {
-    return dense(parse(replaced(two_states, "[[-2, 1], [1, -2]]", "\"" + word + "\""))).A;
+    return dense_matrices(parse_sections(with_replaced(two_states, "[[-2, 1], [1, -2]]", "\"" + word + "\""))).A;
   };
   EXPECT_EQ(A("identity(2)"), (Matrix{{1, 0}, {0, 1}}));
   EXPECT_EQ(A(" identity ( 1 + 1 , -3 ) "), (Matrix{{-3, 0}, {0, -3}}));
   EXPECT_EQ(A("zero(2)"), (Matrix::Zero(2, 2)));
   EXPECT_EQ(A("zero(2, 2)"), (Matrix::Zero(2, 2)));
   EXPECT_EQ(A("tridiag(2, 3, -max(1, 2), sqrt(4))"), (Matrix{{-2, 2}, {3, -2}}));
-  EXPECT_EQ(dense(parse(replaced(two_states, "x0 =", "E = \"identity\"\nx0 ="))).E, (Matrix::Identity(2, 2)));
-  EXPECT_EQ(to_dense(parse(replaced(two_states, "M = [[1]]", "M = \"identity\"")).scene.M), (Matrix{{1}}));
-  EXPECT_EQ(dense(parse(replaced(two_states, "N = [[1, 0]]", "N = \"zero\""))).N, (Matrix{{0, 0}}));
-  const auto with_A = [](const std::string& word) { return replaced(two_states, "[[-2, 1], [1, -2]]", word); };
-  expect_refusals({
+  EXPECT_EQ(dense_matrices(parse_sections(with_replaced(two_states, "x0 =", "E = \"identity\"\nx0 ="))).E,
+            (Matrix::Identity(2, 2)));
+  EXPECT_EQ(to_dense(parse_sections(with_replaced(two_states, "M = [[1]]", "M = \"identity\"")).scene.M),
+            (Matrix{{1}}));
+  EXPECT_EQ(dense_matrices(parse_sections(with_replaced(two_states, "N = [[1, 0]]", "N = \"zero\""))).N,
+            (Matrix{{0, 0}}));
+  const auto with_A = [](const std::string& word) { return with_replaced(two_states, "[[-2, 1], [1, -2]]", word); };
+  expect_refused_sections({
       {with_A("\"identity\""),
        "my.toml:2: dynamics.A: identity has no size, and it does not follow from other matrices; "
        "write identity(n)"},
@@ -85,7 +88,7 @@ TEST(SceneSections, ALargeTridiagonalMatrixStaysSparse) {
   const std::string text =
       "[parameters]\nm = 1000\n[dynamics]\nA = \"tridiag(m, m^2, -2*m^2, m^2)\"\nB = \"zero(m, 1)\"\n"
       "x0 = \"sin(pi*(i + 1)/(m + 1))\"\n[complementarity]\nN = \"zero(1, m)\"\nM = [[1]]\n[time]\nT = 1\n";
-  const Scene scene = parse(text).scene;
+  const Scene scene = parse_sections(text).scene;
   const auto* sparse = get_if<SparseDynamics>(&scene.dynamics);
   ASSERT_NE(sparse, nullptr);
   EXPECT_EQ(sparse->A.nonZeros(), 2998);
@@ -95,23 +98,26 @@ TEST(SceneSections, ALargeTridiagonalMatrixStaysSparse) {
 }
 
 TEST(SceneSections, OneExpressionForAllEntries) {
-  const SceneFile file = parse(replaced(replaced(two_states, "x0 = [1, 0]", "x0 = \"1 - i\"\nf = \"(i + 1)*t\""),
-                                        "M = [[1]]", "M = [[1]]\ng = \"t - i\""));
+  const SceneFile file =
+      parse_sections(with_replaced(with_replaced(two_states, "x0 = [1, 0]", "x0 = \"1 - i\"\nf = \"(i + 1)*t\""),
+                                   "M = [[1]]", "M = [[1]]\ng = \"t - i\""));
   EXPECT_EQ(file.scene.x0, (Vector{{1, 0}}));
   Vector f(2), g(1);
   file.scene.f(0.5, f);
   file.scene.g(0.5, g);
   EXPECT_EQ(f, (Vector{{0.5, 1}}));
   EXPECT_EQ(g, (Vector{{0.5}}));
-  const SceneFile own = parse("[parameters]\ni = 7\n" + replaced(two_states, "x0 = [1, 0]", "x0 = \"i\""));
+  const SceneFile own =
+      parse_sections("[parameters]\ni = 7\n" + with_replaced(two_states, "x0 = [1, 0]", "x0 = \"i\""));
   EXPECT_EQ(own.scene.x0, (Vector{{7, 7}})) << "a parameter i has priority";
-  expect_refusals({{replaced(two_states, "x0 = [1, 0]", "x0 = \"k\""), "my.toml:4: dynamics.x0: 'k' uses 'k'"}});
+  expect_refused_sections(
+      {{with_replaced(two_states, "x0 = [1, 0]", "x0 = \"k\""), "my.toml:4: dynamics.x0: 'k' uses 'k'"}});
 }
 
 TEST(SceneSections, DefinitionsAreUsableInSources) {
   const std::string text = "[parameters]\nT1 = 0.25\n[definitions]\nu = \"pulse(t, T1, T1/2)\"\nv = \"2*u\"\n" +
-                           replaced(two_states, "x0 =", "f = [\"v + t\", \"u\"]\nx0 =");
-  const Scene scene = parse(text).scene;
+                           with_replaced(two_states, "x0 =", "f = [\"v + t\", \"u\"]\nx0 =");
+  const Scene scene = parse_sections(text).scene;
   Vector f(2);
   for (const double t : {0.0, 0.1, 0.125, 0.2, 0.25, 0.3}) {
     scene.f(t, f);
@@ -121,31 +127,32 @@ TEST(SceneSections, DefinitionsAreUsableInSources) {
   }
   EXPECT_EQ(scene.breakpoints, (std::vector{0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0}));
   EXPECT_TRUE(scene.breakpoints_are_all);
-  expect_refusals({
+  expect_refused_sections({
       {"[definitions]\nv = \"2*u\"\nu = \"t\"\n" + two_states,
        "my.toml:2: definitions.v: '2*u' uses 'u', which is not defined"},
       {"[definitions]\nt = \"1\"\n" + two_states, "my.toml:2: definitions.t: 't' already has a meaning"},
       {"[parameters]\nR = 1\n[definitions]\nR = \"t\"\n" + two_states,
        "my.toml:4: definitions.R: 'R' is defined twice"},
-      {"[definitions]\nu = \"t\"\n" + replaced(two_states, "[[1]]", "[[\"u\"]]"),
+      {"[definitions]\nu = \"t\"\n" + with_replaced(two_states, "[[1]]", "[[\"u\"]]"),
        "my.toml:9: complementarity.M: 'u' depends on the time t; only f, g"},
       {"[definitions]\nu = [1]\n" + two_states, "my.toml:2: definitions.u: found a list; give a finite number"},
   });
 }
 
 TEST(SceneSections, TimeMayStateATolerance) {
-  EXPECT_FALSE(parse(two_states).tolerance);
-  EXPECT_EQ(parse(two_states + "tolerance = \"1/1000\"\n").tolerance, 1e-3);
-  expect_refusals(
+  EXPECT_FALSE(parse_sections(two_states).tolerance);
+  EXPECT_EQ(parse_sections(two_states + "tolerance = \"1/1000\"\n").tolerance, 1e-3);
+  expect_refused_sections(
       {{two_states + "tolerance = 2\n", "my.toml:10: time.tolerance: found 2; give a number between 0 and 1"},
        {two_states + "tolerance = 0\n", "my.toml:10: time.tolerance: found 0; give"}});
 }
 
 TEST(SceneSections, SettingsReplaceTAndSteps) {
-  const SceneFile file = parse(two_states, {{"T", 3}, {"steps", 1e3}});
+  const SceneFile file = parse_sections(two_states, {{"T", 3}, {"steps", 1e3}});
   EXPECT_EQ(file.scene.T, 3);
   EXPECT_EQ(file.scene.default_steps, 1000);
-  const SceneFile parameter = parse("[parameters]\nT = 2\n" + replaced(two_states, "T = 1", "T = \"2*T\""), {{"T", 3}});
+  const SceneFile parameter =
+      parse_sections("[parameters]\nT = 2\n" + with_replaced(two_states, "T = 1", "T = \"2*T\""), {{"T", 3}});
   EXPECT_EQ(parameter.scene.T, 6) << "a parameter T has priority";
 }
 
@@ -178,7 +185,7 @@ class = "P"
 T = 4
 steps = 100
 )toml";
-  Scene scene = parse(text).scene;
+  Scene scene = parse_sections(text).scene;
   const Scene known = make_scene("signorini", {{"Q", 7}});
   ASSERT_TRUE(holds<KroneckerDynamics>(scene.dynamics));
   EXPECT_TRUE(std::holds_alternative<Tridiagonal>(scene.M));
@@ -193,15 +200,15 @@ TEST(SceneSections, RectanglesOfTwoDifferentSides) {
   const std::string text =
       "[kronecker]\npoints = [3, 2]\nspacing = [1, 0.5]\ndiffusivity = [2, 3]\nb = [1]\nn = [0, 5]\n"
       "[dynamics]\nx0 = \"10*i + j\"\n[complementarity]\nM = \"identity\"\n[time]\nT = 1\n";
-  const Scene scene = parse(text).scene;
+  const Scene scene = parse_sections(text).scene;
   const DenseDynamics d = to_dense(scene.dynamics);
   EXPECT_EQ(d.A(0, 0), -2 * (2 + 12));
   EXPECT_EQ(d.A(0, 1), 12) << "across";
   EXPECT_EQ(d.A(0, 2), 2) << "along";
   EXPECT_EQ(d.N.row(1), (Eigen::RowVectorXd{{0, 0, 0, 5, 0, 0}}));
   EXPECT_EQ(scene.x0, (Vector{{0, 1, 10, 11, 20, 21}}));
-  const auto with_line = [&](const std::string& from, const std::string& to) { return replaced(text, from, to); };
-  expect_refusals({
+  const auto with_line = [&](const std::string& from, const std::string& to) { return with_replaced(text, from, to); };
+  expect_refused_sections({
       {with_line("points = [3, 2]", "points = [3, 2, 1]"),
        "my.toml:2: kronecker.points: has 3 entries; give one number or two"},
       {with_line("points = [3, 2]", "points = 0"), "my.toml:2: kronecker.points: found 0; give whole numbers from 1"},
@@ -219,13 +226,13 @@ TEST(SceneSections, RectanglesOfTwoDifferentSides) {
 TEST(SceneSections, RelaysTakeAnOffset) {
   const std::string relay =
       "[dynamics]\nA = [[0]]\nB = [[1]]\nx0 = [0]\n[relay]\nC = [[1]]\ne = [\"-t\"]\n[time]\nT = 1\n";
-  const Scene scene = parse(relay).scene;
+  const Scene scene = parse_sections(relay).scene;
   EXPECT_EQ(scene.relays, 1);
   Vector g(2);
   scene.g(0.25, g);
   EXPECT_EQ(g, (Vector{{0.25, 1}})) << "(-e, 1)";
   // x' in -Sgn(x - t/2), x(0) = 0: x follows t/2, with lambda = 1/2, s = 1/4.
-  const Scene follows = parse(replaced(relay, "\"-t\"", "\"-t/2\"")).scene;
+  const Scene follows = parse_sections(with_replaced(relay, "\"-t\"", "\"-t/2\"")).scene;
   Options options = options_for(Method::march, 64);
   options.states = StateSelection::all;
   const Result result = run(follows, options);
@@ -234,17 +241,17 @@ TEST(SceneSections, RelaysTakeAnOffset) {
     EXPECT_NEAR(result.x(j, 0), result.t[j] / 2, 1e-12);
     EXPECT_NEAR(result.y(j, 0), 0.25, 1e-11);
   }
-  const Scene heavy = parse(replaced(relay, "x0 = [0]", "x0 = [0]\nE = [[2]]")).scene;
+  const Scene heavy = parse_sections(with_replaced(relay, "x0 = [0]", "x0 = [0]\nE = [[2]]")).scene;
   EXPECT_EQ(get<DenseDynamics>(heavy.dynamics).E, (Matrix{{2}}));
-  expect_refusals(
-      {{replaced(relay, "[\"-t\"]", "[1, 2]"), "my.toml:7: relay.e: has 2 entries; give 1, one per row of C"},
-       {replaced(relay, "[\"-t\"]", "[\"log(t)\"]"), "my.toml:7: relay.e: entry (0) is inf"}});
+  expect_refused_sections(
+      {{with_replaced(relay, "[\"-t\"]", "[1, 2]"), "my.toml:7: relay.e: has 2 entries; give 1, one per row of C"},
+       {with_replaced(relay, "[\"-t\"]", "[\"log(t)\"]"), "my.toml:7: relay.e: entry (0) is inf"}});
 }
 
 TEST(SceneSections, NamesAndUnits) {
   const std::string labels =
       "[names]\nx = [\"v\", \"i\"]\nw = [\"slack\"]\n[units]\nt = \"s\"\nx = [\"V\", \"A\"]\ny = \"A\"\n";
-  const Scene scene = parse(two_states + labels + "[output]\nstates = \"i\"\n").scene;
+  const Scene scene = parse_sections(two_states + labels + "[output]\nstates = \"i\"\n").scene;
   EXPECT_EQ(state_name(scene, 1), "i");
   EXPECT_EQ(multiplier_name(scene, 0), "y0");
   EXPECT_EQ(slack_name(scene, 0), "slack");
@@ -255,7 +262,7 @@ TEST(SceneSections, NamesAndUnits) {
   EXPECT_EQ(scene.units.y, (std::vector<std::string>{"A"}));
   EXPECT_EQ(scene.time_unit, "s");
   const auto names = [](const std::string& line) { return two_states + "[names]\n" + line + "\n"; };
-  expect_refusals({
+  expect_refused_sections({
       {names("x = [\"v\"]"), "my.toml:11: names.x: has 1 entries; give 2"},
       {names("x = [\"v\", \"v\"]"), "my.toml:11: names.x: 'v' is taken; give every component a name of its own"},
       {names("x = [\"v\", \"i\"]\ny = [\"i\"]"), "my.toml:12: names.y: 'i' is taken"},
@@ -284,7 +291,7 @@ class Included : public testing::Test {
   SceneFile read(const std::string& name, const ParameterValues& settings = {}) const {
     return read_scene_file(folder_ / name, settings);
   }
-  std::string refused(const std::string& name) const {
+  std::string refused_section(const std::string& name) const {
     std::string found = refusal([&] { read(name); });
     for (std::size_t at; (at = found.find(folder_.string() + "/")) != std::string::npos;)
       found.erase(at, folder_.string().size() + 1);
@@ -316,31 +323,34 @@ TEST_F(Included, KeysOfTheFileReplaceThoseOfIncludedOnes) {
 
 TEST_F(Included, MistakesNameTheFileThatHasThem) {
   save("common.toml", "[parameters]\nR = 2\n\n[dynamics]\nA = [[1, 2]]\n");
-  save("main.toml", "include = \"common.toml\"\n" + replaced(two_states, "A = [[-2, 1], [1, -2]]\n", ""));
-  EXPECT_TRUE(refused("main.toml").starts_with("common.toml:5: dynamics.A: is 1 x 2; make it square"))
-      << refused("main.toml");
+  save("main.toml", "include = \"common.toml\"\n" + with_replaced(two_states, "A = [[-2, 1], [1, -2]]\n", ""));
+  EXPECT_TRUE(refused_section("main.toml").starts_with("common.toml:5: dynamics.A: is 1 x 2; make it square"))
+      << refused_section("main.toml");
   save("key.toml", "[dynamics]\nQ = 1\n");
   save("main.toml", "include = [\"key.toml\"]\n" + two_states);
-  EXPECT_TRUE(refused("main.toml").starts_with("key.toml:2: dynamics.Q: is no known key")) << refused("main.toml");
+  EXPECT_TRUE(refused_section("main.toml").starts_with("key.toml:2: dynamics.Q: is no known key"))
+      << refused_section("main.toml");
   save("broken.toml", "\n[dynamics\n");
   save("main.toml", "include = [\"broken.toml\"]\n" + two_states);
-  EXPECT_TRUE(refused("main.toml").starts_with("broken.toml:2: ")) << refused("main.toml");
+  EXPECT_TRUE(refused_section("main.toml").starts_with("broken.toml:2: ")) << refused_section("main.toml");
   save("main.toml", "include = [\"none.toml\"]\n" + two_states);
-  EXPECT_TRUE(
-      refused("main.toml").starts_with("main.toml:1: include: the file 'none.toml' does not exist; name a file"))
-      << refused("main.toml");
+  EXPECT_TRUE(refused_section("main.toml")
+                  .starts_with("main.toml:1: include: the file 'none.toml' does not exist; name a file"))
+      << refused_section("main.toml");
   save("main.toml", "include = 3\n" + two_states);
-  EXPECT_EQ(refused("main.toml"), "main.toml:1: include: found 3; give a list of files such as [\"common.toml\"]");
+  EXPECT_EQ(refused_section("main.toml"),
+            "main.toml:1: include: found 3; give a list of files such as [\"common.toml\"]");
 }
 
 TEST_F(Included, CyclesAreRefused) {
   save("a.toml", "include = [\"b.toml\"]\n" + two_states);
   save("b.toml", "\ninclude = [\"sub/../a.toml\"]\n");
-  EXPECT_EQ(refused("a.toml"),
+  EXPECT_EQ(refused_section("a.toml"),
             "b.toml:2: include: 'sub/../a.toml' includes itself, directly or through other files; remove one of these "
             "includes");
   save("c.toml", "include = [\"c.toml\"]\n");
-  EXPECT_TRUE(refused("c.toml").starts_with("c.toml:1: include: 'c.toml' includes itself")) << refused("c.toml");
+  EXPECT_TRUE(refused_section("c.toml").starts_with("c.toml:1: include: 'c.toml' includes itself"))
+      << refused_section("c.toml");
   save("twice.toml", "include = [\"d.toml\", \"e.toml\"]\n" + two_states);
   save("d.toml", "include = [\"e.toml\"]\n");
   save("e.toml", "[parameters]\nR = 1\n");
@@ -352,8 +362,8 @@ TEST_F(Included, ByteOrderMarksAndLineEndsOfWindowsAreAccepted) {
     for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 2) text.replace(at, 1, "\r\n");
     return "\xEF\xBB\xBF" + text;
   };
-  const std::string text = replaced(replaced(two_states, "[[-2, 1], [1, -2]]", "\"A.mtx\""), "x0 = [1, 0]",
-                                    "x0 = \"x0.csv\"\nf = \"f.csv\"");
+  const std::string text = with_replaced(with_replaced(two_states, "[[-2, 1], [1, -2]]", "\"A.mtx\""), "x0 = [1, 0]",
+                                         "x0 = \"x0.csv\"\nf = \"f.csv\"");
   save("scene.toml", windows(text));
   save("A.mtx", windows("%%MatrixMarket matrix coordinate real general\n2 2 4\n1 1 -2\n1 2 1\n2 1 1\n2 2 -2\n"));
   save("x0.csv", windows("1, 0\n"));
@@ -365,14 +375,14 @@ TEST_F(Included, ByteOrderMarksAndLineEndsOfWindowsAreAccepted) {
   file.scene.f(0.5, f);
   EXPECT_EQ(f, (Vector{{1, 2}}));
   save("wide.toml", std::string("\xFF\xFE[\0", 4));
-  EXPECT_TRUE(refused("wide.toml").ends_with("the file 'wide.toml' is in UTF-16; save it as UTF-8"))
-      << refused("wide.toml");
+  EXPECT_TRUE(refused_section("wide.toml").ends_with("the file 'wide.toml' is in UTF-16; save it as UTF-8"))
+      << refused_section("wide.toml");
 }
 
 // The published schema has the keys of the reader, and no others.
 TEST(SceneSchema, HasTheKeysOfTheReader) {
   std::ifstream file(fs::path(BROMWICH_EXAMPLES).parent_path() / "docs" / "scene.schema.json");
-  const nlohmann::json schema = nlohmann::json::parse(file), &sections = schema.at("properties");
+  const nlohmann::json schema = nlohmann::json::parse_sections(file), &sections = schema.at("properties");
   const auto keys_of = [](const nlohmann::json& object) {
     std::set<std::string> keys;
     for (const auto& [key, value] : object.items()) keys.insert(key);
