@@ -20,7 +20,7 @@ constexpr int most_accumulations = 200;
 constexpr std::size_t most_stored = 60000000;  ///< numbers in the pieces
 
 DenseSystem dense_system(const Scene& scene) {
-  const DenseDynamics& d = get<DenseDynamics>(scene.dynamics);
+  const DenseDynamics& d = *scene.dynamics->small_state();
   return {d.A, d.B, d.N, to_dense(scene.M)};
 }
 
@@ -221,7 +221,7 @@ class EventIntegration {
 }  // namespace
 
 std::string unsuited_to_events(const Scene& scene) {
-  const DenseDynamics* d = get_if<DenseDynamics>(&scene.dynamics);
+  const DenseDynamics* d = scene.dynamics->small_state();
   if (scene.boundary) return "it needs initial values, and the scene has boundary values";
   if (!d || d->E.size() > 0 || scene.states() > most_states || scene.constraints() > most_constraints)
     return text("it takes dense dynamics with at most %ld states and %ld constraints", long(most_states),

@@ -5,7 +5,7 @@
 namespace bromwich {
 
 EventSources::EventSources(const Scene& scene) : scene_(scene), m_(scene.states()), n_(scene.constraints()) {
-  if (scene.f && scene.f_entry != SourceEntry::state) F_ = source_matrix(scene, get<DenseDynamics>(scene.dynamics));
+  if (scene.f && scene.f_entry != SourceEntry::state) F_ = source_matrix(scene, *scene.dynamics->small_state());
 }
 
 Vector EventSources::f(double t) const {

@@ -84,7 +84,7 @@ void sample(const Scene& scene, Backend& backend, const Result& result, const st
 // Whether y is not a line between time points, or its state there cannot be computed from it.
 bool by_steps(const Scene& scene, const Result& result) {
   if (result.y_left.size() > 0) return false;
-  const bool stepped = holds<SparseDynamics>(scene.dynamics) || holds<SuppliedDynamics>(scene.dynamics);
+  const bool stepped = !scene.dynamics->small_state() && !scene.dynamics->modes();
   return !result.continuous || result.method == Method::euler || (stepped && !result.x_components.empty());
 }
 
