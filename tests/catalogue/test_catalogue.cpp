@@ -194,7 +194,7 @@ TEST(Signorini, SpacingInsteadOfPoints) {
 }
 
 /// The line of the Error that make_scene throws, or "" where it does not throw.
-std::string refusal(const std::string& name, const ParameterValues& values) {
+std::string refusal_of(const std::string& name, const ParameterValues& values) {
   try {
     make_scene(name, values);
   } catch (const Error& error) {
@@ -238,10 +238,10 @@ TEST(Contact, IsTheSceneOfItsText) {
 }
 
 TEST(Catalogue, RefusesUnknownNamesAndListsTheKnown) {
-  const std::string scene = refusal("signorino", {});
+  const std::string scene = refusal_of("signorino", {});
   for (const char* part : {"scene:", "signorino", "signorini", "dlcp-small", "bridge"})
     EXPECT_NE(scene.find(part), std::string::npos) << scene;
-  const std::string key = refusal("bridge", {{"mu", 1}});
+  const std::string key = refusal_of("bridge", {{"mu", 1}});
   for (const char* part : {"mu:", "bridge", "nu", "T"}) EXPECT_NE(key.find(part), std::string::npos) << key;
 }
 
@@ -256,7 +256,7 @@ TEST(Catalogue, RefusesValuesOutOfRange) {
       {"dlcp-small", {{"T", -1}}},   {"bridge", {{"T", 0}}},         {"bridge", {{"nu", nan}}},
       {"nash-game", {{"game", 2}}},  {"lq-control", {{"bound", 4}}}, {"periodic-rectifier", {{"C", 0}}}};
   for (const auto& [name, values] : bad) {
-    const std::string &key = values.begin()->first, line = refusal(name, values);
+    const std::string &key = values.begin()->first, line = refusal_of(name, values);
     const std::string start = values.size() == 2 ? "dx:" : key + ":";
     EXPECT_EQ(line.rfind(start, 0), 0u) << name << " " << key << " = " << values.begin()->second << " gave: " << line;
   }
