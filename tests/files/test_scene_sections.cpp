@@ -382,7 +382,7 @@ TEST_F(Included, ByteOrderMarksAndLineEndsOfWindowsAreAccepted) {
 // The published schema has the keys of the reader, and no others.
 TEST(SceneSchema, HasTheKeysOfTheReader) {
   std::ifstream file(fs::path(BROMWICH_EXAMPLES).parent_path() / "docs" / "scene.schema.json");
-  const nlohmann::json schema = nlohmann::json::parse_sections(file), &sections = schema.at("properties");
+  const nlohmann::json schema = nlohmann::json::parse(file), &sections = schema.at("properties");
   const auto keys_of = [](const nlohmann::json& object) {
     std::set<std::string> keys;
     for (const auto& [key, value] : object.items()) keys.insert(key);
