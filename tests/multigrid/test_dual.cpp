@@ -112,8 +112,7 @@ TEST(DualCycles, ContractWhereDiffusionCrossesACellInAStep) {
     for (const double Q : {15., 31.}) {
       const Result found = run(compliant(Q, eps), Method::dual, 256);
       ASSERT_EQ(found.status, Status::solved) << found.reason;
-      // c h/dx^2 is 0.2 and 0.8; the prototype contracts by 0.09 with the same sweeps. 0.2 is what docs/dual.md
-      // promises.
+      // c h/dx^2 is 0.2 and 0.8 here: diffusion crosses cells in a step, where cycles should contract by 0.2.
       EXPECT_LE(contraction_of(found), 0.2) << Q << ' ' << eps;
       EXPECT_LE(found.iterations, 4 * found.cycles) << "four sweeps a cycle on the finest grid";
     }
