@@ -21,11 +21,11 @@
 namespace bromwich {
 namespace {
 
-constexpr double most_contacts = 4095;
+constexpr double most_points_a_side = 4095;
 
 Index contacts_per_side(const ParameterValues& values) {
   const double Q = values.at("Q");
-  if (!(Q >= 1 && Q <= most_contacts) || Q != std::floor(Q))
+  if (!(Q >= 1 && Q <= most_points_a_side) || Q != std::floor(Q))
     throw Error("Q", "found " + number_text(Q), "give an integer from 1 to 4095");
   return Index(Q);
 }
@@ -37,7 +37,7 @@ double compliance(const ParameterValues& values) {
 }
 
 /// g at the Q points of the side: two shapes with one amplitude each.
-SeparableSource gap(Index Q) {
+SeparableSource given_gap(Index Q) {
   const double pi = std::numbers::pi;
   Matrix shapes(Q, 2);
   for (Index k = 1; k <= Q; ++k) {
@@ -63,7 +63,7 @@ Scene build_contact(const ParameterValues& values) {
   scene.dynamics = std::move(heat);
   scene.M = Tridiagonal{Vector::Zero(Q), Vector::Constant(Q, eps), Vector::Zero(Q)};
   scene.lcp_class = eps > 0 ? LcpClass::P : LcpClass::PSD;
-  scene.g = gap(Q);
+  scene.g = given_gap(Q);
   scene.x0 = Vector::Zero(Q * Q);
   scene.T = positive_parameter(values, "T");
   scene.default_steps = 400;

@@ -13,9 +13,9 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index most_modes = 24;      ///< of the sample for the smoothing factor
-constexpr Index circle_points = 96;   ///< on half of |zeta| = 1, for the number of zeros inside
-constexpr double negligible = 1e-10;  ///< relative: a coefficient that vanishes
+constexpr Index sampled_modes = 24;          ///< of the sample for the smoothing factor
+constexpr Index circle_points = 96;          ///< on half of |zeta| = 1, for the number of zeros inside
+constexpr double negligible_direct = 1e-10;  ///< relative: a coefficient that vanishes
 
 // z of implicit Euler at zeta = e^{i angle}, in the upper half-plane.
 Complex euler_point(double angle, double h) {
@@ -40,7 +40,8 @@ class ModalInverse {
     const double direct = d_.n.dot(d_.b), terms = d_.n.cwiseAbs().dot(d_.b.cwiseAbs());
     const double largest = M_.cwiseAbs().maxCoeff();
     if (largest == 0 && terms == 0 && line_(1 / p_.h) == 0.0) return refused_dual("M + K is zero: N and B do not meet");
-    if (M_.cwiseAbs().minCoeff() == 0 && !(std::abs(direct) > negligible * terms)) return refused_dual(two_derivatives);
+    if (M_.cwiseAbs().minCoeff() == 0 && !(std::abs(direct) > negligible_direct * terms))
+      return refused_dual(two_derivatives);
     if (const std::string why = zeros(); !why.empty()) return refused_dual(why);
     return fit();
   }
@@ -95,7 +96,7 @@ class ModalInverse {
     const PoleSum& sum = *fit;
     ModalRecurrence V = recurrence(sum);
     std::vector<Complex> values;
-    const Index n = M_.size(), modes = std::min(n, most_modes);
+    const Index n = M_.size(), modes = std::min(n, sampled_modes);
     for (Index i = 0; i < modes; ++i) {
       const Index l = modes > 1 ? i * (n - 1) / (modes - 1) : 0;
       for (Index f = 0; f < high_frequencies; ++f)

@@ -30,7 +30,7 @@ void add_points(const FitRegion& region, double angle, double shift, std::vector
   points.push_back(6.0 * small / large / region.h + shift);
 }
 
-double between(double from, double to, double part) { return from * std::pow(to / from, part); }
+double log_between(double from, double to, double part) { return from * std::pow(to / from, part); }
 
 // The boundary of the region: the curve of the rule moved by the two extreme shifts, and the line above both. Relative
 // errors are analytic between them, as the functions have no zeros there, so that they are largest here.
@@ -41,19 +41,20 @@ std::vector<Complex> points_of(const FitRegion& region, double offset) {
   const double from = smallest_angle * region.h / region.T;
   for (const auto& [shift, count] : {std::pair(slow, angles), std::pair(fast, far_angles)})
     for (Index a = 0; a < count; ++a)
-      add_points(region, between(from, std::numbers::pi, part(a, count)), shift, points);
+      add_points(region, log_between(from, std::numbers::pi, part(a, count)), shift, points);
   double top = 0, right = 0;
   for (const Complex& z : points) top = std::max(top, z.imag());
   for (const Complex& z : points)
     if (z.imag() > 0.9 * top) right = std::max(right, z.real());
   for (Index i = 0; i < line_points; ++i)
-    points.emplace_back(between(slow + 0.5 / region.h, std::max(right, slow + 1 / region.h), part(i, line_points)),
+    points.emplace_back(log_between(slow + 0.5 / region.h, std::max(right, slow + 1 / region.h), part(i, line_points)),
                         top);
   return points;
 }
 
 // Rows: real and imaginary parts at all points, each divided by `size`. Columns: the poles, then 1 and z if `grows`.
-Matrix basis(const std::vector<Complex>& points, const Vector& size, const Vector& rates, bool grows, double unit) {
+Matrix pole_basis(const std::vector<Complex>& points, const Vector& size, const Vector& rates, bool grows,
+                  double unit) {
   const Index rows = Index(points.size()), K = rates.size();
   Matrix columns(2 * rows, K + (grows ? 2 : 0));
   for (Index i = 0; i < rows; ++i) {
@@ -75,7 +76,7 @@ Matrix basis(const std::vector<Complex>& points, const Vector& size, const Vecto
 struct Sampled {
   std::vector<Complex> points;
   Vector size;    ///< of the largest function at each point
-  Matrix values;  ///< like the rows of `basis`, one column for each function
+  Matrix values;  ///< like the rows of `pole_basis`, one column for each function
 };
 
 Sampled sample_functions(const TransferFunctions& f, Index functions, std::vector<Complex> points) {
@@ -121,13 +122,13 @@ PoleSum fit_poles(const TransferFunctions& f, Index functions, const FitRegion& 
                   bool grows, double tolerance) {
   const Index candidates = 24 + Index(rates_per_fold * std::log(fastest / slowest));
   Vector rates(candidates);
-  for (Index k = 0; k < candidates; ++k) rates[k] = -between(slowest, fastest, double(k) / double(candidates - 1));
+  for (Index k = 0; k < candidates; ++k) rates[k] = -log_between(slowest, fastest, double(k) / double(candidates - 1));
   const Sampled fitted = sample_functions(f, functions, points_of(region, 0)),
                 checked = sample_functions(f, functions, points_of(region, 0.43));
   PoleSum best{{}, {}, Vector::Zero(functions), Vector::Zero(functions), INFINITY};
   if (!fitted.values.allFinite() || !checked.values.allFinite()) return best;
   const double unit = 1 / region.h + region.fastest_shift;
-  Matrix all = basis(fitted.points, fitted.size, rates, grows, unit);
+  Matrix all = pole_basis(fitted.points, fitted.size, rates, grows, unit);
   const Vector norms = all.colwise().norm().transpose();
   all = (all * norms.cwiseInverse().asDiagonal()).eval();
   const Index extra = grows ? 2 : 0;
@@ -141,7 +142,7 @@ PoleSum fit_poles(const TransferFunctions& f, Index functions, const FitRegion& 
     const Matrix scaled = Eigen::HouseholderQR<Matrix>(columns).solve(fitted.values);
     const Matrix c = size.cwiseInverse().asDiagonal() * scaled;
     const double error =
-        std::max(largest_error(basis(checked.points, checked.size, picked, grows, unit), c, checked.values),
+        std::max(largest_error(pole_basis(checked.points, checked.size, picked, grows, unit), c, checked.values),
                  largest_error(columns, scaled, fitted.values));
     if (error < 0.7 * best.error) {
       best.rates = picked;

@@ -17,7 +17,7 @@ namespace bromwich {
 ///     solver.set_x0(x0);
 ///     Result second = solver.solve();
 ///
-/// What is kept, by method: march and euler of dense scenes and Kronecker sums, contour and multigrid of all:
+/// What is kept, by method: march, euler and dual of dense scenes and Kronecker sums, contour and multigrid of all:
 /// everything but r, x0's part of it and y. Sparse and supplied dynamics have x0 and f as columns of the shifted
 /// solves: a new g costs nothing, a new x0 or f these solves. Made anew by every solve: Radau IIA and split steps,
 /// methods galerkin and goal, grids of a tolerance, the elimination of free rows and of a mass matrix. Natural units

@@ -291,7 +291,7 @@ class Judge {
 }  // namespace
 
 Scheme scheme_of(const Result& result) {
-  if (result.method == Method::euler || result.kernel.starts_with("implicit Euler on the state")) return Scheme::euler;
+  if (by_euler(result) || result.kernel.starts_with("implicit Euler on the state")) return Scheme::euler;
   return result.kernel.starts_with("y discontinuous") ? Scheme::radau : Scheme::exponential;
 }
 
