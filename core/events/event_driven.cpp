@@ -19,7 +19,7 @@ constexpr double idle_share = 1e-7;  ///< of T: that time
 constexpr int most_accumulations = 200;
 constexpr std::size_t most_stored = 60000000;  ///< numbers in the pieces
 
-DenseSystem dense_system(const Scene& scene) {
+SystemMatrices dense_system(const Scene& scene) {
   const DenseDynamics& d = *scene.dynamics->small_state();
   return {d.A, d.B, d.N, to_dense(scene.M)};
 }
@@ -204,14 +204,14 @@ class EventIntegration {
   const EventOptions& options_;
   const LcpClass class_;
   const double T_, longest_;
-  const DenseSystem system_;
+  const SystemMatrices system_;
   const Index m_, n_;
   const EventSources sources_;
   ShortSteps short_steps_;
   EventSteps steps_;
   Successor successor_;
   EventPoint at_;
-  const ActiveMode* mode_ = nullptr;
+  const SwitchedMode* mode_ = nullptr;
   Index pending_event_ = -1;  ///< the component that ended the last step
   double size_y_ = 0;
   std::size_t stored_ = 0;

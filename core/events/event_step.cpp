@@ -51,13 +51,13 @@ JetValues EventSizes::with(const EventStep& step) const {
           larger(u.g, step.sources.g), larger(u.dg, step.dg),       larger(u.ddg, step.ddg)};
 }
 
-EventSteps::EventSteps(const DenseSystem& system, const EventSources& sources, double T, double tolerance,
+EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources, double T, double tolerance,
                        double longest)
     : system_(system), sources_(sources), T_(T), tolerance_(tolerance), longest_(longest) {}
 
 double EventSteps::noise() const { return noise_share * tolerance_; }
 
-void EventSteps::sample(const ActiveMode& mode, double t, double h, EventStep& step) const {
+void EventSteps::sample(const SwitchedMode& mode, double t, double h, EventStep& step) const {
   const Collocation& c = Collocation::get();
   step.sources = sources_.sample(t, h);
   if (mode.uses_df) step.df = c.derivative * step.sources.f / h;
@@ -70,7 +70,7 @@ double EventSteps::source_defect(const JetValues& size, const EventSources::Poly
 }
 
 // I - h lambda A_S for the eigenvalues lambda of the Radau matrix.
-const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& EventSteps::factors(const ActiveMode& mode, double h,
+const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& EventSteps::factors(const SwitchedMode& mode, double h,
                                                                            double& work) {
   if (factored_mode_ == &mode && factored_h_ == h) return factors_;
   const Index m = system_.states();
@@ -84,7 +84,7 @@ const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& EventSteps::factors(const
   return factors_;
 }
 
-EventStep EventSteps::attempt(const ActiveMode& mode, EventPoint& p, double h) {
+EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h) {
   const Collocation& c = Collocation::get();
   const Index m = system_.states(), n = system_.constraints();
   EventStep step;
@@ -111,7 +111,7 @@ EventStep EventSteps::attempt(const ActiveMode& mode, EventPoint& p, double h) {
 }
 
 // The part of the step on which y and w are nonnegative.
-void EventSteps::find_event(const ActiveMode& mode, const EventPoint& p, EventStep& step) const {
+void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {
   const Collocation& c = Collocation::get();
   const JetValues size = p.sizes.with(step);
   const Vector of_y = terms(mode.y, size);
@@ -142,7 +142,7 @@ void EventSteps::look_between(const EventPoint& p, EventStep& step) const {
   step.defect = std::max(step.defect, source_defect(p.sizes.with(step), step.sources));
 }
 
-bool EventSteps::resolve(const ActiveMode& mode, EventPoint& p, EventStep& step) {
+bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& step) {
   double h = longest_from(p);
   double before = INFINITY;
   bool shortened = false;

@@ -44,29 +44,29 @@ struct EventPoint {
 class EventSteps {
  public:
   /// `tolerance` and `longest` as in EventOptions. The first three have to outlive the object.
-  EventSteps(const DenseSystem&, const EventSources&, double T, double tolerance, double longest);
+  EventSteps(const SystemMatrices&, const EventSources&, double T, double tolerance, double longest);
 
   double longest_from(const EventPoint& p) const { return std::min({p.h, longest_, p.end - p.t}); }
   /// Values below this share of the sum of their terms count as zero.
   double noise() const;
 
   /// The longest resolved step in a mode, with its validity. False if none is.
-  bool resolve(const ActiveMode&, EventPoint&, EventStep&);
+  bool resolve(const SwitchedMode&, EventPoint&, EventStep&);
   /// f, g and their derivatives on [t, t + h], those that the mode needs.
-  void sample(const ActiveMode&, double t, double h, EventStep&) const;
+  void sample(const SwitchedMode&, double t, double h, EventStep&) const;
 
  private:
-  EventStep attempt(const ActiveMode&, EventPoint&, double h);
-  void find_event(const ActiveMode&, const EventPoint&, EventStep&) const;
+  EventStep attempt(const SwitchedMode&, EventPoint&, double h);
+  void find_event(const SwitchedMode&, const EventPoint&, EventStep&) const;
   void look_between(const EventPoint&, EventStep&) const;
   double source_defect(const JetValues& size, const EventSources::Polynomials&) const;
-  const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& factors(const ActiveMode&, double h, double& work);
+  const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& factors(const SwitchedMode&, double h, double& work);
 
-  const DenseSystem& system_;
+  const SystemMatrices& system_;
   const EventSources& sources_;
   double T_, tolerance_, longest_;
   std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors_;  ///< kept as long as mode and h stay
-  const ActiveMode* factored_mode_ = nullptr;
+  const SwitchedMode* factored_mode_ = nullptr;
   double factored_h_ = 0;
 };
 

@@ -85,7 +85,7 @@ Jet independent(const Jet& c, const Vector& size) {
 }
 
 // y_S = -E^+ C, of least norm. Directions that E leaves open may move neither the state nor w.
-bool determine_y(const DenseSystem& s, const std::vector<Index>& active, const Eigen::JacobiSVD<Matrix>& svd,
+bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, const Eigen::JacobiSVD<Matrix>& svd,
                  Index rank, const Jet& C, Jet& y) {
   const Index a = Index(active.size());
   const Matrix open = svd.matrixV().rightCols(a - rank);
@@ -103,7 +103,7 @@ bool determine_y(const DenseSystem& s, const std::vector<Index>& active, const E
 }
 
 // Impulses that bring the state onto the constraints: [M_SS; K B] p = [0; -k], rows with a largest entry of 1.
-Matrix impulses(const DenseSystem& s, const std::vector<Index>& active, const Jet& constraints) {
+Matrix impulses(const SystemMatrices& s, const std::vector<Index>& active, const Jet& constraints) {
   const Index a = Index(active.size()), c = constraints.x.rows();
   const Matrix B = s.B(Eigen::all, active);
   Matrix system(a + c, a), right = Matrix::Zero(a + c, c);
@@ -124,9 +124,9 @@ Matrix impulses(const DenseSystem& s, const std::vector<Index>& active, const Je
 
 }  // namespace
 
-std::optional<ActiveMode> make_active_mode(const DenseSystem& s, const std::vector<Index>& active) {
+std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const std::vector<Index>& active) {
   const Index m = s.states(), n = s.constraints(), a = Index(active.size());
-  ActiveMode mode{active, s.A, Jet::zero(n, m, n), false, false, false, Jet::zero(0, m, n), Matrix::Zero(n, 0)};
+  SwitchedMode mode{active, s.A, Jet::zero(n, m, n), false, false, false, Jet::zero(0, m, n), Matrix::Zero(n, 0)};
   if (a == 0) return mode;
   const Matrix B = s.B(Eigen::all, active);
   Matrix E = s.M(active, active);

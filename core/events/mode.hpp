@@ -21,7 +21,7 @@
 namespace bromwich {
 
 /// A, B, N and M of a scene with dense dynamics.
-struct DenseSystem {
+struct SystemMatrices {
   Matrix A, B, N, M;
 
   Index states() const { return A.rows(); }
@@ -41,7 +41,7 @@ struct JetValues {
   Vector x, f, df, g, dg, ddg;
 };
 
-struct ActiveMode {
+struct SwitchedMode {
   std::vector<Index> active;
   Matrix A;                                                 ///< m x m, x' = A x + B (y without its part of x) + f
   Jet y;                                                    ///< n rows: y as a function of u
@@ -55,6 +55,6 @@ Vector evaluate(const Jet&, const JetValues&);
 Vector terms(const Jet&, const JetValues& sizes);
 
 /// Nothing if two derivatives do not determine y.
-std::optional<ActiveMode> make_active_mode(const DenseSystem&, const std::vector<Index>& active);
+std::optional<SwitchedMode> make_switched_mode(const SystemMatrices&, const std::vector<Index>& active);
 
 }  // namespace bromwich

@@ -8,7 +8,7 @@
 
 namespace bromwich {
 
-ShortSteps::ShortSteps(const DenseSystem& system, const EventSources& sources, double T)
+ShortSteps::ShortSteps(const SystemMatrices& system, const EventSources& sources, double T)
     : system_(system), sources_(sources), rate_(std::max(1 / T, system.A.cwiseAbs().rowwise().sum().maxCoeff())) {}
 
 bool ShortSteps::unique(LcpClass lcp_class) {

@@ -10,7 +10,7 @@ namespace bromwich {
 class ShortSteps {
  public:
   /// The first two have to outlive the object.
-  ShortSteps(const DenseSystem&, const EventSources&, double T);
+  ShortSteps(const SystemMatrices&, const EventSources&, double T);
 
   /// Whether the complementarity problems of short steps determine the solution. `lcp_class`: of M.
   bool unique(LcpClass lcp_class);
@@ -29,7 +29,7 @@ class ShortSteps {
   Matrix step_matrix(double h) const;
   bool moves_the_state(const Matrix& W) const;
 
-  const DenseSystem& system_;
+  const SystemMatrices& system_;
   const EventSources& sources_;
   double rate_;
   LcpClass class_ = LcpClass::P;  ///< of the matrix of a short step

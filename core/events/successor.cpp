@@ -21,13 +21,13 @@ std::vector<Index> support(const Vector& y) {
 
 }  // namespace
 
-Successor::Successor(const DenseSystem& system, const EventSources& sources, const ShortSteps& short_steps,
+Successor::Successor(const SystemMatrices& system, const EventSources& sources, const ShortSteps& short_steps,
                      EventSteps& steps, double T)
     : system_(system), sources_(sources), short_steps_(short_steps), steps_(steps), T_(T) {}
 
-const ActiveMode* Successor::mode_of(const std::vector<Index>& active) {
+const SwitchedMode* Successor::mode_of(const std::vector<Index>& active) {
   auto known = modes_.find(active);
-  if (known == modes_.end()) known = modes_.emplace(active, make_active_mode(system_, active)).first;
+  if (known == modes_.end()) known = modes_.emplace(active, make_switched_mode(system_, active)).first;
   return known->second ? &*known->second : nullptr;
 }
 
@@ -46,7 +46,7 @@ Vector Successor::touching(const EventPoint& p, bool y_is_known) const {
 }
 
 // The values of x, f and g, and the derivatives that the mode needs, at the begin of the next step.
-JetValues Successor::sources_at(const ActiveMode& mode, const EventPoint& p) const {
+JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p) const {
   EventStep here;
   const double h = steps_.longest_from(p) / 16;
   steps_.sample(mode, p.t, h, here);
@@ -69,7 +69,7 @@ bool Successor::is_limit_of_short_steps(const EventPoint& p, const Vector& impul
          1e-3 * moved.cwiseAbs().maxCoeff() + 100 * steps_.noise() * p.x.cwiseAbs().maxCoeff();
 }
 
-bool Successor::may_jump(const ActiveMode& mode, const EventPoint& p, const JetValues& u, const Vector& of,
+bool Successor::may_jump(const SwitchedMode& mode, const EventPoint& p, const JetValues& u, const Vector& of,
                          const Vector& impulse) const {
   // What no impulse moves has to hold.
   JetValues after = u;
@@ -83,7 +83,7 @@ bool Successor::may_jump(const ActiveMode& mode, const EventPoint& p, const JetV
 }
 
 // Brings the state onto the constraints of the mode by an impulse.
-Successor::Entry Successor::enter(const ActiveMode& mode, EventPoint& p) {
+Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p) {
   if (mode.constraints.x.rows() == 0) return Entry::smooth;
   const JetValues u = sources_at(mode, p);
   const Vector off = evaluate(mode.constraints, u);
@@ -106,7 +106,7 @@ Successor::Entry Successor::enter(const ActiveMode& mode, EventPoint& p) {
 
 // Tries an active set from here: it is found if it lasts.
 Successor::Entry Successor::attempt(const std::vector<Index>& set, double least, EventPoint& p) {
-  const ActiveMode* mode = mode_of(set);
+  const SwitchedMode* mode = mode_of(set);
   if (!mode) return Entry::refused;
   const Vector x = p.x, integral = p.integral;
   const Entry entry = enter(*mode, p);

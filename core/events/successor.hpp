@@ -17,10 +17,10 @@ namespace bromwich {
 class Successor {
  public:
   /// All have to outlive the object.
-  Successor(const DenseSystem&, const EventSources&, const ShortSteps&, EventSteps&, double T);
+  Successor(const SystemMatrices&, const EventSources&, const ShortSteps&, EventSteps&, double T);
 
   struct Choice {
-    const ActiveMode* mode = nullptr;  ///< none: no active set was found
+    const SwitchedMode* mode = nullptr;  ///< none: no active set was found
     EventStep step;
     std::vector<Vector> impulses;  ///< n each: the jumps of the state, in their order
   };
@@ -32,27 +32,27 @@ class Successor {
   enum class Entry { smooth, jumped, refused };
   // An active set that was tried, with the state after it was entered.
   struct Candidate {
-    const ActiveMode* mode = nullptr;
+    const SwitchedMode* mode = nullptr;
     double lasts = 0;
     EventStep step = {};
     Vector x = {}, integral = {};
   };
 
-  const ActiveMode* mode_of(const std::vector<Index>& active);
+  const SwitchedMode* mode_of(const std::vector<Index>& active);
   Vector touching(const EventPoint&, bool y_is_known) const;
-  JetValues sources_at(const ActiveMode&, const EventPoint&) const;
-  bool may_jump(const ActiveMode&, const EventPoint&, const JetValues& u, const Vector& of, const Vector& p) const;
+  JetValues sources_at(const SwitchedMode&, const EventPoint&) const;
+  bool may_jump(const SwitchedMode&, const EventPoint&, const JetValues& u, const Vector& of, const Vector& p) const;
   bool is_limit_of_short_steps(const EventPoint&, const Vector& impulse) const;
-  Entry enter(const ActiveMode&, EventPoint&);
+  Entry enter(const SwitchedMode&, EventPoint&);
   Entry attempt(const std::vector<Index>& set, double least, EventPoint&);
   Entry attempt_proposed(double h, const Vector& offset, EventPoint&);
 
-  const DenseSystem& system_;
+  const SystemMatrices& system_;
   const EventSources& sources_;
   const ShortSteps& short_steps_;
   EventSteps& steps_;
   double T_;
-  std::map<std::vector<Index>, std::optional<ActiveMode>> modes_;
+  std::map<std::vector<Index>, std::optional<SwitchedMode>> modes_;
   std::set<std::vector<Index>> tried_;
   Candidate best_;      ///< that lasted longest
   bool found_ = false;  ///< it lasts long enough

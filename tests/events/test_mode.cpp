@@ -30,14 +30,14 @@ class Draw {
 
 constexpr double close = 1e-9;  // condition numbers of random 3 x 3 matrices stay below 1e5 for these seeds
 
-Vector rate(const DenseSystem& s, const JetValues& u, const Vector& y) { return s.A * u.x + s.B * y + u.f; }
+Vector rate(const SystemMatrices& s, const JetValues& u, const Vector& y) { return s.A * u.x + s.B * y + u.f; }
 
-TEST(Mode, WithARegularBlockSolvesForY) {
+TEST(SwitchedMode, WithARegularBlockSolvesForY) {
   for (unsigned seed = 0; seed < 20; ++seed) {
     Draw draw(seed);
-    const DenseSystem s{draw.matrix(4, 4), draw.matrix(4, 3), draw.matrix(3, 4),
-                        draw.matrix(3, 3) + 3 * Matrix::Identity(3, 3)};
-    const auto mode = make_active_mode(s, {0, 2});
+    const SystemMatrices s{draw.matrix(4, 4), draw.matrix(4, 3), draw.matrix(3, 4),
+                           draw.matrix(3, 3) + 3 * Matrix::Identity(3, 3)};
+    const auto mode = make_switched_mode(s, {0, 2});
     ASSERT_TRUE(mode);
     EXPECT_EQ(mode->constraints.x.rows(), 0);
     const JetValues u = draw.values(4, 3);
@@ -52,12 +52,12 @@ TEST(Mode, WithARegularBlockSolvesForY) {
   }
 }
 
-TEST(Mode, OfRelativeDegreeOneKeepsTheConstraint) {
+TEST(SwitchedMode, OfRelativeDegreeOneKeepsTheConstraint) {
   for (unsigned seed = 0; seed < 20; ++seed) {
     Draw draw(seed);
     const Matrix N = draw.matrix(2, 4);
-    const DenseSystem s{draw.matrix(4, 4), N.transpose() + 0.1 * draw.matrix(4, 2), N, Matrix::Zero(2, 2)};
-    const auto mode = make_active_mode(s, {0, 1});
+    const SystemMatrices s{draw.matrix(4, 4), N.transpose() + 0.1 * draw.matrix(4, 2), N, Matrix::Zero(2, 2)};
+    const auto mode = make_switched_mode(s, {0, 1});
     ASSERT_TRUE(mode);
     ASSERT_EQ(mode->constraints.x.rows(), 2);
     EXPECT_TRUE(mode->uses_dg);
@@ -71,7 +71,7 @@ TEST(Mode, OfRelativeDegreeOneKeepsTheConstraint) {
   }
 }
 
-TEST(Mode, OfRigidContactHasAnImpulseThatStopsTheVelocity) {
+TEST(SwitchedMode, OfRigidContactHasAnImpulseThatStopsTheVelocity) {
   for (unsigned seed = 0; seed < 20; ++seed) {
     Draw draw(seed);
     // q' = v, v' = -K q - D v + W y + f, w = W^T q + g.
@@ -81,8 +81,8 @@ TEST(Mode, OfRigidContactHasAnImpulseThatStopsTheVelocity) {
     A.bottomRows(3) = draw.matrix(3, 6);
     B.bottomRows(3) = W;
     N.leftCols(3) = W.transpose();
-    const DenseSystem s{A, B, N, Matrix::Zero(2, 2)};
-    const auto mode = make_active_mode(s, {0, 1});
+    const SystemMatrices s{A, B, N, Matrix::Zero(2, 2)};
+    const auto mode = make_switched_mode(s, {0, 1});
     ASSERT_TRUE(mode);
     EXPECT_EQ(mode->constraints.x.rows(), 4) << "positions and velocities";
     EXPECT_TRUE(mode->uses_ddg);
@@ -99,30 +99,30 @@ TEST(Mode, OfRigidContactHasAnImpulseThatStopsTheVelocity) {
   }
 }
 
-TEST(Mode, OfSkewMSolvesByBothComponents) {
+TEST(SwitchedMode, OfSkewMSolvesByBothComponents) {
   Draw draw(3);
   Matrix M(2, 2);
   M << 0, 2, -2, 0;
-  const DenseSystem s{draw.matrix(3, 3), draw.matrix(3, 2), draw.matrix(2, 3), M};
-  const auto both = make_active_mode(s, {0, 1});
+  const SystemMatrices s{draw.matrix(3, 3), draw.matrix(3, 2), draw.matrix(2, 3), M};
+  const auto both = make_switched_mode(s, {0, 1});
   ASSERT_TRUE(both);
   EXPECT_EQ(both->constraints.x.rows(), 0);
   const JetValues u = draw.values(3, 2);
   EXPECT_LE((s.N * u.x + M * evaluate(both->y, u) + u.g).norm(), close);
-  const auto one = make_active_mode(s, {1});  // M_SS = 0
+  const auto one = make_switched_mode(s, {1});  // M_SS = 0
   ASSERT_TRUE(one);
   ASSERT_EQ(one->constraints.x.rows(), 1);
   EXPECT_NEAR(s.N.row(1).dot(rate(s, u, evaluate(one->y, u))) + u.dg[1], 0, close);
 }
 
 // Impulses of y where M_SS has a null space: M_SS p = 0, so that they leave w finite.
-TEST(Mode, OfSingularMHasImpulsesInItsNullSpace) {
+TEST(SwitchedMode, OfSingularMHasImpulsesInItsNullSpace) {
   for (unsigned seed = 0; seed < 20; ++seed) {
     Draw draw(seed);
     const Matrix N = draw.matrix(3, 4);
     const Vector v = draw.vector(3);
-    const DenseSystem s{draw.matrix(4, 4), N.transpose(), N, v * v.transpose()};
-    const auto mode = make_active_mode(s, {0, 1, 2});
+    const SystemMatrices s{draw.matrix(4, 4), N.transpose(), N, v * v.transpose()};
+    const auto mode = make_switched_mode(s, {0, 1, 2});
     ASSERT_TRUE(mode);
     ASSERT_EQ(mode->constraints.x.rows(), 2);
     const JetValues u = draw.values(4, 3);
@@ -134,14 +134,14 @@ TEST(Mode, OfSingularMHasImpulsesInItsNullSpace) {
   }
 }
 
-TEST(Mode, OfDuplicatedConstraintsTakesYOfLeastNorm) {
+TEST(SwitchedMode, OfDuplicatedConstraintsTakesYOfLeastNorm) {
   Draw draw(5);
   const Matrix n = draw.matrix(1, 3);
   Matrix N(2, 3);
   N << n, n;
   for (const double resistance : {0.0, 0.7}) {
-    const DenseSystem s{draw.matrix(3, 3), N.transpose(), N, Matrix::Constant(2, 2, resistance)};
-    const auto mode = make_active_mode(s, {0, 1});
+    const SystemMatrices s{draw.matrix(3, 3), N.transpose(), N, Matrix::Constant(2, 2, resistance)};
+    const auto mode = make_switched_mode(s, {0, 1});
     ASSERT_TRUE(mode);
     JetValues u = draw.values(3, 2);
     for (Vector* g : {&u.g, &u.dg, &u.ddg}) (*g)[1] = (*g)[0];
@@ -152,23 +152,23 @@ TEST(Mode, OfDuplicatedConstraintsTakesYOfLeastNorm) {
   }
 }
 
-TEST(Mode, ThatTwoDerivativesDoNotDetermineIsNone) {
+TEST(SwitchedMode, ThatTwoDerivativesDoNotDetermineIsNone) {
   Draw draw(6);
   const Matrix A = draw.matrix(3, 3), none = Matrix::Zero(1, 1);
-  EXPECT_FALSE(make_active_mode({A, draw.matrix(3, 1), Matrix::Zero(1, 3), none}, {0})) << "w does not depend on y";
+  EXPECT_FALSE(make_switched_mode({A, draw.matrix(3, 1), Matrix::Zero(1, 3), none}, {0})) << "w does not depend on y";
   // x1' = x2, x2' = x3, x3' = y: relative degree three.
   Matrix chain = Matrix::Zero(3, 3);
   chain(0, 1) = chain(1, 2) = 1;
-  EXPECT_FALSE(make_active_mode({chain, Vector::Unit(3, 2), Vector::Unit(3, 0).transpose(), none}, {0}));
+  EXPECT_FALSE(make_switched_mode({chain, Vector::Unit(3, 2), Vector::Unit(3, 0).transpose(), none}, {0}));
   // Two components that move the state apart, and only their sum is constrained.
   Matrix B = Matrix::Identity(2, 2), N = Matrix::Ones(2, 2);
-  EXPECT_FALSE(make_active_mode({Matrix::Zero(2, 2), B, N, Matrix::Zero(2, 2)}, {0, 1}));
+  EXPECT_FALSE(make_switched_mode({Matrix::Zero(2, 2), B, N, Matrix::Zero(2, 2)}, {0, 1}));
 }
 
-TEST(Mode, WithoutActiveConstraintsHasNoY) {
+TEST(SwitchedMode, WithoutActiveConstraintsHasNoY) {
   Draw draw(7);
-  const DenseSystem s{draw.matrix(3, 3), draw.matrix(3, 2), draw.matrix(2, 3), draw.matrix(2, 2)};
-  const auto mode = make_active_mode(s, {});
+  const SystemMatrices s{draw.matrix(3, 3), draw.matrix(3, 2), draw.matrix(2, 3), draw.matrix(2, 2)};
+  const auto mode = make_switched_mode(s, {});
   ASSERT_TRUE(mode);
   EXPECT_EQ(evaluate(mode->y, draw.values(3, 2)).norm(), 0);
   EXPECT_EQ(mode->A, s.A);
