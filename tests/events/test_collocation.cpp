@@ -74,7 +74,7 @@ TEST(Collocation, IsOfOrder13AndLStable) {
   for (const double z : {-2.0, -3.0, -4.0}) {
     const double error = std::abs(stability(z) - std::exp(z)), bound = constant * std::pow(-z, 2.0 * s);
     EXPECT_LE(error, bound + 1e-14) << z;
-    EXPECT_GE(error, 0.02 * bound - 1e-14) << z;  // e^z times the integral of u^s (1-u)^(s-1) e^(-zu), over its mean
+    EXPECT_GE(error, 0.9 * std::exp(z) * bound - 1e-14) << z;  // the mean of e^(zu), u in [0, 1], is larger
   }
   for (const double z : {-1e1, -1e3, -1e6, -1e12}) EXPECT_LE(std::abs(stability(z)), 1);
   EXPECT_LE(std::abs(stability(-1e12)), 1e-9);
@@ -82,7 +82,7 @@ TEST(Collocation, IsOfOrder13AndLStable) {
 
 // ---- zeros ----
 
-constexpr int grid = 20000;
+constexpr int grid = 4000;
 
 double first_below_by_sampling(const Vector& p, double noise) {
   for (int k = 0; k <= grid; ++k)
@@ -93,7 +93,7 @@ double first_below_by_sampling(const Vector& p, double noise) {
 TEST(FirstBelow, AgreesWithSampling) {
   std::mt19937 draw(1);
   std::uniform_real_distribution<double> in(-1, 1);
-  for (int trial = 0; trial < 60; ++trial) {
+  for (int trial = 0; trial < 30; ++trial) {
     Vector p(s + 1);
     for (Index k = 0; k <= s; ++k) p[k] = in(draw) / double(k + 1);
     p[0] += 0.8;
