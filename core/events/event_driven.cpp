@@ -106,7 +106,7 @@ class EventIntegration {
   void note_jump_of_y(const Vector& before, const EventStep& step) {
     if (n_ == 0) return;
     const Vector after = step.y.transpose() * legendre(0);
-    const double size = std::max(size_y_, after.cwiseAbs().maxCoeff());
+    const double size = std::max(size_y_, step.y.cwiseAbs().colwise().sum().maxCoeff());
     if ((after - before).cwiseAbs().maxCoeff() > 1e-6 * size) solution_.continuous = false;
   }
 

@@ -134,25 +134,16 @@ TEST(SwitchedMode, OfSingularMHasImpulsesInItsNullSpace) {
   }
 }
 
-<<<<<<< HEAD
-TEST(SwitchedMode, OfDuplicatedConstraintsTakesYOfLeastNorm) {
-=======
 // g_0 - g_1 = 0 is a condition on the sources that no y fulfils; one of the two alone is a mode.
 TEST(SwitchedMode, OfDuplicatedConstraintsTakesOneOfThem) {
->>>>>>> 3cffeb51913e5a83011f8e0b7fb14de2dd6e8b05
   Draw draw(5);
   const Matrix n = draw.matrix(1, 3);
   Matrix N(2, 3);
   N << n, n;
   for (const double resistance : {0.0, 0.7}) {
-<<<<<<< HEAD
-    const SystemMatrices s{draw.matrix(3, 3), N.transpose(), N, Matrix::Constant(2, 2, resistance)};
-    const auto mode = make_switched_mode(s, {0, 1});
-=======
     const SystemMatrices s{draw.matrix(3, 3), N.transpose(), N, Matrix::Constant(2, 2, resistance)};
     EXPECT_FALSE(make_switched_mode(s, {0, 1}));
     const auto mode = make_switched_mode(s, {0});
->>>>>>> 3cffeb51913e5a83011f8e0b7fb14de2dd6e8b05
     ASSERT_TRUE(mode);
     const JetValues u = draw.values(3, 2);
     const Vector y = evaluate(mode->y, u);
