@@ -155,7 +155,8 @@ TEST(SuppliedDynamics, WhatNeedsMatricesIsRefused) {
   EXPECT_EQ(run_supplied(scene, Method::contour_literal).status, Status::unsupported);
   const Result result = run_supplied(scene, Method::march);
   EXPECT_NE(refusal([&] { states_at(scene, *make_cpu_backend(1), result, {3}); }).find("supplied"), std::string::npos);
-  EXPECT_NE(refusal([&] { run_supplied(scene, Method::galerkin); }).find("known by their solves alone"), std::string::npos);
+  EXPECT_NE(refusal([&] { run_supplied(scene, Method::galerkin); }).find("known by their solves alone"),
+            std::string::npos);
   scene.free_rows = {1};
   EXPECT_NE(refusal([&] { run_supplied(scene, Method::march); }).find("free_rows"), std::string::npos);
 }
