@@ -204,7 +204,7 @@ class PartsRun {
     const Index valid = valid_steps(part);
     const bool first = begin == 0;
     add(total_, part, begin == start_);
-    if (!first && !continues(part)) {
+    if (!first && part.status != Status::interrupted && !continues(part)) {
       total_.status = Status::unsupported;
       total_.reason = fmt::format(
           "at t = {:.10g} y does not follow from x alone, and the run cannot be divided there; use --method euler, or "

@@ -13,7 +13,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr std::size_t longest_meaning = 200'000;
+constexpr std::size_t longest_meaning = 1'000'000;
 constexpr const char* pulse_form =
     "write pulse(t, period, width), or pulse(t, low, high, delay, rise, fall, width, period)";
 constexpr const char* pwl_form = "write pwl(t, t1, v1, t2, v2, ...) with at least two points";

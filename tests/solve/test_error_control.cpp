@@ -358,7 +358,7 @@ TEST_F(ErrorControlOfExamples, WithoutASolutionEndAsInfeasible) {
 TEST_F(ErrorControlOfExamples, OfDiscontinuousYControlYWhereItConverges) {
   for (const char* name : {"diode-bridge", "singular"}) {
     const Scene scene = read(name);
-    const Result result = run(scene, options_to(1e-5));
+    const Result result = run(scene, options_to(1e-5, Method::march));
     ASSERT_EQ(result.status, Status::solved) << name << ": " << result.reason;
     EXPECT_FALSE(result.continuous);
     EXPECT_FALSE(result.errors->of_integral);
@@ -401,7 +401,7 @@ TEST_F(ErrorControlOfExamples, OfJumpsControlTheMean) {
   for (const char* name : {"relay-sliding", "bridge-filter"}) {  // jumps; an impulse at t = 0
     const Scene scene = read(name);
     const double tolerance = 1e-3;
-    const Result result = run(scene, options_to(tolerance));
+    const Result result = run(scene, options_to(tolerance, Method::march));
     ASSERT_EQ(result.status, Status::solved) << name << ": " << result.reason;
     EXPECT_TRUE(result.errors->of_integral) << name;
     Options fine;
