@@ -26,7 +26,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INDEX=1 PIP_QUIET=1
 PATH=$(dirname "$python"):$PATH "$python" -m auditwheel repair --exclude libgomp.so.1 --wheel-dir "$out/repaired" "$out"/bromwich-*.whl
 "$python" -m venv "$out/env"
 "$out/env/bin/python" -m pip install --find-links "$wheels" "$out"/repaired/bromwich-*.whl
-"$python" "$source/python/tests/self_contained.py" "$("$out/env/bin/python" -c 'import bromwich; print(bromwich.__path__[0])')"
+"$python" "$source/python/tests/self_contained.py" "$("$out/env/bin/python" -I -c 'import bromwich; print(bromwich.__path__[0])')"
 cd "$out"
 ls -l repaired
 echo "With NumPy alone:"

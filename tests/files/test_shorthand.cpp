@@ -143,7 +143,7 @@ TEST_F(Shorthand, GrowthByDefinitionsEnds) {
       last = "d" + std::to_string(k);
     }
   };
-  EXPECT_TRUE(refusal(grow).starts_with("here: the expression has more than 200000 characters with its definitions;"));
+  EXPECT_TRUE(refusal(grow).starts_with("here: the expression has more than 1000000 characters with its definitions;"));
 }
 
 }  // namespace

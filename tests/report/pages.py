@@ -26,8 +26,8 @@ SCENES = [
     ("signorini", ["signorini", "--set", "Q=39", "--method", "contour", "--steps", "100"], 0, "yw"),
     ("relay", ["{examples}/relay-sliding.toml", "--states", "all"], 0, "ywx"),
     ("infeasible", ["{examples}/fold.toml", "--states", "all"], 3, "ywx"),
-    ("not-met", ["{examples}/rlcd.toml", "--tol", "1e-9", "--max-steps", "2000", "--states", "all"], 3, "ywx"),
-    ("tolerance", ["{examples}/rlcd.toml", "--tol", "1e-3", "--states", "all"], 0, "ywx"),
+    ("not-met", ["{examples}/rlcd.toml", "--method", "march", "--tol", "1e-9", "--max-steps", "2000", "--states", "all"], 3, "ywx"),
+    ("tolerance", ["{examples}/rlcd.toml", "--method", "march", "--tol", "1e-3", "--states", "all"], 0, "ywx"),
     ("periodic", ["{examples}/periodic-rectifier.toml", "--states", "all"], 0, "ywx"),
     ("goal", ["ph-toy", "--method", "goal", "--steps", "80", "--states", "all"], 0, "x"),
 ]
