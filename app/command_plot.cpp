@@ -43,8 +43,10 @@ int run_plot(const PlotArguments& arguments) {
   const std::string name = result_name(arguments);
   const std::string target = arguments.out.empty() ? fs::path(name).replace_extension(".html").string() : arguments.out;
   const OutputFile file("--out", target, ".html");
-  report::Report made{arguments.summary.empty() ? report::Json() : read_summary(arguments.summary),
-                      report::read_result("RESULT", name), fs::path(name).filename().string(), build_info::version};
+  report::Json summary = arguments.summary.empty() ? report::Json() : read_summary(arguments.summary);
+  const Index constraints = summary.contains("sizes") ? summary["sizes"].value("constraints", Index(-1)) : Index(-1);
+  report::Report made{std::move(summary), report::read_result("RESULT", name, constraints),
+                      fs::path(name).filename().string(), build_info::version};
   const std::string page = report::page(made);
   file.write([&page](std::FILE* out) { std::fwrite(page.data(), 1, page.size(), out); });
   print(fmt::format("{}\n", target));

@@ -93,7 +93,13 @@ std::vector<double> read_rows(LineReader& lines, std::size_t columns, std::strin
   return values;
 }
 
-ResultTable read_csv(const std::filesystem::path& path, const std::string& argument) {
+/// Whether columns were given names of their own: none is called y and a number.
+bool renamed(const std::vector<Column>& columns, Index constraints) {
+  return constraints > 0 && Index(columns.size()) > constraints &&
+         std::none_of(columns.begin(), columns.end(), [](const Column& c) { return c.symbol() == "y"; });
+}
+
+ResultTable read_csv(const std::filesystem::path& path, const std::string& argument, Index constraints) {
   const std::string name = path.filename().string(), text = read_text({path.string(), path}, argument);
   LineReader lines(text, name);
   const std::vector<Column> columns = read_header(lines);
@@ -103,11 +109,15 @@ ResultTable read_csv(const std::filesystem::path& path, const std::string& argum
   const Eigen::Map<const RowMatrix> all(values.data(), rows, width);
   table.t = all.col(0);
   table.time_unit = columns.front().unit;
+  const bool by_place = renamed(columns, constraints);
+  const auto symbol_of = [&](Index i) -> std::string {
+    return by_place ? (i <= constraints ? "y" : "x") : columns[std::size_t(i)].symbol();
+  };
   for (const char* symbol : {"y", "w", "x", ""}) {
     Quantity q{symbol, {}, {}, {}};
     std::vector<Index> which;
     for (Index i = 1; i < width; ++i) {
-      if (columns[std::size_t(i)].symbol() != symbol) continue;
+      if (symbol_of(i) != symbol) continue;
       which.push_back(i);
       q.names.push_back(columns[std::size_t(i)].name);
       q.units.push_back(columns[std::size_t(i)].unit);
@@ -119,7 +129,7 @@ ResultTable read_csv(const std::filesystem::path& path, const std::string& argum
 }
 
 /// What reads a file, by its extension.
-using Reader = std::function<ResultTable(const std::filesystem::path&, const std::string& argument)>;
+using Reader = std::function<ResultTable(const std::filesystem::path&, const std::string& argument, Index constraints)>;
 const std::map<std::string, Reader>& readers() {
   static const std::map<std::string, Reader> known{{".csv", read_csv}};
   return known;
@@ -142,9 +152,9 @@ ResultTable as_table(const Scene& scene, const Result& result) {
   return table;
 }
 
-ResultTable read_result(const std::string& argument, const std::filesystem::path& path) {
+ResultTable read_result(const std::string& argument, const std::filesystem::path& path, Index constraints) {
   const auto reader = readers().find(path.extension().string());
-  if (reader != readers().end()) return reader->second(path, argument);
+  if (reader != readers().end()) return reader->second(path, argument, constraints);
   std::vector<std::string> known;
   for (const auto& [extension, read] : readers()) known.push_back(extension);
   throw Error(argument, fmt::format("found '{}'", one_line(path.string())),

@@ -30,7 +30,8 @@ struct ResultTable {
 /// y, w and the recorded states; w only if N x was recorded (Options::trace).
 ResultTable as_table(const Scene&, const Result&);
 
-/// A file that `solve --out` wrote, by its extension: .csv. Throws Error(argument, ...) that names file and line.
-ResultTable read_result(const std::string& argument, const std::filesystem::path&);
+/// A file that `solve --out` wrote, by its extension: .csv. `constraints`: n where it is known; columns with names of
+/// their own are then y and x in this order. Throws Error(argument, ...) that names file and line.
+ResultTable read_result(const std::string& argument, const std::filesystem::path&, Index constraints = -1);
 
 }  // namespace bromwich::report

@@ -40,5 +40,5 @@ env/bin/bromwich --version
 
 # The other packages of the tests from where they are.
 echo "$tools" >"$(env/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/tools.pth"
-MPLBACKEND=Agg MPLCONFIGDIR=$out/matplotlib env/bin/python -m pytest -q -p no:cacheprovider "$source/python/tests" \
+BROMWICH_COMMAND=$build/bromwich MPLBACKEND=Agg MPLCONFIGDIR=$out/matplotlib env/bin/python -m pytest -q -p no:cacheprovider "$source/python/tests" \
   --rootdir "$source/python"
