@@ -58,7 +58,8 @@ void members_of_estimate(const Each& each, E& e) {
 template <class Each, class S>
 void members_of_seconds(const Each& each, S& s) {
   each("total", s.total), each("setup", s.setup), each("solve", s.solve), each("lcp", s.lcp);
-  each("convolution", s.convolution), each("transform", s.transform), each("other", s.other), each("sweeps", s.sweeps);
+  each("convolution", s.convolution), each("transform", s.transform), each("other", s.other), each("sweeps", s.sweeps),
+      each("certification", s.certification);
 }
 
 template <class Each, class R>
