@@ -52,7 +52,8 @@ template <class Each, class E>
 void members_of_estimate(const Each& each, E& e) {
   each("discretisation", e.discretisation), each("kernel", e.kernel), each("iteration", e.iteration);
   each("rounding", e.rounding), each("states", e.states), each("order", e.order), each("interior", e.interior);
-  each("tolerance", e.tolerance), each("of_integral", e.of_integral), each("grids", e.grids);
+  each("tolerance", e.tolerance), each("of_integral", e.of_integral), each("grids", e.grids),
+      each("estimates", e.estimates);
 }
 
 template <class Each, class S>
@@ -72,7 +73,8 @@ void members_of_result(const Each& each, R& r) {
   each("error_estimate", r.error_estimate), each("algebraic_error", r.algebraic_error);
   each("kernel_error", r.kernel_error), each("magnification", r.magnification), each("rounding", r.rounding);
   each("rounding_of_y", r.rounding_of_y), each("unresolved_sources", r.unresolved_sources);
-  each("jumps_inside", r.jumps_inside), each("method", r.method), each("backend", r.backend), each("kernel", r.kernel);
+  each("jumps_inside", r.jumps_inside), each("method", r.method), each("backend", r.backend), each("kernel", r.kernel),
+      each("form", r.form);
   each("starts_with_impulse", r.starts_with_impulse), each("euler_steps", r.euler_steps), each("steps", r.steps);
   each("iterations", r.iterations), each("cycles", r.cycles), each("history", r.history);
   each("lcp_solved", r.lcp.solved), each("lcp_newton", r.lcp.newton), each("lcp_fallbacks", r.lcp.fallbacks);
