@@ -16,7 +16,7 @@
 namespace bromwich::app {
 
 struct PartsOptions {
-  std::optional<OutputFile> checkpoint;  ///< where checkpoints go; none: there are none
+  std::optional<OutputFile> checkpoint;  ///< file of the checkpoints; empty: none are written
   double seconds = 60;                   ///< between two checkpoints, at least
   std::optional<Checkpoint> from;        ///< of --restart
   std::string run;                       ///< see Checkpoint

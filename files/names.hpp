@@ -20,8 +20,8 @@ struct Name {
 /// In their order; the e of "2.5e-3" is none.
 std::vector<Name> names_in(std::string_view text);
 
-/// The text with other text in place of names: `replacement` is asked for every name that is not called and writes it,
-/// or returns false to keep the name.
+/// The text with other text in place of names: `replacement` is called for every name that is not a function call and
+/// writes it, or returns false to keep the name.
 std::string with_names_replaced(std::string_view text,
                                 const std::function<bool(const std::string& name, std::string& by)>& replacement);
 

@@ -55,7 +55,7 @@ class Result:
         self._answer, self._scene = answer, scene
 
     def __reduce__(self) -> tuple:
-        """Pickles the arrays with the scene; what is asked of the copy later is computed on the host."""
+        """Pickles the arrays with the scene; the copy computes later values on the host."""
         return _restored, (self._scene, _core.state_of_answer(self._answer))
 
     @property

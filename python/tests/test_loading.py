@@ -165,7 +165,7 @@ def test_import_loads_no_cuda():
 
 
 def test_a_plugin_that_cannot_be_loaded(tmp_path):
-    """Named, and refused where it is asked for; `auto` solves on the processor."""
+    """It is named and refused; `auto` solves on the processor."""
     broken = tmp_path / "_cuda.so"
     broken.write_bytes(b"no shared object")
     code = f"""
