@@ -2,12 +2,14 @@
 
 #include "core/base/error.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/scene/component_names.hpp"
 #include "core/scene/separable.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cctype>
+#include <functional>
 #include <utility>
 
 namespace bromwich::app {
@@ -51,6 +53,12 @@ void require_library(const std::string& argument, const std::string& name, Resul
   if (hdf5 ? hdf5_available() : format != ResultFormat::npz || npz_available()) return;
   throw Error(argument, fmt::format("'{}' needs {}, which this build does not have", name, hdf5 ? "HDF5" : "minizip"),
               fmt::format("install {} and build again, or write a file .csv", hdf5 ? "libhdf5-dev" : "libminizip-dev"));
+}
+
+/// The unit of all columns; empty where they differ, since an array of a file has one.
+std::string common(const std::vector<std::string>& units) {
+  const bool same = std::adjacent_find(units.begin(), units.end(), std::not_equal_to<>()) == units.end();
+  return units.empty() || !same ? "" : units.front();
 }
 
 bool any_finite(const RowMatrix& values, Index j) {
@@ -106,6 +114,16 @@ ResultColumns ResultOutput::columns(const std::vector<Index>& states) const {
   columns.constraints = scene_.constraints();
   columns.slack = with_slack();
   columns.states = states;
+  for (Index i = 0; i < columns.constraints; ++i) columns.constraint_names.push_back(multiplier_name(scene_, i));
+  std::vector<std::string> units_of_states;
+  for (const Index i : states) {
+    columns.state_names.push_back(state_name(scene_, i));
+    units_of_states.push_back(std::size_t(i) < scene_.units.x.size() ? scene_.units.x[std::size_t(i)] : "");
+  }
+  columns.t_unit = scene_.time_unit;
+  columns.y_unit = common(scene_.units.y);
+  columns.w_unit = common(scene_.units.w);
+  columns.x_unit = common(units_of_states);
   return columns;
 }
 

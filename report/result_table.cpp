@@ -1,8 +1,8 @@
 #include "report/result_table.hpp"
 
 #include "core/base/error.hpp"
-#include "core/lcp/matrix.hpp"
-#include "core/scene/separable.hpp"
+#include "core/result/slack.hpp"
+#include "core/scene/component_names.hpp"
 #include "files/line_reader.hpp"
 #include "files/number_files.hpp"
 #include "files/words.hpp"
@@ -19,19 +19,17 @@ namespace bromwich::report {
 
 namespace {
 
-/// w = N x + M y + g; empty if N x was not recorded.
-RowMatrix slack(const Scene& scene, const Result& result) {
-  if (result.trace.rows() != result.t.size()) return {};
-  RowMatrix w = sample(scene.g, result.t, scene.constraints()).table() + result.trace;
-  for (Index j = 0; j < w.rows(); ++j) w.row(j) += multiply(scene.M, result.y.row(j).transpose()).transpose();
-  return w;
-}
+using Name = std::string (*)(const Scene&, Index);
 
-Quantity numbered(const std::string& symbol, RowMatrix values, const std::vector<Index>* numbers = nullptr) {
+/// `numbers`: the components in the columns; null: all.
+Quantity named(const std::string& symbol, RowMatrix values, const Scene& scene, Name name,
+               const std::vector<std::string>& units, const std::vector<Index>* numbers = nullptr) {
   Quantity q{symbol, {}, {}, std::move(values)};
-  for (Index i = 0; i < q.values.cols(); ++i)
-    q.names.push_back(fmt::format("{}{}", symbol, numbers ? (*numbers)[std::size_t(i)] : i));
-  q.units.assign(q.names.size(), "");
+  for (Index k = 0; k < q.values.cols(); ++k) {
+    const Index i = numbers ? (*numbers)[std::size_t(k)] : k;
+    q.names.push_back(name(scene, i));
+    q.units.push_back(std::size_t(i) < units.size() ? units[std::size_t(i)] : "");
+  }
   return q;
 }
 
@@ -146,9 +144,10 @@ const Quantity* ResultTable::find(const std::string& symbol) const {
 ResultTable as_table(const Scene& scene, const Result& result) {
   ResultTable table;
   table.t = result.t;
-  add(numbered("y", result.y), table);
-  add(numbered("w", slack(scene, result)), table);
-  add(numbered("x", result.x, &result.x_components), table);
+  table.time_unit = scene.time_unit;
+  add(named("y", result.y, scene, multiplier_name, scene.units.y), table);
+  add(named("w", slack(scene, result), scene, slack_name, scene.units.w), table);
+  add(named("x", result.x, scene, state_name, scene.units.x, &result.x_components), table);
   return table;
 }
 

@@ -81,6 +81,10 @@ class EventControl {
     o.longest_step = scene_.T / fewest_in_T[tolerances_.size() - 1];
     o.most_work = goal_.most_work;
     o.interrupted = [this] { return (options_.interrupted && options_.interrupted()) || out_of_time(); };
+    if (options_.progress) {
+      const Index rows = options_.steps > 0 ? options_.steps : scene_.default_steps;
+      o.progress = [this, rows](double t) { options_.progress({Index(t / scene_.T * double(rows)), 0, rows}); };
+    }
     return integrate_with_events(scene_, lcp_class_, scene_.breakpoints, o);
   }
 
