@@ -11,6 +11,7 @@
 #include "cpu/cpu_backend.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <array>
 #include <iterator>
@@ -64,6 +65,10 @@ BenchRequest make_request(const BenchArguments& arguments, const Words& words) {
   if (words.names.size() == 2) request.scene = words.names[1];
   request.settings = parse_settings(words.settings);
   request.quick = arguments.quick;
+  request.siconos = arguments.siconos;
+  if (!request.siconos.empty() && access(request.siconos.c_str(), X_OK) != 0)
+    throw Error("--siconos", fmt::format("no program '{}'", request.siconos),
+                "compile bench/peers/siconos_loop.cpp, as scripts/bench_stability does");
   if (!arguments.steps.empty()) request.steps = parse_steps(arguments.steps, max_bench_steps);
   return request;
 }

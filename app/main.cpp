@@ -165,6 +165,8 @@ CLI::App* add_bench(CLI::App& app, BenchArguments& a) {
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
   add_word(command, "--out", a.out, "FILE.json", "write the measurements with machine, compiler and commit");
   command->add_flag("--quick", a.quick, "smallest size, fewer repeats, coarser reference");
+  add_word(command, "--siconos", a.siconos, "PROGRAM",
+           "stability: also by Siconos, through bench/peers/siconos_loop.cpp compiled as PROGRAM");
   command->footer("Benchmarks:\n" + bench_list() +
                   "Examples:\n"
                   "  bromwich bench baselines --quick\n"

@@ -328,13 +328,25 @@ def tol(data):
 
 def stability(data):
     """Every hard case: what was said, how far it is from the truth, and implicit Euler on the same number of steps."""
-    lines = ["| case | m | n | status | steps | error of x | error of y | estimate | time | Euler: x | y |", "|--" * 11 + "|"]
+    heads = ["case", "m", "n", "status", "steps", "error of x", "error of y", "estimate", "time", "Euler: x", "y"]
+    beside = any("siconos" in row for row in data["rows"])
+    heads += ["time", "Siconos: x", "y", "time"] if beside else []
+    lines = ["| " + " | ".join(heads) + " |", "|--" * len(heads) + "|"]
+
+    def time_of(run):
+        taken = run["seconds"] and run["seconds"]["median"]
+        return "" if taken is None else seconds(taken)
+
     for row in data["rows"]:
         status = row["status"] if row["verdict"] in ("right", "missed") else f"**{row['status']}**" if row["verdict"] == "wrong" else row["status"]
         y = number(row["error_y"]) + (" (∫y)" if row["error_y"] is not None and row["of"] != "y" else "")
-        time = row["seconds"]["median"]
         cells = [row["case"], str(row["states"]), str(row["constraints"]), status, str(row["steps"]), number(row["error_x"]), y,
-                 number(row["estimate"]), "" if time is None else seconds(time), number(row["euler"]["error_x"]), number(row["euler"]["error_y"])]
+                 number(row["estimate"]), time_of(row), number(row["euler"]["error_x"]), number(row["euler"]["error_y"])]
+        if beside:
+            peer = row.get("siconos")
+            shown = peer and peer["status"] == "solved"
+            cells += [time_of(row["euler"])]
+            cells += [number(peer["error_x"]), number(peer["error_y"]), time_of(peer)] if shown else [peer["reason"] if peer else "", "", ""]
         lines.append("| " + " | ".join(cells) + " |")
     counts = ", ".join(f"{count} {name}" for name, count in data["details"]["counts"].items())
     return lines + ["", f"Tolerance {data['rows'][0]['tolerance']:.0e}: {counts}. {machine(data)}."]

@@ -1,5 +1,5 @@
-// Hard cases with known solutions, solved to a tolerance by `auto`, and by implicit Euler with the same number of
-// steps: true error, estimated error, status and time.
+// Hard cases with known solutions, solved to a tolerance by `auto`, and by implicit Euler, ours and that of Siconos,
+// with the same number of steps: true error, estimated error, status and time.
 //
 // The error of component i is relative to max(max_t |c_i|, 1e-3 of the largest component of its kind). If y jumps, the
 // error of its integral from 0 to t is used.
@@ -8,6 +8,7 @@
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
+#include "bench/studies/siconos.hpp"
 #include "bench/studies/study.hpp"
 #include "core/base/error.hpp"
 
@@ -15,6 +16,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <map>
 
 namespace bromwich::app {
@@ -98,11 +100,13 @@ void compare(const HardCase& one, const Result& r, Found& found) {
                                     : error_in_measure(r.y, exact.y, last);
 }
 
-Found run(const HardCase& one, Backend& backend, const Options& options, int repeats) {
+using SolveOnce = std::function<Result()>;
+
+Found run(const HardCase& one, const SolveOnce& solve_once, int repeats) {
   Found found;
   try {
     for (int i = 0; i < repeats; ++i) {
-      const Result r = timed_solve(one, backend, options);
+      const Result r = solve_once();
       found.samples.add(r.seconds.total, r.seconds.setup, r.seconds.solve);
       if (i > 0) continue;
       found.status = to_string(r.status);
@@ -158,11 +162,13 @@ BenchReport bench_stability(const BenchRequest& request, Backend& backend) {
   for (const HardCase& one : chosen(request)) {
     Options options;
     options.tolerance = one.tolerance;
-    const Found found = run(one, backend, options, request.repeats());
+    const Found found = run(
+        one, [&] { return timed_solve(one, backend, options); }, request.repeats());
     Options plain;
     plain.method = Method::euler;
     plain.steps = std::min(most_euler_steps, found.steps > 0 ? found.steps : one.scene.default_steps);
-    const Found euler = run(one, backend, plain, request.repeats());
+    const Found euler = run(
+        one, [&] { return timed_solve(one, backend, plain); }, request.repeats());
     const std::string judged = verdict(one, found);
     ++counts[judged];
     const Index m = one.scene.states(), n = one.scene.constraints();
@@ -175,6 +181,10 @@ BenchReport bench_stability(const BenchRequest& request, Backend& backend) {
              {"expected", one.expected}, {"verdict", judged}};
     row.update(json_of(found));
     row["euler"] = json_of(euler);
+    if (!request.siconos.empty() && fits_siconos(one.scene))
+      row["siconos"] = json_of(run(
+          one, [&] { return siconos_euler(request.siconos, one.scene, one.components, plain.steps); },
+          request.repeats()));
     report.rows.push_back(row);
     if (judged == "wrong" || judged == "refused")
       report.notes.push_back(

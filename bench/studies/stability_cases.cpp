@@ -517,12 +517,25 @@ class Catalogue {
     if (n > 10) one.tolerance = 1e-2;
   }
 
+  // Many constraints on few states.
+  void wide(Index n) {
+    const Index m = 10;
+    const Matrix B = ports(m, n) / std::sqrt(double(n));
+    const LcpMatrix M = Tridiagonal{Vector::Constant(n, -1), Vector::Constant(n, 4), Vector::Constant(n, -1)};
+    HardCase& one =
+        add("sizes", "n = " + std::to_string(n) + ", m = " + std::to_string(m),
+            manufactured(DenseDynamics{chain(m, -1, 0.5), B, B.transpose()}, M, 1, cosines(m, 1), sines(1)));
+    one.scene.default_steps = 32;
+    one.tolerance = 1e-2;
+  }
+
   void sizes() {
     const Index m = quick_ ? 20 : 60, n = quick_ ? 10 : 30;
     dense("sizes", "n = " + std::to_string(n) + ", m = " + std::to_string(m), chain(m, -1, 0.5),
           3 * Matrix::Identity(n, n) - Matrix::Ones(n, n) / double(n), 2);
     rod(100, 1);
     if (quick_) return;
+    wide(1000);
     rod(400, 100);
     rod(100000, 2);
   }

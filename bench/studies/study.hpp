@@ -16,7 +16,8 @@ namespace bromwich::app {
 struct BenchRequest {
   std::optional<std::string> scene;
   ParameterValues settings;
-  Index steps = 0;  ///< 0 = the benchmark's own choice
+  Index steps = 0;      ///< 0 = the benchmark's own choice
+  std::string siconos;  ///< the program of bench/peers/siconos_loop.cpp; empty: without Siconos
   bool quick = false;
 
   int repeats() const { return quick ? 2 : 5; }
