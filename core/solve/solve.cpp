@@ -6,6 +6,7 @@
 #include "core/base/timer.hpp"
 #include "core/solve/stages.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -59,10 +60,11 @@ Result through_stages(const Scene& scene, Backend& backend, const InnerOptions& 
 Result solve_valid(const Scene& scene, Backend& backend, const InnerOptions& options) {
   Timer timer;
   validate(scene, options);
-  const double looked = timer.lap();
   Result result = through_stages(scene, backend, options);
-  result.seconds.setup += looked;
-  result.seconds.total += looked;
+  // What the stages spend beside solves, such as the search for jumps of the sources, belongs to the set-up.
+  const double whole = timer.lap();
+  result.seconds.setup += std::max(0.0, whole - result.seconds.total);
+  result.seconds.total = whole;
   if (!result.warning.empty()) note(options.log, LogLevel::warning, "%s", result.warning.c_str());
   return result;
 }

@@ -1,6 +1,9 @@
 // The solver against the dense oracle, against converged reference values and against exact solutions.
 
+#include "core/base/timer.hpp"
 #include "core/catalogue/catalogue.hpp"
+#include "core/solve/solve.hpp"
+#include "cpu/cpu_backend.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/run.hpp"
 
@@ -177,6 +180,32 @@ TEST(Order, BridgeAgainstItsExactSolution) {
   const std::vector<double> march = errors_of_y(scene, Method::march, steps);
   EXPECT_GE(observed_order(steps, march), 1.9);
   EXPECT_LE(march.back(), 1e-3);  // h^2/12 max|f''| T: interpolation error of f, integrated without cancellation
+}
+
+TEST(Seconds, ContainTheTimeInSources) {
+  const Scene plain = make_scene("dlcp-small");
+  double inside = 0;
+  const auto timed = [&inside](const TimeFunction& source) {
+    return [&inside, source](double t, Eigen::Ref<Vector> value) {
+      Timer timer;
+      source(t, value);
+      inside += timer.lap();
+    };
+  };
+  Scene scene = plain;
+  scene.f = timed(plain.f);
+  scene.g = timed(plain.g);
+  const auto backend = make_cpu_backend(1);
+  for (const double tolerance : {0.0, 1e-4})
+    for (const Method method : {Method::automatic, Method::march, Method::euler}) {
+      Options options;
+      options.method = method;
+      options.tolerance = tolerance;
+      inside = 0;
+      const Result r = solve(scene, *backend, options);
+      EXPECT_GE(r.seconds.total, inside) << to_string(method) << " " << tolerance;
+      EXPECT_GE(r.seconds.total * (1 + 1e-12), r.seconds.setup + r.seconds.solve) << to_string(method);
+    }
 }
 
 }  // namespace
