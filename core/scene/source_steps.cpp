@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace bromwich {
 
@@ -24,6 +25,7 @@ constexpr Index most_leaves = 2048;        ///< of a step, for each source
 constexpr std::array<double, 3> gauss{0.1127016653792583, 0.5, 0.8872983346207417};
 constexpr std::array<double, 2> inside{0.3819660112501051, 0.7320508075688772};  ///< irregular places of checks
 constexpr std::array<double, 4> between_gauss{0, 0.2928932188134525, 0.7071067811865476, 1};
+constexpr std::array<double, 7> looks{0.04, 0.19, 0.33, 0.47, 0.62, 0.78, 0.93};  ///< into steps of fast sources
 constexpr double inside_end = 1e-6;  ///< of a piece: how near to its ends f is looked at
 
 // One of the sources with its samples and the size of each component.
@@ -75,6 +77,7 @@ class Inspection {
     short_parts_ = every_step;
     place(breakpoints);
     look_inside(every_step);
+    std::sort(seen_.begin(), seen_.end());
     for (Index j = 1; j <= J_ && any_rough_; ++j)
       if (rough_[std::size_t(j)]) take_apart(j);
     return std::move(found_);
@@ -131,9 +134,11 @@ class Inspection {
     if (!every_step && !off) return;
     for (Index j = 1; j <= J_; ++j) {
       const double part = double(j) * silver;
-      misses(j, 0.15 + 0.7 * (part - std::floor(part)));
-      if (off) misses(j, 0.15 + 0.7 * (2 * part - std::floor(2 * part)));
+      off |= misses(j, 0.15 + 0.7 * (part - std::floor(part)));
     }
+    // One look sees a pulse inside a step only if it meets it.
+    for (Index j = 1; j <= J_ && off; ++j)
+      for (const double part : looks) misses(j, part);
   }
 
   bool misses(Index j, double part) {
@@ -149,7 +154,14 @@ class Inspection {
       if (s == &g_) found_.disagreement_of_g = std::max(found_.disagreement_of_g, apart);
     }
     if (off) mark(j);
+    if (off) seen_.emplace_back(j, t_[j - 1] + part * (t_[j] - t_[j - 1]));
     return off;
+  }
+
+  // Where the linear function was seen to be off in a step; NaN if nowhere.
+  double seen(Index j) const {
+    const auto found = std::lower_bound(seen_.begin(), seen_.end(), std::pair<Index, double>(j, -INFINITY));
+    return found != seen_.end() && found->first == j ? found->second : NAN;
   }
 
   void take_apart(Index j) {
@@ -158,6 +170,7 @@ class Inspection {
     RoughStep step;
     step.step = j;
     missed_ = 0;
+    seen_here_ = seen(j);
     std::vector<double> cuts(first, last);
     const bool few = Index(cuts.size()) < most_declared_parts;
     if (!few) cuts.clear();
@@ -210,11 +223,16 @@ class Inspection {
 
   void halve(double a, const Vector& ga, double b, const Vector& gb, int depth, std::vector<double>& ends) {
     double apart = 0;
-    for (const double part : inside) {
+    const auto look = [&](double part) {
       g_.inside(a + part * (b - a), value_);
       line_ = (1 - part) * ga + part * gb;
       apart = std::max(apart, g_.apart(value_, line_));
-    }
+    };
+    if (depth <= many_pieces)
+      for (const double part : looks) look(part);
+    else
+      for (const double part : inside) look(part);
+    if (a < seen_here_ && seen_here_ < b) look((seen_here_ - a) / (b - a));
     ++leaves_;
     --budget_;
     if (apart > strong_disagreement) found_.disagreement_of_g = std::max(found_.disagreement_of_g, apart);
@@ -255,12 +273,14 @@ class Inspection {
     piece.phi << v[0] - gauss[0] * d01 + gauss[0] * gauss[1] * bend, d01 - (gauss[0] + gauss[1]) * bend, bend;
     double apart = 0;
     const double margin = std::min(std::max(inside_end, 4 * resolution_ / d), 0.5);
-    for (const double place : between_gauss) {
+    const auto look = [&](double place) {
       const double part = std::clamp(place, margin, 1 - margin);
       f_.inside(a + part * d, value_);
       line_ = piece.phi * Eigen::Vector3d(1, part, part * part);
       apart = std::max(apart, f_.apart(value_, line_));
-    }
+    };
+    for (const double place : between_gauss) look(place);
+    if (a < seen_here_ && seen_here_ < a + d) look((seen_here_ - a) / d);
     ++leaves_;
     --budget_;
     const bool jump = d <= std::max(smallest_part * h_, 8 * resolution_);
@@ -285,7 +305,9 @@ class Inspection {
   std::vector<bool> rough_;    ///< by step, empty where none is
   bool any_rough_ = false;
   bool short_parts_ = false;
-  double missed_ = 0;  ///< by the parts and pieces of a step
+  double missed_ = 0;                           ///< by the parts and pieces of a step
+  std::vector<std::pair<Index, double>> seen_;  ///< step, and a time inside at which it is not linear
+  double seen_here_ = NAN;                      ///< that of the step at hand
   Vector value_, line_;
 };
 

@@ -238,7 +238,7 @@ void Methods::report_sources(Result& result) const {
     add_warning(result,
                 text("f or g changes too fast inside %ld of %ld steps (first seen around t = %.6g): use more steps",
                      long(s.unresolved), long(problem_.J), s.time));
-  else if (parts && s.disagreement > seen_in_parts)
+  else if (s.disagreement > seen_in_parts)
     add_warning(result,
                 text("f or g goes up and down inside of steps (t = %.6g), whose parts follow it to %.0f %%: use "
                      "more steps",
