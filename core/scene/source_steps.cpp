@@ -25,8 +25,10 @@ constexpr Index most_leaves = 2048;        ///< of a step, for each source
 constexpr std::array<double, 3> gauss{0.1127016653792583, 0.5, 0.8872983346207417};
 constexpr std::array<double, 2> inside{0.3819660112501051, 0.7320508075688772};  ///< irregular places of checks
 constexpr std::array<double, 4> between_gauss{0, 0.2928932188134525, 0.7071067811865476, 1};
-constexpr std::array<double, 7> looks{0.04, 0.19, 0.33, 0.47, 0.62, 0.78, 0.93};  ///< into steps of fast sources
-constexpr double inside_end = 1e-6;  ///< of a piece: how near to its ends f is looked at
+constexpr std::array<double, 7> looks{0.04, 0.19, 0.33, 0.47, 0.62, 0.78, 0.93};  ///< into parts of rough steps
+constexpr Index many_looks = 34;       ///< into steps of fast sources, at multiples of the golden ratio: 0.035 apart
+constexpr Index most_looks = 8000000;  ///< into all steps, beyond 7 for each
+constexpr double inside_end = 1e-6;    ///< of a piece: how near to its ends f is looked at
 
 // One of the sources with its samples and the size of each component.
 struct Inspected {
@@ -136,13 +138,14 @@ class Inspection {
       const double part = double(j) * silver;
       off |= misses(j, 0.15 + 0.7 * (part - std::floor(part)));
     }
-    // One look sees a pulse inside a step only if it meets it.
+    // A look sees a pulse inside a step only if it meets it, and one pulse does not stand for another.
+    const Index count = std::clamp<Index>(most_looks / J_, Index(looks.size()), many_looks);
     for (Index j = 1; j <= J_ && off; ++j)
-      for (const double part : looks) misses(j, part);
+      for (double k = 0; k < double(count); ++k) misses(j, (k + 0.5) * golden - std::floor((k + 0.5) * golden), true);
   }
 
-  bool misses(Index j, double part) {
-    if (any_rough_ && rough_[std::size_t(j)]) return false;
+  bool misses(Index j, double part, bool in_all_steps = false) {
+    if (!in_all_steps && any_rough_ && rough_[std::size_t(j)]) return false;
     bool off = false;
     for (Inspected* s : {&f_, &g_}) {
       if (!s->given) continue;
@@ -158,10 +161,13 @@ class Inspection {
     return off;
   }
 
-  // Where the linear function was seen to be off in a step; NaN if nowhere.
-  double seen(Index j) const {
-    const auto found = std::lower_bound(seen_.begin(), seen_.end(), std::pair<Index, double>(j, -INFINITY));
-    return found != seen_.end() && found->first == j ? found->second : NAN;
+  // Looks at the places between a and b at which the source was seen not to be linear in the step at hand.
+  template <class Look>
+  void look_again(double a, double b, const Look& look) const {
+    const std::pair<Index, double> from(step_, a), to(step_, b);
+    const auto last = std::lower_bound(seen_.begin(), seen_.end(), to);
+    for (auto place = std::upper_bound(seen_.begin(), last, from); place != last; ++place)
+      look((place->second - a) / (b - a));
   }
 
   void take_apart(Index j) {
@@ -170,7 +176,7 @@ class Inspection {
     RoughStep step;
     step.step = j;
     missed_ = 0;
-    seen_here_ = seen(j);
+    step_ = j;
     std::vector<double> cuts(first, last);
     const bool few = Index(cuts.size()) < most_declared_parts;
     if (!few) cuts.clear();
@@ -232,7 +238,7 @@ class Inspection {
       for (const double part : looks) look(part);
     else
       for (const double part : inside) look(part);
-    if (a < seen_here_ && seen_here_ < b) look((seen_here_ - a) / (b - a));
+    look_again(a, b, look);
     ++leaves_;
     --budget_;
     if (apart > strong_disagreement) found_.disagreement_of_g = std::max(found_.disagreement_of_g, apart);
@@ -280,7 +286,7 @@ class Inspection {
       apart = std::max(apart, f_.apart(value_, line_));
     };
     for (const double place : between_gauss) look(place);
-    if (a < seen_here_ && seen_here_ < a + d) look((seen_here_ - a) / d);
+    look_again(a, a + d, look);
     ++leaves_;
     --budget_;
     const bool jump = d <= std::max(smallest_part * h_, 8 * resolution_);
@@ -306,8 +312,8 @@ class Inspection {
   bool any_rough_ = false;
   bool short_parts_ = false;
   double missed_ = 0;                           ///< by the parts and pieces of a step
-  std::vector<std::pair<Index, double>> seen_;  ///< step, and a time inside at which it is not linear
-  double seen_here_ = NAN;                      ///< that of the step at hand
+  std::vector<std::pair<Index, double>> seen_;  ///< steps, and times inside at which a source is not linear
+  Index step_ = 0;                              ///< at hand
   Vector value_, line_;
 };
 

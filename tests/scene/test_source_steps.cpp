@@ -88,10 +88,10 @@ TEST(FastSources, OthersWarnOfFastG) {
     EXPECT_NE(on_grid(scene, method, 400).warning, "") << to_string(method);
 }
 
-// Looks into a step are at most 0.16 steps apart.
-TEST(FastSources, PulsesOfASixthOfAStepBesideFastOnesAreSeen) {
+// Looks into a step are at most 0.035 steps apart.
+TEST(FastSources, ShortPulsesBesideFastOnesAreSeen) {
   constexpr Index J = 400;
-  const double width = 0.17 / J, height = 2;
+  const double width = 0.04 / J, height = 2;
   const FastSquare wave{200, 0.5, 0.1};  // makes every step be looked into
   for (double begin = 0.3; begin < 0.32; begin += 0.37 / J) {
     Scene scene = integrator();
