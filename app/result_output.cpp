@@ -183,8 +183,11 @@ void ResultOutput::write(const Result& sampled, const Result& result, const std:
   if (result.status != Status::solved) {
     while (rows > 0 && !any_finite(sampled.y, rows - 1) && !any_finite(sampled.x, rows - 1)) --rows;
   }
+  std::vector<TimeSeries> series = energies ? energy_series(*energies) : std::vector<TimeSeries>{};
+  for (TimeSeries& one : series) one.values.conservativeResize(rows);
   if (grows()) {
     append(scene_, sampled, sampled.t.head(rows), 0, rows - 1);
+    if (growing_ && !series.empty()) growing_->add(series);
     finish(facts);
     return;
   }
@@ -201,7 +204,7 @@ void ResultOutput::write(const Result& sampled, const Result& result, const std:
   const FileTarget target{argument_, file_.target()};
   Facts all = facts_;
   all.insert(all.end(), facts.begin(), facts.end());
-  file_.write([&](std::FILE* file) { write_npz(target, wanted, {sampled.t.head(rows), y, w, x}, all, file); });
+  file_.write([&](std::FILE* file) { write_npz(target, wanted, {sampled.t.head(rows), y, w, x}, series, all, file); });
 }
 
 void ResultOutput::finish(const Facts& facts) {

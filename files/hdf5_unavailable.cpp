@@ -2,7 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "files/checkpoint.hpp"
-#include "files/result_file.hpp"
+#include "files/stored_result.hpp"
 
 namespace bromwich {
 
@@ -34,6 +34,8 @@ std::unique_ptr<ResultFile> continue_vtkhdf(const FileTarget& target, const Fiel
                                             const std::string&) {
   refuse(target);
 }
+
+StoredResult read_hdf5(const FileTarget& target) { refuse(target); }
 
 void write_checkpoint(const FileTarget& target, const Checkpoint&) { refuse(target); }
 

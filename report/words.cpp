@@ -74,6 +74,9 @@ std::string status_sentence(const Json& summary) {
   }
   if (status == "unsupported") return because("The method does not take this scene.");
   if (status == "nonfinite") return because("Values that are not finite came up.");
+  if (status == "running")
+    return "The file is of a run that goes on, or that was killed. The curves show what it has written until now.";
+  if (status == "failed") return because("The run ended with an error. The curves show what was computed until then.");
   if (status == "interrupted") return because("The curves show what was computed until then.");
   return status.empty() ? "The status is not known: the file has no summary." : because("Status: " + status + ".");
 }
