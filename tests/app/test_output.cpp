@@ -3,6 +3,7 @@
 #include "tests/app/cli.hpp"
 #include "tests/files/hdf5_reading.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
@@ -57,6 +58,57 @@ TEST_F(CliOutput, AllFormatsHoldTheSameNumbers) {
   EXPECT_EQ(h5.number("/", "steps"), 50);
   EXPECT_TRUE(read(folder_ / "r.npz").starts_with("PK"));
   EXPECT_EQ(files(), 4u);
+}
+
+TEST_F(CliOutput, EnergiesInAllFormats) {
+  const std::string options = "solve ladder --set n=3 --steps 20 --states all --energies --threads 1 --out ";
+  for (const std::string name : {"e.csv", "e.h5", "e.npz"}) {
+    const Outcome outcome = run(options + name);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  }
+  const std::vector<std::string> header = split(split(read(folder_ / "e.csv"), '\n').at(0), ',');
+  const RowMatrix csv = table(folder_ / "e.csv");
+  const Hdf5Reading h5(folder_ / "e.h5");
+  for (const std::string name :
+       {"energy", "supplied_power", "dissipated_power", "supplied", "dissipated", "violation"}) {
+    const auto at = std::find(header.begin(), header.end(), name);
+    ASSERT_NE(at, header.end()) << name;
+    EXPECT_EQ(h5.rows(name), csv.col(at - header.begin())) << name;
+    EXPECT_TRUE(contains(read(folder_ / "e.npz"), name + ".npy")) << name;
+  }
+}
+
+TEST_F(CliOutput, ResultsAreDrawnAndChecked) {
+  ASSERT_EQ(run(heat + "--steps 40 --states 0,3 --out r.csv --json > r.json").exit_code, 0);
+  ASSERT_EQ(run(heat + "--steps 40 --states 0,3 --out r.h5").exit_code, 0);
+  ASSERT_EQ(run(heat + "--steps 40 --states 0,3 --out r.npz").exit_code, 0);
+  const auto curves = [&](const std::string& name, const std::string& more = "") {
+    const Outcome outcome = run("plot " + name + more + " --out p.html");
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    const std::string page = read(folder_ / "p.html");
+    EXPECT_TRUE(contains(page, "<strong>solved</strong>")) << name;
+    EXPECT_TRUE(contains(page, "x3")) << name;
+    return page;
+  };
+  EXPECT_TRUE(contains(curves("r.h5"), "complementarity residual"));
+  EXPECT_TRUE(contains(curves("r.npz"), "complementarity residual"));
+  curves("r.csv", " --summary r.json");
+  for (const std::string name : {"r.h5", "r.npz"}) {
+    const Outcome outcome = run("check " + name);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_TRUE(contains(outcome.out, "41 rows")) << outcome.out;
+    EXPECT_TRUE(contains(outcome.out, "status      solved")) << outcome.out;
+  }
+  std::ofstream(folder_ / "ends.toml") << "[dynamics]\nA = [[0]]\nB = [[0]]\nx0 = [0]\n[complementarity]\nN = [[0]]\n"
+                                          "M = [[0]]\ng = [\"0.5 - t\"]\n[time]\nT = 1\nsteps = 20\n";
+  run("solve ends.toml --method march --out e.h5");
+  EXPECT_EQ(run("check e.h5").exit_code, 3);
+  for (const std::string name : {"no.h5", "no.npz"}) std::ofstream(folder_ / name) << "not this";
+  for (const std::string name : {"no.h5", "no.npz", "none.h5", "none.npz"}) {
+    const Outcome outcome = run("plot " + name);
+    EXPECT_EQ(outcome.exit_code, 2) << name;
+    EXPECT_TRUE(contains(outcome.err, name)) << outcome.err;
+  }
 }
 
 TEST_F(CliOutput, OtherTimesAndEarlyEnds) {
