@@ -98,7 +98,7 @@ class ArraySolver:
 
     Args:
         scene: a :class:`Scene` with initial values; its f and g are not used.
-        backend: ``"cuda"``, ``"cpu"`` or ``"auto"``, as in :func:`solve`.
+        backend: ``"cpu"`` for arrays of the host, ``"cuda"`` for those of a CUDA device.
         threads: of the host; 0: all cores.
         steps, iteration_tol, max_iterations: as in :func:`solve`.
 
@@ -115,7 +115,7 @@ class ArraySolver:
         self,
         scene: Scene,
         *,
-        backend: str = "auto",
+        backend: str = "cpu",
         threads: int = 0,
         steps: int | None = None,
         iteration_tol: float | None = None,
