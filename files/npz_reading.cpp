@@ -28,6 +28,7 @@ struct Stored {
 class Reading {
  public:
   explicit Reading(const FileTarget& target) : target_(target), zip_(unzOpen64(target.path.c_str())) {
+    if (std::error_code none; !std::filesystem::is_regular_file(target.path, none)) refuse("is no file");
     if (!zip_) refuse("is no archive of arrays");
   }
   ~Reading() { unzClose(zip_); }
