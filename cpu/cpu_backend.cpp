@@ -9,6 +9,7 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
 #include <exception>
 #include <mutex>
@@ -83,7 +84,11 @@ class CpuBackend final : public Backend, public SharedMemory {
   // SharedMemory
   Place place() const override { return {}; }
   std::shared_ptr<double> numbers(Index values) override {
-    return std::shared_ptr<double>(new double[std::size_t(values)], std::default_delete<double[]>());
+    constexpr std::size_t line = 64;  // JAX copies what is less aligned
+    const std::size_t bytes = (std::size_t(values) * sizeof(double) / line + 1) * line;
+    auto* memory = static_cast<double*>(std::aligned_alloc(line, bytes));
+    if (!memory) throw std::bad_alloc();
+    return {memory, std::free};
   }
   void read(const double* from, Array& to) override {
     copy(Eigen::Map<const RowMatrix>(from, to.rows(), to.cols()), cpu::host(to));
