@@ -130,7 +130,7 @@ def library(name):
     device = module.devices("gpu")[0]
     return (
         lambda a: module.device_put(jnp.asarray(a), device),
-        module.dlpack.from_dlpack,
+        importlib.import_module("jax.dlpack").from_dlpack,
         lambda a: a.unsafe_buffer_pointer(),
     )
 
