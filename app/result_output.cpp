@@ -52,7 +52,8 @@ void require_library(const std::string& argument, const std::string& name, Resul
   const bool hdf5 = format == ResultFormat::hdf5 || format == ResultFormat::vtkhdf;
   if (hdf5 ? hdf5_available() : format != ResultFormat::npz || npz_available()) return;
   throw Error(argument, fmt::format("'{}' needs {}, which this build does not have", name, hdf5 ? "HDF5" : "minizip"),
-              fmt::format("install {} and build again, or write a file .csv", hdf5 ? "libhdf5-dev" : "libminizip-dev"));
+              fmt::format("write a file .csv, or use Result.save of Python; a build with {} has it",
+                          hdf5 ? "libhdf5-dev" : "libminizip-dev"));
 }
 
 /// The unit of all columns; empty where they differ, since an array of a file has one.

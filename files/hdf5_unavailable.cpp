@@ -10,7 +10,7 @@ namespace {
 
 [[noreturn]] void refuse(const FileTarget& target) {
   throw Error(target.argument, "'" + target.path.string() + "' needs HDF5, which this build does not have",
-              "install libhdf5-dev and build again, or write a file .csv");
+              "use a file .csv, or Result.save and bromwich.load of Python; a build with libhdf5-dev has it");
 }
 
 }  // namespace

@@ -11,7 +11,7 @@ namespace {
 
 [[noreturn]] void refuse(const FileTarget& target) {
   throw Error(target.argument, "'" + target.path.string() + "' needs minizip, which this build does not have",
-              "install libminizip-dev and build again, or use a file .csv");
+              "use a file .csv, or Result.save and bromwich.load of Python; a build with libminizip-dev has it");
 }
 
 }  // namespace
