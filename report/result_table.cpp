@@ -179,9 +179,10 @@ ResultTable read_stored(const StoredResult& file) {
   const Json summary = summary_of(file);
   if (!summary.empty()) table.summary = summary.dump(-1, ' ', false, Json::error_handler_t::replace);
   table.time_unit = file.t_unit.empty() ? text_at(summary, "units/t") : file.t_unit;
-  std::vector<std::string> slack_names;
-  for (const std::string& name : file.constraint_names) slack_names.push_back("w of " + name);
-  if (!file.constraint_names.empty() && file.constraint_names.front() == "y0") slack_names.clear();
+  std::vector<std::string> slack_names = names_in(summary, "w");
+  const bool own_names = !file.constraint_names.empty() && file.constraint_names.front() != "y0";
+  if (slack_names.empty() && own_names)
+    for (const std::string& name : file.constraint_names) slack_names.push_back("w of " + name);
   Quantity y = stored("y", file.y, file.constraint_names, file.y_unit),
            w = stored("w", file.w, slack_names, file.w_unit), x = stored("x", file.x, file.state_names, file.x_unit);
   add_units(summary, "y", {}, y);
