@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -137,6 +138,16 @@ File::Lock::Lock(const FileTarget* target) {
 
 File::Lock::~Lock() {
   if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+void File::extend() {
+  haddr_t end = 0;
+  void* driver = nullptr;
+  struct stat now {};
+  if (H5Fget_eoa(file_, &end) < 0 || H5Fget_vfd_handle(file_, H5P_DEFAULT, &driver) < 0 || !driver) return;
+  const int descriptor = *static_cast<const int*>(driver);
+  const bool shorter = ::fstat(descriptor, &now) == 0 && hsize_t(now.st_size) < end;
+  if (shorter && ::ftruncate(descriptor, off_t(end)) != 0) errno = 0;  // the flush says what is wrong
 }
 
 void File::require_whole() {

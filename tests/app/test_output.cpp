@@ -214,7 +214,7 @@ TEST_F(CliOutput, WhatCannotBeContinuedIsRefused) {
       {"solve bridge --out y.vtkhdf", {"--out", "y.vtkhdf", "grid", ".h5"}},
       {heat + "--states 0,1 --out y.vtkhdf", {"--out", "y.vtkhdf", "--states all"}},
       {heat + "--out y.mat", {"--out", "y.mat", ".csv, .h5, .npz or .vtkhdf"}},
-      {"solve ph-toy --method goal --states all --energies --out y.h5", {"--energies", ".csv"}},
+      {"solve ph-toy --method goal --states all --energies --out y.vtkhdf", {"--energies", ".csv"}},
   };
   for (const BadInput& bad : cases) {
     const Outcome result = refused(bad.arguments);
