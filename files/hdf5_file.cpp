@@ -113,6 +113,7 @@ File::File(FileTarget target, Access access, Index chunks)
   checked(H5Pset_istore_k(creation, entries));
   checked(H5Pset_link_creation_order(creation, H5P_CRT_ORDER_TRACKED | H5P_CRT_ORDER_INDEXED));
   file_ = Handle(checked(H5Fcreate(path, H5F_ACC_TRUNC, creation, properties)), H5Fclose);
+  extend();  // the superblock has been written
 }
 
 File::~File() {
