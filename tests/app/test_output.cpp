@@ -147,7 +147,7 @@ TEST_F(CliOutput, AKilledRunIsReadAndContinued) {
   int continued = 0;
   for (const std::string seconds : {"0.05", "0.15", "0.25", "0.35", "0.6"}) {
     for (const std::string name : {"k.h5", "c.h5"}) fs::remove(folder_ / name);
-    const std::string files = "--checkpoint c.h5 --checkpoint-every 0.01 --out k.h5 ";
+    const std::string files = "--checkpoint c.h5 --checkpoint-every 0.03 --out k.h5 ";
     if (run(options + files, "timeout --foreground -s KILL " + seconds).exit_code == 0) continue;  // too late
     if (!fs::exists(folder_ / "k.h5") || fs::file_size(folder_ / "k.h5") == 0) continue;  // killed before it began
     {
