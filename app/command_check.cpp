@@ -1,4 +1,4 @@
-// `bromwich check`: what is known of a scene before it is solved.
+// `bromwich check`: what is known of a scene before it is solved, or of a result that was written.
 
 #include "app/arguments.hpp"
 #include "app/backend_choice.hpp"
@@ -6,6 +6,7 @@
 #include "app/interaction.hpp"
 #include "app/machine.hpp"
 #include "app/output_json.hpp"
+#include "app/result_check.hpp"
 #include "app/scene_check.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
@@ -14,6 +15,12 @@ namespace bromwich::app {
 
 int run_check(const CheckArguments& arguments) {
   const Words words = split_words(arguments.words, arguments.settings);
+  if (const std::string name = scene_name(words); names_result(name)) {
+    const report::ResultTable table = report::read_result("RESULT", name);
+    const ResultCheck check = check_result(name, table);
+    print(arguments.json ? (table.summary.empty() ? "{}" : table.summary) + "\n" : check.text);
+    return check.solved ? exit_solved : exit_not_solved;
+  }
   const SceneChoice choice = choose_scene(scene_name(words), parse_settings(words.settings));
   Options options;
   options.method = parse_method(arguments.method);

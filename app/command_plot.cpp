@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 std::string result_name(const PlotArguments& arguments) {
   if (arguments.results.empty())
-    throw Error("RESULT", "found none", "name a file that 'bromwich solve SCENE --out FILE.csv' has written");
+    throw Error("RESULT", "found none", "name a file that 'bromwich solve SCENE --out FILE' has written");
   if (arguments.results.size() > 1) throw Error("RESULT", "found " + join(arguments.results), "name one file");
   return arguments.results.front();
 }
@@ -45,8 +45,9 @@ int run_plot(const PlotArguments& arguments) {
   const OutputFile file("--out", target, ".html");
   report::Json summary = arguments.summary.empty() ? report::Json() : read_summary(arguments.summary);
   const Index constraints = summary.contains("sizes") ? summary["sizes"].value("constraints", Index(-1)) : Index(-1);
-  report::Report made{std::move(summary), report::read_result("RESULT", name, constraints),
-                      fs::path(name).filename().string(), build_info::version};
+  report::ResultTable table = report::read_result("RESULT", name, constraints);
+  if (arguments.summary.empty() && !table.summary.empty()) summary = report::Json::parse(table.summary, nullptr, false);
+  report::Report made{std::move(summary), std::move(table), fs::path(name).filename().string(), build_info::version};
   const std::string page = report::page(made);
   file.write([&page](std::FILE* out) { std::fwrite(page.data(), 1, page.size(), out); });
   print(fmt::format("{}\n", target));

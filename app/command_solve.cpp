@@ -134,7 +134,8 @@ void check_energies(const SolveArguments& arguments, const Scene& scene, const O
   if (!arguments.energies) return;
   const auto refuse = [](const char* found, const char* remedy) { throw Error("--energies", found, remedy); };
   if (arguments.out.empty()) refuse("is given without --out", "add --out FILE.csv");
-  if (result_format("--out", arguments.out) != ResultFormat::csv) refuse("is for files .csv", "add --out FILE.csv");
+  if (result_format("--out", arguments.out) == ResultFormat::vtkhdf)
+    refuse("is given with a file of fields", "add --out FILE.csv, FILE.h5 or FILE.npz");
   if (!arguments.at.empty()) refuse("is given with --at", "leave one of them out");
   if (!scene.port) refuse("the scene is not port-Hamiltonian", "leave it out");
   if (options.method == Method::goal) return;

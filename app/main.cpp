@@ -123,8 +123,11 @@ CLI::App* add_solve(CLI::App& app, SolveArguments& a) {
 }
 
 CLI::App* add_check(CLI::App& app, CheckArguments& a) {
-  CLI::App* command = app.add_subcommand("check", "say what is known of a scene before it is solved");
-  command->add_option("SCENE", a.words, "a scene that 'bromwich scenes' lists, or a file .toml")->option_text(" ");
+  CLI::App* command = app.add_subcommand("check", "say what is known of a scene before it is solved, or of a result");
+  command
+      ->add_option("SCENE", a.words,
+                   "a scene that 'bromwich scenes' lists, a file .toml, or a result .h5, .npz or .csv")
+      ->option_text(" ");
   add_settings(command, a.settings);
   add_word(command, "--method", a.method, "NAME", join(method_names()) + "; default: auto");
   add_word(command, "--backend", a.backend, "NAME", "auto (default), cpu or cuda");
@@ -138,20 +141,28 @@ CLI::App* add_check(CLI::App& app, CheckArguments& a) {
       "Examples:\n"
       "  bromwich check my.toml\n"
       "  bromwich check signorini --set Q=511 --steps 4096 --json\n"
-      "Exit code: 0 nothing speaks against a solve, 2 bad input, or the scene will not be solved (one line says why).");
+      "Of a result it prints the status, what was checked, and whether y and w of the rows are complementary.\n"
+      "  bromwich check y.h5\n"
+      "Exit code: 0 nothing speaks against a solve, or the result is solved; 2 bad input, or the scene will not be "
+      "solved\n"
+      "(one line says why); 3 the result is not solved.");
   return command;
 }
 
 CLI::App* add_plot(CLI::App& app, PlotArguments& a) {
   CLI::App* command = app.add_subcommand("plot", "draw a result as an HTML page");
-  command->add_option("RESULT", a.results, "a file that 'bromwich solve SCENE --out FILE.csv' has written")
+  command
+      ->add_option("RESULT", a.results, "a file that 'bromwich solve SCENE --out FILE' has written: .csv, .h5 or .npz")
       ->option_text(" ");
-  add_word(command, "--summary", a.summary, "FILE.json",
-           "what 'bromwich solve SCENE --json' has printed: adds method, certificates, errors and times");
+  add_word(
+      command, "--summary", a.summary, "FILE.json",
+      "of a file .csv, what 'bromwich solve SCENE --json' has printed: adds method, certificates, errors and times");
   add_word(command, "--out", a.out, "FILE.html", "the page; default: RESULT with the extension .html");
   command->footer(
       "The page stands alone: no network, no scripts. 'bromwich solve SCENE --report FILE.html' writes it at once.\n"
       "Example:\n"
+      "  bromwich solve signorini --out y.h5\n"
+      "  bromwich plot y.h5\n"
       "  bromwich solve signorini --out y.csv --json > y.json\n"
       "  bromwich plot y.csv --summary y.json");
   return command;

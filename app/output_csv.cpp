@@ -9,6 +9,9 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <string>
+#include <tuple>
+#include <vector>
 
 namespace bromwich::app {
 
@@ -78,26 +81,37 @@ void flush(fmt::memory_buffer& text, std::FILE* file) {
 
 }  // namespace
 
+std::vector<TimeSeries> energy_series(const Energies& energies) {
+  const EnergyBalance& steps = energies.balance;
+  std::vector<TimeSeries> all{{"energy", "stored energy", steps.energy},
+                              {"supplied_power", "power supplied at the time", energies.power.supplied},
+                              {"dissipated_power", "power dissipated at the time", energies.power.dissipated}};
+  for (const auto& [name, meaning, values] :
+       {std::tuple("supplied", "energy supplied over the step that ends at the time", &steps.supplied),
+        {"dissipated", "energy dissipated over the step that ends at the time", &steps.dissipated},
+        {"violation", "violation of the balance over the step that ends at the time", &steps.violation}}) {
+    Vector of_step(values->size() + 1);
+    of_step << 0, *values;
+    all.push_back({name, meaning, std::move(of_step)});
+  }
+  return all;
+}
+
 void write_csv(const Scene& scene, const Result& sampled, const Result& result, const std::vector<Column>& columns,
                std::FILE* file, const Energies* energies) {
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
   fmt::format_to(out, "t");
   for (const Column& column : columns) fmt::format_to(out, ",{}", column.name);
-  if (energies) fmt::format_to(out, ",energy,supplied_power,dissipated_power,supplied,dissipated,violation");
+  const std::vector<TimeSeries> series = energies ? energy_series(*energies) : std::vector<TimeSeries>{};
+  for (const TimeSeries& one : series) fmt::format_to(out, ",{}", one.name);
   fmt::format_to(out, "\n");
   const Values values(scene, sampled, columns);
   for (Index j = 0; j < sampled.t.size(); ++j) {
     if (result.status != Status::solved && !valid(sampled, j)) continue;
     fmt::format_to(out, "{}", sampled.t[j]);
     values.append_row(text, j);
-    if (energies) {
-      const EnergyBalance& steps = energies->balance;
-      for (const Vector* part : {&steps.energy, &energies->power.supplied, &energies->power.dissipated})
-        append(text, (*part)[j]);
-      for (const Vector* part : {&steps.supplied, &steps.dissipated, &steps.violation})
-        append(text, j > 0 ? (*part)[j - 1] : 0);
-    }
+    for (const TimeSeries& one : series) append(text, one.values[j]);
     fmt::format_to(out, "\n");
     if (text.size() > flush_bytes) flush(text, file);
   }

@@ -4,6 +4,7 @@
 #include "core/goal/energy_balance.hpp"
 #include "core/result/result.hpp"
 #include "core/result/switching.hpp"
+#include "files/result_file.hpp"
 
 #include <cstdio>
 
@@ -14,6 +15,9 @@ struct Energies {
   EnergyBalance balance;
   PowerBalance power;
 };
+
+/// The columns of --energies.
+std::vector<TimeSeries> energy_series(const Energies&);
 
 /// Header `t,` and the names of the columns, and one row per time. Numbers are the shortest decimals that round to the
 /// same doubles, `nan` for missing values. With `energies`, the columns energy, supplied_power and dissipated_power at

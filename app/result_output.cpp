@@ -52,7 +52,8 @@ void require_library(const std::string& argument, const std::string& name, Resul
   const bool hdf5 = format == ResultFormat::hdf5 || format == ResultFormat::vtkhdf;
   if (hdf5 ? hdf5_available() : format != ResultFormat::npz || npz_available()) return;
   throw Error(argument, fmt::format("'{}' needs {}, which this build does not have", name, hdf5 ? "HDF5" : "minizip"),
-              fmt::format("install {} and build again, or write a file .csv", hdf5 ? "libhdf5-dev" : "libminizip-dev"));
+              fmt::format("write a file .csv, or use Result.save of Python; a build with {} has it",
+                          hdf5 ? "libhdf5-dev" : "libminizip-dev"));
 }
 
 /// The unit of all columns; empty where they differ, since an array of a file has one.
@@ -183,8 +184,11 @@ void ResultOutput::write(const Result& sampled, const Result& result, const std:
   if (result.status != Status::solved) {
     while (rows > 0 && !any_finite(sampled.y, rows - 1) && !any_finite(sampled.x, rows - 1)) --rows;
   }
+  std::vector<TimeSeries> series = energies ? energy_series(*energies) : std::vector<TimeSeries>{};
+  for (TimeSeries& one : series) one.values.conservativeResize(rows);
   if (grows()) {
     append(scene_, sampled, sampled.t.head(rows), 0, rows - 1);
+    if (growing_ && !series.empty()) growing_->add(series);
     finish(facts);
     return;
   }
@@ -201,7 +205,7 @@ void ResultOutput::write(const Result& sampled, const Result& result, const std:
   const FileTarget target{argument_, file_.target()};
   Facts all = facts_;
   all.insert(all.end(), facts.begin(), facts.end());
-  file_.write([&](std::FILE* file) { write_npz(target, wanted, {sampled.t.head(rows), y, w, x}, all, file); });
+  file_.write([&](std::FILE* file) { write_npz(target, wanted, {sampled.t.head(rows), y, w, x}, series, all, file); });
 }
 
 void ResultOutput::finish(const Facts& facts) {

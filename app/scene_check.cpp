@@ -218,10 +218,11 @@ std::string check_text(const SceneChoice& choice, const SceneCheck& check) {
   const std::string parameters = describe(choice.parameters);
   line("scene", parameters.empty() ? choice.scene.name : fmt::format("{} ({})", choice.scene.name, parameters));
   line("size",
-       fmt::format("{}{}, {}, {} of {:.6g} up to T = {:.6g}", counted(std::size_t(check.constraints), "constraint"),
+       fmt::format("{}{}, {}, {} of {:.6g} up to T = {:.6g}{}", counted(std::size_t(check.constraints), "constraint"),
                    check.free_rows > 0 ? fmt::format(", {} of them free", check.free_rows) : "",
                    counted(std::size_t(check.states), "state"), counted(std::size_t(check.steps), "step"),
-                   check.T / double(check.steps), check.T));
+                   check.T / double(check.steps), check.T,
+                   choice.scene.time_unit.empty() ? "" : " " + one_line(choice.scene.time_unit)));
   line("dynamics", check.dynamics + ", " + check.mass);
   line("class", check.matrix_class);
   line("spectrum", check.spectrum);

@@ -1,6 +1,7 @@
 #include "cpu/cpu_backend.hpp"
 
 #include "core/base/error.hpp"
+#include "core/seam/shared_memory.hpp"
 #include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/real_fft.hpp"
@@ -8,6 +9,8 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <cstdlib>
+#include <cstring>
 #include <exception>
 #include <mutex>
 #include <string>
@@ -18,7 +21,7 @@ namespace bromwich {
 
 namespace {
 
-class CpuBackend final : public Backend {
+class CpuBackend final : public Backend, public SharedMemory {
  public:
   explicit CpuBackend(int threads) : Backend("cpu", cpu_traits()), threads_(threads) {
     fused_.upload_product = [this](const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
@@ -78,8 +81,38 @@ class CpuBackend final : public Backend {
     return problem.lags ? cpu::make_lag_march(problem, rows, threads_) : cpu::make_march(problem, rows, threads_);
   }
 
+  // SharedMemory
+  Place place() const override { return {}; }
+  std::shared_ptr<double> numbers(Index values) override {
+    constexpr std::size_t line = 64;  // JAX copies what is less aligned
+    const std::size_t bytes = (std::size_t(values) * sizeof(double) / line + 1) * line;
+    auto* memory = static_cast<double*>(std::aligned_alloc(line, bytes));
+    if (!memory) throw std::bad_alloc();
+    return {memory, std::free};
+  }
+  void read(const double* from, Array& to) override {
+    copy(Eigen::Map<const RowMatrix>(from, to.rows(), to.cols()), cpu::host(to));
+  }
+  void write(const Array& from, double* to) override {
+    Eigen::Map<RowMatrix> target(to, from.rows(), from.cols());
+    copy(cpu::host(from), target);
+  }
+  void to_host(const void* from, std::size_t bytes, void* to) override { std::memcpy(to, from, bytes); }
+  void add_product(const LcpMatrix& M, const Array& y, Array& q) override {
+    const RowMatrix& Y = cpu::host(y);
+    RowMatrix& Q = cpu::host(q);
+    const auto* tridiagonal = std::get_if<Tridiagonal>(&M);
+    if (!tridiagonal) {
+      Q.noalias() += Y * to_dense(M).transpose();
+      return;
+    }
+#pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1 && Y.size() > 1 << 16)
+    for (Index j = 0; j < Y.rows(); ++j) Q.row(j) += multiply(M, Y.row(j).transpose()).transpose();
+  }
+
  private:
-  void copy(const RowMatrix& from, RowMatrix& to) const {
+  template <class From, class To>
+  void copy(const From& from, To& to) const {
 #pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1 && from.size() > 1 << 16)
     for (Index j = 0; j < from.rows(); ++j) to.row(j) = from.row(j);
   }

@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -112,6 +113,7 @@ File::File(FileTarget target, Access access, Index chunks)
   checked(H5Pset_istore_k(creation, entries));
   checked(H5Pset_link_creation_order(creation, H5P_CRT_ORDER_TRACKED | H5P_CRT_ORDER_INDEXED));
   file_ = Handle(checked(H5Fcreate(path, H5F_ACC_TRUNC, creation, properties)), H5Fclose);
+  extend();  // the superblock has been written
 }
 
 File::~File() {
@@ -137,6 +139,16 @@ File::Lock::Lock(const FileTarget* target) {
 
 File::Lock::~Lock() {
   if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+void File::extend() {
+  haddr_t end = 0;
+  void* driver = nullptr;
+  struct stat now {};
+  if (H5Fget_eoa(file_, &end) < 0 || H5Fget_vfd_handle(file_, H5P_DEFAULT, &driver) < 0 || !driver) return;
+  const int descriptor = *static_cast<const int*>(driver);
+  const bool shorter = ::fstat(descriptor, &now) == 0 && hsize_t(now.st_size) < end;
+  if (shorter && ::ftruncate(descriptor, off_t(end)) != 0) errno = 0;  // the flush says what is wrong
 }
 
 void File::require_whole() {

@@ -62,12 +62,17 @@ class File {
   void require_whole();
   void flush() {
     require_whole();
+    extend();
     checked(H5Fflush(file_, H5F_SCOPE_LOCAL));
   }
   /// Ends the file and reports failures; otherwise the destructor ends it in silence.
   void close();
 
  private:
+  /// Makes the file as long as its superblock will say. A file that is shorter, since the process was killed within a
+  /// flush, could not be opened.
+  void extend();
+
   /// Keeps other processes of this program from writing the file.
   class Lock {
    public:

@@ -8,6 +8,7 @@
 // x                (rows, k)
 // constraint_name  (n)              names
 // state_name       (k)
+// energy, ...      (rows)           with --energies
 
 #include "core/base/error.hpp"
 #include "files/batched_file.hpp"
@@ -69,6 +70,15 @@ class Hdf5Result : public BatchedFile {
   void set(const Facts& facts) override {
     flush();
     set_attributes(file_, file_, facts);
+    file_.flush();
+  }
+
+  void add(const std::vector<TimeSeries>& series) override {
+    flush();
+    for (const TimeSeries& one : series) {
+      const Column column = add_variable(one.name, {}, nullptr, "", one.meaning);
+      append_rows(file_, column.dataset, H5T_NATIVE_DOUBLE, 0, one.values.size(), one.values.data());
+    }
     file_.flush();
   }
 

@@ -2,7 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "files/checkpoint.hpp"
-#include "files/result_file.hpp"
+#include "files/stored_result.hpp"
 
 namespace bromwich {
 
@@ -10,7 +10,7 @@ namespace {
 
 [[noreturn]] void refuse(const FileTarget& target) {
   throw Error(target.argument, "'" + target.path.string() + "' needs HDF5, which this build does not have",
-              "install libhdf5-dev and build again, or write a file .csv");
+              "use a file .csv, or Result.save and bromwich.load of Python; a build with libhdf5-dev has it");
 }
 
 }  // namespace
@@ -34,6 +34,8 @@ std::unique_ptr<ResultFile> continue_vtkhdf(const FileTarget& target, const Fiel
                                             const std::string&) {
   refuse(target);
 }
+
+StoredResult read_hdf5(const FileTarget& target) { refuse(target); }
 
 void write_checkpoint(const FileTarget& target, const Checkpoint&) { refuse(target); }
 

@@ -157,12 +157,15 @@ void add_fact(Archive& archive, const std::string& name, const Fact& fact) {
 
 bool npz_available() { return true; }
 
-void write_npz(const FileTarget& target, const ResultColumns& columns, const ResultRows& rows, const Facts& facts,
-               std::FILE* file) {
+void write_npz(const FileTarget& target, const ResultColumns& columns, const ResultRows& rows,
+               const std::vector<TimeSeries>& series, const Facts& facts, std::FILE* file) {
   errno = 0;
   Archive archive(target, file);
-  archive.add("t", "<f8", std::to_string(rows.t.size()) + ",", rows.t.data(),
-              std::size_t(rows.t.size()) * sizeof(double));
+  const auto add_vector = [&](const std::string& name, const double* values, Index count) {
+    archive.add(name, "<f8", std::to_string(count) + ",", values, std::size_t(count) * sizeof(double));
+  };
+  add_vector("t", rows.t.data(), rows.t.size());
+  for (const TimeSeries& one : series) add_vector(one.name, one.values.data(), one.values.size());
   std::vector<std::int64_t> numbers;
   for (Index i = 0; i < columns.constraints; ++i) numbers.push_back(i);
   if (columns.constraints > 0) {

@@ -38,6 +38,12 @@ struct ResultRows {
   Eigen::Ref<const RowMatrix> y, w, x;
 };
 
+/// One more quantity with a value at every time, such as the energy.
+struct TimeSeries {
+  std::string name, meaning;
+  Vector values;
+};
+
 /// The file of an argument, "--out" and its path: messages name both.
 struct FileTarget {
   std::string argument;
@@ -53,7 +59,9 @@ class ResultFile {
   virtual void append(const ResultRows&) = 0;
   virtual void flush() = 0;
   virtual void set(const Facts&) = 0;  ///< replaces facts of the same name, and flushes
-  virtual Index rows() const = 0;      ///< that were appended, and those the file had before
+  /// After the last row.
+  virtual void add(const std::vector<TimeSeries>&) = 0;
+  virtual Index rows() const = 0;  ///< that were appended, and those the file had before
 };
 
 /// False if this build has no HDF5: the functions below then throw an Error that names the missing package.
@@ -83,6 +91,7 @@ std::unique_ptr<ResultFile> continue_vtkhdf(const FileTarget&, const FieldGrid&,
 bool npz_available();
 
 /// All rows as NPZ (numpy.load). Failures show in ferror(file).
-void write_npz(const FileTarget&, const ResultColumns&, const ResultRows&, const Facts&, std::FILE* file);
+void write_npz(const FileTarget&, const ResultColumns&, const ResultRows&, const std::vector<TimeSeries>&, const Facts&,
+               std::FILE* file);
 
 }  // namespace bromwich

@@ -80,6 +80,9 @@ class VtkhdfResult : public BatchedFile {
     continue_after(rows);
   }
 
+  /// It has fields alone.
+  void add(const std::vector<TimeSeries>&) override {}
+
   void set(const Facts& facts) override {
     flush();
     set_attributes(file_, file_, facts);

@@ -95,7 +95,9 @@ std::string join(const std::vector<std::string>& words) { return fmt::format("{}
 std::optional<std::string> nearest(const std::string& name, const std::vector<std::string>& candidates) {
   std::optional<std::string> best;
   std::size_t best_distance = std::max<std::size_t>(2, name.size() / 3) + 1;
+  constexpr std::size_t letters_of_beginning = 4;
   for (const std::string& candidate : candidates) {
+    if (name.size() >= letters_of_beginning && candidate.starts_with(name)) return candidate;
     const std::size_t distance = edit_distance(name, candidate);
     // Replacing every letter turns any short name into any other, which is not a useful suggestion.
     if (distance >= best_distance || distance >= candidate.size()) continue;

@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/lcp/active_set.hpp"
+#include "core/seam/shared_memory.hpp"
 #include "kernels/host_plans.hpp"
 #include "kernels/parts.hpp"
 
@@ -28,10 +29,14 @@ double free_memory(const cuda::Device& device) {
   return std::max(1.0, double(free) + double(reserved) - double(used) + double(device.blocks().kept()));
 }
 
-class CudaBackend final : public Backend {
+class CudaBackend final : public Backend, public SharedMemory {
  public:
   CudaBackend(std::unique_ptr<Backend> host, int number, std::string device_name)
-      : Backend("cuda", cuda_traits()), host_(std::move(host)), device_(number), device_name_(std::move(device_name)) {
+      : Backend("cuda", cuda_traits()),
+        host_(std::move(host)),
+        number_(number),
+        device_(number),
+        device_name_(std::move(device_name)) {
     fused_.record = [this](Index values, const std::function<void()>& operations) {
       return cuda::record(device_, values, operations);
     };
@@ -112,8 +117,17 @@ class CudaBackend final : public Backend {
   }
   void wait() override { device_.wait(); }
 
+  // SharedMemory
+  Place place() const override { return {2, number_, reinterpret_cast<std::uintptr_t>(device_.stream())}; }
+  std::shared_ptr<double> numbers(Index values) override { return cuda::numbers(values); }
+  void read(const double* from, Array& to) override { cuda::read(device_, from, to); }
+  void write(const Array& from, double* to) override { cuda::write(device_, from, to); }
+  void to_host(const void* from, std::size_t bytes, void* to) override { cuda::to_host(device_, from, bytes, to); }
+  void add_product(const LcpMatrix& M, const Array& y, Array& q) override { cuda::add_product(device_, M, y, q); }
+
  private:
   std::unique_ptr<Backend> host_;
+  int number_;
   cuda::Device device_;
   cuda::Resolvent resolvent_{device_};
   std::string device_name_;

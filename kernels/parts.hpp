@@ -49,6 +49,13 @@ std::unique_ptr<StepChain> make_step_chain(const Device&, const StepChainProblem
 /// Null for more than 32 states.
 std::unique_ptr<AffineChain> make_affine_chain(const Device&, const AffineChainSizes&);
 
+/// Of core/seam/shared_memory.hpp.
+std::shared_ptr<double> numbers(Index values);
+void read(const Device&, const double* from, Array& to);
+void write(const Device&, const Array& from, double* to);
+void to_host(const Device&, const void* from, std::size_t bytes, void* to);
+void add_product(const Device&, const LcpMatrix& M, const Array& y, Array& q);
+
 /// Shifted solves of dense scenes and Kronecker sums. Waits for the results.
 class Resolvent {
  public:

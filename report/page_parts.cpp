@@ -103,7 +103,8 @@ std::string sizes(const Report& report) {
              J = number_at(s, "steps");
   if (!n || !m || !T || !J) return "";
   return fmt::format("{:.0f} constraint{}, {:.0f} state{}, {:.0f} time steps up to T = {}", *n, *n == 1 ? "" : "s", *m,
-                     *m == 1 ? "" : "s", *J, with_unit(number(*T), report.table.time_unit));
+                     *m == 1 ? "" : "s", *J,
+                     number(*T) + (report.table.time_unit.empty() ? "" : " " + report.table.time_unit));
 }
 
 std::string asked(const Json& s) {

@@ -5,7 +5,9 @@
 #include "core/scene/component_names.hpp"
 #include "files/line_reader.hpp"
 #include "files/number_files.hpp"
+#include "files/stored_result.hpp"
 #include "files/words.hpp"
+#include "report/words.hpp"
 
 #include <fmt/format.h>
 
@@ -126,10 +128,92 @@ ResultTable read_csv(const std::filesystem::path& path, const std::string& argum
   return table;
 }
 
+// ---- HDF5 and NPZ ----
+
+/// The summary of the file; of a run that has not ended, or was saved from Python, what its facts say.
+Json summary_of(const StoredResult& stored) {
+  Json summary = Json::parse(stored.text("summary"), nullptr, false);
+  if (summary.is_object()) return summary;
+  summary = Json::object();
+  for (const auto& [name, fact] : stored.facts)
+    std::visit([&, &key = name](const auto& value) { summary[key] = value; }, fact);
+  for (const char* key : {"parameters", "options"})  // JSON in a text
+    if (const std::string text = stored.text(key); !text.empty()) summary[key] = Json::parse(text, nullptr, false);
+  summary.erase("summary");
+  summary.erase("seconds");  // a number here, an object there
+  return summary;
+}
+
+Quantity stored(const std::string& symbol, const RowMatrix& values, const std::vector<std::string>& names,
+                const std::string& unit) {
+  Quantity q{symbol, names, {}, values};
+  for (Index i = Index(names.size()); i < values.cols(); ++i) q.names.push_back(symbol + std::to_string(i));
+  q.units.assign(q.names.size(), unit);
+  return q;
+}
+
+/// Units that differ from column to column are in the summary alone.
+void add_units(const Json& summary, const std::string& symbol, const std::vector<std::string>& all_names, Quantity& q) {
+  const auto units = summary.find("units");
+  if (units == summary.end() || !units->is_object() || !units->contains(symbol)) return;
+  const Json& list = (*units)[symbol];
+  for (std::size_t i = 0; i < q.units.size(); ++i) {
+    const auto at = std::find(all_names.begin(), all_names.end(), q.names[i]);
+    const std::size_t k = all_names.empty() ? i : std::size_t(at - all_names.begin());
+    if (q.units[i].empty() && list.is_array() && k < list.size() && list[k].is_string())
+      q.units[i] = list[k].get<std::string>();
+  }
+}
+
+std::vector<std::string> names_in(const Json& summary, const std::string& symbol) {
+  std::vector<std::string> names;
+  if (const auto all = summary.find("names"); all != summary.end() && all->is_object() && all->contains(symbol))
+    for (const Json& name : (*all)[symbol])
+      if (name.is_string()) names.push_back(name.get<std::string>());
+  return names;
+}
+
+ResultTable read_stored(const StoredResult& file) {
+  ResultTable table;
+  table.t = file.t;
+  const Json summary = summary_of(file);
+  if (!summary.empty()) table.summary = summary.dump(-1, ' ', false, Json::error_handler_t::replace);
+  table.time_unit = file.t_unit.empty() ? text_at(summary, "units/t") : file.t_unit;
+  std::vector<std::string> slack_names = names_in(summary, "w");
+  const bool own_names = !file.constraint_names.empty() && file.constraint_names.front() != "y0";
+  if (slack_names.empty() && own_names)
+    for (const std::string& name : file.constraint_names) slack_names.push_back("w of " + name);
+  Quantity y = stored("y", file.y, file.constraint_names, file.y_unit),
+           w = stored("w", file.w, slack_names, file.w_unit), x = stored("x", file.x, file.state_names, file.x_unit);
+  add_units(summary, "y", {}, y);
+  add_units(summary, "w", {}, w);
+  add_units(summary, "x", names_in(summary, "x"), x);
+  Quantity others{"", {}, {}, RowMatrix(file.t.size(), Index(file.others.size()))};
+  for (const TimeSeries& one : file.others) {
+    others.values.col(Index(others.names.size())) = one.values.head(file.t.size());
+    others.names.push_back(one.name);
+    others.units.emplace_back();
+  }
+  for (Quantity* q : {&y, &w, &x, &others}) add(std::move(*q), table);
+  return table;
+}
+
+ResultTable read_hdf5_table(const std::filesystem::path& path, const std::string& argument, Index /*constraints*/) {
+  return read_stored(read_hdf5({argument, path}));
+}
+
+ResultTable read_npz_table(const std::filesystem::path& path, const std::string& argument, Index /*constraints*/) {
+  return read_stored(read_npz({argument, path}));
+}
+
 /// What reads a file, by its extension.
 using Reader = std::function<ResultTable(const std::filesystem::path&, const std::string& argument, Index constraints)>;
 const std::map<std::string, Reader>& readers() {
-  static const std::map<std::string, Reader> known{{".csv", read_csv}};
+  static const std::map<std::string, Reader> known{{".csv", read_csv},
+                                                   {".h5", read_hdf5_table},
+                                                   {".hdf5", read_hdf5_table},
+                                                   {".nc", read_hdf5_table},
+                                                   {".npz", read_npz_table}};
   return known;
 }
 

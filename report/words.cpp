@@ -74,6 +74,9 @@ std::string status_sentence(const Json& summary) {
   }
   if (status == "unsupported") return because("The method does not take this scene.");
   if (status == "nonfinite") return because("Values that are not finite came up.");
+  if (status == "running")
+    return "The file is of a run that goes on, or that was killed. The curves show what it has written until now.";
+  if (status == "failed") return because("The run ended with an error. The curves show what was computed until then.");
   if (status == "interrupted") return because("The curves show what was computed until then.");
   return status.empty() ? "The status is not known: the file has no summary." : because("Status: " + status + ".");
 }
@@ -100,7 +103,9 @@ std::vector<Certificate> certificates(const Json& summary) {
                 : "of y, from the next coarser grid. An estimate, not a bound");
   add_goal(summary, list);
   const bool of_goal = !text_at(summary, "goal/quantity").empty();
-  if (!of_goal && !number_at(summary, "error_estimate") && !text_at(summary, "status").empty())
+  const std::string status = text_at(summary, "status");
+  const bool ended = !status.empty() && status != "running" && status != "failed";
+  if (!of_goal && !number_at(summary, "error_estimate") && ended)
     list.push_back(
         {"estimated error", "not estimated", "one grid says nothing of the error of its steps; --tol EPS does"});
   add("algebraic_error", "iteration error", "what further sweeps or cycles would still change, estimated");

@@ -131,14 +131,17 @@ class Outlook {
 }  // namespace
 
 IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const ApplyKernel& apply, bool recordable,
-                         LcpBatch& lcp, const Array& r, Array& y, Array& v, Result& result) {
+                         LcpBatch& lcp, const Array& r, Array& y, Array& v, Result& result, const Array* start) {
   const double settle = std::max(0.01 * options.iteration_tolerance, 32 * epsilon);
   Timer timer;
   {  // x^0(t) = x0 (Theorem 3.2): q_j = N x0 + g_j
-    const auto q = p.backend.array(p.J + 1, p.scene.constraints());
-    upload(p.backend, p.g.plus(p.start - p.g.row(0)), *q);
+    std::unique_ptr<Array> q;
+    if (!start) {
+      q = p.backend.array(p.J + 1, p.scene.constraints());
+      upload(p.backend, p.g.plus(p.start - p.g.row(0)), *q);
+    }
     timer.lap();
-    const LcpReport report = lcp.solve(*q, v, y, 0);
+    const LcpReport report = lcp.solve(start ? *start : *q, v, y, 0);
     count(report, timer.lap(), result);
     // q_0 does not change any more: infeasibility there is proven.
     if (report.infeasible == 0) return {Status::infeasible, "no solution at t = 0", 0, 0};

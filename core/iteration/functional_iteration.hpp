@@ -19,7 +19,7 @@ namespace bromwich {
 std::unique_ptr<PreparedMethod> prepare_iteration(TimeOperator&, const Options&);
 
 /// The loop for any kernel: `apply(y, v, first)` evaluates K * y. `recordable`: apply uses operations of the backend
-/// only, which may be recorded.
+/// only, which may be recorded. `start`: q of the first batch, N x0 + g; null: it is made of the samples of g.
 struct IterationOutcome {
   Status status = Status::tolerance_not_met;
   std::string reason;
@@ -28,7 +28,7 @@ struct IterationOutcome {
 };
 using ApplyKernel = std::function<void(const Array& y, Array& v, Index first)>;
 IterationOutcome iterate(const DiscreteProblem&, const Options&, const ApplyKernel&, bool recordable, LcpBatch&,
-                         const Array& r, Array& y, Array& v, Result& result);
+                         const Array& r, Array& y, Array& v, Result& result, const Array* start = nullptr);
 
 /// Writes y, the trace, status and the residual of a fresh K * y to `result`. Rows that had not settled when an
 /// iteration was stopped become NaN.

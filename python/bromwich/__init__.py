@@ -15,6 +15,7 @@ _variant, _openmp = _load.core()
 
 from . import _core
 from ._arrays import Tridiagonal
+from ._array_solver import ArrayResult, ArraySolver, SharedArray
 from ._dynamics import Dynamics, Kronecker
 from ._errors import (
     DeviceError,
@@ -36,6 +37,8 @@ __version__: str = _core.version
 
 
 __all__ = [
+    "ArrayResult",
+    "ArraySolver",
     "BackendInfo",
     "DeviceError",
     "DoesNotFit",
@@ -49,6 +52,7 @@ __all__ = [
     "Result",
     "SavedResult",
     "Scene",
+    "SharedArray",
     "SingularShift",
     "Solver",
     "Status",

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from . import _core
 from ._errors import Error
 
 # A dense M is kept as three diagonals from here on, where it has no more.
@@ -38,16 +39,17 @@ def is_sparse(a: Any) -> bool:
 
 # Of DLPack: the processor, and memory of devices that the processor can read.
 READABLE = frozenset({1, 3, 11, 13})
+CUDA = 2
 
 
 def on_host(a: Any, name: str) -> np.ndarray:
-    """NumPy's view of an array of any library, through DLPack where it has that. What lies on a device is refused."""
+    """NumPy's view of an array of any library, through DLPack where it has that. What lies on a device is copied."""
     found = a
     if not (isinstance(a, (np.ndarray, Sequence, int, float)) or np.isscalar(a)):
         where = a.__dlpack_device__()[0] if hasattr(a, "__dlpack_device__") else 1
         if where not in READABLE or (where == 1 and hasattr(a, "__cuda_array_interface__")):
-            raise Error(f"{name}: is an array on a device; copy it to the host first", name)
-        if hasattr(a, "__dlpack__") and not hasattr(a, "__array__"):
+            found = from_device(a, name)
+        elif hasattr(a, "__dlpack__") and not hasattr(a, "__array__"):
             found = _through_dlpack(a, name)
     try:
         array = np.asarray(found)
@@ -60,6 +62,21 @@ def on_host(a: Any, name: str) -> np.ndarray:
         raise
     except (TypeError, ValueError, RuntimeError, BufferError) as error:  # what libraries say of arrays that they keep
         raise Error(f"{name}: is no array of numbers ({error}); give nested lists or an array", name) from error
+
+
+def from_device(a: Any, name: str) -> np.ndarray:
+    """A copy of an array on a CUDA device."""
+    why = "bromwich cannot read it there" if a.__dlpack_device__()[0] != CUDA else _core.cuda_missing()
+    if not why and not _core.cuda_devices():
+        why = "no CUDA device is found"
+    if why:
+        raise Error(f"{name}: is an array on a device ({why}); copy it to the host first", name)
+    try:
+        found = _core.to_host(a.__dlpack__(stream=_core.stream_of_copies()))
+        kind = np.dtype(str(a.dtype).removeprefix("torch."))
+        return np.frombuffer(found, dtype=kind).reshape(tuple(a.shape))
+    except (TypeError, ValueError, RuntimeError, BufferError) as error:
+        raise Error(f"{name}: is an array on a device and cannot be read ({error}); make it contiguous", name) from error
 
 
 def _through_dlpack(a: Any, name: str) -> np.ndarray:

@@ -15,6 +15,7 @@ from ._arrays import Tridiagonal, compressed, filled, is_sparse, lcp_matrix, mat
 from ._dynamics import Dynamics, Kronecker
 from ._errors import Error
 from ._sources import on_this_host, restored, source, steps_of
+from ._words import suggestion
 
 
 class Scene:
@@ -239,6 +240,13 @@ def scene(name: str, **settings: float) -> Scene:
     Raises:
         Error: for an unknown name, an unknown parameter or a value out of range.
     """
+    catalogue = {known: parameters for known, _, parameters in _core.catalogue()}
+    if name not in catalogue:
+        near = suggestion(name, catalogue)
+        raise Error(f"scene: found {name!r}{near}, which is not built in; choose one of {', '.join(catalogue)}", "scene")
+    for key in settings.keys() - catalogue[name].keys():
+        near = suggestion(key, catalogue[name])
+        raise Error(f"{key}: is no parameter of scene {name}{near}; choose from {', '.join(catalogue[name])}", key)
     values = {k: float(v) for k, v in settings.items()}
     model = _core.build_scene(name, values)
     for known, summary, parameters in _core.catalogue():

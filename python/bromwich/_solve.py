@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import warnings
 from collections.abc import Callable, Iterable
 from typing import Any, Literal
@@ -14,6 +13,7 @@ from ._progress import reporting
 from ._result import Result, Status
 from ._scene import Scene
 from ._sources import on_this_host
+from ._words import suggestion
 
 # States are recorded by default where there are no more.
 RECORDED_STATES = 1000
@@ -190,9 +190,8 @@ def _known(arguments: dict[str, Any]) -> None:
     """What Python says of a misspelt argument, with its neighbour."""
     of_scene, of_solve = Scene.__init__.__kwdefaults__ or {}, solve.__kwdefaults__ or {}
     for name in arguments.keys() - of_scene.keys():
-        near = difflib.get_close_matches(name, [*of_scene, *of_solve], 1)
-        suggestion = f"; did you mean {near[0]!r}?" if near else ""
-        raise TypeError(f"solve() got an unexpected keyword argument {name!r}{suggestion}")
+        near = suggestion(name, [*of_scene, *of_solve])
+        raise TypeError(f"solve() got an unexpected keyword argument {name!r}{near}")
 
 
 def _options(
@@ -213,7 +212,11 @@ def _options(
     event_location: bool = False,
 ) -> _core.Options:
     o = _core.Options()
-    o.method = method
+    try:
+        o.method = method
+    except Error as error:  # "method: found 'mach'; use one of auto, march"
+        found, known = str(error).split("; use one of ")
+        raise Error(f"{found}{suggestion(method, known.split(', '))}; use one of {known}", "method") from None
     o.trace = True
     o.event_location = event_location
     if steps is not None:

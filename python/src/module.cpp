@@ -46,6 +46,7 @@ NB_MODULE(_core, m) {
   bind_sources(m);
   bind_scenes(m);
   bind_results(m);
+  bind_arrays(m);
   bind_solving(m);
   bind_state(m);
   bind_machine(m);

@@ -36,6 +36,7 @@ struct Model : std::enable_shared_from_this<Model> {
   bool other_x0 = false, other_sources = false;  ///< than the scene has, in results of a Solver
 };
 
+void bind_arrays(nb::module_& m);
 void bind_errors(nb::module_& m);
 void bind_sources(nb::module_& m);
 void bind_scenes(nb::module_& m);

@@ -22,6 +22,16 @@ export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INDEX=1 PIP_QUIET=1
   --config-settings=cmake.source-dir=prebuilt --config-settings=cmake.define.BROMWICH_BUILD="$build" \
   --config-settings=build.targets=all --config-settings=build-dir="$out/cmake"
 
+# The sdist has every file that CMake reads, and every source.
+mkdir "$out/sdist"
+(cd "$source/python" && "$python" -c "import build_backend; build_backend.build_sdist('$out/sdist')" >/dev/null)
+tar -xf "$out"/sdist/bromwich-*.tar.gz -C "$out/sdist" --strip-components 1
+cmake -S "$out/sdist/engine" -B "$out/sdist/build" -DSKBUILD=2 -DBROMWICH_PYTHON=ON -DBROMWICH_TRANSFORM=POCKETFFT \
+  -DBROMWICH_CUDA=OFF -DBUILD_TESTING=OFF -DPython_EXECUTABLE="$python" >"$out/sdist/configure.log" 2>&1 || {
+  cat "$out/sdist/configure.log"
+  exit 1
+}
+
 # The libraries of this system go into the wheel, save those that every Linux has.
 PATH=$(dirname "$python"):$PATH "$python" -m auditwheel repair --exclude libgomp.so.1 --wheel-dir "$out/repaired" "$out"/bromwich-*.whl
 "$python" -m venv "$out/env"

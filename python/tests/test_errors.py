@@ -56,8 +56,17 @@ def test_refused(diode, change, argument):
 
 
 def test_misspelt_argument(diode):
-    with pytest.raises(TypeError, match="'stepz'; did you mean 'steps'"):
+    with pytest.raises(TypeError, match=r"'stepz' \(did you mean 'steps'\?\)"):
         bromwich.solve(**diode, stepz=100)
+    with pytest.raises(TypeError, match=r"'C' \(did you mean 'N'\?\)"):  # of Siconos
+        bromwich.solve(A=-1, B=1, C=1, D=1, x0=0, T=1)
+    for word, meant in (("automatic", "auto"), ("marc", "march"), ("multi-grid", "multigrid")):
+        with pytest.raises(bromwich.Error, match=rf"method: found '{word}' \(did you mean '{meant}'\?\); use one of auto"):
+            bromwich.solve(**diode, method=word)
+    with pytest.raises(bromwich.Error, match="scene: found 'signorin' .did you mean 'signorini'"):
+        bromwich.scene("signorin")
+    with pytest.raises(bromwich.Error, match="q: is no parameter of scene signorini .did you mean 'Q'"):
+        bromwich.scene("signorini", q=3)
 
 
 def test_does_not_fit(diode):

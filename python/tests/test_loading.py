@@ -210,6 +210,10 @@ for method in ("contour", "march", "multigrid", "euler"):
     np.testing.assert_allclose(found.y, expected.y, atol=1e-9)
 solver = bromwich.Solver(scene, steps=40, backend="cuda")
 np.testing.assert_array_equal(solver.solve().y, solver.solve().y)
+arrays = bromwich.ArraySolver(scene, steps=40, backend="cuda").solve(g=np.full((41, scene.constraints), -0.3))
+other = bromwich.ArraySolver(scene, steps=40, backend="cpu").solve(g=np.full((41, scene.constraints), -0.3))
+assert arrays.backend == "reference"
+np.testing.assert_allclose(np.from_dlpack(arrays.y), np.from_dlpack(other.y), atol=1e-9)
 try:
     bromwich.solve(scene, steps=40, backend="cuda", threads=3)
 except bromwich.DeviceError as error:

@@ -3,6 +3,7 @@
 #include "tests/app/cli.hpp"
 #include "tests/files/hdf5_reading.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
@@ -59,6 +60,57 @@ TEST_F(CliOutput, AllFormatsHoldTheSameNumbers) {
   EXPECT_EQ(files(), 4u);
 }
 
+TEST_F(CliOutput, EnergiesInAllFormats) {
+  const std::string options = "solve ladder --set n=3 --steps 20 --states all --energies --threads 1 --out ";
+  for (const std::string name : {"e.csv", "e.h5", "e.npz"}) {
+    const Outcome outcome = run(options + name);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  }
+  const std::vector<std::string> header = split(split(read(folder_ / "e.csv"), '\n').at(0), ',');
+  const RowMatrix csv = table(folder_ / "e.csv");
+  const Hdf5Reading h5(folder_ / "e.h5");
+  for (const std::string name :
+       {"energy", "supplied_power", "dissipated_power", "supplied", "dissipated", "violation"}) {
+    const auto at = std::find(header.begin(), header.end(), name);
+    ASSERT_NE(at, header.end()) << name;
+    EXPECT_EQ(h5.rows(name), csv.col(at - header.begin())) << name;
+    EXPECT_TRUE(contains(read(folder_ / "e.npz"), name + ".npy")) << name;
+  }
+}
+
+TEST_F(CliOutput, ResultsAreDrawnAndChecked) {
+  ASSERT_EQ(run(heat + "--steps 40 --states 0,3 --out r.csv --json > r.json").exit_code, 0);
+  ASSERT_EQ(run(heat + "--steps 40 --states 0,3 --out r.h5").exit_code, 0);
+  ASSERT_EQ(run(heat + "--steps 40 --states 0,3 --out r.npz").exit_code, 0);
+  const auto curves = [&](const std::string& name, const std::string& more = "") {
+    const Outcome outcome = run("plot " + name + more + " --out p.html");
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    const std::string page = read(folder_ / "p.html");
+    EXPECT_TRUE(contains(page, "<strong>solved</strong>")) << name;
+    EXPECT_TRUE(contains(page, "x3")) << name;
+    return page;
+  };
+  EXPECT_TRUE(contains(curves("r.h5"), "complementarity residual"));
+  EXPECT_TRUE(contains(curves("r.npz"), "complementarity residual"));
+  curves("r.csv", " --summary r.json");
+  for (const std::string name : {"r.h5", "r.npz"}) {
+    const Outcome outcome = run("check " + name);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_TRUE(contains(outcome.out, "41 rows")) << outcome.out;
+    EXPECT_TRUE(contains(outcome.out, "status      solved")) << outcome.out;
+  }
+  std::ofstream(folder_ / "ends.toml") << "[dynamics]\nA = [[0]]\nB = [[0]]\nx0 = [0]\n[complementarity]\nN = [[0]]\n"
+                                          "M = [[0]]\ng = [\"0.5 - t\"]\n[time]\nT = 1\nsteps = 20\n";
+  run("solve ends.toml --method march --out e.h5");
+  EXPECT_EQ(run("check e.h5").exit_code, 3);
+  for (const std::string name : {"no.h5", "no.npz"}) std::ofstream(folder_ / name) << "not this";
+  for (const std::string name : {"no.h5", "no.npz", "none.h5", "none.npz"}) {
+    const Outcome outcome = run("plot " + name);
+    EXPECT_EQ(outcome.exit_code, 2) << name;
+    EXPECT_TRUE(contains(outcome.err, name)) << outcome.err;
+  }
+}
+
 TEST_F(CliOutput, OtherTimesAndEarlyEnds) {
   ASSERT_EQ(run(heat + "--steps 40 --at 0.5,1.05 --out a.h5").exit_code, 0);
   ASSERT_EQ(run(heat + "--steps 40 --at 0.5,1.05 --out a.csv").exit_code, 0);
@@ -95,7 +147,7 @@ TEST_F(CliOutput, AKilledRunIsReadAndContinued) {
   int continued = 0;
   for (const std::string seconds : {"0.05", "0.15", "0.25", "0.35", "0.6"}) {
     for (const std::string name : {"k.h5", "c.h5"}) fs::remove(folder_ / name);
-    const std::string files = "--checkpoint c.h5 --checkpoint-every 0.01 --out k.h5 ";
+    const std::string files = "--checkpoint c.h5 --checkpoint-every 0.03 --out k.h5 ";
     if (run(options + files, "timeout --foreground -s KILL " + seconds).exit_code == 0) continue;  // too late
     if (!fs::exists(folder_ / "k.h5") || fs::file_size(folder_ / "k.h5") == 0) continue;  // killed before it began
     {
@@ -162,7 +214,7 @@ TEST_F(CliOutput, WhatCannotBeContinuedIsRefused) {
       {"solve bridge --out y.vtkhdf", {"--out", "y.vtkhdf", "grid", ".h5"}},
       {heat + "--states 0,1 --out y.vtkhdf", {"--out", "y.vtkhdf", "--states all"}},
       {heat + "--out y.mat", {"--out", "y.mat", ".csv, .h5, .npz or .vtkhdf"}},
-      {"solve ph-toy --method goal --states all --energies --out y.h5", {"--energies", ".csv"}},
+      {"solve ph-toy --method goal --states all --energies --out y.vtkhdf", {"--energies", ".csv"}},
   };
   for (const BadInput& bad : cases) {
     const Outcome result = refused(bad.arguments);

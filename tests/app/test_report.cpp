@@ -56,7 +56,7 @@ TEST_F(Cli, RefusesBadInputOfPlotAndReport) {
       {"plot a.csv b.csv", {"RESULT", "one"}},
       {"plot none.csv", {"RESULT", "none.csv", "does not exist"}},
       {"plot text.csv", {"text.csv:1", "header"}},
-      {"plot y.h5", {"RESULT", "y.h5", ".csv"}},
+      {"plot y.dat", {"RESULT", "y.dat", ".csv"}},
       {"plot y.csv --out y.txt", {"--out", "y.txt", ".html"}},
       {"plot y.csv --summary none.json", {"--summary", "none.json"}},
       {"plot y.csv --summary y.csv", {"--summary", "y.csv", "--json"}},

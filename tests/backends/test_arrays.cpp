@@ -1,6 +1,7 @@
 // Contract of Backend: operations on whole arrays of the hierarchy of time grids.
 
 #include "core/kernel/recurrence.hpp"
+#include "core/seam/shared_memory.hpp"
 #include "tests/support/backends.hpp"
 
 #include <cmath>
@@ -52,6 +53,37 @@ TEST_P(BackendArrays, AProductOfShapesIsWrittenOut) {
       EXPECT_LE(distance(host(*a), expected), 16 * epsilon) << steps << ' ' << n;
       EXPECT_EQ(host(*a).row(steps + 1), last) << "a row that the product does not have";
     }
+}
+
+TEST_P(BackendArrays, OtherProgramsMayUseTheirMemory) {
+  auto* memory = dynamic_cast<SharedMemory*>(backend.get());
+  ASSERT_NE(memory, nullptr);
+  for (const Index cols : {1, 2, 15, 16, 17, 63}) {
+    const RowMatrix values = RowMatrix::Random(9, cols);
+    const auto from = device(values), to = backend->array(9, cols);
+    const std::shared_ptr<double> numbers = memory->numbers(values.size());
+    memory->write(*from, numbers.get());
+    RowMatrix copied(9, cols);
+    memory->to_host(numbers.get(), sizeof(double) * std::size_t(values.size()), copied.data());
+    EXPECT_EQ(copied, values);
+    memory->read(numbers.get(), *to);
+    EXPECT_EQ(host(*to), values);
+  }
+}
+
+TEST_P(BackendArrays, AProductWithMIsAdded) {
+  auto& memory = dynamic_cast<SharedMemory&>(*backend);
+  for (const Index n : {1, 2, 15, 16, 17, 63}) {
+    const Tridiagonal three{Vector::Random(n), Vector::Random(n), Vector::Random(n)};
+    for (const LcpMatrix& M : {LcpMatrix(three), LcpMatrix(Matrix(Matrix::Random(n, n)))}) {
+      const RowMatrix y = RowMatrix::Random(9, n), q = RowMatrix::Random(9, n);
+      const auto arrays = std::pair(device(y), device(q));
+      memory.add_product(M, *arrays.first, *arrays.second);
+      // n + 1 terms below 1
+      EXPECT_LE((host(*arrays.second) - q - y * to_dense(M).transpose()).cwiseAbs().maxCoeff(),
+                2 * double(n + 1) * double(n + 1) * epsilon);
+    }
+  }
 }
 
 TEST_P(BackendArrays, RangesMayAskForRanges) {

@@ -2,14 +2,17 @@
 #include "reference_backend.hpp"
 #include <bromwich/core/base/error.hpp>
 #include <bromwich/core/lcp/active_set.hpp>
+#include <bromwich/core/seam/shared_memory.hpp>
 #else
 #include "core/base/error.hpp"
 #include "core/lcp/active_set.hpp"
+#include "core/seam/shared_memory.hpp"
 #include "tests/support/reference_backend.hpp"
 #endif
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <numbers>
 
 namespace bromwich {
@@ -316,7 +319,7 @@ class NaiveDifferences final : public Differences {
   std::vector<double> found_;
 };
 
-class ReferenceBackend final : public Backend {
+class ReferenceBackend final : public Backend, public SharedMemory {
  public:
   ReferenceBackend() : Backend("reference") {}
   DeviceInfo device() const override { return {"naive loops"}; }
@@ -340,6 +343,20 @@ class ReferenceBackend final : public Backend {
   void add(const Array& b, double s, const Array& c, Array& a) override { values(a) = values(b) + s * values(c); }
   std::unique_ptr<Differences> differences(std::size_t slots) override {
     return std::make_unique<NaiveDifferences>(slots);
+  }
+  Place place() const override { return {}; }
+  std::shared_ptr<double> numbers(Index count) override {
+    return {new double[std::size_t(count)], std::default_delete<double[]>()};
+  }
+  void read(const double* from, Array& to) override {
+    values(to) = Eigen::Map<const RowMatrix>(from, to.rows(), to.cols());
+  }
+  void write(const Array& from, double* to) override {
+    Eigen::Map<RowMatrix>(to, from.rows(), from.cols()) = values(from);
+  }
+  void to_host(const void* from, std::size_t bytes, void* to) override { std::memcpy(to, from, bytes); }
+  void add_product(const LcpMatrix& M, const Array& y, Array& q) override {
+    values(q) += values(y) * to_dense(M).transpose();
   }
   std::unique_ptr<SineTransform> sine_transform(Index n, Index) override { return std::make_unique<NaiveSine>(n); }
   std::unique_ptr<Convolution> convolution(WeightsRef weights, Index) override {

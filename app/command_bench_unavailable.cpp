@@ -1,0 +1,17 @@
+// `bromwich bench` where the studies are not built: a Python package that is compiled on installation.
+
+#include "app/commands.hpp"
+#include "core/base/error.hpp"
+
+namespace bromwich::app {
+
+std::string bench_list() {
+  return "  none in this build; 'scripts/build' in the source makes a command that has them\n";
+}
+
+int run_bench(const BenchArguments&) {
+  throw Error("command", "found 'bench', whose studies are not in this build",
+              "use the command of the source, which 'scripts/build' makes");
+}
+
+}  // namespace bromwich::app

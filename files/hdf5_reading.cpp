@@ -1,0 +1,133 @@
+// Reads the layout of hdf5_result.cpp.
+
+#include "core/base/error.hpp"
+#include "files/hdf5_file.hpp"
+#include "files/stored_result.hpp"
+
+#include <algorithm>
+
+namespace bromwich {
+
+using namespace hdf5;
+
+namespace {
+
+bool has(File& file, const std::string& name) { return file.checked(H5Lexists(file, name.c_str(), H5P_DEFAULT)) > 0; }
+
+/// All rows of a dataset of one or two dimensions; no rows if there is none.
+RowMatrix table(File& file, const std::string& name) {
+  if (!has(file, name)) return {};
+  const Handle data = open_dataset(file, file, name);
+  const Shape shape = shape_of(file, data);
+  if (shape.empty() || shape.size() > 2)
+    throw Error(file.target().argument,
+                "'" + file.target().path.string() + "' has a dataset " + name + " of " + std::to_string(shape.size()) +
+                    " dimensions",
+                "give a file that 'bromwich solve --out' has written");
+  RowMatrix values(Index(shape[0]), shape.size() == 2 ? Index(shape[1]) : 1);
+  if (values.size() > 0) read_all(file, data, H5T_NATIVE_DOUBLE, values.data());
+  return values;
+}
+
+std::vector<std::string> words(File& file, const std::string& name) {
+  if (!has(file, name)) return {};
+  const Handle data = open_dataset(file, file, name);
+  const Handle stored(file.checked(H5Dget_type(data)), H5Tclose);
+  const Shape shape = shape_of(file, data);
+  if (shape.size() != 1 || H5Tget_class(stored) != H5T_STRING || H5Tis_variable_str(stored) <= 0) return {};
+  const Handle type(H5Tcopy(H5T_C_S1), H5Tclose), space(file.checked(H5Dget_space(data)), H5Sclose);
+  H5Tset_size(type, H5T_VARIABLE);
+  H5Tset_cset(type, H5Tget_cset(stored));
+  std::vector<char*> texts(shape[0], nullptr);
+  if (!texts.empty()) read_all(file, data, type, texts.data());
+  std::vector<std::string> found;
+  for (const char* text : texts) found.emplace_back(text ? text : "");
+  H5Dvlen_reclaim(type, space, H5P_DEFAULT, texts.data());
+  return found;
+}
+
+std::string unit_of(File& file, const std::string& name) {
+  return has(file, name) ? text_attribute(file, open_dataset(file, file, name), "units") : "";
+}
+
+herr_t collect_name(hid_t /*object*/, const char* name, const H5A_info_t* /*info*/, void* into) {
+  static_cast<std::vector<std::string>*>(into)->emplace_back(name);
+  return 0;
+}
+
+herr_t collect_link(hid_t /*group*/, const char* name, const H5L_info_t* /*info*/, void* into) {
+  static_cast<std::vector<std::string>*>(into)->emplace_back(name);
+  return 0;
+}
+
+/// Datasets of floats with a value at every time, besides t.
+std::vector<TimeSeries> others(File& file, Index rows) {
+  std::vector<std::string> names;
+  file.checked(H5Literate(file, H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, collect_link, &names));
+  std::vector<TimeSeries> found;
+  for (const std::string& name : names) {
+    const Handle data(H5Dopen2(file, name.c_str(), H5P_DEFAULT), H5Dclose);
+    if (data < 0 || name == "t" || name == "y" || name == "w" || name == "x") continue;
+    const Handle type(file.checked(H5Dget_type(data)), H5Tclose);
+    if (H5Tget_class(type) == H5T_FLOAT && shape_of(file, data) == Shape{hsize_t(rows)})
+      found.push_back({name, text_attribute(file, data, "long_name"), table(file, name).col(0)});
+  }
+  return found;
+}
+
+Facts attributes(File& file) {
+  std::vector<std::string> names;
+  file.checked(H5Aiterate2(file, H5_INDEX_NAME, H5_ITER_NATIVE, nullptr, collect_name, &names));
+  Facts facts;
+  for (const std::string& name : names) {
+    const Handle attribute(file.checked(H5Aopen(file, name.c_str(), H5P_DEFAULT)), H5Aclose);
+    const Handle type(file.checked(H5Aget_type(attribute)), H5Tclose), space(H5Aget_space(attribute), H5Sclose);
+    if (H5Sget_simple_extent_npoints(space) != 1) continue;
+    if (H5Tget_class(type) == H5T_STRING) {
+      facts.emplace_back(name, text_attribute(file, file, name));
+    } else if (H5Tget_class(type) == H5T_FLOAT) {
+      double value = 0;
+      file.checked(H5Aread(attribute, H5T_NATIVE_DOUBLE, &value));
+      facts.emplace_back(name, value);
+    } else if (H5Tget_class(type) == H5T_INTEGER) {
+      std::int64_t value = 0;
+      file.checked(H5Aread(attribute, H5T_NATIVE_INT64, &value));
+      facts.emplace_back(name, value);
+    }
+  }
+  return facts;
+}
+
+}  // namespace
+
+StoredResult read_hdf5(const FileTarget& target) {
+  if (std::error_code none; !std::filesystem::is_regular_file(target.path, none))
+    throw Error(target.argument, "'" + target.path.string() + "' is no file", "give a file that exists");
+  File file(target, File::Access::read);
+  if (!has(file, "t"))
+    throw Error(target.argument, "'" + target.path.string() + "' has no dataset t",
+                "give a file that 'bromwich solve --out' has written");
+  StoredResult stored;
+  const RowMatrix t = table(file, "t");
+  stored.t = t.col(0);
+  stored.y = table(file, "y");
+  stored.w = table(file, "w");
+  stored.x = table(file, "x");
+  stored.constraint_names = words(file, "constraint_name");
+  stored.state_names = words(file, "state_name");
+  stored.t_unit = unit_of(file, "t");
+  stored.y_unit = unit_of(file, "y");
+  stored.w_unit = unit_of(file, "w");
+  stored.x_unit = unit_of(file, "x");
+  stored.facts = attributes(file);
+  stored.others = others(file, stored.t.size());
+  // A run that was killed may have written a block of one array and not yet of the next.
+  for (RowMatrix* values : {&stored.y, &stored.w, &stored.x})
+    if (values->size() > 0 && values->rows() < stored.t.size()) stored.t.conservativeResize(values->rows());
+  for (RowMatrix* values : {&stored.y, &stored.w, &stored.x})
+    if (values->rows() > stored.t.size()) values->conservativeResize(stored.t.size(), values->cols());
+  require_rows(target, stored);
+  return stored;
+}
+
+}  // namespace bromwich

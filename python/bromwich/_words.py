@@ -1,0 +1,38 @@
+"""Misspelt words, and words of other programs."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+# A, B, C, D and lambda are Siconos's; t_span and rtol are SciPy's.
+OTHERS = {
+    "C": "N",
+    "D": "M",
+    "J": "steps",
+    "N_steps": "steps",
+    "automatic": "auto",
+    "dt": "steps",
+    "h": "steps",
+    "mass": "E",
+    "n_steps": "steps",
+    "rtol": "tol",
+    "t_end": "T",
+    "t_final": "T",
+    "t_span": "T",
+    "tf": "T",
+    "timesteps": "steps",
+    "tolerance": "tol",
+    "x_0": "x0",
+    "y0": "x0",
+}
+
+
+def suggestion(word: str, candidates: Iterable[str]) -> str:
+    """In brackets, what may have been meant; or nothing."""
+    known = list(candidates)
+    other = OTHERS.get(word)
+    lower = {candidate.lower(): candidate for candidate in known}
+    near = [other] if other in known else [lower[word.lower()]] if word.lower() in lower else None
+    near = near or difflib.get_close_matches(word, known, 1)
+    return f" (did you mean {near[0]!r}?)" if near else ""
