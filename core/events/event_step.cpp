@@ -91,22 +91,29 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
   step.length = h;
   sample(mode, p.t, h, step);
   const Matrix y_of_sources = without_x(mode.y, step);
-  const Matrix input = step.sources.f + y_of_sources * system_.B.transpose();
-  const Matrix right = (h * (c.integrals * input)).rowwise() + p.x.transpose();  // s x m
-  Matrix values = Matrix::Zero(s + 1, m);
-  values.row(0) = p.x.transpose();
+  // Z = X - x0, so that rounding is relative to the change of x: errors of many short steps would add up otherwise.
+  Matrix input = step.sources.f + y_of_sources * system_.B.transpose();
+  input.row(0) += (mode.A * p.x).transpose();
+  const Matrix right = h * (c.integrals * input);  // s x m
   const auto& lu = factors(mode, h, p.work);
-  for (std::size_t k = 0; k < lu.size(); ++k) {
-    const auto& e = c.eigenvalues[k];
-    const ComplexVector z = lu[k].solve(ComplexVector(right.transpose().cast<Complex>() * e.left));
-    values.bottomRows(s) += e.weight * (e.right * z.transpose()).real();
+  Matrix change = Matrix::Zero(s, m), left = right;
+  step.x = Matrix::Zero(s + 1, m);
+  // Twice: the eigenvectors of the Radau matrix are ill-conditioned.
+  for (int refined = 0; refined < 2; ++refined) {
+    for (std::size_t k = 0; k < lu.size(); ++k) {
+      const auto& e = c.eigenvalues[k];
+      const ComplexVector z = lu[k].solve(ComplexVector(left.transpose().cast<Complex>() * e.left));
+      change += e.weight * (e.right * z.transpose()).real();
+    }
+    step.x = c.coefficients.rightCols(s) * change;
+    if (refined == 0) left = right - change + h * (c.integrals * step.x) * mode.A.transpose();
   }
-  step.x = c.coefficients * values;
+  step.x.row(0) += p.x.transpose();
   step.y = step.x * mode.y.x.transpose() + y_of_sources;
   step.w = step.x * system_.N.transpose() + step.y * system_.M.transpose() + step.sources.g;
   const JetValues size = p.sizes.with(step);
   step.defect = std::max(tail(step.x, size.x, {}), source_defect(size, step.sources));
-  p.work += double((s + 1) * (s + 1) * (3 * m + 3 * n) + 40 * m * m + (s + 1) * (4 * m * n + 2 * n * n)) + overhead;
+  p.work += double((s + 1) * (s + 1) * (6 * m + 3 * n) + 80 * m * m + (s + 1) * (4 * m * n + 2 * n * n)) + overhead;
   return step;
 }
 
