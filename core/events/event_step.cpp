@@ -10,6 +10,7 @@ namespace bromwich {
 namespace {
 
 constexpr Index s = Collocation::degree;
+constexpr double rounding_tail = 1e-10;      ///< of last coefficients: below, rounding is the cause where it stays
 constexpr double noise_share = 10;           ///< of the tolerance: negative values below count as zero
 constexpr double shortest_share = 1e-14;     ///< of T
 constexpr Index looks_per_interval = 16384;  ///< at sources, in [0, T], where they seem to be smooth
@@ -156,8 +157,9 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
   for (int k = 0; k < 80; ++k) {
     step = attempt(mode, p, h);
     step.shortened = shortened;
-    // Where a shorter step does not help, rounding is left: t is known to 1e-16, and sin(1e5 t) to 1e-11.
-    const bool rounding = step.defect <= 1e3 * tolerance_ && step.defect > 0.5 * before;
+    // Where a shorter step does not help, rounding is left: t is known to 1e-16, and sin(1e5 t) to 1e-11. (A transient
+    // far shorter than the step stays too, but is larger.)
+    const bool rounding = step.defect <= rounding_tail && step.defect > 0.5 * before;
     if (step.defect <= tolerance_) look_between(p, step);
     if (step.defect <= tolerance_ || rounding) {
       find_event(mode, p, step);
