@@ -118,12 +118,24 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
   return step;
 }
 
+// Whether the conditions of the mode on f and g hold on the step.
+bool EventSteps::sources_agree(const SwitchedMode& mode, const JetValues& size, const EventStep& step) const {
+  if (mode.conditions.g.rows() == 0) return true;
+  const Vector off = without_x(mode.conditions, step).cwiseAbs().colwise().sum().transpose();
+  return !((off - 30 * noise() * terms(mode.conditions, size)).array() > 0).any();
+}
+
 // The part of the step on which y and w are nonnegative.
 void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {
   const Collocation& c = Collocation::get();
   const JetValues size = p.sizes.with(step);
   const Vector of_y = terms(mode.y, size);
   const Vector of_w = system_.N.cwiseAbs() * size.x + system_.M.cwiseAbs() * of_y + size.g;
+  if (!sources_agree(mode, size, step)) {
+    step.valid = 0;
+    step.event = mode.active.front();
+    return;
+  }
   step.valid = 1;
   step.event = -1;
   Vector of_event;

@@ -57,6 +57,7 @@ class EventSteps {
 
  private:
   EventStep attempt(const SwitchedMode&, EventPoint&, double h);
+  bool sources_agree(const SwitchedMode&, const JetValues& size, const EventStep&) const;
   void find_event(const SwitchedMode&, const EventPoint&, EventStep&) const;
   void look_between(const EventPoint&, EventStep&) const;
   double source_defect(const JetValues& size, const EventSources::Polynomials&) const;

@@ -84,6 +84,26 @@ Jet independent(const Jet& c, const Vector& size) {
   return Matrix(svd.matrixU().leftCols(rank).transpose() * size.cwiseMax(1e-290).cwiseInverse().asDiagonal()) * c;
 }
 
+struct Split {
+  Jet constraints;  ///< on the state: their rows of x are independent
+  Jet conditions;   ///< on f and g alone
+};
+
+// Rows that have to vanish, `size` and `size_x` of whose terms (all of them, and those with x) tell what is rounding.
+Split split(const Jet& rows, const Vector& size, const Vector& size_x) {
+  const Index k = rows.x.rows();
+  Vector by(k);
+  for (Index i = 0; i < k; ++i) by[i] = 1 / std::max(size_x[i] > 0 ? size_x[i] : size[i], 1e-290);
+  const Eigen::JacobiSVD<Matrix> svd(by.asDiagonal() * rows.x, Eigen::ComputeFullU);
+  Index rank = 0;
+  while (rank < svd.singularValues().size() && svd.singularValues()[rank] > same_rank) ++rank;
+  const Matrix W = svd.matrixU().transpose() * by.asDiagonal();
+  Split parts{Matrix(W.topRows(rank)) * rows, Matrix(W.bottomRows(k - rank)) * rows};
+  parts.conditions.x.setZero();
+  parts.conditions = independent(parts.conditions, W.bottomRows(k - rank).cwiseAbs() * size);
+  return parts;
+}
+
 // y_S = -E^+ C, of least norm. Directions that E leaves open may move neither the state nor w.
 bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, const Eigen::JacobiSVD<Matrix>& svd,
                  Index rank, const Jet& C, Jet& y) {
@@ -126,7 +146,8 @@ Matrix impulses(const SystemMatrices& s, const std::vector<Index>& active, const
 
 std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const std::vector<Index>& active) {
   const Index m = s.states(), n = s.constraints(), a = Index(active.size());
-  SwitchedMode mode{active, s.A, Jet::zero(n, m, n), false, false, false, Jet::zero(0, m, n), Matrix::Zero(n, 0)};
+  SwitchedMode mode{
+      active, s.A, Jet::zero(n, m, n), false, false, false, Jet::zero(0, m, n), Jet::zero(0, m, n), Matrix::Zero(n, 0)};
   if (a == 0) return mode;
   const Matrix B = s.B(Eigen::all, active);
   Matrix E = s.M(active, active);
@@ -141,8 +162,9 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     Index rank = 0;
     while (rank < values.size() && values[rank] > same_rank * std::max(1.0, values[0])) ++rank;
     const Matrix U = svd.matrixU().rightCols(E.rows() - rank).transpose();
-    const Jet left = U * C;
-    const Jet constraints = independent(left, U.cwiseAbs() * largest_of(C));
+    const Split vanish = split(U * C, U.cwiseAbs() * largest_of(C), U.cwiseAbs() * C.x.cwiseAbs().rowwise().maxCoeff());
+    const Jet& constraints = vanish.constraints;
+    mode.conditions = stacked(mode.conditions, vanish.conditions);
     if (constraints.x.rows() == 0) {
       if (!determine_y(s, active, svd, rank, C, mode.y)) return std::nullopt;
       break;
@@ -158,9 +180,11 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     E = next;
   }
   mode.A += s.B * mode.y.x;
-  mode.uses_df = (mode.y.df.array() != 0).any();
-  mode.uses_dg = (mode.y.dg.array() != 0).any();
-  mode.uses_ddg = (mode.y.ddg.array() != 0).any();
+  for (const Jet* rows : {&mode.y, &mode.conditions}) {
+    mode.uses_df = mode.uses_df || (rows->df.array() != 0).any();
+    mode.uses_dg = mode.uses_dg || (rows->dg.array() != 0).any();
+    mode.uses_ddg = mode.uses_ddg || (rows->ddg.array() != 0).any();
+  }
   if (mode.constraints.x.rows() > 0) mode.impulse = impulses(s, active, mode.constraints);
   return mode;
 }

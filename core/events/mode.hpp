@@ -47,6 +47,8 @@ struct SwitchedMode {
   Jet y;                                                    ///< n rows: y as a function of u
   bool uses_df = false, uses_dg = false, uses_ddg = false;  ///< y depends on these
   Jet constraints;                                          ///< rows that vanish on the states of this mode
+  /// Rows without x that vanish on the sources of this mode: constraints that agree, like two equal rows of w.
+  Jet conditions;
   Matrix impulse;  ///< n x constraints: p = impulse * (value of the constraints)
 };
 
