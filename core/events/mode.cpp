@@ -92,6 +92,7 @@ struct Split {
 // Rows that have to vanish, `size` and `size_x` of whose terms (all of them, and those with x) tell what is rounding.
 Split split(const Jet& rows, const Vector& size, const Vector& size_x) {
   const Index k = rows.x.rows();
+  if (k == 0) return {rows, rows};
   Vector by(k);
   for (Index i = 0; i < k; ++i) by[i] = 1 / std::max(size_x[i] > 0 ? size_x[i] : size[i], 1e-290);
   const Eigen::JacobiSVD<Matrix> svd(by.asDiagonal() * rows.x, Eigen::ComputeFullU);
