@@ -52,7 +52,9 @@ class EventIntegration {
 
   EventSolution run() {
     enumerates_ = !short_steps_.unique(class_);
-    if (enumerates_ && (n_ > most_enumerated || class_ == LcpClass::Z)) {
+    // A least element that is no solution of least norm is not selected by trying.
+    const bool selects = class_ == LcpClass::Z && !is_PSD(LcpMatrix(system_.M));
+    if (enumerates_ && (n_ > most_enumerated || selects)) {
       solution_.reason = "the complementarity problem of a short step is not of class P";
       return std::move(solution_);
     }

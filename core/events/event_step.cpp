@@ -122,7 +122,7 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
 bool EventSteps::sources_agree(const SwitchedMode& mode, const JetValues& size, const EventStep& step) const {
   if (mode.conditions.g.rows() == 0) return true;
   const Vector off = without_x(mode.conditions, step).cwiseAbs().colwise().sum().transpose();
-  return !((off - 30 * noise() * terms(mode.conditions, size)).array() > 0).any();
+  return !((off - 30 * noise() * terms(mode.condition_terms, size)).array() > 0).any();
 }
 
 // The part of the step on which y and w are nonnegative.

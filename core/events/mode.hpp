@@ -49,7 +49,8 @@ struct SwitchedMode {
   Jet constraints;                                          ///< rows that vanish on the states of this mode
   /// Rows without x that vanish on the sources of this mode: constraints that agree, like two equal rows of w.
   Jet conditions;
-  Matrix impulse;  ///< n x constraints: p = impulse * (value of the constraints)
+  Jet condition_terms;  ///< their terms, by absolute value
+  Matrix impulse;       ///< n x constraints: p = impulse * (value of the constraints)
 };
 
 /// Value of the rows, and the sum of the absolute values of their terms.

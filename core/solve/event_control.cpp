@@ -2,6 +2,7 @@
 
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
+#include "core/events/collocation.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/solve/event_rows.hpp"
 
@@ -38,6 +39,15 @@ double bend(const EventSolution& s, const Result& r, const ComponentSizes& sizes
     return sum.size() == 0 ? 0.0 : (sum.array() > 0).select(sum.cwiseQuotient(size), 0).maxCoeff() / double(J);
   };
   return std::max(mean(of_y, sizes.of_y(r)), mean(of_x, sizes.of_x(r)));
+}
+
+// At the ends and in the middle of all pieces.
+Vector largest_of(const EventSolution& s, Matrix EventPiece::*which) {
+  Vector largest = Vector::Zero((s.pieces.front().*which).cols());
+  for (const EventPiece& p : s.pieces)
+    for (const double part : {0.0, 0.5, 1.0})
+      largest = largest.cwiseMax(((p.*which).transpose() * legendre(part * (p.end - p.begin) / p.length)).cwiseAbs());
+  return largest;
 }
 
 class EventControl {
@@ -112,9 +122,15 @@ class EventControl {
     return std::max(of_y_, of_x_) <= agreed * tolerance_ ? finished(coarse) : ended_early(failed);
   }
 
+  void look_at_sizes(const EventSolution& s) {
+    sizes_.seen_y = largest_of(s, &EventPiece::y);
+    sizes_.seen_x = largest_of(s, &EventPiece::x)(components_);
+  }
+
   // So many rows that y and x are linear between them, where they are continuous.
   void choose_grid(const EventSolution& s) {
     if (!chooses_grid() || !s.continuous) return;
+    look_at_sizes(s);
     Result r;
     for (Index halvings = 0; halvings < most_halvings; ++halvings) {
       rows_->fill(s, components_, false, r);
@@ -129,6 +145,7 @@ class EventControl {
     Result a, b;
     rows_->fill(coarse, components_, false, a);
     rows_->fill(fine, components_, false, b);
+    look_at_sizes(fine);
     const Distance d = distance(a, 1, b, 1, sizes_);
     of_mean_ = !coarse.continuous || !fine.continuous;
     of_y_ = goal_.of_y ? std::max(rounding, of_mean_ ? d.mean : d.y) : 0;
@@ -186,7 +203,7 @@ class EventControl {
   const Scene& scene_;
   Backend& backend_;
   const InnerOptions& options_;
-  const ComponentSizes& sizes_;
+  ComponentSizes sizes_;
   const EventGoal goal_;
   double tolerance_;
   LcpClass lcp_class_;
