@@ -14,6 +14,7 @@ constexpr double rounding_tail = 1e-10;      ///< of last coefficients: below, r
 constexpr double noise_share = 10;           ///< of the tolerance: negative values below count as zero
 constexpr double shortest_share = 1e-14;     ///< of T
 constexpr Index looks_per_interval = 16384;  ///< at sources, in [0, T], where they seem to be smooth
+constexpr double of_source = 100;            ///< of one value of one component of a source, likewise
 constexpr double overhead = 4000;            ///< of a step, in the time of floating-point operations
 
 // Coefficients of the part of rows of a jet that does not depend on x.
@@ -115,6 +116,7 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
   const JetValues size = p.sizes.with(step);
   step.defect = std::max(tail(step.x, size.x, {}), source_defect(size, step.sources));
   p.work += double((s + 1) * (s + 1) * (6 * m + 3 * n) + 80 * m * m + (s + 1) * (4 * m * n + 2 * n * n)) + overhead;
+  p.work += double(c.samples.size() + c.checks.size()) * work_of_sources();
   return step;
 }
 
@@ -154,11 +156,17 @@ void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, Event
   if (step.event >= 0 && step.valid > 0) step.valid = zero_before(of_event, step.valid);
 }
 
+// Of one value of f and of g.
+double EventSteps::work_of_sources() const {
+  return sources_.any() ? of_source * double(system_.states() + system_.constraints()) : 0;
+}
+
 // Looks at the sources at more times of a long step.
-void EventSteps::look_between(const EventPoint& p, EventStep& step) const {
+void EventSteps::look_between(EventPoint& p, EventStep& step) const {
   const Index count = Index(double(looks_per_interval) * step.length / T_);
   if (count <= Collocation::get().checks.size() || !sources_.any()) return;
   sources_.look(p.t, step.length, count, step.sources);
+  p.work += double(count) * work_of_sources();
   step.defect = std::max(step.defect, source_defect(p.sizes.with(step), step.sources));
 }
 
