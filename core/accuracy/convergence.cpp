@@ -23,10 +23,11 @@ double order_of(const Result& result) {
 
 constexpr double smallest_size = 1e-3;  ///< of the largest component, that a component is measured against
 
-Vector sizes(const RowMatrix& values, Index first, const Vector& one, const ComponentSizes& how) {
+Vector sizes(const RowMatrix& values, Index first, const Vector& one, const Vector& seen, const ComponentSizes& how) {
   const Vector users = one.size() == values.cols() ? one : Vector::Ones(values.cols());
   if (!how.relative || values.cols() == 0) return users;
-  const Vector s = values.bottomRows(values.rows() - first).cwiseAbs().colwise().maxCoeff().transpose();
+  Vector s = values.bottomRows(values.rows() - first).cwiseAbs().colwise().maxCoeff().transpose();
+  if (seen.size() == s.size()) s = s.cwiseMax(seen);
   return s.cwiseMax(smallest_size * s.maxCoeff()) + how.absolute * users;
 }
 
@@ -47,9 +48,9 @@ RowMatrix mean(const Result& result) { return integral_of_y(result) / result.t[r
 
 }  // namespace
 
-Vector ComponentSizes::of_y(const Result& r) const { return sizes(r.y, 1, one_y, *this); }
-Vector ComponentSizes::of_mean(const Result& r) const { return sizes(mean(r), 1, one_y, *this); }
-Vector ComponentSizes::of_x(const Result& r) const { return sizes(r.x, 0, one_x, *this); }
+Vector ComponentSizes::of_y(const Result& r) const { return sizes(r.y, 1, one_y, seen_y, *this); }
+Vector ComponentSizes::of_mean(const Result& r) const { return sizes(mean(r), 1, one_y, {}, *this); }
+Vector ComponentSizes::of_x(const Result& r) const { return sizes(r.x, 0, one_x, seen_x, *this); }
 
 Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const ComponentSizes& s) {
   return {largest(relative(a.y, a_stride, b.y, b_stride, s.of_y(b))),

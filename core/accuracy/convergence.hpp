@@ -24,7 +24,9 @@ namespace bromwich {
 ///
 /// all in natural units (core/solve/scaling.hpp).
 struct ComponentSizes {
-  Vector one_y, one_x;   ///< what 1 in the user's units is for y (n) and for the recorded x; empty = 1
+  Vector one_y, one_x;  ///< what 1 in the user's units is for y (n) and for the recorded x; empty = 1
+  Vector seen_y = {},
+         seen_x = {};    ///< largest values between the rows, n and one for each recorded x; empty = none known
   double absolute = 0;   ///< absolute tolerance over the relative one, in the user's units
   bool relative = true;  ///< false: 1 in the user's units alone, for all
 

@@ -13,6 +13,7 @@ namespace bromwich {
 namespace {
 
 constexpr Index most_states = 64, most_constraints = 48;
+constexpr Index most_enumerated = 5;  ///< constraints whose active sets are all tried
 constexpr double rounding_defect = 3e-13;
 constexpr int idle_events = 40;      ///< events within a short time that count as accumulated
 constexpr double idle_share = 1e-7;  ///< of T: that time
@@ -50,7 +51,10 @@ class EventIntegration {
   }
 
   EventSolution run() {
-    if (!short_steps_.unique(class_)) {
+    enumerates_ = !short_steps_.unique(class_);
+    // A least element that is no solution of least norm is not selected by trying.
+    const bool selects = class_ == LcpClass::Z && !is_PSD(LcpMatrix(system_.M));
+    if (enumerates_ && (n_ > most_enumerated || selects)) {
       solution_.reason = "the complementarity problem of a short step is not of class P";
       return std::move(solution_);
     }
@@ -85,7 +89,9 @@ class EventIntegration {
   bool continue_with(const std::optional<std::vector<Index>>& likely, bool y_is_known) {
     const Vector before = at_.y;
     const double t = at_.t;
-    const Successor::Choice next = successor_.choose(at_, y_is_known, likely);
+    const Successor::Choice next =
+        enumerates_ ? successor_.choose_among_all(at_) : successor_.choose(at_, y_is_known, likely);
+    if (!next.unique) return give_up("the solution is not unique: two active sets continue it differently");
     if (!next.mode) return give_up("no active set was found that continues the solution");
     mode_ = next.mode;
     for (const Vector& impulse : next.impulses) note_impulse(impulse);
@@ -180,6 +186,10 @@ class EventIntegration {
     double idle_since = at_.t;
     for (long k = 0; at_.t < at_.end; ++k) {
       if (!may_go_on(k)) return false;
+      if (pending_event_ < 0 && enumerates_) {
+        if (!continue_with({}, true)) return false;
+        continue;
+      }
       if (pending_event_ < 0) {
         EventStep step;
         if (!steps_.resolve(*mode_, at_, step)) return give_up("a step could not be resolved");
@@ -212,6 +222,7 @@ class EventIntegration {
   Successor successor_;
   EventPoint at_;
   const SwitchedMode* mode_ = nullptr;
+  bool enumerates_ = false;   ///< tries all active sets
   Index pending_event_ = -1;  ///< the component that ended the last step
   double size_y_ = 0;
   std::size_t stored_ = 0;

@@ -9,7 +9,9 @@
 // constraints of the new active set it jumps. Where events accumulate (sliding motion, Zeno), a short step of implicit
 // Euler passes the accumulation.
 //
-// The solution has to be unique: M, or the matrix of a short step of implicit Euler, is of class P (core/lcp).
+// Where M, or the matrix of a short step of implicit Euler, is of class P or monotone (core/lcp), the solution is
+// unique. Otherwise all active sets are tried at every step, for few constraints, and the integration ends where two of
+// them continue the solution differently, or where the state would have to jump.
 
 #include "../lcp/matrix.hpp"
 #include "../scene/scene.hpp"

@@ -10,9 +10,11 @@ namespace bromwich {
 namespace {
 
 constexpr Index s = Collocation::degree;
+constexpr double rounding_tail = 1e-10;      ///< of last coefficients: below, rounding is the cause where it stays
 constexpr double noise_share = 10;           ///< of the tolerance: negative values below count as zero
 constexpr double shortest_share = 1e-14;     ///< of T
 constexpr Index looks_per_interval = 16384;  ///< at sources, in [0, T], where they seem to be smooth
+constexpr double of_source = 100;            ///< of one value of one component of a source, likewise
 constexpr double overhead = 4000;            ///< of a step, in the time of floating-point operations
 
 // Coefficients of the part of rows of a jet that does not depend on x.
@@ -91,23 +93,38 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
   step.length = h;
   sample(mode, p.t, h, step);
   const Matrix y_of_sources = without_x(mode.y, step);
-  const Matrix input = step.sources.f + y_of_sources * system_.B.transpose();
-  const Matrix right = (h * (c.integrals * input)).rowwise() + p.x.transpose();  // s x m
-  Matrix values = Matrix::Zero(s + 1, m);
-  values.row(0) = p.x.transpose();
+  // Z = X - x0, so that rounding is relative to the change of x: errors of many short steps would add up otherwise.
+  Matrix input = step.sources.f + y_of_sources * system_.B.transpose();
+  input.row(0) += (mode.A * p.x).transpose();
+  const Matrix right = h * (c.integrals * input);  // s x m
   const auto& lu = factors(mode, h, p.work);
-  for (std::size_t k = 0; k < lu.size(); ++k) {
-    const auto& e = c.eigenvalues[k];
-    const ComplexVector z = lu[k].solve(ComplexVector(right.transpose().cast<Complex>() * e.left));
-    values.bottomRows(s) += e.weight * (e.right * z.transpose()).real();
+  Matrix change = Matrix::Zero(s, m), left = right;
+  step.x = Matrix::Zero(s + 1, m);
+  // Twice: the eigenvectors of the Radau matrix are ill-conditioned.
+  for (int refined = 0; refined < 2; ++refined) {
+    for (std::size_t k = 0; k < lu.size(); ++k) {
+      const auto& e = c.eigenvalues[k];
+      const ComplexVector z = lu[k].solve(ComplexVector(left.transpose().cast<Complex>() * e.left));
+      change += e.weight * (e.right * z.transpose()).real();
+    }
+    step.x = c.coefficients.rightCols(s) * change;
+    if (refined == 0) left = right - change + h * (c.integrals * step.x) * mode.A.transpose();
   }
-  step.x = c.coefficients * values;
+  step.x.row(0) += p.x.transpose();
   step.y = step.x * mode.y.x.transpose() + y_of_sources;
   step.w = step.x * system_.N.transpose() + step.y * system_.M.transpose() + step.sources.g;
   const JetValues size = p.sizes.with(step);
   step.defect = std::max(tail(step.x, size.x, {}), source_defect(size, step.sources));
-  p.work += double((s + 1) * (s + 1) * (3 * m + 3 * n) + 40 * m * m + (s + 1) * (4 * m * n + 2 * n * n)) + overhead;
+  p.work += double((s + 1) * (s + 1) * (6 * m + 3 * n) + 80 * m * m + (s + 1) * (4 * m * n + 2 * n * n)) + overhead;
+  p.work += double(c.samples.size() + c.checks.size()) * work_of_sources();
   return step;
+}
+
+// Whether the conditions of the mode on f and g hold on the step.
+bool EventSteps::sources_agree(const SwitchedMode& mode, const JetValues& size, const EventStep& step) const {
+  if (mode.conditions.g.rows() == 0) return true;
+  const Vector off = without_x(mode.conditions, step).cwiseAbs().colwise().sum().transpose();
+  return !((off - 30 * noise() * terms(mode.condition_terms, size)).array() > 0).any();
 }
 
 // The part of the step on which y and w are nonnegative.
@@ -116,6 +133,11 @@ void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, Event
   const JetValues size = p.sizes.with(step);
   const Vector of_y = terms(mode.y, size);
   const Vector of_w = system_.N.cwiseAbs() * size.x + system_.M.cwiseAbs() * of_y + size.g;
+  if (!sources_agree(mode, size, step)) {
+    step.valid = 0;
+    step.event = mode.active.front();
+    return;
+  }
   step.valid = 1;
   step.event = -1;
   Vector of_event;
@@ -134,11 +156,17 @@ void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, Event
   if (step.event >= 0 && step.valid > 0) step.valid = zero_before(of_event, step.valid);
 }
 
+// Of one value of f and of g.
+double EventSteps::work_of_sources() const {
+  return sources_.any() ? of_source * double(system_.states() + system_.constraints()) : 0;
+}
+
 // Looks at the sources at more times of a long step.
-void EventSteps::look_between(const EventPoint& p, EventStep& step) const {
+void EventSteps::look_between(EventPoint& p, EventStep& step) const {
   const Index count = Index(double(looks_per_interval) * step.length / T_);
   if (count <= Collocation::get().checks.size() || !sources_.any()) return;
   sources_.look(p.t, step.length, count, step.sources);
+  p.work += double(count) * work_of_sources();
   step.defect = std::max(step.defect, source_defect(p.sizes.with(step), step.sources));
 }
 
@@ -149,8 +177,9 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
   for (int k = 0; k < 80; ++k) {
     step = attempt(mode, p, h);
     step.shortened = shortened;
-    // Where a shorter step does not help, rounding is left: t is known to 1e-16, and sin(1e5 t) to 1e-11.
-    const bool rounding = step.defect <= 1e3 * tolerance_ && step.defect > 0.5 * before;
+    // Where a shorter step does not help, rounding is left: t is known to 1e-16, and sin(1e5 t) to 1e-11. (A transient
+    // far shorter than the step stays too, but is larger.)
+    const bool rounding = step.defect <= rounding_tail && step.defect > 0.5 * before;
     if (step.defect <= tolerance_) look_between(p, step);
     if (step.defect <= tolerance_ || rounding) {
       find_event(mode, p, step);

@@ -57,8 +57,10 @@ class EventSteps {
 
  private:
   EventStep attempt(const SwitchedMode&, EventPoint&, double h);
+  bool sources_agree(const SwitchedMode&, const JetValues& size, const EventStep&) const;
   void find_event(const SwitchedMode&, const EventPoint&, EventStep&) const;
-  void look_between(const EventPoint&, EventStep&) const;
+  void look_between(EventPoint&, EventStep&) const;
+  double work_of_sources() const;
   double source_defect(const JetValues& size, const EventSources::Polynomials&) const;
   const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& factors(const SwitchedMode&, double h, double& work);
 

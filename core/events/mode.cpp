@@ -71,9 +71,9 @@ Vector terms(const Jet& c, const JetValues& u) {
 
 namespace {
 
-// Constraints by independent rows: those that the others imply, or that are zero but for rounding, are left out.
-Jet independent(const Jet& c, const Vector& size) {
-  if (c.x.rows() == 0) return c;
+// K with independent rows K c: those that the others imply, or that are zero but for rounding, are left out.
+Matrix independent(const Jet& c, const Vector& size) {
+  if (c.x.rows() == 0) return Matrix::Zero(0, 0);
   const Index m = c.x.cols(), n = c.g.cols();
   Matrix all(c.x.rows(), 2 * m + 2 * n);
   all << c.x, c.f, c.g, c.dg;
@@ -81,7 +81,35 @@ Jet independent(const Jet& c, const Vector& size) {
   const Eigen::JacobiSVD<Matrix> svd(all, Eigen::ComputeFullU);
   Index rank = 0;
   while (rank < std::min(all.rows(), all.cols()) && svd.singularValues()[rank] > same_rank) ++rank;
-  return Matrix(svd.matrixU().leftCols(rank).transpose() * size.cwiseMax(1e-290).cwiseInverse().asDiagonal()) * c;
+  return svd.matrixU().leftCols(rank).transpose() * size.cwiseMax(1e-290).cwiseInverse().asDiagonal();
+}
+
+Jet absolute(const Jet& c) {
+  return {c.x.cwiseAbs(), c.f.cwiseAbs(), c.df.cwiseAbs(), c.g.cwiseAbs(), c.dg.cwiseAbs(), c.ddg.cwiseAbs()};
+}
+
+struct Split {
+  Jet constraints;  ///< on the state: their rows of x are independent
+  Jet conditions;   ///< on f and g alone
+  Jet terms;        ///< of the conditions: absolute values, those of x before they cancelled
+};
+
+// The rows U C, which have to vanish.
+Split split(const Matrix& U, const Jet& C) {
+  const Jet rows = U * C, sum = Matrix(U.cwiseAbs()) * absolute(C);
+  const Index k = rows.x.rows();
+  if (k == 0) return {rows, rows, rows};
+  const Vector size = U.cwiseAbs() * largest_of(C), size_x = sum.x.rowwise().maxCoeff();
+  Vector by(k);
+  for (Index i = 0; i < k; ++i) by[i] = 1 / std::max(size_x[i] > 0 ? size_x[i] : size[i], 1e-290);
+  const Eigen::JacobiSVD<Matrix> svd(by.asDiagonal() * rows.x, Eigen::ComputeFullU);
+  Index rank = 0;
+  while (rank < svd.singularValues().size() && svd.singularValues()[rank] > same_rank) ++rank;
+  const Matrix W = svd.matrixU().transpose() * by.asDiagonal(), rest = W.bottomRows(k - rank);
+  Jet conditions = rest * rows;
+  conditions.x.setZero();
+  const Matrix K = independent(conditions, rest.cwiseAbs() * size);
+  return {Matrix(W.topRows(rank)) * rows, K * conditions, Matrix((K * rest).cwiseAbs()) * sum};
 }
 
 // y_S = -E^+ C, of least norm. Directions that E leaves open may move neither the state nor w.
@@ -126,7 +154,8 @@ Matrix impulses(const SystemMatrices& s, const std::vector<Index>& active, const
 
 std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const std::vector<Index>& active) {
   const Index m = s.states(), n = s.constraints(), a = Index(active.size());
-  SwitchedMode mode{active, s.A, Jet::zero(n, m, n), false, false, false, Jet::zero(0, m, n), Matrix::Zero(n, 0)};
+  const Jet none = Jet::zero(0, m, n);
+  SwitchedMode mode{active, s.A, Jet::zero(n, m, n), false, false, false, none, none, none, Matrix::Zero(n, 0)};
   if (a == 0) return mode;
   const Matrix B = s.B(Eigen::all, active);
   Matrix E = s.M(active, active);
@@ -140,9 +169,10 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     const Vector& values = svd.singularValues();
     Index rank = 0;
     while (rank < values.size() && values[rank] > same_rank * std::max(1.0, values[0])) ++rank;
-    const Matrix U = svd.matrixU().rightCols(E.rows() - rank).transpose();
-    const Jet left = U * C;
-    const Jet constraints = independent(left, U.cwiseAbs() * largest_of(C));
+    const Split vanish = split(svd.matrixU().rightCols(E.rows() - rank).transpose(), C);
+    const Jet& constraints = vanish.constraints;
+    mode.conditions = stacked(mode.conditions, vanish.conditions);
+    mode.condition_terms = stacked(mode.condition_terms, vanish.terms);
     if (constraints.x.rows() == 0) {
       if (!determine_y(s, active, svd, rank, C, mode.y)) return std::nullopt;
       break;
@@ -158,9 +188,11 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     E = next;
   }
   mode.A += s.B * mode.y.x;
-  mode.uses_df = (mode.y.df.array() != 0).any();
-  mode.uses_dg = (mode.y.dg.array() != 0).any();
-  mode.uses_ddg = (mode.y.ddg.array() != 0).any();
+  for (const Jet* rows : {&mode.y, &mode.conditions}) {
+    mode.uses_df = mode.uses_df || (rows->df.array() != 0).any();
+    mode.uses_dg = mode.uses_dg || (rows->dg.array() != 0).any();
+    mode.uses_ddg = mode.uses_ddg || (rows->ddg.array() != 0).any();
+  }
   if (mode.constraints.x.rows() > 0) mode.impulse = impulses(s, active, mode.constraints);
   return mode;
 }

@@ -47,7 +47,10 @@ struct SwitchedMode {
   Jet y;                                                    ///< n rows: y as a function of u
   bool uses_df = false, uses_dg = false, uses_ddg = false;  ///< y depends on these
   Jet constraints;                                          ///< rows that vanish on the states of this mode
-  Matrix impulse;  ///< n x constraints: p = impulse * (value of the constraints)
+  /// Rows without x that vanish on the sources of this mode: constraints that agree, like two equal rows of w.
+  Jet conditions;
+  Jet condition_terms;  ///< their terms, by absolute value
+  Matrix impulse;       ///< n x constraints: p = impulse * (value of the constraints)
 };
 
 /// Value of the rows, and the sum of the absolute values of their terms.

@@ -16,32 +16,35 @@ bool ShortSteps::unique(LcpClass lcp_class) {
   if (system_.constraints() == 0 || lcp_class == LcpClass::P) return true;
   if (!is_PSD(LcpMatrix(system_.M))) return false;
   for (const double share : {1e-2, 1e-5}) {
-    const Matrix W = step_matrix(share / rate_);
-    if (classify(LcpMatrix(W)) == LcpClass::P) continue;
-    if (!is_PSD(LcpMatrix(W)) || moves_the_state(W)) return false;
+    const Matrix moved = response(share / rate_);
+    if (classify(LcpMatrix(Matrix(system_.M + moved))) == LcpClass::P) continue;
+    // The parts of M and of the response by themselves: that of a skew M is zero, and rounding of M does not count.
+    if (!is_monotone(Matrix(system_.M + system_.M.transpose()) + Matrix(moved + moved.transpose()))) return false;
     class_ = LcpClass::PSD;
   }
   return true;
 }
 
-// M + h N (I - hA)^{-1} B.
-Matrix ShortSteps::step_matrix(double h) const {
+// h N (I - hA)^{-1} B: what y adds to w within a step.
+Matrix ShortSteps::response(double h) const {
   const Matrix shifted = Matrix::Identity(system_.states(), system_.states()) - h * system_.A;
-  return system_.M + h * (system_.N * shifted.partialPivLu().solve(system_.B));
+  return h * (system_.N * shifted.partialPivLu().solve(system_.B));
 }
 
-// Whether two solutions of a monotone problem with the matrix W may have different B y: their difference lies in the
-// null space of W + W^T.
-bool ShortSteps::moves_the_state(const Matrix& W) const {
+// Whether the problem of a step, with twice the symmetric part S of its matrix, is monotone and determines B y: the
+// difference of two solutions lies in the null space of S.
+bool ShortSteps::is_monotone(const Matrix& S) const {
   const Index n = system_.constraints();
-  const Vector by = W.diagonal().cwiseAbs().cwiseMax(1e-290).cwiseSqrt().cwiseInverse();
-  const Eigen::SelfAdjointEigenSolver<Matrix> solver(by.asDiagonal() * Matrix(W + W.transpose()) * by.asDiagonal());
+  const Vector by = S.diagonal().cwiseAbs().cwiseMax(1e-290).cwiseSqrt().cwiseInverse();
+  const Eigen::SelfAdjointEigenSolver<Matrix> solver(by.asDiagonal() * S * by.asDiagonal());
   const Matrix B = system_.B * by.asDiagonal();
+  const double zero = 1e-9 * solver.eigenvalues()[n - 1];
+  if (!(solver.eigenvalues()[0] >= -zero)) return false;
   for (Index k = 0; k < n; ++k)
-    if (solver.eigenvalues()[k] < 1e-9 * solver.eigenvalues()[n - 1] &&
+    if (solver.eigenvalues()[k] < zero &&
         (B * solver.eigenvectors().col(k)).cwiseAbs().maxCoeff() > 1e-7 * B.cwiseAbs().maxCoeff())
-      return true;
-  return false;
+      return false;
+  return true;
 }
 
 ShortSteps::Step ShortSteps::take(double t, double h, const Vector& x, const Vector& offset) const {

@@ -26,8 +26,8 @@ class ShortSteps {
   double rate() const { return rate_; }
 
  private:
-  Matrix step_matrix(double h) const;
-  bool moves_the_state(const Matrix& W) const;
+  Matrix response(double h) const;
+  bool is_monotone(const Matrix& S) const;
 
   const SystemMatrices& system_;
   const EventSources& sources_;

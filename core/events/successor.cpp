@@ -163,4 +163,44 @@ Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::o
   return {};
 }
 
+// Up to the time when one of them ends.
+bool Successor::lead_to_the_same(const Candidate& a, const Candidate& b, const EventPoint& p) const {
+  const double common = std::min(a.lasts, b.lasts);
+  const Vector off =
+      a.step.x.transpose() * legendre(common / a.step.length) - b.step.x.transpose() * legendre(common / b.step.length);
+  const Vector size = p.sizes.with(a.step).x;
+  const double share = 1e-6 + 100 * steps_.noise();
+  return !((off.cwiseAbs() - share * size.cwiseMax(1e-3 * size.maxCoeff())).array() > 0).any();
+}
+
+Successor::Choice Successor::choose_among_all(EventPoint& p) {
+  constexpr double brief = 1e-3;  // of the longest: what lasts shorter touches its end by rounding
+  const Index n = system_.constraints();
+  p.sizes.include_x(p.x);
+  std::vector<Candidate> candidates;
+  for (Index bits = 0; bits < Index(1) << n; ++bits) {
+    std::vector<Index> set;
+    for (Index i = 0; i < n; ++i)
+      if (bits >> i & 1) set.push_back(i);
+    const SwitchedMode* mode = mode_of(set);
+    EventPoint here = p;
+    EventStep step;
+    if (!mode || enter(*mode, here) != Entry::smooth || !steps_.resolve(*mode, here, step)) continue;
+    const double lasts = step.valid * step.length;
+    p.work = here.work;
+    if (lasts > 4 * epsilon * T_) candidates.push_back({mode, lasts, std::move(step), here.x, here.integral});
+  }
+  if (candidates.empty()) return {};
+  Candidate& best = *std::max_element(candidates.begin(), candidates.end(),
+                                      [](const Candidate& a, const Candidate& b) { return a.lasts < b.lasts; });
+  Choice choice;
+  for (const Candidate& other : candidates)
+    if (other.lasts > brief * best.lasts && !lead_to_the_same(other, best, p)) choice.unique = false;
+  p.x = best.x;
+  p.integral = best.integral;
+  choice.mode = best.mode;
+  choice.step = std::move(best.step);
+  return choice;
+}
+
 }  // namespace bromwich

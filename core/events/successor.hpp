@@ -23,10 +23,14 @@ class Successor {
     const SwitchedMode* mode = nullptr;  ///< none: no active set was found
     EventStep step;
     std::vector<Vector> impulses;  ///< n each: the jumps of the state, in their order
+    bool unique = true;            ///< false: active sets lead to different states
   };
   /// Moves x and the integral of `p` by the impulses. `y_is_known`: y of `p` is the limit from the left. `likely`:
   /// tried first.
   Choice choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely);
+  /// Where the problems of short steps do not determine the solution: tries all active sets (n <= 5). The state does
+  /// not jump.
+  Choice choose_among_all(EventPoint& p);
 
  private:
   enum class Entry { smooth, jumped, refused };
@@ -44,6 +48,7 @@ class Successor {
   bool may_jump(const SwitchedMode&, const EventPoint&, const JetValues& u, const Vector& of, const Vector& p) const;
   bool is_limit_of_short_steps(const EventPoint&, const Vector& impulse) const;
   Entry enter(const SwitchedMode&, EventPoint&);
+  bool lead_to_the_same(const Candidate&, const Candidate&, const EventPoint&) const;
   Entry attempt(const std::vector<Index>& set, double least, EventPoint&);
   Entry attempt_proposed(double h, const Vector& offset, EventPoint&);
 

@@ -30,13 +30,14 @@ struct StageGrid {
   std::vector<double> lengths;  ///< length of the step to row j at index j - 1; empty if no step is rough
   std::vector<Index> step;      ///< grid step that contains row j
   std::vector<Index> at;        ///< row of each grid point
+  std::vector<Index> after;     ///< rows of brief parts that take g from after the jump at their grid point
 };
 
 constexpr Index fewest_compressed_stages = 40;   ///< eigenvalues of a line above which few poles are looked for
 constexpr std::size_t most_sparse_lengths = 32;  ///< one sparse factorization each
 
 StageGrid whole_steps(const DiscreteProblem& p) {
-  StageGrid grid{p.t, {}, std::vector<Index>(std::size_t(p.J) + 1), {}};
+  StageGrid grid{p.t, {}, std::vector<Index>(std::size_t(p.J) + 1), {}, {}};
   std::iota(grid.step.begin(), grid.step.end(), Index(0));
   grid.at = grid.step;
   return grid;
@@ -151,8 +152,39 @@ double predicted_root(const Vector& t, const Vector& w) {
   return t[2] + 2 * w[2] / (-at_end + std::sqrt(root));
 }
 
+bool takes_limits_at_points(const DiscreteProblem& p) { return p.lcp_class == LcpClass::P; }
+
+// Where g jumps at a point of the grid and M leaves y to the dynamics: the state has to follow g there, with y of its
+// own kind, and not within the step before. The step ends with two brief parts, one for the impulse and one after it.
+class JumpsAtPoints {
+ public:
+  explicit JumpsAtPoints(const DiscreteProblem& p) : p_(p) {
+    if (!p.sources || !p.scene.g || takes_limits_at_points(p)) return;
+    g_.emplace(p.scene.g, p.scene.constraints(), p.sources->resolution);
+    scale_ = p.g.table().cwiseAbs().maxCoeff();
+  }
+
+  // `ends`: of the parts of step j, the last of which is its point.
+  bool divide(Index j, std::vector<double>& ends) {
+    if (!g_ || !p_.sources->at(j)) return false;
+    const double from = ends.size() > 1 ? ends[ends.size() - 2] : p_.t[j - 1], to = ends.back(), brief = 0x1p-20 * p_.h;
+    Vector own;
+    g_->value(to, own);
+    const double jump = (own - g_->before(to, to - from)).cwiseAbs().maxCoeff();
+    if (!(jump > same_at_end * scale_) || !(to - from > 4 * brief)) return false;
+    ends.insert(ends.end() - 1, {to - 2 * brief, to - brief});
+    return true;
+  }
+
+ private:
+  const DiscreteProblem& p_;
+  std::optional<OneSided> g_;
+  double scale_ = 0;
+};
+
 StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers, const Contacts& contacts) {
-  StageGrid grid{{}, {}, {0}, {0}};
+  StageGrid grid{{}, {}, {0}, {0}, {}};
+  JumpsAtPoints jumps(p);
   std::vector<double> t{p.t[0]}, ends;
   for (Index j = 1; j <= p.J; ++j) {
     const RoughStep* rough = p.sources ? p.sources->at(j) : nullptr;
@@ -165,12 +197,14 @@ StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers, const Contact
     }
     if (const auto contact = contacts.find(j); contact != contacts.end())
       divide_contact(contact->second, p.t[j - 1], p.h, ends);
+    const bool jump = jumps.divide(j, ends);
     for (const double end : ends) {
       grid.lengths.push_back(ends.size() == 1 ? p.h : end - t.back());
       t.push_back(end);
       grid.step.push_back(j);
     }
     grid.at.push_back(Index(t.size()) - 1);
+    if (jump) grid.after.insert(grid.after.end(), {grid.at.back() - 1, grid.at.back()});
   }
   grid.t = Eigen::Map<const Vector>(t.data(), Index(t.size()));
   return grid;
@@ -213,6 +247,11 @@ void take_limits(const DiscreteProblem& p, const StageGrid& grid, bool at_points
     if (!p.sources->at(step) || (grid.at[std::size_t(step)] == j && !at_points)) continue;
     const double d = grid.lengths.empty() ? p.h : grid.lengths[std::size_t(j) - 1];
     g.row(j).tail(p.scene.constraints()) = source.whole(source.before(grid.t[j], d)).transpose();
+  }
+  const Index n = p.scene.constraints();
+  for (const Index row : grid.after) {
+    const RowMatrix own = p.g.table().row(grid.step[std::size_t(row)]);
+    for (Index k = 0; k < g.cols() / n; ++k) g.row(row).segment(k * n, n) = own;
   }
 }
 
@@ -301,7 +340,7 @@ struct Given {
 };
 
 bool takes_limits_at_points(const DiscreteProblem& p, const StageGrid& grid) {
-  return !grid.lengths.empty() && p.lcp_class == LcpClass::P;
+  return !grid.lengths.empty() && takes_limits_at_points(p);
 }
 
 // The modes of a Kronecker sum: all eigenvalues of a line, or few poles of its transfer function where no states are

@@ -1,10 +1,11 @@
 #pragma once
 // Where f and g jump or have a kink, found by looking: for sources whose breakpoints nobody has named.
 //
-// Values at 65536 times (fewer where one has many components). Between two of them a source that is smooth changes
-// about as much as beside them; where one changes much more, the place is narrowed down by halving, to the rounding of
-// t. What still changes by half of that there is a jump. Where the slope changes much more than beside, the lines on
-// both sides meet in a kink (small dense scenes only). Pulses that lie between two of the times are not seen.
+// Values at 65536 times (fewer where one has many components), component by component. Between two of them a source
+// that is smooth changes about as much as beside them; where one changes much more, the place is narrowed down by
+// halving, to the rounding of t. What still changes by half of that there is a jump. Where the slope changes much more
+// than beside, the lines on both sides meet in a kink (small dense scenes only); beside jumps the times are closer.
+// Pulses that lie between two of the times are not seen.
 
 #include "scene.hpp"
 

@@ -2,6 +2,7 @@
 
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
+#include "core/events/collocation.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/solve/event_rows.hpp"
 
@@ -13,15 +14,16 @@ namespace bromwich {
 
 namespace {
 
-constexpr double first_tolerance = 1e-7;  ///< of the first integration at most, for the last coefficients of steps
+constexpr double first_tolerance = 1e-8;  ///< of the first integration at most, for the last coefficients of steps
+constexpr double first_share = 1e-4;      ///< of the tolerance, likewise
+constexpr double least_first = 1e-10;     ///< of the first integration at least, and where no tolerance is given
 constexpr double ratio = 1e-3;            ///< of the tolerances of two integrations
 constexpr double finest_tolerance = 1e-12;
-constexpr double agreed = 0.8;       ///< of the tolerance
-constexpr double negligible = 1e-7;  ///< of the tolerance: smaller errors need not be known
-constexpr double assumed = 1e-4;     ///< the tolerance where none is given
-constexpr double of_events = 10;     ///< times the tolerance of the last coefficients: errors by located events
-constexpr Index most_halvings = 6;   ///< of the steps between rows
-constexpr double fewest_in_T[] = {48, 64, 80};  ///< steps of each integration: no two look at the same times
+constexpr double agreed = 0.8;             ///< of the tolerance
+constexpr double assumed = 1e-4;           ///< the tolerance where none is given
+constexpr double rounding = 64 * epsilon;  ///< smaller differences say nothing
+constexpr Index most_halvings = 6;         ///< of the steps between rows
+constexpr std::size_t fewest_in_T = 32;    ///< steps, and 16 more each time: no two integrations look at the same times
 
 // Mean over time of how far y and x are from linear between the rows, relative to their sizes.
 double bend(const EventSolution& s, const Result& r, const ComponentSizes& sizes) {
@@ -37,6 +39,15 @@ double bend(const EventSolution& s, const Result& r, const ComponentSizes& sizes
     return sum.size() == 0 ? 0.0 : (sum.array() > 0).select(sum.cwiseQuotient(size), 0).maxCoeff() / double(J);
   };
   return std::max(mean(of_y, sizes.of_y(r)), mean(of_x, sizes.of_x(r)));
+}
+
+// At the ends and in the middle of all pieces.
+Vector largest_of(const EventSolution& s, Matrix EventPiece::*which) {
+  Vector largest = Vector::Zero((s.pieces.front().*which).cols());
+  for (const EventPiece& p : s.pieces)
+    for (const double part : {0.0, 0.5, 1.0})
+      largest = largest.cwiseMax(((p.*which).transpose() * legendre(part * (p.end - p.begin) / p.length)).cwiseAbs());
+  return largest;
 }
 
 class EventControl {
@@ -61,24 +72,31 @@ class EventControl {
       rows_->fill({}, components_, options_.trace, r);
       return r;
     }
-    std::vector<EventSolution> found;
-    double next = std::min(first_tolerance, 1e-4 * tolerance_);
-    for (bool known = false; !known; next = std::max(finest_tolerance, next * ratio)) {
-      tolerances_.push_back(next);
-      found.push_back(integrate());
-      if (!found.back().complete) return ended_early(found.back());
-      known = judge(found);
+    EventSolution coarse;
+    tolerances_ = {chooses_grid() ? std::clamp(first_share * tolerance_, least_first, first_tolerance) : least_first};
+    if (EventSolution first = integrate(tolerances_[0], 1); first.complete)
+      coarse = std::move(first);
+    else
+      return ended_early(first);
+    for (;;) {
+      tolerances_.push_back(std::max(finest_tolerance, ratio * tolerances_.back()));
+      EventSolution fine = integrate(tolerances_.back(), tolerances_.size());
+      if (!fine.complete) return with_coarser(coarse, fine);
+      if (tolerances_.size() == 2) choose_grid(fine);
+      compare(coarse, fine);
+      if (std::max(of_y_, of_x_) <= agreed * tolerance_ || tolerances_.back() <= finest_tolerance)
+        return finished(coarse);
+      coarse = std::move(fine);
     }
-    return finished(found[1]);
   }
 
  private:
   bool chooses_grid() const { return goal_.tolerance > 0; }
 
-  EventSolution integrate() const {
+  EventSolution integrate(double tolerance, std::size_t number) const {
     EventOptions o;
-    o.tolerance = tolerances_.back();
-    o.longest_step = scene_.T / fewest_in_T[tolerances_.size() - 1];
+    o.tolerance = tolerance;
+    o.longest_step = scene_.T / double(fewest_in_T + 16 * number);
     o.most_work = goal_.most_work;
     o.interrupted = [this] { return (options_.interrupted && options_.interrupted()) || out_of_time(); };
     if (options_.progress) {
@@ -93,32 +111,45 @@ class EventControl {
            std::chrono::steady_clock::now() - start_ > std::chrono::duration<double>(options_.max_seconds);
   }
 
-  // Whether the error of the second solution is known, in of_y_ and of_x_.
-  bool judge(const std::vector<EventSolution>& found) {
-    if (found.size() < 2) return false;
-    const std::size_t last = found.size() - 1;
-    Result coarse, fine;
-    rows_->fill(found[last - 1], components_, false, coarse);
-    rows_->fill(found[last], components_, false, fine);
-    const Distance d = distance(coarse, 1, fine, 1, sizes_);
-    of_mean_ = !found[1].continuous || !found[last].continuous;
-    of_y_ = of_mean_ ? d.mean : d.y;
-    of_x_ = goal_.of_x ? d.of_x() : 0;
-    if (!goal_.of_y) of_y_ = 0;
-    const double difference = std::max(of_y_, of_x_);
-    const double floor = of_events * tolerances_[1];
-    if (last == 1) {
-      // The first solution differs from the second by its own error; that of the second is smaller as its tolerance is.
-      const double smaller = tolerances_[1] / tolerances_[0];
-      const bool resolved = found[1].defect <= 2 * tolerances_[1];
-      if (!resolved || !(difference <= agreed * tolerance_) || !(smaller * difference <= negligible * tolerance_))
-        return false;
-      of_y_ *= smaller;
-      of_x_ *= smaller;
+  // Where the finer integration did not come to its end, a coarser one is compared with the one there is.
+  Result with_coarser(const EventSolution& known, const EventSolution& failed) {
+    if (failed.interrupted || tolerances_.size() != 2) return ended_early(failed);
+    tolerances_ = {tolerances_[0] / ratio, tolerances_[0]};
+    const EventSolution coarse = integrate(tolerances_[0], 3);
+    if (!coarse.complete) return ended_early(failed);
+    choose_grid(known);
+    compare(coarse, known);
+    return std::max(of_y_, of_x_) <= agreed * tolerance_ ? finished(coarse) : ended_early(failed);
+  }
+
+  void look_at_sizes(const EventSolution& s) {
+    sizes_.seen_y = largest_of(s, &EventPiece::y);
+    sizes_.seen_x = largest_of(s, &EventPiece::x)(components_);
+  }
+
+  // So many rows that y and x are linear between them, where they are continuous.
+  void choose_grid(const EventSolution& s) {
+    if (!chooses_grid() || !s.continuous) return;
+    look_at_sizes(s);
+    Result r;
+    for (Index halvings = 0; halvings < most_halvings; ++halvings) {
+      rows_->fill(s, components_, false, r);
+      const Index next = 2 * r.steps;
+      if (next > options_.max_steps || bend(s, r, sizes_) <= tolerance_) return;
+      rows_.emplace(scene_, backend_, next);
     }
-    if (goal_.of_y) of_y_ = std::max(of_y_, floor);
-    if (goal_.of_x && fine.x.cols() > 0) of_x_ = std::max(of_x_, floor);
-    return true;
+  }
+
+  // The error of the less accurate solution, which is the one that is returned: in of_y_ and of_x_.
+  void compare(const EventSolution& coarse, const EventSolution& fine) {
+    Result a, b;
+    rows_->fill(coarse, components_, false, a);
+    rows_->fill(fine, components_, false, b);
+    look_at_sizes(fine);
+    const Distance d = distance(a, 1, b, 1, sizes_);
+    of_mean_ = !coarse.continuous || !fine.continuous;
+    of_y_ = goal_.of_y ? std::max(rounding, of_mean_ ? d.mean : d.y) : 0;
+    of_x_ = goal_.of_x && a.x.cols() > 0 ? std::max(rounding, d.of_x()) : 0;
   }
 
   void describe(const EventSolution& s, Result& r) const {
@@ -147,22 +178,15 @@ class EventControl {
 
   Result finished(const EventSolution& s) {
     Result r;
-    for (Index halvings = 0;; ++halvings) {
-      rows_->fill(s, components_, options_.trace, r);
-      const Index next = 2 * r.steps;
-      if (!chooses_grid() || !s.continuous || halvings == most_halvings || next > options_.max_steps ||
-          bend(s, r, sizes_) <= tolerance_)
-        break;
-      rows_.emplace(scene_, backend_, next);
-    }
+    rows_->fill(s, components_, options_.trace, r);
     describe(s, r);
     r.residual = rows_->residual(r);
     r.error_estimate = std::max(of_y_, of_x_);
     const bool met = *r.error_estimate <= agreed * tolerance_ || !chooses_grid();
     r.status = met ? Status::solved : Status::tolerance_not_met;
     if (!met)
-      r.reason = text("integrations with tolerances of %.0e and %.0e differ by %.1e", tolerances_[1], tolerances_[2],
-                      *r.error_estimate);
+      r.reason = text("integrations with tolerances of %.0e and %.0e differ by %.1e",
+                      tolerances_[tolerances_.size() - 2], tolerances_.back(), *r.error_estimate);
     else if (*r.error_estimate > agreed * tolerance_)
       add_warning(r, text("the error is about %.1e, of data that magnify rounding", *r.error_estimate));
     if (!chooses_grid()) return r;
@@ -179,7 +203,7 @@ class EventControl {
   const Scene& scene_;
   Backend& backend_;
   const InnerOptions& options_;
-  const ComponentSizes& sizes_;
+  ComponentSizes sizes_;
   const EventGoal goal_;
   double tolerance_;
   LcpClass lcp_class_;

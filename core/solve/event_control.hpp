@@ -13,8 +13,9 @@ struct EventGoal {
   double most_work = 1e11;  ///< floating-point operations of each integration, about
 };
 
-/// A small scene by located events (core/events): two integrations, the second a thousand times as accurate, and a
-/// third where the difference of the two says that the error of the second cannot be neglected.
+/// A small scene by located events (core/events): two integrations, the second a thousand times as accurate. The first
+/// is returned, and its difference to the second is the estimate of its error. If that is above the tolerance, the
+/// second is compared with a third.
 ///
 /// With a tolerance the rows of the result are those of a grid of at least the scene's default steps, halved until y
 /// and x are linear between them to the tolerance, where they are continuous. Without one the grid is that of the

@@ -41,6 +41,84 @@ TEST(EventDriven, ABallComesToRestOnARigidFloor) {
   EXPECT_NEAR(s.integral_of_y(3, true)[0], 1 + 2, 1e-9) << "the impulse and the weight";
 }
 
+// x' = -x + y_0 + y_1 from 0, w_0 = w_1 = x + y_0 + y_1 - 1: s = y_0 + y_1 = 1 - x, x' = 1 - 2 x, x = (1 - e^{-2t}) /
+// 2, and s is shared equally (least norm).
+TEST(EventDriven, EqualConstraintsShareY) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1, 1}}, Matrix{{1}, {1}}};
+  scene.M = Matrix(Matrix::Ones(2, 2));
+  scene.g = [](double, Eigen::Ref<Vector> v) { v.setConstant(-1); };
+  scene.x0 = Vector::Zero(1);
+  scene.T = 2;
+  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  for (const double t : {0.1, 0.7, 2.0}) {
+    const double x = (1 - std::exp(-2 * t)) / 2;
+    EXPECT_NEAR(s.x(t, true)[0], x, 1e-10);  // EventOptions::tolerance
+    EXPECT_NEAR(s.y(t, true)[0], (1 - x) / 2, 1e-10);
+    EXPECT_NEAR(s.y(t, true)[1], (1 - x) / 2, 1e-10);
+  }
+}
+
+// The same with g_1 = g_0 up to t = 1, and larger from then on: y_0 acts alone.
+TEST(EventDriven, EqualConstraintsPartAtABreakpoint) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1, 1}}, Matrix{{1}, {1}}};
+  scene.M = Matrix(Matrix::Ones(2, 2));
+  scene.g = [](double t, Eigen::Ref<Vector> v) {
+    v[0] = -1;
+    v[1] = -1 + std::max(0.0, t - 1);
+  };
+  scene.x0 = Vector::Zero(1);
+  scene.T = 2;
+  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {1}, {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  const auto x = [](double t) { return (1 - std::exp(-2 * t)) / 2; };
+  EXPECT_NEAR(s.x(2, true)[0], x(2), 1e-9);
+  EXPECT_NEAR(s.y(0.5, true)[0], s.y(0.5, true)[1], 1e-10);
+  EXPECT_NEAR(s.y(1.5, true)[0], 1 - x(1.5), 1e-9);
+  EXPECT_EQ(s.y(1.5, true)[1], 0);
+}
+
+// Collocation with many short steps: rounding does not add up. x' = A x rotates; 2e4 steps.
+TEST(EventDriven, ManyStepsDoNotAddUpRounding) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {-1, 0}}, Matrix{{0}, {0}}, Matrix{{0, 0}}};
+  scene.M = Matrix{{1}};
+  scene.g = [](double, Eigen::Ref<Vector> v) { v[0] = 1; };
+  scene.x0 = Vector{{1, 0}};
+  scene.T = 1;
+  EventOptions options;
+  options.longest_step = 5e-5;
+  const EventSolution s = integrate_with_events(scene, LcpClass::P, {}, options);
+  ASSERT_TRUE(s.complete) << s.reason;
+  EXPECT_GE(s.pieces.size(), 20000u);
+  // Each step rounds x (epsilon / 2, at random) and its change of 5e-5: sqrt(2e4) epsilon / 2 = 70 epsilon, twice that.
+  EXPECT_LE((s.x(1, true) - Vector{{std::cos(1.0), -std::sin(1.0)}}).norm(), 140 * epsilon);
+}
+
+// x' = y, w = x - y, x0 = 1: y = 0 and y = x both continue.
+TEST(EventDriven, TwoSolutionsAreNoSolution) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{-1}};
+  scene.x0 = Vector{{1}};
+  scene.T = 1;
+  const EventSolution s = integrate_with_events(scene, LcpClass::unknown, {}, {});
+  EXPECT_FALSE(s.complete);
+  EXPECT_NE(s.reason.find("not unique"), std::string::npos) << s.reason;
+}
+
+TEST(EventDriven, CountsTheValuesOfSourcesAsWork) {
+  Scene scene = ball(0.5);
+  scene.g = [](double, Eigen::Ref<Vector> v) { v.setZero(); };
+  EventOptions options;
+  options.most_work = 1e6;  // 16384 values looked at, of 3 components, cost more
+  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, options);
+  EXPECT_FALSE(s.complete);
+  EXPECT_EQ(s.reason.rfind(out_of_work, 0), 0u) << s.reason;
+}
+
 TEST(EventDriven, EndsWithAReason) {
   EventOptions options;
   options.most_work = 1;

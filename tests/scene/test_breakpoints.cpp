@@ -55,6 +55,37 @@ TEST(SourceBreakpoints, KinksAreFound) {
   check([](double t) { return t < 0.4 ? t : 1.4 - 2 * t; }, {0.4});
 }
 
+// A jump and a kink of one component, beside another one that changes fast everywhere, or jumps next to the kink.
+TEST(SourceBreakpoints, OneComponentDoesNotHideAnother) {
+  Scene scene = with_g([](double) { return 0.0; });
+  scene.M = Matrix::Identity(2, 2);
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1, 0}}, Matrix{{1}, {0}}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) {
+    v[0] = std::sin(2500 * t);
+    v[1] = t >= 0.3 ? 0.1 : 0;
+  };
+  std::vector<double> found = find_breakpoints(scene);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_NEAR(found[0], 0.3, 16 * epsilon);
+  scene.g = [](double t, Eigen::Ref<Vector> v) {
+    v[0] = std::max(0.0, t - 0.50003);
+    v[1] = t >= 0.5 ? 1 : 0;
+  };
+  found = find_breakpoints(scene);
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_NEAR(found[0], 0.5, 16 * epsilon);
+  EXPECT_NEAR(found[1], 0.50003, 1e-9);
+}
+
+// The same within one component: the kink is 2 of the 65536 times behind the jump.
+TEST(SourceBreakpoints, AKinkBesideAJumpIsFound) {
+  const std::vector<double> found =
+      find_breakpoints(with_g([](double t) { return (t >= 0.5 ? 1.0 : 0.0) + 3 * std::max(0.0, t - 0.50003); }));
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_NEAR(found[0], 0.5, 16 * epsilon);
+  EXPECT_NEAR(found[1], 0.50003, 1e-9);
+}
+
 TEST(SourceBreakpoints, WhatIsSmoothHasNone) {
   EXPECT_TRUE(find_breakpoints(with_g([](double t) { return std::exp(-1e4 * t); })).empty());
   EXPECT_TRUE(find_breakpoints(with_g([](double t) { return std::sin(3e4 * t); })).empty());

@@ -9,14 +9,17 @@
 namespace bromwich::oracle {
 namespace {
 
-/// Largest distance of `found` from the range of values around t, where the solution may jump.
+/// Largest distance of `found` from the range of values around t, where the solution may jump; value(t, left).
 template <typename Value>
 double distance(const Vector& found, double t, double T, const Vector& size, const Value& value) {
   if (!found.allFinite()) return INFINITY;
-  const double apart = 1e-9 * T;
-  const std::array<Vector, 3> around{value(std::max(0.0, t - apart)), value(t), value(std::min(T, t + apart))};
-  const Vector least = around[0].cwiseMin(around[1]).cwiseMin(around[2]);
-  const Vector most = around[0].cwiseMax(around[1]).cwiseMax(around[2]);
+  const double apart = 1e-12 * T;
+  Vector least = value(t, true), most = least;
+  for (const Vector& other :
+       {value(t, false), value(std::max(0.0, t - apart), false), value(std::min(T, t + apart), false)}) {
+    least = least.cwiseMin(other);
+    most = most.cwiseMax(other);
+  }
   const Vector off = (least - found).cwiseMax(found - most).cwiseMax(0);
   return found.size() == 0 ? 0 : off.cwiseQuotient(size).maxCoeff();
 }
@@ -40,12 +43,14 @@ TrueError true_error(const SourceScene& s, const EventSolution& truth, const Res
   const Index J = r.y.rows() - 1;
   for (Index j = 1; j <= J; ++j) {
     const double t = std::min(T, r.t[j] / s.unit_t);
-    const double x = distance(r.x.row(j).transpose() / s.unit_x, t, T, size_x, [&](double at) { return truth.x(at); });
+    const double x = distance(r.x.row(j).transpose() / s.unit_x, t, T, size_x,
+                              [&](double at, bool left) { return truth.x(at, left); });
     if (x > e.x) e.x = x, e.x_at = r.t[j];
     if (!truth.y_unique || (!e.of_mean && between_edges(s.base.breaks, t, T))) continue;
-    const double y =
-        e.of_mean ? distance(mean.row(j).transpose(), t, T, size_y, [&](double at) { return truth.integral(at); })
-                  : distance(r.y.row(j).transpose() / s.unit_y, t, T, size_y, [&](double at) { return truth.y(at); });
+    const double y = e.of_mean ? distance(mean.row(j).transpose(), t, T, size_y,
+                                          [&](double at, bool left) { return truth.integral(at, left); })
+                               : distance(r.y.row(j).transpose() / s.unit_y, t, T, size_y,
+                                          [&](double at, bool left) { return truth.y(at, left); });
     if (y > e.y) e.y = y, e.y_at = r.t[j];
   }
   return e;
