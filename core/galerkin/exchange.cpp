@@ -92,11 +92,7 @@ class Exchange {
     if (start) start_from(*start);
     std::unordered_set<std::size_t> visited;
     for (s.iterations = 1; s.iterations <= most; ++s.iterations) {
-      if (options_.interrupted && options_.interrupted()) {
-        s.status = Status::interrupted;
-        s.reason = "stopped on request";
-        break;
-      }
+      if (asked_to_stop(options_, s)) break;
       ActiveSizes sizes;
       if (!solve_on_active_sets(p_.boundary, sizes, s.reason)) break;
       const Index flips = exchanged(sizes);

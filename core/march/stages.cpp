@@ -304,8 +304,8 @@ bool takes_limits_at_points(const DiscreteProblem& p, const StageGrid& grid) {
   return !grid.lengths.empty() && p.lcp_class == LcpClass::P;
 }
 
-// The modes of a Kronecker sum: all eigenvalues of a line, or few poles of its transfer function where no states are
-// asked for and x0 is zero.
+// The modes of a Kronecker sum: all eigenvalues of a line, or few poles of its transfer function if no states are
+// requested and x0 is zero.
 std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index stages, RecurrenceChoice choice) {
   const KroneckerDynamics& d = *p.modes();
   auto modal = std::make_shared<ModalStages>();
@@ -315,12 +315,7 @@ std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index 
   const bool chosen = choice == RecurrenceChoice::compressed;
   if (p.components.empty() && p.scene.x0.isZero(0) && choice != RecurrenceChoice::modal &&
       (chosen || nu.size() > fewest_compressed_stages)) {
-    const LineTransfer line(d.across, d.n, d.b);
-    const TransferFunctions transfer = [&line](Complex z) -> ComplexVector {
-      return ComplexVector::Constant(1, line(z));
-    };
-    const FitRegion region{stages == 2, p.h, p.scene.T, -modal->along.maxCoeff(), -modal->along.minCoeff()};
-    const PoleSum fit = fit_poles(transfer, 1, region, -nu.maxCoeff(), -nu.minCoeff(), false);
+    const PoleSum fit = fit_line(d, stages == 2, p.h, p.scene.T);
     if (fit.error <= accepted_compression_error && (chosen || 2 * fit.rates.size() <= nu.size())) {
       modal->rates = fit.rates;
       modal->input = Vector::Ones(fit.rates.size());

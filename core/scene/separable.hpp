@@ -34,7 +34,7 @@ class SampledSource {
   /// The same with another row of `values`.
   void replace(Index j, const Vector& value);
 
-  /// All rows, written out when they are first asked for, on the host. Not by several threads at once.
+  /// All rows on the host, computed by the first call. Not by several threads at once.
   const RowMatrix& table() const;
 
  private:

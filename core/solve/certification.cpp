@@ -162,7 +162,7 @@ void Certification::resolve_modes(Method method, const RowMatrix& known, Result&
       confirm_by_half_the_step(method, 1,
                                text("the state oscillates with %.3g radians per unit of time, faster than "
                                     "the steps",
-                                    std::abs(mode->rate.imag())),
+                                    std::abs(mode->imag())),
                                result);
     return;
   }
@@ -170,16 +170,15 @@ void Certification::resolve_modes(Method method, const RowMatrix& known, Result&
   const RowMatrix& x = fits ? known : made;
   if (x.rows() != p.J + 1) return;
   if (const auto mode = options_.compares_grids ? std::nullopt : unresolved_growth(p, result.y, x)) {
-    confirm_by_fine_steps(method, std::abs(mode->rate),
-                          text("the scene has a mode that grows like e^(%.3g t)", mode->rate.real()), result);
+    confirm_by_fine_steps(method, std::abs(*mode),
+                          text("the scene has a mode that grows like e^(%.3g t)", mode->real()), result);
     if (result.status != Status::solved) return;
   }
   const auto damping = by_euler(method, result) ? euler_damping : radau_damping;
   const auto mode = unresolved_oscillation(p, result.y, x, damping);
   if (!mode) return;
-  const std::string words =
-      text("the state oscillates with %.3g radians per unit of time, which %s damps at this step",
-           std::abs(mode->rate.imag()), by_euler(method, result) ? "implicit Euler" : "Radau IIA");
+  const std::string words = text("the state oscillates with %.3g radians per unit of time, which %s damps at this step",
+                                 std::abs(mode->imag()), by_euler(method, result) ? "implicit Euler" : "Radau IIA");
   if (last_resort_ || options_.compares_grids) {
     sensitive_ = true;
     demote(result, words + "; use more steps");

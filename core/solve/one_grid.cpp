@@ -18,7 +18,7 @@ namespace bromwich {
 
 namespace {
 
-// One run of a scene: its methods on the grid asked for, and on finer ones where a result has to be confirmed.
+// One run of a scene: its methods on the requested grid, and on finer ones if a result has to be confirmed.
 class Run {
  public:
   Run(Methods& methods, Backend& backend, const InnerOptions& options)
@@ -184,7 +184,7 @@ bool are_prepared(const Prepared& kept, const Scene& scene, Index J, const std::
   return &scene == kept.stated ? !kept.scene : kept.scene && same_entry(*kept.scene, scene);
 }
 
-// The cost of methods that there are is not asked for again: a device takes a while to say what it has free.
+// The cost of prepared methods is kept: a device takes a while to report its free memory.
 Cost cost_of(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
              const InnerOptions& options) {
   Prepared* const kept = options.prepared.get();
