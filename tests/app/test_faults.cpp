@@ -14,21 +14,6 @@
 namespace bromwich {
 namespace {
 
-const std::string decay = R"toml(
-[dynamics]
-A = [[-1]]
-B = [[0]]
-x0 = [2]
-[complementarity]
-N = [[1]]
-M = [[1]]
-[time]
-T = 1
-steps = 8
-[output]
-states = "all"
-)toml";
-
 // w = 1 - t: y = 0 until t = 1, infeasible afterwards.
 const std::string infeasible = R"toml(
 [dynamics]
