@@ -139,7 +139,7 @@ Scene relay_scene(const Sections& s, Draft& draft) {
                   fmt::format("found [relay] and {}", other == &s.kronecker ? "[kronecker]" : "[complementarity]"),
                   "give one of the two");
   const auto dense = [](const Section& section, const char* key, Index rows = 0, Index columns = 0) {
-    return to_dense(section.matrix(key, rows, columns), section.where(key));
+    return dense_value(section.matrix(key, rows, columns), section.where(key));
   };
   const Matrix A = dense(s.dynamics, "A"), B = dense(s.dynamics, "B");
   const Index m = A.rows();
@@ -223,7 +223,7 @@ void add_boundary(const Sections& s, Scene& scene) {
     throw Error(section.where("E0"), fmt::format("the scene has {} states", m),
                 fmt::format("boundary values are for {} states at most", largest_dense));
   const auto end = [&](const char* key) {
-    return section.has(key) ? to_dense(section.matrix(key, m, m), section.where(key)) : Matrix(Matrix::Zero(m, m));
+    return section.has(key) ? dense_value(section.matrix(key, m, m), section.where(key)) : Matrix(Matrix::Zero(m, m));
   };
   scene.boundary = BoundaryCondition{end("E0"), end("ET"), section.vector("b", m)};
 }
