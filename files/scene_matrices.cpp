@@ -10,7 +10,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index largest_dense = 4096;    ///< states; a dense A then takes 128 MiB
 constexpr Index smallest_sparse = 257;   ///< states from which a sparse A is kept sparse
 constexpr double largest_density = 0.1;  ///< of a sparse A
 

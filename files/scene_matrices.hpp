@@ -10,6 +10,7 @@ SparseMatrix sparse_value(const MatrixValue&);
 /// Throws Error that names `where` if the matrix is too large to be dense.
 Matrix dense_value(const MatrixValue&, const std::string& where);
 
+inline constexpr Index largest_dense = 4096;       ///< states; a dense A then takes 128 MiB
 inline constexpr Index smallest_tridiagonal = 17;  ///< constraints from which a tridiagonal M is stored as diagonals
 
 /// `smallest`: number of rows from which a tridiagonal matrix is stored as diagonals.
