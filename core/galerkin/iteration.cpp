@@ -22,7 +22,7 @@ constexpr Index patience_sweeps = 60;     ///< without a smaller change
 constexpr Index repeated_sweeps = 3;      ///< without a smaller change, once it is at rounding level
 constexpr double rounding_level = 1e-10;  ///< of a change: smaller ones may go up and down
 
-// What the changes of the sweeps say about convergence.
+// Convergence, judged by the changes of the sweeps.
 class SweepChanges {
  public:
   explicit SweepChanges(double tolerance) : tolerance_(tolerance) {}

@@ -215,7 +215,7 @@ std::vector<IntervalRule> next_rules(const RuledProblems& problems, RuleChoice& 
     IntervalRule rule = choice.needed(values);
     if (rule == IntervalRule::radau && choice.source_jumps(p.t[k], p.t[k + 1])) rule = IntervalRule::euler;
     const bool jump = now == IntervalRule::radau && lets_go(values);
-    // What was taken by Euler shows no jump any more.
+    // An interval of Euler shows no jump any more.
     if (jump || (now == IntervalRule::euler && rule != IntervalRule::galerkin)) rule = IntervalRule::euler;
     if (keep) rule = std::max(rule, now);
     next[std::size_t(k)] = rule;

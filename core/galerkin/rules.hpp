@@ -67,9 +67,9 @@ class RuleChoice {
   std::map<std::vector<Index>, IntervalRule> known_;
 };
 
-/// Whether some constraint is active at the first stage of an interval by Radau IIA and not at the second, z = (y_1,
-/// y_2). A jump of the state looks like this, however small it is: y_1 takes w_1 to 0 and moves x_k by 3/4 : 5/12 = 9/5
-/// of what was needed. So does a smooth state where y ends; a step of Euler there costs one error of O(h^2).
+/// Whether some constraint is active at the first stage of an interval of Radau IIA and not at the second, z = (y_1,
+/// y_2). This is so after a jump of the state of any size: y_1 takes w_1 to 0 and moves x_k by 3/4 : 5/12 = 9/5 of the
+/// distance. It is also so for a smooth state if y ends in the interval; a step of Euler there has one error of O(h^2).
 bool lets_go(const Vector& z);
 
 /// The problems without their free unknowns.
@@ -97,12 +97,12 @@ struct RuledSolution {
 using GalerkinSolver =
     std::function<GalerkinSolution(const GalerkinProblem& full, const GalerkinProblem&, const RowMatrix& start)>;
 
-/// From `first`, the solution or failure with all intervals by method galerkin, and its elimination. Nothing where that
-/// may stay. Initial values are marched by rules; for boundary values `solver` solves again until the rules stay.
+/// `first`: the solution or failure with all intervals by method galerkin. Empty if it needs no other rule. Initial
+/// values are marched by rules; for boundary values `solver` solves again until the rules do not change.
 std::optional<RuledSolution> solve_by_rules(const Scene&, const GalerkinProblem&, const FreeElimination&,
                                             const GalerkinSolution& first, const GalerkinSolver&, const Options&);
 
-/// What a user should know of them; t: the nodes.
+/// The warning for a user; t: the nodes. Empty if no interval has another rule.
 std::string warning_of(const std::vector<IntervalRule>&, const Vector& t);
 
 /// "...; 12 intervals by Radau IIA, 3 by implicit Euler", or nothing.

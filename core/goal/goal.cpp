@@ -77,7 +77,7 @@ bool sees_little(const PortSystem& system, StepScheme scheme, const Vector& t) {
 
 constexpr Index expected_sizes = 16;  ///< step sizes of a grid, where its cells are limited by the memory
 
-/// The cycle for one scene: its grids, what is evaluated on them, and what the result says.
+/// The cycle for one scene: grids, evaluations on them, and the result.
 class GoalSolve {
  public:
   GoalSolve(const Scene& scene, Backend& backend, const Options& options, const GoalOptions& goal)

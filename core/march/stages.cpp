@@ -21,7 +21,7 @@ namespace {
 
 constexpr double first_node = 1.0 / 3;  ///< c_1 of Radau IIA; the last node is the end of the step
 
-constexpr Index fewest_compressed_stages = 40;  ///< eigenvalues of a line above which few poles are looked for
+constexpr Index fewest_compressed_stages = 40;  ///< eigenvalues of a line above which a fit by few poles is tried
 constexpr int most_passes = 8;                  ///< marches until contacts stay in the same steps
 
 // g or phi at the stages of every step. Row j belongs to the step that ends at row j; row 0 holds the value at t = 0
@@ -132,7 +132,7 @@ std::unique_ptr<Array> on_backend(const DiscreteProblem& p, const RowMatrix& val
   return array;
 }
 
-// Input of the march and what it points to.
+// Input of the march and the objects that it refers to.
 struct Given {
   Dynamics written_out;  ///< a Kronecker sum as sparse matrices
   StageProblem problem;

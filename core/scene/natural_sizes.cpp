@@ -13,8 +13,8 @@ namespace {
 
 constexpr Index most_unknowns = 4000;       ///< above: one size for all states, one for y and one for w
 constexpr std::size_t most_terms = 100000;  ///< likewise
-constexpr double strong = 1e-6;    ///< of the rates of two states: a pair of entries that shapes what is symmetric
-constexpr double alike = 1e-6;     ///< of two logarithms
+constexpr double strong = 1e-6;  ///< of the rates of two states: pairs of larger entries determine the symmetric shape
+constexpr double alike = 1e-6;   ///< of two logarithms
 constexpr double same_size = 1.5;  ///< decimal logarithms that a shape may move
 
 double positive_or(double value, double otherwise) { return value > 0 && std::isfinite(value) ? value : otherwise; }
@@ -61,7 +61,7 @@ Vector own_rates(const SparseMatrix& A, double T) {
   return Vector(A.diagonal()).cwiseAbs().cwiseMax(Vector::Constant(A.rows(), 1 / T));
 }
 
-// x0, or what the rows of a boundary condition leave of it.
+// |x0|, or bounds from the rows of a boundary condition.
 Vector initial_sizes(const Scene& scene) {
   if (!scene.boundary) return scene.x0.cwiseAbs();
   const BoundaryCondition& c = *scene.boundary;
@@ -145,7 +145,7 @@ Vector line_response(const KroneckerDynamics& d, double T) {
   return z;
 }
 
-// The states of a component in these proportions, where their sizes are about that anyway: what is symmetric stays so.
+// Gives the states of a component the sizes that make |A| symmetric, if their own sizes are close to them.
 void take_symmetric_shape(const SymmetricShape& s, Vector& x) {
   Vector sum = Vector::Zero(s.components), count = sum, worst = sum;
   const auto each = [&](const auto& take) {

@@ -28,7 +28,7 @@ class SampledSource {
   Index not_finite() const;
 
   bool factored() const { return shapes_.size() > 0; }
-  /// What was sampled: the rows themselves, or those of a with V in `shapes` (empty otherwise).
+  /// The sampled rows: those of the source, or those of a, with V in `shapes` (empty otherwise).
   const RowMatrix& values() const { return factored() ? amplitudes_ : table_; }
   const Matrix& shapes() const { return shapes_; }
   /// The same with another row of `values`.

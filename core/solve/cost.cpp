@@ -16,7 +16,7 @@ namespace {
 constexpr double number = sizeof(double);
 constexpr double most_operations = 1e16;  ///< a month at 4e9 multiplications a second
 constexpr double iteration_sweeps = 100;  ///< of an iteration, as Cost::operations says
-constexpr double sweeps_in_cycles = 60;   ///< eight cycles, with what they do on the coarser grids
+constexpr double sweeps_in_cycles = 60;   ///< eight cycles, coarser grids included
 constexpr double printed_nodes = 26;      ///< P + 1 of Tuning::literal_nodes
 /// Entries of L and U over m^1.2: 9.1 to 10.7 for five-point stencils on squares of 32^2 to 256^2 points, COLAMD.
 constexpr double factor_entries = 10.5;
@@ -51,7 +51,7 @@ struct Sizes {
   double table() const { return number * J * (6 * n + k + c); }
 };
 
-// What the grids of a multigrid method hold beyond y, v and r of one grid.
+// Memory of the grids of a multigrid method, beyond y, v and r of one grid.
 Part grids(const Sizes& s, Method method, double arrays) {
   return {cycles(method) ? number * arrays * s.J * s.n : 0, "arrays of all time grids"};
 }

@@ -1,5 +1,5 @@
 #pragma once
-// One method on one grid: which discretisation it stands for on a given scene, and its run.
+// The methods on one grid: the discretisation that each one uses for a given scene, and its run.
 
 #include "../kernel/prepared_method.hpp"
 #include "../kernel/time_operator.hpp"

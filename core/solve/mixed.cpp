@@ -150,7 +150,7 @@ double mixed_residual(const RowMatrix& y, const RowMatrix& q, const Matrix& M, c
   return largest;
 }
 
-/// What was solved is the scene without its free rows; they count as well.
+/// The residual of all rows: the solve itself has checked only the eliminated scene.
 void check_all_rows(Result& result, const Options& options) {
   if (result.status != Status::solved) return;
   const bool iterated = iterates(result.method);
@@ -190,7 +190,7 @@ RowMatrix whole_trace(const EliminatedScene& e, const RowMatrix& trace_C, const 
   return trace;
 }
 
-/// What the rounding of y_C and x makes of each y_F; sizes: the largest of each state seen.
+/// The rounding error of each y_F that follows from those of y_C and x; sizes: largest values of the states `seen`.
 Vector rounding_of_free(const EliminatedScene& e, const Result& result, const RowMatrix& sizes) {
   const RowMatrix of_y = (e.R * e.M_FC).cwiseAbs(), of_x = (e.R * Matrix(e.N_F)(Eigen::all, e.seen)).cwiseAbs();
   return of_y.rowwise().sum() * result.rounding_of_y + of_x * sizes.transpose() * result.rounding;
@@ -255,7 +255,7 @@ std::optional<EliminatedScene> eliminate_free(const Scene& given) {
   e.scene.free_rows.clear();
   e.scene.exact = {};
   e.scene.port = {};
-  // A Schur complement of a P- or PSD matrix is one; of other classes it has to be looked at.
+  // A Schur complement of a P- or PSD matrix is one; of other classes it is tested.
   if (given.lcp_class != LcpClass::P && given.lcp_class != LcpClass::PSD) e.scene.lcp_class = LcpClass::automatic;
   e.scene.M = Matrix(M(e.kept, e.kept) - e.M_CF * e.R * e.M_FC);
   if (const auto* d = written->small_state())

@@ -37,12 +37,12 @@ struct EliminatedScene {
 /// Whether M_FF is regular beyond rounding, and not larger than elimination takes.
 bool can_eliminate_free(const Scene&);
 
-/// Empty where M_FF is singular to rounding, or so large that its inverse would be (4096 rows). Kronecker sums are
-/// written out, densely up to 1024 states. Precondition: a valid scene with free rows and initial values.
+/// Empty if M_FF is singular to rounding or has more than 4096 rows. Kronecker sums are converted to matrices, dense
+/// ones up to 1024 states. Precondition: a valid scene with free rows and initial values.
 std::optional<EliminatedScene> eliminate_free(const Scene&);
 
-/// Solves the scene by the method of the options on what is left of it. y, trace and residual are those of the rows as
-/// stated, the free ones included; so is what rounding makes of y. On one grid: options.tolerance is 0.
+/// Solves the eliminated scene by the method of the options. y, its rounding error, trace and residual are those of all
+/// rows of the given scene, the free ones included. On one grid: options.tolerance is 0.
 Result solve_mixed(const Scene&, const EliminatedScene&, Backend&, const InnerOptions&, const Solve&);
 
 }  // namespace bromwich

@@ -146,7 +146,7 @@ Dynamics changed(const KroneckerDynamics& d, const NaturalUnits& u) {
   return scaled;
 }
 
-// What is known by its solves alone keeps the units of the scene.
+// Supplied dynamics keep the units of the scene.
 Dynamics changed(const Dynamics& given, const NaturalUnits& u) {
   if (const auto* d = given->small_state()) return changed(*d, u);
   if (const auto* d = given->modes()) return changed(*d, u);
