@@ -106,10 +106,10 @@ inline LcpOutcome pivot_row(ActiveSetLcp& solver, const Vector& q, double* y, Ve
 /// is not finite.
 template <class Product>
 double natural_residual(const RowMatrix& R, const RowMatrix& V, const RowMatrix& Y, int threads, Product product) {
-  constexpr Index parallel_size = 1 << 19;  // values: a millisecond; threads may take as long to start
+  constexpr Index most_alone = 1 << 19;  // values: a millisecond; threads may take as long to start
   const Index n = Y.cols();
   double worst = 0;
-#pragma omp parallel num_threads(threads) reduction(max : worst) if (threads > 1 && Y.size() > parallel_size)
+#pragma omp parallel num_threads(threads) reduction(max : worst) if (threads > 1 && Y.size() > most_alone)
   {
     Eigen::ArrayXd q(n), w(n);
 #pragma omp for schedule(static)

@@ -279,7 +279,7 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
         if (!lap[k / lanes].same[k % lanes]) outcome.sweeps[k] = count;
       sweep(s, lap);
     }
-    finish(rows, s, lap, outcome, change, magnitude);
+    write_back(rows, s, lap, outcome, change, magnitude);
   }
 
   // Lanes whose active set is that of the wanted solution. For a Z-matrix this is the least one, which has positive
@@ -287,8 +287,8 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
   LaneMask settled(const Lap& lap) const { return class_ == LcpClass::Z ? lap.same & lap.positive : lap.same; }
 
   // Writes the solutions of the workspace; unsolved rows get their old y back.
-  void finish(const Rows& rows, const Workspace& s, Lap lap[pair], BlockOutcome& outcome, double* change,
-              double* magnitude) const {
+  void write_back(const Rows& rows, const Workspace& s, Lap lap[pair], BlockOutcome& outcome, double* change,
+                  double* magnitude) const {
     for (Index h = 0; h < pair; ++h) {
       lap[h].change = lap[h].largest = lap[h].sum = all(0);
       for (Index i = 0; i < n_; ++i) {

@@ -37,11 +37,11 @@ void merge(toml::table& into, toml::table&& added) {
   for (auto&& [key, node] : added) {
     toml::table *old = into.get_as<toml::table>(key.str()), *section = node.as_table();
     if (!old || !section) {
-      node.visit([&](auto& value) { into.insert_or_assign(key, std::move(value)); });
+      node.visit([&into, &key = key](auto& value) { into.insert_or_assign(key, std::move(value)); });
       continue;
     }
     for (auto&& [inner_key, inner] : *section)
-      inner.visit([&](auto& value) { old->insert_or_assign(inner_key, std::move(value)); });
+      inner.visit([old, &inner_key = inner_key](auto& value) { old->insert_or_assign(inner_key, std::move(value)); });
   }
 }
 

@@ -62,7 +62,8 @@ std::optional<SparseMatrix> matrix_form(const std::string& text, Index rows, Ind
                                         const std::string& where) {
   const std::optional<Call> call = read_call(text);
   if (!call || (call->word != "identity" && call->word != "zero" && call->word != "tridiag")) return std::nullopt;
-  const auto& [word, arguments] = *call;
+  const std::string& word = call->word;
+  const std::vector<std::string>& arguments = call->arguments;
   const std::size_t count = arguments.size();
   const auto refuse = [&](const std::string& remedy) {
     return Error(where, fmt::format("{} has {} argument{}", word, count, count == 1 ? "" : "s"), remedy);

@@ -6,6 +6,7 @@
 #include "core/scene/relay.hpp"
 #include "files/include.hpp"
 #include "files/names.hpp"
+#include "files/scene_matrices.hpp"
 #include "files/sections.hpp"
 #include "files/words.hpp"
 
@@ -19,103 +20,6 @@
 namespace bromwich {
 
 namespace {
-
-constexpr Index largest_dense = 4096;       ///< states; a dense A then takes 128 MiB
-constexpr Index smallest_sparse = 257;      ///< states from which a sparse A is kept sparse
-constexpr double largest_density = 0.1;     ///< of a sparse A
-constexpr Index smallest_tridiagonal = 17;  ///< constraints from which a tridiagonal M is stored as diagonals
-
-SparseMatrix to_sparse(const MatrixValue& value) {
-  if (const auto* sparse = std::get_if<SparseMatrix>(&value)) return *sparse;
-  return std::get<Matrix>(value).sparseView();
-}
-
-Matrix to_dense(const MatrixValue& value, const std::string& where) {
-  if (const auto* dense = std::get_if<Matrix>(&value)) return *dense;
-  if (rows(value) > largest_dense * largest_dense / columns(value))
-    throw Error(where, fmt::format("is {} x {} and would be kept densely", rows(value), columns(value)),
-                "use a sparse A (coordinate .mtx) with few constraints, or fewer states");
-  return Matrix(std::get<SparseMatrix>(value));
-}
-
-bool stays_sparse(const MatrixValue& A) {
-  const auto* sparse = std::get_if<SparseMatrix>(&A);
-  return sparse && sparse->rows() >= smallest_sparse &&
-         double(sparse->nonZeros()) < largest_density * double(sparse->rows()) * double(sparse->cols());
-}
-
-bool is_tridiagonal(const SparseMatrix& M) {
-  for (Index j = 0; j < M.outerSize(); ++j)
-    for (SparseMatrix::InnerIterator entry(M, j); entry; ++entry)
-      if (entry.value() != 0 && std::abs(entry.row() - j) > 1) return false;
-  return true;
-}
-
-/// `smallest`: number of rows from which a tridiagonal matrix is kept as diagonals.
-LcpMatrix lcp_matrix(const MatrixValue& value, const std::string& where, Index smallest = smallest_tridiagonal) {
-  const SparseMatrix M = to_sparse(value);
-  const Index n = M.rows();
-  if (n < smallest || M.cols() != n || !is_tridiagonal(M)) return to_dense(value, where);
-  Tridiagonal t{Vector::Zero(n), Vector::Zero(n), Vector::Zero(n)};
-  for (Index i = 0; i < n; ++i) {
-    if (i > 0) t.lower[i] = M.coeff(i, i - 1);
-    t.diagonal[i] = M.coeff(i, i);
-    if (i + 1 < n) t.upper[i] = M.coeff(i, i + 1);
-  }
-  return t;
-}
-
-Dynamics dynamics(const Sections& s) {
-  const MatrixValue A = s.dynamics.matrix("A");
-  const Index m = rows(A);
-  const MatrixValue B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N", columns(B), m);
-  const bool mass = s.dynamics.has("E");
-  const MatrixValue E = mass ? s.dynamics.matrix("E", m, m) : MatrixValue(Matrix());
-  if (stays_sparse(A))
-    return SparseDynamics{to_sparse(A), to_sparse(B), to_sparse(N), mass ? to_sparse(E) : SparseMatrix()};
-  return DenseDynamics{to_dense(A, s.dynamics.where("A")), to_dense(B, s.dynamics.where("B")),
-                       to_dense(N, s.complementarity.where("N")), mass ? to_dense(E, s.dynamics.where("E")) : Matrix()};
-}
-
-constexpr double most_points = 1 << 16;  ///< of a side of a rectangle
-
-/// `entries` of the file, followed by zeros.
-Vector of_line(const Section& section, const char* key, Index length) {
-  const Vector entries = section.vector(key);
-  if (entries.size() > length)
-    throw Error(section.where(key), fmt::format("has {} entries", entries.size()),
-                fmt::format("give at most {}, the points of a line", length));
-  Vector whole = Vector::Zero(length);
-  whole.head(entries.size()) = entries;
-  return whole;
-}
-
-/// A rectangle whose first direction is along the side of the constraints.
-KroneckerDynamics kronecker(const Sections& s) {
-  for (const auto& [section, key] : {std::pair(&s.dynamics, "A"),
-                                     {&s.dynamics, "B"},
-                                     {&s.dynamics, "E"},
-                                     {&s.dynamics, "F"},
-                                     {&s.complementarity, "N"}})
-    if (section->has(key))
-      throw Error(section->where(key), "is given with a section [kronecker]", "leave it out: [kronecker] says it");
-  const Section& section = s.kronecker;
-  const auto points = section.one_or_two("points"), spacing = section.one_or_two("spacing"),
-             diffusivity = section.one_or_two("diffusivity");
-  for (const double count : points)
-    if (count != std::floor(count) || count < 1 || count > most_points)
-      throw Error(section.where("points"), fmt::format("found {}", count),
-                  fmt::format("give whole numbers from 1 to {}", most_points));
-  for (const auto& [key, values] : {std::pair("spacing", &spacing), std::pair("diffusivity", &diffusivity)})
-    for (const double value : *values)
-      if (!(value > 0)) throw Error(section.where(key), fmt::format("found {}", value), "give positive numbers");
-  KroneckerDynamics sum;
-  sum.along = {Index(points[0]), spacing[0], diffusivity[0]};
-  sum.across = {Index(points[1]), spacing[1], diffusivity[1]};
-  sum.b = of_line(section, "b", sum.across.points);
-  sum.n = of_line(section, "n", sum.across.points);
-  return sum;
-}
 
 LcpClass lcp_class(const Section& complementarity) {
   const std::string word = complementarity.word("class", {"auto", "P", "Z", "PSD"});
@@ -146,12 +50,12 @@ Scene complementarity_scene(const Sections& s) {
   Scene scene;
   Index line = 1;  // states of one constraint, of a rectangle
   if (s.kronecker.given()) {
-    const KroneckerDynamics sum = kronecker(s);
+    const KroneckerDynamics sum = read_rectangle(s);
     line = sum.across.points;
     scene.dynamics = sum;
     scene.f_entry = SourceEntry::through_B;
   } else {
-    scene.dynamics = dynamics(s);
+    scene.dynamics = read_dynamics(s);
   }
   scene.M = matrix_M(s, scene.constraints(), s.kronecker.given() ? 1 : smallest_tridiagonal);
   scene.lcp_class = lcp_class(s.complementarity);
@@ -172,10 +76,11 @@ struct Draft {
 
 PortHamiltonian read_port(const Section& section, double T, Draft& draft) {
   const auto matrix = [&](const char* key) {
-    return section.has(key) ? to_sparse(section.matrix(key)) : SparseMatrix();
+    return section.has(key) ? sparse_value(section.matrix(key)) : SparseMatrix();
   };
   PortHamiltonian port{
-      matrix("E"), to_sparse(section.matrix("J")), to_sparse(section.matrix("R")), matrix("Q"), matrix("B"), {}, {}};
+      matrix("E"), sparse_value(section.matrix("J")), sparse_value(section.matrix("R")), matrix("Q"), matrix("B"), {},
+      {}};
   if (section.has("u") && !section.has("B"))
     throw Error(section.where("B"), "is missing beside u", "give m rows and one column per entry of u");
   const FunctionValue u = section.function("u", T, port.ports());
@@ -215,12 +120,12 @@ Scene port_scene(const Sections& s, Draft& draft) {
   }
   const MatrixValue B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N", columns(B), scene.states());
   if (auto* sparse = get_if<SparseDynamics>(&scene.dynamics)) {
-    sparse->B = to_sparse(B);
-    sparse->N = to_sparse(N);
+    sparse->B = sparse_value(B);
+    sparse->N = sparse_value(N);
   } else {
     auto& dense = get<DenseDynamics>(scene.dynamics);
-    dense.B = to_dense(B, s.dynamics.where("B"));
-    dense.N = to_dense(N, s.complementarity.where("N"));
+    dense.B = dense_value(B, s.dynamics.where("B"));
+    dense.N = dense_value(N, s.complementarity.where("N"));
   }
   scene.M = matrix_M(s, scene.constraints());
   scene.lcp_class = lcp_class(s.complementarity);
@@ -234,7 +139,7 @@ Scene relay_scene(const Sections& s, Draft& draft) {
                   fmt::format("found [relay] and {}", other == &s.kronecker ? "[kronecker]" : "[complementarity]"),
                   "give one of the two");
   const auto dense = [](const Section& section, const char* key, Index rows = 0, Index columns = 0) {
-    return to_dense(section.matrix(key, rows, columns), section.where(key));
+    return dense_value(section.matrix(key, rows, columns), section.where(key));
   };
   const Matrix A = dense(s.dynamics, "A"), B = dense(s.dynamics, "B");
   const Index m = A.rows();
@@ -254,7 +159,7 @@ Scene relay_scene(const Sections& s, Draft& draft) {
 /// Adds f of the file to the f of a relay.
 void add_f(const Sections& s, Draft& draft) {
   Scene& scene = draft.scene;
-  const SparseMatrix F = s.dynamics.has("F") ? to_sparse(s.dynamics.matrix("F")) : SparseMatrix();
+  const SparseMatrix F = s.dynamics.has("F") ? sparse_value(s.dynamics.matrix("F")) : SparseMatrix();
   const FunctionValue f = s.dynamics.function("f", scene.T, s.dynamics.has("F") ? F.cols() : scene.sources());
   draft.note(f);
   const TimeFunction brought = std::exchange(scene.f, {});  // it has one entry per state, f may have fewer
@@ -318,7 +223,7 @@ void add_boundary(const Sections& s, Scene& scene) {
     throw Error(section.where("E0"), fmt::format("the scene has {} states", m),
                 fmt::format("boundary values are for {} states at most", largest_dense));
   const auto end = [&](const char* key) {
-    return section.has(key) ? to_dense(section.matrix(key, m, m), section.where(key)) : Matrix(Matrix::Zero(m, m));
+    return section.has(key) ? dense_value(section.matrix(key, m, m), section.where(key)) : Matrix(Matrix::Zero(m, m));
   };
   scene.boundary = BoundaryCondition{end("E0"), end("ET"), section.vector("b", m)};
 }
@@ -449,8 +354,8 @@ std::shared_ptr<const QuantityOfInterest> read_quantity(const Section& section, 
     throw Error(section.where("W"), "is given without a section [port]", "leave it out: it is for method goal");
   QuadraticQuantity q;
   q.name = section.text("name", q.name);
-  if (section.has("W")) q.W = to_sparse(section.matrix("W"));
-  if (section.has("end_W")) q.end_W = to_sparse(section.matrix("end_W"));
+  if (section.has("W")) q.W = sparse_value(section.matrix("W"));
+  if (section.has("end_W")) q.end_W = sparse_value(section.matrix("end_W"));
   if (section.has("end_c")) q.end_c = section.vector("end_c");
   const FunctionValue c = section.function("c", scene.T);
   require_entries(c, scene.states(), section.where("c"), "one per state");

@@ -141,18 +141,18 @@ class Search {
 
   /// Adjacent floating-point numbers in [a, b] between which the way changes.
   std::pair<double, double> locate(double a, double b) {
-    auto [s_a, below_a] = at(a);
-    auto [s_b, below_b] = at(b);
+    auto left = at(a), right = at(b);
     const double wanted = end_of(target_, low_way_);
     const auto move = [&](double t) {
       if (!(t > a && t < b)) return;
-      const auto [s, below] = at(t);
-      (below == below_a ? a : b) = t;
-      (below == below_a ? s_a : s_b) = s;
+      const auto found = at(t);
+      const bool beside_a = found.second == left.second;
+      (beside_a ? a : b) = t;
+      (beside_a ? left : right).first = found.first;
     };
     while (b - a > 1e-17 * T_ && std::nextafter(a, b) < b && work_ > 0) {
       const double before = b - a;
-      const double secant = a + before * ((wanted - s_a) / (s_b - s_a));
+      const double secant = a + before * ((wanted - left.first) / (right.first - left.first));
       const double margin = std::max(before / 1024, 2 * epsilon * b);
       if (std::isfinite(secant)) {
         move(secant - margin);

@@ -127,6 +127,30 @@ struct Slab {
   }
 };
 
+// The contribution of the exponentials of a warp to a tile, summed in two parts; advances the states of the chunk.
+template <int share>
+__device__ __forceinline__ void add_exponentials(const Slab<share>& own, int part, int count, const double (&u)[tile],
+                                                 double (&even)[tile], double (&odd)[tile]) {
+#pragma unroll 1
+  for (int k = part * together; k < count; k += share * together) {
+    double E[together], C[together], z[together];
+#pragma unroll
+    for (int g = 0; g < together; ++g) {
+      E[g] = own.decay[(k + g) * lanes], C[g] = own.output[(k + g) * lanes];
+      z[g] = own.states[(k + g) * lanes];
+    }
+#pragma unroll
+    for (int i = 0; i < tile; ++i)
+#pragma unroll
+      for (int g = 0; g < together; ++g) {
+        (g % 2 == 0 ? even[i] : odd[i]) += C[g] * z[g];
+        z[g] = E[g] * z[g] + u[i];
+      }
+#pragma unroll
+    for (int g = 0; g < together; ++g) own.states[(k + g) * lanes] = z[g];
+  }
+}
+
 // Exponentials from slab * slab_size on. The first slab writes v, the others add to it. `share` warps process a chunk
 // together and take its exponentials in turn: 1, or all warps of a block.
 template <int share>
@@ -167,24 +191,7 @@ __global__ void __launch_bounds__(lanes* warps_together)
       even[i] = adds ? out[long(min(j + i, span.rows - 1)) * m.step] : begins ? w0 * u[i] : 0;
       odd[i] = begins ? (i == 0 && j == 1 ? s1 : w1) * (i > 0 ? u[i > 0 ? i - 1 : 0] : before) : 0;
     }
-#pragma unroll 1
-    for (int k = part * together; k < count; k += share * together) {
-      double E[together], C[together], z[together];
-#pragma unroll
-      for (int g = 0; g < together; ++g) {
-        E[g] = own.decay[(k + g) * lanes], C[g] = own.output[(k + g) * lanes];
-        z[g] = own.states[(k + g) * lanes];
-      }
-#pragma unroll
-      for (int i = 0; i < tile; ++i)
-#pragma unroll
-        for (int g = 0; g < together; ++g) {
-          (g % 2 == 0 ? even[i] : odd[i]) += C[g] * z[g];
-          z[g] = E[g] * z[g] + u[i];
-        }
-#pragma unroll
-      for (int g = 0; g < together; ++g) own.states[(k + g) * lanes] = z[g];
-    }
+    add_exponentials<share>(own, part, count, u, even, odd);
     before = u[tile - 1];
     if (j + tile < end) read_tile(column, m.step, j + tile, span.rows, u);
     if constexpr (share == 1) {

@@ -126,8 +126,7 @@ BenchReport bench_convolution(const BenchRequest& request, Backend& backend) {
     }
   std::string text = fmt::format("one application of the kernel, {} threads\n", backend.device().threads);
   text += table(lines);
-  for (const std::string& note : report.notes) text += note + "\n";
-  print(text);
+  print_with_notes(text, report);
   return report;
 }
 

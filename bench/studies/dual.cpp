@@ -1,12 +1,10 @@
 // Cycles in w on contact: contraction of the cycles, cycles until the algebraic errors of w and of y are below a tenth
 // of the discretisation error, plain sweeps beside them, and times compared with marching on one core.
 
-#include "app/commands.hpp"
 #include "app/text.hpp"
 #include "bench/studies/study.hpp"
 #include "core/base/error.hpp"
 #include "cpu/cpu_backend.hpp"
-#include "kernels/cuda_backend.hpp"
 
 #include <fmt/format.h>
 
@@ -186,21 +184,13 @@ BenchReport bench_dual(const BenchRequest& request, Backend& backend) {
   };
   chosen.erase(std::unique(chosen.begin(), chosen.end(), same), chosen.end());
 
-  std::string text;
-  const auto measure = [&](Backend& one) {
+  const std::string text = on_both_backends(backend, report, [&](Backend& one) {
     DualStudy study(one, std::min(request.repeats(), 3), report);
     for (const ContactGrid& grid : chosen) study.run(grid);
-    text += table(study.lines());
-  };
-  measure(backend);
-  if (!cuda_devices().empty() && backend.name() == "cpu") {
-    const auto cuda = make_cuda_backend(make_cpu_backend(backend.device().threads));
-    report.parameters = {{"device", cuda->device().name}};
-    measure(*cuda);
-  }
+    return table(study.lines());
+  });
   report.notes = dual_notes(report.rows);
-  for (const std::string& note : report.notes) text += note + "\n";
-  print(text);
+  print_with_notes(text, report);
   return report;
 }
 

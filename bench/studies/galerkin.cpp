@@ -108,7 +108,7 @@ BenchReport bench_galerkin(const BenchRequest& request, Backend& backend) {
   study_convergence(request, backend, report);
   study_spaces(request, backend, report);
   study_galerkin_cost(request, backend, report);
-  for (const std::string& note : report.notes) print(note + "\n");
+  print_with_notes("", report);
   return report;
 }
 

@@ -258,6 +258,40 @@ Vector equidistributed(const GoalScene& s, Backend& backend, Index M) {
   return Eigen::Map<const Vector>(t.data(), Index(t.size()));
 }
 
+namespace {
+
+/// Implicit Euler on a grid with equal h |x'| in all cells.
+Json equidistributed_row(const GoalScene& s, Backend& backend, Index steps) {
+  const Vector t = equidistributed(s, backend, steps);
+  Json row{{"scene", s.label},
+           {"parameters", to_json(s.parameters)},
+           {"contestant", "euler, equidistributed"},
+           {"scheme", "euler"},
+           {"adapted", false},
+           {"steps", steps},
+           {"cycles", 0},
+           {"effectivity", nullptr},
+           {"estimate", nullptr},
+           {"seconds", nullptr}};
+  row.update(judged(s, backend, StepScheme::euler, t, trajectory(s, backend, StepScheme::euler, t)));
+  return row;
+}
+
+std::vector<std::vector<std::string>> lines_of(const Json& rows) {
+  std::vector<std::vector<std::string>> lines{
+      {"scene", "contestant", "steps", "I_loc", "violation", "error of x", "time"}};
+  for (const Json& row : rows) {
+    const Json& error = row["error_x"];
+    lines.push_back({row["scene"], row["contestant"], fmt::format("{}", row["steps"].get<Index>()),
+                     scientific(row["I_loc"]), scientific(row["violation"]),
+                     error.is_null() ? "-" : scientific(error.get<double>()),
+                     row["seconds"].is_null() ? "-" : format_seconds(row["seconds"]["median"])});
+  }
+  return lines;
+}
+
+}  // namespace
+
 BenchReport bench_goal(const BenchRequest& request, Backend& backend) {
   if (request.scene || !request.settings.empty())
     throw Error(request.scene ? "SCENE" : "--set", "this benchmark has its own scenes", "leave it out");
@@ -285,41 +319,18 @@ BenchReport bench_goal(const BenchRequest& request, Backend& backend) {
   scenes.emplace_back("ph-toy, u = 0, 0.6 R", "ph-toy", ParameterValues{{"u", 0}, {"r", 0.6}});
   scenes.emplace_back("ladder", "ladder", ParameterValues{});
 
-  std::vector<std::vector<std::string>> lines{
-      {"scene", "contestant", "steps", "I_loc", "violation", "error of x", "time"}};
   for (const GoalScene& s : scenes)
     report.details["equidistribution_gain"][s.label] = equidistribution_gain(s, backend);
   for (const GoalScene& s : scenes)
     for (const Index steps : ladder) {
       for (const GoalContestant& c : goal_contestants())
         report.rows.push_back(row_of(s, backend, c, steps, request.repeats()));
-      const Vector t = equidistributed(s, backend, steps);
-      Json row{{"scene", s.label},
-               {"parameters", to_json(s.parameters)},
-               {"contestant", "euler, equidistributed"},
-               {"scheme", "euler"},
-               {"adapted", false},
-               {"steps", steps},
-               {"cycles", 0},
-               {"effectivity", nullptr},
-               {"estimate", nullptr},
-               {"seconds", nullptr}};
-      row.update(judged(s, backend, StepScheme::euler, t, trajectory(s, backend, StepScheme::euler, t)));
-      report.rows.push_back(row);
+      report.rows.push_back(equidistributed_row(s, backend, steps));
     }
-  for (const Json& row : report.rows) {
-    const Json& error = row["error_x"];
-    lines.push_back({row["scene"], row["contestant"], fmt::format("{}", row["steps"].get<Index>()),
-                     scientific(row["I_loc"]), scientific(row["violation"]),
-                     error.is_null() ? "-" : scientific(error.get<double>()),
-                     row["seconds"].is_null() ? "-" : format_seconds(row["seconds"]["median"])});
-  }
   report.details["switching"] = switching_rows(backend, ladder, request.repeats(), request.quick);
   report.details["figures"] = goal_figures(backend, request.quick);
   report.notes = conclusions(report.rows, ladder.size() > 3 ? 200 : ladder.back());
-  std::string text = table(lines);
-  for (const std::string& note : report.notes) text += note + "\n";
-  print(text);
+  print_with_notes(table(lines_of(report.rows)), report);
   return report;
 }
 

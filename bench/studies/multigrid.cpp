@@ -2,13 +2,10 @@
 // and the cost until the algebraic error is below a tenth of the discretisation error, compared with the plain
 // iteration.
 
-#include "app/commands.hpp"
 #include "app/text.hpp"
 #include "bench/studies/study.hpp"
 #include "core/base/error.hpp"
 #include "core/base/timer.hpp"
-#include "cpu/cpu_backend.hpp"
-#include "kernels/cuda_backend.hpp"
 
 #include <fmt/format.h>
 
@@ -238,21 +235,13 @@ BenchReport bench_multigrid(const BenchRequest& request, Backend& backend) {
   const auto same = [](const Grid& a, const Grid& b) { return a.Q == b.Q && a.J == b.J; };
   chosen.erase(std::unique(chosen.begin(), chosen.end(), same), chosen.end());
 
-  std::string text;
-  const auto measure = [&](Backend& one) {
+  const std::string text = on_both_backends(backend, report, [&](Backend& one) {
     Study study(one, std::min(request.repeats(), 3), report);
     for (const Grid& size : chosen) study.run(size);
-    text += table(study.lines());
-  };
-  measure(backend);
-  if (!cuda_devices().empty() && backend.name() == "cpu") {
-    const auto cuda = make_cuda_backend(make_cpu_backend(backend.device().threads));
-    report.parameters = {{"device", cuda->device().name}};
-    measure(*cuda);
-  }
+    return table(study.lines());
+  });
   report.notes = multigrid_notes(report.rows);
-  for (const std::string& note : report.notes) text += note + "\n";
-  print(text);
+  print_with_notes(text, report);
   return report;
 }
 

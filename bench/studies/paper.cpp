@@ -54,7 +54,7 @@ BenchReport bench_paper(const BenchRequest& request, Backend& backend) {
   paper_robustness(request.quick, backend, report);
   paper_large_iterates(request.quick, backend, report);
   paper_times(request.quick, request.repeats(), backend, report);
-  for (const std::string& note : report.notes) print(note + "\n");
+  print_with_notes("", report);
   return report;
 }
 

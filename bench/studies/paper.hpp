@@ -45,8 +45,6 @@ class Iterates {
   double start_error() const;
   /// The smallest k from which `of` stays below the tolerance, by bisection; assumes decay from there.
   Index sweeps_to(double tolerance, const std::function<double(const Error&)>& of);
-  /// Sweeps until nothing changed any more.
-  Index converged_after() const { return converged_.iterations; }
   double h() const { return scene_.T / double(steps_); }
 
  private:

@@ -174,8 +174,7 @@ BenchReport bench_scenes(const BenchRequest& request, Backend& backend) {
       report.notes.push_back(fmt::format("{}: not as expected{}{}", outcome.name,
                                          outcome.result.reason.empty() ? "" : ": ", outcome.result.reason));
   }
-  print(table(text) + "\n");
-  for (const std::string& note : report.notes) print(note + "\n");
+  print_with_notes(table(text) + "\n", report);
   return report;
 }
 

@@ -190,9 +190,8 @@ BenchReport bench_stability(const BenchRequest& request, Backend& backend) {
       report.notes.push_back(
           fmt::format("{}: {}{}{}", one.name, judged, found.reason.empty() ? "" : ", ", found.reason));
   }
-  print(table(text) + "\n");
   for (const auto& [name, count] : counts) report.details["counts"][name] = count;
-  for (const std::string& note : report.notes) print(note + "\n");
+  print_with_notes(table(text) + "\n", report);
   return report;
 }
 

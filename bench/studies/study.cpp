@@ -1,5 +1,9 @@
 #include "bench/studies/study.hpp"
 
+#include "app/commands.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -64,6 +68,19 @@ std::string table(const std::vector<std::vector<std::string>>& rows) {
     text += '\n';
   }
   return text;
+}
+
+std::string on_both_backends(Backend& backend, BenchReport& report, const std::function<std::string(Backend&)>& study) {
+  std::string text = study(backend);
+  if (cuda_devices().empty() || backend.name() != "cpu") return text;
+  const auto cuda = make_cuda_backend(make_cpu_backend(backend.device().threads));
+  report.parameters = {{"device", cuda->device().name}};
+  return text + study(*cuda);
+}
+
+void print_with_notes(std::string text, const BenchReport& report) {
+  for (const std::string& note : report.notes) text += note + "\n";
+  print(text);
 }
 
 std::string scientific(double value) { return std::isnan(value) ? "-" : fmt::format("{:.2e}", value); }

@@ -7,6 +7,7 @@
 #include "core/solve/solve.hpp"
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -86,6 +87,13 @@ Json to_json(const Errors& errors);
 
 /// First row is the header; the first column is aligned left, the others right.
 std::string table(const std::vector<std::vector<std::string>>& rows);
+
+/// Runs a study on the backend and, if that is the CPU and there is a CUDA device, on the device as well. Returns the
+/// text of both.
+std::string on_both_backends(Backend&, BenchReport&, const std::function<std::string(Backend&)>& study);
+
+/// Prints the text and the notes of the report.
+void print_with_notes(std::string text, const BenchReport&);
 
 /// "1.23e-05", or "-" for a NaN.
 std::string scientific(double value);

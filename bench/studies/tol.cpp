@@ -237,13 +237,12 @@ BenchReport bench_tol(const BenchRequest& request, Backend& backend) {
       report.rows.push_back(row.json);
       rows.push_back(std::move(row));
     }
-  print(table(text) + "\n");
   for (const Row& row : rows)
     if (row.counts && row.true_over_tolerance > 1)
       report.notes.push_back(fmt::format("{}: solved for {}, but the error is {:.2f} of that", row.text[0], row.text[2],
                                          row.true_over_tolerance));
   report.details["share"] = share(rows, report.notes);
-  for (const std::string& note : report.notes) print(note + "\n");
+  print_with_notes(table(text) + "\n", report);
   return report;
 }
 

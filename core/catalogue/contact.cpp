@@ -38,7 +38,7 @@ double compliance(const ParameterValues& values) {
 
 /// g at the Q points of the side: two shapes with one amplitude each.
 SeparableSource given_gap(Index Q) {
-  const double pi = std::numbers::pi;
+  using std::numbers::pi;
   Matrix shapes(Q, 2);
   for (Index k = 1; k <= Q; ++k) {
     const double x = double(k) / double(Q + 1);

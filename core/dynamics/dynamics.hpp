@@ -27,7 +27,7 @@ class Dynamics {
   Dynamics() : Dynamics(DenseDynamics{}) {}
   template <DynamicsKind Kind>
   Dynamics(Kind values) : system_(linear_system(std::move(values))) {}
-  /// An implementation of one's own, not changed afterwards.
+  /// Any other implementation; it must not change afterwards.
   explicit Dynamics(std::shared_ptr<LinearSystem> system) : system_(std::move(system)) {}
 
   Dynamics(const Dynamics& other) : system_(other.copied()) {}

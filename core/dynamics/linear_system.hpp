@@ -1,7 +1,7 @@
 #pragma once
-// What the methods need of the linear dynamics E x' = A x + B y, N x: the interface that every kind of dynamics
-// implements, in one file each (dense.cpp, kronecker.cpp, sparse.cpp, supplied.cpp). A method asks for what it needs,
-// and for capabilities where it can use them, never for the kind.
+// The interface of the linear dynamics E x' = A x + B y, N x. Every kind of dynamics implements it in one file
+// (dense.cpp, kronecker.cpp, sparse.cpp, supplied.cpp). Methods use this interface and its capabilities, and do not
+// distinguish the kinds.
 //
 // symbol   shape   meaning
 // A, E     m x m   state matrix, regular mass matrix (the identity unless has_mass)
@@ -96,7 +96,7 @@ class SystemOf : public LinearSystem {
   Kind d;
 };
 
-/// What shifted solves throw where zE - A is singular.
+/// The error of shifted solves if zE - A is singular.
 SingularShift eigenvalue_at(Complex z);
 
 /// Throws Error above 4096 states, where dense matrices take 128 MiB each.

@@ -1,5 +1,5 @@
 #pragma once
-// What dense and sparse dynamics have in common.
+// Common part of dense and sparse dynamics.
 
 #include "../base/require.hpp"
 #include "linear_system.hpp"

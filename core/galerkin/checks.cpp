@@ -34,7 +34,7 @@ void require_independent_rows(const BoundaryCondition& c) {
   Eigen::ColPivHouseholderQR<Matrix> qr(rows.transpose());
   qr.setThreshold(dependent_rows);
   if (qr.rank() == m) return;
-  // A combination of rows that vanishes, and what it makes of b.
+  // A combination of rows that vanishes, and the same combination of b.
   const Matrix null = Eigen::FullPivLU<Matrix>(rows.transpose()).setThreshold(1e-12).kernel();
   Vector b(m);
   for (Index i = 0; i < m; ++i)

@@ -1,6 +1,5 @@
 #pragma once
-// What can be said of a scene before and beside its solution: whether its boundary condition determines the states, and
-// whether its solution is the only one.
+// Whether the boundary condition of a scene determines its states, and whether its solution is unique.
 
 #include "discretisation.hpp"
 
@@ -9,16 +8,16 @@
 namespace bromwich {
 
 /// The reciprocal condition of x' = A x with the boundary condition (core/numerics/two_point.hpp), which is that of E0
-/// + ET e^{TA} without its overflow. Throws Error where it is singular, or where the rows of [E0 ET] are dependent.
+/// + ET e^{TA} without its overflow. Throws Error if it is singular, or if the rows of [E0 ET] are dependent.
 double require_determined_states(const GalerkinProblem&);
 
 struct Uniqueness {
   bool assured = false;
-  std::string words;  ///< one line where it is not
+  std::string words;  ///< one line if it is not
 };
 
-/// Strong monotonicity (core/galerkin/uniqueness.hpp) with some weights, looked at on a coarse grid; initial values
-/// whose intervals are not of class P are not assured by that.
+/// Strong monotonicity (core/galerkin/uniqueness.hpp) with some weights, tested on a coarse grid. It does not assure
+/// initial values whose intervals are not of class P.
 Uniqueness uniqueness_of(const Scene&, Index N);
 
 }  // namespace bromwich

@@ -15,8 +15,8 @@
 // Below the diagonal the block for intervals k < k' is C E^{k'-k-1} H: x carries it, and nothing larger than one
 // interval is ever formed.
 //
-// Intervals are of one length h, or of a few: parts of the grid with one length each, where nodes are wanted at given
-// times (core/galerkin/location.hpp).
+// Intervals have one length h, or a few: to have nodes at given times (core/galerkin/location.hpp), the grid consists
+// of parts with one length each.
 //
 // symbol   variable        shape
 // z, w, q  RowMatrix       N x 2n, row k-1 for interval k: left end, right end
@@ -36,7 +36,7 @@ struct GalerkinStep {
   Matrix M;  ///< 2n x 2n, the part of D without the dynamics
 };
 
-/// Intervals of one length, from the end of the part before, or 0, to `end`.
+/// Intervals of one length, from the end of the previous part, or 0, to `end`.
 struct GridPart {
   double end = 0;
   Index intervals = 0;
@@ -71,8 +71,9 @@ GalerkinStep galerkin_step(const DenseDynamics&, const Matrix& M, double h);
 BoundaryCondition boundary_of(const Scene&);
 
 /// The scene on N intervals, or on parts of which the last ends at T. f and g are replaced on each interval, or on its
-/// pieces (core/galerkin/sources.hpp), by the parabola through three Gauss points, and no value at an end is used:
-/// sources may jump there. Dynamics are written out densely. f and g that are not finite leave NaN in `forcing` or `q`.
+/// pieces (core/galerkin/sources.hpp), by the parabola through three Gauss points. Values at the ends are not used:
+/// sources may jump there. Dynamics are converted to dense ones. f and g that are not finite give NaN in `forcing` or
+/// `q`.
 GalerkinProblem galerkin_problem(const Scene&, const std::vector<GridPart>&);
 GalerkinProblem galerkin_problem(const Scene&, Index N);
 
@@ -81,17 +82,17 @@ GalerkinProblem galerkin_problem(const Scene&, Index N);
 /// p_2r)/2, p_2 = q_2 + C F_1. Precondition: N even.
 GalerkinProblem coarser_problem(const Scene&, const GalerkinProblem&);
 
-/// The states that z causes: (N+1) x m, the boundary condition included. Throws Error where it does not determine them.
+/// The states for given z and the boundary condition: (N+1) x m. Throws Error if it does not determine them.
 RowMatrix galerkin_states(const GalerkinProblem&, const RowMatrix& z);
 
-/// w for z and the x it causes: N x 2n.
+/// w for z and its x: N x 2n.
 RowMatrix galerkin_slack(const GalerkinProblem&, const RowMatrix& z, const RowMatrix& x);
 
 /// q + C x alone: N x 2n.
 RowMatrix galerkin_known(const GalerkinProblem&, const RowMatrix& x);
 
 /// max over intervals and components of |min(z, w)|, of |w| for the free rows of the scene, relative to
-/// max(1, max |C x + q|); in the units of the user where `units` are given.
+/// max(1, max |C x + q|); in the units of the user if `units` are given.
 double natural_residual(const GalerkinProblem&, const RowMatrix& z, const RowMatrix& x,
                         const std::vector<Index>& free_rows = {}, const NaturalUnits* units = nullptr);
 

@@ -1,6 +1,6 @@
-// z_k and x_k on given active sets, and the exchange of what has the wrong sign: the semismooth Newton method on
-// min(z, w) = 0, with every linear system solved exactly. All that belongs to single intervals is done by the backend,
-// for all of them at once (core/host/affine_chain.hpp).
+// z_k and x_k on given active sets, and the exchange of components with the wrong sign: the semismooth Newton method on
+// min(z, w) = 0, with every linear system solved exactly. The backend does the work of single intervals, for all of
+// them at once (core/host/affine_chain.hpp).
 
 #include "core/base/text.hpp"
 #include "core/galerkin/solvers.hpp"
@@ -92,11 +92,7 @@ class Exchange {
     if (start) start_from(*start);
     std::unordered_set<std::size_t> visited;
     for (s.iterations = 1; s.iterations <= most; ++s.iterations) {
-      if (options_.interrupted && options_.interrupted()) {
-        s.status = Status::interrupted;
-        s.reason = "stopped on request";
-        break;
-      }
+      if (asked_to_stop(options_, s)) break;
       ActiveSizes sizes;
       if (!solve_on_active_sets(p_.boundary, sizes, s.reason)) break;
       const Index flips = exchanged(sizes);
@@ -186,7 +182,7 @@ class Exchange {
     s.z = (s.z.array() > 0).select(s.z, 0.0);
   }
 
-  // Of the sets that were solved for last.
+  // z on the last active sets.
   void last_values(GalerkinSolution& s) const {
     if (evaluated_) s.z = active_part(s.x).cwiseMax(0);
     if (!evaluated_ || !s.z.allFinite()) s.z = RowMatrix::Zero(p_.N, p_.unknowns());

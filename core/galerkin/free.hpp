@@ -4,9 +4,9 @@
 //
 //     z_f = -D_ff^+ (D_fc z_c + C_f x_{k-1} + q_f),
 //
-// what is left is a problem of the same form without free unknowns. Where D_ff is singular, equations that contradict
-// each other prove that there is no solution; redundant ones leave z_f, which then is of least norm, and nothing else
-// undetermined.
+// which leaves a problem of the same form without free unknowns. If D_ff is singular, equations that contradict each
+// other prove that there is no solution; redundant equations leave only z_f undetermined, and that of least norm is
+// taken.
 
 #include "discretisation.hpp"
 
@@ -16,10 +16,10 @@ namespace bromwich {
 
 class FreeElimination {
  public:
-  /// `free_rows` of the scene. Throws Error where D_ff is singular and the free unknowns are left to the others.
+  /// `free_rows` of the scene. Throws Error if D_ff is singular and the free unknowns depend on the others.
   FreeElimination(const GalerkinProblem&, const std::vector<Index>& free_rows);
 
-  /// The problem in z_c; the given one where there are no free rows.
+  /// The problem in z_c; the given one if there are no free rows.
   const GalerkinProblem& reduced() const { return reduced_ ? *reduced_ : full_; }
 
   /// z_c from z.

@@ -21,7 +21,7 @@ constexpr double delicate_boundary = 1e-7;  ///< reciprocal condition of the bou
 
 bool has_ended(const GalerkinSolution& s) { return s.status != Status::tolerance_not_met; }
 
-// What is fast: exchanges, and where they do not end shooting.
+// The fast solvers: exchanges or, if they do not end, shooting.
 GalerkinSolution exchange_or_shoot(const GalerkinProblem& p, Backend& backend, const Options& options,
                                    const RowMatrix& start) {
   GalerkinSolution exchanged = exchange_active_sets(p, backend, options, &start);
@@ -81,7 +81,7 @@ RowMatrix nested_start(const Scene& scene, const GalerkinProblem& fine, Index un
   return s.status == Status::solved ? halved_intervals(s.z) : nothing;
 }
 
-// All rows are free: nothing is left to be complementary.
+// All rows are free: the problem is linear.
 GalerkinSolution linear_solution(const GalerkinProblem& p) {
   GalerkinSolution s;
   s.status = Status::solved;
@@ -244,7 +244,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
   if (!s.unique) check_uniqueness(scene, p.N, result);
 }
 
-// The same with nodes at the switches, until these stay where they are to the accuracy of y.
+// The same with nodes at the switches, repeated until the switches do not move beyond the accuracy of y.
 void solve_with_located_switches(const Scene& scene, Backend& backend, const InnerOptions& options, Result& result) {
   constexpr int most_locations = 5;
   const Index N = result.steps;

@@ -22,10 +22,10 @@ constexpr Index patience_sweeps = 60;     ///< without a smaller change
 constexpr Index repeated_sweeps = 3;      ///< without a smaller change, once it is at rounding level
 constexpr double rounding_level = 1e-10;  ///< of a change: smaller ones may go up and down
 
-// What the changes of the sweeps say about convergence.
-class Changes {
+// Convergence, judged by the changes of the sweeps.
+class SweepChanges {
  public:
-  explicit Changes(double tolerance) : tolerance_(tolerance) {}
+  explicit SweepChanges(double tolerance) : tolerance_(tolerance) {}
 
   void add(double change) {
     since_ = change < least_ ? 0 : since_ + 1;
@@ -41,7 +41,7 @@ class Changes {
 };
 
 // Whether the iteration ends with the sweep reported; the solution says how.
-bool ends(const LcpReport& report, const Changes& changes, GalerkinSolution& s) {
+bool ends(const LcpReport& report, const SweepChanges& changes, GalerkinSolution& s) {
   if (!report.finite) {
     s.status = Status::nonfinite;
     s.reason = "the iteration is not finite";
@@ -73,7 +73,7 @@ GalerkinSolution iterate_galerkin(const GalerkinProblem& p, Backend& backend, co
   s.iterated = true;
   s.unique = lcp_class == LcpClass::P;
   Timer timer;
-  Changes changes(options.iteration_tolerance);
+  SweepChanges changes(options.iteration_tolerance);
   for (s.iterations = 1; s.iterations <= options.max_iterations; ++s.iterations) {
     if (asked_to_stop(options, s)) break;
     convolution->apply(*z, *v, 1);

@@ -12,16 +12,16 @@ namespace bromwich {
 struct LocatedGrid {
   std::vector<GridPart> parts;
   Index located = 0;  ///< switches on nodes
-  Index missed = 0;   ///< left where they are: y jumps there, or is active for no whole interval
+  Index missed = 0;   ///< switches without a node: y jumps there, or is active for less than an interval
 };
 
 /// From a solved result of method galerkin; intervals are about as long as T/N.
 LocatedGrid locate_switches(const Scene&, const Result&, Index N);
 
-/// The same numbers of intervals, and ends that are no farther apart than `apart`.
+/// Whether both have the same numbers of intervals, and ends no farther apart than `apart`.
 bool same_grid(const std::vector<GridPart>&, const std::vector<GridPart>&, double apart);
 
-/// z of the result in the middle of the intervals of another grid, (a_k, b_k) alike: where its active sets begin.
+/// z of the result in the middle of the intervals of another grid, a_k = b_k: its first active sets.
 RowMatrix coefficients_on(const Result&, const GalerkinProblem&);
 
 }  // namespace bromwich

@@ -1,6 +1,6 @@
 #pragma once
-// A Galerkin result at any time, with the order of the method: y is linear on each interval, and x is carried on from
-// the state at its left end by one exact step with the part of y that lies before t.
+// A Galerkin result at any time, with the order of the method: y is linear on each interval, and one exact step with
+// this y carries x from the left end of the interval to t.
 
 #include "../result/result.hpp"
 #include "discretisation.hpp"
@@ -13,9 +13,8 @@ std::vector<GridPart> grid_parts(const Vector& t);
 /// The coefficients of a result of method galerkin: N x 2n.
 RowMatrix galerkin_coefficients(const Result&);
 
-/// y (left limit) and x at `times`, inside an interval taken by implicit Euler on the line between its ends, one row
-/// each: times.size() x n and x m. Precondition: times in [0, T], a result with y_left. NaN where the result does not
-/// reach.
+/// y (left limit) and x at `times`, one row each: times.size() x n and times.size() x m. Inside an interval of implicit
+/// Euler x is linear. NaN after the end of the result. Preconditions: times in [0, T], a result with y_left.
 struct GalerkinOutput {
   RowMatrix y, x;
 };

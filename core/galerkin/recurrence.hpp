@@ -7,7 +7,7 @@
 
 namespace bromwich {
 
-/// v_j = C z_{j-1}, z_j = E z_{j-1} + H y_j: what the intervals before j contribute to w_j.
+/// v_j = C z_{j-1}, z_j = E z_{j-1} + H y_j: the contribution of the intervals before j to w_j.
 inline Recurrence galerkin_recurrence(const GalerkinStep& s) {
   const Index m = s.E.rows(), n = s.D.rows();
   return DenseRecurrence{s.E, s.H, Matrix::Zero(m, n), s.C, Matrix::Zero(n, n)};

@@ -124,13 +124,7 @@ GalerkinProblem stage_problem(const Scene& scene, const GalerkinProblem& like, I
 }
 
 RuledProblems::RuledProblems(const Scene& scene, const GalerkinProblem& p)
-    : galerkin(p),
-      radau(stage_problem(scene, p, IntervalRule::radau)),
-      euler(stage_problem(scene, p, IntervalRule::euler)) {}
-
-const GalerkinProblem& RuledProblems::by(IntervalRule rule) const {
-  return rule == IntervalRule::galerkin ? galerkin : rule == IntervalRule::radau ? radau : euler;
-}
+    : ByRule{p, stage_problem(scene, p, IntervalRule::radau), stage_problem(scene, p, IntervalRule::euler)} {}
 
 GalerkinProblem mixed_problem(const RuledProblems& problems, const std::vector<IntervalRule>& rules) {
   const GalerkinProblem& like = problems.galerkin;
@@ -221,7 +215,7 @@ std::vector<IntervalRule> next_rules(const RuledProblems& problems, RuleChoice& 
     IntervalRule rule = choice.needed(values);
     if (rule == IntervalRule::radau && choice.source_jumps(p.t[k], p.t[k + 1])) rule = IntervalRule::euler;
     const bool jump = now == IntervalRule::radau && lets_go(values);
-    // What was taken by Euler shows no jump any more.
+    // An interval of Euler shows no jump any more.
     if (jump || (now == IntervalRule::euler && rule != IntervalRule::galerkin)) rule = IntervalRule::euler;
     if (keep) rule = std::max(rule, now);
     next[std::size_t(k)] = rule;
@@ -230,11 +224,7 @@ std::vector<IntervalRule> next_rules(const RuledProblems& problems, RuleChoice& 
 }
 
 ReducedProblems::ReducedProblems(const RuledProblems& p, const std::vector<Index>& free_rows)
-    : galerkin(p.galerkin, free_rows), radau(p.radau, free_rows), euler(p.euler, free_rows) {}
-
-const FreeElimination& ReducedProblems::by(IntervalRule rule) const {
-  return rule == IntervalRule::galerkin ? galerkin : rule == IntervalRule::radau ? radau : euler;
-}
+    : ByRule{{p.galerkin, free_rows}, {p.radau, free_rows}, {p.euler, free_rows}} {}
 
 std::string describe(const std::vector<IntervalRule>& rules) {
   const auto radau = std::count(rules.begin(), rules.end(), IntervalRule::radau),

@@ -1,15 +1,15 @@
 #pragma once
-// Intervals on which the active constraints leave y to the dynamics: M_SS singular (an ideal stop, an ideal diode,
-// sliding). The moments of method galerkin do not damp there: an error of w is carried on from node to node, times
-// P_2(1)/P_2(-1) = 1 where y acts on w' and times 3 + sqrt(8) where it acts on w'', and a jump of the state leaves one
-// of its own size. Such intervals are taken by Radau IIA, with the stages c = (1/3, 1) and z = (y_1, y_2),
+// Intervals on which the active constraints do not determine y by M: M_SS is singular (an ideal stop, an ideal diode,
+// sliding). The moments of method galerkin do not damp there: from node to node an error of w is multiplied by
+// P_2(1)/P_2(-1) = 1 if y acts on w', and by 3 + sqrt(8) if y acts on w''; a jump of the state leaves an error of its
+// own size. Such intervals are solved by Radau IIA, with the stages c = (1/3, 1) and z = (y_1, y_2),
 //
 //     X_i = x_{k-1} + h Σ_j a_ij (A X_j + B y_j + f(t_{k-1} + c_j h)),   x_k = X_2,
 //     0 <= y_i  ⊥  w_i = N X_i + M y_i + g(t_{k-1} + c_i h) >= 0,
 //
-// or by implicit Euler, one stage c = 1 and z = (y, y): where the state jumps (y is an impulse, h y does not fall with
-// h) or may, where y acts on w'' or later only, and where a source jumps inside. Both have the form of
-// core/galerkin/discretisation.hpp, so that everything else stays as it is.
+// or by implicit Euler, one stage c = 1 and z = (y, y): if the state jumps (y is an impulse, h y does not decrease with
+// h) or may jump, if y acts on w'' or a higher derivative only, and if a source jumps inside. Both have the form of
+// core/galerkin/discretisation.hpp, so that solvers and checks need not distinguish them.
 
 #include "../result/result.hpp"
 #include "free.hpp"
@@ -28,12 +28,19 @@ namespace bromwich {
 /// IIA), so that D is positive semidefinite where the scene is passive.
 GalerkinProblem stage_problem(const Scene&, const GalerkinProblem& p, IntervalRule);
 
-/// The same grid by each rule.
-struct RuledProblems {
-  GalerkinProblem galerkin, radau, euler;
+/// One value for each rule.
+template <class Value>
+struct ByRule {
+  Value galerkin, radau, euler;
 
+  const Value& by(IntervalRule rule) const {
+    return rule == IntervalRule::galerkin ? galerkin : rule == IntervalRule::radau ? radau : euler;
+  }
+};
+
+/// The same grid by each rule.
+struct RuledProblems : ByRule<GalerkinProblem> {
   RuledProblems(const Scene&, const GalerkinProblem& galerkin);
-  const GalerkinProblem& by(IntervalRule) const;
 };
 
 /// Every interval by the rule it is given. The runs are those of equal length and rule.
@@ -60,17 +67,14 @@ class RuleChoice {
   std::map<std::vector<Index>, IntervalRule> known_;
 };
 
-/// Whether some constraint is active at the first stage of an interval by Radau IIA and not at the second, z = (y_1,
-/// y_2). A jump of the state looks like this, however small it is: y_1 takes w_1 to 0 and moves x_k by 3/4 : 5/12 = 9/5
-/// of what was needed. So does a smooth state where y ends; a step of Euler there costs one error of O(h^2).
+/// Whether some constraint is active at the first stage of an interval of Radau IIA and not at the second, z = (y_1,
+/// y_2). This is so after a jump of the state of any size: y_1 takes w_1 to 0 and moves x_k by 3/4 : 5/12 = 9/5 of the
+/// distance. It is also so for a smooth state if y ends in the interval; a step of Euler there has one error of O(h^2).
 bool lets_go(const Vector& z);
 
 /// The problems without their free unknowns.
-struct ReducedProblems {
-  FreeElimination galerkin, radau, euler;
-
+struct ReducedProblems : ByRule<FreeElimination> {
   ReducedProblems(const RuledProblems&, const std::vector<Index>& free_rows);
-  const FreeElimination& by(IntervalRule) const;
 };
 
 /// Interval by interval from the initial state, each by the rule that its own solution needs; `rules` receives them.
@@ -93,12 +97,12 @@ struct RuledSolution {
 using GalerkinSolver =
     std::function<GalerkinSolution(const GalerkinProblem& full, const GalerkinProblem&, const RowMatrix& start)>;
 
-/// From `first`, the solution or failure with all intervals by method galerkin, and its elimination. Nothing where that
-/// may stay. Initial values are marched by rules; for boundary values `solver` solves again until the rules stay.
+/// `first`: the solution or failure with all intervals by method galerkin. Empty if it needs no other rule. Initial
+/// values are marched by rules; for boundary values `solver` solves again until the rules do not change.
 std::optional<RuledSolution> solve_by_rules(const Scene&, const GalerkinProblem&, const FreeElimination&,
                                             const GalerkinSolution& first, const GalerkinSolver&, const Options&);
 
-/// What a user should know of them; t: the nodes.
+/// The warning for a user; t: the nodes. Empty if no interval has another rule.
 std::string warning_of(const std::vector<IntervalRule>&, const Vector& t);
 
 /// "...; 12 intervals by Radau IIA, 3 by implicit Euler", or nothing.

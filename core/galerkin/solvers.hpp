@@ -6,8 +6,8 @@
 //
 //     z_S = -D_SS^{-1} (C_S x + q_S),    x_k = (E - H_S D_SS^{-1} C_S) x_{k-1} + (F_k - H_S D_SS^{-1} q_S),
 //
-// so that a Newton step is a linear two-point problem of m x m matrices (core/numerics/two_point.hpp), solved exactly;
-// the active sets that appear are few, and their maps are kept.
+// so that a Newton step is a linear two-point problem of m x m matrices (core/numerics/two_point.hpp), solved exactly.
+// Few different active sets occur, and their maps are kept.
 
 #include "../result/options.hpp"
 #include "../result/result.hpp"
@@ -18,7 +18,7 @@ namespace bromwich {
 
 struct GalerkinSolution {
   Status status = Status::tolerance_not_met;
-  std::string reason;  ///< where not solved
+  std::string reason;  ///< if not solved
   std::string how;     ///< the solver, in words
   RowMatrix z;         ///< N x 2n
   RowMatrix x;         ///< (N+1) x m
@@ -32,7 +32,7 @@ struct GalerkinSolution {
   double lcp_seconds = 0;
 };
 
-/// Whether the user wants to stop; the solution then says so.
+/// Whether the user wants to stop; sets status and reason.
 bool asked_to_stop(const Options&, GalerkinSolution&);
 
 /// Status and reason of a march that stopped; `first`: the interval that the report counts as step 1.

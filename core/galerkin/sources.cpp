@@ -12,12 +12,12 @@ namespace bromwich {
 
 namespace {
 
-constexpr double same_time = 1e-9;       ///< of an interval: a breakpoint so close to a node lies on it
+constexpr double same_time = 1e-9;       ///< of an interval: a breakpoint closer to a node counts as on it
 constexpr double missed = 0.25;          ///< of the range of the values on a piece
 constexpr double rounding_range = 1e-9;  ///< of the largest value: smaller differences do not count
 constexpr int most_halvings = 16;
 constexpr std::size_t most_responses = 256;
-/// Between the Gauss points, at no simple fraction; near the ends too where a source has turned out to be rough.
+/// Irregular points between the Gauss points. `more_probes` are near the ends, for sources found to be rough.
 constexpr double probes[] = {0.2347, 0.7031}, more_probes[] = {0.0131, 0.0607, 0.9417, 0.9883};
 
 // Gauss points on [0,1], their weights, and the parabola through values there: Σ_i values_i parabola(i, j) s^j / j!.

@@ -32,7 +32,7 @@ class GalerkinSources {
   Vector mean_of_f(double t, double h);
 
  private:
-  /// What the values at the Gauss points of a piece do, and how it carries a state.
+  /// Contribution of the values at the Gauss points of a piece, and its matrices E and C.
   struct Response {
     std::array<Matrix, 3> state, moments;
     Matrix E, C;

@@ -4,7 +4,7 @@
 //
 //     sigma ||y - y'||^2 <= ∫ (y - y')^T (w - w') dt <= 0.
 //
-// The same holds with a weight e^{-2 lambda t} under the integral: that of e^{-lambda t} L e^{lambda t}, the operator
+// The same holds with a weight e^{-2 lambda t} in the integral; the operator is then e^{-lambda t} L e^{lambda t}, that
 // of A - lambda I and E0 x(0) + e^{lambda T} ET x(T).
 
 #include "../scene/scene.hpp"

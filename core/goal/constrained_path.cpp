@@ -169,7 +169,7 @@ ConstrainedChain constrained_chain(const ConstrainedSystem& system, StepScheme s
 Vector constraint_supply(const Trajectory& path) {
   const ConstraintPath& c = *path.constraints;
   const Index M = path.steps();
-  const Vector h = path.t.tail(M) - path.t.head(M);
+  const Vector h = path.lengths();
   const auto& [nodes, weights] = quadrature(path.scheme);
   Vector supply = Vector::Zero(M);
   for (std::size_t q = 0; q < nodes.size(); ++q) {

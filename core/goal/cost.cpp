@@ -37,11 +37,11 @@ Index most_goal_cells(const PortSystem& system, StepScheme scheme, Index constra
 
 void refuse_goal_beyond(double limit, const GoalCost& cost, const PortSystem& system, Index cells, Index sizes) {
   if (!(limit > 0) || cost.bytes() <= limit) return;
-  throw Error("steps",
-              text("%td of %td sizes with %td states would take %.2g bytes where %.2g may be used", cells, sizes,
-                   system.states(), cost.bytes(), limit),
-              cost.steps > cost.arrays ? "use fewer step sizes, scheme euler or midpoint, or fewer states"
-                                       : "ask for fewer steps");
+  throw Error(
+      "steps",
+      text("%td of %td sizes with %td states would take %.2g bytes where %.2g may be used", cells, sizes,
+           system.states(), cost.bytes(), limit),
+      cost.steps > cost.arrays ? "use fewer step sizes, scheme euler or midpoint, or fewer states" : "use fewer steps");
 }
 
 }  // namespace bromwich

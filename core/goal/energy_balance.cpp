@@ -9,11 +9,6 @@ namespace {
 
 using Column = RowPanel::Column;
 
-Vector step_lengths(const Trajectory& path) {
-  const Index M = path.steps();
-  return path.t.tail(M) - path.t.head(M);
-}
-
 /// u at the nodes of all steps, M x k each; empty where there is no input.
 std::vector<RowMatrix> inputs_at_nodes(const Trajectory& path) {
   std::vector<RowMatrix> u;
@@ -161,7 +156,7 @@ RowMatrix cubic_balance_gradient(const Trajectory& path, const Vector& w) {
   const std::vector<RowMatrix> u = inputs_at_nodes(path);
   const auto& [nodes, weights] = quadrature(path.scheme);
   for (std::size_t q = 0; q < nodes.size(); ++q) {
-    const Vector wh = weights[q] * w.cwiseProduct(step_lengths(path));
+    const Vector wh = weights[q] * w.cwiseProduct(path.lengths());
     RowMatrix g = RowMatrix::Zero(M, path.x.cols());
     add_row_products(2 * wh, states_within(path, nodes[q]), system.dissipation_matrix(), g);
     if (!u.empty()) add_row_products(-wh, u[q], inputs, g);
@@ -175,9 +170,9 @@ RowMatrix cubic_balance_gradient(const Trajectory& path, const Vector& w) {
 EnergyBalance energy_balance(const Trajectory& path) {
   const PortSystem& system = path.system;
   const Index M = path.steps();
-  const Vector h = step_lengths(path);
+  const Vector h = path.lengths();
   EnergyBalance b{Vector(M + 1), Vector::Zero(M), Vector::Zero(M), Vector(M)};
-  const auto& [nodes, weights] = quadrature(path.scheme);
+  const std::vector<double>& weights = quadrature(path.scheme).weights;
   const std::vector<RowMatrix> u = inputs_at_nodes(path);
   const NodeStates states(path);
   b.energy[0] = row_forms(path.x.topRows(1), system.energy_matrix())[0] / 2;
@@ -185,7 +180,7 @@ EnergyBalance energy_balance(const Trajectory& path) {
     return [&, right = RowPanel(), within = RowPanel(), input = RowPanel()](Index first, Index count) mutable {
       right.load(path.x, first + 1, count);
       b.energy.segment(first + 1, count) = 0.5 * right.form(system.energy_matrix(), right).head(count);
-      for (std::size_t q = 0; q < nodes.size(); ++q) {
+      for (std::size_t q = 0; q < weights.size(); ++q) {
         const RowPanel& x = states.load(q, first, count, right, within);
         const Column wh = weights[q] * RowPanel::column(h, first, count);
         b.dissipated.segment(first, count) += (wh * x.form(system.dissipation_matrix(), x)).head(count).matrix();

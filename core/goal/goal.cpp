@@ -77,7 +77,7 @@ bool sees_little(const PortSystem& system, StepScheme scheme, const Vector& t) {
 
 constexpr Index expected_sizes = 16;  ///< step sizes of a grid, where its cells are limited by the memory
 
-/// The cycle for one scene: its grids, what is evaluated on them, and what the result says.
+/// The cycle for one scene: grids, evaluations on them, and the result.
 class GoalSolve {
  public:
   GoalSolve(const Scene& scene, Backend& backend, const Options& options, const GoalOptions& goal)
@@ -116,7 +116,8 @@ class GoalSolve {
     refuse_goal_beyond(options_.memory_limit, cost(cells, sizes), system_, cells, sizes);
   }
 
-  /// What the memory limits: the cells, and the products of steps with what the grid asked for leaves.
+  /// The limits that follow from the memory: the number of cells, and the bytes for products of steps, which is what
+  /// the requested grid leaves.
   GridBounds limit_cells(Index first) {
     GridBounds bounds;
     bounds.default_cells = scene_.default_steps;
@@ -155,7 +156,7 @@ class GoalSolve {
     result.residual = 0;  // of no constraints
     if (grid.last.blind)
       result.warning =
-          text("the input nearly vanishes at all points where %td steps look at it: ask for other steps", M);
+          text("the input nearly vanishes at all points where %td steps look at it: use another number of steps", M);
     if (constrained_) constrained_->report(grid, result);
     result.bytes = result.bytes_predicted = std::size_t(cost(M, grid.last.sizes).bytes());
   }

@@ -128,7 +128,7 @@ std::vector<double> block_ends(double T, double length, const std::vector<double
   return at;
 }
 
-/// What each block would contribute as one cell, (Σ c_i^{1/(q+1)})^{q+1} over its cells, relative to the largest.
+/// The contribution of each block if it were one cell, (Σ c_i^{1/(q+1)})^{q+1} over its cells, relative to the largest.
 /// `wanted`: c_i^{1/(q+1)} of the cells of t; a cell in two blocks counts by its parts.
 Vector block_costs(const Vector& t, const Vector& wanted, int q, const std::vector<double>& at) {
   const Index blocks = Index(at.size()) - 1;

@@ -76,7 +76,7 @@ class WeightedBalance : public LocalBalance {
   std::string name() const override { return text("loc+%g", rho_); }
   QuantityEvaluation evaluate(const Trajectory& path, bool with_gradient) const override {
     QuantityEvaluation e = LocalBalance::evaluate(path, with_gradient);
-    const Vector h = path.t.tail(path.steps()) - path.t.head(path.steps());
+    const Vector h = path.lengths();
     const auto& [nodes, weights] = quadrature(path.scheme);
     for (std::size_t q = 0; q < nodes.size(); ++q) {
       const RowMatrix x = states_within(path, nodes[q]);

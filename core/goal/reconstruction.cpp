@@ -142,10 +142,8 @@ RowMatrix states_within(const Trajectory& path, double s) {
   const auto [alpha, beta, gamma, delta] = reconstruction(path.scheme, s);
   if (path.scheme == StepScheme::euler) return path.x.bottomRows(M);
   RowMatrix x = alpha * path.x.topRows(M) + beta * path.x.bottomRows(M);
-  if (path.scheme == StepScheme::exponential) {
-    const Vector h = path.t.tail(M) - path.t.head(M);
-    x += h.asDiagonal() * (gamma * slopes(path, Side::behind) + delta * slopes(path, Side::before));
-  }
+  if (path.scheme == StepScheme::exponential)
+    x += path.lengths().asDiagonal() * (gamma * slopes(path, Side::behind) + delta * slopes(path, Side::before));
   return x;
 }
 
@@ -155,8 +153,7 @@ void add_within(const Trajectory& path, double s, const RowMatrix& g, RowMatrix&
   gradient.topRows(M) += alpha * g;
   gradient.bottomRows(M) += beta * g;
   if (path.scheme != StepScheme::exponential) return;
-  const Vector h = path.t.tail(M) - path.t.head(M);
-  const RowMatrix through_slope = h.asDiagonal() * row_products(g, path.system.A());
+  const RowMatrix through_slope = path.lengths().asDiagonal() * row_products(g, path.system.A());
   gradient.topRows(M) += gamma * through_slope;
   gradient.bottomRows(M) += delta * through_slope;
 }
@@ -212,16 +209,16 @@ RowMatrix prolonged(const Trajectory& path) {
   const Index M = path.steps();
   const bool cubic = path.scheme == StepScheme::exponential;
   const RowMatrix middle = cubic ? states_within(path, 0.5) : RowMatrix();
-  const auto [alpha, beta, gamma, delta] = reconstruction(path.scheme, 0.5);
+  const Reconstruction at = reconstruction(path.scheme, 0.5);
   RowMatrix x(2 * M + 1, path.x.cols());
   share_out(path.threads, M, path.x.cols(), [&](Index i) {
     x.row(2 * i) = path.x.row(i);
     if (cubic)
       x.row(2 * i + 1) = middle.row(i);
-    else if (alpha == 0)
+    else if (at.alpha == 0)
       x.row(2 * i + 1) = path.x.row(i + 1);
     else
-      x.row(2 * i + 1) = alpha * path.x.row(i) + beta * path.x.row(i + 1);
+      x.row(2 * i + 1) = at.alpha * path.x.row(i) + at.beta * path.x.row(i + 1);
   });
   x.row(2 * M) = path.x.row(M);
   return x;

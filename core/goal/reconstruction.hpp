@@ -90,6 +90,7 @@ struct Trajectory {
   Index steps() const { return t.size() - 1; }
   Index cells() const { return steps() / per_cell; }
   double h(Index i) const { return t[i + 1] - t[i]; }  ///< of the step from t_i to t_{i+1}
+  Vector lengths() const { return t.tail(steps()) - t.head(steps()); }
 };
 
 /// x' at the left ends of all steps (right limit of u) or at their right ends (left limit of u): M x m.

@@ -28,17 +28,6 @@ auto regular(const Solve& solve) {
   }
 }
 
-// Inverse of a step matrix. If it looks singular, it is equilibrated first: units of the states do not count.
-template <class ScalarMatrix>
-ScalarMatrix inverse_of_step(const ScalarMatrix& K) {
-  const Eigen::PartialPivLU<ScalarMatrix> lu(K);
-  if (lu.rcond() > epsilon) return lu.inverse();
-  const Equilibration e = equilibrate(Matrix(K.cwiseAbs()));
-  const Eigen::PartialPivLU<ScalarMatrix> balanced(ScalarMatrix(e.rows.asDiagonal() * K * e.columns.asDiagonal()));
-  if (!(balanced.rcond() > epsilon)) singular_step();
-  return e.columns.asDiagonal() * balanced.inverse() * e.rows.asDiagonal();
-}
-
 // Dense operators: a step is a few products with small matrices.
 template <class Scalar>
 class DenseStageStep final : public StageStep {
@@ -50,7 +39,9 @@ class DenseStageStep final : public StageStep {
       : q_(last_stages(p.g, p.stages, s, rows)) {
     const Coefficients<Scalar> c;
     const Index m = d.A.rows(), n = d.N.rows();
-    const ScalarMatrix R = inverse_of_step<ScalarMatrix>(c.mu / h * ScalarMatrix::Identity(m, m) - d.A.cast<Scalar>());
+    const auto inverse = regular_inverse(ScalarMatrix(c.mu / h * ScalarMatrix::Identity(m, m) - d.A.cast<Scalar>()));
+    if (!inverse) singular_step();
+    const ScalarMatrix& R = *inverse;
     see_.resize(s * n, m);
     drive_.resize(m, s * n);
     implicit_.resize(s * n, s * n);

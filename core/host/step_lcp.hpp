@@ -1,11 +1,11 @@
 #pragma once
 // Shared by the marches: the complementarity problem of one step, handling of unsolvable steps, polling.
 
+#include "../base/timer.hpp"
 #include "../lcp/active_set.hpp"
 #include "../lcp/banded_lcp.hpp"
 #include "../lcp/march_report.hpp"
 
-#include <chrono>
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -60,9 +60,9 @@ class StepLcp {
 
   // Returns false if no solution could be certified; the report says why.
   bool solve(const Vector& q, Vector& y, Index j, MarchReport& report) {
-    const auto start = std::chrono::steady_clock::now();
+    Timer timer;
     const LcpOutcome outcome = solve(q, y);
-    report.lcp_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    report.lcp_seconds += timer.lap();
     return count_step(outcome, q, scene_class_ == LcpClass::P, j, report);
   }
 

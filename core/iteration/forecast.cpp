@@ -74,6 +74,4 @@ double Forecast::longest_window(double tolerance) const {
   return growth_rate == 0 ? INFINITY : std::log(tolerance / epsilon) / growth_rate;
 }
 
-bool Forecast::converges(double T, double tolerance) const { return T <= longest_window(tolerance); }
-
 }  // namespace bromwich

@@ -22,9 +22,8 @@ struct Forecast {
   double growth_rate = 0;  ///< s1, 1/time; 0 if khat(0) < 1
   double sweeps = 0;       ///< bound of the number of sweeps to the tolerance; infinite if none is known
 
-  /// The iteration is reliable: kappa_0 < 1/2, and amplified rounding errors stay below the tolerance.
-  bool converges(double T, double tolerance) const;
-  /// The longest horizon on which rounding, amplified by e^{s1 T}, stays below the tolerance; infinite without growth.
+  /// The longest horizon on which the iteration is reliable: kappa_0 < 1/2, and rounding errors, amplified by e^{s1 T},
+  /// stay below the tolerance. Infinite without growth, 0 for a larger kappa_0.
   double longest_window(double tolerance) const;
 };
 

@@ -192,14 +192,4 @@ void solve_literally(const DiscreteProblem& p, const Options& options, Result& r
   result.seconds.convolution = convolution;
 }
 
-double literal_scalar_response(double a, double t, Index P) {
-  const Contour contour = literal_contour(P, t);
-  double sum = 0;
-  for (Index p = 0; p <= P; ++p) {
-    const Complex z = contour.nodes[p];
-    sum += (contour.weights[p] / (z - a) * t * phi1(z * t)).real();
-  }
-  return sum;
-}
-
 }  // namespace bromwich

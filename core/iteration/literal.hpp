@@ -12,8 +12,4 @@ namespace bromwich {
 
 void solve_literally(const DiscreteProblem&, const Options&, Result& result);
 
-/// Σ_p c_p R(z_p) ∫_0^t e^{z_p (t-s)} ds for a scalar A = a and u = 1; the exact value is (e^{at} - 1)/a. Theorem
-/// 2.3 (2) bounds the error.
-double literal_scalar_response(double a, double t, Index P);
-
 }  // namespace bromwich

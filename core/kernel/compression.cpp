@@ -133,18 +133,18 @@ InitialFit fit_initial_response(Backend& backend, const KroneckerDynamics& dynam
                                 double h, double T) {
   const Index K = dynamics.across.points, terms = sum.rates.size();
   const Vector nu = dynamics.across.eigenvalues();
-  const auto [times, checks] = sample_times(h, T);
-  const Eigen::HouseholderQR<Matrix> qr(exponentials(times, sum.rates));
-  const Matrix Q = qr.householderQ() * Matrix::Identity(times.size(), terms);
+  const SampleTimes times = sample_times(h, T);
+  const Eigen::HouseholderQR<Matrix> qr(exponentials(times.fitted, sum.rates));
+  const Matrix Q = qr.householderQ() * Matrix::Identity(times.fitted.size(), terms);
   const auto R = qr.matrixQR().topRows(terms).triangularView<Eigen::Upper>();
-  const Matrix check = exponentials(checks, sum.rates);
+  const Matrix check = exponentials(times.checked, sum.rates);
   InitialFit fit{Vector(K), in_sine_basis(dynamics.n), nullptr};
   Matrix C(terms, K);
   backend.each_range(K, columns_together, [&](Index first, Index last) {
     const Vector rates = nu.segment(first, last - first);
-    Matrix part = Q.transpose() * exponentials(times, rates);
+    Matrix part = Q.transpose() * exponentials(times.fitted, rates);
     R.solveInPlace(part);
-    const Matrix gap = check * part - exponentials(checks, rates);
+    const Matrix gap = check * part - exponentials(times.checked, rates);
     fit.missed.segment(first, last - first) = gap.cwiseAbs().colwise().maxCoeff().transpose();
     C.middleCols(first, last - first) = part * fit.seen.segment(first, last - first).asDiagonal();
   });
@@ -174,13 +174,6 @@ double initial_error(Backend& backend, const KroneckerDynamics& dynamics, const 
   const Vector parts = fit.seen.cwiseAbs().cwiseProduct(row_modes(backend, lines).colwise().norm().transpose());
   const double size = parts.sum();
   return size > 0 ? between_samples * parts.dot(fit.missed) / size : 0;
-}
-
-InitialSum compress_initial_response(Backend& backend, const KroneckerDynamics& dynamics, const InitialFit& fit,
-                                     const Vector& x0) {
-  InitialSum sum{{}, initial_error(backend, dynamics, fit, x0)};
-  backend.download((*fit.project)(x0), sum.coefficients);
-  return sum;
 }
 
 std::optional<RowMatrix> start_of(const ModalRecurrence& r, const RowMatrix& D) {

@@ -26,18 +26,9 @@ inline constexpr double compression_tolerance = 1e-13, accepted_compression_erro
 ExponentialSum compress_line_kernel(const KroneckerDynamics&, double h, double T,
                                     double tolerance = compression_tolerance);
 
-/// The response to x0 by the same exponentials: S N e^{At} x0 = Σ_k D_kl e^{(s_k + mu_l) t} in mode l, t in [h, T].
-struct InitialSum {
-  RowMatrix coefficients;  ///< D, K x n
-  /// 2-norm over all modes, relative to Σ_k |n_k| |x0_k| in the eigenvectors of a line. Estimated from e^{nu t} between
-  /// the samples, with a factor of 4 for other times: by the eigenvalue with the largest error, or, if that is too
-  /// large, by all eigenvalues and the components of this x0.
-  double error = 0;
-};
-
-/// Every e^{nu_k t} by the exponentials of a sum, for any x0 and without evaluating time points. With e^{nu_k t} =
-/// Σ_i C_ik e^{s_i t} and n_k the component of n in eigenvector k of a line, D = P X^T S, P_iq = Σ_k C_ik n_k S_kq, X
-/// the lines of x0.
+/// The response to x0 by the same exponentials: S N e^{At} x0 = Σ_k D_kl e^{(s_k + mu_l) t} in mode l, t in [h, T], for
+/// any x0 and without evaluating time points. With e^{nu_k t} = Σ_i C_ik e^{s_i t} and n_k the component of n in
+/// eigenvector k of a line, D = P X^T S, P_iq = Σ_k C_ik n_k S_kq, X the lines of x0.
 class InitialProjection {
  public:
   InitialProjection(Backend&, const KroneckerDynamics&, const RowMatrix& P);
@@ -56,9 +47,10 @@ struct InitialFit {
 };
 InitialFit fit_initial_response(Backend&, const KroneckerDynamics&, const ExponentialSum&, double h, double T);
 
-/// InitialSum::error of this x0.
+/// Error of the response to this x0: 2-norm over all modes, relative to Σ_k |n_k| |x0_k| in the eigenvectors of a line.
+/// Estimated from e^{nu t} between the samples, with a factor of 4 for other times: by the eigenvalue with the largest
+/// error, or, if that is too large, by all eigenvalues and the components of this x0.
 double initial_error(Backend&, const KroneckerDynamics&, const InitialFit&, const Vector& x0);
-InitialSum compress_initial_response(Backend&, const KroneckerDynamics&, const InitialFit&, const Vector& x0);
 
 /// Contribution of x0 to z_0 of a recurrence: `initial` = D E / C, for any grid. Empty if a C_k is zero.
 std::optional<RowMatrix> start_of(const ModalRecurrence&, const RowMatrix& D);

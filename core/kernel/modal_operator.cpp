@@ -190,15 +190,11 @@ class ModalOperator : public TimeOperator {
   // represent x0, whose response would have to be stepped.
   std::optional<MarchData> compressed_euler(bool chosen) {
     if (!chosen && !p_.scene.x0.isZero(0)) return std::nullopt;
-    const Vector mu = dynamics_.along.eigenvalues(), nu = dynamics_.across.eigenvalues();
     const LineTransfer line(dynamics_.across, dynamics_.n, dynamics_.b);
-    const TransferFunctions transfer = [&line](Complex z) -> ComplexVector {
-      return ComplexVector::Constant(1, line(z));
-    };
-    const FitRegion region{false, p_.h, p_.scene.T, -mu.maxCoeff(), -mu.minCoeff()};
-    const PoleSum fit = fit_poles(transfer, 1, region, -nu.maxCoeff(), -nu.minCoeff(), false);
+    const PoleSum fit = fit_line(dynamics_, false, p_.h, p_.scene.T);
+    const Vector mu = dynamics_.along.eigenvalues();
     const Index n = mu.size(), K = fit.rates.size();
-    if (!(fit.error <= accepted_compression_error) || (!chosen && 2 * K > nu.size())) return std::nullopt;
+    if (!(fit.error <= accepted_compression_error) || (!chosen && 2 * K > dynamics_.across.points)) return std::nullopt;
     ModalRecurrence r;
     r.decay.resize(K, n);
     r.output.resize(K, n);

@@ -83,15 +83,9 @@ bool needs_precision(const Matrix& A, double h, Index J) {
 
 namespace {
 
-// (I - hA)^{-1}. If the matrix looks singular, it is equilibrated first: units of the states do not count.
+// (I - hA)^{-1}; empty if it is singular.
 std::optional<Matrix> inverse_of_step(const Matrix& A, double h) {
-  const Matrix K = Matrix::Identity(A.rows(), A.rows()) - h * A;
-  const Eigen::PartialPivLU<Matrix> lu(K);
-  if (K.rows() == 0 || lu.rcond() >= epsilon) return lu.inverse();
-  const Equilibration e = equilibrate(K);
-  const Eigen::PartialPivLU<Matrix> balanced(e.rows.asDiagonal() * K * e.columns.asDiagonal());
-  if (!(balanced.rcond() >= epsilon)) return std::nullopt;
-  return e.columns.asDiagonal() * balanced.inverse() * e.rows.asDiagonal();
+  return regular_inverse(Matrix(Matrix::Identity(A.rows(), A.rows()) - h * A));
 }
 
 }  // namespace

@@ -57,12 +57,12 @@ std::optional<Matrix> closed_matrix(const DiscreteProblem& p, const std::vector<
 }
 
 // The fastest mode of any phase that `counts` accepts and whose amplitude in the states exceeds `least_amplitude`.
-std::optional<Mode> fastest(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x, double least_amplitude,
-                            const std::function<bool(Complex z, Index steps)>& counts) {
+std::optional<Complex> fastest(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x, double least_amplitude,
+                               const std::function<bool(Complex z, Index steps)>& counts) {
   const Vector scale = x.cwiseAbs().colwise().maxCoeff().transpose();
   if (!x.allFinite() || !(scale.maxCoeff() > 0)) return std::nullopt;
   const Vector D = scale.cwiseMax(1e-8 * scale.maxCoeff());
-  std::optional<Mode> found;
+  std::optional<Complex> found;
   for (const auto& [S, phase] : phases(y)) {
     const std::optional<Matrix> closed = closed_matrix(p, S);
     if (!closed || !closed->allFinite()) continue;
@@ -90,30 +90,29 @@ std::optional<Mode> fastest(const DiscreteProblem& p, const RowMatrix& y, const 
       largest = largest.cwiseMax(modes.solve(state.cast<Complex>().eval()).cwiseAbs());
     }
     for (const Index k : candidates)
-      if (largest[k] > least_amplitude && (!found || std::abs(lambda[k]) > std::abs(found->rate)))
-        found = Mode{lambda[k], largest[k]};
+      if (largest[k] > least_amplitude && (!found || std::abs(lambda[k]) > std::abs(*found))) found = lambda[k];
   }
   return found;
 }
 
 }  // namespace
 
-std::optional<Mode> unresolved_growth(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x) {
+std::optional<Complex> unresolved_growth(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x) {
   return fastest(p, y, x, 1e-6, [](Complex z, Index steps) {
     return std::abs(z) > 0.5 && z.real() > 1e-6 * std::abs(z) && z.real() * double(steps) > 0.1;
   });
 }
 
-std::optional<Mode> unresolved_oscillation(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x,
-                                           double (*damping)(Complex z)) {
+std::optional<Complex> unresolved_oscillation(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x,
+                                              double (*damping)(Complex z)) {
   return fastest(p, y, x, 0.1, [damping](Complex z, Index steps) {
     constexpr double third = 0.4;  // log(3/2)
     return std::abs(z.real()) < 0.1 * std::abs(z.imag()) && double(steps) * std::abs(damping(z) - z.real()) > third;
   });
 }
 
-std::optional<Mode> fast_oscillation(const DiscreteProblem& p, const RowMatrix& y,
-                                     const std::function<RowMatrix()>& states) {
+std::optional<Complex> fast_oscillation(const DiscreteProblem& p, const RowMatrix& y,
+                                        const std::function<RowMatrix()>& states) {
   const auto oscillates = [](Complex z, Index) {
     return std::abs(z.imag()) > 1 && std::abs(z.real()) < 0.1 * std::abs(z.imag());
   };

@@ -10,25 +10,22 @@
 
 namespace bromwich {
 
-struct Mode {
-  Complex rate;          ///< lambda, 1/time
-  double amplitude = 0;  ///< largest part of the state in this mode, roughly 0 to 1
-};
+/// The eigenvalue lambda (1/time) of the fastest mode contained in the states x that grows noticeably while its active
+/// set lasts and has h |lambda| > 1/2. Modes of A and of the closed loops of the active sets of y are tested:
+/// A - B_S M_SS^{-1} N_S, or A restricted by the constraints N_S x = const if (N B)_SS is nonsingular. Dense dynamics
+/// with few states.
+std::optional<Complex> unresolved_growth(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x);
 
-/// The fastest mode contained in the states x that grows noticeably while its active set lasts and has h |lambda| >
-/// 1/2. Modes of A and of the closed loops of the active sets of y are tested: A - B_S M_SS^{-1} N_S, or A restricted
-/// by the constraints N_S x = const if (N B)_SS is nonsingular. Dense dynamics with few states.
-std::optional<Mode> unresolved_growth(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x);
+/// lambda of the fastest weakly damped oscillation of these modes that makes up at least a tenth of the state, and of
+/// which the method removes or adds a third while its active set lasts. `damping` is log |R(z)| of the method, z = h
+/// lambda.
+std::optional<Complex> unresolved_oscillation(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x,
+                                              double (*damping)(Complex z));
 
-/// The fastest weakly damped oscillation of these modes that makes up at least a tenth of the state, and of which the
-/// method removes or adds a third while its active set lasts. `damping` is log |R(z)| of the method, z = h lambda.
-std::optional<Mode> unresolved_oscillation(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x,
-                                           double (*damping)(Complex z));
-
-/// The fastest weakly damped oscillation of these modes with h |Im lambda| > 1, unless the size of the skew part rules
-/// it out. Contacts then open and close within a step, whatever the method.
-std::optional<Mode> fast_oscillation(const DiscreteProblem&, const RowMatrix& y,
-                                     const std::function<RowMatrix()>& states);
+/// lambda of the fastest weakly damped oscillation of these modes with h |Im lambda| > 1, unless the size of the skew
+/// part rules it out. Contacts then open and close within a step, whatever the method.
+std::optional<Complex> fast_oscillation(const DiscreteProblem&, const RowMatrix& y,
+                                        const std::function<RowMatrix()>& states);
 
 /// log |R(z)| of implicit Euler and of Radau IIA with two stages.
 double euler_damping(Complex z);

@@ -12,7 +12,9 @@ struct StepDefects {
   RowMatrix values;          ///< one row in R^m per step
 
   /// Adds them to the rows of `x`, one per time point, before the steps are summed up.
-  void add_to(RowMatrix& x) const;
+  void add_to(RowMatrix& x) const {
+    for (std::size_t i = 0; i < steps.size(); ++i) x.row(steps[i]) += values.row(Index(i));
+  }
 };
 
 }  // namespace bromwich

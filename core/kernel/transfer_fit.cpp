@@ -1,5 +1,7 @@
 #include "core/kernel/transfer_fit.hpp"
 
+#include "core/dynamics/line_transfer.hpp"
+
 #include <Eigen/QR>
 
 #include <algorithm>
@@ -158,11 +160,13 @@ PoleSum fit_poles(const TransferFunctions& f, Index functions, const FitRegion& 
   return best;
 }
 
-double pole_sum_error(const PoleSum& sum, const ComplexVector& values, Complex z) {
-  ComplexVector found = (sum.constant + 0 * sum.linear).cast<Complex>() + z * sum.linear.cast<Complex>();
-  for (Index k = 0; k < sum.rates.size(); ++k)
-    found += sum.coefficients.row(k).transpose().cast<Complex>() / (z - sum.rates[k]);
-  return (found - values).cwiseAbs().maxCoeff() / values.cwiseAbs().maxCoeff();
+PoleSum fit_line(const KroneckerDynamics& d, bool radau, double h, double T) {
+  const LineTransfer line(d.across, d.n, d.b);
+  const TransferFunctions transfer = [&line](Complex z) -> ComplexVector {
+    return ComplexVector::Constant(1, line(z));
+  };
+  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
+  return fit_poles(transfer, 1, {radau, h, T, -mu.maxCoeff(), -mu.minCoeff()}, -nu.maxCoeff(), -nu.minCoeff(), false);
 }
 
 }  // namespace bromwich

@@ -11,7 +11,7 @@
 // Rates are picked from a logarithmic grid by a column-pivoted QR, coefficients are a least-squares fit, and the error
 // is measured at points between the samples. The error at any z of the region bounds that of every weight.
 
-#include "../base/types.hpp"
+#include "../dynamics/kronecker.hpp"
 
 #include <functional>
 
@@ -41,8 +41,8 @@ using TransferFunctions = std::function<ComplexVector(Complex z)>;
 PoleSum fit_poles(const TransferFunctions&, Index functions, const FitRegion&, double slowest, double fastest,
                   bool grows, double tolerance = 1e-13);
 
-/// The largest relative difference of values at z from a fit.
-double pole_sum_error(const PoleSum&, const ComplexVector& values, Complex z);
+/// The transfer function of a grid line by few poles with rates in its spectrum, for steps h up to T.
+PoleSum fit_line(const KroneckerDynamics&, bool radau, double h, double T);
 
 inline constexpr double accepted_fit_error = 1e-10;  ///< up to which a fit may replace exact values
 

@@ -21,7 +21,7 @@ namespace bromwich::simd {
 /// n x n band matrix in blocks of eight rows: entry (i, i + o - w), 0 <= o <= 2w, in lane i % 8.
 class Band {
  public:
-  Band(Index n, Index w) : n_(n), w_(w), entries_(std::size_t(blocks(n) * width()), all(0)) {}
+  Band(Index n, Index w) : w_(w), entries_(std::size_t(blocks(n) * width()), all(0)) {}
 
   Index half() const { return w_; }
   Index width() const { return 2 * w_ + 1; }
@@ -38,7 +38,7 @@ class Band {
  private:
   std::size_t position(Index i, Index j) const { return std::size_t((i / lanes) * width() + (j - i + w_)); }
 
-  Index n_, w_;
+  Index w_;
   std::vector<Lanes> entries_;
 };
 

@@ -55,11 +55,9 @@ Vector Comparison::solve(const Vector& b) const {
 bool Comparison::is_M_matrix() const {
   const Index n = size(C_);
   if (n == 0) return true;
-  const bool tridiagonal = std::holds_alternative<Tridiagonal>(C_);
-  const Vector diagonal = tridiagonal ? std::get<Tridiagonal>(C_).diagonal : Vector(std::get<Matrix>(C_).diagonal());
-  const Vector u = solve(diagonal);
+  const Vector u = solve(diagonal(C_));
   if (!u.allFinite() || !(u.minCoeff() > 0)) return false;
-  const double rounding = 4 * epsilon * double(tridiagonal ? 3 : n);
+  const double rounding = 4 * epsilon * double(std::holds_alternative<Tridiagonal>(C_) ? 3 : n);
   return (multiply(C_, u).array() > rounding * multiply(absolute(C_), u).array()).all();
 }
 

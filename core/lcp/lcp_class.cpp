@@ -13,25 +13,25 @@ namespace bromwich {
 
 namespace {
 
-Vector diagonal(const LcpMatrix& M) {
-  if (const auto* t = std::get_if<Tridiagonal>(&M)) return t->diagonal;
-  return std::get<Matrix>(M).diagonal();
-}
+struct PositiveEntry {
+  Index row, column;
+  double value;
+};
 
 // The first positive entry off the diagonal.
-std::optional<std::pair<Index, Index>> positive_off_diagonal(const LcpMatrix& M) {
+std::optional<PositiveEntry> positive_off_diagonal(const LcpMatrix& M) {
+  std::optional<PositiveEntry> found;
+  const auto look_at = [&found](Index i, Index j, double value) {
+    if (!found && i != j && value > 0) found = {i, j, value};
+  };
   if (const auto* t = std::get_if<Tridiagonal>(&M)) {
-    for (Index i = 0; i + 1 < t->diagonal.size(); ++i) {
-      if (t->upper[i] > 0) return std::pair(i, i + 1);
-      if (t->lower[i + 1] > 0) return std::pair(i + 1, i);
-    }
-    return std::nullopt;
+    each_entry(*t, look_at);
+    return found;
   }
   const Matrix& dense = std::get<Matrix>(M);
-  for (Index i = 0; i < dense.rows(); ++i)
-    for (Index j = 0; j < dense.cols(); ++j)
-      if (i != j && dense(i, j) > 0) return std::pair(i, j);
-  return std::nullopt;
+  for (Index i = 0; i < dense.rows() && !found; ++i)
+    for (Index j = 0; j < dense.cols(); ++j) look_at(i, j, dense(i, j));
+  return found;
 }
 
 bool strictly_dominant(const LcpMatrix& M) {
@@ -220,10 +220,7 @@ std::optional<std::string> contradiction(const LcpMatrix& M, LcpClass stated) {
   if (stated != LcpClass::Z) return std::nullopt;
   const auto found = positive_off_diagonal(M);
   if (!found) return std::nullopt;
-  const auto [i, j] = *found;
-  const auto* t = std::get_if<Tridiagonal>(&M);
-  const double value = !t ? std::get<Matrix>(M)(i, j) : i < j ? t->upper[i] : t->lower[i];
-  return "M has a positive entry off its diagonal, " + entry(i, j, value);
+  return "M has a positive entry off its diagonal, " + entry(found->row, found->column, found->value);
 }
 
 }  // namespace bromwich

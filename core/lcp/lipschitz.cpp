@@ -18,20 +18,11 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-// ||M_SS^{-1}||_inf; infinite if M_SS is singular to rounding. Rows and columns are first scaled to a largest entry of
-// one, so that small rows do not count as dependent.
-double inverse_norm(Matrix M) {
-  const Index n = M.rows();
-  const Vector rows = M.cwiseAbs().rowwise().maxCoeff();
-  if (!(rows.minCoeff() > 0)) return infinity;
-  M = rows.cwiseInverse().asDiagonal() * M;
-  const Vector columns = M.cwiseAbs().colwise().maxCoeff();
-  if (!(columns.minCoeff() > 0)) return infinity;
-  M = M * columns.cwiseInverse().asDiagonal();
-  const Eigen::PartialPivLU<Matrix> lu(M);
-  if (!(reciprocal_condition(lu) > 16 * double(n) * epsilon)) return infinity;
-  const Matrix inverse = columns.cwiseInverse().asDiagonal() * lu.inverse() * rows.cwiseInverse().asDiagonal();
-  return inverse.cwiseAbs().rowwise().sum().maxCoeff();
+// ||M_SS^{-1}||_inf; infinite if M_SS is singular to rounding. It is scaled, so that small rows do not count as
+// dependent.
+double inverse_norm(const Matrix& M) {
+  const auto inverse = scaled_inverse(M, 16 * double(M.rows()) * epsilon);
+  return inverse ? inverse->cwiseAbs().rowwise().sum().maxCoeff() : infinity;
 }
 
 double largest_inverse_norm(const Matrix& M) {

@@ -5,7 +5,7 @@
 
 namespace bromwich {
 
-/// What became of the complementarity problems of a step-by-step solution.
+/// The outcome of the complementarity problems of a step-by-step solution.
 struct MarchReport {
   LcpCount count;
   Index infeasible = -1;   ///< row at which no solution exists, or -1; rows from there on are NaN

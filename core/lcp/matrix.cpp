@@ -7,6 +7,11 @@ Index size(const LcpMatrix& M) {
   return dense ? dense->rows() : std::get<Tridiagonal>(M).diagonal.size();
 }
 
+Vector diagonal(const LcpMatrix& M) {
+  if (const auto* t = std::get_if<Tridiagonal>(&M)) return t->diagonal;
+  return std::get<Matrix>(M).diagonal();
+}
+
 Matrix to_dense(const LcpMatrix& M) {
   if (const auto* dense = std::get_if<Matrix>(&M)) return *dense;
   const auto& t = std::get<Tridiagonal>(M);

@@ -18,7 +18,19 @@ using LcpMatrix = std::variant<Matrix, Tridiagonal>;
 /// The class of M as stated by the user. `automatic`: it is tested (core/lcp/lcp_class.hpp).
 enum class LcpClass { automatic, P, Z, PSD, unknown };
 
+/// use(i, j, entry) for all entries on the three diagonals; of a matrix that is not const, entries may be changed.
+template <class Bands, class Use>
+void each_entry(Bands& t, const Use& use) {
+  const Index n = t.diagonal.size();
+  for (Index i = 0; i < n; ++i) {
+    use(i, i, t.diagonal[i]);
+    if (i > 0) use(i, i - 1, t.lower[i]);
+    if (i + 1 < n) use(i, i + 1, t.upper[i]);
+  }
+}
+
 Index size(const LcpMatrix&);
+Vector diagonal(const LcpMatrix&);
 Matrix to_dense(const LcpMatrix&);
 
 /// M y for one vector.

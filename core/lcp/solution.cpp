@@ -24,16 +24,11 @@ Equilibration equilibrate(const Tridiagonal& t) {
   const Index n = t.diagonal.size();
   return equilibrate(n, n, [&](const Equilibration& e, Vector& rows, Vector& columns) {
     rows = columns = Vector::Zero(n);
-    const auto take = [&](Index i, Index j, double value) {
+    each_entry(t, [&](Index i, Index j, double value) {
       const double entry = e.rows[i] * std::abs(value) * e.columns[j];
       rows[i] = std::max(rows[i], entry);
       columns[j] = std::max(columns[j], entry);
-    };
-    for (Index i = 0; i < n; ++i) {
-      take(i, i, t.diagonal[i]);
-      if (i > 0) take(i, i - 1, t.lower[i]);
-      if (i + 1 < n) take(i, i + 1, t.upper[i]);
-    }
+    });
   });
 }
 
@@ -43,12 +38,7 @@ Equilibration equilibrate(const LcpMatrix& M) {
 
 Tridiagonal scaled(const Tridiagonal& given, const Equilibration& e) {
   Tridiagonal t = given;
-  const Index n = t.diagonal.size();
-  for (Index i = 0; i < n; ++i) {
-    t.diagonal[i] *= e.rows[i] * e.columns[i];
-    if (i > 0) t.lower[i] *= e.rows[i] * e.columns[i - 1];
-    if (i + 1 < n) t.upper[i] *= e.rows[i] * e.columns[i + 1];
-  }
+  each_entry(t, [&e](Index i, Index j, double& entry) { entry *= e.rows[i] * e.columns[j]; });
   return t;
 }
 

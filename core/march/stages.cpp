@@ -9,216 +9,20 @@
 #include "core/kernel/transfer_fit.hpp"
 #include "core/lcp/active_set.hpp"
 #include "core/march/outcome.hpp"
+#include "core/march/stage_grid.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <numeric>
 #include <optional>
-#include <set>
 
 namespace bromwich {
 
 namespace {
 
 constexpr double first_node = 1.0 / 3;  ///< c_1 of Radau IIA; the last node is the end of the step
-constexpr double same_at_end = 1e-9;    ///< relative to the largest: values of g that count as equal
 
-// The steps of a march in stages: grid steps, with rough ones replaced by their parts.
-struct StageGrid {
-  Vector t;                     ///< end times of the steps, t[0] = 0
-  std::vector<double> lengths;  ///< length of the step to row j at index j - 1; empty if no step is rough
-  std::vector<Index> step;      ///< grid step that contains row j
-  std::vector<Index> at;        ///< row of each grid point
-  std::vector<Index> after;     ///< rows of brief parts that take g from after the jump at their grid point
-};
-
-constexpr Index fewest_compressed_stages = 40;   ///< eigenvalues of a line above which few poles are looked for
-constexpr std::size_t most_sparse_lengths = 32;  ///< one sparse factorization each
-
-StageGrid whole_steps(const DiscreteProblem& p) {
-  StageGrid grid{p.t, {}, std::vector<Index>(std::size_t(p.J) + 1), {}, {}};
-  std::iota(grid.step.begin(), grid.step.end(), Index(0));
-  grid.at = grid.step;
-  return grid;
-}
-
-// Divides steps after jumps into parts. An impulse gets a part of its own: within a longer step it may be undone before
-// the first stage.
-//
-// After a jump of the state or of f, and at the start, the state has a boundary layer of width 1/||A||, and y follows
-// it. The layer is resolved by geometrically growing parts, more of them on finer grids. Used only for grids whose
-// error is controlled; a grid given by the user is used as it is.
-class Layers {
- public:
-  Layers(const DiscreteProblem& p, bool wanted) {
-    if (!wanted || !p.small_state() || p.scene.states() > most_states) return;
-    const double rate = p.small_state()->A.cwiseAbs().rowwise().sum().maxCoeff();
-    start_ = p.t[0];
-    begin_.insert(start_);
-    if (p.sources) place_jumps(p);
-    const Index count = Index(begin_.size());
-    first_ = 0.1 / (std::max(rate, 1 / p.h) * double(p.J));
-    if (!(rate * p.h > stiff)) return;
-    const double factorization = std::pow(double(p.scene.states() + p.scene.constraints()), 3);
-    const Index affordable = std::max(p.J, Index(cheap / factorization));
-    const auto growth = [&](Index layers) {
-      if (fewest * layers > affordable) return double(INFINITY);
-      return typical_decades / double(std::clamp(p.J / (4 * layers), fewest, most));
-    };
-    growth_ = growth(count);
-    growth_at_start_ = std::isfinite(growth_) ? growth_ : growth(1);
-  }
-
-  bool none() const { return begin_.empty(); }
-
-  // Appends the ends of the parts of (from, to]. Call with increasing times.
-  void divide(double from, double to, std::vector<double>& ends) {
-    if (begin_.count(from) > 0) {
-      last_ = from;
-      if (from + first_ < to) ends.push_back(from + first_);
-      from = last_ + std::min(first_, to - from);
-    }
-    const double behind = from - last_, growth = last_ > start_ ? growth_ : growth_at_start_;
-    const double parts = std::ceil(std::log1p((to - from) / behind) / growth);
-    for (double k = 1; k < parts; ++k) ends.push_back(last_ + behind * std::pow(1 + (to - from) / behind, k / parts));
-    if (to > from) ends.push_back(to);
-  }
-
- private:
-  void place_jumps(const DiscreteProblem& p) {
-    const OneSided f(p.scene.f, p.scene.sources(), p.sources->resolution),
-        g(p.scene.g, p.scene.constraints(), p.sources->resolution);
-    const auto jumps = [](const OneSided& source, const SampledSource& samples, double t, double behind, double ahead) {
-      if (samples.size() == 0 || source.width() == 0) return false;
-      const double scale = samples.values().cwiseAbs().maxCoeff();
-      return (source.after(t, ahead) - source.before(t, behind)).cwiseAbs().maxCoeff() > same_at_end * scale;
-    };
-    for (const RoughStep& rough : p.sources->rough) {
-      double from = p.t[rough.step - 1], before = p.h;
-      for (const double to : rough.ends) {
-        const bool behind_place = before <= shortest * p.h;  // parts this short enclose a located jump
-        if (behind_place || jumps(f, p.f, from, before, to - from) || jumps(g, p.g, from, before, to - from))
-          begin_.insert(from);
-        before = to - from;
-        from = to;
-      }
-    }
-  }
-
-  static constexpr double stiff = 0.05;  ///< ||A|| h above which a step does not resolve the layer
-  static constexpr double shortest = 0x1p-30;
-  static constexpr Index most_states = 64;         ///< every part length has its own factorization
-  static constexpr Index fewest = 48, most = 400;  ///< parts of a layer
-  static constexpr double typical_decades = 16;    ///< logarithm of the ratio of a step to the first part of its layer
-  static constexpr double cheap = 1e7;             ///< operations that parts of small scenes may cost on any grid
-  std::set<double> begin_;
-  double first_ = 0;  ///< length of the part after a jump
-  /// Logarithmic growth of the distance to the jump from one point to the next; infinite: one part for the rest. A row
-  /// after a jump may exist on the finest grid only, so comparing grids would not show that its layer is missing. With
-  /// too many jumps only the start is resolved.
-  double growth_ = INFINITY, growth_at_start_ = INFINITY, start_ = 0;
-  double last_ = -INFINITY;  ///< last jump passed
-};
-
-// Steps of the undivided grid with a new contact of a rigid constraint, each with the predicted time of the contact, or
-// NaN.
-//
-// Implicit Euler moves the state onto the constraint by the end of a step. If y acts on the second derivative of w, the
-// remaining velocity is that of this motion, and only the next step removes it. Short parts just after the contact do
-// the same, so the motion continues from there and not from the end of the step. Without a predicted time the short
-// parts are at the end of the step.
-using Contacts = std::map<Index, double>;
-constexpr std::size_t most_contacts = 64;  ///< divided steps; more contacts mean chattering
-constexpr int most_passes = 8;
-
-void divide_contact(double contact, double from, double h, std::vector<double>& ends) {
-  const double to = ends.back(), begin = ends.size() > 1 ? ends[ends.size() - 2] : from;
-  if (contact > begin && contact < to) {
-    for (const double behind : {1, 2, 4})
-      if (contact + (behind + 1) * h / 256 < to) ends.insert(ends.end() - 1, contact + behind * h / 256);
-    if (contact + 3 * h / 256 < to) return;
-  }
-  const double last = ends.size() > 1 ? std::max(begin, ends[ends.size() - 2]) : begin;
-  ends.insert(ends.end() - 1, {to - (to - last) / 16, to - (to - last) / 256});
-}
-
-// The first root after t[2] of the parabola through w at three times; NaN if there is none.
-double predicted_root(const Vector& t, const Vector& w) {
-  const double slope = (w[2] - w[1]) / (t[2] - t[1]), before = (w[1] - w[0]) / (t[1] - t[0]);
-  const double bend = (slope - before) / (t[2] - t[0]), at_end = slope + bend * (t[2] - t[1]);
-  const double root = at_end * at_end - 4 * bend * w[2];
-  if (!(w[2] > 0) || !(root >= 0)) return NAN;
-  return t[2] + 2 * w[2] / (-at_end + std::sqrt(root));
-}
-
-bool takes_limits_at_points(const DiscreteProblem& p) { return p.lcp_class == LcpClass::P; }
-
-// Where g jumps at a point of the grid and M leaves y to the dynamics: the state has to follow g there, with y of its
-// own kind, and not within the step before. The step ends with two brief parts, one for the impulse and one after it.
-class JumpsAtPoints {
- public:
-  explicit JumpsAtPoints(const DiscreteProblem& p) : p_(p) {
-    if (!p.sources || !p.scene.g || takes_limits_at_points(p)) return;
-    g_.emplace(p.scene.g, p.scene.constraints(), p.sources->resolution);
-    scale_ = p.g.table().cwiseAbs().maxCoeff();
-  }
-
-  // `ends`: of the parts of step j, the last of which is its point.
-  bool divide(Index j, std::vector<double>& ends) {
-    if (!g_ || !p_.sources->at(j)) return false;
-    const double from = ends.size() > 1 ? ends[ends.size() - 2] : p_.t[j - 1], to = ends.back(), brief = 0x1p-20 * p_.h;
-    Vector own;
-    g_->value(to, own);
-    const double jump = (own - g_->before(to, to - from)).cwiseAbs().maxCoeff();
-    if (!(jump > same_at_end * scale_) || !(to - from > 4 * brief)) return false;
-    ends.insert(ends.end() - 1, {to - 2 * brief, to - brief});
-    return true;
-  }
-
- private:
-  const DiscreteProblem& p_;
-  std::optional<OneSided> g_;
-  double scale_ = 0;
-};
-
-StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers, const Contacts& contacts) {
-  StageGrid grid{{}, {}, {0}, {0}, {}};
-  JumpsAtPoints jumps(p);
-  std::vector<double> t{p.t[0]}, ends;
-  for (Index j = 1; j <= p.J; ++j) {
-    const RoughStep* rough = p.sources ? p.sources->at(j) : nullptr;
-    ends.clear();
-    double from = p.t[j - 1];
-    for (std::size_t k = 0; k < (rough ? rough->ends.size() : 1); ++k) {
-      const double end = rough && k + 1 < rough->ends.size() ? rough->ends[k] : p.t[j];
-      layers.divide(from, end, ends);
-      from = end;
-    }
-    if (const auto contact = contacts.find(j); contact != contacts.end())
-      divide_contact(contact->second, p.t[j - 1], p.h, ends);
-    const bool jump = jumps.divide(j, ends);
-    for (const double end : ends) {
-      grid.lengths.push_back(ends.size() == 1 ? p.h : end - t.back());
-      t.push_back(end);
-      grid.step.push_back(j);
-    }
-    grid.at.push_back(Index(t.size()) - 1);
-    if (jump) grid.after.insert(grid.after.end(), {grid.at.back() - 1, grid.at.back()});
-  }
-  grid.t = Eigen::Map<const Vector>(t.data(), Index(t.size()));
-  return grid;
-}
-
-StageGrid make_grid(const DiscreteProblem& p, Index stages, bool with_layers, const Contacts& contacts = {}) {
-  if (stages == 1) return whole_steps(p);
-  Layers layers(p, with_layers);
-  if (!p.sources && layers.none()) return whole_steps(p);
-  StageGrid grid = steps_in_parts(p, layers, contacts);
-  if (p.small_state()) return grid;
-  std::set<double> different(grid.lengths.begin(), grid.lengths.end());
-  return different.size() <= most_sparse_lengths ? grid : whole_steps(p);
-}
+constexpr Index fewest_compressed_stages = 40;  ///< eigenvalues of a line above which a fit by few poles is tried
+constexpr int most_passes = 8;                  ///< marches until contacts stay in the same steps
 
 // g or phi at the stages of every step. Row j belongs to the step that ends at row j; row 0 holds the value at t = 0
 // for all stages.
@@ -333,7 +137,7 @@ std::unique_ptr<Array> on_backend(const DiscreteProblem& p, const RowMatrix& val
   return array;
 }
 
-// Input of the march and what it points to.
+// Input of the march and the objects that it refers to.
 struct Given {
   Dynamics written_out;  ///< a Kronecker sum as sparse matrices
   StageProblem problem;
@@ -343,8 +147,8 @@ bool takes_limits_at_points(const DiscreteProblem& p, const StageGrid& grid) {
   return !grid.lengths.empty() && takes_limits_at_points(p);
 }
 
-// The modes of a Kronecker sum: all eigenvalues of a line, or few poles of its transfer function where no states are
-// asked for and x0 is zero.
+// The modes of a Kronecker sum: all eigenvalues of a line, or few poles of its transfer function if no states are
+// requested and x0 is zero.
 std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index stages, RecurrenceChoice choice) {
   const KroneckerDynamics& d = *p.modes();
   auto modal = std::make_shared<ModalStages>();
@@ -354,12 +158,7 @@ std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index 
   const bool chosen = choice == RecurrenceChoice::compressed;
   if (p.components.empty() && p.scene.x0.isZero(0) && choice != RecurrenceChoice::modal &&
       (chosen || nu.size() > fewest_compressed_stages)) {
-    const LineTransfer line(d.across, d.n, d.b);
-    const TransferFunctions transfer = [&line](Complex z) -> ComplexVector {
-      return ComplexVector::Constant(1, line(z));
-    };
-    const FitRegion region{stages == 2, p.h, p.scene.T, -modal->along.maxCoeff(), -modal->along.minCoeff()};
-    const PoleSum fit = fit_poles(transfer, 1, region, -nu.maxCoeff(), -nu.minCoeff(), false);
+    const PoleSum fit = fit_line(d, stages == 2, p.h, p.scene.T);
     if (fit.error <= accepted_compression_error && (chosen || 2 * fit.rates.size() <= nu.size())) {
       modal->rates = fit.rates;
       modal->input = Vector::Ones(fit.rates.size());
@@ -399,25 +198,6 @@ void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages
   problem.phi = sample_stages(p, grid, p.scene.f, p.f.table(), stages);
   take_moments(p, grid, stages, problem.phi);
   if (!in_modes) problem.F = source_matrix(p.scene, *problem.dynamics);
-}
-
-// Empty if steps are not divided, or if there are too many contacts. The time of a contact is predicted from the three
-// rows before it.
-Contacts contacts_of(const StageGrid& grid, const StageSolution& s, const RowMatrix& g) {
-  Contacts contacts;
-  if (grid.lengths.empty()) return contacts;
-  const Index n = s.y.cols();
-  for (const Index row : s.impacts) {
-    const auto [place, added] = contacts.try_emplace(grid.step[std::size_t(row)], NAN);
-    if (!added || row < 4) continue;
-    const RowMatrix w = s.v.middleRows(row - 3, 3) + g.block(row - 3, g.cols() - n, 3, n);
-    for (Index i = 0; i < n; ++i) {
-      if (!(s.y(row, i) > 0) || (s.y.col(i).segment(row - 3, 3).array() > 0).any()) continue;
-      const double t = predicted_root(grid.t.segment(row - 3, 3), w.col(i));
-      if (!(t >= place->second)) place->second = t;
-    }
-  }
-  return contacts.size() <= most_contacts ? contacts : Contacts();
 }
 
 // Keeps the rows at grid points.

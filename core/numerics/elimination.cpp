@@ -142,9 +142,9 @@ void measure(Elimination& e) {
 std::vector<int> elimination_order(const SparseMatrix& A) {
   Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> by_degree;
   Eigen::AMDOrdering<int>()(A, by_degree);
-  const std::vector<int> degree(by_degree.indices().begin(), by_degree.indices().end());
-  std::vector<int> order = postorder(elimination_tree(symmetric_pattern(A, degree)));
-  for (int& position : order) position = degree[std::size_t(position)];
+  const std::vector<int> given(by_degree.indices().begin(), by_degree.indices().end());
+  std::vector<int> order = postorder(elimination_tree(symmetric_pattern(A, given)));
+  for (int& position : order) position = given[std::size_t(position)];
   return order;
 }
 

@@ -23,6 +23,17 @@ Equilibration equilibrate(const Matrix& A) {
 
 Matrix scaled(const Matrix& A, const Equilibration& e) { return e.rows.asDiagonal() * A * e.columns.asDiagonal(); }
 
+std::optional<Matrix> scaled_inverse(const Matrix& A, double least_condition) {
+  const Vector rows = A.cwiseAbs().rowwise().maxCoeff();
+  if (!(rows.minCoeff() > 0)) return std::nullopt;
+  const Matrix by_rows = rows.cwiseInverse().asDiagonal() * A;
+  const Vector columns = by_rows.cwiseAbs().colwise().maxCoeff().transpose();
+  if (!(columns.minCoeff() > 0)) return std::nullopt;
+  const Eigen::PartialPivLU<Matrix> lu(by_rows * columns.cwiseInverse().asDiagonal());
+  if (!(reciprocal_condition(lu) > least_condition)) return std::nullopt;
+  return Matrix(columns.cwiseInverse().asDiagonal() * lu.inverse() * rows.cwiseInverse().asDiagonal());
+}
+
 double reciprocal_condition(const Eigen::PartialPivLU<Matrix>& lu) {
   const Vector pivots = lu.matrixLU().diagonal().cwiseAbs();
   for (const double p : pivots)

@@ -5,6 +5,8 @@
 
 #include <Eigen/LU>
 
+#include <optional>
+
 namespace bromwich {
 
 struct Equilibration {
@@ -22,6 +24,15 @@ Equilibration equilibrate(Index rows, Index columns, const Largest& largest);
 
 /// R A C.
 Matrix scaled(const Matrix& A, const Equilibration&);
+
+/// A^{-1} of a real or complex matrix; equilibrated first if A looks singular, as units of the unknowns do not count.
+/// Empty if A is singular to rounding.
+template <typename Square>
+std::optional<Square> regular_inverse(const Square& A);
+
+/// A^{-1} after scaling rows, then columns, to a largest entry of 1. Empty if a row or column is zero, or if the
+/// reciprocal condition of the scaled matrix is not above `least_condition`.
+std::optional<Matrix> scaled_inverse(const Matrix& A, double least_condition);
 
 /// Estimate of 1/(||A||_1 ||A^{-1}||_1) from A = LU; 0 if a pivot is zero or not finite, which Eigen's estimate can
 /// miss (0/0 in its computation).
@@ -45,6 +56,16 @@ Equilibration equilibrate(Index rows, Index columns, const Largest& largest) {
   round_to_powers_of_two(e.rows);
   round_to_powers_of_two(e.columns);
   return e;
+}
+
+template <typename Square>
+std::optional<Square> regular_inverse(const Square& A) {
+  const Eigen::PartialPivLU<Square> lu(A);
+  if (A.rows() == 0 || lu.rcond() >= epsilon) return lu.inverse();
+  const Equilibration e = equilibrate(Matrix(A.cwiseAbs()));
+  const Eigen::PartialPivLU<Square> balanced(Square(e.rows.asDiagonal() * A * e.columns.asDiagonal()));
+  if (!(balanced.rcond() >= epsilon)) return std::nullopt;
+  return e.columns.asDiagonal() * balanced.inverse() * e.rows.asDiagonal();
 }
 
 }  // namespace bromwich

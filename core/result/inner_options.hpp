@@ -1,5 +1,5 @@
 #pragma once
-// What the stages of a solve tell each other, beside what the user asked for.
+// The options of the user, and what the stages of a solve tell each other.
 
 #include "options.hpp"
 

@@ -1,5 +1,5 @@
 #pragma once
-// What a solve decides on its way, for whoever wants to know: Options::log receives it.
+// Messages about the decisions of a solve, for Options::log.
 
 #include <functional>
 #include <string>
@@ -9,7 +9,7 @@ namespace bromwich {
 enum class LogLevel {
   debug,    ///< how a decision is carried out
   info,     ///< decisions: methods, grids, solves for confirmation
-  warning,  ///< what Result::warning says
+  warning,  ///< the text of Result::warning
 };
 
 struct LogEntry {
@@ -17,7 +17,7 @@ struct LogEntry {
   std::string text;  ///< one line
 };
 
-/// Called from the thread that called `solve`; empty: nothing is logged, and no text is made.
+/// Called from the thread that called `solve`; if it is empty, no text is made.
 using Log = std::function<void(const LogEntry&)>;
 
 /// Sends the text that printf would print.

@@ -1,5 +1,5 @@
 #pragma once
-// What somebody who studies the methods may ask of a solve. The defaults suit everybody else.
+// Options for studies of the methods. The defaults suit all other uses.
 
 #include "../base/types.hpp"
 

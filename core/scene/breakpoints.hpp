@@ -1,5 +1,5 @@
 #pragma once
-// Where f and g jump or have a kink, found by looking: for sources whose breakpoints nobody has named.
+// Search for the times at which f and g jump or have a kink, for sources without stated breakpoints.
 //
 // Values at 65536 times (fewer where one has many components), component by component. Between two of them a source
 // that is smooth changes about as much as beside them; where one changes much more, the place is narrowed down by

@@ -1,6 +1,6 @@
 #pragma once
-// The pencil s E - A of a descriptor system E x' = A x + ...: whether E is regular, and what the system is where it is
-// not. All of it is judged after scaling rows and columns, so that units do not matter.
+// The pencil s E - A of a descriptor system E x' = A x + ...: whether E is regular, and the kind of the system if it is
+// not. Rows and columns are scaled first, so that units do not matter.
 
 #include "../base/types.hpp"
 
@@ -23,7 +23,7 @@ double reciprocal_condition(const SparseMatrix& X);
 /// In such units X has a reciprocal condition above m eps; of a diagonal X: no zero on the diagonal.
 bool is_regular(const SparseMatrix& X);
 
-/// Of a singular E: its rank, and whether the system has index 1 (the part that E leaves algebraic can be solved for),
+/// Describes a singular E: its rank, and whether the system has index 1 (the algebraic part can be solved for),
 /// index 2 or more, or a singular pencil: det(s E - A) = 0 for all s, no initial value has exactly one solution. Above
 /// 512 rows their number alone.
 std::string describe_singular(const SparseMatrix& E, const SparseMatrix& A);

@@ -1,6 +1,6 @@
 #pragma once
-// What an input u(t) was on the last grids. A grid that is refined keeps most of its points, and a quantity, its
-// gradient and the sources of the steps look at the same ones; u may be a formula of a file or a function of Python.
+// Values of an input u(t) on the last grids, kept because u may be slow (a formula of a file, a function of Python). A
+// refined grid keeps most of its points, and a quantity, its gradient and the sources of the steps use the same ones.
 
 #include "../base/types.hpp"
 
@@ -14,7 +14,8 @@ struct PortHamiltonian;
 class InputSamples {
  public:
   /// M x k: u at the fraction s of every step of the grid t, which ends at T; at the ends of steps the limits from
-  /// inside. Asks for u, in increasing time, where neither of the last two grids with this s did. u must not be empty.
+  /// inside. Evaluates u, in increasing time, at points that the last two grids with this s do not have. u must not be
+  /// empty.
   RowMatrix at(const PortHamiltonian&, double T, const Vector& t, double s);
 
  private:

@@ -1,6 +1,6 @@
 #include "core/scene/natural_sizes.hpp"
 
-#include <Eigen/Cholesky>
+#include "core/scene/size_terms.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -13,22 +13,13 @@ namespace {
 
 constexpr Index most_unknowns = 4000;       ///< above: one size for all states, one for y and one for w
 constexpr std::size_t most_terms = 100000;  ///< likewise
-constexpr Index most_factorized = 100;      ///< unknowns; above, conjugate gradients
-constexpr double small_term = -3;           ///< decimal logarithm: such a term says nothing about the sizes of others
-constexpr double weight_below = 1. / 16, weight_of_small = 1e-4;  ///< of terms below 1: they hardly say how large
-constexpr double strong = 1e-6;    ///< of the rates of two states: a pair of entries that shapes what is symmetric
-constexpr double alike = 1e-6;     ///< of two logarithms
+constexpr double strong = 1e-6;  ///< of the rates of two states: pairs of larger entries determine the symmetric shape
+constexpr double alike = 1e-6;   ///< of two logarithms
 constexpr double same_size = 1.5;  ///< decimal logarithms that a shape may move
 
 double positive_or(double value, double otherwise) { return value > 0 && std::isfinite(value) ? value : otherwise; }
 
-// A term of an equation in units of its row: size + u_of - u_in should vanish (decimal logarithms; -1: no unknown).
-struct Term {
-  double size;
-  Index of, in;
-};
-
-// The unknowns: logarithms of X, Y, W, all of them or one for each kind.
+// The unknowns: decimal logarithms of X, Y, W, all of them or one for each kind.
 class Sizes {
  public:
   Sizes(Index m, Index n, double terms)
@@ -39,97 +30,15 @@ class Sizes {
   bool each() const { return each_; }
 
   void add(double value, double unit, Index of, Index in) {
-    const double size = std::log10(std::abs(value)) - std::log10(unit);
-    if (std::isfinite(size) && of != in) terms_.push_back({size, of, in});
+    terms_.add(std::log10(std::abs(value)) - std::log10(unit), of, in);
   }
-
-  Vector solve() const {
-    constexpr int most_rounds = 16;
-    Vector weights = Vector::Ones(Index(terms_.size())), u = Vector::Zero(each_ ? m_ + 2 * n_ : 3);
-    for (int round = 0; round < most_rounds; ++round) {
-      u = weighted(weights, u);
-      if (u.size() == 0) return u;
-      const Vector before = weights;
-      for (std::size_t k = 0; k < terms_.size(); ++k) {
-        const Term& t = terms_[k];
-        const double r = t.size + (t.of >= 0 ? u[t.of] : 0) - (t.in >= 0 ? u[t.in] : 0);
-        weights[Index(k)] = r > -rounding ? 1 : r > small_term ? weight_below : weight_of_small;
-      }
-      if (weights == before) break;
-    }
-    return u;
-  }
+  Vector solve() const { return terms_.solve(each_ ? m_ + 2 * n_ : 3); }
 
  private:
-  Vector weighted(const Vector& weights, const Vector& start) const {
-    const Index count = start.size();
-    Vector known = Vector::Zero(count);
-    for (std::size_t k = 0; k < terms_.size(); ++k) {
-      const Term& t = terms_[k];
-      if (t.of >= 0) known[t.of] -= weights[Index(k)] * t.size;
-      if (t.in >= 0) known[t.in] += weights[Index(k)] * t.size;
-    }
-    if (count > most_factorized) return by_gradients(weights, known, start);
-    Matrix L = least * Matrix::Identity(count, count);
-    for (std::size_t k = 0; k < terms_.size(); ++k) {
-      const Term& t = terms_[k];
-      const double weight = weights[Index(k)];
-      if (t.of >= 0) L(t.of, t.of) += weight;
-      if (t.in >= 0) L(t.in, t.in) += weight;
-      if (t.of >= 0 && t.in >= 0) L(t.of, t.in) -= weight, L(t.in, t.of) -= weight;
-    }
-    return L.ldlt().solve(known);
-  }
-
-  // Conjugate gradients with the diagonal as preconditioner. Empty where they take too long.
-  Vector by_gradients(const Vector& weights, const Vector& known, Vector u) const {
-    constexpr int most_steps = 400;
-    constexpr double accuracy = 1e-10;
-    Vector diagonal = Vector::Constant(u.size(), least);
-    for (std::size_t k = 0; k < terms_.size(); ++k)
-      for (const Index i : {terms_[k].of, terms_[k].in})
-        if (i >= 0) diagonal[i] += weights[Index(k)];
-    Vector r = known - product(weights, u), z = r.cwiseQuotient(diagonal), p = z;
-    double rz = r.dot(z);
-    for (int step = 0; step < most_steps; ++step) {
-      if (z.cwiseAbs().maxCoeff() <= accuracy) return u;
-      const Vector Lp = product(weights, p);
-      const double alpha = rz / p.dot(Lp);
-      u += alpha * p;
-      r -= alpha * Lp;
-      z = r.cwiseQuotient(diagonal);
-      const double next = r.dot(z);
-      p = z + next / rz * p;
-      rz = next;
-    }
-    return {};
-  }
-
-  Vector product(const Vector& weights, const Vector& u) const {
-    Vector Lu = least * u;
-    for (std::size_t k = 0; k < terms_.size(); ++k) {
-      const Term& t = terms_[k];
-      const double apart = weights[Index(k)] * ((t.of >= 0 ? u[t.of] : 0) - (t.in >= 0 ? u[t.in] : 0));
-      if (t.of >= 0) Lu[t.of] += apart;
-      if (t.in >= 0) Lu[t.in] -= apart;
-    }
-    return Lu;
-  }
-
-  static constexpr double least = 1e-9 * weight_of_small;  ///< what nothing is known of is 1
-  static constexpr double rounding = 1e-6;
-
   Index m_, n_;
   bool each_;
-  std::vector<Term> terms_;
+  SizeTerms terms_;
 };
-
-template <typename Entry>
-void for_entries(const Matrix& A, const Entry& entry) {
-  for (Index j = 0; j < A.cols(); ++j)
-    for (Index i = 0; i < A.rows(); ++i)
-      if (A(i, j) != 0) entry(i, j, A(i, j));
-}
 
 template <typename Entry>
 void for_entries(const SparseMatrix& A, const Entry& entry) {
@@ -138,32 +47,21 @@ void for_entries(const SparseMatrix& A, const Entry& entry) {
       if (a.value() != 0) entry(a.row(), j, a.value());
 }
 
-template <typename Entry>
-void for_entries(const LcpMatrix& M, const Entry& entry) {
-  if (const auto* dense = std::get_if<Matrix>(&M)) return for_entries(*dense, entry);
-  const Tridiagonal& t = std::get<Tridiagonal>(M);
-  const auto take = [&](Index i, Index j, double value) {
-    if (value != 0) entry(i, j, value);
-  };
-  for (Index i = 0; i < t.diagonal.size(); ++i) {
-    take(i, i, t.diagonal[i]);
-    if (i > 0) take(i, i - 1, t.lower[i]);
-    if (i + 1 < t.diagonal.size()) take(i, i + 1, t.upper[i]);
-  }
+SparseMatrix as_sparse(const LcpMatrix& M) {
+  if (const auto* dense = std::get_if<Matrix>(&M)) return dense->sparseView(0, 0);
+  std::vector<Eigen::Triplet<double>> entries;
+  each_entry(std::get<Tridiagonal>(M), [&](Index i, Index j, double value) { entries.emplace_back(i, j, value); });
+  SparseMatrix sparse(size(M), size(M));
+  sparse.setFromTriplets(entries.begin(), entries.end());
+  return sparse;
 }
-
-double entry_at(const Matrix& A, Index i, Index j) { return A(i, j); }
-double entry_at(const SparseMatrix& A, Index i, Index j) { return A.coeff(i, j); }
 
 // The rate of a state by itself, at least 1/T.
-template <typename Matrices>
-Vector own_rates(const Matrices& d, double T) {
-  Vector rate = Vector::Constant(d.A.rows(), 1 / T);
-  for (Index i = 0; i < rate.size(); ++i) rate[i] = std::max(rate[i], std::abs(entry_at(d.A, i, i)));
-  return rate;
+Vector own_rates(const SparseMatrix& A, double T) {
+  return Vector(A.diagonal()).cwiseAbs().cwiseMax(Vector::Constant(A.rows(), 1 / T));
 }
 
-// x0, or what the rows of a boundary condition leave of it.
+// |x0|, or bounds from the rows of a boundary condition.
 Vector initial_sizes(const Scene& scene) {
   if (!scene.boundary) return scene.x0.cwiseAbs();
   const BoundaryCondition& c = *scene.boundary;
@@ -232,11 +130,6 @@ SymmetricShape symmetric_shape(const SparseMatrix& A, const Vector& rate) {
   return s;
 }
 
-Vector diagonal_of(const LcpMatrix& M) {
-  const auto* dense = std::get_if<Matrix>(&M);
-  return dense ? Vector(dense->diagonal()) : std::get<Tridiagonal>(M).diagonal;
-}
-
 // The response of a grid line to its constraint, in the slowest mode along the side.
 Vector line_response(const KroneckerDynamics& d, double T) {
   const double c = d.across.diffusivity / (d.across.spacing * d.across.spacing);
@@ -252,7 +145,7 @@ Vector line_response(const KroneckerDynamics& d, double T) {
   return z;
 }
 
-// The states of a component in these proportions, where their sizes are about that anyway: what is symmetric stays so.
+// Gives the states of a component the sizes that make |A| symmetric, if their own sizes are close to them.
 void take_symmetric_shape(const SymmetricShape& s, Vector& x) {
   Vector sum = Vector::Zero(s.components), count = sum, worst = sum;
   const auto each = [&](const auto& take) {
@@ -272,11 +165,7 @@ Vector powers_of_ten(const Vector& logarithms) {
   return logarithms.unaryExpr([](double a) { return std::pow(10.0, a); });
 }
 
-SparseMatrix as_sparse(const Matrix& A) { return A.sparseView(); }
-const SparseMatrix& as_sparse(const SparseMatrix& A) { return A; }
-
-template <typename Matrices>
-void add_f(const Matrices& d, const Scene& scene, const Vector& rate, Sizes& sizes) {
+void add_f(const SparseDynamics& d, const Scene& scene, const Vector& rate, Sizes& sizes) {
   if (!scene.f) return;
   const Vector phi = largest_values(scene.f, scene.sources(), scene);
   const Vector f = scene.f_entry == SourceEntry::through_F   ? Vector(scene.F.cwiseAbs() * phi)
@@ -285,18 +174,10 @@ void add_f(const Matrices& d, const Scene& scene, const Vector& rate, Sizes& siz
   for (Index i = 0; i < f.size(); ++i) sizes.add(f[i], rate[i], -1, sizes.x(i));
 }
 
-double entries(const Matrix& A) { return double((A.array() != 0).count()); }
-double entries(const SparseMatrix& A) { return double(A.nonZeros()); }
-double entries(const LcpMatrix& M) {
-  const auto* dense = std::get_if<Matrix>(&M);
-  return dense ? entries(*dense) : 3. * double(size(M));
-}
-
-template <typename Matrices>
-void add_matrices(const Matrices& d, const LcpMatrix& M, const Vector& rate, Sizes& sizes) {
+void add_matrices(const SparseDynamics& d, const SparseMatrix& M, const Vector& rate, Sizes& sizes) {
   if (sizes.each())
     for_entries(d.A, [&](Index i, Index j, double a) {
-      const bool pair = entry_at(d.A, j, i) != 0;
+      const bool pair = d.A.coeff(j, i) != 0;
       if (i != j) sizes.add(a, pair ? std::sqrt(rate[i]) * std::sqrt(rate[j]) : rate[i], sizes.x(j), sizes.x(i));
     });
   for_entries(d.B, [&](Index i, Index j, double b) { sizes.add(b, rate[i], sizes.y(j), sizes.x(i)); });
@@ -304,28 +185,22 @@ void add_matrices(const Matrices& d, const LcpMatrix& M, const Vector& rate, Siz
   for_entries(M, [&](Index i, Index j, double a) { sizes.add(a, 1, sizes.y(j), sizes.w(i)); });
 }
 
-// `terms`: how many the matrices make. Above the limit, or where nothing comes out: common sizes.
-template <typename Matrices>
-NaturalSizes sizes_of(const Matrices& d, const Scene& scene, double terms) {
+// `terms`: number of entries of the matrices. Above the limit, or if the iteration fails: common sizes.
+NaturalSizes sizes_of(const SparseDynamics& d, const SparseMatrix& M, const Scene& scene, double terms) {
   const Index m = scene.states(), n = scene.constraints();
-  const Vector rate = own_rates(d, scene.T), x0 = initial_sizes(scene), g = largest_values(scene.g, n, scene);
+  const Vector rate = own_rates(d.A, scene.T), x0 = initial_sizes(scene), g = largest_values(scene.g, n, scene);
   Sizes sizes(m, n, terms);
-  add_matrices(d, scene.M, rate, sizes);
+  add_matrices(d, M, rate, sizes);
   for (Index i = 0; i < m; ++i) sizes.add(x0[i], 1, -1, sizes.x(i));
   for (Index i = 0; i < n; ++i) sizes.add(g[i], 1, -1, sizes.w(i));
   add_f(d, scene, rate, sizes);
   const Vector u = sizes.solve();
-  if (u.size() == 0) return sizes_of(d, scene, INFINITY);
+  if (u.size() == 0) return sizes_of(d, M, scene, INFINITY);
   Vector x(m), y(n), w(n);
   for (Index i = 0; i < m; ++i) x[i] = u[sizes.x(i)];
   for (Index i = 0; i < n; ++i) y[i] = u[sizes.y(i)], w[i] = u[sizes.w(i)];
-  if (sizes.each()) take_symmetric_shape(symmetric_shape(as_sparse(d.A), rate), x);
+  if (sizes.each()) take_symmetric_shape(symmetric_shape(d.A, rate), x);
   return {powers_of_ten(x), powers_of_ten(y), powers_of_ten(w)};
-}
-
-template <typename Matrices>
-double terms_of(const Matrices& d, const LcpMatrix& M) {
-  return entries(d.A) + entries(d.B) + entries(d.N) + entries(M);
 }
 
 // Rows divided by the largest entry of E in them, which has to do for E^{-1}: only sizes are wanted.
@@ -336,25 +211,20 @@ SparseDynamics with_lumped_mass(const SparseDynamics& d) {
   return {inverse.asDiagonal() * d.A, inverse.asDiagonal() * d.B, d.N};
 }
 
-NaturalSizes sizes_of(const DenseDynamics& d, const Scene& scene) { return sizes_of(d, scene, terms_of(d, scene.M)); }
-
 NaturalSizes sizes_of(const SparseDynamics& given, const Scene& scene) {
   const SparseDynamics d = given.E.rows() > 0 ? with_lumped_mass(given) : given;
-  return sizes_of(d, scene, terms_of(d, scene.M));
-}
-
-NaturalSizes sizes_of(const KroneckerDynamics& d, const Scene& scene) {
-  const CommonSizes s = common_sizes(d, scene);
-  const Index m = scene.states(), n = scene.constraints();
-  return {Vector::Constant(m, s.x), Vector::Constant(n, s.y), Vector::Constant(n, s.w)};
+  const SparseMatrix M = as_sparse(scene.M);
+  return sizes_of(d, M, scene, double(d.A.nonZeros() + d.B.nonZeros() + d.N.nonZeros() + M.nonZeros()));
 }
 
 NaturalSizes sizes_of(const Scene& scene) {
-  if (const auto* d = scene.dynamics->small_state()) return sizes_of(*d, scene);
-  if (const auto* d = scene.dynamics->modes()) return sizes_of(*d, scene);
+  const Index m = scene.states(), n = scene.constraints();
+  if (const auto* d = scene.dynamics->small_state())
+    return sizes_of({d->A.sparseView(0, 0), d->B.sparseView(0, 0), d->N.sparseView(0, 0)}, scene);
   if (const auto* d = scene.dynamics->matrices()) return sizes_of(*d, scene);
-  const Index n = scene.constraints();
-  return {Vector::Ones(scene.states()), Vector::Ones(n), Vector::Ones(n)};
+  const auto* modes = scene.dynamics->modes();
+  const CommonSizes s = modes ? common_sizes(*modes, scene) : CommonSizes{1, 1, 1};
+  return {Vector::Constant(m, s.x), Vector::Constant(n, s.y), Vector::Constant(n, s.w)};
 }
 
 }  // namespace
@@ -379,7 +249,7 @@ CommonSizes common_sizes(const KroneckerDynamics& d, const Scene& scene) {
   const Index n = scene.constraints();
   const Vector z = line_response(d, scene.T), g = largest_values(scene.g, n, scene);
   const double phi = scene.f ? largest_values(scene.f, scene.sources(), scene).maxCoeff() : 0;
-  const double gain = diagonal_of(scene.M).cwiseAbs().maxCoeff() + d.n.cwiseAbs().dot(z);
+  const double gain = diagonal(scene.M).cwiseAbs().maxCoeff() + d.n.cwiseAbs().dot(z);
   const double of_x0 = scene.boundary ? initial_sizes(scene).maxCoeff() : scene.x0.cwiseAbs().maxCoeff(),
                at_start = scene.boundary ? 0 : observe(scene.dynamics, scene.x0).cwiseAbs().maxCoeff();
   const double w = positive_or(std::max({g.maxCoeff(), at_start, d.n.cwiseAbs().dot(z) * phi}), 1);

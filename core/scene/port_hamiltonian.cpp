@@ -212,7 +212,7 @@ std::vector<double> input_jumps(const PortHamiltonian& port, double T, Index sam
   }
   for (Index i = 0; i < samples; ++i) {
     const double beside = std::max(changes[i], changes[i + 2]);
-    if (changes[i + 1] <= 2 * beside) continue;  // what is smooth changes in neighbours alike
+    if (changes[i + 1] <= 2 * beside) continue;  // a smooth u changes about as much in the neighbours
     double left = time(i), right = time(i + 1);
     Vector a = value(left), b = value(right);
     while (right - left > 2 * epsilon * T) {

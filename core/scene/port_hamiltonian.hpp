@@ -2,7 +2,7 @@
 // Linear port-Hamiltonian systems:
 //
 //     E x' = (J - R) Q x + B u(t),   output B^T Q x,   energy H(x) = x^T Q^T E x / 2,
-//     dH/dt = u^T B^T Q x - (Q x)^T R (Q x):  what the ports supply less what is dissipated.
+//     dH/dt = u^T B^T Q x - (Q x)^T R (Q x):  power supplied by the ports minus dissipation.
 //
 // symbol  variable              shape   meaning
 // E       PortHamiltonian::E    m x m   descriptor matrix, regular; empty = identity
@@ -20,7 +20,7 @@ namespace bromwich {
 struct PortHamiltonian {
   SparseMatrix E, J, R, Q, B;
   TimeFunction u;             ///< k values; empty = 0
-  std::vector<double> jumps;  ///< times where u is known to jump; others are looked for (input_jumps)
+  std::vector<double> jumps;  ///< times where u is known to jump; others are searched (input_jumps)
 
   Index states() const { return J.rows(); }
   Index ports() const { return B.cols(); }

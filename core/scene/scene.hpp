@@ -1,5 +1,5 @@
 #pragma once
-// What a user states:
+// A scene, the problem that a user states:
 //
 //     x' = A x + B y + f(t),   0 <= y  ⊥  w = N x + M y + g(t) >= 0,   x(0) = x0,   0 <= t <= T.
 //
@@ -42,7 +42,7 @@ struct Scene {
   /// Times in [0, T] at which f or g may jump or have a kink, increasing; values there are taken one-sidedly. Empty
   /// where they are smooth.
   std::vector<double> breakpoints;
-  bool breakpoints_are_all = false;  ///< f and g are known to be smooth elsewhere; no others are looked for
+  bool breakpoints_are_all = false;  ///< f and g are known to be smooth elsewhere; no others are searched
   Vector x0;                         ///< m; empty with a boundary condition
   std::optional<BoundaryCondition> boundary;
   std::vector<Index> free_rows;  ///< rows i with w_i = 0 and y_i of either sign, increasing
@@ -66,7 +66,7 @@ struct Scene {
 
   /// Throws Error naming the first member whose size or value is wrong (shapes, NaN, T <= 0).
   void validate() const;
-  /// The same for one part: whether this may be x0 of the scene; its f, g and breakpoints.
+  /// The same for one part: x0; f, g and breakpoints.
   void validate_x0(const Vector&) const;
   void validate_sources() const;
 };

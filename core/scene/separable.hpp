@@ -28,13 +28,13 @@ class SampledSource {
   Index not_finite() const;
 
   bool factored() const { return shapes_.size() > 0; }
-  /// What was sampled: the rows themselves, or those of a with V in `shapes` (empty otherwise).
+  /// The sampled rows: those of the source, or those of a, with V in `shapes` (empty otherwise).
   const RowMatrix& values() const { return factored() ? amplitudes_ : table_; }
   const Matrix& shapes() const { return shapes_; }
   /// The same with another row of `values`.
   void replace(Index j, const Vector& value);
 
-  /// All rows, written out when they are first asked for, on the host. Not by several threads at once.
+  /// All rows on the host, computed by the first call. Not by several threads at once.
   const RowMatrix& table() const;
 
  private:

@@ -1,10 +1,9 @@
 #pragma once
-// Steps of a grid on which f or g is not what the discretisation takes it for, linear between the points of the grid:
-// rough steps. They hold a breakpoint of the scene, or end at one with a value of their own, or values looked at
-// inside of them say so.
+// Rough steps: steps of a grid on which f or g is not linear, as the discretisation assumes. They contain a breakpoint
+// of the scene, end at one where the source has a value of its own, or are found by values inside them.
 //
-// A rough step is taken in parts. g is linear on each, with one-sided values at its ends. f is given in pieces, none
-// of which reaches beyond a part: on each the phi of f = F phi is a polynomial of degree 2 through three Gauss points,
+// A rough step is divided into parts. g is linear on each, with one-sided values at its ends. f is given in pieces,
+// each within one part: on each the phi of f = F phi is a polynomial of degree 2 through three Gauss points,
 //
 //     phi(start + sigma length) = c0 + c1 sigma + c2 sigma^2,   0 <= sigma <= 1,
 //
@@ -32,12 +31,12 @@ struct RoughStep {
 /// A source with its limits from both sides.
 class OneSided {
  public:
-  /// `resolution`: how well places of jumps are known.
+  /// `resolution`: accuracy of the times of jumps.
   OneSided(const TimeFunction&, Index width, double resolution);
   Vector after(double t, double length) const;   ///< the limit from the right; smooth on (t, t + length)
   Vector before(double t, double length) const;  ///< from the left
-  void value(double t, Vector& v) const;         ///< as SampledSource::values has it
-  Vector whole(const Vector& v) const;           ///< V a where the source is separable
+  void value(double t, Vector& v) const;         ///< in the form of SampledSource::values
+  Vector whole(const Vector& v) const;           ///< V a if the source is separable
   Index width() const { return width_; }
 
  private:
@@ -57,10 +56,10 @@ struct SourceSteps {
   bool jumps_of_g = false;       ///< g jumps inside a step, or at a point of the grid
   double disagreement_of_g = 0;  ///< with the linear function between points of the grid, for methods without parts
 
-  const RoughStep* at(Index step) const;  ///< null where the step is not rough
+  const RoughStep* at(Index step) const;  ///< null if the step is not rough
 };
 
-/// `every_step`: values are looked at inside every step, and not only inside some.
+/// `every_step`: tests values inside every step; otherwise inside some steps only.
 SourceSteps find_source_steps(const Scene&, const Vector& t, const SampledSource& f, const SampledSource& g,
                               bool every_step);
 

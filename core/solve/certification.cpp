@@ -16,29 +16,29 @@ namespace {
 constexpr double most_kernel_error = 1e-6;  ///< two ways to the same weights, relative to the largest
 /// Few nodes miss by a few hundredths, a contour through the spectrum by 1.
 constexpr double most_literal_residual = 0.1;
-constexpr double most_rounding = 1e-4;              ///< of the state, left by rounding
-constexpr double most_correction = 1e-4;            ///< of y, for the state that goes with it
-constexpr double doubtful_growth = 100;             ///< of perturbations: an error of one step may fill the result
-constexpr double doubtful_growth_with_jumps = 1e6;  ///< the same where a position held moves a velocity by 1/h
+constexpr double most_rounding = 1e-4;    ///< of the state, left by rounding
+constexpr double most_correction = 1e-4;  ///< of y, to be consistent with its states
+constexpr double doubtful_growth = 100;   ///< of perturbations: larger growth of the error of one step is checked
+constexpr double doubtful_growth_with_jumps = 1e6;  ///< the same if a held position changes a velocity by 1/h
 constexpr double most_divergence = 0.1;             ///< of the state, between a step and half of it
 constexpr double most_predicted_error = 0.5;        ///< of the state
 constexpr Index fewest_steps_to_judge = 32;         ///< on coarser grids every contact is short
 constexpr double strong_impulse = 0.3;              ///< of the state, by a contact that may be a spring
 constexpr double unresolved_impulse = 0.1;          ///< of the state, in a step in which the active set changes
-constexpr double most_mean_change = 0.1;            ///< of y and x with half the step, where that is looked at
+constexpr double most_mean_change = 0.1;            ///< of y and x with half the step, if compared
 constexpr double most_typical_change = 0.05;        ///< of x at 95 of 100 time points
 constexpr double cancelled = 1e-12;                 ///< a state below this part of its terms is 0
 constexpr double confirmed_change = 0.05;           ///< of y before a step without a solution
 
-// What carries perturbations from step to step. Radau IIA is judged by implicit Euler, and where h is an eigenvalue of
-// A^{-1} by the exponential.
+// The rule by which perturbations are carried from step to step. For Radau IIA that of implicit Euler or, if h is an
+// eigenvalue of A^{-1}, the exponential.
 Rule growth_rule(const DiscreteProblem& p, Method method, const Result& result) {
   if (by_euler(method, result)) return Rule::implicit_euler;
   if (result.continuous) return Rule::exponential;
   return !p.small_state() || has_euler_step(p.small_state()->A, p.h) ? Rule::implicit_euler : Rule::exponential;
 }
 
-// What rounding leaves of M y where y is large, as in a step that an impulse fills.
+// The rounding error of M y for a large y, as in a step with an impulse.
 double rounding_of_w(const DiscreteProblem& p, const Result& result) {
   const auto* M = std::get_if<Matrix>(&p.scene.M);
   if (!M || result.y.size() == 0 || result.continuous) return 0;
@@ -162,7 +162,7 @@ void Certification::resolve_modes(Method method, const RowMatrix& known, Result&
       confirm_by_half_the_step(method, 1,
                                text("the state oscillates with %.3g radians per unit of time, faster than "
                                     "the steps",
-                                    std::abs(mode->rate.imag())),
+                                    std::abs(mode->imag())),
                                result);
     return;
   }
@@ -170,16 +170,15 @@ void Certification::resolve_modes(Method method, const RowMatrix& known, Result&
   const RowMatrix& x = fits ? known : made;
   if (x.rows() != p.J + 1) return;
   if (const auto mode = options_.compares_grids ? std::nullopt : unresolved_growth(p, result.y, x)) {
-    confirm_by_fine_steps(method, std::abs(mode->rate),
-                          text("the scene has a mode that grows like e^(%.3g t)", mode->rate.real()), result);
+    confirm_by_fine_steps(method, std::abs(*mode),
+                          text("the scene has a mode that grows like e^(%.3g t)", mode->real()), result);
     if (result.status != Status::solved) return;
   }
   const auto damping = by_euler(method, result) ? euler_damping : radau_damping;
   const auto mode = unresolved_oscillation(p, result.y, x, damping);
   if (!mode) return;
-  const std::string words =
-      text("the state oscillates with %.3g radians per unit of time, which %s damps at this step",
-           std::abs(mode->rate.imag()), by_euler(method, result) ? "implicit Euler" : "Radau IIA");
+  const std::string words = text("the state oscillates with %.3g radians per unit of time, which %s damps at this step",
+                                 std::abs(mode->imag()), by_euler(method, result) ? "implicit Euler" : "Radau IIA");
   if (last_resort_ || options_.compares_grids) {
     sensitive_ = true;
     demote(result, words + "; use more steps");

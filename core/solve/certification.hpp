@@ -1,7 +1,7 @@
 #pragma once
-// What a result has to pass before it is called solved, or infeasible: residual, kernel, ringing, and, where the scene
-// magnifies errors or its steps may have several solutions, the same with half the step
-// (core/accuracy/magnification.hpp measures, this decides).
+// The checks that a result has to pass before it is called solved or infeasible: residual, kernel and ringing. If the
+// scene magnifies errors, or its steps may have several solutions, half the step has to give the same result.
+// core/accuracy/magnification.hpp measures, this file decides.
 
 #include "../accuracy/magnification.hpp"
 #include "methods.hpp"
@@ -13,18 +13,17 @@ class Certification {
   Certification(Methods& methods, Backend& backend, const InnerOptions& options)
       : methods_(methods), backend_(backend), options_(options) {}
 
-  /// Of a result that its method calls solved; demotes it to tolerance_not_met with the reason.
+  /// Checks a result that its method calls solved; demotes it to tolerance_not_met with the reason.
   void certify(Method, Result&);
 
-  /// Of a result that a step without a solution has ended; demotes it where that depends on the step.
+  /// Checks a result that ends at a step without a solution; demotes it if that depends on the step size.
   void confirm_infeasible(Result&);
 
-  /// The steps are too long for this scene, or rounding leaves nothing: no method of lower order will do better.
+  /// The steps are too long for this scene, or rounding leaves no digits: a method of lower order cannot do better.
   bool sensitive() const { return sensitive_; }
 
-  /// From now on results come from a method that stands in for a better one on the same grid. Modes that it damps count
-  /// against them. Half the step has to confirm them, unless the steps of the better method were in doubt, not its
-  /// order.
+  /// From now on results come from a method that replaces a better one on the same grid. Modes that it damps count
+  /// against them. With `confirm`, half the step has to confirm them.
   void expect_last_resort(bool confirm) {
     last_resort_ = true;
     confirm_last_resort_ = confirm;
@@ -38,7 +37,7 @@ class Certification {
   void look_for_other_solutions(Result&);
   Result with_half_the_step(Method, Methods& half);
   struct Slack {
-    double of_y, of_x;  ///< times what may change
+    double of_y, of_x;  ///< times the allowed change
   };
   bool comes_out_the_same(Method, Index factor, Slack, const Result&);
   void confirm_one_of_several(Method, Result&);
@@ -52,7 +51,7 @@ class Certification {
   const InnerOptions& options_;
 };
 
-/// The largest natural-map residual of a solution: rounding of the kernel, and what an iteration tolerance leaves open.
+/// The largest accepted natural-map residual: rounding of the kernel, and the remaining change of an iteration.
 double residual_limit(bool iterated, const Result&, const Options&);
 
 }  // namespace bromwich

@@ -15,8 +15,8 @@ namespace {
 
 constexpr double number = sizeof(double);
 constexpr double most_operations = 1e16;  ///< a month at 4e9 multiplications a second
-constexpr double sweeps = 100;            ///< of an iteration, as Cost::operations says
-constexpr double sweeps_in_cycles = 60;   ///< eight cycles, with what they do on the coarser grids
+constexpr double iteration_sweeps = 100;  ///< of an iteration, as Cost::operations says
+constexpr double sweeps_in_cycles = 60;   ///< eight cycles, coarser grids included
 constexpr double printed_nodes = 26;      ///< P + 1 of Tuning::literal_nodes
 /// Entries of L and U over m^1.2: 9.1 to 10.7 for five-point stencils on squares of 32^2 to 256^2 points, COLAMD.
 constexpr double factor_entries = 10.5;
@@ -25,7 +25,9 @@ constexpr double bytes_of_entry = sizeof(double) + sizeof(int);  ///< of a real 
 bool cycles(Method method) { return method == Method::multigrid || method == Method::dual; }
 bool convolves(Method method) { return method == Method::contour || cycles(method); }
 
-double sweeps_of(Method method) { return method == Method::contour ? sweeps : cycles(method) ? sweeps_in_cycles : 1; }
+double sweeps_of(Method method) {
+  return method == Method::contour ? iteration_sweeps : cycles(method) ? sweeps_in_cycles : 1;
+}
 
 struct Part {
   double bytes;
@@ -49,12 +51,12 @@ struct Sizes {
   double table() const { return number * J * (6 * n + k + c); }
 };
 
-// What the grids of a multigrid method hold beyond y, v and r of one grid.
+// Memory of the grids of a multigrid method, beyond y, v and r of one grid.
 Part grids(const Sizes& s, Method method, double arrays) {
   return {cycles(method) ? number * arrays * s.J * s.n : 0, "arrays of all time grids"};
 }
 
-constexpr const char* tables = "tables over time (J x n and J x states asked for)";
+constexpr const char* tables = "tables over time (J x n and J x recorded states)";
 constexpr const char* states = "matrices of the state (m x m)";
 constexpr const char* problems = "matrices of the complementarity problem (n x n)";
 constexpr const char* weights = "lag weights (J x n x n)";
@@ -72,7 +74,7 @@ Cost with_small_state(const Sizes& s, Method method) {
   if (method == Method::contour_literal)
     return sum({{s.table(), tables},
                 {printed_nodes * sizeof(Complex) * s.J * s.n * s.n, "resolvents of every time point (26 J x n x n)"}},
-               printed_nodes * s.J * (s.m * s.m * s.m + sweeps * s.J * s.n));
+               printed_nodes * s.J * (s.m * s.m * s.m + iteration_sweeps * s.J * s.n));
   // W_d and S_d from both ways to them, 64 lags to check a scan with or all; then one of the two beside its spectrum.
   const double all = cycles(method) ? 7 : 5;
   const double table = !convolves(method) ? 0 : scanned(s) ? 4 * std::min(s.J, 65.) : all * s.J;
@@ -101,7 +103,7 @@ Cost in_modes(const Sizes& s, Method method) {
   if (method == Method::contour_literal)
     return sum({{s.table(), tables},
                 {printed_nodes * sizeof(Complex) * s.J * s.n, "resolvents of every time point (26 J x n)"}},
-               sweeps * printed_nodes * s.J * s.J * s.n);
+               iteration_sweeps * printed_nodes * s.J * s.J * s.n);
   // A sweep in modes: 64 exponentials at most and their sums (150), two sine transforms as products of up to 1000 rows.
   if (convolves(method))
     return sum({{s.table() + number * 6 * s.J * s.n, tables}, grids(s, method, 9), coarsest_march(s, method)},
@@ -234,18 +236,18 @@ Cost refuse_what_does_not_fit(const Scene& scene, const Options& options, Index 
   std::string found, remedy;
   const std::array<Method, 3> all{Method::march, Method::contour, Method::euler};
   for (const Method method : all) {
-    const Method asked = options.method == Method::automatic ? method : options.method;
-    const Cost cost = predicted_cost(scene, asked, J, components, device.threads);
+    const Method chosen = options.method == Method::automatic ? method : options.method;
+    const Cost cost = predicted_cost(scene, chosen, J, components, device.threads);
     std::string because = excess(cost, options.memory_limit);
     const bool on_machine = because.empty();
-    if (on_machine && !fits_on_device(scene, asked, J, components, device))
-      because = device_excess(predicted_device_cost(scene, asked, J, components), device);
+    if (on_machine && !fits_on_device(scene, chosen, J, components, device))
+      because = device_excess(predicted_device_cost(scene, chosen, J, components), device);
     if (because.empty()) return cost;
     if (found.empty()) {
-      found = std::string("method ") + to_string(asked) + " with " + std::to_string(J) + " steps " + because;
+      found = std::string("method ") + to_string(chosen) + " with " + std::to_string(J) + " steps " + because;
       remedy = on_machine ? ", or the cpu backend" : components > 0 ? " or fewer states" : ", or another method";
     }
-    if (asked == options.method) break;
+    if (chosen == options.method) break;
   }
   throw Error("steps", found, "use fewer steps" + remedy, ErrorKind::does_not_fit);
 }

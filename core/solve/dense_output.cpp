@@ -145,7 +145,7 @@ Result at_times(const Scene& scene, const EliminatedScene& eliminated, Backend& 
   return sampled;
 }
 
-// Of a scene that has a simpler form with the same y and x; nothing if this one is simple.
+// The result of a simpler scene with the same y and x; empty if this scene has no simpler form.
 std::optional<Result> of_simpler_scene(const Scene& scene, Backend& backend, const Result& result,
                                        const std::vector<double>& times) {
   if (const auto reduced = without_mass(scene)) return at_times(*reduced, backend, result, times);

@@ -208,7 +208,7 @@ bool Methods::cycle_in_w(Method method, const Options& options, Result& result) 
   return false;
 }
 
-// What a method that passes through the state has recorded stays; otherwise y gives the states.
+// States recorded by the method are kept; otherwise they are computed from y.
 void Methods::record_states(Method method, Result& result) {
   const Index rows = problem_.J + 1, c = Index(problem_.components.size());
   if (result.y.size() == 0) result.y = RowMatrix::Constant(rows, problem_.scene.constraints(), NAN);
@@ -223,9 +223,9 @@ TimeOperator& Methods::operator_of(Method method) const {
   return method == Method::euler && euler_operator_ ? *euler_operator_ : *operator_;
 }
 
-constexpr double seen_in_parts = 0.01;  ///< of a source: what parts of steps may miss without a warning
+constexpr double seen_in_parts = 0.01;  ///< of a source: error in parts of steps above which a warning is given
 
-// What is not resolved between points of the grid, and for whom.
+// Reports sources that the grid does not resolve.
 void Methods::report_sources(Result& result) const {
   if (!problem_.sources) return;
   const SourceSteps& s = *problem_.sources;

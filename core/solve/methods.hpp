@@ -1,5 +1,5 @@
 #pragma once
-// One method on one grid: which discretisation it stands for on a given scene, and its run.
+// The methods on one grid: the discretisation that each one uses for a given scene, and its run.
 
 #include "../kernel/prepared_method.hpp"
 #include "../kernel/time_operator.hpp"
@@ -12,17 +12,17 @@
 
 namespace bromwich {
 
-/// A scene on a grid with what its methods share, made when first asked for.
+/// A scene on a grid, with the plans and tables that its methods share. They are made on first use.
 class Methods {
  public:
   Methods(const Scene&, Backend&, Index J, const std::vector<Index>& components, bool look_inside_every_step = false);
 
-  /// From now on what a method has prepared is kept for its next run.
+  /// From now on keeps what a method has prepared for its next run.
   void keep_prepared();
   /// The scene has other x0, f or g than before.
   void renew(const Changes&);
 
-  /// Fills everything of `result` but times of the whole, states included.
+  /// Fills `result`, states included, except for the total times.
   void run(Method, const InnerOptions&, Result& result);
 
   /// All states of a dense scene after a run of `method` that gave `result`: (J+1) x m. For m <= most_recorded_states.
@@ -53,7 +53,7 @@ class Methods {
   std::unique_ptr<TimeOperator> operator_, euler_operator_;  ///< the second where steps are rough
   struct Kept {
     std::unique_ptr<PreparedMethod> method;
-    Changes due = no_changes;  ///< what the problem has got since
+    Changes due = no_changes;  ///< of the problem since the last run
   };
   std::map<Method, Kept> kept_;
   bool keeps_ = false, look_inside_every_step_ = false;

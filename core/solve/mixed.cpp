@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/numerics/equilibration.hpp"
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/solve/certification.hpp"
 
@@ -33,17 +34,9 @@ SparseMatrix selection(const std::vector<Index>& rows, Index n) {
   return E;
 }
 
-/// M^{-1} after scaling rows and columns to entries of size 1, or nothing where it has lost all digits.
-std::optional<Matrix> regular_inverse(const Matrix& M) {
-  const Index n = M.rows();
-  const Vector rows = M.cwiseAbs().rowwise().maxCoeff();
-  if (!(rows.minCoeff() > 0)) return std::nullopt;
-  const Matrix by_rows = rows.cwiseInverse().asDiagonal() * M;
-  const Vector columns = by_rows.cwiseAbs().colwise().maxCoeff().transpose();
-  if (!(columns.minCoeff() > 0)) return std::nullopt;
-  const Eigen::PartialPivLU<Matrix> lu(by_rows * columns.cwiseInverse().asDiagonal());
-  if (!(lu.rcond() > 1e3 * double(n) * epsilon)) return std::nullopt;
-  return Matrix(columns.cwiseInverse().asDiagonal() * lu.inverse() * rows.cwiseInverse().asDiagonal());
+/// M_FF^{-1}; empty if it has lost all digits.
+std::optional<Matrix> inverse_of_free(const Matrix& M, const std::vector<Index>& free) {
+  return scaled_inverse(M(free, free), 1e3 * double(free.size()) * epsilon);
 }
 
 Matrix add(const Matrix& A, const Matrix& B) { return A + B; }
@@ -125,7 +118,7 @@ RowMatrix sampled(const TimeFunction& g, const Vector& t, Index n) {
   return values;
 }
 
-/// The states asked for and those that recovery needs, each once, in order.
+/// The requested states and those that recovery needs, each once, in order.
 std::vector<Index> with_seen(const Scene& scene, const Options& options, const std::vector<Index>& seen) {
   std::vector<Index> all = seen;
   if (options.states == StateSelection::list)
@@ -157,7 +150,7 @@ double mixed_residual(const RowMatrix& y, const RowMatrix& q, const Matrix& M, c
   return largest;
 }
 
-/// What was solved is the scene without its free rows; they count as well.
+/// The residual of all rows: the solve itself has checked only the eliminated scene.
 void check_all_rows(Result& result, const Options& options) {
   if (result.status != Status::solved) return;
   const bool iterated = iterates(result.method);
@@ -197,7 +190,7 @@ RowMatrix whole_trace(const EliminatedScene& e, const RowMatrix& trace_C, const 
   return trace;
 }
 
-/// What the rounding of y_C and x makes of each y_F; sizes: the largest of each state seen.
+/// The rounding error of each y_F that follows from those of y_C and x; sizes: largest values of the states `seen`.
 Vector rounding_of_free(const EliminatedScene& e, const Result& result, const RowMatrix& sizes) {
   const RowMatrix of_y = (e.R * e.M_FC).cwiseAbs(), of_x = (e.R * Matrix(e.N_F)(Eigen::all, e.seen)).cwiseAbs();
   return of_y.rowwise().sum() * result.rounding_of_y + of_x * sizes.transpose() * result.rounding;
@@ -238,7 +231,7 @@ RowMatrix EliminatedScene::recover(const RowMatrix& y_C, const RowMatrix& x_seen
 
 bool can_eliminate_free(const Scene& scene) {
   if (Index(scene.free_rows.size()) > largest_inverse) return false;
-  return regular_inverse(to_dense(scene.M)(scene.free_rows, scene.free_rows)).has_value();
+  return inverse_of_free(to_dense(scene.M), scene.free_rows).has_value();
 }
 
 std::optional<EliminatedScene> eliminate_free(const Scene& given) {
@@ -250,7 +243,7 @@ std::optional<EliminatedScene> eliminate_free(const Scene& given) {
   const Matrix M = to_dense(given.M);
   e.free = given.free_rows;
   e.kept = other_rows(e.free, n);
-  const std::optional<Matrix> inverse = regular_inverse(M(e.free, e.free));
+  const std::optional<Matrix> inverse = inverse_of_free(M, e.free);
   if (!inverse) return std::nullopt;
   e.R = *inverse;
   e.M_FC = M(e.free, e.kept);
@@ -262,7 +255,7 @@ std::optional<EliminatedScene> eliminate_free(const Scene& given) {
   e.scene.free_rows.clear();
   e.scene.exact = {};
   e.scene.port = {};
-  // A Schur complement of a P- or PSD matrix is one; of other classes it has to be looked at.
+  // A Schur complement of a P- or PSD matrix is one; of other classes it is tested.
   if (given.lcp_class != LcpClass::P && given.lcp_class != LcpClass::PSD) e.scene.lcp_class = LcpClass::automatic;
   e.scene.M = Matrix(M(e.kept, e.kept) - e.M_CF * e.R * e.M_FC);
   if (const auto* d = written->small_state())
@@ -308,11 +301,11 @@ Result solve_mixed(const Scene& scene, const EliminatedScene& e, Backend& backen
   check_all_rows(result, options);
   result.trace = options.trace ? std::move(trace) : RowMatrix();
 
-  std::vector<Index> asked = options.components;
-  if (options.states != StateSelection::list) asked.clear();
-  if (options.states == StateSelection::all) asked = with_seen(scene, options, {});
-  result.x = x(Eigen::all, positions(asked, inner.components));
-  result.x_components = asked;
+  std::vector<Index> requested = options.components;
+  if (options.states != StateSelection::list) requested.clear();
+  if (options.states == StateSelection::all) requested = with_seen(scene, options, {});
+  result.x = x(Eigen::all, positions(requested, inner.components));
+  result.x_components = requested;
   const Vector rounding_F = rounding_of_free(e, result, sizes);
   result.rounding_of_y = std::max(result.rounding_of_y, rounding_F.maxCoeff());
   check_digits(result.y(Eigen::all, e.free), rounding_F.maxCoeff(), result);

@@ -3,7 +3,7 @@
 //
 //     y_F = -R (N_F x + M_FC y_C + g_F),   R = M_FF^{-1},
 //
-// and what is left is a scene without free rows, with the Schur complement of M_FF for M:
+// which leaves a scene without free rows, with the Schur complement of M_FF as its M:
 //
 //     A' = A - B_F R N_F,      B' = B_C - B_F R M_FC,      f' = f - B_F R g_F,
 //     N' = N_C - M_CF R N_F,   M' = M_CC - M_CF R M_FC,    g' = g_C - M_CF R g_F,      w' = w_C.
@@ -16,7 +16,7 @@
 namespace bromwich {
 
 struct EliminatedScene {
-  Scene scene;              ///< without free rows; one constraint 0 <= y ⊥ y >= 0 where every row is free
+  Scene scene;              ///< without free rows; one constraint 0 <= y ⊥ y >= 0 if every row is free
   std::vector<Index> free;  ///< F
   std::vector<Index> kept;  ///< C
   Matrix R;                 ///< |F| x |F|
@@ -24,7 +24,7 @@ struct EliminatedScene {
   SparseMatrix N_F;         ///< |F| x m
   std::vector<Index> seen;  ///< states with a column of N_F that is not zero: recovery needs them
 
-  /// A result of the whole scene as one of `scene`: its y_C (zero where every row is free).
+  /// A result of the whole scene as one of `scene`: its y_C (zero if every row is free).
   Result reduced(const Result&) const;
 
   /// y_F at the rows of y_C (rows x |C|), with the states `seen` and g_F there: rows x |F|.
@@ -37,12 +37,12 @@ struct EliminatedScene {
 /// Whether M_FF is regular beyond rounding, and not larger than elimination takes.
 bool can_eliminate_free(const Scene&);
 
-/// Empty where M_FF is singular to rounding, or so large that its inverse would be (4096 rows). Kronecker sums are
-/// written out, densely up to 1024 states. Precondition: a valid scene with free rows and initial values.
+/// Empty if M_FF is singular to rounding or has more than 4096 rows. Kronecker sums are converted to matrices, dense
+/// ones up to 1024 states. Precondition: a valid scene with free rows and initial values.
 std::optional<EliminatedScene> eliminate_free(const Scene&);
 
-/// Solves the scene by the method of the options on what is left of it. y, trace and residual are those of the rows as
-/// stated, the free ones included; so is what rounding makes of y. On one grid: options.tolerance is 0.
+/// Solves the eliminated scene by the method of the options. y, its rounding error, trace and residual are those of all
+/// rows of the given scene, the free ones included. On one grid: options.tolerance is 0.
 Result solve_mixed(const Scene&, const EliminatedScene&, Backend&, const InnerOptions&, const Solve&);
 
 }  // namespace bromwich

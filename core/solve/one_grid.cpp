@@ -18,7 +18,7 @@ namespace bromwich {
 
 namespace {
 
-// One run of a scene: its methods on the grid asked for, and on finer ones where a result has to be confirmed.
+// One run of a scene: its methods on the requested grid, and on finer ones if a result has to be confirmed.
 class Run {
  public:
   Run(Methods& methods, Backend& backend, const InnerOptions& options)
@@ -45,9 +45,9 @@ class Run {
     if (result.status == Status::solved) certification_.certify(method, result);
   }
 
-  // What is predicted to be the fastest first. Where it does not fit into memory or ends without a solution (in
-  // marching M + W_0 may leave the class of M; the iteration only ever needs M), the next one, and implicit Euler last:
-  // not where the steps are too long for a better method, for Euler's result is less exact on that grid.
+  // Tries the methods in the order of their predicted times. If one does not fit into memory or ends without a solution
+  // (in marching M + W_0 may leave the class of M; the iteration needs M only), the next one follows, and implicit
+  // Euler last. Euler is not tried if the steps are too long for a better method: it is less accurate on the same grid.
   void automatic(Result& result) {
     const DiscreteProblem& p = methods_.problem();
     const BackendTraits& traits = backend_.traits();
@@ -87,7 +87,7 @@ class Run {
   }
 
  private:
-  // Of several grids their errors are told, not how each was solved.
+  // Of several grids their errors are logged, and not how each was solved.
   LogLevel level() const { return options_.compares_grids ? LogLevel::debug : LogLevel::info; }
 
   static std::string listed(const std::vector<Method>& methods) {
@@ -119,7 +119,7 @@ class Run {
   }
   static constexpr Index largest_marched = 1024;
 
-  // What speaks against a method before it runs.
+  // The reason not to run a method, known in advance; empty: none.
   std::string against(Method method) {
     const DiscreteProblem& p = methods_.problem();
     const DeviceInfo device = backend_.device();
@@ -184,7 +184,7 @@ bool are_prepared(const Prepared& kept, const Scene& scene, Index J, const std::
   return &scene == kept.stated ? !kept.scene : kept.scene && same_entry(*kept.scene, scene);
 }
 
-// The cost of methods that there are is not asked for again: a device takes a while to say what it has free.
+// The cost of prepared methods is kept: a device takes a while to report its free memory.
 Cost cost_of(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
              const InnerOptions& options) {
   Prepared* const kept = options.prepared.get();
@@ -261,7 +261,7 @@ Result solve_on_one_grid(const Scene& scene, Backend& backend, const InnerOption
     result.trace = RowMatrix::Constant(J + 1, scene.constraints(), NAN);
   if (result.x.rows() != J + 1) result.x = RowMatrix::Constant(J + 1, Index(components.size()), NAN);
   if (result.status == Status::infeasible && result.infeasible_at == 0.0) result.y.setConstant(NAN);
-  for (Index j = 0; j < result.trace.rows(); ++j)  // what is not valid of y is not of its trace
+  for (Index j = 0; j < result.trace.rows(); ++j)  // rows without y have no trace
     if (!result.y.row(j).allFinite()) result.trace.row(j).setConstant(NAN);
   result.x_components = components;
   Seconds& s = result.seconds;

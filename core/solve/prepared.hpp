@@ -1,5 +1,5 @@
 #pragma once
-// What a Solver keeps from one solve to the next.
+// Data that a Solver keeps from one solve to the next.
 
 #include "../scene/natural_units.hpp"
 #include "../scene/scene.hpp"
@@ -14,11 +14,11 @@ namespace bromwich {
 struct Prepared {
   std::optional<NaturalUnits> units;  ///< of the first solve, used by all later ones
   const Scene* stated = nullptr;      ///< the scene of the Solver
-  Changes changes = no_changes;       ///< of it, that the methods have not got yet
-  std::unique_ptr<Scene> scene;       ///< that the methods are for, in natural units say; null: it is the stated one
+  Changes changes = no_changes;       ///< of `stated` since the last run of the methods
+  std::unique_ptr<Scene> scene;       ///< scene of the methods, for example in natural units; null: `stated`
   std::unique_ptr<Methods> methods;
-  Cost cost;                    ///< predicted for them
-  bool finite_sources = false;  ///< those of the methods; false: not known
+  Cost cost;                    ///< predicted for the methods
+  bool finite_sources = false;  ///< the sampled sources are finite; false: not known
 };
 
 }  // namespace bromwich

@@ -146,7 +146,7 @@ Dynamics changed(const KroneckerDynamics& d, const NaturalUnits& u) {
   return scaled;
 }
 
-// What is known by its solves alone keeps the units of the scene.
+// Supplied dynamics keep the units of the scene.
 Dynamics changed(const Dynamics& given, const NaturalUnits& u) {
   if (const auto* d = given->small_state()) return changed(*d, u);
   if (const auto* d = given->modes()) return changed(*d, u);
@@ -157,15 +157,9 @@ Dynamics changed(const Dynamics& given, const NaturalUnits& u) {
 LcpMatrix changed(const LcpMatrix& M, const NaturalUnits& u) {
   if (const auto* dense = std::get_if<Matrix>(&M)) return changed(*dense, u.w, u.y);
   Tridiagonal t = std::get<Tridiagonal>(M);
-  const Index n = t.diagonal.size();
-  const auto scale = [&](double& entry, Index i, Index j) {
+  each_entry(t, [&u](Index i, Index j, double& entry) {
     entry = times_ten_to(u.y[std::size_t(j)] - u.w[std::size_t(i)], entry);
-  };
-  for (Index i = 0; i < n; ++i) {
-    scale(t.diagonal[i], i, i);
-    if (i > 0) scale(t.lower[i], i, i - 1);
-    if (i + 1 < n) scale(t.upper[i], i, i + 1);
-  }
+  });
   return t;
 }
 
@@ -241,11 +235,11 @@ double boundary_residual_of(const BoundaryCondition& c, const RowMatrix& x) {
   return apart.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, c.b.cwiseAbs().maxCoeff());
 }
 
-// The components that were asked for, of all that were recorded.
-void select_components(const std::vector<Index>& asked, Result& result) {
-  if (result.x_components == asked) return;
-  result.x = result.x(Eigen::all, asked).eval();
-  result.x_components = asked;
+// Keeps the requested components of all that were recorded.
+void select_components(const std::vector<Index>& requested, Result& result) {
+  if (result.x_components == requested) return;
+  result.x = result.x(Eigen::all, requested).eval();
+  result.x_components = requested;
 }
 
 }  // namespace

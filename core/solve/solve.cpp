@@ -45,7 +45,7 @@ void validate(const Scene& scene, const Options& options) {
                   "components are counted from 0");
 }
 
-// What stages call, too.
+// Stages call it for simpler scenes.
 Result through_stages(const Scene& scene, Backend& backend, const InnerOptions& options) {
   const InterruptedBy polled(options.interrupted);
   try {

@@ -1,5 +1,5 @@
 #pragma once
-// The entry: a scene, a backend and options go in; a certified result comes out.
+// The entry: solves a scene on a backend and returns a certified result.
 
 #include "../result/options.hpp"
 #include "../result/result.hpp"

@@ -1,6 +1,6 @@
 #pragma once
-// A solve is a row of stages. Each one passes, or gives the result: by what it does itself, or from a simpler scene
-// that it hands back to `solve`, to go through the stages from the first one on.
+// A solve is a list of stages. Each stage either passes on to the next one or returns the result. It may solve a
+// simpler scene by `solve`, which starts with the first stage again.
 
 #include "../result/inner_options.hpp"
 #include "../result/result.hpp"
@@ -12,7 +12,7 @@
 
 namespace bromwich {
 
-/// The whole row; what a stage solves simpler scenes with.
+/// All stages, for a simpler scene.
 using Solve = std::function<Result(const Scene&, Backend&, const InnerOptions&)>;
 
 using Stage = std::optional<Result> (*)(const Scene&, Backend&, const InnerOptions&, const Solve&);

@@ -31,6 +31,25 @@ inline std::string read(const fs::path& path) {
   return text.str();
 }
 
+/// x' = -x, with a constraint that is never active.
+inline const std::string decay = R"toml(
+name = "decay"
+[parameters]
+x0 = 2
+[dynamics]
+A = [[-1]]
+B = [[0]]
+x0 = ["x0"]
+[complementarity]
+N = [[1]]
+M = [[1]]
+[time]
+T = 1
+steps = 8
+[output]
+states = "all"
+)toml";
+
 /// A separate folder per test, removed at the end.
 class Cli : public testing::Test {
  protected:

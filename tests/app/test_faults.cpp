@@ -14,21 +14,6 @@
 namespace bromwich {
 namespace {
 
-const std::string decay = R"toml(
-[dynamics]
-A = [[-1]]
-B = [[0]]
-x0 = [2]
-[complementarity]
-N = [[1]]
-M = [[1]]
-[time]
-T = 1
-steps = 8
-[output]
-states = "all"
-)toml";
-
 // w = 1 - t: y = 0 until t = 1, infeasible afterwards.
 const std::string infeasible = R"toml(
 [dynamics]
@@ -91,13 +76,13 @@ TEST_F(CliFaults, LongExpressions) {
     while (sum.size() + 2 <= length) sum += "+0";
     save("long.toml", decay + "[exact]\nx = [\"2*exp(-t)\"]\n");
     std::string text = decay;
-    text.replace(text.find("x0 = [2]"), 8, "x0 = [2]\nf = [\"" + sum + "\"]");
+    text.replace(text.find("x0 = [\"x0\"]"), 11, "x0 = [2]\nf = [\"" + sum + "\"]");
     save("long.toml", text);
     const Outcome outcome = run("solve long.toml");
     EXPECT_EQ(outcome.exit_code, 0) << length << " " << outcome.err;
   }
   std::string text = decay;
-  text.replace(text.find("x0 = [2]"), 8, "x0 = [2]\nf = [\"" + std::string(100000, '(') + "t\"]");
+  text.replace(text.find("x0 = [\"x0\"]"), 11, "x0 = [2]\nf = [\"" + std::string(100000, '(') + "t\"]");
   save("deep.toml", text);
   EXPECT_TRUE(contains(refused("solve deep.toml").err, "dynamics.f"));
 }

@@ -11,24 +11,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-const std::string decay = R"toml(
-name = "decay"
-[parameters]
-x0 = 2
-[dynamics]
-A = [[-1]]
-B = [[0]]
-x0 = ["x0"]
-[complementarity]
-N = [[1]]
-M = [[1]]
-[time]
-T = 1
-steps = 8
-[output]
-states = "all"
-)toml";
-
 const std::string exact = "[exact]\nx = [\"x0*exp(-t)\"]\ny = [0]\n";
 
 std::string replaced(std::string text, const std::string& from, const std::string& to) {

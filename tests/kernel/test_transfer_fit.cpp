@@ -18,6 +18,14 @@ namespace {
 
 const KroneckerDynamics& heat_of(const Scene& scene) { return get<KroneckerDynamics>(scene.dynamics); }
 
+/// Largest error of the sum at z, relative to the largest of the given values.
+double pole_sum_error(const PoleSum& sum, const ComplexVector& values, Complex z) {
+  ComplexVector found = (sum.constant + 0 * sum.linear).cast<Complex>() + z * sum.linear.cast<Complex>();
+  for (Index k = 0; k < sum.rates.size(); ++k)
+    found += sum.coefficients.row(k).transpose().cast<Complex>() / (z - sum.rates[k]);
+  return (found - values).cwiseAbs().maxCoeff() / values.cwiseAbs().maxCoeff();
+}
+
 TEST(TransferFit, HoldsWhereTheRuleLooks) {
   for (const bool radau : {false, true})
     for (const double c : {0.002, 1.}) {

@@ -1,6 +1,5 @@
 // Shared hyperbolas reproduce e^{at} over whole windows and sectors; the literal contour has its printed rate.
 
-#include "core/iteration/literal.hpp"
 #include "core/kernel/kernel.hpp"
 #include "core/numerics/contour.hpp"
 #include "core/numerics/phi.hpp"
@@ -117,6 +116,17 @@ TEST(Circle, GivesEntireFunctionsOnAnySpectrum) {
   }
   EXPECT_FALSE(circle(91, h));
   EXPECT_FALSE(circle(std::numeric_limits<double>::quiet_NaN(), h));
+}
+
+/// Σ_p c_p/(z_p - a) ∫_0^t e^{z_p (t-s)} ds; the exact value is (e^{at} - 1)/a. Theorem 2.3 (2) bounds the error.
+double literal_scalar_response(double a, double t, Index P) {
+  const Contour contour = literal_contour(P, t);
+  double sum = 0;
+  for (Index p = 0; p <= P; ++p) {
+    const Complex z = contour.nodes[p];
+    sum += (contour.weights[p] / (z - a) * t * bromwich::phi1(z * t)).real();
+  }
+  return sum;
 }
 
 TEST(LiteralContour, HasThePrintedRate) {

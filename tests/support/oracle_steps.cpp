@@ -35,8 +35,9 @@ struct Scaled {
     q = rows.cwiseProduct(given);
   }
 
-  /// z = C^{-1} y with active set S, clipped to z >= 0, if that solves the problem. `singular`: accept a singular M_SS.
-  std::optional<Vector> on(const std::vector<Index>& S, bool singular) const {
+  /// z = C^{-1} y with active set S, clipped to z >= 0, if that solves the problem. `accept`: also with a singular
+  /// M_SS.
+  std::optional<Vector> on(const std::vector<Index>& S, bool accept) const {
     Vector z = Vector::Zero(q.size());
     if (!S.empty()) {
       Eigen::FullPivLU<Matrix> lu(matrix(S, S));
@@ -44,7 +45,7 @@ struct Scaled {
       if (lu.isInvertible()) {
         z(S) = lu.solve(Vector(-q(S)));
       } else {
-        if (!singular) return std::nullopt;
+        if (!accept) return std::nullopt;
         // Least norm in the units of y.
         const Matrix block = matrix(S, S) * columns(S).cwiseInverse().asDiagonal();
         Eigen::CompleteOrthogonalDecomposition<Matrix> least;

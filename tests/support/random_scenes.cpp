@@ -43,8 +43,8 @@ Matrix m_matrix(Draw& draw, Index n) {
 Matrix low_rank(Draw& draw, Index n) {
   const Index rank = draw.index(0, n - 1);
   const Matrix L = draw.matrix(n, rank), K = draw.matrix(n, n);
-  const double share = draw.chance(0.5) ? 1 : 0;
-  return L * L.transpose() + share * (K - K.transpose());
+  const double skew = draw.chance(0.5) ? 1 : 0;
+  return L * L.transpose() + skew * (K - K.transpose());
 }
 
 // Constraint i copies owner[i]: the same rows and columns of M, N and B.

@@ -1,0 +1,282 @@
+#pragma once
+// The numerical part of the multifrontal elimination of zE - A (core/numerics/elimination.hpp has the symbolic part),
+// eight shifts z at a time, one per lane. All lanes have the same structure, so even fronts with one or two pivots use
+// whole vectors. A test column (zE - A) u, u = ±1, whose solution is known, is solved along with B.
+
+#include "../base/simd.hpp"
+#include "../numerics/elimination.hpp"
+
+#include <algorithm>
+#include <vector>
+
+namespace bromwich::multifrontal {
+
+using namespace simd;
+
+using RowSparse = Eigen::SparseMatrix<double, Eigen::RowMajor>;
+
+struct Entry {
+  Lanes re, im;
+};
+
+inline void add(Entry& a, const Entry& b) {
+  a.re += b.re;
+  a.im += b.im;
+}
+
+// a -= b c
+inline void subtract_product(Entry& a, const Entry& b, const Entry& c) {
+  a.re -= b.re * c.re;
+  a.re += b.im * c.im;
+  a.im -= b.re * c.im;
+  a.im -= b.im * c.re;
+}
+
+inline Entry product(const Entry& b, const Entry& c) { return {b.re * c.re - b.im * c.im, b.re * c.im + b.im * c.re}; }
+
+inline Entry inverse(const Entry& a) {
+  const Lanes norm = a.re * a.re + a.im * a.im;
+  return {a.re / norm, -a.im / norm};
+}
+
+/// Read by all threads: A in elimination order, B and N, the test column.
+struct System {
+  Elimination plan;
+  bool symmetric = false;
+  std::vector<int> position;
+  SparseMatrix A, E;               ///< E with the structure of A; empty if there is no E
+  RowSparse rows_of_A, rows_of_E;  ///< only if not symmetric
+  RowSparse B;
+  const SparseMatrix& N;
+  Vector u, Au, Eu;
+
+  System(const SparseMatrix& given_A, const SparseMatrix& given_E, const SparseMatrix& given_B, const SparseMatrix& N_)
+      : A(given_E.rows() > 0 ? SparseMatrix(given_A + 0 * given_E) : given_A),
+        E(given_E.rows() > 0 ? SparseMatrix(given_E + 0 * given_A) : given_E),
+        B(given_B),
+        N(N_),
+        u(A.rows()) {
+    plan = analyse(A, given_B, N, 1);
+    symmetric = is_symmetric(A) && (!mass() || is_symmetric(E));
+    position.resize(plan.order.size());
+    for (std::size_t i = 0; i < position.size(); ++i) position[std::size_t(plan.order[i])] = int(i);
+    if (!symmetric) rows_of_A = A;
+    if (!symmetric && mass()) rows_of_E = E;
+    unsigned long long random = 1;
+    for (double& value : u) {
+      random = random * 6364136223846793005ULL + 1442695040888963407ULL;
+      value = random >> 63 ? 1 : -1;
+    }
+    Au = A * u;
+    Eu = mass() ? Vector(E * u) : u;
+  }
+
+  bool mass() const { return E.rows() > 0; }
+
+  static bool is_symmetric(const SparseMatrix& A) {
+    const SparseMatrix transposed = A.transpose();
+    return (A - transposed).norm() == 0;
+  }
+};
+
+/// Elimination of eight nodes by one thread.
+class Fronts {
+ public:
+  explicit Fronts(const System& system)
+      : s_(system),
+        inputs_(s_.B.cols() + 1),
+        place_(s_.plan.order.size()),
+        row_place_(std::size_t(s_.N.rows())),
+        column_place_(std::size_t(inputs_)),
+        front_(std::size_t(s_.plan.largest_front)),
+        stack_(std::size_t(s_.plan.largest_stack)),
+        result_(std::size_t(s_.N.rows() * inputs_)) {}
+
+  /// Afterwards result(i, c) is the entry (i, c) of N (zE - A)^{-1} [B, (zE - A) u], a lane for each z.
+  void run(const Entry& z) {
+    z_ = z;
+    std::fill(result_.begin(), result_.end(), Entry{all(0), all(0)});
+    remainders_.clear();
+    top_ = 0;
+    for (std::size_t f = 0; f < s_.plan.fronts.size(); ++f) {
+      const Front& front = s_.plan.fronts[f];
+      rows_ = front.rows();
+      cols_ = front.cols();
+      pivots_ = front.pivots;
+      main_ = pivots_ + Index(front.rest.size());
+      std::fill_n(front_.begin(), rows_ * cols_, Entry{all(0), all(0)});
+      find_places(front);
+      assemble(front);
+      for (Index c = 0; c < front.children; ++c) take_child();
+      eliminate();
+      hand_on(front, f);
+    }
+  }
+
+  Complex result(Index i, Index c, Index lane) const {
+    const Entry& e = result_[std::size_t(i * inputs_ + c)];
+    return {e.re[lane], e.im[lane]};
+  }
+
+ private:
+  Entry& at(Index i, Index j) { return front_[std::size_t(j * rows_ + i)]; }
+
+  void find_places(const Front& front) {
+    for (Index p = 0; p < pivots_; ++p) place_[std::size_t(front.first + p)] = int(p);
+    int next = int(pivots_);
+    for (const int i : front.rest) place_[std::size_t(i)] = next++;
+    next = int(main_);
+    for (const int i : front.outputs) row_place_[std::size_t(i)] = next++;
+    next = int(main_);
+    for (const int c : front.inputs) column_place_[std::size_t(c)] = next++;
+  }
+
+  // a += z e
+  void add_shift(Entry& a, double e) const {
+    a.re += z_.re * all(e);
+    a.im += z_.im * all(e);
+  }
+
+  // Adds the entries of zE - A, B and -N in the rows and columns of the front's pivots that no earlier front has taken.
+  void assemble(const Front& front) {
+    const Index test = inputs_ - 1;
+    for (Index p = 0; p < pivots_; ++p) {
+      const Index original = s_.plan.order[std::size_t(front.first + p)];
+      for (SparseMatrix::InnerIterator a(s_.A, original); a; ++a) {
+        const int i = s_.position[std::size_t(a.row())];
+        if (i >= front.first) at(place_[std::size_t(i)], p).re -= all(a.value());
+      }
+      if (!s_.mass()) {
+        at(p, p).re += z_.re;
+        at(p, p).im += z_.im;
+      } else {
+        for (SparseMatrix::InnerIterator e(s_.E, original); e; ++e) {
+          const int i = s_.position[std::size_t(e.row())];
+          if (i >= front.first) add_shift(at(place_[std::size_t(i)], p), e.value());
+        }
+        for (RowSparse::InnerIterator e(s_.rows_of_E, original); !s_.symmetric && e; ++e) {
+          const int j = s_.position[std::size_t(e.col())];
+          if (j >= front.first + pivots_) add_shift(at(p, place_[std::size_t(j)]), e.value());
+        }
+      }
+      if (!s_.symmetric)
+        for (RowSparse::InnerIterator a(s_.rows_of_A, original); a; ++a) {
+          const int j = s_.position[std::size_t(a.col())];
+          if (j >= front.first + pivots_) at(p, place_[std::size_t(j)]).re -= all(a.value());
+        }
+      for (RowSparse::InnerIterator b(s_.B, original); b; ++b)
+        at(p, column_place_[std::size_t(b.col())]).re += all(b.value());
+      Entry& known = at(p, column_place_[std::size_t(test)]);
+      known.re += z_.re * all(s_.Eu[original]) - all(s_.Au[original]);
+      known.im += z_.im * all(s_.Eu[original]);
+      for (SparseMatrix::InnerIterator n(s_.N, original); n; ++n)
+        at(row_place_[std::size_t(n.row())], p).re -= all(n.value());
+    }
+  }
+
+  // Adds the remainder on top of the stack to the front: rest x rest (rest x inputs), outputs x rest.
+  void take_child() {
+    const Front& child = s_.plan.fronts[remainders_.back()];
+    remainders_.pop_back();
+    top_ -= child.remainder();
+    const Entry* from = &stack_[std::size_t(top_)];
+    const Index rest = Index(child.rest.size()), rows = child.rows() - child.pivots, cols = child.cols() - child.pivots;
+    for (Index j = 0; j < cols; ++j) {
+      const bool in_rest = j < rest;
+      const int to = in_rest ? place_[std::size_t(child.rest[std::size_t(j)])]
+                             : column_place_[std::size_t(child.inputs[std::size_t(j - rest)])];
+      for (Index i = in_rest && s_.symmetric ? j : 0; i < rest; ++i)
+        add(at(place_[std::size_t(child.rest[std::size_t(i)])], to), from[j * rows + i]);
+      for (Index i = rest; in_rest && i < rows; ++i)
+        add(at(row_place_[std::size_t(child.outputs[std::size_t(i - rest)])], to), from[j * rows + i]);
+    }
+  }
+
+  // Eliminates pivots in panels: L below them, U to their right, then one product for the trailing block.
+  void eliminate() {
+    for (Index first = 0; first < pivots_; first += panel) {
+      const Index last = std::min(pivots_, first + panel);
+      for (Index p = first; p < last; ++p) {
+        const Entry scale = inverse(at(p, p));
+        for (Index i = p + 1; i < rows_; ++i) at(i, p) = product(at(i, p), scale);
+        for (Index j = p + 1; j < last; ++j) {
+          // Below the diagonal only: by symmetry U is the transpose of L times the pivot.
+          const Entry u = s_.symmetric ? product(at(j, p), at(p, p)) : at(p, j);
+          for (Index i = s_.symmetric ? j : p + 1; i < rows_; ++i) subtract_product(at(i, j), at(i, p), u);
+        }
+      }
+      // Tiles do not cross from the rest to the inputs, where symmetry ends.
+      for (Index j = last; j < main_; j += tile_columns)
+        update_columns(first, last, j, std::min(tile_columns, main_ - j));
+      for (Index j = main_; j < cols_; j += tile_columns)
+        update_columns(first, last, j, std::min(tile_columns, cols_ - j));
+    }
+  }
+
+  // Updates `count` columns from j on, below and to the right of the panel.
+  void update_columns(Index first, Index last, Index j, Index count) {
+    Entry U[panel * tile_columns];
+    const Index width = last - first;
+    for (Index c = 0; c < tile_columns; ++c) {
+      Entry* u = U + c * width;
+      if (c >= count) {
+        std::fill_n(u, width, Entry{all(0), all(0)});
+        continue;
+      }
+      if (s_.symmetric && j + c < main_) {
+        for (Index p = 0; p < width; ++p) u[p] = product(at(j + c, first + p), at(first + p, first + p));
+        continue;
+      }
+      for (Index p = 0; p < width; ++p) {
+        u[p] = at(first + p, j + c);
+        for (Index q = 0; q < p; ++q) subtract_product(u[p], at(first + p, first + q), u[q]);
+      }
+    }
+    const Index start = s_.symmetric && j < main_ ? j : last;
+    Index i = start;
+    for (; i + tile_rows <= rows_; i += tile_rows) update_tile<tile_rows>(i, j, first, width, U, count);
+    for (; i < rows_; ++i) update_tile<1>(i, j, first, width, U, count);
+  }
+
+  template <Index height>
+  void update_tile(Index i, Index j, Index first, Index width, const Entry* U, Index count) {
+    Entry sum[height][tile_columns] = {};
+    const Entry* L = &at(i, first);
+    for (Index p = 0; p < width; ++p, L += rows_)
+      for (Index c = 0; c < tile_columns; ++c)
+        for (Index k = 0; k < height; ++k) subtract_product(sum[k][c], L[k], U[c * width + p]);
+    for (Index c = 0; c < count; ++c)
+      for (Index k = 0; k < height; ++k) add(at(i + k, j + c), sum[k][c]);
+  }
+
+  // Adds the outputs x inputs block to the result and pushes the rest for the parent front.
+  void hand_on(const Front& front, std::size_t f) {
+    for (Index j = main_; j < cols_; ++j)
+      for (Index i = main_; i < rows_; ++i)
+        add(result_[std::size_t(front.outputs[std::size_t(i - main_)] * inputs_ +
+                                front.inputs[std::size_t(j - main_)])],
+            at(i, j));
+    if (front.rest.empty()) return;
+    Entry* to = &stack_[std::size_t(top_)];
+    for (Index j = pivots_; j < cols_; ++j, to += rows_ - pivots_) std::copy_n(&at(pivots_, j), rows_ - pivots_, to);
+    top_ += front.remainder();
+    remainders_.push_back(f);
+  }
+
+  static constexpr Index panel = 32;
+#if defined(__AVX512F__)
+  static constexpr Index tile_rows = 4, tile_columns = 2;  // accumulators take 16 of 32 registers
+#else
+  static constexpr Index tile_rows = 2, tile_columns = 1;
+#endif
+
+  const System& s_;
+  Index inputs_;
+  std::vector<int> place_, row_place_, column_place_;
+  std::vector<Entry> front_, stack_, result_;
+  std::vector<std::size_t> remainders_;
+  Index top_ = 0, rows_ = 0, cols_ = 0, pivots_ = 0, main_ = 0;
+  Entry z_{};
+};
+
+}  // namespace bromwich::multifrontal

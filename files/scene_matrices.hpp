@@ -1,0 +1,25 @@
+#pragma once
+// The matrices of a scene file in the form in which core stores them: dense, sparse, tridiagonal, or a Kronecker sum.
+
+#include "core/scene/scene.hpp"
+#include "files/sections.hpp"
+
+namespace bromwich {
+
+SparseMatrix sparse_value(const MatrixValue&);
+/// Throws Error that names `where` if the matrix is too large to be dense.
+Matrix dense_value(const MatrixValue&, const std::string& where);
+
+inline constexpr Index largest_dense = 4096;       ///< states; a dense A then takes 128 MiB
+inline constexpr Index smallest_tridiagonal = 17;  ///< constraints from which a tridiagonal M is stored as diagonals
+
+/// `smallest`: number of rows from which a tridiagonal matrix is stored as diagonals.
+LcpMatrix lcp_matrix(const MatrixValue&, const std::string& where, Index smallest = smallest_tridiagonal);
+
+/// A, B, N and E.
+Dynamics read_dynamics(const Sections&);
+
+/// A rectangle whose first direction is along the side of the constraints.
+KroneckerDynamics read_rectangle(const Sections&);
+
+}  // namespace bromwich
