@@ -10,6 +10,7 @@
 #include "core/scene/natural_units.hpp"
 #include "core/solve/event_control.hpp"
 #include "core/solve/methods.hpp"
+#include "core/solve/prepared.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -137,7 +138,6 @@ class GridRefinement {
     InnerOptions one = options_;
     one.tolerance = one.tolerance_x = one.tolerance_y = one.absolute_tolerance = 0;
     one.steps = J;
-    one.prepared = {};  // grids follow one another, none comes back
     one.tuning.algebraic_share = algebraic_share;
     one.fall_back_to_euler = false;
     one.compares_grids = true;
@@ -409,8 +409,12 @@ Result solve_by_events(const Scene& given, Backend& backend, const InnerOptions&
                          event_goal(options, patient));
 }
 
-Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptions& options, const Solve& solve) {
-  const std::optional<Scene> with = with_breakpoints(given);
+Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptions& asked, const Solve& solve) {
+  std::optional<Scene> with = with_breakpoints(given);
+  InnerOptions options = asked;
+  if (!options.prepared) options.prepared = std::make_shared<Prepared>();
+  if (!options.family) options.family = std::make_shared<GridFamily>(true);
+  if (!with && !options.prepared->stated) with = given;  // a copy, whose values nobody else can change
   const Scene& scene = with ? *with : given;
   if (options.method != Method::automatic || !unsuited_to_events(scene).empty())
     return by_grids(scene, backend, options, solve);

@@ -13,8 +13,10 @@ namespace bromwich {
 Solver::Solver(Scene scene, Backend& backend, Options options)
     : scene_(std::move(scene)), backend_(backend), options_{std::move(options)} {
   scene_.validate();
+  scene_.dynamics = Dynamics(scene_.dynamics);  // whose values nobody else can change
   options_.prepared = std::make_shared<Prepared>();
   options_.prepared->stated = &scene_;
+  options_.family = std::make_shared<GridFamily>(controls_error(options_));
   if (!options_.tuning.first_iterate) return;
   first_iterate_ = *options_.tuning.first_iterate;
   options_.tuning.first_iterate = &first_iterate_;
@@ -40,7 +42,7 @@ void Solver::take_x0(Vector& x0, bool valid) {
   if (!valid) scene_.validate_x0(x0);
   scene_.x0.swap(x0);
   scene_.exact = {};
-  options_.prepared->changes.x0 = true;
+  options_.prepared->add({true, false});
 }
 
 void Solver::set_sources(TimeFunction f, TimeFunction g, std::vector<double> breakpoints) {
@@ -66,14 +68,15 @@ void Solver::set_sources(TimeFunction f, TimeFunction g, std::vector<double> bre
     port.jumps = scene_.breakpoints;
     scene_.port = std::make_shared<const PortHamiltonian>(std::move(port));
   }
-  options_.prepared->changes.sources = true;
+  options_.prepared->add({false, true});
 }
 
 Result Solver::solve() {
   try {
+    options_.prepared->end_of_solve();
     return solve_valid(scene_, backend_, options_);
   } catch (...) {  // what was kept may be half of this solve and half of the one before
-    options_.prepared->methods.reset();
+    options_.prepared->grids.clear();
     throw;
   }
 }
