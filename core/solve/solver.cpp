@@ -6,9 +6,16 @@
 #include "core/solve/stages.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <utility>
 
 namespace bromwich {
+
+namespace {
+
+constexpr Index values_of_a_thread = 1 << 15;  ///< of x0: 256 KiB, a few times what it costs to wake a thread
+
+}  // namespace
 
 Solver::Solver(Scene scene, Backend& backend, Options options)
     : scene_(std::move(scene)), backend_(backend), options_{std::move(options)} {
@@ -25,14 +32,18 @@ Solver::Solver(Scene scene, Backend& backend, Options options)
 void Solver::set_x0(const Vector& x0) {
   if (x0.size() != scene_.states()) return take_x0(next_x0_ = x0);  // it throws
   next_x0_.resize(x0.size());
-  constexpr Index together = 512;  // values, looked at while they are in the first cache
-  double sum = 0;                  // 0 but for NaN and infinity
-  for (Index first = 0; first < x0.size(); first += together) {
-    const Index count = std::min(together, x0.size() - first);
-    next_x0_.segment(first, count) = x0.segment(first, count);
-    sum += (0 * next_x0_.segment(first, count).array()).sum();
-  }
-  take_x0(next_x0_, sum == 0);
+  std::atomic<bool> valid = true;
+  backend_.each_range(x0.size(), values_of_a_thread, [&](Index begin, Index end) {
+    constexpr Index together = 512;  // values, looked at while they are in the first cache
+    double sum = 0;                  // 0 but for NaN and infinity
+    for (Index first = begin; first < end; first += together) {
+      const Index count = std::min(together, end - first);
+      next_x0_.segment(first, count) = x0.segment(first, count);
+      sum += (0 * next_x0_.segment(first, count).array()).sum();
+    }
+    if (!(sum == 0)) valid = false;
+  });
+  take_x0(next_x0_, valid);
 }
 
 void Solver::set_x0(Vector&& x0) { take_x0(x0); }
@@ -80,5 +91,7 @@ Result Solver::solve() {
     throw;
   }
 }
+
+PreparationCounts Solver::made() const { return options_.family->counts(); }
 
 }  // namespace bromwich
