@@ -170,7 +170,8 @@ bool PhiFamily::symmetric() {
 
 template <class Phis, class Make>
 std::shared_ptr<const Phis> PhiFamily::kept_or(Kept<Phis>& kept, double h, const Make& make) {
-  if (const auto found = kept.find(h); found != kept.end()) {
+  constexpr double same = 4 * epsilon;  // steps of grids of pieces agree to rounding
+  if (const auto found = kept.lower_bound(h * (1 - same)); found != kept.end() && found->first <= h * (1 + same)) {
     ++counts_.kept;
     return found->second;
   }

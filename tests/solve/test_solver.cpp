@@ -280,12 +280,20 @@ TEST(Solver, GridsOfAToleranceShareWhatTheyCan) {
     EXPECT_LE(made.classifications, 1) << what;
     EXPECT_LE(made.spectra, 1) << what;
     EXPECT_LE(made.exponentials, alone.exponentials) << what;
-    if (alone.exponentials == grids) EXPECT_LE(made.exponentials, 2) << what;
+    if (alone.exponentials == grids) {
+      EXPECT_LE(made.exponentials, 2) << what;
+    }
     EXPECT_LE(made.fits, 1) << what;
     EXPECT_LE(made.shifted_solves, alone.shifted_solves * 8 / 10) << what;
-    if (c.name == "dense" || c.name == "mass") EXPECT_EQ(alone.exponentials, grids) << "one a grid without sharing";
-    if (c.name == "signorini") EXPECT_EQ(alone.fits, grids);
-    if (c.name == "sparse") EXPECT_GT(alone.shifted_solves, 0);
+    if (c.name == "dense" || c.name == "mass") {
+      EXPECT_EQ(alone.exponentials, grids) << "one a grid without sharing";
+    }
+    if (c.name == "signorini") {
+      EXPECT_EQ(alone.fits, grids);
+    }
+    if (c.name == "sparse") {
+      EXPECT_GT(alone.shifted_solves, 0);
+    }
 
     Options last;  // the same numbers as the last grid on its own
     last.method = c.method;
@@ -327,7 +335,9 @@ TEST(Solver, KeepsTheGridsOfATolerance) {
     EXPECT_EQ(now.fits, made.fits) << what;
     EXPECT_EQ(now.spectra, made.spectra) << what;
     EXPECT_EQ(now.classifications, made.classifications) << what;
-    if (second.steps <= first.steps) EXPECT_EQ(now.exponentials, made.exponentials) << what;
+    if (second.steps <= first.steps) {
+      EXPECT_EQ(now.exponentials, made.exponentials) << what;
+    }
   }
 }
 
