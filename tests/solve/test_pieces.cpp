@@ -3,6 +3,8 @@
 #include "core/solve/pieces.hpp"
 
 #include "core/catalogue/catalogue.hpp"
+#include "core/kernel/shared_dynamics.hpp"
+#include "core/scene/natural_units.hpp"
 #include "core/solve/solve.hpp"
 #include "core/solve/stages.hpp"
 #include "cpu/cpu_backend.hpp"
