@@ -13,10 +13,10 @@ namespace bromwich {
 
 namespace {
 
-constexpr double accepted = 0.8;         ///< of the goal
-constexpr double divided_above = 0.25;   ///< of the goal
-constexpr double negligible = 0.05;      ///< of the goal: need not fall any more
-constexpr double least_fall = 1.414214;  ///< of the difference when all steps are halved: order 1/2
+constexpr double accepted_in_pieces = 0.8;          ///< of the goal
+constexpr double divided_above = 0.25;              ///< of the goal
+constexpr double negligible_between_pieces = 0.05;  ///< of the goal: need not fall any more
+constexpr double least_fall = 1.414214;             ///< of the difference when all steps are halved: order 1/2
 constexpr int most_rounds = 20;
 constexpr int most_levels = 20;
 constexpr int most_at_once = 3;  ///< levels
@@ -80,7 +80,7 @@ void place(const Result& part, const Piece& piece, const std::vector<Index>& com
   put(integral, whole.y_integral);
 }
 
-Result empty_result(const Scene& scene, const Backend& backend, const InnerOptions& options, Index cells) {
+Result empty_cells(const Scene& scene, const Backend& backend, const InnerOptions& options, Index cells) {
   Result whole;
   whole.method = Method::march;
   whole.backend = backend.name();
@@ -102,7 +102,7 @@ void end(const Result& part, double begin, Result& whole) {
 }
 
 // Of the goal, at the end of each cell: e_1, e_2, ...
-std::vector<double> differences(const Result& coarse, const Result& fine, const PieceGoal& goal) {
+std::vector<double> piece_differences(const Result& coarse, const Result& fine, const PieceGoal& goal) {
   std::vector<double> e(std::size_t(fine.steps), 0);
   const auto take = [&](const RowMatrix& a, const RowMatrix& b, const Vector& size, double wanted) {
     if (wanted <= 0 || b.cols() == 0) return;
@@ -118,7 +118,7 @@ std::vector<double> differences(const Result& coarse, const Result& fine, const 
   return e;
 }
 
-double largest(const std::vector<double>& e) { return *std::max_element(e.begin(), e.end()); }
+double largest_of(const std::vector<double>& e) { return *std::max_element(e.begin(), e.end()); }
 
 // Of second order a level takes a factor of 4.
 int levels_to_add(double e) {
@@ -142,16 +142,16 @@ class PieceRefinement {
       const auto coarse = on(levels_);
       const auto fine = coarse ? on(halved(levels_)) : std::nullopt;
       if (!fine) return std::nullopt;
-      const std::vector<double> e = differences(*coarse, *fine, goal_);
+      const std::vector<double> e = piece_differences(*coarse, *fine, goal_);
       note(options_.log, LogLevel::debug, "pieces of %ld steps: %.2g of the tolerance", long(steps_of(levels_)),
-           largest(e));
-      if (largest(e) <= accepted) {
-        auto result = confirmed(*fine, largest(e));
+           largest_of(e));
+      if (largest_of(e) <= accepted_in_pieces) {
+        auto result = confirmed(*fine, largest_of(e));
         if (result) return result;
       }
       bool divided = false;
       for (std::size_t k = 0; k < levels_.size(); ++k) {
-        const int more = largest(e) <= accepted ? 1 : levels_to_add(e[k]);
+        const int more = largest_of(e) <= accepted_in_pieces ? 1 : levels_to_add(e[k]);
         levels_[k] += more;
         divided = divided || more > 0;
         if (levels_[k] > most_levels) return std::nullopt;
@@ -182,11 +182,11 @@ class PieceRefinement {
   std::optional<Result> confirmed(const Result& fine, double before) {
     auto finest = on(halved(halved(levels_)));
     if (!finest) return std::nullopt;
-    const double last = largest(differences(fine, *finest, goal_));
-    if (!(last <= negligible) && !(last * least_fall <= before)) return std::nullopt;
+    const double last = largest_of(piece_differences(fine, *finest, goal_));
+    if (!(last <= negligible_between_pieces) && !(last * least_fall <= before)) return std::nullopt;
     const double ratio = last > 0 ? std::clamp(before / last, least_fall, 2.0) : 2;
     const double error = last / (ratio - 1);
-    if (!(error <= accepted)) return std::nullopt;
+    if (!(error <= accepted_in_pieces)) return std::nullopt;
     report(error, std::log2(ratio), *finest);
     return finest;
   }
@@ -234,7 +234,7 @@ std::string unsuited_to_pieces(const Scene& scene) {
 Result solve_in_pieces(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve,
                        const std::vector<int>& levels) {
   const Index cells = Index(levels.size());
-  Result whole = empty_result(scene, backend, options, cells);
+  Result whole = empty_cells(scene, backend, options, cells);
   InnerOptions one = options;
   one.method = Method::march;
   one.states = StateSelection::all;
