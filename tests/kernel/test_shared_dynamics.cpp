@@ -185,7 +185,9 @@ TEST(GridFamily, KnowsItsDynamicsAndTheClassOfM) {
   EXPECT_NE(family.of(scene.dynamics).get(), family.of(changed.dynamics).get());
   Scene automatic = scene;
   automatic.lcp_class = LcpClass::automatic;
+  automatic.M = Matrix(2 * Matrix::Identity(scene.constraints(), scene.constraints()));
   const LcpClass found = family.lcp_class(automatic);
+  EXPECT_EQ(found, LcpClass::P);
   EXPECT_EQ(family.lcp_class(automatic), found);
   EXPECT_EQ(family.counts().classifications, 1);
   automatic.M = Matrix(-to_dense(automatic.M));
