@@ -2,7 +2,6 @@
 
 #include "core/base/error.hpp"
 #include "core/galerkin/sources.hpp"
-#include "core/numerics/matrix_phi.hpp"
 #include "core/numerics/phi.hpp"
 #include "core/numerics/two_point.hpp"
 
@@ -34,12 +33,17 @@ BoundaryCondition boundary_of(const Scene& scene) {
   return scene.boundary.value_or(BoundaryCondition{Matrix::Identity(m, m), Matrix::Zero(m, m), scene.x0});
 }
 
-GalerkinStep galerkin_step(const DenseDynamics& d, const Matrix& M, double h) {
-  return step_from(matrix_phis(h * d.A, 4), d, M, h);
+GalerkinStep galerkin_step(SharedDynamics& shared, const Matrix& M, double h) {
+  return step_from(*shared.phis(h), shared.dense(), M, h);
 }
 
 GalerkinProblem galerkin_problem(const Scene& scene, const std::vector<GridPart>& parts) {
-  const DenseDynamics d = to_dense(scene.dynamics);
+  SharedDynamics own(scene.dynamics);
+  return galerkin_problem(scene, parts, own);
+}
+
+GalerkinProblem galerkin_problem(const Scene& scene, const std::vector<GridPart>& parts, SharedDynamics& shared) {
+  const DenseDynamics& d = shared.dense();
   const Matrix M = to_dense(scene.M), entry = source_matrix(scene, d);
   const Index m = d.A.rows(), n = d.B.cols();
   GalerkinProblem p;
@@ -54,7 +58,7 @@ GalerkinProblem galerkin_problem(const Scene& scene, const std::vector<GridPart>
   double begin = 0;
   for (const GridPart& part : parts) {
     const double h = (part.end - begin) / double(part.intervals);
-    p.runs.push_back({first, part.intervals, step_from(matrix_phis(h * d.A, 5), d, M, h)});
+    p.runs.push_back({first, part.intervals, galerkin_step(shared, M, h)});
     for (Index j = 0; j < part.intervals; ++j) {
       const Index k = first + j;
       p.t[k + 1] = j + 1 == part.intervals ? part.end : begin + double(j + 1) * h;
@@ -71,22 +75,27 @@ GalerkinProblem galerkin_problem(const Scene& scene, Index N) {
 }
 
 GalerkinProblem coarser_problem(const Scene& scene, const GalerkinProblem& fine) {
+  SharedDynamics own(scene.dynamics);
+  return coarser_problem(scene, fine, own);
+}
+
+GalerkinProblem coarser_problem(const Scene& scene, const GalerkinProblem& fine, SharedDynamics& shared) {
   const GalerkinStep& step = fine.first_step();
   const Index N = fine.N / 2, n = fine.unknowns() / 2;
   GalerkinProblem p;
   p.N = N;
   p.t = fine.t(Eigen::seqN(0, N + 1, 2));
-  p.runs = {{0, N, galerkin_step(to_dense(scene.dynamics), to_dense(scene.M), p.t[1])}};
+  p.runs = {{0, N, galerkin_step(shared, to_dense(scene.M), p.t[1])}};
   p.boundary = fine.boundary;
   p.initial_value = fine.initial_value;
   const auto first = Eigen::seqN(0, N, 2), second = Eigen::seqN(1, N, 2);
   const RowMatrix F = fine.forcing(first, Eigen::all), early = fine.q(first, Eigen::all),
                   late = fine.q(second, Eigen::all) + F * step.C.transpose();
   p.forcing = fine.forcing(second, Eigen::all) + F * step.E.transpose();
-  const RowMatrix shared = early.rightCols(n) / 4 + late.leftCols(n) / 4;
+  const RowMatrix common = early.rightCols(n) / 4 + late.leftCols(n) / 4;
   p.q.resize(N, 2 * n);
-  p.q.leftCols(n) = early.leftCols(n) / 2 + shared;
-  p.q.rightCols(n) = late.rightCols(n) / 2 + shared;
+  p.q.leftCols(n) = early.leftCols(n) / 2 + common;
+  p.q.rightCols(n) = late.rightCols(n) / 2 + common;
   return p;
 }
 

@@ -23,6 +23,7 @@
 // x        RowMatrix       (N+1) x m
 // F        forcing         N x m
 
+#include "../kernel/shared_dynamics.hpp"
 #include "../scene/natural_units.hpp"
 #include "../scene/scene.hpp"
 
@@ -64,8 +65,8 @@ struct GalerkinProblem {
   Index unknowns() const { return first_step().D.rows(); }  ///< of an interval, 2n
 };
 
-/// The step of length h: G_0 to G_4 by matrix_phis (core/numerics/phi.hpp).
-GalerkinStep galerkin_step(const DenseDynamics&, const Matrix& M, double h);
+/// The step of length h: G_0 to G_4 by matrix_phis (core/numerics/matrix_phi.hpp).
+GalerkinStep galerkin_step(SharedDynamics&, const Matrix& M, double h);
 
 /// The boundary condition of a scene; initial values as (I, 0, x0).
 BoundaryCondition boundary_of(const Scene&);
@@ -74,12 +75,15 @@ BoundaryCondition boundary_of(const Scene&);
 /// pieces (core/galerkin/sources.hpp), by the parabola through three Gauss points. Values at the ends are not used:
 /// sources may jump there. Dynamics are converted to dense ones. f and g that are not finite give NaN in `forcing` or
 /// `q`.
+/// `shared`: of the dynamics of the scene; its phi-functions are kept for other grids.
+GalerkinProblem galerkin_problem(const Scene&, const std::vector<GridPart>&, SharedDynamics& shared);
 GalerkinProblem galerkin_problem(const Scene&, const std::vector<GridPart>&);
 GalerkinProblem galerkin_problem(const Scene&, Index N);
 
 /// The same scene on half as many intervals, from F and q of a uniform grid without a sample of f and g: with 1 and 2
 /// the halves of an interval, F = E F_1 + F_2, q_left = (q_1l + q_1r/2 + p_2l/2)/2, q_right = (q_1r/2 + p_2l/2 +
 /// p_2r)/2, p_2 = q_2 + C F_1. Precondition: N even.
+GalerkinProblem coarser_problem(const Scene&, const GalerkinProblem&, SharedDynamics& shared);
 GalerkinProblem coarser_problem(const Scene&, const GalerkinProblem&);
 
 /// The states for given z and the boundary condition: (N+1) x m. Throws Error if it does not determine them.

@@ -68,13 +68,13 @@ RowMatrix halved_intervals(const RowMatrix& z) {
 // The active sets of coarser grids: most exchanges happen where they cost little. The safe solvers are for the coarsest
 // one, and for the requested grid. If exchanges do not end on a grid in between, the next one begins with empty sets.
 RowMatrix nested_start(const Scene& scene, const GalerkinProblem& fine, Index unknowns, Backend& backend,
-                       const Options& options) {
+                       const Options& options, SharedDynamics& shared) {
   constexpr Index fewest_intervals = 32;
   const RowMatrix nothing = RowMatrix::Zero(fine.N, unknowns);
   if (fine.N % 2 != 0 || fine.N / 2 < fewest_intervals) return nothing;
-  const GalerkinProblem p = coarser_problem(scene, fine);
+  const GalerkinProblem p = coarser_problem(scene, fine, shared);
   const FreeElimination elimination(p, scene.free_rows);
-  const RowMatrix start = nested_start(scene, p, unknowns, backend, options);
+  const RowMatrix start = nested_start(scene, p, unknowns, backend, options, shared);
   const bool coarsest = p.N % 2 != 0 || p.N / 2 < fewest_intervals;
   const GalerkinSolution s = coarsest ? solve_boundary_problem(elimination.reduced(), backend, options, start)
                                       : exchange_or_shoot(elimination.reduced(), backend, options, start);
@@ -94,7 +94,8 @@ GalerkinSolution linear_solution(const GalerkinProblem& p) {
 
 // `p` is `full` without its free unknowns; `start`: z where the active sets are known about, or null.
 GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& full, const GalerkinProblem& p,
-                                Backend& backend, const Options& options, const RowMatrix* start) {
+                                Backend& backend, const Options& options, SharedDynamics& shared,
+                                const RowMatrix* start) {
   if (p.unknowns() == 0) return linear_solution(p);
   if (p.initial_value && p.uniform() && !backend.traits().one_at_a_time) {
     GalerkinSolution sweeps = iterate_galerkin(p, backend, options);
@@ -102,7 +103,7 @@ GalerkinSolution solved_problem(const Scene& scene, const GalerkinProblem& full,
   }
   if (p.initial_value) return march_galerkin(p, backend, options);
   return solve_boundary_problem(p, backend, options,
-                                start ? *start : nested_start(scene, full, p.unknowns(), backend, options));
+                                start ? *start : nested_start(scene, full, p.unknowns(), backend, options, shared));
 }
 
 // (J+1) rows: the left end of the first interval, then all right ends.
@@ -201,11 +202,11 @@ void check_uniqueness(const Scene& scene, Index N, Result& result) {
   if (!unique.assured) add_warning(result, unique.words);
 }
 
-// `before`: a result on another grid, or null.
-void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& options, const std::vector<GridPart>& grid,
-                   const Result* before, Result& result) {
+// `before`: a result on another grid, or null. `shared`: what the grids share.
+void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& options, SharedDynamics& shared,
+                   const std::vector<GridPart>& grid, const Result* before, Result& result) {
   Timer timer;
-  const GalerkinProblem p = galerkin_problem(scene, grid);
+  const GalerkinProblem p = galerkin_problem(scene, grid, shared);
   result.steps = p.N;
   result.t = p.t;
   nothing_found(scene, p.N, result);
@@ -219,9 +220,10 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
 
   RowMatrix start;
   if (before) start = elimination.bound_part(coefficients_on(*before, p));
-  GalerkinSolution s = solved_problem(scene, p, elimination.reduced(), backend, options, before ? &start : nullptr);
+  GalerkinSolution s =
+      solved_problem(scene, p, elimination.reduced(), backend, options, shared, before ? &start : nullptr);
   const GalerkinSolver again = [&](const GalerkinProblem& full, const GalerkinProblem& reduced, const RowMatrix& from) {
-    return solved_problem(scene, full, reduced, backend, options, &from);
+    return solved_problem(scene, full, reduced, backend, options, shared, &from);
   };
   std::optional<RuledSolution> ruled = solve_by_rules(scene, p, elimination, s, again, options);
   if (ruled) {
@@ -245,7 +247,8 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
 }
 
 // The same with nodes at the switches, repeated until the switches do not move beyond the accuracy of y.
-void solve_with_located_switches(const Scene& scene, Backend& backend, const InnerOptions& options, Result& result) {
+void solve_with_located_switches(const Scene& scene, Backend& backend, const InnerOptions& options,
+                                 SharedDynamics& shared, Result& result) {
   constexpr int most_locations = 5;
   const Index N = result.steps;
   for (int pass = 0; pass < most_locations && result.status == Status::solved; ++pass) {
@@ -256,7 +259,7 @@ void solve_with_located_switches(const Scene& scene, Backend& backend, const Inn
     located.backend = result.backend;
     located.continuous = false;
     located.x_components = result.x_components;
-    solve_on_grid(scene, backend, options, grid.parts, &result, located);
+    solve_on_grid(scene, backend, options, shared, grid.parts, &result, located);
     if (located.status != Status::solved && located.status != Status::interrupted) {
       add_warning(result, "with nodes at the switches it is not solved (" + located.reason + ")");
       return;
@@ -289,8 +292,10 @@ Result solve_by_galerkin(const Scene& scene, Backend& backend, const InnerOption
     result.reason = text("method galerkin writes the dynamics out densely: %ld states, at most %ld",
                          long(scene.states()), long(most_dense_states));
   } else {
-    solve_on_grid(scene, backend, options, {{scene.T, N}}, nullptr, result);
-    if (options.event_location) solve_with_located_switches(scene, backend, options, result);
+    GridFamily own;
+    const std::shared_ptr<SharedDynamics> shared = (options.family ? *options.family : own).of(scene.dynamics);
+    solve_on_grid(scene, backend, options, *shared, {{scene.T, N}}, nullptr, result);
+    if (options.event_location) solve_with_located_switches(scene, backend, options, *shared, result);
   }
   Seconds& s = result.seconds;
   s.total = total.lap();

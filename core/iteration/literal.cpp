@@ -158,7 +158,7 @@ double kernel_error(const DiscreteProblem& p, Index P) {
 
 void solve_literally(const DiscreteProblem& p, const Options& options, Result& result) {
   Timer timer;
-  const Spectrum where = spectrum(p.scene.dynamics);
+  const Spectrum where = p.shared->spectrum();
   if (where.half_angle >= largest_half_angle) {
     result.status = Status::unsupported;
     result.reason = "contour-literal needs a spectrum in a sector of half-angle below 44.5 degrees; this one is " +

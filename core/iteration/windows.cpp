@@ -21,6 +21,7 @@ constexpr double safety = 0.1;                    ///< of the tolerance, for amp
 DiscreteProblem window(const DiscreteProblem& p, const Scene& scene, Index count) {
   DiscreteProblem w{scene, p.backend, p.lcp_class, count, p.h, {}, {}, {}, {}};
   w.exponential_step = p.exponential_step;  // of the same length
+  w.shared = p.shared;
   return w;
 }
 

@@ -32,38 +32,12 @@ class DenseOperator : public TimeOperator {
 
   KernelPlan kernel(ConvolutionChoice choice) override {
     const Index rows = p_.J + 1, n = p_.scene.constraints();
-    const Recurrence recurrence = dense_recurrence(dynamics_, *state_step(p_, Rule::exponential));
-    const Spectrum spectrum = bromwich::spectrum(p_.scene.dynamics);
-    const auto parameters = contour_parameters(spectrum.half_angle);
-    KernelPlan made;
-    const bool scan = choice == ConvolutionChoice::scan || !by_fft(choice);
-    // Two independent ways to the weights check each other; a scan needs only the first lags for that.
-    const Index checked = scan ? std::min<Index>(p_.J, 64) : p_.J;
-    LagTable table = lag_table(recurrence, checked);
-    std::string source = "matrix exponential (" + spectrum.describe() + ")";
-    made.error = NAN;
-    if (!parameters || needs_precision(dynamics_.A, p_.h, p_.J)) {
-      const WeightCheck check = check_weights(p_, std::get<DenseRecurrence>(recurrence), INFINITY);
-      made.error = check.error;
-      if (!check.against.empty()) source += ", checked against " + check.against;
-    } else {
-      LagTable contour = contour_lag_table(p_.backend, dynamics_, *parameters, p_.h, checked);
-      made.error = deviation(table, contour);
-      if (made.error <= accepted_kernel_error) {
-        source = scan ? text("matrix exponential, checked against contours of %ld nodes", long(parameters->P + 1))
-                      : text("contours of %ld nodes a window, checked against the matrix exponential",
-                             long(parameters->P + 1));
-        table = std::move(contour);
-      } else {
-        // Non-normal A defeats the contour, and stiff A costs both ways some digits: use the exponential, report the
-        // difference.
-        source = text("matrix exponential, from which contours differ by %.1e", made.error);
-      }
-    }
-    auto convolution = scan ? p_.backend.convolution(recurrence, rows) : p_.backend.convolution(table, rows);
-    made.kernel = std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), false, rows, n);
-    made.description = (scan ? "scan of the state; " : "FFT over lag weights; ") + source;
-    return made;
+    KernelWeights made = kernel_weights(choice);
+    const LagTable* table = lag_table_of(*made.weights);
+    auto convolution =
+        table ? p_.backend.convolution(*table, rows) : p_.backend.convolution(*recurrence_of(*made.weights), rows);
+    return {std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), false, rows, n),
+            std::move(made.description), made.error};
   }
 
   double response(const KernelPlan&, Array&, Array& r) override {
@@ -75,8 +49,7 @@ class DenseOperator : public TimeOperator {
     if (steps == p_.J)
       return share_weights(Recurrence(dense_recurrence(dynamics_, *state_step(p_, Rule::exponential))));
     const double h = p_.scene.T / double(steps);
-    return share_weights(
-        Recurrence(dense_recurrence(dynamics_, step_operators(dynamics_.A, Rule::exponential, h, steps))));
+    return share_weights(Recurrence(dense_recurrence(dynamics_, *p_.shared->step(Rule::exponential, h, steps))));
   }
 
   KernelPlan finest_kernel(const SharedWeights&, ConvolutionChoice choice) override { return kernel(choice); }
@@ -122,6 +95,40 @@ class DenseOperator : public TimeOperator {
   }
 
  protected:
+  KernelWeights kernel_weights(ConvolutionChoice choice) override {
+    const Recurrence recurrence = dense_recurrence(dynamics_, *state_step(p_, Rule::exponential));
+    const Spectrum spectrum = p_.shared->spectrum();
+    const auto parameters = contour_parameters(spectrum.half_angle);
+    KernelWeights made;
+    const bool scan = choice == ConvolutionChoice::scan || !by_fft(choice);
+    // Two independent ways to the weights check each other; a scan needs only the first lags for that.
+    const Index checked = scan ? std::min<Index>(p_.J, 64) : p_.J;
+    LagTable table = lag_table(recurrence, checked);
+    std::string source = "matrix exponential (" + spectrum.describe() + ")";
+    made.error = NAN;
+    if (!parameters || needs_precision(dynamics_.A, p_.h, p_.J)) {
+      const WeightCheck check = check_weights(p_, std::get<DenseRecurrence>(recurrence), INFINITY);
+      made.error = check.error;
+      if (!check.against.empty()) source += ", checked against " + check.against;
+    } else {
+      LagTable contour = contour_lag_table(p_.backend, dynamics_, *parameters, p_.h, checked);
+      made.error = deviation(table, contour);
+      if (made.error <= accepted_kernel_error) {
+        source = scan ? text("matrix exponential, checked against contours of %ld nodes", long(parameters->P + 1))
+                      : text("contours of %ld nodes a window, checked against the matrix exponential",
+                             long(parameters->P + 1));
+        table = std::move(contour);
+      } else {
+        // Non-normal A defeats the contour, and stiff A costs both ways some digits: use the exponential, report the
+        // difference.
+        source = text("matrix exponential, from which contours differ by %.1e", made.error);
+      }
+    }
+    made.weights = scan ? share_weights(recurrence) : share_weights(std::move(table));
+    made.description = (scan ? "scan of the state; " : "FFT over lag weights; ") + source;
+    return made;
+  }
+
   BasisChoice choose_basis() override {
     return bromwich::choose_basis(p_.scene.M, p_.lcp_class,
                                   dense_recurrence(dynamics_, *state_step(p_, Rule::exponential)));

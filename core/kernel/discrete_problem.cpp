@@ -16,9 +16,8 @@ std::size_t host_bytes(const DiscreteProblem& p) {
 }
 
 std::shared_ptr<const StepOperators> state_step(const DiscreteProblem& p, Rule rule) {
-  if (rule != Rule::exponential) return std::make_shared<StepOperators>(step_operators(p.small_state()->A, rule, p.h));
-  return p.exponential_step->get(
-      [&] { return std::make_shared<StepOperators>(step_operators(p.small_state()->A, rule, p.h, p.J)); });
+  if (rule != Rule::exponential) return p.shared->step(rule, p.h, p.J);
+  return p.exponential_step->get([&] { return p.shared->step(rule, p.h, p.J); });
 }
 
 RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) {

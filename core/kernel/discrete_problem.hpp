@@ -6,6 +6,7 @@
 #include "../seam/upload.hpp"
 #include "compression.hpp"
 #include "response.hpp"
+#include "shared_dynamics.hpp"
 #include "step_defects.hpp"
 
 #include <memory>
@@ -40,7 +41,8 @@ struct DiscreteProblem {
   Vector start;     ///< n: N x0 + g(0), the q of y_0
   std::vector<Index> components = {};  ///< of the state, to be recorded by methods that step it
   std::shared_ptr<KeptStep> exponential_step = std::make_shared<KeptStep>();  ///< of this h, see state_step
-  std::shared_ptr<const SourceSteps> sources = {};                            ///< null where no step is rough
+  std::shared_ptr<SharedDynamics> shared = {};      ///< what other grids have made; never null
+  std::shared_ptr<const SourceSteps> sources = {};  ///< null where no step is rough
   std::shared_ptr<const StepDefects> defects = {};  ///< of f on rough steps; dense dynamics and exponential rule only
   /// Kronecker sums, (J+1) x n: response N x to the part of f inside rough steps; null if there is none.
   std::shared_ptr<const RowMatrix> rough_response = {};
@@ -57,7 +59,7 @@ std::size_t host_bytes(const DiscreteProblem&);
 /// r <- r + rough_response, if there is one.
 void add_rough_response(const DiscreteProblem&, Array& r);
 
-/// One step of the dense state. The exponential one takes about twenty products of m x m matrices and is made once.
+/// One step of the dense state. Made once; see SharedDynamics::step.
 std::shared_ptr<const StepOperators> state_step(const DiscreteProblem&, Rule);
 
 /// F with f_j = F phi_j for the samples p.f (dense dynamics): m x width of p.f.

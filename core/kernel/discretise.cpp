@@ -1,7 +1,6 @@
 #include "core/kernel/discretise.hpp"
 
 #include "core/kernel/rough_response.hpp"
-#include "core/lcp/lcp_class.hpp"
 #include "core/numerics/step_propagator.hpp"
 
 #include <utility>
@@ -33,9 +32,12 @@ std::shared_ptr<const StepDefects> defects_of_f(const DiscreteProblem& p) {
 
 }  // namespace
 
-DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J, bool every_step) {
-  const LcpClass lcp_class = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
+DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J, bool every_step, GridFamily* family) {
+  GridFamily own;
+  if (!family) family = &own;
+  const LcpClass lcp_class = family->lcp_class(scene);
   DiscreteProblem p{scene, backend, lcp_class, J, scene.T / double(J), time_grid(scene.T, J), {}, {}, {}};
+  p.shared = family->of(scene.dynamics);
   sample_sources(p, every_step);
   return p;
 }
@@ -80,6 +82,7 @@ DiscreteProblem with_mean_sources(const DiscreteProblem& p) {
 DiscreteProblem coarser(const DiscreteProblem& p, Index steps) {
   const Index ratio = p.J / steps;
   DiscreteProblem coarse{p.scene, p.backend, p.lcp_class, steps, p.scene.T / double(steps), {}, {}, {}, p.start};
+  coarse.shared = p.shared;
   coarse.t = p.t(Eigen::seqN(0, steps + 1, ratio));
   coarse.g = p.g.rows(0, steps + 1, ratio);
   if (p.f.size() > 0) coarse.f = p.f.rows(0, steps + 1, ratio);

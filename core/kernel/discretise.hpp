@@ -4,8 +4,9 @@
 
 namespace bromwich {
 
-/// Samples the sources. `every_step`: tests inside every step whether they are linear there.
-DiscreteProblem discretise(const Scene&, Backend&, Index J, bool every_step = false);
+/// Samples the sources. `every_step`: tests inside every step whether they are linear there. `family`: what grids of
+/// this scene share; null: nothing.
+DiscreteProblem discretise(const Scene&, Backend&, Index J, bool every_step = false, GridFamily* family = nullptr);
 
 /// Samples the sources of the scene again, and copies its x0.
 void sample_sources(DiscreteProblem&, bool every_step);

@@ -84,6 +84,31 @@ std::vector<LagWindow> lag_windows(const ContourParameters& parameters, double h
   return windows;
 }
 
+std::vector<LagWindow> shared_lag_windows(const ContourParameters& parameters, double h, Index J, double shift,
+                                          double common) {
+  constexpr double rounding = 1e-9;
+  double start = common;  // 4^k common in (h, 4h]
+  while (start > 4 * h * (1 + rounding)) start /= 4;
+  while (start <= h * (1 + rounding)) start *= 4;
+  // The lags that each window can take, in [start + h, ratio start - h], have to reach the next one.
+  for (double q = start / h; q * h < 4 * h * double(J); q *= 4)
+    if (std::floor(window_ratio * q * (1 + rounding)) - 1 < 4 * q * (1 - rounding))
+      return lag_windows(parameters, h, J, shift);
+  std::vector<LagWindow> windows;
+  const auto add = [&](Contour contour, Index first, Index last) {
+    contour.nodes.array() += shift;
+    windows.push_back(lag_window(contour, h, first, std::min(last, J)));
+  };
+  add(near_contour(parameters, h), 0, 1);
+  if (J > 1) add(window_contour(parameters, h), 2, Index(window_ratio) - 1);
+  for (Index first = Index(window_ratio); first <= J; start *= 4) {
+    const Index last = Index(std::floor(window_ratio * start / h * (1 + rounding))) - 1;
+    add(window_contour(parameters, start), first, last);
+    first = last + 1;
+  }
+  return windows;
+}
+
 LagTable contour_lag_table(Backend& backend, const Dynamics& dynamics, const ContourParameters& parameters, double h,
                            Index J) {
   LagTable table;

@@ -27,6 +27,10 @@ struct LagWindow {
 /// Lags 0 and 1, then windows of ratio 5, covering 0..J. `shift` moves every node to the right, past such eigenvalues.
 std::vector<LagWindow> lag_windows(const ContourParameters&, double h, Index J, double shift = 0);
 
+/// The same, for grids that share the solves of most windows: lags 0 and 1, lags 2 to 4, and then windows that begin at
+/// 4^k `common`, the step of one of the grids. For steps h = common 2^k, and 4/3 of it; otherwise as lag_windows.
+std::vector<LagWindow> shared_lag_windows(const ContourParameters&, double h, Index J, double shift, double common);
+
 /// The factors of lags first..last on a contour that covers them.
 LagWindow lag_window(const Contour&, double h, Index first, Index last);
 

@@ -63,6 +63,11 @@ class LagOperator : public TimeOperator {
   }
 
  protected:
+  KernelWeights kernel_weights(ConvolutionChoice) override {
+    const SharedWeights weights = lags();
+    return {weights, "FFT over lag weights; " + table()->description, table()->error};
+  }
+
   BasisChoice choose_basis() override {
     BasisChoice choice = bromwich::choose_basis(p_.scene.M, p_.lcp_class);
     return choice.continuous && table() ? bromwich::choose_basis(p_.scene.M, p_.lcp_class, *lag_table_of(*lags()))

@@ -51,21 +51,16 @@ class ModalOperator : public TimeOperator {
   }
 
   KernelPlan kernel(ConvolutionChoice choice) override {
-    const Index rows = p_.J + 1, n = dynamics_.along.points;
-    const auto parameters = contour_parameters(0);
-    if (choice != ConvolutionChoice::fft && (fits() || choice == ConvolutionChoice::scan)) {
-      KernelPlan made = plan(weights(p_.J, nullptr, 0), choice);
-      made.description = fits() ? text("scan of %ld exponentials a mode, fitted to contour values (%ld nodes a window)",
-                                       long(sum().rates.size()), long(parameters->P + 1))
-                                : text("scan of all %ld eigenvalues a mode", long(dynamics_.across.points));
-      return made;
+    KernelWeights made = kernel_weights(choice);
+    if (recurrence_of(*made.weights)) {
+      KernelPlan scan = plan(made.weights, choice);
+      scan.description = std::move(made.description);
+      return scan;
     }
-    KernelPlan made;
-    const LagTable table = contour_lag_table(p_.backend, dynamics_, *parameters, p_.h, p_.J);
-    made.kernel = std::make_unique<SpaceTimeKernel>(p_.backend, p_.backend.convolution(table, rows), true, rows, n);
-    made.description = text("FFT over lag weights from contours of %ld nodes a window", long(parameters->P + 1));
-    made.error = NAN;  // the table holds the contour values themselves, so there is no second result to compare
-    return made;
+    const Index rows = p_.J + 1, n = dynamics_.along.points;
+    auto convolution = p_.backend.convolution(*lag_table_of(*made.weights), rows);
+    return {std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), true, rows, n),
+            std::move(made.description), made.error};
   }
 
   double response(const KernelPlan& plan, Array& v, Array& r) override {
@@ -123,7 +118,7 @@ class ModalOperator : public TimeOperator {
     if (compressed)
       return {
           .weights = std::make_shared<Weights>(Recurrence(compressed_recurrence(p_.backend, dynamics_, sum(), p_.h))),
-          .error = sum().error,
+          .error = error_of_fit(),
           .description = std::to_string(sum().rates.size()) + " exponentials a mode, stepped",
           .compressed = true};
     if (rule == Rule::implicit_euler && choice != RecurrenceChoice::modal && (all > fewest_compressed || chosen))
@@ -173,6 +168,19 @@ class ModalOperator : public TimeOperator {
   }
 
  protected:
+  KernelWeights kernel_weights(ConvolutionChoice choice) override {
+    const auto parameters = contour_parameters(0);
+    if (choice != ConvolutionChoice::fft && (fits() || choice == ConvolutionChoice::scan))
+      return {weights(p_.J, nullptr, 0),
+              fits() ? text("scan of %ld exponentials a mode, fitted to contour values (%ld nodes a window)",
+                            long(sum().rates.size()), long(parameters->P + 1))
+                     : text("scan of all %ld eigenvalues a mode", long(dynamics_.across.points)),
+              fits() ? error_of_fit() : NAN};
+    // The table holds the contour values themselves, so there is no second result to compare: the error is not known.
+    return {share_weights(contour_lag_table(p_.backend, dynamics_, *parameters, p_.h, p_.J)),
+            text("FFT over lag weights from contours of %ld nodes a window", long(parameters->P + 1)), NAN};
+  }
+
   BasisChoice choose_basis() override { return bromwich::choose_basis(p_.scene.M, p_.lcp_class); }
   bool modal() const override { return true; }
 
@@ -215,22 +223,24 @@ class ModalOperator : public TimeOperator {
                      .compressed = true};
   }
 
-  const ExponentialSum& sum() {
-    if (!sum_) sum_ = compress_line_kernel(dynamics_, p_.h, p_.scene.T);
-    return *sum_;
+  KernelFit& fit() {
+    if (!fit_) fit_ = p_.shared->fit(p_.h, p_.scene.T);
+    return *fit_;
   }
-  bool fits() { return sum().error <= accepted_compression_error; }
+  const ExponentialSum& sum() { return fit().sum; }
+  double error_of_fit() { return fit().error_from(p_.h); }
+  bool fits() { return error_of_fit() <= accepted_compression_error; }
 
   // x0 by the exponentials of the fit.
   struct ProjectedX0 {
     double error;
-    const Array* D;  ///< null: the error is too large
+    const Array* D;  ///< null: the error is too large. Shared by all grids of the scene, whose x0 is the same.
   };
   const ProjectedX0* projected() {
     if (!x0_) {
-      if (!fit_) fit_ = fit_initial_response(p_.backend, dynamics_, sum(), p_.h, p_.scene.T);
-      const double error = initial_error(p_.backend, dynamics_, *fit_, p_.scene.x0);
-      x0_ = {error, error <= accepted_compression_error ? &(*fit_->project)(p_.scene.x0) : nullptr};
+      const InitialFit& of_x0 = p_.shared->initial_fit(p_.backend, fit());
+      const double error = initial_error(p_.backend, dynamics_, of_x0, p_.scene.x0);
+      x0_ = {error, error <= accepted_compression_error ? &(*of_x0.project)(p_.scene.x0) : nullptr};
     }
     return x0_->D ? &*x0_ : nullptr;
   }
@@ -244,14 +254,13 @@ class ModalOperator : public TimeOperator {
   KernelPlan plan(const SharedWeights& weights, ConvolutionChoice choice) {
     KernelPlan made{kernel_of(*weights, p_.J, choice), "", NAN};
     if (!fits()) return made;
-    made.error = sum().error;
+    made.error = error_of_fit();
     if (!by_fft(choice)) made.weights = weights;
     return made;
   }
 
   const KroneckerDynamics& dynamics_;
-  std::optional<ExponentialSum> sum_;
-  std::optional<InitialFit> fit_;
+  std::shared_ptr<KernelFit> fit_;
   std::optional<ProjectedX0> x0_;
 };
 

@@ -94,13 +94,15 @@ bool has_euler_step(const Matrix& A, double h) { return inverse_of_step(A, h).ha
 
 StepOperators step_operators(const Matrix& A, Rule rule, double h, Index J) {
   const Index m = A.rows();
-  if (rule == Rule::exponential) {
-    const MatrixPhi phi = needs_precision(A, h, J) ? precise_phi(A, h) : matrix_phi(h * A);
-    return {phi.exponential, h * (phi.phi1 - phi.phi2), h * phi.phi2};
-  }
+  if (rule == Rule::exponential)
+    return exponential_step(needs_precision(A, h, J) ? precise_phi(A, h) : matrix_phi(h * A), h);
   const std::optional<Matrix> decay = inverse_of_step(A, h);
   if (!decay) throw Error("steps", "I - hA is singular at this step", "implicit Euler needs another number of steps");
   return {*decay, Matrix::Zero(m, m), h * *decay};
+}
+
+StepOperators exponential_step(const MatrixPhi& phi, double h) {
+  return {phi.exponential, h * (phi.phi1 - phi.phi2), h * phi.phi2};
 }
 
 DenseRecurrence dense_recurrence(const DenseDynamics& dynamics, const StepOperators& step) {

@@ -2,6 +2,7 @@
 // Recurrences (core/seam/recurrence.hpp) of dynamics.
 
 #include "../dynamics/dynamics.hpp"
+#include "../numerics/matrix_phi.hpp"
 #include "../seam/recurrence.hpp"
 
 namespace bromwich {
@@ -36,6 +37,9 @@ bool has_euler_step(const Matrix& A, double h);
 /// e^{hA} and its phi-functions (core/numerics/phi.hpp; in higher precision if J steps need it), or (I - hA)^{-1} by LU
 /// factorization. Throws Error if I - hA is singular.
 StepOperators step_operators(const Matrix& A, Rule, double h, Index J = 1);
+
+/// The exponential one from the phi-functions of hA.
+StepOperators exponential_step(const MatrixPhi&, double h);
 
 /// z_j = decay x_j + left B y_j, the part of x_{j+1} known after step j.
 DenseRecurrence dense_recurrence(const DenseDynamics&, const StepOperators&);

@@ -105,14 +105,14 @@ class Attempt {
  public:
   Attempt(const DiscreteProblem& p, const Wide& wide, const ContourParameters& parameters, double shift)
       : p_(p), wide_(wide), P_(parameters.P), shift_(shift) {
-    for (LagWindow& window : lag_windows(parameters, p.h, p.J, shift)) place(windows_, std::move(window));
+    for (LagWindow& window : p.shared->windows(parameters, p.h, p.J, shift)) place(windows_, std::move(window));
     const auto other = [&](const LagWindow& w) { place(others_, other_window(w, parameters)); };
     other(windows_.front().window);
     if (windows_.size() > 1) other(windows_.back().window);
     ComplexVector nodes(count_);
     for (const auto* list : {&windows_, &others_})
       for (const Placed& w : *list) nodes.segment(w.at, w.nodes()) = w.window.contour.nodes;
-    const ComplexMatrix R = p.backend.resolvent(wide.dynamics, nodes);
+    const ComplexMatrix R = p.shared->resolvents(p.backend, wide.dynamics, nodes);
     const Index lag_inputs = wide.lag_inputs(), outputs = wide.outputs();
     lags_.resize(count_, outputs * lag_inputs);
     x0_.resize(count_, wide.states * outputs);
@@ -285,7 +285,7 @@ SparseKernel finish(const DiscreteProblem& p, const Wide& wide, const Attempt& a
 
 std::optional<SparseKernel> sparse_kernel(const DiscreteProblem& p, const std::vector<Index>& components) {
   const Wide wide = widen(p, components);
-  const Spectrum s = spectrum(p.scene.dynamics);
+  const Spectrum s = p.shared->spectrum();
   const double shift = std::min(s.abscissa > 16 * epsilon * s.radius ? s.abscissa : 0, largest_growth / p.scene.T);
   const double start = shift > 0 ? 0 : std::min(s.half_angle, 60 * degree);
   for (const double sector : {0, 15, 30, 45, 60}) {

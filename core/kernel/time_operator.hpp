@@ -14,6 +14,7 @@
 #include "discrete_problem.hpp"
 #include "ringing.hpp"
 #include "space_time_kernel.hpp"
+#include "transposed_kernel.hpp"
 #include "weights.hpp"
 
 #include <memory>
@@ -29,6 +30,13 @@ struct KernelPlan {
   std::string description;
   double error = 0;            ///< see Result::kernel_error
   SharedWeights weights = {};  ///< of a kernel applied by recurrence; null: by a table
+};
+
+/// The weights that a kernel applies, in the form in which it does: a recurrence as a scan, a table by FFT.
+struct KernelWeights {
+  SharedWeights weights;
+  std::string description;
+  double error = 0;  ///< see Result::kernel_error
 };
 
 /// Input of MarchProblem (core/seam/plans.hpp). The weights stay; the rest depends on x0, f and g.
@@ -79,6 +87,11 @@ class TimeOperator {
 
   /// K for the functional iteration.
   virtual KernelPlan kernel(ConvolutionChoice) = 0;
+  /// K^T with the weights of kernel(choice), for adjoint equations: <K y, u> = <y, K^T u> up to rounding of the sums.
+  /// Precondition: missing_weights() is empty.
+  TransposedKernel transposed_kernel(ConvolutionChoice choice) {
+    return TransposedKernel(p_.backend, kernel_weights(choice).weights, p_.J + 1);
+  }
   /// Computes r; returns the error of x0 in it. `work` is an array of the same shape. If f = B phi drives a Kronecker
   /// sum, `work` holds K phi afterwards, and phi is what the kernel was last applied to.
   virtual double response(const KernelPlan&, Array& work, Array& r) = 0;
@@ -115,6 +128,8 @@ class TimeOperator {
                            const StepDefects* defects) = 0;
 
  protected:
+  /// What kernel(choice) applies; the same weights in every call.
+  virtual KernelWeights kernel_weights(ConvolutionChoice choice) = 0;
   virtual BasisChoice choose_basis() = 0;
   void forget_basis() { basis_.reset(); }
   /// Whether sine modes diagonalise K.

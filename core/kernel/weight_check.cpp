@@ -56,7 +56,7 @@ WeightCheck check_weights(const DiscreteProblem& p, const DenseRecurrence& recur
   if (nodes * (4 * m * m * m + m * m * n) > operations || p.J < 2) return {NAN, ""};
   if (needs_precision(p.small_state()->A, p.h, p.J)) return {NAN, ""};  // too few digits are known to check it
   constexpr double agreed = 1e-9;                                       ///< if two agree to this, no third is computed
-  const Spectrum where = spectrum(p.scene.dynamics);
+  const Spectrum where = p.shared->spectrum();
   const RowMatrix made = first_weights(lag_table(recurrence, 2));
   const double scale = std::max(made.cwiseAbs().maxCoeff(), 1e-300);
   const auto apart = [&](const RowMatrix& a, const RowMatrix& b) { return (a - b).cwiseAbs().maxCoeff() / scale; };

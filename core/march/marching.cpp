@@ -13,7 +13,7 @@ namespace {
 class PreparedMarch final : public PreparedMethod {
  public:
   PreparedMarch(TimeOperator& op, Rule rule, const Options& options)
-      : op_(op), p_(op.problem()), rule_(rule), data_(op.march_weights(rule, options.tuning.recurrence)) {
+      : op_(op), p_(op.problem()), rule_(rule), data_(op.march_weights(rule, options.tuning.recurrence)), at_zero_(p_) {
     const Index rows = p_.J + 1, n = p_.scene.constraints();
     for (auto* array : {&y_, &v_, &r_}) *array = p_.backend.array(rows, n);
     op_.add_sources(rule_, data_, {});
@@ -41,6 +41,7 @@ class PreparedMarch final : public PreparedMethod {
   }
 
   void renew(const Changes& changes) override {
+    at_zero_.renew();
     const bool had_x0 = data_.r_has_x0;
     op_.add_sources(rule_, data_, changes);
     if (changes.sources || had_x0 || data_.r_has_x0) upload_sources();
@@ -54,7 +55,8 @@ class PreparedMarch final : public PreparedMethod {
     result.bytes = y_->bytes() + v_->bytes() + r_->bytes() + (drive_ ? drive_->bytes() : 0) +
                    (forcing_ ? forcing_->bytes() : 0) + march_->bytes() + host_bytes(p_) + data_.bytes();
     Timer timer;
-    const Start start = solve_at_zero(p_, result);
+    Vector y0;
+    const Start start = at_zero_.solve(result, y0);
     if (start == Start::none) return;
     if (start == Start::impulse) {
       if (rule_ != Rule::implicit_euler) {
@@ -62,24 +64,31 @@ class PreparedMarch final : public PreparedMethod {
         result.reason = "x0 violates the constraints and y has to jump; use method march or auto";
         return;
       }
-      result.y.row(0).setZero();  // implicit Euler does not use it
+      y0 = Vector::Zero(p_.scene.constraints());  // implicit Euler does not use it
       result.kernel += impulse_note;
       result.starts_with_impulse = true;
     }
-    p_.backend.upload(result.y, *y_);
+    p_.backend.upload(y0.transpose(), *y_);  // row 0: the march writes the others
     result.seconds.lcp += timer.lap();
     const MarchReport report = march_->run(*y_, *v_);
     p_.backend.download(*y_, result.y);
+    if (report.stopped >= 0) result.y.bottomRows(p_.J + 1 - report.stopped).setConstant(NAN);
     if (start == Start::impulse) result.y.row(0) = result.y.row(1);
     count(report, result);
     if (options.trace) result.trace = trace(p_, *r_, *v_);
     result.well_posed = report.well_posed;
     if (report.stopped >= 0) return explain_stop(p_, report, result);
-    result.residual = march_residual(p_, start, *r_, *v_, *y_);
+    result.residual = residual(start);
     result.status = Status::solved;
   }
 
  private:
+  // Its plan stays where the method does.
+  double residual(Start start) {
+    if (start != Start::found || !op_.keeps_prepared()) return march_residual(p_, start, *r_, *v_, *y_);
+    if (!lcp_) lcp_ = p_.backend.lcp(p_.scene.M, p_.lcp_class, p_.J + 1);
+    return lcp_->residual(*r_, *v_, *y_);
+  }
   void upload_sources() {
     upload(p_.backend, data_.r, *r_);
     add_rough_response(p_, *r_);
@@ -94,6 +103,8 @@ class PreparedMarch final : public PreparedMethod {
   MarchData data_;
   std::unique_ptr<Array> y_, v_, r_, drive_, forcing_;
   std::unique_ptr<March> march_;
+  ProblemAtZero at_zero_;
+  std::unique_ptr<LcpBatch> lcp_;
 };
 
 }  // namespace

@@ -9,14 +9,17 @@ namespace bromwich {
 
 struct NaturalUnits;  // core/scene/natural_units.hpp
 struct Prepared;      // core/solve/prepared.hpp
+class GridFamily;     // core/kernel/shared_dynamics.hpp
 
 /// Made from the user's Options by `solve` and Solver. The defaults are those of a solve on one grid.
 struct InnerOptions : Options {
   /// Null: the scene is as its user stated it, and a stage brings it to natural units. Otherwise it is in these, and
   /// what is absolute (measures relative to max(1, |y|), `residual` of method galerkin) is meant in the user's.
   std::shared_ptr<const NaturalUnits> units = {};
-  /// What a Solver keeps; null: nothing is kept.
+  /// What a Solver keeps, or a solve to a tolerance from one grid to the next; null: nothing is kept.
   std::shared_ptr<Prepared> prepared = {};
+  /// What all grids of this solve share; null: each method on a grid has its own.
+  std::shared_ptr<GridFamily> family = {};
   /// The solve is one of several on finer and finer grids: a result is not confirmed with half the step again.
   bool compares_grids = false;
   /// Sources are looked at inside every step, not inside some of them.

@@ -262,7 +262,7 @@ Result Certification::with_half_the_step(Method method, Methods& half) {
 // the size of the state, and nowhere may the two runs part.
 void Certification::confirm_errors_stay_small(Method method, const Magnification& m, Result& result) {
   const DiscreteProblem& p = methods_.problem();
-  Methods half(p.scene, backend_, 2 * p.J, {}, p.sources != nullptr);
+  Methods half(p.scene, backend_, 2 * p.J, {}, p.sources != nullptr, methods_.family());
   const Result fine = with_half_the_step(method, half);
   const Rule rule = growth_rule(p, method, result);
   std::string why = "with half the step it is not solved";
@@ -282,7 +282,7 @@ void Certification::confirm_errors_stay_small(Method method, const Magnification
 // integral, so that impulses are.
 bool Certification::comes_out_the_same(Method method, Index factor, Slack slack, const Result& result) {
   const DiscreteProblem& p = methods_.problem();
-  Methods finer(p.scene, backend_, factor * p.J, {}, p.sources != nullptr);
+  Methods finer(p.scene, backend_, factor * p.J, {}, p.sources != nullptr, methods_.family());
   const Result fine = with_half_the_step(method, finer);
   if (fine.status != Status::solved) return false;
   const auto rows = Eigen::seq(0, factor * p.J, factor / 2);  // those that half the step has
@@ -311,7 +311,7 @@ void Certification::confirm_by_half_the_step(Method method, double slack, const 
 void Certification::confirm_infeasible(Result& result) {
   const DiscreteProblem& p = methods_.problem();
   const Method method = result.method;
-  Methods half(p.scene, backend_, 2 * p.J, {}, p.sources != nullptr);
+  Methods half(p.scene, backend_, 2 * p.J, {}, p.sources != nullptr, methods_.family());
   const Result fine = with_half_the_step(iterates(method) ? Method::march : method, half);
   const double at = *result.infeasible_at;
   const Index last = std::max<Index>(Index(std::llround(at / p.h)) - 1, 0);

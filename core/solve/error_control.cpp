@@ -10,6 +10,8 @@
 #include "core/scene/natural_units.hpp"
 #include "core/solve/event_control.hpp"
 #include "core/solve/methods.hpp"
+#include "core/solve/pieces.hpp"
+#include "core/solve/prepared.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -114,6 +116,7 @@ class GridRefinement {
            long(J), solved_->error_estimate ? text("about %.2e", *solved_->error_estimate).c_str() : "not known yet",
            goal_.smallest());
       if (end) return ended(*end);
+      if (std::optional<Result> pieces = by_pieces()) return std::move(*pieces);
     }
   }
 
@@ -128,6 +131,41 @@ class GridRefinement {
     return "";
   }
 
+  // Steps of their own for parts of the time, once, where halving all of them would take many grids more.
+  std::optional<Result> by_pieces() {
+    const bool march = options_.method == Method::march || options_.method == Method::automatic;
+    if (tried_pieces_ || !march || solved_->method != Method::march || solved_->steps < expected_) return std::nullopt;
+    if (!solved_->continuous || solved_->jumps_inside || convergence_->of_integral()) return std::nullopt;
+    const auto halvings = [](const GridDifferences& d, double goal) {
+      return d.confirmed() ? d.halvings_to(accepted * goal) : 0;
+    };
+    const double needed = std::max(goal_.y > 0 ? halvings(convergence_->controlled(), goal_.y) : 0,
+                                   controls_states() ? halvings(convergence_->states(), goal_.x) : 0);
+    if (needed < fewest_halvings_for_pieces) return std::nullopt;
+    tried_pieces_ = true;
+    if (!unsuited_to_pieces(scene_).empty()) return std::nullopt;
+    PieceGoal goal{goal_.y, controls_states() ? goal_.x : 0, sizes_};
+    const double uniform = double(solved_->steps) * std::exp2(std::min(needed, 40.0));
+    goal.most_steps = Index(std::min(double(options_.max_steps), uniform / worth_of_pieces));
+    if (options_.max_seconds > 0) goal.most_seconds = std::max(options_.max_seconds - elapsed_, 1e-3) / 2;
+    std::optional<Result> result = refine_pieces(scene_, backend_, options_, solve_, expected_, goal);
+    const double spent = clock_.lap();
+    elapsed_ += spent;
+    if (!result) {
+      note(options_.log, LogLevel::info, "grids of pieces do not meet the tolerance with fewer steps");
+      return std::nullopt;
+    }
+    ErrorEstimate& e = *result->errors;
+    e.grids.insert(e.grids.begin(), grids_.begin(), grids_.end());
+    e.estimates.insert(e.estimates.begin(), estimates_.begin(), estimates_.end());
+    result->seconds = result->seconds + spent_;
+    note(options_.log, LogLevel::info, "solved on a grid of pieces: %ld steps, error about %.2e", long(e.grids.back()),
+         *result->error_estimate);
+    return result;
+  }
+  static constexpr double fewest_halvings_for_pieces = 4;
+  static constexpr double worth_of_pieces = 4;  ///< times fewer steps than a uniform grid, at least
+
   void add_grid(Index J) {
     grids_.push_back(J);
     estimates_.push_back(NAN);
@@ -137,7 +175,6 @@ class GridRefinement {
     InnerOptions one = options_;
     one.tolerance = one.tolerance_x = one.tolerance_y = one.absolute_tolerance = 0;
     one.steps = J;
-    one.prepared = {};  // grids follow one another, none comes back
     one.tuning.algebraic_share = algebraic_share;
     one.fall_back_to_euler = false;
     one.compares_grids = true;
@@ -345,8 +382,9 @@ class GridRefinement {
   std::vector<double> estimates_;           ///< of grids_
   std::optional<Result> solved_, failed_;   ///< the last grid of each kind; failed_ only if it is the last of all
   std::optional<Convergence> convergence_;  ///< of the grids that the method of solved_ has solved
-  bool unchecked_ = false;                  ///< the grid that checks the last one could not
-  RowMatrix all_states_;                    ///< of the last grid, where there are few
+  bool tried_pieces_ = false;
+  bool unchecked_ = false;  ///< the grid that checks the last one could not
+  RowMatrix all_states_;    ///< of the last grid, where there are few
   Seconds spent_;
   Timer clock_;
   double elapsed_ = 0, last_seconds_ = 0;
@@ -409,8 +447,12 @@ Result solve_by_events(const Scene& given, Backend& backend, const InnerOptions&
                          event_goal(options, patient));
 }
 
-Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptions& options, const Solve& solve) {
-  const std::optional<Scene> with = with_breakpoints(given);
+Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptions& asked, const Solve& solve) {
+  std::optional<Scene> with = with_breakpoints(given);
+  InnerOptions options = asked;
+  if (!options.prepared) options.prepared = std::make_shared<Prepared>();
+  if (!options.family) options.family = std::make_shared<GridFamily>(true);
+  if (!with && !options.prepared->stated) with = given;  // a copy, whose values nobody else can change
   const Scene& scene = with ? *with : given;
   if (options.method != Method::automatic || !unsuited_to_events(scene).empty())
     return by_grids(scene, backend, options, solve);

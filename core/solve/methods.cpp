@@ -28,8 +28,10 @@ void refuse(const std::string& why, Result& result) {
 }  // namespace
 
 Methods::Methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
-                 bool look_inside_every_step)
-    : problem_(discretise(scene, backend, J, look_inside_every_step)), look_inside_every_step_(look_inside_every_step) {
+                 bool look_inside_every_step, std::shared_ptr<GridFamily> family)
+    : family_(family ? std::move(family) : std::make_shared<GridFamily>()),
+      problem_(discretise(scene, backend, J, look_inside_every_step, family_.get())),
+      look_inside_every_step_(look_inside_every_step) {
   problem_.components = components;
   operator_ = make_time_operator(problem_);
   average_sources();

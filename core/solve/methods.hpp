@@ -2,6 +2,7 @@
 // The methods on one grid: the discretisation that each one uses for a given scene, and its run.
 
 #include "../kernel/prepared_method.hpp"
+#include "../kernel/shared_dynamics.hpp"
 #include "../kernel/time_operator.hpp"
 #include "../result/inner_options.hpp"
 #include "../result/result.hpp"
@@ -15,7 +16,9 @@ namespace bromwich {
 /// A scene on a grid, with the plans and tables that its methods share. They are made on first use.
 class Methods {
  public:
-  Methods(const Scene&, Backend&, Index J, const std::vector<Index>& components, bool look_inside_every_step = false);
+  /// `family`: what this grid shares with others; null: nothing yet.
+  Methods(const Scene&, Backend&, Index J, const std::vector<Index>& components, bool look_inside_every_step = false,
+          std::shared_ptr<GridFamily> family = nullptr);
 
   /// From now on keeps what a method has prepared for its next run.
   void keep_prepared();
@@ -32,6 +35,8 @@ class Methods {
   static bool has_small_dense_state(const Scene&);
 
   const DiscreteProblem& problem() const { return problem_; }
+  const std::shared_ptr<GridFamily>& family() const { return family_; }
+  bool looks_inside_every_step() const { return look_inside_every_step_; }
   /// Whether continuous piecewise-linear y is safe here.
   const BasisChoice& basis() { return operator_->basis(); }
 
@@ -48,6 +53,7 @@ class Methods {
   bool run_prepared(Method, const Options&, Result&, const std::function<std::unique_ptr<PreparedMethod>()>& prepare);
   void record_states(Method, Result&);
 
+  std::shared_ptr<GridFamily> family_;
   DiscreteProblem problem_;
   std::optional<DiscreteProblem> averaged_;                  ///< of implicit Euler, where steps are rough
   std::unique_ptr<TimeOperator> operator_, euler_operator_;  ///< the second where steps are rough

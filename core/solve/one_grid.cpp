@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 namespace bromwich {
@@ -179,48 +180,53 @@ bool same_entry(const Scene& a, const Scene& b) {
   return a.F.size() == 0 || SparseMatrix(a.F - b.F).norm() == 0;
 }
 
-bool are_prepared(const Prepared& kept, const Scene& scene, Index J, const std::vector<Index>& components) {
-  if (!kept.methods || kept.methods->problem().J != J || kept.methods->problem().components != components) return false;
-  return &scene == kept.stated ? !kept.scene : kept.scene && same_entry(*kept.scene, scene);
+// The grid that a Solver keeps for these steps, if its methods are for this scene; a new one in its place otherwise.
+PreparedGrid& kept_grid(const Scene& scene, Index J, const std::vector<Index>& components,
+                        const InnerOptions& options) {
+  Prepared& prepared = *options.prepared;
+  PreparedGrid& grid = prepared.grids[J];
+  const bool as_stated = &scene == prepared.stated;
+  const bool fits = grid.methods && grid.methods->problem().components == components &&
+                    grid.methods->looks_inside_every_step() == options.look_inside_every_step &&
+                    (as_stated ? !grid.scene : grid.scene && same_entry(*grid.scene, scene));
+  if (!fits) grid = {};
+  return grid;
 }
 
-// The cost of prepared methods is kept: a device takes a while to report its free memory.
-Cost cost_of(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
-             const InnerOptions& options) {
-  Prepared* const kept = options.prepared.get();
-  if (kept && !kept->changes.sources && are_prepared(*kept, scene, J, components)) return kept->cost;
-  const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device());
-  if (kept) kept->cost = cost;
-  return cost;
-}
-
-// Those of the solve before, with the x0, f and g of this one. A Solver changes nothing else. What it has changed is
-// known of the scene as stated; a scene that was made from it is taken as new.
+// The methods of the solve before, with the x0, f and g of this one. A Solver changes nothing else; what it has changed
+// of the scene as stated has changed in the scenes that are made from it.
 Methods& prepared_methods(const Scene& scene, Backend& backend, Index J, const std::vector<Index>& components,
-                          const InnerOptions& options) {
-  Prepared& kept = *options.prepared;
-  const bool as_stated = &scene == kept.stated;
-  const Changes changes = as_stated ? kept.changes : Changes{};
-  if (are_prepared(kept, scene, J, components)) {
-    if (!as_stated) {
-      kept.scene->x0 = scene.x0;
-      kept.scene->f = scene.f;
-      kept.scene->g = scene.g;
-      kept.scene->breakpoints = scene.breakpoints;
+                          const InnerOptions& options, PreparedGrid& grid) {
+  if (grid.methods) {
+    if (grid.scene) {
+      grid.scene->x0 = scene.x0;
+      grid.scene->f = scene.f;
+      grid.scene->g = scene.g;
+      grid.scene->breakpoints = scene.breakpoints;
+      grid.scene->breakpoints_are_all = scene.breakpoints_are_all;
     }
-    kept.finite_sources = kept.finite_sources && !changes.sources;
-    kept.methods->renew(changes);
-    if (as_stated) kept.changes = no_changes;
-    return *kept.methods;
+    grid.finite_sources = grid.finite_sources && !grid.changes.sources;
+    grid.methods->renew(grid.changes);
+  } else {
+    if (&scene != options.prepared->stated) grid.scene = std::make_unique<Scene>(scene);
+    grid.methods = std::make_unique<Methods>(grid.scene ? *grid.scene : scene, backend, J, components,
+                                             options.look_inside_every_step, options.family);
+    grid.methods->keep_prepared();
   }
-  kept.methods.reset();
-  kept.scene = as_stated ? nullptr : std::make_unique<Scene>(scene);
-  kept.methods = std::make_unique<Methods>(as_stated ? scene : *kept.scene, backend, J, components,
-                                           options.look_inside_every_step);
-  kept.methods->keep_prepared();
-  kept.finite_sources = false;
-  if (as_stated) kept.changes = no_changes;
-  return *kept.methods;
+  grid.changes = no_changes;
+  return *grid.methods;
+}
+
+// The largest grids stay where all together exceed the limit.
+void forget_what_does_not_fit(Prepared& prepared, Index J, double limit) {
+  if (limit <= 0) return;
+  double bytes = 0;
+  for (const auto& [steps, grid] : prepared.grids) bytes += grid.cost.bytes;
+  for (auto grid = prepared.grids.begin(); grid != prepared.grids.end() && bytes > limit;) {
+    const bool other = grid->first != J;
+    if (other) bytes -= grid->second.cost.bytes;
+    grid = other ? prepared.grids.erase(grid) : std::next(grid);
+  }
 }
 
 }  // namespace
@@ -234,16 +240,25 @@ Result solve_on_one_grid(const Scene& scene, Backend& backend, const InnerOption
     throw Error("first_iterate", "found " + std::to_string(y->rows()) + " x " + std::to_string(y->cols()),
                 "give one row per time point and one column per constraint");
   const std::vector<Index> components = recorded_components(scene, options);
-  const Cost cost = cost_of(scene, backend, J, components, options);
+  // The cost of methods that there are is not asked for again: a device takes a while to say what it has free.
+  PreparedGrid* const kept =
+      options.prepared && options.prepared->stated ? &kept_grid(scene, J, components, options) : nullptr;
+  const Cost cost = kept && kept->methods && !kept->changes.sources
+                        ? kept->cost
+                        : refuse_what_does_not_fit(scene, options, J, Index(components.size()), backend.device());
+  if (kept) {
+    kept->cost = cost;
+    forget_what_does_not_fit(*options.prepared, J, options.memory_limit);
+  }
   const std::unique_ptr<Methods> once =
-      options.prepared ? nullptr
-                       : std::make_unique<Methods>(scene, backend, J, components, options.look_inside_every_step);
-  Methods& methods = once ? *once : prepared_methods(scene, backend, J, components, options);
+      kept ? nullptr
+           : std::make_unique<Methods>(scene, backend, J, components, options.look_inside_every_step, options.family);
+  Methods& methods = once ? *once : prepared_methods(scene, backend, J, components, options, *kept);
   const DiscreteProblem& p = methods.problem();
   note(options.log, LogLevel::debug, "M is of class %s, %ld constraints, %ld states", to_string(p.lcp_class),
        long(scene.constraints()), long(scene.states()));
-  const bool finite = (options.prepared && options.prepared->finite_sources) || finite_sources(p, result);
-  if (options.prepared) options.prepared->finite_sources = finite;
+  const bool finite = (kept && kept->finite_sources) || finite_sources(p, result);
+  if (kept) kept->finite_sources = finite;
   result.seconds.setup = Timer(total).lap();
   if (finite) {
     Run run(methods, backend, options);

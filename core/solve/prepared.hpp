@@ -1,24 +1,53 @@
 #pragma once
-// Data that a Solver keeps from one solve to the next.
+// Data that a Solver keeps from one solve to the next, and a solve to a tolerance from one grid to the next.
 
+#include "../kernel/shared_dynamics.hpp"
 #include "../scene/natural_units.hpp"
 #include "../scene/scene.hpp"
 #include "cost.hpp"
 #include "methods.hpp"
+#include "mixed.hpp"
 
+#include <map>
 #include <memory>
 #include <optional>
 
 namespace bromwich {
 
-struct Prepared {
-  std::optional<NaturalUnits> units;  ///< of the first solve, used by all later ones
-  const Scene* stated = nullptr;      ///< the scene of the Solver
-  Changes changes = no_changes;       ///< of `stated` since the last run of the methods
-  std::unique_ptr<Scene> scene;       ///< scene of the methods, for example in natural units; null: `stated`
+/// The methods of one grid.
+struct PreparedGrid {
+  std::unique_ptr<Scene> scene;  ///< scene of the methods, for example in natural units; null: the stated one
   std::unique_ptr<Methods> methods;
-  Cost cost;                    ///< predicted for the methods
-  bool finite_sources = false;  ///< the sampled sources are finite; false: not known
+  Changes changes = no_changes;  ///< of the stated scene since the last run of the methods
+  Cost cost;                     ///< predicted for them
+  bool finite_sources = false;   ///< those of the methods; false: not known
+};
+
+/// The stages that replace the dynamics of a scene.
+enum class Reduction { units, mass, written_out, free_rows };
+
+struct Prepared {
+  std::optional<NaturalUnits> units;    ///< of the first solve, used by all later ones
+  const Scene* stated = nullptr;        ///< the scene of the Solver; null: there is none, and no methods are kept
+  std::map<Index, PreparedGrid> grids;  ///< by the number of steps
+
+  /// Of x0 or sources of the stated scene.
+  void add(const Changes& changes) {
+    for (auto& [steps, grid] : grids) grid.changes.add(changes);
+  }
+
+  /// `made`, or the dynamics that the same reduction has made of `given` before: what is shared by grids stays theirs.
+  Dynamics reduced(Reduction, const Dynamics& given, const Dynamics& made);
+
+  /// Free rows of `scene` eliminated; made once for all grids of a solve. Null as eliminate_free.
+  const EliminatedScene* without_free_rows(const Scene& scene);
+  /// x0 and the sources of a scene may change from here on.
+  void end_of_solve() { eliminated_from_ = nullptr; }
+
+ private:
+  std::map<Reduction, std::pair<Dynamics, Dynamics>> reduced_;  ///< given, made
+  const Scene* eliminated_from_ = nullptr;
+  std::optional<EliminatedScene> eliminated_;
 };
 
 }  // namespace bromwich

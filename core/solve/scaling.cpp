@@ -307,7 +307,9 @@ Result solve_in_natural_units(const Scene& scene, Backend& backend, const InnerO
     return result;
   }
   note(options.log, LogLevel::debug, "solved in natural units: powers of ten that bring x, y and w near 1");
-  const Scene natural = in_natural_units(scene, units);
+  Scene natural = in_natural_units(scene, units);
+  if (options.prepared)
+    natural.dynamics = options.prepared->reduced(Reduction::units, scene.dynamics, natural.dynamics);
   RowMatrix first;
   if (options.tuning.first_iterate && options.tuning.first_iterate->cols() == scene.constraints()) {
     first = *options.tuning.first_iterate;

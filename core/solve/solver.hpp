@@ -1,6 +1,7 @@
 #pragma once
 // One scene, prepared once and solved many times with other initial values and sources.
 
+#include "../kernel/shared_dynamics.hpp"
 #include "../result/inner_options.hpp"
 #include "solve.hpp"
 
@@ -19,9 +20,19 @@ namespace bromwich {
 ///
 /// What is kept, by method: march, euler and dual of dense scenes and Kronecker sums, contour and multigrid of all:
 /// everything but r, x0's part of it and y. Sparse and supplied dynamics have x0 and f as columns of the shifted
-/// solves: a new g costs nothing, a new x0 or f these solves. Made anew by every solve: Radau IIA and split steps,
-/// methods galerkin and goal, grids of a tolerance, the elimination of free rows and of a mass matrix. Natural units
-/// are those of the first solve, so results differ from those of `solve` by rounding.
+/// solves: a new g costs nothing, a new x0 or f these solves. With a tolerance every grid is kept, by its number of
+/// steps, and a later solve makes only grids that no earlier one has used; with a memory limit the coarse grids are
+/// given up first. All grids share e^{hA} and its phi-functions (halved steps need one doubling), fits of the kernel,
+/// shifted solves, the spectrum and the class of M (`made` counts them); method galerkin shares the phi-functions. Made
+/// anew by every solve: Radau IIA and split steps, the event-driven integration that a tolerance tries first, intervals
+/// of method galerkin, method goal, the elimination of free rows and of a mass matrix. Natural units are those of the
+/// first solve, so results differ from those of `solve` by rounding.
+///
+/// changed       made again
+/// nothing       nothing
+/// x0            its part of r; shifted solves of sparse and supplied dynamics
+/// sources       samples of f and g, their part of r; with another f, shifted solves of sparse and supplied dynamics
+/// f comes or goes, in a scene that is reduced: its methods
 class Solver {
  public:
   /// The scene and the options are copied; the backend has to outlive the solver. Throws Error as Scene::validate.
@@ -38,6 +49,9 @@ class Solver {
 
   /// As bromwich::solve with the scene as it is now.
   Result solve();
+
+  /// What has been made so far for the grids of this solver.
+  PreparationCounts made() const;
 
   const Scene& scene() const { return scene_; }
 

@@ -13,6 +13,7 @@
 #include "core/solve/error_control.hpp"
 #include "core/solve/mixed.hpp"
 #include "core/solve/one_grid.hpp"
+#include "core/solve/prepared.hpp"
 #include "core/solve/scaling.hpp"
 
 #include <algorithm>
@@ -76,7 +77,9 @@ std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const In
     return unsolved(scene, backend, options, Status::unsupported,
                     "the mass matrix E is singular: eliminate the algebraic equations, as rows with w = 0 and a free y "
                     "where they are linear");
-  if (const auto reduced = without_mass(scene)) {
+  if (auto reduced = without_mass(scene)) {
+    if (options.prepared)
+      reduced->dynamics = options.prepared->reduced(Reduction::mass, scene.dynamics, reduced->dynamics);
     note(options.log, LogLevel::debug, "the mass matrix E is eliminated");
     const double spent = timer.lap();
     Result result = solve(*reduced, backend, options);
@@ -147,7 +150,8 @@ std::optional<Result> galerkin(const Scene& scene, Backend& backend, const Inner
 std::optional<Result> free_rows(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   if (scene.free_rows.empty()) return std::nullopt;
   note(options.log, LogLevel::debug, "%zu free rows are eliminated", scene.free_rows.size());
-  return solve_mixed(scene, *eliminate_free(scene), backend, options, solve);
+  if (!options.prepared) return solve_mixed(scene, *eliminate_free(scene), backend, options, solve);
+  return solve_mixed(scene, *options.prepared->without_free_rows(scene), backend, options, solve);
 }
 
 // Below this size dense matrices are faster in everything, and e^{hA} needs no contour.
@@ -158,7 +162,10 @@ std::optional<Result> small_sparse(const Scene& scene, Backend& backend, const I
   if (!scene.dynamics->matrices() || scene.states() > smallest_sparse) return std::nullopt;
   note(options.log, LogLevel::debug, "sparse dynamics with %ld states are written out as dense ones",
        long(scene.states()));
-  return solve(written_out(scene), backend, options);
+  Scene dense = written_out(scene);
+  if (options.prepared)
+    dense.dynamics = options.prepared->reduced(Reduction::written_out, scene.dynamics, dense.dynamics);
+  return solve(dense, backend, options);
 }
 
 std::optional<Result> one_grid(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve&) {

@@ -1,0 +1,131 @@
+#include "core/kernel/transposed_kernel.hpp"
+
+#include "core/base/error.hpp"
+#include "core/kernel/response.hpp"
+
+#include <string>
+#include <tuple>
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+using Block = Eigen::Map<const RowMatrix>;
+
+bool is_modal(const Weights& weights) {
+  const LagTable* table = lag_table_of(weights);
+  return table ? table->modal : modal_recurrence_of(weights) != nullptr;
+}
+
+// Outputs and inputs of K.
+std::pair<Index, Index> shape(const Weights& weights) {
+  if (const LagTable* table = lag_table_of(weights)) return {table->outputs, table->inputs};
+  if (const ModalRecurrence* modal = modal_recurrence_of(weights)) return {modal->modes(), modal->modes()};
+  const auto& dense = std::get<DenseRecurrence>(*recurrence_of(weights));
+  return {dense.w0.rows(), dense.w0.cols()};
+}
+
+LagTable transposed_table(const LagTable& table) {
+  if (table.modal) return {table.outputs, table.inputs, true, table.W, RowMatrix::Zero(table.S.rows(), table.S.cols())};
+  LagTable result{table.inputs, table.outputs, false, RowMatrix(table.W.rows(), table.W.cols()),
+                  RowMatrix::Zero(table.S.rows(), table.S.cols())};
+  for (Index d = 0; d < table.W.rows(); ++d)
+    Eigen::Map<RowMatrix>(result.W.row(d).data(), table.inputs, table.outputs) =
+        Block(table.W.row(d).data(), table.outputs, table.inputs).transpose();
+  return result;
+}
+
+// Σ_{j>=1} S_j^T u_j from the adjoint state Σ_j (E^T)^{j-1} C^T u_j.
+Vector sum_over_start(const DenseRecurrence& r, const RowMatrix& u) {
+  const Matrix decay = r.decay.transpose(), output = r.output.transpose();
+  Vector z = Vector::Zero(decay.rows());
+  for (Index j = u.rows() - 1; j >= 1; --j) z = (decay * z + output * u.row(j).transpose()).eval();
+  return r.start.transpose() * z;
+}
+
+// The same in modes.
+Vector sum_over_start(const ModalRecurrence& r, const RowMatrix& u) {
+  RowMatrix z = RowMatrix::Zero(r.decay.rows(), r.decay.cols());
+  for (Index j = u.rows() - 1; j >= 1; --j) {
+    z.array() *= r.decay.array();
+    z.rowwise() += u.row(j);
+  }
+  Vector sum = (r.output.array() * r.start.array() * z.array()).colwise().sum().transpose();
+  if (u.rows() > 1) sum += r.s1.cwiseProduct(u.row(1).transpose());
+  return sum;
+}
+
+Vector sum_over_start(const LagTable& table, const RowMatrix& u) {
+  if (table.modal) return table.S.middleRows(1, u.rows() - 1).cwiseProduct(u.bottomRows(u.rows() - 1)).colwise().sum();
+  Vector sum = Vector::Zero(table.inputs);
+  for (Index j = 1; j < u.rows(); ++j)
+    sum += Block(table.S.row(j).data(), table.outputs, table.inputs).transpose() * u.row(j).transpose();
+  return sum;
+}
+
+// Row k becomes row J + 1 - k; row 0 becomes 0.
+RowMatrix reversed(const RowMatrix& u) {
+  RowMatrix result(u.rows(), u.cols());
+  result.row(0).setZero();
+  result.bottomRows(u.rows() - 1) = u.bottomRows(u.rows() - 1).colwise().reverse();
+  return result;
+}
+
+}  // namespace
+
+Weights transposed(const Weights& weights) {
+  if (const LagTable* table = lag_table_of(weights)) return transposed_table(*table);
+  if (const ModalRecurrence* modal = modal_recurrence_of(weights)) {
+    ModalRecurrence same = *modal;  // S diag S is symmetric
+    same.initial.resize(0, 0);
+    return Recurrence(std::move(same));
+  }
+  const auto& dense = std::get<DenseRecurrence>(*recurrence_of(weights));
+  return Recurrence(DenseRecurrence{dense.decay.transpose(), dense.output.transpose(),
+                                    Matrix::Zero(dense.decay.rows(), dense.output.rows()), dense.input.transpose(),
+                                    dense.w0.transpose()});
+}
+
+TransposedKernel::TransposedKernel(Backend& backend, SharedWeights weights, Index rows)
+    : backend_(backend), weights_(std::move(weights)) {
+  std::tie(outputs_, inputs_) = shape(*weights_);
+  const Weights backwards = transposed(*weights_);
+  const LagTable* table = lag_table_of(backwards);
+  auto convolution = table ? backend.convolution(*table, rows) : backend.convolution(*recurrence_of(backwards), rows);
+  reversed_ = std::make_unique<SpaceTimeKernel>(backend, std::move(convolution), is_modal(*weights_), rows, inputs_);
+  u_ = backend.array(rows, outputs_);
+  v_ = backend.array(rows, inputs_);
+}
+
+Vector TransposedKernel::first_row(const RowMatrix& u) const {
+  const RowMatrix seen = is_modal(*weights_) ? row_modes(backend_, u) : u;
+  const LagTable* table = lag_table_of(*weights_);
+  const Vector sum =
+      table ? sum_over_start(*table, seen)
+            : std::visit([&](const auto& r) { return sum_over_start(r, seen); }, *recurrence_of(*weights_));
+  return is_modal(*weights_) ? Vector(row_modes(backend_, sum.transpose()).transpose()) : sum;
+}
+
+RowMatrix TransposedKernel::apply(const RowMatrix& u) {
+  if (u.rows() != u_->rows() || u.cols() != outputs_)
+    throw Error("u", "found " + std::to_string(u.rows()) + " x " + std::to_string(u.cols()),
+                "K^T takes " + std::to_string(u_->rows()) + " x " + std::to_string(outputs_));
+  backend_.upload(reversed(u), *u_);
+  reversed_->apply(*u_, *v_, 0);
+  RowMatrix v;
+  backend_.download(*v_, v);
+  v = reversed(v);
+  v.row(0) = first_row(u).transpose();
+  return v;
+}
+
+void TransposedKernel::apply(const Array& u, Array& v) {
+  RowMatrix values;
+  backend_.download(u, values);
+  backend_.upload(apply(values), v);
+}
+
+std::size_t TransposedKernel::bytes() const { return reversed_->bytes() + u_->bytes() + v_->bytes(); }
+
+}  // namespace bromwich
