@@ -56,6 +56,25 @@ void restrict_problem(const RowMatrix& r, const RowMatrix& v, const RowMatrix& y
   }
 }
 
+void take_stages(const RowMatrix& stages, RowMatrix& first, RowMatrix& second, int threads) {
+  first.row(0).setZero();
+  second.row(0) = stages.row(0);
+#pragma omp parallel for num_threads(threads) schedule(static) if (stages.size() > parallel_size)
+  for (Index j = 1; j < first.rows(); ++j) {
+    first.row(j) = stages.row(2 * j - 1);
+    second.row(j) = stages.row(2 * j);
+  }
+}
+
+void put_stages(const RowMatrix& first, const RowMatrix& second, RowMatrix& stages, int threads) {
+  stages.row(0) = second.row(0);
+#pragma omp parallel for num_threads(threads) schedule(static) if (stages.size() > parallel_size)
+  for (Index j = 1; j < first.rows(); ++j) {
+    stages.row(2 * j - 1) = first.row(j);
+    stages.row(2 * j) = second.row(j);
+  }
+}
+
 void add(const RowMatrix& b, double s, const RowMatrix& c, RowMatrix& a, int threads) {
 #pragma omp parallel for num_threads(threads) schedule(static) if (a.size() > parallel_size)
   for (Index j = 0; j < a.rows(); ++j) a.row(j) = b.row(j) + s * c.row(j);

@@ -71,6 +71,27 @@ __global__ void pose(Rows rows, const Value* r, const Value* v, const Value* y, 
   coarse_y[i] = old[i] = value;
 }
 
+// One thread per value of row j of both parts; rows 2j - 1 and 2j of `stages`, none before row 0.
+template <class Value>
+__global__ void split_stages(Rows rows, const Value* stages, Value* first, Value* second) {
+  let_next_begin();
+  await_previous();
+  if (!rows.has_thread()) return;
+  const long at = rows.at(rows.row()), end = rows.at(2 * long(rows.row()));
+  first[at] = rows.row() > 0 ? stages[rows.at(2 * long(rows.row()) - 1)] : Value{};
+  second[at] = stages[end];
+}
+
+template <class Value>
+__global__ void join_stages(Rows rows, const Value* first, const Value* second, Value* stages) {
+  let_next_begin();
+  await_previous();
+  if (!rows.has_thread()) return;
+  const long at = rows.at(rows.row());
+  if (rows.row() > 0) stages[rows.at(2 * long(rows.row()) - 1)] = first[at];
+  stages[rows.at(2 * long(rows.row()))] = second[at];
+}
+
 // Row j <- Σ_i a_ji V_i; V has columns of `cols` values.
 __global__ void write_product(const double* a, const double* V, int rows, int cols, int step, int terms, double* to) {
   let_next_begin();
@@ -218,6 +239,16 @@ void restrict_problem(const Device& device, const Array& r, const Array& v, cons
                       Array& coarse_r, Array& coarse_y, Array& old) {
   follow_rows(device, coarse_y, "posing a coarse problem", pose<double>, pose<double2>, values(r), values(v), values(y),
               values(coarse_v), ratio(y, coarse_y), values(coarse_r), values(coarse_y), values(old));
+}
+
+void take_stages(const Device& device, const Array& stages, Array& first, Array& second) {
+  follow_rows(device, second, "splitting stages", split_stages<double>, split_stages<double2>, values(stages),
+              values(first), values(second));
+}
+
+void put_stages(const Device& device, const Array& first, const Array& second, Array& stages) {
+  follow_rows(device, second, "joining stages", join_stages<double>, join_stages<double2>, values(first),
+              values(second), values(stages));
 }
 
 void add(const Device& device, const Array& b, double s, const Array& c, Array& a) {

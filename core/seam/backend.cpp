@@ -1,6 +1,7 @@
 #include "core/seam/backend.hpp"
 
 #include "core/numerics/alternation.hpp"
+#include "core/seam/stage_convolution.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -47,6 +48,33 @@ void Backend::restrict_problem(const Array& r, const Array& v, const Array& y, c
   add(coarse_r, -1, coarse_v, coarse_r);
   inject(y, coarse_y);
   inject(y, old);
+}
+
+void Backend::take_stages(const Array& stages, Array& first, Array& second) {
+  if (fused_.take_stages) return fused_.take_stages(stages, first, second);
+  inject(stages, second);
+  RowMatrix all, odd = RowMatrix::Zero(first.rows(), first.cols());
+  download(stages, all);
+  for (Index j = 1; j < first.rows(); ++j) odd.row(j) = all.row(2 * j - 1);
+  upload(odd, first);
+}
+
+void Backend::put_stages(const Array& first, const Array& second, Array& stages) {
+  if (fused_.put_stages) return fused_.put_stages(first, second, stages);
+  RowMatrix odd, even, all(stages.rows(), stages.cols());
+  download(first, odd);
+  download(second, even);
+  all.row(0) = even.row(0);
+  for (Index j = 1; j < first.rows(); ++j) {
+    all.row(2 * j - 1) = odd.row(j);
+    all.row(2 * j) = even.row(j);
+  }
+  upload(all, stages);
+}
+
+std::unique_ptr<Convolution> Backend::stage_convolution(const StageRecurrence& r, Index rows) {
+  if (fused_.stage_convolution) return fused_.stage_convolution(r, rows);
+  return make_stage_convolution(*this, r, rows);
 }
 
 double Backend::difference(const Array& a, const Array& b) {

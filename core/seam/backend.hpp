@@ -78,6 +78,13 @@ class Backend : public HostThreads {
   /// Problem of a coarser grid, with R = injection: coarse_r <- R (r + v) - coarse_v; coarse_y, old <- R y.
   void restrict_problem(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
                         Array& coarse_y, Array& old);
+  /// Row j of `first`, `second` <- rows 2j - 1 and 2j of `stages`, which has 2J + 1 rows. Row 0 of `first` becomes
+  /// zero.
+  void take_stages(const Array& stages, Array& first, Array& second);
+  /// The reverse; row 0 of `first` is not used.
+  void put_stages(const Array& first, const Array& second, Array& stages);
+  /// On arrays of 2J + 1 rows (StageRecurrence); row 0 of the result is zero.
+  std::unique_ptr<Convolution> stage_convolution(const StageRecurrence&, Index rows);
   /// max_j |a_j - b_j|_inf / max(1, |a_j|_inf); NaN where a value is not finite.
   double difference(const Array& a, const Array& b);
   /// Whether some column alternates over `run` consecutive rows: the second differences change sign from row to row,
