@@ -29,10 +29,10 @@ class CpuBackend final : public Backend {
       cpu::restrict_problem(cpu::host(r), cpu::host(v), cpu::host(y), cpu::host(coarse_v), cpu::host(coarse_r),
                             cpu::host(coarse_y), cpu::host(old), threads_);
     };
-    fused_.take_stages = [this](const Array& stages, Array& first, Array& second) {
+    staged_.take_stages = [this](const Array& stages, Array& first, Array& second) {
       cpu::take_stages(cpu::host(stages), cpu::host(first), cpu::host(second), threads_);
     };
-    fused_.put_stages = [this](const Array& first, const Array& second, Array& stages) {
+    staged_.put_stages = [this](const Array& first, const Array& second, Array& stages) {
       cpu::put_stages(cpu::host(first), cpu::host(second), cpu::host(stages), threads_);
     };
     fused_.alternates = [this](const Array& y, Index run, double part) {

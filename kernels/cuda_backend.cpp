@@ -48,10 +48,10 @@ class CudaBackend final : public Backend {
                                      Array& coarse_r, Array& coarse_y, Array& old) {
       cuda::restrict_problem(device_, r, v, y, coarse_v, coarse_r, coarse_y, old);
     };
-    fused_.take_stages = [this](const Array& stages, Array& first, Array& second) {
+    staged_.take_stages = [this](const Array& stages, Array& first, Array& second) {
       cuda::take_stages(device_, stages, first, second);
     };
-    fused_.put_stages = [this](const Array& first, const Array& second, Array& stages) {
+    staged_.put_stages = [this](const Array& first, const Array& second, Array& stages) {
       cuda::put_stages(device_, first, second, stages);
     };
     fused_.alternates = [this](const Array& y, Index run, double part) {

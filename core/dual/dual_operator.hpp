@@ -25,6 +25,14 @@ class DualResponse {
 /// The operator of the grid must outlive it.
 std::unique_ptr<DualResponse> make_dual_response(TimeOperator&, Index stages);
 
+/// Up to this many states all of them are recorded, whatever was asked for.
+inline constexpr Index most_recorded_by_dual = 64;
+
+/// F with f = F phi for the values that a scene's source has, m x k.
+SparseMatrix entry_of_sources(const Scene&);
+/// A source at both stages of Radau IIA: row j holds the values at t_{j-1} + h/3 and at t_j, those of `at_ends`.
+RowMatrix stage_values(const DiscreteProblem&, const TimeFunction&, const SampledSource& at_ends);
+
 /// Components of the state at the ends of the steps, (J+1) x components, from y at both stages (2J + 1 rows).
 RowMatrix stage_states(const DiscreteProblem&, const RowMatrix& y, const std::vector<Index>& components);
 

@@ -91,7 +91,7 @@ std::shared_ptr<const StageTables> stage_tables(const PoleSum& sum, Index n, dou
 
 std::unique_ptr<Convolution> StageTables::convolution(Backend& backend, Index n, Index rows) const {
   const Weights* const pointers[2][2] = {{&parts[0][0], &parts[0][1]}, {&parts[1][0], &parts[1][1]}};
-  return make_stage_convolution(backend, pointers, n, rows);
+  return backend.stage_convolution(pointers, n, rows);
 }
 
 LagTable euler_table(const PoleSum& sum, Index n, double h, Index J) {

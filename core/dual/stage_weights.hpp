@@ -7,8 +7,8 @@
 // a constant b has the weights b I, and z is Delta(zeta)/h = a^{-1} (I - zeta 1 e_2^T)/h.
 
 #include "../kernel/transfer_fit.hpp"
+#include "../seam/backend.hpp"
 #include "../seam/recurrence.hpp"
-#include "../seam/stage_convolution.hpp"
 
 #include <functional>
 #include <memory>

@@ -15,13 +15,7 @@
 
 namespace bromwich {
 
-namespace {
-
-constexpr Index fewest_fitted_line = 40;  ///< points of a line above which few poles are looked for
-constexpr double first_node = 1.0 / 3;
-
-// F with f = F phi.
-SparseMatrix entry_of_f(const Scene& scene) {
+SparseMatrix entry_of_sources(const Scene& scene) {
   if (scene.f_entry == SourceEntry::through_F) return scene.F;
   if (scene.f_entry == SourceEntry::through_B) return scene.dynamics->inputs();
   SparseMatrix identity(scene.states(), scene.states());
@@ -29,11 +23,9 @@ SparseMatrix entry_of_f(const Scene& scene) {
   return identity;
 }
 
-// Values of a source at the stages: row j - 1 of `rows` holds those of step j; `at_ends` is the sampled table.
-RowMatrix at_stages(const DiscreteProblem& p, const TimeFunction& function, const SampledSource& at_ends,
-                    Index stages) {
+RowMatrix stage_values(const DiscreteProblem& p, const TimeFunction& function, const SampledSource& at_ends) {
+  constexpr double first_node = 1.0 / 3;
   const RowMatrix& ends = at_ends.table();
-  if (stages == 1) return ends;
   const Index width = ends.cols();
   RowMatrix values(p.J + 1, 2 * width);
   values.rightCols(width) = ends;
@@ -42,6 +34,15 @@ RowMatrix at_stages(const DiscreteProblem& p, const TimeFunction& function, cons
   for (Index j = 1; j <= p.J; ++j) inner[j] = p.t[j - 1] + first_node * p.h;
   values.leftCols(width) = sample(function, inner, width).table();
   return values;
+}
+
+namespace {
+
+constexpr Index fewest_fitted_line = 40;  ///< points of a line above which few poles are looked for
+
+RowMatrix values_of(const DiscreteProblem& p, const TimeFunction& function, const SampledSource& at_ends,
+                    Index stages) {
+  return stages == 1 ? at_ends.table() : stage_values(p, function, at_ends);
 }
 
 // Rows (stage 1 | stage 2) of steps as rows of stages: (J+1) x 2n to (2J+1) x n.
@@ -91,10 +92,10 @@ struct StateSteps {
     problem.stages = stages;
     problem.h = p.h;
     problem.x0 = p.scene.x0;
-    problem.g = driven ? at_stages(p, p.scene.g, p.g, stages) : RowMatrix(RowMatrix::Zero(J + 1, stages * n));
+    problem.g = driven ? values_of(p, p.scene.g, p.g, stages) : RowMatrix(RowMatrix::Zero(J + 1, stages * n));
     if (driven && p.f.size() > 0) {
-      problem.phi = at_stages(p, p.scene.f, p.f, stages);
-      if (!p.modes()) problem.F = entry_of_f(p.scene);
+      problem.phi = values_of(p, p.scene.f, p.f, stages);
+      if (!p.modes()) problem.F = entry_of_sources(p.scene);
     }
     std::vector<Index> rows(std::size_t(J) + 1);
     std::iota(rows.begin(), rows.end(), Index(0));
@@ -133,7 +134,7 @@ bool at_rest(const DiscreteProblem& p) { return p.scene.x0.isZero(0) && p.f.size
 
 // g alone, with N x0 + g(0) in row 0.
 RowMatrix only_g(const DiscreteProblem& p, Index stages) {
-  RowMatrix r = interleaved(at_stages(p, p.scene.g, p.g, stages), stages);
+  RowMatrix r = interleaved(values_of(p, p.scene.g, p.g, stages), stages);
   r.row(0) = p.start.transpose();
   return r;
 }
@@ -178,7 +179,7 @@ class ModalStageResponse final : public DualResponse {
     p_.backend.upload(only_g(p_, 2), r);
     if (!p_.drive()) return;
     const auto input = p_.backend.array(r.rows(), r.cols()), v = p_.backend.array(r.rows(), r.cols());
-    p_.backend.upload(interleaved(at_stages(p_, p_.scene.f, p_.f, 2), 2), *input);
+    p_.backend.upload(interleaved(stage_values(p_, p_.scene.f, p_.f), 2), *input);
     apply(*input, *v);
     p_.backend.add(r, 1, *v, r);
   }

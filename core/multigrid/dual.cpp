@@ -1,12 +1,14 @@
 #include "core/multigrid/dual.hpp"
 
 #include "core/base/timer.hpp"
+#include "core/dual/local_march.hpp"
 #include "core/march/outcome.hpp"
 #include "core/multigrid/dual_levels.hpp"
 #include "core/multigrid/multigrid.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -150,7 +152,12 @@ class DualRun {
     result.y_integral = RowMatrix::Zero(p_.J + 1, y.cols());
     for (Index j = 1; j <= p_.J; ++j)
       result.y_integral.row(j) = result.y_integral.row(j - 1) + p_.h * (0.75 * y.row(2 * j - 1) + 0.25 * y.row(2 * j));
-    result.x = stage_states(p_, y, p_.components);
+    std::vector<Index> components = p_.components;
+    if (p_.scene.states() <= most_recorded_by_dual) {
+      components.resize(std::size_t(p_.scene.states()));
+      std::iota(components.begin(), components.end(), Index(0));
+    }
+    if (!components.empty()) result.x = stage_states(p_, y, components);
   }
 
   // As Multigrid::discretisation_error does it for its unknown: with y of the next two grids, at most order 2.
@@ -211,7 +218,7 @@ class PreparedDual final : public PreparedMethod {
 
 // Rough sources are averaged over steps, which implicit Euler takes; dense dynamics have no stages.
 bool takes_stages(const DiscreteProblem& p, const Options& options) {
-  return options.tuning.dual_stages == 2 && !p.small_state() && !p.sources &&
+  return !options.tuning.dual_by_euler && !p.small_state() && !p.sources &&
          (p.f.size() == 0 || !p.modes() || p.drive());
 }
 
@@ -220,6 +227,7 @@ constexpr double slow_forecast = 0.45;  ///< contraction of cycles with stages a
 }  // namespace
 
 std::unique_ptr<PreparedMethod> prepare_dual(TimeOperator& op, const Options& options, std::string& why) {
+  if (!options.tuning.dual_by_euler && has_local_inverse(op.problem())) return prepare_local_march(op.problem());
   std::unique_ptr<DualLevels> levels;
   if (takes_stages(op.problem(), options)) levels = dual_levels(op, 2, options);
   if (!levels || levels->levels.size() == 0 || levels->contraction > slow_forecast)

@@ -1,12 +1,57 @@
 #include "core/seam/backend.hpp"
 
 #include "core/numerics/alternation.hpp"
-#include "core/seam/stage_convolution.hpp"
 
 #include <algorithm>
 #include <limits>
 
 namespace bromwich {
+
+namespace {
+
+class SplitStages final : public Convolution {
+ public:
+  SplitStages(Backend& backend, StageWeights parts, Index n, Index rows) : backend_(backend) {
+    const Index points = (rows - 1) / 2 + 1;
+    for (int a = 0; a < 2; ++a) {
+      y_[a] = backend.array(points, n);
+      v_[a] = backend.array(points, n);
+      for (int b = 0; b < 2; ++b) parts_[a][b] = convolution_of(backend, *parts[a][b], points);
+    }
+    part_ = backend.array(points, n);
+  }
+
+  void apply(const Array& y, Array& v, Index) override {
+    backend_.take_stages(y, *y_[0], *y_[1]);
+    for (int a = 0; a < 2; ++a) {
+      parts_[a][0]->apply(*y_[0], *v_[a], 0);
+      parts_[a][1]->apply(*y_[1], *part_, 0);
+      backend_.add(*v_[a], 1, *part_, *v_[a]);
+    }
+    backend_.put_stages(*v_[0], *v_[1], v);
+  }
+
+  std::size_t bytes() const override {
+    std::size_t sum = part_->bytes();
+    for (int a = 0; a < 2; ++a) {
+      sum += y_[a]->bytes() + v_[a]->bytes();
+      for (int b = 0; b < 2; ++b) sum += parts_[a][b]->bytes();
+    }
+    return sum;
+  }
+
+ private:
+  static std::unique_ptr<Convolution> convolution_of(Backend& backend, const Weights& weights, Index rows) {
+    if (const auto* table = std::get_if<LagTable>(&weights)) return backend.convolution(*table, rows);
+    return backend.convolution(std::get<Recurrence>(weights), rows);
+  }
+
+  Backend& backend_;
+  std::unique_ptr<Convolution> parts_[2][2];
+  std::unique_ptr<Array> y_[2], v_[2], part_;
+};
+
+}  // namespace
 
 void Backend::upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
   if (fused_.upload_product) return fused_.upload_product(amplitudes, shapes, to);
@@ -51,7 +96,7 @@ void Backend::restrict_problem(const Array& r, const Array& v, const Array& y, c
 }
 
 void Backend::take_stages(const Array& stages, Array& first, Array& second) {
-  if (fused_.take_stages) return fused_.take_stages(stages, first, second);
+  if (staged_.take_stages) return staged_.take_stages(stages, first, second);
   inject(stages, second);
   RowMatrix all, odd = RowMatrix::Zero(first.rows(), first.cols());
   download(stages, all);
@@ -60,7 +105,7 @@ void Backend::take_stages(const Array& stages, Array& first, Array& second) {
 }
 
 void Backend::put_stages(const Array& first, const Array& second, Array& stages) {
-  if (fused_.put_stages) return fused_.put_stages(first, second, stages);
+  if (staged_.put_stages) return staged_.put_stages(first, second, stages);
   RowMatrix odd, even, all(stages.rows(), stages.cols());
   download(first, odd);
   download(second, even);
@@ -72,9 +117,17 @@ void Backend::put_stages(const Array& first, const Array& second, Array& stages)
   upload(all, stages);
 }
 
+std::unique_ptr<Convolution> Backend::stage_convolution(StageWeights parts, Index n, Index rows) {
+  return std::make_unique<SplitStages>(*this, parts, n, rows);
+}
+
 std::unique_ptr<Convolution> Backend::stage_convolution(const StageRecurrence& r, Index rows) {
-  if (fused_.stage_convolution) return fused_.stage_convolution(r, rows);
-  return make_stage_convolution(*this, r, rows);
+  if (staged_.stage_convolution) return staged_.stage_convolution(r, rows);
+  Weights weights[2][2];
+  for (int a = 0; a < 2; ++a)
+    for (int b = 0; b < 2; ++b) weights[a][b] = Recurrence(part_of(r, a, b));
+  const Weights* const parts[2][2] = {{&weights[0][0], &weights[0][1]}, {&weights[1][0], &weights[1][1]}};
+  return stage_convolution(parts, r.modes(), rows);
 }
 
 double Backend::difference(const Array& a, const Array& b) {

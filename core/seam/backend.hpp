@@ -22,6 +22,8 @@ struct DeviceInfo {
   double memory = 0;  ///< bytes free for arrays and plans; 0: they use the memory of the host
 };
 
+using StageWeights = const Weights* const (&)[2][2];
+
 class Backend : public HostThreads {
  public:
   explicit Backend(std::string name, const BackendTraits& traits = {}) : name_(std::move(name)), traits_(traits) {}
@@ -83,7 +85,10 @@ class Backend : public HostThreads {
   void take_stages(const Array& stages, Array& first, Array& second);
   /// The reverse; row 0 of `first` is not used.
   void put_stages(const Array& first, const Array& second, Array& stages);
-  /// On arrays of 2J + 1 rows (StageRecurrence); row 0 of the result is zero.
+  /// A convolution with two stages in each step on arrays of 2J + 1 rows (StageRecurrence): v_a = Σ_b W_ab * y_b with
+  /// W_ab in `parts[a][b]`. Row 0 of y is not used, so that weights of y_0 have to be zero; row 0 of v is that of the
+  /// second stage, zero.
+  std::unique_ptr<Convolution> stage_convolution(StageWeights parts, Index n, Index rows);
   std::unique_ptr<Convolution> stage_convolution(const StageRecurrence&, Index rows);
   /// max_j |a_j - b_j|_inf / max(1, |a_j|_inf); NaN where a value is not finite.
   double difference(const Array& a, const Array& b);
@@ -107,6 +112,9 @@ class Backend : public HostThreads {
  private:
   std::string name_;
   BackendTraits traits_;
+
+ protected:
+  StageOperations staged_;
 };
 
 }  // namespace bromwich

@@ -25,13 +25,17 @@ struct FusedOperations {
   std::function<void(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
                      Array& coarse_y, Array& old)>
       restrict_problem;
-  std::function<void(const Array& stages, Array& first, Array& second)> take_stages;
-  std::function<void(const Array& first, const Array& second, Array& stages)> put_stages;
-  std::function<std::unique_ptr<Convolution>(const StageRecurrence&, Index rows)> stage_convolution;
   std::function<bool(const Array& y, Index run, double part)> alternates;
   std::function<std::unique_ptr<StepChain>(const StepChainProblem&)> step_chain;
   std::function<std::unique_ptr<AffineChain>(const AffineChainSizes&)> affine_chain;
   std::function<ComplexMatrix(const Dynamics&, const ComplexVector& nodes)> resolvent;
+};
+
+/// The same for arrays with two stages in each step (Backend::take_stages).
+struct StageOperations {
+  std::function<void(const Array& stages, Array& first, Array& second)> take_stages;
+  std::function<void(const Array& first, const Array& second, Array& stages)> put_stages;
+  std::function<std::unique_ptr<Convolution>(const StageRecurrence&, Index rows)> stage_convolution;
 };
 
 }  // namespace bromwich

@@ -75,6 +75,9 @@ inline WeightsRef weights_ref(const Recurrence& recurrence) {
   return std::visit([](const auto& r) -> WeightsRef { return &r; }, recurrence);
 }
 
+/// The part from stage b to stage a.
+ModalRecurrence part_of(const StageRecurrence&, int a, int b);
+
 /// W_0 = S diag(w0) S, n x n: the matrix that a marching step adds to M.
 Matrix implicit_part(const ModalRecurrence&);
 

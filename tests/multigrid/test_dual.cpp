@@ -22,6 +22,13 @@ using reference::Random;
 // w to the iteration tolerance of 1e-12, V to 1e-13 of V_0, which is below 1e2 on these grids.
 constexpr double same_y = 2e-10;
 
+Options euler_options(Index steps) {
+  Options options = options_for(Method::dual, steps);
+  options.tuning.dual_by_euler = true;
+  return options;
+}
+Result run_by_euler(const Scene& scene, Index steps) { return run(scene, euler_options(steps)); }
+
 Scene compliant(double Q, double eps, double c = 0.05) {
   return make_scene("contact", {{"Q", Q}, {"eps", eps}, {"c", c}});
 }
@@ -31,7 +38,7 @@ Scene compliant(double Q, double eps, double c = 0.05) {
 TEST(DualCycles, SolveWhatTheOracleSolves) {
   for (const double eps : {0., 1e-2, 1e-1}) {
     const Scene scene = compliant(4, eps);
-    const Result found = run(scene, Method::dual, 64);
+    const Result found = run_by_euler(scene, 64);
     ASSERT_EQ(found.status, Status::solved) << found.reason;
     EXPECT_EQ(found.form, "dual");
     const RowMatrix y = oracle::euler(oracle::write_out(scene), 64).y;
@@ -44,7 +51,7 @@ TEST(DualCycles, SolveWhatTheOracleSolves) {
 TEST(DualCycles, SolveWhatImplicitEulerSolves) {
   for (const double c : {0.002, 0.05, 1.}) {
     const Scene scene = compliant(31, 0, c);
-    const Result found = run(scene, Method::dual, 256), expected = run(scene, Method::euler, 256);
+    const Result found = run_by_euler(scene, 256), expected = run(scene, Method::euler, 256);
     ASSERT_EQ(found.status, Status::solved) << c << ' ' << found.reason;
     EXPECT_LE(distance(found.y, expected.y), same_y * std::max(1., expected.y.maxCoeff())) << c;
   }
@@ -58,7 +65,7 @@ TEST(DualCycles, TakeSourcesAndAStart) {
     for (Index i = 0; i < phi.size(); ++i) phi[i] = -0.3 * std::sin(4 * t + double(i));
   };
   scene.f_entry = SourceEntry::through_B;
-  Options options = options_for(Method::dual, 64);
+  Options options = euler_options(64);
   options.states = StateSelection::all;
   const Result found = run(scene, options);
   ASSERT_EQ(found.status, Status::solved) << found.reason;
@@ -110,12 +117,132 @@ double contraction_of(const Result& r) {
 TEST(DualCycles, ContractWhereDiffusionCrossesACellInAStep) {
   for (const double eps : {0., 1e-2, 1e-1})
     for (const double Q : {15., 31.}) {
-      const Result found = run(compliant(Q, eps), Method::dual, 256);
+      const Result found = run_by_euler(compliant(Q, eps), 256);
       ASSERT_EQ(found.status, Status::solved) << found.reason;
       // c h/dx^2 is 0.2 and 0.8 here: diffusion crosses cells in a step, where cycles should contract by 0.2.
       EXPECT_LE(contraction_of(found), 0.2) << Q << ' ' << eps;
       EXPECT_LE(found.iterations, 4 * found.cycles) << "four sweeps a cycle on the finest grid";
     }
+}
+
+// ---- stages of Radau IIA ----
+
+Options stage_march(Index steps) {
+  Options options = options_for(Method::march, steps);
+  options.tuning.substitutes_euler = false;
+  options.states = StateSelection::all;
+  return options;
+}
+
+Options stage_cycles(Index steps) {
+  Options options = options_for(Method::dual, steps);
+  options.states = StateSelection::all;
+  return options;
+}
+
+void expect_stage_march(const Scene& scene, Index steps, double tolerance = same_y) {
+  const Result found = run(scene, stage_cycles(steps)), expected = run(scene, stage_march(steps));
+  ASSERT_EQ(found.status, Status::solved) << found.reason;
+  ASSERT_EQ(expected.status, Status::solved) << expected.reason;
+  EXPECT_NE(found.kernel.find("stages of Radau IIA"), std::string::npos) << found.kernel;
+  EXPECT_LE(found.residual, 1e-9);
+  const double size = std::max(1., expected.y.maxCoeff());
+  EXPECT_LE(distance(found.y.bottomRows(steps), expected.y.bottomRows(steps)), tolerance * size);
+  EXPECT_LE(distance(found.y_integral, expected.y_integral), tolerance * size);
+  EXPECT_LE(distance(found.x, expected.x), tolerance * size);
+}
+
+TEST(DualCycles, SolveWhatMarchingInStagesSolves) {
+  for (const double eps : {0., 1e-2, 1e-1}) expect_stage_march(compliant(4, eps), 64);
+  for (const double c : {0.05, 1.}) expect_stage_march(compliant(15, 0, c), 128);
+}
+
+TEST(DualCycles, TakeSourcesAndAStartAtTheStages) {
+  Scene scene = compliant(4, 0);
+  scene.f = [](double t, Eigen::Ref<Vector> phi) {
+    for (Index i = 0; i < phi.size(); ++i) phi[i] = -0.3 * std::sin(4 * t + double(i));
+  };
+  scene.f_entry = SourceEntry::through_B;
+  expect_stage_march(scene, 64);
+  for (Index i = 0; i < scene.x0.size(); ++i) scene.x0[i] = 0.1 + 0.05 * std::sin(double(i));
+  expect_stage_march(scene, 64);
+}
+
+// A line of cells with conductivities that differ, one constraint for each row of cells at its left end.
+Scene varying(Index rows, Index columns, double compliance) {
+  const Index m = rows * columns;
+  std::vector<Eigen::Triplet<double>> A, B, N;
+  const auto cell = [columns](Index i, Index k) { return i * columns + k; };
+  const auto conductivity = [](Index a, Index b) { return 0.05 * (1 + 0.5 * std::sin(double(a + 2 * b))); };
+  const double cells = double(columns + 1);
+  const auto join = [&](Index a, Index b) {
+    const double c = conductivity(a, b) * cells * cells;
+    A.emplace_back(a, b, c);
+    A.emplace_back(b, a, c);
+    A.emplace_back(a, a, -c);
+    A.emplace_back(b, b, -c);
+  };
+  for (Index i = 0; i < rows; ++i) {
+    for (Index k = 0; k < columns; ++k) {
+      if (k + 1 < columns) join(cell(i, k), cell(i, k + 1));
+      if (i + 1 < rows) join(cell(i, k), cell(i + 1, k));
+    }
+    A.emplace_back(cell(i, columns - 1), cell(i, columns - 1), -0.1 * cells * cells);
+    B.emplace_back(cell(i, 0), i, cells);
+    N.emplace_back(i, cell(i, 0), 1);
+  }
+  SparseDynamics d;
+  d.A.resize(m, m);
+  d.B.resize(m, rows);
+  d.N.resize(rows, m);
+  d.A.setFromTriplets(A.begin(), A.end());
+  d.B.setFromTriplets(B.begin(), B.end());
+  d.N.setFromTriplets(N.begin(), N.end());
+  Scene scene;
+  scene.name = "varying";
+  scene.dynamics = d;
+  scene.M = Matrix(compliance * Matrix::Identity(rows, rows));
+  scene.x0 = Vector::Zero(m);
+  scene.T = 4;
+  scene.g = [rows](double t, Eigen::Ref<Vector> g) {
+    for (Index i = 0; i < rows; ++i) g[i] = 0.5 * std::sin(3 * t) * (1 - std::exp(-5 * t)) * std::sin(0.4 + double(i));
+  };
+  return scene;
+}
+
+// Above the number of states up to which sparse dynamics are written out as dense ones.
+TEST(DualCycles, SolveSparseScenes) {
+  const Scene scene = varying(6, 90, 1e-2);
+  Options cycles = options_for(Method::dual, 64), steps = options_for(Method::march, 64);
+  steps.tuning.substitutes_euler = false;
+  const Result found = run(scene, cycles), expected = run(scene, steps);
+  ASSERT_EQ(found.status, Status::solved) << found.reason;
+  EXPECT_GT(expected.y.maxCoeff(), 0.1);
+  EXPECT_LE(distance(found.y.bottomRows(64), expected.y.bottomRows(64)), 1e-8 * std::max(1., expected.y.maxCoeff()));
+  const Result euler = run_by_euler(scene, 64), one_stage = run(scene, Method::euler, 64);
+  ASSERT_EQ(euler.status, Status::solved) << euler.reason;
+  EXPECT_LE(distance(euler.y.bottomRows(64), one_stage.y.bottomRows(64)), 1e-8 * std::max(1., expected.y.maxCoeff()));
+}
+
+// The defect of the coarse grid, implicit Euler with the same step, is what limits the cycles.
+TEST(DualCycles, ContractAtTheStages) {
+  for (const double Q : {15., 31.}) {
+    const Result found = run(compliant(Q, 0), Method::dual, 256);
+    ASSERT_EQ(found.status, Status::solved) << found.reason;
+    EXPECT_LE(contraction_of(found), 0.3) << Q;
+    EXPECT_LE(found.iterations, 4 * found.cycles);
+  }
+}
+
+TEST(DualCycles, EstimateTheirErrorAtTheStages) {
+  const Scene scene = compliant(15, 0);
+  const Result coarse = run(scene, Method::dual, 128), fine = run(scene, Method::dual, 2048);
+  ASSERT_EQ(coarse.status, Status::solved);
+  ASSERT_TRUE(coarse.error_estimate);
+  const RowMatrix same = fine.y(Eigen::seq(0, 2048, 16), Eigen::all);
+  const double error = distance(coarse.y.bottomRows(128), same.bottomRows(128));
+  EXPECT_GT(*coarse.error_estimate, 0.2 * error);
+  EXPECT_LT(*coarse.error_estimate, 50 * error);
 }
 
 // ---- which form ----
@@ -155,7 +282,7 @@ TEST(DualCycles, ReportAJumpOfTheStateAtTheStart) {
 TEST(DualCycles, SolveAgainWithAnotherStartAndOtherSources) {
   const Scene scene = compliant(15, 0);
   const auto backend = make_cpu_backend(1);
-  Solver solver(scene, *backend, options_for(Method::dual, 64));
+  Solver solver(scene, *backend, euler_options(64));
   const Result first = solver.solve();
   Scene changed = scene;
   changed.x0.setConstant(0.05);
@@ -176,9 +303,16 @@ TEST(DualCycles, SolveAgainWithAnotherStartAndOtherSources) {
 class DualOnBackend : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Contract, DualOnBackend, testing::ValuesIn(backend_cases()), backend_case_name);
 
-TEST_P(DualOnBackend, GivesTheSamePair) {
+TEST_P(DualOnBackend, GivesTheSameStages) {
   const Scene scene = compliant(15, 0);
   const Result found = solve(scene, *backend, options_for(Method::dual, 128)), expected = run(scene, Method::dual, 128);
+  ASSERT_EQ(found.status, Status::solved) << found.reason;
+  EXPECT_LE(distance(found.y, expected.y), same_y * expected.y.maxCoeff());
+}
+
+TEST_P(DualOnBackend, GivesTheSamePair) {
+  const Scene scene = compliant(15, 0);
+  const Result found = solve(scene, *backend, euler_options(128)), expected = run_by_euler(scene, 128);
   ASSERT_EQ(found.status, Status::solved) << found.reason;
   EXPECT_LE(distance(found.y, expected.y), same_y * expected.y.maxCoeff());
 }
