@@ -152,6 +152,7 @@ DualChoice with_fit(const DiscreteProblem& p, Index stages, std::shared_ptr<cons
   const SweepChoice choice = choose_sweep(weights.symbols, p.h, stages, dual_sweeps, 1);
   weights.P = Tridiagonal{Vector::Zero(n), Vector::Zero(n), Vector::Zero(n)};
   weights.shift = choice.shift;
+  weights.stage_divisors = choice.stages;
   weights.smoothing = choice.smoothing;
   weights.contraction = choice.contraction;
   weights.error = fit->error;

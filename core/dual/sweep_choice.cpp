@@ -12,7 +12,7 @@ namespace {
 
 using Pair = Eigen::Matrix2cd;
 
-constexpr Index sweep_frequencies = 14, sweep_divisors = 90;
+constexpr Index sweep_frequencies = 14, sweep_divisors = 60, stage_factors = 16;
 constexpr double lowest_frequency = 0.02;                ///< a step
 constexpr double least_divisor = 0.4, most_divisor = 4;  ///< relative to the largest symbol at infinite frequency
 
@@ -22,9 +22,13 @@ struct Coupled {
   bool unseen = false;
 };
 
-double spectral_radius(const Pair& E) {
-  const Complex half = 0.5 * E.trace(), root = std::sqrt(half * half - E.determinant());
-  return std::max(std::abs(half + root), std::abs(half - root));
+// ||E^2||^{1/2}: cycles begin before the spectral radius shows, and the norm of one cycle has what injection adds once.
+double factor_of_two_cycles(const Pair& E) {
+  const Pair twice = E * E;
+  const double squares = twice.squaredNorm(),
+               determinant = std::abs(twice(0, 0) * twice(1, 1) - twice(0, 1) * twice(1, 0));
+  const double root = std::sqrt(std::max(squares * squares - 4 * determinant * determinant, 0.0));
+  return std::pow(0.5 * (squares + root), 0.25);
 }
 
 double log_frequency(Index i, double highest) {
@@ -64,7 +68,7 @@ std::vector<Coupled> stage_pairs(const ModeSymbols& V, double h) {
       Coupled c;
       c.V = radau_symbol(zeta, h, first[l], second[l]);
       const Eigen::Vector2cd I(0.5 * (1.0 + zeta), 1);
-      const Eigen::RowVector2cd R = c.V.row(1) / coarse[l];
+      const Eigen::RowVector2cd R = (0.75 * c.V.row(0) + 0.25 * c.V.row(1)) / coarse[l];
       c.correction = Pair::Identity() - I * R;
       pairs.push_back(c);
     }
@@ -72,17 +76,54 @@ std::vector<Coupled> stage_pairs(const ModeSymbols& V, double h) {
   return pairs;
 }
 
-double contraction_with(const std::vector<Coupled>& pairs, double d, int before, int after, double enough) {
+// `over` is d^{-1}.
+double contraction_with(const std::vector<Coupled>& pairs, const Pair& over, int before, int after, double enough) {
   double worst = 0;
   for (const Coupled& c : pairs) {
-    const Pair S = Pair::Identity() - c.V / d;
+    const Pair S = Pair::Identity() - over * c.V;
     Pair E = c.correction;
     for (int i = 0; i < before; ++i) E = (E * S).eval();
     for (int i = 0; i < after; ++i) E = (S * E).eval();
-    worst = std::max(worst, spectral_radius(E));
+    worst = std::max(worst, factor_of_two_cycles(E));
     if (!(worst < enough)) return INFINITY;
   }
   return worst;
+}
+
+SweepChoice choose_divisor(const ModeSymbols& V, double h, int before, int after) {
+  const std::vector<Coupled> pairs = euler_pairs(V, h);
+  const double largest = V(Complex(1 / h)).cwiseAbs().maxCoeff();
+  SweepChoice best{largest, {}, INFINITY, 0};
+  for (Index i = 0; i <= sweep_divisors; ++i) {
+    const double d = largest * least_divisor * std::pow(most_divisor / least_divisor, double(i) / sweep_divisors);
+    const double found = contraction_with(pairs, Pair::Identity() / d, before, after, best.contraction);
+    if (found < best.contraction) best = {d, {}, found, 0};
+  }
+  for (const Coupled& c : pairs) best.smoothing = std::max(best.smoothing, std::abs(1.0 - c.V(1, 1) / best.shift));
+  return best;
+}
+
+// The lower part of V_0 of modes between the lowest and the highest, times a factor.
+SweepChoice choose_stage_divisors(const ModeSymbols& V, double h, int before, int after) {
+  const std::vector<Coupled> pairs = stage_pairs(V, h);
+  const RadauPoints z = radau_points(0, h);
+  const ComplexVector first = V(z.first), second = V(z.second);
+  std::vector<Eigen::Matrix2d> blocks;
+  for (Index l = 0; l < first.size(); ++l) blocks.push_back(radau_symbol(0, h, first[l], second[l]).real());
+  const auto by_first = [](const auto& a, const auto& b) { return a(0, 0) < b(0, 0); };
+  const auto [low, high] = std::minmax_element(blocks.begin(), blocks.end(), by_first);
+  SweepChoice best;
+  best.contraction = INFINITY;
+  for (Index part = 0; part <= 4; ++part)
+    for (Index i = 0; i <= stage_factors; ++i) {
+      const double factor = 0.5 * std::pow(5.0, double(i) / double(stage_factors));
+      const Eigen::Matrix2d d = factor * ((1 - 0.25 * double(part)) * *low + 0.25 * double(part) * *high);
+      Pair over;
+      over << 1 / d(0, 0), 0, -d(1, 0) / (d(0, 0) * d(1, 1)), 1 / d(1, 1);
+      const double found = contraction_with(pairs, over, before, after, best.contraction);
+      if (found < best.contraction) best = {d(1, 1), {d(0, 0), d(1, 0), d(1, 1)}, found, 0};
+    }
+  return best;
 }
 
 }  // namespace
@@ -103,17 +144,7 @@ Pair radau_symbol(Complex zeta, double h, Complex at_first, Complex at_second) {
 }
 
 SweepChoice choose_sweep(const ModeSymbols& V, double h, Index stages, int before, int after) {
-  const std::vector<Coupled> pairs = stages == 2 ? stage_pairs(V, h) : euler_pairs(V, h);
-  const double largest = V(Complex(1 / h)).cwiseAbs().maxCoeff();
-  SweepChoice best{largest, INFINITY, 0};
-  for (Index i = 0; i <= sweep_divisors; ++i) {
-    const double d = largest * least_divisor * std::pow(most_divisor / least_divisor, double(i) / sweep_divisors);
-    const double found = contraction_with(pairs, d, before, after, best.contraction);
-    if (found < best.contraction) best = {d, found, 0};
-  }
-  for (const Coupled& c : pairs)
-    best.smoothing = std::max(best.smoothing, stages == 2 ? 0 : std::abs(1.0 - c.V(1, 1) / best.shift));
-  return best;
+  return stages == 2 ? choose_stage_divisors(V, h, before, after) : choose_divisor(V, h, before, after);
 }
 
 }  // namespace bromwich

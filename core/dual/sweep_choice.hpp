@@ -8,6 +8,7 @@
 // stages of Radau IIA on the fine grid and implicit Euler with the same step on the coarse one, it couples the stages.
 
 #include "../base/types.hpp"
+#include "../seam/fused_operations.hpp"
 
 #include <functional>
 
@@ -17,9 +18,11 @@ namespace bromwich {
 using ModeSymbols = std::function<ComplexVector(Complex z)>;
 
 struct SweepChoice {
-  double shift = 0;        ///< d
-  double contraction = 0;  ///< largest spectral radius over modes and frequencies: forecast of a cycle
-  double smoothing = 0;    ///< largest |1 - V/d| where the coarse grid sees nothing
+  double shift = 0;           ///< d
+  StageDivisors stages = {};  ///< d with two stages
+  /// Forecast of a cycle: the largest ||E^2||^{1/2} over modes and frequencies, E that of a cycle with two grids.
+  double contraction = 0;
+  double smoothing = 0;  ///< largest |1 - V/d| where the coarse grid sees nothing
 };
 
 /// The d that minimises the contraction on a grid with this step.

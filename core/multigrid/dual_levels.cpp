@@ -28,6 +28,25 @@ std::unique_ptr<Convolution> convolution_of(Backend& backend, const DualWeights&
   return backend.convolution(std::get<Recurrence>(*V.weights), rows);
 }
 
+// Projected sweeps over both stages of all steps, which solve no problems.
+class StageSweeps final : public LcpBatch {
+ public:
+  StageSweeps(Backend& backend, const StageDivisors& divisors) : LcpBatch(false), backend_(backend), d_(divisors) {}
+  void submit(const Array& r, const Array& v, Array& y, Index, double) override {
+    backend_.sweep_stages(d_, r, v, y);
+    report_.count.solved += y.rows() - 1;
+  }
+  LcpReport finish(const Array&, const Array&, Array&, Index, double) override { return collect(); }
+  LcpReport collect() override { return std::exchange(report_, {}); }
+  double residual(const Array&, const Array&, const Array&) override { return NAN; }
+  std::size_t bytes() const override { return 0; }
+
+ private:
+  Backend& backend_;
+  StageDivisors d_;
+  LcpReport report_;
+};
+
 // Weights, plans and arrays of one grid.
 std::unique_ptr<TimeLevel> make_dual_level(const DiscreteProblem& p, const DualWeights& V, Index stages,
                                            const LcpMatrix& P, bool coarsest) {
@@ -41,7 +60,11 @@ std::unique_ptr<TimeLevel> make_dual_level(const DiscreteProblem& p, const DualW
   level->sweeps = dual_sweeps;
   level->unseen = stages == 2 ? most_unseen_dual : std::min(V.smoothing, most_unseen_dual);
   level->shift = V.shift;
-  if (!coarsest) level->lcp = p.backend.shifted_lcp(P, LcpClass::P, V.shift, rows);
+  level->staged = stages == 2;
+  if (level->staged)
+    level->lcp = std::make_unique<StageSweeps>(p.backend, V.stage_divisors);
+  else if (!coarsest)
+    level->lcp = p.backend.shifted_lcp(P, LcpClass::P, V.shift, rows);
   return level;
 }
 

@@ -296,7 +296,10 @@ void Multigrid::descend(std::size_t l) {
 void Multigrid::pose(std::size_t l) {
   TimeLevel &fine = levels_[l], &coarse = levels_[levels_[l].coarse];
   coarse.kernel->apply_injected(*fine.kernel, *fine.y, *coarse.y, *coarse.v);
-  backend_.restrict_problem(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
+  if (fine.staged)
+    backend_.restrict_stages(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
+  else
+    backend_.restrict_problem(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
   if (!coarse.matrix_change) return;
   coarse.matrix_change->apply(*coarse.y, *coarse.matrix_term, 0);
   backend_.add(*coarse.r, 1, *coarse.matrix_term, *coarse.r);

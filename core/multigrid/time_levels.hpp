@@ -36,6 +36,7 @@ struct TimeLevel {
   int coarsest_sweeps = 0;  ///< per visit, if this grid is the coarsest
   int first_visits = 0;     ///< visits at the start, if this grid is the coarsest
   std::size_t coarse = 0;   ///< the grid of the coarse problem of a cycle on this one
+  bool staged = false;      ///< two stages in each step, the coarse grid has the same steps
   bool starts = true;       ///< takes part in the nested start
   double unseen = 0;        ///< smoothing factor for error components invisible to the grid `coarse`
   /// P_f - P of the next finer grid, where P in place of M differs from grid to grid (core/multigrid/dual_levels.hpp),

@@ -130,6 +130,40 @@ std::unique_ptr<Convolution> Backend::stage_convolution(const StageRecurrence& r
   return stage_convolution(parts, r.modes(), rows);
 }
 
+void Backend::sweep_stages(const StageDivisors& d, const Array& r, const Array& v, Array& y) {
+  if (staged_.sweep_stages) return staged_.sweep_stages(d, r, v, y);
+  RowMatrix known, far, values;
+  download(r, known);
+  download(v, far);
+  download(y, values);
+  known += far;
+  for (Index j = 1; 2 * j < values.rows(); ++j) {
+    const Vector before = values.row(2 * j - 1).transpose();
+    values.row(2 * j - 1) = (values.row(2 * j - 1) - known.row(2 * j - 1) / d.first).cwiseMax(0);
+    const Vector change = values.row(2 * j - 1).transpose() - before;
+    values.row(2 * j) =
+        (values.row(2 * j) - (known.row(2 * j) + d.second_by_first * change.transpose()) / d.second).cwiseMax(0);
+  }
+  upload(values, y);
+}
+
+void Backend::restrict_stages(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
+                              Array& coarse_y, Array& old) {
+  if (staged_.restrict_stages) return staged_.restrict_stages(r, v, y, coarse_v, coarse_r, coarse_y, old);
+  restrict_problem(r, v, y, coarse_v, coarse_r, coarse_y, old);
+  RowMatrix known, far, values, result;
+  download(r, known);
+  download(v, far);
+  download(y, values);
+  download(coarse_r, result);
+  known += far;
+  for (Index j = 1; j < result.rows(); ++j)
+    for (Index i = 0; i < result.cols(); ++i)
+      if ((values(2 * j - 1, i) > 0) == (values(2 * j, i) > 0))
+        result(j, i) += 0.75 * (known(2 * j - 1, i) - known(2 * j, i));
+  upload(result, coarse_r);
+}
+
 double Backend::difference(const Array& a, const Array& b) {
   const auto one = differences(1);
   one->submit(0, a, b);
