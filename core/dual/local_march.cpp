@@ -5,6 +5,7 @@
 #include "core/dual/dual_operator.hpp"
 #include "core/march/outcome.hpp"
 
+#include <Eigen/SparseCholesky>
 #include <Eigen/SparseLU>
 
 #include <algorithm>
@@ -69,6 +70,16 @@ class LocalStep {
   }
 
   bool regular() const { return linear_.info() == Eigen::Success; }
+
+  // The problem of a step is positive definite with the quadrature weights 3/4, 1/4 on its rows, so that it is P.
+  bool well_posed() const {
+    Vector rows = B_.cwiseInverse();
+    rows.head(n_) *= 0.75;
+    rows.tail(n_) *= 0.25;
+    const SparseMatrix V = rows.asDiagonal() * G_ * N_.cwiseInverse().asDiagonal();
+    const SparseMatrix symmetric = V + SparseMatrix(V.transpose());
+    return Eigen::SimplicialLLT<SparseMatrix>(symmetric).info() == Eigen::Success;
+  }
 
   // X and y of both stages; `known` is the right-hand side without y. False: the signs do not settle.
   bool solve(const Vector& known, const Vector& g, Vector& X, Vector& y, LcpCount& count) {
@@ -164,7 +175,7 @@ class LocalMarch final : public PreparedMethod {
     result.residual = 0;
     result.bytes += host_bytes(p_) + step.bytes();
     result.iterations = 1;
-    result.well_posed = true;
+    result.well_posed = step.well_posed();
     for (Index j = 1; j <= J; ++j) {
       if (options.interrupted && options.interrupted())
         return stop(j, Status::interrupted, "stopped on request", result);
