@@ -51,7 +51,9 @@ struct DualWeights {
   double error = 0;          ///< of V: largest relative difference from values that were not used to make it
   std::string description;
   std::shared_ptr<const PoleSum> fit = {};  ///< of V^, of a grid line for Kronecker sums; not of dense dynamics
-  ModeSymbols symbols = {};                 ///< of some modes, from which d is chosen; sparse and supplied dynamics
+  /// Lambda, n: V, and y with it, is divided by it row by row, which makes the diagonal of V_0 one; empty: it is not.
+  Vector row_scale = {};
+  ModeSymbols symbols = {};  ///< of some modes, from which d is chosen; sparse and supplied dynamics
 };
 
 /// What V is, or why there is none.

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -107,9 +108,29 @@ bool is_positive_definite(const Matrix& V0) {
   return Eigen::LLT<Matrix>(Matrix(V0 + V0.transpose())).info() == Eigen::Success;
 }
 
-// x^T V^ x for some eigenvectors x of the symmetric part of V_0.
-ModeSymbols symbols_of(const PoleSum& sum, const Matrix& V0) {
-  const Index n = V0.rows(), K = sum.rates.size(), modes = std::min(n, modes_of_sweep);
+// Lambda = diag V^(1/h), and the fit of Lambda^{-1} V^.
+Vector scale_rows(PoleSum& sum, double h) {
+  const Index n = Index(std::llround(std::sqrt(double(sum.functions()))));
+  const Matrix V0 = matrix_of(euler_table(sum, n, h, 1), 0);
+  const Vector scale = V0.diagonal();
+  if (!(scale.minCoeff() > 0)) return {};
+  for (Index i = 0; i < n; ++i)
+    for (Index k = i * n; k < (i + 1) * n; ++k) {
+      sum.coefficients.col(k) /= scale[i];
+      sum.constant[k] /= scale[i];
+      sum.linear[k] /= scale[i];
+    }
+  return scale;
+}
+
+// x^T Lambda^{-1/2} V^ Lambda^{-1/2} x for some eigenvectors x of its symmetric part at z = 1/h.
+ModeSymbols symbols_of(const PoleSum& sum, const Vector& scale, double h) {
+  const Index n = scale.size(), K = sum.rates.size(), modes = std::min(n, modes_of_sweep);
+  const Vector root = scale.cwiseSqrt();
+  const auto symmetric = [&](const Matrix& scaled) {
+    return Matrix(root.asDiagonal() * scaled * root.cwiseInverse().asDiagonal());
+  };
+  const Matrix V0 = symmetric(matrix_of(euler_table(sum, n, h, 1), 0));
   const Eigen::SelfAdjointEigenSolver<Matrix> eigen(Matrix(0.5 * (V0 + V0.transpose())));
   auto of_modes = std::make_shared<PoleSum>();
   of_modes->rates = sum.rates;
@@ -119,7 +140,7 @@ ModeSymbols symbols_of(const PoleSum& sum, const Matrix& V0) {
   for (Index i = 0; i < modes; ++i) {
     const Vector x = eigen.eigenvectors().col(modes > 1 ? i * (n - 1) / (modes - 1) : 0);
     const auto quotient = [&](const Vector& entries) {
-      return x.dot(Eigen::Map<const RowMatrix>(entries.data(), n, n) * x);
+      return x.dot(symmetric(Eigen::Map<const RowMatrix>(entries.data(), n, n)) * x);
     };
     for (Index k = 0; k < K; ++k) of_modes->coefficients(k, i) = quotient(sum.coefficients.row(k).transpose());
     of_modes->constant[i] = quotient(sum.constant);
@@ -133,7 +154,32 @@ ModeSymbols symbols_of(const PoleSum& sum, const Matrix& V0) {
   };
 }
 
-DualChoice with_fit(const DiscreteProblem& p, Index stages, std::shared_ptr<const PoleSum> fit, ModeSymbols symbols) {
+// Sweeps by blocks, SOL(P, .) with a multiple P of V_0, since the entries of V_0 differ too much for one d: the
+// multiple and the forecast from V_0^{-1} V^ in the modes of V_0.
+std::tuple<Matrix, double, double> block_divisor(const PoleSum& fit, const Matrix& V0, double h) {
+  const Index n = V0.rows(), modes = std::min(n, modes_of_sweep);
+  const Eigen::EigenSolver<Matrix> eigen(V0);
+  const ComplexMatrix X = eigen.eigenvectors(), left = X.inverse();
+  const auto relative = [&](Complex z) {
+    ComplexVector values(modes);
+    ComplexVector entries = fit.constant.cast<Complex>() + z * fit.linear.cast<Complex>();
+    for (Index k = 0; k < fit.rates.size(); ++k)
+      entries += fit.coefficients.row(k).transpose().cast<Complex>() / (z - fit.rates[k]);
+    using Rows = Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    const Eigen::Map<const Rows> V(entries.data(), n, n);
+    for (Index i = 0; i < modes; ++i) {
+      const Index l = modes > 1 ? i * (n - 1) / (modes - 1) : 0;
+      const ComplexVector seen = V * X.col(l);
+      values[i] = (left.row(l) * seen)(0, 0) / eigen.eigenvalues()[l];
+    }
+    return values;
+  };
+  const SweepChoice choice = choose_sweep(relative, h, 1, dual_sweeps, 1);
+  return {Matrix(choice.shift * V0), choice.contraction, choice.smoothing};
+}
+
+DualChoice with_fit(const DiscreteProblem& p, Index stages, std::shared_ptr<const PoleSum> fit, const Vector& scale,
+                    ModeSymbols symbols) {
   const Index n = p.scene.constraints();
   if (double(stages * stages) * double(p.J) * double(n * n) * 8 > most_table)
     return refused_dual("its tables for all lags do not fit into memory");
@@ -145,16 +191,21 @@ DualChoice with_fit(const DiscreteProblem& p, Index stages, std::shared_ptr<cons
   } else {
     LagTable table = euler_table(*fit, n, p.h, p.J);
     V0 = matrix_of(table, 0);
+    std::tie(weights.P, weights.contraction, weights.smoothing) = block_divisor(*fit, V0, p.h);
+    const RowMatrix P = std::get<Matrix>(weights.P);
+    table.W.row(0) -= Eigen::Map<const Eigen::RowVectorXd>(P.data(), n * n);
     weights.weights = share_weights(std::move(table));
   }
-  if (!is_positive_definite(V0)) return refused_dual("the problem of a step is not known to be P");
-  weights.symbols = symbols ? std::move(symbols) : symbols_of(*fit, matrix_of(euler_table(*fit, n, p.h, 1), 0));
-  const SweepChoice choice = choose_sweep(weights.symbols, p.h, stages, dual_sweeps, 1);
-  weights.P = Tridiagonal{Vector::Zero(n), Vector::Zero(n), Vector::Zero(n)};
-  weights.shift = choice.shift;
-  weights.stage_divisors = choice.stages;
-  weights.smoothing = choice.smoothing;
-  weights.contraction = choice.contraction;
+  const Vector rows = stages == 2 ? Vector(scale.replicate(2, 1)) : scale;
+  if (!is_positive_definite(rows.asDiagonal() * V0)) return refused_dual("the problem of a step is not known to be P");
+  weights.row_scale = scale;
+  weights.symbols = symbols ? std::move(symbols) : symbols_of(*fit, scale, p.h);
+  if (stages == 2) {
+    const SweepChoice choice = choose_sweep(weights.symbols, p.h, stages, dual_sweeps, 1);
+    weights.P = Tridiagonal{Vector::Zero(n), Vector::Zero(n), Vector::Zero(n)};
+    weights.stage_divisors = choice.stages;
+    weights.contraction = choice.contraction;
+  }
   weights.error = fit->error;
   weights.description = text("V: %ld poles shared by all entries", long(fit->rates.size()));
   weights.fit = std::move(fit);
@@ -164,7 +215,7 @@ DualChoice with_fit(const DiscreteProblem& p, Index stages, std::shared_ptr<cons
 }  // namespace
 
 DualChoice fitted_dual_weights(const DiscreteProblem& p, Index stages, const DualWeights* finer) {
-  if (finer) return with_fit(p, stages, finer->fit, finer->symbols);
+  if (finer) return with_fit(p, stages, finer->fit, finer->row_scale, finer->symbols);
   const Index n = p.scene.constraints();
   if (n > most_fitted) return refused_dual(text("sparse dynamics with more than %ld constraints", long(most_fitted)));
   const Matrix M = to_dense(p.scene.M);
@@ -173,9 +224,11 @@ DualChoice fitted_dual_weights(const DiscreteProblem& p, Index stages, const Dua
     return refused_dual("M + K has no inverse: constraints repeat each other");
   const Matrix rates = p.scene.dynamics->rates_of_inputs(p.h), N = p.scene.dynamics->outputs();
   if (!has_relative_degree_one(M, N * rates, N.cwiseAbs() * rates.cwiseAbs())) return refused_dual(two_derivatives);
-  auto fit = std::make_shared<const PoleSum>(fit_inverse(p, M, stages));
+  auto fit = std::make_shared<PoleSum>(fit_inverse(p, M, stages));
   if (!(fit->error <= accepted_fit_error)) return refused_dual(why_no_fit(p, M, stages, fit->error));
-  return with_fit(p, stages, std::move(fit), {});
+  const Vector scale = scale_rows(*fit, p.h);
+  if (scale.size() == 0) return refused_dual("M + W_0 is not positive");
+  return with_fit(p, stages, std::move(fit), scale, {});
 }
 
 }  // namespace bromwich

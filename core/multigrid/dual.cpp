@@ -95,7 +95,9 @@ class DualRun {
     RowMatrix values, far;
     p_.backend.download(w, values);
     p_.backend.download(*level.v, far);
-    return (times_rows(dual_->P[l], values) + far + dual_->s[l]).cwiseMax(0);
+    RowMatrix y = (times_rows(dual_->P[l], values) + far + dual_->s[l]).cwiseMax(0);
+    if (dual_->row_scale.size() > 0) y = (y * dual_->row_scale.asDiagonal()).eval();
+    return y;
   }
 
   // y of the two grids below the finest, from the nested iteration, at the ends of their steps.

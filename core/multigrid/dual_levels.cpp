@@ -80,15 +80,14 @@ void prepare_dual_march(const DiscreteProblem& p, const LcpMatrix& P, const std:
   level.march = p.backend.march(problem, level.steps + 1);
 }
 
-// P_f - P as a convolution without memory; nothing if both are zero.
-void set_matrix_change(Backend& backend, const LcpMatrix& finer, const LcpMatrix& P, TimeLevel& level) {
-  const auto *fine = std::get_if<Matrix>(&finer), *coarse = std::get_if<Matrix>(&P);
-  if (!fine || !coarse) return;
-  const Index n = fine->rows();
+// P - P_c as a convolution without memory; nothing if both are zero.
+void set_matrix_change(Backend& backend, const LcpMatrix& fine, const LcpMatrix& coarse, Index rows, TimeLevel& level) {
+  if (!std::holds_alternative<Matrix>(fine) && !std::holds_alternative<Matrix>(coarse)) return;
+  const Index n = size(fine);
   const DenseRecurrence change{Matrix::Zero(1, 1), Matrix::Zero(1, n), Matrix::Zero(1, n), Matrix::Zero(n, 1),
-                               *fine - *coarse};
-  level.matrix_change = backend.convolution(Recurrence(change), level.steps + 1);
-  level.matrix_term = backend.array(level.steps + 1, n);
+                               to_dense(fine) - to_dense(coarse)};
+  level.matrix_change = backend.convolution(Recurrence(change), rows);
+  level.matrix_term = backend.array(rows, n);
 }
 
 // A grid to make. One that only serves others as a coarse grid has no sources of its own.
@@ -112,13 +111,12 @@ bool add_dual_grid(TimeOperator& finest, const GridPlan& plan, std::optional<Dua
   }
   if (plan.has_sources) grid.response = make_dual_response(op, plan.stages);
   V = std::move(choice.weights);
+  all.row_scale = V->row_scale;
   all.P.push_back(V->P);
   if (all.levels.size() == 0) all.levels.description = V->description;
   all.levels.kernel_error = std::max(all.levels.kernel_error, V->error);
   if (!plan.coarsest && std::isfinite(V->contraction)) all.contraction = std::max(all.contraction, V->contraction);
   all.levels.grids.push_back(make_dual_level(op.problem(), *V, plan.stages, all.P.back(), plan.coarsest));
-  const std::size_t l = all.P.size() - 1;
-  if (l > 0) set_matrix_change(op.problem().backend, all.P[l - 1], all.P[l], all.levels[l]);
   all.grids.push_back(std::move(grid));
   return true;
 }
@@ -167,6 +165,8 @@ void relate_grids(const DiscreteProblem& p, const std::vector<GridPlan>& plan, D
     const bool staged = plan[l].stages == 2;
     levels[l].coarse = staged ? l + related : l + 1;
     levels[l].starts = plan[l].has_sources;
+    if (const std::size_t c = levels[l].coarse; c < levels.size())
+      set_matrix_change(p.backend, all.P[l], all.P[c], levels[c].steps + 1, levels[l]);
     if (l == 1 || l == 2) levels[l].nested = p.backend.array(levels[l].steps + 1, n);
     if (staged && levels[l].nested) levels[l].ends = p.backend.array(levels[l].steps + 1, n);
     if (l >= related) levels.description += (l > related ? ", " : "") + std::to_string(levels[l].steps);

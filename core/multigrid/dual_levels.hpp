@@ -23,6 +23,7 @@ struct DualLevels {
   std::vector<LcpMatrix> P;        ///< of the grids; never moved
   std::vector<RowMatrix> s;        ///< of the grids, on the host
   DualResponse* finest = nullptr;  ///< K of the finest grid
+  Vector row_scale;                ///< of V and s on all grids (core/dual/dual_weights.hpp); empty: none
   Index stages = 1;                ///< of the finest grid
   double contraction = 0;          ///< forecast of a cycle: the largest of all grids
 

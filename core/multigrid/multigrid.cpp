@@ -300,9 +300,9 @@ void Multigrid::pose(std::size_t l) {
     backend_.restrict_stages(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
   else
     backend_.restrict_problem(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
-  if (!coarse.matrix_change) return;
-  coarse.matrix_change->apply(*coarse.y, *coarse.matrix_term, 0);
-  backend_.add(*coarse.r, 1, *coarse.matrix_term, *coarse.r);
+  if (!fine.matrix_change) return;
+  fine.matrix_change->apply(*coarse.y, *fine.matrix_term, 0);
+  backend_.add(*coarse.r, 1, *fine.matrix_term, *coarse.r);
 }
 
 // y <- y + I (y_c - R y), then a sweep.

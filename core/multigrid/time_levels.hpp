@@ -39,8 +39,8 @@ struct TimeLevel {
   bool staged = false;      ///< two stages in each step, the coarse grid has the same steps
   bool starts = true;       ///< takes part in the nested start
   double unseen = 0;        ///< smoothing factor for error components invisible to the grid `coarse`
-  /// P_f - P of the next finer grid, where P in place of M differs from grid to grid (core/multigrid/dual_levels.hpp),
-  /// and an array for it; null otherwise.
+  /// P - P_c, P_c of its coarse grid, where P in place of M differs from grid to grid (core/multigrid/dual_levels.hpp),
+  /// and an array for it on that grid; null otherwise.
   std::unique_ptr<Convolution> matrix_change;
   std::unique_ptr<Array> matrix_term;
   std::unique_ptr<March> march;  ///< of the coarsest grid only, instead of sweeps

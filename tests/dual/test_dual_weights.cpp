@@ -98,7 +98,7 @@ TEST(DualWeights, OfSparseDynamicsAreThoseOfConvolutionQuadrature) {
   const std::vector<Matrix> expected = quadrature(oracle::write_out(scene), p.h, 16);
   const double size = expected[0].cwiseAbs().maxCoeff();
   for (Index d = 0; d <= 16; ++d) {
-    const Matrix V = Eigen::Map<const RowMatrix>(table.W.row(d).data(), 4, 4);
+    const Matrix V = choice.weights->row_scale.asDiagonal() * Eigen::Map<const RowMatrix>(table.W.row(d).data(), 4, 4);
     EXPECT_LE((V - expected[std::size_t(d)]).cwiseAbs().maxCoeff(), 1e-9 * size) << d;
   }
 }
@@ -156,7 +156,8 @@ TEST(DualWeights, OfTwoStagesAreThoseOfConvolutionQuadrature) {
         const auto& entries = std::get<LagTable>(fitted.weights->stage_tables->parts[a][b]);
         for (Index d = 0; d <= J; ++d) {
           const Matrix V = S * table.W.row(d).asDiagonal() * S,
-                       F = Eigen::Map<const RowMatrix>(entries.W.row(d).data(), 4, 4),
+                       F = fitted.weights->row_scale.asDiagonal() *
+                           Eigen::Map<const RowMatrix>(entries.W.row(d).data(), 4, 4),
                        exact = expected[std::size_t(d)].block(4 * a, 4 * b, 4, 4);
           EXPECT_LE((V - exact).cwiseAbs().maxCoeff(), 1e-10 * size) << a << b << ' ' << d;
           EXPECT_LE((F - exact).cwiseAbs().maxCoeff(), 1e-9 * size) << a << b << ' ' << d;
