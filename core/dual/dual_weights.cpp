@@ -207,7 +207,7 @@ std::vector<Complex> rule_boundary(Index stages, double h, Index J, Index points
       boundary.push_back(small / h);
       continue;
     }
-    const RadauPoints z = radau_points(1.0 - small, h);
+    const RadauPoints z = radau_frequencies(1.0 - small, h);
     boundary.push_back(z.first);
     back.push_back(std::conj(z.second));
   }

@@ -3,6 +3,7 @@
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/dual/dual_operator.hpp"
+#include "core/dual/stage_weights.hpp"
 #include "core/march/outcome.hpp"
 
 #include <Eigen/SparseCholesky>
@@ -16,8 +17,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr double inverse_a[2][2] = {{1.5, 0.5}, {-4.5, 2.5}};
-constexpr double inverse_a_ones[2] = {2, -2};
 constexpr int most_changes = 60;  ///< of the active set in a step
 
 // The diagonal of a square matrix without other entries; empty otherwise.
@@ -44,7 +43,7 @@ SparseMatrix step_matrix(const SparseMatrix& A, double h) {
   std::vector<Eigen::Triplet<double>> entries;
   for (int a = 0; a < 2; ++a) {
     for (int b = 0; b < 2; ++b)
-      for (Index i = 0; i < n; ++i) entries.emplace_back(a * n + i, b * n + i, inverse_a[a][b] / h);
+      for (Index i = 0; i < n; ++i) entries.emplace_back(a * n + i, b * n + i, radau_inverse[a][b] / h);
     for (Index k = 0; k < A.outerSize(); ++k)
       for (SparseMatrix::InnerIterator entry(A, k); entry; ++entry)
         entries.emplace_back(a * n + entry.row(), a * n + entry.col(), -entry.value());
@@ -181,7 +180,7 @@ class LocalMarch final : public PreparedMethod {
         return stop(j, Status::interrupted, "stopped on request", result);
       Vector known(2 * n);
       for (int a = 0; a < 2; ++a) {
-        known.segment(a * n, n) = (inverse_a_ones[a] / p_.h) * x;
+        known.segment(a * n, n) = (radau_inverse_ones[a] / p_.h) * x;
         if (phi.size() > 0) known.segment(a * n, n) += F * phi.row(j).segment(a * F.cols(), F.cols()).transpose();
       }
       const Vector given = g.row(j).transpose();

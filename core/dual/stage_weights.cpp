@@ -8,9 +8,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr double inverse_a[2][2] = {{1.5, 0.5}, {-4.5, 2.5}};
-constexpr double inverse_a_ones[2] = {2, -2};
-
 // One exponential with x = h s.
 struct StageTerm {
   double decay, seen[2], input[2], within[2][2];
@@ -61,7 +58,7 @@ StageRecurrence stage_recurrence(const PoleSum& sum, const Vector& mu, double h,
     double w0[2][2];
     within_step([&](Complex z) { return exact(l, z); }, h, w0);
     for (int a = 0; a < 2; ++a) {
-      r.w1[a][l] = -sum.linear[column] * inverse_a_ones[a] / h;
+      r.w1[a][l] = -sum.linear[column] * radau_inverse_ones[a] / h;
       for (int b = 0; b < 2; ++b) r.w0[a][b][l] = w0[a][b];
     }
   }
@@ -81,9 +78,9 @@ std::shared_ptr<const StageTables> stage_tables(const PoleSum& sum, Index n, dou
           powers(d, k) = d == 1 ? term.seen[a] * term.input[b] : powers(d - 1, k) * term.decay;
       }
       LagTable table{n, n, false, RowMatrix(powers * sum.coefficients), RowMatrix::Zero(J + 1, size)};
-      table.W.row(0) += (inverse_a[a][b] / h) * sum.linear.transpose();
+      table.W.row(0) += (radau_inverse[a][b] / h) * sum.linear.transpose();
       if (a == b) table.W.row(0) += sum.constant.transpose();
-      if (b == 1) table.W.row(1) -= (inverse_a_ones[a] / h) * sum.linear.transpose();
+      if (b == 1) table.W.row(1) -= (radau_inverse_ones[a] / h) * sum.linear.transpose();
       tables->parts[a][b] = std::move(table);
     }
   return tables;

@@ -15,6 +15,10 @@
 
 namespace bromwich {
 
+/// a^{-1} and a^{-1} 1 of Radau IIA.
+inline constexpr double radau_inverse[2][2] = {{1.5, 0.5}, {-4.5, 2.5}};
+inline constexpr double radau_inverse_ones[2] = {2, -2};
+
 /// Modes l with F_l(z) = G(z - mu_l); `exact` gives F_l itself, from which the weights within a step are made. A fit of
 /// one function serves all modes, or there is one for each.
 StageRecurrence stage_recurrence(const PoleSum&, const Vector& mu, double h,

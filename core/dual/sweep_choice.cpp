@@ -62,7 +62,7 @@ std::vector<Coupled> stage_pairs(const ModeSymbols& V, double h) {
   for (Index f = 0; f < sweep_frequencies; ++f) {
     const double omega = log_frequency(f, std::numbers::pi);
     const Complex zeta = std::polar(1.0, -omega);
-    const RadauPoints z = radau_points(zeta, h);
+    const RadauPoints z = radau_frequencies(zeta, h);
     const ComplexVector first = V(z.first), second = V(z.second), coarse = V((1.0 - zeta) / h);
     for (Index l = 0; l < first.size(); ++l) {
       Coupled c;
@@ -106,7 +106,7 @@ SweepChoice choose_divisor(const ModeSymbols& V, double h, int before, int after
 // The lower part of V_0 of modes between the lowest and the highest, times a factor.
 SweepChoice choose_stage_divisors(const ModeSymbols& V, double h, int before, int after) {
   const std::vector<Coupled> pairs = stage_pairs(V, h);
-  const RadauPoints z = radau_points(0, h);
+  const RadauPoints z = radau_frequencies(0, h);
   const ComplexVector first = V(z.first), second = V(z.second);
   std::vector<Eigen::Matrix2d> blocks;
   for (Index l = 0; l < first.size(); ++l) blocks.push_back(radau_symbol(0, h, first[l], second[l]).real());
@@ -128,7 +128,7 @@ SweepChoice choose_stage_divisors(const ModeSymbols& V, double h, int before, in
 
 }  // namespace
 
-RadauPoints radau_points(Complex zeta, double h) {
+RadauPoints radau_frequencies(Complex zeta, double h) {
   const Complex b = 2.0 + zeta, root = std::sqrt(b * b - 6.0 * (1.0 - zeta));
   const Complex plus = b + root, minus = b - root, large = std::abs(plus) > std::abs(minus) ? plus : minus;
   return {6.0 * (1.0 - zeta) / large / h, large / h};
@@ -138,7 +138,7 @@ RadauPoints radau_points(Complex zeta, double h) {
 Pair radau_symbol(Complex zeta, double h, Complex at_first, Complex at_second) {
   Pair delta;
   delta << 1.5, 0.5 - 2.0 * zeta, -4.5, 2.5 + 2.0 * zeta;
-  const RadauPoints z = radau_points(zeta, h);
+  const RadauPoints z = radau_frequencies(zeta, h);
   const Complex slope = (at_second - at_first) / (z.second - z.first);
   return at_first * Pair::Identity() + slope * (delta / h - z.first * Pair::Identity());
 }

@@ -32,7 +32,7 @@ SweepChoice choose_sweep(const ModeSymbols&, double h, Index stages, int before,
 struct RadauPoints {
   Complex first, second;
 };
-RadauPoints radau_points(Complex zeta, double h);
+RadauPoints radau_frequencies(Complex zeta, double h);
 
 /// f(Delta(zeta)/h), 2 x 2, from the values at these points.
 Eigen::Matrix2cd radau_symbol(Complex zeta, double h, Complex at_first, Complex at_second);

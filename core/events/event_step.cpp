@@ -9,7 +9,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index s = Collocation::degree;
+constexpr Index degree = Collocation::degree;
 constexpr double noise_share = 10;           ///< of the tolerance: negative values below count as zero
 constexpr double shortest_share = 1e-14;     ///< of T
 constexpr Index looks_per_interval = 16384;  ///< at sources, in [0, T], where they seem to be smooth
@@ -30,7 +30,7 @@ double tail(const Matrix& c, const Vector& size, const Vector& off) {
   const double floor = 1e-4 * size.maxCoeff() + 1e-280;
   double largest = 0;
   for (Index i = 0; i < c.cols(); ++i) {
-    const double last = std::abs(c(s, i)) + std::abs(c(s - 1, i)), seen = off.size() > 0 ? off[i] : 0;
+    const double last = std::abs(c(degree, i)) + std::abs(c(degree - 1, i)), seen = off.size() > 0 ? off[i] : 0;
     const double share = std::max(last, seen) / std::max(size[i], floor);
     if (!std::isfinite(share)) return INFINITY;
     largest = std::max(largest, share);
@@ -92,21 +92,23 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
   sample(mode, p.t, h, step);
   const Matrix y_of_sources = without_x(mode.y, step);
   const Matrix input = step.sources.f + y_of_sources * system_.B.transpose();
-  const Matrix right = (h * (c.integrals * input)).rowwise() + p.x.transpose();  // s x m
-  Matrix values = Matrix::Zero(s + 1, m);
+  const Matrix right = (h * (c.integrals * input)).rowwise() + p.x.transpose();  // degree x m
+  Matrix values = Matrix::Zero(degree + 1, m);
   values.row(0) = p.x.transpose();
   const auto& lu = factors(mode, h, p.work);
   for (std::size_t k = 0; k < lu.size(); ++k) {
     const auto& e = c.eigenvalues[k];
     const ComplexVector z = lu[k].solve(ComplexVector(right.transpose().cast<Complex>() * e.left));
-    values.bottomRows(s) += e.weight * (e.right * z.transpose()).real();
+    values.bottomRows(degree) += e.weight * (e.right * z.transpose()).real();
   }
   step.x = c.coefficients * values;
   step.y = step.x * mode.y.x.transpose() + y_of_sources;
   step.w = step.x * system_.N.transpose() + step.y * system_.M.transpose() + step.sources.g;
   const JetValues size = p.sizes.with(step);
   step.defect = std::max(tail(step.x, size.x, {}), source_defect(size, step.sources));
-  p.work += double((s + 1) * (s + 1) * (3 * m + 3 * n) + 40 * m * m + (s + 1) * (4 * m * n + 2 * n * n)) + overhead;
+  p.work +=
+      double((degree + 1) * (degree + 1) * (3 * m + 3 * n) + 40 * m * m + (degree + 1) * (4 * m * n + 2 * n * n)) +
+      overhead;
   return step;
 }
 
@@ -159,8 +161,9 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
     if (h < shortest_share * T_) return false;
     before = step.defect;
     shortened = true;
-    h *= std::isfinite(step.defect) ? std::clamp(0.9 * std::pow(tolerance_ / step.defect, 1.0 / double(s)), 0.1, 0.7)
-                                    : 0.1;
+    h *= std::isfinite(step.defect)
+             ? std::clamp(0.9 * std::pow(tolerance_ / step.defect, 1.0 / double(degree)), 0.1, 0.7)
+             : 0.1;
   }
   return false;
 }
