@@ -19,10 +19,12 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index most_fitted = 256;         ///< constraints: V has n^2 entries for every lag
-constexpr double most_table = 4e9;         ///< bytes of all tables
-constexpr double density_of_points = 0.3;  ///< each costs a factorization
-constexpr Index looked_at = 24;            ///< points where the reason of a refusal is looked for
+constexpr Index most_fitted = 256;          ///< constraints: V has n^2 entries for every lag
+constexpr double most_table = 4e9;          ///< bytes of all tables
+constexpr double density_of_points = 0.5;   ///< each costs a factorization
+constexpr double accepted_entries = 5e-10;  ///< error of a fit, relative to the largest entry at a point
+constexpr double followed = 2;              ///< radians: a larger turn from point to point may be another
+constexpr Index looked_at = 24;             ///< points where the reason of a refusal is looked for
 constexpr Index modes_of_sweep = 12;
 
 // N (zE - A)^{-1} B at all points, by one call.
@@ -80,14 +82,17 @@ std::string why_no_fit(const DiscreteProblem& p, const Matrix& M, Index stages, 
   std::vector<Complex> points = rule_boundary(stages, p.h, p.J, looked_at);
   const std::vector<ComplexMatrix> K = transfer_at(p, points);
   double turned = 0;
+  bool known = true;
   Complex before = 0;
   for (const ComplexMatrix& k : K) {
     Complex now = (M.cast<Complex>() + k).determinant();
     now /= std::abs(now);
-    if (before != 0.0) turned += std::arg(now / before);
+    const double turn = before != 0.0 ? std::arg(now / before) : 0;
+    known = known && std::abs(turn) < followed;
+    turned += turn;
     before = now;
   }
-  if (std::abs(turned) > 0.5 * std::numbers::pi * 2)
+  if (known && std::abs(turned) > std::numbers::pi)
     return "V grows: M + N (zI - A)^{-1} B has zeros in the right half-plane";
   return text("V is no short sum of decaying exponentials: the best one misses %.1e of it", error);
 }
@@ -225,7 +230,7 @@ DualChoice fitted_dual_weights(const DiscreteProblem& p, Index stages, const Dua
   const Matrix rates = p.scene.dynamics->rates_of_inputs(p.h), N = p.scene.dynamics->outputs();
   if (!has_relative_degree_one(M, N * rates, N.cwiseAbs() * rates.cwiseAbs())) return refused_dual(two_derivatives);
   auto fit = std::make_shared<PoleSum>(fit_inverse(p, M, stages));
-  if (!(fit->error <= accepted_fit_error)) return refused_dual(why_no_fit(p, M, stages, fit->error));
+  if (!(fit->error <= accepted_entries)) return refused_dual(why_no_fit(p, M, stages, fit->error));
   const Vector scale = scale_rows(*fit, p.h);
   if (scale.size() == 0) return refused_dual("M + W_0 is not positive");
   return with_fit(p, stages, std::move(fit), scale, {});

@@ -224,7 +224,7 @@ bool takes_stages(const DiscreteProblem& p, const Options& options) {
          (p.f.size() == 0 || !p.modes() || p.drive());
 }
 
-constexpr double slow_forecast = 0.45;  ///< contraction of cycles with stages above which implicit Euler is taken
+constexpr double slow_forecast = 0.6;  ///< contraction of cycles with stages above which implicit Euler is taken
 
 }  // namespace
 

@@ -97,11 +97,14 @@ void Backend::restrict_problem(const Array& r, const Array& v, const Array& y, c
 
 void Backend::take_stages(const Array& stages, Array& first, Array& second) {
   if (staged_.take_stages) return staged_.take_stages(stages, first, second);
-  inject(stages, second);
-  RowMatrix all, odd = RowMatrix::Zero(first.rows(), first.cols());
+  RowMatrix all, odd = RowMatrix::Zero(first.rows(), first.cols()), even(first.rows(), first.cols());
   download(stages, all);
-  for (Index j = 1; j < first.rows(); ++j) odd.row(j) = all.row(2 * j - 1);
+  for (Index j = 0; j < first.rows(); ++j) {
+    if (j > 0) odd.row(j) = all.row(2 * j - 1);
+    even.row(j) = all.row(2 * j);
+  }
   upload(odd, first);
+  upload(even, second);
 }
 
 void Backend::put_stages(const Array& first, const Array& second, Array& stages) {

@@ -315,7 +315,7 @@ TEST(DualCycles, AreStepsInWWhereVIsLocal) {
   scene.name = "obstacle";
   scene.dynamics = d;
   scene.M = Matrix(Matrix::Zero(m, m));
-  scene.x0 = Vector::LinSpaced(m, 1, 0);
+  scene.x0 = Vector::LinSpaced(m, 1.1, 0.1);
   scene.T = 0.1;
   scene.g = [](double t, Eigen::Ref<Vector> g) {
     for (Index i = 0; i < g.size(); ++i)
