@@ -128,12 +128,24 @@ Vector scale_rows(PoleSum& sum, double h) {
   return scale;
 }
 
-// x^T Lambda^{-1/2} V^ Lambda^{-1/2} x for some eigenvectors x of its symmetric part at z = 1/h.
-ModeSymbols symbols_of(const PoleSum& sum, const Vector& scale, double h) {
-  const Index n = scale.size(), K = sum.rates.size(), modes = std::min(n, modes_of_sweep);
-  const Vector root = scale.cwiseSqrt();
+// t with V_ij/V_ji = t_i/t_j where units made a symmetric matrix unsymmetric, along the strongest couplings.
+Vector symmetry_of(const Matrix& V) {
+  Vector t = Vector::Ones(V.rows());
+  for (Index j = 1; j < V.rows(); ++j) {
+    Index k = 0;
+    V.row(j).head(j).transpose().cwiseProduct(V.col(j).head(j)).maxCoeff(&k);
+    const double ratio = V(j, k) / V(k, j);
+    if (ratio > 0 && std::isfinite(ratio)) t[j] = t[k] * ratio;
+  }
+  return t;
+}
+
+// x^T T^{-1/2} V^ T^{1/2} x for some eigenvectors x of its symmetric part at z = 1/h, T = diag t.
+ModeSymbols symbols_of(const PoleSum& sum, const Vector& t, double h) {
+  const Index n = t.size(), K = sum.rates.size(), modes = std::min(n, modes_of_sweep);
+  const Vector root = t.cwiseSqrt();
   const auto symmetric = [&](const Matrix& scaled) {
-    return Matrix(root.asDiagonal() * scaled * root.cwiseInverse().asDiagonal());
+    return Matrix(root.cwiseInverse().asDiagonal() * scaled * root.asDiagonal());
   };
   const Matrix V0 = symmetric(matrix_of(euler_table(sum, n, h, 1), 0));
   const Eigen::SelfAdjointEigenSolver<Matrix> eigen(Matrix(0.5 * (V0 + V0.transpose())));
@@ -201,10 +213,11 @@ DualChoice with_fit(const DiscreteProblem& p, Index stages, std::shared_ptr<cons
     table.W.row(0) -= Eigen::Map<const Eigen::RowVectorXd>(P.data(), n * n);
     weights.weights = share_weights(std::move(table));
   }
-  const Vector rows = stages == 2 ? Vector(scale.replicate(2, 1)) : scale;
+  const Vector t = symmetry_of(matrix_of(euler_table(*fit, n, p.h, 1), 0));
+  const Vector rows = stages == 2 ? Vector(t.cwiseInverse().replicate(2, 1)) : Vector(t.cwiseInverse());
   if (!is_positive_definite(rows.asDiagonal() * V0)) return refused_dual("the problem of a step is not known to be P");
   weights.row_scale = scale;
-  weights.symbols = symbols ? std::move(symbols) : symbols_of(*fit, scale, p.h);
+  weights.symbols = symbols ? std::move(symbols) : symbols_of(*fit, t, p.h);
   if (stages == 2) {
     const SweepChoice choice = choose_sweep(weights.symbols, p.h, stages, dual_sweeps, 1);
     weights.P = Tridiagonal{Vector::Zero(n), Vector::Zero(n), Vector::Zero(n)};
