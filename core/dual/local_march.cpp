@@ -222,14 +222,16 @@ class LocalMarch final : public PreparedMethod {
 
 }  // namespace
 
-bool has_local_inverse(const DiscreteProblem& p) {
-  const LinearSystem& d = *p.scene.dynamics;
-  if (!(d.matrices() || d.small_state()) || d.has_mass() || p.sources) return false;
-  if (p.scene.constraints() != p.scene.states() || p.scene.states() <= most_recorded_by_dual) return false;
+bool has_local_inverse(const Scene& scene) {
+  const LinearSystem& d = *scene.dynamics;
+  if (!(d.matrices() || d.small_state()) || d.has_mass() || scene.boundary || !scene.free_rows.empty()) return false;
+  if (scene.constraints() != scene.states() || scene.states() <= most_recorded_by_dual) return false;
   const Vector B = only_diagonal(d.inputs()), N = only_diagonal(d.outputs());
   return B.size() > 0 && N.size() > 0 && (B.array() * N.array() > 0).all() && (N.array() > 0).all() &&
-         to_dense(p.scene.M).isZero(0);
+         to_dense(scene.M).isZero(0);
 }
+
+bool has_local_inverse(const DiscreteProblem& p) { return !p.sources && has_local_inverse(p.scene); }
 
 std::unique_ptr<PreparedMethod> prepare_local_march(const DiscreteProblem& p) {
   return std::make_unique<LocalMarch>(p);

@@ -53,7 +53,7 @@ class Run {
     const DiscreteProblem& p = methods_.problem();
     const BackendTraits& traits = backend_.traits();
     if (traits.one_at_a_time && p.modes() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
-    if (pays_in_w() && cycle_first(result)) return;
+    if (pays_in_w() && against(Method::dual).empty() && cycle_first(result)) return;
     std::string before;
     const std::vector<Method> methods = methods_by_time(traits, p.scene, p.lcp_class, p.J);
     note(options_.log, level(), "auto tries %s", listed(methods).c_str());
