@@ -56,6 +56,49 @@ void restrict_problem(const RowMatrix& r, const RowMatrix& v, const RowMatrix& y
   }
 }
 
+void take_stages(const RowMatrix& stages, RowMatrix& first, RowMatrix& second, int threads) {
+  first.row(0).setZero();
+  second.row(0) = stages.row(0);
+#pragma omp parallel for num_threads(threads) schedule(static) if (stages.size() > parallel_size)
+  for (Index j = 1; j < first.rows(); ++j) {
+    first.row(j) = stages.row(2 * j - 1);
+    second.row(j) = stages.row(2 * j);
+  }
+}
+
+void put_stages(const RowMatrix& first, const RowMatrix& second, RowMatrix& stages, int threads) {
+  stages.row(0) = second.row(0);
+#pragma omp parallel for num_threads(threads) schedule(static) if (stages.size() > parallel_size)
+  for (Index j = 1; j < first.rows(); ++j) {
+    stages.row(2 * j - 1) = first.row(j);
+    stages.row(2 * j) = second.row(j);
+  }
+}
+
+void sweep_stages(const StageDivisors& d, const RowMatrix& r, const RowMatrix& v, RowMatrix& y, int threads) {
+  const Index steps = (y.rows() - 1) / 2;
+  const double first = 1 / d.first, second = 1 / d.second;
+#pragma omp parallel for num_threads(threads) schedule(static) if (y.size() > parallel_size)
+  for (Index j = 1; j <= steps; ++j)
+    for (Index i = 0; i < y.cols(); ++i) {
+      const double before = y(2 * j - 1, i),
+                   after = std::max(0.0, before - first * (r(2 * j - 1, i) + v(2 * j - 1, i)));
+      const double q = r(2 * j, i) + v(2 * j, i) + d.second_by_first * (after - before);
+      y(2 * j - 1, i) = after;
+      y(2 * j, i) = std::max(0.0, y(2 * j, i) - second * q);
+    }
+}
+
+void restrict_stages(const RowMatrix& r, const RowMatrix& v, const RowMatrix& y, const RowMatrix& coarse_v,
+                     RowMatrix& coarse_r, RowMatrix& coarse_y, RowMatrix& old, int threads) {
+  restrict_problem(r, v, y, coarse_v, coarse_r, coarse_y, old, threads);
+#pragma omp parallel for num_threads(threads) schedule(static) if (coarse_y.size() > parallel_size)
+  for (Index j = 1; j < coarse_y.rows(); ++j)
+    for (Index i = 0; i < coarse_y.cols(); ++i)
+      if ((y(2 * j - 1, i) > 0) == (y(2 * j, i) > 0))
+        coarse_r(j, i) += 0.75 * (r(2 * j - 1, i) + v(2 * j - 1, i) - r(2 * j, i) - v(2 * j, i));
+}
+
 void add(const RowMatrix& b, double s, const RowMatrix& c, RowMatrix& a, int threads) {
 #pragma omp parallel for num_threads(threads) schedule(static) if (a.size() > parallel_size)
   for (Index j = 0; j < a.rows(); ++j) a.row(j) = b.row(j) + s * c.row(j);

@@ -32,6 +32,20 @@ class CpuBackend final : public Backend, public SharedMemory {
       cpu::restrict_problem(cpu::host(r), cpu::host(v), cpu::host(y), cpu::host(coarse_v), cpu::host(coarse_r),
                             cpu::host(coarse_y), cpu::host(old), threads_);
     };
+    staged_.take_stages = [this](const Array& stages, Array& first, Array& second) {
+      cpu::take_stages(cpu::host(stages), cpu::host(first), cpu::host(second), threads_);
+    };
+    staged_.put_stages = [this](const Array& first, const Array& second, Array& stages) {
+      cpu::put_stages(cpu::host(first), cpu::host(second), cpu::host(stages), threads_);
+    };
+    staged_.sweep_stages = [this](const StageDivisors& d, const Array& r, const Array& v, Array& y) {
+      cpu::sweep_stages(d, cpu::host(r), cpu::host(v), cpu::host(y), threads_);
+    };
+    staged_.restrict_stages = [this](const Array& r, const Array& v, const Array& y, const Array& coarse_v,
+                                     Array& coarse_r, Array& coarse_y, Array& old) {
+      cpu::restrict_stages(cpu::host(r), cpu::host(v), cpu::host(y), cpu::host(coarse_v), cpu::host(coarse_r),
+                           cpu::host(coarse_y), cpu::host(old), threads_);
+    };
     fused_.alternates = [this](const Array& y, Index run, double part) {
       return cpu::alternates(cpu::host(y), run, part, threads_);
     };

@@ -59,6 +59,11 @@ void inject(const RowMatrix& fine, RowMatrix& coarse, int threads);
 void interpolate(const RowMatrix& coarse, const RowMatrix* old, RowMatrix& fine, int threads);
 void restrict_problem(const RowMatrix& r, const RowMatrix& v, const RowMatrix& y, const RowMatrix& coarse_v,
                       RowMatrix& coarse_r, RowMatrix& coarse_y, RowMatrix& old, int threads);
+void take_stages(const RowMatrix& stages, RowMatrix& first, RowMatrix& second, int threads);
+void put_stages(const RowMatrix& first, const RowMatrix& second, RowMatrix& stages, int threads);
+void sweep_stages(const StageDivisors&, const RowMatrix& r, const RowMatrix& v, RowMatrix& y, int threads);
+void restrict_stages(const RowMatrix& r, const RowMatrix& v, const RowMatrix& y, const RowMatrix& coarse_v,
+                     RowMatrix& coarse_r, RowMatrix& coarse_y, RowMatrix& old, int threads);
 void add(const RowMatrix& b, double s, const RowMatrix& c, RowMatrix& a, int threads);
 std::unique_ptr<Differences> make_differences(std::size_t slots, int threads);
 bool alternates(const RowMatrix& y, Index run, double part, int threads);

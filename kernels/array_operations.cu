@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace bromwich::cuda {
 
@@ -68,6 +69,55 @@ __global__ void pose(Rows rows, const Value* r, const Value* v, const Value* y, 
   const long i = rows.at(rows.row()), fine = rows.at(long(rows.row()) * ratio);
   const Value value = y[fine];
   coarse_r[i] = r[fine] + v[fine] - coarse_v[i];
+  coarse_y[i] = old[i] = value;
+}
+
+// One thread per value of row j of both parts; rows 2j - 1 and 2j of `stages`, none before row 0.
+template <class Value>
+__global__ void split_stages(Rows rows, const Value* stages, Value* first, Value* second) {
+  let_next_begin();
+  await_previous();
+  if (!rows.has_thread()) return;
+  const long at = rows.at(rows.row()), end = rows.at(2 * long(rows.row()));
+  first[at] = rows.row() > 0 ? stages[rows.at(2 * long(rows.row()) - 1)] : Value{};
+  second[at] = stages[end];
+}
+
+template <class Value>
+__global__ void join_stages(Rows rows, const Value* first, const Value* second, Value* stages) {
+  let_next_begin();
+  await_previous();
+  if (!rows.has_thread()) return;
+  const long at = rows.at(rows.row());
+  if (rows.row() > 0) stages[rows.at(2 * long(rows.row()) - 1)] = first[at];
+  stages[rows.at(2 * long(rows.row()))] = second[at];
+}
+
+// One thread per constraint and step of both stages.
+__global__ void relax_stages(Rows steps, double first, double second_by_first, double second, const double* r,
+                             const double* v, double* y) {
+  let_next_begin();
+  await_previous();
+  if (!steps.has_thread() || steps.row() == 0) return;
+  const long one = steps.at(2 * long(steps.row()) - 1), two = steps.at(2 * long(steps.row()));
+  const double before = y[one], after = fmax(0.0, before - first * (r[one] + v[one]));
+  y[one] = after;
+  y[two] = fmax(0.0, y[two] - second * (r[two] + v[two] + second_by_first * (after - before)));
+}
+
+__global__ void pose_ends(Rows rows, const double* r, const double* v, const double* y, const double* coarse_v,
+                          double* coarse_r, double* coarse_y, double* old) {
+  let_next_begin();
+  await_previous();
+  if (!rows.has_thread()) return;
+  const long i = rows.at(rows.row()), two = rows.at(2 * long(rows.row()));
+  const double value = y[two];
+  double q = r[two] + v[two];
+  if (rows.row() > 0) {
+    const long one = rows.at(2 * long(rows.row()) - 1);
+    if ((y[one] > 0) == (value > 0)) q += 0.75 * (r[one] + v[one] - q);
+  }
+  coarse_r[i] = q - coarse_v[i];
   coarse_y[i] = old[i] = value;
 }
 
@@ -218,6 +268,43 @@ void restrict_problem(const Device& device, const Array& r, const Array& v, cons
                       Array& coarse_r, Array& coarse_y, Array& old) {
   follow_rows(device, coarse_y, "posing a coarse problem", pose<double>, pose<double2>, values(r), values(v), values(y),
               values(coarse_v), ratio(y, coarse_y), values(coarse_r), values(coarse_y), values(old));
+}
+
+void take_stages(const Device& device, const Array& stages, Array& first, Array& second) {
+  follow_rows(device, second, "splitting stages", split_stages<double>, split_stages<double2>, values(stages),
+              values(first), values(second));
+}
+
+void put_stages(const Device& device, const Array& first, const Array& second, Array& stages) {
+  follow_rows(device, second, "joining stages", join_stages<double>, join_stages<double2>, values(first),
+              values(second), values(stages));
+}
+
+namespace {
+
+// One thread per value of rows 0..J.
+std::pair<Blocks, Rows> threads_of_steps(Index rows, Index cols) {
+  const Index width = stride(cols);
+  unsigned across = 1;
+  while (across < width && across < threads) across *= 2;
+  return {{dim3(unsigned((rows + threads / across - 1) / (threads / across)), unsigned((width + across - 1) / across)),
+           dim3(across, threads / across)},
+          {int(rows), int(width)}};
+}
+
+}  // namespace
+
+void sweep_stages(const Device& device, const StageDivisors& d, const Array& r, const Array& v, Array& y) {
+  const auto [blocks, rows] = threads_of_steps((y.rows() - 1) / 2 + 1, y.cols());
+  follow(device, relax_stages, blocks, "starting a sweep over stages", rows, 1 / d.first, d.second_by_first,
+         1 / d.second, values(r), values(v), values(y));
+}
+
+void restrict_stages(const Device& device, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
+                     Array& coarse_r, Array& coarse_y, Array& old) {
+  const auto [blocks, rows] = threads_of_steps(coarse_y.rows(), coarse_y.cols());
+  follow(device, pose_ends, blocks, "posing a coarse problem", rows, values(r), values(v), values(y), values(coarse_v),
+         values(coarse_r), values(coarse_y), values(old));
 }
 
 void add(const Device& device, const Array& b, double s, const Array& c, Array& a) {

@@ -53,6 +53,19 @@ class CudaBackend final : public Backend, public SharedMemory {
                                      Array& coarse_r, Array& coarse_y, Array& old) {
       cuda::restrict_problem(device_, r, v, y, coarse_v, coarse_r, coarse_y, old);
     };
+    staged_.take_stages = [this](const Array& stages, Array& first, Array& second) {
+      cuda::take_stages(device_, stages, first, second);
+    };
+    staged_.put_stages = [this](const Array& first, const Array& second, Array& stages) {
+      cuda::put_stages(device_, first, second, stages);
+    };
+    staged_.sweep_stages = [this](const StageDivisors& d, const Array& r, const Array& v, Array& y) {
+      cuda::sweep_stages(device_, d, r, v, y);
+    };
+    staged_.restrict_stages = [this](const Array& r, const Array& v, const Array& y, const Array& coarse_v,
+                                     Array& coarse_r, Array& coarse_y, Array& old) {
+      cuda::restrict_stages(device_, r, v, y, coarse_v, coarse_r, coarse_y, old);
+    };
     fused_.alternates = [this](const Array& y, Index run, double part) {
       return cuda::alternates(device_, y, run, part);
     };

@@ -33,6 +33,11 @@ void inject(const Device&, const Array& fine, Array& coarse);
 void interpolate(const Device&, const Array& coarse, const Array* old, Array& fine);
 void restrict_problem(const Device&, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                       Array& coarse_r, Array& coarse_y, Array& old);
+void take_stages(const Device&, const Array& stages, Array& first, Array& second);
+void put_stages(const Device&, const Array& first, const Array& second, Array& stages);
+void sweep_stages(const Device&, const StageDivisors&, const Array& r, const Array& v, Array& y);
+void restrict_stages(const Device&, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
+                     Array& coarse_r, Array& coarse_y, Array& old);
 void add(const Device&, const Array& b, double s, const Array& c, Array& a);
 std::unique_ptr<Differences> make_differences(const Device&, std::size_t slots);
 bool alternates(const Device&, const Array& y, Index run, double part);

@@ -22,18 +22,6 @@ constexpr double negligible_part = 1e-10;  ///< relative: a coefficient that van
 constexpr double most_growth = 1e4;        ///< of V over the whole grid
 constexpr Index largest_dense = 600;       ///< states, since V takes eigenvalues of such matrices
 
-// L^T X R is regular for bases L, R of the left and right null space of M: y is determined by M or the first derivative
-// of w.
-bool has_relative_degree_one(const Matrix& M, const Matrix& NB, const Matrix& terms) {
-  const Eigen::FullPivLU<Matrix> right(M), left(Matrix(M.transpose()));
-  if (right.isInvertible()) return true;
-  const Matrix on_kernel = left.kernel().transpose() * NB * right.kernel();
-  const double scale = (left.kernel().cwiseAbs().transpose() * terms * right.kernel().cwiseAbs()).maxCoeff();
-  const Eigen::FullPivLU<Matrix> lu(on_kernel);
-  return scale > 0 && on_kernel.cwiseAbs().maxCoeff() > negligible_part * scale && lu.isInvertible() &&
-         lu.rcond() > negligible_part;
-}
-
 // det(M + N (zI - A)^{-1} B) is a rational function: zero at two points in general position means zero.
 bool is_singular_everywhere(const DenseDynamics& d, const Matrix& M, double h) {
   for (const double z : {1 / h, 0.2718 / h}) {
@@ -71,6 +59,18 @@ std::vector<Complex> relative_symbols(const DenseRecurrence& V) {
 }
 
 }  // namespace
+
+// L^T X R is regular for bases L, R of the left and right null space of M: y is determined by M or the first derivative
+// of w.
+bool has_relative_degree_one(const Matrix& M, const Matrix& NB, const Matrix& terms) {
+  const Eigen::FullPivLU<Matrix> right(M), left(Matrix(M.transpose()));
+  if (right.isInvertible()) return true;
+  const Matrix on_kernel = left.kernel().transpose() * NB * right.kernel();
+  const double scale = (left.kernel().cwiseAbs().transpose() * terms * right.kernel().cwiseAbs()).maxCoeff();
+  const Eigen::FullPivLU<Matrix> lu(on_kernel);
+  return scale > 0 && on_kernel.cwiseAbs().maxCoeff() > negligible_part * scale && lu.isInvertible() &&
+         lu.rcond() > negligible_part;
+}
 
 DenseRecurrence inverse_recurrence(const DenseDynamics& d, const Matrix& M, double h) {
   const StepOperators step = step_operators(d.A, Rule::implicit_euler, h);

@@ -10,16 +10,39 @@
 
 namespace bromwich {
 
-/// K of implicit Euler on the grid of an operator, and the terms of w without y.
-class EulerResponse {
+/// K on the grid of an operator by the rule of its cycles, and the terms of w without y. With two stages arrays have
+/// 2J + 1 rows.
+class DualResponse {
  public:
-  /// The operator of the grid must outlive it.
-  explicit EulerResponse(TimeOperator&);
+  virtual ~DualResponse() = default;
   /// r <- g + N x of the state without y; row 0 is N x0 + g(0).
-  void respond(const Changes&, Array& r);
+  virtual void respond(const Changes&, Array& r) = 0;
   /// v <- K y.
-  void apply(const Array& y, Array& v);
-  std::size_t bytes() const;
+  virtual void apply(const Array& y, Array& v) = 0;
+  virtual std::size_t bytes() const = 0;
+};
+
+/// The operator of the grid must outlive it.
+std::unique_ptr<DualResponse> make_dual_response(TimeOperator&, Index stages);
+
+/// Up to this many states all of them are recorded, whatever was asked for.
+inline constexpr Index most_recorded_by_dual = 64;
+
+/// F with f = F phi for the values that a scene's source has, m x k.
+SparseMatrix entry_of_sources(const Scene&);
+/// A source at both stages of Radau IIA: row j holds the values at t_{j-1} + h/3 and at t_j, those of `at_ends`.
+RowMatrix stage_values(const DiscreteProblem&, const TimeFunction&, const SampledSource& at_ends);
+
+/// Components of the state at the ends of the steps, (J+1) x components, from y at both stages (2J + 1 rows).
+RowMatrix stage_states(const DiscreteProblem&, const RowMatrix& y, const std::vector<Index>& components);
+
+/// Implicit Euler for dense dynamics and Kronecker sums.
+class EulerResponse final : public DualResponse {
+ public:
+  explicit EulerResponse(TimeOperator&);
+  void respond(const Changes&, Array& r) override;
+  void apply(const Array& y, Array& v) override;
+  std::size_t bytes() const override;
 
  private:
   MarchData& data();

@@ -17,18 +17,13 @@ constexpr Index sampled_modes = 24;          ///< of the sample for the smoothin
 constexpr Index circle_points = 96;          ///< on half of |zeta| = 1, for the number of zeros inside
 constexpr double negligible_direct = 1e-10;  ///< relative: a coefficient that vanishes
 
-// z of implicit Euler at zeta = e^{i angle}, in the upper half-plane.
-Complex euler_point(double angle, double h) {
-  const double half = std::sin(angle / 2);
-  return Complex(2 * half * half, std::sin(angle)) / h;
-}
-
 // ---- Kronecker sums ----
 
 class ModalInverse {
  public:
-  ModalInverse(const DiscreteProblem& p, Vector M)
+  ModalInverse(const DiscreteProblem& p, Vector M, Index stages)
       : p_(p),
+        stages_(stages),
         d_(*p.modes()),
         M_(std::move(M)),
         mu_(d_.along.eigenvalues()),
@@ -51,14 +46,13 @@ class ModalInverse {
 
   // Zeros of the symbol in |zeta| < 1 by the argument principle: twice the change of the argument over the upper half.
   std::string zeros() const {
+    const std::vector<Complex> boundary = rule_boundary(stages_, p_.h, p_.J, circle_points);
     for (Index l = 0; l < M_.size(); ++l) {
       if (!(symbol(l, 1 / p_.h).real() > 0)) return "M + W_0 of implicit Euler is not positive in all modes";
       double turned = 0;
       Complex before = symbol(l, 0);
-      for (Index i = 0; i <= circle_points; ++i) {
-        const double from = 0.01 / double(p_.J);
-        const double angle = from * std::pow(std::numbers::pi / from, double(i) / double(circle_points));
-        const Complex now = symbol(l, euler_point(angle, p_.h));
+      for (const Complex& z : boundary) {
+        const Complex now = symbol(l, z);
         if (!(std::abs(now) > 0)) return "M + N (zI - A)^{-1} B is singular";
         turned += std::arg(now / before);
         before = now;
@@ -79,7 +73,7 @@ class ModalInverse {
       for (Index i = 0; i < functions; ++i) v[i] = 1.0 / (M_[i] + k);
       return v;
     };
-    const FitRegion region{false, p_.h, p_.scene.T, -mu_.maxCoeff(), -mu_.minCoeff()};
+    const FitRegion region{stages_ == 2, p_.h, p_.scene.T, -mu_.maxCoeff(), -mu_.minCoeff()};
     // Poles of V^ lie between those of k, and one near -n^T b / M^, which acts like a polynomial if it is far away.
     const double near = std::max(-nu_.minCoeff(), 2 / p_.h), direct = std::abs(d_.n.dot(d_.b));
     const double fastest = 4 * std::clamp(direct / std::max(M_.minCoeff(), 1e-300), near, 1e4 * near);
@@ -94,24 +88,42 @@ class ModalInverse {
   // The weights of this grid, with the d of its sweeps.
   DualChoice with(std::shared_ptr<const PoleSum> fit) const {
     const PoleSum& sum = *fit;
-    ModalRecurrence V = recurrence(sum);
-    std::vector<Complex> values;
-    const Index n = M_.size(), modes = std::min(n, sampled_modes);
-    for (Index i = 0; i < modes; ++i) {
-      const Index l = modes > 1 ? i * (n - 1) / (modes - 1) : 0;
-      for (Index f = 0; f < high_frequencies; ++f)
-        values.push_back(1.0 / symbol(l, euler_point(high_frequency(f), p_.h)));
-    }
-    const auto [divisor, factor] = best_divisor(values);
     DualWeights weights;
+    const Index n = M_.size();
+    const auto inverse = [this](Index l, Complex z) { return 1.0 / symbol(l, z); };
+    if (stages_ == 2) {
+      auto V = std::make_shared<const StageRecurrence>(stage_recurrence(sum, mu_, p_.h, inverse));
+      if (!is_positive(*V)) return refused_dual("the problem of both stages is not known to be P");
+      weights.stage_weights = std::move(V);
+    } else {
+      weights.weights = share_weights(Recurrence(recurrence(sum)));
+    }
+    const Index modes = std::min(n, sampled_modes);
+    const ModeSymbols symbols = [&](Complex z) {
+      ComplexVector values(modes);
+      for (Index i = 0; i < modes; ++i) values[i] = inverse(modes > 1 ? i * (n - 1) / (modes - 1) : 0, z);
+      return values;
+    };
+    const SweepChoice choice = choose_sweep(symbols, p_.h, stages_, dual_sweeps, 1);
     weights.P = Tridiagonal{Vector::Zero(n), Vector::Zero(n), Vector::Zero(n)};
-    weights.shift = divisor;
-    weights.weights = share_weights(Recurrence(std::move(V)));
-    weights.smoothing = factor;
+    weights.shift = choice.shift;
+    weights.stage_divisors = choice.stages;
+    weights.smoothing = choice.smoothing;
+    weights.contraction = choice.contraction;
     weights.error = sum.error;
     weights.description = text("V: %ld exponentials a mode", long(sum.rates.size()));
     weights.fit = std::move(fit);
     return {std::move(weights), ""};
+  }
+
+  // V_0 of both stages is positive definite with the quadrature weights 3/4, 1/4 on its rows, so that it is P.
+  static bool is_positive(const StageRecurrence& V) {
+    for (Index l = 0; l < V.modes(); ++l) {
+      const double a = 0.75 * V.w0[0][0][l], d = 0.25 * V.w0[1][1][l],
+                   b = 0.5 * (0.75 * V.w0[0][1][l] + 0.25 * V.w0[1][0][l]);
+      if (!(a > 0 && a * d > b * b)) return false;
+    }
+    return true;
   }
 
   // c/(z - sigma) has the weights c h E^{d+1}, E = 1/(1 - h sigma); a z has a/h and -a/h.
@@ -138,6 +150,7 @@ class ModalInverse {
   }
 
   const DiscreteProblem& p_;
+  Index stages_;
   const KroneckerDynamics& d_;
   Vector M_, mu_, nu_;
   LineTransfer line_;
@@ -183,12 +196,31 @@ std::optional<Vector> eigenvalues_in_modes(const LcpMatrix& matrix) {
   return values;
 }
 
-DualChoice dual_weights(const DiscreteProblem& p, const DualWeights* finer) {
-  if (p.small_state()) return dense_dual_weights(p);
-  if (!p.modes()) return refused_dual("V is made for dense dynamics and Kronecker sums");
+std::vector<Complex> rule_boundary(Index stages, double h, Index J, Index points) {
+  std::vector<Complex> boundary, back;
+  const double from = 0.01 / double(J);
+  for (Index i = 0; i <= points; ++i) {
+    const double angle = from * std::pow(std::numbers::pi / from, double(i) / double(points));
+    const double half = std::sin(angle / 2);
+    const Complex small(2 * half * half, std::sin(angle));  // 1 - e^{-i angle} without cancellation
+    if (stages == 1) {
+      boundary.push_back(small / h);
+      continue;
+    }
+    const RadauPoints z = radau_frequencies(1.0 - small, h);
+    boundary.push_back(z.first);
+    back.push_back(std::conj(z.second));
+  }
+  boundary.insert(boundary.end(), back.rbegin(), back.rend());
+  return boundary;
+}
+
+DualChoice dual_weights(const DiscreteProblem& p, Index stages, const DualWeights* finer) {
+  if (p.small_state()) return stages == 1 ? dense_dual_weights(p) : refused_dual("dense dynamics have no stages");
+  if (!p.modes()) return fitted_dual_weights(p, stages, finer);
   auto M = eigenvalues_in_modes(p.scene.M);
   if (!M) return refused_dual("sine modes do not diagonalise M");
-  return ModalInverse(p, std::move(*M)).choose(finer ? finer->fit : nullptr);
+  return ModalInverse(p, std::move(*M), stages).choose(finer ? finer->fit : nullptr);
 }
 
 }  // namespace bromwich

@@ -9,7 +9,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index s = Collocation::degree;
+constexpr Index degree = Collocation::degree;
 constexpr double rounding_tail = 1e-10;      ///< of last coefficients: below, rounding is the cause where it stays
 constexpr double noise_share = 10;           ///< of the tolerance: negative values below count as zero
 constexpr double shortest_share = 1e-14;     ///< of T
@@ -32,7 +32,7 @@ double tail(const Matrix& c, const Vector& size, const Vector& off) {
   const double floor = 1e-4 * size.maxCoeff() + 1e-280;
   double largest = 0;
   for (Index i = 0; i < c.cols(); ++i) {
-    const double last = std::abs(c(s, i)) + std::abs(c(s - 1, i)), seen = off.size() > 0 ? off[i] : 0;
+    const double last = std::abs(c(degree, i)) + std::abs(c(degree - 1, i)), seen = off.size() > 0 ? off[i] : 0;
     const double share = std::max(last, seen) / std::max(size[i], floor);
     if (!std::isfinite(share)) return INFINITY;
     largest = std::max(largest, share);
@@ -96,10 +96,10 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
   // Z = X - x0, so that rounding is relative to the change of x: errors of many short steps would add up otherwise.
   Matrix input = step.sources.f + y_of_sources * system_.B.transpose();
   input.row(0) += (mode.A * p.x).transpose();
-  const Matrix right = h * (c.integrals * input);  // s x m
+  const Matrix right = h * (c.integrals * input);  // degree x m
   const auto& lu = factors(mode, h, p.work);
-  Matrix change = Matrix::Zero(s, m), left = right;
-  step.x = Matrix::Zero(s + 1, m);
+  Matrix change = Matrix::Zero(degree, m), left = right;
+  step.x = Matrix::Zero(degree + 1, m);
   // Twice: the eigenvectors of the Radau matrix are ill-conditioned.
   for (int refined = 0; refined < 2; ++refined) {
     for (std::size_t k = 0; k < lu.size(); ++k) {
@@ -107,7 +107,7 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
       const ComplexVector z = lu[k].solve(ComplexVector(left.transpose().cast<Complex>() * e.left));
       change += e.weight * (e.right * z.transpose()).real();
     }
-    step.x = c.coefficients.rightCols(s) * change;
+    step.x = c.coefficients.rightCols(degree) * change;
     if (refined == 0) left = right - change + h * (c.integrals * step.x) * mode.A.transpose();
   }
   step.x.row(0) += p.x.transpose();
@@ -115,7 +115,9 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
   step.w = step.x * system_.N.transpose() + step.y * system_.M.transpose() + step.sources.g;
   const JetValues size = p.sizes.with(step);
   step.defect = std::max(tail(step.x, size.x, {}), source_defect(size, step.sources));
-  p.work += double((s + 1) * (s + 1) * (6 * m + 3 * n) + 80 * m * m + (s + 1) * (4 * m * n + 2 * n * n)) + overhead;
+  p.work +=
+      double((degree + 1) * (degree + 1) * (6 * m + 3 * n) + 80 * m * m + (degree + 1) * (4 * m * n + 2 * n * n)) +
+      overhead;
   p.work += double(c.samples.size() + c.checks.size()) * work_of_sources();
   return step;
 }
@@ -188,8 +190,9 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
     if (h < shortest_share * T_) return false;
     before = step.defect;
     shortened = true;
-    h *= std::isfinite(step.defect) ? std::clamp(0.9 * std::pow(tolerance_ / step.defect, 1.0 / double(s)), 0.1, 0.7)
-                                    : 0.1;
+    h *= std::isfinite(step.defect)
+             ? std::clamp(0.9 * std::pow(tolerance_ / step.defect, 1.0 / double(degree)), 0.1, 0.7)
+             : 0.1;
   }
   return false;
 }

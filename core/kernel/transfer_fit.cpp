@@ -41,16 +41,21 @@ std::vector<Complex> points_of(const FitRegion& region, double offset) {
   const double slow = std::max(region.slowest_shift, 0.0), fast = std::max(region.fastest_shift, slow);
   const auto part = [offset](Index i, Index count) { return std::min((double(i) + offset) / double(count - 1), 1.0); };
   const double from = smallest_angle * region.h / region.T;
-  for (const auto& [shift, count] : {std::pair(slow, angles), std::pair(fast, far_angles)})
+  const auto some = [&region](Index count) { return std::max<Index>(4, Index(double(count) * region.density)); };
+  for (const auto& [shift, of_full] : {std::pair(slow, angles), std::pair(fast, far_angles)}) {
+    if (of_full == far_angles && fast == slow) continue;
+    const Index count = some(of_full);
     for (Index a = 0; a < count; ++a)
       add_points(region, log_between(from, std::numbers::pi, part(a, count)), shift, points);
+  }
   double top = 0, right = 0;
   for (const Complex& z : points) top = std::max(top, z.imag());
   for (const Complex& z : points)
     if (z.imag() > 0.9 * top) right = std::max(right, z.real());
-  for (Index i = 0; i < line_points; ++i)
-    points.emplace_back(log_between(slow + 0.5 / region.h, std::max(right, slow + 1 / region.h), part(i, line_points)),
-                        top);
+  if (fast == slow) return points;
+  for (Index i = 0; i < some(line_points); ++i)
+    points.emplace_back(
+        log_between(slow + 0.5 / region.h, std::max(right, slow + 1 / region.h), part(i, some(line_points))), top);
   return points;
 }
 

@@ -31,6 +31,7 @@ struct FitRegion {
   bool radau = false;  ///< two stages; otherwise implicit Euler
   double h = 0, T = 0;
   double slowest_shift = 0, fastest_shift = 0;  ///< smallest and largest -mu
+  double density = 1;                           ///< of the points: lower where a value costs much
 };
 
 /// f values at z.

@@ -1,12 +1,14 @@
 #include "core/multigrid/dual.hpp"
 
 #include "core/base/timer.hpp"
+#include "core/dual/local_march.hpp"
 #include "core/march/outcome.hpp"
 #include "core/multigrid/dual_levels.hpp"
 #include "core/multigrid/multigrid.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -27,27 +29,26 @@ RowMatrix every(const RowMatrix& rows, Index stride) {
   return rows(Eigen::seq(0, rows.rows() - 1, stride), Eigen::all);
 }
 
-class PreparedDual final : public PreparedMethod {
+// Cycles of one rule.
+class DualRun {
  public:
-  PreparedDual(TimeOperator& op, const Options& options, std::unique_ptr<DualLevels> dual)
+  DualRun(TimeOperator& op, const Options& options, std::unique_ptr<DualLevels> dual)
       : op_(op),
         p_(op.problem()),
         dual_(std::move(dual)),
-        multigrid_(p_.backend, options, dual_->levels),
-        at_zero_(p_) {
-    for (auto* array : {&r_, &y_, &v_}) *array = p_.backend.array(p_.J + 1, p_.scene.constraints());
+        stages_(dual_->stages),
+        multigrid_(p_.backend, options, dual_->levels) {
+    for (auto* array : {&r_, &y_, &v_}) *array = p_.backend.array(stages_ * p_.J + 1, p_.scene.constraints());
     dual_->finest->respond({}, *r_);
   }
 
-  void renew(const Changes& changes) override {
-    at_zero_.renew();  // first: it waits for a device
-    if (!changes.any()) return;
+  void renew(const Changes& changes) {
     dual_->levels.kernel_error = dual_->levels.take_sources(changes);
     dual_->finest->respond(changes, *r_);
     used_ = false;
   }
 
-  void run(const Options& options, Result& result) override {
+  void run(Start start, const Vector& y0, const Options& options, Result& result) {
     Timer timer;
     TimeLevels& levels = dual_->levels;
     result.form = "dual";
@@ -57,9 +58,6 @@ class PreparedDual final : public PreparedMethod {
     if (used_) levels.respond();  // cycles have written to r of the coarse grids
     used_ = true;
     multigrid_.begin(options, result);
-    Vector y0;
-    const Start start = at_zero_.solve(result, y0);
-    if (start == Start::none) return;
     multigrid_.nest(first_gap(start, y0));
     start_on_coarse_grids(levels);
     const IterationOutcome outcome = multigrid_.iterate();
@@ -73,11 +71,13 @@ class PreparedDual final : public PreparedMethod {
     }
   }
 
+  Index stages() const { return stages_; }
+
  private:
   std::size_t bytes() const {
     std::size_t sum = host_bytes(p_) + op_.bytes_of_tables() + 3 * r_->bytes();
     for (const auto& level : dual_->levels.grids) sum += level->bytes();
-    for (const auto& grid : dual_->grids) sum += grid.response->bytes();
+    for (const auto& grid : dual_->grids) sum += grid.response ? grid.response->bytes() : 0;
     for (const RowMatrix& s : dual_->s) sum += sizeof(double) * std::size_t(s.size());
     return sum;
   }
@@ -95,37 +95,71 @@ class PreparedDual final : public PreparedMethod {
     RowMatrix values, far;
     p_.backend.download(w, values);
     p_.backend.download(*level.v, far);
-    return (times_rows(dual_->P[l], values) + far + dual_->s[l]).cwiseMax(0);
+    RowMatrix y = (times_rows(dual_->P[l], values) + far + dual_->s[l]).cwiseMax(0);
+    if (dual_->row_scale.size() > 0) y = (y * dual_->row_scale.asDiagonal()).eval();
+    return y;
   }
 
-  // y of the two grids below the finest, from the nested iteration.
+  // y of the two grids below the finest, from the nested iteration, at the ends of their steps.
   void start_on_coarse_grids(TimeLevels& levels) {
     for (std::size_t l = 1; l <= 2; ++l)
-      coarse_y_[l - 1] = levels.size() > 2 ? y_of(l, *levels[l].nested) : RowMatrix();
+      coarse_y_[l - 1] =
+          levels.estimates() ? every(y_of(l, stages_ == 2 ? *levels[l].y : *levels[l].nested), stages_) : RowMatrix();
   }
 
   void finish(Start start, const Vector& y0, const Options& options, Result& result) {
-    result.y = y_of(0, *dual_->levels[0].y);
+    RowMatrix y = y_of(0, *dual_->levels[0].y);
     if (start == Start::impulse) {
-      result.y.row(0) = result.y.row(1);
+      y.row(0) = y.row(1);
       result.kernel += impulse_note;
       result.starts_with_impulse = true;
     } else {
-      result.y.row(0) = y0.transpose();
+      y.row(0) = y0.transpose();
     }
+    result.y = every(y, stages_);
+    result.continuous = stages_ == 1;
     if (result.status == Status::interrupted || result.status == Status::nonfinite) {
       result.y.bottomRows(p_.J).setConstant(NAN);
       return;
     }
-    RowMatrix acting = result.y;
-    acting.row(0).setZero();  // implicit Euler does not use it
+    RowMatrix acting = y;
+    acting.row(0).setZero();  // the rules do not use it
     p_.backend.upload(acting, *y_);
     dual_->finest->apply(*y_, *v_);
-    p_.backend.upload(result.y, *y_);
-    if (options.trace) result.trace = trace(p_, *r_, *v_);
-    result.residual = march_residual(p_, start, *r_, *v_, *y_);
+    p_.backend.upload(y, *y_);
+    judge(start, options, result);
+    if (stages_ == 2) record_steps(y, result);
     result.well_posed = true;  // V_0 is the inverse of a P-matrix
     if (result.status == Status::solved) estimate(result);
+  }
+
+  // Trace at the ends of steps; the residual of all stages.
+  void judge(Start start, const Options& options, Result& result) {
+    if (stages_ == 1) {
+      if (options.trace) result.trace = trace(p_, *r_, *v_);
+      result.residual = march_residual(p_, start, *r_, *v_, *y_);
+      return;
+    }
+    if (options.trace) {
+      const auto r = p_.backend.array(p_.J + 1, p_.scene.constraints()), v = p_.backend.array(r->rows(), r->cols());
+      p_.backend.inject(*r_, *r);
+      p_.backend.inject(*v_, *v);
+      result.trace = trace(p_, *r, *v);
+    }
+    result.residual = p_.backend.lcp(p_.scene.M, p_.lcp_class, r_->rows())->residual(*r_, *v_, *y_);
+  }
+
+  // What marching in stages records: integrals of y by the weights 3/4 and 1/4, and the state.
+  void record_steps(const RowMatrix& y, Result& result) const {
+    result.y_integral = RowMatrix::Zero(p_.J + 1, y.cols());
+    for (Index j = 1; j <= p_.J; ++j)
+      result.y_integral.row(j) = result.y_integral.row(j - 1) + p_.h * (0.75 * y.row(2 * j - 1) + 0.25 * y.row(2 * j));
+    std::vector<Index> components = p_.components;
+    if (p_.scene.states() <= most_recorded_by_dual) {
+      components.resize(std::size_t(p_.scene.states()));
+      std::iota(components.begin(), components.end(), Index(0));
+    }
+    if (!components.empty()) result.x = stage_states(p_, y, components);
   }
 
   // As Multigrid::discretisation_error does it for its unknown: with y of the next two grids, at most order 2.
@@ -141,17 +175,65 @@ class PreparedDual final : public PreparedMethod {
   TimeOperator& op_;
   const DiscreteProblem& p_;
   std::unique_ptr<DualLevels> dual_;
+  Index stages_;
   Multigrid multigrid_;
-  ProblemAtZero at_zero_;
   std::unique_ptr<Array> r_, y_, v_;
   RowMatrix coarse_y_[2];
   bool used_ = false;
 };
 
+// Where the state jumps at the start, implicit Euler moves it onto the constraints at once, and Radau IIA would not.
+class PreparedDual final : public PreparedMethod {
+ public:
+  PreparedDual(TimeOperator& op, const Options& options, std::unique_ptr<DualLevels> dual)
+      : op_(op), main_(std::make_unique<DualRun>(op, options, std::move(dual))), at_zero_(op.problem()) {}
+
+  void renew(const Changes& changes) override {
+    at_zero_.renew();  // first: it waits for a device
+    if (!changes.any()) return;
+    main_->renew(changes);
+    if (euler_) euler_->renew(changes);
+  }
+
+  void run(const Options& options, Result& result) override {
+    Vector y0;
+    const Start start = at_zero_.solve(result, y0);
+    if (start == Start::none) return;
+    if (start == Start::found || main_->stages() == 1) return main_->run(start, y0, options, result);
+    if (!euler_) {
+      auto levels = dual_levels(op_, 1, options);
+      if (levels->levels.size() == 0) {
+        result.status = Status::unsupported;
+        result.reason = "no cycles in w by implicit Euler, which a jump of the state needs: " + levels->refusal;
+        return;
+      }
+      euler_ = std::make_unique<DualRun>(op_, options, std::move(levels));
+    }
+    euler_->run(start, y0, options, result);
+  }
+
+ private:
+  TimeOperator& op_;
+  std::unique_ptr<DualRun> main_, euler_;
+  ProblemAtZero at_zero_;
+};
+
+// Rough sources are averaged over steps, which implicit Euler takes; dense dynamics have no stages.
+bool takes_stages(const DiscreteProblem& p, const Options& options) {
+  return !options.tuning.dual_by_euler && !p.small_state() && !p.sources &&
+         (p.f.size() == 0 || !p.modes() || p.drive());
+}
+
+constexpr double slow_forecast = 0.6;  ///< contraction of cycles with stages above which implicit Euler is taken
+
 }  // namespace
 
 std::unique_ptr<PreparedMethod> prepare_dual(TimeOperator& op, const Options& options, std::string& why) {
-  auto levels = dual_levels(op, options);
+  if (!options.tuning.dual_by_euler && has_local_inverse(op.problem())) return prepare_local_march(op.problem());
+  std::unique_ptr<DualLevels> levels;
+  if (takes_stages(op.problem(), options)) levels = dual_levels(op, 2, options);
+  if (!levels || levels->levels.size() == 0 || levels->contraction > slow_forecast)
+    levels = dual_levels(op, 1, options);
   if (levels->levels.size() == 0) {
     why = levels->refusal;
     return nullptr;

@@ -5,6 +5,7 @@
 #include "core/kernel/operators.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <utility>
 
@@ -20,20 +21,50 @@ std::vector<Index> dual_steps(const BackendTraits& traits, Index J) {
   return steps;
 }
 
+std::unique_ptr<Convolution> convolution_of(Backend& backend, const DualWeights& V, Index n, Index rows) {
+  if (V.stage_weights) return backend.stage_convolution(*V.stage_weights, rows);
+  if (V.stage_tables) return V.stage_tables->convolution(backend, n, rows);
+  if (const LagTable* table = lag_table_of(*V.weights)) return backend.convolution(*table, rows);
+  return backend.convolution(std::get<Recurrence>(*V.weights), rows);
+}
+
+// Projected sweeps over both stages of all steps, which solve no problems.
+class StageSweeps final : public LcpBatch {
+ public:
+  StageSweeps(Backend& backend, const StageDivisors& divisors) : LcpBatch(false), backend_(backend), d_(divisors) {}
+  void submit(const Array& r, const Array& v, Array& y, Index, double) override {
+    backend_.sweep_stages(d_, r, v, y);
+    report_.count.solved += y.rows() - 1;
+  }
+  LcpReport finish(const Array&, const Array&, Array&, Index, double) override { return collect(); }
+  LcpReport collect() override { return std::exchange(report_, {}); }
+  double residual(const Array&, const Array&, const Array&) override { return NAN; }
+  std::size_t bytes() const override { return 0; }
+
+ private:
+  Backend& backend_;
+  StageDivisors d_;
+  LcpReport report_;
+};
+
 // Weights, plans and arrays of one grid.
-std::unique_ptr<TimeLevel> make_dual_level(const DiscreteProblem& p, const DualWeights& V, const LcpMatrix& P,
-                                           bool coarsest) {
+std::unique_ptr<TimeLevel> make_dual_level(const DiscreteProblem& p, const DualWeights& V, Index stages,
+                                           const LcpMatrix& P, bool coarsest) {
   auto level = std::make_unique<TimeLevel>();
-  const Index rows = p.J + 1, n = p.scene.constraints();
+  const Index rows = stages * p.J + 1, n = p.scene.constraints();
   level->steps = p.J;
   level->weights = V.weights;
-  level->kernel = std::make_shared<SpaceTimeKernel>(
-      p.backend, p.backend.convolution(std::get<Recurrence>(*V.weights), rows), p.modes() != nullptr, rows, n);
+  level->kernel = std::make_shared<SpaceTimeKernel>(p.backend, convolution_of(p.backend, V, n, rows),
+                                                    p.modes() != nullptr, rows, n);
   for (auto* array : {&level->r, &level->y, &level->v, &level->old}) *array = p.backend.array(rows, n);
   level->sweeps = dual_sweeps;
-  level->unseen = std::min(V.smoothing, most_unseen_dual);
+  level->unseen = stages == 2 ? most_unseen_dual : std::min(V.smoothing, most_unseen_dual);
   level->shift = V.shift;
-  if (!coarsest) level->lcp = p.backend.shifted_lcp(P, LcpClass::P, V.shift, rows);
+  level->staged = stages == 2;
+  if (level->staged)
+    level->lcp = std::make_unique<StageSweeps>(p.backend, V.stage_divisors);
+  else if (!coarsest)
+    level->lcp = p.backend.shifted_lcp(P, LcpClass::P, V.shift, rows);
   return level;
 }
 
@@ -43,43 +74,49 @@ void prepare_dual_march(const DiscreteProblem& p, const LcpMatrix& P, const std:
   problem.M = &P;
   problem.lcp_class = LcpClass::P;
   problem.recurrence = recurrence_of(*level.weights);
+  problem.lags = lag_table_of(*level.weights);
   problem.r = level.r.get();
   if (level.steps > p.backend.traits().unpolled_steps) problem.interrupted = interrupted;
   level.march = p.backend.march(problem, level.steps + 1);
 }
 
-// P_f - P as a convolution without memory; nothing if both are zero.
-void set_matrix_change(Backend& backend, const LcpMatrix& finer, const LcpMatrix& P, TimeLevel& level) {
-  const auto *fine = std::get_if<Matrix>(&finer), *coarse = std::get_if<Matrix>(&P);
-  if (!fine || !coarse) return;
-  const Index n = fine->rows();
+// P - P_c as a convolution without memory; nothing if both are zero.
+void set_matrix_change(Backend& backend, const LcpMatrix& fine, const LcpMatrix& coarse, Index rows, TimeLevel& level) {
+  if (!std::holds_alternative<Matrix>(fine) && !std::holds_alternative<Matrix>(coarse)) return;
+  const Index n = size(fine);
   const DenseRecurrence change{Matrix::Zero(1, 1), Matrix::Zero(1, n), Matrix::Zero(1, n), Matrix::Zero(n, 1),
-                               *fine - *coarse};
-  level.matrix_change = backend.convolution(Recurrence(change), level.steps + 1);
-  level.matrix_term = backend.array(level.steps + 1, n);
+                               to_dense(fine) - to_dense(coarse)};
+  level.matrix_change = backend.convolution(Recurrence(change), rows);
+  level.matrix_term = backend.array(rows, n);
 }
 
+// A grid to make. One that only serves others as a coarse grid has no sources of its own.
+struct GridPlan {
+  Index steps, stages;
+  bool coarsest, has_sources;
+};
+
 // Adds a grid; false if V is refused there.
-bool add_dual_grid(TimeOperator& finest, Index steps, bool coarsest, std::optional<DualWeights>& V, DualLevels& all) {
+bool add_dual_grid(TimeOperator& finest, const GridPlan& plan, std::optional<DualWeights>& V, DualLevels& all) {
   DualLevels::Grid grid;
-  if (steps < finest.problem().J) {
-    grid.problem = std::make_unique<DiscreteProblem>(coarser(finest.problem(), steps));
+  if (plan.steps < finest.problem().J) {
+    grid.problem = std::make_unique<DiscreteProblem>(coarser(finest.problem(), plan.steps));
     grid.op = make_time_operator(*grid.problem);
   }
   TimeOperator& op = grid.op ? *grid.op : finest;
-  DualChoice choice = dual_weights(op.problem(), V ? &*V : nullptr);
+  DualChoice choice = dual_weights(op.problem(), plan.stages, V ? &*V : nullptr);
   if (!choice.weights) {
     all.refusal = std::move(choice.refusal);
     return false;
   }
-  grid.response = std::make_unique<EulerResponse>(op);
+  if (plan.has_sources) grid.response = make_dual_response(op, plan.stages);
   V = std::move(choice.weights);
+  all.row_scale = V->row_scale;
   all.P.push_back(V->P);
   if (all.levels.size() == 0) all.levels.description = V->description;
   all.levels.kernel_error = std::max(all.levels.kernel_error, V->error);
-  all.levels.grids.push_back(make_dual_level(op.problem(), *V, all.P.back(), coarsest));
-  const std::size_t l = all.P.size() - 1;
-  if (l > 0) set_matrix_change(op.problem().backend, all.P[l - 1], all.P[l], all.levels[l]);
+  if (!plan.coarsest && std::isfinite(V->contraction)) all.contraction = std::max(all.contraction, V->contraction);
+  all.levels.grids.push_back(make_dual_level(op.problem(), *V, plan.stages, all.P.back(), plan.coarsest));
   all.grids.push_back(std::move(grid));
   return true;
 }
@@ -90,6 +127,7 @@ void take_dual_sources(TimeOperator& finest, const Changes& changes, DualLevels&
   for (std::size_t l = 0; l < all.grids.size(); ++l) {
     DualLevels::Grid& grid = all.grids[l];
     TimeLevel& level = all.levels[l];
+    if (!grid.response) continue;
     if (grid.problem) {
       DiscreteProblem renewed = coarser(finest.problem(), level.steps);
       grid.problem->g = std::move(renewed.g);
@@ -105,7 +143,40 @@ void take_dual_sources(TimeOperator& finest, const Changes& changes, DualLevels&
 
 }  // namespace
 
-std::unique_ptr<DualLevels> dual_levels(TimeOperator& op, const Options& options) {
+namespace {
+
+// With stages the grids of implicit Euler follow: the first ones only as coarse grids.
+std::vector<GridPlan> plan_grids(const std::vector<Index>& steps, Index stages) {
+  std::vector<GridPlan> plan;
+  const std::size_t related = stages == 2 ? std::min<std::size_t>(steps.size(), 3) : 0;
+  for (std::size_t l = 0; l < related; ++l) plan.push_back({steps[l], 2, false, true});
+  for (std::size_t l = 0; l < steps.size(); ++l) plan.push_back({steps[l], 1, l + 1 == steps.size(), l + 1 >= related});
+  return plan;
+}
+
+// Which grid each asks, which take part in the start, and arrays for the estimates.
+void relate_grids(const DiscreteProblem& p, const std::vector<GridPlan>& plan, DualLevels& all) {
+  TimeLevels& levels = all.levels;
+  const Index n = p.scene.constraints();
+  const auto related = std::size_t(std::count_if(plan.begin(), plan.end(), [](auto& g) { return g.stages == 2; }));
+  if (related > 0) levels.related = related == 3;
+  levels.description += "; grids of ";
+  for (std::size_t l = 0; l < levels.size(); ++l) {
+    const bool staged = plan[l].stages == 2;
+    levels[l].coarse = staged ? l + related : l + 1;
+    levels[l].starts = plan[l].has_sources;
+    if (const std::size_t c = levels[l].coarse; c < levels.size())
+      set_matrix_change(p.backend, all.P[l], all.P[c], levels[c].steps + 1, levels[l]);
+    if (l == 1 || l == 2) levels[l].nested = p.backend.array(levels[l].steps + 1, n);
+    if (staged && levels[l].nested) levels[l].ends = p.backend.array(levels[l].steps + 1, n);
+    if (l >= related) levels.description += (l > related ? ", " : "") + std::to_string(levels[l].steps);
+  }
+  levels.description += " steps, the last marched";
+}
+
+}  // namespace
+
+std::unique_ptr<DualLevels> dual_levels(TimeOperator& op, Index stages, const Options& options) {
   auto all = std::make_unique<DualLevels>();
   const DiscreteProblem& p = op.problem();
   const std::vector<Index> steps = dual_steps(p.backend.traits(), p.J);
@@ -114,10 +185,12 @@ std::unique_ptr<DualLevels> dual_levels(TimeOperator& op, const Options& options
                         long(p.J), long(most_marched_dual));
     return all;
   }
-  all->P.reserve(steps.size());
+  const std::vector<GridPlan> plan = plan_grids(steps, stages);
+  all->stages = stages;
+  all->P.reserve(plan.size());
   std::optional<DualWeights> V;  // of the grid added last
-  for (const Index J : steps)
-    if (!add_dual_grid(op, J, J == steps.back(), V, *all)) {
+  for (const GridPlan& grid : plan)
+    if (!add_dual_grid(op, grid, V, *all)) {
       all->levels.grids.clear();
       return all;
     }
@@ -125,20 +198,18 @@ std::unique_ptr<DualLevels> dual_levels(TimeOperator& op, const Options& options
   all->s.resize(levels.size());
   all->finest = all->grids[0].response.get();
   levels.finest = {levels[0].kernel, levels.description, levels.kernel_error, levels[0].weights};
-  levels.description = "cycles in w by implicit Euler; " + levels.description + "; grids of ";
-  for (std::size_t l = 0; l < levels.size(); ++l) {
-    if (l == 1 || l == 2) levels[l].nested = p.backend.array(levels[l].steps + 1, p.scene.constraints());
-    levels[l].coarse = l + 1;
-    levels.description += (l > 0 ? ", " : "") + std::to_string(levels[l].steps);
-  }
-  levels.description += " steps, the last marched";
+  levels.description = (stages == 2 ? "cycles in w at the stages of Radau IIA; " : "cycles in w by implicit Euler; ") +
+                       levels.description +
+                       (all->contraction > 0 ? text("; forecast %.2f a cycle", all->contraction) : "");
+  relate_grids(p, plan, *all);
   prepare_dual_march(p, all->P.back(), options.interrupted, *levels.grids.back());
   levels.take_sources = [&op, all = all.get()](const Changes& changes) {
     take_dual_sources(op, changes, *all);
     return all->levels.kernel_error;
   };
   levels.respond = [&backend = p.backend, all = all.get()] {
-    for (std::size_t l = 1; l < all->levels.size(); ++l) backend.upload(all->s[l], *all->levels[l].r);
+    for (std::size_t l = 1; l < all->levels.size(); ++l)
+      if (all->s[l].size() > 0) backend.upload(all->s[l], *all->levels[l].r);
   };
   levels.take_sources({});
   return all;

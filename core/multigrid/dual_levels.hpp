@@ -4,6 +4,11 @@
 // and s. Only the smoother differs, a projected step or LCP(P, .) where the primal form solves LCP(M + D I, .), and the
 // coarse grids, which exist down to the fewest steps that the backend likes, since V_0 alone decides. The coarsest grid
 // is marched.
+//
+// Stages of Radau IIA do not nest: a stage of a step of 2h is none of a step of h. The coarse grid of one with stages
+// is that of implicit Euler with the same step, which the ends of the steps share (defect correction); its cycles go on
+// with implicit Euler on longer steps. J, J/2 and J/4 steps with stages give the nested start and the estimates of
+// errors.
 
 #include "../dual/dual_operator.hpp"
 #include "time_levels.hpp"
@@ -13,25 +18,28 @@
 namespace bromwich {
 
 struct DualLevels {
-  TimeLevels levels;                ///< empty if refused
-  std::string refusal;              ///< why
-  std::vector<LcpMatrix> P;         ///< of the grids; never moved
-  std::vector<RowMatrix> s;         ///< of the grids, on the host
-  EulerResponse* finest = nullptr;  ///< K of the finest grid
+  TimeLevels levels;               ///< empty if refused
+  std::string refusal;             ///< why
+  std::vector<LcpMatrix> P;        ///< of the grids; never moved
+  std::vector<RowMatrix> s;        ///< of the grids, on the host
+  DualResponse* finest = nullptr;  ///< K of the finest grid
+  Vector row_scale;                ///< of V and s on all grids (core/dual/dual_weights.hpp); empty: none
+  Index stages = 1;                ///< of the finest grid
+  double contraction = 0;          ///< forecast of a cycle: the largest of all grids
 
   /// What the grids refer to, in the order in which it is made.
   struct Grid {
     std::unique_ptr<DiscreteProblem> problem;  ///< null: that of the operator
     std::unique_ptr<TimeOperator> op;
-    std::unique_ptr<EulerResponse> response;
+    std::unique_ptr<DualResponse> response;  ///< null: the grid is only a coarse one of others
   };
   std::vector<Grid> grids;
 };
 
-/// Cycles in w for the problem of the operator, which must outlive them. Null pointers never; see `refusal`.
-std::unique_ptr<DualLevels> dual_levels(TimeOperator&, const Options&);
+/// Cycles in w for the problem of the operator, which must outlive them, with one stage or two. Null pointers never;
+/// see `refusal`.
+std::unique_ptr<DualLevels> dual_levels(TimeOperator&, Index stages, const Options&);
 
-inline constexpr int dual_sweeps = 3;            ///< before the coarse problem; one more follows it
 inline constexpr Index most_marched_dual = 128;  ///< steps of a coarsest grid
 
 }  // namespace bromwich

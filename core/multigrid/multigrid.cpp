@@ -30,7 +30,7 @@ Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& level
     : backend_(backend),
       options_(&options),
       levels_(levels),
-      useful_(options.tuning.algebraic_share > 0 && levels.size() >= grids_of_estimate),
+      useful_(options.tuning.algebraic_share > 0 && levels.estimates()),
       queued_(all_queue()),
       differences_(backend.differences(slots)) {
   recorded_.resize(levels_.size());
@@ -76,16 +76,20 @@ void Multigrid::nest(const Vector& y0) {
     if (levels_[l].nested) backend_.inject(*levels_[l].y, *levels_[l].nested);
     last = l;
   }
-  if (levels_.size() >= grids_of_estimate) {
-    backend_.inject(*levels_[1].nested, *levels_[2].old);
-    differences_->submit(quarter_step, *levels_[2].old, *levels_[2].nested);
+  if (levels_.estimates()) {
+    backend_.inject(*levels_[1].nested, ends_of(2));
+    differences_->submit(quarter_step, ends_of(2), *levels_[2].nested);
   }
   y0_ = y0;
   nested_ = true;
 }
 
+// An array like `nested`, for values at the same times.
+Array& Multigrid::ends_of(std::size_t l) { return levels_[l].ends ? *levels_[l].ends : *levels_[l].old; }
+
 // Below the grids used for estimates, a cycle works with a ratio of four between the steps as well as with two.
 bool Multigrid::left_out_of_start(std::size_t l) const {
+  if (!levels_[l].starts) return true;
   if (l <= grids_of_estimate || l + 1 >= levels_.size() || (l - grids_of_estimate) % 2 == 0) return false;
   const TimeLevel &finer = levels_[l - 1], &coarser = levels_[l + 1];
   return finer.steps <= 4 * coarser.steps && finer.unseen <= slowly_smoothed;
@@ -109,7 +113,7 @@ void Multigrid::start_on(std::size_t l, std::size_t last, const Vector& y0) {
   TimeLevel& level = levels_[l];
   if (nested_) backend_.add(*level.r, -1, *level.r, *level.y);  // arrays are zero when they are made
   if (last < levels_.size())
-    backend_.interpolate(*levels_[last].y, nullptr, *levels_[l].y);
+    backend_.interpolate(levels_[last].nested ? *levels_[last].nested : *levels_[last].y, nullptr, *levels_[l].y);
   else
     backend_.upload(y0.transpose(), *levels_[l].y);
 }
@@ -177,7 +181,7 @@ bool Multigrid::march_from_now_on() {
 // With y_2h and y_4h, the solutions on the next grids: |y_h - y_2h| / (q - 1), q = |y_2h - y_4h| / |y_h - y_2h|, at
 // most 4 (order 2). Below order 1/2 the differences are not usable yet.
 std::optional<double> Multigrid::discretisation_error() {
-  if (levels_.size() < grids_of_estimate) return std::nullopt;
+  if (!levels_.estimates()) return std::nullopt;
   const std::vector<double>& d = differences_->collect();
   const double last = d[half_step], before = d[quarter_step];
   const double ratio = last > 0 ? before / last : 4;
@@ -257,10 +261,9 @@ void Multigrid::one_more_sweep() {
 void Multigrid::compare() {
   TimeLevel& finest = levels_[0];
   if (useful_) differences_->submit(last_sweep, *finest.y, *finest.old);
-  if (levels_.size() < grids_of_estimate) return;
-  TimeLevel& half = levels_[1];
-  backend_.inject(*finest.y, *half.old);
-  differences_->submit(half_step, *half.old, *half.nested);
+  if (!levels_.estimates()) return;
+  backend_.inject(*finest.y, ends_of(1));
+  differences_->submit(half_step, ends_of(1), *levels_[1].nested);
 }
 
 void Multigrid::cycle(std::size_t l) {
@@ -293,10 +296,13 @@ void Multigrid::descend(std::size_t l) {
 void Multigrid::pose(std::size_t l) {
   TimeLevel &fine = levels_[l], &coarse = levels_[levels_[l].coarse];
   coarse.kernel->apply_injected(*fine.kernel, *fine.y, *coarse.y, *coarse.v);
-  backend_.restrict_problem(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
-  if (!coarse.matrix_change) return;
-  coarse.matrix_change->apply(*coarse.y, *coarse.matrix_term, 0);
-  backend_.add(*coarse.r, 1, *coarse.matrix_term, *coarse.r);
+  if (fine.staged)
+    backend_.restrict_stages(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
+  else
+    backend_.restrict_problem(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
+  if (!fine.matrix_change) return;
+  fine.matrix_change->apply(*coarse.y, *fine.matrix_term, 0);
+  backend_.add(*coarse.r, 1, *fine.matrix_term, *coarse.r);
 }
 
 // y <- y + I (y_c - R y), then a sweep.

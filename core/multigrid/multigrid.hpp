@@ -65,6 +65,7 @@ class Multigrid {
   bool useful(double seen, int sweeps);
 
   bool left_out_of_start(std::size_t l) const;
+  Array& ends_of(std::size_t l);
   void start_on(std::size_t l, std::size_t last, const Vector& y0);
   void nest_on(std::size_t l);
   void solve_on(std::size_t l);  // precondition: v = K y

@@ -161,7 +161,8 @@ class KnownResponse {
 }  // namespace
 
 std::size_t TimeLevel::bytes() const {
-  return r->bytes() + y->bytes() + v->bytes() + old->bytes() + (nested ? nested->bytes() : 0) + kernel->bytes() +
+  return r->bytes() + y->bytes() + v->bytes() + old->bytes() + (nested ? nested->bytes() : 0) +
+         (ends ? ends->bytes() : 0) + kernel->bytes() +
          (matrix_change ? matrix_change->bytes() + matrix_term->bytes() : 0) + (lcp ? lcp->bytes() : 0) +
          (march ? march->bytes() : 0);
 }

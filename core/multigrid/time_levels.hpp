@@ -9,12 +9,17 @@
 // v         v          (J_l+1) x n    K y
 // y~        old        (J_l+1) x n    y at the start of the cycle, or before the last sweep of the finest grid
 // y_h       nested     (J_l+1) x n    y from the nested iteration; on the two grids below the finest
+//
+// A grid with two stages in each step (core/multigrid/dual_levels.hpp) has 2J_l + 1 rows, of which every second is the
+// end of a step.
+//
 // D         shift      1              smoothing solves LCP(M + D I, .), see core/multigrid/smoothing.hpp
 
 #include "../iteration/functional_iteration.hpp"
 #include "../kernel/changes.hpp"
 
 #include <functional>
+#include <optional>
 #include <vector>
 
 namespace bromwich {
@@ -24,15 +29,18 @@ struct TimeLevel {
   SharedWeights weights;  ///< see core/kernel/weights.hpp for those of coarser grids
   std::shared_ptr<SpaceTimeKernel> kernel;
   std::unique_ptr<Array> r, y, v, old, nested;
+  std::unique_ptr<Array> ends;    ///< like `nested`, where that has the ends of steps alone; null: `old` serves
   std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; null on a coarsest grid that is always marched
   double shift = 0;
   int sweeps = 0;           ///< before the coarse problem; one more follows it. On the coarsest: all of a visit
   int coarsest_sweeps = 0;  ///< per visit, if this grid is the coarsest
   int first_visits = 0;     ///< visits at the start, if this grid is the coarsest
   std::size_t coarse = 0;   ///< the grid of the coarse problem of a cycle on this one
+  bool staged = false;      ///< two stages in each step, the coarse grid has the same steps
+  bool starts = true;       ///< takes part in the nested start
   double unseen = 0;        ///< smoothing factor for error components invisible to the grid `coarse`
-  /// P_f - P of the next finer grid, where P in place of M differs from grid to grid (core/multigrid/dual_levels.hpp),
-  /// and an array for it; null otherwise.
+  /// P - P_c, P_c of its coarse grid, where P in place of M differs from grid to grid (core/multigrid/dual_levels.hpp),
+  /// and an array for it on that grid; null otherwise.
   std::unique_ptr<Convolution> matrix_change;
   std::unique_ptr<Array> matrix_term;
   std::unique_ptr<March> march;  ///< of the coarsest grid only, instead of sweeps
@@ -45,6 +53,9 @@ struct TimeLevels {
   std::string description;                        ///< of the kernel and the grids
   KernelPlan finest;                              ///< of the finest grid
   double kernel_error = 0;                        ///< see Result::kernel_error
+  /// Errors are estimated from the first three grids. Empty: where there are three; otherwise it says so.
+  std::optional<bool> related = {};
+  bool estimates() const { return related.value_or(grids.size() >= 3); }
   /// Sets r of all grids from x0, f and g, of which some have changed; returns kernel_error.
   std::function<double(const Changes&)> take_sources;
   std::function<void()> respond;        ///< sets r of all grids below the finest

@@ -121,8 +121,10 @@ struct Result {
   std::size_t bytes_predicted = 0;
 };
 
-/// The result is one of implicit Euler: of that method, or of cycles in w.
-inline bool by_euler(Method method, const Result& result) { return method == Method::euler || result.form == "dual"; }
+/// The result is one of implicit Euler: of that method, or of cycles in w without stages.
+inline bool by_euler(Method method, const Result& result) {
+  return method == Method::euler || (result.form == "dual" && result.continuous);
+}
 inline bool by_euler(const Result& result) { return by_euler(result.method, result); }
 
 /// (J+1) x n: the integral of y over [0, t_j], by the quadrature of the method. Rows without y are NaN.

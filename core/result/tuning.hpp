@@ -17,6 +17,8 @@ struct Tuning {
   RecurrenceChoice recurrence = RecurrenceChoice::automatic;
   /// Radau IIA takes steps in which the state jumps by implicit Euler; false: by both stages, for comparisons.
   bool substitutes_euler = true;
+  /// Cycles in w take implicit Euler; false: the two stages of Radau IIA, as march does, where the problem allows it.
+  bool dual_by_euler = false;
   /// P of contour-literal, whose contours have P + 1 nodes: 2 to 400. Default: that of the paper.
   Index literal_nodes = 25;
   /// Multigrid may stop earlier than Options::iteration_tolerance says, where what the cycles would still change is

@@ -22,6 +22,8 @@ struct DeviceInfo {
   double memory = 0;  ///< bytes free for arrays and plans; 0: they use the memory of the host
 };
 
+using StageWeights = const Weights* const (&)[2][2];
+
 class Backend : public HostThreads {
  public:
   explicit Backend(std::string name, const BackendTraits& traits = {}) : name_(std::move(name)), traits_(traits) {}
@@ -78,6 +80,23 @@ class Backend : public HostThreads {
   /// Problem of a coarser grid, with R = injection: coarse_r <- R (r + v) - coarse_v; coarse_y, old <- R y.
   void restrict_problem(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
                         Array& coarse_y, Array& old);
+  /// Row j of `first`, `second` <- rows 2j - 1 and 2j of `stages`, which has 2J + 1 rows. Row 0 of `first` becomes
+  /// zero.
+  void take_stages(const Array& stages, Array& first, Array& second);
+  /// The reverse; row 0 of `first` is not used.
+  void put_stages(const Array& first, const Array& second, Array& stages);
+  /// A convolution with two stages in each step on arrays of 2J + 1 rows (StageRecurrence): v_a = Σ_b W_ab * y_b with
+  /// W_ab in `parts[a][b]`. Row 0 of y is not used, so that weights of y_0 have to be zero; row 0 of v is that of the
+  /// second stage, zero.
+  std::unique_ptr<Convolution> stage_convolution(StageWeights parts, Index n, Index rows);
+  std::unique_ptr<Convolution> stage_convolution(const StageRecurrence&, Index rows);
+  /// A projected sweep for 0 <= y ⊥ r + v >= 0 with two stages in each step, the first before the second:
+  ///     y_1 <- max(0, y_1 - q_1/d_11),  y_2 <- max(0, y_2 - (q_2 + d_21 (change of y_1))/d_22),   q = r + v.
+  void sweep_stages(const StageDivisors&, const Array& r, const Array& v, Array& y);
+  /// `restrict_problem` from the stages of the fine grid to the ends of the same steps: R q is the mean 3/4 q_1 + 1/4
+  /// q_2 of q = r + v where y is zero at both stages or at none of them, and q_2 elsewhere. A solution stays one then.
+  void restrict_stages(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
+                       Array& coarse_y, Array& old);
   /// max_j |a_j - b_j|_inf / max(1, |a_j|_inf); NaN where a value is not finite.
   double difference(const Array& a, const Array& b);
   /// Whether some column alternates over `run` consecutive rows: the second differences change sign from row to row,
@@ -100,6 +119,9 @@ class Backend : public HostThreads {
  private:
   std::string name_;
   BackendTraits traits_;
+
+ protected:
+  StageOperations staged_;
 };
 
 }  // namespace bromwich

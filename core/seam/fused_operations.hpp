@@ -4,11 +4,14 @@
 #include "../host/affine_chain.hpp"
 #include "../host/step_chain.hpp"
 #include "array.hpp"
+#include "recurrence.hpp"
 
 #include <functional>
 #include <memory>
 
 namespace bromwich {
+
+class Convolution;
 
 /// Optional operations of a backend: one kernel replaces several operations, or the device replaces the host. An empty
 /// one is replaced by required operations or by core/host (see the members of Backend of the same name).
@@ -26,6 +29,22 @@ struct FusedOperations {
   std::function<std::unique_ptr<StepChain>(const StepChainProblem&)> step_chain;
   std::function<std::unique_ptr<AffineChain>(const AffineChainSizes&)> affine_chain;
   std::function<ComplexMatrix(const Dynamics&, const ComplexVector& nodes)> resolvent;
+};
+
+/// The lower triangular matrix that a sweep over both stages of a step divides by (Backend::sweep_stages).
+struct StageDivisors {
+  double first = 0, second_by_first = 0, second = 0;
+};
+
+/// The same for arrays with two stages in each step (Backend::take_stages).
+struct StageOperations {
+  std::function<void(const Array& stages, Array& first, Array& second)> take_stages;
+  std::function<void(const Array& first, const Array& second, Array& stages)> put_stages;
+  std::function<std::unique_ptr<Convolution>(const StageRecurrence&, Index rows)> stage_convolution;
+  std::function<void(const StageDivisors&, const Array& r, const Array& v, Array& y)> sweep_stages;
+  std::function<void(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
+                     Array& coarse_y, Array& old)>
+      restrict_stages;
 };
 
 }  // namespace bromwich

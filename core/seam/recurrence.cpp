@@ -40,4 +40,16 @@ Matrix matrix_power(Matrix base, Index exponent) {
   return result;
 }
 
+ModalRecurrence part_of(const StageRecurrence& r, int a, int b) {
+  const Index n = r.modes();
+  ModalRecurrence part;
+  part.decay = r.decay;
+  part.output = r.output[a].cwiseProduct(r.input[b]);
+  part.start = RowMatrix::Zero(r.exponentials(), n);
+  part.w0 = r.w0[a][b];
+  part.w1 = b == 1 ? r.w1[a] : Vector(Vector::Zero(n));
+  part.s1 = Vector::Zero(n);
+  return part;
+}
+
 }  // namespace bromwich

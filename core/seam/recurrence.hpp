@@ -49,6 +49,22 @@ struct DenseRecurrence {
   Matrix w0;      ///< n x n
 };
 
+/// A convolution with two stages in each step, in modes like ModalRecurrence and with one state for both: with y_1, y_2
+/// at the stages of step j,
+///
+///     v_a,j = Σ_b W_ab y_b,j + w1_a y_2,j-1 + Σ_k C_a z_{j-1},      z_j = E z_{j-1} + Σ_b G_b y_b,j,      z_0 = 0.
+///
+/// Arrays have 2J + 1 rows: row 2j - 1 holds the first stage of step j and row 2j the second; row 0 is not used.
+struct StageRecurrence {
+  RowMatrix decay;                ///< K x n
+  RowMatrix input[2], output[2];  ///< K x n, G_b and C_a
+  Vector w0[2][2];                ///< n, W_ab
+  Vector w1[2];                   ///< n
+
+  Index modes() const { return decay.cols(); }
+  Index exponentials() const { return decay.rows(); }
+};
+
 using Recurrence = std::variant<ModalRecurrence, DenseRecurrence>;
 using Weights = std::variant<Recurrence, LagTable>;
 
@@ -58,6 +74,9 @@ inline WeightsRef weights_ref(const LagTable& table) { return &table; }
 inline WeightsRef weights_ref(const Recurrence& recurrence) {
   return std::visit([](const auto& r) -> WeightsRef { return &r; }, recurrence);
 }
+
+/// The part from stage b to stage a.
+ModalRecurrence part_of(const StageRecurrence&, int a, int b);
 
 /// W_0 = S diag(w0) S, n x n: the matrix that a marching step adds to M.
 Matrix implicit_part(const ModalRecurrence&);

@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/dual/local_march.hpp"
 #include "core/kernel/sparse_kernel.hpp"
 #include "core/kernel/time_operator.hpp"
 
@@ -143,6 +144,14 @@ Cost by_solves(const Sizes& s, Method method) {
              sweeps_of(method) * 40 * s.J * n * n * std::log2(s.J + 2));
 }
 
+// Steps in w with a local V: sparse factors of both stages, y, its integral, the trace, and g and f at the stages.
+Cost in_w(const Sizes& s) {
+  constexpr double entries_of_factors = 60;  // times m^1.2, for both stages and two factorizations
+  return sum({{number * s.J * (6 * s.n + 2 * s.k + s.c), tables},
+              {number * 2 * entries_of_factors * std::pow(s.m, 1.2), "the factors of a step"}},
+             s.J * 4 * entries_of_factors * std::pow(s.m, 1.3));
+}
+
 Cost cost_of(const LinearSystem& system, const Sizes& s, Method method) {
   if (system.small_state()) return with_small_state(s, method);
   if (system.modes()) return in_modes(s, method);
@@ -214,6 +223,7 @@ std::string device_excess(const Cost& cost, const DeviceInfo& device) {
 Cost predicted_cost(const Scene& scene, Method method, Index J, Index components, int threads) {
   const Sizes s = sizes(scene, J, components, threads);
   if (method == Method::galerkin) return galerkin(s, scene.boundary.has_value());
+  if (method == Method::dual && has_local_inverse(scene)) return in_w(s);
   return cost_of(*scene.dynamics, s, method);
 }
 

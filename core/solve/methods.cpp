@@ -151,6 +151,14 @@ void Methods::step_in_stages(Index stages, const InnerOptions& options, Result& 
   result.x = stage_states_(Eigen::all, problem_.components);
 }
 
+// Cycles in w at the stages record all of a small state.
+void Methods::keep_all_states(Result& result) {
+  const Index m = problem_.scene.states();
+  if (result.continuous || m > most_recorded_states || result.x.cols() != m) return;
+  stage_states_ = std::move(result.x);
+  result.x = stage_states_(Eigen::all, problem_.components);
+}
+
 bool Methods::has_small_dense_state(const Scene& scene) {
   return scene.dynamics->small_state() && scene.states() <= most_recorded_states;
 }
@@ -202,8 +210,10 @@ void Methods::cycle(const Options& options, Result& result) {
 bool Methods::cycle_in_w(Method method, const Options& options, Result& result) {
   std::string why;
   if (run_prepared(Method::dual, options, result,
-                   [&] { return prepare_dual(operator_of(Method::euler), options, why); }))
+                   [&] { return prepare_dual(operator_of(Method::euler), options, why); })) {
+    keep_all_states(result);
     return true;
+  }
   result.status = Status::unsupported;
   result.reason = (method == Method::dual ? "no cycles in w: " : basis().reason + ", and no cycles in w: ") + why +
                   "; use method march or euler";

@@ -45,6 +45,7 @@ class Methods {
   void step_in_stages(Index stages, const InnerOptions&, Result&);
   void iterate(const Options&, Result&);
   void cycle(const Options&, Result&);
+  void keep_all_states(Result&);
   bool cycle_in_w(Method, const Options&, Result&);
   void report_sources(Result&) const;
   void average_sources();

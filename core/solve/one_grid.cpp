@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
+#include "core/dual/local_march.hpp"
 #include "core/iteration/windows.hpp"
 #include "core/solve/certification.hpp"
 #include "core/solve/cost.hpp"
@@ -53,6 +54,7 @@ class Run {
     const DiscreteProblem& p = methods_.problem();
     const BackendTraits& traits = backend_.traits();
     if (traits.one_at_a_time && p.modes() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
+    if (pays_in_w() && against(Method::dual).empty() && cycle_first(result)) return;
     std::string before;
     const std::vector<Method> methods = methods_by_time(traits, p.scene, p.lcp_class, p.J);
     note(options_.log, level(), "auto tries %s", listed(methods).c_str());
@@ -99,6 +101,31 @@ class Run {
 
   static void say_who_stands_in(const std::string& refused, Result& result) {
     add_warning(result, "implicit Euler stands in for a method of higher order, for which " + refused);
+  }
+
+  // In w a local V is marched with the sparse matrix of many states, where marching in y has a full one. On a device
+  // the cycles of a Kronecker sum are faster than marching on its host.
+  bool pays_in_w() {
+    const DiscreteProblem& p = methods_.problem();
+    if (p.scene.dynamics->matrices()) return has_local_inverse(p);
+    return !backend_.traits().one_at_a_time && p.modes() && methods_.basis().rings &&
+           double(p.J) * double(p.scene.constraints()) >= fewest_cycled;
+  }
+  static constexpr double fewest_cycled = 1e6;  ///< n J
+
+  // Only with the stages that march has, and only a solution that passes all checks.
+  bool cycle_first(Result& result) {
+    Result first;
+    first.seconds.setup = result.seconds.setup;
+    named(Method::dual, first);
+    if (first.status != Status::solved || first.continuous) {
+      note(options_.log, LogLevel::info, "not dual: %s",
+           first.status == Status::solved ? "its order is 1" : first.reason.c_str());
+      return first.status == Status::interrupted ? (result = std::move(first), true) : false;
+    }
+    first.kernel += "; taken before march";
+    result = std::move(first);
+    return true;
   }
 
   // Above this many constraints the n x n problems of marching cost more than many sweeps; the iteration gets as many

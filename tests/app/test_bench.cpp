@@ -139,9 +139,16 @@ TEST_F(Bench, DualContractsAndAgreesWithImplicitEuler) {
   ASSERT_GE(json["rows"].size(), 2u);
   for (const Json& row : json["rows"]) {
     EXPECT_EQ(row["status"], "solved") << row;
-    EXPECT_LE(row["contraction"]["mean"], 0.2) << row;
+    if (row.contains("equal_error")) continue;
+    // A device may leave too few cycles to measure a ratio, and 64 steps too few grids for the estimates.
+    if (row["contraction"]["mean"].is_number()) {
+      EXPECT_LE(row["contraction"]["mean"], row["rule"] == "euler" ? 0.2 : 0.3) << row;
+      if (row["forecast"].is_number())
+        EXPECT_LE(row["contraction"]["mean"], 1.5 * row["forecast"].get<double>()) << row;
+    }
+    if (row["backend"] == "cpu") EXPECT_LE(row["useful"]["sweeps"], 20) << row;
     // w to 1e-12 relative to 1, V_0 below 1e2.
-    if (row["backend"] == "cpu") EXPECT_LE(row["difference_from_euler"], 2e-10) << row;
+    if (row["backend"] == "cpu" && row["rule"] == "euler") EXPECT_LE(row["difference_from_euler"], 2e-10) << row;
   }
 }
 

@@ -304,5 +304,59 @@ TEST_P(BackendConvolution, InitialStateOfAModalRecurrence) {
   }
 }
 
+/// v_a,j = Σ_b W_ab y_b,j + w1_a y_2,j-1 + Σ_k C_a z_{j-1}, z_j = E z_{j-1} + Σ_b G_b y_b,j, term by term.
+RowMatrix step_in_stages(const StageRecurrence& r, const RowMatrix& y) {
+  RowMatrix v = RowMatrix::Zero(y.rows(), y.cols());
+  for (Index l = 0; l < r.modes(); ++l) {
+    Vector z = Vector::Zero(r.exponentials());
+    for (Index j = 1; 2 * j < y.rows(); ++j) {
+      const double in[2] = {y(2 * j - 1, l), y(2 * j, l)}, before = j > 1 ? y(2 * j - 2, l) : 0;
+      for (int a = 0; a < 2; ++a)
+        v(2 * j - 1 + a, l) =
+            r.w0[a][0][l] * in[0] + r.w0[a][1][l] * in[1] + r.w1[a][l] * before + r.output[a].col(l).dot(z);
+      z = r.decay.col(l).cwiseProduct(z) + r.input[0].col(l) * in[0] + r.input[1].col(l) * in[1];
+    }
+  }
+  return v;
+}
+
+/// Decays of both signs, as those of Radau IIA are.
+TEST_P(BackendConvolution, TakesTwoStagesInEachStep) {
+  for (const Index n : {1, 9, 39})
+    for (const Index rows : {1, 3, 129, 1001}) {
+      Random random(std::uint32_t(n + rows));
+      constexpr Index K = 7;
+      StageRecurrence r;
+      r.decay = 0.95 * random.matrix(K, n);
+      for (int a = 0; a < 2; ++a) {
+        r.input[a] = random.matrix(K, n) / double(K);
+        r.output[a] = random.matrix(K, n);
+        r.w1[a] = random.vector(n);
+        for (int b = 0; b < 2; ++b) r.w0[a][b] = random.vector(n);
+      }
+      RowMatrix y = random.matrix(rows, n);
+      y.row(0).setZero();
+      const auto stages = backend->stage_convolution(r, rows);
+      EXPECT_LE(distance(apply(*stages, y, n), step_in_stages(r, y)), tolerance(rows, 4)) << n << ' ' << rows;
+    }
+}
+
+TEST_P(BackendConvolution, SplitsAndJoinsStages) {
+  for (const Index n : {1, 2, 9})
+    for (const Index J : {1, 2, 700}) {
+      Random random(std::uint32_t(n + J));
+      const RowMatrix all = random.matrix(2 * J + 1, n);
+      const auto stages = device(all), first = backend->array(J + 1, n), second = backend->array(J + 1, n),
+                 joined = backend->array(2 * J + 1, n);
+      backend->take_stages(*stages, *first, *second);
+      const RowMatrix odd = host(*first), even = host(*second);
+      EXPECT_EQ(odd.row(0), RowMatrix::Zero(1, n));
+      for (Index j = 1; j <= J; ++j) EXPECT_EQ(odd.row(j), all.row(2 * j - 1)) << j;
+      for (Index j = 0; j <= J; ++j) EXPECT_EQ(even.row(j), all.row(2 * j)) << j;
+      backend->put_stages(*first, *second, *joined);
+      EXPECT_EQ(host(*joined), all);
+    }
+}
+
 }  // namespace
 }  // namespace bromwich

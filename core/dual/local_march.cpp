@@ -1,0 +1,240 @@
+#include "core/dual/local_march.hpp"
+
+#include "core/base/text.hpp"
+#include "core/base/timer.hpp"
+#include "core/dual/dual_operator.hpp"
+#include "core/dual/stage_weights.hpp"
+#include "core/march/outcome.hpp"
+
+#include <Eigen/SparseCholesky>
+#include <Eigen/SparseLU>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace bromwich {
+
+namespace {
+
+constexpr int most_changes = 60;  ///< of the active set in a step
+
+// The diagonal of a square matrix without other entries; empty otherwise.
+Vector only_diagonal(const SparseMatrix& matrix) {
+  if (matrix.rows() != matrix.cols()) return {};
+  Vector diagonal = Vector::Zero(matrix.rows());
+  for (Index k = 0; k < matrix.outerSize(); ++k)
+    for (SparseMatrix::InnerIterator entry(matrix, k); entry; ++entry) {
+      if (entry.value() == 0) continue;
+      if (entry.row() != entry.col()) return {};
+      diagonal[entry.row()] = entry.value();
+    }
+  return diagonal;
+}
+
+SparseMatrix matrix_of_states(const DiscreteProblem& p) {
+  if (const SparseDynamics* d = p.scene.dynamics->matrices()) return d->A;
+  return p.small_state()->A.sparseView();
+}
+
+// (a^{-1}/h ⊗ I - I ⊗ A), stage by stage.
+SparseMatrix step_matrix(const SparseMatrix& A, double h) {
+  const Index n = A.rows();
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int a = 0; a < 2; ++a) {
+    for (int b = 0; b < 2; ++b)
+      for (Index i = 0; i < n; ++i) entries.emplace_back(a * n + i, b * n + i, radau_inverse[a][b] / h);
+    for (Index k = 0; k < A.outerSize(); ++k)
+      for (SparseMatrix::InnerIterator entry(A, k); entry; ++entry)
+        entries.emplace_back(a * n + entry.row(), a * n + entry.col(), -entry.value());
+  }
+  SparseMatrix matrix(2 * n, 2 * n);
+  matrix.setFromTriplets(entries.begin(), entries.end());
+  return matrix;
+}
+
+// One step: active sets until the signs fit. A factorization is kept as long as its active set.
+class LocalStep {
+ public:
+  LocalStep(const SparseMatrix& A, const Vector& B, const Vector& N, double h)
+      : n_(A.rows()),
+        B_(B.replicate(2, 1)),
+        N_(N.replicate(2, 1)),
+        G_(step_matrix(A, h)),
+        fixed_(std::size_t(2 * n_), 0) {
+    linear_.compute(G_);
+    K_ = G_;
+    lu_.analyzePattern(K_);
+    factor();
+  }
+
+  bool regular() const { return linear_.info() == Eigen::Success; }
+
+  // The problem of a step is positive definite with the quadrature weights 3/4, 1/4 on its rows, so that it is P.
+  bool well_posed() const {
+    Vector rows = B_.cwiseInverse();
+    rows.head(n_) *= 0.75;
+    rows.tail(n_) *= 0.25;
+    const SparseMatrix V = rows.asDiagonal() * G_ * N_.cwiseInverse().asDiagonal();
+    const SparseMatrix symmetric = V + SparseMatrix(V.transpose());
+    return Eigen::SimplicialLLT<SparseMatrix>(symmetric).info() == Eigen::Success;
+  }
+
+  // X and y of both stages; `known` is the right-hand side without y. False: the signs do not settle.
+  bool solve(const Vector& known, const Vector& g, Vector& X, Vector& y, LcpCount& count) {
+    for (int change = 0; change < most_changes; ++change, ++count.newton) {
+      Vector rhs = known;
+      for (Index i = 0; i < 2 * n_; ++i)
+        if (fixed_[std::size_t(i)]) rhs[i] = -g[i] / N_[i];
+      X = lu_.solve(rhs);
+      if (lu_.info() != Eigen::Success || !X.allFinite()) return false;
+      y = (G_ * X - known).cwiseQuotient(B_);
+      if (!exchange(X, g, y)) {
+        for (Index i = 0; i < 2 * n_; ++i) y[i] = fixed_[std::size_t(i)] ? std::max(y[i], 0.0) : 0;
+        ++count.solved;
+        return true;
+      }
+      factor();
+      if (lu_.info() != Eigen::Success) return false;
+    }
+    ++count.unsolved;
+    return false;
+  }
+
+  // X that these y lead to.
+  Vector driven(const Vector& known, const Vector& y) const { return linear_.solve(known + y.cwiseProduct(B_)); }
+
+  std::size_t bytes() const { return std::size_t(48 * G_.nonZeros()); }
+
+ private:
+  void factor() {
+    for (Index k = 0; k < K_.outerSize(); ++k)
+      for (SparseMatrix::InnerIterator to(K_, k), from(G_, k); to; ++to, ++from)
+        to.valueRef() = fixed_[std::size_t(to.row())] ? (to.row() == to.col() ? 1 : 0) : from.value();
+    lu_.factorize(K_);
+  }
+
+  // Releases where y < 0 and fixes where w < 0, beyond rounding; whether something changed.
+  bool exchange(const Vector& X, const Vector& g, const Vector& y) {
+    bool changed = false;
+    for (Index i = 0; i < 2 * n_; ++i) {
+      char& fixed = fixed_[std::size_t(i)];
+      const double size = std::abs(N_[i] * X[i]) + std::abs(g[i]);
+      const bool wrong = fixed ? y[i] < 0 : N_[i] * X[i] + g[i] < -4 * epsilon * size;
+      if (wrong) fixed = !fixed;
+      changed = changed || wrong;
+    }
+    return changed;
+  }
+
+  Index n_;
+  Vector B_, N_;
+  SparseMatrix G_, K_;
+  std::vector<char> fixed_;
+  Eigen::SparseLU<SparseMatrix> lu_, linear_;
+};
+
+class LocalMarch final : public PreparedMethod {
+ public:
+  explicit LocalMarch(const DiscreteProblem& p)
+      : p_(p),
+        A_(matrix_of_states(p)),
+        B_(only_diagonal(p.scene.dynamics->inputs())),
+        N_(only_diagonal(p.scene.dynamics->outputs())),
+        at_zero_(p) {}
+
+  void renew(const Changes&) override { at_zero_.renew(); }
+
+  void run(const Options& options, Result& result) override {
+    Timer timer;
+    Vector y0;
+    const Start start = at_zero_.solve(result, y0);
+    if (start == Start::none) return;
+    if (start == Start::impulse) {
+      result.status = Status::unsupported;
+      result.reason = "x0 violates the constraints, and steps in w do not take a jump of the state; use method march";
+      return;
+    }
+    const Index n = p_.scene.constraints(), J = p_.J;
+    const RowMatrix g = stage_values(p_, p_.scene.g, p_.g),
+                    phi = p_.f.size() > 0 ? stage_values(p_, p_.scene.f, p_.f) : RowMatrix();
+    const SparseMatrix F = phi.size() > 0 ? entry_of_sources(p_.scene) : SparseMatrix();
+    LocalStep step(A_, B_, N_, p_.h);
+    result.form = "dual";
+    result.kernel = "steps in w: V is local, Radau IIA with the sparse matrix of the dynamics";
+    result.continuous = false;
+    result.y = RowMatrix::Constant(J + 1, n, NAN);
+    result.y_integral = RowMatrix::Zero(J + 1, n);
+    result.x.resize(J + 1, Index(p_.components.size()));
+    RowMatrix seen(J + 1, n);
+    result.y.row(0) = y0.transpose();
+    Vector x = p_.scene.x0, X, y;
+    seen.row(0) = x.cwiseProduct(N_).transpose();
+    record(x, 0, result);
+    result.residual = 0;
+    result.bytes += host_bytes(p_) + step.bytes();
+    result.iterations = 1;
+    result.well_posed = step.well_posed();
+    for (Index j = 1; j <= J; ++j) {
+      if (options.interrupted && options.interrupted())
+        return stop(j, Status::interrupted, "stopped on request", result);
+      Vector known(2 * n);
+      for (int a = 0; a < 2; ++a) {
+        known.segment(a * n, n) = (radau_inverse_ones[a] / p_.h) * x;
+        if (phi.size() > 0) known.segment(a * n, n) += F * phi.row(j).segment(a * F.cols(), F.cols()).transpose();
+      }
+      const Vector given = g.row(j).transpose();
+      if (!step.regular() || !step.solve(known, given, X, y, result.lcp))
+        return stop(j, Status::tolerance_not_met,
+                    text("the problem of the step to t = %.6g stayed unsolved; use method march", p_.t[j]), result);
+      X = step.driven(known, y);  // the pair that is judged: y, and w from the states that it gives
+      const Vector w = X.cwiseProduct(N_.replicate(2, 1)) + given;
+      const double missed = w.cwiseMin(y).cwiseAbs().maxCoeff() / std::max(1.0, w.cwiseAbs().maxCoeff());
+      result.residual = missed <= result.residual ? result.residual : missed;
+      x = X.tail(n);
+      seen.row(j) = x.cwiseProduct(N_).transpose();
+      result.y.row(j) = y.tail(n).transpose();
+      result.y_integral.row(j) =
+          result.y_integral.row(j - 1) + p_.h * (0.75 * y.head(n) + 0.25 * y.tail(n)).transpose();
+      record(x, j, result);
+    }
+    if (options.trace) result.trace = seen;
+    result.seconds.lcp += timer.lap();
+    result.status = Status::solved;
+  }
+
+ private:
+  void record(const Vector& x, Index j, Result& result) const {
+    for (std::size_t c = 0; c < p_.components.size(); ++c) result.x(j, Index(c)) = x[p_.components[c]];
+  }
+
+  void stop(Index j, Status status, const std::string& reason, Result& result) const {
+    result.status = status;
+    result.reason = reason;
+    for (RowMatrix* rows : {&result.y, &result.y_integral, &result.x}) rows->bottomRows(p_.J + 1 - j).setConstant(NAN);
+  }
+
+  const DiscreteProblem& p_;
+  SparseMatrix A_;
+  Vector B_, N_;
+  ProblemAtZero at_zero_;
+};
+
+}  // namespace
+
+bool has_local_inverse(const Scene& scene) {
+  const LinearSystem& d = *scene.dynamics;
+  if (!(d.matrices() || d.small_state()) || d.has_mass() || scene.boundary || !scene.free_rows.empty()) return false;
+  if (scene.constraints() != scene.states() || scene.states() <= most_recorded_by_dual) return false;
+  const Vector B = only_diagonal(d.inputs()), N = only_diagonal(d.outputs());
+  return B.size() > 0 && N.size() > 0 && (B.array() * N.array() > 0).all() && (N.array() > 0).all() &&
+         to_dense(scene.M).isZero(0);
+}
+
+bool has_local_inverse(const DiscreteProblem& p) { return !p.sources && has_local_inverse(p.scene); }
+
+std::unique_ptr<PreparedMethod> prepare_local_march(const DiscreteProblem& p) {
+  return std::make_unique<LocalMarch>(p);
+}
+
+}  // namespace bromwich
