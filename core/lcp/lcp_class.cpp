@@ -5,6 +5,7 @@
 #include "core/lcp/solution.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/SparseCholesky>
 
 #include <algorithm>
 #include <cmath>
@@ -13,11 +14,6 @@ namespace bromwich {
 
 namespace {
 
-Vector diagonal(const LcpMatrix& M) {
-  if (const auto* t = std::get_if<Tridiagonal>(&M)) return t->diagonal;
-  return std::get<Matrix>(M).diagonal();
-}
-
 // The first positive entry off the diagonal.
 std::optional<std::pair<Index, Index>> positive_off_diagonal(const LcpMatrix& M) {
   if (const auto* t = std::get_if<Tridiagonal>(&M)) {
@@ -25,6 +21,12 @@ std::optional<std::pair<Index, Index>> positive_off_diagonal(const LcpMatrix& M)
       if (t->upper[i] > 0) return std::pair(i, i + 1);
       if (t->lower[i + 1] > 0) return std::pair(i + 1, i);
     }
+    return std::nullopt;
+  }
+  if (const auto* sparse = sparse_of(M)) {
+    for (Index j = 0; j < sparse->outerSize(); ++j)
+      for (SparseMatrix::InnerIterator a(*sparse, j); a; ++a)
+        if (a.row() != j && a.value() > 0) return std::pair(Index(a.row()), j);
     return std::nullopt;
   }
   const Matrix& dense = std::get<Matrix>(M);
@@ -46,6 +48,11 @@ bool strictly_dominant(const LcpMatrix& M) {
     }
     return rows || columns;
   }
+  if (const auto* sparse = sparse_of(M)) {
+    const SparseMatrix size = sparse->cwiseAbs();
+    const Vector ones = Vector::Ones(size.rows()), twice = 2 * sparse->diagonal();
+    return (twice.array() > (size * ones).array()).all() || (twice.array() > (size.transpose() * ones).array()).all();
+  }
   const Matrix& dense = std::get<Matrix>(M);
   const Vector twice = 2 * dense.diagonal();
   return (twice.array() > dense.cwiseAbs().rowwise().sum().array()).all() ||
@@ -61,6 +68,11 @@ LcpMatrix congruent(const LcpMatrix& M) {
     for (Index i = 0; i + 1 < n; ++i)
       sizes.upper[i] = sizes.lower[i + 1] = std::max(std::abs(t->upper[i]), std::abs(t->lower[i + 1]));
     const Vector d = equilibrate(sizes).rows;
+    return scaled(M, {d, d});
+  }
+  if (const auto* sparse = sparse_of(M)) {
+    const SparseMatrix size = sparse->cwiseAbs(), transposed = size.transpose();
+    const Vector d = equilibrate(SparseMatrix(size + transposed)).rows;
     return scaled(M, {d, d});
   }
   const Matrix& dense = std::get<Matrix>(M);
@@ -88,6 +100,26 @@ bool definite(const Matrix& M, double sign) {
   S.diagonal().setConstant(1 + sign * 32 * double(n) * epsilon);
   return Eigen::LLT<Matrix>(S).info() == Eigen::Success;
 }
+
+// The same by a sparse factorization; its rounding is no larger.
+bool definite(const SparseMatrix& M, double sign) {
+  const Index n = M.rows();
+  const SparseMatrix transposed = M.transpose(), size = M.cwiseAbs() + transposed.cwiseAbs();
+  SparseMatrix S = M + transposed;
+  Vector d = S.diagonal() + sign * entry_rounding * (size * Vector::Ones(n)), scale(n);
+  for (Index i = 0; i < n; ++i) {
+    if (d[i] < 0 || (sign < 0 && d[i] == 0)) return false;
+    scale[i] = d[i] > 0 ? 1 / std::sqrt(d[i]) : 1;
+  }
+  S = scale.asDiagonal() * S * scale.asDiagonal();
+  SparseMatrix margin(n, n);
+  margin.setIdentity();
+  d = Vector::Constant(n, 1 + sign * 32 * double(n) * epsilon) - S.diagonal();
+  S += SparseMatrix(margin * d.asDiagonal());
+  return Eigen::SimplicialLLT<SparseMatrix>(S).info() == Eigen::Success;
+}
+
+bool definite(const SparseLcpMatrix& M, double sign) { return definite(*M.entries, sign); }
 
 // The same by the pivots of the symmetric tridiagonal matrix.
 bool definite(const Tridiagonal& t, double sign) {
@@ -152,7 +184,7 @@ constexpr Index largest_exact_P = 16;
 std::string entry(Index i, Index j, double value) { return text("M(%td,%td) = %.6g", i, j, value); }
 
 std::optional<std::string> contradicts_P(const LcpMatrix& M) {
-  const Vector d = diagonal(M);
+  const Vector d = diagonal_of(M);
   for (Index i = 0; i < d.size(); ++i)
     if (!(d[i] > 0)) return "M has the diagonal entry " + entry(i, i, d[i]) + ", not positive";
   if (size(M) > largest_exact_P || is_surely_P(M)) return std::nullopt;
@@ -167,7 +199,7 @@ std::optional<std::string> contradicts_P(const LcpMatrix& M) {
 
 bool is_Z(const LcpMatrix& M) { return !positive_off_diagonal(M); }
 
-bool is_H_plus(const LcpMatrix& M) { return (diagonal(M).array() > 0).all() && Comparison(M).is_M_matrix(); }
+bool is_H_plus(const LcpMatrix& M) { return (diagonal_of(M).array() > 0).all() && Comparison(M).is_M_matrix(); }
 
 bool is_surely_P(const LcpMatrix& M) { return strictly_dominant(M) || is_H_plus(M) || is_positive_definite(M); }
 
@@ -181,7 +213,7 @@ LcpClass classify(const LcpMatrix& M) {
   if (is_surely_P(M)) return LcpClass::P;
   if (size(M) <= largest_exact_P && is_P_exact(to_dense(M))) return LcpClass::P;
   if (is_PSD(M)) return LcpClass::PSD;
-  return is_Z(M) && (diagonal(M).array() > 0).all() ? LcpClass::Z : LcpClass::unknown;
+  return is_Z(M) && (diagonal_of(M).array() > 0).all() ? LcpClass::Z : LcpClass::unknown;
 }
 
 LcpClass selection_class(const LcpMatrix& M, LcpClass c) {
@@ -222,7 +254,11 @@ std::optional<std::string> contradiction(const LcpMatrix& M, LcpClass stated) {
   if (!found) return std::nullopt;
   const auto [i, j] = *found;
   const auto* t = std::get_if<Tridiagonal>(&M);
-  const double value = !t ? std::get<Matrix>(M)(i, j) : i < j ? t->upper[i] : t->lower[i];
+  const auto* sparse = sparse_of(M);
+  const double value = sparse  ? sparse->coeff(i, j)
+                       : !t    ? std::get<Matrix>(M)(i, j)
+                       : i < j ? t->upper[i]
+                               : t->lower[i];
   return "M has a positive entry off its diagonal, " + entry(i, j, value);
 }
 

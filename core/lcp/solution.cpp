@@ -37,6 +37,21 @@ Equilibration equilibrate(const Tridiagonal& t) {
   });
 }
 
+Equilibration equilibrate(const SparseMatrix& M) {
+  return equilibrate(M.rows(), M.cols(), [&](const Equilibration& e, Vector& rows, Vector& columns) {
+    rows = Vector::Zero(M.rows());
+    columns = Vector::Zero(M.cols());
+    for (Index j = 0; j < M.outerSize(); ++j)
+      for (SparseMatrix::InnerIterator a(M, j); a; ++a) {
+        const double entry = e.rows[a.row()] * std::abs(a.value()) * e.columns[j];
+        rows[a.row()] = std::max(rows[a.row()], entry);
+        columns[j] = std::max(columns[j], entry);
+      }
+  });
+}
+
+Equilibration equilibrate(const SparseLcpMatrix& M) { return equilibrate(*M.entries); }
+
 Equilibration equilibrate(const LcpMatrix& M) {
   return std::visit([](const auto& given) { return equilibrate(given); }, M);
 }
@@ -50,6 +65,10 @@ Tridiagonal scaled(const Tridiagonal& given, const Equilibration& e) {
     if (i + 1 < n) t.upper[i] *= e.rows[i] * e.columns[i + 1];
   }
   return t;
+}
+
+SparseLcpMatrix scaled(const SparseLcpMatrix& given, const Equilibration& e) {
+  return SparseLcpMatrix(e.rows.asDiagonal() * *given.entries * e.columns.asDiagonal());
 }
 
 LcpMatrix scaled(const LcpMatrix& M, const Equilibration& e) {

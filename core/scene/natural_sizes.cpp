@@ -141,6 +141,7 @@ void for_entries(const SparseMatrix& A, const Entry& entry) {
 template <typename Entry>
 void for_entries(const LcpMatrix& M, const Entry& entry) {
   if (const auto* dense = std::get_if<Matrix>(&M)) return for_entries(*dense, entry);
+  if (const auto* sparse = sparse_of(M)) return for_entries(*sparse, entry);
   const Tridiagonal& t = std::get<Tridiagonal>(M);
   const auto take = [&](Index i, Index j, double value) {
     if (value != 0) entry(i, j, value);
@@ -232,11 +233,6 @@ SymmetricShape symmetric_shape(const SparseMatrix& A, const Vector& rate) {
   return s;
 }
 
-Vector diagonal_of(const LcpMatrix& M) {
-  const auto* dense = std::get_if<Matrix>(&M);
-  return dense ? Vector(dense->diagonal()) : std::get<Tridiagonal>(M).diagonal;
-}
-
 // The response of a grid line to its constraint, in the slowest mode along the side.
 Vector line_response(const KroneckerDynamics& d, double T) {
   const double c = d.across.diffusivity / (d.across.spacing * d.across.spacing);
@@ -288,6 +284,7 @@ void add_f(const Matrices& d, const Scene& scene, const Vector& rate, Sizes& siz
 double entries(const Matrix& A) { return double((A.array() != 0).count()); }
 double entries(const SparseMatrix& A) { return double(A.nonZeros()); }
 double entries(const LcpMatrix& M) {
+  if (const auto* sparse = sparse_of(M)) return entries(*sparse);
   const auto* dense = std::get_if<Matrix>(&M);
   return dense ? entries(*dense) : 3. * double(size(M));
 }
