@@ -55,7 +55,10 @@ bool is_tridiagonal(const SparseMatrix& M) {
 LcpMatrix lcp_matrix(const MatrixValue& value, const std::string& where, Index smallest = smallest_tridiagonal) {
   const SparseMatrix M = to_sparse(value);
   const Index n = M.rows();
-  if (n < smallest || M.cols() != n || !is_tridiagonal(M)) return to_dense(value, where);
+  if (n < smallest || M.cols() != n || !is_tridiagonal(M)) {
+    if (M.cols() == n && stays_sparse(value)) return SparseLcpMatrix(M);
+    return to_dense(value, where);
+  }
   Tridiagonal t{Vector::Zero(n), Vector::Zero(n), Vector::Zero(n)};
   for (Index i = 0; i < n; ++i) {
     if (i > 0) t.lower[i] = M.coeff(i, i - 1);

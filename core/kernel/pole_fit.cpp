@@ -30,8 +30,8 @@ constexpr Index arc_nodes = 5, bend_nodes = 6, lanes = 8, compared = 8;
 constexpr Index candidates = 240;
 constexpr double slowest_candidate = 0.3, fastest_candidate = 300;  ///< times 1/T and 1/h
 constexpr double dependent = 3e-15;    ///< part of a column of norm 1 outside the span of those picked before
-constexpr double wanted_error = 2e-10;
-constexpr double forgotten = 1e-10;    ///< of K(h): where a direction has decayed
+constexpr double wanted_error = 5e-10;
+constexpr double forgotten = 3e-10;    ///< of K(h): where a direction has decayed
 constexpr double negligible = 2e-13;   ///< contribution of one row of the state to the scaled H
 constexpr Index most_columns = 64;     ///< of phi; more are better served by lag weights
 constexpr Index probes = 96;
@@ -373,8 +373,9 @@ class Assembly {
         for (Index i = 0; i < s_.outputs; ++i) values[i] = c(k, i * s_.width + f) * (unit_ - poles_[k]);
         add_row(k, x0 ? -1 : f, values, 1 + f);
       }
-      for (Index i = 0; i < s_.outputs && !x0; ++i)  // D for x0 acts at t = 0 alone
-        model_.direct(i, s_.n + f) = c(K, i * s_.width + f) * s_.scale_of(i, 1 + f);
+      if (x0) direct_of_x0_.resize(s_.outputs);
+      for (Index i = 0; i < s_.outputs; ++i)
+        (x0 ? direct_of_x0_[i] : model_.direct(i, s_.n + f)) = c(K, i * s_.width + f) * s_.scale_of(i, 1 + f);
     }
     if (!with_x0) model_.forced = sources > 0 ? Index(pole_.size()) - model_.driven : 0;
   }
@@ -405,7 +406,9 @@ class Assembly {
       for (int imaginary = 0; imaginary < 2; ++imaginary) {
         RowMatrix of_y = part[imaginary].leftCols(n) * Pt;
         if (!imaginary) of_y += model_.direct.leftCols(n);
-        if (!imaginary && model_.sources > 0) part[0].middleCols(n, model_.sources) += model_.direct.rightCols(model_.sources);
+        if (!imaginary && model_.sources > 0)
+          part[0].middleCols(n, model_.sources) += model_.direct.rightCols(model_.sources);
+        if (!imaginary && direct_of_x0_.size() > 0) part[0].rightCols(1) += direct_of_x0_;
         const Index row = i + imaginary * compared;
         for (Index a = 0; a < s_.outputs; ++a) {
           for (Index b = 0; b < n; ++b)
@@ -431,7 +434,8 @@ class Assembly {
   const Directions& d_;
   double unit_;
   Matrix columns_;
-  Vector reach_;  ///< largest weight/|z - s_k|
+  Vector direct_of_x0_;  ///< D of x0: it acts at t = 0 alone, and the model leaves it out
+  Vector reach_;         ///< largest weight/|z - s_k|
   PoleModel model_;
   std::vector<Index> pole_;
   std::vector<Vector> output_;
