@@ -30,8 +30,8 @@ constexpr Index arc_nodes = 5, bend_nodes = 6, lanes = 8, compared = 8;
 constexpr Index candidates = 240;
 constexpr double slowest_candidate = 0.3, fastest_candidate = 300;  ///< times 1/T and 1/h
 constexpr double dependent = 3e-15;    ///< part of a column of norm 1 outside the span of those picked before
-constexpr double wanted_error = 5e-10;
-constexpr double forgotten = 3e-10;    ///< of K(h): where a direction has decayed
+constexpr double wanted_error = 1.5e-10;
+constexpr double forgotten = 1e-10;    ///< of K(h): where a direction has decayed
 constexpr double negligible = 2e-13;   ///< contribution of one row of the state to the scaled H
 constexpr Index most_columns = 64;     ///< of phi; more are better served by lag weights
 constexpr Index probes = 96;
