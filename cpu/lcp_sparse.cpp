@@ -16,12 +16,12 @@ constexpr int most_sweeps = 2000;
 constexpr double settled = 4 * epsilon;  ///< movement of y in a sweep, relative to its largest value
 
 // M by rows without its diagonal, and omega / m_ii.
-struct Rows {
+struct SparseRows {
   std::vector<Index> start, column;
   std::vector<double> value;
   Vector step, diagonal;
 
-  Rows(const SparseMatrix& M, double omega) : step(omega / M.diagonal().array()), diagonal(M.diagonal()) {
+  SparseRows(const SparseMatrix& M, double omega) : step(omega / M.diagonal().array()), diagonal(M.diagonal()) {
     const Eigen::SparseMatrix<double, Eigen::RowMajor> by_rows = M;
     for (Index i = 0; i < by_rows.rows(); ++i) {
       start.push_back(Index(column.size()));
@@ -128,7 +128,7 @@ class SparseLcp final : public ImmediateLcpBatch {
   static constexpr double accepted = 1e-14;
 
   SparseMatrix M_;
-  Rows rows_;
+  SparseRows rows_;
   RowBlocks row_blocks_;
   int threads_;
   SparseActiveSet pivoting_;

@@ -331,7 +331,8 @@ class Stages {
     Vector seen = model.output * x + model.direct.leftCols(model.n) * out.y.row(j).transpose();
     if (problem_.phi.size() > 0) {
       const Index width = problem_.phi.cols() / problem_.stages;
-      seen += model.direct.middleCols(model.sources > 0 ? model.n : 0, width) * problem_.phi.row(j).tail(width).transpose();
+      seen +=
+          model.direct.middleCols(model.sources > 0 ? model.n : 0, width) * problem_.phi.row(j).tail(width).transpose();
     }
     out.v.row(j) = seen.head(model.n).transpose();
     out.x.row(j) = seen.tail(model.components).transpose();
@@ -359,9 +360,9 @@ class Stages {
   Stepper main_;
   std::array<std::map<std::size_t, std::unique_ptr<Stepper>>, 2> others_;  ///< by kind; one-stage and two-stage
   Vector other_;
-  Vector regular_;  ///< largest y_i at the ends of steps without jumps
+  Vector regular_;       ///< largest y_i at the ends of steps without jumps
   SparseMatrix B_, NB_;  ///< E^{-1} B; N E^{-1} B of a model of poles
-  Matrix S_, across_;  ///< sine matrices along and across the lines of a Kronecker sum
+  Matrix S_, across_;    ///< sine matrices along and across the lines of a Kronecker sum
   std::vector<bool> rigid_;
   bool impact_ = false;         ///< the last step was an impact on a rigid constraint
   std::vector<bool> touching_;  ///< y_i > 0 at the end of the last step

@@ -61,7 +61,8 @@ class PoleStageStep final : public StageStep {
 
   const Matrix& implicit_part() const override { return implicit_; }
   std::size_t bytes() const override {
-    return sizeof(double) * std::size_t(U_.size() + (s + s * s) * model_.rows() + implicit_.size() + g_.size() + phi_.size());
+    return sizeof(double) *
+           std::size_t(U_.size() + (s + s * s) * model_.rows() + implicit_.size() + g_.size() + phi_.size());
   }
 
  private:

@@ -29,11 +29,11 @@ constexpr double nodes_per_fold = 2.85;  ///< on the imaginary axis, for a facto
 constexpr Index arc_nodes = 5, bend_nodes = 6, lanes = 8, compared = 8;
 constexpr Index candidates = 240;
 constexpr double slowest_candidate = 0.3, fastest_candidate = 300;  ///< times 1/T and 1/h
-constexpr double dependent = 3e-15;    ///< part of a column of norm 1 outside the span of those picked before
+constexpr double dependent = 3e-15;  ///< part of a column of norm 1 outside the span of those picked before
 constexpr double wanted_error = 1.5e-10;
-constexpr double forgotten = 1e-10;    ///< of K(h): where a direction has decayed
-constexpr double negligible = 2e-13;   ///< contribution of one row of the state to the scaled H
-constexpr Index most_columns = 64;     ///< of phi; more are better served by lag weights
+constexpr double forgotten = 1e-10;   ///< of K(h): where a direction has decayed
+constexpr double negligible = 2e-13;  ///< contribution of one row of the state to the scaled H
+constexpr Index most_columns = 64;    ///< of phi; more are better served by lag weights
 constexpr Index probes = 96;
 
 using Nodes = std::vector<Complex>;
@@ -253,9 +253,8 @@ Directions find_directions(const DiscreteProblem& p, const Samples& s, const Fit
   const LeastSquares fit(cauchy(plan, 0, plan.fitted, poles, 1 / p.scene.T));
   RowMatrix residues(K, s.of_y.cols());
   share(p.backend, s.of_y.cols(), 8192, [&](Index first, Index last) {
-    residues.middleCols(first, last - first) =
-        ((1 / p.scene.T - poles.array()).matrix().asDiagonal() *
-         fit.solve(s.of_y.middleCols(first, last - first)).topRows(K));
+    residues.middleCols(first, last - first) = ((1 / p.scene.T - poles.array()).matrix().asDiagonal() *
+                                                fit.solve(s.of_y.middleCols(first, last - first)).topRows(K));
   });
   const auto kernel_at = [&](double t) {
     RowMatrix at(s.outputs, n);

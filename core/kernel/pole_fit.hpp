@@ -1,7 +1,7 @@
 #pragma once
 // Few poles for dynamics that are known by shifted solves. H(z) of core/host/pole_model.hpp is computed at a few dozen
-// nodes, poles are picked for all its entries together, residues are a least-squares fit, and the fit is compared with H
-// at nodes that it has not seen.
+// nodes, poles are picked for all its entries together, residues are a least-squares fit, and the fit is compared with
+// H at nodes that it has not seen.
 //
 // Nodes. All weights of a grid with step h are integrals of H along a curve to the right of the poles:
 //
@@ -36,8 +36,8 @@ struct PoleFit {
 /// The model of the problem's dynamics for its step and times up to T.
 PoleFit fit_pole_model(const DiscreteProblem&, const std::vector<Index>& components);
 
-/// Largest error at nodes that the fit has not seen, of each block (constraints or components) x (y, a source, x0), with
-/// the weights above, relative to the largest value of the block: up to this a fit may replace lag weights.
+/// Largest error at nodes that the fit has not seen, of each block (constraints or components) x (y, a source, x0),
+/// with the weights above, relative to the largest value of the block: up to this a fit may replace lag weights.
 inline constexpr double accepted_pole_error = 1e-9;
 
 }  // namespace bromwich

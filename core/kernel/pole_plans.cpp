@@ -18,8 +18,8 @@ namespace pole_plans {
 
 namespace {
 
-constexpr Index block = 128;       ///< time points of a block
-constexpr Index together = 256;    ///< rows of the state that a thread takes at once
+constexpr Index block = 128;     ///< time points of a block
+constexpr Index together = 256;  ///< rows of the state that a thread takes at once
 constexpr Index outputs_together = 32;
 
 // The driven rows of the state, for blocks of consecutive time points.
@@ -184,8 +184,7 @@ Matrix implicit_part(const PoleRecurrence& recurrence) {
   const PoleModel& m = *recurrence.model;
   const PoleFactors f = pole_factors(m, recurrence.h);
   Matrix in_P = Matrix::Zero(m.n, m.n);
-  for (Index i = 0; i < m.driven; ++i)
-    in_P.col(m.direction[std::size_t(i)]) += f.behind[i] * m.output.col(i).head(m.n);
+  for (Index i = 0; i < m.driven; ++i) in_P.col(m.direction[std::size_t(i)]) += f.behind[i] * m.output.col(i).head(m.n);
   return m.direct.topLeftCorner(m.n, m.n) + in_P * m.basis.transpose();
 }
 

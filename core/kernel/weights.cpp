@@ -40,7 +40,8 @@ const ModalRecurrence* modal_recurrence_of(const Weights& weights) {
 const PoleRecurrence* pole_recurrence_of(const Weights& weights) { return std::get_if<PoleRecurrence>(&weights); }
 
 Vector first_row_sums(const Weights& weights) {
-  if (const PoleRecurrence* poles = pole_recurrence_of(weights)) return implicit_part(*poles).cwiseAbs().rowwise().sum();
+  if (const PoleRecurrence* poles = pole_recurrence_of(weights))
+    return implicit_part(*poles).cwiseAbs().rowwise().sum();
   if (const LagTable* table = lag_table_of(weights))
     return Eigen::Map<const RowMatrix>(table->W.row(0).data(), table->outputs, table->inputs)
         .cwiseAbs()

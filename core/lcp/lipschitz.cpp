@@ -65,7 +65,7 @@ double solution_lipschitz(const LcpMatrix& M) {
   if (n <= 12) return largest_inverse_norm(to_dense(M));
   double bound = infinity;
   if (is_H_plus(M)) bound = Comparison(M).solve(Vector::Ones(n)).maxCoeff();
-  if (n > 2048 && sparse_of(M)) return bound;  // a dense eigenvalue problem is too large
+  if (n > 2048 && sparse_of(M)) return bound;      // a dense eigenvalue problem is too large
   if (n > 2048 && bound < infinity) return bound;  // O(n) for a tridiagonal matrix
   const double lambda = smallest_eigenvalue(M);
   if (lambda > 0) bound = std::min(bound, std::sqrt(double(n)) / lambda);

@@ -6,9 +6,9 @@
 //   H+          converges for 0 < omega < 2 / (1 + rho), rho the spectral radius of |D^{-1}(M - D)| (below 1)
 //   symmetric positive definite   converges for 0 < omega < 2
 //
-// (Cottle, Pang, Stone, The Linear Complementarity Problem, section 5.2; Ahn, J. Optim. Theory Appl. 33, 1981.) Both are
-// P. For M with neighbours on a grid, omega = 2 / (1 + sqrt(1 - rho^2)) takes a number of sweeps that grows like the
-// root of the condition. What sweeps leave is solved by active sets with sparse factorizations of M_SS.
+// (Cottle, Pang, Stone, The Linear Complementarity Problem, section 5.2; Ahn, J. Optim. Theory Appl. 33, 1981.) Both
+// are P. For M with neighbours on a grid, omega = 2 / (1 + sqrt(1 - rho^2)) takes a number of sweeps that grows like
+// the root of the condition. What sweeps leave is solved by active sets with sparse factorizations of M_SS.
 
 #include "active_set.hpp"
 
@@ -28,8 +28,8 @@ struct SweepPlan {
 /// Which class M has and the relaxation for it. The class is tested, whatever the user states.
 SweepPlan plan_sweeps(const SparseMatrix& M);
 
-/// One problem by semismooth Newton on min(y, w): active sets S = {y > w}, M_SS factorized. For an M-matrix the sets are
-/// monotone, so that it ends.
+/// One problem by semismooth Newton on min(y, w): active sets S = {y > w}, M_SS factorized. For an M-matrix the sets
+/// are monotone, so that it ends.
 class SparseActiveSet {
  public:
   /// M must outlive the solver.

@@ -13,8 +13,8 @@
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/dense_twin.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
 
 #include <cmath>
 #include <numbers>
@@ -114,7 +114,7 @@ constexpr Index G = 18, H = 16, J = 128;
 struct Fitted {
   Scene scene = contact(plate(G, H), 0.05);
   std::unique_ptr<Backend> backend = make_cpu_backend(2);
-  std::vector<Index> components{0, 5 * H + 3, G * H - 1};
+  std::vector<Index> components{0, 5 * H + 3, G* H - 1};
   DiscreteProblem problem = discretise(scene, *backend, J, false);
   PoleFit fit = fit_pole_model(problem, components);
   Modes modes{scene, components};
@@ -181,8 +181,8 @@ TEST(PoleFit, ImplicitPartAndAlternatingSumAgreeWithTheWeights) {
   const Matrix W0 = f.modes.at(f.modes.NQ, r.h * phi.phi2, f.modes.QB);
   EXPECT_LE((implicit_part(r) - W0).cwiseAbs().maxCoeff(), allowed);
   // Σ_d (-1)^d W_d, of which every term has an error of its own: e^{hs} < 1, so that the sum has at most J of them.
-  const Matrix alternating = f.modes.at(
-      f.modes.NQ, r.h * (phi.phi2 - phi.phi1.square() / (1 + phi.exponential)), f.modes.QB);
+  const Matrix alternating =
+      f.modes.at(f.modes.NQ, r.h * (phi.phi2 - phi.phi1.square() / (1 + phi.exponential)), f.modes.QB);
   EXPECT_LE((at_minus_one(r) - alternating).cwiseAbs().maxCoeff(), double(J) * allowed);
 }
 

@@ -68,9 +68,9 @@ TEST(SparseLcp, ClassesAreTested) {
   EXPECT_EQ(plan_sweeps(stencil(4, 4, 0.1)).why, "symmetric positive definite");
   EXPECT_EQ(plan_sweeps(stencil(8, 1, 0.1, 0.4)).why, "H+");
   EXPECT_EQ(plan_sweeps(plate_of_springs(40)).why, "symmetric positive definite");
-  EXPECT_FALSE(plan_sweeps(stencil(8, 1, -1)).converges);      // indefinite
-  EXPECT_FALSE(plan_sweeps(stencil(8, 1, 0, 3)).converges);    // far from dominant, not symmetric
-  EXPECT_FALSE(plan_sweeps(SparseMatrix(5, 5)).converges);     // M = 0
+  EXPECT_FALSE(plan_sweeps(stencil(8, 1, -1)).converges);    // indefinite
+  EXPECT_FALSE(plan_sweeps(stencil(8, 1, 0, 3)).converges);  // far from dominant, not symmetric
+  EXPECT_FALSE(plan_sweeps(SparseMatrix(5, 5)).converges);   // M = 0
   EXPECT_NE(plan_sweeps(SparseMatrix(5, 5)).why.find("diagonal entry 0"), std::string::npos);
   EXPECT_TRUE(plan_sweeps(SparseMatrix(0, 0)).converges);
 }
