@@ -235,8 +235,8 @@ std::unique_ptr<March> make_march(Backend& backend, const MarchProblem& problem,
   if (const auto* poles = std::get_if<PoleRecurrence>(&weights))
     return std::make_unique<pole_plans::PoleMarch>(backend, problem, *poles);
   MarchProblem with = problem;
-  with.recurrence = recurrence_of(weights);
-  with.lags = lag_table_of(weights);
+  with.recurrence = std::get_if<Recurrence>(&weights);
+  with.lags = std::get_if<LagTable>(&weights);
   return backend.march(with, rows);
 }
 

@@ -4,7 +4,6 @@
 // exists.
 
 #include "../seam/backend.hpp"
-#include "weights.hpp"
 
 #include <memory>
 
