@@ -89,6 +89,7 @@ class CpuBackend final : public Backend, public SharedMemory {
     if (const auto* t = std::get_if<Tridiagonal>(&M))
       return cpu::make_tridiagonal_lcp(*t, lcp_class, shift, rows, threads_);
     if (shift != 0) throw Error("shift", "found a matrix that is not tridiagonal", "shift tridiagonal ones");
+    if (const SparseMatrix* sparse = sparse_of(M)) return cpu::make_sparse_lcp(*sparse, lcp_class, rows, threads_);
     return cpu::make_dense_lcp(std::get<Matrix>(M), lcp_class, rows, threads_);
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {

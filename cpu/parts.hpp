@@ -51,6 +51,7 @@ std::unique_ptr<Convolution> make_convolution(const DenseRecurrence&, Index rows
 std::unique_ptr<Convolution> make_convolution(const LagTable&, Index rows, int threads);
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal&, LcpClass, double shift, Index rows, int threads);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix&, LcpClass, Index rows, int threads);
+std::unique_ptr<LcpBatch> make_sparse_lcp(const SparseMatrix&, LcpClass, Index rows, int threads);
 std::unique_ptr<March> make_march(const MarchProblem&, Index rows, int threads);
 std::unique_ptr<March> make_dense_march(const MarchProblem&, const DenseRecurrence&, Index rows);
 std::unique_ptr<March> make_lag_march(const MarchProblem&, Index rows, int threads);

@@ -57,7 +57,10 @@ Matrix dense_value(const MatrixValue& value, const std::string& where) {
 LcpMatrix lcp_matrix(const MatrixValue& value, const std::string& where, Index smallest) {
   const SparseMatrix M = sparse_value(value);
   const Index n = M.rows();
-  if (n < smallest || M.cols() != n || !is_tridiagonal(M)) return dense_value(value, where);
+  if (n < smallest || M.cols() != n || !is_tridiagonal(M)) {
+    if (M.cols() == n && stays_sparse(value)) return SparseLcpMatrix(M);
+    return dense_value(value, where);
+  }
   Tridiagonal t{Vector::Zero(n), Vector::Zero(n), Vector::Zero(n)};
   for (Index i = 0; i < n; ++i) {
     if (i > 0) t.lower[i] = M.coeff(i, i - 1);

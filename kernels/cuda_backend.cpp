@@ -121,7 +121,7 @@ class CudaBackend final : public Backend, public SharedMemory {
     std::unique_ptr<LcpBatch> plan;
     if (!semidefinite && tridiagonal && size(M) > 0)
       plan = cuda::make_tridiagonal_lcp(device_, *tridiagonal, lcp_class, shift, rows);
-    else if (!semidefinite && !tridiagonal && shift == 0 && size(M) > 0)
+    else if (!semidefinite && std::holds_alternative<Matrix>(M) && shift == 0 && size(M) > 0)
       plan = cuda::make_dense_lcp(device_, std::get<Matrix>(M), lcp_class, rows);
     return plan ? std::move(plan) : cuda::make_host_lcp(device_, *host_, M, lcp_class, shift, rows);
   }

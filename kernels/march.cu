@@ -226,7 +226,7 @@ class ModalMarch final : public March {
       diagonal_ = on_device(device_, t->diagonal);
       upper_ = on_device(device_, t->upper);
     } else {
-      dense_ = on_device(device_, std::get<Matrix>(*problem_.M));
+      dense_ = on_device(device_, to_dense(*problem_.M));
     }
   }
 

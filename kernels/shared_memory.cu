@@ -44,6 +44,19 @@ __global__ void add_dense_product(const double* M, const double* y, int rows, in
   }
 }
 
+// M by rows: row i has the entries from begin[i] to begin[i + 1].
+__global__ void add_sparse_product(const int* begin, const int* column, const double* entry, const double* y, int rows,
+                                   int n, int step, double* q) {
+  let_next_begin();
+  await_previous();
+  for (long at = first_value(); at < long(rows) * n; at += all_threads()) {
+    const long row = at / n, i = at % n;
+    double sum = 0;
+    for (int k = begin[i]; k < begin[i + 1]; ++k) sum += entry[k] * y[row * step + column[k]];
+    q[row * step + i] += sum;
+  }
+}
+
 void copy_rows(const Device& device, const double* from, Index from_step, double* to, Index to_step, Index rows,
                Index cols) {
   if (rows == 0 || cols == 0) return;
@@ -83,6 +96,18 @@ void add_product(const Device& device, const LcpMatrix& M, const Array& y, Array
     const Memory<double> lower = on_device(device, three->lower), diagonal = on_device(device, three->diagonal),
                          upper = on_device(device, three->upper);
     follow(device, add_three_diagonals, blocks, "starting M y", lower.data(), diagonal.data(), upper.data(), values(y),
+           rows, n, step, values(q));
+    device.wait();
+    return;
+  }
+  if (const SparseMatrix* given = sparse_of(M)) {
+    const Eigen::SparseMatrix<double, Eigen::RowMajor, int> by_rows = *given;
+    Memory<int> begin(device, std::size_t(n) + 1), column(device, std::size_t(by_rows.nonZeros()));
+    Memory<double> entry(device, std::size_t(by_rows.nonZeros()));
+    begin.put(by_rows.outerIndexPtr());
+    column.put(by_rows.innerIndexPtr());
+    entry.put(by_rows.valuePtr());
+    follow(device, add_sparse_product, blocks, "starting M y", begin.data(), column.data(), entry.data(), values(y),
            rows, n, step, values(q));
     device.wait();
     return;

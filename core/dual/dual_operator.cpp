@@ -63,6 +63,7 @@ std::size_t EulerResponse::bytes() const { return (kernel_ ? kernel_->bytes() : 
 
 RowMatrix times_rows(const LcpMatrix& P, const RowMatrix& rows) {
   if (const auto* dense = std::get_if<Matrix>(&P)) return rows * dense->transpose();
+  if (const auto* sparse = sparse_of(P)) return rows * sparse->transpose();
   const auto& t = std::get<Tridiagonal>(P);
   const Index n = t.diagonal.size();
   RowMatrix product = rows * t.diagonal.asDiagonal();

@@ -184,7 +184,7 @@ std::optional<Vector> eigenvalues_in_modes(const LcpMatrix& matrix) {
     for (Index i = 0; i < n; ++i)
       if (M->diagonal[i] != a || (i > 0 && M->lower[i] != b) || (i + 1 < n && M->upper[i] != b)) return std::nullopt;
   } else {
-    const Matrix& full = std::get<Matrix>(matrix);
+    const Matrix full = to_dense(matrix);
     if (n > 0) a = full(0, 0);
     if (n > 1) b = full(0, 1);
     for (Index j = 0; j < n; ++j)

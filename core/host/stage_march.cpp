@@ -26,10 +26,11 @@ class Stages {
     if (p.modal) {
       S_ = sine_matrix(p.modal->along.size());
       if (!p.components.empty()) across_ = sine_matrix(p.modal->rates.size());
-      rigid_.assign(touching_.size(), p.modal->direct == 0 && to_dense(*p.M).diagonal().isZero(0));
+      rigid_.assign(touching_.size(), p.modal->direct == 0 && diagonal(*p.M).isZero(0));
       return;
     }
     B_ = (*p.dynamics)->rates_of_inputs(p.h);
+    if (p.poles) NB_ = (*p.dynamics)->outputs() * B_;
     rigid_ = rigid_constraints((*p.dynamics)->outputs());
   }
 
@@ -71,6 +72,12 @@ class Stages {
 
  private:
   Vector start() const {
+    if (problem_.poles) {
+      const PoleModel& model = *problem_.poles;
+      Vector zeta = Vector::Zero(model.rows());
+      zeta.tail(model.rows() - model.driven - model.forced).setOnes();
+      return zeta;
+    }
     if (!problem_.modal) return problem_.x0;
     const RowMatrix& z = problem_.modal->start;
     return Eigen::Map<const Vector>(z.data(), z.size());
@@ -139,11 +146,15 @@ class Stages {
     if (!step.switches()) return false;
     for (Index i = 0; i < first.size(); ++i)
       if (first[i] > std::max(zero, much_more * regular_[i]) && !(last[i] > zero)) return true;
-    // In modes N x stands for the state: y moves it by N B y.
+    // In modes and with poles N x stands for the state: y moves it by N B y.
     const auto pushed = [&](const Vector& y) {
+      if (problem_.poles) return Vector(NB_ * y);
       return problem_.modal ? Vector(problem_.modal->direct * y) : Vector(B_ * y);
     };
-    const auto state = [&](const Vector& x) { return problem_.modal ? Vector(S_ * seen_in_modes(x)) : x; };
+    const auto state = [&](const Vector& x) {
+      if (problem_.poles) return Vector(problem_.poles->output.topRows(NB_.rows()) * x);
+      return problem_.modal ? Vector(S_ * seen_in_modes(x)) : x;
+    };
     const Vector moved = h * pushed(first).cwiseAbs().cwiseMax(pushed(last).cwiseAbs());
     const Vector size = state(before).cwiseAbs().cwiseMax(state(after).cwiseAbs());
     return (moved.array() > 0.25 * size.cwiseMax(0.01 * size.maxCoeff()).array()).any();
@@ -183,8 +194,23 @@ class Stages {
 
   void record(const Vector& x, Index j, StageSolution& out) const {
     if (problem_.modal) return record_modes(x, j, out);
-    out.v.row(j) = observe(*problem_.dynamics, x).transpose();
-    for (std::size_t c = 0; c < problem_.components.size(); ++c) out.x(j, Index(c)) = x[problem_.components[c]];
+    if (problem_.poles && j > 0) return record_poles(x, j, out);
+    out.v.row(j) = observe(*problem_.dynamics, problem_.poles ? problem_.x0 : x).transpose();
+    const Vector& state = problem_.poles ? problem_.x0 : x;
+    for (std::size_t c = 0; c < problem_.components.size(); ++c) out.x(j, Index(c)) = state[problem_.components[c]];
+  }
+
+  // U ζ + D (y, phi).
+  void record_poles(const Vector& x, Index j, StageSolution& out) const {
+    const PoleModel& model = *problem_.poles;
+    Vector seen = model.output * x + model.direct.leftCols(model.n) * out.y.row(j).transpose();
+    if (problem_.phi.size() > 0) {
+      const Index width = problem_.phi.cols() / problem_.stages;
+      seen +=
+          model.direct.middleCols(model.sources > 0 ? model.n : 0, width) * problem_.phi.row(j).tail(width).transpose();
+    }
+    out.v.row(j) = seen.head(model.n).transpose();
+    out.x.row(j) = seen.tail(model.components).transpose();
   }
 
   // v in modes, which are transformed at the end, and components of the state.
@@ -209,9 +235,9 @@ class Stages {
   Stepper main_;
   std::array<std::map<std::size_t, std::unique_ptr<Stepper>>, 2> others_;  ///< by kind; one-stage and two-stage
   Vector other_;
-  Vector regular_;  ///< largest y_i at the ends of steps without jumps
-  SparseMatrix B_;
-  Matrix S_, across_;  ///< sine matrices along and across the lines of a Kronecker sum
+  Vector regular_;       ///< largest y_i at the ends of steps without jumps
+  SparseMatrix B_, NB_;  ///< E^{-1} B; N E^{-1} B of a model of poles
+  Matrix S_, across_;    ///< sine matrices along and across the lines of a Kronecker sum
   std::vector<bool> rigid_;
   bool impact_ = false;         ///< the last step was an impact on a rigid constraint
   std::vector<bool> touching_;  ///< y_i > 0 at the end of the last step

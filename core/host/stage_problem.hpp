@@ -2,6 +2,7 @@
 
 #include "../dynamics/dynamics.hpp"
 #include "../lcp/matrix.hpp"
+#include "pole_model.hpp"
 
 #include <functional>
 #include <memory>
@@ -44,8 +45,9 @@ struct StageProblem {
   SparseMatrix F;                 ///< m x k
   std::vector<Index> components;  ///< state components to record
   bool substitutes_euler = true;  ///< steps in which the state jumps are taken by implicit Euler
-  std::function<bool()> interrupted;         ///< polled from time to time; true ends the march
-  std::function<void(Index step)> progress;  ///< called from time to time
+  std::function<bool()> interrupted;            ///< polled from time to time; true ends the march
+  std::function<void(Index step)> progress;     ///< called from time to time
+  std::shared_ptr<const PoleModel> poles = {};  ///< instead of the state of the dynamics
 };
 
 }  // namespace bromwich

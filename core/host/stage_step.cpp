@@ -157,6 +157,7 @@ RowMatrix last_stages(const RowMatrix& values, Index given, Index used, const st
 
 std::unique_ptr<StageStep> make_stage_step(const StageProblem& p, Index stages, double h,
                                            const std::vector<Index>& rows) {
+  if (p.poles) return make_pole_stage_step(p, stages, h, rows);
   if (p.modal) return make_modal_stage_step(p, stages, h, rows);
   return stages == 2 ? make<Complex>(p, h, rows) : make<double>(p, h, rows);
 }

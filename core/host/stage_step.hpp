@@ -39,6 +39,10 @@ std::unique_ptr<StageStep> make_stage_step(const StageProblem&, Index stages, do
 std::unique_ptr<StageStep> make_modal_stage_step(const StageProblem&, Index stages, double h,
                                                  const std::vector<Index>& rows);
 
+/// The same for a model of few poles; the state is that of PoleModel.
+std::unique_ptr<StageStep> make_pole_stage_step(const StageProblem&, Index stages, double h,
+                                                const std::vector<Index>& rows);
+
 /// Stage values of g or phi for a step with `used` stages: the last `used` of `given`, for these rows.
 RowMatrix last_stages(const RowMatrix& values, Index given, Index used, const std::vector<Index>& rows);
 

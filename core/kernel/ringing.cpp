@@ -54,6 +54,10 @@ BasisChoice decide(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, con
 
 }  // namespace
 
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, const Matrix& at_minus_one) {
+  return decide(M, lcp_class, w0, at_minus_one);
+}
+
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class) {
   if (lcp_class == LcpClass::P) return {};
   const Matrix dense = to_dense(M);

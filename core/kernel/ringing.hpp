@@ -28,6 +28,8 @@ struct BasisChoice {
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass, const DenseRecurrence&);
 /// The same from lag weights; their series is truncated.
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass, const LagTable&);
+/// The same from W_0 and W^(-1), n x n.
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass, const Matrix& w0, const Matrix& at_minus_one);
 /// Without weights: M must be P or Z.
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass);
 

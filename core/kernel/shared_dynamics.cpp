@@ -24,6 +24,7 @@ bool same(const LcpMatrix& a, const LcpMatrix& b) {
     const Matrix& other = std::get<Matrix>(b);
     return dense->rows() == other.rows() && dense->cols() == other.cols() && *dense == other;
   }
+  if (const auto* sparse = sparse_of(a)) return same(*sparse, *sparse_of(b));
   const auto &s = std::get<Tridiagonal>(a), &t = std::get<Tridiagonal>(b);
   return s.diagonal.size() == t.diagonal.size() && s.diagonal == t.diagonal && s.lower == t.lower && s.upper == t.upper;
 }

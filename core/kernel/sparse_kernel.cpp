@@ -9,6 +9,7 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/kernel/rough_response.hpp"
+#include "core/kernel/wide_system.hpp"
 #include "core/numerics/elimination.hpp"
 
 #include <algorithm>
@@ -24,69 +25,6 @@ constexpr double degree = std::numbers::pi / 180;
 
 // A shift sigma loses a factor e^{sigma T} of accuracy, at most 3000.
 constexpr double largest_growth = 8;
-
-// f given per state has m columns.
-constexpr Index most_source_columns = 4096;
-constexpr double most_source_bytes = 1 << 30;
-
-// [B F E x0] and [N; I].
-struct Wide {
-  Dynamics dynamics;
-  Index n = 0, sources = 0, states = 0, components = 0;  ///< sources: of phi; states: 1 with x0, else 0
-
-  Index lag_inputs() const { return n + sources; }
-  Index inputs() const { return n + sources + states; }
-  Index outputs() const { return n + components; }
-};
-
-SparseMatrix beside(std::initializer_list<const SparseMatrix*> blocks, Index rows) {
-  std::vector<Eigen::Triplet<double>> entries;
-  Index width = 0;
-  for (const SparseMatrix* block : blocks) {
-    for (Index c = 0; c < block->cols(); ++c)
-      for (SparseMatrix::InnerIterator b(*block, c); b; ++b) entries.emplace_back(b.row(), width + c, b.value());
-    width += block->cols();
-  }
-  SparseMatrix all(rows, width);
-  all.setFromTriplets(entries.begin(), entries.end());
-  return all;
-}
-
-SparseMatrix source_columns(const DiscreteProblem& p, Index outputs) {
-  const Index m = p.scene.states();
-  SparseMatrix none(m, 0);
-  if (p.f.size() == 0 || p.scene.f_entry == SourceEntry::through_B) return none;
-  if (p.scene.f_entry == SourceEntry::through_F) return p.scene.F;
-  const double bytes = 2 * sizeof(double) * double(p.J + 1) * double(outputs) * double(m);
-  if (m > most_source_columns || bytes > most_source_bytes)
-    throw Error("f", "found one value for each of " + std::to_string(m) + " states",
-                "write f as F phi(t) with a few columns F");
-  SparseMatrix identity(m, m);
-  identity.setIdentity();
-  return identity;
-}
-
-Wide widen(const DiscreteProblem& p, const std::vector<Index>& components) {
-  const Dynamics& d = p.scene.dynamics;
-  const SparseMatrix B = d->inputs(), given_N = d->outputs();
-  const Index m = p.scene.states();
-  Wide wide;
-  wide.n = given_N.rows();
-  wide.components = Index(components.size());
-  const SparseMatrix F = source_columns(p, wide.outputs());
-  wide.sources = F.cols();
-  SparseMatrix x0(m, 0);
-  if ((p.scene.x0.array() != 0).any()) x0 = d->times_mass(p.scene.x0).sparseView(0, 0);
-  wide.states = x0.cols();
-  std::vector<Eigen::Triplet<double>> rows;
-  for (Index c = 0; c < m; ++c)
-    for (SparseMatrix::InnerIterator a(given_N, c); a; ++a) rows.emplace_back(a.row(), c, a.value());
-  for (Index i = 0; i < wide.components; ++i) rows.emplace_back(wide.n + i, components[std::size_t(i)], 1.0);
-  SparseMatrix N(wide.outputs(), m);
-  N.setFromTriplets(rows.begin(), rows.end());
-  wide.dynamics = Dynamics(d->with_inputs_and_outputs(beside({&B, &F, &x0}, m), N));
-  return wide;
-}
 
 // Rows of W_d, S_d and of [N; I] e^{A t_d} x0.
 struct Rows {
@@ -311,16 +249,20 @@ RowMatrix sparse_states(const DiscreteProblem& p, const SparseKernel& kernel, co
   return x;
 }
 
-double predicted_sparse_bytes(const SparseDynamics& d, Index J, Index n_inputs, Index n_outputs, int threads) {
+double predicted_elimination_bytes(const SparseDynamics& d, Index n_inputs, int threads) {
   constexpr double lane_group = 8 * sizeof(Complex);  // eight nodes are eliminated together
   const Elimination plan = analyse(d.E.rows() > 0 ? SparseMatrix(d.A + 0 * d.E) : d.A, d.B, d.N,
                                    std::max<Index>(n_inputs - d.B.cols(), 0) + 1);
+  const double matrix = 24 * double(d.A.nonZeros());
+  return lane_group * double(std::max(threads, 1)) * double(plan.entries()) + 6 * matrix;
+}
+
+double predicted_sparse_bytes(const SparseDynamics& d, Index J, Index n_inputs, Index n_outputs, int threads) {
   const double windows = 2 + std::log(double(std::max<Index>(J, 1))) / std::log(window_ratio),
                nodes = 81 * (windows + 2);
   const double entries = double(n_inputs) * double(n_outputs);
-  const double matrix = 24 * double(d.A.nonZeros());
-  return lane_group * double(std::max(threads, 1)) * double(plan.entries()) +
-         4 * sizeof(double) * double(J + 1) * entries + 2 * sizeof(Complex) * nodes * entries + 6 * matrix;
+  return predicted_elimination_bytes(d, n_inputs, threads) + 4 * sizeof(double) * double(J + 1) * entries +
+         2 * sizeof(Complex) * nodes * entries;
 }
 
 }  // namespace bromwich

@@ -35,9 +35,11 @@ RowMatrix sparse_states(const DiscreteProblem&, const SparseKernel&, const RowMa
 
 inline constexpr double accepted_contour_error = 1e-9;
 
-/// Upper bound, up to small tables, of the bytes needed by sparse_kernel for so many columns of [B F E x0] and rows of
-/// [N; I_c]. From the symbolic analysis of A, B and N, which is exact for the elimination; columns after those of B
-/// count as dense, rows after those of N as absent. Components far from the constraints add a few percent.
+/// Bytes of the elimination alone, and an upper bound, up to small tables, of the bytes needed by sparse_kernel for so
+/// many columns of [B F E x0] and rows of [N; I_c]. From the symbolic analysis of A, B and N, which is exact for the
+/// elimination; columns after those of B count as dense, rows after those of N as absent. Components far from the
+/// constraints add a few percent.
+double predicted_elimination_bytes(const SparseDynamics&, Index n_inputs, int threads);
 double predicted_sparse_bytes(const SparseDynamics&, Index J, Index n_inputs, Index n_outputs, int threads);
 
 }  // namespace bromwich

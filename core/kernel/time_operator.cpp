@@ -1,5 +1,6 @@
 #include "core/kernel/time_operator.hpp"
 
+#include "core/kernel/pole_plans.hpp"
 #include "core/kernel/recurrence.hpp"
 
 #include <cmath>
@@ -15,9 +16,9 @@ std::size_t MarchData::bytes() const {
     else
       return w.decay.size() + 3 * w.input.size();
   };
-  const Index of_weights = recurrence_of(*weights)
-                               ? std::visit(numbers, *recurrence_of(*weights))
-                               : lag_table_of(*weights)->W.size() + lag_table_of(*weights)->S.size();
+  Index of_weights = 0;  // those of poles belong to their operator
+  if (recurrence_of(*weights)) of_weights = std::visit(numbers, *recurrence_of(*weights));
+  if (const LagTable* table = lag_table_of(*weights)) of_weights = table->W.size() + table->S.size();
   return sizeof(double) * std::size_t(of_weights + forcing.size()) + r.bytes();
 }
 
@@ -31,7 +32,9 @@ std::unique_ptr<SpaceTimeKernel> TimeOperator::kernel_of(const Weights& weights,
   const Index rows = steps + 1, n = p_.scene.constraints();
   const LagTable* table = lag_table_of(weights);
   const Recurrence* recurrence = recurrence_of(weights);
-  auto convolution = table            ? p_.backend.convolution(*table, rows)
+  const PoleRecurrence* poles = pole_recurrence_of(weights);
+  auto convolution = poles            ? make_pole_convolution(p_.backend, *poles, rows)
+                     : table          ? p_.backend.convolution(*table, rows)
                      : by_fft(choice) ? p_.backend.convolution(lag_table(*recurrence, steps), rows)
                                       : p_.backend.convolution(*recurrence, rows);
   return std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), modal(), rows, n);

@@ -139,6 +139,10 @@ class TimeOperator {
 
   const DiscreteProblem& p_;
 
+ public:
+  /// The dynamics by few poles, with the components of the problem; null where the operator has none.
+  virtual std::shared_ptr<const PoleModel> poles() { return nullptr; }
+
  private:
   std::optional<BasisChoice> basis_;
   bool keeps_ = false;

@@ -1,5 +1,7 @@
 #include "core/kernel/weights.hpp"
 
+#include "core/kernel/pole_plans.hpp"
+
 #include <unsupported/Eigen/FFT>
 
 #include <cmath>
@@ -35,7 +37,11 @@ const ModalRecurrence* modal_recurrence_of(const Weights& weights) {
   return recurrence ? std::get_if<ModalRecurrence>(recurrence) : nullptr;
 }
 
+const PoleRecurrence* pole_recurrence_of(const Weights& weights) { return std::get_if<PoleRecurrence>(&weights); }
+
 Vector first_row_sums(const Weights& weights) {
+  if (const PoleRecurrence* poles = pole_recurrence_of(weights))
+    return implicit_part(*poles).cwiseAbs().rowwise().sum();
   if (const LagTable* table = lag_table_of(weights))
     return Eigen::Map<const RowMatrix>(table->W.row(0).data(), table->outputs, table->inputs)
         .cwiseAbs()
@@ -70,6 +76,8 @@ ModalRecurrence coarsen(const ModalRecurrence& fine) {
 }
 
 Weights coarsened(const Weights& fine, Index fine_steps, Index steps) {
+  if (const PoleRecurrence* poles = pole_recurrence_of(fine))
+    return PoleRecurrence{poles->model, poles->h * double(fine_steps / steps)};
   Weights weights = fine;
   for (Index at = fine_steps; at > steps; at /= 2) {
     if (const LagTable* table = lag_table_of(weights))

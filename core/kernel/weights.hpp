@@ -26,6 +26,7 @@ SharedWeights share_weights(Form form) {
 const LagTable* lag_table_of(const Weights&);
 const Recurrence* recurrence_of(const Weights&);
 const ModalRecurrence* modal_recurrence_of(const Weights&);
+const PoleRecurrence* pole_recurrence_of(const Weights&);
 
 /// |W_0| 1: n entries.
 Vector first_row_sums(const Weights&);
@@ -38,7 +39,7 @@ LagTable coarsen(const LagTable&);
 /// x0 is omitted.
 ModalRecurrence coarsen(const ModalRecurrence&);
 
-/// Halves the number of steps until it is `steps`. Lag tables and modal recurrences only.
+/// Halves the number of steps until it is `steps`. Not for dense recurrences.
 Weights coarsened(const Weights& fine, Index fine_steps, Index steps);
 
 }  // namespace bromwich

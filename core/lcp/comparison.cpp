@@ -15,12 +15,21 @@ namespace {
 LcpMatrix absolute(const LcpMatrix& M) {
   if (const auto* t = std::get_if<Tridiagonal>(&M))
     return Tridiagonal{t->lower.cwiseAbs(), t->diagonal.cwiseAbs(), t->upper.cwiseAbs()};
+  if (const auto* sparse = sparse_of(M)) return SparseLcpMatrix(sparse->cwiseAbs());
   return Matrix(std::get<Matrix>(M).cwiseAbs());
 }
 
 LcpMatrix comparison(const LcpMatrix& M) {
   if (const auto* t = std::get_if<Tridiagonal>(&M))
     return Tridiagonal{-t->lower.cwiseAbs(), t->diagonal.cwiseAbs(), -t->upper.cwiseAbs()};
+  if (const auto* sparse = sparse_of(M)) {
+    SparseMatrix C = *sparse;
+    C.makeCompressed();
+    for (Index j = 0; j < C.outerSize(); ++j)
+      for (SparseMatrix::InnerIterator a(C, j); a; ++a)
+        a.valueRef() = a.row() == j ? std::abs(a.value()) : -std::abs(a.value());
+    return SparseLcpMatrix(std::move(C));
+  }
   Matrix C = -std::get<Matrix>(M).cwiseAbs();
   C.diagonal() *= -1;
   return C;
@@ -30,6 +39,10 @@ LcpMatrix comparison(const LcpMatrix& M) {
 
 Comparison::Comparison(const LcpMatrix& M) : C_(comparison(M)) {
   if (const auto* dense = std::get_if<Matrix>(&C_); dense && dense->rows() > 0) lu_.compute(*dense);
+  if (const auto* sparse = sparse_of(C_)) {
+    sparse_lu_ = std::make_shared<Eigen::SparseLU<SparseMatrix>>();
+    sparse_lu_->compute(*sparse);
+  }
 }
 
 // Elimination without exchanges: a nonsingular M-matrix has positive pivots in any order.
@@ -49,6 +62,8 @@ Vector Comparison::solve_tridiagonal(const Vector& b) const {
 
 Vector Comparison::solve(const Vector& b) const {
   if (std::holds_alternative<Tridiagonal>(C_)) return solve_tridiagonal(b);
+  if (sparse_lu_)
+    return sparse_lu_->info() == Eigen::Success ? Vector(sparse_lu_->solve(b)) : Vector::Constant(b.size(), NAN);
   return b.size() > 0 ? Vector(lu_.solve(b)) : b;
 }
 

@@ -4,6 +4,9 @@
 #include "matrix.hpp"
 
 #include <Eigen/LU>
+#include <Eigen/SparseLU>
+
+#include <memory>
 
 namespace bromwich {
 
@@ -22,6 +25,7 @@ class Comparison {
 
   LcpMatrix C_;  ///< <M>
   Eigen::PartialPivLU<Matrix> lu_;
+  std::shared_ptr<Eigen::SparseLU<SparseMatrix>> sparse_lu_;  ///< of a sparse <M>
 };
 
 }  // namespace bromwich

@@ -5,6 +5,7 @@
 #include "core/lcp/solution.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/SparseCholesky>
 
 #include <algorithm>
 #include <cmath>
@@ -28,6 +29,11 @@ std::optional<PositiveEntry> positive_off_diagonal(const LcpMatrix& M) {
     each_entry(*t, look_at);
     return found;
   }
+  if (const auto* sparse = sparse_of(M)) {
+    for (Index j = 0; j < sparse->outerSize(); ++j)
+      for (SparseMatrix::InnerIterator a(*sparse, j); a; ++a) look_at(a.row(), j, a.value());
+    return found;
+  }
   const Matrix& dense = std::get<Matrix>(M);
   for (Index i = 0; i < dense.rows() && !found; ++i)
     for (Index j = 0; j < dense.cols(); ++j) look_at(i, j, dense(i, j));
@@ -46,6 +52,11 @@ bool strictly_dominant(const LcpMatrix& M) {
     }
     return rows || columns;
   }
+  if (const auto* sparse = sparse_of(M)) {
+    const SparseMatrix size = sparse->cwiseAbs();
+    const Vector ones = Vector::Ones(size.rows()), twice = 2 * sparse->diagonal();
+    return (twice.array() > (size * ones).array()).all() || (twice.array() > (size.transpose() * ones).array()).all();
+  }
   const Matrix& dense = std::get<Matrix>(M);
   const Vector twice = 2 * dense.diagonal();
   return (twice.array() > dense.cwiseAbs().rowwise().sum().array()).all() ||
@@ -61,6 +72,11 @@ LcpMatrix congruent(const LcpMatrix& M) {
     for (Index i = 0; i + 1 < n; ++i)
       sizes.upper[i] = sizes.lower[i + 1] = std::max(std::abs(t->upper[i]), std::abs(t->lower[i + 1]));
     const Vector d = equilibrate(sizes).rows;
+    return scaled(M, {d, d});
+  }
+  if (const auto* sparse = sparse_of(M)) {
+    const SparseMatrix size = sparse->cwiseAbs(), transposed = size.transpose();
+    const Vector d = equilibrate(SparseMatrix(size + transposed)).rows;
     return scaled(M, {d, d});
   }
   const Matrix& dense = std::get<Matrix>(M);
@@ -88,6 +104,26 @@ bool definite(const Matrix& M, double sign) {
   S.diagonal().setConstant(1 + sign * 32 * double(n) * epsilon);
   return Eigen::LLT<Matrix>(S).info() == Eigen::Success;
 }
+
+// The same by a sparse factorization; its rounding is no larger.
+bool definite(const SparseMatrix& M, double sign) {
+  const Index n = M.rows();
+  const SparseMatrix transposed = M.transpose(), size = M.cwiseAbs() + transposed.cwiseAbs();
+  SparseMatrix S = M + transposed;
+  Vector d = S.diagonal() + sign * entry_rounding * (size * Vector::Ones(n)), scale(n);
+  for (Index i = 0; i < n; ++i) {
+    if (d[i] < 0 || (sign < 0 && d[i] == 0)) return false;
+    scale[i] = d[i] > 0 ? 1 / std::sqrt(d[i]) : 1;
+  }
+  S = scale.asDiagonal() * S * scale.asDiagonal();
+  SparseMatrix margin(n, n);
+  margin.setIdentity();
+  d = Vector::Constant(n, 1 + sign * 32 * double(n) * epsilon) - S.diagonal();
+  S += SparseMatrix(margin * d.asDiagonal());
+  return Eigen::SimplicialLLT<SparseMatrix>(S).info() == Eigen::Success;
+}
+
+bool definite(const SparseLcpMatrix& M, double sign) { return definite(*M.entries, sign); }
 
 // The same by the pivots of the symmetric tridiagonal matrix.
 bool definite(const Tridiagonal& t, double sign) {

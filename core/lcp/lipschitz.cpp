@@ -42,7 +42,7 @@ double smallest_eigenvalue(const LcpMatrix& M) {
     eigen.computeFromTridiagonal(t->diagonal, (t->lower.tail(n - 1) + t->upper.head(n - 1)) / 2,
                                  Eigen::EigenvaluesOnly);
   } else {
-    const Matrix& dense = std::get<Matrix>(M);
+    const Matrix dense = to_dense(M);
     eigen.compute((dense + dense.transpose()) / 2, Eigen::EigenvaluesOnly);
   }
   const Vector& values = eigen.eigenvalues();
@@ -56,6 +56,7 @@ double solution_lipschitz(const LcpMatrix& M) {
   if (n <= 12) return largest_inverse_norm(to_dense(M));
   double bound = infinity;
   if (is_H_plus(M)) bound = Comparison(M).solve(Vector::Ones(n)).maxCoeff();
+  if (n > 2048 && sparse_of(M)) return bound;      // a dense eigenvalue problem is too large
   if (n > 2048 && bound < infinity) return bound;  // O(n) for a tridiagonal matrix
   const double lambda = smallest_eigenvalue(M);
   if (lambda > 0) bound = std::min(bound, std::sqrt(double(n)) / lambda);

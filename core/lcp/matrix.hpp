@@ -3,6 +3,7 @@
 
 #include "../base/types.hpp"
 
+#include <memory>
 #include <variant>
 
 namespace bromwich {
@@ -12,8 +13,20 @@ struct Tridiagonal {
   Vector lower, diagonal, upper;
 };
 
-/// The complementarity matrix M, dense or tridiagonal.
-using LcpMatrix = std::variant<Matrix, Tridiagonal>;
+/// A sparse M. Copies share the entries.
+struct SparseLcpMatrix {
+  explicit SparseLcpMatrix(SparseMatrix);  ///< compresses it
+  std::shared_ptr<const SparseMatrix> entries;
+};
+
+/// The complementarity matrix M: dense, tridiagonal, or sparse.
+using LcpMatrix = std::variant<Matrix, Tridiagonal, SparseLcpMatrix>;
+
+/// The entries of a sparse M; null if M is dense or tridiagonal.
+inline const SparseMatrix* sparse_of(const LcpMatrix& M) {
+  const auto* sparse = std::get_if<SparseLcpMatrix>(&M);
+  return sparse ? sparse->entries.get() : nullptr;
+}
 
 /// The class of M as stated by the user. `automatic`: it is tested (core/lcp/lcp_class.hpp).
 enum class LcpClass { automatic, P, Z, PSD, unknown };

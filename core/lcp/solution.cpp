@@ -32,6 +32,21 @@ Equilibration equilibrate(const Tridiagonal& t) {
   });
 }
 
+Equilibration equilibrate(const SparseMatrix& M) {
+  return equilibrate(M.rows(), M.cols(), [&](const Equilibration& e, Vector& rows, Vector& columns) {
+    rows = Vector::Zero(M.rows());
+    columns = Vector::Zero(M.cols());
+    for (Index j = 0; j < M.outerSize(); ++j)
+      for (SparseMatrix::InnerIterator a(M, j); a; ++a) {
+        const double entry = e.rows[a.row()] * std::abs(a.value()) * e.columns[j];
+        rows[a.row()] = std::max(rows[a.row()], entry);
+        columns[j] = std::max(columns[j], entry);
+      }
+  });
+}
+
+Equilibration equilibrate(const SparseLcpMatrix& M) { return equilibrate(*M.entries); }
+
 Equilibration equilibrate(const LcpMatrix& M) {
   return std::visit([](const auto& given) { return equilibrate(given); }, M);
 }
@@ -40,6 +55,10 @@ Tridiagonal scaled(const Tridiagonal& given, const Equilibration& e) {
   Tridiagonal t = given;
   each_entry(t, [&e](Index i, Index j, double& entry) { entry *= e.rows[i] * e.columns[j]; });
   return t;
+}
+
+SparseLcpMatrix scaled(const SparseLcpMatrix& given, const Equilibration& e) {
+  return SparseLcpMatrix(e.rows.asDiagonal() * *given.entries * e.columns.asDiagonal());
 }
 
 LcpMatrix scaled(const LcpMatrix& M, const Equilibration& e) {

@@ -14,12 +14,15 @@ namespace bromwich {
 /// R and C with the largest entry of every row and column of R M C between about 1/2 and 2; 1 for zero rows, columns.
 Equilibration equilibrate(const LcpMatrix&);
 Equilibration equilibrate(const Tridiagonal&);
+Equilibration equilibrate(const SparseMatrix&);
+Equilibration equilibrate(const SparseLcpMatrix&);
 
 /// M + D I.
 Tridiagonal plus_identity(Tridiagonal M, double D);
 
 /// R M C.
 Tridiagonal scaled(const Tridiagonal&, const Equilibration&);
+SparseLcpMatrix scaled(const SparseLcpMatrix&, const Equilibration&);
 LcpMatrix scaled(const LcpMatrix&, const Equilibration&);
 
 /// y >= 0 and min(y_i, w_i) = 0 up to rounding. A w_i that should vanish, or should not be negative, is compared with

@@ -1,6 +1,7 @@
 #include "core/march/marching.hpp"
 
 #include "core/base/timer.hpp"
+#include "core/kernel/pole_plans.hpp"
 #include "core/march/outcome.hpp"
 
 #include <algorithm>
@@ -25,8 +26,6 @@ class PreparedMarch final : public PreparedMethod {
     problem.interrupted = options.interrupted;
     if (options.progress)
       problem.progress = [progress = options.progress, J = p_.J](Index step) { progress({step, 0, J}); };
-    problem.recurrence = recurrence_of(*data_.weights);
-    problem.lags = lag_table_of(*data_.weights);
     problem.r = r_.get();
     problem.drive = drive_.get();
     if (forcing_) {
@@ -37,7 +36,7 @@ class PreparedMarch final : public PreparedMethod {
     if (data_.start.size() > 0) problem.start = &data_.start;
     upload_sources();
     upload_start();
-    march_ = p_.backend.march(problem, rows);
+    march_ = make_march(p_.backend, problem, *data_.weights, rows);
   }
 
   void renew(const Changes& changes) override {

@@ -215,7 +215,8 @@ void keep_points(const DiscreteProblem& p, const StageGrid& grid, const Given& g
 
 }  // namespace
 
-void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions& options, Result& result) {
+void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions& options, Result& result,
+                     std::shared_ptr<const PoleModel> poles) {
   Timer timer;
   const Start start = solve_at_zero(p, result);
   if (start == Start::none) return;
@@ -223,6 +224,7 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   StageGrid grid = make_grid(p, stages, options.compares_grids);
   Given given;
   state_problem(p, grid, stages, options, given);
+  if (grid.lengths.empty()) given.problem.poles = std::move(poles);
   result.seconds.setup += timer.lap();
   const Vector y0 = result.y.row(0).transpose();
   StageSolution s = march_by_stages(given.problem, y0);
@@ -248,6 +250,10 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   result.continuous = false;
   result.well_posed = s.report.well_posed;
   result.kernel = describe(stages, s.report, given.problem.modal.get());
+  if (const PoleModel* model = given.problem.poles.get()) {
+    result.kernel += text(", %td poles with %td numbers in the state", model->distinct, model->rows());
+    result.kernel_error = model->error;
+  }
   result.euler_steps = s.report.jumps;
   result.starts_with_impulse = start == Start::impulse;
   if (result.starts_with_impulse) result.kernel += impulse_note;

@@ -1,6 +1,7 @@
 #include "core/multigrid/time_levels.hpp"
 
 #include "core/iteration/forecast.hpp"
+#include "core/kernel/pole_plans.hpp"
 #include "core/multigrid/smoothing.hpp"
 
 #include <algorithm>
@@ -68,11 +69,9 @@ void prepare_march(const DiscreteProblem& p, const std::function<bool()>& interr
   MarchProblem problem;
   problem.M = &p.scene.M;
   problem.lcp_class = p.lcp_class;
-  problem.recurrence = recurrence_of(*level.weights);
-  problem.lags = lag_table_of(*level.weights);
   problem.r = level.r.get();
   if (level.steps > p.backend.traits().unpolled_steps) problem.interrupted = interrupted;
-  level.march = p.backend.march(problem, level.steps + 1);
+  level.march = make_march(p.backend, problem, *level.weights, level.steps + 1);
 }
 
 // to <- K_c phi - R K phi: the source is piecewise linear on the coarse grid. Precondition: the kernel of the finer

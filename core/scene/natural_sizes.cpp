@@ -49,6 +49,7 @@ void for_entries(const SparseMatrix& A, const Entry& entry) {
 
 SparseMatrix as_sparse(const LcpMatrix& M) {
   if (const auto* dense = std::get_if<Matrix>(&M)) return dense->sparseView(0, 0);
+  if (const auto* sparse = sparse_of(M)) return *sparse;
   std::vector<Eigen::Triplet<double>> entries;
   each_entry(std::get<Tridiagonal>(M), [&](Index i, Index j, double value) { entries.emplace_back(i, j, value); });
   SparseMatrix sparse(size(M), size(M));

@@ -51,6 +51,11 @@ void validate(const Matrix& M, Index n) {
   require_finite("M", M);
 }
 
+void validate(const SparseLcpMatrix& M, Index n) {
+  require_shape("M", *M.entries, n, n, "constraints x constraints");
+  require_finite("M", *M.entries);
+}
+
 void validate(const Tridiagonal& M, Index n) {
   const std::string meaning = "one per constraint";
   require_length("M.lower", M.lower, n, meaning);

@@ -14,7 +14,9 @@
 // G0        start     K x n or m x n; differs from G because y_0 is the end point of a single interval
 
 #include "../base/types.hpp"
+#include "../host/pole_model.hpp"
 
+#include <memory>
 #include <variant>
 
 namespace bromwich {
@@ -66,7 +68,15 @@ struct StageRecurrence {
 };
 
 using Recurrence = std::variant<ModalRecurrence, DenseRecurrence>;
-using Weights = std::variant<Recurrence, LagTable>;
+
+/// The state of a PoleModel on a grid with step h, y linear between time points:
+///     ζ_j = e^{hs} ζ_{j-1} + h (phi1 - phi2)(hs) u_{j-1} + h phi2(hs) u_j,   v_j = U ζ_j + D y_j,   ζ_0 = 0.
+struct PoleRecurrence {
+  std::shared_ptr<const PoleModel> model;
+  double h = 0;
+};
+
+using Weights = std::variant<Recurrence, LagTable, PoleRecurrence>;
 
 /// Non-owning pointer to one form of the weights.
 using WeightsRef = std::variant<const ModalRecurrence*, const DenseRecurrence*, const LagTable*>;

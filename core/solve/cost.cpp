@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/dual/local_march.hpp"
+#include "core/kernel/operators.hpp"
 #include "core/kernel/sparse_kernel.hpp"
 #include "core/kernel/time_operator.hpp"
 
@@ -60,6 +61,8 @@ Part grids(const Sizes& s, Method method, double arrays) {
 constexpr const char* tables = "tables over time (J x n and J x recorded states)";
 constexpr const char* states = "matrices of the state (m x m)";
 constexpr const char* problems = "matrices of the complementarity problem (n x n)";
+constexpr double typical_poles = 55, nodes_of_poles = 56;  ///< of a fit to 1e-9 at J = 1000
+constexpr const char* residues = "values at the nodes and residues of the poles";
 constexpr const char* weights = "lag weights (J x n x n)";
 
 // The convolution of a dense scene steps the state where that costs less than transforms of length 2J.
@@ -116,6 +119,19 @@ Cost in_modes(const Sizes& s, Method method) {
              s.J * (s.n * s.n + 3 * s.n * std::min(lines, 60.0)) + s.n * s.n * s.n);
 }
 
+bool tabulates_poles(const Sizes& s) { return s.J * s.n * s.n >= fewest_tabulated; }
+
+// A table of values at all nodes and one to fit from, then the residues; a sweep is two products with a state of
+// typical_poles n numbers at most.
+Cost by_poles(const Sizes& s, Method method, Part solver, double setup) {
+  const double n = s.n, rows = typical_poles * (n + s.k + 1);
+  return sum({{s.table(), tables},
+              grids(s, method, 6),
+              {number * ((n + s.c) * (4 * nodes_of_poles * (n + s.k + 1) + 2 * rows) + 10 * n * n), residues},
+              solver},
+             setup + sweeps_of(method) * s.J * n * (rows + n));
+}
+
 Cost with_matrices(const SparseDynamics& d, const Sizes& s, Method method) {
   const double n = s.n, inputs = n + s.k + 1;
   if (method == Method::euler)
@@ -124,6 +140,9 @@ Cost with_matrices(const SparseDynamics& d, const Sizes& s, Method method) {
          {bytes_of_entry * (factor_entries * std::pow(s.m, 1.2) + double(d.A.nonZeros())), "the factors of I - hA"},
          {number * (s.m * n + 6 * n * n), "responses of the state to y (m x n)"}},
         s.J * (factor_entries * std::pow(s.m, 1.2) + s.m * n));
+  if (tabulates_poles(s))
+    return by_poles(s, method, {predicted_elimination_bytes(d, Index(inputs), s.threads), "factors of zI - A"},
+                    2e4 * std::pow(s.m, 1.1));
   // 2e5 m^1.1: 620 nodes (J = 400) times the products of one elimination, 3e5 (m = 1e3) to 3e8 (m = 6e4) on squares,
   // to a factor of 4.
   const double solver = predicted_sparse_bytes(d, Index(s.J) - 1, Index(inputs), Index(n + s.c), s.threads);
@@ -137,6 +156,8 @@ Cost with_matrices(const SparseDynamics& d, const Sizes& s, Method method) {
 // What the solver of a user takes is not known.
 Cost by_solves(const Sizes& s, Method method) {
   const double n = s.n, inputs = n + s.k + 1;
+  if (tabulates_poles(s) && method != Method::euler)
+    return by_poles(s, method, {2 * number * s.m * inputs, "shifted solves"}, 0);
   return sum({{s.table(), tables},
               grids(s, method, 6 + 4 * n),
               {number * 2 * s.J * (n + s.c) * inputs, weights},

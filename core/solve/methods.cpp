@@ -141,7 +141,8 @@ void Methods::march(const InnerOptions& options, Result& result) {
 // Small states are recorded whole, and the requested components are taken from them.
 void Methods::step_in_stages(Index stages, const InnerOptions& options, Result& result) {
   const Index m = problem_.scene.states();
-  if (m > most_recorded_states) return solve_by_stages(problem_, stages, options, result);
+  if (m > most_recorded_states)
+    return solve_by_stages(problem_, stages, options, result, stages == 2 ? operator_->poles() : nullptr);
   DiscreteProblem p = problem_;
   p.components.resize(std::size_t(m));
   std::iota(p.components.begin(), p.components.end(), Index(0));

@@ -156,6 +156,7 @@ Dynamics changed(const Dynamics& given, const NaturalUnits& u) {
 
 LcpMatrix changed(const LcpMatrix& M, const NaturalUnits& u) {
   if (const auto* dense = std::get_if<Matrix>(&M)) return changed(*dense, u.w, u.y);
+  if (const auto* sparse = sparse_of(M)) return SparseLcpMatrix(changed(*sparse, u.w, u.y));
   Tridiagonal t = std::get<Tridiagonal>(M);
   each_entry(t, [&u](Index i, Index j, double& entry) {
     entry = times_ten_to(u.y[std::size_t(j)] - u.w[std::size_t(i)], entry);

@@ -12,6 +12,9 @@ from ._errors import Error
 
 # A dense M is kept as three diagonals from here on, where it has no more.
 SMALLEST_TRIDIAGONAL = 17
+# A sparse M stays sparse from this number of rows on, where it has fewer entries than this part of all.
+SMALLEST_SPARSE = 257
+LARGEST_DENSITY = 0.1
 
 
 class Tridiagonal:
@@ -135,8 +138,8 @@ def compressed(a: Any, name: str, column: bool = False) -> tuple:
     return (*csc.shape, on_host(csc.data, name), csc.indices.astype(np.int32), csc.indptr.astype(np.int32))
 
 
-def lcp_matrix(M: Any, n: int) -> np.ndarray | Tridiagonal:
-    """M as a dense or a tridiagonal matrix; None is zero."""
+def lcp_matrix(M: Any, n: int) -> np.ndarray | Tridiagonal | tuple:
+    """M as a dense, a tridiagonal or a compressed sparse matrix; None is zero."""
     if isinstance(M, Tridiagonal):
         return M
     if M is None:
@@ -145,6 +148,8 @@ def lcp_matrix(M: Any, n: int) -> np.ndarray | Tridiagonal:
         coo = M.tocoo()
         if n >= SMALLEST_TRIDIAGONAL and M.shape == (n, n) and np.all(np.abs(coo.row - coo.col) <= 1):
             return _three(M.diagonal(-1), M.diagonal(0), M.diagonal(1))
+        if n >= SMALLEST_SPARSE and M.shape == (n, n) and M.nnz < LARGEST_DENSITY * n * n:
+            return compressed(M, "M")
         return matrix(M, "M")
     dense = matrix(M, "M")
     if n < SMALLEST_TRIDIAGONAL or dense.shape != (n, n) or np.any(np.triu(dense, 2)) or np.any(np.tril(dense, -2)):

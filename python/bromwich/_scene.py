@@ -326,6 +326,8 @@ def _set_lcp(model: _core.Model, M: Any) -> None:
     found = lcp_matrix(M, model.constraints)
     if isinstance(found, Tridiagonal):
         model.set_M_tridiagonal(found.lower, found.diagonal, found.upper)
+    elif isinstance(found, tuple):
+        model.set_M_sparse(found)
     else:
         model.set_M(found)
 

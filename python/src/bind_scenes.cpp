@@ -188,6 +188,8 @@ void bind_scenes(nb::module_& m) {
       .def(
           "set_M", [](Model& s, const Array2& M) { s.scene.M = Matrix(as_matrix(M)); }, nb::arg("M"))
       .def(
+          "set_M_sparse", [](Model& s, const Sparse& M) { s.scene.M = SparseLcpMatrix(matrix(M)); }, nb::arg("M"))
+      .def(
           "set_M_tridiagonal",
           [](Model& s, const Array1& lower, const Array1& diagonal, const Array1& upper) {
             s.scene.M = Tridiagonal{as_vector(lower), as_vector(diagonal), as_vector(upper)};

@@ -247,6 +247,7 @@ nb::tuple dynamics_of(const Model& model) {
 nb::tuple lcp_matrix_of(const Scene& scene) {
   if (const auto* M = std::get_if<Tridiagonal>(&scene.M))
     return nb::make_tuple("set_M_tridiagonal", M->lower, M->diagonal, M->upper);
+  if (const SparseMatrix* M = sparse_of(scene.M)) return nb::make_tuple("set_M_sparse", compressed(*M));
   return nb::make_tuple("set_M", nb::cast(RowMatrix(std::get<Matrix>(scene.M)), nb::rv_policy::copy));
 }
 

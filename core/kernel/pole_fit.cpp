@@ -1,0 +1,471 @@
+// symbol          variable            shape
+// z_i             nodes, fitted first                            nodes that follow are for comparison
+// weighted H      Samples::of_y       2 nodes x (outputs n)      real parts, then imaginary parts; a row is one matrix
+//                 Samples::others     2 nodes x (outputs (k + 1))
+// s_k             poles               K, the slowest first
+// P, r_k          Directions          n x n, K
+
+#include "core/kernel/pole_fit.hpp"
+
+#include "core/base/text.hpp"
+#include "core/kernel/wide_system.hpp"
+
+#include <Eigen/QR>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+namespace bromwich {
+
+namespace pole_fitting {
+
+namespace {
+
+constexpr double largest_node = 8, smallest_node = 0.3;  ///< times 1/h and 1/T
+constexpr double bend_length = 20, bend_angle = 140 * std::numbers::pi / 180;
+constexpr double nodes_per_fold = 2.85;  ///< on the imaginary axis, for a factor of e
+constexpr Index arc_nodes = 5, bend_nodes = 6, lanes = 8, compared = 8;
+constexpr Index candidates = 240;
+constexpr double slowest_candidate = 0.3, fastest_candidate = 300;  ///< times 1/T and 1/h
+constexpr double dependent = 3e-15;  ///< part of a column of norm 1 outside the span of those picked before
+constexpr double wanted_error = 1.5e-10;
+constexpr double forgotten = 1e-10;   ///< of K(h): where a direction has decayed
+constexpr double negligible = 2e-13;  ///< contribution of one row of the state to the scaled H
+constexpr Index most_columns = 64;    ///< of phi; more are better served by lag weights
+constexpr Index probes = 96;
+
+using Nodes = std::vector<Complex>;
+
+double log_between(double from, double to, double part) { return from * std::pow(to / from, part); }
+
+// Nodes of the three parts; `offset` in (0, 1) places them between neighbours.
+void place(double h, double T, Index on_axis, Index on_arc, Index on_bend, double offset, Nodes& nodes) {
+  const auto part = [offset](Index i, Index count) { return (double(i) + offset) / double(count); };
+  for (Index i = 0; i < on_axis; ++i)
+    nodes.emplace_back(0, log_between(smallest_node / T, largest_node / h, part(i, on_axis)));
+  for (Index i = 0; i < on_arc; ++i)
+    nodes.push_back(std::polar(largest_node / h, std::numbers::pi / 2 * part(i, on_arc)));
+  for (Index i = 0; i < on_bend; ++i)
+    nodes.push_back((Complex(0, largest_node) + std::polar(bend_length * part(i, on_bend), bend_angle)) / h);
+}
+
+struct FitNodes {
+  Nodes nodes;
+  Index fitted = 0;
+  Vector weight;
+
+  FitNodes(double h, double T) {
+    const double folds = std::log(largest_node * T / (smallest_node * h));
+    Index on_axis = std::max<Index>(8, Index(std::ceil(nodes_per_fold * folds)));
+    fitted = on_axis + arc_nodes + bend_nodes;
+    const Index rest = (lanes - (fitted + compared) % lanes) % lanes;  // eight nodes are eliminated together
+    on_axis += rest;
+    fitted += rest;
+    place(h, T, on_axis, arc_nodes, bend_nodes, 0.5, nodes);
+    place(h, T, compared - 3, 1, 2, 0.31, nodes);
+    weight.resize(Index(nodes.size()));
+    for (Index i = 0; i < weight.size(); ++i) {
+      const Complex z = h * nodes[std::size_t(i)];
+      weight[i] = std::sqrt(std::min(1.0, std::abs(z))) * std::exp(std::min(0.0, z.real()));
+    }
+  }
+  Index count() const { return weight.size(); }
+};
+
+// Columns: (|s| + 1/T)/(z - s) for all poles, then 1; real and imaginary parts of nodes first .. first + count - 1.
+Matrix cauchy(const FitNodes& plan, Index first, Index count, const Vector& poles, double unit) {
+  const Index K = poles.size();
+  Matrix columns(2 * count, K + 1);
+  for (Index i = 0; i < count; ++i) {
+    const Complex z = plan.nodes[std::size_t(first + i)];
+    const double weight = plan.weight[first + i];
+    for (Index k = 0; k < K; ++k) {
+      const Complex value = weight * (unit - poles[k]) / (z - poles[k]);
+      columns(i, k) = value.real();
+      columns(count + i, k) = value.imag();
+    }
+    columns(i, K) = weight;
+    columns(count + i, K) = 0;
+  }
+  return columns;
+}
+
+// Candidates in the order of a column-pivoted Gram-Schmidt, after the constant.
+std::vector<Index> pick(Matrix columns) {
+  const Index count = columns.cols() - 1;
+  for (Index c = 0; c <= count; ++c) columns.col(c).normalize();
+  const auto remove = [&columns](const Vector& q) { columns.noalias() -= q * (q.transpose() * columns).eval(); };
+  remove(Vector(columns.col(count)));
+  std::vector<Index> order;
+  while (Index(order.size()) < count) {
+    Index best = 0;
+    const double most = std::sqrt(columns.leftCols(count).colwise().squaredNorm().maxCoeff(&best));
+    if (!(most > dependent)) break;
+    order.push_back(best);
+    remove(Vector(columns.col(best) / most));
+    columns.col(best).setZero();
+  }
+  return order;
+}
+
+// Least squares with some of the columns, for many right-hand sides.
+class LeastSquares {
+ public:
+  explicit LeastSquares(const Matrix& columns) : norms_(columns.colwise().norm().transpose()) {
+    const Eigen::HouseholderQR<Matrix> qr(columns * norms_.cwiseInverse().asDiagonal());
+    Qt_ = (qr.householderQ() * Matrix::Identity(columns.rows(), columns.cols())).transpose();
+    R_ = qr.matrixQR().topRows(columns.cols()).triangularView<Eigen::Upper>();
+  }
+  Matrix solve(const Eigen::Ref<const RowMatrix>& data) const {
+    Matrix c = Qt_ * data;
+    R_.triangularView<Eigen::Upper>().solveInPlace(c);
+    return norms_.cwiseInverse().asDiagonal() * c;
+  }
+
+ private:
+  Vector norms_;
+  Matrix Qt_, R_;
+};
+
+// H at all nodes, with weights, each block divided by its largest weighted value.
+struct Samples {
+  Index n = 0, outputs = 0, width = 0;  ///< width: columns of F and x0
+  RowMatrix of_y, others;               ///< fitted nodes
+  RowMatrix compared_of_y, compared_others;
+  Matrix scale;  ///< 2 (constraints, components) x (1 + width)
+
+  double scale_of(Index output, Index column) const { return scale(output < n ? 0 : 1, column); }
+};
+
+Samples sample(const DiscreteProblem& p, const Wide& wide, const FitNodes& plan) {
+  Samples s;
+  s.n = wide.n;
+  s.outputs = wide.outputs();
+  s.width = wide.inputs() - wide.n;
+  ComplexMatrix H =
+      p.backend.resolvent(wide.dynamics, Eigen::Map<const ComplexVector>(plan.nodes.data(), plan.count()));
+  H.array().colwise() *= plan.weight.cast<Complex>().array();
+  s.scale = Matrix::Zero(2, 1 + s.width);
+  for (Index i = 0; i < s.outputs; ++i)
+    for (Index j = 0; j < wide.inputs(); ++j) {
+      double& scale = s.scale(i < s.n ? 0 : 1, j < s.n ? 0 : 1 + j - s.n);
+      scale = std::max(scale, H.col(i * wide.inputs() + j).cwiseAbs().maxCoeff());
+    }
+  s.scale = (s.scale.array() > 0).select(s.scale, 1);
+  const auto split = [&](Index first, Index count, RowMatrix& of_y, RowMatrix& others) {
+    of_y.resize(2 * count, s.outputs * s.n);
+    others.resize(2 * count, s.outputs * s.width);
+    share(p.backend, s.outputs, 1, [&](Index i, Index) {
+      for (Index j = 0; j < wide.inputs(); ++j) {
+        const auto values = H.col(i * wide.inputs() + j).segment(first, count);
+        const bool y = j < s.n;
+        auto to = y ? of_y.col(i * s.n + j) : others.col(i * s.width + j - s.n);
+        const double scale = s.scale_of(i, y ? 0 : 1 + j - s.n);
+        to.head(count) = values.real() / scale;
+        to.tail(count) = values.imag() / scale;
+      }
+    });
+  };
+  split(0, plan.fitted, s.of_y, s.others);
+  split(plan.fitted, plan.count() - plan.fitted, s.compared_of_y, s.compared_others);
+  return s;
+}
+
+// Entries that stand for all: a third from the diagonal, the others anywhere, and some of the other columns.
+std::vector<Index> probed(Index outputs, Index n) {
+  std::vector<Index> which;
+  unsigned long long random = 1;
+  const auto below = [&random](Index count) {
+    random = random * 6364136223846793005ULL + 1442695040888963407ULL;
+    return Index((random >> 33) % static_cast<unsigned long long>(count));
+  };
+  for (Index i = 0; i < probes; ++i) {
+    const Index column = below(n), row = i % 3 == 0 ? column : below(outputs);
+    which.push_back(row * n + column);
+  }
+  return which;
+}
+
+// Poles, the slowest first: as few as meet the tolerance for the probes.
+struct Picked {
+  Vector poles;
+  double error = INFINITY;
+};
+
+Picked pick_poles(const Samples& s, const FitNodes& plan, double h, double T) {
+  Vector all(candidates);
+  for (Index k = 0; k < candidates; ++k)
+    all[k] = -log_between(slowest_candidate / T, fastest_candidate / h, double(k) / double(candidates - 1));
+  const std::vector<Index> order = pick(cauchy(plan, 0, plan.fitted, all, 1 / T));
+  const std::vector<Index> which = probed(s.outputs, s.n);
+  const auto data = [&](const RowMatrix& of_y, const RowMatrix& others) {
+    RowMatrix values(of_y.rows(), Index(which.size()) + std::min(others.cols(), probes));
+    values << of_y(Eigen::all, which), others.leftCols(std::min(others.cols(), probes));
+    return values;
+  };
+  const RowMatrix fitted = data(s.of_y, s.others), unseen = data(s.compared_of_y, s.compared_others);
+  Picked best;
+  const Index most = std::min<Index>(Index(order.size()), 2 * plan.fitted - 8);
+  for (Index K = std::min<Index>(16, most); K <= most; K += 4) {
+    std::vector<Index> chosen(order.begin(), order.begin() + K);
+    std::sort(chosen.begin(), chosen.end());
+    const Vector poles = all(chosen);
+    const Matrix columns = cauchy(plan, 0, plan.fitted, poles, 1 / T);
+    const Matrix c = LeastSquares(columns).solve(fitted);
+    const double error =
+        std::max((columns * c - fitted).cwiseAbs().maxCoeff(),
+                 (cauchy(plan, plan.fitted, compared, poles, 1 / T) * c - unseen).cwiseAbs().maxCoeff());
+    if (error < 0.7 * best.error) best = {poles, error};
+    if (best.error <= wanted_error) break;
+  }
+  return best;
+}
+
+// P and r_k.
+struct Directions {
+  Matrix P;
+  std::vector<Index> count;
+};
+
+// Adds directions to the first `known` columns of P until what is left of K in its rows is below `level`.
+Index add_directions(Matrix left, double level, Matrix& P, Index known) {
+  left -= (left * P.leftCols(known)).eval() * P.leftCols(known).transpose();
+  while (known < P.cols()) {
+    Index row = 0;
+    const double most = left.rowwise().norm().maxCoeff(&row);
+    if (!(most > level)) break;
+    Vector q = left.row(row).transpose() / most;
+    for (int pass = 0; pass < 2; ++pass) {
+      q -= P.leftCols(known) * (P.leftCols(known).transpose() * q);
+      q.normalize();
+    }
+    P.col(known++) = q;
+    left -= (left * q).eval() * q.transpose();
+  }
+  return known;
+}
+
+Directions find_directions(const DiscreteProblem& p, const Samples& s, const FitNodes& plan, const Picked& picked) {
+  const Index K = picked.poles.size(), n = s.n;
+  const Vector& poles = picked.poles;
+  const LeastSquares fit(cauchy(plan, 0, plan.fitted, poles, 1 / p.scene.T));
+  RowMatrix residues(K, s.of_y.cols());
+  share(p.backend, s.of_y.cols(), 8192, [&](Index first, Index last) {
+    residues.middleCols(first, last - first) = ((1 / p.scene.T - poles.array()).matrix().asDiagonal() *
+                                                fit.solve(s.of_y.middleCols(first, last - first)).topRows(K));
+  });
+  const auto kernel_at = [&](double t) {
+    RowMatrix at(s.outputs, n);
+    Eigen::Map<Eigen::RowVectorXd>(at.data(), at.size()) = (poles.array() * t).exp().matrix().transpose() * residues;
+    return at;
+  };
+  const double level = std::max(forgotten, 3 * picked.error) * kernel_at(p.h).cwiseAbs().maxCoeff();
+  Directions d{Matrix::Zero(n, n), std::vector<Index>(std::size_t(K), n)};
+  Index known = 0;
+  for (Index k = 0; k < K && -poles[k] * p.h < 1; ++k) {
+    known = add_directions(kernel_at(-1 / poles[k]), level, d.P, known);
+    d.count[std::size_t(k)] = known;
+  }
+  const Eigen::HouseholderQR<Matrix> qr(d.P.leftCols(known));
+  const Matrix full = known > 0 ? Matrix(qr.householderQ() * Matrix::Identity(n, n)) : Matrix::Identity(n, n);
+  d.P.rightCols(n - known) = full.rightCols(n - known);
+  return d;
+}
+
+// The matrices of all rows times P.
+void rotate(const HostThreads& threads, const Matrix& P, Index outputs, RowMatrix& data) {
+  share(threads, data.rows(), 1, [&](Index r, Index) {
+    Eigen::Map<RowMatrix> H(data.row(r).data(), outputs, P.rows());
+    H = (H * P).eval();
+  });
+}
+
+// The first pole of every direction.
+std::vector<Index> first_poles(const Directions& d) {
+  std::vector<Index> first(std::size_t(d.P.cols()), 0);
+  for (std::size_t b = 0; b < first.size(); ++b)
+    while (d.count[std::size_t(first[b])] <= Index(b)) ++first[b];
+  return first;
+}
+
+class Assembly {
+ public:
+  Assembly(const DiscreteProblem& p, Samples& s, const FitNodes& plan, const Picked& picked, const Directions& d)
+      : p_(p), s_(s), plan_(plan), poles_(picked.poles), d_(d), unit_(1 / p.scene.T) {
+    model_.n = s.n;
+    model_.components = s.outputs - s.n;
+    model_.distinct = poles_.size();
+    model_.basis = d.P;
+    columns_ = cauchy(plan, 0, plan.fitted, poles_, unit_);
+    reach_.resize(poles_.size());
+    for (Index k = 0; k < poles_.size(); ++k) {
+      reach_[k] = 0;
+      for (Index i = 0; i < plan.count(); ++i)
+        reach_[k] = std::max(reach_[k], plan.weight[i] / std::abs(plan.nodes[std::size_t(i)] - poles_[k]));
+    }
+  }
+
+  std::shared_ptr<const PoleModel> make(Index sources, bool with_x0) {
+    model_.sources = sources;
+    model_.direct = Matrix::Zero(s_.outputs, s_.n + sources);
+    fit_y();
+    fit_others(sources, with_x0);
+    const Index rows = Index(pole_.size());
+    model_.poles.resize(rows);
+    model_.output.resize(s_.outputs, rows);
+    for (Index r = 0; r < rows; ++r) {
+      model_.poles[r] = poles_[pole_[std::size_t(r)]];
+      model_.output.col(r) = output_[std::size_t(r)];
+    }
+    model_.error = error();
+    return std::make_shared<const PoleModel>(std::move(model_));
+  }
+
+ private:
+  void fit_y() {
+    const Index n = s_.n;
+    rotate(p_.backend, d_.P, s_.outputs, s_.of_y);
+    const std::vector<Index> first = first_poles(d_);
+    Matrix direct(s_.outputs, n);
+    for (Index b = 0; b < n;) {
+      Index end = b;
+      while (end < n && first[std::size_t(end)] == first[std::size_t(b)] && end - b < together) ++end;
+      fit_directions(b, end, first[std::size_t(b)], direct);
+      b = end;
+    }
+    for (Index i = 0; i < s_.outputs; ++i) direct.row(i) *= s_.scale_of(i, 0);
+    model_.direct.leftCols(n) = direct * d_.P.transpose();
+    model_.driven = Index(pole_.size());
+  }
+
+  // Directions b..end-1 with poles from `from` on.
+  void fit_directions(Index b, Index end, Index from, Matrix& direct) {
+    const Index width = end - b, K = poles_.size();
+    RowMatrix data(s_.of_y.rows(), s_.outputs * width);
+    for (Index r = 0; r < data.rows(); ++r)
+      Eigen::Map<RowMatrix>(data.row(r).data(), s_.outputs, width) =
+          Eigen::Map<const RowMatrix>(s_.of_y.row(r).data(), s_.outputs, s_.n).middleCols(b, width);
+    const LeastSquares fit(columns_.rightCols(K + 1 - from));
+    RowMatrix c(K + 1 - from, data.cols());
+    share(p_.backend, data.cols(), 4096,
+          [&](Index a, Index z) { c.middleCols(a, z - a) = fit.solve(data.middleCols(a, z - a)); });
+    for (Index k = from; k <= K; ++k) {
+      const Eigen::Map<const RowMatrix> values(c.row(k - from).data(), s_.outputs, width);
+      if (k == K) {
+        direct.middleCols(b, width) = values;
+        continue;
+      }
+      for (Index a = 0; a < width; ++a) add_row(k, b + a, values.col(a) * (unit_ - poles_[k]), 0);
+    }
+  }
+
+  void fit_others(Index sources, bool with_x0) {
+    const Matrix c = s_.width > 0 ? LeastSquares(columns_).solve(s_.others) : Matrix(0, 0);
+    const Index K = poles_.size();
+    for (Index f = 0; f < s_.width; ++f) {
+      const bool x0 = with_x0 && f == s_.width - 1;
+      if (x0) model_.forced = Index(pole_.size()) - model_.driven;
+      for (Index k = 0; k < K; ++k) {
+        Vector values(s_.outputs);
+        for (Index i = 0; i < s_.outputs; ++i) values[i] = c(k, i * s_.width + f) * (unit_ - poles_[k]);
+        add_row(k, x0 ? -1 : f, values, 1 + f);
+      }
+      if (x0) direct_of_x0_.resize(s_.outputs);
+      for (Index i = 0; i < s_.outputs; ++i)
+        (x0 ? direct_of_x0_[i] : model_.direct(i, s_.n + f)) = c(K, i * s_.width + f) * s_.scale_of(i, 1 + f);
+    }
+    if (!with_x0) model_.forced = sources > 0 ? Index(pole_.size()) - model_.driven : 0;
+  }
+
+  void add_row(Index k, Index direction, Vector output, Index column) {
+    if (output.cwiseAbs().maxCoeff() * reach_[k] <= negligible) return;
+    for (Index i = 0; i < s_.outputs; ++i) output[i] *= s_.scale_of(i, column);
+    pole_.push_back(k);
+    if (direction >= 0) model_.direction.push_back(direction);
+    output_.push_back(std::move(output));
+  }
+
+  // At the nodes for comparison, from the finished model.
+  double error() const {
+    double worst = 0;
+    const Index n = s_.n;
+    for (Index i = 0; i < compared; ++i) {
+      const Complex z = plan_.nodes[std::size_t(plan_.fitted + i)];
+      const double weight = plan_.weight[plan_.fitted + i];
+      ComplexMatrix H = ComplexMatrix::Zero(s_.outputs, n + s_.width);
+      for (Index r = 0; r < model_.rows(); ++r) {
+        const bool y = r < model_.driven, x0 = r >= model_.driven + model_.forced;
+        const Index column = x0 ? n + s_.width - 1 : model_.direction[std::size_t(r)] + (y ? 0 : n);
+        H.col(column) += (1.0 / (z - model_.poles[r])) * model_.output.col(r).cast<Complex>();
+      }
+      const Matrix Pt = d_.P.transpose();
+      RowMatrix part[2] = {H.real(), H.imag()};
+      for (int imaginary = 0; imaginary < 2; ++imaginary) {
+        RowMatrix of_y = part[imaginary].leftCols(n) * Pt;
+        if (!imaginary) of_y += model_.direct.leftCols(n);
+        if (!imaginary && model_.sources > 0)
+          part[0].middleCols(n, model_.sources) += model_.direct.rightCols(model_.sources);
+        if (!imaginary && direct_of_x0_.size() > 0) part[0].rightCols(1) += direct_of_x0_;
+        const Index row = i + imaginary * compared;
+        for (Index a = 0; a < s_.outputs; ++a) {
+          for (Index b = 0; b < n; ++b)
+            take(weight * of_y(a, b) / s_.scale_of(a, 0) - s_.compared_of_y(row, a * n + b), worst);
+          for (Index f = 0; f < s_.width; ++f)
+            take(weight * part[imaginary](a, n + f) / s_.scale_of(a, 1 + f) - s_.compared_others(row, a * s_.width + f),
+                 worst);
+        }
+      }
+    }
+    return worst;
+  }
+  static void take(double difference, double& worst) {
+    if (!(std::abs(difference) <= worst)) worst = std::isfinite(difference) ? std::abs(difference) : INFINITY;
+  }
+
+  static constexpr Index together = 128;  ///< directions in one least-squares problem: bounds its memory
+
+  const DiscreteProblem& p_;
+  Samples& s_;
+  const FitNodes& plan_;
+  const Vector& poles_;
+  const Directions& d_;
+  double unit_;
+  Matrix columns_;
+  Vector direct_of_x0_;  ///< D of x0: it acts at t = 0 alone, and the model leaves it out
+  Vector reach_;         ///< largest weight/|z - s_k|
+  PoleModel model_;
+  std::vector<Index> pole_;
+  std::vector<Vector> output_;
+};
+
+}  // namespace
+
+}  // namespace pole_fitting
+
+PoleFit fit_pole_model(const DiscreteProblem& p, const std::vector<Index>& components) {
+  using namespace pole_fitting;
+  const Wide wide = widen(p, components);
+  if (wide.sources > most_columns) return {nullptr, "f has many columns"};
+  const FitNodes plan(p.h, p.scene.T);
+  PoleFit fit;
+  fit.nodes = plan.count();
+  try {
+    Samples samples = sample(p, wide, plan);
+    if (!samples.of_y.allFinite() || !samples.others.allFinite()) return {nullptr, "H(z) is not finite", fit.nodes};
+    const Picked picked = pick_poles(samples, plan, p.h, p.scene.T);
+    if (!(picked.error <= 10 * accepted_pole_error))
+      return {nullptr, text("%td real poles miss H(z) by %.1e", picked.poles.size(), picked.error), fit.nodes};
+    const Directions directions = find_directions(p, samples, plan, picked);
+    auto model = Assembly(p, samples, plan, picked, directions).make(wide.sources, wide.states > 0);
+    if (!(model->error <= accepted_pole_error))
+      return {nullptr, text("%td real poles miss H(z) by %.1e", model->distinct, model->error), fit.nodes};
+    fit.model = std::move(model);
+  } catch (const SingularShift&) {
+    fit.reason = "a node is an eigenvalue";
+  }
+  return fit;
+}
+
+}  // namespace bromwich

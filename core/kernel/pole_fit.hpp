@@ -1,0 +1,43 @@
+#pragma once
+// Few poles for dynamics that are known by shifted solves. H(z) of core/host/pole_model.hpp is computed at a few dozen
+// nodes, poles are picked for all its entries together, residues are a least-squares fit, and the fit is compared with
+// H at nodes that it has not seen.
+//
+// Nodes. All weights of a grid with step h are integrals of H along a curve to the right of the poles:
+//
+//     W_d = 1/(2 pi i) ∫ F_d(z) H(z) dz,   |F_d(z)| = h |e^{(d-1)hz} phi1(hz)^2|  (see kernel.hpp).
+//
+// The curve is the imaginary axis from 0.3/T to 8/h, bent to the left from there, where e^{hz} decays; the nodes are on
+// it, on the arc |z| = 8/h that closes the region of the stages of Radau IIA, and have the weight
+// sqrt(min(1, |hz|)) e^{min(0, Re hz)}. Faster parts of the state than 8/h are not resolved by a step: they are in the
+// constant D.
+//
+// Poles. Real, from a logarithmic grid, picked by a column-pivoted QR of their Cauchy matrix at the nodes. As they are
+// negative, every model is stable. Spectra far from the real axis have none of this; the fit then misses its tolerance.
+//
+// Residues. The unconstrained fit gives K(t); directions of y whose K(t) has fallen below the tolerance at t = 1/|s_k|
+// do without the pole s_k and slower ones: the residues of slow poles have low rank. They are then fitted again.
+
+#include "../host/pole_model.hpp"
+#include "discrete_problem.hpp"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace bromwich {
+
+struct PoleFit {
+  std::shared_ptr<const PoleModel> model;  ///< null: see `reason`
+  std::string reason;                      ///< why no poles were found
+  Index nodes = 0;                         ///< shifted solves
+};
+
+/// The model of the problem's dynamics for its step and times up to T.
+PoleFit fit_pole_model(const DiscreteProblem&, const std::vector<Index>& components);
+
+/// Largest error at nodes that the fit has not seen, of each block (constraints or components) x (y, a source, x0),
+/// with the weights above, relative to the largest value of the block: up to this a fit may replace lag weights.
+inline constexpr double accepted_pole_error = 1e-9;
+
+}  // namespace bromwich
