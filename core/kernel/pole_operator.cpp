@@ -33,6 +33,11 @@ class PoleOperator : public TimeOperator {
     return model() ? finest_kernel(weights(p_.J, nullptr, p_.J), choice) : lags_->kernel(choice);
   }
 
+  KernelWeights kernel_weights(ConvolutionChoice choice) override {
+    if (!model()) return lags_->kernel_weights(choice);
+    return {weights(p_.J, nullptr, p_.J), description(), model_->error};
+  }
+
   double response(const KernelPlan& plan, Array& work, Array& r) override {
     if (!model()) return lags_->response(plan, work, r);
     p_.backend.upload(p_.g.table() + free().leftCols(p_.scene.constraints()), r);

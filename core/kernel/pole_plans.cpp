@@ -201,6 +201,38 @@ RowMatrix seen_components(const HostThreads& threads, const PoleRecurrence& recu
   return pole_plans::convolved(threads, recurrence, y, recurrence.model->n, recurrence.model->components);
 }
 
+RowMatrix transposed_convolution(const HostThreads& threads, const PoleRecurrence& recurrence, const RowMatrix& u) {
+  using pole_plans::block;
+  const PoleModel& m = *recurrence.model;
+  const PoleFactors f = pole_factors(m, recurrence.h);
+  const auto U = m.output.topLeftCorner(m.n, m.driven), D = m.direct.topLeftCorner(m.n, m.n);
+  RowMatrix result = RowMatrix::Zero(u.rows(), m.n);
+  Matrix a, in_P;  // driven x (count + 1) with the first row of the block behind last, n x count
+  Vector behind = Vector::Zero(m.driven);
+  for (Index end = u.rows(); end > 0;) {
+    const Index first = std::max<Index>(0, end - block), count = end - first;
+    a.resize(m.driven, count + 1);
+    a.leftCols(count).noalias() = U.transpose() * u.middleRows(first, count).transpose();
+    if (first == 0) a.col(0).setZero();  // v_0 = 0
+    a.col(count) = behind;
+    share(threads, m.driven, pole_plans::together, [&](Index from, Index to) {
+      for (Index t = count - 1; t >= 0; --t)
+        for (Index i = from; i < to; ++i) a(i, t) += f.decay[i] * a(i, t + 1);
+    });
+    in_P = Matrix::Zero(m.n, count);
+    for (Index t = 0; t < count; ++t) {
+      const bool start = first + t == 0;
+      for (Index i = 0; i < m.driven; ++i)
+        in_P(m.direction[std::size_t(i)], t) += (start ? 0 : f.behind[i] * a(i, t)) + f.before[i] * a(i, t + 1);
+    }
+    result.middleRows(first, count).noalias() = (m.basis * in_P).transpose() + u.middleRows(first, count) * D;
+    if (first == 0) result.row(0) = (m.basis * in_P.col(0)).transpose();
+    behind = a.col(0);
+    end = first;
+  }
+  return result;
+}
+
 RowMatrix free_response(const HostThreads& threads, const PoleRecurrence& recurrence, const RowMatrix& phi,
                         Index rows) {
   const PoleModel& m = *recurrence.model;

@@ -87,6 +87,8 @@ class TimeOperator {
 
   /// K for the functional iteration.
   virtual KernelPlan kernel(ConvolutionChoice) = 0;
+  /// What kernel(choice) applies; the same weights in every call.
+  virtual KernelWeights kernel_weights(ConvolutionChoice choice) = 0;
   /// K^T with the weights of kernel(choice), for adjoint equations: <K y, u> = <y, K^T u> up to rounding of the sums.
   /// Precondition: missing_weights() is empty.
   TransposedKernel transposed_kernel(ConvolutionChoice choice) {
@@ -128,8 +130,6 @@ class TimeOperator {
                            const StepDefects* defects) = 0;
 
  protected:
-  /// What kernel(choice) applies; the same weights in every call.
-  virtual KernelWeights kernel_weights(ConvolutionChoice choice) = 0;
   virtual BasisChoice choose_basis() = 0;
   void forget_basis() { basis_.reset(); }
   /// Whether sine modes diagonalise K.

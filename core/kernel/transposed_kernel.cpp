@@ -1,6 +1,7 @@
 #include "core/kernel/transposed_kernel.hpp"
 
 #include "core/base/error.hpp"
+#include "core/kernel/pole_plans.hpp"
 #include "core/kernel/response.hpp"
 
 #include <string>
@@ -22,6 +23,7 @@ bool is_modal(const Weights& weights) {
 std::pair<Index, Index> shape(const Weights& weights) {
   if (const LagTable* table = lag_table_of(weights)) return {table->outputs, table->inputs};
   if (const ModalRecurrence* modal = modal_recurrence_of(weights)) return {modal->modes(), modal->modes()};
+  if (const auto* poles = std::get_if<PoleRecurrence>(&weights)) return {poles->model->n, poles->model->n};
   const auto& dense = std::get<DenseRecurrence>(*recurrence_of(weights));
   return {dense.w0.rows(), dense.w0.cols()};
 }
@@ -90,6 +92,8 @@ Weights transposed(const Weights& weights) {
 TransposedKernel::TransposedKernel(Backend& backend, SharedWeights weights, Index rows)
     : backend_(backend), weights_(std::move(weights)) {
   std::tie(outputs_, inputs_) = shape(*weights_);
+  rows_ = rows;
+  if (std::holds_alternative<PoleRecurrence>(*weights_)) return;
   const Weights backwards = transposed(*weights_);
   const LagTable* table = lag_table_of(backwards);
   auto convolution = table ? backend.convolution(*table, rows) : backend.convolution(*recurrence_of(backwards), rows);
@@ -108,9 +112,11 @@ Vector TransposedKernel::first_row(const RowMatrix& u) const {
 }
 
 RowMatrix TransposedKernel::apply(const RowMatrix& u) {
-  if (u.rows() != u_->rows() || u.cols() != outputs_)
+  if (u.rows() != rows_ || u.cols() != outputs_)
     throw Error("u", "found " + std::to_string(u.rows()) + " x " + std::to_string(u.cols()),
-                "K^T takes " + std::to_string(u_->rows()) + " x " + std::to_string(outputs_));
+                "K^T takes " + std::to_string(rows_) + " x " + std::to_string(outputs_));
+  if (const auto* poles = std::get_if<PoleRecurrence>(weights_.get()))
+    return transposed_convolution(backend_, *poles, u);
   backend_.upload(reversed(u), *u_);
   reversed_->apply(*u_, *v_, 0);
   RowMatrix v;
@@ -126,6 +132,6 @@ void TransposedKernel::apply(const Array& u, Array& v) {
   backend_.upload(apply(values), v);
 }
 
-std::size_t TransposedKernel::bytes() const { return reversed_->bytes() + u_->bytes() + v_->bytes(); }
+std::size_t TransposedKernel::bytes() const { return reversed_ ? reversed_->bytes() + u_->bytes() + v_->bytes() : 0; }
 
 }  // namespace bromwich

@@ -12,7 +12,7 @@
 
 namespace bromwich {
 
-/// The weights of K^T in reversed time; S and x0 are left out.
+/// The weights of K^T in reversed time; S and x0 are left out. Precondition: no PoleRecurrence.
 Weights transposed(const Weights&);
 
 class TransposedKernel {
@@ -31,9 +31,9 @@ class TransposedKernel {
 
   Backend& backend_;
   SharedWeights weights_;
-  Index outputs_, inputs_;  ///< of K
-  std::unique_ptr<SpaceTimeKernel> reversed_;
-  std::unique_ptr<Array> u_, v_;  ///< in reversed time
+  Index outputs_ = 0, inputs_ = 0, rows_ = 0;  ///< of K
+  std::unique_ptr<SpaceTimeKernel> reversed_;  ///< null for few poles, whose adjoint state runs on the host
+  std::unique_ptr<Array> u_, v_;               ///< in reversed time
 };
 
 }  // namespace bromwich
