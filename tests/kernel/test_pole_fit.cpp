@@ -24,7 +24,7 @@ namespace {
 
 using Triplets = std::vector<Eigen::Triplet<double>>;
 
-SparseMatrix assemble(Index rows, Index cols, const Triplets& entries) {
+SparseMatrix sparse_of_triplets(Index rows, Index cols, const Triplets& entries) {
   SparseMatrix A(rows, cols);
   A.setFromTriplets(entries.begin(), entries.end());
   return A;
@@ -59,7 +59,8 @@ SparseDynamics plate(Index G, Index H, double wind = 0) {
     N.emplace_back(i, i * H, 1.0);
   }
   const Index m = G * H;
-  return {assemble(m, m, A), assemble(m, G, B), assemble(G, m, N), assemble(m, m, E)};
+  return {sparse_of_triplets(m, m, A), sparse_of_triplets(m, G, B), sparse_of_triplets(G, m, N),
+          sparse_of_triplets(m, m, E)};
 }
 
 Scene contact(const SparseDynamics& d, double compliance) {
