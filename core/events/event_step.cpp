@@ -12,6 +12,7 @@ namespace {
 constexpr Index degree = Collocation::degree;
 constexpr double rounding_tail = 1e-10;      ///< of last coefficients: below, rounding is the cause where it stays
 constexpr double noise_share = 10;           ///< of the tolerance: negative values below count as zero
+constexpr double unseen = 1e-4;              ///< of the state: what rounding of y may move
 constexpr double shortest_share = 1e-14;     ///< of T
 constexpr Index looks_per_interval = 16384;  ///< at sources, in [0, T], where they seem to be smooth
 constexpr double of_source = 100;            ///< of one value of one component of a source, likewise
@@ -129,6 +130,15 @@ bool EventSteps::sources_agree(const SwitchedMode& mode, const JetValues& size, 
   return !((off - 30 * noise() * terms(mode.condition_terms, size)).array() > 0).any();
 }
 
+// Whether values of y that count as zero move the state by less than `unseen`: otherwise terms of y cancel so far, by a
+// small entry of M say, that its sign is not known.
+bool EventSteps::y_is_known(const SwitchedMode& mode, const EventPoint& p, const EventStep& step) const {
+  const JetValues size = p.sizes.with(step);
+  const Vector zero = noise() * terms(mode.y, size);
+  const Vector moved = T_ * (system_.B.cwiseAbs() * zero), within = size.x.cwiseMax(T_ * size.f);
+  return moved.maxCoeff() <= unseen * std::max(within.maxCoeff(), T_ * (system_.A.cwiseAbs() * size.x).maxCoeff());
+}
+
 // The part of the step on which y and w are nonnegative.
 void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {
   const Collocation& c = Collocation::get();
@@ -185,7 +195,7 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
     if (step.defect <= tolerance_) look_between(p, step);
     if (step.defect <= tolerance_ || rounding) {
       find_event(mode, p, step);
-      return true;
+      return y_is_known(mode, p, step);
     }
     if (h < shortest_share * T_) return false;
     before = step.defect;

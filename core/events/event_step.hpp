@@ -58,6 +58,7 @@ class EventSteps {
  private:
   EventStep attempt(const SwitchedMode&, EventPoint&, double h);
   bool sources_agree(const SwitchedMode&, const JetValues& size, const EventStep&) const;
+  bool y_is_known(const SwitchedMode&, const EventPoint&, const EventStep&) const;
   void find_event(const SwitchedMode&, const EventPoint&, EventStep&) const;
   void look_between(EventPoint&, EventStep&) const;
   double work_of_sources() const;

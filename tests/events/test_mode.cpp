@@ -134,21 +134,26 @@ TEST(SwitchedMode, OfSingularMHasImpulsesInItsNullSpace) {
   }
 }
 
-// g_0 - g_1 = 0 is a condition on the sources that no y fulfils; one of the two alone is a mode.
-TEST(SwitchedMode, OfDuplicatedConstraintsTakesOneOfThem) {
+// g_0 - g_1 = 0 is a condition on the sources; where it holds, y is shared equally, and the sum is that of one of them.
+TEST(SwitchedMode, OfDuplicatedConstraintsHasAConditionOnG) {
   Draw draw(5);
   const Matrix n = draw.matrix(1, 3);
   Matrix N(2, 3);
   N << n, n;
   for (const double resistance : {0.0, 0.7}) {
     const SystemMatrices s{draw.matrix(3, 3), N.transpose(), N, Matrix::Constant(2, 2, resistance)};
-    EXPECT_FALSE(make_switched_mode(s, {0, 1}));
-    const auto mode = make_switched_mode(s, {0});
-    ASSERT_TRUE(mode);
-    const JetValues u = draw.values(3, 2);
-    const Vector y = evaluate(mode->y, u);
+    const auto both = make_switched_mode(s, {0, 1}), one = make_switched_mode(s, {0});
+    ASSERT_TRUE(both && one);
+    ASSERT_EQ(both->conditions.g.rows(), 1);
+    JetValues u = draw.values(3, 2);
+    EXPECT_GT(std::abs(evaluate(both->conditions, u)[0]), 1e-3);
+    for (Vector* g : {&u.g, &u.dg, &u.ddg}) (*g)[1] = (*g)[0];
+    EXPECT_LE(std::abs(evaluate(both->conditions, u)[0]), close);
+    const Vector y = evaluate(both->y, u);
+    EXPECT_NEAR(y[0], y[1], close * (1 + y.norm()));
+    EXPECT_NEAR(y.sum(), evaluate(one->y, u)[0], close * (1 + y.norm()));
     const double w = (N * u.x + s.M * y + u.g)[0], dw = (N * rate(s, u, y) + u.dg)[0];
-    EXPECT_NEAR(resistance > 0 ? w : dw, 0, close);
+    EXPECT_NEAR(resistance > 0 ? w : dw, 0, close * (1 + y.norm()));
   }
 }
 
