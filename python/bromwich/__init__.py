@@ -16,6 +16,7 @@ _variant, _openmp = _load.core()
 from . import _core
 from ._arrays import Tridiagonal
 from ._array_solver import ArrayResult, ArraySolver, SharedArray
+from ._derivative import Derivative, Gradient, Margin, Tangent
 from ._dynamics import Dynamics, Kronecker
 from ._errors import (
     DeviceError,
@@ -40,13 +41,16 @@ __all__ = [
     "ArrayResult",
     "ArraySolver",
     "BackendInfo",
+    "Derivative",
     "DeviceError",
     "DoesNotFit",
     "Dynamics",
     "Error",
+    "Gradient",
     "InternalError",
     "Interrupted",
     "Kronecker",
+    "Margin",
     "NotSolved",
     "NotSolvedWarning",
     "Result",
@@ -57,6 +61,7 @@ __all__ = [
     "Solver",
     "Status",
     "Switch",
+    "Tangent",
     "Tridiagonal",
     "__version__",
     "backends",

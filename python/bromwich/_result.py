@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from . import _core
+from ._derivative import Derivative
 from ._errors import Error
 from ._sources import restored
 
@@ -226,6 +227,16 @@ class Result:
         """
         times = np.atleast_1d(np.asarray(t, dtype=np.float64)).ravel()
         return Result(self._answer.at(times.tolist()), self._scene)
+
+    def derivative(self) -> Derivative:
+        """The derivative of y, x and w with respect to the data of the scene.
+
+        For dense A, B, N and M, a continuous y (M of class P) and the methods march, contour and multigrid.
+
+        Raises:
+            Error: the solution is not differentiable here, and why.
+        """
+        return Derivative(self)
 
     def plot(self, what: str = "auto", *, components: Iterable[int] | None = None, ax: Axes | None = None) -> Axes:
         """Draws y, x or w over time with matplotlib; many components as a picture over time.

@@ -1,0 +1,88 @@
+#pragma once
+// Derivatives of a solution with respect to its data, of dense dynamics with a continuous y.
+//
+// The discrete solution is y linear between time points, u_j = B y_j + f_j, and
+//
+//     x_j = ξ_j + R u_j,   ξ_j = E x_{j-1} + L u_{j-1},   E = e^{hA}, L = h (phi_1 - phi_2)(hA), R = h phi_2(hA),
+//     w_j = N x_j + M y_j + g_j,   (w_j)_S = 0,   (y_j)_i = 0 for i not in S,   S = S_j = {i : (y_j)_i > 0}.
+//
+// Where no component has y_i = w_i = 0, small changes of the data leave the sets S_j as they are, and y, x and w are
+// differentiable. With W = M + N R B a change of the data gives
+//
+//     dy_S = -W_SS^{-1} (N dξ + dN x + dM y + dg)_S,   dξ_j = E dx_{j-1} + L du_{j-1} + dE x_{j-1} + dL u_{j-1} + ...
+//
+// (jvp: one pass forward), and a linear function of y, x and w has the gradient that one pass backward gives (vjp):
+//
+//     p_j = x̄_j + E^T q_{j+1},   (μ_j)_S = W_SS^{-T} (ȳ_j + B^T R^T p_j + B^T L^T q_{j+1})_S,   q_j = p_j - N^T μ_j,
+//
+// with ḡ_j = -μ_j, f̄_j = R^T q_j + L^T q_{j+1}. Derivatives of E, L and R with respect to A are blocks of the same
+// functions of [[A, dA], [0, A]] (Higham, Functions of Matrices, theorem 3.6).
+
+#include "../result/result.hpp"
+#include "../scene/scene.hpp"
+
+#include <Eigen/LU>
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace bromwich {
+
+/// A change of the data, or a gradient with respect to it. Empty: no change, or in a gradient no rows.
+struct DataChange {
+  Vector x0;       ///< m
+  RowMatrix f, g;  ///< (J+1) x m and (J+1) x n: at the time points, linear between them
+  Matrix A, B, N, M;
+};
+
+/// y, x and w at the time points, or a linear function of them: (J+1) x n, m, n. Empty: no part in the function.
+struct SolutionChange {
+  RowMatrix y, x, w;
+};
+
+/// How far the solution is from a point at which it is not differentiable.
+struct DerivativeMargin {
+  /// The smallest max(y_i, w_i) at a time point, relative to the largest y_i and w_i of the component.
+  double margin = 1;
+  double time = 0;
+  Index constraint = -1;
+};
+
+class SolutionDerivative {
+ public:
+  /// The result must be of this scene, on a grid of equal steps, by `march`, `contour` or `multigrid`. Throws Error if
+  /// it is not solved, if y may jump (the derivative of the discrete solution is then not that of the solution), if a
+  /// degenerate component (y_i = w_i = 0) leaves only one-sided derivatives, or if the scene is not dense.
+  SolutionDerivative(const Scene&, const Result&);
+
+  Index steps() const { return J_; }
+  const DerivativeMargin& margin() const { return margin_; }
+
+  SolutionChange jvp(const DataChange&) const;
+  /// The gradient with respect to all data; its f has m columns, also if the scene states f = F phi.
+  DataChange vjp(const SolutionChange&) const;
+
+ private:
+  using Factor = Eigen::PartialPivLU<Matrix>;
+
+  void follow(const Result&);
+  void measure();
+  const Factor& factor(Index j) const { return factors_.at(sets_[std::size_t(j)]); }
+  Vector on_set(Index j, const Vector& right) const;
+  Vector on_set_transposed(Index j, const Vector& right) const;
+  void check(const char* name, Index rows, Index columns, Index expected_rows, Index expected_columns) const;
+
+  DenseDynamics d_;
+  Matrix M_, E_, L_, R_;
+  Index J_ = 0, m_ = 0, n_ = 0;
+  double h_ = 0;
+  Vector t_;
+  RowMatrix y_, x_, u_, w_;
+  std::vector<std::vector<Index>> sets_;          ///< S_j
+  std::map<std::vector<Index>, Factor> factors_;  ///< of W_SS
+  std::vector<Factor> first_;                     ///< of M_SS at t = 0, where W is M
+  DerivativeMargin margin_;
+};
+
+}  // namespace bromwich

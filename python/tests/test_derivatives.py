@@ -1,0 +1,56 @@
+"""Derivatives of results: against closed forms and differences, and what is refused."""
+
+import bromwich
+import numpy as np
+import pytest
+
+STEPS = 200
+
+
+@pytest.fixture
+def circuit():
+    C, L = 1.0, 0.3
+    return dict(A=[[-0.2, -1 / C], [1 / L, 0]], B=[-1 / C, 0], N=[-1, 0], M=0.7, x0=[1, 0], T=5, g="0.1*cos(3*t)")
+
+
+def solve(scene, **other):
+    return bromwich.solve(**{**scene, **other}, steps=STEPS, method="march")
+
+
+def test_x0_and_parameters_against_differences(circuit):
+    d = solve(circuit).derivative()
+    step = 1e-6
+    for name, change in [("x0", np.array([0.3, -1])), ("M", np.array([[1.0]])), ("A", np.array([[1, 2], [0, -1.0]]))]:
+        value = np.asarray(circuit[name], dtype=float)
+        up, down = (solve(circuit, **{name: value + s * change}) for s in (step, -step))
+        tangent = d.jvp(**{name: change})
+        for kind in ("y", "x", "w"):
+            difference = (getattr(up, kind) - getattr(down, kind)) / (2 * step)
+            np.testing.assert_allclose(getattr(tangent, kind), difference, atol=1e-6 * (1 + np.abs(difference).max()))
+
+
+def test_a_gradient_is_the_transpose_of_all_tangents(circuit):
+    d = solve(circuit).derivative()
+    last = np.zeros((STEPS + 1, 2))
+    last[-1, 0] = 1
+    gradient = d.vjp(x=last)
+    assert [g.shape for g in gradient] == [(2,), (STEPS + 1, 2), (STEPS + 1, 1), (2, 2), (2, 1), (1, 2), (1, 1)]
+    for i in range(2):
+        np.testing.assert_allclose(gradient.x0[i], d.jvp(x0=np.eye(2)[i]).x[-1, 0], rtol=1e-10)
+    np.testing.assert_allclose(gradient.M[0, 0], d.jvp(M=[[1]]).x[-1, 0], rtol=1e-10)
+
+
+def test_margin(circuit):
+    margin = solve(circuit).derivative().margin
+    assert 0 < margin.margin < 1
+    assert 0 <= margin.t <= circuit["T"]
+    assert margin.constraint == 0
+
+
+def test_refusals(circuit, Q15):
+    with pytest.raises(bromwich.Error, match="not differentiable here: y may jump"):
+        bromwich.solve(A=0, B=1, N=1, M=0, x0=1, T=1, g="-t", steps=50, method="march").derivative()
+    with pytest.raises(bromwich.Error, match="dense"):
+        bromwich.solve(Q15, steps=50, method="march").derivative()
+    with pytest.raises(bromwich.Error, match="give 201 x 1"):
+        solve(circuit).derivative().jvp(g=np.zeros((3, 1)))
