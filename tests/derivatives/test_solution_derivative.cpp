@@ -183,11 +183,6 @@ TEST(SolutionDerivative, SaysWhereThereIsNone) {
   scene.x0 = Vector{{0}};
   const Result rest = solved(scene);
   EXPECT_NE(refusal([&] { SolutionDerivative(scene, rest); }).find("one-sided"), std::string::npos);
-  // Sources that jump inside steps.
-  Scene pulse = drawn(1);
-  pulse.g = [](double t, Eigen::Ref<Vector> g) { g.setConstant(t > 1.234 ? -1 : 0.3); };
-  const Result cut = solved(pulse);
-  EXPECT_NE(refusal([&] { SolutionDerivative(pulse, cut); }), "");
   Result failed = rest;
   failed.status = Status::infeasible;
   EXPECT_NE(refusal([&] { SolutionDerivative(scene, failed); }).find("infeasible"), std::string::npos);
