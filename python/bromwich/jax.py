@@ -1,0 +1,91 @@
+"""Solves that JAX differentiates, compiles and maps.
+
+    jax.config.update("jax_enable_x64", True)
+    from bromwich.jax import solve
+    y, x, w = solve(A=A, B=B, N=N, M=M, x0=x0, T=1.0, g=g, steps=400)
+    jax.grad(lambda M: (solve(A=A, B=B, N=N, M=M, x0=x0, T=1.0, g=g, steps=400)[0] ** 2).sum())(M)
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from . import _differentiable as common
+from ._errors import Error
+
+
+def _named(data: tuple) -> dict[str, np.ndarray | None]:
+    # A source of no columns stands for none: callbacks take arrays only.
+    arrays = {name: np.asarray(v) for name, v in zip(common.DATA, data)}
+    return {name: None if v.size == 0 and name in "fg" else v for name, v in arrays.items()}
+
+
+def _of_host(how: tuple, *data: Any) -> tuple:
+    return common.outputs(common.solved(_named(data), *how))
+
+
+def _back_on_host(how: tuple, data: tuple, of: tuple) -> tuple:
+    arrays = _named(data)
+    shapes = {name: None if v is None else v.shape for name, v in arrays.items()}
+    bars = common.gradient(common.solved(arrays, *how).derivative(), shapes, of)
+    return tuple(np.zeros(np.shape(v)) if bar is None else bar for bar, v in zip(bars, data))
+
+
+def _called(function: Any, shapes: Any, *arguments: Any) -> Any:
+    return jax.pure_callback(function, shapes, *arguments, vmap_method="sequential")
+
+
+@functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
+def _solve(how: tuple, *data: Any) -> tuple:
+    rows, m, n = how[1] + 1, data[3].shape[-1], data[6].shape[-1]
+    shapes = tuple(jax.ShapeDtypeStruct((rows, k), jnp.float64) for k in (n, m, n))
+    return _called(functools.partial(_of_host, how), shapes, *data)
+
+
+def _forward(how: tuple, *data: Any) -> tuple:
+    return _solve(how, *data), data
+
+
+def _backward(how: tuple, data: tuple, of: tuple) -> tuple:
+    shapes = tuple(jax.ShapeDtypeStruct(v.shape, jnp.float64) for v in data)
+    return _called(functools.partial(_back_on_host, how), shapes, data, of)
+
+
+_solve.defvjp(_forward, _backward)
+
+
+def solve(
+    *,
+    A: Any,
+    B: Any,
+    N: Any,
+    M: Any,
+    x0: Any,
+    T: float,
+    steps: int,
+    f: Any = None,
+    g: Any = None,
+    method: str = "march",
+    threads: int = 0,
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """y (J+1) x n, x (J+1) x m and w (J+1) x n of a dense scene, computed on the host. ``jax.vmap`` solves one by one.
+
+    Args:
+        A, B, N, M, x0: m x m, m x n, n x m, n x n and m, float64.
+        f, g: (J+1) x m and (J+1) x n at the time points, linear between them; None: zero.
+        T: final time. steps: J. method: ``"march"``, ``"contour"`` or ``"multigrid"``.
+
+    Raises:
+        Error: JAX has no float64 (``jax.config.update("jax_enable_x64", True)``).
+        A failure of the solve, or a solution that is not differentiable, leaves JAX as an error of the callback.
+    """
+    if not jax.config.jax_enable_x64:
+        raise Error('jax: has no float64; call jax.config.update("jax_enable_x64", True) first', "jax")
+    none = jnp.zeros((int(steps) + 1, 0))
+    data = (x0, none if f is None else f, none if g is None else g, A, B, N, M)
+    return _solve((float(T), int(steps), method, threads), *(jnp.asarray(v, jnp.float64) for v in data))
