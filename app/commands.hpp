@@ -35,6 +35,12 @@ struct PlotArguments {
   std::string summary, out;
 };
 
+struct FitArguments {
+  std::vector<std::string> words, settings;
+  std::string data, free, method, steps, threads, out;
+  bool json = false;
+};
+
 struct CheckArguments {
   std::vector<std::string> words, settings;
   std::string method = "auto", backend = "auto";
@@ -50,6 +56,7 @@ int run_solve(const SolveArguments& arguments);
 int run_bench(const BenchArguments& arguments);
 int run_plot(const PlotArguments& arguments);
 int run_check(const CheckArguments& arguments);
+int run_fit(const FitArguments& arguments);
 int run_info();
 
 /// "baselines    ...": one line per benchmark, for the help.

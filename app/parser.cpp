@@ -166,6 +166,26 @@ CLI::App* add_command(CLI::App& app, PlotArguments& a) {
   return command;
 }
 
+CLI::App* add_command(CLI::App& app, FitArguments& a) {
+  CLI::App* command = app.add_subcommand("fit", "fit parameters of a scene to measured values");
+  command->add_option("SCENE", a.words, "a scene that 'bromwich scenes' lists, or a file .toml")->option_text(" ");
+  add_settings(command, a.settings);
+  add_word(command, "--data", a.data, "FILE.csv", "measured values: header t,x0,y0,..., an empty field is no datum");
+  add_word(command, "--free", a.free, "LIST", "parameters to fit, with bounds if any: R,C=1e-7:1e-5");
+  add_word(command, "--method", a.method, "NAME", join(method_names()) + "; default: auto");
+  add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
+  add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
+  add_word(command, "--out", a.out, "FILE.csv", "write the fitted values beside the measured ones");
+  command->add_flag("--json", a.json, "print one JSON object instead of the lines");
+  command->footer(
+      "Least squares by Levenberg and Marquardt's method; starts from the values of the scene, or of --set.\n"
+      "Examples:\n"
+      "  bromwich fit my.toml --data measured.csv --free R --method march\n"
+      "  bromwich fit my.toml --data measured.csv --free R=10:1e4,C=0: --set R=300 --out fitted.csv\n"
+      "Exit code: 0 converged, 2 bad input, 3 not converged.");
+  return command;
+}
+
 CLI::App* add_command(CLI::App& app, BenchArguments& a) {
   CLI::App* command = app.add_subcommand("bench", "measure and compare methods");
   command->add_option("NAME", a.words, "a benchmark, and a scene if it uses one")->option_text("[SCENE]");

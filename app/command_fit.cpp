@@ -1,0 +1,148 @@
+// `bromwich fit`: parameters of a scene from measured values.
+
+#include "app/arguments.hpp"
+#include "app/backend_choice.hpp"
+#include "app/commands.hpp"
+#include "app/fit.hpp"
+#include "app/interaction.hpp"
+#include "app/output_file.hpp"
+#include "app/output_json.hpp"
+#include "app/scene_choice.hpp"
+#include "app/text.hpp"
+#include "core/base/error.hpp"
+#include "core/solve/dense_output.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <sstream>
+
+namespace bromwich::app {
+
+namespace {
+
+double bound(const std::string& word, const std::string& name, double absent) {
+  if (word.empty()) return absent;
+  return parse_settings({name + "=" + word}).at(name);
+}
+
+// "R,C=1e-7:1e-5": names with bounds, one of which may be left out.
+std::vector<FreeParameter> parse_free(const std::string& words, const ParameterValues& parameters) {
+  std::vector<std::string> known;
+  for (const auto& [name, value] : parameters) known.push_back(name);
+  std::vector<FreeParameter> free;
+  std::stringstream in(words);
+  for (std::string word; std::getline(in, word, ',');) {
+    const std::size_t equals = word.find('='), colon = word.find(':');
+    FreeParameter p;
+    p.name = word.substr(0, equals);
+    if (!parameters.count(p.name))
+      throw Error("--free", fmt::format("'{}' is no parameter of the scene", p.name) + suggestion(p.name, known),
+                  known.empty() ? "give the scene [parameters]" : "use some of " + join(known));
+    for (const FreeParameter& other : free)
+      if (other.name == p.name) throw Error("--free", fmt::format("'{}' is given twice", p.name), "give it once");
+    p.start = parameters.at(p.name);
+    if (equals != std::string::npos) {
+      if (colon == std::string::npos || colon < equals)
+        throw Error("--free", fmt::format("found '{}'", word), "give bounds as R=10:1e4, R=10: or R=:1e4");
+      p.low = bound(word.substr(equals + 1, colon - equals - 1), p.name, p.low);
+      p.high = bound(word.substr(colon + 1), p.name, p.high);
+    }
+    if (!(p.low < p.high) || !(p.start >= p.low && p.start <= p.high))
+      throw Error("--free", fmt::format("{} starts at {}, which is not within {}", p.name, p.start, word),
+                  fmt::format("give other bounds, or another start by --set {}=...", p.name));
+    free.push_back(p);
+  }
+  if (free.empty()) throw Error("--free", "found no name", "give parameters of the scene, such as R,C");
+  return free;
+}
+
+Json to_json(const std::vector<FreeParameter>& free, const Fit& f) {
+  Json json{{"schema", "bromwich-fit/1"}, {"status", f.converged ? "converged" : "not_converged"}, {"ended", f.ended}};
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    const Index k = Index(i);
+    json["parameters"][free[i].name] = {{"value", f.p[k]},
+                                        {"start", free[i].start},
+                                        {"deviation", f.deviation[k]},
+                                        {"interval", {f.low[k], f.high[k]}}};
+  }
+  for (Index i = 0; i < f.correlation.rows(); ++i) {
+    Json row = Json::array();
+    for (Index j = 0; j < f.correlation.cols(); ++j) row.push_back(f.correlation(i, j));
+    json["correlation"].push_back(row);
+  }
+  json["deviation_of_data"] = f.deviation_of_data;
+  json["data"] = f.data;
+  json["evaluations"] = f.evaluations;
+  json["jacobians"] = f.jacobians;
+  json["derivatives"] = f.derivatives;
+  return json;
+}
+
+std::string in_words(const std::vector<FreeParameter>& free, const Fit& f) {
+  std::string text = fmt::format("status      {}\n", f.ended);
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    const Index k = Index(i);
+    text += std::isfinite(f.deviation[k])
+                ? fmt::format("{:<11} {:.6g} +- {:.2g}, 95 % within [{:.6g}, {:.6g}]\n", free[i].name, f.p[k],
+                              f.deviation[k], f.low[k], f.high[k])
+                : fmt::format("{:<11} {:.6g}, which the data do not determine\n", free[i].name, f.p[k]);
+  }
+  text += fmt::format("data        {} values, standard deviation {:.3g}\n", f.data, f.deviation_of_data);
+  text += fmt::format("derivatives {}\n", f.derivatives);
+  text += fmt::format("work        {} solves, {} Jacobians\n", f.evaluations, f.jacobians);
+  return text;
+}
+
+// t and the fitted columns at the times of the data, with the data beside them.
+void write_fitted(const std::string& name, const Scene& scene, Backend& backend, const Options& given,
+                  const FitData& data) {
+  Options options = given;
+  options.states = StateSelection::all;
+  options.trace = true;
+  const Result at = at_times(scene, backend, solve(scene, backend, options), data.t);
+  const OutputFile file("--out", name, ".csv");
+  file.write([&](std::FILE* out) {
+    std::fputs("t", out);
+    for (const Column& c : data.columns) fmt::print(out, ",{0},{0}_measured", c.name);
+    std::fputs("\n", out);
+    for (Index j = 0; j < at.t.size(); ++j) {
+      fmt::print(out, "{}", at.t[j]);
+      for (std::size_t k = 0; k < data.columns.size(); ++k)
+        fmt::print(out, ",{},{}", value_of(scene, at, j, data.columns[k]), data.values(j, Index(k)));
+      std::fputs("\n", out);
+    }
+  });
+}
+
+}  // namespace
+
+int run_fit(const FitArguments& a) {
+  const Words words = split_words(a.words, a.settings);
+  const std::string name = scene_name(words);
+  const ParameterValues settings = parse_settings(words.settings);
+  const SceneChoice choice = choose_initial_value_scene(name, settings);
+  if (a.data.empty())
+    throw Error("--data", "found none", "give a CSV file with the header t,x0,y0 and measured values");
+  if (a.free.empty()) throw Error("--free", "found none", "give parameters of the scene, such as R,C");
+  const std::vector<FreeParameter> free = parse_free(a.free, choice.parameters);
+  const FitData data = read_fit_data("--data", a.data, choice.scene);
+  Options options;
+  options.method = a.method.empty() ? Method::automatic : parse_method(a.method);
+  if (!a.steps.empty()) options.steps = parse_steps(a.steps);
+  const auto backend =
+      choose_backend("cpu", choice.scene, options, 0, a.threads.empty() ? 0 : parse_threads(a.threads));
+  const auto scene_of = [&](const Vector& p) {
+    ParameterValues values = settings;
+    for (std::size_t i = 0; i < free.size(); ++i) values[free[i].name] = p[Index(i)];
+    return choose_initial_value_scene(name, values).scene;
+  };
+  const Fit found = fit(scene_of, free, data, *backend, options);
+  if (!a.out.empty()) write_fitted(a.out, scene_of(found.p), *backend, options, data);
+  print(a.json ? dump(to_json(free, found)) : in_words(free, found));
+  return found.converged ? exit_solved : exit_not_solved;
+}
+
+}  // namespace bromwich::app

@@ -1,0 +1,384 @@
+#include "app/fit.hpp"
+
+#include "app/text.hpp"
+#include "core/base/error.hpp"
+#include "core/derivatives/solution_derivative.hpp"
+#include "core/scene/separable.hpp"
+#include "core/solve/dense_output.hpp"
+#include "files/number_files.hpp"
+
+#include <fmt/format.h>
+#include <Eigen/QR>
+#include <unsupported/Eigen/NonLinearOptimization>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <sstream>
+
+namespace bromwich::app {
+
+namespace {
+
+const double difference = std::cbrt(epsilon);  ///< relative step of central differences
+constexpr double worse = 1e3;                  ///< residual of a trial without a solution, over the largest datum
+constexpr int most_evaluations = 200;
+
+// u to p, within the bounds.
+class Substitution {
+ public:
+  explicit Substitution(const FreeParameter& p) : p_(p), scale_(p.start != 0 ? std::abs(p.start) : 1) {}
+
+  double value(double u) const {
+    if (two()) return p_.low + (p_.high - p_.low) * (1 + std::sin(u)) / 2;
+    if (std::isfinite(p_.low)) return p_.low + scale_ * (std::sqrt(u * u + 1) - 1);
+    if (std::isfinite(p_.high)) return p_.high - scale_ * (std::sqrt(u * u + 1) - 1);
+    return scale_ * u;
+  }
+  double slope(double u) const {
+    if (two()) return (p_.high - p_.low) * std::cos(u) / 2;
+    if (std::isfinite(p_.low)) return scale_ * u / std::sqrt(u * u + 1);
+    if (std::isfinite(p_.high)) return -scale_ * u / std::sqrt(u * u + 1);
+    return scale_;
+  }
+  double start() const {
+    if (two()) return std::asin(std::clamp(2 * (p_.start - p_.low) / (p_.high - p_.low) - 1, -0.99, 0.99));
+    const double from = std::isfinite(p_.low) ? p_.start - p_.low : p_.high - p_.start;
+    if (std::isfinite(from)) return std::sqrt(std::pow(std::max(from / scale_, 1e-3) + 1, 2) - 1);
+    return p_.start / scale_;
+  }
+
+ private:
+  bool two() const { return std::isfinite(p_.low) && std::isfinite(p_.high); }
+  FreeParameter p_;
+  double scale_;
+};
+
+RowMatrix table_of(const TimeFunction& function, const Vector& t, Index width) {
+  return function && width > 0 ? RowMatrix(sample(function, t, width).table()) : RowMatrix::Zero(t.size(), width);
+}
+
+// The change of the data of a scene with a parameter, by central differences.
+DataChange change(const Scene& below, const Scene& above, const Vector& t, double distance) {
+  const DenseDynamics &a = *below.dynamics->small_state(), &b = *above.dynamics->small_state();
+  DataChange c;
+  c.x0 = (above.x0 - below.x0) / distance;
+  c.A = (b.A - a.A) / distance;
+  c.B = (b.B - a.B) / distance;
+  c.N = (b.N - a.N) / distance;
+  c.M = (to_dense(above.M) - to_dense(below.M)) / distance;
+  c.g = (table_of(above.g, t, above.constraints()) - table_of(below.g, t, below.constraints())) / distance;
+  c.f = (table_of(above.f, t, above.sources()) * source_matrix(above, b).transpose() -
+         table_of(below.f, t, below.sources()) * source_matrix(below, a).transpose()) /
+        distance;
+  return c;
+}
+
+class Problem {
+ public:
+  // For the library.
+  using Scalar = double;
+  using InputType = Vector;
+  using ValueType = Vector;
+  using JacobianType = Matrix;
+  enum { InputsAtCompileTime = Eigen::Dynamic, ValuesAtCompileTime = Eigen::Dynamic };
+
+  Problem(const std::function<Scene(const Vector&)>& scene_of, const std::vector<FreeParameter>& free,
+          const FitData& data, Backend& backend, Options options)
+      : scene_of_(scene_of), data_(data), backend_(backend), options_(std::move(options)) {
+    for (const FreeParameter& p : free) by_.emplace_back(p);
+    const std::vector<Index> x = states_of(data.columns);
+    options_.states = x.empty() ? StateSelection::none : StateSelection::all;
+    options_.trace = need_trace(data.columns);
+    for (Index j = 0; j < data.values.rows(); ++j)
+      for (Index k = 0; k < data.values.cols(); ++k)
+        if (!std::isnan(data.values(j, k))) places_.emplace_back(j, k);
+    most_ = 0;
+    for (const auto& [j, k] : places_) most_ = std::max(most_, std::abs(data.values(j, k)));
+  }
+
+  int inputs() const { return int(by_.size()); }
+  int values() const { return int(places_.size()); }
+  const std::string& derivatives() const { return derivatives_; }
+  Index evaluations = 0, jacobians = 0;
+
+  Vector start() const {
+    Vector u(inputs());
+    for (Index i = 0; i < u.size(); ++i) u[i] = by_[std::size_t(i)].start();
+    return u;
+  }
+  Vector parameters(const Vector& u) const {
+    Vector p(u.size());
+    for (Index i = 0; i < u.size(); ++i) p[i] = by_[std::size_t(i)].value(u[i]);
+    return p;
+  }
+
+  // The residuals; empty where there is no solution.
+  std::optional<Vector> residuals(const Vector& p, std::string& reason) {
+    ++evaluations;
+    const Scene scene = scene_of_(p);
+    Result r = solve(scene, backend_, options_);
+    if (r.status != Status::solved) {
+      reason = fmt::format("{} {}", to_string(r.status), r.reason);
+      return std::nullopt;
+    }
+    const Result at = at_times(scene, backend_, r, data_.t);
+    Vector values(this->values());
+    for (std::size_t k = 0; k < places_.size(); ++k) {
+      const auto& [j, column] = places_[k];
+      values[Index(k)] = value_of(scene, at, j, data_.columns[std::size_t(column)]) - data_.values(j, column);
+    }
+    last_ = std::move(r);
+    return values;
+  }
+
+  int operator()(const Vector& u, Vector& out) {
+    std::string reason;
+    const auto found = residuals(parameters(u), reason);
+    out = found && found->allFinite() ? *found : Vector::Constant(values(), worse * std::max(most_, 1e-290));
+    return 0;
+  }
+
+  int df(const Vector& u, Matrix& J) {
+    J = by_parameters(parameters(u));
+    for (Index i = 0; i < u.size(); ++i) J.col(i) *= by_[std::size_t(i)].slope(u[i]);
+    return 0;
+  }
+
+  // Of the residuals with respect to p.
+  Matrix by_parameters(const Vector& p) {
+    ++jacobians;
+    try {
+      return exact(p);
+    } catch (const Error& e) {
+      derivatives_ = fmt::format("central differences of solves ({})", e.found());
+      return by_differences(p);
+    }
+  }
+
+ private:
+  static double step(const Vector& p, Index i) {
+    return difference * std::max(std::abs(p[i]), 1e-6 * p.cwiseAbs().maxCoeff() + 1e-290);
+  }
+
+  Matrix exact(const Vector& p) {
+    const Scene scene = scene_of_(p);
+    std::string reason;
+    if (!residuals(p, reason)) throw Error("derivative", reason, "");
+    const SolutionDerivative derivative(scene, last_);
+    Matrix J(values(), inputs());
+    for (Index i = 0; i < p.size(); ++i) {
+      const double d = step(p, i);
+      Vector below = p, above = p;
+      below[i] -= d;
+      above[i] += d;
+      const Scene a = scene_of_(below), b = scene_of_(above);
+      if (a.T != b.T || a.states() != b.states() || a.constraints() != b.constraints() || !a.dynamics->small_state())
+        throw Error("derivative", "the parameters change T or sizes", "");
+      J.col(i) = column(derivative.jvp(change(a, b, last_.t, above[i] - below[i])), scene);
+    }
+    derivatives_ = "derivative of the discrete solution, data of the scene by central differences";
+    return J;
+  }
+
+  // Linear between the time points.
+  Vector column(const SolutionChange& d, const Scene& scene) const {
+    Vector values(this->values());
+    const Index J = d.y.rows() - 1;
+    const RowMatrix trace = d.x * scene.dynamics->small_state()->N.transpose();
+    for (std::size_t k = 0; k < places_.size(); ++k) {
+      const Column& c = data_.columns[std::size_t(places_[k].second)];
+      const RowMatrix& table = c.kind == ColumnKind::y   ? d.y
+                               : c.kind == ColumnKind::x ? d.x
+                               : c.kind == ColumnKind::w ? d.w
+                                                         : trace;
+      const double at = data_.t[std::size_t(places_[k].first)] / scene.T * double(J);
+      const Index below = std::clamp<Index>(Index(at), 0, J - 1);
+      const double part = at - double(below);
+      values[Index(k)] = (1 - part) * table(below, c.component) + part * table(below + 1, c.component);
+    }
+    return values;
+  }
+
+  Matrix by_differences(const Vector& p) {
+    Matrix J(values(), inputs());
+    for (Index i = 0; i < p.size(); ++i) {
+      const double d = step(p, i);
+      Vector below = p, above = p;
+      below[i] -= d;
+      above[i] += d;
+      std::string reason;
+      const auto a = residuals(below, reason), b = residuals(above, reason);
+      J.col(i) = a && b ? Vector((*b - *a) / (above[i] - below[i])) : Vector::Zero(values());
+    }
+    return J;
+  }
+
+  const std::function<Scene(const Vector&)>& scene_of_;
+  const FitData& data_;
+  Backend& backend_;
+  Options options_;
+  std::vector<Substitution> by_;
+  std::vector<std::pair<Index, Index>> places_;  ///< row and column of each datum
+  double most_ = 0;
+  Result last_;
+  std::string derivatives_;
+};
+
+std::string words_of(Eigen::LevenbergMarquardtSpace::Status status) {
+  using namespace Eigen::LevenbergMarquardtSpace;
+  switch (status) {
+    case RelativeReductionTooSmall:
+    case RelativeErrorTooSmall:
+    case RelativeErrorAndReductionTooSmall:
+    case CosinusTooSmall:
+      return "converged";
+    case TooManyFunctionEvaluation:
+      return fmt::format("no convergence in {} evaluations", most_evaluations);
+    case FtolTooSmall:
+    case XtolTooSmall:
+    case GtolTooSmall:
+      return "converged to rounding";
+    default:
+      return "ended without progress";
+  }
+}
+
+// The 97.5 % quantile of Student's t with n degrees of freedom (Hill's expansion; Abramowitz & Stegun 26.7.5).
+double student(double n) {
+  const double z = 1.959963984540054, z2 = z * z;
+  if (n < 1.5) return 12.7062;
+  if (n < 2.5) return 4.3027;
+  return z + z * (z2 + 1) / (4 * n) + z * (5 * z2 * z2 + 16 * z2 + 3) / (96 * n * n) +
+         z * (3 * z2 * z2 * z2 + 19 * z2 * z2 + 17 * z2 - 15) / (384 * n * n * n);
+}
+
+void add_confidence(const Matrix& J, const Vector& residual, Fit& fit) {
+  const Index k = J.cols();
+  const double freedom = double(J.rows() - k);
+  fit.deviation = fit.low = fit.high = Vector::Constant(k, NAN);
+  fit.correlation = Matrix::Constant(k, k, NAN);
+  fit.deviation_of_data = freedom > 0 ? residual.norm() / std::sqrt(freedom) : NAN;
+  const Vector size = J.colwise().norm().transpose();
+  if (!(size.minCoeff() > 0) || !(freedom > 0)) return;
+  const Eigen::ColPivHouseholderQR<Matrix> qr(J * size.cwiseInverse().asDiagonal());
+  if (qr.rank() < k) return;
+  const Matrix scaled = J * size.cwiseInverse().asDiagonal();
+  const Matrix inverse = (scaled.transpose() * scaled).inverse();
+  const Vector root = inverse.diagonal().cwiseSqrt();
+  fit.deviation = fit.deviation_of_data * root.cwiseQuotient(size);
+  fit.correlation = root.cwiseInverse().asDiagonal() * inverse * root.cwiseInverse().asDiagonal();
+  fit.low = fit.p - student(freedom) * fit.deviation;
+  fit.high = fit.p + student(freedom) * fit.deviation;
+}
+
+std::vector<std::string> fields(const std::string& line) {
+  std::vector<std::string> words;
+  std::stringstream in(line);
+  for (std::string word; std::getline(in, word, ',');) {
+    const auto first = word.find_first_not_of(" \t\r\""), last = word.find_last_not_of(" \t\r\"");
+    words.push_back(first == std::string::npos ? "" : word.substr(first, last - first + 1));
+  }
+  if (!line.empty() && line.back() == ',') words.emplace_back();
+  return words;
+}
+
+double number(const std::string& word, const std::string& place) {
+  if (word.empty() || word == "nan" || word == "NaN" || word == "NA") return NAN;
+  std::size_t used = 0;
+  double value = NAN;
+  try {
+    value = std::stod(word, &used);
+  } catch (const std::exception&) {
+    used = 0;
+  }
+  if (used != word.size() || !std::isfinite(value))
+    throw Error(place, fmt::format("found '{}'", one_line(word)), "give finite numbers; an empty field is no datum");
+  return value;
+}
+
+}  // namespace
+
+double value_of(const Scene& scene, const Result& at, Index j, const Column& c) {
+  switch (c.kind) {
+    case ColumnKind::y:
+      return at.y(j, c.component);
+    case ColumnKind::x:
+      return at.x(j, c.component);
+    case ColumnKind::trace:
+      return at.trace(j, c.component);
+    case ColumnKind::w:
+      break;
+  }
+  Vector g = Vector::Zero(scene.constraints());
+  if (scene.g) scene.g(at.t[j], g);
+  return at.trace(j, c.component) + multiply(scene.M, at.y.row(j).transpose())[c.component] + g[c.component];
+}
+
+FitData read_fit_data(const std::string& argument, const std::string& file, const Scene& scene) {
+  std::stringstream in(read_text({file, file}, argument));
+  FitData data;
+  std::vector<std::vector<double>> rows;
+  long at = 0;
+  for (std::string line; std::getline(in, line);) {
+    ++at;
+    if (line.find_first_not_of(" \t\r") == std::string::npos || line.front() == '#') continue;
+    const std::vector<std::string> words = fields(line);
+    const std::string place = fmt::format("{}, line {}", file, at);
+    if (data.columns.empty()) {
+      if (words.size() < 2 || words.front() != "t")
+        throw Error(place, fmt::format("found '{}'", one_line(line)), "begin with a header such as t,x0,y0");
+      for (std::size_t k = 1; k < words.size(); ++k) {
+        const std::vector<Column> columns = parse_columns(words[k], scene);
+        if (columns.size() != 1 || words[k] == "y" || words[k] == "x" || words[k] == "w")
+          throw Error(place, fmt::format("found the column '{}'", one_line(words[k])),
+                      "name one component: y0, x1, w0");
+        data.columns.push_back(columns.front());
+      }
+      continue;
+    }
+    if (words.size() != data.columns.size() + 1)
+      throw Error(place, fmt::format("has {} fields", words.size()),
+                  fmt::format("give {}, as in the header", data.columns.size() + 1));
+    const double t = number(words.front(), place);
+    if (!(t >= 0 && t <= scene.T))
+      throw Error(place, fmt::format("found t = {}", words.front()), fmt::format("give times from 0 to {}", scene.T));
+    data.t.push_back(t);
+    rows.emplace_back();
+    for (std::size_t k = 1; k < words.size(); ++k) rows.back().push_back(number(words[k], place));
+  }
+  data.values.resize(Index(rows.size()), Index(data.columns.size()));
+  for (std::size_t j = 0; j < rows.size(); ++j)
+    for (std::size_t k = 0; k < rows[j].size(); ++k) data.values(Index(j), Index(k)) = rows[j][k];
+  return data;
+}
+
+Fit fit(const std::function<Scene(const Vector&)>& scene_of, const std::vector<FreeParameter>& free,
+        const FitData& data, Backend& backend, const Options& options) {
+  Problem problem(scene_of, free, data, backend, options);
+  if (problem.values() < problem.inputs())
+    throw Error("--data", fmt::format("has {} values for {} parameters", problem.values(), problem.inputs()),
+                "give more data, or fewer parameters in --free");
+  std::string reason;
+  Vector u = problem.start();
+  if (!problem.residuals(problem.parameters(u), reason))
+    throw Error("--free", fmt::format("the start is not solved ({})", reason), "start from other values, by --set");
+  Eigen::LevenbergMarquardt<Problem> method(problem);
+  method.parameters.maxfev = most_evaluations;
+  method.parameters.ftol = method.parameters.xtol = 1e-10;
+  const auto status = method.minimize(u);
+  Fit found;
+  found.ended = words_of(status);
+  found.converged = found.ended.rfind("converged", 0) == 0;
+  found.p = problem.parameters(u);
+  Vector residual(problem.values());
+  problem(u, residual);
+  found.data = problem.values();
+  add_confidence(problem.by_parameters(found.p), residual, found);
+  found.evaluations = problem.evaluations;
+  found.jacobians = problem.jacobians;
+  found.derivatives = problem.derivatives();
+  return found;
+}
+
+}  // namespace bromwich::app

@@ -1,0 +1,57 @@
+#pragma once
+// Least squares: parameters of a scene from measured values of y, w and x.
+//
+// Minimises Σ_k (c_k(p) - d_k)² over the parameters p, c_k the column of the solution at the time of datum k, by
+// Levenberg and Marquardt's method (MINPACK, as Eigen has it). Bounds by the substitutions of MINUIT (James & Roos,
+// Comput. Phys. Commun. 10, 1975): p = a + (b - a)(1 + sin u)/2, or p = a - 1 + sqrt(u² + 1) with one bound.
+//
+// The Jacobian is that of the discrete solution (core/derivatives/solution_derivative.hpp) with central differences of
+// the matrices and sources that the scene has for p, or by central differences of solves where that is refused.
+
+#include "app/columns.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/solve.hpp"
+
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace bromwich::app {
+
+struct FreeParameter {
+  std::string name;
+  double start = 0;
+  double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
+};
+
+/// Measured values; NaN: none at this time.
+struct FitData {
+  std::vector<double> t;
+  std::vector<Column> columns;
+  RowMatrix values;  ///< times x columns
+};
+
+/// A CSV file with the header t,NAME,... and rows of numbers; an empty field or nan is no datum. Names as in the output
+/// of solve. Throws Error(argument, ...) that names the line.
+FitData read_fit_data(const std::string& argument, const std::string& file, const Scene& scene);
+
+/// Of a result with all states and N x.
+double value_of(const Scene&, const Result&, Index j, const Column&);
+
+struct Fit {
+  Vector p, deviation;           ///< parameters and standard deviations; NaN where the data do not determine them
+  Matrix correlation;            ///< of the parameters
+  Vector low, high;              ///< 95 % intervals, by Student's t
+  double deviation_of_data = 0;  ///< sqrt(Σ r² / (data - parameters))
+  Index data = 0, evaluations = 0, jacobians = 0;
+  bool converged = false;
+  std::string ended;        ///< how the iteration ended, in words
+  std::string derivatives;  ///< how the Jacobian was made, in words
+};
+
+/// `scene_of`: the scene for values of the parameters. Throws Error where the start cannot be solved.
+Fit fit(const std::function<Scene(const Vector&)>& scene_of, const std::vector<FreeParameter>&, const FitData&,
+        Backend&, const Options&);
+
+}  // namespace bromwich::app
