@@ -217,6 +217,7 @@ class BatchRun {
     if (!find_source_steps(scene, plan.t, f, g, false).rough.empty()) return false;
     input.g = g.table();
     input.drift = RowMatrix::Zero(plan.J + 1, plan.m);
+    if (plan.euler) input.f = f.size() > 0 ? RowMatrix(f.table() * plan.F.transpose()) : input.drift;
     if (f.size() == 0) return true;
     input.drift = f.table() * plan.drive_right.transpose();
     input.drift.bottomRows(plan.J) += f.table().topRows(plan.J) * plan.drive_left.transpose();

@@ -105,6 +105,10 @@ struct LaneMarch::State {
   template <Index size>
   void check_growth();
   template <Index size>
+  void check_others();
+  template <Index size>
+  LaneMask several(Index j);
+  template <Index size>
   void take_sets(const Lanes* row);
   void start(const std::vector<const LaneInput*>&);
   void fill_sources(const std::vector<const LaneInput*>&);
@@ -114,7 +118,7 @@ struct LaneMarch::State {
   const LanePlan& p;
   Index m, n, J;
   Rows N, M, B, G, size_of_E, size_of_R;
-  std::vector<Lanes> x, y, own_drift, own_g;
+  std::vector<Lanes> x, y, own_drift, own_g, own_f;
   CurrentSets now;  ///< of the march, then of the check
   bool lost[lanes], used[lanes], other[lanes];
   Lanes residual, largest_x[most_lane_states];
@@ -123,6 +127,7 @@ struct LaneMarch::State {
   Lanes drift_at(Index j, Index i) const {
     return own_drift.empty() ? all(p.drift(j, i)) : own_drift[std::size_t(j * m + i)];
   }
+  Lanes f_at(Index j, Index i) const { return own_drift.empty() ? all(p.f(j, i)) : own_f[std::size_t(j * m + i)]; }
   Lanes g_at(Index j, Index i) const { return own_g.empty() ? all(p.g(j, i)) : own_g[std::size_t(j * n + i)]; }
 };
 
@@ -360,11 +365,72 @@ void LaneMarch::State::check_growth() {
                (p.surely_P && !(impulse2[l] <= settled_impulse * settled_impulse));
 }
 
+// Whether the step of implicit Euler to row j has two solutions, or nearly so.
+template <Index size>
+LaneMask LaneMarch::State::several(Index j) {
+  constexpr double loose = 1e-8, apart = 5e-7;
+  Lanes q[size], from[most_lane_states], solution[size];
+  for (Index k = 0; k < m; ++k) from[k] = x_row(j - 1)[k] + p.h * f_at(j, k);
+  for (Index i = 0; i < size; ++i) {
+    q[i] = g_at(j, i);
+    for (Index k = 0; k < m; ++k) q[i] += p.euler->seen(i, k) * from[k];
+    solution[i] = all(0);
+  }
+  LaneMask found = all(0) != all(0), two = found;
+  for (std::size_t set = 0; set < p.euler->V.size(); ++set) {
+    const RowMatrix& V = p.euler->V[set];
+    Lanes value[size];
+    LaneMask may = all(0) == all(0);
+    for (Index i = 0; i < size && any(may); ++i) {
+      Lanes sum = all(0), terms = all(0);
+      for (Index k = 0; k < size; ++k) {
+        sum += V(i, k) * q[k];
+        terms += std::abs(V(i, k)) * abs(q[k]);
+      }
+      value[i] = sum;
+      may &= sum >= -loose * terms;
+    }
+    if (!any(may)) continue;
+    Lanes distance = all(0), scale = all(0);
+    for (Index i = 0; i < size; ++i) {
+      const Lanes y = (set >> i) & 1u ? value[i] : all(0);
+      distance = max(distance, abs(y - solution[i]));
+      scale = max(scale, max(abs(y), abs(solution[i])));
+      solution[i] = select(may & ~found, y, solution[i]);
+    }
+    two |= may & found & (distance > apart * scale);
+    found |= may;
+  }
+  return two;
+}
+
+// At the rows where core/accuracy/other_solution.cpp looks, of any lane. Lanes with two solutions there are left to it.
+template <Index size>
+void LaneMarch::State::check_others() {
+  constexpr Index most_rows = 24;
+  const Index stride = std::max<Index>(1, J / (most_rows / 2));
+  Index changes[lanes] = {};
+  for (Index j = 1; j <= J; ++j) {
+    bool look = j == 1 || j % stride == 0;
+    LaneMask changed = all(0) != all(0);
+    for (Index i = 0; i < size && j > 1; ++i) changed |= (y_row(j)[i] > 0) ^ (y_row(j - 1)[i] > 0);
+    if (j > 1 && any(changed))
+      for (Index l = 0; l < lanes; ++l)
+        if (changed[l] && !lost[l] && !other[l]) look |= ++changes[l] <= most_rows / 2;
+    if (!look) continue;
+    const LaneMask two = several<size>(j);
+    for (Index l = 0; l < lanes; ++l) lost[l] |= two[l] && !other[l];
+  }
+}
+
 template <Index size>
 void LaneMarch::State::check() {
   check_rows<size>();
   if (std::all_of(lost, lost + lanes, [](bool l) { return l; })) return;
   check_growth<size>();
+  bool open = false;  // a lane whose other solutions are not known yet
+  for (Index l = 0; l < lanes; ++l) open |= used[l] && !lost[l] && !other[l];
+  if (p.euler && open) check_others<size>();
 }
 
 // x0 and y_0, lane by lane. Lanes without a scene repeat the first one.
@@ -403,6 +469,7 @@ void LaneMarch::State::fill_sources(const std::vector<const LaneInput*>& inputs)
   };
   fill(&LaneInput::drift, m, own_drift);
   fill(&LaneInput::g, n, own_g);
+  fill(&LaneInput::f, m, own_f);
 }
 
 template <Index size>

@@ -40,6 +40,13 @@ struct PartOfStep {
   Vector drift, g;
 };
 
+/// The problems of implicit Euler, in whose steps a single solve looks for other solutions
+/// (core/accuracy/other_solution.hpp): q = N D (x_{j-1} + h f_j) + g_j, D = (I - hA)^{-1}.
+struct EulerSearch {
+  Matrix seen;               ///< n x m, N D
+  std::vector<RowMatrix> V;  ///< of all active sets, see ActiveSetTable; in the units of the scene
+};
+
 /// What the scenes of a group share. Made from one of them.
 class LanePlan {
  public:
@@ -54,11 +61,14 @@ class LanePlan {
   double h;
   bool least_elements = false, surely_P = false;
   Vector t;
-  Matrix A, B, N, M, drive_left, drive_right;  ///< of f at the ends of a step
+  Matrix A, B, N, M;
+  Matrix F, drive_left, drive_right;  ///< of f, and of its values at the ends of a step
   StepMaps whole;
   std::unique_ptr<ActiveSetTable> at_zero;         ///< M alone
   std::optional<OtherSolutions> others;            ///< of the problem at t = 0, where a single solve looks for them
+  std::optional<EulerSearch> euler;                ///< where it looks for other solutions of the steps as well
   RowMatrix drift, g;                              ///< (J+1) x m and n, shared sources
+  RowMatrix f;                                     ///< (J+1) x m with `euler`: f itself, shared
   std::map<Index, std::vector<PartOfStep>> parts;  ///< of rough steps
   std::deque<StepMaps> maps_of_parts;
 
@@ -72,7 +82,7 @@ class LanePlan {
 /// What one lane starts from: x0, and sources of its own or none.
 struct LaneInput {
   Vector x0;
-  RowMatrix drift, g;
+  RowMatrix drift, g, f;
 };
 
 struct LaneOutcome {

@@ -38,6 +38,28 @@ std::unique_ptr<ActiveSetTable> problem_of(const LanePlan& p, const Matrix& matr
   return std::make_unique<ActiveSetTable>(matrix, p.least_elements ? &p.M : nullptr);
 }
 
+// False where a set of implicit Euler is singular.
+bool add_euler(LanePlan& p) {
+  const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(p.m, p.m) - p.h * p.A);
+  if (!(lu.rcond() > epsilon)) return false;
+  const Matrix decay = lu.inverse(), matrix = p.M + p.N * (p.h * (decay * p.B));
+  if (classify(LcpMatrix(matrix)) == LcpClass::P) return true;
+  EulerSearch& euler = p.euler.emplace();
+  euler.seen = p.N * decay;
+  for (unsigned set = 0; set < 1u << p.n; ++set) {
+    const std::vector<Index> S = members(set, p.n), I = members(~set & ((1u << p.n) - 1), p.n);
+    RowMatrix& V = euler.V.emplace_back(RowMatrix::Zero(p.n, p.n));
+    for (const Index i : I) V(i, i) = 1;
+    if (S.empty()) continue;
+    const Eigen::PartialPivLU<Matrix> block(matrix(S, S));
+    if (!(block.rcond() > 1e-9)) return false;
+    const Matrix inverse = block.inverse();
+    V(S, S) = -inverse;
+    if (!I.empty()) V(I, S) = -matrix(I, S) * inverse;
+  }
+  return true;
+}
+
 std::string unsuitable(const Scene& scene) {
   if (scene.boundary || !scene.free_rows.empty()) return "boundary values or free rows";
   if (!scene.dynamics->small_state() || scene.dynamics->has_mass()) return "dynamics that are not dense, or have E";
@@ -96,20 +118,20 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   p->whole.E = step->decay, p->whole.L = step->left * p->B, p->whole.R = step->right * p->B;
   p->whole.problem = problem_of(*p, p->M + p->N * p->whole.R);
   p->at_zero = problem_of(*p, p->M);
-  if (classify(LcpMatrix(p->whole.problem->matrix())) != LcpClass::P) return refused("steps of another class than P");
-  if (p->least_elements) {  // a single solve looks for other solutions by steps of implicit Euler
-    const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(p->m, p->m) - p->h * p->A);
-    if (!(lu.rcond() > epsilon) || classify(LcpMatrix(Matrix(p->M + p->N * (p->h * lu.solve(p->B))))) != LcpClass::P)
-      return refused("steps that may have several solutions");
+  if (p->surely_P && classify(LcpMatrix(p->whole.problem->matrix())) != LcpClass::P)
+    return refused("steps of another class than P");
+  if (p->least_elements) {  // a single solve looks for other solutions of these scenes
     p->others.emplace(p->M);
+    if (!add_euler(*p)) return refused("steps that may have several solutions");
   }
   const Matrix F = source_matrix(d);
-  p->drive_left = step->left * F, p->drive_right = step->right * F;
+  p->F = F, p->drive_left = step->left * F, p->drive_right = step->right * F;
   if (own_sources) return p;
   if (d.f.not_finite() >= 0 || d.g.not_finite() >= 0) return refused("sources that are not finite");
   p->g = d.g.table();
-  p->drift = RowMatrix::Zero(J + 1, p->m);
+  p->drift = p->f = RowMatrix::Zero(J + 1, p->m);
   if (d.f.size() > 0) {
+    p->f = d.f.table() * F.transpose();
     p->drift = d.f.table() * p->drive_right.transpose();
     p->drift.bottomRows(J) += d.f.table().topRows(J) * p->drive_left.transpose();
   }
@@ -169,7 +191,7 @@ bool LanePlan::add_parts(const DiscreteProblem& d, std::string& why) {
     restart(d.g.row(rough.step));
   }
   for (const StepMaps& maps : maps_of_parts)
-    if (maps.R.size() > 0 && classify(LcpMatrix(maps.problem->matrix())) != LcpClass::P)
+    if (surely_P && maps.R.size() > 0 && classify(LcpMatrix(maps.problem->matrix())) != LcpClass::P)
       return why = "parts of steps of another class than P", false;
   return true;
 }
