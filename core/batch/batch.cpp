@@ -184,20 +184,38 @@ class BatchRun {
     } catch (const Error&) {  // each scene says so
     }
     if (!plan) return;
-    const Index count = Index(group.size()), ranges = (count + lanes - 1) / lanes;
-    const Index together = groups_between_polls * std::max(1, backend_.threads());
-    for (Index first = 0; first < ranges && !stopped_; first += together) {
-      const Index some = std::min(together, ranges - first);
-      std::atomic<Index> settled = 0;
-      const Index share_of = std::max<Index>(1, some / (4 * std::max(1, backend_.threads())));
-      share(backend_, some, share_of, [&](Index begin, Index end) {
-        LaneMarch march(*plan);
-        for (Index range = first + begin; range < first + end; ++range)
-          settled += march_range(*plan, march, group, range * lanes, std::min(count, (range + 1) * lanes), own);
-      });
+    const Index together = lanes * groups_between_polls * std::max(1, backend_.threads());
+    const Index count = Index(group.size());
+    for (Index first = 0; first < count && !stopped_; first += together) {
+      const Index settled = march_scenes(*plan, group, first, std::min(count, first + together), own);
       result_.in_lanes += settled;
       say(settled);
     }
+  }
+
+  // Scenes group[first .. last): functions of the user are called by this thread alone. Returns how many are settled.
+  Index march_scenes(const LanePlan& plan, const std::vector<Index>& group, Index first, Index last, bool own) {
+    std::vector<LaneInput> inputs;
+    std::vector<Index> scenes;
+    for (Index i = first; i < last; ++i) {
+      LaneInput input;
+      try {
+        if (!input_of(plan, group[std::size_t(i)], own, input)) continue;
+      } catch (const Error&) {  // the single solve says so
+        continue;
+      }
+      inputs.push_back(std::move(input));
+      scenes.push_back(group[std::size_t(i)]);
+    }
+    const Index count = Index(scenes.size()), ranges = (count + lanes - 1) / lanes;
+    const Index shared = std::max<Index>(1, ranges / (4 * std::max(1, backend_.threads())));
+    std::atomic<Index> settled = 0;
+    share(backend_, ranges, shared, [&](Index begin, Index end) {
+      LaneMarch march(plan);
+      for (Index range = begin; range < end; ++range)
+        settled += march_range(march, inputs, scenes, range * lanes, std::min(count, (range + 1) * lanes));
+    });
+    return settled;
   }
 
   // x0 and, where they are its own, the sources of a scene. False for what a single solve has to look at.
@@ -224,31 +242,16 @@ class BatchRun {
     return true;
   }
 
-  // Scenes group[begin .. end); returns how many are settled.
-  Index march_range(const LanePlan& plan, LaneMarch& march, const std::vector<Index>& group, Index begin, Index end,
-                    bool own) {
-    std::vector<LaneInput> inputs;
+  Index march_range(LaneMarch& march, const std::vector<LaneInput>& inputs, const std::vector<Index>& scenes,
+                    Index begin, Index end) {
     std::vector<const LaneInput*> pointers;
-    std::vector<Index> scenes;
-    inputs.reserve(lanes);
-    for (Index i = begin; i < end; ++i) {
-      LaneInput input;
-      try {
-        if (!input_of(plan, group[std::size_t(i)], own, input)) continue;
-      } catch (const Error&) {  // the single solve says so
-        continue;
-      }
-      inputs.push_back(std::move(input));
-      scenes.push_back(group[std::size_t(i)]);
-    }
-    if (inputs.empty()) return 0;
-    for (const LaneInput& input : inputs) pointers.push_back(&input);
+    for (Index i = begin; i < end; ++i) pointers.push_back(&inputs[std::size_t(i)]);
     std::vector<LaneOutcome> outcomes;
     march.run(pointers, outcomes);
     Index settled = 0;
-    for (std::size_t l = 0; l < scenes.size(); ++l)
+    for (std::size_t l = 0; l < outcomes.size(); ++l)
       if (outcomes[l].settled) {
-        keep(march, Index(l), scenes[l], outcomes[l]);
+        keep(march, Index(l), scenes[std::size_t(begin) + l], outcomes[l]);
         ++settled;
       }
     return settled;

@@ -27,6 +27,7 @@ from ._errors import (
     NotSolvedWarning,
     SingularShift,
 )
+from ._batch import BatchResult, solve_batch
 from ._backends import BackendInfo, backends, cuda_devices
 from ._io import SavedResult, load
 from ._result import Result, Status, Switch
@@ -40,6 +41,7 @@ __all__ = [
     "ArrayResult",
     "ArraySolver",
     "BackendInfo",
+    "BatchResult",
     "DeviceError",
     "DoesNotFit",
     "Dynamics",
@@ -65,4 +67,5 @@ __all__ = [
     "scene",
     "scenes",
     "solve",
+    "solve_batch",
 ]
