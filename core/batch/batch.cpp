@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <map>
 #include <memory>
@@ -71,9 +72,28 @@ bool same_matrix(const LcpMatrix& a, const LcpMatrix& b) {
   return p && q && p->rows() == q->rows() && p->cols() == q->cols() && *p == *q;
 }
 
+bool same_values(const Matrix& a, const Matrix& b) { return a.rows() == b.rows() && a.cols() == b.cols() && a == b; }
+
+bool same_dynamics(const Dynamics& a, const Dynamics& b) {
+  if (&*a == &*b) return true;
+  const auto *p = a.made_from<DenseDynamics>(), *q = b.made_from<DenseDynamics>();
+  return p && q && same_values(p->A, q->A) && same_values(p->B, q->B) && same_values(p->N, q->N) &&
+         same_values(p->E, q->E);
+}
+
+// Equal for dense dynamics with equal values; others are told apart by their place.
+std::size_t hash_of(const Dynamics& dynamics) {
+  const auto* dense = dynamics.made_from<DenseDynamics>();
+  if (!dense) return std::hash<const void*>()(&*dynamics);
+  std::size_t hash = 0;
+  for (const Matrix* matrix : {&dense->A, &dense->B, &dense->N, &dense->E})
+    for (Index k = 0; k < matrix->size(); ++k) hash = hash * 1099511628211u + std::hash<double>()(matrix->data()[k]);
+  return hash;
+}
+
 // Scenes that differ in x0, f and g at most.
 bool share_preparation(const Scene& a, const Scene& b) {
-  return &*a.dynamics == &*b.dynamics && a.lcp_class == b.lcp_class && a.T == b.T &&
+  return same_dynamics(a.dynamics, b.dynamics) && a.lcp_class == b.lcp_class && a.T == b.T &&
          a.default_steps == b.default_steps && a.f_entry == b.f_entry && bool(a.f) == bool(b.f) &&
          a.free_rows == b.free_rows && !a.boundary && !b.boundary && !a.port && !b.port &&
          (a.F.size() == 0
@@ -93,10 +113,10 @@ std::vector<std::vector<Index>> groups_of(const Batch& b) {
     for (Index k = 0; k < b.scenes; ++k) groups.push_back({k});
     return groups;
   }
-  std::map<std::pair<const void*, double>, std::vector<std::size_t>> known;  // groups with these dynamics and T
+  std::map<std::pair<std::size_t, double>, std::vector<std::size_t>> known;  // groups with these dynamics and T
   for (Index k = 0; k < b.scenes; ++k) {
     const Scene& scene = b.own[std::size_t(k)];
-    std::vector<std::size_t>& same = known[{&*scene.dynamics, scene.T}];
+    std::vector<std::size_t>& same = known[{hash_of(scene.dynamics), scene.T}];
     const auto found = std::find_if(same.begin(), same.end(), [&](std::size_t g) {
       return share_preparation(b.own[std::size_t(groups[g].front())], scene);
     });
