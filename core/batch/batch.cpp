@@ -76,14 +76,14 @@ bool same_values(const Matrix& a, const Matrix& b) { return a.rows() == b.rows()
 
 bool same_dynamics(const Dynamics& a, const Dynamics& b) {
   if (&*a == &*b) return true;
-  const auto *p = a.made_from<DenseDynamics>(), *q = b.made_from<DenseDynamics>();
+  const auto *p = a->small_state(), *q = b->small_state();
   return p && q && same_values(p->A, q->A) && same_values(p->B, q->B) && same_values(p->N, q->N) &&
          same_values(p->E, q->E);
 }
 
 // Equal for dense dynamics with equal values; others are told apart by their place.
 std::size_t hash_of(const Dynamics& dynamics) {
-  const auto* dense = dynamics.made_from<DenseDynamics>();
+  const DenseDynamics* dense = dynamics->small_state();
   if (!dense) return std::hash<const void*>()(&*dynamics);
   std::size_t hash = 0;
   for (const Matrix* matrix : {&dense->A, &dense->B, &dense->N, &dense->E})
