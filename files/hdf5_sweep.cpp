@@ -33,12 +33,12 @@ class Hdf5Sweep : public SweepFile {
     constraint_ = scale("constraint", H5T_STD_I64LE, numbers.size(), numbers.data());
     y_ = variable("y", {hsize_t(rows_), hsize_t(columns.constraints)}, &constraint_);
     if (columns.slack) w_ = variable("w", {hsize_t(rows_), hsize_t(columns.constraints)}, &constraint_);
-    text_dataset(file_, file_, "constraint_name", constraint_names(columns));
+    add_texts("constraint_name", constraint_names(columns), constraint_);
     if (columns.states.empty()) return;
     const std::vector<std::int64_t> states(columns.states.begin(), columns.states.end());
     state_ = scale("state", H5T_STD_I64LE, states.size(), states.data());
     x_ = variable("x", {hsize_t(rows_), hsize_t(states.size())}, &state_);
-    text_dataset(file_, file_, "state_name", state_names(columns));
+    add_texts("state_name", state_names(columns), state_);
   }
 
   void append(const SweepRows& rows) override {
@@ -57,9 +57,9 @@ class Hdf5Sweep : public SweepFile {
 
   void finish(const std::vector<std::string>& status, const std::vector<std::string>& reason,
               const std::vector<std::string>& warning, const Facts& facts) override {
-    text_dataset(file_, file_, "status", status);
-    text_dataset(file_, file_, "reason", reason);
-    text_dataset(file_, file_, "warning", warning);
+    add_texts("status", status, scene_);
+    add_texts("reason", reason, scene_);
+    add_texts("warning", warning, scene_);
     set_attributes(file_, file_, facts);
     file_.close();
   }
@@ -84,6 +84,11 @@ class Hdf5Sweep : public SweepFile {
       set_attribute(file_, made, "coordinates", coordinates_);
     }
     return made;
+  }
+
+  void add_texts(const std::string& name, const std::vector<std::string>& texts, const Handle& of) {
+    const Handle made = text_dataset(file_, file_, name, texts);
+    file_.checked(H5DSattach_scale(made, of, 0));
   }
 
   void add(Handle& dataset, Index count, const double* values) {

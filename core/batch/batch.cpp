@@ -197,7 +197,7 @@ class BatchRun {
     std::unique_ptr<LanePlan> plan;
     try {
       Scene scene = scene_of(batch_, group.front());
-      scene.x0 = Vector::Zero(scene.states());
+      if (!scene.x0.allFinite()) scene.x0 = Vector::Zero(scene.states());
       scene.validate();
       std::string why;
       plan = LanePlan::make(scene, backend_, J_, own, why);

@@ -14,6 +14,7 @@
 // without another solve: residual, alternating y, growth of perturbations, rounding, impulses of contacts, oscillations
 // that the steps do not resolve. Lanes that are not settled are left to a single solve.
 
+#include "../scene/natural_units.hpp"
 #include "../solve/methods.hpp"
 #include "active_set_table.hpp"
 
@@ -75,6 +76,7 @@ class LanePlan {
  private:
   LanePlan() = default;
   bool add_parts(const DiscreteProblem&, std::string& why);
+  void to_units_of(const Scene&, const NaturalUnits&);
   mutable std::mutex mutex_;
   mutable std::map<unsigned, bool> oscillating_;
 };

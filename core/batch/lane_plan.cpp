@@ -4,6 +4,7 @@
 #include "core/kernel/weight_check.hpp"
 #include "core/numerics/sectorial.hpp"
 #include "core/numerics/step_propagator.hpp"
+#include "core/solve/scaling.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -95,12 +96,14 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   if (why = unsuitable(given); !why.empty()) return nullptr;
   Scene scene = given;
   if (own_sources) scene.f = {}, scene.g = {}, scene.breakpoints.clear();
-  Methods methods(scene, backend, J, {});
+  const NaturalUnits units = natural_units(scene);  // as a single solve: e^{hA} keeps more digits in them
+  const Scene natural = in_natural_units(scene, units);
+  Methods methods(natural, backend, J, {});
   const DiscreteProblem& d = methods.problem();
   const DenseDynamics& dense = *d.small_state();
   std::unique_ptr<LanePlan> p(new LanePlan);
   p->m = scene.states(), p->n = scene.constraints(), p->J = J, p->h = d.h, p->t = d.t;
-  p->A = dense.A, p->B = dense.B, p->N = dense.N, p->M = to_dense(scene.M);
+  p->A = dense.A, p->B = dense.B, p->N = dense.N, p->M = to_dense(natural.M);
   p->least_elements = d.lcp_class == LcpClass::Z;
   p->surely_P = d.lcp_class == LcpClass::P;
   const auto refused = [&](const char* reason) {
@@ -126,7 +129,10 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   }
   const Matrix F = source_matrix(d);
   p->F = F, p->drive_left = step->left * F, p->drive_right = step->right * F;
-  if (own_sources) return p;
+  if (own_sources) {
+    p->to_units_of(scene, units);
+    return p;
+  }
   if (d.f.not_finite() >= 0 || d.g.not_finite() >= 0) return refused("sources that are not finite");
   p->g = d.g.table();
   p->drift = p->f = RowMatrix::Zero(J + 1, p->m);
@@ -135,7 +141,45 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
     p->drift = d.f.table() * p->drive_right.transpose();
     p->drift.bottomRows(J) += d.f.table().topRows(J) * p->drive_left.transpose();
   }
-  return d.sources && !p->add_parts(d, why) ? nullptr : std::move(p);
+  if (d.sources && !p->add_parts(d, why)) return nullptr;
+  p->to_units_of(scene, units);
+  return p;
+}
+
+// From natural units to those of the scene.
+void LanePlan::to_units_of(const Scene& scene, const NaturalUnits& units) {
+  if (units.trivial()) return;
+  const auto scale = [](auto& matrix, const std::vector<int>& rows, const std::vector<int>* columns) {
+    for (Index i = 0; i < matrix.rows(); ++i)
+      for (Index k = 0; k < matrix.cols(); ++k)
+        matrix(i, k) = times_ten_to(rows[std::size_t(i)] - (columns ? (*columns)[std::size_t(k)] : 0), matrix(i, k));
+  };
+  const auto scale_rows = [](RowMatrix& table, const std::vector<int>& k) {
+    for (Index j = 0; j < table.rows(); ++j)
+      for (Index i = 0; i < table.cols(); ++i) table(j, i) = times_ten_to(k[std::size_t(i)], table(j, i));
+  };
+  const DenseDynamics& d = *scene.dynamics->small_state();
+  A = d.A, B = d.B, N = d.N, M = to_dense(scene.M);
+  const auto restate = [&](StepMaps& maps) {
+    if (maps.R.size() > 0) {
+      scale(maps.E, units.x, &units.x), scale(maps.L, units.x, &units.y), scale(maps.R, units.x, &units.y);
+      maps.problem = problem_of(*this, M + N * maps.R);
+    } else {
+      maps.problem = problem_of(*this, M);
+    }
+  };
+  restate(whole);
+  for (StepMaps& maps : maps_of_parts) restate(maps);
+  at_zero = problem_of(*this, M);
+  if (others) others.emplace(M);
+  if (euler) add_euler(*this);
+  const std::vector<int>* of_f = scene.f_entry == SourceEntry::state       ? &units.x
+                                 : scene.f_entry == SourceEntry::through_B ? &units.y
+                                                                           : nullptr;
+  for (Matrix* matrix : {&F, &drive_left, &drive_right}) scale(*matrix, units.x, of_f);
+  scale_rows(drift, units.x), scale_rows(f, units.x), scale_rows(g, units.w);
+  for (auto& [step, all] : parts)
+    for (PartOfStep& part : all) scale(part.drift, units.x, nullptr), scale(part.g, units.w, nullptr);
 }
 
 // As core/march/split.cpp takes them.
