@@ -110,7 +110,7 @@ TEST(Sweep, AFileWithoutOneHasNone) { EXPECT_FALSE(parse_sweep(head.substr(0, he
 
 TEST(Sweep, MistakesAreRefused) {
   const std::vector<Refused> cases{
-      {"Rr = [1]", "s.toml:15: sweep.Rr: 'Rr' is no parameter (did you mean 'R'?)"},
+      {"Rr = [1]", "s.toml:15: sweep.Rr: 'Rr' is no parameter; use one of R, C, T"},
       {"steps = [10, 20]", "s.toml:15: sweep.steps: 'steps' is no parameter"},
       {"R = 1", "s.toml:15: sweep.R: found 1; give a list"},
       {"R = []", "s.toml:15: sweep.R: found an empty list"},
