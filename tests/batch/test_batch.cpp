@@ -249,7 +249,7 @@ TEST(Batch, BlocksAreTheWhole) {
   const Index blocks = solve_in_blocks(batch, *backend, options, [&](Index first, const BatchResult& block) {
     ASSERT_EQ(first, next);
     next += block.scenes;
-    EXPECT_EQ(apart(block.y, whole.y.middleRows(first * whole.rows(), block.scenes * whole.rows())), 0);
+    EXPECT_LE(apart(block.y, whole.y.middleRows(first * whole.rows(), block.scenes * whole.rows())), same);
   });
   EXPECT_EQ(blocks, 3);
   EXPECT_EQ(next, 50);
