@@ -3,6 +3,7 @@
 #include "app/arguments.hpp"
 #include "app/backend_choice.hpp"
 #include "app/columns.hpp"
+#include "app/command_sweep.hpp"
 #include "app/commands.hpp"
 #include "app/goal_arguments.hpp"
 #include "app/interaction.hpp"
@@ -267,6 +268,7 @@ int run_solve(const SolveArguments& arguments) {
   }
   const Words words = split_words(arguments.words, arguments.settings);
   const ParameterValues settings = parse_settings(words.settings);
+  if (const auto code = run_sweep(arguments, scene_name(words), settings)) return *code;
   const SceneChoice choice = choose_scene(scene_name(words), settings);
   const auto columns =
       arguments.columns.empty() ? std::vector<Column>{} : parse_columns(arguments.columns, choice.scene);

@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "files/checkpoint.hpp"
 #include "files/stored_result.hpp"
+#include "files/sweep_file.hpp"
 
 namespace bromwich {
 
@@ -32,6 +33,11 @@ std::unique_ptr<ResultFile> create_vtkhdf(const FileTarget& target, const FieldG
 
 std::unique_ptr<ResultFile> continue_vtkhdf(const FileTarget& target, const FieldGrid&, const ResultColumns&, Index,
                                             const std::string&) {
+  refuse(target);
+}
+
+std::unique_ptr<SweepFile> create_sweep_hdf5(const FileTarget& target, const ResultColumns&, const Sweep&,
+                                             const Vector&) {
   refuse(target);
 }
 

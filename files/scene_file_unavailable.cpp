@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "files/scene_file.hpp"
+#include "files/sweep.hpp"
 #include "files/words.hpp"
 
 namespace bromwich {
@@ -16,6 +17,15 @@ SceneFile parse_scene(std::string_view, const std::string& file_name, const std:
                       const ParameterValues&) {
   throw Error(file_name, "found a scene file, but this build reads none",
               "install the Debian packages libtomlplusplus-dev and libmuparser-dev and build again");
+}
+
+ParameterValues Sweep::settings(Index) const { return {}; }
+
+std::optional<Sweep> read_sweep(const std::filesystem::path&, const ParameterValues&) { return std::nullopt; }
+
+std::optional<Sweep> parse_sweep(std::string_view, const std::string&, const std::filesystem::path&,
+                                 const ParameterValues&) {
+  return std::nullopt;
 }
 
 double constant_expression(const std::string& text, const ParameterValues&, const std::string& where) {

@@ -31,9 +31,9 @@ std::vector<std::string> keys_of(const toml::table* table) {
 
 const std::vector<SectionKeys>& scene_file_keys() {
   static const std::vector<SectionKeys> keys{
-      {"",
-       {"name", "description", "include", "parameters", "definitions", "dynamics", "kronecker", "complementarity",
-        "relay", "port", "boundary", "free", "time", "names", "units", "output", "exact", "reference", "quantity"}},
+      {"", {"name",  "description", "include",  "parameters", "definitions", "dynamics", "kronecker", "complementarity",
+            "relay", "port",        "boundary", "free",       "time",        "names",    "units",     "output",
+            "exact", "reference",   "quantity", "sweep"}},
       {"parameters", {}},
       {"definitions", {}},
       {"dynamics", {"A", "B", "E", "f", "F", "x0"}},
@@ -49,7 +49,8 @@ const std::vector<SectionKeys>& scene_file_keys() {
       {"output", {"states"}},
       {"exact", {"x", "y"}},
       {"reference", {"t", "x", "y", "status", "infeasible_at", "tolerance", "source"}},
-      {"quantity", {"name", "W", "c", "end_W", "end_c", "exact"}}};
+      {"quantity", {"name", "W", "c", "end_W", "end_c", "exact"}},
+      {"sweep", {}}};
   return keys;
 }
 
@@ -65,7 +66,7 @@ Sections read_sections(const Document& document, const toml::table& root) {
           section("relay"),     section("port"),       section("boundary"),
           section("free"),      section("time"),       section("names"),
           section("units"),     section("output"),     section("exact"),
-          section("reference"), section("quantity")};
+          section("reference"), section("quantity"),   section("sweep")};
 }
 
 void read_parameters(Document& document, const Section& section, const ParameterValues& settings,

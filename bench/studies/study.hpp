@@ -57,6 +57,8 @@ BenchReport bench_dual(const BenchRequest& request, Backend& backend);
 /// Throws Error for another scene. Also on the CUDA backend if a device is found.
 BenchReport bench_multigrid(const BenchRequest& request, Backend& backend);
 BenchReport bench_paper(const BenchRequest& request, Backend& backend);
+/// Throws Error for a SCENE: it has its own.
+BenchReport bench_batch(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene file or a folder of them.
 BenchReport bench_scenes(const BenchRequest& request, Backend& backend);
 /// Throws Error for a SCENE: it has its own.

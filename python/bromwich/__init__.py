@@ -28,6 +28,7 @@ from ._errors import (
     NotSolvedWarning,
     SingularShift,
 )
+from ._batch import BatchResult, solve_batch
 from ._backends import BackendInfo, backends, cuda_devices
 from ._io import SavedResult, load
 from ._result import Result, Status, Switch
@@ -41,6 +42,7 @@ __all__ = [
     "ArrayResult",
     "ArraySolver",
     "BackendInfo",
+    "BatchResult",
     "Derivative",
     "DeviceError",
     "DoesNotFit",
@@ -70,4 +72,5 @@ __all__ = [
     "scene",
     "scenes",
     "solve",
+    "solve_batch",
 ]

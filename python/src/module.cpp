@@ -47,6 +47,7 @@ NB_MODULE(_core, m) {
   bind_scenes(m);
   bind_results(m);
   bind_arrays(m);
+  bind_batch(m);
   bind_solving(m);
   bind_derivatives(m);
   bind_state(m);

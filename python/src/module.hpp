@@ -37,6 +37,7 @@ struct Model : std::enable_shared_from_this<Model> {
 };
 
 void bind_arrays(nb::module_& m);
+void bind_batch(nb::module_& m);
 void bind_derivatives(nb::module_& m);
 void bind_errors(nb::module_& m);
 void bind_sources(nb::module_& m);

@@ -26,6 +26,7 @@ MISTAKES = {
     "T is a list": lambda s: s["time"].update(T=[1]),
     "two spacings of three": lambda s: s.update(kronecker=dict(points=3, spacing=[1, 1, 1], diffusivity=1, b=[1], n=[1])),
     "a name is a number": lambda s: s.update(names={"x": [1, 2]}),
+    "a swept parameter is a number": lambda s: s.update(sweep={"R": 1}),
     "include is a number": lambda s: s.update(include=1),
 }
 

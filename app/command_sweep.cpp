@@ -1,0 +1,346 @@
+#include "app/command_sweep.hpp"
+
+#include "app/arguments.hpp"
+#include "app/backend_choice.hpp"
+#include "app/interaction.hpp"
+#include "app/log.hpp"
+#include "app/machine.hpp"
+#include "app/output_file.hpp"
+#include "app/output_json.hpp"
+#include "app/scene_choice.hpp"
+#include "app/text.hpp"
+#include "core/base/error.hpp"
+#include "core/batch/batch.hpp"
+#include "core/build_info.hpp"
+#include "core/scene/component_names.hpp"
+#include "core/scene/separable.hpp"
+#include "files/sweep.hpp"
+#include "files/sweep_file.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <iterator>
+#include <map>
+#include <utility>
+#include <vector>
+
+namespace bromwich::app {
+
+namespace {
+
+constexpr double block_share = 0.25;      ///< of the memory, for the results of one block
+constexpr double most_block_bytes = 1e9;  ///< of them
+constexpr double bytes_of_a_scene = 1e4;  ///< of a scene that was read: its expressions and names
+
+/// The scenes that are solved together, and what could not be read.
+struct Block {
+  Index first = 0, count = 0;
+  std::vector<Index> read;           ///< scenes of the file with a place in `result`, in order
+  std::vector<std::string> refused;  ///< one per scene; empty if it was read
+  BatchResult result;
+};
+
+class SweepRun {
+ public:
+  SweepRun(const SolveArguments& arguments, std::string name, ParameterValues settings, Sweep sweep)
+      : arguments_(arguments), name_(std::move(name)), settings_(std::move(settings)), sweep_(std::move(sweep)) {
+    check_arguments();
+    choice_ = first_that_reads();
+    options_.method = parse_method(arguments.method);
+    if (!arguments.steps.empty()) options_.steps = parse_steps(arguments.steps);
+    parse_error_control(arguments, options_, choice_.tolerance);
+    if (controls_error(options_))
+      throw Error("--tol", "a tolerance is given with [sweep], whose scenes share their time points",
+                  "give --steps, and compare with twice as many");
+    if (!arguments.iteration_tolerance.empty())
+      options_.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
+    parse_states("--states", arguments.states.empty() ? choice_.states : arguments.states, choice_.scene, options_);
+    options_.trace = by_hdf5();
+    if (options_.steps == 0) options_.steps = choice_.scene.default_steps;
+    steps_ = options_.steps;
+    states_ = recorded_components(choice_.scene, options_);
+  }
+
+  int run() {
+    const int threads = arguments_.threads.empty() ? 0 : parse_threads(arguments_.threads);
+    backend_ = choose_backend(arguments_.backend, choice_.scene, options_, Index(states_.size()), threads);
+    predict();
+    ProgressLine progress(options_.iteration_tolerance);
+    if (progress.visible())
+      options_.progress = [&progress, this](const Progress& p) {
+        progress.show({first_ + p.iteration, 0, sweep_.scenes()});
+      };
+    catch_interrupts();
+    options_.interrupted = interrupted;
+    if (arguments_.out.empty()) {
+      each_block([](const Block&) {});
+    } else if (by_hdf5()) {
+      write_hdf5();
+    } else {
+      OutputFile("--out", arguments_.out, ".csv").write([this](std::FILE* file) { write_csv(file); });
+    }
+    progress.finish();
+    print(arguments_.json ? dump(json()) : summary());
+    if (solved() == sweep_.scenes()) return exit_solved;
+    complain(fmt::format("{} of {} scenes are not solved", sweep_.scenes() - solved(), sweep_.scenes()));
+    return exit_not_solved;
+  }
+
+ private:
+  void check_arguments() const {
+    for (const auto& [option, given] : {std::pair("--at", !arguments_.at.empty()),
+                                        {"--columns", !arguments_.columns.empty()},
+                                        {"--switches", !arguments_.switches.empty()},
+                                        {"--report", !arguments_.report.empty()},
+                                        {"--checkpoint", !arguments_.checkpoint.empty()},
+                                        {"--restart", !arguments_.restart.empty()},
+                                        {"--energies", arguments_.energies},
+                                        {"--event-location", arguments_.event_location}})
+      if (given)
+        throw Error(option, "is given for a scene with [sweep]", "leave it out, or take [sweep] out of the file");
+    for (const std::string& name : sweep_.names)
+      if (settings_.contains(name))
+        throw Error("--set", fmt::format("'{}' is swept by the file", name), "leave it out, or take it out of [sweep]");
+    if (arguments_.out.empty()) return;
+    const std::string extension = std::filesystem::path(arguments_.out).extension();
+    if (extension != ".csv" && extension != ".h5")
+      throw Error("--out", fmt::format("'{}' does not end in .csv or .h5", arguments_.out), "choose such a file");
+    std::error_code none;
+    for (const std::filesystem::path& input : sweep_.inputs)
+      if (std::filesystem::equivalent(input, arguments_.out, none))
+        throw Error("--out", fmt::format("'{}' is an input of the scene", arguments_.out), "choose another file");
+  }
+
+  bool by_hdf5() const { return std::filesystem::path(arguments_.out).extension() == ".h5"; }
+
+  SceneChoice read(Index scene) const {
+    ParameterValues settings = settings_;
+    for (const auto& [name, value] : sweep_.settings(scene)) settings[name] = value;
+    return choose_scene(name_, settings);
+  }
+
+  // The sizes of all scenes are those of the first one without an error.
+  SceneChoice first_that_reads() const {
+    for (Index k = 0; k + 1 < sweep_.scenes(); ++k) try {
+        return read(k);
+      } catch (const Error&) {
+      }
+    return read(sweep_.scenes() - 1);
+  }
+
+  void predict() {
+    Batch one;
+    one.common = choice_.scene;
+    const int threads = backend_->device().threads;
+    const double fixed = predicted_bytes(one, options_, 0, threads),
+                 each = predicted_bytes(one, options_, 1, threads) - fixed + bytes_of_a_scene;
+    const double limit = std::min(block_share * memory_bytes(), most_block_bytes);
+    if (fixed + each > memory_bytes())
+      throw Error("--steps", fmt::format("one scene needs {}", format_bytes(fixed + each)),
+                  "use fewer --steps or fewer --states");
+    together_ = std::clamp<Index>(Index((limit - fixed) / each), 1, sweep_.scenes());
+    predicted_ = fixed + each * double(together_);
+  }
+
+  template <class Take>
+  void each_block(const Take& take) {
+    for (first_ = 0; first_ < sweep_.scenes(); first_ += together_) {
+      const Block block = solve_block(std::min(together_, sweep_.scenes() - first_));
+      ++blocks_;
+      in_lanes_ += block.result.in_lanes;
+      seconds_ += block.result.seconds;
+      Index place = 0;
+      for (Index i = 0; i < block.count; ++i) {
+        const bool was_read = block.refused[std::size_t(i)].empty();
+        status_.push_back(to_string(was_read ? block.result.status[std::size_t(place)] : Status::unsupported));
+        reason_.push_back(was_read ? block.result.reason[std::size_t(place)] : block.refused[std::size_t(i)]);
+        warning_.push_back(was_read ? block.result.warning[std::size_t(place)] : "");
+        place += was_read;
+      }
+      take(block);
+    }
+  }
+
+  Block solve_block(Index count) {
+    Block block{first_, count, {}, std::vector<std::string>(std::size_t(count)), {}};
+    std::vector<Scene> scenes;
+    for (Index i = 0; i < count; ++i) try {
+        if (interrupted()) throw Error("scene", "was not read", "stopped on request");
+        scenes.push_back(read(first_ + i).scene);
+        block.read.push_back(first_ + i);
+      } catch (const Error& error) {
+        block.refused[std::size_t(i)] = one_line(error.what());
+      }
+    for (std::size_t k = 0; k < scenes.size(); ++k)
+      if (scenes[k].states() != choice_.scene.states() || scenes[k].constraints() != choice_.scene.constraints())
+        throw Error("[sweep]",
+                    fmt::format("scene {} has {} states and {} constraints, others {} and {}", block.read[k],
+                                scenes[k].states(), scenes[k].constraints(), choice_.scene.states(),
+                                choice_.scene.constraints()),
+                    "sweep parameters that do not change the size");
+    for (Scene& scene : scenes) scene.default_steps = steps_;
+    if (!scenes.empty()) block.result = solve_batch(batch_of(std::move(scenes)), *backend_, options_);
+    return block;
+  }
+
+  // ---- Tables.
+
+  std::vector<std::string> value_names() const {
+    std::vector<std::string> names;
+    for (Index i = 0; i < choice_.scene.constraints(); ++i) names.push_back(multiplier_name(choice_.scene, i));
+    for (const Index i : states_) names.push_back(state_name(choice_.scene, i));
+    return names;
+  }
+
+  static std::string number(double value) {
+    return std::isnan(value) ? "nan" : fmt::format("{}", value + 0.0);  // -0 becomes 0
+  }
+  static std::string quoted(std::string text) {
+    for (std::size_t at = 0; (at = text.find('"', at)) != std::string::npos; at += 2) text.insert(at, 1, '"');
+    return '"' + text + '"';
+  }
+
+  void write_csv(std::FILE* file) {
+    std::string header = "scene";
+    for (const std::string& name : sweep_.names) header += "," + name;
+    header += ",status,residual";
+    for (const std::string& name : value_names()) header += fmt::format(",{0}(T),max|{0}|", name);
+    std::fputs((header + ",reason,warning\n").c_str(), file);
+    each_block([&](const Block& block) {
+      Index place = 0;
+      for (Index i = 0; i < block.count; ++i) {
+        const bool was_read = block.refused[std::size_t(i)].empty();
+        std::fputs(csv_row(block, block.first + i, was_read ? place : -1).c_str(), file);
+        place += was_read;
+      }
+    });
+  }
+
+  std::string csv_row(const Block& block, Index k, Index place) const {
+    std::string row = fmt::format("{}", k);
+    for (Index c = 0; c < sweep_.values.cols(); ++c) row += "," + number(sweep_.values(k, c));
+    row += "," + status_[std::size_t(k)] + "," + number(place < 0 ? NAN : block.result.residual[place]);
+    for (const RowMatrix* all : {&block.result.y, &block.result.x}) {
+      const Index columns = all == &block.result.y ? choice_.scene.constraints() : Index(states_.size());
+      for (Index i = 0; i < columns; ++i) {
+        if (place < 0) {
+          row += ",nan,nan";
+          continue;
+        }
+        const auto values = block.result.of(*all, place).col(i);
+        row += "," + number(values[values.size() - 1]) + "," +
+               number(values.cwiseAbs().template maxCoeff<Eigen::PropagateNaN>());
+      }
+    }
+    return row + "," + quoted(reason_[std::size_t(k)]) + "," + quoted(warning_[std::size_t(k)]) + "\n";
+  }
+
+  void write_hdf5() {
+    const Scene& scene = choice_.scene;
+    ResultColumns columns;
+    columns.constraints = scene.constraints();
+    columns.slack = true;
+    columns.states = states_;
+    for (Index i = 0; i < scene.constraints(); ++i) columns.constraint_names.push_back(multiplier_name(scene, i));
+    for (const Index i : states_) columns.state_names.push_back(state_name(scene, i));
+    const bool own_T = std::find(sweep_.names.begin(), sweep_.names.end(), "T") != sweep_.names.end();
+    const auto file =
+        create_sweep_hdf5({"--out", arguments_.out}, columns, sweep_, time_grid(own_T ? 1 : scene.T, steps_));
+    each_block([&](const Block& block) {
+      const Index rows = steps_ + 1, all = block.count * rows;
+      RowMatrix y = RowMatrix::Constant(all, columns.constraints, NAN), w = y,
+                x = RowMatrix::Constant(all, Index(states_.size()), NAN);
+      Vector residual = Vector::Constant(block.count, NAN);
+      for (std::size_t place = 0; place < block.read.size(); ++place) {
+        const Index to = block.read[place] - block.first;
+        y.middleRows(to * rows, rows) = block.result.of(block.result.y, Index(place));
+        w.middleRows(to * rows, rows) = block.result.of(block.result.w, Index(place));
+        if (x.size() > 0) x.middleRows(to * rows, rows) = block.result.of(block.result.x, Index(place));
+        residual[to] = block.result.residual[Index(place)];
+      }
+      file->append({sweep_.values.middleRows(block.first, block.count), residual, y, w, x});
+    });
+    Facts facts{{"title", scene.name},
+                {"method", std::string(to_string(options_.method))},
+                {"backend", backend_->name()},
+                {"steps", std::int64_t(steps_)},
+                {"version", std::string(build_info::version)},
+                {"command", arguments_.command_line}};
+    if (own_T) facts.emplace_back("time", std::string("t is the time over the T of each scene"));
+    file->finish(status_, reason_, warning_, facts);
+  }
+
+  // ---- What is printed.
+
+  Index solved() const { return std::count(status_.begin(), status_.end(), to_string(Status::solved)); }
+
+  std::map<std::string, Index> counts() const {
+    std::map<std::string, Index> found;
+    for (const std::string& one : status_) ++found[one];
+    return found;
+  }
+
+  std::string summary() const {
+    std::string text =
+        fmt::format("scene       {}, {} scenes over {}\n", choice_.scene.name, sweep_.scenes(), join(sweep_.names));
+    text += fmt::format("size        {} constraints, {} states, {} steps each\n", choice_.scene.constraints(),
+                        choice_.scene.states(), steps_);
+    std::vector<std::string> words;
+    for (const auto& [status, count] : counts()) words.push_back(fmt::format("{} {}", count, status));
+    text += fmt::format("status      {}\n", join(words));
+    const auto failed = std::find_if(reason_.begin(), reason_.end(), [](const std::string& r) { return !r.empty(); });
+    if (failed != reason_.end())
+      text += fmt::format("first       scene {}: {}\n", failed - reason_.begin(), one_line(*failed));
+    text += fmt::format("method      {} on {}, {} scenes side by side\n", to_string(options_.method), backend_->name(),
+                        in_lanes_);
+    text += fmt::format("time        {}\n", format_seconds(seconds_));
+    text += fmt::format("memory      {} predicted, in {} block{}\n", format_bytes(predicted_), blocks_,
+                        blocks_ == 1 ? "" : "s");
+    return text + fmt::format("output      {}\n", arguments_.out.empty() ? "none; --out FILE.csv writes a row for each "
+                                                                           "scene, --out FILE.h5 all time points"
+                                                                         : arguments_.out);
+  }
+
+  Json json() const {
+    Json object{{"scene", choice_.scene.name},
+                {"scenes", sweep_.scenes()},
+                {"parameters", sweep_.names},
+                {"steps", steps_},
+                {"solved", solved()},
+                {"in_lanes", in_lanes_},
+                {"seconds", seconds_},
+                {"bytes_predicted", predicted_},
+                {"blocks", blocks_}};
+    object["status"] = counts();
+    return object;
+  }
+
+  const SolveArguments& arguments_;
+  std::string name_;
+  ParameterValues settings_;
+  Sweep sweep_;
+  SceneChoice choice_;
+  Options options_;
+  std::unique_ptr<Backend> backend_;
+  std::vector<Index> states_;
+  std::vector<std::string> status_, reason_, warning_;
+  Index steps_ = 0, first_ = 0, together_ = 1, blocks_ = 0, in_lanes_ = 0;
+  double predicted_ = 0, seconds_ = 0;
+};
+
+}  // namespace
+
+std::optional<int> run_sweep(const SolveArguments& arguments, const std::string& scene,
+                             const ParameterValues& settings) {
+  std::error_code failure;
+  if (std::filesystem::path(scene).extension() != ".toml" || !std::filesystem::is_regular_file(scene, failure))
+    return std::nullopt;
+  std::optional<Sweep> sweep = read_sweep(scene, settings);
+  if (!sweep) return std::nullopt;
+  return SweepRun(arguments, scene, settings, std::move(*sweep)).run();
+}
+
+}  // namespace bromwich::app

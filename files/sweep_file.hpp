@@ -1,0 +1,39 @@
+#pragma once
+// Results of many scenes in HDF5: one array for all scenes and times, with the parameters as coordinates.
+//
+// dataset                  shape              meaning
+// scene                    (scenes)           0, 1, ...; scale
+// t                        (rows)             times; scale. With different T: times over T
+// constraint, state        (n), (k)           scales
+// each parameter           (scenes)           its values; a coordinate of y, w and x
+// y, w, x                  (scenes, rows, .)  results; NaN where there is none
+// residual                 (scenes)           of the complementarity
+// status, reason, warning  (scenes)           texts
+
+#include "result_file.hpp"
+#include "sweep.hpp"
+
+#include <memory>
+
+namespace bromwich {
+
+/// Consecutive scenes: y, w and x have `rows` rows for each.
+struct SweepRows {
+  Eigen::Ref<const RowMatrix> parameters;
+  Eigen::Ref<const Vector> residual;
+  Eigen::Ref<const RowMatrix> y, w, x;
+};
+
+class SweepFile {
+ public:
+  virtual ~SweepFile() = default;
+  virtual void append(const SweepRows&) = 0;
+  /// After the last scene.
+  virtual void finish(const std::vector<std::string>& status, const std::vector<std::string>& reason,
+                      const std::vector<std::string>& warning, const Facts&) = 0;
+};
+
+/// A new file, in place of an existing one. Throws Error without HDF5.
+std::unique_ptr<SweepFile> create_sweep_hdf5(const FileTarget&, const ResultColumns&, const Sweep&, const Vector& t);
+
+}  // namespace bromwich

@@ -1,0 +1,211 @@
+"""Many scenes of one structure at once."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from . import _core
+from ._arrays import of_other_library, on_host
+from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
+from ._progress import reporting
+from ._result import Status
+from ._scene import Scene
+from ._solve import Check, Progress, _options
+from ._sources import source
+
+MATRICES = ("A", "B", "N", "M", "E")
+# Of these, the axes of one scene; one more is a leading axis.
+AXES = {"A": 2, "B": 2, "N": 2, "M": 2, "E": 2, "x0": 1}
+
+
+class BatchResult:
+    """What :func:`solve_batch` returns, for K scenes.
+
+    Attributes:
+        status: K values of :class:`Status`; ``unsupported`` where the data of one scene are refused.
+        reason, warning: K lines; empty where there is nothing to say.
+        method: K words, the method that solved each scene.
+        t: J+1 times.
+        y, w: K x (J+1) x n; NaN where a scene has no value.
+        x: K x (J+1) x the number of recorded components, which are ``x_components``.
+        residual: K values, max over time of ||min(y, w)|| / max(1, ||N x + g||), maximum norms.
+        infeasible_at: K times; NaN where there is none.
+        in_lanes: scenes that were stepped side by side.
+        backend, seconds: as in :class:`Result`.
+    """
+
+    def __init__(self, answer: _core.BatchAnswer) -> None:
+        self._answer = answer
+        self.status = [Status(word) for word in answer.status]
+        self.reason: list[str] = answer.reason
+        self.warning: list[str] = answer.warning
+        self.method: list[str] = answer.method
+        self.t: np.ndarray = answer.t
+        self.residual: np.ndarray = answer.residual
+        self.infeasible_at = np.array(answer.infeasible_at)
+        self.x_components: list[int] = answer.x_components
+        self.in_lanes: int = answer.in_lanes
+        self.backend: str = answer.backend
+        self.seconds: float = answer.seconds
+        self.y, self.w, self.x = (self._rows(name) for name in ("y", "w", "x"))
+
+    def _rows(self, name: str) -> np.ndarray:
+        found = self._answer.rows(name)
+        return found.reshape(self._answer.scenes, self.t.size, found.shape[1])
+
+    @property
+    def ok(self) -> np.ndarray:
+        """K booleans: whether the status is ``solved``."""
+        return np.array([s is Status.solved for s in self.status])
+
+    def __len__(self) -> int:
+        return self._answer.scenes
+
+    def __repr__(self) -> str:
+        return f"<bromwich.BatchResult {int(self.ok.sum())} of {len(self)} scenes solved, {self.t.size - 1} steps>"
+
+
+def solve_batch(
+    scenes: Scene | Sequence[Scene] | None = None,
+    /,
+    *,
+    backend: str = "auto",
+    threads: int = 0,
+    progress: Progress | bool | None = None,
+    stop: Callable[[], bool] | None = None,
+    check: Check = "warn",
+    method: str = "auto",
+    steps: int | None = None,
+    states: Any = "auto",
+    iteration_tol: float | None = None,
+    max_iterations: int | None = None,
+    memory_limit: float | None = None,
+    **arguments: Any,
+) -> BatchResult:
+    """Solves K scenes of one structure on the time points t_j = j T/J::
+
+        E_k x' = A_k x + B_k y + f_k(t),   0 <= y  ⊥  w = N_k x + M_k y + g_k(t) >= 0,   x(0) = x0_k.
+
+    Small dense scenes with common A, B, N and M and method march are stepped side by side in vector lanes; the others
+    one after the other, prepared once where they share their dynamics. Each result is that of :func:`solve`, to
+    rounding, with a status of its own.
+
+    Args:
+        scenes: a list of scenes with equal m, n and steps; or one scene, or none and the arguments of :class:`Scene`,
+            with a leading axis of length K for some of the following.
+        A, B, N, M, E: K x rows x columns, or shared, rows x columns.
+        x0: K x m, or shared, m values.
+        f, g: K x (J+1) x width, tables on the grid; a list of K functions or sources (each as :class:`Scene` takes
+            them, in a tuple ``("each", [...])``); or shared, as :class:`Scene` takes it.
+        backend, threads, progress, stop, method, steps, states, iteration_tol, max_iterations, memory_limit: as
+            :func:`solve` takes them. ``progress`` counts scenes.
+        check: what happens where a status is not ``solved``, as in :func:`solve`; there is one warning for all.
+
+    Returns:
+        A :class:`BatchResult`.
+
+    Raises:
+        Error: wrong shapes, different lengths of leading axes, bad options. Bad values of one scene (NaN in its x0) are
+            its own: status ``unsupported``, and the reason.
+        NotSolved: with ``check=True``, if any scene is not solved.
+        Interrupted: Ctrl-C.
+
+    Example:
+        >>> r = solve_batch(A=[[-1.0]], B=[[1.0]], N=[[1.0]], M=[[1.0]], g="-sin(t)", x0=[[0.0], [0.5], [1.0]], T=6)
+        >>> r.y.shape, r.status[0]
+        ((3, 401, 1), <Status.solved: 'solved'>)
+    """
+    models, count, axes, x0, f, g, first = _batch(scenes, steps, arguments)
+    options = _options(
+        first,
+        method=method,
+        steps=steps,
+        states=states,
+        iteration_tol=iteration_tol,
+        max_iterations=max_iterations,
+        memory_limit=memory_limit,
+    )
+    with reporting(progress, options.iteration_tolerance) as report:
+        answer = _core.solve_batch(models, count, axes, x0, f, g, options, backend, int(threads), report, stop)
+    result = BatchResult(answer)
+    if answer.by_keyboard:
+        raise Interrupted("stopped on request", result)
+    failed = int(np.sum(~result.ok))
+    if failed:
+        k = int(np.argmin(result.ok))
+        message = f"{failed} of {count or len(models)} scenes are not solved; scene {k}: {result.status[k]}: {result.reason[k]}"
+        if check is True:
+            raise NotSolved(message, result)
+        if check and not (stop is not None and result.status[-1] is Status.interrupted):
+            warnings.warn(message, NotSolvedWarning, stacklevel=2)
+    return result
+
+
+def _batch(scenes: Any, steps: int | None, arguments: dict[str, Any]) -> tuple:
+    if scenes is not None and not isinstance(scenes, Scene):
+        listed = list(scenes)
+        if not listed or not all(isinstance(s, Scene) for s in listed):
+            raise Error("scenes: is no list of scenes; give bromwich.Scene objects, or A, B, N, ... by name", "scenes")
+        if arguments:
+            name = next(iter(arguments))
+            raise Error(f"{name}: is given with a list of scenes; make the scenes with it", name)
+        return [s._model for s in listed], 0, {}, None, [], [], listed[0]
+    axes, x0, own, common = _split(arguments)
+    lengths = {name: len(value) for name, value in {**axes, **own}.items()}
+    if x0 is not None:
+        lengths["x0"] = x0.shape[0]
+    count = next(iter(lengths.values()), 1)
+    for name, length in lengths.items():
+        if length != count:
+            first = next(iter(lengths))
+            raise Error(f"{name}: has {length} scenes, and {first} has {count}; give one number of scenes", name)
+        if length == 0:
+            raise Error(f"{name}: has no scenes; give at least one", name)
+    if isinstance(scenes, Scene):
+        unknown = [n for n in arguments if n not in (*AXES, "f", "g")]
+        shared = [n for n in common if n in arguments and n not in axes and n not in own and not (n == "x0" and x0 is not None)]
+        if unknown or shared:
+            name = (unknown or shared)[0]
+            raise Error(f"{name}: is given with a scene and has no leading axis; make the scene with it", name)
+        first = scenes
+    else:
+        tables = [v.shape[1] - 1 for v in own.values() if isinstance(v, np.ndarray) and v.shape[1] > 1]
+        first = Scene(steps=steps if steps is not None else max(tables, default=None), **common)
+    parts = []
+    for name, width in (("f", first._model.sources), ("g", first.constraints)):
+        parts.append([source(v, f"{name} of scene {k}", width, first.T, first._parameters) for k, v in enumerate(own.get(name, ()))])
+    return [first._model], count, axes, x0, *parts, first
+
+
+def _split(arguments: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarray | None, dict[str, Any], dict[str, Any]]:
+    """The arguments with a leading axis, and those of one scene, with the first entries of the others."""
+    axes, own, common, x0 = {}, {}, dict(arguments), None
+    for name, one in AXES.items():
+        given = arguments.get(name)
+        if given is None or hasattr(given, "tocsc") or hasattr(given, "diagonal") and not hasattr(given, "ndim"):
+            continue
+        array = on_host(given, name)
+        if array.ndim == one + 1:
+            common[name] = array[0] if array.shape[0] else array
+            if name == "x0":
+                x0 = np.ascontiguousarray(array)
+                common[name] = np.zeros(array.shape[1])
+            else:
+                axes[name] = np.ascontiguousarray(array)
+        elif array.ndim > one + 1:
+            raise Error(f"{name}: has {array.ndim} axes; give {one}, or {one + 1} with the scenes first", name)
+    for name in ("f", "g"):
+        given = arguments.get(name)
+        if isinstance(given, tuple) and len(given) == 2 and given[0] == "each":
+            own[name] = list(given[1])
+        elif isinstance(given, np.ndarray) or of_other_library(given):
+            array = on_host(given, name)
+            if array.ndim == 3:
+                own[name] = np.ascontiguousarray(array)
+        if name in own:
+            common[name] = None
+    return axes, x0, own, common

@@ -1,0 +1,75 @@
+// `bromwich solve` with [sweep]: tables of many scenes, against the command with the same parameters.
+
+#include "tests/app/cli.hpp"
+
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+class CliSweep : public Cli {
+ protected:
+  void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
+  fs::path path(const std::string& name) const { return folder_ / name; }
+};
+
+const std::string swept = R"toml(
+name = "swept"
+[parameters]
+R = 1
+a = 1
+[dynamics]
+A = [[-1]]
+B = [[1]]
+f = ["a*sin(3*t)"]
+x0 = ["1/a"]
+[complementarity]
+N = [[1]]
+M = [["R"]]
+[time]
+T = 2
+steps = 50
+[output]
+states = "all"
+[sweep]
+R = [1, 4]
+a = [0.5, 0, 2]
+)toml";
+
+TEST_F(CliSweep, OneRowPerSceneWithAStatusEach) {
+  write("s.toml", swept);
+  const Outcome found = run("solve s.toml --out t.csv");
+  EXPECT_EQ(found.exit_code, 3) << found.err;  // a = 0 has no x0
+  const std::vector<std::string> lines = split(read(path("t.csv")), '\n');
+  ASSERT_EQ(lines.size(), 7u);
+  EXPECT_EQ(lines[0], "scene,R,a,status,residual,y0(T),max|y0|,x0(T),max|x0|,reason,warning");
+  for (const std::size_t k : {0, 2, 3, 5}) {
+    const std::vector<std::string> words = split(lines[k + 1], ',');
+    EXPECT_EQ(words.at(0), std::to_string(k));
+    EXPECT_EQ(words.at(3), "solved");
+    write("one.toml", swept.substr(0, swept.find("[sweep]")));
+    const std::string set = " --set R=" + words.at(1) + " a=" + words.at(2);
+    ASSERT_EQ(run("solve one.toml --method march --out one.csv" + set).exit_code, 0);
+    const std::vector<std::string> rows = split(read(path("one.csv")), '\n'), last = split(rows.back(), ',');
+    EXPECT_NEAR(std::stod(words.at(5)), std::stod(last.at(1)), 1e-12);
+    EXPECT_NEAR(std::stod(words.at(7)), std::stod(last.at(2)), 1e-12);
+  }
+  for (const std::size_t k : {1, 4})
+    EXPECT_NE(lines[k + 1].find(",0,unsupported,nan,nan,nan,nan,nan,\""), std::string::npos);
+  EXPECT_NE(found.out.find("status      4 solved, 2 unsupported"), std::string::npos) << found.out;
+}
+
+TEST_F(CliSweep, WhatDoesNotGoWithASweepIsRefused) {
+  write("s.toml", swept);
+  for (const auto& [words, message] : {std::pair("--tol 1e-3", "--tol: a tolerance is given with [sweep]"),
+                                       {"--set R=3", "--set: 'R' is swept"},
+                                       {"--out t.npz", "--out: 't.npz' does not end in .csv or .h5"},
+                                       {"--at 0.5", "--at: is given for a scene with"}}) {
+    const Outcome found = run(std::string("solve s.toml ") + words);
+    EXPECT_EQ(found.exit_code, 2) << words;
+    EXPECT_NE(found.err.find(message), std::string::npos) << found.err;
+  }
+}
+
+}  // namespace
+}  // namespace bromwich
