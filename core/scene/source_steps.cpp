@@ -1,5 +1,7 @@
 #include "core/scene/source_steps.hpp"
 
+#include "core/base/interruption.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -43,6 +45,7 @@ struct Inspected {
 
   // A value between the samples: those of a source that is faster than the grid may all be small.
   void inside(double t, Vector& v) {
+    poll();
     source.value(t, v);
     scale = scale.cwiseMax(v.cwiseAbs());
   }
@@ -56,6 +59,7 @@ struct Inspected {
   }
 
   OneSided source;
+  Polling poll;
   bool given;
   const RowMatrix& values;
   Vector scale;
