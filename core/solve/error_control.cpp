@@ -263,7 +263,7 @@ class GridRefinement {
   void measure(ErrorEstimate& e) const {
     const Distance d = distance(*solved_, 1, reference_->on(solved_->steps), 1, sizes_);
     e.of_integral = !reference_->continuous() || convergence_->of_integral();
-    e.kernel = e.iteration = e.rounding = 0;
+    e.iteration = e.rounding = 0;
     e.discretisation = std::max(rounding_of_rows, e.of_integral ? d.mean : d.y);
     if (controls_states()) e.states = std::max(rounding_of_rows, d.of_x());
   }
