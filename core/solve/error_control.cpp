@@ -442,11 +442,15 @@ class GridRefinement {
     result.seconds = spent_;
     if (reason.empty()) return std::move(result);
     result.status = status;
-    result.reason = result.error_estimate
-                        ? text("the error is about %.1e with %ld steps, not %.1e: ", *result.error_estimate,
-                               long(result.steps), goal_.smallest()) +
-                              reason
-                        : "the error could not be estimated: " + reason;
+    const bool small = result.error_estimate && met();
+    result.reason =
+        small ? text("the error, estimated as %.1e with %ld steps, could not be confirmed: ", *result.error_estimate,
+                     long(result.steps)) +
+                    reason
+        : result.error_estimate ? text("the error is about %.1e with %ld steps, not %.1e: ", *result.error_estimate,
+                                       long(result.steps), goal_.smallest()) +
+                                      reason
+                                : "the error could not be estimated: " + reason;
     return std::move(result);
   }
 
