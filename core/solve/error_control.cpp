@@ -124,8 +124,8 @@ class GridRefinement {
         check();
         end = verdict();
       }
-      if (end && end->empty() && !reference_ && solved_->jumps_inside) {
-        check_jumps();
+      if (end && end->empty() && !reference_ && misses_inside()) {
+        check_beside_march();
         end = verdict();
       }
       note(options_.log, LogLevel::info, "%s on %ld steps: error %s, tolerance %.3g", to_string(solved_->method),
@@ -312,15 +312,23 @@ class GridRefinement {
 
   // g that jumps inside steps enters contour, multigrid and Euler by its values at their ends: a pulse between them is
   // in no difference of grids. Method march takes such steps in parts.
-  void check_jumps() {
-    const auto& breaks = scene_.breakpoints;
+  // So does it where the state jumps, which method galerkin sees late on all grids.
+  bool misses_inside() const {
+    const bool galerkin = solved_->method == Method::galerkin && options_.method == Method::galerkin;
+    return solved_->jumps_inside ||
+           (galerkin && !scene_.boundary && scene_.free_rows.empty() && Methods::has_small_dense_state(scene_));
+  }
+
+  void check_beside_march() {
     Result march;
     if (Methods::has_small_dense_state(scene_)) march = solve_on(solved_->steps, Method::march);
     if (march.status == Status::solved && !march.jumps_inside && march.x.cols() == solved_->x.cols()) {
       beside_march_ = distance(march, 1, *solved_, 1, sizes_);
       return estimate();
     }
-    unchecked_ = !(missed_between_points(scene_.g, scene_.constraints(), breaks, solved_->t) <= goal_.smallest());
+    if (!solved_->jumps_inside) return void(unchecked_ = !solved_->interval_rules.empty());
+    const double missed = missed_between_points(scene_.g, scene_.constraints(), scene_.breakpoints, solved_->t);
+    unchecked_ = !(missed <= goal_.smallest());
   }
 
   void estimate() {
@@ -374,8 +382,10 @@ class GridRefinement {
     if (solved_->steps >= expected_ && judged() && met()) return "";
     if (solved_->steps < patience * expected_) return std::nullopt;
     if (const std::string limit = limit_of_grids(); !limit.empty()) return limit;
-    if (unchecked_ && solved_->jumps_inside)
-      return "g jumps inside steps, and this method takes its values at their ends alone: use method march";
+    if (unchecked_ && misses_inside())
+      return solved_->jumps_inside
+                 ? "g jumps inside steps, and this method takes its values at their ends alone: use method march"
+                 : "the state may jump, and method march does not solve the same grid to compare it with";
     if (unchecked_)
       return text(
           "with %ld steps, whose points jumps of y do not share, another method is taken or none solves the scene",
