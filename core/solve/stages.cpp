@@ -75,7 +75,7 @@ bool compare_with_march(const Scene& scene, Backend& backend, const InnerOptions
   result.unresolved_sources = std::max(d.mean, d.of_x());
   if (result.unresolved_sources > seen_beside_march)
     add_warning(result,
-                where + text(": method march, which takes them in parts, differs by %.1g %%: use more steps, or "
+                where + text(": method march, which takes them in parts, differs by %.0f %%: use more steps, or "
                              "method march",
                              100 * result.unresolved_sources));
   return true;
