@@ -1,7 +1,9 @@
 #include "core/accuracy/interior_check.hpp"
 
+#include "core/base/interruption.hpp"
 #include "core/kernel/discrete_problem.hpp"
 #include "core/kernel/recurrence.hpp"
+#include "core/scene/source_steps.hpp"
 
 #include <algorithm>
 #include <array>
@@ -83,6 +85,7 @@ double interior_defect(const Scene& scene, const Result& r, const RowMatrix& x, 
   }
   const Matrix slack = x * d.N.transpose() + r.y * M.transpose() + known;
   for (Index j = 0; j < J; ++j) {
+    if (j % 64 == 0) check_interruption();
     for (Index i = 0; i < n && scene.g; ++i)
       if (M(i, i) > 0) sum[i] += dip(scene, slack, known, j, i, h) / M(i, i);
     const std::size_t k = place_of(j);
@@ -101,6 +104,39 @@ double interior_defect(const Scene& scene, const Result& r, const RowMatrix& x, 
   }
   const Vector size = sizes.of_mean(r);
   return (sum.array() > 0).select(sum.cwiseQuotient(size), 0).maxCoeff() / double(J);
+}
+
+double missed_between_points(const TimeFunction& function, Index width, const std::vector<double>& breakpoints,
+                             const Vector& t) {
+  constexpr int looks = 8;  // into a part between breakpoints
+  const Index J = t.size() - 1;
+  if (!function || width == 0) return 0;
+  const OneSided source(function, width, 256 * epsilon * t[J]);
+  Vector missed = Vector::Zero(source.width()), whole = missed, left, right, value;
+  source.value(t[0], right);
+  auto next = breakpoints.begin();
+  for (Index j = 1; j <= J; ++j) {
+    left = right;
+    source.value(t[j], right);
+    const double h = t[j] - t[j - 1];
+    whole += h / 2 * (left.cwiseAbs() + right.cwiseAbs());
+    while (next != breakpoints.end() && *next <= t[j - 1]) ++next;
+    for (double from = t[j - 1]; next != breakpoints.end() && from < t[j] && *next < t[j];) {
+      const auto behind = next + 1;
+      const bool last = behind == breakpoints.end() || *behind >= t[j];
+      for (const auto& [a, b] : {std::pair(from, *next), std::pair(*next, last ? t[j] : *next)})
+        for (int k = 0; k < looks && b > a; ++k) {
+          const double at = a + (b - a) * (k + 0.5) / looks, part = (at - t[j - 1]) / h;
+          source.value(at, value);
+          missed += (b - a) / looks * (value - (1 - part) * left - part * right).cwiseAbs();
+        }
+      from = *next;
+      next = behind;
+    }
+  }
+  whole += missed;
+  whole = whole.cwiseMax(1e-3 * whole.maxCoeff());
+  return (missed.array() > 0).select(missed.cwiseQuotient(whole), 0).maxCoeff();
 }
 
 }  // namespace bromwich

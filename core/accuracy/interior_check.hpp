@@ -19,4 +19,8 @@ namespace bromwich {
 /// leaves row i out.
 double interior_defect(const Scene&, const Result&, const RowMatrix& x, const ComponentSizes&);
 
+/// What linear functions between the times t miss of a source that jumps between them: max_i ∫ |g_i - line| / ∫ |g_i|,
+/// the first over the steps that hold breakpoints, in the form of SampledSource::values.
+double missed_between_points(const TimeFunction&, Index width, const std::vector<double>& breakpoints, const Vector& t);
+
 }  // namespace bromwich

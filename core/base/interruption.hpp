@@ -23,4 +23,15 @@ class InterruptedBy {
 /// Throws Interrupted if the user wants to stop.
 void check_interruption();
 
+/// Calls check_interruption at every 32nd call: values of sources may take long.
+class Polling {
+ public:
+  void operator()() {
+    if (++calls_ % 32 == 0) check_interruption();
+  }
+
+ private:
+  unsigned calls_ = 0;
+};
+
 }  // namespace bromwich

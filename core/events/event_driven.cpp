@@ -174,8 +174,7 @@ class EventIntegration {
   bool may_go_on(long step) {
     if (at_.work > options_.most_work || stored_ > most_stored) return give_up(out_of_work);
     if (!at_.x.allFinite()) return give_up("the solution grows without bounds");
-    if (step % 64 != 0) return true;
-    if (options_.progress) options_.progress(at_.t);
+    if (step % 64 == 0 && options_.progress) options_.progress(at_.t);
     if (!options_.interrupted || !options_.interrupted()) return true;
     solution_.interrupted = true;
     return give_up("stopped on request");

@@ -130,13 +130,15 @@ bool EventSteps::sources_agree(const SwitchedMode& mode, const JetValues& size, 
   return !((off - 30 * noise() * terms(mode.condition_terms, size)).array() > 0).any();
 }
 
-// Whether values of y that count as zero move the state by less than `unseen`: otherwise terms of y cancel so far, by a
-// small entry of M say, that its sign is not known.
+// Whether values of y that count as zero move the state by less than `unseen` of it, or of what y moves: otherwise
+// terms of y cancel so far, by a small entry of M say, that its sign is not known.
 bool EventSteps::y_is_known(const SwitchedMode& mode, const EventPoint& p, const EventStep& step) const {
   const JetValues size = p.sizes.with(step);
   const Vector zero = noise() * terms(mode.y, size);
   const Vector moved = T_ * (system_.B.cwiseAbs() * zero), within = size.x.cwiseMax(T_ * size.f);
-  return moved.maxCoeff() <= unseen * std::max(within.maxCoeff(), T_ * (system_.A.cwiseAbs() * size.x).maxCoeff());
+  const Vector by_y = T_ * (system_.B.cwiseAbs() * larger(Vector::Zero(zero.size()), step.y));
+  return moved.maxCoeff() <=
+         unseen * std::max({within.maxCoeff(), T_ * (system_.A.cwiseAbs() * size.x).maxCoeff(), by_y.maxCoeff()});
 }
 
 // The part of the step on which y and w are nonnegative.

@@ -1,6 +1,7 @@
 #include "core/galerkin/discretisation.hpp"
 
 #include "core/base/error.hpp"
+#include "core/base/interruption.hpp"
 #include "core/galerkin/sources.hpp"
 #include "core/numerics/phi.hpp"
 #include "core/numerics/two_point.hpp"
@@ -54,12 +55,14 @@ GalerkinProblem galerkin_problem(const Scene& scene, const std::vector<GridPart>
   p.forcing = RowMatrix::Zero(p.N, m);
   p.q = RowMatrix::Zero(p.N, 2 * n);
   GalerkinSources sources(scene, d, entry, scene.breakpoints);
+  Polling poll;
   Index first = 0;
   double begin = 0;
   for (const GridPart& part : parts) {
     const double h = (part.end - begin) / double(part.intervals);
     p.runs.push_back({first, part.intervals, galerkin_step(shared, M, h)});
     for (Index j = 0; j < part.intervals; ++j) {
+      poll();
       const Index k = first + j;
       p.t[k + 1] = j + 1 == part.intervals ? part.end : begin + double(j + 1) * h;
       sources.add(begin + double(j) * h, h, p.forcing.row(k).transpose(), p.q.row(k).transpose());
@@ -67,6 +70,7 @@ GalerkinProblem galerkin_problem(const Scene& scene, const std::vector<GridPart>
     first += part.intervals;
     begin = part.end;
   }
+  p.divided = sources.divided();
   return p;
 }
 

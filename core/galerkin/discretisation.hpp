@@ -58,6 +58,7 @@ struct GalerkinProblem {
   RowMatrix q;                    ///< N x 2n
   BoundaryCondition boundary;     ///< E0, ET, b
   bool initial_value = false;     ///< x_0 = boundary.b
+  Index divided = 0;              ///< intervals on which f and g enter in pieces
 
   const GalerkinStep& first_step() const { return runs.front().step; }
   bool uniform() const { return runs.size() == 1; }

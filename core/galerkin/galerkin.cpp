@@ -209,6 +209,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
   const GalerkinProblem p = galerkin_problem(scene, grid, shared);
   result.steps = p.N;
   result.t = p.t;
+  result.rough_steps = p.divided;
   nothing_found(scene, p.N, result);
   if (!finite_galerkin_sources(p, result)) return;
   const double condition = require_determined_states(p);

@@ -168,6 +168,7 @@ void GalerkinSources::add(double t, double h, Eigen::Ref<Vector> F, Eigen::Ref<V
   if (!scene_.f && !scene_.g) return;
   const Samples whole = sample(t, h);
   if (!breaks(t, h) && resolved(t, h, whole)) return add_piece(h, whole, F, q);
+  ++divided_;
   const Index n = dynamics_.N.rows();
   Vector x = Vector::Zero(F.size()), own_F(F.size()), p(q.size());
   for (const SourcePart& part : parts(t, h)) {

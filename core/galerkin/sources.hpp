@@ -28,6 +28,9 @@ class GalerkinSources {
   /// Adds f and g on [t, t + h] to F (m) and q (2n).
   void add(double t, double h, Eigen::Ref<Vector> F, Eigen::Ref<Vector> q);
 
+  /// Intervals that were divided so far.
+  Index divided() const { return divided_; }
+
   /// The mean of f on [t, t + h].
   Vector mean_of_f(double t, double h);
 
@@ -57,6 +60,7 @@ class GalerkinSources {
   std::vector<double> breakpoints_;
   std::map<double, Response> responses_;  ///< by length
   Vector range_f_, range_g_;              ///< largest values so far
+  Index divided_ = 0;
 };
 
 }  // namespace bromwich

@@ -1,5 +1,6 @@
 #include "core/scene/breakpoints.hpp"
 
+#include "core/base/interruption.hpp"
 #include "core/scene/source_steps.hpp"
 
 #include <algorithm>
@@ -36,6 +37,7 @@ class Search {
     Matrix values(times_ + 1, source_.width());
     Vector v;
     for (Index k = 0; k <= times_; ++k) {
+      poll_();
       source_.value(time(k), v);
       if (!v.allFinite()) return {};
       values.row(k) = v.transpose();
@@ -60,6 +62,7 @@ class Search {
   double time(Index k) const { return k == times_ ? T_ : T_ * double(k) / double(times_); }
 
   double value(double t) {
+    poll_();
     source_.value(t, all_);
     return all_[component_];
   }
@@ -170,6 +173,7 @@ class Search {
   }
 
   OneSided source_;
+  Polling poll_;
   double T_;
   Index times_;
   bool looks_for_kinks_;

@@ -54,7 +54,7 @@ const RowMatrix& SampledSource::table() const {
   return table_;
 }
 
-constexpr Index polled_rows = 4096;
+constexpr Index polled_rows = 32;
 
 Vector time_grid(double T, Index J) {
   Vector t(J + 1);

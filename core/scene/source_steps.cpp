@@ -1,5 +1,7 @@
 #include "core/scene/source_steps.hpp"
 
+#include "core/base/interruption.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -19,6 +21,8 @@ constexpr int many_pieces = 4;             ///< halvings of f: it goes up and do
 constexpr double mean_of_piece = 1e-3;     ///< error of the mean there, by Gauss points, to the largest error
 constexpr double longest_part = 0.25;      ///< of a step, where grids are compared
 constexpr double smallest_part = 0x1p-36;  ///< of a step: shorter, it is a jump
+constexpr double above_changes = 8;        ///< times the change beside: samples on both sides of a jump
+constexpr std::size_t most_sudden = 16;    ///< such steps that are looked at
 constexpr Index most_declared_parts = 64;  ///< of a step; more breakpoints than that fall into equal parts
 constexpr Index most_numbers = 16000000;   ///< that pieces of f may hold
 constexpr Index most_leaves = 2048;        ///< of a step, for each source
@@ -43,6 +47,7 @@ struct Inspected {
 
   // A value between the samples: those of a source that is faster than the grid may all be small.
   void inside(double t, Vector& v) {
+    poll();
     source.value(t, v);
     scale = scale.cwiseMax(v.cwiseAbs());
   }
@@ -56,6 +61,7 @@ struct Inspected {
   }
 
   OneSided source;
+  Polling poll;
   bool given;
   const RowMatrix& values;
   Vector scale;
@@ -133,6 +139,9 @@ class Inspection {
       const Index j = 1 + std::min(J_ - 1, Index(double(J_) * (at - std::floor(at))));
       off |= misses(j, 0.15 + 0.7 * (part - std::floor(part)));
     }
+    if (!every_step)
+      for (const Index j : sudden_steps())
+        for (const double part : looks) off |= misses(j, part);
     if (!every_step && !off) return;
     for (Index j = 1; j <= J_; ++j) {
       const double part = double(j) * silver;
@@ -142,6 +151,26 @@ class Inspection {
     const Index count = std::clamp<Index>(most_looks / J_, Index(looks.size()), many_looks);
     for (Index j = 1; j <= J_ && off; ++j)
       for (double k = 0; k < double(count); ++k) misses(j, (k + 0.5) * golden - std::floor((k + 0.5) * golden), true);
+  }
+
+  // Steps in which the samples change by a good part of their size, and hardly in the step before or behind: a few of
+  // them, for where one has a jump all steps are looked at.
+  std::vector<Index> sudden_steps() const {
+    std::vector<Index> sudden;
+    for (const Inspected* s : {&f_, &g_}) {
+      if (!s->given) continue;
+      const auto change = [s](Index j, Index i) { return std::abs(s->values(j, i) - s->values(j - 1, i)); };
+      for (Index j = 1; j <= J_; ++j)
+        for (Index i = 0; i < s->values.cols(); ++i) {
+          const double here = change(j, i);
+          if (!(here > strong_disagreement * s->scale[i])) continue;
+          const double before = j > 1 ? change(j - 1, i) : here, behind = j < J_ ? change(j + 1, i) : here;
+          if (!(here > above_changes * std::min(before, behind))) continue;
+          if (sudden.empty() || sudden.back() != j) sudden.push_back(j);
+          if (sudden.size() >= most_sudden) return sudden;
+        }
+    }
+    return sudden;
   }
 
   bool misses(Index j, double part, bool in_all_steps = false) {

@@ -23,6 +23,8 @@ namespace {
 
 constexpr double accepted = 0.8;              ///< of the tolerance
 constexpr double algebraic_share = 0.1;       ///< of a grid's discretisation error, that cycles may leave
+constexpr double left_by_cycles = 0.1;        ///< of the tolerance: more is iterated away on the same grid
+constexpr int most_repeats = 3;               ///< of a grid, for that
 constexpr Index fewest_steps = 16;            ///< of a first grid of our choice
 constexpr Index patience = 4;                 ///< times the scene's steps: below, nothing is called out of reach
 constexpr Index patience_with_failures = 16;  ///< times the scene's steps: below, a failure is put down to the grid
@@ -30,6 +32,8 @@ constexpr Index patience_when_stalled = 64;   ///< times the scene's steps: solu
 constexpr double not_resolved = 0.1;          ///< differences above that say nothing of the order to come
 constexpr double cheap = 2e8;                 ///< J (m + n)^2: below, grids are tried as long as the budget lasts
 constexpr double out_of_reach = 4;            ///< times max_steps, predicted with the order that was seen
+constexpr double quick = 1e9;     ///< floating-point operations: event-driven integration before grids are tried
+constexpr double patient = 1e11;  ///< and after, where grids have not solved the scene, or the method is named
 
 // What has to be reached: 0 where a kind is not controlled.
 struct Goal {
@@ -76,14 +80,16 @@ RowMatrix refined(const RowMatrix& y) {
 
 class GridRefinement {
  public:
-  GridRefinement(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve)
+  /// `measures`: errors may be those against located events.
+  GridRefinement(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve, bool measures)
       : scene_(scene),
         backend_(backend),
         options_(options),
         solve_(solve),
         goal_(options),
         sizes_(sizes_for(scene, options)),
-        expected_(std::max(options.steps, scene.default_steps)) {}
+        expected_(std::max(options.steps, scene.default_steps)),
+        tried_reference_(!measures) {}
 
   Result run() {
     for (Index J = first_grid(scene_, options_);; J *= 2) {
@@ -96,6 +102,11 @@ class GridRefinement {
         if (grids_.empty()) throw;
         return ended(std::string("the next grid is refused: ") + error.what());
       }
+      const bool resolved = J >= expected_ && share_ > 0;
+      if (resolved && next.status == Status::tolerance_not_met && next.algebraic_error.value_or(0) > 0) {
+        share_ = 0;  // its cycles may have ended too early
+        next = solve_on(J);
+      }
       add_grid(J);
       if (next.status != Status::solved) {
         note(options_.log, LogLevel::info, "%s on %ld steps: %s, %s", to_string(next.method), long(J),
@@ -106,10 +117,15 @@ class GridRefinement {
         continue;
       }
       take(next);
+      if (!reference_) iterate_on();
       std::optional<std::string> end = verdict();
-      if (end && end->empty() && !holds_inside()) end = std::nullopt;
-      if (end && end->empty() && convergence_->wants_check()) {
+      if (end && end->empty() && !reference_ && !holds_inside()) end = std::nullopt;
+      if (end && end->empty() && !reference_ && convergence_->wants_check()) {
         check();
+        end = verdict();
+      }
+      if (end && end->empty() && !reference_ && misses_inside()) {
+        check_beside_march();
         end = verdict();
       }
       note(options_.log, LogLevel::info, "%s on %ld steps: error %s, tolerance %.3g", to_string(solved_->method),
@@ -171,17 +187,20 @@ class GridRefinement {
     estimates_.push_back(NAN);
   }
 
-  Result solve_on(Index J) {
+  Result solve_on(Index J) { return solve_on(J, options_.method); }
+
+  Result solve_on(Index J, Method method) {
     InnerOptions one = options_;
+    one.method = method;
     one.tolerance = one.tolerance_x = one.tolerance_y = one.absolute_tolerance = 0;
     one.steps = J;
-    one.tuning.algebraic_share = algebraic_share;
+    one.tuning.algebraic_share = share_;
     one.fall_back_to_euler = false;
     one.compares_grids = true;
     one.look_inside_every_step = true;
     RowMatrix start;
-    if (solved_ && solved_->continuous && 2 * solved_->steps == J) {
-      start = refined(solved_->y);
+    if (solved_ && solved_->continuous && (2 * solved_->steps == J || solved_->steps == J)) {
+      start = solved_->steps == J ? solved_->y : refined(solved_->y);
       one.tuning.first_iterate = &start;
     } else {
       one.tuning.first_iterate = grids_.empty() ? options_.tuning.first_iterate : nullptr;
@@ -226,7 +245,46 @@ class GridRefinement {
     solved_ = std::move(next);
     failed_.reset();
     unchecked_ = false;
+    beside_march_.reset();
+    look_for_reference();
     estimate();
+  }
+
+  // A method that is named is measured against located events where these solve the scene (automatic takes these).
+  void look_for_reference() {
+    if (tried_reference_ || solved_->steps < expected_) return;
+    tried_reference_ = true;
+    reference_ = EventReference::find(scene_, backend_, options_, sizes_,
+                                      {goal_.smallest(), goal_.y > 0, goal_.x > 0, quick}, solved_->steps);
+    if (reference_) note(options_.log, LogLevel::info, "errors are those against a solution by located events");
+  }
+
+  // The error itself: that of y, or of its mean where y jumps, and that of x.
+  void measure(ErrorEstimate& e) const {
+    const Distance d = distance(*solved_, 1, reference_->on(solved_->steps), 1, sizes_);
+    e.of_integral = !reference_->continuous() || convergence_->of_integral();
+    e.iteration = e.rounding = 0;
+    e.discretisation = std::max(rounding_of_rows, e.of_integral ? d.mean : d.y);
+    if (controls_states()) e.states = std::max(rounding_of_rows, d.of_x());
+  }
+  static constexpr double rounding_of_rows = 64 * epsilon;
+
+  // Cycles end where they leave a share of the largest error. Where that is too much for a small component, they go on.
+  void iterate_on() {
+    for (int k = 0; k < most_repeats && leaves_too_much(); ++k) {
+      share_ *= std::clamp(left_by_cycles / 2 * goal_.y / solved_->errors->iteration, 1e-6, 0.5);
+      Result next = solve_on(solved_->steps);
+      if (next.status != Status::solved || next.method != solved_->method || next.continuous != solved_->continuous)
+        return;
+      solved_ = std::move(next);
+      estimate();
+    }
+  }
+
+  bool leaves_too_much() const {
+    const ErrorEstimate& e = *solved_->errors;
+    if (goal_.y == 0 || !solved_->algebraic_error || solved_->steps < expected_) return false;
+    return e.iteration > left_by_cycles * goal_.y && e.iteration > discretisation(e);
   }
 
   bool holds_inside() {
@@ -252,6 +310,27 @@ class GridRefinement {
     estimate();
   }
 
+  // g that jumps inside steps enters contour, multigrid and Euler by its values at their ends: a pulse between them is
+  // in no difference of grids. Method march takes such steps in parts.
+  // So does it where the state jumps, which method galerkin sees late on all grids.
+  bool misses_inside() const {
+    const bool galerkin = solved_->method == Method::galerkin && options_.method == Method::galerkin;
+    return solved_->jumps_inside ||
+           (galerkin && !scene_.boundary && scene_.free_rows.empty() && Methods::has_small_dense_state(scene_));
+  }
+
+  void check_beside_march() {
+    Result march;
+    if (Methods::has_small_dense_state(scene_)) march = solve_on(solved_->steps, Method::march);
+    if (march.status == Status::solved && !march.jumps_inside && march.x.cols() == solved_->x.cols()) {
+      beside_march_ = distance(march, 1, *solved_, 1, sizes_);
+      return estimate();
+    }
+    if (!solved_->jumps_inside) return void(unchecked_ = !solved_->interval_rules.empty());
+    const double missed = missed_between_points(scene_.g, scene_.constraints(), scene_.breakpoints, solved_->t);
+    unchecked_ = !(missed <= goal_.smallest());
+  }
+
   void estimate() {
     ErrorEstimate e;
     e.tolerance = goal_.smallest();
@@ -268,6 +347,11 @@ class GridRefinement {
     e.discretisation = convergence_->error();
     e.order = (goal_.y > 0 ? convergence_->controlled() : convergence_->states()).observed_order();
     if (controls_states()) e.states = convergence_->error_of_x() + solved_->rounding;
+    if (beside_march_) {
+      e.discretisation = std::max(e.discretisation, e.of_integral ? beside_march_->mean : beside_march_->y);
+      e.states = std::max(e.states, beside_march_->of_x());
+    }
+    if (reference_ && solved_->steps >= expected_) measure(e);
     e.grids = grids_;
     solved_->errors = e;
     solved_->error_estimate.reset();
@@ -281,6 +365,7 @@ class GridRefinement {
 
   // Whether the estimates can be relied on.
   bool judged() const {
+    if (reference_) return solved_->error_estimate.has_value();
     if (unchecked_ || !solved_->error_estimate || solved_->unresolved_sources > goal_.smallest()) return false;
     if (goal_.y > 0 && !convergence_->can_be_judged(goal_.y)) return false;
     const GridDifferences& x = convergence_->states();
@@ -297,6 +382,10 @@ class GridRefinement {
     if (solved_->steps >= expected_ && judged() && met()) return "";
     if (solved_->steps < patience * expected_) return std::nullopt;
     if (const std::string limit = limit_of_grids(); !limit.empty()) return limit;
+    if (unchecked_ && misses_inside())
+      return solved_->jumps_inside
+                 ? "g jumps inside steps, and this method takes its values at their ends alone: use method march"
+                 : "the state may jump, and method march does not solve the same grid to compare it with";
     if (unchecked_)
       return text(
           "with %ld steps, whose points jumps of y do not share, another method is taken or none solves the scene",
@@ -319,7 +408,7 @@ class GridRefinement {
       return text(
           "the weights of the kernel are known to %s, the iteration leaves %.1e and rounding %.1e: no grid does better",
           std::isnan(e.kernel) ? "full precision" : text("%.1e", e.kernel).c_str(), e.iteration, e.rounding);
-    if (controls_states() && solved_->rounding > accepted * goal_.x)
+    if (!reference_ && controls_states() && solved_->rounding > accepted * goal_.x)
       return text("rounding makes errors of %.1e in the states: no grid does better", solved_->rounding);
     return "";
   }
@@ -363,11 +452,15 @@ class GridRefinement {
     result.seconds = spent_;
     if (reason.empty()) return std::move(result);
     result.status = status;
-    result.reason = result.error_estimate
-                        ? text("the error is about %.1e with %ld steps, not %.1e: ", *result.error_estimate,
-                               long(result.steps), goal_.smallest()) +
-                              reason
-                        : "the error could not be estimated: " + reason;
+    const bool small = result.error_estimate && met();
+    result.reason =
+        small ? text("the error, estimated as %.1e with %ld steps, could not be confirmed: ", *result.error_estimate,
+                     long(result.steps)) +
+                    reason
+        : result.error_estimate ? text("the error is about %.1e with %ld steps, not %.1e: ", *result.error_estimate,
+                                       long(result.steps), goal_.smallest()) +
+                                      reason
+                                : "the error could not be estimated: " + reason;
     return std::move(result);
   }
 
@@ -383,8 +476,12 @@ class GridRefinement {
   std::optional<Result> solved_, failed_;   ///< the last grid of each kind; failed_ only if it is the last of all
   std::optional<Convergence> convergence_;  ///< of the grids that the method of solved_ has solved
   bool tried_pieces_ = false;
+  bool tried_reference_;
+  std::optional<EventReference> reference_;
   bool unchecked_ = false;  ///< the grid that checks the last one could not
-  RowMatrix all_states_;    ///< of the last grid, where there are few
+  double share_ = algebraic_share;
+  std::optional<Distance> beside_march_;  ///< of the last grid, where g jumps inside steps
+  RowMatrix all_states_;                  ///< of the last grid, where there are few
   Seconds spent_;
   Timer clock_;
   double elapsed_ = 0, last_seconds_ = 0;
@@ -415,9 +512,6 @@ std::optional<Scene> with_breakpoints(const Scene& given) {
   return scene;
 }
 
-constexpr double quick = 1e9;     ///< floating-point operations: event-driven integration before grids are tried
-constexpr double patient = 1e11;  ///< and after, where grids have not solved the scene, or the method is named
-
 EventGoal event_goal(const InnerOptions& options, double most_work) {
   if (!controls_error(options)) return {0, true, true, most_work};
   const Goal goal(options);
@@ -425,14 +519,14 @@ EventGoal event_goal(const InnerOptions& options, double most_work) {
 }
 
 Result by_grids(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
-  Result result = GridRefinement(scene, backend, options, solve).run();
+  Result result = GridRefinement(scene, backend, options, solve, options.method != Method::automatic).run();
   const bool failed = result.status == Status::tolerance_not_met && !result.error_estimate;
   if (options.method != Method::automatic || !failed || scene.boundary) return result;
   // No grid was solved by a method of second order.
   note(options.log, LogLevel::info, "no grid is solved by a method of second order: implicit Euler");
   InnerOptions by_euler = options;
   by_euler.method = Method::euler;
-  Result first_order = GridRefinement(scene, backend, by_euler, solve).run();
+  Result first_order = GridRefinement(scene, backend, by_euler, solve, false).run();
   if (first_order.status != Status::solved) return result;
   add_warning(first_order,
               "solved by implicit Euler, of first order: the methods of second order end with: " + result.reason);

@@ -7,7 +7,7 @@
 #include "core/solve/event_rows.hpp"
 
 #include <algorithm>
-#include <chrono>
+#include <array>
 #include <cmath>
 
 namespace bromwich {
@@ -48,6 +48,20 @@ Vector largest_of(const EventSolution& s, Matrix EventPiece::*which) {
     for (const double part : {0.0, 0.5, 1.0})
       largest = largest.cwiseMax(((p.*which).transpose() * legendre(part * (p.end - p.begin) / p.length)).cwiseAbs());
   return largest;
+}
+
+EventSolution integrate_scene(const Scene& scene, const InnerOptions& options, LcpClass lcp_class, double tolerance,
+                              std::size_t number, double most_work) {
+  EventOptions o;
+  o.tolerance = tolerance;
+  o.longest_step = scene.T / double(fewest_in_T + 16 * number);
+  o.most_work = most_work;
+  o.interrupted = options.interrupted;
+  if (options.progress) {
+    const Index rows = options.steps > 0 ? options.steps : scene.default_steps;
+    o.progress = [&scene, &options, rows](double t) { options.progress({Index(t / scene.T * double(rows)), 0, rows}); };
+  }
+  return integrate_with_events(scene, lcp_class, scene.breakpoints, o);
 }
 
 class EventControl {
@@ -94,21 +108,7 @@ class EventControl {
   bool chooses_grid() const { return goal_.tolerance > 0; }
 
   EventSolution integrate(double tolerance, std::size_t number) const {
-    EventOptions o;
-    o.tolerance = tolerance;
-    o.longest_step = scene_.T / double(fewest_in_T + 16 * number);
-    o.most_work = goal_.most_work;
-    o.interrupted = [this] { return (options_.interrupted && options_.interrupted()) || out_of_time(); };
-    if (options_.progress) {
-      const Index rows = options_.steps > 0 ? options_.steps : scene_.default_steps;
-      o.progress = [this, rows](double t) { options_.progress({Index(t / scene_.T * double(rows)), 0, rows}); };
-    }
-    return integrate_with_events(scene_, lcp_class_, scene_.breakpoints, o);
-  }
-
-  bool out_of_time() const {
-    return options_.max_seconds > 0 &&
-           std::chrono::steady_clock::now() - start_ > std::chrono::duration<double>(options_.max_seconds);
+    return integrate_scene(scene_, options_, lcp_class_, tolerance, number, goal_.most_work);
   }
 
   // Where the finer integration did not come to its end, a coarser one is compared with the one there is.
@@ -170,9 +170,8 @@ class EventControl {
     Result r;
     rows_->fill(s, components_, options_.trace, r);
     describe(s, r);
-    const bool late = s.interrupted && out_of_time();
-    r.status = s.interrupted && !late ? Status::interrupted : Status::tolerance_not_met;
-    r.reason = late ? text("%.2g s are spent (--max-seconds) at t = %.6g", options_.max_seconds, s.until) : s.reason;
+    r.status = s.interrupted ? Status::interrupted : Status::tolerance_not_met;
+    r.reason = s.reason;
     return r;
   }
 
@@ -209,7 +208,6 @@ class EventControl {
   LcpClass lcp_class_;
   std::vector<Index> components_;
   std::optional<EventRows> rows_;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::vector<double> tolerances_;  ///< of the integrations
   double of_y_ = INFINITY, of_x_ = INFINITY;
   bool of_mean_ = false;
@@ -229,6 +227,42 @@ Result solve_by_events(const Scene& scene, Backend& backend, const InnerOptions&
   Seconds& s = result.seconds;
   s.total = s.solve = s.other = timer.lap();
   return result;
+}
+
+EventReference::EventReference(const Scene& scene, Backend& backend, std::vector<Index> components,
+                               std::shared_ptr<const EventSolution> solution)
+    : scene_(&scene), backend_(&backend), components_(std::move(components)), solution_(std::move(solution)) {}
+
+std::optional<EventReference> EventReference::find(const Scene& scene, Backend& backend, const InnerOptions& options,
+                                                   const ComponentSizes& sizes, const EventGoal& goal, Index J) {
+  constexpr double most_apart = 0.1;  // of the tolerance
+  if (!unsuited_to_events(scene).empty() || scene.constraints() == 0) return std::nullopt;
+  const LcpClass c = selection_class(scene.M, scene.lcp_class);
+  const double tolerance = std::clamp(first_share * goal.tolerance, least_first, first_tolerance);
+  InnerOptions quiet = options;
+  quiet.progress = {};
+  std::array<std::optional<EventReference>, 2> found;
+  std::array<Result, 2> rows;
+  for (std::size_t k = 0; k < 2; ++k) {
+    const double finer = k == 0 ? tolerance : std::max(finest_tolerance, ratio * tolerance);
+    auto s = std::make_shared<EventSolution>(integrate_scene(scene, quiet, c, finer, k + 1, goal.most_work));
+    if (!s->complete) return std::nullopt;
+    found[k] = EventReference(scene, backend, recorded_components(scene, options), std::move(s));
+    rows[k] = found[k]->on(J);
+    if (rows[k].y.rows() != J + 1) return std::nullopt;
+  }
+  const Distance d = distance(rows[0], 1, rows[1], 1, sizes);
+  const bool continuous = found[0]->continuous() && found[1]->continuous();
+  const double of_y = goal.of_y ? (continuous ? d.y : d.mean) : 0, of_x = goal.of_x ? d.of_x() : 0;
+  if (!(std::max(of_y, of_x) <= most_apart * goal.tolerance)) return std::nullopt;
+  return found[1];
+}
+
+Result EventReference::on(Index J) const {
+  Result r;
+  EventRows rows(*scene_, *backend_, J);
+  if (rows.start() != Start::none) rows.fill(*solution_, components_, false, r);
+  return r;
 }
 
 }  // namespace bromwich

@@ -1,8 +1,13 @@
 #pragma once
 
 #include "../accuracy/convergence.hpp"
+#include "../events/event_driven.hpp"
 #include "../result/inner_options.hpp"
 #include "../seam/backend.hpp"
+
+#include <memory>
+#include <optional>
+#include <vector>
 
 namespace bromwich {
 
@@ -25,5 +30,27 @@ struct EventGoal {
 /// early or the integrations differ by more than the tolerance, with the rows up to there. Scene::breakpoints have to
 /// be all jumps and kinks of the sources.
 Result solve_by_events(const Scene&, Backend&, const InnerOptions&, const ComponentSizes&, const EventGoal&);
+
+/// A solution by located events that errors of other methods are measured against: of two integrations the more
+/// accurate one, where they differ by less than a tenth of the tolerance.
+class EventReference {
+ public:
+  /// Nothing where the scene is of another kind, or the integrations end early or differ. `J`: steps of the grid on
+  /// which they are compared. Scene and backend have to outlive the object.
+  static std::optional<EventReference> find(const Scene&, Backend&, const InnerOptions&, const ComponentSizes&,
+                                            const EventGoal&, Index J);
+
+  /// t, y, its integral and the recorded x on a grid of J steps.
+  Result on(Index J) const;
+  bool continuous() const { return solution_->continuous; }  ///< y, after t = 0
+
+ private:
+  EventReference(const Scene&, Backend&, std::vector<Index> components, std::shared_ptr<const EventSolution>);
+
+  const Scene* scene_;
+  Backend* backend_;
+  std::vector<Index> components_;
+  std::shared_ptr<const EventSolution> solution_;
+};
 
 }  // namespace bromwich

@@ -1,6 +1,8 @@
 #include "core/solve/stages.hpp"
 
+#include "core/accuracy/convergence.hpp"
 #include "core/base/error.hpp"
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/galerkin/galerkin.hpp"
@@ -11,12 +13,17 @@
 #include "core/scene/source_steps.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/error_control.hpp"
+#include "core/solve/methods.hpp"
 #include "core/solve/mixed.hpp"
 #include "core/solve/one_grid.hpp"
 #include "core/solve/prepared.hpp"
 #include "core/solve/scaling.hpp"
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <memory>
 #include <string>
 
 namespace bromwich {
@@ -39,14 +46,43 @@ Result unsolved(const Scene& scene, const Backend& backend, const Options& optio
 
 namespace {
 
+constexpr double seen_beside_march = 0.01;  ///< of y or x: a difference above that is reported
+
 void check_event_location(const Scene& scene, const Options& options) {
   if (controls_error(options)) throw Error("event_location", "found with a tolerance", "give steps instead");
   if (options.method != Method::galerkin && !(options.method == Method::automatic && scene.boundary))
     throw Error("event_location", std::string("found with method ") + to_string(options.method), "use method galerkin");
 }
 
-// Moments follow f inside an interval. y is linear there, and a g that goes up and down would need more of it; jumps
-// that are named have intervals with a rule of their own.
+// Moments follow f and g inside an interval, and y is linear there. Where sources jump or go up and down inside
+// intervals, method march, which takes such steps in parts, says how much that matters.
+bool compare_with_march(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve,
+                        Result& result) {
+  if (result.rough_steps == 0 || scene.boundary || !scene.free_rows.empty() || !Methods::has_small_dense_state(scene))
+    return false;
+  InnerOptions one = options;
+  one.method = Method::march;
+  one.steps = result.steps;
+  const Result march = solve(scene, backend, one);
+  const std::string where = text("f or g jumps or changes fast inside %ld of %ld intervals, where y is linear",
+                                 long(result.rough_steps), long(result.steps));
+  if (march.status == Status::interrupted) return false;
+  if (march.status != Status::solved) {
+    add_warning(result, where + ", and the result could not be compared: method march ends with: " + march.reason);
+    return true;
+  }
+  const Distance d = distance(march, 1, result, 1, ComponentSizes{});
+  result.unresolved_sources = std::max(d.mean, d.of_x());
+  if (result.unresolved_sources > seen_beside_march)
+    add_warning(result,
+                where + text(": method march, which takes them in parts, differs by %.0f %%: use more steps, or "
+                             "method march",
+                             100 * result.unresolved_sources));
+  return true;
+}
+
+// Without such a comparison, g that changes fast is named; jumps that are named have intervals with a rule of their
+// own.
 void note_fast_g(const Scene& scene, Result& result) {
   if (!scene.g || result.status != Status::solved) return;
   const SampledSource g = sample(scene.g, result.t, scene.constraints());
@@ -59,12 +95,14 @@ void note_fast_g(const Scene& scene, Result& result) {
                            100 * result.unresolved_sources));
 }
 
-Result by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& options) {
+Result by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   const Index J = options.steps > 0 ? options.steps : scene.default_steps;
   const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(recorded_components(scene, options).size()));
   Result result = solve_by_galerkin(scene, backend, options);
-  if (!options.event_location) note_fast_g(scene, result);
   result.bytes_predicted = std::size_t(cost.bytes);
+  const bool alone = !options.event_location && !options.compares_grids && result.status == Status::solved;
+  if (alone && compare_with_march(scene, backend, options, solve, result)) return result;
+  if (!options.event_location) note_fast_g(scene, result);
   return result;
 }
 
@@ -131,20 +169,53 @@ std::optional<Result> galerkin_alone(const Scene& scene, Backend& backend, const
   return solve(scene, backend, named);
 }
 
+// `run` with max_seconds: whatever polls for interruption ends then, the searches of sources among it.
+Result within_seconds(const Scene& scene, Backend& backend, const InnerOptions& options,
+                      const std::function<Result(const InnerOptions&)>& run) {
+  if (!(options.max_seconds > 0) || !controls_error(options)) return run(options);
+  const auto late = std::make_shared<std::atomic<bool>>(false);
+  const auto start = std::chrono::steady_clock::now();
+  InnerOptions limited = options;
+  limited.interrupted = [late, start, asked = options.interrupted, seconds = options.max_seconds] {
+    if (asked && asked()) return true;
+    if (std::chrono::steady_clock::now() - start > std::chrono::duration<double>(seconds)) *late = true;
+    return late->load();
+  };
+  const InterruptedBy polled(limited.interrupted);
+  const std::string spent = text("%.2g s are spent (--max-seconds)", options.max_seconds),
+                    stopped = "stopped on request";
+  Result result;
+  try {
+    result = run(limited);
+  } catch (const Interrupted&) {
+    if (!*late) throw;
+    return unsolved(scene, backend, options, Status::tolerance_not_met, spent + " before the first step");
+  }
+  if (result.status != Status::interrupted || !*late) return result;
+  result.status = Status::tolerance_not_met;
+  if (const std::size_t at = result.reason.find(stopped); at != std::string::npos)
+    result.reason.replace(at, stopped.size(), spent);
+  else
+    result.reason = spent;
+  return result;
+}
+
 // By name; automatic tries it for a tolerance.
 std::optional<Result> events(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve&) {
   if (options.method != Method::events) return std::nullopt;
-  return solve_by_events(scene, backend, options);
+  return within_seconds(scene, backend, options,
+                        [&](const InnerOptions& o) { return solve_by_events(scene, backend, o); });
 }
 
 std::optional<Result> tolerance(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   if (!controls_error(options)) return std::nullopt;
-  return solve_to_tolerance(scene, backend, options, solve);
+  return within_seconds(scene, backend, options,
+                        [&](const InnerOptions& o) { return solve_to_tolerance(scene, backend, o, solve); });
 }
 
-std::optional<Result> galerkin(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve&) {
+std::optional<Result> galerkin(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   if (options.method != Method::galerkin) return std::nullopt;
-  return by_galerkin(scene, backend, options);
+  return by_galerkin(scene, backend, options, solve);
 }
 
 std::optional<Result> free_rows(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {

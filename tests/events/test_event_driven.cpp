@@ -97,6 +97,90 @@ TEST(EventDriven, ManyStepsDoNotAddUpRounding) {
   EXPECT_LE((s.x(1, true) - Vector{{std::cos(1.0), -std::sin(1.0)}}).norm(), 20000 * epsilon / std::sqrt(2.0));
 }
 
+// x' = v, v' = -x - 1/2 + y, x >= 0 from rest at 1: x = 3/2 cos t - 1/2 meets the stop at t = acos(1/3) with v =
+// -sqrt(2) and stays there with y = 1/2.
+TEST(EventDriven, AnOscillatorComesToRestAtAStop) {
+  Scene scene = ball(1);
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {-1, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  scene.f = [](double, Eigen::Ref<Vector> v) { v << 0, -0.5; };
+  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  const double hit = std::acos(1.0 / 3);
+  EXPECT_EQ(s.jumps, 1);
+  EXPECT_NEAR(s.x(1.2, true)[0], 1.5 * std::cos(1.2) - 0.5, 1e-9);
+  EXPECT_NEAR(s.x(2, true).norm(), 0, 1e-9);
+  EXPECT_NEAR(s.integral_of_y(3, true)[0], std::sqrt(2.0) + 0.5 * (3 - hit), 1e-9);
+}
+
+// x' = -x - 1 + y, w = x, x0 = -1: at t = 0 an impulse of 1 lifts the state to 0, where y = 1 holds it.
+TEST(EventDriven, TheStateJumpsAtZero) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{0}};
+  scene.f = [](double, Eigen::Ref<Vector> v) { v[0] = -1; };
+  scene.x0 = Vector{{-1}};
+  scene.T = 1;
+  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  ASSERT_EQ(s.jump_at_start.size(), 1);
+  EXPECT_NEAR(s.jump_at_start[0], 1, 1e-9);
+  EXPECT_NEAR(s.x(0.5, true)[0], 0, 1e-9);
+  EXPECT_NEAR(s.y(0.5, true)[0], 1, 1e-9);
+}
+
+// A relay u in sgn x as y_1 = 1 - u: w_1 = x + y_2, w_2 = 2 - y_1. x' = 1/2 - u from 1 reaches 0 at t = 2 and slides
+// there with u = 1/2.
+TEST(EventDriven, ARelaySlides) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1, 0}}, Matrix{{1}, {0}}};
+  scene.M = Matrix{{0, 1}, {-1, 0}};
+  scene.f = [](double, Eigen::Ref<Vector> v) { v[0] = -0.5; };
+  scene.g = [](double, Eigen::Ref<Vector> v) { v << 0, 2; };
+  scene.x0 = Vector{{1}};
+  scene.T = 4;
+  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  EXPECT_NEAR(s.x(1, true)[0], 0.5, 1e-9);
+  EXPECT_NEAR(s.x(3, true)[0], 0, 1e-9);
+  EXPECT_NEAR(s.y(3, true)[0], 0.5, 1e-9);
+}
+
+// The twisting algorithm x'' = -sgn x - sgn(x') / 2 from (1, 0): half turns shorter by q = 1/sqrt(3) each, which end at
+// t = 2 + (2/3 + 2 q) / (1 - q) = 6.31 in the origin.
+TEST(EventDriven, TwistingEndsInTheOrigin) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0, 0, 0, 0}, {1, 0, 0.5, 0}},
+                                 Matrix{{1, 0}, {0, 0}, {0, 1}, {0, 0}}};
+  scene.M = Matrix{{0, 1, 0, 0}, {-1, 0, 0, 0}, {0, 0, 0, 1}, {0, 0, -1, 0}};
+  scene.f = [](double, Eigen::Ref<Vector> v) { v << 0, -1.5; };
+  scene.g = [](double, Eigen::Ref<Vector> v) { v << 0, 2, 0, 2; };
+  scene.x0 = Vector{{1, 0}};
+  scene.T = 8;
+  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, {});
+  if (!s.complete) {
+    EXPECT_GE(s.until, 6) << s.reason;
+    return;
+  }
+  EXPECT_NEAR(s.x(1, true)[0], 0.75, 1e-9);
+  EXPECT_NEAR(s.x(2, true)[1], -1, 1e-9);
+  EXPECT_LE(s.x(7, true).norm(), 1e-5);
+}
+
+// x' = -x / 0.8 + f with a pulse of f between 0.2754 and 0.2902, which no coarse grid has a point in.
+TEST(EventDriven, ANarrowPulseCounts) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1.25}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{0}};
+  scene.f = [](double t, Eigen::Ref<Vector> v) { v[0] = t >= 0.2754 && t < 0.2902 ? 175.676 : 0; };
+  scene.g = [](double, Eigen::Ref<Vector> v) { v[0] = 1; };
+  scene.x0 = Vector{{0}};
+  scene.T = 1;
+  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {0.2754, 0.2902}, {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  const double exact = 175.676 * 0.8 * (std::exp(-1.25 * (1 - 0.2902)) - std::exp(-1.25 * (1 - 0.2754)));
+  EXPECT_NEAR(s.x(1, true)[0], exact, 1e-9);
+}
+
 // x' = y, w = x - y, x0 = 1: y = 0 and y = x both continue.
 TEST(EventDriven, TwoSolutionsAreNoSolution) {
   Scene scene;

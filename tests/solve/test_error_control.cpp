@@ -10,6 +10,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <numeric>
@@ -265,8 +266,9 @@ TEST(ErrorControl, IsInterrupted) {
   Options options = options_to(1e-4, Method::contour);
   options.interrupted = [] { return true; };
   EXPECT_EQ(run(make_scene("signorini", {{"Q", 15}}), options).status, Status::interrupted);
-  Index polls = 0;  // the first grids need fewer than 40 sweeps together
-  options.interrupted = [&polls] { return ++polls > 20; };
+  Index sweeps = 0;  // the first grids need fewer than 40 together
+  options.progress = [&sweeps](const Progress&) { ++sweeps; };
+  options.interrupted = [&sweeps] { return sweeps > 20; };
   const Result later = run(make_scene("signorini", {{"Q", 15}}), options);
   EXPECT_EQ(later.status, Status::interrupted) << later.reason;
   EXPECT_TRUE(later.y.allFinite()) << "what a coarser grid found is returned";
@@ -411,6 +413,85 @@ TEST_F(ErrorControlOfExamples, OfJumpsControlTheMean) {
     EXPECT_LE(error, tolerance) << name;
     EXPECT_GE(*result.error_estimate, least_effectivity * error) << name;
   }
+}
+
+// ---- causes of refusals, and of answers that cannot be certified ----
+
+TEST(ErrorControl, CyclesGoOnWhereSmallComponentsNeedIt) {
+  const Scene scene = make_scene("signorini", {{"Q", 39}});
+  const Result r = run(scene, options_to(1e-4, Method::multigrid));
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_LE(true_error(scene, r), 1e-4);
+}
+
+// x' = -y, w = x - y - 2 t from 1: y = 0 up to t = 1/2, where w would be negative with y = 0 and with any y > 0.
+TEST(ErrorControl, SaysThatThereIsNoSolutionWhereNoActiveSetIsOne) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{-1}}, Matrix{{1}}};
+  scene.M = Matrix{{-1}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -2 * t; };
+  scene.x0 = Vector{{1}};
+  scene.T = 1;
+  for (const Method method : {Method::automatic, Method::march, Method::euler, Method::galerkin})
+    for (const double tolerance : {0.0, 1e-3}) {
+      Options options = options_for(method, 100);
+      options.tolerance = tolerance;
+      const Result r = run(scene, options);
+      EXPECT_EQ(r.status, Status::infeasible) << to_string(method) << ": " << r.reason;
+      ASSERT_TRUE(r.infeasible_at) << to_string(method);
+      EXPECT_NEAR(*r.infeasible_at, 0.5, 0.021) << to_string(method);  // two steps
+    }
+  scene.T = 0.4;
+  EXPECT_EQ(run(scene, options_for(Method::march, 100)).status, Status::solved);
+}
+
+// A source that takes a millisecond: the search for its jumps alone would take a minute.
+TEST(ErrorControl, ASlowSourceEndsWithTheTime) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1}};
+  long calls = 0;
+  scene.g = [&calls](double t, Eigen::Ref<Vector> v) {
+    ++calls;
+    const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(1);
+    while (std::chrono::steady_clock::now() < end) {
+    }
+    v[0] = std::sin(t);
+  };
+  scene.x0 = Vector{{0}};
+  scene.T = 1;
+  for (const Method method : {Method::automatic, Method::march, Method::events}) {
+    calls = 0;
+    Options options = options_to(1e-6, method);
+    options.max_seconds = 0.05;
+    const Result r = run(scene, options);
+    EXPECT_EQ(r.status, Status::tolerance_not_met) << to_string(method);
+    EXPECT_NE(r.reason.find("max-seconds"), std::string::npos) << r.reason;
+    EXPECT_LE(calls, 1000) << to_string(method);
+    calls = 0;
+    options.max_seconds = 0;
+    options.interrupted = [&calls] { return calls > 100; };
+    EXPECT_EQ(run(scene, options).status, Status::interrupted) << to_string(method);
+    EXPECT_LE(calls, 1000) << to_string(method);
+  }
+}
+
+// f a square wave with two periods in an interval: y is far from linear there, and moments alone do not tell.
+TEST(ErrorControl, GalerkinSaysWhatIntervalsMiss) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1e-3}};
+  const auto square = [](double t) { return std::fmod(200.3 * t, 1) < 0.4 ? 1.0 : -1.0; };
+  scene.f = [square](double t, Eigen::Ref<Vector> v) { v[0] = 300 * square(t); };
+  scene.x0 = Vector{{0}};
+  scene.T = 1;
+  const Result coarse = run(scene, options_for(Method::galerkin, 100));
+  ASSERT_EQ(coarse.status, Status::solved) << coarse.reason;
+  const Result fine = run(scene, options_to(1e-4));
+  ASSERT_EQ(fine.status, Status::solved) << fine.reason;
+  EXPECT_NE(coarse.warning.find("method march"), std::string::npos) << coarse.warning;
+  scene.f = [](double t, Eigen::Ref<Vector> v) { v[0] = std::sin(t); };
+  EXPECT_EQ(run(scene, options_for(Method::galerkin, 100)).warning, "");
 }
 
 }  // namespace

@@ -41,6 +41,35 @@ TEST(Trust, NothingSolvedIsWrong) {
   EXPECT_GE(right, Index(0.6 * double(decided)));
 }
 
+// Scenes in which impulses, at t = 0 or later, decide where the state goes on: right within three times the tolerance,
+// or no solution with a reason; and an estimate that is not far below the error.
+TEST(Trust, JumpsOfTheStateByEveryMethod) {
+  const auto backend = make_cpu_backend(1);
+  Index right = 0;
+  for (const std::uint32_t seed : {806900u, 806152u, 804889u, 800895u}) {
+    const SourceScene s = source_scene(seed);
+    const EventSolution truth = locate_events(s.base);
+    if (!truth.decided) continue;
+    for (const Method method : {Method::automatic, Method::march, Method::galerkin}) {
+      Options options;
+      options.method = method;
+      options.tolerance = tolerance;
+      options.states = StateSelection::all;
+      options.max_steps = 1 << 14;
+      const Result r = solve(s.scene, *backend, options);
+      if (r.status != Status::solved) {
+        EXPECT_NE(r.reason, "") << "seed " << seed;
+        continue;
+      }
+      const TrueError error = true_error(s, truth, r);
+      right += error.largest() <= tolerance;
+      EXPECT_LE(error.largest(), 3 * tolerance) << "seed " << seed << ", " << to_string(method);
+      EXPECT_LE(error.largest(), 5 * *r.error_estimate + 1e-6) << "seed " << seed << ", " << to_string(method);
+    }
+  }
+  EXPECT_GE(right, 4);
+}
+
 // The judge detects an error: one row of y or x that is off by more than the tolerance.
 TEST(Trust, AWrongRowIsSeen) {
   const SourceScene s = source_scene(0);
