@@ -25,7 +25,7 @@ struct PoleModel {
   Matrix output;                             ///< U, (n + components) x rows
   Matrix direct;                             ///< D, (n + components) x (n + sources)
   Index distinct = 0;                        ///< number of different poles
-  double error = 0;                          ///< largest at nodes held out, see pole_fit.hpp
+  double error = 0;                          ///< largest at nodes that the fit has not seen, see pole_fit.hpp
 
   Index rows() const { return poles.size(); }
   std::size_t bytes() const {
