@@ -138,52 +138,22 @@ void measure(Elimination& e) {
   }
 }
 
-// A postorder of the elimination tree: the same fill, and children right before their parents.
-std::vector<int> in_postorder(const SparseMatrix& A, const std::vector<int>& given) {
+// Approximate minimum degree, then a postorder of the elimination tree.
+std::vector<int> elimination_order(const SparseMatrix& A) {
+  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> by_degree;
+  Eigen::AMDOrdering<int>()(A, by_degree);
+  const std::vector<int> given(by_degree.indices().begin(), by_degree.indices().end());
   std::vector<int> order = postorder(elimination_tree(symmetric_pattern(A, given)));
   for (int& position : order) position = given[std::size_t(position)];
   return order;
 }
 
-std::vector<int> by_minimum_degree(const SparseMatrix& A) {
-  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> by_degree;
-  Eigen::AMDOrdering<int>()(A, by_degree);
-  return {by_degree.indices().begin(), by_degree.indices().end()};
-}
+}  // namespace
 
-// Approximate minimum degree with the rows of B and the columns of N at the end, so that inputs and outputs do not
-// travel through the fronts of all the others. Empty: too many of them.
-std::vector<int> contacts_last(const SparseMatrix& A, const SparseMatrix& B, const SparseMatrix& N) {
-  std::vector<int> place(std::size_t(A.rows()), 0);
-  for (Index c = 0; c < B.outerSize(); ++c)
-    for (SparseMatrix::InnerIterator b(B, c); b; ++b) place[std::size_t(b.row())] = -1;
-  for (Index c = 0; c < N.outerSize(); ++c)
-    for (SparseMatrix::InnerIterator n(N, c); n; ++n) place[std::size_t(c)] = -1;
-  std::vector<int> others, last;
-  for (int i = 0; i < int(A.rows()); ++i)
-    if (place[std::size_t(i)] < 0)
-      last.push_back(i);
-    else
-      place[std::size_t(i)] = int(others.size()), others.push_back(i);
-  if (last.empty() || 8 * last.size() > place.size()) return {};
-  std::vector<Eigen::Triplet<double>> entries;
-  for (Index c = 0; c < A.outerSize(); ++c)
-    for (SparseMatrix::InnerIterator a(A, c); a; ++a)
-      if (place[std::size_t(c)] >= 0 && place[std::size_t(a.row())] >= 0)
-        entries.emplace_back(place[std::size_t(a.row())], place[std::size_t(c)], 1.0);
-  SparseMatrix rest{Index(others.size()), Index(others.size())};
-  rest.setFromTriplets(entries.begin(), entries.end());
-  std::vector<int> order = by_minimum_degree(rest);
-  for (int& state : order) state = others[std::size_t(state)];
-  order.insert(order.end(), last.begin(), last.end());
-  return order;
-}
-
-Elimination in_order(std::vector<int> order, const SparseMatrix& A, const SparseMatrix& B, const SparseMatrix& N,
-                     Index dense_inputs) {
+Elimination analyse(const SparseMatrix& A, const SparseMatrix& B, const SparseMatrix& N, Index dense_inputs) {
   Elimination e;
   const Index m = A.rows();
-  e.order = in_postorder(A, order);
+  e.order = elimination_order(A);
   const Pattern S = symmetric_pattern(A, e.order);
   const std::vector<int> parent = elimination_tree(S);
   const std::vector<Index> starts = front_starts(parent, column_counts(S, parent));
@@ -221,16 +191,6 @@ Elimination in_order(std::vector<int> order, const SparseMatrix& A, const Sparse
   }
   measure(e);
   return e;
-}
-
-}  // namespace
-
-Elimination analyse(const SparseMatrix& A, const SparseMatrix& B, const SparseMatrix& N, Index dense_inputs) {
-  Elimination anywhere = in_order(by_minimum_degree(A), A, B, N, dense_inputs);
-  const std::vector<int> with_contacts_last = contacts_last(A, B, N);
-  if (with_contacts_last.empty()) return anywhere;
-  Elimination last = in_order(with_contacts_last, A, B, N, dense_inputs);
-  return last.products < anywhere.products ? last : anywhere;
 }
 
 }  // namespace bromwich
