@@ -5,14 +5,15 @@
 //     (E/h - A) x_j = E x_{j-1}/h + F phi_j + B y_j,   0 <= y_j  ⊥  N x_j + M y_j + g_j >= 0
 //
 // One factorization L D L^T with the contact states last. A step is then one forward substitution, a problem of n rows
-// with the Schur complement of the contact states, from the active set of the step before, and one backward substitution.
+// with the Schur complement of the contact states, from the active set of the step before, and one backward
+// substitution.
 
 #include "core/scene/scene.hpp"
 
 namespace bromwich::app {
 
 struct SparseEuler {
-  RowMatrix y, w;              ///< (J+1) x n; row 0 is 0 and N x0 + g(0)
+  RowMatrix y, w;               ///< (J+1) x n; row 0 is 0 and N x0 + g(0)
   double setup = 0, solve = 0;  ///< seconds
   std::size_t bytes = 0;
   Index factor_entries = 0;  ///< of L
