@@ -29,11 +29,18 @@ void refuse(const std::string& why, Result& result) {
 // Why no contact settles in sweeps of the iteration: y_i of one time point acts on w_i of the same more than M_ii, for
 // every i. A set S of contacts is multiplied by M_SS^{-1} (W_0)_SS then, whose largest eigenvalue is at least the
 // largest ratio of the diagonals where both are symmetric. Empty: not known.
+// For dynamics known by shifted solves alone; dense ones and Kronecker sums have forecasts of their own.
 std::string never_contracts(const DiscreteProblem& p, TimeOperator& op) {
-  const std::shared_ptr<const PoleModel> poles = op.poles();
-  if (!poles) return "";
-  const Vector own = diagonal(p.scene.M), first = implicit_part({poles, p.h}).diagonal();
-  if (!(first.array() >= own.array()).all()) return "";
+  if (p.small_state() || p.modes() || p.lcp_class == LcpClass::Z) return "";
+  const SharedWeights weights = op.kernel_weights(ConvolutionChoice::automatic).weights;
+  const Index n = p.scene.constraints();
+  Vector first;
+  if (const auto* poles = std::get_if<PoleRecurrence>(weights.get()))
+    first = implicit_part(*poles).diagonal();
+  else if (const auto* table = std::get_if<LagTable>(weights.get()); table && !table->modal)
+    first = Eigen::Map<const RowMatrix>(table->W.row(0).data(), n, n).diagonal();
+  const Vector own = diagonal(p.scene.M);
+  if (first.size() != n || !(first.array() >= own.array()).all()) return "";
   return text(
       "no contact settles in sweeps: the first lag W_0 of the kernel outweighs M in every row, by %.2g and more",
       (first.array() / own.array()).minCoeff());
