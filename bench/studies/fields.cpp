@@ -15,6 +15,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <numeric>
@@ -246,8 +247,12 @@ class FieldStudy {
 }  // namespace
 
 BenchReport bench_fields(const BenchRequest& request, Backend& backend) {
-  if (request.scene || !request.settings.empty())
-    throw Error(request.scene ? "SCENE" : "--set", "this benchmark has its own scene", "leave it out");
+  if (request.scene) throw Error("SCENE", "this benchmark has its own scene", "leave it out");
+  Index only = 0;
+  for (const auto& [name, value] : request.settings) {
+    if (name != "cells") throw Error("--set", fmt::format("found '{}'", name), "use cells, along a side");
+    only = Index(value);
+  }
   BenchReport report;
   report.scene = "contact-varying";
   report.parameters = {{"T", end_time}};
@@ -261,8 +266,11 @@ BenchReport bench_fields(const BenchRequest& request, Backend& backend) {
   const std::vector<Size> sizes =
       request.quick ? std::vector<Size>{{32, 2000, 200, 2e-2, 1}}
                     : std::vector<Size>{{100, 16000, 1000, 1e-3, request.repeats()}, {316, 8000, 1000, 1e-3, 2}};
+  if (only > 0 && std::none_of(sizes.begin(), sizes.end(), [&](const Size& size) { return size.cells == only; }))
+    throw Error("--set", fmt::format("found cells={}", only), "use 100 or 316, and 32 with --quick");
   FieldStudy study(report, backend);
   for (Size size : sizes) {
+    if (only > 0 && size.cells != only) continue;
     if (request.steps > 0) size.steps = request.steps;
     for (const double compliance : {0.0, 1e-2}) study.run(size, compliance);
   }
