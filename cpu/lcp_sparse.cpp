@@ -39,7 +39,7 @@ struct SparseRows {
 class SparseLcp final : public ImmediateLcpBatch {
  public:
   SparseLcp(const SparseMatrix& M, const SweepPlan& plan, Index rows, int threads)
-      : M_(M), rows_(M_, plan.omega), row_blocks_(rows, threads), threads_(threads), pivoting_(M_) {
+      : M_(M), rows_(M_, plan.omega), row_blocks_(rows, threads), threads_(threads), plan_(plan), pivoting_(M_) {
     lanes_.resize(std::size_t(threads));
     for (auto& block : lanes_) block.resize(std::size_t(2 * M.rows()));
   }
@@ -47,6 +47,7 @@ class SparseLcp final : public ImmediateLcpBatch {
   LcpReport solve_now(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     const RowMatrix &R = host(r), &V = host(v);
     RowMatrix& Y = host(y);
+    if (!plan_.converges) return without_sweeps(R, V, Y, first);
     return row_blocks_.run(
         first, R.rows(), lanes, settle_tolerance,
         [&](Index begin, Index size, int thread, BlockOutcome& outcome, double* change, double* magnitude) {
@@ -67,6 +68,23 @@ class SparseLcp final : public ImmediateLcpBatch {
   }
 
  private:
+  // One problem, such as that of t = 0 before a march, is left to active sets, whose solution is confirmed.
+  LcpReport without_sweeps(const RowMatrix& R, const RowMatrix& V, RowMatrix& Y, Index first) {
+    if (R.rows() - first > 1)
+      throw Error("M", "is sparse with " + std::to_string(M_.rows()) + " rows, and " + plan_.why,
+                  "projected sweeps do not solve it: use method march or euler, or give M as a dense matrix");
+    LcpReport report;
+    for (Index j = first; j < R.rows(); ++j) {
+      double change = 0, magnitude = 0;
+      const LcpOutcome outcome = by_active_sets(R, V, Y, j, change, magnitude);
+      report.finite = std::isfinite(change);
+      report.change = std::max(report.change, change);
+      report.magnitude = std::max(report.magnitude, magnitude);
+      ++(outcome.solved ? report.count.solved : report.count.unsolved);
+    }
+    return report;
+  }
+
   void sweep_block(const RowMatrix& R, const RowMatrix& V, RowMatrix& Y, Index begin, Index size,
                    std::vector<Lanes>& work, BlockOutcome& outcome, double* change, double* magnitude) const {
     const Index n = rows_.count();
@@ -131,22 +149,21 @@ class SparseLcp final : public ImmediateLcpBatch {
   SparseRows rows_;
   RowBlocks row_blocks_;
   int threads_;
+  SweepPlan plan_;
   SparseActiveSet pivoting_;
   std::vector<std::vector<Lanes>> lanes_;
 };
 
-// A small matrix that the sweeps do not solve has every fallback of the dense solvers.
 constexpr Index largest_written_out = 256;
 
 }  // namespace
 
 std::unique_ptr<LcpBatch> make_sparse_lcp(const SparseMatrix& M, LcpClass lcp_class, Index rows, int threads) {
   const SweepPlan plan = plan_sweeps(M);
-  // Sweeps converge for P-matrices only, whose solution is the only one and the least for Z.
-  if (plan.converges) return std::make_unique<SparseLcp>(M, plan, rows, threads);
-  if (M.rows() <= largest_written_out) return make_dense_lcp(Matrix(M), lcp_class, rows, threads);
-  throw Error("M", "is sparse with " + std::to_string(M.rows()) + " rows, and " + plan.why,
-              "projected sweeps do not solve it: use method march or euler, or give M as a dense matrix");
+  // Sweeps converge for P-matrices only, whose solution is the only one and the least for Z. A small matrix that they
+  // do not solve has every fallback of the dense solvers; a large one can still be the M of a march.
+  if (!plan.converges && M.rows() <= largest_written_out) return make_dense_lcp(Matrix(M), lcp_class, rows, threads);
+  return std::make_unique<SparseLcp>(M, plan, rows, threads);
 }
 
 }  // namespace bromwich::cpu

@@ -300,6 +300,25 @@ def sparse(data):
     ]
 
 
+def fields(data):
+    """Both contestants with equal steps and at equal error."""
+    lines = ["| states | contacts | compliance | at | | steps | by Euler | error of w | mean error of y | set-up | whole solve | min to max | memory |"]
+    lines.append("|--" * 13 + "|")
+    for row in data["rows"]:
+        time, euler = row["seconds"], row["contestant"] == "sparse euler"
+        lines.append(
+            f"| {row['states']} | {row['constraints']} | {row['parameters']['compliance']:g} | {row['at']} | {row['contestant']} | "
+            f"{row['steps']} | {'' if euler else row['euler_steps']} | {number(row['error_w_max'])} | {number(row['error_y_mean'])} | "
+            f"{seconds(time['setup'])} | {seconds(time['median'])} | {seconds(time['min'])} to {seconds(time['max'])} | "
+            f"{row['bytes'] / 1e6:.0f} MB |"
+        )
+    worst = max(row["kernel_error"] for row in data["rows"])
+    return lines + [""] + [f"- {note}" for note in data["notes"]] + [
+        "",
+        f"Largest kernel error {number(worst)}. M = 0 counts its shifted solves as solve. {machine(data)}.",
+    ]
+
+
 def tol(data):
     """The results of each scene, each at the smallest tolerance that it meets, and what they are worth."""
     lines = ["| scene | method | tolerance | steps | work | of | estimate | error | ratio | x: estimate | error | ratio | status |"]

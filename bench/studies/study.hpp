@@ -47,6 +47,8 @@ BenchReport bench_baselines(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene or a scene file; without one, all scenes of the study.
 BenchReport bench_speed_vs_error(const BenchRequest& request, Backend& backend);
 /// Throws Error for a SCENE: it has its own.
+BenchReport bench_fields(const BenchRequest& request, Backend& backend);
+/// Throws Error for a SCENE: it has its own.
 BenchReport bench_galerkin(const BenchRequest& request, Backend& backend);
 /// Throws Error without a CUDA device.
 BenchReport bench_gpu(const BenchRequest& request, Backend& backend);

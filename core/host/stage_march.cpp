@@ -133,9 +133,10 @@ class Stages {
     return false;
   }
 
-  // Detects an impulse: y is released within the step, and it either moves a component of the state by a large part of
-  // its size (small components are measured against a hundredth of the largest) or is much larger than in steps without
-  // jumps. Radau IIA would move the state by 9/5 of the impulse, and many small errors of this kind add up.
+  // Detects an impulse: y_i is released within the step, and it either moves a component of the state by a large part
+  // of its size (small components are measured against a hundredth of the largest) or is much larger than in steps
+  // without jumps. Radau IIA would move the state by 9/5 of the impulse, and many small errors of this kind add up.
+  // Contacts that stay or begin have no part in this: a step that ends in contact ends on the constraint.
   bool jumps(const Stepper& step, double h, const Vector& before, const Vector& after) const {
     const Vector first = step.first_stage(), last = step.last_stage();
     const double zero = negligible * step.Y.cwiseAbs().maxCoeff();
@@ -144,23 +145,31 @@ class Stages {
     for (Index i = 0; i < first.size() && h < problem_.h / 2 && step.stages() == 2; ++i)
       if (first[i] > std::max(zero, much_more * regular_[i]) && last[i] < first[i] / 2) return true;
     if (!step.switches()) return false;
-    for (Index i = 0; i < first.size(); ++i)
-      if (first[i] > std::max(zero, much_more * regular_[i]) && !(last[i] > zero)) return true;
-    // In modes and with poles N x stands for the state: y moves it by N B y.
-    const auto pushed = [&](const Vector& y) {
-      if (problem_.poles) return Vector(NB_ * y);
-      return problem_.modal ? Vector(problem_.modal->direct * y) : Vector(B_ * y);
-    };
+    Vector released = Vector::Zero(first.size());
+    for (Index i = 0; i < first.size(); ++i) {
+      if (!(first[i] > zero) || last[i] > zero) continue;
+      if (first[i] > much_more * regular_[i]) return true;
+      released[i] = first[i];
+    }
+    return !released.isZero(0) && moves(released, step, h, before, after);
+  }
+
+  // Whether y of the first stage moves a component by a quarter of its size. In modes and with poles N x stands for the
+  // state: y moves it by h N B y, or less if what is stiff forgets it before the end of the step.
+  bool moves(const Vector& y, const Stepper& step, double h, const Vector& before, const Vector& after) const {
     const auto state = [&](const Vector& x) {
       if (problem_.poles) return Vector(problem_.poles->output.topRows(NB_.rows()) * x);
       return problem_.modal ? Vector(S_ * seen_in_modes(x)) : x;
     };
-    const Vector moved = h * pushed(first).cwiseAbs().cwiseMax(pushed(last).cwiseAbs());
+    Vector moved = h * (problem_.modal ? Vector(problem_.modal->direct * y) : Vector((problem_.poles ? NB_ : B_) * y));
+    moved = moved.cwiseAbs();
+    if (problem_.poles || problem_.modal) moved = moved.cwiseMin(step.seen_at_end(y).cwiseAbs() / weight_of_first);
     const Vector size = state(before).cwiseAbs().cwiseMax(state(after).cwiseAbs());
     return (moved.array() > 0.25 * size.cwiseMax(0.01 * size.maxCoeff()).array()).any();
   }
-  static constexpr double negligible = 1e-9;  ///< relative to the largest y of the step
-  static constexpr double much_more = 4;      ///< relative to y in steps without jumps
+  static constexpr double weight_of_first = 0.75;  ///< of the first stage at the end of the step
+  static constexpr double negligible = 1e-9;       ///< relative to the largest y of the step
+  static constexpr double much_more = 4;           ///< relative to y in steps without jumps
 
   Stepper& stepper(Index stages, std::size_t kind) {
     if (stages == problem_.stages && kind == 0) return main_;

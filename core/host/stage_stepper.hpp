@@ -52,6 +52,12 @@ class Stepper {
   // Mean of y over the step, by the quadrature weights.
   Vector mean() const { return stages_ == 1 ? Y : Vector(0.75 * first_stage() + 0.25 * last_stage()); }
 
+  // N x at the end of the step of y at the first of two stages alone.
+  Vector seen_at_end(const Vector& y) const {
+    const Index n = M_.rows();
+    return step_->implicit_part().block(n, 0, n, n) * y;
+  }
+
   // Solutions of a step are unique, or form a convex set from which one is selected.
   bool well_posed() const { return lcp_.well_posed(); }
 

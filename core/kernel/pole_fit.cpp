@@ -1,5 +1,5 @@
 // symbol          variable            shape
-// z_i             nodes, fitted first                            nodes that follow are for comparison
+// z_i             nodes: fitted, watched (the number of poles is chosen with them), held out (the error of the result)
 // weighted H      Samples::of_y       2 nodes x (outputs n)      real parts, then imaginary parts; a row is one matrix
 //                 Samples::others     2 nodes x (outputs (k + 1))
 // s_k             poles               K, the slowest first
@@ -26,7 +26,7 @@ namespace {
 constexpr double largest_node = 8, smallest_node = 0.3;  ///< times 1/h and 1/T
 constexpr double bend_length = 20, bend_angle = 140 * std::numbers::pi / 180;
 constexpr double nodes_per_fold = 2.85;  ///< on the imaginary axis, for a factor of e
-constexpr Index arc_nodes = 5, bend_nodes = 6, lanes = 8, compared = 8;
+constexpr Index arc_nodes = 5, bend_nodes = 6, lanes = 8, watched = 3, held_out = 6;
 constexpr Index candidates = 240;
 constexpr double slowest_candidate = 0.3, fastest_candidate = 300;  ///< times 1/T and 1/h
 constexpr double dependent = 3e-15;  ///< part of a column of norm 1 outside the span of those picked before
@@ -60,11 +60,12 @@ struct FitNodes {
     const double folds = std::log(largest_node * T / (smallest_node * h));
     Index on_axis = std::max<Index>(8, Index(std::ceil(nodes_per_fold * folds)));
     fitted = on_axis + arc_nodes + bend_nodes;
-    const Index rest = (lanes - (fitted + compared) % lanes) % lanes;  // eight nodes are eliminated together
+    const Index rest = (lanes - (fitted + watched + held_out) % lanes) % lanes;  // eight are eliminated together
     on_axis += rest;
     fitted += rest;
     place(h, T, on_axis, arc_nodes, bend_nodes, 0.5, nodes);
-    place(h, T, compared - 3, 1, 2, 0.31, nodes);
+    place(h, T, watched - 2, 1, 1, 0.77, nodes);
+    place(h, T, held_out - 3, 1, 2, 0.31, nodes);
     weight.resize(Index(nodes.size()));
     for (Index i = 0; i < weight.size(); ++i) {
       const Complex z = h * nodes[std::size_t(i)];
@@ -132,11 +133,18 @@ class LeastSquares {
 // H at all nodes, with weights, each block divided by its largest weighted value.
 struct Samples {
   Index n = 0, outputs = 0, width = 0;  ///< width: columns of F and x0
-  RowMatrix of_y, others;               ///< fitted nodes
-  RowMatrix compared_of_y, compared_others;
+  struct At {
+    RowMatrix of_y, others;
+  };
+  At fitted, watched, held_out;
   Matrix scale;  ///< 2 (constraints, components) x (1 + width)
 
   double scale_of(Index output, Index column) const { return scale(output < n ? 0 : 1, column); }
+  bool finite() const {
+    for (const At* at : {&fitted, &watched, &held_out})
+      if (!at->of_y.allFinite() || !at->others.allFinite()) return false;
+    return true;
+  }
 };
 
 Samples sample(const DiscreteProblem& p, const Wide& wide, const FitNodes& plan) {
@@ -154,22 +162,23 @@ Samples sample(const DiscreteProblem& p, const Wide& wide, const FitNodes& plan)
       scale = std::max(scale, H.col(i * wide.inputs() + j).cwiseAbs().maxCoeff());
     }
   s.scale = (s.scale.array() > 0).select(s.scale, 1);
-  const auto split = [&](Index first, Index count, RowMatrix& of_y, RowMatrix& others) {
-    of_y.resize(2 * count, s.outputs * s.n);
-    others.resize(2 * count, s.outputs * s.width);
+  const auto split = [&](Index first, Index count, Samples::At& at) {
+    at.of_y.resize(2 * count, s.outputs * s.n);
+    at.others.resize(2 * count, s.outputs * s.width);
     share(p.backend, s.outputs, 1, [&](Index i, Index) {
       for (Index j = 0; j < wide.inputs(); ++j) {
         const auto values = H.col(i * wide.inputs() + j).segment(first, count);
         const bool y = j < s.n;
-        auto to = y ? of_y.col(i * s.n + j) : others.col(i * s.width + j - s.n);
+        auto to = y ? at.of_y.col(i * s.n + j) : at.others.col(i * s.width + j - s.n);
         const double scale = s.scale_of(i, y ? 0 : 1 + j - s.n);
         to.head(count) = values.real() / scale;
         to.tail(count) = values.imag() / scale;
       }
     });
   };
-  split(0, plan.fitted, s.of_y, s.others);
-  split(plan.fitted, plan.count() - plan.fitted, s.compared_of_y, s.compared_others);
+  split(0, plan.fitted, s.fitted);
+  split(plan.fitted, watched, s.watched);
+  split(plan.fitted + watched, held_out, s.held_out);
   return s;
 }
 
@@ -188,26 +197,27 @@ std::vector<Index> probed(Index outputs, Index n) {
   return which;
 }
 
-// Poles, the slowest first: as few as meet the tolerance for the probes.
+// Poles, the slowest first: as few as meet the tolerance for the probes, at the nodes of the fit and those watched. The
+// nodes held out have no part in the choice.
 struct Picked {
   Vector poles;
   double error = INFINITY;
 };
 
-Picked pick_poles(const Samples& s, const FitNodes& plan, double h, double T) {
+Picked pick_poles(const Samples& s, const FitNodes& plan, double h, double T, Index most_poles) {
   Vector all(candidates);
   for (Index k = 0; k < candidates; ++k)
     all[k] = -log_between(slowest_candidate / T, fastest_candidate / h, double(k) / double(candidates - 1));
   const std::vector<Index> order = pick(cauchy(plan, 0, plan.fitted, all, 1 / T));
   const std::vector<Index> which = probed(s.outputs, s.n);
-  const auto data = [&](const RowMatrix& of_y, const RowMatrix& others) {
-    RowMatrix values(of_y.rows(), Index(which.size()) + std::min(others.cols(), probes));
-    values << of_y(Eigen::all, which), others.leftCols(std::min(others.cols(), probes));
+  const auto data = [&](const Samples::At& at) {
+    RowMatrix values(at.of_y.rows(), Index(which.size()) + std::min(at.others.cols(), probes));
+    values << at.of_y(Eigen::all, which), at.others.leftCols(std::min(at.others.cols(), probes));
     return values;
   };
-  const RowMatrix fitted = data(s.of_y, s.others), unseen = data(s.compared_of_y, s.compared_others);
+  const RowMatrix fitted = data(s.fitted), beside = data(s.watched);
   Picked best;
-  const Index most = std::min<Index>(Index(order.size()), 2 * plan.fitted - 8);
+  const Index most = std::min({Index(order.size()), 2 * plan.fitted - 8, most_poles});
   for (Index K = std::min<Index>(16, most); K <= most; K += 4) {
     std::vector<Index> chosen(order.begin(), order.begin() + K);
     std::sort(chosen.begin(), chosen.end());
@@ -216,7 +226,7 @@ Picked pick_poles(const Samples& s, const FitNodes& plan, double h, double T) {
     const Matrix c = LeastSquares(columns).solve(fitted);
     const double error =
         std::max((columns * c - fitted).cwiseAbs().maxCoeff(),
-                 (cauchy(plan, plan.fitted, compared, poles, 1 / T) * c - unseen).cwiseAbs().maxCoeff());
+                 (cauchy(plan, plan.fitted, watched, poles, 1 / T) * c - beside).cwiseAbs().maxCoeff());
     if (error < 0.7 * best.error) best = {poles, error};
     if (best.error <= wanted_error) break;
   }
@@ -251,10 +261,10 @@ Directions find_directions(const DiscreteProblem& p, const Samples& s, const Fit
   const Index K = picked.poles.size(), n = s.n;
   const Vector& poles = picked.poles;
   const LeastSquares fit(cauchy(plan, 0, plan.fitted, poles, 1 / p.scene.T));
-  RowMatrix residues(K, s.of_y.cols());
-  share(p.backend, s.of_y.cols(), 8192, [&](Index first, Index last) {
+  RowMatrix residues(K, s.fitted.of_y.cols());
+  share(p.backend, s.fitted.of_y.cols(), 8192, [&](Index first, Index last) {
     residues.middleCols(first, last - first) = ((1 / p.scene.T - poles.array()).matrix().asDiagonal() *
-                                                fit.solve(s.of_y.middleCols(first, last - first)).topRows(K));
+                                                fit.solve(s.fitted.of_y.middleCols(first, last - first)).topRows(K));
   });
   const auto kernel_at = [&](double t) {
     RowMatrix at(s.outputs, n);
@@ -326,7 +336,7 @@ class Assembly {
  private:
   void fit_y() {
     const Index n = s_.n;
-    rotate(p_.backend, d_.P, s_.outputs, s_.of_y);
+    rotate(p_.backend, d_.P, s_.outputs, s_.fitted.of_y);
     const std::vector<Index> first = first_poles(d_);
     Matrix direct(s_.outputs, n);
     for (Index b = 0; b < n;) {
@@ -343,10 +353,10 @@ class Assembly {
   // Directions b..end-1 with poles from `from` on.
   void fit_directions(Index b, Index end, Index from, Matrix& direct) {
     const Index width = end - b, K = poles_.size();
-    RowMatrix data(s_.of_y.rows(), s_.outputs * width);
+    RowMatrix data(s_.fitted.of_y.rows(), s_.outputs * width);
     for (Index r = 0; r < data.rows(); ++r)
       Eigen::Map<RowMatrix>(data.row(r).data(), s_.outputs, width) =
-          Eigen::Map<const RowMatrix>(s_.of_y.row(r).data(), s_.outputs, s_.n).middleCols(b, width);
+          Eigen::Map<const RowMatrix>(s_.fitted.of_y.row(r).data(), s_.outputs, s_.n).middleCols(b, width);
     const LeastSquares fit(columns_.rightCols(K + 1 - from));
     RowMatrix c(K + 1 - from, data.cols());
     share(p_.backend, data.cols(), 4096,
@@ -362,7 +372,7 @@ class Assembly {
   }
 
   void fit_others(Index sources, bool with_x0) {
-    const Matrix c = s_.width > 0 ? LeastSquares(columns_).solve(s_.others) : Matrix(0, 0);
+    const Matrix c = s_.width > 0 ? LeastSquares(columns_).solve(s_.fitted.others) : Matrix(0, 0);
     const Index K = poles_.size();
     for (Index f = 0; f < s_.width; ++f) {
       const bool x0 = with_x0 && f == s_.width - 1;
@@ -387,13 +397,14 @@ class Assembly {
     output_.push_back(std::move(output));
   }
 
-  // At the nodes for comparison, from the finished model.
+  // At the nodes held out, from the finished model.
   double error() const {
     double worst = 0;
     const Index n = s_.n;
-    for (Index i = 0; i < compared; ++i) {
-      const Complex z = plan_.nodes[std::size_t(plan_.fitted + i)];
-      const double weight = plan_.weight[plan_.fitted + i];
+    for (Index i = 0; i < held_out; ++i) {
+      const Index node = plan_.fitted + watched + i;
+      const Complex z = plan_.nodes[std::size_t(node)];
+      const double weight = plan_.weight[node];
       ComplexMatrix H = ComplexMatrix::Zero(s_.outputs, n + s_.width);
       for (Index r = 0; r < model_.rows(); ++r) {
         const bool y = r < model_.driven, x0 = r >= model_.driven + model_.forced;
@@ -408,12 +419,12 @@ class Assembly {
         if (!imaginary && model_.sources > 0)
           part[0].middleCols(n, model_.sources) += model_.direct.rightCols(model_.sources);
         if (!imaginary && direct_of_x0_.size() > 0) part[0].rightCols(1) += direct_of_x0_;
-        const Index row = i + imaginary * compared;
+        const Index row = i + imaginary * held_out;
         for (Index a = 0; a < s_.outputs; ++a) {
           for (Index b = 0; b < n; ++b)
-            take(weight * of_y(a, b) / s_.scale_of(a, 0) - s_.compared_of_y(row, a * n + b), worst);
+            take(weight * of_y(a, b) / s_.scale_of(a, 0) - s_.held_out.of_y(row, a * n + b), worst);
           for (Index f = 0; f < s_.width; ++f)
-            take(weight * part[imaginary](a, n + f) / s_.scale_of(a, 1 + f) - s_.compared_others(row, a * s_.width + f),
+            take(weight * part[imaginary](a, n + f) / s_.scale_of(a, 1 + f) - s_.held_out.others(row, a * s_.width + f),
                  worst);
         }
       }
@@ -444,23 +455,26 @@ class Assembly {
 
 }  // namespace pole_fitting
 
-PoleFit fit_pole_model(const DiscreteProblem& p, const std::vector<Index>& components) {
+PoleFit fit_pole_model(const DiscreteProblem& p, const std::vector<Index>& components, PoleLimits limits) {
   using namespace pole_fitting;
   const Wide wide = widen(p, components);
-  if (wide.sources > most_columns) return {nullptr, "f has many columns"};
+  if (wide.sources > most_columns) return {.reason = "f has many columns"};
   const FitNodes plan(p.h, p.scene.T);
-  PoleFit fit;
-  fit.nodes = plan.count();
+  PoleFit fit{.nodes = plan.count()};
+  const auto missed = [&fit](Index poles, double error) {
+    fit.error = error;
+    fit.reason = text("%td real poles miss H(z) by %.1e", poles, error);
+    return fit;
+  };
   try {
     Samples samples = sample(p, wide, plan);
-    if (!samples.of_y.allFinite() || !samples.others.allFinite()) return {nullptr, "H(z) is not finite", fit.nodes};
-    const Picked picked = pick_poles(samples, plan, p.h, p.scene.T);
-    if (!(picked.error <= 10 * accepted_pole_error))
-      return {nullptr, text("%td real poles miss H(z) by %.1e", picked.poles.size(), picked.error), fit.nodes};
+    if (!samples.finite()) return fit.reason = "H(z) is not finite", fit;
+    const Picked picked = pick_poles(samples, plan, p.h, p.scene.T, limits.most_poles);
+    if (!(picked.error <= 10 * limits.accepted_error)) return missed(picked.poles.size(), picked.error);
     const Directions directions = find_directions(p, samples, plan, picked);
     auto model = Assembly(p, samples, plan, picked, directions).make(wide.sources, wide.states > 0);
-    if (!(model->error <= accepted_pole_error))
-      return {nullptr, text("%td real poles miss H(z) by %.1e", model->distinct, model->error), fit.nodes};
+    if (!(model->error <= limits.accepted_error)) return missed(model->distinct, model->error);
+    fit.error = model->error;
     fit.model = std::move(model);
   } catch (const SingularShift&) {
     fit.reason = "a node is an eigenvalue";

@@ -1,7 +1,7 @@
 #pragma once
 // Few poles for dynamics that are known by shifted solves. H(z) of core/host/pole_model.hpp is computed at a few dozen
-// nodes, poles are picked for all its entries together, residues are a least-squares fit, and the fit is compared with
-// H at nodes that it has not seen.
+// nodes, poles are picked for all its entries together, and residues are a least-squares fit. Three more nodes decide
+// how many poles there are. Six others have no part in any of this: they give the error of the finished model.
 //
 // Nodes. All weights of a grid with step h are integrals of H along a curve to the right of the poles:
 //
@@ -21,6 +21,8 @@
 #include "../host/pole_model.hpp"
 #include "discrete_problem.hpp"
 
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -28,16 +30,22 @@
 namespace bromwich {
 
 struct PoleFit {
-  std::shared_ptr<const PoleModel> model;  ///< null: see `reason`
-  std::string reason;                      ///< why no poles were found
-  Index nodes = 0;                         ///< shifted solves
+  std::shared_ptr<const PoleModel> model = {};  ///< null: see `reason`
+  std::string reason = {};                      ///< why no poles were found
+  Index nodes = 0;                              ///< shifted solves
+  double error = INFINITY;                      ///< of the model, or of the fit that was refused
+};
+
+/// Largest error at the nodes held out, of each block (constraints or components) x (y, a source, x0), with the weights
+/// above, relative to the largest value of the block: up to this a fit may replace lag weights.
+inline constexpr double accepted_pole_error = 1e-9;
+
+struct PoleLimits {
+  Index most_poles = std::numeric_limits<Index>::max();
+  double accepted_error = accepted_pole_error;
 };
 
 /// The model of the problem's dynamics for its step and times up to T.
-PoleFit fit_pole_model(const DiscreteProblem&, const std::vector<Index>& components);
-
-/// Largest error at nodes that the fit has not seen, of each block (constraints or components) x (y, a source, x0),
-/// with the weights above, relative to the largest value of the block: up to this a fit may replace lag weights.
-inline constexpr double accepted_pole_error = 1e-9;
+PoleFit fit_pole_model(const DiscreteProblem&, const std::vector<Index>& components, PoleLimits = {});
 
 }  // namespace bromwich

@@ -7,6 +7,7 @@
 #include "core/iteration/windows.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
+#include "core/kernel/pole_plans.hpp"
 #include "core/march/marching.hpp"
 #include "core/march/split.hpp"
 #include "core/march/stages.hpp"
@@ -23,6 +24,26 @@ namespace {
 void refuse(const std::string& why, Result& result) {
   result.status = Status::unsupported;
   result.reason = why + "; use method march or euler";
+}
+
+// Why no contact settles in sweeps of the iteration: y_i of one time point acts on w_i of the same more than M_ii, for
+// every i. A set S of contacts is multiplied by M_SS^{-1} (W_0)_SS then, whose largest eigenvalue is at least the
+// largest ratio of the diagonals where both are symmetric. Empty: not known.
+// For dynamics known by shifted solves alone; dense ones and Kronecker sums have forecasts of their own.
+std::string never_contracts(const DiscreteProblem& p, TimeOperator& op) {
+  if (p.small_state() || p.modes() || p.lcp_class == LcpClass::Z) return "";
+  const SharedWeights weights = op.kernel_weights(ConvolutionChoice::automatic).weights;
+  const Index n = p.scene.constraints();
+  Vector first;
+  if (const auto* poles = std::get_if<PoleRecurrence>(weights.get()))
+    first = implicit_part(*poles).diagonal();
+  else if (const auto* table = std::get_if<LagTable>(weights.get()); table && !table->modal)
+    first = Eigen::Map<const RowMatrix>(table->W.row(0).data(), n, n).diagonal();
+  const Vector own = diagonal(p.scene.M);
+  if (first.size() != n || !(first.array() >= own.array()).all()) return "";
+  return text(
+      "no contact settles in sweeps: the first lag W_0 of the kernel outweighs M in every row, by %.2g and more",
+      (first.array() / own.array()).minCoeff());
 }
 
 }  // namespace
@@ -175,6 +196,7 @@ RowMatrix Methods::all_states(Method method, const Result& result) const {
 
 void Methods::iterate(const Options& options, Result& result) {
   if (const std::string why = operator_->missing_weights(); !why.empty()) return refuse(why, result);
+  if (const std::string why = never_contracts(problem_, *operator_); !why.empty()) return refuse(why, result);
   const Index window = iteration_window(problem_, options.iteration_tolerance);
   if (window < problem_.J)
     note(options.log, LogLevel::info, "sweeps contract on windows of at most %ld of %ld steps", long(window),
@@ -191,7 +213,7 @@ void Methods::cycle(const Options& options, Result& result) {
   }
   // Without coarse grids that contract, cycles in w may.
   const auto f = iteration_forecast(problem_, options.iteration_tolerance);
-  if (f && f->longest_window(options.iteration_tolerance) == 0) {
+  if ((f && f->longest_window(options.iteration_tolerance) == 0) || !never_contracts(problem_, *operator_).empty()) {
     Result dual;
     dual.seconds = result.seconds;
     dual.method = result.method;

@@ -134,6 +134,23 @@ TEST_F(Bench, SparseSolvesAllItsRows) {
   EXPECT_LT(json["rows"][0]["difference_max"], 0.1);
 }
 
+TEST_F(Bench, FieldsCompareAtEqualError) {
+  const Json json = study("fields");
+  ASSERT_EQ(json["rows"].size(), 8u);
+  std::map<std::string, double> steps;
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["status"], "solved") << row;
+    // The Euler of the study and method euler solve the same equations; problems of a condition below 1e4.
+    EXPECT_LE(row["difference_from_euler"], 1e-9) << row;
+    const std::string key = row["at"].get<std::string>() + row["contestant"].get<std::string>();
+    steps[key] = std::max(steps[key], row["steps"].get<double>());
+    if (row["at"] != "equal error") continue;
+    EXPECT_LE(row["error_w_max"], 2e-2) << row;
+    EXPECT_LE(row["error_y_mean"], 2e-2) << row;
+  }
+  EXPECT_LT(steps["equal errormarch"], steps["equal errorsparse euler"]) << "order two against order one";
+}
+
 TEST_F(Bench, DualContractsAndAgreesWithImplicitEuler) {
   const Json json = study("dual");
   ASSERT_GE(json["rows"].size(), 2u);

@@ -126,8 +126,11 @@ TEST(SparseLcp, BatchesOfSweepsAreExact) {
 TEST(SparseLcp, WhatTheSweepsDoNotSolveIsSaid) {
   const auto backend = make_cpu_backend(1);
   const SparseMatrix large = stencil(20, 1, 0, 3);
+  const auto R = backend->array(3, 400), V = backend->array(3, 400), Y = backend->array(3, 400);
+  backend->upload(RowMatrix(RowMatrix::Constant(3, 400, -1)), *R);
+  const auto batch = backend->lcp(SparseLcpMatrix(large), LcpClass::automatic, 3);
   try {
-    backend->lcp(SparseLcpMatrix(large), LcpClass::automatic, 3);
+    batch->solve(*R, *V, *Y, 0);
     FAIL() << "no error";
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("neither symmetric positive definite nor H+"), std::string::npos);

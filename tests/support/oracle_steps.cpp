@@ -172,9 +172,14 @@ bool jumps(const DenseScene& s, double h, const Vector& Y, const Vector& before,
   const Vector first = Y.head(n), last = Y.tail(n);
   if (((first.array() > 0) == (last.array() > 0)).all()) return false;
   const double zero = 1e-9 * margin * Y.cwiseAbs().maxCoeff();
-  for (Index i = 0; i < n; ++i)
-    if (first[i] > std::max(zero, 4 * margin * regular[i]) && !(last[i] > zero / (margin * margin))) return true;
-  const Vector moved = h / margin * (s.B * first).cwiseAbs().cwiseMax((s.B * last).cwiseAbs());
+  // Contacts that stay or begin end on the constraint, whatever the step.
+  Vector released = Vector::Zero(n);
+  for (Index i = 0; i < n; ++i) {
+    if (!(first[i] > zero) || last[i] > zero / (margin * margin)) continue;
+    if (first[i] > 4 * margin * regular[i]) return true;
+    released[i] = first[i];
+  }
+  const Vector moved = h / margin * (s.B * released).cwiseAbs();
   const Vector size = before.cwiseAbs().cwiseMax(after.cwiseAbs());
   const double least = 0.01 * size.maxCoeff();
   for (Index i = 0; i < size.size(); ++i)

@@ -1,0 +1,189 @@
+// Sparse dynamics with contact along a side, through whole solves: which methods refuse what, and bad input. 676 states
+// are above those written out as dense, 26 contacts with 1600 steps above those whose weights are tabulated.
+
+#include "core/base/error.hpp"
+#include "core/solve/solve.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "tests/support/dense_twin.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+namespace bromwich {
+namespace {
+
+constexpr Index Q = 26, m = Q * Q, many_steps = 1600;
+
+SparseMatrix unit_mass() {
+  SparseMatrix E(m, m);
+  E.setIdentity();
+  return E;
+}
+
+// Heat in Q x Q cells, kept at 0 on all sides but the insulated one with the contacts.
+SparseDynamics heated_square() {
+  const double scale = 0.05 * double(Q + 1) * double(Q + 1);
+  std::vector<Eigen::Triplet<double>> entries;
+  SparseDynamics d{SparseMatrix(m, m), SparseMatrix(m, Q), SparseMatrix(Q, m)};
+  for (Index i = 0; i < Q; ++i)
+    for (Index k = 0; k < Q; ++k) {
+      const Index cell = i * Q + k;
+      entries.emplace_back(cell, cell, k > 0 ? -4 * scale : -3 * scale);
+      if (k > 0) entries.emplace_back(cell, cell - 1, scale);
+      if (k + 1 < Q) entries.emplace_back(cell, cell + 1, scale);
+      if (i > 0) entries.emplace_back(cell, cell - Q, scale);
+      if (i + 1 < Q) entries.emplace_back(cell, cell + Q, scale);
+    }
+  d.A.setFromTriplets(entries.begin(), entries.end());
+  for (Index i = 0; i < Q; ++i) {
+    d.B.insert(i * Q, i) = double(Q + 1);
+    d.N.insert(i, i * Q) = 1;
+  }
+  return d;
+}
+
+Scene field(const SparseDynamics& d, double compliance) {
+  Scene scene;
+  scene.name = "field";
+  scene.dynamics = d;
+  scene.M = Tridiagonal{Vector::Zero(Q), Vector::Constant(Q, compliance), Vector::Zero(Q)};
+  scene.g = [](double t, Eigen::Ref<Vector> g) {
+    for (Index i = 0; i < Q; ++i)
+      g[i] = 0.05 - 0.4 * std::sin(3 * t) * std::sin(std::numbers::pi * double(i + 1) / double(Q + 1));
+  };
+  scene.x0 = Vector::Zero(m);
+  scene.T = 2;
+  return scene;
+}
+
+Result solved_by(const Scene& scene, Method method, Index steps) {
+  Options options;
+  options.method = method;
+  options.steps = steps;
+  return solve(scene, *make_cpu_backend(2), options);
+}
+
+// Without a node: its row and column of A, and its entry of E where `mass` is 0.
+SparseDynamics isolated(Index node, double mass) {
+  SparseDynamics d = heated_square();
+  for (Index k = 0; k < m; ++k)
+    for (SparseMatrix::InnerIterator a(d.A, k); a; ++a)
+      if (a.row() == node || k == node) a.valueRef() = 0;
+  d.A.prune(0.0);
+  d.E = unit_mass();
+  d.E.coeffRef(node, node) = mass;
+  d.E.prune(0.0);
+  return d;
+}
+
+TEST(Fields, SweepsThatCannotContractAreNotTried) {
+  const Scene scene = field(heated_square(), 1e-2);
+  for (const Index steps : {Index(64), many_steps}) {  // tables of weights, poles
+    const Result swept = solved_by(scene, Method::contour, steps);
+    EXPECT_EQ(swept.status, Status::unsupported);
+    EXPECT_NE(swept.reason.find("outweighs M in every row"), std::string::npos) << swept.reason;
+    EXPECT_EQ(swept.iterations, 0);
+  }
+  const Result chosen = solved_by(scene, Method::automatic, many_steps);
+  ASSERT_EQ(chosen.status, Status::solved) << chosen.reason;
+  EXPECT_EQ(chosen.method, Method::march);
+  EXPECT_GT((chosen.y.array() > 0).count(), 1000);
+}
+
+TEST(Fields, MultigridTakesCyclesInWWhereSweepsDoNotContract) {
+  const Scene scene = field(heated_square(), 1e-2);
+  constexpr Index steps = 64;
+  const Result cycled = solved_by(scene, Method::multigrid, steps);
+  ASSERT_EQ(cycled.status, Status::solved) << cycled.reason;
+  EXPECT_NE(cycled.kernel.find("cycles in w"), std::string::npos) << cycled.kernel;
+  // Implicit Euler at worst, of order one, whose own steps method euler takes.
+  const Result euler = solved_by(scene, Method::euler, steps), march = solved_by(scene, Method::march, steps);
+  const double apart = (cycled.y - march.y).bottomRows(steps).cwiseAbs().mean(),
+               of_euler = (euler.y - march.y).bottomRows(steps).cwiseAbs().mean();
+  EXPECT_LE(apart, 1.1 * of_euler);
+  EXPECT_GT((march.y.array() > 0).count(), 100);
+}
+
+// A compliance above the first lag of the kernel: the refusal is not for these.
+TEST(Fields, SweepsThatContractAreTaken) {
+  const Scene scene = field(heated_square(), 5);
+  const Result swept = solved_by(scene, Method::contour, many_steps),
+               march = solved_by(scene, Method::march, many_steps);
+  ASSERT_EQ(swept.status, Status::solved) << swept.reason;
+  EXPECT_LE((swept.y - march.y).cwiseAbs().maxCoeff(), 1e-9 * march.y.maxCoeff());
+}
+
+TEST(Fields, ASingularMassIsNamedByEveryMethod) {
+  const Index node = 5 * Q + 7;
+  SparseDynamics rank = heated_square();
+  rank.E = unit_mass();
+  rank.E.coeffRef(10, 11) = rank.E.coeffRef(11, 10) = 1;  // two equal rows
+  SparseDynamics row = heated_square();
+  row.E = unit_mass();
+  row.E.coeffRef(node, node) = 0;
+  // A node that no element has: its row is zero in both matrices, and zE - A is singular for all z.
+  for (const SparseDynamics& d : {rank, row, isolated(node, 0)})
+    for (const Method method : {Method::automatic, Method::march, Method::euler, Method::contour, Method::multigrid}) {
+      const Result r = solved_by(field(d, 1e-2), method, 64);
+      EXPECT_EQ(r.status, Status::unsupported) << to_string(method);
+      EXPECT_NE(r.reason.find("E is singular"), std::string::npos) << r.reason;
+      EXPECT_TRUE(r.y.bottomRows(64).array().isNaN().all());
+    }
+}
+
+// With a mass an isolated node keeps its value, and an isolated contact integrates y.
+TEST(Fields, IsolatedNodesWithAMassAreSolved) {
+  for (const auto& [node, compliance] : {std::pair<Index, double>{5 * Q + 7, 0}, {3 * Q, 5}}) {
+    const Scene scene = field(isolated(node, 1), compliance);
+    const Result found = solved_by(scene, Method::march, many_steps),
+                 twin = solved_by(dense_twin(scene), Method::march, many_steps);
+    ASSERT_EQ(found.status, Status::solved) << found.reason;
+    ASSERT_EQ(twin.status, Status::solved) << twin.reason;
+    ASSERT_EQ(found.continuous, twin.continuous);
+    // Weights to 1e-9, whose sum over the steps, 1/(M + W_0) and the constraints on both sides amplify.
+    EXPECT_LE((found.y - twin.y).bottomRows(many_steps).cwiseAbs().maxCoeff(), 1e-5 * twin.y.maxCoeff()) << node;
+    EXPECT_GT((found.y.array() > 0).count(), 1000);
+  }
+}
+
+// n = 300 rows are not written out. The march solves problems with M + W_0, the sweeps those of M.
+TEST(Fields, AMatrixOfNoClassIsNamedWhereSweepsNeedIt) {
+  constexpr Index n = 300, states = 700;
+  SparseDynamics d{SparseMatrix(states, states), SparseMatrix(states, n), SparseMatrix(n, states)};
+  for (Index i = 0; i < states; ++i) d.A.insert(i, i) = -1 - double(i) / 20;
+  SparseMatrix M(n, n);
+  for (Index i = 0; i < n; ++i) {
+    d.B.insert(2 * i, i) = 1;
+    d.N.insert(i, 2 * i) = 1;
+    M.insert(i, i) = 1;
+    if (i + 1 < n) M.insert(i, i + 1) = 2;
+    if (i > 0) M.insert(i, i - 1) = 3;
+  }
+  M.insert(0, n - 1) = 1;
+  Scene scene;
+  scene.name = "no class";
+  scene.dynamics = d;
+  scene.M = SparseLcpMatrix(M);
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g.setConstant(0.1 - t); };
+  scene.x0 = Vector::Zero(states);
+  scene.T = 1;
+  try {
+    solved_by(scene, Method::contour, 16);
+    FAIL() << "no error";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.argument(), "M");
+    EXPECT_NE(std::string(error.what()).find("neither symmetric positive definite nor H+"), std::string::npos);
+  }
+  // A march says what became of it: a solution with its residual, or where it ended.
+  const Result euler = solved_by(scene, Method::euler, 16);
+  if (euler.status == Status::solved) {
+    EXPECT_LE(euler.residual, 1e-9);
+  } else {
+    EXPECT_FALSE(euler.reason.empty());
+  }
+}
+
+}  // namespace
+}  // namespace bromwich
