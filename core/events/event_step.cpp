@@ -12,7 +12,7 @@ namespace {
 constexpr Index degree = Collocation::degree;
 constexpr double rounding_tail = 1e-10;      ///< of last coefficients: below, rounding is the cause where it stays
 constexpr double noise_share = 10;           ///< of the tolerance: negative values below count as zero
-constexpr double unseen = 1e-4;              ///< of the state: what rounding of y may move
+constexpr double unseen = 1e-3;              ///< of the state: what rounding of y may move
 constexpr double shortest_share = 1e-14;     ///< of T
 constexpr Index looks_per_interval = 16384;  ///< at sources, in [0, T], where they seem to be smooth
 constexpr double of_source = 100;            ///< of one value of one component of a source, likewise
