@@ -113,10 +113,10 @@ class Steps {
 /// Some Y that solves a step. For Z with one stage it must also be the least element of LCP(M, N x_j + g_j).
 std::optional<Vector> step_solution(const DenseScene&, const StepProblem&, const Vector& near);
 
-/// Whether a Radau IIA step must be replaced by implicit Euler because the state jumps: some constraint is active at
-/// one stage only, and either h max_i ||B y_i||_inf exceeds a quarter of max(||x_{j-1}||_inf, ||x_j||_inf), or some y_i
-/// is active at the first stage with more than four times `regular`, its largest value at the ends of steps without
-/// jumps, and inactive at the second. `margin` above 1: clearly; below 1: nearly.
+/// Whether a Radau IIA step must be replaced by implicit Euler because the state jumps: some y_i is active at the first
+/// stage and not at the second, and either these y move a component by more than a quarter of its size (or of a
+/// hundredth of the largest), h |B y|, or one has more than four times `regular`, its largest value at the ends of
+/// steps without jumps. `margin` above 1: clearly; below 1: nearly.
 bool jumps(const DenseScene&, double h, const Vector& Y, const Vector& before, const Vector& after,
            const Vector& regular, double margin = 1);
 
