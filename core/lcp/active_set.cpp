@@ -275,12 +275,8 @@ bool ActiveSetLcp::lemke(LcpOutcome& outcome) {
 
 bool ActiveSetLcp::enumerate(LcpOutcome& outcome) {
   if (q_.size() > largest_enumeration) return false;
-  constexpr double decided = 1e-6;  // far above what rounding misses
-  double missed = 0;
-  const auto y = solve_by_enumeration(
-      M_, q_, [this](const std::vector<Index>& S) { return may_be_taken(S); }, &missed);
+  const auto y = solve_by_enumeration(M_, q_, [this](const std::vector<Index>& S) { return may_be_taken(S); });
   outcome.newton += 1 << q_.size();
-  outcome.infeasible = !y && class_ == LcpClass::unknown && least_of_ == nullptr && missed > decided;
   outcome.exhausted = !y;
   return y && take(*y);
 }

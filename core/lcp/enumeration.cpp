@@ -6,7 +6,6 @@
 #include <Eigen/QR>
 
 #include <algorithm>
-#include <cmath>
 
 namespace bromwich {
 
@@ -58,10 +57,8 @@ Vector nonnegative_least_squares(const Matrix& A, const Vector& b) {
 }
 
 std::optional<Vector> solve_by_enumeration(const Matrix& M, const Vector& q,
-                                           const std::function<bool(const std::vector<Index>&)>& admissible,
-                                           double* missed) {
+                                           const std::function<bool(const std::vector<Index>&)>& admissible) {
   const Index n = q.size();
-  double least = INFINITY;
   for (unsigned set = 0; set < 1u << n; ++set) {
     const std::vector<Index> S = members(set, n);
     if (!admissible(S)) continue;
@@ -74,9 +71,7 @@ std::optional<Vector> solve_by_enumeration(const Matrix& M, const Vector& q,
         y = in_complementary_cone(M, q, S);
     }
     if (is_solution(M, q, y)) return y;
-    if (missed) least = std::min(least, y.cwiseMin(M * y + q).cwiseAbs().maxCoeff() / q.cwiseAbs().maxCoeff());
   }
-  if (missed) *missed = least;
   return std::nullopt;
 }
 

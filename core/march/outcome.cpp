@@ -1,6 +1,7 @@
 #include "core/march/outcome.hpp"
 
 #include "core/base/text.hpp"
+#include "core/lcp/enumeration.hpp"
 
 #include <Eigen/LU>
 
@@ -75,6 +76,11 @@ void explain_stop(const DiscreteProblem& p, const MarchReport& report, Result& r
     result.status = Status::infeasible;
     result.infeasible_at = p.t[report.infeasible];
     result.reason = "no solution from " + where + " on";
+  } else if (p.lcp_class == LcpClass::unknown && p.scene.constraints() <= largest_enumeration) {
+    // All active sets were tried. Solutions need not be unique: this is no proof for the scene.
+    result.status = Status::tolerance_not_met;
+    result.reason = "no active set solves the step to " + where +
+                    "; M is of no known class: with another solution of an earlier step it may go on";
   } else {
     result.status = Status::tolerance_not_met;
     result.reason =

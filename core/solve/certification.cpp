@@ -316,10 +316,7 @@ void Certification::confirm_infeasible(Result& result) {
   const double at = *result.infeasible_at;
   const Index last = std::max<Index>(Index(std::llround(at / p.h)) - 1, 0);
   const bool same_end = fine.status == Status::infeasible && std::abs(*fine.infeasible_at - at) <= 2 * p.h;
-  if (same_end && (last == 0 || change_when_halved(result.y, fine.y, last).largest <= confirmed_change)) {
-    if (p.lcp_class == LcpClass::unknown) result.reason += "; M is of no known class: another solution may go on";
-    return;
-  }
+  if (same_end && (last == 0 || change_when_halved(result.y, fine.y, last).largest <= confirmed_change)) return;
   result.infeasible_at.reset();
   demote(result,
          text("the step to t = %.6g has no solution, but that changes with the step: not proven for the scene", at));

@@ -21,7 +21,7 @@ double residual(const Matrix& M, const Vector& q, const Vector& y) {
 
 TEST(LcpUnknown, MissesNoSolution) {
   Random random(31);
-  int without = 0, known = 0, infeasible = 0;
+  int without = 0, known = 0;
   for (int instance = 0; instance < 4000; ++instance) {
     const Index n = 1 + instance % 8;
     const Matrix M = random.matrix(n, n);
@@ -32,16 +32,14 @@ TEST(LcpUnknown, MissesNoSolution) {
     const LcpOutcome outcome = solver.solve(q, y);
     EXPECT_EQ(outcome.solved, exact.has_value()) << instance << "\n" << M << "\n" << q.transpose();
     EXPECT_EQ(outcome.exhausted, !exact.has_value()) << instance;
-    EXPECT_FALSE(outcome.infeasible && exact) << instance << ": every active set was tried";
+    EXPECT_FALSE(outcome.infeasible) << "nothing is proven by that";
     without += !exact;
-    infeasible += outcome.infeasible;
     if (!outcome.solved) continue;
     // Backward stable solves of size n <= 8, after scaling.
     EXPECT_LE(residual(M, q, y), 1e-12) << instance;
     known += (y - *exact).cwiseAbs().maxCoeff() > 1e-6;
   }
   EXPECT_GT(without, 500);
-  EXPECT_GE(infeasible, 0.99 * without) << "some may be missed by rounding only";
   EXPECT_GT(known, 100) << "several solutions are common: any of them will do";
 }
 

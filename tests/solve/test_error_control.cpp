@@ -424,23 +424,20 @@ TEST(ErrorControl, CyclesGoOnWhereSmallComponentsNeedIt) {
   EXPECT_LE(true_error(scene, r), 1e-4);
 }
 
-// x' = -y, w = x - y - 2 t from 1: y = 0 up to t = 1/2, where w would be negative with y = 0 and with any y > 0.
-TEST(ErrorControl, SaysThatThereIsNoSolutionWhereNoActiveSetIsOne) {
+// x' = -y, w = x - y - 2 t from 1: y = 0 up to t = 1/2, where w would be negative with y = 0 and with any y > 0. That
+// y = x - 2 t > 0 from the start ends too is not seen, so nothing is proven.
+TEST(ErrorControl, SaysThatNoActiveSetIsASolution) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{-1}}, Matrix{{1}}};
   scene.M = Matrix{{-1}};
   scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -2 * t; };
   scene.x0 = Vector{{1}};
   scene.T = 1;
-  for (const Method method : {Method::automatic, Method::march, Method::euler, Method::galerkin})
-    for (const double tolerance : {0.0, 1e-3}) {
-      Options options = options_for(method, 100);
-      options.tolerance = tolerance;
-      const Result r = run(scene, options);
-      EXPECT_EQ(r.status, Status::infeasible) << to_string(method) << ": " << r.reason;
-      ASSERT_TRUE(r.infeasible_at) << to_string(method);
-      EXPECT_NEAR(*r.infeasible_at, 0.5, 0.021) << to_string(method);  // two steps
-    }
+  for (const Method method : {Method::march, Method::euler}) {
+    const Result r = run(scene, options_for(method, 100));
+    EXPECT_EQ(r.status, Status::tolerance_not_met) << to_string(method);
+    EXPECT_EQ(r.reason.rfind("no active set solves the step to t = 0.5", 0), 0u) << r.reason;
+  }
   scene.T = 0.4;
   EXPECT_EQ(run(scene, options_for(Method::march, 100)).status, Status::solved);
 }
