@@ -244,7 +244,7 @@ def scene(name: str, **settings: float) -> Scene:
     if name not in catalogue:
         near = suggestion(name, catalogue)
         raise Error(f"scene: found {name!r}{near}, which is not built in; choose one of {', '.join(catalogue)}", "scene")
-    for key in settings.keys() - catalogue[name].keys():
+    for key in (k for k in settings if k not in catalogue[name]):
         near = suggestion(key, catalogue[name])
         raise Error(f"{key}: is no parameter of scene {name}{near}; choose from {', '.join(catalogue[name])}", key)
     values = {k: float(v) for k, v in settings.items()}

@@ -189,7 +189,7 @@ class Solver:
 def _known(arguments: dict[str, Any]) -> None:
     """What Python says of a misspelt argument, with its neighbour."""
     of_scene, of_solve = Scene.__init__.__kwdefaults__ or {}, solve.__kwdefaults__ or {}
-    for name in arguments.keys() - of_scene.keys():
+    for name in (n for n in arguments if n not in of_scene):
         near = suggestion(name, [*of_scene, *of_solve])
         raise TypeError(f"solve() got an unexpected keyword argument {name!r}{near}")
 
