@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include <unistd.h>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -109,7 +110,8 @@ TEST(Fit, RefusesMoreParametersThanData) {
 
 class File {
  public:
-  explicit File(const std::string& text) : name_(std::filesystem::temp_directory_path() / "bromwich_fit_data.csv") {
+  explicit File(const std::string& text)
+      : name_(std::filesystem::temp_directory_path() / ("bromwich_fit_" + std::to_string(::getpid()) + ".csv")) {
     std::ofstream(name_) << text;
   }
   ~File() { std::filesystem::remove(name_); }

@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include <unistd.h>
+
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -90,7 +92,7 @@ TEST(Sweep, DrawsHaveTheirLaw) {
 }
 
 TEST(Sweep, TablesAreAnAxis) {
-  const fs::path folder = fs::path(testing::TempDir()) / "sweep_tables";
+  const fs::path folder = fs::path(testing::TempDir()) / ("bromwich_sweep_" + std::to_string(::getpid()));
   fs::create_directories(folder);
   std::ofstream(folder / "v.csv") << "C, T\n1,2\n3,4\n";
   RowMatrix expected(4, 3);

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <unistd.h>
 #include <filesystem>
 #include <fstream>
 
@@ -15,11 +16,15 @@ namespace {
 class ResultFile : public testing::Test {
  protected:
   ResultTable of(const std::string& text, const std::string& name = "r.csv") {
-    path_ = std::filesystem::path(testing::TempDir()) / name;
+    path_ = folder_ / name;
     std::ofstream(path_) << text;
     return read_result("RESULT", path_);
   }
-  void TearDown() override { std::filesystem::remove(path_); }
+  void SetUp() override { std::filesystem::create_directory(folder_); }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  // Tests run side by side, each in a process of its own.
+  std::filesystem::path folder_ =
+      std::filesystem::temp_directory_path() / ("bromwich_table_" + std::to_string(::getpid()));
   std::filesystem::path path_;
 };
 
