@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <optional>
 #include <sstream>
 
@@ -316,6 +317,9 @@ double value_of(const Scene& scene, const Result& at, Index j, const Column& c) 
 }
 
 FitData read_fit_data(const std::string& argument, const std::string& file, const Scene& scene) {
+  std::error_code failure;
+  if (!std::filesystem::exists(file, failure))
+    throw Error(argument, fmt::format("the file '{}' does not exist", one_line(file)), "give the path of a CSV file");
   std::stringstream in(read_text({file, file}, argument));
   FitData data;
   std::vector<std::vector<double>> rows;
