@@ -88,9 +88,10 @@ class Problem {
           const FitData& data, Backend& backend, Options options)
       : scene_of_(scene_of), data_(data), backend_(backend), options_(std::move(options)) {
     for (const FreeParameter& p : free) by_.emplace_back(p);
-    const std::vector<Index> x = states_of(data.columns);
-    options_.states = x.empty() ? StateSelection::none : StateSelection::all;
     options_.trace = need_trace(data.columns);
+    // N x between time points takes the state.
+    const bool states = options_.trace || !states_of(data.columns).empty();
+    options_.states = states ? StateSelection::all : StateSelection::none;
     for (Index j = 0; j < data.values.rows(); ++j)
       for (Index k = 0; k < data.values.cols(); ++k)
         if (!std::isnan(data.values(j, k))) places_.emplace_back(j, k);
@@ -130,6 +131,7 @@ class Problem {
       values[Index(k)] = value_of(scene, at, j, data_.columns[std::size_t(column)]) - data_.values(j, column);
     }
     last_ = std::move(r);
+    last_p_ = p;
     return values;
   }
 
@@ -158,21 +160,23 @@ class Problem {
   }
 
  private:
-  static double step(const Vector& p, Index i) {
-    return difference * std::max(std::abs(p[i]), 1e-6 * p.cwiseAbs().maxCoeff() + 1e-290);
+  // p with component i a step below and above.
+  static std::pair<Vector, Vector> around(const Vector& p, Index i) {
+    const double d = difference * std::max(std::abs(p[i]), 1e-6 * p.cwiseAbs().maxCoeff() + 1e-290);
+    std::pair<Vector, Vector> both(p, p);
+    both.first[i] -= d;
+    both.second[i] += d;
+    return both;
   }
 
   Matrix exact(const Vector& p) {
     const Scene scene = scene_of_(p);
     std::string reason;
-    if (!residuals(p, reason)) throw Error("derivative", reason, "");
+    if (last_p_ != p && !residuals(p, reason)) throw Error("derivative", reason, "");
     const SolutionDerivative derivative(scene, last_);
     Matrix J(values(), inputs());
     for (Index i = 0; i < p.size(); ++i) {
-      const double d = step(p, i);
-      Vector below = p, above = p;
-      below[i] -= d;
-      above[i] += d;
+      const auto [below, above] = around(p, i);
       const Scene a = scene_of_(below), b = scene_of_(above);
       if (a.T != b.T || a.states() != b.states() || a.constraints() != b.constraints() || !a.dynamics->small_state())
         throw Error("derivative", "the parameters change T or sizes", "");
@@ -204,10 +208,7 @@ class Problem {
   Matrix by_differences(const Vector& p) {
     Matrix J(values(), inputs());
     for (Index i = 0; i < p.size(); ++i) {
-      const double d = step(p, i);
-      Vector below = p, above = p;
-      below[i] -= d;
-      above[i] += d;
+      const auto [below, above] = around(p, i);
       std::string reason;
       const auto a = residuals(below, reason), b = residuals(above, reason);
       J.col(i) = a && b ? Vector((*b - *a) / (above[i] - below[i])) : Vector::Zero(values());
@@ -223,6 +224,7 @@ class Problem {
   std::vector<std::pair<Index, Index>> places_;  ///< row and column of each datum
   double most_ = 0;
   Result last_;
+  Vector last_p_;  ///< the parameters of `last_`
   std::string derivatives_;
 };
 

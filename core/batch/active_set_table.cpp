@@ -1,6 +1,7 @@
 #include "core/batch/active_set_table.hpp"
 
 #include "core/lcp/other_solutions.hpp"
+#include "core/lcp/pivots.hpp"
 
 #include <Eigen/LU>
 
@@ -13,18 +14,6 @@ namespace {
 
 constexpr double least_condition = 1e-7;  ///< reciprocal, of scaled blocks: y keeps nine digits beyond it
 constexpr double most_inverse = 1e3;      ///< entries of V in scaled units, as those that ActiveSetLcp does not refine
-
-// As core/lcp/active_set.cpp judges sets: pivots of elimination without exchanges are positive beyond rounding.
-bool has_positive_pivots(Matrix M) {
-  const Index n = M.rows();
-  const Vector level = 16 * double(n) * epsilon * M.diagonal().cwiseAbs();
-  for (Index k = 0; k < n; ++k) {
-    if (!(M(k, k) > level[k])) return false;
-    const Index rest = n - k - 1;
-    M.bottomRightCorner(rest, rest) -= M.col(k).tail(rest) * M.row(k).tail(rest) / M(k, k);
-  }
-  return true;
-}
 
 }  // namespace
 

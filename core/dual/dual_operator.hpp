@@ -25,7 +25,7 @@ class DualResponse {
 /// The operator of the grid must outlive it.
 std::unique_ptr<DualResponse> make_dual_response(TimeOperator&, Index stages);
 
-/// Up to this many states all of them are recorded, whatever was asked for.
+/// With at most this many states, all of them are recorded.
 inline constexpr Index most_recorded_by_dual = 64;
 
 /// F with f = F phi for the values that a scene's source has, m x k.

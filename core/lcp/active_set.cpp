@@ -3,6 +3,7 @@
 #include "core/lcp/enumeration.hpp"
 #include "core/lcp/least_norm.hpp"
 #include "core/lcp/lemke.hpp"
+#include "core/lcp/pivots.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,19 +11,6 @@
 namespace bromwich {
 
 namespace {
-
-// All pivots of Gaussian elimination without exchanges are positive beyond rounding. For a Z-matrix this is equivalent
-// to being a nonsingular M-matrix; its pivots do not exceed the diagonal entries.
-bool pivots_positive(Matrix M) {
-  const Index n = M.rows();
-  const Vector level = 16 * double(n) * epsilon * M.diagonal().cwiseAbs();
-  for (Index k = 0; k < n; ++k) {
-    if (!(M(k, k) > level[k])) return false;
-    const Index rest = n - k - 1;
-    M.bottomRightCorner(rest, rest) -= M.col(k).tail(rest) * M.row(k).tail(rest) / M(k, k);
-  }
-  return true;
-}
 
 // For a larger ratio of row to pivot the update would lose six digits: M_SS is factorized instead.
 constexpr double safe_growth = 1e6;
@@ -284,7 +272,7 @@ bool ActiveSetLcp::enumerate(LcpOutcome& outcome) {
 // For Z, and if another matrix selects the solution: the active set is that of a least element.
 bool ActiveSetLcp::may_be_taken(const std::vector<Index>& S) const {
   if (least_of_ == nullptr && class_ != LcpClass::Z) return true;
-  return pivots_positive((least_of_ ? *least_of_ : M_)(S, S));
+  return has_positive_pivots((least_of_ ? *least_of_ : M_)(S, S));
 }
 
 // If M_SS is not nearly singular, Newton's method ended at a solution; for P- and Z-matrices this holds. Otherwise the

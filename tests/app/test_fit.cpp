@@ -3,6 +3,7 @@
 #include "app/fit.hpp"
 
 #include "core/base/error.hpp"
+#include "core/solve/dense_output.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <gtest/gtest.h>
@@ -81,6 +82,27 @@ TEST(Fit, IntervalsContainTheTruthAsOftenAsTheySay) {
     EXPECT_GE(inside, 178);
     EXPECT_LT(inside, 200);
   }
+}
+
+// Between the time points, where N x takes the state.
+TEST(Fit, TakesValuesOfWAlone) {
+  FitData data;
+  data.columns = {{ColumnKind::w, 0, "w0"}};
+  const auto backend = make_cpu_backend(1);
+  Options options = on_grid();
+  options.states = StateSelection::all;
+  options.trace = true;
+  const Scene scene = circuit(Vector{{0.8, 1.3}});
+  for (int k = 1; k < 20; ++k) data.t.push_back(0.2013 * k);
+  const Result at = at_times(scene, *backend, solve(scene, *backend, options), data.t);
+  data.values.resize(19, 1);
+  for (Index k = 0; k < 19; ++k) data.values(k, 0) = value_of(scene, at, k, data.columns.front());
+  ASSERT_TRUE(data.values.allFinite());
+  ASSERT_GT(data.values.maxCoeff(), 0.1);
+  const auto of_C = [](const Vector& p) { return circuit(Vector{{0.8, p[0]}}); };
+  const Fit f = fit(of_C, {{"C", 1.5, 1e-3}}, data, *backend, on_grid());
+  EXPECT_TRUE(f.converged) << f.ended;
+  EXPECT_NEAR(f.p[0], 1.3, 1e-5);
 }
 
 TEST(Fit, StaysWithinBounds) {
