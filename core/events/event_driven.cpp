@@ -92,7 +92,8 @@ class EventIntegration {
     const Successor::Choice next =
         enumerates_ ? successor_.choose_among_all(at_) : successor_.choose(at_, y_is_known, likely);
     if (!next.unique) return give_up("the solution is not unique: two active sets continue it differently");
-    if (!next.mode) return give_up("no active set was found that continues the solution");
+    if (!next.mode) return pass_unknown();
+    unknown_ = 0;
     mode_ = next.mode;
     for (const Vector& impulse : next.impulses) note_impulse(impulse);
     if (t > 0) note_jump_of_y(before, next.step);
@@ -153,12 +154,36 @@ class EventIntegration {
     return set;
   }
 
-  // A short step of implicit Euler, where events accumulate.
   bool pass_accumulation() {
-    if (++solution_.accumulations > most_accumulations) return give_up("events accumulate");
-    const double h = std::min(10 * options_.tolerance * T_, 0.5 * (at_.end - at_.t));
+    if (++solution_.accumulations > most_accumulations || !pass(10 * options_.tolerance * T_))
+      return give_up("events accumulate");
+    return true;
+  }
+
+  // Where a kink of a source is known to less than full precision, no active set holds on both sides of it. Steps of
+  // implicit Euler pass it, each ten times as long as the one before.
+  bool pass_unknown() {
+    const Vector before = at_.x;
+    const double h = 10 * options_.tolerance * T_ * std::pow(10.0, unknown_);
+    const bool passed = !enumerates_ && at_.t > 0 && ++unknown_ <= most_unknown && h <= longest_unknown * T_ && pass(h);
+    const auto moves_little = [&] {
+      const Vector size = at_.sizes.u.x.cwiseMax(before.cwiseAbs());
+      return (at_.x - before).cwiseAbs().maxCoeff() <= moved_unknown * size.maxCoeff();
+    };
+    if (!passed || !moves_little())
+      return give_up(steps_.sign_is_lost() ? "terms of y cancel so far that rounding decides its sign"
+                                           : "no active set was found that continues the solution");
+    return continue_with({}, false);
+  }
+  static constexpr int most_unknown = 5;
+  static constexpr double longest_unknown = 1e-7;  ///< of T
+  static constexpr double moved_unknown = 1e-5;    ///< of the state: more is a jump
+
+  // A short step of implicit Euler.
+  bool pass(double longest) {
+    const double h = std::min(longest, 0.5 * (at_.end - at_.t));
     const ShortSteps::Step step = short_steps_.take(at_.t, h, at_.x, Vector::Zero(n_));
-    if (!step.solved) return give_up("events accumulate");
+    if (!step.solved) return false;
     EventPiece piece{at_.t, h, at_.t + h, Matrix::Zero(s + 1, m_), Matrix::Zero(s + 1, n_), at_.integral};
     piece.x.row(0) = (at_.x + step.x).transpose() / 2;
     piece.x.row(1) = (step.x - at_.x).transpose() / 2;
@@ -223,6 +248,7 @@ class EventIntegration {
   const SwitchedMode* mode_ = nullptr;
   bool enumerates_ = false;   ///< tries all active sets
   Index pending_event_ = -1;  ///< the component that ended the last step
+  int unknown_ = 0;           ///< short steps since an active set was known
   double size_y_ = 0;
   std::size_t stored_ = 0;
   EventSolution solution_;

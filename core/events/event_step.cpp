@@ -197,7 +197,9 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
     if (step.defect <= tolerance_) look_between(p, step);
     if (step.defect <= tolerance_ || rounding) {
       find_event(mode, p, step);
-      return y_is_known(mode, p, step);
+      const bool known = y_is_known(mode, p, step);
+      if (!known) sign_is_lost_ = true;
+      return known;
     }
     if (h < shortest_share * T_) return false;
     before = step.defect;

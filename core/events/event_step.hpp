@@ -48,6 +48,8 @@ class EventSteps {
 
   double longest_from(const EventPoint& p) const { return std::min({p.h, longest_, p.end - p.t}); }
   /// Values below this share of the sum of their terms count as zero.
+  /// Whether a step was refused since rounding of y moves the state: the sign of y is not known.
+  bool sign_is_lost() const { return sign_is_lost_; }
   double noise() const;
 
   /// The longest resolved step in a mode, with its validity. False if none is.
@@ -71,6 +73,7 @@ class EventSteps {
   std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors_;  ///< kept as long as mode and h stay
   const SwitchedMode* factored_mode_ = nullptr;
   double factored_h_ = 0;
+  bool sign_is_lost_ = false;
 };
 
 }  // namespace bromwich

@@ -59,14 +59,18 @@ JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p) c
   return {p.x, start(here.sources.f, m), start(here.df, m), start(here.sources.g, n), start(dg, n), start(here.ddg, n)};
 }
 
-// An impulse is what h y tends to in steps of implicit Euler as h -> 0: that selects the one that the state needs.
+// An impulse is what h y tends to in steps of implicit Euler as h -> 0: that selects the one that the state needs. A
+// step adds the smooth motion within h to it, which is twice the difference of the steps h and h / 2.
 bool Successor::is_limit_of_short_steps(const EventPoint& p, const Vector& impulse) const {
   const double h = std::min(1e-8 / short_steps_.rate(), 0.5 * (p.end - p.t));
-  const ShortSteps::Step step = short_steps_.take(p.t, h, p.x, touching(p, false));
-  if (!step.solved) return false;
-  const Vector moved = system_.B * impulse, by_step = step.x - p.x;
-  return (moved - by_step).cwiseAbs().maxCoeff() <=
-         1e-3 * moved.cwiseAbs().maxCoeff() + 100 * steps_.noise() * p.x.cwiseAbs().maxCoeff();
+  const Vector offset = touching(p, false);
+  const ShortSteps::Step step = short_steps_.take(p.t, h, p.x, offset);
+  const ShortSteps::Step half = short_steps_.take(p.t, h / 2, p.x, offset);
+  if (!step.solved || !half.solved) return false;
+  const Vector moved = system_.B * impulse, by_half = half.x - p.x;
+  const double smooth = (step.x - half.x).cwiseAbs().maxCoeff();
+  return (moved - by_half).cwiseAbs().maxCoeff() <=
+         1e-3 * moved.cwiseAbs().maxCoeff() + 2 * smooth + 100 * steps_.noise() * p.x.cwiseAbs().maxCoeff();
 }
 
 bool Successor::may_jump(const SwitchedMode& mode, const EventPoint& p, const JetValues& u, const Vector& of,

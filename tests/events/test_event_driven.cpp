@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 
 namespace bromwich {
 namespace {
@@ -203,7 +204,51 @@ TEST(EventDriven, GivesUpWhereRoundingDecidesTheSignOfY) {
   scene.T = 1;
   const EventSolution s = integrate_with_events(scene, LcpClass::P, {}, {});
   EXPECT_FALSE(s.complete);
-  EXPECT_NE(s.reason, "");
+  EXPECT_NE(s.reason.find("rounding decides"), std::string::npos) << s.reason;
+}
+
+// w = x + g, g drops at 1/2 so that w would be -2e-5, and rises by 10 t from there: the state jumps by 2e-5, a contact
+// that ends at once.
+TEST(EventDriven, AnImpulseSmallerThanWhatSourcesMoveSoon) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{0}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = t < 0.5 ? -0.5 : -1 - 2e-5 + 10 * (t - 0.5); };
+  scene.x0 = Vector{{1}};
+  scene.T = 1;
+  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {0.5}, {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  EXPECT_EQ(s.jumps, 1);
+  EXPECT_NEAR(s.x(1, true)[0], 1 + 2e-5, 1e-12);
+}
+
+// M = diag(1, 0), y and w the parts of sin(2 pi t + c). Their kinks are named 1e-9 too early: no active set holds on
+// both sides of the true ones.
+TEST(EventDriven, KinksOfSourcesMayBeKnownToNineDigits) {
+  const Vector c{{0.3, 1.3}};
+  const auto s = [c](double t) { return Vector((2 * std::numbers::pi * t + c.array()).sin()); };
+  const Matrix B{{1, 0.2}, {0.3, 1}};
+  Scene scene;
+  scene.dynamics = DenseDynamics{-Matrix::Identity(2, 2), B, B.transpose()};
+  scene.M = Matrix{{1, 0}, {0, 0}};
+  // x = (1, 1): f = x - B y, g = w - N x - M y.
+  scene.f = [=](double t, Eigen::Ref<Vector> v) { v = Vector::Ones(2) - B * s(t).cwiseMax(0); };
+  scene.g = [=](double t, Eigen::Ref<Vector> v) {
+    v = (-s(t)).cwiseMax(0) - B.transpose() * Vector::Ones(2) - s(t).cwiseMax(0).cwiseProduct(Vector::Unit(2, 0));
+  };
+  scene.x0 = Vector::Ones(2);
+  scene.T = 2;
+  std::vector<double> kinks;
+  for (int k = 1; k <= 4; ++k)
+    for (const double phase : c) kinks.push_back((k - phase / std::numbers::pi) / 2 - 1e-9);
+  std::sort(kinks.begin(), kinks.end());
+  const EventSolution e = integrate_with_events(scene, LcpClass::PSD, kinks, {});
+  ASSERT_TRUE(e.complete) << e.reason;
+  for (const double t : {0.2, 0.7, 1.1, 2.0}) {
+    EXPECT_LE((e.x(t, true) - Vector::Ones(2)).norm(), 1e-8)
+        << t;  // the kinks are known to 1e-9, and y changes by 2 pi
+    EXPECT_LE((e.y(t, true) - s(t).cwiseMax(0)).norm(), 1e-7) << t;
+  }
 }
 
 TEST(EventDriven, CountsTheValuesOfSourcesAsWork) {
