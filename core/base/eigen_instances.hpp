@@ -3,6 +3,7 @@
 // eigen_instances.cpp. Include this header in precompiled headers only; without it every source instantiates its own.
 
 #include <Eigen/Dense>
+#include <Eigen/SparseLU>
 
 #ifndef BROMWICH_EIGEN_INSTANCE
 #define BROMWICH_EIGEN_INSTANCE extern template
@@ -22,13 +23,29 @@ BROMWICH_EIGEN_INSTANCE class EigenSolver<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class RealSchur<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class LDLT<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class LLT<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class SparseLU<SparseMatrix<double>, COLAMDOrdering<int>>;
 
 namespace internal {
 
+using Complex = std::complex<double>;
 using DoubleTraits = gebp_traits<double, double>;
 using DoubleMapper = blas_data_mapper<double, Index, ColMajor, Unaligned, 1>;
 BROMWICH_EIGEN_INSTANCE struct gebp_kernel<double, double, Index, DoubleMapper, DoubleTraits::mr, DoubleTraits::nr,
                                            false, false>;
+
+template <class Scalar, int order>
+using ConstMapper = const_blas_data_mapper<Scalar, Index, order>;
+BROMWICH_EIGEN_INSTANCE struct general_matrix_vector_product<Index, double, ConstMapper<double, RowMajor>, RowMajor,
+                                                             false, double, ConstMapper<double, ColMajor>, false, 0>;
+BROMWICH_EIGEN_INSTANCE struct general_matrix_vector_product<Index, Complex, ConstMapper<Complex, RowMajor>, RowMajor,
+                                                             false, Complex, ConstMapper<Complex, ColMajor>, false, 0>;
+BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<double, double, Index, OnTheLeft, Upper, false, ColMajor>;
+BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<double, double, Index, OnTheLeft, UnitLower, false, ColMajor>;
+BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<Complex, Complex, Index, OnTheLeft, Upper, false, ColMajor>;
+BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<Complex, Complex, Index, OnTheLeft, UnitLower, false, ColMajor>;
+BROMWICH_EIGEN_INSTANCE double rcond_invmatrix_L1_norm_estimate(const PartialPivLU<MatrixXd>&);
+BROMWICH_EIGEN_INSTANCE double rcond_invmatrix_L1_norm_estimate(const PartialPivLU<MatrixXcd>&);
+BROMWICH_EIGEN_INSTANCE double rcond_invmatrix_L1_norm_estimate(const FullPivLU<MatrixXd>&);
 
 }  // namespace internal
 

@@ -18,6 +18,7 @@ constexpr double rounding_defect = 3e-13;
 constexpr int idle_events = 40;      ///< events within a short time that count as accumulated
 constexpr double idle_share = 1e-7;  ///< of T: that time
 constexpr int most_accumulations = 200;
+constexpr const char* lost_sign = "terms of y cancel so far that rounding decides its sign";
 constexpr std::size_t most_stored = 60000000;  ///< numbers in the pieces
 
 SystemMatrices dense_system(const Scene& scene) {
@@ -171,8 +172,7 @@ class EventIntegration {
       return (at_.x - before).cwiseAbs().maxCoeff() <= moved_unknown * size.maxCoeff();
     };
     if (!passed || !moves_little())
-      return give_up(steps_.sign_is_lost() ? "terms of y cancel so far that rounding decides its sign"
-                                           : "no active set was found that continues the solution");
+      return give_up(steps_.sign_is_lost() ? lost_sign : "no active set was found that continues the solution");
     return continue_with({}, false);
   }
   static constexpr int most_unknown = 5;
@@ -216,7 +216,8 @@ class EventIntegration {
       }
       if (pending_event_ < 0) {
         EventStep step;
-        if (!steps_.resolve(*mode_, at_, step)) return give_up("a step could not be resolved");
+        if (!steps_.resolve(*mode_, at_, step))
+          return give_up(steps_.sign_is_lost() ? lost_sign : "a step could not be resolved");
         if (step.valid > 0) accept(step);
         if (step.valid >= 1) continue;
         pending_event_ = step.event;

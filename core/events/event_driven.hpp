@@ -11,7 +11,7 @@
 //
 // Where M, or the matrix of a short step of implicit Euler, is of class P or monotone (core/lcp), the solution is
 // unique. Otherwise all active sets are tried at every step, for few constraints, and the integration ends where two of
-// them continue the solution differently, or where the state would have to jump.
+// them continue the solution differently, or impulses lead to different states.
 
 #include "../lcp/matrix.hpp"
 #include "../scene/scene.hpp"

@@ -68,6 +68,15 @@ void EventSteps::sample(const SwitchedMode& mode, double t, double h, EventStep&
   if (mode.uses_ddg) step.ddg = c.derivative * (c.derivative * step.sources.g) / (h * h);
 }
 
+double EventSteps::sample_resolved(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {
+  constexpr int most_shortened = 12;
+  double h = longest_from(p) / 16;
+  for (int k = 0;; ++k, h /= 4) {
+    sample(mode, p.t, h, step);
+    if (k == most_shortened || source_defect(p.sizes.with(step), step.sources) <= 0.1 * tolerance_) return h;
+  }
+}
+
 double EventSteps::source_defect(const JetValues& size, const EventSources::Polynomials& p) const {
   return std::max(tail(p.f, size.f, p.off_f), tail(p.g, size.g, p.off_g));
 }

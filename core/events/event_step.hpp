@@ -48,16 +48,17 @@ class EventSteps {
 
   double longest_from(const EventPoint& p) const { return std::min({p.h, longest_, p.end - p.t}); }
   /// Values below this share of the sum of their terms count as zero.
+  double noise() const;
   /// Whether a step was refused since rounding of y moves the state: the sign of y is not known.
   bool sign_is_lost() const { return sign_is_lost_; }
-  double noise() const;
 
   /// The longest resolved step in a mode, with its validity. False if none is.
   bool resolve(const SwitchedMode&, EventPoint&, EventStep&);
-  /// f, g and their derivatives on [t, t + h], those that the mode needs.
-  void sample(const SwitchedMode&, double t, double h, EventStep&) const;
+  /// f, g and their derivatives, those that the mode needs, on [t, t + h] with an h that resolves them. Returns h.
+  double sample_resolved(const SwitchedMode&, const EventPoint&, EventStep&) const;
 
  private:
+  void sample(const SwitchedMode&, double t, double h, EventStep&) const;
   EventStep attempt(const SwitchedMode&, EventPoint&, double h);
   bool sources_agree(const SwitchedMode&, const JetValues& size, const EventStep&) const;
   bool y_is_known(const SwitchedMode&, const EventPoint&, const EventStep&) const;

@@ -48,8 +48,7 @@ Vector Successor::touching(const EventPoint& p, bool y_is_known) const {
 // The values of x, f and g, and the derivatives that the mode needs, at the begin of the next step.
 JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p) const {
   EventStep here;
-  const double h = steps_.longest_from(p) / 16;
-  steps_.sample(mode, p.t, h, here);
+  const double h = steps_.sample_resolved(mode, p, here);
   const Vector at = legendre(0);
   const auto start = [&](const Matrix& c, Index width) {
     return c.size() > 0 ? Vector(c.transpose() * at) : Vector(Vector::Zero(width));
@@ -60,21 +59,25 @@ JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p) c
 }
 
 // An impulse is what h y tends to in steps of implicit Euler as h -> 0: that selects the one that the state needs. A
-// step adds the smooth motion within h to it, which is twice the difference of the steps h and h / 2.
+// step adds the smooth motion within h to it, which is twice the difference of the steps h and h / 2. Very short steps
+// lose their digits where M is singular, long ones move too far.
 bool Successor::is_limit_of_short_steps(const EventPoint& p, const Vector& impulse) const {
-  const double h = std::min(1e-8 / short_steps_.rate(), 0.5 * (p.end - p.t));
-  const Vector offset = touching(p, false);
-  const ShortSteps::Step step = short_steps_.take(p.t, h, p.x, offset);
-  const ShortSteps::Step half = short_steps_.take(p.t, h / 2, p.x, offset);
-  if (!step.solved || !half.solved) return false;
-  const Vector moved = system_.B * impulse, by_half = half.x - p.x;
-  const double smooth = (step.x - half.x).cwiseAbs().maxCoeff();
-  return (moved - by_half).cwiseAbs().maxCoeff() <=
-         1e-3 * moved.cwiseAbs().maxCoeff() + 2 * smooth + 100 * steps_.noise() * p.x.cwiseAbs().maxCoeff();
+  const Vector offset = touching(p, false), moved = system_.B * impulse;
+  const double size = moved.cwiseAbs().maxCoeff(), noise = 100 * steps_.noise() * p.x.cwiseAbs().maxCoeff();
+  for (const double share : {1e-8, 1e-6, 1e-4}) {
+    const double h = std::min(share / short_steps_.rate(), 0.5 * (p.end - p.t));
+    const ShortSteps::Step step = short_steps_.take(p.t, h, p.x, offset);
+    const ShortSteps::Step half = short_steps_.take(p.t, h / 2, p.x, offset);
+    if (!step.solved || !half.solved) continue;
+    const double smooth = (step.x - half.x).cwiseAbs().maxCoeff();
+    if (smooth <= 0.01 * size + noise &&
+        (moved - (half.x - p.x)).cwiseAbs().maxCoeff() <= 1e-3 * size + 2 * smooth + noise)
+      return true;
+  }
+  return false;
 }
 
-bool Successor::may_jump(const SwitchedMode& mode, const EventPoint& p, const JetValues& u, const Vector& of,
-                         const Vector& impulse) const {
+bool Successor::may_jump(const SwitchedMode& mode, const JetValues& u, const Vector& of, const Vector& impulse) const {
   // What no impulse moves has to hold.
   JetValues after = u;
   after.x += system_.B * impulse;
@@ -83,11 +86,11 @@ bool Successor::may_jump(const SwitchedMode& mode, const EventPoint& p, const Je
   // Impulses of y and of w are nonnegative.
   if (impulse.minCoeff() < -1e-6 * impulse.cwiseAbs().maxCoeff()) return false;
   const Vector of_w = system_.M * impulse, terms_of_w = system_.M.cwiseAbs() * impulse.cwiseAbs();
-  return !((of_w + 1e-6 * terms_of_w).array() < 0).any() && is_limit_of_short_steps(p, impulse);
+  return !((of_w + 1e-6 * terms_of_w).array() < 0).any();
 }
 
 // Brings the state onto the constraints of the mode by an impulse.
-Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p) {
+Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p, Impulses impulses) {
   if (mode.constraints.x.rows() == 0) return Entry::smooth;
   const JetValues u = sources_at(mode, p);
   const Vector off = evaluate(mode.constraints, u);
@@ -99,7 +102,8 @@ Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p) {
   const Vector of = terms(mode.constraints, size);
   const Vector impulse = mode.impulse * off;
   const bool jumps = ((off.cwiseAbs() - 30 * steps_.noise() * of).array() > 0).any();
-  if (jumps && !may_jump(mode, p, u, of, impulse)) return Entry::refused;
+  if (jumps && !may_jump(mode, u, of, impulse)) return Entry::refused;
+  if (jumps && impulses == Impulses::of_short_steps && !is_limit_of_short_steps(p, impulse)) return Entry::refused;
   p.x += system_.B * impulse;
   p.integral += impulse;
   if (!jumps) return Entry::smooth;
@@ -113,7 +117,7 @@ Successor::Entry Successor::attempt(const std::vector<Index>& set, double least,
   const SwitchedMode* mode = mode_of(set);
   if (!mode) return Entry::refused;
   const Vector x = p.x, integral = p.integral;
-  const Entry entry = enter(*mode, p);
+  const Entry entry = enter(*mode, p, Impulses::of_short_steps);
   if (entry != Entry::smooth) return entry;
   EventStep next;
   if (steps_.resolve(*mode, p, next)) {
@@ -177,23 +181,61 @@ bool Successor::lead_to_the_same(const Candidate& a, const Candidate& b, const E
   return !((off.cwiseAbs() - share * size.cwiseMax(1e-3 * size.maxCoeff())).array() > 0).any();
 }
 
-Successor::Choice Successor::choose_among_all(EventPoint& p) {
-  constexpr double brief = 1e-3;  // of the longest: what lasts shorter touches its end by rounding
-  const Index n = system_.constraints();
-  p.sizes.include_x(p.x);
-  std::vector<Candidate> candidates;
-  for (Index bits = 0; bits < Index(1) << n; ++bits) {
-    std::vector<Index> set;
-    for (Index i = 0; i < n; ++i)
+std::vector<std::vector<Index>> Successor::all_sets() const {
+  std::vector<std::vector<Index>> sets;
+  for (Index bits = 0; bits < Index(1) << system_.constraints(); ++bits) {
+    std::vector<Index>& set = sets.emplace_back();
+    for (Index i = 0; i < system_.constraints(); ++i)
       if (bits >> i & 1) set.push_back(i);
+  }
+  return sets;
+}
+
+// The impulses of all active sets after which one continues, where they lead to one state.
+bool Successor::jump_by_the_only_impulse(EventPoint& p) {
+  std::optional<EventPoint> after;
+  Vector only;
+  for (const std::vector<Index>& set : all_sets()) {
+    const SwitchedMode* mode = mode_of(set);
+    EventPoint here = p;
+    if (!mode || enter(*mode, here, Impulses::all) != Entry::jumped) continue;
+    const Vector impulse = impulses_.back();
+    impulses_.pop_back();
+    if (smooth_candidates(here).empty()) continue;
+    const double size = p.sizes.u.x.cwiseMax(here.x.cwiseAbs()).maxCoeff();
+    if (after && (after->x - here.x).cwiseAbs().maxCoeff() > 1e-6 * size) return false;
+    if (after) continue;
+    after = std::move(here);
+    only = impulse;
+  }
+  if (after) p = std::move(*after), impulses_.push_back(only);
+  return after.has_value();
+}
+
+// Active sets that continue the solution without a jump.
+std::vector<Successor::Candidate> Successor::smooth_candidates(EventPoint& p) {
+  std::vector<Candidate> candidates;
+  const std::size_t before = impulses_.size();
+  for (const std::vector<Index>& set : all_sets()) {
     const SwitchedMode* mode = mode_of(set);
     EventPoint here = p;
     EventStep step;
-    if (!mode || enter(*mode, here) != Entry::smooth || !steps_.resolve(*mode, here, step)) continue;
+    const bool smooth = mode && enter(*mode, here, Impulses::all) == Entry::smooth;
+    impulses_.resize(before);
+    if (!smooth || !steps_.resolve(*mode, here, step)) continue;
     const double lasts = step.valid * step.length;
     p.work = here.work;
     if (lasts > 4 * epsilon * T_) candidates.push_back({mode, lasts, std::move(step), here.x, here.integral});
   }
+  return candidates;
+}
+
+Successor::Choice Successor::choose_among_all(EventPoint& p) {
+  constexpr double brief = 1e-3;  // of the longest: what lasts shorter touches its end by rounding
+  p.sizes.include_x(p.x);
+  impulses_.clear();
+  std::vector<Candidate> candidates = smooth_candidates(p);
+  if (candidates.empty() && jump_by_the_only_impulse(p)) candidates = smooth_candidates(p);
   if (candidates.empty()) return {};
   Candidate& best = *std::max_element(candidates.begin(), candidates.end(),
                                       [](const Candidate& a, const Candidate& b) { return a.lasts < b.lasts; });
@@ -204,6 +246,7 @@ Successor::Choice Successor::choose_among_all(EventPoint& p) {
   p.integral = best.integral;
   choice.mode = best.mode;
   choice.step = std::move(best.step);
+  choice.impulses = std::move(impulses_);
   return choice;
 }
 

@@ -28,12 +28,13 @@ class Successor {
   /// Moves x and the integral of `p` by the impulses. `y_is_known`: y of `p` is the limit from the left. `likely`:
   /// tried first.
   Choice choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely);
-  /// Where the problems of short steps do not determine the solution: tries all active sets (n <= 5). The state does
-  /// not jump.
+  /// Where the problems of short steps do not determine the solution: tries all active sets (n <= 5). Where none
+  /// continues without a jump, the state jumps if all impulses that may be lead to one state.
   Choice choose_among_all(EventPoint& p);
 
  private:
   enum class Entry { smooth, jumped, refused };
+  enum class Impulses { of_short_steps, all };
   // An active set that was tried, with the state after it was entered.
   struct Candidate {
     const SwitchedMode* mode = nullptr;
@@ -45,9 +46,12 @@ class Successor {
   const SwitchedMode* mode_of(const std::vector<Index>& active);
   Vector touching(const EventPoint&, bool y_is_known) const;
   JetValues sources_at(const SwitchedMode&, const EventPoint&) const;
-  bool may_jump(const SwitchedMode&, const EventPoint&, const JetValues& u, const Vector& of, const Vector& p) const;
+  bool may_jump(const SwitchedMode&, const JetValues& u, const Vector& of, const Vector& impulse) const;
   bool is_limit_of_short_steps(const EventPoint&, const Vector& impulse) const;
-  Entry enter(const SwitchedMode&, EventPoint&);
+  Entry enter(const SwitchedMode&, EventPoint&, Impulses);
+  std::vector<std::vector<Index>> all_sets() const;
+  std::vector<Candidate> smooth_candidates(EventPoint&);
+  bool jump_by_the_only_impulse(EventPoint&);
   bool lead_to_the_same(const Candidate&, const Candidate&, const EventPoint&) const;
   Entry attempt(const std::vector<Index>& set, double least, EventPoint&);
   Entry attempt_proposed(double h, const Vector& offset, EventPoint&);

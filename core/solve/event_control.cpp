@@ -18,7 +18,7 @@ constexpr double first_tolerance = 1e-8;  ///< of the first integration at most,
 constexpr double first_share = 1e-4;      ///< of the tolerance, likewise
 constexpr double least_first = 1e-10;     ///< of the first integration at least, and where no tolerance is given
 constexpr double ratio = 1e-3;            ///< of the tolerances of two integrations
-constexpr double finest_tolerance = 1e-12;
+constexpr double finest_tolerance = 1e-12, finest_first = 1e-11;
 constexpr double agreed = 0.8;             ///< of the tolerance
 constexpr double assumed = 1e-4;           ///< the tolerance where none is given
 constexpr double rounding = 64 * epsilon;  ///< smaller differences say nothing
@@ -88,10 +88,13 @@ class EventControl {
     }
     EventSolution coarse;
     tolerances_ = {chooses_grid() ? std::clamp(first_share * tolerance_, least_first, first_tolerance) : least_first};
-    if (EventSolution first = integrate(tolerances_[0], 1); first.complete)
-      coarse = std::move(first);
-    else
-      return ended_early(first);
+    coarse = integrate(tolerances_[0], 1);
+    // What counts as zero falls with the tolerance: signs, and which of two solutions it is, may be known then.
+    while (may_become_complete(coarse) && tolerances_[0] > finest_first) {
+      tolerances_[0] = std::max(finest_first, ratio * tolerances_[0]);
+      coarse = integrate(tolerances_[0], 1);
+    }
+    if (!coarse.complete) return ended_early(coarse);
     for (;;) {
       tolerances_.push_back(std::max(finest_tolerance, ratio * tolerances_.back()));
       EventSolution fine = integrate(tolerances_.back(), tolerances_.size());
@@ -109,6 +112,10 @@ class EventControl {
 
   EventSolution integrate(double tolerance, std::size_t number) const {
     return integrate_scene(scene_, options_, lcp_class_, tolerance, number, goal_.most_work);
+  }
+
+  static bool may_become_complete(const EventSolution& s) {
+    return !s.complete && !s.interrupted && s.reason.rfind(out_of_work, 0) != 0;
   }
 
   // Where the finer integration did not come to its end, a coarser one is compared with the one there is.
