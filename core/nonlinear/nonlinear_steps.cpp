@@ -1,0 +1,183 @@
+#include "core/nonlinear/nonlinear_steps.hpp"
+
+#include "core/base/error.hpp"
+#include "core/dynamics/dense.hpp"
+#include "core/lcp/active_set.hpp"
+#include "core/solve/solve.hpp"
+
+#include <Eigen/LU>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double stalled = 1e-8;  ///< changes below that no longer halve are rounding
+
+double largest(const Vector& v) { return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0; }
+
+// ∫_0^{c_i h} e^{(c_i h - s) A} f ds of every step and node: from the solution without constraints, on a grid that has
+// the nodes as points.
+RowMatrix increments_of(const Scene& scene, const DenseDynamics& d, Backend& backend, Index J,
+                        const ExponentialStep& step) {
+  const Index m = d.A.rows(), nodes = Index(step.nodes.size());
+  RowMatrix s = RowMatrix::Zero(J * nodes, m);
+  if (!scene.f) return s;
+  Scene free = scene;
+  free.dynamics = DenseDynamics{d.A, Matrix::Zero(m, 1), Matrix::Zero(1, m)};
+  free.M = Matrix(Matrix::Ones(1, 1));
+  free.lcp_class = LcpClass::automatic;
+  free.g = [](double, Eigen::Ref<Vector> v) { v.setOnes(); };
+  free.f_entry = SourceEntry::state;
+  free.F = SparseMatrix();
+  free.names = free.units = Labels();
+  free.f = [f = scene.f, F = source_matrix(scene, d)](double t, Eigen::Ref<Vector> v) {
+    Vector phi(F.cols());
+    f(t, phi);
+    v = F * phi;
+  };
+  Options options;
+  options.method = Method::march;
+  options.steps = J * (nodes == 2 ? 3 : 1);
+  options.states = StateSelection::all;
+  const Result r = solve(free, backend, options);
+  if (r.status != Status::solved) throw Error("f", "its response is not known: " + r.reason, "look at f and A");
+  const Index apart = options.steps / J;
+  for (Index j = 0; j < J; ++j)
+    for (Index i = 0; i < nodes; ++i) {
+      const Index at = j * apart + (i + 1 == nodes ? apart : 1);
+      s.row(j * nodes + i) = r.x.row(at) - r.x.row(j * apart) * step.propagators[std::size_t(i)].transpose();
+    }
+  return s;
+}
+
+}  // namespace
+
+NonlinearSteps::NonlinearSteps(const NonlinearScene& scene, Backend& backend, Index J, StepRule rule, double tolerance,
+                               Index most_newton)
+    : scene_(&scene),
+      M_(to_dense(scene.linear.M)),
+      h_(scene.linear.T / double(J)),
+      tolerance_(tolerance),
+      most_newton_(most_newton) {
+  const DenseDynamics& d = *scene.linear.dynamics->small_state();
+  A_ = d.A;
+  B_ = d.B;
+  N_ = d.N;
+  step_ = make_exponential_step(A_, h_, rule);
+  increments_ = increments_of(scene.linear, d, backend, J, step_);
+}
+
+Vector NonlinearSteps::g(double t) const {
+  Vector value = Vector::Zero(N_.rows());
+  if (scene_->linear.g) scene_->linear.g(t, value);
+  return value;
+}
+
+Vector NonlinearSteps::total_source(double t, const Vector& x, const Vector& y) const {
+  Vector value = Vector::Zero(x.size());
+  if (scene_->phi) scene_->phi(t, x, y, value);
+  return value + B_ * y;
+}
+
+Vector NonlinearSteps::slack(Index j, const Vector& x, const Vector& y) const {
+  Vector value = Vector::Zero(N_.rows());
+  if (scene_->gamma) scene_->gamma(time(j), x, y, value);
+  return N_ * x + M_ * y + g(time(j)) + value;
+}
+
+Vector NonlinearSteps::defect(Index j, const Vector& x0, const Vector& y0, const Vector& x1, const Vector& y1) const {
+  return x1 - step_.propagators[0] * x0 - increments_.row(j - 1).transpose() -
+         step_.left[0] * total_source(time(j - 1), x0, y0) - step_.weights[0][0] * total_source(time(j), x1, y1);
+}
+
+LcpClass NonlinearSteps::lcp_class(const Vector& x, const Vector& y) const {
+  if (N_.rows() == 0) return LcpClass::P;
+  const Linearization gamma = linearize(scene_->gamma, scene_->dgamma, N_.rows(), 0, x, y);
+  const LcpClass stated = scene_->linear.lcp_class;
+  return stated != LcpClass::automatic ? stated : classify(LcpMatrix(Matrix(M_ + gamma.by_y)));
+}
+
+// `of_y`: the part of the matrix that is M + gamma_y.
+bool NonlinearSteps::solve_lcp(const Matrix& M, const Matrix& of_y, const Vector& q, Vector& y) const {
+  const LcpClass of_step = least_ ? LcpClass::Z : selection_class(LcpMatrix(M), LcpClass::automatic);
+  ActiveSetLcp lcp(M, of_step, least_ ? &of_y : nullptr);
+  lcp.start_from(y);
+  return lcp.solve(q, y).solved && y.allFinite();
+}
+
+NewtonOutcome NonlinearSteps::y_at(Index j, const Vector& x, Vector& y) const {
+  NewtonOutcome outcome;
+  const Vector fixed = N_ * x + g(time(j));
+  for (double before = INFINITY; outcome.iterations < most_newton_; before = outcome.change) {
+    ++outcome.iterations;
+    const Linearization gamma = linearize(scene_->gamma, scene_->dgamma, N_.rows(), time(j), x, y);
+    const Matrix M = M_ + gamma.by_y;
+    Vector next = y;
+    if (!solve_lcp(M, M, fixed + gamma.value - gamma.by_y * y, next)) return outcome;
+    outcome.change = largest(next - y) / std::max(1.0, largest(next));
+    y = next;
+    outcome.solved = outcome.change <= tolerance_ || (outcome.change <= stalled && outcome.change > before / 2);
+    if (!scene_->gamma) outcome.solved = true;  // the problem is linear
+    if (outcome.solved) return outcome;
+  }
+  return outcome;
+}
+
+NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
+  const Index m = x.size(), n = y.size(), nodes = Index(step_.nodes.size());
+  const double t0 = time(j - 1);
+  const Vector left = total_source(t0, x, y);
+  Vector X = x.replicate(nodes, 1), Y = y.replicate(nodes, 1), known(nodes * m);
+  std::vector<Vector> g_at;
+  for (Index i = 0; i < nodes; ++i) {
+    known.segment(i * m, m) = step_.propagators[std::size_t(i)] * x + step_.left[std::size_t(i)] * left +
+                              increments_.row((j - 1) * nodes + i).transpose();
+    g_at.push_back(g(t0 + step_.nodes[std::size_t(i)] * h_));
+  }
+  NewtonOutcome outcome;
+  for (double before = INFINITY; outcome.iterations < most_newton_; before = outcome.change) {
+    ++outcome.iterations;
+    Vector R = X - known, w(nodes * n);
+    Matrix by_x = Matrix::Identity(nodes * m, nodes * m), by_y = Matrix::Zero(nodes * m, nodes * n);
+    Matrix of_w = Matrix::Zero(nodes * n, nodes * m), M = Matrix::Zero(nodes * n, nodes * n);
+    for (Index k = 0; k < nodes; ++k) {
+      const double t = k + 1 == nodes ? time(j) : t0 + step_.nodes[std::size_t(k)] * h_;
+      const Vector x_k = X.segment(k * m, m), y_k = Y.segment(k * n, n);
+      const Linearization phi = linearize(scene_->phi, scene_->dphi, m, t, x_k, y_k);
+      const Linearization gamma = linearize(scene_->gamma, scene_->dgamma, n, t, x_k, y_k);
+      const Vector F = B_ * y_k + phi.value;
+      const Matrix F_y = B_ + phi.by_y;
+      for (Index i = 0; i < nodes; ++i) {
+        const Matrix& W = step_.weights[std::size_t(i)][std::size_t(k)];
+        R.segment(i * m, m) -= W * F;
+        by_x.block(i * m, k * m, m, m) -= W * phi.by_x;
+        by_y.block(i * m, k * n, m, n) -= W * F_y;
+      }
+      w.segment(k * n, n) = N_ * x_k + M_ * y_k + g_at[std::size_t(k)] + gamma.value;
+      of_w.block(k * n, k * m, n, m) = N_ + gamma.by_x;
+      M.block(k * n, k * n, n, n) = M_ + gamma.by_y;
+    }
+    const Eigen::PartialPivLU<Matrix> lu(by_x);
+    const Vector free = -lu.solve(R);         // dX without a change of Y
+    const Matrix response = -lu.solve(by_y);  // of dX to dY
+    const Matrix reduced = M + of_w * response;
+    Vector next = Y;
+    if (n > 0 && !solve_lcp(reduced, M, w + of_w * free - reduced * Y, next)) return outcome;
+    const Vector dX = free + response * (next - Y);
+    if (!dX.allFinite()) return outcome;
+    X += dX;
+    outcome.change =
+        std::max(largest(dX) / std::max(1.0, largest(X)), largest(next - Y) / std::max(1.0, largest(next)));
+    Y = next;
+    outcome.solved = outcome.change <= tolerance_ || (outcome.change <= stalled && outcome.change > before / 2);
+    if (outcome.solved) break;
+  }
+  x = X.tail(m);
+  y = Y.tail(n);
+  return outcome;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,64 @@
+#pragma once
+// The discrete problem of a nonlinear scene on one time grid, and its solution step by step by Josephy-Newton.
+//
+// With X the states and Y at the nodes of a step, R(X, Y) = X - (E x_0 + s + L F_0 + W F) and F = B Y + phi(X, Y),
+// every iteration solves
+//
+//     R + R_X dX + R_Y dY = 0,   0 <= Y + dY  ⊥  w + (N + gamma_x) dX + (M + gamma_y) dY >= 0
+//
+// for dX, which leaves one linear complementarity problem in Y (Josephy 1979; Robinson, Math. Oper. Res. 5, 1980).
+
+#include "../seam/backend.hpp"
+#include "exponential_step.hpp"
+#include "nonlinear_scene.hpp"
+
+namespace bromwich {
+
+/// y and its limit of Newton: how many iterations it took, or why it failed.
+struct NewtonOutcome {
+  bool solved = false;
+  Index iterations = 0;
+  double change = 0;  ///< of the last iteration
+};
+
+class NonlinearSteps {
+ public:
+  /// J steps. The linear part of the sources is integrated by the engine of linear scenes.
+  NonlinearSteps(const NonlinearScene&, Backend&, Index J, StepRule, double tolerance, Index most_newton);
+
+  /// y of 0 <= y ⊥ N x + M y + g + gamma >= 0 at t_j, from the guess y.
+  NewtonOutcome y_at(Index j, const Vector& x, Vector& y) const;
+  /// From x, y at t_{j-1} to those at t_j.
+  NewtonOutcome take(Index j, Vector& x, Vector& y);
+
+  Vector slack(Index j, const Vector& x, const Vector& y) const;  ///< w at t_j
+  /// What x and y at t_{j-1} and t_j lack in the equation of x; rule linear.
+  Vector defect(Index j, const Vector& x0, const Vector& y0, const Vector& x1, const Vector& y1) const;
+
+  void select_least() { least_ = true; }
+
+  double time(Index j) const { return double(j) * h_; }
+  /// Of M + gamma_y at t = 0: P or Z where y is continuous.
+  LcpClass lcp_class(const Vector& x, const Vector& y) const;
+
+ private:
+  struct Node {
+    double t;
+    Vector g;
+    Linearization phi, gamma;
+  };
+  Vector total_source(double t, const Vector& x, const Vector& y) const;  ///< B y + phi
+  Vector g(double t) const;
+  bool solve_lcp(const Matrix& M, const Matrix& of_y, const Vector& q, Vector& y) const;
+
+  const NonlinearScene* scene_;
+  Matrix A_, B_, N_, M_;
+  double h_;
+  double tolerance_;
+  Index most_newton_;
+  bool least_ = false;  ///< the least element is selected: class Z
+  ExponentialStep step_;
+  RowMatrix increments_;  ///< s_i: row (j - 1) nodes + i of step j
+};
+
+}  // namespace bromwich

@@ -1,0 +1,54 @@
+#pragma once
+// Solves nonlinear complementarity systems, step by step or at all time points at once.
+//
+// method     what is solved
+// march      every step by Josephy-Newton: linear complementarity problems with the Jacobians at the last iterate
+// iteration  (5.2): linear systems with frozen A, B, N, M, the rest as sources, on windows of time; prepared once a
+// window newton     Josephy-Newton on a whole window: its linear problem varies in time and is solved by the iteration
+// automatic  march
+//
+// All find the same discrete solution: y and phi linear between the time points, order 2 where y is continuous. Windows
+// begin with the whole time and are halved where the iteration does not contract; a window of one step goes to march.
+
+#include "../result/options.hpp"
+#include "../result/result.hpp"
+#include "../seam/backend.hpp"
+#include "nonlinear_scene.hpp"
+
+namespace bromwich {
+
+enum class NonlinearMethod { automatic, march, iteration, newton };
+
+/// "automatic", "march", ...
+const char* to_string(NonlinearMethod);
+
+struct NonlinearOptions {
+  NonlinearMethod method = NonlinearMethod::automatic;
+  Index steps = 0;                   ///< J; 0: the default of the linear part
+  double tolerance = 1e-12;          ///< of the last change, relative to max(1, |y|) and max(1, |x|)
+  Index most_newton = 30;            ///< Newton iterations of a step or window
+  Index most_iterations = 200;       ///< linear solves of a window
+  Method inner = Method::automatic;  ///< of the linear solves
+  std::function<bool()> interrupted = {};
+};
+
+struct NonlinearResult {
+  Status status = Status::unsupported;
+  std::string reason;      ///< one line if not solved
+  Vector t;                ///< J+1
+  RowMatrix x, y, w;       ///< (J+1) x m, n, n; NaN after the last valid time. y row 0: of the problem at t = 0
+  bool continuous = true;  ///< y is linear between its rows; otherwise it may jump from step to step (Radau IIA)
+  double residual = 0;     ///< max |min(y, w)| / max(1, |w - M y|) at the time points
+  double defect = 0;       ///< of the discrete equation of x, relative to max(1, |x|)
+  NonlinearMethod method = NonlinearMethod::automatic;
+  Index newton = 0;        ///< Newton iterations in all
+  Index solves = 0;        ///< linear solves of windows in all
+  Index windows = 0;       ///< that were solved by the iteration
+  Index marched = 0;       ///< steps that were marched
+  double contraction = 0;  ///< the largest that was seen in an accepted window
+};
+
+/// Throws Error for bad input; every other outcome is a status.
+NonlinearResult solve_nonlinear(const NonlinearScene&, Backend&, const NonlinearOptions& = {});
+
+}  // namespace bromwich

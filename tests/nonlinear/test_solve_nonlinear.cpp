@@ -1,0 +1,185 @@
+// Nonlinear complementarity systems against linear scenes, exact solutions and Runge-Kutta references.
+
+#include "core/nonlinear/solve_nonlinear.hpp"
+
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/solve.hpp"
+#include "cpu/cpu_backend.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+using In = const Eigen::Ref<const Vector>&;
+
+// An oscillator with a cubic spring, driven against a stop with compliance 1/5: q'' = -q - q^3 - q'/5 + 2 cos 2t + y,
+// w = q + 1/2 + y/5.
+NonlinearScene cubic_stop() {
+  NonlinearScene s;
+  s.linear.dynamics = DenseDynamics{Matrix{{0, 1}, {-1, -0.2}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  s.linear.M = Matrix{{0.2}};
+  s.linear.f = [](double t, Eigen::Ref<Vector> v) { v << 0, 2 * std::cos(2 * t); };
+  s.linear.g = [](double, Eigen::Ref<Vector> v) { v[0] = 0.5; };
+  s.linear.x0 = Vector{{0.3, 0}};
+  s.linear.T = 6;
+  s.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v << 0, -std::pow(x[0], 3); };
+  s.dphi = [](double, In x, In, Eigen::Ref<Matrix> by_x, Eigen::Ref<Matrix> by_y) {
+    by_x.setZero();
+    by_y.setZero();
+    by_x(1, 0) = -3 * x[0] * x[0];
+  };
+  return s;
+}
+
+// x at T by Runge-Kutta of order 4, y = y(t, x) given.
+Vector by_runge_kutta(const NonlinearScene& s, const std::function<Vector(double, const Vector&)>& y_of, Index steps) {
+  const DenseDynamics& d = *s.linear.dynamics->small_state();
+  const auto rate = [&](double t, const Vector& x) {
+    const Vector y = y_of(t, x);
+    Vector v = d.A * x + d.B * y, more = Vector::Zero(x.size());
+    if (s.linear.f) s.linear.f(t, more), v += more;
+    if (s.phi) s.phi(t, x, y, more), v += more;
+    return v;
+  };
+  const double h = s.linear.T / double(steps);
+  Vector x = s.linear.x0;
+  for (Index j = 0; j < steps; ++j) {
+    const double t = double(j) * h;
+    const Vector a = rate(t, x), b = rate(t + h / 2, x + h / 2 * a), c = rate(t + h / 2, x + h / 2 * b);
+    const Vector e = rate(t + h, x + h * c);
+    x += h / 6 * (a + 2 * b + 2 * c + e);
+  }
+  return x;
+}
+
+NonlinearResult solved(const NonlinearScene& s, NonlinearMethod method, Index steps) {
+  const auto backend = make_cpu_backend();
+  NonlinearOptions options;
+  options.method = method;
+  options.steps = steps;
+  const NonlinearResult r = solve_nonlinear(s, *backend, options);
+  EXPECT_EQ(r.status, Status::solved) << to_string(method) << ": " << r.reason;
+  return r;
+}
+
+TEST(SolveNonlinear, LinearScenesAreSolvedAsTheirEngineDoes) {
+  const auto backend = make_cpu_backend();
+  NonlinearScene s;
+  s.linear = make_scene("dlcp-small", {});
+  Options options;
+  options.method = Method::march;
+  options.states = StateSelection::all;
+  options.steps = 100;
+  const Result linear = solve(s.linear, *backend, options);
+  for (const NonlinearMethod m : {NonlinearMethod::march, NonlinearMethod::iteration, NonlinearMethod::newton}) {
+    const NonlinearResult r = solved(s, m, 100);
+    EXPECT_LE((r.x - linear.x).cwiseAbs().maxCoeff(), 1e-12 * linear.x.cwiseAbs().maxCoeff()) << to_string(m);
+    EXPECT_LE((r.y - linear.y).cwiseAbs().maxCoeff(), 1e-12 * linear.y.cwiseAbs().maxCoeff()) << to_string(m);
+  }
+}
+
+TEST(SolveNonlinear, HasOrderTwo) {
+  const NonlinearScene s = cubic_stop();
+  const auto y_of = [](double, const Vector& x) { return Vector{{std::max(0.0, -5 * (x[0] + 0.5))}}; };
+  const Vector reference = by_runge_kutta(s, y_of, 200000);  // a kink of y costs h^2 at most: 1e-9
+  double first = 0;
+  for (const Index J : {200, 400, 800}) {
+    const NonlinearResult r = solved(s, NonlinearMethod::march, J);
+    const double error = (r.x.row(J).transpose() - reference).cwiseAbs().maxCoeff();
+    if (J == 200) first = error;
+    if (J == 800) EXPECT_NEAR(std::log2(first / error) / 2, 2, 0.2);  // the switches fall into steps anywhere
+    EXPECT_LE(r.residual, 1e-12);
+    EXPECT_LE(r.defect, 1e-12);
+  }
+}
+
+TEST(SolveNonlinear, IterationAndNewtonAgreeWithMarching) {
+  NonlinearScene s = cubic_stop();
+  const NonlinearResult march = solved(s, NonlinearMethod::march, 300);
+  for (const NonlinearMethod m : {NonlinearMethod::iteration, NonlinearMethod::newton}) {
+    const NonlinearResult r = solved(s, m, 300);
+    EXPECT_LE((r.x - march.x).cwiseAbs().maxCoeff(), 1e-10) << to_string(m);  // tolerance / (1 - contraction)
+    EXPECT_LE((r.y - march.y).cwiseAbs().maxCoeff(), 1e-9) << to_string(m);   // 1/M times that
+    EXPECT_LE(r.residual, 1e-10);
+    EXPECT_LE(r.defect, 1e-10);
+    EXPECT_GT(r.windows, 0);
+    EXPECT_GT(r.solves, 1);
+  }
+  s.dphi = {};  // by central differences
+  EXPECT_LE((solved(s, NonlinearMethod::march, 300).x - march.x).cwiseAbs().maxCoeff(), 1e-10);
+}
+
+// A diode by Shockley's law charges a capacitor: C v' = -v / R + y, 0 <= y, w = v - 5 sin 2t + r y + V ln(1 + y / I).
+TEST(SolveNonlinear, ShockleysLawInTheSlack) {
+  constexpr double r = 0.5, V = 0.026, I = 1e-6;
+  NonlinearScene s;
+  s.linear.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{2}}, Matrix{{1}}};
+  s.linear.M = Matrix{{r}};
+  s.linear.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -5 * std::sin(2 * t); };
+  s.linear.x0 = Vector{{0}};
+  s.linear.T = 4;
+  s.gamma = [](double, In, In y, Eigen::Ref<Vector> v) { v[0] = V * std::log1p(std::max(0.0, y[0]) / I); };
+  s.dgamma = [](double, In, In y, Eigen::Ref<Matrix> by_x, Eigen::Ref<Matrix> by_y) {
+    by_x.setZero();
+    by_y(0, 0) = V / (I + std::max(0.0, y[0]));
+  };
+  const auto y_of = [](double t, const Vector& x) {
+    double low = 0, high = 100;  // w increases with y
+    const double fixed = x[0] - 5 * std::sin(2 * t);
+    if (fixed >= 0) return Vector{{0.0}};
+    for (int k = 0; k < 60; ++k) {
+      const double y = (low + high) / 2;
+      (fixed + r * y + V * std::log1p(y / I) > 0 ? high : low) = y;
+    }
+    return Vector{{low}};
+  };
+  const Vector reference = by_runge_kutta(s, y_of, 20000);
+  const NonlinearResult a = solved(s, NonlinearMethod::march, 400), b = solved(s, NonlinearMethod::march, 800);
+  const double first = std::abs(a.x(400, 0) - reference[0]), second = std::abs(b.x(800, 0) - reference[0]);
+  EXPECT_LE(second, 2e-4);  // h^2 y''
+  EXPECT_GE(first / second, 2.5) << first << " " << second;
+}
+
+// x' = -1 - x^2 + y, x >= 0 from 1: x = tan(pi/4 - t) until pi/4, and then y = 1.
+TEST(SolveNonlinear, AStateThatIsStopped) {
+  NonlinearScene s;
+  s.linear.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1}}, Matrix{{1}}};
+  s.linear.M = Matrix{{0}};
+  s.linear.f = [](double, Eigen::Ref<Vector> v) { v[0] = -1; };
+  s.linear.x0 = Vector{{1}};
+  s.linear.T = 2;
+  s.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v[0] = -x[0] * x[0]; };
+  const NonlinearResult r = solved(s, NonlinearMethod::march, 400);
+  EXPECT_FALSE(r.continuous);
+  for (Index j = 0; j <= 400; ++j) {
+    const double t = r.t[j], contact = std::atan(1.0);
+    const double h = 2.0 / 400, exact = t < contact ? std::tan(contact - t) : 0;
+    EXPECT_NEAR(r.x(j, 0), exact, h * h) << t;
+    if (t > contact + 2 * h) EXPECT_NEAR(r.y(j, 0), 1, 1e-9) << t;
+  }
+  const auto backend = make_cpu_backend();
+  NonlinearOptions options;
+  options.method = NonlinearMethod::iteration;
+  EXPECT_EQ(solve_nonlinear(s, *backend, options).status, Status::unsupported);
+}
+
+TEST(SolveNonlinear, SaysWhereNewtonFails) {
+  NonlinearScene s = cubic_stop();
+  s.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v << 0, 50 * x[0] * x[0]; };  // blows up
+  s.dphi = {};
+  const auto backend = make_cpu_backend();
+  NonlinearOptions options;
+  options.steps = 100;
+  const NonlinearResult r = solve_nonlinear(s, *backend, options);
+  EXPECT_EQ(r.status, Status::tolerance_not_met);
+  EXPECT_NE(r.reason.find("t = "), std::string::npos) << r.reason;
+  options.tolerance = 0;
+  EXPECT_THROW(solve_nonlinear(s, *backend, options), Error);
+}
+
+}  // namespace
+}  // namespace bromwich
