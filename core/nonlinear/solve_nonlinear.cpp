@@ -286,6 +286,52 @@ class NonlinearSolve {
   NonlinearResult result_;
 };
 
+// The largest difference at the points of the coarser grid, each component relative to its largest value, or to 1e-3 of
+// the largest of its kind.
+double apart(const RowMatrix& coarse, const RowMatrix& fine, Index from) {
+  double largest = 0;
+  const double all = fine.bottomRows(fine.rows() - 2 * from).cwiseAbs().maxCoeff();
+  for (Index i = 0; i < coarse.cols(); ++i) {
+    double difference = 0, size = 1e-3 * all;
+    for (Index j = from; j < coarse.rows(); ++j) {
+      difference = std::max(difference, std::abs(coarse(j, i) - fine(2 * j, i)));
+      size = std::max(size, std::abs(fine(2 * j, i)));
+    }
+    if (difference > 0) largest = std::max(largest, difference / size);
+  }
+  return largest;
+}
+
+// Grids of J, 2J, 4J, ... steps until two differences, of which the second is smaller, say that the error is reached.
+NonlinearResult refine(const NonlinearScene& scene, Backend& backend, NonlinearOptions options) {
+  if (options.steps == 0) options.steps = scene.linear.default_steps;
+  NonlinearResult coarse;
+  double before = 0;
+  for (;; options.steps *= 2) {
+    NonlinearResult fine = NonlinearSolve(scene, backend, options).run();
+    if (fine.status == Status::interrupted || fine.status == Status::unsupported) return fine;
+    const bool both = fine.status == Status::solved && coarse.status == Status::solved;
+    const double now =
+        both ? std::max(apart(coarse.x, fine.x, 0), fine.continuous ? apart(coarse.y, fine.y, 0) : 0) : 0;
+    if (both && before > 0) {
+      const double order = std::clamp(std::log2(before / std::max(now, 1e-300)), 0.0, 2.0);
+      if (order >= 0.5) fine.error_estimate = now / (std::exp2(order) - 1);
+      if (fine.error_estimate && *fine.error_estimate <= options.error) return fine;
+    }
+    if (2 * options.steps > options.max_steps) {
+      if (fine.status == Status::solved)
+        fine.reason = fine.error_estimate
+                          ? text("the error is about %.1e with %ld steps, not %.1e: more than %ld would be needed",
+                                 *fine.error_estimate, long(options.steps), options.error, long(options.max_steps))
+                          : "the error could not be estimated: the differences of grids do not fall";
+      fine.status = Status::tolerance_not_met;
+      return fine;
+    }
+    before = now;
+    coarse = std::move(fine);
+  }
+}
+
 }  // namespace
 
 const char* to_string(NonlinearMethod method) {
@@ -306,7 +352,8 @@ NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, c
   scene.validate();
   if (!(options.tolerance > 0)) throw Error("tolerance", text("found %g", options.tolerance), "give a positive number");
   if (options.steps < 0) throw Error("steps", text("found %ld", long(options.steps)), "give a positive number");
-  return NonlinearSolve(scene, backend, options).run();
+  if (!(options.error >= 0)) throw Error("error", text("found %g", options.error), "give a positive number, or 0");
+  return options.error > 0 ? refine(scene, backend, options) : NonlinearSolve(scene, backend, options).run();
 }
 
 }  // namespace bromwich

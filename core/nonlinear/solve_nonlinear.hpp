@@ -15,6 +15,10 @@
 #include "../seam/backend.hpp"
 #include "nonlinear_scene.hpp"
 
+#include <functional>
+#include <optional>
+#include <string>
+
 namespace bromwich {
 
 enum class NonlinearMethod { automatic, march, iteration, newton };
@@ -29,6 +33,10 @@ struct NonlinearOptions {
   Index most_newton = 30;            ///< Newton iterations of a step or window
   Index most_iterations = 200;       ///< linear solves of a window
   Method inner = Method::automatic;  ///< of the linear solves
+  /// Error of x, and of y where it is continuous, relative to the largest value of each component; steps are halved
+  /// until it is reached. 0: one grid.
+  double error = 0;
+  Index max_steps = Index(1) << 18;  ///< of the finest grid
   std::function<bool()> interrupted = {};
 };
 
@@ -39,7 +47,8 @@ struct NonlinearResult {
   RowMatrix x, y, w;       ///< (J+1) x m, n, n; NaN after the last valid time. y row 0: of the problem at t = 0
   bool continuous = true;  ///< y is linear between its rows; otherwise it may jump from step to step (Radau IIA)
   double residual = 0;     ///< max |min(y, w)| / max(1, |w - M y|) at the time points
-  double defect = 0;       ///< of the discrete equation of x, relative to max(1, |x|)
+  std::optional<double> error_estimate;  ///< with NonlinearOptions::error
+  double defect = 0;                     ///< of the discrete equation of x, relative to max(1, |x|)
   NonlinearMethod method = NonlinearMethod::automatic;
   Index newton = 0;        ///< Newton iterations in all
   Index solves = 0;        ///< linear solves of windows in all

@@ -50,6 +50,7 @@ NB_MODULE(_core, m) {
   bind_batch(m);
   bind_solving(m);
   bind_derivatives(m);
+  bind_nonlinear(m);
   bind_state(m);
   bind_machine(m);
 }

@@ -40,6 +40,7 @@ void bind_arrays(nb::module_& m);
 void bind_batch(nb::module_& m);
 void bind_derivatives(nb::module_& m);
 void bind_errors(nb::module_& m);
+void bind_nonlinear(nb::module_& m);
 void bind_sources(nb::module_& m);
 void bind_scenes(nb::module_& m);
 void bind_results(nb::module_& m);

@@ -167,6 +167,26 @@ TEST(SolveNonlinear, AStateThatIsStopped) {
   EXPECT_EQ(solve_nonlinear(s, *backend, options).status, Status::unsupported);
 }
 
+TEST(SolveNonlinear, HalvesStepsUntilTheErrorIsReached) {
+  const NonlinearScene s = cubic_stop();
+  const auto y_of = [](double, const Vector& x) { return Vector{{std::max(0.0, -5 * (x[0] + 0.5))}}; };
+  const Vector reference = by_runge_kutta(s, y_of, 100000);
+  const auto backend = make_cpu_backend();
+  NonlinearOptions options;
+  options.steps = 50;
+  options.error = 1e-4;
+  NonlinearResult r = solve_nonlinear(s, *backend, options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  ASSERT_TRUE(r.error_estimate);
+  EXPECT_LE(*r.error_estimate, 1e-4);
+  const Vector error = r.x.bottomRows(1).transpose() - reference;
+  EXPECT_LE(error.cwiseAbs().maxCoeff(), 3e-4 * r.x.cwiseAbs().maxCoeff());
+  options.max_steps = 100;
+  r = solve_nonlinear(s, *backend, options);
+  EXPECT_EQ(r.status, Status::tolerance_not_met);
+  EXPECT_NE(r.reason, "");
+}
+
 TEST(SolveNonlinear, SaysWhereNewtonFails) {
   NonlinearScene s = cubic_stop();
   s.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v << 0, 50 * x[0] * x[0]; };  // blows up

@@ -1,0 +1,185 @@
+"""Nonlinear complementarity systems."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from . import _core
+from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
+from ._result import Status
+from ._scene import Scene
+from ._solve import Check
+
+Function = Callable[[float, np.ndarray, np.ndarray], Any]
+
+
+class NonlinearResult:
+    """What :func:`solve_nonlinear` returns.
+
+    Attributes:
+        status, reason: as in :class:`Result`.
+        t: J+1 times.
+        x, y, w: (J+1) x m, n and n; NaN after the last valid time.
+        continuous: whether y is linear between its rows; otherwise it may jump from step to step.
+        residual: max |min(y, w)| / max(1, |w - M y|) at the time points.
+        defect: of the discrete equation of x, relative to max(1, |x|).
+        error_estimate: with ``tol``; otherwise None.
+        method: ``"march"``, ``"iteration"`` or ``"newton"``.
+        newton, solves, windows, marched: Newton iterations, linear solves, windows of the iteration, marched steps.
+        contraction: the largest one of an accepted window.
+        backend: that solved it.
+    """
+
+    def __init__(self, answer: _core.NonlinearAnswer) -> None:
+        self._answer = answer
+        self.status = Status(answer.status)
+        for name in (
+            "reason t x y w continuous residual defect error_estimate method newton solves windows marched "
+            "contraction backend"
+        ).split():
+            setattr(self, name, getattr(answer, name))
+
+    @property
+    def ok(self) -> bool:
+        """Whether the status is ``solved``."""
+        return self.status is Status.solved
+
+    def __repr__(self) -> str:
+        return f"<bromwich.NonlinearResult {self.status}, {self.method}, {self.t.size - 1} steps>"
+
+
+def solve_nonlinear(
+    scene: Scene | None = None,
+    /,
+    *,
+    phi: Function | None = None,
+    gamma: Function | None = None,
+    dphi: Function | str | None = None,
+    dgamma: Function | str | None = None,
+    method: str = "auto",
+    inner: str = "auto",
+    steps: int | None = None,
+    tol: float | None = None,
+    max_steps: int | None = None,
+    iteration_tol: float | None = None,
+    backend: str = "auto",
+    threads: int = 0,
+    stop: Callable[[], bool] | None = None,
+    check: Check = "warn",
+    **arguments: Any,
+) -> NonlinearResult:
+    """Solves a nonlinear complementarity system on the time points t_j = j T/J::
+
+        x' = A x + B y + f(t) + phi(t, x, y),   0 <= y  ⊥  w = N x + M y + g(t) + gamma(t, x, y) >= 0,   x(0) = x0.
+
+    The linear part is integrated exactly; y and phi are linear between the time points, or, where y may jump, between
+    the stages of Radau IIA: order 2.
+
+    Args:
+        scene: the linear part, a :class:`Scene`; or none, and A, B, N, M, x0, T, f, g by name.
+        phi: function of t, x (m) and y (n) that returns m values.
+        gamma: the same with n values.
+        dphi, dgamma: derivatives: functions that return two arrays, by x and by y; ``"jax"``: by jax.jacfwd; None: by
+            central differences.
+        method: ``"march"``: each step by Josephy-Newton. ``"iteration"``: on windows of time, the linear part is solved
+            with phi and gamma of the last iterate as sources. ``"newton"``: on windows, phi and gamma linearised about
+            the last iterate. ``"auto"``: march.
+        inner: the method of the linear solves of ``iteration`` and ``newton``, as :func:`solve` takes it.
+        steps: J; with ``tol`` of the first grid.
+        tol: halve the steps until the error of x, and of y where it is continuous, is estimated below tol times the
+            largest value of each component.
+        max_steps: with ``tol``.
+        iteration_tol: of the last change of Newton's and other iterations; None: 1e-12.
+        backend, threads, stop, check: as :func:`solve` takes them.
+
+    Returns:
+        A :class:`NonlinearResult`, whatever the status is.
+
+    Raises:
+        Error: bad input, such as a function that returns another number of values.
+        NotSolved, Interrupted: as :func:`solve`.
+
+    Example:
+        >>> r = solve_nonlinear(A=[[0, 1], [-1, 0]], B=[0, 1], N=[1, 0], M=0.2, x0=[1, 0], T=6,
+        ...                     phi=lambda t, x, y: [0, -x[0] ** 3])
+        >>> r.status, r.x[-1]
+    """
+    if scene is None:
+        scene = Scene(steps=steps, **arguments)
+    elif not isinstance(scene, Scene):
+        raise Error(f"scene: is a {type(scene).__name__}; give a bromwich.Scene, or A, B, N, ... by name", "scene")
+    elif arguments:
+        name = next(iter(arguments))
+        raise Error(f"{name}: is given with a scene; make the scene with it", name)
+    answer = _core.solve_nonlinear(
+        scene._model,
+        _values("phi", phi),
+        _values("gamma", gamma),
+        _pair("dphi", dphi, phi),
+        _pair("dgamma", dgamma, gamma),
+        method,
+        inner,
+        0 if steps is None else int(steps),
+        0.0 if tol is None else float(tol),
+        0 if max_steps is None else int(max_steps),
+        0.0 if iteration_tol is None else float(iteration_tol),
+        backend,
+        int(threads),
+        stop,
+    )
+    result = NonlinearResult(answer)
+    if answer.by_keyboard:
+        raise Interrupted("interrupted by the keyboard", result)
+    if result.ok or check is False:
+        return result
+    line = f"{result.status}: {result.reason}"
+    if check is True:
+        raise NotSolved(line, result)
+    warnings.warn(line, NotSolvedWarning, stacklevel=2)
+    return result
+
+
+def _values(name: str, function: Function | None) -> Function | None:
+    if function is None:
+        return None
+    if not callable(function):
+        raise Error(f"{name}: is a {type(function).__name__}; give a function of t, x and y", name)
+    return lambda t, x, y: np.atleast_1d(np.asarray(function(t, x, y), float))
+
+
+def _pair(name: str, derivative: Function | str | None, function: Function | None) -> Function | None:
+    if derivative is None or function is None:
+        return None
+    if derivative == "jax":
+        return _by_jax(function)
+    if not callable(derivative):
+        raise Error(f"{name}: is {derivative!r}; give a function, \"jax\" or None", name)
+
+    def both(t: float, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        by_x, by_y = derivative(t, x, y)
+        rows = -1 if np.ndim(by_x) else 1
+        return (
+            np.ascontiguousarray(np.reshape(np.asarray(by_x, float), (rows, x.size))),
+            np.ascontiguousarray(np.reshape(np.asarray(by_y, float), (rows, y.size))),
+        )
+
+    return both
+
+
+def _by_jax(function: Function) -> Function:
+    import jax
+    import jax.numpy as jnp
+    from jax.experimental import enable_x64
+
+    jacobian = jax.jit(jax.jacfwd(lambda t, x, y: jnp.atleast_1d(jnp.asarray(function(t, x, y))), argnums=(1, 2)))
+
+    def both(t: float, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        with enable_x64():
+            by_x, by_y = jacobian(t, x, y)
+        return np.ascontiguousarray(by_x, float), np.ascontiguousarray(by_y, float)
+
+    return both

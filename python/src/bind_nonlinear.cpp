@@ -1,0 +1,135 @@
+// Nonlinear complementarity systems: functions of t, x and y, and their results.
+
+#include "arrays.hpp"
+#include "calls.hpp"
+#include "core/base/error.hpp"
+#include "core/nonlinear/solve_nonlinear.hpp"
+#include "machine.hpp"
+#include "module.hpp"
+
+#include <nanobind/eigen/dense.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+
+#include <string>
+#include <utility>
+
+namespace bromwich::python {
+namespace {
+
+struct NonlinearAnswer {
+  NonlinearResult result;
+  std::string backend;
+  bool by_keyboard = false;
+};
+
+NonlinearFunction function_of(const std::string& name, nb::object given) {
+  if (given.is_none()) return {};
+  return [name, call = Kept(std::move(given))](double t, const Eigen::Ref<const Vector>& x,
+                                               const Eigen::Ref<const Vector>& y, Eigen::Ref<Vector> value) {
+    const nb::gil_scoped_acquire lock;
+    const Vector found = as_vector(nb::cast<Array1>(call.get()(t, Vector(x), Vector(y))));
+    if (found.size() != value.size())
+      throw Error(name, "returns " + std::to_string(found.size()) + " values",
+                  "return " + std::to_string(value.size()));
+    value = found;
+  };
+}
+
+// A function that returns (by x, by y).
+NonlinearDerivative derivative_of(const std::string& name, nb::object given) {
+  if (given.is_none()) return {};
+  return [name, call = Kept(std::move(given))](double t, const Eigen::Ref<const Vector>& x,
+                                               const Eigen::Ref<const Vector>& y, Eigen::Ref<Matrix> by_x,
+                                               Eigen::Ref<Matrix> by_y) {
+    const nb::gil_scoped_acquire lock;
+    const auto both = nb::cast<nb::tuple>(call.get()(t, Vector(x), Vector(y)));
+    const auto take = [&](std::size_t k, Eigen::Ref<Matrix> to) {
+      const Matrix found = as_matrix(nb::cast<Array2>(both[k]));
+      if (found.rows() != to.rows() || found.cols() != to.cols())
+        throw Error(name,
+                    "returns a " + std::to_string(found.rows()) + " x " + std::to_string(found.cols()) + " matrix",
+                    "return " + std::to_string(to.rows()) + " x " + std::to_string(to.cols()));
+      to = found;
+    };
+    take(0, by_x);
+    take(1, by_y);
+  };
+}
+
+NonlinearMethod method_of(const std::string& word) {
+  for (const NonlinearMethod m :
+       {NonlinearMethod::automatic, NonlinearMethod::march, NonlinearMethod::iteration, NonlinearMethod::newton})
+    if (word == to_string(m) || (word == "auto" && m == NonlinearMethod::automatic)) return m;
+  throw Error("method", "\"" + word + "\" is not known", "use auto, march, iteration or newton");
+}
+
+std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& model, nb::object phi, nb::object gamma,
+                                           nb::object dphi, nb::object dgamma, const std::string& method,
+                                           const std::string& inner, Index steps, double tol, Index max_steps,
+                                           double iteration_tol, const std::string& backend, int threads,
+                                           nb::object stop) {
+  Calls calls(nb::none(), std::move(stop));
+  NonlinearScene scene;
+  scene.phi = function_of("phi", std::move(phi));
+  scene.gamma = function_of("gamma", std::move(gamma));
+  scene.dphi = derivative_of("dphi", std::move(dphi));
+  scene.dgamma = derivative_of("dgamma", std::move(dgamma));
+  NonlinearOptions options;
+  options.method = method_of(method);
+  options.inner = method_from_string(inner);
+  options.steps = steps;
+  options.error = tol;
+  if (max_steps > 0) options.max_steps = max_steps;
+  if (iteration_tol > 0) options.tolerance = iteration_tol;
+  options.interrupted = [&] { return calls.interrupted(); };
+  auto answer = std::make_shared<NonlinearAnswer>();
+  try {
+    const nb::gil_scoped_release released;
+    for (const auto& forget : model->forget) forget();
+    scene.linear = model->scene;
+    const auto machine = machine_for(backend, scene.linear, {}, threads);
+    const std::lock_guard lock(machine->busy);
+    answer->backend = machine->backend->name();
+    answer->result = solve_nonlinear(scene, *machine->backend, options);
+  } catch (...) {
+    calls.raise();  // what came first
+    throw;
+  }
+  calls.raise();
+  answer->by_keyboard = calls.by_keyboard();
+  return answer;
+}
+
+}  // namespace
+
+void bind_nonlinear(nb::module_& m) {
+  using Self = nb::handle_t<NonlinearAnswer>;
+  const auto of = [](Self self) -> const NonlinearResult& { return nb::cast<NonlinearAnswer&>(self).result; };
+  nb::class_<NonlinearAnswer>(m, "NonlinearAnswer", "Result of a nonlinear system.")
+      .def_prop_ro("status", [](const NonlinearAnswer& a) { return std::string(to_string(a.result.status)); })
+      .def_prop_ro("reason", [](const NonlinearAnswer& a) { return a.result.reason; })
+      .def_prop_ro("t", [of](Self self) { return view(of(self).t, self); })
+      .def_prop_ro("x", [of](Self self) { return view(of(self).x, self); })
+      .def_prop_ro("y", [of](Self self) { return view(of(self).y, self); })
+      .def_prop_ro("w", [of](Self self) { return view(of(self).w, self); })
+      .def_prop_ro("method", [](const NonlinearAnswer& a) { return std::string(to_string(a.result.method)); })
+      .def_prop_ro("continuous", [](const NonlinearAnswer& a) { return a.result.continuous; })
+      .def_prop_ro("residual", [](const NonlinearAnswer& a) { return a.result.residual; })
+      .def_prop_ro("defect", [](const NonlinearAnswer& a) { return a.result.defect; })
+      .def_prop_ro("error_estimate", [](const NonlinearAnswer& a) { return a.result.error_estimate; })
+      .def_prop_ro("newton", [](const NonlinearAnswer& a) { return a.result.newton; })
+      .def_prop_ro("solves", [](const NonlinearAnswer& a) { return a.result.solves; })
+      .def_prop_ro("windows", [](const NonlinearAnswer& a) { return a.result.windows; })
+      .def_prop_ro("marched", [](const NonlinearAnswer& a) { return a.result.marched; })
+      .def_prop_ro("contraction", [](const NonlinearAnswer& a) { return a.result.contraction; })
+      .def_prop_ro("backend", [](const NonlinearAnswer& a) { return a.backend; })
+      .def_ro("by_keyboard", &NonlinearAnswer::by_keyboard);
+  m.def("solve_nonlinear", &solve_one, nb::arg("model"), nb::arg("phi").none(), nb::arg("gamma").none(),
+        nb::arg("dphi").none(), nb::arg("dgamma").none(), nb::arg("method"), nb::arg("inner"), nb::arg("steps"),
+        nb::arg("tol"), nb::arg("max_steps"), nb::arg("iteration_tol"), nb::arg("backend"), nb::arg("threads"),
+        nb::arg("stop").none());
+}
+
+}  // namespace bromwich::python

@@ -1,0 +1,92 @@
+"""Nonlinear systems: against SciPy with events, and what is said of bad input."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import bromwich
+
+SCENE = dict(
+    A=[[0, 1], [-1, -0.2]],
+    B=[0, 1],
+    N=[1, 0],
+    M=0.2,
+    x0=[0.3, 0],
+    T=6,
+    f=lambda t: [0 * t, 2 * np.cos(2 * t)],
+    g=0.5,
+)
+
+
+def spring(t, x, y):
+    return [0, -x[0] ** 3]
+
+
+def by_events():
+    """The same by DOP853, restarted at each switch of y = max(0, -5 (q + 1/2))."""
+    integrate = pytest.importorskip("scipy.integrate")
+
+    def rate(t, z):
+        y = max(0.0, -5 * (z[0] + 0.5))
+        return [z[1], -z[0] - z[0] ** 3 - 0.2 * z[1] + 2 * np.cos(2 * t) + y]
+
+    def touch(t, z):
+        return z[0] + 0.5
+
+    touch.terminal = True
+    t, z = 0.0, np.array([0.3, 0.0])
+    while t < 6:
+        part = integrate.solve_ivp(rate, (t, 6), z, "DOP853", rtol=1e-11, atol=1e-12, events=touch)
+        t, z = part.t[-1], part.y[:, -1]
+        if t < 6:  # away from the event
+            step = integrate.solve_ivp(rate, (t, t + 1e-6), z, "DOP853", rtol=1e-11, atol=1e-12)
+            t, z = step.t[-1], step.y[:, -1]
+    return z
+
+
+def test_order_two_against_located_events():
+    exact = by_events()
+    errors = [
+        np.abs(bromwich.solve_nonlinear(**SCENE, phi=spring, steps=J).x[-1] - exact).max() for J in (200, 800)
+    ]
+    assert np.log2(errors[0] / errors[1]) / 2 == pytest.approx(2, abs=0.25)
+
+
+@pytest.mark.parametrize("method", ["iteration", "newton"])
+def test_windows_agree_with_steps(method):
+    march = bromwich.solve_nonlinear(**SCENE, phi=spring, steps=300)
+    other = bromwich.solve_nonlinear(**SCENE, phi=spring, steps=300, method=method)
+    assert other.ok and other.method == method and other.windows > 0
+    np.testing.assert_allclose(other.x, march.x, atol=1e-10)
+
+
+def test_tolerance():
+    r = bromwich.solve_nonlinear(**SCENE, phi=spring, tol=1e-3, steps=50)
+    assert r.ok and r.error_estimate <= 1e-3 and r.residual < 1e-10 and r.defect < 1e-10
+
+
+def test_derivatives_by_jax():
+    jnp = pytest.importorskip("jax.numpy")
+    given = bromwich.solve_nonlinear(
+        **SCENE, phi=spring, steps=40, dphi=lambda t, x, y: ([[0, 0], [-3 * x[0] ** 2, 0]], np.zeros((2, 1)))
+    )
+    jax = bromwich.solve_nonlinear(
+        **SCENE, phi=lambda t, x, y: jnp.array([0 * x[0], -x[0] ** 3]), steps=40, dphi="jax"
+    )
+    np.testing.assert_allclose(jax.x, given.x, atol=1e-11)
+
+
+def test_bad_input_and_failure():
+    with pytest.raises(bromwich.Error, match="phi"):
+        bromwich.solve_nonlinear(**SCENE, phi=lambda t, x, y: [0.0], steps=10)
+    with pytest.raises(bromwich.Error, match="phi"):
+        bromwich.solve_nonlinear(**SCENE, phi=3, steps=10)
+    with pytest.raises(bromwich.Error, match="method"):
+        bromwich.solve_nonlinear(**SCENE, phi=spring, steps=10, method="newtn")
+    with pytest.raises(ZeroDivisionError):
+        bromwich.solve_nonlinear(**SCENE, phi=lambda t, x, y: [0, 1 / 0], steps=10)
+    with warnings.catch_warnings(record=True):
+        warnings.simplefilter("always")
+        r = bromwich.solve_nonlinear(**SCENE, phi=lambda t, x, y: [0, 1e3 * x[0] ** 2], steps=20)
+    assert not r.ok and "t = " in r.reason and np.isnan(r.x[-1]).all()
