@@ -34,11 +34,13 @@ struct DataChange {
   Vector x0;       ///< m
   RowMatrix f, g;  ///< (J+1) x m and (J+1) x n: at the time points, linear between them
   Matrix A, B, N, M;
+  Matrix E;  ///< where the scene has a mass matrix
 };
 
 /// y, x and w at the time points, or a linear function of them: (J+1) x n, m, n. Empty: no part in the function.
 struct SolutionChange {
   RowMatrix y, x, w;
+  RowMatrix integral;  ///< (J+1) x n: of y over [0, t_j], impulses included
 };
 
 /// How far the solution is from a point at which it is not differentiable.
@@ -47,6 +49,10 @@ struct DerivativeMargin {
   double margin = 1;
   double time = 0;
   Index constraint = -1;
+  /// Of switches that are located: the smallest T |c'| at one, c the y_i or w_i that vanishes, relative to the largest
+  /// value of c. Near 0, the switch is grazing: a small change of the data removes it.
+  double transversality = INFINITY;
+  double grazing_time = 0;
 };
 
 class SolutionDerivative {
