@@ -29,7 +29,7 @@ const DenseDynamics& checked(const Scene& scene, const Result& r) {
   if (scene.boundary) refuse("the scene has a boundary condition", "differentiate a scene with an initial value");
   if (r.method != Method::march && r.method != Method::contour && r.method != Method::multigrid)
     refuse(text("the result is of method %s", to_string(r.method)), "solve by march, contour or multigrid");
-  if (!r.continuous || by_euler(r) || r.starts_with_impulse || r.euler_steps > 0 || r.y_left.size() > 0)
+  if (y_may_jump(r))
     refuse("not differentiable here: y may jump, and the derivative of the discrete solution is not that of y",
            "differentiate scenes with a continuous y (M of class P)");
   return *d;
@@ -68,6 +68,10 @@ RowMatrix rows_of(const TimeFunction& function, const Vector& t, Index width) {
 Vector row(const RowMatrix& table, Index j) { return table.row(j).transpose(); }
 
 }  // namespace
+
+bool y_may_jump(const Result& r) {
+  return !r.continuous || by_euler(r) || r.starts_with_impulse || r.euler_steps > 0 || r.y_left.size() > 0;
+}
 
 SolutionDerivative::SolutionDerivative(const Scene& scene, const Result& result)
     : d_(checked(scene, result)), M_(to_dense(scene.M)), J_(result.steps), t_(result.t), y_(result.y) {
@@ -171,7 +175,9 @@ SolutionChange SolutionDerivative::jvp(const DataChange& c) const {
   check("M", c.M.rows(), c.M.cols(), n_, n_);
   StepDirection d;
   if (c.A.size() > 0) d = direction(d_.A, c.A, h_);
-  SolutionChange out{RowMatrix::Zero(J_ + 1, n_), RowMatrix::Zero(J_ + 1, m_), RowMatrix::Zero(J_ + 1, n_)};
+  if (c.E.size() > 0) refuse("the scene has no E", "change A and B instead");
+  SolutionChange out{RowMatrix::Zero(J_ + 1, n_), RowMatrix::Zero(J_ + 1, m_), RowMatrix::Zero(J_ + 1, n_),
+                     RowMatrix::Zero(J_ + 1, n_)};
   Vector before = Vector::Zero(m_);  // du_{j-1}
   for (Index j = 0; j <= J_; ++j) {
     Vector given = Vector::Zero(m_);  // of u_j without dy_j
@@ -194,6 +200,7 @@ SolutionChange SolutionDerivative::jvp(const DataChange& c) const {
     out.y.row(j) = dy.transpose();
     out.x.row(j) = dx.transpose();
     out.w.row(j) = (d_.N * dx + M_ * dy + fixed).transpose();
+    if (j > 0) out.integral.row(j) = out.integral.row(j - 1) + (h_ / 2) * (out.y.row(j - 1) + out.y.row(j));
   }
   return out;
 }
@@ -202,18 +209,25 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
   check("y", of.y.rows(), of.y.cols(), J_ + 1, n_);
   check("x", of.x.rows(), of.x.cols(), J_ + 1, m_);
   check("w", of.w.rows(), of.w.cols(), J_ + 1, n_);
+  check("integral", of.integral.rows(), of.integral.cols(), J_ + 1, n_);
   DataChange bar;
   bar.f = RowMatrix::Zero(J_ + 1, m_);
   bar.g = RowMatrix::Zero(J_ + 1, n_);
   bar.N = Matrix::Zero(n_, m_);
   bar.M = Matrix::Zero(n_, n_);
   Matrix of_E = Matrix::Zero(m_, m_), of_L = of_E, of_R = of_E;
-  Vector next = Vector::Zero(m_);  // q_{j+1}
+  Vector next = Vector::Zero(m_);   // q_{j+1}
+  Vector later = Vector::Zero(n_);  // weights of the integrals over [0, t_k], k > j
   for (Index j = J_; j >= 0; --j) {
     const Vector of_w = of.w.size() > 0 ? row(of.w, j) : Vector::Zero(n_);
     Vector p = E_.transpose() * next + d_.N.transpose() * of_w, eta = M_.transpose() * of_w;
     if (of.x.size() > 0) p += row(of.x, j);
     if (of.y.size() > 0) eta += row(of.y, j);
+    if (of.integral.size() > 0) {
+      eta += h_ / 2 * later;
+      later += row(of.integral, j);
+      if (j > 0) eta += h_ / 2 * later;
+    }
     eta += d_.B.transpose() * (L_.transpose() * next);
     if (j > 0) eta += d_.B.transpose() * (R_.transpose() * p);
     const Vector mu = on_set_transposed(j, eta), residual = of_w - mu, q = p - d_.N.transpose() * mu;

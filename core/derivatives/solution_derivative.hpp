@@ -55,6 +55,10 @@ struct DerivativeMargin {
   double grazing_time = 0;
 };
 
+/// Whether y of the result may jump: SolutionDerivative refuses it, SwitchedDerivative
+/// (core/derivatives/switched_derivative.hpp) takes its scene.
+bool y_may_jump(const Result&);
+
 class SolutionDerivative {
  public:
   /// The result must be of this scene, on a grid of equal steps, by `march`, `contour` or `multigrid`. Throws Error if

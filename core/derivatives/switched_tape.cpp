@@ -3,6 +3,8 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 
+#include <Eigen/QR>
+
 #include <algorithm>
 #include <cmath>
 
@@ -176,10 +178,13 @@ void SwitchedTape::find_sizes() {
   }
 }
 
-bool SwitchedTape::vanishes(const Piece& p, double at, Index i) const {
+double SwitchedTape::size_of(const Piece& p, Index i) const {
   const std::vector<Index>& S = p.mode->rows.active;
-  const bool active = std::binary_search(S.begin(), S.end(), i);
-  return std::abs(legendre(at).dot(polynomial(p, i))) <= vanishing * (active ? most_y_[i] : most_w_[i]);
+  return std::binary_search(S.begin(), S.end(), i) ? most_y_[i] : most_w_[i];
+}
+
+bool SwitchedTape::vanishes(const Piece& p, double at, Index i) const {
+  return std::abs(legendre(at).dot(polynomial(p, i))) <= vanishing * size_of(p, i);
 }
 
 void SwitchedTape::add_parts(const EventSolution& s, const std::vector<double>& breakpoints) {
@@ -233,9 +238,7 @@ void SwitchedTape::add_switch(const EventSolution& solution, std::size_t k, cons
       const Vector c = polynomial(from, s.component);
       s.row = component(*from.mode, s.component);
       s.rate = end.dot(Collocation::get().derivative * c) / from.length;
-      const std::vector<Index>& S = from.mode->rows.active;
-      const double most =
-          std::binary_search(S.begin(), S.end(), s.component) ? most_y_[s.component] : most_w_[s.component];
+      const double most = size_of(from, s.component);
       const double transversality = T_ * std::abs(s.rate) / most;
       if (!(std::abs(end.dot(c)) <= 1e-4 * most) || !(transversality > grazing))
         refuse(text("a constraint is only touched at t = %.6g (a grazing switch)", s.t), other_data);
@@ -269,7 +272,8 @@ SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* befo
   dt = Bounded::of(Jet::zero(1, m_, n_));
   if (before && before->mode->rows.constraints.x.rows() > 0) {
     const SwitchedMode& mode = before->mode->rows;
-    D = D + Matrix(system_.B * mode.impulse) * Bounded::of(mode.constraints).after(D);
+    const Matrix back = Eigen::CompleteOrthogonalDecomposition<Matrix>(mode.constraints.x).pseudoInverse();
+    D = D + Matrix(-back) * Bounded::of(mode.constraints);  // all changes that keep the constraints
   }
   if (s.moves) {
     dt = Matrix{{-1 / s.rate}} * Bounded::of(s.row).after(D);
@@ -306,7 +310,11 @@ void SwitchedTape::check(const Switch& s, const Piece* before, const Piece& afte
   const auto stays = [&](const Piece& p, double at, Index i, const Bounded& state) {
     const double rate = legendre(at).dot(derivative * polynomial(p, i)) / p.length;
     Bounded c = Bounded::of(component(*p.mode, i)).after(state);
-    if (s.moves) c = c + Matrix{{rate}} * dt;
+    // A rate that is only rounding has the terms of one that is not.
+    if (s.moves) {
+      c.value = c.value + Matrix{{rate}} * dt.value;
+      c.terms = c.terms + Matrix{{std::max(std::abs(rate), size_of(p, i) / T_)}} * dt.terms;
+    }
     return c.vanishes();
   };
   if (before) {
@@ -330,11 +338,7 @@ void SwitchedTape::measure() {
   const auto sample = [&](const Piece& p, double at) {
     const Vector e = legendre(at);
     Vector c(n_);
-    for (Index i = 0; i < n_; ++i) {
-      const std::vector<Index>& S = p.mode->rows.active;
-      const bool active = std::binary_search(S.begin(), S.end(), i);
-      c[i] = e.dot(polynomial(p, i)) / (active ? most_y_[i] : most_w_[i]);
-    }
+    for (Index i = 0; i < n_; ++i) c[i] = e.dot(polynomial(p, i)) / size_of(p, i);
     t.push_back(p.begin + at * p.length);
     values.push_back(c);
   };

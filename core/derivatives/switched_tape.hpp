@@ -84,6 +84,7 @@ class SwitchedTape {
   void add_values(const JetValues& bar, const Piece&, double at, Sources& to) const;
   Vector rate_of(const Mode&, const JetValues&) const;
   void find_sizes();
+  double size_of(const Piece&, Index i) const;
   bool vanishes(const Piece&, double at, Index i) const;
   Bounded saltation(const Switch&, const Piece* before, Bounded& dt) const;
   void check(const Switch&, const Piece* before, const Piece& after) const;

@@ -122,12 +122,16 @@ TEST_P(OfDrawnScenes, BackwardIsTheTransposeOfForward) {
   const SolutionDerivative derivative(scene, solved(scene, Method::contour));
   const DataChange c = drawn_change(GetParam() + 1, 4, 3);
   Random random(GetParam() + 7);
-  const SolutionChange of{random.matrix(J + 1, 3), random.matrix(J + 1, 4), random.matrix(J + 1, 3)};
+  const SolutionChange of{random.matrix(J + 1, 3), random.matrix(J + 1, 4), random.matrix(J + 1, 3),
+                          random.matrix(J + 1, 3)};
   const SolutionChange forward = derivative.jvp(c);
   const DataChange gradient = derivative.vjp(of);
-  const double value = dot(of.y, forward.y) + dot(of.x, forward.x) + dot(of.w, forward.w);
-  const double size = std::sqrt(dot(of.y, of.y) + dot(of.x, of.x) + dot(of.w, of.w)) *
-                      std::sqrt(dot(forward.y, forward.y) + dot(forward.x, forward.x) + dot(forward.w, forward.w));
+  const double value =
+      dot(of.y, forward.y) + dot(of.x, forward.x) + dot(of.w, forward.w) + dot(of.integral, forward.integral);
+  const auto square = [](const SolutionChange& s) {
+    return dot(s.y, s.y) + dot(s.x, s.x) + dot(s.w, s.w) + dot(s.integral, s.integral);
+  };
+  const double size = std::sqrt(square(of) * square(forward));
   EXPECT_NEAR(dot(gradient, c), value, 1e-12 * size);
 }
 
