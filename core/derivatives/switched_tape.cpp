@@ -122,14 +122,14 @@ void SwitchedTape::add_pieces(const Scene& scene, const EventSolution& s) {
 }
 
 // Row i of y or w as the mode has it: of w where i is not active.
-Jet SwitchedTape::component(const Mode& mode, Index i) const {
-  const Jet& y = mode.rows.y;
+SwitchedTape::Bounded SwitchedTape::component(const Mode& mode, Index i) const {
+  const Bounded y = Bounded::of(mode.rows.y);
   const bool active = std::binary_search(mode.rows.active.begin(), mode.rows.active.end(), i);
   if (active) return Matrix(Matrix::Identity(n_, n_).row(i)) * y;
-  Jet w = Matrix(system_.M.row(i)) * y;
-  w.x += system_.N.row(i);
-  w.g(0, i) += 1;
-  return w;
+  Jet rest = Jet::zero(1, m_, n_);
+  rest.x = system_.N.row(i);
+  rest.g(0, i) = 1;
+  return Matrix(system_.M.row(i)) * y + Bounded::of(rest);
 }
 
 Vector SwitchedTape::polynomial(const Piece& p, Index i) const {
@@ -156,11 +156,10 @@ Vector SwitchedTape::rate_of(const Mode& mode, const JetValues& u) const {
   return system_.A * u.x + system_.B * evaluate(mode.rows.y, u) + u.f;
 }
 
-// The largest value of each component, or a share of the sum of its terms if that is larger.
+// The largest value of each component so far, or a share of the sum of its terms if that is larger.
 void SwitchedTape::find_sizes() {
-  most_y_ = most_w_ = Vector::Constant(n_, 1e-290);
-  const Vector start = legendre(0);
-  for (const Piece& p : pieces_) {
+  Vector most_y = Vector::Constant(n_, 1e-290), most_w = most_y;
+  for (Piece& p : pieces_) {
     JetValues u = values_of(p.sources, p, 0);
     for (Vector* v : {&u.f, &u.df, &u.g, &u.dg, &u.ddg}) *v = v->cwiseAbs();
     u.x = p.x.cwiseAbs().colwise().sum().transpose();
@@ -169,18 +168,20 @@ void SwitchedTape::find_sizes() {
     for (Index i = 0; i < n_; ++i) {
       const std::vector<Index>& S = p.mode->rows.active;
       const bool active = std::binary_search(S.begin(), S.end(), i);
-      double& most = active ? most_y_[i] : most_w_[i];
+      double& most = active ? most_y[i] : most_w[i];
       const Vector c = polynomial(p, i);
       for (const double at : {0.0, 0.25, 0.5, 0.75, 1.0})
         most = std::max(most, std::abs(legendre(at * p.until).dot(c)));
       most = std::max(most, share_of_terms * (active ? of_y[i] : of_w[i]));
     }
+    p.most_y = most_y;
+    p.most_w = most_w;
   }
 }
 
 double SwitchedTape::size_of(const Piece& p, Index i) const {
   const std::vector<Index>& S = p.mode->rows.active;
-  return std::binary_search(S.begin(), S.end(), i) ? most_y_[i] : most_w_[i];
+  return std::binary_search(S.begin(), S.end(), i) ? p.most_y[i] : p.most_w[i];
 }
 
 bool SwitchedTape::vanishes(const Piece& p, double at, Index i) const {
@@ -236,7 +237,7 @@ void SwitchedTape::add_switch(const EventSolution& solution, std::size_t k, cons
     s.y_before = from.y.transpose() * end;
     if (s.moves) {
       const Vector c = polynomial(from, s.component);
-      s.row = component(*from.mode, s.component);
+      s.row = component(*from.mode, s.component).value;
       s.rate = end.dot(Collocation::get().derivative * c) / from.length;
       const double most = size_of(from, s.component);
       const double transversality = T_ * std::abs(s.rate) / most;
@@ -309,7 +310,7 @@ void SwitchedTape::check(const Switch& s, const Piece* before, const Piece& afte
   const Matrix& derivative = Collocation::get().derivative;
   const auto stays = [&](const Piece& p, double at, Index i, const Bounded& state) {
     const double rate = legendre(at).dot(derivative * polynomial(p, i)) / p.length;
-    Bounded c = Bounded::of(component(*p.mode, i)).after(state);
+    Bounded c = component(*p.mode, i).after(state);
     // A rate that is only rounding has the terms of one that is not.
     if (s.moves) {
       c.value = c.value + Matrix{{rate}} * dt.value;
@@ -333,25 +334,23 @@ void SwitchedTape::check(const Switch& s, const Piece* before, const Piece& afte
 }
 
 void SwitchedTape::measure() {
-  std::vector<double> t;
-  std::vector<Vector> values;
-  const auto sample = [&](const Piece& p, double at) {
+  std::vector<Sample> run;
+  const auto sample = [&](const Part& part, double share) {
+    const Piece& p = piece_of(part);
+    const double at = part.from + part.width * share;
     const Vector e = legendre(at);
     Vector c(n_);
     for (Index i = 0; i < n_; ++i) c[i] = e.dot(polynomial(p, i)) / size_of(p, i);
-    t.push_back(p.begin + at * p.length);
-    values.push_back(c);
+    run.push_back({p.begin + at * p.length, part.piece, std::move(c)});
   };
   for (std::size_t k = 0; k < parts_.size(); ++k) {
-    const Part& part = parts_[k];
-    const Piece& p = piece_of(part);
     constexpr int samples = 8;
     const bool last = k + 1 == parts_.size(), run_ends = last || parts_[k + 1].change >= 0;
-    for (int i = 0; i < samples + (run_ends ? 1 : 0); ++i) sample(p, part.from + part.width * i / samples);
+    const bool piece_ends = run_ends || parts_[k + 1].piece != parts_[k].piece;
+    for (int i = 0; i < samples + (piece_ends ? 1 : 0); ++i) sample(parts_[k], double(i) / samples);
     if (!run_ends) continue;
-    measure_run(t, values, p, last);
-    t.clear();
-    values.clear();
+    measure_run(run, last);
+    run.clear();
   }
   if (margin_.margin <= degenerate)
     refuse(text("y_%ld = w_%ld = 0 at t = %.6g, where derivatives are one-sided", long(margin_.constraint),
@@ -360,21 +359,21 @@ void SwitchedTape::measure() {
 }
 
 // Local minima of the components between two switches. What vanishes at a switch was checked there.
-void SwitchedTape::measure_run(const std::vector<double>& t, const std::vector<Vector>& values, const Piece&,
-                               bool to_end) {
-  const std::size_t count = values.size();
+void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
+  const std::size_t count = run.size();
   for (Index i = 0; i < n_; ++i)
     for (std::size_t k = 0; k < count; ++k) {
-      const double now = values[k][i];
-      const double before = k > 0 ? values[k - 1][i] : INFINITY, after = k + 1 < count ? values[k + 1][i] : INFINITY;
+      const bool inner = k > 0 && k + 1 < count;
+      const double now = run[k].c[i], before = k > 0 ? run[k - 1].c[i] : INFINITY;
+      const double after = k + 1 < count ? run[k + 1].c[i] : INFINITY;
       if (now > before || now > after) continue;
       double least = now;
-      const bool inner = k > 0 && k + 1 < count;
       const double bend = before - 2 * now + after;
-      if (inner && bend > 0) least -= (after - before) * (after - before) / (8 * bend);
+      // The vertex of the parabola through three samples, where they are of one polynomial.
+      if (inner && bend > 0 && run[k - 1].piece == run[k + 1].piece) least -= std::pow(after - before, 2) / (8 * bend);
       if (!inner && !(to_end && k + 1 == count) && std::abs(least) <= vanishing) continue;
       least = std::max(0.0, least);
-      if (least < margin_.margin) margin_.margin = least, margin_.time = t[k], margin_.constraint = i;
+      if (least < margin_.margin) margin_.margin = least, margin_.time = run[k].t, margin_.constraint = i;
     }
 }
 
@@ -384,7 +383,7 @@ void SwitchedTape::judge_M() {
       without_M_ = "M_SS is singular on an active set, and a change of M can act from one side only";
   for (const Switch& s : switches_) {
     if (!without_M_.empty() || !s.moves || n_ == 0) continue;
-    if (((s.y_after - s.y_before).cwiseAbs() - 1e-6 * most_y_).maxCoeff() > 0)
+    if (((s.y_after - s.y_before).cwiseAbs() - 1e-6 * pieces_.back().most_y).maxCoeff() > 0)
       without_M_ = text("y jumps at the switch at t = %.6g, and a change of M removes the jump", s.t);
   }
 }

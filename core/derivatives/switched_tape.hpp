@@ -27,6 +27,7 @@ class SwitchedTape {
   DataChange vjp(const SolutionChange&) const;
 
  private:
+  struct Bounded;  // a Jet, and the same with all terms by absolute value
   // A mode with (x, integral of y) as its state.
   struct Mode {
     SwitchedMode rows;
@@ -39,9 +40,10 @@ class SwitchedTape {
   // A piece of the solution in one mode. All polynomials are those on [begin, begin + length].
   struct Piece {
     const Mode* mode;
-    double begin, length, until;  ///< until: of [0, 1], where it ends
-    Matrix x, y, rate;            ///< of the solution; rate: x'
-    Sources sources;              ///< of the scene
+    double begin, length, until;      ///< until: of [0, 1], where it ends
+    Matrix x, y, rate;                ///< of the solution; rate: x'
+    Sources sources;                  ///< of the scene
+    Vector most_y = {}, most_w = {};  ///< sizes of the components up to here, see find_sizes
   };
   struct Part {
     Index piece;
@@ -70,7 +72,12 @@ class SwitchedTape {
     Vector x, integral;
   };
 
-  struct Bounded;  // a Jet, and the same with all terms by absolute value
+  // Of the components that are not negative in the mode, relative to their sizes.
+  struct Sample {
+    double t;
+    Index piece;
+    Vector c;
+  };
 
   const Mode* mode_of(const std::vector<Index>& active);
   const PartMaps* maps_of(const Mode*, double length);
@@ -78,7 +85,7 @@ class SwitchedTape {
   void add_parts(const EventSolution&, const std::vector<double>& breakpoints);
   void cut(Index piece, double end, Index& row);
   void add_switch(const EventSolution&, std::size_t k, const std::vector<double>& breakpoints);
-  Jet component(const Mode&, Index i) const;
+  Bounded component(const Mode&, Index i) const;
   Vector polynomial(const Piece&, Index i) const;
   JetValues values_of(const Sources&, const Piece&, double at) const;
   void add_values(const JetValues& bar, const Piece&, double at, Sources& to) const;
@@ -89,7 +96,7 @@ class SwitchedTape {
   Bounded saltation(const Switch&, const Piece* before, Bounded& dt) const;
   void check(const Switch&, const Piece* before, const Piece& after) const;
   void measure();
-  void measure_run(const std::vector<double>& t, const std::vector<Vector>& values, const Piece&, bool to_end);
+  void measure_run(const std::vector<Sample>&, bool to_end);
   void judge_M();
   void check_structure(const DataChange&) const;
 
@@ -123,7 +130,6 @@ class SwitchedTape {
   std::vector<Piece> pieces_;
   std::vector<Part> parts_;
   std::vector<Switch> switches_;
-  Vector most_y_, most_w_;  ///< sizes of the components, see find_sizes
   DerivativeMargin margin_;
   std::vector<Index> one_sided_;
   std::string without_M_;
