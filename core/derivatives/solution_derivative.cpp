@@ -15,17 +15,23 @@ namespace {
 constexpr double same_solution = 1e-7;  ///< of the largest y and w: what the steps may differ from the result by
 constexpr double degenerate = 1e-10;    ///< of the largest y_i and w_i: margins below count as y_i = w_i = 0
 constexpr double smallest_rcond = 1e-14;
+constexpr Index most_states = 1000;  ///< e^{hA} and its derivative with respect to A are dense
 
 [[noreturn]] void refuse(const std::string& found, const std::string& remedy) {
   throw Error("derivative", found, remedy);
 }
 
 // What the derivative needs of a scene and its result.
-const DenseDynamics& checked(const Scene& scene, const Result& r) {
+DenseDynamics checked(const Scene& scene, const Result& r) {
   if (r.status != Status::solved)
     refuse(text("the result is not solved (%s)", to_string(r.status)), "differentiate a result with status solved");
-  const DenseDynamics* d = scene.dynamics->small_state();
-  if (!d || d->E.size() > 0) refuse("the dynamics are not dense with E = I", "give A, B and N as dense matrices");
+  if (scene.states() > most_states)
+    refuse(text("the scene has %ld states, and the derivative writes its dynamics out as dense matrices",
+                long(scene.states())),
+           text("differentiate scenes with at most %ld states", long(most_states)));
+  const Scene dense = written_out(scene);
+  const DenseDynamics* d = dense.dynamics->small_state();
+  if (!d) refuse("the dynamics have no dense form", "give A, B and N as matrices");
   if (scene.boundary) refuse("the scene has a boundary condition", "differentiate a scene with an initial value");
   if (r.method != Method::march && r.method != Method::contour && r.method != Method::multigrid)
     refuse(text("the result is of method %s", to_string(r.method)), "solve by march, contour or multigrid");
@@ -77,6 +83,16 @@ SolutionDerivative::SolutionDerivative(const Scene& scene, const Result& result)
     : d_(checked(scene, result)), M_(to_dense(scene.M)), J_(result.steps), t_(result.t), y_(result.y) {
   m_ = scene.states();
   n_ = scene.constraints();
+  Matrix F = source_matrix(scene, d_);
+  if (d_.E.size() > 0) {
+    const Eigen::PartialPivLU<Matrix> lu(d_.E);
+    if (!(lu.rcond() > smallest_rcond)) refuse("E is singular", "eliminate the algebraic states");
+    inverse_E_ = lu.inverse();
+    d_.A = lu.solve(d_.A);
+    d_.B = lu.solve(d_.B);
+    F = lu.solve(F);
+    d_.E.resize(0, 0);
+  }
   h_ = scene.T / double(J_);
   if (y_.rows() != J_ + 1 || y_.cols() != n_ || t_.size() != J_ + 1)
     refuse("the result has other rows than its grid", "differentiate a result as solve returned it");
@@ -85,8 +101,8 @@ SolutionDerivative::SolutionDerivative(const Scene& scene, const Result& result)
   L_ = step.left;
   R_ = step.right;
   const RowMatrix f = rows_of(scene.f, t_, scene.sources()), g = rows_of(scene.g, t_, n_);
-  u_ = y_ * d_.B.transpose();
-  if (f.size() > 0) u_ += f * source_matrix(scene, d_).transpose();
+  f_ = f.size() > 0 ? RowMatrix(f * F.transpose()) : RowMatrix::Zero(J_ + 1, m_);
+  u_ = y_ * d_.B.transpose() + f_;
   x_.resize(J_ + 1, m_);
   x_.row(0) = scene.x0.transpose();
   w_ = g.size() > 0 ? g : RowMatrix::Zero(J_ + 1, n_);
@@ -165,17 +181,49 @@ void SolutionDerivative::check(const char* name, Index rows, Index columns, Inde
               text("give %ld x %ld", long(expected_rows), long(expected_columns)));
 }
 
-SolutionChange SolutionDerivative::jvp(const DataChange& c) const {
-  check("x0", c.x0.size(), 1, m_, 1);
-  check("f", c.f.rows(), c.f.cols(), J_ + 1, m_);
-  check("g", c.g.rows(), c.g.cols(), J_ + 1, n_);
-  check("A", c.A.rows(), c.A.cols(), m_, m_);
-  check("B", c.B.rows(), c.B.cols(), m_, n_);
-  check("N", c.N.rows(), c.N.cols(), n_, m_);
-  check("M", c.M.rows(), c.M.cols(), n_, n_);
+// The change of x' = E^{-1} (A x + B y + f): dE x' is that of E^{-1} dE A, E^{-1} dE B and E^{-1} dE f.
+DataChange SolutionDerivative::without_mass(DataChange c) const {
+  if (inverse_E_.size() == 0) return c;
+  for (Matrix* change : {&c.A, &c.B, &c.E})
+    if (change->size() > 0) *change = inverse_E_ * *change;
+  if (c.f.size() > 0) c.f = c.f * inverse_E_.transpose();
+  if (c.E.size() == 0) return c;
+  const auto add = [](auto& to, const auto& more) {
+    if (to.size() == 0)
+      to = -more;
+    else
+      to -= more;
+  };
+  add(c.A, Matrix(c.E * d_.A));
+  add(c.B, Matrix(c.E * d_.B));
+  add(c.f, RowMatrix(f_ * c.E.transpose()));
+  c.E.resize(0, 0);
+  return c;
+}
+
+// The transpose of without_mass.
+void SolutionDerivative::add_mass(DataChange& bar) const {
+  if (inverse_E_.size() == 0) return;
+  const Matrix back = inverse_E_.transpose();
+  bar.E = -back * (bar.A * d_.A.transpose() + bar.B * d_.B.transpose() + bar.f.transpose() * f_);
+  bar.A = back * bar.A;
+  bar.B = back * bar.B;
+  bar.f = bar.f * inverse_E_;
+}
+
+SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
+  check("x0", given.x0.size(), 1, m_, 1);
+  check("f", given.f.rows(), given.f.cols(), J_ + 1, m_);
+  check("g", given.g.rows(), given.g.cols(), J_ + 1, n_);
+  check("A", given.A.rows(), given.A.cols(), m_, m_);
+  check("B", given.B.rows(), given.B.cols(), m_, n_);
+  check("N", given.N.rows(), given.N.cols(), n_, m_);
+  check("M", given.M.rows(), given.M.cols(), n_, n_);
+  check("E", given.E.rows(), given.E.cols(), m_, m_);
+  if (given.E.size() > 0 && inverse_E_.size() == 0) refuse("the scene has no E", "change A and B instead");
+  const DataChange c = without_mass(given);
   StepDirection d;
   if (c.A.size() > 0) d = direction(d_.A, c.A, h_);
-  if (c.E.size() > 0) refuse("the scene has no E", "change A and B instead");
   SolutionChange out{RowMatrix::Zero(J_ + 1, n_), RowMatrix::Zero(J_ + 1, m_), RowMatrix::Zero(J_ + 1, n_),
                      RowMatrix::Zero(J_ + 1, n_)};
   Vector before = Vector::Zero(m_);  // du_{j-1}
@@ -249,6 +297,7 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
   bar.B = bar.f.transpose() * y_;
   const Matrix At = d_.A.transpose();
   bar.A = direction(At, of_E, h_).decay + direction(At, of_L, h_).left + direction(At, of_R, h_).right;
+  add_mass(bar);
   return bar;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
-// Derivatives of a solution with respect to its data, of dense dynamics with a continuous y.
+// Derivatives of a solution with respect to its data, with a continuous y. The dynamics are written out as dense
+// matrices, with E x' = A x + ... as x' = E^{-1} A x + ...
 //
 // The discrete solution is y linear between time points, u_j = B y_j + f_j, and
 //
@@ -63,7 +64,8 @@ class SolutionDerivative {
  public:
   /// The result must be of this scene, on a grid of equal steps, by `march`, `contour` or `multigrid`. Throws Error if
   /// it is not solved, if y may jump (the derivative of the discrete solution is then not that of the solution), if a
-  /// degenerate component (y_i = w_i = 0) leaves only one-sided derivatives, or if the scene is not dense.
+  /// degenerate component (y_i = w_i = 0) leaves only one-sided derivatives, or if the scene is too large to be written
+  /// out as dense matrices.
   SolutionDerivative(const Scene&, const Result&);
 
   Index steps() const { return J_; }
@@ -83,7 +85,12 @@ class SolutionDerivative {
   Vector on_set_transposed(Index j, const Vector& right) const;
   void check(const char* name, Index rows, Index columns, Index expected_rows, Index expected_columns) const;
 
-  DenseDynamics d_;
+  DataChange without_mass(DataChange) const;
+  void add_mass(DataChange&) const;
+
+  DenseDynamics d_;   ///< with E = I
+  Matrix inverse_E_;  ///< of the scene; empty: E = I
+  RowMatrix f_;       ///< (J+1) x m, in x' = ... + f
   Matrix M_, E_, L_, R_;
   Index J_ = 0, m_ = 0, n_ = 0;
   double h_ = 0;

@@ -150,6 +150,62 @@ TEST(SolutionDerivative, WVanishesWhereYActs) {
     }
 }
 
+// With a mass matrix: against differences, and the transpose.
+TEST(SolutionDerivative, OfAMassMatrix) {
+  const Matrix change = Random(77).matrix(4, 4);
+  const auto with = [&](double by) {
+    Scene scene = drawn(5);
+    DenseDynamics d = *scene.dynamics->small_state();
+    d.E = Matrix(2 * Matrix::Identity(4, 4)) + 0.3 * Random(7).matrix(4, 4) + by * change;
+    scene.dynamics = d;
+    return scene;
+  };
+  const SolutionDerivative derivative(with(0), solved(with(0)));
+  ASSERT_GT(derivative.margin().margin, 1e-4);
+  DataChange c;
+  c.E = change;
+  const SolutionChange d = derivative.jvp(c);
+  const double step = 1e-6;
+  const Result up = solved(with(step)), down = solved(with(-step));
+  EXPECT_LE(((up.x - down.x) / (2 * step) - d.x).norm(), 1e-6 * d.x.norm());
+  EXPECT_LE(((up.y - down.y) / (2 * step) - d.y).norm(), 1e-6 * d.y.norm());
+  c = drawn_change(8, 4, 3);
+  c.E = change;
+  const SolutionChange of{Random(9).matrix(J + 1, 3), Random(10).matrix(J + 1, 4), {}, {}}, forward = derivative.jvp(c);
+  const DataChange gradient = derivative.vjp(of);
+  const double value = dot(of.y, forward.y) + dot(of.x, forward.x);
+  EXPECT_NEAR(dot(gradient, c) + gradient.E.cwiseProduct(c.E).sum(), value,
+              1e-12 * std::sqrt(dot(of.y, of.y) + dot(of.x, of.x)) *
+                  std::sqrt(dot(forward.y, forward.y) + dot(forward.x, forward.x)));
+}
+
+// Two lines of cells: a Kronecker sum that the derivative writes out.
+TEST(SolutionDerivative, OfAKroneckerSum) {
+  const auto with = [](double by) {
+    Scene scene = make_scene("signorini", {{"Q", 7}});
+    scene.M = Matrix(0.5 * Matrix::Identity(scene.constraints(), scene.constraints()));
+    const TimeFunction g = scene.g;
+    const Index n = scene.constraints();
+    scene.g = [g, n, by](double t, Eigen::Ref<Vector> v) {
+      v.setZero();
+      if (g) g(t, v);
+      v += by * Vector::Ones(n);
+    };
+    return scene;
+  };
+  const SolutionDerivative derivative(with(0), solved(with(0)));
+  DataChange c;
+  c.g = RowMatrix::Ones(J + 1, derivative.steps() > 0 ? with(0).constraints() : 0);
+  const SolutionChange d = derivative.jvp(c);
+  ASSERT_GT(d.y.norm(), 1e-3);
+  const double step = std::min(1e-6, 0.1 * derivative.margin().margin);
+  const Result up = solved(with(step)), down = solved(with(-step));
+  EXPECT_LE(((up.y - down.y) / (2 * step) - d.y).norm(), 1e-6 * d.y.norm());
+  SolutionChange of;
+  of.y = Random(4).matrix(J + 1, with(0).constraints());
+  EXPECT_NEAR(dot(derivative.vjp(of).g, c.g), dot(of.y, d.y), 1e-12 * of.y.norm() * d.y.norm());
+}
+
 // x' = 30 x - 40 y, w = y - x from x0 = 2: y = x and x' = -10 x.
 TEST(SolutionDerivative, OfAnUnstableStateThatTheConstraintHolds) {
   Scene scene;
