@@ -2,7 +2,7 @@
 
 #include "app/text.hpp"
 #include "core/base/error.hpp"
-#include "core/derivatives/solution_derivative.hpp"
+#include "core/derivatives/switched_derivative.hpp"
 #include "core/scene/separable.hpp"
 #include "core/solve/dense_output.hpp"
 #include "files/number_files.hpp"

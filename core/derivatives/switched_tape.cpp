@@ -371,7 +371,9 @@ void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
       const double bend = before - 2 * now + after;
       // The vertex of the parabola through three samples, where they are of one polynomial.
       if (inner && bend > 0 && run[k - 1].piece == run[k + 1].piece) least -= std::pow(after - before, 2) / (8 * bend);
-      if (!inner && !(to_end && k + 1 == count) && std::abs(least) <= vanishing) continue;
+      const double near = at_switch * T_;
+      const bool at_end = run[k].t - run.front().t <= near || (!to_end && run.back().t - run[k].t <= near);
+      if (at_end && std::abs(least) <= vanishing) continue;
       least = std::max(0.0, least);
       if (least < margin_.margin) margin_.margin = least, margin_.time = run[k].t, margin_.constraint = i;
     }
