@@ -42,7 +42,8 @@ class AnyDerivative {
   AnyDerivative(const Answer& answer, std::optional<bool> located) {
     const Scene& scene = answer.model->scene;
     const Result& result = answer.result;
-    if (located.value_or(result.status == Status::solved && y_may_jump(result))) {
+    const bool jumps = y_may_jump(result) || result.method == Method::events;
+    if (located.value_or(result.status == Status::solved && jumps)) {
       if (result.status != Status::solved)
         throw Error("derivative", "the result is not solved", "differentiate a result with status solved");
       switched_.emplace(scene, result.t);
