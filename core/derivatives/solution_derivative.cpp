@@ -261,39 +261,41 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
   DataChange bar;
   bar.f = RowMatrix::Zero(J_ + 1, m_);
   bar.g = RowMatrix::Zero(J_ + 1, n_);
-  bar.N = Matrix::Zero(n_, m_);
-  bar.M = Matrix::Zero(n_, n_);
-  Matrix of_E = Matrix::Zero(m_, m_), of_L = of_E, of_R = of_E;
+  RowMatrix all(J_ + 1, m_);        // q_j
   Vector next = Vector::Zero(m_);   // q_{j+1}
   Vector later = Vector::Zero(n_);  // weights of the integrals over [0, t_k], k > j
+  Vector p(m_), eta(n_), of_u(m_), back(m_), of_w = Vector::Zero(n_);
+  const Matrix N = d_.N, Lt = L_.transpose(), Rt = R_.transpose(), Bt = d_.B.transpose();
   for (Index j = J_; j >= 0; --j) {
-    const Vector of_w = of.w.size() > 0 ? row(of.w, j) : Vector::Zero(n_);
-    Vector p = E_.transpose() * next + d_.N.transpose() * of_w, eta = M_.transpose() * of_w;
+    if (of.w.size() > 0) of_w = row(of.w, j);
+    p.noalias() = E_.transpose() * next;
+    of_u.noalias() = Lt * next;
+    back = of_u;
+    if (of.w.size() > 0) p.noalias() += N.transpose() * of_w;
     if (of.x.size() > 0) p += row(of.x, j);
+    if (j > 0) back.noalias() += Rt * p;
+    eta.noalias() = Bt * back;
+    if (of.w.size() > 0) eta.noalias() += M_.transpose() * of_w;
     if (of.y.size() > 0) eta += row(of.y, j);
     if (of.integral.size() > 0) {
       eta += h_ / 2 * later;
       later += row(of.integral, j);
       if (j > 0) eta += h_ / 2 * later;
     }
-    eta += d_.B.transpose() * (L_.transpose() * next);
-    if (j > 0) eta += d_.B.transpose() * (R_.transpose() * p);
-    const Vector mu = on_set_transposed(j, eta), residual = of_w - mu, q = p - d_.N.transpose() * mu;
-    bar.g.row(j) = residual.transpose();
-    bar.N += residual * x_.row(j);
-    bar.M += residual * y_.row(j);
-    Vector of_u = L_.transpose() * next;
-    if (j > 0) {
-      of_u += R_.transpose() * q;
-      of_E += q * x_.row(j - 1);
-      of_L += q * u_.row(j - 1);
-      of_R += q * u_.row(j);
-    } else {
-      bar.x0 = q;
-    }
+    const Vector mu = on_set_transposed(j, eta);
+    next = p;
+    next.noalias() -= N.transpose() * mu;  // q_j
+    if (j > 0) of_u.noalias() += Rt * next;
+    bar.g.row(j) = (of_w - mu).transpose();
     bar.f.row(j) = of_u.transpose();
-    next = q;
+    all.row(j) = next.transpose();
   }
+  bar.x0 = next;
+  bar.N = bar.g.transpose() * x_;
+  bar.M = bar.g.transpose() * y_;
+  const auto later_rows = all.bottomRows(J_);
+  const Matrix of_E = later_rows.transpose() * x_.topRows(J_), of_L = later_rows.transpose() * u_.topRows(J_),
+               of_R = later_rows.transpose() * u_.bottomRows(J_);
   bar.B = bar.f.transpose() * y_;
   const Matrix At = d_.A.transpose();
   bar.A = direction(At, of_E, h_).decay + direction(At, of_L, h_).left + direction(At, of_R, h_).right;
