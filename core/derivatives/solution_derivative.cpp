@@ -73,6 +73,16 @@ RowMatrix rows_of(const TimeFunction& function, const Vector& t, Index width) {
 
 Vector row(const RowMatrix& table, Index j) { return table.row(j).transpose(); }
 
+// Constraints with y_i = w_i = 0 at t = 0, as where everything starts from rest. Changes that leave w_i there have a
+// derivative all the same.
+std::vector<Index> undecided_at_start(const RowMatrix& y, const RowMatrix& w, const std::vector<Index>& active) {
+  std::vector<Index> found;
+  for (Index i = 0; i < y.cols(); ++i)
+    if (!std::binary_search(active.begin(), active.end(), i) && w(0, i) <= degenerate * w.col(i).cwiseAbs().maxCoeff())
+      found.push_back(i);
+  return found;
+}
+
 }  // namespace
 
 bool y_may_jump(const Result& r) {
@@ -146,6 +156,7 @@ void SolutionDerivative::measure() {
       if (active && y_(j, i) <= 0) continue;  // a free row
       const double most = active ? most_y : most_w, value = active ? y_(j, i) : w_(j, i);
       const double margin = most > 0 ? std::max(0.0, value) / most : 0;
+      if (j == 0 && !active && margin <= degenerate) continue;  // see undecided_at_start
       if (margin < margin_.margin) margin_ = {margin, t_[j], i};
     }
   }
@@ -245,6 +256,16 @@ SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
     const Vector dy = on_set(j, d_.N * dx + fixed);
     if (j > 0) dx += R_ * (d_.B * dy);
     before = given + d_.B * dy;
+    if (j == 0)
+      for (const Index i : undecided_at_start(y_, w_, sets_[0])) {
+        const double moved = d_.N.row(i).dot(dx) + M_.row(i).dot(dy) + fixed[i];
+        const double terms =
+            d_.N.row(i).cwiseAbs().dot(dx.cwiseAbs()) + M_.row(i).cwiseAbs().dot(dy.cwiseAbs()) + std::abs(fixed[i]);
+        if (std::abs(moved) > 1e-12 * terms)
+          refuse(text("not differentiable here: the change moves w_%ld at t = 0, where y_%ld = w_%ld = 0", long(i),
+                      long(i), long(i)),
+                 "change x0 and g(0) slightly, or leave this w_i as it is");
+      }
     out.y.row(j) = dy.transpose();
     out.x.row(j) = dx.transpose();
     out.w.row(j) = (d_.N * dx + M_ * dy + fixed).transpose();
@@ -282,6 +303,14 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
       later += row(of.integral, j);
       if (j > 0) eta += h_ / 2 * later;
     }
+    if (j == 0)
+      for (const Index i : undecided_at_start(y_, w_, sets_[0]))
+        if (eta[i] != 0)
+          refuse(
+              text("not differentiable here: y_%ld = w_%ld = 0 at t = 0, and the gradient with respect to x0 and g(0) "
+                   "is one-sided",
+                   long(i), long(i)),
+              "change x0 or g(0) slightly, or use jvp for changes that leave w_i");
     const Vector mu = on_set_transposed(j, eta);
     next = p;
     next.noalias() -= N.transpose() * mu;  // q_j

@@ -150,6 +150,15 @@ TEST(SolutionDerivative, WVanishesWhereYActs) {
     }
 }
 
+std::string refusal(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "";
+}
+
 // With a mass matrix: against differences, and the transpose.
 TEST(SolutionDerivative, OfAMassMatrix) {
   const Matrix change = Random(77).matrix(4, 4);
@@ -206,6 +215,22 @@ TEST(SolutionDerivative, OfAKroneckerSum) {
   EXPECT_NEAR(dot(derivative.vjp(of).g, c.g), dot(of.y, d.y), 1e-12 * of.y.norm() * d.y.norm());
 }
 
+// From rest, y_i = w_i = 0 at t = 0: changes that leave w(0) have a derivative, others are refused.
+TEST(SolutionDerivative, FromRest) {
+  const Scene scene = make_scene("dlcp-small");
+  const SolutionDerivative derivative(scene, solved(scene));
+  const Index n = scene.constraints();
+  DataChange c;
+  c.M = Matrix::Identity(n, n);  // M stays a Z-matrix
+  const SolutionChange d = derivative.jvp(c);
+  const double step = std::min(1e-6, 1e-2 * derivative.margin().margin);
+  const Result up = solved(changed(scene, c, step)), down = solved(changed(scene, c, -step));
+  EXPECT_LE(((up.y - down.y) / (2 * step) - d.y).norm(), 1e-6 * d.y.norm());
+  c = {};
+  c.x0 = Vector::Ones(scene.states());
+  EXPECT_NE(refusal([&] { derivative.jvp(c); }).find("at t = 0"), std::string::npos);
+}
+
 // x' = 30 x - 40 y, w = y - x from x0 = 2: y = x and x' = -10 x.
 TEST(SolutionDerivative, OfAnUnstableStateThatTheConstraintHolds) {
   Scene scene;
@@ -219,15 +244,6 @@ TEST(SolutionDerivative, OfAnUnstableStateThatTheConstraintHolds) {
   const SolutionChange d = derivative.jvp(c);
   const Result r = solved(scene);
   for (Index j = 0; j <= J; ++j) EXPECT_NEAR(2 * d.x(j, 0), r.x(j, 0), 1e-9 * r.x(0, 0));
-}
-
-std::string refusal(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
 }
 
 TEST(SolutionDerivative, SaysWhereThereIsNone) {
