@@ -11,6 +11,7 @@
 #include "app/text.hpp"
 #include "core/base/error.hpp"
 #include "core/solve/dense_output.hpp"
+#include "report/charts.hpp"
 
 #include <fmt/format.h>
 
@@ -96,6 +97,44 @@ std::string in_words(const std::vector<FreeParameter>& free, const Fit& f) {
   return text;
 }
 
+// A picture of its own, with colours that no page gives.
+constexpr const char* style_of_plot =
+    "<style>svg{font:12px sans-serif;background:#fff}text{fill:#57606a}.label{fill:#1b1f24}.grid{stroke:#e4e8ec}"
+    ".frame{fill:none;stroke:#57606a}.line{fill:none;stroke-width:1.7}.s0{stroke:#0b5cad}.s1{stroke:none}"
+    ".m1{fill:#b8430b}</style>";
+
+// One chart below the other: the fitted curve on a fine grid, and the measured values.
+std::string drawn(const Scene& scene, Backend& backend, const Options& given, const FitData& data) {
+  Options options = given;
+  options.states = StateSelection::all;
+  options.trace = true;
+  const Result curve = solve(scene, backend, options);
+  const Vector measured_at = Eigen::Map<const Vector>(data.t.data(), Index(data.t.size()));
+  std::string charts;
+  double below = 0;
+  for (std::size_t k = 0; k < data.columns.size(); ++k) {
+    const Column& c = data.columns[k];
+    Vector values(curve.t.size());
+    for (Index j = 0; j < values.size(); ++j) values[j] = value_of(scene, curve, j, c);
+    report::LineChart chart{
+        c.name + ": fitted and measured",
+        {"t"},
+        {c.name},
+        {{"fitted", curve.t, values}, {"measured", measured_at, data.values.col(Index(k)), false, true}},
+        {}};
+    std::string svg = report::line_chart(chart);
+    const std::string box = "viewBox=\"0 0 ";
+    const std::size_t at = svg.find(box) + box.size(), space = svg.find(' ', at), end = svg.find('"', space);
+    const double height = std::stod(svg.substr(space + 1, end - space - 1));
+    svg.insert(svg.find(box), fmt::format("x=\"0\" y=\"{}\" width=\"760\" height=\"{}\" ", below, height));
+    charts += svg;
+    below += height + 10;
+  }
+  return fmt::format(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"760\" height=\"{0}\" viewBox=\"0 0 760 {0}\">{1}{2}</svg>\n",
+      below, style_of_plot, charts);
+}
+
 // t and the fitted columns at the times of the data, with the data beside them.
 void write_fitted(const std::string& name, const Scene& scene, Backend& backend, const Options& given,
                   const FitData& data) {
@@ -140,6 +179,11 @@ int run_fit(const FitArguments& a) {
     return choose_initial_value_scene(name, values).scene;
   };
   const Fit found = fit(scene_of, free, data, *backend, options);
+  if (!a.plot.empty()) {
+    const OutputFile file("--plot", a.plot, ".svg");
+    const std::string picture = drawn(scene_of(found.p), *backend, options, data);
+    file.write([&picture](std::FILE* out) { std::fwrite(picture.data(), 1, picture.size(), out); });
+  }
   if (!a.out.empty()) write_fitted(a.out, scene_of(found.p), *backend, options, data);
   print(a.json ? dump(to_json(free, found)) : in_words(free, found));
   return found.converged ? exit_solved : exit_not_solved;

@@ -37,7 +37,7 @@ struct PlotArguments {
 
 struct FitArguments {
   std::vector<std::string> words, settings;
-  std::string data, free, method, steps, threads, out;
+  std::string data, free, method, steps, threads, out, plot;
   bool json = false;
 };
 

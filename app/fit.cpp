@@ -2,7 +2,7 @@
 
 #include "app/text.hpp"
 #include "core/base/error.hpp"
-#include "core/derivatives/solution_derivative.hpp"
+#include "core/derivatives/switched_derivative.hpp"
 #include "core/scene/separable.hpp"
 #include "core/solve/dense_output.hpp"
 #include "files/number_files.hpp"
@@ -173,23 +173,42 @@ class Problem {
     const Scene scene = scene_of_(p);
     std::string reason;
     if (last_p_ != p && !residuals(p, reason)) throw Error("derivative", reason, "");
-    const SolutionDerivative derivative(scene, last_);
+    // Where y may jump, switches are located, and the derivative is that at the time points and those of the data.
+    const bool located = y_may_jump(last_);
+    std::optional<SolutionDerivative> discrete;
+    std::optional<SwitchedDerivative> switched;
+    const Vector t = located ? all_times() : last_.t;
+    if (located)
+      switched.emplace(scene, t);
+    else
+      discrete.emplace(scene, last_);
     Matrix J(values(), inputs());
     for (Index i = 0; i < p.size(); ++i) {
       const auto [below, above] = around(p, i);
       const Scene a = scene_of_(below), b = scene_of_(above);
       if (a.T != b.T || a.states() != b.states() || a.constraints() != b.constraints() || !a.dynamics->small_state())
         throw Error("derivative", "the parameters change T or sizes", "");
-      J.col(i) = column(derivative.jvp(change(a, b, last_.t, above[i] - below[i])), scene);
+      const DataChange c = change(a, b, t, above[i] - below[i]);
+      J.col(i) = column(located ? switched->jvp(c) : discrete->jvp(c), t, scene);
     }
-    derivatives_ = "derivative of the discrete solution, data of the scene by central differences";
+    derivatives_ = located ? "derivative with located switches, data of the scene by central differences"
+                           : "derivative of the discrete solution, data of the scene by central differences";
     return J;
   }
 
-  // Linear between the time points.
-  Vector column(const SolutionChange& d, const Scene& scene) const {
+  Vector all_times() const {
+    std::vector<double> t(last_.t.begin(), last_.t.end());
+    t.insert(t.end(), data_.t.begin(), data_.t.end());
+    std::sort(t.begin(), t.end());
+    const double same = 1e-12 * t.back();
+    t.erase(std::unique(t.begin(), t.end(), [same](double a, double b) { return b - a <= same; }), t.end());
+    t.back() = last_.t[last_.t.size() - 1];
+    return Eigen::Map<const Vector>(t.data(), Index(t.size()));
+  }
+
+  // Linear between the times.
+  Vector column(const SolutionChange& d, const Vector& t, const Scene& scene) const {
     Vector values(this->values());
-    const Index J = d.y.rows() - 1;
     const RowMatrix trace = d.x * scene.dynamics->small_state()->N.transpose();
     for (std::size_t k = 0; k < places_.size(); ++k) {
       const Column& c = data_.columns[std::size_t(places_[k].second)];
@@ -197,9 +216,10 @@ class Problem {
                                : c.kind == ColumnKind::x ? d.x
                                : c.kind == ColumnKind::w ? d.w
                                                          : trace;
-      const double at = data_.t[std::size_t(places_[k].first)] / scene.T * double(J);
-      const Index below = std::clamp<Index>(Index(at), 0, J - 1);
-      const double part = at - double(below);
+      const double at = data_.t[std::size_t(places_[k].first)];
+      const Index after = Index(std::upper_bound(t.begin(), t.end(), at) - t.begin());
+      const Index below = std::clamp<Index>(after - 1, 0, t.size() - 2);
+      const double part = (at - t[below]) / (t[below + 1] - t[below]);
       values[Index(k)] = (1 - part) * table(below, c.component) + part * table(below + 1, c.component);
     }
     return values;

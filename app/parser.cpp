@@ -176,6 +176,7 @@ CLI::App* add_command(CLI::App& app, FitArguments& a) {
   add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
   add_word(command, "--out", a.out, "FILE.csv", "write the fitted values beside the measured ones");
+  add_word(command, "--plot", a.plot, "FILE.svg", "draw the fitted curves with the measured values");
   command->add_flag("--json", a.json, "print one JSON object instead of the lines");
   command->footer(
       "Least squares by Levenberg and Marquardt's method; starts from the values of the scene, or of --set.\n"

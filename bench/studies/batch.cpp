@@ -1,5 +1,6 @@
 // Time of a scene and step in a batch, beside a loop of single solves that one Solver has prepared. The scenes of a
-// batch share their dynamics and differ in x0; y of some of them is compared with single solves.
+// batch share their dynamics and differ in x0; y of some of them is compared with single solves. And the time of a
+// derivative beside a prepared solve.
 
 #include "core/batch/batch.hpp"
 
@@ -7,6 +8,7 @@
 #include "app/text.hpp"
 #include "bench/studies/study.hpp"
 #include "core/base/error.hpp"
+#include "core/derivatives/solution_derivative.hpp"
 #include "core/solve/solver.hpp"
 
 #include <fmt/format.h>
@@ -106,6 +108,67 @@ void measure_batch(const BatchCase& c, Backend& backend, const BenchRequest& req
                          {"difference", difference}});
 }
 
+// Four states and four constraints, M of class P, smooth sources.
+Scene scene_of_derivatives() {
+  std::mt19937_64 generator(3);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  const auto draw = [&](Index rows, Index columns) {
+    return Matrix(Matrix::NullaryExpr(rows, columns, [&](Index, Index) { return uniform(generator); }));
+  };
+  Scene scene;
+  scene.name = "drawn, n = 4";
+  const Matrix P = draw(4, 4);
+  scene.dynamics = DenseDynamics{draw(4, 4) - Matrix::Identity(4, 4), draw(4, 4), draw(4, 4)};
+  scene.M = Matrix(P * P.transpose() + Matrix::Identity(4, 4));
+  scene.x0 = draw(4, 1);
+  scene.T = 6;
+  scene.g = [](double t, Eigen::Ref<Vector> g) {
+    for (Index i = 0; i < 4; ++i) g[i] = std::sin(2.3 * t + double(i) + 0.5);
+  };
+  return scene;
+}
+
+void measure_derivative(Backend& backend, const BenchRequest& request, BenchReport& report,
+                        std::vector<std::vector<std::string>>& lines) {
+  const Scene scene = scene_of_derivatives();
+  Options options;
+  options.method = Method::march;
+  options.steps = request.quick ? 64 : 1000;
+  options.states = StateSelection::all;
+  Solver solver(scene, backend, options);
+  Result result = solver.solve();
+  const SolutionDerivative derivative(scene, result);
+  DataChange by_x0, by_A;
+  by_x0.x0 = Vector::Ones(4);
+  by_A.A = Matrix::Ones(4, 4);
+  SolutionChange of;
+  of.y = RowMatrix::Ones(options.steps + 1, 4);
+  std::vector<double> forward, prepare, jvp, jvp_A, vjp;
+  const auto timed = [](std::vector<double>& into, const auto& call) {
+    constexpr int times = 20;
+    const auto start = std::chrono::steady_clock::now();
+    for (int k = 0; k < times; ++k) call();
+    into.push_back(1e6 * seconds_since(start) / times);
+  };
+  for (int round = 0; round < request.repeats(); ++round) {
+    timed(forward, [&] { result = solver.solve(); });
+    timed(prepare, [&] { SolutionDerivative(scene, result); });
+    timed(jvp, [&] { derivative.jvp(by_x0); });
+    timed(jvp_A, [&] { derivative.jvp(by_A); });
+    timed(vjp, [&] { derivative.vjp(of); });
+  }
+  const double solve = median(forward);
+  const std::pair<const char*, const std::vector<double>*> all[] = {
+      {"preparing a derivative", &prepare}, {"jvp of x0", &jvp}, {"jvp of A", &jvp_A}, {"vjp of all data", &vjp}};
+  Json row{{"scene", scene.name}, {"backend", backend.name()}, {"steps", options.steps}, {"us_solve", solve}};
+  for (const auto& [name, seconds] : all) {
+    row["us"][name] = median(*seconds);
+    row["over_solve"][name] = median(*seconds) / solve;
+    lines.push_back({name, fmt::format("{:.1f}", median(*seconds)), fmt::format("{:.2f}", median(*seconds) / solve)});
+  }
+  report.rows.push_back(std::move(row));
+}
+
 }  // namespace
 
 BenchReport bench_batch(const BenchRequest& request, Backend& backend) {
@@ -116,12 +179,16 @@ BenchReport bench_batch(const BenchRequest& request, Backend& backend) {
   report.details["ns_batch"] = "solve_batch: wall clock over scenes and steps, in nanoseconds, checks included";
   report.details["ns_single"] = "Solver::set_x0 and Solver::solve in a loop: likewise";
   report.details["in_lanes"] = "scenes that were stepped side by side";
+  report.details["us"] = "of core/derivatives, in microseconds; us_solve: a prepared solve of the same scene";
   report.details["difference"] = "largest |y - y of the single solve| / max |y|";
   std::vector<std::vector<std::string>> lines{
       {"scene", "scenes", "J", "side by side", "ns", "ns single", "ratio", "other status", "difference"}};
   for (const BatchCase& c : batch_cases(request.quick)) measure_batch(c, backend, request, report, lines);
   print(fmt::format("nanoseconds a scene and step in batches, and in a loop of prepared solves; {} threads\n{}",
                     backend.device().threads, table(lines)));
+  std::vector<std::vector<std::string>> derivatives{{"derivative", "us", "over a prepared solve"}};
+  measure_derivative(backend, request, report, derivatives);
+  print(fmt::format("microseconds\n{}", table(derivatives)));
   return report;
 }
 

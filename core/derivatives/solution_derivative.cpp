@@ -15,21 +15,27 @@ namespace {
 constexpr double same_solution = 1e-7;  ///< of the largest y and w: what the steps may differ from the result by
 constexpr double degenerate = 1e-10;    ///< of the largest y_i and w_i: margins below count as y_i = w_i = 0
 constexpr double smallest_rcond = 1e-14;
+constexpr Index most_states = 1000;  ///< e^{hA} and its derivative with respect to A are dense
 
 [[noreturn]] void refuse(const std::string& found, const std::string& remedy) {
   throw Error("derivative", found, remedy);
 }
 
 // What the derivative needs of a scene and its result.
-const DenseDynamics& checked(const Scene& scene, const Result& r) {
+DenseDynamics checked(const Scene& scene, const Result& r) {
   if (r.status != Status::solved)
     refuse(text("the result is not solved (%s)", to_string(r.status)), "differentiate a result with status solved");
-  const DenseDynamics* d = scene.dynamics->small_state();
-  if (!d || d->E.size() > 0) refuse("the dynamics are not dense with E = I", "give A, B and N as dense matrices");
+  if (scene.states() > most_states)
+    refuse(text("the scene has %ld states, and the derivative writes its dynamics out as dense matrices",
+                long(scene.states())),
+           text("differentiate scenes with at most %ld states", long(most_states)));
+  const Scene dense = written_out(scene);
+  const DenseDynamics* d = dense.dynamics->small_state();
+  if (!d) refuse("the dynamics have no dense form", "give A, B and N as matrices");
   if (scene.boundary) refuse("the scene has a boundary condition", "differentiate a scene with an initial value");
   if (r.method != Method::march && r.method != Method::contour && r.method != Method::multigrid)
     refuse(text("the result is of method %s", to_string(r.method)), "solve by march, contour or multigrid");
-  if (!r.continuous || by_euler(r) || r.starts_with_impulse || r.euler_steps > 0 || r.y_left.size() > 0)
+  if (y_may_jump(r))
     refuse("not differentiable here: y may jump, and the derivative of the discrete solution is not that of y",
            "differentiate scenes with a continuous y (M of class P)");
   return *d;
@@ -67,12 +73,36 @@ RowMatrix rows_of(const TimeFunction& function, const Vector& t, Index width) {
 
 Vector row(const RowMatrix& table, Index j) { return table.row(j).transpose(); }
 
+// Constraints with y_i = w_i = 0 at t = 0, as where everything starts from rest. Changes that leave w_i there have a
+// derivative all the same.
+std::vector<Index> undecided_at_start(const RowMatrix& y, const RowMatrix& w, const std::vector<Index>& active) {
+  std::vector<Index> found;
+  for (Index i = 0; i < y.cols(); ++i)
+    if (!std::binary_search(active.begin(), active.end(), i) && w(0, i) <= degenerate * w.col(i).cwiseAbs().maxCoeff())
+      found.push_back(i);
+  return found;
+}
+
 }  // namespace
+
+bool y_may_jump(const Result& r) {
+  return !r.continuous || by_euler(r) || r.starts_with_impulse || r.euler_steps > 0 || r.y_left.size() > 0;
+}
 
 SolutionDerivative::SolutionDerivative(const Scene& scene, const Result& result)
     : d_(checked(scene, result)), M_(to_dense(scene.M)), J_(result.steps), t_(result.t), y_(result.y) {
   m_ = scene.states();
   n_ = scene.constraints();
+  Matrix F = source_matrix(scene, d_);
+  if (d_.E.size() > 0) {
+    const Eigen::PartialPivLU<Matrix> lu(d_.E);
+    if (!(lu.rcond() > smallest_rcond)) refuse("E is singular", "eliminate the algebraic states");
+    inverse_E_ = lu.inverse();
+    d_.A = lu.solve(d_.A);
+    d_.B = lu.solve(d_.B);
+    F = lu.solve(F);
+    d_.E.resize(0, 0);
+  }
   h_ = scene.T / double(J_);
   if (y_.rows() != J_ + 1 || y_.cols() != n_ || t_.size() != J_ + 1)
     refuse("the result has other rows than its grid", "differentiate a result as solve returned it");
@@ -81,8 +111,8 @@ SolutionDerivative::SolutionDerivative(const Scene& scene, const Result& result)
   L_ = step.left;
   R_ = step.right;
   const RowMatrix f = rows_of(scene.f, t_, scene.sources()), g = rows_of(scene.g, t_, n_);
-  u_ = y_ * d_.B.transpose();
-  if (f.size() > 0) u_ += f * source_matrix(scene, d_).transpose();
+  f_ = f.size() > 0 ? RowMatrix(f * F.transpose()) : RowMatrix::Zero(J_ + 1, m_);
+  u_ = y_ * d_.B.transpose() + f_;
   x_.resize(J_ + 1, m_);
   x_.row(0) = scene.x0.transpose();
   w_ = g.size() > 0 ? g : RowMatrix::Zero(J_ + 1, n_);
@@ -126,6 +156,7 @@ void SolutionDerivative::measure() {
       if (active && y_(j, i) <= 0) continue;  // a free row
       const double most = active ? most_y : most_w, value = active ? y_(j, i) : w_(j, i);
       const double margin = most > 0 ? std::max(0.0, value) / most : 0;
+      if (j == 0 && !active && margin <= degenerate) continue;  // see undecided_at_start
       if (margin < margin_.margin) margin_ = {margin, t_[j], i};
     }
   }
@@ -161,17 +192,51 @@ void SolutionDerivative::check(const char* name, Index rows, Index columns, Inde
               text("give %ld x %ld", long(expected_rows), long(expected_columns)));
 }
 
-SolutionChange SolutionDerivative::jvp(const DataChange& c) const {
-  check("x0", c.x0.size(), 1, m_, 1);
-  check("f", c.f.rows(), c.f.cols(), J_ + 1, m_);
-  check("g", c.g.rows(), c.g.cols(), J_ + 1, n_);
-  check("A", c.A.rows(), c.A.cols(), m_, m_);
-  check("B", c.B.rows(), c.B.cols(), m_, n_);
-  check("N", c.N.rows(), c.N.cols(), n_, m_);
-  check("M", c.M.rows(), c.M.cols(), n_, n_);
+// The change of x' = E^{-1} (A x + B y + f): dE x' is that of E^{-1} dE A, E^{-1} dE B and E^{-1} dE f.
+DataChange SolutionDerivative::without_mass(DataChange c) const {
+  if (inverse_E_.size() == 0) return c;
+  for (Matrix* change : {&c.A, &c.B, &c.E})
+    if (change->size() > 0) *change = inverse_E_ * *change;
+  if (c.f.size() > 0) c.f = c.f * inverse_E_.transpose();
+  if (c.E.size() == 0) return c;
+  const auto add = [](auto& to, const auto& more) {
+    if (to.size() == 0)
+      to = -more;
+    else
+      to -= more;
+  };
+  add(c.A, Matrix(c.E * d_.A));
+  add(c.B, Matrix(c.E * d_.B));
+  add(c.f, RowMatrix(f_ * c.E.transpose()));
+  c.E.resize(0, 0);
+  return c;
+}
+
+// The transpose of without_mass.
+void SolutionDerivative::add_mass(DataChange& bar) const {
+  if (inverse_E_.size() == 0) return;
+  const Matrix back = inverse_E_.transpose();
+  bar.E = -back * (bar.A * d_.A.transpose() + bar.B * d_.B.transpose() + bar.f.transpose() * f_);
+  bar.A = back * bar.A;
+  bar.B = back * bar.B;
+  bar.f = bar.f * inverse_E_;
+}
+
+SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
+  check("x0", given.x0.size(), 1, m_, 1);
+  check("f", given.f.rows(), given.f.cols(), J_ + 1, m_);
+  check("g", given.g.rows(), given.g.cols(), J_ + 1, n_);
+  check("A", given.A.rows(), given.A.cols(), m_, m_);
+  check("B", given.B.rows(), given.B.cols(), m_, n_);
+  check("N", given.N.rows(), given.N.cols(), n_, m_);
+  check("M", given.M.rows(), given.M.cols(), n_, n_);
+  check("E", given.E.rows(), given.E.cols(), m_, m_);
+  if (given.E.size() > 0 && inverse_E_.size() == 0) refuse("the scene has no E", "change A and B instead");
+  const DataChange c = without_mass(given);
   StepDirection d;
   if (c.A.size() > 0) d = direction(d_.A, c.A, h_);
-  SolutionChange out{RowMatrix::Zero(J_ + 1, n_), RowMatrix::Zero(J_ + 1, m_), RowMatrix::Zero(J_ + 1, n_)};
+  SolutionChange out{RowMatrix::Zero(J_ + 1, n_), RowMatrix::Zero(J_ + 1, m_), RowMatrix::Zero(J_ + 1, n_),
+                     RowMatrix::Zero(J_ + 1, n_)};
   Vector before = Vector::Zero(m_);  // du_{j-1}
   for (Index j = 0; j <= J_; ++j) {
     Vector given = Vector::Zero(m_);  // of u_j without dy_j
@@ -191,9 +256,20 @@ SolutionChange SolutionDerivative::jvp(const DataChange& c) const {
     const Vector dy = on_set(j, d_.N * dx + fixed);
     if (j > 0) dx += R_ * (d_.B * dy);
     before = given + d_.B * dy;
+    if (j == 0)
+      for (const Index i : undecided_at_start(y_, w_, sets_[0])) {
+        const double moved = d_.N.row(i).dot(dx) + M_.row(i).dot(dy) + fixed[i];
+        const double terms =
+            d_.N.row(i).cwiseAbs().dot(dx.cwiseAbs()) + M_.row(i).cwiseAbs().dot(dy.cwiseAbs()) + std::abs(fixed[i]);
+        if (std::abs(moved) > 1e-12 * terms)
+          refuse(text("not differentiable here: the change moves w_%ld at t = 0, where y_%ld = w_%ld = 0", long(i),
+                      long(i), long(i)),
+                 "change x0 and g(0) slightly, or leave this w_i as it is");
+      }
     out.y.row(j) = dy.transpose();
     out.x.row(j) = dx.transpose();
     out.w.row(j) = (d_.N * dx + M_ * dy + fixed).transpose();
+    if (j > 0) out.integral.row(j) = out.integral.row(j - 1) + (h_ / 2) * (out.y.row(j - 1) + out.y.row(j));
   }
   return out;
 }
@@ -202,39 +278,57 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
   check("y", of.y.rows(), of.y.cols(), J_ + 1, n_);
   check("x", of.x.rows(), of.x.cols(), J_ + 1, m_);
   check("w", of.w.rows(), of.w.cols(), J_ + 1, n_);
+  check("integral", of.integral.rows(), of.integral.cols(), J_ + 1, n_);
   DataChange bar;
   bar.f = RowMatrix::Zero(J_ + 1, m_);
   bar.g = RowMatrix::Zero(J_ + 1, n_);
-  bar.N = Matrix::Zero(n_, m_);
-  bar.M = Matrix::Zero(n_, n_);
-  Matrix of_E = Matrix::Zero(m_, m_), of_L = of_E, of_R = of_E;
-  Vector next = Vector::Zero(m_);  // q_{j+1}
+  RowMatrix all(J_ + 1, m_);        // q_j
+  Vector next = Vector::Zero(m_);   // q_{j+1}
+  Vector later = Vector::Zero(n_);  // weights of the integrals over [0, t_k], k > j
+  Vector p(m_), eta(n_), of_u(m_), back(m_), of_w = Vector::Zero(n_);
+  const Matrix N = d_.N, Lt = L_.transpose(), Rt = R_.transpose(), Bt = d_.B.transpose();
   for (Index j = J_; j >= 0; --j) {
-    const Vector of_w = of.w.size() > 0 ? row(of.w, j) : Vector::Zero(n_);
-    Vector p = E_.transpose() * next + d_.N.transpose() * of_w, eta = M_.transpose() * of_w;
+    if (of.w.size() > 0) of_w = row(of.w, j);
+    p.noalias() = E_.transpose() * next;
+    of_u.noalias() = Lt * next;
+    back = of_u;
+    if (of.w.size() > 0) p.noalias() += N.transpose() * of_w;
     if (of.x.size() > 0) p += row(of.x, j);
+    if (j > 0) back.noalias() += Rt * p;
+    eta.noalias() = Bt * back;
+    if (of.w.size() > 0) eta.noalias() += M_.transpose() * of_w;
     if (of.y.size() > 0) eta += row(of.y, j);
-    eta += d_.B.transpose() * (L_.transpose() * next);
-    if (j > 0) eta += d_.B.transpose() * (R_.transpose() * p);
-    const Vector mu = on_set_transposed(j, eta), residual = of_w - mu, q = p - d_.N.transpose() * mu;
-    bar.g.row(j) = residual.transpose();
-    bar.N += residual * x_.row(j);
-    bar.M += residual * y_.row(j);
-    Vector of_u = L_.transpose() * next;
-    if (j > 0) {
-      of_u += R_.transpose() * q;
-      of_E += q * x_.row(j - 1);
-      of_L += q * u_.row(j - 1);
-      of_R += q * u_.row(j);
-    } else {
-      bar.x0 = q;
+    if (of.integral.size() > 0) {
+      eta += h_ / 2 * later;
+      later += row(of.integral, j);
+      if (j > 0) eta += h_ / 2 * later;
     }
+    if (j == 0)
+      for (const Index i : undecided_at_start(y_, w_, sets_[0]))
+        if (eta[i] != 0)
+          refuse(
+              text("not differentiable here: y_%ld = w_%ld = 0 at t = 0, and the gradient with respect to x0 and g(0) "
+                   "is one-sided",
+                   long(i), long(i)),
+              "change x0 or g(0) slightly, or use jvp for changes that leave w_i");
+    const Vector mu = on_set_transposed(j, eta);
+    next = p;
+    next.noalias() -= N.transpose() * mu;  // q_j
+    if (j > 0) of_u.noalias() += Rt * next;
+    bar.g.row(j) = (of_w - mu).transpose();
     bar.f.row(j) = of_u.transpose();
-    next = q;
+    all.row(j) = next.transpose();
   }
+  bar.x0 = next;
+  bar.N = bar.g.transpose() * x_;
+  bar.M = bar.g.transpose() * y_;
+  const auto later_rows = all.bottomRows(J_);
+  const Matrix of_E = later_rows.transpose() * x_.topRows(J_), of_L = later_rows.transpose() * u_.topRows(J_),
+               of_R = later_rows.transpose() * u_.bottomRows(J_);
   bar.B = bar.f.transpose() * y_;
   const Matrix At = d_.A.transpose();
   bar.A = direction(At, of_E, h_).decay + direction(At, of_L, h_).left + direction(At, of_R, h_).right;
+  add_mass(bar);
   return bar;
 }
 

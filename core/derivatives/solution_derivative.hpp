@@ -1,5 +1,6 @@
 #pragma once
-// Derivatives of a solution with respect to its data, of dense dynamics with a continuous y.
+// Derivatives of a solution with respect to its data, with a continuous y. The dynamics are written out as dense
+// matrices, with E x' = A x + ... as x' = E^{-1} A x + ...
 //
 // The discrete solution is y linear between time points, u_j = B y_j + f_j, and
 //
@@ -34,11 +35,13 @@ struct DataChange {
   Vector x0;       ///< m
   RowMatrix f, g;  ///< (J+1) x m and (J+1) x n: at the time points, linear between them
   Matrix A, B, N, M;
+  Matrix E;  ///< where the scene has a mass matrix
 };
 
 /// y, x and w at the time points, or a linear function of them: (J+1) x n, m, n. Empty: no part in the function.
 struct SolutionChange {
   RowMatrix y, x, w;
+  RowMatrix integral;  ///< (J+1) x n: of y over [0, t_j], impulses included
 };
 
 /// How far the solution is from a point at which it is not differentiable.
@@ -47,13 +50,22 @@ struct DerivativeMargin {
   double margin = 1;
   double time = 0;
   Index constraint = -1;
+  /// Of switches that are located: the smallest T |c'| at one, c the y_i or w_i that vanishes, relative to the largest
+  /// value of c. Near 0, the switch is grazing: a small change of the data removes it.
+  double transversality = INFINITY;
+  double grazing_time = 0;
 };
+
+/// Whether y of the result may jump: SolutionDerivative refuses it, SwitchedDerivative
+/// (core/derivatives/switched_derivative.hpp) takes its scene.
+bool y_may_jump(const Result&);
 
 class SolutionDerivative {
  public:
   /// The result must be of this scene, on a grid of equal steps, by `march`, `contour` or `multigrid`. Throws Error if
   /// it is not solved, if y may jump (the derivative of the discrete solution is then not that of the solution), if a
-  /// degenerate component (y_i = w_i = 0) leaves only one-sided derivatives, or if the scene is not dense.
+  /// degenerate component (y_i = w_i = 0) leaves only one-sided derivatives, or if the scene is too large to be written
+  /// out as dense matrices.
   SolutionDerivative(const Scene&, const Result&);
 
   Index steps() const { return J_; }
@@ -73,7 +85,12 @@ class SolutionDerivative {
   Vector on_set_transposed(Index j, const Vector& right) const;
   void check(const char* name, Index rows, Index columns, Index expected_rows, Index expected_columns) const;
 
-  DenseDynamics d_;
+  DataChange without_mass(DataChange) const;
+  void add_mass(DataChange&) const;
+
+  DenseDynamics d_;   ///< with E = I
+  Matrix inverse_E_;  ///< of the scene; empty: E = I
+  RowMatrix f_;       ///< (J+1) x m, in x' = ... + f
   Matrix M_, E_, L_, R_;
   Index J_ = 0, m_ = 0, n_ = 0;
   double h_ = 0;

@@ -96,9 +96,10 @@ class EventIntegration {
     if (!next.mode) return pass_unknown();
     unknown_ = 0;
     mode_ = next.mode;
-    for (const Vector& impulse : next.impulses) note_impulse(impulse);
+    for (const EventImpulse& impulse : next.impulses) note_impulse(impulse.p);
     if (t > 0) note_jump_of_y(before, next.step);
     accept(next.step);
+    solution_.pieces.back().impulses = next.impulses;
     pending_event_ = next.step.valid < 1 ? next.step.event : -1;
     return true;
   }
@@ -121,7 +122,8 @@ class EventIntegration {
   void accept(const EventStep& step) {
     const double end = step.valid >= 1 ? at_.t + step.length : at_.t + step.valid * step.length;
     const double to = at_.end - end < 4 * epsilon * T_ ? at_.end : end;
-    solution_.pieces.push_back({at_.t, step.length, to, step.x, step.y, at_.integral});
+    solution_.pieces.push_back({at_.t, step.length, to, step.x, step.y, at_.integral, mode_->active});
+    if (step.valid < 1) solution_.pieces.back().event = step.event;
     stored_ += std::size_t((s + 1) * (m_ + n_));
     at_.sizes.include(step);
     solution_.defect = std::max(solution_.defect, step.defect);
@@ -188,6 +190,7 @@ class EventIntegration {
     piece.x.row(0) = (at_.x + step.x).transpose() / 2;
     piece.x.row(1) = (step.x - at_.x).transpose() / 2;
     piece.y.row(0) = step.y.transpose();
+    piece.passed = true;
     solution_.pieces.push_back(piece);
     at_.x = step.x;
     at_.y = step.y;
@@ -220,7 +223,7 @@ class EventIntegration {
           return give_up(steps_.sign_is_lost() ? lost_sign : "a step could not be resolved");
         if (step.valid > 0) accept(step);
         if (step.valid >= 1) continue;
-        pending_event_ = step.event;
+        pending_event_ = solution_.pieces.back().event = step.event;
       }
       if (!(at_.t < at_.end)) break;
       ++solution_.events;

@@ -15,7 +15,7 @@
 
 #include "../lcp/matrix.hpp"
 #include "../scene/scene.hpp"
-#include "mode.hpp"
+#include "successor.hpp"
 
 #include <functional>
 #include <string>
@@ -25,8 +25,13 @@ namespace bromwich {
 /// The solution on [begin, end], begin + length >= end: polynomials on [begin, begin + length].
 struct EventPiece {
   double begin, length, end;
-  Matrix x, y;      ///< (s+1) x m and (s+1) x n Legendre coefficients
-  Vector integral;  ///< n: of y over [0, begin], impulses up to then included
+  Matrix x, y;                              ///< (s+1) x m and (s+1) x n Legendre coefficients
+  Vector integral;                          ///< n: of y over [0, begin], impulses up to then included
+  std::vector<Index> active = {};           ///< the active set
+  std::vector<EventImpulse> impulses = {};  ///< at the begin, in their order
+  /// The component whose y_i (i active) or w_i vanishes at the end and would become negative; -1: none does.
+  Index event = -1;
+  bool passed = false;  ///< accumulated events, passed by a step of implicit Euler
 };
 
 struct EventOptions {

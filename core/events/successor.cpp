@@ -107,7 +107,7 @@ Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p, Impul
   p.x += system_.B * impulse;
   p.integral += impulse;
   if (!jumps) return Entry::smooth;
-  impulses_.push_back(impulse);
+  impulses_.push_back({mode.active, impulse});
   p.sizes.include_x(p.x);
   return Entry::jumped;
 }

@@ -14,6 +14,12 @@
 
 namespace bromwich {
 
+/// A jump of the state by B p: p is that of the mode with this active set (SwitchedMode::impulse).
+struct EventImpulse {
+  std::vector<Index> active;
+  Vector p;  ///< n
+};
+
 class Successor {
  public:
   /// All have to outlive the object.
@@ -22,8 +28,8 @@ class Successor {
   struct Choice {
     const SwitchedMode* mode = nullptr;  ///< none: no active set was found
     EventStep step;
-    std::vector<Vector> impulses;  ///< n each: the jumps of the state, in their order
-    bool unique = true;            ///< false: active sets lead to different states
+    std::vector<EventImpulse> impulses;  ///< the jumps of the state, in their order
+    bool unique = true;                  ///< false: active sets lead to different states
   };
   /// Moves x and the integral of `p` by the impulses. `y_is_known`: y of `p` is the limit from the left. `likely`:
   /// tried first.
@@ -65,7 +71,7 @@ class Successor {
   std::set<std::vector<Index>> tried_;
   Candidate best_;      ///< that lasted longest
   bool found_ = false;  ///< it lasts long enough
-  std::vector<Vector> impulses_;
+  std::vector<EventImpulse> impulses_;
 };
 
 }  // namespace bromwich

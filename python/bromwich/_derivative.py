@@ -13,16 +13,19 @@ if TYPE_CHECKING:
 
 
 class Tangent(NamedTuple):
-    """Changes of y (J+1) x n, x (J+1) x m and w (J+1) x n at the time points."""
+    """Changes of y (J+1) x n, x (J+1) x m and w (J+1) x n at the time points, and of the integral of y over [0, t]
+    (impulses included)."""
 
     y: np.ndarray
     x: np.ndarray
     w: np.ndarray
+    integral: np.ndarray
 
 
 class Gradient(NamedTuple):
     """Derivatives of a number with respect to the data, each of the shape of its data: x0 (m), f (J+1) x m and g (J+1) x
-    n at the time points, A, B, N and M."""
+    n at the time points, A, B, N, M and E. M is None where y jumps at a switch or M is singular on an active set (a change
+    of M acts from one side only), E is None where switches are not located."""
 
     x0: np.ndarray
     f: np.ndarray
@@ -30,7 +33,8 @@ class Gradient(NamedTuple):
     A: np.ndarray
     B: np.ndarray
     N: np.ndarray
-    M: np.ndarray
+    M: np.ndarray | None
+    E: np.ndarray | None
 
 
 class Margin(NamedTuple):
@@ -39,13 +43,17 @@ class Margin(NamedTuple):
     margin: float  #: smallest max(y_i, w_i), relative to the largest y_i and w_i
     t: float
     constraint: int  #: i; -1: no constraint is near
+    transversality: float  #: smallest T |c'| at a switch where c vanishes, relative to the largest c; inf: none is located
+    grazing_time: float  #: where that is
 
 
 class Derivative:
-    """The derivative of the discrete solution, its active sets held: exact, not by differences.
+    """The derivative of a solution, exact and not by differences.
 
     Made by :meth:`Result.derivative`. ``jvp`` follows a change of the data forward in time, ``vjp`` gives the gradient
-    of a number with respect to all data by one pass backward.
+    of a number with respect to all data by one pass backward. Where y is continuous it is the derivative of the discrete
+    solution with its active sets held. Where y or x may jump, switches are located, and the jump of the sensitivity at
+    each is included (``located``).
 
     Example:
         >>> d = solve(A=A, B=B, N=N, M=M, x0=x0, T=1, g=g, steps=400).derivative()
@@ -53,8 +61,29 @@ class Derivative:
         >>> d.vjp(x=np.eye(401, 2, k=-400)).x0           # gradient of x_0(T) with respect to x0
     """
 
-    def __init__(self, result: Result) -> None:
-        self._core, self._result = _core.SolutionDerivative(result._answer), result
+    def __init__(self, result: Result, located: bool | None = None) -> None:
+        self._core, self._result = _core.Derivative(result._answer, located), result
+
+    @property
+    def located(self) -> bool:
+        """Whether switches are located."""
+        return self._core.switches is not None
+
+    @property
+    def switches(self) -> np.ndarray | None:
+        """Times of the switches; None where they are not located."""
+        found = self._core.switches
+        return None if found is None else np.array(found, dtype=float)
+
+    @property
+    def one_sided(self) -> np.ndarray:
+        """Time points at a switch: their rows are limits from the right."""
+        return np.array(self._core.one_sided, dtype=int)
+
+    @property
+    def without_M(self) -> str:
+        """Empty, or why there is no derivative with respect to M."""
+        return self._core.without_M
 
     @property
     def margin(self) -> Margin:
@@ -72,29 +101,31 @@ class Derivative:
         B: Any = None,
         N: Any = None,
         M: Any = None,
+        E: Any = None,
     ) -> Tangent:
         """The change of the solution that a change of the data causes, to first order.
 
         Args:
-            x0: m values. f, g: (J+1) x m and (J+1) x n, at the time points. A, B, N, M: as those of the scene. None: no
-                change.
+            x0: m values. f, g: (J+1) x m and (J+1) x n, at the time points. A, B, N, M, E: as those of the scene. None:
+                no change.
 
         Raises:
-            Error: another shape.
+            Error: another shape; a change of M where :attr:`without_M` says that there is no derivative.
         """
-        arrays = [None if v is None else _table(v) for v in (f, g, A, B, N, M)]
+        arrays = [None if v is None else _table(v) for v in (f, g, A, B, N, M, E)]
         return Tangent(*self._core.jvp(None if x0 is None else _values(x0).ravel(), *arrays))
 
-    def vjp(self, *, y: Any = None, x: Any = None, w: Any = None) -> Gradient:
-        """The gradient of Σ y̅·y + x̅·x + w̅·w with respect to the data.
+    def vjp(self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None) -> Gradient:
+        """The gradient of Σ y̅·y + x̅·x + w̅·w + i̅·∫y with respect to the data.
 
         Args:
-            y, x, w: y̅, x̅ and w̅, (J+1) x n, m and n; None: zero.
+            y, x, w, integral: y̅, x̅, w̅ and i̅, (J+1) x n, m, n and n; None: zero. Row j of i̅ weighs the integral of y
+                over [0, t_j].
 
         Raises:
-            Error: another shape.
+            Error: another shape; weights of y, x or w at a switch (:attr:`one_sided`).
         """
-        return Gradient(*self._core.vjp(*(None if v is None else _table(v) for v in (y, x, w))))
+        return Gradient(*self._core.vjp(*(None if v is None else _table(v) for v in (y, x, w, integral))))
 
 
 def _values(v: Any) -> np.ndarray:

@@ -27,9 +27,12 @@ def outputs(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def gradient(derivative: Derivative, shapes: dict[str, Any], of: tuple[np.ndarray, ...]) -> list[np.ndarray | None]:
-    """The gradient in the order of DATA, each in the shape of its data; None where there was none."""
+    """The gradient in the order of DATA, each in the shape of its data; None where there were no data. NaN for M where
+    there is no derivative with respect to it (:attr:`Derivative.without_M`)."""
     y, x, w = (np.asarray(v, dtype=np.float64) for v in of)
     bar = derivative.vjp(y=y, x=x, w=w)._asdict()
+    if bar["M"] is None and shapes["M"] is not None:
+        bar["M"] = np.full(shapes["M"], np.nan)
     return [None if shapes[name] is None else np.array(bar[name]).reshape(shapes[name]) for name in DATA]
 
 

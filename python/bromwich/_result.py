@@ -228,15 +228,18 @@ class Result:
         times = np.atleast_1d(np.asarray(t, dtype=np.float64)).ravel()
         return Result(self._answer.at(times.tolist()), self._scene)
 
-    def derivative(self) -> Derivative:
+    def derivative(self, *, located: bool | None = None) -> Derivative:
         """The derivative of y, x and w with respect to the data of the scene.
 
-        For dense A, B, N and M, a continuous y (M of class P) and the methods march, contour and multigrid.
+        Args:
+            located: False: of the discrete solution, for dense A, B, N and M, a continuous y and the methods march,
+                contour and multigrid. True: of the solution with located switches, for small dense scenes, also where y
+                or x jumps (relays, M = 0, impacts). None: located where y may jump.
 
         Raises:
             Error: the solution is not differentiable here, and why.
         """
-        return Derivative(self)
+        return Derivative(self, located)
 
     def plot(self, what: str = "auto", *, components: Iterable[int] | None = None, ax: Axes | None = None) -> Axes:
         """Draws y, x or w over time with matplotlib; many components as a picture over time.

@@ -49,8 +49,35 @@ def test_margin(circuit):
 
 def test_refusals(circuit, Q15):
     with pytest.raises(bromwich.Error, match="not differentiable here: y may jump"):
-        bromwich.solve(A=0, B=1, N=1, M=0, x0=1, T=1, g="-t", steps=50, method="march").derivative()
+        bromwich.solve(A=0, B=1, N=1, M=0, x0=1, T=2, g="-t", steps=50, method="march").derivative(located=False)
     with pytest.raises(bromwich.Error, match="dense"):
         bromwich.solve(Q15, steps=50, method="march").derivative()
     with pytest.raises(bromwich.Error, match="give 201 x 1"):
         solve(circuit).derivative().jvp(g=np.zeros((3, 1)))
+
+
+def relay(x0, M=((0, 1), (-1, 0)), **given):
+    # x' = 2 - sgn x: y = (s, x+), lambda = 1 - 2 s.
+    return dict(A=0, B=[[-2, 0]], N=[[-1], [0]], M=M, g=lambda t: [0, 1], f=lambda t: [3], x0=x0, T=1, steps=50, **given)
+
+
+def test_relay_that_crosses():
+    d = bromwich.solve(**relay(-0.95)).derivative()
+    assert d.located
+    np.testing.assert_allclose(d.switches, [0.95 / 3], rtol=1e-9)
+    np.testing.assert_allclose(d.jvp(x0=[1]).x[-1, 0], 1 / 3, rtol=1e-10)
+    np.testing.assert_allclose(d.vjp(x=np.eye(51, 1, k=-50)).x0[0], 1 / 3, rtol=1e-10)
+    assert d.vjp(x=np.eye(51, 1, k=-50)).M is None
+    assert "jumps" in d.without_M
+    with pytest.raises(bromwich.Error, match="one side|jumps"):
+        d.jvp(M=np.eye(2))
+
+
+def test_integral_of_y(circuit):
+    discrete = solve(circuit).derivative()
+    located = solve(circuit).derivative(located=True)
+    assert not discrete.located
+    # Order 2 in the step.
+    np.testing.assert_allclose(
+        discrete.jvp(x0=[1, 0]).integral[-1], located.jvp(x0=[1, 0]).integral[-1], rtol=2e-3
+    )

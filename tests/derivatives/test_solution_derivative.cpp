@@ -122,12 +122,16 @@ TEST_P(OfDrawnScenes, BackwardIsTheTransposeOfForward) {
   const SolutionDerivative derivative(scene, solved(scene, Method::contour));
   const DataChange c = drawn_change(GetParam() + 1, 4, 3);
   Random random(GetParam() + 7);
-  const SolutionChange of{random.matrix(J + 1, 3), random.matrix(J + 1, 4), random.matrix(J + 1, 3)};
+  const SolutionChange of{random.matrix(J + 1, 3), random.matrix(J + 1, 4), random.matrix(J + 1, 3),
+                          random.matrix(J + 1, 3)};
   const SolutionChange forward = derivative.jvp(c);
   const DataChange gradient = derivative.vjp(of);
-  const double value = dot(of.y, forward.y) + dot(of.x, forward.x) + dot(of.w, forward.w);
-  const double size = std::sqrt(dot(of.y, of.y) + dot(of.x, of.x) + dot(of.w, of.w)) *
-                      std::sqrt(dot(forward.y, forward.y) + dot(forward.x, forward.x) + dot(forward.w, forward.w));
+  const double value =
+      dot(of.y, forward.y) + dot(of.x, forward.x) + dot(of.w, forward.w) + dot(of.integral, forward.integral);
+  const auto square = [](const SolutionChange& s) {
+    return dot(s.y, s.y) + dot(s.x, s.x) + dot(s.w, s.w) + dot(s.integral, s.integral);
+  };
+  const double size = std::sqrt(square(of) * square(forward));
   EXPECT_NEAR(dot(gradient, c), value, 1e-12 * size);
 }
 
@@ -146,6 +150,87 @@ TEST(SolutionDerivative, WVanishesWhereYActs) {
     }
 }
 
+std::string refusal(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "";
+}
+
+// With a mass matrix: against differences, and the transpose.
+TEST(SolutionDerivative, OfAMassMatrix) {
+  const Matrix change = Random(77).matrix(4, 4);
+  const auto with = [&](double by) {
+    Scene scene = drawn(5);
+    DenseDynamics d = *scene.dynamics->small_state();
+    d.E = Matrix(2 * Matrix::Identity(4, 4)) + 0.3 * Random(7).matrix(4, 4) + by * change;
+    scene.dynamics = d;
+    return scene;
+  };
+  const SolutionDerivative derivative(with(0), solved(with(0)));
+  ASSERT_GT(derivative.margin().margin, 1e-4);
+  DataChange c;
+  c.E = change;
+  const SolutionChange d = derivative.jvp(c);
+  const double step = 1e-6;
+  const Result up = solved(with(step)), down = solved(with(-step));
+  EXPECT_LE(((up.x - down.x) / (2 * step) - d.x).norm(), 1e-6 * d.x.norm());
+  EXPECT_LE(((up.y - down.y) / (2 * step) - d.y).norm(), 1e-6 * d.y.norm());
+  c = drawn_change(8, 4, 3);
+  c.E = change;
+  const SolutionChange of{Random(9).matrix(J + 1, 3), Random(10).matrix(J + 1, 4), {}, {}}, forward = derivative.jvp(c);
+  const DataChange gradient = derivative.vjp(of);
+  const double value = dot(of.y, forward.y) + dot(of.x, forward.x);
+  EXPECT_NEAR(dot(gradient, c) + gradient.E.cwiseProduct(c.E).sum(), value,
+              1e-12 * std::sqrt(dot(of.y, of.y) + dot(of.x, of.x)) *
+                  std::sqrt(dot(forward.y, forward.y) + dot(forward.x, forward.x)));
+}
+
+// Two lines of cells: a Kronecker sum that the derivative writes out.
+TEST(SolutionDerivative, OfAKroneckerSum) {
+  const auto with = [](double by) {
+    Scene scene = make_scene("signorini", {{"Q", 7}});
+    scene.M = Matrix(0.5 * Matrix::Identity(scene.constraints(), scene.constraints()));
+    const TimeFunction g = scene.g;
+    const Index n = scene.constraints();
+    scene.g = [g, n, by](double t, Eigen::Ref<Vector> v) {
+      v.setZero();
+      if (g) g(t, v);
+      v += by * Vector::Ones(n);
+    };
+    return scene;
+  };
+  const SolutionDerivative derivative(with(0), solved(with(0)));
+  DataChange c;
+  c.g = RowMatrix::Ones(J + 1, derivative.steps() > 0 ? with(0).constraints() : 0);
+  const SolutionChange d = derivative.jvp(c);
+  ASSERT_GT(d.y.norm(), 1e-3);
+  const double step = std::min(1e-6, 0.1 * derivative.margin().margin);
+  const Result up = solved(with(step)), down = solved(with(-step));
+  EXPECT_LE(((up.y - down.y) / (2 * step) - d.y).norm(), 1e-6 * d.y.norm());
+  SolutionChange of;
+  of.y = Random(4).matrix(J + 1, with(0).constraints());
+  EXPECT_NEAR(dot(derivative.vjp(of).g, c.g), dot(of.y, d.y), 1e-12 * of.y.norm() * d.y.norm());
+}
+
+// From rest, y_i = w_i = 0 at t = 0: changes that leave w(0) have a derivative, others are refused.
+TEST(SolutionDerivative, FromRest) {
+  const Scene scene = make_scene("dlcp-small");
+  const SolutionDerivative derivative(scene, solved(scene));
+  const Index n = scene.constraints();
+  DataChange c;
+  c.M = Matrix::Identity(n, n);  // M stays a Z-matrix
+  const SolutionChange d = derivative.jvp(c);
+  const double step = std::min(1e-6, 1e-2 * derivative.margin().margin);
+  const Result up = solved(changed(scene, c, step)), down = solved(changed(scene, c, -step));
+  EXPECT_LE(((up.y - down.y) / (2 * step) - d.y).norm(), 1e-6 * d.y.norm());
+  c = {};
+  c.x0 = Vector::Ones(scene.states());
+  EXPECT_NE(refusal([&] { derivative.jvp(c); }).find("at t = 0"), std::string::npos);
+}
+
 // x' = 30 x - 40 y, w = y - x from x0 = 2: y = x and x' = -10 x.
 TEST(SolutionDerivative, OfAnUnstableStateThatTheConstraintHolds) {
   Scene scene;
@@ -159,15 +244,6 @@ TEST(SolutionDerivative, OfAnUnstableStateThatTheConstraintHolds) {
   const SolutionChange d = derivative.jvp(c);
   const Result r = solved(scene);
   for (Index j = 0; j <= J; ++j) EXPECT_NEAR(2 * d.x(j, 0), r.x(j, 0), 1e-9 * r.x(0, 0));
-}
-
-std::string refusal(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
 }
 
 TEST(SolutionDerivative, SaysWhereThereIsNone) {

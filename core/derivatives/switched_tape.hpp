@@ -1,0 +1,138 @@
+#pragma once
+// The parts and switches of an event-driven solution, and the linear maps of changes along them. See
+// core/derivatives/switched_derivative.hpp for the equations.
+
+#include "../events/event_driven.hpp"
+#include "part_maps.hpp"
+#include "solution_derivative.hpp"
+
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace bromwich {
+
+class SwitchedTape {
+ public:
+  /// E of a change is here the matrix D of f~ = ... + D x'. The scene has E = I.
+  SwitchedTape(const Scene&, const EventSolution&, const Vector& times);
+
+  const DerivativeMargin& margin() const { return margin_; }
+  std::vector<double> switch_times() const;
+  const std::vector<Index>& one_sided() const { return one_sided_; }
+  const std::string& without_M() const { return without_M_; }
+
+  SolutionChange jvp(const DataChange&) const;
+  DataChange vjp(const SolutionChange&) const;
+
+ private:
+  struct Bounded;  // a Jet, and the same with all terms by absolute value
+  // A mode with (x, integral of y) as its state.
+  struct Mode {
+    SwitchedMode rows;
+    Matrix A;  ///< [[A_S, 0], [Y_x, 0]]
+  };
+  // Legendre coefficients of f and g, or of f~ and g~, on a part.
+  struct Sources {
+    Matrix f, g;
+  };
+  // A piece of the solution in one mode. All polynomials are those on [begin, begin + length].
+  struct Piece {
+    const Mode* mode;
+    double begin, length, until;      ///< until: of [0, 1], where it ends
+    Matrix x, y, rate;                ///< of the solution; rate: x'
+    Sources sources;                  ///< of the scene
+    Vector most_y = {}, most_w = {};  ///< sizes of the components up to here, see find_sizes
+  };
+  struct Part {
+    Index piece;
+    double from, width;  ///< of [0, 1] of the piece
+    const PartMaps* maps;
+    Matrix inputs;      ///< polynomials on the part from those on the piece
+    Index interval;     ///< j: the part lies within t_j and t_{j+1}
+    Index row = -1;     ///< the time at the begin; -1: none
+    Index change = -1;  ///< the Switch at the begin; -1: none
+  };
+  struct Impulse {
+    const Mode* mode;
+    Vector p, move, rate;  ///< p, B p, and x' in this mode after it
+  };
+  // At a time that depends on the solution, or at one that does not.
+  struct Switch {
+    double t = 0;
+    bool moves = false;
+    Index component = -1;
+    Jet row;          ///< c, 1 row
+    double rate = 0;  ///< c'
+    Vector rate_before, rate_after, y_before, y_after;
+    std::vector<Impulse> impulses;
+  };
+  struct State {
+    Vector x, integral;
+  };
+
+  // Of the components that are not negative in the mode, relative to their sizes.
+  struct Sample {
+    double t;
+    Index piece;
+    Vector c;
+  };
+
+  const Mode* mode_of(const std::vector<Index>& active);
+  const PartMaps* maps_of(const Mode*, double length);
+  void add_pieces(const Scene&, const EventSolution&);
+  void add_parts(const EventSolution&, const std::vector<double>& breakpoints);
+  void cut(Index piece, double end, Index& row);
+  void add_switch(const EventSolution&, std::size_t k, const std::vector<double>& breakpoints);
+  Bounded component(const Mode&, Index i) const;
+  Vector polynomial(const Piece&, Index i) const;
+  JetValues values_of(const Sources&, const Piece&, double at) const;
+  void add_values(const JetValues& bar, const Piece&, double at, Sources& to) const;
+  Vector rate_of(const Mode&, const JetValues&) const;
+  void find_sizes();
+  double size_of(const Piece&, Index i) const;
+  bool vanishes(const Piece&, double at, Index i) const;
+  Bounded saltation(const Switch&, const Piece* before, Bounded& dt) const;
+  void check(const Switch&, const Piece* before, const Piece& after) const;
+  void measure();
+  void measure_run(const std::vector<Sample>&, bool to_end);
+  void judge_M();
+  void check_structure(const DataChange&) const;
+
+  const Piece& piece_of(const Part& p) const { return pieces_[std::size_t(p.piece)]; }
+  Sources changed(const Part&, const DataChange&) const;
+  void add_changed(const Part&, const Sources& bar, DataChange& to) const;
+  Matrix table_part(const RowMatrix&, const Part&) const;
+  void add_table_part(const Matrix& bar, const Part&, RowMatrix& to) const;
+  Matrix inputs(const Part&, const Sources&) const;
+  void add_inputs(const Part&, const Matrix& bar, Sources& to) const;
+  void advance(const Part&, const Sources&, State&) const;
+  void advance_back(const Part&, Sources& of, State& bar) const;
+  void project(const Part&, const Sources&, State&) const;
+  void project_back(const Part&, Sources& of, State& bar) const;
+  void pass(const Switch&, const Part* before, const Sources& of_before, const Part& after, const Sources& of_after,
+            const DataChange&, State&) const;
+  void pass_back(const Switch&, const Part* before, Sources& of_before, const Part& after, Sources& of_after,
+                 DataChange& to, State& bar) const;
+  void write(Index row, const Part&, double at, const State&, const Sources&, SolutionChange&) const;
+  void read(Index row, const Part&, double at, const SolutionChange&, State& bar, Sources& of) const;
+  Sources no_sources() const {
+    return {Matrix::Zero(Collocation::degree + 1, m_), Matrix::Zero(Collocation::degree + 1, n_)};
+  }
+
+  SystemMatrices system_;
+  Index m_, n_;
+  double T_;
+  Vector t_;
+  std::map<std::vector<Index>, Mode> modes_;
+  std::map<std::pair<const Mode*, long long>, PartMaps> maps_;
+  std::vector<Piece> pieces_;
+  std::vector<Part> parts_;
+  std::vector<Switch> switches_;
+  DerivativeMargin margin_;
+  std::vector<Index> one_sided_;
+  std::string without_M_;
+};
+
+}  // namespace bromwich

@@ -1,0 +1,291 @@
+// Derivatives through located switches: against solutions by hand, the transpose, and differences of the independent
+// event-located oracle on random scenes. BROMWICH_RANDOM_SCENES sets their number (default 300),
+// BROMWICH_FIRST_SCENE the first seed.
+
+#include "core/derivatives/switched_derivative.hpp"
+
+#include "core/base/error.hpp"
+#include "core/scene/relay.hpp"
+#include "tests/support/random_sources.hpp"
+#include "tests/support/reference.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <functional>
+#include <optional>
+#include <string>
+
+namespace bromwich::switched_test {
+namespace {
+
+using reference::Random;
+
+Scene relay(double push, double x0) {
+  Scene s = relay_scene(
+      Matrix{{0}}, Matrix{{1}}, Matrix{{1}}, [push](double, Eigen::Ref<Vector> v) { v[0] = push; }, Vector{{x0}});
+  s.T = 1;
+  return s;
+}
+
+Scene ball(double height, double speed) {
+  Scene s;
+  s.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  s.M = Matrix(Matrix::Zero(1, 1));
+  s.x0 = Vector{{height, speed}};
+  s.f = [](double t, Eigen::Ref<Vector> v) { v << 0, -1 + 0.75 * t * t * t * t; };
+  s.T = 2;
+  return s;
+}
+
+SolutionChange by_x0(const Scene& scene, const Vector& direction, Index steps = 10) {
+  DataChange c;
+  c.x0 = direction;
+  return SwitchedDerivative(scene, Vector::LinSpaced(steps + 1, 0, scene.T)).jvp(c);
+}
+
+std::string refusal(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "";
+}
+
+// x' = 2 - sgn x: x' = 3 below 0 and 1 above.
+TEST(SwitchedDerivative, OfARelayThatCrosses) {
+  EXPECT_NEAR(by_x0(relay(2, -1), Vector{{1}}).x(10, 0), 1.0 / 3, 1e-12);
+  EXPECT_NEAR(by_x0(relay(2, 0.5), Vector{{1}}).x(10, 0), 1, 1e-12);
+  // From above: x' = -2 - sgn x is -3 above 0 and -1 below.
+  EXPECT_NEAR(by_x0(relay(-2, 1), Vector{{1}}).x(10, 0), 1.0 / 3, 1e-12);
+  const SwitchedDerivative d(relay(2, -1), Vector::LinSpaced(11, 0, 1));
+  ASSERT_EQ(d.switches().size(), 1u);
+  EXPECT_NEAR(d.switches()[0], 1.0 / 3, 1e-10);
+  EXPECT_NEAR(d.margin().transversality, 3, 1e-6) << "|c'| T over the largest -x = 1";
+}
+
+// x' = 1/2 - sgn x slides along x = 0: its start is forgotten, and y = s holds the push.
+TEST(SwitchedDerivative, OfARelayThatSlides) {
+  const Scene scene = relay(0.5, -0.35);
+  const SwitchedDerivative d(scene, Vector::LinSpaced(11, 0, 1));
+  DataChange c;
+  c.x0 = Vector{{1}};
+  EXPECT_NEAR(d.jvp(c).x(10, 0), 0, 1e-12);
+  EXPECT_EQ(d.jvp(c).x(2, 0), 1) << "before the switch at 0.35/1.5";
+  c = {};
+  c.f = RowMatrix::Ones(11, 1);
+  EXPECT_NEAR(d.jvp(c).y(10, 0), 0.5, 1e-10) << "lambda = 1 - 2 s = -f";
+  // The integral of s: 0 before t* = -x0/1.5 and (1 + f)/2 after, f = 1/2.
+  c = {};
+  c.x0 = Vector{{1}};
+  EXPECT_NEAR(d.jvp(c).integral(10, 0), 0.75 / 1.5, 1e-9) << "t* moves by -1/1.5";
+  EXPECT_NE(d.without_M(), "");
+  c = {};
+  c.M = Matrix::Identity(2, 2);
+  EXPECT_NE(refusal([&] { d.jvp(c); }), "");
+  SolutionChange of;
+  of.x = RowMatrix::Ones(11, 1);
+  EXPECT_EQ(d.vjp(of).M.size(), 0);
+}
+
+// An inelastic impact on a floor, and the release: the impulse is the speed at the impact.
+TEST(SwitchedDerivative, OfAnImpact) {
+  const auto impulse = [](double height, double speed) {
+    return SwitchedDerivative(ball(height, speed), Vector{{0, 1, 2}}).values().integral(1, 0);
+  };
+  const SwitchedDerivative d(ball(0.3, 0.1), Vector{{0, 1, 2}});
+  DataChange c;
+  c.x0 = Vector{{1, 0}};
+  const SolutionChange by_height = d.jvp(c);
+  c.x0 = Vector{{0, 1}};
+  const SolutionChange by_speed = d.jvp(c);
+  const double step = 1e-5;
+  EXPECT_NEAR(by_height.integral(1, 0), (impulse(0.3 + step, 0.1) - impulse(0.3 - step, 0.1)) / (2 * step), 1e-6);
+  EXPECT_NEAR(by_speed.integral(1, 0), (impulse(0.3, 0.1 + step) - impulse(0.3, 0.1 - step)) / (2 * step), 1e-6);
+  EXPECT_NEAR(by_height.x.row(2).norm(), 0, 1e-9) << "the floor forgets the start";
+}
+
+TEST(SwitchedDerivative, SaysWhereThereIsNone) {
+  const Vector t{{0, 0.5, 1}};
+  // At rest on the switch: x = 0 and lambda within its bounds.
+  EXPECT_NE(refusal([&] { SwitchedDerivative(relay(2, 0), t); }).find("not differentiable here"), std::string::npos);
+  // The state touches x = 0 without crossing: x = (t - 1/2)^2.
+  Scene touch;
+  touch.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1}}, Matrix{{1}}};
+  touch.M = Matrix{{0}};
+  touch.x0 = Vector{{0.25}};
+  touch.f = [](double s, Eigen::Ref<Vector> v) { v[0] = 2 * s - 1; };
+  touch.T = 1;
+  EXPECT_NE(refusal([&] { SwitchedDerivative(touch, t); }).find("not differentiable here"), std::string::npos);
+  // Rows at a switch are one-sided.
+  const SwitchedDerivative d(relay(2, -1.5), t);
+  ASSERT_EQ(d.one_sided(), std::vector<Index>{1});
+  SolutionChange of;
+  of.x = RowMatrix::Ones(3, 1);
+  EXPECT_NE(refusal([&] { d.vjp(of); }).find("at a switch"), std::string::npos);
+  of.x(1, 0) = 0;
+  EXPECT_NEAR(d.vjp(of).x0[0], 1 + 1.0 / 3, 1e-12);
+}
+
+// E x' = A x + B y: the same as with E^{-1} A and E^{-1} B, and its derivative with respect to E.
+TEST(SwitchedDerivative, WithAMassMatrix) {
+  const auto with = [](double mass) {
+    Scene s = ball(0.3, 0.1);
+    s.T = 1.5;
+    DenseDynamics d = *s.dynamics->small_state();
+    d.E = Matrix{{1, 0.2}, {0, mass}};
+    s.dynamics = d;
+    return s;
+  };
+  const Vector t{{0, 0.4, 1.1, 1.5}};
+  const SwitchedDerivative d(with(2), t);
+  DataChange c;
+  c.E = Matrix{{0, 0}, {0, 1}};
+  const SolutionChange change = d.jvp(c);
+  const double step = 1e-5;
+  const SwitchedDerivative up(with(2 + step), t), down(with(2 - step), t);
+  EXPECT_LE((change.x - (up.values().x - down.values().x) / (2 * step)).cwiseAbs().maxCoeff(), 1e-6);
+  EXPECT_LE((change.integral - (up.values().integral - down.values().integral) / (2 * step)).cwiseAbs().maxCoeff(),
+            1e-6);
+  SolutionChange of;
+  of.x = RowMatrix::Ones(4, 2);
+  EXPECT_NEAR(d.vjp(of).E(1, 1), change.x.sum(), 1e-11);
+}
+
+// Random scenes.
+
+Scene scene_of(const oracle::EventScene& random) {
+  const oracle::DenseScene& base = random.scene;
+  Scene scene;
+  DenseDynamics d;
+  d.A = base.A;
+  d.B = base.B;
+  d.N = base.N;
+  scene.dynamics = d;
+  scene.M = base.M;
+  scene.lcp_class = base.lcp_class;
+  scene.f = base.f;
+  scene.g = base.g;
+  scene.x0 = base.x0;
+  scene.T = base.T;
+  scene.breakpoints = random.breaks;
+  scene.breakpoints_are_all = true;
+  return scene;
+}
+
+// Changes of x0, A, and constant ones of f and g.
+DataChange drawn(std::uint32_t seed, const oracle::DenseScene& base, Index rows) {
+  Random random(seed + 5000);
+  const Index m = base.A.rows(), n = base.M.rows();
+  DataChange c;
+  c.x0 = random.vector(m);
+  c.A = random.matrix(m, m);
+  c.f = RowMatrix(Vector::Ones(rows) * random.vector(m).transpose());
+  c.g = RowMatrix(Vector::Ones(rows) * random.vector(n).transpose());
+  return c;
+}
+
+oracle::EventScene changed(const oracle::EventScene& given, const DataChange& c, double by) {
+  oracle::EventScene other = given;
+  oracle::DenseScene& s = other.scene;
+  s.x0 += by * c.x0;
+  s.A += by * c.A;
+  const auto plus = [by](const TimeFunction& function, const Vector& more) -> TimeFunction {
+    return [=](double t, Eigen::Ref<Vector> v) {
+      v.setZero();
+      if (function) function(t, v);
+      v += by * more;
+    };
+  };
+  s.f = plus(s.f, c.f.row(0).transpose());
+  s.g = plus(s.g, c.g.row(0).transpose());
+  return other;
+}
+
+// Central differences of x at the times; nothing where the oracle is undecided.
+std::optional<RowMatrix> differences(const oracle::EventScene& scene, const DataChange& c, const Vector& t, double by) {
+  const oracle::EventSolution up = oracle::locate_events(changed(scene, c, by));
+  const oracle::EventSolution down = oracle::locate_events(changed(scene, c, -by));
+  if (!up.decided || !down.decided) return std::nullopt;
+  RowMatrix d(t.size(), scene.scene.A.rows());
+  for (Index j = 0; j < t.size(); ++j) d.row(j) = (up.x(t[j], true) - down.x(t[j], true)).transpose() / (2 * by);
+  return d;
+}
+
+struct Verdict {
+  bool given = false, judged = false, good = true;
+  std::string what;
+};
+
+double dot(const RowMatrix& a, const RowMatrix& b) { return a.cwiseProduct(b).sum(); }
+
+Verdict verdict_of(std::uint32_t seed) {
+  const oracle::SourceScene random = oracle::source_scene(seed);
+  const oracle::DenseScene& base = random.base.scene;
+  Verdict v;
+  const Vector t = base.T * Vector{{0, 0.2763932, 0.5278640, 0.7639320, 1}};
+  const Index m = base.A.rows(), n = base.M.rows();
+  const DataChange c = drawn(seed, base, t.size());
+  std::optional<SwitchedDerivative> d;
+  try {
+    d.emplace(scene_of(random.base), t);
+  } catch (const Error& e) {
+    v.what = e.what();
+    return v;
+  }
+  v.given = true;
+  const SolutionChange forward = d->jvp(c);
+  Random weights(seed + 9000);
+  SolutionChange of{weights.matrix(t.size(), n), weights.matrix(t.size(), m), weights.matrix(t.size(), n),
+                    weights.matrix(t.size(), n)};
+  for (const Index j : d->one_sided())
+    for (RowMatrix* table : {&of.y, &of.x, &of.w}) table->row(j).setZero();
+  const DataChange bar = d->vjp(of);
+  const double value =
+      dot(of.y, forward.y) + dot(of.x, forward.x) + dot(of.w, forward.w) + dot(of.integral, forward.integral);
+  const double by_bar = bar.x0.dot(c.x0) + dot(bar.f, c.f) + dot(bar.g, c.g) + bar.A.cwiseProduct(c.A).sum();
+  const double norm = std::sqrt(dot(of.y, of.y) + dot(of.x, of.x) + dot(of.w, of.w) + dot(of.integral, of.integral)) *
+                      std::sqrt(dot(forward.y, forward.y) + dot(forward.x, forward.x) + dot(forward.w, forward.w) +
+                                dot(forward.integral, forward.integral));
+  if (!(std::abs(value - by_bar) <= 1e-12 * norm)) {
+    v.good = false;
+    v.what = "identity " + std::to_string(std::abs(value - by_bar) / norm * 1e12) + "e-12";
+    return v;
+  }
+  // Two steps of differences that agree are trusted. Both lie within the margin, where no switch appears or vanishes.
+  const double size = 1e-5 * std::min(1.0, 10 * d->margin().margin);
+  const std::optional<RowMatrix> coarse = differences(random.base, c, t, size),
+                                 fine = differences(random.base, c, t, size / 3);
+  if (!coarse || !fine) return v;
+  const double most = fine->cwiseAbs().maxCoeff() + 1e-3 * c.x0.norm();
+  if (!((*coarse - *fine).cwiseAbs().maxCoeff() <= 2e-5 * most)) return v;
+  v.judged = true;
+  const double off = (forward.x - *fine).cwiseAbs().maxCoeff() / most;
+  v.good = off <= 1e-4;
+  v.what = "off by " + std::to_string(off) + " margin " + std::to_string(d->margin().margin * 1e6) + "e-6 trans " +
+           std::to_string(d->margin().transversality) + " family " + std::to_string(int(random.family)) + " switches " +
+           std::to_string(d->switches().size());
+  return v;
+}
+
+TEST(SwitchedDerivative, AgreesWithDifferencesOfTheOracleOrSaysThatThereIsNone) {
+  const char* given = std::getenv("BROMWICH_RANDOM_SCENES");
+  const long scenes = given ? std::atol(given) : 300;
+  const char* from = std::getenv("BROMWICH_FIRST_SCENE");
+  const long first = from ? std::atol(from) : 20000;
+  long judged = 0, refused = 0;
+  for (long seed = first; seed < first + scenes; ++seed) {
+    const Verdict v = verdict_of(std::uint32_t(seed));
+    EXPECT_TRUE(v.good) << seed << ": " << v.what;
+    judged += v.judged;
+    refused += !v.given;
+    if (given && !v.given) std::printf("%ld %s\n", seed, v.what.c_str());
+  }
+  EXPECT_GE(2 * judged, scenes) << refused << " refused";
+  if (given) std::printf("%ld scenes: %ld judged, %ld refused\n", scenes, judged, refused);
+}
+
+}  // namespace
+}  // namespace bromwich::switched_test
