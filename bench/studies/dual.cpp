@@ -40,8 +40,8 @@ struct Reach {
 
 Reach reach_of(const Backend& backend, bool quick) {
   if (quick) return {10, 6e5, 1e6, 1e6, 1};
-  if (backend.name() == "cpu") return {60, 6e5, 2.4e6, 2e7, 10};
-  return {30, 1.7e7, 1e7, 2e7, 40};
+  if (backend.name() == "cpu") return {40, 6e5, 2.4e6, 2e7, 10};
+  return {30, 1.7e7, 1e7, 2e7, 30};
 }
 
 struct ContactGrid {
@@ -420,7 +420,10 @@ std::vector<std::string> notes_on_times(const Json& rows) {
 }
 
 std::string compare_times(Backend& backend, double Q, bool quick, BenchReport& report) {
-  EqualError times(backend, reach_of(backend, quick), Q, quick ? 1024 : 16384, report);
+  const Reach reach = reach_of(backend, quick);
+  const Index reference_steps = quick ? 1024 : 16384;
+  if (Q * double(reference_steps) > reach.most_referred) return "";
+  EqualError times(backend, reach, Q, reference_steps, report);
   Options cycles = dual_options(Method::dual, 0);
   cycles.iteration_tolerance = 0.01 * wanted_error;
   times.run("dual", true, cycles);
@@ -463,6 +466,7 @@ BenchReport bench_dual(const BenchRequest& request, Backend& backend) {
   };
   chosen.erase(std::unique(chosen.begin(), chosen.end(), same), chosen.end());
 
+  const bool with_puts = request.settings.empty() && request.steps == 0;
   const std::string text = on_both_backends(backend, report, [&](Backend& one) {
     const bool host = one.name() == "cpu";
     std::string tables;
@@ -473,11 +477,11 @@ BenchReport bench_dual(const BenchRequest& request, Backend& backend) {
     }
     const double Q = request.settings.contains("Q") ? request.settings.at("Q") : request.quick ? 15 : host ? 127 : 511;
     tables += compare_times(one, Q, request.quick, report);
-    return host ? tables + table(measure_puts(request.quick, report)) : tables;
+    return host && with_puts ? tables + table(measure_puts(request.quick, report)) : tables;
   });
   report.notes = dual_notes(report.rows);
   for (std::string& note : notes_on_times(report.rows)) report.notes.push_back(std::move(note));
-  if (backend.name() == "cpu") report.notes.push_back(note_on_puts(report.rows));
+  if (backend.name() == "cpu" && with_puts) report.notes.push_back(note_on_puts(report.rows));
   print_with_notes(text, report);
   return report;
 }
