@@ -461,18 +461,20 @@ BenchReport bench_dual(const BenchRequest& request, Backend& backend) {
     if (request.settings.contains("eps")) grid.eps = request.settings.at("eps");
     if (request.steps > 0) grid.J = request.steps;
   }
-  const auto same = [](const ContactGrid& a, const ContactGrid& b) {
-    return a.Q == b.Q && a.J == b.J && a.c == b.c && a.eps == b.eps;
-  };
-  chosen.erase(std::unique(chosen.begin(), chosen.end(), same), chosen.end());
-
+  std::vector<ContactGrid> different;
+  for (const ContactGrid& grid : chosen) {
+    const auto same = [&](const ContactGrid& a) {
+      return a.Q == grid.Q && a.J == grid.J && a.c == grid.c && a.eps == grid.eps;
+    };
+    if (std::none_of(different.begin(), different.end(), same)) different.push_back(grid);
+  }
   const bool with_puts = request.settings.empty() && request.steps == 0;
   const std::string text = on_both_backends(backend, report, [&](Backend& one) {
     const bool host = one.name() == "cpu";
     std::string tables;
     for (const bool by_euler : {false, true}) {
       DualStudy study(one, reach_of(one, request.quick), by_euler, std::min(request.repeats(), 3), report);
-      for (const ContactGrid& grid : chosen) study.run(grid);
+      for (const ContactGrid& grid : different) study.run(grid);
       tables += table(study.lines());
     }
     const double Q = request.settings.contains("Q") ? request.settings.at("Q") : request.quick ? 15 : host ? 127 : 511;
