@@ -79,10 +79,11 @@ std::vector<std::vector<std::string>> measure_puts(bool quick, BenchReport& repo
       {"put", "method", "states", "steps", "value", "error", "known to", "status", "time"}};
   const auto one = make_cpu_backend(1);
   for (const KnownPut& put : known_puts()) {
-    const Index points = quick ? put.quick_points : put.points, steps = quick ? put.steps / 10 : put.steps;
+    const Index points = quick ? put.quick_points : put.points, steps = quick ? put.steps / 8 : put.steps;
     std::vector<Json> rows{measured_put(put, Method::automatic, steps, points, *one)};
     // Marching in y has full matrices: fewer points and steps, for the times.
-    const Index few = std::min<Index>(points, put.scene == std::string("put") ? 300 : 16), short_run = steps / 10;
+    const Index few = std::min<Index>(points, put.scene == std::string("put") ? 300 : 16),
+                short_run = std::max<Index>(8, steps / 10 / 4 * 4);
     for (const Method method : {Method::march, Method::dual})
       rows.push_back(measured_put(put, method, short_run, few, *one));
     for (Json& row : rows) {

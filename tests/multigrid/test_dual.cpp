@@ -400,13 +400,13 @@ TEST(DualCycles, RefuseAVThatGrows) {
 TEST(DualCycles, SolveWithInsulatedEnds) {
   constexpr Index m = 12;
   Scene scene = random_contact(6, m, 1, 0);
-  Matrix A = Matrix::Zero(m, m), B = Matrix::Zero(m, 1);
+  Matrix A = Matrix::Zero(m, m), B = Matrix::Zero(m, 1), N = Matrix::Zero(1, m);
   for (Index i = 0; i + 1 < m; ++i) {
     A(i, i) -= 7, A(i + 1, i + 1) -= 7;
     A(i, i + 1) += 7, A(i + 1, i) += 7;
   }
-  B(0, 0) = 12;
-  scene.dynamics = DenseDynamics{A, B, Matrix(Matrix::Unit(1, m, 0, 0))};
+  B(0, 0) = 12, N(0, 0) = 1;
+  scene.dynamics = DenseDynamics{A, B, N};
   scene.f = {};
   const Result found = run(scene, Method::dual, 64);
   ASSERT_EQ(found.status, Status::solved) << found.reason;
@@ -438,8 +438,9 @@ TEST(DualCycles, SeeAContactFarFromAllOthers) {
   const Result found = run(scene, Method::dual, 128), expected = run(scene, steps);
   ASSERT_EQ(found.status, Status::solved) << found.reason << found.kernel;
   EXPECT_GT(found.y.col(n).maxCoeff(), 0.1);
-  if (!expected.continuous)
-    EXPECT_LE(distance(found.y.bottomRows(128), expected.y.bottomRows(128)), 1e-7 * expected.y.maxCoeff());
+  // With this compliance march may take the rule that is continuous; it agrees up to the errors of both.
+  const double tolerance = expected.continuous ? 0.2 : 1e-7;
+  EXPECT_LE(distance(found.y.bottomRows(128), expected.y.bottomRows(128)), tolerance * expected.y.maxCoeff());
 }
 
 // ---- American options ----
