@@ -2,8 +2,12 @@
 // of the discretisation error, plain sweeps beside them, and times compared with marching on one core.
 
 #include "app/text.hpp"
-#include "bench/studies/study.hpp"
+#include "bench/studies/dual_puts.hpp"
 #include "core/base/error.hpp"
+#include "core/base/timer.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/kernel/operators.hpp"
+#include "core/multigrid/dual_levels.hpp"
 #include "core/solve/solver.hpp"
 #include "cpu/cpu_backend.hpp"
 
@@ -12,19 +16,34 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <map>
 
 namespace bromwich::app {
 
 namespace {
 
-constexpr double wanted_contraction = 0.2;     ///< where c h/dx^2 is at least `crossed`
-constexpr double crossed = 0.05;               ///< diffusion crosses a cell in a step
-constexpr double least_change = 1e-10;         ///< smaller changes are not used for the contraction
-constexpr double most_marched_values = 3e7;    ///< J Q^2 that one core marches in seconds
-constexpr double most_reference_values = 1e7;  ///< J Q of a reference
-constexpr double wanted_error = 1e-4;          ///< of w, where times are compared
-constexpr double most_cpu_values = 6e5;        ///< J Q of grids that the host cycles on, in a list of several
-constexpr double longest_run = 4;              ///< seconds
+constexpr double wanted_contraction = 0.2;  ///< where c h/dx^2 is at least `crossed`
+constexpr double crossed = 0.05;            ///< diffusion crosses a cell in a step
+constexpr double least_change = 1e-10;      ///< smaller changes are not used for the contraction
+constexpr double wanted_error = 1e-4;       ///< of w, where times are compared
+constexpr double algebraic_part = 0.1;      ///< of the discretisation error, in the useful runs
+constexpr Index most_plain_sweeps = 400;
+constexpr Index wanted_sweeps = 20;  ///< in which both algebraic errors are to be below their parts
+
+/// What a backend can do in the time that a study may take.
+struct Reach {
+  double seconds;        ///< of the grids of one rule: further grids are listed as not run
+  double most_values;    ///< n J of a grid
+  double most_referred;  ///< n J of a reference
+  double most_marched;   ///< J n^2 of marching on one core
+  double longest_run;    ///< seconds, where times at an equal error are compared
+};
+
+Reach reach_of(const Backend& backend, bool quick) {
+  if (quick) return {10, 6e5, 1e6, 1e6, 1};
+  if (backend.name() == "cpu") return {40, 6e5, 2.4e6, 2e7, 10};
+  return {30, 1.7e7, 1e7, 2e7, 30};
+}
 
 struct ContactGrid {
   double Q;
@@ -33,14 +52,16 @@ struct ContactGrid {
   double mu(double T) const { return c * T / double(J) * (Q + 1) * (Q + 1); }
 };
 
+// By size, so that what does not fit into the time is what is largest.
 std::vector<ContactGrid> contact_grids(bool quick) {
   if (quick) return {{15, 64, 0.05, 0}, {31, 256, 0.05, 1e-2}};
   std::vector<ContactGrid> all;
-  for (const double Q : {15., 63., 255., 511., 1023.})
-    for (const Index J : {256, 4096})
+  for (const Index J : {256, 4096, 16384})
+    for (const double Q : {15., 63., 255., 511., 1023.})
       for (const double c : {0.002, 0.05, 1.})
-        for (const double eps : {0., 1e-2}) all.push_back({Q, J, c, eps});
-  for (const double Q : {127., 511.}) all.push_back({Q, 16384, 0.05, 0}), all.push_back({Q, 4096, 0.05, 1e-1});
+        for (const double eps : {0., 1e-2, 1e-1})
+          if (eps == 0 || (c == 0.05 && (eps < 0.05 || Q == 511))) all.push_back({Q, J, c, eps});
+  std::stable_sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.Q * a.J < b.Q * b.J; });
   return all;
 }
 
@@ -92,10 +113,18 @@ Contraction dual_contraction(const Result& r) {
 
 class DualStudy {
  public:
-  DualStudy(Backend& backend, bool by_euler, int repeats, BenchReport& report)
-      : backend_(backend), by_euler_(by_euler), one_(make_cpu_backend(1)), repeats_(repeats), report_(report) {}
+  DualStudy(Backend& backend, const Reach& reach, bool by_euler, int repeats, BenchReport& report)
+      : backend_(backend),
+        reach_(reach),
+        by_euler_(by_euler),
+        one_(make_cpu_backend(1)),
+        repeats_(repeats),
+        report_(report) {}
 
   void run(const ContactGrid& grid) {
+    if (grid.Q * double(grid.J) > reach_.most_values) return;
+    elapsed_ += spent_.lap();
+    if (elapsed_ > reach_.seconds) return skip(grid, "no time left");
     const Scene scene = make_scene("contact", {{"Q", grid.Q}, {"c", grid.c}, {"eps", grid.eps}});
     try {
       Samples samples;
@@ -122,7 +151,7 @@ class DualStudy {
       row["contraction"] = {{"mean", found.mean}, {"largest", found.largest}};
       row["history"] = cycles.history;
       if (cycles.status == Status::solved) stop_early(scene, grid, cycles, row);
-      if (double(grid.J) * grid.Q * grid.Q <= most_marched_values) march(scene, grid, cycles, row);
+      if (double(grid.J) * grid.Q * grid.Q <= reach_.most_marched) march(scene, grid, cycles, row);
       lines_.push_back({backend_.name(), by_euler_ ? "euler" : "radau", fmt::format("{}", grid.Q),
                         fmt::format("{}", grid.J), fmt::format("{}", grid.c), fmt::format("{}", grid.eps),
                         to_string(cycles.status), fmt::format("{}", cycles.cycles), fmt::format("{:.3f}", found.mean),
@@ -130,12 +159,7 @@ class DualStudy {
                         format_seconds(median(samples.solve))});
       report_.rows.push_back(std::move(row));
     } catch (const Error& error) {
-      report_.rows.push_back({{"backend", backend_.name()},
-                              {"Q", grid.Q},
-                              {"steps", grid.J},
-                              {"c", grid.c},
-                              {"eps", grid.eps},
-                              {"skipped", error.what()}});
+      skip(grid, error.what());
     }
   }
 
@@ -151,34 +175,95 @@ class DualStudy {
 
   Result timed(const Scene& scene, Backend& backend, const Options& options, Samples& samples) const {
     Result result;
-    for (int k = 0; k <= repeats_; ++k) {  // the first one warms up
+    for (int k = 0; k <= repeats_; ++k) {  // the first one warms up, and is the only one if it takes long
       result = solve(scene, backend, options);
-      if (k > 0 || repeats_ == 0) samples.add(result.seconds.total, result.seconds.setup, result.seconds.solve);
+      const bool only = repeats_ == 0 || result.seconds.total > 0.5;
+      if (k > 0 || only) samples.add(result.seconds.total, result.seconds.setup, result.seconds.solve);
+      if (only) break;
     }
     return result;
   }
 
-  // Cycles that end where further ones are of no use: their sweeps, and the true errors of y and w. Discretisation
-  // errors against the stages of Radau IIA on steps of a quarter.
+  void skip(const ContactGrid& grid, const std::string& why) const {
+    report_.rows.push_back({{"backend", backend_.name()},
+                            {"rule", by_euler_ ? "euler" : "radau"},
+                            {"Q", grid.Q},
+                            {"steps", grid.J},
+                            {"c", grid.c},
+                            {"eps", grid.eps},
+                            {"skipped", why}});
+  }
+
+  // Cycles that end where further ones are of no use: their sweeps, the true algebraic errors of y and w, and the
+  // discretisation errors of both against the stages of Radau IIA on steps of a quarter.
   void stop_early(const Scene& scene, const ContactGrid& grid, const Result& cycles, Json& row) const {
     Options options = dual_options(Method::dual, grid.J, by_euler_);
     options.trace = true;
-    options.tuning.algebraic_share = 0.1;
+    options.tuning.algebraic_share = algebraic_part;
     const Result early = solve(scene, backend_, options);
     if (early.status != Status::solved || cycles.trace.rows() != cycles.y.rows()) return;
     const RowMatrix w = gap_of(scene, cycles);
-    row["useful"] = {{"cycles", early.cycles},
-                     {"sweeps", early.iterations},
-                     {"algebraic_error_y", largest_difference(early.y, cycles.y)},
-                     {"algebraic_error_w", largest_difference(gap_of(scene, early), w)}};
-    if (4 * double(grid.J) * grid.Q > most_reference_values) return;
+    Json& useful = row["useful"];
+    const double of_w = largest_difference(gap_of(scene, early), w);
+    useful = {{"cycles", early.cycles},
+              {"sweeps", early.iterations},
+              {"algebraic_error_estimated", early.algebraic_error.value_or(NAN)},
+              {"algebraic_error_y", largest_difference(early.y, cycles.y)},
+              {"algebraic_error_w", of_w}};
+    useful["plain_sweeps"] = plain_sweeps(scene, grid, cycles.form == "dual" && !cycles.continuous ? 2 : 1, w, of_w);
+    if (4 * double(grid.J) * grid.Q > reach_.most_referred) return;
     Options finer = dual_options(Method::dual, 4 * grid.J);
     finer.trace = true;
     const Result reference = solve(scene, backend_, finer);
     if (reference.status != Status::solved) return;
-    row["useful"]["error_y"] = largest_difference(reference.y, cycles.y);
-    row["useful"]["error_w"] = largest_difference(gap_of(scene, reference), w);
-    row["useful"]["error_integral_of_y"] = largest_difference(integral_of_y(reference), integral_of_y(cycles));
+    useful["error_y"] = largest_difference(reference.y, cycles.y);
+    useful["error_w"] = largest_difference(gap_of(scene, reference), w);
+    useful["error_integral_of_y"] = largest_difference(integral_of_y(reference), integral_of_y(cycles));
+    useful["algebraic_error_integral_of_y"] = largest_difference(integral_of_y(early), integral_of_y(cycles));
+    row["needed"] = needed_sweeps(scene, grid, cycles, w, useful);
+  }
+
+  // Cycles until the true algebraic errors of w and of y are below their parts of the true discretisation errors; null:
+  // not within `wanted_sweeps`.
+  Json needed_sweeps(const Scene& scene, const ContactGrid& grid, const Result& cycles, const RowMatrix& w,
+                     const Json& errors) const {
+    Options options = dual_options(Method::dual, grid.J, by_euler_);
+    options.trace = true;
+    constexpr Index sweeps_a_cycle = 4;
+    for (Index sweeps = sweeps_a_cycle; sweeps <= wanted_sweeps; sweeps += sweeps_a_cycle) {
+      options.max_iterations = sweeps;
+      const Result few = solve(scene, backend_, options);
+      if (few.trace.rows() != w.rows()) return nullptr;
+      const double of_w = largest_difference(gap_of(scene, few), w), of_y = largest_difference(few.y, cycles.y);
+      if (of_w <= algebraic_part * errors["error_w"].get<double>() &&
+          of_y <= algebraic_part * errors["error_y"].get<double>())
+        return {{"sweeps", few.iterations}, {"algebraic_error_w", of_w}, {"algebraic_error_y", of_y}};
+    }
+    return nullptr;
+  }
+
+  // Sweeps on the finest grid alone until w is as near to the discrete solution as by the cycles; null: not by
+  // `most_plain_sweeps`.
+  Json plain_sweeps(const Scene& scene, const ContactGrid& grid, Index stages, const RowMatrix& w,
+                    double wanted) const {
+    const DiscreteProblem p = discretise(scene, backend_, grid.J);
+    const auto op = make_time_operator(p);
+    const auto dual = dual_levels(*op, stages, dual_options(Method::dual, grid.J, by_euler_));
+    if (dual->levels.size() < 2) return nullptr;
+    TimeLevel& finest = dual->levels[0];
+    RowMatrix values = RowMatrix::Zero(finest.y->rows(), finest.y->cols());
+    values.row(0) = w.row(0);
+    backend_.upload(values, *finest.y);
+    for (Index count = 1; count <= most_plain_sweeps; ++count) {
+      finest.kernel->apply(*finest.y, *finest.v, 0);
+      finest.lcp->submit(*finest.r, *finest.v, *finest.y, 1, -1);
+      if (count % (count < 10 * sweeps_between_looks ? sweeps_between_looks : 5 * sweeps_between_looks) != 0) continue;
+      finest.lcp->collect();
+      backend_.download(*finest.y, values);
+      const RowMatrix ends = values(Eigen::seq(0, values.rows() - 1, stages), Eigen::all);
+      if (largest_difference(ends, w) <= wanted) return count;
+    }
+    return nullptr;
   }
 
   // On one core: the same discrete solution by implicit Euler, and Radau IIA.
@@ -192,11 +277,16 @@ class DualStudy {
       row["difference_from_euler"] = (same.y - cycles.y).cwiseAbs().maxCoeff();
   }
 
+  static constexpr Index sweeps_between_looks = 4;
+
   Backend& backend_;
+  Reach reach_;
   bool by_euler_;
   std::unique_ptr<Backend> one_;
   int repeats_;
   BenchReport& report_;
+  Timer spent_;
+  double elapsed_ = 0;
   std::vector<std::vector<std::string>> lines_{
       {"backend", "rule", "Q", "J", "c", "eps", "status", "cycles", "mean", "largest", "set-up", "solve"}};
 };
@@ -204,8 +294,9 @@ class DualStudy {
 // Times at equal error of w: steps are doubled until w is within `wanted_error` of a reference.
 class EqualError {
  public:
-  EqualError(Backend& backend, double Q, Index reference_steps, BenchReport& report)
+  EqualError(Backend& backend, const Reach& reach, double Q, Index reference_steps, BenchReport& report)
       : backend_(backend),
+        longest_run_(reach.longest_run),
         one_(make_cpu_backend(1)),
         scene_(make_scene("contact", {{"Q", Q}})),
         Q_(Q),
@@ -220,19 +311,23 @@ class EqualError {
   void run(const std::string& name, bool here, Options options) {
     if (reference_.size() == 0) return;
     Backend& backend = here ? backend_ : *one_;
-    for (Index J = 32; J <= most_; J *= 2) {
+    Json ladder = Json::array();
+    for (Index J = first_steps; J <= most_; J *= 2) {
       options.steps = J;
       options.trace = true;
       Solver solver(scene_, backend, options);
       const Result first = solver.solve();
       const double error = first.status == Status::solved ? largest_difference(reference_, gap_of(scene_, first)) : NAN;
-      if (!(error <= wanted_error) && J < most_ && first.seconds.total < longest_run) continue;
+      ladder.push_back({{"steps", J}, {"error_w", error}, {"seconds", first.seconds.total}});
+      if (!(error <= wanted_error) && J < most_ && 2 * first.seconds.total < longest_run_) continue;
       Samples whole, prepared;
-      for (int k = 0; k < 3 && first.seconds.total < longest_run; ++k) {
+      const bool long_one = first.seconds.total > 0.1 * longest_run_;
+      if (long_one) whole.add(first.seconds.total, first.seconds.setup, first.seconds.solve);
+      for (int k = 0; k < (long_one ? 1 : repeats_at_equal_error); ++k) {
         Options plain = options;
         plain.trace = false;
-        const Result once = solve(scene_, backend, plain);
-        whole.add(once.seconds.total, once.seconds.setup, once.seconds.solve);
+        const Result once = long_one ? first : solve(scene_, backend, plain);
+        if (!long_one) whole.add(once.seconds.total, once.seconds.setup, once.seconds.solve);
         solver.set_x0(scene_.x0);
         const Result again = solver.solve();
         prepared.add(again.seconds.total, again.seconds.setup, again.seconds.solve);
@@ -246,6 +341,8 @@ class EqualError {
                               {"Q", Q_},
                               {"steps", J},
                               {"error_w", error},
+                              {"wanted", wanted_error},
+                              {"ladder", ladder},
                               {"status", to_string(first.status)},
                               {"first_seconds", first.seconds.total},
                               {"whole", to_json(whole)},
@@ -257,7 +354,11 @@ class EqualError {
   const std::vector<std::vector<std::string>>& lines() const { return lines_; }
 
  private:
+  static constexpr Index first_steps = 32;
+  static constexpr int repeats_at_equal_error = 3;
+
   Backend& backend_;
+  double longest_run_;
   std::unique_ptr<Backend> one_;
   Scene scene_;
   double Q_;
@@ -268,11 +369,31 @@ class EqualError {
       {"backend", "method", "Q", "J", "error of w", "status", "whole", "prepared"}};
 };
 
+// In how many runs the algebraic errors of y and w are below their parts within the sweeps wanted.
+std::string sweeps_and_errors(const Json& rows) {
+  int runs = 0, good = 0;
+  std::string missed;
+  for (const Json& row : rows) {
+    if (!row.contains("needed")) continue;
+    ++runs;
+    if (!row["needed"].is_null())
+      ++good;
+    else
+      missed += fmt::format(" {} {} Q={} J={} c={} eps={}", row["backend"].get<std::string>(),
+                            row["rule"].get<std::string>(), row["Q"].get<double>(), row["steps"].get<Index>(),
+                            row["c"].get<double>(), row["eps"].get<double>());
+  }
+  return fmt::format(
+      "algebraic errors of w and of y below {} of their discretisation errors within {} fine sweeps in {} "
+      "of {} runs{}",
+      algebraic_part, wanted_sweeps, good, runs, missed.empty() ? "" : "; not at" + missed);
+}
+
 std::vector<std::string> dual_notes(const Json& rows) {
   std::string slow, ended;
   double largest = 0;
   for (const Json& row : rows) {
-    if (row.contains("skipped") || row.contains("equal_error")) continue;
+    if (row.contains("skipped") || row.contains("equal_error") || row.contains("put")) continue;
     const std::string name =
         fmt::format(" {} Q={} J={} c={} eps={}", row["backend"].get<std::string>(), row["Q"].get<double>(),
                     row["steps"].get<Index>(), row["c"].get<double>(), row["eps"].get<double>());
@@ -283,9 +404,54 @@ std::vector<std::string> dual_notes(const Json& rows) {
     if (!(mean <= wanted_contraction)) slow += name;
   }
   const auto missed = [](const std::string& names) { return names.empty() ? "nowhere" : "at" + names; };
+  const auto cost = sweeps_and_errors(rows);
   return {fmt::format("contraction of a cycle where c h/dx^2 >= {}: {:.3f} at most; {} missed {}", crossed, largest,
                       wanted_contraction, missed(slow)),
-          fmt::format("not solved {}", missed(ended))};
+          fmt::format("not solved {}", missed(ended)), cost};
+}
+
+// Ratios of times at equal errors, a line for each backend and size.
+std::vector<std::string> notes_on_times(const Json& rows) {
+  struct Times {
+    double whole = INFINITY, prepared = INFINITY, error = NAN;
+  };
+  std::map<std::pair<std::string, double>, std::map<std::string, Times>> groups;
+  std::string of;
+  for (const Json& row : rows) {
+    if (!row.contains("equal_error") || !std::isfinite(row["whole"]["median"].get<double>())) continue;
+    const std::string method = row["method"];
+    if (method == "dual") of = row["backend"];  // the methods on one core follow
+    Times& times = groups[{of, row["Q"].get<double>()}][method.substr(0, 4) == "dual" ? "dual" : method];
+    const double whole = row["whole"]["median"];
+    if (whole < times.whole) times = {whole, row["prepared"]["median"], row["error_w"]};
+  }
+  std::vector<std::string> notes;
+  for (const auto& [key, found] : groups)
+    for (const auto& [method, times] : found) {
+      if (method == "dual" || !found.contains("dual")) continue;
+      const Times& dual = found.at("dual");
+      notes.push_back(fmt::format(
+          "Q = {} on {}: {} on one core / dual: {}{:.3g} whole, {:.3g} prepared, {:.3g} one solve of "
+          "it / dual prepared (error of w {:.1e} and {:.1e})",
+          key.second, key.first, method, times.error <= wanted_error ? "" : "at least ", times.whole / dual.whole,
+          times.prepared / dual.prepared, times.whole / dual.prepared, times.error, dual.error));
+    }
+  return notes;
+}
+
+std::string compare_times(Backend& backend, double Q, bool quick, BenchReport& report) {
+  const Reach reach = reach_of(backend, quick);
+  const Index reference_steps = quick ? 1024 : 16384;
+  if (Q * double(reference_steps) > reach.most_referred) return "";
+  EqualError times(backend, reach, Q, reference_steps, report);
+  Options cycles = dual_options(Method::dual, 0);
+  cycles.iteration_tolerance = 0.01 * wanted_error;
+  times.run("dual", true, cycles);
+  cycles.tuning.dual_by_euler = true;
+  times.run("dual by euler", true, cycles);
+  times.run("march", false, dual_options(Method::march, 0));
+  times.run("euler", false, dual_options(Method::euler, 0));
+  return table(times.lines());
 }
 
 }  // namespace
@@ -302,6 +468,19 @@ BenchReport bench_dual(const BenchRequest& request, Backend& backend) {
                   least_change);
   report.details["mu"] = "c h/dx^2: how many cells diffusion crosses in a step, squared";
   report.details["euler"] = "implicit Euler step by step on one core, the same discrete problem";
+  report.details["useful"] =
+      "cycles that stop where the estimate of the algebraic error is below 0.1 of that of the discretisation error; "
+      "algebraic errors against the solved cycles, discretisation errors against Radau IIA on steps of a quarter";
+  report.details["needed"] =
+      "cycles until the algebraic errors of w and of y are both below 0.1 of their discretisation errors; null: more "
+      "than "
+      "20 fine sweeps";
+  report.details["equal_error"] =
+      "steps are doubled until the error of w is below `wanted`; ladder: the first solves on the way, set-up and start "
+      "of "
+      "the backend included; whole and prepared: medians with these steps";
+  report.details["plain_sweeps"] =
+      "on the finest grid alone, to the algebraic error of w of the useful cycles; null: above 400";
   report.details["march"] = "Radau IIA on one core with as many steps";
   std::vector<ContactGrid> chosen = contact_grids(request.quick);
   for (ContactGrid& grid : chosen) {
@@ -310,36 +489,29 @@ BenchReport bench_dual(const BenchRequest& request, Backend& backend) {
     if (request.settings.contains("eps")) grid.eps = request.settings.at("eps");
     if (request.steps > 0) grid.J = request.steps;
   }
-  const auto same = [](const ContactGrid& a, const ContactGrid& b) {
-    return a.Q == b.Q && a.J == b.J && a.c == b.c && a.eps == b.eps;
-  };
-  chosen.erase(std::unique(chosen.begin(), chosen.end(), same), chosen.end());
-
-  const std::vector<double> sizes_compared = request.settings.contains("Q") ? std::vector{request.settings.at("Q")}
-                                             : request.quick                ? std::vector{15.}
-                                                                            : std::vector{127., 511.};
+  std::vector<ContactGrid> different;
+  for (const ContactGrid& grid : chosen) {
+    const auto same = [&](const ContactGrid& a) {
+      return a.Q == grid.Q && a.J == grid.J && a.c == grid.c && a.eps == grid.eps;
+    };
+    if (std::none_of(different.begin(), different.end(), same)) different.push_back(grid);
+  }
+  const bool with_puts = request.settings.empty() && request.steps == 0;
   const std::string text = on_both_backends(backend, report, [&](Backend& one) {
+    const bool host = one.name() == "cpu";
     std::string tables;
     for (const bool by_euler : {false, true}) {
-      DualStudy study(one, by_euler, std::min(request.repeats(), 3), report);
-      for (const ContactGrid& grid : chosen)
-        if (one.name() != "cpu" || chosen.size() == 1 || grid.Q * double(grid.J) <= most_cpu_values) study.run(grid);
+      DualStudy study(one, reach_of(one, request.quick), by_euler, std::min(request.repeats(), 3), report);
+      for (const ContactGrid& grid : different) study.run(grid);
       tables += table(study.lines());
     }
-    for (const double Q : sizes_compared) {
-      EqualError times(one, Q, request.quick ? 1024 : 16384, report);
-      Options cycles = dual_options(Method::dual, 0);
-      cycles.iteration_tolerance = 0.01 * wanted_error;
-      times.run("dual", true, cycles);
-      cycles.tuning.dual_by_euler = true;
-      times.run("dual by euler", true, cycles);
-      times.run("march", false, dual_options(Method::march, 0));
-      times.run("euler", false, dual_options(Method::euler, 0));
-      tables += table(times.lines());
-    }
-    return tables;
+    const double Q = request.settings.contains("Q") ? request.settings.at("Q") : request.quick ? 15 : host ? 127 : 511;
+    tables += compare_times(one, Q, request.quick, report);
+    return host && with_puts ? tables + table(measure_puts(request.quick, report)) : tables;
   });
   report.notes = dual_notes(report.rows);
+  for (std::string& note : notes_on_times(report.rows)) report.notes.push_back(std::move(note));
+  if (backend.name() == "cpu" && with_puts) report.notes.push_back(note_on_puts(report.rows));
   print_with_notes(text, report);
   return report;
 }

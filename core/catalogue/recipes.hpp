@@ -10,6 +10,8 @@ namespace bromwich {
 
 SceneRecipe signorini_recipe();
 SceneRecipe contact_recipe();
+SceneRecipe put_recipe();
+SceneRecipe put_on_two_recipe();
 SceneRecipe dlcp_small_recipe();
 SceneRecipe bridge_recipe();
 SceneRecipe ph_toy_recipe();

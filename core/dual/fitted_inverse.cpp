@@ -25,7 +25,9 @@ constexpr double density_of_points = 0.5;   ///< each costs a factorization
 constexpr double accepted_entries = 5e-10;  ///< error of a fit, relative to the largest entry at a point
 constexpr double followed = 2;              ///< radians: a larger turn from point to point may be another
 constexpr Index looked_at = 24;             ///< points where the reason of a refusal is looked for
-constexpr Index modes_of_sweep = 12;
+constexpr Index modes_of_sweep = 12;        ///< evenly among those of V_0
+constexpr Index most_localised = 24;  ///< besides: those of a few constraints, as of a contact far from all others
+constexpr double localised = 0.5;     ///< the sum of the fourth powers of a normalised mode: its inverse counts entries
 
 // N (zE - A)^{-1} B at all points, by one call.
 std::vector<ComplexMatrix> transfer_at(const DiscreteProblem& p, const std::vector<Complex>& points) {
@@ -140,22 +142,41 @@ Vector symmetry_of(const Matrix& V) {
   return t;
 }
 
+// The modes from which sweeps are chosen: some evenly in their order, and those of a few constraints alone, whose V^
+// may be unlike that of their neighbours in the order.
+std::vector<Index> chosen_modes(const Matrix& vectors) {
+  const Index n = vectors.cols(), even = std::min(n, modes_of_sweep);
+  std::vector<Index> modes;
+  for (Index i = 0; i < even; ++i) modes.push_back(even > 1 ? i * (n - 1) / (even - 1) : 0);
+  std::vector<std::pair<double, Index>> alone;
+  for (Index l = 0; l < n; ++l) {
+    const double fourth = vectors.col(l).cwiseAbs2().cwiseAbs2().sum() / std::pow(vectors.col(l).squaredNorm(), 2);
+    if (fourth > localised) alone.emplace_back(-fourth, l);
+  }
+  std::sort(alone.begin(), alone.end());
+  for (Index i = 0; i < std::min(Index(alone.size()), most_localised); ++i)
+    modes.push_back(alone[std::size_t(i)].second);
+  return modes;
+}
+
 // x^T T^{-1/2} V^ T^{1/2} x for some eigenvectors x of its symmetric part at z = 1/h, T = diag t.
 ModeSymbols symbols_of(const PoleSum& sum, const Vector& t, double h) {
-  const Index n = t.size(), K = sum.rates.size(), modes = std::min(n, modes_of_sweep);
+  const Index n = t.size(), K = sum.rates.size();
   const Vector root = t.cwiseSqrt();
   const auto symmetric = [&](const Matrix& scaled) {
     return Matrix(root.cwiseInverse().asDiagonal() * scaled * root.asDiagonal());
   };
   const Matrix V0 = symmetric(matrix_of(euler_table(sum, n, h, 1), 0));
   const Eigen::SelfAdjointEigenSolver<Matrix> eigen(Matrix(0.5 * (V0 + V0.transpose())));
+  const std::vector<Index> chosen = chosen_modes(eigen.eigenvectors());
+  const Index modes = Index(chosen.size());
   auto of_modes = std::make_shared<PoleSum>();
   of_modes->rates = sum.rates;
   of_modes->coefficients.resize(K, modes);
   of_modes->constant.resize(modes);
   of_modes->linear.resize(modes);
   for (Index i = 0; i < modes; ++i) {
-    const Vector x = eigen.eigenvectors().col(modes > 1 ? i * (n - 1) / (modes - 1) : 0);
+    const Vector x = eigen.eigenvectors().col(chosen[std::size_t(i)]);
     const auto quotient = [&](const Vector& entries) {
       return x.dot(symmetric(Eigen::Map<const RowMatrix>(entries.data(), n, n)) * x);
     };
@@ -174,9 +195,11 @@ ModeSymbols symbols_of(const PoleSum& sum, const Vector& t, double h) {
 // Sweeps by blocks, SOL(P, .) with a multiple P of V_0, since the entries of V_0 differ too much for one d: the
 // multiple and the forecast from V_0^{-1} V^ in the modes of V_0.
 std::tuple<Matrix, double, double> block_divisor(const PoleSum& fit, const Matrix& V0, double h) {
-  const Index n = V0.rows(), modes = std::min(n, modes_of_sweep);
+  const Index n = V0.rows();
   const Eigen::EigenSolver<Matrix> eigen(V0);
   const ComplexMatrix X = eigen.eigenvectors(), left = X.inverse();
+  const std::vector<Index> chosen = chosen_modes(X.cwiseAbs());
+  const Index modes = Index(chosen.size());
   const auto relative = [&](Complex z) {
     ComplexVector values(modes);
     ComplexVector entries = fit.constant.cast<Complex>() + z * fit.linear.cast<Complex>();
@@ -185,7 +208,7 @@ std::tuple<Matrix, double, double> block_divisor(const PoleSum& fit, const Matri
     using Rows = Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
     const Eigen::Map<const Rows> V(entries.data(), n, n);
     for (Index i = 0; i < modes; ++i) {
-      const Index l = modes > 1 ? i * (n - 1) / (modes - 1) : 0;
+      const Index l = chosen[std::size_t(i)];
       const ComplexVector seen = V * X.col(l);
       values[i] = (left.row(l) * seen)(0, 0) / eigen.eigenvalues()[l];
     }

@@ -17,7 +17,9 @@ namespace bromwich {
 
 namespace {
 
-constexpr int most_changes = 60;  ///< of the active set in a step
+constexpr Index most_changes = 60;  ///< of the active set in a step, and one for each state: boundaries may move by one
+constexpr double rounding = 4 * epsilon;
+constexpr double least_pivot = 0.1;  ///< relative to its column: the matrix of a step is nearly definite
 
 // The diagonal of a square matrix without other entries; empty otherwise.
 Vector only_diagonal(const SparseMatrix& matrix) {
@@ -53,6 +55,16 @@ SparseMatrix step_matrix(const SparseMatrix& A, double h) {
   return matrix;
 }
 
+// Minimum degree of a pattern that is symmetric. SparseLU takes the inverse of what AMDOrdering gives.
+struct SymmetricOrdering {
+  using PermutationType = Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, SparseMatrix::StorageIndex>;
+  void operator()(const SparseMatrix& matrix, PermutationType& order) const {
+    PermutationType found;
+    Eigen::AMDOrdering<SparseMatrix::StorageIndex>()(matrix, found);
+    order = found.inverse();
+  }
+};
+
 // One step: active sets until the signs fit. A factorization is kept as long as its active set.
 class LocalStep {
  public:
@@ -62,7 +74,10 @@ class LocalStep {
         N_(N.replicate(2, 1)),
         G_(step_matrix(A, h)),
         fixed_(std::size_t(2 * n_), 0) {
+    for (auto* lu : {&lu_, &linear_}) lu->setPivotThreshold(least_pivot);
     linear_.compute(G_);
+    diagonal_ = G_.diagonal();
+    sizes_ = G_.cwiseAbs();
     K_ = G_;
     lu_.analyzePattern(K_);
     factor();
@@ -82,14 +97,14 @@ class LocalStep {
 
   // X and y of both stages; `known` is the right-hand side without y. False: the signs do not settle.
   bool solve(const Vector& known, const Vector& g, Vector& X, Vector& y, LcpCount& count) {
-    for (int change = 0; change < most_changes; ++change, ++count.newton) {
+    for (Index change = 0; change < most_changes + n_; ++change, ++count.newton) {
       Vector rhs = known;
       for (Index i = 0; i < 2 * n_; ++i)
-        if (fixed_[std::size_t(i)]) rhs[i] = -g[i] / N_[i];
+        if (fixed_[std::size_t(i)]) rhs[i] = -diagonal_[i] * g[i] / N_[i];
       X = lu_.solve(rhs);
       if (lu_.info() != Eigen::Success || !X.allFinite()) return false;
       y = (G_ * X - known).cwiseQuotient(B_);
-      if (!exchange(X, g, y)) {
+      if (!exchange(X, g, known, y)) {
         for (Index i = 0; i < 2 * n_; ++i) y[i] = fixed_[std::size_t(i)] ? std::max(y[i], 0.0) : 0;
         ++count.solved;
         return true;
@@ -104,23 +119,26 @@ class LocalStep {
   // X that these y lead to.
   Vector driven(const Vector& known, const Vector& y) const { return linear_.solve(known + y.cwiseProduct(B_)); }
 
-  std::size_t bytes() const { return std::size_t(48 * G_.nonZeros()); }
+  std::size_t bytes() const { return std::size_t(60 * G_.nonZeros()); }
 
  private:
   void factor() {
     for (Index k = 0; k < K_.outerSize(); ++k)
       for (SparseMatrix::InnerIterator to(K_, k), from(G_, k); to; ++to, ++from)
-        to.valueRef() = fixed_[std::size_t(to.row())] ? (to.row() == to.col() ? 1 : 0) : from.value();
+        to.valueRef() = fixed_[std::size_t(to.row())] && to.row() != to.col() ? 0 : from.value();
     lu_.factorize(K_);
   }
 
-  // Releases where y < 0 and fixes where w < 0, beyond rounding; whether something changed.
-  bool exchange(const Vector& X, const Vector& g, const Vector& y) {
+  // Releases where y < 0 and fixes where w < 0, beyond rounding; whether something changed. The rounding of X is that
+  // of its largest values: where payoffs vanish, w is far smaller.
+  bool exchange(const Vector& X, const Vector& g, const Vector& known, const Vector& y) {
+    const Vector products = sizes_ * X.cwiseAbs() + known.cwiseAbs();
+    const double size_of_X = X.cwiseAbs().maxCoeff();
     bool changed = false;
     for (Index i = 0; i < 2 * n_; ++i) {
       char& fixed = fixed_[std::size_t(i)];
-      const double size = std::abs(N_[i] * X[i]) + std::abs(g[i]);
-      const bool wrong = fixed ? y[i] < 0 : N_[i] * X[i] + g[i] < -4 * epsilon * size;
+      const bool wrong = fixed ? B_[i] * y[i] < -rounding * products[i]
+                               : N_[i] * X[i] + g[i] < -rounding * (N_[i] * size_of_X + std::abs(g[i]));
       if (wrong) fixed = !fixed;
       changed = changed || wrong;
     }
@@ -128,10 +146,10 @@ class LocalStep {
   }
 
   Index n_;
-  Vector B_, N_;
-  SparseMatrix G_, K_;
+  Vector B_, N_, diagonal_;
+  SparseMatrix G_, K_, sizes_;  ///< sizes_: |G|
   std::vector<char> fixed_;
-  Eigen::SparseLU<SparseMatrix> lu_, linear_;
+  Eigen::SparseLU<SparseMatrix, SymmetricOrdering> lu_, linear_;
 };
 
 class LocalMarch final : public PreparedMethod {
@@ -156,8 +174,8 @@ class LocalMarch final : public PreparedMethod {
       return;
     }
     const Index n = p_.scene.constraints(), J = p_.J;
-    const RowMatrix g = stage_values(p_, p_.scene.g, p_.g),
-                    phi = p_.f.size() > 0 ? stage_values(p_, p_.scene.f, p_.f) : RowMatrix();
+    const RowMatrix g = one_sided(stage_values(p_, p_.scene.g, p_.g)),
+                    phi = p_.f.size() > 0 ? in_one_piece(stage_values(p_, p_.scene.f, p_.f)) : RowMatrix();
     const SparseMatrix F = phi.size() > 0 ? entry_of_sources(p_.scene) : SparseMatrix();
     LocalStep step(A_, B_, N_, p_.h);
     result.form = "dual";
@@ -194,6 +212,7 @@ class LocalMarch final : public PreparedMethod {
       x = X.tail(n);
       seen.row(j) = x.cwiseProduct(N_).transpose();
       result.y.row(j) = y.tail(n).transpose();
+      if (p_.sources && p_.sources->at(j) && !after_jump(j, seen.row(j), result)) return;
       result.y_integral.row(j) =
           result.y_integral.row(j - 1) + p_.h * (0.75 * y.head(n) + 0.25 * y.tail(n)).transpose();
       record(x, j, result);
@@ -206,6 +225,49 @@ class LocalMarch final : public PreparedMethod {
  private:
   void record(const Vector& x, Index j, Result& result) const {
     for (std::size_t c = 0; c < p_.components.size(); ++c) result.x(j, Index(c)) = x[p_.components[c]];
+  }
+
+  // At the ends of steps where g jumps, its limit from the left: the step ends before the jump.
+  RowMatrix one_sided(RowMatrix g) const {
+    if (!p_.sources || !p_.scene.g) return g;
+    const Index n = p_.scene.constraints();
+    const OneSided source(p_.scene.g, n, p_.sources->resolution);
+    for (const RoughStep& rough : p_.sources->rough)
+      g.row(rough.step).tail(n) = source.whole(source.before(p_.t[rough.step], p_.h)).transpose();
+    return g;
+  }
+
+  // f on steps that end at a breakpoint: their polynomial.
+  RowMatrix in_one_piece(RowMatrix phi) const {
+    if (!p_.sources) return phi;
+    const Index width = phi.cols() / 2;
+    for (const RoughStep& rough : p_.sources->rough) {
+      if (rough.pieces.empty()) continue;
+      const Matrix& c = rough.pieces[0].phi;
+      for (int a = 0; a < 2; ++a) {
+        const double sigma = a == 0 ? 1.0 / 3 : 1;
+        const Vector value = c * Vector{{1, sigma, sigma * sigma}};
+        const Vector whole = p_.f.shapes().size() > 0 ? Vector(p_.f.shapes() * value) : value;
+        phi.row(rough.step).segment(a * width, width) = whole.transpose();
+      }
+    }
+    return phi;
+  }
+
+  // y at the point itself, after a jump of g: 0 where the jump opens a gap. A jump that closes one moves the state.
+  bool after_jump(Index j, const RowMatrix& trace, Result& result) const {
+    const Vector own = trace.transpose() + p_.g.row(j);
+    const double size = rounding * (own.cwiseAbs().maxCoeff() + p_.g.row(j).cwiseAbs().maxCoeff());
+    if (own.minCoeff() < -16 * size) {
+      stop(j + 1, Status::unsupported,
+           text("g falls below the state at t = %.6g, and steps in w do not take a jump of the state; use method march",
+                p_.t[j]),
+           result);
+      return false;
+    }
+    for (Index i = 0; i < own.size(); ++i)
+      if (own[i] > size) result.y(j, i) = 0;
+    return true;
   }
 
   void stop(Index j, Status status, const std::string& reason, Result& result) const {
@@ -231,7 +293,11 @@ bool has_local_inverse(const Scene& scene) {
          to_dense(scene.M).isZero(0);
 }
 
-bool has_local_inverse(const DiscreteProblem& p) { return !p.sources && has_local_inverse(p.scene); }
+bool has_local_inverse(const DiscreteProblem& p) {
+  const auto at_its_end = [](const RoughStep& step) { return step.ends.size() <= 1 && step.pieces.size() <= 1; };
+  return (!p.sources || std::all_of(p.sources->rough.begin(), p.sources->rough.end(), at_its_end)) &&
+         has_local_inverse(p.scene);
+}
 
 std::unique_ptr<PreparedMethod> prepare_local_march(const DiscreteProblem& p) {
   return std::make_unique<LocalMarch>(p);

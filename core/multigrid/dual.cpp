@@ -1,5 +1,6 @@
 #include "core/multigrid/dual.hpp"
 
+#include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/dual/local_march.hpp"
 #include "core/march/outcome.hpp"
@@ -225,6 +226,7 @@ bool takes_stages(const DiscreteProblem& p, const Options& options) {
 }
 
 constexpr double slow_forecast = 0.6;  ///< contraction of cycles with stages above which implicit Euler is taken
+constexpr double no_contraction = 1;   ///< forecast of cycles that are not begun
 
 }  // namespace
 
@@ -236,6 +238,10 @@ std::unique_ptr<PreparedMethod> prepare_dual(TimeOperator& op, const Options& op
     levels = dual_levels(op, 1, options);
   if (levels->levels.size() == 0) {
     why = levels->refusal;
+    return nullptr;
+  }
+  if (levels->contraction >= no_contraction) {
+    why = text("cycles are forecast not to contract (%.2f a cycle)", levels->contraction);
     return nullptr;
   }
   return std::make_unique<PreparedDual>(op, options, std::move(levels));

@@ -211,22 +211,26 @@ void Methods::cycle(const Options& options, Result& result) {
     result.form = "primal";
     return;
   }
-  // Without coarse grids that contract, cycles in w may.
-  const auto f = iteration_forecast(problem_, options.iteration_tolerance);
-  if ((f && f->longest_window(options.iteration_tolerance) == 0) || !never_contracts(problem_, *operator_).empty()) {
+  // Without coarse grids that contract, cycles in w may. True if they stand in the result.
+  const auto try_in_w = [&](bool only_solved) {
     Result dual;
     dual.seconds = result.seconds;
     dual.method = result.method;
     dual.t = result.t;
     dual.steps = result.steps;
-    if (cycle_in_w(Method::multigrid, options, dual)) {
-      result = std::move(dual);
-      return;
-    }
-  }
+    if (!cycle_in_w(Method::multigrid, options, dual)) return false;
+    if (only_solved && dual.status != Status::solved && dual.status != Status::interrupted) return false;
+    result = std::move(dual);
+    return true;
+  };
+  const auto f = iteration_forecast(problem_, options.iteration_tolerance);
+  const bool hopeless =
+      (f && f->longest_window(options.iteration_tolerance) == 0) || !never_contracts(problem_, *operator_).empty();
+  if (hopeless && try_in_w(false)) return;
   note(options.log, LogLevel::info, "multigrid has no coarser grid here: the functional iteration");
   iterate(options, result);
   result.kernel += "; no coarser grid: the functional iteration";
+  if (!hopeless && result.status == Status::tolerance_not_met) try_in_w(true);
 }
 
 // False, with the reason in the result, if the problem has no dual form.
