@@ -16,6 +16,8 @@ bool has_sine_rows(Index n);
 std::unique_ptr<SineTransform> make_sine_rows(const Device&, Index n);
 std::unique_ptr<SineTransform> make_sine_product(const Device&, Index n);
 std::unique_ptr<SineTransform> make_sine_fft(const Device&, Index n, Index rows);
+/// Null unless there are two directions.
+std::unique_ptr<SineTransform> make_face_transform(const Device&, const std::vector<Index>& extents);
 std::unique_ptr<Convolution> make_convolution(const Device&, const DenseRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_convolution(const Device&, const ModalRecurrence&, Index rows);
 /// The two implementations, used alone or on different modes. The scan takes modes 0 .. modes - 1. The direct sum takes
@@ -43,6 +45,9 @@ std::unique_ptr<Differences> make_differences(const Device&, std::size_t slots);
 bool alternates(const Device&, const Array& y, Index run, double part);
 /// Null if the matrix is too large for these kernels.
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Device&, const Tridiagonal&, LcpClass, double shift, Index rows);
+/// Null where M is no five-point stencil on a face that a block can take.
+std::unique_ptr<LcpBatch> make_projected_sweeps(const Device&, const ProjectedSweeps&, Index rows);
+std::unique_ptr<LcpBatch> make_face_lcp(const Device&, const SparseMatrix& M, Index rows);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Device&, const Matrix&, LcpClass, Index rows);
 
 /// Marches without a kernel run on `host`.

@@ -25,9 +25,9 @@ const Named* find(const std::vector<Named>& all, const std::string& name) {
 
 const std::vector<SceneRecipe>& scene_catalogue() {
   static const std::vector<SceneRecipe> recipes{
-      signorini_recipe(), contact_recipe(),      dlcp_small_recipe(),         bridge_recipe(),
-      nash_game_recipe(), lq_control_recipe(),   periodic_rectifier_recipe(), ph_toy_recipe(),
-      ladder_recipe(),    ladder_diodes_recipe()};
+      signorini_recipe(), signorini3d_recipe(), contact_recipe(),      dlcp_small_recipe(),
+      bridge_recipe(),    nash_game_recipe(),   lq_control_recipe(),   periodic_rectifier_recipe(),
+      ph_toy_recipe(),    ladder_recipe(),      ladder_diodes_recipe()};
   return recipes;
 }
 
