@@ -82,12 +82,14 @@ class HostFaceTransform final : public SineTransform {
 
 std::unique_ptr<SineTransform> Backend::face_transform(const std::vector<Index>& extents, Index rows) {
   if (extents.size() == 1) return sine_transform(extents[0], rows);
-  if (fused_.face_transform) return fused_.face_transform(extents, rows);
+  if (fused_.face_transform)
+    if (auto transform = fused_.face_transform(extents, rows)) return transform;
   return std::make_unique<HostFaceTransform>(*this, extents);
 }
 
 std::unique_ptr<LcpBatch> Backend::projected_sweeps(const ProjectedSweeps& sweeps, LcpClass lcp_class, Index rows) {
-  if (fused_.projected_sweeps) return fused_.projected_sweeps(sweeps, rows);
+  if (fused_.projected_sweeps)
+    if (auto batch = fused_.projected_sweeps(sweeps, rows)) return batch;
   return shifted_lcp(SparseLcpMatrix(*sweeps.M), lcp_class, sweeps.shift, rows);
 }
 

@@ -30,6 +30,7 @@ struct FusedOperations {
                      Array& coarse_y, Array& old)>
       restrict_problem;
   std::function<bool(const Array& y, Index run, double part)> alternates;
+  /// These two may return null, for extents and stencils that they do not take.
   std::function<std::unique_ptr<SineTransform>(const std::vector<Index>& extents, Index rows)> face_transform;
   std::function<std::unique_ptr<LcpBatch>(const ProjectedSweeps&, Index rows)> projected_sweeps;
   std::function<std::unique_ptr<StepChain>(const StepChainProblem&)> step_chain;
