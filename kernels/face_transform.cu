@@ -5,6 +5,7 @@
 // matrix to cuBLAS.
 
 #include "kernels/blas.hpp"
+#include "kernels/face_transform.hpp"
 #include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
 #include "kernels/transform_rows.cuh"
@@ -73,8 +74,8 @@ inline constexpr std::size_t column_bytes = sizeof(double2) * std::size_t(column
 // Along the slow direction: N - 1 = lines. Block (columns of a grid, time). `in` may be `out`.
 template <int N>
 __global__ void __launch_bounds__(N / held * columns<N>)
-    along_columns(const double* in, const double* add, double* out, FaceShape s, const double2* __restrict__ roots,
-                  double scale) {
+    along_columns(const double* in, const double* add, const double* factor, double* out, FaceShape s,
+                  const double2* __restrict__ roots, double scale) {
   extern __shared__ double2 memory[];
   using Row = TransformRow<N, held>;
   constexpr int W = columns<N>, n = N - 1;
@@ -100,7 +101,8 @@ __global__ void __launch_bounds__(N / held * columns<N>)
   for (int a = me; a < n * W; a += all) {
     const int i = a / W, c = a % W;
     const long to = at + long(i) * s.points + c;
-    if (c < width) out[to] = (add ? add[to] : 0) + tile[i * (W + 1) + c];
+    const double scaled = factor && c < width ? factor[group * W + long(i) * s.points + c] : 1;
+    if (c < width) out[to] = (add ? add[to] : 0) + scaled * tile[i * (W + 1) + c];
   }
 }
 
@@ -113,69 +115,90 @@ bool is_fast(Index n) {
 
 double scale_of(Index N) { return -0.25 * std::sqrt(2.0 / double(N)); }
 
+}  // namespace
+
+struct FaceKernels::Tables {
+  Memory<double2> of_lines, of_points;
+  void (*rows)(const double*, double*, FaceShape, const double2*, double) = nullptr;
+  void (*columns)(const double*, const double*, const double*, double*, FaceShape, const double2*, double) = nullptr;
+  Index width = 1;
+  std::size_t column_bytes = 0;
+
+  template <int N>
+  void choose(Index lines, Index points) {
+    if (points + 1 == N) {
+      rows = along_lines<N>;
+      const Index together = std::max<Index>(rows_threads / (N / held), 1);
+      reserve((const void*)rows, sizeof(double2) * std::size_t(together * (N + N / 8)));
+    }
+    if (lines + 1 == N) {
+      columns = along_columns<N>;
+      width = cuda::columns<N>;
+      column_bytes = cuda::column_bytes<N>;
+      reserve((const void*)columns, column_bytes);
+    }
+    if constexpr (N < largest_length) choose<2 * N>(lines, points);
+  }
+  static void reserve(const void* kernel, std::size_t bytes) {
+    check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(bytes)),
+          "reserving shared memory");
+  }
+};
+
+FaceKernels::FaceKernels(const Device& device, const std::vector<Index>& extents)
+    : device_(device), lines_(extents[0]), points_(extents[1]), tables_(std::make_unique<Tables>()) {
+  tables_->of_lines = roots_of(device, lines_ + 1);
+  tables_->of_points = roots_of(device, points_ + 1);
+  tables_->choose<int(least_length)>(lines_, points_);
+}
+
+FaceKernels::~FaceKernels() = default;
+
+bool FaceKernels::take(const std::vector<Index>& extents) {
+  return extents.size() == 2 && is_fast(extents[0]) && is_fast(extents[1]);
+}
+
+void FaceKernels::apply(const double* in, const double* add, const double* factor, double* between, double* out,
+                        Index rows) const {
+  const FaceShape s{int(lines_), int(points_), int(rows), int(stride(lines_ * points_))};
+  const Index N = points_ + 1, threads = N / held, together = std::max<Index>(rows_threads / threads, 1);
+  follow(device_, tables_->rows,
+         {unsigned((rows * lines_ + together - 1) / together), dim3(unsigned(threads), unsigned(together)),
+          sizeof(double2) * std::size_t(together * (N + N / 8))},
+         what, in, between, s, tables_->of_points.data(), scale_of(N));
+  const Index width = tables_->width;
+  follow(device_, tables_->columns,
+         {unsigned(rows * ((points_ + width - 1) / width)), dim3(unsigned((lines_ + 1) / held), unsigned(width)),
+          tables_->column_bytes},
+         what, between, add, factor, out, s, tables_->of_lines.data(), scale_of(lines_ + 1));
+}
+
+std::size_t FaceKernels::bytes() const { return tables_->of_lines.bytes() + tables_->of_points.bytes(); }
+
+namespace {
+
 class FastFace final : public SineTransform {
  public:
-  FastFace(const Device& device, Index lines, Index points)
-      : device_(device),
-        lines_(lines),
-        points_(points),
-        of_lines_(roots_of(device, lines + 1)),
-        of_points_(roots_of(device, points + 1)) {
-    choose<int(least_length)>();
-  }
+  FastFace(const Device& device, const std::vector<Index>& extents) : device_(device), kernels_(device, extents) {}
 
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
-    const Index rows = in.rows() - first, step = stride(lines_ * points_);
+    const Index rows = in.rows() - first, step = stride(in.cols());
     if (rows <= 0) return;
-    const FaceShape s{int(lines_), int(points_), int(rows), int(step)};
     Memory<double> kept;
     double* between = values(out) + first * step;
     if (add == &out) {
       kept = Memory<double>(device_, std::size_t(rows * step));
       between = kept.data();
     }
-    const Index threads = (points_ + 1) / held, together = std::max<Index>(rows_threads / threads, 1);
-    const Index N = points_ + 1;
-    follow(device_, rows_kernel_,
-           {unsigned((rows * lines_ + together - 1) / together), dim3(unsigned(threads), unsigned(together)),
-            sizeof(double2) * std::size_t(together * (N + N / 8))},
-           what, values(in) + first * step, between, s, of_points_.data(), scale_of(N));
-    follow(device_, columns_kernel_,
-           {unsigned(rows * ((points_ + width_ - 1) / width_)), dim3(unsigned((lines_ + 1) / held), unsigned(width_)),
-            column_bytes_},
-           what, between, add ? values(*add) + first * step : nullptr, values(out) + first * step, s, of_lines_.data(),
-           scale_of(lines_ + 1));
+    kernels_.apply(values(in) + first * step, add ? values(*add) + first * step : nullptr, nullptr, between,
+                   values(out) + first * step, rows);
   }
 
-  std::size_t bytes() const override { return of_lines_.bytes() + of_points_.bytes(); }
+  std::size_t bytes() const override { return kernels_.bytes(); }
 
  private:
-  template <int N>
-  void choose() {
-    if (points_ + 1 == N) {
-      rows_kernel_ = along_lines<N>;
-      const Index together = std::max<Index>(rows_threads / (N / held), 1);
-      reserve((const void*)along_lines<N>, sizeof(double2) * std::size_t(together * (N + N / 8)));
-    }
-    if (lines_ + 1 == N) {
-      columns_kernel_ = along_columns<N>;
-      width_ = columns<N>;
-      column_bytes_ = column_bytes<N>;
-      reserve((const void*)along_columns<N>, column_bytes_);
-    }
-    if constexpr (N < largest_length) choose<2 * N>();
-  }
-  static void reserve(const void* kernel, std::size_t bytes) {
-    check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(bytes)),
-          "reserving shared memory");
-  }
-
   const Device& device_;
-  Index lines_, points_, width_ = 1;
-  std::size_t column_bytes_ = 0;
-  Memory<double2> of_lines_, of_points_;
-  void (*rows_kernel_)(const double*, double*, FaceShape, const double2*, double) = nullptr;
-  void (*columns_kernel_)(const double*, const double*, double*, FaceShape, const double2*, double) = nullptr;
+  FaceKernels kernels_;
 };
 
 // Row-major grids are their transposes to cuBLAS: (X S)^T = S X^T, then (S X)^T = X^T S.
@@ -222,7 +245,7 @@ class FaceProduct final : public SineTransform {
 
 std::unique_ptr<SineTransform> make_face_transform(const Device& device, const std::vector<Index>& extents) {
   if (extents.size() != 2) return nullptr;
-  if (is_fast(extents[0]) && is_fast(extents[1])) return std::make_unique<FastFace>(device, extents[0], extents[1]);
+  if (FaceKernels::take(extents)) return std::make_unique<FastFace>(device, extents);
   return std::make_unique<FaceProduct>(device, extents[0], extents[1]);
 }
 

@@ -367,6 +367,8 @@ std::unique_ptr<March> make_march(const Device& device, Backend& host, const Mar
         return std::make_unique<ModalMarch>(device, host, problem, *modal, implicit, kernel, rows);
     }
   }
+  if (modal && modal->face.size() > 1)
+    if (auto march = make_face_march(device, host, problem, *modal, rows)) return march;
   return make_host_march(device, host, problem, rows);
 }
 
