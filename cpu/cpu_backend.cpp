@@ -9,6 +9,7 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
@@ -164,6 +165,7 @@ int possible_threads(int wanted) {
 BackendTraits cpu_traits() {
   BackendTraits traits;
   traits.march = [](double n, double J) { return 0.013 * n + 1.2e-4 * n * n + 3.4e-5 * n * J + 6e-4 * J; };
+  traits.face_march = [](double n, double J) { return 2 + 4e-6 * n * J * std::sqrt(n); };
   return traits;
 }
 
