@@ -39,6 +39,7 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
      bench_multigrid},
     {"paper", "the experiments of the paper on Laplace inversion, compared with its numbers", bench_paper},
     {"scenes", "all scene files of a folder: class, spectrum, method, error and time", bench_scenes},
+    {"signorini3d", "contact on a face: cycles, marching and implicit Euler, times and work", bench_signorini3d},
     {"solver", "a prepared scene solved again with another x0, compared with whole solves", bench_solver},
     {"sparse", "heat on a square with 1e5 states and ten contacts", bench_sparse},
     {"stability", "hard cases with known solutions: error, estimate and status, compared with implicit Euler",

@@ -42,8 +42,9 @@ const std::pair<std::string, ResultFormat>& format_of(const std::string& argumen
 
 FieldGrid grid_of(const std::string& argument, const std::string& name, const Scene& scene) {
   const auto* grid = get_if<KroneckerDynamics>(&scene.dynamics);
-  if (!grid)
-    throw Error(argument, fmt::format("'{}' is for fields on a grid, which the scene does not have", name),
+  if (!grid || !grid->beside.empty())
+    throw Error(argument,
+                fmt::format("'{}' is for fields on a grid of a rectangle, which the scene does not have", name),
                 "write a file .h5 or .csv");
   return {grid->along.points, grid->across.points, grid->along.spacing, grid->across.spacing};
 }

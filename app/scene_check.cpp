@@ -37,7 +37,7 @@ std::string counted(std::size_t count, const char* noun) {
 std::string kind_text(const LinearSystem& dynamics) {
   if (dynamics.small_state()) return "dense matrices";
   if (const auto* d = dynamics.modes())
-    return fmt::format("Kronecker sum, {} lines of {} points", d->along.points, d->across.points);
+    return fmt::format("Kronecker sum, {} lines of {} points", d->face_points(), d->across.points);
   if (const auto* d = dynamics.matrices()) return fmt::format("sparse matrices, {} nonzeros in A", d->A.nonZeros());
   return "supplied by callbacks";
 }

@@ -9,6 +9,7 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
@@ -45,6 +46,12 @@ class CpuBackend final : public Backend, public SharedMemory {
                                      Array& coarse_r, Array& coarse_y, Array& old) {
       cpu::restrict_stages(cpu::host(r), cpu::host(v), cpu::host(y), cpu::host(coarse_v), cpu::host(coarse_r),
                            cpu::host(coarse_y), cpu::host(old), threads_);
+    };
+    fused_.face_transform = [this](const std::vector<Index>& extents, Index rows) {
+      return cpu::make_face_transform(extents, rows, threads_);
+    };
+    fused_.projected_sweeps = [this](const ProjectedSweeps& sweeps, Index rows) {
+      return cpu::make_projected_sweeps(sweeps, rows, threads_);
     };
     fused_.alternates = [this](const Array& y, Index run, double part) {
       return cpu::alternates(cpu::host(y), run, part, threads_);
@@ -88,8 +95,9 @@ class CpuBackend final : public Backend, public SharedMemory {
   std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass lcp_class, double shift, Index rows) override {
     if (const auto* t = std::get_if<Tridiagonal>(&M))
       return cpu::make_tridiagonal_lcp(*t, lcp_class, shift, rows, threads_);
-    if (shift != 0) throw Error("shift", "found a matrix that is not tridiagonal", "shift tridiagonal ones");
-    if (const SparseMatrix* sparse = sparse_of(M)) return cpu::make_sparse_lcp(*sparse, lcp_class, rows, threads_);
+    if (const SparseMatrix* sparse = sparse_of(M))
+      return cpu::make_sparse_lcp(*sparse, lcp_class, shift, rows, threads_);
+    if (shift != 0) throw Error("shift", "found a dense matrix", "shift tridiagonal and sparse ones");
     return cpu::make_dense_lcp(std::get<Matrix>(M), lcp_class, rows, threads_);
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
@@ -157,6 +165,7 @@ int possible_threads(int wanted) {
 BackendTraits cpu_traits() {
   BackendTraits traits;
   traits.march = [](double n, double J) { return 0.013 * n + 1.2e-4 * n * n + 3.4e-5 * n * J + 6e-4 * J; };
+  traits.face_march = [](double n, double J) { return 2 + 4e-6 * n * J * std::sqrt(n); };
   return traits;
 }
 

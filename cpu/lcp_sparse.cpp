@@ -38,8 +38,17 @@ struct SparseRows {
 
 class SparseLcp final : public ImmediateLcpBatch {
  public:
-  SparseLcp(const SparseMatrix& M, const SweepPlan& plan, Index rows, int threads)
-      : M_(M), rows_(M_, plan.omega), row_blocks_(rows, threads), threads_(threads), plan_(plan), pivoting_(M_) {
+  /// `count`: sweeps of a batch; 0: until its problems are solved.
+  SparseLcp(const SparseMatrix& M, double shift, const SweepPlan& plan, int count, Index rows, int threads)
+      : M_(M),
+        shifted_(shifted(M, shift)),
+        shift_(shift),
+        count_(count),
+        rows_(shifted_, plan.omega),
+        row_blocks_(rows, threads),
+        threads_(threads),
+        plan_(plan),
+        pivoting_(shifted_) {
     lanes_.resize(std::size_t(threads));
     for (auto& block : lanes_) block.resize(std::size_t(2 * M.rows()));
   }
@@ -85,6 +94,11 @@ class SparseLcp final : public ImmediateLcpBatch {
     return report;
   }
 
+  static SparseMatrix shifted(SparseMatrix M, double shift) {
+    for (Index i = 0; shift != 0 && i < M.rows(); ++i) M.coeffRef(i, i) += shift;
+    return M;
+  }
+
   void sweep_block(const RowMatrix& R, const RowMatrix& V, RowMatrix& Y, Index begin, Index size,
                    std::vector<Lanes>& work, BlockOutcome& outcome, double* change, double* magnitude) const {
     const Index n = rows_.count();
@@ -93,8 +107,9 @@ class SparseLcp final : public ImmediateLcpBatch {
       for (Index l = 0; l < lanes; ++l) {
         const Index j = begin + std::min(l, size - 1);
         y[i][l] = std::isfinite(Y(j, i)) ? std::max(Y(j, i), 0.0) : 0;
-        q[i][l] = R(j, i) + V(j, i);
+        q[i][l] = R(j, i) + V(j, i) - (shift_ != 0 ? shift_ * Y(j, i) : 0);
       }
+    if (count_ > 0) return sweep_some(Y, begin, size, y, q, outcome, change, magnitude);
     Lanes largest = all(0), moved = all(0);
     int sweeps = 0;
     do {
@@ -108,10 +123,29 @@ class SparseLcp final : public ImmediateLcpBatch {
       for (Index i = 0; i < n; ++i) found[i] = y[i][l], given[i] = q[i][l];
       const bool finite = given.allFinite() && found.allFinite();
       outcome.sweeps[l] = sweeps;
-      outcome.solved[l] = finite && relative_natural_residual(M_, given, found) <= accepted;
+      outcome.solved[l] = finite && relative_natural_residual(shifted_, given, found) <= accepted;
       change[l] = finite ? (n > 0 ? (found.transpose() - Y.row(j)).cwiseAbs().maxCoeff() : 0) : NAN;
       magnitude[l] = n > 0 ? found.cwiseAbs().maxCoeff() : 0;
       if (outcome.solved[l]) Y.row(j) = found.transpose();
+    }
+  }
+
+  void sweep_some(RowMatrix& Y, Index begin, Index size, Lanes* y, const Lanes* q, BlockOutcome& outcome,
+                  double* change, double* magnitude) const {
+    Lanes largest = all(0), moved = all(0);
+    for (int sweeps = 0; sweeps < count_; ++sweeps) sweep(y, q, largest, moved);
+    for (Index l = 0; l < size; ++l) {
+      double sum = 0, most = 0, farthest = 0;
+      for (Index i = 0; i < rows_.count(); ++i) {
+        sum += q[i][l] + y[i][l];
+        most = std::max(most, y[i][l]);
+        farthest = std::max(farthest, std::abs(y[i][l] - Y(begin + l, i)));
+        Y(begin + l, i) = y[i][l];
+      }
+      outcome.sweeps[l] = count_;
+      outcome.solved[l] = true;
+      change[l] = std::isfinite(sum) ? farthest : NAN;
+      magnitude[l] = most;
     }
   }
 
@@ -129,7 +163,7 @@ class SparseLcp final : public ImmediateLcpBatch {
 
   LcpOutcome by_active_sets(const RowMatrix& R, const RowMatrix& V, RowMatrix& Y, Index j, double& change,
                             double& magnitude) {
-    const Vector q = (R.row(j) + V.row(j)).transpose();
+    const Vector q = (R.row(j) + V.row(j) - shift_ * Y.row(j)).transpose();
     if (!q.allFinite()) {
       change = NAN;
       return {};
@@ -145,7 +179,9 @@ class SparseLcp final : public ImmediateLcpBatch {
   /// Natural residual relative to the terms of w: rounding of a sum of a row's entries, and of the last sweep.
   static constexpr double accepted = 1e-14;
 
-  SparseMatrix M_;
+  SparseMatrix M_, shifted_;
+  double shift_;
+  int count_;
   SparseRows rows_;
   RowBlocks row_blocks_;
   int threads_;
@@ -158,12 +194,21 @@ constexpr Index largest_written_out = 256;
 
 }  // namespace
 
-std::unique_ptr<LcpBatch> make_sparse_lcp(const SparseMatrix& M, LcpClass lcp_class, Index rows, int threads) {
-  const SweepPlan plan = plan_sweeps(M);
+std::unique_ptr<LcpBatch> make_projected_sweeps(const ProjectedSweeps& sweeps, Index rows, int threads) {
+  const SweepPlan plan{true, sweeps.omega, 0, ""};
+  return std::make_unique<SparseLcp>(*sweeps.M, sweeps.shift, plan, sweeps.count, rows, threads);
+}
+
+std::unique_ptr<LcpBatch> make_sparse_lcp(const SparseMatrix& M, LcpClass lcp_class, double shift, Index rows,
+                                          int threads) {
+  SparseMatrix with_shift = M;
+  for (Index i = 0; shift != 0 && i < M.rows(); ++i) with_shift.coeffRef(i, i) += shift;
+  const SweepPlan plan = plan_sweeps(with_shift);
   // Sweeps converge for P-matrices only, whose solution is the only one and the least for Z. A small matrix that they
   // do not solve has every fallback of the dense solvers; a large one can still be the M of a march.
-  if (!plan.converges && M.rows() <= largest_written_out) return make_dense_lcp(Matrix(M), lcp_class, rows, threads);
-  return std::make_unique<SparseLcp>(M, plan, rows, threads);
+  if (!plan.converges && M.rows() <= largest_written_out && shift == 0)
+    return make_dense_lcp(Matrix(M), lcp_class, rows, threads);
+  return std::make_unique<SparseLcp>(M, shift, plan, 0, rows, threads);
 }
 
 }  // namespace bromwich::cpu

@@ -9,11 +9,14 @@
 // Exponentials are therefore read once per block instead of once per step (4 x 8 bytes per exponential and mode, which
 // dominates a step-wise march), and b sums stay in registers. Lags within the block are applied directly, in modes.
 
+#include "core/host/face_lcp.hpp"
 #include "core/host/step_lcp.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"
 
 #include <cmath>
+#include <memory>
+#include <optional>
 #include <vector>
 
 namespace bromwich::cpu {
@@ -33,9 +36,8 @@ class ModalMarch final : public ImmediateMarch {
         blocks_(blocks(n_)),
         K_(r.exponentials()),
         response_(host(*problem.r)),
-        sine_(make_vector_sine(n_)),
+        sine_(make_face_sine(r.extents())),
         M_(*problem.M),
-        lcp_(to_dense(M_) + implicit_part(r), to_dense(M_), problem.lcp_class),
         threads_(blocks_ * K_ * lanes >= parallel_size ? threads : 1) {
     decay_.resize(std::size_t(blocks_ * K_));
     output_.resize(decay_.size());
@@ -46,6 +48,9 @@ class ModalMarch final : public ImmediateMarch {
         decay_[at][l % lanes] = r.decay(k, l);
         output_[at][l % lanes] = r.output(k, l);
       }
+    if (r.face.size() > 1 && problem.lcp_class != LcpClass::Z)
+      face_ = host::FaceLcp::make(M_, r.face, r.w0, [this](const double* in, double* out) { sine_->apply(in, out); });
+    if (!face_) lcp_.emplace(to_dense(M_) + implicit_part(r), to_dense(M_), problem.lcp_class);
     for (RowMatrix* m : {&near_, &u_, &far_}) *m = RowMatrix::Zero(block_steps, blocks_ * lanes);
     make_near_lags();
     for (Vector* v : {&free_, &known_, &w0_, &first_}) *v = Vector::Zero(blocks_ * lanes);
@@ -54,14 +59,15 @@ class ModalMarch final : public ImmediateMarch {
     given_drive_ = problem.drive;
     if (!given_drive_) return;
     drive_ = std::make_unique<HostArray>(rows, n_);
-    transform_of_drive_ = make_sine_transform(n_, rows, threads);
+    transform_of_drive_ =
+        r.face.size() > 1 ? make_face_transform(r.face, rows, threads) : make_sine_transform(n_, rows, threads);
   }
 
   MarchReport run(Array& y_array, Array& v_array) override {
     const FlushDenormals flush;
     RowMatrix &Y = host(y_array), &V = host(v_array);
     MarchReport report;
-    report.well_posed = lcp_.well_posed();
+    report.well_posed = face_ || lcp_->well_posed();
     V.row(0).setZero();
     if (drive_) transform_of_drive_->apply(*given_drive_, nullptr, *drive_, 0);
     start(Y);
@@ -76,7 +82,7 @@ class ModalMarch final : public ImmediateMarch {
       if (drive_) free_.head(n_) += r_.w0.cwiseProduct(drive_->values.row(j).transpose());
       sine_->apply(free_.data(), known_.data());
       q_ = response_.row(j).transpose() + known_.head(n_);
-      if (!lcp_.solve(q_, y_, j, report)) {
+      if (!solve_step(j, report)) {
         invalidate(Y, V, j);
         return report;
       }
@@ -90,7 +96,8 @@ class ModalMarch final : public ImmediateMarch {
   }
 
   std::size_t bytes() const override {
-    return 3 * decay_.size() * sizeof(Lanes) + lcp_.bytes() + (drive_ ? drive_->bytes() : 0);
+    return 3 * decay_.size() * sizeof(Lanes) + (face_ ? face_->bytes() : lcp_->bytes()) +
+           (drive_ ? drive_->bytes() : 0);
   }
 
  private:
@@ -105,10 +112,18 @@ class ModalMarch final : public ImmediateMarch {
     near_.row(0).head(n_) += r_.w1.transpose();
   }
 
+  bool solve_step(Index j, MarchReport& report) {
+    if (!face_) return lcp_->solve(q_, y_, j, report);
+    Timer timer;
+    const LcpOutcome outcome = face_->solve(q_, y_);
+    report.lcp_seconds += timer.lap();
+    return host::count_step(outcome, q_, true, j, report);
+  }
+
   // z_0 from y_0, phi_0 and x0. Lag 1 of y_0 has its own weight.
   void start(const RowMatrix& Y) {
     y_ = Y.row(0).transpose();
-    lcp_.start_from(y_);
+    face_ ? face_->start_from(y_) : lcp_->start_from(y_);
     u_.setZero();
     Vector u = Vector::Zero(n_);
     sine_->apply(y_.data(), u.data());
@@ -188,7 +203,7 @@ class ModalMarch final : public ImmediateMarch {
 
   // Adds W_0 y to the known part: from the product of the complementarity solver, or in modes.
   void add_implicit(Index i) {
-    const double* product = lcp_.product();
+    const double* product = face_ ? nullptr : lcp_->product();
     if (const auto* M = std::get_if<Tridiagonal>(&M_); M && product) {
       multiply(*M, y_.data(), q_.data());
       known_.head(n_) += Eigen::Map<const Vector>(product, n_) - q_;
@@ -207,7 +222,8 @@ class ModalMarch final : public ImmediateMarch {
   std::unique_ptr<SineTransform> transform_of_drive_;
   std::unique_ptr<VectorSine> sine_;
   const LcpMatrix& M_;
-  StepLcp lcp_;
+  std::unique_ptr<host::FaceLcp> face_;  ///< of a face; else all in dense matrices
+  std::optional<StepLcp> lcp_;
   int threads_;
   std::vector<Lanes> decay_, output_, z_;
   RowMatrix near_;     ///< b x n: W_1 .. W_b

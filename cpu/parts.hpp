@@ -44,6 +44,9 @@ class VectorSine {
   virtual std::unique_ptr<VectorSine> another() const = 0;  ///< a copy for another thread
 };
 std::unique_ptr<VectorSine> make_vector_sine(Index n);
+/// The same for vectors that are indexed by several directions, the fastest last.
+std::unique_ptr<VectorSine> make_face_sine(const std::vector<Index>& extents);
+std::unique_ptr<SineTransform> make_face_transform(const std::vector<Index>& extents, Index rows, int threads);
 
 std::unique_ptr<SineTransform> make_sine_transform(Index n, Index rows, int threads);
 std::unique_ptr<Convolution> make_convolution(const ModalRecurrence&, Index rows, int threads);
@@ -51,7 +54,8 @@ std::unique_ptr<Convolution> make_convolution(const DenseRecurrence&, Index rows
 std::unique_ptr<Convolution> make_convolution(const LagTable&, Index rows, int threads);
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal&, LcpClass, double shift, Index rows, int threads);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix&, LcpClass, Index rows, int threads);
-std::unique_ptr<LcpBatch> make_sparse_lcp(const SparseMatrix&, LcpClass, Index rows, int threads);
+std::unique_ptr<LcpBatch> make_sparse_lcp(const SparseMatrix&, LcpClass, double shift, Index rows, int threads);
+std::unique_ptr<LcpBatch> make_projected_sweeps(const ProjectedSweeps&, Index rows, int threads);
 std::unique_ptr<March> make_march(const MarchProblem&, Index rows, int threads);
 std::unique_ptr<March> make_dense_march(const MarchProblem&, const DenseRecurrence&, Index rows);
 std::unique_ptr<March> make_lag_march(const MarchProblem&, Index rows, int threads);

@@ -232,6 +232,121 @@ class ProductVectorSine final : public VectorSine {
   Vector e_, o_, even_, odd_;
 };
 
+/// Products with the folded sine matrices, direction after direction: 2 Σ n_d multiplications a point.
+class FaceSine final : public VectorSine {
+ public:
+  explicit FaceSine(const std::vector<Index>& extents) : points_(1) {
+    for (const Index n : extents) points_ *= n;
+    Index inner = points_;
+    for (const Index n : extents) {
+      inner /= n;
+      directions_.push_back({FoldedSine(n), points_ / (n * inner), inner});
+    }
+    for (Vector* buffer : {&folded_, &product_}) buffer->resize(points_);
+  }
+
+  std::unique_ptr<VectorSine> another() const override { return std::make_unique<FaceSine>(*this); }
+
+  void apply(const double* in, double* out) override {
+    for (const Direction& d : directions_) {
+      for (Index o = 0; o < (d.inner > 1 ? d.outer : 0); ++o)
+        columns(d, in + o * d.sine.n * d.inner, out + o * d.sine.n * d.inner);
+      if (d.inner == 1) rows(d, in, out);
+      in = out;
+    }
+  }
+
+  std::size_t bytes() const {
+    std::size_t values = std::size_t(2 * points_);
+    for (const Direction& d : directions_) values += std::size_t(d.sine.E.size() + d.sine.O.size());
+    return values * sizeof(double);
+  }
+
+ private:
+  struct Direction {
+    FoldedSine sine;
+    Index outer, inner;  ///< points of the slower and of the faster directions
+  };
+  using Rows = Eigen::Map<RowMatrix>;
+
+  // out = S in for n x inner values; `out` may be `in`.
+  void columns(const Direction& d, const double* in, double* out) {
+    const FoldedSine& s = d.sine;
+    const Eigen::Map<const RowMatrix> x(in, s.n, d.inner);
+    Rows e(folded_.data(), s.even, d.inner), o(folded_.data() + s.even * d.inner, s.odd, d.inner);
+    for (Index i = 0; i < s.odd; ++i) {
+      e.row(i) = x.row(i) + x.row(s.n - 1 - i);
+      o.row(i) = x.row(i) - x.row(s.n - 1 - i);
+    }
+    if (s.even > s.odd) e.row(s.odd) = x.row(s.odd);
+    Rows even(product_.data(), s.even, d.inner), odd(product_.data() + s.even * d.inner, s.odd, d.inner);
+    even.noalias() = s.E.transpose() * e;
+    if (s.odd > 0) odd.noalias() = s.O.transpose() * o;
+    Rows y(out, s.n, d.inner);
+    for (Index q = 0; q < s.even; ++q) y.row(2 * q) = even.row(q);
+    for (Index q = 0; q < s.odd; ++q) y.row(2 * q + 1) = odd.row(q);
+  }
+
+  // The same for the fastest direction: in is outer x n, out = in S.
+  void rows(const Direction& d, const double* in, double* out) {
+    const FoldedSine& s = d.sine;
+    Rows e(folded_.data(), d.outer, s.even), o(folded_.data() + d.outer * s.even, d.outer, s.odd);
+    for (Index j = 0; j < d.outer; ++j) s.fold(in + j * s.n, e.row(j).data(), o.data() + j * s.odd);
+    Rows even(product_.data(), d.outer, s.even), odd(product_.data() + d.outer * s.even, d.outer, s.odd);
+    even.noalias() = e * s.E;
+    if (s.odd > 0) odd.noalias() = o * s.O;
+    for (Index j = 0; j < d.outer; ++j) {
+      double* to = out + j * s.n;
+      for (Index q = 0; q < s.even; ++q) to[2 * q] = even(j, q);
+      for (Index q = 0; q < s.odd; ++q) to[2 * q + 1] = odd(j, q);
+    }
+  }
+
+  Index points_;
+  std::vector<Direction> directions_;
+  Vector folded_, product_;
+};
+
+class FaceTransform final : public SineTransform {
+  static constexpr Index parallel_size = 1 << 12;
+
+ public:
+  FaceTransform(const std::vector<Index>& extents, Index rows, int threads) {
+    Index points = rows;
+    for (const Index n : extents) points *= n;
+    const int used = points > parallel_size ? threads : 1;
+    sines_.emplace_back(extents);
+    for (int t = 1; t < used; ++t) sines_.push_back(sines_[0]);
+    sums_.resize(used, points / std::max<Index>(rows, 1));
+  }
+
+  void apply(const Array& in, const Array* add, Array& out, Index first) override {
+    const RowMatrix& x = host(in);
+    const RowMatrix* a = add ? &host(*add) : nullptr;
+    RowMatrix& y = host(out);
+    Failure failure;
+#pragma omp parallel for num_threads(int(sines_.size())) schedule(static) if (sines_.size() > 1)
+    for (Index j = first; j < x.rows(); ++j) try {
+        const FlushDenormals flush;
+        const int thread = omp_get_thread_num();
+        auto row = sums_.row(thread);
+        sines_[std::size_t(thread)].apply(x.row(j).data(), a ? row.data() : y.row(j).data());
+        if (a) y.row(j) = a->row(j) + row;
+      } catch (...) {
+        failure.keep();
+      }
+    failure.rethrow();
+  }
+
+  std::size_t bytes() const override {
+    return sines_.size() * sines_[0].bytes() + sizeof(double) * std::size_t(sums_.size());
+  }
+
+ private:
+  std::vector<FaceSine> sines_;
+  RowMatrix sums_;
+};
+
 }  // namespace
 
 std::unique_ptr<VectorSine> make_vector_sine(Index n) {
@@ -245,6 +360,15 @@ std::unique_ptr<SineTransform> make_sine_transform(Index n, Index rows, int thre
   if (n <= 128 || (n <= largest_product && !HalvedVectorSine::suits(n)))
     return std::make_unique<ProductSine>(n, threads);
   return std::make_unique<FastSine>(n, rows, threads);
+}
+
+std::unique_ptr<VectorSine> make_face_sine(const std::vector<Index>& extents) {
+  if (extents.size() == 1) return make_vector_sine(extents[0]);
+  return std::make_unique<FaceSine>(extents);
+}
+
+std::unique_ptr<SineTransform> make_face_transform(const std::vector<Index>& extents, Index rows, int threads) {
+  return std::make_unique<FaceTransform>(extents, rows, threads);
 }
 
 }  // namespace bromwich::cpu

@@ -80,6 +80,8 @@ Index modes_to_scan(const std::vector<Index>& lengths, Index rows) {
 
 std::unique_ptr<Convolution> make_convolution(const Device& device, const ModalRecurrence& r, Index rows) {
   const bool from_x0 = r.initial.size() > 0;
+  // On a face modes of short and long memory alternate.
+  if (!from_x0 && r.face.size() > 1) return make_shell_scan(device, r, rows);
   const std::vector<Index> lengths = memory_lengths(r, std::max<Index>(rows - 1, 1));
   const Index scanned = from_x0 ? r.modes() : modes_to_scan(lengths, rows);
   if (scanned == 0) return make_direct_convolution(device, device.stream(), r, lengths, 0, rows);

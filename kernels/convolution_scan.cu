@@ -6,6 +6,7 @@
 // Each warp processes 32 neighbouring modes and one chunk, a tile of rows of y in registers at a time. In the first
 // pass the exponentials are also divided among warps, `group` each. Three multiply-adds per value and exponential.
 
+#include "core/kernel/shells.hpp"
 #include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
 
@@ -35,7 +36,9 @@ constexpr const char* starting = "starting the scan";
 struct Tables {
   const double *decay, *power, *output, *start, *initial, *w0, *w1, *s1;
   int exponentials, modes, stride;  ///< stride = padded n
-  int step;                         ///< of y and v, between rows
+  const int* counts;                ///< exponentials of each group of `lanes` modes, multiples of `group`; null: all
+  __device__ int count() const { return counts ? __ldg(counts + blockIdx.x) : exponentials; }
+  int step;  ///< of y and v, between rows
 };
 
 struct Span {
@@ -60,11 +63,11 @@ __global__ void __launch_bounds__(lanes* most_groups) accumulate(Tables m, Span 
   double E[group], z[group], u[tile], next[tile];
 #pragma unroll
   for (int g = 0; g < group; ++g) {
-    E[g] = k0 < m.exponentials ? __ldg(m.decay + (k0 + g) * m.stride + l) : 0;
+    E[g] = k0 < m.count() ? __ldg(m.decay + (k0 + g) * m.stride + l) : 0;
     z[g] = 0;
   }
   await_previous();
-  if (k0 >= m.exponentials) return;
+  if (k0 >= m.count()) return;
   read_tile(column, m.step, begin, span.rows, next);
   for (int j = begin; j < end; j += tile) {
 #pragma unroll
@@ -91,6 +94,7 @@ __global__ void __launch_bounds__(lanes* segments)
   const int length = (span.chunks - span.from + segments - 1) / segments, first = span.from + segment * length;
   const double power = __ldg(m.power + at), start = __ldg(m.start + at), initial = __ldg(m.initial + at);
   await_previous();
+  if (k >= m.count()) return;
   double z = 0, over = 1, of_chunk[of_segment];
 #pragma unroll
   for (int i = 0; i < of_segment; ++i)
@@ -161,7 +165,7 @@ __global__ void __launch_bounds__(lanes* warps_together)
   let_next_begin();
   const int warp = int(threadIdx.y), part = warp % share, l = int(blockIdx.x) * lanes + int(threadIdx.x);
   const int c = span.from + int(blockIdx.y) * Slab<share>::chunks + warp / share;
-  const int first = slab * slab_size, count = min(slab_size, m.exponentials - first);
+  const int first = slab * slab_size, count = min(slab_size, m.count() - first);
   const Slab<share> own(shared, count, warp / share);
   const long at = long(first) * m.stride + l, of_chunk = long(c) * m.exponentials * m.stride + at;
   for (int k = warp; k < count; k += warps_together) {
@@ -226,7 +230,8 @@ Index rounded_up(Index n, Index to) { return (n + to - 1) / to * to; }
 
 class ModalScan final : public Convolution {
  public:
-  ModalScan(const Device& device, const ModalRecurrence& r, Index modes, Index rows)
+  /// `counts`: exponentials of each group of modes, the others being zero; empty: all.
+  ModalScan(const Device& device, const ModalRecurrence& r, Index modes, Index rows, const std::vector<int>& counts)
       : device_(device),
         total_(r.modes()),
         n_(modes),
@@ -237,8 +242,10 @@ class ModalScan final : public Convolution {
         chunks_(std::max<Index>(1, (rows - 1 + length_ - 1) / length_)),
         rows_(rows),
         tables_(on_device(device, tables(r))),
+        counts_(device, counts.size()),
         states_(device, std::size_t(chunks_ * K_ * stride_)),
         added_(device, std::size_t(chunks_ * K_ * stride_)) {
+    if (!counts.empty()) counts_.put(counts.data());
     reserve<1>();
     reserve<warps_together>();
     if (n_ == total_) start_from = [this](const Array& D) { take_start(D); };
@@ -251,8 +258,19 @@ class ModalScan final : public Convolution {
     if (rows_ < 2 || from >= chunks_) return;
     const auto table = [this](Index i) { return tables_.data() + i * K_ * stride_; };
     const double* const w0 = table(5);
-    const Tables m{table(0),     table(1),         table(2), table(3), table(4),     w0,
-                   w0 + stride_, w0 + 2 * stride_, int(K_),  int(n_),  int(stride_), int(stride(total_))};
+    const Tables m{table(0),
+                   table(1),
+                   table(2),
+                   table(3),
+                   table(4),
+                   w0,
+                   w0 + stride_,
+                   w0 + 2 * stride_,
+                   int(K_),
+                   int(n_),
+                   int(stride_),
+                   counts_.size() > 0 ? counts_.data() : nullptr,
+                   int(stride(total_))};
     const Span span{int(from), int(chunks_), int(length_), int(rows_)};
     const unsigned across = unsigned(stride_ / lanes), along = unsigned(chunks_ - from);
     const unsigned groups = unsigned(std::min<Index>(K_ / group, most_groups)),
@@ -325,12 +343,20 @@ class ModalScan final : public Convolution {
   bool shared_;                   ///< few modes: the warps of a block share a chunk
   Index length_, chunks_, rows_;
   Memory<double> tables_, states_, added_;
+  Memory<int> counts_;
 };
 
 }  // namespace
 
 std::unique_ptr<Convolution> make_modal_scan(const Device& device, const ModalRecurrence& r, Index modes, Index rows) {
-  return std::make_unique<ModalScan>(device, r, modes, rows);
+  return std::make_unique<ModalScan>(device, r, modes, rows, std::vector<int>{});
+}
+
+std::unique_ptr<Convolution> make_shell_scan(const Device& device, const ModalRecurrence& r, Index rows) {
+  const Shells shells = in_shells(r, std::max<Index>(rows - 1, 1), lanes, group);
+  std::vector<int> counts;
+  for (const Index count : shells.counts) counts.push_back(int(rounded_up(count, group)));
+  return std::make_unique<ModalScan>(device, shells.recurrence, r.modes(), rows, counts);
 }
 
 }  // namespace bromwich::cuda

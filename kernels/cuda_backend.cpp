@@ -66,6 +66,12 @@ class CudaBackend final : public Backend, public SharedMemory {
                                      Array& coarse_r, Array& coarse_y, Array& old) {
       cuda::restrict_stages(device_, r, v, y, coarse_v, coarse_r, coarse_y, old);
     };
+    fused_.face_transform = [this](const std::vector<Index>& extents, Index) {
+      return cuda::make_face_transform(device_, extents);
+    };
+    fused_.projected_sweeps = [this](const ProjectedSweeps& sweeps, Index rows) {
+      return cuda::make_projected_sweeps(device_, sweeps, rows);
+    };
     fused_.alternates = [this](const Array& y, Index run, double part) {
       return cuda::alternates(device_, y, run, part);
     };
@@ -123,6 +129,8 @@ class CudaBackend final : public Backend, public SharedMemory {
       plan = cuda::make_tridiagonal_lcp(device_, *tridiagonal, lcp_class, shift, rows);
     else if (!semidefinite && std::holds_alternative<Matrix>(M) && shift == 0 && size(M) > 0)
       plan = cuda::make_dense_lcp(device_, std::get<Matrix>(M), lcp_class, rows);
+    else if (const SparseMatrix* sparse = sparse_of(M); !semidefinite && sparse && shift == 0 && size(M) > 0)
+      plan = cuda::make_face_lcp(device_, *sparse, rows);
     return plan ? std::move(plan) : cuda::make_host_lcp(device_, *host_, M, lcp_class, shift, rows);
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {

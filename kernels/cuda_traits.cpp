@@ -20,6 +20,9 @@ BackendTraits cuda_traits() {
     return 0.8 + 1.5e-6 * n * J + 1.9e-4 * J + sweeps * (0.042 + 3.9e-8 * n * J);
   };
   traits.multigrid = [](double n, double J) { return (0.32 + 2.5e-3 * n) * std::log2(J) + 2e-6 * n * J + 8.5e-5 * J; };
+  // Faces of 31^2 to 255^2 points: cycles to 1e-12, and marches, whose steps are bound by the start of their kernels.
+  traits.face_multigrid = [](double n, double J) { return 2 + 4e-6 * n * J; };
+  traits.face_march = [](double n, double J) { return 1 + 0.2 * J + 4.7e-6 * n * J; };
   return traits;
 }
 

@@ -359,7 +359,7 @@ class ModalMarch final : public March {
 
 std::unique_ptr<March> make_march(const Device& device, Backend& host, const MarchProblem& problem, Index rows) {
   const auto* modal = problem.recurrence ? std::get_if<ModalRecurrence>(problem.recurrence) : nullptr;
-  if (modal && modal->modes() > 0 && problem.lcp_class != LcpClass::Z) {
+  if (modal && modal->modes() > 0 && modal->face.size() <= 1 && problem.lcp_class != LcpClass::Z) {
     const StepKernel kernel(device, modal->modes(), modal->exponentials());
     if (kernel.fits()) {
       const Matrix implicit = to_dense(*problem.M) + implicit_part(*modal);
@@ -367,6 +367,8 @@ std::unique_ptr<March> make_march(const Device& device, Backend& host, const Mar
         return std::make_unique<ModalMarch>(device, host, problem, *modal, implicit, kernel, rows);
     }
   }
+  if (modal && modal->face.size() > 1)
+    if (auto march = make_face_march(device, host, problem, *modal, rows)) return march;
   return make_host_march(device, host, problem, rows);
 }
 

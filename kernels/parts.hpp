@@ -16,11 +16,15 @@ bool has_sine_rows(Index n);
 std::unique_ptr<SineTransform> make_sine_rows(const Device&, Index n);
 std::unique_ptr<SineTransform> make_sine_product(const Device&, Index n);
 std::unique_ptr<SineTransform> make_sine_fft(const Device&, Index n, Index rows);
+/// Null unless there are two directions.
+std::unique_ptr<SineTransform> make_face_transform(const Device&, const std::vector<Index>& extents);
 std::unique_ptr<Convolution> make_convolution(const Device&, const DenseRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_convolution(const Device&, const ModalRecurrence&, Index rows);
 /// The two implementations, used alone or on different modes. The scan takes modes 0 .. modes - 1. The direct sum takes
 /// modes first .. n - 1 with weights up to lag lengths[l] of mode l, on the given stream, for a recurrence without
 /// `initial`.
+/// All modes, with the rates that each group of them needs (core/kernel/shells.hpp), without `initial`.
+std::unique_ptr<Convolution> make_shell_scan(const Device&, const ModalRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_modal_scan(const Device&, const ModalRecurrence&, Index modes, Index rows);
 std::unique_ptr<Convolution> make_direct_convolution(const Device&, cudaStream_t, const ModalRecurrence&,
                                                      const std::vector<Index>& lengths, Index first, Index rows);
@@ -43,8 +47,14 @@ std::unique_ptr<Differences> make_differences(const Device&, std::size_t slots);
 bool alternates(const Device&, const Array& y, Index run, double part);
 /// Null if the matrix is too large for these kernels.
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Device&, const Tridiagonal&, LcpClass, double shift, Index rows);
+/// Null where M is no five-point stencil on a face that a block can take.
+std::unique_ptr<LcpBatch> make_projected_sweeps(const Device&, const ProjectedSweeps&, Index rows);
+std::unique_ptr<LcpBatch> make_face_lcp(const Device&, const SparseMatrix& M, Index rows);
 std::unique_ptr<LcpBatch> make_dense_lcp(const Device&, const Matrix&, LcpClass, Index rows);
 
+/// With contact on a face of 2^k - 1 points in both directions; null elsewhere and where its iteration is slow.
+std::unique_ptr<March> make_face_march(const Device&, Backend& host, const MarchProblem&, const ModalRecurrence&,
+                                       Index rows);
 /// Marches without a kernel run on `host`.
 std::unique_ptr<March> make_march(const Device&, Backend& host, const MarchProblem&, Index rows);
 

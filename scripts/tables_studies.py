@@ -243,6 +243,27 @@ def multigrid(data):
     ]
 
 
+def signorini3d(data):
+    lines = ["| backend | Q | J | method | set-up | solve | cycles | applications of K + passes | residual |", "|--" * 9 + "|"]
+    skipped = []
+    for row in data["rows"]:
+        if "skipped" in row:
+            skipped.append(f"{row['backend']} at Q = {row['Q']:g}, J = {row['steps']}, {row['contestant']}: {row['skipped']}")
+            continue
+        cycled = row["convolutions"] > 0
+        work = f"{row['convolutions']:.1f} + {row['passes']:.1f}" if cycled else ""
+        lines.append(
+            f"| {row['backend']} | {row['Q']:g} | {row['steps']} | {row['contestant']} | {seconds(row['seconds']['setup'])} | {seconds(row['seconds']['solve'])} | "
+            f"{row['cycles'] if cycled else ''} | {work} | {number(row['residual'])} |"
+        )
+    return lines + ["- not run: " + what for what in skipped] + [
+        "",
+        "multigrid: until the algebraic error is estimated below a twentieth of the discretisation error. Solve includes the residual "
+        "and the copy of y to the host. Applications and passes are counted on all grids, in units of the finest one. Without cycles: "
+        f"too few steps for coarser grids. {machine(data)}, medians.",
+    ]
+
+
 def auto_choices(data):
     lines = ["| scene | J | chosen | its time | fastest | its time | ratio |", "|--" * 7 + "|"]
     cases = {}

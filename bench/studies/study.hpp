@@ -63,6 +63,8 @@ BenchReport bench_paper(const BenchRequest& request, Backend& backend);
 BenchReport bench_batch(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene file or a folder of them.
 BenchReport bench_scenes(const BenchRequest& request, Backend& backend);
+/// Throws Error for another scene. Also on the CUDA backend if a device is found.
+BenchReport bench_signorini3d(const BenchRequest& request, Backend& backend);
 /// Throws Error for a SCENE: it has its own.
 BenchReport bench_solver(const BenchRequest& request, Backend& backend);
 BenchReport bench_sparse(const BenchRequest& request, Backend& backend);

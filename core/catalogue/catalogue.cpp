@@ -24,18 +24,11 @@ const Named* find(const std::vector<Named>& all, const std::string& name) {
 }  // namespace
 
 const std::vector<SceneRecipe>& scene_catalogue() {
-  static const std::vector<SceneRecipe> recipes{signorini_recipe(),
-                                                contact_recipe(),
-                                                dlcp_small_recipe(),
-                                                bridge_recipe(),
-                                                nash_game_recipe(),
-                                                lq_control_recipe(),
-                                                periodic_rectifier_recipe(),
-                                                ph_toy_recipe(),
-                                                ladder_recipe(),
-                                                ladder_diodes_recipe(),
-                                                put_recipe(),
-                                                put_on_two_recipe()};
+  static const std::vector<SceneRecipe> recipes{
+      signorini_recipe(), signorini3d_recipe(), contact_recipe(),       dlcp_small_recipe(),
+      bridge_recipe(),    nash_game_recipe(),   lq_control_recipe(),    periodic_rectifier_recipe(),
+      ph_toy_recipe(),    ladder_recipe(),      ladder_diodes_recipe(), put_recipe(),
+      put_on_two_recipe()};
   return recipes;
 }
 

@@ -18,6 +18,7 @@ SceneRecipe ph_toy_recipe();
 SceneRecipe ladder_recipe();
 SceneRecipe ladder_diodes_recipe();
 SceneRecipe nash_game_recipe();
+SceneRecipe signorini3d_recipe();
 SceneRecipe lq_control_recipe();
 SceneRecipe periodic_rectifier_recipe();
 

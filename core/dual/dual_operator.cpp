@@ -16,7 +16,7 @@ MarchData& EulerResponse::data() {
 std::unique_ptr<SpaceTimeKernel> EulerResponse::make_kernel() {
   const Index rows = p_.J + 1, n = p_.scene.constraints();
   auto convolution = p_.backend.convolution(std::get<Recurrence>(*data().weights), rows);
-  return std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), p_.modes() != nullptr, rows, n);
+  return std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), p_.face(), rows, n);
 }
 
 // A dense state is stepped without y. In modes, x0 is part of the recurrence, and f = B phi acts like y.

@@ -26,7 +26,7 @@ class ModalInverse {
         stages_(stages),
         d_(*p.modes()),
         M_(std::move(M)),
-        mu_(d_.along.eigenvalues()),
+        mu_(d_.face_eigenvalues()),
         nu_(d_.across.eigenvalues()),
         line_(d_.across, d_.n, d_.b) {}
 

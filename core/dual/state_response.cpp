@@ -68,7 +68,7 @@ Vector of_step(const RowMatrix& rows, Index j, Index stages) {
 std::shared_ptr<const ModalStages> all_modes(const DiscreteProblem& p) {
   const KroneckerDynamics& d = *p.modes();
   auto modal = std::make_shared<ModalStages>();
-  modal->along = d.along.eigenvalues();
+  modal->along = d.face_eigenvalues();
   modal->rates = d.across.eigenvalues();
   modal->direct = d.n.dot(d.b);
   modal->input = in_sine_basis(d.b);
@@ -194,7 +194,7 @@ class ModalStageResponse final : public DualResponse {
  private:
   std::unique_ptr<SpaceTimeKernel> make_kernel() const {
     const KroneckerDynamics& d = *p_.modes();
-    const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
+    const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
     const LineTransfer line(d.across, d.n, d.b);
     const auto exact = [&](Index l, Complex z) { return line(z - mu[l]); };
     PoleSum sum;
@@ -209,7 +209,7 @@ class ModalStageResponse final : public DualResponse {
     }
     const Index rows = 2 * p_.J + 1, n = p_.scene.constraints();
     return std::make_unique<SpaceTimeKernel>(
-        p_.backend, p_.backend.stage_convolution(stage_recurrence(sum, mu, p_.h, exact), rows), true, rows, n);
+        p_.backend, p_.backend.stage_convolution(stage_recurrence(sum, mu, p_.h, exact), rows), p_.face(), rows, n);
   }
 
   const DiscreteProblem& p_;

@@ -1,4 +1,4 @@
-// Kronecker sums: diagonal in the sine modes of both sides.
+// Kronecker sums: diagonal in the sine modes of all directions.
 
 #include "core/dynamics/kronecker.hpp"
 
@@ -9,20 +9,12 @@
 #include "core/dynamics/spectrum.hpp"
 
 #include <algorithm>
+#include <string>
 #include <vector>
 
 namespace bromwich {
 
 namespace {
-
-Matrix dense_matrix(const SecondDifference& d) {
-  const double scale = d.diffusivity / (d.spacing * d.spacing);
-  Matrix D = Matrix::Zero(d.points, d.points);
-  D.diagonal().setConstant(-2 * scale);
-  D.diagonal(1).setConstant(scale);
-  D.diagonal(-1).setConstant(scale);
-  return D;
-}
 
 void validate_difference(const std::string& member, const SecondDifference& d) {
   require_some(member + ".points", d.points, "points");
@@ -34,11 +26,13 @@ class KroneckerSystem final : public SystemOf<KroneckerDynamics> {
  public:
   using SystemOf::SystemOf;
 
-  Index states() const override { return d.along.points * d.across.points; }
-  Index constraints() const override { return d.along.points; }
+  Index states() const override { return d.face_points() * d.across.points; }
+  Index constraints() const override { return d.face_points(); }
   void validate(bool) const override {
     validate_difference("along", d.along);
     validate_difference("across", d.across);
+    for (std::size_t i = 0; i < d.beside.size(); ++i)
+      validate_difference("beside[" + std::to_string(i) + "]", d.beside[i]);
     require_length("b", d.b, d.across.points, "one per point of a line (across.points)");
     require_length("n", d.n, d.across.points, "one per point of a line (across.points)");
     require_finite("b", d.b);
@@ -59,7 +53,7 @@ class KroneckerSystem final : public SystemOf<KroneckerDynamics> {
   Vector observed_terms(const Vector& x) const override { return lines(x).cwiseAbs() * d.n.cwiseAbs(); }
 
   Spectrum spectrum() const override {
-    const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
+    const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
     Spectrum s;
     s.abscissa = mu.maxCoeff() + nu.maxCoeff();
     s.radius = -(mu.minCoeff() + nu.minCoeff());
@@ -78,26 +72,18 @@ class KroneckerSystem final : public SystemOf<KroneckerDynamics> {
   const KroneckerDynamics* modes() const override { return &d; }
 
   std::shared_ptr<const DenseDynamics> dense_form() const override {
-    const Index count = d.along.points, length = d.across.points, m = states();
-    require_dense_size(m);
-    const Matrix along = dense_matrix(d.along), across = dense_matrix(d.across);
-    DenseDynamics dense{Matrix::Zero(m, m), Matrix::Zero(m, count), Matrix::Zero(count, m)};
-    for (Index l = 0; l < count; ++l) {
-      for (Index k = 0; k < count; ++k)
-        dense.A.block(l * length, k * length, length, length).diagonal().setConstant(along(l, k));
-      dense.A.block(l * length, l * length, length, length) += across;
-      dense.B.block(l * length, l, length, 1) = d.b;
-      dense.N.block(l, l * length, 1, length) = d.n.transpose();
-    }
+    require_dense_size(states());
+    const SparseDynamics sparse = to_sparse(d);
+    DenseDynamics dense{Matrix(sparse.A), Matrix(sparse.B), Matrix(sparse.N)};
     return std::make_shared<DenseDynamics>(std::move(dense));
   }
 
  private:
-  Eigen::Map<const RowMatrix> lines(const Vector& x) const { return {x.data(), d.along.points, d.across.points}; }
+  Eigen::Map<const RowMatrix> lines(const Vector& x) const { return {x.data(), d.face_points(), d.across.points}; }
 
   // Closed form: sine mode mu_l of the constrained side is a single grid line with the shift z - mu_l.
   ComplexMatrix solve_at(const ComplexVector& nodes, const HostThreads& threads) const override {
-    const Vector mu = d.along.eigenvalues();
+    const Vector mu = d.face_eigenvalues();
     const Index n = mu.size();
     const LineTransfer transfer(d.across, d.n, d.b);
     ComplexMatrix R(nodes.size(), n);
@@ -116,19 +102,53 @@ std::shared_ptr<LinearSystem> linear_system(KroneckerDynamics d) {
   return std::make_shared<KroneckerSystem>(std::move(d));
 }
 
+std::vector<SecondDifference> KroneckerDynamics::face() const {
+  std::vector<SecondDifference> directions{along};
+  directions.insert(directions.end(), beside.begin(), beside.end());
+  return directions;
+}
+
+std::vector<Index> KroneckerDynamics::face_extents() const {
+  std::vector<Index> extents;
+  for (const SecondDifference& direction : face()) extents.push_back(direction.points);
+  return extents;
+}
+
+Index KroneckerDynamics::face_points() const {
+  Index points = along.points;
+  for (const SecondDifference& direction : beside) points *= direction.points;
+  return points;
+}
+
+Vector KroneckerDynamics::face_eigenvalues() const {
+  Vector sums = along.eigenvalues();
+  for (const SecondDifference& direction : beside) {
+    const Vector next = direction.eigenvalues(), before = sums;
+    sums.resize(before.size() * next.size());
+    for (Index i = 0; i < before.size(); ++i) sums.segment(i * next.size(), next.size()) = next.array() + before[i];
+  }
+  return sums;
+}
+
 SparseDynamics to_sparse(const KroneckerDynamics& d) {
-  const Index lines = d.along.points, length = d.across.points, m = lines * length;
-  const double along = d.along.diffusivity / (d.along.spacing * d.along.spacing);
-  const double across = d.across.diffusivity / (d.across.spacing * d.across.spacing);
+  const Index lines = d.face_points(), length = d.across.points, m = lines * length;
+  std::vector<SecondDifference> directions = d.face();
+  directions.push_back(d.across);
   std::vector<Eigen::Triplet<double>> A, B, N;
+  Index stride = m;
+  for (const SecondDifference& direction : directions) {
+    const double scale = direction.diffusivity / (direction.spacing * direction.spacing);
+    stride /= direction.points;
+    for (Index i = 0; i < m; ++i) {
+      const Index k = i / stride % direction.points;
+      A.emplace_back(i, i, -2 * scale);
+      if (k > 0) A.emplace_back(i, i - stride, scale);
+      if (k + 1 < direction.points) A.emplace_back(i, i + stride, scale);
+    }
+  }
   for (Index l = 0; l < lines; ++l)
     for (Index k = 0; k < length; ++k) {
       const Index i = l * length + k;
-      A.emplace_back(i, i, -2 * (along + across));
-      if (k > 0) A.emplace_back(i, i - 1, across);
-      if (k + 1 < length) A.emplace_back(i, i + 1, across);
-      if (l > 0) A.emplace_back(i, i - length, along);
-      if (l + 1 < lines) A.emplace_back(i, i + length, along);
       if (d.b[k] != 0) B.emplace_back(i, l, d.b[k]);
       if (d.n[k] != 0) N.emplace_back(l, i, d.n[k]);
     }

@@ -3,16 +3,26 @@
 #include "linear_system.hpp"
 #include "second_difference.hpp"
 
+#include <vector>
+
 namespace bromwich {
 
-/// A = I ⊗ across + along ⊗ I on a rectangle, B = I ⊗ b, N = I ⊗ n^T: the constraints sit on one side of the
-/// rectangle, one per grid line of `along`. State index = line * across.points + position on the line.
-/// Sine transforms diagonalise A, so nothing of size m x m is ever formed.
+/// A Kronecker sum of second differences on a box, A = I ⊗ across + face ⊗ I, face = along ⊗ I + I ⊗ beside[0] + ...,
+/// B = I ⊗ b, N = I ⊗ n^T: the constraints sit on one face of the box (one side of a rectangle), one for each grid line
+/// across it. State index = face index * across.points + position on the line; the face index counts points of `along`
+/// slowest and of the last direction of `beside` fastest. Sine transforms diagonalise A, so nothing of size m x m is
+/// ever formed.
 struct KroneckerDynamics {
-  SecondDifference along;   ///< n points: along the constrained side
-  SecondDifference across;  ///< points of one grid line, counted from the constrained side
-  Vector b;                 ///< across.points: input of y of a line to the line
-  Vector n;                 ///< across.points: output of the line to its constraint
+  SecondDifference along;                     ///< along the constrained side
+  SecondDifference across;                    ///< points of one grid line, counted from the constrained face
+  Vector b;                                   ///< across.points: input of y of a line to the line
+  Vector n;                                   ///< across.points: output of the line to its constraint
+  std::vector<SecondDifference> beside = {};  ///< further directions of the face; empty: a rectangle
+
+  std::vector<SecondDifference> face() const;  ///< all directions of the face
+  std::vector<Index> face_extents() const;     ///< their points
+  Index face_points() const;                   ///< n, the product of the extents
+  Vector face_eigenvalues() const;             ///< n: the sums of one eigenvalue of each direction
 };
 
 std::shared_ptr<LinearSystem> linear_system(KroneckerDynamics);

@@ -3,6 +3,7 @@
 #include "core/lcp/comparison.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/lcp/lipschitz.hpp"
+#include "core/lcp/stencil.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -14,7 +15,7 @@ namespace {
 // ||F |W_d| ||_inf for F = <M>^{-1} or L I.
 Vector contraction_of_lags(const LcpMatrix& M, const LagTable& table, double L) {
   const Index n = table.outputs;
-  const Matrix S = table.modal ? sine_matrix(n) : Matrix();
+  const Matrix S = table.modal ? face_sine_matrix(table.face.empty() ? std::vector<Index>{n} : table.face) : Matrix();
   const std::optional<Matrix> inverse = inverse_comparison(M);
   Vector kappa(table.W.rows());
   for (Index d = 0; d < kappa.size(); ++d) {
@@ -50,6 +51,15 @@ double unit_rate(const Vector& kappa, double h) {
 double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Vector& row_sums) {
   if (is_H_plus(M)) return Comparison(M).solve(row_sums).maxCoeff();
   return lcp_class == LcpClass::P ? solution_lipschitz(M) * row_sums.maxCoeff() : INFINITY;
+}
+
+double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Weights& weights) {
+  if (const ModalRecurrence* modal = modal_recurrence_of(weights); modal && modal->face.size() > 1)
+    if (const auto stencil = stencil_of(M, modal->face)) {
+      const Vector of_M = stencil->eigenvalues();
+      return of_M.minCoeff() > 0 ? modal->w0.cwiseAbs().cwiseQuotient(of_M).maxCoeff() : INFINITY;
+    }
+  return instant_contraction(M, lcp_class, first_row_sums(weights));
 }
 
 Forecast forecast(const LcpMatrix& M, const LagTable& table, double h, double tolerance) {

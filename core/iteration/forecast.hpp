@@ -13,6 +13,7 @@
 
 #include "../kernel/discrete_problem.hpp"
 #include "../kernel/recurrence.hpp"
+#include "../kernel/weights.hpp"
 
 namespace bromwich {
 
@@ -29,6 +30,9 @@ struct Forecast {
 
 /// kappa_0 only, from |W_0| 1; infinite if M is neither H+ nor a P-matrix with a known L.
 double instant_contraction(const LcpMatrix& M, LcpClass, const Vector& row_sums);
+
+/// The same of these weights. On a face whose modes diagonalise M, the 2-norm: max_l |w0_l| / M_l.
+double instant_contraction(const LcpMatrix& M, LcpClass, const Weights&);
 
 Forecast forecast(const LcpMatrix& M, const LagTable&, double h, double tolerance);
 

@@ -50,7 +50,7 @@ class LiteralKernel {
     points_.reserve(std::size_t(p.J));
     for (Index j = 1; j <= p.J; ++j) points_.emplace_back(backend_, dynamics, P, j, p.h);
     if (!modal_) return;
-    sine_ = backend_.sine_transform(n_, p.J + 1);
+    sine_ = backend_.face_transform(p.face(), p.J + 1);
     modes_ = backend_.array(p.J + 1, n_);
     result_ = backend_.array(p.J + 1, n_);
   }
@@ -105,7 +105,7 @@ RowMatrix literal_response(const DiscreteProblem& p, const LiteralKernel& kernel
   RowMatrix r = p.g.table(), part;
   if (p.modes()) {
     p.backend.upload(kronecker_initial_response(p), *in);
-    p.backend.sine_transform(n, rows)->apply(*in, nullptr, *out, 0);
+    p.backend.face_transform(p.face(), rows)->apply(*in, nullptr, *out, 0);
     p.backend.download(*out, part);
     r += part;
   } else {

@@ -155,9 +155,9 @@ InitialFit fit_initial_response(Backend& backend, const KroneckerDynamics& dynam
 InitialProjection::InitialProjection(Backend& backend, const KroneckerDynamics& dynamics, const RowMatrix& P)
     : backend_(backend),
       P_(backend.array(P.rows(), P.cols())),
-      values_(backend.array(P.rows(), dynamics.along.points)),
-      modes_(backend.array(P.rows(), dynamics.along.points)),
-      sine_(backend.sine_transform(dynamics.along.points, P.rows())) {
+      values_(backend.array(P.rows(), dynamics.face_points())),
+      modes_(backend.array(P.rows(), dynamics.face_points())),
+      sine_(backend.face_transform(dynamics.face_extents(), P.rows())) {
   backend.upload(P, *P_);
 }
 
@@ -170,7 +170,7 @@ const Array& InitialProjection::operator()(const Vector& x0) {
 double initial_error(Backend& backend, const KroneckerDynamics& dynamics, const InitialFit& fit, const Vector& x0) {
   const double most = between_samples * fit.missed.maxCoeff();
   if (most <= accepted_compression_error) return most;
-  const Eigen::Map<const RowMatrix> lines(x0.data(), dynamics.along.points, dynamics.across.points);
+  const Eigen::Map<const RowMatrix> lines(x0.data(), dynamics.face_points(), dynamics.across.points);
   const Vector parts = fit.seen.cwiseAbs().cwiseProduct(row_modes(backend, lines).colwise().norm().transpose());
   const double size = parts.sum();
   return size > 0 ? between_samples * parts.dot(fit.missed) / size : 0;
@@ -192,9 +192,10 @@ std::optional<ModalRecurrence> started(const ModalRecurrence& r, const RowMatrix
 
 ModalRecurrence compressed_recurrence(Backend& backend, const KroneckerDynamics& dynamics, const ExponentialSum& sum,
                                       double h) {
-  const Index n = dynamics.along.points, K = sum.rates.size();
-  const Vector mu = dynamics.along.eigenvalues();
+  const Index n = dynamics.face_points(), K = sum.rates.size();
+  const Vector mu = dynamics.face_eigenvalues();
   ModalRecurrence r;
+  r.face = dynamics.face_extents();
   r.decay.resize(K, n);
   r.output.resize(K, n);
   r.start.resize(K, n);

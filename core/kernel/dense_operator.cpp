@@ -36,7 +36,7 @@ class DenseOperator : public TimeOperator {
     const LagTable* table = lag_table_of(*made.weights);
     auto convolution =
         table ? p_.backend.convolution(*table, rows) : p_.backend.convolution(*recurrence_of(*made.weights), rows);
-    return {std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), false, rows, n),
+    return {std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), std::vector<Index>{}, rows, n),
             std::move(made.description), made.error};
   }
 

@@ -114,6 +114,7 @@ LagTable contour_lag_table(Backend& backend, const Dynamics& dynamics, const Con
   LagTable table;
   table.modal = dynamics->modes() != nullptr;
   table.outputs = table.inputs = constraints(dynamics);
+  if (table.modal) table.face = dynamics->modes()->face_extents();
   const Index width = table.modal ? table.outputs : table.outputs * table.inputs;
   table.W.resize(J + 1, width);
   table.S.resize(J + 1, width);
@@ -129,8 +130,8 @@ LagTable contour_lag_table(Backend& backend, const Dynamics& dynamics, const Con
 
 RowMatrix contour_initial_response(const KroneckerDynamics& dynamics, const ContourParameters& parameters,
                                    const RowMatrix& x0_lines, double h, Index J) {
-  const Index n = dynamics.along.points;
-  const Vector mu = dynamics.along.eigenvalues();
+  const Index n = dynamics.face_points();
+  const Vector mu = dynamics.face_eigenvalues();
   RowMatrix response(J + 1, n);
   response.row(0) = (x0_lines * dynamics.n).transpose();
   for (Index first = 1; first <= J;) {

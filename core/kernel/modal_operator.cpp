@@ -20,7 +20,7 @@ constexpr Index fewest_compressed = 40;
 // S N (discrete e^{A t_j}) x0 by stepping all modes; used if the recurrence cannot represent x0.
 RowMatrix stepped_initial_response(const DiscreteProblem& p, Rule rule) {
   const KroneckerDynamics& d = *p.modes();
-  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), seen = in_sine_basis(d.n);
+  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), seen = in_sine_basis(d.n);
   RowMatrix x = x0_in_modes(p.backend, d, p.scene.x0, true), decay(x.rows(), x.cols()), modes(p.J + 1, x.rows());
   for (Index l = 0; l < mu.size(); ++l)
     for (Index k = 0; k < nu.size(); ++k) {
@@ -36,7 +36,7 @@ RowMatrix with_modes(const DiscreteProblem& p, const RowMatrix& values) {
   const auto modes = p.backend.array(values.rows(), values.cols()), r = p.backend.array(values.rows(), values.cols());
   p.backend.upload(values, *modes);
   upload(p.backend, p.g, *r);
-  p.backend.sine_transform(values.cols(), values.rows())->apply(*modes, r.get(), *r, 0);
+  p.backend.face_transform(p.face(), values.rows())->apply(*modes, r.get(), *r, 0);
   RowMatrix sum;
   p.backend.download(*r, sum);
   return sum;
@@ -57,9 +57,9 @@ class ModalOperator : public TimeOperator {
       scan.description = std::move(made.description);
       return scan;
     }
-    const Index rows = p_.J + 1, n = dynamics_.along.points;
+    const Index rows = p_.J + 1, n = dynamics_.face_points();
     auto convolution = p_.backend.convolution(*lag_table_of(*made.weights), rows);
-    return {std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), true, rows, n),
+    return {std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), p_.face(), rows, n),
             std::move(made.description), made.error};
   }
 
@@ -87,7 +87,7 @@ class ModalOperator : public TimeOperator {
     RowMatrix modes = kronecker_initial_response(p_);
     modes.row(0).setZero();
     p_.backend.upload(modes, zero);
-    p_.backend.sine_transform(r.cols(), r.rows())->apply(zero, &known, r, 0);  // g + S N e^{At} x0
+    p_.backend.face_transform(p_.face(), r.rows())->apply(zero, &known, r, 0);  // g + S N e^{At} x0
     return 0;
   }
 
@@ -200,10 +200,11 @@ class ModalOperator : public TimeOperator {
     if (!chosen && !p_.scene.x0.isZero(0)) return std::nullopt;
     const LineTransfer line(dynamics_.across, dynamics_.n, dynamics_.b);
     const PoleSum fit = fit_line(dynamics_, false, p_.h, p_.scene.T);
-    const Vector mu = dynamics_.along.eigenvalues();
+    const Vector mu = dynamics_.face_eigenvalues();
     const Index n = mu.size(), K = fit.rates.size();
     if (!(fit.error <= accepted_compression_error) || (!chosen && 2 * K > dynamics_.across.points)) return std::nullopt;
     ModalRecurrence r;
+    r.face = p_.face();
     r.decay.resize(K, n);
     r.output.resize(K, n);
     r.start = RowMatrix::Zero(K, n);

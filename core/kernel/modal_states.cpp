@@ -17,8 +17,8 @@ struct ModalStep {
 };
 
 ModalStep modal_step(const KroneckerDynamics& d, const Matrix& S, Rule rule, double h) {
-  const Index n = d.along.points, K = d.across.points;
-  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), b = S * d.b;
+  const Index n = d.face_points(), K = d.across.points;
+  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), b = S * d.b;
   ModalStep step{RowMatrix(K, n), RowMatrix(K, n), RowMatrix(K, n)};
   for (Index k = 0; k < K; ++k)
     for (Index l = 0; l < n; ++l) {
@@ -38,10 +38,10 @@ ModalStep modal_step(const KroneckerDynamics& d, const Matrix& S, Rule rule, dou
 // few rows of S, the other direction by one transform for all time points.
 RowMatrix modal_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const std::vector<Index>& components) {
   const KroneckerDynamics& d = *p.modes();
-  const Index n = d.along.points, K = d.across.points;
+  const Index n = d.face_points(), K = d.across.points;
   const Matrix S = sine_matrix(K);
   const ModalStep step = modal_step(d, S, rule, p.h);
-  const RowMatrix u = row_modes(p.backend, p.drive() ? RowMatrix(y + p.drive()->table()) : y);
+  const RowMatrix u = face_modes(p.backend, p.face(), p.drive() ? RowMatrix(y + p.drive()->table()) : y);
   std::vector<Index> positions;
   for (const Index c : components) positions.push_back(c % K);
   std::sort(positions.begin(), positions.end());
@@ -61,7 +61,7 @@ RowMatrix modal_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y, 
     now.noalias() = observe * x;
     for (std::size_t i = 0; i < positions.size(); ++i) seen[i].row(j) = now.row(Index(i));
   }
-  for (RowMatrix& line : seen) line = row_modes(p.backend, line);
+  for (RowMatrix& line : seen) line = face_modes(p.backend, p.face(), line);
 
   RowMatrix states(p.J + 1, Index(components.size()));
   for (std::size_t c = 0; c < components.size(); ++c) {

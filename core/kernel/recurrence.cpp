@@ -36,10 +36,11 @@ ScalarRule euler_rule(double x, double h) {
 }  // namespace
 
 ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, double h, const RowMatrix& x0_modal) {
-  const Index n = dynamics.along.points, K = dynamics.across.points;
-  const Vector mu = dynamics.along.eigenvalues(), nu = dynamics.across.eigenvalues();
+  const Index n = dynamics.face_points(), K = dynamics.across.points;
+  const Vector mu = dynamics.face_eigenvalues(), nu = dynamics.across.eigenvalues();
   const Vector b = in_sine_basis(dynamics.b), seen = in_sine_basis(dynamics.n);
   ModalRecurrence r;
+  r.face = dynamics.face_extents();
   r.decay.resize(K, n);
   r.output.resize(K, n);
   r.start.resize(K, n);
@@ -60,7 +61,7 @@ ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, d
 
 RowMatrix modal_start(const ModalRecurrence& r, const KroneckerDynamics& dynamics, Rule rule, double h,
                       const RowMatrix& x0_modal) {
-  const Vector mu = dynamics.along.eigenvalues(), nu = dynamics.across.eigenvalues(), b = in_sine_basis(dynamics.b);
+  const Vector mu = dynamics.face_eigenvalues(), nu = dynamics.across.eigenvalues(), b = in_sine_basis(dynamics.b);
   if (b.cwiseAbs().minCoeff() <= 1e-12 * b.cwiseAbs().maxCoeff())
     throw Error("dynamics.b", "a sine component of it is zero, so that mode of x0 is not in the driven recurrence",
                 "leave x0 out and add its response");
@@ -118,7 +119,7 @@ namespace {
 
 LagTable table_of(const ModalRecurrence& r, Index J) {
   const Index n = r.modes();
-  LagTable table{n, n, true, RowMatrix::Zero(J + 1, n), RowMatrix::Zero(J + 1, n)};
+  LagTable table{n, n, true, RowMatrix::Zero(J + 1, n), RowMatrix::Zero(J + 1, n), r.face};
   RowMatrix power = RowMatrix::Ones(r.exponentials(), n);
   table.W.row(0) = r.w0.transpose();
   for (Index d = 1; d <= J; ++d) {
@@ -135,7 +136,7 @@ LagTable table_of(const ModalRecurrence& r, Index J) {
 
 LagTable table_of(const DenseRecurrence& r, Index J) {
   const Index n = r.output.rows(), k = r.input.cols();
-  LagTable table{n, k, false, RowMatrix::Zero(J + 1, n * k), RowMatrix::Zero(J + 1, n * k)};
+  LagTable table{n, k, false, RowMatrix::Zero(J + 1, n * k), RowMatrix::Zero(J + 1, n * k), {}};
   Eigen::Map<RowMatrix>(table.W.row(0).data(), n, k) = r.w0;
   Matrix row = r.output;  // C E^{d-1}
   for (Index d = 1; d <= J; ++d) {

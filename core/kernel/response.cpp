@@ -2,19 +2,21 @@
 
 namespace bromwich {
 
-RowMatrix row_modes(Backend& backend, const RowMatrix& rows) {
+RowMatrix row_modes(Backend& backend, const RowMatrix& rows) { return face_modes(backend, {rows.cols()}, rows); }
+
+RowMatrix face_modes(Backend& backend, const std::vector<Index>& extents, const RowMatrix& rows) {
   const auto in = backend.array(rows.rows(), rows.cols()), out = backend.array(rows.rows(), rows.cols());
   backend.upload(rows, *in);
-  backend.sine_transform(rows.cols(), rows.rows())->apply(*in, nullptr, *out, 0);
+  backend.face_transform(extents, rows.rows())->apply(*in, nullptr, *out, 0);
   RowMatrix modes;
   backend.download(*out, modes);
   return modes;
 }
 
 RowMatrix x0_in_modes(Backend& backend, const KroneckerDynamics& d, const Vector& x0, bool both) {
-  // S acts on rows, so transpose for the `along` direction.
-  const Eigen::Map<const RowMatrix> lines(x0.data(), d.along.points, d.across.points);
-  const RowMatrix modes = row_modes(backend, lines.transpose()).transpose();
+  // S acts on rows, so transpose for the directions of the face.
+  const Eigen::Map<const RowMatrix> lines(x0.data(), d.face_points(), d.across.points);
+  const RowMatrix modes = face_modes(backend, d.face_extents(), lines.transpose()).transpose();
   return both ? row_modes(backend, modes) : modes;
 }
 

@@ -10,8 +10,10 @@ namespace bromwich {
 
 /// Every row transformed to the sine basis.
 RowMatrix row_modes(Backend&, const RowMatrix& rows);
+/// The same for rows that are indexed by several directions.
+RowMatrix face_modes(Backend&, const std::vector<Index>& extents, const RowMatrix& rows);
 
-/// x0 in the sine basis, in the `along` direction only (`both` = false) or in both directions: n x across.points.
+/// x0 in the sine basis, along the face only (`both` = false) or across it too: n x across.points.
 RowMatrix x0_in_modes(Backend&, const KroneckerDynamics&, const Vector& x0, bool both);
 
 /// x_j of x' = A x + u with u piecewise linear on the grid (exponential) or sampled at the right ends (Euler), for

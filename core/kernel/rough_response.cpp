@@ -11,9 +11,9 @@ namespace {
 RowMatrix kronecker_response(const DiscreteProblem& p) {
   const KroneckerDynamics& d = *p.modes();
   const Vector seen = in_sine_basis(d.n);
-  RowMatrix modes = RowMatrix::Zero(p.J + 1, d.along.points);
+  RowMatrix modes = RowMatrix::Zero(p.J + 1, d.face_points());
   each_rough_state(p, p.J, [&](Index j, const RowMatrix& x) { modes.row(j).noalias() = seen.transpose() * x; });
-  return row_modes(p.backend, modes);
+  return face_modes(p.backend, p.face(), modes);
 }
 
 }  // namespace
@@ -33,7 +33,7 @@ std::vector<Matrix> beyond_linear(const DiscreteProblem& p, const RoughStep& rou
 void each_rough_state(const DiscreteProblem& p, Index last,
                       const std::function<void(Index j, const RowMatrix& x)>& visit) {
   const KroneckerDynamics& d = *p.modes();
-  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
+  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
   RowMatrix x = RowMatrix::Zero(nu.size(), mu.size()), decay = x;
   for (Index k = 0; k < nu.size(); ++k) decay.row(k) = (p.h * (mu.array() + nu[k])).exp().transpose();
   for (Index j = p.sources->rough.front().step; j <= last; ++j) {
@@ -45,12 +45,12 @@ void each_rough_state(const DiscreteProblem& p, Index last,
 
 RowMatrix modal_defect(const DiscreteProblem& p, const RoughStep& rough) {
   const KroneckerDynamics& d = *p.modes();
-  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues(), b = in_sine_basis(d.b);
+  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), b = in_sine_basis(d.b);
   RowMatrix e = RowMatrix::Zero(nu.size(), mu.size());
   const std::vector<Matrix> pieces = beyond_linear(p, rough);
   for (std::size_t i = 0; i < pieces.size(); ++i) {
     const Matrix in_lines = p.f.shapes().size() > 0 ? Matrix(p.f.shapes() * pieces[i]) : pieces[i];
-    const RowMatrix c = row_modes(p.backend, in_lines.transpose());  // the coefficients of e: 3 x n
+    const RowMatrix c = face_modes(p.backend, p.face(), in_lines.transpose());  // the coefficients of e: 3 x n
     const double length = rough.pieces[i].length;
     for (Index k = 0; k < nu.size(); ++k)
       for (Index l = 0; l < mu.size(); ++l) {

@@ -7,11 +7,11 @@
 
 namespace bromwich {
 
-SpaceTimeKernel::SpaceTimeKernel(Backend& backend, std::unique_ptr<Convolution> convolution, bool modal, Index rows,
-                                 Index n)
+SpaceTimeKernel::SpaceTimeKernel(Backend& backend, std::unique_ptr<Convolution> convolution,
+                                 const std::vector<Index>& face, Index rows, Index n)
     : backend_(backend), convolution_(std::move(convolution)) {
-  if (!modal) return;
-  sine_ = backend.sine_transform(n, rows);
+  if (face.empty()) return;
+  sine_ = backend.face_transform(face, rows);
   y_modes_ = backend.array(rows, n);
   v_modes_ = backend.array(rows, n);
 }

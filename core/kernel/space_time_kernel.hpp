@@ -15,7 +15,8 @@ struct SweepOrder {
 /// v = K * y: S (modal convolution) S for a Kronecker sum, one convolution otherwise. Measures its seconds.
 class SpaceTimeKernel {
  public:
-  SpaceTimeKernel(Backend&, std::unique_ptr<Convolution>, bool modal, Index rows, Index n);
+  /// `face`: extents of the sine transform; empty: K is not applied in modes.
+  SpaceTimeKernel(Backend&, std::unique_ptr<Convolution>, const std::vector<Index>& face, Index rows, Index n);
 
   void apply(const Array& y, Array& v, Index first);
   /// The same for y = R y_fine on the grid with half the steps, where `fine` was last applied to y_fine; its modes are

@@ -28,7 +28,7 @@ ComplexMatrix past_inputs(const LagWindow& window, const RowMatrix& u, Index j) 
 // The state at one time point of a Kronecker sum, in modes of the `along` direction: row l is the grid line of mode l.
 RowMatrix lines_at(const DiscreteProblem& p, const std::vector<LagWindow>& windows, const RowMatrix& u, Index j) {
   const KroneckerDynamics& d = *p.modes();
-  const Vector mu = d.along.eigenvalues();
+  const Vector mu = d.face_eigenvalues();
   RowMatrix lines = RowMatrix::Zero(mu.size(), d.across.points);
   for (const LagWindow& window : windows) {
     if (window.first > j) break;
@@ -54,9 +54,9 @@ std::map<Index, RowMatrix> rough_states(const DiscreteProblem& p, const std::vec
 
 Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
   const KroneckerDynamics& d = *p.modes();
-  const RowMatrix u = row_modes(p.backend, p.drive() ? RowMatrix(y + p.drive()->table()) : y);
+  const RowMatrix u = face_modes(p.backend, p.face(), p.drive() ? RowMatrix(y + p.drive()->table()) : y);
   const RowMatrix x0 = x0_in_modes(p.backend, d, p.scene.x0, true);
-  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
+  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
   const std::vector<LagWindow> windows = lag_windows(*contour_parameters(0), p.h, p.J);
   const std::map<Index, RowMatrix> rough = rough_states(p, rows);
   Matrix x(p.scene.states(), Index(rows.size()));
@@ -71,7 +71,7 @@ Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const s
     for (Index l = 0; l < mu.size(); ++l) free.row(l).array() *= (p.t[j] * (nu.transpose().array() + mu[l])).exp();
     if (const auto more = rough.find(j); more != rough.end()) free += more->second;
     const RowMatrix lines = row_modes(p.backend, free) + lines_at(p, windows, u, j);
-    const RowMatrix grid = row_modes(p.backend, lines.transpose()).transpose();
+    const RowMatrix grid = face_modes(p.backend, p.face(), lines.transpose()).transpose();
     x.col(Index(c)) = Eigen::Map<const Vector>(grid.data(), grid.size());
   }
   return x;

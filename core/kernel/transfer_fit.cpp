@@ -170,7 +170,7 @@ PoleSum fit_line(const KroneckerDynamics& d, bool radau, double h, double T) {
   const TransferFunctions transfer = [&line](Complex z) -> ComplexVector {
     return ComplexVector::Constant(1, line(z));
   };
-  const Vector mu = d.along.eigenvalues(), nu = d.across.eigenvalues();
+  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
   return fit_poles(transfer, 1, {radau, h, T, -mu.maxCoeff(), -mu.minCoeff()}, -nu.maxCoeff(), -nu.minCoeff(), false);
 }
 

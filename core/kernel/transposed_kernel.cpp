@@ -19,6 +19,14 @@ bool is_modal(const Weights& weights) {
   return table ? table->modal : modal_recurrence_of(weights) != nullptr;
 }
 
+// Extents of the sine transform of rows; empty without modes.
+std::vector<Index> face(const Weights& weights) {
+  if (!is_modal(weights)) return {};
+  if (const ModalRecurrence* modal = modal_recurrence_of(weights)) return modal->extents();
+  const LagTable& table = *lag_table_of(weights);
+  return table.face.empty() ? std::vector<Index>{table.outputs} : table.face;
+}
+
 // Outputs and inputs of K.
 std::pair<Index, Index> shape(const Weights& weights) {
   if (const LagTable* table = lag_table_of(weights)) return {table->outputs, table->inputs};
@@ -29,9 +37,14 @@ std::pair<Index, Index> shape(const Weights& weights) {
 }
 
 LagTable transposed_table(const LagTable& table) {
-  if (table.modal) return {table.outputs, table.inputs, true, table.W, RowMatrix::Zero(table.S.rows(), table.S.cols())};
-  LagTable result{table.inputs, table.outputs, false, RowMatrix(table.W.rows(), table.W.cols()),
-                  RowMatrix::Zero(table.S.rows(), table.S.cols())};
+  if (table.modal)
+    return {table.outputs, table.inputs, true, table.W, RowMatrix::Zero(table.S.rows(), table.S.cols()), table.face};
+  LagTable result{table.inputs,
+                  table.outputs,
+                  false,
+                  RowMatrix(table.W.rows(), table.W.cols()),
+                  RowMatrix::Zero(table.S.rows(), table.S.cols()),
+                  {}};
   for (Index d = 0; d < table.W.rows(); ++d)
     Eigen::Map<RowMatrix>(result.W.row(d).data(), table.inputs, table.outputs) =
         Block(table.W.row(d).data(), table.outputs, table.inputs).transpose();
@@ -97,18 +110,18 @@ TransposedKernel::TransposedKernel(Backend& backend, SharedWeights weights, Inde
   const Weights backwards = transposed(*weights_);
   const LagTable* table = lag_table_of(backwards);
   auto convolution = table ? backend.convolution(*table, rows) : backend.convolution(*recurrence_of(backwards), rows);
-  reversed_ = std::make_unique<SpaceTimeKernel>(backend, std::move(convolution), is_modal(*weights_), rows, inputs_);
+  reversed_ = std::make_unique<SpaceTimeKernel>(backend, std::move(convolution), face(*weights_), rows, inputs_);
   u_ = backend.array(rows, outputs_);
   v_ = backend.array(rows, inputs_);
 }
 
 Vector TransposedKernel::first_row(const RowMatrix& u) const {
-  const RowMatrix seen = is_modal(*weights_) ? row_modes(backend_, u) : u;
+  const RowMatrix seen = is_modal(*weights_) ? face_modes(backend_, face(*weights_), u) : u;
   const LagTable* table = lag_table_of(*weights_);
   const Vector sum =
       table ? sum_over_start(*table, seen)
             : std::visit([&](const auto& r) { return sum_over_start(r, seen); }, *recurrence_of(*weights_));
-  return is_modal(*weights_) ? Vector(row_modes(backend_, sum.transpose()).transpose()) : sum;
+  return is_modal(*weights_) ? Vector(face_modes(backend_, face(*weights_), sum.transpose()).transpose()) : sum;
 }
 
 RowMatrix TransposedKernel::apply(const RowMatrix& u) {

@@ -47,14 +47,20 @@ Vector first_row_sums(const Weights& weights) {
         .cwiseAbs()
         .rowwise()
         .sum();
-  if (const ModalRecurrence* modal = modal_recurrence_of(weights)) return row_sums_in_modes(modal->w0);
+  if (const ModalRecurrence* modal = modal_recurrence_of(weights))
+    return modal->face.size() > 1 ? Vector(implicit_part(*modal).cwiseAbs().rowwise().sum())
+                                  : row_sums_in_modes(modal->w0);
   return std::get<DenseRecurrence>(std::get<Recurrence>(weights)).w0.cwiseAbs().rowwise().sum();
 }
 
 LagTable coarsen(const LagTable& fine) {
   const Index last = (fine.W.rows() - 1) / 2, end = fine.W.rows() - 1;
-  LagTable coarse{fine.outputs, fine.inputs, fine.modal, RowMatrix(last + 1, fine.W.cols()),
-                  RowMatrix::Zero(last + 1, fine.W.cols())};
+  LagTable coarse{fine.outputs,
+                  fine.inputs,
+                  fine.modal,
+                  RowMatrix(last + 1, fine.W.cols()),
+                  RowMatrix::Zero(last + 1, fine.W.cols()),
+                  fine.face};
   coarse.W.row(0) = fine.W.row(0) + 0.5 * fine.W.row(1);
   for (Index d = 1; d <= last; ++d) {
     coarse.W.row(d) = 0.5 * fine.W.row(2 * d - 1) + fine.W.row(2 * d);
@@ -66,6 +72,7 @@ LagTable coarsen(const LagTable& fine) {
 
 ModalRecurrence coarsen(const ModalRecurrence& fine) {
   ModalRecurrence coarse;
+  coarse.face = fine.face;
   const auto E = fine.decay.array(), C = fine.output.array();
   coarse.decay = E.square();
   coarse.output = 0.5 * C * (1 + E).square();

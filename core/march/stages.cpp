@@ -152,7 +152,7 @@ bool takes_limits_at_points(const DiscreteProblem& p, const StageGrid& grid) {
 std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index stages, RecurrenceChoice choice) {
   const KroneckerDynamics& d = *p.modes();
   auto modal = std::make_shared<ModalStages>();
-  modal->along = d.along.eigenvalues();
+  modal->along = d.face_eigenvalues();
   modal->direct = d.n.dot(d.b);
   const Vector nu = d.across.eigenvalues();
   const bool chosen = choice == RecurrenceChoice::compressed;
@@ -178,7 +178,8 @@ std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index 
 void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages, const Options& options,
                    Given& given) {
   StageProblem& problem = given.problem;
-  const bool in_modes = p.modes() && (p.f.size() == 0 || p.drive()) && grid.lengths.empty();
+  const bool in_modes =
+      p.modes() && p.modes()->beside.empty() && (p.f.size() == 0 || p.drive()) && grid.lengths.empty();
   if (p.modes() && !in_modes) given.written_out = to_sparse(*p.modes());
   problem.dynamics = p.modes() && !in_modes ? &given.written_out : &p.scene.dynamics;
   problem.modal = in_modes ? modal_stages(p, stages, options.tuning.recurrence) : nullptr;

@@ -232,6 +232,10 @@ constexpr double no_contraction = 1;   ///< forecast of cycles that are not begu
 
 std::unique_ptr<PreparedMethod> prepare_dual(TimeOperator& op, const Options& options, std::string& why) {
   if (!options.tuning.dual_by_euler && has_local_inverse(op.problem())) return prepare_local_march(op.problem());
+  if (op.problem().modes() && !op.problem().modes()->beside.empty()) {
+    why = "the inverse of the kernel of a box with contact on a face has no plans";
+    return nullptr;
+  }
   std::unique_ptr<DualLevels> levels;
   if (takes_stages(op.problem(), options)) levels = dual_levels(op, 2, options);
   if (!levels || levels->levels.size() == 0 || levels->contraction > slow_forecast)

@@ -54,8 +54,8 @@ std::unique_ptr<TimeLevel> make_dual_level(const DiscreteProblem& p, const DualW
   const Index rows = stages * p.J + 1, n = p.scene.constraints();
   level->steps = p.J;
   level->weights = V.weights;
-  level->kernel = std::make_shared<SpaceTimeKernel>(p.backend, convolution_of(p.backend, V, n, rows),
-                                                    p.modes() != nullptr, rows, n);
+  level->kernel =
+      std::make_shared<SpaceTimeKernel>(p.backend, convolution_of(p.backend, V, n, rows), p.face(), rows, n);
   for (auto* array : {&level->r, &level->y, &level->v, &level->old}) *array = p.backend.array(rows, n);
   level->sweeps = dual_sweeps;
   level->unseen = stages == 2 ? most_unseen_dual : std::min(V.smoothing, most_unseen_dual);

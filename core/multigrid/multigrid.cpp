@@ -40,9 +40,12 @@ Multigrid::Multigrid(Backend& backend, const Options& options, TimeLevels& level
     Recorded& recorded = recorded_[l];
     if (l < last) {
       recorded.descend = backend_.record(values, [this, l] { descend(l); });
+      recorded.of_descent = std::exchange(work_, {});
       recorded.ascend = backend_.record(values, [this, l] { ascend(l); });
+      recorded.of_ascent = std::exchange(work_, {});
     } else if (!levels_[l].march) {
       recorded.descend = backend_.record(values, [this] { sweep_coarsest(); });
+      recorded.of_descent = std::exchange(work_, {});
     }
   }
 }
@@ -52,6 +55,7 @@ void Multigrid::begin(const Options& options, Result& result) {
   result_ = &result;
   failure_.reset();
   start_is_solved_ = false;
+  work_ = {};
   queued_ = all_queue();
   for (const auto& level : levels_.grids) {  // values of an interrupted solve
     if (!nested_) break;
@@ -273,17 +277,24 @@ void Multigrid::cycle(std::size_t l) {
 
 void Multigrid::solve_on(std::size_t l) {
   if (levels_[l].march) return march(levels_[l]);
-  if (l + 1 == levels_.size()) return queued_ && recorded_[l].descend ? recorded_[l].descend() : sweep_coarsest();
-  const bool recorded = queued_ && recorded_[l].descend && recorded_[l].ascend;
-  recorded ? recorded_[l].descend() : descend(l);
+  const Recorded& of = recorded_[l];
+  if (l + 1 == levels_.size()) return queued_ && of.descend ? replay(of.descend, of.of_descent) : sweep_coarsest();
+  const bool recorded = queued_ && of.descend && of.ascend;
+  recorded ? replay(of.descend, of.of_descent) : descend(l);
   solve_on(levels_[l].coarse);
-  recorded ? recorded_[l].ascend() : ascend(l);
+  recorded ? replay(of.ascend, of.of_ascent) : ascend(l);
   if (queued_ && l == 0) result_->iterations += levels_[l].sweeps + 1;
+}
+
+void Multigrid::replay(const std::function<void()>& recorded, const Work& work) {
+  recorded();
+  work_.convolutions += work.convolutions;
+  work_.passes += work.passes;
 }
 
 void Multigrid::sweep_coarsest() {
   TimeLevel& coarsest = levels_[levels_.size() - 1];
-  sweep(coarsest, {.count = coarsest.sweeps});
+  sweep(coarsest, {.count = coarsest.sweeps, .behind = coarsest.first_v != nullptr});
 }
 
 void Multigrid::descend(std::size_t l) {
@@ -296,6 +307,8 @@ void Multigrid::descend(std::size_t l) {
 void Multigrid::pose(std::size_t l) {
   TimeLevel &fine = levels_[l], &coarse = levels_[levels_[l].coarse];
   coarse.kernel->apply_injected(*fine.kernel, *fine.y, *coarse.y, *coarse.v);
+  work_.convolutions += share(coarse);
+  if (fine.lazy) backend_.inject(*coarse.v, *coarse.first_v);
   if (fine.staged)
     backend_.restrict_stages(*fine.r, *fine.v, *fine.y, *coarse.v, *coarse.r, *coarse.y, *coarse.old);
   else
@@ -310,14 +323,22 @@ void Multigrid::ascend(std::size_t l) {
   TimeLevel &fine = levels_[l], &coarse = levels_[levels_[l].coarse];
   backend_.interpolate(*coarse.y, coarse.old.get(), *fine.y);
   if (useful_ && l == 0) backend_.inject(*fine.y, *fine.old);
-  sweep(fine, {.count = 1, .before = true});
+  if (fine.lazy) backend_.interpolate(*coarse.v, coarse.first_v.get(), *fine.v);
+  sweep(fine, {.count = 1, .before = !fine.lazy, .behind = fine.first_v != nullptr});
 }
+
+// One row of values of a grid, in units of the finest one.
+double Multigrid::share(const TimeLevel& level) const { return double(level.steps) / double(levels_[0].steps); }
 
 // y <- SOL(M + D, r + K y - D y), with K y computed in between. If batches are not checked one by one, a batch may be
 // merged with the adjacent operations.
 void Multigrid::sweep(TimeLevel& level, SweepOrder order) {
-  if (queued_ && level.kernel->sweeps(*level.lcp))
+  if (queued_ && level.kernel->sweeps(*level.lcp)) {
+    const int applied = order.count - 1 + int(order.before) + int(order.behind);
+    work_.convolutions += share(level) * double(applied);
+    work_.passes += share(level) * double(order.count * level.passes);
     return level.kernel->sweep(*level.lcp, *level.r, *level.y, *level.v, order);
+  }
   for (int i = 0; i < order.count; ++i) {
     if (i > 0 || order.before) apply(level);
     smooth(level);
@@ -325,11 +346,15 @@ void Multigrid::sweep(TimeLevel& level, SweepOrder order) {
   if (order.behind) apply(level);
 }
 
-void Multigrid::apply(TimeLevel& level) { level.kernel->apply(*level.y, *level.v, 0); }
+void Multigrid::apply(TimeLevel& level) {
+  work_.convolutions += share(level);
+  level.kernel->apply(*level.y, *level.v, 0);
+}
 
 // y <- SOL(M + D, r + K y - D y)
 void Multigrid::smooth(TimeLevel& level) {
   if (failure_) return;
+  work_.passes += share(level) * double(level.passes);
   if (queued_) return level.lcp->submit(*level.r, *level.v, *level.y, 1, -1);
   Timer timer;
   const LcpReport report = level.lcp->solve(*level.r, *level.v, *level.y, 1);
@@ -425,6 +450,7 @@ class PreparedMultigrid final : public PreparedMethod {
     multigrid_.nest(y0);
     p_.backend.prepare(result.y, p_.J + 1, p_.scene.constraints());  // while a device works
     const IterationOutcome outcome = multigrid_.iterate();
+    multigrid_.report_work(result);
     result.seconds.sweeps = timer.lap();
     TimeLevel& finest = levels_[0];
     const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { finest.kernel->apply(in, out, first); };

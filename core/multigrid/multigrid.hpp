@@ -12,6 +12,9 @@
 // these are not enough, it is marched. The start comes from the coarse grids (nested iteration). K_c R y serves the
 // coarse problem and the first sweep on it.
 //
+// A lazy cycle interpolates v = K y as well, v <- v + I (K_c y_c - K_c R y), for the sweep after the correction: one
+// application of K less on every grid. Solutions stay fixed points, since both corrections vanish there.
+//
 // The correction y_c - R y is the error of R y before the cycle, up to the accuracy of the coarse problem. The error
 // after the cycle is estimated in two parts,
 //
@@ -40,6 +43,12 @@ class Multigrid {
   /// the next two, relative to max(1, |y|) of a time point. Empty with fewer grids, or if they do not converge.
   std::optional<double> discretisation_error();
 
+  /// Sets Result::convolutions and passes of the solve.
+  void report_work(Result& result) const {
+    result.convolutions = work_.convolutions;
+    result.passes = work_.passes;
+  }
+
   /// One V-cycle for the y and r of grid l.
   void cycle(std::size_t l);
 
@@ -47,6 +56,11 @@ class Multigrid {
   /// The differences that a solve checks on the finest grid: the last change by a cycle, or its correction; the change
   /// by the last sweep; |y_h - y_2h| and |y_2h - y_4h|.
   enum Slot : std::size_t { last_change, last_sweep, half_step, quarter_step, slots };
+
+  /// Applications of K and passes, in values of the finest grid.
+  struct Work {
+    double convolutions = 0, passes = 0;
+  };
 
   // If all plans of all grids are asynchronous, a cycle never synchronises; failures are detected afterwards and the
   // cycle is repeated synchronously.
@@ -78,6 +92,8 @@ class Multigrid {
   void smooth(TimeLevel&);
   void march(TimeLevel&);
   void count(const LcpCount&);
+  double share(const TimeLevel&) const;
+  void replay(const std::function<void()>& recorded, const Work& work);
   void judge(const LcpReport&);
   void judge(const MarchReport&, Index steps);
 
@@ -85,6 +101,7 @@ class Multigrid {
   /// grid `descend` is all.
   struct Recorded {
     std::function<void()> descend, ascend;
+    Work of_descent = {}, of_ascent = {};
   };
 
   Backend& backend_;
@@ -96,6 +113,7 @@ class Multigrid {
   std::unique_ptr<Differences> differences_;
   std::vector<Recorded> recorded_;
   Vector y0_;
+  Work work_;
   std::optional<IterationOutcome> failure_;  ///< of a sweep or a march; nothing is computed after it
 };
 

@@ -1,8 +1,11 @@
 #include "core/multigrid/smoothing.hpp"
 
+#include "core/lcp/stencil.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 namespace bromwich {
 
@@ -13,18 +16,12 @@ constexpr Index octave = 6;                         ///< frequencies in each hal
 constexpr Index candidates = 120;
 constexpr double least_diagonal = 0.05;  ///< M + D I keeps this part of the smallest eigenvalue of M
 
-// The eigenvalues 0 < M^_l of tridiag(b, a, b), b <= 0, in the order of the sine modes.
-std::optional<Vector> eigenvalues(const LcpMatrix& matrix) {
-  const auto* M = std::get_if<Tridiagonal>(&matrix);
-  if (!M) return std::nullopt;
-  const Index n = M->diagonal.size();
-  const double a = M->diagonal[0], b = n > 1 ? M->upper[0] : 0;
-  for (Index i = 0; i < n; ++i)
-    if (M->diagonal[i] != a || (i > 0 && M->lower[i] != b) || (i + 1 < n && M->upper[i] != b)) return std::nullopt;
-  Vector values(n);
-  for (Index l = 0; l < n; ++l) values[l] = a + 2 * b * std::cos(std::numbers::pi * double(l + 1) / double(n + 1));
-  if (b > 0 || !(values.minCoeff() > 0)) return std::nullopt;
-  return values;
+// The eigenvalues 0 < M^_l of a stencil with neighbours <= 0, in the order of the sine modes.
+std::optional<Vector> eigenvalues(const LcpMatrix& matrix, const std::vector<Index>& extents) {
+  const std::optional<Stencil> stencil = stencil_of(matrix, extents);
+  if (!stencil || *std::max_element(stencil->beside.begin(), stencil->beside.end()) > 0) return std::nullopt;
+  Vector values = stencil->eigenvalues();
+  return values.minCoeff() > 0 ? std::optional(std::move(values)) : std::nullopt;
 }
 
 using Row = Eigen::Array<double, 1, Eigen::Dynamic>;
@@ -64,11 +61,14 @@ Row sum_of_weights(const Sample& r, Index steps) {
 }  // namespace
 
 std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r, Index steps, double useful) {
-  const std::optional<Vector> all = eigenvalues(matrix);
+  const std::optional<Vector> all = eigenvalues(matrix, r.extents());
   if (!all) return std::nullopt;
   const Index n = all->size(), modes = std::min(n, most_modes);
-  std::vector<Index> l(std::size_t(modes), 0);
-  for (Index i = 1; i < modes; ++i) l[std::size_t(i)] = i * (n - 1) / (modes - 1);
+  // From the smoothest mode to the roughest one.
+  std::vector<Index> order(std::size_t(n), 0), l(std::size_t(modes), 0);
+  std::iota(order.begin(), order.end(), Index(0));
+  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) { return (*all)[a] < (*all)[b]; });
+  for (Index i = 0; i < modes; ++i) l[std::size_t(i)] = order[std::size_t(i > 0 ? i * (n - 1) / (modes - 1) : 0)];
   const Row M = (*all)(l).transpose();
   const Sample sample{r.w0(l), r.w1(l), r.decay(Eigen::all, l), r.output(Eigen::all, l)};
   const std::vector<Symbol> smooth{{sum_of_weights(sample, steps), Row::Zero(modes)}};

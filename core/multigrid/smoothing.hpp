@@ -25,8 +25,8 @@ struct Smoothing {
 };
 
 /// The D that minimises the factor for R = 2, with M and M + D I M-matrices. Larger R are included as long as the
-/// factors are below `useful`. Empty if M is not a symmetric tridiagonal Toeplitz matrix with off-diagonal entries <=
-/// 0.
+/// factors are below `useful`. Empty unless M is a stencil on the grid of the modes (core/lcp/stencil.hpp) with
+/// neighbours <= 0. The modes are sampled from the smoothest to the roughest.
 std::optional<Smoothing> best_smoothing(const LcpMatrix& M, const ModalRecurrence&, Index steps, double useful = 0);
 
 }  // namespace bromwich

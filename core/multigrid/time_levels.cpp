@@ -2,6 +2,7 @@
 
 #include "core/iteration/forecast.hpp"
 #include "core/kernel/pole_plans.hpp"
+#include "core/lcp/stencil.hpp"
 #include "core/multigrid/smoothing.hpp"
 
 #include <algorithm>
@@ -25,6 +26,7 @@ constexpr int few_coarsest_sweeps = 3, few_first_visits = 4;  ///< for these gri
 constexpr int coarsest_sweeps = 5, first_visits = 3;          ///< for others, at least
 constexpr double symbol_over_w0 = 2.62;  ///< 1/sin(pi/8): bound for monotonically decreasing weights above pi/4
 constexpr double most_unseen = 0.5;
+constexpr int relaxation_sweeps = 2;  ///< in place of an exact solution; a third one gains nothing
 
 // Sweeps before the coarse problem. Together with the one after the correction they reduce the error that a coarser
 // grid does not represent by the factor `wanted`.
@@ -63,6 +65,18 @@ Coarsening choose_sweeps(const DiscreteProblem& p, TimeLevel& level, double kapp
   const std::size_t octaves = std::max<std::size_t>(1, std::size_t(useful));
   level.unseen = best->unseen[octaves - 1];
   return {factor < smoothing_factor ? marched_kappa0 : 0, Index(1) << octaves};
+}
+
+// Sweeps of projected relaxation where M is a stencil on a face, so that their relaxation is known; else exact
+// solutions.
+std::unique_ptr<LcpBatch> smoother(const DiscreteProblem& p, TimeLevel& level) {
+  const ModalRecurrence* modal = modal_recurrence_of(*level.weights);
+  const auto stencil = modal && sparse_of(p.scene.M) ? stencil_of(p.scene.M, modal->extents()) : std::nullopt;
+  if (!stencil || level.sweeps == 0) return p.backend.shifted_lcp(p.scene.M, p.lcp_class, level.shift, level.steps + 1);
+  level.passes = relaxation_sweeps;
+  const ProjectedSweeps sweeps{sparse_of(p.scene.M), level.shift, best_relaxation(stencil->shifted(level.shift)),
+                               relaxation_sweeps, modal->extents()};
+  return p.backend.projected_sweeps(sweeps, p.lcp_class, level.steps + 1);
 }
 
 void prepare_march(const DiscreteProblem& p, const std::function<bool()>& interrupted, TimeLevel& level) {
@@ -161,7 +175,7 @@ class KnownResponse {
 
 std::size_t TimeLevel::bytes() const {
   return r->bytes() + y->bytes() + v->bytes() + old->bytes() + (nested ? nested->bytes() : 0) +
-         (ends ? ends->bytes() : 0) + kernel->bytes() +
+         (ends ? ends->bytes() : 0) + (first_v ? first_v->bytes() : 0) + kernel->bytes() +
          (matrix_change ? matrix_change->bytes() + matrix_term->bytes() : 0) + (lcp ? lcp->bytes() : 0) +
          (march ? march->bytes() : 0);
 }
@@ -180,7 +194,7 @@ TimeLevels choose_grids(TimeOperator& op) {
     level->steps = steps;
     const TimeLevel* finer = levels.size() > 0 ? levels.grids.back().get() : nullptr;
     level->weights = op.weights(steps, finer ? finer->weights.get() : nullptr, finer ? finer->steps : 0);
-    const double kappa0 = instant_contraction(p.scene.M, p.lcp_class, first_row_sums(*level->weights));
+    const double kappa0 = instant_contraction(p.scene.M, p.lcp_class, *level->weights);
     if (!(kappa0 < allowed.kappa0)) break;
     allowed = choose_sweeps(p, *level, kappa0, levels.size());
     const bool swept = level->sweeps > 0;
@@ -217,9 +231,13 @@ TimeLevels time_levels(TimeOperator& op, const Options& options) {
     for (auto* array : {&level.r, &level.y, &level.v, &level.old})
       *array = p.backend.array(level.steps + 1, p.scene.constraints());
     if (l == 1 || l == 2) level.nested = p.backend.array(level.steps + 1, p.scene.constraints());
-    if (l + 1 < levels.size() || swept)
-      level.lcp = p.backend.shifted_lcp(p.scene.M, p.lcp_class, level.shift, level.steps + 1);
+    if (l + 1 < levels.size() || swept) level.lcp = smoother(p, level);
     levels.description += (l > 0 ? ", " : "") + std::to_string(level.steps);
+  }
+  for (std::size_t l = 0; l + 1 < levels.size(); ++l) {
+    TimeLevel& coarse = levels[levels[l].coarse];
+    levels[l].lazy = levels[l].sweeps > 0;
+    if (levels[l].lazy && !coarse.first_v) coarse.first_v = p.backend.array(coarse.steps + 1, p.scene.constraints());
   }
   levels.description += swept ? " steps" : " steps, the last marched";
   std::vector<TimeLevel*> grids;

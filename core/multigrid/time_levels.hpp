@@ -29,13 +29,16 @@ struct TimeLevel {
   SharedWeights weights;  ///< see core/kernel/weights.hpp for those of coarser grids
   std::shared_ptr<SpaceTimeKernel> kernel;
   std::unique_ptr<Array> r, y, v, old, nested;
-  std::unique_ptr<Array> ends;    ///< like `nested`, where that has the ends of steps alone; null: `old` serves
-  std::unique_ptr<LcpBatch> lcp;  ///< with M + D I; null on a coarsest grid that is always marched
+  std::unique_ptr<Array> first_v;  ///< K R y of the coarse problem posed here, if the finer grid is lazy; else null
+  std::unique_ptr<Array> ends;     ///< like `nested`, where that has the ends of steps alone; null: `old` serves
+  std::unique_ptr<LcpBatch> lcp;   ///< with M + D I; null on a coarsest grid that is always marched
   double shift = 0;
   int sweeps = 0;           ///< before the coarse problem; one more follows it. On the coarsest: all of a visit
   int coarsest_sweeps = 0;  ///< per visit, if this grid is the coarsest
   int first_visits = 0;     ///< visits at the start, if this grid is the coarsest
   std::size_t coarse = 0;   ///< the grid of the coarse problem of a cycle on this one
+  int passes = 1;           ///< over the unknowns in one sweep, see Result::passes
+  bool lazy = false;        ///< v of its grid is interpolated after the coarse problem, see Multigrid
   bool staged = false;      ///< two stages in each step, the coarse grid has the same steps
   bool starts = true;       ///< takes part in the nested start
   double unseen = 0;        ///< smoothing factor for error components invisible to the grid `coarse`

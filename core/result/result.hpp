@@ -113,6 +113,9 @@ struct Result {
   bool starts_with_impulse = false;  ///< x0 violates the constraints: the state jumps at t = 0, y_0 is an impulse
   Index euler_steps = 0;             ///< steps of a Radau IIA march that use implicit Euler since the state jumps
   Index steps = 0, iterations = 0, cycles = 0;
+  /// Of method multigrid: applications of K and passes over all complementarity problems (sweeps of projected
+  /// relaxation, or batches that solve them) on all grids, the nested start included, in units of the finest grid.
+  double convolutions = 0, passes = 0;
   std::vector<double> history;  ///< max change of y per iteration, or per cycle, relative to max(1, |y|)
   LcpCount lcp;
   Seconds seconds;

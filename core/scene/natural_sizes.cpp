@@ -131,10 +131,10 @@ SymmetricShape symmetric_shape(const SparseMatrix& A, const Vector& rate) {
   return s;
 }
 
-// The response of a grid line to its constraint, in the slowest mode along the side.
+// The response of a grid line to its constraint, in the slowest mode along the face.
 Vector line_response(const KroneckerDynamics& d, double T) {
   const double c = d.across.diffusivity / (d.across.spacing * d.across.spacing);
-  const double diagonal = 1 / T - d.along.eigenvalues().maxCoeff() + 2 * c;
+  const double diagonal = 1 / T - d.face_eigenvalues().maxCoeff() + 2 * c;
   const Index k = d.across.points;
   Vector upper(k), z(k);
   for (Index i = 0; i < k; ++i) {

@@ -1,9 +1,11 @@
 #include "core/seam/backend.hpp"
 
 #include "core/numerics/alternation.hpp"
+#include "core/numerics/sine_basis.hpp"
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 namespace bromwich {
 
@@ -51,7 +53,45 @@ class SplitStages final : public Convolution {
   std::unique_ptr<Array> y_[2], v_[2], part_;
 };
 
+// By products on the host.
+class HostFaceTransform final : public SineTransform {
+ public:
+  HostFaceTransform(Backend& backend, std::vector<Index> extents) : backend_(backend), extents_(std::move(extents)) {}
+
+  void apply(const Array& in, const Array* add, Array& out, Index first) override {
+    RowMatrix values, sum;
+    backend_.download(in, values);
+    backend_.download(out, sum);
+    for (Index j = first; j < values.rows(); ++j) to_face_modes(extents_, values.row(j).data());
+    const Index rows = values.rows() - first;
+    sum.bottomRows(rows) = values.bottomRows(rows);
+    if (add) {
+      backend_.download(*add, values);
+      sum.bottomRows(rows) += values.bottomRows(rows);
+    }
+    backend_.upload(sum, out);
+  }
+  std::size_t bytes() const override { return 0; }
+
+ private:
+  Backend& backend_;
+  std::vector<Index> extents_;
+};
+
 }  // namespace
+
+std::unique_ptr<SineTransform> Backend::face_transform(const std::vector<Index>& extents, Index rows) {
+  if (extents.size() == 1) return sine_transform(extents[0], rows);
+  if (fused_.face_transform)
+    if (auto transform = fused_.face_transform(extents, rows)) return transform;
+  return std::make_unique<HostFaceTransform>(*this, extents);
+}
+
+std::unique_ptr<LcpBatch> Backend::projected_sweeps(const ProjectedSweeps& sweeps, LcpClass lcp_class, Index rows) {
+  if (fused_.projected_sweeps)
+    if (auto batch = fused_.projected_sweeps(sweeps, rows)) return batch;
+  return shifted_lcp(SparseLcpMatrix(*sweeps.M), lcp_class, sweeps.shift, rows);
+}
 
 void Backend::upload_product(const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
   if (fused_.upload_product) return fused_.upload_product(amplitudes, shapes, to);

@@ -102,6 +102,10 @@ class Backend : public HostThreads {
   /// Whether some column alternates over `run` consecutive rows: the second differences change sign from row to row,
   /// and each exceeds `part` times the largest value of the column.
   bool alternates(const Array& y, Index run, double part);
+  /// The sine transform of rows that are indexed by several directions, the fastest last: one product for each.
+  std::unique_ptr<SineTransform> face_transform(const std::vector<Index>& extents, Index rows);
+  /// A batch of `sweeps`, or, where the backend has none, one that solves its problems (shifted_lcp).
+  std::unique_ptr<LcpBatch> projected_sweeps(const ProjectedSweeps& sweeps, LcpClass, Index rows);
   /// A replay of the recorded operations, or empty (FusedOperations::record).
   std::function<void()> record(Index values, const std::function<void()>& operations);
 

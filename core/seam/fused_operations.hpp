@@ -8,10 +8,14 @@
 
 #include <functional>
 #include <memory>
+#include <vector>
 
 namespace bromwich {
 
 class Convolution;
+class LcpBatch;
+class SineTransform;
+struct ProjectedSweeps;
 
 /// Optional operations of a backend: one kernel replaces several operations, or the device replaces the host. An empty
 /// one is replaced by required operations or by core/host (see the members of Backend of the same name).
@@ -26,6 +30,9 @@ struct FusedOperations {
                      Array& coarse_y, Array& old)>
       restrict_problem;
   std::function<bool(const Array& y, Index run, double part)> alternates;
+  /// These two may return null, for extents and stencils that they do not take.
+  std::function<std::unique_ptr<SineTransform>(const std::vector<Index>& extents, Index rows)> face_transform;
+  std::function<std::unique_ptr<LcpBatch>(const ProjectedSweeps&, Index rows)> projected_sweeps;
   std::function<std::unique_ptr<StepChain>(const StepChainProblem&)> step_chain;
   std::function<std::unique_ptr<AffineChain>(const AffineChainSizes&)> affine_chain;
   std::function<ComplexMatrix(const Dynamics&, const ComplexVector& nodes)> resolvent;

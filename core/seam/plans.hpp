@@ -110,6 +110,17 @@ class ImmediateLcpBatch : public LcpBatch {
   LcpReport last_, all_;
 };
 
+/// A batch that makes a fixed number of sweeps of projected successive over-relaxation instead of solving its problems:
+/// y <- sweeps(y) for LCP(M + D I, r + v - D y), with the given y on the right side and as the start. Its fixed points
+/// are the solutions, whatever D. Batches report no unsolved rows.
+struct ProjectedSweeps {
+  const SparseMatrix* M = nullptr;  ///< M + D I: positive diagonal, symmetric positive definite or H+
+  double shift = 0;                 ///< D
+  double omega = 1;
+  int count = 2;
+  std::vector<Index> face;  ///< extents of the grid of the unknowns, if M is the same stencil at all of its points
+};
+
 /// Data of a march: the convolution as a recurrence or as lag weights. Everything pointed to must outlive the plan.
 /// Weights are read when the plan is made. r, drive, start, forcing, sources and the recurrence's `initial` are read
 /// anew by every run.

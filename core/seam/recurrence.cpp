@@ -1,5 +1,7 @@
 #include "core/seam/recurrence.hpp"
 
+#include "core/numerics/sine_basis.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -9,6 +11,10 @@ namespace bromwich {
 // sin a sin b is a difference of cosines. Hence entry (i, j) is c(i-j) - c(i+j), a Toeplitz minus a Hankel matrix, with
 // c(d) = 1/(n+1) Σ_k w0_k cos(pi k d/(n+1)).
 Matrix implicit_part(const ModalRecurrence& r) {
+  if (r.face.size() > 1) {
+    const Matrix S = face_sine_matrix(r.face);
+    return S * r.w0.asDiagonal() * S;
+  }
   const Index n = r.modes(), period = 2 * (n + 1);
   Vector cosine(period), c = Vector::Zero(n + 2);
   for (Index a = 0; a < period; ++a) cosine[a] = std::cos(std::numbers::pi * double(a) / double(n + 1)) / double(n + 1);

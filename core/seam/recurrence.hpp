@@ -18,6 +18,7 @@
 
 #include <memory>
 #include <variant>
+#include <vector>
 
 namespace bromwich {
 
@@ -26,6 +27,7 @@ struct LagTable {
   Index outputs = 0, inputs = 0;
   bool modal = false;  ///< true: W_d is diagonal and a row holds its n entries; false: n x k entries, row by row
   RowMatrix W, S;      ///< (J+1) x n, or (J+1) x (n k); row 0 of S is zero
+  std::vector<Index> face = {};  ///< as of ModalRecurrence, if modal
 };
 
 /// One scalar convolution per sine mode, K real exponentials each. Matrices are K x n with the mode index contiguous.
@@ -37,9 +39,13 @@ struct ModalRecurrence {
   Vector w0;          ///< n: W_0 per mode
   Vector w1;          ///< n: W_1 - Σ_k C_k, the part of lag 1 outside the exponentials
   Vector s1;          ///< n: the same for the weight of y_0
+  /// Points of the directions of a face, the fastest last; their product is n. Empty: a side of n points.
+  std::vector<Index> face = {};
 
   Index modes() const { return w0.size(); }
   Index exponentials() const { return decay.rows(); }
+  /// Extents of the sine transform between points and modes.
+  std::vector<Index> extents() const { return face.empty() ? std::vector<Index>{modes()} : face; }
 };
 
 /// z is the state of the dynamics: E = e^{hA} or (I - hA)^{-1}.

@@ -15,6 +15,8 @@ struct BackendTraits {
   double start_seconds = 0;   ///< start-up time of the device, once per process
   double fewest_values = 0;   ///< n J; below it, methods over all time points do not pay on a device
   Milliseconds march = nullptr, contour = nullptr, multigrid = nullptr;
+  /// The same with contact on a face of a box, n its points.
+  Milliseconds face_march = nullptr, face_contour = nullptr, face_multigrid = nullptr;
 };
 
 }  // namespace bromwich

@@ -50,6 +50,7 @@ Cost sum(const std::vector<Part>& parts, double operations) {
 struct Sizes {
   double m, n, J, c, k;  ///< J: time points
   int threads = 1;
+  double edges = 0;  ///< with contact on a face: the sum of its extents; else 0
   double table() const { return number * J * (6 * n + k + c); }
 };
 
@@ -100,7 +101,9 @@ Cost galerkin(const Sizes& s, bool two_point) {
 }
 
 // Where sweeps on the coarsest grid do not suffice, it is marched.
-Part coarsest_march(const Sizes& s, Method method) { return {cycles(method) ? number * 6 * s.n * s.n : 0, problems}; }
+Part coarsest_march(const Sizes& s, Method method) {
+  return {cycles(method) && s.edges == 0 ? number * 6 * s.n * s.n : 0, problems};
+}
 
 Cost in_modes(const Sizes& s, Method method) {
   const double lines = s.m / s.n;
@@ -111,7 +114,13 @@ Cost in_modes(const Sizes& s, Method method) {
   // A sweep in modes: 64 exponentials at most and their sums (150), two sine transforms as products of up to 1000 rows.
   if (convolves(method))
     return sum({{s.table() + number * 6 * s.J * s.n, tables}, grids(s, method, 9), coarsest_march(s, method)},
-               sweeps_of(method) * s.J * s.n * (150 + 2 * std::min(s.n, 1000.0)));
+               sweeps_of(method) * s.J * s.n * (150 + 2 * (s.edges > 0 ? 2 * s.edges : std::min(s.n, 1000.0))));
+  // On a face a step takes some ten products with W_0, as transforms, and no matrices.
+  if (s.edges > 0)
+    return sum({{s.table() + number * 3 * s.J * s.n, tables},
+                {number * 12 * 60 * s.n, problems},
+                {number * 4 * s.m, "modes of the state"}},
+               s.J * s.n * (40 * s.edges + 3 * std::min(lines, 60.0)));
   // A step: one product with M + W_0, and three numbers for each exponential of a mode, 60 where they are fitted.
   return sum({{s.table() + number * 3 * s.J * s.n, tables},
               {number * 10 * s.n * s.n, problems},
@@ -180,8 +189,16 @@ Cost cost_of(const LinearSystem& system, const Sizes& s, Method method) {
 }
 
 Sizes sizes(const Scene& scene, Index J, Index components, int threads = 1) {
-  return {double(scene.states()), double(scene.constraints()),           double(J) + 1,
-          double(components),     scene.f ? double(scene.sources()) : 0, threads};
+  double edges = 0;
+  if (const KroneckerDynamics* modes = scene.dynamics->modes(); modes && !modes->beside.empty())
+    for (const Index points : modes->face_extents()) edges += double(points);
+  return {double(scene.states()),
+          double(scene.constraints()),
+          double(J) + 1,
+          double(components),
+          scene.f ? double(scene.sources()) : 0,
+          threads,
+          edges};
 }
 
 // ---- on a device: bytes of the plans of kernels/, as their constructors allocate them ----
@@ -205,7 +222,7 @@ void add_state_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
 
 void add_modal_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
   if (!iterates(method)) {
-    parts.push_back({number * 6 * s.n * s.n, problems});
+    parts.push_back({number * (s.edges > 0 ? 12 * 60 * s.n : 6 * s.n * s.n), problems});
     parts.push_back({number * 4 * s.m, "modes of the state"});
     return;
   }
@@ -215,7 +232,10 @@ void add_modal_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
   const double modes = 32 * std::ceil(s.n / 32), chunks = std::min({s.J * modes / 32, 64 * modes, 34e3 + modes});
   parts.push_back({number * 2 * 64 * chunks, "states at the starts of chunks of time"});
   parts.push_back({number * 4 * std::min(s.J, 513.) * modes, weights});
-  parts.push_back({number * (s.n <= 1536 ? s.n * s.n : 2048 * s.n), "the sine transform"});
+  parts.push_back({number * (s.edges > 0   ? s.edges * s.edges
+                             : s.n <= 1536 ? s.n * s.n
+                                           : 2048 * s.n),
+                   "the sine transform"});
 }
 
 void add_plans(const LinearSystem& system, const Sizes& s, Method method, std::vector<Part>& parts) {
@@ -252,7 +272,7 @@ Cost predicted_device_cost(const Scene& scene, Method method, Index J, Index com
   const Sizes s = sizes(scene, J, components);
   // Iterating: y, v, r, two in modes, the first q, one to work in. Cycles: y, v, r, y~ and two in modes on all grids,
   // y_h on the two below the finest, one to work in. Marching: y, v, r, the source, and as much in the plan.
-  const double arrays = cycles(method) ? 14 : iterates(method) ? 7 : 8;
+  const double arrays = cycles(method) ? (s.edges > 0 ? 15 : 14) : iterates(method) ? 7 : 8;
   std::vector<Part> parts{{number * s.J * padded(s.n) * arrays + 32 * s.J, tables}};
   add_plans(*scene.dynamics, s, method, parts);
   return sum(parts, 0);

@@ -17,7 +17,12 @@ bool is_fitted(const Scene& scene, LcpClass lcp_class) {
 // Two of them at least.
 bool has_coarse_grids(const BackendTraits& traits, Index J) { return J % 4 == 0 && J / 4 >= traits.fewest_steps; }
 
-Milliseconds fit(const BackendTraits& traits, Method method, Index J) {
+Milliseconds fit(const BackendTraits& traits, bool on_face, Method method, Index J) {
+  if (on_face) {
+    if (method == Method::march) return traits.face_march;
+    if (method == Method::contour) return traits.face_contour;
+    return method == Method::multigrid && has_coarse_grids(traits, J) ? traits.face_multigrid : nullptr;
+  }
   if (method == Method::march) return traits.march;
   if (method == Method::contour) return traits.contour;
   return method == Method::multigrid && has_coarse_grids(traits, J) ? traits.multigrid : nullptr;
@@ -26,8 +31,9 @@ Milliseconds fit(const BackendTraits& traits, Method method, Index J) {
 }  // namespace
 
 double predicted_seconds(const BackendTraits& traits, const Scene& scene, LcpClass lcp_class, Method method, Index J) {
-  const Milliseconds milliseconds = fit(traits, method, J);
-  if (!is_fitted(scene, lcp_class) || !milliseconds) return INFINITY;
+  if (!is_fitted(scene, lcp_class)) return INFINITY;
+  const Milliseconds milliseconds = fit(traits, !scene.dynamics->modes()->beside.empty(), method, J);
+  if (!milliseconds) return INFINITY;
   return 1e-3 * milliseconds(double(scene.constraints()), double(J));
 }
 

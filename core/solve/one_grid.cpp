@@ -53,7 +53,9 @@ class Run {
   void automatic(Result& result) {
     const DiscreteProblem& p = methods_.problem();
     const BackendTraits& traits = backend_.traits();
-    if (traits.one_at_a_time && p.modes() && p.scene.constraints() > largest_marched && iterate_first(result)) return;
+    if (traits.one_at_a_time && p.face().size() == 1 && p.scene.constraints() > largest_marched &&
+        iterate_first(result))
+      return;
     if (pays_in_w() && against(Method::dual).empty() && cycle_first(result)) return;
     std::string before;
     const std::vector<Method> methods = methods_by_time(traits, p.scene, p.lcp_class, p.J);

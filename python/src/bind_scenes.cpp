@@ -168,11 +168,14 @@ void bind_scenes(nb::module_& m) {
       .def(
           "set_kronecker",
           [](Model& s, std::tuple<Index, double, double> along, std::tuple<Index, double, double> across,
-             const Array1& b, const Array1& n) {
+             const Array1& b, const Array1& n, const std::vector<std::tuple<Index, double, double>>& beside) {
             const auto difference = [](const auto& d) { return std::make_from_tuple<SecondDifference>(d); };
-            s.scene.dynamics = KroneckerDynamics{difference(along), difference(across), as_vector(b), as_vector(n)};
+            KroneckerDynamics sum{difference(along), difference(across), as_vector(b), as_vector(n)};
+            for (const auto& direction : beside) sum.beside.push_back(difference(direction));
+            s.scene.dynamics = std::move(sum);
           },
-          nb::arg("along"), nb::arg("across"), nb::arg("b"), nb::arg("n"))
+          nb::arg("along"), nb::arg("across"), nb::arg("b"), nb::arg("n"),
+          nb::arg("beside") = std::vector<std::tuple<Index, double, double>>{})
       .def(
           "set_supplied",
           [](Model& s, Index states, const Sparse& B, const Sparse& N, nb::object shifted, nb::object mass,

@@ -236,7 +236,9 @@ nb::tuple dynamics_of(const Model& model) {
     const auto difference = [](const SecondDifference& s) {
       return nb::make_tuple(s.points, s.spacing, s.diffusivity);
     };
-    return nb::make_tuple("set_kronecker", difference(d->along), difference(d->across), d->b, d->n);
+    nb::list beside;
+    for (const SecondDifference& direction : d->beside) beside.append(difference(direction));
+    return nb::make_tuple("set_kronecker", difference(d->along), difference(d->across), d->b, d->n, beside);
   }
   const auto& d = get<SuppliedDynamics>(dynamics);
   const auto bound = d.bound ? std::optional(std::pair(d.bound->half_angle, d.bound->abscissa)) : std::nullopt;

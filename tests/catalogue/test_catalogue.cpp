@@ -211,8 +211,8 @@ TEST(Catalogue, ListsItsScenes) {
     EXPECT_EQ(make_scene(recipe.name).name, recipe.name);  // the defaults are valid
     for (const SceneParameter& parameter : recipe.parameters) EXPECT_FALSE(parameter.meaning.empty());
   }
-  EXPECT_EQ(names, (std::vector<std::string>{"signorini", "contact", "dlcp-small", "bridge", "nash-game", "lq-control",
-                                             "periodic-rectifier", "ph-toy", "ladder", "ladder-diodes"}));
+  EXPECT_EQ(names, (std::vector<std::string>{"signorini", "signorini3d", "contact", "dlcp-small", "bridge", "nash-game",
+                                             "lq-control", "periodic-rectifier", "ph-toy", "ladder", "ladder-diodes"}));
 }
 
 // g, A, B, N and M as the text of the scene says, at one point.

@@ -121,6 +121,10 @@ std::vector<Pair> every_kind() {
   const KroneckerDynamics k{{2, 0.3, 0.5}, {3, 0.2, 0.4}, Vector{{1, 0.5, 0}}, Vector{{-1, 0.25, 0}}};
   const SparseDynamics written = to_sparse(k);
   all.push_back({"Kronecker sum", k, {Matrix(written.A), Matrix(written.B), Matrix(written.N)}});
+  KroneckerDynamics box{{1, 0.3, 0.5}, {3, 0.2, 0.4}, Vector{{1, 0.5, 0}}, Vector{{-1, 0.25, 0}}};
+  box.beside = {{2, 0.25, 0.7}};
+  const SparseDynamics of_box = to_sparse(box);
+  all.push_back({"box", box, {Matrix(of_box.A), Matrix(of_box.B), Matrix(of_box.N)}});
   const Vector rates = Vector::LinSpaced(m, -6, -1);
   all.push_back({"of this test",
                  Dynamics(std::make_shared<Diagonal>(rates, d.B.sparseView(), d.N.sparseView())),

@@ -43,6 +43,17 @@ TEST(MethodChoice, MarchesOnAProcessorAndWhereNothingIsKnown) {
       << "fitted to class P";
 }
 
+// On a device a step of a march is bound by the start of its kernels; cycles need J / 4 steps on their third grid.
+TEST(MethodChoice, CyclesOnFacesOnADevice) {
+  const Scene small = make_scene("signorini3d", {{"Q", 15}}), large = make_scene("signorini3d", {{"Q", 63}});
+  for (const Index J : {64, 1024, int(many)})
+    EXPECT_EQ(methods_by_time(cpu_traits(), large, LcpClass::P, J).front(), Method::march);
+  EXPECT_EQ(methods_by_time(cuda_traits(), large, LcpClass::P, 1024).front(), Method::multigrid);
+  EXPECT_EQ(methods_by_time(cuda_traits(), small, LcpClass::P, 64).front(), Method::march) << "no coarser grids";
+  EXPECT_TRUE(faster_on_device(cuda_traits(), cpu_traits(), large, Method::automatic, many, false));
+  EXPECT_FALSE(faster_on_device(cuda_traits(), cpu_traits(), small, Method::automatic, 64, false));
+}
+
 TEST(MethodChoice, PredictionsGrowWithTheScene) {
   for (const Method method : {Method::march, Method::contour, Method::multigrid})
     for (const double Q : {15., 127., 511.})

@@ -62,6 +62,7 @@ inline Scene in_other_units(Scene scene, const UnitChange& u) {
     auto& d = get<KroneckerDynamics>(scene.dynamics);
     d.along.diffusivity *= time;
     d.across.diffusivity *= time;
+    for (SecondDifference& beside : d.beside) beside.diffusivity *= time;
     d.b *= time * Y[0] / X[0];
     d.n *= X[0] / W[0];
   }

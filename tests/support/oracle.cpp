@@ -138,15 +138,23 @@ DenseScene write_out(const Scene& scene) {
     s.N = sparse->N;
   } else {
     const auto& k = get<KroneckerDynamics>(scene.dynamics);
-    const Matrix lines = Matrix::Identity(k.along.points, k.along.points);
+    Matrix face = second_difference(k.along);
+    for (const SecondDifference& beside : k.beside) {
+      const Matrix next = second_difference(beside), before = face;
+      face = Eigen::kroneckerProduct(before, Matrix::Identity(next.rows(), next.rows())).eval() +
+             Eigen::kroneckerProduct(Matrix::Identity(before.rows(), before.rows()), next).eval();
+    }
+    const Matrix lines = Matrix::Identity(face.rows(), face.rows());
     const Matrix line = Matrix::Identity(k.across.points, k.across.points);
-    s.A = Eigen::kroneckerProduct(lines, second_difference(k.across)).eval() +
-          Eigen::kroneckerProduct(second_difference(k.along), line).eval();
+    s.A =
+        Eigen::kroneckerProduct(lines, second_difference(k.across)).eval() + Eigen::kroneckerProduct(face, line).eval();
     s.B = Eigen::kroneckerProduct(lines, k.b).eval();
     s.N = Eigen::kroneckerProduct(lines, k.n.transpose()).eval();
   }
   if (const auto* dense = std::get_if<Matrix>(&scene.M)) {
     s.M = *dense;
+  } else if (const SparseMatrix* sparse = sparse_of(scene.M)) {
+    s.M = Matrix(*sparse);
   } else {
     const auto& t = std::get<Tridiagonal>(scene.M);
     const Index n = t.diagonal.size();

@@ -248,7 +248,7 @@ class NaiveMarch final : public ImmediateMarch {
   MarchReport run(Array& y, Array& v) override {
     RowMatrix &Y = values(y), &V = values(v);
     const Index n = Y.cols();
-    const Matrix M = to_dense(*problem_.M), S = modal_ ? sine_matrix(n) : Matrix::Identity(n, n);
+    const Matrix M = to_dense(*problem_.M), S = modal_ ? sine_matrix_of_modes() : Matrix(Matrix::Identity(n, n));
     Matrix W(n, n);
     const auto z = recursion(weights_, &problem_);
     for (Index i = 0; i < n; ++i) W.col(i) = S * z->implicit(S.col(i));
@@ -292,6 +292,18 @@ class NaiveMarch final : public ImmediateMarch {
     ++(outcome.solved ? report.count.solved : report.count.unsolved);
     if (outcome.infeasible && problem_.lcp_class != LcpClass::P) report.infeasible = j;
     return outcome.solved;
+  }
+
+  // The Kronecker product over the directions of a face, entry by entry.
+  Matrix sine_matrix_of_modes() const {
+    Matrix S = Matrix::Ones(1, 1);
+    for (const Index n : std::get<const ModalRecurrence*>(weights_)->extents()) {
+      const Matrix outer = S, inner = sine_matrix(n);
+      S.resize(outer.rows() * n, outer.cols() * n);
+      for (Index i = 0; i < S.rows(); ++i)
+        for (Index j = 0; j < S.cols(); ++j) S(i, j) = outer(i / n, j / n) * inner(i % n, j % n);
+    }
+    return S;
   }
 
   MarchProblem problem_;
