@@ -42,24 +42,26 @@ TimeFunction spread(const SparseMatrix& F, const TimeFunction& phi) {
   };
 }
 
-LcpMatrix matrix_M(const Sections& s, Index n, Index smallest = smallest_tridiagonal) {
-  return lcp_matrix(s.complementarity.matrix("M", n, n), s.complementarity.where("M"), smallest);
+LcpMatrix matrix_M(const Sections& s, Index n) {
+  return lcp_matrix(s.complementarity.matrix("M", n, n), s.complementarity.where("M"));
 }
 
 Scene complementarity_scene(const Sections& s) {
   Scene scene;
-  Index line = 1;  // states of one constraint, of a rectangle
-  if (s.kronecker.given()) {
-    const KroneckerDynamics sum = read_rectangle(s);
-    line = sum.across.points;
-    scene.dynamics = sum;
-    scene.f_entry = SourceEntry::through_B;
-  } else {
+  if (!s.kronecker.given()) {
     scene.dynamics = read_dynamics(s);
+    scene.M = matrix_M(s, scene.constraints());
+    if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states());
+  } else {
+    const Rectangle r = read_rectangle(s);
+    scene.dynamics = r;
+    if (!r.written_out) scene.f_entry = SourceEntry::through_B;
+    const MatrixValue M = s.complementarity.matrix("M", scene.constraints(), scene.constraints());
+    const std::string where = s.complementarity.where("M");
+    scene.M = lcp_matrix(of_each_side(M, r, where), where, 1);
+    if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states(), r.across.points);
   }
-  scene.M = matrix_M(s, scene.constraints(), s.kronecker.given() ? 1 : smallest_tridiagonal);
   scene.lcp_class = lcp_class(s.complementarity);
-  if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states(), line);
   return scene;
 }
 
@@ -384,6 +386,7 @@ SceneFile parse_scene(std::string_view toml, const std::string& file_name, const
   SceneFile file;
   Draft draft = build(sections, others);
   file.scene = std::move(draft.scene);
+  if (sections.kronecker.given()) file.rectangle = read_rectangle(sections);
   if (!draft.switches.complete)
     file.warning =
         "not all times at which a source jumps or has a kink were found: its expressions switch too often; declare "
