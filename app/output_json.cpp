@@ -103,6 +103,7 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["steps"] = result.steps;
   json["iterations"] = result.iterations;
   json["cycles"] = result.cycles;
+  json["work"] = {{"convolutions", result.convolutions}, {"passes", result.passes}};  // of cycles
   json["history"] = result.history;
   json["continuous"] = result.continuous;
   json["starts_with_impulse"] = result.starts_with_impulse;

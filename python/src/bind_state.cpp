@@ -77,6 +77,7 @@ void members_of_result(const Each& each, R& r) {
       each("form", r.form);
   each("starts_with_impulse", r.starts_with_impulse), each("euler_steps", r.euler_steps), each("steps", r.steps);
   each("iterations", r.iterations), each("cycles", r.cycles), each("history", r.history);
+  each("convolutions", r.convolutions), each("passes", r.passes);
   each("lcp_solved", r.lcp.solved), each("lcp_newton", r.lcp.newton), each("lcp_fallbacks", r.lcp.fallbacks);
   each("lcp_unsolved", r.lcp.unsolved), each("bytes", r.bytes), each("bytes_predicted", r.bytes_predicted);
 }

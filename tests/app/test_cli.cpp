@@ -230,7 +230,7 @@ TEST_F(Cli, JsonIsOneObjectWithTheKeysOfTheContract) {
   const Json json = Json::parse(result.out);
   ASSERT_TRUE(json.is_object());
   for (const char* key : {"schema", "scene", "status", "infeasible_at", "method", "backend", "steps", "iterations",
-                          "cycles", "residual", "error_estimate", "lcp", "seconds", "bytes", "bytes_predicted"})
+                          "cycles", "work", "residual", "error_estimate", "lcp", "seconds", "bytes", "bytes_predicted"})
     EXPECT_TRUE(json.contains(key)) << key;
   for (const char* key : {"solved", "newton", "fallbacks"}) EXPECT_TRUE(json["lcp"].contains(key)) << key;
   for (const char* key : {"total", "setup", "solve", "lcp", "convolution", "transform", "other"})
