@@ -493,6 +493,16 @@ def gpu_solves(data):
     return lines
 
 
+def fit(data):
+    lines = ["| scene | free | errors | converged | 95 % intervals that contain the truth | Jacobian |", "|--" * 6 + "|"]
+    for name, row in data["cases"].items():
+        free = ", ".join(row["truth"])
+        inside = ", ".join(f"{parameter}: {100 * share:.1f} %" for parameter, share in row["coverage"].items())
+        kinds = ", ".join(sorted({text.split(",")[0].split(" (")[0] for text in row["derivatives"]}))
+        lines.append(f"| {name} | {free} | {row['noise']:g} | {row['converged']} of {row['seeds']} | {inside} | {kinds} |")
+    return lines
+
+
 def gpu_operations(data):
     transforms = [row for row in data["rows"] if row["part"] == "transform"]
     small = [row for row in data["rows"] if row["part"] == "small problems"]

@@ -3,6 +3,7 @@
 #include "app/fit.hpp"
 
 #include "core/base/error.hpp"
+#include "core/scene/relay.hpp"
 #include "core/solve/dense_output.hpp"
 #include "cpu/cpu_backend.hpp"
 
@@ -103,6 +104,36 @@ TEST(Fit, TakesValuesOfWAlone) {
   const Fit f = fit(of_C, {{"C", 1.5, 1e-3}}, data, *backend, on_grid());
   EXPECT_TRUE(f.converged) << f.ended;
   EXPECT_NEAR(f.p[0], 1.3, 1e-5);
+}
+
+// q'' = -k q - mu sgn q' + 1.2 cos 0.9 t: y jumps, and the Jacobian includes the switches.
+Scene friction(const Vector& p) {
+  Scene scene = relay_scene(
+      Matrix{{0, 1}, {-p[1], 0}}, Matrix{{0}, {p[0]}}, Matrix{{0, 1}},
+      [](double t, Eigen::Ref<Vector> v) { v << 0, 1.2 * std::cos(0.9 * t); }, Vector{{1, 0.3}});
+  scene.T = 8;
+  return scene;
+}
+
+TEST(Fit, FollowsSwitches) {
+  Options options;
+  options.steps = 800;
+  options.states = StateSelection::all;
+  const auto backend = make_cpu_backend(1);
+  const Result exact = solve(friction(Vector{{0.5, 2}}), *backend, options);
+  ASSERT_EQ(exact.status, Status::solved);
+  FitData data;
+  data.columns = {{ColumnKind::x, 0, "x0"}};
+  data.values.resize(20, 1);
+  for (Index k = 0; k < 20; ++k) {
+    data.t.push_back(exact.t[40 * k + 20]);
+    data.values(k, 0) = exact.x(40 * k + 20, 0);
+  }
+  const Fit f = fit(friction, {{"mu", 0.8, 1e-3}, {"k", 2.6, 1e-3}}, data, *backend, options);
+  EXPECT_TRUE(f.converged) << f.ended;
+  EXPECT_EQ(f.derivatives.find("derivative with located switches"), 0u) << f.derivatives;
+  EXPECT_NEAR(f.p[0], 0.5, 1e-4);
+  EXPECT_NEAR(f.p[1], 2, 1e-4);
 }
 
 TEST(Fit, StaysWithinBounds) {
