@@ -366,6 +366,7 @@ TEST(DualCycles, ExistOrSayWhyOnRandomScenes) {
     Random random(100 + seed);
     if (seed % 4 == 0) d.N = random.matrix(2, 4);  // zeros anywhere
     if (seed % 4 == 1) d.N.row(1) = d.N.row(0), d.B.col(1) = d.B.col(0);
+    if (seed % 4 == 2) d.N = random.matrix(2, 4);
     if (seed % 4 == 2) d.N -= d.N * d.B * (d.B.transpose() * d.B).inverse() * d.B.transpose();
     scene.dynamics = d;
     const Result found = run(scene, Method::dual, 64);
