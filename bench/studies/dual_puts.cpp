@@ -30,10 +30,10 @@ const std::vector<KnownPut>& known_puts() {
       {"put", {{"q", 0.05}, {"sigma", 0.25}}, 9.569445299, 1e-9, "published", 2000, 2000, 200},
       {"put", {}, 6.0903706, 1e-7, "published", 2000, 2000, 200},
       {"put", {{"S", 36}, {"K", 40}, {"r", 0.06}}, 4.4866744, 1e-7, "published", 2000, 2000, 200},
-      {"put", {{"dividend", 0.02}, {"dividends", 2}}, 7.5573, 1.2e-3, trees, 2000, 2000, 200},
-      {"put-on-two", {}, 11.98764, 4.3e-4, trees, 64, 60, 30},
-      {"put-on-two", {{"basket", 0.5}}, 6.7588, 1.4e-3, trees, 64, 60, 30},
-      {"put-on-two", {{"dividend", 0.02}, {"dividends", 2}}, 13.9526, 4.5e-3, trees, 64, 60, 30}};
+      {"put", {{"dividend", 0.02}, {"dividends", 2}}, 7.55751, 3.2e-4, trees, 2000, 2000, 200},
+      {"put-on-two", {}, 11.98751, 5.7e-5, trees, 64, 60, 30},
+      {"put-on-two", {{"basket", 0.5}}, 6.758345, 2e-5, trees, 64, 60, 30},
+      {"put-on-two", {{"dividend", 0.02}, {"dividends", 2}}, 13.9515, 2.2e-3, trees, 64, 60, 30}};
   return puts;
 }
 

@@ -1,5 +1,7 @@
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
+
+#include "core/scene/component_names.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/reference.hpp"
 
@@ -216,7 +218,29 @@ TEST(Catalogue, ListsItsScenes) {
     for (const SceneParameter& parameter : recipe.parameters) EXPECT_FALSE(parameter.meaning.empty());
   }
   EXPECT_EQ(names, (std::vector<std::string>{"signorini", "signorini3d", "contact", "dlcp-small", "bridge", "nash-game",
-                                             "lq-control", "periodic-rectifier", "ph-toy", "ladder", "ladder-diodes"}));
+                                             "lq-control", "periodic-rectifier", "ph-toy", "ladder", "ladder-diodes",
+                                             "put", "put-on-two"}));
+}
+
+// A applied to cash is -r; the payoff and its jumps at the dates.
+TEST(Put, IsTheSceneOfItsText) {
+  const double r = 0.05;
+  const Scene scene = make_scene("put", {{"q", 0.03}, {"points", 400}, {"dividend", 0.02}, {"dividends", 2}});
+  const SparseMatrix& A = scene.dynamics->matrices()->A;
+  const Index n = scene.states(), spot = find_state(scene, "spot");
+  const Vector cash = A * Vector::Ones(n);
+  EXPECT_NEAR(cash[spot], -r, 1e-9);
+  // The payoff jumps down in t at both dates, to K - S there.
+  Vector g(n), later(n);
+  scene.g(0.2, g);
+  scene.g(0.9, later);
+  EXPECT_EQ(scene.breakpoints, (std::vector<double>{0.25, 0.75}));
+  EXPECT_NEAR(g[spot], -(100 - 100 * 0.98 * 0.98), 1e-9);
+  EXPECT_NEAR(later[spot], 0, 1e-9);
+  EXPECT_THROW(make_scene("put", {{"dividend", 1}}), Error);
+  EXPECT_THROW(make_scene("put", {{"points", 3}}), Error);
+  EXPECT_THROW(make_scene("put-on-two", {{"rho", 1}}), Error);
+  EXPECT_THROW(make_scene("put-on-two", {{"basket", 2}}), Error);
 }
 
 // g, A, B, N and M as the text of the scene says, at one point.

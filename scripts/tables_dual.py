@@ -1,0 +1,90 @@
+"""The tables of cycles in w (`bromwich bench dual`): each takes the measurements and gives lines of markdown."""
+from evidence import machine, number, seconds
+
+
+def grids(data):
+    return [row for row in data["rows"] if "skipped" not in row and "equal_error" not in row and "put" not in row]
+
+
+def at_equal_error(data):
+    """{method: row}, the methods whose error of w is as wanted."""
+    return {row["method"]: row for row in data["rows"] if "equal_error" in row and row["error_w"] <= row["wanted"]}
+
+
+def best_dual(rows, kind):
+    return min((row for name, row in rows.items() if name.startswith("dual")), key=lambda row: row[kind]["median"])
+
+
+def times(rows, method, kind):
+    """How many times as long a method on one core takes."""
+    return rows[method][kind]["median"] / best_dual(rows, kind)[kind]["median"]
+
+
+def headline_dual(data):
+    rows = at_equal_error(data)
+    dual = best_dual(rows, "whole")
+    return [
+        f"- Contact without compliance (M = 0) on that GPU, to an error of {dual['wanted']:.0e} in w with {dual['Q']:g} points: a whole solve takes "
+        f"**{seconds(dual['whole']['median'])}**, a prepared one **{seconds(best_dual(rows, 'prepared')['prepared']['median'])}**. Marching in stages of Radau IIA on "
+        f"one core takes **{times(rows, 'march', 'whole'):.1f}** and **{times(rows, 'march', 'prepared'):.0f} times** as long, our implicit Euler, "
+        f"the faster one here, **{times(rows, 'euler', 'whole'):.1f}** and **{times(rows, 'euler', 'prepared'):.1f} times** (commit {data['commit'][:9]})."
+    ]
+
+
+def dual(data):
+    lines = ["| backend | rule | Q | J | c | eps | μ | forecast | contraction | cycles | sweeps | algebraic error of w | error of w | "
+             "algebraic error of y | error of y | plain sweeps | set-up | solve |", "|--" * 18 + "|"]  # fmt: skip
+    for row in grids(data):
+        useful = row.get("useful", {})
+        needed = row["needed"] if "needed" in row else useful  # older measurements have the stop by estimates alone
+        needed = needed or {}
+        forecast, mean = row["forecast"], row["contraction"]["mean"]
+        plain = useful.get("plain_sweeps")
+        cells = [
+            row["backend"],
+            row["rule"],
+            f"{row['Q']:g}",
+            f"{row['steps']}",
+            f"{row['c']:g}",
+            f"{row['eps']:g}",
+            f"{row['mu']:.3g}",
+            "" if forecast is None else f"{forecast:.2f}",
+            row["status"] if row["status"] != "solved" else "" if mean is None else f"{mean:.3f}",
+            f"{row['cycles']}",
+            f"{needed['sweeps']}" if needed else "more than 20",
+            number(needed.get("algebraic_error_w")),
+            number(useful.get("error_w")),
+            number(needed.get("algebraic_error_y")),
+            number(useful.get("error_y")),
+            "more than 400" if "plain_sweeps" in useful and plain is None else "" if plain is None else f"{plain}",
+            seconds(row["seconds"]["setup"]),
+            seconds(row["seconds"]["solve"]),
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    skipped = [row for row in data["rows"] if "skipped" in row]
+    sweeps = (
+        "until the true algebraic errors of w and of y are both below a tenth of their discretisation errors"
+        if any("needed" in row for row in data["rows"])
+        else "until the estimate of the algebraic error is below a tenth of that of the discretisation error"
+    )
+    return lines + [
+        "",
+        f"Sweeps: on the finest grid, {sweeps}. "
+        "Plain sweeps: without coarse grids, to the algebraic error of w that one or two cycles have. Errors are the largest over time. "
+        + (f"{len(skipped)} further grids were not run in the time of the study. " if skipped else "")
+        + f"{machine(data)}.",
+        "",
+        *("- " + note for note in data["notes"]),
+    ]
+
+
+def dual_times(data):
+    lines = ["| method | on | steps | error of w | whole | prepared |", "|--" * 6 + "|"]
+    for row in data["rows"]:
+        if "equal_error" in row:
+            lines.append(
+                f"| {row['method']} | {'one core' if row['backend'] == 'cpu' else row['backend']} | {row['steps']} | {number(row['error_w'])} | "
+                f"{seconds(row['whole']['median'])} | {seconds(row['prepared']['median'])} |"
+            )
+    size = next(row["Q"] for row in data["rows"] if "equal_error" in row)
+    return lines + ["", f"Q = {size:g}, the fewest steps, by doubling, with an error of w below 1e-04. {machine(data)}."]
