@@ -42,24 +42,25 @@ TimeFunction spread(const SparseMatrix& F, const TimeFunction& phi) {
   };
 }
 
-LcpMatrix matrix_M(const Sections& s, Index n, Index smallest = smallest_tridiagonal) {
-  return lcp_matrix(s.complementarity.matrix("M", n, n), s.complementarity.where("M"), smallest);
+LcpMatrix matrix_M(const Sections& s, Index n) {
+  return lcp_matrix(s.complementarity.matrix("M", n, n), s.complementarity.where("M"));
 }
 
 Scene complementarity_scene(const Sections& s) {
   Scene scene;
-  Index line = 1;  // states of one constraint, of a rectangle
-  if (s.kronecker.given()) {
-    const KroneckerDynamics sum = read_rectangle(s);
-    line = sum.across.points;
-    scene.dynamics = sum;
-    scene.f_entry = SourceEntry::through_B;
-  } else {
+  if (!s.kronecker.given()) {
     scene.dynamics = read_dynamics(s);
+    scene.M = matrix_M(s, scene.constraints());
+    if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states());
+  } else {
+    const Rectangle r = read_rectangle(s);
+    scene.dynamics = r;
+    if (!r.written_out) scene.f_entry = SourceEntry::through_B;
+    const MatrixValue M = s.complementarity.matrix("M", scene.constraints(), scene.constraints());
+    scene.M = lcp_matrix(of_each_side(M, r), s.complementarity.where("M"), 1);
+    if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states(), r.across.points);
   }
-  scene.M = matrix_M(s, scene.constraints(), s.kronecker.given() ? 1 : smallest_tridiagonal);
   scene.lcp_class = lcp_class(s.complementarity);
-  if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states(), line);
   return scene;
 }
 

@@ -4,7 +4,12 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
 
 namespace bromwich {
 
@@ -83,30 +88,121 @@ Dynamics read_dynamics(const Sections& s) {
                        mass ? dense_value(E, s.dynamics.where("E")) : Matrix()};
 }
 
-KroneckerDynamics read_rectangle(const Sections& s) {
-  for (const auto& [section, key] : {std::pair(&s.dynamics, "A"),
-                                     {&s.dynamics, "B"},
-                                     {&s.dynamics, "E"},
-                                     {&s.dynamics, "F"},
-                                     {&s.complementarity, "N"}})
+namespace {
+
+Index points_of(const Section& section, double count) {
+  if (count != std::floor(count) || count < 1 || count > most_points)
+    throw Error(section.where("points"), fmt::format("found {}", count),
+                fmt::format("give whole numbers from 1 to {}", most_points));
+  return Index(count);
+}
+
+/// "dirichlet", "neumann", or a number, the coefficient of a Robin condition.
+std::array<EndCondition, 2> ends_of(const Section& section, const char* key) {
+  std::array<EndCondition, 2> ends{};
+  const auto found = section.two_words_or_numbers(key, {"dirichlet", "neumann"});
+  for (std::size_t i = 0; i < 2; ++i)
+    if (const double* robin = std::get_if<double>(&found[i]))
+      ends[i] = *robin;
+    else
+      ends[i] = std::get<std::string>(found[i]) == "neumann" ? neumann : dirichlet;
+  return ends;
+}
+
+/// Values of the two directions, along and across; of a line, across alone.
+std::array<double, 2> of_directions(const Section& section, const char* key, bool line) {
+  if (!line) return section.one_or_two(key);
+  const double value = section.number(key);
+  return {value, value};
+}
+
+std::array<double, 2> spacings(const Section& section, bool line, const Rectangle& r) {
+  if (!section.has("length")) return of_directions(section, "spacing", line);
+  if (section.has("spacing")) throw Error(section.where("length"), "is given with spacing", "give one of the two");
+  const auto length = of_directions(section, "length", line);
+  return {GridLine::spacing_of(r.along.points, length[0], r.along.first, r.along.last),
+          GridLine::spacing_of(r.across.points, length[1], r.across.first, r.across.last)};
+}
+
+void require_positive_in(const Section& section, const char* key, const std::array<double, 2>& values) {
+  for (const double value : values)
+    if (!(value > 0)) throw Error(section.where(key), fmt::format("found {}", value), "give positive numbers");
+}
+
+void read_lines(const Section& section, bool line, Rectangle& r) {
+  const auto points = of_directions(section, "points", line);
+  r.across.points = points_of(section, points[1]);
+  r.along.points = line ? 1 : points_of(section, points[0]);
+  const auto along = line ? std::array{neumann, neumann} : ends_of(section, "along");
+  const auto across = ends_of(section, "across");
+  r.along.first = along[0], r.along.last = along[1];
+  r.across.first = across[0], r.across.last = across[1];
+  const auto spacing = spacings(section, line, r), diffusivity = of_directions(section, "diffusivity", line);
+  require_positive_in(section, section.has("length") ? "length" : "spacing", spacing);
+  require_positive_in(section, "diffusivity", diffusivity);
+  r.along.spacing = spacing[0], r.across.spacing = spacing[1];
+  r.along.diffusivity = diffusivity[0], r.across.diffusivity = diffusivity[1];
+  if (!section.has("advection")) return;
+  const auto advection = of_directions(section, "advection", line);
+  r.along.advection = line ? 0 : advection[0], r.across.advection = advection[1];
+}
+
+/// Errors name the key of the file.
+void validate(const Section& section, const Rectangle& r) {
+  try {
+    r.validate();
+  } catch (const Error& error) {
+    const std::string& member = error.argument();
+    const std::size_t dot = member.find('.');
+    std::string key = dot == std::string::npos ? member : member.substr(dot + 1);
+    if (key == "first" || key == "last") key = member.substr(0, dot);
+    throw Error(section.where(key), error.found(), error.remedy(), error.kind());
+  }
+}
+
+bool is_line(const Section& section) {
+  const Index dimensions = section.positive_integer("dimensions", 2);
+  if (dimensions > 2)
+    throw Error(section.where("dimensions"), fmt::format("found {}", dimensions), "give 1 (a line) or 2 (a rectangle)");
+  if (dimensions == 1 && section.has("along"))
+    throw Error(section.where("along"), "is given with dimensions = 1", "leave it out: a line has the ends `across`");
+  return dimensions == 1;
+}
+
+}  // namespace
+
+Rectangle read_rectangle(const Sections& s) {
+  for (const auto& [section, key] :
+       {std::pair(&s.dynamics, "A"), {&s.dynamics, "B"}, {&s.dynamics, "E"}, {&s.complementarity, "N"}})
     if (section->has(key))
       throw Error(section->where(key), "is given with a section [kronecker]", "leave it out: [kronecker] says it");
   const Section& section = s.kronecker;
-  const auto points = section.one_or_two("points"), spacing = section.one_or_two("spacing"),
-             diffusivity = section.one_or_two("diffusivity");
-  for (const double count : points)
-    if (count != std::floor(count) || count < 1 || count > most_points)
-      throw Error(section.where("points"), fmt::format("found {}", count),
-                  fmt::format("give whole numbers from 1 to {}", most_points));
-  for (const auto& [key, values] : {std::pair("spacing", &spacing), std::pair("diffusivity", &diffusivity)})
-    for (const double value : *values)
-      if (!(value > 0)) throw Error(section.where(key), fmt::format("found {}", value), "give positive numbers");
-  KroneckerDynamics sum;
-  sum.along = {Index(points[0]), spacing[0], diffusivity[0]};
-  sum.across = {Index(points[1]), spacing[1], diffusivity[1]};
-  sum.b = of_line(section, "b", sum.across.points);
-  sum.n = of_line(section, "n", sum.across.points);
-  return sum;
+  const bool line = is_line(section);
+  Rectangle r;
+  read_lines(section, line, r);
+  r.reaction = section.optional_number("reaction").value_or(0);
+  r.b = of_line(section, "b", r.across.points);
+  r.n = of_line(section, "n", r.across.points);
+  if (section.has("far_b") || section.has("far_n")) {
+    r.far_b = of_line(section, "far_b", r.across.points);
+    r.far_n = of_line(section, "far_n", r.across.points);
+  }
+  r.written_out = s.dynamics.has("F");
+  validate(section, r);
+  return r;
+}
+
+MatrixValue of_each_side(MatrixValue M, const Rectangle& r) {
+  const Index n = r.along.points;
+  if (r.sides() == 1 || rows(M) != n || columns(M) != n) return M;
+  const SparseMatrix one = sparse_value(M);
+  std::vector<Eigen::Triplet<double>> entries;
+  for (Index j = 0; j < n; ++j)
+    for (SparseMatrix::InnerIterator e(one, j); e; ++e)
+      for (const Index side : {Index(0), n}) entries.emplace_back(side + e.row(), side + j, e.value());
+  SparseMatrix both(2 * n, 2 * n);
+  both.setFromTriplets(entries.begin(), entries.end());
+  return both;
 }
 
 }  // namespace bromwich

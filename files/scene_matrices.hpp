@@ -1,6 +1,8 @@
 #pragma once
-// The matrices of a scene file in the form in which core stores them: dense, sparse, tridiagonal, or a Kronecker sum.
+// The matrices of a scene file in the form in which core stores them: dense, sparse, tridiagonal, or a rectangle of
+// grid points.
 
+#include "core/dynamics/rectangle.hpp"
 #include "core/scene/scene.hpp"
 #include "files/sections.hpp"
 
@@ -19,7 +21,9 @@ LcpMatrix lcp_matrix(const MatrixValue&, const std::string& where, Index smalles
 /// A, B, N and E.
 Dynamics read_dynamics(const Sections&);
 
-/// A rectangle whose first direction is along the side of the constraints.
-KroneckerDynamics read_rectangle(const Sections&);
+/// A rectangle whose first direction is along the side of the constraints, or a line.
+Rectangle read_rectangle(const Sections&);
+/// M of one side is that of both sides of a rectangle with two.
+MatrixValue of_each_side(MatrixValue M, const Rectangle&);
 
 }  // namespace bromwich

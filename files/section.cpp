@@ -179,6 +179,30 @@ std::array<double, 2> Section::one_or_two(const std::string& key) const {
   return {two[0], two[1]};
 }
 
+std::variant<std::string, double> Section::word_or_number(const toml::node& node, const std::string& key,
+                                                          const std::vector<std::string>& words) const {
+  const auto* text = node.as_string();
+  if (!text) return number(node, key);
+  if (std::find(words.begin(), words.end(), text->get()) != words.end()) return text->get();
+  if (const std::string near = suggestion(text->get(), words); !near.empty())
+    throw Error(where(node, key), "found " + kind(node) + near, "use " + join(words) + ", or a number");
+  return number(node, key);
+}
+
+std::array<std::variant<std::string, double>, 2> Section::two_words_or_numbers(
+    const std::string& key, const std::vector<std::string>& words) const {
+  if (!has(key)) return {words.front(), words.front()};
+  const toml::array* list = require(key).as_array();
+  if (!list) {
+    const auto both = word_or_number(require(key), key, words);
+    return {both, both};
+  }
+  if (list->size() != 2)
+    throw Error(where(key), fmt::format("has {} entries", list->size()),
+                "give one for both ends, or two, of " + join(words) + " and numbers");
+  return {word_or_number((*list)[0], key, words), word_or_number((*list)[1], key, words)};
+}
+
 std::vector<std::string> Section::texts(const std::string& key, Index size) const {
   if (!has(key)) return {};
   const std::string remedy = fmt::format("give a list of {} texts in quotes", size);

@@ -12,6 +12,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 namespace bromwich {
@@ -55,6 +56,9 @@ class Section {
   Vector vector(const std::string& key, Index size = 0, Index line = 1) const;
   /// One number, or two.
   std::array<double, 2> one_or_two(const std::string& key) const;
+  /// Two of `words`, numbers or expressions, or one for both; the first word if the key is missing.
+  std::array<std::variant<std::string, double>, 2> two_words_or_numbers(const std::string& key,
+                                                                        const std::vector<std::string>& words) const;
   /// Unknown entries, "" or nan, are NaN; empty if the key is missing.
   std::vector<double> partly_known(const std::string& key) const;
   /// Texts, or one for all of `size` entries; empty if the key is missing.
@@ -75,6 +79,8 @@ class Section {
   std::string place(const toml::source_region& source) const;
   std::string where(const toml::node& node, const std::string& key) const;
   double number(const toml::node& node, const std::string& key) const;
+  std::variant<std::string, double> word_or_number(const toml::node& node, const std::string& key,
+                                                   const std::vector<std::string>& words) const;
   std::vector<std::string> texts_in_time(const std::string& key, Index size) const;
   std::string of_entry(const std::string& key, Index i, std::optional<Index> j = {}) const;
   const std::string* single_text(const std::string& key) const;

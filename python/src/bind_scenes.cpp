@@ -2,6 +2,7 @@
 
 #include "arrays.hpp"
 #include "core/base/error.hpp"
+#include "core/dynamics/rectangle.hpp"
 #include "core/scene/relay.hpp"
 #include "dynamics.hpp"
 #include "files/scene_file.hpp"
@@ -26,6 +27,9 @@ namespace bromwich::python {
 namespace {
 
 using Sparse = std::tuple<Index, Index, Array1, Indices, Indices>;  // rows, columns, values, row of each, starts
+
+/// points, spacing, diffusivity, advection, and the two ends of a line of grid points.
+using Line = std::tuple<Index, double, double, double, std::optional<double>, std::optional<double>>;
 
 SparseMatrix matrix(const Sparse& s) {
   return std::apply([](Index rows, Index cols, const auto&... parts) { return as_sparse(rows, cols, parts...); }, s);
@@ -173,6 +177,23 @@ void bind_scenes(nb::module_& m) {
             s.scene.dynamics = KroneckerDynamics{difference(along), difference(across), as_vector(b), as_vector(n)};
           },
           nb::arg("along"), nb::arg("across"), nb::arg("b"), nb::arg("n"))
+      .def(
+          "set_rectangle",
+          [](Model& s, const Line& along, const Line& across, double reaction, const Array1& b, const Array1& n,
+             const Array1& far_b, const Array1& far_n) {
+            s.scene.dynamics = Rectangle{
+                .along = std::make_from_tuple<GridLine>(along),
+                .across = std::make_from_tuple<GridLine>(across),
+                .reaction = reaction,
+                .b = as_vector(b),
+                .n = as_vector(n),
+                .far_b = as_vector(far_b),
+                .far_n = as_vector(far_n),
+                .written_out = true,
+            };
+          },
+          nb::arg("along"), nb::arg("across"), nb::arg("reaction"), nb::arg("b"), nb::arg("n"), nb::arg("far_b"),
+          nb::arg("far_n"))
       .def(
           "set_supplied",
           [](Model& s, Index states, const Sparse& B, const Sparse& N, nb::object shifted, nb::object mass,

@@ -181,6 +181,55 @@ def test_kronecker_is_what_signorini_is(Q15):
         bromwich.Scene(dynamics=kronecker, M=np.eye(15), f=1.0, x0=0, T=1)
 
 
+def line_of_points(points, dx, c, v, first, last):
+    """c u'' - v u' with u = first u_1 and last u_points beyond the ends."""
+    before, after = c / dx**2 + v / (2 * dx), c / dx**2 - v / (2 * dx)
+    D = before * np.eye(points, k=-1) - 2 * c / dx**2 * np.eye(points) + after * np.eye(points, k=1)
+    D[0, 0] += first * before
+    D[-1, -1] += last * after
+    return D
+
+
+def test_rectangles_with_ends_of_their_own():
+    P, Q, c, dx, loss = 4, 3, 0.2, 0.25, 1.5
+    dy = bromwich.Kronecker.spacing(Q, 1, ("dirichlet", "neumann"))
+    assert dy == pytest.approx(1 / 3.5)
+    near, far = np.eye(Q)[0], np.eye(Q)[-1]
+    reflected = (1 - loss * dx / 2) / (1 + loss * dx / 2)
+    along, across = line_of_points(P, dx, c, 0.8, 1, reflected), line_of_points(Q, dy, c, 0, 0, 1)
+    matrices = {
+        "A": np.kron(np.eye(P), across) + np.kron(along, np.eye(Q)) - 0.5 * np.eye(P * Q),
+        "B": np.hstack([np.kron(np.eye(P), near[:, None]), np.kron(np.eye(P), 2 * far[:, None])]),
+        "N": np.vstack([np.kron(np.eye(P), -near), np.kron(np.eye(P), -far)]),
+    }
+    rest = {"M": np.eye(2 * P), "g": lambda t: [np.sin(3 * t + i) for i in range(2 * P)], "x0": 0.3, "T": 2}
+    sides = {"b": near, "n": -near, "far_b": 2 * near, "far_n": -near}
+    sides |= {"ends_along": ("neumann", loss), "ends_across": ("dirichlet", "neumann"), "reaction": 0.5}
+
+    def rectangle(v):
+        return bromwich.Kronecker((P, dx, c), (Q, dy, c), advection=(v, 0), **sides)
+
+    for method in ("march", "contour"):
+        known = bromwich.solve(**matrices, **rest, steps=100, method=method)
+        found = bromwich.solve(dynamics=rectangle(0.8), **rest, steps=100, method=method)
+        assert known.y.max() > 0.1
+        np.testing.assert_allclose(found.y, known.y, atol=1e-12)
+    with pytest.raises(bromwich.Error, match=r"along.advection: is -2, and central differences oscillate from 1.6"):
+        bromwich.Scene(dynamics=rectangle(-2), **rest)
+    with pytest.raises(bromwich.Error, match="ends_along: found 'neuman'; use 'dirichlet', 'neumann' or a number"):
+        bromwich.Kronecker((P, dx, c), (Q, dy, c), near, near, ends_along="neuman")
+    with pytest.raises(bromwich.Error, match="far_n: is missing"):
+        bromwich.Kronecker((P, dx, c), (Q, dy, c), near, near, far_b=near)
+
+
+def test_lines_of_points():
+    line = bromwich.Kronecker(None, (5, 0.5, 2.0), [1, 0, 0, 0, 0], [1, 0, 0, 0, 0], advection=1, ends_across="neumann")
+    rest = {"M": 1, "x0": np.arange(5.0), "g": lambda t: [np.sin(3 * t) - 1], "T": 1}
+    A = line_of_points(5, 0.5, 2, 1, 1, 1)
+    known = bromwich.solve(A=A, B=np.eye(5)[0], N=np.eye(5)[0], **rest, f=np.ones(5), steps=64)
+    np.testing.assert_allclose(bromwich.solve(dynamics=line, **rest, f=np.ones(5), steps=64).y, known.y, atol=1e-13)
+
+
 def test_files(tmp_path):
     file = tmp_path / "rlcd.toml"
     file.write_text(

@@ -1,0 +1,138 @@
+// Rectangles of grid points, as a Kronecker sum in sine modes or written out.
+//
+// A point beyond the end has the value of the last point times the reflection q: 0 (Dirichlet), or
+// (1 - a dx/2)/(1 + a dx/2) (Robin, from u and du/dn halfway between the two points).
+
+#include "core/dynamics/rectangle.hpp"
+
+#include "core/base/require.hpp"
+#include "core/dynamics/kronecker.hpp"
+#include "core/dynamics/sparse.hpp"
+
+#include <cmath>
+#include <vector>
+
+namespace bromwich {
+
+namespace {
+
+double reflection(EndCondition end, double spacing) {
+  return end ? (1 - *end * spacing / 2) / (1 + *end * spacing / 2) : 0;
+}
+
+void validate_end(const std::string& member, EndCondition end) {
+  if (end && !(*end >= 0 && std::isfinite(*end)))
+    throw Error(member, "is " + text("%g", *end), "give a Robin coefficient of at least 0 (0: Neumann)");
+}
+
+void validate_line(const std::string& member, const GridLine& line) {
+  require_some(member + ".points", line.points, "points");
+  require_positive(member + ".spacing", line.spacing);
+  require_positive(member + ".diffusivity", line.diffusivity);
+  validate_end(member + ".first", line.first);
+  validate_end(member + ".last", line.last);
+  const double most = 2 * line.diffusivity / line.spacing;
+  if (!(std::abs(line.advection) < most))
+    throw Error(member + ".advection",
+                "is " + text("%g", line.advection) + ", and central differences oscillate from " + text("%.3g", most),
+                "make the spacing smaller than 2 diffusivity / |advection|, or the advection slower");
+}
+
+void validate_side(const std::string& member, const Vector& found, Index points) {
+  require_length(member, found, points, "one per point of a line (across.points)");
+  require_finite(member, found);
+}
+
+// One of the two parts of B or N: `values` from the first point on, or from the last one.
+void add_side(std::vector<Eigen::Triplet<double>>& entries, const Rectangle& r, const Vector& values, bool far) {
+  const Index lines = r.along.points, points = r.across.points;
+  for (Index l = 0; l < lines; ++l)
+    for (Index k = 0; k < values.size(); ++k)
+      if (values[k] != 0)
+        entries.emplace_back(l * points + (far ? points - 1 - k : k), (far ? lines : 0) + l, values[k]);
+}
+
+SparseMatrix of_sides(const Rectangle& r, const Vector& near, const Vector& far) {
+  std::vector<Eigen::Triplet<double>> entries;
+  add_side(entries, r, near, false);
+  add_side(entries, r, far, true);
+  SparseMatrix found(r.along.points * r.across.points, r.sides() * r.along.points);
+  found.setFromTriplets(entries.begin(), entries.end());
+  return found;
+}
+
+SparseMatrix sum_of(const Rectangle& r) {
+  const SparseMatrix along = r.along.matrix(), across = r.across.matrix();
+  const Index lines = r.along.points, points = r.across.points;
+  std::vector<Eigen::Triplet<double>> entries;
+  entries.reserve(std::size_t(6 * lines * points));
+  for (Index l = 0; l < lines; ++l)
+    for (Index k = 0; k < points; ++k) {
+      const Index column = l * points + k;
+      for (SparseMatrix::InnerIterator e(across, k); e; ++e)
+        entries.emplace_back(l * points + e.row(), column, e.value());
+      for (SparseMatrix::InnerIterator e(along, l); e; ++e)
+        entries.emplace_back(e.row() * points + k, column, e.value());
+      if (r.reaction != 0) entries.emplace_back(column, column, -r.reaction);
+    }
+  SparseMatrix A(lines * points, lines * points);
+  A.setFromTriplets(entries.begin(), entries.end());
+  return A;
+}
+
+}  // namespace
+
+double GridLine::spacing_of(Index points, double length, EndCondition first, EndCondition last) {
+  return length / (double(points + 1) - 0.5 * double(first.has_value()) - 0.5 * double(last.has_value()));
+}
+
+SparseMatrix GridLine::matrix() const {
+  const double second = diffusivity / (spacing * spacing), half = advection / (2 * spacing);
+  const double before = second + half, after = second - half;  // the entries of the points on either side
+  std::vector<Eigen::Triplet<double>> entries;
+  for (Index i = 0; i < points; ++i) {
+    double diagonal = -2 * second;
+    if (i > 0)
+      entries.emplace_back(i, i - 1, before);
+    else
+      diagonal += before * reflection(first, spacing);
+    if (i + 1 < points)
+      entries.emplace_back(i, i + 1, after);
+    else
+      diagonal += after * reflection(last, spacing);
+    entries.emplace_back(i, i, diagonal);
+  }
+  SparseMatrix found(points, points);
+  found.setFromTriplets(entries.begin(), entries.end());
+  return found;
+}
+
+bool Rectangle::in_sine_modes() const {
+  const auto sine = [](const GridLine& line) { return line.advection == 0 && !line.first && !line.last; };
+  return sine(along) && sine(across) && reaction == 0 && sides() == 1;
+}
+
+void Rectangle::validate() const {
+  validate_line("along", along);
+  validate_line("across", across);
+  if (!std::isfinite(reaction)) throw Error("reaction", "is " + text("%g", reaction), "give a finite number");
+  validate_side("b", b, across.points);
+  validate_side("n", n, across.points);
+  if (far_b.size() == 0 && far_n.size() == 0) return;
+  validate_side("far_b", far_b, across.points);
+  validate_side("far_n", far_n, across.points);
+}
+
+std::shared_ptr<LinearSystem> linear_system(Rectangle r) {
+  r.validate();
+  if (!r.written_out && r.in_sine_modes()) {
+    const auto sine = [](const GridLine& line) {
+      return SecondDifference{line.points, line.spacing, line.diffusivity};
+    };
+    return linear_system(KroneckerDynamics{sine(r.along), sine(r.across), r.b, r.n});
+  }
+  return linear_system(SparseDynamics{sum_of(r), of_sides(r, r.b, r.far_b),
+                                      SparseMatrix(of_sides(r, r.n, r.far_n).transpose()), SparseMatrix()});
+}
+
+}  // namespace bromwich

@@ -1,0 +1,54 @@
+#pragma once
+// Diffusion, reaction and constant advection on a line or a rectangle of grid points, for scenes of one's own.
+
+#include "linear_system.hpp"
+
+#include <array>
+#include <optional>
+
+namespace bromwich {
+
+/// Condition on u at one end of a grid line.
+/// Dirichlet (no value): u = 0 at the distance of one spacing from the last point.
+/// Robin (a value a >= 0, 1/length): du/dn = -a u at the distance of half a spacing; Neumann: a = 0.
+using EndCondition = std::optional<double>;
+inline constexpr EndCondition dirichlet = std::nullopt;
+inline constexpr EndCondition neumann = 0.0;
+
+/// c u'' - v u' on equally spaced points, by central differences of second order.
+struct GridLine {
+  Index points = 0;
+  double spacing = 0;      ///< dx
+  double diffusivity = 0;  ///< c
+  double advection = 0;    ///< v, positive from the first point to the last; |v| dx < 2 c
+  EndCondition first = dirichlet, last = dirichlet;
+
+  /// The spacing of `points` on a line of this length, from end to end.
+  static double spacing_of(Index points, double length, EndCondition first, EndCondition last);
+  /// points x points, tridiagonal.
+  SparseMatrix matrix() const;
+};
+
+/// x' = (I ⊗ across + along ⊗ I - reaction I) x + B y, w = N x + ...: state index = line * across.points + position.
+/// The first constraints sit on the side of the first points of `across`, one per grid line; then come those on the
+/// opposite side, if there are any. A line: one point along, Neumann at both its ends.
+struct Rectangle {
+  GridLine along;       ///< along the constrained sides
+  GridLine across;      ///< of one grid line; `first` is what holds on the constrained side where y = 0
+  double reaction = 0;  ///< r, 1/time
+  Vector b, n;          ///< across.points: how y of a line drives its points, and what the constraint sees of them
+  Vector far_b, far_n;  ///< the same of the opposite side, counted from there; empty: no constraints there
+
+  bool written_out = false;  ///< as matrices in any case: F and sources of single states need them
+
+  Index sides() const { return far_b.size() > 0 ? 2 : 1; }
+  /// The sine modes of a KroneckerDynamics diagonalise it: Dirichlet ends, diffusion alone, constraints on one side.
+  bool in_sine_modes() const;
+  /// Throws Error naming the first member whose value is wrong.
+  void validate() const;
+};
+
+/// KroneckerDynamics where sine modes diagonalise the rectangle, SparseDynamics otherwise. Validates.
+std::shared_ptr<LinearSystem> linear_system(Rectangle);
+
+}  // namespace bromwich
