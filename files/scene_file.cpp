@@ -57,7 +57,8 @@ Scene complementarity_scene(const Sections& s) {
     scene.dynamics = r;
     if (!r.written_out) scene.f_entry = SourceEntry::through_B;
     const MatrixValue M = s.complementarity.matrix("M", scene.constraints(), scene.constraints());
-    scene.M = lcp_matrix(of_each_side(M, r), s.complementarity.where("M"), 1);
+    const std::string where = s.complementarity.where("M");
+    scene.M = lcp_matrix(of_each_side(M, r, where), where, 1);
     if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states(), r.across.points);
   }
   scene.lcp_class = lcp_class(s.complementarity);

@@ -192,9 +192,12 @@ Rectangle read_rectangle(const Sections& s) {
   return r;
 }
 
-MatrixValue of_each_side(MatrixValue M, const Rectangle& r) {
+MatrixValue of_each_side(MatrixValue M, const Rectangle& r, const std::string& where) {
   const Index n = r.along.points;
-  if (r.sides() == 1 || rows(M) != n || columns(M) != n) return M;
+  if (r.sides() == 1 || rows(M) == 2 * n) return M;
+  if (rows(M) != n || columns(M) != n)
+    throw Error(where, fmt::format("is {} x {}", rows(M), columns(M)),
+                fmt::format("make it {} x {} for each of the two sides, or {} x {}", n, n, 2 * n, 2 * n));
   const SparseMatrix one = sparse_value(M);
   std::vector<Eigen::Triplet<double>> entries;
   for (Index j = 0; j < n; ++j)

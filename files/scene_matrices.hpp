@@ -24,6 +24,6 @@ Dynamics read_dynamics(const Sections&);
 /// A rectangle whose first direction is along the side of the constraints, or a line.
 Rectangle read_rectangle(const Sections&);
 /// M of one side is that of both sides of a rectangle with two.
-MatrixValue of_each_side(MatrixValue M, const Rectangle&);
+MatrixValue of_each_side(MatrixValue M, const Rectangle&, const std::string& where);
 
 }  // namespace bromwich

@@ -1,6 +1,7 @@
 #include "core/batch/lane_march.hpp"
 
 #include "core/kernel/closed_loop.hpp"
+#include "core/kernel/resolution.hpp"
 #include "core/kernel/weight_check.hpp"
 #include "core/numerics/sectorial.hpp"
 #include "core/numerics/step_propagator.hpp"
@@ -21,19 +22,6 @@ constexpr std::size_t most_parts = 200;     ///< with maps of their own
 constexpr double followed_sources = 0.01;   ///< error of parts above which a result has a warning
 constexpr double known_weights = 1e-7;      ///< error of weights, a tenth of what a solve accepts
 constexpr double rounding_of_time = 1e-11;  ///< eps T |A| from which the rounding of e^{hA} is looked at
-
-// The matrix of the state while S is active; none where a single solve has none (core/kernel/resolution.cpp).
-std::optional<Matrix> matrix_while(const LanePlan& p, const std::vector<Index>& S) {
-  constexpr double regular = 1e-12;
-  if (S.empty()) return p.A;
-  const Matrix B = p.B(Eigen::all, S), N = p.N(S, Eigen::all), M = p.M(S, S), NB = N * B;
-  const Eigen::FullPivLU<Matrix> lu(M);
-  if (lu.isInvertible() && lu.rcond() > regular) return Matrix(p.A - B * lu.solve(N));
-  const Eigen::FullPivLU<Matrix> velocity(NB);
-  if (M.isZero(0) && velocity.isInvertible() && velocity.rcond() > regular)
-    return Matrix(p.A - B * velocity.solve(N * p.A));
-  return std::nullopt;
-}
 
 std::unique_ptr<ActiveSetTable> problem_of(const LanePlan& p, const Matrix& matrix) {
   return std::make_unique<ActiveSetTable>(matrix, p.least_elements ? &p.M : nullptr);
@@ -77,7 +65,7 @@ bool LanePlan::oscillates(unsigned set) const {
   const std::lock_guard lock(mutex_);
   if (const auto found = oscillating_.find(set); found != oscillating_.end()) return found->second;
   bool yes = false;
-  if (const auto closed = matrix_while(*this, members(set, n)); closed && closed->allFinite()) {
+  if (const auto closed = closed_matrix(A, B, N, M, members(set, n)); closed && closed->allFinite()) {
     const Matrix b = balanced(*closed).A;
     if (0.5 * h * (b - b.transpose()).cwiseAbs().rowwise().sum().maxCoeff() > margin) {
       const Eigen::EigenSolver<Matrix> eigen(b, false);

@@ -42,29 +42,17 @@ std::map<std::vector<Index>, Phase> phases(const RowMatrix& y) {
   return found;
 }
 
-// The matrix of the state while S is active; none if neither M_SS nor (N B)_SS is nonsingular.
-std::optional<Matrix> closed_matrix(const DiscreteProblem& p, const std::vector<Index>& S) {
-  constexpr double regular = 1e-12;
-  const DenseDynamics& d = *p.small_state();
-  if (S.empty()) return d.A;
-  const Matrix B = d.B(Eigen::all, S), N = d.N(S, Eigen::all), M = to_dense(p.scene.M)(S, S), NB = N * B;
-  const Eigen::FullPivLU<Matrix> lu(M);
-  if (lu.isInvertible() && lu.rcond() > regular) return Matrix(d.A - B * lu.solve(N));
-  const Eigen::FullPivLU<Matrix> velocity(NB);
-  if (M.isZero(0) && velocity.isInvertible() && velocity.rcond() > regular)
-    return Matrix(d.A - B * velocity.solve(N * d.A));
-  return std::nullopt;
-}
-
 // The fastest mode of any phase that `counts` accepts and whose amplitude in the states exceeds `least_amplitude`.
 std::optional<Complex> fastest(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x, double least_amplitude,
                                const std::function<bool(Complex z, Index steps)>& counts) {
   const Vector scale = x.cwiseAbs().colwise().maxCoeff().transpose();
   if (!x.allFinite() || !(scale.maxCoeff() > 0)) return std::nullopt;
   const Vector D = scale.cwiseMax(1e-8 * scale.maxCoeff());
+  const DenseDynamics& d = *p.small_state();
+  const Matrix M = to_dense(p.scene.M);
   std::optional<Complex> found;
   for (const auto& [S, phase] : phases(y)) {
-    const std::optional<Matrix> closed = closed_matrix(p, S);
+    const std::optional<Matrix> closed = closed_matrix(d.A, d.B, d.N, M, S);
     if (!closed || !closed->allFinite()) continue;
     const Matrix scaled = D.cwiseInverse().asDiagonal() * *closed * D.asDiagonal();
     const auto counting = [&, steps = phase.longest](const ComplexVector& lambda) {
@@ -96,6 +84,19 @@ std::optional<Complex> fastest(const DiscreteProblem& p, const RowMatrix& y, con
 }
 
 }  // namespace
+
+std::optional<Matrix> closed_matrix(const Matrix& A, const Matrix& B, const Matrix& N, const Matrix& M,
+                                    const std::vector<Index>& S) {
+  constexpr double regular = 1e-12;
+  if (S.empty()) return A;
+  const Matrix B_S = B(Eigen::all, S), N_S = N(S, Eigen::all), M_S = M(S, S);
+  const Eigen::FullPivLU<Matrix> lu(M_S);
+  if (lu.isInvertible() && lu.rcond() > regular) return Matrix(A - B_S * lu.solve(N_S));
+  const Eigen::FullPivLU<Matrix> velocity(N_S * B_S);
+  if (M_S.isZero(0) && velocity.isInvertible() && velocity.rcond() > regular)
+    return Matrix(A - B_S * velocity.solve(N_S * A));
+  return std::nullopt;
+}
 
 std::optional<Complex> unresolved_growth(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x) {
   return fastest(p, y, x, 1e-6, [](Complex z, Index steps) {

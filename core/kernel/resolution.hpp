@@ -7,13 +7,18 @@
 
 #include <functional>
 #include <optional>
+#include <vector>
 
 namespace bromwich {
 
+/// The matrix of the state of dense dynamics while the set S of y is active, A - B_S M_SS^{-1} N_S, or A restricted by
+/// the constraints N_S x = const; none if neither M_SS nor (N B)_SS is nonsingular.
+std::optional<Matrix> closed_matrix(const Matrix& A, const Matrix& B, const Matrix& N, const Matrix& M,
+                                    const std::vector<Index>& S);
+
 /// The eigenvalue lambda (1/time) of the fastest mode contained in the states x that grows noticeably while its active
-/// set lasts and has h |lambda| > 1/2. Modes of A and of the closed loops of the active sets of y are tested:
-/// A - B_S M_SS^{-1} N_S, or A restricted by the constraints N_S x = const if (N B)_SS is nonsingular. Dense dynamics
-/// with few states.
+/// set lasts and has h |lambda| > 1/2. Modes of A and of the closed matrices of the active sets of y are tested. Dense
+/// dynamics with few states.
 std::optional<Complex> unresolved_growth(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x);
 
 /// lambda of the fastest weakly damped oscillation of these modes that makes up at least a tenth of the state, and of

@@ -160,12 +160,17 @@ TEST_F(Bench, DualContractsAndAgreesWithImplicitEuler) {
     // A device may leave too few cycles to measure a ratio, and 64 steps too few grids for the estimates.
     if (row["contraction"]["mean"].is_number()) {
       EXPECT_LE(row["contraction"]["mean"], row["rule"] == "euler" ? 0.2 : 0.3) << row;
-      if (row["forecast"].is_number())
+      if (row["forecast"].is_number()) {
         EXPECT_LE(row["contraction"]["mean"], 1.5 * row["forecast"].get<double>()) << row;
+      }
     }
-    if (row["backend"] == "cpu") EXPECT_LE(row["useful"]["sweeps"], 20) << row;
+    if (row["backend"] == "cpu") {
+      EXPECT_LE(row["useful"]["sweeps"], 20) << row;
+    }
     // w to 1e-12 relative to 1, V_0 below 1e2.
-    if (row["backend"] == "cpu" && row["rule"] == "euler") EXPECT_LE(row["difference_from_euler"], 2e-10) << row;
+    if (row["backend"] == "cpu" && row["rule"] == "euler") {
+      EXPECT_LE(row["difference_from_euler"], 2e-10) << row;
+    }
   }
 }
 
@@ -190,20 +195,33 @@ TEST_F(Bench, GalerkinFindsItsOrders) {
     if (part == "order" && row["method"] == "galerkin" && row["scene"] == "bridge")
       for (const auto& [norm, order] : row["order"].items())
         if (!order.is_null()) orders[row["grid"]][norm] = order;  // null: exact on every grid
-    if (part == "convergence" && row["method"] == "galerkin") EXPECT_TRUE(row["solved"]) << row;
+    if (part == "convergence" && row["method"] == "galerkin") {
+      EXPECT_TRUE(row["solved"]) << row;
+    }
     // The best piecewise-linear y is closer than the continuous one, which is closer than the constant one.
     if (part == "projection") {
       EXPECT_LE(row["discontinuous"], row["continuous"]) << row;
       EXPECT_LT(row["continuous"], row["constant"]) << row;
     }
-    if (part == "ratio") EXPECT_GT(row["x_at_T"], 100) << row;  // 49 h = 1 here; 2000 at h = 1e-3
-    if (part == "cost") EXPECT_EQ(row["status"], "solved") << row;
-    if (part == "periodic") EXPECT_LE(row["boundary_residual"], 1e-12) << row;
-    if (part == "periodic" && row["steps"] == 6400) EXPECT_LE(row["difference"], 1e-5) << row;
+    if (part == "ratio") {
+      EXPECT_GT(row["x_at_T"], 100) << row;  // 49 h = 1 here; 2000 at h = 1e-3
+    }
+    if (part == "cost") {
+      EXPECT_EQ(row["status"], "solved") << row;
+    }
+    if (part == "periodic") {
+      EXPECT_LE(row["boundary_residual"], 1e-12) << row;
+    }
+    if (part == "periodic" && row["steps"] == 6400) {
+      EXPECT_LE(row["difference"], 1e-5) << row;
+    }
     // Monotone, with 0.1 from M + 0.1 I alone; the matrix that the paper prints makes it indefinite at T = 1.
-    if (part == "eigenvalue" && row["scene"] == "nash-game" && !row["as_printed"])
+    if (part == "eigenvalue" && row["scene"] == "nash-game" && !row["as_printed"]) {
       EXPECT_NEAR(row["smallest"], 0.1, 1e-6) << row;
-    if (part == "eigenvalue" && row["as_printed"] && row["T"] == 1.0) EXPECT_LT(row["smallest"], -0.1) << row;
+    }
+    if (part == "eigenvalue" && row["as_printed"] && row["T"] == 1.0) {
+      EXPECT_LT(row["smallest"], -0.1) << row;
+    }
   }
   ASSERT_TRUE(orders["kinks on nodes"].contains("x_at_T"));
   for (const auto& [norm, order] : orders["kinks on nodes"]) EXPECT_GE(order, 1.9) << norm;
@@ -217,7 +235,9 @@ TEST_F(Bench, PaperFindsWhatItsFiguresShow) {
   for (const char* figure : {"4.1", "4.3 left", "4.3 right", "4.4", "4.6 left", "4.6 right"})
     EXPECT_GT(figures[figure], 0) << figure;
   for (const Json& row : json["rows"])
-    if (row["figure"] == "4.6 right") EXPECT_GT(row["sweeps_to_1e-12"], row["sweeps_to_tolerance"]) << row;
+    if (row["figure"] == "4.6 right") {
+      EXPECT_GT(row["sweeps_to_1e-12"], row["sweeps_to_tolerance"]) << row;
+    }
 }
 
 TEST_F(Bench, SpeedVsErrorRefusesWhatHasNoScene) {
@@ -255,9 +275,9 @@ TEST_F(Bench, StabilityKnowsTheTruthOfEveryCase) {
     const std::string verdict = row["verdict"];
     // A result that says solved is right; others have a reason.
     EXPECT_NE(verdict, "wrong") << row;
-    if (verdict == "refused")
+    if (verdict == "refused") {
       EXPECT_NE(row["reason"], "") << row;
-    else
+    } else
       EXPECT_LE(row["error_x"], 3 * double(row["tolerance"])) << row;
     for (const char* key : {"estimate", "seconds", "euler", "reference", "steps"})
       EXPECT_TRUE(row.contains(key)) << key;

@@ -94,7 +94,9 @@ TEST_F(CliFaults, ClosedStreams) {
     const auto lines = split(read(folder_ / "y.csv"), '\n');
     ASSERT_EQ(lines.size(), 10u) << closed;
     EXPECT_EQ(lines[0], "t,y0,x0");
-    if (!contains(closed, "2>")) EXPECT_TRUE(contains(outcome.err, "standard output")) << outcome.err;
+    if (!contains(closed, "2>")) {
+      EXPECT_TRUE(contains(outcome.err, "standard output")) << outcome.err;
+    }
     fs::remove(folder_ / "y.csv");
   }
   EXPECT_EQ(run("solve decay.toml --json", "sh -c '\"$0\" \"$@\" 2>&-'").exit_code, 0);
@@ -131,7 +133,9 @@ TEST_F(CliFaults, AKilledRunLeavesNothing) {
       const std::string name = entry.path().filename();
       EXPECT_TRUE(name == "decay.toml" || name == "y.csv") << name;
     }
-    if (fs::exists(folder_ / "y.csv")) EXPECT_TRUE(read(folder_ / "y.csv").ends_with('\n'));
+    if (fs::exists(folder_ / "y.csv")) {
+      EXPECT_TRUE(read(folder_ / "y.csv").ends_with('\n'));
+    }
   }
 }
 

@@ -153,7 +153,9 @@ TEST_P(BackendLcp, BatchesBetweenSineTransforms) {
         const auto S = backend->sine_transform(n, rows);
         const auto lcp = backend->shifted_lcp(c.M, c.lcp_class, c.D, rows);
         const auto other = backend->shifted_lcp(c.M, c.lcp_class, c.D, rows);
-        if (backend->name() == "cuda") EXPECT_TRUE(lcp->submit_in_modes) << n << ' ' << rows;
+        if (backend->name() == "cuda") {
+          EXPECT_TRUE(lcp->submit_in_modes) << n << ' ' << rows;
+        }
         if (!lcp->submit_in_modes) continue;
         Random random{std::uint32_t(n + rows)};
         RowMatrix q = random.matrix(rows, n);

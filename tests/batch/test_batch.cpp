@@ -90,9 +90,9 @@ BatchResult expect_as_single(const Batch& batch, const Options& options, const s
     EXPECT_LE(apart(found.of(found.y, k), one.y), same) << where;
     EXPECT_LE(apart(found.of(found.x, k), one.x), same) << where;
     EXPECT_LE(apart(found.of(found.w, k), slack(scene, one)), same) << where;
-    if (std::isnan(one.residual))
+    if (std::isnan(one.residual)) {
       EXPECT_TRUE(std::isnan(found.residual[k])) << where;
-    else
+    } else
       EXPECT_NEAR(found.residual[k], one.residual, same) << where;
   }
   return found;

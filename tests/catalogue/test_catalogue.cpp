@@ -115,8 +115,12 @@ TEST(LqControl, ExactSolutionSolvesTheProblem) {
         const auto [x, y] = exact(scene, place);
         cost += (to - from) / 6 * weight * std::pow(-x[3] - y[0] + y[1], 2) / 2;
       }
-    if (bound == 5) EXPECT_NEAR(cost, 6.045027756, 1e-8);  // to the printed digits
-    if (bound == 8) EXPECT_NEAR(cost, 6, 1e-14);
+    if (bound == 5) {
+      EXPECT_NEAR(cost, 6.045027756, 1e-8);
+    }  // to the printed digits
+    if (bound == 8) {
+      EXPECT_NEAR(cost, 6, 1e-14);
+    }
   }
 }
 

@@ -139,9 +139,9 @@ TEST(SolutionDerivative, WVanishesWhereYActs) {
   const SolutionChange d = SolutionDerivative(scene, r).jvp(drawn_change(3, 4, 3));
   for (Index j = 0; j <= J; ++j)
     for (Index i = 0; i < 3; ++i) {
-      if (r.y(j, i) > 0)
+      if (r.y(j, i) > 0) {
         EXPECT_NEAR(d.w(j, i), 0, 1e-12 * (1 + d.w.row(j).norm() + d.y.row(j).norm()));
-      else
+      } else
         EXPECT_EQ(d.y(j, i), 0);
     }
 }

@@ -305,7 +305,7 @@ TEST(SceneSections, LinesAndSourcesOfRectangles) {
   EXPECT_EQ(scene.f_entry, SourceEntry::through_F);
   const auto with = [&](const std::string& from, const std::string& to) { return with_replaced(plate, from, to); };
   expect_refused_sections({
-      {with("\"neumann\", 3", "\"neuman\", 3"), "my.toml:7: kronecker.along: found the text 'neuman', did you mean"},
+      {with("\"neumann\", 3", "\"neuman\", 3"), "my.toml:7: kronecker.along: found the text 'neuman' (did you mean"},
       {with("\"neumann\", 3", "3"), "my.toml:7: kronecker.along: has 1 entries; give one for both ends, or two"},
       {with("\"neumann\", 3", "\"neumann\", -3"), "my.toml:7: kronecker.along: is -3; give a Robin coefficient"},
       {with("[0.5, -0.3]", "[0.5, -3]"), "my.toml:5: kronecker.advection: is -3, and central differences oscillate"},
@@ -313,7 +313,7 @@ TEST(SceneSections, LinesAndSourcesOfRectangles) {
       {with("far_b = [3]\n", ""), "my.toml:1: kronecker.far_b: is missing"},
       {with("points", "dimensions = 3\npoints"), "my.toml:2: kronecker.dimensions: found 3; give 1"},
       {with("points", "dimensions = 1\npoints"), "my.toml:8: kronecker.along: is given with dimensions = 1"},
-      {with("tridiag(4", "tridiag(3"), "my.toml:15: complementarity.M: is 3 x 3"},
+      {with("tridiag(4", "tridiag(3"), "my.toml:17: complementarity.M: is 3 x 3; make it 4 x 4 for each"},
   });
 }
 

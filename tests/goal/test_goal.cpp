@@ -187,7 +187,9 @@ TEST(Goal, GridsOfTheToyBeatUniformOnesAtEveryNumberOfSteps) {
     ASSERT_EQ(result.status, Status::solved) << result.reason;
     EXPECT_EQ(result.steps, 800);
     for (const GoalCycle& cycle : result.goal->history) {
-      if (cycle.cells > 20) EXPECT_LT(cycle.quantity, toy.uniform(cycle.cells, goal)) << cycle.cells;
+      if (cycle.cells > 20) {
+        EXPECT_LT(cycle.quantity, toy.uniform(cycle.cells, goal)) << cycle.cells;
+      }
     }
   }
 }

@@ -199,8 +199,9 @@ TEST(Stages, AnImpactIsInelasticWhereverItFalls) {
     for (Index j = 0; j < fine.t.size(); ++j) {
       const double t = fine.t[j];
       EXPECT_NEAR(fine.x(j, 0), std::max(0.0, height - t * t / 2), 1.5e-3) << height << ' ' << t;
-      if (std::abs(t - std::sqrt(2 * height)) > 1e-3)
+      if (std::abs(t - std::sqrt(2 * height)) > 1e-3) {
         EXPECT_NEAR(fine.x(j, 1), t * t > 2 * height ? 0 : -t, 1.5e-3) << height << ' ' << t;
+      }
     }
   }
 }

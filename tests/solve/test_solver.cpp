@@ -31,9 +31,9 @@ void expect_same(const Result& found, const Result& expected, const std::string&
     ASSERT_EQ(a.size(), b.size()) << what << " " << name;
     for (Index j = 0; j < a.rows(); ++j)
       for (Index i = 0; i < a.cols(); ++i)
-        if (std::isnan(a(j, i)) || std::isnan(b(j, i)))
+        if (std::isnan(a(j, i)) || std::isnan(b(j, i))) {
           ASSERT_EQ(std::isnan(a(j, i)), std::isnan(b(j, i))) << what << " " << name << " row " << j;
-        else
+        } else
           ASSERT_LE(std::abs(a(j, i) - b(j, i)), rounding * std::max(1.0, b.cwiseAbs().maxCoeff()))
               << what << " " << name << " row " << j;
   };
