@@ -122,8 +122,10 @@ std::optional<Complex> fast_oscillation(const DiscreteProblem& p, const RowMatri
     const Matrix b = balanced(A).A;
     return 0.5 * h * (b - b.transpose()).cwiseAbs().rowwise().sum().maxCoeff() > 1;
   };
+  const DenseDynamics& d = *p.small_state();
+  const Matrix M = to_dense(p.scene.M);
   for (const auto& [S, phase] : phases(y))
-    if (const auto closed = closed_matrix(p, S); closed && may_oscillate(*closed))
+    if (const auto closed = closed_matrix(d.A, d.B, d.N, M, S); closed && may_oscillate(*closed))
       return fastest(p, y, states(), 0.1, oscillates);
   return std::nullopt;
 }
