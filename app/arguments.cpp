@@ -90,7 +90,7 @@ std::vector<double> parse_times(const std::string& word, double T) {
     const auto value = parse_double(item);
     if (!value || *value < 0 || *value > T * (1 + rounding))
       throw Error("--at", item == word ? found(word) : fmt::format("found '{}' in '{}'", item, word),
-                  fmt::format("give times from 0 to T = {:.17g}, such as 0.1,0.25", T));
+                  fmt::format("give times from 0 to T = {}, such as 0.1,0.25", T));
     times.push_back(std::min(*value, T));
   }
   return times;

@@ -138,7 +138,15 @@ class Scene:
             Error: names file, line and key.
         """
         values = {k: float(v) for k, v in settings.items()}
-        model, facts = _core.read_scene(os.fspath(path), values)
+        name = os.fspath(path)
+        if not os.path.exists(name):
+            raise Error(f"path: the file {name!r} does not exist; give the path of a scene file", "path")
+        try:
+            model, facts = _core.read_scene(name, values)
+        except Error as error:
+            if error.argument != "--set":  # the option of the command
+                raise
+            raise Error(str(error).replace("--set: ", "settings: ", 1), "settings") from None
         return cls._of(model, facts["parameters"], facts, ("from_toml", (os.path.abspath(path),), values))
 
     @classmethod

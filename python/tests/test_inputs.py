@@ -288,7 +288,16 @@ def test_files_with_names_and_a_tolerance(tmp_path):
     scene = bromwich.Scene.from_toml(file)
     assert scene.names["x"] == ["level"]
     assert scene.units == {"t": ["s"], "x": ["m"], "y": [], "w": []}
-    assert bromwich.solve(scene).error_estimate is not None
+    r = bromwich.solve(scene)
+    assert r.error_estimate is not None
+    assert (r.state_names, r.constraint_names) == (["level"], [])
+    assert r.units == {"t": "s", "y": "", "w": "", "x": "m"}
+    r.save(tmp_path / "decay.npz")
+    assert bromwich.load(tmp_path / "decay.npz").state_names == ["level"]
+    with pytest.raises(bromwich.Error, match="settings: 'Tx' is no parameter of .*decay.toml; use one of T, steps"):
+        bromwich.Scene.from_toml(file, Tx=1)
+    with pytest.raises(bromwich.Error, match="path: the file .*none.toml' does not exist; give the path"):
+        bromwich.Scene.from_toml(tmp_path / "none.toml")
     assert bromwich.solve(scene, steps=16).t.size == 17
     bad = tmp_path / "bad.toml"
     bad.write_text("[time]\nT = 'a'\n")
