@@ -119,7 +119,7 @@ void open_outputs(const SolveArguments& arguments, const SceneChoice& choice, Ou
   if (!arguments.at.empty()) made.times = parse_times(arguments.at, choice.scene.T);
   if (!arguments.out.empty()) {
     keep_inputs(choice, "--out", arguments.out);
-    made.out.emplace("--out", arguments.out, choice.scene);
+    made.out.emplace("--out", arguments.out, choice.scene, choice.rectangle);
   }
   if (!arguments.report.empty()) {
     keep_inputs(choice, "--report", arguments.report);

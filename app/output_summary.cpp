@@ -132,8 +132,9 @@ std::string summary(const SceneChoice& choice, const Result& result, int threads
   if (choice.scene.constraints() > 0) line("y at T", last_line(result));
   line("time", time_line(result.seconds));
   line("  of solve", split_line(result.seconds));
-  line("memory", fmt::format("{}, predicted {}", format_bytes(double(result.bytes)),
-                             format_bytes(double(result.bytes_predicted))));
+  const bool predicted = result.bytes_predicted > 0;  // some methods predict nothing
+  line("memory", format_bytes(double(result.bytes)) +
+                     (predicted ? ", predicted " + format_bytes(double(result.bytes_predicted)) : ""));
   line("output", out.empty() ? "none; --out FILE.csv writes y, --json prints this for programs" : out);
   return text;
 }

@@ -40,14 +40,6 @@ const std::pair<std::string, ResultFormat>& format_of(const std::string& argumen
               fmt::format("give a file name that ends in {}", extensions));
 }
 
-FieldGrid grid_of(const std::string& argument, const std::string& name, const Scene& scene) {
-  const auto* grid = get_if<KroneckerDynamics>(&scene.dynamics);
-  if (!grid)
-    throw Error(argument, fmt::format("'{}' is for fields on a grid, which the scene does not have", name),
-                "write a file .h5 or .csv");
-  return {grid->along.points, grid->across.points, grid->along.spacing, grid->across.spacing};
-}
-
 void require_library(const std::string& argument, const std::string& name, ResultFormat format) {
   const bool hdf5 = format == ResultFormat::hdf5 || format == ResultFormat::vtkhdf;
   if (hdf5 ? hdf5_available() : format != ResultFormat::npz || npz_available()) return;
@@ -87,13 +79,28 @@ Index valid_rows(const Result& result) {
   return rows;
 }
 
-ResultOutput::ResultOutput(const std::string& argument, const std::string& name, const Scene& scene)
+ResultOutput::ResultOutput(const std::string& argument, const std::string& name, const Scene& scene,
+                           const std::optional<Rectangle>& rectangle)
     : argument_(argument),
       format_(format_of(argument, name).second),
       file_(argument, name, format_of(argument, name).first),
-      scene_(scene) {
+      scene_(scene),
+      rectangle_(rectangle) {
   require_library(argument, name, format_);
-  if (format_ == ResultFormat::vtkhdf) grid_of(argument, name, scene);
+  if (format_ == ResultFormat::vtkhdf) grid();
+}
+
+FieldGrid ResultOutput::grid() const {
+  if (rectangle_) {
+    const auto first = [](const GridLine& line) { return line.first ? line.spacing / 2 : line.spacing; };
+    const GridLine &along = rectangle_->along, &across = rectangle_->across;
+    return {along.points, across.points, along.spacing, across.spacing, first(along), first(across)};
+  }
+  const auto* sum = get_if<KroneckerDynamics>(&scene_.dynamics);
+  if (!sum)
+    throw Error(argument_, fmt::format("'{}' is for fields on a grid, which the scene does not have", name()),
+                "write a file .h5 or .csv");
+  return {sum->along.points, sum->across.points, sum->along.spacing, sum->across.spacing};
 }
 
 ResultOutput::~ResultOutput() {
@@ -139,17 +146,15 @@ void ResultOutput::begin(const std::vector<Index>& states, Index rows, Facts fac
   if (!grows()) return;
   facts.emplace_back("status", "running");
   const FileTarget target{argument_, file_.target()};
-  growing_ = format_ == ResultFormat::hdf5
-                 ? create_hdf5(target, columns(states), rows, facts)
-                 : create_vtkhdf(target, grid_of(argument_, name(), scene_), columns(states), rows, facts);
+  growing_ = format_ == ResultFormat::hdf5 ? create_hdf5(target, columns(states), rows, facts)
+                                           : create_vtkhdf(target, grid(), columns(states), rows, facts);
 }
 
 void ResultOutput::resume(const std::vector<Index>& states, Index rows, const std::string& run) {
   states_ = states;
   const FileTarget target{argument_, file_.target()};
-  growing_ = format_ == ResultFormat::hdf5
-                 ? continue_hdf5(target, columns(states), rows, run)
-                 : continue_vtkhdf(target, grid_of(argument_, name(), scene_), columns(states), rows, run);
+  growing_ = format_ == ResultFormat::hdf5 ? continue_hdf5(target, columns(states), rows, run)
+                                           : continue_vtkhdf(target, grid(), columns(states), rows, run);
   growing_->set({{"status", "running"}});
 }
 

@@ -5,6 +5,7 @@
 #include "app/columns.hpp"
 #include "app/output_csv.hpp"
 #include "app/output_file.hpp"
+#include "core/dynamics/rectangle.hpp"
 #include "core/scene/scene.hpp"
 #include "files/result_file.hpp"
 
@@ -23,7 +24,9 @@ ResultFormat result_format(const std::string& argument, const std::string& name)
 class ResultOutput {
  public:
   /// Checks that the file can be written, without changing it. Throws Error, naming `argument`.
-  ResultOutput(const std::string& argument, const std::string& name, const Scene&);
+  /// `rectangle`: whose states the scene has, if it is one.
+  ResultOutput(const std::string& argument, const std::string& name, const Scene&,
+               const std::optional<Rectangle>& rectangle = {});
   /// Says in a growing file that the run has failed, unless finish() was called.
   ~ResultOutput();
   ResultOutput(const ResultOutput&) = delete;
@@ -59,11 +62,14 @@ class ResultOutput {
 
  private:
   ResultColumns columns(const std::vector<Index>& states) const;
+  /// Throws Error if the scene has no grid.
+  FieldGrid grid() const;
 
   std::string argument_;
   ResultFormat format_;
   OutputFile file_;
   const Scene& scene_;
+  std::optional<Rectangle> rectangle_;
   std::vector<Index> states_;
   Facts facts_;  ///< known before the solve
   std::unique_ptr<ResultFile> growing_;

@@ -51,8 +51,9 @@ SceneChoice choose_file(const std::string& name, const ParameterValues& settings
                 "give the path of a scene file; 'bromwich solve --template' prints one to start from");
   SceneFile file = read_scene_file(name, settings);
   if (!settings.empty()) file.reference.reset();  // it is valid for the parameters of the file
-  return {std::move(file.scene),     std::move(file.parameters), std::move(file.states),  file.tolerance,
-          std::move(file.reference), std::move(file.quantity),   std::move(file.warning), std::move(file.inputs)};
+  return {std::move(file.scene),   std::move(file.parameters), std::move(file.states),
+          file.tolerance,          std::move(file.reference),  std::move(file.quantity),
+          std::move(file.warning), std::move(file.inputs),     std::move(file.rectangle)};
 }
 
 }  // namespace

@@ -20,6 +20,7 @@ struct SceneChoice {
   std::shared_ptr<const QuantityOfInterest> quantity = {};  ///< of the file; null if it has none
   std::string warning = {};                                 ///< of the file, or empty
   std::vector<std::filesystem::path> inputs = {};           ///< the files that were read
+  std::optional<Rectangle> rectangle = {};                  ///< of a file with [kronecker]
 };
 
 /// A built-in scene or a TOML file. Throws Error for an unknown name, for an unknown parameter (with the nearest known

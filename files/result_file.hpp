@@ -74,14 +74,17 @@ std::unique_ptr<ResultFile> create_hdf5(const FileTarget&, const ResultColumns&,
 /// if its fact "run" is not `run`.
 std::unique_ptr<ResultFile> continue_hdf5(const FileTarget&, const ResultColumns&, Index rows, const std::string& run);
 
-/// The points of a rectangle: state index = line * across + position on the line, one constraint per line.
+/// The points of a rectangle: state index = line * across + position on the line, one constraint per line, or then one
+/// more per line on the opposite side.
 struct FieldGrid {
   Index along = 0, across = 0;
-  double along_spacing = 0, across_spacing = 0;  ///< also the distance of the first point from the origin
+  double along_spacing = 0, across_spacing = 0;
+  double along_first = 0, across_first = 0;  ///< where the first points lie; 0: one spacing from the side
 };
 
-/// The same as VTKHDF: an image whose point data y and w have the value of constraint i on all points of line i. With
-/// all states (columns.states = 0, 1, ...) the image is the rectangle and has x, without states it is two points wide.
+/// The same as VTKHDF: an image whose point data y and w have the value of constraint i on all points of line i, or on
+/// the half of it that is next to the constraint. With all states (columns.states = 0, 1, ...) the image is the
+/// rectangle and has x, without states it is two points wide.
 std::unique_ptr<ResultFile> create_vtkhdf(const FileTarget&, const FieldGrid&, const ResultColumns&,
                                           Index expected_rows, const Facts&);
 std::unique_ptr<ResultFile> continue_vtkhdf(const FileTarget&, const FieldGrid&, const ResultColumns&, Index rows,

@@ -386,6 +386,7 @@ SceneFile parse_scene(std::string_view toml, const std::string& file_name, const
   SceneFile file;
   Draft draft = build(sections, others);
   file.scene = std::move(draft.scene);
+  if (sections.kronecker.given()) file.rectangle = read_rectangle(sections);
   if (!draft.switches.complete)
     file.warning =
         "not all times at which a source jumps or has a kink were found: its expressions switch too often; declare "

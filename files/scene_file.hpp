@@ -2,6 +2,7 @@
 // Scenes in TOML files; docs/scene-files.md describes the format.
 
 #include "../core/catalogue/catalogue.hpp"
+#include "../core/dynamics/rectangle.hpp"
 #include "../core/goal/quantities.hpp"
 
 #include <filesystem>
@@ -33,6 +34,7 @@ struct SceneFile {
   std::shared_ptr<const QuantityOfInterest> quantity;  ///< of method goal; null if the file has none
   std::string warning;                                 ///< one line about switch times that were not found, or empty
   std::vector<std::filesystem::path> inputs;           ///< the scene file, tables and matrices that were read
+  std::optional<Rectangle> rectangle;                  ///< of [kronecker]
 };
 
 /// False if this build has no reader: read_scene_file then throws an Error that names the missing packages.

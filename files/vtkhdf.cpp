@@ -2,7 +2,8 @@
 //
 // dataset                      shape                    meaning
 // VTKHDF/PointData/x           (rows, along, across)    the state on the rectangle
-// VTKHDF/PointData/y, w        (rows, along, across)    of constraint i: on all points of line i
+// VTKHDF/PointData/y, w        (rows, along, across)    of constraint i: on all points of line i; with constraints on
+//                                                       two sides on the half of the line that is next to them
 // VTKHDF/Steps/Values          (rows)                   times
 // VTKHDF/Steps/PointDataOffsets/NAME   (rows)           the row of each time
 
@@ -125,14 +126,15 @@ class VtkhdfResult : public BatchedFile {
 
   static void check(const FileTarget& target, const FieldGrid& grid, const ResultColumns& columns) {
     const std::string name = "'" + target.path.string() + "' ";
-    if (columns.constraints != grid.along)
-      throw Error(target.argument, name + "needs one constraint per line of the grid", "write a file .h5");
+    if (columns.constraints != grid.along && columns.constraints != 2 * grid.along)
+      throw Error(target.argument, name + "needs one constraint per line of the grid, or two", "write a file .h5");
     if (!columns.states.empty() && Index(columns.states.size()) != grid.along * grid.across)
       throw Error(target.argument, name + "holds x of all points or of none", "add --states all or --states none");
     if (grid.along < 2 || (!columns.states.empty() && grid.across < 2))
       throw Error(target.argument, name + "needs a grid of at least 2 x 2 points", "write a file .h5");
   }
 
+  static double first(double given, double spacing) { return given > 0 ? given : spacing; }
   bool has_x() const { return names_.front() == "x"; }
 
   Handle group(hid_t parent, const std::string& name) {
@@ -148,18 +150,24 @@ class VtkhdfResult : public BatchedFile {
     set_type(file_, image_, "ImageData");
     set_attribute(file_, image_, "WholeExtent", std::vector<std::int64_t>{0, across_ - 1, 0, along_ - 1, 0, 0});
     set_attribute(file_, image_, "Origin",
-                  std::vector<double>{has_x() ? grid.across_spacing : 0, grid.along_spacing, 0});
+                  std::vector<double>{has_x() ? first(grid.across_first, grid.across_spacing) : 0,
+                                      first(grid.along_first, grid.along_spacing), 0});
     set_attribute(file_, image_, "Spacing", std::vector<double>{grid.across_spacing, grid.along_spacing, 1});
     set_attribute(file_, image_, "Direction", std::vector<double>{1, 0, 0, 0, 1, 0, 0, 0, 1});
   }
 
-  /// Rows of x as they are, rows of y and w with each value on all points of its line.
+  /// Rows of x as they are, rows of y and w with each value on all points of its line, or of its half of the line.
   RowMatrix on_points(const std::string& name, const Eigen::Ref<const RowMatrix>& values) const {
     if (name == "x") return values;
     RowMatrix points(values.rows(), along_ * across_);
+    const bool two_sides = values.cols() == 2 * along_;
+    const Index near = two_sides ? (across_ + 1) / 2 : across_;
     for (Index j = 0; j < values.rows(); ++j)
-      for (Index line = 0; line < along_; ++line)
-        points.row(j).segment(line * across_, across_).setConstant(values(j, line));
+      for (Index line = 0; line < along_; ++line) {
+        points.row(j).segment(line * across_, near).setConstant(values(j, line));
+        if (two_sides)
+          points.row(j).segment(line * across_ + near, across_ - near).setConstant(values(j, along_ + line));
+      }
     return points;
   }
 

@@ -60,6 +60,13 @@ TEST_F(CliOutput, AllFormatsHoldTheSameNumbers) {
   EXPECT_EQ(files(), 4u);
 }
 
+TEST_F(CliOutput, RectanglesAreGrids) {
+  const std::string plate = BROMWICH_EXAMPLES "/heated-plate.toml";
+  const Outcome outcome = run("solve " + plate + " --steps 20 --states all --out p.vtkhdf");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(Hdf5Reading(folder_ / "p.vtkhdf").shape("VTKHDF/PointData/x"), (std::vector<hsize_t>{21, 5, 7}));
+}
+
 TEST_F(CliOutput, EnergiesInAllFormats) {
   const std::string options = "solve ladder --set n=3 --steps 20 --states all --energies --threads 1 --out ";
   for (const std::string name : {"e.csv", "e.h5", "e.npz"}) {

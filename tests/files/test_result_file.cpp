@@ -175,6 +175,19 @@ TEST_F(ResultFileTest, FieldsOnAGrid) {
   EXPECT_THROW(create_vtkhdf(target("s.vtkhdf"), grid, columns(2, {}), 6, facts), Error);
 }
 
+// Constraints on two sides of a grid of 2 lines: each on the half of the line next to it.
+TEST_F(ResultFileTest, FieldsWithConstraintsOnTwoSides) {
+  const FieldGrid grid{2, 3, 0.25, 0.2, 0.125, 0.2};
+  Values given = values(2, 4, 6);
+  const auto file = create_vtkhdf(target("r.vtkhdf"), grid, columns(4, {0, 1, 2, 3, 4, 5}), 2, facts);
+  file->append(given.rows(2));
+  file->flush();
+  const Hdf5Reading read(folder_ / "r.vtkhdf");
+  const RowMatrix y = read.rows("VTKHDF/PointData/y");
+  const Index constraint[] = {0, 0, 2, 1, 1, 3};
+  for (Index i = 0; i < 6; ++i) EXPECT_EQ(y.col(i), given.y.col(constraint[i]).head(2)) << i;
+}
+
 TEST_F(ResultFileTest, Checkpoints) {
   const Checkpoint written{"run",           "scene of 3",      12, 40, 0.3, Vector::LinSpaced(5, 0, 1.0 / 3),
                            Vector::Zero(0), {{"seconds", 1.5}}};
