@@ -83,7 +83,7 @@ class SavedResult(Result):
     def __init__(self, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
         for values in arrays.values():
             values.flags.writeable = False
-        self._units = facts.pop("_units", {})
+        self._units, self._columns = facts.pop("_units", {}), facts.pop("_columns", {})
         super().__init__(_Answer(arrays, facts), SimpleNamespace(name=facts.get("scene", "")))
         self._facts = facts
 
@@ -101,6 +101,12 @@ class SavedResult(Result):
     def state_names(self) -> list[str]:
         """Of the columns of ``x``."""
         return [str(name) for name in self._answer.state_names]
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """Of a CSV file: every column by its header. ``y`` and ``x`` are those named y0, x0, ...; a header with names of
+        the scene does not say which of the two a column is."""
+        return dict(self._columns)
 
     @property
     def units(self) -> dict[str, str]:
@@ -319,6 +325,7 @@ def _load_csv(name: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
             rows.append([float(word) for word in line.split(",")])
     values = np.array(rows).reshape(len(rows), len(header))
     arrays = {"t": values[:, 0].copy()}
+    facts["_columns"] = {word: values[:, i] for i, word in enumerate(header)}
     numbered = {key: [i for i, word in enumerate(header) if word[:1] == key and word[1:].isdigit()] for key in "yx"}
     for key, second in (("y", "constraint"), ("x", "state")):
         if numbered[key]:

@@ -75,6 +75,13 @@ def test_what_the_command_writes(written, extension):
         assert found.attributes["command"].startswith("bromwich solve signorini")
 
 
+def test_csv_of_named_columns(tmp_path):
+    (tmp_path / "r.csv").write_text("t,diode,v\n0,1,10\n0.5,0,9\n")
+    found = bromwich.load(tmp_path / "r.csv")
+    assert list(found.columns) == ["t", "diode", "v"] and found.columns["v"].tolist() == [10, 9]
+    assert found.y.shape == (2, 0) and found.units["t"] == ""
+
+
 def test_both_write_one_layout(result, written, tmp_path):
     h5py = pytest.importorskip("h5py")
     read(written, "h5")
