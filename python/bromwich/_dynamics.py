@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ._arrays import compressed, vector
+from ._arrays import compressed, filled, vector
 from ._errors import Error, SingularShift
 
 Solve = Callable[[np.ndarray], np.ndarray]
@@ -100,11 +100,11 @@ class Kronecker:
         far_b: Any = None,
         far_n: Any = None,
     ) -> None:
-        v = advection if isinstance(advection, tuple | list) else (advection, advection)
-        if len(v) != 2:
-            raise Error(f"advection: has {len(v)} values; give one, or (along, across)", "advection")
+        v = filled(advection, 2, "advection")
+        if v.size != 2:
+            raise Error(f"advection: has {v.size} values; give one, or (along, across)", "advection")
         if along is None:  # one line: nothing flows along
-            along, ends_along, v = (1, across[1], across[2]), "neumann", (0.0, v[1])
+            along, ends_along, v = (1, across[1], across[2]), "neumann", np.array([0.0, v[1]])
         (p, dx, c), (q, dy, d) = along, across
         self.along, self.across = (int(p), float(dx), float(c)), (int(q), float(dy), float(d))
         self.b, self.n = vector(b, "b"), vector(n, "n")
