@@ -3,6 +3,7 @@
 // eigen_instances.cpp. Include this header in precompiled headers only; without it every source instantiates its own.
 
 #include <Eigen/Dense>
+#include <Eigen/Sparse>
 
 #ifndef BROMWICH_EIGEN_INSTANCE
 #define BROMWICH_EIGEN_INSTANCE extern template
@@ -22,8 +23,26 @@ BROMWICH_EIGEN_INSTANCE class EigenSolver<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class RealSchur<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class LDLT<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class LLT<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class SparseLU<SparseMatrix<double>, COLAMDOrdering<int>>;
+
+// Members that are templates are no part of the instances of their classes.
+BROMWICH_EIGEN_INSTANCE EigenSolver<MatrixXd>& EigenSolver<MatrixXd>::compute(const EigenBase<MatrixXd>&, bool);
+BROMWICH_EIGEN_INSTANCE RealSchur<MatrixXd>& RealSchur<MatrixXd>::compute(const EigenBase<MatrixXd>&, bool);
+BROMWICH_EIGEN_INSTANCE SelfAdjointEigenSolver<MatrixXd>& SelfAdjointEigenSolver<MatrixXd>::compute(
+    const EigenBase<MatrixXd>&, int);
+BROMWICH_EIGEN_INSTANCE LDLT<MatrixXd>& LDLT<MatrixXd>::compute(const EigenBase<MatrixXd>&);
+BROMWICH_EIGEN_INSTANCE LLT<MatrixXd>& LLT<MatrixXd>::compute(const EigenBase<MatrixXd>&);
 
 namespace internal {
+
+BROMWICH_EIGEN_INSTANCE double rcond_estimate_helper(double, const PartialPivLU<MatrixXd>&);
+BROMWICH_EIGEN_INSTANCE double rcond_estimate_helper(double, const PartialPivLU<MatrixXcd>&);
+BROMWICH_EIGEN_INSTANCE double rcond_estimate_helper(double, const FullPivLU<MatrixXd>&);
+
+using RowsOfDoubles = const_blas_data_mapper<double, Index, RowMajor>;
+using ColumnsOfDoubles = const_blas_data_mapper<double, Index, ColMajor>;
+BROMWICH_EIGEN_INSTANCE struct general_matrix_vector_product<Index, double, RowsOfDoubles, RowMajor, false, double,
+                                                             ColumnsOfDoubles, false, 0>;
 
 using DoubleTraits = gebp_traits<double, double>;
 using DoubleMapper = blas_data_mapper<double, Index, ColMajor, Unaligned, 1>;
