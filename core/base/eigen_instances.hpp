@@ -3,7 +3,7 @@
 // eigen_instances.cpp. Include this header in precompiled headers only; without it every source instantiates its own.
 
 #include <Eigen/Dense>
-#include <Eigen/SparseLU>
+#include <Eigen/Sparse>
 
 #ifndef BROMWICH_EIGEN_INSTANCE
 #define BROMWICH_EIGEN_INSTANCE extern template
@@ -25,9 +25,21 @@ BROMWICH_EIGEN_INSTANCE class LDLT<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class LLT<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class SparseLU<SparseMatrix<double>, COLAMDOrdering<int>>;
 
+// Members that are templates are no part of the instances of their classes.
+BROMWICH_EIGEN_INSTANCE EigenSolver<MatrixXd>& EigenSolver<MatrixXd>::compute(const EigenBase<MatrixXd>&, bool);
+BROMWICH_EIGEN_INSTANCE RealSchur<MatrixXd>& RealSchur<MatrixXd>::compute(const EigenBase<MatrixXd>&, bool);
+BROMWICH_EIGEN_INSTANCE SelfAdjointEigenSolver<MatrixXd>& SelfAdjointEigenSolver<MatrixXd>::compute(
+    const EigenBase<MatrixXd>&, int);
+BROMWICH_EIGEN_INSTANCE LDLT<MatrixXd>& LDLT<MatrixXd>::compute(const EigenBase<MatrixXd>&);
+BROMWICH_EIGEN_INSTANCE LLT<MatrixXd>& LLT<MatrixXd>::compute(const EigenBase<MatrixXd>&);
+
 namespace internal {
 
-using Complex = std::complex<double>;
+BROMWICH_EIGEN_INSTANCE double rcond_estimate_helper(double, const PartialPivLU<MatrixXd>&);
+BROMWICH_EIGEN_INSTANCE double rcond_estimate_helper(double, const PartialPivLU<MatrixXcd>&);
+BROMWICH_EIGEN_INSTANCE double rcond_estimate_helper(double, const FullPivLU<MatrixXd>&);
+
+using ComplexNumber = std::complex<double>;
 using DoubleTraits = gebp_traits<double, double>;
 using DoubleMapper = blas_data_mapper<double, Index, ColMajor, Unaligned, 1>;
 BROMWICH_EIGEN_INSTANCE struct gebp_kernel<double, double, Index, DoubleMapper, DoubleTraits::mr, DoubleTraits::nr,
@@ -37,12 +49,15 @@ template <class Scalar, int order>
 using ConstMapper = const_blas_data_mapper<Scalar, Index, order>;
 BROMWICH_EIGEN_INSTANCE struct general_matrix_vector_product<Index, double, ConstMapper<double, RowMajor>, RowMajor,
                                                              false, double, ConstMapper<double, ColMajor>, false, 0>;
-BROMWICH_EIGEN_INSTANCE struct general_matrix_vector_product<Index, Complex, ConstMapper<Complex, RowMajor>, RowMajor,
-                                                             false, Complex, ConstMapper<Complex, ColMajor>, false, 0>;
+BROMWICH_EIGEN_INSTANCE struct general_matrix_vector_product<Index, ComplexNumber, ConstMapper<ComplexNumber, RowMajor>,
+                                                             RowMajor, false, ComplexNumber,
+                                                             ConstMapper<ComplexNumber, ColMajor>, false, 0>;
 BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<double, double, Index, OnTheLeft, Upper, false, ColMajor>;
 BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<double, double, Index, OnTheLeft, UnitLower, false, ColMajor>;
-BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<Complex, Complex, Index, OnTheLeft, Upper, false, ColMajor>;
-BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<Complex, Complex, Index, OnTheLeft, UnitLower, false, ColMajor>;
+BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<ComplexNumber, ComplexNumber, Index, OnTheLeft, Upper, false,
+                                                       ColMajor>;
+BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<ComplexNumber, ComplexNumber, Index, OnTheLeft, UnitLower, false,
+                                                       ColMajor>;
 BROMWICH_EIGEN_INSTANCE double rcond_invmatrix_L1_norm_estimate(const PartialPivLU<MatrixXd>&);
 BROMWICH_EIGEN_INSTANCE double rcond_invmatrix_L1_norm_estimate(const PartialPivLU<MatrixXcd>&);
 BROMWICH_EIGEN_INSTANCE double rcond_invmatrix_L1_norm_estimate(const FullPivLU<MatrixXd>&);

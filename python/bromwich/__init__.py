@@ -31,7 +31,6 @@ from ._errors import (
 from ._batch import BatchResult, solve_batch
 from ._backends import BackendInfo, backends, cuda_devices
 from ._io import SavedResult, load
-from ._nonlinear import NonlinearResult, solve_nonlinear
 from ._result import Result, Status, Switch
 from ._scene import Scene, scene, scenes
 from ._solve import Solver, solve
@@ -54,7 +53,6 @@ __all__ = [
     "Interrupted",
     "Kronecker",
     "Margin",
-    "NonlinearResult",
     "NotSolved",
     "NotSolvedWarning",
     "Result",
@@ -75,5 +73,4 @@ __all__ = [
     "scenes",
     "solve",
     "solve_batch",
-    "solve_nonlinear",
 ]
