@@ -12,6 +12,7 @@
 #include <unsupported/Eigen/NonLinearOptimization>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <optional>
@@ -24,6 +25,7 @@ namespace {
 const double difference = std::cbrt(epsilon);  ///< relative step of central differences
 constexpr double worse = 1e3;                  ///< residual of a trial without a solution, over the largest datum
 constexpr int most_evaluations = 200;
+constexpr int most_scanned = 2;  ///< parameters whose starts are varied
 
 // u to p, within the bounds.
 class Substitution {
@@ -42,14 +44,22 @@ class Substitution {
     if (std::isfinite(p_.high)) return -scale_ * u / std::sqrt(u * u + 1);
     return scale_;
   }
-  double start() const {
-    if (two()) return std::asin(std::clamp(2 * (p_.start - p_.low) / (p_.high - p_.low) - 1, -0.99, 0.99));
-    const double from = std::isfinite(p_.low) ? p_.start - p_.low : p_.high - p_.start;
-    if (std::isfinite(from)) return std::sqrt(std::pow(std::max(from / scale_, 1e-3) + 1, 2) - 1);
-    return p_.start / scale_;
+  double start() const { return of(p_.start); }
+  // Of a multiple of the start; none outside of the bounds, or of 0.
+  std::optional<double> scaled(double factor) const {
+    const double p = factor * p_.start;
+    if (factor != 1 && (p_.start == 0 || !(p > p_.low && p < p_.high))) return std::nullopt;
+    return of(p);
   }
 
  private:
+  double of(double p) const {
+    if (two()) return std::asin(std::clamp(2 * (p - p_.low) / (p_.high - p_.low) - 1, -0.99, 0.99));
+    const double from = std::isfinite(p_.low) ? p - p_.low : p_.high - p;
+    if (std::isfinite(from)) return std::sqrt(std::pow(std::max(from / scale_, 1e-3) + 1, 2) - 1);
+    return p / scale_;
+  }
+
   bool two() const { return std::isfinite(p_.low) && std::isfinite(p_.high); }
   FreeParameter p_;
   double scale_;
@@ -133,6 +143,31 @@ class Problem {
     last_ = std::move(r);
     last_p_ = p;
     return values;
+  }
+
+  // Of the values within a factor three of the start, and within the bounds, those with the least residual: sums of
+  // squares have local minima.
+  Vector best_start() {
+    const Vector start = this->start();
+    if (inputs() > most_scanned) return start;
+    constexpr std::array<double, 5> factors{1, 0.57735, 1.73205, 1.0 / 3, 3};
+    Vector best = start, out(values());
+    double least = INFINITY;
+    Index count = 1;
+    for (int i = 0; i < inputs(); ++i) count *= Index(factors.size());
+    for (Index k = 0; k < count; ++k) {
+      Vector u = start;
+      bool inside = true;
+      for (Index i = 0, rest = k; i < u.size(); ++i, rest /= Index(factors.size())) {
+        const auto at = by_[std::size_t(i)].scaled(factors[std::size_t(rest) % factors.size()]);
+        inside = inside && at.has_value();
+        if (at) u[i] = *at;
+      }
+      if (!inside) continue;
+      (*this)(u, out);
+      if (out.squaredNorm() < least) least = out.squaredNorm(), best = u;
+    }
+    return best;
   }
 
   int operator()(const Vector& u, Vector& out) {
@@ -389,6 +424,7 @@ Fit fit(const std::function<Scene(const Vector&)>& scene_of, const std::vector<F
   Vector u = problem.start();
   if (!problem.residuals(problem.parameters(u), reason))
     throw Error("--free", fmt::format("the start is not solved ({})", reason), "start from other values, by --set");
+  u = problem.best_start();
   Eigen::LevenbergMarquardt<Problem> method(problem);
   method.parameters.maxfev = most_evaluations;
   method.parameters.ftol = method.parameters.xtol = 1e-10;
