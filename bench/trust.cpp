@@ -3,11 +3,13 @@
 //
 //     bromwich_trust [--count 300] [--first-seed 0] [--seed K] [--method auto] [--tol 1e-3] [--steps J]
 //                    [--seconds 3] [--list all|wrong|refused|none] [--out FILE.json] [--rows all|bad]
+//                    [--jobs 1] [--until SECONDS]
 //
 // Counts scenes solved correctly, solved wrong (an error above three times the tolerance), refused although a change of
 // the data by 1e-10 moves the solution by less than a tenth of the tolerance, and refused otherwise. Scenes that the
 // oracle cannot decide are counted separately. --seed K: one scene in detail. --steps J: fixed steps instead of a
-// tolerance, with --tol for the judgement. The exit code is 1 if a result is wrong.
+// tolerance, with --tol for the judgement. --jobs K: K scenes at a time. --until S: no scene is begun after S seconds;
+// the seeds that were judged are the first ones. The exit code is 1 if a result is wrong.
 
 #include "tests/support/trust.hpp"
 #include "core/base/error.hpp"
@@ -16,10 +18,13 @@
 #include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
+#include <time.h>
+
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <exception>
 #include <fstream>
 #include <iostream>
@@ -27,6 +32,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace {
@@ -38,8 +44,9 @@ struct Arguments {
   std::uint32_t count = 300, first_seed = 0;
   bool one = false;
   Method method = Method::automatic;
-  double tolerance = 1e-3, seconds = 3;
+  double tolerance = 1e-3, seconds = 3, until = INFINITY;
   Index steps = 0;
+  int jobs = 1;
   std::string list = "wrong", out, rows = "bad";
 };
 
@@ -69,14 +76,22 @@ Arguments parse(int argc, char** argv) {
       a.out = value;
     else if (name == "--rows")
       a.rows = value;
+    else if (name == "--jobs")
+      a.jobs = std::max(1, std::stoi(value));
+    else if (name == "--until")
+      a.until = std::stod(value);
     else
       throw std::invalid_argument(name + ": unknown; see the head of bench/trust.cpp");
   }
   return a;
 }
 
-/// Time of the processor: other programs do not change what a scene may take.
-double now() { return double(std::clock()) / double(CLOCKS_PER_SEC); }
+/// Time of the processor in this thread: others do not change what a scene may take.
+double now() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
+}
 double since(double start) { return now() - start; }
 
 /// Replaces digits by one '#', to group reasons of one kind.
@@ -291,7 +306,7 @@ void write(const Arguments& a, const std::vector<Outcome>& all, const Summary& s
        {std::pair{"2.5 %", 0.025}, {"25 %", 0.25}, {"50 %", 0.5}, {"75 %", 0.75}, {"97.5 %", 0.975}})
     quantiles[name] = quantile(s.effectivity, q);
   const ordered_json json{{"first_seed", a.first_seed},
-                          {"count", a.count},
+                          {"count", all.size()},
                           {"method", to_string(a.method)},
                           {"tolerance", a.tolerance},
                           {"seconds", a.seconds},
@@ -308,18 +323,36 @@ void write(const Arguments& a, const std::vector<Outcome>& all, const Summary& s
   if (!file.flush()) throw std::runtime_error("--out: could not write " + a.out);
 }
 
+// All scenes, `jobs` at a time; those before the first one that was not begun.
+std::vector<Outcome> run_all(const Arguments& a) {
+  using Clock = std::chrono::steady_clock;
+  const auto start = Clock::now();
+  std::vector<Outcome> all(a.count);
+  std::atomic<std::uint32_t> next{0};
+  const auto work = [&] {
+    const auto backend = make_cpu_backend(1);
+    while (std::chrono::duration<double>(Clock::now() - start).count() < a.until) {
+      const std::uint32_t i = next++;
+      if (i >= a.count) return;
+      all[i] = run(a.first_seed + i, *backend, a);
+      if (all[i].seconds + all[i].oracle_seconds > a.seconds)
+        std::fprintf(stderr, "seed %u: solve %.1f s, oracle %.1f s\n", all[i].seed, all[i].seconds,
+                     all[i].oracle_seconds);
+    }
+  };
+  std::vector<std::thread> threads;
+  for (int k = 1; k < a.jobs; ++k) threads.emplace_back(work);
+  work();
+  for (std::thread& thread : threads) thread.join();
+  all.resize(std::min(next.load(), a.count));
+  return all;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) try {
   const Arguments a = parse(argc, argv);
-  const auto backend = make_cpu_backend(1);
-  std::vector<Outcome> all;
-  for (std::uint32_t i = 0; i < a.count; ++i) {
-    all.push_back(run(a.first_seed + i, *backend, a));
-    if (all.back().seconds + all.back().oracle_seconds > a.seconds)
-      std::fprintf(stderr, "seed %u: solve %.1f s, oracle %.1f s\n", all.back().seed, all.back().seconds,
-                   all.back().oracle_seconds);
-  }
+  const std::vector<Outcome> all = run_all(a);
   std::vector<const Outcome*> listed;
   for (const Outcome& o : all)
     if (a.list == "all" || (a.list != "none" && (o.verdict == "wrong" || o.verdict == a.list))) listed.push_back(&o);
