@@ -194,12 +194,12 @@ std::vector<std::vector<Index>> Successor::all_sets() const {
 // The impulses of all active sets after which one continues, where they lead to one state.
 bool Successor::jump_by_the_only_impulse(EventPoint& p) {
   std::optional<EventPoint> after;
-  Vector only;
+  EventImpulse only;
   for (const std::vector<Index>& set : all_sets()) {
     const SwitchedMode* mode = mode_of(set);
     EventPoint here = p;
     if (!mode || enter(*mode, here, Impulses::all) != Entry::jumped) continue;
-    const Vector impulse = impulses_.back();
+    const EventImpulse impulse = impulses_.back();
     impulses_.pop_back();
     if (smooth_candidates(here).empty()) continue;
     const double size = p.sizes.u.x.cwiseMax(here.x.cwiseAbs()).maxCoeff();
