@@ -239,14 +239,14 @@ SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
                      RowMatrix::Zero(J_ + 1, n_)};
   Vector before = Vector::Zero(m_);  // du_{j-1}
   for (Index j = 0; j <= J_; ++j) {
-    Vector given = Vector::Zero(m_);  // of u_j without dy_j
-    if (c.f.size() > 0) given += row(c.f, j);
-    if (c.B.size() > 0) given += c.B * row(y_, j);
+    Vector direct = Vector::Zero(m_);  // of u_j without dy_j
+    if (c.f.size() > 0) direct += row(c.f, j);
+    if (c.B.size() > 0) direct += c.B * row(y_, j);
     Vector dx = Vector::Zero(m_);
     if (j == 0) {
       if (c.x0.size() > 0) dx = c.x0;
     } else {
-      dx = E_ * row(out.x, j - 1) + L_ * before + R_ * given;
+      dx = E_ * row(out.x, j - 1) + L_ * before + R_ * direct;
       if (c.A.size() > 0) dx += d.decay * row(x_, j - 1) + d.left * row(u_, j - 1) + d.right * row(u_, j);
     }
     Vector fixed = Vector::Zero(n_);
@@ -255,7 +255,7 @@ SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
     if (c.M.size() > 0) fixed += c.M * row(y_, j);
     const Vector dy = on_set(j, d_.N * dx + fixed);
     if (j > 0) dx += R_ * (d_.B * dy);
-    before = given + d_.B * dy;
+    before = direct + d_.B * dy;
     if (j == 0)
       for (const Index i : undecided_at_start(y_, w_, sets_[0])) {
         const double moved = d_.N.row(i).dot(dx) + M_.row(i).dot(dy) + fixed[i];

@@ -18,7 +18,7 @@ namespace {
 
 constexpr double tolerance = 1e-11;  ///< of the integration, see EventOptions
 
-[[noreturn]] void refuse(const std::string& found, const std::string& remedy) {
+[[noreturn]] void not_defined(const std::string& found, const std::string& remedy) {
   throw Error("derivative", found, remedy);
 }
 
@@ -28,7 +28,7 @@ Scene without_mass(const Scene& given, Matrix& inverse) {
   const DenseDynamics& d = *scene.dynamics->small_state();
   if (d.E.size() == 0) return scene;
   const Eigen::FullPivLU<Matrix> lu(d.E);
-  if (!lu.isInvertible()) refuse("E is singular", "eliminate the algebraic states");
+  if (!lu.isInvertible()) not_defined("E is singular", "eliminate the algebraic states");
   inverse = lu.inverse();
   const Matrix F = given.f ? Matrix(inverse * source_matrix(scene, d)) : Matrix();
   DenseDynamics plain;
@@ -52,7 +52,7 @@ EventSolution located(const Scene& scene) {
   options.tolerance = tolerance;
   EventSolution s = integrate_with_events(scene, selection_class(scene.M, scene.lcp_class), scene.breakpoints, options);
   if (!s.complete)
-    refuse("not differentiable here: " + s.reason, "differentiate a scene whose switches can be located");
+    not_defined("not differentiable here: " + s.reason, "differentiate a scene whose switches can be located");
   return s;
 }
 
@@ -82,14 +82,15 @@ SwitchedDerivative::SwitchedDerivative(SwitchedDerivative&&) noexcept = default;
 SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times) : t_(times) {
   given.validate();
   if (const DenseDynamics* d = given.dynamics->small_state(); !d || given.boundary || !given.free_rows.empty())
-    refuse("the scene has no small dense form, or a boundary condition, or free rows",
-           "differentiate a scene with dense matrices and an initial value");
+    not_defined("the scene has no small dense form, or a boundary condition, or free rows",
+                "differentiate a scene with dense matrices and an initial value");
   const Index rows = t_.size();
   bool good = rows >= 2 && t_[0] == 0 && std::abs(t_[rows - 1] - given.T) <= 1e-12 * given.T;
   for (Index j = 1; j < rows; ++j) good = good && t_[j] > t_[j - 1];
   if (!good) throw Error("times", "are not increasing from 0 to T", "give times from 0 to T");
   Scene plain = without_mass(given, inverse_E_);
-  if (const std::string why = unsuited_to_events(plain); !why.empty()) refuse("not differentiable here: " + why, "");
+  if (const std::string why = unsuited_to_events(plain); !why.empty())
+    not_defined("not differentiable here: " + why, "");
   if (!plain.breakpoints_are_all && (plain.f || plain.g)) plain.breakpoints = find_breakpoints(plain);
   plain.breakpoints_are_all = true;
   units_ = natural_units(plain);
@@ -169,7 +170,7 @@ DataChange SwitchedDerivative::vjp(const SolutionChange& given) const {
   for (const Index j : one_sided_)
     for (const RowMatrix* table : {&given.y, &given.x, &given.w})
       if (table->size() > 0 && (table->row(j).array() != 0).any())
-        refuse(text("not differentiable here: t = %.6g is at a switch", t_[j]), "ask for other times");
+        not_defined(text("not differentiable here: t = %.6g is at a switch", t_[j]), "ask for other times");
   SolutionChange of = given;
   scale(of);
   DataChange bar = tape_->vjp(of);

@@ -12,16 +12,16 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index degree = Collocation::degree;
-constexpr double same_time = 1e-12;      ///< of T
-constexpr double at_switch = 1e-9;       ///< of T: switches and times that are nearer count as equal
-constexpr double vanishing = 1e-7;       ///< of the size of a component
-constexpr double degenerate = 1e-6;      ///< of the size of a component: smaller margins are refused
-constexpr double grazing = 1e-6;         ///< T |c'| of the size of c, likewise
-constexpr double agreed = 1e-5;          ///< of its terms, what has to vanish at a switch to first order
-constexpr double share_of_terms = 1e-2;  ///< the size of a component is at least this share of its terms
+constexpr Index tape_degree = Collocation::degree;
+constexpr double same_time = 1e-12;         ///< of T
+constexpr double at_switch = 1e-9;          ///< of T: switches and times that are nearer count as equal
+constexpr double vanishing = 1e-7;          ///< of the size of a component
+constexpr double degenerate_margin = 1e-6;  ///< of the size of a component: smaller margins are refused
+constexpr double grazing = 1e-6;            ///< T |c'| of the size of c, likewise
+constexpr double agreed = 1e-5;             ///< of its terms, what has to vanish at a switch to first order
+constexpr double share_of_terms = 1e-2;     ///< the size of a component is at least this share of its terms
 
-[[noreturn]] void refuse(const std::string& found, const std::string& remedy) {
+[[noreturn]] void not_differentiable(const std::string& found, const std::string& remedy) {
   throw Error("derivative", "not differentiable here: " + found, remedy);
 }
 
@@ -91,7 +91,7 @@ const SwitchedTape::Mode* SwitchedTape::mode_of(const std::vector<Index>& active
   const auto known = modes_.find(active);
   if (known != modes_.end()) return &known->second;
   std::optional<SwitchedMode> rows = make_switched_mode(system_, active);
-  if (!rows) refuse("an active set does not determine y", "remove constraints that repeat each other");
+  if (!rows) not_differentiable("an active set does not determine y", "remove constraints that repeat each other");
   Matrix A = Matrix::Zero(m_ + n_, m_ + n_);
   A.topLeftCorner(m_, m_) = rows->A;
   A.bottomLeftCorner(n_, m_) = rows->y.x;
@@ -107,7 +107,8 @@ const PartMaps* SwitchedTape::maps_of(const Mode* mode, double length) {
 void SwitchedTape::add_pieces(const Scene& scene, const EventSolution& s) {
   const EventSources sources(scene);
   for (const EventPiece& p : s.pieces) {
-    if (p.passed) refuse(text("switches accumulate at t = %.6g", p.begin), other_data);
+    if (p.passed)
+      not_differentiable(text("switches accumulate, or a kink is not known exactly, at t = %.6g", p.begin), other_data);
     const EventSources::Polynomials given = sources.sample(p.begin, p.length);
     const Matrix rate = p.x * system_.A.transpose() + p.y * system_.B.transpose() + given.f;
     pieces_.push_back({mode_of(p.active),
@@ -242,11 +243,11 @@ void SwitchedTape::add_switch(const EventSolution& solution, std::size_t k, cons
       const double most = size_of(from, s.component);
       const double transversality = T_ * std::abs(s.rate) / most;
       if (!(std::abs(end.dot(c)) <= 1e-4 * most) || !(transversality > grazing))
-        refuse(text("a constraint is only touched at t = %.6g (a grazing switch)", s.t), other_data);
+        not_differentiable(text("a constraint is only touched at t = %.6g (a grazing switch)", s.t), other_data);
       if (transversality < margin_.transversality) margin_.transversality = transversality, margin_.grazing_time = s.t;
       for (const double t : breakpoints)
         if (std::abs(t - s.t) <= at_switch * T_)
-          refuse(text("a switch coincides with a breakpoint of the sources at t = %.6g", s.t), other_data);
+          not_differentiable(text("a switch coincides with a breakpoint of the sources at t = %.6g", s.t), other_data);
     }
   } else {
     x = to.x.transpose() * legendre(0);
@@ -290,7 +291,7 @@ SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* befo
       if (std::abs(p.p[i]) > vanishing * p.p.cwiseAbs().maxCoeff()) continue;
       const Matrix row = Matrix::Identity(n_, n_).row(i);
       if (!(row * impulse).vanishes())
-        refuse(text("the impulse of constraint %ld vanishes at t = %.6g", long(i), s.t), other_data);
+        not_differentiable(text("the impulse of constraint %ld vanishes at t = %.6g", long(i), s.t), other_data);
     }
     D = D + system_.B * impulse;
   }
@@ -301,9 +302,9 @@ SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* befo
 // Whether the set after the switch stays the one after it: what vanishes there has to vanish with it.
 void SwitchedTape::check(const Switch& s, const Piece* before, const Piece& after) const {
   const auto together = [&](Index i) {
-    refuse(text("y_%ld = w_%ld = 0 at t = %.6g, where another constraint switches or the data change", long(i), long(i),
-                s.t),
-           other_data);
+    not_differentiable(text("y_%ld = w_%ld = 0 at t = %.6g, where another constraint switches or the data change",
+                            long(i), long(i), s.t),
+                       other_data);
   };
   Bounded dt;
   const Bounded D = saltation(s, before, dt);
@@ -330,7 +331,7 @@ void SwitchedTape::check(const Switch& s, const Piece* before, const Piece& afte
     if (vanishes(after, 0, i) && !stays(after, 0, i, D)) together(i);
   const SwitchedMode& mode = after.mode->rows;
   if (mode.constraints.x.rows() > 0 && !Bounded::of(mode.constraints).after(D).vanishes())
-    refuse(text("the state meets several constraints at once at t = %.6g", s.t), other_data);
+    not_differentiable(text("the state meets several constraints at once at t = %.6g", s.t), other_data);
 }
 
 void SwitchedTape::measure() {
@@ -352,10 +353,10 @@ void SwitchedTape::measure() {
     measure_run(run, last);
     run.clear();
   }
-  if (margin_.margin <= degenerate)
-    refuse(text("y_%ld = w_%ld = 0 at t = %.6g, where derivatives are one-sided", long(margin_.constraint),
-                long(margin_.constraint), margin_.time),
-           other_data);
+  if (margin_.margin <= degenerate_margin)
+    not_differentiable(text("y_%ld = w_%ld = 0 at t = %.6g, where derivatives are one-sided", long(margin_.constraint),
+                            long(margin_.constraint), margin_.time),
+                       other_data);
 }
 
 // Local minima of the components between two switches. What vanishes at a switch was checked there.
@@ -460,7 +461,7 @@ void SwitchedTape::add_table_part(const Matrix& bar, const Part& part, RowMatrix
   to.row(j + 1) += a * bar.row(0) + slope * bar.row(1);
 }
 
-// Coefficients on the part of what drives (x, integral of y): (degree+1) x (m+n).
+// Coefficients on the part of what drives (x, integral of y): (tape_degree+1) x (m+n).
 Matrix SwitchedTape::inputs(const Part& part, const Sources& s) const {
   const Piece& p = piece_of(part);
   const Jet& y = p.mode->rows.y;
@@ -469,7 +470,7 @@ Matrix SwitchedTape::inputs(const Part& part, const Sources& s) const {
   if (p.mode->rows.uses_df) of_y += D * s.f * y.df.transpose();
   if (p.mode->rows.uses_dg) of_y += D * s.g * y.dg.transpose();
   if (p.mode->rows.uses_ddg) of_y += D * (D * s.g) * y.ddg.transpose();
-  Matrix all(degree + 1, m_ + n_);
+  Matrix all(tape_degree + 1, m_ + n_);
   all << s.f + of_y * system_.B.transpose(), of_y;
   return part.inputs * all;
 }
@@ -492,7 +493,7 @@ void SwitchedTape::advance(const Part& part, const Sources& s, State& z) const {
   both << z.x, z.integral;
   const Matrix u = inputs(part, s);
   Vector next = maps.decay * both;
-  for (Index k = 0; k <= degree; ++k) next += maps.inputs[std::size_t(k)] * u.row(k).transpose();
+  for (Index k = 0; k <= tape_degree; ++k) next += maps.inputs[std::size_t(k)] * u.row(k).transpose();
   z.x = next.head(m_);
   z.integral = next.tail(n_);
 }
@@ -501,8 +502,8 @@ void SwitchedTape::advance_back(const Part& part, Sources& of, State& bar) const
   const PartMaps& maps = *part.maps;
   Vector both(m_ + n_);
   both << bar.x, bar.integral;
-  Matrix u(degree + 1, m_ + n_);
-  for (Index k = 0; k <= degree; ++k) u.row(k) = both.transpose() * maps.inputs[std::size_t(k)];
+  Matrix u(tape_degree + 1, m_ + n_);
+  for (Index k = 0; k <= tape_degree; ++k) u.row(k) = both.transpose() * maps.inputs[std::size_t(k)];
   add_inputs(part, u, of);
   const Vector before = maps.decay.transpose() * both;
   bar.x = before.head(m_);
