@@ -25,13 +25,13 @@ using reference::Random;
 /// One, small, powers, a prime below and above the lengths at which libraries change their algorithm, 2^a 3^b 5^c.
 const std::vector<Index> lengths{1, 2, 3, 4, 5, 7, 8, 16, 17, 60, 97, 128, 243, 1021, 1024, 1080};
 
-constexpr long double pi = 3.141592653589793238462643383279502884L;
+constexpr long double exact_pi = 3.141592653589793238462643383279502884L;
 
 /// exp(2 pi i a / N) for a = 0..N-1.
 std::vector<std::complex<long double>> roots(Index N) {
   std::vector<std::complex<long double>> all;
   for (Index a = 0; a < N; ++a) {
-    const long double angle = 2 * pi * (long double)a / (long double)N;
+    const long double angle = 2 * exact_pi * (long double)a / (long double)N;
     all.emplace_back(std::cos(angle), std::sin(angle));
   }
   return all;

@@ -60,7 +60,7 @@ Scene drawn(unsigned seed) {
 DataChange drawn_change(unsigned seed, Index m, Index n) {
   Random random(1000 + seed);
   return {random.vector(m),    random.matrix(J + 1, m), random.matrix(J + 1, n), random.matrix(m, m),
-          random.matrix(m, n), random.matrix(n, m),     random.matrix(n, n)};
+          random.matrix(m, n), random.matrix(n, m),     random.matrix(n, n),     {}};
 }
 
 Scene changed(const Scene& scene, const DataChange& c, double by) {

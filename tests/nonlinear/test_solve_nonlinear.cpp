@@ -91,7 +91,9 @@ TEST(SolveNonlinear, HasOrderTwo) {
     const NonlinearResult r = solved(s, NonlinearMethod::march, J);
     const double error = (r.x.row(J).transpose() - reference).cwiseAbs().maxCoeff();
     if (J == 200) first = error;
-    if (J == 800) EXPECT_NEAR(std::log2(first / error) / 2, 2, 0.2);  // the switches fall into steps anywhere
+    if (J == 800) {
+      EXPECT_NEAR(std::log2(first / error) / 2, 2, 0.2);  // the switches fall into steps anywhere
+    }
     EXPECT_LE(r.residual, 1e-12);
     EXPECT_LE(r.defect, 1e-12);
   }
@@ -159,7 +161,9 @@ TEST(SolveNonlinear, AStateThatIsStopped) {
     const double t = r.t[j], contact = std::atan(1.0);
     const double h = 2.0 / 400, exact = t < contact ? std::tan(contact - t) : 0;
     EXPECT_NEAR(r.x(j, 0), exact, h * h) << t;
-    if (t > contact + 2 * h) EXPECT_NEAR(r.y(j, 0), 1, 1e-9) << t;
+    if (t > contact + 2 * h) {
+      EXPECT_NEAR(r.y(j, 0), 1, 1e-9) << t;
+    }
   }
   const auto backend = make_cpu_backend();
   NonlinearOptions options;
