@@ -31,6 +31,7 @@ from ._errors import (
 from ._batch import BatchResult, solve_batch
 from ._backends import BackendInfo, backends, cuda_devices
 from ._io import SavedResult, load
+from ._nonlinear import NonlinearResult, solve_nonlinear
 from ._result import Result, Status, Switch
 from ._scene import Scene, scene, scenes
 from ._solve import Solver, solve
@@ -53,6 +54,7 @@ __all__ = [
     "Interrupted",
     "Kronecker",
     "Margin",
+    "NonlinearResult",
     "NotSolved",
     "NotSolvedWarning",
     "Result",
@@ -73,4 +75,5 @@ __all__ = [
     "scenes",
     "solve",
     "solve_batch",
+    "solve_nonlinear",
 ]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ._arrays import compressed, vector
+from ._arrays import compressed, filled, vector
 from ._errors import Error, SingularShift
 
 Solve = Callable[[np.ndarray], np.ndarray]
@@ -55,25 +55,90 @@ class Dynamics:
         self.bound = None if bound is None else (float(bound[0]), float(bound[1]))
 
 
-class Kronecker:
-    """A = I (x) across + along (x) I on a rectangle whose constraints sit on one side, one on each grid line.
+End = str | float
+Ends = End | tuple[End, End]
 
-    Sine transforms diagonalise it, so nothing of size m x m is formed. The state index is
-    ``line * points_across + position on the line``, counted from the constrained side.
+
+class Kronecker:
+    """Diffusion, advection and reaction on a line or a rectangle of grid points, with constraints on one or two sides.
+
+    ``x' = (I (x) across + along (x) I - reaction I) x + B y`` with ``c u'' - v u'`` by central differences in each
+    direction. The state index is ``line * points_across + position on the line``, counted from the constrained side;
+    there is one constraint for each grid line, and one more for each where the opposite side has constraints too.
 
     Args:
-        along: ``(points, dx, c)``, c/dx^2 tridiag(1, -2, 1) along the constrained side; n = points.
-        across: ``(points, dx, c)`` of one grid line.
+        along: ``(points, dx, c)``, c/dx^2 tridiag(1, -2, 1) along the constrained side; None: there is one line alone.
+        across: ``(points, dx, c)`` of one grid line. ``spacing`` gives dx for a length.
         b: points-across values: how y of a line drives the line.
         n: points-across values: how the line is seen by its constraint.
+        ends_along, ends_across: what holds at the first and at the last end, one for both or two: ``"dirichlet"``
+            (u = 0 at one dx from the last point), ``"neumann"``, or a number a >= 0 for ``du/dn = -a u`` (Robin), both
+            at dx/2 from the last point. That of the constrained side holds where y = 0.
+        advection: v, one for both directions or (along, across); ``|v| dx < 2 c``.
+        reaction: r, 1/time.
+        far_b, far_n: b and n of the opposite side, counted from there; None: no constraints there.
 
-    Sources f of such a scene enter through B: give ``f`` with n values and ``F="B"``.
+    Dirichlet ends, diffusion alone and constraints on one side: sine transforms diagonalise it, and nothing of size
+    m x m is formed. Sources f of such a scene enter through B: give ``f`` with n values and ``F="B"``. Others are sparse
+    dynamics, and take every f.
+
+    Raises:
+        Error: a value that makes no sense, by its name (``across.advection``), when the scene is made.
     """
 
-    def __init__(self, along: tuple[int, float, float], across: tuple[int, float, float], b: Any, n: Any) -> None:
+    def __init__(
+        self,
+        along: tuple[int, float, float] | None,
+        across: tuple[int, float, float],
+        b: Any,
+        n: Any,
+        *,
+        ends_along: Ends = "dirichlet",
+        ends_across: Ends = "dirichlet",
+        advection: float | tuple[float, float] = 0.0,
+        reaction: float = 0.0,
+        far_b: Any = None,
+        far_n: Any = None,
+    ) -> None:
+        v = filled(advection, 2, "advection")
+        if v.size != 2:
+            raise Error(f"advection: has {v.size} values; give one, or (along, across)", "advection")
+        if along is None:  # one line: nothing flows along
+            along, ends_along, v = (1, across[1], across[2]), "neumann", np.array([0.0, v[1]])
         (p, dx, c), (q, dy, d) = along, across
         self.along, self.across = (int(p), float(dx), float(c)), (int(q), float(dy), float(d))
         self.b, self.n = vector(b, "b"), vector(n, "n")
+        self.ends_along, self.ends_across = _ends(ends_along, "ends_along"), _ends(ends_across, "ends_across")
+        self.advection, self.reaction = (float(v[0]), float(v[1])), float(reaction)
+        if (far_b is None) != (far_n is None):
+            missing = "far_b" if far_b is None else "far_n"
+            raise Error(f"{missing}: is missing; give far_b and far_n, or neither", missing)
+        self.far_b = np.zeros(0) if far_b is None else vector(far_b, "far_b")
+        self.far_n = np.zeros(0) if far_n is None else vector(far_n, "far_n")
+
+    @property
+    def in_sine_modes(self) -> bool:
+        """Whether sine transforms diagonalise it."""
+        plain = self.advection == (0, 0) and self.reaction == 0 and self.far_b.size == 0
+        return plain and self.ends_along == self.ends_across == (None, None)
+
+    @staticmethod
+    def spacing(points: int, length: float, ends: Ends = "dirichlet") -> float:
+        """dx of so many points on a line of this length, from end to end."""
+        return float(length) / (points + 1 - 0.5 * sum(end is not None for end in _ends(ends, "ends")))
+
+
+def _ends(ends: Ends, name: str) -> tuple[float | None, float | None]:
+    """Coefficients of Robin conditions; None: Dirichlet."""
+    two = tuple(ends) if isinstance(ends, tuple | list) else (ends, ends)
+    if len(two) != 2:
+        raise Error(f"{name}: has {len(two)} values; give one for both ends, or two", name)
+    found: list[float | None] = []
+    for end in two:
+        if isinstance(end, str) and end not in ("dirichlet", "neumann"):
+            raise Error(f"{name}: found {end!r}; use 'dirichlet', 'neumann' or a number (Robin)", name)
+        found.append({"dirichlet": None, "neumann": 0.0}[end] if isinstance(end, str) else float(end))
+    return found[0], found[1]
 
 
 def returned(found: Any, given: np.ndarray, name: str) -> np.ndarray:

@@ -83,6 +83,7 @@ class SavedResult(Result):
     def __init__(self, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
         for values in arrays.values():
             values.flags.writeable = False
+        self._units, self._columns = facts.pop("_units", {}), facts.pop("_columns", {})
         super().__init__(_Answer(arrays, facts), SimpleNamespace(name=facts.get("scene", "")))
         self._facts = facts
 
@@ -100,6 +101,17 @@ class SavedResult(Result):
     def state_names(self) -> list[str]:
         """Of the columns of ``x``."""
         return [str(name) for name in self._answer.state_names]
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """Of a CSV file: every column by its header. ``y`` and ``x`` are those named y0, x0, ...; a header with names of
+        the scene does not say which of the two a column is."""
+        return dict(self._columns)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Of ``t``, ``y``, ``w`` and ``x``; an empty text where the file has none."""
+        return {key: str(self._units.get(key, "")) for key in ("t", "y", "w", "x")}
 
     def _attributes(self) -> dict[str, Any]:
         return dict(self._facts)
@@ -198,8 +210,8 @@ def _valid_rows(result: Result) -> int:
     return int(np.max(np.nonzero(finite)[0], initial=-1)) + 1
 
 
-def _scales(result: Result, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The second dimensions: numbers and names."""
+def _scales(result: Result, arrays: dict[str, np.ndarray], named: bool = True) -> dict[str, np.ndarray]:
+    """The second dimensions: numbers and names, those of the scene or y0, x0, ..."""
     numbers = {"constraint": np.arange(result.y.shape[1], dtype=np.int64)}
     if "x" in arrays:
         numbers["state"] = np.array(result.x_components, dtype=np.int64)
@@ -207,7 +219,8 @@ def _scales(result: Result, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarr
     for key, letter in (("constraint", "y"), ("state", "x")):
         if key not in numbers or numbers[key].size == 0:
             continue
-        names = list(getattr(result, f"{key}_names", [])) or [f"{letter}{i}" for i in numbers[key]]
+        names = list(getattr(result, f"{key}_names")) if named else []
+        names = names or [f"{letter}{i}" for i in numbers[key]]
         scales[key], scales[f"{key}_name"] = numbers[key], np.array(names)
     return scales
 
@@ -238,6 +251,8 @@ def _save_hdf5(result: Result, name: str, arrays: dict[str, np.ndarray], facts: 
                 shuffle=True,
             )
             file[key].attrs["long_name"] = MEANINGS[key]
+            if unit := result.units[key]:
+                file[key].attrs["units"] = unit
         file["t"].make_scale("t")
         text = h5py.string_dtype()
         for key, values in _scales(result, arrays).items():
@@ -270,6 +285,7 @@ def _load_hdf5(name: str, grid: bool) -> tuple[dict[str, np.ndarray], dict[str, 
         for key in ("constraint_name", "state_name"):
             if key in file:
                 arrays[key] = file[key].asstr()[()].astype(str)
+        facts["_units"] = {key: file[key].attrs["units"] for key in ("t", *ARRAYS) if "units" in file.get(key, file).attrs}
     # A flush that was cut off by the end of the process may have extended some of them.
     rows = min([len(arrays[key]) for key in ("t", *ARRAYS) if key in arrays], default=0)
     return {key: value[:rows] if key in ("t", *ARRAYS) else value for key, value in arrays.items()}, facts
@@ -281,7 +297,7 @@ def _shortest(value: float) -> str:
 
 
 def _save_csv(result: Result, name: str, arrays: dict[str, np.ndarray]) -> None:
-    scales = _scales(result, arrays)
+    scales = _scales(result, arrays, named=False)  # a header tells y from x by its letters
     columns = [arrays["t"][:, None], result.y[: len(arrays["t"])], arrays.get("x", np.empty((len(arrays["t"]), 0)))]
     header = ["t", *scales.get("constraint_name", []), *scales.get("state_name", [])]
     with open(name, "w", encoding="utf-8", newline="\n") as file:
@@ -309,6 +325,7 @@ def _load_csv(name: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
             rows.append([float(word) for word in line.split(",")])
     values = np.array(rows).reshape(len(rows), len(header))
     arrays = {"t": values[:, 0].copy()}
+    facts["_columns"] = {word: values[:, i] for i, word in enumerate(header)}
     numbered = {key: [i for i, word in enumerate(header) if word[:1] == key and word[1:].isdigit()] for key in "yx"}
     for key, second in (("y", "constraint"), ("x", "state")):
         if numbered[key]:

@@ -42,19 +42,30 @@ def _title(result: Result, ax: Axes) -> None:
 def _draw(result: Result, what: str, components: Iterable[int] | None, ax: Axes) -> None:
     values = getattr(result, what)
     require(values is not None and values.shape[1] > 0, what, "was not recorded; solve with states='all'")
-    names = np.array(result.x_components if what == "x" else range(values.shape[1]), dtype=int)
+    numbers = np.array(result.x_components if what == "x" else range(values.shape[1]), dtype=int)
+    names = np.array(_names(result, what) or [f"${what}_{{{i}}}$" for i in numbers])
     if components is not None:
         columns = [int(c) for c in components]
-        values, names = values[:, columns], names[columns]
-    ax.set_xlabel("t")
+        values, numbers, names = values[:, columns], numbers[columns], names[columns]
+    ax.set_xlabel(_with_unit(result, "t", "t"))
     if len(names) > MOST_LINES:
-        mesh = ax.pcolormesh(result.t, names, values.T, shading="nearest", rasterized=True)
-        ax.figure.colorbar(mesh, ax=ax, label=what)
+        mesh = ax.pcolormesh(result.t, numbers, values.T, shading="nearest", rasterized=True)
+        ax.figure.colorbar(mesh, ax=ax, label=_with_unit(result, what, what))
         ax.set_ylabel("state" if what == "x" else "constraint")
         return
     drawstyle = "default" if what == "x" or result.continuous else "steps-pre"
     for name, column in zip(names, values.T):
-        ax.plot(result.t, column, drawstyle=drawstyle, label=f"${what}_{{{name}}}$")
-    ax.set_ylabel(what)
+        ax.plot(result.t, column, drawstyle=drawstyle, label=name)
+    alone = len(names) == 1 and bool(_names(result, what))
+    ax.set_ylabel(_with_unit(result, what, str(names[0]) if alone else what))
     if len(names) > 1:
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+
+
+def _names(result: Result, what: str) -> list[str]:
+    return result.state_names if what == "x" else result.constraint_names if what == "y" else []
+
+
+def _with_unit(result: Result, what: str, label: str) -> str:
+    unit = result.units[what]
+    return f"{label} [{unit}]" if unit else label

@@ -65,6 +65,23 @@ class Result:
         return self._scene
 
     @property
+    def constraint_names(self) -> list[str]:
+        """Of the columns of ``y`` and ``w``, where a scene file gives them; otherwise empty."""
+        return self._scene.names["y"]
+
+    @property
+    def state_names(self) -> list[str]:
+        """Of the columns of ``x``, likewise."""
+        names = self._scene.names["x"]
+        return [names[i] for i in self.x_components] if names else []
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Of ``t``, ``y``, ``w`` and ``x``, where a scene file gives one for all components; otherwise an empty text."""
+        found = self._scene.units
+        return {key: found[key][0] if len(set(found[key])) == 1 else "" for key in ("t", "y", "w", "x")}
+
+    @property
     def status(self) -> Status:
         """``solved``, or what is wrong."""
         return Status(self._answer.status)
@@ -254,7 +271,7 @@ class Result:
         return plot(self, what, components, ax)
 
     def to_xarray(self) -> xarray.Dataset:
-        """A dataset with dimensions ``t``, ``constraint`` and ``state``; the rest as attributes."""
+        """A dataset with dimensions ``t``, ``constraint`` and ``state``, names and units; the rest as attributes."""
         import xarray
 
         constraint = np.arange(self.y.shape[1])
@@ -264,7 +281,14 @@ class Result:
         if self.x.shape[1] > 0:
             variables["x"] = (("t", "state"), self.x)
         coordinates = {"t": self.t, "constraint": constraint, "state": np.array(self.x_components, dtype=int)}
-        return xarray.Dataset(variables, coordinates, attrs=self._attributes())
+        for dimension, names in (("constraint", self.constraint_names), ("state", self.state_names)):
+            if names and len(names) == len(coordinates[dimension]):
+                coordinates[f"{dimension}_name"] = (dimension, names)
+        dataset = xarray.Dataset(variables, coordinates, attrs=self._attributes())
+        for key, unit in self.units.items():
+            if unit and key in dataset:
+                dataset[key].attrs["units"] = unit
+        return dataset
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the rows up to the last valid one in the layout of the command (``docs/output.md``).

@@ -88,14 +88,14 @@ class Scene:
             raise Error("T: is missing; give the final time", "T")
         model = _core.Model.empty()
         model.name, model.T = name, float(T)
-        _set_dynamics(model, A, B, N, E, dynamics)
+        _set_dynamics(model, A, B, N, E, dynamics, F is not None and not isinstance(F, str))
         _set_lcp(model, M)
         model.set_lcp_class(lcp_class)
         model.free_rows = [int(i) for i in free]
         _set_conditions(model, x0, E0, ET, b)
         if not (model.T > 0 and np.isfinite(model.T)):
             raise Error(f"T: is {model.T:g}; give a positive finite number", "T")
-        if isinstance(dynamics, Kronecker) and f is not None and not isinstance(F, str):
+        if isinstance(dynamics, Kronecker) and dynamics.in_sine_modes and f is not None and F is None:
             raise Error("f: enters the states of a Kronecker sum; give n values and F='B', for B f(t)", "f")
         _set_f_entry(model, F)
         self._model, self._parameters = model, dict(parameters or {})
@@ -138,7 +138,15 @@ class Scene:
             Error: names file, line and key.
         """
         values = {k: float(v) for k, v in settings.items()}
-        model, facts = _core.read_scene(os.fspath(path), values)
+        name = os.fspath(path)
+        if not os.path.exists(name):
+            raise Error(f"path: the file {name!r} does not exist; give the path of a scene file", "path")
+        try:
+            model, facts = _core.read_scene(name, values)
+        except Error as error:
+            if error.argument != "--set":  # the option of the command
+                raise
+            raise Error(str(error).replace("--set: ", "settings: ", 1), "settings") from None
         return cls._of(model, facts["parameters"], facts, ("from_toml", (os.path.abspath(path),), values))
 
     @classmethod
@@ -297,13 +305,20 @@ def _fingerprint(model: _core.Model) -> str:
     return hashlib.sha256(pickle.dumps((_core.state_of_model(model), values), protocol=4)).hexdigest()
 
 
-def _set_dynamics(model: _core.Model, A: Any, B: Any, N: Any, E: Any, dynamics: Dynamics | Kronecker | None) -> None:
+def _set_dynamics(
+    model: _core.Model, A: Any, B: Any, N: Any, E: Any, dynamics: Dynamics | Kronecker | None, has_F: bool
+) -> None:
     given = [name for name, value in (("A", A), ("B", B), ("N", N), ("E", E)) if value is not None]
     if dynamics is not None:
         if given:
             raise Error(f"{given[0]}: is given with dynamics; give one of the two", given[0])
         if isinstance(dynamics, Kronecker):
-            model.set_kronecker(dynamics.along, dynamics.across, dynamics.b, dynamics.n)
+            k = dynamics
+            if k.in_sine_modes and not has_F:
+                model.set_kronecker(k.along, k.across, k.b, k.n)
+                return
+            along, across = (*k.along, k.advection[0], *k.ends_along), (*k.across, k.advection[1], *k.ends_across)
+            model.set_rectangle(along, across, k.reaction, k.b, k.n, k.far_b, k.far_n)
         elif isinstance(dynamics, Dynamics):
             d = dynamics
             model.set_supplied(d.states, d.B, d.N, d.shifted, d.mass, d.bound)
