@@ -155,6 +155,15 @@ TEST_F(Bench, DualContractsAndAgreesWithImplicitEuler) {
   const Json json = study("dual");
   ASSERT_GE(json["rows"].size(), 2u);
   for (const Json& row : json["rows"]) {
+    if (row.contains("put")) {
+      // A quick run has few steps: errors are some percent, and what is not solved says so.
+      if (row["status"] == "solved") {
+        EXPECT_LE(row["error"], 0.05 * row["reference"].get<double>()) << row;
+      } else {
+        EXPECT_NE(row["method_asked"], "auto") << row;
+      }
+      continue;
+    }
     EXPECT_EQ(row["status"], "solved") << row;
     if (row.contains("equal_error")) continue;
     // A device may leave too few cycles to measure a ratio, and 64 steps too few grids for the estimates.
