@@ -146,22 +146,6 @@ def headline(data):
     ]
 
 
-def headline_large(data):
-    """The same of the finest case of `bench baselines`, at the error that march reaches there."""
-    Q, steps = max((row["parameters"]["Q"], row["steps"]) for row in data["rows"] if row["contestant"] == "contour")
-    rows = [row for row in data["rows"] if row["parameters"]["Q"] == Q]
-    march = min(
-        (row for row in rows if row["method"] == "march" and row["steps"] == steps), key=lambda row: row["seconds"]["median"]
-    )
-    euler = [row for row in rows if row["method"] == "euler" and row["error_max"] <= march["error_max"]]
-    text = f"- With {Q} points and an error of {number(march['error_max'])} it takes **{seconds(march['seconds']['median'])}**"
-    if not euler:
-        return [f"{text}, and our implicit Euler does not get there with the steps tried ({origin(data)})."]
-    best = min(euler, key=lambda row: row["seconds"]["median"])
-    ratio = best["seconds"]["median"] / march["seconds"]["median"]
-    return [f"{text}, and our implicit Euler takes **{times_faster(ratio)}** as long to an error no larger ({origin(data)})."]
-
-
 def headline_gpu(data):
     """The largest grid of the paper's text on a GPU."""
     printed = min((row for row in data["rows"] if row["part"] == "paper, Fig. 4.10"), key=lambda row: row["dx"])
