@@ -487,6 +487,29 @@ def fit(data):
     return lines
 
 
+def batches(data):
+    lines = ["| scene | n | scenes | J | side by side | batch | loop of prepared solves | ratio |", "|--" * 8 + "|"]
+    for row in data["rows"]:
+        if "ns_batch" in row:
+            lines.append(
+                f"| {row['scene']} | {row['constraints']} | {row['scenes']} | {row['steps']} | {row['in_lanes']} | "
+                f"{row['ns_batch']['median']:.1f} ns | {row['ns_single']['median']:.0f} ns | {row['ratio']:.0f} |"
+            )
+    lines += ["", f"Nanoseconds a scene and step, medians of {data['repeats']}. {data['machine']['cpu']}, {data['threads']} threads, "
+              f"{data['compiler']}, {origin(data)}."]
+    return lines
+
+
+def derivative_costs(data):
+    row = next(row for row in data["rows"] if "us" in row)
+    lines = ["| | time | over a prepared solve |", "|--" * 3 + "|"]
+    for name, us in row["us"].items():
+        lines.append(f"| {name} | {us:.0f} us | {row['over_solve'][name]:.2f} |")
+    lines += ["", f"A drawn scene with 4 constraints, {row['steps']} steps; a prepared solve takes {row['us_solve']:.0f} us. "
+              f"{data['machine']['cpu']}, {data['compiler']}, {origin(data)}."]
+    return lines
+
+
 def gpu_operations(data):
     transforms = [row for row in data["rows"] if row["part"] == "transform"]
     small = [row for row in data["rows"] if row["part"] == "small problems"]
