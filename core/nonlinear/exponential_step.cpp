@@ -15,8 +15,6 @@ ExponentialStep make_exponential_step(const Matrix& A, double h, StepRule rule) 
     step.left.push_back(rule == StepRule::linear ? Matrix(of_one - of_time) : Matrix(0 * of_one));
     if (rule == StepRule::linear)
       step.weights.push_back({of_time});
-    else if (rule == StepRule::euler)
-      step.weights.push_back({of_one});
     else
       step.weights.push_back({1.5 * (of_one - of_time), 1.5 * of_time - 0.5 * of_one});
   }

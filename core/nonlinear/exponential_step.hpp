@@ -6,7 +6,6 @@
 // rule    unknown nodes c   F linear between        order in x
 // linear  1                 0 and 1                 2, continuous y
 // radau   1/3, 1            1/3 and 1               2, y may jump from step to step
-// euler   1                 constant                1
 
 #include "../base/types.hpp"
 
@@ -14,7 +13,7 @@
 
 namespace bromwich {
 
-enum class StepRule { linear, radau, euler };
+enum class StepRule { linear, radau };
 
 struct ExponentialStep {
   std::vector<double> nodes;                 ///< c_i

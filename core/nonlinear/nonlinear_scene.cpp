@@ -14,7 +14,7 @@ namespace {
 template <class At>
 void difference(const At& at, const Vector& around, Eigen::Ref<Matrix> by) {
   Vector z = around, above(by.rows()), below(by.rows());
-  const double floor = std::max(1.0, around.size() > 0 ? around.cwiseAbs().maxCoeff() : 0.0);
+  const double largest = around.size() > 0 ? around.cwiseAbs().maxCoeff() : 0, floor = largest > 0 ? largest : 1;
   for (Index k = 0; k < z.size(); ++k) {
     const double step = std::cbrt(epsilon) * std::max(std::abs(around[k]), 1e-3 * floor);
     z[k] = around[k] + step;

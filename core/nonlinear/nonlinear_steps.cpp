@@ -18,6 +18,13 @@ constexpr double stalled = 1e-8;  ///< changes below that no longer halve are ro
 
 double largest(const Vector& v) { return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0; }
 
+// Relative to the largest value that there was, in any units.
+double relative(const Vector& change, const Vector& to, double& size) {
+  const double most = largest(change);
+  size = std::max(size, largest(to));
+  return most > 0 ? most / std::max(size, most) : 0;
+}
+
 // ∫_0^{c_i h} e^{(c_i h - s) A} f ds of every step and node: from the solution without constraints, on a grid that has
 // the nodes as points.
 RowMatrix increments_of(const Scene& scene, const DenseDynamics& d, Backend& backend, Index J,
@@ -30,14 +37,7 @@ RowMatrix increments_of(const Scene& scene, const DenseDynamics& d, Backend& bac
   free.M = Matrix(Matrix::Ones(1, 1));
   free.lcp_class = LcpClass::automatic;
   free.g = [](double, Eigen::Ref<Vector> v) { v.setOnes(); };
-  free.f_entry = SourceEntry::state;
-  free.F = SparseMatrix();
   free.names = free.units = Labels();
-  free.f = [f = scene.f, F = source_matrix(scene, d)](double t, Eigen::Ref<Vector> v) {
-    Vector phi(F.cols());
-    f(t, phi);
-    v = F * phi;
-  };
   Options options;
   options.method = Method::march;
   options.steps = J * (nodes == 2 ? 3 : 1);
@@ -100,24 +100,34 @@ LcpClass NonlinearSteps::lcp_class(const Vector& x, const Vector& y) const {
   return stated != LcpClass::automatic ? stated : classify(LcpMatrix(Matrix(M_ + gamma.by_y)));
 }
 
-// `of_y`: the part of the matrix that is M + gamma_y.
+// `of_y`: the part of the matrix that is M + gamma_y. The class of a step's matrix is kept until a problem stays
+// unsolved: the test of a class costs more than the problem.
 bool NonlinearSteps::solve_lcp(const Matrix& M, const Matrix& of_y, const Vector& q, Vector& y) const {
-  const LcpClass of_step = least_ ? LcpClass::Z : selection_class(LcpMatrix(M), LcpClass::automatic);
-  ActiveSetLcp lcp(M, of_step, least_ ? &of_y : nullptr);
-  lcp.start_from(y);
-  return lcp.solve(q, y).solved && y.allFinite();
+  const auto solve_as = [&](LcpClass c) {
+    ActiveSetLcp lcp(M, c, least_ ? &of_y : nullptr);
+    lcp.start_from(y);
+    Vector found = y;
+    if (!lcp.solve(q, found).solved || !found.allFinite()) return false;
+    y = std::move(found);
+    return true;
+  };
+  if (least_) return solve_as(LcpClass::Z);
+  if (class_ && solve_as(*class_)) return true;
+  class_ = selection_class(LcpMatrix(M), LcpClass::automatic);
+  return solve_as(*class_);
 }
 
 NewtonOutcome NonlinearSteps::y_at(Index j, const Vector& x, Vector& y) const {
   NewtonOutcome outcome;
   const Vector fixed = N_ * x + g(time(j));
+  double size = 0;
   for (double before = INFINITY; outcome.iterations < most_newton_; before = outcome.change) {
     ++outcome.iterations;
     const Linearization gamma = linearize(scene_->gamma, scene_->dgamma, N_.rows(), time(j), x, y);
     const Matrix M = M_ + gamma.by_y;
     Vector next = y;
     if (!solve_lcp(M, M, fixed + gamma.value - gamma.by_y * y, next)) return outcome;
-    outcome.change = largest(next - y) / std::max(1.0, largest(next));
+    outcome.change = relative(next - y, next, size);
     y = next;
     outcome.solved = outcome.change <= tolerance_ || (outcome.change <= stalled && outcome.change > before / 2);
     if (!scene_->gamma) outcome.solved = true;  // the problem is linear
@@ -129,6 +139,8 @@ NewtonOutcome NonlinearSteps::y_at(Index j, const Vector& x, Vector& y) const {
 NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
   const Index m = x.size(), n = y.size(), nodes = Index(step_.nodes.size());
   const double t0 = time(j - 1);
+  size_x_ = std::max(size_x_, largest(x));
+  size_y_ = std::max(size_y_, largest(y));
   const Vector left = total_source(t0, x, y);
   Vector X = x.replicate(nodes, 1), Y = y.replicate(nodes, 1), known(nodes * m);
   std::vector<Vector> g_at;
@@ -169,8 +181,7 @@ NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
     const Vector dX = free + response * (next - Y);
     if (!dX.allFinite()) return outcome;
     X += dX;
-    outcome.change =
-        std::max(largest(dX) / std::max(1.0, largest(X)), largest(next - Y) / std::max(1.0, largest(next)));
+    outcome.change = std::max(relative(dX, X, size_x_), relative(next - Y, next, size_y_));
     Y = next;
     outcome.solved = outcome.change <= tolerance_ || (outcome.change <= stalled && outcome.change > before / 2);
     if (outcome.solved) break;

@@ -12,6 +12,8 @@
 #include "exponential_step.hpp"
 #include "nonlinear_scene.hpp"
 
+#include <optional>
+
 namespace bromwich {
 
 /// y and its limit of Newton: how many iterations it took, or why it failed.
@@ -56,7 +58,9 @@ class NonlinearSteps {
   double h_;
   double tolerance_;
   Index most_newton_;
-  bool least_ = false;  ///< the least element is selected: class Z
+  bool least_ = false;                     ///< the least element is selected: class Z
+  mutable std::optional<LcpClass> class_;  ///< of the last matrix that was looked at
+  double size_x_ = 0, size_y_ = 0;         ///< the largest values so far
   ExponentialStep step_;
   RowMatrix increments_;  ///< s_i: row (j - 1) nodes + i of step j
 };

@@ -21,7 +21,8 @@ constexpr double inner_share = 0.1;  ///< of the change of a Newton iteration, w
 
 double relative(const RowMatrix& change, const RowMatrix& size) {
   if (change.size() == 0) return 0;
-  return change.cwiseAbs().maxCoeff() / std::max(1.0, size.cwiseAbs().maxCoeff());
+  const double most = change.cwiseAbs().maxCoeff();
+  return most > 0 ? most / (size.cwiseAbs().maxCoeff() + most) : 0;
 }
 
 // Linear between rows that stand h apart.
@@ -145,16 +146,6 @@ class NonlinearSolve {
     window.default_steps = length;
     window.breakpoints_are_all = true;
     window.exact = {};
-    if (window.f_entry != SourceEntry::state) {
-      window.f = [f = window.f, F = source_matrix(window, *window.dynamics->small_state())](double t,
-                                                                                            Eigen::Ref<Vector> v) {
-        Vector phi(F.cols());
-        f(t, phi);
-        v = F * phi;
-      };
-      window.f_entry = SourceEntry::state;
-      window.F = SparseMatrix();
-    }
     return window;
   }
 
@@ -264,10 +255,11 @@ class NonlinearSolve {
   }
 
   void certify() {
+    const Matrix M = to_dense(scene_.linear.M);
     for (Index j = result_.continuous ? 0 : 1; j <= J_ && result_.x.row(j).allFinite(); ++j) {
       const Vector y = result_.y.row(j), w = result_.w.row(j);
       if (n_ > 0) {
-        const Vector fixed = w - to_dense(scene_.linear.M) * y;
+        const Vector fixed = w - M * y;
         result_.residual = std::max(result_.residual,
                                     w.cwiseMin(y).cwiseAbs().maxCoeff() / std::max(1.0, fixed.cwiseAbs().maxCoeff()));
       }
@@ -286,14 +278,30 @@ class NonlinearSolve {
   NonlinearResult result_;
 };
 
+// With f as m values, however it was stated.
+NonlinearScene with_state_source(NonlinearScene scene) {
+  Scene& linear = scene.linear;
+  if (!linear.f || linear.f_entry == SourceEntry::state) return scene;
+  const Matrix F = source_matrix(linear, *linear.dynamics->small_state());
+  linear.f = [f = linear.f, F](double t, Eigen::Ref<Vector> v) {
+    Vector phi(F.cols());
+    f(t, phi);
+    v = F * phi;
+  };
+  linear.f_entry = SourceEntry::state;
+  linear.F = SparseMatrix();
+  return scene;
+}
+
 // The largest difference at the points of the coarser grid, each component relative to its largest value, or to 1e-3 of
 // the largest of its kind.
-double apart(const RowMatrix& coarse, const RowMatrix& fine, Index from) {
+double apart(const RowMatrix& coarse, const RowMatrix& fine) {
   double largest = 0;
-  const double all = fine.bottomRows(fine.rows() - 2 * from).cwiseAbs().maxCoeff();
+  if (fine.size() == 0) return 0;
+  const double all = fine.cwiseAbs().maxCoeff();
   for (Index i = 0; i < coarse.cols(); ++i) {
     double difference = 0, size = 1e-3 * all;
-    for (Index j = from; j < coarse.rows(); ++j) {
+    for (Index j = 0; j < coarse.rows(); ++j) {
       difference = std::max(difference, std::abs(coarse(j, i) - fine(2 * j, i)));
       size = std::max(size, std::abs(fine(2 * j, i)));
     }
@@ -311,8 +319,7 @@ NonlinearResult refine(const NonlinearScene& scene, Backend& backend, NonlinearO
     NonlinearResult fine = NonlinearSolve(scene, backend, options).run();
     if (fine.status == Status::interrupted || fine.status == Status::unsupported) return fine;
     const bool both = fine.status == Status::solved && coarse.status == Status::solved;
-    const double now =
-        both ? std::max(apart(coarse.x, fine.x, 0), fine.continuous ? apart(coarse.y, fine.y, 0) : 0) : 0;
+    const double now = both ? std::max(apart(coarse.x, fine.x), fine.continuous ? apart(coarse.y, fine.y) : 0) : 0;
     if (both && before > 0) {
       const double order = std::clamp(std::log2(before / std::max(now, 1e-300)), 0.0, 2.0);
       if (order >= 0.5) fine.error_estimate = now / (std::exp2(order) - 1);
@@ -353,7 +360,8 @@ NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, c
   if (!(options.tolerance > 0)) throw Error("tolerance", text("found %g", options.tolerance), "give a positive number");
   if (options.steps < 0) throw Error("steps", text("found %ld", long(options.steps)), "give a positive number");
   if (!(options.error >= 0)) throw Error("error", text("found %g", options.error), "give a positive number, or 0");
-  return options.error > 0 ? refine(scene, backend, options) : NonlinearSolve(scene, backend, options).run();
+  const NonlinearScene stated = with_state_source(scene);
+  return options.error > 0 ? refine(stated, backend, options) : NonlinearSolve(stated, backend, options).run();
 }
 
 }  // namespace bromwich

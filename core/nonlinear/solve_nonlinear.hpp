@@ -29,7 +29,7 @@ const char* to_string(NonlinearMethod);
 struct NonlinearOptions {
   NonlinearMethod method = NonlinearMethod::automatic;
   Index steps = 0;                   ///< J; 0: the default of the linear part
-  double tolerance = 1e-12;          ///< of the last change, relative to max(1, |y|) and max(1, |x|)
+  double tolerance = 1e-12;          ///< of the last change, relative to the largest |y| and |x|
   Index most_newton = 30;            ///< Newton iterations of a step or window
   Index most_iterations = 200;       ///< linear solves of a window
   Method inner = Method::automatic;  ///< of the linear solves

@@ -82,6 +82,14 @@ TEST(SolveNonlinear, LinearScenesAreSolvedAsTheirEngineDoes) {
   }
 }
 
+TEST(SolveNonlinear, TakesSourcesThroughB) {
+  NonlinearScene s = cubic_stop(), through = s;
+  through.linear.f_entry = SourceEntry::through_B;  // B = (0, 1)
+  through.linear.f = [](double t, Eigen::Ref<Vector> v) { v[0] = 2 * std::cos(2 * t); };
+  for (const NonlinearMethod m : {NonlinearMethod::march, NonlinearMethod::iteration})
+    EXPECT_LE((solved(through, m, 100).x - solved(s, m, 100).x).cwiseAbs().maxCoeff(), 1e-13) << to_string(m);
+}
+
 TEST(SolveNonlinear, HasOrderTwo) {
   const NonlinearScene s = cubic_stop();
   const auto y_of = [](double, const Vector& x) { return Vector{{std::max(0.0, -5 * (x[0] + 0.5))}}; };
@@ -189,6 +197,23 @@ TEST(SolveNonlinear, HalvesStepsUntilTheErrorIsReached) {
   r = solve_nonlinear(s, *backend, options);
   EXPECT_EQ(r.status, Status::tolerance_not_met);
   EXPECT_NE(r.reason, "");
+}
+
+// x and y in units of 1e15 of what they were: the same solution.
+TEST(SolveNonlinear, DoesNotDependOnUnits) {
+  const NonlinearScene s = cubic_stop();
+  constexpr double unit = 1e-15;
+  NonlinearScene small = s;
+  small.linear.f = [](double t, Eigen::Ref<Vector> v) { v << 0, unit * 2 * std::cos(2 * t); };
+  small.linear.g = [](double, Eigen::Ref<Vector> v) { v[0] = unit * 0.5; };
+  small.linear.x0 *= unit;
+  small.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v << 0, -unit * std::pow(x[0] / unit, 3); };
+  small.dphi = {};
+  for (const NonlinearMethod m : {NonlinearMethod::march, NonlinearMethod::iteration}) {
+    const NonlinearResult r = solved(s, m, 200), other = solved(small, m, 200);
+    EXPECT_LE((other.x / unit - r.x).cwiseAbs().maxCoeff(), 1e-9) << to_string(m);
+    EXPECT_LE((other.y / unit - r.y).cwiseAbs().maxCoeff(), 1e-8) << to_string(m);
+  }
 }
 
 TEST(SolveNonlinear, SaysWhereNewtonFails) {
