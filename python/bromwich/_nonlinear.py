@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from . import _core
-from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
+from ._errors import Error
 from ._result import Status
 from ._scene import Scene
-from ._solve import Check
+from ._solve import Check, judged, stated
 
 Function = Callable[[float, np.ndarray, np.ndarray], Any]
 
@@ -108,13 +107,7 @@ def solve_nonlinear(
         ...                     phi=lambda t, x, y: [0, -x[0] ** 3])
         >>> r.status, r.x[-1]
     """
-    if scene is None:
-        scene = Scene(steps=steps, **arguments)
-    elif not isinstance(scene, Scene):
-        raise Error(f"scene: is a {type(scene).__name__}; give a bromwich.Scene, or A, B, N, ... by name", "scene")
-    elif arguments:
-        name = next(iter(arguments))
-        raise Error(f"{name}: is given with a scene; make the scene with it", name)
+    scene = stated(scene, steps, arguments)
     answer = _core.solve_nonlinear(
         scene._model,
         _values("phi", phi),
@@ -131,16 +124,7 @@ def solve_nonlinear(
         int(threads),
         stop,
     )
-    result = NonlinearResult(answer)
-    if answer.by_keyboard:
-        raise Interrupted("interrupted by the keyboard", result)
-    if result.ok or check is False:
-        return result
-    line = f"{result.status}: {result.reason}"
-    if check is True:
-        raise NotSolved(line, result)
-    warnings.warn(line, NotSolvedWarning, stacklevel=2)
-    return result
+    return judged(NonlinearResult(answer), answer.by_keyboard, check, stop, 3)
 
 
 def _values(name: str, function: Function | None) -> Function | None:

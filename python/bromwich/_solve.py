@@ -97,13 +97,7 @@ def solve(
         >>> r.status, r.y[-1]
     """
     _known(arguments)
-    if scene is None:
-        scene = Scene(steps=steps, **arguments)
-    elif not isinstance(scene, Scene):
-        raise Error(f"scene: is a {type(scene).__name__}; give a bromwich.Scene, or A, B, N, ... by name", "scene")
-    elif arguments:
-        name = next(iter(arguments))
-        raise Error(f"{name}: is given with a scene; make the scene with it", name)
+    scene = stated(scene, steps, arguments)
     if steps is tol is tol_x is tol_y is None:
         tol = scene._facts.get("tolerance")  # of a file
     options = _options(
@@ -259,15 +253,33 @@ def _select_states(o: _core.Options, scene: Scene, states: str | Iterable[int] |
             o.record_states(components)
 
 
+def stated(scene: Scene | None, steps: int | None, arguments: dict[str, Any]) -> Scene:
+    """The scene, or one of arguments by name."""
+    if scene is None:
+        return Scene(steps=steps, **arguments)
+    if not isinstance(scene, Scene):
+        raise Error(f"scene: is a {type(scene).__name__}; give a bromwich.Scene, or A, B, N, ... by name", "scene")
+    if arguments:
+        name = next(iter(arguments))
+        raise Error(f"{name}: is given with a scene; make the scene with it", name)
+    return scene
+
+
 def _checked(answer: _core.Answer, scene: Scene, check: Check, stop: Callable[[], bool] | None) -> Result:
-    result = Result(answer, scene)
-    if answer.status == "solved":
+    return judged(Result(answer, scene), answer.by_keyboard, check, stop)
+
+
+def judged(
+    result: Any, by_keyboard: bool, check: Check, stop: Callable[[], bool] | None, stacklevel: int = 4
+) -> Any:
+    """The result, after what `check` says of one that is not solved; `stacklevel`: of the caller's line."""
+    if result.ok:
         return result
-    if answer.by_keyboard:
+    if by_keyboard:
         raise Interrupted(result.reason, result)
     asked = stop is not None and result.status is Status.interrupted
     if check is True:
         raise NotSolved(f"status: {result.status}: {result.reason}", result)
     if check and not asked:
-        warnings.warn(f"{result.status}: {result.reason}", NotSolvedWarning, stacklevel=3)
+        warnings.warn(f"{result.status}: {result.reason}", NotSolvedWarning, stacklevel=stacklevel)
     return result

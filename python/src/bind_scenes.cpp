@@ -198,23 +198,6 @@ void bind_scenes(nb::module_& m) {
           nb::arg("along"), nb::arg("across"), nb::arg("reaction"), nb::arg("b"), nb::arg("n"), nb::arg("far_b"),
           nb::arg("far_n"))
       .def(
-          "set_rectangle",
-          [](Model& s, const Line& along, const Line& across, double reaction, const Array1& b, const Array1& n,
-             const Array1& far_b, const Array1& far_n) {
-            s.scene.dynamics = Rectangle{
-                .along = std::make_from_tuple<GridLine>(along),
-                .across = std::make_from_tuple<GridLine>(across),
-                .reaction = reaction,
-                .b = as_vector(b),
-                .n = as_vector(n),
-                .far_b = as_vector(far_b),
-                .far_n = as_vector(far_n),
-                .written_out = true,
-            };
-          },
-          nb::arg("along"), nb::arg("across"), nb::arg("reaction"), nb::arg("b"), nb::arg("n"), nb::arg("far_b"),
-          nb::arg("far_n"))
-      .def(
           "set_supplied",
           [](Model& s, Index states, const Sparse& B, const Sparse& N, nb::object shifted, nb::object mass,
              std::optional<std::pair<double, double>> bound) {
