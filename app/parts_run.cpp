@@ -70,7 +70,8 @@ class PartSolver {
       solver_ = std::make_unique<Solver>(part_, backend_, options_);
     } else {
       solver_->set_x0(x);
-      if (part_.f || part_.g) solver_->set_sources(part_.f, part_.g, within(part_.breakpoints));
+      if (part_.f || part_.g)
+        solver_->set_sources(part_.f, part_.g, within(part_.breakpoints), part_.breakpoints_are_all);
     }
     return solver_->solve();
   }

@@ -103,7 +103,7 @@ void measure_prepared(const PreparedCase& c, Backend& backend, const BenchReques
     changed.f = scaled(0.999, changed.f);
     const Result other = timed_solve(with_f, [&] {
       solver.set_x0(changed.x0);
-      solver.set_sources(changed.f, changed.g, changed.breakpoints);
+      solver.set_sources(changed.f, changed.g, changed.breakpoints, changed.breakpoints_are_all);
       return solver.solve();
     });
     difference = std::max(difference, apart(other, solve(changed, backend, options)));

@@ -331,7 +331,7 @@ class BatchRun {
       return solvers_.back().solver->solve();
     }
     found->solver->set_x0(scene.x0);
-    if (own_sources(batch_)) found->solver->set_sources(scene.f, scene.g, scene.breakpoints);
+    if (own_sources(batch_)) found->solver->set_sources(scene.f, scene.g, scene.breakpoints, scene.breakpoints_are_all);
     ++result_.prepared;
     return found->solver->solve();
   }
@@ -452,7 +452,7 @@ Scene scene_of(const Batch& b, Index k) {
   if (!b.f.empty()) scene.f = b.f[i];
   if (!b.g.empty()) scene.g = b.g[i];
   if (!b.breakpoints.empty()) scene.breakpoints = b.breakpoints[i];
-  if (!b.f.empty() || !b.g.empty() || !b.breakpoints.empty()) scene.breakpoints_are_all = false;
+  if (!b.f.empty() || !b.g.empty() || !b.breakpoints.empty()) scene.breakpoints_are_all = b.breakpoints_are_all;
   scene.exact = {};
   return scene;
 }

@@ -174,7 +174,7 @@ class NonlinearSolve {
 
   // One linear solve. Nothing if it fails.
   bool sweep(Solver& solver, const Scene& window, RowMatrix phi, RowMatrix gamma, Rows& rows) {
-    solver.set_sources(with_rows(window.f, std::move(phi), h()), with_rows(window.g, std::move(gamma), h()));
+    solver.set_sources(with_rows(window.f, std::move(phi), h()), with_rows(window.g, std::move(gamma), h()), {}, true);
     ++result_.solves;
     const Result r = solver.solve();
     if (r.status == Status::interrupted) fail(Status::interrupted, "stopped on request");

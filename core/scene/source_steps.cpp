@@ -32,6 +32,7 @@ constexpr std::array<double, 4> between_gauss{0, 0.2928932188134525, 0.707106781
 constexpr std::array<double, 7> looks{0.04, 0.19, 0.33, 0.47, 0.62, 0.78, 0.93};  ///< into parts of rough steps
 constexpr Index many_looks = 34;       ///< into steps of fast sources, at multiples of the golden ratio: 0.035 apart
 constexpr Index most_looks = 8000000;  ///< into all steps, beyond 7 for each
+constexpr Index most_unknown = 49152;  ///< values of unknown sources that are looked at, all components together
 constexpr double inside_end = 1e-6;    ///< of a piece: how near to its ends f is looked at
 
 // One of the sources with its samples and the size of each component.
@@ -80,11 +81,12 @@ class Inspection {
     found_.resolution = resolution_;
   }
 
-  SourceSteps run(const std::vector<double>& breakpoints, bool every_step) {
+  /// `spread`: looks over all steps, 0 where the breakpoints are known to be all.
+  SourceSteps run(const std::vector<double>& breakpoints, bool every_step, Index spread) {
     if (J_ < 1 || (!f_.given && !g_.given)) return std::move(found_);
     short_parts_ = every_step;
     place(breakpoints);
-    look_inside(every_step);
+    look_inside(every_step, spread);
     std::sort(seen_.begin(), seen_.end());
     for (Index j = 1; j <= J_ && any_rough_; ++j)
       if (rough_[std::size_t(j)]) take_apart(j);
@@ -130,10 +132,10 @@ class Inspection {
   }
 
   // Compares values inside steps without breakpoints with the linear function: where one is far off, in all steps.
-  void look_inside(bool every_step) {
+  void look_inside(bool every_step, Index spread) {
     constexpr double golden = 0.6180339887498949, silver = 0.4142135623730951;
     const Index some = std::clamp<Index>(J_ / 32, 4, 64);
-    bool off = false;
+    bool off = !every_step && look_everywhere(spread);
     for (Index k = 0; k < some && !every_step; ++k) {
       const double at = (double(k) + 0.5) * golden, part = (double(k) + 0.5) * silver;
       const Index j = 1 + std::min(J_ - 1, Index(double(J_) * (at - std::floor(at))));
@@ -151,6 +153,17 @@ class Inspection {
     const Index count = std::clamp<Index>(most_looks / J_, Index(looks.size()), many_looks);
     for (Index j = 1; j <= J_ && off; ++j)
       for (double k = 0; k < double(count); ++k) misses(j, (k + 0.5) * golden - std::floor((k + 0.5) * golden), true);
+  }
+
+  // Values on a finer grid. Its times increase: sources that are evaluated many at a time are.
+  bool look_everywhere(Index spread) {
+    const Index width = (f_.given ? f_.source.width() : 0) + (g_.given ? g_.source.width() : 0);
+    spread = std::min(spread, most_unknown / std::max<Index>(1, width));
+    const Index parts = (spread + J_ - 1) / J_;
+    bool off = false;
+    for (Index j = 1; j <= J_; ++j)
+      for (Index k = 1; k < parts; ++k) off |= misses(j, double(k) / double(parts));
+    return off;
   }
 
   // Steps in which the samples change by a good part of their size, and hardly in the step before or behind: a few of
@@ -383,8 +396,8 @@ const RoughStep* SourceSteps::at(Index step) const {
 }
 
 SourceSteps find_source_steps(const Scene& scene, const Vector& t, const SampledSource& f, const SampledSource& g,
-                              bool every_step) {
-  return Inspection(scene, t, f, g).run(scene.breakpoints, every_step);
+                              bool every_step, Index looks) {
+  return Inspection(scene, t, f, g).run(scene.breakpoints, every_step, scene.breakpoints_are_all ? 0 : looks);
 }
 
 }  // namespace bromwich

@@ -56,7 +56,7 @@ void Solver::take_x0(Vector& x0, bool valid) {
   options_.prepared->add({true, false});
 }
 
-void Solver::set_sources(TimeFunction f, TimeFunction g, std::vector<double> breakpoints) {
+void Solver::set_sources(TimeFunction f, TimeFunction g, std::vector<double> breakpoints, bool breakpoints_are_all) {
   if (scene_.port && f && scene_.f_entry != SourceEntry::through_F)
     throw Error("f", "is given to a port-Hamiltonian scene without an input", "state B and u of the system");
   const auto exchange = [&] {
@@ -71,7 +71,7 @@ void Solver::set_sources(TimeFunction f, TimeFunction g, std::vector<double> bre
     exchange();
     throw;
   }
-  scene_.breakpoints_are_all = false;
+  scene_.breakpoints_are_all = breakpoints_are_all;
   scene_.exact = {};
   if (scene_.port) {  // method goal reads the input there
     PortHamiltonian port = *scene_.port;

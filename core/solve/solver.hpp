@@ -43,9 +43,10 @@ class Solver {
   /// x(0), m values. Throws Error for another length, values that are not finite, and scenes with boundary values.
   void set_x0(const Vector& x0);
   void set_x0(Vector&& x0);  ///< without a copy
-  /// f and g as functions of time, as Scene::f and Scene::g, with the times where they may jump. Throws Error where
-  /// they are not finite at t = 0 or the times are not in [0, T].
-  void set_sources(TimeFunction f, TimeFunction g, std::vector<double> breakpoints = {});
+  /// f, g, breakpoints and breakpoints_are_all as members of Scene. Throws Error where f and g are not finite at t = 0
+  /// or the times are not in [0, T].
+  void set_sources(TimeFunction f, TimeFunction g, std::vector<double> breakpoints = {},
+                   bool breakpoints_are_all = false);
 
   /// As bromwich::solve with the scene as it is now.
   Result solve();

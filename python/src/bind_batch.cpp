@@ -13,6 +13,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <map>
 #include <optional>
 #include <utility>
@@ -60,6 +61,10 @@ Batch batch_from(const std::vector<std::shared_ptr<const Model>>& models, Index 
     if (const auto found = axes.find(name); found != axes.end()) *member = matrices(found->second);
   if (x0) batch.x0 = as_matrix(*x0);
   batch.f = functions(f), batch.g = functions(g);
+  const auto all = [](const std::vector<const Source*>& own) {
+    return std::all_of(own.begin(), own.end(), [](const Source* s) { return s && s->breakpoints_are_all; });
+  };
+  batch.breakpoints_are_all = all(f) && all(g) && batch.common.breakpoints_are_all;
   if (!f.empty() || !g.empty())
     for (Index k = 0; k < scenes; ++k) {
       const Model& common = *models.at(0);

@@ -275,6 +275,7 @@ void bind_scenes(nb::module_& m) {
             relay_scene(as_matrix(A), as_matrix(B), as_matrix(C), function(f), as_vector(x0), function(e)));
         model->scene.breakpoints =
             merged(f ? f->breakpoints : std::vector<double>{}, e ? e->breakpoints : std::vector<double>{});
+        model->scene.breakpoints_are_all = (!f || f->breakpoints_are_all) && (!e || e->breakpoints_are_all);
         for (const Source* source : {f, e}) {
           if (!source) continue;
           keep(*model, source->callables);

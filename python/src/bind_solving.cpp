@@ -86,9 +86,10 @@ class Prepared {
   void set_sources(const Source* f, const Source* g, const std::vector<double>& declared) {
     const nb::gil_scoped_release released;
     const std::lock_guard lock(mutex_);
-    const Source none, &given_f = f ? *f : none, &given_g = g ? *g : none;
+    const Source none{{}, 0, {}, true}, &given_f = f ? *f : none, &given_g = g ? *g : none;
     solver_.set_sources(given_f.function, given_g.function,
-                        merged(merged(given_f.breakpoints, given_g.breakpoints), declared));
+                        merged(merged(given_f.breakpoints, given_g.breakpoints), declared),
+                        given_f.breakpoints_are_all && given_g.breakpoints_are_all);
     changes_.f = f ? std::make_shared<const Source>(*f) : nullptr;
     changes_.g = g ? std::make_shared<const Source>(*g) : nullptr;
     changes_.other_sources = true;

@@ -339,6 +339,24 @@ TEST(Sources, FasterThanTheGridIsSaidOrResolved) {
   EXPECT_EQ(run(scene, Method::galerkin, 400).warning, "");
 }
 
+// A pulse of area 1 into a pure integral: x(1) = 1. Pulses half as long as the distance of the looks may be missed.
+TEST(Sources, ShortPulsesOfUnknownFunctionsAreSeenByFixedSteps) {
+  const double length = 1.05 / double(looks_at_unknown_sources);
+  for (int k = 0; k < 40; ++k) {
+    const double from = 0.02 + 0.96 * std::fmod(double(k) * 0.7548776662466927, 1.0);
+    Scene scene = pulse(1);
+    scene.breakpoints.clear();
+    scene.dynamics = DenseDynamics{Matrix{{0.0}}, Matrix{{1.0}}, Matrix{{1.0}}};
+    scene.f = [from, length](double t, Eigen::Ref<Vector> f) { f[0] = t > from && t < from + length ? 1 / length : 0; };
+    for (const Index J : {60, 400, 4096}) {
+      const Result r = run(scene, with_states(Method::march, J));
+      ASSERT_EQ(r.status, Status::solved) << r.reason;
+      // The edges are found to T 2^-36 J and less, beside a length of 8e-5 T.
+      EXPECT_NEAR(r.x(J, 0), 1, 1e-6) << from << ", " << J;
+    }
+  }
+}
+
 TEST(Sources, SmoothSourcesAreLeftAlone) {
   Scene scene = pushed(0, 0);
   scene.breakpoints.clear();
