@@ -452,7 +452,10 @@ Scene scene_of(const Batch& b, Index k) {
   if (!b.f.empty()) scene.f = b.f[i];
   if (!b.g.empty()) scene.g = b.g[i];
   if (!b.breakpoints.empty()) scene.breakpoints = b.breakpoints[i];
-  if (!b.f.empty() || !b.g.empty() || !b.breakpoints.empty()) scene.breakpoints_are_all = b.breakpoints_are_all;
+  if (!b.f.empty() || !b.g.empty() || !b.breakpoints.empty()) {
+    scene.breakpoints_are_all = b.breakpoints_are_all;
+    scene.no_pulses = b.no_pulses;
+  }
   scene.exact = {};
   return scene;
 }

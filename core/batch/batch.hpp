@@ -28,6 +28,7 @@ struct Batch {
   std::vector<TimeFunction> f, g;                ///< K functions each
   std::vector<std::vector<double>> breakpoints;  ///< K lists of times in [0, T]
   bool breakpoints_are_all = false;              ///< as in Scene, for f, g and breakpoints with a batch axis
+  bool no_pulses = false;                        ///< likewise
   std::vector<Scene> own;                        ///< K whole scenes; nothing else is read then
 
   /// Throws Error that names the first member with a wrong number of entries or a wrong shape.

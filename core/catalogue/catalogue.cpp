@@ -51,7 +51,7 @@ Scene make_scene(const std::string& name, const ParameterValues& overrides) {
 
   Scene scene = recipe->build(values);
   scene.name = name;
-  scene.breakpoints_are_all = true;  // recipes name the jumps of their sources
+  scene.no_pulses = true;
   scene.validate();
   return scene;
 }

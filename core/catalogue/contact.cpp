@@ -64,6 +64,7 @@ Scene build_contact(const ParameterValues& values) {
   scene.M = Tridiagonal{Vector::Zero(Q), Vector::Constant(Q, eps), Vector::Zero(Q)};
   scene.lcp_class = eps > 0 ? LcpClass::P : LcpClass::PSD;
   scene.g = given_gap(Q);
+  scene.breakpoints_are_all = true;
   scene.x0 = Vector::Zero(Q * Q);
   scene.T = positive_parameter(values, "T");
   scene.default_steps = 400;

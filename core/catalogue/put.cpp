@@ -116,6 +116,7 @@ void set_payoff(const Payoff& payoff, Index n, const Dividends& d, Scene& scene)
                               a[behind] = 1;
                             }};
   for (Index i = 0; i < d.count; ++i) scene.breakpoints.push_back(d.date(i));
+  scene.breakpoints_are_all = true;
   scene.T = d.T;
 }
 

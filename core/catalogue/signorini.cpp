@@ -64,6 +64,7 @@ Scene build_signorini(const ParameterValues& values) {
   scene.lcp_class = LcpClass::P;  // strictly diagonally dominant with positive diagonal
   const SeparableSource psi = obstacle(Q);
   scene.f = psi;
+  scene.breakpoints_are_all = true;
   scene.f_entry = SourceEntry::through_B;
   Matrix M_psi = 4 * psi.shapes;
   M_psi.topRows(Q - 1) -= psi.shapes.bottomRows(Q - 1);

@@ -85,6 +85,7 @@ Scene build_signorini3d(const ParameterValues& values) {
   SparseMatrix M = five_points(Q);
   const SeparableSource psi = face_obstacle(Q);
   scene.f = psi;
+  scene.breakpoints_are_all = true;
   scene.f_entry = SourceEntry::through_B;
   scene.g = SeparableSource{M * psi.shapes, psi.time};
   scene.M = SparseLcpMatrix(std::move(M));

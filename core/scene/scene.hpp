@@ -43,6 +43,7 @@ struct Scene {
   /// where they are smooth.
   std::vector<double> breakpoints;
   bool breakpoints_are_all = false;  ///< f and g are known to be smooth elsewhere; no others are searched
+  bool no_pulses = false;            ///< f and g may have kinks and jumps elsewhere, but no pulses to be searched for
   Vector x0;                         ///< m; empty with a boundary condition
   std::optional<BoundaryCondition> boundary;
   std::vector<Index> free_rows;  ///< rows i with w_i = 0 and y_i of either sign, increasing

@@ -397,7 +397,8 @@ const RoughStep* SourceSteps::at(Index step) const {
 
 SourceSteps find_source_steps(const Scene& scene, const Vector& t, const SampledSource& f, const SampledSource& g,
                               bool every_step, Index looks) {
-  return Inspection(scene, t, f, g).run(scene.breakpoints, every_step, scene.breakpoints_are_all ? 0 : looks);
+  return Inspection(scene, t, f, g)
+      .run(scene.breakpoints, every_step, scene.breakpoints_are_all || scene.no_pulses ? 0 : looks);
 }
 
 }  // namespace bromwich

@@ -59,11 +59,11 @@ struct SourceSteps {
   const RoughStep* at(Index step) const;  ///< null if the step is not rough
 };
 
-/// Values that are looked at where a scene does not say that it names all its breakpoints: pulses as long as T / 12288
-/// are seen on any grid.
+/// Values that are looked at unless the scene says that it names all breakpoints or has no pulses: pulses as long as T
+/// / 12288 are seen on any grid.
 inline constexpr Index looks_at_unknown_sources = 12288;
 
-/// `every_step`: tests values inside every step; otherwise inside some steps, and where breakpoints may be unnamed at
+/// `every_step`: tests values inside every step; otherwise inside some steps, and where pulses may be unnamed at
 /// `looks` places (fewer of sources with many components).
 SourceSteps find_source_steps(const Scene&, const Vector& t, const SampledSource& f, const SampledSource& g,
                               bool every_step, Index looks = looks_at_unknown_sources);

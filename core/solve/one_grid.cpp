@@ -233,6 +233,7 @@ Methods& prepared_methods(const Scene& scene, Backend& backend, Index J, const s
       grid.scene->g = scene.g;
       grid.scene->breakpoints = scene.breakpoints;
       grid.scene->breakpoints_are_all = scene.breakpoints_are_all;
+      grid.scene->no_pulses = scene.no_pulses;
     }
     grid.finite_sources = grid.finite_sources && !grid.changes.sources;
     grid.methods->renew(grid.changes);

@@ -72,6 +72,7 @@ void Solver::set_sources(TimeFunction f, TimeFunction g, std::vector<double> bre
     throw;
   }
   scene_.breakpoints_are_all = breakpoints_are_all;
+  scene_.no_pulses = false;
   scene_.exact = {};
   if (scene_.port) {  // method goal reads the input there
     PortHamiltonian port = *scene_.port;
