@@ -166,7 +166,10 @@ class SweepRun {
     for (;; ++next) {
       first_ = together_ * (job().next_number ? job().next_number() : next);
       if (first_ >= sweep_.scenes() || interrupted()) break;
-      if (!kept_->has(first_)) kept_->save(solve_block(std::min(together_, sweep_.scenes() - first_)));
+      if (kept_->has(first_)) continue;
+      const Block block = solve_block(std::min(together_, sweep_.scenes() - first_));
+      if (interrupted()) break;  // and some scenes of the block with it
+      kept_->save(block);
     }
     ranks().gather(Vector::Zero(1));
   }
