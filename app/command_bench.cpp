@@ -4,7 +4,9 @@
 #include "app/commands.hpp"
 #include "app/machine.hpp"
 #include "app/output_file.hpp"
+#include "app/ranks.hpp"
 #include "app/text.hpp"
+#include "bench/studies/scale.hpp"
 #include "bench/studies/study.hpp"
 #include "core/base/error.hpp"
 #include "core/build_info.hpp"
@@ -38,6 +40,8 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
     {"multigrid", "cycles on signorini: contraction, and cost to reach a tenth of the discretisation error",
      bench_multigrid},
     {"paper", "the experiments of the paper on Laplace inversion, compared with its numbers", bench_paper},
+    {"scale", "time points of a Kronecker scene divided among the ranks of mpirun, and a model for more of them",
+     bench_scale},
     {"scenes", "all scene files of a folder: class, spectrum, method, error and time", bench_scenes},
     {"signorini3d", "contact on a face: cycles, marching and implicit Euler, times and work", bench_signorini3d},
     {"solver", "a prepared scene solved again with another x0, compared with whole solves", bench_solver},
@@ -111,7 +115,7 @@ int run_bench(const BenchArguments& arguments) {
   const Words words = split_words(arguments.words, arguments.settings);
   const Benchmark& benchmark = find_benchmark(words.names);
   const BenchRequest request = make_request(arguments, words);
-  const int threads = arguments.threads.empty() ? 0 : parse_threads(arguments.threads);
+  const int threads = threads_of_rank(arguments.threads.empty() ? 0 : parse_threads(arguments.threads));
   std::optional<OutputFile> out;
   if (!arguments.out.empty()) out.emplace("--out", arguments.out, ".json");
 

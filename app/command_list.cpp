@@ -3,6 +3,7 @@
 #include "app/backend_choice.hpp"
 #include "app/commands.hpp"
 #include "app/machine.hpp"
+#include "app/ranks.hpp"
 #include "app/scene_choice.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
@@ -31,6 +32,7 @@ std::string defaults(const SceneRecipe& recipe) {
 }  // namespace
 
 void print(const std::string& text) {
+  if (!first_rank()) return;
   const bool short_write = std::fwrite(text.data(), 1, text.size(), stdout) != text.size();
   if (std::fflush(stdout) != 0 || short_write)
     throw Error("standard output", "could not be written", "check where it is redirected to");

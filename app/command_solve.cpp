@@ -13,6 +13,7 @@
 #include "app/output_json.hpp"
 #include "app/output_summary.hpp"
 #include "app/parts_run.hpp"
+#include "app/ranks.hpp"
 #include "app/reference_error.hpp"
 #include "app/result_facts.hpp"
 #include "app/result_output.hpp"
@@ -170,10 +171,12 @@ Index state_columns(const Options& options, const Scene& scene) {
 void listen(const SolveArguments& arguments, ProgressLine& progress, std::vector<std::string>& decisions,
             Options& options) {
   if (progress.visible()) options.progress = [&progress](const Progress& state) { progress.show(state); };
-  catch_interrupts();
-  options.interrupted = interrupted;
-  options.log = [&decisions,
-                 log = make_log(arguments.log_level, [&progress] { progress.clear(); })](const LogEntry& e) {
+  if (ranks().size() == 1) {  // ranks would stop at different sweeps
+    catch_interrupts();
+    options.interrupted = interrupted;
+  }
+  const std::string level = first_rank() ? arguments.log_level : "off";
+  options.log = [&decisions, log = make_log(level, [&progress] { progress.clear(); })](const LogEntry& e) {
     if (e.level >= LogLevel::info && decisions.size() < most_decisions) decisions.push_back(one_line(e.text));
     if (log) log(e);
   };
@@ -216,6 +219,9 @@ std::optional<PartsOptions> parts_options(const SolveArguments& a, const SceneCh
     throw Error("--checkpoint-every", "is given without --checkpoint", "add --checkpoint FILE.h5");
   if (a.checkpoint.empty() && a.restart.empty()) return std::nullopt;
   const std::string argument = a.checkpoint.empty() ? "--restart" : "--checkpoint";
+  if (ranks().size() > 1)
+    throw Error(argument, fmt::format("is given on {} ranks, whose clocks differ", ranks().size()),
+                "leave it out, or run one rank");
   for (const auto& [name, given] : {std::pair("--at", !a.at.empty()),
                                     {"--switches", !a.switches.empty()},
                                     {"--energies", a.energies},
@@ -273,7 +279,7 @@ int run_solve(const SolveArguments& arguments) {
   const auto columns =
       arguments.columns.empty() ? std::vector<Column>{} : parse_columns(arguments.columns, choice.scene);
   Options options = solve_options(arguments, choice, columns);
-  const int threads = arguments.threads.empty() ? 0 : parse_threads(arguments.threads);
+  const int threads = threads_of_rank(arguments.threads.empty() ? 0 : parse_threads(arguments.threads));
   const Index recorded = state_columns(options, choice.scene);
   check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps, recorded);
   check_energies(arguments, choice.scene, options);
@@ -285,7 +291,8 @@ int run_solve(const SolveArguments& arguments) {
   files.columns = columns;
   std::optional<PartsOptions> parts = parts_options(arguments, choice, options);
 
-  const auto backend = choose_backend(arguments.backend, choice.scene, options, recorded, threads);
+  const auto backend =
+      over_ranks(choose_backend(arguments.backend, choice.scene, options, recorded, threads), arguments.backend);
   ProgressLine progress(options.iteration_tolerance);
   std::vector<std::string> decisions;
   listen(arguments, progress, decisions, options);

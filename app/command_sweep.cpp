@@ -7,6 +7,8 @@
 #include "app/machine.hpp"
 #include "app/output_file.hpp"
 #include "app/output_json.hpp"
+#include "app/ranks.hpp"
+#include "app/scene_blocks.hpp"
 #include "app/scene_choice.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
@@ -18,12 +20,16 @@
 #include "files/sweep_file.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <iterator>
 #include <map>
+#include <optional>
+#include <sstream>
 #include <utility>
 #include <vector>
 
@@ -35,13 +41,7 @@ constexpr double block_share = 0.25;      ///< of the memory, for the results of
 constexpr double most_block_bytes = 1e9;  ///< of them
 constexpr double bytes_of_a_scene = 1e4;  ///< of a scene that was read: its expressions and names
 
-/// The scenes that are solved together, and what could not be read.
-struct Block {
-  Index first = 0, count = 0;
-  std::vector<Index> read;           ///< scenes of the file with a place in `result`, in order
-  std::vector<std::string> refused;  ///< one per scene; empty if it was read
-  BatchResult result;
-};
+using Block = SceneBlock;
 
 class SweepRun {
  public:
@@ -65,7 +65,7 @@ class SweepRun {
   }
 
   int run() {
-    const int threads = arguments_.threads.empty() ? 0 : parse_threads(arguments_.threads);
+    const int threads = threads_of_rank(arguments_.threads.empty() ? 0 : parse_threads(arguments_.threads));
     backend_ = choose_backend(arguments_.backend, choice_.scene, options_, Index(states_.size()), threads);
     predict();
     ProgressLine progress(options_.iteration_tolerance);
@@ -75,6 +75,10 @@ class SweepRun {
       };
     catch_interrupts();
     options_.interrupted = interrupted;
+    if (ranks().size() > 1 || !arguments_.restart.empty()) {
+      solve_over_ranks();
+      if (!first_rank()) return exit_solved;
+    }
     if (arguments_.out.empty()) {
       each_block([](const Block&) {});
     } else if (by_hdf5()) {
@@ -82,6 +86,7 @@ class SweepRun {
     } else {
       OutputFile("--out", arguments_.out, ".csv").write([this](std::FILE* file) { write_csv(file); });
     }
+    if (kept_) kept_->remove();
     progress.finish();
     print(arguments_.json ? dump(json()) : summary());
     if (solved() == sweep_.scenes()) return exit_solved;
@@ -96,7 +101,6 @@ class SweepRun {
                                         {"--switches", !arguments_.switches.empty()},
                                         {"--report", !arguments_.report.empty()},
                                         {"--checkpoint", !arguments_.checkpoint.empty()},
-                                        {"--restart", !arguments_.restart.empty()},
                                         {"--energies", arguments_.energies},
                                         {"--event-location", arguments_.event_location}})
       if (given)
@@ -145,10 +149,50 @@ class SweepRun {
     predicted_ = fixed + each * double(together_);
   }
 
+  // The ranks take blocks as they come to them, whose results lie in a folder until all are there. Without many ranks,
+  // the blocks that a run before has left there are not solved again.
+  void solve_over_ranks() {
+    if (arguments_.out.empty())
+      throw Error("--out", fmt::format("is missing for a sweep on {} ranks", ranks().size()),
+                  "add --out FILE.h5 or FILE.csv");
+    constexpr Index blocks_at_least = 64, lanes = 8;
+    together_ =
+        std::clamp<Index>(sweep_.scenes() / blocks_at_least / lanes * lanes, std::min(lanes, together_), together_);
+    const bool again = !arguments_.restart.empty();
+    kept_.emplace(again ? arguments_.restart : arguments_.out + ".parts", description());
+    if (first_rank()) kept_->open(again);
+    ranks().gather(Vector::Zero(1));
+    Index next = 0;
+    for (;; ++next) {
+      first_ = together_ * (job().next_number ? job().next_number() : next);
+      if (first_ >= sweep_.scenes() || interrupted()) break;
+      if (kept_->has(first_)) continue;
+      const Block block = solve_block(std::min(together_, sweep_.scenes() - first_));
+      if (interrupted()) break;  // and some scenes of the block with it
+      kept_->save(block);
+    }
+    ranks().gather(Vector::Zero(1));
+  }
+
+  // What decides about the results of a block.
+  std::string description() const {
+    std::string text =
+        fmt::format("{} scenes, {} a block, {} steps, method {}, tolerance {}, states {}\n", sweep_.scenes(), together_,
+                    steps_, to_string(options_.method), options_.iteration_tolerance, fmt::join(states_, ","));
+    for (const auto& [name, value] : settings_) text += fmt::format("{} = {}\n", name, value);
+    for (const std::filesystem::path& input : sweep_.inputs) {
+      std::ifstream in(input, std::ios::binary);
+      std::ostringstream contents;
+      contents << in.rdbuf();
+      text += contents.str();
+    }
+    return text;
+  }
+
   template <class Take>
   void each_block(const Take& take) {
     for (first_ = 0; first_ < sweep_.scenes(); first_ += together_) {
-      const Block block = solve_block(std::min(together_, sweep_.scenes() - first_));
+      const Block block = kept_ ? kept_->load(first_) : solve_block(std::min(together_, sweep_.scenes() - first_));
       ++blocks_;
       in_lanes_ += block.result.in_lanes;
       seconds_ += block.result.seconds;
@@ -325,6 +369,7 @@ class SweepRun {
   SceneChoice choice_;
   Options options_;
   std::unique_ptr<Backend> backend_;
+  std::optional<BlockFolder> kept_;  ///< of ranks, or of a run before
   std::vector<Index> states_;
   std::vector<std::string> status_, reason_, warning_;
   Index steps_ = 0, first_ = 0, together_ = 1, blocks_ = 0, in_lanes_ = 0;

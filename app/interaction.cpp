@@ -1,6 +1,7 @@
 #include "app/interaction.hpp"
 
 #include "app/commands.hpp"
+#include "app/ranks.hpp"
 #include "app/text.hpp"
 
 #include <fmt/format.h>
@@ -86,7 +87,10 @@ void draw(const std::string& text) {
 }  // namespace
 
 ProgressLine::ProgressLine(double tolerance)
-    : visible_(::isatty(STDERR_FILENO) != 0), start_(Clock::now()), left_(tolerance), reported_(start_) {
+    : visible_(first_rank() && ::isatty(STDERR_FILENO) != 0),
+      start_(Clock::now()),
+      left_(tolerance),
+      reported_(start_) {
   if (!visible_) return;
   const SignalsWait blocked;  // they are for the thread that solves
   drawing_ = std::jthread([this](const std::stop_token& stop) { keep_drawing(stop); });
@@ -170,6 +174,10 @@ void prepare_process() {
 }
 
 void complain(const std::string& message) {
+  if (!first_rank()) {
+    held_complaint() = one_line(message);
+    return;
+  }
   const std::string line = "bromwich: " + one_line(message) + "\n";
   std::fwrite(line.data(), 1, line.size(), stderr);
   std::fflush(stderr);

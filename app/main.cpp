@@ -3,6 +3,7 @@
 #include "app/commands.hpp"
 #include "app/interaction.hpp"
 #include "app/parser.hpp"
+#include "app/ranks.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
 #include "core/build_info.hpp"
@@ -96,6 +97,7 @@ int run(int argc, char** argv) {
       "  bromwich solve signorini --set Q=39 --steps 400 --out y.csv\n"
       "'bromwich COMMAND --help' explains a command.");
 
+  check_ranks();
   check_command(argc, argv);
   solve_arguments.command_line = command_line(argc, argv);
   try {

@@ -1,6 +1,7 @@
 #include "app/output_file.hpp"
 
 #include "app/interaction.hpp"
+#include "app/ranks.hpp"
 #include "core/base/error.hpp"
 
 #include <fmt/format.h>
@@ -127,6 +128,7 @@ OutputFile::OutputFile(const std::string& argument, const std::string& name, con
 }
 
 void OutputFile::write(const std::function<void(std::FILE*)>& fill) const {
+  if (!first_rank()) return;
   const auto fail = [&](const char* why) {
     return refused(argument_, name_, fmt::format("could not be written ({})", why),
                    "free some space, raise ulimit -f, or choose another folder");

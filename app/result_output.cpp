@@ -1,5 +1,6 @@
 #include "app/result_output.hpp"
 
+#include "app/ranks.hpp"
 #include "core/base/error.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/scene/component_names.hpp"
@@ -144,7 +145,7 @@ bool ResultOutput::exists() const {
 void ResultOutput::begin(const std::vector<Index>& states, Index rows, Facts facts) {
   states_ = states;
   facts_ = facts;
-  if (!grows()) return;
+  if (!grows() || !first_rank()) return;
   facts.emplace_back("status", "running");
   const FileTarget target{argument_, file_.target()};
   growing_ = format_ == ResultFormat::hdf5 ? create_hdf5(target, columns(states), rows, facts)

@@ -7,6 +7,7 @@
 #include "core/kernel/modal_states.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "core/kernel/transfer_fit.hpp"
+#include "core/seam/communicator.hpp"
 
 #include <cmath>
 
@@ -170,7 +171,8 @@ class ModalOperator : public TimeOperator {
  protected:
   KernelWeights kernel_weights(ConvolutionChoice choice) override {
     const auto parameters = contour_parameters(0);
-    if (choice != ConvolutionChoice::fft && (fits() || choice == ConvolutionChoice::scan))
+    const bool scans = choice == ConvolutionChoice::scan || ranks_of(p_.backend) > 1;  // a state goes from slab to slab
+    if (choice != ConvolutionChoice::fft && (fits() || scans))
       return {weights(p_.J, nullptr, 0),
               fits() ? text("scan of %ld exponentials a mode, fitted to contour values (%ld nodes a window)",
                             long(sum().rates.size()), long(parameters->P + 1))

@@ -4,6 +4,7 @@
 #include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
+#include "core/seam/communicator.hpp"
 #include "core/solve/stages.hpp"
 
 #include <algorithm>
@@ -45,6 +46,21 @@ void validate(const Scene& scene, const Options& options) {
                   "components are counted from 0");
 }
 
+// Ranks that share the time points run methods over all of them at once, and nothing that depends on a clock.
+void validate_ranks(const Scene& scene, const Backend& backend, const Options& options) {
+  const int ranks = ranks_of(backend);
+  if (ranks == 1) return;
+  const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
+  if (steps < ranks)
+    throw Error("ranks", text("found %d for %ld steps", ranks, long(steps)), "use fewer ranks, or more steps");
+  if (options.method != Method::contour && options.method != Method::multigrid)
+    throw Error("method",
+                text("found %s on %d ranks, and it does not split over time", to_string(options.method), ranks),
+                "choose multigrid or contour, or run it on one rank");
+  if (options.max_seconds > 0)
+    throw Error("max_seconds", text("is given on %d ranks, whose clocks differ", ranks), "leave it out");
+}
+
 // Stages call it for simpler scenes.
 Result through_stages(const Scene& scene, Backend& backend, const InnerOptions& options) {
   const InterruptedBy polled(options.interrupted);
@@ -60,6 +76,7 @@ Result through_stages(const Scene& scene, Backend& backend, const InnerOptions& 
 Result solve_valid(const Scene& scene, Backend& backend, const InnerOptions& options) {
   Timer timer;
   validate(scene, options);
+  validate_ranks(scene, backend, options);
   Result result = through_stages(scene, backend, options);
   // What the stages spend beside solves, such as the search for jumps of the sources, belongs to the set-up.
   const double whole = timer.lap();

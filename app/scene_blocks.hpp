@@ -1,0 +1,46 @@
+#pragma once
+// Blocks of scenes of a sweep, and a folder of those that are solved: ranks deal out the blocks, and a run that was
+// ended goes on with the others.
+
+#include "core/batch/batch.hpp"
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace bromwich::app {
+
+/// The scenes that are solved together, and what could not be read.
+struct SceneBlock {
+  Index first = 0, count = 0;
+  std::vector<Index> read;           ///< scenes of the file with a place in `result`, in order
+  std::vector<std::string> refused;  ///< one per scene; empty if it was read
+  BatchResult result;
+};
+
+/// One file for each block, which is there as a whole or not at all.
+class BlockFolder {
+ public:
+  /// `sweep` says what is solved, and how: blocks of another one are of no use.
+  BlockFolder(std::filesystem::path folder, std::string sweep);
+
+  /// By one rank, before all others use it: an empty folder, or with `again` the one of the run before. Throws Error,
+  /// naming --restart, if that is none, or one of another sweep.
+  void open(bool again) const;
+  bool has(Index first) const;
+  /// Throws Error if the block cannot be written.
+  void save(const SceneBlock&) const;
+  /// Throws Error if the block is not there.
+  SceneBlock load(Index first) const;
+  /// By one rank, at the end.
+  void remove() const;
+  const std::filesystem::path& place() const { return folder_; }
+
+ private:
+  std::filesystem::path name_of(Index first) const;
+
+  std::filesystem::path folder_;
+  std::string sweep_;
+};
+
+}  // namespace bromwich::app

@@ -1,0 +1,75 @@
+#pragma once
+// Ranks: processes that compute one solve together. All of them make the same calls in the same order; each holds a
+// part of the values. Rank 0 comes first in time.
+
+#include "../base/types.hpp"
+
+#include <cstddef>
+
+namespace bromwich {
+
+/// Bytes that a rank has sent, by operation; a value that goes to several ranks counts once for each.
+struct Traffic {
+  std::size_t shifted = 0, gathered = 0, compared = 0, broadcast = 0;
+
+  std::size_t all() const { return shifted + gathered + compared + broadcast; }
+};
+
+/// What core needs to know of a job of several ranks, and nothing else. Calls wait for the ranks that they need.
+class Communicator {
+ public:
+  virtual ~Communicator() = default;
+  Communicator() = default;
+  Communicator(const Communicator&) = delete;
+  Communicator& operator=(const Communicator&) = delete;
+
+  virtual int rank() const = 0;
+  virtual int size() const = 0;
+
+  /// Sends `right` to the next rank and receives `left`, of the same length there, from the one before. The last rank
+  /// sends nothing; the first one receives nothing and keeps its `left`.
+  void shift(const Vector& right, Vector& left);
+  /// Row r holds the values of rank r. All ranks give as many.
+  RowMatrix gather(const Vector& values);
+  /// The largest value over the ranks, place by place; NaN where a rank has one.
+  void maximum(Vector& values);
+  /// The values of rank `root` on all ranks.
+  void broadcast(double* values, Index count, int root);
+
+  /// Of this rank, since it was made.
+  const Traffic& sent() const { return sent_; }
+
+ private:
+  virtual void do_shift(const Vector& right, Vector& left) = 0;
+  virtual void do_gather(const Vector& values, RowMatrix& all) = 0;
+  virtual void do_maximum(Vector& values) = 0;  ///< without NaN
+  virtual void do_broadcast(double* values, Index count, int root) = 0;
+
+  Traffic sent_;
+};
+
+/// The only rank of a job.
+class OneRank final : public Communicator {
+ public:
+  int rank() const override { return 0; }
+  int size() const override { return 1; }
+
+ private:
+  void do_shift(const Vector&, Vector&) override {}
+  void do_gather(const Vector& values, RowMatrix& all) override { all.row(0) = values.transpose(); }
+  void do_maximum(Vector&) override {}
+  void do_broadcast(double*, Index, int) override {}
+};
+
+/// What a backend is derived from too, if its arrays are divided among ranks.
+class DividedTime {
+ public:
+  virtual ~DividedTime() = default;
+  virtual int ranks() const = 0;
+};
+
+class Backend;
+/// Ranks that share the time points of this backend; 1 for a backend that has them all.
+int ranks_of(const Backend&);
+
+}  // namespace bromwich

@@ -1,0 +1,63 @@
+#pragma once
+// Arrays of a backend that divides time, and what moves their rows between ranks and to the host.
+
+#include "../seam/backend.hpp"
+#include "../seam/host_values.hpp"
+#include "slabs.hpp"
+
+#include <memory>
+#include <utility>
+
+namespace bromwich {
+
+/// All rows count; `local` has those of this rank. Row 0 of `local` is a copy of another rank's row where slabs.own()
+/// is 1: it has values only where an operation has put them.
+class SlabArray final : public Array {
+ public:
+  SlabArray(Slabs slabs_in, Index cols, std::unique_ptr<Array> local_in)
+      : Array(slabs_in.steps + 1, cols), slabs(std::move(slabs_in)), local(std::move(local_in)) {}
+
+  const Slabs slabs;
+  const std::unique_ptr<Array> local;
+};
+
+inline const SlabArray& slab(const Array& array) { return static_cast<const SlabArray&>(array); }
+/// The part of this rank. The copied row may be written in arrays that are otherwise read.
+inline Array& local_part(const Array& array) { return *slab(array).local; }
+
+/// The values of a local array on the host: where they lie, or a copy if that is elsewhere.
+class HostRows {
+ public:
+  HostRows(Backend& local, Array& array);
+  double* row(Index j) { return values_ + j * cols_; }
+  /// What was changed goes into the array.
+  void put();
+
+ private:
+  Backend& local_;
+  Array& array_;
+  RowMatrix copy_;
+  double* values_;
+  Index cols_;
+};
+
+/// A backend of this rank, and the other ranks.
+struct RankedBackend {
+  Backend& local;
+  Communicator& communicator;
+
+  bool first() const { return communicator.rank() == 0; }
+  bool last() const { return communicator.rank() + 1 == communicator.size(); }
+  /// The row before the own ones, of one or more arrays of the same slabs, from the rank before.
+  void copy_row_before(std::initializer_list<const Array*>) const;
+  /// 0 in that row, so that sums and maxima over all rows here are those over the own ones.
+  void clear_row_before(const Array&) const;
+  /// All rows on all ranks.
+  void download(const Array& from, RowMatrix& to) const;
+  /// The first rows of an array, of which every rank has all values.
+  void upload(const RowMatrix& from, Array& to) const;
+  /// Every `ratio`-th row on all ranks.
+  RowMatrix every(const Array& from, Index ratio) const;
+};
+
+}  // namespace bromwich

@@ -1,0 +1,15 @@
+#pragma once
+// A backend whose arrays are divided into slabs of time, one for each rank; docs/slabs.md has the protocol. All ranks
+// run the same solve: what reaches the host is the same on all of them, up to whole results.
+
+#include "../seam/backend.hpp"
+#include "../seam/communicator.hpp"
+
+#include <memory>
+
+namespace bromwich {
+
+/// `local` computes the slab of this rank. The communicator must outlive the backend.
+std::unique_ptr<Backend> make_slab_backend(std::unique_ptr<Backend> local, Communicator&);
+
+}  // namespace bromwich

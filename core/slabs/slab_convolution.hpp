@@ -1,0 +1,26 @@
+#pragma once
+// A convolution by recurrence (core/seam/recurrence.hpp) whose rows are divided among ranks. z is its state,
+// v_j = W_0 y_j + w1 y_{j-1} + C z_{j-1} and z_j = E z_{j-1} + G y_j. Rank r owns the rows b_r < j <= b_{r+1}.
+//
+// 1. e_r, the state at the end of its slab if it had been 0 at the beginning; that of rank 0 has y_0 and x0 in it.
+// 2. Messages: e_r, and y at b_{r+1} where w1 acts, to the next rank; what outlives a slab, to all.
+// 3. z(b_r) = e_{r-1} + E^{b_r - b_{r-1}} e_{r-2} + ...
+// 4. v of the slab with zero state: a convolution of this rank alone.
+// 5. v_j += C E^{j-1-b_r} z(b_r), as far as the state is remembered.
+//
+// What is below `forgotten`, relative to its value in the beginning, is left out in 1, 3 and 5.
+//
+// Bytes that all R ranks send for one convolution, with n columns and K exponentials a mode, P of which (of n K)
+// outlive the shortest slab between two others:  8 ((R - 1) n (K + 1) + R (R - 1) P) in modes, P = 0 for R = 2. A dense
+// state of m values: 8 ((R - 1) m + R (R - 1) P), P = m or 0.
+
+#include "slab_array.hpp"
+
+namespace bromwich {
+
+inline constexpr double forgotten = 1e-18;
+
+/// v must have the slabs of y. Throws Error for a lag table: sums over all lags do not end at a slab.
+std::unique_ptr<Convolution> make_slab_convolution(const RankedBackend&, WeightsRef, const Slabs&);
+
+}  // namespace bromwich

@@ -1,0 +1,45 @@
+// The command with MPI, where mpirun has started it; elsewhere as without.
+
+#include "app/commands.hpp"
+#include "app/interaction.hpp"
+#include "app/ranks.hpp"
+#include "mpi/mpi_job.hpp"
+
+#include <cstdio>
+#include <string>
+
+namespace bromwich::app {
+
+namespace {
+
+constexpr double patience = 2;  ///< seconds after a refusal; others have refused the same, or are at work
+
+void say(int rank) {
+  if (held_complaint().empty()) return;
+  std::fprintf(stderr, "bromwich: rank %d: %s\n", rank, held_complaint().c_str());
+  std::fflush(stderr);
+}
+
+int command_of_job(int argc, char** argv) {
+  MpiJob job(argc, argv);
+  join_job(
+      {&job.communicator(), [&job] { return job.next_number(); }, [&job] { job.restart_numbers(); }, job.neighbours()});
+  const int rank = job.communicator().rank();
+  const int code = command(argc, argv);
+  if (!job.all_arrive(code == exit_bad_input ? patience : 1e9)) {
+    say(rank);
+    job.abort(code);
+  }
+  const RowMatrix codes = job.communicator().gather(Vector::Constant(1, code));
+  if (code == exit_bad_input && codes(0, 0) != code) say(rank);
+  return int(codes.maxCoeff());
+}
+
+}  // namespace
+
+}  // namespace bromwich::app
+
+int main(int argc, char** argv) {
+  using namespace bromwich::app;
+  return launched_ranks() > 1 ? command_of_job(argc, argv) : command(argc, argv);
+}

@@ -1,0 +1,328 @@
+// Solves whose time points are divided among ranks, held against one rank that has them all.
+
+#include "core/slabs/slab_backend.hpp"
+
+#include "core/catalogue/catalogue.hpp"
+#include "core/kernel/compression.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/kernel/operators.hpp"
+#include "core/slabs/slab_array.hpp"
+#include "core/slabs/slab_convolution.hpp"
+#include "core/slabs/slab_plans.hpp"
+#include "core/slabs/slabs.hpp"
+#include "tests/support/reference.hpp"
+#include "tests/support/reference_backend.hpp"
+#include "tests/support/refusal.hpp"
+#include "tests/support/run.hpp"
+#include "tests/support/thread_ranks.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+namespace {
+
+using reference::Random;
+using MakeBackend = std::unique_ptr<Backend> (*)();
+
+std::unique_ptr<Backend> one_thread() { return make_cpu_backend(1); }
+
+// ---- which rows are whose ----
+
+TEST(Slabs, CoverAllRowsOnceAndKeepTheirTimes) {
+  for (const int ranks : {2, 3, 4, 7})
+    on_threads(ranks, [&](Communicator& communicator) {
+      for (const Index steps : {64 * ranks, 1000, 1024, 4096}) {
+        const Slabs fine = slabs_of(steps + 1, communicator);
+        if (fine.whole()) {
+          EXPECT_LT(steps, 64 * ranks);
+          continue;
+        }
+        EXPECT_EQ(fine.ends.front(), 0);
+        EXPECT_EQ(fine.ends.back(), steps);
+        for (int r = 0; r < ranks; ++r) EXPECT_GE(fine.count(r), 63) << "the last bit of an uneven division";
+        const Slabs coarse = slabs_of(steps / 2 + 1, communicator);
+        if (steps % 2 != 0 || coarse.whole()) continue;
+        for (std::size_t r = 0; r < fine.ends.size(); ++r) EXPECT_EQ(fine.ends[r], 2 * coarse.ends[r]);
+      }
+    });
+}
+
+// ---- one convolution ----
+
+ModalRecurrence some_modes(Index K, Index n) {
+  Random random{17};
+  ModalRecurrence r;
+  r.decay = random.matrix(K, n).cwiseAbs();
+  r.decay.leftCols(n / 2) = r.decay.leftCols(n / 2).cwiseSqrt().cwiseSqrt();  // a long memory
+  r.decay(0, 0) = 1;                                                          // one without end
+  r.output = random.matrix(K, n);
+  r.start = random.matrix(K, n);
+  r.initial = random.matrix(K, n);
+  r.w0 = random.vector(n);
+  r.w1 = random.vector(n);
+  r.s1 = random.vector(n);
+  return r;
+}
+
+DenseRecurrence some_state(Index m, Index n) {
+  Random random{18};
+  DenseRecurrence r;
+  r.decay = random.matrix(m, m) / double(m);
+  r.decay(0, 0) = 0.999;
+  r.input = random.matrix(m, n);
+  r.start = random.matrix(m, n);
+  r.output = random.matrix(n, m);
+  r.w0 = random.matrix(n, n);
+  return r;
+}
+
+RowMatrix convolved(Backend& backend, const Recurrence& recurrence, const RowMatrix& y, const RowMatrix& later,
+                    Index first) {
+  const auto in = backend.array(y.rows(), y.cols()), out = backend.array(y.rows(), y.cols());
+  const auto plan = backend.convolution(recurrence, y.rows());
+  backend.upload(y, *in);
+  plan->apply(*in, *out, 0);
+  backend.upload(later, *in);
+  plan->apply(*in, *out, first);
+  RowMatrix v;
+  backend.download(*out, v);
+  return v;
+}
+
+// Rounding of sums of 500 terms up to 1, of which those without end grow with the rows.
+constexpr double same_sum = 1e-12;
+
+TEST(SlabConvolution, IsThatOfOneRank) {
+  const Index J = 500, n = 11;
+  const RowMatrix y = Random(19).matrix(J + 1, n);
+  for (const Recurrence& recurrence : {Recurrence(some_modes(5, n)), Recurrence(some_state(4, n))})
+    for (const Index first : {0, 260}) {
+      RowMatrix later = y;
+      later.bottomRows(J + 1 - first) = Random(20).matrix(J + 1 - first, n);
+      const auto cpu = make_cpu_backend(1);
+      const RowMatrix expected = convolved(*cpu, recurrence, y, later, first);
+      for (const MakeBackend make : {MakeBackend(one_thread), MakeBackend(make_reference_backend)})
+        for (const int ranks : {1, 2, 3, 4, 7})
+          on_threads(ranks, [&](Communicator& communicator) {
+            const auto backend = make_slab_backend(make(), communicator);
+            const RowMatrix found = convolved(*backend, recurrence, y, later, first);
+            EXPECT_LE(distance(found, expected), same_sum * expected.cwiseAbs().maxCoeff()) << ranks << " ranks";
+          });
+    }
+}
+
+// Without the carries the result is another one, by far: the test above sees them.
+TEST(SlabConvolution, CarriesMatter) {
+  const Recurrence recurrence = some_modes(5, 11);
+  const auto cpu = make_cpu_backend(1);
+  RowMatrix y = Random(19).matrix(501, 11);
+  const RowMatrix whole = convolved(*cpu, recurrence, y, y, 0);
+  y.topRows(251).setZero();
+  EXPECT_GT(distance(convolved(*cpu, recurrence, y, y, 0).bottomRows(200), whole.bottomRows(200)), 1e-2);
+}
+
+TEST(SlabConvolution, SendsWhatTheFormulaSays) {
+  const Index J = 512, n = 11, K = 5, m = 4;
+  const ModalRecurrence modes = some_modes(K, n);
+  const DenseRecurrence state = some_state(m, n);
+  const RowMatrix y = Random(19).matrix(J + 1, n);
+  for (const int ranks : {1, 2, 3, 4, 7}) {
+    const auto bytes_of = [&](const Recurrence& recurrence) {
+      std::size_t shifted = 0, gathered = 0;
+      for (const Traffic& sent : on_threads(ranks, [&](Communicator& communicator) {
+             const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
+             const auto in = backend->array(J + 1, n), out = backend->array(J + 1, n);
+             const auto plan = backend->convolution(recurrence, J + 1);
+             backend->upload(y, *in);
+             plan->apply(*in, *out, 0);
+           })) {
+        shifted += sent.shifted;
+        gathered += sent.gathered;
+        EXPECT_EQ(sent.all(), sent.shifted + sent.gathered) << "a convolution needs nothing else";
+      }
+      return std::pair(shifted, gathered);
+    };
+    Slabs slabs;
+    on_threads(ranks, [&](Communicator& c) {
+      if (c.rank() == 0) slabs = slabs_of(J + 1, c);
+    });
+    Index shortest = J;
+    for (int r = 1; r + 1 < ranks && !slabs.whole(); ++r) shortest = std::min(shortest, slabs.count(r));
+    const std::size_t R = std::size_t(ranks);
+    std::size_t lasting = 0;
+    for (Index i = 0; i < modes.decay.size(); ++i)
+      lasting += std::pow(modes.decay.data()[i], double(shortest)) > forgotten;
+    ASSERT_GT(lasting, 0u);
+    ASSERT_LT(lasting, std::size_t(K * n));
+    const auto [shifted, gathered] = bytes_of(modes);
+    EXPECT_EQ(shifted, 8 * (R - 1) * std::size_t(n * (K + 1)));
+    EXPECT_EQ(gathered, ranks > 2 ? 8 * R * (R - 1) * lasting : 0);
+    const auto [of_state, to_all] = bytes_of(state);
+    EXPECT_EQ(of_state, 8 * (R - 1) * std::size_t(m));
+    EXPECT_EQ(to_all, ranks > 2 ? 8 * R * (R - 1) * std::size_t(m) : 0) << "0.999 outlives any slab here";
+  }
+}
+
+// ---- arrays and reports ----
+
+// Grids of which both, one or none are divided, with ends of slabs that are points of the coarse grid or not.
+TEST(SlabBackend, MovesValuesBetweenGrids) {
+  const auto cpu = make_cpu_backend(1);
+  for (const auto& [fine, coarse] : {std::pair<Index, Index>(1024, 512), {1024, 128}, {768, 256}, {96, 48}, {700, 350}})
+    for (const int ranks : {1, 2, 3, 7}) {
+      const RowMatrix f = Random(1).matrix(fine + 1, 3), c = Random(2).matrix(coarse + 1, 3),
+                      old = Random(3).matrix(coarse + 1, 3);
+      const auto moved = [&](Backend& backend) {
+        const auto F = backend.array(fine + 1, 3), G = backend.array(fine + 1, 3), C = backend.array(coarse + 1, 3),
+                   O = backend.array(coarse + 1, 3), V = backend.array(coarse + 1, 3), R = backend.array(coarse + 1, 3);
+        backend.upload(f, *F);
+        backend.upload(c, *C);
+        backend.upload(old, *O);
+        backend.add(*F, 0.5, *F, *G);
+        backend.interpolate(*C, O.get(), *G);
+        backend.interpolate(*C, nullptr, *G);
+        backend.inject(*G, *V);
+        backend.restrict_problem(*F, *G, *F, *V, *R, *C, *O);
+        std::vector<RowMatrix> values(4);
+        backend.download(*G, values[0]);
+        backend.download(*R, values[1]);
+        backend.download(*C, values[2]);
+        backend.download(*O, values[3]);
+        values.push_back(RowMatrix::Constant(1, 1, backend.difference(*R, *C)));
+        return values;
+      };
+      const auto expected = moved(*cpu);
+      on_threads(ranks, [&](Communicator& communicator) {
+        const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
+        const auto found = moved(*backend);
+        for (std::size_t i = 0; i < expected.size(); ++i)
+          EXPECT_LE(distance(found[i], expected[i]), 8 * epsilon * 10)
+              << ranks << " ranks, " << fine << ", value " << i;
+      });
+    }
+}
+
+TEST(SlabBackend, ReportsWhatOneRankReports) {
+  const Index J = 400, n = 3;
+  const Matrix M = (Matrix(n, n) << 2, 1, 0, -1, 2, 1, 0, 1, 2).finished();
+  RowMatrix r = Random(5).matrix(J + 1, n);
+  const auto report_of = [&](Backend& backend, const RowMatrix& q, Index first, double& residual) {
+    const auto R = backend.array(J + 1, n), V = backend.array(J + 1, n), Y = backend.array(J + 1, n);
+    backend.upload(q, *R);
+    const auto lcp = backend.lcp(LcpMatrix(M), LcpClass::P, J + 1);
+    lcp->solve(*R, *V, *Y, 0, 1e-12);
+    residual = lcp->residual(*R, *V, *Y);
+    RowMatrix moved = q;
+    moved.row(333) *= -1;
+    backend.upload(moved, *R);
+    return lcp->solve(*R, *V, *Y, first, 1e-12);
+  };
+  const auto cpu = make_cpu_backend(1);
+  for (const double value : {1., std::nan("")})
+    for (const Index first : {0, 150, 350}) {
+      r(390, 1) = value;
+      double residual = 0;
+      const LcpReport expected = report_of(*cpu, r, first, residual);
+      EXPECT_EQ(expected.settled, first > 333 ? (std::isnan(value) ? 390 : J + 1) : 333) << "of the test itself";
+      for (const int ranks : {2, 3, 4})
+        on_threads(ranks, [&](Communicator& communicator) {
+          const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
+          double of_ranks = 0;
+          const LcpReport found = report_of(*backend, r, first, of_ranks);
+          EXPECT_EQ(found.settled, expected.settled);
+          EXPECT_EQ(found.count.solved, expected.count.solved);
+          EXPECT_EQ(found.count.unsolved, expected.count.unsolved);
+          EXPECT_EQ(found.finite, expected.finite);
+          EXPECT_EQ(found.magnitude, expected.magnitude);
+          EXPECT_EQ(found.change, expected.change);
+          EXPECT_TRUE(of_ranks == residual || (std::isnan(of_ranks) && std::isnan(residual)));
+        });
+    }
+}
+
+// ---- whole solves ----
+
+struct Case {
+  Scene scene;
+  Method method;
+  Index steps;
+};
+
+std::vector<Case> cases() {
+  const Scene face = make_scene("signorini3d", {{"Q", 5}}), line = make_scene("signorini", {{"Q", 15}}),
+              dense = make_scene("dlcp-small", {});
+  return {{line, Method::multigrid, 1024}, {line, Method::contour, 500},     {face, Method::multigrid, 512},
+          {face, Method::contour, 500},    {dense, Method::multigrid, 1024}, {dense, Method::contour, 512}};
+}
+
+// The same problems are solved to the same tolerance of 1e-12; sums of carries round in another order.
+TEST(SlabBackend, FindsTheSolutionOfOneRank) {
+  for (const Case& one : cases()) {
+    Options options = options_for(one.method, one.steps);
+    options.iteration_tolerance = 1e-14;
+    const Result expected = run(one.scene, options);
+    ASSERT_EQ(expected.status, Status::solved) << one.scene.name << ": " << expected.reason;
+    const double size = std::max(1., expected.y.cwiseAbs().maxCoeff());
+    for (const int ranks : {1, 2, 3, 4, 7}) {
+      std::vector<RowMatrix> found;
+      for (int again = 0; again < (ranks == 3 ? 2 : 1); ++again)
+        on_threads(ranks, [&](Communicator& communicator) {
+          const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
+          const Result result = solve(one.scene, *backend, options);
+          EXPECT_EQ(result.status, Status::solved) << one.scene.name << ": " << result.reason;
+          EXPECT_LE(distance(result.y, expected.y), 1e-12 * size)
+              << one.scene.name << ", " << to_string(one.method) << ", " << ranks << " ranks";
+          EXPECT_LE(result.residual, 1e-12);
+          if (communicator.rank() == 0) found.push_back(result.y);
+        });
+      EXPECT_EQ(found.front(), found.back()) << "from run to run";
+    }
+  }
+}
+
+TEST(SlabBackend, DividesShiftedSolvesByNodes) {
+  const DenseDynamics d{(Matrix(3, 3) << -1, 0, 0, 0.3, -2, 0, 0.1, 0.2, -3).finished(), Random(7).matrix(3, 2),
+                        Random(8).matrix(2, 3)};
+  const ComplexVector nodes =
+      (Random(9).vector(11).cast<Complex>() + Complex(0, 1) * Random(10).vector(11)).array() + 2.;
+  const ComplexMatrix expected = Dynamics(d)->shifted_solves(nodes, HostThreads());
+  ComplexVector bad = nodes;
+  bad[9] = -2;  // an eigenvalue, which one rank meets
+  for (const int ranks : {1, 2, 3, 7})
+    on_threads(ranks, [&](Communicator& communicator) {
+      const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
+      EXPECT_LE((backend->resolvent(d, nodes) - expected).cwiseAbs().maxCoeff(), 1e-14) << ranks << " ranks";
+      EXPECT_THROW(backend->resolvent(d, bad), SingularShift);
+    });
+}
+
+TEST(SlabBackend, RefusesWhatDoesNotSplit) {
+  const Scene scene = make_scene("dlcp-small", {});
+  const auto refused = [&](const Options& options, int ranks) {
+    return refusal([&] {
+      on_threads(ranks, [&](Communicator& communicator) {
+        const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
+        solve(scene, *backend, options);
+      });
+    });
+  };
+  EXPECT_EQ(
+      refused(options_for(Method::march, 256), 2),
+      "method: found march on 2 ranks, and it does not split over time; choose multigrid or contour, or run it on "
+      "one rank");
+  EXPECT_EQ(refused(options_for(Method::contour, 2), 3), "ranks: found 3 for 2 steps; use fewer ranks, or more steps");
+  EXPECT_EQ(refused(options_for(Method::automatic, 256), 2).rfind("method: found auto on 2 ranks", 0), 0u);
+  Options timed = options_for(Method::contour, 256);
+  timed.max_seconds = 1;
+  EXPECT_EQ(refused(timed, 2), "max_seconds: is given on 2 ranks, whose clocks differ; leave it out");
+  Options by_fft = options_for(Method::contour, 512);
+  by_fft.tuning.convolution = ConvolutionChoice::fft;
+  EXPECT_EQ(refused(by_fft, 2),
+            "ranks: found 2 for a convolution over lag weights, which does not split over time; run it on one rank");
+}
+
+}  // namespace
+}  // namespace bromwich
