@@ -39,9 +39,8 @@ NonlinearScene part(const NonlinearScene& scene, double a, double b, const Vecto
 
 }  // namespace
 
-NewtonOutcome take_divided(const NonlinearScene& scene, Backend& backend, StepRule rule, bool least, double tolerance,
-                           Index most_newton, double t, double length, const std::vector<double>& breaks, Vector& x,
-                           Vector& y) {
+NewtonOutcome take_divided(const NonlinearScene& scene, Backend& backend, const StepOptions& options, double t,
+                           double length, const std::vector<double>& breaks, Vector& x, Vector& y) {
   const double near = 4 * side_of_break * scene.linear.T;
   std::vector<double> ends;
   for (const double b : breaks)
@@ -51,9 +50,10 @@ NewtonOutcome take_divided(const NonlinearScene& scene, Backend& backend, StepRu
   double from = t;
   for (const double to : ends) {
     const NonlinearScene one = part(scene, from, to, x);
-    NonlinearSteps steps(one, backend, 1, rule, tolerance, most_newton);
-    if (least) steps.select_least();
-    if (rule == StepRule::linear && from > t) {
+    NonlinearSteps steps(one, backend, 1, options.rule, options.tolerance, options.most_newton);
+    steps.set_sizes(options.sizes);
+    if (options.least) steps.select_least();
+    if (options.rule == StepRule::linear && from > t) {
       const NewtonOutcome begin = steps.y_at(0, x, y);
       all.iterations += begin.iterations;
       if (!begin.solved) return {false, all.iterations, begin.change};

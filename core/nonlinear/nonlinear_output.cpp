@@ -2,13 +2,12 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/nonlinear/divided_step.hpp"
 #include "core/nonlinear/frozen_windows.hpp"
-#include "core/nonlinear/nonlinear_steps.hpp"
 #include "core/solve/dense_output.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -87,29 +86,20 @@ class Sampling {
   }
 
   Sample by_a_step(Index j, double length, const Sample& before) const {
-    NonlinearScene step = in_states(scene_);
+    const auto largest = [](const RowMatrix& rows) {
+      return rows.array().isFinite().select(rows.array(), 0.0).abs().maxCoeff();
+    };
+    StepOptions options;
+    options.rule = StepRule::radau;
+    options.sizes = {largest(result_.x), largest(result_.y)};
     const double t = double(j) * h_;
-    step.linear = part_of(step.linear, t, length, before.seen);
-    const auto later = [t](NonlinearFunction& function) {
-      if (function)
-        function = [of = function, t](double s, const auto& x, const auto& y, Eigen::Ref<Vector> value) {
-          of(t + s, x, y, value);
-        };
-    };
-    const auto later_derivative = [t](NonlinearDerivative& derivative) {
-      if (derivative)
-        derivative = [of = derivative, t](double s, const auto& x, const auto& y, Eigen::Ref<Matrix> by_x,
-                                          Eigen::Ref<Matrix> by_y) { of(t + s, x, y, by_x, by_y); };
-    };
-    later(step.phi);
-    later(step.gamma);
-    later_derivative(step.dphi);
-    later_derivative(step.dgamma);
-    NonlinearOptions options;
-    options.method = NonlinearMethod::march;
-    options.steps = 1;
-    const NonlinearResult one = solve_nonlinear(step, backend_, options);
-    return {one.x.row(1).transpose(), one.y.row(1).transpose()};
+    std::vector<double> breaks;
+    for (const double b : scene_.linear.breakpoints)
+      if (b > t && b < t + length) breaks.push_back(b);
+    Sample at = before;
+    if (!take_divided(in_states(scene_), backend_, options, t, length, breaks, at.seen, at.y).solved)
+      at.seen.setConstant(std::nan("")), at.y.setConstant(std::nan(""));
+    return at;
   }
 
   const NonlinearScene& scene_;

@@ -40,8 +40,8 @@ struct NonlinearScene {
   void validate() const;
 };
 
-/// The same with phi and gamma as functions of x and dense matrices. Sparse matrices of up to 512 states are written
-/// out; the linear part of others stays as it is.
+/// Scenes with dense matrices, and with sparse ones of up to 512 states, which are written out: phi and gamma as
+/// functions of x, and f with m values. Others stay as they are.
 NonlinearScene in_states(NonlinearScene);
 
 /// phi or gamma at one point with its derivatives.

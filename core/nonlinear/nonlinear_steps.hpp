@@ -12,6 +12,7 @@
 #include "exponential_step.hpp"
 #include "nonlinear_scene.hpp"
 
+#include <array>
 #include <optional>
 
 namespace bromwich {
@@ -35,6 +36,10 @@ class NonlinearSteps {
 
   /// What x and y at t_{j-1} and t_j lack in the equation of x; rule linear.
   Vector defect(Index j, const Vector& x0, const Vector& y0, const Vector& x1, const Vector& y1) const;
+
+  /// The largest |x| and |y| so far, to which changes are relative.
+  std::array<double, 2> sizes() const { return {size_x_, size_y_}; }
+  void set_sizes(const std::array<double, 2>& xy) { size_x_ = xy[0], size_y_ = xy[1]; }
 
   void select_least() { least_ = true; }
   bool selects_least() const { return least_; }

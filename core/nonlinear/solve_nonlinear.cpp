@@ -143,9 +143,9 @@ class NonlinearSolve {
 
   NewtonOutcome take(Index j, const std::vector<double>& breaks, Vector& x, Vector& y) {
     if (breaks.empty()) return steps_->take(j, x, y);
-    return take_divided(scene_, backend_, result_.continuous ? StepRule::linear : StepRule::radau,
-                        steps_->selects_least(), options_.tolerance, options_.most_newton, steps_->time(j - 1), h_,
-                        breaks, x, y);
+    const StepOptions options{result_.continuous ? StepRule::linear : StepRule::radau, steps_->selects_least(),
+                              options_.tolerance, options_.most_newton, steps_->sizes()};
+    return take_divided(scene_, backend_, options, steps_->time(j - 1), h_, breaks, x, y);
   }
 
   // Where f or g jumps at t_j, row j has y behind the jump if y is continuous elsewhere, otherwise y before it.
@@ -284,21 +284,6 @@ std::vector<double> jumps_of(const Scene& scene) {
   return jumps;
 }
 
-// With f as m values, however it was stated.
-NonlinearScene with_state_source(NonlinearScene scene) {
-  Scene& linear = scene.linear;
-  if (!is_dense(scene) || !linear.f || linear.f_entry == SourceEntry::state) return scene;
-  const Matrix F = source_matrix(linear, *linear.dynamics->small_state());
-  linear.f = [f = linear.f, F](double t, Eigen::Ref<Vector> v) {
-    Vector phi(F.cols());
-    f(t, phi);
-    v = F * phi;
-  };
-  linear.f_entry = SourceEntry::state;
-  linear.F = SparseMatrix();
-  return scene;
-}
-
 // The largest difference at the points of the coarser grid, each component relative to its largest value, or to 1e-3 of
 // the largest of its kind.
 double apart(const RowMatrix& coarse, const RowMatrix& fine) {
@@ -371,7 +356,7 @@ NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, c
   if (!(options.tolerance > 0)) throw Error("tolerance", text("found %g", options.tolerance), "give a positive number");
   if (options.steps < 0) throw Error("steps", text("found %ld", long(options.steps)), "give a positive number");
   if (!(options.error >= 0)) throw Error("error", text("found %g", options.error), "give a positive number, or 0");
-  const NonlinearScene stated = with_state_source(in_states(scene));
+  const NonlinearScene stated = in_states(scene);
   const std::vector<double> jumps = jumps_of(stated.linear);
   return options.error > 0 ? refine(stated, jumps, backend, options)
                            : NonlinearSolve(stated, jumps, backend, options).run();
