@@ -67,7 +67,8 @@ TEST_P(NonlinearExample, ReachesItsReferenceWithOrderTwo) {
     const NonlinearResult r = march(file, part == 0 ? J / 2 : J);
     ASSERT_EQ(r.status, Status::solved) << r.reason;
     EXPECT_LE(r.residual, 1e-9);  // Newton ends at 1e-12 of the largest value, or at rounding
-    error[part] = apart(r.x.bottomRows(1), known.x);
+    // Large scenes have y alone.
+    error[part] = r.x.size() > 0 ? apart(r.x.bottomRows(1), known.x) : apart(r.y.bottomRows(1), known.y);
     if (part == 1) {
       EXPECT_LE(apart(r.y.bottomRows(1), known.y), *known.tolerance);
     }
@@ -90,7 +91,7 @@ TEST(NonlinearFiles, HaveTheNumbersOfTheirReference) {
   for (const std::string& name : nonlinear_examples()) {
     const NonlinearFile file = example(name);
     const auto& found = all.at(name);
-    ASSERT_EQ(found.at("x").size(), file.file.reference->x.size()) << name;
+    ASSERT_EQ(found.at("y").size(), file.file.reference->y.size()) << name;
     for (std::size_t i = 0; i < file.file.reference->x.size(); ++i)
       EXPECT_NEAR(file.file.reference->x[i], found.at("x")[i].get<double>(), 1e-11) << name;  // 13 digits
     for (std::size_t i = 0; i < file.file.reference->y.size(); ++i)
