@@ -5,6 +5,7 @@
 #include "app/commands.hpp"
 #include "app/interaction.hpp"
 #include "app/machine.hpp"
+#include "app/nonlinear_solve.hpp"
 #include "app/output_json.hpp"
 #include "app/result_check.hpp"
 #include "app/scene_check.hpp"
@@ -21,9 +22,12 @@ int run_check(const CheckArguments& arguments) {
     print(arguments.json ? (table.summary.empty() ? "{}" : table.summary) + "\n" : check.text);
     return check.solved ? exit_solved : exit_not_solved;
   }
-  const SceneChoice choice = choose_scene(scene_name(words), parse_settings(words.settings));
+  const SceneChoice choice = choose_scene_or_system(scene_name(words), parse_settings(words.settings));
   Options options;
-  options.method = parse_method(arguments.method);
+  if (choice.system)
+    parse_nonlinear_method(arguments.method);
+  else
+    options.method = parse_method(arguments.method);
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
   parse_states("--states", arguments.states.empty() ? choice.states : arguments.states, choice.scene, options);
   options.memory_limit = memory_bytes();

@@ -9,6 +9,7 @@
 #include "app/interaction.hpp"
 #include "app/log.hpp"
 #include "app/machine.hpp"
+#include "app/nonlinear_solve.hpp"
 #include "app/output_file.hpp"
 #include "app/output_json.hpp"
 #include "app/output_summary.hpp"
@@ -72,7 +73,7 @@ void choose_states(const SolveArguments& arguments, const SceneChoice& choice, c
 
 Options solve_options(const SolveArguments& arguments, const SceneChoice& choice, const std::vector<Column>& columns) {
   Options options;
-  options.method = parse_method(arguments.method);
+  if (!choice.system) options.method = parse_method(arguments.method);
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
   options.event_location = arguments.event_location;
   parse_error_control(arguments, options, choice.tolerance);
@@ -145,19 +146,22 @@ void check_energies(const SolveArguments& arguments, const Scene& scene, const O
   if (options.states != StateSelection::all) refuse("not all states are computed", "add --states all");
 }
 
+/// `system`: the run of a nonlinear system, or null.
 void write(Outputs& outputs, const Scene& scene, Backend& backend, const Options& options, const Result& result,
-           bool with_energies, const Facts& facts) {
+           bool with_energies, const Facts& facts, const NonlinearRun* system) {
   if (outputs.out) {
     std::optional<Energies> balance;
     if (with_energies && (result.goal ? result.goal->balance.energy.size() > 0 : result.status == Status::solved))
       balance = energies(scene, result);
     const bool sampled = !outputs.times.empty() && result.y.rows() == result.steps + 1;
-    const Result rows = sampled ? at_times(scene, backend, result, outputs.times) : Result{};
+    Result rows;
+    if (sampled) rows = system ? system->at(outputs.times) : at_times(scene, backend, result, outputs.times);
+    if (sampled && system) keep_states(rows, result.x_components);
     const auto columns = outputs.columns.empty() ? default_columns(scene, result.x_components) : outputs.columns;
     outputs.out->write(sampled ? rows : result, result, columns, balance ? &*balance : nullptr, facts);
   }
   if (!outputs.switches) return;
-  std::vector<Switch> found = switches_with_errors(scene, backend, options, result);
+  std::vector<Switch> found = system ? system->switches() : switches_with_errors(scene, backend, options, result);
   const std::vector<Index>& free = scene.free_rows;  // their y changes sign without a switch
   std::erase_if(found, [&](const Switch& s) { return std::binary_search(free.begin(), free.end(), s.component); });
   outputs.switches->write([&](std::FILE* file) { write_switches_csv(scene, found, result, file); });
@@ -210,6 +214,16 @@ Result solve_whole(const SceneChoice& choice, Backend& backend, Options& options
     result.x_components.clear();
     result.x.resize(result.y.rows(), 0);
   }
+  return result;
+}
+
+/// A nonlinear system, with the states that were asked for.
+Result solve_system(const SceneChoice& choice, Backend& backend, const Options& options,
+                    const SolveArguments& arguments, std::optional<NonlinearRun>& system, ReferenceError& error) {
+  system.emplace(choice, backend, nonlinear_options(arguments, options));
+  Result result = system->result();
+  error = reference_error(choice, backend, result);
+  keep_states(result, recorded_components(choice.scene, options));
   return result;
 }
 
@@ -275,13 +289,14 @@ int run_solve(const SolveArguments& arguments) {
   const Words words = split_words(arguments.words, arguments.settings);
   const ParameterValues settings = parse_settings(words.settings);
   if (const auto code = run_sweep(arguments, scene_name(words), settings)) return *code;
-  const SceneChoice choice = choose_scene(scene_name(words), settings);
+  const SceneChoice choice = choose_scene_or_system(scene_name(words), settings);
   const auto columns =
       arguments.columns.empty() ? std::vector<Column>{} : parse_columns(arguments.columns, choice.scene);
   Options options = solve_options(arguments, choice, columns);
   const int threads = threads_of_rank(arguments.threads.empty() ? 0 : parse_threads(arguments.threads));
   const Index recorded = state_columns(options, choice.scene);
   check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps, recorded);
+  if (choice.system) nonlinear_options(arguments, options);  // refuses what does not apply
   check_energies(arguments, choice.scene, options);
   if (options.method == Method::goal && !arguments.at.empty())
     throw Error("--at", fmt::format("found '{}' with method goal", arguments.at),
@@ -299,18 +314,26 @@ int run_solve(const SolveArguments& arguments) {
   options.memory_limit = memory_bytes();
   begin(arguments, choice, options, parts ? &*parts : nullptr, files);
   ReferenceError error;
+  std::optional<NonlinearRun> system;
   Result result = parts ? solve_in_parts(choice.scene, *backend, options, *parts, files.out ? &*files.out : nullptr)
-                        : solve_whole(choice, *backend, options, files, error);
+                  : choice.system ? solve_system(choice, *backend, options, arguments, system, error)
+                                  : solve_whole(choice, *backend, options, files, error);
   progress.finish();
   if (!choice.warning.empty()) add_warning(result, choice.warning);
 
   const int used = backend->device().threads;
-  const Json object = to_json(choice, result, used, error, {options, decisions});
+  Json object = to_json(choice, result, used, error, {options, decisions});
+  if (system) {
+    object["method"] = system->method();
+    object["nonlinear"] = system->json();
+  }
   const Facts facts = facts_of_result(result, used, object);
-  if (!parts) write(files, choice.scene, *backend, options, result, arguments.energies, facts);
+  if (!parts)
+    write(files, choice.scene, *backend, options, result, arguments.energies, facts, system ? &*system : nullptr);
   if (parts && files.out) files.out->finish(facts);
   if (files.report) write_report(*files.report, choice, result, object);
-  print(arguments.json ? dump(object) : summary(choice, result, used, error, arguments.out));
+  print(arguments.json ? dump(object)
+                       : summary(choice, result, used, error, arguments.out, system ? system->method() : ""));
   if (result.status == Status::solved) return exit_solved;
   report_status(result);
   return exit_not_solved;

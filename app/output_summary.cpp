@@ -105,7 +105,7 @@ std::string reference_line(const SceneChoice& choice, const ReferenceError& erro
 }  // namespace
 
 std::string summary(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error,
-                    const std::string& out) {
+                    const std::string& out, const std::string& method) {
   std::string text;
   const auto line = [&text](const char* label, const std::string& value) {
     fmt::format_to(std::back_inserter(text), "{:<11} {}\n", label, value);
@@ -113,8 +113,8 @@ std::string summary(const SceneChoice& choice, const Result& result, int threads
   line("scene", scene_line(choice));
   line("size", grid_line(choice.scene, result));
   line("class", fmt::format("{}; spectrum {}", matrix_class(choice.scene), spectrum_text(choice.scene)));
-  line("method", fmt::format("{} on {}, {} thread{}", to_string(result.method), result.backend, threads,
-                             threads == 1 ? "" : "s"));
+  line("method", fmt::format("{} on {}, {} thread{}", method.empty() ? to_string(result.method) : method,
+                             result.backend, threads, threads == 1 ? "" : "s"));
   line("kernel", result.kernel.empty() ? "-" : result.kernel);
   line("status", to_string(result.status));
   if (!result.warning.empty()) line("warning", one_line(result.warning));

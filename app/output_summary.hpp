@@ -8,8 +8,9 @@
 
 namespace bromwich::app {
 
-/// The text output of `solve`: about ten aligned lines. `out` is the written file, or empty.
+/// The text output of `solve`: about ten aligned lines. `out` is the written file, or empty; `method` another word for
+/// the method, or empty.
 std::string summary(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error,
-                    const std::string& out);
+                    const std::string& out, const std::string& method = "");
 
 }  // namespace bromwich::app

@@ -31,7 +31,8 @@ template <class Arguments>
 void add_scene(CLI::App* command, Arguments& a, const std::string& what) {
   command->add_option("SCENE", a.words, what)->option_text(" ");
   add_settings(command, a.settings);
-  add_word(command, "--method", a.method, "NAME", join(method_names()) + "; default: auto");
+  add_word(command, "--method", a.method, "NAME",
+           join(method_names()) + "; nonlinear systems: march, iteration, newton; default: auto");
   add_word(command, "--backend", a.backend, "NAME", "auto (default), cpu or cuda");
 }
 

@@ -42,7 +42,7 @@ Vector state_at(const SceneChoice& choice, Backend& backend, const Result& resul
   Vector x = Vector::Constant(choice.scene.states(), std::numeric_limits<double>::quiet_NaN());
   for (std::size_t i = 0; i < result.x_components.size(); ++i)
     x[result.x_components[i]] = between(result.x, at, Index(i));
-  if (x.allFinite() || result.status != Status::solved || by_euler(result) || result.goal) return x;
+  if (x.allFinite() || result.status != Status::solved || by_euler(result) || result.goal || choice.system) return x;
   try {
     std::vector<Index> rows{at.row};
     if (at.weight > 0) rows.push_back(at.row + 1);

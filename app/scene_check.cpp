@@ -1,5 +1,6 @@
 #include "app/scene_check.hpp"
 
+#include "app/nonlinear_solve.hpp"
 #include "app/scene_facts.hpp"
 #include "app/text.hpp"
 #include "core/dynamics/spectrum.hpp"
@@ -19,6 +20,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace bromwich::app {
 
@@ -200,7 +202,9 @@ SceneCheck check_scene(const SceneChoice& choice, Backend& backend, const Option
   check.spectrum = spectrum_text(scene);
   check.start = start_text(scene);
   look_at_sources(scene, check.steps, check);
-  if (scene.dynamics->has_singular_mass())
+  if (choice.system)
+    check.nonlinear = nonlinear_facts(*choice.system, check.steps);
+  else if (scene.dynamics->has_singular_mass())
     check.refusal = "E is singular: eliminate the algebraic equations, as rows with w = 0 and a free y";
   else
     look_at_methods(scene, backend, options, check);
@@ -234,6 +238,8 @@ std::string check_text(const SceneChoice& choice, const SceneCheck& check) {
                                             : fmt::format("{}, {} at t = {}{}", check.sources,
                                                           counted(check.breakpoints.size(), "breakpoint"), breaks,
                                                           check.breakpoints.size() > 8 ? ", ..." : ""));
+  const char* of_system = "nonlinear";
+  for (const std::string& fact : check.nonlinear) line(std::exchange(of_system, ""), fact);
   const char* label = "methods";
   for (const Candidate& c : check.candidates) {
     line(label,
@@ -274,6 +280,7 @@ Json check_json(const SceneChoice& choice, const SceneCheck& check) {
                                {"seconds", c.seconds},
                                {"remark", c.remark},
                                {"against", c.against.empty() ? Json(nullptr) : Json(c.against)}});
+  if (!check.nonlinear.empty()) json["nonlinear"] = check.nonlinear;
   json["warnings"] = check.warnings;
   json["refusal"] = check.refusal.empty() ? Json(nullptr) : Json(check.refusal);
   return json;

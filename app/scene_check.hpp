@@ -25,8 +25,9 @@ struct SceneCheck {
   Index constraints = 0, states = 0, steps = 0, free_rows = 0;
   double T = 0;
   std::string dynamics, mass, matrix_class, spectrum, start, sources;
-  std::vector<double> breakpoints;    ///< stated, or found by looking at the sources
-  std::vector<Candidate> candidates;  ///< in the order in which they are tried
+  std::vector<double> breakpoints;     ///< stated, or found by looking at the sources
+  std::vector<Candidate> candidates;   ///< in the order in which they are tried
+  std::vector<std::string> nonlinear;  ///< what is known of phi and gamma, of files with [nonlinear]
   std::vector<std::string> warnings;
   std::string refusal;  ///< why the scene will not be solved, or empty
 };

@@ -3,6 +3,7 @@
 #include "app/machine.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
+#include "files/nonlinear_file.hpp"
 
 #include <fmt/format.h>
 
@@ -44,22 +45,31 @@ void check_keys(const SceneRecipe& recipe, const ParameterValues& settings) {
                   known.empty() ? "leave it out" : "use one of " + join(known));
 }
 
-SceneChoice choose_file(const std::string& name, const ParameterValues& settings) {
+SceneChoice choose_file(const std::string& name, const ParameterValues& settings, bool nonlinear) {
   std::error_code failure;
   if (scene_files_available() && !std::filesystem::exists(name, failure))
     throw Error("SCENE", fmt::format("the file '{}' does not exist", name),
                 "give the path of a scene file; 'bromwich solve --template' prints one to start from");
-  SceneFile file = read_scene_file(name, settings);
+  NonlinearFile read =
+      nonlinear ? read_nonlinear_file(name, settings) : NonlinearFile{read_scene_file(name, settings), {}};
+  SceneFile& file = read.file;
   if (!settings.empty()) file.reference.reset();  // it is valid for the parameters of the file
-  return {std::move(file.scene),   std::move(file.parameters), std::move(file.states),
-          file.tolerance,          std::move(file.reference),  std::move(file.quantity),
-          std::move(file.warning), std::move(file.inputs),     std::move(file.rectangle)};
+  return {std::move(file.scene),
+          std::move(file.parameters),
+          std::move(file.states),
+          file.tolerance,
+          std::move(file.reference),
+          std::move(file.quantity),
+          std::move(file.warning),
+          std::move(file.inputs),
+          std::move(file.rectangle),
+          read.system ? std::make_shared<const NonlinearScene>(std::move(*read.system)) : nullptr};
 }
 
 }  // namespace
 
 SceneChoice choose_scene(const std::string& name, const ParameterValues& settings) {
-  if (looks_like_file(name)) return choose_file(name, settings);
+  if (looks_like_file(name)) return choose_file(name, settings, false);
   const SceneRecipe& recipe = find_recipe(name);
   check_keys(recipe, settings);
   SceneChoice choice{make_scene(name, settings), settings, "none", std::nullopt, std::nullopt};
@@ -69,6 +79,10 @@ SceneChoice choose_scene(const std::string& name, const ParameterValues& setting
     if (!parameter.replaces.empty())
       choice.parameters.erase(settings.contains(parameter.name) ? parameter.replaces : parameter.name);
   return choice;
+}
+
+SceneChoice choose_scene_or_system(const std::string& name, const ParameterValues& settings) {
+  return looks_like_file(name) ? choose_file(name, settings, true) : choose_scene(name, settings);
 }
 
 SceneChoice choose_initial_value_scene(const std::string& name, const ParameterValues& settings) {

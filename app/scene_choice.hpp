@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/catalogue/catalogue.hpp"
+#include "core/nonlinear/nonlinear_scene.hpp"
 #include "files/scene_file.hpp"
 
 #include <filesystem>
@@ -21,11 +22,14 @@ struct SceneChoice {
   std::string warning = {};                                 ///< of the file, or empty
   std::vector<std::filesystem::path> inputs = {};           ///< the files that were read
   std::optional<Rectangle> rectangle = {};                  ///< of a file with [kronecker]
+  std::shared_ptr<const NonlinearScene> system = {};  ///< of a file with [nonlinear], whose linear part is `scene`
 };
 
 /// A built-in scene or a TOML file. Throws Error for an unknown name, for an unknown parameter (with the nearest known
 /// one), and for invalid values.
 SceneChoice choose_scene(const std::string& name, const ParameterValues& settings);
+/// The same, and files with a section [nonlinear], which choose_scene refuses.
+SceneChoice choose_scene_or_system(const std::string& name, const ParameterValues& settings);
 
 /// The same for a study whose methods need initial values: throws Error for boundary values.
 SceneChoice choose_initial_value_scene(const std::string& name, const ParameterValues& settings);

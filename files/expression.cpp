@@ -123,16 +123,22 @@ void check_signs(const std::string& text, const std::string& where) {
 }
 
 void check_names(const std::string& text, const ParameterValues& parameters, const Definitions& definitions,
-                 bool time_allowed, const std::string& where) {
+                 bool time_allowed, const std::string& where,
+                 const std::map<std::string, std::size_t>& variables = {}) {
   static const auto functions = expression_functions();
   std::vector<std::string> known{"pi"};
   if (time_allowed) known.emplace_back("t");
   for (const auto& [name, value] : parameters) known.push_back(name);
   for (const auto& [name, meaning] : definitions) known.push_back(name);
+  const std::size_t in_file = known.size();
+  for (const auto& [name, number] : variables) known.push_back(name);
   for (const auto& [name, begin, called] : names_in(text)) {
     if (called && !contains(functions, name))
       throw Error(where, in_quotes(text) + fmt::format(" calls '{}'", name) + suggestion(name, functions),
                   contains(known, name) ? "write * to multiply" : "use one of the functions " + join(functions));
+    if (!called && variables.contains(name) && std::count(known.begin(), known.begin() + long(in_file), name) > 0)
+      throw Error(where, in_quotes(text) + fmt::format(" uses '{}', a component and a name of the file", name),
+                  "give one of the two another name");
     if (called || contains(known, name)) continue;
     if (contains(functions, name))
       throw Error(where, in_quotes(text) + fmt::format(" uses the function '{}' without arguments", name),
@@ -335,6 +341,13 @@ std::string Expressions::in_full(const std::string& text, const std::string& whe
     evaluate(parser, "(" + meaning + ")", where);  // as it will be used
   }
   return meaning;
+}
+
+Formula Expressions::formula(const std::string& text, const std::map<std::string, std::size_t>& variables,
+                             const std::string& where) const {
+  check_signs(text, where);
+  check_names(text, implementation_->parameters, implementation_->definitions, true, where, variables);
+  return read_formula(spelled(text, where), implementation_->parameters, where, variables);
 }
 
 TimeFunction Expressions::in_time(const std::vector<std::string>& texts) const {

@@ -8,8 +8,10 @@
 #include "core/base/time_function.hpp"
 #include "core/base/types.hpp"
 #include "core/catalogue/catalogue.hpp"
+#include "files/formula.hpp"
 #include "files/switch_times.hpp"
 
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -47,6 +49,11 @@ class Expressions {
   /// A function with one entry per text of `in_full`. It may be called from several threads at once. Parts that do not
   /// depend on t are evaluated once, here.
   TimeFunction in_time(const std::vector<std::string>& texts) const;
+
+  /// The expression of t, the parameters and `variables`, which have numbers, as a program. Throws if the text is no
+  /// expression, or a variable that it uses has the name of a parameter.
+  Formula formula(const std::string& text, const std::map<std::string, std::size_t>& variables,
+                  const std::string& where) const;
 
   /// The times in [0, T] at which one of the texts of `in_full` may jump or have a kink.
   SwitchTimes switch_times(const std::vector<std::string>& texts, double T) const;

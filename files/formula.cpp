@@ -70,8 +70,9 @@ bool digit(char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; }
 
 class Reader {
  public:
-  Reader(std::string_view text, const ParameterValues& parameters, const std::string& where)
-      : text_(text), parameters_(parameters), where_(where) {}
+  Reader(std::string_view text, const ParameterValues& parameters, const std::string& where,
+         const std::map<std::string, std::size_t>& variables)
+      : text_(text), parameters_(parameters), where_(where), variables_(variables) {}
 
   Formula read() {
     choice();
@@ -244,6 +245,8 @@ class Reader {
       emit(Operation::constant, 1, std::numbers::pi);
     } else if (parameter != parameters_.end()) {
       emit(Operation::constant, 1, parameter->second);
+    } else if (const auto variable = variables_.find(std::string(word)); variable != variables_.end()) {
+      formula_.program[emit(Operation::variable, 1)].target = variable->second;
     } else {
       place_ = begin;
       fail();
@@ -277,6 +280,7 @@ class Reader {
   std::string_view text_;
   const ParameterValues& parameters_;
   const std::string& where_;
+  const std::map<std::string, std::size_t>& variables_;
   std::size_t place_ = 0, height_ = 0;
   int nested_ = 0;
   Formula formula_;
@@ -301,8 +305,9 @@ double Formula::operator()(double t) const {
   return *execute(*this, numbers, stack);
 }
 
-Formula read_formula(std::string_view text, const ParameterValues& parameters, const std::string& where) {
-  return Reader(text, parameters, where).read();
+Formula read_formula(std::string_view text, const ParameterValues& parameters, const std::string& where,
+                     const std::map<std::string, std::size_t>& variables) {
+  return Reader(text, parameters, where, variables).read();
 }
 
 }  // namespace bromwich

@@ -1,6 +1,7 @@
 #pragma once
-// An expression of t as a program for a stack machine, used to find the times at which it switches. muParser, which
-// evaluates expressions over time, does not give access to their structure.
+// An expression of t, or of t and of variables, as a program for a stack machine. It is used to find the times at which
+// an expression of t switches and to differentiate functions of x and y: muParser, which evaluates expressions over
+// time, does not give access to their structure.
 //
 // Names and operators are those of files/expression.hpp. Operands that ?: && || do not select are not evaluated.
 
@@ -8,6 +9,7 @@
 #include "files/operation.hpp"
 
 #include <cstddef>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -18,7 +20,7 @@ namespace bromwich {
 struct Instruction {
   Operation operation = Operation::constant;
   double value = 0;        ///< of a constant
-  std::size_t target = 0;  ///< of a jump
+  std::size_t target = 0;  ///< of a jump; number of a variable
 };
 
 struct Formula {
@@ -32,6 +34,8 @@ struct Formula {
 /// Runs the program of a formula on values of a domain: numbers, or their courses over a piece of time. The domain has
 ///
 ///     Value constant(double), Value time(), bool zero(Value), std::optional<Value> apply(Operation, Value a, Value b)
+///
+/// and, for formulas with variables, Value variable(std::size_t number),
 ///
 /// with any b for an operation on one value. The result is empty where `apply` gave nothing, which ends the run.
 /// `stack` is memory that is used again.
@@ -51,6 +55,9 @@ std::optional<Value> execute(const Formula& formula, Domain& domain, std::vector
         break;
       case Operation::time:
         stack.push_back(domain.time());
+        break;
+      case Operation::variable:
+        if constexpr (requires { domain.variable(step.target); }) stack.push_back(domain.variable(step.target));
         break;
       case Operation::jump:
         i = step.target - 1;
@@ -75,7 +82,9 @@ std::optional<Value> execute(const Formula& formula, Domain& domain, std::vector
   return stack.back();
 }
 
-/// Throws Error(where, ...) for a text that is not an expression, or is nested more than a thousand times.
-Formula read_formula(std::string_view text, const ParameterValues& parameters, const std::string& where);
+/// Throws Error(where, ...) for a text that is not an expression, or is nested more than a thousand times. `variables`:
+/// names and numbers of what the expression may use besides t.
+Formula read_formula(std::string_view text, const ParameterValues& parameters, const std::string& where,
+                     const std::map<std::string, std::size_t>& variables = {});
 
 }  // namespace bromwich

@@ -5,7 +5,8 @@ namespace bromwich {
 
 enum class Operation {
   constant,
-  time,  // push
+  time,
+  variable,  // push; `target` is its number
   add,
   subtract,
   multiply,

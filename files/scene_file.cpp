@@ -6,6 +6,8 @@
 #include "core/scene/relay.hpp"
 #include "files/include.hpp"
 #include "files/names.hpp"
+#include "files/nonlinear_file.hpp"
+#include "files/nonlinear_section.hpp"
 #include "files/scene_matrices.hpp"
 #include "files/sections.hpp"
 #include "files/words.hpp"
@@ -371,19 +373,16 @@ std::shared_ptr<const QuantityOfInterest> read_quantity(const Section& section, 
   return quantity;
 }
 
-}  // namespace
-
-bool scene_files_available() { return true; }
-
-SceneFile parse_scene(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder,
-                      const ParameterValues& settings) {
+NonlinearFile parsed(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder,
+                     const ParameterValues& settings) {
   Document document{file_name};
   const toml::table root = read_with_includes(document, toml, folder / std::filesystem::path(file_name).filename());
   const Sections sections = read_sections(document, root);
   ParameterValues others;
   read_parameters(document, sections.parameters, settings, others);
   read_definitions(document, sections.definitions);
-  SceneFile file;
+  NonlinearFile read;
+  SceneFile& file = read.file;
   Draft draft = build(sections, others);
   file.scene = std::move(draft.scene);
   if (sections.kronecker.given()) file.rectangle = read_rectangle(sections);
@@ -403,14 +402,40 @@ SceneFile parse_scene(std::string_view toml, const std::string& file_name, const
   file.reference = read_reference(sections.reference, file.scene);
   file.quantity = read_quantity(sections.quantity, file.scene);
   file.inputs = std::move(document.read);
-  return file;
+  read.system = read_nonlinear(sections, file.scene);
+  return read;
+}
+
+SceneFile linear_alone(NonlinearFile read, const std::string& file_name) {
+  if (read.system)
+    throw Error(fmt::format("{}: nonlinear", file_name), "the file states a nonlinear system",
+                "use bromwich solve, solve_nonlinear or read_nonlinear_file, or take [nonlinear] out");
+  return std::move(read.file);
+}
+
+}  // namespace
+
+bool scene_files_available() { return true; }
+
+NonlinearFile parse_nonlinear(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder,
+                              const ParameterValues& settings) {
+  return parsed(toml, file_name, folder, settings);
+}
+
+NonlinearFile read_nonlinear_file(const std::filesystem::path& file, const ParameterValues& settings) {
+  const std::string name = one_line(file.string());
+  NonlinearFile found = parsed(read_text({name, file}, name), name, file.parent_path(), settings);
+  found.file.inputs.push_back(file);
+  return found;
+}
+
+SceneFile parse_scene(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder,
+                      const ParameterValues& settings) {
+  return linear_alone(parsed(toml, file_name, folder, settings), file_name);
 }
 
 SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValues& settings) {
-  const std::string name = one_line(file.string());
-  SceneFile found = parse_scene(read_text({name, file}, name), name, file.parent_path(), settings);
-  found.inputs.push_back(file);
-  return found;
+  return linear_alone(read_nonlinear_file(file, settings), one_line(file.string()));
 }
 
 double constant_expression(const std::string& text, const ParameterValues& names, const std::string& where) {

@@ -1,6 +1,7 @@
 // Replaces the reader if toml++ or muParser was not found.
 
 #include "core/base/error.hpp"
+#include "files/nonlinear_file.hpp"
 #include "files/scene_file.hpp"
 #include "files/sweep.hpp"
 #include "files/words.hpp"
@@ -11,6 +12,15 @@ bool scene_files_available() { return false; }
 
 SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValues& settings) {
   return parse_scene({}, file.string(), {}, settings);
+}
+
+NonlinearFile read_nonlinear_file(const std::filesystem::path& file, const ParameterValues& settings) {
+  return {read_scene_file(file, settings), std::nullopt};
+}
+
+NonlinearFile parse_nonlinear(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder,
+                              const ParameterValues& settings) {
+  return {parse_scene(toml, file_name, folder, settings), std::nullopt};
 }
 
 SceneFile parse_scene(std::string_view, const std::string& file_name, const std::filesystem::path&,

@@ -281,6 +281,35 @@ std::vector<std::string> Section::texts_in_time(const std::string& key, Index si
   return texts;
 }
 
+/// As of_entry, with the numbers i of its own variables.
+std::string Section::of_entry_and_own(const std::string& key, Index i, const std::string& own) const {
+  return with_names_replaced(of_entry(key, i), [&](const std::string& name, std::string& by) {
+    if (name.size() != 1 || own.find(name) == std::string::npos || document_->expressions.has(name)) return false;
+    by = name + std::to_string(i);
+    return true;
+  });
+}
+
+std::vector<Formula> Section::formulas(const std::string& key, Index size,
+                                       const std::map<std::string, std::size_t>& variables,
+                                       const std::string& own) const {
+  std::vector<Formula> found;
+  if (single_text(key)) {
+    for (Index i = 0; i < size; ++i)
+      found.push_back(document_->expressions.formula(of_entry_and_own(key, i, own), variables, where(key)));
+    return found;
+  }
+  const toml::array& list = require_list(key, "give a list of expressions, or one for all entries");
+  for (const toml::node& entry : list) {
+    const auto* text = entry.as_string();
+    const std::string expression = text ? text->get() : fmt::format("{}", number(entry, key));
+    found.push_back(document_->expressions.formula(expression, variables, where(entry, key)));
+  }
+  if (Index(found.size()) != size)
+    throw Error(where(key), fmt::format("has {} entries", found.size()), fmt::format("give {}", size));
+  return found;
+}
+
 FunctionValue Section::expressions(const std::string& key, Index size) const {
   if (!has(key)) return {};
   const std::vector<std::string> texts = texts_in_time(key, size);

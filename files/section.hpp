@@ -69,6 +69,10 @@ class Section {
   FunctionValue function(const std::string& key, double last_time, Index size = 0) const;
   /// Expressions of t; empty if the key is missing.
   FunctionValue expressions(const std::string& key, Index size = 0) const;
+  /// Expressions of t and of variables as programs, of `size` entries; or one for all entries i, in which the letters
+  /// of `own` stand for their i-th numbers.
+  std::vector<Formula> formulas(const std::string& key, Index size, const std::map<std::string, std::size_t>& variables,
+                                const std::string& own) const;
   /// The text of an expression of t.
   std::string expression(const std::string& key) const;
 
@@ -83,6 +87,7 @@ class Section {
                                                    const std::vector<std::string>& words) const;
   std::vector<std::string> texts_in_time(const std::string& key, Index size) const;
   std::string of_entry(const std::string& key, Index i, std::optional<Index> j = {}) const;
+  std::string of_entry_and_own(const std::string& key, Index i, const std::string& own) const;
   const std::string* single_text(const std::string& key) const;
   std::string time_expression(const toml::node& node, const std::string& key) const;
   Matrix inline_matrix(const std::string& key) const;

@@ -33,7 +33,7 @@ const std::vector<SectionKeys>& scene_file_keys() {
   static const std::vector<SectionKeys> keys{
       {"", {"name",  "description", "include",  "parameters", "definitions", "dynamics", "kronecker", "complementarity",
             "relay", "port",        "boundary", "free",       "time",        "names",    "units",     "output",
-            "exact", "reference",   "quantity", "sweep"}},
+            "exact", "reference",   "quantity", "sweep",      "nonlinear"}},
       {"parameters", {}},
       {"definitions", {}},
       {"dynamics", {"A", "B", "E", "f", "F", "x0"}},
@@ -52,7 +52,8 @@ const std::vector<SectionKeys>& scene_file_keys() {
       {"exact", {"x", "y"}},
       {"reference", {"t", "x", "y", "status", "infeasible_at", "tolerance", "source"}},
       {"quantity", {"name", "W", "c", "end_W", "end_c", "exact"}},
-      {"sweep", {}}};
+      {"sweep", {}},
+      {"nonlinear", {"phi", "gamma", "of"}}};
   return keys;
 }
 
@@ -68,7 +69,8 @@ Sections read_sections(const Document& document, const toml::table& root) {
           section("relay"),     section("port"),       section("boundary"),
           section("free"),      section("time"),       section("names"),
           section("units"),     section("output"),     section("exact"),
-          section("reference"), section("quantity"),   section("sweep")};
+          section("reference"), section("quantity"),   section("sweep"),
+          section("nonlinear")};
 }
 
 void read_parameters(Document& document, const Section& section, const ParameterValues& settings,

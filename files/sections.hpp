@@ -14,7 +14,7 @@ namespace bromwich {
 /// The sections of a file, by name.
 struct Sections {
   Section top, parameters, definitions, dynamics, kronecker, complementarity, relay, port, boundary, free, time, names,
-      units, output, exact, reference, quantity, sweep;
+      units, output, exact, reference, quantity, sweep, nonlinear;
 };
 
 /// Throws Error for an unknown section or key.

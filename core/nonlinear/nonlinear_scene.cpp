@@ -32,11 +32,65 @@ void difference(const At& at, const Vector& around, Eigen::Ref<Matrix> by) {
 
 void NonlinearScene::validate() const {
   linear.validate();
-  const DenseDynamics* d = linear.dynamics->small_state();
-  if (!d || d->E.size() > 0)
-    throw Error("dynamics", "the linear part is not dense, or has a mass matrix", "write A, B and N as dense matrices");
+  if (linear.dynamics->has_mass())
+    throw Error("dynamics", "the linear part has a mass matrix", "multiply the equations by its inverse");
   if (linear.boundary) throw Error("boundary", "the linear part has boundary values", "give x0");
   if (!linear.free_rows.empty()) throw Error("free_rows", "the linear part has free rows", "eliminate them");
+  if (linear.constraints() == 0)
+    throw Error("dynamics", "the linear part has no constraints", "add one that is never active");
+}
+
+namespace {
+
+// With f as m values, however it was stated.
+void take_f_as_values(Scene& linear, const DenseDynamics& d) {
+  if (linear.f && linear.f_entry != SourceEntry::state) {
+    const Matrix F = source_matrix(linear, d);
+    linear.f = [f = linear.f, F](double t, Eigen::Ref<Vector> v) {
+      Vector entering(F.cols());
+      f(t, entering);
+      v = F * entering;
+    };
+  }
+  linear.f_entry = SourceEntry::state;
+  linear.F = SparseMatrix();
+}
+
+}  // namespace
+
+NonlinearScene in_states(NonlinearScene scene) {
+  constexpr Index largest_written_out = 512;
+  if (scene.linear.dynamics->matrices() && scene.linear.states() <= largest_written_out)
+    scene.linear = written_out(std::move(scene.linear));
+  const DenseDynamics* d = scene.linear.dynamics->small_state();
+  if (d) take_f_as_values(scene.linear, *d);
+  if (!d || !scene.of_trace) return scene;
+  scene.of_trace = false;
+  const Matrix &N = d->N, &B = d->B;
+  const auto of_v = [](NonlinearFunction& function, const Matrix& left, const Matrix& out) {
+    if (function)
+      function = [of = function, left, out](double t, const auto& x, const auto& y, Eigen::Ref<Vector> value) {
+        Vector own(left.cols());
+        of(t, out * x, y, own);
+        value = left * own;
+      };
+  };
+  const auto derivative_of_v = [](NonlinearDerivative& derivative, const Matrix& left, const Matrix& out) {
+    if (derivative)
+      derivative = [of = derivative, left, out](double t, const auto& x, const auto& y, Eigen::Ref<Matrix> by_x,
+                                                Eigen::Ref<Matrix> by_y) {
+        Matrix by_v(left.cols(), out.rows()), own(left.cols(), y.size());
+        of(t, out * x, y, by_v, own);
+        by_x = left * by_v * out;
+        by_y = left * own;
+      };
+  };
+  const Matrix identity = Matrix::Identity(N.rows(), N.rows());
+  of_v(scene.phi, B, N);
+  of_v(scene.gamma, identity, N);
+  derivative_of_v(scene.dphi, B, N);
+  derivative_of_v(scene.dgamma, identity, N);
+  return scene;
 }
 
 Linearization linearize(const NonlinearFunction& function, const NonlinearDerivative& derivative, Index rows, double t,

@@ -6,6 +6,12 @@
 //
 // The split is free. What stands in A, B, N and M is discretised exactly in time and is what the iteration freezes (W =
 // A); what stands in phi and gamma is taken as linear between the time points.
+//
+// In large scenes phi and gamma may be functions of what the constraints see, v = N x, and phi may enter through B:
+//
+//     x' = A x + B (y + phi(t, v, y)) + f(t),   0 <= y  ⊥  w = v + M y + g(t) + gamma(t, v, y) >= 0.
+//
+// Then no array has the size of the states at all time points.
 
 #include "../scene/scene.hpp"
 
@@ -13,22 +19,30 @@
 
 namespace bromwich {
 
-/// Writes phi (m values) or gamma (n values) at t, x (m) and y (n).
+/// Writes phi (m values, or n through B) or gamma (n values) at t, x (m) or v (n), and y (n).
 using NonlinearFunction = std::function<void(double t, const Eigen::Ref<const Vector>& x,
                                              const Eigen::Ref<const Vector>& y, Eigen::Ref<Vector> value)>;
-/// Writes the derivatives of phi or gamma by x (columns m) and by y (columns n).
+/// Writes the derivatives of phi or gamma by x (m columns) or v (n columns), and by y (n columns).
 using NonlinearDerivative =
     std::function<void(double t, const Eigen::Ref<const Vector>& x, const Eigen::Ref<const Vector>& y,
                        Eigen::Ref<Matrix> by_x, Eigen::Ref<Matrix> by_y)>;
 
 struct NonlinearScene {
-  Scene linear;                      ///< the linear part, with x0, T, f, g; dense dynamics, without E
+  Scene linear;                      ///< the linear part, with x0, T, f, g; without E, boundary values and free rows
   NonlinearFunction phi, gamma;      ///< empty: 0
   NonlinearDerivative dphi, dgamma;  ///< empty: by central differences
+  bool of_trace = false;             ///< phi and gamma are functions of v = N x, and phi enters through B
 
-  /// As Scene::validate; throws Error too for dynamics that are not dense, boundary values and free rows.
+  /// Length of what phi and gamma see besides y, and of phi: m, or n with of_trace.
+  Index seen() const { return of_trace ? linear.constraints() : linear.states(); }
+
+  /// As Scene::validate; throws Error too for a mass matrix, boundary values and free rows.
   void validate() const;
 };
+
+/// Scenes with dense matrices, and with sparse ones of up to 512 states, which are written out: phi and gamma as
+/// functions of x, and f with m values. Others stay as they are.
+NonlinearScene in_states(NonlinearScene);
 
 /// phi or gamma at one point with its derivatives.
 struct Linearization {

@@ -82,12 +82,6 @@ Vector NonlinearSteps::total_source(double t, const Vector& x, const Vector& y) 
   return value + B_ * y;
 }
 
-Vector NonlinearSteps::slack(Index j, const Vector& x, const Vector& y) const {
-  Vector value = Vector::Zero(N_.rows());
-  if (scene_->gamma) scene_->gamma(time(j), x, y, value);
-  return N_ * x + M_ * y + g(time(j)) + value;
-}
-
 Vector NonlinearSteps::defect(Index j, const Vector& x0, const Vector& y0, const Vector& x1, const Vector& y1) const {
   return x1 - step_.propagators[0] * x0 - increments_.row(j - 1).transpose() -
          step_.left[0] * total_source(time(j - 1), x0, y0) - step_.weights[0][0] * total_source(time(j), x1, y1);

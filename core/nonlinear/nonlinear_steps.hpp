@@ -12,6 +12,7 @@
 #include "exponential_step.hpp"
 #include "nonlinear_scene.hpp"
 
+#include <array>
 #include <optional>
 
 namespace bromwich {
@@ -33,22 +34,21 @@ class NonlinearSteps {
   /// From x, y at t_{j-1} to those at t_j.
   NewtonOutcome take(Index j, Vector& x, Vector& y);
 
-  Vector slack(Index j, const Vector& x, const Vector& y) const;  ///< w at t_j
   /// What x and y at t_{j-1} and t_j lack in the equation of x; rule linear.
   Vector defect(Index j, const Vector& x0, const Vector& y0, const Vector& x1, const Vector& y1) const;
 
+  /// The largest |x| and |y| so far, to which changes are relative.
+  std::array<double, 2> sizes() const { return {size_x_, size_y_}; }
+  void set_sizes(const std::array<double, 2>& xy) { size_x_ = xy[0], size_y_ = xy[1]; }
+
   void select_least() { least_ = true; }
+  bool selects_least() const { return least_; }
 
   double time(Index j) const { return double(j) * h_; }
   /// Of M + gamma_y at t = 0: P or Z where y is continuous.
   LcpClass lcp_class(const Vector& x, const Vector& y) const;
 
  private:
-  struct Node {
-    double t;
-    Vector g;
-    Linearization phi, gamma;
-  };
   Vector total_source(double t, const Vector& x, const Vector& y) const;  ///< B y + phi
   Vector g(double t) const;
   bool solve_lcp(const Matrix& M, const Matrix& of_y, const Vector& q, Vector& y) const;

@@ -2,64 +2,80 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/nonlinear/divided_step.hpp"
+#include "core/nonlinear/frozen_windows.hpp"
 #include "core/nonlinear/nonlinear_steps.hpp"
-#include "core/solve/solver.hpp"
+#include "core/scene/breakpoints.hpp"
+#include "core/solve/solve.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
+#include <vector>
 
 namespace bromwich {
 
 namespace {
 
-constexpr double too_slow = 0.7;     ///< contraction above: shorter windows
-constexpr Index looked_at = 4;       ///< iterations before the contraction counts
-constexpr double inner_share = 0.1;  ///< of the change of a Newton iteration, which its inner iterations may leave
-
-double relative(const RowMatrix& change, const RowMatrix& size) {
-  if (change.size() == 0) return 0;
-  const double most = change.cwiseAbs().maxCoeff();
-  return most > 0 ? most / (size.cwiseAbs().maxCoeff() + most) : 0;
-}
-
-// Linear between rows that stand h apart.
-TimeFunction with_rows(const TimeFunction& given, RowMatrix rows, double h) {
-  return [given, rows = std::move(rows), h](double t, Eigen::Ref<Vector> value) {
-    const Index last = rows.rows() - 1;
-    const Index j = std::clamp(Index(t / h), Index(0), last - 1);
-    const double s = t / h - double(j);
-    if (given)
-      given(t, value);
-    else
-      value.setZero();
-    value += (1 - s) * rows.row(j).transpose() + s * rows.row(j + 1).transpose();
-  };
-}
-
-struct Rows {
-  RowMatrix x, y;
-};
+bool is_dense(const NonlinearScene& scene) { return scene.linear.dynamics->small_state() && !scene.of_trace; }
 
 class NonlinearSolve {
  public:
-  NonlinearSolve(const NonlinearScene& scene, Backend& backend, const NonlinearOptions& options)
+  NonlinearSolve(const NonlinearScene& scene, const std::vector<double>& jumps, Backend& backend,
+                 const NonlinearOptions& options)
       : scene_(scene),
+        jumps_(jumps),
         backend_(backend),
         options_(options),
-        m_(scene.linear.states()),
         n_(scene.linear.constraints()),
-        J_(options.steps > 0 ? options.steps : scene.linear.default_steps) {}
+        J_(options.steps > 0 ? options.steps : scene.linear.default_steps),
+        h_(scene.linear.T / double(J_)) {}
 
   NonlinearResult run() {
-    result_.method = options_.method == NonlinearMethod::automatic ? NonlinearMethod::march : options_.method;
+    const NonlinearMethod by_itself = is_dense(scene_) ? NonlinearMethod::march : NonlinearMethod::iteration;
+    result_.method = options_.method == NonlinearMethod::automatic ? by_itself : options_.method;
     result_.t = Vector::LinSpaced(J_ + 1, 0, scene_.linear.T);
     const double nan = std::numeric_limits<double>::quiet_NaN();
-    result_.x = RowMatrix::Constant(J_ + 1, m_, nan);
+    seen() = RowMatrix::Constant(J_ + 1, scene_.seen(), nan);
     result_.y = result_.w = RowMatrix::Constant(J_ + 1, n_, nan);
-    result_.x.row(0) = scene_.linear.x0.transpose();
+    seen().row(0) =
+        (scene_.of_trace ? observe(scene_.linear.dynamics, scene_.linear.x0) : scene_.linear.x0).transpose();
+    if (!scene_.phi && !scene_.gamma) {
+      solve_linear();
+    } else if (is_dense(scene_)) {
+      solve_dense();
+    } else {
+      solve_large();
+    }
+    certify();
+    return std::move(result_);
+  }
+
+ private:
+  RowMatrix& seen() { return scene_.of_trace ? result_.trace : result_.x; }
+
+  // The engine of linear scenes does all of it.
+  void solve_linear() {
+    Options options;
+    options.method = result_.method == NonlinearMethod::march && is_dense(scene_) ? Method::march : options_.inner;
+    options.steps = J_;
+    options.states = scene_.of_trace ? StateSelection::none : StateSelection::all;
+    options.trace = scene_.of_trace;
+    options.interrupted = options_.interrupted;
+    Result linear = solve(scene_.linear, backend_, options);
+    result_.status = linear.status;
+    result_.reason = linear.reason;
+    result_.continuous = linear.continuous;
+    result_.solves = 1;
+    if (linear.y.rows() != J_ + 1) return;
+    result_.y = std::move(linear.y);
+    seen() = std::move(scene_.of_trace ? linear.trace : linear.x);
+    for (Index j = 0; j <= J_; ++j) set_slack(j);
+  }
+
+  void solve_dense() {
     NonlinearSteps steps = make_steps(StepRule::linear);
     Vector y = Vector::Zero(n_);
     if (steps.lcp_class(scene_.linear.x0, y) == LcpClass::Z) steps.select_least();
@@ -70,20 +86,30 @@ class NonlinearSolve {
       y.setZero();
       if (result_.method != NonlinearMethod::march) {
         result_.reason = "M + dgamma/dy is not of class P or Z, so that y may jump: use method march";
-        return std::move(result_);
+        return;
       }
       steps = make_steps(StepRule::radau);
     }
     steps_ = &steps;
     result_.y.row(0) = y.transpose();
-    result_.w.row(0) = steps.slack(0, scene_.linear.x0, y).transpose();
+    set_slack(0);
     const bool solved = result_.method == NonlinearMethod::march ? march(0, J_) : by_windows();
     if (solved) result_.status = Status::solved;
-    certify();
-    return std::move(result_);
+    find_defect();
+    steps_ = nullptr;
   }
 
- private:
+  // A linear part that is not dense: no marching, and no Jacobians of all time points.
+  void solve_large() {
+    if (result_.method != NonlinearMethod::iteration) {
+      result_.reason = std::string("method ") + to_string(result_.method) +
+                       " takes dense matrices, and phi and gamma of x: use method iteration";
+      return;
+    }
+    result_.y.row(0).setZero();  // a guess
+    if (by_windows()) result_.status = Status::solved;
+  }
+
   NonlinearSteps make_steps(StepRule rule) const {
     return NonlinearSteps(scene_, backend_, J_, rule, options_.tolerance, options_.most_newton);
   }
@@ -94,17 +120,43 @@ class NonlinearSolve {
     return false;
   }
 
-  void take_row(Index j, const Vector& x, const Vector& y) {
-    result_.x.row(j) = x.transpose();
-    result_.y.row(j) = y.transpose();
-    result_.w.row(j) = steps_->slack(j, x, y).transpose();
+  // w at t_j, or on this side of a jump there.
+  void set_slack(Index j, double before = 0) {
+    const Vector x = seen().row(j), y = result_.y.row(j);
+    const double t = double(j) * h_ - before;
+    Vector g = Vector::Zero(n_), gamma = Vector::Zero(n_);
+    if (scene_.linear.g) scene_.linear.g(t, g);
+    if (scene_.gamma) scene_.gamma(t, x, y, gamma);
+    const Vector v = scene_.of_trace ? x : observe(scene_.linear.dynamics, x);
+    result_.w.row(j) = (v + multiply(scene_.linear.M, y) + g + gamma).transpose();
   }
 
+  // Jumps in (t_{j-1}, t_j].
+  std::vector<double> breaks_of(Index j) const {
+    std::vector<double> inside;
+    const double near = 4 * side_of_break * scene_.linear.T;
+    for (const double b : jumps_)
+      if (b > double(j - 1) * h_ + near && b <= double(j) * h_ + near && b < scene_.linear.T - near)
+        inside.push_back(b);
+    return inside;
+  }
+
+  NewtonOutcome take(Index j, const std::vector<double>& breaks, Vector& x, Vector& y) {
+    if (breaks.empty()) return steps_->take(j, x, y);
+    const StepOptions options{result_.continuous ? StepRule::linear : StepRule::radau, steps_->selects_least(),
+                              options_.tolerance, options_.most_newton, steps_->sizes()};
+    return take_divided(scene_, backend_, options, steps_->time(j - 1), h_, breaks, x, y);
+  }
+
+  // Where f or g jumps at t_j, row j has y behind the jump if y is continuous elsewhere, otherwise y before it.
   bool march(Index from, Index to) {
     Vector x = result_.x.row(from), y = result_.y.row(from);
     for (Index j = from + 1; j <= to; ++j) {
       if (options_.interrupted && options_.interrupted()) return fail(Status::interrupted, "stopped on request");
-      const NewtonOutcome outcome = steps_->take(j, x, y);
+      const std::vector<double> breaks = breaks_of(j);
+      const bool at_end = !breaks.empty() && breaks.back() > double(j) * h_ - 4 * side_of_break * scene_.linear.T;
+      NewtonOutcome outcome = take(j, breaks, x, y);
+      if (outcome.solved && at_end && result_.continuous) outcome = steps_->y_at(j, x, y);
       result_.newton += outcome.iterations;
       if (!outcome.solved)
         return fail(Status::tolerance_not_met,
@@ -112,185 +164,124 @@ class NonlinearSolve {
                          "iterations); try more steps",
                          steps_->time(j), outcome.change, long(outcome.iterations)));
       ++result_.marched;
-      take_row(j, x, y);
+      result_.x.row(j) = x.transpose();
+      result_.y.row(j) = y.transpose();
+      set_slack(j, at_end && !result_.continuous ? side_of_break * scene_.linear.T : 0);
     }
     return true;
   }
 
+  // The steps from row `from` up to the next one that has to be divided.
+  Index undivided(Index from) const {
+    Index to = from;
+    while (to < J_ && breaks_of(to + 1).empty()) ++to;
+    return to - from;
+  }
+
+  // Windows of half the length where the iteration does not contract. In dense scenes a step alone, and one with a jump
+  // of f or g, is marched.
   bool by_windows() {
+    FrozenWindows windows(scene_, backend_, options_, result_.method, J_);
+    Vector state = scene_.linear.x0;
     Index from = 0, length = J_;
     while (from < J_) {
       length = std::min(length, J_ - from);
-      if (length == 1) {
+      const Index free = steps_ ? undivided(from) : length;
+      if (steps_ && (length == 1 || free < 2)) {
         if (!march(from, from + 1)) return false;
         ++from;
-        length = 2;
+        state = result_.x.row(from).transpose();
+        if (length == 1) length = 2;
         continue;
       }
-      const std::optional<double> contraction = solve_window(from, length);
-      if (result_.status == Status::interrupted) return false;
-      if (!contraction) {
-        length = (length + 1) / 2;
+      const Index count = std::min(length, free);
+      FrozenWindows::Rows rows{seen().row(from).replicate(count + 1, 1), result_.y.row(from).replicate(count + 1, 1)};
+      const auto outcome = windows.solve(from, count, state, rows);
+      result_.solves = windows.solves();
+      result_.newton += windows.newton() - counted_newton_;
+      counted_newton_ = windows.newton();
+      if (windows.interrupted()) return fail(Status::interrupted, "stopped on request");
+      if (!outcome && count > 1) {
+        length = (count + 1) / 2;
         continue;
       }
+      if (!outcome)
+        return fail(Status::tolerance_not_met,
+                    text("step to t = %.6g: %s; take more steps, or more of phi and gamma into the linear part",
+                         double(from + 1) * h_, windows.reason().c_str()));
+      if (!windows.continuous()) {
+        result_.continuous = false;
+        return fail(Status::unsupported,
+                    "y may jump from step to step, and phi and gamma between the time points are not known");
+      }
+      keep(from, rows);
       ++result_.windows;
-      result_.contraction = std::max(result_.contraction, *contraction);
-      from += length;
+      result_.contraction = std::max(result_.contraction, outcome->contraction);
+      result_.defect = std::max(result_.defect, outcome->change);
+      from += count;
+      if (from < J_) state = windows.end_state();
     }
     return true;
   }
 
-  // The linear problem of a window, with the rest as sources.
-  Scene frozen(Index from, Index length) const {
-    Scene window = part_of(scene_.linear, steps_->time(from), steps_->time(length), result_.x.row(from).transpose());
-    window.default_steps = length;
-    window.breakpoints_are_all = true;
-    window.exact = {};
-    return window;
-  }
-
-  // Values of phi and gamma at all rows, linearized about `about` where `at` are given.
-  void rest(const Rows& about, const std::vector<std::array<Linearization, 2>>* at, const Rows& rows, Index from,
-            RowMatrix& phi, RowMatrix& gamma) const {
-    const Index count = rows.x.rows();
-    phi = RowMatrix::Zero(count, m_);
-    gamma = RowMatrix::Zero(count, n_);
-    for (Index j = 0; j < count; ++j) {
-      const Vector x = rows.x.row(j), y = rows.y.row(j);
-      if (at) {
-        const auto& [p, g] = (*at)[std::size_t(j)];
-        const Vector dx = x - about.x.row(j).transpose(), dy = y - about.y.row(j).transpose();
-        phi.row(j) = (p.value + p.by_x * dx + p.by_y * dy).transpose();
-        gamma.row(j) = (g.value + g.by_x * dx + g.by_y * dy).transpose();
-        continue;
-      }
-      Vector value = Vector::Zero(m_), slack = Vector::Zero(n_);
-      if (scene_.phi) scene_.phi(steps_->time(from + j), x, y, value);
-      if (scene_.gamma) scene_.gamma(steps_->time(from + j), x, y, slack);
-      phi.row(j) = value.transpose();
-      gamma.row(j) = slack.transpose();
+  void keep(Index from, const FrozenWindows::Rows& rows) {
+    for (Index j = from == 0 ? 0 : 1; j < rows.y.rows(); ++j) {
+      seen().row(from + j) = rows.seen.row(j);
+      result_.y.row(from + j) = rows.y.row(j);
+      set_slack(from + j);
     }
   }
 
-  // One linear solve. Nothing if it fails.
-  bool sweep(Solver& solver, const Scene& window, RowMatrix phi, RowMatrix gamma, Rows& rows) {
-    solver.set_sources(with_rows(window.f, std::move(phi), h()), with_rows(window.g, std::move(gamma), h()), {}, true);
-    ++result_.solves;
-    const Result r = solver.solve();
-    if (r.status == Status::interrupted) fail(Status::interrupted, "stopped on request");
-    if (r.status != Status::solved || !r.x.allFinite()) return false;
-    rows.x = r.x;
-    rows.y = r.y;
-    return true;
-  }
-
-  double h() const { return scene_.linear.T / double(J_); }
-
-  // Iterates rows until the change is below `tolerance`. The contraction, or nothing.
-  std::optional<double> iterate(Solver& solver, const Scene& window, const Rows& about,
-                                const std::vector<std::array<Linearization, 2>>* at, double tolerance, Index from,
-                                Rows& rows) {
-    double before = INFINITY, contraction = 0;
-    for (Index k = 1; k <= options_.most_iterations; ++k) {
-      RowMatrix phi, gamma;
-      rest(about, at, rows, from, phi, gamma);
-      if (!phi.allFinite() || !gamma.allFinite()) return std::nullopt;
-      Rows next;
-      if (!sweep(solver, window, std::move(phi), std::move(gamma), next)) return std::nullopt;
-      const double change = std::max(relative(next.x - rows.x, next.x), relative(next.y - rows.y, next.y));
-      rows = std::move(next);
-      if (k > 1 && before > 0) {
-        const double now = change / before;
-        if (change > 100 * tolerance) contraction = std::max(k > 2 ? contraction : 0, now);
-        if (k > looked_at && now > too_slow && change > stalled) return std::nullopt;
-      }
-      // What the iterations to come change.
-      const double left = change * contraction / (1 - std::min(contraction, 0.9));
-      if (change <= tolerance || (k > 2 && left <= 0.1 * tolerance) || (change <= stalled && change > before / 2))
-        return contraction;
-      before = change;
-    }
-    return std::nullopt;
-  }
-  static constexpr double stalled = 1e-8;  ///< changes below that no longer halve are rounding
-
-  std::optional<double> solve_window(Index from, Index length) {
-    const Scene window = frozen(from, length);
-    Options inner;
-    inner.steps = length;
-    inner.states = StateSelection::all;
-    inner.interrupted = options_.interrupted;
-    inner.method = options_.inner;
-    Solver solver(window, backend_, inner);
-    Rows rows{result_.x.row(from).replicate(length + 1, 1), result_.y.row(from).replicate(length + 1, 1)};
-    const std::optional<double> contraction =
-        result_.method == NonlinearMethod::newton
-            ? newton(solver, window, from, rows)
-            : iterate(solver, window, rows, nullptr, options_.tolerance, from, rows);
-    if (!contraction) return std::nullopt;
-    for (Index j = 1; j <= length; ++j) take_row(from + j, rows.x.row(j).transpose(), rows.y.row(j).transpose());
-    return contraction;
-  }
-
-  std::optional<double> newton(Solver& solver, const Scene& window, Index from, Rows& rows) {
-    double tolerance = inner_share, contraction = 0;
-    for (Index k = 0; k < options_.most_newton; ++k) {
-      ++result_.newton;
-      const Rows about = rows;
-      std::vector<std::array<Linearization, 2>> at;
-      for (Index j = 0; j < rows.x.rows(); ++j) {
-        const double t = steps_->time(from + j);
-        const Vector x = rows.x.row(j), y = rows.y.row(j);
-        at.push_back(
-            {linearize(scene_.phi, scene_.dphi, m_, t, x, y), linearize(scene_.gamma, scene_.dgamma, n_, t, x, y)});
-      }
-      const std::optional<double> inner = iterate(solver, window, about, &at, tolerance, from, rows);
-      if (!inner) return std::nullopt;
-      contraction = std::max(contraction, *inner);
-      const double change = std::max(relative(rows.x - about.x, rows.x), relative(rows.y - about.y, rows.y));
-      if (change <= options_.tolerance || (tolerance <= options_.tolerance && change <= stalled)) return contraction;
-      tolerance = std::clamp(inner_share * change * std::min(1.0, change), options_.tolerance, inner_share);
-    }
-    return std::nullopt;
-  }
-
-  void certify() {
-    const Matrix M = to_dense(scene_.linear.M);
-    for (Index j = result_.continuous ? 0 : 1; j <= J_ && result_.x.row(j).allFinite(); ++j) {
-      const Vector y = result_.y.row(j), w = result_.w.row(j);
-      if (n_ > 0) {
-        const Vector fixed = w - M * y;
-        result_.residual = std::max(result_.residual,
-                                    w.cwiseMin(y).cwiseAbs().maxCoeff() / std::max(1.0, fixed.cwiseAbs().maxCoeff()));
-      }
-      if (j == 0 || !result_.continuous) continue;
-      const Vector x0 = result_.x.row(j - 1), y0 = result_.y.row(j - 1), x1 = result_.x.row(j);
-      result_.defect = std::max(result_.defect, steps_->defect(j, x0, y0, x1, y).cwiseAbs().maxCoeff() /
+  // Of steps that were not divided.
+  void find_defect() {
+    if (!result_.continuous) return;
+    result_.defect = 0;
+    for (Index j = 1; j <= J_ && result_.x.row(j).allFinite(); ++j) {
+      if (!breaks_of(j).empty()) continue;
+      const Vector x0 = result_.x.row(j - 1), y0 = result_.y.row(j - 1), x1 = result_.x.row(j), y1 = result_.y.row(j);
+      result_.defect = std::max(result_.defect, steps_->defect(j, x0, y0, x1, y1).cwiseAbs().maxCoeff() /
                                                     std::max(1.0, x1.cwiseAbs().maxCoeff()));
     }
   }
 
+  void certify() {
+    for (Index j = result_.continuous ? 0 : 1; j <= J_ && seen().row(j).allFinite(); ++j) {
+      const Vector y = result_.y.row(j), w = result_.w.row(j);
+      const Vector fixed = w - multiply(scene_.linear.M, y);
+      result_.residual =
+          std::max(result_.residual, w.cwiseMin(y).cwiseAbs().maxCoeff() / std::max(1.0, fixed.cwiseAbs().maxCoeff()));
+    }
+  }
+
   const NonlinearScene& scene_;
+  const std::vector<double>& jumps_;  ///< of f and g
   Backend& backend_;
   const NonlinearOptions& options_;
-  const Index m_, n_, J_;
-  NonlinearSteps* steps_ = nullptr;
+  const Index n_, J_;
+  const double h_;
+  NonlinearSteps* steps_ = nullptr;  ///< of dense scenes
+  Index counted_newton_ = 0;
   NonlinearResult result_;
 };
 
-// With f as m values, however it was stated.
-NonlinearScene with_state_source(NonlinearScene scene) {
-  Scene& linear = scene.linear;
-  if (!linear.f || linear.f_entry == SourceEntry::state) return scene;
-  const Matrix F = source_matrix(linear, *linear.dynamics->small_state());
-  linear.f = [f = linear.f, F](double t, Eigen::Ref<Vector> v) {
-    Vector phi(F.cols());
-    f(t, phi);
-    v = F * phi;
-  };
-  linear.f_entry = SourceEntry::state;
-  linear.F = SparseMatrix();
-  return scene;
+// Times at which f or g jumps. Kinks need no division: they cost h^2 in one step.
+std::vector<double> jumps_of(const Scene& scene) {
+  constexpr double visible = 1e-6;  // of the values; smooth sources change by 1e-12 of them over the distance
+  std::vector<double> jumps;
+  const double side = side_of_break * scene.T;
+  for (const double b : scene.breakpoints_are_all ? scene.breakpoints : find_breakpoints(scene)) {
+    if (b <= side || b >= scene.T - side) continue;
+    for (const auto& [source, size] : {std::pair(&scene.f, scene.sources()), {&scene.g, scene.constraints()}}) {
+      if (!*source) continue;
+      Vector before = Vector::Zero(size), behind = before;
+      (*source)(b - side, before);
+      (*source)(b + side, behind);
+      const double most = std::max(before.cwiseAbs().maxCoeff(), behind.cwiseAbs().maxCoeff());
+      if ((behind - before).cwiseAbs().maxCoeff() <= visible * most || (!jumps.empty() && jumps.back() == b)) continue;
+      jumps.push_back(b);
+    }
+  }
+  return jumps;
 }
 
 // The largest difference at the points of the coarser grid, each component relative to its largest value, or to 1e-3 of
@@ -310,16 +301,21 @@ double apart(const RowMatrix& coarse, const RowMatrix& fine) {
   return largest;
 }
 
+// What phi and gamma see.
+const RowMatrix& seen(const NonlinearResult& r) { return r.trace.size() > 0 ? r.trace : r.x; }
+
 // Grids of J, 2J, 4J, ... steps until two differences, of which the second is smaller, say that the error is reached.
-NonlinearResult refine(const NonlinearScene& scene, Backend& backend, NonlinearOptions options) {
+NonlinearResult refine(const NonlinearScene& scene, const std::vector<double>& jumps, Backend& backend,
+                       NonlinearOptions options) {
   if (options.steps == 0) options.steps = scene.linear.default_steps;
   NonlinearResult coarse;
   double before = 0;
   for (;; options.steps *= 2) {
-    NonlinearResult fine = NonlinearSolve(scene, backend, options).run();
+    NonlinearResult fine = NonlinearSolve(scene, jumps, backend, options).run();
     if (fine.status == Status::interrupted || fine.status == Status::unsupported) return fine;
     const bool both = fine.status == Status::solved && coarse.status == Status::solved;
-    const double now = both ? std::max(apart(coarse.x, fine.x), fine.continuous ? apart(coarse.y, fine.y) : 0) : 0;
+    const double now =
+        both ? std::max(apart(seen(coarse), seen(fine)), fine.continuous ? apart(coarse.y, fine.y) : 0) : 0;
     if (both && before > 0) {
       const double order = std::clamp(std::log2(before / std::max(now, 1e-300)), 0.0, 2.0);
       if (order >= 0.5) fine.error_estimate = now / (std::exp2(order) - 1);
@@ -360,8 +356,10 @@ NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, c
   if (!(options.tolerance > 0)) throw Error("tolerance", text("found %g", options.tolerance), "give a positive number");
   if (options.steps < 0) throw Error("steps", text("found %ld", long(options.steps)), "give a positive number");
   if (!(options.error >= 0)) throw Error("error", text("found %g", options.error), "give a positive number, or 0");
-  const NonlinearScene stated = with_state_source(scene);
-  return options.error > 0 ? refine(stated, backend, options) : NonlinearSolve(stated, backend, options).run();
+  const NonlinearScene stated = in_states(scene);
+  const std::vector<double> jumps = jumps_of(stated.linear);
+  return options.error > 0 ? refine(stated, jumps, backend, options)
+                           : NonlinearSolve(stated, jumps, backend, options).run();
 }
 
 }  // namespace bromwich

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
 from . import _core
 from ._errors import Error
-from ._result import Status
+from ._result import Status, Switch
 from ._scene import Scene
 from ._solve import Check, judged, stated
 
@@ -23,6 +24,7 @@ class NonlinearResult:
         status, reason: as in :class:`Result`.
         t: J+1 times.
         x, y, w: (J+1) x m, n and n; NaN after the last valid time.
+        trace: (J+1) x n, v = N x in place of x, with ``of="trace"`` in scenes that are not dense; otherwise empty.
         continuous: whether y is linear between its rows; otherwise it may jump from step to step.
         residual: max |min(y, w)| / max(1, |w - M y|) at the time points.
         defect: of the discrete equation of x, relative to max(1, |x|).
@@ -37,7 +39,7 @@ class NonlinearResult:
         self._answer = answer
         self.status = Status(answer.status)
         for name in (
-            "reason t x y w continuous residual defect error_estimate method newton solves windows marched "
+            "reason t x y w trace continuous residual defect error_estimate method newton solves windows marched "
             "contraction backend"
         ).split():
             setattr(self, name, getattr(answer, name))
@@ -47,18 +49,34 @@ class NonlinearResult:
         """Whether the status is ``solved``."""
         return self.status is Status.solved
 
+    def at(self, t: float | Iterable[float]) -> NonlinearResult:
+        """The result at other times: a row of ``t``, ``x``, ``y`` and ``w`` for each.
+
+        y is a line between its rows and x is carried from the row before; where y may jump a step of the length that is
+        left is solved.
+
+        Raises:
+            Error: for times outside [0, T].
+        """
+        return NonlinearResult(self._answer.at(np.atleast_1d(np.asarray(t, dtype=np.float64)).ravel().tolist()))
+
+    def switches(self) -> list[Switch]:
+        """When constraints become active and inactive, in order of time; the errors are those of interpolation."""
+        return [Switch(*s) for s in self._answer.switches()]
+
     def __repr__(self) -> str:
         return f"<bromwich.NonlinearResult {self.status}, {self.method}, {self.t.size - 1} steps>"
 
 
 def solve_nonlinear(
-    scene: Scene | None = None,
+    scene: Scene | str | os.PathLike[str] | None = None,
     /,
     *,
     phi: Function | None = None,
     gamma: Function | None = None,
     dphi: Function | str | None = None,
     dgamma: Function | str | None = None,
+    of: str = "state",
     method: str = "auto",
     inner: str = "auto",
     steps: int | None = None,
@@ -79,14 +97,17 @@ def solve_nonlinear(
     the stages of Radau IIA: order 2.
 
     Args:
-        scene: the linear part, a :class:`Scene`; or none, and A, B, N, M, x0, T, f, g by name.
+        scene: the linear part, a :class:`Scene`; or none, and A, B, N, M, x0, T, f, g by name; or the path of a scene file
+            with a section [nonlinear], and values of its parameters by name.
         phi: function of t, x (m) and y (n) that returns m values.
         gamma: the same with n values.
         dphi, dgamma: derivatives: functions that return two arrays, by x and by y; ``"jax"``: by jax.jacfwd; None: by
             central differences.
+        of: ``"trace"``: phi and gamma are functions of v = N x in place of x, and phi returns n values that enter through
+            B; for large scenes, whose states at all times do not fit into memory.
         method: ``"march"``: each step by Josephy-Newton. ``"iteration"``: on windows of time, the linear part is solved
             with phi and gamma of the last iterate as sources. ``"newton"``: on windows, phi and gamma linearised about
-            the last iterate. ``"auto"``: march.
+            the last iterate. ``"auto"``: march for dense scenes, otherwise iteration.
         inner: the method of the linear solves of ``iteration`` and ``newton``, as :func:`solve` takes it.
         steps: J; with ``tol`` of the first grid.
         tol: halve the steps until the error of x, and of y where it is continuous, is estimated below tol times the
@@ -107,13 +128,26 @@ def solve_nonlinear(
         ...                     phi=lambda t, x, y: [0, -x[0] ** 3])
         >>> r.status, r.x[-1]
     """
-    scene = stated(scene, steps, arguments)
+    if of not in ("state", "trace"):
+        raise Error(f"of: is {of!r}; use \"state\" or \"trace\"", "of")
+    terms = None
+    if isinstance(scene, (str, os.PathLike)):
+        for name, function in (("phi", phi), ("gamma", gamma), ("dphi", dphi), ("dgamma", dgamma)):
+            if function is not None:
+                raise Error(f"{name}: is given with a scene file, which states it; leave it out", name)
+        model, terms, facts = _core.read_nonlinear(os.fspath(scene), {k: float(v) for k, v in arguments.items()})
+        if steps is tol is None:
+            tol = facts["tolerance"]
+    else:
+        model = stated(scene, steps, arguments)._model
     answer = _core.solve_nonlinear(
-        scene._model,
+        model,
         _values("phi", phi),
         _values("gamma", gamma),
         _pair("dphi", dphi, phi),
         _pair("dgamma", dgamma, gamma),
+        terms,
+        of == "trace",
         method,
         inner,
         0 if steps is None else int(steps),

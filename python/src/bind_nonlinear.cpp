@@ -3,15 +3,20 @@
 #include "arrays.hpp"
 #include "calls.hpp"
 #include "core/base/error.hpp"
-#include "core/nonlinear/solve_nonlinear.hpp"
+#include "core/nonlinear/nonlinear_output.hpp"
+#include "core/result/switching.hpp"
+#include "files/nonlinear_file.hpp"
 #include "machine.hpp"
 #include "module.hpp"
 
 #include <nanobind/eigen/dense.h>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
 
+#include <filesystem>
 #include <string>
 #include <utility>
 
@@ -22,7 +27,45 @@ struct NonlinearAnswer {
   NonlinearResult result;
   std::string backend;
   bool by_keyboard = false;
+  std::shared_ptr<const NonlinearScene> scene = {};
+  std::shared_ptr<Machine> machine = {};
 };
+
+/// phi and gamma of a file; the linear part is a Model.
+struct NonlinearTerms {
+  NonlinearScene scene;
+};
+
+/// (Model, NonlinearTerms, facts) of a file with a section [nonlinear].
+nb::tuple read_nonlinear(const std::string& file, const ParameterValues& settings) {
+  NonlinearFile read = [&] {
+    const nb::gil_scoped_release unlocked;
+    return read_nonlinear_file(std::filesystem::path(file), settings);
+  }();
+  if (!read.system) throw Error("scene", file + " has no section [nonlinear]", "use Scene.from_toml and solve");
+  nb::dict facts;
+  facts["description"] = read.file.description;
+  facts["parameters"] = read.file.parameters;
+  facts["tolerance"] = read.file.tolerance;
+  facts["warning"] = read.file.warning;
+  return nb::make_tuple(std::make_shared<Model>(std::move(read.file.scene)),
+                        std::make_shared<NonlinearTerms>(NonlinearTerms{std::move(*read.system)}), facts);
+}
+
+std::shared_ptr<NonlinearAnswer> at_other_times(const NonlinearAnswer& answer, const std::vector<double>& times) {
+  const nb::gil_scoped_release released;
+  const std::lock_guard lock(answer.machine->busy);
+  auto rows = std::make_shared<NonlinearAnswer>(answer);
+  rows->result = nonlinear_at(*answer.scene, *answer.machine->backend, answer.result, times);
+  return rows;
+}
+
+nb::list switches_of(const NonlinearAnswer& answer) {
+  nb::list all;
+  for (const Switch& s : switches(as_result(*answer.scene, answer.result)))
+    all.append(nb::make_tuple(s.t, s.component, s.on, s.error));
+  return all;
+}
 
 NonlinearFunction function_of(const std::string& name, nb::object given) {
   if (given.is_none()) return {};
@@ -66,16 +109,22 @@ NonlinearMethod method_of(const std::string& word) {
 }
 
 std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& model, nb::object phi, nb::object gamma,
-                                           nb::object dphi, nb::object dgamma, const std::string& method,
-                                           const std::string& inner, Index steps, double tol, Index max_steps,
-                                           double iteration_tol, const std::string& backend, int threads,
-                                           nb::object stop) {
+                                           nb::object dphi, nb::object dgamma,
+                                           const std::shared_ptr<const NonlinearTerms>& terms, bool of_trace,
+                                           const std::string& method, const std::string& inner, Index steps, double tol,
+                                           Index max_steps, double iteration_tol, const std::string& backend,
+                                           int threads, nb::object stop) {
   Calls calls(nb::none(), std::move(stop));
   NonlinearScene scene;
-  scene.phi = function_of("phi", std::move(phi));
-  scene.gamma = function_of("gamma", std::move(gamma));
-  scene.dphi = derivative_of("dphi", std::move(dphi));
-  scene.dgamma = derivative_of("dgamma", std::move(dgamma));
+  if (terms) {
+    scene = terms->scene;
+  } else {
+    scene.phi = function_of("phi", std::move(phi));
+    scene.gamma = function_of("gamma", std::move(gamma));
+    scene.dphi = derivative_of("dphi", std::move(dphi));
+    scene.dgamma = derivative_of("dgamma", std::move(dgamma));
+    scene.of_trace = of_trace;
+  }
   NonlinearOptions options;
   options.method = method_of(method);
   options.inner = method_from_string(inner);
@@ -93,6 +142,8 @@ std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& m
     const std::lock_guard lock(machine->busy);
     answer->backend = machine->backend->name();
     answer->result = solve_nonlinear(scene, *machine->backend, options);
+    answer->scene = std::make_shared<const NonlinearScene>(std::move(scene));
+    answer->machine = machine;
   } catch (...) {
     calls.raise();  // what came first
     throw;
@@ -114,6 +165,9 @@ void bind_nonlinear(nb::module_& m) {
       .def_prop_ro("x", [of](Self self) { return view(of(self).x, self); })
       .def_prop_ro("y", [of](Self self) { return view(of(self).y, self); })
       .def_prop_ro("w", [of](Self self) { return view(of(self).w, self); })
+      .def_prop_ro("trace", [of](Self self) { return view(of(self).trace, self); })
+      .def("at", &at_other_times, nb::arg("times"))
+      .def("switches", &switches_of)
       .def_prop_ro("method", [](const NonlinearAnswer& a) { return std::string(to_string(a.result.method)); })
       .def_prop_ro("continuous", [](const NonlinearAnswer& a) { return a.result.continuous; })
       .def_prop_ro("residual", [](const NonlinearAnswer& a) { return a.result.residual; })
@@ -126,10 +180,12 @@ void bind_nonlinear(nb::module_& m) {
       .def_prop_ro("contraction", [](const NonlinearAnswer& a) { return a.result.contraction; })
       .def_prop_ro("backend", [](const NonlinearAnswer& a) { return a.backend; })
       .def_ro("by_keyboard", &NonlinearAnswer::by_keyboard);
+  nb::class_<NonlinearTerms>(m, "NonlinearTerms", "phi and gamma of a scene file.");
+  m.def("read_nonlinear", &read_nonlinear, nb::arg("file"), nb::arg("settings"));
   m.def("solve_nonlinear", &solve_one, nb::arg("model"), nb::arg("phi").none(), nb::arg("gamma").none(),
-        nb::arg("dphi").none(), nb::arg("dgamma").none(), nb::arg("method"), nb::arg("inner"), nb::arg("steps"),
-        nb::arg("tol"), nb::arg("max_steps"), nb::arg("iteration_tol"), nb::arg("backend"), nb::arg("threads"),
-        nb::arg("stop").none());
+        nb::arg("dphi").none(), nb::arg("dgamma").none(), nb::arg("terms").none(), nb::arg("of_trace"),
+        nb::arg("method"), nb::arg("inner"), nb::arg("steps"), nb::arg("tol"), nb::arg("max_steps"),
+        nb::arg("iteration_tol"), nb::arg("backend"), nb::arg("threads"), nb::arg("stop").none());
 }
 
 }  // namespace bromwich::python

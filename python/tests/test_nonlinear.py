@@ -90,3 +90,57 @@ def test_bad_input_and_failure():
         warnings.simplefilter("always")
         r = bromwich.solve_nonlinear(**SCENE, phi=lambda t, x, y: [0, 1e3 * x[0] ** 2], steps=20)
     assert not r.ok and "t = " in r.reason and np.isnan(r.x[-1]).all()
+
+
+def test_rows_at_other_times_and_switches():
+    r = bromwich.solve_nonlinear(**SCENE, phi=spring, steps=300)
+    rows = r.at([0.0, 1.2345, 6.0])
+    assert rows.x.shape == (3, 2)
+    np.testing.assert_array_equal(rows.x[2], r.x[-1])
+    near = bromwich.solve_nonlinear(**{**SCENE, "T": 1.2345}, phi=spring, steps=300)
+    np.testing.assert_allclose(rows.x[1], near.x[-1], atol=1e-3)  # h^2 of both
+    switches = r.switches()
+    assert [s.on for s in switches] == [True, False, True]
+    with pytest.raises(bromwich.Error):
+        r.at(7)
+
+
+FILE = """
+[parameters]
+k = 1
+[dynamics]
+A = [[0, 1], [-1, -0.2]]
+B = [[0], [1]]
+f = [0, "2*cos(2*t)"]
+x0 = [0.3, 0]
+[complementarity]
+N = [[1, 0]]
+M = [[0.2]]
+g = [0.5]
+[nonlinear]
+phi = [0, "-k*x0^3"]
+[time]
+T = 6
+steps = 200
+"""
+
+
+def test_files(tmp_path):
+    path = tmp_path / "stop.toml"
+    path.write_text(FILE)
+    read = bromwich.solve_nonlinear(path)
+    stated = bromwich.solve_nonlinear(**SCENE, phi=spring, steps=200)
+    np.testing.assert_allclose(read.x, stated.x, atol=1e-12)
+    softer = bromwich.solve_nonlinear(path, k=0)
+    assert np.abs(softer.x - read.x).max() > 0.1
+    with pytest.raises(bromwich.Error, match="nonlinear"):
+        bromwich.Scene.from_toml(path)
+    with pytest.raises(bromwich.Error, match="phi"):
+        bromwich.solve_nonlinear(path, phi=spring)
+
+
+def test_functions_of_the_trace():
+    scene = dict(A=[[-1.0]], B=[[2.0]], N=[[1.0]], M=0.5, g="-5*sin(2*t)", x0=[0.0], T=4, steps=100)
+    of_x = bromwich.solve_nonlinear(**scene, phi=lambda t, x, y: -2 * x**3)
+    of_v = bromwich.solve_nonlinear(**scene, phi=lambda t, v, y: -(v**3), of="trace")
+    np.testing.assert_allclose(of_v.x, of_x.x, atol=1e-9)  # derivatives by differences

@@ -4,6 +4,9 @@
 
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
+#include "core/nonlinear/nonlinear_output.hpp"
+#include "core/result/slack.hpp"
+#include "core/result/switching.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 
@@ -79,7 +82,106 @@ TEST(SolveNonlinear, LinearScenesAreSolvedAsTheirEngineDoes) {
     const NonlinearResult r = solved(s, m, 100);
     EXPECT_LE((r.x - linear.x).cwiseAbs().maxCoeff(), 1e-12 * linear.x.cwiseAbs().maxCoeff()) << to_string(m);
     EXPECT_LE((r.y - linear.y).cwiseAbs().maxCoeff(), 1e-12 * linear.y.cwiseAbs().maxCoeff()) << to_string(m);
+    NonlinearScene with_zero = s;  // which is not known to be zero
+    with_zero.phi = [](double, In, In, Eigen::Ref<Vector> v) { v.setZero(); };
+    const NonlinearResult same = solved(with_zero, m, 100);
+    EXPECT_LE((same.x - linear.x).cwiseAbs().maxCoeff(), 1e-12 * linear.x.cwiseAbs().maxCoeff()) << to_string(m);
+    EXPECT_LE((same.y - linear.y).cwiseAbs().maxCoeff(), 1e-12 * linear.y.cwiseAbs().maxCoeff()) << to_string(m);
   }
+}
+
+// x' = -x + y, w = x + y - g with a pulse g: y = max(0, g - x). Between its edges x' = -x or x' = -2 x + g.
+NonlinearScene pulsed() {
+  NonlinearScene s;
+  s.linear.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  s.linear.M = Matrix{{1}};
+  s.linear.g = [](double t, Eigen::Ref<Vector> v) { v[0] = t >= 0.3 && t < 0.75 ? -2 : 0; };
+  s.linear.breakpoints = {0.3, 0.75};
+  s.linear.breakpoints_are_all = true;
+  s.linear.x0 = Vector{{0.5}};
+  s.linear.T = 1;
+  s.phi = [](double, In, In, Eigen::Ref<Vector> v) { v.setZero(); };
+  return s;
+}
+
+TEST(SolveNonlinear, DividesStepsWhereSourcesJump) {
+  const double up = 0.5 * std::exp(-0.3), top = 1 + (up - 1) * std::exp(-0.9), end = top * std::exp(-0.25);
+  for (const NonlinearMethod m : {NonlinearMethod::march, NonlinearMethod::iteration, NonlinearMethod::newton}) {
+    for (const Index J : {50, 80}) {  // the edges inside steps and on time points
+      const NonlinearResult r = solved(pulsed(), m, J);
+      const double h = 1.0 / double(J);
+      EXPECT_NEAR(r.x(J, 0), end, h * h) << to_string(m) << " " << J;  // of first order it would err by h
+      EXPECT_LE(r.residual, 1e-10) << to_string(m) << " " << J;
+    }
+  }
+}
+
+TEST(SolveNonlinear, RowsBetweenTheTimePoints) {
+  const NonlinearScene s = cubic_stop();
+  const auto y_of = [](double, const Vector& x) { return Vector{{std::max(0.0, -5 * (x[0] + 0.5))}}; };
+  NonlinearScene part = s;
+  part.linear.T = 4.4321;
+  const Vector reference = by_runge_kutta(part, y_of, 100000);
+  const auto backend = make_cpu_backend();
+  double error[2];
+  for (const int k : {0, 1}) {
+    const NonlinearResult r = solved(s, NonlinearMethod::march, k ? 800 : 400);
+    const NonlinearResult rows = nonlinear_at(s, *backend, r, {0, 3, 4.4321, 6});
+    EXPECT_EQ(rows.x.row(0), r.x.row(0));
+    EXPECT_EQ(rows.x.row(3), r.x.bottomRows(1));
+    EXPECT_EQ(rows.y.row(1), r.y.row(k ? 400 : 200));
+    error[k] = (rows.x.row(2).transpose() - reference).cwiseAbs().maxCoeff();
+  }
+  EXPECT_GE(error[0] / error[1], 2.5);  // order 2, switches fall into steps anywhere
+  const NonlinearResult r = solved(s, NonlinearMethod::march, 400);
+  const Result linear = as_result(s, r);
+  EXPECT_LE((slack(s.linear, linear) - r.w).cwiseAbs().maxCoeff(), 1e-13);
+  EXPECT_EQ(switches(linear).size(), 3u);  // bench/results/nonlinear-reference.json has their times
+  EXPECT_NEAR(switches(linear)[0].t, 2.3, 0.5);
+  EXPECT_THROW(nonlinear_at(s, *backend, r, {7}), Error);
+}
+
+// Where y jumps, a step of the length that is left is solved: x = tan(pi/4 - t), then 0.
+TEST(SolveNonlinear, RowsBetweenTheTimePointsWhereYJumps) {
+  NonlinearScene s;
+  s.linear.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1}}, Matrix{{1}}};
+  s.linear.M = Matrix{{0}};
+  s.linear.f = [](double, Eigen::Ref<Vector> v) { v[0] = -1; };
+  s.linear.x0 = Vector{{1}};
+  s.linear.T = 2;
+  s.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v[0] = -x[0] * x[0]; };
+  const auto backend = make_cpu_backend();
+  const NonlinearResult r = solved(s, NonlinearMethod::march, 200);
+  const NonlinearResult rows = nonlinear_at(s, *backend, r, {0.123, 1.777});
+  EXPECT_NEAR(rows.x(0, 0), std::tan(std::atan(1.0) - 0.123), 1e-4);  // h^2
+  EXPECT_NEAR(rows.x(1, 0), 0, 1e-12);
+  EXPECT_NEAR(rows.y(1, 0), 1, 1e-9);
+}
+
+// A rectangle of grid points with a reaction on the side, w = N x + M y + g + y^3/50: as dense matrices by marching,
+// and as a Kronecker sum by the iteration on the trace.
+TEST(SolveNonlinear, LargeScenesByTheTrace) {
+  NonlinearScene large;
+  large.linear = make_scene("signorini", {{"Q", 7}});
+  large.linear.default_steps = 60;
+  large.of_trace = true;
+  large.gamma = [](double, In, In y, Eigen::Ref<Vector> v) { v = 0.02 * y.array().cube(); };
+  large.phi = [](double t, In v, In y, Eigen::Ref<Vector> value) { value = 0.1 * (std::sin(t) * y + 0.01 * v); };
+  NonlinearScene dense = large;
+  dense.linear = written_out(dense.linear);  // small Kronecker sums stay as they are, small sparse matrices do not
+  const auto backend = make_cpu_backend();
+  const NonlinearResult a = solve_nonlinear(large, *backend), b = solve_nonlinear(dense, *backend);
+  ASSERT_EQ(a.status, Status::solved) << a.reason;
+  ASSERT_EQ(b.status, Status::solved) << b.reason;
+  EXPECT_EQ(a.method, NonlinearMethod::iteration);
+  EXPECT_EQ(b.method, NonlinearMethod::march);
+  EXPECT_EQ(a.x.size(), 0);
+  const double size = b.y.cwiseAbs().maxCoeff();
+  EXPECT_LE((a.y - b.y).bottomRows(60).cwiseAbs().maxCoeff(), 1e-9 * size);  // kernels to 1e-12, sums of 60 steps
+  EXPECT_LE(a.residual, 1e-10);
+  NonlinearOptions march;
+  march.method = NonlinearMethod::march;
+  EXPECT_EQ(solve_nonlinear(large, *backend, march).status, Status::unsupported);
 }
 
 TEST(SolveNonlinear, TakesSourcesThroughB) {

@@ -1,0 +1,234 @@
+#include "core/nonlinear/frozen_windows.hpp"
+
+#include "core/base/text.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double too_slow = 0.7;     ///< contraction above: shorter windows
+constexpr Index looked_at = 4;       ///< iterations before the contraction counts
+constexpr double inner_share = 0.1;  ///< of the change of a Newton iteration, which its inner iterations may leave
+constexpr double stalled = 1e-8;     ///< changes below that no longer halve are rounding
+
+double relative(const RowMatrix& change, const RowMatrix& size) {
+  if (change.size() == 0) return 0;
+  const double most = change.cwiseAbs().maxCoeff();
+  return most > 0 ? most / (size.cwiseAbs().maxCoeff() + most) : 0;
+}
+
+double apart(const FrozenWindows::Rows& a, const FrozenWindows::Rows& b) {
+  return std::max(relative(a.seen - b.seen, a.seen), relative(a.y - b.y, a.y));
+}
+
+// Linear between rows that stand h apart. Copies of a function share the rows.
+struct Between {
+  std::shared_ptr<const RowMatrix> rows;
+  double h;
+
+  void add(double t, Eigen::Ref<Vector> value) const {
+    const Index j = std::clamp(Index(t / h), Index(0), rows->rows() - 2);
+    const double s = t / h - double(j);
+    value += (1 - s) * rows->row(j).transpose() + s * rows->row(j + 1).transpose();
+  }
+};
+
+TimeFunction sum(const TimeFunction& given, Between more) {
+  return [given, more = std::move(more)](double t, Eigen::Ref<Vector> value) {
+    value.setZero();
+    if (given) given(t, value);
+    more.add(t, value);
+  };
+}
+
+// f with m values, however it was stated, and phi.
+void add_to_state(Scene& scene, Between phi) {
+  if (scene.f && scene.f_entry != SourceEntry::state) {
+    const SparseMatrix F = scene.f_entry == SourceEntry::through_B ? scene.dynamics->inputs() : scene.F;
+    scene.f = [f = scene.f, F](double t, Eigen::Ref<Vector> value) {
+      Vector entering(F.cols());
+      f(t, entering);
+      value = F * entering;
+    };
+  }
+  scene.f_entry = SourceEntry::state;
+  scene.F = SparseMatrix();
+  scene.f = sum(scene.f, std::move(phi));
+}
+
+// phi through B beside f: as B (f + phi), or as (F B) (f; phi).
+void add_through_B(Scene& scene, Between phi) {
+  if (!scene.f || scene.f_entry == SourceEntry::through_B) {
+    scene.f_entry = SourceEntry::through_B;
+    scene.F = SparseMatrix();
+    scene.f = sum(scene.f, std::move(phi));
+    return;
+  }
+  const Index own = scene.sources(), n = scene.constraints();
+  SparseMatrix F = scene.F, both(scene.states(), own + n);
+  if (scene.f_entry == SourceEntry::state) {
+    F.resize(scene.states(), own);
+    F.setIdentity();
+  }
+  std::vector<Eigen::Triplet<double>> entries;
+  const auto add = [&entries](const SparseMatrix& part, Index first) {
+    for (Index k = 0; k < part.outerSize(); ++k)
+      for (SparseMatrix::InnerIterator at(part, k); at; ++at)
+        entries.emplace_back(int(at.row()), int(first + at.col()), at.value());
+  };
+  add(F, 0);
+  add(scene.dynamics->inputs(), own);
+  both.setFromTriplets(entries.begin(), entries.end());
+  scene.F = std::move(both);
+  scene.f_entry = SourceEntry::through_F;
+  scene.f = [f = scene.f, own, phi = std::move(phi)](double t, Eigen::Ref<Vector> value) {
+    value.setZero();
+    f(t, value.head(own));
+    phi.add(t, value.tail(value.size() - own));
+  };
+}
+
+}  // namespace
+
+Scene with_rest(const Scene& linear, bool of_trace, RowMatrix phi, RowMatrix gamma, double h) {
+  Scene scene = linear;
+  Between entering{std::make_shared<const RowMatrix>(std::move(phi)), h};
+  if (of_trace)
+    add_through_B(scene, std::move(entering));
+  else
+    add_to_state(scene, std::move(entering));
+  scene.g = sum(scene.g, {std::make_shared<const RowMatrix>(std::move(gamma)), h});
+  return scene;
+}
+
+FrozenWindows::FrozenWindows(const NonlinearScene& scene, Backend& backend, const NonlinearOptions& options,
+                             NonlinearMethod method, Index J)
+    : scene_(scene), backend_(backend), options_(options), method_(method), h_(scene.linear.T / double(J)) {}
+
+std::optional<FrozenWindows::Outcome> FrozenWindows::solve(Index from, Index length, const Vector& state, Rows& rows) {
+  from_ = from;
+  window_ = part_of(scene_.linear, time(0), double(length) * h_, state);
+  window_.default_steps = length;
+  window_.breakpoints_are_all = true;
+  window_.exact = {};
+  if (!solver_ || length_ != length) {
+    Options inner;
+    inner.steps = length;
+    inner.states = scene_.of_trace ? StateSelection::none : StateSelection::all;
+    inner.trace = scene_.of_trace;
+    inner.interrupted = options_.interrupted;
+    inner.method = options_.inner;
+    const RowMatrix phi = RowMatrix::Zero(length + 1, scene_.seen()),
+                    gamma = RowMatrix::Zero(length + 1, scene_.linear.constraints());
+    solver_ = std::make_unique<Solver>(with_rest(window_, scene_.of_trace, phi, gamma, h_), backend_, inner);
+    length_ = length;
+  } else {
+    solver_->set_x0(state);
+  }
+  return method_ == NonlinearMethod::newton ? newton(rows) : iterate(rows, nullptr, options_.tolerance, rows);
+}
+
+Vector FrozenWindows::end_state() const {
+  if (!scene_.of_trace) return last_.x.row(length_).transpose();
+  return states_at(solver_->scene(), backend_, last_, {length_}).col(0);
+}
+
+// Values of phi and gamma at all rows, linearized about `about` where `at` are given.
+void FrozenWindows::rest(const Rows& about, const Linearizations* at, const Rows& rows, RowMatrix& phi,
+                         RowMatrix& gamma) const {
+  const Index count = rows.seen.rows();
+  phi = RowMatrix::Zero(count, scene_.seen());
+  gamma = RowMatrix::Zero(count, scene_.linear.constraints());
+  for (Index j = 0; j < count; ++j) {
+    const Vector x = rows.seen.row(j), y = rows.y.row(j);
+    if (at) {
+      const auto& [p, g] = (*at)[std::size_t(j)];
+      const Vector dx = x - about.seen.row(j).transpose(), dy = y - about.y.row(j).transpose();
+      phi.row(j) = (p.value + p.by_x * dx + p.by_y * dy).transpose();
+      gamma.row(j) = (g.value + g.by_x * dx + g.by_y * dy).transpose();
+      continue;
+    }
+    Vector value = Vector::Zero(phi.cols()), slack = Vector::Zero(gamma.cols());
+    if (scene_.phi) scene_.phi(time(j), x, y, value);
+    if (scene_.gamma) scene_.gamma(time(j), x, y, slack);
+    phi.row(j) = value.transpose();
+    gamma.row(j) = slack.transpose();
+  }
+}
+
+// One linear solve. False if it fails.
+bool FrozenWindows::sweep(RowMatrix phi, RowMatrix gamma, Rows& rows) {
+  const Scene now = with_rest(window_, scene_.of_trace, std::move(phi), std::move(gamma), h_);
+  solver_->set_sources(now.f, now.g, now.breakpoints, true);
+  ++solves_;
+  last_ = solver_->solve();
+  interrupted_ = last_.status == Status::interrupted;
+  reason_ = last_.reason;
+  const RowMatrix& seen = scene_.of_trace ? last_.trace : last_.x;
+  if (last_.status != Status::solved || !seen.allFinite() || !last_.y.allFinite()) return false;
+  continuous_ = last_.continuous;
+  rows = {seen, last_.y};
+  return true;
+}
+
+// Iterates rows until the change is below `tolerance`.
+std::optional<FrozenWindows::Outcome> FrozenWindows::iterate(const Rows& about, const Linearizations* at,
+                                                             double tolerance, Rows& rows) {
+  double before = INFINITY, contraction = 0;
+  for (Index k = 1; k <= options_.most_iterations; ++k) {
+    RowMatrix phi, gamma;
+    rest(about, at, rows, phi, gamma);
+    if (!phi.allFinite() || !gamma.allFinite()) {
+      reason_ = "phi or gamma is not finite";
+      return std::nullopt;
+    }
+    Rows next;
+    if (!sweep(std::move(phi), std::move(gamma), next)) return std::nullopt;
+    const double change = apart(next, rows);
+    rows = std::move(next);
+    if (k > 1 && before > 0) {
+      const double now = change / before;
+      if (change > 100 * tolerance) contraction = std::max(k > 2 ? contraction : 0, now);
+      if (k > looked_at && now > too_slow && change > stalled) {
+        reason_ = text("the iteration contracts by %.2g only", now);
+        return std::nullopt;
+      }
+    }
+    // What the iterations to come change.
+    const double left = change * contraction / (1 - std::min(contraction, 0.9));
+    if (change <= tolerance || (k > 2 && left <= 0.1 * tolerance) || (change <= stalled && change > before / 2))
+      return Outcome{contraction, change};
+    before = change;
+  }
+  reason_ = text("the iteration does not end within %ld linear solves", long(options_.most_iterations));
+  return std::nullopt;
+}
+
+std::optional<FrozenWindows::Outcome> FrozenWindows::newton(Rows& rows) {
+  double tolerance = inner_share;
+  Outcome outcome;
+  for (Index k = 0; k < options_.most_newton; ++k) {
+    ++newton_;
+    const Rows about = rows;
+    Linearizations at;
+    for (Index j = 0; j < rows.seen.rows(); ++j) {
+      const Vector x = rows.seen.row(j), y = rows.y.row(j);
+      at.push_back({linearize(scene_.phi, scene_.dphi, scene_.seen(), time(j), x, y),
+                    linearize(scene_.gamma, scene_.dgamma, y.size(), time(j), x, y)});
+    }
+    const std::optional<Outcome> inner = iterate(about, &at, tolerance, rows);
+    if (!inner) return std::nullopt;
+    outcome = {std::max(outcome.contraction, inner->contraction), apart(rows, about)};
+    const double change = outcome.change;
+    if (change <= options_.tolerance || (tolerance <= options_.tolerance && change <= stalled)) return outcome;
+    tolerance = std::clamp(inner_share * change * std::min(1.0, change), options_.tolerance, inner_share);
+  }
+  reason_ = text("Newton's iteration does not end within %ld iterations", long(options_.most_newton));
+  return std::nullopt;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,166 @@
+#include "core/nonlinear/nonlinear_output.hpp"
+
+#include "core/base/error.hpp"
+#include "core/base/text.hpp"
+#include "core/nonlinear/divided_step.hpp"
+#include "core/nonlinear/frozen_windows.hpp"
+#include "core/solve/dense_output.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double same_point = 1e-9;  ///< of a step
+
+// x or v, and y of one time. Values are NaN where they are not known.
+struct Sample {
+  Vector seen, y;
+};
+
+Vector value_of(const NonlinearFunction& function, Index size, double t, const Vector& seen, const Vector& y) {
+  Vector value = Vector::Zero(size);
+  if (function) function(t, seen, y, value);
+  return value;
+}
+
+class Sampling {
+ public:
+  Sampling(const NonlinearScene& scene, Backend& backend, const NonlinearResult& result)
+      : scene_(scene),
+        backend_(backend),
+        result_(result),
+        by_trace_(result.trace.size() > 0),
+        J_(result.t.size() - 1),
+        h_(scene.linear.T / double(J_)) {
+    if (result.continuous && !by_trace_) carry();
+  }
+
+  Sample at(double t) {
+    const double T = scene_.linear.T;
+    if (!(t >= 0) || !(t <= T * (1 + epsilon)))
+      throw Error("times", text("found %.17g", t), text("give times from 0 to T = %.17g", T));
+    const double place = t / h_, nearest = std::round(place);
+    if (std::abs(place - nearest) <= same_point) return row(Index(nearest));
+    const Index j = std::min(Index(place), J_ - 1);
+    const Sample before = row(j), after = row(j + 1);
+    if (!after.seen.allFinite()) return after;
+    if (!result_.continuous) return by_a_step(j, t - double(j) * h_, before);
+    const double s = place - double(j);
+    const Vector y = (1 - s) * before.y + s * after.y;
+    if (by_trace_) return {(1 - s) * before.seen + s * after.seen, y};
+    const Result one = at_times(frozen_, backend_, carried_, {t});
+    return {one.x.row(0).transpose(), y};
+  }
+
+ private:
+  const RowMatrix& seen() const { return by_trace_ ? result_.trace : result_.x; }
+  Sample row(Index j) const { return {seen().row(j).transpose(), result_.y.row(j).transpose()}; }
+
+  // The linear scene with phi and gamma of the result as sources, and its result.
+  void carry() {
+    const Index m = scene_.linear.states(), n = scene_.linear.constraints();
+    RowMatrix phi = RowMatrix::Zero(J_ + 1, m), gamma = RowMatrix::Zero(J_ + 1, n);
+    for (Index j = 0; j <= J_ && seen().row(j).allFinite(); ++j) {
+      const Sample one = row(j);
+      const double t = double(j) * h_;
+      Vector v = one.seen;
+      if (scene_.of_trace) v = observe(scene_.linear.dynamics, v);
+      const Vector entering = value_of(scene_.phi, scene_.seen(), t, v, one.y);
+      phi.row(j) = (scene_.of_trace ? Vector(scene_.linear.dynamics->inputs() * entering) : entering).transpose();
+      gamma.row(j) = value_of(scene_.gamma, n, t, v, one.y).transpose();
+    }
+    frozen_ = with_rest(scene_.linear, false, std::move(phi), std::move(gamma), h_);
+    carried_.status = result_.status;
+    carried_.method = Method::march;
+    carried_.t = result_.t;
+    carried_.y = result_.y;
+    carried_.x = result_.x;
+    carried_.x_components.resize(std::size_t(m));
+    std::iota(carried_.x_components.begin(), carried_.x_components.end(), Index(0));
+    carried_.steps = J_;
+  }
+
+  Sample by_a_step(Index j, double length, const Sample& before) const {
+    const auto largest = [](const RowMatrix& rows) {
+      return rows.array().isFinite().select(rows.array(), 0.0).abs().maxCoeff();
+    };
+    StepOptions options;
+    options.rule = StepRule::radau;
+    options.sizes = {largest(result_.x), largest(result_.y)};
+    const double t = double(j) * h_;
+    std::vector<double> breaks;
+    for (const double b : scene_.linear.breakpoints)
+      if (b > t && b < t + length) breaks.push_back(b);
+    Sample at = before;
+    if (!take_divided(in_states(scene_), backend_, options, t, length, breaks, at.seen, at.y).solved)
+      at.seen.setConstant(std::nan("")), at.y.setConstant(std::nan(""));
+    return at;
+  }
+
+  const NonlinearScene& scene_;
+  Backend& backend_;
+  const NonlinearResult& result_;
+  bool by_trace_;
+  Index J_;
+  double h_;
+  Scene frozen_;
+  Result carried_;
+};
+
+}  // namespace
+
+NonlinearResult nonlinear_at(const NonlinearScene& scene, Backend& backend, const NonlinearResult& result,
+                             const std::vector<double>& times) {
+  const Index count = Index(times.size()), n = scene.linear.constraints();
+  NonlinearResult sampled = result;
+  sampled.t = Eigen::Map<const Vector>(times.data(), count);
+  sampled.x.resize(count, result.x.cols());
+  sampled.trace.resize(count, result.trace.cols());
+  sampled.y = sampled.w = RowMatrix::Zero(count, n);
+  Sampling sampling(scene, backend, result);
+  const bool by_trace = result.trace.size() > 0;
+  for (Index k = 0; k < count; ++k) {
+    const Sample one = sampling.at(times[std::size_t(k)]);
+    (by_trace ? sampled.trace : sampled.x).row(k) = one.seen.transpose();
+    sampled.y.row(k) = one.y.transpose();
+    const Vector v = by_trace ? one.seen : observe(scene.linear.dynamics, one.seen);
+    Vector g = Vector::Zero(n);
+    if (scene.linear.g) scene.linear.g(sampled.t[k], g);
+    const Vector gamma = value_of(scene.gamma, n, sampled.t[k], scene.of_trace ? v : one.seen, one.y);
+    sampled.w.row(k) = (v + multiply(scene.linear.M, one.y) + g + gamma).transpose();
+  }
+  return sampled;
+}
+
+Result as_result(const NonlinearScene& scene, const NonlinearResult& given) {
+  Result r;
+  r.status = given.status;
+  r.reason = given.reason;
+  r.t = given.t;
+  r.y = given.y;
+  r.x = given.x;
+  for (Index i = 0; i < given.x.cols(); ++i) r.x_components.push_back(i);
+  r.x.conservativeResize(given.t.size(), given.x.cols());
+  r.trace = given.w;
+  for (Index j = 0; j < given.t.size(); ++j) {
+    Vector g = Vector::Zero(given.y.cols());
+    if (scene.linear.g) scene.linear.g(given.t[j], g);
+    r.trace.row(j) -= (multiply(scene.linear.M, given.y.row(j).transpose()) + g).transpose();
+  }
+  r.continuous = given.continuous;
+  r.residual = given.residual;
+  r.error_estimate = given.error_estimate;
+  r.kernel = text("%ld Newton iterations, %ld linear solves in %ld windows, %ld steps marched", long(given.newton),
+                  long(given.solves), long(given.windows), long(given.marched));
+  r.method = given.method == NonlinearMethod::march ? Method::march : Method::contour;
+  r.iterations = given.method == NonlinearMethod::iteration ? given.solves : given.newton;
+  r.steps = given.t.size() - 1;
+  return r;
+}
+
+}  // namespace bromwich
