@@ -19,19 +19,29 @@ BROMWICH_EIGEN_INSTANCE class ColPivHouseholderQR<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class CompleteOrthogonalDecomposition<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class JacobiSVD<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class SelfAdjointEigenSolver<MatrixXd>;
+BROMWICH_EIGEN_INSTANCE class GeneralizedSelfAdjointEigenSolver<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class EigenSolver<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class RealSchur<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class LDLT<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class LLT<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class SparseLU<SparseMatrix<double>, COLAMDOrdering<int>>;
+BROMWICH_EIGEN_INSTANCE class SparseLU<SparseMatrix<std::complex<double>>, COLAMDOrdering<int>>;
 
-// Members that are templates are no part of the instances of their classes.
+// Members that are templates are no part of the instances of their classes. These hold for arguments that are matrices:
+// an expression makes an instance of its own, so write SelfAdjointEigenSolver<Matrix>(Matrix(A + A.transpose())).
 BROMWICH_EIGEN_INSTANCE EigenSolver<MatrixXd>& EigenSolver<MatrixXd>::compute(const EigenBase<MatrixXd>&, bool);
 BROMWICH_EIGEN_INSTANCE RealSchur<MatrixXd>& RealSchur<MatrixXd>::compute(const EigenBase<MatrixXd>&, bool);
 BROMWICH_EIGEN_INSTANCE SelfAdjointEigenSolver<MatrixXd>& SelfAdjointEigenSolver<MatrixXd>::compute(
     const EigenBase<MatrixXd>&, int);
 BROMWICH_EIGEN_INSTANCE LDLT<MatrixXd>& LDLT<MatrixXd>::compute(const EigenBase<MatrixXd>&);
 BROMWICH_EIGEN_INSTANCE LLT<MatrixXd>& LLT<MatrixXd>::compute(const EigenBase<MatrixXd>&);
+BROMWICH_EIGEN_INSTANCE void FullPivLU<MatrixXd>::_solve_impl(const VectorXd&, VectorXd&) const;
+BROMWICH_EIGEN_INSTANCE void FullPivLU<MatrixXd>::_solve_impl(const MatrixXd&, MatrixXd&) const;
+BROMWICH_EIGEN_INSTANCE void FullPivLU<MatrixXd>::_solve_impl(const MatrixXd::IdentityReturnType&, MatrixXd&) const;
+BROMWICH_EIGEN_INSTANCE void HouseholderQR<MatrixXd>::_solve_impl(const VectorXd&, VectorXd&) const;
+BROMWICH_EIGEN_INSTANCE void ColPivHouseholderQR<MatrixXd>::_solve_impl(const VectorXd&, VectorXd&) const;
+BROMWICH_EIGEN_INSTANCE void CompleteOrthogonalDecomposition<MatrixXd>::_solve_impl(const VectorXd&, VectorXd&) const;
+BROMWICH_EIGEN_INSTANCE void CompleteOrthogonalDecomposition<MatrixXd>::_solve_impl(const MatrixXd&, MatrixXd&) const;
 
 namespace internal {
 
@@ -45,8 +55,26 @@ using DoubleMapper = blas_data_mapper<double, Index, ColMajor, Unaligned, 1>;
 BROMWICH_EIGEN_INSTANCE struct gebp_kernel<double, double, Index, DoubleMapper, DoubleTraits::mr, DoubleTraits::nr,
                                            false, false>;
 
+using ComplexTraits = gebp_traits<ComplexNumber, ComplexNumber>;
+using ComplexMapper = blas_data_mapper<ComplexNumber, Index, ColMajor, Unaligned, 1>;
+BROMWICH_EIGEN_INSTANCE struct gebp_kernel<ComplexNumber, ComplexNumber, Index, ComplexMapper, ComplexTraits::mr,
+                                           ComplexTraits::nr, false, false>;
+
 template <class Scalar, int order>
 using ConstMapper = const_blas_data_mapper<Scalar, Index, order>;
+BROMWICH_EIGEN_INSTANCE struct gemm_pack_lhs<double, Index, ConstMapper<double, ColMajor>, DoubleTraits::mr,
+                                             DoubleTraits::LhsProgress, DoubleTraits::LhsPacket4Packing, ColMajor>;
+BROMWICH_EIGEN_INSTANCE struct gemm_pack_lhs<double, Index, ConstMapper<double, RowMajor>, DoubleTraits::mr,
+                                             DoubleTraits::LhsProgress, DoubleTraits::LhsPacket4Packing, RowMajor>;
+BROMWICH_EIGEN_INSTANCE struct gemm_pack_rhs<double, Index, ConstMapper<double, ColMajor>, DoubleTraits::nr, ColMajor>;
+BROMWICH_EIGEN_INSTANCE struct gemm_pack_rhs<double, Index, ConstMapper<double, RowMajor>, DoubleTraits::nr, RowMajor>;
+BROMWICH_EIGEN_INSTANCE struct triangular_solve_matrix<double, Index, OnTheLeft, Upper, false, ColMajor, ColMajor, 1>;
+BROMWICH_EIGEN_INSTANCE struct triangular_solve_matrix<double, Index, OnTheLeft, UnitLower, false, ColMajor, ColMajor,
+                                                       1>;
+BROMWICH_EIGEN_INSTANCE struct triangular_solve_matrix<ComplexNumber, Index, OnTheLeft, Upper, false, ColMajor,
+                                                       ColMajor, 1>;
+BROMWICH_EIGEN_INSTANCE struct triangular_solve_matrix<ComplexNumber, Index, OnTheLeft, UnitLower, false, ColMajor,
+                                                       ColMajor, 1>;
 BROMWICH_EIGEN_INSTANCE struct general_matrix_vector_product<Index, double, ConstMapper<double, RowMajor>, RowMajor,
                                                              false, double, ConstMapper<double, ColMajor>, false, 0>;
 BROMWICH_EIGEN_INSTANCE struct general_matrix_vector_product<Index, ComplexNumber, ConstMapper<ComplexNumber, RowMajor>,
@@ -58,6 +86,12 @@ BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<ComplexNumber, ComplexNum
                                                        ColMajor>;
 BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<ComplexNumber, ComplexNumber, Index, OnTheLeft, UnitLower, false,
                                                        ColMajor>;
+// What a HouseholderSequence applies to matrices and vectors.
+BROMWICH_EIGEN_INSTANCE void apply_block_householder_on_the_left(Block<MatrixXd>&, const Block<MatrixXd>&,
+                                                                 const VectorBlock<const VectorXd>&, bool);
+BROMWICH_EIGEN_INSTANCE void apply_block_householder_on_the_left(Block<VectorXd, Dynamic, Dynamic>&,
+                                                                 const Block<MatrixXd>&,
+                                                                 const VectorBlock<const VectorXd>&, bool);
 BROMWICH_EIGEN_INSTANCE double rcond_invmatrix_L1_norm_estimate(const PartialPivLU<MatrixXd>&);
 BROMWICH_EIGEN_INSTANCE double rcond_invmatrix_L1_norm_estimate(const PartialPivLU<MatrixXcd>&);
 BROMWICH_EIGEN_INSTANCE double rcond_invmatrix_L1_norm_estimate(const FullPivLU<MatrixXd>&);

@@ -49,17 +49,8 @@ SeparableSource obstacle(Index Q) {
 
 Scene build_signorini(const ParameterValues& values) {
   const Index Q = points_per_side(values);
-  const double c = positive_parameter(values, "c"), dx = 1.0 / double(Q + 1);
-
-  KroneckerDynamics heat;
-  heat.along = heat.across = SecondDifference{Q, dx, c};
-  heat.b = Vector::Zero(Q);
-  heat.b[0] = c / (dx * dx);
-  heat.n = Vector::Zero(Q);
-  heat.n[0] = -2;
-
   Scene scene;
-  scene.dynamics = std::move(heat);
+  scene.dynamics = heat_with_boundary_value(Q, 2, positive_parameter(values, "c"));
   scene.M = Tridiagonal{Vector::Constant(Q, -1), Vector::Constant(Q, 4), Vector::Constant(Q, -1)};
   scene.lcp_class = LcpClass::P;  // strictly diagonally dominant with positive diagonal
   const SeparableSource psi = obstacle(Q);
@@ -70,16 +61,33 @@ Scene build_signorini(const ParameterValues& values) {
   M_psi.topRows(Q - 1) -= psi.shapes.bottomRows(Q - 1);
   M_psi.bottomRows(Q - 1) -= psi.shapes.topRows(Q - 1);
   scene.g = SeparableSource{M_psi, psi.time};
-  const Vector x = Vector::LinSpaced(Q, dx, double(Q) * dx);
-  const Vector bump = x.array() * (1 - x.array());
+  const Vector line = bump(Q);
   scene.x0.resize(Q * Q);
-  for (Index line = 0; line < Q; ++line) scene.x0.segment(line * Q, Q) = 2 * bump[line] * bump;
+  for (Index i = 0; i < Q; ++i) scene.x0.segment(i * Q, Q) = 2 * line[i] * line;
   scene.T = positive_parameter(values, "T");
   scene.default_steps = 400;
   return scene;
 }
 
 }  // namespace
+
+KroneckerDynamics heat_with_boundary_value(Index Q, int directions, double c) {
+  const double dx = 1.0 / double(Q + 1);
+  KroneckerDynamics heat;
+  heat.along = heat.across = SecondDifference{Q, dx, c};
+  if (directions == 3) heat.beside = {heat.along};
+  heat.b = Vector::Zero(Q);
+  heat.b[0] = c / (dx * dx);
+  heat.n = Vector::Zero(Q);
+  heat.n[0] = -2;
+  return heat;
+}
+
+Vector bump(Index Q) {
+  const double dx = 1.0 / double(Q + 1);
+  const Vector x = Vector::LinSpaced(Q, dx, double(Q) * dx);
+  return x.array() * (1 - x.array());
+}
 
 SceneRecipe signorini_recipe() {
   return {"signorini",

@@ -70,18 +70,8 @@ Scene build_signorini3d(const ParameterValues& values) {
   if (!(given >= 1 && given <= most_points_of_edge) || given != std::floor(given))
     throw Error("Q", "found " + number_text(given), "give an integer from 1 to 511");
   const Index Q = Index(given);
-  const double c = positive_parameter(values, "c"), dx = 1.0 / double(Q + 1);
-
-  KroneckerDynamics heat;
-  heat.along = heat.across = SecondDifference{Q, dx, c};
-  heat.beside = {heat.along};
-  heat.b = Vector::Zero(Q);
-  heat.b[0] = c / (dx * dx);
-  heat.n = Vector::Zero(Q);
-  heat.n[0] = -2;
-
   Scene scene;
-  scene.dynamics = std::move(heat);
+  scene.dynamics = heat_with_boundary_value(Q, 3, positive_parameter(values, "c"));
   SparseMatrix M = five_points(Q);
   const SeparableSource psi = face_obstacle(Q);
   scene.f = psi;
@@ -90,11 +80,10 @@ Scene build_signorini3d(const ParameterValues& values) {
   scene.g = SeparableSource{M * psi.shapes, psi.time};
   scene.M = SparseLcpMatrix(std::move(M));
   scene.lcp_class = LcpClass::P;  // strictly diagonally dominant with positive diagonal
-  const Vector x = Vector::LinSpaced(Q, dx, double(Q) * dx);
-  const Vector bump = x.array() * (1 - x.array());
+  const Vector line = bump(Q);
   scene.x0.resize(Q * Q * Q);
   for (Index i = 0; i < Q; ++i)
-    for (Index j = 0; j < Q; ++j) scene.x0.segment((i * Q + j) * Q, Q) = 8 * bump[i] * bump[j] * bump;
+    for (Index j = 0; j < Q; ++j) scene.x0.segment((i * Q + j) * Q, Q) = 8 * line[i] * line[j] * line;
   scene.T = positive_parameter(values, "T");
   scene.default_steps = 256;
   return scene;

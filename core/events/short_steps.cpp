@@ -36,7 +36,7 @@ Matrix ShortSteps::response(double h) const {
 bool ShortSteps::is_monotone(const Matrix& S) const {
   const Index n = system_.constraints();
   const Vector by = S.diagonal().cwiseAbs().cwiseMax(1e-290).cwiseSqrt().cwiseInverse();
-  const Eigen::SelfAdjointEigenSolver<Matrix> solver(by.asDiagonal() * S * by.asDiagonal());
+  const Eigen::SelfAdjointEigenSolver<Matrix> solver(Matrix(by.asDiagonal() * S * by.asDiagonal()));
   const Matrix B = system_.B * by.asDiagonal();
   const double zero = 1e-9 * solver.eigenvalues()[n - 1];
   if (!(solver.eigenvalues()[0] >= -zero)) return false;

@@ -8,6 +8,7 @@
 
 #include "core/galerkin/solvers.hpp"
 #include "core/lcp/enumeration.hpp"
+#include "core/numerics/orthogonal_factor.hpp"
 
 #include <Eigen/Dense>
 
@@ -70,14 +71,14 @@ class IntervalFeasibility {
 
   bool reaches(const Basis& basis, const Vector& q) const {
     constexpr double same = 1e-9;  // nothing is claimed from it
-    const Vector v = basis.qr.solve(-q);
+    const Vector v = basis.qr.solve(Vector(-q));
     return v.minCoeff() >= -same * v.maxCoeff() && (cone_(Eigen::all, basis.columns) * v + q).norm() <= same * q.norm();
   }
 
   // The part of -q orthogonal to the columns of the basis; exactly zero where one of them is a w_i.
   Vector out_of_reach(const Basis& basis, const Vector& q) const {
     const Index n = q.size();
-    const Matrix rest = Matrix(basis.qr.householderQ()).rightCols(n - basis.qr.rank());
+    const Matrix rest = orthogonal_factor(basis.qr.householderQ()).rightCols(n - basis.qr.rank());
     Vector u = -rest * (rest.transpose() * q);
     for (const Index j : basis.columns)
       if (j >= cone_.cols() - n) u[j - (cone_.cols() - n)] = 0;

@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/galerkin/discretisation.hpp"
+#include "core/numerics/orthogonal_factor.hpp"
 #include "core/numerics/two_point.hpp"
 
 #include <Eigen/Dense>
@@ -38,7 +39,7 @@ class SymmetricPart {
     adjoint_ = {Matrix(m, m), Matrix(m, m), Vector::Zero(m)};
     Matrix rows(2 * m, m);  // (lambda_0, lambda_N) lies in its range
     rows << p_.boundary.E0.transpose(), -p_.boundary.ET.transpose();
-    const Matrix normal = Matrix(rows.householderQr().householderQ()).rightCols(m).transpose();
+    const Matrix normal = orthogonal_factor(rows.householderQr().householderQ()).rightCols(m).transpose();
     adjoint_.ET = normal.leftCols(m);  // time runs backwards: lambda_N comes first
     adjoint_.E0 = normal.rightCols(m);
     E_transposed_ = p_.first_step().E.transpose();

@@ -87,13 +87,13 @@ bool ActiveResponse::take(const Eigen::Ref<const Vector>& y) {
 
 const Vector& ActiveResponse::to(const Vector& v) {
   response_.setZero();
-  if (!support_.empty()) response_(support_) = -lu_.solve(v(support_));
+  if (!support_.empty()) response_(support_) = -Vector(lu_.solve(Vector(v(support_))));
   return response_;
 }
 
 Matrix ActiveResponse::to_columns(const Matrix& v) const {
   Matrix response = Matrix::Zero(implicit_.rows(), v.cols());
-  if (!support_.empty()) response(support_, Eigen::all) = -lu_.solve(Matrix(v(support_, Eigen::all)));
+  if (!support_.empty()) response(support_, Eigen::all) = -Matrix(lu_.solve(Matrix(v(support_, Eigen::all))));
   return response;
 }
 

@@ -1,6 +1,7 @@
 #include "core/kernel/compression.hpp"
 
 #include "core/kernel/response.hpp"
+#include "core/numerics/orthogonal_factor.hpp"
 #include "core/numerics/phi.hpp"
 
 #include <Eigen/QR>
@@ -135,7 +136,7 @@ InitialFit fit_initial_response(Backend& backend, const KroneckerDynamics& dynam
   const Vector nu = dynamics.across.eigenvalues();
   const SampleTimes times = sample_times(h, T);
   const Eigen::HouseholderQR<Matrix> qr(exponentials(times.fitted, sum.rates));
-  const Matrix Q = qr.householderQ() * Matrix::Identity(times.fitted.size(), terms);
+  const Matrix Q = orthogonal_columns(qr.householderQ(), terms);
   const auto R = qr.matrixQR().topRows(terms).triangularView<Eigen::Upper>();
   const Matrix check = exponentials(times.checked, sum.rates);
   InitialFit fit{Vector(K), in_sine_basis(dynamics.n), nullptr};

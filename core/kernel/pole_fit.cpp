@@ -9,6 +9,7 @@
 
 #include "core/base/text.hpp"
 #include "core/kernel/wide_system.hpp"
+#include "core/numerics/orthogonal_factor.hpp"
 
 #include <Eigen/QR>
 
@@ -116,7 +117,7 @@ class LeastSquares {
  public:
   explicit LeastSquares(const Matrix& columns) : norms_(columns.colwise().norm().transpose()) {
     const Eigen::HouseholderQR<Matrix> qr(columns * norms_.cwiseInverse().asDiagonal());
-    Qt_ = (qr.householderQ() * Matrix::Identity(columns.rows(), columns.cols())).transpose();
+    Qt_ = orthogonal_columns(qr.householderQ(), columns.cols()).transpose();
     R_ = qr.matrixQR().topRows(columns.cols()).triangularView<Eigen::Upper>();
   }
   Matrix solve(const Eigen::Ref<const RowMatrix>& data) const {
@@ -279,7 +280,7 @@ Directions find_directions(const DiscreteProblem& p, const Samples& s, const Fit
     d.count[std::size_t(k)] = known;
   }
   const Eigen::HouseholderQR<Matrix> qr(d.P.leftCols(known));
-  const Matrix full = known > 0 ? Matrix(qr.householderQ() * Matrix::Identity(n, n)) : Matrix::Identity(n, n);
+  const Matrix full = known > 0 ? orthogonal_columns(qr.householderQ(), n) : Matrix::Identity(n, n);
   d.P.rightCols(n - known) = full.rightCols(n - known);
   return d;
 }

@@ -91,10 +91,10 @@ std::optional<Matrix> closed_matrix(const Matrix& A, const Matrix& B, const Matr
   if (S.empty()) return A;
   const Matrix B_S = B(Eigen::all, S), N_S = N(S, Eigen::all), M_S = M(S, S);
   const Eigen::FullPivLU<Matrix> lu(M_S);
-  if (lu.isInvertible() && lu.rcond() > regular) return Matrix(A - B_S * lu.solve(N_S));
+  if (lu.isInvertible() && lu.rcond() > regular) return Matrix(A - B_S * Matrix(lu.solve(N_S)));
   const Eigen::FullPivLU<Matrix> velocity(N_S * B_S);
   if (M_S.isZero(0) && velocity.isInvertible() && velocity.rcond() > regular)
-    return Matrix(A - B_S * velocity.solve(N_S * A));
+    return Matrix(A - B_S * Matrix(velocity.solve(Matrix(N_S * A))));
   return std::nullopt;
 }
 

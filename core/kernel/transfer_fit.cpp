@@ -1,6 +1,7 @@
 #include "core/kernel/transfer_fit.hpp"
 
 #include "core/dynamics/line_transfer.hpp"
+#include "core/numerics/orthogonal_factor.hpp"
 
 #include <Eigen/QR>
 
@@ -102,7 +103,7 @@ Sampled sample_functions(const TransferFunctions& f, Index functions, std::vecto
 std::vector<Index> picked_rates(Matrix columns, const Matrix& fixed, Index count) {
   const auto remove = [&columns](const Vector& q) { columns.noalias() -= q * (q.transpose() * columns).eval(); };
   if (fixed.cols() > 0) {
-    const Matrix q = Eigen::HouseholderQR<Matrix>(fixed).householderQ() * Matrix::Identity(fixed.rows(), fixed.cols());
+    const Matrix q = orthogonal_columns(Eigen::HouseholderQR<Matrix>(fixed).householderQ(), fixed.cols());
     for (Index k = 0; k < q.cols(); ++k) remove(q.col(k));
   }
   std::vector<Index> order;

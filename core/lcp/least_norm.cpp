@@ -26,7 +26,7 @@ Vector least_norm_solve(const Matrix& A, const Vector& b) {
   Eigen::CompleteOrthogonalDecomposition<Matrix> decomposition;
   decomposition.setThreshold(rank_rounding);
   decomposition.compute(rows.asDiagonal() * A);
-  return decomposition.solve(rows.cwiseProduct(b));
+  return decomposition.solve(Vector(rows.cwiseProduct(b)));
 }
 
 class Monotone {
@@ -87,7 +87,7 @@ class Monotone {
     Eigen::CompleteOrthogonalDecomposition<Matrix> decomposition;
     decomposition.setThreshold(rank_rounding);
     decomposition.compute(block);
-    const Vector rest = -q_(S) - block * decomposition.solve(-q_(S));
+    const Vector rest = -q_(S) - block * Vector(decomposition.solve(Vector(-q_(S))));
     v(S) = (rest.array() > 1e-12 * rest.cwiseAbs().maxCoeff()).select(rest, 0);
     return v;
   }

@@ -43,7 +43,7 @@ double smallest_eigenvalue(const LcpMatrix& M) {
                                  Eigen::EigenvaluesOnly);
   } else {
     const Matrix dense = to_dense(M);
-    eigen.compute((dense + dense.transpose()) / 2, Eigen::EigenvaluesOnly);
+    eigen.compute(Matrix((dense + dense.transpose()) / 2), Eigen::EigenvaluesOnly);
   }
   const Vector& values = eigen.eigenvalues();
   return values[0] - double(values.size()) * epsilon * values.cwiseAbs().maxCoeff();

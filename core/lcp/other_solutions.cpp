@@ -65,7 +65,7 @@ std::optional<Vector> another_solution(const Matrix& M, const Vector& q, const V
     if (!S.empty()) {
       const Eigen::PartialPivLU<Matrix> lu(M(S, S));
       if (!(lu.rcond() > 1e-12)) continue;
-      other(S) = -lu.solve(q(S));
+      other(S) = -Vector(lu.solve(Vector(q(S))));
     }
     if (solves(M, q, other)) consider(other);
   }

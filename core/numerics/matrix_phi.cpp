@@ -124,7 +124,7 @@ std::vector<Matrix> phis_by_series(const Matrix& X, int last, const std::vector<
 std::vector<Matrix> matrix_phis(const Matrix& A, int last) {
   if (A.rows() == 0) return std::vector<Matrix>(std::size_t(last) + 1, A);
   if (is_symmetric(A)) {
-    const Eigen::SelfAdjointEigenSolver<Matrix> eigen(0.5 * (A + A.transpose()));
+    const Eigen::SelfAdjointEigenSolver<Matrix> eigen(Matrix(0.5 * (A + A.transpose())));
     return symmetric_phis(eigen.eigenvectors(), eigen.eigenvalues(), last);
   }
   if (auto stiff = stiff_phis(A, last)) return *stiff;
@@ -138,7 +138,7 @@ std::vector<Matrix> matrix_phis(const Matrix& A, int last) {
 MatrixPhi matrix_phi(const Matrix& A) {
   if (A.rows() == 0) return {A, A, A};
   if (is_symmetric(A)) {
-    const Eigen::SelfAdjointEigenSolver<Matrix> eigen(0.5 * (A + A.transpose()));
+    const Eigen::SelfAdjointEigenSolver<Matrix> eigen(Matrix(0.5 * (A + A.transpose())));
     return symmetric_phi(eigen.eigenvectors(), eigen.eigenvalues());
   }
   if (auto stiff = stiff_phis(A, 2)) return {(*stiff)[0], (*stiff)[1], (*stiff)[2]};
@@ -159,7 +159,7 @@ PhiFamily::PhiFamily(Matrix A) : A_(std::move(A)), keeps_(A_.rows() <= largest_k
 
 bool PhiFamily::symmetric() {
   if (!looked_ && A_.rows() > 0 && A_.allFinite() && is_symmetric(A_)) {
-    const Eigen::SelfAdjointEigenSolver<Matrix> eigen(0.5 * (A_ + A_.transpose()));
+    const Eigen::SelfAdjointEigenSolver<Matrix> eigen(Matrix(0.5 * (A_ + A_.transpose())));
     V_ = eigen.eigenvectors();
     lambda_ = eigen.eigenvalues();
     ++counts_.made;

@@ -94,23 +94,15 @@ class PreparedArrays {
     if (g) check(*g, "g");
     if (f) check(*f, "f");
     Calls calls(std::move(progress), std::move(stop));
-    std::shared_ptr<SharedAnswer> answer;
-    try {
-      const nb::gil_scoped_release released;
+    return unlocked(calls, [&] {
       const std::lock_guard lock(machine_->busy);
       calls_ = &calls;
       const struct Forget {
         Calls*& calls;
         ~Forget() { calls = nullptr; }
       } forget{calls_};
-      answer = solved(g, f);
-    } catch (...) {
-      calls.raise();
-      throw;
-    }
-    calls.raise();
-    answer->by_keyboard = calls.by_keyboard();
-    return answer;
+      return solved(g, f);
+    });
   }
 
  private:

@@ -83,9 +83,8 @@ std::shared_ptr<BatchAnswer> solve_many(const std::vector<std::shared_ptr<const 
                                         const Options& given, const std::string& backend, int threads,
                                         nb::object progress, nb::object stop) {
   Calls calls(std::move(progress), std::move(stop));
-  auto answer = std::make_shared<BatchAnswer>();
-  try {
-    const nb::gil_scoped_release released;
+  return unlocked(calls, [&] {
+    auto answer = std::make_shared<BatchAnswer>();
     const Batch batch = batch_from(models, scenes, axes, x0, f, g);
     Options options = given;
     const auto machine = machine_for(backend, models.at(0)->scene, options, threads);
@@ -94,13 +93,8 @@ std::shared_ptr<BatchAnswer> solve_many(const std::vector<std::shared_ptr<const 
     const std::lock_guard lock(machine->busy);
     answer->backend = machine->backend->name();
     answer->result = solve_batch(batch, *machine->backend, options);
-  } catch (...) {
-    calls.raise();  // what came first
-    throw;
-  }
-  calls.raise();
-  answer->by_keyboard = calls.by_keyboard();
-  return answer;
+    return answer;
+  });
 }
 
 template <class Words>

@@ -133,9 +133,8 @@ std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& m
   if (max_steps > 0) options.max_steps = max_steps;
   if (iteration_tol > 0) options.tolerance = iteration_tol;
   options.interrupted = [&] { return calls.interrupted(); };
-  auto answer = std::make_shared<NonlinearAnswer>();
-  try {
-    const nb::gil_scoped_release released;
+  return unlocked(calls, [&] {
+    auto answer = std::make_shared<NonlinearAnswer>();
     for (const auto& forget : model->forget) forget();
     scene.linear = model->scene;
     const auto machine = machine_for(backend, scene.linear, {}, threads);
@@ -144,13 +143,8 @@ std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& m
     answer->result = solve_nonlinear(scene, *machine->backend, options);
     answer->scene = std::make_shared<const NonlinearScene>(std::move(scene));
     answer->machine = machine;
-  } catch (...) {
-    calls.raise();  // what came first
-    throw;
-  }
-  calls.raise();
-  answer->by_keyboard = calls.by_keyboard();
-  return answer;
+    return answer;
+  });
 }
 
 }  // namespace

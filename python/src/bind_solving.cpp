@@ -34,22 +34,6 @@ Options with_goal(Options options, const Model& model) {
   return options;
 }
 
-/// `work` without the lock; then what callbacks have raised.
-template <class Work>
-std::shared_ptr<Answer> unlocked(Calls& calls, const Work& work) {
-  std::shared_ptr<Answer> answer;
-  try {
-    const nb::gil_scoped_release released;
-    answer = work();
-  } catch (...) {
-    calls.raise();  // what came first
-    throw;
-  }
-  calls.raise();
-  answer->by_keyboard = calls.by_keyboard();
-  return answer;
-}
-
 std::shared_ptr<Answer> solve_once(std::shared_ptr<const Model> model, const Options& given, const std::string& backend,
                                    int threads, nb::object progress, nb::object stop) {
   Calls calls(std::move(progress), std::move(stop));

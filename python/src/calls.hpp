@@ -7,6 +7,7 @@
 
 #include <chrono>
 #include <exception>
+#include <utility>
 
 namespace bromwich::python {
 
@@ -34,5 +35,22 @@ class Calls {
   bool by_keyboard_ = false, stopped_ = false;
   Clock::time_point next_poll_{}, next_progress_{};
 };
+
+/// What `work` returns, called without the interpreter's lock; then it throws what callbacks have raised.
+template <class Work>
+auto unlocked(Calls& calls, const Work& work) {
+  auto answer = [&] {
+    try {
+      const nb::gil_scoped_release released;
+      return work();
+    } catch (...) {
+      calls.raise();  // what came first
+      throw;
+    }
+  }();
+  calls.raise();
+  answer->by_keyboard = calls.by_keyboard();
+  return answer;
+}
 
 }  // namespace bromwich::python

@@ -1,6 +1,7 @@
 // Contract of Backend: causal convolutions by recurrence and by table, against direct summation.
 
 #include "core/kernel/memory_length.hpp"
+#include "core/numerics/orthogonal_factor.hpp"
 #include "tests/support/backends.hpp"
 
 #include <Eigen/Dense>
@@ -37,7 +38,7 @@ ModalRecurrence random_modal(Random& random, Index n, Index K) {
 /// m states that rotate and decay.
 DenseRecurrence random_dense(Random& random, Index n, Index m) {
   DenseRecurrence r;
-  r.decay = 0.98 * Matrix(random.matrix(m, m).householderQr().householderQ());
+  r.decay = 0.98 * orthogonal_factor(random.matrix(m, m).householderQr().householderQ());
   r.input = random.matrix(m, n);
   r.start = random.matrix(m, n);
   r.output = random.matrix(n, m) / double(m);

@@ -1,4 +1,5 @@
 #include "core/dynamics/spectrum.hpp"
+#include "core/numerics/orthogonal_factor.hpp"
 #include "tests/support/reference.hpp"
 
 #include <gtest/gtest.h>
@@ -13,7 +14,8 @@ Spectrum of(const Matrix& A) {
 
 /// Q diag Q^T with a random orthogonal Q.
 Matrix rotated(const Vector& lambda, std::uint32_t seed) {
-  const Matrix Q = reference::Random(seed).matrix(lambda.size(), lambda.size()).householderQr().householderQ();
+  const Matrix Q =
+      orthogonal_factor(reference::Random(seed).matrix(lambda.size(), lambda.size()).householderQr().householderQ());
   return Q * lambda.asDiagonal() * Q.transpose();
 }
 

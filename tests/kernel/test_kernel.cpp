@@ -1,6 +1,7 @@
 // Kernels from contours against sums over eigenvalues in extended precision and dense factorizations.
 
 #include "core/kernel/kernel.hpp"
+#include "core/numerics/orthogonal_factor.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/reference.hpp"
@@ -61,7 +62,7 @@ TEST(ContourLagTable, DenseSymmetricMatrix) {
   const ContourParameters parameters = *contour_parameters(0, 1e-12);
   reference::Random random(11);
   const Index m = 20, n = 3;
-  const Matrix V = random.matrix(m, m).householderQr().householderQ();
+  const Matrix V = orthogonal_factor(random.matrix(m, m).householderQr().householderQ());
   Vector lambda(m);
   for (Index i = 0; i < m; ++i) lambda[i] = i == 0 ? 0 : -std::pow(10.0, random.uniform(-2, 4));
   const DenseDynamics d{V * lambda.asDiagonal() * V.transpose(), random.matrix(m, n), random.matrix(n, m)};

@@ -115,7 +115,7 @@ TEST(LcpClass, PositiveSemidefinite) {
     }
     // One eigenvalue of the scaled symmetric part moved to -1e-9: far above its rounding, n eps.
     const Matrix B = random.matrix(n, n - 1);
-    const Eigen::SelfAdjointEigenSolver<Matrix> eigen(B * B.transpose());
+    const Eigen::SelfAdjointEigenSolver<Matrix> eigen(Matrix(B * B.transpose()));
     Vector values = eigen.eigenvalues();
     values[0] = -1e-9;
     const Matrix S = eigen.eigenvectors() * values.asDiagonal() * eigen.eigenvectors().transpose();

@@ -3,6 +3,7 @@
 #include "core/march/stages.hpp"
 
 #include "core/kernel/discretise.hpp"
+#include "core/numerics/orthogonal_factor.hpp"
 #include "core/scene/relay.hpp"
 #include "core/solve/methods.hpp"
 #include "tests/support/backends.hpp"
@@ -93,7 +94,7 @@ TEST_P(StageMarching, EveryStepSolvesTheStageEquations) {
         one.col(0) += d.B.col(i);
         map.col(i) = stages(d.A, h, x, one).col(1) - without;
       }
-      const Vector y1 = map.colPivHouseholderQr().solve(next - without);
+      const Vector y1 = map.colPivHouseholderQr().solve(Vector(next - without));
       u.col(0) += d.B * y1;
       const Matrix X = stages(d.A, h, x, u);
       scene.g(t - 2 * h / 3, g1);
@@ -137,7 +138,7 @@ TEST_P(StageMarching, ASingularSparseStepIsRefused) {
   const auto d = get<DenseDynamics>(scene.dynamics);
   const double h = scene.T / double(J);
   reference::Random random(3);
-  const Matrix Q = random.matrix(m, m).householderQr().householderQ();
+  const Matrix Q = orthogonal_factor(random.matrix(m, m).householderQr().householderQ());
   const Matrix A = Q * Vector{{1 / h, -1, -2, -3}}.asDiagonal() * Q.transpose();
   scene.dynamics = SparseDynamics{A.sparseView(), d.B.sparseView(), d.N.sparseView()};
   EXPECT_THROW(solve_in_stages(scene, 1, J, {}), Error);

@@ -3,6 +3,7 @@
 #include "core/catalogue/catalogue.hpp"
 #include "core/goal/energy_balance.hpp"
 #include "core/goal/indicators.hpp"
+#include "tests/support/oracle.hpp"
 #include "tests/support/reference.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/run.hpp"
@@ -12,7 +13,6 @@
 #include <Eigen/Dense>
 #include <cmath>
 #include <numbers>
-#include <unsupported/Eigen/MatrixFunctions>
 
 namespace bromwich {
 namespace {
@@ -178,7 +178,7 @@ TEST(PortHamiltonian, SceneHasTheSameDynamics) {
 TEST(PortHamiltonian, StepByStepMethodsTakeScenesWithoutConstraints) {
   const Scene scene = make_scene("ph-toy", {{"u", 0}});
   const auto& A = get<DenseDynamics>(scene.dynamics).A;
-  const Vector expected = Matrix(scene.T * A).exp() * scene.x0;
+  const Vector expected = oracle::exponential(scene.T * A) * scene.x0;
   for (const Method method : {Method::march, Method::automatic, Method::euler}) {
     Options options = options_for(method, 400);
     options.states = StateSelection::all;
@@ -221,7 +221,7 @@ RowMatrix steps_by_hand(const PortSystem& system, StepScheme scheme, const Vecto
       augmented(m, m + 1) = 1;
       Vector start(m + 2);
       start << before, 0, 1;
-      x.row(i) = (Matrix(h * augmented).exp() * start).head(m).transpose();
+      x.row(i) = (oracle::exponential(h * augmented) * start).head(m).transpose();
     }
   }
   return x;

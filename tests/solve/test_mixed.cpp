@@ -27,7 +27,7 @@ Vector mixed_lcp(const Matrix& M, const Vector& q, const std::vector<Index>& fre
     const std::vector<Index> S = oracle::members(set, n);
     if (!std::includes(S.begin(), S.end(), free.begin(), free.end())) continue;
     Vector y = Vector::Zero(n);
-    if (!S.empty()) y(S) = Matrix(M(S, S)).fullPivLu().solve(-q(S));
+    if (!S.empty()) y(S) = Vector(Matrix(M(S, S)).fullPivLu().solve(Vector(-q(S))));
     const Vector w = M * y + q;
     double residual = 0;
     for (Index i = 0; i < n; ++i)

@@ -27,7 +27,7 @@ double observed_order(const std::vector<Index>& steps, const std::vector<double>
     line.row(i) << 1, -std::log(double(steps[std::size_t(i)]));
     logarithm[i] = std::log(errors[std::size_t(i)]);
   }
-  return line.colPivHouseholderQr().solve(logarithm)[1];
+  return Vector(line.colPivHouseholderQr().solve(logarithm))[1];
 }
 
 /// Errors of y against the exact solution, maximum over all times.

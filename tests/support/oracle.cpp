@@ -42,7 +42,7 @@ std::vector<Candidate> candidates(const Matrix& M, const Vector& q) {
     if (!S.empty()) {
       const Eigen::FullPivLU<Matrix> lu(M(S, S));
       if (!lu.isInvertible()) continue;
-      y(S) = lu.solve(Vector(-q(S)));
+      y(S) = Vector(lu.solve(Vector(-q(S))));
     }
     const Vector w = M * y + q;
     const double scale = 1 + q.cwiseAbs().maxCoeff() + norm_inf(M) * y.cwiseAbs().maxCoeff();
@@ -187,7 +187,7 @@ Phi phi_functions(const Matrix& X) {
   augmented.topLeftCorner(m, m) = X;
   augmented.block(0, m, m, m).setIdentity();
   augmented.block(m, 2 * m, m, m).setIdentity();
-  const Matrix e = augmented.exp();
+  const Matrix e = exponential(augmented);
   return {e.topLeftCorner(m, m), e.block(0, m, m, m), e.block(0, 2 * m, m, m)};
 }
 

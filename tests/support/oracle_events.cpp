@@ -112,7 +112,7 @@ class Events {
     size_g_ = Vector::Zero(n_);
     longest_ = e.longest_step > 0 ? std::min(e.longest_step, s_.T) : s_.T;
     unique_ = is_p();
-    monotone_ = Eigen::SelfAdjointEigenSolver<Matrix>(s_.M + s_.M.transpose()).eigenvalues().minCoeff() >=
+    monotone_ = Eigen::SelfAdjointEigenSolver<Matrix>(Matrix(s_.M + s_.M.transpose())).eigenvalues().minCoeff() >=
                 -1e-12 * s_.M.cwiseAbs().maxCoeff();
   }
 

@@ -124,11 +124,12 @@ GalerkinSystem galerkin_system(const Scene& scene, Index J) {
       auto entry = system.matrix.block(row * block, col * block, block, block);
       if (row == col) entry = one.own;
       if (row > col) entry = seen * power[std::size_t(row - col - 1)] * made;
-      entry -= seen * power[std::size_t(row)] * shooting.solve(ends.ET * power[std::size_t(J - col - 1)] * made);
+      entry -=
+          seen * power[std::size_t(row)] * shooting.solve(Matrix(ends.ET * power[std::size_t(J - col - 1)] * made));
     }
 
   const Matrix from_f = driven_states(s, J, gauss);
-  const Vector start = shooting.solve(ends.b - ends.ET * from_f.col(J));
+  const Vector start = shooting.solve(Vector(ends.b - ends.ET * from_f.col(J)));
   system.q.setZero();
   for (Index k = 0; k < J; ++k)
     for (Index a = 0; a < points; ++a) {
@@ -187,7 +188,7 @@ std::optional<Vector> lemke(const Matrix& M, const Vector& q) {
     std::vector<Index> S;
     for (const Index b : basis)
       if (b >= n) S.push_back(b - n);
-    if (!S.empty()) y(S) = Matrix(M(S, S)).fullPivLu().solve(-q(S));
+    if (!S.empty()) y(S) = Vector(Matrix(M(S, S)).fullPivLu().solve(Vector(-q(S))));
     return y;
   }
   return std::nullopt;
@@ -230,7 +231,7 @@ RowMatrix galerkin_states(const Scene& scene, const RowMatrix& y) {
                        one.made[1] * y.row(k).tail(n).transpose();
   x += drive;
   const Matrix shooting = ends.E0 + ends.ET * exponential(s.T * s.A);
-  const Vector start = shooting.fullPivLu().solve(ends.b - ends.ET * x.col(J));
+  const Vector start = shooting.fullPivLu().solve(Vector(ends.b - ends.ET * x.col(J)));
   for (Index k = 0; k <= J; ++k) x.col(k) += exponential(double(k) * h * s.A) * start;
   return x.transpose();
 }

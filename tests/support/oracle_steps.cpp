@@ -43,7 +43,7 @@ struct Scaled {
       Eigen::FullPivLU<Matrix> lu(matrix(S, S));
       lu.setThreshold(rank);
       if (lu.isInvertible()) {
-        z(S) = lu.solve(Vector(-q(S)));
+        z(S) = Vector(lu.solve(Vector(-q(S))));
       } else {
         if (!accept) return std::nullopt;
         // Least norm in the units of y.
@@ -51,7 +51,7 @@ struct Scaled {
         Eigen::CompleteOrthogonalDecomposition<Matrix> least;
         least.setThreshold(rank);
         least.compute(block);
-        z(S) = columns(S).cwiseInverse().cwiseProduct(least.solve(Vector(-q(S))));
+        z(S) = columns(S).cwiseInverse().cwiseProduct(Vector(least.solve(Vector(-q(S)))));
       }
     }
     const double level = solved * std::max(z.cwiseAbs().maxCoeff(), q.cwiseAbs().maxCoeff());

@@ -189,7 +189,7 @@ class Judge {
       right.tail(k) = -weights.cwiseProduct(rest(T));
       const Vector norms = rows.colwise().norm().transpose().cwiseMax(1e-300);
       rows = (rows * norms.cwiseInverse().asDiagonal()).eval();
-      Y(T) = norms.cwiseInverse().cwiseProduct(rows.colPivHouseholderQr().solve(right)).cwiseMax(0);
+      Y(T) = norms.cwiseInverse().cwiseProduct(Vector(rows.colPivHouseholderQr().solve(right))).cwiseMax(0);
     }
     if (!(state_error(p, j, Y) <= most_in_state)) return INFINITY;
     const Vector all = terms_of(p, j, Y);
