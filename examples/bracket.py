@@ -195,7 +195,7 @@ def draw(path, result, about):
     drawn = left.tripcolor(*deformed.T, about["triangles"], size, shading="gouraud")
     left.triplot(*deformed.T, about["triangles"], color="k", linewidth=0.2)
     left.plot(x, -about["gap"], color="tab:red", label="foundation")
-    left.set(aspect="equal", xlabel="x", ylabel="y", title=f"t = {result.t[j]:.3g}")
+    left.set(aspect="equal", xlabel="x", ylabel="y", ylim=(-0.1, 1.4), title=f"t = {result.t[j]:.3g}")
     left.legend(loc="upper left")
     figure.colorbar(drawn, ax=left, label="displacement", shrink=0.7)
     for part in (0.25, 0.5, 0.75):
