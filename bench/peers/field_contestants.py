@@ -46,11 +46,8 @@ class SparseEuler:
         self.field, self.folder, self.program = field, pathlib.Path(folder), program
 
     def run(self, steps):
-        f, problem, result = self.field, self.folder / "euler.problem", self.folder / "euler.result"
-        A, n = f.A, len(f.contacts)
-        sizes = [A.shape[0], n, steps, f.T, f.compliance, f.b, A.nnz]
-        parts = [sizes, f.contacts, A.indptr, A.indices, A.data, f.g(steps)]
-        np.concatenate([np.ravel(part).astype(float) for part in parts]).tofile(problem)
+        problem, result, n = self.folder / "euler.problem", self.folder / "euler.result", len(self.field.contacts)
+        write_problem(self.field, steps, problem)
         answer = last_line([str(self.program), str(problem), str(result)])
         y, w = np.fromfile(result).reshape(2, steps + 1, n)
         facts = {
@@ -88,6 +85,28 @@ class Petsc:
             "seconds_measured": answer["setup"] + answer["loop"],
         }
         return found["y"], found["w"], facts
+
+
+def write_problem(f, steps, path):
+    """As bench/peers/field_problem.hpp reads it."""
+    A = f.A
+    sizes = [A.shape[0], len(f.contacts), steps, f.T, f.compliance, f.b, A.nnz]
+    parts = [sizes, f.contacts, A.indptr, A.indices, A.data, f.g(steps)]
+    np.concatenate([np.ravel(part).astype(float) for part in parts]).tofile(path)
+
+
+def factors(field, folder, program, repeats):
+    """Seconds of factorizations (bench/peers/field_factors.cpp): medians of runs."""
+    problem = pathlib.Path(folder) / "factors.problem"
+    write_problem(field, 1000, problem)
+    runs = [last_line([str(program), str(problem)]) for _ in range(repeats)]
+    medians = {}
+    for key, value in runs[0].items():
+        if isinstance(value, dict):
+            medians[key] = {name: float(np.median([run[key][name] for run in runs])) for name in value}
+        else:
+            medians[key] = value
+    return medians
 
 
 def last_line(command):
