@@ -92,7 +92,7 @@ ResultOutput::ResultOutput(const std::string& argument, const std::string& name,
 }
 
 FieldGrid ResultOutput::grid() const {
-  if (rectangle_) {
+  if (rectangle_ && rectangle_->beside.empty()) {
     const auto first = [](const GridLine& line) { return line.first ? line.spacing / 2 : line.spacing; };
     const GridLine &along = rectangle_->along, &across = rectangle_->across;
     return {along.points, across.points, along.spacing, across.spacing, first(along), first(across)};

@@ -127,9 +127,8 @@ class CpuBackend final : public Backend, public SharedMemory, public HostValues 
   void add_product(const LcpMatrix& M, const Array& y, Array& q) override {
     const RowMatrix& Y = cpu::host(y);
     RowMatrix& Q = cpu::host(q);
-    const auto* tridiagonal = std::get_if<Tridiagonal>(&M);
-    if (!tridiagonal) {
-      Q.noalias() += Y * to_dense(M).transpose();
+    if (const auto* dense = std::get_if<Matrix>(&M)) {
+      Q.noalias() += Y * dense->transpose();
       return;
     }
 #pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1 && Y.size() > 1 << 16)

@@ -142,17 +142,12 @@ def on_nodes(values, about):
     return all_nodes
 
 
-def write_vtkhdf(path, result, about):
-    """An unstructured mesh that stays, and point data over time (VTKHDF 2.0)."""
+def write_mesh(path, times, points, triangles, data):
+    """An unstructured mesh that stays, and point data over time (VTKHDF 2.0): times x points, or times x points x 2."""
     import h5py
 
-    points, triangles, steps = about["points"], about["triangles"], len(result.t)
+    steps = len(times)
     spatial = lambda u: np.concatenate([u, np.zeros(u.shape[:-1] + (1,))], axis=-1)
-    data = {
-        "displacement": spatial(displacements(result, about)).reshape(-1, 3),
-        "pressure": on_nodes(result.y, about).ravel(),
-        "gap": on_nodes(result.w, about).ravel(),
-    }
     with h5py.File(path, "w") as file:
         root = file.create_group("VTKHDF")
         root.attrs["Version"] = np.array([2, 0])
@@ -165,15 +160,24 @@ def write_vtkhdf(path, result, about):
         root["Types"] = np.full(len(triangles), 5, np.uint8)
         time = root.create_group("Steps")
         time.attrs["NSteps"] = steps
-        time["Values"] = result.t
+        time["Values"] = times
         time["NumberOfParts"] = np.ones(steps, int)
         for name in ("PartOffsets", "PointOffsets"):
             time[name] = np.zeros(steps, int)
         for name in ("CellOffsets", "ConnectivityIdOffsets"):
             time[name] = np.zeros((steps, 1), int)
         for name, values in data.items():
-            root[f"PointData/{name}"] = values
+            root[f"PointData/{name}"] = spatial(values).reshape(-1, 3) if values.ndim == 3 else values.ravel()
             time[f"PointDataOffsets/{name}"] = np.arange(steps) * len(points)
+
+
+def write_vtkhdf(path, result, about):
+    data = {
+        "displacement": displacements(result, about),
+        "pressure": on_nodes(result.y, about),
+        "gap": on_nodes(result.w, about),
+    }
+    write_mesh(path, result.t, about["points"], about["triangles"], data)
 
 
 def draw(path, result, about):
@@ -191,7 +195,7 @@ def draw(path, result, about):
     drawn = left.tripcolor(*deformed.T, about["triangles"], size, shading="gouraud")
     left.triplot(*deformed.T, about["triangles"], color="k", linewidth=0.2)
     left.plot(x, -about["gap"], color="tab:red", label="foundation")
-    left.set(aspect="equal", xlabel="x", ylabel="y", title=f"t = {result.t[j]:.3g}")
+    left.set(aspect="equal", xlabel="x", ylabel="y", ylim=(-0.1, 1.4), title=f"t = {result.t[j]:.3g}")
     left.legend(loc="upper left")
     figure.colorbar(drawn, ax=left, label="displacement", shrink=0.7)
     for part in (0.25, 0.5, 0.75):

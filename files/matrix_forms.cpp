@@ -5,7 +5,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <string_view>
 #include <vector>
 
 namespace bromwich {
@@ -53,15 +56,37 @@ SparseMatrix tridiagonal(Index n, double lower, double diagonal, double upper) {
   return matrix;
 }
 
+// The same at all points of a grid: `centre`, and a number for both neighbours of each direction, the fastest last.
+SparseMatrix stencil(const std::vector<Index>& extents, double centre, const std::vector<double>& beside) {
+  Index n = 1;
+  for (const Index extent : extents) n *= extent;
+  std::vector<Eigen::Triplet<double>> entries;
+  Index stride = n;
+  for (std::size_t d = 0; d < extents.size(); ++d) {
+    stride /= extents[d];
+    for (Index i = 0; i < n; ++i) {
+      if (d == 0) entries.emplace_back(i, i, centre);
+      if (i / stride % extents[d] + 1 == extents[d]) continue;
+      entries.emplace_back(i, i + stride, beside[d]);
+      entries.emplace_back(i + stride, i, beside[d]);
+    }
+  }
+  SparseMatrix matrix(n, n);
+  matrix.setFromTriplets(entries.begin(), entries.end());
+  return matrix;
+}
+
+constexpr std::array<std::string_view, 4> forms{"identity", "zero", "tridiag", "stencil"};
+
 }  // namespace
 
-std::vector<std::string> matrix_forms() { return {"identity", "zero", "tridiag"}; }
+std::vector<std::string> matrix_forms() { return {forms.begin(), forms.end()}; }
 
 std::optional<SparseMatrix> matrix_form(const std::string& text, Index rows, Index columns,
                                         const std::function<double(const std::string&)>& number,
                                         const std::string& where) {
   const std::optional<Call> call = read_call(text);
-  if (!call || (call->word != "identity" && call->word != "zero" && call->word != "tridiag")) return std::nullopt;
+  if (!call || std::find(forms.begin(), forms.end(), call->word) == forms.end()) return std::nullopt;
   const std::string& word = call->word;
   const std::vector<std::string>& arguments = call->arguments;
   const std::size_t count = arguments.size();
@@ -78,6 +103,13 @@ std::optional<SparseMatrix> matrix_form(const std::string& text, Index rows, Ind
   if (word == "tridiag") {
     if (count != 4) throw refuse("write tridiag(n, lower, diagonal, upper)");
     return tridiagonal(size(0), number(arguments[1]), number(arguments[2]), number(arguments[3]));
+  }
+  if (word == "stencil") {
+    if (count != 5) throw refuse("write stencil(points, points, centre, neighbours along, neighbours beside)");
+    if (double(size(0)) * double(size(1)) > largest_size)
+      throw Error(where, fmt::format("has {} x {} points", size(0), size(1)),
+                  fmt::format("give at most {}", largest_size));
+    return stencil({size(0), size(1)}, number(arguments[2]), {number(arguments[3]), number(arguments[4])});
   }
   if (count > 2) throw refuse(word == "zero" ? "write zero(rows, columns)" : "write identity(n) or identity(n, value)");
   if (count == 0 && (rows < 1 || columns < 1))

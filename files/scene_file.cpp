@@ -60,7 +60,9 @@ Scene complementarity_scene(const Sections& s) {
     if (!r.written_out) scene.f_entry = SourceEntry::through_B;
     const MatrixValue M = s.complementarity.matrix("M", scene.constraints(), scene.constraints());
     const std::string where = s.complementarity.where("M");
-    scene.M = lcp_matrix(of_each_side(M, r, where), where, 1);
+    const MatrixValue of_all = of_each_side(M, r, where);
+    // A stencil on the side of a box is one as a sparse matrix.
+    scene.M = r.beside.empty() ? lcp_matrix(of_all, where, 1) : SparseLcpMatrix(sparse_value(of_all));
     if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states(), r.across.points);
   }
   scene.lcp_class = lcp_class(s.complementarity);

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <string>
@@ -31,7 +32,7 @@ bool is_tridiagonal(const SparseMatrix& M) {
   return true;
 }
 
-constexpr double most_points = 1 << 16;  ///< of a side of a rectangle
+constexpr double most_points = 1 << 16;  ///< of a direction
 
 /// `entries` of the file, followed by zeros.
 Vector of_line(const Section& section, const char* key, Index length) {
@@ -109,42 +110,60 @@ std::array<EndCondition, 2> ends_of(const Section& section, const char* key) {
   return ends;
 }
 
-/// Values of the two directions, along and across; of a line, across alone.
-std::array<double, 2> of_directions(const Section& section, const char* key, bool line) {
-  if (!line) return section.one_or_two(key);
-  const double value = section.number(key);
-  return {value, value};
+/// Values of the directions: across alone (a line), along and across, or along, beside and across (a box).
+Vector of_directions(const Section& section, const char* key, Index dimensions) {
+  return dimensions == 1 ? Vector::Constant(1, section.number(key)) : section.one_or_each(key, dimensions);
 }
 
-std::array<double, 2> spacings(const Section& section, bool line, const Rectangle& r) {
-  if (!section.has("length")) return of_directions(section, "spacing", line);
+/// The lines of all directions, in this order.
+std::vector<GridLine*> directions_of(Rectangle& r, Index dimensions) {
+  if (dimensions == 1) return {&r.across};
+  if (dimensions == 2) return {&r.along, &r.across};
+  r.beside.resize(1);
+  return {&r.along, &r.beside[0], &r.across};
+}
+
+void read_ends(const Section& section, const char* key, GridLine& line) {
+  const auto ends = ends_of(section, key);
+  line.first = ends[0], line.last = ends[1];
+}
+
+Vector spacings(const Section& section, const std::vector<GridLine*>& lines) {
+  const Index dimensions = Index(lines.size());
+  if (!section.has("length")) return of_directions(section, "spacing", dimensions);
   if (section.has("spacing")) throw Error(section.where("length"), "is given with spacing", "give one of the two");
-  const auto length = of_directions(section, "length", line);
-  return {GridLine::spacing_of(r.along.points, length[0], r.along.first, r.along.last),
-          GridLine::spacing_of(r.across.points, length[1], r.across.first, r.across.last)};
+  Vector found = of_directions(section, "length", dimensions);
+  for (Index i = 0; i < dimensions; ++i) {
+    const GridLine& line = *lines[std::size_t(i)];
+    found[i] = GridLine::spacing_of(line.points, found[i], line.first, line.last);
+  }
+  return found;
 }
 
-void require_positive_in(const Section& section, const char* key, const std::array<double, 2>& values) {
+void require_positive_in(const Section& section, const char* key, const Vector& values) {
   for (const double value : values)
     if (!(value > 0)) throw Error(section.where(key), fmt::format("found {}", value), "give positive numbers");
 }
 
-void read_lines(const Section& section, bool line, Rectangle& r) {
-  const auto points = of_directions(section, "points", line);
-  r.across.points = points_of(section, points[1]);
-  r.along.points = line ? 1 : points_of(section, points[0]);
-  const auto along = line ? std::array{neumann, neumann} : ends_of(section, "along");
-  const auto across = ends_of(section, "across");
-  r.along.first = along[0], r.along.last = along[1];
-  r.across.first = across[0], r.across.last = across[1];
-  const auto spacing = spacings(section, line, r), diffusivity = of_directions(section, "diffusivity", line);
+void read_lines(const Section& section, Index dimensions, Rectangle& r) {
+  const std::vector<GridLine*> lines = directions_of(r, dimensions);
+  const auto each = [&](const Vector& values, const auto& take) {
+    for (std::size_t i = 0; i < lines.size(); ++i) take(*lines[i], values[Index(i)]);
+  };
+  each(of_directions(section, "points", dimensions),
+       [&](GridLine& line, double count) { line.points = points_of(section, count); });
+  read_ends(section, "across", r.across);
+  if (dimensions == 1) r.along = {.points = 1, .first = neumann, .last = neumann};
+  if (dimensions > 1) read_ends(section, "along", r.along);
+  if (dimensions > 2) read_ends(section, "beside", r.beside[0]);
+  const Vector spacing = spacings(section, lines), diffusivity = of_directions(section, "diffusivity", dimensions);
   require_positive_in(section, section.has("length") ? "length" : "spacing", spacing);
   require_positive_in(section, "diffusivity", diffusivity);
-  r.along.spacing = spacing[0], r.across.spacing = spacing[1];
-  r.along.diffusivity = diffusivity[0], r.across.diffusivity = diffusivity[1];
+  each(spacing, [](GridLine& line, double value) { line.spacing = value; });
+  each(diffusivity, [](GridLine& line, double value) { line.diffusivity = value; });
+  if (dimensions == 1) r.along.spacing = r.across.spacing, r.along.diffusivity = r.across.diffusivity;
   if (!section.has("advection")) return;
-  const auto advection = of_directions(section, "advection", line);
-  r.along.advection = line ? 0 : advection[0], r.across.advection = advection[1];
+  each(of_directions(section, "advection", dimensions), [](GridLine& line, double value) { line.advection = value; });
 }
 
 /// Errors name the key of the file.
@@ -155,18 +174,22 @@ void validate(const Section& section, const Rectangle& r) {
     const std::string& member = error.argument();
     const std::size_t dot = member.find('.');
     std::string key = dot == std::string::npos ? member : member.substr(dot + 1);
-    if (key == "first" || key == "last") key = member.substr(0, dot);
+    if (key == "first" || key == "last") key = member.substr(0, std::min(dot, member.find('[')));
     throw Error(section.where(key), error.found(), error.remedy(), error.kind());
   }
 }
 
-bool is_line(const Section& section) {
+Index dimensions_of(const Section& section) {
   const Index dimensions = section.positive_integer("dimensions", 2);
-  if (dimensions > 2)
-    throw Error(section.where("dimensions"), fmt::format("found {}", dimensions), "give 1 (a line) or 2 (a rectangle)");
+  if (dimensions > 3)
+    throw Error(section.where("dimensions"), fmt::format("found {}", dimensions),
+                "give 1 (a line), 2 (a rectangle) or 3 (a box)");
   if (dimensions == 1 && section.has("along"))
     throw Error(section.where("along"), "is given with dimensions = 1", "leave it out: a line has the ends `across`");
-  return dimensions == 1;
+  if (dimensions < 3 && section.has("beside"))
+    throw Error(section.where("beside"), fmt::format("is given with dimensions = {}", dimensions),
+                "leave it out, or give dimensions = 3");
+  return dimensions;
 }
 
 }  // namespace
@@ -177,9 +200,8 @@ Rectangle read_rectangle(const Sections& s) {
     if (section->has(key))
       throw Error(section->where(key), "is given with a section [kronecker]", "leave it out: [kronecker] says it");
   const Section& section = s.kronecker;
-  const bool line = is_line(section);
   Rectangle r;
-  read_lines(section, line, r);
+  read_lines(section, dimensions_of(section), r);
   r.reaction = section.optional_number("reaction").value_or(0);
   r.b = of_line(section, "b", r.across.points);
   r.n = of_line(section, "n", r.across.points);
@@ -193,7 +215,7 @@ Rectangle read_rectangle(const Sections& s) {
 }
 
 MatrixValue of_each_side(MatrixValue M, const Rectangle& r, const std::string& where) {
-  const Index n = r.along.points;
+  const Index n = r.lines();
   if (r.sides() == 1 || rows(M) == 2 * n) return M;
   if (rows(M) != n || columns(M) != n)
     throw Error(where, fmt::format("is {} x {}", rows(M), columns(M)),

@@ -169,14 +169,13 @@ Vector Section::vector(const std::string& key, Index size, Index line) const {
   return values;
 }
 
-std::array<double, 2> Section::one_or_two(const std::string& key) const {
-  if (!require(key).is_array()) {
-    const double both = number(key);
-    return {both, both};
-  }
-  const Vector two = vector(key);
-  if (two.size() != 2) throw Error(where(key), fmt::format("has {} entries", two.size()), "give one number or two");
-  return {two[0], two[1]};
+Vector Section::one_or_each(const std::string& key, Index count) const {
+  if (!require(key).is_array()) return Vector::Constant(count, number(key));
+  const Vector each = vector(key);
+  if (each.size() != count)
+    throw Error(where(key), fmt::format("has {} entries", each.size()),
+                count == 2 ? "give one number or two" : fmt::format("give one number or {}", count));
+  return each;
 }
 
 std::variant<std::string, double> Section::word_or_number(const toml::node& node, const std::string& key,

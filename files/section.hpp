@@ -54,8 +54,8 @@ class Section {
   /// A list or a file; with `size` also one expression for all entries i = 0, ..., size - 1. In lines of `line` entries
   /// i counts the lines and j the entries of a line.
   Vector vector(const std::string& key, Index size = 0, Index line = 1) const;
-  /// One number, or two.
-  std::array<double, 2> one_or_two(const std::string& key) const;
+  /// One number for all, or `count` of them.
+  Vector one_or_each(const std::string& key, Index count) const;
   /// Two of `words`, numbers or expressions, or one for both; the first word if the key is missing.
   std::array<std::variant<std::string, double>, 2> two_words_or_numbers(const std::string& key,
                                                                         const std::vector<std::string>& words) const;

@@ -85,7 +85,7 @@ class CudaBackend final : public Backend, public SharedMemory {
     };
     fused_.resolvent = [this](const Dynamics& dynamics, const ComplexVector& nodes) -> ComplexMatrix {
       if (const auto* d = dynamics->small_state()) return resolvent_(*d, nodes);
-      if (const auto* d = dynamics->modes()) return resolvent_(*d, nodes);
+      if (const auto* d = dynamics->modes(); d && d->across.has_sine_modes()) return resolvent_(*d, nodes);
       return host_->resolvent(dynamics, nodes);
     };
   }

@@ -263,7 +263,7 @@ void refuse_infinite(const NodeRows& R, const ComplexVector& nodes) {
 }  // namespace
 
 ComplexMatrix Resolvent::operator()(const KroneckerDynamics& d, const ComplexVector& nodes) {
-  const Vector mu = d.face_eigenvalues();
+  const Vector mu = d.face_eigenvalues().array() - d.across.decay;
   const Index n = mu.size();
   NodeRows R(nodes.size(), n);
   const Line line{int(d.across.points), d.across.spacing * d.across.spacing / d.across.diffusivity};

@@ -48,6 +48,11 @@ def page_mark(page):
     return f"page {page}:{hashlib.sha256(''.join(blocks).encode()).hexdigest()[:16]}"
 
 
+def file_mark(name):
+    """'file NAME:HASH' of a program that draws a picture."""
+    return f"file {name}:{hashlib.sha256((root / name).read_bytes()).hexdigest()[:16]}"
+
+
 def save(figure, picture, names):
     """Writes docs/pictures/PICTURE (.svg or .png), marked with the measurements NAMES that it shows."""
     pictures.mkdir(exist_ok=True)
@@ -75,6 +80,11 @@ def outdated_pictures():
         drawn = re.search(rb"page (docs/[\w/-]+\.md):[0-9a-f]{16}", path.read_bytes())
         if drawn and (root / drawn[1].decode()).exists():
             if page_mark(drawn[1].decode()) != drawn[0].decode():
+                wrong.append(path.name)
+            continue
+        drawn = re.search(rb"file (examples/\w+\.py):[0-9a-f]{16}", path.read_bytes())
+        if drawn and (root / drawn[1].decode()).exists():
+            if file_mark(drawn[1].decode()) != drawn[0].decode():
                 wrong.append(path.name)
             continue
         found = re.search(rb"measurements((?: \w[\w-]*:[0-9a-f]{16})+)", path.read_bytes())

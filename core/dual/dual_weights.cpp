@@ -2,6 +2,7 @@
 
 #include "core/base/text.hpp"
 #include "core/dynamics/line_transfer.hpp"
+#include "core/lcp/stencil.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -183,8 +184,12 @@ std::optional<Vector> eigenvalues_in_modes(const LcpMatrix& matrix) {
     if (n > 1) b = M->upper[0];
     for (Index i = 0; i < n; ++i)
       if (M->diagonal[i] != a || (i > 0 && M->lower[i] != b) || (i + 1 < n && M->upper[i] != b)) return std::nullopt;
+  } else if (const SparseMatrix* sparse = sparse_of(matrix)) {
+    const auto stencil = stencil_of(matrix, {n});
+    if (!stencil) return std::nullopt;
+    a = stencil->centre, b = n > 1 ? sparse->coeff(0, 1) : 0;
   } else {
-    const Matrix full = to_dense(matrix);
+    const Matrix& full = std::get<Matrix>(matrix);
     if (n > 0) a = full(0, 0);
     if (n > 1) b = full(0, 1);
     for (Index j = 0; j < n; ++j)

@@ -4,6 +4,7 @@
 #include "core/base/timer.hpp"
 #include "core/dual/dual_operator.hpp"
 #include "core/dual/stage_weights.hpp"
+#include "core/lcp/entries.hpp"
 #include "core/march/outcome.hpp"
 
 #include <Eigen/SparseCholesky>
@@ -289,8 +290,7 @@ bool has_local_inverse(const Scene& scene) {
   if (!(d.matrices() || d.small_state()) || d.has_mass() || scene.boundary || !scene.free_rows.empty()) return false;
   if (scene.constraints() != scene.states() || scene.states() <= most_recorded_by_dual) return false;
   const Vector B = only_diagonal(d.inputs()), N = only_diagonal(d.outputs());
-  return B.size() > 0 && N.size() > 0 && (B.array() * N.array() > 0).all() && (N.array() > 0).all() &&
-         to_dense(scene.M).isZero(0);
+  return B.size() > 0 && N.size() > 0 && (B.array() * N.array() > 0).all() && (N.array() > 0).all() && is_zero(scene.M);
 }
 
 bool has_local_inverse(const DiscreteProblem& p) {

@@ -70,9 +70,10 @@ std::shared_ptr<const ModalStages> all_modes(const DiscreteProblem& p) {
   auto modal = std::make_shared<ModalStages>();
   modal->along = d.face_eigenvalues();
   modal->rates = d.across.eigenvalues();
+  modal->across = d.across.modes();
   modal->direct = d.n.dot(d.b);
-  modal->input = in_sine_basis(d.b);
-  modal->output = in_sine_basis(d.n);
+  modal->input = d.across.in_modes(d.b);
+  modal->output = d.across.in_modes(d.n);
   modal->start = x0_in_modes(p.backend, d, p.scene.x0, true).transpose();
   return modal;
 }
@@ -204,7 +205,7 @@ class ModalStageResponse final : public DualResponse {
                       {true, p_.h, p_.scene.T, -mu.maxCoeff(), -mu.minCoeff()}, -nu.maxCoeff(), -nu.minCoeff(), false);
     if (!(sum.error <= accepted_fit_error)) {
       sum.rates = nu;
-      sum.coefficients = in_sine_basis(d.n).cwiseProduct(in_sine_basis(d.b));
+      sum.coefficients = d.across.in_modes(d.n).cwiseProduct(d.across.in_modes(d.b));
       sum.constant = sum.linear = Vector::Zero(1);
     }
     const Index rows = 2 * p_.J + 1, n = p_.scene.constraints();
@@ -231,7 +232,7 @@ RowMatrix stage_states(const DiscreteProblem& p, const RowMatrix& y, const std::
   Matrix along, across;
   if (p.modes()) {
     along = sine_matrix(steps.problem.modal->along.size());
-    across = sine_matrix(steps.problem.modal->rates.size());
+    across = steps.problem.modal->across;
   }
   const auto record = [&](Index j, const Vector& state) {
     if (!p.modes()) {

@@ -1,15 +1,18 @@
-// Kronecker sums: diagonal in the sine modes of all directions.
+// Kronecker sums: diagonal in the sine modes of the face and the modes of a line across it.
 
 #include "core/dynamics/kronecker.hpp"
 
 #include "core/base/require.hpp"
+#include "core/base/text.hpp"
 #include "core/dynamics/dense.hpp"
 #include "core/dynamics/line_transfer.hpp"
 #include "core/dynamics/sparse.hpp"
 #include "core/dynamics/spectrum.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace bromwich {
@@ -20,6 +23,16 @@ void validate_difference(const std::string& member, const SecondDifference& d) {
   require_some(member + ".points", d.points, "points");
   require_positive(member + ".spacing", d.spacing);
   require_positive(member + ".diffusivity", d.diffusivity);
+  for (const auto& [name, q] : {std::pair(".first", d.first), {".last", d.last}})
+    if (!(q > -1 && q <= 1))
+      throw Error(member + name, "is " + text("%g", q), "give a reflection above -1 and up to 1 (0: Dirichlet)");
+  if (!std::isfinite(d.decay)) throw Error(member + ".decay", "is " + text("%g", d.decay), "give a finite number");
+}
+
+void validate_face(const std::string& member, const SecondDifference& d) {
+  validate_difference(member, d);
+  if (!d.has_sine_modes() && d.points > 1)
+    throw Error(member, "has ends that reflect", "write the scene out as sparse matrices, or give Dirichlet ends");
 }
 
 class KroneckerSystem final : public SystemOf<KroneckerDynamics> {
@@ -29,10 +42,9 @@ class KroneckerSystem final : public SystemOf<KroneckerDynamics> {
   Index states() const override { return d.face_points() * d.across.points; }
   Index constraints() const override { return d.face_points(); }
   void validate(bool) const override {
-    validate_difference("along", d.along);
+    validate_face("along", d.along);
     validate_difference("across", d.across);
-    for (std::size_t i = 0; i < d.beside.size(); ++i)
-      validate_difference("beside[" + std::to_string(i) + "]", d.beside[i]);
+    for (std::size_t i = 0; i < d.beside.size(); ++i) validate_face("beside[" + std::to_string(i) + "]", d.beside[i]);
     require_length("b", d.b, d.across.points, "one per point of a line (across.points)");
     require_length("n", d.n, d.across.points, "one per point of a line (across.points)");
     require_finite("b", d.b);
@@ -141,7 +153,10 @@ SparseDynamics to_sparse(const KroneckerDynamics& d) {
     stride /= direction.points;
     for (Index i = 0; i < m; ++i) {
       const Index k = i / stride % direction.points;
-      A.emplace_back(i, i, -2 * scale);
+      double diagonal = -2 * scale - direction.decay;
+      if (k == 0) diagonal += scale * direction.first;
+      if (k + 1 == direction.points) diagonal += scale * direction.last;
+      A.emplace_back(i, i, diagonal);
       if (k > 0) A.emplace_back(i, i - stride, scale);
       if (k + 1 < direction.points) A.emplace_back(i, i + stride, scale);
     }

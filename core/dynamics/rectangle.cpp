@@ -1,4 +1,4 @@
-// Rectangles of grid points, as a Kronecker sum in sine modes or written out.
+// Rectangles and boxes of grid points, as a Kronecker sum in modes or written out.
 //
 // A point beyond the end has the value of the last point times the reflection q: 0 (Dirichlet), or
 // (1 - a dx/2)/(1 + a dx/2) (Robin, from u and du/dn halfway between the two points).
@@ -9,7 +9,10 @@
 #include "core/dynamics/kronecker.hpp"
 #include "core/dynamics/sparse.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <string>
+#include <utility>
 #include <vector>
 
 namespace bromwich {
@@ -45,7 +48,7 @@ void validate_side(const std::string& member, const Vector& found, Index points)
 
 // One of the two parts of B or N: `values` from the first point on, or from the last one.
 void add_side(std::vector<Eigen::Triplet<double>>& entries, const Rectangle& r, const Vector& values, bool far) {
-  const Index lines = r.along.points, points = r.across.points;
+  const Index lines = r.lines(), points = r.across.points;
   for (Index l = 0; l < lines; ++l)
     for (Index k = 0; k < values.size(); ++k)
       if (values[k] != 0)
@@ -56,28 +59,45 @@ SparseMatrix of_sides(const Rectangle& r, const Vector& near, const Vector& far)
   std::vector<Eigen::Triplet<double>> entries;
   add_side(entries, r, near, false);
   add_side(entries, r, far, true);
-  SparseMatrix found(r.along.points * r.across.points, r.sides() * r.along.points);
+  SparseMatrix found(r.states(), r.sides() * r.lines());
   found.setFromTriplets(entries.begin(), entries.end());
   return found;
 }
 
+// The Kronecker sum of all directions, the slowest first.
 SparseMatrix sum_of(const Rectangle& r) {
-  const SparseMatrix along = r.along.matrix(), across = r.across.matrix();
-  const Index lines = r.along.points, points = r.across.points;
+  std::vector<SparseMatrix> directions{r.along.matrix()};
+  for (const GridLine& line : r.beside) directions.push_back(line.matrix());
+  directions.push_back(r.across.matrix());
+  const Index m = r.states();
   std::vector<Eigen::Triplet<double>> entries;
-  entries.reserve(std::size_t(6 * lines * points));
-  for (Index l = 0; l < lines; ++l)
-    for (Index k = 0; k < points; ++k) {
-      const Index column = l * points + k;
-      for (SparseMatrix::InnerIterator e(across, k); e; ++e)
-        entries.emplace_back(l * points + e.row(), column, e.value());
-      for (SparseMatrix::InnerIterator e(along, l); e; ++e)
-        entries.emplace_back(e.row() * points + k, column, e.value());
-      if (r.reaction != 0) entries.emplace_back(column, column, -r.reaction);
+  entries.reserve(directions.size() * 3 * std::size_t(m));
+  Index stride = m;
+  for (const SparseMatrix& direction : directions) {
+    stride /= direction.rows();
+    for (Index column = 0; column < m; ++column) {
+      const Index k = column / stride % direction.rows();
+      for (SparseMatrix::InnerIterator e(direction, k); e; ++e)
+        entries.emplace_back(column + (e.row() - k) * stride, column, e.value());
     }
-  SparseMatrix A(lines * points, lines * points);
+  }
+  for (Index i = 0; r.reaction != 0 && i < m; ++i) entries.emplace_back(i, i, -r.reaction);
+  SparseMatrix A(m, m);
   A.setFromTriplets(entries.begin(), entries.end());
   return A;
+}
+
+SecondDifference difference(const GridLine& line) {
+  return {line.points, line.spacing, line.diffusivity, reflection(line.first, line.spacing),
+          reflection(line.last, line.spacing)};
+}
+
+// Moves a part of the rates from the face to the lines, so that both decay: fits of the kernel of a line need it.
+void balance(KroneckerDynamics& d) {
+  const double of_face = d.face_eigenvalues().maxCoeff(), of_line = d.across.eigenvalues()[0];
+  const double moved = of_line - (of_face + of_line) / 2;
+  d.across.decay += moved;
+  d.along.decay -= moved;
 }
 
 }  // namespace
@@ -107,13 +127,32 @@ SparseMatrix GridLine::matrix() const {
   return found;
 }
 
-bool Rectangle::in_sine_modes() const {
+Index Rectangle::lines() const {
+  Index count = along.points;
+  for (const GridLine& line : beside) count *= line.points;
+  return count;
+}
+
+std::optional<KroneckerDynamics> Rectangle::in_modes() const {
+  constexpr Index largest_dense = 512;  // sparse scenes of up to so many states are written out (core/solve/stages.cpp)
   const auto sine = [](const GridLine& line) { return line.advection == 0 && !line.first && !line.last; };
-  return sine(along) && sine(across) && reaction == 0 && sides() == 1;
+  const bool plain = sine(across) && reaction == 0;
+  if (across.advection != 0 || sides() == 2 || !std::all_of(beside.begin(), beside.end(), sine) || !sine(along))
+    return std::nullopt;
+  if (!plain && states() <= largest_dense) return std::nullopt;
+  KroneckerDynamics d{difference(along), difference(across), b, n};
+  for (const GridLine& line : beside) d.beside.push_back(difference(line));
+  if (plain) return d;
+  d.across.decay = reaction;
+  const double of_face = d.face_eigenvalues().maxCoeff(), of_line = d.across.eigenvalues()[0];
+  if (!(of_face + of_line < 0)) return std::nullopt;
+  if (of_line > (of_face + of_line) / 4) balance(d);
+  return d;
 }
 
 void Rectangle::validate() const {
   validate_line("along", along);
+  for (std::size_t i = 0; i < beside.size(); ++i) validate_line("beside[" + std::to_string(i) + "]", beside[i]);
   validate_line("across", across);
   if (!std::isfinite(reaction)) throw Error("reaction", "is " + text("%g", reaction), "give a finite number");
   validate_side("b", b, across.points);
@@ -125,12 +164,8 @@ void Rectangle::validate() const {
 
 std::shared_ptr<LinearSystem> linear_system(Rectangle r) {
   r.validate();
-  if (!r.written_out && r.in_sine_modes()) {
-    const auto sine = [](const GridLine& line) {
-      return SecondDifference{line.points, line.spacing, line.diffusivity};
-    };
-    return linear_system(KroneckerDynamics{sine(r.along), sine(r.across), r.b, r.n});
-  }
+  if (!r.written_out)
+    if (auto modes = r.in_modes()) return linear_system(std::move(*modes));
   return linear_system(SparseDynamics{sum_of(r), of_sides(r, r.b, r.far_b),
                                       SparseMatrix(of_sides(r, r.n, r.far_n).transpose()), SparseMatrix()});
 }

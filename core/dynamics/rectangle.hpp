@@ -1,10 +1,11 @@
 #pragma once
-// Diffusion, reaction and constant advection on a line or a rectangle of grid points, for scenes of one's own.
+// Diffusion, reaction and constant advection on a line, a rectangle or a box of grid points, for scenes of one's own.
 
+#include "kronecker.hpp"
 #include "linear_system.hpp"
 
-#include <array>
 #include <optional>
+#include <vector>
 
 namespace bromwich {
 
@@ -29,9 +30,11 @@ struct GridLine {
   SparseMatrix matrix() const;
 };
 
-/// x' = (I ⊗ across + along ⊗ I - reaction I) x + B y, w = N x + ...: state index = line * across.points + position.
-/// The first constraints sit on the side of the first points of `across`, one per grid line; then come those on the
-/// opposite side, if there are any. A line: one point along, Neumann at both its ends.
+/// x' = (I ⊗ across + face ⊗ I - reaction I) x + B y, w = N x + ..., face = along ⊗ I + I ⊗ beside[0] + ...:
+/// state index = line * across.points + position, and lines are counted with `along` slowest and the last direction of
+/// `beside` fastest. The first constraints sit on the side of the first points of `across`, one per grid line; then
+/// come those on the opposite side, if there are any. A line: one point along, Neumann at both its ends. A box has
+/// directions beside `along`.
 struct Rectangle {
   GridLine along;       ///< along the constrained sides
   GridLine across;      ///< of one grid line; `first` is what holds on the constrained side where y = 0
@@ -41,14 +44,20 @@ struct Rectangle {
 
   bool written_out = false;  ///< as matrices in any case: F and sources of single states need them
 
+  std::vector<GridLine> beside = {};  ///< further directions of the sides, of a box
+
+  Index lines() const;
+  Index states() const { return lines() * across.points; }
   Index sides() const { return far_b.size() > 0 ? 2 : 1; }
-  /// The sine modes of a KroneckerDynamics diagonalise it: Dirichlet ends, diffusion alone, constraints on one side.
-  bool in_sine_modes() const;
+  /// KroneckerDynamics with the same A, or nothing. It takes diffusion without advection, Dirichlet ends of all sides
+  /// but the constrained and the opposite one, constraints on one side, and no growth. With other than Dirichlet ends
+  /// across, or a reaction, it pays above 512 states; smaller scenes are dense, which all methods take.
+  std::optional<KroneckerDynamics> in_modes() const;
   /// Throws Error naming the first member whose value is wrong.
   void validate() const;
 };
 
-/// KroneckerDynamics where sine modes diagonalise the rectangle, SparseDynamics otherwise. Validates.
+/// KroneckerDynamics where there are such (`in_modes`), SparseDynamics otherwise. Validates.
 std::shared_ptr<LinearSystem> linear_system(Rectangle);
 
 }  // namespace bromwich

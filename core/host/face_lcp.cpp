@@ -14,31 +14,66 @@ constexpr double settled = 16 * epsilon;
 
 }  // namespace
 
-std::unique_ptr<FaceLcp> FaceLcp::make(const LcpMatrix& M, const std::vector<Index>& extents, const Vector& w0,
-                                       Transform transform) {
-  const std::optional<Stencil> stencil = stencil_of(M, extents);
-  if (!stencil) return nullptr;
-  const Vector of_M = stencil->eigenvalues();
-  if (!(of_M.minCoeff() > 0) || !((of_M + w0).minCoeff() > 0)) return nullptr;
-  const InstantShift shift = instant_shift(of_M, w0);
-  if (!(shift.contraction < slow) || !(stencil->shifted(shift.shift).jacobi_radius() < 1)) return nullptr;
-  return std::unique_ptr<FaceLcp>(new FaceLcp(*stencil, w0, shift, std::move(transform)));
+namespace {
+
+bool is_symmetric(const SparseMatrix& M) {
+  const SparseMatrix transposed = M.transpose();
+  return (M - transposed).norm() == 0;
 }
 
-FaceLcp::FaceLcp(const Stencil& stencil, const Vector& w0, const InstantShift& shift, Transform transform)
-    : n_(w0.size()),
-      length_(stencil.extents.back()),
-      w0_(w0),
-      shift_(shift.shift),
-      centre_(stencil.centre + shift.shift),
-      omega_(best_relaxation(stencil.shifted(shift.shift))),
-      beside_(stencil.beside),
-      strides_(stencil.extents.size()),
-      transform_(std::move(transform)) {
+// min_i m_ii - Σ_{j != i} |m_ij|: no eigenvalue of a symmetric M is smaller.
+double lowest_by_gershgorin(const SparseMatrix& M) {
+  const Vector sums = M.cwiseAbs() * Vector::Ones(M.cols()), diagonal = M.diagonal();
+  return (diagonal - sums + diagonal.cwiseAbs()).minCoeff();
+}
+
+}  // namespace
+
+std::unique_ptr<FaceLcp> FaceLcp::make(const LcpMatrix& M, const std::vector<Index>& extents, const Vector& w0,
+                                       Transform transform) {
+  if (const auto stencil = stencil_of(M, extents)) return make(*stencil, w0, std::move(transform));
+  const SparseMatrix* sparse = sparse_of(M);
+  return sparse ? make(*sparse, w0, std::move(transform)) : nullptr;
+}
+
+std::unique_ptr<FaceLcp> FaceLcp::make(const Stencil& stencil, const Vector& w0, Transform transform) {
+  const Vector of_M = stencil.eigenvalues();
+  if (!(of_M.minCoeff() > 0) || !((of_M + w0).minCoeff() > 0)) return nullptr;
+  const InstantShift shift = instant_shift(of_M, w0);
+  const Stencil shifted = stencil.shifted(shift.shift);
+  if (!(shift.contraction < slow) || !(shifted.jacobi_radius() < 1)) return nullptr;
+  std::unique_ptr<FaceLcp> made(new FaceLcp(w0, shift, best_relaxation(shifted), std::move(transform)));
+  made->take(stencil);
+  return made;
+}
+
+std::unique_ptr<FaceLcp> FaceLcp::make(const SparseMatrix& M, const Vector& w0, Transform transform) {
+  const double lowest = M.rows() > 0 && is_symmetric(M) ? lowest_by_gershgorin(M) : 0;
+  if (!(lowest > 0) || !(lowest + w0.minCoeff() > 0)) return nullptr;
+  const InstantShift shift = instant_shift(Vector::Constant(w0.size(), lowest), w0);
+  if (!(shift.contraction < slow)) return nullptr;
+  const Vector diagonal = M.diagonal().array() + shift.shift;
+  const Vector beside = M.cwiseAbs() * Vector::Ones(M.cols()) - M.diagonal().cwiseAbs();
+  const double radius = (beside.array() / diagonal.array()).maxCoeff();  // below 1: lowest + D is positive
+  const double omega = 2 / (1 + std::sqrt(std::max(0.0, 1 - radius * radius)));
+  std::unique_ptr<FaceLcp> made(new FaceLcp(w0, shift, omega, std::move(transform)));
+  made->take(M);
+  return made;
+}
+
+FaceLcp::FaceLcp(const Vector& w0, const InstantShift& shift, double omega, Transform transform)
+    : n_(w0.size()), w0_(w0), shift_(shift.shift), omega_(omega), transform_(std::move(transform)) {
+  last_ = before_ = now_ = right_ = modes_ = Vector::Zero(n_);
+}
+
+void FaceLcp::take(const Stencil& stencil) {
+  length_ = stencil.extents.back();
+  centre_ = stencil.centre + shift_;
+  beside_ = stencil.beside;
+  strides_.resize(stencil.extents.size());
   Index padded = 1;
   for (std::size_t d = stencil.extents.size(); d-- > 0; padded *= stencil.extents[d] + 2) strides_[d] = padded;
   y_ = q_ = Vector::Zero(padded);
-  last_ = before_ = now_ = right_ = modes_ = Vector::Zero(n_);
   for (Index first = 0; first < n_; first += length_) {
     Line line{1, first, 0};
     Index rest = first / length_;
@@ -52,13 +87,37 @@ FaceLcp::FaceLcp(const Stencil& stencil, const Vector& w0, const InstantShift& s
   }
 }
 
+// One line without padding.
+void FaceLcp::take(const SparseMatrix& M) {
+  SparseMatrix identity(n_, n_);
+  identity.setIdentity();
+  rows_ = M + shift_ * identity;
+  step_ = omega_ * Vector(rows_.diagonal()).cwiseInverse();
+  length_ = n_;
+  lines_ = {{0, 0, 0}};
+  y_ = q_ = Vector::Zero(n_);
+}
+
 void FaceLcp::start_from(const Vector& y) { last_ = before_ = y; }
 
 void FaceLcp::to_padded(const Vector& values, Vector& padded) const {
   for (const Line& line : lines_) padded.segment(line.padded, length_) = values.segment(line.first, length_);
 }
 
-void FaceLcp::relax(int colour) {
+void FaceLcp::relax() {
+  if (step_.size() > 0) return relax_rows();
+  for (const int colour : {0, 1}) relax_colour(colour);
+}
+
+void FaceLcp::relax_rows() {
+  for (Index i = 0; i < n_; ++i) {
+    double w = q_[i];
+    for (Eigen::SparseMatrix<double, Eigen::RowMajor>::InnerIterator a(rows_, i); a; ++a) w += a.value() * y_[a.col()];
+    y_[i] = std::max(0.0, y_[i] - step_[i] * w);
+  }
+}
+
+void FaceLcp::relax_colour(int colour) {
   const double keep = 1 - omega_, scale = omega_ / centre_;
   const std::size_t directions = strides_.size();
   for (const Line& line : lines_) {
@@ -90,8 +149,7 @@ LcpOutcome FaceLcp::solve(const Vector& q, Vector& y) {
     transform_(modes_.data(), right_.data());
     right_ += q;
     to_padded(right_, q_);
-    for (int k = 0; k < relaxations; ++k)
-      for (const int colour : {0, 1}) relax(colour);
+    for (int k = 0; k < relaxations; ++k) relax();
     double moved = 0, largest = 1;
     for (const Line& line : lines_) {
       const auto next = y_.segment(line.padded, length_);
@@ -110,6 +168,8 @@ LcpOutcome FaceLcp::solve(const Vector& q, Vector& y) {
   return outcome;
 }
 
-std::size_t FaceLcp::bytes() const { return sizeof(double) * std::size_t(2 * y_.size() + 6 * n_); }
+std::size_t FaceLcp::bytes() const {
+  return sizeof(double) * std::size_t(2 * y_.size() + 6 * n_) + 16 * std::size_t(rows_.nonZeros());
+}
 
 }  // namespace bromwich::host

@@ -1,12 +1,13 @@
 #pragma once
-// The complementarity problem of a marching step on a face, 0 <= y  ⊥  (M + W_0) y + q >= 0, M a stencil and W_0 = S
-// diag(w0) S in sine modes:
+// The complementarity problem of a marching step on a face, 0 <= y  ⊥  (M + W_0) y + q >= 0, M a stencil or another
+// sparse symmetric matrix, and W_0 = S diag(w0) S in sine modes:
 //
 //     y <- sweeps of LCP(M + D I, q + W_0 y - D y),
 //
-// a few sweeps of projected over-relaxation in two colours for each product with W_0, until y moves by rounding alone.
-// With D from w0 the iteration contracts by max_l |w0_l - D| / (M_l + D), 0.03 for typical steps; it begins at the
-// extrapolation of the last two solutions. Nothing of size n x n is formed.
+// a few sweeps of projected over-relaxation for each product with W_0, until y moves by rounding alone: in two colours
+// for a stencil, row by row for another M. With D from w0 the iteration contracts by max_l |w0_l - D| / (M_l + D), 0.03
+// for typical steps, M_l the eigenvalues of a stencil, or Gershgorin's bound min_i m_ii - Σ |m_ij| of another M; it
+// begins at the extrapolation of the last two solutions. Nothing of size n x n is formed.
 
 #include "../lcp/active_set.hpp"
 #include "../lcp/stencil.hpp"
@@ -23,7 +24,8 @@ class FaceLcp {
   /// out = S in, for n values each.
   using Transform = std::function<void(const double* in, double* out)>;
 
-  /// Nothing where M is no stencil on the grid, M + W_0 is not positive definite, or the iteration contracts slowly.
+  /// Nothing where M is dense or not symmetric, M + W_0 is not known to be positive definite, or the iteration
+  /// contracts slowly.
   static std::unique_ptr<FaceLcp> make(const LcpMatrix& M, const std::vector<Index>& extents, const Vector& w0,
                                        Transform transform);
 
@@ -32,8 +34,14 @@ class FaceLcp {
   std::size_t bytes() const;
 
  private:
-  FaceLcp(const Stencil&, const Vector& w0, const InstantShift&, Transform);
-  void relax(int colour);
+  FaceLcp(const Vector& w0, const InstantShift&, double omega, Transform);
+  static std::unique_ptr<FaceLcp> make(const Stencil&, const Vector& w0, Transform);
+  static std::unique_ptr<FaceLcp> make(const SparseMatrix& M, const Vector& w0, Transform);
+  void take(const Stencil&);
+  void take(const SparseMatrix& M);
+  void relax();
+  void relax_colour(int colour);
+  void relax_rows();
   void to_padded(const Vector& values, Vector& padded) const;
 
   /// A line of points of the fastest direction: its first point in padded arrays and in others, and its colour.
@@ -42,12 +50,14 @@ class FaceLcp {
     int colour;
   };
 
-  Index n_, length_;
+  Index n_, length_ = 0;
   Vector w0_;
-  double shift_, centre_, omega_;
+  double shift_, centre_ = 0, omega_;
   std::vector<double> beside_;
   std::vector<Index> strides_;  ///< of padded arrays
   std::vector<Line> lines_;
+  Eigen::SparseMatrix<double, Eigen::RowMajor> rows_;  ///< M + D I where it is no stencil
+  Vector step_;                                        ///< omega over its diagonal
   Transform transform_;
   Vector y_, q_;  ///< padded by zeros
   Vector last_, before_, now_, right_, modes_;

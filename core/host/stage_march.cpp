@@ -25,7 +25,7 @@ class Stages {
     touching_.assign(std::size_t(p.g.cols() / p.stages), false);
     if (p.modal) {
       S_ = sine_matrix(p.modal->along.size());
-      if (!p.components.empty()) across_ = sine_matrix(p.modal->rates.size());
+      if (!p.components.empty()) across_ = p.modal->across;
       rigid_.assign(touching_.size(), p.modal->direct == 0 && diagonal(*p.M).isZero(0));
       return;
     }
@@ -246,7 +246,7 @@ class Stages {
   Vector other_;
   Vector regular_;       ///< largest y_i at the ends of steps without jumps
   SparseMatrix B_, NB_;  ///< E^{-1} B; N E^{-1} B of a model of poles
-  Matrix S_, across_;    ///< sine matrices along and across the lines of a Kronecker sum
+  Matrix S_, across_;    ///< the modes along and across the lines of a Kronecker sum
   std::vector<bool> rigid_;
   bool impact_ = false;         ///< the last step was an impact on a rigid constraint
   std::vector<bool> touching_;  ///< y_i > 0 at the end of the last step

@@ -19,6 +19,7 @@ struct ModalStages {
   Vector rates;          ///< K: s
   Vector input, output;  ///< K: i, o
   RowMatrix start;       ///< K x n: z(0)
+  Matrix across;         ///< K x K: the modes of a line in its columns; only where states are recorded
   double direct = 0;     ///< n^T b of a line: N B = direct I
   bool has_state = true;
 };

@@ -139,7 +139,7 @@ InitialFit fit_initial_response(Backend& backend, const KroneckerDynamics& dynam
   const Matrix Q = orthogonal_columns(qr.householderQ(), terms);
   const auto R = qr.matrixQR().topRows(terms).triangularView<Eigen::Upper>();
   const Matrix check = exponentials(times.checked, sum.rates);
-  InitialFit fit{Vector(K), in_sine_basis(dynamics.n), nullptr};
+  InitialFit fit{Vector(K), dynamics.across.in_modes(dynamics.n), nullptr};
   Matrix C(terms, K);
   backend.each_range(K, columns_together, [&](Index first, Index last) {
     const Vector rates = nu.segment(first, last - first);
@@ -149,7 +149,7 @@ InitialFit fit_initial_response(Backend& backend, const KroneckerDynamics& dynam
     fit.missed.segment(first, last - first) = gap.cwiseAbs().colwise().maxCoeff().transpose();
     C.middleCols(first, last - first) = part * fit.seen.segment(first, last - first).asDiagonal();
   });
-  fit.project = std::make_shared<InitialProjection>(backend, dynamics, row_modes(backend, C));
+  fit.project = std::make_shared<InitialProjection>(backend, dynamics, from_line_modes(backend, dynamics.across, C));
   return fit;
 }
 
@@ -172,7 +172,8 @@ double initial_error(Backend& backend, const KroneckerDynamics& dynamics, const 
   const double most = between_samples * fit.missed.maxCoeff();
   if (most <= accepted_compression_error) return most;
   const Eigen::Map<const RowMatrix> lines(x0.data(), dynamics.face_points(), dynamics.across.points);
-  const Vector parts = fit.seen.cwiseAbs().cwiseProduct(row_modes(backend, lines).colwise().norm().transpose());
+  const Vector parts =
+      fit.seen.cwiseAbs().cwiseProduct(in_line_modes(backend, dynamics.across, lines).colwise().norm().transpose());
   const double size = parts.sum();
   return size > 0 ? between_samples * parts.dot(fit.missed) / size : 0;
 }

@@ -1,4 +1,4 @@
-// Operator of Kronecker sums: works in sine modes, one scalar convolution per mode.
+// Operator of Kronecker sums: works in modes, one scalar convolution per mode.
 
 #include "core/kernel/operators.hpp"
 
@@ -21,7 +21,7 @@ constexpr Index fewest_compressed = 40;
 // S N (discrete e^{A t_j}) x0 by stepping all modes; used if the recurrence cannot represent x0.
 RowMatrix stepped_initial_response(const DiscreteProblem& p, Rule rule) {
   const KroneckerDynamics& d = *p.modes();
-  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), seen = in_sine_basis(d.n);
+  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), seen = d.across.in_modes(d.n);
   RowMatrix x = x0_in_modes(p.backend, d, p.scene.x0, true), decay(x.rows(), x.cols()), modes(p.J + 1, x.rows());
   for (Index l = 0; l < mu.size(); ++l)
     for (Index k = 0; k < nu.size(); ++k) {
@@ -153,7 +153,7 @@ class ModalOperator : public TimeOperator {
       }
       return;
     }
-    const Vector b = in_sine_basis(dynamics_.b);
+    const Vector b = dynamics_.across.in_modes(dynamics_.b);
     if (b.cwiseAbs().minCoeff() > 1e-10 * b.cwiseAbs().maxCoeff()) {
       recurrence.initial =
           modal_start(recurrence, dynamics_, rule, p_.h, x0_in_modes(p_.backend, dynamics_, p_.scene.x0, true));

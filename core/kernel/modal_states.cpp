@@ -10,15 +10,15 @@ namespace bromwich {
 
 namespace {
 
-// x_{j+1} = decay x_j + left u_j + right u_{j+1} for every pair of sine modes, including b: K x n each, k across,
+// x_{j+1} = decay x_j + left u_j + right u_{j+1} for every pair of modes, including b: K x n each, k across,
 // l along.
 struct ModalStep {
   RowMatrix decay, left, right;
 };
 
-ModalStep modal_step(const KroneckerDynamics& d, const Matrix& S, Rule rule, double h) {
+ModalStep modal_step(const KroneckerDynamics& d, Rule rule, double h) {
   const Index n = d.face_points(), K = d.across.points;
-  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), b = S * d.b;
+  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), b = d.across.in_modes(d.b);
   ModalStep step{RowMatrix(K, n), RowMatrix(K, n), RowMatrix(K, n)};
   for (Index k = 0; k < K; ++k)
     for (Index l = 0; l < n; ++l) {
@@ -35,18 +35,17 @@ ModalStep modal_step(const KroneckerDynamics& d, const Matrix& S, Rule rule, dou
 }  // namespace
 
 // Steps all modes of the state and records the requested grid points: their positions on the lines by a product with a
-// few rows of S, the other direction by one transform for all time points.
+// few rows of their modes, the other direction by one transform for all time points.
 RowMatrix modal_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const std::vector<Index>& components) {
   const KroneckerDynamics& d = *p.modes();
   const Index n = d.face_points(), K = d.across.points;
-  const Matrix S = sine_matrix(K);
-  const ModalStep step = modal_step(d, S, rule, p.h);
+  const ModalStep step = modal_step(d, rule, p.h);
   const RowMatrix u = face_modes(p.backend, p.face(), p.drive() ? RowMatrix(y + p.drive()->table()) : y);
   std::vector<Index> positions;
   for (const Index c : components) positions.push_back(c % K);
   std::sort(positions.begin(), positions.end());
   positions.erase(std::unique(positions.begin(), positions.end()), positions.end());
-  const RowMatrix observe = S(positions, Eigen::all);
+  const RowMatrix observe = d.across.modes()(positions, Eigen::all);
 
   RowMatrix x = x0_in_modes(p.backend, d, p.scene.x0, true).transpose();
   std::vector<RowMatrix> seen(positions.size(), RowMatrix(p.J + 1, n));  // per position, in modes of the lines

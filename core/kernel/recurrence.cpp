@@ -38,7 +38,7 @@ ScalarRule euler_rule(double x, double h) {
 ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, double h, const RowMatrix& x0_modal) {
   const Index n = dynamics.face_points(), K = dynamics.across.points;
   const Vector mu = dynamics.face_eigenvalues(), nu = dynamics.across.eigenvalues();
-  const Vector b = in_sine_basis(dynamics.b), seen = in_sine_basis(dynamics.n);
+  const Vector b = dynamics.across.in_modes(dynamics.b), seen = dynamics.across.in_modes(dynamics.n);
   ModalRecurrence r;
   r.face = dynamics.face_extents();
   r.decay.resize(K, n);
@@ -61,9 +61,11 @@ ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, d
 
 RowMatrix modal_start(const ModalRecurrence& r, const KroneckerDynamics& dynamics, Rule rule, double h,
                       const RowMatrix& x0_modal) {
-  const Vector mu = dynamics.face_eigenvalues(), nu = dynamics.across.eigenvalues(), b = in_sine_basis(dynamics.b);
+  const Vector mu = dynamics.face_eigenvalues(), nu = dynamics.across.eigenvalues(),
+               b = dynamics.across.in_modes(dynamics.b);
   if (b.cwiseAbs().minCoeff() <= 1e-12 * b.cwiseAbs().maxCoeff())
-    throw Error("dynamics.b", "a sine component of it is zero, so that mode of x0 is not in the driven recurrence",
+    throw Error("dynamics.b",
+                "a component of it in the modes of a line is zero, so that mode of x0 is not in the driven recurrence",
                 "leave x0 out and add its response");
   RowMatrix initial(r.decay.rows(), r.decay.cols());
   for (Index k = 0; k < nu.size(); ++k)

@@ -17,7 +17,15 @@ RowMatrix x0_in_modes(Backend& backend, const KroneckerDynamics& d, const Vector
   // S acts on rows, so transpose for the directions of the face.
   const Eigen::Map<const RowMatrix> lines(x0.data(), d.face_points(), d.across.points);
   const RowMatrix modes = face_modes(backend, d.face_extents(), lines.transpose()).transpose();
-  return both ? row_modes(backend, modes) : modes;
+  return both ? in_line_modes(backend, d.across, modes) : modes;
+}
+
+RowMatrix in_line_modes(Backend& backend, const SecondDifference& across, const RowMatrix& lines) {
+  return across.has_sine_modes() ? row_modes(backend, lines) : RowMatrix(lines * across.modes());
+}
+
+RowMatrix from_line_modes(Backend& backend, const SecondDifference& across, const RowMatrix& modes) {
+  return across.has_sine_modes() ? row_modes(backend, modes) : RowMatrix(modes * across.modes().transpose());
 }
 
 RowMatrix dense_states(const StepOperators& step, const Vector& x0, const RowMatrix& u, const StepDefects* defects) {

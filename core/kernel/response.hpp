@@ -13,7 +13,11 @@ RowMatrix row_modes(Backend&, const RowMatrix& rows);
 /// The same for rows that are indexed by several directions.
 RowMatrix face_modes(Backend&, const std::vector<Index>& extents, const RowMatrix& rows);
 
-/// x0 in the sine basis, along the face only (`both` = false) or across it too: n x across.points.
+/// Rows of positions on a line across in its modes, and back.
+RowMatrix in_line_modes(Backend&, const SecondDifference& across, const RowMatrix& lines);
+RowMatrix from_line_modes(Backend&, const SecondDifference& across, const RowMatrix& modes);
+
+/// x0 in modes, along the face only (`both` = false) or across it too: n x across.points.
 RowMatrix x0_in_modes(Backend&, const KroneckerDynamics&, const Vector& x0, bool both);
 
 /// x_j of x' = A x + u with u piecewise linear on the grid (exponential) or sampled at the right ends (Euler), for

@@ -1,6 +1,7 @@
 #include "core/kernel/ringing.hpp"
 
 #include "core/lcp/active_set.hpp"
+#include "core/lcp/entries.hpp"
 
 #include <Eigen/LU>
 
@@ -60,10 +61,8 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w
 
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class) {
   if (lcp_class == LcpClass::P) return {};
-  const Matrix dense = to_dense(M);
-  if (lcp_class == LcpClass::Z && (dense.diagonal().array() != 0).any()) return {};
-  const Eigen::FullPivLU<Matrix> lu(dense);
-  return lu.isInvertible() && lcp_class != LcpClass::PSD ? BasisChoice{} : discontinuous("M leaves y to the dynamics");
+  if (lcp_class == LcpClass::Z && (diagonal(M).array() != 0).any()) return {};
+  return lcp_class != LcpClass::PSD && is_regular(M) ? BasisChoice{} : discontinuous("M leaves y to the dynamics");
 }
 
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const DenseRecurrence& r) {

@@ -10,7 +10,7 @@ namespace {
 
 RowMatrix kronecker_response(const DiscreteProblem& p) {
   const KroneckerDynamics& d = *p.modes();
-  const Vector seen = in_sine_basis(d.n);
+  const Vector seen = d.across.in_modes(d.n);
   RowMatrix modes = RowMatrix::Zero(p.J + 1, d.face_points());
   each_rough_state(p, p.J, [&](Index j, const RowMatrix& x) { modes.row(j).noalias() = seen.transpose() * x; });
   return face_modes(p.backend, p.face(), modes);
@@ -45,7 +45,7 @@ void each_rough_state(const DiscreteProblem& p, Index last,
 
 RowMatrix modal_defect(const DiscreteProblem& p, const RoughStep& rough) {
   const KroneckerDynamics& d = *p.modes();
-  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), b = in_sine_basis(d.b);
+  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), b = d.across.in_modes(d.b);
   RowMatrix e = RowMatrix::Zero(nu.size(), mu.size());
   const std::vector<Matrix> pieces = beyond_linear(p, rough);
   for (std::size_t i = 0; i < pieces.size(); ++i) {

@@ -41,7 +41,7 @@ RowMatrix lines_at(const DiscreteProblem& p, const std::vector<LagWindow>& windo
   return lines;
 }
 
-// The response to f on rough steps (core/kernel/rough_response.hpp) at chosen time points, in both sine bases.
+// The response to f on rough steps (core/kernel/rough_response.hpp) at chosen time points, in modes of both directions.
 std::map<Index, RowMatrix> rough_states(const DiscreteProblem& p, const std::vector<Index>& rows) {
   std::map<Index, RowMatrix> at;
   if (!p.rough_response || rows.empty()) return at;
@@ -70,7 +70,7 @@ Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const s
     RowMatrix free = x0;
     for (Index l = 0; l < mu.size(); ++l) free.row(l).array() *= (p.t[j] * (nu.transpose().array() + mu[l])).exp();
     if (const auto more = rough.find(j); more != rough.end()) free += more->second;
-    const RowMatrix lines = row_modes(p.backend, free) + lines_at(p, windows, u, j);
+    const RowMatrix lines = from_line_modes(p.backend, d.across, free) + lines_at(p, windows, u, j);
     const RowMatrix grid = face_modes(p.backend, p.face(), lines.transpose()).transpose();
     x.col(Index(c)) = Eigen::Map<const Vector>(grid.data(), grid.size());
   }

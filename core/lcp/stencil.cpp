@@ -25,7 +25,7 @@ std::optional<Stencil> of_entries(const SparseMatrix& M, const std::vector<Index
   for (std::size_t d = extents.size(); d-- > 0; points *= extents[d]) strides[d] = points;
   if (points != n || n == 0) return std::nullopt;
   Stencil s{extents, M.coeff(0, 0), std::vector<double>(extents.size(), 0)};
-  Index expected = n;
+  Index expected = s.centre != 0 ? n : 0;
   for (std::size_t d = 0; d < extents.size(); ++d) {
     if (extents[d] < 2) continue;
     s.beside[d] = M.coeff(0, strides[d]);
@@ -76,7 +76,16 @@ Stencil Stencil::shifted(double D) const {
 }
 
 std::optional<Stencil> stencil_of(const LcpMatrix& M, const std::vector<Index>& extents) {
-  if (const auto* bands = std::get_if<Tridiagonal>(&M)) return of_bands(*bands, extents);
+  if (const auto* bands = std::get_if<Tridiagonal>(&M)) {
+    if (extents.size() == 1) return of_bands(*bands, extents);
+    SparseMatrix entries(bands->diagonal.size(), bands->diagonal.size());
+    std::vector<Eigen::Triplet<double>> all;
+    each_entry(*bands, [&](Index i, Index j, double value) {
+      if (value != 0) all.emplace_back(i, j, value);
+    });
+    entries.setFromTriplets(all.begin(), all.end());
+    return of_entries(entries, extents);
+  }
   const SparseMatrix* sparse = sparse_of(M);
   return sparse ? of_entries(*sparse, extents) : std::nullopt;
 }

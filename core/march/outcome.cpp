@@ -1,9 +1,8 @@
 #include "core/march/outcome.hpp"
 
 #include "core/base/text.hpp"
+#include "core/lcp/entries.hpp"
 #include "core/lcp/enumeration.hpp"
-
-#include <Eigen/LU>
 
 namespace bromwich {
 
@@ -19,8 +18,6 @@ Vector without_rounding(const DiscreteProblem& p) {
     if (start[i] < 0 && start[i] >= -share * terms[i]) start[i] = 0;
   return start;
 }
-
-bool is_singular(const LcpMatrix& M) { return !Eigen::FullPivLU<Matrix>(to_dense(M)).isInvertible(); }
 
 }  // namespace
 
@@ -56,7 +53,7 @@ Start ProblemAtZero::solve(Result& result, Vector& y0) const {
     ++result.lcp.solved;
     return Start::found;
   }
-  const bool left_open = p_.lcp_class == LcpClass::PSD || (p_.lcp_class != LcpClass::P && is_singular(p_.scene.M));
+  const bool left_open = p_.lcp_class == LcpClass::PSD || (p_.lcp_class != LcpClass::P && !is_regular(p_.scene.M));
   if (report.finite && left_open) return Start::impulse;
   result.status = report.infeasible == 0 ? Status::infeasible : Status::tolerance_not_met;
   result.reason = report.infeasible == 0 ? "no solution at t = 0" : "the problem at t = 0 stayed unsolved";

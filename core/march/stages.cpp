@@ -169,8 +169,9 @@ std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index 
     }
   }
   modal->rates = nu;
-  modal->input = in_sine_basis(d.b);
-  modal->output = in_sine_basis(d.n);
+  if (!p.components.empty()) modal->across = d.across.modes();
+  modal->input = d.across.in_modes(d.b);
+  modal->output = d.across.in_modes(d.n);
   modal->start = x0_in_modes(p.backend, d, p.scene.x0, true).transpose();
   return modal;
 }

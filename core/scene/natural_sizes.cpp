@@ -134,11 +134,11 @@ SymmetricShape symmetric_shape(const SparseMatrix& A, const Vector& rate) {
 // The response of a grid line to its constraint, in the slowest mode along the face.
 Vector line_response(const KroneckerDynamics& d, double T) {
   const double c = d.across.diffusivity / (d.across.spacing * d.across.spacing);
-  const double diagonal = 1 / T - d.face_eigenvalues().maxCoeff() + 2 * c;
+  const double diagonal = 1 / T - d.face_eigenvalues().maxCoeff() + 2 * c + d.across.decay;
   const Index k = d.across.points;
   Vector upper(k), z(k);
   for (Index i = 0; i < k; ++i) {
-    const double pivot = diagonal - (i > 0 ? c * upper[i - 1] : 0);
+    const double pivot = diagonal - c * (i > 0 ? upper[i - 1] : d.across.first) - (i + 1 == k ? c * d.across.last : 0);
     upper[i] = c / pivot;
     z[i] = (std::abs(d.b[i]) + (i > 0 ? c * z[i - 1] : 0)) / pivot;
   }

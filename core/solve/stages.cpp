@@ -112,9 +112,7 @@ std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const In
   if (!scene.dynamics->has_mass()) return std::nullopt;
   Timer timer;
   if (!options.units && scene.dynamics->has_singular_mass())
-    return unsolved(scene, backend, options, Status::unsupported,
-                    "the mass matrix E is singular: eliminate the algebraic equations, as rows with w = 0 and a free y "
-                    "where they are linear");
+    return unsolved(scene, backend, options, Status::unsupported, describe_singular_mass(*scene.dynamics));
   if (auto reduced = without_mass(scene)) {
     if (options.prepared)
       reduced->dynamics = options.prepared->reduced(Reduction::mass, scene.dynamics, reduced->dynamics);

@@ -60,7 +60,7 @@ Ends = End | tuple[End, End]
 
 
 class Kronecker:
-    """Diffusion, advection and reaction on a line or a rectangle of grid points, with constraints on one or two sides.
+    """Diffusion, advection and reaction on a line, a rectangle or a box of points, with constraints on one or two sides.
 
     ``x' = (I (x) across + along (x) I - reaction I) x + B y`` with ``c u'' - v u'`` by central differences in each
     direction. The state index is ``line * points_across + position on the line``, counted from the constrained side;
@@ -77,10 +77,13 @@ class Kronecker:
         advection: v, one for both directions or (along, across); ``|v| dx < 2 c``.
         reaction: r, 1/time.
         far_b, far_n: b and n of the opposite side, counted from there; None: no constraints there.
+        beside: ``[(points, dx, c)]``, a further direction of the constrained side, which makes a box, with Dirichlet ends.
+            Lines are counted with ``along`` slowest.
 
     Dirichlet ends, diffusion alone and constraints on one side: sine transforms diagonalise it, and nothing of size
-    m x m is formed. Sources f of such a scene enter through B: give ``f`` with n values and ``F="B"``. Others are sparse
-    dynamics, and take every f.
+    m x m is formed. Sources f of such a scene enter through B: give ``f`` with n values and ``F="B"``. The same holds with
+    other ends across and a reaction, above 512 states, if f enters through B or there is none. Others are sparse dynamics,
+    and take every f.
 
     Raises:
         Error: a value that makes no sense, by its name (``across.advection``), when the scene is made.
@@ -99,6 +102,7 @@ class Kronecker:
         reaction: float = 0.0,
         far_b: Any = None,
         far_n: Any = None,
+        beside: Any = (),
     ) -> None:
         v = filled(advection, 2, "advection")
         if v.size != 2:
@@ -106,6 +110,7 @@ class Kronecker:
         if along is None:  # one line: nothing flows along
             along, ends_along, v = (1, across[1], across[2]), "neumann", np.array([0.0, v[1]])
         (p, dx, c), (q, dy, d) = along, across
+        self.beside = [(int(points), float(spacing), float(c)) for points, spacing, c in beside]
         self.along, self.across = (int(p), float(dx), float(c)), (int(q), float(dy), float(d))
         self.b, self.n = vector(b, "b"), vector(n, "n")
         self.ends_along, self.ends_across = _ends(ends_along, "ends_along"), _ends(ends_across, "ends_across")

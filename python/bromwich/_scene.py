@@ -88,14 +88,16 @@ class Scene:
             raise Error("T: is missing; give the final time", "T")
         model = _core.Model.empty()
         model.name, model.T = name, float(T)
-        _set_dynamics(model, A, B, N, E, dynamics, F is not None and not isinstance(F, str))
+        in_sine_modes = isinstance(dynamics, Kronecker) and dynamics.in_sine_modes
+        single_states = not isinstance(F, str) and (F is not None or (f is not None and not in_sine_modes))
+        _set_dynamics(model, A, B, N, E, dynamics, single_states)
         _set_lcp(model, M)
         model.set_lcp_class(lcp_class)
         model.free_rows = [int(i) for i in free]
         _set_conditions(model, x0, E0, ET, b)
         if not (model.T > 0 and np.isfinite(model.T)):
             raise Error(f"T: is {model.T:g}; give a positive finite number", "T")
-        if isinstance(dynamics, Kronecker) and dynamics.in_sine_modes and f is not None and F is None:
+        if in_sine_modes and f is not None and F is None:
             raise Error("f: enters the states of a Kronecker sum; give n values and F='B', for B f(t)", "f")
         _set_f_entry(model, F)
         self._model, self._parameters = model, dict(parameters or {})
@@ -306,7 +308,7 @@ def _fingerprint(model: _core.Model) -> str:
 
 
 def _set_dynamics(
-    model: _core.Model, A: Any, B: Any, N: Any, E: Any, dynamics: Dynamics | Kronecker | None, has_F: bool
+    model: _core.Model, A: Any, B: Any, N: Any, E: Any, dynamics: Dynamics | Kronecker | None, single_states: bool
 ) -> None:
     given = [name for name, value in (("A", A), ("B", B), ("N", N), ("E", E)) if value is not None]
     if dynamics is not None:
@@ -314,11 +316,9 @@ def _set_dynamics(
             raise Error(f"{given[0]}: is given with dynamics; give one of the two", given[0])
         if isinstance(dynamics, Kronecker):
             k = dynamics
-            if k.in_sine_modes and not has_F:
-                model.set_kronecker(k.along, k.across, k.b, k.n)
-                return
             along, across = (*k.along, k.advection[0], *k.ends_along), (*k.across, k.advection[1], *k.ends_across)
-            model.set_rectangle(along, across, k.reaction, k.b, k.n, k.far_b, k.far_n)
+            beside = [(*line, 0.0, None, None) for line in k.beside]
+            model.set_rectangle(along, across, k.reaction, k.b, k.n, k.far_b, k.far_n, beside, single_states)
         elif isinstance(dynamics, Dynamics):
             d = dynamics
             model.set_supplied(d.states, d.B, d.N, d.shifted, d.mass, d.bound)

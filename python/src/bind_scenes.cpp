@@ -31,6 +31,9 @@ using Sparse = std::tuple<Index, Index, Array1, Indices, Indices>;  // rows, col
 /// points, spacing, diffusivity, advection, and the two ends of a line of grid points.
 using Line = std::tuple<Index, double, double, double, std::optional<double>, std::optional<double>>;
 
+/// points, spacing, diffusivity, the reflections of both ends and the decay of a second difference.
+using Difference = std::tuple<Index, double, double, double, double, double>;
+
 SparseMatrix matrix(const Sparse& s) {
   return std::apply([](Index rows, Index cols, const auto&... parts) { return as_sparse(rows, cols, parts...); }, s);
 }
@@ -171,20 +174,19 @@ void bind_scenes(nb::module_& m) {
           nb::arg("A"), nb::arg("B"), nb::arg("N"), nb::arg("E").none())
       .def(
           "set_kronecker",
-          [](Model& s, std::tuple<Index, double, double> along, std::tuple<Index, double, double> across,
-             const Array1& b, const Array1& n, const std::vector<std::tuple<Index, double, double>>& beside) {
+          [](Model& s, const Difference& along, const Difference& across, const Array1& b, const Array1& n,
+             const std::vector<Difference>& beside) {
             const auto difference = [](const auto& d) { return std::make_from_tuple<SecondDifference>(d); };
             KroneckerDynamics sum{difference(along), difference(across), as_vector(b), as_vector(n)};
             for (const auto& direction : beside) sum.beside.push_back(difference(direction));
             s.scene.dynamics = std::move(sum);
           },
-          nb::arg("along"), nb::arg("across"), nb::arg("b"), nb::arg("n"),
-          nb::arg("beside") = std::vector<std::tuple<Index, double, double>>{})
+          nb::arg("along"), nb::arg("across"), nb::arg("b"), nb::arg("n"), nb::arg("beside"))
       .def(
           "set_rectangle",
           [](Model& s, const Line& along, const Line& across, double reaction, const Array1& b, const Array1& n,
-             const Array1& far_b, const Array1& far_n) {
-            s.scene.dynamics = Rectangle{
+             const Array1& far_b, const Array1& far_n, const std::vector<Line>& beside, bool written_out) {
+            Rectangle rectangle{
                 .along = std::make_from_tuple<GridLine>(along),
                 .across = std::make_from_tuple<GridLine>(across),
                 .reaction = reaction,
@@ -192,11 +194,13 @@ void bind_scenes(nb::module_& m) {
                 .n = as_vector(n),
                 .far_b = as_vector(far_b),
                 .far_n = as_vector(far_n),
-                .written_out = true,
+                .written_out = written_out,
             };
+            for (const Line& line : beside) rectangle.beside.push_back(std::make_from_tuple<GridLine>(line));
+            s.scene.dynamics = std::move(rectangle);
           },
           nb::arg("along"), nb::arg("across"), nb::arg("reaction"), nb::arg("b"), nb::arg("n"), nb::arg("far_b"),
-          nb::arg("far_n"))
+          nb::arg("far_n"), nb::arg("beside"), nb::arg("written_out"))
       .def(
           "set_supplied",
           [](Model& s, Index states, const Sparse& B, const Sparse& N, nb::object shifted, nb::object mass,

@@ -235,7 +235,7 @@ nb::tuple dynamics_of(const Model& model) {
     return nb::make_tuple("set_sparse", compressed(d->A), compressed(d->B), compressed(d->N), compressed(d->E));
   if (const auto* d = get_if<KroneckerDynamics>(&dynamics)) {
     const auto difference = [](const SecondDifference& s) {
-      return nb::make_tuple(s.points, s.spacing, s.diffusivity);
+      return nb::make_tuple(s.points, s.spacing, s.diffusivity, s.first, s.last, s.decay);
     };
     nb::list beside;
     for (const SecondDifference& direction : d->beside) beside.append(difference(direction));

@@ -1,10 +1,12 @@
 """Matrices, sources and scenes in every form that is documented, against one another."""
 
+import pickle
 import threading
 
 import bromwich
 import numpy as np
 import pytest
+import scipy.sparse
 
 
 @pytest.fixture
@@ -220,6 +222,48 @@ def test_rectangles_with_ends_of_their_own():
         bromwich.Kronecker((P, dx, c), (Q, dy, c), near, near, ends_along="neuman")
     with pytest.raises(bromwich.Error, match="far_n: is missing"):
         bromwich.Kronecker((P, dx, c), (Q, dy, c), near, near, far_b=near)
+
+
+@pytest.mark.parametrize("ends", [("neumann", "dirichlet"), ("neumann", 0.4), ("dirichlet", "neumann")])
+def test_rectangles_in_modes(ends):
+    Q, c, reaction = 24, 0.05, 0.3  # 576 states: below 513 they are written out as dense matrices
+    dx, dy = 1 / (Q + 1), bromwich.Kronecker.spacing(Q, 1, ends)
+    reflected = [{"dirichlet": 0, "neumann": 1}.get(end, None) for end in ends]
+    reflected = [(1 - end * dy / 2) / (1 + end * dy / 2) if q is None else q for q, end in zip(reflected, ends)]
+    along, across = line_of_points(Q, dx, c, 0, 0, 0), line_of_points(Q, dy, c, 0, *reflected)
+    A = np.kron(np.eye(Q), across) + np.kron(along, np.eye(Q)) - reaction * np.eye(Q * Q)
+    b, n = np.eye(Q)[0] / dy, np.eye(Q)[0]
+    rest = {"M": 0.2 * np.eye(Q), "g": lambda t: 0.3 * np.sin(5 * t + np.arange(Q) / 9) - 0.1, "x0": 0.02, "T": 1}
+    field = bromwich.Kronecker((Q, dx, c), (Q, dy, c), b, n, ends_across=ends, reaction=reaction)
+    scene = bromwich.Scene(dynamics=field, **rest)
+    assert scene._model.form == "kronecker"
+    known = bromwich.solve(A=scipy.sparse.csr_array(A), B=np.kron(np.eye(Q), b[:, None]), N=np.kron(np.eye(Q), n), **rest,
+                           steps=64, method="march")  # fmt: skip
+    found = bromwich.solve(scene, steps=64, method="march", states=[0, 30, Q * Q - 1])
+    assert found.ok and known.y.max() > 0.1
+    np.testing.assert_allclose(found.y[1:], known.y[1:], atol=1e-8)
+    again = pickle.loads(pickle.dumps(scene))
+    np.testing.assert_array_equal(bromwich.solve(again, steps=64, method="march").y, bromwich.solve(scene, steps=64, method="march").y)
+    # f in every state: as sparse matrices.
+    assert bromwich.Scene(dynamics=field, f=0.1, **rest)._model.form == "sparse"
+
+
+def test_boxes():
+    P, R, Q, dx, c = 4, 3, 5, 0.2, 0.1
+    D = [line_of_points(points, dx, c, 0, 0, 0) for points in (P, R, Q)]
+    A = np.kron(np.kron(D[0], np.eye(R)), np.eye(Q)) + np.kron(np.kron(np.eye(P), D[1]), np.eye(Q)) + np.kron(np.eye(P * R), D[2])
+    first = np.eye(Q)[0]
+    box = bromwich.Kronecker((P, dx, c), (Q, dx, c), 2 * first, first, beside=[(R, dx, c)])
+    rest = {"M": scipy.sparse.eye_array(P * R), "g": lambda t: np.sin(4 * t + np.arange(P * R)), "x0": 0.1, "T": 1}
+    scene = bromwich.Scene(dynamics=box, **rest)
+    assert scene.states == P * R * Q and scene.constraints == P * R
+    known = bromwich.solve(A=A, B=np.kron(np.eye(P * R), 2 * first[:, None]), N=np.kron(np.eye(P * R), first), **{**rest, "M": np.eye(P * R)},
+                           steps=32, method="march")  # fmt: skip
+    found = bromwich.solve(scene, steps=32, method="march")
+    assert found.ok and known.y.max() > 0.1
+    np.testing.assert_allclose(found.y, known.y, atol=1e-10)
+    with pytest.raises(bromwich.Error, match=r"beside\[0\].spacing: is 0; give a positive finite number"):
+        bromwich.Scene(dynamics=bromwich.Kronecker((P, dx, c), (Q, dx, c), first, first, beside=[(R, 0, c)]), **rest)
 
 
 def test_lines_of_points():

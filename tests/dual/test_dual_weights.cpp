@@ -207,6 +207,75 @@ TEST(DualWeights, AreRefusedWhereTheyDoNotExist) {
   EXPECT_NE(refusal_of(local).find("do not diagonalise M"), std::string::npos);
 }
 
+// Heat in a network of 40 nodes: a path with chords, conductances from 0.1 to 10, a loss at every node. Contacts at the
+// first nodes, `n` of them.
+Scene network(std::uint32_t seed, Index n, double compliance) {
+  constexpr Index m = 40;
+  Random random(seed);
+  std::vector<Eigen::Triplet<double>> entries;
+  const auto join = [&](Index a, Index b) {
+    const double joint = std::pow(10, random.vector(1)[0]);
+    for (const Index end : {a, b}) entries.emplace_back(end, end, -joint);
+    entries.emplace_back(a, b, joint);
+    entries.emplace_back(b, a, joint);
+  };
+  for (Index i = 0; i + 1 < m; ++i) join(i, i + 1);
+  for (Index i = 3; i + 9 < m; i += 5) join(i, i + 9);
+  for (Index i = 0; i < m; ++i) entries.emplace_back(i, i, -0.2);
+  SparseDynamics d{SparseMatrix(m, m), SparseMatrix(m, n), SparseMatrix(n, m)};
+  d.A.setFromTriplets(entries.begin(), entries.end());
+  for (Index i = 0; i < n; ++i) d.B.insert(4 * i, i) = 1.5, d.N.insert(i, 4 * i) = 1;
+  Scene scene;
+  scene.name = "network " + std::to_string(seed);
+  scene.dynamics = d;
+  scene.M = Tridiagonal{Vector::Zero(n), Vector::Constant(n, compliance), Vector::Zero(n)};
+  scene.x0 = Vector::Zero(m);
+  scene.T = 4;
+  return scene;
+}
+
+TEST(DualWeights, ExistOrSayWhyOnRandomNetworks) {
+  constexpr Index J = 32;
+  for (std::uint32_t seed = 1; seed <= 6; ++seed) {
+    // Passive: V exists, with and without a compliance.
+    for (const double compliance : {0.0, 1e-2}) {
+      const Scene scene = network(seed, 3, compliance);
+      const auto backend = make_cpu_backend(1);
+      const DiscreteProblem p = discretise(scene, *backend, J);
+      const DualChoice choice = dual_weights(p);
+      ASSERT_TRUE(choice.weights) << scene.name << ' ' << choice.refusal;
+      const auto& table = std::get<LagTable>(*choice.weights->weights);
+      const std::vector<Matrix> expected = quadrature(oracle::write_out(scene), p.h, J);
+      for (const Index lag : {Index(0), Index(1), Index(5), J}) {
+        Matrix scaled = Eigen::Map<const RowMatrix>(table.W.row(lag).data(), 3, 3);
+        if (lag == 0) scaled += to_dense(choice.weights->P);
+        const Matrix V = choice.weights->row_scale.asDiagonal() * scaled;
+        EXPECT_LE((V - expected[std::size_t(lag)]).cwiseAbs().maxCoeff(), 1e-9 * expected[0].cwiseAbs().maxCoeff())
+            << scene.name << ' ' << compliance << ' ' << lag;
+      }
+    }
+    // One contact twice.
+    Scene twice = network(seed, 3, 0);
+    auto& repeated = get<SparseDynamics>(twice.dynamics);
+    repeated.B.col(2) = repeated.B.col(1).eval();
+    repeated.N = SparseMatrix(repeated.B.transpose());
+    EXPECT_NE(refusal_of(twice, J).find("repeat each other"), std::string::npos) << twice.name;
+    // y heats a node that no constraint sees.
+    Scene apart = network(seed, 2, 0);
+    auto& unseen = get<SparseDynamics>(apart.dynamics);
+    unseen.N = SparseMatrix(2, 40);
+    unseen.N.insert(0, 1) = unseen.N.insert(1, 6) = 1;
+    EXPECT_NE(refusal_of(apart, J).find("second or a higher derivative"), std::string::npos) << apart.name;
+    // Twice the lasting effect on another node is subtracted: K(0) < 0 < K at infinity, so M + K has a zero between.
+    Scene grows = network(seed, 1, 0);
+    auto& far = get<SparseDynamics>(grows.dynamics);
+    const Vector lasting = -Matrix(far.A).lu().solve(Vector::Unit(40, 0));
+    far.N.coeffRef(0, 12) = -2 * lasting[0] / lasting[12];
+    grows.T = 400;
+    EXPECT_NE(refusal_of(grows, 1024).find("V grows"), std::string::npos) << refusal_of(grows, 1024);
+  }
+}
+
 TEST(DualWeights, AreRefusedForAKroneckerSumWhoseInverseGrows) {
   Scene scene = make_scene("contact", {{"Q", 4}});
   auto& heat = get<KroneckerDynamics>(scene.dynamics);

@@ -224,6 +224,72 @@ TEST(SceneSections, RectanglesOfTwoDifferentSides) {
   });
 }
 
+TEST(SceneSections, BoxesAreTheBuiltInOne) {
+  const std::string text = R"toml(
+[parameters]
+Q = 5
+dx = "1/(Q + 1)"
+c = 2e-3
+[kronecker]
+dimensions = 3
+points = "Q"
+spacing = "dx"
+diffusivity = "c"
+b = ["c/dx^2"]
+n = [-2]
+[dynamics]
+x0 = "0.01*i - 0.02*j"
+[complementarity]
+M = "stencil(Q, Q, 6, -1, -1)"
+g = "sin(3*t + i)"
+class = "P"
+[time]
+T = 1
+steps = 20
+)toml";
+  const Scene scene = parse_sections(text).scene, known = make_scene("signorini3d", {{"Q", 5}});
+  const auto& found = get<KroneckerDynamics>(scene.dynamics);
+  const auto& expected = get<KroneckerDynamics>(known.dynamics);
+  ASSERT_EQ(found.beside.size(), 1u);
+  const SparseDynamics a = to_sparse(found), b = to_sparse(expected);
+  EXPECT_EQ((a.A - b.A).norm(), 0);
+  EXPECT_EQ((a.B - b.B).norm(), 0);
+  EXPECT_EQ((a.N - b.N).norm(), 0);
+  ASSERT_TRUE(sparse_of(scene.M) && sparse_of(known.M));
+  EXPECT_EQ(scene.x0[7], 0.01 * 1 - 0.02 * 2);
+  Scene same = known;
+  same.f = {}, same.g = scene.g, same.x0 = scene.x0, same.T = 1, same.M = scene.M;
+  EXPECT_LT(distance(solved_y(scene, Method::march, 20), solved_y(same, Method::march, 20)), same_problem);
+  const auto with_line = [&](const std::string& from, const std::string& to) { return with_replaced(text, from, to); };
+  expect_refused_sections({
+      {with_line("points = \"Q\"", "points = [5, 5]"),
+       "my.toml:8: kronecker.points: has 2 entries; give one number or 3"},
+      {with_line("dimensions = 3", "dimensions = 4"),
+       "my.toml:7: kronecker.dimensions: found 4; give 1 (a line), 2 (a"},
+      {with_line("dimensions = 3", "beside = \"neumann\""),
+       "my.toml:7: kronecker.beside: is given with dimensions = 2"},
+      {with_line("spacing = \"dx\"", "spacing = [0.1, 0, 0.1]"),
+       "my.toml:9: kronecker.spacing: found 0; give positive"},
+      {with_line("stencil(Q, Q, 6, -1, -1)", "stencil(Q, 6, -1)"),
+       "my.toml:16: complementarity.M: stencil has 3 arguments; write stencil(points, points, centre"},
+  });
+}
+
+TEST(SceneSections, BoxesWithEndsOfTheirOwnAreWrittenOut) {
+  const std::string text =
+      "[kronecker]\ndimensions = 3\npoints = [3, 2, 4]\nlength = [1, 1, 2]\ndiffusivity = 0.1\nadvection = [0, 0.2, "
+      "0]\n"
+      "beside = \"neumann\"\nacross = [1, \"dirichlet\"]\nb = [2]\nn = [-1]\n"
+      "[dynamics]\nx0 = \"0\"\n[complementarity]\nM = \"identity\"\ng = \"t - 0.5\"\n[time]\nT = 1\n";
+  const Scene scene = parse_sections(text).scene;
+  const Matrix A = to_dense(scene.dynamics).A;
+  // A constant along `beside` flows across alone: mirrored at its ends, and advection does not change it.
+  const double along = 0.1 * 16, across = 0.1 / std::pow(2 / 4.5, 2);
+  EXPECT_NEAR(A(4 * 2 + 1, 4 * 2 + 1) + A(4 * 2 + 1, 4 * 3 + 1), -2 * along - 2 * across, 1e-14);
+  EXPECT_NEAR(A(4 * 2 + 1, 1), along, 1e-14) << "the next point along";
+  EXPECT_EQ(scene.constraints(), 6);
+}
+
 // c u'' - v u' with u = `first` u_1 and `last` u_points beyond the ends.
 Matrix by_ghost_values(Index points, double dx, double c, double v, double first, double last) {
   Matrix D = Matrix::Zero(points, points);

@@ -23,6 +23,9 @@ Matrix second_difference(const SecondDifference& d) {
   for (Index i = 0; i < d.points; ++i)
     for (Index j = 0; j < d.points; ++j)
       D(i, j) = d.diffusivity / (d.spacing * d.spacing) * (i == j ? -2 : std::abs(i - j) == 1 ? 1 : 0);
+  D(0, 0) += d.diffusivity / (d.spacing * d.spacing) * d.first;
+  D(d.points - 1, d.points - 1) += d.diffusivity / (d.spacing * d.spacing) * d.last;
+  D.diagonal().array() -= d.decay;
   return D;
 }
 

@@ -1,0 +1,117 @@
+"""The contestants of scripts/bench_fields_peers: run(steps) returns y and w at steps 0, ..., J and a row's facts, with
+"seconds" as {"total", "setup"} of its own clock."""
+import json
+import os
+import pathlib
+import subprocess
+
+import numpy as np
+
+here = pathlib.Path(__file__).resolve().parent
+one_thread = dict(os.environ, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+
+
+class March:
+    name, scheme = "bromwich march", "Radau IIA or linear y"
+
+    def __init__(self, field, _folder, threads):
+        import bromwich
+
+        self.solve, self.field, self.threads = bromwich.solve, field, threads
+
+    def run(self, steps):
+        f = self.field
+        g = f.g(steps)
+        result = self.solve(
+            A=f.A, B=f.B, N=f.N, M=f.M, g=g, x0=np.zeros(f.A.shape[0]), T=f.T, steps=steps, method="march",
+            threads=self.threads,
+        )  # fmt: skip
+        facts = {
+            "status": str(result.status),
+            "kernel": result.kernel,
+            "kernel_error": float(result.kernel_error),
+            "euler_steps": int(result.euler_steps),
+            "bytes": int(result.bytes),
+            "seconds": {"total": result.timings["total"], "setup": result.timings["setup"]},
+        }
+        return result.y, result.w, facts
+
+
+class SparseEuler:
+    """Our own: one factorization, contacts last (bench/studies/sparse_euler.hpp)."""
+
+    name, scheme, threads = "sparse Euler", "implicit Euler", 1
+
+    def __init__(self, field, folder, program):
+        self.field, self.folder, self.program = field, pathlib.Path(folder), program
+
+    def run(self, steps):
+        problem, result, n = self.folder / "euler.problem", self.folder / "euler.result", len(self.field.contacts)
+        write_problem(self.field, steps, problem)
+        answer = last_line([str(self.program), str(problem), str(result)])
+        y, w = np.fromfile(result).reshape(2, steps + 1, n)
+        facts = {
+            "status": "solved" if answer["solved"] else "failed",
+            "factor_entries": answer["entries"],
+            "bytes": answer["bytes"],
+            "seconds": {"total": answer["setup"] + answer["loop"], "setup": answer["setup"]},
+        }
+        return y, w, facts
+
+
+class Petsc:
+    """Stops after `limit` seconds of time stepping; its time is then that of all steps, at the pace of those done."""
+
+    name, scheme, threads = "PETSc TS, SNES VI", "implicit Euler", 1
+
+    def __init__(self, field, folder, limit):
+        self.field, self.folder, self.limit = field, pathlib.Path(folder), limit
+
+    def run(self, steps):
+        f, problem, result = self.field, self.folder / "petsc.npz", self.folder / "petsc-result.npz"
+        A = f.A.tocsr()
+        np.savez(
+            problem, m=A.shape[0], data=A.data, indices=A.indices, starts=A.indptr, contacts=f.contacts, b=f.b,
+            g=f.g(steps), T=f.T, compliance=f.compliance,
+        )  # fmt: skip
+        answer = last_line(["/usr/bin/python3", str(here / "field_petsc.py"), str(problem), str(result), str(self.limit)])
+        found, done = np.load(result), answer["steps"]
+        facts = {
+            "status": "solved" if done == steps else f"stopped after {done} steps",
+            "steps_done": done,
+            "newton_iterations": answer["newton"],
+            "solver": answer["solver"],
+            "seconds": {"total": answer["setup"] + answer["loop"] * steps / done, "setup": answer["setup"]},
+            "seconds_measured": answer["setup"] + answer["loop"],
+        }
+        return found["y"], found["w"], facts
+
+
+def write_problem(f, steps, path):
+    """As bench/peers/field_problem.hpp reads it."""
+    A = f.A
+    sizes = [A.shape[0], len(f.contacts), steps, f.T, f.compliance, f.b, A.nnz]
+    parts = [sizes, f.contacts, A.indptr, A.indices, A.data, f.g(steps)]
+    np.concatenate([np.ravel(part).astype(float) for part in parts]).tofile(path)
+
+
+def factors(field, folder, program, repeats):
+    """Seconds of factorizations (bench/peers/field_factors.cpp): medians of runs."""
+    problem = pathlib.Path(folder) / "factors.problem"
+    write_problem(field, 1000, problem)
+    runs = [last_line([str(program), str(problem)]) for _ in range(repeats)]
+    medians = {}
+    for key, value in runs[0].items():
+        if isinstance(value, dict):
+            medians[key] = {name: float(np.median([run[key][name] for run in runs])) for name in value}
+        else:
+            medians[key] = value
+    return medians
+
+
+def last_line(command):
+    run = subprocess.run(command, capture_output=True, text=True, env=one_thread)
+    lines = run.stdout.strip().splitlines()
+    if run.returncode != 0 or not lines:
+        raise SystemExit(f"bench_fields_peers: {command[0]}: {run.stderr.strip() or run.returncode}")
+    return json.loads(lines[-1])
