@@ -38,8 +38,8 @@ void validate_options(const Batch& batch, const Options& options) {
     if (c < 0 || c >= first_of(batch).states())
       throw Error("states", "component " + std::to_string(c) + " of " + std::to_string(first_of(batch).states()),
                   "components are counted from 0");
-  if (controls_error(options))
-    throw Error("tolerance", "is given to a batch", "give steps: the rows of all scenes are at the same times");
+  if (controls_error(options) && batch.times.empty())
+    throw Error("tolerance", "is given to a batch without times", "give times, at which all scenes have rows");
   if (options.method == Method::goal)
     throw Error("method", "found goal for a batch", "use another method: its grids differ from scene to scene");
 }
@@ -47,6 +47,7 @@ void validate_options(const Batch& batch, const Options& options) {
 Batch part_of(const Batch& b, Index first, Index count) {
   Batch part;
   part.common = b.common;
+  part.times = b.times;
   part.scenes = count;
   const auto cut = [&](const auto& from, auto& to) {
     if (!from.empty()) to.assign(from.begin() + first, from.begin() + first + count);
@@ -61,6 +62,10 @@ Batch part_of(const Batch& b, Index first, Index count) {
 
 void Batch::validate() const {
   if (scenes < 1) throw Error("scenes", "is " + std::to_string(scenes), "give at least one scene");
+  const double T = own.empty() ? common.T : own.front().T;
+  for (std::size_t i = 0; i < times.size(); ++i)
+    if (!(times[i] >= (i > 0 ? times[i - 1] : 0)) || !(times[i] <= T))
+      throw Error("times", text("has %.6g at %zu", times[i], i), text("give times in order, from 0 to T = %.6g", T));
   if (!own.empty()) {
     require_axis("own", own, scenes);
     for (std::size_t k = 0; k < own.size(); ++k)
@@ -123,9 +128,10 @@ Index BatchResult::solved() const { return std::count(status.begin(), status.end
 
 double predicted_bytes(const Batch& b, const Options& options, Index scenes, int threads) {
   const Scene& scene = first_of(b);
-  const double rows = double(steps_of(scene, options) + 1), n = double(scene.constraints());
+  const double steps = double(steps_of(scene, options)), rows = b.times.empty() ? steps + 1 : double(b.times.size()),
+               n = double(scene.constraints());
   const double columns = n * (options.trace ? 2 : 1) + double(recorded_components(scene, options).size());
-  const double of_lanes = LaneMarch::bytes(scene.states(), scene.constraints(), Index(rows) - 1);
+  const double of_lanes = LaneMarch::bytes(scene.states(), scene.constraints(), Index(steps));
   return sizeof(double) * rows * columns * double(scenes) + 200.0 * double(scenes) +
          (of_lanes <= BatchRun::most_lane_bytes ? of_lanes * double(threads) : 0);
 }

@@ -88,6 +88,11 @@ double LanePlan::limit_of(const std::vector<Index>& set) const {
   return steps;
 }
 
+GrowthMaps LanePlan::growth() const {
+  if (stages) return {euler_E, euler_R, euler_E * euler_R, euler_problem.get()};
+  return {whole.E, whole.R, whole.E * whole.R + whole.L, whole.problem.get()};
+}
+
 double LanePlan::longest(unsigned set) const {
   const std::lock_guard lock(mutex_);
   if (const auto found = longest_.find(set); found != longest_.end()) return found->second;
@@ -173,8 +178,8 @@ bool LanePlan::take_stages(Methods& methods, bool own_sources, std::string& why)
   certain = of_steps == LcpClass::P;
   whole.problem = std::make_unique<ActiveSetTable>(steps, nullptr);
   const std::shared_ptr<const StepOperators> euler_step = state_step(d, Rule::implicit_euler);
-  growth_E = euler_step->decay, growth_L = Matrix::Zero(m, n), growth_R = euler_step->right * B;
-  growth_problem = std::make_unique<ActiveSetTable>(M + N * growth_R, nullptr);
+  euler_E = euler_step->decay, euler_R = euler_step->right * B;
+  euler_problem = std::make_unique<ActiveSetTable>(M + N * euler_R, nullptr);
   if ((lcp_class == LcpClass::Z || lcp_class == LcpClass::unknown) && !look_for_others(why)) return false;
   F_ = source_matrix(d), drive_right_ = euler_step->right * F_;
   const std::vector<bool> position = host::StageSteps(problem).rigid();
@@ -185,23 +190,27 @@ bool LanePlan::take_stages(Methods& methods, bool own_sources, std::string& why)
 
 // In the units of d. Precondition: no rough steps that matter to stages.
 LaneSources LanePlan::tables(const DiscreteProblem& d) const {
-  LaneSources s;
   const RowMatrix f = d.f.size() > 0 ? RowMatrix(d.f.table()) : RowMatrix();
+  if (!stages) return sources_at_points(d.g.table(), f);
+  LaneSources s;
   s.f = f.size() > 0 ? times(f, F_) : RowMatrix::Zero(J + 1, m);
-  if (stages) {
-    s.problem = smooth_stage_problem(d);
-    std::vector<Index> rows(std::size_t(J) + 1);
-    for (Index j = 0; j <= J; ++j) rows[std::size_t(j)] = j;
-    host::DenseStageMaps maps = host::dense_stage_maps(*s.problem, *d.small_state(), 2, h, rows);
-    s.g = std::move(maps.q);
-    s.drift = maps.forcing.size() > 0 ? std::move(maps.forcing) : RowMatrix::Zero(J + 1, m);
-    s.at_points = d.g.table();
-    s.growth_drift = f.size() > 0 ? times(f, drive_right_) : RowMatrix::Zero(J + 1, m);
-    return s;
-  }
-  s.g = d.g.table();
+  s.problem = smooth_stage_problem(d);
+  std::vector<Index> rows(std::size_t(J) + 1);
+  for (Index j = 0; j <= J; ++j) rows[std::size_t(j)] = j;
+  host::DenseStageMaps maps = host::dense_stage_maps(*s.problem, *d.small_state(), 2, h, rows);
+  s.g = std::move(maps.q);
+  s.drift = maps.forcing.size() > 0 ? std::move(maps.forcing) : RowMatrix(RowMatrix::Zero(J + 1, m));
+  s.at_points = d.g.table();
+  s.growth_drift = f.size() > 0 ? times(f, drive_right_) : RowMatrix::Zero(J + 1, m);
+  return s;
+}
+
+LaneSources LanePlan::sources_at_points(const RowMatrix& g, const RowMatrix& f) const {
+  LaneSources s;
+  s.g = g;
   s.drift = f.size() > 0 ? times(f, drive_right_) : RowMatrix::Zero(J + 1, m);
   if (f.size() > 0) s.drift.bottomRows(J) += times(f.topRows(J), drive_left_);
+  if (euler) s.f = f.size() > 0 ? times(f, F_) : RowMatrix::Zero(J + 1, m);
   return s;
 }
 

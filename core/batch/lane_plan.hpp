@@ -38,6 +38,12 @@ struct EulerSearch {
   std::vector<RowMatrix> V;  ///< of all active sets, see ActiveSetTable; in the units of the scene
 };
 
+/// The rule by which perturbations of the state grow (core/accuracy/magnification.hpp): dz_j = E dz_{j-1} + G dy_j.
+struct GrowthMaps {
+  Matrix E, R, G;                 ///< m x m, m x n, m x n
+  const ActiveSetTable* problem;  ///< M + N R
+};
+
 /// Tables over time of one scene, in the units of its plan: (J+1) rows each.
 struct LaneSources {
   RowMatrix drift;         ///< m: d_j
@@ -59,8 +65,11 @@ class LanePlan {
   /// The number of time points that continuous solutions may keep this active set, before a mode appears that the steps
   /// do not resolve.
   double longest(unsigned set) const;
+  GrowthMaps growth() const;
   /// The tables of a scene with sources of its own; empty where they are not finite or not smooth.
   std::optional<LaneSources> sources_of(const Scene&) const;
+  /// The same without stages, from values of g and of what f is stated by at the time points; `f` may be empty.
+  LaneSources sources_at_points(const RowMatrix& g, const RowMatrix& f) const;
   /// x0 of a scene in the units of the plan.
   Vector start_of(Vector x0) const;
 
@@ -73,8 +82,8 @@ class LanePlan {
   Vector t;
   Matrix A, B, N, M;
   StepMaps whole;
-  Matrix growth_E, growth_L, growth_R;              ///< of the rule by which perturbations grow: m x m, m x n, m x n
-  std::unique_ptr<ActiveSetTable> growth_problem;   ///< M + N growth_R; null: that of `whole`
+  Matrix euler_E, euler_R;                          ///< with stages: of implicit Euler, m x m and m x n
+  std::unique_ptr<ActiveSetTable> euler_problem;    ///< with stages: M + N euler_R
   std::unique_ptr<ActiveSetTable> at_zero;          ///< M alone
   std::optional<OtherSolutions> others;             ///< of the problem at t = 0, where a single solve looks for them
   std::optional<EulerSearch> euler;                 ///< where it looks for other solutions of the steps as well

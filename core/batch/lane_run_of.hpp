@@ -39,21 +39,16 @@ struct Tables {
   }
 
   explicit Tables(const LaneMarch::State& s) {
-    const auto G = [](const LanePlan& p) -> Matrix {
-      return p.stages ? Matrix(p.growth_E * p.growth_R) : Matrix(p.whole.E * p.whole.R + p.whole.L);
-    };
-    const auto euler = [](const LanePlan& p) { return p.stages ? p.growth_E : p.whole.E; };
-    const auto right = [](const LanePlan& p) { return p.stages ? p.growth_R : p.whole.R; };
     fill(E, s, [](const LanePlan& p) { return p.whole.E; });
     fill(L, s, [](const LanePlan& p) { return p.whole.L; });
     fill(R, s, [](const LanePlan& p) { return p.whole.R; });
     fill(N, s, [](const LanePlan& p) { return p.N; });
     fill(M, s, [](const LanePlan& p) { return p.M; });
     fill(B, s, [](const LanePlan& p) { return p.B; });
-    fill(growth_E, s, euler);
-    fill(growth_G, s, G);
-    fill(size_of_E, s, [&](const LanePlan& p) { return Matrix(euler(p).cwiseAbs()); });
-    fill(size_of_R, s, [&](const LanePlan& p) { return Matrix(right(p).cwiseAbs()); });
+    fill(growth_E, s, [](const LanePlan& p) { return p.growth().E; });
+    fill(growth_G, s, [](const LanePlan& p) { return p.growth().G; });
+    fill(size_of_E, s, [](const LanePlan& p) { return Matrix(p.growth().E.cwiseAbs()); });
+    fill(size_of_R, s, [](const LanePlan& p) { return Matrix(p.growth().R.cwiseAbs()); });
     fill(y_unit, s, [](const LanePlan& p) { return units(p.units.y, p.n); });
     fill(w_unit, s, [](const LanePlan& p) { return units(p.units.w, p.n); });
   }
@@ -210,9 +205,7 @@ class Run {
     LaneProblem problem;
     problem.longest = [&](Index l, unsigned set) { return s_.plan(l).longest(set); };
     LaneMask none = {};
-    problem.use(tables_of(s_, [](const LanePlan& p) {
-                  return p.growth_problem ? p.growth_problem.get() : p.whole.problem.get();
-                }), none);
+    problem.use(tables_of(s_, [](const LanePlan& p) { return p.growth().problem; }), none);
     steps_.check_growth(problem, largest_x, s_.lost);
     bool looks = false;  // at lanes whose other solutions are not known yet
     for (Index l = 0; l < s_.used; ++l) looks |= s_.plan(l).euler && !s_.lost[l] && !s_.other[l];
