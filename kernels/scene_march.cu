@@ -149,8 +149,8 @@ __global__ void __launch_bounds__(threads) march_scenes(const Given p) {
   const Source<double> drift{p.drift, nullptr, states, 1}, g{p.g, nullptr, p.matrices.stages ? 2 * n : n, 1},
       at_points{p.at_points, nullptr, n, 1}, growth_drift{p.growth_drift, nullptr, states, 1},
       f{p.f, nullptr, states, 1};
-  const Steps<m, n, double, double> steps{
-      p.matrices, {p.x + k, states, p.scenes}, {p.y + k, n, p.scenes}, drift, g, growth_drift};
+  const Steps<m, n, double, double> steps{p.matrices,  {p.x + k, states, p.scenes}, {p.y + k, n, p.scenes}, drift, g,
+                                          growth_drift};
   StoredProblem problem{p.steps, nullptr};
   if (p.matrices.stages) {
     if constexpr (2 * n <= scene_steps::most_unknowns)

@@ -115,10 +115,9 @@ void measure_batch(const BatchCase& c, Backend& backend, const BenchRequest& req
       difference = std::max(difference, (found.of(found.y, k) - single.y).cwiseAbs().maxCoeff() / size);
     }
   }
-  lines.push_back({name, fmt::format("{}", c.scenes), fmt::format("{}", c.steps),
-                   fmt::format("{}", found.in_lanes), fmt::format("{:.1f}", median(many)),
-                   fmt::format("{:.1f}", median(one)), fmt::format("{:.1f}", median(ratios)), fmt::format("{}", differ),
-                   scientific(difference)});
+  lines.push_back({name, fmt::format("{}", c.scenes), fmt::format("{}", c.steps), fmt::format("{}", found.in_lanes),
+                   fmt::format("{:.1f}", median(many)), fmt::format("{:.1f}", median(one)),
+                   fmt::format("{:.1f}", median(ratios)), fmt::format("{}", differ), scientific(difference)});
   const auto spread = [](const std::vector<double>& v) {
     return Json{{"median", median(v)}, {"min", minimum(v)}, {"max", maximum(v)}};
   };
@@ -186,7 +185,8 @@ BenchReport bench_batch(const BenchRequest& request, Backend& backend) {
   BenchReport report;
   report.scene = "several";
   report.details["ns_batch"] = "solve_batch: wall clock over scenes and steps, in nanoseconds, checks included";
-  report.details["ns_single"] = "Solver::set_x0 and Solver::solve in a loop, or solve where scenes have their own A: likewise";
+  report.details["ns_single"] =
+      "Solver::set_x0 and Solver::solve in a loop, or solve where scenes have their own A: likewise";
   report.details["in_lanes"] = "scenes that were stepped side by side";
   report.details["us"] = "of core/derivatives, in microseconds; us_solve: a prepared solve of the same scene";
   report.details["difference"] = "largest |y - y of the single solve| / max |y|";

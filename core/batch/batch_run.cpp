@@ -43,9 +43,7 @@ bool same_units(const NaturalUnits& a, const NaturalUnits& b) { return key_of(a)
 
 // Lanes of one kind can be stepped together.
 using Kind = std::tuple<bool, bool, bool, bool, double, double>;
-Kind kind_of(const LanePlan& p) {
-  return {p.stages, p.surely_P, p.certain, p.euler.has_value(), p.most_growth, p.h};
-}
+Kind kind_of(const LanePlan& p) { return {p.stages, p.surely_P, p.certain, p.euler.has_value(), p.most_growth, p.h}; }
 
 // f and g at the time points, where they are finite and linear between them.
 struct SampledSources {
@@ -126,7 +124,8 @@ void BatchRun::say(Index more) {
 
 bool BatchRun::for_lanes() const {
   return (options_.method == Method::automatic || options_.method == Method::march) && !controls_error(options_) &&
-         !options_.event_location && !options_.goal && batch_.times.empty() && !options_.tuning.first_iterate && !options_.log && J_ >= 2 &&
+         !options_.event_location && !options_.goal && batch_.times.empty() && !options_.tuning.first_iterate &&
+         !options_.log && J_ >= 2 &&
          LaneMarch::bytes(first_of(batch_).states(), first_of(batch_).constraints(), J_) <= most_lane_bytes;
 }
 
@@ -202,7 +201,7 @@ std::vector<Index> BatchRun::march_on_device(const LanePlan& plan, const std::ve
     std::vector<char> found(std::size_t(count), 0), other = found;
     backend_.each_range(count, 64, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) {
-        const LaneStart start = start_of_lane(plan, starts[std::size_t(i)], g0);
+        const LaneStart start = plan.start(starts[std::size_t(i)], g0);
         x0.row(i) = starts[std::size_t(i)].transpose();
         y0.row(i) = start.y.transpose();
         found[std::size_t(i)] = start.found, other[std::size_t(i)] = start.other;

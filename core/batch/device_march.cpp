@@ -1,8 +1,5 @@
 #include "core/batch/device_march.hpp"
 
-#include "core/lcp/active_set.hpp"
-
-#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
@@ -51,28 +48,6 @@ SceneMarchProblem scene_march_problem(const LanePlan& p) {
   for (Index i = 0; i < p.m; ++i) s.part[i] = std::cos(1.0 + 2.399963 * double(i));
   s.x_unit = p.units.x, s.y_unit = p.units.y, s.w_unit = p.units.w;
   return s;
-}
-
-LaneStart start_of_lane(const LanePlan& p, const Vector& x0, const Vector& g) {
-  LaneStart start;
-  const Vector begin = p.N * x0 + g, terms = p.N.cwiseAbs() * x0.cwiseAbs() + g.cwiseAbs();
-  Vector q = begin;
-  const double share = 4 * double(p.m + 1) * epsilon;  // as core/march/outcome.cpp
-  for (Index i = 0; i < p.n; ++i)
-    if (begin[i] < 0 && begin[i] >= -share * terms[i]) q[i] = 0;
-  start.y = Vector::Zero(p.n);
-  if (p.at_zero) {
-    double value[largest_tabulated] = {};
-    unsigned set = 0;
-    start.found = p.at_zero->solve(q.data(), set, value);
-    for (Index i = 0; i < p.n && start.found; ++i)
-      if (set >> i & 1u) start.y[i] = std::max(p.at_zero->column_scale(i) * value[i], 0.0);
-  } else {
-    start.found = ActiveSetLcp(p.M, p.lcp_class).solve(q, start.y).solved;
-    if (!start.found) start.y.setZero();
-  }
-  start.other = start.found && p.others && p.others->any(begin, start.y);
-  return start;
 }
 
 }  // namespace bromwich

@@ -1,7 +1,6 @@
 #include "core/batch/lane_march.hpp"
 
 #include "core/base/denormals.hpp"
-#include "core/batch/device_march.hpp"
 #include "core/batch/lane_run.hpp"
 
 #include <algorithm>
@@ -11,12 +10,12 @@ namespace bromwich {
 
 using simd::lanes;
 
-LaneMarch::State::State(const LanePlan& p) : m(p.m), n(p.n), J(p.J) {
+LaneState::LaneState(const LanePlan& p) : m(p.m), n(p.n), J(p.J) {
   x.resize(std::size_t((J + 1) * m));
   y.resize(std::size_t((J + 1) * n));
 }
 
-void LaneMarch::State::take(const std::vector<const LaneInput*>& given) {
+void LaneState::take(const std::vector<const LaneInput*>& given) {
   inputs = given;
   used = Index(given.size());
   own_sources = given[0]->sources != nullptr;
@@ -25,32 +24,33 @@ void LaneMarch::State::take(const std::vector<const LaneInput*>& given) {
   start();
 }
 
-bool LaneMarch::State::shared() const {
+bool LaneState::shared() const {
   return std::all_of(inputs.begin(), inputs.end(), [&](const LaneInput* i) { return i->plan == inputs[0]->plan; });
 }
 
-unsigned LaneMarch::State::rigid() const {
+unsigned LaneState::rigid() const {
   unsigned all = 0;
   for (Index l = 0; l < used; ++l) all |= plan(l).rigid;
   return all;
 }
 
-host::StageSteps* LaneMarch::State::steps_of(Index lane) {
+host::StageSteps* LaneState::steps_of(Index lane) {
   const LaneInput& in = input(lane);
   const LaneSources& sources = in.sources ? *in.sources : in.plan->sources;
   const auto at = std::size_t(in.sources || !shared() ? lane : 0);
-  if (!steps[at] || steps_for[at] != &*sources.problem) steps[at] = std::make_unique<host::StageSteps>(*sources.problem);
+  if (!steps[at] || steps_for[at] != &*sources.problem)
+    steps[at] = std::make_unique<host::StageSteps>(*sources.problem);
   steps_for[at] = &*sources.problem;
   return steps[at].get();
 }
 
-double LaneMarch::State::g_at(Index lane, Index j, Index i) const {
+double LaneState::g_at(Index lane, Index j, Index i) const {
   const LaneInput& in = input(lane);
   const LaneSources& s = in.sources ? *in.sources : in.plan->sources;
   return in.plan->stages ? s.at_points(j, i) : s.g(j, i);
 }
 
-void LaneMarch::State::fill_sources() {
+void LaneState::fill_sources() {
   if (!own_sources) return;
   const auto fill = [&](const RowMatrix LaneSources::*table, std::vector<Lanes>& to) {
     const Index size = ((*input(0).sources).*table).size();
@@ -68,25 +68,25 @@ void LaneMarch::State::fill_sources() {
 }
 
 // x0 and y_0, lane by lane. Lanes without a scene repeat the first one.
-void LaneMarch::State::start() {
+void LaneState::start() {
   Vector g(n);
   for (Index l = 0; l < lanes; ++l) {
     const Vector& x0 = input(l).x0;
     for (Index i = 0; i < m; ++i) x[std::size_t(i)][l] = x0[i];
     for (Index i = 0; i < n; ++i) g[i] = g_at(l, 0, i);
-    const LaneStart begin = start_of_lane(plan(l), x0, g);
+    const LaneStart begin = plan(l).start(x0, g);
     for (Index i = 0; i < n; ++i) y[std::size_t(i)][l] = begin.y[i];
     if (!begin.found) lost[l] = -1;
     if (begin.other && l < used) other[l] = -1;
   }
 }
 
-LaneMarch::LaneMarch(const LanePlan& plan) : s_(std::make_unique<State>(plan)) {}
+LaneMarch::LaneMarch(const LanePlan& plan) : s_(std::make_unique<LaneState>(plan)) {}
 LaneMarch::~LaneMarch() = default;
 
 void LaneMarch::run(const std::vector<const LaneInput*>& inputs, std::vector<LaneOutcome>& outcomes) {
   const FlushDenormals flush;
-  State& s = *s_;
+  LaneState& s = *s_;
   s.take(inputs);
   if (s.shared())
     run_lanes<double>(s);
@@ -107,7 +107,7 @@ double scaled(double value, const std::vector<int>& k, Index i) {
 }  // namespace
 
 void LaneMarch::write_y(Index lane, Eigen::Ref<RowMatrix> y) const {
-  const State& s = *s_;
+  const LaneState& s = *s_;
   const std::vector<int>& units = s.plan(lane).units.y;
   double* to = y.data();
   const double* from = reinterpret_cast<const double*>(s.y.data()) + lane;
@@ -118,7 +118,7 @@ void LaneMarch::write_y(Index lane, Eigen::Ref<RowMatrix> y) const {
 }
 
 void LaneMarch::write_x(Index lane, const std::vector<Index>& components, Eigen::Ref<RowMatrix> x) const {
-  const State& s = *s_;
+  const LaneState& s = *s_;
   const std::vector<int>& units = s.plan(lane).units.x;
   const double* from = reinterpret_cast<const double*>(s.x.data()) + lane;
   for (Index j = 0; j <= s.J; ++j)
@@ -127,7 +127,7 @@ void LaneMarch::write_x(Index lane, const std::vector<Index>& components, Eigen:
 }
 
 void LaneMarch::write_w(Index lane, Eigen::Ref<RowMatrix> w) const {
-  const State& s = *s_;
+  const LaneState& s = *s_;
   const LanePlan& p = s.plan(lane);
   const double *x = reinterpret_cast<const double*>(s.x.data()) + lane,
                *y = reinterpret_cast<const double*>(s.y.data()) + lane;

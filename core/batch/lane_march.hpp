@@ -1,6 +1,6 @@
 #pragma once
-// March of eight scenes in the lanes of a vector, on one grid, by the steps of core/batch/scene_steps.hpp: continuous y,
-// in parts of steps where shared sources are rough (core/march/split.cpp), or stages of Radau IIA. The scenes share
+// March of eight scenes in the lanes of a vector, on one grid, by the steps of core/batch/scene_steps.hpp: continuous
+// y, in parts of steps where shared sources are rough (core/march/split.cpp), or stages of Radau IIA. The scenes share
 // their dynamics and M, or each has its own.
 //
 // A lane is settled if the solution passes, with a margin, each check by which Certification would call it solved
@@ -9,18 +9,12 @@
 
 #include "lane_plan.hpp"
 
-#include <array>
 #include <memory>
 #include <vector>
 
 namespace bromwich {
 
-/// What one lane starts from.
-struct LaneInput {
-  const LanePlan* plan = nullptr;
-  Vector x0;                                  ///< in the units of the plan
-  std::shared_ptr<const LaneSources> sources; ///< own ones; null: those of the plan
-};
+struct LaneState;  // core/batch/lane_run.hpp
 
 struct LaneOutcome {
   bool settled = false;
@@ -43,10 +37,8 @@ class LaneMarch {
 
   static double bytes(Index m, Index n, Index J) { return 64.0 * double(J + 1) * double(3 * m + 5 * n + 2); }
 
-  struct State;  // core/batch/lane_run.hpp
-
  private:
-  std::unique_ptr<State> s_;
+  std::unique_ptr<LaneState> s_;
 };
 
 }  // namespace bromwich

@@ -7,9 +7,9 @@ namespace bromwich {
 
 namespace {
 
-constexpr double same_limit = 1e-9;       ///< of limits of g, as in core/march/split.cpp
-constexpr std::size_t most_parts = 200;   ///< with maps of their own
-constexpr double followed_sources = 0.01; ///< error of parts above which a result has a warning
+constexpr double same_limit = 1e-9;        ///< of limits of g, as in core/march/split.cpp
+constexpr std::size_t most_parts = 200;    ///< with maps of their own
+constexpr double followed_sources = 0.01;  ///< error of parts above which a result has a warning
 
 }  // namespace
 

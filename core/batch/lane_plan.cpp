@@ -5,6 +5,7 @@
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/resolution.hpp"
 #include "core/kernel/weight_check.hpp"
+#include "core/lcp/active_set.hpp"
 #include "core/march/stages.hpp"
 #include "core/numerics/sectorial.hpp"
 #include "core/solve/scaling.hpp"
@@ -123,7 +124,8 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   p->stages = !methods.basis().continuous || methods.basis().rings;
   if (methods.basis().rings) p->most_growth = growth_with_rings;
   p->natural = std::move(natural);
-  const bool fine = p->stages ? p->take_stages(methods, own_sources, why) : p->take_continuous(methods, own_sources, why);
+  const bool fine =
+      p->stages ? p->take_stages(methods, own_sources, why) : p->take_continuous(methods, own_sources, why);
   if (!fine) return nullptr;
   if (p->stages)
     p->units = units;
@@ -227,6 +229,28 @@ std::optional<LaneSources> LanePlan::sources_of(const Scene& given) const {
 Vector LanePlan::start_of(Vector x0) const {
   for (Index i = 0; i < x0.size() && !units.trivial(); ++i) x0[i] = times_ten_to(-units.x[std::size_t(i)], x0[i]);
   return x0;
+}
+
+LaneStart LanePlan::start(const Vector& x0, const Vector& g) const {
+  LaneStart start;
+  const Vector begin = N * x0 + g, terms = N.cwiseAbs() * x0.cwiseAbs() + g.cwiseAbs();
+  Vector q = begin;
+  const double share = 4 * double(m + 1) * epsilon;  // as core/march/outcome.cpp
+  for (Index i = 0; i < n; ++i)
+    if (begin[i] < 0 && begin[i] >= -share * terms[i]) q[i] = 0;
+  start.y = Vector::Zero(n);
+  if (at_zero) {
+    double value[largest_tabulated] = {};
+    unsigned set = 0;
+    start.found = at_zero->solve(q.data(), set, value);
+    for (Index i = 0; i < n && start.found; ++i)
+      if (set >> i & 1u) start.y[i] = std::max(at_zero->column_scale(i) * value[i], 0.0);
+  } else {
+    start.found = ActiveSetLcp(M, lcp_class).solve(q, start.y).solved;
+    if (!start.found) start.y.setZero();
+  }
+  start.other = start.found && others && others->any(begin, start.y);
+  return start;
 }
 
 // From natural units to those of the scene.

@@ -46,12 +46,19 @@ struct GrowthMaps {
 
 /// Tables over time of one scene, in the units of its plan: (J+1) rows each.
 struct LaneSources {
-  RowMatrix drift;         ///< m: d_j
-  RowMatrix g;             ///< n, with stages 2n: g_j
-  RowMatrix f;             ///< m, where other solutions are looked for: f itself
-  RowMatrix at_points;     ///< n, with stages: g at the time points; otherwise g has it
-  RowMatrix growth_drift;  ///< m, with stages: d_j of implicit Euler; otherwise drift has it
+  RowMatrix drift;                      ///< m: d_j
+  RowMatrix g;                          ///< n, with stages 2n: g_j
+  RowMatrix f;                          ///< m, where other solutions are looked for: f itself
+  RowMatrix at_points;                  ///< n, with stages: g at the time points; otherwise g has it
+  RowMatrix growth_drift;               ///< m, with stages: d_j of implicit Euler; otherwise drift has it
   std::optional<StageProblem> problem;  ///< with stages
+};
+
+/// y_0 of a scene.
+struct LaneStart {
+  bool found = false;  ///< the problem at t = 0 is solved
+  bool other = false;  ///< it has another solution
+  Vector y;
 };
 
 /// Made from one scene of the group.
@@ -72,6 +79,8 @@ class LanePlan {
   LaneSources sources_at_points(const RowMatrix& g, const RowMatrix& f) const;
   /// x0 of a scene in the units of the plan.
   Vector start_of(Vector x0) const;
+  /// y_0 from x0 and g(0), both in these units.
+  LaneStart start(const Vector& x0, const Vector& g) const;
 
   Index m, n, J;
   double h;
@@ -82,17 +91,17 @@ class LanePlan {
   Vector t;
   Matrix A, B, N, M;
   StepMaps whole;
-  Matrix euler_E, euler_R;                          ///< with stages: of implicit Euler, m x m and m x n
-  std::unique_ptr<ActiveSetTable> euler_problem;    ///< with stages: M + N euler_R
-  std::unique_ptr<ActiveSetTable> at_zero;          ///< M alone
-  std::optional<OtherSolutions> others;             ///< of the problem at t = 0, where a single solve looks for them
-  std::optional<EulerSearch> euler;                 ///< where it looks for other solutions of the steps as well
-  LaneSources sources;                              ///< shared ones
-  std::map<Index, std::vector<PartOfStep>> parts;   ///< of rough steps
+  Matrix euler_E, euler_R;                         ///< with stages: of implicit Euler, m x m and m x n
+  std::unique_ptr<ActiveSetTable> euler_problem;   ///< with stages: M + N euler_R
+  std::unique_ptr<ActiveSetTable> at_zero;         ///< M alone
+  std::optional<OtherSolutions> others;            ///< of the problem at t = 0, where a single solve looks for them
+  std::optional<EulerSearch> euler;                ///< where it looks for other solutions of the steps as well
+  LaneSources sources;                             ///< shared ones
+  std::map<Index, std::vector<PartOfStep>> parts;  ///< of rough steps
   std::deque<StepMaps> maps_of_parts;
-  NaturalUnits units;                               ///< with stages: those of all that is above; otherwise trivial
-  std::unique_ptr<const Scene> natural;             ///< the scene in natural units
-  unsigned rigid = 0;                               ///< bits of StageSteps::rigid
+  NaturalUnits units;                    ///< with stages: those of all that is above; otherwise trivial
+  std::unique_ptr<const Scene> natural;  ///< the scene in natural units
+  unsigned rigid = 0;                    ///< bits of StageSteps::rigid
 
  private:
   LanePlan() = default;
@@ -110,6 +119,13 @@ class LanePlan {
   Matrix F_, drive_left_, drive_right_;  ///< of f, and of its values at the ends of a step
   mutable std::mutex mutex_;
   mutable std::map<unsigned, double> longest_;
+};
+
+/// What one lane starts from.
+struct LaneInput {
+  const LanePlan* plan = nullptr;
+  Vector x0;                                   ///< in the units of the plan
+  std::shared_ptr<const LaneSources> sources;  ///< own ones; null: those of the plan
 };
 
 }  // namespace bromwich

@@ -62,8 +62,8 @@ class LaneProblem {
       y[i] = Lanes(LaneMask(A::max(value[i] * column_scale_[i], simd::all(0))) & active_[i]);
   }
 
-  /// Solutions that are certainly the only ones; the lanes without are `uncertain`. For problems that are not of class P:
-  /// no y_i and w_i are both near rounding, as is_certainly_unique (core/lcp/solution.hpp) demands.
+  /// Solutions that are certainly the only ones; the lanes without are `uncertain`. For problems that are not of class
+  /// P: no y_i and w_i are both near rounding, as is_certainly_unique (core/lcp/solution.hpp) demands.
   template <Index size>
   void try_stages(const Lanes* q, Lanes* y, LaneMask& uncertain) {
     Lanes value[size], least = simd::all(INFINITY), largest = simd::all(0);
@@ -96,8 +96,7 @@ class LaneProblem {
   /// u = V v on the active sets.
   template <Index size>
   void respond(const Lanes* v, Lanes* u) const {
-    for (Index i = 0; i < size; ++i)
-      u[i] = Lanes(LaneMask(column_scale_[i] * row_times<size>(v, i)) & active_[i]);
+    for (Index i = 0; i < size; ++i) u[i] = Lanes(LaneMask(column_scale_[i] * row_times<size>(v, i)) & active_[i]);
   }
 
   /// Of the sets that `take` has taken.
@@ -160,7 +159,7 @@ class LaneProblem {
 
   Tables tables_ = {};
   Lanes V_[largest_tabulated * largest_tabulated] = {}, row_scale_[largest_tabulated] = {},
-        column_scale_[largest_tabulated] = {}, limit_ = {};
+                               column_scale_[largest_tabulated] = {}, limit_ = {};
   LaneMask active_[largest_tabulated] = {};
   unsigned set_[simd::lanes] = {};
 };

@@ -2,7 +2,7 @@
 // The state of a LaneMarch, and its run for matrices that all lanes share (C = double) or that each has (C = Lanes).
 
 #include "../host/stage_steps.hpp"
-#include "lane_march.hpp"
+#include "lane_plan.hpp"
 #include "lane_problem.hpp"
 
 #include <array>
@@ -11,11 +11,11 @@
 
 namespace bromwich {
 
-struct LaneMarch::State {
+struct LaneState {
   using Lanes = simd::Lanes;
   using LaneMask = simd::LaneMask;
 
-  explicit State(const LanePlan&);
+  explicit LaneState(const LanePlan&);
   void take(const std::vector<const LaneInput*>&);
   void start();
   void fill_sources();
@@ -41,6 +41,6 @@ struct LaneMarch::State {
 
 /// march, then the checks. Defined for double and simd::Lanes in files of their own.
 template <class C>
-void run_lanes(LaneMarch::State&);
+void run_lanes(LaneState&);
 
 }  // namespace bromwich

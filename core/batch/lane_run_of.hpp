@@ -13,12 +13,12 @@ namespace bromwich {
 
 namespace lane_run {
 
-using simd::LaneMask;
-using simd::Lanes;
 using scene_steps::Arithmetic;
 using scene_steps::Matrices;
 using scene_steps::Rows;
 using scene_steps::Source;
+using simd::LaneMask;
+using simd::Lanes;
 
 // Matrices row by row, of the first lane or of all.
 template <class C>
@@ -26,7 +26,7 @@ struct Tables {
   std::vector<C> E, L, R, N, M, B, growth_E, growth_G, size_of_E, size_of_R, y_unit, w_unit, seen, V;
 
   template <class Of>
-  void fill(std::vector<C>& to, const LaneMarch::State& s, const Of& of) {
+  void fill(std::vector<C>& to, const LaneState& s, const Of& of) {
     for (Index l = 0; l < (std::is_same_v<C, double> ? 1 : simd::lanes); ++l) {
       const RowMatrix matrix = of(s.plan(l));
       to.resize(std::size_t(matrix.size()));
@@ -38,7 +38,7 @@ struct Tables {
     }
   }
 
-  explicit Tables(const LaneMarch::State& s) {
+  explicit Tables(const LaneState& s) {
     fill(E, s, [](const LanePlan& p) { return p.whole.E; });
     fill(L, s, [](const LanePlan& p) { return p.whole.L; });
     fill(R, s, [](const LanePlan& p) { return p.whole.R; });
@@ -60,7 +60,7 @@ struct Tables {
   }
 
   // Of implicit Euler, in lanes that have it.
-  void add_euler(const LaneMarch::State& s) {
+  void add_euler(const LaneState& s) {
     const Index sets = Index(1) << s.n;
     fill(seen, s, [&](const LanePlan& p) { return p.euler ? p.euler->seen : Matrix(Matrix::Zero(s.n, s.m)); });
     fill(V, s, [&](const LanePlan& p) {
@@ -83,13 +83,13 @@ struct Tables {
 };
 
 template <class Get>
-LaneProblem::Tables tables_of(const LaneMarch::State& s, const Get& get) {
+LaneProblem::Tables tables_of(const LaneState& s, const Get& get) {
   LaneProblem::Tables tables;
   for (Index l = 0; l < simd::lanes; ++l) tables[std::size_t(l)] = get(s.plan(l));
   return tables;
 }
 
-inline Source<Lanes> source_of(const LaneMarch::State& s, RowMatrix LaneSources::*shared, const std::vector<Lanes>& own,
+inline Source<Lanes> source_of(const LaneState& s, RowMatrix LaneSources::*shared, const std::vector<Lanes>& own,
                                Index width) {
   return {(s.plan(0).sources.*shared).data(), s.own_sources ? own.data() : nullptr, width, 1};
 }
@@ -99,7 +99,7 @@ class Run {
   using Steps = scene_steps::Steps<0, n, Lanes, C>;
 
  public:
-  explicit Run(LaneMarch::State& s)
+  explicit Run(LaneState& s)
       : s_(s),
         p_(s.plan(0)),
         tables_(s),
@@ -165,12 +165,12 @@ class Run {
     if constexpr (2 * n <= largest_tabulated) {
       problem.certain = p_.certain;
       problem.use(tables_of(s_, [](const LanePlan& p) { return p.whole.problem.get(); }), s_.lost);
-      steps_.march_stages(problem, s_.rigid(), s_.lost,
-                          [&](Index j, LaneMask odd, const Lanes* from, Lanes* to, Lanes* ys, Lanes* regular,
-                              LaneMask& lost) {
-                            for (Index l = 0; l < simd::lanes; ++l)
-                              if (odd[l] && !take_singly(l, j, from, to, ys, regular)) lost[l] = -1;
-                          });
+      steps_.march_stages(
+          problem, s_.rigid(), s_.lost,
+          [&](Index j, LaneMask odd, const Lanes* from, Lanes* to, Lanes* ys, Lanes* regular, LaneMask& lost) {
+            for (Index l = 0; l < simd::lanes; ++l)
+              if (odd[l] && !take_singly(l, j, from, to, ys, regular)) lost[l] = -1;
+          });
     }
   }
 
@@ -218,7 +218,7 @@ class Run {
     steps_.check_others(tables_.seen.data(), tables_.V.data(), at_points_, f, known, s_.lost);
   }
 
-  LaneMarch::State& s_;
+  LaneState& s_;
   const LanePlan& p_;
   Tables<C> tables_;
   Matrices<C> view_;
@@ -228,7 +228,7 @@ class Run {
 };
 
 template <Index n, class C>
-void run_of(LaneMarch::State& s) {
+void run_of(LaneState& s) {
   Run<n, C> run(s);
   run();
 }
@@ -236,9 +236,9 @@ void run_of(LaneMarch::State& s) {
 }  // namespace lane_run
 
 template <class C>
-void run_lanes(LaneMarch::State& s) {
+void run_lanes(LaneState& s) {
   using namespace lane_run;
-  using Call = void (*)(LaneMarch::State&);
+  using Call = void (*)(LaneState&);
   constexpr Call calls[] = {run_of<1, C>, run_of<2, C>, run_of<3, C>, run_of<4, C>,
                             run_of<5, C>, run_of<6, C>, run_of<7, C>, run_of<8, C>};
   static_assert(std::size(calls) == largest_tabulated);

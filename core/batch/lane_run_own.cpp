@@ -2,6 +2,6 @@
 
 namespace bromwich {
 
-template void run_lanes<simd::Lanes>(LaneMarch::State&);
+template void run_lanes<simd::Lanes>(LaneState&);
 
 }  // namespace bromwich

@@ -2,6 +2,6 @@
 
 namespace bromwich {
 
-template void run_lanes<double>(LaneMarch::State&);
+template void run_lanes<double>(LaneState&);
 
 }  // namespace bromwich

@@ -70,8 +70,8 @@ struct Matrices {
   const C *E = nullptr, *L = nullptr, *R = nullptr, *N = nullptr, *M = nullptr, *B = nullptr;
   /// Of the rule by which perturbations grow: its step, E R + L, |E| and |R|.
   const C *growth_E = nullptr, *growth_G = nullptr, *size_of_E = nullptr, *size_of_R = nullptr;
-  const double* part = nullptr;                          ///< m: of each state in the first perturbation
-  const C *y_unit = nullptr, *w_unit = nullptr;          ///< n: of y and w in the units of the scene
+  const double* part = nullptr;                  ///< m: of each state in the first perturbation
+  const C *y_unit = nullptr, *w_unit = nullptr;  ///< n: of y and w in the units of the scene
   bool surely_P = false, stages = false;
   double most_growth = 50;
 };
@@ -314,9 +314,9 @@ struct Steps {
     lost |= A::no(impulse2 <= settled_impulse * settled_impulse);
   }
 
-  /// Whether a step of implicit Euler has two solutions, or nearly so, at the rows where core/accuracy/other_solution.cpp
-  /// looks. V: n x n, of all active sets one after the other; `seen`: n x m, N (I - hA)^{-1}. Lanes in `known` are not
-  /// looked at.
+  /// Whether a step of implicit Euler has two solutions, or nearly so, at the rows where
+  /// core/accuracy/other_solution.cpp looks. V: n x n, of all active sets one after the other; `seen`: n x m, N (I -
+  /// hA)^{-1}. Lanes in `known` are not looked at.
   constexpr void check_others(const C* seen, const C* V, const Source<Number>& source, const Source<Number>& f,
                               Mask known, Mask& lost) const {
     constexpr Index most_rows = 24;

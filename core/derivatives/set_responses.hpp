@@ -29,8 +29,8 @@ class SetResponses {
   struct Member {
     std::vector<Index> S;
     double condition = 1;
-    Matrix response;                  ///< n x n: -W_SS^{-1}, zero elsewhere; empty for large sets
-    Eigen::PartialPivLU<Matrix> lu;   ///< of large ones
+    Matrix response;                 ///< n x n: -W_SS^{-1}, zero elsewhere; empty for large sets
+    Eigen::PartialPivLU<Matrix> lu;  ///< of large ones
   };
   std::map<std::pair<int, std::vector<Index>>, Index> known_;
   std::vector<Member> members_;

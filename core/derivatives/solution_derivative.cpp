@@ -129,12 +129,14 @@ SolutionDerivative::SolutionDerivative(const Scene& scene, const Result& result)
   const Matrix W = M_ + d_.N * R_ * d_.B;
   sets_.resize(std::size_t(J_) + 1);
   for (Index j = 0; j <= J_; ++j)
-    sets_[std::size_t(j)] = j > 0 ? responses_.take(active_set(scene, y_, j), W) : responses_.take(active_set(scene, y_, j), M_, 1);
+    sets_[std::size_t(j)] =
+        j > 0 ? responses_.take(active_set(scene, y_, j), W) : responses_.take(active_set(scene, y_, j), M_, 1);
   follow(result);
   measure();
 }
 
-// The states by the steps; x_ holds L u_{j-1} + R u_j before. y is that of the result as long as w vanishes where y acts.
+// The states by the steps; x_ holds L u_{j-1} + R u_j before. y is that of the result as long as w vanishes where y
+// acts.
 void SolutionDerivative::follow(const Result& result) {
   const Matrix driven = R_ * d_.B;
   const double allowed = same_solution * (1e-290 + result.y.cwiseAbs().maxCoeff());

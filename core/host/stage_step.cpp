@@ -37,7 +37,8 @@ DenseStageMaps dense_maps(const StageProblem& p, const DenseDynamics& d, double 
   const auto inverse = regular_inverse(ScalarMatrix(c.mu / h * ScalarMatrix::Identity(m, m) - d.A.cast<Scalar>()));
   if (!inverse) singular_step();
   const ScalarMatrix& R = *inverse;
-  DenseStageMaps maps{{}, Matrix(s * n, m), Matrix(m, s * n), Matrix(s * n, s * n), last_stages(p.g, p.stages, s, rows), {}};
+  DenseStageMaps maps{{}, Matrix(s * n, m), Matrix(m, s * n), Matrix(s * n, s * n), last_stages(p.g, p.stages, s, rows),
+                      {}};
   const Matrix F = p.F;
   const RowMatrix phi = last_stages(p.phi, p.stages, s, rows);
   if (phi.size() > 0) maps.forcing = RowMatrix::Zero(phi.rows(), m);
@@ -141,7 +142,7 @@ class SolvedStep final : public StageStep {
 
 template <class Scalar>
 std::unique_ptr<StageStep> make(const StageProblem& p, double h, const std::vector<Index>& rows) {
-  if (const auto* d = (*p.dynamics)->small_state()) 
+  if (const auto* d = (*p.dynamics)->small_state())
     return std::make_unique<DenseStageStep>(dense_maps<Scalar>(p, *d, h, rows));
   return std::make_unique<SolvedStep<Scalar>>(p, h, rows);
 }

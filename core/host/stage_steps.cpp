@@ -47,8 +47,7 @@ void StageSteps::start(const Vector& x0, const Vector& y0, const Vector& seen) {
   regular = y0.allFinite() ? y0 : Vector(Vector::Zero(y0.size()));
   const Vector g = problem_.g.row(0).head(seen.size()).transpose();
   const Vector size = (*problem_.dynamics)->observed_terms(x0) + g.cwiseAbs();
-  for (Index i = 0; i < seen.size(); ++i)
-    touching[std::size_t(i)] = std::abs(seen[i] + g[i]) <= negligible * size[i];
+  for (Index i = 0; i < seen.size(); ++i) touching[std::size_t(i)] = std::abs(seen[i] + g[i]) <= negligible * size[i];
 }
 
 void StageSteps::pass(const Stepper& used) {

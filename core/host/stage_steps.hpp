@@ -18,8 +18,8 @@ class StageSteps {
 
   /// Before the first step from x0. `y0`: NaN where it is unknown; `seen`: N x0.
   void start(const Vector& x0, const Vector& y0, const Vector& seen);
-  /// From x at row j - 1 to `next` at row j, with the stages of the problem, or with one stage if the state jumps or two
-  /// have no solution. Null: unsolved.
+  /// From x at row j - 1 to `next` at row j, with the stages of the problem, or with one stage if the state jumps or
+  /// two have no solution. Null: unsolved.
   const Stepper* take(const Vector& x, Index j, Vector& next, MarchReport&);
   /// Notes the step that `take` returned, for the next one.
   void pass(const Stepper& used);

@@ -14,9 +14,10 @@ namespace bromwich {
 
 /// The problems of one matrix, of u x u, on all of its 2^u active sets.
 struct StoredSets {
-  RowMatrix V;               ///< 2^u u x u: (y_S, w_I) = V(S) q in scaled units; the first entry is NaN where S is not usable
-  Vector rows, columns;      ///< u: the scaling
-  bool all_solutions = true; ///< solutions are the only ones; otherwise they have to be certain (LaneProblem::try_stages)
+  RowMatrix V;  ///< 2^u u x u: (y_S, w_I) = V(S) q in scaled units; the first entry is NaN where S is not usable
+  Vector rows, columns;  ///< u: the scaling
+  bool all_solutions =
+      true;  ///< solutions are the only ones; otherwise they have to be certain (LaneProblem::try_stages)
 };
 
 /// Scenes that share their dynamics, M and sources. See core/batch/scene_steps.hpp for the letters.
@@ -26,11 +27,11 @@ struct SceneMarchProblem {
   bool stages = false, surely_P = false;
   unsigned rigid = 0;
   RowMatrix E, L, R, N, M, B, growth_E, growth_G, size_of_E, size_of_R;
-  StoredSets steps, growth;              ///< of a step; of the rule by which perturbations grow
-  Vector longest;                        ///< 2^n: time points that a set may last
+  StoredSets steps, growth;                        ///< of a step; of the rule by which perturbations grow
+  Vector longest;                                  ///< 2^n: time points that a set may last
   RowMatrix drift, g, at_points, growth_drift, f;  ///< (J+1) rows each
-  RowMatrix seen, euler;                 ///< n x m and 2^n n x n, of implicit Euler; empty: no other solutions are looked for
-  Vector part;                           ///< m
+  RowMatrix seen, euler;  ///< n x m and 2^n n x n, of implicit Euler; empty: no other solutions are looked for
+  Vector part;            ///< m
   std::vector<int> x_unit, y_unit, w_unit;  ///< powers of ten of the rows that are returned; empty: none
 };
 
