@@ -296,12 +296,14 @@ void BatchRun::take_own(const std::vector<Index>& all) {
         if (!common) return;
       }
     }
-    share_each(backend_, Index(scenes.size()), [&](Index i) {
-      std::string why;
-      try {
-        plans[std::size_t(i)] = LanePlan::make(stated[std::size_t(i)], backend_, J_, true, &nearby, why);
-      } catch (const Error&) {
-      }
+    const Index count = Index(scenes.size());
+    const Index length = backend_.traits().one_at_a_time ? 1 : std::max<Index>(1, count);  // a device has one stream
+    share(backend_, count, length, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) try {
+          std::string why;
+          plans[std::size_t(i)] = LanePlan::make(stated[std::size_t(i)], backend_, J_, true, &nearby, why);
+        } catch (const Error&) {
+        }
     });
     std::map<Kind, std::vector<Prepared>> kinds;
     for (std::size_t i = 0; i < scenes.size(); ++i) try {
