@@ -11,6 +11,8 @@
 #include "core/derivatives/solution_derivative.hpp"
 #include "core/solve/solve.hpp"
 #include "core/solve/solver.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
 
 #include <fmt/format.h>
 
@@ -115,9 +117,10 @@ void measure_batch(const BatchCase& c, Backend& backend, const BenchRequest& req
       difference = std::max(difference, (found.of(found.y, k) - single.y).cwiseAbs().maxCoeff() / size);
     }
   }
-  lines.push_back({name, fmt::format("{}", c.scenes), fmt::format("{}", c.steps), fmt::format("{}", found.in_lanes),
-                   fmt::format("{:.1f}", median(many)), fmt::format("{:.1f}", median(one)),
-                   fmt::format("{:.1f}", median(ratios)), fmt::format("{}", differ), scientific(difference)});
+  lines.push_back({name, backend.name(), fmt::format("{}", c.scenes), fmt::format("{}", c.steps),
+                   fmt::format("{}", found.in_lanes), fmt::format("{:.1f}", median(many)),
+                   fmt::format("{:.1f}", median(one)), fmt::format("{:.1f}", median(ratios)), fmt::format("{}", differ),
+                   scientific(difference)});
   const auto spread = [](const std::vector<double>& v) {
     return Json{{"median", median(v)}, {"min", minimum(v)}, {"max", maximum(v)}};
   };
@@ -191,10 +194,13 @@ BenchReport bench_batch(const BenchRequest& request, Backend& backend) {
   report.details["us"] = "of core/derivatives, in microseconds; us_solve: a prepared solve of the same scene";
   report.details["difference"] = "largest |y - y of the single solve| / max |y|";
   std::vector<std::vector<std::string>> lines{
-      {"scene", "scenes", "J", "side by side", "ns", "ns single", "ratio", "other status", "difference"}};
-  for (const BatchCase& c : batch_cases(request.quick))
-    if (backend.traits().one_at_a_time || c.of_A == 0)  // matrices of their own are stepped on the host
-      measure_batch(c, backend, request, report, lines);
+      {"scene", "backend", "scenes", "J", "side by side", "ns", "ns single", "ratio", "other status", "difference"}};
+  for (const BatchCase& c : batch_cases(request.quick)) measure_batch(c, backend, request, report, lines);
+  if (!cuda_devices().empty()) {
+    const auto device = make_cuda_backend(make_cpu_backend(backend.device().threads));
+    for (const BatchCase& c : batch_cases(request.quick))
+      if (c.of_A == 0) measure_batch(c, *device, request, report, lines);  // other matrices are stepped on the host
+  }
   print(fmt::format("nanoseconds a scene and step in batches, and in a loop of prepared solves; {} threads\n{}",
                     backend.device().threads, table(lines)));
   std::vector<std::vector<std::string>> derivatives{{"derivative", "us", "over a prepared solve"}};

@@ -22,6 +22,7 @@ Vector seen_in_modes(const ModalStages& modal, const Vector& x) {
 StageSteps::StageSteps(const StageProblem& p)
     : problem_(p), lengths_(p, p.g.rows()), main_(p, p.stages, p.h, lengths_.rows(0)) {
   touching.assign(std::size_t(p.g.cols() / p.stages), false);
+  regular = Vector::Zero(p.g.cols() / p.stages);
   if (p.modal) {
     S_ = sine_matrix(p.modal->along.size());
     rigid_.assign(touching.size(), p.modal->direct == 0 && diagonal(*p.M).isZero(0));
