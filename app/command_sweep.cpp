@@ -2,6 +2,7 @@
 
 #include "app/arguments.hpp"
 #include "app/backend_choice.hpp"
+#include "app/columns.hpp"
 #include "app/interaction.hpp"
 #include "app/log.hpp"
 #include "app/machine.hpp"
@@ -52,16 +53,14 @@ class SweepRun {
     options_.method = parse_method(arguments.method);
     if (!arguments.steps.empty()) options_.steps = parse_steps(arguments.steps);
     parse_error_control(arguments, options_, choice_.tolerance);
-    if (controls_error(options_))
-      throw Error("--tol", "a tolerance is given with [sweep], whose scenes share their time points",
-                  "give --steps, and compare with twice as many");
     if (!arguments.iteration_tolerance.empty())
       options_.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
-    parse_states("--states", arguments.states.empty() ? choice_.states : arguments.states, choice_.scene, options_);
-    options_.trace = by_hdf5();
-    if (options_.steps == 0) options_.steps = choice_.scene.default_steps;
-    steps_ = options_.steps;
+    choose_columns();
+    options_.trace = by_hdf5() || need_trace(columns_);
+    if (options_.steps == 0 && !controls_error(options_)) options_.steps = choice_.scene.default_steps;
+    choose_times();
     states_ = recorded_components(choice_.scene, options_);
+    if (columns_.empty()) columns_ = default_columns(choice_.scene, states_);
   }
 
   int run() {
@@ -96,9 +95,7 @@ class SweepRun {
 
  private:
   void check_arguments() const {
-    for (const auto& [option, given] : {std::pair("--at", !arguments_.at.empty()),
-                                        {"--columns", !arguments_.columns.empty()},
-                                        {"--switches", !arguments_.switches.empty()},
+    for (const auto& [option, given] : {std::pair("--switches", !arguments_.switches.empty()),
                                         {"--report", !arguments_.report.empty()},
                                         {"--checkpoint", !arguments_.checkpoint.empty()},
                                         {"--energies", arguments_.energies},
@@ -108,6 +105,9 @@ class SweepRun {
     for (const std::string& name : sweep_.names)
       if (settings_.contains(name))
         throw Error("--set", fmt::format("'{}' is swept by the file", name), "leave it out, or take it out of [sweep]");
+    for (const auto& [option, word] : {std::pair("--at", &arguments_.at), {"--columns", &arguments_.columns}})
+      if (!word->empty() && arguments_.out.empty())
+        throw Error(option, fmt::format("found '{}' without --out", *word), "add --out FILE.csv");
     if (arguments_.out.empty()) return;
     const std::string extension = std::filesystem::path(arguments_.out).extension();
     if (extension != ".csv" && extension != ".h5")
@@ -116,6 +116,43 @@ class SweepRun {
     for (const std::filesystem::path& input : sweep_.inputs)
       if (std::filesystem::equivalent(input, arguments_.out, none))
         throw Error("--out", fmt::format("'{}' is an input of the scene", arguments_.out), "choose another file");
+  }
+
+  /// The columns of a CSV file, and the states that they or --states ask for.
+  void choose_columns() {
+    if (!arguments_.columns.empty()) columns_ = parse_columns(arguments_.columns, choice_.scene);
+    for (const Column& column : columns_)
+      if (column.kind == ColumnKind::trace)
+        throw Error("--columns", fmt::format("asks for {} with [sweep]", column.name), "leave trace out");
+    if (arguments_.columns.empty() || !arguments_.states.empty())
+      parse_states("--states", arguments_.states.empty() ? choice_.states : arguments_.states, choice_.scene, options_);
+    const std::vector<Index> wanted = states_of(columns_);
+    if (options_.states == StateSelection::all || wanted.empty()) return;
+    options_.states = StateSelection::list;
+    for (const Index i : wanted)
+      if (std::find(options_.components.begin(), options_.components.end(), i) == options_.components.end())
+        options_.components.push_back(i);
+  }
+
+  /// Rows that all scenes have: of --at, with a tolerance those of the steps of the file, otherwise those of the grid.
+  void choose_times() {
+    const double T = choice_.scene.T;
+    const Index steps = options_.steps > 0 ? options_.steps : choice_.scene.default_steps;
+    if (!arguments_.at.empty() && swept("T"))
+      throw Error("--at", "is given for scenes with other T", "leave it out: rows are at the same parts of T");
+    if (!arguments_.at.empty())
+      times_ = parse_times(arguments_.at, T);
+    else if (const Vector grid = time_grid(T, steps); controls_error(options_))
+      times_.assign(grid.begin(), grid.end());
+    steps_ = times_.empty() ? steps : Index(times_.size()) - 1;
+  }
+
+  bool swept(const char* name) const {
+    return std::find(sweep_.names.begin(), sweep_.names.end(), name) != sweep_.names.end();
+  }
+  Vector times() const {
+    if (!times_.empty() && !swept("T")) return Eigen::Map<const Vector>(times_.data(), Index(times_.size()));
+    return time_grid(swept("T") ? 1 : choice_.scene.T, steps_);
   }
 
   bool by_hdf5() const { return std::filesystem::path(arguments_.out).extension() == ".h5"; }
@@ -138,6 +175,7 @@ class SweepRun {
   void predict() {
     Batch one;
     one.common = choice_.scene;
+    one.times = times_;
     const int threads = backend_->device().threads;
     const double fixed = predicted_bytes(one, options_, 0, threads),
                  each = predicted_bytes(one, options_, 1, threads) - fixed + bytes_of_a_scene;
@@ -225,19 +263,15 @@ class SweepRun {
                                 scenes[k].states(), scenes[k].constraints(), choice_.scene.states(),
                                 choice_.scene.constraints()),
                     "sweep parameters that do not change the size");
-    for (Scene& scene : scenes) scene.default_steps = steps_;
-    if (!scenes.empty()) block.result = solve_batch(batch_of(std::move(scenes)), *backend_, options_);
+    for (Scene& scene : scenes) scene.default_steps = choice_.scene.default_steps;
+    if (scenes.empty()) return block;
+    Batch batch = batch_of(std::move(scenes));
+    batch.times = times_;
+    block.result = solve_batch(batch, *backend_, options_);
     return block;
   }
 
   // ---- Tables.
-
-  std::vector<std::string> value_names() const {
-    std::vector<std::string> names;
-    for (Index i = 0; i < choice_.scene.constraints(); ++i) names.push_back(multiplier_name(choice_.scene, i));
-    for (const Index i : states_) names.push_back(state_name(choice_.scene, i));
-    return names;
-  }
 
   static std::string number(double value) {
     return std::isnan(value) ? "nan" : fmt::format("{}", value + 0.0);  // -0 becomes 0
@@ -247,39 +281,44 @@ class SweepRun {
     return '"' + text + '"';
   }
 
+  // A row for each scene; with --at one for each scene and time.
   void write_csv(std::FILE* file) {
+    const bool at = !arguments_.at.empty();
     std::string header = "scene";
     for (const std::string& name : sweep_.names) header += "," + name;
-    header += ",status,residual";
-    for (const std::string& name : value_names()) header += fmt::format(",{0}(T),max|{0}|", name);
+    header += at ? ",t,status,residual" : ",status,residual";
+    for (const Column& c : columns_) header += at ? "," + c.name : fmt::format(",{0}(T),max|{0}|", c.name);
     std::fputs((header + ",reason,warning\n").c_str(), file);
     each_block([&](const Block& block) {
       Index place = 0;
       for (Index i = 0; i < block.count; ++i) {
         const bool was_read = block.refused[std::size_t(i)].empty();
-        std::fputs(csv_row(block, block.first + i, was_read ? place : -1).c_str(), file);
+        for (Index row = 0; row < (at ? Index(times_.size()) : 1); ++row)
+          std::fputs(csv_row(block, block.first + i, was_read ? place : -1, at ? row : -1).c_str(), file);
         place += was_read;
       }
     });
   }
 
-  std::string csv_row(const Block& block, Index k, Index place) const {
+  /// `at`: the row of the times, or -1.
+  std::string csv_row(const Block& block, Index k, Index place, Index at) const {
     std::string row = fmt::format("{}", k);
     for (Index c = 0; c < sweep_.values.cols(); ++c) row += "," + number(sweep_.values(k, c));
+    if (at >= 0) row += "," + number(times_[std::size_t(at)]);
     row += "," + status_[std::size_t(k)] + "," + number(place < 0 ? NAN : block.result.residual[place]);
-    for (const RowMatrix* all : {&block.result.y, &block.result.x}) {
-      const Index columns = all == &block.result.y ? choice_.scene.constraints() : Index(states_.size());
-      for (Index i = 0; i < columns; ++i) {
-        if (place < 0) {
-          row += ",nan,nan";
-          continue;
-        }
-        const auto values = block.result.of(*all, place).col(i);
-        row += "," + number(values[values.size() - 1]) + "," +
-               number(values.cwiseAbs().template maxCoeff<Eigen::PropagateNaN>());
-      }
+    for (const Column& c : columns_) {
+      const Vector values = place < 0 ? Vector(Vector::Constant(1, NAN)) : values_of(block.result, c, place);
+      row += "," + number(place < 0 ? NAN : values[at < 0 ? values.size() - 1 : at]);
+      if (at < 0) row += "," + number(values.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
     }
     return row + "," + quoted(reason_[std::size_t(k)]) + "," + quoted(warning_[std::size_t(k)]) + "\n";
+  }
+
+  Vector values_of(const BatchResult& result, const Column& c, Index place) const {
+    if (c.kind == ColumnKind::y) return result.of(result.y, place).col(c.component);
+    if (c.kind == ColumnKind::w) return result.of(result.w, place).col(c.component);
+    const auto found = std::find(states_.begin(), states_.end(), c.component);
+    return result.of(result.x, place).col(found - states_.begin());
   }
 
   void write_hdf5() {
@@ -290,9 +329,8 @@ class SweepRun {
     columns.states = states_;
     for (Index i = 0; i < scene.constraints(); ++i) columns.constraint_names.push_back(multiplier_name(scene, i));
     for (const Index i : states_) columns.state_names.push_back(state_name(scene, i));
-    const bool own_T = std::find(sweep_.names.begin(), sweep_.names.end(), "T") != sweep_.names.end();
-    const auto file =
-        create_sweep_hdf5({"--out", arguments_.out}, columns, sweep_, time_grid(own_T ? 1 : scene.T, steps_));
+    const bool own_T = swept("T");
+    const auto file = create_sweep_hdf5({"--out", arguments_.out}, columns, sweep_, times());
     each_block([&](const Block& block) {
       const Index rows = steps_ + 1, all = block.count * rows;
       RowMatrix y = RowMatrix::Constant(all, columns.constraints, NAN), w = y,
@@ -371,6 +409,8 @@ class SweepRun {
   std::unique_ptr<Backend> backend_;
   std::optional<BlockFolder> kept_;  ///< of ranks, or of a run before
   std::vector<Index> states_;
+  std::vector<Column> columns_;  ///< of a CSV file
+  std::vector<double> times_;    ///< of the rows; empty: those of the grid
   std::vector<std::string> status_, reason_, warning_;
   Index steps_ = 0, first_ = 0, together_ = 1, blocks_ = 0, in_lanes_ = 0;
   double predicted_ = 0, seconds_ = 0;

@@ -29,7 +29,7 @@ double free_memory(const cuda::Device& device) {
   return std::max(1.0, double(free) + double(reserved) - double(used) + double(device.blocks().kept()));
 }
 
-class CudaBackend final : public Backend, public SharedMemory {
+class CudaBackend final : public Backend, public SharedMemory, public SceneMarcher {
  public:
   CudaBackend(std::unique_ptr<Backend> host, int number, std::string device_name)
       : Backend("cuda", cuda_traits()),
@@ -137,6 +137,9 @@ class CudaBackend final : public Backend, public SharedMemory {
     return cuda::make_march(device_, *host_, problem, rows);
   }
   void wait() override { device_.wait(); }
+  std::unique_ptr<SceneMarch> scene_march(const SceneMarchProblem& problem, Index scenes) override {
+    return cuda::make_scene_march(device_, problem, scenes);
+  }
 
   // SharedMemory
   Place place() const override { return {2, number_, reinterpret_cast<std::uintptr_t>(device_.stream())}; }

@@ -1,6 +1,7 @@
 #pragma once
 // The makers of the plans of kernels/.
 
+#include "core/seam/scene_march.hpp"
 #include "kernels/device.hpp"
 
 #include <functional>
@@ -60,6 +61,9 @@ std::unique_ptr<March> make_march(const Device&, Backend& host, const MarchProbl
 
 /// Null for sparse maps with many states and for very long chains.
 std::unique_ptr<StepChain> make_step_chain(const Device&, const StepChainProblem&);
+
+/// Null for more than 8 states or 8 unknowns of a step.
+std::unique_ptr<SceneMarch> make_scene_march(const Device&, const SceneMarchProblem&, Index scenes);
 
 /// Null for more than 32 states.
 std::unique_ptr<AffineChain> make_affine_chain(const Device&, const AffineChainSizes&);

@@ -9,7 +9,10 @@
 #include "bench/studies/study.hpp"
 #include "core/base/error.hpp"
 #include "core/derivatives/solution_derivative.hpp"
+#include "core/solve/solve.hpp"
 #include "core/solve/solver.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
 
 #include <fmt/format.h>
 
@@ -26,14 +29,19 @@ struct BatchCase {
   std::string scene;
   Index scenes, steps, single;  ///< `single`: scenes of the loop
   double part;                  ///< of x0, by which it differs
+  double of_A = 0;              ///< the same of A; 0: all share it
 };
 
 std::vector<BatchCase> batch_cases(bool quick) {
   const std::string bridge = std::string(examples_folder) + "/diode-bridge.toml";
   const bool has_bridge = std::filesystem::exists(bridge);
+  const Index many = quick ? 64 : 10000;
   std::vector<BatchCase> all{{"dlcp-small", quick ? 64 : 10000, quick ? Index(32) : 256, quick ? 8 : 500, 0.003},
                              {"bridge", quick ? 64 : 10000, quick ? Index(64) : 256, quick ? 8 : 500, 0.1}};
-  if (has_bridge) all.push_back({bridge, quick ? 16 : 500, quick ? Index(200) : 1000, quick ? 4 : 100, 0.1});
+  all.push_back({"drawn", many, quick ? Index(32) : 256, quick ? 8 : 200, 0.1, 0.02});
+  if (!has_bridge) return all;
+  all.push_back({bridge, many, quick ? Index(200) : 1000, quick ? 4 : 100, 0.1});
+  all.push_back({bridge, many, quick ? Index(200) : 1000, quick ? 4 : 100, 0.1, 0.02});
   return all;
 }
 
@@ -46,70 +54,13 @@ Batch draw_batch(const BatchCase& c, const Scene& scene) {
   std::uniform_real_distribution<double> uniform(-1, 1);
   for (Index k = 0; k < c.scenes; ++k)
     for (Index i = 0; i < scene.states(); ++i) batch.x0(k, i) = scene.x0[i] * (1 + c.part * uniform(generator));
+  for (Index k = 0; k < c.scenes && c.of_A > 0; ++k)
+    batch.A.push_back((1 + c.of_A * uniform(generator)) * to_dense(scene.dynamics).A);
   return batch;
 }
 
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-void measure_batch(const BatchCase& c, Backend& backend, const BenchRequest& request, BenchReport& report,
-                   std::vector<std::vector<std::string>>& lines) {
-  const SceneChoice choice = choose_scene(c.scene, {});
-  const Batch batch = draw_batch(c, choice.scene);
-  Options options;
-  options.method = Method::march;
-  options.steps = c.steps;
-  Solver solver(choice.scene, backend, options);
-  solver.solve();
-  std::vector<double> many, one, ratios;
-  BatchResult found;
-  double difference = 0;
-  Index differ = 0;
-  for (int round = 0; round < request.repeats(); ++round) {
-    auto start = std::chrono::steady_clock::now();
-    found = solve_batch(batch, backend, options);
-    many.push_back(1e9 * seconds_since(start) / (double(c.scenes) * double(c.steps)));
-    std::vector<Result> singles;
-    start = std::chrono::steady_clock::now();
-    for (Index k = 0; k < c.single; ++k) {
-      solver.set_x0(Vector(batch.x0.row(k).transpose()));
-      singles.push_back(solver.solve());
-    }
-    one.push_back(1e9 * seconds_since(start) / (double(c.single) * double(c.steps)));
-    ratios.push_back(one.back() / many.back());
-    for (Index k = 0; k < c.single; ++k) {
-      const Result& single = singles[std::size_t(k)];
-      differ += single.status != found.status[std::size_t(k)];
-      if (single.status != Status::solved) continue;
-      const double size = std::max(1e-300, single.y.cwiseAbs().maxCoeff());
-      difference = std::max(difference, (found.of(found.y, k) - single.y).cwiseAbs().maxCoeff() / size);
-    }
-  }
-  lines.push_back({choice.scene.name, fmt::format("{}", c.scenes), fmt::format("{}", c.steps),
-                   fmt::format("{}", found.in_lanes), fmt::format("{:.1f}", median(many)),
-                   fmt::format("{:.1f}", median(one)), fmt::format("{:.1f}", median(ratios)), fmt::format("{}", differ),
-                   scientific(difference)});
-  const auto spread = [](const std::vector<double>& v) {
-    return Json{{"median", median(v)}, {"min", minimum(v)}, {"max", maximum(v)}};
-  };
-  report.rows.push_back({{"scene", choice.scene.name},
-                         {"backend", backend.name()},
-                         {"scenes", c.scenes},
-                         {"steps", c.steps},
-                         {"constraints", choice.scene.constraints()},
-                         {"states", choice.scene.states()},
-                         {"solved", found.solved()},
-                         {"in_lanes", found.in_lanes},
-                         {"ns_batch", spread(many)},
-                         {"ns_single", spread(one)},
-                         {"ratio", median(ratios)},
-                         {"status_differs", differ},
-                         {"difference", difference}});
-}
-
 // Four states and four constraints, M of class P, smooth sources.
-Scene scene_of_derivatives() {
+Scene drawn_scene() {
   std::mt19937_64 generator(3);
   std::uniform_real_distribution<double> uniform(-1, 1);
   const auto draw = [&](Index rows, Index columns) {
@@ -128,9 +79,69 @@ Scene scene_of_derivatives() {
   return scene;
 }
 
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+void measure_batch(const BatchCase& c, Backend& backend, const BenchRequest& request, BenchReport& report,
+                   std::vector<std::vector<std::string>>& lines) {
+  const Scene scene = c.scene == "drawn" ? drawn_scene() : choose_scene(c.scene, {}).scene;
+  const Batch batch = draw_batch(c, scene);
+  Options options;
+  options.method = Method::march;
+  options.steps = c.steps;
+  Solver solver(scene, backend, options);
+  solver.solve();
+  const std::string name = scene.name + (c.of_A > 0 ? ", own A" : "");
+  std::vector<double> many, one, ratios;
+  BatchResult found;
+  double difference = 0;
+  Index differ = 0;
+  for (int round = 0; round < request.repeats(); ++round) {
+    auto start = std::chrono::steady_clock::now();
+    found = solve_batch(batch, backend, options);
+    many.push_back(1e9 * seconds_since(start) / (double(c.scenes) * double(c.steps)));
+    std::vector<Result> singles;
+    start = std::chrono::steady_clock::now();
+    for (Index k = 0; k < c.single; ++k) {
+      solver.set_x0(Vector(batch.x0.row(k).transpose()));
+      singles.push_back(c.of_A > 0 ? solve(scene_of(batch, k), backend, options) : solver.solve());
+    }
+    one.push_back(1e9 * seconds_since(start) / (double(c.single) * double(c.steps)));
+    ratios.push_back(one.back() / many.back());
+    for (Index k = 0; k < c.single; ++k) {
+      const Result& single = singles[std::size_t(k)];
+      differ += single.status != found.status[std::size_t(k)];
+      if (single.status != Status::solved) continue;
+      const double size = std::max(1e-300, single.y.cwiseAbs().maxCoeff());
+      difference = std::max(difference, (found.of(found.y, k) - single.y).cwiseAbs().maxCoeff() / size);
+    }
+  }
+  lines.push_back({name, backend.name(), fmt::format("{}", c.scenes), fmt::format("{}", c.steps),
+                   fmt::format("{}", found.in_lanes), fmt::format("{:.1f}", median(many)),
+                   fmt::format("{:.1f}", median(one)), fmt::format("{:.1f}", median(ratios)), fmt::format("{}", differ),
+                   scientific(difference)});
+  const auto spread = [](const std::vector<double>& v) {
+    return Json{{"median", median(v)}, {"min", minimum(v)}, {"max", maximum(v)}};
+  };
+  report.rows.push_back({{"scene", name},
+                         {"backend", backend.name()},
+                         {"scenes", c.scenes},
+                         {"steps", c.steps},
+                         {"constraints", scene.constraints()},
+                         {"states", scene.states()},
+                         {"solved", found.solved()},
+                         {"in_lanes", found.in_lanes},
+                         {"ns_batch", spread(many)},
+                         {"ns_single", spread(one)},
+                         {"ratio", median(ratios)},
+                         {"status_differs", differ},
+                         {"difference", difference}});
+}
+
 void measure_derivative(Backend& backend, const BenchRequest& request, BenchReport& report,
                         std::vector<std::vector<std::string>>& lines) {
-  const Scene scene = scene_of_derivatives();
+  const Scene scene = drawn_scene();
   Options options;
   options.method = Method::march;
   options.steps = request.quick ? 64 : 1000;
@@ -177,13 +188,19 @@ BenchReport bench_batch(const BenchRequest& request, Backend& backend) {
   BenchReport report;
   report.scene = "several";
   report.details["ns_batch"] = "solve_batch: wall clock over scenes and steps, in nanoseconds, checks included";
-  report.details["ns_single"] = "Solver::set_x0 and Solver::solve in a loop: likewise";
+  report.details["ns_single"] =
+      "Solver::set_x0 and Solver::solve in a loop, or solve where scenes have their own A: likewise";
   report.details["in_lanes"] = "scenes that were stepped side by side";
   report.details["us"] = "of core/derivatives, in microseconds; us_solve: a prepared solve of the same scene";
   report.details["difference"] = "largest |y - y of the single solve| / max |y|";
   std::vector<std::vector<std::string>> lines{
-      {"scene", "scenes", "J", "side by side", "ns", "ns single", "ratio", "other status", "difference"}};
+      {"scene", "backend", "scenes", "J", "side by side", "ns", "ns single", "ratio", "other status", "difference"}};
   for (const BatchCase& c : batch_cases(request.quick)) measure_batch(c, backend, request, report, lines);
+  if (!cuda_devices().empty()) {
+    const auto device = make_cuda_backend(make_cpu_backend(backend.device().threads));
+    for (const BatchCase& c : batch_cases(request.quick))
+      if (c.of_A == 0) measure_batch(c, *device, request, report, lines);  // other matrices are stepped on the host
+  }
   print(fmt::format("nanoseconds a scene and step in batches, and in a loop of prepared solves; {} threads\n{}",
                     backend.device().threads, table(lines)));
   std::vector<std::vector<std::string>> derivatives{{"derivative", "us", "over a prepared solve"}};

@@ -29,7 +29,10 @@ struct Batch {
   std::vector<std::vector<double>> breakpoints;  ///< K lists of times in [0, T]
   bool breakpoints_are_all = false;              ///< as in Scene, for f, g and breakpoints with a batch axis
   bool no_pulses = false;                        ///< likewise
-  std::vector<Scene> own;                        ///< K whole scenes; nothing else is read then
+  std::vector<Scene> own;                        ///< K whole scenes; nothing else but `times` is read then
+  /// Of the rows, increasing from 0 to T of the first scene; scenes with another T have them at the same parts of T.
+  /// Empty: the time points of the grid. They are needed with a tolerance, where grids differ.
+  std::vector<double> times;
 
   /// Throws Error that names the first member with a wrong number of entries or a wrong shape.
   void validate() const;
@@ -43,23 +46,23 @@ Scene scene_of(const Batch&, Index k);
 
 struct BatchResult {
   Index scenes = 0;
-  Vector t;                         ///< J+1 times; scenes of a list may have other final times
+  Vector t;                         ///< times of the rows; scenes of a list may have other final times
   std::vector<Status> status;       ///< K
   std::vector<std::string> reason;  ///< K; one line where the status is not solved
   std::vector<std::string> warning;
   std::vector<Method> method;         ///< K; the one that gave the result
   std::vector<double> infeasible_at;  ///< K; NaN where there is no such time
   Vector residual;                    ///< K, as Result::residual
-  RowMatrix y;                        ///< K (J+1) x n, scene after scene; NaN where there is no value
+  RowMatrix y;                        ///< K rows() x n, scene after scene; NaN where there is no value
   RowMatrix w;                        ///< the same of w = N x + M y + g with Options::trace; otherwise empty
-  RowMatrix x;                        ///< K (J+1) x recorded components
+  RowMatrix x;                        ///< K rows() x recorded components
   std::vector<Index> x_components;
   Index in_lanes = 0;     ///< scenes that were stepped side by side
   Index prepared = 0;     ///< scenes that were solved by a Solver that other scenes have used
   double seconds = 0;     ///< wall clock
   std::size_t bytes = 0;  ///< of the arrays of this result
 
-  Index rows() const { return t.size(); }  ///< J+1
+  Index rows() const { return t.size(); }  ///< of a scene: J+1, or the number of `times`
   /// The rows of scene k in y, w or x.
   Eigen::Block<const RowMatrix> of(const RowMatrix& all, Index k) const {
     return all.block(k * rows(), 0, all.size() > 0 ? rows() : 0, all.cols());

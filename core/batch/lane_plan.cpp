@@ -1,10 +1,13 @@
-#include "core/batch/lane_march.hpp"
+#include "core/batch/lane_plan.hpp"
 
+#include "core/host/stage_steps.hpp"
 #include "core/kernel/closed_loop.hpp"
+#include "core/kernel/discretise.hpp"
 #include "core/kernel/resolution.hpp"
 #include "core/kernel/weight_check.hpp"
+#include "core/lcp/active_set.hpp"
+#include "core/march/stages.hpp"
 #include "core/numerics/sectorial.hpp"
-#include "core/numerics/step_propagator.hpp"
 #include "core/solve/scaling.hpp"
 
 #include <Eigen/Eigenvalues>
@@ -17,15 +20,9 @@ namespace bromwich {
 
 namespace {
 
-constexpr double same_limit = 1e-9;         ///< of limits of g, as in core/march/split.cpp
-constexpr std::size_t most_parts = 200;     ///< with maps of their own
-constexpr double followed_sources = 0.01;   ///< error of parts above which a result has a warning
 constexpr double known_weights = 1e-7;      ///< error of weights, a tenth of what a solve accepts
 constexpr double rounding_of_time = 1e-11;  ///< eps T |A| from which the rounding of e^{hA} is looked at
-
-std::unique_ptr<ActiveSetTable> problem_of(const LanePlan& p, const Matrix& matrix) {
-  return std::make_unique<ActiveSetTable>(matrix, p.least_elements ? &p.M : nullptr);
-}
+constexpr double growth_with_rings = 5e5;   ///< half of what a solve does not doubt where continuous y rings
 
 // False where a set of implicit Euler is singular.
 bool add_euler(LanePlan& p) {
@@ -58,85 +55,207 @@ std::string unsuitable(const Scene& scene) {
   return "";
 }
 
+// Steps for which a mode with z = h lambda does not count (core/kernel/resolution.cpp), with a margin.
+double steps_of_mode(Complex z) {
+  constexpr double margin = 0.98;
+  double steps = INFINITY;
+  if (std::abs(z) > margin * 0.5 && z.real() > margin * 1e-6 * std::abs(z)) steps = margin * 0.1 / z.real();
+  if (margin * std::abs(z.real()) < 0.1 * std::abs(z.imag()))
+    steps = std::min(steps, margin * 0.4 / std::max(std::abs(radau_damping(z) - z.real()), 1e-300));
+  return steps;
+}
+
+RowMatrix times(const RowMatrix& table, const Matrix& matrix) { return table * matrix.transpose(); }
+
 }  // namespace
 
-bool LanePlan::oscillates(unsigned set) const {
+std::unique_ptr<ActiveSetTable> LanePlan::problem_of(const Matrix& matrix) const {
+  return std::make_unique<ActiveSetTable>(matrix, least_elements ? &M : nullptr);
+}
+
+double LanePlan::limit_of(const std::vector<Index>& set) const {
   constexpr double margin = 0.99;
+  const auto closed = closed_matrix(A, B, N, M, set);
+  if (!closed || !closed->allFinite()) return stages ? INFINITY : 0;  // stages: no mode of this set is looked at
+  const Matrix b = balanced(*closed).A;
+  if (!stages && !(0.5 * h * (b - b.transpose()).cwiseAbs().rowwise().sum().maxCoeff() > margin)) return INFINITY;
+  double steps = INFINITY;
+  const Eigen::EigenSolver<Matrix> eigen(b, false);
+  for (const Complex lambda : eigen.eigenvalues())
+    if (stages)
+      steps = std::min(steps, steps_of_mode(h * lambda));
+    else if (h * std::abs(lambda.imag()) > margin && margin * std::abs(lambda.real()) < 0.1 * std::abs(lambda.imag()))
+      steps = 0;
+  return steps;
+}
+
+GrowthMaps LanePlan::growth() const {
+  if (stages) return {euler_E, euler_R, euler_E * euler_R, euler_problem.get()};
+  return {whole.E, whole.R, whole.E * whole.R + whole.L, whole.problem.get()};
+}
+
+double LanePlan::longest(unsigned set) const {
   const std::lock_guard lock(mutex_);
-  if (const auto found = oscillating_.find(set); found != oscillating_.end()) return found->second;
-  bool yes = false;
-  if (const auto closed = closed_matrix(A, B, N, M, members(set, n)); closed && closed->allFinite()) {
-    const Matrix b = balanced(*closed).A;
-    if (0.5 * h * (b - b.transpose()).cwiseAbs().rowwise().sum().maxCoeff() > margin) {
-      const Eigen::EigenSolver<Matrix> eigen(b, false);
-      for (const Complex lambda : eigen.eigenvalues())
-        yes = yes || (h * std::abs(lambda.imag()) > margin &&
-                      margin * std::abs(lambda.real()) < 0.1 * std::abs(lambda.imag()));
-    }
-  } else {
-    yes = true;
-  }
-  return oscillating_[set] = yes;
+  if (const auto found = longest_.find(set); found != longest_.end()) return found->second;
+  return longest_[set] = limit_of(members(set, n));
 }
 
 std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, Index J, bool own_sources,
-                                         std::string& why) {
+                                         const NaturalUnits* nearby, std::string& why) {
   if (why = unsuitable(given); !why.empty()) return nullptr;
   Scene scene = given;
-  if (own_sources) scene.f = {}, scene.g = {}, scene.breakpoints.clear();
-  const NaturalUnits units = natural_units(scene);  // as a single solve: e^{hA} keeps more digits in them
-  const Scene natural = in_natural_units(scene, units);
-  Methods methods(natural, backend, J, {});
+  if (own_sources) scene.f = {}, scene.g = {}, scene.breakpoints.clear(), scene.breakpoints_are_all = true;
+  const NaturalUnits units = nearby ? *nearby : natural_units(given);  // as a single solve: e^{hA} keeps more digits
+  auto natural = std::make_unique<Scene>(in_natural_units(scene, units));
+  const auto family = std::make_shared<GridFamily>();
+  Methods methods(*natural, backend, J, {}, false, family);
   const DiscreteProblem& d = methods.problem();
   const DenseDynamics& dense = *d.small_state();
   std::unique_ptr<LanePlan> p(new LanePlan);
+  p->family_ = family, p->backend_ = &backend;
   p->m = scene.states(), p->n = scene.constraints(), p->J = J, p->h = d.h, p->t = d.t;
-  p->A = dense.A, p->B = dense.B, p->N = dense.N, p->M = to_dense(natural.M);
+  p->A = dense.A, p->B = dense.B, p->N = dense.N, p->M = to_dense(natural->M);
+  p->lcp_class = d.lcp_class;
   p->least_elements = d.lcp_class == LcpClass::Z;
   p->surely_P = d.lcp_class == LcpClass::P;
-  const auto refused = [&](const char* reason) {
-    why = reason;
-    return nullptr;
-  };
-  if (!p->least_elements && !p->surely_P) return refused("M is of another class than P and Z");
-  if (!methods.basis().continuous || methods.basis().rings) return refused("steps of Radau IIA");
-  const std::shared_ptr<const StepOperators> step = state_step(d, Rule::exponential);
   const double size = scene.T * p->A.cwiseAbs().colwise().sum().maxCoeff();
-  if (!(epsilon * size <= rounding_of_time) || !(free_growth(d, *step) <= harmless_growth))
-    return refused("growth of the free state, or long times");
-  if (check_weights(d, dense_recurrence(dense, *step), INFINITY).error > known_weights)
-    return refused("weights that are not known well");
-  p->whole.E = step->decay, p->whole.L = step->left * p->B, p->whole.R = step->right * p->B;
-  p->whole.problem = problem_of(*p, p->M + p->N * p->whole.R);
-  p->at_zero = problem_of(*p, p->M);
-  if (p->surely_P && classify(LcpMatrix(p->whole.problem->matrix())) != LcpClass::P)
-    return refused("steps of another class than P");
-  if (p->least_elements) {  // a single solve looks for other solutions of these scenes
-    p->others.emplace(p->M);
-    if (!add_euler(*p)) return refused("steps that may have several solutions");
-  }
-  const Matrix F = source_matrix(d);
-  p->F = F, p->drive_left = step->left * F, p->drive_right = step->right * F;
-  if (own_sources) {
+  if (!(epsilon * size <= rounding_of_time)) return why = "long times", nullptr;
+  if (d.f.not_finite() >= 0 || d.g.not_finite() >= 0) return why = "sources that are not finite", nullptr;
+  p->stages = !methods.basis().continuous || methods.basis().rings;
+  if (methods.basis().rings) p->most_growth = growth_with_rings;
+  p->natural = std::move(natural);
+  const bool fine =
+      p->stages ? p->take_stages(methods, own_sources, why) : p->take_continuous(methods, own_sources, why);
+  if (!fine) return nullptr;
+  if (p->stages)
+    p->units = units;
+  else
     p->to_units_of(scene, units);
-    return p;
-  }
-  if (d.f.not_finite() >= 0 || d.g.not_finite() >= 0) return refused("sources that are not finite");
-  p->g = d.g.table();
-  p->drift = p->f = RowMatrix::Zero(J + 1, p->m);
-  if (d.f.size() > 0) {
-    p->f = d.f.table() * F.transpose();
-    p->drift = d.f.table() * p->drive_right.transpose();
-    p->drift.bottomRows(J) += d.f.table().topRows(J) * p->drive_left.transpose();
-  }
-  if (d.sources && !p->add_parts(d, why)) return nullptr;
-  p->to_units_of(scene, units);
   return p;
 }
 
+bool LanePlan::take_continuous(Methods& methods, bool own_sources, std::string& why) {
+  const DiscreteProblem& d = methods.problem();
+  const DenseDynamics& dense = *d.small_state();
+  if (!least_elements && !surely_P) return why = "M is of another class than P and Z", false;
+  const std::shared_ptr<const StepOperators> step = state_step(d, Rule::exponential);
+  if (!(free_growth(d, *step) <= harmless_growth)) return why = "growth of the free state", false;
+  if (check_weights(d, dense_recurrence(dense, *step), INFINITY).error > known_weights)
+    return why = "weights that are not known well", false;
+  whole.E = step->decay, whole.L = step->left * B, whole.R = step->right * B;
+  whole.problem = problem_of(M + N * whole.R);
+  at_zero = problem_of(M);
+  if (surely_P && classify(LcpMatrix(whole.problem->matrix())) != LcpClass::P)
+    return why = "steps of another class than P", false;
+  if (least_elements && !look_for_others(why)) return false;
+  F_ = source_matrix(d), drive_left_ = step->left * F_, drive_right_ = step->right * F_;
+  if (own_sources) return true;
+  sources = tables(d);
+  return !d.sources || add_parts(d, why);
+}
+
+// A single solve looks for other solutions of these scenes.
+bool LanePlan::look_for_others(std::string& why) {
+  if (lcp_class != LcpClass::PSD) others.emplace(M);
+  if (add_euler(*this)) return true;
+  why = "steps that may have several solutions";
+  return false;
+}
+
+bool LanePlan::take_stages(Methods& methods, bool own_sources, std::string& why) {
+  const DiscreteProblem& d = methods.problem();
+  if (2 * n > largest_tabulated) return why = "stages of more than four constraints", false;
+  if (d.sources) return why = "stages with sources that are not smooth", false;
+  if (!has_euler_step(A, h)) return why = "a step of implicit Euler is singular", false;
+  const StageProblem problem = smooth_stage_problem(d);
+  const std::vector<Index> rows = {0};
+  const host::DenseStageMaps maps = host::dense_stage_maps(problem, *d.small_state(), 2, h, rows);
+  whole.E = maps.decay, whole.L = maps.see, whole.R = maps.drive;
+  Matrix steps = maps.implicit;
+  for (const Index k : {Index(0), n}) steps.block(k, k, n, n) += M;
+  steps.topRows(n) *= 0.75, steps.bottomRows(n) *= 0.25;
+  const LcpClass of_steps = classify(LcpMatrix(steps));
+  if (of_steps != LcpClass::P && of_steps != LcpClass::PSD)
+    return why = "steps whose class does not determine a solution", false;
+  certain = of_steps == LcpClass::P;
+  whole.problem = std::make_unique<ActiveSetTable>(steps, nullptr);
+  const std::shared_ptr<const StepOperators> euler_step = state_step(d, Rule::implicit_euler);
+  euler_E = euler_step->decay, euler_R = euler_step->right * B;
+  euler_problem = std::make_unique<ActiveSetTable>(M + N * euler_R, nullptr);
+  if ((lcp_class == LcpClass::Z || lcp_class == LcpClass::unknown) && !look_for_others(why)) return false;
+  F_ = source_matrix(d), drive_right_ = euler_step->right * F_;
+  const std::vector<bool> position = host::StageSteps(problem).rigid();
+  for (std::size_t i = 0; i < position.size(); ++i) rigid |= position[i] ? 1u << i : 0u;
+  if (!own_sources) sources = tables(d);
+  return true;
+}
+
+// In the units of d. Precondition: no rough steps that matter to stages.
+LaneSources LanePlan::tables(const DiscreteProblem& d) const {
+  const RowMatrix f = d.f.size() > 0 ? RowMatrix(d.f.table()) : RowMatrix();
+  if (!stages) return sources_at_points(d.g.table(), f);
+  LaneSources s;
+  s.f = f.size() > 0 ? times(f, F_) : RowMatrix::Zero(J + 1, m);
+  s.problem = smooth_stage_problem(d);
+  std::vector<Index> rows(std::size_t(J) + 1);
+  for (Index j = 0; j <= J; ++j) rows[std::size_t(j)] = j;
+  host::DenseStageMaps maps = host::dense_stage_maps(*s.problem, *d.small_state(), 2, h, rows);
+  s.g = std::move(maps.q);
+  s.drift = maps.forcing.size() > 0 ? std::move(maps.forcing) : RowMatrix(RowMatrix::Zero(J + 1, m));
+  s.at_points = d.g.table();
+  s.growth_drift = f.size() > 0 ? times(f, drive_right_) : RowMatrix::Zero(J + 1, m);
+  return s;
+}
+
+LaneSources LanePlan::sources_at_points(const RowMatrix& g, const RowMatrix& f) const {
+  LaneSources s;
+  s.g = g;
+  s.drift = f.size() > 0 ? times(f, drive_right_) : RowMatrix::Zero(J + 1, m);
+  if (f.size() > 0) s.drift.bottomRows(J) += times(f.topRows(J), drive_left_);
+  if (euler) s.f = f.size() > 0 ? times(f, F_) : RowMatrix::Zero(J + 1, m);
+  return s;
+}
+
+std::optional<LaneSources> LanePlan::sources_of(const Scene& given) const {
+  Scene scene = in_natural_units(given, units);  // those of the scene without stages
+  if (stages) scene.dynamics = natural->dynamics;
+  const DiscreteProblem d = discretise(scene, *backend_, J, false, family_.get());
+  if (d.f.not_finite() >= 0 || d.g.not_finite() >= 0 || d.sources) return std::nullopt;
+  LaneSources s = tables(d);
+  if (s.problem) s.problem->dynamics = &natural->dynamics, s.problem->M = &natural->M;
+  return s;
+}
+
+Vector LanePlan::start_of(Vector x0) const {
+  for (Index i = 0; i < x0.size() && !units.trivial(); ++i) x0[i] = times_ten_to(-units.x[std::size_t(i)], x0[i]);
+  return x0;
+}
+
+LaneStart LanePlan::start(const Vector& x0, const Vector& g) const {
+  LaneStart start;
+  const Vector begin = N * x0 + g, terms = N.cwiseAbs() * x0.cwiseAbs() + g.cwiseAbs();
+  Vector q = begin;
+  const double share = 4 * double(m + 1) * epsilon;  // as core/march/outcome.cpp
+  for (Index i = 0; i < n; ++i)
+    if (begin[i] < 0 && begin[i] >= -share * terms[i]) q[i] = 0;
+  start.y = Vector::Zero(n);
+  if (at_zero) {
+    double value[largest_tabulated] = {};
+    unsigned set = 0;
+    start.found = at_zero->solve(q.data(), set, value);
+    for (Index i = 0; i < n && start.found; ++i)
+      if (set >> i & 1u) start.y[i] = std::max(at_zero->column_scale(i) * value[i], 0.0);
+  } else {
+    start.found = ActiveSetLcp(M, lcp_class).solve(q, start.y).solved;
+    if (!start.found) start.y.setZero();
+  }
+  start.other = start.found && others && others->any(begin, start.y);
+  return start;
+}
+
 // From natural units to those of the scene.
-void LanePlan::to_units_of(const Scene& scene, const NaturalUnits& units) {
-  if (units.trivial()) return;
+void LanePlan::to_units_of(const Scene& scene, const NaturalUnits& given) {
+  if (given.trivial()) return;
   const auto scale = [](auto& matrix, const std::vector<int>& rows, const std::vector<int>* columns) {
     for (Index i = 0; i < matrix.rows(); ++i)
       for (Index k = 0; k < matrix.cols(); ++k)
@@ -150,82 +269,24 @@ void LanePlan::to_units_of(const Scene& scene, const NaturalUnits& units) {
   A = d.A, B = d.B, N = d.N, M = to_dense(scene.M);
   const auto restate = [&](StepMaps& maps) {
     if (maps.R.size() > 0) {
-      scale(maps.E, units.x, &units.x), scale(maps.L, units.x, &units.y), scale(maps.R, units.x, &units.y);
-      maps.problem = problem_of(*this, M + N * maps.R);
+      scale(maps.E, given.x, &given.x), scale(maps.L, given.x, &given.y), scale(maps.R, given.x, &given.y);
+      maps.problem = problem_of(M + N * maps.R);
     } else {
-      maps.problem = problem_of(*this, M);
+      maps.problem = problem_of(M);
     }
   };
   restate(whole);
   for (StepMaps& maps : maps_of_parts) restate(maps);
-  at_zero = problem_of(*this, M);
+  at_zero = problem_of(M);
   if (others) others.emplace(M);
   if (euler) add_euler(*this);
-  const std::vector<int>* of_f = scene.f_entry == SourceEntry::state       ? &units.x
-                                 : scene.f_entry == SourceEntry::through_B ? &units.y
+  const std::vector<int>* of_f = scene.f_entry == SourceEntry::state       ? &given.x
+                                 : scene.f_entry == SourceEntry::through_B ? &given.y
                                                                            : nullptr;
-  for (Matrix* matrix : {&F, &drive_left, &drive_right}) scale(*matrix, units.x, of_f);
-  scale_rows(drift, units.x), scale_rows(f, units.x), scale_rows(g, units.w);
+  for (Matrix* matrix : {&F_, &drive_left_, &drive_right_}) scale(*matrix, given.x, of_f);
+  scale_rows(sources.drift, given.x), scale_rows(sources.f, given.x), scale_rows(sources.g, given.w);
   for (auto& [step, all] : parts)
-    for (PartOfStep& part : all) scale(part.drift, units.x, nullptr), scale(part.g, units.w, nullptr);
-}
-
-// As core/march/split.cpp takes them.
-bool LanePlan::add_parts(const DiscreteProblem& d, std::string& why) {
-  const SourceSteps& s = *d.sources;
-  if (s.unresolved > 0 || s.disagreement > followed_sources) {
-    why = "sources that the steps do not resolve";
-    return false;
-  }
-  StepPropagator propagator(A, h);
-  const OneSided values(d.scene.g, n, s.resolution);
-  const double g_scale = std::max(d.g.values().size() > 0 ? d.g.values().cwiseAbs().maxCoeff() : 0, 1e-290);
-  Matrix F;
-  if (d.f.size() > 0) F = source_matrix(d);
-  if (d.f.shapes().size() > 0) F = (F * d.f.shapes()).eval();
-  std::map<long long, const StepMaps*> known;
-  StepMaps& jump = maps_of_parts.emplace_back();
-  jump.problem = problem_of(*this, M);
-  const auto maps_of = [&](double length) {
-    const StepMaps*& found = known[std::llround(std::ldexp(length / h, 40))];
-    if (found) return found;
-    StepMaps& made = maps_of_parts.emplace_back();
-    const Matrix none = Matrix::Zero(m, m), no_y = Matrix::Zero(m, n);
-    made.E = Matrix::Identity(m, m), made.L = no_y, made.R = no_y;
-    propagator.advance(length, {none, none, none}, made.E);
-    propagator.advance(length, {B, -B, no_y}, made.L);
-    propagator.advance(length, {no_y, B, no_y}, made.R);
-    made.problem = problem_of(*this, M + N * made.R);
-    return found = &made;
-  };
-  for (const RoughStep& rough : s.rough) {
-    std::vector<PartOfStep>& steps = parts[rough.step];
-    Vector before = d.g.row(rough.step - 1);
-    const auto restart = [&](const Vector& after) {
-      if ((before - after).cwiseAbs().maxCoeff() > same_limit * g_scale)
-        steps.push_back({&jump, false, Vector::Zero(m), after});
-    };
-    double from = d.t[rough.step - 1];
-    std::size_t piece = 0;
-    for (const double to : rough.ends) {
-      const double length = to - from;
-      if (d.scene.g) restart(values.whole(values.after(from, length)));
-      before = d.scene.g ? values.whole(values.before(to, length)) : Vector(Vector::Zero(n));
-      Matrix x = Matrix::Zero(m, 1);
-      for (; piece < rough.pieces.size() && rough.pieces[piece].start < to; ++piece) {
-        const Matrix f = F * rough.pieces[piece].phi;
-        propagator.advance(rough.pieces[piece].length, {f.col(0), f.col(1), f.col(2)}, x);
-      }
-      steps.push_back({maps_of(length), true, x, before});
-      if (known.size() > most_parts) return why = "sources that are rough in many steps", false;
-      from = to;
-    }
-    restart(d.g.row(rough.step));
-  }
-  for (const StepMaps& maps : maps_of_parts)
-    if (surely_P && maps.R.size() > 0 && classify(LcpMatrix(maps.problem->matrix())) != LcpClass::P)
-      return why = "parts of steps of another class than P", false;
-  return true;
+    for (PartOfStep& part : all) scale(part.drift, given.x, nullptr), scale(part.g, given.w, nullptr);
 }
 
 }  // namespace bromwich

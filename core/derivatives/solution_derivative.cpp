@@ -71,6 +71,13 @@ RowMatrix rows_of(const TimeFunction& function, const Vector& t, Index width) {
   return function && width > 0 ? RowMatrix(sample(function, t, width).table()) : RowMatrix(0, 0);
 }
 
+// sum <- sum + table C^T; an empty C adds nothing, an empty sum is zero.
+void add_product(RowMatrix& sum, const RowMatrix& table, const Matrix& C) {
+  if (C.size() == 0) return;
+  if (sum.size() == 0) sum = RowMatrix::Zero(table.rows(), C.rows());
+  sum.noalias() += table * C.transpose();
+}
+
 Vector row(const RowMatrix& table, Index j) { return table.row(j).transpose(); }
 
 // Constraints with y_i = w_i = 0 at t = 0, as where everything starts from rest. Changes that leave w_i there have a
@@ -115,43 +122,52 @@ SolutionDerivative::SolutionDerivative(const Scene& scene, const Result& result)
   u_ = y_ * d_.B.transpose() + f_;
   x_.resize(J_ + 1, m_);
   x_.row(0) = scene.x0.transpose();
+  x_.bottomRows(J_).noalias() = u_.topRows(J_) * L_.transpose();
+  x_.bottomRows(J_).noalias() += u_.bottomRows(J_) * R_.transpose();
   w_ = g.size() > 0 ? g : RowMatrix::Zero(J_ + 1, n_);
   w_ += y_ * M_.transpose();
-  for (Index j = 0; j <= J_; ++j) sets_.push_back(active_set(scene, y_, j));
+  const Matrix W = M_ + d_.N * R_ * d_.B;
+  sets_.resize(std::size_t(J_) + 1);
+  for (Index j = 0; j <= J_; ++j)
+    sets_[std::size_t(j)] =
+        j > 0 ? responses_.take(active_set(scene, y_, j), W) : responses_.take(active_set(scene, y_, j), M_, 1);
   follow(result);
   measure();
 }
 
-// The states by the steps, and the factors of W_SS. y is that of the result as long as w vanishes where y acts.
+// The states by the steps; x_ holds L u_{j-1} + R u_j before. y is that of the result as long as w vanishes where y
+// acts.
 void SolutionDerivative::follow(const Result& result) {
-  const Matrix W = M_ + d_.N * R_ * d_.B;
+  const Matrix driven = R_ * d_.B;
+  const double allowed = same_solution * (1e-290 + result.y.cwiseAbs().maxCoeff());
+  Vector x = x_.row(0).transpose(), given(m_), missed(n_), off(n_);
   for (Index j = 0; j <= J_; ++j) {
-    const std::vector<Index>& S = sets_[std::size_t(j)];
-    if (j > 0) {
-      if (!factors_.count(S)) factors_.emplace(S, Factor(W(S, S)));
-      const Vector xi = E_ * row(x_, j - 1) + L_ * row(u_, j - 1), given = xi + R_ * row(u_, j);
-      // The correction of y keeps the loop closed: x of a growing A would drift away otherwise.
-      const Vector off = on_set(j, row(w_, j) + d_.N * given);
-      x_.row(j) = (given + R_ * (d_.B * off)).transpose();
-      if (!(off.norm() <= same_solution * (1e-290 + result.y.cwiseAbs().maxCoeff())))
-        refuse(text("not differentiable here: the steps of the grid do not give y of the result at t = %.6g", t_[j]),
-               "solve on more steps, with sources that do not jump inside steps");
-    } else {
-      first_.emplace_back(M_(S, S));
-    }
-    const Factor& solver = j > 0 ? factor(j) : first_.front();
-    if (!S.empty() && !(solver.rcond() > smallest_rcond))
+    const Index set = sets_[std::size_t(j)];
+    if (!(responses_.condition(set) > smallest_rcond))
       refuse(text("not differentiable here: the active constraints at t = %.6g do not determine y", t_[j]),
              "remove constraints that repeat each other");
-    w_.row(j) += (d_.N * row(x_, j)).transpose();
+    if (j == 0) continue;
+    given = x_.row(j).transpose();
+    given.noalias() += E_ * x;
+    missed = w_.row(j).transpose();
+    missed.noalias() += d_.N * given;
+    // The correction of y keeps the loop closed: x of a growing A would drift away otherwise.
+    responses_.solve(set, missed, off);
+    x = given;
+    x.noalias() += driven * off;
+    x_.row(j) = x.transpose();
+    if (!(off.norm() <= allowed))
+      refuse(text("not differentiable here: the steps of the grid do not give y of the result at t = %.6g", t_[j]),
+             "solve on more steps, with sources that do not jump inside steps");
   }
+  w_.noalias() += x_ * d_.N.transpose();
 }
 
 void SolutionDerivative::measure() {
   for (Index i = 0; i < n_; ++i) {
     const double most_y = y_.col(i).cwiseAbs().maxCoeff(), most_w = w_.col(i).cwiseAbs().maxCoeff();
     for (Index j = 0; j <= J_; ++j) {
-      const std::vector<Index>& S = sets_[std::size_t(j)];
+      const std::vector<Index>& S = responses_.active(sets_[std::size_t(j)]);
       const bool active = std::binary_search(S.begin(), S.end(), i);
       if (active && y_(j, i) <= 0) continue;  // a free row
       const double most = active ? most_y : most_w, value = active ? y_(j, i) : w_(j, i);
@@ -164,25 +180,6 @@ void SolutionDerivative::measure() {
     refuse(text("not differentiable here: y_%ld = w_%ld = 0 at t = %.6g, where derivatives are one-sided",
                 long(margin_.constraint), long(margin_.constraint), margin_.time),
            "change the data or the number of steps slightly");
-}
-
-// -W_SS^{-1} right_S, zero elsewhere.
-Vector SolutionDerivative::on_set(Index j, const Vector& right) const {
-  const std::vector<Index>& S = sets_[std::size_t(j)];
-  Vector y = Vector::Zero(n_);
-  if (S.empty()) return y;
-  const Vector of_set = (j > 0 ? factor(j) : first_.front()).solve(Vector(right(S)));
-  y(S) = -of_set;
-  return y;
-}
-
-Vector SolutionDerivative::on_set_transposed(Index j, const Vector& right) const {
-  const std::vector<Index>& S = sets_[std::size_t(j)];
-  Vector mu = Vector::Zero(n_);
-  if (S.empty()) return mu;
-  const Vector of_set = (j > 0 ? factor(j) : first_.front()).transpose().solve(Vector(right(S)));
-  mu(S) = of_set;
-  return mu;
 }
 
 void SolutionDerivative::check(const char* name, Index rows, Index columns, Index expected_rows,
@@ -237,41 +234,54 @@ SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
   if (c.A.size() > 0) d = direction(d_.A, c.A, h_);
   SolutionChange out{RowMatrix::Zero(J_ + 1, n_), RowMatrix::Zero(J_ + 1, m_), RowMatrix::Zero(J_ + 1, n_),
                      RowMatrix::Zero(J_ + 1, n_)};
-  Vector before = Vector::Zero(m_);  // du_{j-1}
-  for (Index j = 0; j <= J_; ++j) {
-    Vector direct = Vector::Zero(m_);  // of u_j without dy_j
-    if (c.f.size() > 0) direct += row(c.f, j);
-    if (c.B.size() > 0) direct += c.B * row(y_, j);
-    Vector dx = Vector::Zero(m_);
-    if (j == 0) {
-      if (c.x0.size() > 0) dx = c.x0;
-    } else {
-      dx = E_ * row(out.x, j - 1) + L_ * before + R_ * direct;
-      if (c.A.size() > 0) dx += d.decay * row(x_, j - 1) + d.left * row(u_, j - 1) + d.right * row(u_, j);
-    }
-    Vector fixed = Vector::Zero(n_);
-    if (c.g.size() > 0) fixed += row(c.g, j);
-    if (c.N.size() > 0) fixed += c.N * row(x_, j);
-    if (c.M.size() > 0) fixed += c.M * row(y_, j);
-    const Vector dy = on_set(j, d_.N * dx + fixed);
-    if (j > 0) dx += R_ * (d_.B * dy);
-    before = direct + d_.B * dy;
-    if (j == 0)
-      for (const Index i : undecided_at_start(y_, w_, sets_[0])) {
-        const double moved = d_.N.row(i).dot(dx) + M_.row(i).dot(dy) + fixed[i];
-        const double terms =
-            d_.N.row(i).cwiseAbs().dot(dx.cwiseAbs()) + M_.row(i).cwiseAbs().dot(dy.cwiseAbs()) + std::abs(fixed[i]);
-        if (std::abs(moved) > 1e-12 * terms)
-          refuse(text("not differentiable here: the change moves w_%ld at t = 0, where y_%ld = w_%ld = 0", long(i),
-                      long(i), long(i)),
-                 "change x0 and g(0) slightly, or leave this w_i as it is");
-      }
-    out.y.row(j) = dy.transpose();
-    out.x.row(j) = dx.transpose();
-    out.w.row(j) = (d_.N * dx + M_ * dy + fixed).transpose();
-    if (j > 0) out.integral.row(j) = out.integral.row(j - 1) + (h_ / 2) * (out.y.row(j - 1) + out.y.row(j));
+  RowMatrix direct = c.f, fixed = c.g;  // of u_j and w_j without dx_j and dy_j; empty: none
+  add_product(direct, y_, c.B);
+  add_product(fixed, x_, c.N);
+  add_product(fixed, y_, c.M);
+  if (c.x0.size() > 0) out.x.row(0) = c.x0.transpose();
+  if (direct.size() > 0) {
+    out.x.bottomRows(J_).noalias() = direct.topRows(J_) * L_.transpose();
+    out.x.bottomRows(J_).noalias() += direct.bottomRows(J_) * R_.transpose();
   }
+  if (d.decay.size() > 0) {
+    out.x.bottomRows(J_).noalias() += x_.topRows(J_) * d.decay.transpose();
+    out.x.bottomRows(J_).noalias() += u_.topRows(J_) * d.left.transpose();
+    out.x.bottomRows(J_).noalias() += u_.bottomRows(J_) * d.right.transpose();
+  }
+  const Matrix left = L_ * d_.B, driven = R_ * d_.B;
+  Vector dx = Vector::Zero(m_), dy = Vector::Zero(n_), next(m_), moved(n_);
+  for (Index j = 0; j <= J_; ++j) {
+    next = out.x.row(j).transpose();
+    if (j > 0) next.noalias() += E_ * dx;
+    if (j > 0) next.noalias() += left * dy;
+    moved.noalias() = d_.N * next;
+    if (fixed.size() > 0) moved += fixed.row(j).transpose();
+    responses_.solve(sets_[std::size_t(j)], moved, dy);
+    if (j > 0) next.noalias() += driven * dy;
+    dx.swap(next);
+    out.x.row(j) = dx.transpose();
+    out.y.row(j) = dy.transpose();
+  }
+  if (fixed.size() > 0) out.w = fixed;
+  out.w.noalias() += out.x * d_.N.transpose();
+  out.w.noalias() += out.y * M_.transpose();
+  check_start(out, fixed);
+  for (Index j = 1; j <= J_; ++j)
+    out.integral.row(j) = out.integral.row(j - 1) + (h_ / 2) * (out.y.row(j - 1) + out.y.row(j));
   return out;
+}
+
+// Changes that move a w_i with y_i = w_i = 0 at t = 0 have no derivative there.
+void SolutionDerivative::check_start(const SolutionChange& out, const RowMatrix& fixed) const {
+  for (const Index i : undecided_at_start(y_, w_, responses_.active(sets_[0]))) {
+    const double terms = d_.N.row(i).cwiseAbs().dot(out.x.row(0).cwiseAbs()) +
+                         M_.row(i).cwiseAbs().dot(out.y.row(0).cwiseAbs()) +
+                         (fixed.size() > 0 ? std::abs(fixed(0, i)) : 0);
+    if (std::abs(out.w(0, i)) > 1e-12 * terms)
+      refuse(text("not differentiable here: the change moves w_%ld at t = 0, where y_%ld = w_%ld = 0", long(i), long(i),
+                  long(i)),
+             "change x0 and g(0) slightly, or leave this w_i as it is");
+  }
 }
 
 DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
@@ -285,7 +295,7 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
   RowMatrix all(J_ + 1, m_);        // q_j
   Vector next = Vector::Zero(m_);   // q_{j+1}
   Vector later = Vector::Zero(n_);  // weights of the integrals over [0, t_k], k > j
-  Vector p(m_), eta(n_), of_u(m_), back(m_), of_w = Vector::Zero(n_);
+  Vector p(m_), eta(n_), mu(n_), of_u(m_), back(m_), of_w = Vector::Zero(n_);
   const Matrix N = d_.N, Lt = L_.transpose(), Rt = R_.transpose(), Bt = d_.B.transpose();
   for (Index j = J_; j >= 0; --j) {
     if (of.w.size() > 0) of_w = row(of.w, j);
@@ -304,14 +314,14 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
       if (j > 0) eta += h_ / 2 * later;
     }
     if (j == 0)
-      for (const Index i : undecided_at_start(y_, w_, sets_[0]))
+      for (const Index i : undecided_at_start(y_, w_, responses_.active(sets_[0])))
         if (eta[i] != 0)
           refuse(
               text("not differentiable here: y_%ld = w_%ld = 0 at t = 0, and the gradient with respect to x0 and g(0) "
                    "is one-sided",
                    long(i), long(i)),
               "change x0 or g(0) slightly, or use jvp for changes that leave w_i");
-    const Vector mu = on_set_transposed(j, eta);
+    responses_.solve_transposed(sets_[std::size_t(j)], eta, mu);
     next = p;
     next.noalias() -= N.transpose() * mu;  // q_j
     if (j > 0) of_u.noalias() += Rt * next;

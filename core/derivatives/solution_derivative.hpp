@@ -21,10 +21,8 @@
 
 #include "../result/result.hpp"
 #include "../scene/scene.hpp"
+#include "set_responses.hpp"
 
-#include <Eigen/LU>
-
-#include <map>
 #include <string>
 #include <vector>
 
@@ -76,13 +74,9 @@ class SolutionDerivative {
   DataChange vjp(const SolutionChange&) const;
 
  private:
-  using Factor = Eigen::PartialPivLU<Matrix>;
-
   void follow(const Result&);
   void measure();
-  const Factor& factor(Index j) const { return factors_.at(sets_[std::size_t(j)]); }
-  Vector on_set(Index j, const Vector& right) const;
-  Vector on_set_transposed(Index j, const Vector& right) const;
+  void check_start(const SolutionChange&, const RowMatrix& fixed) const;
   void check(const char* name, Index rows, Index columns, Index expected_rows, Index expected_columns) const;
 
   DataChange without_mass(DataChange) const;
@@ -96,9 +90,8 @@ class SolutionDerivative {
   double h_ = 0;
   Vector t_;
   RowMatrix y_, x_, u_, w_;
-  std::vector<std::vector<Index>> sets_;          ///< S_j
-  std::map<std::vector<Index>, Factor> factors_;  ///< of W_SS
-  std::vector<Factor> first_;                     ///< of M_SS at t = 0, where W is M
+  SetResponses responses_;   ///< of W, and of M at t = 0
+  std::vector<Index> sets_;  ///< S_j, as the index of its response
   DerivativeMargin margin_;
 };
 

@@ -28,57 +28,56 @@ auto regular(const Solve& solve) {
   }
 }
 
-// Dense operators: a step is a few products with small matrices.
 template <class Scalar>
-class DenseStageStep final : public StageStep {
-  static constexpr Index s = Coefficients<Scalar>::stages;
+DenseStageMaps dense_maps(const StageProblem& p, const DenseDynamics& d, double h, const std::vector<Index>& rows) {
   using ScalarMatrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
-
- public:
-  DenseStageStep(const StageProblem& p, const DenseDynamics& d, double h, const std::vector<Index>& rows)
-      : q_(last_stages(p.g, p.stages, s, rows)) {
-    const Coefficients<Scalar> c;
-    const Index m = d.A.rows(), n = d.N.rows();
-    const auto inverse = regular_inverse(ScalarMatrix(c.mu / h * ScalarMatrix::Identity(m, m) - d.A.cast<Scalar>()));
-    if (!inverse) singular_step();
-    const ScalarMatrix& R = *inverse;
-    see_.resize(s * n, m);
-    drive_.resize(m, s * n);
-    implicit_.resize(s * n, s * n);
-    const Matrix F = p.F;
-    const RowMatrix phi = last_stages(p.phi, p.stages, s, rows);
-    if (phi.size() > 0) forcing_ = RowMatrix::Zero(phi.rows(), m);
-    for (Index i = 0; i < s; ++i) {
-      decay_ = c.real(c.v[i] * c.start / h * R);  // of the last stage after the loop
-      see_.middleRows(i * n, n) = d.N * decay_;
-      for (Index k = 0; k < s; ++k) {
-        const Matrix Q = c.real(c.v[i] * c.w[k] * R), QB = Q * d.B;
-        implicit_.block(i * n, k * n, n, n) = d.N * QB;
-        if (i == s - 1) drive_.middleCols(k * n, n) = QB;
-        if (phi.size() == 0) continue;
-        const Matrix QF = Q * F;
-        q_.middleCols(i * n, n) += phi.middleCols(k * F.cols(), F.cols()) * (d.N * QF).transpose();
-        if (i == s - 1) forcing_ += phi.middleCols(k * F.cols(), F.cols()) * QF.transpose();
-      }
+  constexpr Index s = Coefficients<Scalar>::stages;
+  const Coefficients<Scalar> c;
+  const Index m = d.A.rows(), n = d.N.rows();
+  const auto inverse = regular_inverse(ScalarMatrix(c.mu / h * ScalarMatrix::Identity(m, m) - d.A.cast<Scalar>()));
+  if (!inverse) singular_step();
+  const ScalarMatrix& R = *inverse;
+  DenseStageMaps maps{{}, Matrix(s * n, m), Matrix(m, s * n), Matrix(s * n, s * n), last_stages(p.g, p.stages, s, rows),
+                      {}};
+  const Matrix F = p.F;
+  const RowMatrix phi = last_stages(p.phi, p.stages, s, rows);
+  if (phi.size() > 0) maps.forcing = RowMatrix::Zero(phi.rows(), m);
+  for (Index i = 0; i < s; ++i) {
+    maps.decay = c.real(c.v[i] * c.start / h * R);  // of the last stage after the loop
+    maps.see.middleRows(i * n, n) = d.N * maps.decay;
+    for (Index k = 0; k < s; ++k) {
+      const Matrix Q = c.real(c.v[i] * c.w[k] * R), QB = Q * d.B;
+      maps.implicit.block(i * n, k * n, n, n) = d.N * QB;
+      if (i == s - 1) maps.drive.middleCols(k * n, n) = QB;
+      if (phi.size() == 0) continue;
+      const Matrix QF = Q * F;
+      maps.q.middleCols(i * n, n) += phi.middleCols(k * F.cols(), F.cols()) * (d.N * QF).transpose();
+      if (i == s - 1) maps.forcing += phi.middleCols(k * F.cols(), F.cols()) * QF.transpose();
     }
   }
+  return maps;
+}
+
+// Dense operators: a step is a few products with small matrices.
+class DenseStageStep final : public StageStep {
+ public:
+  explicit DenseStageStep(DenseStageMaps maps) : maps_(std::move(maps)) {}
 
   void free(const Vector& x, Index j, Vector& q, Vector& x_free) override {
-    q = q_.row(j).transpose();
-    q.noalias() += see_ * x;
-    x_free.noalias() = decay_ * x;
-    if (forcing_.size() > 0) x_free += forcing_.row(j).transpose();
+    q = maps_.q.row(j).transpose();
+    q.noalias() += maps_.see * x;
+    x_free.noalias() = maps_.decay * x;
+    if (maps_.forcing.size() > 0) x_free += maps_.forcing.row(j).transpose();
   }
-  void drive(const Vector& y, Vector& x_free) const override { x_free.noalias() += drive_ * y; }
-  const Matrix& implicit_part() const override { return implicit_; }
+  void drive(const Vector& y, Vector& x_free) const override { x_free.noalias() += maps_.drive * y; }
+  const Matrix& implicit_part() const override { return maps_.implicit; }
   std::size_t bytes() const override {
-    return sizeof(double) *
-           std::size_t(decay_.size() + see_.size() + drive_.size() + implicit_.size() + q_.size() + forcing_.size());
+    return sizeof(double) * std::size_t(maps_.decay.size() + maps_.see.size() + maps_.drive.size() +
+                                        maps_.implicit.size() + maps_.q.size() + maps_.forcing.size());
   }
 
  private:
-  RowMatrix q_, forcing_;
-  Matrix decay_, see_, drive_, implicit_;
+  DenseStageMaps maps_;
 };
 
 // One shifted solve per step.
@@ -143,7 +142,8 @@ class SolvedStep final : public StageStep {
 
 template <class Scalar>
 std::unique_ptr<StageStep> make(const StageProblem& p, double h, const std::vector<Index>& rows) {
-  if (const auto* d = (*p.dynamics)->small_state()) return std::make_unique<DenseStageStep<Scalar>>(p, *d, h, rows);
+  if (const auto* d = (*p.dynamics)->small_state())
+    return std::make_unique<DenseStageStep>(dense_maps<Scalar>(p, *d, h, rows));
   return std::make_unique<SolvedStep<Scalar>>(p, h, rows);
 }
 
@@ -153,6 +153,11 @@ RowMatrix last_stages(const RowMatrix& values, Index given, Index used, const st
   if (values.size() == 0) return RowMatrix(values.rows() > 0 ? Index(rows.size()) : 0, 0);
   const Index width = values.cols() / given;
   return values(rows, Eigen::seqN(values.cols() - used * width, used * width));
+}
+
+DenseStageMaps dense_stage_maps(const StageProblem& p, const DenseDynamics& d, Index stages, double h,
+                                const std::vector<Index>& rows) {
+  return stages == 2 ? dense_maps<Complex>(p, d, h, rows) : dense_maps<double>(p, d, h, rows);
 }
 
 std::unique_ptr<StageStep> make_stage_step(const StageProblem& p, Index stages, double h,

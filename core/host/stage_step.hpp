@@ -43,6 +43,15 @@ std::unique_ptr<StageStep> make_modal_stage_step(const StageProblem&, Index stag
 std::unique_ptr<StageStep> make_pole_stage_step(const StageProblem&, Index stages, double h,
                                                 const std::vector<Index>& rows);
 
+/// The step of dense dynamics as matrices: q = see x + (row of) q, x_free = decay x + forcing, and y by drive and
+/// implicit.
+struct DenseStageMaps {
+  Matrix decay, see, drive, implicit;  ///< m x m, s n x m, m x s n, s n x s n
+  RowMatrix q, forcing;                ///< rows x s n and x m; forcing is empty without f
+};
+DenseStageMaps dense_stage_maps(const StageProblem&, const DenseDynamics&, Index stages, double h,
+                                const std::vector<Index>& rows);
+
 /// Stage values of g or phi for a step with `used` stages: the last `used` of `given`, for these rows.
 RowMatrix last_stages(const RowMatrix& values, Index given, Index used, const std::vector<Index>& rows);
 

@@ -217,6 +217,12 @@ void keep_points(const DiscreteProblem& p, const StageGrid& grid, const Given& g
 
 }  // namespace
 
+StageProblem smooth_stage_problem(const DiscreteProblem& p) {
+  Given given;
+  state_problem(p, make_grid(p, 2, false), 2, {}, given);
+  return std::move(given.problem);
+}
+
 void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions& options, Result& result,
                      std::shared_ptr<const PoleModel> poles) {
   Timer timer;

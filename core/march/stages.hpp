@@ -1,5 +1,6 @@
 #pragma once
 
+#include "../host/stage_problem.hpp"
 #include "../kernel/discrete_problem.hpp"
 #include "../result/inner_options.hpp"
 #include "../result/result.hpp"
@@ -12,5 +13,9 @@ namespace bromwich {
 /// matrices. `poles`: the dynamics by few poles, stepped instead of the state where all steps have one length.
 void solve_by_stages(const DiscreteProblem&, Index stages, const InnerOptions&, Result& result,
                      std::shared_ptr<const PoleModel> poles = nullptr);
+
+/// The problem of two stages for dense dynamics on steps of one length. It refers to the scene. Precondition: no rough
+/// steps.
+StageProblem smooth_stage_problem(const DiscreteProblem&);
 
 }  // namespace bromwich

@@ -186,17 +186,82 @@ TEST(Batch, MatricesOfTheirOwnAndListsOfScenes) {
   EXPECT_EQ(found.in_lanes, 6);
 }
 
-// Radau IIA stages, in which the lanes do not step.
-TEST(Batch, OtherScenesAreSolvedByPreparedSolves) {
+// Four ideal diodes between a resonator and a resistor: M is positive semidefinite, and steps are those of Radau IIA.
+Scene diode_bridge() {
+  const double C = 1e-6, L = 1e-2, R = 1e3;
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, -1 / C}, {1 / L, 0}}, Matrix{{0, 0, -1 / C, 1 / C}, {0, 0, 0, 0}},
+                                 Matrix{{0, 0}, {0, 0}, {-1, 0}, {1, 0}}};
+  scene.M = Matrix{{1 / R, 1 / R, -1, 0}, {1 / R, 1 / R, 0, -1}, {1, 0, 0, 0}, {0, 1, 0, 0}};
+  scene.lcp_class = LcpClass::PSD;
+  scene.x0 = Vector{{10, 0}};
+  scene.T = 2e-3;
+  return scene;
+}
+
+// A mass on a spring that drops on a rigid floor: M = 0, y acts on the second derivative of w.
+Scene floor_contact() {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {-4, -0.3}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  scene.M = Matrix(Matrix::Zero(1, 1));
+  scene.x0 = Vector{{1, 0}};
+  scene.f = [](double t, Eigen::Ref<Vector> f) { f << 0, 0.3 * std::sin(5 * t); };
+  scene.g = [](double, Eigen::Ref<Vector> g) { g << 0.2; };
+  scene.T = 4;
+  return scene;
+}
+
+// Not definite, of no known class; the problems of the steps are of class P.
+Scene of_no_class() {
+  Scene scene = random_scene(2, 2, 8);
+  scene.M = Matrix{{0.05, -1.2}, {1, 0.02}};
+  return scene;
+}
+
+TEST(Batch, StagesOfRadauAreSteppedInLanes) {
+  for (const auto& [scene, steps, name] : {std::tuple(diode_bridge(), Index(400), "diode bridge"),
+                                           {floor_contact(), Index(200), "floor"},
+                                           {of_no_class(), Index(64), "no class"}}) {
+    Batch batch;
+    batch.common = scene;
+    batch.scenes = 19;
+    batch.x0 = around(scene.x0, batch.scenes, 0.1 * scene.x0.cwiseAbs().maxCoeff());
+    const BatchResult found = expect_as_single(batch, marched(steps), name);
+    EXPECT_GE(2 * found.in_lanes, batch.scenes) << name;
+    std::printf("%s: %ld\n", name, long(found.in_lanes));
+  }
+}
+
+TEST(Batch, StagesWithSourcesOfTheirOwn) {
   Batch batch;
-  batch.common = random_scene(2, 2, 8);
-  Matrix M(2, 2);
-  M << 0, -1, 1, 0;
-  batch.common.M = M;
-  batch.scenes = 4;
-  batch.x0 = around(batch.common.x0, batch.scenes, 0.2);
-  const BatchResult found = expect_as_single(batch, marched(64), "PSD");
-  EXPECT_EQ(found.in_lanes, 0);
+  batch.common = floor_contact();
+  batch.scenes = 9;
+  for (Index k = 0; k < batch.scenes; ++k) {
+    const double a = 0.1 * double(k);
+    batch.f.push_back([a](double t, Eigen::Ref<Vector> f) { f << 0, a * std::sin(5 * t); });
+    batch.g.push_back([a](double, Eigen::Ref<Vector> g) { g << 0.2 + a; });
+  }
+  const BatchResult found = expect_as_single(batch, marched(200), "own sources");
+  EXPECT_GE(2 * found.in_lanes, batch.scenes);
+}
+
+TEST(Batch, MatricesOfTheirOwnInLanes) {
+  for (const bool stages : {false, true}) {
+    Batch batch;
+    batch.common = stages ? diode_bridge() : random_scene(3, 4, 6);
+    batch.scenes = 19;
+    const DenseDynamics d = to_dense(batch.common.dynamics);
+    const Matrix M = std::get<Matrix>(batch.common.M);
+    for (Index k = 0; k < batch.scenes; ++k) {
+      const double by = 1 + 0.03 * double(k);
+      batch.A.push_back(by * d.A), batch.B.push_back(d.B / by), batch.N.push_back(d.N);
+      batch.M.push_back(stages ? M : Matrix(M * by));
+    }
+    batch.x0 = around(batch.common.x0, batch.scenes, 0.02 * batch.common.x0.cwiseAbs().maxCoeff());
+    const BatchResult found = expect_as_single(batch, marched(300), stages ? "stages" : "continuous");
+    EXPECT_GE(2 * found.in_lanes, batch.scenes);
+    std::printf("own %d: %ld\n", stages, long(found.in_lanes));
+  }
 }
 
 // An oscillation that 24 steps do not resolve: a single solve refuses it, and so does the batch.

@@ -1,0 +1,24 @@
+#pragma once
+// Which scenes of a batch share what.
+
+#include "batch.hpp"
+
+#include <vector>
+
+namespace bromwich {
+
+/// The scene from which sizes and times are taken.
+inline const Scene& first_of(const Batch& b) { return b.own.empty() ? b.common : b.own.front(); }
+/// J of a scene.
+inline Index steps_of(const Scene& scene, const Options& options) {
+  return options.steps > 0 ? options.steps : scene.default_steps;
+}
+
+/// Some scene has A, B, N, M or E of its own.
+bool own_matrices(const Batch&);
+/// Some scene has f or g of its own.
+bool own_sources(const Batch&);
+/// Scenes that differ in x0, f and g at most, in lists.
+std::vector<std::vector<Index>> groups_of(const Batch&);
+
+}  // namespace bromwich

@@ -1,0 +1,449 @@
+#include "core/batch/batch_run.hpp"
+
+#include "core/base/error.hpp"
+#include "core/base/timer.hpp"
+#include "core/batch/batch_groups.hpp"
+#include "core/batch/device_march.hpp"
+#include "core/result/slack.hpp"
+#include "core/scene/source_steps.hpp"
+#include "core/solve/dense_output.hpp"
+#include "core/solve/scaling.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <iterator>
+#include <map>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+constexpr Index lanes = 8;
+constexpr Index groups_between_polls = 16;  ///< of lanes, for each thread
+constexpr Index fewest_in_lanes = 2;        ///< scenes of a group
+constexpr Index fewest_on_device = 32;      ///< likewise, a warp
+
+// Errors of the options and of the machine are not those of one scene.
+bool of_one_scene(const Error& error) {
+  constexpr const char* options[] = {"steps",          "states",        "method",      "iteration_tolerance",
+                                     "max_iterations", "memory_limit",  "max_seconds", "max_steps",
+                                     "event_location", "first_iterate", "backend",     "algebraic_share"};
+  return error.kind() == ErrorKind::bad_input &&
+         std::none_of(std::begin(options), std::end(options), [&](const char* o) { return error.argument() == o; });
+}
+
+using UnitKey = std::tuple<std::vector<int>, std::vector<int>, std::vector<int>>;
+UnitKey key_of(const NaturalUnits& units) { return {units.x, units.y, units.w}; }
+
+bool same_units(const NaturalUnits& a, const NaturalUnits& b) { return key_of(a) == key_of(b); }
+
+// Lanes of one kind can be stepped together.
+using Kind = std::tuple<bool, bool, bool, bool, double, double>;
+Kind kind_of(const LanePlan& p) { return {p.stages, p.surely_P, p.certain, p.euler.has_value(), p.most_growth, p.h}; }
+
+// f and g at the time points, where they are finite and linear between them.
+struct SampledSources {
+  RowMatrix g, f;
+};
+std::optional<SampledSources> sampled(const Scene& scene, Index J) {
+  const Vector t = time_grid(scene.T, J);
+  const SampledSource g = sample(scene.g, t, scene.constraints()),
+                      f = scene.f ? sample(scene.f, t, scene.sources()) : SampledSource();
+  if (g.not_finite() >= 0 || f.not_finite() >= 0 || !find_source_steps(scene, t, f, g, false).rough.empty())
+    return std::nullopt;
+  return SampledSources{g.table(), f.size() > 0 ? RowMatrix(f.table()) : RowMatrix()};
+}
+
+}  // namespace
+
+BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options)
+    : batch_(batch),
+      backend_(backend),
+      options_(options),
+      J_(steps_of(first_of(batch), options)),
+      own_sources_(own_sources(batch)) {
+  options_.progress = {};
+  if (!controls_error(options_)) options_.steps = J_;
+  const Scene& first = first_of(batch);
+  result_.scenes = batch.scenes;
+  result_.t = time_grid(first.T > 0 ? first.T : 1, J_);
+  if (!batch.times.empty()) result_.t = Eigen::Map<const Vector>(batch.times.data(), Index(batch.times.size()));
+  rows_ = result_.t.size();
+  const Index n = first.constraints(), rows = batch.scenes * rows_;
+  result_.x_components = recorded_components(first, options);
+  result_.y.resize(rows, n);
+  result_.w.resize(options.trace ? rows : 0, n);
+  result_.x.resize(rows, Index(result_.x_components.size()));
+  const std::size_t K = std::size_t(batch.scenes);
+  result_.status.assign(K, Status::interrupted);
+  result_.reason.assign(K, "stopped on request before this scene");
+  result_.warning.assign(K, "");
+  result_.method.assign(K, options.method);
+  result_.infeasible_at.assign(K, NAN);
+  result_.residual = Vector::Constant(batch.scenes, NAN);
+  done_.assign(K, 0);
+}
+
+BatchResult BatchRun::run(const std::function<void(const Progress&)>& progress) {
+  Timer timer;
+  progress_ = progress;
+  std::vector<Index> alone;
+  for (const std::vector<Index>& group : groups_of(batch_)) {
+    if (stopped_) break;
+    if (Index(group.size()) < fewest_in_lanes) {
+      alone.push_back(group[0]);
+      continue;
+    }
+    if (for_lanes()) take_lanes(group);
+    take_singly(group);
+  }
+  if (for_lanes() && Index(alone.size()) >= fewest_in_lanes) take_own(alone);
+  for (const Index k : alone) take_singly({k});
+  for (Index k = 0; k < batch_.scenes; ++k)
+    if (!done_[std::size_t(k)]) clear(k);
+  result_.bytes = sizeof(double) * std::size_t(result_.y.size() + result_.w.size() + result_.x.size());
+  result_.seconds = timer.lap();
+  return std::move(result_);
+}
+
+void BatchRun::clear(Index k) {
+  for (RowMatrix* all : {&result_.y, &result_.w, &result_.x}) rows_of(*all, k).setConstant(NAN);
+}
+
+void BatchRun::say(Index more) {
+  count_ += more;
+  if (progress_) progress_({count_, 0, batch_.scenes});
+  stopped_ = stopped_ || (options_.interrupted && options_.interrupted());
+}
+
+// ---- Side by side.
+
+bool BatchRun::for_lanes() const {
+  return (options_.method == Method::automatic || options_.method == Method::march) && !controls_error(options_) &&
+         !options_.event_location && !options_.goal && batch_.times.empty() && !options_.tuning.first_iterate &&
+         !options_.log && J_ >= 2 &&
+         LaneMarch::bytes(first_of(batch_).states(), first_of(batch_).constraints(), J_) <= most_lane_bytes;
+}
+
+// Scenes that share dynamics and M. A single solve with stages decides in the natural units of its scene.
+void BatchRun::take_lanes(const std::vector<Index>& group) {
+  std::unique_ptr<LanePlan> plan;
+  std::string why;
+  const auto make = [&](Index k, const NaturalUnits* units) {
+    Scene scene = scene_of(batch_, k);
+    if (!scene.x0.allFinite()) scene.x0 = Vector::Zero(scene.states());
+    scene.validate();
+    plan = LanePlan::make(scene, backend_, J_, own_sources_, units, why);
+  };
+  try {
+    make(group.front(), nullptr);
+    if (!plan) return;
+    if (!plan->stages) return march_group(*plan, group);
+    std::map<UnitKey, std::pair<NaturalUnits, std::vector<Index>>> by_units;
+    for (const Index k : group) {
+      const Scene scene = scene_of(batch_, k);
+      if (!scene.x0.allFinite()) continue;
+      const NaturalUnits units = natural_units(scene);
+      auto& same = by_units[key_of(units)];
+      same.first = units;
+      same.second.push_back(k);
+    }
+    for (const auto& [key, same] : by_units) {
+      if (!plan || !same_units(plan->units, same.first)) make(same.second.front(), &same.first);
+      if (plan && plan->stages) march_group(*plan, same.second);
+    }
+  } catch (const Error&) {  // each scene says so
+  }
+}
+
+void BatchRun::march_group(const LanePlan& plan, const std::vector<Index>& all) {
+  const std::vector<Index> group = march_on_device(plan, all);
+  const Index together = lanes * groups_between_polls * std::max(1, backend_.threads());
+  const Index count = Index(group.size());
+  for (Index first = 0; first < count && !stopped_; first += together) {
+    std::vector<Prepared> scenes;  // functions of the user are called by this thread alone
+    for (Index i = first; i < std::min(count, first + together); ++i) try {
+        LaneInput input;
+        if (input_of(plan, group[std::size_t(i)], input)) scenes.push_back({group[std::size_t(i)], std::move(input)});
+      } catch (const Error&) {  // the single solve says so
+      }
+    say(march(scenes));
+  }
+}
+
+// On a backend that steps many scenes at a time. Returns those that it has not settled.
+std::vector<Index> BatchRun::march_on_device(const LanePlan& plan, const std::vector<Index>& group) {
+  auto* marcher = dynamic_cast<SceneMarcher*>(&backend_);
+  if (!marcher || own_sources_ || !plan.parts.empty() || Index(group.size()) < fewest_on_device) return group;
+  const double each = 32.0 * double(J_ + 1) * double(plan.m + plan.n);
+  const Index together = std::clamp<Index>(Index(0.25 * backend_.device().memory / each), 1, Index(group.size()));
+  const std::unique_ptr<SceneMarch> march = marcher->scene_march(scene_march_problem(plan), together);
+  if (!march) return group;
+  const Vector g0 = (plan.stages ? plan.sources.at_points : plan.sources.g).row(0).transpose();
+  std::vector<Index> rest;
+  RowMatrix x, y;
+  for (Index first = 0; first < Index(group.size()) && !stopped_; first += together) {
+    std::vector<Index> scenes;
+    std::vector<Vector> starts;
+    for (Index i = first; i < std::min(first + together, Index(group.size())); ++i) {
+      LaneInput input;
+      const Index k = group[std::size_t(i)];
+      (input_of(plan, k, input) ? scenes : rest).push_back(k);
+      if (!scenes.empty() && scenes.back() == k) starts.push_back(std::move(input.x0));
+    }
+    const Index count = Index(scenes.size());
+    if (count == 0) continue;
+    RowMatrix x0(count, plan.m), y0(count, plan.n);
+    std::vector<char> found(std::size_t(count), 0), other = found;
+    backend_.each_range(count, 64, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) {
+        const LaneStart start = plan.start(starts[std::size_t(i)], g0);
+        x0.row(i) = starts[std::size_t(i)].transpose();
+        y0.row(i) = start.y.transpose();
+        found[std::size_t(i)] = start.found, other[std::size_t(i)] = start.other;
+      }
+    });
+    const SceneMarchOutcome outcome = march->run(x0, y0, other);
+    const bool whole = count == batch_.scenes && scenes.front() == 0;  // in order, without a gap
+    download_rows(*march, whole, y, x);
+    Index settled = 0;
+    for (Index i = 0; i < count; ++i) {
+      const Index k = scenes[std::size_t(i)];
+      if (!outcome.settled[std::size_t(i)] || !found[std::size_t(i)]) {
+        rest.push_back(k);
+        continue;
+      }
+      settle(k, outcome.residual[i], other[std::size_t(i)] != 0);
+      ++settled;
+    }
+    backend_.each_range(count, 64, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i)
+        if (done_[std::size_t(scenes[std::size_t(i)])]) keep_rows(plan, scenes[std::size_t(i)], i, whole, y, x);
+    });
+    result_.in_lanes += settled;
+    say(settled);
+  }
+  return rest;
+}
+
+void BatchRun::download_rows(SceneMarch& march, bool whole, RowMatrix& y, RowMatrix& x) {
+  RowMatrix& to = whole ? result_.y : y;
+  backend_.prepare(to, march.y().rows(), march.y().cols());
+  backend_.download(march.y(), to);
+  if (result_.x.size() > 0 || result_.w.size() > 0) backend_.download(march.x(), x);
+}
+
+// Scene k from row i (J+1) of the tables of a device.
+void BatchRun::keep_rows(const LanePlan& plan, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x) {
+  const auto own_y = (whole ? result_.y : y).middleRows(i * rows_, rows_);
+  if (!whole) rows_of(result_.y, k) = own_y;
+  if (result_.w.size() == 0 && result_.x.size() == 0) return;
+  const auto own_x = x.middleRows(i * rows_, rows_);
+  if (result_.x.size() > 0) rows_of(result_.x, k) = own_x(Eigen::all, result_.x_components);
+  if (result_.w.size() == 0) return;
+  const Scene& scene = batch_.own.empty() ? batch_.common : batch_.own[std::size_t(k)];
+  RowMatrix g = plan.stages ? plan.sources.at_points : plan.sources.g;
+  for (Index c = 0; c < plan.n && !plan.units.trivial(); ++c)
+    for (Index j = 0; j < rows_; ++j) g(j, c) = times_ten_to(plan.units.w[std::size_t(c)], g(j, c));
+  rows_of(result_.w, k) =
+      g + own_x * scene.dynamics->small_state()->N.transpose() + own_y * to_dense(scene.M).transpose();
+}
+
+// x0 and, where they are its own, the sources of a scene. False for what a single solve has to look at.
+bool BatchRun::input_of(const LanePlan& plan, Index k, LaneInput& input) const {
+  input.plan = &plan;
+  if (!own_sources_) {
+    input.x0 = plan.start_of(batch_.own.empty()
+                                 ? (batch_.x0.size() > 0 ? Vector(batch_.x0.row(k).transpose()) : batch_.common.x0)
+                                 : batch_.own[std::size_t(k)].x0);
+    return input.x0.size() == plan.m && input.x0.allFinite();
+  }
+  const Scene scene = scene_of(batch_, k);
+  scene.validate_x0(scene.x0);
+  scene.validate_sources();
+  input.x0 = plan.start_of(scene.x0);
+  auto sources = plan.sources_of(scene);
+  if (!sources) return false;
+  input.sources = std::make_shared<const LaneSources>(std::move(*sources));
+  return true;
+}
+
+// Scenes that share neither dynamics nor M: a plan each.
+void BatchRun::take_own(const std::vector<Index>& all) {
+  const Index together = lanes * groups_between_polls * std::max(1, backend_.threads());
+  NaturalUnits nearby;
+  bool has_units = false;
+  std::optional<SampledSources> common;
+  for (std::size_t first = 0; first < all.size() && !stopped_; first += std::size_t(together)) {
+    std::vector<Index> scenes;
+    std::vector<Scene> stated;
+    for (std::size_t i = first; i < std::min(all.size(), first + std::size_t(together)); ++i) try {
+        Scene scene = scene_of(batch_, all[i]);
+        scene.validate();
+        stated.push_back(std::move(scene));
+        scenes.push_back(all[i]);
+      } catch (const Error&) {  // the single solve says so
+      }
+    std::vector<std::unique_ptr<LanePlan>> plans(scenes.size());
+    if (!has_units && !stated.empty()) {
+      nearby = natural_units(stated.front()), has_units = true;
+      if (!own_sources_) {
+        common = sampled(stated.front(), J_);
+        if (!common) return;
+      }
+    }
+    const Index count = Index(scenes.size());
+    const Index length = backend_.traits().one_at_a_time ? 1 : std::max<Index>(1, count);  // a device has one stream
+    share(backend_, count, length, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) try {
+          std::string why;
+          plans[std::size_t(i)] = LanePlan::make(stated[std::size_t(i)], backend_, J_, true, &nearby, why);
+        } catch (const Error&) {
+        }
+    });
+    std::map<Kind, std::vector<Prepared>> kinds;
+    for (std::size_t i = 0; i < scenes.size(); ++i) try {
+        if (plans[i] && plans[i]->stages)
+          if (const NaturalUnits units = natural_units(stated[i]); !same_units(units, plans[i]->units)) {
+            std::string why;
+            plans[i] = LanePlan::make(stated[i], backend_, J_, true, &units, why);
+          }
+        if (!plans[i]) continue;
+        auto sources = common && !plans[i]->stages ? plans[i]->sources_at_points(common->g, common->f)
+                                                   : plans[i]->sources_of(stated[i]);
+        if (!sources) continue;
+        LaneInput input{plans[i].get(), plans[i]->start_of(stated[i].x0),
+                        std::make_shared<const LaneSources>(std::move(*sources))};
+        kinds[kind_of(*plans[i])].push_back({scenes[i], std::move(input)});
+      } catch (const Error&) {  // the single solve says so
+      }
+    Index settled = 0;
+    for (const auto& [kind, same] : kinds) settled += march(same);
+    say(settled);
+  }
+}
+
+// Returns how many are settled.
+Index BatchRun::march(const std::vector<Prepared>& scenes) {
+  const Index count = Index(scenes.size()), ranges = (count + lanes - 1) / lanes;
+  if (count == 0) return 0;
+  const Index shared = std::max<Index>(1, ranges / (4 * std::max(1, backend_.threads())));
+  std::atomic<Index> settled = 0;
+  share(backend_, ranges, shared, [&](Index begin, Index end) {
+    LaneMarch march(*scenes[0].input.plan);
+    for (Index range = begin; range < end; ++range)
+      settled += march_range(march, &scenes[std::size_t(range * lanes)], std::min(lanes, count - range * lanes));
+  });
+  result_.in_lanes += settled;
+  return settled;
+}
+
+Index BatchRun::march_range(LaneMarch& march, const Prepared* first, Index count) {
+  std::vector<const LaneInput*> inputs;
+  for (Index i = 0; i < count; ++i) inputs.push_back(&first[i].input);
+  std::vector<LaneOutcome> outcomes;
+  march.run(inputs, outcomes);
+  Index settled = 0;
+  for (Index l = 0; l < count; ++l)
+    if (outcomes[std::size_t(l)].settled) {
+      keep(march, l, first[l].scene, outcomes[std::size_t(l)]);
+      ++settled;
+    }
+  return settled;
+}
+
+void BatchRun::keep(const LaneMarch& march, Index lane, Index k, const LaneOutcome& outcome) {
+  march.write_y(lane, rows_of(result_.y, k));
+  if (result_.w.size() > 0) march.write_w(lane, rows_of(result_.w, k));
+  if (result_.x.size() > 0) march.write_x(lane, result_.x_components, rows_of(result_.x, k));
+  settle(k, outcome.residual, outcome.other_at_zero);
+}
+
+void BatchRun::settle(Index k, double residual, bool other_at_zero) {
+  result_.status[std::size_t(k)] = Status::solved;
+  result_.reason[std::size_t(k)].clear();
+  result_.method[std::size_t(k)] = Method::march;
+  result_.residual[k] = residual;
+  if (other_at_zero)  // as core/solve/certification.cpp says it
+    result_.warning[std::size_t(k)] = "y(0) is not unique: the problem at t = 0 has another solution";
+  done_[std::size_t(k)] = 1;
+}
+
+// ---- One after the other.
+
+void BatchRun::take_singly(const std::vector<Index>& group) {
+  solvers_.clear();
+  for (const Index k : group) {
+    if (stopped_) return;
+    if (done_[std::size_t(k)]) continue;
+    try {
+      take(k, scene_of(batch_, k), group.size() > 1);
+    } catch (const Error& error) {
+      if (!of_one_scene(error)) throw;
+      clear(k);
+      result_.status[std::size_t(k)] = Status::unsupported;
+      result_.reason[std::size_t(k)] = error.what();
+      solvers_.clear();
+    }
+    done_[std::size_t(k)] = 1;
+    say(1);
+  }
+}
+
+Result BatchRun::solved_by_solver(const Scene& scene) {
+  scene.validate();
+  NaturalUnits units = natural_units(scene);
+  const auto found =
+      std::find_if(solvers_.begin(), solvers_.end(), [&](const UnitSolver& s) { return same_units(s.units, units); });
+  if (found == solvers_.end()) {
+    if (solvers_.size() >= most_solvers_) solvers_.erase(solvers_.begin());
+    solvers_.push_back({std::move(units), std::make_unique<Solver>(scene, backend_, options_)});
+    return solvers_.back().solver->solve();
+  }
+  found->solver->set_x0(scene.x0);
+  if (own_sources_) found->solver->set_sources(scene.f, scene.g, scene.breakpoints, scene.breakpoints_are_all);
+  ++result_.prepared;
+  return found->solver->solve();
+}
+
+// At the times of the batch, if it has some.
+Result BatchRun::with_rows(const Scene& scene, Result result) const {
+  if (batch_.times.empty()) return result;
+  const double T = first_of(batch_).T;
+  std::vector<double> times = batch_.times;
+  for (double& t : times)
+    if (scene.T != T) t = std::min(t / T * scene.T, scene.T);
+  if (result.y.rows() == result.steps + 1) return at_times(scene, backend_, result, times);
+  const Index rows = Index(times.size());  // a solve that ended before its first row
+  result.t = Eigen::Map<const Vector>(times.data(), rows);
+  result.y = RowMatrix::Constant(rows, scene.constraints(), NAN);
+  result.x = RowMatrix::Constant(rows, Index(result_.x_components.size()), NAN);
+  result.trace.resize(0, 0);
+  return result;
+}
+
+void BatchRun::take(Index k, const Scene& scene, bool shares) {
+  const Result result = with_rows(
+      scene, shares && !scene.boundary && !scene.port ? solved_by_solver(scene) : solve(scene, backend_, options_));
+  rows_of(result_.y, k) = result.y;
+  if (result_.w.size() > 0) {
+    const RowMatrix w = slack(scene, result);
+    if (w.rows() == rows_)
+      rows_of(result_.w, k) = w;
+    else
+      rows_of(result_.w, k).setConstant(NAN);
+  }
+  if (result_.x.size() > 0) rows_of(result_.x, k) = result.x;
+  result_.status[std::size_t(k)] = result.status;
+  result_.reason[std::size_t(k)] = result.reason;
+  result_.warning[std::size_t(k)] = result.warning;
+  result_.method[std::size_t(k)] = result.method;
+  result_.residual[k] = result.residual;
+  result_.infeasible_at[std::size_t(k)] = result.infeasible_at.value_or(NAN);
+}
+
+}  // namespace bromwich

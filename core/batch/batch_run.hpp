@@ -1,0 +1,71 @@
+#pragma once
+// One call of solve_batch: results of all scenes, filled group by group, side by side where that is possible
+// (core/batch/lane_march.hpp) and one after the other otherwise.
+
+#include "../seam/scene_march.hpp"
+#include "../solve/solver.hpp"
+#include "batch.hpp"
+#include "lane_march.hpp"
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+namespace bromwich {
+
+class BatchRun {
+ public:
+  BatchRun(const Batch&, Backend&, const Options&);
+  BatchResult run(const std::function<void(const Progress&)>& progress);
+
+  static constexpr double most_lane_bytes = 256e6;  ///< of the buffers of one thread
+
+ private:
+  // A scene and what its lane starts from.
+  struct Prepared {
+    Index scene;
+    LaneInput input;
+  };
+
+  Eigen::Block<RowMatrix> rows_of(RowMatrix& all, Index k) {
+    return all.block(k * rows_, 0, all.size() > 0 ? rows_ : 0, all.cols());
+  }
+  void clear(Index k);
+  void say(Index more);
+
+  bool for_lanes() const;
+  void take_lanes(const std::vector<Index>& group);
+  void march_group(const LanePlan&, const std::vector<Index>& group);
+  bool input_of(const LanePlan&, Index k, LaneInput&) const;
+  void take_own(const std::vector<Index>& scenes);
+  std::vector<Index> march_on_device(const LanePlan&, const std::vector<Index>& group);
+  void download_rows(SceneMarch&, bool whole, RowMatrix& y, RowMatrix& x);
+  void keep_rows(const LanePlan&, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x);
+  Index march(const std::vector<Prepared>&);
+  Index march_range(LaneMarch&, const Prepared* first, Index count);
+  void keep(const LaneMarch&, Index lane, Index k, const LaneOutcome&);
+
+  void take_singly(const std::vector<Index>& group);
+  Result solved_by_solver(const Scene&);
+  void take(Index k, const Scene&, bool shares);
+  Result with_rows(const Scene&, Result) const;
+  void settle(Index k, double residual, bool other_at_zero);
+
+  const Batch& batch_;
+  Backend& backend_;
+  Options options_;
+  Index J_, rows_, count_ = 0;  ///< rows_: of a scene in the result
+  bool own_sources_, stopped_ = false;
+  std::function<void(const Progress&)> progress_;
+  std::vector<char> done_;
+  // The Solver of the units that a single solve would choose: those of its first scene stay.
+  struct UnitSolver {
+    NaturalUnits units;
+    std::unique_ptr<Solver> solver;
+  };
+  static constexpr std::size_t most_solvers_ = 4;
+  std::vector<UnitSolver> solvers_;  ///< of the group that is solved now
+  BatchResult result_;
+};
+
+}  // namespace bromwich

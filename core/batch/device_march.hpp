@@ -1,0 +1,12 @@
+#pragma once
+// Scenes of a plan on a backend that steps many of them at a time (core/seam/scene_march.hpp).
+
+#include "../seam/scene_march.hpp"
+#include "lane_plan.hpp"
+
+namespace bromwich {
+
+/// What the backend needs of a plan. Precondition: no step is taken in parts.
+SceneMarchProblem scene_march_problem(const LanePlan&);
+
+}  // namespace bromwich

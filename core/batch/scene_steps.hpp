@@ -1,0 +1,399 @@
+#pragma once
+// The steps of small dense scenes, and the checks of their rows, in numbers of any kind: a double is one scene, in a
+// thread of a device; a vector of doubles has a scene in each lane (core/batch/lane_march.hpp). Nothing is allocated.
+//
+// Continuous y, linear between time points (core/march/marching.cpp):
+//
+//     x~ = E x_{j-1} + L y_{j-1} + d_j,   y_j in SOL(M + N R, N x~ + g_j),   x_j = x~ + R y_j.
+//
+// Stages of Radau IIA, Y = (y at the first stage, y at the end), D = diag(3/4, 1/4) (core/host/stage_stepper.hpp):
+//
+//     q = S x_{j-1} + g_j,   Y in SOL(D (I ⊗ M + W), D q),   x_j = E x_{j-1} + d_j + R Y.
+//
+// symbol     member              shape            meaning
+// E, L, R    E, L, R             m x m, m x n,    of a step; with stages R is m x 2n, and L is S, 2n x m
+//                                m x n
+// d_j, g_j   drift, g            m, n             contribution of f, source; with stages g has 2n entries
+//            Problem                              solves LCP(q) by stored inverses on active sets
+//
+// A `Problem` has: solve<n>(q, y, lost), the active sets of rows take<n>(y, lost), respond<n>(v, u), u = V v on the
+// set, limit(), the number of steps that a set may last, and try_stages<2n>(q, Y, uncertain).
+
+#include "../base/types.hpp"
+
+#include <cstdint>
+
+namespace bromwich::scene_steps {
+
+inline constexpr Index most_states = 32, most_unknowns = 8;  ///< m, n
+
+/// Mask, all(a), max, min, abs, select, and of masks any and no; for double here.
+template <class Number>
+struct Arithmetic;
+
+template <>
+struct Arithmetic<double> {
+  using Mask = bool;
+  static constexpr double all(double a) { return a; }
+  static constexpr double max(double a, double b) { return a > b ? a : b; }
+  static constexpr double min(double a, double b) { return a < b ? a : b; }
+  static constexpr double abs(double a) { return a < 0 ? -a : a; }
+  static constexpr double select(bool mask, double a, double b) { return mask ? a : b; }
+  static constexpr bool any(bool mask) { return mask; }
+  static constexpr bool no(bool mask) { return !mask; }
+};
+
+/// Component i at time point j is base[(j width + i) apart].
+template <class Number>
+struct Rows {
+  Number* base;
+  Index width, apart;
+  constexpr Number& operator()(Index j, Index i) const { return base[(j * width + i) * apart]; }
+};
+
+/// The same of a source: numbers that all scenes share, or own ones.
+template <class Number>
+struct Source {
+  const double* shared;
+  const Number* own;
+  Index width, apart;
+  constexpr Number operator()(Index j, Index i) const {
+    return own ? own[(j * width + i) * apart] : Arithmetic<Number>::all(shared[j * width + i]);
+  }
+};
+
+/// Matrices row by row, of doubles if the scenes share them, otherwise of Numbers.
+template <class C>
+struct Matrices {
+  Index m = 0, J = 0;
+  double h = 0;
+  const C *E = nullptr, *L = nullptr, *R = nullptr, *N = nullptr, *M = nullptr, *B = nullptr;
+  /// Of the rule by which perturbations grow: its step, E R + L, |E| and |R|.
+  const C *growth_E = nullptr, *growth_G = nullptr, *size_of_E = nullptr, *size_of_R = nullptr;
+  const double* part = nullptr;                  ///< m: of each state in the first perturbation
+  const C *y_unit = nullptr, *w_unit = nullptr;  ///< n: of y and w in the units of the scene
+  bool surely_P = false, stages = false;
+  double most_growth = 50;
+};
+
+// Margins below the limits of core/solve/certification.cpp.
+inline constexpr double settled_residual = 1e-10;   ///< of 1e-9
+inline constexpr double settled_rounding = 1e-6;    ///< of 1e-4
+inline constexpr double settled_impulse = 0.08;     ///< of 0.1
+inline constexpr double alternating_part = 0.0099;  ///< of a hundredth (core/kernel/ringing.hpp)
+inline constexpr double alternating_run = 16;
+
+/// Numbers in [-1, 1] without a pattern, the same in every run.
+struct Noise {
+  std::uint64_t state = 20;
+  constexpr double operator()() {
+    state = state * 6364136223846793005ULL + 1442695040888963407ULL;
+    return double(std::int64_t(state)) * 0x1p-63;
+  }
+};
+
+/// `fixed`: m where it is known to the compiler, otherwise 0.
+template <Index fixed, Index n, class Number, class C>
+struct Steps {
+  using A = Arithmetic<Number>;
+  using Mask = typename A::Mask;
+  static constexpr Index room = fixed > 0 ? fixed : most_states;
+
+  const Matrices<C>& s;
+  Rows<Number> x, y;
+  Source<Number> drift, g, growth_drift;
+  constexpr Index m() const { return fixed > 0 ? fixed : s.m; }
+
+  static constexpr Number none() { return A::all(0); }
+  static constexpr Mask no_lane() { return none() != none(); }
+
+  // ---- Continuous y.
+
+  template <class Problem>
+  constexpr void step(const C* E, const C* L, const C* R, const Number* d, const Number* given, const Number* x_from,
+                      const Number* y_from, Number* x_to, Number* y_to, Problem& problem, Mask& lost) const {
+    Number free[room], q[n];
+    for (Index i = 0; i < m(); ++i) {
+      Number sum = d[i], more = L[i * n] * y_from[0];
+      for (Index k = 0; k < m(); ++k) sum += E[i * m() + k] * x_from[k];
+      for (Index k = 1; k < n; ++k) more += L[i * n + k] * y_from[k];
+      free[i] = sum + more;
+    }
+    for (Index i = 0; i < n; ++i) {
+      q[i] = given[i];
+      for (Index k = 0; k < m(); ++k) q[i] += s.N[i * m() + k] * free[k];
+    }
+    problem.template solve<n>(q, y_to, lost);
+    for (Index i = 0; i < m(); ++i) {
+      Number sum = R[i * n] * y_to[0];
+      for (Index k = 1; k < n; ++k) sum += R[i * n + k] * y_to[k];
+      x_to[i] = free[i] + sum;
+    }
+  }
+
+  /// Row 0 holds x0 and y_0. `rough(j, x, y)`: takes step j itself where it returns true.
+  template <class Problem, class Rough>
+  constexpr void march(Problem& problem, Mask& lost, const Rough& rough) const {
+    Number xs[room], ys[n], d[room], given[n];
+    for (Index i = 0; i < m(); ++i) xs[i] = x(0, i);
+    for (Index i = 0; i < n; ++i) ys[i] = y(0, i);
+    for (Index j = 1; j <= s.J; ++j) {
+      if (!rough(j, xs, ys)) {
+        for (Index i = 0; i < m(); ++i) d[i] = drift(j, i);
+        for (Index i = 0; i < n; ++i) given[i] = g(j, i);
+        step(s.E, s.L, s.R, d, given, xs, ys, xs, ys, problem, lost);
+      }
+      for (Index i = 0; i < m(); ++i) x(j, i) = xs[i];
+      for (Index i = 0; i < n; ++i) y(j, i) = ys[i];
+    }
+  }
+
+  // ---- Stages. `g` has 2n entries a row. `rigid`: bits of the constraints on a position (core/host/stage_steps.hpp).
+
+  /// `irregular(j, mask, x_from, x_to, y_to, regular)` takes the step to j in the lanes of the mask. `regular` is the
+  /// largest y_i at the ends of steps without jumps.
+  template <class Problem, class Irregular>
+  constexpr void march_stages(Problem& problem, unsigned rigid, Mask& lost, const Irregular& irregular) const {
+    Number xs[room], next[room], ys[n], q[2 * n], Y[2 * n], regular[n];
+    for (Index i = 0; i < m(); ++i) xs[i] = x(0, i);
+    for (Index i = 0; i < n; ++i) regular[i] = ys[i] = y(0, i);
+    for (Index j = 1; j <= s.J; ++j) {
+      Number least = A::all(1e300);
+      for (Index i = 0; i < 2 * n; ++i) {
+        q[i] = g(j, i);
+        for (Index k = 0; k < m(); ++k) q[i] += s.L[i * m() + k] * xs[k];
+        least = A::min(least, q[i]);
+        q[i] *= i < n ? 0.75 : 0.25;
+      }
+      for (Index i = 0; i < m(); ++i) {
+        next[i] = drift(j, i);
+        for (Index k = 0; k < m(); ++k) next[i] += s.E[i * m() + k] * xs[k];
+      }
+      const Mask rests = least >= 0;
+      Mask odd = no_lane();
+      for (Index i = 0; i < 2 * n; ++i) Y[i] = none();
+      if (A::any(A::no(rests | lost))) {
+        problem.template try_stages<2 * n>(q, Y, odd);
+        Number most = none();
+        for (Index i = 0; i < 2 * n; ++i) {
+          Y[i] = A::select(rests, none(), Y[i]);
+          most = A::max(most, Y[i]);
+        }
+        for (Index i = 0; i < n; ++i) {
+          odd |= (Y[i] > 1e-9 * most) & (Y[n + i] <= 1e-9 * most);
+          if (rigid >> i & 1u) {
+            const Mask active = A::max(Y[i], Y[n + i]) > 0;
+            odd |= active & (j == 1 ? A::no(no_lane()) : A::no(ys[i] > 0));
+          }
+        }
+        odd &= A::no(rests | lost);
+      }
+      for (Index i = 0; i < m(); ++i)
+        for (Index k = 0; k < 2 * n; ++k) next[i] += s.R[i * 2 * n + k] * Y[k];
+      for (Index i = 0; i < n; ++i) {
+        ys[i] = Y[n + i];
+        regular[i] = A::select(odd, regular[i], A::max(regular[i], ys[i]));
+      }
+      if (A::any(odd)) irregular(j, odd, xs, next, ys, regular, lost);
+      for (Index i = 0; i < m(); ++i) x(j, i) = xs[i] = next[i];
+      for (Index i = 0; i < n; ++i) y(j, i) = ys[i];
+    }
+  }
+
+  // ---- Checks. `source`: g of the rows, n entries.
+
+  /// Residual in the units of the scene, and lanes lost by the residual or by an alternating y.
+  constexpr Number check_rows(const Source<Number>& source, Number* largest_x, Mask& lost) const {
+    Number largest_y[n], before[n], run[n], worst = none(), reported = none(), finite = none(), longest = none();
+    for (Index i = 0; i < n; ++i) largest_y[i] = before[i] = run[i] = none();
+    for (Index i = 0; i < m(); ++i) largest_x[i] = none();
+    for (Index j = 0; j <= s.J; ++j) {
+      Number xs[room], ys[n], missed = none(), scale = A::all(1), missed_there = none(), scale_there = A::all(1);
+      for (Index i = 0; i < m(); ++i) {
+        xs[i] = x(j, i);
+        largest_x[i] = A::max(largest_x[i], A::abs(xs[i]));
+      }
+      for (Index i = 0; i < n; ++i) ys[i] = y(j, i);
+      for (Index i = 0; i < n; ++i) {
+        Number q = source(j, i);
+        for (Index k = 0; k < m(); ++k) q += s.N[i * m() + k] * xs[k];
+        Number w = q;
+        for (Index k = 0; k < n; ++k) w += s.M[i * n + k] * ys[k];
+        finite += 0 * w;
+        missed = A::max(missed, A::abs(A::min(ys[i], w)));
+        scale = A::max(scale, A::abs(q));
+        missed_there = A::max(missed_there, A::abs(A::min(s.y_unit[i] * ys[i], s.w_unit[i] * w)));
+        scale_there = A::max(scale_there, s.w_unit[i] * A::abs(q));
+        largest_y[i] = A::max(largest_y[i], ys[i]);
+      }
+      worst = A::max(worst, missed / scale);
+      reported = A::max(reported, missed_there / scale_there);
+    }
+    lost |= A::no(worst + finite <= settled_residual);
+    if (s.stages) return reported + finite;
+    for (Index j = 1; j < s.J; ++j)
+      for (Index i = 0; i < n; ++i) {
+        const Number bend = y(j - 1, i) - 2 * y(j, i) + y(j + 1, i);
+        const Mask on = (A::abs(bend) > alternating_part * largest_y[i]) & (bend * before[i] < 0);
+        run[i] = A::select(on, run[i] + 1, none());
+        before[i] = bend;
+        longest = A::max(longest, run[i]);
+      }
+    lost |= longest >= alternating_run;
+    return reported + finite;
+  }
+
+  /// core/accuracy/magnification.hpp: how a perturbation grows, and what rounding makes of the solution.
+  template <class Problem>
+  constexpr void check_growth(Problem& problem, const Number* largest_x, Mask& lost) const {
+    Number inverse[room], dz[room], first[room], error[room], xb[room], yb[n], xj[room], yj[n];
+    Number largest = A::all(1e-290), size2 = none(), norm2 = none();
+    for (Index i = 0; i < m(); ++i) largest = A::max(largest, largest_x[i]);
+    for (Index i = 0; i < m(); ++i) {
+      inverse[i] = 1 / A::max(largest_x[i], 1e-12 * largest);
+      xb[i] = x(0, i);
+      dz[i] = first[i] = s.part[i] * largest_x[i];
+      error[i] = epsilon * s.part[i] * xb[i];
+      norm2 += (first[i] * inverse[i]) * (first[i] * inverse[i]);
+      size2 += (xb[i] * inverse[i]) * (xb[i] * inverse[i]);
+    }
+    for (Index i = 0; i < n; ++i) yb[i] = y(0, i);
+    Number least2 = norm2, last2 = norm2, most2 = A::all(1), rounding2 = none(), impulse2 = none(), run = none();
+    const Number first2 = norm2;
+    Noise noise;
+    for (Index j = 1; j <= s.J; ++j) {
+      Mask changed = no_lane();
+      for (Index i = 0; i < m(); ++i) xj[i] = x(j, i);
+      for (Index i = 0; i < n; ++i) {
+        yj[i] = y(j, i);
+        changed |= (yj[i] > 0) ^ (yb[i] > 0);
+      }
+      const Number before2 = size2;
+      if (j == 1 || A::any(changed)) problem.template take<n>(yj, lost);
+      run = A::select(changed, A::all(1), run + 1);
+      lost |= run > problem.limit();
+      Number u[n], v[n], now2 = none(), error2 = none(), x2 = none(), next[room], next_error[room];
+      respond(problem, dz, u);
+      respond(problem, error, v);
+      for (Index i = 0; i < m(); ++i) {
+        Number a = s.growth_G[i * n] * u[0], b = s.growth_G[i * n] * v[0],
+               terms = A::abs(xj[i]) + A::abs(growth_drift(j, i));
+        for (Index k = 1; k < n; ++k) a += s.growth_G[i * n + k] * u[k], b += s.growth_G[i * n + k] * v[k];
+        for (Index k = 0; k < n; ++k) terms += s.size_of_R[i * n + k] * yj[k];
+        for (Index k = 0; k < m(); ++k) {
+          a += s.growth_E[i * m() + k] * dz[k], b += s.growth_E[i * m() + k] * error[k];
+          terms += s.size_of_E[i * m() + k] * A::abs(xb[k]);
+        }
+        next[i] = a;
+        next_error[i] = b + (2 * epsilon * noise()) * terms;
+        const Number of_a = a * inverse[i], of_e = next_error[i] * inverse[i], of_x = xj[i] * inverse[i];
+        now2 += of_a * of_a, error2 += of_e * of_e, x2 += of_x * of_x;
+      }
+      size2 = A::max(size2, x2);
+      rounding2 = A::max(rounding2, A::select(size2 > 0, 4 * error2 / size2, none()));
+      const Mask gone = now2 < 1e-28 * last2;
+      for (Index i = 0; i < m(); ++i) dz[i] = A::select(gone, first[i], next[i]), error[i] = next_error[i];
+      now2 = A::select(gone, first2, now2);
+      least2 = A::select(gone, first2, A::min(least2, now2));
+      most2 = A::max(most2, A::select(least2 > 0, now2 / least2, A::all(1)));
+      if (const Mask small = now2 < 1e-200; A::any(small)) {  // out of the range of squares
+        const Number by = A::select(small & (now2 > 0), A::all(1e80), A::all(1));
+        for (Index i = 0; i < m(); ++i) dz[i] *= by;
+        now2 *= by * by, least2 *= by * by;
+      }
+      last2 = now2;
+      if (s.surely_P && A::any(changed)) {
+        if (j < s.J) impulse2 = A::select(changed, A::max(impulse2, impulse_of(yj, inverse, size2)), impulse2);
+        if (j > 1) impulse2 = A::select(changed, A::max(impulse2, impulse_of(yb, inverse, before2)), impulse2);
+      }
+      for (Index i = 0; i < m(); ++i) xb[i] = xj[i];
+      for (Index i = 0; i < n; ++i) yb[i] = yj[i];
+    }
+    lost |= A::no(most2 <= s.most_growth * s.most_growth);
+    lost |= A::no(rounding2 <= settled_rounding * settled_rounding);
+    lost |= A::no(impulse2 <= settled_impulse * settled_impulse);
+  }
+
+  /// Whether a step of implicit Euler has two solutions, or nearly so, at the rows where
+  /// core/accuracy/other_solution.cpp looks. V: n x n, of all active sets one after the other; `seen`: n x m, N (I -
+  /// hA)^{-1}. Lanes in `known` are not looked at.
+  constexpr void check_others(const C* seen, const C* V, const Source<Number>& source, const Source<Number>& f,
+                              Mask known, Mask& lost) const {
+    constexpr Index most_rows = 24;
+    const Index stride = s.J / (most_rows / 2) > 1 ? s.J / (most_rows / 2) : 1;
+    Number changes = none();
+    for (Index j = 1; j <= s.J; ++j) {
+      bool look = j == 1 || j % stride == 0;
+      Mask changed = no_lane();
+      for (Index i = 0; i < n && j > 1; ++i) changed |= (y(j, i) > 0) ^ (y(j - 1, i) > 0);
+      changed &= A::no(lost | known);
+      changes = A::select(changed, changes + 1, changes);
+      look = look || A::any(changed & (changes <= double(most_rows / 2)));
+      if (look) lost |= several(j, seen, V, source, f) & A::no(known);
+    }
+  }
+
+ private:
+  // u = V N dz on the active set.
+  template <class Problem>
+  constexpr void respond(Problem& problem, const Number* dz, Number* u) const {
+    Number seen[n];
+    for (Index i = 0; i < n; ++i) {
+      seen[i] = s.N[i * m()] * dz[0];
+      for (Index k = 1; k < m(); ++k) seen[i] += s.N[i * m() + k] * dz[k];
+    }
+    problem.template respond<n>(seen, u);
+  }
+
+  constexpr Number impulse_of(const Number* yj, const Number* inverse, Number of2) const {
+    Number sum = none();
+    for (Index i = 0; i < m(); ++i) {
+      Number b = s.B[i * n] * yj[0];
+      for (Index k = 1; k < n; ++k) b += s.B[i * n + k] * yj[k];
+      sum += (b * inverse[i]) * (b * inverse[i]);
+    }
+    return A::select(of2 > 0, s.h * s.h * sum / of2, none());
+  }
+
+  constexpr Mask several(Index j, const C* seen, const C* V, const Source<Number>& source,
+                         const Source<Number>& f) const {
+    constexpr double loose = 1e-8, apart = 5e-7;
+    Number q[n], from[room], solution[n];
+    for (Index k = 0; k < m(); ++k) from[k] = x(j - 1, k) + s.h * f(j, k);
+    for (Index i = 0; i < n; ++i) {
+      q[i] = source(j, i);
+      for (Index k = 0; k < m(); ++k) q[i] += seen[i * m() + k] * from[k];
+      solution[i] = none();
+    }
+    Mask found = no_lane(), two = found;
+    for (Index set = 0; set < Index(1) << n; ++set) {
+      const C* v = V + set * n * n;
+      Number value[n];
+      Mask may = A::no(no_lane());
+      for (Index i = 0; i < n; ++i) {
+        Number sum = none(), terms = none();
+        for (Index k = 0; k < n; ++k) {
+          const Number term = v[i * n + k] * q[k];
+          sum += term;
+          terms += A::abs(term);
+        }
+        value[i] = sum;
+        may &= sum >= -loose * terms;
+        if (!A::any(may)) break;
+      }
+      if (!A::any(may)) continue;
+      Number distance = none(), scale = none();
+      for (Index i = 0; i < n; ++i) {
+        const Number now = set >> i & 1 ? value[i] : none();
+        distance = A::max(distance, A::abs(now - solution[i]));
+        scale = A::max(scale, A::max(A::abs(now), A::abs(solution[i])));
+        solution[i] = A::select(may & A::no(found), now, solution[i]);
+      }
+      two |= may & found & (distance > apart * scale);
+      found |= may;
+    }
+    return two;
+  }
+};
+
+}  // namespace bromwich::scene_steps

@@ -1,0 +1,59 @@
+#pragma once
+// What a backend offers besides, where it steps many small dense scenes side by side (core/batch/scene_steps.hpp), a
+// thread for each. A backend that does is derived from SceneMarcher. Without it, scenes are stepped in the lanes of
+// vectors on the threads of the host (core/batch/lane_march.hpp), with the same results.
+
+#include "../base/plan.hpp"
+#include "../base/types.hpp"
+#include "array.hpp"
+
+#include <memory>
+#include <vector>
+
+namespace bromwich {
+
+/// The problems of one matrix, of u x u, on all of its 2^u active sets.
+struct StoredSets {
+  RowMatrix V;  ///< 2^u u x u: (y_S, w_I) = V(S) q in scaled units; the first entry is NaN where S is not usable
+  Vector rows, columns;  ///< u: the scaling
+  bool all_solutions =
+      true;  ///< solutions are the only ones; otherwise they have to be certain (LaneProblem::try_stages)
+};
+
+/// Scenes that share their dynamics, M and sources. See core/batch/scene_steps.hpp for the letters.
+struct SceneMarchProblem {
+  Index m = 0, n = 0, J = 0;
+  double h = 0, most_growth = 50;
+  bool stages = false, surely_P = false;
+  unsigned rigid = 0;
+  RowMatrix E, L, R, N, M, B, growth_E, growth_G, size_of_E, size_of_R;
+  StoredSets steps, growth;                        ///< of a step; of the rule by which perturbations grow
+  Vector longest;                                  ///< 2^n: time points that a set may last
+  RowMatrix drift, g, at_points, growth_drift, f;  ///< (J+1) rows each
+  RowMatrix seen, euler;  ///< n x m and 2^n n x n, of implicit Euler; empty: no other solutions are looked for
+  Vector part;            ///< m
+  std::vector<int> x_unit, y_unit, w_unit;  ///< powers of ten of the rows that are returned; empty: none
+};
+
+struct SceneMarchOutcome {
+  std::vector<char> settled;
+  Vector residual;  ///< in the units of the scenes
+};
+
+class SceneMarch : public Plan {
+ public:
+  /// x0 and y_0 of the scenes, one row each. `known`: scenes whose other solutions are not looked for.
+  virtual SceneMarchOutcome run(const RowMatrix& x0, const RowMatrix& y0, const std::vector<char>& known) = 0;
+  /// Rows of all scenes, one scene after the other, in their own units: K (J+1) x m and x n.
+  virtual const Array& x() = 0;
+  virtual const Array& y() = 0;
+};
+
+class SceneMarcher {
+ public:
+  virtual ~SceneMarcher() = default;
+  /// For at most so many scenes at a time. Null for problems that it does not take.
+  virtual std::unique_ptr<SceneMarch> scene_march(const SceneMarchProblem&, Index scenes) = 0;
+};
+
+}  // namespace bromwich

@@ -1,0 +1,130 @@
+// Contract of many scenes side by side on every backend (core/seam/scene_march.hpp where it has that, lanes of vectors
+// elsewhere): against the dense oracle, and status by status against single solves on the CPU.
+
+#include "core/batch/batch.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/solve.hpp"
+#include "tests/support/backends.hpp"
+#include "tests/support/oracle.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace bromwich {
+namespace {
+
+using reference::Random;
+
+constexpr Index scenes = 70;  // above two warps, and no multiple of the lanes of a vector
+// J roundings of a stable recurrence, in another order of operations, times the condition of the problems.
+constexpr double same = 1e-12;
+
+Options marched(Index steps) {
+  Options options;
+  options.method = Method::march;
+  options.steps = steps;
+  options.trace = true;
+  options.states = StateSelection::all;
+  return options;
+}
+
+Batch around(const Scene& scene, double part) {
+  Random random(7);
+  Batch batch;
+  batch.common = scene;
+  batch.scenes = scenes;
+  batch.x0 = RowMatrix(random.matrix(scenes, scene.states())) * part;
+  batch.x0.rowwise() += scene.x0.transpose();
+  return batch;
+}
+
+// M = P P^T + I, A stable.
+Scene drawn(Index m, Index n, unsigned seed) {
+  Random random(seed);
+  Scene scene;
+  DenseDynamics d{random.matrix(m, m), random.matrix(m, n), random.matrix(n, m)};
+  d.A -= 2 * std::sqrt(double(m)) * Matrix::Identity(m, m);
+  scene.dynamics = d;
+  const Matrix P = random.matrix(n, n);
+  scene.M = Matrix(P * P.transpose() + Matrix::Identity(n, n));
+  scene.x0 = random.vector(m);
+  scene.T = 3;
+  scene.f = [m](double t, Eigen::Ref<Vector> f) {
+    for (Index i = 0; i < m; ++i) f[i] = std::cos(2 * t + double(i));
+  };
+  scene.g = [n](double t, Eigen::Ref<Vector> g) {
+    for (Index i = 0; i < n; ++i) g[i] = std::sin(3 * t + double(i));
+  };
+  return scene;
+}
+
+// Four ideal diodes between a resonator and a resistor: M is semidefinite, steps are those of Radau IIA.
+Scene diode_bridge() {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, -1e6}, {1e2, 0}}, Matrix{{0, 0, -1e6, 1e6}, {0, 0, 0, 0}},
+                                 Matrix{{0, 0}, {0, 0}, {-1, 0}, {1, 0}}};
+  scene.M = Matrix{{1e-3, 1e-3, -1, 0}, {1e-3, 1e-3, 0, -1}, {1, 0, 0, 0}, {0, 1, 0, 0}};
+  scene.lcp_class = LcpClass::PSD;
+  scene.x0 = Vector{{10, 0}};
+  scene.T = 1e-3;
+  return scene;
+}
+
+double apart(const RowMatrix& a, const RowMatrix& b) {
+  if (a.rows() != b.rows() || a.cols() != b.cols()) return INFINITY;
+  if (!b.allFinite()) return (a.array().isNaN() == b.array().isNaN()).all() ? 0 : INFINITY;
+  return (a - b).cwiseAbs().maxCoeff() / std::max(1e-300, b.cwiseAbs().maxCoeff());
+}
+
+using BackendScenes = BackendTest;
+
+Index expect_as_single(const Batch& batch, Backend& backend, Index steps, const std::string& what) {
+  const Options options = marched(steps);
+  const auto cpu = make_cpu_backend(1);
+  const BatchResult found = solve_batch(batch, backend, options);
+  for (Index k = 0; k < batch.scenes; k += 3) {
+    const std::string where = what + ", scene " + std::to_string(k);
+    try {
+      const Result one = solve(scene_of(batch, k), *cpu, options);
+      EXPECT_EQ(found.status[std::size_t(k)], one.status) << where << ": " << one.reason;
+      EXPECT_EQ(found.warning[std::size_t(k)], one.warning) << where;
+      EXPECT_LE(apart(found.of(found.y, k), one.y), same) << where;
+      EXPECT_LE(apart(found.of(found.x, k), one.x), same) << where;
+      EXPECT_NEAR(found.residual[k], one.residual, same) << where;
+    } catch (const Error&) {
+      EXPECT_EQ(found.status[std::size_t(k)], Status::unsupported) << where;
+    }
+  }
+  return found.in_lanes;
+}
+
+TEST_P(BackendScenes, AreSteppedAsTheyAreAlone) {
+  for (const auto& [m, n] : {std::pair<Index, Index>(1, 1), {3, 2}, {4, 4}, {5, 3}, {8, 8}})
+    EXPECT_EQ(expect_as_single(around(drawn(m, n, unsigned(m)), 0.5), *backend, 100, "drawn"), scenes) << m << " " << n;
+  EXPECT_EQ(expect_as_single(around(make_scene("dlcp-small", {}), 0.003), *backend, 128, "dlcp-small"), scenes);
+  EXPECT_GE(2 * expect_as_single(around(diode_bridge(), 0.3), *backend, 200, "diode bridge"), scenes);
+}
+
+TEST_P(BackendScenes, AgreeWithTheDenseOracle) {
+  const Index J = 40;
+  const Batch batch = around(drawn(3, 3, 5), 0.5);
+  const BatchResult found = solve_batch(batch, *backend, marched(J));
+  for (Index k = 0; k < scenes; k += 10) {
+    const auto run = oracle::march(oracle::write_out(scene_of(batch, k)), J);
+    ASSERT_EQ(run.infeasible, -1);
+    EXPECT_LE(apart(found.of(found.y, k), run.y), 1e-11) << k;  // its weights are sums over all lags
+  }
+}
+
+TEST_P(BackendScenes, SpoilNothingWhereOneFails) {
+  Batch batch = around(make_scene("dlcp-small", {}), 0.003);
+  batch.x0.row(3) << 5, 5, 5;  // the constraints have no solution at t = 0
+  batch.x0(33, 1) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(expect_as_single(batch, *backend, 64, "with failures"), scenes - 2);
+}
+
+INSTANTIATE_TEST_SUITE_P(Contract, BackendScenes, testing::ValuesIn(backend_cases()), backend_case_name);
+
+}  // namespace
+}  // namespace bromwich
