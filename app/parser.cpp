@@ -83,8 +83,10 @@ void add_checkpoints(CLI::App* command, SolveArguments& a) {
   add_word(command, "--checkpoint", a.checkpoint, "FILE.h5",
            "solve in parts of time, and write what a restart needs; methods march and euler");
   add_word(command, "--checkpoint-every", a.checkpoint_every, "S", "seconds between checkpoints; default 60");
-  add_word(command, "--restart", a.restart, "FILE.h5",
-           "continue the run of this checkpoint, and its --out if that is .h5 or .vtkhdf");
+  add_word(
+      command, "--restart", a.restart, "FILE.h5",
+      "continue the run of this checkpoint, and its --out if that is .h5 or .vtkhdf; of a sweep on several ranks: the "
+      "folder FILE.parts that it has left");
 }
 
 }  // namespace

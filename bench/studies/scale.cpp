@@ -17,7 +17,7 @@
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
 #include "core/slabs/slab_backend.hpp"
-#include "core/slabs/slab_convolution.hpp"
+#include "core/slabs/slab_states.hpp"
 #include "core/slabs/slabs.hpp"
 #include "cpu/cpu_backend.hpp"
 

@@ -8,7 +8,7 @@
 // 4. v of the slab with zero state: a convolution of this rank alone.
 // 5. v_j += C E^{j-1-b_r} z(b_r), as far as the state is remembered.
 //
-// What is below `forgotten`, relative to its value in the beginning, is left out in 1, 3 and 5.
+// What is below `forgotten` (slab_states.hpp), relative to its value in the beginning, is left out in 1, 3 and 5.
 //
 // Bytes that all R ranks send for one convolution, with n columns and K exponentials a mode, P of which (of n K)
 // outlive the shortest slab between two others:  8 ((R - 1) n (K + 1) + R (R - 1) P) in modes, P = 0 for R = 2. A dense
@@ -17,8 +17,6 @@
 #include "slab_array.hpp"
 
 namespace bromwich {
-
-inline constexpr double forgotten = 1e-18;
 
 /// v must have the slabs of y. Throws Error for a lag table: sums over all lags do not end at a slab.
 std::unique_ptr<Convolution> make_slab_convolution(const RankedBackend&, WeightsRef, const Slabs&);

@@ -9,6 +9,7 @@
 #include "core/slabs/slab_array.hpp"
 #include "core/slabs/slab_convolution.hpp"
 #include "core/slabs/slab_plans.hpp"
+#include "core/slabs/slab_states.hpp"
 #include "core/slabs/slabs.hpp"
 #include "tests/support/reference.hpp"
 #include "tests/support/reference_backend.hpp"
@@ -280,6 +281,42 @@ TEST(SlabBackend, FindsTheSolutionOfOneRank) {
         });
       EXPECT_EQ(found.front(), found.back()) << "from run to run";
     }
+  }
+}
+
+// The sixth sweep alone: one convolution and one report of nine numbers.
+TEST(SlabBackend, ASweepSendsACarryAndAReport) {
+  const Scene scene = make_scene("signorini", {{"Q", 15}});
+  const Index J = 512;
+  const auto cpu = make_cpu_backend(1);
+  const DiscreteProblem p = discretise(scene, *cpu, J);
+  const SharedWeights weights = make_time_operator(p)->weights(J, nullptr, 0);
+  const ModalRecurrence& modes = *modal_recurrence_of(*weights);
+  for (const int ranks : {2, 4}) {
+    const auto sent_in = [&](Index sweeps) {
+      Options options = options_for(Method::contour, J);
+      options.max_iterations = sweeps;
+      Traffic all;
+      for (const Traffic& sent : on_threads(ranks, [&](Communicator& communicator) {
+             const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
+             EXPECT_EQ(solve(scene, *backend, options).iterations, sweeps);
+           })) {
+        all.shifted += sent.shifted;
+        all.gathered += sent.gathered;
+        all.compared += sent.compared;
+        all.broadcast += sent.broadcast;
+      }
+      return all;
+    };
+    const Traffic five = sent_in(5), six = sent_in(6);
+    const std::size_t R = std::size_t(ranks), n = 15, K = std::size_t(modes.exponentials());
+    std::size_t lasting = 0;
+    for (Index i = 0; ranks > 2 && i < modes.decay.size(); ++i)
+      lasting += std::pow(modes.decay.data()[i], double(J / ranks)) > forgotten;
+    EXPECT_EQ(six.shifted - five.shifted, 8 * (R - 1) * n * (K + 1));
+    EXPECT_EQ(six.gathered - five.gathered, 8 * R * (R - 1) * (lasting + 9));
+    EXPECT_EQ(six.compared, five.compared);
+    EXPECT_EQ(six.broadcast, five.broadcast);
   }
 }
 

@@ -1,0 +1,60 @@
+#pragma once
+// The state of a recurrence (core/seam/recurrence.hpp) in a slab of time: its start, its end, and what it adds to v.
+// One class for each kind of recurrence, with the same functions.
+
+#include "slab_array.hpp"
+
+#include <vector>
+
+namespace bromwich {
+
+/// A part of a state that is smaller than this, relative to its value in the beginning, is left out.
+inline constexpr double forgotten = 1e-18;
+
+/// K exponentials for each of n modes, as K n values.
+class ModalState {
+ public:
+  explicit ModalState(const ModalRecurrence& r);
+
+  Index size() const { return K_ * n_; }
+  /// z before row 1 of an array that begins with y_0: of y_0 and x0.
+  Vector start(const double* y0) const;
+  /// The part of x0 in it.
+  Vector initial() const { return Eigen::Map<const Vector>(initial_.data(), initial_.size()); }
+  /// See Convolution::start_from.
+  void start_from(const RowMatrix& D);
+  /// z <- the state after rows 1 .. rows of y.
+  void advance(HostRows& y, Index rows, const HostThreads&, Vector& z) const;
+  /// v_j += C E^{j-1} z for rows 1 .. rows.
+  void add(const Vector& z, Index rows, const HostThreads&, HostRows& v) const;
+  /// Values of a state that outlive `steps` steps.
+  std::vector<Index> lasting(Index steps) const;
+  /// values <- E^steps values, for those values of a state.
+  void carry(const std::vector<Index>& which, Index steps, Vector& values) const;
+
+ private:
+  void in_blocks(const HostThreads&, const std::function<void(Index begin, Index count)>& body) const;
+
+  Index K_, n_;
+  RowMatrix decay_, output_, start_, initial_;
+  Vector slowest_;  ///< of each mode
+};
+
+/// m values.
+class DenseState {
+ public:
+  explicit DenseState(const DenseRecurrence& r);
+
+  Index size() const { return r_.decay.rows(); }
+  Vector start(const double* y0) const;
+  void advance(HostRows& y, Index rows, const HostThreads&, Vector& z) const;
+  void add(const Vector& z, Index rows, const HostThreads&, HostRows& v) const;
+  std::vector<Index> lasting(Index steps) const;
+  void carry(const std::vector<Index>& which, Index steps, Vector& values) const;
+
+ private:
+  DenseRecurrence r_;
+  Index memory_ = 1;  ///< steps after which nothing is left
+};
+
+}  // namespace bromwich
