@@ -339,20 +339,6 @@ NonlinearResult refine(const NonlinearScene& scene, const std::vector<double>& b
 
 }  // namespace
 
-const char* to_string(NonlinearMethod method) {
-  switch (method) {
-    case NonlinearMethod::automatic:
-      return "automatic";
-    case NonlinearMethod::march:
-      return "march";
-    case NonlinearMethod::iteration:
-      return "iteration";
-    case NonlinearMethod::newton:
-      return "newton";
-  }
-  return "?";
-}
-
 NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, const NonlinearOptions& options) {
   scene.validate();
   if (!(options.tolerance > 0)) throw Error("tolerance", text("found %g", options.tolerance), "give a positive number");
