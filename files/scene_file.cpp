@@ -401,7 +401,11 @@ NonlinearFile parsed(std::string_view toml, const std::string& file_name, const 
   if (file.tolerance && !(*file.tolerance > 0 && *file.tolerance < 1))
     throw Error(sections.time.where("tolerance"), fmt::format("found {}", *file.tolerance),
                 "give a number between 0 and 1, such as 1e-4");
-  file.reference = read_reference(sections.reference, file.scene);
+  try {
+    file.reference = read_reference(sections.reference, file.scene);
+  } catch (const Error&) {  // it is valid for the parameters of the file, and others may change sizes and T
+    if (settings.empty()) throw;
+  }
   file.quantity = read_quantity(sections.quantity, file.scene);
   file.inputs = std::move(document.read);
   read.system = read_nonlinear(sections, file.scene);

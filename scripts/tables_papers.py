@@ -96,7 +96,8 @@ def laplace(paper):
          f"from {right[0]['sweeps_to_tolerance']} at dx = {fraction(right[0]['dx'])} to {right[-1]['sweeps_to_tolerance']} at "
          f"{fraction(right[-1]['dx'])}: it doubles with 1/dx"),
         ("Figs. 4.7, 4.8: 5 iterations are sufficiently close at h = 0.01, dx = 1/40",
-         f"at sweep 5 y errs by {number(errors[4])} of {size:.2f}, {100 * errors[4] / size:.1f} %, which a picture does not show; "
+         f"at sweep 5 y errs by {number(errors[4])} of {size:.2f}, {100 * errors[4] / size:.1f} %, hardly seen over x2 and t and well seen in "
+         "the sections of Fig. 4.8 (pictures below); "
          f"(4.8) asks for {number(membrane['tolerance_4_8'])} and is met at sweep {membrane['sweeps_to_4_8']}"),
         ("Fig. 4.9: what Euler has computed after 30 to 1200 s",
          "its first 1.8, 11, 55 and 73 % of the steps, by the times in the text; it is the solution up to that time"),

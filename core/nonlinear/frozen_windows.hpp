@@ -7,8 +7,8 @@
 // iteration of the window. The linear scene is prepared once for all windows of a length (Solver).
 
 #include "../solve/solver.hpp"
+#include "nonlinear_options.hpp"
 #include "nonlinear_scene.hpp"
-#include "solve_nonlinear.hpp"
 
 #include <array>
 #include <memory>

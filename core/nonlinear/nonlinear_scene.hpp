@@ -1,6 +1,6 @@
 #pragma once
-// A nonlinear complementarity system with its linear part apart (Wu, Zhou, Chen, Laplace inversion of dynamic linear
-// complementarity problems, (5.1)-(5.2)):
+// A nonlinear complementarity system with its linear part apart (Wu, Chen, A parallel iterative algorithm for
+// differential linear complementarity problems, (5.1)-(5.2)):
 //
 //     x' = A x + B y + f(t) + phi(t, x, y),   0 <= y  ⊥  w = N x + M y + g(t) + gamma(t, x, y) >= 0,   x(0) = x0.
 //

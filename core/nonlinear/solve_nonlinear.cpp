@@ -23,10 +23,10 @@ bool is_dense(const NonlinearScene& scene) { return scene.linear.dynamics->small
 
 class NonlinearSolve {
  public:
-  NonlinearSolve(const NonlinearScene& scene, const std::vector<double>& jumps, Backend& backend,
+  NonlinearSolve(const NonlinearScene& scene, const std::vector<double>& breaks, Backend& backend,
                  const NonlinearOptions& options)
       : scene_(scene),
-        jumps_(jumps),
+        breaks_(breaks),
         backend_(backend),
         options_(options),
         n_(scene.linear.constraints()),
@@ -131,11 +131,11 @@ class NonlinearSolve {
     result_.w.row(j) = (v + multiply(scene_.linear.M, y) + g + gamma).transpose();
   }
 
-  // Jumps in (t_{j-1}, t_j].
+  // Divisions in (t_{j-1}, t_j].
   std::vector<double> breaks_of(Index j) const {
     std::vector<double> inside;
     const double near = 4 * side_of_break * scene_.linear.T;
-    for (const double b : jumps_)
+    for (const double b : breaks_)
       if (b > double(j - 1) * h_ + near && b <= double(j) * h_ + near && b < scene_.linear.T - near)
         inside.push_back(b);
     return inside;
@@ -254,7 +254,7 @@ class NonlinearSolve {
   }
 
   const NonlinearScene& scene_;
-  const std::vector<double>& jumps_;  ///< of f and g
+  const std::vector<double>& breaks_;  ///< where steps are divided
   Backend& backend_;
   const NonlinearOptions& options_;
   const Index n_, J_;
@@ -264,24 +264,26 @@ class NonlinearSolve {
   NonlinearResult result_;
 };
 
-// Times at which f or g jumps. Kinks need no division: they cost h^2 in one step.
-std::vector<double> jumps_of(const Scene& scene) {
+// Times at which steps are divided: those that the scene states, as for linear scenes, and found jumps of f or g. Found
+// kinks need no division: they cost h^2 in one step.
+std::vector<double> breaks_of(const Scene& scene) {
   constexpr double visible = 1e-6;  // of the values; smooth sources change by 1e-12 of them over the distance
-  std::vector<double> jumps;
+  std::vector<double> breaks;
   const double side = side_of_break * scene.T;
   for (const double b : scene.breakpoints_are_all ? scene.breakpoints : find_breakpoints(scene)) {
     if (b <= side || b >= scene.T - side) continue;
+    bool taken = std::binary_search(scene.breakpoints.begin(), scene.breakpoints.end(), b);
     for (const auto& [source, size] : {std::pair(&scene.f, scene.sources()), {&scene.g, scene.constraints()}}) {
-      if (!*source) continue;
+      if (taken || !*source) continue;
       Vector before = Vector::Zero(size), behind = before;
       (*source)(b - side, before);
       (*source)(b + side, behind);
       const double most = std::max(before.cwiseAbs().maxCoeff(), behind.cwiseAbs().maxCoeff());
-      if ((behind - before).cwiseAbs().maxCoeff() <= visible * most || (!jumps.empty() && jumps.back() == b)) continue;
-      jumps.push_back(b);
+      taken = (behind - before).cwiseAbs().maxCoeff() > visible * most;
     }
+    if (taken) breaks.push_back(b);
   }
-  return jumps;
+  return breaks;
 }
 
 // The largest difference at the points of the coarser grid, each component relative to its largest value, or to 1e-3 of
@@ -305,13 +307,13 @@ double apart(const RowMatrix& coarse, const RowMatrix& fine) {
 const RowMatrix& seen(const NonlinearResult& r) { return r.trace.size() > 0 ? r.trace : r.x; }
 
 // Grids of J, 2J, 4J, ... steps until two differences, of which the second is smaller, say that the error is reached.
-NonlinearResult refine(const NonlinearScene& scene, const std::vector<double>& jumps, Backend& backend,
+NonlinearResult refine(const NonlinearScene& scene, const std::vector<double>& breaks, Backend& backend,
                        NonlinearOptions options) {
   if (options.steps == 0) options.steps = scene.linear.default_steps;
   NonlinearResult coarse;
   double before = 0;
   for (;; options.steps *= 2) {
-    NonlinearResult fine = NonlinearSolve(scene, jumps, backend, options).run();
+    NonlinearResult fine = NonlinearSolve(scene, breaks, backend, options).run();
     if (fine.status == Status::interrupted || fine.status == Status::unsupported) return fine;
     const bool both = fine.status == Status::solved && coarse.status == Status::solved;
     const double now =
@@ -337,29 +339,15 @@ NonlinearResult refine(const NonlinearScene& scene, const std::vector<double>& j
 
 }  // namespace
 
-const char* to_string(NonlinearMethod method) {
-  switch (method) {
-    case NonlinearMethod::automatic:
-      return "automatic";
-    case NonlinearMethod::march:
-      return "march";
-    case NonlinearMethod::iteration:
-      return "iteration";
-    case NonlinearMethod::newton:
-      return "newton";
-  }
-  return "?";
-}
-
 NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, const NonlinearOptions& options) {
   scene.validate();
   if (!(options.tolerance > 0)) throw Error("tolerance", text("found %g", options.tolerance), "give a positive number");
   if (options.steps < 0) throw Error("steps", text("found %ld", long(options.steps)), "give a positive number");
   if (!(options.error >= 0)) throw Error("error", text("found %g", options.error), "give a positive number, or 0");
   const NonlinearScene stated = in_states(scene);
-  const std::vector<double> jumps = jumps_of(stated.linear);
-  return options.error > 0 ? refine(stated, jumps, backend, options)
-                           : NonlinearSolve(stated, jumps, backend, options).run();
+  const std::vector<double> breaks = breaks_of(stated.linear);
+  return options.error > 0 ? refine(stated, breaks, backend, options)
+                           : NonlinearSolve(stated, breaks, backend, options).run();
 }
 
 }  // namespace bromwich

@@ -10,35 +10,15 @@
 // All find the same discrete solution: y and phi linear between the time points, order 2 where y is continuous. Windows
 // begin with the whole time and are halved where the iteration does not contract; a window of one step goes to march.
 
-#include "../result/options.hpp"
 #include "../result/result.hpp"
 #include "../seam/backend.hpp"
+#include "nonlinear_options.hpp"
 #include "nonlinear_scene.hpp"
 
-#include <functional>
 #include <optional>
 #include <string>
 
 namespace bromwich {
-
-enum class NonlinearMethod { automatic, march, iteration, newton };
-
-/// "automatic", "march", ...
-const char* to_string(NonlinearMethod);
-
-struct NonlinearOptions {
-  NonlinearMethod method = NonlinearMethod::automatic;
-  Index steps = 0;                   ///< J; 0: the default of the linear part
-  double tolerance = 1e-12;          ///< of the last change, relative to the largest |y| and |x|
-  Index most_newton = 30;            ///< Newton iterations of a step or window
-  Index most_iterations = 200;       ///< linear solves of a window
-  Method inner = Method::automatic;  ///< of the linear solves
-  /// Error of x, and of y where it is continuous, relative to the largest value of each component; steps are halved
-  /// until it is reached. 0: one grid.
-  double error = 0;
-  Index max_steps = Index(1) << 18;  ///< of the finest grid
-  std::function<bool()> interrupted = {};
-};
 
 struct NonlinearResult {
   Status status = Status::unsupported;

@@ -3,6 +3,7 @@
 
 #include "core/base/error.hpp"
 #include "core/nonlinear/nonlinear_output.hpp"
+#include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "files/nonlinear_file.hpp"
 #include "files/slope.hpp"
@@ -99,6 +100,23 @@ TEST(NonlinearFiles, HaveTheNumbersOfTheirReference) {
         EXPECT_NEAR(file.file.reference->y[i], found.at("y")[i].get<double>(), 1e-11) << name;
       }
   }
+}
+
+// A linear scene with a phi that is 0, with kinks of f and g: the same as from the engine of linear scenes.
+TEST(NonlinearFiles, LinearScenesStayTheSame) {
+  if (!scene_files_available()) GTEST_SKIP();
+  std::ifstream in(fs::path(BROMWICH_EXAMPLES) / "dlcp-small.toml");
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  const NonlinearFile file = parse_nonlinear(text + "\n[nonlinear]\nphi = [\"0*x0\", 0, 0]\n", "zero.toml");
+  const auto backend = make_cpu_backend();
+  Options options;
+  options.method = Method::march;
+  options.states = StateSelection::all;
+  const Result linear = solve(parse_scene(text, "linear.toml").scene, *backend, options);
+  const NonlinearResult same = march(file, linear.steps);
+  ASSERT_EQ(same.status, Status::solved) << same.reason;
+  EXPECT_LE((same.x - linear.x).cwiseAbs().maxCoeff(), 1e-12 * linear.x.cwiseAbs().maxCoeff());
+  EXPECT_LE((same.y - linear.y).cwiseAbs().maxCoeff(), 1e-12);  // of values up to 1/2
 }
 
 const std::string spring =

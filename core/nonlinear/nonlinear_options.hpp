@@ -1,0 +1,42 @@
+#pragma once
+// Options of solve_nonlinear.
+
+#include "../base/types.hpp"
+#include "../result/method.hpp"
+
+#include <functional>
+
+namespace bromwich {
+
+enum class NonlinearMethod { automatic, march, iteration, newton };
+
+/// "automatic", "march", ...
+inline const char* to_string(NonlinearMethod method) {
+  switch (method) {
+    case NonlinearMethod::automatic:
+      return "automatic";
+    case NonlinearMethod::march:
+      return "march";
+    case NonlinearMethod::iteration:
+      return "iteration";
+    case NonlinearMethod::newton:
+      break;
+  }
+  return "newton";
+}
+
+struct NonlinearOptions {
+  NonlinearMethod method = NonlinearMethod::automatic;
+  Index steps = 0;                   ///< J; 0: the default of the linear part
+  double tolerance = 1e-12;          ///< of the last change, relative to the largest |y| and |x|
+  Index most_newton = 30;            ///< Newton iterations of a step or window
+  Index most_iterations = 200;       ///< linear solves of a window
+  Method inner = Method::automatic;  ///< of the linear solves
+  /// Error of x, and of y where it is continuous, relative to the largest value of each component; steps are halved
+  /// until it is reached. 0: one grid.
+  double error = 0;
+  Index max_steps = Index(1) << 18;  ///< of the finest grid
+  std::function<bool()> interrupted = {};
+};
+
+}  // namespace bromwich
