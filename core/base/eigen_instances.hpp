@@ -25,7 +25,12 @@ BROMWICH_EIGEN_INSTANCE class RealSchur<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class LDLT<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class LLT<MatrixXd>;
 BROMWICH_EIGEN_INSTANCE class SparseLU<SparseMatrix<double>, COLAMDOrdering<int>>;
-BROMWICH_EIGEN_INSTANCE class SparseLU<SparseMatrix<std::complex<double>>, COLAMDOrdering<int>>;
+
+// Complex matrices have no sign of a determinant: the class as a whole cannot be instantiated.
+BROMWICH_EIGEN_INSTANCE void SparseLU<SparseMatrix<std::complex<double>>, COLAMDOrdering<int>>::analyzePattern(
+    const SparseMatrix<std::complex<double>>&);
+BROMWICH_EIGEN_INSTANCE void SparseLU<SparseMatrix<std::complex<double>>, COLAMDOrdering<int>>::factorize(
+    const SparseMatrix<std::complex<double>>&);
 
 // Members that are templates are no part of the instances of their classes. These hold for arguments that are matrices:
 // an expression makes an instance of its own, so write SelfAdjointEigenSolver<Matrix>(Matrix(A + A.transpose())).
@@ -86,6 +91,10 @@ BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<ComplexNumber, ComplexNum
                                                        ColMajor>;
 BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<ComplexNumber, ComplexNumber, Index, OnTheLeft, UnitLower, false,
                                                        ColMajor>;
+// Solves by the factor L of a SparseLU.
+BROMWICH_EIGEN_INSTANCE void MappedSuperNodalMatrix<double, int>::solveInPlace(MatrixBase<VectorXd>&) const;
+BROMWICH_EIGEN_INSTANCE void MappedSuperNodalMatrix<double, int>::solveInPlace(MatrixBase<MatrixXd>&) const;
+BROMWICH_EIGEN_INSTANCE void MappedSuperNodalMatrix<ComplexNumber, int>::solveInPlace(MatrixBase<MatrixXcd>&) const;
 // What a HouseholderSequence applies to matrices and vectors.
 BROMWICH_EIGEN_INSTANCE void apply_block_householder_on_the_left(Block<MatrixXd>&, const Block<MatrixXd>&,
                                                                  const VectorBlock<const VectorXd>&, bool);

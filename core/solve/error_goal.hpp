@@ -1,0 +1,21 @@
+#pragma once
+// What error control has to reach, and in which sizes errors are measured.
+
+#include "../accuracy/convergence.hpp"
+#include "../result/inner_options.hpp"
+#include "../scene/scene.hpp"
+
+namespace bromwich {
+
+/// Tolerances of y and of the states; 0 where a kind is not controlled.
+struct ErrorGoal {
+  double y, x;
+
+  explicit ErrorGoal(const Options&);
+  double smallest() const;
+};
+
+/// The sizes to which errors of components are compared: relative, absolute, or in the units of the scene.
+ComponentSizes sizes_for(const Scene&, const InnerOptions&);
+
+}  // namespace bromwich

@@ -1,0 +1,270 @@
+#include "core/solve/grid_refinement.hpp"
+
+#include "core/accuracy/interior_check.hpp"
+#include "core/base/error.hpp"
+#include "core/base/text.hpp"
+#include "core/solve/methods.hpp"
+#include "core/solve/pieces.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double algebraic_share = 0.1;       ///< of a grid's discretisation error, that cycles may leave
+constexpr int most_repeats = 3;               ///< of a grid, for that
+constexpr Index fewest_steps = 16;            ///< of a first grid of our choice
+constexpr Index patience_with_failures = 16;  ///< times the scene's steps: below, a failure is put down to the grid
+constexpr double fewest_halvings_for_pieces = 4;
+constexpr double worth_of_pieces = 4;  ///< times fewer steps than a uniform grid, at least
+
+Index first_grid(const Scene& scene, const Options& options) {
+  Index J = options.steps > 0 ? options.steps : scene.default_steps;
+  while (options.steps == 0 && J % 2 == 0 && J / 2 >= fewest_steps) J /= 2;
+  return J;
+}
+
+// y for half the step, linear between the rows there are.
+RowMatrix refined(const RowMatrix& y) {
+  RowMatrix fine(2 * y.rows() - 1, y.cols());
+  for (Index j = 0; j < y.rows(); ++j) fine.row(2 * j) = y.row(j);
+  for (Index j = 0; j + 1 < y.rows(); ++j) fine.row(2 * j + 1) = (y.row(j) + y.row(j + 1)) / 2;
+  return fine;
+}
+
+}  // namespace
+
+GridRefinement::GridRefinement(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve,
+                               bool measures)
+    : scene_(scene),
+      backend_(backend),
+      options_(options),
+      solve_(solve),
+      goal_(options),
+      sizes_(sizes_for(scene, options)),
+      expected_(std::max(options.steps, scene.default_steps)),
+      tried_reference_(!measures),
+      share_(algebraic_share) {}
+
+Result GridRefinement::run() {
+  for (Index J = first_grid(scene_, options_);; J *= 2) {
+    if (const std::string budget = grids_.empty() ? "" : spent(J); !budget.empty()) return ended(budget);
+    Result next;
+    try {
+      next = solve_on(J);
+    } catch (const Error& error) {  // the first grid says what is wrong with the input
+      if (error.kind() == ErrorKind::device || error.kind() == ErrorKind::internal) throw;
+      if (grids_.empty()) throw;
+      return ended(std::string("the next grid is refused: ") + error.what());
+    }
+    const bool resolved = J >= expected_ && share_ > 0;
+    if (resolved && next.status == Status::tolerance_not_met && next.algebraic_error.value_or(0) > 0) {
+      share_ = 0;  // its cycles may have ended too early
+      next = solve_on(J);
+    }
+    add_grid(J);
+    if (next.status != Status::solved) {
+      note(options_.log, LogLevel::info, "%s on %ld steps: %s, %s", to_string(next.method), long(J),
+           to_string(next.status), next.reason.c_str());
+      if (is_final(next)) return ended_by(next);
+      failed_ = std::move(next);
+      convergence_.reset();
+      continue;
+    }
+    take(next);
+    if (!reference_) iterate_on();
+    std::optional<std::string> end = verdict();
+    if (end && end->empty() && !reference_ && !holds_inside()) end = std::nullopt;
+    if (end && end->empty() && !reference_ && convergence_->wants_check()) {
+      check();
+      end = verdict();
+    }
+    if (end && end->empty() && !reference_ && misses_inside()) {
+      check_beside_march();
+      end = verdict();
+    }
+    note(options_.log, LogLevel::info, "%s on %ld steps: error %s, tolerance %.3g", to_string(solved_->method), long(J),
+         solved_->error_estimate ? text("about %.2e", *solved_->error_estimate).c_str() : "not known yet",
+         goal_.smallest());
+    if (end) return ended(*end);
+    if (std::optional<Result> pieces = by_pieces()) return std::move(*pieces);
+  }
+}
+
+std::string GridRefinement::spent(Index J) const {
+  if (J > options_.max_steps)
+    return text("more than %ld steps would be needed (--max-steps allows more)", long(options_.max_steps));
+  if (options_.max_seconds > 0 && elapsed_ + 2 * last_seconds_ > options_.max_seconds)
+    return text("%ld steps would take about %.2g s, and %.2g of %.2g s are spent (--max-seconds)", long(J),
+                2 * last_seconds_, elapsed_, options_.max_seconds);
+  return "";
+}
+
+std::optional<Result> GridRefinement::by_pieces() {
+  const bool march = options_.method == Method::march || options_.method == Method::automatic;
+  if (tried_pieces_ || !march || solved_->method != Method::march || solved_->steps < expected_) return std::nullopt;
+  if (!solved_->continuous || solved_->jumps_inside || convergence_->of_integral()) return std::nullopt;
+  const auto halvings = [](const GridDifferences& d, double goal) {
+    return d.confirmed() ? d.halvings_to(accepted * goal) : 0;
+  };
+  const double needed = std::max(goal_.y > 0 ? halvings(convergence_->controlled(), goal_.y) : 0,
+                                 controls_states() ? halvings(convergence_->states(), goal_.x) : 0);
+  if (needed < fewest_halvings_for_pieces) return std::nullopt;
+  tried_pieces_ = true;
+  if (!unsuited_to_pieces(scene_).empty()) return std::nullopt;
+  PieceGoal goal{goal_.y, controls_states() ? goal_.x : 0, sizes_};
+  const double uniform = double(solved_->steps) * std::exp2(std::min(needed, 40.0));
+  goal.most_steps = Index(std::min(double(options_.max_steps), uniform / worth_of_pieces));
+  if (options_.max_seconds > 0) goal.most_seconds = std::max(options_.max_seconds - elapsed_, 1e-3) / 2;
+  std::optional<Result> result = refine_pieces(scene_, backend_, options_, solve_, expected_, goal);
+  const double spent = clock_.lap();
+  elapsed_ += spent;
+  if (!result) {
+    note(options_.log, LogLevel::info, "grids of pieces do not meet the tolerance with fewer steps");
+    return std::nullopt;
+  }
+  ErrorEstimate& e = *result->errors;
+  e.grids.insert(e.grids.begin(), grids_.begin(), grids_.end());
+  e.estimates.insert(e.estimates.begin(), estimates_.begin(), estimates_.end());
+  result->seconds = result->seconds + spent_;
+  note(options_.log, LogLevel::info, "solved on a grid of pieces: %ld steps, error about %.2e", long(e.grids.back()),
+       *result->error_estimate);
+  return result;
+}
+
+Result GridRefinement::solve_on(Index J, Method method) {
+  InnerOptions one = options_;
+  one.method = method;
+  one.tolerance = one.tolerance_x = one.tolerance_y = one.absolute_tolerance = 0;
+  one.steps = J;
+  one.tuning.algebraic_share = share_;
+  one.fall_back_to_euler = false;
+  one.compares_grids = true;
+  one.look_inside_every_step = true;
+  RowMatrix start;
+  if (solved_ && solved_->continuous && (2 * solved_->steps == J || solved_->steps == J)) {
+    start = solved_->steps == J ? solved_->y : refined(solved_->y);
+    one.tuning.first_iterate = &start;
+  } else {
+    one.tuning.first_iterate = grids_.empty() ? options_.tuning.first_iterate : nullptr;
+  }
+  const bool looks_inside = may_look_inside();
+  if (looks_inside) one.states = StateSelection::all;
+  const double before = clock_.lap();
+  Result result = solve_(scene_, backend_, one);
+  if (looks_inside) keep_recorded(result);
+  last_seconds_ = clock_.lap();
+  elapsed_ += before + last_seconds_;
+  spent_ = spent_ + result.seconds;
+  return result;
+}
+
+void GridRefinement::keep_recorded(Result& result) {
+  all_states_ = std::move(result.x);
+  result.x_components = recorded_components(scene_, options_);
+  result.x = all_states_(Eigen::all, result.x_components);
+}
+
+bool GridRefinement::is_final(const Result& next) const {
+  if (next.status == Status::interrupted || next.infeasible_at == 0.0) return true;
+  if (next.status == Status::infeasible && failed_ && failed_->status == Status::infeasible &&
+      std::abs(*failed_->infeasible_at - *next.infeasible_at) <= 2 * scene_.T / double(failed_->steps))
+    return next.steps >= expected_;
+  return next.steps >= (next.status == Status::unsupported ? 1 : patience_with_failures) * expected_;
+}
+
+void GridRefinement::take(Result& next) {
+  const bool same = solved_ && solved_->method == next.method && solved_->continuous == next.continuous &&
+                    2 * solved_->steps == next.steps;
+  if (!same || !convergence_) convergence_.emplace(scene_, next, sizes_);
+  if (same) convergence_->add(*solved_, next, next.steps >= expected_);
+  solved_ = std::move(next);
+  failed_.reset();
+  unchecked_ = false;
+  beside_march_.reset();
+  look_for_reference();
+  estimate();
+}
+
+void GridRefinement::look_for_reference() {
+  if (tried_reference_ || solved_->steps < expected_) return;
+  tried_reference_ = true;
+  reference_ = EventReference::find(scene_, backend_, options_, sizes_,
+                                    {goal_.smallest(), goal_.y > 0, goal_.x > 0, quick_events}, solved_->steps);
+  if (reference_) note(options_.log, LogLevel::info, "errors are those against a solution by located events");
+}
+
+void GridRefinement::iterate_on() {
+  for (int k = 0; k < most_repeats && leaves_too_much(); ++k) {
+    share_ *= std::clamp(left_by_cycles / 2 * goal_.y / solved_->errors->iteration, 1e-6, 0.5);
+    Result next = solve_on(solved_->steps);
+    if (next.status != Status::solved || next.method != solved_->method || next.continuous != solved_->continuous)
+      return;
+    solved_ = std::move(next);
+    estimate();
+  }
+}
+
+void GridRefinement::check() {
+  unchecked_ = true;
+  const Index J = solved_->steps;
+  if (J % 4 != 0) return;
+  const Result other = solve_on(J / 4 * 3);
+  grids_.insert(grids_.end() - 1, other.steps);
+  estimates_.insert(estimates_.end() - 1, NAN);
+  if (other.status != Status::solved || other.method != solved_->method || other.continuous != solved_->continuous)
+    return;
+  convergence_->check(other, *solved_);
+  unchecked_ = false;
+  estimate();
+}
+
+void GridRefinement::check_beside_march() {
+  Result march;
+  if (Methods::has_small_dense_state(scene_)) march = solve_on(solved_->steps, Method::march);
+  if (march.status == Status::solved && !march.jumps_inside && march.x.cols() == solved_->x.cols()) {
+    beside_march_ = distance(march, 1, *solved_, 1, sizes_);
+    return estimate();
+  }
+  if (!solved_->jumps_inside) return void(unchecked_ = !solved_->interval_rules.empty());
+  const double missed = missed_between_points(scene_.g, scene_.constraints(), scene_.breakpoints, solved_->t);
+  unchecked_ = !(missed <= goal_.smallest());
+}
+
+Result GridRefinement::ended_by(Result& next) {
+  if (!solved_ || next.status == Status::infeasible) return failed(next);
+  const Status why = next.status == Status::interrupted ? next.status : Status::tolerance_not_met;
+  return ended(text("with %ld steps: ", long(next.steps)) + next.reason, why);
+}
+
+Result GridRefinement::failed(Result& next) {
+  next.errors.emplace().grids = grids_;
+  next.errors->estimates = estimates_;
+  next.errors->tolerance = goal_.smallest();
+  next.seconds = spent_;
+  return std::move(next);
+}
+
+Result GridRefinement::ended(const std::string& reason, Status status) {
+  if (!solved_) return failed(*failed_);
+  Result& result = *solved_;
+  result.errors->grids = grids_;
+  result.errors->estimates = estimates_;
+  result.seconds = spent_;
+  if (reason.empty()) return std::move(result);
+  result.status = status;
+  const bool small = result.error_estimate && met();
+  result.reason =
+      small ? text("the error, estimated as %.1e with %ld steps, could not be confirmed: ", *result.error_estimate,
+                   long(result.steps)) +
+                  reason
+      : result.error_estimate ? text("the error is about %.1e with %ld steps, not %.1e: ", *result.error_estimate,
+                                     long(result.steps), goal_.smallest()) +
+                                    reason
+                              : "the error could not be estimated: " + reason;
+  return std::move(result);
+}
+
+}  // namespace bromwich

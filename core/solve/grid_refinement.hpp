@@ -1,0 +1,103 @@
+#pragma once
+// Finer and finer grids until the estimated error meets a tolerance: what solve_to_tolerance does where located events
+// do not serve (core/solve/error_control.hpp). grid_refinement.cpp solves the grids, grid_verdict.cpp judges them.
+
+#include "../accuracy/convergence.hpp"
+#include "../base/timer.hpp"
+#include "error_goal.hpp"
+#include "event_control.hpp"
+#include "stage.hpp"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace bromwich {
+
+/// Floating-point operations of event-driven integration before grids are tried.
+inline constexpr double quick_events = 1e9;
+
+class GridRefinement {
+ public:
+  /// `measures`: errors may be those against located events.
+  GridRefinement(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve, bool measures);
+
+  Result run();
+
+ private:
+  static constexpr double accepted = 0.8;        ///< of the tolerance
+  static constexpr double left_by_cycles = 0.1;  ///< of the tolerance: more is iterated away on the same grid
+
+  /// Which budget a grid of J steps would exceed; empty: none.
+  std::string spent(Index J) const;
+  /// Steps of their own for parts of the time, once, where halving all of them would take many grids more.
+  std::optional<Result> by_pieces();
+  void add_grid(Index J) {
+    grids_.push_back(J);
+    estimates_.push_back(NAN);
+  }
+  Result solve_on(Index J) { return solve_on(J, options_.method); }
+  Result solve_on(Index J, Method method);
+  bool may_look_inside() const;
+  /// All states were recorded; those that the options ask for stay in the result.
+  void keep_recorded(Result& result);
+  /// Whether a grid that was not solved ends the search. On a coarse grid anything may go wrong.
+  bool is_final(const Result& next) const;
+  void take(Result& next);
+  /// A method that is named is measured against located events where these solve the scene (automatic takes these).
+  void look_for_reference();
+  /// The error itself: that of y, or of its mean where y jumps, and that of x.
+  void measure(ErrorEstimate& e) const;
+  /// Cycles end where they leave a share of the largest error. Where that is too much for a small component, they go
+  /// on.
+  void iterate_on();
+  bool leaves_too_much() const;
+  bool holds_inside();
+  /// Jumps that stay in their steps when these are halved do not on a grid of 3/4 of the steps. Where that cannot be
+  /// compared the estimate is not relied on.
+  void check();
+  /// g that jumps inside steps enters contour, multigrid and Euler by its values at their ends: a pulse between them is
+  /// in no difference of grids. Method march takes such steps in parts.
+  /// So does it where the state jumps, which method galerkin sees late on all grids.
+  bool misses_inside() const;
+  void check_beside_march();
+  void estimate();
+  bool controls_states() const { return goal_.x > 0 && solved_->x.cols() > 0; }
+  /// Whether the estimates can be relied on.
+  bool judged() const;
+  bool met() const;
+  /// Empty: the tolerance is met. Nothing: go on. Otherwise why it will not be met.
+  std::optional<std::string> verdict() const;
+  static double discretisation(const ErrorEstimate& e) { return std::isnan(e.discretisation) ? 0 : e.discretisation; }
+  /// What no grid changes.
+  std::string limit_of_grids() const;
+  std::optional<std::string> hopeless(const GridDifferences& d, double goal, double other, const char* what) const;
+  /// What a coarser grid has found stays, except where the scene has no solution.
+  Result ended_by(Result& next);
+  Result failed(Result& next);
+  Result ended(const std::string& reason, Status status = Status::tolerance_not_met);
+
+  const Scene& scene_;
+  Backend& backend_;
+  const InnerOptions& options_;
+  const Solve& solve_;
+  const ErrorGoal goal_;
+  const ComponentSizes sizes_;
+  const Index expected_;  ///< steps with which the scene is meant to be solved
+  std::vector<Index> grids_;
+  std::vector<double> estimates_;           ///< of grids_
+  std::optional<Result> solved_, failed_;   ///< the last grid of each kind; failed_ only if it is the last of all
+  std::optional<Convergence> convergence_;  ///< of the grids that the method of solved_ has solved
+  bool tried_pieces_ = false;
+  bool tried_reference_;
+  std::optional<EventReference> reference_;
+  bool unchecked_ = false;                ///< the grid that checks the last one could not
+  double share_;                          ///< of the error of a grid, that cycles may leave
+  std::optional<Distance> beside_march_;  ///< of the last grid, where g jumps inside steps
+  RowMatrix all_states_;                  ///< of the last grid, where there are few
+  Seconds spent_;
+  Timer clock_;
+  double elapsed_ = 0, last_seconds_ = 0;
+};
+
+}  // namespace bromwich

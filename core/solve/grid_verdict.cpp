@@ -1,0 +1,149 @@
+// Estimates of the errors of a grid, and whether they meet the tolerance.
+
+#include "core/accuracy/interior_check.hpp"
+#include "core/base/text.hpp"
+#include "core/solve/error_control.hpp"
+#include "core/solve/grid_refinement.hpp"
+#include "core/solve/methods.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr Index patience = 4;                ///< times the scene's steps: below, nothing is called out of reach
+constexpr Index patience_when_stalled = 64;  ///< times the scene's steps: solutions may come together late
+constexpr double not_resolved = 0.1;         ///< differences above that say nothing of the order to come
+constexpr double cheap = 2e8;                ///< J (m + n)^2: below, grids are tried as long as the budget lasts
+constexpr double out_of_reach = 4;           ///< times max_steps, predicted with the order that was seen
+constexpr double rounding_of_rows = 64 * epsilon;
+constexpr std::size_t window_when_stalled = 3;
+
+}  // namespace
+
+bool GridRefinement::may_look_inside() const {
+  return Methods::has_small_dense_state(scene_) && scene_.constraints() > 0 && !scene_.boundary &&
+         scene_.free_rows.empty();
+}
+
+void GridRefinement::measure(ErrorEstimate& e) const {
+  const Distance d = distance(*solved_, 1, reference_->on(solved_->steps), 1, sizes_);
+  e.of_integral = !reference_->continuous() || convergence_->of_integral();
+  e.iteration = e.rounding = 0;
+  e.discretisation = std::max(rounding_of_rows, e.of_integral ? d.mean : d.y);
+  if (controls_states()) e.states = std::max(rounding_of_rows, d.of_x());
+}
+
+bool GridRefinement::leaves_too_much() const {
+  const ErrorEstimate& e = *solved_->errors;
+  if (goal_.y == 0 || !solved_->algebraic_error || solved_->steps < expected_) return false;
+  return e.iteration > left_by_cycles * goal_.y && e.iteration > discretisation(e);
+}
+
+bool GridRefinement::holds_inside() {
+  const bool piecewise_linear = solved_->continuous && !by_euler(*solved_) && solved_->method != Method::galerkin;
+  if (!piecewise_linear || !may_look_inside() || !all_states_.allFinite()) return true;
+  solved_->errors->interior = interior_defect(scene_, *solved_, all_states_, sizes_);
+  return solved_->errors->interior <= goal_.smallest();
+}
+
+bool GridRefinement::misses_inside() const {
+  const bool galerkin = solved_->method == Method::galerkin && options_.method == Method::galerkin;
+  return solved_->jumps_inside ||
+         (galerkin && !scene_.boundary && scene_.free_rows.empty() && Methods::has_small_dense_state(scene_));
+}
+
+void GridRefinement::estimate() {
+  ErrorEstimate e;
+  e.tolerance = goal_.smallest();
+  e.of_integral = convergence_->of_integral();
+  const RowMatrix controlled = e.of_integral ? integral_of_y(*solved_) / scene_.T : solved_->y;
+  const double largest = controlled.bottomRows(solved_->steps).cwiseAbs().maxCoeff();
+  const Vector sizes = e.of_integral ? sizes_.of_mean(*solved_) : sizes_.of_y(*solved_);
+  const double size = sizes.maxCoeff(), smallest = sizes.minCoeff();
+  const auto relative = [](double error, double to) { return error > 0 ? error / to : 0; };
+  e.kernel = solved_->kernel_error * relative(largest, size);
+  e.iteration =
+      relative(solved_->algebraic_error.value_or(iteration_error(solved_->history)) * std::max(1.0, largest), smallest);
+  e.rounding = relative(e.of_integral ? solved_->rounding * largest : solved_->rounding_of_y, size);
+  e.discretisation = convergence_->error();
+  e.order = (goal_.y > 0 ? convergence_->controlled() : convergence_->states()).observed_order();
+  if (controls_states()) e.states = convergence_->error_of_x() + solved_->rounding;
+  if (beside_march_) {
+    e.discretisation = std::max(e.discretisation, e.of_integral ? beside_march_->mean : beside_march_->y);
+    e.states = std::max(e.states, beside_march_->of_x());
+  }
+  if (reference_ && solved_->steps >= expected_) measure(e);
+  e.grids = grids_;
+  solved_->errors = e;
+  solved_->error_estimate.reset();
+  if (goal_.y == 0 && !std::isnan(e.states)) solved_->error_estimate = e.states;
+  if (goal_.y > 0 && !std::isnan(e.discretisation))
+    solved_->error_estimate = std::max(e.total(), controls_states() ? e.states : 0);
+  estimates_.back() = solved_->error_estimate.value_or(NAN);
+}
+
+bool GridRefinement::judged() const {
+  if (reference_) return solved_->error_estimate.has_value();
+  if (unchecked_ || !solved_->error_estimate || solved_->unresolved_sources > goal_.smallest()) return false;
+  if (goal_.y > 0 && !convergence_->can_be_judged(goal_.y)) return false;
+  const GridDifferences& x = convergence_->states();
+  return !controls_states() || x.negligible(goal_.x) || (x.confirmed() && !x.changes_abruptly());
+}
+
+bool GridRefinement::met() const {
+  const ErrorEstimate& e = *solved_->errors;
+  return (goal_.y == 0 || e.total() <= accepted * goal_.y) && (!controls_states() || e.states <= accepted * goal_.x);
+}
+
+std::optional<std::string> GridRefinement::verdict() const {
+  if (solved_->steps >= expected_ && judged() && met()) return "";
+  if (solved_->steps < patience * expected_) return std::nullopt;
+  if (const std::string limit = limit_of_grids(); !limit.empty()) return limit;
+  if (unchecked_ && misses_inside())
+    return solved_->jumps_inside
+               ? "g jumps inside steps, and this method takes its values at their ends alone: use method march"
+               : "the state may jump, and method march does not solve the same grid to compare it with";
+  if (unchecked_)
+    return text(
+        "with %ld steps, whose points jumps of y do not share, another method is taken or none solves the scene",
+        long(solved_->steps / 4 * 3));
+  const ErrorEstimate& e = *solved_->errors;
+  if (goal_.y > 0)
+    if (const auto why = hopeless(convergence_->controlled(), goal_.y, e.total() - discretisation(e),
+                                  e.of_integral ? "the mean of y" : "y"))
+      return why;
+  if (controls_states()) return hopeless(convergence_->states(), goal_.x, solved_->rounding, "the states");
+  return std::nullopt;
+}
+
+std::string GridRefinement::limit_of_grids() const {
+  const ErrorEstimate& e = *solved_->errors;
+  if (goal_.y > 0 && e.total() - discretisation(e) > accepted * goal_.y)
+    return text(
+        "the weights of the kernel are known to %s, the iteration leaves %.1e and rounding %.1e: no grid does better",
+        std::isnan(e.kernel) ? "full precision" : text("%.1e", e.kernel).c_str(), e.iteration, e.rounding);
+  if (!reference_ && controls_states() && solved_->rounding > accepted * goal_.x)
+    return text("rounding makes errors of %.1e in the states: no grid does better", solved_->rounding);
+  return "";
+}
+
+std::optional<std::string> GridRefinement::hopeless(const GridDifferences& d, double goal, double other,
+                                                    const char* what) const {
+  if (!d.confirmed() || d.error() + other <= accepted * goal) return std::nullopt;
+  const double width = double(scene_.states() + scene_.constraints());
+  const bool patient =
+      solved_->steps < patience_when_stalled * expected_ || double(solved_->steps) * width * width < cheap;
+  if (!patient && d.stalled(window_when_stalled))
+    return text("halving the step does not bring the solutions together any more: %s still moves by %.1e", what,
+                d.last());
+  if (patient && (!d.regular() || d.last() > not_resolved)) return std::nullopt;
+  const double needed = double(solved_->steps) * std::exp2(d.halvings_to(accepted * goal - other));
+  if (needed > out_of_reach * double(options_.max_steps))
+    return text("about %.0e steps would be needed (--max-steps allows %ld)", needed, long(options_.max_steps));
+  return std::nullopt;
+}
+
+}  // namespace bromwich
