@@ -99,6 +99,10 @@ void Fetcher::fetch(const double* from, std::size_t step, double* to, std::size_
   };
   const auto take_out = [&](std::size_t piece, std::size_t part) {
     const std::size_t all = count(piece), first = all * part / parts, last = all * (part + 1) / parts;
+    if (step == cols) {
+      std::copy_n(slot(piece) + first * step, (last - first) * step, to + (piece * together + first) * cols);
+      return;
+    }
     for (std::size_t j = first; j < last; ++j)
       std::copy_n(slot(piece) + j * step, cols, to + (piece * together + j) * cols);
   };

@@ -5,6 +5,7 @@
 #include "core/batch/batch_groups.hpp"
 #include "core/batch/device_march.hpp"
 #include "core/result/slack.hpp"
+#include "core/scene/natural_sizes.hpp"
 #include "core/scene/source_steps.hpp"
 #include "core/solve/dense_output.hpp"
 #include "core/solve/scaling.hpp"
@@ -80,7 +81,7 @@ BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options)
   result_.x.resize(rows, Index(result_.x_components.size()));
   const std::size_t K = std::size_t(batch.scenes);
   result_.status.assign(K, Status::interrupted);
-  result_.reason.assign(K, "stopped on request before this scene");
+  result_.reason.assign(K, "");
   result_.warning.assign(K, "");
   result_.method.assign(K, options.method);
   result_.infeasible_at.assign(K, NAN);
@@ -104,7 +105,10 @@ BatchResult BatchRun::run(const std::function<void(const Progress&)>& progress) 
   if (for_lanes() && Index(alone.size()) >= fewest_in_lanes) take_own(alone);
   for (const Index k : alone) take_singly({k});
   for (Index k = 0; k < batch_.scenes; ++k)
-    if (!done_[std::size_t(k)]) clear(k);
+    if (!done_[std::size_t(k)]) {
+      clear(k);
+      result_.reason[std::size_t(k)] = "stopped on request before this scene";
+    }
   result_.bytes = sizeof(double) * std::size_t(result_.y.size() + result_.w.size() + result_.x.size());
   result_.seconds = timer.lap();
   return std::move(result_);
@@ -143,14 +147,12 @@ void BatchRun::take_lanes(const std::vector<Index>& group) {
     make(group.front(), nullptr);
     if (!plan) return;
     if (!plan->stages) return march_group(*plan, group);
+    const std::vector<NaturalUnits> units = units_of(group);
     std::map<UnitKey, std::pair<NaturalUnits, std::vector<Index>>> by_units;
-    for (const Index k : group) {
-      const Scene scene = scene_of(batch_, k);
-      if (!scene.x0.allFinite()) continue;
-      const NaturalUnits units = natural_units(scene);
-      auto& same = by_units[key_of(units)];
-      same.first = units;
-      same.second.push_back(k);
+    for (std::size_t i = 0; i < group.size(); ++i) {
+      auto& same = by_units[key_of(units[i])];
+      same.first = units[i];
+      same.second.push_back(group[i]);
     }
     for (const auto& [key, same] : by_units) {
       if (!plan || !same_units(plan->units, same.first)) make(same.second.front(), &same.first);
@@ -158,6 +160,34 @@ void BatchRun::take_lanes(const std::vector<Index>& group) {
     }
   } catch (const Error&) {  // each scene says so
   }
+}
+
+// The natural units of each scene of a group. They depend on f and g by their largest values: shared ones are sampled
+// once.
+std::vector<NaturalUnits> BatchRun::units_of(const std::vector<Index>& group) const {
+  std::vector<NaturalUnits> units(group.size());
+  const auto of = [&](const Scene& scene) {
+    const bool good = scene.x0.size() == scene.states() && scene.x0.allFinite();  // a single solve refuses others
+    return good ? natural_units(scene) : NaturalUnits{};
+  };
+  if (own_sources_) {
+    for (std::size_t i = 0; i < group.size(); ++i) units[i] = of(scene_of(batch_, group[i]));
+    return units;
+  }
+  Scene common = scene_of(batch_, group.front());
+  const auto constant = [](const Vector& values) { return [values](double, Eigen::Ref<Vector> v) { v = values; }; };
+  if (common.f) common.f = constant(largest_values(common.f, common.sources(), common));
+  if (common.g) common.g = constant(largest_values(common.g, common.constraints(), common));
+  share(backend_, Index(group.size()), 64, [&](Index begin, Index end) {
+    Scene scene = common;
+    for (Index i = begin; i < end; ++i) {
+      const Index k = group[std::size_t(i)];
+      scene.x0 = batch_.own.empty() ? (batch_.x0.size() > 0 ? Vector(batch_.x0.row(k).transpose()) : batch_.common.x0)
+                                    : batch_.own[std::size_t(k)].x0;
+      units[std::size_t(i)] = of(scene);
+    }
+  });
+  return units;
 }
 
 void BatchRun::march_group(const LanePlan& plan, const std::vector<Index>& all) {

@@ -35,6 +35,7 @@ class BatchRun {
 
   bool for_lanes() const;
   void take_lanes(const std::vector<Index>& group);
+  std::vector<NaturalUnits> units_of(const std::vector<Index>& group) const;
   void march_group(const LanePlan&, const std::vector<Index>& group);
   bool input_of(const LanePlan&, Index k, LaneInput&) const;
   void take_own(const std::vector<Index>& scenes);

@@ -179,17 +179,16 @@ struct Steps {
           Y[i] = A::select(rests, none(), Y[i]);
           most = A::max(most, Y[i]);
         }
-        for (Index i = 0; i < n; ++i) {
-          odd |= (Y[i] > 1e-9 * most) & (Y[n + i] <= 1e-9 * most);
+        for (Index i = 0; i < n; ++i)
           if (rigid >> i & 1u) {
             const Mask active = A::max(Y[i], Y[n + i]) > 0;
             odd |= active & (j == 1 ? A::no(no_lane()) : A::no(ys[i] > 0));
           }
-        }
-        odd &= A::no(rests | lost);
       }
       for (Index i = 0; i < m(); ++i)
         for (Index k = 0; k < 2 * n; ++k) next[i] += s.R[i * 2 * n + k] * Y[k];
+      odd |= may_jump(Y, regular, xs, next);
+      odd &= A::no(rests | lost);
       for (Index i = 0; i < n; ++i) {
         ys[i] = Y[n + i];
         regular[i] = A::select(odd, regular[i], A::max(regular[i], ys[i]));
@@ -198,6 +197,31 @@ struct Steps {
       for (Index i = 0; i < m(); ++i) x(j, i) = xs[i] = next[i];
       for (Index i = 0; i < n; ++i) y(j, i) = ys[i];
     }
+  }
+
+  /// Whether StageSteps might see a jump of the state: y_i is released within the step, and is large or moves a state.
+  constexpr Mask may_jump(const Number* Y, const Number* regular, const Number* before, const Number* after) const {
+    constexpr double margin = 0.999;
+    Number most = none(), released[n], size[room], largest = none();
+    for (Index i = 0; i < 2 * n; ++i) most = A::max(most, Y[i]);
+    Mask any = no_lane(), jumps = any;
+    for (Index i = 0; i < n; ++i) {
+      const Mask here = (Y[i] > margin * 1e-9 * most) & (margin * Y[n + i] <= 1e-9 * most);
+      released[i] = A::select(here, Y[i], none());
+      jumps |= here & (Y[i] > margin * 4 * regular[i]);
+      any |= here;
+    }
+    if (!A::any(any)) return any;
+    for (Index i = 0; i < m(); ++i) {
+      size[i] = A::max(A::abs(before[i]), A::abs(after[i]));
+      largest = A::max(largest, size[i]);
+    }
+    for (Index i = 0; i < m(); ++i) {
+      Number moved = none();
+      for (Index k = 0; k < n; ++k) moved += s.B[i * n + k] * released[k];
+      jumps |= s.h * A::abs(moved) > margin * 0.25 * A::max(size[i], 0.01 * largest);
+    }
+    return jumps & any;
   }
 
   // ---- Checks. `source`: g of the rows, n entries.

@@ -29,7 +29,7 @@ class BatchResult:
         status: K values of :class:`Status`; ``unsupported`` where the data of one scene are refused.
         reason, warning: K lines; empty where there is nothing to say.
         method: K words, the method that solved each scene.
-        t: J+1 times.
+        t: times of the rows: J+1 time points, or the ``times`` that were given.
         y, w: K x (J+1) x n; NaN where a scene has no value.
         x: K x (J+1) x the number of recorded components, which are ``x_components``.
         residual: K values, max over time of ||min(y, w)|| / max(1, ||N x + g||), maximum norms.
@@ -80,6 +80,8 @@ def solve_batch(
     check: Check = "warn",
     method: str = "auto",
     steps: int | None = None,
+    tol: float | None = None,
+    times: Any = None,
     states: Any = "auto",
     iteration_tol: float | None = None,
     max_iterations: int | None = None,
@@ -101,7 +103,9 @@ def solve_batch(
         x0: K x m, or shared, m values.
         f, g: K x (J+1) x width, tables on the grid; a list of K functions or sources (each as :class:`Scene` takes
             them, in a tuple ``("each", [...])``); or shared, as :class:`Scene` takes it.
-        backend, threads, progress, stop, method, steps, states, iteration_tol, max_iterations, memory_limit: as
+        times: of the rows, increasing from 0 to T (scenes with another T: at the same parts of it); the time points of
+            the grid without. Needed with ``tol``, where grids differ from scene to scene.
+        backend, threads, progress, stop, method, steps, tol, states, iteration_tol, max_iterations, memory_limit: as
             :func:`solve` takes them. ``progress`` counts scenes.
         check: what happens where a status is not ``solved``, as in :func:`solve`; there is one warning for all.
 
@@ -124,13 +128,15 @@ def solve_batch(
         first,
         method=method,
         steps=steps,
+        tol=tol,
         states=states,
         iteration_tol=iteration_tol,
         max_iterations=max_iterations,
         memory_limit=memory_limit,
     )
     with reporting(progress, options.iteration_tolerance) as report:
-        answer = _core.solve_batch(models, count, axes, x0, f, g, options, backend, int(threads), report, stop)
+        rows = [] if times is None else np.ravel(np.asarray(times, dtype=float)).tolist()
+        answer = _core.solve_batch(models, count, axes, x0, f, g, rows, options, backend, int(threads), report, stop)
     result = BatchResult(answer)
     if answer.by_keyboard:
         raise Interrupted("stopped on request", result)

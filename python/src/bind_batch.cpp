@@ -80,12 +80,13 @@ Batch batch_from(const std::vector<std::shared_ptr<const Model>>& models, Index 
 std::shared_ptr<BatchAnswer> solve_many(const std::vector<std::shared_ptr<const Model>>& models, Index scenes,
                                         const std::map<std::string, Array3>& axes, const std::optional<Array2>& x0,
                                         const std::vector<const Source*>& f, const std::vector<const Source*>& g,
-                                        const Options& given, const std::string& backend, int threads,
-                                        nb::object progress, nb::object stop) {
+                                        const std::vector<double>& times, const Options& given,
+                                        const std::string& backend, int threads, nb::object progress, nb::object stop) {
   Calls calls(std::move(progress), std::move(stop));
   return unlocked(calls, [&] {
     auto answer = std::make_shared<BatchAnswer>();
-    const Batch batch = batch_from(models, scenes, axes, x0, f, g);
+    Batch batch = batch_from(models, scenes, axes, x0, f, g);
+    batch.times = times;
     Options options = given;
     const auto machine = machine_for(backend, models.at(0)->scene, options, threads);
     options.progress = [&](const Progress& p) { calls.progress(p); };
@@ -133,7 +134,7 @@ void bind_batch(nb::module_& m) {
       .def_prop_ro("backend", [](const BatchAnswer& a) { return a.backend; })
       .def_ro("by_keyboard", &BatchAnswer::by_keyboard);
   m.def("solve_batch", &solve_many, nb::arg("models"), nb::arg("scenes"), nb::arg("axes"), nb::arg("x0").none(),
-        nb::arg("f"), nb::arg("g"), nb::arg("options"), nb::arg("backend"), nb::arg("threads"),
+        nb::arg("f"), nb::arg("g"), nb::arg("times"), nb::arg("options"), nb::arg("backend"), nb::arg("threads"),
         nb::arg("progress").none(), nb::arg("stop").none());
 }
 

@@ -59,12 +59,37 @@ TEST_F(CliSweep, OneRowPerSceneWithAStatusEach) {
   EXPECT_NE(found.out.find("status      4 solved, 2 unsupported"), std::string::npos) << found.out;
 }
 
+// Against the command with the same parameters, tolerance, times and columns.
+TEST_F(CliSweep, RowsAtTimesWithATolerance) {
+  write("s.toml", swept);
+  write("one.toml", swept.substr(0, swept.find("[sweep]")));
+  for (const std::string options : {"", "--tol 1e-4 "}) {
+    ASSERT_EQ(run("solve s.toml --columns x0,w0 --at 0.31,2 --out t.csv " + options).exit_code, 3);
+    const std::vector<std::string> lines = split(read(path("t.csv")), '\n');
+    ASSERT_EQ(lines.size(), 13u);
+    EXPECT_EQ(lines[0], "scene,R,a,t,status,residual,x0,w0,reason,warning");
+    for (const std::size_t k : {1, 2, 5, 6}) {
+      const std::vector<std::string> words = split(lines[k], ',');
+      const std::string set = " --set R=" + words.at(1) + " a=" + words.at(2);
+      ASSERT_EQ(run("solve one.toml --columns x0,w0 --out one.csv " + options + "--at " + words.at(3) + set).exit_code,
+                0);
+      const std::vector<std::string> row = split(split(read(path("one.csv")), '\n').at(1), ',');
+      EXPECT_EQ(words.at(4), "solved");
+      EXPECT_NEAR(std::stod(words.at(6)), std::stod(row.at(1)), 1e-12);
+      EXPECT_NEAR(std::stod(words.at(7)), std::stod(row.at(2)), 1e-12);
+    }
+  }
+  const Outcome found = run("solve s.toml --tol 1e-4 --out t.csv");
+  EXPECT_EQ(split(read(path("t.csv")), '\n').size(), 7u) << found.err;
+}
+
 TEST_F(CliSweep, WhatDoesNotGoWithASweepIsRefused) {
   write("s.toml", swept);
-  for (const auto& [words, message] : {std::pair("--tol 1e-3", "--tol: a tolerance is given with [sweep]"),
+  for (const auto& [words, message] : {std::pair("--columns trace0 --out t.csv", "--columns: asks for trace0"),
                                        {"--set R=3", "--set: 'R' is swept"},
                                        {"--out t.npz", "--out: 't.npz' does not end in .csv or .h5"},
-                                       {"--at 0.5", "--at: is given for a scene with"}}) {
+                                       {"--at 0.5", "--at: found '0.5' without --out"},
+                                       {"--switches t.csv", "--switches: is given for a scene with"}}) {
     const Outcome found = run(std::string("solve s.toml ") + words);
     EXPECT_EQ(found.exit_code, 2) << words;
     EXPECT_NE(found.err.find(message), std::string::npos) << found.err;

@@ -4,6 +4,7 @@
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/result/slack.hpp"
+#include "core/solve/dense_output.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/oracle.hpp"
@@ -228,7 +229,6 @@ TEST(Batch, StagesOfRadauAreSteppedInLanes) {
     batch.x0 = around(scene.x0, batch.scenes, 0.1 * scene.x0.cwiseAbs().maxCoeff());
     const BatchResult found = expect_as_single(batch, marched(steps), name);
     EXPECT_GE(2 * found.in_lanes, batch.scenes) << name;
-    std::printf("%s: %ld\n", name, long(found.in_lanes));
   }
 }
 
@@ -260,7 +260,6 @@ TEST(Batch, MatricesOfTheirOwnInLanes) {
     batch.x0 = around(batch.common.x0, batch.scenes, 0.02 * batch.common.x0.cwiseAbs().maxCoeff());
     const BatchResult found = expect_as_single(batch, marched(300), stages ? "stages" : "continuous");
     EXPECT_GE(2 * found.in_lanes, batch.scenes);
-    std::printf("own %d: %ld\n", stages, long(found.in_lanes));
   }
 }
 
@@ -335,6 +334,29 @@ TEST(Batch, Interrupted) {
   EXPECT_TRUE(found.of(found.y, 399).array().isNaN().all());
 }
 
+TEST(Batch, RowsAtGivenTimes) {
+  Batch batch;
+  batch.common = random_scene(3, 2, 5);
+  batch.scenes = 3;
+  batch.x0 = around(batch.common.x0, batch.scenes, 0.5);
+  batch.times = {0, 0.313, 2};
+  const auto backend = make_cpu_backend(1);
+  for (const double tolerance : {0.0, 1e-4}) {
+    Options options = marched(tolerance > 0 ? 0 : 64);
+    options.tolerance = tolerance;
+    const BatchResult found = solve_batch(batch, *backend, options);
+    ASSERT_EQ(found.rows(), 3);
+    for (Index k = 0; k < batch.scenes; ++k) {
+      const Scene scene = scene_of(batch, k);
+      const Result one = at_times(scene, *backend, solve(scene, *backend, options), batch.times);
+      EXPECT_EQ(found.status[std::size_t(k)], Status::solved);
+      EXPECT_LE(apart(found.of(found.y, k), one.y), same);
+      EXPECT_LE(apart(found.of(found.x, k), one.x), same);
+      EXPECT_LE(apart(found.of(found.w, k), slack(scene, one)), same);
+    }
+  }
+}
+
 TEST(Batch, BadInputIsRefused) {
   const auto backend = make_cpu_backend(1);
   Batch batch;
@@ -359,8 +381,10 @@ TEST(Batch, BadInputIsRefused) {
   Options options;
   options.tolerance = 1e-4;
   EXPECT_EQ(said(batch, options),
-            "tolerance: is given to a batch; give steps: the rows of all scenes are at the same "
-            "times");
+            "tolerance: is given to a batch without times; give times, at which all scenes have rows");
+  b = batch;
+  b.times = {0, 3};
+  EXPECT_EQ(said(b), "times: has 3 at 1; give times in order, from 0 to T = 2");
   options = {};
   options.states = StateSelection::list;
   options.components = {2};
