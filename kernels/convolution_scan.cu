@@ -334,7 +334,8 @@ class ModalScan final : public Convolution {
   // Enough warps to hide latency; the carry pass is cheap for few chunks.
   Index chunk_length(Index rows) const {
     const Index most = shared_ ? few_chunks : most_chunks;
-    const Index chunks = std::clamp<Index>(wanted_warps * device_.multiprocessors() * lanes / stride_, 1, most);
+    const Index wanted = std::max<Index>(wanted_warps * device_.multiprocessors() * lanes / stride_, warps_together);
+    const Index chunks = std::min(wanted, most);  // a block has `warps_together` of them
     return rounded_up(std::max<Index>((rows - 1 + chunks - 1) / chunks, 2 * tile), tile);
   }
 
