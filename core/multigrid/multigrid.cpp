@@ -23,7 +23,7 @@ constexpr double poor = 0.15;         ///< contraction of a cycle that may need 
 /// Error seen by a coarse grid after the first cycle, relative to the correction. It is smaller than the contraction of
 /// cycles, since the start is as smooth as the solution. If sweeps are known to smooth, the value is measured
 /// (`bench multigrid` compares the estimates with the true errors); otherwise it is the contraction of cycles.
-constexpr double assumed_contraction = 0.02, assumed_without_symbol = 0.2;
+constexpr double assumed_contraction = 0.03, assumed_without_symbol = 0.2;
 
 }  // namespace
 
