@@ -29,7 +29,8 @@ constexpr Index few_chunks = 64;                ///< up to this many chunks, the
 constexpr Index few_blocks = 2;                 ///< same, in blocks per multiprocessor
 constexpr int segments = 8, of_segment = 16;    ///< carrying warps, and chunks per warp
 constexpr Index most_chunks = segments * of_segment;
-constexpr Index starters = 128;  ///< threads per block that sets `initial`
+constexpr unsigned few_carried = 8;  ///< chunks up to which one thread carries all
+constexpr Index starters = 128;      ///< threads per block that sets `initial`
 constexpr const char* starting = "starting the scan";
 
 /// K x n tables with the mode index contiguous; K is a multiple of `group`, n of `lanes`.
@@ -112,6 +113,23 @@ __global__ void __launch_bounds__(lanes* segments)
     if (i >= length || first + i + 1 >= span.chunks) return;
     z = power * z + of_chunk[i];
     states[(first + i + 1) * step + at] = z;
+  }
+}
+
+// The same for few chunks: one thread per mode and exponential, `segments` exponentials per block.
+__global__ void __launch_bounds__(lanes* segments)
+    carry_few(Tables m, Span span, const double* y, const double* added, double* states) {
+  let_next_begin();
+  const int l = int(blockIdx.x) * lanes + int(threadIdx.x), k = int(blockIdx.y * segments + threadIdx.y);
+  if (k >= m.count()) return;  // rows from there on are not read
+  const long at = long(k) * m.stride + l, step = long(m.exponentials) * m.stride;
+  const double power = __ldg(m.power + at), start = __ldg(m.start + at), initial = m.initial[at];
+  await_previous();
+  double z = span.from > 0 ? states[span.from * step + at] : start * y[min(l, m.modes - 1)] + initial;
+  if (span.from == 0) states[at] = z;
+  for (int c = span.from; c + 1 < span.chunks; ++c) {
+    z = power * z + added[c * step + at];
+    states[(c + 1) * step + at] = z;
   }
 }
 
@@ -278,8 +296,13 @@ class ModalScan final : public Convolution {
     if (along > 1)
       follow(device_, accumulate, {dim3(across, along - 1, slabs), dim3(lanes, groups)}, starting, m, span, values(y),
              added_.data());
-    follow(device_, carry, {dim3(across, unsigned(K_)), dim3(lanes, segments)}, starting, m, span, values(y),
-           added_.data(), states_.data());
+    const unsigned together_k = unsigned(rounded_up(K_, segments) / segments);
+    if (along <= few_carried)
+      follow(device_, carry_few, {dim3(across, together_k), dim3(lanes, segments)}, starting, m, span, values(y),
+             added_.data(), states_.data());
+    else
+      follow(device_, carry, {dim3(across, unsigned(K_)), dim3(lanes, segments)}, starting, m, span, values(y),
+             added_.data(), states_.data());
     for (unsigned slab = 0; slab < slabs; ++slab)
       shared_ ? start<warps_together>(m, span, slab, y, v) : start<1>(m, span, slab, y, v);
   }
@@ -334,7 +357,8 @@ class ModalScan final : public Convolution {
   // Enough warps to hide latency; the carry pass is cheap for few chunks.
   Index chunk_length(Index rows) const {
     const Index most = shared_ ? few_chunks : most_chunks;
-    const Index chunks = std::clamp<Index>(wanted_warps * device_.multiprocessors() * lanes / stride_, 1, most);
+    const Index wanted = std::max<Index>(wanted_warps * device_.multiprocessors() * lanes / stride_, warps_together);
+    const Index chunks = std::min(wanted, most);  // a block has `warps_together` of them
     return rounded_up(std::max<Index>((rows - 1 + chunks - 1) / chunks, 2 * tile), tile);
   }
 

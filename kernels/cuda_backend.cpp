@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "core/lcp/active_set.hpp"
 #include "core/seam/shared_memory.hpp"
+#include "kernels/convolution_stages.hpp"
 #include "kernels/host_plans.hpp"
 #include "kernels/parts.hpp"
 
@@ -58,6 +59,9 @@ class CudaBackend final : public Backend, public SharedMemory, public SceneMarch
     };
     staged_.put_stages = [this](const Array& first, const Array& second, Array& stages) {
       cuda::put_stages(device_, first, second, stages);
+    };
+    staged_.stage_convolution = [this](const StageRecurrence& r, Index rows) {
+      return cuda::make_stage_scan(device_, r, rows);
     };
     staged_.sweep_stages = [this](const StageDivisors& d, const Array& r, const Array& v, Array& y) {
       cuda::sweep_stages(device_, d, r, v, y);

@@ -2,9 +2,9 @@
 // stencil at all points of a grid (core/seam/plans.hpp, ProjectedSweeps).
 //
 // A block takes one time point. It walks once down the lines of the grid with a few of them in shared memory, and makes
-// all half-sweeps on the way: half-sweep s is at line t - 2 s when line t + 2 is loaded. Half-sweep s of a line needs
-// half-sweep s - 1 of its two neighbours, which is done by then, so that one barrier a step is enough, and r, v and y
-// are read and written once for all sweeps.
+// all half-sweeps on the way: half-sweep s is at line t - 2 s when line t + 2 comes, which was asked for a line before.
+// Half-sweep s of a line needs half-sweep s - 1 of its two neighbours, which is done by then, so that one barrier a
+// step is enough, and r, v and y are read and written once for all sweeps.
 
 #include "core/lcp/stencil.hpp"
 #include "kernels/launch.cuh"
@@ -75,13 +75,17 @@ __global__ void __launch_bounds__(1024)
     }
   __syncthreads();
   double change = 0, magnitude = 0;
+  double next = 0, r_next = 0, v_next = 0, later = 0, r_later = 0, v_later = 0;  // lines t + 2 and t + 3
+  if (loads && 2 < m.lines) {
+    const int at = 2 * m.points + me;
+    next = y[at], r_next = r[at], v_next = v[at];
+  }
   for (int t = 0; t < m.lines + 2 * halves - 1; ++t) {
     const int coming = t + 2, gone = t - 2 * halves + 1, line = t - 2 * s;
     const bool fetches = loads && coming < m.lines;
-    double next = 0, r_next = 0, v_next = 0;
-    if (fetches) {
-      const int at = coming * m.points + me;
-      next = y[at], r_next = r[at], v_next = v[at];
+    if (loads && coming + 1 < m.lines) {
+      const int at = (coming + 1) * m.points + me;
+      later = y[at], r_later = r[at], v_later = v[at];
     }
     const int column = 2 * i + (line + s & 1);
     if (line >= 0 && line < m.lines && column < m.points) {
@@ -99,6 +103,7 @@ __global__ void __launch_bounds__(1024)
     }
     if (loads && gone >= 0 && gone < m.lines) y[gone * m.points + me] = ys[gone % Kept::of_y * width + 1 + me];
     if (fetches) put(coming, next, r_next + v_next);
+    next = later, r_next = r_later, v_next = v_later;
     __syncthreads();
   }
   change = largest_of_block(change, scratch);

@@ -5,6 +5,7 @@
 // matrix to cuBLAS.
 
 #include "kernels/blas.hpp"
+#include "kernels/face_product.hpp"
 #include "kernels/face_transform.hpp"
 #include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
@@ -15,6 +16,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <vector>
 
 namespace bromwich::cuda {
@@ -179,11 +181,15 @@ namespace {
 
 class FastFace final : public SineTransform {
  public:
-  FastFace(const Device& device, const std::vector<Index>& extents) : device_(device), kernels_(device, extents) {}
+  FastFace(const Device& device, const std::vector<Index>& extents) : device_(device), kernels_(device, extents) {
+    if (FaceProducts::take(device, extents)) products_.emplace(device);
+  }
 
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
     const Index rows = in.rows() - first, step = stride(in.cols());
     if (rows <= 0) return;
+    if (products_ && !add && rows >= device_.multiprocessors() / 2)  // a block has a whole face
+      return products_->apply(values(in) + first * step, values(out) + first * step, rows);
     Memory<double> kept;
     double* between = values(out) + first * step;
     if (add == &out) {
@@ -194,11 +200,12 @@ class FastFace final : public SineTransform {
                    values(out) + first * step, rows);
   }
 
-  std::size_t bytes() const override { return kernels_.bytes(); }
+  std::size_t bytes() const override { return kernels_.bytes() + (products_ ? products_->bytes() : 0); }
 
  private:
   const Device& device_;
   FaceKernels kernels_;
+  std::optional<FaceProducts> products_;
 };
 
 // Row-major grids are their transposes to cuBLAS: (X S)^T = S X^T, then (S X)^T = X^T S.

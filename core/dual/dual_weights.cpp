@@ -108,6 +108,7 @@ class ModalInverse {
     const SweepChoice choice = choose_sweep(symbols, p_.h, stages_, dual_sweeps, 1);
     weights.P = Tridiagonal{Vector::Zero(n), Vector::Zero(n), Vector::Zero(n)};
     weights.shift = choice.shift;
+    weights.shifts = choice.shifts;
     weights.stage_divisors = choice.stages;
     weights.smoothing = choice.smoothing;
     weights.contraction = choice.contraction;

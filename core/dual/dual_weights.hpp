@@ -39,10 +39,12 @@
 namespace bromwich {
 
 struct DualWeights {
-  LcpMatrix P;                        ///< (1 + alpha) V_0 for dense dynamics; 0, tridiagonal, for others
-  double shift = 0;                   ///< d
-  StageDivisors stage_divisors = {};  ///< instead of it with two stages
-  SharedWeights weights;              ///< of V - P delta; null with two stages
+  LcpMatrix P;       ///< (1 + alpha) V_0 for dense dynamics; 0, tridiagonal, for others
+  double shift = 0;  ///< d
+  /// Of the sweeps of a cycle in order, the last one for that behind the correction; empty: d for all.
+  std::vector<double> shifts = {};
+  std::vector<StageDivisors> stage_divisors = {};             ///< instead of them with two stages
+  SharedWeights weights;                                      ///< of V - P delta; null with two stages
   std::shared_ptr<const StageRecurrence> stage_weights = {};  ///< of V with two stages, Kronecker sums
   std::shared_ptr<const StageTables> stage_tables = {};       ///< the same, other dynamics
   /// Factor of a sweep for errors that the next grid does not represent.

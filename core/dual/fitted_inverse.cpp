@@ -214,7 +214,7 @@ std::tuple<Matrix, double, double> block_divisor(const PoleSum& fit, const Matri
     }
     return values;
   };
-  const SweepChoice choice = choose_sweep(relative, h, 1, dual_sweeps, 1);
+  const SweepChoice choice = choose_sweep(relative, h, 1, dual_sweeps, 1, false);
   return {Matrix(choice.shift * V0), choice.contraction, choice.smoothing};
 }
 

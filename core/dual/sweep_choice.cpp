@@ -76,13 +76,22 @@ std::vector<Coupled> stage_pairs(const ModeSymbols& V, double h) {
   return pairs;
 }
 
+// d_i/d: the Chebyshev nodes for values between `lowest` and `highest`, the largest first.
+std::vector<double> relative_divisors(int before, double lowest, double highest) {
+  const double r = lowest > 0 && highest < INFINITY ? (highest - lowest) / (highest + lowest) : 0;
+  std::vector<double> nodes;
+  for (int i = 0; i < before; ++i) nodes.push_back(1 + r * std::cos((i + 0.5) * std::numbers::pi / before));
+  return nodes;
+}
+
 // `over` is d^{-1}.
-double contraction_with(const std::vector<Coupled>& pairs, const Pair& over, int before, int after, double enough) {
+double contraction_with(const std::vector<Coupled>& pairs, const Pair& over, const std::vector<double>& before,
+                        int after, double enough) {
   double worst = 0;
   for (const Coupled& c : pairs) {
-    const Pair S = Pair::Identity() - over * c.V;
+    const Pair step = over * c.V, S = Pair::Identity() - step;
     Pair E = c.correction;
-    for (int i = 0; i < before; ++i) E = (E * S).eval();
+    for (const double node : before) E = (E * (Pair::Identity() - step / node)).eval();
     for (int i = 0; i < after; ++i) E = (S * E).eval();
     worst = std::max(worst, factor_of_two_cycles(E));
     if (!(worst < enough)) return INFINITY;
@@ -90,21 +99,40 @@ double contraction_with(const std::vector<Coupled>& pairs, const Pair& over, int
   return worst;
 }
 
-SweepChoice choose_divisor(const ModeSymbols& V, double h, int before, int after) {
+SweepChoice choose_divisor(const ModeSymbols& V, double h, int before, int after, bool vary) {
   const std::vector<Coupled> pairs = euler_pairs(V, h);
-  const double largest = V(Complex(1 / h)).cwiseAbs().maxCoeff();
-  SweepChoice best{largest, {}, INFINITY, 0};
+  const Vector within = V(Complex(1 / h)).cwiseAbs();
+  const double largest = within.maxCoeff();
+  const std::vector<double> nodes = relative_divisors(before, vary ? within.minCoeff() : largest, largest);
+  SweepChoice best;
+  best.shift = largest;
+  best.contraction = INFINITY;
   for (Index i = 0; i <= sweep_divisors; ++i) {
     const double d = largest * least_divisor * std::pow(most_divisor / least_divisor, double(i) / sweep_divisors);
-    const double found = contraction_with(pairs, Pair::Identity() / d, before, after, best.contraction);
-    if (found < best.contraction) best = {d, {}, found, 0};
+    const double found = contraction_with(pairs, Pair::Identity() / d, nodes, after, best.contraction);
+    if (found < best.contraction) best.shift = d, best.contraction = found;
   }
+  for (const double node : nodes) best.shifts.push_back(best.shift * node);
+  best.shifts.push_back(best.shift);
   for (const Coupled& c : pairs) best.smoothing = std::max(best.smoothing, std::abs(1.0 - c.V(1, 1) / best.shift));
   return best;
 }
 
+// The smallest and the largest eigenvalue of d^{-1} V_0 in modulus, over all modes.
+std::pair<double, double> range_within_steps(const std::vector<Eigen::Matrix2d>& blocks, const Eigen::Matrix2d& over) {
+  double lowest = INFINITY, highest = 0;
+  for (const Eigen::Matrix2d& block : blocks) {
+    const Eigen::Matrix2d relative = over * block;
+    const double half = 0.5 * relative.trace();
+    const Complex root = std::sqrt(Complex(half * half - relative.determinant()));
+    lowest = std::min({lowest, std::abs(half - root), std::abs(half + root)});
+    highest = std::max({highest, std::abs(half - root), std::abs(half + root)});
+  }
+  return {lowest, highest};
+}
+
 // The lower part of V_0 of modes between the lowest and the highest, times a factor.
-SweepChoice choose_stage_divisors(const ModeSymbols& V, double h, int before, int after) {
+SweepChoice choose_stage_divisors(const ModeSymbols& V, double h, int before, int after, bool vary) {
   const std::vector<Coupled> pairs = stage_pairs(V, h);
   const RadauPoints z = radau_frequencies(0, h);
   const ComplexVector first = V(z.first), second = V(z.second);
@@ -114,15 +142,27 @@ SweepChoice choose_stage_divisors(const ModeSymbols& V, double h, int before, in
   const auto [low, high] = std::minmax_element(blocks.begin(), blocks.end(), by_first);
   SweepChoice best;
   best.contraction = INFINITY;
-  for (Index part = 0; part <= 4; ++part)
+  Eigen::Matrix2d chosen = *high;
+  std::vector<double> chosen_nodes(std::size_t(before), 1);
+  for (Index part = 0; part <= 4; ++part) {
+    const Eigen::Matrix2d block = (1 - 0.25 * double(part)) * *low + 0.25 * double(part) * *high;
+    Eigen::Matrix2d inverse;
+    inverse << 1 / block(0, 0), 0, -block(1, 0) / (block(0, 0) * block(1, 1)), 1 / block(1, 1);
+    const auto [lowest, highest] = range_within_steps(blocks, inverse);
+    const std::vector<double> nodes = relative_divisors(before, vary ? lowest : highest, highest);
     for (Index i = 0; i <= stage_factors; ++i) {
       const double factor = 0.5 * std::pow(5.0, double(i) / double(stage_factors));
-      const Eigen::Matrix2d d = factor * ((1 - 0.25 * double(part)) * *low + 0.25 * double(part) * *high);
-      Pair over;
-      over << 1 / d(0, 0), 0, -d(1, 0) / (d(0, 0) * d(1, 1)), 1 / d(1, 1);
-      const double found = contraction_with(pairs, over, before, after, best.contraction);
-      if (found < best.contraction) best = {d(1, 1), {d(0, 0), d(1, 0), d(1, 1)}, found, 0};
+      const double found = contraction_with(pairs, inverse.cast<Complex>() / factor, nodes, after, best.contraction);
+      if (!(found < best.contraction)) continue;
+      best.contraction = found;
+      chosen = factor * block;
+      chosen_nodes = nodes;
     }
+  }
+  best.shift = chosen(1, 1);
+  chosen_nodes.push_back(1);
+  for (const double node : chosen_nodes)
+    best.stages.push_back({node * chosen(0, 0), node * chosen(1, 0), node * chosen(1, 1)});
   return best;
 }
 
@@ -143,8 +183,8 @@ Pair radau_symbol(Complex zeta, double h, Complex at_first, Complex at_second) {
   return at_first * Pair::Identity() + slope * (delta / h - z.first * Pair::Identity());
 }
 
-SweepChoice choose_sweep(const ModeSymbols& V, double h, Index stages, int before, int after) {
-  return stages == 2 ? choose_stage_divisors(V, h, before, after) : choose_divisor(V, h, before, after);
+SweepChoice choose_sweep(const ModeSymbols& V, double h, Index stages, int before, int after, bool vary) {
+  return stages == 2 ? choose_stage_divisors(V, h, before, after, vary) : choose_divisor(V, h, before, after, vary);
 }
 
 }  // namespace bromwich

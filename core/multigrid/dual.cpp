@@ -38,12 +38,16 @@ class DualRun {
         p_(op.problem()),
         dual_(std::move(dual)),
         stages_(dual_->stages),
-        multigrid_(p_.backend, options, dual_->levels) {
+        multigrid_(p_.backend, options, dual_->levels),
+        at_rest_(p_.scene.x0.isZero(0)) {
     for (auto* array : {&r_, &y_, &v_}) *array = p_.backend.array(stages_ * p_.J + 1, p_.scene.constraints());
     dual_->finest->respond({}, *r_);
   }
 
+  // A body at rest at the start contributes nothing to s.
   void renew(const Changes& changes) {
+    const bool was_at_rest = std::exchange(at_rest_, p_.scene.x0.isZero(0));
+    if (!changes.sources && was_at_rest && at_rest_) return;
     dual_->levels.kernel_error = dual_->levels.take_sources(changes);
     dual_->finest->respond(changes, *r_);
     used_ = false;
@@ -180,7 +184,7 @@ class DualRun {
   Multigrid multigrid_;
   std::unique_ptr<Array> r_, y_, v_;
   RowMatrix coarse_y_[2];
-  bool used_ = false;
+  bool at_rest_, used_ = false;
 };
 
 // Where the state jumps at the start, implicit Euler moves it onto the constraints at once, and Radau IIA would not.

@@ -13,11 +13,14 @@ namespace bromwich {
 
 namespace {
 
+constexpr Index fewest_beside = 8;        ///< steps of a coarsest grid that a device marches
 constexpr double most_unseen_dual = 0.3;  ///< the smoothing factor bounds what a coarse grid does not see from above
 
+// A step of a march takes as long as several sweeps on a device: the coarsest grid is short.
 std::vector<Index> dual_steps(const BackendTraits& traits, Index J) {
+  const Index fewest = traits.one_at_a_time ? traits.fewest_steps : std::min(traits.fewest_steps, fewest_beside);
   std::vector<Index> steps{J};
-  while (steps.back() % 2 == 0 && steps.back() / 2 >= traits.fewest_steps) steps.push_back(steps.back() / 2);
+  while (steps.back() % 2 == 0 && steps.back() / 2 >= fewest) steps.push_back(steps.back() / 2);
   return steps;
 }
 
@@ -47,6 +50,17 @@ class StageSweeps final : public LcpBatch {
   LcpReport report_;
 };
 
+// The sweeps of a grid: one for all, or in turn.
+void take_turns(std::vector<std::unique_ptr<LcpBatch>> sweeps, TimeLevel& level) {
+  if (sweeps.size() > 1) {
+    auto turns = std::make_unique<SweepsInTurn>(std::move(sweeps));
+    level.turns = turns.get();
+    level.lcp = std::move(turns);
+  } else if (sweeps.size() == 1) {
+    level.lcp = std::move(sweeps.front());
+  }
+}
+
 // Weights, plans and arrays of one grid.
 std::unique_ptr<TimeLevel> make_dual_level(const DiscreteProblem& p, const DualWeights& V, Index stages,
                                            const LcpMatrix& P, bool coarsest) {
@@ -61,10 +75,14 @@ std::unique_ptr<TimeLevel> make_dual_level(const DiscreteProblem& p, const DualW
   level->unseen = stages == 2 ? most_unseen_dual : std::min(V.smoothing, most_unseen_dual);
   level->shift = V.shift;
   level->staged = stages == 2;
-  if (level->staged)
-    level->lcp = std::make_unique<StageSweeps>(p.backend, V.stage_divisors);
-  else if (!coarsest)
-    level->lcp = p.backend.shifted_lcp(P, LcpClass::P, V.shift, rows);
+  std::vector<std::unique_ptr<LcpBatch>> sweeps;
+  if (level->staged) {
+    for (const StageDivisors& d : V.stage_divisors) sweeps.push_back(std::make_unique<StageSweeps>(p.backend, d));
+  } else if (!coarsest) {
+    for (const double d : V.shifts.empty() ? std::vector<double>{V.shift} : V.shifts)
+      sweeps.push_back(p.backend.shifted_lcp(P, LcpClass::P, d, rows));
+  }
+  take_turns(std::move(sweeps), *level);
   return level;
 }
 

@@ -1,5 +1,6 @@
 #include "core/multigrid/multigrid.hpp"
 
+#include "core/base/first_touch.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/march/outcome.hpp"
@@ -17,12 +18,12 @@ constexpr std::size_t grids_of_estimate = 3;
 constexpr double least_ratio = 1.41421356;  ///< of differences: order 1/2
 constexpr double slowly_smoothed =
     0.3;                              ///< above this smoothing factor the error of a nested start has high frequencies
-constexpr int most_extra_sweeps = 2;  ///< after a cycle
+constexpr int most_extra_sweeps = 3;  ///< after a cycle
 constexpr double poor = 0.15;         ///< contraction of a cycle that may need an exact coarsest solution
 /// Error seen by a coarse grid after the first cycle, relative to the correction. It is smaller than the contraction of
 /// cycles, since the start is as smooth as the solution. If sweeps are known to smooth, the value is measured
 /// (`bench multigrid` compares the estimates with the true errors); otherwise it is the contraction of cycles.
-constexpr double assumed_contraction = 0.05, assumed_without_symbol = 0.2;
+constexpr double assumed_contraction = 0.03, assumed_without_symbol = 0.2;
 
 }  // namespace
 
@@ -299,6 +300,7 @@ void Multigrid::sweep_coarsest() {
 
 void Multigrid::descend(std::size_t l) {
   TimeLevel& fine = levels_[l];
+  if (fine.turns) fine.turns->begin();
   if (fine.sweeps > 0) sweep(fine, {.count = fine.sweeps, .behind = true});
   pose(l);
 }
@@ -447,9 +449,7 @@ class PreparedMultigrid final : public PreparedMethod {
     multigrid_.begin(options, result);
     Vector y0;
     if (at_zero_.solve(result, y0) != Start::found) return;
-    multigrid_.nest(y0);
-    p_.backend.prepare(result.y, p_.J + 1, p_.scene.constraints());  // while a device works
-    const IterationOutcome outcome = multigrid_.iterate();
+    const IterationOutcome outcome = cycles(y0, result);
     multigrid_.report_work(result);
     result.seconds.sweeps = timer.lap();
     TimeLevel& finest = levels_[0];
@@ -463,6 +463,18 @@ class PreparedMultigrid final : public PreparedMethod {
   }
 
  private:
+  // The host gets the memory of the result while a device works.
+  IterationOutcome cycles(const Vector& y0, Result& result) {
+    const bool works_beside = levels_[0].lcp && !levels_[0].lcp->at_once;
+    std::optional<FirstTouch> touch;
+    if (works_beside) {
+      result.y.resize(p_.J + 1, p_.scene.constraints());
+      touch.emplace(result.y.data(), std::size_t(result.y.size()));
+    }
+    multigrid_.nest(y0);
+    return multigrid_.iterate();
+  }
+
   TimeOperator& op_;
   const DiscreteProblem& p_;
   TimeLevels levels_;

@@ -17,6 +17,7 @@
 
 #include "../iteration/functional_iteration.hpp"
 #include "../kernel/changes.hpp"
+#include "sweeps_in_turn.hpp"
 
 #include <functional>
 #include <optional>
@@ -32,6 +33,7 @@ struct TimeLevel {
   std::unique_ptr<Array> first_v;  ///< K R y of the coarse problem posed here, if the finer grid is lazy; else null
   std::unique_ptr<Array> ends;     ///< like `nested`, where that has the ends of steps alone; null: `old` serves
   std::unique_ptr<LcpBatch> lcp;   ///< with M + D I; null on a coarsest grid that is always marched
+  SweepsInTurn* turns = nullptr;   ///< `lcp`, if its sweeps differ
   double shift = 0;
   int sweeps = 0;           ///< before the coarse problem; one more follows it. On the coarsest: all of a visit
   int coarsest_sweeps = 0;  ///< per visit, if this grid is the coarsest

@@ -165,7 +165,8 @@ std::unique_ptr<Convolution> Backend::stage_convolution(StageWeights parts, Inde
 }
 
 std::unique_ptr<Convolution> Backend::stage_convolution(const StageRecurrence& r, Index rows) {
-  if (staged_.stage_convolution) return staged_.stage_convolution(r, rows);
+  if (staged_.stage_convolution)
+    if (auto plan = staged_.stage_convolution(r, rows)) return plan;
   Weights weights[2][2];
   for (int a = 0; a < 2; ++a)
     for (int b = 0; b < 2; ++b) weights[a][b] = Recurrence(part_of(r, a, b));

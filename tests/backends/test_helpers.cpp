@@ -1,10 +1,13 @@
 // Threads that share short work (kernels/helpers.hpp).
 
+#include "core/base/first_touch.hpp"
 #include "kernels/helpers.hpp"
 
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cmath>
+#include <thread>
 #include <vector>
 
 namespace bromwich {
@@ -30,6 +33,23 @@ TEST(Helpers, ShareWorkOutOnce) {
 }
 
 TEST(Helpers, EndWithoutWork) { Helpers unused(3); }
+
+// Every page is written, nothing beyond the values, and nothing after the end.
+TEST(FirstTouch, WritesAllPages) {
+  constexpr std::size_t count = (std::size_t(1) << 19) + 700, page = 512;
+  std::vector<double> values(count + 1, 3);
+  { const FirstTouch touch(values.data(), count); }
+  if (std::thread::hardware_concurrency() > 1) {
+    std::size_t since = page;
+    for (std::size_t i = 0; i < count; ++i, ++since) {
+      if (std::isnan(values[i])) since = 0;
+      ASSERT_LT(since, page) << i;
+    }
+  }
+  EXPECT_EQ(values[count], 3);
+  values.assign(count, 3);
+  EXPECT_EQ(values, std::vector<double>(count, 3));
+}
 
 }  // namespace
 }  // namespace bromwich

@@ -179,6 +179,27 @@ TEST(DualWeights, ChooseTheDivisorThatContractsMost) {
   EXPECT_LT(choose_sweep(whole, 1, 2, 3, 1).contraction, 0.1) << "the defect of implicit Euler is none for V^ = z";
 }
 
+// Modes of a diffusive side, half a derivative in time and one in space: V_0 differs from mode to mode.
+TEST(DualWeights, VaryTheDivisorsOfTheSweepsBefore) {
+  const ModeSymbols V = [](Complex z) -> ComplexVector {
+    ComplexVector values(12);
+    for (Index l = 0; l < 12; ++l) values[l] = std::sqrt(z + std::pow(double(l + 1), 2.));
+    return values;
+  };
+  for (const Index stages : {1, 2}) {
+    const SweepChoice same = choose_sweep(V, 1, stages, 3, 1, false), varied = choose_sweep(V, 1, stages, 3, 1);
+    EXPECT_LT(varied.contraction, 0.6 * same.contraction) << "what one divisor for all sweeps leaves, " << stages;
+    const auto d = [&](const SweepChoice& choice, std::size_t i) {
+      return stages == 2 ? choice.stages[i].second : choice.shifts[i];
+    };
+    ASSERT_EQ(stages == 2 ? varied.stages.size() : varied.shifts.size(), 4u);
+    EXPECT_GT(d(varied, 0), d(varied, 1)) << "the largest first";
+    EXPECT_GT(d(varied, 1), d(varied, 2));
+    EXPECT_NEAR(d(varied, 0) + d(varied, 2), 2 * d(varied, 3), 1e-12 * d(varied, 3)) << "around the last one";
+    for (std::size_t i = 0; i < 4; ++i) EXPECT_DOUBLE_EQ(d(same, i), same.shift);
+  }
+}
+
 std::string refusal_of(const Scene& scene, Index J = 64) {
   const auto backend = make_cpu_backend(1);
   const DiscreteProblem p = discretise(scene, *backend, J);
