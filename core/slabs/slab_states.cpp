@@ -31,6 +31,9 @@ Index remembered(double largest, Index most) {
 struct Bank {
   Lanes E[group], z[group];
 
+  bool nothing() const {
+    return std::all_of(z, z + group, [](const Lanes& one) { return !simd::any(one != simd::all(0)); });
+  }
   // z <- the state after `count` more values.
   void advance(const Lanes* y, Index count) {
     Lanes decay[group], state[group];
@@ -152,6 +155,7 @@ void ModalState::add(const Vector& z, Index rows, const HostThreads& threads, Ho
   in_bunches(n_, threads, [&](const Bunch& bunch) {
     const Index known = remembered(slowest_.segment(bunch.begin, bunch.count).maxCoeff(), rows);
     std::vector<Bank> banks = bunch.banks(decay_, seen.data());
+    if (std::all_of(banks.begin(), banks.end(), [](const Bank& bank) { return bank.nothing(); })) return;
     Tile out;
     for (Index j = 1; j <= known; j += tile) {
       const Index length = std::min(tile, known + 1 - j);
