@@ -7,6 +7,7 @@
 // start of c + what c adds; (3) apply.
 
 #include "core/kernel/memory_length.hpp"
+#include "core/seam/carried_convolution.hpp"
 #include "cpu/convolution_direct.hpp"
 #include "cpu/convolution_scan.hpp"
 #include "cpu/mode_blocks.hpp"
@@ -39,10 +40,14 @@ std::vector<Index> remembered(const ModalRecurrence& r, Index rows) {
   return lags;
 }
 
-class ModalConvolution final : public Convolution {
+class ModalConvolution final : public Convolution, public CarriedConvolution {
  public:
   ModalConvolution(const ModalRecurrence& r, Index rows, int threads)
-      : rows_(rows), threads_(threads), tiles_(ScanBlock::tiles(rows)) {
+      : rows_(rows),
+        threads_(threads),
+        tiles_(ScanBlock::tiles(rows)),
+        exponentials_(r.exponentials()),
+        scanned_(std::size_t(r.modes())) {
     const FlushDenormals flush;
     const std::vector<Index> lags = remembered(r, rows);
     const double scan = ScanBlock::cost(r);
@@ -62,6 +67,8 @@ class ModalConvolution final : public Convolution {
         place(sums_, b, sums_together).emplace_back(r, b, D);
       else
         place(scans_, b, scans_together).emplace_back(r, b, rows);
+      for (Index l = b * lanes; l < std::min(r.modes(), (b + 1) * lanes); ++l)
+        scanned_[std::size_t(l)] = !(direct(D) < scan);
     }
     for (const auto& bunch : sums_)
       for (const DirectBlock& block : bunch.blocks) past_ = std::max(past_, block.past(rows));
@@ -100,6 +107,13 @@ class ModalConvolution final : public Convolution {
     for (auto& bunch : scans_)
       for (Index i = 0; i < bunch.modes.count; ++i)
         bunch.blocks[std::size_t(i)].start_from(host(D), bunch.modes.first + i);
+  }
+
+  const std::vector<bool>& begin_with(const Vector& z) override {
+    for (auto& bunch : scans_)
+      for (Index i = 0; i < bunch.modes.count; ++i)
+        bunch.blocks[std::size_t(i)].begin_with(z.data(), exponentials_, Index(scanned_.size()), bunch.modes.first + i);
+    return scanned_;
   }
 
   std::size_t bytes() const override {
@@ -182,7 +196,8 @@ class ModalConvolution final : public Convolution {
 
   Index rows_;
   int threads_;
-  Index tiles_, chunks_, past_ = 0;
+  Index tiles_, exponentials_, chunks_ = 1, past_ = 0;
+  std::vector<bool> scanned_;  ///< modes, with a state
   std::vector<Bunch<ScanBlock>> scans_;
   std::vector<Bunch<DirectBlock>> sums_;
 };

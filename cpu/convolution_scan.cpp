@@ -35,6 +35,10 @@ void ScanBlock::start_from(const RowMatrix& D, Index b) {
   }
 }
 
+void ScanBlock::begin_with(const double* z, Index K, Index n, Index b) {
+  for (Index k = 0; k < K; ++k) banks_[std::size_t(k / group)].initial[k % group] = block_of_row(z + k * n, b, n);
+}
+
 double ScanBlock::cost(const ModalRecurrence& r) { return 2 * double((r.exponentials() + group - 1) / group * group); }
 
 void ScanBlock::advance(const Bank& bank, const Lanes* before, Lanes* after, const Lanes* y, Lanes* v, Index count) {

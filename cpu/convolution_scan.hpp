@@ -26,6 +26,9 @@ class ScanBlock {
   /// See Convolution::start_from; b as in the constructor.
   void start_from(const RowMatrix& D, Index b);
 
+  /// z, K x n values, is in the state before row 1 from now on.
+  void begin_with(const double* z, Index K, Index n, Index b);
+
   /// Cost in multiply-adds per mode and row.
   static double cost(const ModalRecurrence&);
 

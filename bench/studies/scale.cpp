@@ -134,7 +134,8 @@ BenchRequest without_terms(const BenchRequest& request, Terms& terms) {
   for (const std::string& name : term_names) {
     const auto given = rest.settings.find(name);
     if (given == rest.settings.end()) continue;
-    if (!(given->second >= 0)) throw Error("--set", fmt::format("{} is not positive", name), "give a positive number");
+    if (!(name == "bandwidth" ? given->second > 0 : given->second >= 0))
+      throw Error("--set", fmt::format("{} is not positive", name), "give a positive number");
     terms[name] = given->second;
     rest.settings.erase(given);
   }

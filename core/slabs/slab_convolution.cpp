@@ -1,6 +1,7 @@
 #include "core/slabs/slab_convolution.hpp"
 
 #include "core/base/error.hpp"
+#include "core/seam/carried_convolution.hpp"
 #include "core/slabs/slab_states.hpp"
 
 #include <algorithm>
@@ -45,8 +46,9 @@ class SlabConvolution final : public Convolution {
   void apply(const Array& y, Array& v, Index first) override {
     const bool idle = slabs_.here(first) >= slabs_.rows();  // all rows are those of the call before
     HostRows rows(ranked_.local, local_part(y));
-    const Vector z = exchange(y, rows, idle);
+    Vector z = exchange(y, rows, idle);
     if (idle) return;
+    begin_with(z);
     plan_->apply(local_part(y), local_part(v), 0);
     if (z.isZero(0)) return;
     HostRows out(ranked_.local, local_part(v));
@@ -92,6 +94,16 @@ class SlabConvolution final : public Convolution {
       state_.carry(lasting_, slabs_.count(r + 1), carried);
     }
     z(lasting_) += carried;
+  }
+
+  // What the plan takes of z needs no addition to v.
+  void begin_with(Vector& z) {
+    auto* carried = modal ? dynamic_cast<CarriedConvolution*>(plan_.get()) : nullptr;
+    if (!carried) return;
+    const std::vector<bool>& taken = carried->begin_with(z);
+    const Index n = Index(taken.size());
+    for (Index i = 0; i < z.size(); ++i)
+      if (taken[std::size_t(i % n)]) z[i] = 0;
   }
 
   // The plan of rank 0 takes y_0 in, and not x0.

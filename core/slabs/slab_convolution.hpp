@@ -5,8 +5,8 @@
 // 1. e_r, the state at the end of its slab if it had been 0 at the beginning; that of rank 0 has y_0 and x0 in it.
 // 2. Messages: e_r, and y at b_{r+1} where w1 acts, to the next rank; what outlives a slab, to all.
 // 3. z(b_r) = e_{r-1} + E^{b_r - b_{r-1}} e_{r-2} + ...
-// 4. v of the slab with zero state: a convolution of this rank alone.
-// 5. v_j += C E^{j-1-b_r} z(b_r), as far as the state is remembered.
+// 4. v of the slab: a convolution of this rank alone, which begins with z(b_r) where it has a state.
+// 5. v_j += C E^{j-1-b_r} z(b_r) where it has none, as far as z is remembered.
 //
 // What is below `forgotten` (slab_states.hpp), relative to its value in the beginning, is left out in 1, 3 and 5.
 //

@@ -1,15 +1,23 @@
 #include "core/slabs/slab_states.hpp"
 
+#include "core/base/denormals.hpp"
+#include "core/base/simd.hpp"
+
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <cstring>
 
 namespace bromwich {
 
 namespace {
 
-constexpr Index width = 32;  ///< modes side by side: a few lines of each row, and states that stay in the nearest cache
-using Lanes = std::array<double, std::size_t(width)>;
+using simd::Lanes;
+using simd::lanes;
+
+constexpr Index group = 8;     ///< exponentials whose states and decays stay in registers
+constexpr Index together = 4;  ///< blocks of modes, neighbours in each row
+constexpr Index tile = 64;     ///< rows of them, 16 KB
+using Tile = Lanes[together][tile];
 
 // Rows after which `largest`^rows is forgotten, at most `most`.
 Index remembered(double largest, Index most) {
@@ -19,20 +27,92 @@ Index remembered(double largest, Index most) {
   return rows < double(most) ? std::max<Index>(1, Index(rows)) : most;
 }
 
-Lanes lanes_of(const double* values, Index count) {
-  Lanes lanes{};
-  if (count == width)
-    std::copy_n(values, width, lanes.begin());
-  else
-    std::copy_n(values, count, lanes.begin());
-  return lanes;
-}
+// Eight exponentials of eight modes.
+struct Bank {
+  Lanes E[group], z[group];
 
-// Columns begin .. begin + count - 1 of a K x n table.
-std::vector<Lanes> block(const double* table, Index K, Index n, Index begin, Index count) {
-  std::vector<Lanes> rows;
-  for (Index k = 0; k < K; ++k) rows.push_back(lanes_of(table + k * n + begin, count));
-  return rows;
+  bool nothing() const {
+    return std::all_of(z, z + group, [](const Lanes& one) { return !simd::any(one != simd::all(0)); });
+  }
+  // z <- the state after `count` more values.
+  void advance(const Lanes* y, Index count) {
+    Lanes decay[group], state[group];
+    std::copy_n(E, group, decay);
+    std::copy_n(z, group, state);
+    for (Index j = 0; j < count; ++j)
+      for (Index g = 0; g < group; ++g) state[g] = decay[g] * state[g] + y[j];
+    std::copy_n(state, group, z);
+  }
+  // v_j += z, z <- E z.
+  void add(Lanes* v, Index count) {
+    Lanes decay[group], state[group];
+    std::copy_n(E, group, decay);
+    std::copy_n(z, group, state);
+    for (Index j = 0; j < count; ++j) {
+      Lanes even = v[j] + state[0], odd = state[1];
+      for (Index g = 2; g < group; g += 2) {
+        even += state[g];
+        odd += state[g + 1];
+      }
+      v[j] = even + odd;
+      for (Index g = 0; g < group; ++g) state[g] *= decay[g];
+    }
+    std::copy_n(state, group, z);
+  }
+};
+
+// Up to 32 neighbouring modes with all their exponentials, padded with 0.
+struct Bunch {
+  Index begin, count;  ///< columns
+
+  Index blocks() const { return simd::blocks(count); }
+  Index width(Index block) const { return std::min(lanes, count - block * lanes); }
+
+  std::vector<Bank> banks(const RowMatrix& decay, const double* z) const {
+    const Index n = decay.cols(), K = decay.rows();
+    std::vector<Bank> all(std::size_t(blocks() * ((K + group - 1) / group)), Bank{});
+    for (Index b = 0; b < blocks(); ++b)
+      for (Index k = 0; k < K; ++k) {
+        Bank& bank = all[std::size_t(k / group * blocks() + b)];
+        for (Index i = 0; i < width(b); ++i) {
+          const Index column = begin + b * lanes + i;
+          bank.E[k % group][i] = decay(k, column);
+          bank.z[k % group][i] = z[k * n + column];
+        }
+      }
+    return all;
+  }
+  void take(const std::vector<Bank>& banks, Index K, Index n, double* z) const {
+    for (Index b = 0; b < blocks(); ++b)
+      for (Index k = 0; k < K; ++k)
+        for (Index i = 0; i < width(b); ++i)
+          z[k * n + begin + b * lanes + i] = banks[std::size_t(k / group * blocks() + b)].z[k % group][i];
+  }
+  void read(HostRows& rows, Index first, Index length, Tile& to) const {
+    for (Index j = 0; j < length; ++j) {
+      const double* row = rows.row(first + j) + begin;
+      for (Index b = 0; b < blocks(); ++b) {
+        Lanes values = simd::all(0);
+        std::memcpy(&values, row + b * lanes, sizeof(double) * std::size_t(width(b)));
+        to[b][j] = values;
+      }
+    }
+  }
+  void write(const Tile& from, Index first, Index length, HostRows& rows) const {
+    for (Index j = 0; j < length; ++j) {
+      double* row = rows.row(first + j) + begin;
+      for (Index b = 0; b < blocks(); ++b)
+        std::memcpy(row + b * lanes, &from[b][j], sizeof(double) * std::size_t(width(b)));
+    }
+  }
+};
+
+void in_bunches(Index n, const HostThreads& threads, const std::function<void(const Bunch&)>& body) {
+  constexpr Index width = together * lanes;
+  threads.each_range((n + width - 1) / width, 1, [&](Index first, Index last) {
+    const FlushDenormals flush;  // forgotten parts decay further
+    for (Index b = first; b < last; ++b) body({b * width, std::min(width, n - b * width)});
+  });
 }
 
 }  // namespace
@@ -53,46 +133,35 @@ void ModalState::start_from(const RowMatrix& D) {
   initial_ = (decay_.array() == 0).select(0, D.array() * decay_.array() / output_.array());
 }
 
-void ModalState::in_blocks(const HostThreads& threads,
-                           const std::function<void(Index begin, Index count)>& body) const {
-  if (K_ == 0) return;
-  threads.each_range((n_ + width - 1) / width, 1, [&](Index first, Index last) {
-    for (Index b = first; b < last; ++b) body(b * width, std::min(width, n_ - b * width));
-  });
-}
-
 void ModalState::advance(HostRows& y, Index rows, const HostThreads& threads, Vector& z) const {
-  in_blocks(threads, [&](Index begin, Index count) {
-    const Index known = remembered(slowest_.segment(begin, count).maxCoeff(), rows);
-    const std::vector<Lanes> E = block(decay_.data(), K_, n_, begin, count);
-    std::vector<Lanes> state = block(z.data(), K_, n_, begin, count);
-    if (known < rows) std::fill(state.begin(), state.end(), Lanes{});
-    for (Index j = rows - known + 1; j <= rows; ++j) {
-      const Lanes now = lanes_of(y.row(j) + begin, count);
-      for (std::size_t k = 0; k < E.size(); ++k)
-        for (std::size_t i = 0; i < now.size(); ++i) state[k][i] = E[k][i] * state[k][i] + now[i];
+  in_bunches(n_, threads, [&](const Bunch& bunch) {
+    const Index known = remembered(slowest_.segment(bunch.begin, bunch.count).maxCoeff(), rows);
+    std::vector<Bank> banks = bunch.banks(decay_, z.data());
+    if (known < rows)
+      for (Bank& bank : banks) std::fill_n(bank.z, group, simd::all(0));
+    Tile in;
+    for (Index j = rows - known + 1; j <= rows; j += tile) {
+      const Index length = std::min(tile, rows + 1 - j);
+      bunch.read(y, j, length, in);
+      for (std::size_t i = 0; i < banks.size(); ++i) banks[i].advance(in[Index(i) % bunch.blocks()], length);
     }
-    for (std::size_t k = 0; k < E.size(); ++k) std::copy_n(state[k].begin(), count, z.data() + Index(k) * n_ + begin);
+    bunch.take(banks, K_, n_, z.data());
   });
 }
 
 void ModalState::add(const Vector& z, Index rows, const HostThreads& threads, HostRows& v) const {
-  in_blocks(threads, [&](Index begin, Index count) {
-    const Index known = remembered(slowest_.segment(begin, count).maxCoeff(), rows);
-    const std::vector<Lanes> E = block(decay_.data(), K_, n_, begin, count),
-                             C = block(output_.data(), K_, n_, begin, count);
-    std::vector<Lanes> part = block(z.data(), K_, n_, begin, count);  // C E^{j-1} z
-    for (std::size_t k = 0; k < E.size(); ++k)
-      for (std::size_t i = 0; i < part[k].size(); ++i) part[k][i] *= C[k][i];
-    for (Index j = 1; j <= known; ++j) {
-      Lanes sum{};
-      for (std::size_t k = 0; k < E.size(); ++k)
-        for (std::size_t i = 0; i < sum.size(); ++i) {
-          sum[i] += part[k][i];
-          part[k][i] *= E[k][i];
-        }
-      double* row = v.row(j) + begin;
-      for (Index i = 0; i < count; ++i) row[i] += sum[std::size_t(i)];
+  Vector seen = z;  // C z
+  Eigen::Map<RowMatrix>(seen.data(), K_, n_).array() *= output_.array();
+  in_bunches(n_, threads, [&](const Bunch& bunch) {
+    const Index known = remembered(slowest_.segment(bunch.begin, bunch.count).maxCoeff(), rows);
+    std::vector<Bank> banks = bunch.banks(decay_, seen.data());
+    if (std::all_of(banks.begin(), banks.end(), [](const Bank& bank) { return bank.nothing(); })) return;
+    Tile out;
+    for (Index j = 1; j <= known; j += tile) {
+      const Index length = std::min(tile, known + 1 - j);
+      bunch.read(v, j, length, out);
+      for (std::size_t i = 0; i < banks.size(); ++i) banks[i].add(out[Index(i) % bunch.blocks()], length);
+      bunch.write(out, j, length, v);
     }
   });
 }

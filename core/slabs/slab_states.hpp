@@ -33,8 +33,6 @@ class ModalState {
   void carry(const std::vector<Index>& which, Index steps, Vector& values) const;
 
  private:
-  void in_blocks(const HostThreads&, const std::function<void(Index begin, Index count)>& body) const;
-
   Index K_, n_;
   RowMatrix decay_, output_, start_, initial_;
   Vector slowest_;  ///< of each mode

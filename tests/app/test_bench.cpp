@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <cmath>
 #include <map>
 
 namespace bromwich {
@@ -55,6 +56,28 @@ TEST_F(Bench, BaselinesWritesItsSchema) {
     // Euler with h = 1/8 is first order: everything stays below one.
     EXPECT_LT(row["error_max"], 1) << row;
   }
+}
+
+// The model of docs/slabs.md by hand: without messages and carries ranks are free, with them each costs what it says.
+TEST_F(Bench, ScaleIsItsModel) {
+  const std::string sizes = "scale signorini --steps 8192 --set Q=15 point=1e-8 ";
+  const Json free = study(sizes + "carry=0 latency=0 bandwidth=1e300"),
+             dear = study(sizes + "carry=0.25 latency=1e-4 bandwidth=1e6");
+  ASSERT_EQ(free["rows"].size(), 6u);
+  const double K = dear["details"]["exponentials"], J = 8192, n = 15;
+  for (std::size_t i = 0; i < 6; ++i) {
+    const Json &cheap = free["rows"][i], &row = dear["rows"][i];
+    const double R = row["ranks"], work = 1e-8 * n * J / R;
+    EXPECT_NEAR(cheap["sweep"], work, 1e-12 * work);
+    EXPECT_GE(double(row["bytes"]), R > 1 ? 8 * n * (K + 1) : 0);
+    EXPECT_NEAR(row["sweep"], R == 1 ? work : 1.25 * work + 1e-4 * (1 + std::log2(R)) + 1e-6 * double(row["bytes"]),
+                1e-12 * double(row["sweep"]));
+    EXPECT_LE(double(row["strong"]), double(cheap["strong"]) + 1e-12);
+  }
+  EXPECT_EQ(free["rows"][0]["strong"], 1);
+  EXPECT_EQ(dear["rows"][1]["bytes"], 8 * n * (K + 1)) << "two ranks have nobody else to tell";
+  EXPECT_TRUE(contains(refused("bench scale --quick --set latency=-1").err, "latency"));
+  EXPECT_TRUE(contains(refused("bench scale --quick").err, "mpirun"));
 }
 
 TEST_F(Bench, SpeedVsErrorFindsTheOrdersOfTheMethods) {

@@ -1,0 +1,17 @@
+#pragma once
+
+#include "../base/types.hpp"
+
+#include <vector>
+
+namespace bromwich {
+
+/// What a Convolution by a modal recurrence is derived from too, if its state can begin with given values.
+class CarriedConvolution {
+ public:
+  virtual ~CarriedConvolution() = default;
+  /// From now on z_0 = G0 y_0 + z in the modes for which this returns true, z: K x n values. The others leave z out.
+  virtual const std::vector<bool>& begin_with(const Vector& z) = 0;
+};
+
+}  // namespace bromwich
