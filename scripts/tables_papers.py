@@ -145,6 +145,8 @@ def galerkin_claims(data):
         ("Fig. 5: Euler on the game, order about 0", f"{order('nash-game', 'kinks off nodes', 'euler', 'y_L2'):.2f}. Not seen"),
         ("Example 5.2: order 1.0076 for u", f"{order('nash-game', 'kinks off nodes', 'galerkin', 'y_L2'):.2f} with the correct matrix. With "
          "the matrix as printed errors do not converge to zero"),
+        ("Example 5.2: the game as a mixed problem with 18 N unknowns", "[nash-game-mixed.toml](../../examples/nash-game-mixed.toml), with "
+         "a prescribed solution"),
         ("Fig. 6: an indefinite operator at T = 1 and 0.5", "smallest eigenvalue with the printed matrix "
          + ", ".join(f"{values[T]:.3f} (T = {T:g})" for T in sorted(values, reverse=True)) + ": indefinite at T = 1 only. With the "
          "correct matrix it is 0.1 at every T"),
