@@ -60,7 +60,7 @@ std::shared_ptr<NonlinearAnswer> at_other_times(const NonlinearAnswer& answer, c
   return rows;
 }
 
-nb::list switches_of(const NonlinearAnswer& answer) {
+nb::list nonlinear_switches(const NonlinearAnswer& answer) {
   nb::list all;
   for (const Switch& s : switches(as_result(*answer.scene, answer.result)))
     all.append(nb::make_tuple(s.t, s.component, s.on, s.error));
@@ -161,7 +161,7 @@ void bind_nonlinear(nb::module_& m) {
       .def_prop_ro("w", [of](Self self) { return view(of(self).w, self); })
       .def_prop_ro("trace", [of](Self self) { return view(of(self).trace, self); })
       .def("at", &at_other_times, nb::arg("times"))
-      .def("switches", &switches_of)
+      .def("switches", &nonlinear_switches)
       .def_prop_ro("method", [](const NonlinearAnswer& a) { return std::string(to_string(a.result.method)); })
       .def_prop_ro("continuous", [](const NonlinearAnswer& a) { return a.result.continuous; })
       .def_prop_ro("residual", [](const NonlinearAnswer& a) { return a.result.residual; })

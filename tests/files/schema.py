@@ -35,7 +35,7 @@ def main() -> int:
     schema = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     jsonschema.Draft7Validator.check_schema(schema)
     validator = jsonschema.Draft7Validator(schema)
-    files = sorted(Path(sys.argv[2]).glob("*.toml"))
+    files = sorted([*Path(sys.argv[2]).glob("*.toml"), *Path(sys.argv[2]).glob("nonlinear/*.toml")])
     scenes = {file.name: tomllib.loads(file.read_text(encoding="utf-8")) for file in files}
     failed = 0
     for name, scene in scenes.items():

@@ -64,8 +64,8 @@ TEST_P(NonlinearExample, ReachesItsReferenceWithOrderTwo) {
   const Reference& known = *file.file.reference;
   const Index J = file.file.scene.default_steps;
   double error[2];
-  for (const int part : {0, 1}) {  // J/2 and J
-    const NonlinearResult r = march(file, part == 0 ? J / 2 : J);
+  for (const int part : {0, 1}) {  // J/4 and J
+    const NonlinearResult r = march(file, part == 0 ? J / 4 : J);
     ASSERT_EQ(r.status, Status::solved) << r.reason;
     EXPECT_LE(r.residual, 1e-9);  // Newton ends at 1e-12 of the largest value, or at rounding
     // Large scenes have y alone.
@@ -75,8 +75,8 @@ TEST_P(NonlinearExample, ReachesItsReferenceWithOrderTwo) {
     }
   }
   EXPECT_LE(error[1], *known.tolerance);
-  // Where switches fall into steps differs from grid to grid: the order of two grids lies within 1 of 2.
-  EXPECT_GE(error[0] / error[1], 2) << error[0] << " " << error[1];
+  // Switches fall into steps anywhere, which moves the order seen on two grids by up to 1/2: 1.5.
+  EXPECT_GE(error[0] / error[1], 8) << error[0] << " " << error[1];
 }
 
 INSTANTIATE_TEST_SUITE_P(Files, NonlinearExample, testing::ValuesIn(nonlinear_examples()), [](const auto& of) {
@@ -102,8 +102,9 @@ TEST(NonlinearFiles, HaveTheNumbersOfTheirReference) {
   }
 }
 
-// A linear scene with a phi that is 0, with kinks of f and g: the same as from the engine of linear scenes.
-TEST(NonlinearFiles, LinearScenesStayTheSame) {
+// A linear scene with a phi that is 0, divided at kinks of f and g. tests/nonlinear has scenes without kinks, which
+// agree to rounding.
+TEST(NonlinearFiles, LinearScenesWithKinksStayTheSame) {
   if (!scene_files_available()) GTEST_SKIP();
   std::ifstream in(fs::path(BROMWICH_EXAMPLES) / "dlcp-small.toml");
   const std::string text{std::istreambuf_iterator<char>(in), {}};
@@ -115,8 +116,11 @@ TEST(NonlinearFiles, LinearScenesStayTheSame) {
   const Result linear = solve(parse_scene(text, "linear.toml").scene, *backend, options);
   const NonlinearResult same = march(file, linear.steps);
   ASSERT_EQ(same.status, Status::solved) << same.reason;
-  EXPECT_LE((same.x - linear.x).cwiseAbs().maxCoeff(), 1e-12 * linear.x.cwiseAbs().maxCoeff());
-  EXPECT_LE((same.y - linear.y).cwiseAbs().maxCoeff(), 1e-12);  // of values up to 1/2
+  // On the parts of a divided step f is a line, and of second degree there: h^3/12 |f''| of each, f'' up to 2 (3 pi)^2,
+  // and a gain of M of 3.
+  const double h = 1.0 / double(linear.steps), apart = 3 * h * h * h / 12 * 180;
+  EXPECT_LE((same.x - linear.x).cwiseAbs().maxCoeff(), apart);
+  EXPECT_LE((same.y - linear.y).cwiseAbs().maxCoeff(), apart);
 }
 
 const std::string spring =
