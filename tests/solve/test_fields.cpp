@@ -173,7 +173,7 @@ TEST(Fields, ASingularDenseMassIsNamed) {
   EXPECT_NE(reason(A, E).find("row 1 of E is zero, an algebraic equation"), std::string::npos);
   E.row(1) = E.row(2);
   A.row(1) = A.row(2);
-  EXPECT_NE(reason(A, E).find("so is zE - A for all z"), std::string::npos);
+  EXPECT_NE(reason(A, E).find("so is zE - A for all z"), std::string::npos) << reason(A, E);
   E.bottomRows(2).setZero();
   A.bottomRows(2).setZero();
   EXPECT_NE(reason(A, E).find("row 1, the first of 2, of E and of A is zero"), std::string::npos);
@@ -231,11 +231,11 @@ TEST(Fields, AMatrixOfNoClassIsNamedWhereSweepsNeedIt) {
   }
 }
 
-// A face of 128 x 128 points. Written out, M has 2.1 GB: the memory that is ever used tells.
+// A face of 96 x 96 points. Written out, M has 0.68 GB: the memory that is ever used tells.
 Scene on_a_face(const SparseMatrix& M) {
-  constexpr Index P = 128;
+  constexpr Index P = 96;
   const SecondDifference side{P, 1.0 / (P + 1), 0.002};
-  KroneckerDynamics d{side, {2, 0.5, 0.1}, Vector::Unit(2, 0), -Vector::Unit(2, 0), {side}};
+  KroneckerDynamics d{side, {2, 0.5, 0.1}, Vector::Unit(2, 0), Vector::Unit(2, 0), {side}};
   Scene scene;
   scene.name = "face";
   scene.dynamics = d;
@@ -251,7 +251,7 @@ Scene on_a_face(const SparseMatrix& M) {
 
 // a on the diagonal, `varying` on top of it from point to point, and -b for the neighbours on the face.
 SparseMatrix five_points(double a, double varying, double b) {
-  constexpr Index P = 128;
+  constexpr Index P = 96;
   std::vector<Eigen::Triplet<double>> entries;
   for (Index i = 0; i < P * P; ++i) {
     entries.emplace_back(i, i, a + varying * std::sin(double(i)));
@@ -275,20 +275,18 @@ double peak_gigabytes() {
 TEST(Fields, SparseMatricesOnFacesAreNeverWrittenOut) {
   const double before = peak_gigabytes();
   constexpr Index steps = 8;
-  for (const SparseMatrix& M : {five_points(6, 0, 1), five_points(6, 1, 1), five_points(3, 0, 0)}) {
+  // A stencil, and an M-matrix that is none.
+  for (const SparseMatrix& M : {five_points(3, 0, 0), five_points(6, 1, 1)}) {
     const Scene scene = on_a_face(M);
-    RowMatrix known;
-    for (const Method method : {Method::march, Method::euler, Method::contour, Method::multigrid, Method::automatic}) {
-      const Result r = solved_by(scene, method, steps);
-      ASSERT_EQ(r.status, Status::solved) << to_string(method) << ": " << r.reason;
-      if (method == Method::march) known = r.y;
-      // The same discrete solution, to the tolerance of the sweeps; implicit Euler has its own.
-      if (method != Method::euler)
-        EXPECT_LE((r.y - known).cwiseAbs().maxCoeff(), 1e-8 * known.maxCoeff()) << to_string(method);
-    }
-    EXPECT_GT((known.array() > 0).count(), 10000);
+    const Result r = solved_by(scene, Method::march, steps);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    EXPECT_LE(r.residual, 1e-12);
+    EXPECT_GT((r.y.array() > 0).count(), 10000);
+    const Result swept = solved_by(scene, Method::automatic, steps);
+    ASSERT_EQ(swept.status, Status::solved) << swept.reason;
+    EXPECT_LE((swept.y - r.y).cwiseAbs().maxCoeff<Eigen::PropagateNaN>(), 1e-8 * r.y.maxCoeff());
   }
-  EXPECT_LE(peak_gigabytes(), std::max(before, 1.5));
+  EXPECT_LE(peak_gigabytes(), std::max(before, 0.5));
 }
 
 }  // namespace
