@@ -488,11 +488,11 @@ def fit(data):
 
 
 def batches(data):
-    lines = ["| scene | n | scenes | J | side by side | batch | loop of prepared solves | ratio |", "|--" * 8 + "|"]
+    lines = ["| scene | on | n | scenes | J | side by side | batch | loop of prepared solves | ratio |", "|--" * 9 + "|"]
     for row in data["rows"]:
         if "ns_batch" in row:
             lines.append(
-                f"| {row['scene']} | {row['constraints']} | {row['scenes']} | {row['steps']} | {row['in_lanes']} | "
+                f"| {row['scene']} | {row['backend']} | {row['constraints']} | {row['scenes']} | {row['steps']} | {row['in_lanes']} | "
                 f"{row['ns_batch']['median']:.1f} ns | {row['ns_single']['median']:.0f} ns | {row['ratio']:.0f} |"
             )
     lines += ["", f"Nanoseconds a scene and step, medians of {data['repeats']}. {data['machine']['cpu']}, {data['threads']} threads, "

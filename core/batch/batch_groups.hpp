@@ -1,6 +1,7 @@
 #pragma once
 // Which scenes of a batch share what.
 
+#include "../scene/natural_units.hpp"
 #include "batch.hpp"
 
 #include <vector>
@@ -13,6 +14,8 @@ inline const Scene& first_of(const Batch& b) { return b.own.empty() ? b.common :
 inline Index steps_of(const Scene& scene, const Options& options) {
   return options.steps > 0 ? options.steps : scene.default_steps;
 }
+
+inline bool same_units(const NaturalUnits& a, const NaturalUnits& b) { return a.x == b.x && a.y == b.y && a.w == b.w; }
 
 /// Some scene has A, B, N, M or E of its own.
 bool own_matrices(const Batch&);

@@ -3,7 +3,6 @@
 #include "core/base/error.hpp"
 #include "core/base/timer.hpp"
 #include "core/batch/batch_groups.hpp"
-#include "core/batch/device_march.hpp"
 #include "core/result/slack.hpp"
 #include "core/scene/natural_sizes.hpp"
 #include "core/scene/source_steps.hpp"
@@ -15,7 +14,6 @@
 #include <cmath>
 #include <iterator>
 #include <map>
-#include <optional>
 #include <tuple>
 #include <utility>
 
@@ -26,7 +24,6 @@ namespace {
 constexpr Index lanes = 8;
 constexpr Index groups_between_polls = 16;  ///< of lanes, for each thread
 constexpr Index fewest_in_lanes = 2;        ///< scenes of a group
-constexpr Index fewest_on_device = 32;      ///< likewise, a warp
 
 // Errors of the options and of the machine are not those of one scene.
 bool of_one_scene(const Error& error) {
@@ -39,25 +36,6 @@ bool of_one_scene(const Error& error) {
 
 using UnitKey = std::tuple<std::vector<int>, std::vector<int>, std::vector<int>>;
 UnitKey key_of(const NaturalUnits& units) { return {units.x, units.y, units.w}; }
-
-bool same_units(const NaturalUnits& a, const NaturalUnits& b) { return key_of(a) == key_of(b); }
-
-// Lanes of one kind can be stepped together.
-using Kind = std::tuple<bool, bool, bool, bool, double, double>;
-Kind kind_of(const LanePlan& p) { return {p.stages, p.surely_P, p.certain, p.euler.has_value(), p.most_growth, p.h}; }
-
-// f and g at the time points, where they are finite and linear between them.
-struct SampledSources {
-  RowMatrix g, f;
-};
-std::optional<SampledSources> sampled(const Scene& scene, Index J) {
-  const Vector t = time_grid(scene.T, J);
-  const SampledSource g = sample(scene.g, t, scene.constraints()),
-                      f = scene.f ? sample(scene.f, t, scene.sources()) : SampledSource();
-  if (g.not_finite() >= 0 || f.not_finite() >= 0 || !find_source_steps(scene, t, f, g, false).rough.empty())
-    return std::nullopt;
-  return SampledSources{g.table(), f.size() > 0 ? RowMatrix(f.table()) : RowMatrix()};
-}
 
 }  // namespace
 
@@ -205,84 +183,6 @@ void BatchRun::march_group(const LanePlan& plan, const std::vector<Index>& all) 
   }
 }
 
-// On a backend that steps many scenes at a time. Returns those that it has not settled.
-std::vector<Index> BatchRun::march_on_device(const LanePlan& plan, const std::vector<Index>& group) {
-  auto* marcher = dynamic_cast<SceneMarcher*>(&backend_);
-  if (!marcher || own_sources_ || !plan.parts.empty() || Index(group.size()) < fewest_on_device) return group;
-  const double each = 32.0 * double(J_ + 1) * double(plan.m + plan.n);
-  const Index together = std::clamp<Index>(Index(0.25 * backend_.device().memory / each), 1, Index(group.size()));
-  const std::unique_ptr<SceneMarch> march = marcher->scene_march(scene_march_problem(plan), together);
-  if (!march) return group;
-  const Vector g0 = (plan.stages ? plan.sources.at_points : plan.sources.g).row(0).transpose();
-  std::vector<Index> rest;
-  RowMatrix x, y;
-  for (Index first = 0; first < Index(group.size()) && !stopped_; first += together) {
-    std::vector<Index> scenes;
-    std::vector<Vector> starts;
-    for (Index i = first; i < std::min(first + together, Index(group.size())); ++i) {
-      LaneInput input;
-      const Index k = group[std::size_t(i)];
-      (input_of(plan, k, input) ? scenes : rest).push_back(k);
-      if (!scenes.empty() && scenes.back() == k) starts.push_back(std::move(input.x0));
-    }
-    const Index count = Index(scenes.size());
-    if (count == 0) continue;
-    RowMatrix x0(count, plan.m), y0(count, plan.n);
-    std::vector<char> found(std::size_t(count), 0), other = found;
-    backend_.each_range(count, 64, [&](Index begin, Index end) {
-      for (Index i = begin; i < end; ++i) {
-        const LaneStart start = plan.start(starts[std::size_t(i)], g0);
-        x0.row(i) = starts[std::size_t(i)].transpose();
-        y0.row(i) = start.y.transpose();
-        found[std::size_t(i)] = start.found, other[std::size_t(i)] = start.other;
-      }
-    });
-    const SceneMarchOutcome outcome = march->run(x0, y0, other);
-    const bool whole = count == batch_.scenes && scenes.front() == 0;  // in order, without a gap
-    download_rows(*march, whole, y, x);
-    Index settled = 0;
-    for (Index i = 0; i < count; ++i) {
-      const Index k = scenes[std::size_t(i)];
-      if (!outcome.settled[std::size_t(i)] || !found[std::size_t(i)]) {
-        rest.push_back(k);
-        continue;
-      }
-      settle(k, outcome.residual[i], other[std::size_t(i)] != 0);
-      ++settled;
-    }
-    backend_.each_range(count, 64, [&](Index begin, Index end) {
-      for (Index i = begin; i < end; ++i)
-        if (done_[std::size_t(scenes[std::size_t(i)])]) keep_rows(plan, scenes[std::size_t(i)], i, whole, y, x);
-    });
-    result_.in_lanes += settled;
-    say(settled);
-  }
-  return rest;
-}
-
-void BatchRun::download_rows(SceneMarch& march, bool whole, RowMatrix& y, RowMatrix& x) {
-  RowMatrix& to = whole ? result_.y : y;
-  backend_.prepare(to, march.y().rows(), march.y().cols());
-  backend_.download(march.y(), to);
-  if (result_.x.size() > 0 || result_.w.size() > 0) backend_.download(march.x(), x);
-}
-
-// Scene k from row i (J+1) of the tables of a device.
-void BatchRun::keep_rows(const LanePlan& plan, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x) {
-  const auto own_y = (whole ? result_.y : y).middleRows(i * rows_, rows_);
-  if (!whole) rows_of(result_.y, k) = own_y;
-  if (result_.w.size() == 0 && result_.x.size() == 0) return;
-  const auto own_x = x.middleRows(i * rows_, rows_);
-  if (result_.x.size() > 0) rows_of(result_.x, k) = own_x(Eigen::all, result_.x_components);
-  if (result_.w.size() == 0) return;
-  const Scene& scene = batch_.own.empty() ? batch_.common : batch_.own[std::size_t(k)];
-  RowMatrix g = plan.stages ? plan.sources.at_points : plan.sources.g;
-  for (Index c = 0; c < plan.n && !plan.units.trivial(); ++c)
-    for (Index j = 0; j < rows_; ++j) g(j, c) = times_ten_to(plan.units.w[std::size_t(c)], g(j, c));
-  rows_of(result_.w, k) =
-      g + own_x * scene.dynamics->small_state()->N.transpose() + own_y * to_dense(scene.M).transpose();
-}
-
 // x0 and, where they are its own, the sources of a scene. False for what a single solve has to look at.
 bool BatchRun::input_of(const LanePlan& plan, Index k, LaneInput& input) const {
   input.plan = &plan;
@@ -300,61 +200,6 @@ bool BatchRun::input_of(const LanePlan& plan, Index k, LaneInput& input) const {
   if (!sources) return false;
   input.sources = std::make_shared<const LaneSources>(std::move(*sources));
   return true;
-}
-
-// Scenes that share neither dynamics nor M: a plan each.
-void BatchRun::take_own(const std::vector<Index>& all) {
-  const Index together = lanes * groups_between_polls * std::max(1, backend_.threads());
-  NaturalUnits nearby;
-  bool has_units = false;
-  std::optional<SampledSources> common;
-  for (std::size_t first = 0; first < all.size() && !stopped_; first += std::size_t(together)) {
-    std::vector<Index> scenes;
-    std::vector<Scene> stated;
-    for (std::size_t i = first; i < std::min(all.size(), first + std::size_t(together)); ++i) try {
-        Scene scene = scene_of(batch_, all[i]);
-        scene.validate();
-        stated.push_back(std::move(scene));
-        scenes.push_back(all[i]);
-      } catch (const Error&) {  // the single solve says so
-      }
-    std::vector<std::unique_ptr<LanePlan>> plans(scenes.size());
-    if (!has_units && !stated.empty()) {
-      nearby = natural_units(stated.front()), has_units = true;
-      if (!own_sources_) {
-        common = sampled(stated.front(), J_);
-        if (!common) return;
-      }
-    }
-    const Index count = Index(scenes.size());
-    const Index length = backend_.traits().one_at_a_time ? 1 : std::max<Index>(1, count);  // a device has one stream
-    share(backend_, count, length, [&](Index begin, Index end) {
-      for (Index i = begin; i < end; ++i) try {
-          std::string why;
-          plans[std::size_t(i)] = LanePlan::make(stated[std::size_t(i)], backend_, J_, true, &nearby, why);
-        } catch (const Error&) {
-        }
-    });
-    std::map<Kind, std::vector<Prepared>> kinds;
-    for (std::size_t i = 0; i < scenes.size(); ++i) try {
-        if (plans[i] && plans[i]->stages)
-          if (const NaturalUnits units = natural_units(stated[i]); !same_units(units, plans[i]->units)) {
-            std::string why;
-            plans[i] = LanePlan::make(stated[i], backend_, J_, true, &units, why);
-          }
-        if (!plans[i]) continue;
-        auto sources = common && !plans[i]->stages ? plans[i]->sources_at_points(common->g, common->f)
-                                                   : plans[i]->sources_of(stated[i]);
-        if (!sources) continue;
-        LaneInput input{plans[i].get(), plans[i]->start_of(stated[i].x0),
-                        std::make_shared<const LaneSources>(std::move(*sources))};
-        kinds[kind_of(*plans[i])].push_back({scenes[i], std::move(input)});
-      } catch (const Error&) {  // the single solve says so
-      }
-    Index settled = 0;
-    for (const auto& [kind, same] : kinds) settled += march(same);
-    say(settled);
-  }
 }
 
 // Returns how many are settled.

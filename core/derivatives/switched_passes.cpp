@@ -1,0 +1,281 @@
+// The passes of a SwitchedTape: a change forward in time, weights backward.
+
+#include "core/base/error.hpp"
+#include "core/derivatives/switched_tape.hpp"
+
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+constexpr Index tape_degree = Collocation::degree;
+
+// The values that a row is applied to get jet^T v.
+JetValues back(const Jet& c, const Vector& v) {
+  return {c.x.transpose() * v, c.f.transpose() * v,  c.df.transpose() * v,
+          c.g.transpose() * v, c.dg.transpose() * v, c.ddg.transpose() * v};
+}
+
+}  // namespace
+
+// Constraints on the state that are derivatives of w (a rigid contact) need N B = 0 there; changes have to keep it.
+void SwitchedTape::check_structure(const DataChange& c) const {
+  if (c.M.size() > 0 && (c.M.array() != 0).any() && !without_M_.empty())
+    throw Error("M", without_M_, "ask for derivatives with respect to other data");
+  if (c.B.size() == 0 && c.N.size() == 0) return;
+  for (const auto& [active, mode] : modes_) {
+    const Jet& rows = mode.rows.constraints;
+    if (rows.x.rows() == 0 || !(rows.f.array() != 0).any()) continue;
+    Matrix change = Matrix::Zero(rows.x.rows(), Index(active.size())), terms = change;
+    if (c.B.size() > 0) {
+      const Matrix dB = c.B(Eigen::all, active);
+      change += rows.f * dB;
+      terms += rows.f.cwiseAbs() * dB.cwiseAbs();
+    }
+    if (c.N.size() > 0) {
+      const Matrix dg = rows.dg * c.N, B = system_.B(Eigen::all, active);
+      change += dg * B;
+      terms += rows.dg.cwiseAbs() * c.N.cwiseAbs() * B.cwiseAbs();
+    }
+    if (((change.cwiseAbs() - 1e-9 * terms).array() > 0).any())
+      throw Error("derivative", "not differentiable here: the change makes N B nonzero, where y is a contact force",
+                  "change B and N together so that N B stays 0");
+  }
+}
+
+// f~ and g~ as polynomials on the piece.
+SwitchedTape::Sources SwitchedTape::changed(const Part& part, const DataChange& c) const {
+  const Piece& p = piece_of(part);
+  Sources s = no_sources();
+  if (c.A.size() > 0) s.f += p.x * c.A.transpose();
+  if (c.B.size() > 0) s.f += p.y * c.B.transpose();
+  if (c.E.size() > 0) s.f += p.rate * c.E.transpose();
+  if (c.N.size() > 0) s.g += p.x * c.N.transpose();
+  if (c.M.size() > 0) s.g += p.y * c.M.transpose();
+  if (c.f.size() > 0) s.f.topRows(2) += table_part(c.f, part);
+  if (c.g.size() > 0) s.g.topRows(2) += table_part(c.g, part);
+  return s;
+}
+
+void SwitchedTape::add_changed(const Part& part, const Sources& bar, DataChange& to) const {
+  const Piece& p = piece_of(part);
+  to.A += bar.f.transpose() * p.x;
+  to.B += bar.f.transpose() * p.y;
+  to.E += bar.f.transpose() * p.rate;
+  to.N += bar.g.transpose() * p.x;
+  to.M += bar.g.transpose() * p.y;
+  add_table_part(bar.f.topRows(2), part, to.f);
+  add_table_part(bar.g.topRows(2), part, to.g);
+}
+
+// The first two coefficients, on the piece, of the line through two rows of a table.
+Matrix SwitchedTape::table_part(const RowMatrix& table, const Part& part) const {
+  const Piece& p = piece_of(part);
+  const Index j = part.interval;
+  const double step = t_[j + 1] - t_[j], a = (p.begin + 0.5 * p.length - t_[j]) / step;
+  Matrix c(2, table.cols());
+  c.row(0) = (1 - a) * table.row(j) + a * table.row(j + 1);
+  c.row(1) = (0.5 * p.length / step) * (table.row(j + 1) - table.row(j));
+  return c;
+}
+
+void SwitchedTape::add_table_part(const Matrix& bar, const Part& part, RowMatrix& to) const {
+  const Piece& p = piece_of(part);
+  const Index j = part.interval;
+  const double step = t_[j + 1] - t_[j], a = (p.begin + 0.5 * p.length - t_[j]) / step;
+  const double slope = 0.5 * p.length / step;
+  to.row(j) += (1 - a) * bar.row(0) - slope * bar.row(1);
+  to.row(j + 1) += a * bar.row(0) + slope * bar.row(1);
+}
+
+// Coefficients on the part of what drives (x, integral of y): (tape_degree+1) x (m+n).
+Matrix SwitchedTape::inputs(const Part& part, const Sources& s) const {
+  const Piece& p = piece_of(part);
+  const Jet& y = p.mode->rows.y;
+  const Matrix D = Collocation::get().derivative / p.length;
+  Matrix of_y = s.f * y.f.transpose() + s.g * y.g.transpose();
+  if (p.mode->rows.uses_df) of_y += D * s.f * y.df.transpose();
+  if (p.mode->rows.uses_dg) of_y += D * s.g * y.dg.transpose();
+  if (p.mode->rows.uses_ddg) of_y += D * (D * s.g) * y.ddg.transpose();
+  Matrix all(tape_degree + 1, m_ + n_);
+  all << s.f + of_y * system_.B.transpose(), of_y;
+  return part.inputs * all;
+}
+
+void SwitchedTape::add_inputs(const Part& part, const Matrix& bar, Sources& to) const {
+  const Piece& p = piece_of(part);
+  const Jet& y = p.mode->rows.y;
+  const Matrix D = Collocation::get().derivative / p.length, all = part.inputs.transpose() * bar;
+  const Matrix of_f = all.leftCols(m_), of_y = of_f * system_.B + all.rightCols(n_);
+  to.f += of_f + of_y * y.f;
+  to.g += of_y * y.g;
+  if (p.mode->rows.uses_df) to.f += D.transpose() * of_y * y.df;
+  if (p.mode->rows.uses_dg) to.g += D.transpose() * of_y * y.dg;
+  if (p.mode->rows.uses_ddg) to.g += D.transpose() * (D.transpose() * of_y) * y.ddg;
+}
+
+void SwitchedTape::advance(const Part& part, const Sources& s, State& z) const {
+  const PartMaps& maps = *part.maps;
+  Vector both(m_ + n_);
+  both << z.x, z.integral;
+  const Matrix u = inputs(part, s);
+  Vector next = maps.decay * both;
+  for (Index k = 0; k <= tape_degree; ++k) next += maps.inputs[std::size_t(k)] * u.row(k).transpose();
+  z.x = next.head(m_);
+  z.integral = next.tail(n_);
+}
+
+void SwitchedTape::advance_back(const Part& part, Sources& of, State& bar) const {
+  const PartMaps& maps = *part.maps;
+  Vector both(m_ + n_);
+  both << bar.x, bar.integral;
+  Matrix u(tape_degree + 1, m_ + n_);
+  for (Index k = 0; k <= tape_degree; ++k) u.row(k) = both.transpose() * maps.inputs[std::size_t(k)];
+  add_inputs(part, u, of);
+  const Vector before = maps.decay.transpose() * both;
+  bar.x = before.head(m_);
+  bar.integral = before.tail(n_);
+}
+
+// Onto the constraints of the mode: a kink of g moves the state of a contact.
+void SwitchedTape::project(const Part& part, const Sources& s, State& z) const {
+  const SwitchedMode& mode = piece_of(part).mode->rows;
+  if (mode.constraints.x.rows() == 0) return;
+  JetValues u = values_of(s, piece_of(part), part.from);
+  u.x = z.x;
+  const Vector p = mode.impulse * evaluate(mode.constraints, u);
+  z.x += system_.B * p;
+  z.integral += p;
+}
+
+void SwitchedTape::project_back(const Part& part, Sources& of, State& bar) const {
+  const SwitchedMode& mode = piece_of(part).mode->rows;
+  if (mode.constraints.x.rows() == 0) return;
+  const Vector p = system_.B.transpose() * bar.x + bar.integral;
+  const JetValues u = back(mode.constraints, mode.impulse.transpose() * p);
+  bar.x += u.x;
+  add_values(u, piece_of(part), part.from, of);
+}
+
+void SwitchedTape::pass(const Switch& s, const Part* before, const Sources& of_before, const Part& after,
+                        const Sources& of_after, const DataChange& c, State& z) const {
+  double dt = 0;
+  if (s.moves) {
+    JetValues u = values_of(of_before, piece_of(*before), before->from + before->width);
+    u.x = z.x;
+    dt = -evaluate(s.row, u)[0] / s.rate;
+    z.x += dt * s.rate_before;
+    z.integral += dt * s.y_before;
+  }
+  for (const Impulse& p : s.impulses) {
+    if (c.B.size() > 0) z.x += c.B * p.p;
+    if (c.E.size() > 0) z.x += c.E * p.move;
+    const SwitchedMode& mode = p.mode->rows;
+    JetValues u = values_of(of_after, piece_of(after), after.from);
+    u.x = s.moves ? Vector(z.x - dt * p.rate) : z.x;
+    const Vector q = mode.impulse * evaluate(mode.constraints, u);
+    z.x += system_.B * q;
+    z.integral += q;
+  }
+  if (!s.moves) return;
+  z.x -= dt * s.rate_after;
+  z.integral -= dt * s.y_after;
+}
+
+void SwitchedTape::pass_back(const Switch& s, const Part* before, Sources& of_before, const Part& after,
+                             Sources& of_after, DataChange& to, State& bar) const {
+  double dt = 0;
+  if (s.moves) dt -= s.rate_after.dot(bar.x) + s.y_after.dot(bar.integral);
+  for (auto p = s.impulses.rbegin(); p != s.impulses.rend(); ++p) {
+    const SwitchedMode& mode = p->mode->rows;
+    const Vector q = system_.B.transpose() * bar.x + bar.integral;
+    const JetValues u = back(mode.constraints, mode.impulse.transpose() * q);
+    bar.x += u.x;
+    if (s.moves) dt -= p->rate.dot(u.x);
+    add_values(u, piece_of(after), after.from, of_after);
+    to.B += bar.x * p->p.transpose();
+    to.E += bar.x * p->move.transpose();
+  }
+  if (!s.moves) return;
+  dt += s.rate_before.dot(bar.x) + s.y_before.dot(bar.integral);
+  const JetValues u = back(s.row, Vector{{-dt / s.rate}});
+  bar.x += u.x;
+  add_values(u, piece_of(*before), before->from + before->width, of_before);
+}
+
+void SwitchedTape::write(Index row, const Part& part, double at, const State& z, const Sources& s,
+                         SolutionChange& to) const {
+  JetValues u = values_of(s, piece_of(part), at);
+  u.x = z.x;
+  const Vector y = evaluate(piece_of(part).mode->rows.y, u);
+  to.y.row(row) = y.transpose();
+  to.x.row(row) = z.x.transpose();
+  to.w.row(row) = (system_.N * z.x + system_.M * y + u.g).transpose();
+  to.integral.row(row) = z.integral.transpose();
+}
+
+void SwitchedTape::read(Index row, const Part& part, double at, const SolutionChange& from, State& bar,
+                        Sources& of) const {
+  Vector of_y = Vector::Zero(n_), of_w = of_y;
+  if (from.y.size() > 0) of_y += from.y.row(row).transpose();
+  if (from.w.size() > 0) of_w += from.w.row(row).transpose();
+  JetValues u = back(piece_of(part).mode->rows.y, of_y + system_.M.transpose() * of_w);
+  u.g += of_w;
+  bar.x += u.x + system_.N.transpose() * of_w;
+  if (from.x.size() > 0) bar.x += from.x.row(row).transpose();
+  if (from.integral.size() > 0) bar.integral += from.integral.row(row).transpose();
+  add_values(u, piece_of(part), at, of);
+}
+
+SolutionChange SwitchedTape::jvp(const DataChange& c) const {
+  check_structure(c);
+  const Index rows = t_.size();
+  SolutionChange out{RowMatrix::Zero(rows, n_), RowMatrix::Zero(rows, m_), RowMatrix::Zero(rows, n_),
+                     RowMatrix::Zero(rows, n_)};
+  State z{c.x0.size() > 0 ? c.x0 : Vector::Zero(m_), Vector::Zero(n_)};
+  const Part* before = nullptr;
+  Sources last = no_sources();
+  for (const Part& part : parts_) {
+    const Sources s = changed(part, c);
+    if (part.change >= 0) pass(switches_[std::size_t(part.change)], before, last, part, s, c, z);
+    project(part, s, z);
+    if (part.row >= 0) write(part.row, part, part.from, z, s, out);
+    advance(part, s, z);
+    before = &part;
+    last = s;
+  }
+  write(rows - 1, parts_.back(), parts_.back().from + parts_.back().width, z, last, out);
+  return out;
+}
+
+DataChange SwitchedTape::vjp(const SolutionChange& of) const {
+  const Index rows = t_.size();
+  DataChange to{Vector(),
+                RowMatrix::Zero(rows, m_),
+                RowMatrix::Zero(rows, n_),
+                Matrix::Zero(m_, m_),
+                Matrix::Zero(m_, n_),
+                Matrix::Zero(n_, m_),
+                Matrix::Zero(n_, n_),
+                Matrix::Zero(m_, m_)};
+  State bar{Vector::Zero(m_), Vector::Zero(n_)};
+  Sources sources = no_sources();
+  read(rows - 1, parts_.back(), parts_.back().from + parts_.back().width, of, bar, sources);
+  for (std::size_t k = parts_.size(); k-- > 0;) {
+    const Part& part = parts_[k];
+    Sources before = no_sources();
+    advance_back(part, sources, bar);
+    if (part.row >= 0) read(part.row, part, part.from, of, bar, sources);
+    project_back(part, sources, bar);
+    if (part.change >= 0)
+      pass_back(switches_[std::size_t(part.change)], k > 0 ? &parts_[k - 1] : nullptr, before, part, sources, to, bar);
+    add_changed(part, sources, to);
+    sources = std::move(before);
+  }
+  to.x0 = bar.x;
+  if (!without_M_.empty()) to.M.resize(0, 0);
+  return to;
+}
+
+}  // namespace bromwich
