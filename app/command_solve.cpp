@@ -295,7 +295,10 @@ int run_solve(const SolveArguments& arguments) {
   Options options = solve_options(arguments, choice, columns);
   const int threads = threads_of_rank(arguments.threads.empty() ? 0 : parse_threads(arguments.threads));
   const Index recorded = state_columns(options, choice.scene);
-  check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps, recorded);
+  // A nonlinear system has all states, phi and their linear solution at all time points, but for functions of N x.
+  const bool all_states = choice.system && !choice.system->of_trace;
+  check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps,
+               all_states ? 3 * choice.scene.states() : recorded);
   if (choice.system) nonlinear_options(arguments, options);  // refuses what does not apply
   check_energies(arguments, choice.scene, options);
   if (options.method == Method::goal && !arguments.at.empty())
