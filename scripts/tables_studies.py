@@ -324,6 +324,31 @@ def fields(data):
     ]
 
 
+def fields_peers(data):
+    """Each contestant at equal error, then factorizations beside SuiteSparse."""
+    lines = ["| states | compliance | | steps | error of w | mean error of y | set-up | whole solve | min to max | times march |"]
+    lines.append("|--" * 10 + "|")
+    march = 1.0
+    for row in data["rows"]:
+        time, stopped = row["seconds"], row["status"].startswith("stopped")
+        march = time["median"] if row["contestant"] == "bromwich march" else march
+        errors = [number(row[name]) if row[name] is not None else "as above" for name in ("error_w_max", "error_y_mean")]
+        lines.append(
+            f"| {row['states']} | {row['parameters']['compliance']:g} | {row['contestant']} | {row['steps']} | {errors[0]} | "
+            f"{errors[1]} | {seconds(time['setup'])} | {'about ' if stopped else ''}{seconds(time['median'])} | "
+            f"{seconds(time['min'])} to {seconds(time['max'])} | {time['median'] / march:.1f} |"
+        )
+    for found in data["factors"]:
+        node, eigen, cholmod = found["node"], found["eigen"], found["cholmod"]
+        lines += ["", f"- m = {found['states']}, n = {found['constraints']}, one thread: values at a complex node by our elimination "
+                  f"{seconds(node['elimination'])}, by UMFPACK {seconds(node['umfpack'])}; a real factorization by Eigen "
+                  f"{seconds(eigen['factorization'])}, by CHOLMOD {seconds(cholmod['factorization'])}; one solve {seconds(eigen['solve'])} and "
+                  f"{seconds(cholmod['solve'])}."]
+    stopped = any(row["status"].startswith("stopped") for row in data["rows"])
+    about = "\"About\": PETSc was stopped, and its time is that of all steps at the pace of those done. " if stopped else ""
+    return lines + ["", f"{about}{machine(data)}, {data['repeats']} rounds."]
+
+
 def tol(data):
     """The results of each scene, each at the smallest tolerance that it meets, and what they are worth."""
     lines = ["| scene | method | tolerance | steps | work | of | estimate | error | ratio | x: estimate | error | ratio | status |"]

@@ -29,8 +29,7 @@ class March:
         facts = {
             "status": str(result.status),
             "kernel": result.kernel,
-            "kernel_error": float(result.kernel_error),
-            "euler_steps": int(result.euler_steps),
+            "kernel_error": result.kernel_error if np.isfinite(result.kernel_error) else None,
             "bytes": int(result.bytes),
             "seconds": {"total": result.timings["total"], "setup": result.timings["setup"]},
         }
