@@ -78,29 +78,6 @@ def dual(data):
     ]
 
 
-def puts(data):
-    """American puts by the method that `auto` takes."""
-    lines = ["| scene | parameters | points | steps | value | reference | known to | error | time, one core |", "|--" * 9 + "|"]
-    for row in data["rows"]:
-        if "put" not in row or row["method_asked"] != "auto":
-            continue
-        given = dict(row["parameters"])
-        points = given.pop("points")
-        cells = [
-            f"`{row['scene']}`",
-            ", ".join(f"{name} = {value:g}" for name, value in given.items()),
-            f"{points:g}",
-            f"{row['steps']}",
-            f"{row['value']:.7f}",
-            f"{row['reference']:.10g} ({row['source'].split(',')[0]})",
-            number(row["reference_known_to"]),
-            number(row["error"]),
-            seconds(row["seconds"]),
-        ]
-        lines.append("| " + " | ".join(cells) + " |")
-    return lines + ["", f"Errors are absolute, at the spot. {machine(data)}."]
-
-
 def dual_times(data):
     lines = ["| method | on | steps | error of w | whole | prepared |", "|--" * 6 + "|"]
     for row in data["rows"]:
