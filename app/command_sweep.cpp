@@ -214,9 +214,10 @@ class SweepRun {
 
   // What decides about the results of a block.
   std::string description() const {
-    std::string text =
-        fmt::format("{} scenes, {} a block, {} steps, method {}, tolerance {}, states {}\n", sweep_.scenes(), together_,
-                    steps_, to_string(options_.method), options_.iteration_tolerance, fmt::join(states_, ","));
+    std::string text = fmt::format(
+        "{} scenes, {} a block, {} steps, method {}, tolerances {} {} {} {} {}, states {}, times {}\n", sweep_.scenes(),
+        together_, steps_, to_string(options_.method), options_.tolerance, options_.tolerance_x, options_.tolerance_y,
+        options_.absolute_tolerance, options_.iteration_tolerance, fmt::join(states_, ","), fmt::join(times_, ","));
     for (const auto& [name, value] : settings_) text += fmt::format("{} = {}\n", name, value);
     for (const std::filesystem::path& input : sweep_.inputs) {
       std::ifstream in(input, std::ios::binary);
