@@ -369,8 +369,9 @@ class SweepRun {
   std::string summary() const {
     std::string text =
         fmt::format("scene       {}, {} scenes over {}\n", choice_.scene.name, sweep_.scenes(), join(sweep_.names));
-    text += fmt::format("size        {} constraints, {} states, {} steps each\n", choice_.scene.constraints(),
-                        choice_.scene.states(), steps_);
+    text += fmt::format("size        {} constraints, {} states, {} {} each\n", choice_.scene.constraints(),
+                        choice_.scene.states(), times_.empty() ? steps_ : Index(times_.size()),
+                        times_.empty() ? "steps" : "rows");
     std::vector<std::string> words;
     for (const auto& [status, count] : counts()) words.push_back(fmt::format("{} {}", count, status));
     text += fmt::format("status      {}\n", join(words));
