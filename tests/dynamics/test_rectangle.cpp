@@ -102,6 +102,7 @@ TEST(Rectangle, ModesSolveWhatTheMatricesDo) {
       Rectangle r = rectangle(first, last, 0.8);
       r.n = Vector::Unit(24, 0);
       for (const Method method : {Method::march, Method::euler}) {
+        if (method == Method::euler && (compliance == 0 || !last)) continue;
         Options options = options_for(method, 64);
         options.states = StateSelection::list;
         options.components = {0, 5, 23, 24 * 11 + 3, 24 * 24 - 1};

@@ -377,7 +377,7 @@ TEST(SceneSections, LinesAndSourcesOfRectangles) {
       {with("[0.5, -0.3]", "[0.5, -3]"), "my.toml:5: kronecker.advection: is -3, and central differences oscillate"},
       {with("reaction", "spacing = 1\nreaction"), "my.toml:3: kronecker.length: is given with spacing"},
       {with("far_b = [3]\n", ""), "my.toml:1: kronecker.far_b: is missing"},
-      {with("points", "dimensions = 3\npoints"), "my.toml:2: kronecker.dimensions: found 3; give 1"},
+      {with("points", "dimensions = 4\npoints"), "my.toml:2: kronecker.dimensions: found 4; give 1"},
       {with("points", "dimensions = 1\npoints"), "my.toml:8: kronecker.along: is given with dimensions = 1"},
       {with("tridiag(4", "tridiag(3"), "my.toml:17: complementarity.M: is 3 x 3; make it 4 x 4 for each"},
   });
