@@ -23,7 +23,7 @@ constexpr double poor = 0.15;         ///< contraction of a cycle that may need 
 /// Error seen by a coarse grid after the first cycle, relative to the correction. It is smaller than the contraction of
 /// cycles, since the start is as smooth as the solution. If sweeps are known to smooth, the value is measured
 /// (`bench multigrid` compares the estimates with the true errors); otherwise it is the contraction of cycles.
-constexpr double assumed_contraction = 0.03, assumed_without_symbol = 0.2;
+constexpr double assumed_contraction = 0.05, assumed_on_faces = 0.03, assumed_without_symbol = 0.2;
 
 }  // namespace
 
@@ -125,7 +125,8 @@ void Multigrid::start_on(std::size_t l, std::size_t last, const Vector& y0) {
 
 IterationOutcome Multigrid::iterate() {
   const bool smoothing = levels_[0].sweeps > 0;  // by the symbol
-  const double assumed = smoothing ? assumed_contraction : assumed_without_symbol;
+  const bool on_face = levels_[0].passes > 1;    // relaxation in place of exact solutions
+  const double assumed = !smoothing ? assumed_without_symbol : on_face ? assumed_on_faces : assumed_contraction;
   CycleWatch watch(options_->iteration_tolerance, useful_ ? assumed : INFINITY);
   while (!failure_) {
     if (options_->interrupted && options_->interrupted()) return {Status::interrupted, "stopped on request"};
