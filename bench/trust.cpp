@@ -14,6 +14,7 @@
 
 #include "tests/support/trust.hpp"
 #include "core/base/error.hpp"
+#include "core/build_info.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <Eigen/Dense>
@@ -313,7 +314,10 @@ void write(const Arguments& a, const std::vector<Outcome>& all, const Summary& s
   for (const auto& [name, q] :
        {std::pair{"2.5 %", 0.025}, {"25 %", 0.25}, {"50 %", 0.5}, {"75 %", 0.75}, {"97.5 %", 0.975}})
     quantiles[name] = quantile(s.effectivity, q);
-  const ordered_json json{{"first_seed", a.first_seed},
+  const ordered_json json{{"commit", build_info::commit},
+                          {"compiler", build_info::compiler},
+                          {"jobs", a.jobs},
+                          {"first_seed", a.first_seed},
                           {"count", all.size()},
                           {"method", to_string(a.method)},
                           {"tolerance", a.tolerance},
