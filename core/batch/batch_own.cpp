@@ -16,9 +16,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index lanes = 8;
-constexpr Index groups_between_polls = 16;  ///< of lanes, for each thread
-
 // Lanes of one kind can be stepped together.
 using Kind = std::tuple<bool, bool, bool, bool, double, double>;
 Kind kind_of(const LanePlan& p) { return {p.stages, p.surely_P, p.certain, p.euler.has_value(), p.most_growth, p.h}; }

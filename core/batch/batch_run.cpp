@@ -21,9 +21,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index lanes = 8;
-constexpr Index groups_between_polls = 16;  ///< of lanes, for each thread
-constexpr Index fewest_in_lanes = 2;        ///< scenes of a group
+constexpr Index fewest_in_lanes = 2;  ///< scenes of a group
 
 // Errors of the options and of the machine are not those of one scene.
 bool of_one_scene(const Error& error) {

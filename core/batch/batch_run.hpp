@@ -21,6 +21,9 @@ class BatchRun {
   static constexpr double most_lane_bytes = 256e6;  ///< of the buffers of one thread
 
  private:
+  static constexpr Index lanes = 8;
+  static constexpr Index groups_between_polls = 16;  ///< of lanes, for each thread
+
   // A scene and what its lane starts from.
   struct Prepared {
     Index scene;

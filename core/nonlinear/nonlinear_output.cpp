@@ -18,7 +18,7 @@ namespace {
 constexpr double same_point = 1e-9;  ///< of a step
 
 // x or v, and y of one time. Values are NaN where they are not known.
-struct Sample {
+struct SeenRow {
   Vector seen, y;
 };
 
@@ -40,14 +40,14 @@ class Sampling {
     if (result.continuous && !by_trace_) carry();
   }
 
-  Sample at(double t) {
+  SeenRow at(double t) {
     const double T = scene_.linear.T;
     if (!(t >= 0) || !(t <= T * (1 + epsilon)))
       throw Error("times", text("found %.17g", t), text("give times from 0 to T = %.17g", T));
     const double place = t / h_, nearest = std::round(place);
     if (std::abs(place - nearest) <= same_point) return row(Index(nearest));
     const Index j = std::min(Index(place), J_ - 1);
-    const Sample before = row(j), after = row(j + 1);
+    const SeenRow before = row(j), after = row(j + 1);
     if (!after.seen.allFinite()) return after;
     if (!result_.continuous) return by_a_step(j, t - double(j) * h_, before);
     const double s = place - double(j);
@@ -59,14 +59,14 @@ class Sampling {
 
  private:
   const RowMatrix& seen() const { return by_trace_ ? result_.trace : result_.x; }
-  Sample row(Index j) const { return {seen().row(j).transpose(), result_.y.row(j).transpose()}; }
+  SeenRow row(Index j) const { return {seen().row(j).transpose(), result_.y.row(j).transpose()}; }
 
   // The linear scene with phi and gamma of the result as sources, and its result.
   void carry() {
     const Index m = scene_.linear.states(), n = scene_.linear.constraints();
     RowMatrix phi = RowMatrix::Zero(J_ + 1, m), gamma = RowMatrix::Zero(J_ + 1, n);
     for (Index j = 0; j <= J_ && seen().row(j).allFinite(); ++j) {
-      const Sample one = row(j);
+      const SeenRow one = row(j);
       const double t = double(j) * h_;
       Vector v = one.seen;
       if (scene_.of_trace) v = observe(scene_.linear.dynamics, v);
@@ -85,7 +85,7 @@ class Sampling {
     carried_.steps = J_;
   }
 
-  Sample by_a_step(Index j, double length, const Sample& before) const {
+  SeenRow by_a_step(Index j, double length, const SeenRow& before) const {
     const auto largest = [](const RowMatrix& rows) {
       return rows.array().isFinite().select(rows.array(), 0.0).abs().maxCoeff();
     };
@@ -96,7 +96,7 @@ class Sampling {
     std::vector<double> breaks;
     for (const double b : scene_.linear.breakpoints)
       if (b > t && b < t + length) breaks.push_back(b);
-    Sample at = before;
+    SeenRow at = before;
     if (!take_divided(in_states(scene_), backend_, options, t, length, breaks, at.seen, at.y).solved)
       at.seen.setConstant(std::nan("")), at.y.setConstant(std::nan(""));
     return at;
@@ -125,7 +125,7 @@ NonlinearResult nonlinear_at(const NonlinearScene& scene, Backend& backend, cons
   Sampling sampling(scene, backend, result);
   const bool by_trace = result.trace.size() > 0;
   for (Index k = 0; k < count; ++k) {
-    const Sample one = sampling.at(times[std::size_t(k)]);
+    const SeenRow one = sampling.at(times[std::size_t(k)]);
     (by_trace ? sampled.trace : sampled.x).row(k) = one.seen.transpose();
     sampled.y.row(k) = one.y.transpose();
     const Vector v = by_trace ? one.seen : observe(scene.linear.dynamics, one.seen);
