@@ -92,7 +92,7 @@ TEST(GalerkinRules, IncompatibleInitialStates) {
 }
 
 /// A ball on a rigid floor that falls, lies and is thrown up by a force: x'' = -g + push(t) + y.
-Scene ball(double push_at) {
+Scene pushed_ball(double push_at) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
   scene.M = Matrix{{0}};
@@ -105,7 +105,7 @@ Scene ball(double push_at) {
 TEST(GalerkinRules, BallOnARigidFloor) {
   // The floor absorbs the velocity; from 1.5 on it rises with 5 m/s^2: x = 5/2 0.5^2, v = 2.5.
   for (const Index N : {200, 800, 3200}) {
-    const Result r = all_states(ball(1.5), N);
+    const Result r = all_states(pushed_ball(1.5), N);
     ASSERT_EQ(r.status, Status::solved) << r.reason;
     const double h = 2 / double(N);
     EXPECT_NEAR(r.x(N, 0), 0.625, 5 * 0.5 * h) << N;  // the step to the push may be an Euler step: v off by 5 h at most
@@ -150,7 +150,7 @@ TEST(GalerkinRules, PeriodicStateOfAnIdealClamp) {
 }
 
 TEST(GalerkinRules, RegularScenesAreLeftAlone) {
-  Scene scene = ball(1.5);
+  Scene scene = pushed_ball(1.5);
   scene.M = Matrix{{1e-3}};
   const Result r = all_states(scene, 200);
   ASSERT_EQ(r.status, Status::solved) << r.reason;
@@ -182,7 +182,7 @@ TEST(GalerkinRules, WhichRuleAnActiveSetNeeds) {
 // States between nodes follow the rules too: they match the result on the nodes, the ball falls freely before the
 // impact and rests afterwards.
 TEST(GalerkinRules, StatesAtAnyTime) {
-  const Scene scene = ball(1.5);
+  const Scene scene = pushed_ball(1.5);
   const Result r = all_states(scene, 200);
   ASSERT_EQ(r.status, Status::solved) << r.reason;
   ASSERT_EQ(r.interval_rules.size(), 200u);
