@@ -155,14 +155,19 @@ class Inspection {
       for (double k = 0; k < double(count); ++k) misses(j, (k + 0.5) * golden - std::floor((k + 0.5) * golden), true);
   }
 
-  // Values on a finer grid. Its times increase: sources that are evaluated many at a time are.
+  // Values on a finer grid, whose times a source may compute all at once.
   bool look_everywhere(Index spread) {
     const Index width = (f_.given ? f_.source.width() : 0) + (g_.given ? g_.source.width() : 0);
     spread = std::min(spread, most_unknown / std::max<Index>(1, width));
     const Index parts = (spread + J_ - 1) / J_;
     bool off = false;
-    for (Index j = 1; j <= J_; ++j)
-      for (Index k = 1; k < parts; ++k) off |= misses(j, double(k) / double(parts));
+    for (Index j = 1; j <= J_; ++j) {
+      if (any_rough_ && rough_[std::size_t(j)]) continue;
+      for (Index k = 1; k < parts; ++k) {
+        const double time = t_[0] + (t_[J_] - t_[0]) * double((j - 1) * parts + k) / double(J_ * parts);
+        off |= misses_at(j, double(k) / double(parts), time);
+      }
+    }
     return off;
   }
 
@@ -188,10 +193,14 @@ class Inspection {
 
   bool misses(Index j, double part, bool in_all_steps = false) {
     if (!in_all_steps && any_rough_ && rough_[std::size_t(j)]) return false;
+    return misses_at(j, part, t_[j - 1] + part * (t_[j] - t_[j - 1]));
+  }
+
+  bool misses_at(Index j, double part, double time) {
     bool off = false;
     for (Inspected* s : {&f_, &g_}) {
       if (!s->given) continue;
-      s->inside(t_[j - 1] + part * (t_[j] - t_[j - 1]), value_);
+      s->inside(time, value_);
       line_ = (1 - part) * s->values.row(j - 1).transpose() + part * s->values.row(j).transpose();
       const double apart = s->apart(value_, line_);
       if (!(apart > strong_disagreement)) continue;
@@ -199,7 +208,7 @@ class Inspection {
       if (s == &g_) found_.disagreement_of_g = std::max(found_.disagreement_of_g, apart);
     }
     if (off) mark(j);
-    if (off) seen_.emplace_back(j, t_[j - 1] + part * (t_[j] - t_[j - 1]));
+    if (off) seen_.emplace_back(j, time);
     return off;
   }
 
