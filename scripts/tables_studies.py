@@ -324,6 +324,23 @@ def fields(data):
     ]
 
 
+def scale(data):
+    """Time divided among ranks: one measured row, and what the model says of more."""
+    lines = ["| ranks | sweep | cycle | efficiency, equal J | efficiency, equal J of a rank | bytes a rank sends in a cycle |", "|--" * 6 + "|"]
+    measured = next(row for row in data["rows"] if row["kind"] == "measured")
+    for row in data["rows"]:
+        if row["kind"] == "predicted":
+            lines.append(
+                f"| {row['ranks']} | {seconds(row['sweep'])} | {seconds(row['cycle'])} | {row['strong']:.2f} | {row['weak']:.2f} | {number(row['bytes'])} |"
+            )
+    size = ", ".join(f"{name} = {value:g}" for name, value in data["parameters"].items())
+    return lines + [
+        "",
+        f"`{data['scene']}` with {size}, J = {measured['steps']}; ranks of one thread. Measured: a sweep takes {seconds(measured['sweep_on_one'])} "
+        f"on one rank and {seconds(measured['sweep'])} on {measured['ranks']}, efficiency {measured['efficiency']:.2f}; the rest is predicted. {machine(data)}.",
+    ]
+
+
 def fields_peers(data):
     """Each contestant at equal error, then factorizations beside SuiteSparse."""
     lines = ["| states | compliance | | steps | error of w | mean error of y | set-up | whole solve | min to max | times march |"]
