@@ -2,7 +2,8 @@
 // stencil at all points of a grid (core/seam/plans.hpp, ProjectedSweeps).
 //
 // A block takes one time point. It walks once down the lines of the grid with a few of them in shared memory, and makes
-// all half-sweeps on the way: half-sweep s is at line t - 2 s when line t + 2 comes, which was asked for a line before.
+// all half-sweeps on the way. When half-sweep 0 is at line t, half-sweep s is at line t - 2 s, line t + 2 arrives from
+// memory, and the load of line t + 3 begins.
 // Half-sweep s of a line needs half-sweep s - 1 of its two neighbours, which is done by then, so that one barrier a
 // step is enough, and r, v and y are read and written once for all sweeps.
 
