@@ -45,21 +45,6 @@ TimeFunction sum(const TimeFunction& given, Between more) {
   };
 }
 
-// f with m values, however it was stated, and phi.
-void add_to_state(Scene& scene, Between phi) {
-  if (scene.f && scene.f_entry != SourceEntry::state) {
-    const SparseMatrix F = scene.f_entry == SourceEntry::through_B ? scene.dynamics->inputs() : scene.F;
-    scene.f = [f = scene.f, F](double t, Eigen::Ref<Vector> value) {
-      Vector entering(F.cols());
-      f(t, entering);
-      value = F * entering;
-    };
-  }
-  scene.f_entry = SourceEntry::state;
-  scene.F = SparseMatrix();
-  scene.f = sum(scene.f, std::move(phi));
-}
-
 // phi through B beside f: as B (f + phi), or as (F B) (f; phi).
 void add_through_B(Scene& scene, Between phi) {
   if (!scene.f || scene.f_entry == SourceEntry::through_B) {
@@ -97,10 +82,12 @@ void add_through_B(Scene& scene, Between phi) {
 Scene with_rest(const Scene& linear, bool of_trace, RowMatrix phi, RowMatrix gamma, double h) {
   Scene scene = linear;
   Between entering{std::make_shared<const RowMatrix>(std::move(phi)), h};
-  if (of_trace)
+  if (of_trace) {
     add_through_B(scene, std::move(entering));
-  else
-    add_to_state(scene, std::move(entering));
+  } else {
+    take_f_as_values(scene);
+    scene.f = sum(scene.f, std::move(entering));
+  }
   scene.g = sum(scene.g, {std::make_shared<const RowMatrix>(std::move(gamma)), h});
   return scene;
 }

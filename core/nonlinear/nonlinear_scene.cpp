@@ -40,30 +40,25 @@ void NonlinearScene::validate() const {
     throw Error("dynamics", "the linear part has no constraints", "add one that is never active");
 }
 
-namespace {
-
-// With f as m values, however it was stated.
-void take_f_as_values(Scene& linear, const DenseDynamics& d) {
-  if (linear.f && linear.f_entry != SourceEntry::state) {
-    const Matrix F = source_matrix(linear, d);
-    linear.f = [f = linear.f, F](double t, Eigen::Ref<Vector> v) {
+void take_f_as_values(Scene& scene) {
+  if (scene.f && scene.f_entry != SourceEntry::state) {
+    const SparseMatrix F = scene.f_entry == SourceEntry::through_B ? scene.dynamics->inputs() : scene.F;
+    scene.f = [f = scene.f, F](double t, Eigen::Ref<Vector> value) {
       Vector entering(F.cols());
       f(t, entering);
-      v = F * entering;
+      value = F * entering;
     };
   }
-  linear.f_entry = SourceEntry::state;
-  linear.F = SparseMatrix();
+  scene.f_entry = SourceEntry::state;
+  scene.F = SparseMatrix();
 }
-
-}  // namespace
 
 NonlinearScene in_states(NonlinearScene scene) {
   constexpr Index largest_written_out = 512;
   if (scene.linear.dynamics->matrices() && scene.linear.states() <= largest_written_out)
     scene.linear = written_out(std::move(scene.linear));
   const DenseDynamics* d = scene.linear.dynamics->small_state();
-  if (d) take_f_as_values(scene.linear, *d);
+  if (d) take_f_as_values(scene.linear);
   if (!d || !scene.of_trace) return scene;
   scene.of_trace = false;
   const Matrix &N = d->N, &B = d->B;

@@ -40,6 +40,9 @@ struct NonlinearScene {
   void validate() const;
 };
 
+/// f with m values, however it was stated.
+void take_f_as_values(Scene&);
+
 /// Scenes with dense matrices, and with sparse ones of up to 512 states, which are written out: phi and gamma as
 /// functions of x, and f with m values. Others stay as they are.
 NonlinearScene in_states(NonlinearScene);
