@@ -52,6 +52,10 @@ Vector ComponentSizes::of_y(const Result& r) const { return sizes(r.y, 1, one_y,
 Vector ComponentSizes::of_mean(const Result& r) const { return sizes(mean(r), 1, one_y, {}, *this); }
 Vector ComponentSizes::of_x(const Result& r) const { return sizes(r.x, 0, one_x, seen_x, *this); }
 
+double largest_share(const Vector& v, const Vector& size) {
+  return largest((v.array() > 0).select(v.cwiseQuotient(size), 0));
+}
+
 Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const ComponentSizes& s) {
   return {largest(relative(a.y, a_stride, b.y, b_stride, s.of_y(b))),
           largest(relative(mean(a), a_stride, mean(b), b_stride, s.of_mean(b))),
@@ -98,17 +102,14 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   if (!may_jump_) return;
   const Vector jumps = largest_jumps(fine.y);
   const double steps = double(fine.steps);
-  const auto against = [](const Vector& v, const Vector& size) {
-    return largest((v.array() > 0).select(v.cwiseQuotient(size), 0));
-  };
-  jump_.add(against(jumps, sizes_.of_y(fine)));
-  displaced_ = against(jumps, sizes_.of_mean(fine)) / (2 * steps);
+  jump_.add(largest_share(jumps, sizes_.of_y(fine)));
+  displaced_ = largest_share(jumps, sizes_.of_mean(fine)) / (2 * steps);
   displaced_x_ = 0;
   if (const DenseDynamics* dynamics = scene_.dynamics->small_state(); dynamics && fine.x.cols() > 0)
-    displaced_x_ = against(Vector(scene_.T / steps * dynamics->B(fine.x_components, Eigen::all).cwiseAbs() * jumps),
-                           sizes_.of_x(fine));
+    displaced_x_ = largest_share(
+        Vector(scene_.T / steps * dynamics->B(fine.x_components, Eigen::all).cwiseAbs() * jumps), sizes_.of_x(fine));
   // A contact of one step leaves a row that no coarser grid has, with a y that depends on where it began.
-  jumps_ = jumps_ || (resolved && against(largest_peaks(fine.y), sizes_.of_y(fine)) > smallest_peak);
+  jumps_ = jumps_ || (resolved && largest_share(largest_peaks(fine.y), sizes_.of_y(fine)) > smallest_peak);
   // Once is enough: later differences may be small because all jumps happen to be in the same steps.
   jumps_ = jumps_ || (resolved && ((y_.stands_still() && y_.last() > smallest_jump) ||
                                    (jump_.stands_still() && jump_.last() > smallest_jump)));

@@ -46,6 +46,9 @@ struct Distance {
 /// Row a_stride j of `a` belongs to the time of row b_stride j of `b`.
 Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const ComponentSizes& = {});
 
+/// The largest v_i / size_i; those with v_i = 0 do not count.
+double largest_share(const Vector& v, const Vector& size);
+
 /// n: of each component the largest min(|y_j - y_{j-1}|, |y_{j+1} - y_{j-2}|), j >= 3: an impulse, one row that stands
 /// out, is no jump.
 Vector largest_jumps(const RowMatrix& y);

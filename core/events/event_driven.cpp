@@ -48,7 +48,7 @@ class EventIntegration {
     at_.sizes.u = {of_x, of_x, of_x, of_y, of_y, of_y};
     at_.h = longest_;
     at_.x = scene.x0;
-    at_.y = at_.integral = of_y;
+    at_.y = at_.integral = solution_.doubt = of_y;
   }
 
   EventSolution run() {
@@ -127,6 +127,7 @@ class EventIntegration {
     stored_ += std::size_t((s + 1) * (m_ + n_));
     at_.sizes.include(step);
     solution_.defect = std::max(solution_.defect, step.defect);
+    solution_.doubt = solution_.doubt.cwiseMax(step.doubt);
     const Vector values = legendre(step.valid);
     at_.x = step.x.transpose() * values;
     at_.y = step.y.transpose() * values;

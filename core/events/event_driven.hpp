@@ -49,6 +49,7 @@ struct EventSolution {
   double until = 0;    ///< the solution is known up to here
   Index events = 0, jumps = 0, accumulations = 0, breakpoints = 0;
   double defect = 0;       ///< largest last coefficients of all steps, as the tolerance counts them
+  Vector doubt;            ///< n: how far y may be off, since values below rounding and `tolerance` counted as zero
   bool continuous = true;  ///< y has no jump or impulse after t = 0
   Vector jump_at_start;    ///< n: the impulse at t = 0; empty if there is none
   std::vector<EventPiece> pieces;

@@ -150,6 +150,24 @@ bool EventSteps::y_is_known(const SwitchedMode& mode, const EventPoint& p, const
          unseen * std::max({within.maxCoeff(), T_ * (system_.A.cwiseAbs() * size.x).maxCoeff(), by_y.maxCoeff()});
 }
 
+// Negative values that count as zero are of a solution nearby. Where that is another one, with y_i > 0 and w_i = 0,
+// y_i is about -w_i / M_ii. Without M_ii it would move the state, and its error is that of x.
+Vector EventSteps::doubt(const SwitchedMode& mode, const Vector& of_y, const Vector& of_w,
+                         const EventStep& step) const {
+  const Collocation& c = Collocation::get();
+  Vector off = Vector::Zero(system_.constraints());
+  std::size_t k = 0;
+  for (Index i = 0; i < off.size(); ++i) {
+    const bool active = k < mode.active.size() && mode.active[k] == i;
+    if (active) ++k;
+    if (!active && !(system_.M(i, i) > 0)) continue;
+    const Vector values = c.stages * (active ? step.y : step.w).col(i);
+    for (Index j = 0; j < values.size() && c.nodes[j] <= step.valid; ++j) off[i] = std::max(off[i], -values[j]);
+    off[i] = std::max(0.0, off[i] - 64 * epsilon * (active ? of_y[i] : of_w[i])) / (active ? 1 : system_.M(i, i));
+  }
+  return off;
+}
+
 // The part of the step on which y and w are nonnegative.
 void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {
   const Collocation& c = Collocation::get();
@@ -159,6 +177,7 @@ void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, Event
   if (!sources_agree(mode, size, step)) {
     step.valid = 0;
     step.event = mode.active.front();
+    step.doubt = Vector::Zero(system_.constraints());
     return;
   }
   step.valid = 1;
@@ -177,6 +196,7 @@ void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, Event
     of_event = coefficients;
   }
   if (step.event >= 0 && step.valid > 0) step.valid = zero_before(of_event, step.valid);
+  step.doubt = doubt(mode, of_y, of_w, step);
 }
 
 // Of one value of f and of g.

@@ -18,6 +18,7 @@ struct EventStep {
   Matrix x, y, w;
   EventSources::Polynomials sources;
   Matrix df, dg, ddg;
+  Vector doubt;  ///< n: how far y may be off, since values of y and w below zero were counted as zero
 };
 
 /// Largest absolute values of each component so far.
@@ -63,6 +64,7 @@ class EventSteps {
   bool sources_agree(const SwitchedMode&, const JetValues& size, const EventStep&) const;
   bool y_is_known(const SwitchedMode&, const EventPoint&, const EventStep&) const;
   void find_event(const SwitchedMode&, const EventPoint&, EventStep&) const;
+  Vector doubt(const SwitchedMode&, const Vector& of_y, const Vector& of_w, const EventStep&) const;
   void look_between(EventPoint&, EventStep&) const;
   double work_of_sources() const;
   double source_defect(const JetValues& size, const EventSources::Polynomials&) const;

@@ -155,7 +155,8 @@ class EventControl {
     look_at_sizes(fine);
     const Distance d = distance(a, 1, b, 1, sizes_);
     of_mean_ = !coarse.continuous || !fine.continuous;
-    of_y_ = goal_.of_y ? std::max(rounding, of_mean_ ? d.mean : d.y) : 0;
+    doubt_ = largest_share(fine.doubt, of_mean_ ? sizes_.of_mean(b) : sizes_.of_y(b));
+    of_y_ = goal_.of_y ? std::max({rounding, of_mean_ ? d.mean : d.y, doubt_}) : 0;
     of_x_ = goal_.of_x && a.x.cols() > 0 ? std::max(rounding, d.of_x()) : 0;
   }
 
@@ -182,20 +183,31 @@ class EventControl {
     return r;
   }
 
+  static void describe_doubt(bool met, Result& r) {
+    const std::string why = "y is so small beside the terms of w that rounding decides its sign";
+    if (met)
+      add_warning(r, why);
+    else
+      r.reason = why;
+  }
+
   Result finished(const EventSolution& s) {
     Result r;
     rows_->fill(s, components_, options_.trace, r);
     describe(s, r);
     r.residual = rows_->residual(r);
-    r.error_estimate = std::max(of_y_, of_x_);
-    const bool met = *r.error_estimate <= agreed * tolerance_ || !chooses_grid();
+    const double error = std::max(of_y_, of_x_);
+    if (std::isfinite(error)) r.error_estimate = error;
+    const bool good = error <= agreed * tolerance_, met = good || !chooses_grid();
     r.status = met ? Status::solved : Status::tolerance_not_met;
-    if (!met)
+    if (!good && error == doubt_)
+      describe_doubt(met, r);
+    else if (!met)
       r.reason = text("integrations with tolerances of %.0e and %.0e differ by %.1e",
-                      tolerances_[tolerances_.size() - 2], tolerances_.back(), *r.error_estimate);
-    else if (*r.error_estimate > agreed * tolerance_)
-      add_warning(r, text("the error is about %.1e, of data that magnify rounding", *r.error_estimate));
-    if (!chooses_grid()) return r;
+                      tolerances_[tolerances_.size() - 2], tolerances_.back(), error);
+    else if (!good)
+      add_warning(r, text("the error is about %.1e, of data that magnify rounding", error));
+    if (!chooses_grid() || !r.error_estimate) return r;
     ErrorEstimate e;
     e.tolerance = goal_.tolerance;
     e.of_integral = of_mean_;
@@ -216,7 +228,7 @@ class EventControl {
   std::vector<Index> components_;
   std::optional<EventRows> rows_;
   std::vector<double> tolerances_;  ///< of the integrations
-  double of_y_ = INFINITY, of_x_ = INFINITY;
+  double of_y_ = INFINITY, of_x_ = INFINITY, doubt_ = 0;
   bool of_mean_ = false;
 };
 
@@ -260,7 +272,9 @@ std::optional<EventReference> EventReference::find(const Scene& scene, Backend& 
   }
   const Distance d = distance(rows[0], 1, rows[1], 1, sizes);
   const bool continuous = found[0]->continuous() && found[1]->continuous();
-  const double of_y = goal.of_y ? (continuous ? d.y : d.mean) : 0, of_x = goal.of_x ? d.of_x() : 0;
+  const double doubt =
+      largest_share(found[1]->solution_->doubt, continuous ? sizes.of_y(rows[1]) : sizes.of_mean(rows[1]));
+  const double of_y = goal.of_y ? std::max(continuous ? d.y : d.mean, doubt) : 0, of_x = goal.of_x ? d.of_x() : 0;
   if (!(std::max(of_y, of_x) <= most_apart * goal.tolerance)) return std::nullopt;
   return found[1];
 }

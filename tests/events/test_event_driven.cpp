@@ -42,6 +42,30 @@ TEST(EventDriven, ABallComesToRestOnARigidFloor) {
   EXPECT_NEAR(s.integral_of_y(3, true)[0], 1 + 2, 1e-9) << "the impulse and the weight";
 }
 
+// x = -1e-11 e^{-t}, w = x + 2 y + g, g = 1 up to t = 1 and 0 after it: y = 5e-12 e^{-t} from there, far below what
+// counts as zero beside g.
+Scene tiny_y() {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{0}}, Matrix{{1}}};
+  scene.M = Matrix{{2}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v.setConstant(t < 1 ? 1 : 0); };
+  scene.breakpoints = {1};
+  scene.x0 = Vector::Constant(1, -1e-11);
+  scene.T = 2;
+  return scene;
+}
+
+TEST(EventDriven, SignsBelowWhatCountsAsZeroAreInDoubt) {
+  const EventSolution s = integrate_with_events(tiny_y(), LcpClass::P, {1}, {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  const double y = 5e-12 * std::exp(-1.0);
+  EXPECT_GE(std::max(s.y(1.001, false)[0], s.doubt[0]), 0.9 * y) << "found, or in doubt";
+  EXPECT_LE(s.doubt[0], 10 * 1e-10 / 2) << "what counts as zero beside g = 1, over M";
+  Scene plain = tiny_y();
+  plain.x0 *= 1e11;
+  EXPECT_LE(integrate_with_events(plain, LcpClass::P, {1}, {}).doubt[0], 1e-14);
+}
+
 // x' = -x + y_0 + y_1 from 0, w_0 = w_1 = x + y_0 + y_1 - 1: s = y_0 + y_1 = 1 - x, x' = 1 - 2 x, x = (1 - e^{-2t}) /
 // 2, and s is shared equally (least norm).
 TEST(EventDriven, EqualConstraintsShareY) {

@@ -126,7 +126,7 @@ class Events {
     }
     ends.push_back(s_.T);
     x_ = out_.start = s_.x0;
-    integral_ = Vector::Zero(n_);
+    integral_ = out_.doubt = Vector::Zero(n_);
     h_ = longest_;
     for (const double end : ends) {
       if (end <= t_) continue;
@@ -326,7 +326,20 @@ class Events {
     return choose(false);
   }
 
+  /// Where a negative w_i counts as zero, y_i may be -w_i / M_ii in truth; a negative y_i may be 0.
+  void doubt(const Step& step) {
+    constexpr int looks = 16;
+    for (Index i = 0; i < n_; ++i) {
+      const bool active = set_ >> i & 1u;
+      if (!active && !(s_.M(i, i) > 0)) continue;
+      const Vector c = active ? step.y.col(i) : step.w.col(i);
+      for (int k = 0; k <= looks; ++k)
+        out_.doubt[i] = std::max(out_.doubt[i], -value_at(c, step.valid * k / looks) / (active ? 1 : s_.M(i, i)));
+    }
+  }
+
   void accept(const Step& step) {
+    doubt(step);
     const double end = step.valid >= 1 ? t_ + step.length : t_ + step.valid * step.length;
     const double to = end_ - end < 1e-15 * s_.T ? end_ : end;
     out_.pieces.push_back({t_, step.length, to, set_, step.x, step.y, integral_});

@@ -37,6 +37,7 @@ class EventSolution {
   long events = 0, jumps = 0;
   bool y_unique = true;  ///< no two active sets gave the same state with different y
   std::vector<EventPiece> pieces;
+  Vector doubt;  ///< of each y_i what is not known: values of y and w below zero that were counted as zero
   Vector start;  ///< x(0) before a jump at t = 0
 
   /// Where a component jumps: the value from the left or from the right. The same for y, and its integral from 0.

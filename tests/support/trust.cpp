@@ -9,10 +9,12 @@
 namespace bromwich::oracle {
 namespace {
 
-/// Largest distance of `found` from the range of values around t, where the solution may jump; value(t, left).
+/// Largest distance of `found` from the range of values around t, where the solution may jump; value(t, left) is known
+/// to within `doubt`.
 template <typename Value>
-double distance(const Vector& found, double t, double T, const Vector& size, const Value& value) {
+double distance(const Vector& found, double t, double T, const Vector& size, const Vector& doubt, const Value& value) {
   if (!found.allFinite()) return INFINITY;
+  if (found.size() == 0) return 0;
   const double apart = 1e-12 * T;
   Vector least = value(t, true), most = least;
   for (const Vector& other :
@@ -20,8 +22,8 @@ double distance(const Vector& found, double t, double T, const Vector& size, con
     least = least.cwiseMin(other);
     most = most.cwiseMax(other);
   }
-  const Vector off = (least - found).cwiseMax(found - most).cwiseMax(0);
-  return found.size() == 0 ? 0 : off.cwiseQuotient(size).maxCoeff();
+  const Vector off = ((least - found).cwiseMax(found - most) - doubt).cwiseMax(0);
+  return (off.array() > 0).select(off.cwiseQuotient(size), 0).maxCoeff();
 }
 
 /// Edges of two sources that should coincide differ by rounding: a point between them has values of neither side.
@@ -40,16 +42,17 @@ TrueError true_error(const SourceScene& s, const EventSolution& truth, const Res
   const Vector size_x = measure(truth.largest_x());
   const Vector size_y = measure(e.of_mean ? truth.largest_integral() : truth.largest_y());
   const RowMatrix mean = e.of_mean ? RowMatrix(integral_of_y(r) / (s.unit_y * s.unit_t)) : RowMatrix();
+  const Vector known = Vector::Zero(size_x.size()), doubt = (e.of_mean ? T : 1.0) * truth.doubt;
   const Index J = r.y.rows() - 1;
   for (Index j = 1; j <= J; ++j) {
     const double t = std::min(T, r.t[j] / s.unit_t);
-    const double x = distance(r.x.row(j).transpose() / s.unit_x, t, T, size_x,
+    const double x = distance(r.x.row(j).transpose() / s.unit_x, t, T, size_x, known,
                               [&](double at, bool left) { return truth.x(at, left); });
     if (x > e.x) e.x = x, e.x_at = r.t[j];
     if (!truth.y_unique || (!e.of_mean && between_edges(s.base.breaks, t, T))) continue;
-    const double y = e.of_mean ? distance(mean.row(j).transpose(), t, T, size_y,
+    const double y = e.of_mean ? distance(mean.row(j).transpose(), t, T, size_y, doubt,
                                           [&](double at, bool left) { return truth.integral(at, left); })
-                               : distance(r.y.row(j).transpose() / s.unit_y, t, T, size_y,
+                               : distance(r.y.row(j).transpose() / s.unit_y, t, T, size_y, doubt,
                                           [&](double at, bool left) { return truth.y(at, left); });
     if (y > e.y) e.y = y, e.y_at = r.t[j];
   }
