@@ -128,6 +128,13 @@ double Convergence::by_displaced_jumps(double most, const GridDifferences& d, do
   return std::min(most, chance * std::max(d.largest_recent(), to_check));
 }
 
+double Convergence::share_of_difference() const {
+  constexpr double margin = 2;
+  const double order = controlled().order(), of_x = x_.order();
+  const double p = std::min(std::isnan(order) ? 1 : order, std::isnan(of_x) ? INFINITY : of_x);
+  return margin / (std::exp2(p) - 1);
+}
+
 double Convergence::error() const {
   const double e = controlled().error(check_.has_value());
   if (std::isnan(e) || !may_jump_) return e;

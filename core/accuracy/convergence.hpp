@@ -68,6 +68,8 @@ class Convergence {
   bool wants_check() const { return may_jump_ && !check_; }
   void check(const Result& other, const Result& fine);
 
+  /// Of a difference of the last two grids, what the error of the finer one is, with a margin.
+  double share_of_difference() const;
   bool of_integral() const { return jumps_; }  ///< the mean of y is controlled, not y
   const GridDifferences& controlled() const { return jumps_ ? mean_ : y_; }
   const GridDifferences& states() const { return x_; }

@@ -1,6 +1,5 @@
 #include "core/solve/grid_refinement.hpp"
 
-#include "core/accuracy/interior_check.hpp"
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/solve/methods.hpp"
@@ -179,8 +178,15 @@ void GridRefinement::take(Result& next) {
   const bool same = solved_ && solved_->method == next.method && solved_->continuous == next.continuous &&
                     2 * solved_->steps == next.steps;
   if (!same || !convergence_) convergence_.emplace(scene_, next, sizes_);
-  if (same) convergence_->add(*solved_, next, next.steps >= expected_);
+  hidden_ = {};
+  if (same) {
+    convergence_->add(*solved_, next, next.steps >= expected_);
+    if (may_look_inside())
+      hidden_ = hidden_error(scene_, *solved_, solved_states_, next, all_states_, convergence_->share_of_difference(),
+                             sizes_);
+  }
   solved_ = std::move(next);
+  solved_states_ = all_states_;
   failed_.reset();
   unchecked_ = false;
   beside_march_.reset();

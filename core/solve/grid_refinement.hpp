@@ -2,7 +2,7 @@
 // Finer and finer grids until the estimated error meets a tolerance: what solve_to_tolerance does where located events
 // do not serve (core/solve/error_control.hpp). grid_refinement.cpp solves the grids, grid_verdict.cpp judges them.
 
-#include "../accuracy/convergence.hpp"
+#include "../accuracy/interior_check.hpp"
 #include "../base/timer.hpp"
 #include "error_goal.hpp"
 #include "event_control.hpp"
@@ -95,6 +95,8 @@ class GridRefinement {
   double share_;                          ///< of the error of a grid, that cycles may leave
   std::optional<Distance> beside_march_;  ///< of the last grid, where g jumps inside steps
   RowMatrix all_states_;                  ///< of the last grid, where there are few
+  RowMatrix solved_states_;               ///< likewise, of solved_
+  HiddenError hidden_;                    ///< of solved_
   Seconds spent_;
   Timer clock_;
   double elapsed_ = 0, last_seconds_ = 0;

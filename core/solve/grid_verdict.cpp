@@ -1,6 +1,5 @@
 // Estimates of the errors of a grid, and whether they meet the tolerance.
 
-#include "core/accuracy/interior_check.hpp"
 #include "core/base/text.hpp"
 #include "core/solve/error_control.hpp"
 #include "core/solve/grid_refinement.hpp"
@@ -69,6 +68,7 @@ void GridRefinement::estimate() {
       relative(solved_->algebraic_error.value_or(iteration_error(solved_->history)) * std::max(1.0, largest), smallest);
   e.rounding = relative(e.of_integral ? solved_->rounding * largest : solved_->rounding_of_y, size);
   e.discretisation = convergence_->error();
+  e.discretisation = std::max(e.discretisation, e.of_integral ? hidden_.mean : hidden_.largest);
   e.order = (goal_.y > 0 ? convergence_->controlled() : convergence_->states()).observed_order();
   if (controls_states()) e.states = convergence_->error_of_x() + solved_->rounding;
   if (beside_march_) {

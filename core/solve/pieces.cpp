@@ -1,5 +1,6 @@
 #include "core/solve/pieces.hpp"
 
+#include "core/accuracy/interior_check.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/lcp/lcp_class.hpp"
@@ -101,8 +102,23 @@ void end(const Result& part, double begin, Result& whole) {
   if (part.infeasible_at) whole.infeasible_at = begin + *part.infeasible_at;
 }
 
+// What differences of y do not show, at the ends of cells.
+RowMatrix hidden_errors(const Scene& scene, const Result& coarse, const Result& fine) {
+  const Matrix M = to_dense(scene.M);
+  RowMatrix hidden = RowMatrix::Zero(fine.y.rows(), fine.y.cols());
+  Vector g = Vector::Zero(M.rows());
+  for (Index k = 1; k < hidden.rows(); ++k) {
+    if (scene.g) scene.g(fine.t[k], g);
+    const Vector v = fine.trace.row(k).transpose(), y = fine.y.row(k).transpose();
+    const Vector apart = (v - coarse.trace.row(k).transpose()).cwiseAbs();
+    hidden.row(k) = hidden_error(M, coarse.y.row(k).transpose(), y, apart, v + M * y + g).transpose();
+  }
+  return hidden;
+}
+
 // Of the goal, at the end of each cell: e_1, e_2, ...
-std::vector<double> piece_differences(const Result& coarse, const Result& fine, const PieceGoal& goal) {
+std::vector<double> piece_differences(const Scene& scene, const Result& coarse, const Result& fine,
+                                      const PieceGoal& goal) {
   std::vector<double> e(std::size_t(fine.steps), 0);
   const auto take = [&](const RowMatrix& a, const RowMatrix& b, const Vector& size, double wanted) {
     if (wanted <= 0 || b.cols() == 0) return;
@@ -114,6 +130,8 @@ std::vector<double> piece_differences(const Result& coarse, const Result& fine, 
       }
   };
   take(coarse.y, fine.y, goal.sizes.of_y(fine), goal.y);
+  take(hidden_errors(scene, coarse, fine), RowMatrix::Zero(fine.y.rows(), fine.y.cols()), goal.sizes.of_y(fine),
+       goal.y);
   take(coarse.x, fine.x, goal.sizes.of_x(fine), goal.x);
   return e;
 }
@@ -142,7 +160,7 @@ class PieceRefinement {
       const auto coarse = on(levels_);
       const auto fine = coarse ? on(halved(levels_)) : std::nullopt;
       if (!fine) return std::nullopt;
-      const std::vector<double> e = piece_differences(*coarse, *fine, goal_);
+      const std::vector<double> e = piece_differences(scene_, *coarse, *fine, goal_);
       note(options_.log, LogLevel::debug, "pieces of %ld steps: %.2g of the tolerance", long(steps_of(levels_)),
            largest_of(e));
       if (largest_of(e) <= accepted_in_pieces) {
@@ -171,7 +189,9 @@ class PieceRefinement {
     const Index steps = steps_of(levels);
     if (steps > goal_.most_steps || (goal_.most_seconds > 0 && elapsed_ > goal_.most_seconds)) return std::nullopt;
     grids_.push_back(steps);
-    Result result = solve_in_pieces(scene_, backend_, options_, solve_, levels);
+    InnerOptions with_trace = options_;
+    with_trace.trace = true;
+    Result result = solve_in_pieces(scene_, backend_, with_trace, solve_, levels);
     elapsed_ += clock_.lap();
     spent_ = spent_ + result.seconds;
     if (result.status != Status::solved) return std::nullopt;
@@ -182,12 +202,13 @@ class PieceRefinement {
   std::optional<Result> confirmed(const Result& fine, double before) {
     auto finest = on(halved(halved(levels_)));
     if (!finest) return std::nullopt;
-    const double last = largest_of(piece_differences(fine, *finest, goal_));
+    const double last = largest_of(piece_differences(scene_, fine, *finest, goal_));
     if (!(last <= negligible_between_pieces) && !(last * least_fall <= before)) return std::nullopt;
     const double ratio = last > 0 ? std::clamp(before / last, least_fall, 2.0) : 2;
     const double error = last / (ratio - 1);
     if (!(error <= accepted_in_pieces)) return std::nullopt;
     report(error, std::log2(ratio), *finest);
+    if (!options_.trace) finest->trace.resize(0, 0);
     return finest;
   }
 

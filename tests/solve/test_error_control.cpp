@@ -13,6 +13,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <numbers>
 #include <numeric>
 
 namespace bromwich {
@@ -207,6 +208,46 @@ TEST(ErrorControl, EndsWithItsBudget) {
 }
 
 // Agreement of two grids that both miss a contact does not prove that there is none.
+// x = e^{3t}, y = max(S, 0), w = max(-S, 0) with S = cos(2 pi t / T): where the error of x, relative to e^{3T}, is
+// larger than y, y = 0 on all coarse grids, and their differences are 0.
+Scene small_y_beside_growth() {
+  static constexpr double T = 5;
+  const auto S = [](double t) { return std::cos(2 * std::numbers::pi * t / T); };
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1}};
+  scene.f = [S](double t, Eigen::Ref<Vector> f) { f[0] = 4 * std::exp(3 * t) - std::max(S(t), 0.0); };
+  scene.g = [S](double t, Eigen::Ref<Vector> g) { g[0] = -S(t) - std::exp(3 * t); };
+  scene.exact = [S](double t, Eigen::Ref<Vector> x, Eigen::Ref<Vector> y) {
+    x[0] = std::exp(3 * t);
+    y[0] = std::max(S(t), 0.0);
+  };
+  scene.breakpoints = {T / 4, 3 * T / 4};
+  scene.x0 = Vector::Ones(1);
+  scene.T = T;
+  return scene;
+}
+
+TEST(ErrorControl, SeesWhatErrorsOfWHide) {
+  const Scene scene = small_y_beside_growth();
+  for (const Method method : {Method::march, Method::contour})
+    for (const double tolerance : {1e-1, 1e-2}) {
+      Options options;
+      options.method = method;
+      options.tolerance = tolerance;
+      const Result r = run(scene, options);
+      ASSERT_EQ(r.status, Status::solved) << to_string(method) << ": " << r.reason;
+      Vector x(1), y(1);
+      double error = 0;
+      for (Index j = 1; j <= r.steps; ++j) {
+        scene.exact(r.t[j], x, y);
+        error = std::max(error, std::abs(r.y(j, 0) - y[0]));
+      }
+      EXPECT_LE(error, tolerance) << to_string(method);
+      EXPECT_GE(*r.error_estimate, error / 3) << to_string(method);
+    }
+}
+
 TEST(ErrorControl, NeverEndsBelowTheStepsOfTheScene) {
   for (const char* name : {"dlcp-small", "bridge"}) {
     const Scene scene = make_scene(name);
