@@ -34,14 +34,12 @@ bool same_minors(const Matrix& a, const Matrix& b) {
   return true;
 }
 
-BasisChoice discontinuous(const std::string& reason, bool rings = true) { return {false, rings, reason}; }
-
-// M is semidefinite, and B or N leaves its range.
-BasisChoice outside_the_range(const RangeOfM& M) {
-  BasisChoice choice = discontinuous("M leaves y to the dynamics");
-  if (M.why.empty()) return choice;
-  choice.reason += " (" + M.why + ")";
-  if (M.moves_only_outputs) choice.refusal = "sweeps may meet problems without a solution";
+// Where M is semidefinite, with what B or N does outside its range.
+BasisChoice discontinuous(const std::string& reason, bool rings, const RangeOfM& of_M) {
+  BasisChoice choice{false, rings, reason};
+  if (of_M.why.empty()) return choice;
+  choice.reason += " (" + of_M.why + ")";
+  if (of_M.moves_only_outputs) choice.refusal = "sweeps may meet problems without a solution";
   return choice;
 }
 
@@ -50,7 +48,7 @@ BasisChoice decide(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, con
                    const RangeOfM& of_M) {
   const BasisChoice without = choose_basis(M, lcp_class, of_M);
   if (lcp_class == LcpClass::Z) return without;
-  if (!at_minus_one.allFinite()) return discontinuous("the step meets an oscillation of the scene");
+  if (!at_minus_one.allFinite()) return discontinuous("the step meets an oscillation of the scene", true, {});
   const std::string reason = "M leaves y to the dynamics at this step";
   const Matrix dense = to_dense(M);
   const auto keeps_its_kind = [&](double delta) -> bool {
@@ -61,7 +59,7 @@ BasisChoice decide(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, con
   };
   if (dense.rows() > most_sets_n && lcp_class != LcpClass::P && !of_M.range) return without;
   if (keeps_its_kind(margin)) return {};
-  return discontinuous(reason, !keeps_its_kind(ringing_margin));
+  return discontinuous(reason, !keeps_its_kind(ringing_margin), of_M);
 }
 
 }  // namespace
@@ -74,7 +72,8 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const RangeOfM& of_M) {
   if (lcp_class == LcpClass::P || of_M.range) return {};
   if (lcp_class == LcpClass::Z && (diagonal(M).array() != 0).any()) return {};
-  return lcp_class != LcpClass::PSD && is_regular(M) ? BasisChoice{} : outside_the_range(of_M);
+  return lcp_class != LcpClass::PSD && is_regular(M) ? BasisChoice{}
+                                                     : discontinuous("M leaves y to the dynamics", true, of_M);
 }
 
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const DenseRecurrence& r, const RangeOfM& of_M) {
