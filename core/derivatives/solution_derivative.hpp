@@ -68,6 +68,8 @@ class SolutionDerivative {
 
   Index steps() const { return J_; }
   const DerivativeMargin& margin() const { return margin_; }
+  const Vector& times() const { return t_; }
+  const RowMatrix& states() const { return x_; }  ///< (J+1) x m
 
   SolutionChange jvp(const DataChange&) const;
   /// The gradient with respect to all data; its f has m columns, also if the scene states f = F phi.
@@ -75,7 +77,6 @@ class SolutionDerivative {
 
  private:
   void follow(const Result&);
-  void measure();
   void check_start(const SolutionChange&, const RowMatrix& fixed) const;
   void check(const char* name, Index rows, Index columns, Index expected_rows, Index expected_columns) const;
 
