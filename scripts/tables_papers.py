@@ -209,7 +209,7 @@ def nonlinear(data):
                      f"{math.log2(found[-2]['error'] / found[-1]['error']):.1f}",
                      f"{math.log2(found[0]['error'] / found[-1]['error']) / (len(found) - 1):.1f}"])
     lines += table(["scene", *["error (steps)"] * 4, "last order", "mean order"], rows)
-    lines += ["", "Three ways to the same discrete solution; the difference from march is relative to the largest value:", ""]
+    lines += ["", "The ways to the same discrete solution; the difference from march is relative to the largest value:", ""]
     rows = [[r["scene"], r["steps"], r["method"], r["newton"], r["linear_solves"], r["windows"], r["marched"],
              f"{r['contraction']:.2f}", "-" if r["method"] == "march" else number(r["from_march"]), seconds(r["seconds"])]
             for r in data["ways"]]
@@ -225,8 +225,9 @@ def nonlinear(data):
               + ", ".join(f"{r['from_ideal']:.3f} (V = {r['V']:.4f})" for r in data["limit"]) + "."]
     lines += [f"- Linear scenes with a phi that is 0, {r['scene']}, {r['method']} beside {r['linear_method']}: {number(r['from_linear'])} "
               f"apart, {r['seconds'] / r['linear_seconds']:.1f} times the time." for r in data["linear_scenes"]]
-    lines += [f"- surface-reaction, Q = {r['Q']}, {r['states']} states, {r['steps']} steps: {r['status']}, {r['linear_solves']} linear solves in "
-              f"{r['windows']} windows, contraction {r['contraction']:.2f}, residual {number(r['residual'])}, {seconds(r['seconds'])}."
+    lines += [f"- surface-reaction, Q = {r['Q']}, {r['states']} states, {r['steps']} steps, {r['method']}: {r['status']}, {r['linear_solves']} linear solves in "
+              f"{r['windows'] + r['marched']} windows, contraction {r['contraction']:.2f}, residual {number(r['residual'])}, {seconds(r['seconds'])}."
               for r in data["large"]]
-    lines += ["", f"{data['machine']['cores']} cores that were shared while this was measured: times are indicative. Commit {data['commit'][:9]}."]
+    shared = " that were shared while this was measured: times are indicative" if data.get("shared", "note" in data) else ""
+    lines += ["", f"{data['machine']['cores']} cores{shared}. Commit {data['commit'][:9]}."]
     return lines
