@@ -53,7 +53,6 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
     : d_(modes_of(scene, result)),
       M_(to_dense(scene.M)),
       across_(d_.across.modes()),
-      extents_(d_.face_extents()),
       J_(result.steps),
       m_(scene.states()),
       n_(scene.constraints()),
@@ -64,6 +63,7 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
       y_(result.y) {
   if (y_.rows() != J_ + 1 || y_.cols() != n_ || t_.size() != J_ + 1)
     refuse_in_modes("the result has other rows than its grid", "differentiate a result as solve returned it");
+  for (const Index points : d_.face_extents()) sines_.push_back(sine_matrix(points));
   const Vector mu = d_.face_eigenvalues(), nu = d_.across.eigenvalues(), b = d_.across.in_modes(d_.b);
   for (RowMatrix* table : {&E_, &Lb_, &Rb_}) table->resize(K_, n_);
   for (Index k = 0; k < K_; ++k) {
@@ -86,21 +86,34 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
       y_, w_, t_, [this](Index j) -> const std::vector<Index>& { return responses_.active(sets_[std::size_t(j)]); });
 }
 
+// Between n values on the face and its modes: one product for each direction.
+void ModalDerivative::to_modes(double* values) const {
+  Index outer = 1, inner = n_;
+  for (const Matrix& S : sines_) {
+    inner /= S.rows();
+    for (Index i = 0; i < outer; ++i) {
+      Eigen::Map<RowMatrix> block(values + i * S.rows() * inner, S.rows(), inner);
+      block = (S * block).eval();
+    }
+    outer *= S.rows();
+  }
+}
+
 Vector ModalDerivative::face_modes(Vector v) const {
-  to_face_modes(extents_, v.data());
+  to_modes(v.data());
   return v;
 }
 
 // K x n modes of m values, face points slowest.
 RowMatrix ModalDerivative::state_modes(const Vector& x) const {
   RowMatrix modes = across_.transpose() * Eigen::Map<const RowMatrix>(x.data(), n_, K_).transpose();
-  for (Index k = 0; k < K_; ++k) to_face_modes(extents_, modes.row(k).data());
+  for (Index k = 0; k < K_; ++k) to_modes(modes.row(k).data());
   return modes;
 }
 
 Vector ModalDerivative::state_of(const RowMatrix& modes) const {
   RowMatrix lines = modes;
-  for (Index k = 0; k < K_; ++k) to_face_modes(extents_, lines.row(k).data());
+  for (Index k = 0; k < K_; ++k) to_modes(lines.row(k).data());
   const RowMatrix x = lines.transpose() * across_.transpose();
   return Eigen::Map<const Vector>(x.data(), m_);
 }

@@ -37,14 +37,15 @@ class ModalDerivative {
  private:
   RowMatrix state_modes(const Vector& x) const;
   Vector state_of(const RowMatrix& modes) const;
+  void to_modes(double* values) const;
   Vector face_modes(Vector v) const;
   Vector see(const RowMatrix& modes) const;
   void follow(const Result&, const RowMatrix& phi);
   void check(const char* name, Index rows, Index columns, Index expected_rows, Index expected_columns) const;
 
   KroneckerDynamics d_;
-  Matrix M_, across_;  ///< across_: modes of one line in its columns
-  std::vector<Index> extents_;
+  Matrix M_, across_;          ///< across_: modes of one line in its columns
+  std::vector<Matrix> sines_;  ///< of the directions of the face
   Index J_ = 0, m_ = 0, n_ = 0, K_ = 0;
   double h_ = 0;
   Vector t_, seen_;        ///< seen_: n^, K
