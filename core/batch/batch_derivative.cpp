@@ -53,9 +53,9 @@ void BatchDerivative::prepare(Index k, const Scene& scene, const BatchResult& re
   if (r.status != Status::solved)
     throw Error("derivative", text("the scene is not solved (%s)", to_string(r.status)), "differentiate solved scenes");
   if (located.value_or(y_may_jump(r)))
-    one.switched = std::make_unique<SwitchedDerivative>(scene, r.t);
+    one.switched = std::make_shared<SwitchedDerivative>(scene, r.t);
   else
-    one.discrete = std::make_unique<SolutionDerivative>(scene, r);
+    one.discrete = std::make_shared<SolutionDerivative>(scene, r);
 }
 
 std::vector<bool> BatchDerivative::located() const {

@@ -42,8 +42,8 @@ class BatchDerivative {
 
  private:
   struct One {
-    std::unique_ptr<SolutionDerivative> discrete;
-    std::unique_ptr<SwitchedDerivative> switched;
+    std::shared_ptr<const SolutionDerivative> discrete;
+    std::shared_ptr<const SwitchedDerivative> switched;
   };
   void prepare(Index k, const Scene&, const BatchResult&, std::optional<bool> located);
   template <class Out, class In, class Of>
