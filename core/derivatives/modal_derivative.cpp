@@ -2,7 +2,6 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
-#include "core/derivatives/set_margin.hpp"
 #include "core/numerics/phi.hpp"
 #include "core/numerics/sine_basis.hpp"
 #include "core/scene/separable.hpp"

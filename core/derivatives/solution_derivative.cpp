@@ -2,7 +2,6 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
-#include "core/derivatives/set_margin.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "core/scene/separable.hpp"
 

@@ -21,6 +21,7 @@
 
 #include "../result/result.hpp"
 #include "../scene/scene.hpp"
+#include "set_margin.hpp"
 #include "set_responses.hpp"
 
 #include <string>
@@ -40,18 +41,6 @@ struct DataChange {
 struct SolutionChange {
   RowMatrix y, x, w;
   RowMatrix integral;  ///< (J+1) x n: of y over [0, t_j], impulses included
-};
-
-/// How far the solution is from a point at which it is not differentiable.
-struct DerivativeMargin {
-  /// The smallest max(y_i, w_i) at a time point, relative to the largest y_i and w_i of the component.
-  double margin = 1;
-  double time = 0;
-  Index constraint = -1;
-  /// Of switches that are located: the smallest T |c'| at one, c the y_i or w_i that vanishes, relative to the largest
-  /// value of c. Near 0, the switch is grazing: a small change of the data removes it.
-  double transversality = INFINITY;
-  double grazing_time = 0;
 };
 
 /// Whether y of the result may jump: SolutionDerivative refuses it, SwitchedDerivative
