@@ -51,7 +51,7 @@ def test_margin(circuit):
 def test_refusals(circuit):
     with pytest.raises(bromwich.Error, match="not differentiable here: y may jump"):
         bromwich.solve(A=0, B=1, N=1, M=0, x0=1, T=2, g="-t", steps=50, method="march").derivative(located=False)
-    with pytest.raises(bromwich.Error, match="at most 1000 states"):
+    with pytest.raises(bromwich.Error, match="solve on more steps"):  # sources move fast inside of ten steps
         bromwich.solve(bromwich.scene("signorini", Q=33), steps=10, method="march").derivative()
     with pytest.raises(bromwich.Error, match="give 201 x 1"):
         solve(circuit).derivative().jvp(g=np.zeros((3, 1)))
