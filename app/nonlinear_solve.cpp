@@ -16,10 +16,11 @@
 namespace bromwich::app {
 
 NonlinearMethod parse_nonlinear_method(const std::string& word) {
-  const std::vector<std::string> words{"auto", "march", "iteration", "newton"};
+  const std::vector<std::string> words{"auto", "march", "iteration", "newton", "pointwise"};
   if (word == words[1]) return NonlinearMethod::march;
   if (word == words[2]) return NonlinearMethod::iteration;
   if (word == words[3]) return NonlinearMethod::newton;
+  if (word == words[4]) return NonlinearMethod::pointwise;
   if (word != words[0])
     throw Error("--method", fmt::format("found '{}' for a nonlinear system", word) + suggestion(word, words),
                 "use one of " + join(words));
@@ -42,6 +43,7 @@ NonlinearOptions nonlinear_options(const SolveArguments& a, const Options& optio
   o.error = options.tolerance;
   if (!a.max_steps.empty()) o.max_steps = options.max_steps;
   if (!a.iteration_tolerance.empty()) o.tolerance = options.iteration_tolerance;
+  o.concurrent = true;  // expressions keep nothing between calls
   o.interrupted = interrupted;
   return o;
 }

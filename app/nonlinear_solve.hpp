@@ -11,7 +11,7 @@
 
 namespace bromwich::app {
 
-/// "auto", "march", "iteration" or "newton". Throws Error for another word.
+/// "auto", "march", "iteration", "newton" or "pointwise". Throws Error for another word.
 NonlinearMethod parse_nonlinear_method(const std::string& word);
 
 /// Those of `solve` that apply. Throws Error for an argument that does not apply to nonlinear systems. `options`: what

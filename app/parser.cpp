@@ -32,7 +32,7 @@ void add_scene(CLI::App* command, Arguments& a, const std::string& what) {
   command->add_option("SCENE", a.words, what)->option_text(" ");
   add_settings(command, a.settings);
   add_word(command, "--method", a.method, "NAME",
-           join(method_names()) + "; default: auto; nonlinear systems: march, iteration or newton");
+           join(method_names()) + "; default: auto; nonlinear systems: march, iteration, newton or pointwise");
   add_word(command, "--backend", a.backend, "NAME", "auto (default), cpu or cuda");
 }
 

@@ -13,7 +13,6 @@ namespace bromwich {
 namespace {
 
 constexpr double same_solution = 1e-7;  ///< of the largest y and w: what the steps may differ from the result by
-constexpr double degenerate = 1e-10;    ///< of the largest y_i and w_i: margins below count as y_i = w_i = 0
 constexpr double smallest_rcond = 1e-14;
 constexpr Index most_states = 1000;  ///< e^{hA} and its derivative with respect to A are dense
 
@@ -80,16 +79,6 @@ void add_product(RowMatrix& sum, const RowMatrix& table, const Matrix& C) {
 
 Vector row(const RowMatrix& table, Index j) { return table.row(j).transpose(); }
 
-// Constraints with y_i = w_i = 0 at t = 0, as where everything starts from rest. Changes that leave w_i there have a
-// derivative all the same.
-std::vector<Index> undecided_at_start(const RowMatrix& y, const RowMatrix& w, const std::vector<Index>& active) {
-  std::vector<Index> found;
-  for (Index i = 0; i < y.cols(); ++i)
-    if (!std::binary_search(active.begin(), active.end(), i) && w(0, i) <= degenerate * w.col(i).cwiseAbs().maxCoeff())
-      found.push_back(i);
-  return found;
-}
-
 }  // namespace
 
 bool y_may_jump(const Result& r) {
@@ -132,14 +121,15 @@ SolutionDerivative::SolutionDerivative(const Scene& scene, const Result& result)
     sets_[std::size_t(j)] =
         j > 0 ? responses_.take(active_set(scene, y_, j), W) : responses_.take(active_set(scene, y_, j), M_, 1);
   follow(result);
-  measure();
+  margin_ = margin_of_sets(
+      y_, w_, t_, [this](Index j) -> const std::vector<Index>& { return responses_.active(sets_[std::size_t(j)]); });
 }
 
 // The states by the steps; x_ holds L u_{j-1} + R u_j before. y is that of the result as long as w vanishes where y
 // acts.
 void SolutionDerivative::follow(const Result& result) {
   const Matrix driven = R_ * d_.B;
-  const double allowed = same_solution * (1e-290 + result.y.cwiseAbs().maxCoeff());
+  const double allowed = same_solution * (1e-290 + (n_ > 0 ? result.y.cwiseAbs().maxCoeff() : 0));
   Vector x = x_.row(0).transpose(), given(m_), missed(n_), off(n_);
   for (Index j = 0; j <= J_; ++j) {
     const Index set = sets_[std::size_t(j)];
@@ -161,25 +151,6 @@ void SolutionDerivative::follow(const Result& result) {
              "solve on more steps, with sources that do not jump inside steps");
   }
   w_.noalias() += x_ * d_.N.transpose();
-}
-
-void SolutionDerivative::measure() {
-  for (Index i = 0; i < n_; ++i) {
-    const double most_y = y_.col(i).cwiseAbs().maxCoeff(), most_w = w_.col(i).cwiseAbs().maxCoeff();
-    for (Index j = 0; j <= J_; ++j) {
-      const std::vector<Index>& S = responses_.active(sets_[std::size_t(j)]);
-      const bool active = std::binary_search(S.begin(), S.end(), i);
-      if (active && y_(j, i) <= 0) continue;  // a free row
-      const double most = active ? most_y : most_w, value = active ? y_(j, i) : w_(j, i);
-      const double margin = most > 0 ? std::max(0.0, value) / most : 0;
-      if (j == 0 && !active && margin <= degenerate) continue;  // see undecided_at_start
-      if (margin < margin_.margin) margin_ = {margin, t_[j], i};
-    }
-  }
-  if (margin_.margin <= degenerate)
-    refuse(text("not differentiable here: y_%ld = w_%ld = 0 at t = %.6g, where derivatives are one-sided",
-                long(margin_.constraint), long(margin_.constraint), margin_.time),
-           "change the data or the number of steps slightly");
 }
 
 void SolutionDerivative::check(const char* name, Index rows, Index columns, Index expected_rows,

@@ -21,6 +21,7 @@
 
 #include "../result/result.hpp"
 #include "../scene/scene.hpp"
+#include "set_margin.hpp"
 #include "set_responses.hpp"
 
 #include <string>
@@ -42,18 +43,6 @@ struct SolutionChange {
   RowMatrix integral;  ///< (J+1) x n: of y over [0, t_j], impulses included
 };
 
-/// How far the solution is from a point at which it is not differentiable.
-struct DerivativeMargin {
-  /// The smallest max(y_i, w_i) at a time point, relative to the largest y_i and w_i of the component.
-  double margin = 1;
-  double time = 0;
-  Index constraint = -1;
-  /// Of switches that are located: the smallest T |c'| at one, c the y_i or w_i that vanishes, relative to the largest
-  /// value of c. Near 0, the switch is grazing: a small change of the data removes it.
-  double transversality = INFINITY;
-  double grazing_time = 0;
-};
-
 /// Whether y of the result may jump: SolutionDerivative refuses it, SwitchedDerivative
 /// (core/derivatives/switched_derivative.hpp) takes its scene.
 bool y_may_jump(const Result&);
@@ -68,6 +57,8 @@ class SolutionDerivative {
 
   Index steps() const { return J_; }
   const DerivativeMargin& margin() const { return margin_; }
+  const Vector& times() const { return t_; }
+  const RowMatrix& states() const { return x_; }  ///< (J+1) x m
 
   SolutionChange jvp(const DataChange&) const;
   /// The gradient with respect to all data; its f has m columns, also if the scene states f = F phi.
@@ -75,7 +66,6 @@ class SolutionDerivative {
 
  private:
   void follow(const Result&);
-  void measure();
   void check_start(const SolutionChange&, const RowMatrix& fixed) const;
   void check(const char* name, Index rows, Index columns, Index expected_rows, Index expected_columns) const;
 

@@ -29,6 +29,13 @@ Vector contraction_of_lags(const LcpMatrix& M, const LagTable& table, double L) 
   return kappa;
 }
 
+Vector contraction_on_range(const MonotoneRange& range, const LagTable& table) {
+  Vector kappa(table.W.rows());
+  for (Index d = 0; d < kappa.size(); ++d)
+    kappa[d] = range.contraction(Eigen::Map<const RowMatrix>(table.W.row(d).data(), table.outputs, table.inputs));
+  return kappa;
+}
+
 double transform(const Vector& kappa, double h, double s) {
   double sum = 0;
   for (Index d = 0; d < kappa.size(); ++d) sum += kappa[d] * std::exp(-s * h * double(d));
@@ -53,19 +60,21 @@ double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Vector&
   return lcp_class == LcpClass::P ? solution_lipschitz(M) * row_sums.maxCoeff() : INFINITY;
 }
 
-double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Weights& weights) {
+double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Weights& weights, const RangeOfM& on) {
   if (const ModalRecurrence* modal = modal_recurrence_of(weights); modal && modal->face.size() > 1)
     if (const auto stencil = stencil_of(M, modal->face)) {
       const Vector of_M = stencil->eigenvalues();
       return of_M.minCoeff() > 0 ? modal->w0.cwiseAbs().cwiseQuotient(of_M).maxCoeff() : INFINITY;
     }
+  if (on.range) return on.range->contraction(first_weight(weights));
   return instant_contraction(M, lcp_class, first_row_sums(weights));
 }
 
-Forecast forecast(const LcpMatrix& M, const LagTable& table, double h, double tolerance) {
+Forecast forecast(const LcpMatrix& M, const LagTable& table, double h, double tolerance, const RangeOfM& of_M) {
   Forecast f{solution_lipschitz(M), INFINITY, INFINITY, INFINITY};
-  if (!std::isfinite(f.lipschitz)) return f;
-  const Vector kappa = contraction_of_lags(M, table, f.lipschitz);
+  if (!std::isfinite(f.lipschitz) && !of_M.range) return f;
+  const Vector kappa =
+      of_M.range ? contraction_on_range(*of_M.range, table) : contraction_of_lags(M, table, f.lipschitz);
   const double T = h * double(kappa.size() - 1);
   f.kappa0 = kappa[0];
   if (!(f.kappa0 < 1)) return f;

@@ -10,15 +10,19 @@
 // In the norm max_j e^{-s t_j} |y_j| a sweep contracts by khat(s). So for every s with khat(s) < 1, an error of size
 // one is below tol everywhere on [0,T] after (s T + ln 1/tol) / -ln khat(s) sweeps. Such an s exists only if kappa_0 <
 // 1. With khat(s1) = 1, errors, including rounding errors, may first grow by e^{s1 T}.
+//
+// A semidefinite M whose null space the dynamics do not see has the same in the norm of its range, |S^1/2 y|, with
+// kappa_d = |S^+/2 W_d S^+/2|_2 (core/kernel/monotone_range.hpp).
 
 #include "../kernel/discrete_problem.hpp"
+#include "../kernel/monotone_range.hpp"
 #include "../kernel/recurrence.hpp"
 #include "../kernel/weights.hpp"
 
 namespace bromwich {
 
 struct Forecast {
-  double lipschitz = 0;    ///< L; infinite if SOL(M, .) is not known to be Lipschitz
+  double lipschitz = 0;    ///< L; infinite if SOL(M, .) is not known to be Lipschitz, also where it is on a range
   double kappa0 = 0;       ///< of lag 0
   double growth_rate = 0;  ///< s1, 1/time; 0 if khat(0) < 1
   double sweeps = 0;       ///< bound of the number of sweeps to the tolerance; infinite if none is known
@@ -32,8 +36,8 @@ struct Forecast {
 double instant_contraction(const LcpMatrix& M, LcpClass, const Vector& row_sums);
 
 /// The same of these weights. On a face whose modes diagonalise M, the 2-norm: max_l |w0_l| / M_l.
-double instant_contraction(const LcpMatrix& M, LcpClass, const Weights&);
+double instant_contraction(const LcpMatrix& M, LcpClass, const Weights&, const RangeOfM& = {});
 
-Forecast forecast(const LcpMatrix& M, const LagTable&, double h, double tolerance);
+Forecast forecast(const LcpMatrix& M, const LagTable&, double h, double tolerance, const RangeOfM& = {});
 
 }  // namespace bromwich

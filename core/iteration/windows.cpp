@@ -93,13 +93,14 @@ std::optional<Forecast> iteration_forecast(const DiscreteProblem& p, double tole
   if (!d || p.scene.constraints() > largest_forecast ||
       double(p.J) * (m * m * n + m * n * n) > most_forecast_operations)
     return std::nullopt;
-  return forecast(p.scene.M, lag_table(dense_recurrence(*d, *state_step(p, Rule::exponential)), p.J), p.h, tolerance);
+  return forecast(p.scene.M, lag_table(dense_recurrence(*d, *state_step(p, Rule::exponential)), p.J), p.h, tolerance,
+                  range_of_M(p));
 }
 
 Index iteration_window(const DiscreteProblem& p, double tolerance) {
   const std::optional<Forecast> f = iteration_forecast(p, tolerance);
   // With several solutions, a window could start with a y that does not belong to its initial state.
-  if (!f || (p.lcp_class != LcpClass::P && p.lcp_class != LcpClass::Z)) return p.J;
+  if (!f || (p.lcp_class != LcpClass::P && p.lcp_class != LcpClass::Z && !range_of_M(p).range)) return p.J;
   const double longest = f->longest_window(safety * tolerance);
   return longest > 0 && longest < p.scene.T ? std::max<Index>(1, Index(longest / p.h)) : p.J;
 }

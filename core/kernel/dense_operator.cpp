@@ -132,7 +132,7 @@ class DenseOperator : public TimeOperator {
 
   BasisChoice choose_basis() override {
     return bromwich::choose_basis(p_.scene.M, p_.lcp_class,
-                                  dense_recurrence(dynamics_, *state_step(p_, Rule::exponential)));
+                                  dense_recurrence(dynamics_, *state_step(p_, Rule::exponential)), range_of_M(p_));
   }
 
   // Compares multiplications of one application: the recurrence against transforms of length 2J.

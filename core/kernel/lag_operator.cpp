@@ -69,9 +69,11 @@ class LagOperator : public TimeOperator {
   }
 
   BasisChoice choose_basis() override {
-    BasisChoice choice = bromwich::choose_basis(p_.scene.M, p_.lcp_class);
-    return choice.continuous && table() ? bromwich::choose_basis(p_.scene.M, p_.lcp_class, *lag_table_of(*lags()))
-                                        : choice;
+    const RangeOfM range = range_of_M(p_);
+    BasisChoice choice = bromwich::choose_basis(p_.scene.M, p_.lcp_class, range);
+    return choice.continuous && table()
+               ? bromwich::choose_basis(p_.scene.M, p_.lcp_class, *lag_table_of(*lags()), range)
+               : choice;
   }
 
  private:

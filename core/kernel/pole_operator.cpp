@@ -87,10 +87,12 @@ class PoleOperator : public TimeOperator {
 
  protected:
   BasisChoice choose_basis() override {
-    const BasisChoice choice = bromwich::choose_basis(p_.scene.M, p_.lcp_class);
+    const RangeOfM range = range_of_M(p_);
+    const BasisChoice choice = bromwich::choose_basis(p_.scene.M, p_.lcp_class, range);
     if (!choice.continuous) return choice;
     if (!model()) return lags_->basis();
-    return bromwich::choose_basis(p_.scene.M, p_.lcp_class, implicit_part(recurrence()), at_minus_one(recurrence()));
+    return bromwich::choose_basis(p_.scene.M, p_.lcp_class, implicit_part(recurrence()), at_minus_one(recurrence()),
+                                  range);
   }
 
  private:

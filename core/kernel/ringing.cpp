@@ -34,38 +34,49 @@ bool same_minors(const Matrix& a, const Matrix& b) {
   return true;
 }
 
-BasisChoice discontinuous(const std::string& reason, bool rings = true) { return {false, rings, reason}; }
+// Where M is semidefinite, with what B or N does outside its range.
+BasisChoice discontinuous(const std::string& reason, bool rings, const RangeOfM& of_M) {
+  BasisChoice choice{false, rings, reason};
+  if (of_M.why.empty()) return choice;
+  choice.reason += " (" + of_M.why + ")";
+  if (of_M.moves_only_outputs) choice.refusal = "sweeps may meet problems without a solution";
+  return choice;
+}
 
 // at_minus_one = W^(-1).
-BasisChoice decide(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, const Matrix& at_minus_one) {
-  const BasisChoice without = choose_basis(M, lcp_class);
+BasisChoice decide(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, const Matrix& at_minus_one,
+                   const RangeOfM& of_M) {
+  const BasisChoice without = choose_basis(M, lcp_class, of_M);
   if (lcp_class == LcpClass::Z) return without;
-  if (!at_minus_one.allFinite()) return discontinuous("the step meets an oscillation of the scene");
+  if (!at_minus_one.allFinite()) return discontinuous("the step meets an oscillation of the scene", true, {});
   const std::string reason = "M leaves y to the dynamics at this step";
   const Matrix dense = to_dense(M);
   const auto keeps_its_kind = [&](double delta) -> bool {
     const Matrix damped = dense + at_minus_one - delta * w0;
+    if (of_M.range) return of_M.range->holds_definite(dense + w0) && of_M.range->holds_definite(damped);
     // Larger ones: principal minors of size one only. For other P-matrices the solution is checked (ringing_from).
     return dense.rows() <= most_sets_n ? same_minors(dense + w0, damped) : (damped.diagonal().array() > 0).all();
   };
-  if (dense.rows() > most_sets_n && lcp_class != LcpClass::P) return without;
+  if (dense.rows() > most_sets_n && lcp_class != LcpClass::P && !of_M.range) return without;
   if (keeps_its_kind(margin)) return {};
-  return discontinuous(reason, !keeps_its_kind(ringing_margin));
+  return discontinuous(reason, !keeps_its_kind(ringing_margin), of_M);
 }
 
 }  // namespace
 
-BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, const Matrix& at_minus_one) {
-  return decide(M, lcp_class, w0, at_minus_one);
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, const Matrix& at_minus_one,
+                         const RangeOfM& of_M) {
+  return decide(M, lcp_class, w0, at_minus_one, of_M);
 }
 
-BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class) {
-  if (lcp_class == LcpClass::P) return {};
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const RangeOfM& of_M) {
+  if (lcp_class == LcpClass::P || of_M.range) return {};
   if (lcp_class == LcpClass::Z && (diagonal(M).array() != 0).any()) return {};
-  return lcp_class != LcpClass::PSD && is_regular(M) ? BasisChoice{} : discontinuous("M leaves y to the dynamics");
+  return lcp_class != LcpClass::PSD && is_regular(M) ? BasisChoice{}
+                                                     : discontinuous("M leaves y to the dynamics", true, of_M);
 }
 
-BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const DenseRecurrence& r) {
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const DenseRecurrence& r, const RangeOfM& of_M) {
   const Index m = r.decay.rows();
   // Σ_{d>=1} (-1)^d C E^{d-1} G = -C (I + E)^{-1} G.
   const Matrix sum = Matrix::Identity(m, m) + r.decay;
@@ -73,10 +84,10 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const DenseRecu
   const Eigen::PartialPivLU<Matrix> lu(e.rows.asDiagonal() * sum * e.columns.asDiagonal());
   const bool regular = lu.rcond() > epsilon;
   const Matrix at = r.w0 - (r.output * e.columns.asDiagonal()) * lu.solve(e.rows.asDiagonal() * r.input);
-  return decide(M, lcp_class, r.w0, regular ? at : Matrix::Constant(at.rows(), at.cols(), NAN));
+  return decide(M, lcp_class, r.w0, regular ? at : Matrix::Constant(at.rows(), at.cols(), NAN), of_M);
 }
 
-BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const LagTable& table) {
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const LagTable& table, const RangeOfM& of_M) {
   const Index n = table.outputs;
   RowMatrix sum = table.W.row(0), last = sum;
   for (Index d = 1; d < table.W.rows(); ++d) {
@@ -86,7 +97,7 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const LagTable&
   const RowMatrix mean = 0.5 * (sum + last);  // consecutive partial sums of a slowly
                                               // changing alternating series bracket it
   const auto square = [n](const RowMatrix& row) { return Matrix(Eigen::Map<const RowMatrix>(row.data(), n, n)); };
-  return decide(M, lcp_class, square(table.W.row(0)), square(mean));
+  return decide(M, lcp_class, square(table.W.row(0)), square(mean), of_M);
 }
 
 Index ringing_from(const RowMatrix& y) {

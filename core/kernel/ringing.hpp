@@ -10,9 +10,13 @@
 //
 // must have principal minors of the same signs as M + W_0. Then no root has crossed -1, and errors of y decay without
 // alternating: M > h/2 for K = 1, M > h^2/4 for K = t; the step resolves what M damps.
+//
+// A semidefinite M whose null space the dynamics do not see (monotone_range.hpp) leaves to them what does not matter: M
+// + W_0 and M_delta then have to be definite on the range of M + M^T.
 
 #include "../numerics/alternation.hpp"
 #include "discrete_problem.hpp"
+#include "monotone_range.hpp"
 #include "recurrence.hpp"
 
 namespace bromwich {
@@ -21,17 +25,19 @@ struct BasisChoice {
   bool continuous = true;
   bool rings = false;  ///< even with delta = 1/10: errors of y would alternate for many steps, or grow
   std::string reason;  ///< why not, if not continuous
+  std::string refusal = "piecewise-linear y would ring";  ///< what a continuous y would do
 };
 
 /// For a step of the recurrence. Tests all active sets if n <= 12, otherwise sufficient conditions for P-matrices. A
 /// Z-matrix (least elements) counts as safe unless its diagonal is zero.
-BasisChoice choose_basis(const LcpMatrix& M, LcpClass, const DenseRecurrence&);
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass, const DenseRecurrence&, const RangeOfM& = {});
 /// The same from lag weights; their series is truncated.
-BasisChoice choose_basis(const LcpMatrix& M, LcpClass, const LagTable&);
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass, const LagTable&, const RangeOfM& = {});
 /// The same from W_0 and W^(-1), n x n.
-BasisChoice choose_basis(const LcpMatrix& M, LcpClass, const Matrix& w0, const Matrix& at_minus_one);
-/// Without weights: M must be P or Z.
-BasisChoice choose_basis(const LcpMatrix& M, LcpClass);
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass, const Matrix& w0, const Matrix& at_minus_one,
+                         const RangeOfM& = {});
+/// Without weights: M must be P or Z, or have its range.
+BasisChoice choose_basis(const LcpMatrix& M, LcpClass, const RangeOfM& = {});
 
 /// Rows over which alternating second differences are tested, and their smallest size relative to the largest value of
 /// the column.

@@ -39,18 +39,18 @@ const ModalRecurrence* modal_recurrence_of(const Weights& weights) {
 
 const PoleRecurrence* pole_recurrence_of(const Weights& weights) { return std::get_if<PoleRecurrence>(&weights); }
 
-Vector first_row_sums(const Weights& weights) {
-  if (const PoleRecurrence* poles = pole_recurrence_of(weights))
-    return implicit_part(*poles).cwiseAbs().rowwise().sum();
+Matrix first_weight(const Weights& weights) {
+  if (const PoleRecurrence* poles = pole_recurrence_of(weights)) return implicit_part(*poles);
   if (const LagTable* table = lag_table_of(weights))
-    return Eigen::Map<const RowMatrix>(table->W.row(0).data(), table->outputs, table->inputs)
-        .cwiseAbs()
-        .rowwise()
-        .sum();
-  if (const ModalRecurrence* modal = modal_recurrence_of(weights))
-    return modal->face.size() > 1 ? Vector(implicit_part(*modal).cwiseAbs().rowwise().sum())
-                                  : row_sums_in_modes(modal->w0);
-  return std::get<DenseRecurrence>(std::get<Recurrence>(weights)).w0.cwiseAbs().rowwise().sum();
+    return Eigen::Map<const RowMatrix>(table->W.row(0).data(), table->outputs, table->inputs);
+  if (const ModalRecurrence* modal = modal_recurrence_of(weights)) return implicit_part(*modal);
+  return std::get<DenseRecurrence>(std::get<Recurrence>(weights)).w0;
+}
+
+Vector first_row_sums(const Weights& weights) {
+  if (const ModalRecurrence* modal = modal_recurrence_of(weights); modal && modal->face.size() <= 1)
+    return row_sums_in_modes(modal->w0);
+  return first_weight(weights).cwiseAbs().rowwise().sum();
 }
 
 LagTable coarsen(const LagTable& fine) {

@@ -28,6 +28,9 @@ const Recurrence* recurrence_of(const Weights&);
 const ModalRecurrence* modal_recurrence_of(const Weights&);
 const PoleRecurrence* pole_recurrence_of(const Weights&);
 
+/// W_0, n x n. Not for a line in modes.
+Matrix first_weight(const Weights&);
+
 /// |W_0| 1: n entries.
 Vector first_row_sums(const Weights&);
 

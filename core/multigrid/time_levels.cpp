@@ -185,6 +185,7 @@ namespace {
 // Weights of all possible grids, with their smoothing and the coarse grids that their cycles use.
 TimeLevels choose_grids(TimeOperator& op) {
   const DiscreteProblem& p = op.problem();
+  const RangeOfM range = range_of_M(p);
   TimeLevels levels;
   const Index fewest = p.backend.traits().fewest_steps;
   std::vector<Index> farthest;  // steps of the coarsest grid that each may ask
@@ -194,7 +195,7 @@ TimeLevels choose_grids(TimeOperator& op) {
     level->steps = steps;
     const TimeLevel* finer = levels.size() > 0 ? levels.grids.back().get() : nullptr;
     level->weights = op.weights(steps, finer ? finer->weights.get() : nullptr, finer ? finer->steps : 0);
-    const double kappa0 = instant_contraction(p.scene.M, p.lcp_class, *level->weights);
+    const double kappa0 = instant_contraction(p.scene.M, p.lcp_class, *level->weights, range);
     if (!(kappa0 < allowed.kappa0)) break;
     allowed = choose_sweeps(p, *level, kappa0, levels.size());
     const bool swept = level->sweeps > 0;

@@ -10,20 +10,8 @@ namespace bromwich {
 
 namespace {
 
-constexpr double too_slow = 0.7;     ///< contraction above: shorter windows
-constexpr Index looked_at = 4;       ///< iterations before the contraction counts
 constexpr double inner_share = 0.1;  ///< of the change of a Newton iteration, which its inner iterations may leave
-constexpr double stalled = 1e-8;     ///< changes below that no longer halve are rounding
-
-double relative(const RowMatrix& change, const RowMatrix& size) {
-  if (change.size() == 0) return 0;
-  const double most = change.cwiseAbs().maxCoeff();
-  return most > 0 ? most / (size.cwiseAbs().maxCoeff() + most) : 0;
-}
-
-double apart(const FrozenWindows::Rows& a, const FrozenWindows::Rows& b) {
-  return std::max(relative(a.seen - b.seen, a.seen), relative(a.y - b.y, a.y));
-}
+constexpr double rounding_of_rows = 1e-8;  ///< changes below that no longer fall are rounding
 
 // Linear between rows that stand h apart. Copies of a function share the rows.
 struct Between {
@@ -96,7 +84,7 @@ FrozenWindows::FrozenWindows(const NonlinearScene& scene, Backend& backend, cons
                              NonlinearMethod method, Index J)
     : scene_(scene), backend_(backend), options_(options), method_(method), h_(scene.linear.T / double(J)) {}
 
-std::optional<FrozenWindows::Outcome> FrozenWindows::solve(Index from, Index length, const Vector& state, Rows& rows) {
+std::optional<WindowsOfSteps::Outcome> FrozenWindows::solve(Index from, Index length, const Vector& state, Rows& rows) {
   from_ = from;
   window_ = part_of(scene_.linear, time(0), double(length) * h_, state);
   window_.default_steps = length;
@@ -116,7 +104,7 @@ std::optional<FrozenWindows::Outcome> FrozenWindows::solve(Index from, Index len
   } else {
     solver_->set_x0(state);
   }
-  return method_ == NonlinearMethod::newton ? newton(rows) : iterate(rows, nullptr, options_.tolerance, rows);
+  return method_ == NonlinearMethod::newton ? newton(rows) : iterate(nullptr, options_.tolerance, rows);
 }
 
 Vector FrozenWindows::end_state() const {
@@ -124,17 +112,22 @@ Vector FrozenWindows::end_state() const {
   return states_at(solver_->scene(), backend_, last_, {length_}).col(0);
 }
 
-// Values of phi and gamma at all rows, linearized about `about` where `at` are given.
-void FrozenWindows::rest(const Rows& about, const Linearizations* at, const Rows& rows, RowMatrix& phi,
-                         RowMatrix& gamma) const {
+std::array<Linearization, 2> FrozenWindows::linearize_at(Index row, const Rows& about) const {
+  const Vector x = about.seen.row(row), y = about.y.row(row);
+  return {linearize(scene_.phi, scene_.dphi, scene_.seen(), time(row), x, y),
+          linearize(scene_.gamma, scene_.dgamma, y.size(), time(row), x, y)};
+}
+
+// Values of phi and gamma at all rows, linearized where that is given.
+void FrozenWindows::rest(const Linearizations* at, const Rows& rows, RowMatrix& phi, RowMatrix& gamma) const {
   const Index count = rows.seen.rows();
   phi = RowMatrix::Zero(count, scene_.seen());
   gamma = RowMatrix::Zero(count, scene_.linear.constraints());
   for (Index j = 0; j < count; ++j) {
     const Vector x = rows.seen.row(j), y = rows.y.row(j);
     if (at) {
-      const auto& [p, g] = (*at)[std::size_t(j)];
-      const Vector dx = x - about.seen.row(j).transpose(), dy = y - about.y.row(j).transpose();
+      const auto& [p, g] = at->kept.empty() ? linearize_at(j, at->about) : at->kept[std::size_t(j)];
+      const Vector dx = x - at->about.seen.row(j).transpose(), dy = y - at->about.y.row(j).transpose();
       phi.row(j) = (p.value + p.by_x * dx + p.by_y * dy).transpose();
       gamma.row(j) = (g.value + g.by_x * dx + g.by_y * dy).transpose();
       continue;
@@ -163,12 +156,11 @@ bool FrozenWindows::sweep(RowMatrix phi, RowMatrix gamma, Rows& rows) {
 }
 
 // Iterates rows until the change is below `tolerance`.
-std::optional<FrozenWindows::Outcome> FrozenWindows::iterate(const Rows& about, const Linearizations* at,
-                                                             double tolerance, Rows& rows) {
-  double before = INFINITY, contraction = 0;
+std::optional<WindowsOfSteps::Outcome> FrozenWindows::iterate(const Linearizations* at, double tolerance, Rows& rows) {
+  ContractionWatch watch(tolerance);
   for (Index k = 1; k <= options_.most_iterations; ++k) {
     RowMatrix phi, gamma;
-    rest(about, at, rows, phi, gamma);
+    rest(at, rows, phi, gamma);
     if (!phi.allFinite() || !gamma.allFinite()) {
       reason_ = "phi or gamma is not finite";
       return std::nullopt;
@@ -177,41 +169,31 @@ std::optional<FrozenWindows::Outcome> FrozenWindows::iterate(const Rows& about, 
     if (!sweep(std::move(phi), std::move(gamma), next)) return std::nullopt;
     const double change = apart(next, rows);
     rows = std::move(next);
-    if (k > 1 && before > 0) {
-      const double now = change / before;
-      if (change > 100 * tolerance) contraction = std::max(k > 2 ? contraction : 0, now);
-      if (k > looked_at && now > too_slow && change > stalled) {
-        reason_ = text("the iteration contracts by %.2g only", now);
-        return std::nullopt;
-      }
-    }
-    // What the iterations to come change.
-    const double left = change * contraction / (1 - std::min(contraction, 0.9));
-    if (change <= tolerance || (k > 2 && left <= 0.1 * tolerance) || (change <= stalled && change > before / 2))
-      return Outcome{contraction, change};
-    before = change;
+    const ContractionWatch::Verdict verdict = watch.after(change);
+    if (verdict == ContractionWatch::Verdict::converged) return Outcome{watch.contraction(), change};
+    if (verdict == ContractionWatch::Verdict::go_on) continue;
+    reason_ = text("the iteration contracts by %.2g only", watch.last());
+    return std::nullopt;
   }
   reason_ = text("the iteration does not end within %ld linear solves", long(options_.most_iterations));
   return std::nullopt;
 }
 
-std::optional<FrozenWindows::Outcome> FrozenWindows::newton(Rows& rows) {
+std::optional<WindowsOfSteps::Outcome> FrozenWindows::newton(Rows& rows) {
+  const double row_bytes =
+      sizeof(double) * double(rows.seen.cols() + rows.y.cols()) * double(rows.seen.cols() + rows.y.cols());
   double tolerance = inner_share;
   Outcome outcome;
   for (Index k = 0; k < options_.most_newton; ++k) {
     ++newton_;
-    const Rows about = rows;
-    Linearizations at;
-    for (Index j = 0; j < rows.seen.rows(); ++j) {
-      const Vector x = rows.seen.row(j), y = rows.y.row(j);
-      at.push_back({linearize(scene_.phi, scene_.dphi, scene_.seen(), time(j), x, y),
-                    linearize(scene_.gamma, scene_.dgamma, y.size(), time(j), x, y)});
-    }
-    const std::optional<Outcome> inner = iterate(about, &at, tolerance, rows);
+    Linearizations at{rows, {}};
+    if (double(rows.seen.rows()) * row_bytes <= most_kept)
+      for (Index j = 0; j < rows.seen.rows(); ++j) at.kept.push_back(linearize_at(j, rows));
+    const std::optional<Outcome> inner = iterate(&at, tolerance, rows);
     if (!inner) return std::nullopt;
-    outcome = {std::max(outcome.contraction, inner->contraction), apart(rows, about)};
+    outcome = {std::max(outcome.contraction, inner->contraction), apart(rows, at.about)};
     const double change = outcome.change;
-    if (change <= options_.tolerance || (tolerance <= options_.tolerance && change <= stalled)) return outcome;
+    if (change <= options_.tolerance || (tolerance <= options_.tolerance && change <= rounding_of_rows)) return outcome;
     tolerance = std::clamp(inner_share * change * std::min(1.0, change), options_.tolerance, inner_share);
   }
   reason_ = text("Newton's iteration does not end within %ld iterations", long(options_.most_newton));

@@ -8,7 +8,7 @@
 
 namespace bromwich {
 
-enum class NonlinearMethod { automatic, march, iteration, newton };
+enum class NonlinearMethod { automatic, march, iteration, newton, pointwise };
 
 /// "automatic", "march", ...
 inline const char* to_string(NonlinearMethod method) {
@@ -20,9 +20,11 @@ inline const char* to_string(NonlinearMethod method) {
     case NonlinearMethod::iteration:
       return "iteration";
     case NonlinearMethod::newton:
+      return "newton";
+    case NonlinearMethod::pointwise:
       break;
   }
-  return "newton";
+  return "pointwise";
 }
 
 struct NonlinearOptions {
@@ -36,6 +38,7 @@ struct NonlinearOptions {
   /// until it is reached. 0: one grid.
   double error = 0;
   Index max_steps = Index(1) << 18;  ///< of the finest grid
+  bool concurrent = false;           ///< several threads may call phi, gamma and their derivatives at once
   std::function<bool()> interrupted = {};
 };
 

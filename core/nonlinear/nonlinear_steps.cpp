@@ -83,8 +83,11 @@ Vector NonlinearSteps::total_source(double t, const Vector& x, const Vector& y) 
 }
 
 Vector NonlinearSteps::defect(Index j, const Vector& x0, const Vector& y0, const Vector& x1, const Vector& y1) const {
-  return x1 - step_.propagators[0] * x0 - increments_.row(j - 1).transpose() -
-         step_.left[0] * total_source(time(j - 1), x0, y0) - step_.weights[0][0] * total_source(time(j), x1, y1);
+  return x1 - carry(j, x0, total_source(time(j - 1), x0, y0), total_source(time(j), x1, y1));
+}
+
+Vector NonlinearSteps::carry(Index j, const Vector& x0, const Vector& F0, const Vector& F1) const {
+  return step_.propagators[0] * x0 + increments_.row(j - 1).transpose() + step_.left[0] * F0 + step_.weights[0][0] * F1;
 }
 
 LcpClass NonlinearSteps::lcp_class(const Vector& x, const Vector& y) const {

@@ -37,6 +37,11 @@ class NonlinearSteps {
   /// What x and y at t_{j-1} and t_j lack in the equation of x; rule linear.
   Vector defect(Index j, const Vector& x0, const Vector& y0, const Vector& x1, const Vector& y1) const;
 
+  Vector total_source(double t, const Vector& x, const Vector& y) const;  ///< F = B y + phi
+  Vector g(double t) const;
+  /// x_j from x_{j-1} and F at both ends; rule linear.
+  Vector carry(Index j, const Vector& x0, const Vector& F0, const Vector& F1) const;
+
   /// The largest |x| and |y| so far, to which changes are relative.
   std::array<double, 2> sizes() const { return {size_x_, size_y_}; }
   void set_sizes(const std::array<double, 2>& xy) { size_x_ = xy[0], size_y_ = xy[1]; }
@@ -49,8 +54,6 @@ class NonlinearSteps {
   LcpClass lcp_class(const Vector& x, const Vector& y) const;
 
  private:
-  Vector total_source(double t, const Vector& x, const Vector& y) const;  ///< B y + phi
-  Vector g(double t) const;
   bool solve_lcp(const Matrix& M, const Matrix& of_y, const Vector& q, Vector& y) const;
 
   const NonlinearScene* scene_;

@@ -5,12 +5,14 @@
 #include "core/nonlinear/divided_step.hpp"
 #include "core/nonlinear/frozen_windows.hpp"
 #include "core/nonlinear/nonlinear_steps.hpp"
+#include "core/nonlinear/pointwise_windows.hpp"
 #include "core/scene/breakpoints.hpp"
 #include "core/solve/solve.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -44,6 +46,8 @@ class NonlinearSolve {
         (scene_.of_trace ? observe(scene_.linear.dynamics, scene_.linear.x0) : scene_.linear.x0).transpose();
     if (!scene_.phi && !scene_.gamma) {
       solve_linear();
+    } else if (linear_part_solves_it()) {
+      return std::move(result_);
     } else if (is_dense(scene_)) {
       solve_dense();
     } else {
@@ -75,6 +79,31 @@ class NonlinearSolve {
     for (Index j = 0; j <= J_; ++j) set_slack(j);
   }
 
+  // Whether phi and gamma are 0 at the time points of the linear part's solution, which then is that of the discrete
+  // problem: this sees them there alone where y is linear in between. Tried where they are 0 for x0 and y = 0.
+  bool linear_part_solves_it() {
+    const Vector start = seen().row(0), none = Vector::Zero(n_);
+    for (const double part : {0.0, 0.37, 1.0})
+      if (!vanishes(part * scene_.linear.T, start, none)) return false;
+    NonlinearSolve linear(*this);
+    linear.solve_linear();
+    bool same = linear.result_.status == Status::solved && linear.result_.continuous;
+    for (Index j = 0; same && j <= J_; ++j)
+      same = vanishes(result_.t[j], linear.seen().row(j).transpose(), linear.result_.y.row(j).transpose());
+    if (linear.result_.status == Status::interrupted) return result_ = std::move(linear.result_), true;
+    if (!same) return false;
+    result_ = std::move(linear.result_);
+    certify();
+    return true;
+  }
+
+  bool vanishes(double t, const Vector& x, const Vector& y) const {
+    Vector phi = Vector::Zero(scene_.seen()), gamma = Vector::Zero(n_);
+    if (scene_.phi) scene_.phi(t, x, y, phi);
+    if (scene_.gamma) scene_.gamma(t, x, y, gamma);
+    return phi.isZero(0) && gamma.isZero(0);
+  }
+
   void solve_dense() {
     NonlinearSteps steps = make_steps(StepRule::linear);
     Vector y = Vector::Zero(n_);
@@ -99,11 +128,10 @@ class NonlinearSolve {
     steps_ = nullptr;
   }
 
-  // A linear part that is not dense: no marching, and no Jacobians of all time points.
+  // A linear part that is not dense: the linear scenes of the windows solve it, those of single steps for march.
   void solve_large() {
-    if (result_.method != NonlinearMethod::iteration) {
-      result_.reason = std::string("method ") + to_string(result_.method) +
-                       " takes dense matrices, and phi and gamma of x: use method iteration";
+    if (result_.method == NonlinearMethod::pointwise) {
+      result_.reason = "method pointwise takes dense matrices, and phi and gamma of x: use method iteration or newton";
       return;
     }
     result_.y.row(0).setZero();  // a guess
@@ -178,12 +206,21 @@ class NonlinearSolve {
     return to - from;
   }
 
+  std::unique_ptr<WindowsOfSteps> make_windows() const {
+    if (result_.method == NonlinearMethod::pointwise)
+      return std::make_unique<PointwiseWindows>(scene_, *steps_, backend_, options_);
+    const NonlinearMethod method =
+        result_.method == NonlinearMethod::iteration ? NonlinearMethod::iteration : NonlinearMethod::newton;
+    return std::make_unique<FrozenWindows>(scene_, backend_, options_, method, J_);
+  }
+
   // Windows of half the length where the iteration does not contract. In dense scenes a step alone, and one with a jump
   // of f or g, is marched.
   bool by_windows() {
-    FrozenWindows windows(scene_, backend_, options_, result_.method, J_);
+    const std::unique_ptr<WindowsOfSteps> made = make_windows();
+    WindowsOfSteps& windows = *made;
     Vector state = scene_.linear.x0;
-    Index from = 0, length = J_;
+    Index from = 0, length = result_.method == NonlinearMethod::march ? 1 : J_;
     while (from < J_) {
       length = std::min(length, J_ - from);
       const Index free = steps_ ? undivided(from) : length;
@@ -195,7 +232,7 @@ class NonlinearSolve {
         continue;
       }
       const Index count = std::min(length, free);
-      FrozenWindows::Rows rows{seen().row(from).replicate(count + 1, 1), result_.y.row(from).replicate(count + 1, 1)};
+      WindowsOfSteps::Rows rows{seen().row(from).replicate(count + 1, 1), result_.y.row(from).replicate(count + 1, 1)};
       const auto outcome = windows.solve(from, count, state, rows);
       result_.solves = windows.solves();
       result_.newton += windows.newton() - counted_newton_;
@@ -215,7 +252,7 @@ class NonlinearSolve {
                     "y may jump from step to step, and phi and gamma between the time points are not known");
       }
       keep(from, rows);
-      ++result_.windows;
+      result_.method == NonlinearMethod::march ? ++result_.marched : ++result_.windows;
       result_.contraction = std::max(result_.contraction, outcome->contraction);
       result_.defect = std::max(result_.defect, outcome->change);
       from += count;
@@ -224,7 +261,7 @@ class NonlinearSolve {
     return true;
   }
 
-  void keep(Index from, const FrozenWindows::Rows& rows) {
+  void keep(Index from, const WindowsOfSteps::Rows& rows) {
     for (Index j = from == 0 ? 0 : 1; j < rows.y.rows(); ++j) {
       seen().row(from + j) = rows.seen.row(j);
       result_.y.row(from + j) = rows.y.row(j);

@@ -118,7 +118,7 @@ void Methods::run(Method method, const InnerOptions& options, Result& result) {
         cycle_in_w(method, options, result);
       } else if (basis().rings) {
         result.status = Status::unsupported;
-        result.reason = basis().reason + ": piecewise-linear y would ring; use method march or euler";
+        result.reason = basis().reason + ": " + basis().refusal + "; use method march or euler";
       } else if (method == Method::contour_literal && !problem_.small_state() && !problem_.modes()) {
         refuse("contour-literal works with dense dynamics and Kronecker sums", result);
       } else if (method == Method::contour) {

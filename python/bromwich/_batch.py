@@ -10,6 +10,7 @@ import numpy as np
 
 from . import _core
 from ._arrays import of_other_library, on_host
+from ._derivative import BatchDerivative
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._progress import reporting
 from ._result import Status
@@ -61,6 +62,16 @@ class BatchResult:
     def ok(self) -> np.ndarray:
         """K booleans: whether the status is ``solved``."""
         return np.array([s is Status.solved for s in self.status])
+
+    def derivative(self, *, located: bool | None = None, threads: int = 1) -> BatchDerivative:
+        """The derivatives of all scenes, with their ``jvp`` and ``vjp`` (:class:`BatchDerivative`). The rows have to be the
+        time points of the grid: solve without ``times`` and ``tol``.
+
+        Args:
+            located: with located switches; None: where M is not of class P.
+            threads: for ``jvp`` and ``vjp``; 0: all.
+        """
+        return BatchDerivative(self._answer, located, threads)
 
     def __len__(self) -> int:
         return self._answer.scenes

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from . import _core
+from ._sources import _require, source
 
 if TYPE_CHECKING:
     from ._result import Result
@@ -25,14 +26,15 @@ class Tangent(NamedTuple):
 class Gradient(NamedTuple):
     """Derivatives of a number with respect to the data, each of the shape of its data: x0 (m), f (J+1) x m and g (J+1) x
     n at the time points, A, B, N, M and E. M is None where y jumps at a switch or M is singular on an active set (a change
-    of M acts from one side only), E is None where switches are not located."""
+    of M acts from one side only), E is None where switches are not located. Of a Kronecker sum with more than 1000 states
+    there are x0, f (through B: (J+1) x n), g and M."""
 
     x0: np.ndarray
     f: np.ndarray
     g: np.ndarray
-    A: np.ndarray
-    B: np.ndarray
-    N: np.ndarray
+    A: np.ndarray | None
+    B: np.ndarray | None
+    N: np.ndarray | None
     M: np.ndarray | None
     E: np.ndarray | None
 
@@ -126,6 +128,92 @@ class Derivative:
             Error: another shape; weights of y, x or w at a switch (:attr:`one_sided`).
         """
         return Gradient(*self._core.vjp(*(None if v is None else _table(v) for v in (y, x, w, integral))))
+
+
+    def quantity(self, *, W: Any = None, c: Any = None, end_W: Any = None, end_c: Any = None) -> QuantityGradient:
+        """A quantity of interest of the discrete states and its gradient with respect to the data:
+
+            I = ∫ (x^T W x + c(t)^T x) dt + x(T)^T end_W x(T) + end_c^T x(T),   x linear between the time points.
+
+        Args:
+            W, end_W: m x m. c: a function, expressions or a table, as ``f`` of a scene. end_c: m. None: zero; all None: the
+                section [quantity] of the scene file.
+
+        Returns:
+            ``value``, ``gradient`` (a :class:`Gradient`) and ``weights`` ((J+1) x m, dI/dx, to weigh a :class:`Tangent`).
+        """
+        tables = [None if v is None else _table(v) for v in (W, end_W)]
+        entering = source(c, "c", self._core.states, float(self._result.t[-1]), {})
+        end = None if end_c is None else _values(end_c).ravel()
+        value, weights = self._core.quantity(tables[0], entering, tables[1], end)
+        return QuantityGradient(value, self.vjp(x=weights), weights)
+
+
+class QuantityGradient(NamedTuple):
+    """A quantity of interest, its gradient, and dI/dx at the time points."""
+
+    value: float
+    gradient: Gradient
+    weights: np.ndarray
+
+
+class BatchDerivative:
+    """The derivatives of the scenes of a batch, with the scenes as leading axis.
+
+    Made by :meth:`BatchResult.derivative`. A scene that is not solved, or not differentiable where it is, has a line in
+    ``reason`` and NaN in all tables; the others do not see it.
+
+    Attributes:
+        reason: K lines, empty where there is a derivative.
+        located: K booleans, whether switches are located.
+        margin: K of :class:`Margin`.
+    """
+
+    # Axes of one scene; one more is the leading axis.
+    _AXES = {"x0": 1, "f": 2, "g": 2, "A": 2, "B": 2, "N": 2, "M": 2, "E": 2, "y": 2, "x": 2, "w": 2, "integral": 2}
+
+    def __init__(self, answer: _core.BatchAnswer, located: bool | None = None, threads: int = 1) -> None:
+        self._core, self._K, self._threads = _core.BatchDerivative(answer, located), answer.scenes, threads
+        self.reason: list[str] = self._core.reason
+        self.located = np.array(self._core.located)
+        self.margin = [Margin(*one) for one in self._core.margin]
+
+    def jvp(self, **changes: Any) -> tuple[Tangent, list[str]]:
+        """The changes of the solutions: tables K x (J+1) x n, m, n, n, and K reasons.
+
+        Args:
+            changes: x0, f, g, A, B, N, M, E as :meth:`Derivative.jvp` takes them, or with a leading axis of length K.
+        """
+        *tables, reason = self._core.jvp(self._each(changes, "x0 f g A B N M E"), self._threads)
+        return Tangent(*(self._stacked(t) for t in tables)), reason
+
+    def vjp(self, **weights: Any) -> tuple[Gradient, list[str]]:
+        """The gradients of one number each: members with a leading axis of length K, and K reasons.
+
+        Args:
+            weights: y, x, w, integral as :meth:`Derivative.vjp` takes them, or with a leading axis of length K.
+        """
+        x0, *tables, reason = self._core.vjp(self._each(weights, "y x w integral"), self._threads)
+        x0 = None if x0 is None else self._stacked(x0)[:, :, 0]
+        return Gradient(x0, *(self._stacked(t) for t in tables)), reason
+
+    def _stacked(self, table: np.ndarray | None) -> Any:
+        return None if table is None else table.reshape(self._K, -1, table.shape[1])
+
+    def _each(self, given: dict[str, Any], names: str) -> dict[str, np.ndarray]:
+        tables = {}
+        for name, value in given.items():
+            _require(name in names.split(), name, "is not known", f"use {', '.join(names.split())}")
+            if value is None:
+                continue
+            v, axes = _values(value), self._AXES[name]
+            _require(v.ndim in (axes, axes + 1), name, f"has {v.ndim} axes", f"give {axes}, or one more for the scenes")
+            own = v.ndim == axes + 1
+            _require(not own or v.shape[0] == self._K, name, f"has a leading axis of length {v.shape[0] if own else 0}",
+                     f"give {self._K} entries, or one for all")
+            v = np.broadcast_to(v, (self._K, *v.shape[-axes:]))
+            tables[name] = np.ascontiguousarray(v[:, None, :] if v.ndim == 2 else v)
+        return tables
 
 
 def _values(v: Any) -> np.ndarray:

@@ -29,7 +29,7 @@ class NonlinearResult:
         residual: max |min(y, w)| / max(1, |w - M y|) at the time points.
         defect: of the discrete equation of x, relative to max(1, |x|).
         error_estimate: with ``tol``; otherwise None.
-        method: ``"march"``, ``"iteration"`` or ``"newton"``.
+        method: ``"march"``, ``"iteration"``, ``"newton"`` or ``"pointwise"``.
         newton, solves, windows, marched: Newton iterations, linear solves, windows of the iteration, marched steps.
         contraction: the largest one of an accepted window.
         backend: that solved it.
@@ -107,7 +107,8 @@ def solve_nonlinear(
             B; for large scenes, whose states at all times do not fit into memory.
         method: ``"march"``: each step by Josephy-Newton. ``"iteration"``: on windows of time, the linear part is solved
             with phi and gamma of the last iterate as sources. ``"newton"``: on windows, phi and gamma linearised about
-            the last iterate. ``"auto"``: march for dense scenes, otherwise iteration.
+            the last iterate. ``"pointwise"``: on windows, the functional iteration: nonlinear complementarity problems of
+            all time points with the states of the last sweep. ``"auto"``: march for dense scenes, otherwise iteration.
         inner: the method of the linear solves of ``iteration`` and ``newton``, as :func:`solve` takes it.
         steps: J; with ``tol`` of the first grid.
         tol: halve the steps until the error of x, and of y where it is continuous, is estimated below tol times the

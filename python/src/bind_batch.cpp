@@ -3,6 +3,8 @@
 #include "arrays.hpp"
 #include "calls.hpp"
 #include "core/batch/batch.hpp"
+#include "core/batch/batch_derivative.hpp"
+#include "cpu/cpu_backend.hpp"
 #include "machine.hpp"
 #include "module.hpp"
 #include "sources.hpp"
@@ -14,6 +16,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <utility>
@@ -24,6 +27,7 @@ namespace {
 using Array3 = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 struct BatchAnswer {
+  std::shared_ptr<const Batch> batch;
   BatchResult result;
   std::string backend;
   bool by_keyboard = false;
@@ -94,6 +98,7 @@ std::shared_ptr<BatchAnswer> solve_many(const std::vector<std::shared_ptr<const 
     const std::lock_guard lock(machine->busy);
     answer->backend = machine->backend->name();
     answer->result = solve_batch(batch, *machine->backend, options);
+    answer->batch = std::make_shared<const Batch>(std::move(batch));
     return answer;
   });
 }
@@ -109,6 +114,86 @@ std::vector<std::string> in_words(const Words& all) {
 View rows_of(nb::handle_t<BatchAnswer> self, const std::string& name) {
   const BatchResult& r = nb::cast<BatchAnswer&>(self).result;
   return view(name == "y" ? r.y : name == "w" ? r.w : r.x, self);
+}
+
+using Tables = std::map<std::string, Array3>;
+
+/// One table of every scene under each other, owned by NumPy.
+template <class Table>
+nb::object stacked(const std::vector<Table>& tables) {
+  const Index rows = tables[0].rows(), cols = tables[0].cols();
+  auto* all = new RowMatrix(Index(tables.size()) * rows, cols);
+  const nb::capsule owner(all, [](void* p) noexcept { delete static_cast<RowMatrix*>(p); });
+  for (std::size_t k = 0; k < tables.size(); ++k)
+    if (tables[k].size() > 0)
+      all->middleRows(Index(k) * rows, rows) = tables[k];
+    else
+      all->middleRows(Index(k) * rows, rows).setConstant(NAN);
+  return nb::cast(view(*all, owner));
+}
+
+template <class Value, class Table>
+nb::object member(const std::vector<Value>& values, Table Value::*table) {
+  std::vector<Table> tables;
+  Index rows = 0, cols = 0;
+  for (const Value& value : values) {
+    tables.push_back(value.*table);
+    rows = std::max(rows, Index(tables.back().rows())), cols = std::max(cols, Index(tables.back().cols()));
+  }
+  if (rows * cols == 0) return nb::none();
+  for (Table& one : tables)
+    if (one.size() == 0) one = Table::Constant(rows, cols, NAN);
+  return stacked(tables);
+}
+
+/// (y, x, w, integral, reasons): tables of K (J+1) rows.
+nb::tuple forward_each(const BatchDerivative& d, const Tables& given, int threads) {
+  std::vector<DataChange> changes{std::size_t(d.scenes())};
+  for (std::size_t k = 0; k < changes.size(); ++k) {
+    DataChange& c = changes[k];
+    const auto take = [&](const char* name, auto& to) {
+      const auto found = given.find(name);
+      if (found == given.end()) return;
+      const Index rows = Index(found->second.shape(1)), cols = Index(found->second.shape(2));
+      to = Eigen::Map<const RowMatrix>(found->second.data() + Index(k) * rows * cols, rows, cols);
+    };
+    RowMatrix x0;
+    take("x0", x0), take("f", c.f), take("g", c.g);
+    take("A", c.A), take("B", c.B), take("N", c.N), take("M", c.M), take("E", c.E);
+    c.x0 = x0.transpose().reshaped();
+  }
+  const auto backend = make_cpu_backend(threads);
+  const PerScene<SolutionChange> out = d.jvp(changes, *backend);
+  return nb::make_tuple(member(out.value, &SolutionChange::y), member(out.value, &SolutionChange::x),
+                        member(out.value, &SolutionChange::w), member(out.value, &SolutionChange::integral),
+                        out.reason);
+}
+
+/// (x0, f, g, A, B, N, M, E, reasons).
+nb::tuple backward_each(const BatchDerivative& d, const Tables& given, int threads) {
+  std::vector<SolutionChange> functions{std::size_t(d.scenes())};
+  for (std::size_t k = 0; k < functions.size(); ++k)
+    for (const auto& [name, table] : {std::pair("y", &SolutionChange::y),
+                                      {"x", &SolutionChange::x},
+                                      {"w", &SolutionChange::w},
+                                      {"integral", &SolutionChange::integral}})
+      if (const auto found = given.find(name); found != given.end()) {
+        const Index rows = Index(found->second.shape(1)), cols = Index(found->second.shape(2));
+        functions[k].*table = Eigen::Map<const RowMatrix>(found->second.data() + Index(k) * rows * cols, rows, cols);
+      }
+  const auto backend = make_cpu_backend(threads);
+  const PerScene<DataChange> out = d.vjp(functions, *backend);
+  return nb::make_tuple(member(out.value, &DataChange::x0), member(out.value, &DataChange::f),
+                        member(out.value, &DataChange::g), member(out.value, &DataChange::A),
+                        member(out.value, &DataChange::B), member(out.value, &DataChange::N),
+                        member(out.value, &DataChange::M), member(out.value, &DataChange::E), out.reason);
+}
+
+nb::list margins(const BatchDerivative& d) {
+  nb::list all;
+  for (const DerivativeMargin& at : d.margin())
+    all.append(nb::make_tuple(at.margin, at.time, at.constraint, at.transversality, at.grazing_time));
+  return all;
 }
 
 }  // namespace
@@ -133,6 +218,18 @@ void bind_batch(nb::module_& m) {
       .def_prop_ro("seconds", [](const BatchAnswer& a) { return a.result.seconds; })
       .def_prop_ro("backend", [](const BatchAnswer& a) { return a.backend; })
       .def_ro("by_keyboard", &BatchAnswer::by_keyboard);
+  nb::class_<BatchDerivative>(m, "BatchDerivative")
+      .def(
+          "__init__",
+          [](BatchDerivative* self, const BatchAnswer& answer, std::optional<bool> located) {
+            new (self) BatchDerivative(*answer.batch, answer.result, located);
+          },
+          nb::arg("answer"), nb::arg("located").none())
+      .def_prop_ro("reason", &BatchDerivative::reason)
+      .def_prop_ro("located", &BatchDerivative::located)
+      .def_prop_ro("margin", &margins)
+      .def("jvp", &forward_each, nb::arg("tables"), nb::arg("threads"))
+      .def("vjp", &backward_each, nb::arg("tables"), nb::arg("threads"));
   m.def("solve_batch", &solve_many, nb::arg("models"), nb::arg("scenes"), nb::arg("axes"), nb::arg("x0").none(),
         nb::arg("f"), nb::arg("g"), nb::arg("times"), nb::arg("options"), nb::arg("backend"), nb::arg("threads"),
         nb::arg("progress").none(), nb::arg("stop").none());

@@ -3,8 +3,11 @@
 #include "answer.hpp"
 #include "arrays.hpp"
 #include "core/base/error.hpp"
+#include "core/derivatives/modal_derivative.hpp"
+#include "core/derivatives/quantity_derivative.hpp"
 #include "core/derivatives/switched_derivative.hpp"
 #include "module.hpp"
+#include "sources.hpp"
 
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -36,10 +39,12 @@ nb::object handed_over(Vector values) {
 
 nb::object or_none(const Matrix& m) { return m.size() > 0 ? handed_over(RowMatrix(m)) : nb::none(); }
 
-/// Of the discrete solution, or with located switches where y may jump.
+constexpr Index largest_written_out = 1000;  ///< states of Kronecker sums that SolutionDerivative takes
+
+/// Of the discrete solution, in modes where it is a large Kronecker sum, or with located switches where y may jump.
 class AnyDerivative {
  public:
-  AnyDerivative(const Answer& answer, std::optional<bool> located) {
+  AnyDerivative(const Answer& answer, std::optional<bool> located) : model_(answer.model) {
     const Scene& scene = answer.model->scene;
     const Result& result = answer.result;
     const bool jumps = y_may_jump(result) || result.method == Method::events;
@@ -47,18 +52,37 @@ class AnyDerivative {
       if (result.status != Status::solved)
         throw Error("derivative", "the result is not solved", "differentiate a result with status solved");
       switched_.emplace(scene, result.t);
+    } else if (scene.dynamics->modes() && scene.states() > largest_written_out) {
+      modal_.emplace(scene, result);
     } else {
       discrete_.emplace(scene, result);
     }
   }
 
-  SolutionChange jvp(const DataChange& c) const { return switched_ ? switched_->jvp(c) : discrete_->jvp(c); }
-  DataChange vjp(const SolutionChange& c) const { return switched_ ? switched_->vjp(c) : discrete_->vjp(c); }
-  const DerivativeMargin& margin() const { return switched_ ? switched_->margin() : discrete_->margin(); }
+  SolutionChange jvp(const DataChange& c) const {
+    return switched_ ? switched_->jvp(c) : modal_ ? modal_->jvp(c) : discrete_->jvp(c);
+  }
+  DataChange vjp(const SolutionChange& c) const {
+    return switched_ ? switched_->vjp(c) : modal_ ? modal_->vjp(c) : discrete_->vjp(c);
+  }
+  const DerivativeMargin& margin() const {
+    return switched_ ? switched_->margin() : modal_ ? modal_->margin() : discrete_->margin();
+  }
+  /// Of `quantity`; null: that of the scene file.
+  QuantityChange quantity(const QuantityOfInterest* quantity) const {
+    if (!quantity) quantity = model_->quantity.get();
+    if (!quantity) throw Error("quantity", "the scene states none", "give W, c, end_W or end_c");
+    if (modal_) throw Error("quantity", "the states of a large Kronecker sum are not kept", "weigh y, w or integral");
+    return switched_ ? quantity_change(*quantity, model_->scene, switched_->times(), switched_->values().x)
+                     : quantity_change(*quantity, model_->scene, discrete_->times(), discrete_->states());
+  }
+  Index states() const { return model_->scene.states(); }
   const SwitchedDerivative* switched() const { return switched_ ? &*switched_ : nullptr; }
 
  private:
+  std::shared_ptr<const Model> model_;
   std::optional<SolutionDerivative> discrete_;
+  std::optional<ModalDerivative> modal_;
   std::optional<SwitchedDerivative> switched_;
 };
 
@@ -75,8 +99,20 @@ nb::tuple backward(const AnyDerivative& d, const std::optional<Array2>& y, const
                    const std::optional<Array2>& w, const std::optional<Array2>& integral) {
   DataChange g = d.vjp({table(y), table(x), table(w), table(integral)});
   return nb::make_tuple(handed_over(std::move(g.x0)), handed_over(std::move(g.f)), handed_over(std::move(g.g)),
-                        handed_over(RowMatrix(g.A)), handed_over(RowMatrix(g.B)), handed_over(RowMatrix(g.N)),
-                        or_none(g.M), or_none(g.E));
+                        or_none(g.A), or_none(g.B), or_none(g.N), or_none(g.M), or_none(g.E));
+}
+
+/// (value, x weights) of the quantity of the scene file, or of one with these members.
+nb::tuple quantity(const AnyDerivative& d, const std::optional<Array2>& W, const Source* c,
+                   const std::optional<Array2>& end_W, const std::optional<Array1>& end_c) {
+  QuadraticQuantity q;
+  if (W) q.W = as_matrix(*W).sparseView();
+  if (end_W) q.end_W = as_matrix(*end_W).sparseView();
+  if (end_c) q.end_c = as_vector(*end_c);
+  if (c) q.c = c->function;
+  const bool own = W || c || end_W || end_c;
+  QuantityChange found = d.quantity(own ? quadratic_quantity(q, d.states()).get() : nullptr);
+  return nb::make_tuple(found.value, handed_over(std::move(found.weights.x)));
 }
 
 nb::tuple margin(const AnyDerivative& d) {
@@ -90,6 +126,7 @@ void bind_derivatives(nb::module_& m) {
   nb::class_<AnyDerivative>(m, "Derivative")
       .def(nb::init<const Answer&, std::optional<bool>>(), nb::arg("answer"), nb::arg("located").none())
       .def_prop_ro("margin", &margin)
+      .def_prop_ro("states", &AnyDerivative::states)
       .def_prop_ro(
           "switches",
           [](const AnyDerivative& d) { return d.switched() ? nb::cast(d.switched()->switches()) : nb::none(); })
@@ -100,6 +137,8 @@ void bind_derivatives(nb::module_& m) {
                    [](const AnyDerivative& d) { return d.switched() ? d.switched()->without_M() : std::string(); })
       .def("jvp", &forward, nb::arg("x0").none(), nb::arg("f").none(), nb::arg("g").none(), nb::arg("A").none(),
            nb::arg("B").none(), nb::arg("N").none(), nb::arg("M").none(), nb::arg("E").none())
+      .def("quantity", &quantity, nb::arg("W").none(), nb::arg("c").none(), nb::arg("end_W").none(),
+           nb::arg("end_c").none())
       .def("vjp", &backward, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(), nb::arg("integral").none());
 }
 

@@ -102,10 +102,10 @@ NonlinearDerivative derivative_of(const std::string& name, nb::object given) {
 }
 
 NonlinearMethod method_of(const std::string& word) {
-  for (const NonlinearMethod m :
-       {NonlinearMethod::automatic, NonlinearMethod::march, NonlinearMethod::iteration, NonlinearMethod::newton})
+  for (const NonlinearMethod m : {NonlinearMethod::automatic, NonlinearMethod::march, NonlinearMethod::iteration,
+                                  NonlinearMethod::newton, NonlinearMethod::pointwise})
     if (word == to_string(m) || (word == "auto" && m == NonlinearMethod::automatic)) return m;
-  throw Error("method", "\"" + word + "\" is not known", "use auto, march, iteration or newton");
+  throw Error("method", "\"" + word + "\" is not known", "use auto, march, iteration, newton or pointwise");
 }
 
 std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& model, nb::object phi, nb::object gamma,

@@ -51,7 +51,7 @@ def test_margin(circuit):
 def test_refusals(circuit):
     with pytest.raises(bromwich.Error, match="not differentiable here: y may jump"):
         bromwich.solve(A=0, B=1, N=1, M=0, x0=1, T=2, g="-t", steps=50, method="march").derivative(located=False)
-    with pytest.raises(bromwich.Error, match="at most 1000 states"):
+    with pytest.raises(bromwich.Error, match="solve on more steps"):  # sources move fast inside of ten steps
         bromwich.solve(bromwich.scene("signorini", Q=33), steps=10, method="march").derivative()
     with pytest.raises(bromwich.Error, match="give 201 x 1"):
         solve(circuit).derivative().jvp(g=np.zeros((3, 1)))
@@ -88,3 +88,51 @@ def test_kronecker_sum(Q15):
     d = bromwich.solve(Q15, steps=50, method="march").derivative()
     g, weights = np.random.default_rng(1).normal(size=(2, 51, 15))
     np.testing.assert_allclose((d.vjp(y=weights).g * g).sum(), (d.jvp(g=g).y * weights).sum(), rtol=1e-10)
+
+
+def test_batches_have_a_leading_axis() -> None:
+    rng = np.random.default_rng(4)
+    K, J = 6, 60
+    M = np.array([[1.0, 0.2], [0.2, 1.5]])
+    scene = dict(A=[[-1, 0.5], [-0.5, -1]], B=np.eye(2), N=np.eye(2), g=["sin(2*t + 0.3)", "sin(3*t + 1)"], T=3)
+    x0, Ms = rng.normal(size=(K, 2)), M + 0.1 * np.arange(K)[:, None, None]
+    r = bromwich.solve_batch(**scene, x0=x0, M=Ms, steps=J, method="march")
+    d = r.derivative(threads=2)
+    assert d.reason == [""] * K and not d.located.any()
+    step = rng.normal(size=(K, 2))
+    change, reason = d.jvp(x0=step, M=np.eye(2))
+    assert change.y.shape == (K, J + 1, 2) and reason == [""] * K
+    weights = rng.normal(size=(K, J + 1, 2))
+    gradient, _ = d.vjp(y=weights)
+    assert gradient.x0.shape == (K, 2) and gradient.M.shape == (K, 2, 2) and gradient.E is None
+    for k in range(K):
+        one = bromwich.solve(**scene, x0=x0[k], M=Ms[k], steps=J, method="march").derivative()
+        np.testing.assert_allclose(change.y[k], one.jvp(x0=step[k], M=np.eye(2)).y, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(gradient.M[k], one.vjp(y=weights[k]).M, rtol=0, atol=1e-9)
+    for bad in (dict(x0=np.ones((K + 1, 2))), dict(x0=1.0), dict(y=weights)):
+        with pytest.raises(bromwich.Error):
+            d.jvp(**bad)
+
+
+def test_a_quantity_of_interest() -> None:
+    # x' = -x: the integral of x^2, and x(T).
+    scene = dict(A=-1.0, B=1.0, N=0.0, M=1.0, g=lambda t: [1.0], x0=2.0, T=1)
+    d = bromwich.solve(**scene, steps=200).derivative()
+    found = d.quantity(W=[[1.0]], end_c=[1.0])
+    half = (1 - np.exp(-2)) / 2
+    assert abs(found.value - (4 * half + 2 * np.exp(-1))) < 1 / 200**2
+    assert abs(found.gradient.x0[0] - (4 * half + np.exp(-1))) < 1 / 200**2
+    assert abs((found.weights * d.jvp(x0=[1.0]).x).sum() - found.gradient.x0[0]) < 1e-12
+    assert abs(d.quantity(c="t").value - 2 * (1 - 2 * np.exp(-1))) < 1 / 200**2
+    with pytest.raises(bromwich.Error, match="quantity"):
+        d.quantity()
+
+
+def test_a_large_kronecker_sum() -> None:
+    scene = bromwich.scene("signorini", Q=40)
+    r = bromwich.solve(scene, steps=32, method="contour", states="none")
+    d = r.derivative()
+    change = d.jvp(g=np.ones((33, 40)))
+    gradient = d.vjp(y=np.ones((33, 40)))
+    assert change.x.size == 0 and gradient.A is None
+    assert abs(change.y.sum() - gradient.g.sum()) < 1e-10 * abs(gradient.g).sum()

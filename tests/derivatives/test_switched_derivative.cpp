@@ -271,6 +271,23 @@ Verdict verdict_of(std::uint32_t seed) {
   return v;
 }
 
+// E^{-1} B = (-1/10, 1/2): the contact force pulls the position into the floor, and after the first contact no y >= 0
+// holds it. With N E^{-1} B = 0 there is a solution.
+TEST(SwitchedDerivative, AContactForceThatPullsHasNoSolution) {
+  Scene s = ball(0.3, 0);
+  const DenseDynamics d = *s.dynamics->small_state();
+  const auto with = [&](const Matrix& E) {
+    DenseDynamics other = d;
+    other.E = E;
+    s.dynamics = other;
+    return s;
+  };
+  const Vector t = Vector::LinSpaced(5, 0, 2);
+  const std::string why = refusal([&] { SwitchedDerivative(with(Matrix{{1, 0.2}, {0, 2}}), t); });
+  EXPECT_NE(why.find("no active set was found that continues"), std::string::npos) << why;
+  EXPECT_EQ(refusal([&] { SwitchedDerivative(with(Matrix{{1, 0}, {0.2, 2}}), t); }), "");
+}
+
 TEST(SwitchedDerivative, AgreesWithDifferencesOfTheOracleOrSaysThatThereIsNone) {
   const char* given = std::getenv("BROMWICH_RANDOM_SCENES");
   const long scenes = given ? std::atol(given) : 300;

@@ -87,6 +87,9 @@ TEST(SolveNonlinear, LinearScenesAreSolvedAsTheirEngineDoes) {
     const NonlinearResult same = solved(with_zero, m, 100);
     EXPECT_LE((same.x - linear.x).cwiseAbs().maxCoeff(), 1e-12 * linear.x.cwiseAbs().maxCoeff()) << to_string(m);
     EXPECT_LE((same.y - linear.y).cwiseAbs().maxCoeff(), 1e-12 * linear.y.cwiseAbs().maxCoeff()) << to_string(m);
+    EXPECT_EQ(same.solves, 1) << "one linear solve, and phi at its time points";
+    with_zero.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v = 1e-9 * x; };  // 0 for x0 = 0 and not elsewhere
+    EXPECT_GT(solved(with_zero, m, 100).newton + solved(with_zero, m, 100).solves, 1) << to_string(m);
   }
 }
 
@@ -179,9 +182,15 @@ TEST(SolveNonlinear, LargeScenesByTheTrace) {
   const double size = b.y.cwiseAbs().maxCoeff();
   EXPECT_LE((a.y - b.y).bottomRows(60).cwiseAbs().maxCoeff(), 1e-9 * size);  // kernels to 1e-12, sums of 60 steps
   EXPECT_LE(a.residual, 1e-10);
-  NonlinearOptions march;
-  march.method = NonlinearMethod::march;
-  EXPECT_EQ(solve_nonlinear(large, *backend, march).status, Status::unsupported);
+  for (const NonlinearMethod m : {NonlinearMethod::newton, NonlinearMethod::march}) {
+    const NonlinearResult c = solved(large, m, 60);
+    EXPECT_LE((c.y - b.y).bottomRows(60).cwiseAbs().maxCoeff(), 1e-9 * size) << to_string(m);
+    EXPECT_EQ(c.marched, m == NonlinearMethod::march ? 60 : 0);
+    EXPECT_GT(c.newton, 0);
+  }
+  NonlinearOptions pointwise;
+  pointwise.method = NonlinearMethod::pointwise;
+  EXPECT_EQ(solve_nonlinear(large, *backend, pointwise).status, Status::unsupported);
 }
 
 TEST(SolveNonlinear, TakesSourcesThroughB) {

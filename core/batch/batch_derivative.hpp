@@ -1,0 +1,57 @@
+#pragma once
+// Derivatives of all results of a batch: one a scene, as core/derivatives makes them, with the scenes as leading axis.
+// A scene that is not solved, or not differentiable where it is, has a reason and spoils nothing.
+
+#include "../derivatives/switched_derivative.hpp"
+#include "batch.hpp"
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace bromwich {
+
+/// What each scene has, and where it has nothing (tables of NaN) why; otherwise the reason is empty.
+template <class Value>
+struct PerScene {
+  std::vector<Value> value;         ///< K
+  std::vector<std::string> reason;  ///< K
+};
+
+class BatchDerivative {
+ public:
+  /// The rows of the result must be the time points of a grid, not Batch::times. `located`: with located switches
+  /// (SwitchedDerivative); without it where y of the scene is continuous as the steps have it. Throws Error where the
+  /// result is not that of this batch. Sources are called by the calling thread alone.
+  BatchDerivative(const Batch&, const BatchResult&, std::optional<bool> located = {});
+
+  Index scenes() const { return Index(reason_.size()); }
+  /// K lines: empty, or why there is no derivative.
+  const std::vector<std::string>& reason() const { return reason_; }
+  /// K booleans: with located switches.
+  std::vector<bool> located() const;
+  /// Of a scene without a derivative: 0.
+  std::vector<DerivativeMargin> margin() const;
+
+  /// One change for all scenes, or K. A direction in which a scene has no derivative is a reason; a wrong number or
+  /// shape throws Error.
+  PerScene<SolutionChange> jvp(const std::vector<DataChange>&, const HostThreads& = {}) const;
+  /// Of one linear function of each scene's y, x, w and integral.
+  PerScene<DataChange> vjp(const std::vector<SolutionChange>&, const HostThreads& = {}) const;
+
+ private:
+  struct One {
+    std::shared_ptr<const SolutionDerivative> discrete;
+    std::shared_ptr<const SwitchedDerivative> switched;
+  };
+  void prepare(Index k, const Scene&, const BatchResult&, std::optional<bool> located);
+  template <class Out, class In, class Of>
+  PerScene<Out> each(const std::vector<In>&, const HostThreads&, const Out& none, const Of&) const;
+
+  Index m_, n_, rows_;
+  std::vector<One> all_;
+  std::vector<std::string> reason_;
+};
+
+}  // namespace bromwich

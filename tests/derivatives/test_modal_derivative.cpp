@@ -1,0 +1,173 @@
+// Derivatives of Kronecker sums against central differences of solves, and against those of the dense matrices.
+
+#include "core/derivatives/modal_derivative.hpp"
+
+#include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/solve/solve.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "tests/support/reference.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+
+namespace bromwich::modal_derivative_test {
+namespace {
+
+using reference::Random;
+
+// Smooth sources and no y_i = w_i = 0: heat with a unilateral condition on one face.
+Scene warmed(const char* name, double Q, double T = 1) {
+  Scene s = make_scene(name, {{"Q", Q}});
+  const Index n = s.constraints();
+  s.f = [](double t, Eigen::Ref<Vector> v) {
+    for (Index i = 0; i < v.size(); ++i) v[i] = 0.3 * std::sin(3 * t + double(i));
+  };
+  s.f_entry = SourceEntry::through_B;
+  s.g = [](double t, Eigen::Ref<Vector> v) {
+    for (Index i = 0; i < v.size(); ++i) v[i] = std::sin(5 * t + 0.7 + 0.4 * double(i));
+  };
+  s.x0 = 0.1 * Random(std::uint32_t(n)).vector(s.states());
+  s.T = T;
+  return s;
+}
+
+Result solved(const Scene& scene, Index J, Method method = Method::march) {
+  Options options;
+  options.steps = J;
+  options.method = method;
+  const Result r = solve(scene, *make_cpu_backend(1), options);
+  EXPECT_EQ(r.status, Status::solved) << r.reason;
+  return r;
+}
+
+DataChange drawn(const Scene& s, Index J, unsigned seed) {
+  Random random(seed);
+  const Index n = s.constraints();
+  DataChange c;
+  c.x0 = random.vector(s.states());
+  c.f = random.matrix(J + 1, n), c.g = random.matrix(J + 1, n), c.M = random.matrix(n, n);
+  return c;
+}
+
+TimeFunction with_rows(const TimeFunction& given, const RowMatrix& rows, double T, double by) {
+  return [=](double t, Eigen::Ref<Vector> v) {
+    given(t, v);
+    const Index J = rows.rows() - 1;
+    const double at = std::clamp(t / T, 0.0, 1.0) * double(J), below = std::min(std::floor(at), double(J - 1));
+    v += by * ((1 - at + below) * rows.row(Index(below)) + (at - below) * rows.row(Index(below) + 1)).transpose();
+  };
+}
+
+Scene changed(const Scene& s, const DataChange& c, double by) {
+  Scene other = s;
+  if (c.x0.size() > 0) other.x0 += by * c.x0;
+  if (c.f.size() > 0) other.f = with_rows(s.f, c.f, s.T, by);
+  if (c.g.size() > 0) other.g = with_rows(s.g, c.g, s.T, by);
+  if (c.M.size() > 0) other.M = Matrix(to_dense(s.M) + by * c.M);
+  return other;
+}
+
+double dot(const RowMatrix& a, const RowMatrix& b) { return a.cwiseProduct(b).sum(); }
+
+void expect_transposed(const ModalDerivative& d, const Scene& s, Index J) {
+  const DataChange c = drawn(s, J, 5);
+  Random random(6);
+  const Index n = s.constraints();
+  const SolutionChange out = d.jvp(c, true);
+  const SolutionChange of{random.matrix(J + 1, n), random.matrix(J + 1, s.states()), random.matrix(J + 1, n),
+                          random.matrix(J + 1, n)};
+  const DataChange bar = d.vjp(of);
+  const double forward = dot(of.y, out.y) + dot(of.x, out.x) + dot(of.w, out.w) + dot(of.integral, out.integral);
+  const double backward = bar.x0.dot(c.x0) + dot(bar.f, c.f) + dot(bar.g, c.g) + dot(bar.M, c.M);
+  const double size = of.y.norm() * out.y.norm() + of.x.norm() * out.x.norm() + of.w.norm() * out.w.norm() +
+                      of.integral.norm() * out.integral.norm();
+  EXPECT_LE(std::abs(forward - backward), 1e-12 * size);
+}
+
+// Two programs for one discrete solution: modes with one state at a time, and dense matrices.
+TEST(ModalDerivative, IsThatOfTheDenseMatrices) {
+  for (const char* name : {"signorini", "signorini3d"}) {
+    const Index J = 40;
+    const Scene s = warmed(name, std::string(name) == "signorini" ? 9 : 4);
+    const Scene dense = written_out(s);
+    const Matrix B = dense.dynamics->small_state()->B;
+    const Result r = solved(s, J);
+    const ModalDerivative modal(s, r);
+    const SolutionDerivative other(dense, r);
+    EXPECT_NEAR(modal.margin().margin, other.margin().margin, 1e-9);
+    ASSERT_GT(modal.margin().margin, 1e-9);
+    DataChange c = drawn(s, J, 3), written = c;
+    written.f = c.f * B.transpose();
+    const SolutionChange a = modal.jvp(c, true), b = other.jvp(written);
+    // The exponential of the dense matrices has rounding of h |A| eps, of which 40 steps add up: below 1e-11.
+    EXPECT_LE((a.y - b.y).norm(), 1e-10 * b.y.norm()) << name;
+    EXPECT_LE((a.x - b.x).norm(), 1e-10 * b.x.norm()) << name;
+    EXPECT_LE((a.w - b.w).norm(), 1e-10 * b.w.norm()) << name;
+    EXPECT_LE((a.integral - b.integral).norm(), 1e-10 * b.integral.norm()) << name;
+    Random random(4);
+    const SolutionChange of{random.matrix(J + 1, s.constraints()), {}, random.matrix(J + 1, s.constraints()), {}};
+    const DataChange u = modal.vjp(of), v = other.vjp(of);
+    EXPECT_LE((u.x0 - v.x0).norm(), 1e-10 * v.x0.norm()) << name;
+    EXPECT_LE((u.g - v.g).norm(), 1e-10 * v.g.norm()) << name;
+    EXPECT_LE((u.M - v.M).norm(), 1e-10 * v.M.norm()) << name;
+    EXPECT_LE((u.f - v.f * B).norm(), 1e-10 * (v.f * B).norm()) << name;
+    expect_transposed(modal, s, J);
+  }
+}
+
+// More states than the dense derivative takes.
+TEST(ModalDerivative, AgreesWithDifferencesOfSolves) {
+  const Index J = 48;
+  const Scene s = warmed("signorini", 63, 0.5);
+  for (const Method method : {Method::march, Method::contour}) {
+    const ModalDerivative d(s, solved(s, J, method));
+    ASSERT_GT(d.margin().margin, 1e-8);
+    const DataChange all = drawn(s, J, 9);
+    for (int member = 0; member < 4; ++member) {
+      DataChange c;
+      if (member == 0) c.x0 = all.x0;
+      if (member == 1) c.f = all.f;
+      if (member == 2) c.g = all.g;
+      if (member == 3) c.M = all.M;
+      // The sets stay within the step; the solves end at 1e-12, that over the step is left of the difference.
+      const SolutionChange out = d.jvp(c);
+      const double step = 0.2 * d.margin().margin / (1 + out.y.cwiseAbs().maxCoeff() + out.w.cwiseAbs().maxCoeff());
+      const Result up = solved(changed(s, c, step), J), down = solved(changed(s, c, -step), J);
+      const RowMatrix y = (up.y - down.y) / (2 * step);
+      EXPECT_LE((out.y - y).cwiseAbs().maxCoeff(), 1e-6 * y.cwiseAbs().maxCoeff() + 1e-13 / step)
+          << member << " " << to_string(method);
+    }
+    expect_transposed(d, s, J);
+  }
+}
+
+std::string refusal(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "";
+}
+
+TEST(ModalDerivative, Refuses) {
+  const Scene s = warmed("signorini", 5);
+  const Result r = solved(s, 16);
+  const ModalDerivative d(s, r);
+  DataChange c;
+  c.A = Matrix::Zero(25, 25);
+  EXPECT_NE(refusal([&] { d.jvp(c); }).find("part of the structure"), std::string::npos);
+  c = {};
+  c.x0 = Vector::Zero(24);
+  EXPECT_NE(refusal([&] { d.jvp(c); }).find("give 25 x 1"), std::string::npos);
+  EXPECT_NE(refusal([&] { ModalDerivative(written_out(s), r); }).find("no Kronecker sum"), std::string::npos);
+  Result other = r;
+  other.y *= 1.01;
+  EXPECT_NE(refusal([&] { ModalDerivative(s, other); }).find("do not give y"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace bromwich::modal_derivative_test
