@@ -110,6 +110,16 @@ double contraction_with(const std::vector<Coupled>& pairs, const Pair& over, con
   return worst;
 }
 
+// 0 .. count - 1 in ever smaller strides, so that the best one so far soon refuses the others.
+std::vector<Index> spread_order(Index count) {
+  std::vector<Index> order{0};
+  Index stride = 1;
+  while (2 * stride < count) stride *= 2;
+  for (; stride > 0; stride /= 2)
+    for (Index i = stride; i < count; i += 2 * stride) order.push_back(i);
+  return order;
+}
+
 SweepChoice choose_divisor(const ModeSymbols& V, double h, int before, int after, bool vary) {
   const std::vector<Coupled> pairs = euler_pairs(V, h);
   const Vector within = V(Complex(1 / h)).cwiseAbs();
@@ -119,7 +129,7 @@ SweepChoice choose_divisor(const ModeSymbols& V, double h, int before, int after
   best.shift = largest;
   best.contraction = INFINITY;
   std::size_t hardest = 0;
-  for (Index i = 0; i <= sweep_divisors; ++i) {
+  for (const Index i : spread_order(sweep_divisors + 1)) {
     const double d = largest * least_divisor * std::pow(most_divisor / least_divisor, double(i) / sweep_divisors);
     const double found = contraction_with(pairs, Pair::Identity() / d, nodes, after, best.contraction, hardest);
     if (found < best.contraction) best.shift = d, best.contraction = found;
@@ -163,7 +173,7 @@ SweepChoice choose_stage_divisors(const ModeSymbols& V, double h, int before, in
     inverse << 1 / block(0, 0), 0, -block(1, 0) / (block(0, 0) * block(1, 1)), 1 / block(1, 1);
     const auto [lowest, highest] = range_within_steps(blocks, inverse);
     const std::vector<double> nodes = relative_divisors(before, vary ? lowest : highest, highest);
-    for (Index i = 0; i <= stage_factors; ++i) {
+    for (const Index i : spread_order(stage_factors + 1)) {
       const double factor = 0.5 * std::pow(5.0, double(i) / double(stage_factors));
       const double found =
           contraction_with(pairs, inverse.cast<Complex>() / factor, nodes, after, best.contraction, hardest);

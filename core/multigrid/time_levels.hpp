@@ -46,7 +46,7 @@ struct TimeLevel {
   /// Cycles at the start where errors are estimated: what a grid below the finest leaves of its algebraic error counts
   /// as discretisation error.
   int cycles_at_start = 1;
-  double unseen = 0;        ///< smoothing factor for error components invisible to the grid `coarse`
+  double unseen = 0;  ///< smoothing factor for error components invisible to the grid `coarse`
   /// P - P_c, P_c of its coarse grid, where P in place of M differs from grid to grid (core/multigrid/dual_levels.hpp),
   /// and an array for it on that grid; null otherwise.
   std::unique_ptr<Convolution> matrix_change;
