@@ -2,13 +2,20 @@
 from evidence import machine, number, seconds
 
 
+def measured(data):
+    """The rows of the device, where there is one: they follow those of the host."""
+    rows = data["rows"]
+    first = next((k for k, row in enumerate(rows) if row.get("backend") == "cuda"), 0)
+    return rows[first:]
+
+
 def grids(data):
-    return [row for row in data["rows"] if "skipped" not in row and "equal_error" not in row and "put" not in row]
+    return [row for row in measured(data) if "skipped" not in row and "equal_error" not in row and "put" not in row]
 
 
 def at_equal_error(data):
     """{method: row}, the methods whose error of w is as wanted."""
-    return {row["method"]: row for row in data["rows"] if "equal_error" in row and row["error_w"] <= row["wanted"]}
+    return {row["method"]: row for row in measured(data) if "equal_error" in row and row["error_w"] <= row["wanted"]}
 
 
 def best_dual(rows, kind):
@@ -61,10 +68,10 @@ def dual(data):
             seconds(row["seconds"]["solve"]),
         ]
         lines.append("| " + " | ".join(cells) + " |")
-    skipped = [row for row in data["rows"] if "skipped" in row]
+    skipped = [row for row in measured(data) if "skipped" in row]
     sweeps = (
         "until the true algebraic errors of w and of y are both below a tenth of their discretisation errors"
-        if any("needed" in row for row in data["rows"])
+        if any("needed" in row for row in measured(data))
         else "until the estimate of the algebraic error is below a tenth of that of the discretisation error"
     )
     return lines + [
@@ -80,11 +87,11 @@ def dual(data):
 
 def dual_times(data):
     lines = ["| method | on | steps | error of w | whole | prepared |", "|--" * 6 + "|"]
-    for row in data["rows"]:
+    for row in measured(data):
         if "equal_error" in row:
             lines.append(
                 f"| {row['method']} | {'one core' if row['backend'] == 'cpu' else row['backend']} | {row['steps']} | {number(row['error_w'])} | "
                 f"{seconds(row['whole']['median'])} | {seconds(row['prepared']['median'])} |"
             )
-    size = next(row["Q"] for row in data["rows"] if "equal_error" in row)
+    size = next(row["Q"] for row in measured(data) if "equal_error" in row)
     return lines + ["", f"Q = {size:g}, the fewest steps, by doubling, with an error of w below 1e-04. {machine(data)}."]
