@@ -95,3 +95,27 @@ def dual_times(data):
             )
     size = next(row["Q"] for row in measured(data) if "equal_error" in row)
     return lines + ["", f"Q = {size:g}, the fewest steps, by doubling, with an error of w below 1e-04. {machine(data)}."]
+
+
+def put_words(row):
+    """The words for a put and its parameters, those of the mesh left out."""
+    given = {key: value for key, value in row["parameters"].items() if key != "points"}
+    if "dividends" in given:  # of the same share each
+        given["dividends"] = f"{given['dividends']:g} of {given.pop('dividend'):g}"
+    settings = ", ".join(f"{key} = {value if isinstance(value, str) else format(value, 'g')}" for key, value in sorted(given.items()))
+    return f"`{row['scene']}`" + (f", {settings}" if settings else "")
+
+
+def puts(data):
+    lines = ["| put | states | steps | value | reference | error | time, one core |", "|--" * 7 + "|"]
+    for row in data["rows"]:
+        if row.get("put") and row["method_asked"] == "auto":
+            known = row["reference_known_to"]
+            reference = f"{row['reference']:g}" if known > 1e-5 else f"{row['reference']:.9f}".rstrip("0")
+            reference += f" to {known:.0e}" if row["source"] != "published" else ", published"
+            value = row["status"] if row["value"] is None else f"{row['value']:.7f}"
+            lines.append(
+                f"| {put_words(row)} | {row['states']} | {row['steps']} | {value} | {reference} | {number(row['error'])} | "
+                f"{seconds(row['seconds'])} |"
+            )
+    return lines + ["", f"`put`: S = K = 100, r = 0.05, q = 0, sigma = 0.2, T = 1 where nothing else is said. {machine(data)}."]
