@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Finite elements: a bracket with a hole is pressed against a curved foundation.
 
-    python3 examples/bracket.py [--cells 8] [--steps 200] [--compliance 0] [--out FOLDER] [--convergence]
+    python3 examples/bracket.py [--cells 8] [--steps 200] [--compliance 0] [--out FOLDER] [--convergence [--json FILE]]
 
 Plane strain, P1 triangles, a viscoelastic solid (Kelvin and Voigt), inertia neglected. With the displacement u at the nodes,
 stiffness K(lambda, mu) and viscosity C = K(eta lambda_v, eta mu_v),
@@ -14,9 +14,10 @@ The left side is clamped, the traction phi(t) acts downwards on the upper side.
 
 The matrices are assembled with NumPy and SciPy here. Those of any other finite-element code are handed over in the same way.
 --out writes bracket.vtkhdf, the mesh with displacement, pressure and gap over time for ParaView, and bracket.png.
---convergence solves on finer grids and meshes and prints errors and orders.
+--convergence solves on finer grids and meshes and prints errors and orders, --json writes the errors.
 """
 import argparse
+import json
 import math
 import pathlib
 
@@ -216,40 +217,56 @@ def orders(sizes, errors):
     return [math.log(a / b) / math.log(q / p) for p, q, a, b in zip(sizes, sizes[1:], errors, errors[1:])]
 
 
+def contact(values, about):
+    """The length in contact, at each time."""
+    return (values > 0) @ about["lengths"]
+
+
 def time_errors(cells, steps, finest, compliance=0.0):
-    """Mean error in time of the pressure, relative to its mean, for grids that divide the finest."""
-    fine, _ = solve(cells, finest, compliance)
-    errors = []
+    """For grids that divide the finest: the mean error in time of the pressure, relative to its mean, and that of the contact
+    set, by the time that each node is in contact, relative too."""
+    fine, about = solve(cells, finest, compliance)
+    touching = (fine.y[1:] > 0).mean(axis=0)
+    of_pressure, of_set = [], []
     for J in steps:
         y = solve(cells, J, compliance)[0].y[1:]
         exact = fine.y[:: finest // J][1:]
-        errors.append(np.abs(y - exact).sum() / np.abs(exact).sum())
-    return errors
+        of_pressure.append(np.abs(y - exact).sum() / np.abs(exact).sum())
+        missed = np.abs((y > 0).mean(axis=0) - touching)
+        of_set.append(missed @ about["lengths"] / (touching @ about["lengths"]))
+    return of_pressure, of_set
 
 
 def mesh_errors(cells, finest, steps, compliance=0.0):
-    """Largest error of the contact force over time, and the mean error of the gap, relative, against a fine mesh."""
+    """Against a fine mesh, relative: the largest error over time of the contact force, the mean errors of the gap and of the
+    length in contact."""
     fine, about = solve(finest, steps, compliance)
     exact, x = force(fine, about), about["points"][about["below"], 0]
-    of_force, of_gap = [], []
+    length = contact(fine.y, about)
+    of_force, of_gap, of_length = [], [], []
     for Q in cells:
         result, coarse = solve(Q, steps, compliance)
         of_force.append(np.abs(force(result, coarse) - exact).max() / exact.max())
         same = [int(np.argmin(np.abs(x - at))) for at in coarse["points"][coarse["below"], 0]]
         of_gap.append(np.abs(result.w - fine.w[:, same]).mean() / np.abs(fine.w).mean())
-    return of_force, of_gap
+        of_length.append(np.abs(contact(result.y, coarse) - length).mean() / length.mean())
+    return of_force, of_gap, of_length
 
 
-def print_convergence():
+def print_convergence(file):
     numbers = lambda values: "  ".join(f"{v:.2e}" for v in values)
+    rows = []
     for compliance in (0.0, 1e-2):
         steps, cells = [25, 50, 100, 200], [4, 8, 16]
-        errors = time_errors(8, steps, 1600, compliance)
         print(f"compliance {compliance:g}")
-        print(f"  steps {steps}: pressure {numbers(errors)}, orders {numbers(orders(steps, errors))}")
-        of_force, of_gap = mesh_errors(cells, 32, 200, compliance)
-        print(f"  cells {cells}: force {numbers(of_force)}, orders {numbers(orders(cells, of_force))}")
-        print(f"  cells {cells}: gap {numbers(of_gap)}, orders {numbers(orders(cells, of_gap))}")
+        in_time = zip(("pressure", "contact set"), time_errors(8, steps, 1600, compliance))
+        in_mesh = zip(("force", "gap", "length in contact"), mesh_errors(cells, 32, 200, compliance))
+        for sizes, of, found in ((steps, "steps", in_time), (cells, "cells", in_mesh)):
+            for name, errors in found:
+                print(f"  {of} {sizes}: {name} {numbers(errors)}, orders {numbers(orders(sizes, errors))}")
+                rows.append(dict(compliance=compliance, of=of, sizes=sizes, name=name, errors=errors, orders=orders(sizes, errors)))
+    if file:
+        file.write_text(json.dumps(dict(bench="bracket", version=bromwich.__version__, rows=rows), indent=1) + "\n")
 
 
 def main():
@@ -259,9 +276,10 @@ def main():
     parser.add_argument("--compliance", type=float, default=0.0)
     parser.add_argument("--out", type=pathlib.Path)
     parser.add_argument("--convergence", action="store_true")
+    parser.add_argument("--json", type=pathlib.Path, metavar="FILE")
     given = parser.parse_args()
     if given.convergence:
-        return print_convergence()
+        return print_convergence(given.json)
     result, about = solve(given.cells, given.steps, given.compliance, states="all" if given.out else "none")
     total = force(result, about)
     print(f"{2 * len(about['points'])} unknowns, {result.y.shape[1]} contacts, {given.steps} steps: {result.status}")

@@ -26,6 +26,9 @@ namespace {
 
 constexpr int threads = 128;
 constexpr Index piece = 512;  ///< steps per launch if progress or interruption is wanted
+/// Of a march whose steps keep their tableaus, as those of a coarsest grid that is marched again and again.
+constexpr Index most_kept_steps = 16;
+constexpr std::size_t most_kept_bytes = std::size_t(1) << 29;
 
 // Allowed residual of a row from rounding and from drift of the updated transform, relative to its largest term: the
 // bound of is_solution() for n = 1000.
@@ -147,6 +150,7 @@ class ModalMarch final : public March {
         kernel_(kernel),
         n_(r.modes()),
         rows_(rows),
+        kept_steps_(may_keep() ? rows - 1 : 0),
         sine_(make_sine_transform(device, n_, rows)),
         known_(device, rows, n_),
         input_(device, rows, n_),
@@ -241,17 +245,24 @@ class ModalMarch final : public March {
   }
 
   void reserve_state(Index exponentials) {
-    start_transform_ = Memory<double>(device_, kernel_.transform_size());
+    const Index kept = std::max<Index>(kept_steps_, 1);
+    start_transform_ = Memory<double>(device_, std::size_t(kept) * kernel_.transform_size());
     if (at_once || !kernel_.resident()) transform_ = Memory<double>(device_, kernel_.transform_size());
     z_ = Memory<double>(device_, std::size_t(exponentials * n_));
     next_known_ = Memory<double>(device_, std::size_t(n_));
     exchanged_ = Memory<double>(device_, std::size_t(4 * n_ * n_));
-    active_ = Memory<unsigned char>(device_, std::size_t(2 * n_));
-    updates_ = Memory<int>(device_, 2);
+    active_ = Memory<unsigned char>(device_, std::size_t((kept + 1) * n_));
+    updates_ = Memory<int>(device_, std::size_t(kept + 1));
     mail_ = Memory<unsigned long long>(device_, std::size_t(2 * n_));
     active_.clear();
     updates_.clear();
-    kernel_.form(tables(), start_transform_.data());
+    for (Index j = 0; j < kept; ++j)
+      kernel_.form(tables(), start_transform_.data() + std::size_t(j) * kernel_.transform_size());
+  }
+
+  bool may_keep() const {
+    return rows_ > 1 && rows_ - 1 <= most_kept_steps && !at_once &&
+           sizeof(double) * kernel_.transform_size() * std::size_t(rows_ - 1) <= most_kept_bytes;
   }
 
   StepTables tables() const {
@@ -292,9 +303,19 @@ class ModalMarch final : public March {
   // Launches steps j .. last-1.
   void launch(Array& y, Index j, Index last, StepOutcome* out) {
     const First first{start_.data(), initial_.size() > 0 ? initial_.data() : nullptr, s1_.data()};
-    const StepState state{
-        start_transform_.data(), transform_.data(), active_.data(),     active_.data() + n_, updates_.data(),
-        updates_.data() + 1,     z_.data(),         next_known_.data(), mail_.data(),        exchanged_.data()};
+    const Index kept = std::max<Index>(kept_steps_, 1);
+    const StepState state{start_transform_.data(),
+                          transform_.data(),
+                          active_.data(),
+                          active_.data() + kept * n_,
+                          updates_.data(),
+                          updates_.data() + kept,
+                          z_.data(),
+                          next_known_.data(),
+                          mail_.data(),
+                          exchanged_.data(),
+                          int(kept_steps_),
+                          long(kernel_.transform_size())};
     if (j == 1)
       begin<<<unsigned(n_), threads, 0, device_.stream()>>>(tables(), first, arrays(y), z_.data(), next_known_.data());
     check(cudaGetLastError(), "starting the march");
@@ -338,6 +359,7 @@ class ModalMarch final : public March {
   const ModalRecurrence* recurrence_ = nullptr;
   StepKernel kernel_;
   Index n_, rows_;
+  Index kept_steps_;  ///< all of a short march, whose steps keep their tableaus from run to run; 0: of none
   std::unique_ptr<SineTransform> sine_;
   DeviceArray known_;                   ///< free_j, then free_j + w0 u_j
   DeviceArray input_, exact_input_;     ///< u used by the steps, and S y

@@ -148,6 +148,25 @@ struct Marcher {
     if (thread == 0) *s.start_updates = g.updates;
   }
 
+  // Starts step j from the set that it had in the last run; false if there was none, and the step before goes on.
+  __device__ bool take_kept(int j) {
+    if (j > 1 && s.start_updates[j - 1] == 0) return false;
+    __syncthreads();  // the step before has been accepted by all threads
+    g.copy(g.P, g.kept(s.start_transform + (j - 1) * s.transform_size));
+    for (int c = thread; c < n; c += threads) g.shared.active[c] = s.start_active[(j - 1) * n + c];
+    g.updates = s.start_updates[j - 1];
+    __syncthreads();
+    return true;
+  }
+
+  // All blocks have read the old values, since they have sent messages since.
+  __device__ void keep(int j) const {
+    g.copy(g.kept(s.start_transform + (j - 1) * s.transform_size), g.P);
+    if (blockIdx.x > 0) return;
+    for (int c = thread; c < n; c += threads) s.start_active[(j - 1) * n + c] = g.shared.active[c];
+    if (thread == 0) s.start_updates[j - 1] = g.updates;
+  }
+
   __device__ void resume() {
     if (resident) g.copy(g.P, g.kept(s.transform));
     for (int c = thread; c < n; c += threads) g.shared.active[c] = s.active[c];
@@ -274,15 +293,19 @@ struct Marcher {
     StepOutcome out{0, span.first, 0, 0};
     const int cap = 12 + min(n, 40);
     int sweeps = 0, count = 0;
-    if (span.begins)
+    const bool keeps = s.kept_steps > 0;
+    if (span.begins && !keeps)
       count = start();
-    else
+    else if (!keeps)
       resume();
-    bool starting = true;
+    bool starting = true, fresh = keeps, pivoted = false;  // since the tableau was kept
     for (int j = span.first; j < span.last;) {
+      if (fresh) pivoted = !take_kept(j);
+      fresh = false;
       if (count > 0) {
         if (!g.exchange_or_form(count, !starting)) break;
         if (starting) keep_start();
+        pivoted = true;
       }
       starting = false;
       ++out.sweeps, ++sweeps, ++g.number;
@@ -291,9 +314,11 @@ struct Marcher {
       bool broken = false;
       if (!receive_all(broken)) {
         commit(j);
+        if (keeps && pivoted) keep(j);
         advance_inputs(++j);
         out.reached = j;
         sweeps = count = 0;
+        fresh = keeps;
         continue;
       }
       if (broken || sweeps > cap + 10 * n) break;

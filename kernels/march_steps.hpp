@@ -15,13 +15,17 @@ struct StepTables {
 
 /// State kept between steps, launches and runs.
 struct StepState {
-  double* start_transform;  ///< G for the start set of the last run
+  double* start_transform;  ///< G for the start set of the last run; with `kept_steps`, of each step, one after another
   double* transform;        ///< G between launches; used throughout if it does not fit into shared memory
   unsigned char *start_active, *active;
   int *start_updates, *updates;  ///< pivots since each was formed from A
   double *z, *known;             ///< K x n and n, for the next step
   unsigned long long* mail;      ///< 2 x n messages, cleared before each launch
   double* rows;                  ///< 2 x n x 2n: rows of G for the next pivots
+  /// 0, or all steps of a short march: each begins with the active set that it had in the last run, not with that of
+  /// the step before, from which it differs by more.
+  int kept_steps;
+  long transform_size;  ///< values from one kept G to the next
 };
 
 /// Arrays with `rows` rows, `step` values apart.

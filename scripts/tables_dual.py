@@ -2,13 +2,20 @@
 from evidence import machine, number, seconds
 
 
+def measured(data):
+    """The rows of the device, where there is one: they follow those of the host."""
+    rows = data["rows"]
+    first = next((k for k, row in enumerate(rows) if row.get("backend") == "cuda"), 0)
+    return rows[first:]
+
+
 def grids(data):
-    return [row for row in data["rows"] if "skipped" not in row and "equal_error" not in row and "put" not in row]
+    return [row for row in measured(data) if "skipped" not in row and "equal_error" not in row and "put" not in row]
 
 
 def at_equal_error(data):
     """{method: row}, the methods whose error of w is as wanted."""
-    return {row["method"]: row for row in data["rows"] if "equal_error" in row and row["error_w"] <= row["wanted"]}
+    return {row["method"]: row for row in measured(data) if "equal_error" in row and row["error_w"] <= row["wanted"]}
 
 
 def best_dual(rows, kind):
@@ -61,10 +68,10 @@ def dual(data):
             seconds(row["seconds"]["solve"]),
         ]
         lines.append("| " + " | ".join(cells) + " |")
-    skipped = [row for row in data["rows"] if "skipped" in row]
+    skipped = [row for row in measured(data) if "skipped" in row]
     sweeps = (
         "until the true algebraic errors of w and of y are both below a tenth of their discretisation errors"
-        if any("needed" in row for row in data["rows"])
+        if any("needed" in row for row in measured(data))
         else "until the estimate of the algebraic error is below a tenth of that of the discretisation error"
     )
     return lines + [
@@ -80,11 +87,35 @@ def dual(data):
 
 def dual_times(data):
     lines = ["| method | on | steps | error of w | whole | prepared |", "|--" * 6 + "|"]
-    for row in data["rows"]:
+    for row in measured(data):
         if "equal_error" in row:
             lines.append(
                 f"| {row['method']} | {'one core' if row['backend'] == 'cpu' else row['backend']} | {row['steps']} | {number(row['error_w'])} | "
                 f"{seconds(row['whole']['median'])} | {seconds(row['prepared']['median'])} |"
             )
-    size = next(row["Q"] for row in data["rows"] if "equal_error" in row)
+    size = next(row["Q"] for row in measured(data) if "equal_error" in row)
     return lines + ["", f"Q = {size:g}, the fewest steps, by doubling, with an error of w below 1e-04. {machine(data)}."]
+
+
+def put_words(row):
+    """The words for a put and its parameters, those of the mesh left out."""
+    given = {key: value for key, value in row["parameters"].items() if key != "points"}
+    if "dividends" in given:  # of the same share each
+        given["dividends"] = f"{given['dividends']:g} of {given.pop('dividend'):g}"
+    settings = ", ".join(f"{key} = {value if isinstance(value, str) else format(value, 'g')}" for key, value in sorted(given.items()))
+    return f"`{row['scene']}`" + (f", {settings}" if settings else "")
+
+
+def puts(data):
+    lines = ["| put | states | steps | value | reference | error | time, one core |", "|--" * 7 + "|"]
+    for row in data["rows"]:
+        if row.get("put") and row["method_asked"] == "auto":
+            known = row["reference_known_to"]
+            reference = f"{row['reference']:g}" if known > 1e-5 else f"{row['reference']:.9f}".rstrip("0")
+            reference += f" to {known:.0e}" if row["source"] != "published" else ", published"
+            value = row["status"] if row["value"] is None else f"{row['value']:.7f}"
+            lines.append(
+                f"| {put_words(row)} | {row['states']} | {row['steps']} | {value} | {reference} | {number(row['error'])} | "
+                f"{seconds(row['seconds'])} |"
+            )
+    return lines + ["", f"`put`: S = K = 100, r = 0.05, q = 0, sigma = 0.2, T = 1 where nothing else is said. {machine(data)}."]

@@ -585,3 +585,13 @@ def gpu(data):
         f"in this run; a sweep is two sine transforms, a scan and the batch of problems with its report. Beside it {data['threads']} threads of "
         f"{machine(data)}, median of up to {data['repeats']} repeats.{gpu_quotes(data)}",
     ]
+
+
+def bracket(data):
+    """Errors of examples/bracket.py --convergence, a line for each of its quantities."""
+    lines = ["| compliance | error of | sizes | errors | orders |", "|--" * 5 + "|"]
+    for row in data["rows"]:
+        sizes, errors = (", ".join(texts) for texts in (map(str, row["sizes"]), map(number, row["errors"])))
+        orders = ", ".join(f"{order:.1f}" for order in row["orders"])
+        lines.append(f"| {row['compliance']:g} | {row['name']} | {row['of']} {sizes} | {errors} | {orders} |")
+    return lines

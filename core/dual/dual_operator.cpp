@@ -1,6 +1,7 @@
 #include "core/dual/dual_operator.hpp"
 
 #include "core/kernel/recurrence.hpp"
+#include "core/lcp/entries.hpp"
 
 #include <utility>
 
@@ -77,6 +78,11 @@ RowMatrix times_rows(const LcpMatrix& P, const RowMatrix& rows) {
 void dual_response(Backend& backend, const LcpMatrix& P, SpaceTimeKernel& kernel, const Array& r, Array& work,
                    Array& s) {
   kernel.apply(r, work, 0);
+  if (is_zero(P)) {
+    backend.add(work, -2, work, s);  // -work
+    backend.upload(RowMatrix::Zero(1, s.cols()), s);
+    return;
+  }
   RowMatrix known, far;
   backend.download(r, known);
   backend.download(work, far);

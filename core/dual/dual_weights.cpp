@@ -16,6 +16,7 @@ namespace {
 
 constexpr Index sampled_modes = 24;          ///< of the sample for the smoothing factor
 constexpr Index circle_points = 96;          ///< on half of |zeta| = 1, for the number of zeros inside
+constexpr Index modes_together = 16;         ///< for one thread
 constexpr double negligible_direct = 1e-10;  ///< relative: a coefficient that vanishes
 
 // ---- Kronecker sums ----
@@ -48,19 +49,27 @@ class ModalInverse {
   // Zeros of the symbol in |zeta| < 1 by the argument principle: twice the change of the argument over the upper half.
   std::string zeros() const {
     const std::vector<Complex> boundary = rule_boundary(stages_, p_.h, p_.J, circle_points);
-    for (Index l = 0; l < M_.size(); ++l) {
-      if (!(symbol(l, 1 / p_.h).real() > 0)) return "M + W_0 of implicit Euler is not positive in all modes";
-      double turned = 0;
-      Complex before = symbol(l, 0);
-      for (const Complex& z : boundary) {
-        const Complex now = symbol(l, z);
-        if (!(std::abs(now) > 0)) return "M + N (zI - A)^{-1} B is singular";
-        turned += std::arg(now / before);
-        before = now;
-      }
-      if (std::abs(turned) > 1 || !(symbol(l, 0).real() >= 0))
-        return text("V grows: M + N (zI - A)^{-1} B has zeros in the right half-plane (mode %ld)", long(l + 1));
+    std::vector<std::string> why(std::size_t(M_.size()));
+    p_.backend.each_range(M_.size(), modes_together, [&](Index first, Index last) {
+      for (Index l = first; l < last; ++l) why[std::size_t(l)] = zeros_of(l, boundary);
+    });
+    for (std::string& of_mode : why)
+      if (!of_mode.empty()) return std::move(of_mode);
+    return "";
+  }
+
+  std::string zeros_of(Index l, const std::vector<Complex>& boundary) const {
+    if (!(symbol(l, 1 / p_.h).real() > 0)) return "M + W_0 of implicit Euler is not positive in all modes";
+    double turned = 0;
+    Complex before = symbol(l, 0);
+    for (const Complex& z : boundary) {
+      const Complex now = symbol(l, z);
+      if (!(std::abs(now) > 0)) return "M + N (zI - A)^{-1} B is singular";
+      turned += std::arg(now / before);
+      before = now;
     }
+    if (std::abs(turned) > 1 || !(symbol(l, 0).real() >= 0))
+      return text("V grows: M + N (zI - A)^{-1} B has zeros in the right half-plane (mode %ld)", long(l + 1));
     return "";
   }
 

@@ -45,19 +45,6 @@ RowMatrix values_of(const DiscreteProblem& p, const TimeFunction& function, cons
   return stages == 1 ? at_ends.table() : stage_values(p, function, at_ends);
 }
 
-// Rows (stage 1 | stage 2) of steps as rows of stages: (J+1) x 2n to (2J+1) x n.
-RowMatrix interleaved(const RowMatrix& steps, Index stages) {
-  if (stages == 1) return steps;
-  const Index J = steps.rows() - 1, n = steps.cols() / 2;
-  RowMatrix rows(2 * J + 1, n);
-  rows.row(0) = steps.row(0).tail(n);
-  for (Index j = 1; j <= J; ++j) {
-    rows.row(2 * j - 1) = steps.row(j).head(n);
-    rows.row(2 * j) = steps.row(j).tail(n);
-  }
-  return rows;
-}
-
 Vector of_step(const RowMatrix& rows, Index j, Index stages) {
   if (stages == 1) return rows.row(j).transpose();
   Vector both(2 * rows.cols());
@@ -133,11 +120,21 @@ struct StateSteps {
 
 bool at_rest(const DiscreteProblem& p) { return p.scene.x0.isZero(0) && p.f.size() == 0; }
 
-// g alone, with N x0 + g(0) in row 0.
-RowMatrix only_g(const DiscreteProblem& p, Index stages) {
-  RowMatrix r = interleaved(values_of(p, p.scene.g, p.g, stages), stages);
-  r.row(0) = p.start.transpose();
-  return r;
+// A source at the stages, 2J + 1 rows.
+SampledSource at_stages(const DiscreteProblem& p, const TimeFunction& function, Index width) {
+  Vector t(2 * p.J + 1);
+  t[0] = p.t[0];
+  for (Index j = 1; j <= p.J; ++j) {
+    t[2 * j - 1] = p.t[j - 1] + p.h / 3;
+    t[2 * j] = p.t[j];
+  }
+  return sample(function, t, width);
+}
+
+// r <- g alone, with N x0 + g(0) in row 0.
+void upload_g(const DiscreteProblem& p, Index stages, Array& r) {
+  upload(p.backend, stages == 1 ? p.g : at_stages(p, p.scene.g, p.scene.constraints()), r);
+  p.backend.upload(p.start.transpose(), r);
 }
 
 class SteppedResponse final : public DualResponse {
@@ -145,7 +142,7 @@ class SteppedResponse final : public DualResponse {
   SteppedResponse(const DiscreteProblem& p, Index stages) : p_(p), stages_(stages) {}
 
   void respond(const Changes&, Array& r) override {
-    if (at_rest(p_)) return p_.backend.upload(only_g(p_, stages_), r);
+    if (at_rest(p_)) return upload_g(p_, stages_, r);
     RowMatrix values = StateSteps(p_, stages_, true).run(nullptr);
     values.row(0) = p_.start.transpose();
     p_.backend.upload(values, r);
@@ -177,10 +174,10 @@ class ModalStageResponse final : public DualResponse {
       values.row(0) = p_.start.transpose();
       return p_.backend.upload(values, r);
     }
-    p_.backend.upload(only_g(p_, 2), r);
+    upload_g(p_, 2, r);
     if (!p_.drive()) return;
     const auto input = p_.backend.array(r.rows(), r.cols()), v = p_.backend.array(r.rows(), r.cols());
-    p_.backend.upload(interleaved(stage_values(p_, p_.scene.f, p_.f), 2), *input);
+    upload(p_.backend, at_stages(p_, p_.scene.f, p_.f.cols()), *input);
     apply(*input, *v);
     p_.backend.add(r, 1, *v, r);
   }

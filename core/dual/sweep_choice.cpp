@@ -85,18 +85,39 @@ std::vector<double> relative_divisors(int before, double lowest, double highest)
 }
 
 // `over` is d^{-1}.
+double contraction_of(const Coupled& c, const Pair& over, const std::vector<double>& before, int after) {
+  const Pair step = over * c.V, S = Pair::Identity() - step;
+  Pair E = c.correction;
+  for (const double node : before) E = (E * (Pair::Identity() - step / node)).eval();
+  for (int i = 0; i < after; ++i) E = (S * E).eval();
+  return factor_of_two_cycles(E);
+}
+
+// The largest of all pairs; infinite from `enough` on. `hardest` is looked at first, and becomes the one that refuses:
+// most divisors are refused by one pair.
 double contraction_with(const std::vector<Coupled>& pairs, const Pair& over, const std::vector<double>& before,
-                        int after, double enough) {
+                        int after, double enough, std::size_t& hardest) {
   double worst = 0;
-  for (const Coupled& c : pairs) {
-    const Pair step = over * c.V, S = Pair::Identity() - step;
-    Pair E = c.correction;
-    for (const double node : before) E = (E * (Pair::Identity() - step / node)).eval();
-    for (int i = 0; i < after; ++i) E = (S * E).eval();
-    worst = std::max(worst, factor_of_two_cycles(E));
-    if (!(worst < enough)) return INFINITY;
+  for (std::size_t i = 0; i <= pairs.size(); ++i) {
+    const std::size_t at = i == 0 ? hardest : i - 1;
+    const double found = contraction_of(pairs[at], over, before, after);
+    if (!(found < enough)) {
+      hardest = at;
+      return INFINITY;
+    }
+    worst = std::max(worst, found);
   }
   return worst;
+}
+
+// 0 .. count - 1 in ever smaller strides, so that the best one so far soon refuses the others.
+std::vector<Index> spread_order(Index count) {
+  std::vector<Index> order{0};
+  Index stride = 1;
+  while (2 * stride < count) stride *= 2;
+  for (; stride > 0; stride /= 2)
+    for (Index i = stride; i < count; i += 2 * stride) order.push_back(i);
+  return order;
 }
 
 SweepChoice choose_divisor(const ModeSymbols& V, double h, int before, int after, bool vary) {
@@ -107,9 +128,10 @@ SweepChoice choose_divisor(const ModeSymbols& V, double h, int before, int after
   SweepChoice best;
   best.shift = largest;
   best.contraction = INFINITY;
-  for (Index i = 0; i <= sweep_divisors; ++i) {
+  std::size_t hardest = 0;
+  for (const Index i : spread_order(sweep_divisors + 1)) {
     const double d = largest * least_divisor * std::pow(most_divisor / least_divisor, double(i) / sweep_divisors);
-    const double found = contraction_with(pairs, Pair::Identity() / d, nodes, after, best.contraction);
+    const double found = contraction_with(pairs, Pair::Identity() / d, nodes, after, best.contraction, hardest);
     if (found < best.contraction) best.shift = d, best.contraction = found;
   }
   for (const double node : nodes) best.shifts.push_back(best.shift * node);
@@ -144,15 +166,17 @@ SweepChoice choose_stage_divisors(const ModeSymbols& V, double h, int before, in
   best.contraction = INFINITY;
   Eigen::Matrix2d chosen = *high;
   std::vector<double> chosen_nodes(std::size_t(before), 1);
+  std::size_t hardest = 0;
   for (Index part = 0; part <= 4; ++part) {
     const Eigen::Matrix2d block = (1 - 0.25 * double(part)) * *low + 0.25 * double(part) * *high;
     Eigen::Matrix2d inverse;
     inverse << 1 / block(0, 0), 0, -block(1, 0) / (block(0, 0) * block(1, 1)), 1 / block(1, 1);
     const auto [lowest, highest] = range_within_steps(blocks, inverse);
     const std::vector<double> nodes = relative_divisors(before, vary ? lowest : highest, highest);
-    for (Index i = 0; i <= stage_factors; ++i) {
+    for (const Index i : spread_order(stage_factors + 1)) {
       const double factor = 0.5 * std::pow(5.0, double(i) / double(stage_factors));
-      const double found = contraction_with(pairs, inverse.cast<Complex>() / factor, nodes, after, best.contraction);
+      const double found =
+          contraction_with(pairs, inverse.cast<Complex>() / factor, nodes, after, best.contraction, hardest);
       if (!(found < best.contraction)) continue;
       best.contraction = found;
       chosen = factor * block;

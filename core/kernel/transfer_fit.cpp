@@ -118,7 +118,7 @@ std::vector<Index> picked_rates(Matrix columns, const Matrix& fixed, Index count
   return order;
 }
 
-double largest_error(const Matrix& columns, const Matrix& c, const Matrix& values) {
+double largest_error(const Eigen::Ref<const Matrix>& columns, const Matrix& c, const Matrix& values) {
   const Matrix error = columns * c - values;
   const Index rows = error.rows() / 2;
   return (error.topRows(rows).array().square() + error.bottomRows(rows).array().square()).sqrt().maxCoeff();
@@ -136,28 +136,36 @@ PoleSum fit_poles(const TransferFunctions& f, Index functions, const FitRegion& 
   PoleSum best{{}, {}, Vector::Zero(functions), Vector::Zero(functions), INFINITY};
   if (!fitted.values.allFinite() || !checked.values.allFinite()) return best;
   const double unit = 1 / region.h + region.fastest_shift;
+  const Index extra = grows ? 2 : 0;
   Matrix all = pole_basis(fitted.points, fitted.size, rates, grows, unit);
   const Vector norms = all.colwise().norm().transpose();
   all = (all * norms.cwiseInverse().asDiagonal()).eval();
-  const Index extra = grows ? 2 : 0;
   const std::vector<Index> order = picked_rates(all.leftCols(candidates), all.rightCols(extra), most_rates);
-  for (Index K = std::min<Index>(8, Index(order.size())); K <= Index(order.size()); K += 2) {
-    std::vector<Index> which(order.begin(), order.begin() + K);
-    const Vector picked = rates(which);
-    for (Index k = 0; k < extra; ++k) which.push_back(candidates + k);
-    const Matrix columns = all(Eigen::all, which);
-    const Vector size = norms(which);
-    const Matrix scaled = Eigen::HouseholderQR<Matrix>(columns).solve(fitted.values);
-    const Matrix c = size.cwiseInverse().asDiagonal() * scaled;
-    const double error =
-        std::max(largest_error(pole_basis(checked.points, checked.size, picked, grows, unit), c, checked.values),
-                 largest_error(columns, scaled, fitted.values));
+  // 1 and z first, then the poles in their order: the leading part of one triangle serves every number of poles.
+  const Index most = Index(order.size());
+  const Vector picked = rates(order);
+  Matrix columns(all.rows(), extra + most);
+  columns << all.rightCols(extra), all(Eigen::all, order);
+  const Matrix at_checks = pole_basis(checked.points, checked.size, picked, grows, unit);
+  Matrix check_columns(at_checks.rows(), extra + most);
+  check_columns << at_checks.rightCols(extra), at_checks.leftCols(most);
+  Vector size(extra + most);
+  size << norms.tail(extra), norms(order);
+  const Eigen::HouseholderQR<Matrix> qr(columns);
+  const Matrix projected = orthogonal_columns(qr.householderQ(), extra + most).transpose() * fitted.values;
+  for (Index K = std::min<Index>(8, most); K <= most; K += 2) {
+    const Index used = extra + K;
+    const Matrix scaled =
+        qr.matrixQR().topLeftCorner(used, used).triangularView<Eigen::Upper>().solve(Matrix(projected.topRows(used)));
+    const Matrix c = size.head(used).cwiseInverse().asDiagonal() * scaled;
+    const double error = std::max(largest_error(check_columns.leftCols(used), c, checked.values),
+                                  largest_error(columns.leftCols(used), scaled, fitted.values));
     if (error < 0.7 * best.error) {
-      best.rates = picked;
-      best.coefficients = (unit + picked.array().abs()).matrix().asDiagonal() * c.topRows(K);
+      best.rates = picked.head(K);
+      best.coefficients = (unit + best.rates.array().abs()).matrix().asDiagonal() * c.bottomRows(K);
       if (grows) {
-        best.constant = c.row(K).transpose();
-        best.linear = c.row(K + 1).transpose() / unit;
+        best.constant = c.row(0).transpose();
+        best.linear = c.row(1).transpose() / unit;
       }
       best.error = error;
     }

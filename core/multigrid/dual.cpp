@@ -3,6 +3,7 @@
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/dual/local_march.hpp"
+#include "core/lcp/entries.hpp"
 #include "core/march/outcome.hpp"
 #include "core/multigrid/dual_levels.hpp"
 #include "core/multigrid/multigrid.hpp"
@@ -83,7 +84,7 @@ class DualRun {
     std::size_t sum = host_bytes(p_) + op_.bytes_of_tables() + 3 * r_->bytes();
     for (const auto& level : dual_->levels.grids) sum += level->bytes();
     for (const auto& grid : dual_->grids) sum += grid.response ? grid.response->bytes() : 0;
-    for (const RowMatrix& s : dual_->s) sum += sizeof(double) * std::size_t(s.size());
+    for (const auto& s : dual_->s) sum += s ? s->bytes() : 0;
     return sum;
   }
 
@@ -97,10 +98,15 @@ class DualRun {
   RowMatrix y_of(std::size_t l, const Array& w) {
     TimeLevel& level = dual_->levels[l];
     level.kernel->apply(w, *level.v, 0);
-    RowMatrix values, far;
-    p_.backend.download(w, values);
-    p_.backend.download(*level.v, far);
-    RowMatrix y = (times_rows(dual_->P[l], values) + far + dual_->s[l]).cwiseMax(0);
+    p_.backend.add(*level.v, 1, dual_->s[l] ? *dual_->s[l] : *level.r, *level.v);
+    RowMatrix y;
+    p_.backend.download(*level.v, y);
+    if (!is_zero(dual_->P[l])) {
+      RowMatrix values;
+      p_.backend.download(w, values);
+      y += times_rows(dual_->P[l], values);
+    }
+    y = y.cwiseMax(0);
     if (dual_->row_scale.size() > 0) y = (y * dual_->row_scale.asDiagonal()).eval();
     return y;
   }
@@ -127,11 +133,10 @@ class DualRun {
       result.y.bottomRows(p_.J).setConstant(NAN);
       return;
     }
-    RowMatrix acting = y;
-    acting.row(0).setZero();  // the rules do not use it
-    p_.backend.upload(acting, *y_);
-    dual_->finest->apply(*y_, *v_);
     p_.backend.upload(y, *y_);
+    p_.backend.upload(RowMatrix::Zero(1, y.cols()), *y_);  // the rules do not use row 0
+    dual_->finest->apply(*y_, *v_);
+    p_.backend.upload(y.topRows(1), *y_);
     judge(start, options, result);
     if (stages_ == 2) record_steps(y, result);
     result.well_posed = true;  // V_0 is the inverse of a P-matrix
@@ -151,7 +156,10 @@ class DualRun {
       p_.backend.inject(*v_, *v);
       result.trace = trace(p_, *r, *v);
     }
-    result.residual = p_.backend.lcp(p_.scene.M, p_.lcp_class, r_->rows())->residual(*r_, *v_, *y_);
+    // The residual does not depend on the class, and devices have plans for P.
+    const bool banded = std::holds_alternative<Tridiagonal>(p_.scene.M);
+    if (!residual_) residual_ = p_.backend.lcp(p_.scene.M, banded ? LcpClass::P : p_.lcp_class, r_->rows());
+    result.residual = residual_->residual(*r_, *v_, *y_);
   }
 
   // What marching in stages records: integrals of y by the weights 3/4 and 1/4, and the state.
@@ -183,6 +191,7 @@ class DualRun {
   Index stages_;
   Multigrid multigrid_;
   std::unique_ptr<Array> r_, y_, v_;
+  std::unique_ptr<LcpBatch> residual_;  ///< made when first needed
   RowMatrix coarse_y_[2];
   bool at_rest_, used_ = false;
 };

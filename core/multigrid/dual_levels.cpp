@@ -155,7 +155,7 @@ void take_dual_sources(TimeOperator& finest, const Changes& changes, DualLevels&
     }
     grid.response->respond(changes, *level.v);
     dual_response(backend, all.P[l], *level.kernel, *level.v, *level.old, *level.r);
-    backend.download(*level.r, all.s[l]);
+    if (all.s[l]) backend.inject(*level.r, *all.s[l]);
   }
 }
 
@@ -185,7 +185,10 @@ void relate_grids(const DiscreteProblem& p, const std::vector<GridPlan>& plan, D
     levels[l].starts = plan[l].has_sources;
     if (const std::size_t c = levels[l].coarse; c < levels.size())
       set_matrix_change(p.backend, all.P[l], all.P[c], levels[c].steps + 1, levels[l]);
-    if (l == 1 || l == 2) levels[l].nested = p.backend.array(levels[l].steps + 1, n);
+    if (l == 1 || l == 2) {
+      levels[l].nested = p.backend.array(levels[l].steps + 1, n);
+      levels[l].cycles_at_start = 2;
+    }
     if (staged && levels[l].nested) levels[l].ends = p.backend.array(levels[l].steps + 1, n);
     if (l >= related) levels.description += (l > related ? ", " : "") + std::to_string(levels[l].steps);
   }
@@ -214,6 +217,8 @@ std::unique_ptr<DualLevels> dual_levels(TimeOperator& op, Index stages, const Op
     }
   TimeLevels& levels = all->levels;
   all->s.resize(levels.size());
+  for (std::size_t l = 1; l < levels.size(); ++l)
+    if (all->grids[l].response) all->s[l] = p.backend.array(levels[l].r->rows(), levels[l].r->cols());
   all->finest = all->grids[0].response.get();
   levels.finest = {levels[0].kernel, levels.description, levels.kernel_error, levels[0].weights};
   levels.description = (stages == 2 ? "cycles in w at the stages of Radau IIA; " : "cycles in w by implicit Euler; ") +
@@ -227,7 +232,7 @@ std::unique_ptr<DualLevels> dual_levels(TimeOperator& op, Index stages, const Op
   };
   levels.respond = [&backend = p.backend, all = all.get()] {
     for (std::size_t l = 1; l < all->levels.size(); ++l)
-      if (all->s[l].size() > 0) backend.upload(all->s[l], *all->levels[l].r);
+      if (all->s[l]) backend.inject(*all->s[l], *all->levels[l].r);
   };
   levels.take_sources({});
   return all;

@@ -18,14 +18,14 @@
 namespace bromwich {
 
 struct DualLevels {
-  TimeLevels levels;               ///< empty if refused
-  std::string refusal;             ///< why
-  std::vector<LcpMatrix> P;        ///< of the grids; never moved
-  std::vector<RowMatrix> s;        ///< of the grids, on the host
-  DualResponse* finest = nullptr;  ///< K of the finest grid
-  Vector row_scale;                ///< of V and s on all grids (core/dual/dual_weights.hpp); empty: none
-  Index stages = 1;                ///< of the finest grid
-  double contraction = 0;          ///< forecast of a cycle: the largest of all grids
+  TimeLevels levels;                      ///< empty if refused
+  std::string refusal;                    ///< why
+  std::vector<LcpMatrix> P;               ///< of the grids; never moved
+  std::vector<std::unique_ptr<Array>> s;  ///< of the grids below the finest with sources; cycles overwrite their r
+  DualResponse* finest = nullptr;         ///< K of the finest grid
+  Vector row_scale;                       ///< of V and s on all grids (core/dual/dual_weights.hpp); empty: none
+  Index stages = 1;                       ///< of the finest grid
+  double contraction = 0;                 ///< forecast of a cycle: the largest of all grids
 
   /// What the grids refer to, in the order in which it is made.
   struct Grid {

@@ -109,7 +109,7 @@ void Multigrid::nest_on(std::size_t l) {
   } else if (l >= grids_of_estimate && !coarsest && level.sweeps > 0 && level.unseen > slowly_smoothed) {
     sweep(level, {.count = level.sweeps + 1, .before = true});
   } else {
-    cycle(l);
+    for (int i = 0; i < (useful_ ? level.cycles_at_start : 1); ++i) cycle(l);
   }
 }
 

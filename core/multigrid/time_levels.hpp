@@ -43,7 +43,10 @@ struct TimeLevel {
   bool lazy = false;        ///< v of its grid is interpolated after the coarse problem, see Multigrid
   bool staged = false;      ///< two stages in each step, the coarse grid has the same steps
   bool starts = true;       ///< takes part in the nested start
-  double unseen = 0;        ///< smoothing factor for error components invisible to the grid `coarse`
+  /// Cycles at the start where errors are estimated: what a grid below the finest leaves of its algebraic error counts
+  /// as discretisation error.
+  int cycles_at_start = 1;
+  double unseen = 0;  ///< smoothing factor for error components invisible to the grid `coarse`
   /// P - P_c, P_c of its coarse grid, where P in place of M differs from grid to grid (core/multigrid/dual_levels.hpp),
   /// and an array for it on that grid; null otherwise.
   std::unique_ptr<Convolution> matrix_change;

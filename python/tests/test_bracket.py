@@ -81,13 +81,17 @@ def test_the_force_is_that_of_implicit_euler(compliance):
 
 
 def test_meshes_converge():
-    of_force, of_gap = bracket.mesh_errors([4, 8], 16, 50)
+    of_force, of_gap, of_length = bracket.mesh_errors([4, 8], 16, 50)
     assert of_force[1] < of_force[0] / 2 and of_gap[1] < of_gap[0] / 2
+    assert of_length[1] < of_length[0]
 
 
 def test_steps_converge():
-    errors = bracket.time_errors(4, [20, 40, 80], 640, 1e-2)
+    errors, of_set = bracket.time_errors(4, [20, 40, 80], 640, 1e-2)
     assert errors[1] < errors[0] / 1.4 and errors[2] < errors[1] / 1.4
+    # A node begins and ends contact within a step of each grid: of two of them, one time in 80 and one in 640 of T, over the
+    # part of T that a node in contact has.
+    assert of_set[2] < of_set[0]
 
 
 def test_the_file_has_the_mesh(tmp_path):
