@@ -1,18 +1,18 @@
 // The orthonormal sine transform of rows that are indexed by two directions, a Q2 x Q3 grid at each time, one direction
-// after the other. Where both have 2^k - 1 points: fast transforms of lines, or of neighbouring columns, that a block
-// has in shared memory (half_transform.cuh), so that a pass reads and writes each value once. Otherwise products with
-// the sine matrices, batched over times: no transposes, since a grid of either layout is a matrix to cuBLAS.
+// after the other. Where both have 2^k - 1 points: kernels of the row transform (transform_rows.cuh), for the slow
+// direction with eight or more columns of a grid in shared memory, so that rows are read and written in whole sectors.
+// Otherwise products with the sine matrices, batched over times: no transposes, since a grid of either layout is a
+// matrix to cuBLAS.
 
 #include "kernels/blas.hpp"
+#include "kernels/face_halves.hpp"
 #include "kernels/face_product.hpp"
 #include "kernels/face_transform.hpp"
-#include "kernels/half_transform.cuh"
 #include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
+#include "kernels/transform_rows.cuh"
 
 #include "core/numerics/sine_basis.hpp"
-
-#include <cuda_pipeline_primitives.h>
 
 #include <algorithm>
 #include <cmath>
@@ -24,7 +24,8 @@ namespace bromwich::cuda {
 
 namespace {
 
-constexpr int block_threads = 128;
+constexpr int held = 8;            ///< complex values per thread
+constexpr int rows_threads = 128;  ///< per block, along rows
 constexpr const char* what = "the sine transform of a face";
 
 /// e^{-i pi m/N}, m < 2N.
@@ -44,56 +45,68 @@ struct FaceShape {
   int lines, points, times, stride;
 };
 
+// Along the fast direction: N - 1 = points, one row of threads for each line.
 template <int N>
-inline constexpr int rows_of_block = block_threads / HalfTransform<N>::threads;
-
-// N - 1 = points of a line, or lines. Block: lines, or columns, of all grids one after the other. `in` may be `out`.
-template <int N, bool of_columns>
-__global__ void __launch_bounds__(block_threads, 4)
-    along(const double* in, const double* add, const double* factor, double* out, FaceShape s, HalfTables tables) {
-  extern __shared__ double shared[];
-  using Row = HalfTransform<N>;
-  constexpr int n = N - 1, together = of_columns ? rows_of_block<N> : Row::in_warp;
-  const int me = int(threadIdx.x), warp = me / 32, lane = me % 32;
-  const int across = of_columns ? s.points : s.lines, step = of_columns ? s.points : 1;
-  const long all = long(across) * s.times, begin = long(blockIdx.x) * rows_of_block<N>;
-  // Calls each(entry in shared memory, index in the grid, offset in the array) for the values that a thread moves.
-  const auto each_value = [&](const auto& each) {
-    if constexpr (of_columns) {
-      const int c = me % together;
-      const long row = begin + c;
-      if (row >= all) return;
-      const int column = int(row % across);
-      const long from = row / across * s.stride + column;
-      double* const to = Row::of(shared, c);
-      for (int i = me / together; i < n; i += block_threads / together)
-        each(to[Row::place(i + 1)], long(i) * step + column, from + long(i) * step);
-    } else {
-      for (int c = warp * together; c < (warp + 1) * together && begin + c < all; ++c) {
-        const int line = int((begin + c) % across);
-        const long from = (begin + c) / across * s.stride + long(line) * s.points;
-        double* const to = Row::of(shared, c);
-#pragma unroll
-        for (int i = lane; i < n; i += 32) each(to[Row::place(i + 1)], long(line) * s.points + i, from + i);
-      }
-    }
-  };
-  const auto meet = [] {
-    if constexpr (of_columns)
-      __syncthreads();
-    else
-      __syncwarp();
-  };
+__global__ void __launch_bounds__(N / held > rows_threads ? N / held : rows_threads)
+    along_lines(const double* in, double* out, FaceShape s, const double2* __restrict__ roots, double scale) {
+  extern __shared__ double2 memory[];
+  const long line = long(blockIdx.x) * int(blockDim.y) + int(threadIdx.y);
+  const bool there = line < long(s.lines) * s.times;
+  const long at = line / s.lines * s.stride + line % s.lines * s.points;
+  using Row = TransformRow<N, held>;
+  const Row part{memory + int(threadIdx.y) * Row::size, roots, int(threadIdx.x)};
+  double2 twiddles[Row::passes - 1];
   let_next_begin();
+  part.template take_up<1>(twiddles);
   await_previous();
-  each_value([=](double& x, long, long at) { __pipeline_memcpy_async(&x, in + at, sizeof(double)); });
-  __pipeline_commit();
-  __pipeline_wait_prior(0);
-  meet();
-  Row{Row::of(shared, warp * Row::in_warp + lane % Row::in_warp), lane / Row::in_warp}(tables);
-  meet();
-  each_value(
-      [=](double& x, long of_grid, long at) { out[at] = (add ? add[at] : 0) + (factor ? factor[of_grid] * x : x); });
+  part(
+      twiddles, scale, [=](int i) { return there ? in[at + i] : 0; },
+      [=](int i, double x) {
+        if (there) out[at + i] = x;
+      });
+}
+
+/// Columns that a block takes together.
+template <int N>
+inline constexpr int columns = N >= 128 ? 8 : 16;
+
+template <int N>
+inline constexpr std::size_t column_bytes = sizeof(double2) * std::size_t(columns<N>) * (N + N / 8) +
+                                            sizeof(double) * std::size_t(N - 1) * (columns<N> + 1);
+
+// Along the slow direction: N - 1 = lines. Block (columns of a grid, time). `in` may be `out`.
+template <int N>
+__global__ void __launch_bounds__(N / held * columns<N>)
+    along_columns(const double* in, const double* add, const double* factor, double* out, FaceShape s,
+                  const double2* __restrict__ roots, double scale) {
+  extern __shared__ double2 memory[];
+  using Row = TransformRow<N, held>;
+  constexpr int W = columns<N>, n = N - 1;
+  double* const tile = reinterpret_cast<double*>(memory + W * Row::size);
+  const int groups = (s.points + W - 1) / W, group = int(blockIdx.x) % groups, time = int(blockIdx.x) / groups;
+  const int me = int(threadIdx.y) * int(blockDim.x) + int(threadIdx.x), all = int(blockDim.x * blockDim.y);
+  const int width = min(W, s.points - group * W), column = int(threadIdx.y);
+  const long at = long(time) * s.stride + group * W;
+  const Row part{memory + column * Row::size, roots, int(threadIdx.x)};
+  double2 twiddles[Row::passes - 1];
+  let_next_begin();
+  part.template take_up<1>(twiddles);
+  await_previous();
+  for (int a = me; a < n * W; a += all) {
+    const int i = a / W, c = a % W;
+    tile[i * (W + 1) + c] = c < width ? in[at + long(i) * s.points + c] : 0;
+  }
+  __syncthreads();
+  part(
+      twiddles, scale, [=](int i) { return tile[i * (W + 1) + column]; },
+      [=](int i, double x) { tile[i * (W + 1) + column] = x; });
+  __syncthreads();
+  for (int a = me; a < n * W; a += all) {
+    const int i = a / W, c = a % W;
+    const long to = at + long(i) * s.points + c;
+    const double scaled = factor && c < width ? factor[group * W + long(i) * s.points + c] : 1;
+    if (c < width) out[to] = (add ? add[to] : 0) + scaled * tile[i * (W + 1) + c];
+  }
 }
 
 constexpr Index least_length = 16, largest_length = 512;
@@ -103,52 +116,45 @@ bool is_fast(Index n) {
   return N >= least_length && N <= largest_length && (N & n) == 0;
 }
 
-using AlongKernel = void (*)(const double*, const double*, const double*, double*, FaceShape, HalfTables);
-
-/// The transforms of one direction.
-struct Direction {
-  Memory<double2> roots;
-  Memory<double> sines;
-  HalfTables tables{};
-  AlongKernel kernel = nullptr;
-  Index rows = 1;
-  std::size_t bytes = 0;
-
-  template <bool of_columns, int N = int(least_length)>
-  void choose(const Device& device, Index length) {
-    if constexpr (N < largest_length)
-      if (length > N) return choose<of_columns, 2 * N>(device, length);
-    kernel = along<N, of_columns>;
-    rows = rows_of_block<N>;
-    bytes = sizeof(double) * std::size_t(HalfTransform<N>::size(int(rows)));
-    check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(bytes)),
-          "reserving shared memory");
-    roots = roots_of(device, N);
-    const double scale = std::sqrt(2.0 / N);
-    std::vector<double> all(N, 0.0);
-    for (int j = 0; j < N; ++j) all[std::size_t(j)] = 0.5 * scale * std::sin(std::numbers::pi * j / N);
-    sines = Memory<double>(device, all.size());
-    sines.put(all.data());
-    tables = {roots.data(), sines.data(), 0.25 * scale};
-  }
-
-  void run(const Device& device, const double* in, const double* add, const double* factor, double* out,
-           const FaceShape& s, Index of_grid) const {
-    follow(device, kernel, {unsigned((of_grid * s.times + rows - 1) / rows), unsigned(block_threads), bytes}, what, in,
-           add, factor, out, s, tables);
-  }
-};
+double scale_of(Index N) { return -0.25 * std::sqrt(2.0 / double(N)); }
 
 }  // namespace
 
 struct FaceKernels::Tables {
-  Direction lines, columns;
+  std::optional<FaceHalves> halves;
+  Memory<double2> of_lines, of_points;
+  void (*rows)(const double*, double*, FaceShape, const double2*, double) = nullptr;
+  void (*columns)(const double*, const double*, const double*, double*, FaceShape, const double2*, double) = nullptr;
+  Index width = 1;
+  std::size_t column_bytes = 0;
+
+  template <int N>
+  void choose(Index lines, Index points) {
+    if (points + 1 == N) {
+      rows = along_lines<N>;
+      const Index together = std::max<Index>(rows_threads / (N / held), 1);
+      reserve((const void*)rows, sizeof(double2) * std::size_t(together * (N + N / 8)));
+    }
+    if (lines + 1 == N) {
+      columns = along_columns<N>;
+      width = cuda::columns<N>;
+      column_bytes = cuda::column_bytes<N>;
+      reserve((const void*)columns, column_bytes);
+    }
+    if constexpr (N < largest_length) choose<2 * N>(lines, points);
+  }
+  static void reserve(const void* kernel, std::size_t bytes) {
+    check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(bytes)),
+          "reserving shared memory");
+  }
 };
 
 FaceKernels::FaceKernels(const Device& device, const std::vector<Index>& extents)
     : device_(device), lines_(extents[0]), points_(extents[1]), tables_(std::make_unique<Tables>()) {
-  tables_->lines.choose<false>(device, points_ + 1);
-  tables_->columns.choose<true>(device, lines_ + 1);
+  tables_->of_lines = roots_of(device, lines_ + 1);
+  tables_->of_points = roots_of(device, points_ + 1);
+  tables_->choose<int(least_length)>(lines_, points_);
+  if (FaceHalves::take(extents)) tables_->halves.emplace(device, extents);
 }
 
 FaceKernels::~FaceKernels() = default;
@@ -159,14 +165,23 @@ bool FaceKernels::take(const std::vector<Index>& extents) {
 
 void FaceKernels::apply(const double* in, const double* add, const double* factor, double* between, double* out,
                         Index rows) const {
+  if (tables_->halves && tables_->halves->suits(rows))
+    return tables_->halves->apply(in, add, factor, between, out, rows);
   const FaceShape s{int(lines_), int(points_), int(rows), int(stride(lines_ * points_))};
-  tables_->lines.run(device_, in, nullptr, nullptr, between, s, lines_);
-  tables_->columns.run(device_, between, add, factor, out, s, points_);
+  const Index N = points_ + 1, threads = N / held, together = std::max<Index>(rows_threads / threads, 1);
+  follow(device_, tables_->rows,
+         {unsigned((rows * lines_ + together - 1) / together), dim3(unsigned(threads), unsigned(together)),
+          sizeof(double2) * std::size_t(together * (N + N / 8))},
+         what, in, between, s, tables_->of_points.data(), scale_of(N));
+  const Index width = tables_->width;
+  follow(device_, tables_->columns,
+         {unsigned(rows * ((points_ + width - 1) / width)), dim3(unsigned((lines_ + 1) / held), unsigned(width)),
+          tables_->column_bytes},
+         what, between, add, factor, out, s, tables_->of_lines.data(), scale_of(lines_ + 1));
 }
 
 std::size_t FaceKernels::bytes() const {
-  return tables_->lines.roots.bytes() + tables_->lines.sines.bytes() + tables_->columns.roots.bytes() +
-         tables_->columns.sines.bytes();
+  return tables_->of_lines.bytes() + tables_->of_points.bytes() + (tables_->halves ? tables_->halves->bytes() : 0);
 }
 
 namespace {

@@ -1,5 +1,5 @@
 #pragma once
-// The orthonormal sine transform of rows of n = N - 1 values, N a power of two, by a complex transform of half the
+// The orthonormal sine transform of rows of n = N - 1 values, N = 128, 256 or 512, by a complex transform of half the
 // length. With x_0 = x_N = 0, W = e^{-2 pi i/N}, H = N/2 and * the complex conjugate (Press et al., Numerical Recipes,
 // "Fast sine and cosine transforms"):
 //
@@ -46,7 +46,8 @@ __device__ inline void butterfly_16(double2 (&z)[held], int first, int step) {
 
 template <int N>
 struct HalfTransform {
-  static constexpr int H = N / 2, held = H < 16 ? H : 16, threads = H / held;
+  static constexpr int H = N / 2, held = 16, threads = H / held;
+  static_assert(threads > 1 && threads <= held);
   static constexpr int in_warp = 32 / threads;     ///< rows
   static constexpr int apart = H + H / 16;         ///< of even and odd entries
   static constexpr int pitch = 2 * apart + 4;      ///< of the rows of a warp
@@ -66,7 +67,7 @@ struct HalfTransform {
   __device__ static void mix(double2 (&z)[held], int first, int step) {
     if constexpr (R == 16)
       butterfly_16(z, first, step);
-    else if constexpr (R > 1)
+    else
       butterfly<R>(z, first, step);
   }
   template <int R>
@@ -96,25 +97,23 @@ struct HalfTransform {
 #pragma unroll
     for (int r = 0; r < held; ++r) put(t * held + r, z[result<held>(r)]);
     __syncwarp();
-    if constexpr (threads > 1) {
-      constexpr int together = held / threads;
+    constexpr int together = held / threads;
 #pragma unroll
-      for (int b = 0; b < together; ++b) {
-        const int j = t + b * threads;
-        const double2 w = __ldg(tables.roots + 4 * j);
-        double2 power = w;
-        z[b] = get(j);
+    for (int b = 0; b < together; ++b) {
+      const int j = t + b * threads;
+      const double2 w = __ldg(tables.roots + 4 * j);
+      double2 power = w;
+      z[b] = get(j);
 #pragma unroll
-        for (int r = 1; r < threads; ++r) {
-          z[b + r * together] = power * get(j + r * held);
-          if (r + 1 < threads) power = power * w;
-        }
-        mix<threads>(z, b, together);
-#pragma unroll
-        for (int r = 0; r < threads; ++r) put(j + r * held, z[b + result<threads>(r) * together]);
+      for (int r = 1; r < threads; ++r) {
+        z[b + r * together] = power * get(j + r * held);
+        if (r + 1 < threads) power = power * w;
       }
-      __syncwarp();
+      mix<threads>(z, b, together);
+#pragma unroll
+      for (int r = 0; r < threads; ++r) put(j + r * held, z[b + result<threads>(r) * together]);
     }
+    __syncwarp();
   }
 
   // S with even indices, and Re Y_k in the places of S_{2k+1}.
@@ -142,19 +141,16 @@ struct HalfTransform {
   }
 
   __device__ void add_up() const {
-    double sums[held], before = 0;
+    double sums[held];
 #pragma unroll
     for (int r = 0; r < held; ++r) sums[r] = (r > 0 ? sums[r > 0 ? r - 1 : 0] : 0) + row[at(t * held + r) + apart];
-    if constexpr (threads > 1) {
-      double all = sums[held - 1];
+    double all = sums[held - 1];
 #pragma unroll
-      for (int far = 1; far < threads; far *= 2) {
-        const double other = __shfl_up_sync(~0u, all, far * in_warp);
-        if (t >= far) all += other;
-      }
-      before = __shfl_up_sync(~0u, all, in_warp);
-      if (t == 0) before = 0;
+    for (int far = 1; far < threads; far *= 2) {
+      const double other = __shfl_up_sync(~0u, all, far * in_warp);
+      if (t >= far) all += other;
     }
+    const double others = __shfl_up_sync(~0u, all, in_warp), before = t > 0 ? others : 0;
 #pragma unroll
     for (int r = 0; r < held; ++r) row[at(t * held + r) + apart] = before + sums[r];
     __syncwarp();

@@ -165,7 +165,7 @@ TEST_P(Faces, TransformEqualsTheDenseMatrix) {
 // Many faces of 127 x 127 points, which a device takes in another way, and large ones; each differs. Sums of N terms in
 // both directions.
 TEST_P(Faces, TransformManyFaces) {
-  for (const auto& [Q, many] : {std::pair<Index, Index>{127, 301}, {255, 2}, {511, 2}}) {
+  for (const auto& [Q, many] : {std::pair<Index, Index>{127, 301}, {255, 40}, {255, 3}, {511, 12}}) {
     const Index rows = GetParam().name == "cuda" ? many : 2;
     const Matrix S = sine_matrix(Q);
     const RowMatrix values = Random(5).matrix(rows, Q * Q);
