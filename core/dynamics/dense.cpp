@@ -2,8 +2,8 @@
 
 #include "core/dynamics/dense.hpp"
 
-#include "core/dynamics/hessenberg_resolvent.hpp"
 #include "core/dynamics/matrix_system.hpp"
+#include "core/dynamics/small_resolvent.hpp"
 #include "core/dynamics/spectrum.hpp"
 #include "core/numerics/equilibration.hpp"
 
@@ -67,7 +67,7 @@ class DenseSystem final : public MatrixSystem<DenseDynamics> {
   ComplexMatrix solve_at(const ComplexVector& nodes, const HostThreads& threads) const override {
     const Index n = d.N.rows(), k = d.B.cols();
     const bool small = d.A.rows() <= most_together;
-    if (small && d.E.rows() == 0) return hessenberg_resolvent(d.A, d.B, d.N, nodes);
+    if (small && d.E.rows() == 0) return small_resolvent(d.A, d.B, d.N, nodes);
     ComplexMatrix R(nodes.size(), n * k);
     const Index together = small ? nodes.size() : 1;
     const ComplexMatrix N = d.N.cast<Complex>(), B = d.B.cast<Complex>();

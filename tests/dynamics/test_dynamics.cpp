@@ -4,9 +4,9 @@
 
 #include "core/base/error.hpp"
 #include "core/dynamics/dense.hpp"
-#include "core/dynamics/hessenberg_resolvent.hpp"
 #include "core/dynamics/kronecker.hpp"
 #include "core/dynamics/linear_system.hpp"
+#include "core/dynamics/small_resolvent.hpp"
 #include "core/dynamics/sparse.hpp"
 #include "core/dynamics/sparse_solves.hpp"
 #include "core/dynamics/spectrum.hpp"
@@ -268,7 +268,7 @@ Eigen::RowVectorXcd resolvent_by_lu(const Matrix& A, const Matrix& B, const Matr
   return X.transpose().reshaped().transpose();
 }
 
-TEST(HessenbergResolvent, EqualsFullPivoting) {
+TEST(SmallResolvent, EqualsFullPivoting) {
   for (const Index m : {1, 2, 3, 5, 16})
     for (const auto& [n, k, count] : {std::tuple<Index, Index, Index>{1, 1, 1}, {3, 2, 8}, {2, 3, 11}}) {
       reference::Random random{std::uint32_t(100 * m + count)};
@@ -276,7 +276,7 @@ TEST(HessenbergResolvent, EqualsFullPivoting) {
       const double size = A.norm();
       ComplexVector nodes(count);
       for (Index p = 0; p < count; ++p) nodes[p] = std::polar(2 * size, 0.3 + 0.5 * double(p));
-      const ComplexMatrix R = hessenberg_resolvent(A, B, N, nodes);
+      const ComplexMatrix R = small_resolvent(A, B, N, nodes);
       // |(zI - A)^{-1}| <= 1/|A|, its condition <= 3; m^2 roundings in each of three products and the elimination.
       const double allowed = 12 * double(m * m + 4) * epsilon * N.norm() * B.norm() / size;
       for (Index p = 0; p < count; ++p)
@@ -285,12 +285,12 @@ TEST(HessenbergResolvent, EqualsFullPivoting) {
 }
 
 // Every diagonal entry is zero: rows have to be exchanged. One node is an eigenvalue.
-TEST(HessenbergResolvent, ExchangesRows) {
+TEST(SmallResolvent, ExchangesRows) {
   Matrix A = Matrix::Zero(4, 4);
   A(0, 1) = A(1, 2) = A(2, 3) = A(3, 0) = 1;
   const Matrix I = Matrix::Identity(4, 4);
   const ComplexVector nodes{{0, Complex(0, 1e-9), 1}};
-  const ComplexMatrix R = hessenberg_resolvent(A, I, I, nodes);
+  const ComplexMatrix R = small_resolvent(A, I, I, nodes);
   // (zI - A)^{-1} = -A^3 (1 - z A^3)^{-1}: to first order in z, -A^3 - z A^6.
   const Matrix A3 = A * A * A, A6 = A3 * A3;
   for (Index i = 0; i < 4; ++i)
@@ -298,7 +298,7 @@ TEST(HessenbergResolvent, ExchangesRows) {
       EXPECT_LE(std::abs(R(0, 4 * i + j) + A3(i, j)), 8 * epsilon);
       EXPECT_LE(std::abs(R(1, 4 * i + j) + A3(i, j) + nodes[1] * A6(i, j)), 8 * epsilon + 1e-18);
     }
-  EXPECT_FALSE(R.row(2).allFinite() && R.row(2).cwiseAbs().maxCoeff() < 1e14);
+  EXPECT_FALSE(R.row(2).allFinite());
 }
 
 }  // namespace
