@@ -25,8 +25,9 @@ struct Number {
 Number product(const Number& a, const Number& b) { return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re}; }
 
 Number reciprocal(const Number& a) {
-  const Lane size = a.re.square() + a.im.square();
-  return {a.re / size, -a.im / size};
+  const Lane scale = a.re.abs() + a.im.abs();  // squares stay in range
+  const Lane re = a.re / scale, im = a.im / scale, size = scale * (re.square() + im.square());
+  return {re / size, -im / size};
 }
 
 void subtract_product(const Number& a, const Number& b, Number& from) {
