@@ -32,7 +32,7 @@ __device__ inline void read_tile(const double* column, int step, int j, int rows
 
 /// What a warp of a walk does: exponentials 16 part ... of a group of modes.
 struct WalkSlot {
-  int group = 0, part = 0, parts = 1, count = 0;  ///< count: of its exponentials; 0: nothing
+  int group = -1, part = 0, parts = 1, count = 0;  ///< group < 0: nothing; count: of its exponentials
 };
 
 /// All chunks one after the other, where there are many modes.

@@ -49,7 +49,7 @@ __global__ void __launch_bounds__(lanes* warps, blocks_together)
   let_next_begin();
   const int warp = int(threadIdx.y);
   const WalkSlot slot = slots[int(blockIdx.x) * warps + warp];
-  if (slot.count == 0) return;
+  if (slot.group < 0) return;
   const int l = slot.group * lanes + int(threadIdx.x), first = warp - slot.part;
   const long table = long(slot.part) * of_warp * m.stride + l;
   const OfWarp own(shared, warp);
