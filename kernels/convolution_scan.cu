@@ -5,8 +5,12 @@
 //
 // Each warp processes 32 neighbouring modes and one chunk, a tile of rows of y in registers at a time. In the first
 // pass the exponentials are also divided among warps, `group` each. Three multiply-adds per value and exponential.
+//
+// Where there are enough modes to fill a device, a warp walks through all chunks instead (convolution_walk.cu): y is
+// read once.
 
 #include "core/kernel/shells.hpp"
+#include "kernels/convolution_scan.cuh"
 #include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
 
@@ -14,12 +18,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace bromwich::cuda {
 
 namespace {
 
-constexpr int lanes = 32, group = 8, tile = 16;
+using namespace scan;
+
 constexpr int most_groups = 8;                  ///< per launch; more exponentials are processed in slabs
 constexpr int slab_size = most_groups * group;  ///< exponentials
 constexpr int together = 4;                     ///< exponentials processed together in the third pass
@@ -32,27 +38,6 @@ constexpr Index most_chunks = segments * of_segment;
 constexpr unsigned few_carried = 8;  ///< chunks up to which one thread carries all
 constexpr Index starters = 128;      ///< threads per block that sets `initial`
 constexpr const char* starting = "starting the scan";
-
-/// K x n tables with the mode index contiguous; K is a multiple of `group`, n of `lanes`.
-struct Tables {
-  const double *decay, *power, *output, *start, *initial, *w0, *w1, *s1;
-  int exponentials, modes, stride;  ///< stride = padded n
-  const int* counts;                ///< exponentials of each group of `lanes` modes, multiples of `group`; null: all
-  __device__ int count() const { return counts ? __ldg(counts + blockIdx.x) : exponentials; }
-  int step;  ///< of y and v, between rows
-};
-
-struct Span {
-  int from, chunks, length, rows;  ///< chunks from .. chunks-1 of `length` rows each, beginning at row 1
-  __device__ int begin(int c) const { return 1 + c * length; }
-  __device__ int end(int c) const { return min(rows, 1 + (c + 1) * length); }
-};
-
-/// Rows j .. j + tile - 1 of one mode; rows past the end repeat the last row.
-__device__ void read_tile(const double* column, int step, int j, int rows, double (&u)[tile]) {
-#pragma unroll
-  for (int i = 0; i < tile; ++i) u[i] = column[long(min(j + i, rows - 1)) * step];
-}
 
 // The state that each chunk adds to zero, into added[c]. Every chunk that has a successor is full.
 __global__ void __launch_bounds__(lanes* most_groups) accumulate(Tables m, Span span, const double* y, double* added) {
@@ -262,8 +247,10 @@ class ModalScan final : public Convolution {
         tables_(on_device(device, tables(r))),
         counts_(device, counts.size()),
         states_(device, std::size_t(chunks_ * K_ * stride_)),
-        added_(device, std::size_t(chunks_ * K_ * stride_)) {
+        added_(device, Walk::suits(device, n_, K_) ? 0 : std::size_t(chunks_ * K_ * stride_)) {
     if (!counts.empty()) counts_.put(counts.data());
+    if (Walk::suits(device, n_, K_))
+      walk_.emplace(device, counts.empty() ? std::vector<int>(std::size_t(stride_ / lanes), int(K_)) : counts);
     reserve<1>();
     reserve<warps_together>();
     if (n_ == total_) start_from = [this](const Array& D) { take_start(D); };
@@ -290,6 +277,7 @@ class ModalScan final : public Convolution {
                    counts_.size() > 0 ? counts_.data() : nullptr,
                    int(stride(total_))};
     const Span span{int(from), int(chunks_), int(length_), int(rows_)};
+    if (walk_) return walk_->run(m, span, values(y), states_.data(), values(v));
     const unsigned across = unsigned(stride_ / lanes), along = unsigned(chunks_ - from);
     const unsigned groups = unsigned(std::min<Index>(K_ / group, most_groups)),
                    slabs = unsigned(rounded_up(K_, slab_size) / slab_size);
@@ -317,7 +305,9 @@ class ModalScan final : public Convolution {
     device_.note_work();
   }
 
-  std::size_t bytes() const override { return tables_.bytes() + states_.bytes() + added_.bytes(); }
+  std::size_t bytes() const override {
+    return tables_.bytes() + states_.bytes() + added_.bytes() + (walk_ ? walk_->bytes() : 0);
+  }
 
  private:
   template <int share>
@@ -368,6 +358,7 @@ class ModalScan final : public Convolution {
   Index length_, chunks_, rows_;
   Memory<double> tables_, states_, added_;
   Memory<int> counts_;
+  std::optional<Walk> walk_;  ///< many modes: a warp takes all chunks
 };
 
 }  // namespace

@@ -5,6 +5,7 @@
 // matrix to cuBLAS.
 
 #include "kernels/blas.hpp"
+#include "kernels/face_halves.hpp"
 #include "kernels/face_product.hpp"
 #include "kernels/face_transform.hpp"
 #include "kernels/launch.cuh"
@@ -120,6 +121,7 @@ double scale_of(Index N) { return -0.25 * std::sqrt(2.0 / double(N)); }
 }  // namespace
 
 struct FaceKernels::Tables {
+  std::optional<FaceHalves> halves;
   Memory<double2> of_lines, of_points;
   void (*rows)(const double*, double*, FaceShape, const double2*, double) = nullptr;
   void (*columns)(const double*, const double*, const double*, double*, FaceShape, const double2*, double) = nullptr;
@@ -152,6 +154,7 @@ FaceKernels::FaceKernels(const Device& device, const std::vector<Index>& extents
   tables_->of_lines = roots_of(device, lines_ + 1);
   tables_->of_points = roots_of(device, points_ + 1);
   tables_->choose<int(least_length)>(lines_, points_);
+  if (FaceHalves::take(extents)) tables_->halves.emplace(device, extents);
 }
 
 FaceKernels::~FaceKernels() = default;
@@ -162,6 +165,8 @@ bool FaceKernels::take(const std::vector<Index>& extents) {
 
 void FaceKernels::apply(const double* in, const double* add, const double* factor, double* between, double* out,
                         Index rows) const {
+  if (tables_->halves && tables_->halves->suits(rows))
+    return tables_->halves->apply(in, add, factor, between, out, rows);
   const FaceShape s{int(lines_), int(points_), int(rows), int(stride(lines_ * points_))};
   const Index N = points_ + 1, threads = N / held, together = std::max<Index>(rows_threads / threads, 1);
   follow(device_, tables_->rows,
@@ -175,7 +180,9 @@ void FaceKernels::apply(const double* in, const double* add, const double* facto
          what, between, add, factor, out, s, tables_->of_lines.data(), scale_of(lines_ + 1));
 }
 
-std::size_t FaceKernels::bytes() const { return tables_->of_lines.bytes() + tables_->of_points.bytes(); }
+std::size_t FaceKernels::bytes() const {
+  return tables_->of_lines.bytes() + tables_->of_points.bytes() + (tables_->halves ? tables_->halves->bytes() : 0);
+}
 
 namespace {
 

@@ -248,6 +248,23 @@ def signorini3d(data):
     ]
 
 
+def kernels(data):
+    most = 8  # kernels of a size
+    lines = ["| Q | kernel | launches | time | share | TB/s | TB/s on the finest grid |", "|--" * 7 + "|"]
+    sizes = sorted({(row["Q"], row["steps"]) for row in data["rows"]})
+    for size in sizes:
+        rows = [row for row in data["rows"] if (row["Q"], row["steps"]) == size]
+        whole = sum(row["seconds"] for row in rows)
+        for row in rows[:most]:
+            lines.append(
+                f"| {row['Q']} | `{row['kernel']}` | {row['launches']} | {seconds(row['seconds'])} | {100 * row['seconds'] / whole:.0f} % | "
+                f"{row['bytes_per_second'] / 1e12:.2f} | {row['largest_bytes_per_second'] / 1e12:.2f} |"
+            )
+    steps = ", ".join(f"J = {J} at Q = {Q}" for Q, J in sizes)
+    return lines + ["", f"One solve with its set-up, {steps}, by Nsight Compute; the most expensive kernels. {data['parameters']['device']}, "
+                    f"{origin(data)}."]
+
+
 def auto_choices(data):
     lines = ["| scene | J | chosen | its time | fastest | its time | ratio |", "|--" * 7 + "|"]
     cases = {}

@@ -1,10 +1,12 @@
 // Scenes of a batch on a backend that steps many of them at a time.
 
+#include "core/base/first_touch.hpp"
 #include "core/batch/batch_groups.hpp"
 #include "core/batch/batch_run.hpp"
 #include "core/batch/device_march.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 namespace bromwich {
@@ -27,37 +29,25 @@ std::vector<Index> BatchRun::march_on_device(const LanePlan& plan, const std::ve
   std::vector<Index> rest;
   RowMatrix x, y;
   for (Index first = 0; first < Index(group.size()) && !stopped_; first += together) {
-    std::vector<Index> scenes;
-    std::vector<Vector> starts;
-    for (Index i = first; i < std::min(first + together, Index(group.size())); ++i) {
-      LaneInput input;
-      const Index k = group[std::size_t(i)];
-      (input_of(plan, k, input) ? scenes : rest).push_back(k);
-      if (!scenes.empty() && scenes.back() == k) starts.push_back(std::move(input.x0));
-    }
+    const DeviceStarts starts =
+        starts_of(plan, &group[std::size_t(first)], std::min(together, Index(group.size()) - first), g0, rest);
+    const std::vector<Index>& scenes = starts.scenes;
     const Index count = Index(scenes.size());
     if (count == 0) continue;
-    RowMatrix x0(count, plan.m), y0(count, plan.n);
-    std::vector<char> found(std::size_t(count), 0), other = found;
-    backend_.each_range(count, 64, [&](Index begin, Index end) {
-      for (Index i = begin; i < end; ++i) {
-        const LaneStart start = plan.start(starts[std::size_t(i)], g0);
-        x0.row(i) = starts[std::size_t(i)].transpose();
-        y0.row(i) = start.y.transpose();
-        found[std::size_t(i)] = start.found, other[std::size_t(i)] = start.other;
-      }
-    });
-    const SceneMarchOutcome outcome = march->run(x0, y0, other);
     const bool whole = count == batch_.scenes && scenes.front() == 0;  // in order, without a gap
+    std::optional<FirstTouch> touch;                                   // beside the device
+    if (whole) touch.emplace(result_.y.data(), std::size_t(result_.y.size()));
+    const SceneMarchOutcome outcome = march->run(starts.x0, starts.y0, starts.other);
+    touch.reset();
     download_rows(*march, whole, y, x);
     Index settled = 0;
     for (Index i = 0; i < count; ++i) {
       const Index k = scenes[std::size_t(i)];
-      if (!outcome.settled[std::size_t(i)] || !found[std::size_t(i)]) {
+      if (!outcome.settled[std::size_t(i)] || !starts.found[std::size_t(i)]) {
         rest.push_back(k);
         continue;
       }
-      settle(k, outcome.residual[i], other[std::size_t(i)] != 0);
+      settle(k, outcome.residual[i], starts.other[std::size_t(i)] != 0);
       ++settled;
     }
     backend_.each_range(count, 64, [&](Index begin, Index end) {
@@ -70,9 +60,42 @@ std::vector<Index> BatchRun::march_on_device(const LanePlan& plan, const std::ve
   return rest;
 }
 
+// Where scenes begin, on all threads. Those that a single solve has to look at are added to `rest`.
+BatchRun::DeviceStarts BatchRun::starts_of(const LanePlan& plan, const Index* group, Index count, const Vector& g0,
+                                           std::vector<Index>& rest) const {
+  RowMatrix x0(count, plan.m), y0(count, plan.n);
+  std::vector<char> good(std::size_t(count), 0), found = good, other = good;
+  backend_.each_range(count, 64, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) {
+      LaneInput input;
+      if (!input_of(plan, group[i], input)) continue;
+      const LaneStart start = plan.start(input.x0, g0);
+      x0.row(i) = input.x0.transpose();
+      y0.row(i) = start.y.transpose();
+      good[std::size_t(i)] = 1, found[std::size_t(i)] = start.found, other[std::size_t(i)] = start.other;
+    }
+  });
+  DeviceStarts starts;
+  for (Index i = 0; i < count; ++i) {
+    if (!good[std::size_t(i)]) {
+      rest.push_back(group[i]);
+      continue;
+    }
+    const Index to = Index(starts.scenes.size());
+    if (to < i) x0.row(to) = x0.row(i), y0.row(to) = y0.row(i);
+    starts.scenes.push_back(group[i]);
+    starts.found.push_back(found[std::size_t(i)]);
+    starts.other.push_back(other[std::size_t(i)]);
+  }
+  const Index kept = Index(starts.scenes.size());
+  x0.conservativeResize(kept, Eigen::NoChange), y0.conservativeResize(kept, Eigen::NoChange);
+  starts.x0 = std::move(x0), starts.y0 = std::move(y0);
+  return starts;
+}
+
 void BatchRun::download_rows(SceneMarch& march, bool whole, RowMatrix& y, RowMatrix& x) {
   RowMatrix& to = whole ? result_.y : y;
-  backend_.prepare(to, march.y().rows(), march.y().cols());
+  if (!whole) backend_.prepare(to, march.y().rows(), march.y().cols());
   backend_.download(march.y(), to);
   if (result_.x.size() > 0 || result_.w.size() > 0) backend_.download(march.x(), x);
 }

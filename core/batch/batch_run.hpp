@@ -42,6 +42,14 @@ class BatchRun {
   void march_group(const LanePlan&, const std::vector<Index>& group);
   bool input_of(const LanePlan&, Index k, LaneInput&) const;
   void take_own(const std::vector<Index>& scenes);
+  // Scenes for a device, in order, and their first rows.
+  struct DeviceStarts {
+    std::vector<Index> scenes;
+    RowMatrix x0, y0;
+    std::vector<char> found, other;
+  };
+  DeviceStarts starts_of(const LanePlan&, const Index* group, Index count, const Vector& g0,
+                         std::vector<Index>& rest) const;
   std::vector<Index> march_on_device(const LanePlan&, const std::vector<Index>& group);
   void download_rows(SceneMarch&, bool whole, RowMatrix& y, RowMatrix& x);
   void keep_rows(const LanePlan&, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x);

@@ -3,6 +3,7 @@
 #include "core/dynamics/dense.hpp"
 
 #include "core/dynamics/matrix_system.hpp"
+#include "core/dynamics/small_resolvent.hpp"
 #include "core/dynamics/spectrum.hpp"
 #include "core/numerics/equilibration.hpp"
 
@@ -15,6 +16,8 @@
 namespace bromwich {
 
 namespace {
+
+constexpr Index most_together = 16;  ///< states up to which one thread takes all nodes
 
 template <class Scalar>
 class DenseShift final : public ShiftedSystem<Scalar> {
@@ -62,9 +65,11 @@ class DenseSystem final : public MatrixSystem<DenseDynamics> {
 
  private:
   ComplexMatrix solve_at(const ComplexVector& nodes, const HostThreads& threads) const override {
-    const Index n = d.N.rows(), k = d.B.cols(), m = d.A.rows();
+    const Index n = d.N.rows(), k = d.B.cols();
+    const bool small = d.A.rows() <= most_together;
+    if (small && d.E.rows() == 0) return small_resolvent(d.A, d.B, d.N, nodes);
     ComplexMatrix R(nodes.size(), n * k);
-    const Index together = m > 16 ? 1 : nodes.size();
+    const Index together = small ? nodes.size() : 1;
     const ComplexMatrix N = d.N.cast<Complex>(), B = d.B.cast<Complex>();
     share(threads, nodes.size(), std::max<Index>(together, 1), [&](Index first, Index last) {
       for (Index p = first; p < last; ++p) {

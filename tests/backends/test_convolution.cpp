@@ -161,6 +161,27 @@ TEST_P(BackendConvolution, NeighboursThatRememberDifferently) {
   }
 }
 
+// More groups of 32 modes than a device has room for warps, and a last group that is not full.
+TEST_P(BackendConvolution, ModesForAllWarps) {
+  const Index n = 34005, K = 11;
+  for (const Index rows : {2, 17, 70}) {
+    Random random{std::uint32_t(rows)};
+    ModalRecurrence r = random_modal(random, n, K);
+    r.initial = random.matrix(K, n);
+    RowMatrix y = random.matrix(rows, n);
+    const auto plan = backend->convolution(Recurrence(r), rows);
+    const auto in = device(y), out = backend->array(rows, n);
+    for (const Index first : {Index(0), rows - 1}) {
+      y.bottomRows(rows - first) *= -0.7;
+      backend->upload(y, *in);
+      plan->apply(*in, *out, first);
+      const RowMatrix v = host(*out), exact = by_recurrence(r, y);
+      // As `tolerance`, with |W_d| <= 2 and x0 of the size of K rows.
+      EXPECT_LE(distance(v, exact), tolerance(rows, 2 + double(K))) << rows << ' ' << first;
+    }
+  }
+}
+
 TEST_P(BackendConvolution, ExponentialsThatGrowOrStartFromTheState) {
   // Fewer rows than exponentials, and more; modes with and without decay.
   for (const Index rows : {2, 30, 90, 300})

@@ -6,12 +6,14 @@
 #include "core/dynamics/dense.hpp"
 #include "core/dynamics/kronecker.hpp"
 #include "core/dynamics/linear_system.hpp"
+#include "core/dynamics/small_resolvent.hpp"
 #include "core/dynamics/sparse.hpp"
 #include "core/dynamics/sparse_solves.hpp"
 #include "core/dynamics/spectrum.hpp"
 #include "core/dynamics/supplied.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "tests/support/reference.hpp"
 #include "tests/support/refusal.hpp"
 
 #include <gtest/gtest.h>
@@ -20,6 +22,7 @@
 #include <cmath>
 #include <memory>
 #include <string>
+#include <tuple>
 #include <vector>
 
 namespace bromwich {
@@ -256,6 +259,46 @@ TEST(Dynamics, AKindOfOnesOwnIsSolved) {
     // Weights from contours are accurate to 1e-9, and the iterations stop at 1e-10.
     EXPECT_LE((found.y - expected.y).cwiseAbs().maxCoeff(), 1e-8);
   }
+}
+
+/// N (zI - A)^{-1} B of one node, row by row.
+Eigen::RowVectorXcd resolvent_by_lu(const Matrix& A, const Matrix& B, const Matrix& N, Complex z) {
+  const ComplexMatrix shifted = z * ComplexMatrix::Identity(A.rows(), A.rows()) - A.cast<Complex>();
+  const ComplexMatrix X = N.cast<Complex>() * shifted.fullPivLu().solve(B.cast<Complex>());
+  return X.transpose().reshaped().transpose();
+}
+
+TEST(SmallResolvent, EqualsFullPivoting) {
+  for (const Index m : {1, 2, 3, 5, 16})
+    for (const auto& [n, k, count] : {std::tuple<Index, Index, Index>{1, 1, 1}, {3, 2, 8}, {2, 3, 11}}) {
+      reference::Random random{std::uint32_t(100 * m + count)};
+      const Matrix A = random.matrix(m, m), B = random.matrix(m, k), N = random.matrix(n, m);
+      const double size = A.norm();
+      ComplexVector nodes(count);
+      for (Index p = 0; p < count; ++p) nodes[p] = std::polar(2 * size, 0.3 + 0.5 * double(p));
+      const ComplexMatrix R = small_resolvent(A, B, N, nodes);
+      // |(zI - A)^{-1}| <= 1/|A|, its condition <= 3; m^2 roundings in each of three products and the elimination.
+      const double allowed = 12 * double(m * m + 4) * epsilon * N.norm() * B.norm() / size;
+      for (Index p = 0; p < count; ++p)
+        EXPECT_LE((R.row(p) - resolvent_by_lu(A, B, N, nodes[p])).cwiseAbs().maxCoeff(), allowed) << m << ' ' << p;
+    }
+}
+
+// Every diagonal entry is zero: rows have to be exchanged. One node is an eigenvalue.
+TEST(SmallResolvent, ExchangesRows) {
+  Matrix A = Matrix::Zero(4, 4);
+  A(0, 1) = A(1, 2) = A(2, 3) = A(3, 0) = 1;
+  const Matrix I = Matrix::Identity(4, 4);
+  const ComplexVector nodes{{0, Complex(0, 1e-9), 1}};
+  const ComplexMatrix R = small_resolvent(A, I, I, nodes);
+  // (zI - A)^{-1} = -A^3 (1 - z A^3)^{-1}: to first order in z, -A^3 - z A^6.
+  const Matrix A3 = A * A * A, A6 = A3 * A3;
+  for (Index i = 0; i < 4; ++i)
+    for (Index j = 0; j < 4; ++j) {
+      EXPECT_LE(std::abs(R(0, 4 * i + j) + A3(i, j)), 8 * epsilon);
+      EXPECT_LE(std::abs(R(1, 4 * i + j) + A3(i, j) + nodes[1] * A6(i, j)), 8 * epsilon + 1e-18);
+    }
+  EXPECT_FALSE(R.row(2).allFinite());
 }
 
 }  // namespace

@@ -1,0 +1,54 @@
+#pragma once
+// What the kernels of a scan share (convolution_scan.cu, convolution_walk.cu).
+
+#include "kernels/device.hpp"
+
+#include <vector>
+
+namespace bromwich::cuda::scan {
+
+inline constexpr int lanes = 32, group = 8, tile = 16;
+
+/// K x n tables with the mode index contiguous; K is a multiple of `group`, n of `lanes`.
+struct Tables {
+  const double *decay, *power, *output, *start, *initial, *w0, *w1, *s1;
+  int exponentials, modes, stride;  ///< stride = padded n
+  const int* counts;                ///< exponentials of each group of `lanes` modes, multiples of `group`; null: all
+  __device__ int count() const { return counts ? __ldg(counts + blockIdx.x) : exponentials; }
+  int step;  ///< of y and v, between rows
+};
+
+struct Span {
+  int from, chunks, length, rows;  ///< chunks from .. chunks-1 of `length` rows each, beginning at row 1
+  __device__ int begin(int c) const { return 1 + c * length; }
+  __device__ int end(int c) const { return min(rows, 1 + (c + 1) * length); }
+};
+
+/// Rows j .. j + tile - 1 of one mode; rows past the end repeat the last row.
+__device__ inline void read_tile(const double* column, int step, int j, int rows, double (&u)[tile]) {
+#pragma unroll
+  for (int i = 0; i < tile; ++i) u[i] = column[long(min(j + i, rows - 1)) * step];
+}
+
+/// What a warp of a walk does: exponentials 16 part ... of a group of modes.
+struct WalkSlot {
+  int group = -1, part = 0, parts = 1, count = 0;  ///< group < 0: nothing; count: of its exponentials
+};
+
+/// All chunks one after the other, where there are many modes.
+class Walk {
+ public:
+  /// Whether it is faster than a scan.
+  static bool suits(const Device&, Index modes, Index exponentials);
+  /// `counts`: exponentials of each group of `lanes` modes.
+  Walk(const Device&, const std::vector<int>& counts);
+  /// Begins with the states of chunk span.from, or with x0 and y_0 if that is 0. Keeps the states of the other chunks.
+  void run(const Tables&, const Span&, const double* y, double* states, double* v) const;
+  std::size_t bytes() const { return slots_.bytes(); }
+
+ private:
+  const Device& device_;
+  Memory<WalkSlot> slots_;
+};
+
+}  // namespace bromwich::cuda::scan
