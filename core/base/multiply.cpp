@@ -64,6 +64,27 @@ MatrixView<Scalar> transposed(const MatrixView<Scalar>& A) {
   return {A.data, A.cols, A.rows, A.stride, !A.row_major};
 }
 
+// Up to this many products of entries the sums are shorter than Eigen's way to them.
+constexpr Eigen::Index few = 64;
+
+// By the definition, in the order of the inner index as in Eigen's products of few coefficients.
+void multiply_few(ProductMode mode, const MatrixView<double>& C, const MatrixView<const double>& A,
+                  const MatrixView<const double>& B, double alpha) {
+  const Eigen::Index row_A = A.row_major ? A.stride : 1, column_A = A.row_major ? 1 : A.stride;
+  const Eigen::Index row_B = B.row_major ? B.stride : 1, column_B = B.row_major ? 1 : B.stride;
+  const Eigen::Index row_C = C.row_major ? C.stride : 1, column_C = C.row_major ? 1 : C.stride;
+  for (Eigen::Index j = 0; j < C.cols; ++j) {
+    for (Eigen::Index i = 0; i < C.rows; ++i) {
+      const double* a = A.data + i * row_A;
+      const double* b = B.data + j * column_B;
+      double sum = a[0] * b[0];
+      for (Eigen::Index k = 1; k < A.cols; ++k) sum += a[k * column_A] * b[k * row_B];
+      double& c = C.data[i * row_C + j * column_C];
+      c = mode == ProductMode::add ? c + alpha * sum : alpha * sum;
+    }
+  }
+}
+
 template <class Scalar>
 void multiply_views(ProductMode mode, const MatrixView<Scalar>& C, const MatrixView<const Scalar>& A,
                     const MatrixView<const Scalar>& B, Scalar alpha) {
@@ -83,6 +104,7 @@ void multiply_views(ProductMode mode, const MatrixView<Scalar>& C, const MatrixV
 
 void multiply(ProductMode mode, const MatrixView<double>& C, const MatrixView<const double>& A,
               const MatrixView<const double>& B, double alpha) {
+  if (A.cols > 0 && C.rows * C.cols * A.cols <= few) return multiply_few(mode, C, A, B, alpha);
   multiply_views(mode, C, A, B, alpha);
 }
 
