@@ -5,6 +5,8 @@
 
 #include "multiply.hpp"
 
+#include <algorithm>
+
 namespace bromwich {
 namespace {
 
@@ -21,6 +23,16 @@ using ConstMap = Eigen::Map<const Matrix<Scalar, order>, Eigen::Unaligned, OwnSt
 template <class Scalar>
 using ResultMap = Eigen::Map<Matrix<Scalar, Eigen::ColMajor>, Eigen::Unaligned, OwnStride>;
 
+// A map with a stride is filled column by column, which are short where C is long and thin and row-major.
+template <class Scalar>
+void set_zero(ResultMap<Scalar>& C) {
+  if (C.outerStride() == C.rows()) {
+    std::fill_n(C.data(), C.size(), Scalar(0));
+  } else {
+    C.setZero();
+  }
+}
+
 // What Eigen's product does where its factors' sizes are known at run time alone, except that alpha is applied here.
 template <class Scalar, class Left, class Right>
 void multiply_maps(ProductMode mode, ResultMap<Scalar>& C, const Left& A, const Right& B, Scalar alpha) {
@@ -28,7 +40,7 @@ void multiply_maps(ProductMode mode, ResultMap<Scalar>& C, const Left& A, const 
   using Product = eigen::generic_product_impl<Left, Right, Eigen::DenseShape, Eigen::DenseShape, Eigen::GemmProduct>;
   const bool small = B.rows() + C.rows() + C.cols() < EIGEN_GEMM_TO_COEFFBASED_THRESHOLD && B.rows() > 0;
   if (!small) {
-    if (mode == ProductMode::assign) C.setZero();
+    if (mode == ProductMode::assign) set_zero(C);
     Product::scaleAndAddTo(C, A, B, alpha);
   } else if (mode == ProductMode::assign) {
     if (alpha == Scalar(1)) {

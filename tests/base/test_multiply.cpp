@@ -99,19 +99,14 @@ class Multiply : public testing::Test {
 using Scalars = testing::Types<double, Complex>;
 TYPED_TEST_SUITE(Multiply, Scalars);
 
-// One row, one column, nothing inside; below and above the size from which blocked kernels run; beyond their panels.
+// One row, one column, nothing inside; few entries, below and above the size from which blocked kernels run; beyond
+// their panels.
 TYPED_TEST(Multiply, IsTheSumOverTheInnerIndexInEveryOrder) {
   constexpr int C = Eigen::ColMajor;
   constexpr int R = Eigen::RowMajor;
-  for (const auto& [rows, inner, cols] : std::vector<std::array<Index, 3>>{{2, 3, 4},
-                                                                           {1, 5, 3},
-                                                                           {1, 30, 1},
-                                                                           {40, 7, 1},
-                                                                           {1, 9, 33},
-                                                                           {1, 1, 1},
-                                                                           {5, 0, 4},
-                                                                           {23, 31, 29},
-                                                                           {64, 17, 130}}) {
+  const Index sizes[][3] = {{2, 3, 4}, {1, 5, 3}, {1, 30, 1}, {40, 7, 1},   {1, 9, 33},
+                            {1, 1, 1}, {5, 0, 4}, {5, 6, 7},  {23, 31, 29}, {64, 17, 130}};
+  for (const auto& [rows, inner, cols] : sizes) {
     this->template of_orders<C, C, C>(rows, inner, cols);
     this->template of_orders<C, C, R>(rows, inner, cols);
     this->template of_orders<C, R, C>(rows, inner, cols);
