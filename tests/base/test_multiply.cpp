@@ -1,11 +1,14 @@
 // Products of matrices, which the precompiled header turns into calls of `multiply`, against sums over the inner index.
 
+#include "core/base/eigen_products.hpp"
+#include "core/base/types.hpp"
+
 #include <gtest/gtest.h>
 
-#include "core/base/eigen_products.hpp"
-
 #include <complex>
+#include <limits>
 #include <random>
+#include <type_traits>
 
 namespace bromwich {
 namespace {
