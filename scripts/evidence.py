@@ -12,6 +12,7 @@ pictures = root / "docs" / "pictures"
 # The mark of a picture that shows the program and no measurement.
 screenshot_mark = "a screenshot of bromwich"
 
+
 def load(name):
     return json.loads((results / f"{name}.json").read_text())
 
@@ -31,6 +32,19 @@ def number(value):
 
 def machine(data):
     return f"{data['machine']['cpu']}, {data['threads']} threads, {data['compiler']}, commit {data['commit'][:9]}"
+
+
+def repeats(data):
+    return f"{machine(data)}, median of {data['repeats']} interleaved repeats"
+
+
+def origin(data):
+    return f"commit {data['commit'][:9]}"
+
+
+def plain(ratio):
+    """Three digits without an exponent."""
+    return f"{ratio:.3g}" if ratio < 1000 else f"{float(f'{ratio:.3g}'):.0f}"
 
 
 def sources_mark(names):

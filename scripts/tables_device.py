@@ -1,6 +1,6 @@
 """The table of the device beside one core of its machine, and its line in README.md."""
-from evidence import machine, seconds
-from tables_studies import fastest, origin, plain
+from evidence import machine, origin, plain, seconds
+from tables_speed import fastest
 
 errors = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 

@@ -1,6 +1,5 @@
 """The table of docs/measurements/siconos.md that comes from scripts/bench_peers."""
-from evidence import machine, number, seconds
-from tables_studies import origin
+from evidence import machine, number, origin, seconds
 
 
 def no_less_accurate(row, than):

@@ -2,6 +2,8 @@
 // Eigen's factorizations of Matrix are used everywhere and take seconds to compile: they are instantiated once, in
 // eigen_instances.cpp. Include this header in precompiled headers only; without it every source instantiates its own.
 
+#include "eigen_products.hpp"
+
 #include <Eigen/Dense>
 #include <Eigen/Sparse>
 
