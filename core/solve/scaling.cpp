@@ -35,21 +35,33 @@ bool all_zero(const Exponents& k) {
   return std::all_of(k.begin(), k.end(), [](int e) { return e == 0; });
 }
 
-// log of S with S^{-1} |M| symmetric along the pairs of entries that are both there, and the parts of M that such pairs
-// join.
+// log of S with S^{-1} |M| as symmetric as can be over the pairs of entries that are both there, and the parts of M
+// that such pairs join.
 struct Balance {
   Vector logarithms;
   std::vector<std::vector<Index>> parts;
 };
 
+// From S that is exact along a tree of pairs, Gauss-Seidel sweeps towards the least squares over all pairs: single
+// pairs of an unsymmetric M may be far from symmetric in any units.
 Balance balance(const Matrix& M) {
+  constexpr int sweeps = 20;
   Balance b{Vector::Zero(M.rows()), {}};
+  const Matrix logs = M.array().log();
+  const auto pair = [&M](Index i, Index j) { return M(i, j) != 0 && M(j, i) != 0; };
+  const auto step = [&](Index i, Index j) { return pair(i, j) ? logs(j, i) - logs(i, j) : 0; };
   b.parts = connected_components(
       M.rows(), [&](Index i, Index j) { return M(i, j) != 0 || M(j, i) != 0; },
-      [&](Index i, Index j) {
-        const bool pair = M(i, j) != 0 && M(j, i) != 0;
-        b.logarithms[j] = b.logarithms[i] + (pair ? std::log(M(j, i)) - std::log(M(i, j)) : 0);
-      });
+      [&](Index i, Index j) { b.logarithms[j] = b.logarithms[i] + step(i, j); });
+  for (int k = 0; k < sweeps; ++k)
+    for (const std::vector<Index>& part : b.parts)
+      for (const Index j : part) {
+        double sum = 0;
+        Index pairs = 0;
+        for (const Index i : part)
+          if (i != j && pair(i, j)) sum += b.logarithms[i] + step(i, j), ++pairs;
+        if (pairs > 0) b.logarithms[j] = sum / double(pairs);
+      }
   return b;
 }
 

@@ -44,7 +44,7 @@ TEST(Trust, NothingSolvedIsWrong) {
 // Seeds in which y is so small beside earlier terms of w that located events do not know its sign: other methods do.
 TEST(Trust, SmallYIsNotTakenForZero) {
   const auto backend = make_cpu_backend(1);
-  for (const std::uint32_t seed : {5017993u, 5010612u, 5042884u}) {
+  for (const std::uint32_t seed : {5017993u, 5010612u}) {
     const SourceScene s = source_scene(seed);
     const EventSolution truth = locate_events(s.base);
     ASSERT_TRUE(truth.decided) << "seed " << seed;
