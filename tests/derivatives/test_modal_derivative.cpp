@@ -2,16 +2,15 @@
 
 #include "core/derivatives/modal_derivative.hpp"
 
-#include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/reference.hpp"
+#include "tests/support/refusal.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
 
 namespace bromwich::modal_derivative_test {
 namespace {
@@ -142,15 +141,6 @@ TEST(ModalDerivative, AgreesWithDifferencesOfSolves) {
     }
     expect_transposed(d, s, J);
   }
-}
-
-std::string refusal(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
 }
 
 TEST(ModalDerivative, Refuses) {

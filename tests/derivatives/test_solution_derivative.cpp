@@ -2,18 +2,16 @@
 
 #include "core/derivatives/solution_derivative.hpp"
 
-#include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/reference.hpp"
+#include "tests/support/refusal.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
-#include <string>
 
 namespace bromwich::derivatives_test {
 namespace {
@@ -150,15 +148,6 @@ TEST(SolutionDerivative, WVanishesWhereYActs) {
     }
 }
 
-std::string refusal(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
-}
-
 // With a mass matrix: against differences, and the transpose.
 TEST(SolutionDerivative, OfAMassMatrix) {
   const Matrix change = Random(77).matrix(4, 4);
@@ -251,7 +240,7 @@ TEST(SolutionDerivative, SaysWhereThereIsNone) {
   Scene relay = make_scene("dlcp-small");
   relay.M = Matrix::Zero(relay.constraints(), relay.constraints());
   const Result jumping = solved(relay);
-  EXPECT_NE(refusal([&] { SolutionDerivative(relay, jumping); }), "");
+  EXPECT_NE(refusal([&] { SolutionDerivative(relay, jumping); }), "nothing was refused");
   // y = w = 0 for all t.
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
