@@ -42,14 +42,25 @@ EventSources::Polynomials EventSources::sample(double t, double h) const {
   return p;
 }
 
-void EventSources::look(double t, double h, Index count, Polynomials& p) const {
+void EventSources::look(double t, double h, double at, Polynomials& p) const {
+  const Vector values = legendre(at);
+  if (scene_.f) p.off_f = p.off_f.cwiseMax((f(t + h * at) - p.f.transpose() * values).cwiseAbs());
+  if (scene_.g) p.off_g = p.off_g.cwiseMax((g(t + h * at) - p.g.transpose() * values).cwiseAbs());
+}
+
+void EventSources::look_at_ends(double t, double h, Polynomials& p) const {
+  constexpr double inside = 1e-11;  // of T: a jump at an end of the step, known to rounding, is not on the step
+  const double at = inside * scene_.T / h;
+  if (at > Collocation::get().samples[0]) return;
+  look(t, h, at, p);
+  look(t, h, 1 - at, p);
+}
+
+void EventSources::look_between(double t, double h, Index count, Polynomials& p) const {
   constexpr double golden = 0.6180339887498949;
   for (Index k = 0; k < count; ++k) {
     const double irregular = golden * double(k) - std::floor(golden * double(k));
-    const double at = (double(k) + 0.1 + 0.8 * irregular) / double(count);
-    const Vector values = legendre(at);
-    if (scene_.f) p.off_f = p.off_f.cwiseMax((f(t + h * at) - p.f.transpose() * values).cwiseAbs());
-    if (scene_.g) p.off_g = p.off_g.cwiseMax((g(t + h * at) - p.g.transpose() * values).cwiseAbs());
+    look(t, h, (double(k) + 0.1 + 0.8 * irregular) / double(count), p);
   }
 }
 

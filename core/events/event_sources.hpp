@@ -21,10 +21,14 @@ class EventSources {
   };
   /// On [t, t + h]; the differences are those at Collocation::checks.
   Polynomials sample(double t, double h) const;
+  /// Increases the differences to those at both ends: a kink may lie between an end and the next sample.
+  void look_at_ends(double t, double h, Polynomials&) const;
   /// Increases the differences to those at `count` times: a pulse may lie between the samples.
-  void look(double t, double h, Index count, Polynomials&) const;
+  void look_between(double t, double h, Index count, Polynomials&) const;
 
  private:
+  void look(double t, double h, double at, Polynomials&) const;
+
   const Scene& scene_;
   Index m_, n_;
   Matrix F_;  ///< f = F phi where the scene gives phi

@@ -204,12 +204,16 @@ double EventSteps::work_of_sources() const {
   return sources_.any() ? of_source * double(system_.states() + system_.constraints()) : 0;
 }
 
-// Looks at the sources at more times of a long step.
-void EventSteps::look_between(EventPoint& p, EventStep& step) const {
+// Looks at the sources at more times: both ends, and times between the samples of a long step.
+void EventSteps::look_closer(EventPoint& p, EventStep& step) const {
+  if (!sources_.any()) return;
+  sources_.look_at_ends(p.t, step.length, step.sources);
   const Index count = Index(double(looks_per_interval) * step.length / T_);
-  if (count <= Collocation::get().checks.size() || !sources_.any()) return;
-  sources_.look(p.t, step.length, count, step.sources);
-  p.work += double(count) * work_of_sources();
+  if (count > Collocation::get().checks.size()) {
+    sources_.look_between(p.t, step.length, count, step.sources);
+    p.work += double(count) * work_of_sources();
+  }
+  p.work += 2 * work_of_sources();
   step.defect = std::max(step.defect, source_defect(p.sizes.with(step), step.sources));
 }
 
@@ -223,7 +227,7 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
     // Where a shorter step does not help, rounding is left: t is known to 1e-16, and sin(1e5 t) to 1e-11. (A transient
     // far shorter than the step stays too, but is larger.)
     const bool rounding = step.defect <= rounding_tail && step.defect > 0.5 * before;
-    if (step.defect <= tolerance_) look_between(p, step);
+    if (step.defect <= tolerance_) look_closer(p, step);
     if (step.defect <= tolerance_ || rounding) {
       find_event(mode, p, step);
       const bool known = y_is_known(mode, p, step);

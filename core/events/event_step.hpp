@@ -65,7 +65,7 @@ class EventSteps {
   bool y_is_known(const SwitchedMode&, const EventPoint&, const EventStep&) const;
   void find_event(const SwitchedMode&, const EventPoint&, EventStep&) const;
   Vector doubt(const SwitchedMode&, const Vector& of_y, const Vector& of_w, const EventStep&) const;
-  void look_between(EventPoint&, EventStep&) const;
+  void look_closer(EventPoint&, EventStep&) const;
   double work_of_sources() const;
   double source_defect(const JetValues& size, const EventSources::Polynomials&) const;
   const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& factors(const SwitchedMode&, double h, double& work);

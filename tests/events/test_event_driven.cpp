@@ -206,6 +206,20 @@ TEST(EventDriven, ANarrowPulseCounts) {
   EXPECT_NEAR(s.x(1, true)[0], exact, 1e-9);
 }
 
+// y = -g with a kink close before T, which no breakpoint names: y falls by 6e-3 in the last 6e-6.
+TEST(EventDriven, AKinkBetweenTheLastSampleAndTheEndCounts) {
+  constexpr double kink = 1 - 6e-6, slope = 1000;
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{0}}};
+  scene.M = Matrix{{1}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -1 + slope * std::max(0.0, t - kink); };
+  scene.x0 = Vector{{0}};
+  scene.T = 1;
+  const EventSolution s = integrate_with_events(scene, LcpClass::P, {}, {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  EXPECT_NEAR(s.y(1, true)[0], 1 - slope * (1 - kink), 1e-8);  // the tolerance of sources times the slope
+}
+
 // x' = y, w = x - y, x0 = 1: y = 0 and y = x both continue.
 TEST(EventDriven, TwoSolutionsAreNoSolution) {
   Scene scene;
