@@ -22,6 +22,7 @@
 //     f/(1 - f) |S y - y|         invisible to it, S the last sweep and f = TimeLevel::unseen.
 
 #include "time_levels.hpp"
+#include "v_cycle.hpp"
 
 namespace bromwich {
 
@@ -44,28 +45,16 @@ class Multigrid {
   std::optional<double> discretisation_error();
 
   /// Sets Result::convolutions and passes of the solve.
-  void report_work(Result& result) const {
-    result.convolutions = work_.convolutions;
-    result.passes = work_.passes;
-  }
+  void report_work() const { cycle_.report_work(); }
 
   /// One V-cycle for the y and r of grid l.
-  void cycle(std::size_t l);
+  void cycle(std::size_t l) { cycle_.run(l); }
 
  private:
   /// The differences that a solve checks on the finest grid: the last change by a cycle, or its correction; the change
   /// by the last sweep; |y_h - y_2h| and |y_2h - y_4h|.
   enum Slot : std::size_t { last_change, last_sweep, half_step, quarter_step, slots };
 
-  /// Applications of K and passes, in values of the finest grid.
-  struct Work {
-    double convolutions = 0, passes = 0;
-  };
-
-  // If all plans of all grids are asynchronous, a cycle never synchronises; failures are detected afterwards and the
-  // cycle is repeated synchronously.
-  bool all_queue() const;
-  bool collected();
   bool watched(const std::function<void()>& work);
   void whole_cycle();
   void look_for_correction();
@@ -82,39 +71,16 @@ class Multigrid {
   Array& ends_of(std::size_t l);
   void start_on(std::size_t l, std::size_t last, const Vector& y0);
   void nest_on(std::size_t l);
-  void solve_on(std::size_t l);  // precondition: v = K y
-  void sweep_coarsest();
-  void descend(std::size_t l);
-  void pose(std::size_t l);
-  void ascend(std::size_t l);
-  void sweep(TimeLevel&, SweepOrder);
-  void apply(TimeLevel&);
-  void smooth(TimeLevel&);
-  void march(TimeLevel&);
-  void count(const LcpCount&);
-  double share(const TimeLevel&) const;
-  void replay(const std::function<void()>& recorded, const Work& work);
-  void judge(const LcpReport&);
-  void judge(const MarchReport&, Index steps);
-
-  /// The two halves of a cycle on one grid, recorded; empty where operations are called one by one. On the coarsest
-  /// grid `descend` is all.
-  struct Recorded {
-    std::function<void()> descend, ascend;
-    Work of_descent = {}, of_ascent = {};
-  };
 
   Backend& backend_;
   const Options* options_;
   TimeLevels& levels_;
   Result* result_ = nullptr;
   bool useful_;  ///< cycles end when they are of no further use
-  bool queued_, nested_ = false, start_is_solved_ = false;
+  VCycle cycle_;
+  bool nested_ = false, start_is_solved_ = false;
   std::unique_ptr<Differences> differences_;
-  std::vector<Recorded> recorded_;
   Vector y0_;
-  Work work_;
-  std::optional<IterationOutcome> failure_;  ///< of a sweep or a march; nothing is computed after it
 };
 
 /// Running it sets the same members as the functional iteration, and cycles and error_estimate. Null if there are no
