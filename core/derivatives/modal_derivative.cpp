@@ -167,15 +167,19 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
   SolutionChange out{RowMatrix::Zero(J_ + 1, n_), RowMatrix(), RowMatrix(J_ + 1, n_), RowMatrix::Zero(J_ + 1, n_)};
   if (states) out.x.resize(J_ + 1, m_);
   RowMatrix x = c.x0.size() > 0 ? state_modes(c.x0) : RowMatrix::Zero(K_, n_);
-  Vector dy(n_), left = Vector::Zero(n_);
+  Vector dy(n_), left = Vector::Zero(n_), terms;  // terms: of the change of w(0)
   for (Index j = 0; j <= J_; ++j) {
     const Vector given = c.f.size() > 0 ? face_modes(c.f.row(j).transpose()) : Vector(Vector::Zero(n_));
     if (j > 0)
       x.array() = E_.array() * x.array() + Lb_.array().rowwise() * left.transpose().array() +
                   Rb_.array().rowwise() * given.transpose().array();
     Vector w = see(x) + fixed.row(j).transpose();
+    if (j == 0)
+      terms = Vector::Constant(n_, (seen_.cwiseAbs().transpose() * x.cwiseAbs()).norm()) +
+              fixed.row(0).cwiseAbs().transpose();
     responses_.solve(sets_[std::size_t(j)], w, dy);
     const Vector driven = face_modes(dy);
+    if (j == 0) terms += M_.cwiseAbs() * dy.cwiseAbs();
     if (j > 0) {
       x.array() += Rb_.array().rowwise() * driven.transpose().array();
       w = see(x) + fixed.row(j).transpose();
@@ -186,11 +190,7 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
     if (states) out.x.row(j) = state_of(x).transpose();
     if (j > 0) out.integral.row(j) = out.integral.row(j - 1) + (h_ / 2) * (out.y.row(j - 1) + out.y.row(j));
   }
-  for (const Index i : undecided_at_start(y_, w_, responses_.active(sets_[0])))
-    if (out.w(0, i) != 0)
-      refuse_in_modes(text("not differentiable here: the change moves w_%ld at t = 0, where y_%ld = w_%ld = 0", long(i),
-                           long(i), long(i)),
-                      "change x0 and g(0) slightly, or leave this w_i as it is");
+  check_change_at_start(undecided_at_start(y_, w_, responses_.active(sets_[0])), out.w.row(0).transpose(), terms);
   return out;
 }
 
@@ -213,6 +213,7 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
     if (of.w.size() > 0) next += seen_ * face_modes(of_w).transpose();
     if (of.x.size() > 0) next += state_modes(of.x.row(j).transpose());
     Vector eta = face_modes(j > 0 ? Vector(of_u + collect(Rb_, next)) : of_u);
+    const double driven = eta.norm();
     if (of.w.size() > 0) eta += M_.transpose() * of_w;
     if (of.y.size() > 0) eta += of.y.row(j).transpose();
     if (of.integral.size() > 0) {
@@ -221,12 +222,7 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
       if (j > 0) eta += h_ / 2 * later;
     }
     if (j == 0)
-      for (const Index i : undecided_at_start(y_, w_, responses_.active(sets_[0])))
-        if (eta[i] != 0)
-          refuse_in_modes(text("not differentiable here: y_%ld = w_%ld = 0 at t = 0, and the gradient with respect to "
-                               "x0 and g(0) is one-sided",
-                               long(i), long(i)),
-                          "change x0 or g(0) slightly, or use jvp for changes that leave w_i");
+      check_gradient_at_start(undecided_at_start(y_, w_, responses_.active(sets_[0])), eta, driven + eta.norm());
     responses_.solve_transposed(sets_[std::size_t(j)], eta, mu);
     next -= seen_ * face_modes(mu).transpose();  // q_j
     if (j > 0) of_u += collect(Rb_, next);

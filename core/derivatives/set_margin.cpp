@@ -10,6 +10,7 @@ namespace bromwich {
 namespace {
 
 constexpr double degenerate = 1e-10;  ///< of the largest y_i and w_i: margins below count as y_i = w_i = 0
+constexpr double rounding = 1e-12;    ///< of the terms of a sum
 
 }  // namespace
 
@@ -41,6 +42,25 @@ std::vector<Index> undecided_at_start(const RowMatrix& y, const RowMatrix& w, co
     if (!std::binary_search(active.begin(), active.end(), i) && w(0, i) <= degenerate * w.col(i).cwiseAbs().maxCoeff())
       found.push_back(i);
   return found;
+}
+
+void check_change_at_start(const std::vector<Index>& undecided, const Vector& change_of_w, const Vector& terms) {
+  for (const Index i : undecided)
+    if (std::abs(change_of_w[i]) > rounding * terms[i])
+      throw Error("derivative",
+                  text("not differentiable here: the change moves w_%ld at t = 0, where y_%ld = w_%ld = 0", long(i),
+                       long(i), long(i)),
+                  "change x0 and g(0) slightly, or leave this w_i as it is");
+}
+
+void check_gradient_at_start(const std::vector<Index>& undecided, const Vector& weight, double terms) {
+  for (const Index i : undecided)
+    if (std::abs(weight[i]) > rounding * terms)
+      throw Error("derivative",
+                  text("not differentiable here: y_%ld = w_%ld = 0 at t = 0, and the gradient with respect to x0 and "
+                       "g(0) is one-sided",
+                       long(i), long(i)),
+                  "change x0 or g(0) slightly, or use jvp for changes that leave w_i");
 }
 
 }  // namespace bromwich

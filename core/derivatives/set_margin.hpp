@@ -32,4 +32,11 @@ DerivativeMargin margin_of_sets(const RowMatrix& y, const RowMatrix& w, const Ve
 /// derivative all the same.
 std::vector<Index> undecided_at_start(const RowMatrix& y, const RowMatrix& w, const std::vector<Index>& active);
 
+/// Throws Error where a change of the data moves w_i at t = 0 for one of these constraints i. `terms`: the absolute
+/// values that add up to the change of w(0); rounding of them counts as no change.
+void check_change_at_start(const std::vector<Index>& undecided, const Vector& change_of_w, const Vector& terms);
+
+/// Likewise for a gradient, with the weight of y(0) + w(0) in it.
+void check_gradient_at_start(const std::vector<Index>& undecided, const Vector& weight, double terms);
+
 }  // namespace bromwich

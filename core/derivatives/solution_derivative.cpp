@@ -244,15 +244,10 @@ SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
 
 // Changes that move a w_i with y_i = w_i = 0 at t = 0 have no derivative there.
 void SolutionDerivative::check_start(const SolutionChange& out, const RowMatrix& fixed) const {
-  for (const Index i : undecided_at_start(y_, w_, responses_.active(sets_[0]))) {
-    const double terms = d_.N.row(i).cwiseAbs().dot(out.x.row(0).cwiseAbs()) +
-                         M_.row(i).cwiseAbs().dot(out.y.row(0).cwiseAbs()) +
-                         (fixed.size() > 0 ? std::abs(fixed(0, i)) : 0);
-    if (std::abs(out.w(0, i)) > 1e-12 * terms)
-      refuse(text("not differentiable here: the change moves w_%ld at t = 0, where y_%ld = w_%ld = 0", long(i), long(i),
-                  long(i)),
-             "change x0 and g(0) slightly, or leave this w_i as it is");
-  }
+  Vector terms =
+      d_.N.cwiseAbs() * out.x.row(0).cwiseAbs().transpose() + M_.cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
+  if (fixed.size() > 0) terms += fixed.row(0).cwiseAbs().transpose();
+  check_change_at_start(undecided_at_start(y_, w_, responses_.active(sets_[0])), out.w.row(0).transpose(), terms);
 }
 
 DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
@@ -285,13 +280,8 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
       if (j > 0) eta += h_ / 2 * later;
     }
     if (j == 0)
-      for (const Index i : undecided_at_start(y_, w_, responses_.active(sets_[0])))
-        if (eta[i] != 0)
-          refuse(
-              text("not differentiable here: y_%ld = w_%ld = 0 at t = 0, and the gradient with respect to x0 and g(0) "
-                   "is one-sided",
-                   long(i), long(i)),
-              "change x0 or g(0) slightly, or use jvp for changes that leave w_i");
+      check_gradient_at_start(undecided_at_start(y_, w_, responses_.active(sets_[0])), eta,
+                              (Bt.cwiseAbs() * back.cwiseAbs()).norm() + eta.norm());
     responses_.solve_transposed(sets_[std::size_t(j)], eta, mu);
     next = p;
     next.noalias() -= N.transpose() * mu;  // q_j

@@ -143,6 +143,29 @@ TEST(ModalDerivative, AgreesWithDifferencesOfSolves) {
   }
 }
 
+// y_i = w_i = 0 at t = 0. Changes of states that no constraint sees leave w(0), but for rounding of the transforms.
+TEST(ModalDerivative, FromRest) {
+  Scene s = warmed("signorini", 5);
+  s.x0.setZero();
+  s.f = {};
+  s.g = [](double t, Eigen::Ref<Vector> v) {
+    for (Index i = 0; i < v.size(); ++i) v[i] = std::sin((5 + 0.3 * double(i)) * t);
+  };
+  const Index J = 16;
+  const ModalDerivative d(s, solved(s, J));
+  const Matrix N = get<DenseDynamics>(written_out(s).dynamics).N;
+  DataChange c;
+  c.x0 = Random(3).vector(s.states());
+  EXPECT_NE(refusal([&] { d.jvp(c); }).find("at t = 0"), std::string::npos) << "w(0) moves";
+  for (Index k = 0; k < c.x0.size(); ++k)
+    if (N.col(k).norm() > 0) c.x0[k] = 0;
+  ASSERT_GT(c.x0.norm(), 0);
+  const SolutionChange out = d.jvp(c);
+  const double step = 1e-2 * d.margin().margin;
+  const Result up = solved(changed(s, c, step), J), down = solved(changed(s, c, -step), J);
+  EXPECT_LE(((up.y - down.y) / (2 * step) - out.y).norm(), 1e-6 * out.y.norm());
+}
+
 TEST(ModalDerivative, Refuses) {
   const Scene s = warmed("signorini", 5);
   const Result r = solved(s, 16);
