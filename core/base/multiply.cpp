@@ -97,6 +97,33 @@ void multiply_few(ProductMode mode, const MatrixView<double>& C, const MatrixVie
   }
 }
 
+// Up to this many products of entries to a row of a long C; Eigen packs its factors into panels, and most of each panel
+// stays empty.
+constexpr Eigen::Index few_in_a_row = 16;
+
+bool has_short_rows(const MatrixView<double>& C, const MatrixView<const double>& A) {
+  return C.row_major && A.row_major && A.cols > 0 && C.cols * A.cols <= few_in_a_row;
+}
+
+// C = alpha A B or C += alpha A B, one row of C after the other.
+void multiply_rows(ProductMode mode, const MatrixView<double>& C, const MatrixView<const double>& A,
+                   const MatrixView<const double>& B, double alpha) {
+  double columns[few_in_a_row];  // of B, one after the other
+  for (Eigen::Index j = 0; j < C.cols; ++j)
+    for (Eigen::Index k = 0; k < A.cols; ++k)
+      columns[j * A.cols + k] = B.row_major ? B.data[k * B.stride + j] : B.data[j * B.stride + k];
+  for (Eigen::Index i = 0; i < C.rows; ++i) {
+    const double* a = A.data + i * A.stride;
+    double* c = C.data + i * C.stride;
+    for (Eigen::Index j = 0; j < C.cols; ++j) {
+      const double* b = columns + j * A.cols;
+      double sum = a[0] * b[0];
+      for (Eigen::Index k = 1; k < A.cols; ++k) sum += a[k] * b[k];
+      c[j] = mode == ProductMode::add ? c[j] + alpha * sum : alpha * sum;
+    }
+  }
+}
+
 template <class Scalar>
 void multiply_views(ProductMode mode, const MatrixView<Scalar>& C, const MatrixView<const Scalar>& A,
                     const MatrixView<const Scalar>& B, Scalar alpha) {
@@ -117,6 +144,9 @@ void multiply_views(ProductMode mode, const MatrixView<Scalar>& C, const MatrixV
 void multiply(ProductMode mode, const MatrixView<double>& C, const MatrixView<const double>& A,
               const MatrixView<const double>& B, double alpha) {
   if (A.cols > 0 && C.rows * C.cols * A.cols <= few) return multiply_few(mode, C, A, B, alpha);
+  if (has_short_rows(C, A)) return multiply_rows(mode, C, A, B, alpha);
+  if (has_short_rows(transposed(C), transposed(B)))
+    return multiply_rows(mode, transposed(C), transposed(B), transposed(A), alpha);
   multiply_views(mode, C, A, B, alpha);
 }
 
