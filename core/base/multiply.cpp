@@ -6,6 +6,7 @@
 #include "multiply.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace bromwich {
 namespace {
@@ -97,31 +98,45 @@ void multiply_few(ProductMode mode, const MatrixView<double>& C, const MatrixVie
   }
 }
 
-// Up to this many products of entries to a row of a long C; Eigen packs its factors into panels, and most of each panel
-// stays empty.
-constexpr Eigen::Index few_in_a_row = 16;
+// Up to so many rows and columns of B; Eigen packs its factors into panels, and of such a B most of a panel is empty.
+constexpr Eigen::Index short_row = 4;
 
 bool has_short_rows(const MatrixView<double>& C, const MatrixView<const double>& A) {
-  return C.row_major && A.row_major && A.cols > 0 && C.cols * A.cols <= few_in_a_row;
+  return C.row_major && A.row_major && A.cols > 0 && A.cols <= short_row && C.cols > 0 && C.cols <= short_row;
 }
 
-// C = alpha A B or C += alpha A B, one row of C after the other.
+// C = alpha A B or C += alpha A B, one row of C after the other; the compiler unrolls what a row takes.
+template <int inner, int columns>
 void multiply_rows(ProductMode mode, const MatrixView<double>& C, const MatrixView<const double>& A,
                    const MatrixView<const double>& B, double alpha) {
-  double columns[few_in_a_row];  // of B, one after the other
-  for (Eigen::Index j = 0; j < C.cols; ++j)
-    for (Eigen::Index k = 0; k < A.cols; ++k)
-      columns[j * A.cols + k] = B.row_major ? B.data[k * B.stride + j] : B.data[j * B.stride + k];
+  double b[inner][columns];
+  for (Eigen::Index k = 0; k < inner; ++k)
+    for (Eigen::Index j = 0; j < columns; ++j)
+      b[k][j] = B.row_major ? B.data[k * B.stride + j] : B.data[j * B.stride + k];
+  const bool adds = mode == ProductMode::add;
   for (Eigen::Index i = 0; i < C.rows; ++i) {
     const double* a = A.data + i * A.stride;
     double* c = C.data + i * C.stride;
-    for (Eigen::Index j = 0; j < C.cols; ++j) {
-      const double* b = columns + j * A.cols;
-      double sum = a[0] * b[0];
-      for (Eigen::Index k = 1; k < A.cols; ++k) sum += a[k] * b[k];
-      c[j] = mode == ProductMode::add ? c[j] + alpha * sum : alpha * sum;
-    }
+    double sum[columns];
+    for (int j = 0; j < columns; ++j) sum[j] = a[0] * b[0][j];
+    for (int k = 1; k < inner; ++k)
+      for (int j = 0; j < columns; ++j) sum[j] += a[k] * b[k][j];
+    for (int j = 0; j < columns; ++j) c[j] = adds ? c[j] + alpha * sum[j] : alpha * sum[j];
   }
+}
+
+template <int... sizes>
+void multiply_rows(ProductMode mode, const MatrixView<double>& C, const MatrixView<const double>& A,
+                   const MatrixView<const double>& B, double alpha, std::integer_sequence<int, sizes...>) {
+  using Call = void (*)(ProductMode, const MatrixView<double>&, const MatrixView<const double>&,
+                        const MatrixView<const double>&, double);
+  constexpr Call calls[] = {multiply_rows<sizes / short_row + 1, sizes % short_row + 1>...};
+  calls[(A.cols - 1) * short_row + C.cols - 1](mode, C, A, B, alpha);
+}
+
+void multiply_rows(ProductMode mode, const MatrixView<double>& C, const MatrixView<const double>& A,
+                   const MatrixView<const double>& B, double alpha) {
+  multiply_rows(mode, C, A, B, alpha, std::make_integer_sequence<int, short_row * short_row>());
 }
 
 template <class Scalar>
