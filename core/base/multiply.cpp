@@ -1,6 +1,6 @@
 // C = alpha A B or C += alpha A B by Eigen's products of maps: one instance for each storage order of A and of B. Where
-// C is row-major, C^T = B^T A^T is computed, as Eigen does. Products of few entries, and long ones by a matrix of at most
-// 4 x 4, have loops of their own.
+// C is row-major, C^T = B^T A^T is computed, as Eigen does. Products of few entries, and long ones by a matrix of at
+// most 4 x 4, have loops of their own.
 //
 // Compiled without the precompiled header, in which eigen_products.hpp turns products into calls of this function.
 
