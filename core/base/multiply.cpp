@@ -1,11 +1,13 @@
 // C = alpha A B or C += alpha A B by Eigen's products of maps: one instance for each storage order of A and of B. Where
-// C is row-major, C^T = B^T A^T is computed, as Eigen does.
+// C is row-major, C^T = B^T A^T is computed, as Eigen does. Products of few entries, and long ones by a matrix of at
+// most 4 x 4, have loops of their own.
 //
 // Compiled without the precompiled header, in which eigen_products.hpp turns products into calls of this function.
 
 #include "multiply.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace bromwich {
 namespace {
@@ -97,6 +99,47 @@ void multiply_few(ProductMode mode, const MatrixView<double>& C, const MatrixVie
   }
 }
 
+// Up to so many rows and columns of B; Eigen packs its factors into panels, and of such a B most of a panel is empty.
+constexpr Eigen::Index short_row = 4;
+
+bool has_short_rows(const MatrixView<double>& C, const MatrixView<const double>& A) {
+  return C.row_major && A.row_major && A.cols > 0 && A.cols <= short_row && C.cols > 0 && C.cols <= short_row;
+}
+
+// C = alpha A B or C += alpha A B, one row of C after the other; the compiler unrolls what a row takes.
+template <int inner, int columns>
+void multiply_rows(ProductMode mode, const MatrixView<double>& C, const MatrixView<const double>& A,
+                   const MatrixView<const double>& B, double alpha) {
+  double b[inner][columns];
+  for (Eigen::Index k = 0; k < inner; ++k)
+    for (Eigen::Index j = 0; j < columns; ++j)
+      b[k][j] = B.row_major ? B.data[k * B.stride + j] : B.data[j * B.stride + k];
+  const bool adds = mode == ProductMode::add;
+  for (Eigen::Index i = 0; i < C.rows; ++i) {
+    const double* a = A.data + i * A.stride;
+    double* c = C.data + i * C.stride;
+    double sum[columns];
+    for (int j = 0; j < columns; ++j) sum[j] = a[0] * b[0][j];
+    for (int k = 1; k < inner; ++k)
+      for (int j = 0; j < columns; ++j) sum[j] += a[k] * b[k][j];
+    for (int j = 0; j < columns; ++j) c[j] = adds ? c[j] + alpha * sum[j] : alpha * sum[j];
+  }
+}
+
+template <int... sizes>
+void multiply_rows(ProductMode mode, const MatrixView<double>& C, const MatrixView<const double>& A,
+                   const MatrixView<const double>& B, double alpha, std::integer_sequence<int, sizes...>) {
+  using Call = void (*)(ProductMode, const MatrixView<double>&, const MatrixView<const double>&,
+                        const MatrixView<const double>&, double);
+  constexpr Call calls[] = {multiply_rows<sizes / short_row + 1, sizes % short_row + 1>...};
+  calls[(A.cols - 1) * short_row + C.cols - 1](mode, C, A, B, alpha);
+}
+
+void multiply_rows(ProductMode mode, const MatrixView<double>& C, const MatrixView<const double>& A,
+                   const MatrixView<const double>& B, double alpha) {
+  multiply_rows(mode, C, A, B, alpha, std::make_integer_sequence<int, short_row * short_row>());
+}
+
 template <class Scalar>
 void multiply_views(ProductMode mode, const MatrixView<Scalar>& C, const MatrixView<const Scalar>& A,
                     const MatrixView<const Scalar>& B, Scalar alpha) {
@@ -117,6 +160,9 @@ void multiply_views(ProductMode mode, const MatrixView<Scalar>& C, const MatrixV
 void multiply(ProductMode mode, const MatrixView<double>& C, const MatrixView<const double>& A,
               const MatrixView<const double>& B, double alpha) {
   if (A.cols > 0 && C.rows * C.cols * A.cols <= few) return multiply_few(mode, C, A, B, alpha);
+  if (has_short_rows(C, A)) return multiply_rows(mode, C, A, B, alpha);
+  if (has_short_rows(transposed(C), transposed(B)))
+    return multiply_rows(mode, transposed(C), transposed(B), transposed(A), alpha);
   multiply_views(mode, C, A, B, alpha);
 }
 

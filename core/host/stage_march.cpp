@@ -40,7 +40,7 @@ class Stages {
         break;
       }
       if (j == 1 && !y0.allFinite()) out.y.row(0) = used->first_stage().transpose();
-      const Vector y = used->last_stage();
+      const auto y = used->last_stage();
       steps_.pass(*used);
       if (used->stages() != problem_.stages && steps_.impact()) out.impacts.push_back(j);
       out.y.row(j) = y.transpose();

@@ -35,7 +35,7 @@ class Stepper {
                MarchReport& report) {
     step_->free(x, place, q_, next);
     if ((q_.array() >= 0).all()) {
-      Y = Vector::Zero(q_.size());
+      Y.setZero(q_.size());
       ++report.count.solved;
       return true;
     }
@@ -47,8 +47,8 @@ class Stepper {
   }
 
   Index stages() const { return stages_; }
-  Vector first_stage() const { return Y.head(M_.rows()); }
-  Vector last_stage() const { return Y.tail(M_.rows()); }
+  auto first_stage() const { return Y.head(M_.rows()); }
+  auto last_stage() const { return Y.tail(M_.rows()); }
   // Mean of y over the step, by the quadrature weights.
   Vector mean() const { return stages_ == 1 ? Y : Vector(0.75 * first_stage() + 0.25 * last_stage()); }
 

@@ -2,6 +2,7 @@
 
 #include "core/numerics/sine_basis.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace bromwich::host {
@@ -52,7 +53,7 @@ void StageSteps::start(const Vector& x0, const Vector& y0, const Vector& seen) {
 }
 
 void StageSteps::pass(const Stepper& used) {
-  const Vector y = used.last_stage();
+  const auto y = used.last_stage();
   for (std::size_t i = 0; i < touching.size(); ++i) touching[i] = y[Index(i)] > 0;
   if (used.stages() == problem_.stages) regular = regular.cwiseMax(y);
 }
@@ -60,9 +61,9 @@ void StageSteps::pass(const Stepper& used) {
 // Whether a rigid constraint has a new contact. If it is active at both stages, Radau IIA sends the state back with a
 // velocity of up to twice the distance to the constraint divided by the step.
 bool StageSteps::impacts(const Stepper& step) const {
-  const Vector most = step.first_stage().cwiseMax(step.last_stage());
+  const auto first = step.first_stage(), last = step.last_stage();
   for (std::size_t i = 0; i < rigid_.size(); ++i)
-    if (rigid_[i] && !touching[i] && most[Index(i)] > 0) return true;
+    if (rigid_[i] && !touching[i] && std::max(first[Index(i)], last[Index(i)]) > 0) return true;
   return false;
 }
 
@@ -71,7 +72,7 @@ bool StageSteps::impacts(const Stepper& step) const {
 // without jumps. Radau IIA would move the state by 9/5 of the impulse, and many small errors of this kind add up.
 // Contacts that stay or begin have no part in this: a step that ends in contact ends on the constraint.
 bool StageSteps::jumps(const Stepper& step, double h, const Vector& before, const Vector& after) const {
-  const Vector first = step.first_stage(), last = step.last_stage();
+  const auto first = step.first_stage(), last = step.last_stage();
   const double zero = negligible * step.Y.cwiseAbs().maxCoeff();
   // In a part of a step, y halves only after an impulse. Other constraints may then hold the state, so y need not be
   // 0.

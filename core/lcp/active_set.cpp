@@ -277,11 +277,29 @@ bool ActiveSetLcp::may_be_taken(const std::vector<Index>& S) const {
 
 // If M_SS is not nearly singular, Newton's method ended at a solution; for P- and Z-matrices this holds. Otherwise the
 // residual decides. A monotone problem may have other solutions of smaller norm.
-bool ActiveSetLcp::is_confirmed() const {
+bool ActiveSetLcp::is_confirmed() {
   if (class_ == LcpClass::P || class_ == LcpClass::Z) return true;
-  Vector y = Vector::Zero(q_.size());
-  y(support_) = value_(support_).cwiseMax(0);
-  return is_solution(M_, q_, y) && (class_ != LcpClass::PSD || is_certainly_unique(M_, q_, y));
+  positive_.setZero(q_.size());
+  positive_set_.clear();
+  for (const Index s : support_) {
+    if (!(value_[s] > 0)) continue;
+    positive_[s] = value_[s];
+    positive_set_.push_back(s);
+  }
+  slack_terms_.evaluate(M_, q_, positive_);
+  if (!is_solution(slack_terms_, q_, positive_)) return false;
+  return class_ != LcpClass::PSD || (is_clear_of_rounding(M_, slack_terms_, positive_) && is_unique_on(positive_set_));
+}
+
+// Whether M_SS is well conditioned. It does not depend on q: a set that comes back is not factorized again.
+bool ActiveSetLcp::is_unique_on(const std::vector<Index>& S) {
+  auto known = std::find_if(judged_.begin(), judged_.end(), [&](const JudgedSet& set) { return set.S == S; });
+  if (known == judged_.end()) {
+    if (judged_.size() >= most_judged_) judged_.pop_back();
+    known = judged_.insert(judged_.end(), {S, is_well_conditioned(M_, S)});
+  }
+  std::rotate(judged_.begin(), known, known + 1);
+  return judged_.front().well_conditioned;
 }
 
 // The fallbacks if Newton's method found no acceptable solution.

@@ -65,7 +65,8 @@ class ActiveSetLcp {
   bool fall_back(const Vector& q, LcpOutcome&);
   bool take(const Vector& scaled_y);
   bool may_be_taken(const std::vector<Index>& S) const;
-  bool is_confirmed() const;
+  bool is_confirmed();
+  bool is_unique_on(const std::vector<Index>& S);
   bool exchange_flips();
   bool pivot_on_flips(double most_growth = INFINITY);
   bool factorize();
@@ -93,6 +94,16 @@ class ActiveSetLcp {
   Vector q_, w_, value_;                ///< R q; w; (y_S, w_I) in scaled units
   Vector taken_;                        ///< scaled y found without the active set; empty: value_ holds the solution
   double rounding_ = 0;                 ///< of the largest entry of q_
+
+  struct JudgedSet {
+    std::vector<Index> S;
+    bool well_conditioned;
+  };
+  static constexpr std::size_t most_judged_ = 16;  ///< a march alternates between few sets
+  std::vector<JudgedSet> judged_;                  ///< PSD: the last sets whose M_SS was looked at; the latest first
+  Vector positive_;                                ///< y >= 0 in scaled units, of is_confirmed
+  std::vector<Index> positive_set_;
+  SlackTerms slack_terms_;
 };
 
 /// The least-norm solution of a monotone problem (core/lcp/least_norm.hpp); ActiveSetLcp solves the regularized

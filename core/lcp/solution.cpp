@@ -79,25 +79,51 @@ std::vector<Index> members(unsigned set, Index n) {
   return S;
 }
 
+void SlackTerms::evaluate(const Matrix& M, const Vector& q, const Vector& y) {
+  w = q;
+  terms = q.cwiseAbs();
+  for (Index j = 0; j < y.size(); ++j) {
+    if (!(y[j] > 0)) continue;
+    w += y[j] * M.col(j);
+    terms += y[j] * M.col(j).cwiseAbs();
+  }
+}
+
 bool is_solution(const Matrix& M, const Vector& q, const Vector& y) {
   if (!y.allFinite() || (y.array() < 0).any()) return false;
-  const Vector w = M * y + q, terms = q.cwiseAbs() + M.cwiseAbs() * y;
+  SlackTerms slack;
+  slack.evaluate(M, q, y);
+  return is_solution(slack, q, y);
+}
+
+bool is_solution(const SlackTerms& slack, const Vector& q, const Vector& y) {
+  if (!y.allFinite()) return false;
   const double largest = q.size() > 0 ? q.cwiseAbs().maxCoeff() : 0;
   for (Index i = 0; i < y.size(); ++i) {
-    const double level = rounding(y.size()) * (terms[i] + largest);
-    if (!(y[i] > 0) && w[i] > level) continue;  // positive for any rounding
+    const double w = slack.w[i], level = rounding(y.size()) * (slack.terms[i] + largest);
+    if (!(y[i] > 0) && w > level) continue;  // positive for any rounding
     if (level > 1e-4 * largest) return false;
-    if (w[i] < -level || (y[i] > 0 && w[i] > level)) return false;
+    if (w < -level || (y[i] > 0 && w > level)) return false;
   }
   return true;
 }
 
 bool is_certainly_unique(const Matrix& M, const Vector& q, const Vector& y) {
-  const std::vector<Index> S = support_of(y);
-  const Vector w = M * y + q, terms = q.cwiseAbs() + M.cwiseAbs() * y;
-  for (Index i = 0; i < y.size(); ++i)
-    if (y[i] > 0 ? !((M.col(i).cwiseAbs().array() * y[i] > clear * terms.array()).any()) : !(w[i] > clear * terms[i]))
+  SlackTerms slack;
+  slack.evaluate(M, q, y);
+  return is_clear_of_rounding(M, slack, y) && is_well_conditioned(M, support_of(y));
+}
+
+bool is_clear_of_rounding(const Matrix& M, const SlackTerms& slack, const Vector& y) {
+  for (Index i = 0; i < y.size(); ++i) {
+    const double level = clear * slack.terms[i];
+    if (y[i] > 0 ? !((M.col(i).cwiseAbs().array() * y[i] > clear * slack.terms.array()).any()) : !(slack.w[i] > level))
       return false;
+  }
+  return true;
+}
+
+bool is_well_conditioned(const Matrix& M, const std::vector<Index>& S) {
   if (S.empty()) return true;
   const Matrix block = M(S, S);
   const Eigen::PartialPivLU<Matrix> lu(scaled(block, equilibrate(block)));

@@ -107,8 +107,9 @@ TYPED_TEST_SUITE(Multiply, Scalars);
 TYPED_TEST(Multiply, IsTheSumOverTheInnerIndexInEveryOrder) {
   constexpr int C = Eigen::ColMajor;
   constexpr int R = Eigen::RowMajor;
-  const Index sizes[][3] = {{2, 3, 4}, {1, 5, 3}, {1, 30, 1}, {40, 7, 1},   {1, 9, 33},
-                            {1, 1, 1}, {5, 0, 4}, {5, 6, 7},  {23, 31, 29}, {64, 17, 130}};
+  const Index sizes[][3] = {{2, 3, 4},   {1, 5, 3},   {1, 30, 1}, {40, 7, 1},   {1, 9, 33},
+                            {1, 1, 1},   {5, 0, 4},   {5, 6, 7},  {23, 31, 29}, {64, 17, 130},
+                            {200, 2, 3}, {3, 4, 200}, {70, 4, 4}, {70, 1, 2},   {1, 3, 90}};
   for (const auto& [rows, inner, cols] : sizes) {
     this->template of_orders<C, C, C>(rows, inner, cols);
     this->template of_orders<C, C, R>(rows, inner, cols);

@@ -104,6 +104,50 @@ TEST(LcpPSD, NoMatrix) {
   EXPECT_TRUE(outcome.infeasible);
 }
 
+// What is kept of an active set is used when it comes back, also after more sets (up to 32) than are kept: the answers
+// are those of a new solver for each problem.
+TEST(LcpPSD, SetsThatComeBack) {
+  Random random(24);
+  const Index n = 5;
+  for (int instance = 0; instance < 20; ++instance) {
+    const Matrix M = oracle::random_monotone(random, n, instance % 4).M;
+    ActiveSetLcp kept(M, LcpClass::PSD);
+    std::vector<Vector> problems;
+    for (int k = 0; k < 60; ++k) {
+      Vector w = Vector::Zero(n), z = Vector::Zero(n);
+      for (Index i = 0; i < n; ++i) (random.uniform(0, 1) < 0.5 ? w : z)[i] = random.uniform(0.1, 1);
+      problems.push_back(w - M * z);
+    }
+    for (int k = 0; k < 120; ++k) {
+      const Vector& q = problems[std::size_t(k) % problems.size()];
+      Vector y, fresh;
+      ASSERT_TRUE(kept.solve(q, y).solved) << instance << ", problem " << k;
+      ASSERT_TRUE(ActiveSetLcp(M, LcpClass::PSD).solve(q, fresh).solved) << instance << ", problem " << k;
+      EXPECT_LE((y - fresh).cwiseAbs().maxCoeff(), close_enough) << instance << ", problem " << k << "\n" << M;
+    }
+  }
+}
+
+// A kept verdict holds for its own set alone: of two equal rows both sets with one of them are well conditioned, the
+// set of both is not, whatever was asked before.
+TEST(LcpPSD, ConditionOfASetIsItsOwn) {
+  const Matrix M{{1, 1, 0}, {1, 1 + 1e-12, 0}, {0, 0, 1}};
+  EXPECT_TRUE(is_well_conditioned(M, {0, 2}));
+  EXPECT_TRUE(is_well_conditioned(M, {1, 2}));
+  EXPECT_FALSE(is_well_conditioned(M, {0, 1}));
+  EXPECT_TRUE(is_well_conditioned(M, {}));
+  // Newton's method ends on {0, 1} too, where LU loses twelve digits; the least norm has none to lose. The problems
+  // before it have another set of two.
+  ActiveSetLcp solver(M, LcpClass::PSD);
+  Vector y;
+  for (const double size : {0.1, 0.37, 0.7, 0.9}) {
+    ASSERT_TRUE(solver.solve(Vector{{-size, 1, -size}}, y).solved) << size;
+    EXPECT_LE((y - Vector{{size, 0, size}}).cwiseAbs().maxCoeff(), 1e-15) << size;
+    ASSERT_TRUE(solver.solve(Vector(-M * Vector{{size, size, 0}} + Vector{{0, 0, 1}}), y).solved) << size;
+    EXPECT_LE((y - Vector{{size, size, 0}}).cwiseAbs().maxCoeff(), close_enough) << size;
+  }
+}
+
 TEST(LcpPSD, Relays) {
   // y = (s, y+), w = (y-, 1 - s): s = 1 for C x > 0, 0 for C x < 0, and the least norm is s = 0 at C x = 0.
   const Matrix M{{0, 1}, {-1, 0}};
