@@ -6,6 +6,7 @@
 #include "app/output_file.hpp"
 #include "app/ranks.hpp"
 #include "app/text.hpp"
+#include "bench/studies/nonlinear.hpp"
 #include "bench/studies/scale.hpp"
 #include "bench/studies/study.hpp"
 #include "core/base/error.hpp"
@@ -39,6 +40,8 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
     {"dual", "cycles in w on contact: contraction, and time compared with marching on one core", bench_dual},
     {"multigrid", "cycles on signorini: contraction, and cost to reach a tenth of the discretisation error",
      bench_multigrid},
+    {"nonlinear", "reaction and diffusion at large sizes: error and time, compared with marching on one core",
+     bench_nonlinear},
     {"paper", "the experiments of the paper on Laplace inversion, compared with its numbers", bench_paper},
     {"scale", "time points of a Kronecker scene divided among the ranks of mpirun, and a model for more of them",
      bench_scale},
