@@ -26,6 +26,9 @@ struct Between {
   }
 };
 
+// Vectorised, as allFinite is not.
+bool finite(const RowMatrix& m) { return (0 * m.array()).sum() == 0; }
+
 TimeFunction sum(const TimeFunction& given, Between more) {
   return [given, more = std::move(more)](double t, Eigen::Ref<Vector> value) {
     value.setZero();
@@ -166,7 +169,7 @@ bool FrozenWindows::sweep(RowMatrix phi, RowMatrix gamma, Rows& rows) {
   interrupted_ = last_.status == Status::interrupted;
   reason_ = last_.reason;
   RowMatrix& seen = scene_.of_trace ? last_.trace : last_.x;
-  if (last_.status != Status::solved || !seen.allFinite() || !last_.y.allFinite()) return false;
+  if (last_.status != Status::solved || !finite(seen) || !finite(last_.y)) return false;
   continuous_ = last_.continuous;
   rows = {std::move(seen), std::move(last_.y)};
   return true;
@@ -182,7 +185,7 @@ std::optional<WindowsOfSteps::Outcome> FrozenWindows::iterate(const Linearizatio
     const bool vanish = phi.isZero(0) && gamma.isZero(0);
     if (vanished && vanish) return Outcome{};  // the solution of the linear scene is that of the nonlinear one
     vanished = vanish;
-    if (!phi.allFinite() || !gamma.allFinite()) {
+    if (!finite(phi) || !finite(gamma)) {
       reason_ = "phi or gamma is not finite";
       return std::nullopt;
     }
