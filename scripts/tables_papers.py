@@ -256,5 +256,5 @@ def nonlinear_device(data):
                   f"{linear / device:.2f} of the time."]
     machine = data["machine"]
     lines = [one for one in lines if one is not None]
-    return lines + ["", f"Q = {rows[0]['Q']}. Error: {data['details']['error']}. {data['parameters']['device']} beside {machine['cpu']}, "
+    return lines + ["", f"Q = {rows[0]['Q']}. Error {data['details']['error']}. {data['parameters']['device']} beside {machine['cpu']}, "
                     f"{machine['cores']} threads, {data['compiler']}, commit {data['commit'][:9]}, medians of {data['repeats']}."]
