@@ -257,4 +257,4 @@ def nonlinear_device(data):
     machine = data["machine"]
     lines = [one for one in lines if one is not None]
     return lines + ["", f"Q = {rows[0]['Q']}. Error {data['details']['error']}. {data['parameters']['device']} beside {machine['cpu']}, "
-                    f"{machine['cores']} threads, {data['compiler']}, commit {data['commit'][:9]}, medians of {data['repeats']}."]
+                    f"{machine['cores']} threads, {data['compiler']}, commit {data['commit'][:9]}, medians of {data['repeats']}, of one run above 3 s."]
