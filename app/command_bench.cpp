@@ -6,7 +6,9 @@
 #include "app/output_file.hpp"
 #include "app/ranks.hpp"
 #include "app/text.hpp"
+#include "bench/studies/nonlinear.hpp"
 #include "bench/studies/scale.hpp"
+#include "bench/studies/streams.hpp"
 #include "bench/studies/study.hpp"
 #include "core/base/error.hpp"
 #include "core/build_info.hpp"
@@ -39,6 +41,8 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
     {"dual", "cycles in w on contact: contraction, and time compared with marching on one core", bench_dual},
     {"multigrid", "cycles on signorini: contraction, and cost to reach a tenth of the discretisation error",
      bench_multigrid},
+    {"nonlinear", "reaction and diffusion at large sizes: error and time, compared with marching on one core",
+     bench_nonlinear},
     {"paper", "the experiments of the paper on Laplace inversion, compared with its numbers", bench_paper},
     {"scale", "time points of a Kronecker scene divided among the ranks of mpirun, and a model for more of them",
      bench_scale},
@@ -46,6 +50,7 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
     {"signorini3d", "contact on a face: cycles, marching and implicit Euler, times and work", bench_signorini3d},
     {"solver", "a prepared scene solved again with another x0, compared with whole solves", bench_solver},
     {"sparse", "heat on a square with 1e5 states and ten contacts", bench_sparse},
+    {"streams", "scenes with matrices of their own on one device, several at a time", bench_streams},
     {"stability", "hard cases with known solutions: error, estimate and status, compared with implicit Euler",
      bench_stability},
     {"tol", "error control: tolerance, estimated error, true error and work", bench_tol},

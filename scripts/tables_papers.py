@@ -231,3 +231,30 @@ def nonlinear(data):
     shared = " that were shared while this was measured: times are indicative" if data.get("shared", "note" in data) else ""
     lines += ["", f"{data['machine']['cores']} cores{shared}. Commit {data['commit'][:9]}."]
     return lines
+
+
+def nonlinear_device(data):
+    rows = data["rows"]
+    lines = []
+    ways = [("iteration", "cuda", "iteration, H200"), ("iteration by marches", "cpu", "iteration by marches, one core"),
+            ("march", "cpu", "march, one core"), ("one linear march", "cpu", "one linear march, one core")]
+    cells, best = [], {}
+    for steps in sorted({r["steps"] for r in rows}):
+        for name, backend, said in ways:
+            for r in pick(rows, contestant=name, backend=backend, steps=steps):
+                cells.append([steps, said, f"{r['tolerance']:.0e}" if "tolerance" in r else "", r.get("linear_solves", 1),
+                              number(r["error"]) if "error" in r else "-", seconds(r["seconds"]["median"])])
+                best.setdefault((steps, name), []).append(r)
+    lines += table(["steps", "way", "to", "linear solves", "error of y", "whole solve"], cells)
+    reached = min(r["steps"] for r in rows if r.get("error", 1) <= 1e-4)
+    for steps in sorted({reached, max(r["steps"] for r in rows)}):
+        device, host, linear = (min(r["seconds"]["median"] for r in best[steps, name])
+                                for name in ("iteration", "iteration by marches", "one linear march"))
+        error = best[steps, "iteration"][0]["error"]
+        lines += ["" if steps == reached else None,
+                  f"- {steps} steps, error {number(error)}: {host / device:.1f} times faster than marching on one core; one linear march takes "
+                  f"{linear / device:.2f} of the time."]
+    machine = data["machine"]
+    lines = [one for one in lines if one is not None]
+    return lines + ["", f"Q = {rows[0]['Q']}. Error {data['details']['error']}. {data['parameters']['device']} beside {machine['cpu']}, "
+                    f"{machine['cores']} threads, {data['compiler']}, commit {data['commit'][:9]}, medians of {data['repeats']}, of one run above 3 s."]

@@ -12,6 +12,7 @@ namespace {
 
 constexpr double inner_share = 0.1;  ///< of the change of a Newton iteration, which its inner iterations may leave
 constexpr double rounding_of_rows = 1e-8;  ///< changes below that no longer fall are rounding
+constexpr Index rows_of_a_range = 16;      ///< for a thread
 
 // Linear between rows that stand h apart. Copies of a function share the rows.
 struct Between {
@@ -24,6 +25,9 @@ struct Between {
     value += (1 - s) * rows->row(j).transpose() + s * rows->row(j + 1).transpose();
   }
 };
+
+// Vectorised, as allFinite is not.
+bool finite(const RowMatrix& m) { return (0 * m.array()).sum() == 0; }
 
 TimeFunction sum(const TimeFunction& given, Between more) {
   return [given, more = std::move(more)](double t, Eigen::Ref<Vector> value) {
@@ -70,9 +74,9 @@ void add_through_B(Scene& scene, Between phi) {
 Scene with_rest(const Scene& linear, bool of_trace, RowMatrix phi, RowMatrix gamma, double h) {
   Scene scene = linear;
   Between entering{std::make_shared<const RowMatrix>(std::move(phi)), h};
-  if (of_trace) {
+  if (entering.rows->size() > 0 && of_trace) {
     add_through_B(scene, std::move(entering));
-  } else {
+  } else if (entering.rows->size() > 0) {
     take_f_as_values(scene);
     scene.f = sum(scene.f, std::move(entering));
   }
@@ -97,7 +101,7 @@ std::optional<WindowsOfSteps::Outcome> FrozenWindows::solve(Index from, Index le
     inner.trace = scene_.of_trace;
     inner.interrupted = options_.interrupted;
     inner.method = options_.inner;
-    const RowMatrix phi = RowMatrix::Zero(length + 1, scene_.seen()),
+    const RowMatrix phi = RowMatrix::Zero(scene_.phi ? length + 1 : 0, scene_.seen()),
                     gamma = RowMatrix::Zero(length + 1, scene_.linear.constraints());
     solver_ = std::make_unique<Solver>(with_rest(window_, scene_.of_trace, phi, gamma, h_), backend_, inner);
     length_ = length;
@@ -107,8 +111,9 @@ std::optional<WindowsOfSteps::Outcome> FrozenWindows::solve(Index from, Index le
   return method_ == NonlinearMethod::newton ? newton(rows) : iterate(nullptr, options_.tolerance, rows);
 }
 
-Vector FrozenWindows::end_state() const {
-  if (!scene_.of_trace) return last_.x.row(length_).transpose();
+Vector FrozenWindows::end_state(const Rows& rows) {
+  if (!scene_.of_trace) return rows.seen.row(length_).transpose();
+  last_.y = rows.y;
   return states_at(solver_->scene(), backend_, last_, {length_}).col(0);
 }
 
@@ -118,26 +123,41 @@ std::array<Linearization, 2> FrozenWindows::linearize_at(Index row, const Rows& 
           linearize(scene_.gamma, scene_.dgamma, y.size(), time(row), x, y)};
 }
 
-// Values of phi and gamma at all rows, linearized where that is given.
+void FrozenWindows::rest_at(Index j, const Linearizations* at, const Rows& rows, RowMatrix& phi,
+                            RowMatrix& gamma) const {
+  const Vector x = rows.seen.row(j), y = rows.y.row(j);
+  if (at) {
+    const auto& [p, g] = at->kept.empty() ? linearize_at(j, at->about) : at->kept[std::size_t(j)];
+    const Vector dx = x - at->about.seen.row(j).transpose(), dy = y - at->about.y.row(j).transpose();
+    if (scene_.phi) phi.row(j) = (p.value + p.by_x * dx + p.by_y * dy).transpose();
+    gamma.row(j) = (g.value + g.by_x * dx + g.by_y * dy).transpose();
+    return;
+  }
+  const auto set = [&](const NonlinearFunction& function, RowMatrix& values) {
+    if (!function) return;
+    Vector value = Vector::Zero(values.cols());
+    function(time(j), x, y, value);
+    values.row(j) = value.transpose();
+  };
+  set(scene_.phi, phi);
+  set(scene_.gamma, gamma);
+}
+
+// Values of phi (no rows where it is empty) and gamma at all rows, linearized where that is given.
 void FrozenWindows::rest(const Linearizations* at, const Rows& rows, RowMatrix& phi, RowMatrix& gamma) const {
   const Index count = rows.seen.rows();
-  phi = RowMatrix::Zero(count, scene_.seen());
+  phi = RowMatrix::Zero(scene_.phi ? count : 0, scene_.seen());
   gamma = RowMatrix::Zero(count, scene_.linear.constraints());
-  for (Index j = 0; j < count; ++j) {
-    const Vector x = rows.seen.row(j), y = rows.y.row(j);
-    if (at) {
-      const auto& [p, g] = at->kept.empty() ? linearize_at(j, at->about) : at->kept[std::size_t(j)];
-      const Vector dx = x - at->about.seen.row(j).transpose(), dy = y - at->about.y.row(j).transpose();
-      phi.row(j) = (p.value + p.by_x * dx + p.by_y * dy).transpose();
-      gamma.row(j) = (g.value + g.by_x * dx + g.by_y * dy).transpose();
-      continue;
-    }
-    Vector value = Vector::Zero(phi.cols()), slack = Vector::Zero(gamma.cols());
-    if (scene_.phi) scene_.phi(time(j), x, y, value);
-    if (scene_.gamma) scene_.gamma(time(j), x, y, slack);
-    phi.row(j) = value.transpose();
-    gamma.row(j) = slack.transpose();
-  }
+  each_row(count, [&](Index j) { rest_at(j, at, rows, phi, gamma); });
+}
+
+// On all threads of the host where phi and gamma may be called concurrently.
+void FrozenWindows::each_row(Index count, const std::function<void(Index)>& use) const {
+  const HostThreads one;
+  share(options_.concurrent ? static_cast<const HostThreads&>(backend_) : one, count, rows_of_a_range,
+        [&](Index first, Index last) {
+          for (Index j = first; j < last; ++j) use(j);
+        });
 }
 
 // One linear solve. False if it fails.
@@ -148,20 +168,24 @@ bool FrozenWindows::sweep(RowMatrix phi, RowMatrix gamma, Rows& rows) {
   last_ = solver_->solve();
   interrupted_ = last_.status == Status::interrupted;
   reason_ = last_.reason;
-  const RowMatrix& seen = scene_.of_trace ? last_.trace : last_.x;
-  if (last_.status != Status::solved || !seen.allFinite() || !last_.y.allFinite()) return false;
+  RowMatrix& seen = scene_.of_trace ? last_.trace : last_.x;
+  if (last_.status != Status::solved || !finite(seen) || !finite(last_.y)) return false;
   continuous_ = last_.continuous;
-  rows = {seen, last_.y};
+  rows = {std::move(seen), std::move(last_.y)};
   return true;
 }
 
 // Iterates rows until the change is below `tolerance`.
 std::optional<WindowsOfSteps::Outcome> FrozenWindows::iterate(const Linearizations* at, double tolerance, Rows& rows) {
   ContractionWatch watch(tolerance);
+  bool vanished = false;
   for (Index k = 1; k <= options_.most_iterations; ++k) {
     RowMatrix phi, gamma;
     rest(at, rows, phi, gamma);
-    if (!phi.allFinite() || !gamma.allFinite()) {
+    const bool vanish = phi.isZero(0) && gamma.isZero(0);
+    if (vanished && vanish) return Outcome{};  // the solution of the linear scene is that of the nonlinear one
+    vanished = vanish;
+    if (!finite(phi) || !finite(gamma)) {
       reason_ = "phi or gamma is not finite";
       return std::nullopt;
     }
@@ -187,8 +211,10 @@ std::optional<WindowsOfSteps::Outcome> FrozenWindows::newton(Rows& rows) {
   for (Index k = 0; k < options_.most_newton; ++k) {
     ++newton_;
     Linearizations at{rows, {}};
-    if (double(rows.seen.rows()) * row_bytes <= most_kept)
-      for (Index j = 0; j < rows.seen.rows(); ++j) at.kept.push_back(linearize_at(j, rows));
+    if (double(rows.seen.rows()) * row_bytes <= most_kept) {
+      at.kept.resize(std::size_t(rows.seen.rows()));
+      each_row(rows.seen.rows(), [&](Index j) { at.kept[std::size_t(j)] = linearize_at(j, rows); });
+    }
     const std::optional<Outcome> inner = iterate(&at, tolerance, rows);
     if (!inner) return std::nullopt;
     outcome = {std::max(outcome.contraction, inner->contraction), apart(rows, at.about)};

@@ -12,6 +12,7 @@
 #include "windows_of_steps.hpp"
 
 #include <array>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -19,7 +20,8 @@
 namespace bromwich {
 
 /// The linear part with rows of phi and gamma, h apart and linear between, added to its sources. phi has m values, or n
-/// that enter through B with `of_trace`.
+/// that enter through B with `of_trace`;
+/// without rows it is 0.
 Scene with_rest(const Scene& linear, bool of_trace, RowMatrix phi, RowMatrix gamma, double h);
 
 class FrozenWindows final : public WindowsOfSteps {
@@ -28,7 +30,7 @@ class FrozenWindows final : public WindowsOfSteps {
   FrozenWindows(const NonlinearScene&, Backend&, const NonlinearOptions&, NonlinearMethod, Index J);
 
   std::optional<Outcome> solve(Index from, Index length, const Vector& state, Rows& rows) override;
-  Vector end_state() const override;
+  Vector end_state(const Rows& rows) override;
 
  private:
   /// phi and gamma about the rows of the last Newton iterate: kept for all time points, or, where that would take more
@@ -42,7 +44,9 @@ class FrozenWindows final : public WindowsOfSteps {
   std::optional<Outcome> newton(Rows& rows);
   bool sweep(RowMatrix phi, RowMatrix gamma, Rows& rows);
   std::array<Linearization, 2> linearize_at(Index row, const Rows& about) const;
+  void rest_at(Index j, const Linearizations*, const Rows& rows, RowMatrix& phi, RowMatrix& gamma) const;
   void rest(const Linearizations*, const Rows& rows, RowMatrix& phi, RowMatrix& gamma) const;
+  void each_row(Index count, const std::function<void(Index)>& use) const;
   double time(Index row) const { return double(from_ + row) * h_; }
 
   static constexpr double most_kept = 1e9;
@@ -55,7 +59,7 @@ class FrozenWindows final : public WindowsOfSteps {
   Scene window_;  ///< the linear part of the window
   Index from_ = 0, length_ = 0;
   std::unique_ptr<Solver> solver_;  ///< of windows of `length_` steps
-  Result last_;                     ///< of the last linear solve
+  Result last_;                     ///< of the last linear solve, without the rows
 };
 
 }  // namespace bromwich

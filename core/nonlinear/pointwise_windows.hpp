@@ -21,7 +21,7 @@ class PointwiseWindows final : public WindowsOfSteps {
   PointwiseWindows(const NonlinearScene&, const NonlinearSteps&, const HostThreads&, const NonlinearOptions&);
 
   std::optional<Outcome> solve(Index from, Index length, const Vector& state, Rows& rows) override;
-  Vector end_state() const override { return end_; }
+  Vector end_state(const Rows&) override { return end_; }
 
  private:
   bool solve_points(Index from, const Rows& about, RowMatrix& y);

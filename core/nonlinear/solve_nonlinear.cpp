@@ -6,6 +6,7 @@
 #include "core/nonlinear/frozen_windows.hpp"
 #include "core/nonlinear/nonlinear_steps.hpp"
 #include "core/nonlinear/pointwise_windows.hpp"
+#include "core/nonlinear/tabulated.hpp"
 #include "core/scene/breakpoints.hpp"
 #include "core/solve/solve.hpp"
 
@@ -44,9 +45,10 @@ class NonlinearSolve {
     result_.y = result_.w = RowMatrix::Constant(J_ + 1, n_, nan);
     seen().row(0) =
         (scene_.of_trace ? observe(scene_.linear.dynamics, scene_.linear.x0) : scene_.linear.x0).transpose();
+    const bool by_linear_scenes = !is_dense(scene_) && result_.method == NonlinearMethod::iteration;
     if (!scene_.phi && !scene_.gamma) {
       solve_linear();
-    } else if (linear_part_solves_it()) {
+    } else if (!by_linear_scenes && linear_part_solves_it()) {
       return std::move(result_);
     } else if (is_dense(scene_)) {
       solve_dense();
@@ -135,6 +137,10 @@ class NonlinearSolve {
       return;
     }
     result_.y.row(0).setZero();  // a guess
+    on_table_ = scene_;
+    on_table_.linear.g = tabulated(scene_.linear.g, scene_.linear.T, J_, n_);
+    if (scene_.linear.f && scene_.linear.sources() <= n_)
+      on_table_.linear.f = tabulated(scene_.linear.f, scene_.linear.T, J_, scene_.linear.sources());
     if (by_windows()) result_.status = Status::solved;
   }
 
@@ -153,7 +159,8 @@ class NonlinearSolve {
     const Vector x = seen().row(j), y = result_.y.row(j);
     const double t = double(j) * h_ - before;
     Vector g = Vector::Zero(n_), gamma = Vector::Zero(n_);
-    if (scene_.linear.g) scene_.linear.g(t, g);
+    const TimeFunction& of_time = on_table_.linear.g ? on_table_.linear.g : scene_.linear.g;
+    if (of_time) of_time(t, g);
     if (scene_.gamma) scene_.gamma(t, x, y, gamma);
     const Vector v = scene_.of_trace ? x : observe(scene_.linear.dynamics, x);
     result_.w.row(j) = (v + multiply(scene_.linear.M, y) + g + gamma).transpose();
@@ -211,7 +218,7 @@ class NonlinearSolve {
       return std::make_unique<PointwiseWindows>(scene_, *steps_, backend_, options_);
     const NonlinearMethod method =
         result_.method == NonlinearMethod::iteration ? NonlinearMethod::iteration : NonlinearMethod::newton;
-    return std::make_unique<FrozenWindows>(scene_, backend_, options_, method, J_);
+    return std::make_unique<FrozenWindows>(steps_ ? scene_ : on_table_, backend_, options_, method, J_);
   }
 
   // Windows of half the length where the iteration does not contract. In dense scenes a step alone, and one with a jump
@@ -256,17 +263,23 @@ class NonlinearSolve {
       result_.contraction = std::max(result_.contraction, outcome->contraction);
       result_.defect = std::max(result_.defect, outcome->change);
       from += count;
-      if (from < J_) state = windows.end_state();
+      if (from < J_) state = windows.end_state(rows);
     }
     return true;
   }
 
   void keep(Index from, const WindowsOfSteps::Rows& rows) {
-    for (Index j = from == 0 ? 0 : 1; j < rows.y.rows(); ++j) {
-      seen().row(from + j) = rows.seen.row(j);
-      result_.y.row(from + j) = rows.y.row(j);
-      set_slack(from + j);
-    }
+    const Index first = from == 0 ? 0 : 1;
+    const HostThreads one;
+    const bool at_once = options_.concurrent && (!scene_.linear.g || on_table_.linear.g);  // several threads may call g
+    share(at_once ? static_cast<const HostThreads&>(backend_) : one, rows.y.rows() - first, 16,
+          [&](Index begin, Index end) {
+            for (Index j = first + begin; j < first + end; ++j) {
+              seen().row(from + j) = rows.seen.row(j);
+              result_.y.row(from + j) = rows.y.row(j);
+              set_slack(from + j);
+            }
+          });
   }
 
   // Of steps that were not divided.
@@ -297,6 +310,7 @@ class NonlinearSolve {
   const Index n_, J_;
   const double h_;
   NonlinearSteps* steps_ = nullptr;  ///< of dense scenes
+  NonlinearScene on_table_;          ///< of others: f and g from tables of the grid
   Index counted_newton_ = 0;
   NonlinearResult result_;
 };

@@ -11,16 +11,16 @@ constexpr double largest_contraction = 0.7;   ///< above: shorter windows
 constexpr Index looked_at = 4;                ///< iterations before the contraction counts
 constexpr double rounding_of_windows = 1e-8;  ///< changes below that no longer halve are rounding
 
-double relative_change(const RowMatrix& change, const RowMatrix& size) {
-  if (change.size() == 0) return 0;
-  const double most = change.cwiseAbs().maxCoeff();
-  return most > 0 ? most / (size.cwiseAbs().maxCoeff() + most) : 0;
+double relative_change(const RowMatrix& now, const RowMatrix& before) {
+  if (now.size() == 0) return 0;
+  const double most = (now - before).cwiseAbs().maxCoeff();
+  return most > 0 ? most / (now.cwiseAbs().maxCoeff() + most) : 0;
 }
 
 }  // namespace
 
 double apart(const WindowsOfSteps::Rows& a, const WindowsOfSteps::Rows& b) {
-  return std::max(relative_change(a.seen - b.seen, a.seen), relative_change(a.y - b.y, a.y));
+  return std::max(relative_change(a.seen, b.seen), relative_change(a.y, b.y));
 }
 
 ContractionWatch::Verdict ContractionWatch::after(double change) {

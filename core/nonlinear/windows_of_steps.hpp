@@ -23,8 +23,8 @@ class WindowsOfSteps {
   /// Solves `length` steps from row `from` with this state there, from the guess `rows`. Nothing where the iteration
   /// does not contract or a problem is not solved (`reason`).
   virtual std::optional<Outcome> solve(Index from, Index length, const Vector& state, Rows& rows) = 0;
-  /// The state at the end of the window that was solved last.
-  virtual Vector end_state() const = 0;
+  /// The state at the end of the window that was solved last, with these rows.
+  virtual Vector end_state(const Rows& rows) = 0;
 
   const std::string& reason() const { return reason_; }
   bool interrupted() const { return interrupted_; }

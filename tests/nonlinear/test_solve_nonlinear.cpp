@@ -193,6 +193,41 @@ TEST(SolveNonlinear, LargeScenesByTheTrace) {
   EXPECT_EQ(solve_nonlinear(large, *backend, pointwise).status, Status::unsupported);
 }
 
+// The threads of the host divide rows alone: nothing is summed in another order.
+TEST(SolveNonlinear, LargeScenesOnSeveralThreads) {
+  NonlinearScene large;
+  large.linear = make_scene("signorini", {{"Q", 7}});
+  large.of_trace = true;
+  large.gamma = [](double, In, In y, Eigen::Ref<Vector> v) { v = 0.02 * y.array().cube(); };
+  const auto backend = make_cpu_backend(3);
+  for (const NonlinearMethod m : {NonlinearMethod::iteration, NonlinearMethod::newton}) {
+    NonlinearOptions options;
+    options.method = m;
+    options.steps = 60;
+    const NonlinearResult one = solve_nonlinear(large, *backend, options);
+    options.concurrent = true;
+    const NonlinearResult several = solve_nonlinear(large, *backend, options);
+    ASSERT_EQ(several.status, Status::solved) << several.reason;
+    EXPECT_EQ(one.solves, several.solves);
+    EXPECT_EQ(one.y, several.y);
+    EXPECT_EQ(one.w, several.w);
+  }
+}
+
+TEST(SolveNonlinear, LargeScenesWithoutARestAreOneLinearSolve) {
+  NonlinearScene large;
+  large.linear = make_scene("signorini", {{"Q", 7}});
+  large.of_trace = true;
+  large.gamma = [](double, In, In y, Eigen::Ref<Vector> v) { v = (y.array() < -1).cast<double>(); };
+  const NonlinearResult r = solved(large, NonlinearMethod::iteration, 60);
+  EXPECT_EQ(r.solves, 1);
+  Options options;
+  options.steps = 60;
+  const auto backend = make_cpu_backend();
+  const Result linear = solve(large.linear, *backend, options);
+  EXPECT_LE((r.y - linear.y).cwiseAbs().maxCoeff(), 1e-12 * linear.y.cwiseAbs().maxCoeff());
+}
+
 TEST(SolveNonlinear, TakesSourcesThroughB) {
   NonlinearScene s = cubic_stop(), through = s;
   through.linear.f_entry = SourceEntry::through_B;  // B = (0, 1)
