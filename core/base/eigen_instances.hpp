@@ -13,29 +13,30 @@
 
 namespace Eigen {
 
-BROMWICH_EIGEN_INSTANCE class PartialPivLU<MatrixXd>;
-BROMWICH_EIGEN_INSTANCE class PartialPivLU<MatrixXcd>;
-BROMWICH_EIGEN_INSTANCE class FullPivLU<MatrixXd>;
-BROMWICH_EIGEN_INSTANCE class HouseholderQR<MatrixXd>;
-BROMWICH_EIGEN_INSTANCE class ColPivHouseholderQR<MatrixXd>;
-BROMWICH_EIGEN_INSTANCE class CompleteOrthogonalDecomposition<MatrixXd>;
-BROMWICH_EIGEN_INSTANCE class JacobiSVD<MatrixXd>;
-BROMWICH_EIGEN_INSTANCE class SelfAdjointEigenSolver<MatrixXd>;
-BROMWICH_EIGEN_INSTANCE class GeneralizedSelfAdjointEigenSolver<MatrixXd>;
-BROMWICH_EIGEN_INSTANCE class EigenSolver<MatrixXd>;
-BROMWICH_EIGEN_INSTANCE class RealSchur<MatrixXd>;
-BROMWICH_EIGEN_INSTANCE class LDLT<MatrixXd>;
-BROMWICH_EIGEN_INSTANCE class LLT<MatrixXd>;
-BROMWICH_EIGEN_INSTANCE class SparseLU<SparseMatrix<double>, COLAMDOrdering<int>>;
-
-// Complex matrices have no sign of a determinant: the class as a whole cannot be instantiated.
+// The members that are used and take long, not whole classes: a third of these would be instantiated for nobody.
+BROMWICH_EIGEN_INSTANCE void PartialPivLU<MatrixXd>::compute();
+BROMWICH_EIGEN_INSTANCE void PartialPivLU<MatrixXcd>::compute();
+BROMWICH_EIGEN_INSTANCE void FullPivLU<MatrixXd>::computeInPlace();
+BROMWICH_EIGEN_INSTANCE void HouseholderQR<MatrixXd>::computeInPlace();
+BROMWICH_EIGEN_INSTANCE void ColPivHouseholderQR<MatrixXd>::computeInPlace();
+BROMWICH_EIGEN_INSTANCE void CompleteOrthogonalDecomposition<MatrixXd>::computeInPlace();
+BROMWICH_EIGEN_INSTANCE JacobiSVD<MatrixXd>& JacobiSVD<MatrixXd>::compute(const MatrixXd&, unsigned int);
+BROMWICH_EIGEN_INSTANCE SelfAdjointEigenSolver<MatrixXd>& SelfAdjointEigenSolver<MatrixXd>::computeFromTridiagonal(
+    const VectorXd&, const VectorXd&, int);
+BROMWICH_EIGEN_INSTANCE GeneralizedSelfAdjointEigenSolver<MatrixXd>&
+GeneralizedSelfAdjointEigenSolver<MatrixXd>::compute(const MatrixXd&, const MatrixXd&, int);
+BROMWICH_EIGEN_INSTANCE MatrixXcd EigenSolver<MatrixXd>::eigenvectors() const;
+BROMWICH_EIGEN_INSTANCE void SparseLU<SparseMatrix<double>, COLAMDOrdering<int>>::analyzePattern(
+    const SparseMatrix<double>&);
+BROMWICH_EIGEN_INSTANCE void SparseLU<SparseMatrix<double>, COLAMDOrdering<int>>::factorize(
+    const SparseMatrix<double>&);
 BROMWICH_EIGEN_INSTANCE void SparseLU<SparseMatrix<std::complex<double>>, COLAMDOrdering<int>>::analyzePattern(
     const SparseMatrix<std::complex<double>>&);
 BROMWICH_EIGEN_INSTANCE void SparseLU<SparseMatrix<std::complex<double>>, COLAMDOrdering<int>>::factorize(
     const SparseMatrix<std::complex<double>>&);
 
-// Members that are templates are no part of the instances of their classes. These hold for arguments that are matrices:
-// an expression makes an instance of its own, so write SelfAdjointEigenSolver<Matrix>(Matrix(A + A.transpose())).
+// Members that are templates. These hold for arguments that are matrices: an expression makes an instance of its own,
+// so write SelfAdjointEigenSolver<Matrix>(Matrix(A + A.transpose())).
 BROMWICH_EIGEN_INSTANCE EigenSolver<MatrixXd>& EigenSolver<MatrixXd>::compute(const EigenBase<MatrixXd>&, bool);
 BROMWICH_EIGEN_INSTANCE RealSchur<MatrixXd>& RealSchur<MatrixXd>::compute(const EigenBase<MatrixXd>&, bool);
 BROMWICH_EIGEN_INSTANCE SelfAdjointEigenSolver<MatrixXd>& SelfAdjointEigenSolver<MatrixXd>::compute(
@@ -97,11 +98,8 @@ BROMWICH_EIGEN_INSTANCE struct triangular_solve_vector<ComplexNumber, ComplexNum
 BROMWICH_EIGEN_INSTANCE void MappedSuperNodalMatrix<double, int>::solveInPlace(MatrixBase<VectorXd>&) const;
 BROMWICH_EIGEN_INSTANCE void MappedSuperNodalMatrix<double, int>::solveInPlace(MatrixBase<MatrixXd>&) const;
 BROMWICH_EIGEN_INSTANCE void MappedSuperNodalMatrix<ComplexNumber, int>::solveInPlace(MatrixBase<MatrixXcd>&) const;
-// What a HouseholderSequence applies to matrices and vectors.
+// What a HouseholderSequence applies to matrices.
 BROMWICH_EIGEN_INSTANCE void apply_block_householder_on_the_left(Block<MatrixXd>&, const Block<MatrixXd>&,
-                                                                 const VectorBlock<const VectorXd>&, bool);
-BROMWICH_EIGEN_INSTANCE void apply_block_householder_on_the_left(Block<VectorXd, Dynamic, Dynamic>&,
-                                                                 const Block<MatrixXd>&,
                                                                  const VectorBlock<const VectorXd>&, bool);
 BROMWICH_EIGEN_INSTANCE double rcond_invmatrix_L1_norm_estimate(const PartialPivLU<MatrixXd>&);
 BROMWICH_EIGEN_INSTANCE double rcond_invmatrix_L1_norm_estimate(const PartialPivLU<MatrixXcd>&);
