@@ -5,6 +5,7 @@
 #include "core/events/collocation.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/solve/event_rows.hpp"
+#include "core/solve/stages.hpp"
 
 #include <algorithm>
 #include <array>
@@ -241,7 +242,8 @@ Result solve_by_events(const Scene& scene, Backend& backend, const InnerOptions&
   if (const std::string why = unsuited_to_events(scene); why.empty())
     result = EventControl(scene, backend, options, sizes, goal).run();
   else
-    result.reason = "method events: " + why + "; use method march or euler";
+    result =
+        unsolved(scene, backend, options, Status::unsupported, "method events: " + why + "; use method march or euler");
   result.method = Method::events;
   Seconds& s = result.seconds;
   s.total = s.solve = s.other = timer.lap();
