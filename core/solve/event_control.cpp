@@ -5,7 +5,6 @@
 #include "core/events/collocation.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/solve/event_rows.hpp"
-#include "core/solve/stages.hpp"
 
 #include <algorithm>
 #include <array>
@@ -238,12 +237,7 @@ class EventControl {
 Result solve_by_events(const Scene& scene, Backend& backend, const InnerOptions& options, const ComponentSizes& sizes,
                        const EventGoal& goal) {
   Timer timer;
-  Result result;
-  if (const std::string why = unsuited_to_events(scene); why.empty())
-    result = EventControl(scene, backend, options, sizes, goal).run();
-  else
-    result =
-        unsolved(scene, backend, options, Status::unsupported, "method events: " + why + "; use method march or euler");
+  Result result = EventControl(scene, backend, options, sizes, goal).run();
   result.method = Method::events;
   Seconds& s = result.seconds;
   s.total = s.solve = s.other = timer.lap();
