@@ -110,8 +110,9 @@ std::optional<Complex> unresolved_growth(const DiscreteProblem& p, const RowMatr
 
 std::optional<Complex> damped_growth(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x,
                                      double (*damping)(Complex z)) {
-  constexpr double weakly = 0.5;  // of |z|: weaker growth is that of an oscillation
-  return fastest(p, y, x, least_growing, [damping](Complex z, Index steps) {
+  constexpr double weakly = 0.5;          // of |z|: weaker growth is that of an oscillation
+  constexpr double least_damped = 1e-12;  // of the state: decay has hidden the mode
+  return fastest(p, y, x, least_damped, [damping](Complex z, Index steps) {
     return grows(z, steps) && z.real() > weakly * std::abs(z) && damping(z) < 0;
   });
 }
