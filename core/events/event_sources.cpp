@@ -4,6 +4,24 @@
 
 namespace bromwich {
 
+namespace {
+
+// t is known to its last digit: on a step far shorter than t, such as the edge of a pulse, a steep source shows this.
+// The last coefficients that are no larger are zero. Rounding of t and of what is computed from it, such as the place
+// in a period: 4 eps t; times the slope 2 / h of a coefficient; times 4 for the coefficients of rounded values.
+void drop_rounding_of_time(double t, double h, Matrix& c, Vector& off) {
+  constexpr double seen = 1e-12;  // of a step: rounding of t below is not looked for
+  const double rounding = 32 * epsilon * (t + h) / h;
+  if (rounding < 32 * seen) return;
+  for (Index i = 0; i < c.cols(); ++i) {
+    const double unknown = rounding * c.col(i).tail(c.rows() - 1).cwiseAbs().sum();
+    for (Index k = c.rows() - 1; k > 0 && std::abs(c(k, i)) <= unknown; --k) c(k, i) = 0;
+    if (off[i] <= unknown) off[i] = 0;
+  }
+}
+
+}  // namespace
+
 EventSources::EventSources(const Scene& scene) : scene_(scene), m_(scene.states()), n_(scene.constraints()) {
   if (scene.f && scene.f_entry != SourceEntry::state) F_ = source_matrix(scene, *scene.dynamics->small_state());
 }
@@ -33,6 +51,7 @@ EventSources::Polynomials EventSources::sample(double t, double h) const {
     const Matrix expected = c.at_checks * coefficients;
     for (Index k = 0; k < c.checks.size(); ++k)
       off = off.cwiseMax((value(t + h * c.checks[k]) - expected.row(k).transpose()).cwiseAbs());
+    drop_rounding_of_time(t, h, coefficients, off);
   };
   Polynomials p;
   one(

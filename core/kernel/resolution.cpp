@@ -83,6 +83,12 @@ std::optional<Complex> fastest(const DiscreteProblem& p, const RowMatrix& y, con
   return found;
 }
 
+constexpr double least_growing = 1e-6;  ///< of the state
+
+bool grows(Complex z, Index steps) {
+  return std::abs(z) > 0.5 && z.real() > 1e-6 * std::abs(z) && z.real() * double(steps) > 0.1;
+}
+
 }  // namespace
 
 std::optional<Matrix> closed_matrix(const Matrix& A, const Matrix& B, const Matrix& N, const Matrix& M,
@@ -99,8 +105,15 @@ std::optional<Matrix> closed_matrix(const Matrix& A, const Matrix& B, const Matr
 }
 
 std::optional<Complex> unresolved_growth(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x) {
-  return fastest(p, y, x, 1e-6, [](Complex z, Index steps) {
-    return std::abs(z) > 0.5 && z.real() > 1e-6 * std::abs(z) && z.real() * double(steps) > 0.1;
+  return fastest(p, y, x, least_growing, grows);
+}
+
+std::optional<Complex> damped_growth(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x,
+                                     double (*damping)(Complex z)) {
+  constexpr double weakly = 0.5;          // of |z|: weaker growth is that of an oscillation
+  constexpr double least_damped = 1e-12;  // of the state: decay has hidden the mode
+  return fastest(p, y, x, least_damped, [damping](Complex z, Index steps) {
+    return grows(z, steps) && z.real() > weakly * std::abs(z) && damping(z) < 0;
   });
 }
 

@@ -21,6 +21,10 @@ std::optional<Matrix> closed_matrix(const Matrix& A, const Matrix& B, const Matr
 /// dynamics with few states.
 std::optional<Complex> unresolved_growth(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x);
 
+/// Such a mode that the method makes decay: grids may then agree in a solution without it. `damping`: see below.
+std::optional<Complex> damped_growth(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x,
+                                     double (*damping)(Complex z));
+
 /// lambda of the fastest weakly damped oscillation of these modes that makes up at least a tenth of the state, and of
 /// which the method removes or adds a third while its active set lasts. `damping` is log |R(z)| of the method, z = h
 /// lambda.

@@ -175,10 +175,17 @@ void Certification::resolve_modes(Method method, const RowMatrix& known, Result&
     if (result.status != Status::solved) return;
   }
   const auto damping = by_euler(method, result) ? euler_damping : radau_damping;
+  const char* rule = by_euler(method, result) ? "implicit Euler" : "Radau IIA";
+  if (const auto mode = options_.compares_grids ? damped_growth(p, result.y, x, damping) : std::nullopt) {
+    sensitive_ = true;
+    return demote(result, text("the scene has a mode that grows like e^(%.3g t), which %s damps at this step; use more "
+                               "steps",
+                               mode->real(), rule));
+  }
   const auto mode = unresolved_oscillation(p, result.y, x, damping);
   if (!mode) return;
   const std::string words = text("the state oscillates with %.3g radians per unit of time, which %s damps at this step",
-                                 std::abs(mode->imag()), by_euler(method, result) ? "implicit Euler" : "Radau IIA");
+                                 std::abs(mode->imag()), rule);
   if (last_resort_ || options_.compares_grids) {
     sensitive_ = true;
     demote(result, words + "; use more steps");

@@ -237,11 +237,7 @@ class EventControl {
 Result solve_by_events(const Scene& scene, Backend& backend, const InnerOptions& options, const ComponentSizes& sizes,
                        const EventGoal& goal) {
   Timer timer;
-  Result result;
-  if (const std::string why = unsuited_to_events(scene); why.empty())
-    result = EventControl(scene, backend, options, sizes, goal).run();
-  else
-    result.reason = "method events: " + why + "; use method march or euler";
+  Result result = EventControl(scene, backend, options, sizes, goal).run();
   result.method = Method::events;
   Seconds& s = result.seconds;
   s.total = s.solve = s.other = timer.lap();

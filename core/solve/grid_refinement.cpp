@@ -1,6 +1,7 @@
 #include "core/solve/grid_refinement.hpp"
 
 #include "core/base/error.hpp"
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/solve/methods.hpp"
 #include "core/solve/pieces.hpp"
@@ -48,6 +49,16 @@ GridRefinement::GridRefinement(const Scene& scene, Backend& backend, const Inner
       share_(algebraic_share) {}
 
 Result GridRefinement::run() {
+  try {
+    return refine();
+  } catch (const Interrupted&) {  // between grids: the last one that was solved is there
+    if (!solved_) throw;
+    if (!solved_->errors) solved_->errors.emplace().tolerance = goal_.smallest();
+    return ended("stopped on request", Status::interrupted);
+  }
+}
+
+Result GridRefinement::refine() {
   for (Index J = first_grid(scene_, options_);; J *= 2) {
     if (const std::string budget = grids_.empty() ? "" : spent(J); !budget.empty()) return ended(budget);
     Result next;
@@ -179,6 +190,8 @@ void GridRefinement::take(Result& next) {
                     2 * solved_->steps == next.steps;
   if (!same || !convergence_) convergence_.emplace(scene_, next, sizes_);
   hidden_ = {};
+  seen_before_ = same ? seen_ : NAN;
+  seen_ = NAN;
   if (same) {
     convergence_->add(*solved_, next, next.steps >= expected_);
     if (may_look_inside())
@@ -189,6 +202,7 @@ void GridRefinement::take(Result& next) {
   solved_states_ = all_states_;
   failed_.reset();
   unchecked_ = false;
+  missed_ = 0;
   beside_march_.reset();
   look_for_reference();
   estimate();
@@ -234,9 +248,9 @@ void GridRefinement::check_beside_march() {
     beside_march_ = distance(march, 1, *solved_, 1, sizes_);
     return estimate();
   }
-  if (!solved_->jumps_inside) return void(unchecked_ = !solved_->interval_rules.empty());
-  const double missed = missed_between_points(scene_.g, scene_.constraints(), scene_.breakpoints, solved_->t);
-  unchecked_ = !(missed <= goal_.smallest());
+  if (!solved_->jumps_inside && !takes_g_at_points()) return void(unchecked_ = !solved_->interval_rules.empty());
+  missed_ = missed_between_points(scene_.g, scene_.constraints(), scene_.breakpoints, solved_->t);
+  unchecked_ = !(missed_ <= goal_.smallest());
 }
 
 Result GridRefinement::ended_by(Result& next) {

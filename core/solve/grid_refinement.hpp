@@ -28,6 +28,7 @@ class GridRefinement {
   static constexpr double accepted = 0.8;        ///< of the tolerance
   static constexpr double left_by_cycles = 0.1;  ///< of the tolerance: more is iterated away on the same grid
 
+  Result refine();
   /// Which budget a grid of J steps would exceed; empty: none.
   std::string spent(Index J) const;
   /// Steps of their own for parts of the time, once, where halving all of them would take many grids more.
@@ -60,8 +61,13 @@ class GridRefinement {
   /// in no difference of grids. Method march takes such steps in parts.
   /// So does it where the state jumps, which method galerkin sees late on all grids.
   bool misses_inside() const;
+  /// The same of kinks, and of pulses with slopes, in sparse scenes and Kronecker sums.
+  bool takes_g_at_points() const;
   void check_beside_march();
+  /// Why grids of this method will not show that they miss nothing; nothing: with more steps they will.
+  std::optional<std::string> why_unchecked() const;
   void estimate();
+  void doubt_sudden_drops(ErrorEstimate&);
   bool controls_states() const { return goal_.x > 0 && solved_->x.cols() > 0; }
   /// Whether the estimates can be relied on.
   bool judged() const;
@@ -91,12 +97,14 @@ class GridRefinement {
   bool tried_pieces_ = false;
   bool tried_reference_;
   std::optional<EventReference> reference_;
-  bool unchecked_ = false;                ///< the grid that checks the last one could not
-  double share_;                          ///< of the error of a grid, that cycles may leave
-  std::optional<Distance> beside_march_;  ///< of the last grid, where g jumps inside steps
-  RowMatrix all_states_;                  ///< of the last grid, where there are few
-  RowMatrix solved_states_;               ///< likewise, of solved_
-  HiddenError hidden_;                    ///< of solved_
+  bool unchecked_ = false;                 ///< the grid that checks the last one could not
+  double share_;                           ///< of the error of a grid, that cycles may leave
+  std::optional<Distance> beside_march_;   ///< of the last grid, where g jumps inside steps
+  double seen_ = NAN, seen_before_ = NAN;  ///< estimates of the last grid and the one before, from differences alone
+  double missed_ = 0;                      ///< of g that jumps inside steps, where march is no other method
+  RowMatrix all_states_;                   ///< of the last grid, where there are few
+  RowMatrix solved_states_;                ///< likewise, of solved_
+  HiddenError hidden_;                     ///< of solved_
   Seconds spent_;
   Timer clock_;
   double elapsed_ = 0, last_seconds_ = 0;

@@ -50,8 +50,13 @@ bool GridRefinement::holds_inside() {
 
 bool GridRefinement::misses_inside() const {
   const bool galerkin = solved_->method == Method::galerkin && options_.method == Method::galerkin;
-  return solved_->jumps_inside ||
+  return solved_->jumps_inside || takes_g_at_points() ||
          (galerkin && !scene_.boundary && scene_.free_rows.empty() && Methods::has_small_dense_state(scene_));
+}
+
+bool GridRefinement::takes_g_at_points() const {
+  return scene_.g && !scene_.breakpoints.empty() && !scene_.boundary && scene_.free_rows.empty() &&
+         !Methods::has_small_dense_state(scene_) && !solved_->defects;
 }
 
 void GridRefinement::estimate() {
@@ -75,6 +80,7 @@ void GridRefinement::estimate() {
     e.discretisation = std::max(e.discretisation, e.of_integral ? beside_march_->mean : beside_march_->y);
     e.states = std::max(e.states, beside_march_->of_x());
   }
+  if (!reference_ && !may_look_inside()) doubt_sudden_drops(e);
   if (reference_ && solved_->steps >= expected_) measure(e);
   e.grids = grids_;
   solved_->errors = e;
@@ -83,6 +89,18 @@ void GridRefinement::estimate() {
   if (goal_.y > 0 && !std::isnan(e.discretisation))
     solved_->error_estimate = std::max(e.total(), controls_states() ? e.states : 0);
   estimates_.back() = solved_->error_estimate.value_or(NAN);
+}
+
+// Grids are compared at the points of the coarser one. Where the solution changes within a step, as in a contact that
+// begins between points, the others may be worse, and then the error falls faster than the method allows.
+void GridRefinement::doubt_sudden_drops(ErrorEstimate& e) {
+  constexpr double fastest = 10;  // third order: 8
+  const auto larger = [](double a, double b) { return std::isnan(a) ? b : std::isnan(b) ? a : std::max(a, b); };
+  seen_ = larger(e.discretisation, e.states);
+  if (!std::isfinite(seen_) || !std::isfinite(seen_before_) || seen_ >= seen_before_ / fastest) return;
+  const double doubted = seen_before_ / fastest;
+  if (!std::isnan(e.discretisation)) e.discretisation = std::max(e.discretisation, doubted);
+  if (!std::isnan(e.states)) e.states = std::max(e.states, doubted);
 }
 
 bool GridRefinement::judged() const {
@@ -102,10 +120,7 @@ std::optional<std::string> GridRefinement::verdict() const {
   if (solved_->steps >= expected_ && judged() && met()) return "";
   if (solved_->steps < patience * expected_) return std::nullopt;
   if (const std::string limit = limit_of_grids(); !limit.empty()) return limit;
-  if (unchecked_ && misses_inside())
-    return solved_->jumps_inside
-               ? "g jumps inside steps, and this method takes its values at their ends alone: use method march"
-               : "the state may jump, and method march does not solve the same grid to compare it with";
+  if (unchecked_ && misses_inside()) return why_unchecked();
   if (unchecked_)
     return text(
         "with %ld steps, whose points jumps of y do not share, another method is taken or none solves the scene",
@@ -117,6 +132,17 @@ std::optional<std::string> GridRefinement::verdict() const {
       return why;
   if (controls_states()) return hopeless(convergence_->states(), goal_.x, solved_->rounding, "the states");
   return std::nullopt;
+}
+
+std::optional<std::string> GridRefinement::why_unchecked() const {
+  if (!solved_->jumps_inside && !takes_g_at_points())
+    return "the state may jump, and method march does not solve the same grid to compare it with";
+  const std::string jumps =
+      "g jumps or has a kink inside steps, and this method takes its values at their ends alone: ";
+  if (solved_->method != Method::march) return jumps + "use method march";
+  const double needed = double(solved_->steps) * missed_ / goal_.smallest();  // first order
+  if (needed <= double(std::min(patience_when_stalled * expected_, options_.max_steps))) return std::nullopt;
+  return jumps + text("about %.1e steps would be needed", needed);
 }
 
 std::string GridRefinement::limit_of_grids() const {

@@ -5,6 +5,7 @@
 #include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
+#include "core/events/event_driven.hpp"
 #include "core/galerkin/galerkin.hpp"
 #include "core/goal/goal.hpp"
 #include "core/scene/mass_matrix.hpp"
@@ -201,6 +202,9 @@ Result within_seconds(const Scene& scene, Backend& backend, const InnerOptions& 
 // By name; automatic tries it for a tolerance.
 std::optional<Result> events(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve&) {
   if (options.method != Method::events) return std::nullopt;
+  if (const std::string why = unsuited_to_events(scene); !why.empty())
+    return unsolved(scene, backend, options, Status::unsupported,
+                    "method events: " + why + "; use method march or euler");
   return within_seconds(scene, backend, options,
                         [&](const InnerOptions& o) { return solve_by_events(scene, backend, o); });
 }

@@ -289,6 +289,31 @@ TEST(EventDriven, KinksOfSourcesMayBeKnownToNineDigits) {
   }
 }
 
+// x' = -50 x + 50 y, w = x + r y + g, where g falls from 1 to -1 in a time d: edges of pulses are this steep. Contact
+// begins in the middle of it, at s = 0, and with l = 50 (1 + 1/r), c = 50/r
+//     x = 2c/d (s/l - (1 - e^{-l s})/l^2) up to s = d/2,    then x' = -l x + c,    y = -(x + g)/r.
+TEST(EventDriven, EdgesMayBeAsSteepAsRoundingOfTimeAllows) {
+  constexpr double r = 0.013, from = 0.201, l = 50 * (1 + 1 / r), c = 50 / r;
+  for (const double d : {1e-6, 6e-8, 1e-9, 1e-11}) {
+    Scene scene;
+    scene.dynamics = DenseDynamics{Matrix{{-50}}, Matrix{{50}}, Matrix{{1}}};
+    scene.M = Matrix{{r}};
+    scene.g = [d](double t, Eigen::Ref<Vector> v) { v[0] = std::clamp(1 - 2 * (t - from) / d, -1.0, 1.0); };
+    scene.x0 = Vector::Zero(1);
+    scene.T = 1;
+    const EventSolution e = integrate_with_events(scene, LcpClass::P, {from, from + d}, {});
+    ASSERT_TRUE(e.complete) << d << ": " << e.reason;
+    EXPECT_LE(e.events, 4) << d;  // rounding makes no contacts of its own, one after the other
+    const double at_end = 2 * c / d * (d / 2 / l - (-std::expm1(-l * d / 2)) / (l * l));
+    for (const double later : {1e-5, 1e-3, 0.1}) {
+      const double x = c / l + (at_end - c / l) * std::exp(-l * later), t = from + d + later;
+      // EventOptions::tolerance, and d e^{-l s} is known to rounding of t alone.
+      EXPECT_NEAR(e.x(t, true)[0], x, 1e-9) << d;
+      EXPECT_NEAR(e.y(t, true)[0], (1 - x) / r, 1e-9 / r) << d;
+    }
+  }
+}
+
 TEST(EventDriven, CountsTheValuesOfSourcesAsWork) {
   Scene scene = ball(0.5);
   scene.g = [](double, Eigen::Ref<Vector> v) { v.setZero(); };

@@ -13,6 +13,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <numbers>
 #include <numeric>
 
@@ -205,6 +206,72 @@ TEST(ErrorControl, EndsWithItsBudget) {
     EXPECT_EQ(by_time.status, Status::tolerance_not_met);
     EXPECT_NE(by_time.reason.find("max-seconds"), std::string::npos) << by_time.reason;
   }
+}
+
+// x' = 1e5 x, which no y changes: steps of implicit Euler with h 1e5 > 2 make x decay, on every grid alike.
+TEST(ErrorControl, GridsThatDampGrowthDoNotAgreeOnAnything) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{1e5, 0}, {0, -1}}, Matrix{{0}, {1}}, Matrix{{0.1, 1}}};
+  scene.M = Matrix{{1}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -std::cos(t); };
+  scene.x0 = Vector{{1, 0}};
+  scene.T = 1;
+  scene.default_steps = 100;
+  for (const Method method : {Method::euler, Method::dual}) {
+    const Result r = run(scene, options_to(1e-2, method));
+    EXPECT_NE(r.status, Status::solved) << to_string(method) << ": x(1) is e^(1e5)";
+  }
+  const Result r = run(scene, options_to(1e-2, Method::euler));
+  EXPECT_NE(r.reason.find("grows like e^"), std::string::npos) << r.reason;
+}
+
+// Polls outside of a grid, here those of the last look between time points, end the search and not the result.
+TEST(ErrorControl, AGridThatWasSolvedSurvivesAnInterruption) {
+  constexpr Index n = 50;  // more than located events take
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix::Constant(1, n, 0.01), Matrix::Ones(n, 1)};
+  scene.M = Matrix(Matrix::Identity(n, n));
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v.setConstant(-std::sin(t)); };
+  scene.x0 = Vector{{0}};
+  scene.T = 1;
+  long polls = 0, most = std::numeric_limits<long>::max();
+  Options options = options_to(1e-3, Method::march);
+  options.interrupted = [&] { return ++polls > most; };
+  ASSERT_EQ(run(scene, options).status, Status::solved);
+  const long all = polls;
+  for (most = all - 1; most >= all - 3; --most) {
+    polls = 0;
+    const Result r = run(scene, options);
+    EXPECT_EQ(r.status, Status::interrupted);
+    EXPECT_EQ(r.reason.find("before the first step"), std::string::npos) << r.reason;
+    EXPECT_TRUE(r.y.allFinite());
+  }
+}
+
+// A sparse scene is marched with g at the ends of steps: what that misses of a jump falls with h, and the search goes
+// on.
+TEST(ErrorControl, JumpsInsideStepsOfSparseScenesTakeMoreSteps) {
+  constexpr Index m = 520;  // above 512 sparse dynamics stay sparse
+  SparseDynamics d;
+  d.A.resize(m, m), d.B.resize(m, 1), d.N.resize(1, m);
+  for (Index i = 0; i < m; ++i) d.A.insert(i, i) = -1 - double(i) / m;
+  d.B.insert(0, 0) = 1;
+  d.N.insert(0, 0) = 1;
+  Scene scene;
+  scene.dynamics = d;
+  scene.M = Matrix{{1}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = t < 0.31234 ? -1 : 1; };
+  scene.x0 = Vector::Zero(m);
+  scene.T = 1;
+  scene.default_steps = 20;
+  const Result r = run(scene, options_to(2e-3, Method::march));
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  // x_0' = -x_0 + (1 - x_0) up to the jump, then y = 0.
+  for (Index j = 0; j <= r.steps; ++j)
+    if (std::abs(r.t[j] - 0.31234) > r.t[1]) {
+      const double y = r.t[j] < 0.31234 ? 1 - 0.5 * (1 - std::exp(-2 * r.t[j])) : 0;
+      EXPECT_NEAR(r.y(j, 0), y, 3 * 2e-3) << r.t[j];
+    }
 }
 
 // Agreement of two grids that both miss a contact does not prove that there is none.

@@ -32,6 +32,12 @@ TEST(EventControl, SaysWhatItDoesNotTake) {
   const Result boundary = run(make_scene("lq-control"), options_for(Method::events, 20));
   EXPECT_EQ(boundary.status, Status::unsupported);
   EXPECT_NE(boundary.reason, "");
+  for (const Result* r : {&large, &boundary}) {  // rows without numbers: what reads them needs no case of its own
+    ASSERT_EQ(r->t.size(), 21);
+    EXPECT_EQ(r->y.rows(), 21);
+    EXPECT_EQ(r->x.rows(), 21);
+    EXPECT_TRUE(r->y.array().isNaN().all());
+  }
 }
 
 // x' = v, v' = -x - 1/2 + y with a stop at x = 0, in units of 1, and in others by powers of ten.
