@@ -7,17 +7,23 @@ namespace bromwich {
 namespace {
 
 // t is known to its last digit: on a step far shorter than t, such as the edge of a pulse, a steep source shows this.
-// The last coefficients that are no larger are zero. Rounding of t and of what is computed from it, such as the place
-// in a period: 4 eps t; times the slope 2 / h of a coefficient; times 4 for the coefficients of rounded values.
-void drop_rounding_of_time(double t, double h, Matrix& c, Vector& off) {
+// Rounding of t and of what is computed from it, such as the place in a period: 4 eps t; times the slope 2 / h of a
+// coefficient; times 4 for the coefficients of rounded values. Last coefficients that are no larger become zero.
+Vector drop_rounding_of_time(double t, double h, Matrix& c) {
   constexpr double seen = 1e-12;  // of a step: rounding of t below is not looked for
   const double rounding = 32 * epsilon * (t + h) / h;
-  if (rounding < 32 * seen) return;
+  Vector unknown = Vector::Zero(c.cols());
+  if (rounding < 32 * seen) return unknown;
   for (Index i = 0; i < c.cols(); ++i) {
-    const double unknown = rounding * c.col(i).tail(c.rows() - 1).cwiseAbs().sum();
-    for (Index k = c.rows() - 1; k > 0 && std::abs(c(k, i)) <= unknown; --k) c(k, i) = 0;
-    if (off[i] <= unknown) off[i] = 0;
+    unknown[i] = rounding * c.col(i).tail(c.rows() - 1).cwiseAbs().sum();
+    for (Index k = c.rows() - 1; k > 0 && std::abs(c(k, i)) <= unknown[i]; --k) c(k, i) = 0;
   }
+  return unknown;
+}
+
+// The larger of the differences seen before and these, as far as they are no rounding.
+void see(Vector& off, const Vector& difference, const Vector& unknown) {
+  off = off.cwiseMax((difference.cwiseAbs().array() > unknown.array()).select(difference.cwiseAbs(), 0));
 }
 
 }  // namespace
@@ -41,30 +47,30 @@ Vector EventSources::g(double t) const {
 
 EventSources::Polynomials EventSources::sample(double t, double h) const {
   const Collocation& c = Collocation::get();
-  const auto one = [&](bool given, Index width, const auto& value, Matrix& coefficients, Vector& off) {
-    off = Vector::Zero(width);
+  const auto one = [&](bool given, Index width, const auto& value, Matrix& coefficients, Vector& off, Vector& unknown) {
+    off = unknown = Vector::Zero(width);
     coefficients.setZero(c.samples.size(), width);
     if (!given) return;
     Matrix values(c.samples.size(), width);
     for (Index k = 0; k < c.samples.size(); ++k) values.row(k) = value(t + h * c.samples[k]).transpose();
     coefficients = c.from_samples * values;
     const Matrix expected = c.at_checks * coefficients;
+    unknown = drop_rounding_of_time(t, h, coefficients);
     for (Index k = 0; k < c.checks.size(); ++k)
-      off = off.cwiseMax((value(t + h * c.checks[k]) - expected.row(k).transpose()).cwiseAbs());
-    drop_rounding_of_time(t, h, coefficients, off);
+      see(off, value(t + h * c.checks[k]) - expected.row(k).transpose(), unknown);
   };
   Polynomials p;
   one(
-      bool(scene_.f), m_, [this](double at) { return f(at); }, p.f, p.off_f);
+      bool(scene_.f), m_, [this](double at) { return f(at); }, p.f, p.off_f, p.unknown_f);
   one(
-      bool(scene_.g), n_, [this](double at) { return g(at); }, p.g, p.off_g);
+      bool(scene_.g), n_, [this](double at) { return g(at); }, p.g, p.off_g, p.unknown_g);
   return p;
 }
 
 void EventSources::look(double t, double h, double at, Polynomials& p) const {
   const Vector values = legendre(at);
-  if (scene_.f) p.off_f = p.off_f.cwiseMax((f(t + h * at) - p.f.transpose() * values).cwiseAbs());
-  if (scene_.g) p.off_g = p.off_g.cwiseMax((g(t + h * at) - p.g.transpose() * values).cwiseAbs());
+  if (scene_.f) see(p.off_f, f(t + h * at) - p.f.transpose() * values, p.unknown_f);
+  if (scene_.g) see(p.off_g, g(t + h * at) - p.g.transpose() * values, p.unknown_g);
 }
 
 void EventSources::look_at_ends(double t, double h, Polynomials& p) const {

@@ -16,8 +16,9 @@ class EventSources {
   Vector g(double t) const;  ///< n values
 
   struct Polynomials {
-    Matrix f, g;          ///< (s+1) x m and (s+1) x n Legendre coefficients
-    Vector off_f, off_g;  ///< largest differences from the sources that were seen, m and n values
+    Matrix f, g;                  ///< (s+1) x m and (s+1) x n Legendre coefficients
+    Vector off_f, off_g;          ///< largest differences from the sources that were seen, m and n values
+    Vector unknown_f, unknown_g;  ///< differences up to these are rounding of t
   };
   /// On [t, t + h]; the differences are those at Collocation::checks.
   Polynomials sample(double t, double h) const;

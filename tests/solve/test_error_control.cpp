@@ -77,15 +77,15 @@ double true_error(const Scene& scene, const Result& result) {
 // it; 4 with the error of the reference.
 constexpr double least_effectivity = 0.5, largest_effectivity = 4;
 
-struct Case {
+struct ToleranceCase {
   const char* name;
   ParameterValues parameters;
   Method method;
 };
 
-void PrintTo(const Case& c, std::ostream* out) { *out << c.name << ' ' << to_string(c.method); }
+void PrintTo(const ToleranceCase& c, std::ostream* out) { *out << c.name << ' ' << to_string(c.method); }
 
-class ReachesTheTolerance : public testing::TestWithParam<std::tuple<Case, double>> {};
+class ReachesTheTolerance : public testing::TestWithParam<std::tuple<ToleranceCase, double>> {};
 
 TEST_P(ReachesTheTolerance, AndSaysHowLargeTheErrorIs) {
   const auto& [chosen, tolerance] = GetParam();
@@ -104,14 +104,14 @@ TEST_P(ReachesTheTolerance, AndSaysHowLargeTheErrorIs) {
 }
 
 INSTANTIATE_TEST_SUITE_P(SecondOrder, ReachesTheTolerance,
-                         testing::Combine(testing::Values(Case{"signorini", {{"Q", 15}}, Method::automatic},
-                                                          Case{"signorini", {{"Q", 15}}, Method::contour},
-                                                          Case{"signorini", {{"Q", 39}}, Method::automatic},
-                                                          Case{"dlcp-small", {}, Method::automatic},
-                                                          Case{"bridge", {}, Method::march}),
+                         testing::Combine(testing::Values(ToleranceCase{"signorini", {{"Q", 15}}, Method::automatic},
+                                                          ToleranceCase{"signorini", {{"Q", 15}}, Method::contour},
+                                                          ToleranceCase{"signorini", {{"Q", 39}}, Method::automatic},
+                                                          ToleranceCase{"dlcp-small", {}, Method::automatic},
+                                                          ToleranceCase{"bridge", {}, Method::march}),
                                           testing::Values(1e-2, 1e-3, 1e-4, 1e-5, 1e-6)));
 INSTANTIATE_TEST_SUITE_P(FirstOrder, ReachesTheTolerance,
-                         testing::Combine(testing::Values(Case{"dlcp-small", {}, Method::euler}),
+                         testing::Combine(testing::Values(ToleranceCase{"dlcp-small", {}, Method::euler}),
                                           testing::Values(1e-2, 1e-3, 1e-4)));
 
 TEST(ErrorControl, HoldsForTheStatesAskedFor) {
