@@ -36,6 +36,7 @@ std::string grid_line(const Scene& scene, const Result& result) {
 }
 
 std::string error_line(const Result& result) {
+  if (std::isnan(result.residual)) return "not known: nothing was solved";
   const std::string kernel = std::isnan(result.kernel_error) ? "kernel weights not cross-checked"
                                                              : fmt::format("{:.1e} of the kernel", result.kernel_error);
   const std::string boundary =
