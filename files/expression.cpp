@@ -114,12 +114,46 @@ void check_signs(const std::string& text, const std::string& where) {
     depth += int(text[i] == '(') - int(text[i] == ')');
     if (text[i] == ',' && depth <= 0)
       throw Error(where, in_quotes(text) + " has a comma outside of a function", "write decimals with a point");
+    const char next = i + 1 < text.size() ? text[i + 1] : ' ';
+    if (text[i] == '*' && next == '*') throw Error(where, in_quotes(text) + " has '**'", "write a power with ^");
+    if ((text[i] == '&' || text[i] == '|') && next != text[i] && (i == 0 || text[i - 1] != text[i]))
+      throw Error(where, in_quotes(text) + fmt::format(" has a single '{}'", text[i]),
+                  fmt::format("write {0}{0}", text[i]));
     if (text[i] != '=') continue;
     const bool compares = i > 0 && std::string_view("<>!").find(text[i - 1]) != std::string_view::npos;
-    const bool doubled = i + 1 < text.size() && text[i + 1] == '=';
+    const bool doubled = next == '=';
     if (!compares && !doubled) throw Error(where, in_quotes(text) + " assigns with '='", "compare with ==");
     i += std::size_t(doubled);
   }
+}
+
+/// Words of other languages, and what is written here.
+struct Spelling {
+  std::string_view word;
+  std::string_view remedy;
+};
+
+constexpr auto spellings = std::to_array<Spelling>({
+    {"if", "write condition ? value : other"},
+    {"ifelse", "write condition ? value : other"},
+    {"where", "write condition ? value : other"},
+    {"else", "write condition ? value : other"},
+    {"and", "write && between conditions"},
+    {"or", "write || between conditions"},
+    {"not", "write (condition) == 0"},
+    {"np", "write functions without 'np.'"},
+    {"numpy", "write functions without 'numpy.'"},
+    {"math", "write functions without 'math.'"},
+    {"e", "write exp(1)"},
+    {"time", "write t"},
+});
+
+/// Rejects names that have a meaning in other languages but none here.
+void check_spelling(const std::string& text, const std::string& name, const std::string& where) {
+  for (const auto& [word, remedy] : spellings)
+    if (name == word)
+      throw Error(where, in_quotes(text) + fmt::format(" uses '{}', which has no meaning here", name),
+                  std::string(remedy));
 }
 
 void check_names(const std::string& text, const ParameterValues& parameters, const Definitions& definitions,
@@ -133,6 +167,7 @@ void check_names(const std::string& text, const ParameterValues& parameters, con
   const std::size_t in_file = known.size();
   for (const auto& [name, number] : variables) known.push_back(name);
   for (const auto& [name, begin, called] : names_in(text)) {
+    if (!contains(known, name)) check_spelling(text, name, where);
     if (called && !contains(functions, name))
       throw Error(where, in_quotes(text) + fmt::format(" calls '{}'", name) + suggestion(name, functions),
                   contains(known, name) ? "write * to multiply" : "use one of the functions " + join(functions));

@@ -100,7 +100,7 @@ std::optional<std::string> nearest(const std::string& name, const std::vector<st
     if (name.size() >= letters_of_beginning && candidate.starts_with(name)) return candidate;
     const std::size_t distance = edit_distance(name, candidate);
     // Replacing every letter turns any short name into any other, which is not a useful suggestion.
-    if (distance >= best_distance || distance >= candidate.size()) continue;
+    if (distance >= best_distance || distance >= std::min(candidate.size(), name.size())) continue;
     best = candidate;
     best_distance = distance;
   }
