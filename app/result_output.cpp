@@ -42,11 +42,10 @@ const std::pair<std::string, ResultFormat>& format_of(const std::string& argumen
 }
 
 void require_library(const std::string& argument, const std::string& name, ResultFormat format) {
-  const bool hdf5 = format == ResultFormat::hdf5 || format == ResultFormat::vtkhdf;
-  if (hdf5 ? hdf5_available() : format != ResultFormat::npz || npz_available()) return;
-  throw Error(argument, fmt::format("'{}' needs {}, which this build does not have", name, hdf5 ? "HDF5" : "minizip"),
-              fmt::format("write a file .csv, or use Result.save of Python; a build with {} has it",
-                          hdf5 ? "libhdf5-dev" : "libminizip-dev"));
+  if (format == ResultFormat::hdf5 || format == ResultFormat::vtkhdf) require_hdf5({argument, name});
+  if (format != ResultFormat::npz || npz_available()) return;
+  throw Error(argument, fmt::format("'{}' needs minizip, which this build does not have", name),
+              "write a file .csv, or use Result.save of Python; a build with libminizip-dev has it");
 }
 
 /// The unit of all columns; empty where they differ, since an array of a file has one.

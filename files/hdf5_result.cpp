@@ -158,7 +158,7 @@ class Hdf5Result : public BatchedFile {
 
 }  // namespace
 
-bool hdf5_available() { return true; }
+void require_hdf5(const FileTarget&) {}
 
 std::unique_ptr<ResultFile> create_hdf5(const FileTarget& target, const ResultColumns& columns, Index expected_rows,
                                         const Facts& facts) {

@@ -16,7 +16,7 @@ namespace {
 
 }  // namespace
 
-bool hdf5_available() { return false; }
+void require_hdf5(const FileTarget& target) { refuse(target); }
 
 std::unique_ptr<ResultFile> create_hdf5(const FileTarget& target, const ResultColumns&, Index, const Facts&) {
   refuse(target);

@@ -64,8 +64,8 @@ class ResultFile {
   virtual Index rows() const = 0;  ///< that were appended, and those the file had before
 };
 
-/// False if this build has no HDF5: the functions below then throw an Error that names the missing package.
-bool hdf5_available();
+/// Throws Error if there is no HDF5, as the functions below do: it names what is missing.
+void require_hdf5(const FileTarget&);
 
 /// A new file, in place of an existing one. `expected_rows` is an estimate for the size of its index.
 std::unique_ptr<ResultFile> create_hdf5(const FileTarget&, const ResultColumns&, Index expected_rows, const Facts&);

@@ -3,9 +3,11 @@
 #include "app/commands.hpp"
 #include "app/interaction.hpp"
 #include "app/ranks.hpp"
+#include "files/loaded_part.hpp"
 #include "mpi/mpi_job.hpp"
 
 #include <cstdio>
+#include <memory>
 #include <string>
 
 namespace bromwich::app {
@@ -21,7 +23,13 @@ void say(int rank) {
 }
 
 int command_of_job(int argc, char** argv) {
-  MpiJob job(argc, argv);
+  const LoadedPart part = load_part("mpi", PartLibraries::seen);  // by what MPI loads itself
+  if (!part.functions) {
+    std::fprintf(stderr, "bromwich: mpirun: %s; install the command again, with its libraries\n", part.missing.c_str());
+    return exit_bad_input;
+  }
+  const std::unique_ptr<MpiJob> joined = static_cast<const MpiPart*>(part.functions)->join(argc, argv);
+  MpiJob& job = *joined;
   join_job(
       {&job.communicator(), [&job] { return job.next_number(); }, [&job] { job.restart_numbers(); }, job.neighbours()});
   const int rank = job.communicator().rank();

@@ -13,115 +13,117 @@ namespace {
 
 constexpr Index most_together = Index(1) << 28;  ///< values of a message: MPI counts with int
 
-}  // namespace
+class MpiCommunicator final : public Communicator {
+ public:
+  explicit MpiCommunicator(MPI_Comm ranks) : ranks_(ranks) {
+    MPI_Comm_rank(ranks_, &rank_);
+    MPI_Comm_size(ranks_, &size_);
+  }
+  int rank() const override { return rank_; }
+  int size() const override { return size_; }
 
-struct MpiJob::State {
-  class MpiCommunicator final : public Communicator {
-   public:
-    explicit MpiCommunicator(MPI_Comm ranks) : ranks_(ranks) {
-      MPI_Comm_rank(ranks_, &rank_);
-      MPI_Comm_size(ranks_, &size_);
+ private:
+  void do_shift(const Vector& right, Vector& left) override {
+    const int to = rank_ + 1 < size_ ? rank_ + 1 : MPI_PROC_NULL, from = rank_ > 0 ? rank_ - 1 : MPI_PROC_NULL;
+    // The lengths of both are the same on all ranks that take part.
+    const Index count = std::max(to == MPI_PROC_NULL ? 0 : right.size(), from == MPI_PROC_NULL ? 0 : left.size());
+    for (Index begin = 0; begin < count; begin += most_together) {
+      const int sent = to == MPI_PROC_NULL ? 0 : length(begin, right.size()),
+                received = from == MPI_PROC_NULL ? 0 : length(begin, left.size());
+      MPI_Sendrecv(right.data() + begin, sent, MPI_DOUBLE, to, 0, left.data() + begin, received, MPI_DOUBLE, from, 0,
+                   ranks_, MPI_STATUS_IGNORE);
     }
-    int rank() const override { return rank_; }
-    int size() const override { return size_; }
+  }
+  void do_gather(const Vector& values, RowMatrix& all) override {
+    const int count = int(values.size());  // few, by contract
+    MPI_Allgather(values.data(), count, MPI_DOUBLE, all.data(), count, MPI_DOUBLE, ranks_);
+  }
+  void do_maximum(Vector& values) override {
+    MPI_Allreduce(MPI_IN_PLACE, values.data(), int(values.size()), MPI_DOUBLE, MPI_MAX, ranks_);
+  }
+  void do_broadcast(double* values, Index count, int root) override {
+    for (Index begin = 0; begin < count; begin += most_together)
+      MPI_Bcast(values + begin, length(begin, count), MPI_DOUBLE, root, ranks_);
+  }
 
-   private:
-    void do_shift(const Vector& right, Vector& left) override {
-      const int to = rank_ + 1 < size_ ? rank_ + 1 : MPI_PROC_NULL, from = rank_ > 0 ? rank_ - 1 : MPI_PROC_NULL;
-      // The lengths of both are the same on all ranks that take part.
-      const Index count = std::max(to == MPI_PROC_NULL ? 0 : right.size(), from == MPI_PROC_NULL ? 0 : left.size());
-      for (Index begin = 0; begin < count; begin += most_together) {
-        const int sent = to == MPI_PROC_NULL ? 0 : length(begin, right.size()),
-                  received = from == MPI_PROC_NULL ? 0 : length(begin, left.size());
-        MPI_Sendrecv(right.data() + begin, sent, MPI_DOUBLE, to, 0, left.data() + begin, received, MPI_DOUBLE, from, 0,
-                     ranks_, MPI_STATUS_IGNORE);
-      }
-    }
-    void do_gather(const Vector& values, RowMatrix& all) override {
-      const int count = int(values.size());  // few, by contract
-      MPI_Allgather(values.data(), count, MPI_DOUBLE, all.data(), count, MPI_DOUBLE, ranks_);
-    }
-    void do_maximum(Vector& values) override {
-      MPI_Allreduce(MPI_IN_PLACE, values.data(), int(values.size()), MPI_DOUBLE, MPI_MAX, ranks_);
-    }
-    void do_broadcast(double* values, Index count, int root) override {
-      for (Index begin = 0; begin < count; begin += most_together)
-        MPI_Bcast(values + begin, length(begin, count), MPI_DOUBLE, root, ranks_);
-    }
+  static int length(Index begin, Index count) { return int(std::clamp<Index>(count - begin, 0, most_together)); }
 
-    static int length(Index begin, Index count) { return int(std::clamp<Index>(count - begin, 0, most_together)); }
+  MPI_Comm ranks_;
+  int rank_ = 0, size_ = 1;
+};
 
-    MPI_Comm ranks_;
-    int rank_ = 0, size_ = 1;
-  };
-
-  explicit State(MPI_Comm all) : communicator(all) {
-    MPI_Comm_dup(all, &at_the_end);
+class JobOfMpi final : public MpiJob {
+ public:
+  explicit JobOfMpi(MPI_Comm all) : communicator_(all) {
+    MPI_Comm_dup(all, &at_the_end_);
     MPI_Comm here;
-    MPI_Comm_split_type(all, MPI_COMM_TYPE_SHARED, communicator.rank(), MPI_INFO_NULL, &here);
-    MPI_Comm_size(here, &neighbours);
+    MPI_Comm_split_type(all, MPI_COMM_TYPE_SHARED, communicator_.rank(), MPI_INFO_NULL, &here);
+    MPI_Comm_size(here, &neighbours_);
     MPI_Comm_free(&here);
-    const MPI_Aint bytes = communicator.rank() == 0 ? MPI_Aint(sizeof(long)) : 0;
-    MPI_Win_allocate(bytes, sizeof(long), MPI_INFO_NULL, all, &number, &window);
-    if (communicator.rank() == 0) *number = 0;
+    const MPI_Aint bytes = communicator_.rank() == 0 ? MPI_Aint(sizeof(long)) : 0;
+    MPI_Win_allocate(bytes, sizeof(long), MPI_INFO_NULL, all, &number_, &window_);
+    if (communicator_.rank() == 0) *number_ = 0;
     MPI_Barrier(all);
   }
 
-  MpiCommunicator communicator;
-  MPI_Comm at_the_end = MPI_COMM_NULL;  ///< of all_arrive alone
-  int neighbours = 1;
-  long* number = nullptr;  ///< the next one, in memory of rank 0
-  MPI_Win window = MPI_WIN_NULL;
+  ~JobOfMpi() override {
+    MPI_Win_free(&window_);
+    MPI_Comm_free(&at_the_end_);
+    MPI_Finalize();
+  }
+
+  Communicator& communicator() override { return communicator_; }
+  int neighbours() const override { return neighbours_; }
+
+  Index next_number() override {
+    const long one = 1;
+    long mine = 0;
+    MPI_Win_lock(MPI_LOCK_SHARED, 0, 0, window_);
+    MPI_Fetch_and_op(&one, &mine, MPI_LONG, 0, 0, MPI_SUM, window_);
+    MPI_Win_unlock(0, window_);
+    return Index(mine);
+  }
+
+  void restart_numbers() override {
+    MPI_Barrier(MPI_COMM_WORLD);
+    if (communicator_.rank() == 0) {
+      MPI_Win_lock(MPI_LOCK_EXCLUSIVE, 0, 0, window_);
+      *number_ = 0;
+      MPI_Win_unlock(0, window_);
+    }
+    MPI_Barrier(MPI_COMM_WORLD);
+  }
+
+  bool all_arrive(double seconds) override {
+    MPI_Request request;
+    MPI_Ibarrier(at_the_end_, &request);
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+    for (int arrived = 0;;) {
+      MPI_Test(&request, &arrived, MPI_STATUS_IGNORE);
+      if (arrived) return true;
+      if (std::chrono::steady_clock::now() > end) return false;
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  }
+
+  void abort(int code) override {
+    MPI_Abort(MPI_COMM_WORLD, code);
+    std::_Exit(code);
+  }
+
+ private:
+  MpiCommunicator communicator_;
+  MPI_Comm at_the_end_ = MPI_COMM_NULL;  ///< of all_arrive alone
+  int neighbours_ = 1;
+  long* number_ = nullptr;  ///< the next one, in memory of rank 0
+  MPI_Win window_ = MPI_WIN_NULL;
 };
 
-MpiJob::MpiJob(int& argc, char**& argv) {
+}  // namespace
+
+std::unique_ptr<MpiJob> join_mpi(int& argc, char**& argv) {
   MPI_Init(&argc, &argv);
-  state_ = std::make_unique<State>(MPI_COMM_WORLD);
-}
-
-MpiJob::~MpiJob() {
-  MPI_Win_free(&state_->window);
-  MPI_Comm_free(&state_->at_the_end);
-  MPI_Finalize();
-}
-
-Communicator& MpiJob::communicator() { return state_->communicator; }
-int MpiJob::neighbours() const { return state_->neighbours; }
-
-Index MpiJob::next_number() {
-  const long one = 1;
-  long mine = 0;
-  MPI_Win_lock(MPI_LOCK_SHARED, 0, 0, state_->window);
-  MPI_Fetch_and_op(&one, &mine, MPI_LONG, 0, 0, MPI_SUM, state_->window);
-  MPI_Win_unlock(0, state_->window);
-  return Index(mine);
-}
-
-void MpiJob::restart_numbers() {
-  MPI_Barrier(MPI_COMM_WORLD);
-  if (state_->communicator.rank() == 0) {
-    MPI_Win_lock(MPI_LOCK_EXCLUSIVE, 0, 0, state_->window);
-    *state_->number = 0;
-    MPI_Win_unlock(0, state_->window);
-  }
-  MPI_Barrier(MPI_COMM_WORLD);
-}
-
-bool MpiJob::all_arrive(double seconds) {
-  MPI_Request request;
-  MPI_Ibarrier(state_->at_the_end, &request);
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-  for (int arrived = 0;;) {
-    MPI_Test(&request, &arrived, MPI_STATUS_IGNORE);
-    if (arrived) return true;
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-}
-
-void MpiJob::abort(int code) {
-  MPI_Abort(MPI_COMM_WORLD, code);
-  std::_Exit(code);
+  return std::make_unique<JobOfMpi>(MPI_COMM_WORLD);
 }
 
 }  // namespace bromwich

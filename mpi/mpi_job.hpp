@@ -5,32 +5,31 @@
 #include "core/seam/communicator.hpp"
 
 #include <memory>
-#include <string>
 
 namespace bromwich {
 
 /// At most one in a process. All ranks make and end it together.
 class MpiJob {
  public:
-  MpiJob(int& argc, char**& argv);
-  ~MpiJob();
-  MpiJob(const MpiJob&) = delete;
-  MpiJob& operator=(const MpiJob&) = delete;
+  virtual ~MpiJob() = default;
 
-  Communicator& communicator();
+  virtual Communicator& communicator() = 0;
   /// Ranks on this machine.
-  int neighbours() const;
+  virtual int neighbours() const = 0;
   /// 0, 1, 2, ..: each number goes to one rank, and begins with 0 again after `restart_numbers`, which all ranks call.
-  Index next_number();
-  void restart_numbers();
+  virtual Index next_number() = 0;
+  virtual void restart_numbers() = 0;
   /// Whether all ranks call it within `seconds`. False: some do something else, or have ended.
-  bool all_arrive(double seconds);
+  virtual bool all_arrive(double seconds) = 0;
   /// Ends all ranks at once with this exit code.
-  [[noreturn]] void abort(int code);
+  [[noreturn]] virtual void abort(int code) = 0;
+};
 
- private:
-  struct State;
-  std::unique_ptr<State> state_;
+std::unique_ptr<MpiJob> join_mpi(int& argc, char**& argv);
+
+/// What the part bromwich_mpi.so offers (files/loaded_part.hpp).
+struct MpiPart {
+  decltype(&join_mpi) join;
 };
 
 }  // namespace bromwich

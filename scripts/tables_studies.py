@@ -261,10 +261,12 @@ def streams(data):
 
 
 def derivative_costs(data):
-    row = next(row for row in data["rows"] if "us" in row)
+    row, *others = [row for row in data["rows"] if "us" in row]
     lines = ["| | time | over a prepared solve |", "|--" * 3 + "|"]
-    for name, us in row["us"].items():
-        lines.append(f"| {name} | {us:.0f} us | {row['over_solve'][name]:.2f} |")
+    for of in [row, *others]:
+        scene = f"{of['scene']}, n = {of['constraints']}: " if of in others else ""
+        for name, us in of["us"].items():
+            lines.append(f"| {scene}{name} | {us:.0f} us | {of['over_solve'][name]:.2f} |")
     lines += ["", f"A drawn scene with 4 constraints, {row['steps']} steps; a prepared solve takes {row['us_solve']:.0f} us. "
               f"{data['machine']['cpu']}, {data['compiler']}, {origin(data)}."]
     return lines

@@ -8,6 +8,7 @@
 #include "app/text.hpp"
 #include "bench/studies/study.hpp"
 #include "core/base/error.hpp"
+#include "core/derivatives/modal_derivative.hpp"
 #include "core/derivatives/solution_derivative.hpp"
 #include "core/solve/solve.hpp"
 #include "core/solve/solver.hpp"
@@ -19,7 +20,9 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <random>
+#include <utility>
 
 namespace bromwich::app {
 
@@ -140,45 +143,72 @@ void measure_batch(const BatchCase& c, Backend& backend, const BenchRequest& req
                          {"difference", difference}});
 }
 
-void measure_derivative(Backend& backend, const BenchRequest& request, BenchReport& report,
+// Derivatives of one scene, by SolutionDerivative or ModalDerivative, beside a prepared solve of it. Jacobian-vector
+// products by each of `changes`, and the gradient by all data of the sum of y.
+template <class Derivative>
+void measure_derivative(const Scene& scene, Options options,
+                        const std::vector<std::pair<std::string, DataChange>>& changes, Backend& backend,
+                        const BenchRequest& request, BenchReport& report,
                         std::vector<std::vector<std::string>>& lines) {
-  const Scene scene = drawn_scene();
-  Options options;
   options.method = Method::march;
-  options.steps = request.quick ? 64 : 1000;
-  options.states = StateSelection::all;
   Solver solver(scene, backend, options);
   Result result = solver.solve();
-  const SolutionDerivative derivative(scene, result);
+  const Derivative derivative(scene, result);
+  SolutionChange of;
+  of.y = RowMatrix::Ones(result.steps + 1, scene.constraints());
+  std::vector<std::pair<std::string, std::function<void()>>> calls{
+      {"a prepared solve", [&] { result = solver.solve(); }},
+      {"preparing a derivative", [&] { Derivative(scene, result); }}};
+  for (const auto& change : changes)
+    calls.emplace_back("jvp of " + change.first, [&] { derivative.jvp(change.second); });
+  calls.emplace_back("vjp of all data", [&] { derivative.vjp(of); });
+  std::vector<std::vector<double>> times(calls.size());
+  for (int round = 0; round < request.repeats(); ++round)
+    for (std::size_t i = 0; i < calls.size(); ++i) {
+      constexpr int together = 20;
+      const auto start = std::chrono::steady_clock::now();
+      for (int k = 0; k < together; ++k) calls[i].second();
+      times[i].push_back(1e6 * seconds_since(start) / together);
+    }
+  const double solve = median(times[0]);
+  Json row{{"scene", scene.name},
+           {"backend", backend.name()},
+           {"steps", result.steps},
+           {"constraints", scene.constraints()},
+           {"us_solve", solve}};
+  for (std::size_t i = 1; i < calls.size(); ++i) {
+    const double us = median(times[i]);
+    row["us"][calls[i].first] = us;
+    row["over_solve"][calls[i].first] = us / solve;
+    lines.push_back({scene.name, fmt::format("{}", scene.constraints()), calls[i].first, fmt::format("{:.1f}", us),
+                     fmt::format("{:.2f}", us / solve)});
+  }
+  report.rows.push_back(std::move(row));
+}
+
+void measure_derivatives(Backend& backend, const BenchRequest& request, BenchReport& report,
+                         std::vector<std::vector<std::string>>& lines) {
   DataChange by_x0, by_A;
   by_x0.x0 = Vector::Ones(4);
   by_A.A = Matrix::Ones(4, 4);
-  SolutionChange of;
-  of.y = RowMatrix::Ones(options.steps + 1, 4);
-  std::vector<double> forward, prepare, jvp, jvp_A, vjp;
-  const auto timed = [](std::vector<double>& into, const auto& call) {
-    constexpr int times = 20;
-    const auto start = std::chrono::steady_clock::now();
-    for (int k = 0; k < times; ++k) call();
-    into.push_back(1e6 * seconds_since(start) / times);
-  };
-  for (int round = 0; round < request.repeats(); ++round) {
-    timed(forward, [&] { result = solver.solve(); });
-    timed(prepare, [&] { SolutionDerivative(scene, result); });
-    timed(jvp, [&] { derivative.jvp(by_x0); });
-    timed(jvp_A, [&] { derivative.jvp(by_A); });
-    timed(vjp, [&] { derivative.vjp(of); });
+  Options options;
+  options.steps = request.quick ? 64 : 1000;
+  options.states = StateSelection::all;
+  measure_derivative<SolutionDerivative>(drawn_scene(), options, {{"x0", by_x0}, {"A", by_A}}, backend, request, report,
+                                         lines);
+  options.states = StateSelection::none;
+  for (const double Q : request.quick ? std::vector<double>{15} : std::vector<double>{39, 127}) {
+    const Scene scene = choose_scene("signorini", {{"Q", Q}}).scene;
+    options.steps = request.quick ? 64 : 400;
+    const Index n = scene.constraints(), rows = options.steps + 1;
+    DataChange x0, f, g, M;
+    x0.x0 = Vector::Ones(scene.states());
+    f.f = RowMatrix::Ones(rows, n);
+    g.g = RowMatrix::Ones(rows, n);
+    M.M = Matrix::Identity(n, n);
+    measure_derivative<ModalDerivative>(scene, options, {{"x0", x0}, {"f", f}, {"g", g}, {"M", M}}, backend, request,
+                                        report, lines);
   }
-  const double solve = median(forward);
-  const std::pair<const char*, const std::vector<double>*> all[] = {
-      {"preparing a derivative", &prepare}, {"jvp of x0", &jvp}, {"jvp of A", &jvp_A}, {"vjp of all data", &vjp}};
-  Json row{{"scene", scene.name}, {"backend", backend.name()}, {"steps", options.steps}, {"us_solve", solve}};
-  for (const auto& [name, seconds] : all) {
-    row["us"][name] = median(*seconds);
-    row["over_solve"][name] = median(*seconds) / solve;
-    lines.push_back({name, fmt::format("{:.1f}", median(*seconds)), fmt::format("{:.2f}", median(*seconds) / solve)});
-  }
-  report.rows.push_back(std::move(row));
 }
 
 }  // namespace
@@ -204,8 +234,8 @@ BenchReport bench_batch(const BenchRequest& request, Backend& backend) {
   }
   print(fmt::format("nanoseconds a scene and step in batches, and in a loop of prepared solves; {} threads\n{}",
                     backend.device().threads, table(lines)));
-  std::vector<std::vector<std::string>> derivatives{{"derivative", "us", "over a prepared solve"}};
-  measure_derivative(backend, request, report, derivatives);
+  std::vector<std::vector<std::string>> derivatives{{"scene", "n", "derivative", "us", "over a prepared solve"}};
+  measure_derivatives(backend, request, report, derivatives);
   print(fmt::format("microseconds\n{}", table(derivatives)));
   return report;
 }

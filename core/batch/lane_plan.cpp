@@ -20,7 +20,8 @@ namespace bromwich {
 
 namespace {
 
-constexpr double known_weights = 1e-7;      ///< error of weights, a tenth of what a solve accepts
+constexpr double known_weights = 1e-7;  ///< error of weights, a tenth of what a solve accepts
+constexpr double short_series = 1;  ///< h |A| up to which e^{hA} is a series without cancellation: known to rounding
 constexpr double rounding_of_time = 1e-11;  ///< eps T |A| from which the rounding of e^{hA} is looked at
 constexpr double growth_with_rings = 5e5;   ///< half of what a solve does not doubt where continuous y rings
 
@@ -140,7 +141,8 @@ bool LanePlan::take_continuous(Methods& methods, bool own_sources, std::string& 
   if (!least_elements && !surely_P) return why = "M is of another class than P and Z", false;
   const std::shared_ptr<const StepOperators> step = state_step(d, Rule::exponential);
   if (!(free_growth(d, *step) <= harmless_growth)) return why = "growth of the free state", false;
-  if (check_weights(d, dense_recurrence(dense, *step), INFINITY).error > known_weights)
+  if (h * A.cwiseAbs().colwise().sum().maxCoeff() > short_series &&
+      check_weights(d, dense_recurrence(dense, *step), INFINITY).error > known_weights)
     return why = "weights that are not known well", false;
   whole.E = step->decay, whole.L = step->left * B, whole.R = step->right * B;
   whole.problem = problem_of(M + N * whole.R);

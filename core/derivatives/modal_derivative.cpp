@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace bromwich {
 
@@ -39,6 +40,14 @@ RowMatrix sampled(const TimeFunction& function, const Vector& t, Index width) {
   return function ? RowMatrix(sample(function, t, width).table()) : RowMatrix::Zero(t.size(), width);
 }
 
+LcpMatrix transposed(const LcpMatrix& M) {
+  if (const auto* dense = std::get_if<Matrix>(&M)) return Matrix(dense->transpose());
+  if (const SparseMatrix* sparse = sparse_of(M)) return SparseLcpMatrix(sparse->transpose());
+  auto t = std::get<Tridiagonal>(M);
+  for (Index i = 1; i < t.diagonal.size(); ++i) std::swap(t.lower[i], t.upper[i - 1]);
+  return t;
+}
+
 std::vector<Index> positive(const RowMatrix& y, Index j) {
   std::vector<Index> S;
   for (Index i = 0; i < y.cols(); ++i)
@@ -50,6 +59,8 @@ std::vector<Index> positive(const RowMatrix& y, Index j) {
 
 ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
     : d_(modes_of(scene, result)),
+      scene_M_(scene.M),
+      transposed_M_(transposed(scene.M)),
       M_(to_dense(scene.M)),
       across_(d_.across.modes()),
       J_(result.steps),
@@ -59,28 +70,22 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
       h_(scene.T / double(J_)),
       t_(result.t),
       seen_(d_.across.in_modes(d_.n)),
+      convolution_(d_, h_, scene.T),
+      start_(d_, h_),
       y_(result.y) {
   if (y_.rows() != J_ + 1 || y_.cols() != n_ || t_.size() != J_ + 1)
     refuse_in_modes("the result has other rows than its grid", "differentiate a result as solve returned it");
+  every_.resize(std::size_t(n_));
+  std::iota(every_.begin(), every_.end(), Index(0));
   for (const Index points : d_.face_extents()) sines_.push_back(sine_matrix(points));
-  const Vector mu = d_.face_eigenvalues(), nu = d_.across.eigenvalues(), b = d_.across.in_modes(d_.b);
-  for (RowMatrix* table : {&E_, &Lb_, &Rb_}) table->resize(K_, n_);
-  for (Index k = 0; k < K_; ++k) {
-    const ArrayPhi phi = array_phi(h_ * (mu.array() + nu[k]));
-    E_.row(k) = phi.exponential;
-    Lb_.row(k) = h_ * b[k] * (phi.phi1 - phi.phi2);
-    Rb_.row(k) = h_ * b[k] * phi.phi2;
-  }
-  x0_ = state_modes(scene.x0);
-  Matrix W = M_;
-  const Vector first = (seen_.transpose() * Rb_).transpose();
-  for (Index i = 0; i < n_; ++i)  // S diag(first) S, column by column
-    W.col(i) += face_modes(first.cwiseProduct(face_modes(Vector::Unit(n_, i))));
+  // W = M + S diag(W_0) S.
+  const RowMatrix S = in_modes(RowMatrix::Identity(n_, n_));
+  const Matrix W = M_ + S * convolution_.own().asDiagonal() * S;
   sets_.resize(std::size_t(J_) + 1);
   for (Index j = 0; j <= J_; ++j)
     sets_[std::size_t(j)] = j > 0 ? responses_.take(positive(y_, j), W) : responses_.take(positive(y_, j), M_, 1);
   w_ = sampled(scene.g, t_, n_) + y_ * M_.transpose();
-  follow(result, sampled(scene.f, t_, n_));
+  follow(state_modes(scene.x0), y_ + sampled(scene.f, t_, n_));
   margin_ = margin_of_sets(
       y_, w_, t_, [this](Index j) -> const std::vector<Index>& { return responses_.active(sets_[std::size_t(j)]); });
 }
@@ -98,47 +103,78 @@ void ModalDerivative::to_modes(double* values) const {
   }
 }
 
-Vector ModalDerivative::face_modes(Vector v) const {
-  to_modes(v.data());
-  return v;
+// Each row.
+RowMatrix ModalDerivative::in_modes(RowMatrix values) const {
+  if (sines_.size() == 1) return values * sines_[0];
+  for (Index j = 0; j < values.rows(); ++j) to_modes(values.row(j).data());
+  return values;
+}
+
+void ModalDerivative::add_modes(RowMatrix values, RowMatrix& to) const {
+  if (sines_.size() == 1)
+    to.noalias() += values * sines_[0];
+  else
+    to += in_modes(std::move(values));
+}
+
+// S v at the constraints of a set, and S v of a v that is zero elsewhere; in several directions at all.
+void ModalDerivative::seen_on(const std::vector<Index>& set, const Vector& modes, Vector& values) const {
+  if (sines_.size() > 1) {
+    values = modes;
+    return to_modes(values.data());
+  }
+  for (const Index i : set) values[i] = sines_[0].col(i).dot(modes);
+}
+void ModalDerivative::modes_of_set(const std::vector<Index>& set, const Vector& values, Vector& modes) const {
+  if (sines_.size() > 1) {
+    modes = values;
+    return to_modes(modes.data());
+  }
+  modes.setZero(n_);
+  for (const Index i : set) modes += values[i] * sines_[0].col(i);
 }
 
 // K x n modes of m values, face points slowest.
 RowMatrix ModalDerivative::state_modes(const Vector& x) const {
-  RowMatrix modes = across_.transpose() * Eigen::Map<const RowMatrix>(x.data(), n_, K_).transpose();
-  for (Index k = 0; k < K_; ++k) to_modes(modes.row(k).data());
-  return modes;
+  return in_modes(across_.transpose() * Eigen::Map<const RowMatrix>(x.data(), n_, K_).transpose());
 }
 
 Vector ModalDerivative::state_of(const RowMatrix& modes) const {
-  RowMatrix lines = modes;
-  for (Index k = 0; k < K_; ++k) to_modes(lines.row(k).data());
-  const RowMatrix x = lines.transpose() * across_.transpose();
+  const RowMatrix x = in_modes(modes).transpose() * across_.transpose();
   return Eigen::Map<const Vector>(x.data(), m_);
 }
 
-// N x.
-Vector ModalDerivative::see(const RowMatrix& modes) const {
-  return face_modes((seen_.transpose() * modes).transpose());
+// e^{hA}, L B and R B in modes, K x n each.
+ModalDerivative::StateMaps ModalDerivative::state_maps() const {
+  const Vector mu = d_.face_eigenvalues(), nu = d_.across.eigenvalues(), b = d_.across.in_modes(d_.b);
+  StateMaps maps;
+  for (RowMatrix* table : {&maps.E, &maps.Lb, &maps.Rb}) table->resize(K_, n_);
+  for (Index k = 0; k < K_; ++k) {
+    const ArrayPhi phi = array_phi(h_ * (mu.array() + nu[k]));
+    maps.E.row(k) = phi.exponential;
+    maps.Lb.row(k) = h_ * b[k] * (phi.phi1 - phi.phi2);
+    maps.Rb.row(k) = h_ * b[k] * phi.phi2;
+  }
+  return maps;
 }
 
-// w of the states that y gives: it has to vanish where y acts.
-void ModalDerivative::follow(const Result& result, const RowMatrix& phi) {
-  const double allowed = same_y * (1e-290 + result.y.cwiseAbs().maxCoeff());
-  RowMatrix x = x0_;
-  Vector left = face_modes((y_.row(0) + phi.row(0)).transpose()), off(n_);
+// w of the states that x0 and u = y + phi give: it has to vanish where y acts.
+void ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
+  const RowMatrix modes = in_modes(u);
+  RowMatrix v = start_.response(x0, J_);
+  ModalConvolution::State z = convolution_.state();
+  Vector a(n_), off(n_);
+  for (Index j = 1; j <= J_; ++j) {
+    convolution_.advance(j, modes.row(j - 1).data(), z, a);
+    v.row(j) += (a + convolution_.own().cwiseProduct(modes.row(j).transpose())).transpose();
+  }
+  add_modes(std::move(v), w_);
+  const double allowed = same_y * (1e-290 + y_.cwiseAbs().maxCoeff());
   for (Index j = 0; j <= J_; ++j) {
     const Index set = sets_[std::size_t(j)];
     if (!(responses_.condition(set) > smallest_condition))
       refuse_in_modes(text("not differentiable here: the active constraints at t = %.6g do not determine y", t_[j]),
                       "remove constraints that repeat each other");
-    if (j > 0) {
-      const Vector right = face_modes((y_.row(j) + phi.row(j)).transpose());
-      x.array() = E_.array() * x.array() + Lb_.array().rowwise() * left.transpose().array() +
-                  Rb_.array().rowwise() * right.transpose().array();
-      left = right;
-    }
-    w_.row(j) += see(x).transpose();
     responses_.solve(set, w_.row(j).transpose(), off);
     if (j > 0 && !(off.norm() <= allowed))
       refuse_in_modes(
@@ -147,91 +183,31 @@ void ModalDerivative::follow(const Result& result, const RowMatrix& phi) {
   }
 }
 
-void ModalDerivative::check(const char* name, Index rows, Index columns, Index expected_rows,
-                            Index expected_columns) const {
-  if (rows * columns == 0 || (rows == expected_rows && columns == expected_columns)) return;
-  throw Error(name, text("found %ld x %ld", long(rows), long(columns)),
-              text("give %ld x %ld", long(expected_rows), long(expected_columns)));
-}
-
-SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
-  for (const auto& [name, matrix] : {std::pair("A", &c.A), {"B", &c.B}, {"N", &c.N}, {"E", &c.E}})
-    if (matrix->size() > 0)
-      throw Error(name, "is part of the structure of a Kronecker sum", "ask for derivatives by x0, f, g and M");
-  check("x0", c.x0.size(), 1, m_, 1);
-  check("f", c.f.rows(), c.f.cols(), J_ + 1, n_);
-  check("g", c.g.rows(), c.g.cols(), J_ + 1, n_);
-  check("M", c.M.rows(), c.M.cols(), n_, n_);
-  RowMatrix fixed = c.g.size() > 0 ? c.g : RowMatrix::Zero(J_ + 1, n_);
-  if (c.M.size() > 0) fixed += y_ * c.M.transpose();
-  SolutionChange out{RowMatrix::Zero(J_ + 1, n_), RowMatrix(), RowMatrix(J_ + 1, n_), RowMatrix::Zero(J_ + 1, n_)};
-  if (states) out.x.resize(J_ + 1, m_);
-  RowMatrix x = c.x0.size() > 0 ? state_modes(c.x0) : RowMatrix::Zero(K_, n_);
-  Vector dy(n_), left = Vector::Zero(n_), terms;  // terms: of the change of w(0)
+RowMatrix ModalDerivative::states_of(const RowMatrix& x0, const RowMatrix& u) const {
+  const auto [E, Lb, Rb] = state_maps();
+  RowMatrix x = x0.size() > 0 ? x0 : RowMatrix::Zero(K_, n_), all(J_ + 1, m_);
   for (Index j = 0; j <= J_; ++j) {
-    const Vector given = c.f.size() > 0 ? face_modes(c.f.row(j).transpose()) : Vector(Vector::Zero(n_));
     if (j > 0)
-      x.array() = E_.array() * x.array() + Lb_.array().rowwise() * left.transpose().array() +
-                  Rb_.array().rowwise() * given.transpose().array();
-    Vector w = see(x) + fixed.row(j).transpose();
-    if (j == 0)
-      terms = Vector::Constant(n_, (seen_.cwiseAbs().transpose() * x.cwiseAbs()).norm()) +
-              fixed.row(0).cwiseAbs().transpose();
-    responses_.solve(sets_[std::size_t(j)], w, dy);
-    const Vector driven = face_modes(dy);
-    if (j == 0) terms += M_.cwiseAbs() * dy.cwiseAbs();
-    if (j > 0) {
-      x.array() += Rb_.array().rowwise() * driven.transpose().array();
-      w = see(x) + fixed.row(j).transpose();
-    }
-    left = given + driven;
-    out.y.row(j) = dy.transpose();
-    out.w.row(j) = (w + M_ * dy).transpose();
-    if (states) out.x.row(j) = state_of(x).transpose();
-    if (j > 0) out.integral.row(j) = out.integral.row(j - 1) + (h_ / 2) * (out.y.row(j - 1) + out.y.row(j));
+      x.array() =
+          E.array() * x.array() + Lb.array().rowwise() * u.row(j - 1).array() + Rb.array().rowwise() * u.row(j).array();
+    all.row(j) = state_of(x).transpose();
   }
-  check_change_at_start(undecided_at_start(y_, w_, responses_.active(sets_[0])), out.w.row(0).transpose(), terms);
-  return out;
+  return all;
 }
 
-DataChange ModalDerivative::vjp(const SolutionChange& of) const {
-  check("y", of.y.rows(), of.y.cols(), J_ + 1, n_);
-  check("x", of.x.rows(), of.x.cols(), J_ + 1, m_);
-  check("w", of.w.rows(), of.w.cols(), J_ + 1, n_);
-  check("integral", of.integral.rows(), of.integral.cols(), J_ + 1, n_);
-  DataChange bar;
-  bar.f = bar.g = RowMatrix::Zero(J_ + 1, n_);
-  RowMatrix next = RowMatrix::Zero(K_, n_);  // q_{j+1}
-  Vector later = Vector::Zero(n_), mu(n_), of_w = Vector::Zero(n_);
+// The transposed: the gradient with respect to u, (J+1) x n in modes, and to x0, K x n.
+std::pair<RowMatrix, RowMatrix> ModalDerivative::states_transposed(const RowMatrix& of_x) const {
+  const auto [E, Lb, Rb] = state_maps();
   const auto collect = [](const RowMatrix& weights, const RowMatrix& q) {
-    return Vector(weights.cwiseProduct(q).colwise().sum().transpose());
+    return weights.cwiseProduct(q).colwise().sum().eval();
   };
+  RowMatrix u = RowMatrix::Zero(J_ + 1, n_), q = RowMatrix::Zero(K_, n_);
   for (Index j = J_; j >= 0; --j) {
-    Vector of_u = collect(Lb_, next);
-    if (of.w.size() > 0) of_w = of.w.row(j).transpose();
-    next.array() *= E_.array();  // p
-    if (of.w.size() > 0) next += seen_ * face_modes(of_w).transpose();
-    if (of.x.size() > 0) next += state_modes(of.x.row(j).transpose());
-    Vector eta = face_modes(j > 0 ? Vector(of_u + collect(Rb_, next)) : of_u);
-    const double driven = eta.norm();
-    if (of.w.size() > 0) eta += M_.transpose() * of_w;
-    if (of.y.size() > 0) eta += of.y.row(j).transpose();
-    if (of.integral.size() > 0) {
-      eta += h_ / 2 * later;
-      later += of.integral.row(j).transpose();
-      if (j > 0) eta += h_ / 2 * later;
-    }
-    if (j == 0)
-      check_gradient_at_start(undecided_at_start(y_, w_, responses_.active(sets_[0])), eta, driven + eta.norm());
-    responses_.solve_transposed(sets_[std::size_t(j)], eta, mu);
-    next -= seen_ * face_modes(mu).transpose();  // q_j
-    if (j > 0) of_u += collect(Rb_, next);
-    bar.g.row(j) = (of_w - mu).transpose();
-    bar.f.row(j) = face_modes(of_u).transpose();
+    u.row(j) = collect(Lb, q);
+    q = q.cwiseProduct(E) + state_modes(of_x.row(j).transpose());
+    if (j > 0) u.row(j) += collect(Rb, q);
   }
-  bar.x0 = state_of(next);
-  bar.M = bar.g.transpose() * y_;
-  return bar;
+  return {std::move(u), std::move(q)};
 }
 
 }  // namespace bromwich

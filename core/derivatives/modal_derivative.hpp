@@ -1,19 +1,20 @@
 #pragma once
 // Derivatives of the discrete solution of a Kronecker sum with a continuous y, with respect to x0, to sources that
 // enter through B, to g and to M. As core/derivatives/solution_derivative.hpp, with its equations in the modes of A,
-// where e^{hA}, L and R are numbers: nothing of size m x m is formed, and one state is kept at a time.
+// where time is a convolution for each mode of the face (core/derivatives/modal_convolution.hpp): nothing of size m x m
+// is formed. States at time points are formed where they are asked for, from all modes.
 //
 // symbol  variable   shape   meaning
 // x^      K x n      modes of the state: k across, l of the face
 // u^      n          modes of y + phi, f = B phi
-// E, Lb,  K x n      e^z, h b^_k (phi_1 - phi_2)(z) and h b^_k phi_2(z), z = h (mu_l + nu_k)
-// Rb
-//     x^_j = E x^_{j-1} + Lb u^_{j-1} + Rb u^_j,   v_j = S (n^^T x^_j),   W = M + S diag(n^^T Rb) S.
+//     w = S (n^^T e^{At} x0^ + K u^) + g + M y,   K: W_0 at the same time;   W = M + S diag(W_0) S.
 
 #include "../result/result.hpp"
 #include "../scene/scene.hpp"
+#include "modal_convolution.hpp"
 #include "solution_derivative.hpp"
 
+#include <utility>
 #include <vector>
 
 namespace bromwich {
@@ -35,22 +36,32 @@ class ModalDerivative {
   DataChange vjp(const SolutionChange&) const;
 
  private:
+  struct StateMaps {
+    RowMatrix E, Lb, Rb;  ///< e^z, h b^_k (phi_1 - phi_2)(z) and h b^_k phi_2(z), z = h (mu_l + nu_k)
+  };
+  StateMaps state_maps() const;
   RowMatrix state_modes(const Vector& x) const;
   Vector state_of(const RowMatrix& modes) const;
+  RowMatrix states_of(const RowMatrix& x0, const RowMatrix& u) const;
+  std::pair<RowMatrix, RowMatrix> states_transposed(const RowMatrix& of_x) const;
   void to_modes(double* values) const;
-  Vector face_modes(Vector v) const;
-  Vector see(const RowMatrix& modes) const;
-  void follow(const Result&, const RowMatrix& phi);
+  RowMatrix in_modes(RowMatrix values) const;
+  void add_modes(RowMatrix values, RowMatrix& to) const;
+  void seen_on(const std::vector<Index>& set, const Vector& modes, Vector& values) const;
+  void modes_of_set(const std::vector<Index>& set, const Vector& values, Vector& modes) const;
+  void follow(const RowMatrix& x0, const RowMatrix& u);
   void check(const char* name, Index rows, Index columns, Index expected_rows, Index expected_columns) const;
 
   KroneckerDynamics d_;
+  LcpMatrix scene_M_, transposed_M_;
   Matrix M_, across_;          ///< across_: modes of one line in its columns
   std::vector<Matrix> sines_;  ///< of the directions of the face
   Index J_ = 0, m_ = 0, n_ = 0, K_ = 0;
   double h_ = 0;
-  Vector t_, seen_;        ///< seen_: n^, K
-  RowMatrix E_, Lb_, Rb_;  ///< K x n
-  RowMatrix x0_;           ///< of the scene, in modes
+  Vector t_, seen_;  ///< seen_: n^, K
+  ModalConvolution convolution_;
+  ModalStart start_;
+  std::vector<Index> every_;  ///< 0, 1, ..., n - 1
   RowMatrix y_, w_;
   SetResponses responses_;  ///< of W, and of M at t = 0
   std::vector<Index> sets_;

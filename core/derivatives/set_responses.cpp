@@ -6,7 +6,10 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index most_inverted = 16;  ///< n: a product with n x n zeros costs less than calls of a factorization
+constexpr Index most_inverted = 16;     ///< n: a product with n x n zeros costs less than calls of a factorization
+constexpr Index largest_inverse = 128;  ///< sets: a product costs less than two triangular solves, again and again
+
+using SetVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, largest_inverse, 1>;  // no memory of the heap
 
 }  // namespace
 
@@ -23,9 +26,13 @@ Index SetResponses::take(const std::vector<Index>& S, const Matrix& W, int kind)
   if (S.empty()) return last_;
   made.lu.compute(W(S, S));
   made.condition = made.lu.rcond();
-  if (n > most_inverted) return last_;
-  const Matrix inverse = made.lu.inverse();
-  made.response(S, S) = -inverse;
+  if (Index(S.size()) > largest_inverse) return last_;
+  Matrix inverse = made.lu.inverse();
+  if (n <= most_inverted)
+    made.response(S, S) = -inverse;
+  else
+    made.inverse = std::move(inverse);
+  made.lu = {};
   return last_;
 }
 
@@ -37,6 +44,11 @@ void SetResponses::solve(Index set, const Vector& q, Vector& y) const {
   }
   y.setZero(q.size());
   if (m.S.empty()) return;
+  if (m.inverse.size() > 0) {
+    const SetVector given = q(m.S), of_set = -(m.inverse * given);
+    y(m.S) = of_set;
+    return;
+  }
   const Vector of_set = m.lu.solve(Vector(q(m.S)));
   y(m.S) = -of_set;
 }
@@ -49,6 +61,11 @@ void SetResponses::solve_transposed(Index set, const Vector& q, Vector& mu) cons
   }
   mu.setZero(q.size());
   if (m.S.empty()) return;
+  if (m.inverse.size() > 0) {
+    const SetVector given = q(m.S), of_set = m.inverse.transpose() * given;
+    mu(m.S) = of_set;
+    return;
+  }
   const Vector of_set = m.lu.transpose().solve(Vector(q(m.S)));
   mu(m.S) = of_set;
 }

@@ -1,6 +1,6 @@
 #pragma once
 // The linear problems of the active sets of a solution: y_S = -W_SS^{-1} q_S, zero elsewhere, and the transposed ones.
-// Sets come again and again, so that each is factorized once; small ones are kept as inverses in n x n matrices.
+// Sets come again and again, so that each is inverted once; those of few constraints are kept in n x n matrices.
 
 #include "../base/types.hpp"
 
@@ -29,7 +29,8 @@ class SetResponses {
   struct Member {
     std::vector<Index> S;
     double condition = 1;
-    Matrix response;                 ///< n x n: -W_SS^{-1}, zero elsewhere; empty for large sets
+    Matrix response;                 ///< n x n: -W_SS^{-1}, zero elsewhere; empty for large n
+    Matrix inverse;                  ///< W_SS^{-1} otherwise; empty for large sets
     Eigen::PartialPivLU<Matrix> lu;  ///< of large ones
   };
   std::map<std::pair<int, std::vector<Index>>, Index> known_;

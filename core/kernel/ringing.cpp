@@ -3,6 +3,7 @@
 #include "core/lcp/active_set.hpp"
 #include "core/lcp/entries.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include <cmath>
@@ -24,8 +25,18 @@ int determinant_sign(Matrix matrix) {
   return d > 0 ? 1 : -1;
 }
 
+// Whether the symmetric part is larger than a part of M: each block M_SS is then far from a singular one, with a
+// positive determinant.
+bool is_clearly_definite(const Matrix& M) {
+  constexpr double part = 1e-4;
+  Matrix symmetric = 0.5 * (M + M.transpose());
+  symmetric.diagonal().array() -= part * M.cwiseAbs().rowwise().sum().maxCoeff();
+  return Eigen::LLT<Matrix>(symmetric).info() == Eigen::Success;
+}
+
 bool same_minors(const Matrix& a, const Matrix& b) {
   const Index n = a.rows();
+  if (is_clearly_definite(a) && is_clearly_definite(b)) return true;
   for (unsigned set = 1; set < 1u << n; ++set) {
     const std::vector<Index> S = members(set, n);
     const int sign = determinant_sign(a(S, S));

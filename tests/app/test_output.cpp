@@ -35,6 +35,26 @@ constexpr double same = 1e-11;
 
 class CliOutput : public Cli {};
 
+// The command without its part for HDF5: it solves, and says what is missing before it computes.
+TEST_F(CliOutput, WithoutItsPartForHdf5TheCommandSaysSo) {
+  fs::create_directories(folder_ / "alone");
+  fs::copy_file(BROMWICH_CLI, folder_ / "alone/bromwich");
+  const std::string copy = "f() { shift; alone/bromwich \"$@\"; }; f";  // in place of the path of the command
+  EXPECT_EQ(run(heat + "--steps 50 --out r.csv", copy).exit_code, 0);
+  const Outcome missing = run(heat + "--steps 50 --out r.h5", copy);
+  EXPECT_EQ(missing.exit_code, 2);
+  EXPECT_EQ(missing.out, "");
+  EXPECT_TRUE(contains(missing.err, "--out: 'r.h5' needs HDF5, and a part of this program")) << missing.err;
+  EXPECT_TRUE(contains(missing.err, "bromwich_hdf5.so: cannot open")) << missing.err;
+  EXPECT_EQ(std::count(missing.err.begin(), missing.err.end(), '\n'), 1) << missing.err;
+  // A file that is none.
+  std::ofstream(folder_ / "alone/bromwich_hdf5.so") << "part";
+  const Outcome broken = run(heat + "--steps 50 --out r.h5", copy);
+  EXPECT_EQ(broken.exit_code, 2);
+  EXPECT_TRUE(contains(broken.err, "cannot be loaded")) << broken.err;
+  EXPECT_FALSE(fs::exists(folder_ / "r.h5"));
+}
+
 TEST_F(CliOutput, AllFormatsHoldTheSameNumbers) {
   const std::string options = heat + "--steps 50 --states all --out ";
   for (const std::string name : {"r.csv", "r.h5", "r.npz", "r.vtkhdf"}) {

@@ -21,7 +21,8 @@ void check_numbers(MpiJob& job, std::vector<std::string>& faults) {
 }
 
 int run(int argc, char** argv) {
-  MpiJob job(argc, argv);
+  const std::unique_ptr<MpiJob> joined = join_mpi(argc, argv);
+  MpiJob& job = *joined;
   std::vector<std::string> faults = faults_of(job.communicator());
   check_numbers(job, faults);
   const int ranks = job.communicator().size();

@@ -1,0 +1,141 @@
+// The passes of ModalDerivative, forward and backward in time.
+
+#include "core/derivatives/modal_derivative.hpp"
+
+#include "core/base/error.hpp"
+#include "core/base/text.hpp"
+
+#include <cmath>
+#include <tuple>
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+// w += M y, n values each.
+void add_product(const LcpMatrix& M, const double* y, double* w) {
+  const Index n = size(M);
+  const Eigen::Map<const Vector> from(y, n);
+  Eigen::Map<Vector> to(w, n);
+  if (const auto* dense = std::get_if<Matrix>(&M)) {
+    to.noalias() += *dense * from;
+  } else if (const SparseMatrix* sparse = sparse_of(M)) {
+    to += *sparse * from;
+  } else {
+    const auto& t = std::get<Tridiagonal>(M);
+    to += t.diagonal.cwiseProduct(from);
+    to.tail(n - 1) += t.lower.tail(n - 1).cwiseProduct(from.head(n - 1));
+    to.head(n - 1) += t.upper.head(n - 1).cwiseProduct(from.tail(n - 1));
+  }
+}
+
+}  // namespace
+
+void ModalDerivative::check(const char* name, Index rows, Index columns, Index expected_rows,
+                            Index expected_columns) const {
+  if (rows * columns == 0 || (rows == expected_rows && columns == expected_columns)) return;
+  throw Error(name, text("found %ld x %ld", long(rows), long(columns)),
+              text("give %ld x %ld", long(expected_rows), long(expected_columns)));
+}
+
+SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
+  for (const auto& [name, matrix] : {std::pair("A", &c.A), {"B", &c.B}, {"N", &c.N}, {"E", &c.E}})
+    if (matrix->size() > 0)
+      throw Error(name, "is part of the structure of a Kronecker sum", "ask for derivatives by x0, f, g and M");
+  check("x0", c.x0.size(), 1, m_, 1);
+  check("f", c.f.rows(), c.f.cols(), J_ + 1, n_);
+  check("g", c.g.rows(), c.g.cols(), J_ + 1, n_);
+  check("M", c.M.rows(), c.M.cols(), n_, n_);
+  const RowMatrix x0 = c.x0.size() > 0 ? state_modes(c.x0) : RowMatrix();
+  SolutionChange out{RowMatrix(J_ + 1, n_), RowMatrix(), RowMatrix(J_ + 1, n_), RowMatrix(J_ + 1, n_)};
+  RowMatrix& w = out.w;  // at first what does not come from y and f
+  if (c.g.size() > 0)
+    w = c.g;
+  else
+    w.setZero();
+  if (c.M.size() > 0) w.noalias() += y_ * c.M.transpose();
+  if (x0.size() > 0) add_modes(start_.response(x0, J_), w);
+  Vector terms = w.row(0).cwiseAbs().transpose();
+  RowMatrix u = c.f.size() > 0 ? in_modes(c.f) : RowMatrix::Zero(J_ + 1, n_), v(J_ + 1, n_);
+  ModalConvolution::State z = convolution_.state();
+  Vector a = Vector::Zero(n_), q = Vector::Zero(n_), dy(n_), driven(n_);
+  for (Index j = 0; j <= J_; ++j) {
+    const std::vector<Index>& active = responses_.active(sets_[std::size_t(j)]);
+    if (j > 0) {
+      convolution_.advance(j, u.row(j - 1).data(), z, a);
+      a += convolution_.own().cwiseProduct(u.row(j).transpose());
+    }
+    seen_on(active, a, q);
+    for (const Index i : active) q[i] += w(j, i);
+    responses_.solve(sets_[std::size_t(j)], q, dy);
+    modes_of_set(active, dy, driven);
+    u.row(j) += driven.transpose();
+    if (j > 0) a += convolution_.own().cwiseProduct(driven);
+    v.row(j) = a.transpose();
+    out.y.row(j) = dy.transpose();
+    if (j > 0)
+      out.integral.row(j) = out.integral.row(j - 1) + (h_ / 2) * (out.y.row(j - 1) + out.y.row(j));
+    else
+      out.integral.row(0).setZero();
+  }
+  add_modes(std::move(v), w);
+  for (Index j = 0; j <= J_; ++j) add_product(scene_M_, out.y.row(j).data(), w.row(j).data());
+  terms += M_.cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
+  if (x0.size() > 0) terms.array() += (seen_.cwiseAbs().transpose() * x0.cwiseAbs()).norm();
+  check_change_at_start(undecided_at_start(y_, w_, responses_.active(sets_[0])), w.row(0).transpose(), terms);
+  if (states) out.x = states_of(x0, u);
+  return out;
+}
+
+DataChange ModalDerivative::vjp(const SolutionChange& of) const {
+  check("y", of.y.rows(), of.y.cols(), J_ + 1, n_);
+  check("x", of.x.rows(), of.x.cols(), J_ + 1, m_);
+  check("w", of.w.rows(), of.w.cols(), J_ + 1, n_);
+  check("integral", of.integral.rows(), of.integral.cols(), J_ + 1, n_);
+  DataChange bar;
+  RowMatrix of_u = RowMatrix::Zero(J_ + 1, n_), of_x0, rho = RowMatrix::Zero(J_ + 1, n_), given;
+  if (of.x.size() > 0) std::tie(of_u, of_x0) = states_transposed(of.x);
+  if (of.w.size() > 0) {
+    rho = in_modes(of.w);
+    of_u.bottomRows(J_) += rho.bottomRows(J_) * convolution_.own().asDiagonal();
+  }
+  // What w and x at any time have of y, without the states that y leads to.
+  if (of.x.size() > 0 || of.w.size() > 0) given = in_modes(of_u);
+  const double of_start = given.size() > 0 ? given.row(0).norm() : 0;
+  for (Index j = 0; j < of.w.rows(); ++j) add_product(transposed_M_, of.w.row(j).data(), given.row(j).data());
+  bar.g = of.w.size() > 0 ? of.w : RowMatrix::Zero(J_ + 1, n_);
+  ModalConvolution::State zeta = convolution_.state();
+  Vector b = Vector::Zero(n_), eta(n_), mu(n_), modes = Vector::Zero(n_), later = Vector::Zero(n_);
+  for (Index j = J_; j >= 0; --j) {
+    const std::vector<Index>& active = responses_.active(sets_[std::size_t(j)]);
+    if (j < J_) {
+      convolution_.retreat(j, rho.row(j + 1).data(), zeta, b);
+      of_u.row(j) += b.transpose();
+    }
+    eta.setZero();
+    seen_on(j > 0 ? active : every_, b, eta);
+    const double of_states = j == 0 ? eta.norm() + of_start : 0;
+    if (given.size() > 0) eta += given.row(j).transpose();
+    if (of.y.size() > 0) eta += of.y.row(j).transpose();
+    if (of.integral.size() > 0) {
+      eta += h_ / 2 * later;
+      later += of.integral.row(j).transpose();
+      if (j > 0) eta += h_ / 2 * later;
+    }
+    if (j == 0) check_gradient_at_start(undecided_at_start(y_, w_, active), eta, of_states + eta.norm());
+    responses_.solve_transposed(sets_[std::size_t(j)], eta, mu);
+    modes_of_set(active, mu, modes);
+    rho.row(j) -= modes.transpose();
+    if (j > 0) of_u.row(j) -= convolution_.own().cwiseProduct(modes).transpose();
+    bar.g.row(j) -= mu.transpose();
+  }
+  bar.f = in_modes(std::move(of_u));
+  RowMatrix start = start_.transposed(rho);
+  if (of_x0.size() > 0) start += of_x0;
+  bar.x0 = state_of(start);
+  bar.M.noalias() = bar.g.transpose() * y_;
+  return bar;
+}
+
+}  // namespace bromwich
