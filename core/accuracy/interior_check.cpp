@@ -106,23 +106,31 @@ double interior_defect(const Scene& scene, const Result& r, const RowMatrix& x, 
   return (sum.array() > 0).select(sum.cwiseQuotient(size), 0).maxCoeff() / double(J);
 }
 
-Vector hidden_error(const Matrix& M, const Vector& y_coarse, const Vector& y_fine, const Vector& e, const Vector& w) {
+Vector hidden_error(const Vector& diagonal, const Vector& y_coarse, const Vector& y_fine, const Vector& e,
+                    const Vector& w) {
   Vector hidden = Vector::Zero(e.size());
   for (Index i = 0; i < e.size(); ++i)
-    if (M(i, i) > 0 && !(y_fine[i] > 0) && !(y_coarse[i] > 0)) hidden[i] = std::clamp(e[i] - w[i], 0.0, e[i]) / M(i, i);
+    if (diagonal[i] > 0 && !(y_fine[i] > 0) && !(y_coarse[i] > 0))
+      hidden[i] = std::clamp(e[i] - w[i], 0.0, e[i]) / diagonal[i];
   return hidden;
 }
 
-HiddenError hidden_error(const Scene& scene, const Result& coarse, const RowMatrix& coarse_x, const Result& fine,
-                         const RowMatrix& fine_x, double share, const ComponentSizes& sizes) {
-  const Matrix M = to_dense(scene.M), N = scene.dynamics->small_state()->N;
-  Vector largest = Vector::Zero(M.rows()), sum = largest, g = largest;
+HiddenError hidden_error(const Scene& scene, const Result& coarse, const Result& fine, double share,
+                         const ComponentSizes& sizes) {
+  const Index n = fine.y.cols();
+  const auto known = [n](const Result& r) {
+    return r.trace.rows() == r.steps + 1 && r.trace.cols() == n && r.trace.allFinite();
+  };
+  if (n != size(scene.M) || !known(coarse) || !known(fine)) return {};
+  Vector of_M = diagonal(scene.M);
+  of_M(scene.free_rows).setZero();
+  Vector largest = Vector::Zero(n), sum = largest, g = largest;
   for (Index j = 1; j <= coarse.steps; ++j) {
-    if (j % 1024 == 0) check_interruption();
-    const Vector v = N * fine_x.row(2 * j).transpose(), y = fine.y.row(2 * j).transpose();
-    const Vector e = share * (v - N * coarse_x.row(j).transpose()).cwiseAbs();
+    if (j % 64 == 0) check_interruption();
+    const Vector v = fine.trace.row(2 * j).transpose(), y = fine.y.row(2 * j).transpose();
+    const Vector e = share * (v - coarse.trace.row(j).transpose()).cwiseAbs();
     if (scene.g) scene.g(fine.t[2 * j], g);
-    const Vector hidden = hidden_error(M, coarse.y.row(j).transpose(), y, e, v + M * y + g);
+    const Vector hidden = hidden_error(of_M, coarse.y.row(j).transpose(), y, e, v + multiply(scene.M, y) + g);
     largest = largest.cwiseMax(hidden);
     sum += hidden;
   }

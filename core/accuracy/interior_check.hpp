@@ -21,17 +21,17 @@ double interior_defect(const Scene&, const Result&, const RowMatrix& x, const Co
 
 /// Errors of y that two grids do not show by their difference in y: where y_i = 0 on both, w_i may be off by more than
 /// its value. With e_i the error of N x there, y_i may be min(e_i - w_i, e_i) / M_ii. One time point, n values each;
-/// M_ii <= 0 leaves row i out.
-Vector hidden_error(const Matrix& M, const Vector& y_coarse, const Vector& y_fine, const Vector& e, const Vector& w);
+/// `diagonal`: M_ii; M_ii <= 0 leaves row i out.
+Vector hidden_error(const Vector& diagonal, const Vector& y_coarse, const Vector& y_fine, const Vector& e,
+                    const Vector& w);
 
-/// Likewise on two grids: `largest` over the time points of the coarse one, in the size of y_i, and the mean over time,
-/// in that of its mean. `x`: all states at the time points; e_i is `share` of what N x of the grids differ by. For
-/// dense dynamics.
+/// Likewise on two grids of J and 2J steps, whose results hold N x (Options::trace): `largest` over the time points of
+/// the coarse one, in the size of y_i, and the mean over time, in that of its mean. e_i is `share` of what N x of the
+/// grids differ by. Free rows are left out; 0 where N x is not known.
 struct HiddenError {
   double largest = 0, mean = 0;
 };
-HiddenError hidden_error(const Scene&, const Result& coarse, const RowMatrix& coarse_x, const Result& fine,
-                         const RowMatrix& fine_x, double share, const ComponentSizes&);
+HiddenError hidden_error(const Scene&, const Result& coarse, const Result& fine, double share, const ComponentSizes&);
 
 /// What linear functions between the times t miss of a source that jumps between them: max_i ∫ |g_i - line| / ∫ |g_i|,
 /// the first over the steps that hold breakpoints, in the form of SampledSource::values.

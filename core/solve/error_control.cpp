@@ -82,6 +82,7 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptio
   };
   Result events = by_events(quick_events);
   if (events.status == Status::solved || events.status == Status::interrupted) return events;
+  if (events.reason.rfind(not_unique, 0) == 0) return events;  // no grid decides which one it is
   Result result = by_grids(scene, backend, options, solve);
   if (options.max_seconds > 0 || result.status != Status::tolerance_not_met || events.reason.rfind(out_of_work, 0) != 0)
     return result;

@@ -158,6 +158,20 @@ class EventControl {
     doubt_ = largest_share(fine.doubt, of_mean_ ? sizes_.of_mean(b) : sizes_.of_y(b));
     of_y_ = goal_.of_y ? std::max({rounding, of_mean_ ? d.mean : d.y, doubt_}) : 0;
     of_x_ = goal_.of_x && a.x.cols() > 0 ? std::max(rounding, d.of_x()) : 0;
+    y_differs_ = std::max(d.mean, of_mean_ ? 0 : d.y) > agreed * tolerance_;
+  }
+
+  // Two integrations with the same x and another y.
+  void look_for_other_y(bool met, Result& r) const {
+    if (!y_differs_ || of_x_ > agreed * tolerance_) return;
+    const OtherSolution other = rows_->other(r);
+    if (other.row < 0 || other.moves_the_state) return;
+    const std::string where =
+        std::string(not_unique) + text(": at t = %.6g another one goes with the same state", r.t[other.row]);
+    if (met)
+      add_warning(r, where);
+    else
+      r.reason = where + "; x alone can be asked for (--tol-x)";
   }
 
   void describe(const EventSolution& s, Result& r) const {
@@ -207,6 +221,7 @@ class EventControl {
                       tolerances_[tolerances_.size() - 2], tolerances_.back(), error);
     else if (!good)
       add_warning(r, text("the error is about %.1e, of data that magnify rounding", error));
+    look_for_other_y(met, r);
     if (!chooses_grid() || !r.error_estimate) return r;
     ErrorEstimate e;
     e.tolerance = goal_.tolerance;
@@ -229,7 +244,7 @@ class EventControl {
   std::optional<EventRows> rows_;
   std::vector<double> tolerances_;  ///< of the integrations
   double of_y_ = INFINITY, of_x_ = INFINITY, doubt_ = 0;
-  bool of_mean_ = false;
+  bool of_mean_ = false, y_differs_ = false;
 };
 
 }  // namespace

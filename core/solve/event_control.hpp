@@ -18,6 +18,9 @@ struct EventGoal {
   double most_work = 1e11;  ///< floating-point operations of each integration, about
 };
 
+/// How the reason begins where x is known and y is one of several.
+inline constexpr const char* not_unique = "y is not unique";
+
 /// A small scene by located events (core/events): two integrations, the second a thousand times as accurate. The first
 /// is returned, and its difference to the second is the estimate of its error. If that is above the tolerance, the
 /// second is compared with a third.

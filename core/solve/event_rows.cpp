@@ -57,6 +57,10 @@ double EventRows::residual(const Result& r) const {
   return march_residual(p_, start_, *g, *v, *y);
 }
 
+OtherSolution EventRows::other(const Result& r) const {
+  return p_.lcp_class == LcpClass::P ? OtherSolution{} : other_solution(p_, r, states_);
+}
+
 // At a breakpoint: whether f and g have their values from the right there.
 bool EventRows::takes_right(const EventSolution& s, Index j) const {
   if (j == p_.J) return false;

@@ -1,6 +1,7 @@
 #pragma once
 // Rows of a grid from an event-driven solution.
 
+#include "../accuracy/other_solution.hpp"
 #include "../events/event_driven.hpp"
 #include "../march/outcome.hpp"
 
@@ -19,6 +20,8 @@ class EventRows {
   void fill(const EventSolution&, const std::vector<Index>& components, bool trace, Result& result);
   /// Of the rows filled last.
   double residual(const Result&) const;
+  /// Likewise: whether a step has another y. Not searched where M is of class P.
+  OtherSolution other(const Result&) const;
 
   Start start() const { return start_; }
   const Result& at_zero() const { return at_zero_; }  ///< status and counters of the problem at t = 0

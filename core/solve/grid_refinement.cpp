@@ -15,6 +15,7 @@ namespace {
 
 constexpr double algebraic_share = 0.1;       ///< of a grid's discretisation error, that cycles may leave
 constexpr int most_repeats = 3;               ///< of a grid, for that
+constexpr double least_change = 1e-13;        ///< of y, at which sweeps end: rounding
 constexpr Index fewest_steps = 16;            ///< of a first grid of our choice
 constexpr Index patience_with_failures = 16;  ///< times the scene's steps: below, a failure is put down to the grid
 constexpr double fewest_halvings_for_pieces = 4;
@@ -46,9 +47,16 @@ GridRefinement::GridRefinement(const Scene& scene, Backend& backend, const Inner
       sizes_(sizes_for(scene, options)),
       expected_(std::max(options.steps, scene.default_steps)),
       tried_reference_(!measures),
-      share_(algebraic_share) {}
+      share_(algebraic_share),
+      last_change_(options.iteration_tolerance) {}
 
 Result GridRefinement::run() {
+  Result result = until_stopped();
+  if (!options_.trace) result.trace.resize(0, 0);
+  return result;
+}
+
+Result GridRefinement::until_stopped() {
   try {
     return refine();
   } catch (const Interrupted&) {  // between grids: the last one that was solved is there
@@ -150,9 +158,11 @@ Result GridRefinement::solve_on(Index J, Method method) {
   one.tolerance = one.tolerance_x = one.tolerance_y = one.absolute_tolerance = 0;
   one.steps = J;
   one.tuning.algebraic_share = share_;
+  one.iteration_tolerance = last_change_;
   one.fall_back_to_euler = false;
   one.compares_grids = true;
   one.look_inside_every_step = true;
+  one.trace = true;  // what errors of N x hide of y
   RowMatrix start;
   if (solved_ && solved_->continuous && (2 * solved_->steps == J || solved_->steps == J)) {
     start = solved_->steps == J ? solved_->y : refined(solved_->y);
@@ -194,12 +204,10 @@ void GridRefinement::take(Result& next) {
   seen_ = NAN;
   if (same) {
     convergence_->add(*solved_, next, next.steps >= expected_);
-    if (may_look_inside())
-      hidden_ = hidden_error(scene_, *solved_, solved_states_, next, all_states_, convergence_->share_of_difference(),
-                             sizes_);
+    hidden_ = hidden_error(scene_, *solved_, next, convergence_->share_of_difference(), sizes_);
   }
+  shown_ = hides_error() ? 0 : shown_ + 1;
   solved_ = std::move(next);
-  solved_states_ = all_states_;
   failed_.reset();
   unchecked_ = false;
   missed_ = 0;
@@ -218,7 +226,9 @@ void GridRefinement::look_for_reference() {
 
 void GridRefinement::iterate_on() {
   for (int k = 0; k < most_repeats && leaves_too_much(); ++k) {
-    share_ *= std::clamp(left_by_cycles / 2 * goal_.y / solved_->errors->iteration, 1e-6, 0.5);
+    (solved_->algebraic_error ? share_ : last_change_) *=
+        std::clamp(left_by_cycles / 2 * goal_.y / solved_->errors->iteration, 1e-6, 0.5);
+    last_change_ = std::max(last_change_, least_change);
     Result next = solve_on(solved_->steps);
     if (next.status != Status::solved || next.method != solved_->method || next.continuous != solved_->continuous)
       return;
@@ -275,15 +285,18 @@ Result GridRefinement::ended(const std::string& reason, Status status) {
   result.seconds = spent_;
   if (reason.empty()) return std::move(result);
   result.status = status;
-  const bool small = result.error_estimate && met();
-  result.reason =
-      small ? text("the error, estimated as %.1e with %ld steps, could not be confirmed: ", *result.error_estimate,
-                   long(result.steps)) +
-                  reason
-      : result.error_estimate ? text("the error is about %.1e with %ld steps, not %.1e: ", *result.error_estimate,
-                                     long(result.steps), goal_.smallest()) +
-                                    reason
-                              : "the error could not be estimated: " + reason;
+  if (!result.error_estimate) {
+    result.reason = "the error could not be estimated: " + reason;
+    return std::move(result);
+  }
+  const double error = *result.error_estimate;
+  const std::string steps = text("with %ld steps", long(result.steps));
+  if (met())
+    result.reason = text("the error, estimated as %.1e ", error) + steps + ", could not be confirmed: " + reason;
+  else if (error <= goal_.smallest())
+    result.reason = text("the error, estimated as %.1e ", error) + steps + ", is too near to the tolerance: " + reason;
+  else
+    result.reason = text("the error is about %.1e ", error) + steps + text(", not %.1e: ", goal_.smallest()) + reason;
   return std::move(result);
 }
 

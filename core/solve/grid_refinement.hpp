@@ -28,6 +28,7 @@ class GridRefinement {
   static constexpr double accepted = 0.8;        ///< of the tolerance
   static constexpr double left_by_cycles = 0.1;  ///< of the tolerance: more is iterated away on the same grid
 
+  Result until_stopped();
   Result refine();
   /// Which budget a grid of J steps would exceed; empty: none.
   std::string spent(Index J) const;
@@ -49,8 +50,8 @@ class GridRefinement {
   void look_for_reference();
   /// The error itself: that of y, or of its mean where y jumps, and that of x.
   void measure(ErrorEstimate& e) const;
-  /// Cycles end where they leave a share of the largest error. Where that is too much for a small component, they go
-  /// on.
+  /// Cycles end where they leave a share of the largest error, and sweeps with a change below a tolerance. Where what
+  /// is left is too much for a small component, or not known to be small after one sweep, they go on.
   void iterate_on();
   bool leaves_too_much() const;
   bool holds_inside();
@@ -68,6 +69,7 @@ class GridRefinement {
   std::optional<std::string> why_unchecked() const;
   void estimate();
   void doubt_sudden_drops(ErrorEstimate&);
+  bool hides_error() const { return (convergence_->of_integral() ? hidden_.mean : hidden_.largest) > goal_.smallest(); }
   bool controls_states() const { return goal_.x > 0 && solved_->x.cols() > 0; }
   /// Whether the estimates can be relied on.
   bool judged() const;
@@ -99,12 +101,13 @@ class GridRefinement {
   std::optional<EventReference> reference_;
   bool unchecked_ = false;                 ///< the grid that checks the last one could not
   double share_;                           ///< of the error of a grid, that cycles may leave
+  double last_change_;                     ///< of y, at which sweeps end
   std::optional<Distance> beside_march_;   ///< of the last grid, where g jumps inside steps
   double seen_ = NAN, seen_before_ = NAN;  ///< estimates of the last grid and the one before, from differences alone
   double missed_ = 0;                      ///< of g that jumps inside steps, where march is no other method
   RowMatrix all_states_;                   ///< of the last grid, where there are few
-  RowMatrix solved_states_;                ///< likewise, of solved_
   HiddenError hidden_;                     ///< of solved_
+  std::size_t shown_ = 0;                  ///< last grids whose differences show their errors of y
   Seconds spent_;
   Timer clock_;
   double elapsed_ = 0, last_seconds_ = 0;

@@ -37,7 +37,8 @@ void GridRefinement::measure(ErrorEstimate& e) const {
 
 bool GridRefinement::leaves_too_much() const {
   const ErrorEstimate& e = *solved_->errors;
-  if (goal_.y == 0 || !solved_->algebraic_error || solved_->steps < expected_) return false;
+  if (goal_.y == 0 || solved_->steps < expected_) return false;
+  if (!solved_->algebraic_error && !iterates(solved_->method)) return false;
   return e.iteration > left_by_cycles * goal_.y && e.iteration > discretisation(e);
 }
 
@@ -98,7 +99,7 @@ void GridRefinement::doubt_sudden_drops(ErrorEstimate& e) {
   const auto larger = [](double a, double b) { return std::isnan(a) ? b : std::isnan(b) ? a : std::max(a, b); };
   seen_ = larger(e.discretisation, e.states);
   if (!std::isfinite(seen_) || !std::isfinite(seen_before_) || seen_ >= seen_before_ / fastest) return;
-  const double doubted = seen_before_ / fastest;
+  const double doubted = seen_before_ / 2;  // as of first order, until another grid is solved
   if (!std::isnan(e.discretisation)) e.discretisation = std::max(e.discretisation, doubted);
   if (!std::isnan(e.states)) e.states = std::max(e.states, doubted);
 }
@@ -130,7 +131,7 @@ std::optional<std::string> GridRefinement::verdict() const {
     if (const auto why = hopeless(convergence_->controlled(), goal_.y, e.total() - discretisation(e),
                                   e.of_integral ? "the mean of y" : "y"))
       return why;
-  if (controls_states()) return hopeless(convergence_->states(), goal_.x, solved_->rounding, "the states");
+  if (controls_states()) return hopeless(convergence_->states(), goal_.x, solved_->rounding, "the state");
   return std::nullopt;
 }
 
@@ -139,7 +140,8 @@ std::optional<std::string> GridRefinement::why_unchecked() const {
     return "the state may jump, and method march does not solve the same grid to compare it with";
   const std::string jumps =
       "g jumps or has a kink inside steps, and this method takes its values at their ends alone: ";
-  if (solved_->method != Method::march) return jumps + "use method march";
+  // Sparse scenes and Kronecker sums are marched with the same values.
+  if (solved_->method != Method::march && Methods::has_small_dense_state(scene_)) return jumps + "use method march";
   const double needed = double(solved_->steps) * missed_ / goal_.smallest();  // first order
   if (needed <= double(std::min(patience_when_stalled * expected_, options_.max_steps))) return std::nullopt;
   return jumps + text("about %.1e steps would be needed", needed);
@@ -158,12 +160,12 @@ std::string GridRefinement::limit_of_grids() const {
 
 std::optional<std::string> GridRefinement::hopeless(const GridDifferences& d, double goal, double other,
                                                     const char* what) const {
-  if (!d.confirmed() || d.error() + other <= accepted * goal) return std::nullopt;
+  if (!d.confirmed() || d.error() + other <= accepted * goal || shown_ < window_when_stalled) return std::nullopt;
   const double width = double(scene_.states() + scene_.constraints());
   const bool patient =
       solved_->steps < patience_when_stalled * expected_ || double(solved_->steps) * width * width < cheap;
-  if (!patient && d.stalled(window_when_stalled))
-    return text("halving the step does not bring the solutions together any more: %s still moves by %.1e", what,
+  if (!patient && shown_ >= 2 * window_when_stalled && d.stalled(window_when_stalled))
+    return text("halving the step does not bring the solutions together any more: %s still changes by %.1e", what,
                 d.last());
   if (patient && (!d.regular() || d.last() > not_resolved)) return std::nullopt;
   const double needed = double(solved_->steps) * std::exp2(d.halvings_to(accepted * goal - other));

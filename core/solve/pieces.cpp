@@ -104,14 +104,14 @@ void end(const Result& part, double begin, Result& whole) {
 
 // What differences of y do not show, at the ends of cells.
 RowMatrix hidden_errors(const Scene& scene, const Result& coarse, const Result& fine) {
-  const Matrix M = to_dense(scene.M);
+  const Vector of_M = diagonal(scene.M);
   RowMatrix hidden = RowMatrix::Zero(fine.y.rows(), fine.y.cols());
-  Vector g = Vector::Zero(M.rows());
+  Vector g = Vector::Zero(of_M.size());
   for (Index k = 1; k < hidden.rows(); ++k) {
     if (scene.g) scene.g(fine.t[k], g);
     const Vector v = fine.trace.row(k).transpose(), y = fine.y.row(k).transpose();
     const Vector apart = (v - coarse.trace.row(k).transpose()).cwiseAbs();
-    hidden.row(k) = hidden_error(M, coarse.y.row(k).transpose(), y, apart, v + M * y + g).transpose();
+    hidden.row(k) = hidden_error(of_M, coarse.y.row(k).transpose(), y, apart, v + multiply(scene.M, y) + g).transpose();
   }
   return hidden;
 }

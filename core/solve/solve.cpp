@@ -4,6 +4,7 @@
 #include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
+#include "core/scene/coarse_sources.hpp"
 #include "core/seam/communicator.hpp"
 #include "core/solve/stages.hpp"
 
@@ -16,6 +17,7 @@ namespace bromwich {
 namespace {
 
 constexpr Index most_steps = Index(1) << 24;
+constexpr double most_unresolved = 0.01;  ///< of a source: methods have given a warning above
 
 void validate(const Scene& scene, const Options& options) {
   if (options.steps < 0 || options.steps > most_steps)
@@ -71,6 +73,18 @@ Result through_stages(const Scene& scene, Backend& backend, const InnerOptions& 
   }
 }
 
+// Steps that are given may be too few for the sources; with a tolerance and by located events they are chosen.
+void report_coarse_sources(const Scene& scene, const Options& options, Result& result) {
+  if (controls_error(options) || options.method == Method::events || options.method == Method::goal) return;
+  if (result.status != Status::solved || result.unresolved_sources > most_unresolved) return;
+  const CoarseSources coarse = find_coarse_sources(scene, result.t);
+  if (coarse.missed == 0) return;
+  result.unresolved_sources = std::max(result.unresolved_sources, coarse.missed);
+  add_warning(result, text("f or g changes too fast for these steps: inside of one (t = %.6g) it is off the straight "
+                           "line between its ends by %.0f %% of its size: use more steps",
+                           coarse.time, 100 * coarse.missed));
+}
+
 }  // namespace
 
 Result solve_valid(const Scene& scene, Backend& backend, const InnerOptions& options) {
@@ -78,6 +92,7 @@ Result solve_valid(const Scene& scene, Backend& backend, const InnerOptions& opt
   validate(scene, options);
   validate_ranks(scene, backend, options);
   Result result = through_stages(scene, backend, options);
+  report_coarse_sources(scene, options, result);
   // What the stages spend beside solves, such as the search for jumps of the sources, belongs to the set-up.
   const double whole = timer.lap();
   result.seconds.setup += std::max(0.0, whole - result.seconds.total);

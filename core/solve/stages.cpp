@@ -47,7 +47,8 @@ Result unsolved(const Scene& scene, const Backend& backend, const Options& optio
 
 namespace {
 
-constexpr double seen_beside_march = 0.01;  ///< of y or x: a difference above that is reported
+constexpr double seen_beside_march = 0.01;  ///< of the mean of y or x: a difference above that is reported
+constexpr double seen_in_rows = 0.1;        ///< of y at single time points
 
 void check_event_location(const Scene& scene, const Options& options) {
   if (controls_error(options)) throw Error("event_location", "found with a tolerance", "give steps instead");
@@ -79,6 +80,10 @@ bool compare_with_march(const Scene& scene, Backend& backend, const InnerOptions
                 where + text(": method march, which takes them in parts, differs by %.0f %%: use more steps, or "
                              "method march",
                              100 * result.unresolved_sources));
+  else if (d.y > seen_in_rows)
+    add_warning(result, where + text(": beside them y differs from that of method march, which takes them in parts, by "
+                                     "up to %.0f %%",
+                                     100 * d.y));
   return true;
 }
 

@@ -302,6 +302,31 @@ TEST_F(Cli, SummaryNamesStatusAndOutput) {
     EXPECT_TRUE(contains(result.out, word)) << word << "\n" << result.out;
 }
 
+// E x' = ... with a row of zeros: no method takes it, and there is no residual to speak of.
+TEST_F(Cli, SummarySaysWhereNothingWasSolved) {
+  const std::string singular = R"toml(
+name = "singular"
+[dynamics]
+E = [[1, 0], [0, 0]]
+A = [[-1, 0], [0, -1]]
+B = [[1], [1]]
+x0 = [1, 0]
+[complementarity]
+N = [[1, 1]]
+M = [[0]]
+[time]
+T = 1
+steps = 8
+)toml";
+  std::ofstream(folder_ / "singular.toml") << singular;
+  const Outcome outcome = run("solve singular.toml");
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.out << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, "unsupported")) << outcome.out;
+  EXPECT_TRUE(contains(outcome.out, "nothing was solved")) << outcome.out;
+  EXPECT_FALSE(contains(outcome.out, "nan")) << outcome.out;
+  EXPECT_FALSE(contains(run("solve bridge --steps 8").out, "nothing was solved"));
+}
+
 TEST_F(Cli, SettingsMayFollowOneAnother) {
   const Json json = Json::parse(run("solve --set Q=5 T=2 signorini --steps=8 --set c=1e-3 --json").out);
   EXPECT_EQ(json["parameters"]["Q"], 5);

@@ -57,6 +57,30 @@ TEST(Trust, SmallYIsNotTakenForZero) {
   }
 }
 
+// Seeds with two constraints that repeat each other: rounding decides which of the two has y, and x does not feel it. x
+// alone is solved, with a warning; a tolerance for y is refused with this reason.
+TEST(Trust, YThatIsNotUniqueIsNamed) {
+  const auto backend = make_cpu_backend(1);
+  for (const std::uint32_t seed : {9013904u, 9065670u}) {
+    const SourceScene s = source_scene(seed);
+    const EventSolution truth = locate_events(s.base);
+    ASSERT_TRUE(truth.decided && !truth.y_unique) << "seed " << seed;
+    Options options;
+    options.states = StateSelection::all;
+    options.tolerance_x = tolerance;
+    const Result x = solve(s.scene, *backend, options);
+    EXPECT_EQ(x.status, Status::solved) << "seed " << seed << ": " << x.reason;
+    EXPECT_LE(true_error(s, truth, x).x, tolerance) << "seed " << seed;
+    EXPECT_NE(x.warning.find("y is not unique"), std::string::npos) << "seed " << seed << ": " << x.warning;
+    options.tolerance_y = tolerance;
+    const Result both = solve(s.scene, *backend, options);
+    EXPECT_EQ(both.status, Status::tolerance_not_met) << "seed " << seed;
+    EXPECT_NE(both.reason.find("y is not unique"), std::string::npos) << "seed " << seed << ": " << both.reason;
+    EXPECT_NE(both.reason.find("--tol-x"), std::string::npos) << "seed " << seed << ": " << both.reason;
+    EXPECT_TRUE(both.y.allFinite() && both.x.allFinite()) << "seed " << seed;
+  }
+}
+
 // Scenes in which impulses, at t = 0 or later, decide where the state goes on: right within three times the tolerance,
 // or no solution with a reason; and an estimate that is not far below the error.
 TEST(Trust, JumpsOfTheStateByEveryMethod) {
