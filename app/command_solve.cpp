@@ -274,27 +274,19 @@ void begin(const SolveArguments& arguments, const SceneChoice& choice, const Opt
   if (parts && parts->from) append_start(choice.scene, *parts->from, *files.out);
 }
 
-}  // namespace
+// --template and --schema stand alone.
+int print_text(const SolveArguments& arguments) {
+  const char* option = arguments.print_template ? "--template" : "--schema";
+  if (!arguments.words.empty() || (arguments.print_template && arguments.print_schema))
+    throw Error(option, arguments.words.empty() ? "found together with --schema" : "found together with a SCENE",
+                fmt::format("use it alone: bromwich solve {} > {}", option,
+                            arguments.print_template ? "my.toml" : "scene.schema.json"));
+  print(arguments.print_template ? scene_template : scene_schema);
+  return exit_solved;
+}
 
-int run_solve(const SolveArguments& arguments) {
-  if (arguments.print_template || arguments.print_schema) {
-    const char* option = arguments.print_template ? "--template" : "--schema";
-    if (!arguments.words.empty() || (arguments.print_template && arguments.print_schema))
-      throw Error(option, arguments.words.empty() ? "found together with --schema" : "found together with a SCENE",
-                  fmt::format("use it alone: bromwich solve {} > {}", option,
-                              arguments.print_template ? "my.toml" : "scene.schema.json"));
-    print(arguments.print_template ? scene_template : scene_schema);
-    return exit_solved;
-  }
-  const Words words = split_words(arguments.words, arguments.settings);
-  const ParameterValues settings = parse_settings(words.settings);
-  if (const auto code = run_sweep(arguments, scene_name(words), settings)) return *code;
-  const SceneChoice choice = choose_scene_or_system(scene_name(words), settings);
-  const auto columns =
-      arguments.columns.empty() ? std::vector<Column>{} : parse_columns(arguments.columns, choice.scene);
-  Options options = solve_options(arguments, choice, columns);
-  const int threads = threads_of_rank(arguments.threads.empty() ? 0 : parse_threads(arguments.threads));
-  const Index recorded = state_columns(options, choice.scene);
+// Refuses what does not fit into memory or does not go together.
+void check_run(const SolveArguments& arguments, const SceneChoice& choice, const Options& options, Index recorded) {
   // A nonlinear system has all states, phi and their linear solution at all time points, but for functions of N x.
   const bool all_states = choice.system && !choice.system->of_trace;
   check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps,
@@ -304,6 +296,22 @@ int run_solve(const SolveArguments& arguments) {
   if (options.method == Method::goal && !arguments.at.empty())
     throw Error("--at", fmt::format("found '{}' with method goal", arguments.at),
                 "omit it: the result is given on its own grid");
+}
+
+}  // namespace
+
+int run_solve(const SolveArguments& arguments) {
+  if (arguments.print_template || arguments.print_schema) return print_text(arguments);
+  const Words words = split_words(arguments.words, arguments.settings);
+  const ParameterValues settings = parse_settings(words.settings);
+  if (const auto code = run_sweep(arguments, scene_name(words), settings)) return *code;
+  const SceneChoice choice = choose_scene_or_system(scene_name(words), settings);
+  const auto columns =
+      arguments.columns.empty() ? std::vector<Column>{} : parse_columns(arguments.columns, choice.scene);
+  Options options = solve_options(arguments, choice, columns);
+  const int threads = threads_of_rank(arguments.threads.empty() ? 0 : parse_threads(arguments.threads));
+  const Index recorded = state_columns(options, choice.scene);
+  check_run(arguments, choice, options, recorded);
   Outputs files;
   open_outputs(arguments, choice, files);
   files.columns = columns;

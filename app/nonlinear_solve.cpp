@@ -125,7 +125,7 @@ std::vector<std::string> nonlinear_facts(const NonlinearScene& given, Index step
                                 linear.T / double(steps) * std::max(size(phi.by_x), size(phi.by_y)), size(gamma.by_y)));
     if (dense) {
       const LcpClass c = classify(LcpMatrix(Matrix(to_dense(linear.M) + gamma.by_y)));
-      const bool continuous = c == LcpClass::P || c == LcpClass::Z;
+      const bool continuous = is_continuous(c);
       lines.push_back(fmt::format(
           "M + dgamma/dy is of class {}: {}", to_string(c),
           continuous ? "y is continuous; methods march, iteration, newton" : "y may jump; method march, by Radau IIA"));

@@ -108,7 +108,7 @@ std::vector<Method> methods_of(const Scene& given, const Scene& scene, const Bac
   }
   if (options.method == Method::goal && !given.port) refusal = "method goal takes port-Hamiltonian scenes only";
   if (options.method != Method::automatic) return {options.method};
-  const LcpClass lcp_class = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
+  const LcpClass lcp_class = known_class(scene.M, scene.lcp_class);
   return methods_by_time(traits, scene, lcp_class, J);
 }
 
@@ -122,14 +122,14 @@ struct IterationFacts {
 
 IterationFacts iteration_facts(const Scene& scene, Backend& backend, const Options& options, Index J) {
   if (!holds<DenseDynamics>(scene.dynamics)) {
-    const LcpClass lcp_class = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
+    const LcpClass lcp_class = known_class(scene.M, scene.lcp_class);
     const BasisChoice basis = choose_basis(scene.M, lcp_class);
     return {basis.rings ? basis.reason + ": sweeps would ring" : "", ""};
   }
   Methods methods(scene, backend, J, {});
   if (methods.basis().rings) return {methods.basis().reason + ": sweeps would ring", ""};
   const auto forecast = iteration_forecast(methods.problem(), options.iteration_tolerance);
-  if (!forecast || methods.problem().lcp_class == LcpClass::Z) return {};
+  if (!forecast || selects_least(methods.problem().lcp_class)) return {};
   if (forecast->longest_window(options.iteration_tolerance) == 0)
     return {fmt::format("its sweeps are not known to contract (kappa_0 = {:.2g})", forecast->kappa0), ""};
   if (std::isfinite(forecast->sweeps)) return {"", fmt::format("at most {:.0f} sweeps", std::ceil(forecast->sweeps))};
@@ -139,9 +139,9 @@ IterationFacts iteration_facts(const Scene& scene, Backend& backend, const Optio
 Candidate candidate(const Scene& scene, Backend& backend, const Options& options, Index J, Method method) {
   const Index components = Index(recorded_components(scene, options).size());
   const Cost cost = predicted_cost(scene, method, J, components, backend.device().threads);
-  const LcpClass lcp_class = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
+  const LcpClass lcp_class = known_class(scene.M, scene.lcp_class);
   const double fitted = predicted_seconds(backend.traits(), scene, lcp_class, method, J);
-  const bool stages = method == Method::galerkin || (lcp_class != LcpClass::P && lcp_class != LcpClass::Z);
+  const bool stages = method == Method::galerkin || !is_continuous(lcp_class);
   const double step = (convolves(method) ? 0 : 1) * (stages ? seconds_of_stages : seconds_of_step);
   const double seconds = cost.operations / operations_per_second + double(J) * step;
   Candidate c{method, cost.bytes, cost.operations, std::isfinite(fitted) ? fitted : seconds, "", ""};
@@ -172,8 +172,8 @@ void look_at_methods(const Scene& given, Backend& backend, const Options& option
 void add_warnings(const SceneChoice& choice, const std::optional<Spectrum>& spectrum, SceneCheck& check) {
   const Scene& scene = choice.scene;
   if (!choice.warning.empty()) check.warnings.push_back(choice.warning);
-  if (scene.constraints() > 0 && scene.free_rows.empty() && scene.lcp_class == LcpClass::automatic &&
-      classify(scene.M) == LcpClass::unknown)
+  if (scene.constraints() > 0 && scene.free_rows.empty() && !is_stated(scene.lcp_class) &&
+      !selects_one(classify(scene.M)))
     check.warnings.emplace_back(
         "the class of M is not known: steps may have several solutions or none; state class if you know it");
   if (spectrum && !spectrum->bound && spectrum->abscissa * scene.T > std::log(large_growth))

@@ -16,7 +16,7 @@ std::string matrix_class(const Scene& scene) {
   if (scene.constraints() == 0) return "no constraints";
   if (const auto eliminated = scene.free_rows.empty() ? std::nullopt : eliminate_free(scene))
     return matrix_class(eliminated->scene) + ", free rows eliminated";
-  return describe_class(scene.M, scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class);
+  return describe_class(scene.M, known_class(scene.M, scene.lcp_class));
 }
 
 std::string spectrum_text(const Scene& scene) {

@@ -135,7 +135,7 @@ void lcp(benchmark::State& state, const Batch& batch) {
   state.counters["sweeps"] = sweeps;
   state.counters["fallbacks"] = double(report.count.fallbacks) / problems;
   Work work{.bytes = 32 * values, .footprint = 24 * values};
-  const bool by_elimination = batch.lcp_class == LcpClass::P || batch.lcp_class == LcpClass::Z;
+  const bool by_elimination = is_continuous(batch.lcp_class);
   if (by_elimination && report.count.fallbacks <= rows / 100) {
     work.flops = problems * sweeps * p.operations;
     if (std::holds_alternative<Tridiagonal>(p.M) || n <= 16) work.divisions = values * sweeps;

@@ -130,8 +130,8 @@ class LaneLcp final : public ImmediateLcpBatch {
     }
     for (Index k = 0; k < size; ++k) {
       const bool finite = std::isfinite(sum[k]);
-      outcome.solved[k] = finite && same[k] && (class_ != LcpClass::Z || positive[k]) &&
-                          (class_ != LcpClass::PSD || is_only_solution(s, k));
+      outcome.solved[k] = finite && same[k] && (!selects_least(class_) || positive[k]) &&
+                          (!selects_least_norm(class_) || is_only_solution(s, k));
       change[k] = finite ? largest_change[k] : NAN;
       magnitude[k] = largest[k];
       if (outcome.solved[k])

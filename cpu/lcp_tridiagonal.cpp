@@ -264,7 +264,7 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
     come_in(rows, s, lap);
     // The uniqueness check of a PSD matrix needs a solution in the workspace. A start from y = 0 has no active set to
     // try.
-    if (class_ != LcpClass::PSD && any((lap[0].largest > 0) | (lap[1].largest > 0))) {
+    if (!selects_least_norm(class_) && any((lap[0].largest > 0) | (lap[1].largest > 0))) {
       lap[0].largest = lap[1].largest = all(0);
       go_out(rows, s, lap);
       std::fill_n(outcome.sweeps, rows.size, 1);
@@ -284,7 +284,7 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
 
   // Lanes whose active set is that of the wanted solution. For a Z-matrix this is the least one, which has positive
   // pivots of the active block.
-  LaneMask settled(const Lap& lap) const { return class_ == LcpClass::Z ? lap.same & lap.positive : lap.same; }
+  LaneMask settled(const Lap& lap) const { return selects_least(class_) ? lap.same & lap.positive : lap.same; }
 
   // Writes the solutions of the workspace; unsolved rows get their old y back.
   void write_back(const Rows& rows, const Workspace& s, Lap lap[pair], BlockOutcome& outcome, double* change,
@@ -320,7 +320,8 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
     for (Index k = 0; k < rows.size; ++k) {
       const Index h = k / lanes, lane = k % lanes;
       const bool finite = std::isfinite(lap[h].sum[lane]);
-      outcome.solved[k] = finite && settled(lap[h])[lane] && (class_ != LcpClass::PSD || is_only_solution(s, h, lane));
+      outcome.solved[k] =
+          finite && settled(lap[h])[lane] && (!selects_least_norm(class_) || is_only_solution(s, h, lane));
       change[k] = finite ? lap[h].change[lane] : NAN;
       magnitude[k] = lap[h].largest[lane];
     }

@@ -48,7 +48,7 @@ class ModalMarch final : public ImmediateMarch {
         decay_[at][l % lanes] = r.decay(k, l);
         output_[at][l % lanes] = r.output(k, l);
       }
-    if (r.face.size() > 1 && problem.lcp_class != LcpClass::Z)
+    if (r.face.size() > 1 && !selects_least(problem.lcp_class))
       face_ = host::FaceLcp::make(M_, r.face, r.w0, [this](const double* in, double* out) { sine_->apply(in, out); });
     if (!face_) lcp_.emplace(to_dense(M_) + implicit_part(r), to_dense(M_), problem.lcp_class);
     for (RowMatrix* m : {&near_, &u_, &far_}) *m = RowMatrix::Zero(block_steps, blocks_ * lanes);

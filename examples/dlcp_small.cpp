@@ -1,8 +1,8 @@
 // A Z-matrix scene with a known solution: second-order convergence of y, where implicit Euler has first order.
 
-#include "core/catalogue/catalogue.hpp"
-#include "core/solve/solve.hpp"
-#include "cpu/cpu_backend.hpp"
+#include <bromwich/core/catalogue/catalogue.hpp>
+#include <bromwich/core/solve/solve.hpp>
+#include <bromwich/cpu/cpu_backend.hpp>
 
 #include <cmath>
 #include <cstdio>

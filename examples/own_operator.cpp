@@ -5,7 +5,7 @@
 //     0 <= y  ⊥  x + M y - obstacle(t) >= 0 and y is the inflow.
 
 #include <bromwich/bromwich.hpp>
-#include "cpu/cpu_backend.hpp"
+#include <bromwich/cpu/cpu_backend.hpp>
 
 #include <Eigen/SparseLU>
 

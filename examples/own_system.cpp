@@ -4,8 +4,8 @@
 //
 // State x = (v, i), constraint y = i_D (the current through the diode), w = -v + R y (the voltage it blocks).
 
-#include "core/solve/solve.hpp"
-#include "cpu/cpu_backend.hpp"
+#include <bromwich/core/solve/solve.hpp>
+#include <bromwich/cpu/cpu_backend.hpp>
 
 #include <cstdio>
 

@@ -1,8 +1,8 @@
 // The parabolic Signorini problem by the functional iteration and by marching: the same discrete solution, two ways.
 
-#include "core/catalogue/catalogue.hpp"
-#include "core/solve/solve.hpp"
-#include "cpu/cpu_backend.hpp"
+#include <bromwich/core/catalogue/catalogue.hpp>
+#include <bromwich/core/solve/solve.hpp>
+#include <bromwich/cpu/cpu_backend.hpp>
 
 #include <cstdio>
 

@@ -24,7 +24,8 @@ RowMatrix table(File& file, const std::string& name) {
                 "'" + file.target().path.string() + "' has a dataset " + name + " of " + std::to_string(shape.size()) +
                     " dimensions",
                 "give a file that 'bromwich solve --out' has written");
-  RowMatrix values(Index(shape[0]), shape.size() == 2 ? Index(shape[1]) : 1);
+  const Index rows = Index(shape[0]), columns = shape.size() == 2 ? Index(shape[1]) : 1;
+  RowMatrix values(rows, columns);
   if (values.size() > 0) read_all(file, data, H5T_NATIVE_DOUBLE, values.data());
   return values;
 }

@@ -25,10 +25,7 @@ namespace bromwich {
 namespace {
 
 LcpClass lcp_class(const Section& complementarity) {
-  const std::string word = complementarity.word("class", {"auto", "P", "Z", "PSD"});
-  if (word == "P") return LcpClass::P;
-  if (word == "Z") return LcpClass::Z;
-  return word == "PSD" ? LcpClass::PSD : LcpClass::automatic;
+  return *lcp_class_named(complementarity.word("class", lcp_class_names()));
 }
 
 /// f = F phi as a function with one entry per state.

@@ -126,7 +126,7 @@ class CudaBackend final : public Backend, public SharedMemory, public SceneMarch
   }
   std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass lcp_class, double shift, Index rows) override {
     // The least-norm solution of a semidefinite problem needs more than an active set.
-    const bool semidefinite = selection_class(M, lcp_class) == LcpClass::PSD;
+    const bool semidefinite = selects_least_norm(selection_class(M, lcp_class));
     const auto* tridiagonal = std::get_if<Tridiagonal>(&M);
     std::unique_ptr<LcpBatch> plan;
     if (!semidefinite && tridiagonal && size(M) > 0)

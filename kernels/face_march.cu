@@ -282,7 +282,7 @@ class FaceMarch final : public ImmediateMarch {
 
 std::unique_ptr<March> make_face_march(const Device& device, Backend& host, const MarchProblem& problem,
                                        const ModalRecurrence& r, Index rows) {
-  if (!FaceKernels::take(r.face) || problem.lcp_class == LcpClass::Z) return nullptr;
+  if (!FaceKernels::take(r.face) || selects_least(problem.lcp_class)) return nullptr;
   const auto stencil = stencil_of(*problem.M, r.face);
   if (!stencil) return nullptr;
   const Vector of_M = stencil->eigenvalues();

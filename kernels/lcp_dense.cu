@@ -299,7 +299,7 @@ class DenseLcp final : public LcpBatch {
     const LcpArrays arrays{values(r), values(v), values(y), int(stride(n_))};
     const Index rows = y.rows();
     const OutcomeTarget target = outcomes_.target(rows - first, settle_tolerance, settle_tolerance >= 0);
-    const bool least = class_ == LcpClass::Z;
+    const bool least = selects_least(class_);
     const unsigned most = unsigned(device_.multiprocessors());
     const char* const what = "starting the complementarity problems";
     if (n_ <= largest_register_size) {

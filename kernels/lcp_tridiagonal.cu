@@ -280,7 +280,7 @@ class TridiagonalLcp final : public LcpBatch {
   // K rows per thread.
   Problem problem(Index first, Index rows, int K) const {
     const int reach = int((coupled_ + K - 1) / K);
-    return {int(n_), int(first), int(rows), 12 + int(std::min<Index>(n_, 40)), class_ == LcpClass::Z, shift_, reach};
+    return {int(n_), int(first), int(rows), 12 + int(std::min<Index>(n_, 40)), selects_least(class_), shift_, reach};
   }
 
   const Device& device_;

@@ -381,11 +381,11 @@ class ModalMarch final : public March {
 
 std::unique_ptr<March> make_march(const Device& device, Backend& host, const MarchProblem& problem, Index rows) {
   const auto* modal = problem.recurrence ? std::get_if<ModalRecurrence>(problem.recurrence) : nullptr;
-  if (modal && modal->modes() > 0 && modal->face.size() <= 1 && problem.lcp_class != LcpClass::Z) {
+  if (modal && modal->modes() > 0 && modal->face.size() <= 1 && !selects_least(problem.lcp_class)) {
     const StepKernel kernel(device, modal->modes(), modal->exponentials());
     if (kernel.fits()) {
       const Matrix implicit = to_dense(*problem.M) + implicit_part(*modal);
-      if (classify(LcpMatrix(implicit)) == LcpClass::P)
+      if (has_one_solution(classify(LcpMatrix(implicit))))
         return std::make_unique<ModalMarch>(device, host, problem, *modal, implicit, kernel, rows);
     }
   }

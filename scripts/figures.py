@@ -34,6 +34,14 @@ def describe(axes, title, xlabel, ylabel):
     axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
 
 
+def plain_ticks(axis, values):
+    """Ticks 1, 2, 5 times powers of ten in plain numbers, for a logarithmic axis of less than two decades."""
+    low, high = min(values), max(values)
+    ticks = [d * 10**e for e in range(9) for d in (1, 2, 5) if low <= d * 10**e <= high]
+    axis.set_ticks(ticks, [f"{tick}" for tick in ticks])
+    axis.set_ticks([], minor=True)
+
+
 def legend_below(figure, columns=3):
     """One legend for all panels, below them: every label once, in the order of the panels."""
     entries = {}

@@ -48,13 +48,13 @@ OtherSolution other_solution(const DiscreteProblem& p, const Result& result, con
   const std::optional<EulerStep> step = euler_step(p);
   if (!step) return found;
   found.searched = true;
-  if (p.lcp_class != LcpClass::P && p.lcp_class != LcpClass::PSD && result.y.row(0).allFinite())
+  if (!has_convex_solutions(p.lcp_class) && result.y.row(0).allFinite())
     if (another_solution(to_dense(p.scene.M), p.start, result.y.row(0).transpose())) {
       found.row = 0;
       found.moves_the_state = false;
       return found;
     }
-  if (classify(LcpMatrix(step->implicit)) == LcpClass::P) return found;
+  if (has_one_solution(classify(LcpMatrix(step->implicit)))) return found;
   const RowMatrix f = state_input(p, RowMatrix::Zero(p.J + 1, n)), g = p.g.table();
   for (const Index j : rows_to_look_at(result.y)) {
     const Vector free = step->decay * (x.row(j - 1) + p.h * f.row(j)).transpose();

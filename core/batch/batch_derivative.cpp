@@ -20,8 +20,8 @@ Result single_result(const Scene& scene, const BatchResult& all, Index k) {
   r.steps = all.rows() - 1;
   r.t = all.t * (scene.T / all.t[r.steps]);
   r.y = all.of(all.y, k);
-  const LcpClass c = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
-  r.continuous = c == LcpClass::P;
+  const LcpClass c = known_class(scene.M, scene.lcp_class);
+  r.continuous = has_one_solution(c);
   return r;
 }
 

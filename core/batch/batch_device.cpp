@@ -95,7 +95,10 @@ BatchRun::DeviceStarts BatchRun::starts_of(const LanePlan& plan, const Index* gr
 
 void BatchRun::download_rows(SceneMarch& march, bool whole, RowMatrix& y, RowMatrix& x) {
   RowMatrix& to = whole ? result_.y : y;
-  if (!whole) backend_.prepare(to, march.y().rows(), march.y().cols());
+  if (!whole && to.size() == 0) {
+    to.resize(march.y().rows(), march.y().cols());
+    const FirstTouch before_the_copy(to.data(), std::size_t(to.size()));
+  }
   backend_.download(march.y(), to);
   if (result_.x.size() > 0 || result_.w.size() > 0) backend_.download(march.x(), x);
 }

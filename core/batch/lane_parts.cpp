@@ -66,7 +66,7 @@ bool LanePlan::add_parts(const DiscreteProblem& d, std::string& why) {
     restart(d.g.row(rough.step));
   }
   for (const StepMaps& maps : maps_of_parts)
-    if (surely_P && maps.R.size() > 0 && classify(LcpMatrix(maps.problem->matrix())) != LcpClass::P)
+    if (surely_P && maps.R.size() > 0 && !has_one_solution(classify(LcpMatrix(maps.problem->matrix()))))
       return why = "parts of steps of another class than P", false;
   return true;
 }

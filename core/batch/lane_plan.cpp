@@ -30,7 +30,7 @@ bool add_euler(LanePlan& p) {
   const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(p.m, p.m) - p.h * p.A);
   if (!(lu.rcond() > epsilon)) return false;
   const Matrix decay = lu.inverse(), matrix = p.M + p.N * (p.h * (decay * p.B));
-  if (classify(LcpMatrix(matrix)) == LcpClass::P) return true;
+  if (has_one_solution(classify(LcpMatrix(matrix)))) return true;
   EulerSearch& euler = p.euler.emplace();
   euler.seen = p.N * decay;
   for (unsigned set = 0; set < 1u << p.n; ++set) {
@@ -117,8 +117,8 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   p->m = scene.states(), p->n = scene.constraints(), p->J = J, p->h = d.h, p->t = d.t;
   p->A = dense.A, p->B = dense.B, p->N = dense.N, p->M = to_dense(natural->M);
   p->lcp_class = d.lcp_class;
-  p->least_elements = d.lcp_class == LcpClass::Z;
-  p->surely_P = d.lcp_class == LcpClass::P;
+  p->least_elements = selects_least(d.lcp_class);
+  p->surely_P = has_one_solution(d.lcp_class);
   const double size = scene.T * p->A.cwiseAbs().colwise().sum().maxCoeff();
   if (!(epsilon * size <= rounding_of_time)) return why = "long times", nullptr;
   if (d.f.not_finite() >= 0 || d.g.not_finite() >= 0) return why = "sources that are not finite", nullptr;
@@ -147,7 +147,7 @@ bool LanePlan::take_continuous(Methods& methods, bool own_sources, std::string& 
   whole.E = step->decay, whole.L = step->left * B, whole.R = step->right * B;
   whole.problem = problem_of(M + N * whole.R);
   at_zero = problem_of(M);
-  if (surely_P && classify(LcpMatrix(whole.problem->matrix())) != LcpClass::P)
+  if (surely_P && !has_one_solution(classify(LcpMatrix(whole.problem->matrix()))))
     return why = "steps of another class than P", false;
   if (least_elements && !look_for_others(why)) return false;
   F_ = source_matrix(d), drive_left_ = step->left * F_, drive_right_ = step->right * F_;
@@ -158,7 +158,7 @@ bool LanePlan::take_continuous(Methods& methods, bool own_sources, std::string& 
 
 // A single solve looks for other solutions of these scenes.
 bool LanePlan::look_for_others(std::string& why) {
-  if (lcp_class != LcpClass::PSD) others.emplace(M);
+  if (!selects_least_norm(lcp_class)) others.emplace(M);
   if (add_euler(*this)) return true;
   why = "steps that may have several solutions";
   return false;
@@ -177,14 +177,13 @@ bool LanePlan::take_stages(Methods& methods, bool own_sources, std::string& why)
   for (const Index k : {Index(0), n}) steps.block(k, k, n, n) += M;
   steps.topRows(n) *= 0.75, steps.bottomRows(n) *= 0.25;
   const LcpClass of_steps = classify(LcpMatrix(steps));
-  if (of_steps != LcpClass::P && of_steps != LcpClass::PSD)
-    return why = "steps whose class does not determine a solution", false;
-  certain = of_steps == LcpClass::P;
+  if (!has_convex_solutions(of_steps)) return why = "steps whose class does not determine a solution", false;
+  certain = has_one_solution(of_steps);
   whole.problem = std::make_unique<ActiveSetTable>(steps, nullptr);
   const std::shared_ptr<const StepOperators> euler_step = state_step(d, Rule::implicit_euler);
   euler_E = euler_step->decay, euler_R = euler_step->right * B;
   euler_problem = std::make_unique<ActiveSetTable>(M + N * euler_R, nullptr);
-  if ((lcp_class == LcpClass::Z || lcp_class == LcpClass::unknown) && !look_for_others(why)) return false;
+  if ((selects_least(lcp_class) || !selects_one(lcp_class)) && !look_for_others(why)) return false;
   F_ = source_matrix(d), drive_right_ = euler_step->right * F_;
   const std::vector<bool> position = host::StageSteps(problem).rigid();
   for (std::size_t i = 0; i < position.size(); ++i) rigid |= position[i] ? 1u << i : 0u;

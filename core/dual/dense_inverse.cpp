@@ -97,7 +97,7 @@ DualChoice dense_dual_weights(const DiscreteProblem& p) {
   const Equilibration e = equilibrate(step_matrix);
   const Eigen::PartialPivLU<Matrix> lu(e.rows.asDiagonal() * step_matrix * e.columns.asDiagonal());
   if (!(lu.rcond() > 1e3 * epsilon)) return refused_dual("M + W_0 is singular at this step");
-  if (classify(LcpMatrix(step_matrix)) != LcpClass::P) return refused_dual("M + W_0 is not known to be a P-matrix");
+  if (!has_one_solution(classify(LcpMatrix(step_matrix)))) return refused_dual("M + W_0 is not known to be a P-matrix");
   DenseRecurrence V = inverse_recurrence(d, M, p.h);
   const double growth = std::pow(spectral_radius(V.decay), double(p.J));
   if (!(growth <= most_growth))

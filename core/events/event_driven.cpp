@@ -54,7 +54,7 @@ class EventIntegration {
   EventSolution run() {
     enumerates_ = !short_steps_.unique(class_);
     // A least element that is no solution of least norm is not selected by trying.
-    const bool selects = class_ == LcpClass::Z && !is_PSD(LcpMatrix(system_.M));
+    const bool selects = selects_least(class_) && !is_PSD(LcpMatrix(system_.M));
     if (enumerates_ && (n_ > most_enumerated || selects)) {
       solution_.reason = "the complementarity problem of a short step is not of class P";
       return std::move(solution_);

@@ -13,11 +13,11 @@ ShortSteps::ShortSteps(const SystemMatrices& system, const EventSources& sources
 
 bool ShortSteps::unique(LcpClass lcp_class) {
   class_ = LcpClass::P;
-  if (system_.constraints() == 0 || lcp_class == LcpClass::P) return true;
+  if (system_.constraints() == 0 || has_one_solution(lcp_class)) return true;
   if (!is_PSD(LcpMatrix(system_.M))) return false;
   for (const double share : {1e-2, 1e-5}) {
     const Matrix moved = response(share / rate_);
-    if (classify(LcpMatrix(Matrix(system_.M + moved))) == LcpClass::P) continue;
+    if (has_one_solution(classify(LcpMatrix(Matrix(system_.M + moved))))) continue;
     // The parts of M and of the response by themselves: that of a skew M is zero, and rounding of M does not count.
     if (!is_monotone(Matrix(system_.M + system_.M.transpose()) + Matrix(moved + moved.transpose()))) return false;
     class_ = LcpClass::PSD;

@@ -71,7 +71,7 @@ GalerkinSolution iterate_galerkin(const GalerkinProblem& p, Backend& backend, co
 
   GalerkinSolution s;
   s.iterated = true;
-  s.unique = lcp_class == LcpClass::P;
+  s.unique = has_one_solution(lcp_class);
   Timer timer;
   SweepChanges changes(options.iteration_tolerance);
   for (s.iterations = 1; s.iterations <= options.max_iterations; ++s.iterations) {

@@ -52,7 +52,7 @@ void march_run(const GalerkinProblem& p, const GalerkinRun& run, Backend& backen
   RowMatrix z;
   backend.download(*y, z);
   s.z.middleRows(run.first, run.count) = z.bottomRows(run.count);
-  s.unique = s.unique && problem.lcp_class == LcpClass::P;
+  s.unique = s.unique && has_one_solution(problem.lcp_class);
   s.lcp += report.count;
   s.lcp_seconds += report.lcp_seconds;
   s.bytes = std::max(s.bytes, q->bytes() + forcing->bytes() + y->bytes() + v->bytes() + march->bytes());

@@ -60,7 +60,7 @@ class RuledMarch {
       if (!rule) return unsolved(k, s);
       rules[std::size_t(k)] = *rule;
       const Stepper& taken = by(*rule);
-      s.unique = s.unique && taken.lcp_class() == LcpClass::P;
+      s.unique = s.unique && has_one_solution(taken.lcp_class());
       s.z.row(k) = taken.z.transpose();
       s.x.row(k + 1) = taken.after.transpose();
       ++s.lcp.solved;

@@ -85,7 +85,7 @@ void settle(const Scene& scene, const RuledProblems& problems, const GalerkinSol
 std::optional<RuledSolution> solve_by_rules(const Scene& scene, const GalerkinProblem& p,
                                             const FreeElimination& elimination, const GalerkinSolution& first,
                                             const GalerkinSolver& solver, const Options& options) {
-  if (elimination.reduced().unknowns() == 0 || selection_class(scene.M, scene.lcp_class) == LcpClass::P)
+  if (elimination.reduced().unknowns() == 0 || has_one_solution(selection_class(scene.M, scene.lcp_class)))
     return std::nullopt;
   RuleChoice choice(scene);
   const bool failed = ended_early(first);

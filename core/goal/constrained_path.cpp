@@ -18,7 +18,7 @@ const Scene& with_port(const Scene& scene) {
                 "state it by E, J, R, Q, B and u, or use another method");
   if (!scene.free_rows.empty()) throw Error("method", "goal does not support free rows", "use method march");
   const LcpClass found = selection_class(scene.M, scene.lcp_class);
-  if (found != LcpClass::P)
+  if (!has_one_solution(found))
     throw Error("method", text("goal needs M of class P and found class %s", to_string(found)), "use method march");
   return scene;
 }

@@ -43,13 +43,11 @@ class StepLcp {
         scene_class_(lcp_class),
         implicit_class_(classify(LcpMatrix(implicit))),
         y_(Vector::Zero(implicit.rows())) {
-    if (implicit_class_ == LcpClass::P && lcp_class != LcpClass::Z) banded_ = simd::BandedLcp::make(implicit);
+    if (has_one_solution(implicit_class_) && !selects_least(lcp_class)) banded_ = simd::BandedLcp::make(implicit);
   }
 
   /// The problem determines its solution: the unique one, the one of least norm, or the least element.
-  bool well_posed() const {
-    return scene_class_ == LcpClass::Z || implicit_class_ == LcpClass::P || implicit_class_ == LcpClass::PSD;
-  }
+  bool well_posed() const { return selects_least(scene_class_) || has_convex_solutions(implicit_class_); }
 
   void start_from(const Vector& y) {
     y_ = y;
@@ -70,7 +68,7 @@ class StepLcp {
       const double own = timer_.lap();
       report.lcp_seconds += first ? own : std::min(double(timed_every) * own, before + own);
     }
-    return count_step(outcome, q, scene_class_ == LcpClass::P, j, report);
+    return count_step(outcome, q, has_one_solution(scene_class_), j, report);
   }
 
   /// (M + W_0) y of the last solution, n entries; null if it was not computed.
@@ -99,7 +97,7 @@ class StepLcp {
 
   ActiveSetLcp& dense() {
     if (!solver_) {
-      solver_.emplace(implicit_, implicit_class_, scene_class_ == LcpClass::Z ? &M_ : nullptr);
+      solver_.emplace(implicit_, implicit_class_, selects_least(scene_class_) ? &M_ : nullptr);
       solver_->start_from(y_);
     }
     return *solver_;

@@ -57,7 +57,7 @@ double unit_rate(const Vector& kappa, double h) {
 
 double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Vector& row_sums) {
   if (is_H_plus(M)) return Comparison(M).solve(row_sums).maxCoeff();
-  return lcp_class == LcpClass::P ? solution_lipschitz(M) * row_sums.maxCoeff() : INFINITY;
+  return has_one_solution(lcp_class) ? solution_lipschitz(M) * row_sums.maxCoeff() : INFINITY;
 }
 
 double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Weights& weights, const RangeOfM& on) {

@@ -73,7 +73,7 @@ void count(const LcpReport& report, double seconds, Result& result) {
 // Solves on other grids (half the step, windows in time) have the same options but start from x0.
 void start_from_given(const DiscreteProblem& p, const Options& options, Array& y) {
   const RowMatrix* given = options.tuning.first_iterate;
-  if (!given || given->rows() != p.J + 1 || p.lcp_class == LcpClass::Z) return;
+  if (!given || given->rows() != p.J + 1 || selects_least(p.lcp_class)) return;
   RowMatrix start;
   p.backend.download(y, start);
   start.bottomRows(p.J) = given->bottomRows(p.J);  // y_0 already solves its problem
@@ -198,7 +198,7 @@ void finish_iteration(const DiscreteProblem& p, const Options& options, const It
                       Result& result) {
   result.status = outcome.status;
   result.reason = outcome.reason;
-  result.well_posed = p.lcp_class != LcpClass::unknown;
+  result.well_posed = selects_one(p.lcp_class);
   if (outcome.infeasible >= 0) result.infeasible_at = p.t[outcome.infeasible];
   p.backend.download_during(y, result.y, [&] {
     if (outcome.status == Status::infeasible) return;

@@ -100,7 +100,7 @@ std::optional<Forecast> iteration_forecast(const DiscreteProblem& p, double tole
 Index iteration_window(const DiscreteProblem& p, double tolerance) {
   const std::optional<Forecast> f = iteration_forecast(p, tolerance);
   // With several solutions, a window could start with a y that does not belong to its initial state.
-  if (!f || (p.lcp_class != LcpClass::P && p.lcp_class != LcpClass::Z && !range_of_M(p).range)) return p.J;
+  if (!f || (!is_continuous(p.lcp_class) && !range_of_M(p).range)) return p.J;
   const double longest = f->longest_window(safety * tolerance);
   return longest > 0 && longest < p.scene.T ? std::max<Index>(1, Index(longest / p.h)) : p.J;
 }

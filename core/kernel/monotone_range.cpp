@@ -44,7 +44,7 @@ bool MonotoneRange::holds_definite(const Matrix& X) const {
 }
 
 RangeOfM range_of_M(const LcpMatrix& M, LcpClass lcp_class, const SparseMatrix& B, const SparseMatrix& N) {
-  if (lcp_class != LcpClass::PSD) return {};
+  if (!selects_least_norm(lcp_class)) return {};
   const Index n = size(M);
   if (n > largest) return {std::nullopt, "null spaces of more than 1024 constraints are not computed"};
   const Matrix dense = to_dense(M);
@@ -63,7 +63,7 @@ RangeOfM range_of_M(const LcpMatrix& M, LcpClass lcp_class, const SparseMatrix& 
 }
 
 RangeOfM range_of_M(const DiscreteProblem& p) {
-  if (p.lcp_class != LcpClass::PSD || p.modes()) return {};
+  if (!selects_least_norm(p.lcp_class) || p.modes()) return {};
   return range_of_M(p.scene.M, p.lcp_class, p.scene.dynamics->inputs(), p.scene.dynamics->outputs());
 }
 

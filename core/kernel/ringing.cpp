@@ -58,7 +58,7 @@ BasisChoice discontinuous(const std::string& reason, bool rings, const RangeOfM&
 BasisChoice decide(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, const Matrix& at_minus_one,
                    const RangeOfM& of_M) {
   const BasisChoice without = choose_basis(M, lcp_class, of_M);
-  if (lcp_class == LcpClass::Z) return without;
+  if (selects_least(lcp_class)) return without;
   if (!at_minus_one.allFinite()) return discontinuous("the step meets an oscillation of the scene", true, {});
   const std::string reason = "M leaves y to the dynamics at this step";
   const Matrix dense = to_dense(M);
@@ -68,7 +68,7 @@ BasisChoice decide(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, con
     // Larger ones: principal minors of size one only. For other P-matrices the solution is checked (ringing_from).
     return dense.rows() <= most_sets_n ? same_minors(dense + w0, damped) : (damped.diagonal().array() > 0).all();
   };
-  if (dense.rows() > most_sets_n && lcp_class != LcpClass::P && !of_M.range) return without;
+  if (dense.rows() > most_sets_n && !has_one_solution(lcp_class) && !of_M.range) return without;
   if (keeps_its_kind(margin)) return {};
   return discontinuous(reason, !keeps_its_kind(ringing_margin), of_M);
 }
@@ -81,10 +81,10 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w
 }
 
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const RangeOfM& of_M) {
-  if (lcp_class == LcpClass::P || of_M.range) return {};
-  if (lcp_class == LcpClass::Z && (diagonal(M).array() != 0).any()) return {};
-  return lcp_class != LcpClass::PSD && is_regular(M) ? BasisChoice{}
-                                                     : discontinuous("M leaves y to the dynamics", true, of_M);
+  if (has_one_solution(lcp_class) || of_M.range) return {};
+  if (selects_least(lcp_class) && (diagonal(M).array() != 0).any()) return {};
+  return !selects_least_norm(lcp_class) && is_regular(M) ? BasisChoice{}
+                                                         : discontinuous("M leaves y to the dynamics", true, of_M);
 }
 
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const DenseRecurrence& r, const RangeOfM& of_M) {

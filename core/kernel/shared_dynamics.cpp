@@ -176,7 +176,7 @@ std::shared_ptr<SharedDynamics> GridFamily::of(const Dynamics& dynamics) {
 }
 
 LcpClass GridFamily::lcp_class(const Scene& scene) {
-  if (scene.lcp_class != LcpClass::automatic) return scene.lcp_class;
+  if (is_stated(scene.lcp_class)) return scene.lcp_class;
   if (!class_ || !same(class_->first, scene.M)) {
     ++of_others_.classifications;
     class_ = {scene.M, classify(scene.M)};

@@ -32,7 +32,7 @@ std::uint64_t hash(Index i) {
 // If another matrix selects the solution, there is no solution of least norm to prefer.
 LcpClass class_to_solve(const Matrix& M, LcpClass stated, bool judged) {
   const LcpClass c = selection_class(M, stated);
-  return c == LcpClass::PSD && judged ? LcpClass::unknown : c;
+  return selects_least_norm(c) && judged ? LcpClass::unknown : c;
 }
 
 }  // namespace
@@ -45,7 +45,7 @@ ActiveSetLcp::ActiveSetLcp(const Matrix& M, LcpClass lcp_class, const Matrix* le
       class_(class_to_solve(M, lcp_class, least_of != nullptr)),
       active_(std::size_t(M.rows()), 0),
       value_(M.rows()) {
-  if (class_ == LcpClass::PSD) original_ = M;
+  if (selects_least_norm(class_)) original_ = M;
   for (std::vector<Index>* v : {&support_, &rest_, &flips_}) v->reserve(active_.size());
   w_ = Vector::Zero(M.rows());
   reset();
@@ -232,7 +232,7 @@ bool ActiveSetLcp::least_element(LcpOutcome& outcome) {
     for (const Index i : added) {
       flips_.assign(1, i);
       if (!(P_(i, i) > 16 * double(q_.size()) * epsilon * std::abs(M_(i, i))) || !pivot_on_flips()) {
-        outcome.infeasible = class_ == LcpClass::Z;
+        outcome.infeasible = selects_least(class_);
         return false;
       }
     }
@@ -271,14 +271,14 @@ bool ActiveSetLcp::enumerate(LcpOutcome& outcome) {
 
 // For Z, and if another matrix selects the solution: the active set is that of a least element.
 bool ActiveSetLcp::may_be_taken(const std::vector<Index>& S) const {
-  if (least_of_ == nullptr && class_ != LcpClass::Z) return true;
+  if (least_of_ == nullptr && !selects_least(class_)) return true;
   return has_positive_pivots((least_of_ ? *least_of_ : M_)(S, S));
 }
 
 // If M_SS is not nearly singular, Newton's method ended at a solution; for P- and Z-matrices this holds. Otherwise the
 // residual decides. A monotone problem may have other solutions of smaller norm.
 bool ActiveSetLcp::is_confirmed() {
-  if (class_ == LcpClass::P || class_ == LcpClass::Z) return true;
+  if (is_continuous(class_)) return true;
   positive_.setZero(q_.size());
   positive_set_.clear();
   for (const Index s : support_) {
@@ -288,7 +288,8 @@ bool ActiveSetLcp::is_confirmed() {
   }
   slack_terms_.evaluate(M_, q_, positive_);
   if (!is_solution(slack_terms_, q_, positive_)) return false;
-  return class_ != LcpClass::PSD || (is_clear_of_rounding(M_, slack_terms_, positive_) && is_unique_on(positive_set_));
+  return !selects_least_norm(class_) ||
+         (is_clear_of_rounding(M_, slack_terms_, positive_) && is_unique_on(positive_set_));
 }
 
 // Whether M_SS is well conditioned. It does not depend on q: a set that comes back is not factorized again.
@@ -305,11 +306,11 @@ bool ActiveSetLcp::is_unique_on(const std::vector<Index>& S) {
 // The fallbacks if Newton's method found no acceptable solution.
 bool ActiveSetLcp::fall_back(const Vector& q, LcpOutcome& outcome) {
   outcome.fallback = true;
-  if (class_ == LcpClass::PSD) return least_norm(q, outcome) || (!outcome.infeasible && lemke(outcome));
-  if (class_ == LcpClass::Z) return least_element(outcome) || (!outcome.infeasible && enumerate(outcome));
+  if (selects_least_norm(class_)) return least_norm(q, outcome) || (!outcome.infeasible && lemke(outcome));
+  if (selects_least(class_)) return least_element(outcome) || (!outcome.infeasible && enumerate(outcome));
   reset();
   if (newton(outcome) && is_confirmed()) return true;
-  if (class_ == LcpClass::P && least_index(outcome)) return true;
+  if (has_one_solution(class_) && least_index(outcome)) return true;
   return lemke(outcome) || enumerate(outcome);
 }
 

@@ -199,6 +199,33 @@ std::optional<std::string> contradicts_P(const LcpMatrix& M) {
   return "the principal minor of M with rows " + rows + " is not positive";
 }
 
+std::optional<std::string> contradicts_PSD(const LcpMatrix& M) {
+  if (is_PSD(M)) return std::nullopt;
+  return "the symmetric part of M has a negative eigenvalue";
+}
+
+std::optional<std::string> contradicts_Z(const LcpMatrix& M) {
+  const auto found = positive_off_diagonal(M);
+  if (!found) return std::nullopt;
+  return "M has a positive entry off its diagonal, " + entry(found->row, found->column, found->value);
+}
+
+bool has_positive_minors(const LcpMatrix& M) { return size(M) <= largest_exact_P && is_P_exact(to_dense(M)); }
+
+/// The tests of one class: whether M certainly belongs to it, and why it certainly does not.
+struct ClassTest {
+  LcpClass lcp_class;
+  bool (*holds)(const LcpMatrix&);
+  std::optional<std::string> (*contradiction)(const LcpMatrix&);
+};
+
+// `classify` takes the first that holds.
+constexpr ClassTest tests_in_order[] = {
+    {LcpClass::P, [](const LcpMatrix& M) { return is_surely_P(M) || has_positive_minors(M); }, contradicts_P},
+    {LcpClass::PSD, is_PSD, contradicts_PSD},
+    {LcpClass::Z, [](const LcpMatrix& M) { return is_Z(M) && (diagonal(M).array() > 0).all(); }, contradicts_Z},
+};
+
 }  // namespace
 
 bool is_Z(const LcpMatrix& M) { return !positive_off_diagonal(M); }
@@ -214,31 +241,23 @@ bool is_PSD(const LcpMatrix& M) {
 }
 
 LcpClass classify(const LcpMatrix& M) {
-  if (is_surely_P(M)) return LcpClass::P;
-  if (size(M) <= largest_exact_P && is_P_exact(to_dense(M))) return LcpClass::P;
-  if (is_PSD(M)) return LcpClass::PSD;
-  return is_Z(M) && (diagonal(M).array() > 0).all() ? LcpClass::Z : LcpClass::unknown;
+  for (const ClassTest& test : tests_in_order)
+    if (test.holds(M)) return test.lcp_class;
+  return LcpClass::unknown;
 }
 
-LcpClass selection_class(const LcpMatrix& M, LcpClass c) {
-  if (c == LcpClass::automatic) c = classify(M);
-  return c == LcpClass::PSD && is_Z(M) ? LcpClass::Z : c;
+LcpClass known_class(const LcpMatrix& M, LcpClass stated) { return is_stated(stated) ? stated : classify(M); }
+
+LcpClass selection_class(const LcpMatrix& M, LcpClass stated) {
+  const LcpClass c = known_class(M, stated);
+  return selects_least_norm(c) && is_Z(M) ? LcpClass::Z : c;
 }
 
-const char* to_string(LcpClass c) {
-  switch (c) {
-    case LcpClass::P:
-      return "P";
-    case LcpClass::Z:
-      return "Z";
-    case LcpClass::PSD:
-      return "PSD";
-    case LcpClass::unknown:
-      return "unknown";
-    case LcpClass::automatic:
-      break;
-  }
-  return "auto";
+std::vector<std::string> lcp_class_names() {
+  std::vector<std::string> names;
+  for (const LcpClassTraits& t : lcp_class_table)
+    if (lcp_class_named(t.name)) names.emplace_back(t.name);
+  return names;
 }
 
 std::string describe_class(const LcpMatrix& M, LcpClass c) {
@@ -246,17 +265,13 @@ std::string describe_class(const LcpMatrix& M, LcpClass c) {
   if (strictly_dominant(M)) return "P (strictly diagonally dominant)";
   if (is_H_plus(M)) return "P (H+)";
   if (is_positive_definite(M)) return "P (positive definite)";
-  if (size(M) <= largest_exact_P && is_P_exact(to_dense(M))) return "P (all principal minors)";
-  return "P (as stated)";
+  return has_positive_minors(M) ? "P (all principal minors)" : "P (as stated)";
 }
 
 std::optional<std::string> contradiction(const LcpMatrix& M, LcpClass stated) {
-  if (stated == LcpClass::P) return contradicts_P(M);
-  if (stated == LcpClass::PSD && !is_PSD(M)) return "the symmetric part of M has a negative eigenvalue";
-  if (stated != LcpClass::Z) return std::nullopt;
-  const auto found = positive_off_diagonal(M);
-  if (!found) return std::nullopt;
-  return "M has a positive entry off its diagonal, " + entry(found->row, found->column, found->value);
+  for (const ClassTest& test : tests_in_order)
+    if (test.lcp_class == stated) return test.contradiction(M);
+  return std::nullopt;
 }
 
 }  // namespace bromwich

@@ -16,6 +16,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace bromwich {
 
@@ -40,10 +41,14 @@ bool is_PSD(const LcpMatrix&);
 /// and the user has to state whether the least element is wanted.
 LcpClass classify(const LcpMatrix&);
 
+/// The class as stated; `automatic` is classified.
+LcpClass known_class(const LcpMatrix&, LcpClass stated);
+
 /// The class by which a solution is selected: `automatic` is classified; a matrix that is PSD and Z counts as Z.
 LcpClass selection_class(const LcpMatrix&, LcpClass);
 
-const char* to_string(LcpClass);
+/// The names of the classes that a user may state: "auto", "P", ...
+std::vector<std::string> lcp_class_names();
 
 /// The class and its justification: "P (H+)", "P (as stated)", "Z", ...
 std::string describe_class(const LcpMatrix&, LcpClass);

@@ -1,7 +1,8 @@
 #pragma once
-// The complementarity matrix M and its class.
+// The complementarity matrix M.
 
 #include "../base/types.hpp"
+#include "class_traits.hpp"
 
 #include <memory>
 #include <variant>
@@ -27,9 +28,6 @@ inline const SparseMatrix* sparse_of(const LcpMatrix& M) {
   const auto* sparse = std::get_if<SparseLcpMatrix>(&M);
   return sparse ? sparse->entries.get() : nullptr;
 }
-
-/// The class of M as stated by the user. `automatic`: it is tested (core/lcp/lcp_class.hpp).
-enum class LcpClass { automatic, P, Z, PSD, unknown };
 
 /// use(i, j, entry) for all entries on the three diagonals; of a matrix that is not const, entries may be changed.
 template <class Bands, class Use>

@@ -53,7 +53,8 @@ Start ProblemAtZero::solve(Result& result, Vector& y0) const {
     ++result.lcp.solved;
     return Start::found;
   }
-  const bool left_open = p_.lcp_class == LcpClass::PSD || (p_.lcp_class != LcpClass::P && !is_regular(p_.scene.M));
+  const bool left_open =
+      selects_least_norm(p_.lcp_class) || (!has_one_solution(p_.lcp_class) && !is_regular(p_.scene.M));
   if (report.finite && left_open) return Start::impulse;
   result.status = report.infeasible == 0 ? Status::infeasible : Status::tolerance_not_met;
   result.reason = report.infeasible == 0 ? "no solution at t = 0" : "the problem at t = 0 stayed unsolved";
@@ -73,7 +74,7 @@ void explain_stop(const DiscreteProblem& p, const MarchReport& report, Result& r
     result.status = Status::infeasible;
     result.infeasible_at = p.t[report.infeasible];
     result.reason = "no solution from " + where + " on";
-  } else if (p.lcp_class == LcpClass::unknown && p.scene.constraints() <= largest_enumeration) {
+  } else if (!selects_one(p.lcp_class) && p.scene.constraints() <= largest_enumeration) {
     // All active sets were tried. Solutions need not be unique: this is no proof for the scene.
     result.status = Status::tolerance_not_met;
     result.reason = "no active set solves the step to " + where +

@@ -37,7 +37,7 @@ class SplitMarch {
         n_(p.scene.constraints()),
         step_(state_step(p, Rule::exponential)),
         M_(to_dense(p.scene.M)),
-        least_of_(p.lcp_class == LcpClass::Z ? &M_ : nullptr),
+        least_of_(selects_least(p.lcp_class) ? &M_ : nullptr),
         driven_(step_->right * d_.B),
         driven_left_(step_->left * d_.B),
         propagator_(d_.A, p.h),
@@ -56,7 +56,7 @@ class SplitMarch {
     const RowMatrix forcing = smooth_forcing();
     g_scale_ = std::max(p_.g.values().size() > 0 ? p_.g.values().cwiseAbs().maxCoeff() : 0, 1e-290);
     MarchReport report;
-    report.well_posed = p_.lcp_class == LcpClass::Z || whole_class_ == LcpClass::P || whole_class_ == LcpClass::PSD;
+    report.well_posed = selects_least(p_.lcp_class) || has_convex_solutions(whole_class_);
     x.row(0) = p_.scene.x0.transpose();
     x_ = p_.scene.x0;
     y_ = y.row(0).transpose();
@@ -164,8 +164,8 @@ class SplitMarch {
     propagator_.advance(d, {none, d_.B, none}, part.driven);
     // The matrix lies between M and M + W_0 of a whole step: class P if both are. A solution is accepted by its
     // residual.
-    const bool is_P = p_.lcp_class == LcpClass::P && whole_class_ == LcpClass::P;
-    const LcpClass c = is_P ? LcpClass::P : p_.lcp_class == LcpClass::Z ? whole_class_ : LcpClass::unknown;
+    const bool is_P = has_one_solution(p_.lcp_class) && has_one_solution(whole_class_);
+    const LcpClass c = is_P ? LcpClass::P : selects_least(p_.lcp_class) ? whole_class_ : LcpClass::unknown;
     part.lcp.emplace(M_ + d_.N * part.driven, c, least_of_);
     part.lcp->start_from(y_);
     return part;
@@ -175,7 +175,7 @@ class SplitMarch {
     Timer timer;
     const LcpOutcome outcome = lcp.solve(q, y);
     report.lcp_seconds += timer.lap();
-    return host::count_step(outcome, q, p_.lcp_class == LcpClass::P, j, report);
+    return host::count_step(outcome, q, has_one_solution(p_.lcp_class), j, report);
   }
 
   const DiscreteProblem& p_;

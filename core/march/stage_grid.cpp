@@ -176,7 +176,7 @@ StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers, const Contact
 
 }  // namespace
 
-bool takes_limits_at_points(const DiscreteProblem& p) { return p.lcp_class == LcpClass::P; }
+bool takes_limits_at_points(const DiscreteProblem& p) { return has_one_solution(p.lcp_class); }
 
 StageGrid make_grid(const DiscreteProblem& p, Index stages, bool with_layers, const Contacts& contacts) {
   if (stages == 1) return whole_steps(p);

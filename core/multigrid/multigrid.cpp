@@ -45,9 +45,9 @@ void Multigrid::begin(const Options& options, Result& result) {
 
 void Multigrid::nest(const Vector& y0) {
   std::size_t last = levels_.size();
-  for (std::size_t l = last; l-- > 0 && !cycle_.failure;) {
+  for (std::size_t l = last; l-- > 0 && !cycle_.failure();) {
     if (left_out_of_start(l)) continue;
-    if (options_->interrupted && options_->interrupted()) cycle_.failure = {Status::interrupted, "stopped on request"};
+    if (options_->interrupted && options_->interrupted()) cycle_.stop({Status::interrupted, "stopped on request"});
     start_on(l, last, y0);
     if (l > 0 || levels_.size() == 1) nest_on(l);
     if (levels_[l].nested) backend_.inject(*levels_[l].y, *levels_[l].nested);
@@ -100,18 +100,18 @@ IterationOutcome Multigrid::iterate() {
   const bool on_face = levels_[0].passes > 1;    // relaxation in place of exact solutions
   const double assumed = !smoothing ? assumed_without_symbol : on_face ? assumed_on_faces : assumed_contraction;
   CycleWatch watch(options_->iteration_tolerance, useful_ ? assumed : INFINITY);
-  while (!cycle_.failure) {
+  while (!cycle_.failure()) {
     if (options_->interrupted && options_->interrupted()) return {Status::interrupted, "stopped on request"};
     if (result_->iterations >= options_->max_iterations)
       return {Status::tolerance_not_met, text("%ld sweeps, the limit", long(result_->iterations))};
     if (useful_ && result_->cycles > 0) {
       const bool looked = watched([this] { look_for_correction(); });
-      if (looked && !cycle_.failure && useful(differences_->collect()[last_change], 0)) return {Status::solved, ""};
+      if (looked && !cycle_.failure() && useful(differences_->collect()[last_change], 0)) return {Status::solved, ""};
       if (looked) watched([this] { correct_finest(); });
     } else {
       watched([this] { whole_cycle(); });
     }
-    if (cycle_.failure) break;
+    if (cycle_.failure()) break;
     const double change = differences_->collect()[last_change];
     ++result_->cycles;
     result_->history.push_back(change);
@@ -125,7 +125,7 @@ IterationOutcome Multigrid::iterate() {
     if (watch.contraction() > poor && march_from_now_on()) watch.restart();
     if (useful_ && useful(watch.left(), most_extra_sweeps)) return {Status::solved, ""};
   }
-  return *cycle_.failure;
+  return *cycle_.failure();
 }
 
 // The part of the error that the coarse grid does not represent.
@@ -137,7 +137,7 @@ double Multigrid::unseen() {
 // Whether the algebraic error is a small enough part of the discretisation error. It consists of `seen`, the part on
 // the coarse grid, and the rest, which further sweeps may reduce.
 bool Multigrid::useful(double seen, int sweeps) {
-  for (; std::isfinite(seen) && !cycle_.failure; --sweeps) {
+  for (; std::isfinite(seen) && !cycle_.failure(); --sweeps) {
     const double wanted = options_->tuning.algebraic_share * useful_error();
     result_->algebraic_error = seen + unseen();
     if (seen + unseen() <= wanted) return true;
@@ -152,7 +152,7 @@ bool Multigrid::march_from_now_on() {
   if (coarsest.march) return false;
   levels_.prepare_march();
   result_->bytes += coarsest.march->bytes();
-  cycle_.queued = cycle_.queued && VCycle::all_queue(levels_);
+  if (cycle_.queues()) cycle_.queue_where_possible();
   return true;
 }
 
@@ -177,11 +177,11 @@ double Multigrid::useful_error() {
 // cycle is run instead, waiting for each batch; returns false then.
 bool Multigrid::watched(const std::function<void()>& work) {
   work();
-  if (!cycle_.queued || cycle_.collected()) {
+  if (!cycle_.queues() || cycle_.collected()) {
     start_is_solved_ = true;
     return true;
   }
-  cycle_.queued = false;
+  cycle_.wait_for_each_batch();
   TimeLevel& finest = levels_[0];
   if (start_is_solved_ && !useful_) {
     backend_.inject(*finest.old, *finest.y);
@@ -191,7 +191,7 @@ bool Multigrid::watched(const std::function<void()>& work) {
   }
   whole_cycle();
   start_is_solved_ = true;
-  cycle_.queued = !useful_ && VCycle::all_queue(levels_);  // a complete restart has to continue in the same way
+  if (!useful_) cycle_.queue_where_possible();  // a complete restart has to continue in the same way
   return false;
 }
 
@@ -218,7 +218,7 @@ void Multigrid::look_for_correction() {
 
 void Multigrid::correct_finest() {
   cycle_.ascend(0);
-  if (cycle_.queued) ++result_->iterations;
+  if (cycle_.queues()) ++result_->iterations;
   compare();
 }
 
@@ -231,7 +231,7 @@ void Multigrid::one_more_sweep() {
   TimeLevel& finest = levels_[0];
   backend_.inject(*finest.y, *finest.old);
   cycle_.sweep(finest, {.count = 1, .before = true});
-  if (cycle_.queued) ++result_->iterations;
+  if (cycle_.queues()) ++result_->iterations;
   compare();
 }
 

@@ -8,10 +8,10 @@
 namespace bromwich {
 
 VCycle::VCycle(Backend& backend, TimeLevels& levels, bool notes_sweep)
-    : queued(all_queue(levels)), backend_(backend), levels_(levels), notes_sweep_(notes_sweep) {
+    : backend_(backend), levels_(levels), queued_(all_queue(levels)), notes_sweep_(notes_sweep) {
   recorded_.resize(levels_.size());
   const std::size_t last = levels_.size() - 1;
-  for (std::size_t l = 0; queued && l <= last; ++l) {
+  for (std::size_t l = 0; queued_ && l <= last; ++l) {
     const Index values = levels_[l].y->rows() * levels_[l].y->cols();
     Recorded& recorded = recorded_[l];
     if (l < last) {
@@ -28,9 +28,9 @@ VCycle::VCycle(Backend& backend, TimeLevels& levels, bool notes_sweep)
 
 void VCycle::begin(Result& result) {
   result_ = &result;
-  failure.reset();
+  failure_.reset();
   work_ = {};
-  queued = all_queue(levels_);
+  queue_where_possible();
 }
 
 void VCycle::report_work() const {
@@ -52,12 +52,12 @@ void VCycle::run(std::size_t l) {
 void VCycle::solve_on(std::size_t l) {
   if (levels_[l].march) return march(levels_[l]);
   const Recorded& of = recorded_[l];
-  if (l + 1 == levels_.size()) return queued && of.descend ? replay(of.descend, of.of_descent) : sweep_coarsest();
-  const bool recorded = queued && of.descend && of.ascend;
+  if (l + 1 == levels_.size()) return queued_ && of.descend ? replay(of.descend, of.of_descent) : sweep_coarsest();
+  const bool recorded = queued_ && of.descend && of.ascend;
   recorded ? replay(of.descend, of.of_descent) : descend(l);
   solve_on(levels_[l].coarse);
   recorded ? replay(of.ascend, of.of_ascent) : ascend(l);
-  if (queued && l == 0) result_->iterations += levels_[l].sweeps + 1;
+  if (queued_ && l == 0) result_->iterations += levels_[l].sweeps + 1;
 }
 
 void VCycle::replay(const std::function<void()>& recorded, const Work& work) {
@@ -108,7 +108,7 @@ double VCycle::share(const TimeLevel& level) const { return double(level.steps) 
 // y <- SOL(M + D, r + K y - D y), with K y computed in between. If batches are not checked one by one, a batch may be
 // merged with the adjacent operations.
 void VCycle::sweep(TimeLevel& level, SweepOrder order) {
-  if (queued && level.kernel->sweeps(*level.lcp)) {
+  if (queued_ && level.kernel->sweeps(*level.lcp)) {
     const int applied = order.count - 1 + int(order.before) + int(order.behind);
     work_.convolutions += share(level) * double(applied);
     work_.passes += share(level) * double(order.count * level.passes);
@@ -128,9 +128,9 @@ void VCycle::apply(TimeLevel& level) {
 
 // y <- SOL(M + D, r + K y - D y)
 void VCycle::smooth(TimeLevel& level) {
-  if (failure) return;
+  if (failure_) return;
   work_.passes += share(level) * double(level.passes);
-  if (queued) return level.lcp->submit(*level.r, *level.v, *level.y, 1, -1);
+  if (queued_) return level.lcp->submit(*level.r, *level.v, *level.y, 1, -1);
   Timer timer;
   const LcpReport report = level.lcp->solve(*level.r, *level.v, *level.y, 1);
   result_->seconds.lcp += timer.lap();
@@ -139,8 +139,8 @@ void VCycle::smooth(TimeLevel& level) {
 }
 
 void VCycle::march(TimeLevel& level) {
-  if (failure) return;
-  if (queued) return level.march->submit(*level.y, *level.v);
+  if (failure_) return;
+  if (queued_) return level.march->submit(*level.y, *level.v);
   const MarchReport report = level.march->run(*level.y, *level.v);
   result_->seconds.lcp += report.lcp_seconds;
   judge(report, level.steps);
@@ -167,21 +167,21 @@ bool VCycle::collected() {
 void VCycle::judge(const LcpReport& report) {
   count(report.count);
   if (!report.finite || !(report.magnitude < 1e100))
-    failure = {Status::nonfinite, "the iterates grew beyond all bounds"};
+    failure_ = {Status::nonfinite, "the iterates grew beyond all bounds"};
   else if (report.count.unsolved > 0)
-    failure = {Status::tolerance_not_met,
-               text("%ld complementarity problems stayed unsolved; use method march", report.count.unsolved)};
+    failure_ = {Status::tolerance_not_met,
+                text("%ld complementarity problems stayed unsolved; use method march", report.count.unsolved)};
 }
 
 void VCycle::judge(const MarchReport& report, Index steps) {
   count(report.count);
   if (report.interrupted)
-    failure = {Status::interrupted, "stopped on request"};
+    failure_ = {Status::interrupted, "stopped on request"};
   else if (!report.finite)
-    failure = {Status::nonfinite, "the iterates grew beyond all bounds"};
+    failure_ = {Status::nonfinite, "the iterates grew beyond all bounds"};
   else if (report.stopped >= 0)
-    failure = {Status::tolerance_not_met,
-               text("a step of the coarsest grid, %ld steps, stayed unsolved; use method march", long(steps))};
+    failure_ = {Status::tolerance_not_met,
+                text("a step of the coarsest grid, %ld steps, stayed unsolved; use method march", long(steps))};
 }
 
 void VCycle::count(const LcpCount& c) {

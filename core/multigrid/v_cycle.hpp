@@ -3,6 +3,9 @@
 
 #include "time_levels.hpp"
 
+#include <optional>
+#include <utility>
+
 namespace bromwich {
 
 /// If all plans of all grids are asynchronous, a cycle never synchronises; failures are detected afterwards, and the
@@ -27,12 +30,19 @@ class VCycle {
 
   /// Waits for queued problems and adds their counts. Whether all were solved.
   bool collected();
-  static bool all_queue(const TimeLevels&);
+  /// Whether batches are queued: nothing waits for one.
+  bool queues() const { return queued_; }
+  /// From now on if the plans of all grids are asynchronous.
+  void queue_where_possible() { queued_ = all_queue(levels_); }
+  void wait_for_each_batch() { queued_ = false; }
 
-  bool queued;                              ///< nothing waits for a batch
-  std::optional<IterationOutcome> failure;  ///< of a sweep or a march; nothing is computed after it
+  /// Of a sweep, of a march, or as told by `stop`; nothing is computed after it.
+  const std::optional<IterationOutcome>& failure() const { return failure_; }
+  void stop(IterationOutcome outcome) { failure_ = std::move(outcome); }
 
  private:
+  static bool all_queue(const TimeLevels&);
+
   /// Applications of K and passes, in values of the finest grid.
   struct Work {
     double convolutions = 0, passes = 0;
@@ -57,7 +67,8 @@ class VCycle {
 
   Backend& backend_;
   TimeLevels& levels_;
-  bool notes_sweep_;
+  bool queued_, notes_sweep_;
+  std::optional<IterationOutcome> failure_;
   Result* result_ = nullptr;
   std::vector<Recorded> recorded_;
   Work work_;

@@ -94,7 +94,7 @@ LcpClass NonlinearSteps::lcp_class(const Vector& x, const Vector& y) const {
   if (N_.rows() == 0) return LcpClass::P;
   const Linearization gamma = linearize(scene_->gamma, scene_->dgamma, N_.rows(), 0, x, y);
   const LcpClass stated = scene_->linear.lcp_class;
-  return stated != LcpClass::automatic ? stated : classify(LcpMatrix(Matrix(M_ + gamma.by_y)));
+  return known_class(LcpMatrix(Matrix(M_ + gamma.by_y)), stated);
 }
 
 // `of_y`: the part of the matrix that is M + gamma_y. The class of a step's matrix is kept until a problem stays

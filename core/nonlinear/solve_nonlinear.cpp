@@ -109,10 +109,10 @@ class NonlinearSolve {
   void solve_dense() {
     NonlinearSteps steps = make_steps(StepRule::linear);
     Vector y = Vector::Zero(n_);
-    if (steps.lcp_class(scene_.linear.x0, y) == LcpClass::Z) steps.select_least();
+    if (selects_least(steps.lcp_class(scene_.linear.x0, y))) steps.select_least();
     const bool starts = steps.y_at(0, scene_.linear.x0, y).solved;
     const LcpClass of_y = steps.lcp_class(scene_.linear.x0, y);
-    result_.continuous = starts && (of_y == LcpClass::P || of_y == LcpClass::Z);
+    result_.continuous = starts && is_continuous(of_y);
     if (!result_.continuous) {
       y.setZero();
       if (result_.method != NonlinearMethod::march) {

@@ -4,7 +4,6 @@
 #include "core/numerics/sine_basis.hpp"
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 namespace bromwich {
@@ -114,14 +113,6 @@ void Backend::download_during(const Array& from, RowMatrix& to, const std::funct
   if (fused_.download_during) return fused_.download_during(from, to, operations);
   download(from, to);
   operations();
-}
-
-void Backend::prepare(RowMatrix& to, Index rows, Index cols) const {
-  constexpr Index values_together = 1 << 16;  // fewer are done by one thread before others wake up
-  to.resize(rows, cols);
-  each_range(to.size(), values_together, [&](Index first, Index last) {
-    std::fill(to.data() + first, to.data() + last, std::numeric_limits<double>::quiet_NaN());
-  });
 }
 
 void Backend::restrict_problem(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,

@@ -74,9 +74,6 @@ class Backend : public HostThreads {
   void upload_projection(const Vector& values, const Array& P, Array& to);
   /// `download`, with `operations` run while the values are copied. They must not change `from`.
   void download_during(const Array& from, RowMatrix& to, const std::function<void()>& operations);
-  /// Sizes `to` for a later download and fills it with NaN: the first touch of fresh pages costs more than a copy and
-  /// needs no device.
-  void prepare(RowMatrix& to, Index rows, Index cols) const;
   /// Problem of a coarser grid, with R = injection: coarse_r <- R (r + v) - coarse_v; coarse_y, old <- R y.
   void restrict_problem(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
                         Array& coarse_y, Array& old);

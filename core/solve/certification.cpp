@@ -101,8 +101,8 @@ void Certification::certify(Method method, Result& result) {
     if (result.status == Status::solved) look_for_other_solutions(result);
     return;
   }
-  if (m.impulse > strong_impulse && p.lcp_class == LcpClass::P && p.scene.states() <= Methods::most_recorded_states &&
-      contact_frequency(p, result.y) * p.h > 1) {
+  if (m.impulse > strong_impulse && has_one_solution(p.lcp_class) &&
+      p.scene.states() <= Methods::most_recorded_states && contact_frequency(p, result.y) * p.h > 1) {
     sensitive_ = true;
     return demote(result, "a contact throws the state back within less than a step: use more steps");
   }
@@ -127,7 +127,7 @@ void Certification::confirm(Method method, const Magnification& m, Result& resul
     confirm_by_half_the_step(method, 1, grows, result);
   // With M of class P a contact is a spring, however stiff, and its rebound wants to be resolved. (With M = 0 an
   // impact is over at once, and nothing is to be resolved.)
-  else if (m.impulse > unresolved_impulse && p.lcp_class == LcpClass::P && p.J >= fewest_steps_to_judge)
+  else if (m.impulse > unresolved_impulse && has_one_solution(p.lcp_class) && p.J >= fewest_steps_to_judge)
     confirm_by_half_the_step(method, continuous ? 5 : 1, "a constraint is active for a few steps only, and strongly",
                              result);
   else if (confirm_last_resort_)
@@ -211,7 +211,7 @@ void Certification::confirm_by_fine_steps(Method method, double rate, const std:
 // A solution that is not the only one is said to be one of several, where another one is seen.
 void Certification::look_for_other_solutions(Result& result) {
   const DiscreteProblem& p = methods_.problem();
-  const bool suspect = !result.well_posed || p.lcp_class == LcpClass::Z || p.lcp_class == LcpClass::unknown;
+  const bool suspect = !result.well_posed || selects_least(p.lcp_class) || !selects_one(p.lcp_class);
   if (!suspect) return;
   const OtherSolution other = Methods::has_small_dense_state(p.scene)
                                   ? other_solution(p, result, methods_.all_states(result.method, result))

@@ -37,7 +37,7 @@ void EventRows::fill(const EventSolution& s, const std::vector<Index>& component
     r.y.row(j) = s.y(p_.t[j], left).cwiseMax(0).transpose();
     r.y_integral.row(j) = s.integral_of_y(p_.t[j], left).transpose();
   }
-  if (p_.lcp_class == LcpClass::P) solve_at_own_values(r);
+  if (has_one_solution(p_.lcp_class)) solve_at_own_values(r);
   r.x = states_(Eigen::all, components);
   r.x_components = components;
   r.t = p_.t;

@@ -11,7 +11,7 @@ namespace bromwich {
 namespace {
 
 bool is_fitted(const Scene& scene, LcpClass lcp_class) {
-  return scene.dynamics->modes() && lcp_class == LcpClass::P && !scene.boundary && scene.free_rows.empty();
+  return scene.dynamics->modes() && has_one_solution(lcp_class) && !scene.boundary && scene.free_rows.empty();
 }
 
 // Two of them at least.
@@ -48,7 +48,7 @@ std::vector<Method> methods_by_time(const BackendTraits& traits, const Scene& sc
 
 bool faster_on_device(const BackendTraits& device, const BackendTraits& host, const Scene& scene, Method method,
                       Index J, bool started) {
-  const LcpClass lcp_class = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
+  const LcpClass lcp_class = known_class(scene.M, scene.lcp_class);
   if (!is_fitted(scene, lcp_class)) return false;
   if (method == Method::contour || method == Method::multigrid)
     return double(J) * double(scene.constraints()) >= device.fewest_values;

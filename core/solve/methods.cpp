@@ -31,7 +31,7 @@ void refuse(const std::string& why, Result& result) {
 // largest ratio of the diagonals where both are symmetric. Empty: not known.
 // For dynamics known by shifted solves alone; dense ones and Kronecker sums have forecasts of their own.
 std::string never_contracts(const DiscreteProblem& p, TimeOperator& op) {
-  if (p.small_state() || p.modes() || p.lcp_class == LcpClass::Z) return "";
+  if (p.small_state() || p.modes() || selects_least(p.lcp_class)) return "";
   const SharedWeights weights = op.kernel_weights(ConvolutionChoice::automatic).weights;
   const Index n = p.scene.constraints();
   Vector first;

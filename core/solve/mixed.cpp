@@ -256,7 +256,7 @@ std::optional<EliminatedScene> eliminate_free(const Scene& given) {
   e.scene.exact = {};
   e.scene.port = {};
   // A Schur complement of a P- or PSD matrix is one; of other classes it is tested.
-  if (given.lcp_class != LcpClass::P && given.lcp_class != LcpClass::PSD) e.scene.lcp_class = LcpClass::automatic;
+  if (!traits(given.lcp_class).in_schur_complement) e.scene.lcp_class = LcpClass::automatic;
   e.scene.M = Matrix(M(e.kept, e.kept) - e.M_CF * e.R * e.M_FC);
   if (const auto* d = written->small_state())
     e.scene.dynamics = eliminated(*d, M, e);

@@ -157,7 +157,7 @@ class Run {
     if (options_.memory_limit > 0 && cost.bytes > options_.memory_limit) return "it does not fit into memory";
     if (!fits_on_device(p.scene, method, p.J, Index(p.components.size()), device))
       return "it does not fit into the memory of the device";
-    if (method != Method::contour || p.lcp_class == LcpClass::Z) return "";
+    if (method != Method::contour || selects_least(p.lcp_class)) return "";
     const std::optional<Forecast> f = iteration_forecast(p, options_.iteration_tolerance);
     if (f && f->longest_window(options_.iteration_tolerance) == 0)
       return text("its sweeps are not known to contract (kappa_0 = %.2g)", f->kappa0);

@@ -248,8 +248,8 @@ std::string unsuited_to_pieces(const Scene& scene) {
   if (!scene.dynamics->small_state()) return "the state is not stepped as a whole";
   if (scene.boundary) return "the scene has boundary values";
   if (!scene.free_rows.empty()) return "the scene has free rows";
-  const LcpClass c = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
-  return c == LcpClass::P ? "" : "M is not known to be of class P";
+  const LcpClass c = known_class(scene.M, scene.lcp_class);
+  return has_one_solution(c) ? "" : "M is not known to be of class P";
 }
 
 Result solve_in_pieces(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve,

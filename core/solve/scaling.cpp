@@ -87,16 +87,16 @@ struct Semidefinite {
 };
 
 Semidefinite semidefinite(const Scene& scene, const Matrix& M) {
-  const LcpClass c = scene.lcp_class == LcpClass::automatic ? classify(scene.M) : scene.lcp_class;
-  if (c == LcpClass::PSD) return {true, true};
-  if (c != LcpClass::unknown || scene.lcp_class != LcpClass::automatic) return {};
+  const LcpClass c = known_class(scene.M, scene.lcp_class);
+  if (selects_least_norm(c)) return {true, true};
+  if (selects_one(c) || is_stated(scene.lcp_class)) return {};
   Matrix balanced = M;
   const Vector logarithms = balance(M.cwiseAbs()).logarithms;
   for (Index i = 0; i < M.rows(); ++i) {
     const int k = int(std::lround(logarithms[i] / std::log(10.0)));
     for (double& entry : balanced.row(i)) entry = times_ten_to(-k, entry);
   }
-  return {classify(balanced) == LcpClass::PSD, false};
+  return {selects_least_norm(classify(balanced)), false};
 }
 
 // Nothing is gained by common factors of ten, and large results would have to be brought back.

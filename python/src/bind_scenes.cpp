@@ -41,11 +41,10 @@ SparseMatrix matrix(const Sparse& s) {
 SparseMatrix matrix_or_empty(const std::optional<Sparse>& s) { return s ? matrix(*s) : SparseMatrix(); }
 
 LcpClass lcp_class(const std::string& word) {
-  if (word == "auto") return LcpClass::automatic;
-  if (word == "P") return LcpClass::P;
-  if (word == "Z") return LcpClass::Z;
-  if (word == "PSD") return LcpClass::PSD;
-  throw Error("lcp_class", "found '" + word + "'", "use auto, P, Z or PSD");
+  if (const auto named = lcp_class_named(word)) return *named;
+  std::string names;
+  for (const std::string& name : lcp_class_names()) names += (names.empty() ? "use one of " : ", ") + name;
+  throw Error("lcp_class", "found '" + word + "'", names);
 }
 
 SourceEntry source_entry(const std::string& word) {

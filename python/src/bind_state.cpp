@@ -255,7 +255,6 @@ nb::tuple lcp_matrix_of(const Scene& scene) {
 }
 
 nb::dict state_of(const Model& model) {
-  static constexpr const char* classes[] = {"auto", "P", "Z", "PSD", "auto"};
   static constexpr const char* entries[] = {"x", "B", "F"};
   const Scene& scene = model.scene;
   nb::dict d;
@@ -264,7 +263,7 @@ nb::dict state_of(const Model& model) {
   d["steps"] = scene.default_steps;
   d["dynamics"] = dynamics_of(model);
   d["M"] = lcp_matrix_of(scene);
-  d["lcp_class"] = classes[int(scene.lcp_class)];
+  d["lcp_class"] = to_string(lcp_class_named(to_string(scene.lcp_class)).value_or(LcpClass::automatic));
   d["free_rows"] = scene.free_rows;
   d["f_entry"] = nb::make_tuple(entries[int(scene.f_entry)], compressed(scene.F));
   d["x0"] = scene.x0;

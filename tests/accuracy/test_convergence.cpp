@@ -130,7 +130,7 @@ Result sampled(Index J, const std::function<double(double)>& y) {
 }
 
 /// Absolute errors.
-const ComponentSizes in_units_of_the_scene{.relative = false};
+const ComponentSizes in_units_of_the_scene{.one_y = {}, .one_x = {}, .relative = false};
 
 TEST(Distance, OfAComponentIsRelativeToItOrAThousandthOfTheLargest) {
   Result a = sampled(4, [](double) { return 0.0; }), b = a;

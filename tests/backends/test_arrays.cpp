@@ -102,16 +102,14 @@ TEST_P(BackendArrays, RangesMayBeAskedForDuringADownload) {
   const RowMatrix values = Random(23).matrix(4200, 512);
   const auto a = device(values);
   std::vector<int> visits(100, 0);
-  RowMatrix fetched, filled;
+  RowMatrix fetched;
   backend->download_during(*a, fetched, [&] {
     backend->each_range(100, 7, [&](Index first, Index last) {
       for (Index i = first; i < last; ++i) ++visits[std::size_t(i)];
     });
-    backend->prepare(filled, 600, 512);
   });
   EXPECT_EQ(fetched, values);
   EXPECT_EQ(visits, std::vector<int>(100, 1));
-  EXPECT_TRUE(filled.array().isNaN().all());
 }
 
 // Both arrays are larger than the ring of the transfer.

@@ -91,7 +91,9 @@ Index expect_as_single(const Batch& batch, Backend& backend, Index steps, const 
       EXPECT_EQ(found.warning[std::size_t(k)], one.warning) << where;
       EXPECT_LE(apart(found.of(found.y, k), one.y), same) << where;
       EXPECT_LE(apart(found.of(found.x, k), one.x), same) << where;
-      if (!std::isnan(one.residual)) EXPECT_NEAR(found.residual[k], one.residual, same) << where;
+      if (!std::isnan(one.residual)) {
+        EXPECT_NEAR(found.residual[k], one.residual, same) << where;
+      }
     } catch (const Error&) {
       EXPECT_EQ(found.status[std::size_t(k)], Status::unsupported) << where;
     }

@@ -164,7 +164,7 @@ def run_page(source, build, page, folder):
 
 def program(blocks):
     """One C++ source whose main executes every block in a function of its own; a block may have parts before main."""
-    head = ["#include <bromwich/bromwich.hpp>", '#include "cpu/cpu_backend.hpp"', "#include <cstdio>"]
+    head = ["#include <bromwich/bromwich.hpp>", "#include <bromwich/cpu/cpu_backend.hpp>", "#include <cstdio>"]
     bodies, calls = [], []
     for number, block in enumerate(blocks):
         lines = block.text.split("\n")
@@ -173,8 +173,6 @@ def program(blocks):
         place = f'#line {block.line + 1} "{block.page}"\n'
         bodies.append(f"namespace block_{number} {{ using namespace bromwich;\nvoid run() {{\n{place}{text}\n}} }}")
         calls.append(f"  block_{number}::run();")
-    # Installed headers, <bromwich/cpu/...>, are "cpu/..." in the source tree.
-    head = [re.sub(r"<bromwich/(\w+/.*)>", r'"\1"', line) for line in head]
     head = list(dict.fromkeys(head))
     return "\n".join(head + bodies + ["int main() {", *calls, "}"]) + "\n"
 

@@ -5,7 +5,8 @@ A room is a folder of core/. core/ROOMS lists them from the ground up; a file ma
 the rooms below it. Fails on a room or file that is not listed, on an include that points up, and on a circle of files
 (a header and its source count as one). Of the other folders: core includes none of them, and nothing but backends,
 files, the command, studies and tests includes core's inner rooms. No file of core asks for the kind of dynamics:
-methods ask for capabilities (core/dynamics/linear_system.hpp).
+methods ask for capabilities (core/dynamics/linear_system.hpp). Nothing outside core/lcp compares the name of a class of
+complementarity matrices: it asks for a trait (core/lcp/class_traits.hpp). `--classes` lists where classes are named. Examples include what is installed.
 """
 
 import re
@@ -13,6 +14,7 @@ import sys
 from pathlib import Path
 
 INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"', re.M)
+CLASS = re.compile(r"[=!]=\s*LcpClass::|case\s+LcpClass::|LcpClass::\w+\s*[=!]=")
 KIND = re.compile(r"\b(?:get|get_if|holds|made_from)<\w+Dynamics>")
 
 
@@ -72,6 +74,18 @@ def rooms_of(root):
     return [line.split()[0] for line in lines if line.strip() and not line.startswith("#")]
 
 
+def named_classes(root):
+    """Lines outside core/lcp that name an LcpClass; tests may ask for what they like."""
+    for folder in ("core", "cpu", "kernels", "files", "app", "mpi", "report", "bench", "python", "examples"):
+        for path in sorted((root / folder).rglob("*")):
+            own = path.relative_to(root)
+            if path.suffix not in (".hpp", ".cpp", ".cu", ".cuh") or own.parts[:2] == ("core", "lcp"):
+                continue
+            for number, line in enumerate(path.read_text().splitlines(), 1):
+                if "LcpClass::" in line:
+                    yield own, number, line.strip()
+
+
 def faults(root):
     rooms = rooms_of(root)
     graph = graph_of(root, "core")
@@ -92,6 +106,12 @@ def faults(root):
     for path in sorted((root / "core").rglob("*.[ch]pp")):
         if KIND.search(path.read_text()):
             yield f"{path.relative_to(root)}: asks for the kind of dynamics; ask for a capability"
+    for path, number, line in named_classes(root):
+        if CLASS.search(line):
+            yield f"{path}:{number}: asks for the name of a class; ask for a trait (core/lcp/class_traits.hpp)"
+    for path in sorted((root / "examples").glob("*.cpp")):
+        if INCLUDE.search(path.read_text()):
+            yield f"{path.relative_to(root)}: includes a header that is not installed; name it <bromwich/...>"
     for circle in circles(graph):
         yield "circle of includes: " + ", ".join(circle)
 
@@ -111,19 +131,23 @@ def draw(root, out):
 
 
 def accepts_anything():
-    """The check itself: a circle, an arrow up and a test of a kind have to be found in a tree that has them."""
+    """The check itself: each fault has to be found in a tree that has it."""
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder).resolve()
         for name, text in {"low/a.hpp": '#include "../high/b.hpp"\n', "high/b.hpp": '#include "../low/a.hpp"\n',
-                           "high/c.cpp": "if (holds<DenseDynamics>(d)) return;\n"}.items():
+                           "high/c.cpp": "if (holds<DenseDynamics>(d)) return;\n",
+                           "high/d.cpp": "if (c == LcpClass::P) return;\n"}.items():
             path = root / "core" / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
+        (root / "examples").mkdir()
+        (root / "examples" / "e.cpp").write_text('#include "core/low/a.hpp"\n')
         (root / "core" / "ROOMS").write_text("low\nhigh\n")
         found = list(faults(root))
-        return not all(any(word in f for f in found) for word in ("above low", "circle", "asks for the kind"))
+        return not all(any(word in f for f in found) for word in ("above low", "circle", "asks for the kind", "asks for the name",
+                                                                "not installed"))
 
 
 def main():
@@ -131,8 +155,12 @@ def main():
     if "--draw" in sys.argv:
         draw(root, sys.argv[sys.argv.index("--draw") + 1])
         return 0
+    if "--classes" in sys.argv:
+        for path, number, line in named_classes(root):
+            print(f"{path}:{number}: {line}")
+        return 0
     if accepts_anything():
-        print("rooms: a circle, an arrow that points up or a test of a kind was accepted")
+        print("rooms: a fault was accepted")
         return 1
     found = list(faults(root))
     for fault in found:

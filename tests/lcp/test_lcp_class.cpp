@@ -2,11 +2,15 @@
 
 #include "core/lcp/lcp_class.hpp"
 #include "core/lcp/lipschitz.hpp"
+#include "tests/support/lcp_oracle.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/reference.hpp"
 
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
+
+#include <algorithm>
+#include <array>
 
 namespace bromwich {
 namespace {
@@ -185,6 +189,68 @@ TEST(LcpClass, LipschitzConstant) {
   const Matrix M = random.dominant(14);
   for (Index k = 0; k < 7; ++k)
     EXPECT_GE(solution_lipschitz(M) * (1 + 1e-12), oracle::lipschitz(M.block(k, k, 8, 8))) << k;
+}
+
+TEST(LcpClass, NamesThatAUserMayState) {
+  EXPECT_EQ(lcp_class_names(), (std::vector<std::string>{"auto", "P", "Z", "PSD"}));
+  for (const std::string& name : lcp_class_names()) EXPECT_EQ(to_string(*lcp_class_named(name)), name);
+  for (const char* name : {"unknown", "p", "", "P "}) EXPECT_FALSE(lcp_class_named(name)) << name;
+}
+
+// All isolated solutions of LCP(q, M), by trying every active set.
+std::vector<Vector> all_solutions(const Matrix& M, const Vector& q) {
+  std::vector<Vector> found;
+  for (unsigned set = 0; set < 1u << q.size(); ++set) {
+    std::vector<Index> S;
+    for (Index i = 0; i < q.size(); ++i)
+      if (set >> i & 1u) S.push_back(i);
+    Vector y = Vector::Zero(q.size());
+    if (!S.empty()) {
+      const Eigen::FullPivLU<Matrix> lu(M(S, S));
+      if (!lu.isInvertible()) continue;
+      y(S) = lu.solve(Vector(-q(S)));
+    }
+    // Entries of size 1 with few digits: a solution has no entry between rounding and 1e-9.
+    if (y.minCoeff() > -1e-9 && (M * y + q).minCoeff() > -1e-9) found.push_back(y);
+  }
+  return found;
+}
+
+// What the table says of a class holds for random members, which `classify` finds.
+TEST(LcpClass, Promises) {
+  Random random(6);
+  std::array<int, lcp_class_table.size()> members{}, several{};
+  for (int instance = 0; instance < 3000; ++instance) {
+    const Index n = 1 + instance % 4;
+    Matrix M = random.matrix(n, n);
+    if (instance % 3 == 1) M = Matrix(-M.cwiseAbs()) + Matrix((2 * M.diagonal().cwiseAbs()).asDiagonal());
+    const oracle::Monotone monotone = oracle::random_monotone(random, n, instance / 3 % 4);
+    Vector q = random.vector(n);
+    if (instance % 3 == 2) M = monotone.M, q = monotone.q;
+    const LcpClass c = classify(M);
+    ++members[std::size_t(c)];
+    const std::vector<Vector> y = all_solutions(M, q);
+    EXPECT_FALSE(has_one_solution(c) && y.empty()) << M;
+    for (const Vector& other : y) {
+      const double distance = (other - y.front()).cwiseAbs().maxCoeff();
+      several[std::size_t(c)] += distance > 1e-6;
+      EXPECT_FALSE(has_one_solution(c) && distance > 1e-6) << M;
+      const Vector middle = 0.5 * (other + y.front());
+      EXPECT_FALSE(has_convex_solutions(c) && middle.cwiseMin(M * middle + q).cwiseAbs().maxCoeff() > 1e-6) << M;
+    }
+    const bool has_least = std::any_of(y.begin(), y.end(), [&](const Vector& least) {
+      return std::all_of(y.begin(), y.end(), [&](const Vector& o) { return (o - least).minCoeff() > -1e-6; });
+    });
+    EXPECT_FALSE(selects_least(c) && !y.empty() && !has_least) << M;
+    if (!traits(c).in_schur_complement || n == 1 || !(M(0, 0) > 1e-3)) continue;
+    const Matrix left = M.bottomRightCorner(n - 1, n - 1) - M.col(0).tail(n - 1) * M.row(0).tail(n - 1) / M(0, 0);
+    const LcpClass of_left = classify(left);
+    EXPECT_TRUE(of_left == c || (has_convex_solutions(c) && has_one_solution(of_left))) << M;
+  }
+  for (const LcpClass c : {LcpClass::P, LcpClass::Z, LcpClass::PSD, LcpClass::unknown})
+    EXPECT_GT(members[std::size_t(c)], 100) << to_string(c);
+  EXPECT_GT(several[std::size_t(LcpClass::Z)], 20);
+  EXPECT_GT(several[std::size_t(LcpClass::PSD)], 20);
 }
 
 TEST(LcpClass, HowItIsKnown) {

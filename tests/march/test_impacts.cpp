@@ -59,7 +59,7 @@ Motion move(const Oscillator& o) {
     for (double left = dt; left > 0;) {
       if (rests) {
         if (o.force(t + left) <= 0) break;
-        const double s = located(left, [&](double s) { return o.force(t + s) <= 0; });
+        const double s = located(left, [&](double at) { return o.force(t + at) <= 0; });
         rests = false;
         t += s, left -= s;
         continue;
@@ -70,9 +70,9 @@ Motion move(const Oscillator& o) {
         x = x1, v = v1;
         break;
       }
-      const double s = located(left, [&](double s) {
+      const double s = located(left, [&](double at) {
         double xs = x, vs = v;
-        fly(o, t, s, xs, vs);
+        fly(o, t, at, xs, vs);
         return xs >= 0;
       });
       motion.impacts.push_back(t + s);

@@ -85,12 +85,8 @@ TEST_P(FusedOperationsTest, ValuesThatAlternate) {
   }
 }
 
-TEST_P(FusedOperationsTest, MemoryForADownload) {
+TEST_P(FusedOperationsTest, WorkDuringADownload) {
   RowMatrix to;
-  backend->prepare(to, 1000, 300);
-  EXPECT_EQ(to.rows(), 1000);
-  EXPECT_EQ(to.cols(), 300);
-  EXPECT_TRUE(to.array().isNaN().all());
   int calls = 0;
   const auto array = device(RowMatrix::Ones(4, 2));
   backend->download_during(*array, to, [&] { ++calls; });

@@ -5,77 +5,19 @@
 #include "core/catalogue/catalogue.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/error_control.hpp"
-#include "files/scene_file.hpp"
 #include "tests/support/run.hpp"
+#include "tests/support/true_error.hpp"
 
 #include <gtest/gtest.h>
 
 #include <chrono>
 #include <cmath>
-#include <filesystem>
 #include <limits>
 #include <numbers>
 #include <numeric>
 
-namespace bromwich {
+namespace bromwich::tolerance_test {
 namespace {
-
-TEST(IterationError, IsTheSumOfTheSweepsThatAreLeft) {
-  // Changes c^k leave c^(n+1)/(1-c).
-  EXPECT_NEAR(iteration_error({1, 0.5, 0.25, 0.125, 0.0625}), 0.0625, 1e-14);
-  EXPECT_EQ(iteration_error({}), 0);
-  EXPECT_EQ(iteration_error({1, 0}), 0);
-  EXPECT_NEAR(iteration_error({1e-13, 1e-13, 1e-13}), 99e-13, 1e-14);  // no contraction: large but finite
-}
-
-// ---- scenes ----
-
-Options options_to(double tolerance, Method method = Method::automatic) {
-  Options options = options_for(method);
-  options.tolerance = tolerance;
-  return options;
-}
-
-/// Largest difference over t > 0, each component relative to max(max |known|, 1e-3 of the largest component). `known`
-/// has `stride` times as many steps.
-double relative(const RowMatrix& found, const RowMatrix& known, Index stride) {
-  Vector error = Vector::Zero(found.cols()), size = error;
-  for (Index j = 1; j < found.rows(); ++j) {
-    const auto apart = (found.row(j) - known.row(stride * j)).cwiseAbs();
-    if (!apart.allFinite()) return std::numeric_limits<double>::infinity();
-    error = error.cwiseMax(apart.transpose());
-    size = size.cwiseMax(known.row(stride * j).cwiseAbs().transpose());
-  }
-  size = size.cwiseMax(1e-3 * size.maxCoeff());
-  return (error.array() > 0).select(error.cwiseQuotient(size), 0).maxCoeff();
-}
-
-RowMatrix exact_y(const Scene& scene, const Result& result) {
-  RowMatrix known(result.steps + 1, scene.constraints());
-  Vector x(scene.states()), y(scene.constraints());
-  for (Index j = 0; j <= result.steps; ++j) {
-    scene.exact(result.t[j], x, y);
-    known.row(j) = y.transpose();
-  }
-  return known;
-}
-
-/// Error of y against the exact solution, or against eight times the steps, whose own error is at most 1/8 (first
-/// order).
-double true_error(const Scene& scene, const Result& result) {
-  const Index J = result.steps;
-  if (!scene.exact) {
-    const Index stride = 8;
-    return relative(result.y, solved_y(scene, result.method, stride * J), stride);
-  }
-  return relative(result.y, exact_y(scene, result), 1);
-}
-
-// For y smooth between few kinks, orders follow theory and the estimate is close to the error. Moving ends of a contact
-// set change the error of a grid, and differences of grids, by factors of up to sqrt(2) from their trend. With an
-// observed order of 1.5 instead of 2, the estimate is at most 2 (2^2 - 1)/(2^1.5 - 1) = 3.3 times the error, or half of
-// it; 4 with the error of the reference.
-constexpr double least_effectivity = 0.5, largest_effectivity = 4;
 
 struct ToleranceCase {
   const char* name;
@@ -271,193 +213,6 @@ TEST(ErrorControl, HoldsForLocatedEvents) {
   }
 }
 
-// ---- what ends it ----
-
-TEST(ErrorControl, StopsAtRounding) {
-  const Result result = run(make_scene("bridge"), options_to(1e-15));
-  EXPECT_EQ(result.status, Status::tolerance_not_met);
-  EXPECT_FALSE(result.reason.empty());
-  ASSERT_TRUE(result.error_estimate);
-  EXPECT_GT(*result.error_estimate, 1e-15);
-  EXPECT_TRUE(result.y.allFinite()) << "the finest grid is returned";
-}
-
-TEST(ErrorControl, SaysBeforeThatNoGridWillDo) {
-  // First order: 1e-9 would take 1e9 steps and more.
-  const Scene scene = make_scene("dlcp-small");
-  const Result result = run(scene, options_to(1e-9, Method::euler));
-  EXPECT_EQ(result.status, Status::tolerance_not_met);
-  EXPECT_NE(result.reason.find("steps would be needed"), std::string::npos) << result.reason;
-  EXPECT_LE(result.steps, 32 * scene.default_steps);  // as soon as the order is regular
-  ASSERT_TRUE(result.error_estimate);
-  EXPECT_LE(*result.error_estimate, largest_effectivity * true_error(scene, result));
-}
-
-TEST(ErrorControl, StopsWhereMemoryEnds) {
-  const Scene scene = make_scene("signorini", {{"Q", 15}});
-  Options options = options_to(1e-6, Method::march);
-  options.memory_limit = 1.5 * predicted_cost(scene, Method::march, 800, 0).bytes;  // 1600 steps take twice as much
-  const Result result = run(scene, options);
-  EXPECT_EQ(result.status, Status::tolerance_not_met);
-  EXPECT_EQ(result.steps, 800);
-  EXPECT_NE(result.reason.find("refused"), std::string::npos) << result.reason;
-}
-
-TEST(ErrorControl, IsInterrupted) {
-  Options options = options_to(1e-4, Method::contour);
-  options.interrupted = [] { return true; };
-  EXPECT_EQ(run(make_scene("signorini", {{"Q", 15}}), options).status, Status::interrupted);
-  Index sweeps = 0;  // the first grids need fewer than 40 together
-  options.progress = [&sweeps](const Progress&) { ++sweeps; };
-  options.interrupted = [&sweeps] { return sweeps > 20; };
-  const Result later = run(make_scene("signorini", {{"Q", 15}}), options);
-  EXPECT_EQ(later.status, Status::interrupted) << later.reason;
-  EXPECT_TRUE(later.y.allFinite()) << "what a coarser grid found is returned";
-}
-
-TEST(ErrorControl, RefusesTolerancesThatAreNone) {
-  const Scene scene = make_scene("bridge");
-  for (double Options::*member : {&Options::tolerance_x, &Options::tolerance_y, &Options::absolute_tolerance}) {
-    Options options = options_for(Method::automatic);
-    options.*member = -1;
-    EXPECT_THROW(run(scene, options), Error);
-  }
-  for (const double tolerance : {-1e-3, 1.0, std::nan("")}) EXPECT_THROW(run(scene, options_to(tolerance)), Error);
-}
-
-TEST(ErrorControl, StepsAreTheFirstGrid) {
-  Options options = options_to(1e-3, Method::march);
-  options.steps = 30;
-  const Result result = run(make_scene("bridge"), options);
-  ASSERT_EQ(result.status, Status::solved) << result.reason;
-  ASSERT_GE(result.errors->grids.size(), 3u);
-  EXPECT_EQ(result.errors->grids[0], 30);
-  EXPECT_EQ(result.errors->grids[1], 60);
-}
-
-// ---- coarse solutions are reused ----
-
-TEST(FirstIterate, OfTheSolutionLeavesNothingToDo) {
-  const Scene scene = make_scene("signorini", {{"Q", 15}});
-  Options options = options_for(Method::contour, 200);
-  const Result cold = run(scene, options);
-  ASSERT_EQ(cold.status, Status::solved) << cold.reason;
-  options.tuning.first_iterate = &cold.y;
-  const Result warm = run(scene, options);
-  ASSERT_EQ(warm.status, Status::solved) << warm.reason;
-  EXPECT_LE(warm.iterations, 3);
-  EXPECT_LE(distance(warm.y, cold.y), same_problem);
-}
-
-TEST(FirstIterate, IsTheCoarserGridInErrorControl) {
-  const Scene scene = make_scene("signorini");
-  Options options = options_to(1e-5, Method::contour);
-  options.iteration_tolerance = 1e-8;
-  const Result result = run(scene, options);
-  ASSERT_EQ(result.status, Status::solved) << result.reason;
-  options.tolerance = 0;
-  options.steps = result.steps;
-  EXPECT_LT(result.iterations, run(scene, options).iterations);
-}
-
-TEST(FirstIterate, DoesNotDecideWhichSolutionOfAZSceneIsFound) {
-  const Scene scene = make_scene("dlcp-small");
-  Options options = options_for(Method::contour, 100);
-  const RowMatrix other = RowMatrix::Constant(101, scene.constraints(), 10);
-  const Result cold = run(scene, options);
-  options.tuning.first_iterate = &other;
-  EXPECT_LE(distance(run(scene, options).y, cold.y), same_problem);
-}
-
-TEST(FirstIterate, OfAnotherShapeIsRefused) {
-  const RowMatrix other = RowMatrix::Zero(11, 1);
-  Options options = options_for(Method::contour, 100);
-  options.tuning.first_iterate = &other;
-  EXPECT_THROW(run(make_scene("bridge"), options), Error);
-}
-
-// ---- example files: y may jump, and there may be no solution ----
-
-class ErrorControlOfExamples : public testing::Test {
- protected:
-  void SetUp() override {
-    if (!scene_files_available()) GTEST_SKIP() << "this build has no reader for scene files";
-  }
-  static Scene read(const std::string& name) {
-    return read_scene_file(std::filesystem::path(BROMWICH_EXAMPLES) / (name + ".toml")).scene;
-  }
-};
-
-TEST_F(ErrorControlOfExamples, WithoutASolutionEndAsInfeasible) {
-  const Result at_once = run(read("dlcp-small-printed"), options_to(1e-4));
-  EXPECT_EQ(at_once.status, Status::infeasible);
-  EXPECT_EQ(at_once.errors->grids.size(), 1u) << "at t = 0 no grid changes that";
-  const Scene scene = read("fold");
-  const Result later = run(scene, options_to(1e-4));
-  EXPECT_EQ(later.status, Status::infeasible) << later.reason;
-  EXPECT_GE(later.steps, scene.default_steps);
-}
-
-TEST_F(ErrorControlOfExamples, OfDiscontinuousYControlYWhereItConverges) {
-  for (const char* name : {"diode-bridge", "singular"}) {
-    const Scene scene = read(name);
-    const Result result = run(scene, options_to(1e-5, Method::march));
-    ASSERT_EQ(result.status, Status::solved) << name << ": " << result.reason;
-    EXPECT_FALSE(result.continuous);
-    EXPECT_FALSE(result.errors->of_integral);
-    const double error = true_error(scene, result);
-    EXPECT_LE(error, 1e-5) << name;
-    // Scattered estimates are at least a third of the error (tests/accuracy/test_convergence.cpp,
-    // OfScatteredErrors...).
-    EXPECT_GE(*result.error_estimate, error / 3) << name;
-  }
-}
-
-// Perturbations grow by 1e4 here: rounding alone causes errors of 1e-6 in y. The exact solution is known.
-TEST_F(ErrorControlOfExamples, CountWhatRoundingDoesToY) {
-  const Scene scene = read("dlcp-small-unstable");
-  for (const double tolerance : {1e-5, 1e-6}) {
-    const Result result = run(scene, options_to(tolerance));
-    ASSERT_TRUE(result.error_estimate) << result.reason;
-    const double error = true_error(scene, result);
-    EXPECT_TRUE(result.status != Status::solved || error <= tolerance) << error;
-    EXPECT_GE(*result.error_estimate, 0.3 * error) << tolerance << ' ' << result.steps;
-    EXPECT_GT(result.errors->rounding, 10 * result.rounding) << "y is more sensitive than x";
-  }
-}
-
-// Switches of this relay keep their place within the step for several halvings, so differences of grids vanish by
-// chance.
-TEST_F(ErrorControlOfExamples, AreNotSolvedByChance) {
-  const Scene scene = read("relay-oscillator");
-  for (const Index first : {0, 82}) {
-    Options options = options_to(1e-3);
-    options.steps = first;
-    const Result result = run(scene, options);
-    ASSERT_EQ(result.status, Status::solved) << result.reason;
-    EXPECT_TRUE(result.errors->of_integral) << "y jumps";
-    EXPECT_GE(result.steps, scene.default_steps) << "a coarse grid does not show what jumps";
-  }
-}
-
-TEST_F(ErrorControlOfExamples, OfJumpsControlTheMean) {
-  for (const char* name : {"relay-sliding", "bridge-filter"}) {  // jumps; an impulse at t = 0
-    const Scene scene = read(name);
-    const double tolerance = 1e-3;
-    const Result result = run(scene, options_to(tolerance, Method::march));
-    ASSERT_EQ(result.status, Status::solved) << name << ": " << result.reason;
-    EXPECT_TRUE(result.errors->of_integral) << name;
-    Options fine;
-    fine.method = Method::march;
-    fine.steps = 8 * result.steps;
-    const double error = relative(integral_of_y(result), integral_of_y(run(scene, fine)), 8);
-    EXPECT_LE(error, tolerance) << name;
-    EXPECT_GE(*result.error_estimate, least_effectivity * error) << name;
-  }
-}
-
-// ---- causes of refusals, and of answers that cannot be certified ----
-
 TEST(ErrorControl, CyclesGoOnWhereSmallComponentsNeedIt) {
   const Scene scene = make_scene("signorini", {{"Q", 39}});
   const Result r = run(scene, options_to(1e-4, Method::multigrid));
@@ -533,4 +288,4 @@ TEST(ErrorControl, GalerkinSaysWhatIntervalsMiss) {
 }
 
 }  // namespace
-}  // namespace bromwich
+}  // namespace bromwich::tolerance_test

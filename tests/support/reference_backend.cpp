@@ -334,7 +334,7 @@ class NaiveDifferences final : public Differences {
 class ReferenceBackend final : public Backend, public SharedMemory {
  public:
   ReferenceBackend() : Backend("reference") {}
-  DeviceInfo device() const override { return {"naive loops"}; }
+  DeviceInfo device() const override { return {"naive loops", 1, ""}; }
   std::unique_ptr<Array> array(Index rows, Index cols) override { return std::make_unique<NaiveArray>(rows, cols); }
   void upload(const RowMatrix& from, Array& to) override { values(to).topRows(from.rows()) = from; }
   void download(const Array& from, RowMatrix& to) override { to = values(from); }
