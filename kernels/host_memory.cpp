@@ -37,16 +37,18 @@ constexpr std::size_t parts = 16;                         ///< per piece, one th
 constexpr int most_helpers = 8;                           ///< threads that empty the ring; more than the transfer needs
 constexpr std::size_t alone_bytes = std::size_t(1) << 19;  ///< below it, one thread finishes before others wake up
 constexpr std::size_t many_bytes = std::size_t(1) << 24;   ///< of an array: as many as the ring has
+constexpr double few_others = 0.4;                         ///< of the values of an array
 constexpr std::size_t slot_masks = piece_bytes / sizeof(double) / segment_values * segment_masks;
 constexpr std::size_t masks_bytes = slot_masks * sizeof(std::uint64_t);
 
-/// Which pieces of an array are packed: the first ones, and all others if half of their values are zero.
+/// Which pieces of an array are packed: the first ones, and all others as long as few of their values are not zero.
+/// With more of them a thread takes longer to put them into their places than they take to cross the bus.
 class Packing {
  public:
   explicit Packing(bool possible) : possible_(possible) {}
 
   bool next(std::size_t piece) {
-    const bool packs = possible_ && 2 * others_.load() <= all_.load();
+    const bool packs = possible_ && double(others_.load()) <= few_others * double(all_.load());
     return packed_[piece % slots] = packs;
   }
   bool of(std::size_t piece) const { return packed_[piece % slots]; }
