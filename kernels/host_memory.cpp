@@ -2,8 +2,10 @@
 
 #include "kernels/device.hpp"
 #include "kernels/piece_relay.hpp"
+#include "kernels/sparse_pieces.hpp"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <exception>
 #include <thread>
@@ -34,6 +36,32 @@ constexpr std::size_t sent_bytes = std::size_t(1) << 18;  ///< per piece on its 
 constexpr std::size_t parts = 16;                         ///< per piece, one thread each
 constexpr int most_helpers = 8;                           ///< threads that empty the ring; more than the transfer needs
 constexpr std::size_t alone_bytes = std::size_t(1) << 19;  ///< below it, one thread finishes before others wake up
+constexpr std::size_t many_bytes = std::size_t(1) << 24;   ///< of an array: as many as the ring has
+constexpr double few_others = 0.4;                         ///< of the values of an array
+constexpr std::size_t slot_masks = piece_bytes / sizeof(double) / segment_values * segment_masks;
+constexpr std::size_t masks_bytes = slot_masks * sizeof(std::uint64_t);
+
+/// Which pieces of an array are packed: the first ones, and all others as long as few of their values are not zero.
+/// With more of them a thread takes longer to put them into their places than they take to cross the bus.
+class Packing {
+ public:
+  explicit Packing(bool possible) : possible_(possible) {}
+
+  bool next(std::size_t piece) {
+    const bool packs = possible_ && double(others_.load()) <= few_others * double(all_.load());
+    return packed_[piece % slots] = packs;
+  }
+  bool of(std::size_t piece) const { return packed_[piece % slots]; }
+  void found(std::size_t others, std::size_t all) {
+    others_ += others;
+    all_ += all;
+  }
+
+ private:
+  bool possible_;
+  std::array<bool, slots> packed_{};
+  std::atomic<std::size_t> others_ = 0, all_ = 0;  ///< values of packed pieces that are not zero, and all of them
+};
 
 }  // namespace
 
@@ -59,10 +87,14 @@ Fetcher::~Fetcher() {
 }
 
 void Fetcher::make() {
-  if (!stream_) check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
+  if (!stream_) {  // pieces are packed while other kernels fill the device
+    int least = 0, greatest = 0;
+    check(cudaDeviceGetStreamPriorityRange(&least, &greatest), "asking the device");
+    check(cudaStreamCreateWithPriority(&stream_, cudaStreamNonBlocking, greatest), "making a stream");
+  }
   for (cudaEvent_t* event : {&ready_, &sent_})
     if (!*event) check(cudaEventCreateWithFlags(event, cudaEventDisableTiming), "making an event");
-  if (!ring_) check(cudaMallocHost(&ring_, slots * piece_bytes), "allocating pinned memory");
+  if (!ring_) check(cudaMallocHost(&ring_, slots * (piece_bytes + masks_bytes)), "allocating pinned memory");
   while (copied_.size() < slots) {
     cudaEvent_t event = nullptr;
     check(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "making an event");
@@ -86,9 +118,19 @@ void Fetcher::fetch(const double* from, std::size_t step, double* to, std::size_
   check(cudaStreamWaitEvent(stream_, ready_, 0), "copying rows");
   const auto slot = [&](std::size_t piece) { return ring_ + piece % slots * (piece_bytes / sizeof(double)); };
   const auto count = [&](std::size_t piece) { return std::min(together, rows - piece * together); };
+  const auto masks = [&](std::size_t piece) {
+    return reinterpret_cast<std::uint64_t*>(ring_ + slots * (piece_bytes / sizeof(double))) +
+           piece % slots * slot_masks;
+  };
+  const bool large = rows * pitch >= many_bytes;
+  Packing packing(large);
   const auto start = [&](std::size_t piece) {
     const double* const source = from + piece * together * step;
-    check(cudaMemcpyAsync(slot(piece), source, count(piece) * pitch, cudaMemcpyDeviceToHost, stream_), "copying rows");
+    if (packing.next(piece))
+      pack_segments(source, count(piece) * step, slot(piece), masks(piece), stream_);
+    else
+      check(cudaMemcpyAsync(slot(piece), source, count(piece) * pitch, cudaMemcpyDeviceToHost, stream_),
+            "copying rows");
     check(cudaEventRecord(copied_[piece % slots], stream_), "copying rows");
   };
   const auto arrived = [&](std::size_t piece) {
@@ -98,13 +140,23 @@ void Fetcher::fetch(const double* from, std::size_t step, double* to, std::size_
     return true;
   };
   const auto take_out = [&](std::size_t piece, std::size_t part) {
-    const std::size_t all = count(piece), first = all * part / parts, last = all * (part + 1) / parts;
-    if (step == cols) {
-      std::copy_n(slot(piece) + first * step, (last - first) * step, to + (piece * together + first) * cols);
+    if (packing.of(piece)) {
+      const std::size_t values = count(piece) * step, all = segments_of(values);
+      const std::size_t first = all * part / parts, last = all * (part + 1) / parts;
+      const PaddedRows shape = step == cols ? PaddedRows{values, values, 1} : PaddedRows{step, cols, count(piece)};
+      packing.found(unpack_segments(slot(piece), masks(piece), first, last, shape, to + piece * together * cols),
+                    std::min(last * segment_values, values) - std::min(first * segment_values, values));
       return;
     }
-    for (std::size_t j = first; j < last; ++j)
-      std::copy_n(slot(piece) + j * step, cols, to + (piece * together + j) * cols);
+    const std::size_t all = count(piece), first = all * part / parts, last = all * (part + 1) / parts;
+    const auto copy =
+        large ? stream_copy : [](const double* in, std::size_t values, double* out) { std::copy_n(in, values, out); };
+    if (step == cols) {
+      copy(slot(piece) + first * step, (last - first) * step, to + (piece * together + first) * cols);
+    } else {
+      for (std::size_t j = first; j < last; ++j) copy(slot(piece) + j * step, cols, to + (piece * together + j) * cols);
+    }
+    if (large) end_streams();
   };
   PieceRelay relay((rows + together - 1) / together, parts, slots, start, arrived, take_out);
   relay.advance();  // starts the first pieces while helpers wake up

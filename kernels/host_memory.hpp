@@ -30,7 +30,7 @@ class PinnedSlots {
 };
 
 /// Copies arrays to pageable host memory through a ring of pinned pieces, which several threads empty while the next
-/// pieces arrive.
+/// pieces arrive. Of large arrays with many zeros the other values alone cross the bus (kernels/sparse_pieces.hpp).
 class Fetcher {
  public:
   explicit Fetcher(int device);
@@ -61,7 +61,7 @@ class Fetcher {
   bool busy_ = false;  ///< a nested `fetch` or `each_range` does without ring and helpers
   Helpers helpers_;
   cudaStream_t stream_ = nullptr;
-  double* ring_ = nullptr;
+  double* ring_ = nullptr;  ///< slots, then the masks of packed pieces
   cudaEvent_t ready_ = nullptr;
   cudaEvent_t sent_ = nullptr;       ///< after the last piece that left the ring
   std::vector<cudaEvent_t> copied_;  ///< one per slot of the ring

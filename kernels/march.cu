@@ -377,6 +377,20 @@ class ModalMarch final : public March {
   MarchReport polled_;  ///< sum of runs that were not queued
 };
 
+// M symmetric with a dominant diagonal, and W_0 = S diag(w0) S with w0 > 0: the sum is positive definite. To find that
+// by a factorization takes longer than most of the rest of the plan.
+bool is_positive_sum(const LcpMatrix& matrix, const ModalRecurrence& r) {
+  const auto* M = std::get_if<Tridiagonal>(&matrix);
+  if (!M || !(r.w0.minCoeff() > 0)) return false;
+  const Index n = M->diagonal.size();
+  for (Index i = 0; i < n; ++i) {
+    const double left = i > 0 ? M->lower[i] : 0, right = i + 1 < n ? M->upper[i] : 0;
+    if (i > 0 && left != M->upper[i - 1]) return false;
+    if (!(M->diagonal[i] >= std::abs(left) + std::abs(right))) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 std::unique_ptr<March> make_march(const Device& device, Backend& host, const MarchProblem& problem, Index rows) {
@@ -385,7 +399,7 @@ std::unique_ptr<March> make_march(const Device& device, Backend& host, const Mar
     const StepKernel kernel(device, modal->modes(), modal->exponentials());
     if (kernel.fits()) {
       const Matrix implicit = to_dense(*problem.M) + implicit_part(*modal);
-      if (has_one_solution(classify(LcpMatrix(implicit))))
+      if (is_positive_sum(*problem.M, *modal) || has_one_solution(classify(LcpMatrix(implicit))))
         return std::make_unique<ModalMarch>(device, host, problem, *modal, implicit, kernel, rows);
     }
   }

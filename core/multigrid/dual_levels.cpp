@@ -114,15 +114,36 @@ struct GridPlan {
   bool coarsest, has_sources;
 };
 
-// Adds a grid; false if V is refused there.
-bool add_dual_grid(TimeOperator& finest, const GridPlan& plan, std::optional<DualWeights>& V, DualLevels& all) {
+// The problem of a grid; nothing on the finest one, which has it.
+DualLevels::Grid problem_of_grid(TimeOperator& finest, const GridPlan& plan) {
   DualLevels::Grid grid;
-  if (plan.steps < finest.problem().J) {
-    grid.problem = std::make_unique<DiscreteProblem>(coarser(finest.problem(), plan.steps));
-    grid.op = make_time_operator(*grid.problem);
-  }
+  if (plan.steps == finest.problem().J) return grid;
+  grid.problem = std::make_unique<DiscreteProblem>(coarser(finest.problem(), plan.steps));
+  grid.op = make_time_operator(*grid.problem);
+  return grid;
+}
+
+// V of all grids where they have the fit of the first one in common and need nothing else: on all threads. Empty: V of
+// a grid is made when its turn comes.
+std::vector<DualChoice> dual_weights_ahead(TimeOperator& finest, const std::vector<GridPlan>& plan,
+                                           const std::vector<DualLevels::Grid>& grids) {
+  const DiscreteProblem& p = finest.problem();
+  if (!p.modes() || p.small_state()) return {};
+  std::vector<DualChoice> all(plan.size());
+  all[0] = dual_weights(p, plan[0].stages, nullptr);
+  if (!all[0].weights) return all;
+  share_each(p.backend, Index(plan.size()) - 1, [&](Index i) {
+    const std::size_t l = std::size_t(i) + 1;
+    all[l] = dual_weights(grids[l].problem ? *grids[l].problem : p, plan[l].stages, &*all[0].weights);
+  });
+  return all;
+}
+
+// Adds a grid; false if V is refused there.
+bool add_dual_grid(TimeOperator& finest, const GridPlan& plan, DualLevels::Grid grid, DualChoice* ahead,
+                   std::optional<DualWeights>& V, DualLevels& all) {
   TimeOperator& op = grid.op ? *grid.op : finest;
-  DualChoice choice = dual_weights(op.problem(), plan.stages, V ? &*V : nullptr);
+  DualChoice choice = ahead ? std::move(*ahead) : dual_weights(op.problem(), plan.stages, V ? &*V : nullptr);
   if (!choice.weights) {
     all.refusal = std::move(choice.refusal);
     return false;
@@ -209,9 +230,12 @@ std::unique_ptr<DualLevels> dual_levels(TimeOperator& op, Index stages, const Op
   const std::vector<GridPlan> plan = plan_grids(steps, stages);
   all->stages = stages;
   all->P.reserve(plan.size());
+  std::vector<DualLevels::Grid> grids;
+  for (const GridPlan& grid : plan) grids.push_back(problem_of_grid(op, grid));
+  std::vector<DualChoice> ahead = dual_weights_ahead(op, plan, grids);
   std::optional<DualWeights> V;  // of the grid added last
-  for (const GridPlan& grid : plan)
-    if (!add_dual_grid(op, grid, V, *all)) {
+  for (std::size_t l = 0; l < plan.size(); ++l)
+    if (!add_dual_grid(op, plan[l], std::move(grids[l]), ahead.empty() ? nullptr : &ahead[l], V, *all)) {
       all->levels.grids.clear();
       return all;
     }

@@ -259,6 +259,21 @@ TEST_P(BackendArrays, LargeArraysComeBackWhole) {
   }
 }
 
+// Zeros of an array above 16 MB may stay on a device: mostly zero, zero in the first half alone, and -0, which is not.
+TEST_P(BackendArrays, LargeArraysOfZerosComeBackWhole) {
+  for (const auto& [rows, n] : {std::pair<Index, Index>{17000, 127}, {530000, 4}, {240000, 9}}) {
+    RowMatrix values = Random(19).matrix(rows, n);
+    values = (values.array() > -0.6).select(0, values);
+    values(rows / 2, 1) = values(rows - 1, n - 1) = -0.0;
+    const RowMatrix back = host(*device(values));
+    EXPECT_EQ(back, values) << rows << ' ' << n;
+    EXPECT_TRUE(std::signbit(back(rows / 2, 1)) && std::signbit(back(rows - 1, n - 1)));
+    values.topRows(rows / 2).setZero();
+    values.bottomRows(rows / 2).setConstant(3);
+    EXPECT_EQ(host(*device(values)), values) << rows << ' ' << n;
+  }
+}
+
 // A plan is made once and run again with the right-hand side of every cycle.
 TEST_P(BackendArrays, MarchReadsItsResponseAnew) {
   const Index rows = 40;
