@@ -4,8 +4,8 @@
 #include "core/dynamics/sparse.hpp"
 
 #include "core/dynamics/dense.hpp"
-#include "core/dynamics/matrix_system.hpp"
 #include "core/dynamics/sparse_solves.hpp"
+#include "core/dynamics/sparse_system.hpp"
 #include "core/dynamics/spectrum.hpp"
 
 #include <Eigen/SparseLU>
@@ -52,59 +52,51 @@ class SparseShift final : public ShiftedSystem<Scalar> {
   bool regular_ = false;
 };
 
-class SparseSystem final : public MatrixSystem<SparseDynamics> {
- public:
-  using MatrixSystem::MatrixSystem;
-
-  SparseMatrix inputs() const override { return d.B; }
-  SparseMatrix outputs() const override { return d.N; }
-
-  // Where E^{-1} E v is far from v, E is singular to rounding though no pivot vanished.
-  bool has_singular_mass() const override {
-    if (!has_mass()) return false;
-    SparseMatrix E = d.E;
-    E.makeCompressed();
-    Eigen::SparseLU<SparseMatrix> lu(E);
-    if (lu.info() != Eigen::Success) return true;
-    const Vector v = Vector::NullaryExpr(E.rows(), [](Index i) { return 1 + std::sin(double(i * i)); });
-    const Vector found = lu.solve(Vector(E * v));
-    return !((found - v).cwiseAbs().maxCoeff() <= 1e-2);
-  }
-  SparseMatrix rates_of_inputs(double) const override {
-    if (!has_mass()) return d.B;
-    SparseMatrix E = d.E;
-    E.makeCompressed();
-    const Eigen::SparseLU<SparseMatrix> lu(E);
-    return Matrix(lu.solve(Matrix(d.B))).sparseView(0, 0);
-  }
-
-  Spectrum spectrum() const override {
-    constexpr Index exact_size = 256;  // 25 m^3 operations: below a second
-    if (d.A.rows() > exact_size) return d.E.rows() > 0 ? sparse_spectrum(d.A, d.E) : sparse_spectrum(d.A);
-    return dense_spectrum({Matrix(d.A), {}, {}, Matrix(d.E)});
-  }
-
-  std::unique_ptr<ShiftedSystem<Complex>> at_shift(Complex z) const override { return factorized(z); }
-  std::unique_ptr<ShiftedSystem<double>> at_shift(double z) const override { return factorized(z); }
-
-  const SparseDynamics* matrices() const override { return &d; }
-  std::shared_ptr<const DenseDynamics> dense_form() const override {
-    require_dense_size(d.A.rows());
-    return std::make_shared<DenseDynamics>(DenseDynamics{Matrix(d.A), Matrix(d.B), Matrix(d.N), Matrix(d.E)});
-  }
-
- private:
-  template <class Scalar>
-  std::unique_ptr<ShiftedSystem<Scalar>> factorized(Scalar z) const {
-    auto made = std::make_unique<SparseShift<Scalar>>(d, z);
-    return made->regular() ? std::move(made) : nullptr;
-  }
-  ComplexMatrix solve_at(const ComplexVector& nodes, const HostThreads& threads) const override {
-    return multifrontal::sparse_shifted_solves(d.A, d.E, d.B, d.N, nodes, threads);
-  }
-};
+template <class Scalar>
+std::unique_ptr<ShiftedSystem<Scalar>> factorized(const SparseDynamics& d, Scalar z) {
+  auto made = std::make_unique<SparseShift<Scalar>>(d, z);
+  return made->regular() ? std::move(made) : nullptr;
+}
 
 }  // namespace
+
+// Where E^{-1} E v is far from v, E is singular to rounding though no pivot vanished.
+bool SparseSystem::has_singular_mass() const {
+  if (!has_mass()) return false;
+  SparseMatrix E = d.E;
+  E.makeCompressed();
+  Eigen::SparseLU<SparseMatrix> lu(E);
+  if (lu.info() != Eigen::Success) return true;
+  const Vector v = Vector::NullaryExpr(E.rows(), [](Index i) { return 1 + std::sin(double(i * i)); });
+  const Vector found = lu.solve(Vector(E * v));
+  return !((found - v).cwiseAbs().maxCoeff() <= 1e-2);
+}
+
+SparseMatrix SparseSystem::rates_of_inputs(double) const {
+  if (!has_mass()) return d.B;
+  SparseMatrix E = d.E;
+  E.makeCompressed();
+  const Eigen::SparseLU<SparseMatrix> lu(E);
+  return Matrix(lu.solve(Matrix(d.B))).sparseView(0, 0);
+}
+
+Spectrum SparseSystem::spectrum() const {
+  constexpr Index exact_size = 256;  // 25 m^3 operations: below a second
+  if (d.A.rows() > exact_size) return d.E.rows() > 0 ? sparse_spectrum(d.A, d.E) : sparse_spectrum(d.A);
+  return dense_spectrum({Matrix(d.A), {}, {}, Matrix(d.E)});
+}
+
+std::unique_ptr<ShiftedSystem<Complex>> SparseSystem::at_shift(Complex z) const { return factorized(d, z); }
+std::unique_ptr<ShiftedSystem<double>> SparseSystem::at_shift(double z) const { return factorized(d, z); }
+
+std::shared_ptr<const DenseDynamics> SparseSystem::dense_form() const {
+  require_dense_size(d.A.rows());
+  return std::make_shared<DenseDynamics>(DenseDynamics{Matrix(d.A), Matrix(d.B), Matrix(d.N), Matrix(d.E)});
+}
+
+ComplexMatrix SparseSystem::solve_at(const ComplexVector& nodes, const HostThreads& threads) const {
+  return multifrontal::sparse_shifted_solves(d.A, d.E, d.B, d.N, nodes, threads);
+}
 
 std::shared_ptr<LinearSystem> linear_system(SparseDynamics d) { return std::make_shared<SparseSystem>(std::move(d)); }
 
