@@ -1,11 +1,10 @@
 // Sparse dynamics: known by shifted solves, one elimination for all nodes of a contour (sparse_solves.hpp) or one
 // factorization for all steps.
 
-#include "core/dynamics/sparse.hpp"
+#include "core/dynamics/sparse_system.hpp"
 
 #include "core/dynamics/dense.hpp"
 #include "core/dynamics/sparse_solves.hpp"
-#include "core/dynamics/sparse_system.hpp"
 #include "core/dynamics/spectrum.hpp"
 
 #include <Eigen/SparseLU>
