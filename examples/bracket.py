@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Finite elements: a bracket with a hole is pressed against a curved foundation.
 
-    python3 examples/bracket.py [--cells 8] [--steps 200] [--compliance 0] [--out FOLDER] [--convergence [--json FILE]]
+    python3 examples/bracket.py [--cells 8] [--steps 200] [--compliance 0] [--out FOLDER] [--convergence]
 
 Plane strain, P1 triangles, a viscoelastic solid (Kelvin and Voigt), inertia neglected. With the displacement u at the nodes,
 stiffness K(lambda, mu) and viscosity C = K(eta lambda_v, eta mu_v),
@@ -14,10 +14,9 @@ The left side is clamped, the traction phi(t) acts downwards on the upper side.
 
 The matrices are assembled with NumPy and SciPy here. Those of any other finite-element code are handed over in the same way.
 --out writes bracket.vtkhdf, the mesh with displacement, pressure and gap over time for ParaView, and bracket.png.
---convergence solves on finer grids and meshes and prints errors and orders, --json writes the errors.
+--convergence solves on finer grids and meshes and prints errors and orders.
 """
 import argparse
-import json
 import math
 import pathlib
 
@@ -253,20 +252,23 @@ def mesh_errors(cells, finest, steps, compliance=0.0):
     return of_force, of_gap, of_length
 
 
-def print_convergence(file):
-    numbers = lambda values: "  ".join(f"{v:.2e}" for v in values)
+def convergence():
+    """Rows of errors and orders."""
     rows = []
     for compliance in (0.0, 1e-2):
         steps, cells = [25, 50, 100, 200], [4, 8, 16]
-        print(f"compliance {compliance:g}")
         in_time = zip(("pressure", "contact set"), time_errors(8, steps, 1600, compliance))
         in_mesh = zip(("force", "gap", "length in contact"), mesh_errors(cells, 32, 200, compliance))
         for sizes, of, found in ((steps, "steps", in_time), (cells, "cells", in_mesh)):
             for name, errors in found:
-                print(f"  {of} {sizes}: {name} {numbers(errors)}, orders {numbers(orders(sizes, errors))}")
                 rows.append(dict(compliance=compliance, of=of, sizes=sizes, name=name, errors=errors, orders=orders(sizes, errors)))
-    if file:
-        file.write_text(json.dumps(dict(bench="bracket", version=bromwich.__version__, rows=rows), indent=1) + "\n")
+    return rows
+
+
+def print_convergence():
+    numbers = lambda values: "  ".join(f"{v:.2e}" for v in values)
+    for row in convergence():
+        print(f"compliance {row['compliance']:g}, {row['of']} {row['sizes']}: {row['name']} {numbers(row['errors'])}, orders {numbers(row['orders'])}")
 
 
 def main():
@@ -276,10 +278,9 @@ def main():
     parser.add_argument("--compliance", type=float, default=0.0)
     parser.add_argument("--out", type=pathlib.Path)
     parser.add_argument("--convergence", action="store_true")
-    parser.add_argument("--json", type=pathlib.Path, metavar="FILE")
     given = parser.parse_args()
     if given.convergence:
-        return print_convergence(given.json)
+        return print_convergence()
     result, about = solve(given.cells, given.steps, given.compliance, states="all" if given.out else "none")
     total = force(result, about)
     print(f"{2 * len(about['points'])} unknowns, {result.y.shape[1]} contacts, {given.steps} steps: {result.status}")

@@ -165,14 +165,16 @@ def sparse(data):
 
 
 def fields(data):
-    """Both contestants with equal steps and at equal error."""
+    """Both contestants with equal steps and at equal error. 10^6 states have no reference."""
+    error = lambda value: "" if value is None else number(value)
     lines = ["| states | contacts | compliance | at | | steps | by Euler | error of w | mean error of y | set-up | whole solve | min to max | memory |"]
     lines.append("|--" * 13 + "|")
     for row in data["rows"]:
         time, euler = row["seconds"], row["contestant"] == "sparse euler"
+        threads = f", {row['threads']} threads" if "threads" in row else ""
         lines.append(
-            f"| {row['states']} | {row['constraints']} | {row['parameters']['compliance']:g} | {row['at']} | {row['contestant']} | "
-            f"{row['steps']} | {'' if euler else row['euler_steps']} | {number(row['error_w_max'])} | {number(row['error_y_mean'])} | "
+            f"| {row['states']} | {row['constraints']} | {row['parameters']['compliance']:g} | {row['at']} | {row['contestant']}{threads} | "
+            f"{row['steps']} | {'' if euler else row['euler_steps']} | {error(row['error_w_max'])} | {error(row['error_y_mean'])} | "
             f"{seconds(time['setup'])} | {seconds(time['median'])} | {seconds(time['min'])} to {seconds(time['max'])} | "
             f"{row['bytes'] / 1e6:.0f} MB |"
         )
@@ -202,8 +204,8 @@ def scale(data):
 
 def fields_peers(data):
     """Each contestant at equal error, then factorizations beside SuiteSparse."""
-    lines = ["| states | compliance | | steps | error of w | mean error of y | set-up | whole solve | min to max | times march |"]
-    lines.append("|--" * 10 + "|")
+    lines = ["| states | compliance | | steps | error of w | mean error of y | set-up | whole solve | min to max | times march | memory |"]
+    lines.append("|--" * 11 + "|")
     march = 1.0
     for row in data["rows"]:
         time, stopped = row["seconds"], row["status"].startswith("stopped")
@@ -212,7 +214,7 @@ def fields_peers(data):
         lines.append(
             f"| {row['states']} | {row['parameters']['compliance']:g} | {row['contestant']} | {row['steps']} | {errors[0]} | "
             f"{errors[1]} | {seconds(time['setup'])} | {'about ' if stopped else ''}{seconds(time['median'])} | "
-            f"{seconds(time['min'])} to {seconds(time['max'])} | {time['median'] / march:.1f} |"
+            f"{seconds(time['min'])} to {seconds(time['max'])} | {time['median'] / march:.1f} | {(row.get('peak_bytes') or row['bytes']) / 1e6:.0f} MB |"
         )
     for found in data["factors"]:
         node, eigen, cholmod = found["node"], found["eigen"], found["cholmod"]
@@ -222,6 +224,7 @@ def fields_peers(data):
                   f"{seconds(cholmod['solve'])}."]
     stopped = any(row["status"].startswith("stopped") for row in data["rows"])
     about = "\"About\": PETSc was stopped, and its time is that of all steps at the pace of those done. " if stopped else ""
+    about += "Memory of march and PETSc: of the process with Python; of the Euler: as it counts it. "
     return lines + ["", f"{about}{machine(data)}, {data['repeats']} rounds."]
 
 
@@ -279,4 +282,4 @@ def bracket(data):
         sizes, errors = (", ".join(texts) for texts in (map(str, row["sizes"]), map(number, row["errors"])))
         orders = ", ".join(f"{order:.1f}" for order in row["orders"])
         lines.append(f"| {row['compliance']:g} | {row['name']} | {row['of']} {sizes} | {errors} | {orders} |")
-    return lines
+    return lines + ["", f"Written by `scripts/bench_bracket`. {machine(data)}."]

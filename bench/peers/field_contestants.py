@@ -4,6 +4,7 @@ import json
 import os
 import pathlib
 import subprocess
+import sys
 
 import numpy as np
 
@@ -14,26 +15,16 @@ one_thread = dict(os.environ, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 class March:
     name, scheme = "bromwich march", "Radau IIA or linear y"
 
-    def __init__(self, field, _folder, threads):
-        import bromwich
-
-        self.solve, self.field, self.threads = bromwich.solve, field, threads
+    def __init__(self, field, folder, threads):
+        self.field, self.folder, self.threads = field, pathlib.Path(folder), threads
 
     def run(self, steps):
-        f = self.field
-        g = f.g(steps)
-        result = self.solve(
-            A=f.A, B=f.B, N=f.N, M=f.M, g=g, x0=np.zeros(f.A.shape[0]), T=f.T, steps=steps, method="march",
-            threads=self.threads,
-        )  # fmt: skip
-        facts = {
-            "status": str(result.status),
-            "kernel": result.kernel,
-            "kernel_error": result.kernel_error if np.isfinite(result.kernel_error) else None,
-            "bytes": int(result.bytes),
-            "seconds": {"total": result.timings["total"], "setup": result.timings["setup"]},
-        }
-        return result.y, result.w, facts
+        problem, result = self.folder / "march.npz", self.folder / "march-result.npz"
+        write_arrays(self.field, steps, problem)
+        program = [sys.executable, str(here / "field_march.py")]
+        answer = last_line([*program, str(problem), str(result), str(self.threads)], os.environ)
+        found = np.load(result)
+        return found["y"], found["w"], answer
 
 
 class SparseEuler:
@@ -67,12 +58,8 @@ class Petsc:
         self.field, self.folder, self.limit = field, pathlib.Path(folder), limit
 
     def run(self, steps):
-        f, problem, result = self.field, self.folder / "petsc.npz", self.folder / "petsc-result.npz"
-        A = f.A.tocsr()
-        np.savez(
-            problem, m=A.shape[0], data=A.data, indices=A.indices, starts=A.indptr, contacts=f.contacts, b=f.b,
-            g=f.g(steps), T=f.T, compliance=f.compliance,
-        )  # fmt: skip
+        problem, result = self.folder / "petsc.npz", self.folder / "petsc-result.npz"
+        write_arrays(self.field, steps, problem)
         answer = last_line(["/usr/bin/python3", str(here / "field_petsc.py"), str(problem), str(result), str(self.limit)])
         found, done = np.load(result), answer["steps"]
         facts = {
@@ -80,10 +67,20 @@ class Petsc:
             "steps_done": done,
             "newton_iterations": answer["newton"],
             "solver": answer["solver"],
+            "peak_bytes": answer["peak_bytes"],
             "seconds": {"total": answer["setup"] + answer["loop"] * steps / done, "setup": answer["setup"]},
             "seconds_measured": answer["setup"] + answer["loop"],
         }
         return found["y"], found["w"], facts
+
+
+def write_arrays(f, steps, path):
+    """As field_march.py and field_petsc.py read it."""
+    A = f.A.tocsr()
+    np.savez(
+        path, m=A.shape[0], data=A.data, indices=A.indices, starts=A.indptr, contacts=f.contacts, b=f.b, g=f.g(steps), T=f.T,
+        compliance=f.compliance,
+    )  # fmt: skip
 
 
 def write_problem(f, steps, path):
@@ -108,8 +105,8 @@ def factors(field, folder, program, repeats):
     return medians
 
 
-def last_line(command):
-    run = subprocess.run(command, capture_output=True, text=True, env=one_thread)
+def last_line(command, environment=one_thread):
+    run = subprocess.run(command, capture_output=True, text=True, env=environment)
     lines = run.stdout.strip().splitlines()
     if run.returncode != 0 or not lines:
         raise SystemExit(f"bench_fields_peers: {command[0]}: {run.stderr.strip() or run.returncode}")

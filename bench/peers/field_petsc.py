@@ -6,7 +6,7 @@ field_petsc.py PROBLEM.npz RESULT.npz SECONDS
 M = 0: a variational inequality in x, bounded below by -g at the contacts; y is what is left of the equations there.
 M > 0: in (x, y), bounded below by 0 in y. SNESVINEWTONRSLS solves each step: Newton's method on the free unknowns, with a
 sparse LU or Cholesky factorization of their block in every iteration. It stops after SECONDS of time stepping, and
-prints {"setup", "loop", "steps", "newton", "solver"}.
+prints {"setup", "loop", "steps", "newton", "solver", "peak_bytes"}.
 """
 import glob
 import json
@@ -17,6 +17,7 @@ import numpy as np
 
 sys.path[:0] = glob.glob("/usr/lib/petscdir/petsc3*/*-real/lib/python3/dist-packages")
 import petsc4py  # noqa: E402
+from memory import peak_bytes  # noqa: E402
 
 petsc4py.init(["field_petsc"])
 from petsc4py import PETSc  # noqa: E402
@@ -160,6 +161,7 @@ class Stepper:
 def main(problem, result, limit):
     y, w, answer = Stepper(np.load(problem)).solve(float(limit))
     np.savez(result, y=y, w=w)
+    answer["peak_bytes"] = peak_bytes()
     print("\n" + json.dumps(answer))
 
 

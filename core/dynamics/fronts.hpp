@@ -90,7 +90,8 @@ class Fronts {
         column_place_(std::size_t(inputs_)),
         front_(std::size_t(s_.plan.largest_front)),
         stack_(std::size_t(s_.plan.largest_stack)),
-        result_(std::size_t(s_.N.rows() * inputs_)) {}
+        result_(std::size_t(s_.N.rows() * inputs_)),
+        U_(std::size_t(panel * (block + 1))) {}
 
   /// Afterwards result(i, c) is the entry (i, c) of N (zE - A)^{-1} [B, (zE - A) u], a lane for each z.
   void run(const Entry& z) {
@@ -205,37 +206,43 @@ class Fronts {
           for (Index i = s_.symmetric ? j : p + 1; i < rows_; ++i) subtract_product(at(i, j), at(i, p), u);
         }
       }
-      // Tiles do not cross from the rest to the inputs, where symmetry ends.
-      for (Index j = last; j < main_; j += tile_columns)
-        update_columns(first, last, j, std::min(tile_columns, main_ - j));
-      for (Index j = main_; j < cols_; j += tile_columns)
-        update_columns(first, last, j, std::min(tile_columns, cols_ - j));
+      // Blocks do not cross from the rest to the inputs, where symmetry ends.
+      for (Index j = last; j < main_; j += block) update_columns(first, last, j, std::min(block, main_ - j));
+      for (Index j = main_; j < cols_; j += block) update_columns(first, last, j, std::min(block, cols_ - j));
     }
   }
 
-  // Updates `count` columns from j on, below and to the right of the panel.
+  // Updates `count` columns from j on, below and to the right of the panel. A tile of L stays in the first cache while
+  // it meets all columns of the block, which stay in the second one.
   void update_columns(Index first, Index last, Index j, Index count) {
-    Entry U[panel * tile_columns];
+    const bool symmetric = s_.symmetric && j < main_;
     const Index width = last - first;
-    for (Index c = 0; c < tile_columns; ++c) {
-      Entry* u = U + c * width;
-      if (c >= count) {
-        std::fill_n(u, width, Entry{all(0), all(0)});
+    for (Index c = 0; c < count; ++c) find_row(first, width, j + c, symmetric, &U_[std::size_t(c * width)]);
+    const Index odd = (tile_columns - count % tile_columns) % tile_columns;
+    std::fill_n(&U_[std::size_t(count * width)], odd * width, Entry{all(0), all(0)});
+    Index i = symmetric ? j : last;
+    for (; i + tile_rows <= rows_; i += tile_rows) update_row_of_tiles<tile_rows>(i, j, first, width, count, symmetric);
+    for (; i < rows_; ++i) update_row_of_tiles<1>(i, j, first, width, count, symmetric);
+  }
+
+  // Column j of U in the rows of the panel.
+  void find_row(Index first, Index width, Index j, bool symmetric, Entry* u) {
+    for (Index p = 0; p < width; ++p) {
+      if (symmetric) {
+        u[p] = product(at(j, first + p), at(first + p, first + p));
         continue;
       }
-      if (s_.symmetric && j + c < main_) {
-        for (Index p = 0; p < width; ++p) u[p] = product(at(j + c, first + p), at(first + p, first + p));
-        continue;
-      }
-      for (Index p = 0; p < width; ++p) {
-        u[p] = at(first + p, j + c);
-        for (Index q = 0; q < p; ++q) subtract_product(u[p], at(first + p, first + q), u[q]);
-      }
+      u[p] = at(first + p, j);
+      for (Index q = 0; q < p; ++q) subtract_product(u[p], at(first + p, first + q), u[q]);
     }
-    const Index start = s_.symmetric && j < main_ ? j : last;
-    Index i = start;
-    for (; i + tile_rows <= rows_; i += tile_rows) update_tile<tile_rows>(i, j, first, width, U, count);
-    for (; i < rows_; ++i) update_tile<1>(i, j, first, width, U, count);
+  }
+
+  // By symmetry what is above the diagonal is not needed.
+  template <Index height>
+  void update_row_of_tiles(Index i, Index j, Index first, Index width, Index count, bool symmetric) {
+    const Index columns = symmetric ? std::min(count, i + height - j) : count;
+    for (Index c = 0; c < columns; c += tile_columns)
+      update_tile<height>(i, j + c, first, width, &U_[std::size_t(c * width)], std::min(tile_columns, count - c));
   }
 
   template <Index height>
@@ -263,7 +270,7 @@ class Fronts {
     remainders_.push_back(f);
   }
 
-  static constexpr Index panel = 32;
+  static constexpr Index panel = 32, block = 16;  // a block of U has 64 KB
 #if defined(__AVX512F__)
   static constexpr Index tile_rows = 4, tile_columns = 2;  // accumulators take 16 of 32 registers
 #else
@@ -273,7 +280,7 @@ class Fronts {
   const System& s_;
   Index inputs_;
   std::vector<int> place_, row_place_, column_place_;
-  std::vector<Entry> front_, stack_, result_;
+  std::vector<Entry> front_, stack_, result_, U_;
   std::vector<std::size_t> remainders_;
   Index top_ = 0, rows_ = 0, cols_ = 0, pivots_ = 0, main_ = 0;
   Entry z_{};

@@ -6,6 +6,7 @@
 #include "core/dynamics/rectangle.hpp"
 
 #include "core/base/require.hpp"
+#include "core/dynamics/grid_system.hpp"
 #include "core/dynamics/kronecker.hpp"
 #include "core/dynamics/sparse.hpp"
 
@@ -64,11 +65,16 @@ SparseMatrix of_sides(const Rectangle& r, const Vector& near, const Vector& far)
   return found;
 }
 
-// The Kronecker sum of all directions, the slowest first.
-SparseMatrix sum_of(const Rectangle& r) {
+// The slowest first.
+std::vector<SparseMatrix> directions_of(const Rectangle& r) {
   std::vector<SparseMatrix> directions{r.along.matrix()};
   for (const GridLine& line : r.beside) directions.push_back(line.matrix());
   directions.push_back(r.across.matrix());
+  return directions;
+}
+
+// The Kronecker sum of all directions.
+SparseMatrix sum_of(const Rectangle& r, const std::vector<SparseMatrix>& directions) {
   const Index m = r.states();
   std::vector<Eigen::Triplet<double>> entries;
   entries.reserve(directions.size() * 3 * std::size_t(m));
@@ -166,8 +172,11 @@ std::shared_ptr<LinearSystem> linear_system(Rectangle r) {
   r.validate();
   if (!r.written_out)
     if (auto modes = r.in_modes()) return linear_system(std::move(*modes));
-  return linear_system(SparseDynamics{sum_of(r), of_sides(r, r.b, r.far_b),
-                                      SparseMatrix(of_sides(r, r.n, r.far_n).transpose()), SparseMatrix()});
+  const std::vector<SparseMatrix> directions = directions_of(r);
+  SparseDynamics d{sum_of(r, directions), of_sides(r, r.b, r.far_b),
+                   SparseMatrix(of_sides(r, r.n, r.far_n).transpose()), SparseMatrix()};
+  if (auto modes = GridModes::of(directions, r.reaction)) return std::make_shared<GridSystem>(std::move(d), modes);
+  return linear_system(std::move(d));
 }
 
 }  // namespace bromwich

@@ -58,7 +58,7 @@ double EventRows::residual(const Result& r) const {
 }
 
 OtherSolution EventRows::other(const Result& r) const {
-  return p_.lcp_class == LcpClass::P ? OtherSolution{} : other_solution(p_, r, states_);
+  return has_one_solution(p_.lcp_class) ? OtherSolution{} : other_solution(p_, r, states_);
 }
 
 // At a breakpoint: whether f and g have their values from the right there.

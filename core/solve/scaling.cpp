@@ -1,6 +1,7 @@
 #include "core/solve/scaling.hpp"
 
 #include "core/base/timer.hpp"
+#include "core/dynamics/grid_system.hpp"
 #include "core/kernel/step_defects.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/numerics/components.hpp"
@@ -114,6 +115,11 @@ struct Factors {
   Vector up, down;
 };
 
+Vector powers_of_ten(const Exponents& k) {
+  const Factors factors(k, 1);
+  return factors.up.cwiseQuotient(factors.down);
+}
+
 TimeFunction divided(const TimeFunction& function, const Exponents& k) {
   if (!function || all_zero(k)) return function;
   if (const auto* separable = function.separable()) {
@@ -147,9 +153,13 @@ SparseMatrix changed(SparseMatrix matrix, const Exponents& rows, const Exponents
 // E is scaled as A is; any scaling of the equations would do.
 template <typename Matrices>
 requires requires(Matrices d) { d.E; }
-Dynamics changed(const Matrices& d, const NaturalUnits& u) {
-  return Matrices{changed(d.A, u.x, u.x), changed(d.B, u.x, u.y), changed(d.N, u.w, u.x), changed(d.E, u.x, u.x)};
+Matrices matrices_in_units(const Matrices& d, const NaturalUnits& u) {
+  return {changed(d.A, u.x, u.x), changed(d.B, u.x, u.y), changed(d.N, u.w, u.x), changed(d.E, u.x, u.x)};
 }
+
+template <typename Matrices>
+requires requires(Matrices d) { d.E; }
+Dynamics changed(const Matrices& d, const NaturalUnits& u) { return matrices_in_units(d, u); }
 
 Dynamics changed(const KroneckerDynamics& d, const NaturalUnits& u) {
   KroneckerDynamics scaled = d;
@@ -162,6 +172,8 @@ Dynamics changed(const KroneckerDynamics& d, const NaturalUnits& u) {
 Dynamics changed(const Dynamics& given, const NaturalUnits& u) {
   if (const auto* d = given->small_state()) return changed(*d, u);
   if (const auto* d = given->modes()) return changed(*d, u);
+  if (const auto* grid = dynamic_cast<const GridSystem*>(&*given))
+    return Dynamics(grid->in_units(matrices_in_units(grid->d, u), powers_of_ten(u.x)));
   if (const auto* d = given->matrices()) return changed(*d, u);
   return given;
 }
