@@ -30,6 +30,12 @@ std::unique_ptr<Backend> choose_backend(const std::string& word, const Scene& sc
   return word == "cuda" || fits ? std::move(cuda) : make_cpu_backend(threads);
 }
 
+MakeBackend backends_beside(const Backend& backend) {
+  return [on_device = backend.name() == "cuda"]() -> std::unique_ptr<Backend> {
+    return on_device ? make_cuda_backend(make_cpu_backend(1)) : make_cpu_backend(1);
+  };
+}
+
 std::string backend_list() {
   if (!cuda_built()) return "cpu (cuda is not built in)";
   const auto devices = cuda_devices();

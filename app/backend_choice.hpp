@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/batch/batch.hpp"
 #include "core/solve/solve.hpp"
 
 #include <memory>
@@ -13,6 +14,9 @@ namespace bromwich::app {
 /// device.
 std::unique_ptr<Backend> choose_backend(const std::string& word, const Scene&, const Options&, Index components,
                                         int threads, bool device_started = false);
+
+/// Makes backends like this one, with one thread of the host each, for scenes that are solved side by side.
+MakeBackend backends_beside(const Backend&);
 
 /// "cpu, cuda" with their devices, for `info`.
 std::string backend_list();

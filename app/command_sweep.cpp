@@ -268,7 +268,7 @@ class SweepRun {
     if (scenes.empty()) return block;
     Batch batch = batch_of(std::move(scenes));
     batch.times = times_;
-    block.result = solve_batch(batch, *backend_, options_);
+    block.result = solve_batch(batch, *backend_, options_, backends_beside(*backend_));
     return block;
   }
 

@@ -255,8 +255,10 @@ def streams(data):
     rows, one = data["rows"], data["rows"][0]
     lines = ["| threads | whole solve | of one thread's | prepared solve | of one thread's | solved |", "|--" * 6 + "|"]
     for row in rows:
-        lines.append(f"| {row['threads']} | {seconds(row['whole'])} | {row['whole'] / one['whole']:.2f} | {seconds(row['prepared'])} | "
-                     f"{row['prepared'] / one['prepared']:.2f} | {row['solved']} of {row['solves']} |")
+        prepared = f"{seconds(row['prepared'])} | {row['prepared'] / one['prepared']:.2f}" if "prepared" in row else "- | -"
+        by = f"{row['threads']}, `solve_batch`" if "by" in row else row["threads"]
+        lines.append(f"| {by} | {seconds(row['whole'])} | {row['whole'] / one['whole']:.2f} | {prepared} | "
+                     f"{row['solved']} of {row['solves']} |")
     lines += ["", f"Time a scene: {one['scenes']} scenes `signorini`, Q = {one['Q']:g}, J = {one['steps']}, diffusivities from 0.02 to 0.2, "
               f"method multigrid. Results differ by {max(row['difference'] for row in rows):.0e} from those of one thread. Medians of {data['repeats']}. "
               f"{data['parameters']['device']}, {data['machine']['cpu']}, {data['machine']['cores']} threads, {data['compiler']}, {origin(data)}."]

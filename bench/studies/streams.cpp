@@ -3,6 +3,7 @@
 
 #include "bench/studies/streams.hpp"
 
+#include "app/backend_choice.hpp"
 #include "app/commands.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
@@ -121,6 +122,36 @@ class Streams {
 
 }  // namespace
 
+// The same scenes by one call of solve_batch, against single solves of some.
+nlohmann::json by_solve_batch(const std::vector<Scene>& scenes, Index steps, int rounds, int threads) {
+  Options options;
+  options.steps = steps;
+  options.method = Method::multigrid;
+  const auto backend = make_cuda_backend(make_cpu_backend(threads));
+  const Batch batch = batch_of(scenes);
+  std::vector<double> whole;
+  BatchResult result;
+  Index solved = 0;
+  for (int round = 0; round <= rounds; ++round) {  // the first one warms up
+    Timer timer;
+    result = solve_batch(batch, *backend, options, backends_beside(*backend));
+    if (round > 0) whole.push_back(timer.lap() / double(scenes.size()));
+    solved += result.solved();
+  }
+  double apart = 0;
+  for (std::size_t k = 0; k < scenes.size(); k += 7) {
+    const Result one = solve(scenes[k], *backend, options);
+    apart =
+        std::max(apart, (result.of(result.y, Index(k)) - one.y).cwiseAbs().maxCoeff() / one.y.cwiseAbs().maxCoeff());
+  }
+  return {{"threads", threads},
+          {"by", "solve_batch"},
+          {"whole", median(whole)},
+          {"solved", solved},
+          {"solves", Index(scenes.size()) * (rounds + 1)},
+          {"difference", apart}};
+}
+
 BenchReport bench_streams(const BenchRequest& request, Backend& backend) {
   if (request.scene || !request.settings.empty() || request.steps > 0)
     throw Error("SCENE", "is given", "leave it and its parameters out: this benchmark has its own");
@@ -128,9 +159,10 @@ BenchReport bench_streams(const BenchRequest& request, Backend& backend) {
   BenchReport report;
   report.scene = "signorini";
   report.details["threads"] = "of the host, each with a CUDA backend of its own on the same device";
+  report.details["by"] = "solve_batch: all scenes by one call with as many threads, and not by threads of the study";
   report.details["whole"] = "seconds a scene of solve, set-up included";
   report.details["prepared"] = "seconds a scene of Solver::set_x0 and Solver::solve";
-  report.details["difference"] = "largest |y - y of one thread| / max |y|, prepared solves";
+  report.details["difference"] = "largest |y - y of one thread| / max |y|, prepared solves; of solve_batch: whole ones";
   report.parameters = {{"device", cuda_devices().front()}};
   const double Q = request.quick ? 15 : 127;
   const Index steps = request.quick ? 64 : 1024;
@@ -157,6 +189,11 @@ BenchReport bench_streams(const BenchRequest& request, Backend& backend) {
                      format_seconds(median(run.prepared)), fmt::format("{} of {}", run.solved, run.solves),
                      scientific(apart)});
   }
+  const nlohmann::json batch = by_solve_batch(scenes, steps, request.repeats(), backend.device().threads);
+  report.rows.emplace_back(batch);
+  lines.push_back({"solve_batch", format_seconds(batch["whole"].get<double>()), "-",
+                   fmt::format("{} of {}", batch["solved"].get<Index>(), batch["solves"].get<Index>()),
+                   scientific(batch["difference"].get<double>())});
   print(fmt::format("a scene of {}, Q = {}, {} steps\n{}", scenes.size(), Q, steps, table(lines)));
   return report;
 }

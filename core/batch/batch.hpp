@@ -4,8 +4,9 @@
 //     E_k x' = A_k x + B_k y + f_k(t),   0 <= y  ⊥  w = N_k x + M_k y + g_k(t) >= 0,   x(0) = x0_k,   k = 0 .. K-1.
 //
 // Scenes with the same dynamics and M share kernels and factorizations. Small dense scenes of them are stepped side by
-// side, eight in the lanes of a vector (core/batch/lane_march.hpp); the others are solved one after the other by a
-// Solver. What a single solve would not call solved without a second look is left to a single solve.
+// side, eight in the lanes of a vector (core/batch/lane_march.hpp); the others are solved by a Solver, one after the
+// other or on several threads. What a single solve would not call solved without a second look is left to a single
+// solve.
 
 #include "../result/options.hpp"
 #include "../result/result.hpp"
@@ -13,6 +14,7 @@
 #include "../seam/backend.hpp"
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -70,11 +72,17 @@ struct BatchResult {
   Index solved() const;
 };
 
+/// Makes a backend on the machine of another one, with one thread of the host.
+using MakeBackend = std::function<std::unique_ptr<Backend>()>;
+
 /// Solves every scene with the same options. Bad values of one scene (NaN in its x0, a class of M that it has not) end
 /// that scene alone, with status unsupported and the text of the Error as its reason. Throws Error for members of wrong
 /// shape, bad options, and where the results exceed options.memory_limit: use solve_in_blocks. `progress` gets the
 /// number of scenes done as `iteration` and K as `total`.
-BatchResult solve_batch(const Batch&, Backend&, const Options& = {});
+/// With `another`, scenes that are not stepped in lanes are solved by as many threads as the backend has, each with a
+/// backend that `another` has made; threads of their own call sources and supplied dynamics then, several at once.
+/// `progress` and `interrupted` are always called by the thread that called solve_batch.
+BatchResult solve_batch(const Batch&, Backend&, const Options& = {}, const MakeBackend& another = {});
 
 /// Bytes of the result of `scenes` scenes and of what is held beside it.
 double predicted_bytes(const Batch&, const Options&, Index scenes, int threads = 1);
@@ -82,6 +90,7 @@ double predicted_bytes(const Batch&, const Options&, Index scenes, int threads =
 /// The same in blocks that fit into options.memory_limit (0: 1 GB); `take` gets each block and the index of its first
 /// scene, in order. Returns the number of blocks. Stops after an interrupted one.
 Index solve_in_blocks(const Batch&, Backend&, const Options&,
-                      const std::function<void(Index first, const BatchResult&)>& take);
+                      const std::function<void(Index first, const BatchResult&)>& take,
+                      const MakeBackend& another = {});
 
 }  // namespace bromwich

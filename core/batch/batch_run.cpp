@@ -3,10 +3,9 @@
 #include "core/base/error.hpp"
 #include "core/base/timer.hpp"
 #include "core/batch/batch_groups.hpp"
-#include "core/result/slack.hpp"
 #include "core/scene/natural_sizes.hpp"
 #include "core/scene/source_steps.hpp"
-#include "core/solve/dense_output.hpp"
+#include "core/solve/cost.hpp"
 #include "core/solve/scaling.hpp"
 
 #include <algorithm>
@@ -23,26 +22,22 @@ namespace {
 
 constexpr Index fewest_in_lanes = 2;  ///< scenes of a group
 
-// Errors of the options and of the machine are not those of one scene.
-bool of_one_scene(const Error& error) {
-  constexpr const char* options[] = {"steps",          "states",        "method",      "iteration_tolerance",
-                                     "max_iterations", "memory_limit",  "max_seconds", "max_steps",
-                                     "event_location", "first_iterate", "backend",     "algebraic_share"};
-  return error.kind() == ErrorKind::bad_input &&
-         std::none_of(std::begin(options), std::end(options), [&](const char* o) { return error.argument() == o; });
-}
+/// Bytes that the scenes of all threads may hold together, where the caller gives no limit.
+constexpr double most_side_by_side_bytes = 4e9;
 
 using UnitKey = std::tuple<std::vector<int>, std::vector<int>, std::vector<int>>;
 UnitKey key_of(const NaturalUnits& units) { return {units.x, units.y, units.w}; }
 
 }  // namespace
 
-BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options)
+BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options, const MakeBackend& another)
     : batch_(batch),
       backend_(backend),
       options_(options),
       J_(steps_of(first_of(batch), options)),
-      own_sources_(own_sources(batch)) {
+      own_sources_(own_sources(batch)),
+      alone_(batch, backend, options_, result_),
+      another_(another) {
   options_.progress = {};
   if (!controls_error(options_)) options_.steps = J_;
   const Scene& first = first_of(batch);
@@ -76,22 +71,19 @@ BatchResult BatchRun::run(const std::function<void(const Progress&)>& progress) 
       continue;
     }
     if (for_lanes()) take_lanes(group);
-    take_singly(group);
+    take_singly(group, true);
   }
   if (for_lanes() && Index(alone.size()) >= fewest_in_lanes) take_own(alone);
-  for (const Index k : alone) take_singly({k});
+  take_singly(alone, false);
   for (Index k = 0; k < batch_.scenes; ++k)
     if (!done_[std::size_t(k)]) {
-      clear(k);
+      clear_rows(result_, k);
       result_.reason[std::size_t(k)] = "stopped on request before this scene";
     }
+  result_.prepared = alone_.prepared() + (side_by_side_ ? side_by_side_->prepared() : 0);
   result_.bytes = sizeof(double) * std::size_t(result_.y.size() + result_.w.size() + result_.x.size());
   result_.seconds = timer.lap();
   return std::move(result_);
-}
-
-void BatchRun::clear(Index k) {
-  for (RowMatrix* all : {&result_.y, &result_.w, &result_.x}) rows_of(*all, k).setConstant(NAN);
 }
 
 void BatchRun::say(Index more) {
@@ -246,77 +238,43 @@ void BatchRun::settle(Index k, double residual, bool other_at_zero) {
   done_[std::size_t(k)] = 1;
 }
 
-// ---- One after the other.
+// ---- By single solves.
 
-void BatchRun::take_singly(const std::vector<Index>& group) {
-  solvers_.clear();
-  for (const Index k : group) {
+// Whether as many of these as there are threads fit into the memory.
+bool BatchRun::may_be_side_by_side(const Scene& scene) const {
+  if (!another_ || backend_.threads() < 2) return false;
+  const double limit = options_.memory_limit > 0 ? options_.memory_limit : most_side_by_side_bytes;
+  const Cost cost = predicted_cost(scene, options_.method, J_, Index(result_.x_components.size()), 1);
+  return cost.bytes * backend_.threads() <= limit;
+}
+
+void BatchRun::take_singly(const std::vector<Index>& scenes, bool shares) {
+  std::vector<Index> left;
+  const auto to_do = [&] {
+    left.clear();
+    std::copy_if(scenes.begin(), scenes.end(), std::back_inserter(left),
+                 [&](Index k) { return !done_[std::size_t(k)]; });
+  };
+  to_do();
+  if (!stopped_ && left.size() > 1 && may_be_side_by_side(first_of(batch_))) {
+    if (!side_by_side_) side_by_side_.emplace(batch_, options_, result_, another_, backend_.threads());
+    std::atomic<Index> done = 0;
+    side_by_side_->take(
+        left, shares,
+        [&](Index k) {
+          done_[std::size_t(k)] = 1;
+          ++done;
+        },
+        [&] { say(done.exchange(0)); });
+    to_do();  // what did not fit beside others
+  }
+  alone_.forget();
+  for (const Index k : left) {
     if (stopped_) return;
-    if (done_[std::size_t(k)]) continue;
-    try {
-      take(k, scene_of(batch_, k), group.size() > 1);
-    } catch (const Error& error) {
-      if (!of_one_scene(error)) throw;
-      clear(k);
-      result_.status[std::size_t(k)] = Status::unsupported;
-      result_.reason[std::size_t(k)] = error.what();
-      solvers_.clear();
-    }
+    alone_.take(k, shares && scenes.size() > 1);
     done_[std::size_t(k)] = 1;
     say(1);
   }
-}
-
-Result BatchRun::solved_by_solver(const Scene& scene) {
-  scene.validate();
-  NaturalUnits units = natural_units(scene);
-  const auto found =
-      std::find_if(solvers_.begin(), solvers_.end(), [&](const UnitSolver& s) { return same_units(s.units, units); });
-  if (found == solvers_.end()) {
-    if (solvers_.size() >= most_solvers_) solvers_.erase(solvers_.begin());
-    solvers_.push_back({std::move(units), std::make_unique<Solver>(scene, backend_, options_)});
-    return solvers_.back().solver->solve();
-  }
-  found->solver->set_x0(scene.x0);
-  if (own_sources_) found->solver->set_sources(scene.f, scene.g, scene.breakpoints, scene.breakpoints_are_all);
-  ++result_.prepared;
-  return found->solver->solve();
-}
-
-// At the times of the batch, if it has some.
-Result BatchRun::with_rows(const Scene& scene, Result result) const {
-  if (batch_.times.empty()) return result;
-  const double T = first_of(batch_).T;
-  std::vector<double> times = batch_.times;
-  for (double& t : times)
-    if (scene.T != T) t = std::min(t / T * scene.T, scene.T);
-  if (result.y.rows() == result.steps + 1) return at_times(scene, backend_, result, times);
-  const Index rows = Index(times.size());  // a solve that ended before its first row
-  result.t = Eigen::Map<const Vector>(times.data(), rows);
-  result.y = RowMatrix::Constant(rows, scene.constraints(), NAN);
-  result.x = RowMatrix::Constant(rows, Index(result_.x_components.size()), NAN);
-  result.trace.resize(0, 0);
-  return result;
-}
-
-void BatchRun::take(Index k, const Scene& scene, bool shares) {
-  const Result result = with_rows(
-      scene, shares && !scene.boundary && !scene.port ? solved_by_solver(scene) : solve(scene, backend_, options_));
-  rows_of(result_.y, k) = result.y;
-  if (result_.w.size() > 0) {
-    const RowMatrix w = slack(scene, result);
-    if (w.rows() == rows_)
-      rows_of(result_.w, k) = w;
-    else
-      rows_of(result_.w, k).setConstant(NAN);
-  }
-  if (result_.x.size() > 0) rows_of(result_.x, k) = result.x;
-  result_.status[std::size_t(k)] = result.status;
-  result_.reason[std::size_t(k)] = result.reason;
-  result_.warning[std::size_t(k)] = result.warning;
-  result_.method[std::size_t(k)] = result.method;
-  result_.residual[k] = result.residual;
-  result_.infeasible_at[std::size_t(k)] = result.infeasible_at.value_or(NAN);
 }
 
 }  // namespace bromwich

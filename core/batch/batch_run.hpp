@@ -1,21 +1,24 @@
 #pragma once
-// One call of solve_batch: results of all scenes, filled group by group, side by side where that is possible
-// (core/batch/lane_march.hpp) and one after the other otherwise.
+// One call of solve_batch: results of all scenes, filled group by group, in lanes where that is possible
+// (core/batch/lane_march.hpp), otherwise by single solves, several at once where that is allowed.
 
 #include "../seam/scene_march.hpp"
-#include "../solve/solver.hpp"
 #include "batch.hpp"
 #include "lane_march.hpp"
+#include "side_by_side.hpp"
+#include "single_solves.hpp"
 
+#include <atomic>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
 namespace bromwich {
 
 class BatchRun {
  public:
-  BatchRun(const Batch&, Backend&, const Options&);
+  BatchRun(const Batch&, Backend&, const Options&, const MakeBackend& another);
   BatchResult run(const std::function<void(const Progress&)>& progress);
 
   static constexpr double most_lane_bytes = 256e6;  ///< of the buffers of one thread
@@ -33,7 +36,6 @@ class BatchRun {
   Eigen::Block<RowMatrix> rows_of(RowMatrix& all, Index k) {
     return all.block(k * rows_, 0, all.size() > 0 ? rows_ : 0, all.cols());
   }
-  void clear(Index k);
   void say(Index more);
 
   bool for_lanes() const;
@@ -57,10 +59,8 @@ class BatchRun {
   Index march_range(LaneMarch&, const Prepared* first, Index count);
   void keep(const LaneMarch&, Index lane, Index k, const LaneOutcome&);
 
-  void take_singly(const std::vector<Index>& group);
-  Result solved_by_solver(const Scene&);
-  void take(Index k, const Scene&, bool shares);
-  Result with_rows(const Scene&, Result) const;
+  void take_singly(const std::vector<Index>& scenes, bool shares);
+  bool may_be_side_by_side(const Scene&) const;
   void settle(Index k, double residual, bool other_at_zero);
 
   const Batch& batch_;
@@ -70,14 +70,10 @@ class BatchRun {
   bool own_sources_, stopped_ = false;
   std::function<void(const Progress&)> progress_;
   std::vector<char> done_;
-  // The Solver of the units that a single solve would choose: those of its first scene stay.
-  struct UnitSolver {
-    NaturalUnits units;
-    std::unique_ptr<Solver> solver;
-  };
-  static constexpr std::size_t most_solvers_ = 4;
-  std::vector<UnitSolver> solvers_;  ///< of the group that is solved now
   BatchResult result_;
+  SingleSolves alone_;
+  const MakeBackend another_;
+  std::optional<SideBySide> side_by_side_;  ///< made when it is needed first
 };
 
 }  // namespace bromwich

@@ -49,23 +49,24 @@ double predicted_bytes(const Batch& b, const Options& options, Index scenes, int
   const double steps = double(steps_of(scene, options)), rows = b.times.empty() ? steps + 1 : double(b.times.size()),
                n = double(scene.constraints());
   const double columns = n * (options.trace ? 2 : 1) + double(recorded_components(scene, options).size());
-  const double of_lanes = LaneMarch::bytes(scene.states(), scene.constraints(), Index(steps));
+  const bool small = scene.states() <= most_lane_states && scene.dynamics->small_state();
+  const double of_lanes = small ? LaneMarch::bytes(scene.states(), scene.constraints(), Index(steps)) : 0;
   return sizeof(double) * rows * columns * double(scenes) + 200.0 * double(scenes) +
          (of_lanes <= BatchRun::most_lane_bytes ? of_lanes * double(threads) : 0);
 }
 
-BatchResult solve_batch(const Batch& batch, Backend& backend, const Options& options) {
+BatchResult solve_batch(const Batch& batch, Backend& backend, const Options& options, const MakeBackend& another) {
   batch.validate();
   validate_options(batch, options);
   const double bytes = predicted_bytes(batch, options, batch.scenes, backend.threads());
   if (options.memory_limit > 0 && bytes > options.memory_limit)
     throw Error("memory_limit", text("%ld scenes are predicted to need %.3g bytes", long(batch.scenes), bytes),
                 "raise it, record fewer states, or solve in blocks", ErrorKind::does_not_fit);
-  return BatchRun(batch, backend, options).run(options.progress);
+  return BatchRun(batch, backend, options, another).run(options.progress);
 }
 
 Index solve_in_blocks(const Batch& batch, Backend& backend, const Options& options,
-                      const std::function<void(Index first, const BatchResult&)>& take) {
+                      const std::function<void(Index first, const BatchResult&)>& take, const MakeBackend& another) {
   batch.validate();
   validate_options(batch, options);
   const double limit = options.memory_limit > 0 ? options.memory_limit : default_block_bytes;
@@ -80,7 +81,7 @@ Index solve_in_blocks(const Batch& batch, Backend& backend, const Options& optio
       inner.progress = [&options, first, all = batch.scenes](const Progress& p) {
         options.progress({first + p.iteration, 0, all});
       };
-    const BatchResult result = BatchRun(part_of(batch, first, count), backend, inner).run(inner.progress);
+    const BatchResult result = BatchRun(part_of(batch, first, count), backend, inner, another).run(inner.progress);
     take(first, result);
     if (options.interrupted && options.interrupted()) return blocks + 1;
   }

@@ -1,5 +1,6 @@
 // Batches of scenes. Matrices and x0 come with a leading axis; results are views of K (J+1) rows.
 
+#include "app/backend_choice.hpp"
 #include "arrays.hpp"
 #include "calls.hpp"
 #include "core/batch/batch.hpp"
@@ -45,6 +46,10 @@ std::vector<TimeFunction> functions(const std::vector<const Source*>& sources) {
   std::vector<TimeFunction> found;
   for (const Source* source : sources) found.push_back(source ? source->function : TimeFunction());
   return found;
+}
+
+bool calls_of(const std::vector<const Source*>& sources) {
+  return std::any_of(sources.begin(), sources.end(), [](const Source* s) { return s && !s->callables.empty(); });
 }
 
 Batch batch_from(const std::vector<std::shared_ptr<const Model>>& models, Index scenes,
@@ -97,7 +102,12 @@ std::shared_ptr<BatchAnswer> solve_many(const std::vector<std::shared_ptr<const 
     options.interrupted = [&] { return calls.interrupted(); };
     const std::lock_guard lock(machine->busy);
     answer->backend = machine->backend->name();
-    answer->result = solve_batch(batch, *machine->backend, options);
+    // Functions of Python are called by this thread alone.
+    const bool calls_python =
+        std::any_of(models.begin(), models.end(), [](const auto& m) { return !m->callables.empty(); }) || calls_of(f) ||
+        calls_of(g);
+    answer->result = solve_batch(batch, *machine->backend, options,
+                                 calls_python ? MakeBackend() : app::backends_beside(*machine->backend));
     answer->batch = std::make_shared<const Batch>(std::move(batch));
     return answer;
   });
