@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
+import errno
 import json
 import math
 import os
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -38,14 +41,30 @@ def save(result: Result, path: str | os.PathLike[str]) -> None:
         values = getattr(result, key)
         if values is not None and values.shape[1] > 0:
             arrays[key] = values[:rows]
-    facts = result._attributes()
-    if extension == ".csv":
-        _save_csv(result, name, arrays)
-    elif extension == ".npz":
-        named = {f"attribute_{key}": np.array(value) for key, value in facts.items()}
-        np.savez_compressed(name, allow_pickle=False, **arrays, **_scales(result, arrays), **named)
-    else:
-        _save_hdf5(result, name, arrays, facts)
+    with _complete(name) as written:
+        if extension == ".csv":
+            _save_csv(result, written, arrays)
+        elif extension == ".npz":
+            named = {f"attribute_{key}": np.array(value) for key, value in result._attributes().items()}
+            np.savez_compressed(written, allow_pickle=False, **arrays, **_scales(result, arrays), **named)
+        else:
+            _save_hdf5(result, written, arrays, result._attributes())
+
+
+@contextlib.contextmanager
+def _complete(name: str) -> Iterator[str]:
+    """A name to write to, which becomes `name` once all is written: a full disk leaves the old file, or none."""
+    folder = os.path.dirname(name) or "."
+    if not os.path.isdir(folder):
+        raise FileNotFoundError(errno.ENOENT, "path: the folder does not exist; create it first", folder)
+    stem, extension = os.path.splitext(name)
+    written = f"{stem}.{os.getpid()}.part{extension}"
+    try:
+        yield written
+        os.replace(written, name)
+    finally:
+        if os.path.exists(written):
+            os.remove(written)
 
 
 def load(path: str | os.PathLike[str]) -> SavedResult:
@@ -60,6 +79,8 @@ def load(path: str | os.PathLike[str]) -> SavedResult:
         OSError: for a file that cannot be read.
     """
     name, extension = _name(path, READ)
+    if not os.path.exists(name):
+        raise FileNotFoundError(errno.ENOENT, "path: the file does not exist; give a file of results", name)
     if extension == ".npz":
         with np.load(name, allow_pickle=False) as file:
             arrays = {key: file[key] for key in file.files}
@@ -116,6 +137,21 @@ class SavedResult(Result):
     def _attributes(self) -> dict[str, Any]:
         return dict(self._facts)
 
+    def _span(self) -> tuple[float, float]:
+        if not len(self.t):
+            raise Error("t: the file has no rows; solve again", "t")
+        return float(self.t[0]), float(self.t[-1])
+
+    def _words(self) -> list[str]:
+        """What the file knows."""
+        words = [f"{self.status}" + (f" by {self.method}" if self.method else "")]
+        words += [self.reason] if self.reason else []
+        words += [f"residual {self.residual:.1e}"] if math.isfinite(self.residual) else []
+        words += [f"error estimate {self.error_estimate:.1e}"] if self.error_estimate is not None else []
+        words.append(f"{len(self.t)} rows" + (f" up to t = {self.t[-1]:g}" if len(self.t) else ""))
+        words += [f"warning: {self.warning}"] if self.warning else []
+        return words
+
 
 class _Answer:
     """What :class:`Result` asks of the library, from arrays."""
@@ -162,7 +198,7 @@ class _Answer:
             value = self._facts.get(name, self.ABSENT[name])
             return bool(value) if isinstance(self.ABSENT[name], bool) else value
         if name == "steps":
-            return int(self._facts.get("steps", len(self.t) - 1))
+            return int(self._facts.get("steps", max(len(self.t) - 1, 0)))
         if name in ("cycles", "bytes"):
             return self._summary.get(name, 0)
         if name == "history":
@@ -177,9 +213,6 @@ class _Answer:
 
     def at(self, times: list[float]) -> _Answer:
         wanted = np.array(times)
-        last = self.t[-1] if len(self.t) else -math.inf
-        if len(self.t) == 0 or not np.all((wanted >= self.t[0]) & (wanted <= last)):
-            raise Error(f"t: found {times}; give times from {self.t[:1]} to {last}, which the file holds", "t")
         if not self.continuous and not np.all(np.isin(wanted, self.t)):
             raise Error("t: y may jump between the rows of the file; give times of rows", "t")
         between = {"t": wanted}
