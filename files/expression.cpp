@@ -116,6 +116,7 @@ void check_signs(const std::string& text, const std::string& where) {
       throw Error(where, in_quotes(text) + " has a comma outside of a function", "write decimals with a point");
     const char next = i + 1 < text.size() ? text[i + 1] : ' ';
     if (text[i] == '*' && next == '*') throw Error(where, in_quotes(text) + " has '**'", "write a power with ^");
+    if (text[i] == '%') throw Error(where, in_quotes(text) + " has '%'", "write a remainder as mod(a, b)");
     if ((text[i] == '&' || text[i] == '|') && next != text[i] && (i == 0 || text[i - 1] != text[i]))
       throw Error(where, in_quotes(text) + fmt::format(" has a single '{}'", text[i]),
                   fmt::format("write {0}{0}", text[i]));

@@ -309,7 +309,7 @@ def _load_hdf5(name: str, grid: bool) -> tuple[dict[str, np.ndarray], dict[str, 
                 return {}, facts
             data, count = file["VTKHDF/PointData"], int(file["VTKHDF/Steps"].attrs["NSteps"])
             arrays = {"t": file["VTKHDF/Steps/Values"][:count]}
-            arrays |= {key: data[key][:count, :, 0] for key in ("y", "w") if key in data}
+            arrays |= {key: _of_constraints(data[key][:count], facts) for key in ("y", "w") if key in data}
             if "x" in data:
                 arrays["x"] = data["x"][:count].reshape(count, -1)
                 arrays["state"] = np.arange(arrays["x"].shape[1])
@@ -322,6 +322,12 @@ def _load_hdf5(name: str, grid: bool) -> tuple[dict[str, np.ndarray], dict[str, 
     # A flush that was cut off by the end of the process may have extended some of them.
     rows = min([len(arrays[key]) for key in ("t", *ARRAYS) if key in arrays], default=0)
     return {key: value[:rows] if key in ("t", *ARRAYS) else value for key, value in arrays.items()}, facts
+
+
+def _of_constraints(points: np.ndarray, facts: dict[str, Any]) -> np.ndarray:
+    """A value for each line of points, and with constraints on two sides one for its other end, after those of the first side."""
+    sides = 2 if facts.get("constraints") == 2 * points.shape[1] else 1
+    return np.concatenate([points[:, :, 0], points[:, :, -1]][:sides], axis=1)
 
 
 def _shortest(value: float) -> str:

@@ -204,6 +204,19 @@ def test_a_full_disk_leaves_the_old_file(result, tmp_path, extension):
         result.save(tmp_path / "none" / path.name)
 
 
+def test_fields_with_constraints_on_two_sides(tmp_path):
+    """As the command writes them: lines of 3 points, the second side on the last point of each of the 2 lines."""
+    h5py = pytest.importorskip("h5py")
+    y = np.arange(8.0).reshape(2, 4)
+    with h5py.File(tmp_path / "two.vtkhdf", "w") as file:
+        file.attrs["constraints"], file.attrs["status"] = 4, "solved"
+        file["VTKHDF/Steps/Values"] = [0.0, 0.5]
+        file["VTKHDF/Steps"].attrs["NSteps"] = 2
+        points = [[[row[i], row[i], row[i + 2]] for i in range(2)] for row in y]
+        file["VTKHDF/PointData/y"] = np.array(points)
+    np.testing.assert_array_equal(bromwich.load(tmp_path / "two.vtkhdf").y, y)
+
+
 @pytest.mark.skipif("BROMWICH_TEST_VTK" not in os.environ, reason="asks VTK, of 100 MB: set BROMWICH_TEST_VTK=1")
 def test_vtk_reads_fields(written):
     found = read(written, "vtkhdf")
