@@ -14,6 +14,7 @@ from . import _core
 from ._arrays import Tridiagonal, compressed, filled, is_sparse, lcp_matrix, matrix, number, vector, whole_number
 from ._dynamics import Dynamics, Kronecker
 from ._errors import Error
+from ._labels import names_of, units_of
 from ._sources import on_this_host, restored, source, steps_of
 from ._words import suggestion
 
@@ -112,7 +113,7 @@ class Scene:
         model.steps = whole_number(steps, "steps") if steps is not None else max(tables) or 400
         model.set_sources(*parts, sorted(float(t) for t in breakpoints))
         model.validate()
-        self._facts: dict[str, Any] = {"names": _names(model, names), "units": _units(model, units)}
+        self._facts: dict[str, Any] = {"names": names_of(model, names), "units": units_of(model, units)}
         self._recipe: tuple | None = None
 
     def _sources(self, f: Any, g: Any) -> tuple[_core.Source | None, _core.Source | None]:
@@ -319,50 +320,6 @@ def _parameters(given: Mapping[str, float] | None) -> dict[str, float]:
     if given is not None and not isinstance(given, Mapping):
         raise Error(f"parameters: is a {type(given).__name__}; give a dict of names and numbers", "parameters")
     return {str(k): number(v, f"parameters[{k!r}]") for k, v in (given or {}).items()}
-
-
-def _components(model: _core.Model) -> dict[str, int]:
-    return {"x": model.states, "y": model.constraints, "w": model.constraints}
-
-
-def _by_letter(given: Any, what: str, letters: Iterable[str]) -> Mapping[str, Any]:
-    known = ", ".join(letters)
-    if not isinstance(given, Mapping):
-        raise Error(f"{what}: is a {type(given).__name__}; give a dict with the keys {known}", what)
-    for key in given:
-        if key not in letters:
-            raise Error(f"{what}: has the key {key!r}; use {known}", what)
-    return given
-
-
-def _texts(given: Any, key: str, what: str, count: int) -> list[str]:
-    texts = list(given)
-    if len(texts) != count or not all(isinstance(text, str) for text in texts):
-        raise Error(f"{what}: {key} is {texts!r}; give {count} texts", what)
-    return texts
-
-
-def _names(model: _core.Model, given: Any) -> dict[str, list[str]]:
-    """Lists for x, y and w; empty where nothing is given."""
-    sizes = _components(model)
-    if given is None:
-        return {}
-    found = {key: _texts(texts, key, "names", sizes[key]) for key, texts in _by_letter(given, "names", sizes).items()}
-    taken = [name for texts in found.values() for name in texts]
-    for name in taken:
-        if not name or taken.count(name) > 1:
-            raise Error(f"names: found {name!r} {taken.count(name)} times; give every component a name of its own", "names")
-    return {key: found.get(key, []) for key in sizes}
-
-
-def _units(model: _core.Model, given: Any) -> dict[str, list[str]]:
-    sizes = {"t": 1, **_components(model)}
-    if given is None:
-        return {}
-    found = {}
-    for key, texts in _by_letter(given, "units", sizes).items():
-        found[key] = [texts] * sizes[key] if isinstance(texts, str) else _texts(texts, key, "units", sizes[key])
-    return {key: found.get(key, []) for key in sizes}
 
 
 def _set_dynamics(
