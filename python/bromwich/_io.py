@@ -105,7 +105,8 @@ def h5py_for(name: str) -> Any:
 
 def _save_hdf5(result: Result, name: str, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
     h5py = h5py_for(name)
-    with h5py.File(name, "w") as file:
+    # In memory first: HDF5 ends the process after a file that it could not write, on a full disk.
+    with h5py.File(name, "w", driver="core", backing_store=False, block_size=1 << 20) as file:
         for key, value in facts.items():
             file.attrs[key] = value
         widest = max([values.shape[1] for key, values in arrays.items() if key != "t"], default=1)
@@ -136,6 +137,10 @@ def _save_hdf5(result: Result, name: str, arrays: dict[str, np.ndarray], facts: 
             if key in arrays:
                 file[key].dims[0].attach_scale(file["t"])
                 file[key].dims[1].attach_scale(file[second])
+        file.flush()
+        image = file.id.get_file_image()
+    with open(name, "wb") as written:
+        written.write(image)
 
 
 def _shortest(value: float) -> str:
