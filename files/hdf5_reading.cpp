@@ -108,7 +108,8 @@ RowMatrix points(File& file, const std::string& name, Index rows, Index& across)
     throw Error(file.target().argument, "'" + file.target().path.string() + "' has another layout of " + name,
                 "give a file that 'bromwich solve --out' has written");
   across = Index(shape[2]);
-  RowMatrix values(Index(shape[0]), Index(shape[1] * shape[2]));
+  const Index all = Index(shape[0]), at_once = Index(shape[1] * shape[2]);
+  RowMatrix values(all, at_once);
   if (values.size() > 0) read_all(file, data, H5T_NATIVE_DOUBLE, values.data());
   return values.topRows(rows);
 }
